@@ -1,0 +1,1 @@
+"""Contact, wheelset, track and sensors. Imports nothing of wrcd: it is the other half of the experiment."""

@@ -1,0 +1,1 @@
+"""The wheel-rail condition daemon: what runs on the train."""
