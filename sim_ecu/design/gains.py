@@ -1,0 +1,41 @@
+"""Discretisation and steady-state gains of the bank over a grid of speeds."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from filterpy.common import van_loan_discretization
+from numpy.typing import NDArray
+from scipy.linalg import solve_discrete_are
+
+from sim_ecu.design.linear import Point, model, slope_and_secant
+from sim_ecu.physics.wheelset import Wheelset
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Gains:
+    """One model at one speed: discrete matrices, noise covariances, steady-state gain and innovation covariance."""
+
+    g11: float
+    g22: float
+    Phi: FloatArray
+    H: FloatArray
+    Q: FloatArray
+    R: FloatArray
+    P: FloatArray  # before the update
+    K: FloatArray
+    S: FloatArray
+
+
+def steady_state(w: Wheelset, point: Point, speed_m_s: float, tick_s: float, sensor_noise: tuple[float, float]) -> Gains:
+    """Kalman gain of a model at a speed. sensor_noise is the rms per sample of gyro (rad/s) and accelerometer (m/s2)."""
+    g11, g22 = slope_and_secant(w, point.curve, point.creep_of_peak, speed_m_s)
+    A, G, H = model(w, g11, g22, speed_m_s)
+    Phi, Q = van_loan_discretization(A, G * np.array(point.noise), tick_s)
+    Q = 0.5 * (Q + Q.T)
+    R = np.diag(np.square(sensor_noise))
+    P = solve_discrete_are(Phi.T, H.T, Q, R)
+    S = H @ P @ H.T + R
+    K = np.linalg.solve(S, H @ P).T  # K = P H' S^-1
+    return Gains(g11, g22, np.asarray(Phi), H, Q, R, P, K, S)

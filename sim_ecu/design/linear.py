@@ -1,0 +1,55 @@
+"""The small-signal wheelset, equations (13)-(15), with the errata mended (each is in the README's paper map)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_ecu.physics.contact import CreepCurve, peak, traction_ratio
+from sim_ecu.physics.wheelset import GRAVITY, Wheelset
+
+FloatArray = NDArray[np.float64]
+TRACK_DECAY = -0.5  # 1/s, n of (14): y_t drifts back, which keeps it observable
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """Where a curve is linearised, and the process noise the model is tuned with.
+
+    creep_of_peak: the creep as a share of the one at the peak (1 = saturation point). noise: y_t' (m/s), yaw
+    acceleration (rad/s2), lateral acceleration (m/s2), each per root Hz.
+    """
+
+    name: str
+    curve: CreepCurve
+    creep_of_peak: float
+    noise: tuple[float, float, float]
+
+
+def slope_and_secant(w: Wheelset, curve: CreepCurve, creep_of_peak: float, speed_m_s: float) -> tuple[float, float]:
+    """g11 = dF/dcreep and g22 = F/creep of one wheel (N) at a point of a curve."""
+    c = w.contact
+    creep = peak(speed_m_s, c, *curve.row())[0] * creep_of_peak
+    d = 1e-4 * creep
+    up, down = (traction_ratio(creep + s * d, speed_m_s, c, *curve.row()) for s in (1, -1))
+    g11 = w.normal_N * (up - down) / (2 * d)
+    return g11, w.normal_N * traction_ratio(creep, speed_m_s, c, *curve.row()) / creep
+
+
+def model(w: Wheelset, g11: float, g22: float, v: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """A (5, 5), G (5, 3), C (2, 5) of x = [psi, y', psi', y_t, y - y_t], inputs [y_t', yaw accel, lateral accel].
+
+    Against the printed (13)-(15): conicity in the yaw row, the yaw stiffness negative, -n in the last row, and the
+    gravitational stiffness F_g in the lateral row and the output, with what roll adds to the accelerometer.
+    """
+    n = TRACK_DECAY
+    lateral = [2 * g22 / w.m_w, -2 * g22 / (v * w.m_w), 0.0, 0.0, -2 * w.normal_N * w.gamma / (w.L_g * w.m_w)]
+    yaw = [
+        -w.k_w / w.I_w, 0.0, -2 * w.L_g**2 * g11 / (v * w.I_w), 0.0,
+        -2 * w.L_g * w.gamma * g11 / (w.r_0 * w.I_w),
+    ]  # fmt: skip
+    A = np.array([[0.0, 0.0, 1.0, 0.0, 0.0], lateral, yaw, [0.0, 0.0, 0.0, n, 0.0], [0.0, 1.0, 0.0, -n, 0.0]])
+    G = np.array([[0.0, 0, 0], [0, 0, 1], [0, 1, 0], [1, 0, 0], [-1, 0, 0]], dtype=np.float64)
+    C = np.array([[0.0, 0, 1, 0, 0], lateral])
+    C[1, 4] += GRAVITY * w.gamma / w.L_g
+    return A, G, C

@@ -1,0 +1,77 @@
+"""The bank: four Kalman filters with steady-state gains for every axle, as one matrix product per tick."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wrcd.estimator.design import CHANNELS, MODELS, STATES, Design, FloatArray
+
+BoolArray = NDArray[np.bool_]
+SPEED_STEP = 0.1  # m/s: gains are scheduled on the speed rounded to this, so that they change seldom and repeatably
+
+
+def scheduled_speed(speed_m_s: float, speeds: FloatArray) -> float:
+    """The speed whose gains apply: rounded to SPEED_STEP, held within the design's grid."""
+    rounded = round(speed_m_s / SPEED_STEP) * SPEED_STEP
+    return float(min(max(rounded, speeds[0]), speeds[-1]))
+
+
+def at_speed(table: FloatArray, speeds: FloatArray, speed_m_s: float) -> FloatArray:
+    """A table (v, …) at a scheduled speed, linear between the grid's speeds."""
+    i = int(np.clip(np.searchsorted(speeds, speed_m_s) - 1, 0, len(speeds) - 2))
+    t = (speed_m_s - speeds[i]) / (speeds[i + 1] - speeds[i])
+    out: FloatArray = (1.0 - t) * table[i] + t * table[i + 1]
+    return out
+
+
+class Bank:
+    """Innovations of 4 models x n axles.
+
+    Per model, with x the state predicted for this tick and z = [yaw rate, lateral acceleration]:
+
+        e  = z - H x            innovation
+        x' = Phi (x + K e)      state predicted for the next tick
+        w  = L^-1 e             innovation in units of its own expected size, S = L L'
+
+    All three are one product of a (9 x 7) matrix with [x; z]. The matrices are built when the speed changes.
+    """
+
+    def __init__(self, design: Design, axles: int) -> None:
+        self._d = design
+        self._fused: dict[float, tuple[FloatArray, FloatArray]] = {}
+        self.x: FloatArray = np.zeros((MODELS, STATES, axles))
+
+    def reset(self, axle: int) -> None:
+        """Forget what an axle's filters know."""
+        self.x[:, :, axle] = 0.0
+
+    def step(self, z: FloatArray, present: BoolArray, speed_m_s: float) -> tuple[FloatArray, FloatArray]:
+        """One tick: z and present (2, n). Returns innovations e and whitened innovations w, both (4, 2, n).
+
+        A channel that is not present counts as what the model predicts: its innovation is exactly zero.
+        """
+        M, H = self._matrices(scheduled_speed(speed_m_s, self._d.speeds_m_s))
+        zs = np.broadcast_to(z, (MODELS, *z.shape))
+        if not present.all():
+            zs = np.where(present, zs, H @ self.x)
+        out = M @ np.concatenate((self.x, zs), axis=1)
+        self.x = out[:, :STATES]
+        e, w = out[:, STATES : STATES + CHANNELS], out[:, STATES + CHANNELS :]
+        if not present.all():
+            e = np.where(present, e, 0.0)
+        return e, w
+
+    def _matrices(self, speed: float) -> tuple[FloatArray, FloatArray]:
+        found = self._fused.get(speed)
+        if found is None:
+            d = self._d
+            Phi, K, H, W = (at_speed(t, d.speeds_m_s, speed) for t in (d.Phi, d.K, d.H, d.whiten))
+            # rows: x' = Phi (I - K H) x + Phi K z; e = z - H x; w = W e
+            M = np.zeros((MODELS, STATES + 2 * CHANNELS, STATES + CHANNELS))
+            M[:, :STATES, :STATES] = Phi @ (np.eye(STATES) - K @ H)
+            M[:, :STATES, STATES:] = Phi @ K
+            M[:, STATES : STATES + CHANNELS, :STATES] = -H
+            M[:, STATES : STATES + CHANNELS, STATES:] = np.eye(CHANNELS)
+            M[:, STATES + CHANNELS :, :STATES] = -W @ H
+            M[:, STATES + CHANNELS :, STATES:] = W
+            found = self._fused[speed] = (M, H)
+        return found

@@ -1,0 +1,211 @@
+"""The design file: everything that the estimator knows, made by `sim-ecu design`, reviewed, shipped and loaded."""
+
+import hashlib
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wrcd.errors import InputError
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+FORMAT = "wrcd-design/1"
+MODELS = 4
+STATES = 5  # psi, y', psi', y_t, y - y_t
+CHANNELS = 2  # yaw rate, lateral acceleration
+
+
+@dataclass(frozen=True, slots=True)
+class Sets:
+    """Triangular fuzzy sets of one input that add up to one: centres (m,) growing, flat beyond the first and last."""
+
+    names: tuple[str, ...]
+    centres: FloatArray
+
+    def memberships(self, x: FloatArray) -> FloatArray:
+        """Degree of each set, (n, m) for x (n,)."""
+        c = self.centres
+        x = np.clip(x, c[0], c[-1])[:, None]
+        gaps = np.diff(c)
+        rise = np.ones((len(x), len(c)))
+        fall = np.ones((len(x), len(c)))
+        rise[:, 1:] = (x - c[:-1]) / gaps
+        fall[:, :-1] = (c[1:] - x) / gaps
+        degrees: FloatArray = np.clip(np.minimum(rise, fall), 0.0, 1.0)
+        return degrees
+
+
+@dataclass(frozen=True, slots=True)
+class Design:
+    """A loaded design. Matrices are (speeds, models, …), steady-state for one tick at each speed of the grid."""
+
+    name: str
+    wheelset: dict[str, Any]  # the wheelset that it is for, as the rig names its parameters
+    tick_s: float
+    window_s: float
+    recent_s: float  # short window of the torque, for the bound that the adhesion in use sets
+    speeds_m_s: FloatArray  # (v,)
+    model_names: tuple[str, ...]
+    Phi: FloatArray  # (v, 4, 5, 5) state transition over one tick
+    K: FloatArray  # (v, 4, 5, 2) gain
+    H: FloatArray  # (v, 4, 2, 5) output
+    whiten: FloatArray  # (v, 4, 2, 2) inverse Cholesky factor of the innovation covariance S
+    residual_sets: tuple[Sets, ...]  # four, over log10 of the residual
+    torque_sets: Sets  # over log10 of |torque| / (2 N r0)
+    rules: IntArray  # (r, 5) which set of each input
+    consequents: FloatArray  # (r,) fuzzy output 0 … 100
+    spreads: FloatArray  # (r,) half-width of the 90 % interval, as a share of the adhesion
+    polynomial: FloatArray  # highest power first: fuzzy output -> percent adhesion
+    adhesion_range_pct: tuple[float, float]
+    saturated_share: float  # MuUsed / MuAvailable from which the contact counts as saturated
+    normal_N: float
+    r_0: float
+    checksum: str
+
+    @property
+    def window_ticks(self) -> int:
+        """Ticks in the window."""
+        return max(1, round(self.window_s / self.tick_s))
+
+    @property
+    def recent_ticks(self) -> int:
+        """Ticks in the short window."""
+        return max(1, round(self.recent_s / self.tick_s))
+
+
+def checksum(document: dict[str, Any]) -> str:
+    """SHA-256 (hex) over the document without its own checksum, in one canonical spelling."""
+    body = {k: v for k, v in document.items() if k != "checksum"}
+    return hashlib.sha256(json.dumps(body, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
+
+
+def load_design(path: Path) -> Design:
+    """Read and check a design file. Raises InputError: missing, malformed, wrong checksum, wrong shape."""
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise InputError("no such design file", file=path, hint="make one with `sim-ecu design -o FILE`") from None
+    except json.JSONDecodeError as e:
+        raise InputError(f"not valid JSON: {e.msg}", file=path, line=e.lineno) from None
+    except (OSError, UnicodeDecodeError, RecursionError) as e:
+        raise InputError(f"cannot be read: {e}", file=path) from None
+    return parse_design(document, path)
+
+
+def parse_design(document: Any, file: Path | str) -> Design:
+    """Check a design document and turn it into arrays."""
+    if not isinstance(document, dict) or document.get("format") != FORMAT:
+        found = document.get("format") if isinstance(document, dict) else type(document).__name__
+        raise InputError(f"is not a {FORMAT} file (found {found!r})", file=file, key="format")
+    try:
+        correct = checksum(document)
+    except (ValueError, RecursionError) as e:
+        raise InputError(f"cannot be read: {e}", file=file) from None
+    if document.get("checksum") != correct:
+        raise InputError(
+            "does not match the contents",
+            file=file,
+            key="checksum",
+            hint="the file was changed by hand or damaged; make it again with `sim-ecu design`",
+        )
+    reader = _Reader(document, file)
+    design = _arrays(reader, correct)
+    _check(design, reader)
+    return design
+
+
+class _Reader:
+    def __init__(self, document: dict[str, Any], file: Path | str) -> None:
+        self._document, self.file = document, file
+
+    def error(self, key: str, reason: str) -> InputError:
+        return InputError(reason, file=self.file, key=key, hint="make the design again with `sim-ecu design`")
+
+    def at(self, key: str) -> Any:
+        node: Any = self._document
+        for part in key.split("."):
+            if not isinstance(node, dict) or part not in node:
+                raise self.error(key, "is missing")
+            node = node[part]
+        return node
+
+    def array(self, key: str, *shape: int) -> FloatArray:
+        """An array of finite numbers; -1 in the shape stands for any length but none."""
+        try:
+            a = np.array(self.at(key), dtype=np.float64)
+        except (TypeError, ValueError):
+            raise self.error(key, "is not an array of numbers") from None
+        fits = a.ndim == len(shape) and all(n == want or (want == -1 and n > 0) for n, want in zip(a.shape, shape))
+        if not fits or not np.all(np.isfinite(a)):
+            raise self.error(key, f"must be finite numbers of shape {shape}, is {a.shape}")
+        a.setflags(write=False)
+        return a
+
+    def number(self, key: str, low: float, high: float) -> float:
+        value = float(self.array(key))
+        if not low <= value <= high:
+            raise self.error(key, f"must lie within {low:g} … {high:g}, is {value:g}")
+        return value
+
+    def sets(self, key: str) -> Sets:
+        names = self.at(f"{key}.names")
+        centres = self.array(f"{key}.centres", -1)
+        if not isinstance(names, list) or len(names) != len(centres) or len(centres) < 2:
+            raise self.error(key, "needs two or more centres and a name for each")
+        if np.any(np.diff(centres) <= 0):
+            raise self.error(f"{key}.centres", "must grow")
+        return Sets(tuple(str(n) for n in names), centres)
+
+
+def _arrays(r: _Reader, digest: str) -> Design:
+    speeds = r.array("bank.speeds_m_s", -1)
+    v = len(speeds)
+    wheelset = r.at("inputs.wheelset")
+    names = r.at("bank.models")
+    if not isinstance(wheelset, dict) or not isinstance(names, list) or len(names) != MODELS:
+        raise r.error("bank.models", f"needs {MODELS} models and inputs.wheelset a table")
+    rules = r.array("fuzzy.rules", -1, MODELS + 1)
+    n = len(rules)
+    return Design(
+        name=str(r.at("name")),
+        wheelset=wheelset,
+        tick_s=r.number("bank.tick_s", 1e-4, 0.1),
+        window_s=r.number("window_s", 0.05, 60.0),
+        recent_s=r.number("recent_s", 0.0, 60.0),
+        speeds_m_s=speeds,
+        model_names=tuple(str(m.get("name", i + 1)) if isinstance(m, dict) else str(m) for i, m in enumerate(names)),
+        Phi=r.array("bank.Phi", v, MODELS, STATES, STATES),
+        K=r.array("bank.K", v, MODELS, STATES, CHANNELS),
+        H=r.array("bank.H", v, MODELS, CHANNELS, STATES),
+        whiten=r.array("bank.whiten", v, MODELS, CHANNELS, CHANNELS),
+        residual_sets=tuple(r.sets(f"fuzzy.residual_{m + 1}") for m in range(MODELS)),
+        torque_sets=r.sets("fuzzy.torque"),
+        rules=rules.astype(np.int64),
+        consequents=r.array("fuzzy.consequents", n),
+        spreads=r.array("fuzzy.spreads", n),
+        polynomial=r.array("polynomial", -1),
+        adhesion_range_pct=(r.number("adhesion_range_pct.low", 0, 100), r.number("adhesion_range_pct.high", 0, 100)),
+        saturated_share=r.number("saturated_share", 0.1, 1.0),
+        normal_N=r.number("inputs.normal_N", 1.0, 1e6),
+        r_0=r.number("inputs.wheelset.r_0", 0.1, 2.0),
+        checksum=digest,
+    )
+
+
+def _check(d: Design, r: _Reader) -> None:
+    if len(d.speeds_m_s) < 2 or np.any(np.diff(d.speeds_m_s) <= 0) or d.speeds_m_s[0] <= 0:
+        raise r.error("bank.speeds_m_s", "must be two or more growing positive speeds")
+    sizes = [len(s.centres) for s in (*d.residual_sets, d.torque_sets)]
+    if np.any(d.rules < 0) or np.any(d.rules >= np.array(sizes)):
+        raise r.error("fuzzy.rules", "names a set that does not exist")
+    if len(d.rules) > 254:
+        raise r.error("fuzzy.rules", "has more than 254 rules; DominantRule cannot tell them apart")
+    if np.any(d.consequents < 0) or np.any(d.consequents > 100) or np.any(d.spreads < 0):
+        raise r.error("fuzzy.consequents", "must lie within 0 … 100, spreads must not be negative")
+    if d.adhesion_range_pct[0] >= d.adhesion_range_pct[1]:
+        raise r.error("adhesion_range_pct", "low must be below high")
