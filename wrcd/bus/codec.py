@@ -1,0 +1,227 @@
+"""Any DBC to quantities and back. A frame is accepted whole or not at all, and every rejection has its reason."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cantools
+from cantools.database.can import Database, Message, Signal
+
+from wrcd.bus.e2e import COUNTER_MODULO, Checker, protect
+from wrcd.bus.frame import Frame
+from wrcd.bus.reasons import Reason
+from wrcd.bus.units import Quantity, factor
+from wrcd.errors import InputError
+
+VALIDITY_LABELS = ("NotAvailable", "Valid", "Degraded", "Error")
+UNUSABLE = {"error", "notavailable", "not available", "sna", "invalid"}
+STATUS = "Status"
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """Which signal carries a quantity, of which axles (places 0 … n-1, all of them for the vehicle's own)."""
+
+    message: str
+    signal: str
+    quantity: Quantity
+    axles: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """A value in SI units, for each of the axles; degraded if its sender says so."""
+
+    quantity: Quantity
+    axles: tuple[int, ...]
+    value: float
+    degraded: bool
+
+
+def load_dbc(path: Path) -> Database:
+    """Read a DBC strictly. Raises InputError with what is wrong with it."""
+    try:
+        database = cantools.database.load_file(path, strict=True)
+    except FileNotFoundError:
+        raise InputError("no such DBC file", file=path, hint="check the path") from None
+    except Exception as e:  # cantools raises its parser's own kinds; all of them mean: this file can't be used
+        raise InputError(f"not a usable DBC: {e}", file=path) from None
+    if not isinstance(database, Database):
+        raise InputError("is a diagnostics database, not a DBC", file=path)
+    return database
+
+
+def attribute(thing: Message | Signal, name: str) -> Any:
+    """The value of a DBC attribute, or None."""
+    found = thing.dbc.attributes.get(name) if thing.dbc is not None else None
+    return None if found is None else found.value
+
+
+def find_message(database: Database, name: str) -> Message:
+    """A message by name. Raises KeyError whose text names it and what is there."""
+    for m in database.messages:
+        if m.name == name:
+            return m
+    raise KeyError(f"the DBC has no message {name!r}")
+
+
+def find_signal(message: Message, name: str) -> Signal:
+    """A signal by name. Raises KeyError likewise."""
+    for s in message.signals:
+        if s.name == name:
+            return s
+    raise KeyError(f"message {message.name} has no signal {name!r}")
+
+
+def timeout_ms(message: Message, signal: Signal) -> int | None:
+    """After how long a signal counts as stale: GenSigTimeoutTime, else three cycles, else None."""
+    stated = attribute(signal, "GenSigTimeoutTime")
+    if stated:
+        return int(stated)
+    return 3 * message.cycle_time if message.cycle_time else None
+
+
+def data_id(message: Message) -> int | None:
+    """The E2E data id if the message is protected. Raises ValueError for a profile that is not known here."""
+    profile = attribute(message, "E2EProfile")
+    if not profile:
+        return None
+    if str(profile) != "P11" or message.length < 2:
+        raise ValueError(f"message {message.name} asks for E2E profile {profile!r}; only P11 is known")
+    return int(attribute(message, "E2EDataId") or 0)
+
+
+class MessageReader:
+    """Decodes one message and checks all of it."""
+
+    def __init__(self, message: Message, sources: Sequence[Source]) -> None:
+        self._message = message
+        self._sources = [(s, find_signal(message, s.signal)) for s in sources]
+        self._factors = [factor(signal.unit, s.quantity) for s, signal in self._sources]
+        identity = data_id(message)
+        self._checker = None if identity is None else Checker(identity)
+        self._status = self._labels(next((s for s in message.signals if s.name == STATUS), None))
+
+    @staticmethod
+    def _labels(signal: Signal | None) -> dict[int, str]:
+        choices = signal.choices if signal is not None else None
+        return {int(raw): str(label).lower() for raw, label in (choices or {}).items()}
+
+    def forget(self) -> None:
+        """Take the next counter as it comes."""
+        if self._checker is not None:
+            self._checker.forget()
+
+    def read(self, frame: Frame) -> list[Sample] | Reason:
+        """The samples of a frame, or why it is refused."""
+        m = self._message
+        if not frame.plain or frame.extended != m.is_extended_frame:
+            return Reason.KIND
+        if len(frame.data) != m.length:
+            return Reason.LENGTH
+        if self._checker is not None and (reason := self._checker.check(frame.data)):
+            return reason
+        raw = m.decode(frame.data, decode_choices=False, scaling=False)
+        status = self._status.get(int(raw[STATUS]), "error") if self._status else "ok"  # type: ignore[index,call-overload]
+        if status in UNUSABLE:
+            return Reason.STATUS
+        samples = []
+        for (source, signal), scale in zip(self._sources, self._factors, strict=True):
+            value = raw[signal.name]  # type: ignore[call-overload,index]
+            if signal.choices and value in signal.choices and str(signal.choices[value]).lower() in UNUSABLE:
+                return Reason.STATUS
+            physical = float(signal.conversion.raw_to_scaled(value, decode_choices=False))  # type: ignore[arg-type]
+            if not math.isfinite(physical * scale):
+                return Reason.NOT_FINITE
+            slack = 0.5 * abs(float(signal.scale))
+            if signal.minimum is not None and physical < signal.minimum - slack:
+                return Reason.RANGE
+            if signal.maximum is not None and physical > signal.maximum + slack:
+                return Reason.RANGE
+            samples.append(Sample(source.quantity, source.axles, physical * scale, status == "degraded"))
+        return samples
+
+
+class Receiver:
+    """All mapped messages by id."""
+
+    def __init__(self, database: Database, sources: Sequence[Source]) -> None:
+        by_message: dict[str, list[Source]] = {}
+        for s in sources:
+            by_message.setdefault(s.message, []).append(s)
+        self._readers: dict[int, MessageReader] = {}
+        for name, group in by_message.items():
+            message = find_message(database, name)
+            if message.is_fd or message.is_multiplexed():
+                raise ValueError(f"message {name} is CAN FD or multiplexed; only plain classical messages can be mapped")
+            self._readers[message.frame_id] = MessageReader(message, group)
+
+    @property
+    def ids(self) -> tuple[int, ...]:
+        """The ids of all mapped messages."""
+        return tuple(sorted(self._readers))
+
+    def forget(self) -> None:
+        """After a step of time: take every counter as it comes."""
+        for reader in self._readers.values():
+            reader.forget()
+
+    def read(self, frame: Frame) -> list[Sample] | Reason | None:
+        """Samples, the reason of a refusal, or None for a frame that is not mapped."""
+        if frame.error:  # their class looks like an id: never take one for a message
+            return None
+        reader = self._readers.get(frame.can_id)
+        return None if reader is None else reader.read(frame)
+
+
+Value = float | str | None  # a number in the signal's own unit, a label of its value table, or not available
+
+
+class Writer:
+    """Encodes one outgoing message, whatever its DBC calls not available, and protects it where the DBC says so."""
+
+    def __init__(self, message: Message, needed: Sequence[str]) -> None:
+        for name in needed:
+            find_signal(message, name)
+        self._message = message
+        self._data_id = data_id(message)
+        self._labels = {
+            s.name: {str(label): int(raw) for raw, label in (s.choices or {}).items()} for s in message.signals
+        }
+        self._rest = {s.name: int(s.raw_initial or 0) for s in message.signals}
+        self.can_id = message.frame_id
+
+    @property
+    def cycle_us(self) -> int | None:
+        """The message's cycle, or None if the DBC does not say."""
+        return self._message.cycle_time * 1000 if self._message.cycle_time else None
+
+    def frame(self, stamp_us: int, slot: int, values: Mapping[str, Value]) -> Frame:
+        """The frame of a slot. Values of signals that the message lacks are left out."""
+        raw = dict(self._rest)
+        for s in self._message.signals:
+            if s.name in values:
+                raw[s.name] = self._raw(s, values[s.name])
+        data = self._message.encode(raw, scaling=False, strict=False)
+        if self._data_id is not None:
+            data = protect(data, self._data_id, slot % COUNTER_MODULO)
+        return Frame(stamp_us, self.can_id, data, extended=self._message.is_extended_frame)
+
+    def _raw(self, s: Signal, value: Value) -> int:
+        labels = self._labels[s.name]
+        if isinstance(value, str):
+            return labels.get(value, 0)
+        if value is None or not math.isfinite(value):
+            return labels.get("NotAvailable", _all_ones(s))
+        if s.minimum is not None:
+            value = max(value, float(s.minimum))
+        if s.maximum is not None:
+            value = min(value, float(s.maximum))
+        return round((value - float(s.offset)) / float(s.scale))
+
+
+def _all_ones(s: Signal) -> int:
+    """What "not available" is where the DBC gives it no name: all bits set (the most positive of a signed field)."""
+    return (1 << (s.length - (1 if s.is_signed else 0))) - 1

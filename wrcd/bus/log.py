@@ -1,0 +1,135 @@
+"""Logs: candump's own format read line by line, so that damage is survived and named; the rest by python-can."""
+
+import gzip
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import IO
+
+from wrcd.bus.frame import Frame
+from wrcd.errors import InputError
+
+CANDUMP_SUFFIXES = {".log"}
+# (1700000000.123456) can0 091#0011223344556677 — id of 3 or 8 digits, R for remote, ## and a flag digit for CAN FD,
+# and perhaps a direction behind
+_LINE = re.compile(
+    rb"\((\d{1,11})\.(\d{6})\)\s+(\S+)\s+([0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})#(?:(#)[0-9A-Fa-f])?"
+    rb"(?:(R)[0-8]?|((?:[0-9A-Fa-f]{2})*))(?:\s+[RT])?\s*"
+)
+_ERROR_FLAG = 0x20000000
+
+
+@dataclass(slots=True)
+class Damage:
+    """What could not be read. lines holds the first few line numbers, bad counts them all."""
+
+    bad: int = 0
+    lines: list[int] = field(default_factory=list)
+    cut_line: int | None = None  # last line, cut off in the middle
+    read: int = 0
+
+    def note(self, line: int) -> None:
+        """Count a damaged line."""
+        self.bad += 1
+        if len(self.lines) < 10:
+            self.lines.append(line)
+
+    def warnings(self, path: Path) -> list[str]:
+        """Sentences for a person; empty if the log was whole."""
+        out = []
+        if self.bad:
+            more = ", …" if self.bad > len(self.lines) else ""
+            listed = ", ".join(map(str, self.lines)) + more
+            out.append(f"{path}: {self.bad} damaged line{'s' * (self.bad > 1)} left out (line {listed})")
+        if self.cut_line is not None:
+            out.append(f"{path}:{self.cut_line}: cut off in mid-line; processed up to there")
+        return out
+
+
+def parse_line(line: bytes) -> tuple[Frame, str] | None:
+    """A candump line as (frame, channel), or None if it is not one."""
+    m = _LINE.fullmatch(line)
+    if m is None:
+        return None
+    number = int(m[4], 16)
+    extended = len(m[4]) == 8
+    error = extended and bool(number & _ERROR_FLAG)
+    data = bytes.fromhex(m[7].decode()) if m[7] else b""
+    if len(data) > (64 if m[5] else 8):
+        return None
+    frame = Frame(
+        int(m[1]) * 1_000_000 + int(m[2]), number & 0x1FFFFFFF if extended else number, data,
+        extended=extended and not error, remote=bool(m[6]), error=error, fd=bool(m[5]),
+    )  # fmt: skip
+    return frame, m[3].decode(errors="replace")
+
+
+def format_line(frame: Frame, channel: str) -> str:
+    """A frame as candump writes it."""
+    number = frame.can_id | (_ERROR_FLAG if frame.error else 0)
+    ident = f"{number:08X}" if frame.extended or frame.error else f"{number:03X}"
+    mark = "#R" if frame.remote else "##0" if frame.fd else "#"
+    stamp = f"({frame.stamp_us // 1_000_000:010d}.{frame.stamp_us % 1_000_000:06d})"
+    return f"{stamp} {channel} {ident}{mark}{frame.data.hex().upper()}"
+
+
+def read_log(path: Path, damage: Damage) -> Iterator[tuple[Frame, str]]:
+    """Frames and channels of a log, oldest first as written. Raises InputError if there is no such log, or not one
+    frame in it; damage is filled in on the way."""
+    try:
+        if set(path.suffixes[-2:]) & CANDUMP_SUFFIXES:
+            yield from _read_candump(path, damage)
+        else:
+            yield from _read_other(path, damage)
+    except (OSError, EOFError) as e:
+        if isinstance(e, FileNotFoundError):
+            raise InputError("no such log", file=path, hint="check the path") from None
+        if not damage.read:
+            raise InputError(f"cannot be read: {e}", file=path) from None
+        damage.note(damage.read + damage.bad + 1)
+    if not damage.read:
+        raise InputError(
+            "has not one readable frame", file=path, hint="a candump log (candump -l or -L) ends in .log"
+        )
+
+
+def _open(path: Path) -> IO[bytes]:
+    return gzip.open(path, "rb") if path.suffix == ".gz" else path.open("rb")
+
+
+def _read_candump(path: Path, damage: Damage) -> Iterator[tuple[Frame, str]]:
+    with _open(path) as f:
+        for number, line in enumerate(f, 1):
+            whole = line.endswith(b"\n")
+            found = parse_line(line.strip()) if len(line) < 400 else None
+            if not whole:
+                # a killed candump leaves half a line, and half a line may look like a shorter frame
+                damage.cut_line = number
+            elif found is not None:
+                damage.read += 1
+                yield found
+            elif line.strip():
+                damage.note(number)
+
+
+def _read_other(path: Path, damage: Damage) -> Iterator[tuple[Frame, str]]:
+    import can
+
+    from wrcd.bus.pythoncan import from_message
+
+    if not path.exists():
+        raise FileNotFoundError(path)
+    try:
+        with can.LogReader(path) as reader:
+            for message in reader:
+                damage.read += 1
+                channel = message.channel if message.channel is not None else "can0"
+                yield from_message(message, round(message.timestamp * 1e6)), str(channel)
+    except GeneratorExit:
+        raise
+    except Exception as e:  # every reader has its own way to fail on a damaged file
+        if not damage.read:
+            hint = "the suffix tells the format; candump logs end in .log"
+            raise InputError(f"cannot be read as {path.suffix or 'a log'}: {e}", file=path, hint=hint) from None
+        damage.note(damage.read + 1)

@@ -1,0 +1,73 @@
+"""Every other interface, through python-can."""
+
+from typing import Any
+
+import can
+
+from wrcd.bus.frame import Frame
+from wrcd.errors import InputError
+
+# A stamp further than this from the wall clock is in the interface's own time: the time of reception replaces it.
+FOREIGN_CLOCK_US = 5_000_000
+
+
+def from_message(m: can.Message, stamp_us: int) -> Frame:
+    """python-can's message as a frame."""
+    return Frame(
+        stamp_us, m.arbitration_id, bytes(m.data), m.is_extended_id, m.is_remote_frame, m.is_error_frame, m.is_fd
+    )
+
+
+class PythonCanLink:
+    """A python-can bus, read without its threads."""
+
+    def __init__(self, interface: str, channel: str, ids: tuple[int, ...] | None, **options: Any) -> None:
+        self.name = f"{interface}:{channel}"
+        self.drops = self.reopens = self.unsent = 0
+        self.up = True
+        filters: Any = ids and [
+            {"can_id": i, "can_mask": 0x7FF if i <= 0x7FF else 0x1FFFFFFF, "extended": i > 0x7FF} for i in ids
+        ]
+        try:
+            self._bus = can.Bus(interface=interface, channel=channel, can_filters=filters, **options)
+        except (can.CanError, OSError, ValueError, ImportError, NotImplementedError, AttributeError) as e:
+            raise InputError(
+                f"{self.name} cannot be opened: {e}", key="interface", hint="see python-can's list of interfaces"
+            ) from None
+
+    def receive(self, now_us: int) -> list[Frame]:
+        """All that is there."""
+        frames = []
+        while (message := self._get()) is not None:
+            stamp_us = round(message.timestamp * 1e6)
+            if abs(stamp_us - now_us) > FOREIGN_CLOCK_US:
+                stamp_us = now_us
+            if not message.is_error_frame:
+                frames.append(from_message(message, stamp_us))
+        return frames
+
+    def _get(self) -> can.Message | None:
+        try:
+            message = self._bus.recv(0.0)
+        except (can.CanError, OSError):
+            self.up = False
+            return None
+        if message is not None:
+            self.up = True
+        return message
+
+    def send(self, frame: Frame) -> bool:
+        """Send at once or drop and count."""
+        message = can.Message(
+            arbitration_id=frame.can_id, data=frame.data, is_extended_id=frame.extended, is_rx=False
+        )
+        try:
+            self._bus.send(message, timeout=0)
+        except (can.CanError, OSError):
+            self.unsent += 1
+            return False
+        return True
+
+    def close(self) -> None:
+        """Let go of the bus."""
+        self._bus.shutdown()

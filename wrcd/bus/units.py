@@ -1,0 +1,53 @@
+"""Unit texts of a DBC to SI units."""
+
+import math
+from enum import Enum
+
+G = 9.80665
+
+
+class Quantity(Enum):
+    """What a signal can carry: the key of the configuration, the SI unit, and the factors from other units."""
+
+    YAW_RATE = ("yaw_rate", "rad/s")
+    LAT_ACCEL = ("lateral_acceleration", "m/s2")
+    TORQUE = ("torque", "N m")
+    SPEED = ("speed", "m/s")
+    BRAKE_TORQUE = ("brake_torque", "N m")
+    AXLE_LOAD = ("axle_load", "N")
+    DIRECTION = ("direction", "1")
+    WHEEL_RADIUS = ("wheel_radius", "m")
+
+    def __init__(self, key: str, unit: str) -> None:
+        self.key, self.unit = key, unit
+
+
+_FACTORS: dict[str, dict[str, float]] = {
+    "rad/s": {"rad/s": 1.0, "deg/s": math.pi / 180, "mrad/s": 1e-3, "rpm": math.pi / 30, "1/min": math.pi / 30},
+    "m/s2": {"m/s2": 1.0, "g": G, "mg": G * 1e-3, "mm/s2": 1e-3, "cm/s2": 1e-2},
+    "N m": {"nm": 1.0, "knm": 1e3},
+    "m/s": {"m/s": 1.0, "km/h": 1 / 3.6, "cm/s": 1e-2, "mm/s": 1e-3, "mph": 0.44704},
+    "N": {"n": 1.0, "kn": 1e3, "kg": G, "t": 1e3 * G},
+    "1": {"": 1.0, "1": 1.0},
+    "m": {"m": 1.0, "mm": 1e-3, "cm": 1e-2},
+}
+_SPELLINGS = {"°/s": "deg/s", "degps": "deg/s", "kph": "km/h", "kmh": "km/h", "g0": "g", "gee": "g", "mps": "m/s"}
+
+
+def factor(unit: str | None, quantity: Quantity) -> float:
+    """Factor from a DBC's unit text to the quantity's SI unit. Raises ValueError where the text can't be converted."""
+    known = _FACTORS[quantity.unit]
+    text = _plain(unit or "")
+    if text in known:
+        return known[text]
+    readable = ", ".join(k or "no unit" for k in known)
+    raise ValueError(f"unit {unit or ''!r} cannot be converted to {quantity.unit} (known: {readable})")
+
+
+def _plain(unit: str) -> str:
+    """One spelling: no blanks, dots or brackets, lower case, 2 for a square."""
+    text = unit.strip().lower().replace("²", "2").replace("^2", "2").replace("**2", "2").replace("/s/s", "/s2")
+    for mark in (" ", ".", "·", "*", "⋅", "[", "]", "(", ")"):
+        text = text.replace(mark, "")
+    text = text.replace("deg/sec", "deg/s").replace("rad/sec", "rad/s").replace("m/sec2", "m/s2")
+    return _SPELLINGS.get(text, text)

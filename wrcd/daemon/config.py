@@ -1,0 +1,260 @@
+"""The configuration: a TOML file that says which signals carry what, or the default, which is the packaged DBC."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
+
+from cantools.database.can import Database
+
+from wrcd import resources
+from wrcd.bus.codec import (
+    VALIDITY_LABELS,
+    Source,
+    Writer,
+    data_id,
+    find_message,
+    find_signal,
+    load_dbc,
+    timeout_ms,
+)
+from wrcd.bus.units import Quantity, factor
+from wrcd.errors import InputError
+from wrcd.estimator.design import Design, load_design
+from wrcd.settings import Section, parse_toml, read_toml, suggest
+
+T = TypeVar("T")
+MOST_AXLES = 4
+AXLE_QUANTITIES = (
+    Quantity.YAW_RATE,
+    Quantity.LAT_ACCEL,
+    Quantity.TORQUE,
+    Quantity.BRAKE_TORQUE,
+    Quantity.AXLE_LOAD,
+    Quantity.WHEEL_RADIUS,
+)
+VEHICLE_QUANTITIES = (Quantity.SPEED, Quantity.DIRECTION)
+NEEDED = (Quantity.YAW_RATE, Quantity.LAT_ACCEL, Quantity.TORQUE)
+DEFAULT_TIMEOUT_MS = 100
+ADHESION_NEEDS = ("Validity", "MuAvailable")
+
+
+@dataclass(frozen=True, slots=True)
+class AxleConfig:
+    """One wheelset: its number (1 … 4) and the messages that tell about it."""
+
+    number: int
+    adhesion: str
+    detail: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class Input:
+    """A mapped signal and after how long without it it is stale."""
+
+    source: Source
+    timeout_us: int
+
+
+@dataclass(frozen=True, slots=True)
+class Config:
+    """All that the daemon runs with."""
+
+    file: str
+    interface: str
+    channel: str
+    dbc_file: Path
+    database: Database
+    design_file: Path
+    design: Design
+    axles: tuple[AxleConfig, ...]
+    inputs: tuple[Input, ...]
+    status: str | None
+    not_available_after_us: int
+    min_speed_m_s: float
+    constant_speed_m_s: float | None
+    torque_is_total: bool
+    adhesion_cycle_us: int
+    detail_cycle_us: int
+    status_cycle_us: int
+
+
+DEFAULT = """
+[vehicle]
+speed = "VehicleSpeed.Speed"
+""" + "".join(
+    f"""
+[[axle]]
+number = {a}
+yaw_rate = "YawRate_A{a}.YawRate"
+lateral_acceleration = "LatAccel_A{a}.LatAccel"
+torque = "Torque_A{a}.Torque"
+"""
+    for a in range(1, MOST_AXLES + 1)
+)
+
+
+def load_config(path: Path | None) -> Config:
+    """Read a configuration file, or the default one for None. Raises InputError with file, line, key and advice."""
+    if path is None:
+        return _config(parse_toml(DEFAULT, "default configuration"), Path())
+    return _config(read_toml(path), path.parent)
+
+
+def _config(top: Section, folder: Path) -> Config:
+    bus, dbc, estimator = top.section("bus"), top.section("dbc"), top.section("estimator")
+    limits, vehicle = top.section("limits"), top.section("vehicle")
+    interface, channel = bus.get("interface", str, "socketcan"), bus.get("channel", str, "can0")
+    dbc_file = _path(dbc, "file", folder, resources.DBC)
+    database = _load(dbc, "file", dbc_file, load_dbc)
+    design_file = _path(estimator, "design", folder, resources.DESIGN)
+    design = _load(estimator, "design", design_file, load_design)
+    _same_wheelset(top.section("wheelset"), design, design_file)
+    axles, inputs, numbers = [], [], set()
+    tables = list(top.sections("axle"))
+    if not 1 <= len(tables) <= MOST_AXLES:
+        raise top.error(f"takes 1 to {MOST_AXLES} tables, found {len(tables)}", "axle", "write [[axle]] for each wheelset")
+    for place, table in enumerate(tables):
+        axle = _axle(table, database)
+        if axle.number in numbers:
+            raise table.error(f"{axle.number} is there twice", "number")
+        numbers.add(axle.number)
+        axles.append(axle)
+        inputs += _inputs(table, database, AXLE_QUANTITIES, (place,))
+        table.done()
+    inputs += _inputs(vehicle, database, VEHICLE_QUANTITIES, tuple(range(len(axles))))
+    constant = limits.maybe("constant_speed_m_s", float)
+    if constant is None and Quantity.SPEED not in {i.source.quantity for i in inputs}:
+        raise vehicle.error("is missing", "speed", 'name the signal ("Message.Signal") or give limits.constant_speed_m_s')
+    status = vehicle.maybe("status_message", str)
+    if status is None and any(m.name == "WrcdStatus" for m in database.messages):
+        status = "WrcdStatus"
+    config = Config(
+        file=str(top.file),
+        interface=interface,
+        channel=channel,
+        dbc_file=dbc_file,
+        database=database,
+        design_file=design_file,
+        design=design,
+        axles=tuple(axles),
+        inputs=tuple(inputs),
+        status=status,
+        not_available_after_us=round(1000 * limits.number("not_available_after_ms", 100.0, 5.0, 10_000.0)),
+        min_speed_m_s=limits.number("min_speed_m_s", 3.0, 0.1, 60.0),
+        constant_speed_m_s=constant,
+        torque_is_total=vehicle.get("torque_is_total", bool, True),
+        adhesion_cycle_us=_cycle(database, axles[0].adhesion, 20),
+        detail_cycle_us=_cycle(database, axles[0].detail, 100),
+        status_cycle_us=_cycle(database, status, 1000),
+    )
+    if status is not None:
+        _writer(vehicle, "status_message", database, status, ())
+    for section in (bus, dbc, estimator, limits, vehicle, top):
+        section.done()
+    return config
+
+
+def _path(section: Section, key: str, folder: Path, default: Path) -> Path:
+    given = section.maybe(key, str)
+    return default if given is None else folder / given
+
+
+def _load(section: Section, key: str, path: Path, load: Callable[[Path], T]) -> T:
+    """Load a file that the configuration names: the error says both where it is named and what is wrong with it."""
+    try:
+        return load(path)
+    except InputError as e:
+        if key in section:
+            raise section.error(str(e), key) from None
+        raise
+
+
+def _axle(table: Section, database: Database) -> AxleConfig:
+    number = table.take("number", int)
+    if not 1 <= number <= MOST_AXLES:
+        raise table.error(f"takes 1 … {MOST_AXLES}, not {number}", "number")
+    adhesion = table.get("adhesion", str, f"Adhesion_A{number}")
+    _writer(table, "adhesion", database, adhesion, ADHESION_NEEDS)
+    detail = table.maybe("detail", str)
+    if detail is None and any(m.name == f"AdhesionDetail_A{number}" for m in database.messages):
+        detail = f"AdhesionDetail_A{number}"
+    if detail is not None:
+        _writer(table, "detail", database, detail, ())
+    return AxleConfig(number, adhesion, detail)
+
+
+def _inputs(
+    section: Section, database: Database, quantities: tuple[Quantity, ...], axles: tuple[int, ...]
+) -> list[Input]:
+    out = []
+    for q in quantities:
+        named = section.maybe(q.key, str)
+        if named is None:
+            if q in NEEDED:
+                raise section.error("is missing", q.key, 'name the signal that carries it: "Message.Signal"')
+            continue
+        message_name, dot, signal_name = named.partition(".")
+        if not dot:
+            raise section.error(f"{named!r} is not of the form Message.Signal", q.key)
+        try:
+            message = find_message(database, message_name)
+            signal = find_signal(message, signal_name)
+            factor(signal.unit, q)
+            data_id(message)
+            if message.is_fd or message.is_multiplexed():
+                raise ValueError(f"message {message_name} is CAN FD or multiplexed; only plain classical ones can be mapped")
+        except KeyError as e:
+            raise section.error(str(e.args[0]), q.key, _nearest(database, message_name, signal_name)) from None
+        except ValueError as e:
+            raise section.error(str(e), q.key, "map a signal with another unit, or mend the DBC") from None
+        timeout = timeout_ms(message, signal) or DEFAULT_TIMEOUT_MS
+        out.append(Input(Source(message_name, signal_name, q, axles), timeout * 1000))
+    return out
+
+
+def _nearest(database: Database, message: str, signal: str) -> str:
+    every = {f"{m.name}.{s.name}" for m in database.messages for s in m.signals}
+    return suggest(f"{message}.{signal}", every)
+
+
+def _writer(section: Section, key: str, database: Database, name: str, needs: tuple[str, ...]) -> None:
+    try:
+        message = find_message(database, name)
+        Writer(message, needs)
+        if needs:
+            labels = {str(c) for c in (find_signal(message, "Validity").choices or {}).values()}
+            missing = [label for label in VALIDITY_LABELS[:3] if label not in labels]
+            if missing:
+                raise ValueError(f"the value table of {name}.Validity lacks {', '.join(missing)}")
+    except KeyError as e:
+        hint = suggest(name, [m.name for m in database.messages]) or f'give [[axle]] {key} = "…"'
+        raise section.error(str(e.args[0]), key, hint) from None
+    except ValueError as e:
+        raise section.error(str(e), key) from None
+
+
+def _cycle(database: Database, name: str | None, default_ms: int) -> int:
+    if name is None:
+        return default_ms * 1000
+    return (find_message(database, name).cycle_time or default_ms) * 1000
+
+
+def _same_wheelset(section: Section, design: Design, file: Path) -> None:
+    """[wheelset] in the configuration states what the train has; a design for another one is refused."""
+    for key in section.keys():
+        if key not in design.wheelset:
+            raise section.error("unknown key", key, suggest(key, design.wheelset) or "the keys of the design's wheelset")
+        stated = section.raw(key)
+        has = design.wheelset[key]
+        same = abs(stated - has) <= 1e-6 * abs(has) if _both_numbers(stated, has) else stated == has
+        if not same:
+            raise section.error(
+                f"is {stated!r}, but the design file {file} is for a wheelset with {has!r}",
+                key,
+                "make a design for this wheelset with `sim-ecu design`",
+            )
+
+
+def _both_numbers(a: object, b: object) -> bool:
+    return all(isinstance(x, (int, float)) and not isinstance(x, bool) for x in (a, b))

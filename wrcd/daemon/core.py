@@ -1,0 +1,313 @@
+"""frame -> sample -> bank step -> residual RMS -> fuzzy -> adhesion -> frame, on the frames' own time stamps.
+
+The core reads no clock. Live, the loop tells it how far time has come (advance); in a replay the next frame does.
+Tick k owns the frames stamped in [k P, (k + 1) P). Frames of a slot are made when the tick that ends it is closed.
+"""
+
+import math
+from collections import Counter
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from wrcd.bus.codec import Receiver, Sample, Value, Writer, find_message
+from wrcd.bus.frame import Frame
+from wrcd.bus.reasons import Reason
+from wrcd.bus.units import Quantity
+from wrcd.daemon.config import Config
+from wrcd.daemon.report import Report, Validity, confidence, known, surface
+from wrcd.estimator.estimator import Estimate, Estimator, Tick
+
+QUANTITIES = tuple(Quantity)
+YAW, LAT, TORQUE, SPEED, BRAKE, LOAD, DIRECTION, RADIUS = range(len(QUANTITIES))
+STALE_NAMES = {YAW: "StaleYawRate", LAT: "StaleLatAccel", TORQUE: "StaleTorque", SPEED: "StaleSpeed"}
+
+FORWARD_STEP_US = 1_000_000  # a stamp further ahead than this re-initialises
+BACKWARD_STEP_US = 10_000  # out of order by less than this is jitter between queues, by more a step of the clock
+MOST_FILLED_US = 60_000_000  # a replay fills a silence with frames up to this long; longer is a step of time
+NEVER = -(1 << 60)
+
+
+@dataclass(slots=True)
+class Counts:
+    """What happened so far. Every mapped frame is in accepted or in rejected under its reason."""
+
+    accepted: int = 0
+    rejected: Counter[Reason] = field(default_factory=Counter)
+    late: int = 0  # arrived after their tick was closed: used in the tick that was open
+    time_steps: int = 0
+    ticks: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Outgoing:
+    """A frame to send, and the length of its slot: after the slot it is worthless."""
+
+    frame: Frame
+    cycle_us: int
+
+
+@dataclass(slots=True)
+class Health:
+    """What the loop knows and the core sends in WrcdStatus."""
+
+    state: str = "Running"
+    overruns: int = 0
+    drops: int = 0
+    reopens: int = 0
+
+
+class Core:
+    """One bus, all its axles."""
+
+    def __init__(self, config: Config) -> None:
+        self.config = config
+        self.counts = Counts()
+        self.health = Health()
+        self.estimator = Estimator(config.design, len(config.axles))
+        self.receiver = Receiver(config.database, [i.source for i in config.inputs])
+        self.last_tick: Tick | None = None  # for whoever looks on
+        self.last_estimate: Estimate | None = None
+        n = len(config.axles)
+        self._n = n
+        self._period_us = round(config.design.tick_s * 1e6)
+        self._window = config.design.window_ticks
+        self._open: int | None = None  # number of the tick that gathers frames
+        self._stamp_us = NEVER  # newest stamp taken
+        self._z = np.zeros((2, n))
+        self._present = np.zeros((2, n), dtype=bool)
+        self._good_ticks = [0] * n
+        self._warm = [False] * n  # whether a full window of good ticks has been seen since it was blank
+        self._blank = [True] * n
+        self._stale = np.ones((len(QUANTITIES), n), dtype=bool)
+        self._value = np.zeros((len(QUANTITIES), n))
+        self._stamps = np.full((len(QUANTITIES), n), NEVER, dtype=np.int64)
+        self._degraded = np.zeros((len(QUANTITIES), n), dtype=bool)
+        self._mapped = np.zeros((len(QUANTITIES), n), dtype=bool)
+        self._timeout = np.zeros((len(QUANTITIES), n), dtype=np.int64)
+        for i in config.inputs:
+            q = QUANTITIES.index(i.source.quantity)
+            self._mapped[q, list(i.source.axles)] = True
+            self._timeout[q, list(i.source.axles)] = i.timeout_us
+        self._dead_after = np.maximum(self._timeout, config.not_available_after_us)
+        self._value[SPEED] = math.nan if config.constant_speed_m_s is None else config.constant_speed_m_s
+        self._value[LOAD] = 2 * config.design.normal_N
+        self._value[DIRECTION] = 1.0
+        self._value[RADIUS] = config.design.r_0
+        db = config.database
+        self._adhesion = [Writer(find_message(db, a.adhesion), ()) for a in config.axles]
+        self._detail = [Writer(find_message(db, a.detail), ()) if a.detail else None for a in config.axles]
+        self._status = Writer(find_message(db, config.status), ()) if config.status else None
+        self.reports: list[Report] = []  # of the newest slot
+
+    def feed(self, frame: Frame) -> list[Outgoing]:
+        """Take a received frame. Returns what was due before its stamp. Frames that are not mapped change nothing."""
+        got = self.receiver.read(frame)
+        if got is None:
+            return []
+        out = self._move_to(frame.stamp_us)
+        if isinstance(got, Reason):
+            self.counts.rejected[got] += 1
+            return out
+        self.counts.accepted += 1
+        assert self._open is not None
+        if frame.stamp_us < self._open * self._period_us:
+            self.counts.late += 1
+        for sample in got:
+            self._take(sample, frame.stamp_us)
+        return out
+
+    def advance(self, now_us: int) -> list[Outgoing]:
+        """Time has come to now_us and every frame stamped before it has been fed: close the ticks that are over."""
+        target = now_us // self._period_us
+        if self._open is None:
+            self._open = target
+        period = self._period_us
+        ahead_us = (target - self._open) * period
+        if ahead_us > FORWARD_STEP_US or -ahead_us - period > BACKWARD_STEP_US:
+            self._restart(target)
+        return self._close_up_to(target)
+
+    def _move_to(self, stamp_us: int) -> list[Outgoing]:
+        """Close the ticks before a stamp; a step of time starts anew."""
+        target = stamp_us // self._period_us
+        out: list[Outgoing] = []
+        if self._open is None:
+            self._open = target
+        step = stamp_us - self._stamp_us
+        if self._stamp_us != NEVER and (step > FORWARD_STEP_US or step < -BACKWARD_STEP_US):
+            if 0 < step <= MOST_FILLED_US:
+                out = self._close_up_to(target)
+            self._restart(target)
+        else:
+            out = self._close_up_to(target)
+        self._stamp_us = max(self._stamp_us, stamp_us) if step > -BACKWARD_STEP_US else stamp_us
+        return out
+
+    def _restart(self, tick: int) -> None:
+        """A step of time: nothing that was known before holds."""
+        self.counts.time_steps += 1
+        self._open = tick
+        self._stamps[:] = NEVER
+        self._present[:] = False
+        self.receiver.forget()
+        for axle in range(self._n):
+            self._forget(axle)
+
+    def _forget(self, axle: int) -> None:
+        if not self._blank[axle]:
+            self.estimator.reset(axle)
+        self._blank[axle] = True
+        self._good_ticks[axle] = 0
+        self._warm[axle] = False
+
+    def _take(self, s: Sample, stamp_us: int) -> None:
+        q = QUANTITIES.index(s.quantity)
+        for axle in s.axles:
+            self._stamps[q, axle] = stamp_us
+            self._degraded[q, axle] = s.degraded
+            if q <= LAT:
+                self._z[q, axle] = s.value
+                self._present[q, axle] = True
+            else:
+                self._value[q, axle] = s.value
+
+    def _close_up_to(self, target: int) -> list[Outgoing]:
+        assert self._open is not None
+        out: list[Outgoing] = []
+        while self._open < target:
+            self._close_tick(self._open)
+            self._open += 1
+            end_us = self._open * self._period_us
+            out += self._due(end_us)
+        return out
+
+    def _close_tick(self, number: int) -> None:
+        """Run the bank on what the tick brought, and judge the inputs at its end."""
+        end_us = (number + 1) * self._period_us
+        self.counts.ticks += 1
+        age = end_us - self._stamps
+        dead = (self._mapped & (age > self._dead_after)).any(axis=0)
+        self._stale = self._mapped & (age > self._timeout)
+        speed = float(self._value[SPEED, 0])
+        running = ~dead & (speed >= self.config.min_speed_m_s)
+        for axle in range(self._n):
+            if not running[axle]:
+                self._forget(axle)
+                continue
+            self._blank[axle] = False
+            if self._stale[:, axle].any():
+                self._good_ticks[axle] = 0
+            else:
+                self._good_ticks[axle] += 1
+                self._warm[axle] |= self._good_ticks[axle] >= self._window
+        if running.any():
+            tick = Tick(number, self._z * self._value[DIRECTION], self._present & running, self._torque_ratio(), speed)
+            self.last_tick = tick
+            self.estimator.step(tick)
+        else:
+            self.last_tick = None
+        self._present[:] = False
+
+    def _torque(self) -> np.ndarray:
+        total: np.ndarray = self._value[TORQUE] + self._value[BRAKE]
+        return total
+
+    def _torque_ratio(self) -> np.ndarray:
+        """|torque| / (2 N r0) of every axle; NaN before the first torque."""
+        ratio = np.abs(self._torque()) / (self._value[LOAD] * self._value[RADIUS])
+        known_torque = (~self._mapped | (self._stamps != NEVER))[[TORQUE, BRAKE]].all(axis=0)
+        out: np.ndarray = np.where(known_torque, ratio, np.nan)
+        return out
+
+    def _due(self, end_us: int) -> list[Outgoing]:
+        """The frames whose slot begins with this tick's end."""
+        c = self.config
+        before = end_us - self._period_us
+        adhesion, detail, status = (
+            end_us // cycle != before // cycle for cycle in (c.adhesion_cycle_us, c.detail_cycle_us, c.status_cycle_us)
+        )
+        out = []
+        if adhesion or detail:
+            estimate = self.estimator.estimate() if any(self._warm) else None
+            self.last_estimate = estimate
+            self.reports = [self._report(axle, end_us, estimate) for axle in range(self._n)]
+        if adhesion:
+            for w, report in zip(self._adhesion, self.reports, strict=True):
+                out.append(_outgoing(w, end_us, c.adhesion_cycle_us, report.values()))
+        if detail:
+            for axle, writer in enumerate(self._detail):
+                if writer:
+                    out.append(_outgoing(writer, end_us, c.detail_cycle_us, self._explain(axle, estimate)))
+        if status and self._status:
+            out.append(_outgoing(self._status, end_us, c.status_cycle_us, self._health_values()))
+        return out
+
+    def _report(self, axle: int, end_us: int, estimate: Estimate | None) -> Report:
+        ages = (end_us - self._stamps)[self._mapped[:, axle], axle]
+        oldest_ms = int(min(ages.max() // 1000, 255))
+        torque_age = end_us - int(self._stamps[TORQUE, axle])
+        ratio = float(self._torque_ratio()[axle]) if torque_age <= self._dead_after[TORQUE, axle] else math.nan
+        used = known(min(100.0 * ratio, 100.0))
+        if not self._warm[axle] or estimate is None:
+            return Report(Validity.NOT_AVAILABLE, None, used, oldest_ms, "Unknown", "Unknown", "None")
+        mu = known(float(estimate.mu_available_pct[axle]))
+        sure = (
+            mu is not None
+            and self._good_ticks[axle] >= self._window
+            and not self._degraded[self._mapped[:, axle], axle].any()
+            and self._speed_covered()
+            and (self.config.torque_is_total or self._mapped[BRAKE, axle] or self._value[TORQUE, axle] >= 0)
+        )
+        contact = "Unknown" if mu is None else "Saturated" if estimate.saturated[axle] else "Adhering"
+        return Report(
+            Validity.VALID if sure else Validity.DEGRADED,
+            mu,
+            used,
+            oldest_ms,
+            surface(mu),
+            contact,
+            confidence(known(float(estimate.half_width_pp[axle])) if mu is not None else None),
+        )
+
+    def _speed_covered(self) -> bool:
+        speeds = self.config.design.speeds_m_s
+        return bool(speeds[0] <= self._value[SPEED, 0] <= speeds[-1])
+
+    def _explain(self, axle: int, estimate: Estimate | None) -> dict[str, Value]:
+        warm = self._warm[axle] and estimate is not None
+        values: dict[str, Value] = {
+            name: float(self._stale[q, axle] or (self._mapped[q, axle] and self._stamps[q, axle] == NEVER))
+            for q, name in STALE_NAMES.items()
+        }
+        values["WinningModel"] = float(estimate.winner[axle]) if warm and estimate else 0.0
+        values["DominantRule"] = float(estimate.rule[axle]) if warm and estimate else None
+        for m in range(4):
+            r = float(estimate.residuals[axle, m]) if warm and estimate else math.nan
+            values[f"Residual{m + 1}"] = 20 * math.log10(r) if math.isfinite(r) else None
+        return values
+
+    def _health_values(self) -> dict[str, Value]:
+        h = self.health
+        return {
+            "State": h.state,
+            "Overruns": float(h.overruns % 256),
+            "RejectedFrames": float(sum(self.counts.rejected.values()) % 4096),
+            "ReceiveDrops": float(h.drops % 256),
+            "Reopens": float(h.reopens % 16),
+            "DesignChecksum": float(int(self.config.design.checksum[:4], 16)),
+        }
+
+    def farewell(self, now_us: int) -> list[Frame]:
+        """The last frames: every axle NotAvailable, the daemon stopping."""
+        slot_us = self.config.adhesion_cycle_us
+        gone = Report(Validity.NOT_AVAILABLE, None, None, 255, "Unknown", "Unknown", "None")
+        out = [w.frame(now_us, now_us // slot_us, gone.values()) for w in self._adhesion]
+        if self._status:
+            self.health.state = "Stopping"
+            out.append(self._status.frame(now_us, now_us // self.config.status_cycle_us, self._health_values()))
+        return out
+
+
+def _outgoing(w: Writer, end_us: int, cycle_us: int, values: dict[str, Value]) -> Outgoing:
+    return Outgoing(w.frame(end_us, end_us // cycle_us, values), cycle_us)

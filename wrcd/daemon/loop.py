@@ -1,0 +1,78 @@
+"""The live loop: drain what the kernel holds, tick, send. One thread, no queue."""
+
+import signal
+import time
+from collections.abc import Callable
+from types import FrameType
+
+from wrcd.bus.link import Link
+from wrcd.daemon.core import Core, Outgoing
+from wrcd.daemon.notify import Notifier
+
+# A tick is closed this long after its end, so that a frame stamped in it on another core has arrived.
+GRACE_US = 1_000
+
+
+def wall_us() -> int:
+    """The clock that stamps frames: CLOCK_REALTIME in whole microseconds."""
+    return time.time_ns() // 1000
+
+
+class Daemon:
+    """Ties a link to the core. poll() is one turn of the loop; run() turns it until it is told to stop."""
+
+    def __init__(
+        self, core: Core, link: Link, notifier: Notifier | None = None, clock: Callable[[], int] = wall_us
+    ) -> None:
+        self.core, self.link = core, link
+        self._notifier = notifier or Notifier({})
+        self._clock = clock
+        self._period_us = round(core.config.design.tick_s * 1e6)
+        self._stop = False
+        self._next_ping_us = 0
+        self.sent = 0
+
+    def poll(self, longest_wait_s: float = 1.0) -> None:
+        """Wait for frames or the end of the tick, take all frames, close what is over, send what is due."""
+        now = self._clock()
+        end = (now // self._period_us + 1) * self._period_us + GRACE_US
+        # no wake-up per frame: the kernel holds them until the tick is over
+        time.sleep(min(max(end - now, 0) * 1e-6, longest_wait_s))
+        now = self._clock()
+        out: list[Outgoing] = []
+        for frame in self.link.receive(now):
+            out += self.core.feed(frame)
+        out += self.core.advance(now - GRACE_US)
+        self._send(out)
+        self._look_after(now)
+
+    def _send(self, out: list[Outgoing]) -> None:
+        """Send what still belongs to its slot. A slot that came too late is skipped and counted, never sent in a burst."""
+        for o in out:
+            if self._clock() // o.cycle_us > o.frame.stamp_us // o.cycle_us:
+                self.core.health.overruns += 1
+            elif self.link.send(o.frame):
+                self.sent += 1
+
+    def _look_after(self, now_us: int) -> None:
+        health = self.core.health
+        health.drops, health.reopens = self.link.drops, self.link.reopens
+        health.state = "Running" if self.link.up else "LinkDown"
+        every = self._notifier.watchdog_every_us
+        if every is not None and not (0 < self._next_ping_us - now_us <= every):
+            self._notifier.say("WATCHDOG=1")
+            self._next_ping_us = now_us + every
+
+    def run(self) -> None:
+        """Until SIGTERM or SIGINT; the last frames say NotAvailable."""
+        for s in (signal.SIGTERM, signal.SIGINT):
+            signal.signal(s, self._on_signal)
+        self._notifier.say("READY=1")
+        while not self._stop:
+            self.poll()
+        self._notifier.say("STOPPING=1")
+        for frame in self.core.farewell(self._clock()):
+            self.link.send(frame)
+
+    def _on_signal(self, _number: int, _frame: FrameType | None) -> None:
+        self._stop = True

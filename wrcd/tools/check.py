@@ -1,0 +1,37 @@
+"""`wrcd check`: what a configuration would run."""
+
+from wrcd.bus.codec import find_message, find_signal
+from wrcd.daemon.config import Config
+
+
+def describe(c: Config) -> list[str]:
+    """Lines for a person."""
+    d = c.design
+    out = [
+        f"configuration  {c.file}",
+        f"bus            {c.interface} {c.channel}",
+        f"DBC            {c.dbc_file} ({len(c.database.messages)} messages)",
+        f"design         {c.design_file}: {d.name}, {d.checksum[:12]}, {len(d.rules)} rules",
+        f"               tick {1000 * d.tick_s:g} ms, window {d.window_s:g} s, "
+        f"{d.speeds_m_s[0]:g} … {d.speeds_m_s[-1]:g} m/s",
+        f"limits         not available after {c.not_available_after_us / 1000:g} ms and below {c.min_speed_m_s:g} m/s"
+        + (f", constant speed {c.constant_speed_m_s:g} m/s" if c.constant_speed_m_s is not None else ""),
+    ]
+    for place, axle in enumerate(c.axles):
+        out.append(f"axle {axle.number}")
+        for i in c.inputs:
+            if place in i.source.axles:
+                m = find_message(c.database, i.source.message)
+                unit = find_signal(m, i.source.signal).unit or "no unit"
+                out.append(
+                    f"  {i.source.quantity.key:22} <- 0x{m.frame_id:03X} {m.name}.{i.source.signal} ({unit}), "
+                    f"stale after {i.timeout_us / 1000:g} ms"
+                )
+        for name, cycle in ((axle.adhesion, c.adhesion_cycle_us), (axle.detail, c.detail_cycle_us)):
+            if name:
+                out.append(f"  sends                  -> 0x{find_message(c.database, name).frame_id:03X} {name}, every {cycle / 1000:g} ms")
+    if c.status:
+        status = find_message(c.database, c.status)
+        out.append(f"status                   -> 0x{status.frame_id:03X} {c.status}, every {c.status_cycle_us / 1000:g} ms")
+    out.append("ok")
+    return out

@@ -1,0 +1,123 @@
+"""The wrcd command."""
+
+import argparse
+import os
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from wrcd.errors import InputError
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Entry point. 0 done, 1 stopped on the way, 2 bad input."""
+    args = _parser().parse_args(argv)
+    return guarded("wrcd", lambda: _COMMANDS[args.command](args))
+
+
+def guarded(name: str, command: Callable[[], int]) -> int:
+    """Run a command: bad input is one line and exit 2, Ctrl-C exit 130, a closed pipe no error."""
+    try:
+        status = command()
+        sys.stdout.flush()
+        return status
+    except InputError as e:
+        print(f"{name}: error: {e}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        return 130
+    except BrokenPipeError:
+        # whoever reads us has enough; keep the interpreter from complaining at exit
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+
+
+def add_bus(p: argparse.ArgumentParser, what: str = "") -> None:
+    """-i and -c, python-can's own words, everywhere the same."""
+    p.add_argument("-i", "--interface", help=f"python-can interface{what} (default: the configuration's, socketcan)")
+    p.add_argument("-c", "--channel", help="its channel (default: the configuration's, can0)")
+
+
+def _parser() -> argparse.ArgumentParser:
+    p = argparse.ArgumentParser(
+        prog="wrcd", description="The wheel-rail condition daemon: adhesion from yaw rate, lateral acceleration, torque."
+    )
+    commands = p.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    config = argparse.ArgumentParser(add_help=False)
+    config.add_argument(
+        "--config", type=Path, metavar="FILE", help="configuration (TOML); default: the packaged DBC, four axles"
+    )
+
+    run = commands.add_parser("run", parents=[config], help="estimate on a bus until SIGTERM")
+    add_bus(run)
+
+    commands.add_parser("check", parents=[config], help="say what a configuration would run; opens no bus")
+
+    dump = commands.add_parser("dump", help="candump lines with the decoded values behind them")
+    dump.add_argument("log", nargs="?", type=Path, help="a log instead of a bus")
+    add_bus(dump)
+    dump.add_argument("-n", "--count", type=int, default=0, help="stop after so many frames")
+    dump.add_argument(
+        "--dbc", type=Path, action="append", default=[], metavar="FILE", help="another DBC beside the configuration's"
+    )
+    dump.add_argument("--config", type=Path, metavar="FILE", help="configuration whose DBC decodes")
+
+    replay = commands.add_parser("replay", parents=[config], help="estimate over a log, byte for byte as on the bus")
+    replay.add_argument("log", type=Path, metavar="LOG", help="candump log, or any that python-can reads")
+    replay.add_argument("-o", "--output", type=Path, metavar="OUT.log", help="write the frames sent as a candump log")
+    replay.add_argument(
+        "--csv", type=Path, metavar="OUT.csv", help="write one row per Adhesion frame (default, without -o: to the screen)"
+    )
+    return p
+
+
+def _run(args: argparse.Namespace) -> int:
+    from wrcd.bus.link import open_link
+    from wrcd.daemon.config import load_config
+    from wrcd.daemon.core import Core
+    from wrcd.daemon.loop import Daemon
+    from wrcd.daemon.notify import Notifier
+
+    config = load_config(args.config)
+    core = Core(config)
+    link = open_link(args.interface or config.interface, args.channel or config.channel, core.receiver.ids)
+    print(
+        f"wrcd: {link.name}, axles {', '.join(str(a.number) for a in config.axles)}, design {config.design.name} "
+        f"{config.design.checksum[:12]}",
+        file=sys.stderr,
+        flush=True,
+    )
+    try:
+        Daemon(core, link, Notifier()).run()
+    finally:
+        link.close()
+    counts = core.counts
+    rejected = ", ".join(f"{n} {reason}" for reason, n in sorted(counts.rejected.items())) or "none"
+    print(
+        f"wrcd: stopped; {counts.accepted} frames accepted, rejected: {rejected}; {core.health.overruns} overruns",
+        file=sys.stderr,
+    )
+    return 0
+
+
+def _check(args: argparse.Namespace) -> int:
+    from wrcd.daemon.config import load_config
+    from wrcd.tools.check import describe
+
+    print("\n".join(describe(load_config(args.config))))
+    return 0
+
+
+def _dump(args: argparse.Namespace) -> int:
+    from wrcd.tools.dump import dump
+
+    return dump(args)
+
+
+def _replay(args: argparse.Namespace) -> int:
+    from wrcd.tools.replay import replay
+
+    return replay(args.log, args.config, args.output, args.csv)
+
+
+_COMMANDS = {"run": _run, "check": _check, "dump": _dump, "replay": _replay}

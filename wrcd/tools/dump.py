@@ -1,0 +1,77 @@
+"""`wrcd dump`: candump lines, and behind them what they mean."""
+
+import argparse
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from cantools.database.can import Message
+
+from wrcd.bus.codec import load_dbc
+from wrcd.bus.frame import Frame
+from wrcd.bus.link import open_link
+from wrcd.bus.log import Damage, format_line, read_log
+from wrcd.daemon.config import load_config
+
+BOLD_GREEN, BOLD_YELLOW, BOLD_RED, PLAIN = "\033[1;32m", "\033[1;33m", "\033[1;31m", "\033[0m"
+_COLOURS = {"Valid": BOLD_GREEN, "Degraded": BOLD_YELLOW, "Error": BOLD_RED, "NotAvailable": BOLD_RED}
+
+
+def dump(args: argparse.Namespace) -> int:
+    """Print frames of a log or of a bus until it ends, the count is reached or Ctrl-C."""
+    config = load_config(args.config)
+    messages = {m.frame_id: m for extra in args.dbc for m in load_dbc(extra).messages}
+    messages |= {m.frame_id: m for m in config.database.messages}
+    damage = Damage()
+    if args.log is not None:
+        frames = read_log(args.log, damage)
+    else:
+        frames = _live(args.interface or config.interface, args.channel or config.channel)
+    colour = sys.stdout.isatty()
+    for number, (frame, channel) in enumerate(frames, 1):
+        print(line(frame, channel, messages.get(frame.can_id), colour), flush=args.log is None)
+        if number == args.count:
+            break
+    for warning in damage.warnings(args.log or Path()):
+        print(f"wrcd: warning: {warning}", file=sys.stderr)
+    return 0
+
+
+def _live(interface: str, channel: str) -> Iterator[tuple[Frame, str]]:
+    link = open_link(interface, channel, None)
+    try:
+        while True:
+            for frame in link.receive(time.time_ns() // 1000):
+                yield frame, channel
+            time.sleep(0.01)
+    finally:
+        link.close()
+
+
+def line(frame: Frame, channel: str, message: Message | None, colour: bool) -> str:
+    """One frame. Adhesion stands out on a terminal, in the colour of its validity."""
+    text = format_line(frame, channel)
+    if frame.error:
+        return f"{text} :: error frame"
+    if message is None:
+        return text
+    try:
+        values: Any = message.decode(frame.data)
+    except Exception as e:  # too short, or raw values the DBC does not know: say so and go on
+        return f"{text} :: {message.name}: cannot be decoded ({e})"
+    units = {s.name: f" {s.unit}" if s.unit else "" for s in message.signals}
+    shown = ", ".join(f"{k}: {_text(v)}{'' if _named(v) else units[k]}" for k, v in values.items())
+    marked = f"{text} :: {message.name}({shown})"
+    if colour and message.name.startswith("Adhesion_"):
+        return f"{_COLOURS.get(str(values.get('Validity')), '')}{marked}{PLAIN}"
+    return marked
+
+
+def _named(value: Any) -> bool:
+    return hasattr(value, "name")
+
+
+def _text(value: Any) -> str:
+    return f"{value:.9g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,117 @@
+"""`wrcd replay`: a log through the very core that runs live. The same log gives the same bytes."""
+
+import contextlib
+import csv
+import io
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import IO, Any
+
+from cantools.database.can import Message
+from cantools.database.namedsignalvalue import NamedSignalValue
+
+from wrcd.bus.codec import find_message
+from wrcd.bus.frame import Frame
+from wrcd.bus.log import Damage, format_line, read_log
+from wrcd.daemon.config import Config, load_config
+from wrcd.daemon.core import Core
+
+COLUMNS = (
+    "time_s", "axle", "validity", "mu_available_pct", "mu_used_pct", "contact_state", "surface", "confidence",
+    "sample_age_ms",
+)  # fmt: skip
+SIGNALS = ("Validity", "MuAvailable", "MuUsed", "ContactState", "Surface", "Confidence", "SampleAge")
+
+
+def replay(log: Path, config_file: Path | None, output: Path | None, table: Path | None) -> int:
+    """Run a log and write what was asked for; a summary goes to standard error."""
+    config = load_config(config_file)
+    core = Core(config)
+    damage = Damage()
+    sent = 0
+    with contextlib.ExitStack() as files:
+        frames_out = files.enter_context(output.open("w", encoding="ascii")) if output else None
+        rows = _rows(files, table, to_screen=output is None, config=config)
+        for frame, channel in progress(read_log(log, damage), log):
+            for o in core.feed(frame):
+                sent += 1
+                if frames_out:
+                    frames_out.write(format_line(o.frame, channel) + "\n")
+                if rows:
+                    rows.write(o.frame)
+    for warning in damage.warnings(log):
+        print(f"wrcd: warning: {warning}", file=sys.stderr)
+    counts = core.counts
+    if not counts.accepted:
+        print(f"wrcd: warning: {log}: none of its {damage.read} frames is a usable input of this configuration", file=sys.stderr)
+    rejected = ", ".join(f"{n} {reason}" for reason, n in sorted(counts.rejected.items())) or "none"
+    print(
+        f"wrcd: {damage.read} frames read, {counts.accepted} accepted, rejected: {rejected}; {counts.ticks} ticks, "
+        f"{sent} frames made",
+        file=sys.stderr,
+    )
+    return 0
+
+
+def progress(frames: Iterator[tuple[Frame, str]], log: Path) -> Iterator[tuple[Frame, str]]:
+    """The same frames; on a terminal a line a second tells how far the log has come."""
+    if not sys.stderr.isatty():
+        yield from frames
+        return
+    first, shown = None, time.monotonic()
+    for frame, channel in frames:
+        first = frame.stamp_us if first is None else first
+        if time.monotonic() - shown > 1.0:
+            shown = time.monotonic()
+            print(f"\r{log.name}: {(frame.stamp_us - first) * 1e-6:.0f} s of log", end="", file=sys.stderr, flush=True)
+        yield frame, channel
+    print("\r\033[K", end="", file=sys.stderr)
+
+
+class Rows:
+    """The CSV: what the Adhesion frames say, in the words of the DBC's value tables."""
+
+    def __init__(self, file: IO[str], config: Config) -> None:
+        self._writer = csv.writer(file, lineterminator="\n")
+        self._writer.writerow(COLUMNS)
+        found = ((find_message(config.database, a.adhesion), a.number) for a in config.axles)
+        self._messages: dict[int, tuple[Message, int]] = {m.frame_id: (m, number) for m, number in found}
+
+    def write(self, frame: Frame) -> None:
+        """One row for an Adhesion frame, nothing for others."""
+        found = self._messages.get(frame.can_id)
+        if found is None:
+            return
+        message, number = found
+        values: Any = message.decode(frame.data)
+        cells = dict(zip(SIGNALS, (_cell(values.get(s)) for s in SIGNALS), strict=True))
+        self._writer.writerow(
+            (
+                f"{frame.stamp_us // 1_000_000}.{frame.stamp_us % 1_000_000:06d}",
+                number,
+                cells["Validity"],
+                cells["MuAvailable"],
+                cells["MuUsed"],
+                cells["ContactState"],
+                cells["Surface"],
+                cells["Confidence"],
+                cells["SampleAge"],
+            )
+        )
+
+
+def _cell(value: Any) -> str:
+    if value is None:
+        return ""
+    if isinstance(value, NamedSignalValue):
+        # a name beside a number (65535 of a percentage) says that there is none; a class is its name
+        return "" if value.value >= 0xFFFE else str(value.name)
+    return f"{value:.2f}" if isinstance(value, float) else str(value)
+
+
+def _rows(files: contextlib.ExitStack, table: Path | None, to_screen: bool, config: Config) -> Rows | None:
+    if table is not None:
+        return Rows(files.enter_context(table.open("w", encoding="utf-8", newline="")), config)
+    return Rows(sys.stdout if isinstance(sys.stdout, io.TextIOBase) else io.StringIO(), config) if to_screen else None
