@@ -60,14 +60,12 @@ class Health:
 class Core:
     """One bus, all its axles."""
 
-    def __init__(self, config: Config) -> None:
+    def __init__(self, config: Config, estimator: Estimator | None = None) -> None:
         self.config = config
         self.counts = Counts()
         self.health = Health()
-        self.estimator = Estimator(config.design, len(config.axles))
+        self.estimator = estimator or Estimator(config.design, len(config.axles))
         self.receiver = Receiver(config.database, [i.source for i in config.inputs])
-        self.last_tick: Tick | None = None  # for whoever looks on
-        self.last_estimate: Estimate | None = None
         n = len(config.axles)
         self._n = n
         self._period_us = round(config.design.tick_s * 1e6)
@@ -203,10 +201,7 @@ class Core:
                 self._warm[axle] |= self._good_ticks[axle] >= self._window
         if running.any():
             tick = Tick(number, self._z * self._value[DIRECTION], self._present & running, self._torque_ratio(), speed)
-            self.last_tick = tick
             self.estimator.step(tick)
-        else:
-            self.last_tick = None
         self._present[:] = False
 
     def _torque(self) -> np.ndarray:
@@ -230,7 +225,6 @@ class Core:
         out = []
         if adhesion or detail:
             estimate = self.estimator.estimate() if any(self._warm) else None
-            self.last_estimate = estimate
             self.reports = [self._report(axle, end_us, estimate) for axle in range(self._n)]
         if adhesion:
             for w, report in zip(self._adhesion, self.reports, strict=True):

@@ -1,0 +1,97 @@
+"""The sim-ecu command."""
+
+import argparse
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from wrcd.tools.cli import guarded
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Entry point. 0 done, 1 a check failed, 2 bad input."""
+    args = _parser().parse_args(argv)
+    return guarded("sim-ecu", lambda: _COMMANDS[args.command](args))
+
+
+def _parser() -> argparse.ArgumentParser:
+    p = argparse.ArgumentParser(prog="sim-ecu", description="The rig: nonlinear wheelsets on a CAN bus.")
+    commands = p.add_subparsers(dest="command", required=True, metavar="COMMAND")
+
+    commands.add_parser("list", help="the packaged scenarios")
+
+    play = commands.add_parser("play", help="play a scenario onto a bus, or into a log")
+    play.add_argument("scenario", help="name of a packaged scenario, or a .toml file")
+    play.add_argument("-i", "--interface", default="socketcan", help="python-can interface (default: socketcan)")
+    play.add_argument("-c", "--channel", default="vcan0", help="its channel (default: vcan0)")
+    play.add_argument("--log", type=Path, metavar="OUT.log", help="write the frames to a log (the suffix is its format)")
+    play.add_argument("--fast", action="store_true", help="no bus: as fast as it computes, into --log")
+    play.add_argument("--no-truth", action="store_true", help="leave the SimTruth frames out")
+
+    design = commands.add_parser("design", help="make the design file of a wheelset (takes minutes)")
+    design.add_argument("--config", type=Path, metavar="RIG.toml", help="wheelset and plan; default: the packaged ones")
+    design.add_argument("-o", "--output", type=Path, required=True, metavar="DESIGN.json")
+
+    verify = commands.add_parser("verify", help="run the fast and the reference engine over a log and compare them")
+    verify.add_argument("log", type=Path, metavar="LOG")
+    verify.add_argument("--config", type=Path, metavar="FILE", help="the daemon's configuration")
+    verify.add_argument(
+        "--fuzzy-every", type=float, default=0.1, metavar="S", help="compare the fuzzy output so often (default 0.1 s)"
+    )
+
+    demo = commands.add_parser("demo", help="rig and daemon on one bus, the estimate against the truth")
+    demo.add_argument("-i", "--interface", help="default: socketcan on vcan0 where there is one, else virtual")
+    demo.add_argument("-c", "--channel", help="its channel")
+    demo.add_argument("--scenario", default="leaf-patch")
+    demo.add_argument("-o", "--output", type=Path, default=Path("build/demo"), metavar="DIR")
+    return p
+
+
+def _list(_args: argparse.Namespace) -> int:
+    from sim_ecu.play.scenario import load_scenario, packaged
+
+    for name in packaged():
+        s = load_scenario(name)
+        print(f"{name:14} {s.duration_s:4.0f} s, {len(s.axles)} axle{'s' * (len(s.axles) > 1)}: {s.title}")
+    return 0
+
+
+def _play(args: argparse.Namespace) -> int:
+    from sim_ecu.play.play import play_on_bus, play_to_log
+    from sim_ecu.play.scenario import load_scenario
+    from wrcd.errors import InputError
+
+    scenario = load_scenario(args.scenario)
+    if args.fast:
+        if args.log is None:
+            raise InputError("--fast needs --log OUT.log to write to")
+        began = time.monotonic()
+        tally = play_to_log(scenario, args.log, not args.no_truth)
+        ratio = scenario.duration_s / (time.monotonic() - began)
+        print(f"sim-ecu: {args.log}: {tally.frames} frames, {scenario.duration_s:g} s at {ratio:.0f} x real time", file=sys.stderr)
+    else:
+        tally = play_on_bus(scenario, args.interface, args.channel, args.log, not args.no_truth)
+        print(f"sim-ecu: {tally.text()}", file=sys.stderr)
+    return 0
+
+
+def _design(args: argparse.Namespace) -> int:
+    from sim_ecu.design.command import run
+
+    return run(args.config, args.output)
+
+
+def _verify(args: argparse.Namespace) -> int:
+    from sim_ecu.design.verify import run
+
+    return run(args.log, args.config, args.fuzzy_every)
+
+
+def _demo(args: argparse.Namespace) -> int:
+    from sim_ecu.play.demo import run
+
+    return run(args.interface, args.channel, args.scenario, args.output)
+
+
+_COMMANDS = {"list": _list, "play": _play, "design": _design, "verify": _verify, "demo": _demo}

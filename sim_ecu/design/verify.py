@@ -1,0 +1,134 @@
+"""`sim-ecu verify LOG`: both engines over one log, and the largest difference between them."""
+
+import sys
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_ecu.design.reference import Filters, FuzzyReference, LiveFilters, Models, Schedule, SlidingWindow
+from wrcd.bus.log import Damage, read_log
+from wrcd.daemon.config import Config, load_config
+from wrcd.daemon.core import Core
+from wrcd.estimator.design import Design
+from wrcd.estimator.estimator import Estimate, Estimator, Tick
+from wrcd.tools.replay import progress
+
+FloatArray = NDArray[np.float64]
+MOST_INNOVATION = 1e-9  # relative to the largest innovation of the log
+MOST_FUZZY = 0.1
+
+
+@dataclass(slots=True)
+class Findings:
+    """What the comparison came to."""
+
+    ticks: int = 0
+    partial: int = 0  # ticks in which a running axle lacked a channel
+    innovation: float = 0.0  # largest difference
+    largest: float = 0.0  # largest innovation
+    live_square: float = 0.0
+    live_largest: float = 0.0
+    square: float = 0.0
+    fast: list[float] = field(default_factory=list)
+    inputs: list[FloatArray] = field(default_factory=list)
+    fuzzy: float = 0.0
+    silent: int = 0  # only one of the two found no rule
+
+
+class BothEngines(Estimator):
+    """The engine of the train with the reference beside it, fed the same ticks."""
+
+    def __init__(self, design: Design, axles: int, models: Models, fuzzy_every_ticks: int) -> None:
+        super().__init__(design, axles)
+        self.findings = Findings()
+        self._schedule = Schedule(design)
+        self._filters = [Filters() for _ in range(axles)]
+        self._live = [LiveFilters(models) for _ in range(axles)]
+        self._windows = [SlidingWindow(design.window_ticks) for _ in range(axles)]
+        self._every, self._tick, self._compared = fuzzy_every_ticks, 0, -fuzzy_every_ticks
+
+    def reset(self, axle: int) -> None:
+        """Both forget."""
+        super().reset(axle)
+        for part in (self._filters[axle], self._live[axle], self._windows[axle]):
+            part.reset()
+
+    def step(self, tick: Tick) -> FloatArray:
+        """Both step; their innovations are compared."""
+        e = super().step(tick)
+        f = self.findings
+        f.ticks += 1
+        self._tick = tick.number
+        matrices = self._schedule.at(tick.speed_m_s)
+        for a in range(self.axles):
+            present = tick.present[:, a]
+            reference = self._filters[a].step(tick.z[:, a], present, matrices)
+            whitened = np.array([matrices[3][m] @ reference[m] for m in range(4)])
+            ratio = float(tick.torque_ratio[a])
+            self._windows[a].put(tick.number, whitened, bool(present.all()) and np.isfinite(ratio), ratio)
+            if not present.any():
+                continue
+            f.partial += not present.all()
+            live = self._live[a].step(tick.z[:, a], present, tick.speed_m_s)
+            f.innovation = max(f.innovation, float(np.abs(e[:, :, a] - reference).max()))
+            f.largest = max(f.largest, float(np.abs(reference).max()))
+            f.live_largest = max(f.live_largest, float(np.abs(e[:, :, a] - live).max()))
+            f.live_square += float(np.square(e[:, :, a] - live).sum())
+            f.square += float(np.square(live).sum())
+        return e
+
+    def estimate(self) -> Estimate:
+        """The train's estimate; now and then what it was made from is kept for the comparison."""
+        out = super().estimate()
+        if self._tick - self._compared >= self._every:
+            self._compared = self._tick
+            for a in range(self.axles):
+                inputs = self._windows[a].inputs()
+                if inputs is not None:
+                    self.findings.inputs.append(inputs)
+                    self.findings.fast.append(float(out.fuzzy[a]))
+        return out
+
+
+def compare(log: Path, config: Config, fuzzy_every_s: float) -> Findings:
+    """Run both engines over a log."""
+    design = config.design
+    every = max(1, round(fuzzy_every_s / design.tick_s))
+    both = BothEngines(design, len(config.axles), Models(config.design_file), every)
+    core = Core(config, both)
+    for frame, _ in progress(read_log(log, Damage()), log):
+        core.feed(frame)
+    f = both.findings
+    if f.inputs:
+        reference = FuzzyReference(design).outputs(np.array(f.inputs))
+        fast = np.array(f.fast)
+        f.silent = int(np.sum(np.isnan(fast) & np.isfinite(reference) & (reference > 0)))
+        both_speak = np.isfinite(fast) & np.isfinite(reference)
+        f.fuzzy = float(np.abs(fast - reference)[both_speak].max(initial=0.0))
+    return f
+
+
+def run(log: Path, config_file: Path | None, fuzzy_every_s: float) -> int:
+    """Print what was found; 1 if the engines differ by more than they may, 2 if there was nothing to compare."""
+    f = compare(log, load_config(config_file), fuzzy_every_s)
+    if not f.ticks:
+        print(f"sim-ecu: {log}: no tick with all inputs; nothing to compare", file=sys.stderr)
+        return 2
+    relative = f.innovation / f.largest if f.largest else 0.0
+    good = relative <= MOST_INNOVATION and f.fuzzy <= MOST_FUZZY
+    print(f"{f.ticks} ticks ({f.partial} with a channel missing), {len(f.fast)} fuzzy outputs compared")
+    print(
+        f"innovations, fast against filterpy with the design's gains: largest difference {f.innovation:.2e} "
+        f"of {f.largest:.3g} = {relative:.1e} (allowed {MOST_INNOVATION:.0e})"
+    )
+    print(f"fuzzy output, fast against skfuzzy.control: largest difference {f.fuzzy:.2e} of 100 (allowed {MOST_FUZZY})")
+    print(f"  ({f.silent} moments in which too few rules fire for the fast engine to answer)")
+    rms = (f.live_square / f.square) ** 0.5 if f.square else 0.0
+    print(
+        f"innovations, fast against filterpy with live covariances: rms of the difference {100 * rms:.2f} % of the "
+        f"innovations' rms, largest {f.live_largest:.2e} (no bound: what steady-state gains cost)"
+    )
+    print("agree" if good else "DIFFER")
+    return 0 if good else 1

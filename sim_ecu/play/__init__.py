@@ -1,0 +1,1 @@
+"""Scenarios, and playing them onto a bus or into a log."""

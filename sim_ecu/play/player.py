@@ -1,0 +1,60 @@
+"""A scenario becomes frames: simulate, measure, encode."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from sim_ecu.physics.simulation import Axle, Samples, Simulation
+from sim_ecu.physics.track import Track
+from sim_ecu.physics.wheelset import LAT_ACCEL, MU_AVAILABLE, MU_USED, SLIP, TORQUE, YAW_RATE
+from sim_ecu.play.encoder import Encoder, Reading, Sent
+from sim_ecu.play.scenario import AxleScenario, Scenario
+
+SAMPLE_US = 5_000
+CHUNK = 20  # samples simulated at a time
+
+
+class _Sensing:
+    """The sensors of one axle; each channel has its own stream of noise."""
+
+    def __init__(self, a: AxleScenario) -> None:
+        self._a = a
+        self._rngs = [np.random.default_rng([a.seed, 1, k]) for k in range(3)]
+
+    def readings(self, s: Samples, place: int) -> list[Reading]:
+        y = s.outputs[:, place]
+        sensors = self._a.sensors
+        yaw = sensors.yaw_rate.measure(y[:, YAW_RATE], self._rngs[0])
+        lat = sensors.lat_accel.measure(y[:, LAT_ACCEL], self._rngs[1])
+        torque = sensors.torque.measure(y[:, TORQUE], self._rngs[2])
+        rows = zip(yaw, lat, torque, y[:, MU_AVAILABLE], y[:, MU_USED], y[:, SLIP], strict=True)
+        return [
+            Reading(self._a.number, float(g), float(q), float(t), 100 * float(mu), abs(100 * float(used)), float(slip))
+            for g, q, t, mu, used, slip in rows
+        ]
+
+
+class Player:
+    """Iterates over the samples of a scenario: (end of the sample in us, its frames)."""
+
+    def __init__(self, scenario: Scenario, truth: bool = True) -> None:
+        self.scenario = scenario
+        self._axles = scenario.axles
+        start = float(scenario.speed.at(np.zeros(1))[0])
+        tracks = [Axle(a.rail, Track(a.roughness, a.seed), a.position_m) for a in self._axles]
+        self._simulation = Simulation(scenario.wheelset, tracks, start, SAMPLE_US * 1e-6)
+        self._sensing = [_Sensing(a) for a in self._axles]
+        self._speed_rng = np.random.default_rng([self._axles[0].seed, 2])
+        self._encoder = Encoder([a.number for a in self._axles], truth)
+        self.samples = round(scenario.duration_s * 1e6 / SAMPLE_US)
+
+    def __iter__(self) -> Iterator[tuple[int, list[Sent]]]:
+        for first in range(0, self.samples, CHUNK):
+            numbers = np.arange(first + 1, min(first + CHUNK, self.samples) + 1)
+            t = numbers * (SAMPLE_US * 1e-6)
+            s = self._simulation.advance(self.scenario.commands(t), self.scenario.held_speed(t))
+            speed = self._axles[0].sensors.speed.measure(s.speed_m_s, self._speed_rng)
+            per_axle = [sensing.readings(s, place) for place, sensing in enumerate(self._sensing)]
+            for i, number in enumerate(numbers):
+                due_us = int(number) * SAMPLE_US
+                yield due_us, list(self._encoder.frames(due_us, float(speed[i]), [r[i] for r in per_axle]))

@@ -1,0 +1,250 @@
+"""Scenarios as TOML: the rail along the distance, speed, torque or creep, track, sensors, seed, duration."""
+
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_ecu.physics.contact import CURVES, CreepCurve, curve_between
+from sim_ecu.physics.sensors import SENSOR_SETS, SensorSet
+from sim_ecu.physics.track import QUALITY
+from sim_ecu.physics.wheelset import RAIL_COLUMNS, Command, Wheelset
+from wrcd.errors import InputError
+from wrcd.settings import Section, read_toml, suggest
+
+FloatArray = NDArray[np.float64]
+FOLDER = Path(__file__).parent / "scenarios"
+DEMANDS = ("torque_N_m", "utilisation", "creep", "creep_of_peak")
+# A rail changes from one state to the next over this length, about the wheel's own contact and the film's edge.
+BLEND_M = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class Course:
+    """A quantity over time: constant, or linear between the rows of [[t, value], …]; flat outside."""
+
+    times_s: tuple[float, ...]
+    values: tuple[float, ...]
+
+    def at(self, t: FloatArray) -> FloatArray:
+        """Values at times t."""
+        out: FloatArray = np.interp(t, self.times_s, self.values)
+        return out
+
+
+@dataclass(frozen=True, slots=True)
+class Drive:
+    """What the driver and the traction controller want; exactly one demand. Negative values brake."""
+
+    demand: str
+    course: Course
+    limit_of_peak: Course
+
+    def command(self, t: FloatArray) -> dict[str, FloatArray]:
+        """Columns of a Command at times t."""
+        name = "torque" if self.demand == "torque_N_m" else self.demand
+        return {name: self.course.at(t), "limit_of_peak": self.limit_of_peak.at(t)}
+
+
+@dataclass(frozen=True, slots=True)
+class AxleScenario:
+    """One wheelset."""
+
+    number: int
+    rail: FloatArray
+    drive: Drive
+    roughness: float
+    sensors: SensorSet
+    seed: int
+    position_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Scenario:
+    """A played situation. speed is the profile where it is held, else only its first value counts."""
+
+    name: str
+    title: str
+    duration_s: float
+    speed: Course
+    hold_speed: bool
+    wheelset: Wheelset
+    axles: tuple[AxleScenario, ...]
+
+    def commands(self, t: FloatArray) -> Command:
+        """The command of all axles for samples that end at times t."""
+        columns = [a.drive.command(t) for a in self.axles]
+        nothing = np.full(len(t), math.nan)
+        return Command(*(np.column_stack([c.get(f, nothing) for c in columns]) for f in Command._fields))
+
+    def held_speed(self, t: FloatArray) -> FloatArray:
+        """The speed to hold at times t; NaN where the vehicle moves freely."""
+        return self.speed.at(t) if self.hold_speed else np.full(len(t), math.nan)
+
+
+def packaged() -> list[str]:
+    """Names of the scenarios that come along."""
+    return sorted(p.stem for p in FOLDER.glob("*.toml"))
+
+
+def load_scenario(name: str) -> Scenario:
+    """A packaged scenario by its name, or a file by its path. Raises InputError."""
+    path = FOLDER / f"{name}.toml"
+    if not path.exists():
+        path = Path(name)
+        if path.suffix != ".toml":
+            hint = suggest(name, packaged()) or f"packaged: {', '.join(packaged())}; or give a path to a .toml file"
+            raise InputError(f"there is no scenario {name!r}", hint=hint)
+    return read_scenario(read_toml(path), path.stem)
+
+
+def read_scenario(top: Section, name: str) -> Scenario:
+    """Check everything and build the scenario."""
+    wheelset = _wheelset(top.section("wheelset"))
+    numbers = top.raw("axles") if "axles" in top else [1]
+    if not isinstance(numbers, list) or not 1 <= len(numbers) <= 4 or not all(n in (1, 2, 3, 4) for n in numbers):
+        raise top.error(f"takes one to four of the numbers 1 … 4, not {numbers!r}", "axles")
+    if len(set(numbers)) != len(numbers):
+        raise top.error(f"{numbers!r} names an axle twice", "axles")
+    common = _Common(top)
+    seed = top.get("seed", int, 1)
+    overrides = top.section("axle")
+    for key in overrides.keys():
+        if key not in {str(n) for n in numbers}:
+            raise overrides.error(f"axle {key} is not among axles = {numbers}", key)
+    axles = []
+    for number in sorted(numbers):
+        own = overrides.section(str(number))
+        axles.append(_axle(number, own, common, own.get("seed", int, seed * 16 + number)))
+        own.done()
+    scenario = Scenario(
+        name=name,
+        title=top.get("title", str, name),
+        duration_s=top.number("duration_s", 30.0, 0.1, 1e6),
+        speed=_course(top, "speed_m_s", 25.0, 0.0, 100.0),
+        hold_speed=top.get("hold_speed", bool, True),
+        wheelset=wheelset,
+        axles=tuple(axles),
+    )
+    top.done()
+    return scenario
+
+
+def _wheelset(section: Section) -> Wheelset:
+    standard = Wheelset()
+    given: dict[str, Any] = {k: section.number(k, v, 1e-9, 1e15) for k, v in standard.numbers().items()}
+    name = section.get("name", str, standard.name)
+    section.done()
+    return replace(standard, name=name, **given)
+
+
+class _Common:
+    """The settings that an axle may override, as the top level gives them."""
+
+    def __init__(self, top: Section) -> None:
+        self.rail = _rail(top) if "rail" in top else None
+        self.drive = _drive(top) if "drive" in top else None
+        self.roughness = _roughness(top) if "track" in top else QUALITY["good"]
+        self.sensors = _sensors(top) if "sensors" in top else SENSOR_SETS["mems"]
+
+
+def _axle(number: int, own: Section, common: _Common, seed: int) -> AxleScenario:
+    rail = _rail(own) if "rail" in own else common.rail
+    drive = _drive(own) if "drive" in own else common.drive
+    if rail is None or drive is None:
+        missing = "rail" if rail is None else "drive"
+        raise own.error(f"axle {number} has no {missing}", missing, 'write e.g. [[rail]] curve = "A" and [drive] utilisation = 0.3')
+    return AxleScenario(
+        number=number,
+        rail=rail,
+        drive=drive,
+        roughness=_roughness(own) if "track" in own else common.roughness,
+        sensors=_sensors(own) if "sensors" in own else common.sensors,
+        seed=seed,
+        position_m=own.number("position_m", 0.0, -1000.0, 1000.0),
+    )
+
+
+def _rail(section: Section) -> FloatArray:
+    """Sections of rail, each from a distance on, blended into one table over BLEND_M."""
+    rows: list[FloatArray] = []
+    for part in section.sections("rail"):
+        start = part.number("from_m", 0.0, 0.0, 1e7)
+        curve = _curve(part)
+        radius = part.number("radius_m", 0.0, -1e6, 1e6)
+        cant = part.number("cant_rad", 0.0, -0.2, 0.2)
+        part.done()
+        row = np.array([start, *curve.row(), 1 / radius if radius else 0.0, cant])
+        assert len(row) == RAIL_COLUMNS
+        if rows:
+            if start <= rows[-1][0]:
+                raise part.error(f"must grow from section to section, {start:g} does not", "from_m")
+            before = rows[-1].copy()
+            before[0] = start
+            row[0] = start + BLEND_M
+            rows.append(before)
+        rows.append(row)
+    if not rows:
+        raise section.error("needs at least one section", "rail", 'write [[rail]] with curve = "A"')
+    return np.array(rows)
+
+
+def _curve(part: Section) -> CreepCurve:
+    """A letter of the study, or mu_0 for a curve of the family between them, or all five parameters."""
+    if "curve" in part:
+        return CURVES[part.choice("curve", CURVES, "A")]
+    mu_0 = part.number("mu_0", 0.55, 0.005, 1.0)
+    base = curve_between(mu_0)
+    return replace(base, **{k: part.number(k, getattr(base, k), 0.0, 10.0) for k in ("A", "B", "k_A", "k_S")})
+
+
+def _drive(section: Section) -> Drive:
+    d = section.section("drive")
+    given = [k for k in DEMANDS if k in d]
+    if len(given) != 1:
+        raise d.error(f"takes exactly one of {', '.join(DEMANDS)}; found {', '.join(given) or 'none'}")
+    name = given[0]
+    most = {"torque_N_m": 2e5, "utilisation": 3.0, "creep": 1.0, "creep_of_peak": 10.0}[name]
+    drive = Drive(name, _course(d, name, 0.0, -most, most), _course(d, "creep_limit_of_peak", 1.0, 0.05, 20.0))
+    d.done()
+    return drive
+
+
+def _roughness(section: Section) -> float:
+    value = section.raw("track")
+    if isinstance(value, str):
+        return QUALITY[section.choice("track", QUALITY, "good")]
+    return section.number("track", QUALITY["good"], 0.0, 1e-4)
+
+
+def _sensors(section: Section) -> SensorSet:
+    value = section.raw("sensors")
+    if isinstance(value, str):
+        return SENSOR_SETS[section.choice("sensors", SENSOR_SETS, "mems")]
+    s = section.section("sensors")
+    base = SENSOR_SETS[s.choice("kind", SENSOR_SETS, "mems")]
+    out = base.biased(
+        s.number("yaw_rate_bias_rad_s", 0.0, -1.0, 1.0),
+        s.number("lateral_acceleration_bias_m_s2", 0.0, -10.0, 10.0),
+        s.number("torque_bias_N_m", 0.0, -1e5, 1e5),
+    )
+    s.done()
+    return out
+
+
+def _course(section: Section, key: str, default: float, low: float, high: float) -> Course:
+    value = section.raw(key)
+    if not isinstance(value, list):
+        return Course((0.0,), (section.number(key, default, low, high),))
+    try:
+        table = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        table = np.zeros(0)
+    if table.ndim != 2 or table.shape[1] != 2 or not len(table) or np.any(np.diff(table[:, 0]) < 0):
+        raise section.error("takes a number or [[time_s, value], …] with times that do not fall", key)
+    if not np.all((table[:, 1] >= low) & (table[:, 1] <= high)):
+        raise section.error(f"takes values from {low:g} to {high:g}", key)
+    return Course(tuple(table[:, 0].tolist()), tuple(table[:, 1].tolist()))
