@@ -3,17 +3,12 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
 
-import cantools
-from cantools.database.can import Database, Message, Signal
-
+from wrcd.bus.dbc import Database, Message, Signal, data_id, find_message, find_signal
 from wrcd.bus.e2e import COUNTER_MODULO, Checker, protect
 from wrcd.bus.frame import Frame
 from wrcd.bus.reasons import Reason
 from wrcd.bus.units import Quantity, factor
-from wrcd.errors import InputError
 
 VALIDITY_LABELS = ("NotAvailable", "Valid", "Degraded", "Error")
 UNUSABLE = {"error", "notavailable", "not available", "sna", "invalid"}
@@ -38,59 +33,6 @@ class Sample:
     axles: tuple[int, ...]
     value: float
     degraded: bool
-
-
-def load_dbc(path: Path) -> Database:
-    """Read a DBC strictly. Raises InputError with what is wrong with it."""
-    try:
-        database = cantools.database.load_file(path, strict=True)
-    except FileNotFoundError:
-        raise InputError("no such DBC file", file=path, hint="check the path") from None
-    except Exception as e:  # cantools raises its parser's own kinds; all of them mean: this file can't be used
-        raise InputError(f"not a usable DBC: {e}", file=path) from None
-    if not isinstance(database, Database):
-        raise InputError("is a diagnostics database, not a DBC", file=path)
-    return database
-
-
-def attribute(thing: Message | Signal, name: str) -> Any:
-    """The value of a DBC attribute, or None."""
-    found = thing.dbc.attributes.get(name) if thing.dbc is not None else None
-    return None if found is None else found.value
-
-
-def find_message(database: Database, name: str) -> Message:
-    """A message by name. Raises KeyError whose text names it and what is there."""
-    for m in database.messages:
-        if m.name == name:
-            return m
-    raise KeyError(f"the DBC has no message {name!r}")
-
-
-def find_signal(message: Message, name: str) -> Signal:
-    """A signal by name. Raises KeyError likewise."""
-    for s in message.signals:
-        if s.name == name:
-            return s
-    raise KeyError(f"message {message.name} has no signal {name!r}")
-
-
-def timeout_ms(message: Message, signal: Signal) -> int | None:
-    """After how long a signal counts as stale: GenSigTimeoutTime, else three cycles, else None."""
-    stated = attribute(signal, "GenSigTimeoutTime")
-    if stated:
-        return int(stated)
-    return 3 * message.cycle_time if message.cycle_time else None
-
-
-def data_id(message: Message) -> int | None:
-    """The E2E data id if the message is protected. Raises ValueError for a profile that is not known here."""
-    profile = attribute(message, "E2EProfile")
-    if not profile:
-        return None
-    if str(profile) != "P11" or message.length < 2:
-        raise ValueError(f"message {message.name} asks for E2E profile {profile!r}; only P11 is known")
-    return int(attribute(message, "E2EDataId") or 0)
 
 
 class MessageReader:

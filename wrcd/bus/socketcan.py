@@ -14,9 +14,10 @@ _FILTER = struct.Struct("=II")
 # Not all of these have names in the socket module.
 SO_TIMESTAMPNS = 35
 SO_RXQ_OVFL = 40
+CAN_RAW_ERR_FILTER = 2
 CAN_EFF_FLAG, CAN_RTR_FLAG, CAN_ERR_FLAG = 0x80000000, 0x40000000, 0x20000000
 CAN_ERR_BUSOFF, CAN_ERR_RESTARTED = 0x40, 0x100
-RECEIVE_BUFFER = 1 << 20  # bytes; the default holds 278 frames
+RECEIVE_BUFFER = 4 << 20  # bytes, up to net.core.rmem_max; the kernel's default holds 278 frames
 REOPEN_EVERY_US = 250_000
 _GONE = {errno.ENODEV, errno.ENXIO, errno.EBADF}
 
@@ -52,9 +53,8 @@ class SocketCanLink:
             s.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
             s.setsockopt(socket.SOL_SOCKET, SO_RXQ_OVFL, 1)
             s.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
-            if self._ids is not None:
-                s.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FILTER, b"".join(map(_filter, self._ids)))
-            s.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_ERR_FILTER, CAN_ERR_BUSOFF | CAN_ERR_RESTARTED)
+            self._filter(s)
+            s.setsockopt(socket.SOL_CAN_RAW, CAN_RAW_ERR_FILTER, CAN_ERR_BUSOFF | CAN_ERR_RESTARTED)
             s.bind((self._channel,))
         except OSError:
             s.close()
@@ -81,6 +81,16 @@ class SocketCanLink:
             self._down = False
             self._take(data, extra, now_us, frames)
         return frames
+
+    def narrow(self, ids: tuple[int, ...]) -> None:
+        """From now on only these ids."""
+        self._ids = ids
+        if self._socket is not None:
+            self._filter(self._socket)
+
+    def _filter(self, s: socket.socket) -> None:
+        if self._ids is not None:
+            s.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FILTER, b"".join(map(_filter, self._ids)))
 
     def _take(self, data: bytes, extra: list[tuple[int, int, bytes]], now_us: int, frames: list[Frame]) -> None:
         stamp_us = now_us

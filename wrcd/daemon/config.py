@@ -5,19 +5,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
-from cantools.database.can import Database
-
 from wrcd import resources
-from wrcd.bus.codec import (
-    VALIDITY_LABELS,
-    Source,
-    Writer,
-    data_id,
-    find_message,
-    find_signal,
-    load_dbc,
-    timeout_ms,
-)
+from wrcd.bus.codec import VALIDITY_LABELS, Source, Writer
+from wrcd.bus.dbc import Database, data_id, find_message, find_signal, load_dbc, timeout_ms
 from wrcd.bus.units import Quantity, factor
 from wrcd.errors import InputError
 from wrcd.estimator.design import Design, load_design

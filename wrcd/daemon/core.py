@@ -10,7 +10,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from wrcd.bus.codec import Receiver, Sample, Value, Writer, find_message
+from wrcd.bus.codec import Receiver, Sample, Value, Writer
+from wrcd.bus.dbc import find_message
 from wrcd.bus.frame import Frame
 from wrcd.bus.reasons import Reason
 from wrcd.bus.units import Quantity

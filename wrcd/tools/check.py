@@ -1,6 +1,6 @@
 """`wrcd check`: what a configuration would run."""
 
-from wrcd.bus.codec import find_message, find_signal
+from wrcd.bus.dbc import find_message, find_signal
 from wrcd.daemon.config import Config
 
 

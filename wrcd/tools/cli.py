@@ -5,8 +5,12 @@ import os
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from wrcd.errors import InputError
+
+if TYPE_CHECKING:
+    from wrcd.bus.link import Link
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -72,15 +76,32 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _run(args: argparse.Namespace) -> int:
-    from wrcd.bus.link import open_link
-    from wrcd.daemon.config import load_config
-    from wrcd.daemon.core import Core
-    from wrcd.daemon.loop import Daemon
-    from wrcd.daemon.notify import Notifier
+    # Started on SocketCAN by name, the bus is opened before the slow imports, and the kernel keeps what it carries meanwhile:
+    # after a crash the window is full as soon as the program is there.
+    early = None
+    if args.interface == "socketcan" and args.channel:
+        from wrcd.bus.socketcan import SocketCanLink
 
-    config = load_config(args.config)
-    core = Core(config)
-    link = open_link(args.interface or config.interface, args.channel or config.channel, core.receiver.ids)
+        early = SocketCanLink(args.channel, None)
+    link: Link
+    try:
+        from wrcd.bus.link import open_link
+        from wrcd.daemon.config import load_config
+        from wrcd.daemon.core import Core
+        from wrcd.daemon.loop import Daemon
+        from wrcd.daemon.notify import Notifier
+
+        config = load_config(args.config)
+        core = Core(config)
+    except BaseException:
+        if early is not None:
+            early.close()
+        raise
+    if early is not None:
+        early.narrow(core.receiver.ids)
+        link = early
+    else:
+        link = open_link(args.interface or config.interface, args.channel or config.channel, core.receiver.ids)
     print(
         f"wrcd: {link.name}, axles {', '.join(str(a.number) for a in config.axles)}, design {config.design.name} "
         f"{config.design.checksum[:12]}",

@@ -7,9 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from cantools.database.can import Message
-
-from wrcd.bus.codec import load_dbc
+from wrcd.bus.dbc import Message, load_dbc
 from wrcd.bus.frame import Frame
 from wrcd.bus.link import open_link
 from wrcd.bus.log import Damage, format_line, read_log

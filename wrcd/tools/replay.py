@@ -9,10 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import IO, Any
 
-from cantools.database.can import Message
-from cantools.database.namedsignalvalue import NamedSignalValue
-
-from wrcd.bus.codec import find_message
+from wrcd.bus.dbc import Message, find_message
 from wrcd.bus.frame import Frame
 from wrcd.bus.log import Damage, format_line, read_log
 from wrcd.daemon.config import Config, load_config
@@ -105,7 +102,7 @@ class Rows:
 def _cell(value: Any) -> str:
     if value is None:
         return ""
-    if isinstance(value, NamedSignalValue):
+    if hasattr(value, "name"):
         # a name beside a number (65535 of a percentage) says that there is none; a class is its name
         return "" if value.value >= 0xFFFE else str(value.name)
     return f"{value:.2f}" if isinstance(value, float) else str(value)

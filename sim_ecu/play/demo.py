@@ -1,0 +1,199 @@
+"""`sim-ecu demo`: rig and daemon on one bus, and the estimate against the truth as it goes; then a log and a picture."""
+
+import contextlib
+import sys
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import can
+from cantools.database.can import Message
+
+from sim_ecu.play.encoder import databases
+from sim_ecu.play.play import RealTime, open_bus
+from sim_ecu.play.scenario import Scenario, load_scenario
+from wrcd.bus.frame import Frame
+from wrcd.bus.link import open_link
+from wrcd.bus.log import format_line
+from wrcd.daemon.config import load_config
+from wrcd.daemon.core import Core
+from wrcd.daemon.loop import Daemon, wall_us
+
+SHOW_EVERY_S = 0.5
+FULL_SCALE_PCT, WIDTH = 50.0, 50
+HALF_WIDTHS = {
+    "Within1pp": 1.0, "Within2pp": 2.0, "Within3pp": 3.0, "Within5pp": 5.0, "Within8pp": 8.0, "Within12pp": 12.0,
+    "Wider": 20.0,
+}  # fmt: skip
+
+
+@dataclass(slots=True)
+class Trace:
+    """One axle as seen on the bus: rows of (time, decoded frame)."""
+
+    truth: list[tuple[float, dict[str, Any]]] = field(default_factory=list)
+    adhesion: list[tuple[float, dict[str, Any]]] = field(default_factory=list)
+
+
+class Observer:
+    """A third party on the bus: writes the log, and decodes what anyone could decode."""
+
+    def __init__(self, bus: can.BusABC, log: Path, channel: str, numbers: list[int]) -> None:
+        production, rig = databases()
+        self._bus, self._channel = bus, channel
+        self._file = log.open("w", encoding="ascii")
+        self.traces = {n: Trace() for n in numbers}
+        self._rows: dict[int, tuple[Message, list[tuple[float, dict[str, Any]]]]] = {}
+        for n, trace in self.traces.items():
+            for message, rows in (
+                (production.get_message_by_name(f"Adhesion_A{n}"), trace.adhesion),
+                (rig.get_message_by_name(f"SimTruth_A{n}"), trace.truth),
+            ):
+                self._rows[message.frame_id] = (message, rows)
+        self._first: float | None = None
+
+    def drain(self) -> None:
+        """Take all that is on the bus."""
+        while (m := self._bus.recv(0.0)) is not None:
+            self._file.write(
+                format_line(Frame(round(m.timestamp * 1e6), m.arbitration_id, bytes(m.data)), self._channel) + "\n"
+            )
+            self._first = m.timestamp if self._first is None else self._first
+            found = self._rows.get(m.arbitration_id)
+            if found is not None:
+                values: Any = found[0].decode(bytes(m.data))
+                found[1].append((m.timestamp - self._first, values))
+
+    def close(self) -> None:
+        """Finish the log."""
+        self.drain()
+        self._file.close()
+
+
+def run(interface: str | None, channel: str | None, scenario_name: str, folder: Path) -> int:
+    """Play a scenario in real time with the daemon beside it. Returns 1 if no valid estimate was seen."""
+    scenario = load_scenario(scenario_name)
+    folder.mkdir(parents=True, exist_ok=True)
+    log, picture = folder / f"{scenario.name}.log", folder / f"{scenario.name}.png"
+    if interface is None:
+        interface, channel = ("socketcan", channel or "vcan0") if _vcan() else ("virtual", channel or "demo")
+    channel = channel or "vcan0"
+    what = "a real vcan" if interface == "socketcan" else "python-can's virtual bus: this kernel has no vcan0"
+    print(f"{scenario.name}: {scenario.title}\non {interface} {channel} ({what}), {scenario.duration_s:g} s")
+    with contextlib.ExitStack() as cleanup:
+        core = Core(load_config(None))
+        observer_bus = cleanup.enter_context(can.Bus(interface=interface, channel=channel))
+        observer = Observer(observer_bus, log, channel, [a.number for a in scenario.axles])
+        cleanup.callback(observer.close)
+        link = open_link(interface, channel, core.receiver.ids)
+        cleanup.callback(link.close)
+        rig_bus = cleanup.enter_context(open_bus(interface, channel))
+        daemon = Daemon(core, link)
+        rig = RealTime(scenario, rig_bus, None)
+        shown = time.monotonic()
+        while rig.step():
+            daemon.poll()
+            observer.drain()
+            if time.monotonic() - shown >= SHOW_EVERY_S:
+                shown += SHOW_EVERY_S
+                _show(observer.traces)
+        for frame in core.farewell(wall_us()):
+            link.send(frame)
+        observer.drain()
+    print(f"rig: {rig.tally.text()}\ndaemon: {core.counts.accepted} frames accepted, {daemon.sent} sent, {core.health.overruns} overruns")
+    _draw(scenario, observer.traces, picture)
+    print(f"log      {log}\npicture  {picture}")
+    good = _summary(observer.traces)
+    if not good:
+        print("sim-ecu: no valid estimate was seen", file=sys.stderr)
+    return 0 if good else 1
+
+
+def _vcan() -> bool:
+    return Path("/sys/class/net/vcan0").exists()
+
+
+def _show(traces: dict[int, Trace]) -> None:
+    """A line per axle: T is the truth, E the estimate, * both, = what is in use."""
+    for number, trace in traces.items():
+        if not trace.truth or not trace.adhesion:
+            continue
+        t, true = trace.truth[-1]
+        a = trace.adhesion[-1][1]
+        bar = ["·"] * (WIDTH + 1)
+        for i in range(_place(float(true["MuUsed"])) + 1):
+            bar[i] = "="
+        bar[_place(float(true["MuAvailable"]))] = "T"
+        shown = "   –  "
+        if isinstance(a["MuAvailable"], float):
+            at = _place(a["MuAvailable"])
+            bar[at] = "*" if bar[at] == "T" else "E"
+            shown = f"{a['MuAvailable']:5.1f}%"
+        print(
+            f"{t:5.1f} s A{number} |{''.join(bar)}| truth {true['MuAvailable']:5.1f}%  estimate {shown}  {a['Validity']!s:12} "
+            f"{a['ContactState']!s:9} {a['Surface']!s:8} {a['Confidence']}",
+            flush=True,
+        )
+
+
+def _place(pct: float) -> int:
+    return min(max(round(pct / FULL_SCALE_PCT * WIDTH), 0), WIDTH)
+
+
+def _pairs(trace: Trace) -> list[tuple[float, float, float]]:
+    """(time, estimate, truth) of every Valid frame."""
+    out, k = [], 0
+    for t, a in trace.adhesion:
+        while k + 1 < len(trace.truth) and trace.truth[k + 1][0] <= t:
+            k += 1
+        if str(a["Validity"]) == "Valid" and isinstance(a["MuAvailable"], float) and trace.truth:
+            out.append((t, a["MuAvailable"], float(trace.truth[k][1]["MuAvailable"])))
+    return out
+
+
+def _summary(traces: dict[int, Trace]) -> bool:
+    seen = False
+    for number, trace in traces.items():
+        pairs = _pairs(trace)
+        seen |= bool(pairs)
+        if pairs:
+            errors = sorted(abs(e - true) for _, e, true in pairs)
+            print(
+                f"axle {number}: {len(pairs)} valid frames of {len(trace.adhesion)}, error of the estimate: median "
+                f"{errors[len(errors) // 2]:.1f}, mean {sum(errors) / len(errors):.1f} percentage points (changes of rail included)"
+            )
+    return seen
+
+
+def _draw(scenario: Scenario, traces: dict[int, Trace], picture: Path) -> None:
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots(len(traces), 1, figsize=(9, 1.2 + 3.2 * len(traces)), squeeze=False, sharex=True)
+    for (number, trace), ax in zip(traces.items(), axes[:, 0], strict=True):
+        t = [row[0] for row in trace.truth]
+        ax.plot(t, [row[1]["MuAvailable"] for row in trace.truth], color="black", lw=1.5, label="available, truth")
+        ax.fill_between(
+            t, [row[1]["MuUsed"] for row in trace.truth], color="0.85", lw=0, label="in use, truth"
+        )
+        rows = [(s, a) for s, a in trace.adhesion if isinstance(a["MuAvailable"], float)]
+        x = [s for s, _ in rows]
+        mu = [a["MuAvailable"] for _, a in rows]
+        half = [HALF_WIDTHS.get(str(a["Confidence"]), 0.0) for _, a in rows]
+        ax.fill_between(
+            x, [max(m - h, 0) for m, h in zip(mu, half, strict=True)], [m + h for m, h in zip(mu, half, strict=True)],
+            color="tab:blue", alpha=0.2, lw=0, label="interval that Confidence claims",
+        )  # fmt: skip
+        ax.plot(x, mu, color="tab:blue", lw=1.2, label="available, wrcd")
+        ax.set_ylabel(f"axle {number}: adhesion, %")
+        ax.set_ylim(0, 55)
+        ax.grid(alpha=0.3)
+        ax.legend(loc="upper right", fontsize=8, ncols=2)
+    axes[-1, 0].set_xlabel("time, s")
+    figure.suptitle(f"{scenario.name}: {scenario.title}", fontsize=11)
+    figure.tight_layout()
+    figure.savefig(picture, dpi=110)
+    plt.close(figure)
