@@ -25,7 +25,9 @@ def _parser() -> argparse.ArgumentParser:
     play.add_argument("scenario", help="name of a packaged scenario, or a .toml file")
     play.add_argument("-i", "--interface", default="socketcan", help="python-can interface (default: socketcan)")
     play.add_argument("-c", "--channel", default="vcan0", help="its channel (default: vcan0)")
-    play.add_argument("--log", type=Path, metavar="OUT.log", help="write the frames to a log (the suffix is its format)")
+    play.add_argument(
+        "--log", type=Path, metavar="OUT.log", help="write the frames to a log (the suffix is its format)"
+    )
     play.add_argument("--fast", action="store_true", help="no bus: as fast as it computes, into --log")
     play.add_argument("--no-truth", action="store_true", help="leave the SimTruth frames out")
 
@@ -69,7 +71,10 @@ def _play(args: argparse.Namespace) -> int:
         began = time.monotonic()
         tally = play_to_log(scenario, args.log, not args.no_truth)
         ratio = scenario.duration_s / (time.monotonic() - began)
-        print(f"sim-ecu: {args.log}: {tally.frames} frames, {scenario.duration_s:g} s at {ratio:.0f} x real time", file=sys.stderr)
+        print(
+            f"sim-ecu: {args.log}: {tally.frames} frames, {scenario.duration_s:g} s at {ratio:.0f} x real time",
+            file=sys.stderr,
+        )
     else:
         tally = play_on_bus(scenario, args.interface, args.channel, args.log, not args.no_truth)
         print(f"sim-ecu: {tally.text()}", file=sys.stderr)

@@ -88,9 +88,9 @@ class Section:
     def __contains__(self, key: str) -> bool:
         return key in self._data
 
-    def keys(self) -> Iterable[str]:
+    def __iter__(self) -> Iterator[str]:
         """The keys present, in the file's order."""
-        return self._data.keys()
+        return iter(self._data)
 
     def error(self, reason: str, key: str | None = None, hint: str = "") -> InputError:
         """An error at a key of this table, or at the table itself."""

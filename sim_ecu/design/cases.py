@@ -106,7 +106,7 @@ class Features:
 
 @dataclass(frozen=True, slots=True)
 class Recording:
-    """What the sensors of all conditions of one speed said: z (ticks, 2, n), torque (ticks, n), truth in percent (n,)."""
+    """What the sensors said at one speed: z (ticks, 2, n), torque (ticks, n), the truth in percent (n,)."""
 
     speed_m_s: float
     z: FloatArray
@@ -114,7 +114,9 @@ class Recording:
     mu_pct: FloatArray
 
 
-def record(w: Wheelset, plan: Plan, tick_s: float, window_s: float, progress: Progress, jobs: int = 2) -> list[Recording]:
+def record(
+    w: Wheelset, plan: Plan, tick_s: float, window_s: float, progress: Progress, jobs: int = 2
+) -> list[Recording]:
     """Simulate all conditions (the long part: minutes) and add the sensors' noise."""
     groups = draw(plan)
     seconds = plan.settle_s + window_s * (plan.windows + 1) / 2

@@ -28,8 +28,10 @@ class Gains:
     S: FloatArray
 
 
-def steady_state(w: Wheelset, point: Point, speed_m_s: float, tick_s: float, sensor_noise: tuple[float, float]) -> Gains:
-    """Kalman gain of a model at a speed. sensor_noise is the rms per sample of gyro (rad/s) and accelerometer (m/s2)."""
+def steady_state(
+    w: Wheelset, point: Point, speed_m_s: float, tick_s: float, sensor_noise: tuple[float, float]
+) -> Gains:
+    """Kalman gain of a model at a speed. sensor_noise: rms per sample, gyro (rad/s) and accelerometer (m/s2)."""
     g11, g22 = slope_and_secant(w, point.curve, point.creep_of_peak, speed_m_s)
     A, G, H = model(w, g11, g22, speed_m_s)
     Phi, Q = van_loan_discretization(A, G * np.array(point.noise), tick_s)

@@ -34,7 +34,7 @@ POINTS = (
 class Brief:
     """All that goes into a design."""
 
-    wheelset: Wheelset = Wheelset()
+    wheelset: Wheelset = field(default_factory=Wheelset)
     points: tuple[Point, ...] = POINTS
     tick_s: float = 0.005
     window_s: float = 1.0
@@ -82,7 +82,10 @@ def bank(brief: Brief) -> dict[str, Any]:
         },
         "versions": {
             "python": ".".join(map(str, sys.version_info[:2])),
-            **{p: importlib.metadata.version(p) for p in ("wrcd", "numpy", "scipy", "filterpy", "scikit-fuzzy", "numba")},
+            **{
+                p: importlib.metadata.version(p)
+                for p in ("wrcd", "numpy", "scipy", "filterpy", "scikit-fuzzy", "numba")
+            },
         },
         "window_s": brief.window_s,
         "recent_s": brief.recent_s,
@@ -118,7 +121,10 @@ def fuzzy_part(brief: Brief, rules: RuleBase) -> dict[str, Any]:
     ends = np.polyval(polynomial, [mu.max(), mu.min()])
     return {
         "fuzzy": {
-            **{k: {"names": n, "centres": _short(c, 6).tolist()} for k, n, c in zip(keys, names, rules.centres)},
+            **{
+                k: {"names": n, "centres": _short(c, 6).tolist()}
+                for k, n, c in zip(keys, names, rules.centres, strict=True)
+            },
             "rules": rules.rules.tolist(),
             "consequents": rules.consequents.tolist(),
             "spreads": _short(rules.spreads, 3).tolist(),
@@ -178,5 +184,3 @@ def _pretty(node: Any, depth: int) -> str:
         rows = [f"{pad}{json.dumps(k)}: {_pretty(v, depth + 1)}" for k, v in node.items()]
         return "{\n" + ",\n".join(rows) + f"\n{end}}}"
     return "[\n" + ",\n".join(pad + _pretty(v, depth + 1) for v in node) + f"\n{end}]"
-
-

@@ -2,6 +2,7 @@
 with the engine on the train; only the design's numbers are the same."""
 
 import json
+import warnings
 from collections import deque
 from pathlib import Path
 from typing import Any
@@ -175,7 +176,9 @@ class FuzzyReference:
         for row, consequent in zip(design.rules, design.consequents, strict=True):
             every = self._antecedents
             names = [sets.names[k] for sets, k in zip((*design.residual_sets, design.torque_sets), row, strict=True)]
-            term = every[0][names[0]] & every[1][names[1]] & every[2][names[2]] & every[3][names[3]] & every[4][names[4]]
+            term = (
+                every[0][names[0]] & every[1][names[1]] & every[2][names[2]] & every[3][names[3]] & every[4][names[4]]
+            )
             rules.append(control.Rule(term, output[f"{consequent:g}"], and_func=np.multiply))
         # the cache of the simulation returns stale outputs: leave it off
         self._simulation = control.ControlSystemSimulation(control.ControlSystem(rules), cache=False)
@@ -184,7 +187,10 @@ class FuzzyReference:
         """Fuzzy outputs (n,) for inputs (n, 5)."""
         for i in range(inputs.shape[1]):
             self._simulation.input[f"input{i}"] = inputs[:, i].copy()
-        self._simulation.compute()
+        with warnings.catch_warnings():
+            # scikit-fuzzy calls numpy in a way that numpy has deprecated; the result is the same
+            warnings.simplefilter("ignore", DeprecationWarning)
+            self._simulation.compute()
         found = self._simulation.output.get("output")
         out: FloatArray = np.full(len(inputs), np.nan) if found is None else np.asarray(found, dtype=np.float64)
         return out

@@ -86,9 +86,7 @@ def fit(data: Features, torque_sets: int, most_rules: int, ridge: float = 1.0, p
     fuzzy = share @ consequents
     polynomial = fit_polynomial(fuzzy, data.mu_pct, power)
     error = np.abs(np.polyval(polynomial, fuzzy) / data.mu_pct - 1.0)
-    return RuleBase(
-        centres, rules, consequents, _spreads(share, error), W.sum(axis=0), polynomial, fuzzy
-    )
+    return RuleBase(centres, rules, consequents, _spreads(share, error), W.sum(axis=0), polynomial, fuzzy)
 
 
 def fit_polynomial(fuzzy: FloatArray, mu_pct: FloatArray, power: float, degree: int = 6) -> FloatArray:

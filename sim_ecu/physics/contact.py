@@ -59,7 +59,7 @@ CURVES = {
 
 
 def curve_between(mu_0: float) -> CreepCurve:
-    """A curve of the family with friction mu_0: every parameter linear in ln mu_0 between the six; ends extended flat."""
+    """A curve of the family with friction mu_0: every parameter linear in ln mu_0 between the six, flat beyond."""
     table = sorted(CURVES.values(), key=lambda c: c.mu_0)
     x = [math.log(c.mu_0) for c in table]
     at = math.log(mu_0)
@@ -92,9 +92,7 @@ def traction_ratio(
 
 
 @compiled
-def peak(
-    speed_m_s: float, c: Contact, mu_0: float, A: float, B: float, k_A: float, k_S: float
-) -> tuple[float, float]:
+def peak(speed_m_s: float, c: Contact, mu_0: float, A: float, B: float, k_A: float, k_S: float) -> tuple[float, float]:
     """(creep, F/N) at the peak of the creep curve at this speed: what "available adhesion" means here.
 
     Golden-section search over ln(creep) from 1e-4 to 0.6 after a coarse scan; the curves have one peak.

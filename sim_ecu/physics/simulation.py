@@ -20,7 +20,7 @@ from sim_ecu.physics.wheelset import (
 
 @dataclass(frozen=True, slots=True)
 class Axle:
-    """Where an axle runs: its rail table (n, RAIL_COLUMNS), its own lateral irregularity, and its place in the train."""
+    """Where an axle runs: its rail table (n, RAIL_COLUMNS), its lateral irregularity, and its place in the train."""
 
     rail: FloatArray
     track: Track

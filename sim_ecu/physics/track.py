@@ -73,4 +73,5 @@ def irregularity(nodes: NDArray[np.float64], distance_m: float) -> float:
     i = min(max(int(at), 0), nodes.shape[0] - 2)
     t = at - i
     y0, d0, y1, d1 = nodes[i, 0], nodes[i, 1] * SPACING_M, nodes[i + 1, 0], nodes[i + 1, 1] * SPACING_M
-    return y0 + t * (d0 + t * (3 * (y1 - y0) - 2 * d0 - d1 + t * (2 * (y0 - y1) + d0 + d1)))
+    y: float = y0 + t * (d0 + t * (3 * (y1 - y0) - 2 * d0 - d1 + t * (2 * (y0 - y1) + d0 + d1)))
+    return y

@@ -110,8 +110,8 @@ def rail_at(rail: FloatArray, distance_m: float) -> FloatArray:
     if i == n - 1 or distance_m <= rail[0, 0]:
         return rail[i, 1:].copy()
     t = (distance_m - rail[i, 0]) / (rail[i + 1, 0] - rail[i, 0])
-    out = rail[i, 1:] + t * (rail[i + 1, 1:] - rail[i, 1:])
-    return out
+    between: FloatArray = rail[i, 1:] + t * (rail[i + 1, 1:] - rail[i, 1:])
+    return between
 
 
 @compiled
@@ -160,9 +160,7 @@ def train_derivatives(
     for i in range(axles):
         at = distance + offset[i]
         r = rail_at(rails[i], at)
-        force[i], accel[i] = axle_derivatives(
-            state[i], v, irregularity(nodes[i], at), torque[i], r, p, c, d_state[i]
-        )
+        force[i], accel[i] = axle_derivatives(state[i], v, irregularity(nodes[i], at), torque[i], r, p, c, d_state[i])
         pull += force[i]
     d_train[1] = v
     if np.isnan(held_rate):
@@ -186,7 +184,7 @@ class Command(NamedTuple):
 def _drive_torque(
     x: FloatArray, v: float, demand: float, limit: float, integral: float, h: float, p: Constants
 ) -> tuple[float, float]:
-    """Creep controller: the demanded torque unless creep would pass the limit (both signed). Returns torque, integral."""
+    """Creep controller: the demanded torque unless creep would pass the limit (both signed). Torque, integral."""
     u = max(v, ROLLING_START)
     inertia = p.I_R + p.I_L
     slip = (p.I_R * x[W_R] + p.I_L * x[W_L]) / inertia * p.r_0 - v
@@ -249,9 +247,7 @@ def simulate(
         h = sample_s / steps
         for _ in range(steps):
             for i in range(axles):
-                torque[i], integral[i] = _drive_torque(
-                    state[i], train[0], demand[i], limit[i], integral[i], h, p
-                )
+                torque[i], integral[i] = _drive_torque(state[i], train[0], demand[i], limit[i], integral[i], h, p)
             for k in range(4):
                 if k == 0:
                     x, t = state, train

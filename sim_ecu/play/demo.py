@@ -1,4 +1,4 @@
-"""`sim-ecu demo`: rig and daemon on one bus, and the estimate against the truth as it goes; then a log and a picture."""
+"""`sim-ecu demo`: rig and daemon on one bus, the estimate against the truth as it goes; then a log and a picture."""
 
 import contextlib
 import sys
@@ -101,7 +101,10 @@ def run(interface: str | None, channel: str | None, scenario_name: str, folder: 
         for frame in core.farewell(wall_us()):
             link.send(frame)
         observer.drain()
-    print(f"rig: {rig.tally.text()}\ndaemon: {core.counts.accepted} frames accepted, {daemon.sent} sent, {core.health.overruns} overruns")
+    print(
+        f"rig: {rig.tally.text()}\ndaemon: {core.counts.accepted} frames accepted, "
+        f"{daemon.sent} sent, {core.health.overruns} overruns"
+    )
     _draw(scenario, observer.traces, picture)
     print(f"log      {log}\npicture  {picture}")
     good = _summary(observer.traces)
@@ -131,8 +134,8 @@ def _show(traces: dict[int, Trace]) -> None:
             bar[at] = "*" if bar[at] == "T" else "E"
             shown = f"{a['MuAvailable']:5.1f}%"
         print(
-            f"{t:5.1f} s A{number} |{''.join(bar)}| truth {true['MuAvailable']:5.1f}%  estimate {shown}  {a['Validity']!s:12} "
-            f"{a['ContactState']!s:9} {a['Surface']!s:8} {a['Confidence']}",
+            f"{t:5.1f} s A{number} |{''.join(bar)}| truth {true['MuAvailable']:5.1f}%  estimate {shown}  "
+            f"{a['Validity']!s:12} {a['ContactState']!s:9} {a['Surface']!s:8} {a['Confidence']}",
             flush=True,
         )
 
@@ -161,7 +164,8 @@ def _summary(traces: dict[int, Trace]) -> bool:
             errors = sorted(abs(e - true) for _, e, true in pairs)
             print(
                 f"axle {number}: {len(pairs)} valid frames of {len(trace.adhesion)}, error of the estimate: median "
-                f"{errors[len(errors) // 2]:.1f}, mean {sum(errors) / len(errors):.1f} percentage points (changes of rail included)"
+                f"{errors[len(errors) // 2]:.1f}, mean {sum(errors) / len(errors):.1f} percentage points "
+                "(changes of rail included)"
             )
     return seen
 
@@ -176,9 +180,7 @@ def _draw(scenario: Scenario, traces: dict[int, Trace], picture: Path) -> None:
     for (number, trace), ax in zip(traces.items(), axes[:, 0], strict=True):
         t = [row[0] for row in trace.truth]
         ax.plot(t, [row[1]["MuAvailable"] for row in trace.truth], color="black", lw=1.5, label="available, truth")
-        ax.fill_between(
-            t, [row[1]["MuUsed"] for row in trace.truth], color="0.85", lw=0, label="in use, truth"
-        )
+        ax.fill_between(t, [row[1]["MuUsed"] for row in trace.truth], color="0.85", lw=0, label="in use, truth")
         rows = [(s, a) for s, a in trace.adhesion if isinstance(a["MuAvailable"], float)]
         x = [s for s, _ in rows]
         mu = [a["MuAvailable"] for _, a in rows]

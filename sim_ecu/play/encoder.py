@@ -37,9 +37,7 @@ class Channel:
     def encode(self, due_us: int, values: dict[str, float]) -> Sent:
         """The next frame. Values beyond the signal's range are sent as its end, as a converter would."""
         held = {k: min(max(v, self._limits[k][0]), self._limits[k][1]) for k, v in values.items()}
-        data = bytearray(
-            self._message.encode({"Crc": 0, "Counter": self._counter, "Status": 0, **held}, strict=False)
-        )
+        data = bytearray(self._message.encode({"Crc": 0, "Counter": self._counter, "Status": 0, **held}, strict=False))
         e2e.p11.e2e_p11_protect(data, self._data_id, increment_counter=False)
         self._counter = (self._counter + 1) % 15
         return Sent(due_us, self.can_id, bytes(data))
@@ -48,7 +46,8 @@ class Channel:
 def databases() -> tuple[Database, Database]:
     """The production DBC and the rig's own."""
     both = [cantools.database.load_file(p, strict=True) for p in (resources.DBC, TRUTH_DBC)]
-    assert isinstance(both[0], Database) and isinstance(both[1], Database)
+    assert isinstance(both[0], Database)
+    assert isinstance(both[1], Database)
     return both[0], both[1]
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from sim_ecu.physics.simulation import Axle, Samples, Simulation
 from sim_ecu.physics.track import Track
-from sim_ecu.physics.wheelset import LAT_ACCEL, MU_AVAILABLE, MU_USED, SLIP, TORQUE, YAW_RATE
+from sim_ecu.physics.wheelset import LAT_ACCEL, MU_AVAILABLE, MU_USED, SLIP, TORQUE, YAW_RATE, FloatArray
 from sim_ecu.play.encoder import Encoder, Reading, Sent
 from sim_ecu.play.scenario import AxleScenario, Scenario
 
@@ -51,7 +51,7 @@ class Player:
     def __iter__(self) -> Iterator[tuple[int, list[Sent]]]:
         for first in range(0, self.samples, CHUNK):
             numbers = np.arange(first + 1, min(first + CHUNK, self.samples) + 1)
-            t = numbers * (SAMPLE_US * 1e-6)
+            t: FloatArray = numbers.astype(np.float64) * (SAMPLE_US * 1e-6)
             s = self._simulation.advance(self.scenario.commands(t), self.scenario.held_speed(t))
             speed = self._axles[0].sensors.speed.measure(s.speed_m_s, self._speed_rng)
             per_axle = [sensing.readings(s, place) for place, sensing in enumerate(self._sensing)]

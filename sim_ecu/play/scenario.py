@@ -103,7 +103,7 @@ def load_scenario(name: str) -> Scenario:
 
 def read_scenario(top: Section, name: str) -> Scenario:
     """Check everything and build the scenario."""
-    wheelset = _wheelset(top.section("wheelset"))
+    wheelset = read_wheelset(top.section("wheelset"))
     numbers = top.raw("axles") if "axles" in top else [1]
     if not isinstance(numbers, list) or not 1 <= len(numbers) <= 4 or not all(n in (1, 2, 3, 4) for n in numbers):
         raise top.error(f"takes one to four of the numbers 1 … 4, not {numbers!r}", "axles")
@@ -112,7 +112,7 @@ def read_scenario(top: Section, name: str) -> Scenario:
     common = _Common(top)
     seed = top.get("seed", int, 1)
     overrides = top.section("axle")
-    for key in overrides.keys():
+    for key in overrides:
         if key not in {str(n) for n in numbers}:
             raise overrides.error(f"axle {key} is not among axles = {numbers}", key)
     axles = []
@@ -133,7 +133,8 @@ def read_scenario(top: Section, name: str) -> Scenario:
     return scenario
 
 
-def _wheelset(section: Section) -> Wheelset:
+def read_wheelset(section: Section) -> Wheelset:
+    """[wheelset]: what differs from the default one."""
     standard = Wheelset()
     given: dict[str, Any] = {k: section.number(k, v, 1e-9, 1e15) for k, v in standard.numbers().items()}
     name = section.get("name", str, standard.name)
@@ -156,7 +157,9 @@ def _axle(number: int, own: Section, common: _Common, seed: int) -> AxleScenario
     drive = _drive(own) if "drive" in own else common.drive
     if rail is None or drive is None:
         missing = "rail" if rail is None else "drive"
-        raise own.error(f"axle {number} has no {missing}", missing, 'write e.g. [[rail]] curve = "A" and [drive] utilisation = 0.3')
+        raise own.error(
+            f"axle {number} has no {missing}", missing, 'write e.g. [[rail]] curve = "A" and [drive] utilisation = 0.3'
+        )
     return AxleScenario(
         number=number,
         rail=rail,
@@ -198,7 +201,8 @@ def _curve(part: Section) -> CreepCurve:
         return CURVES[part.choice("curve", CURVES, "A")]
     mu_0 = part.number("mu_0", 0.55, 0.005, 1.0)
     base = curve_between(mu_0)
-    return replace(base, **{k: part.number(k, getattr(base, k), 0.0, 10.0) for k in ("A", "B", "k_A", "k_S")})
+    rest: dict[str, Any] = {k: part.number(k, getattr(base, k), 0.0, 10.0) for k in ("A", "B", "k_A", "k_S")}
+    return replace(base, **rest)
 
 
 def _drive(section: Section) -> Drive:

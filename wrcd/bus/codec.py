@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from wrcd.bus.dbc import Database, Message, Signal, data_id, find_message, find_signal
 from wrcd.bus.e2e import COUNTER_MODULO, Checker, protect
@@ -65,16 +66,17 @@ class MessageReader:
             return Reason.LENGTH
         if self._checker is not None and (reason := self._checker.check(frame.data)):
             return reason
-        raw = m.decode(frame.data, decode_choices=False, scaling=False)
-        status = self._status.get(int(raw[STATUS]), "error") if self._status else "ok"  # type: ignore[index,call-overload]
+        raw: Any = m.decode(frame.data, decode_choices=False, scaling=False)
+        status = self._status.get(int(raw[STATUS]), "error") if self._status else "ok"
         if status in UNUSABLE:
             return Reason.STATUS
         samples = []
         for (source, signal), scale in zip(self._sources, self._factors, strict=True):
-            value = raw[signal.name]  # type: ignore[call-overload,index]
+            value = raw[signal.name]
             if signal.choices and value in signal.choices and str(signal.choices[value]).lower() in UNUSABLE:
                 return Reason.STATUS
-            physical = float(signal.conversion.raw_to_scaled(value, decode_choices=False))  # type: ignore[arg-type]
+            scaled: Any = signal.conversion.raw_to_scaled(value, decode_choices=False)
+            physical = float(scaled)
             if not math.isfinite(physical * scale):
                 return Reason.NOT_FINITE
             slack = 0.5 * abs(float(signal.scale))
@@ -97,7 +99,9 @@ class Receiver:
         for name, group in by_message.items():
             message = find_message(database, name)
             if message.is_fd or message.is_multiplexed():
-                raise ValueError(f"message {name} is CAN FD or multiplexed; only plain classical messages can be mapped")
+                raise ValueError(
+                    f"message {name} is CAN FD or multiplexed; only plain classical messages can be mapped"
+                )
             self._readers[message.frame_id] = MessageReader(message, group)
 
     @property

@@ -22,7 +22,7 @@ _CRC = _table()
 
 
 def crc(data: bytes | bytearray, data_id: int) -> int:
-    """CRC over the data id (low byte first) and the frame without its first byte. It starts at zero and ends as it is."""
+    """CRC over the data id (low byte first) and the frame without its first byte. Initial and final value 0."""
     c = _CRC[_CRC[data_id & 0xFF] ^ (data_id >> 8)]
     for byte in memoryview(data)[1:]:
         c = _CRC[c ^ byte]

@@ -5,7 +5,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO
+from typing import IO, cast
 
 from wrcd.bus.frame import Frame
 from wrcd.errors import InputError
@@ -89,13 +89,11 @@ def read_log(path: Path, damage: Damage) -> Iterator[tuple[Frame, str]]:
             raise InputError(f"cannot be read: {e}", file=path) from None
         damage.note(damage.read + damage.bad + 1)
     if not damage.read:
-        raise InputError(
-            "has not one readable frame", file=path, hint="a candump log (candump -l or -L) ends in .log"
-        )
+        raise InputError("has not one readable frame", file=path, hint="a candump log (candump -l or -L) ends in .log")
 
 
 def _open(path: Path) -> IO[bytes]:
-    return gzip.open(path, "rb") if path.suffix == ".gz" else path.open("rb")
+    return cast(IO[bytes], gzip.open(path, "rb")) if path.suffix == ".gz" else path.open("rb")
 
 
 def _read_candump(path: Path, damage: Damage) -> Iterator[tuple[Frame, str]]:

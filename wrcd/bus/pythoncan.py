@@ -58,9 +58,7 @@ class PythonCanLink:
 
     def send(self, frame: Frame) -> bool:
         """Send at once or drop and count."""
-        message = can.Message(
-            arbitration_id=frame.can_id, data=frame.data, is_extended_id=frame.extended, is_rx=False
-        )
+        message = can.Message(arbitration_id=frame.can_id, data=frame.data, is_extended_id=frame.extended, is_rx=False)
         try:
             self._bus.send(message, timeout=0)
         except (can.CanError, OSError):

@@ -142,7 +142,7 @@ class SocketCanLink:
         self._down = False
 
     def send(self, frame: Frame) -> bool:
-        """Send at once or drop and count. The first send after a link was down may fail on a latched error: once more."""
+        """Send at once or drop and count. The first send after a link was down may fail on a latched error: again."""
         word = frame.can_id | (CAN_EFF_FLAG if frame.extended else 0)
         packed = _FRAME.pack(word, len(frame.data), frame.data.ljust(8, b"\0"))
         for _ in range(2):

@@ -103,7 +103,9 @@ def _config(top: Section, folder: Path) -> Config:
     axles, inputs, numbers = [], [], set()
     tables = list(top.sections("axle"))
     if not 1 <= len(tables) <= MOST_AXLES:
-        raise top.error(f"takes 1 to {MOST_AXLES} tables, found {len(tables)}", "axle", "write [[axle]] for each wheelset")
+        raise top.error(
+            f"takes 1 to {MOST_AXLES} tables, found {len(tables)}", "axle", "write [[axle]] for each wheelset"
+        )
     for place, table in enumerate(tables):
         axle = _axle(table, database)
         if axle.number in numbers:
@@ -115,7 +117,9 @@ def _config(top: Section, folder: Path) -> Config:
     inputs += _inputs(vehicle, database, VEHICLE_QUANTITIES, tuple(range(len(axles))))
     constant = limits.maybe("constant_speed_m_s", float)
     if constant is None and Quantity.SPEED not in {i.source.quantity for i in inputs}:
-        raise vehicle.error("is missing", "speed", 'name the signal ("Message.Signal") or give limits.constant_speed_m_s')
+        raise vehicle.error(
+            "is missing", "speed", 'name the signal ("Message.Signal") or give limits.constant_speed_m_s'
+        )
     status = vehicle.maybe("status_message", str)
     if status is None and any(m.name == "WrcdStatus" for m in database.messages):
         status = "WrcdStatus"
@@ -193,7 +197,9 @@ def _inputs(
             factor(signal.unit, q)
             data_id(message)
             if message.is_fd or message.is_multiplexed():
-                raise ValueError(f"message {message_name} is CAN FD or multiplexed; only plain classical ones can be mapped")
+                raise ValueError(
+                    f"message {message_name} is CAN FD or multiplexed; only plain classical ones can be mapped"
+                )
         except KeyError as e:
             raise section.error(str(e.args[0]), q.key, _nearest(database, message_name, signal_name)) from None
         except ValueError as e:
@@ -232,9 +238,11 @@ def _cycle(database: Database, name: str | None, default_ms: int) -> int:
 
 def _same_wheelset(section: Section, design: Design, file: Path) -> None:
     """[wheelset] in the configuration states what the train has; a design for another one is refused."""
-    for key in section.keys():
+    for key in section:
         if key not in design.wheelset:
-            raise section.error("unknown key", key, suggest(key, design.wheelset) or "the keys of the design's wheelset")
+            raise section.error(
+                "unknown key", key, suggest(key, design.wheelset) or "the keys of the design's wheelset"
+            )
         stated = section.raw(key)
         has = design.wheelset[key]
         same = abs(stated - has) <= 1e-6 * abs(has) if _both_numbers(stated, has) else stated == has

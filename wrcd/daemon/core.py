@@ -9,6 +9,7 @@ from collections import Counter
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wrcd.bus.codec import Receiver, Sample, Value, Writer
 from wrcd.bus.dbc import find_message
@@ -78,7 +79,7 @@ class Core:
         self._good_ticks = [0] * n
         self._warm = [False] * n  # whether a full window of good ticks has been seen since it was blank
         self._blank = [True] * n
-        self._stale = np.ones((len(QUANTITIES), n), dtype=bool)
+        self._stale: NDArray[np.bool_] = np.ones((len(QUANTITIES), n), dtype=bool)
         self._value = np.zeros((len(QUANTITIES), n))
         self._stamps = np.full((len(QUANTITIES), n), NEVER, dtype=np.int64)
         self._degraded = np.zeros((len(QUANTITIES), n), dtype=bool)
@@ -185,11 +186,11 @@ class Core:
         """Run the bank on what the tick brought, and judge the inputs at its end."""
         end_us = (number + 1) * self._period_us
         self.counts.ticks += 1
-        age = end_us - self._stamps
-        dead = (self._mapped & (age > self._dead_after)).any(axis=0)
-        self._stale = self._mapped & (age > self._timeout)
+        age: NDArray[np.int64] = end_us - self._stamps
+        dead: NDArray[np.bool_] = np.any(self._mapped & (age > self._dead_after), axis=0)
+        self._stale = np.logical_and(self._mapped, age > self._timeout)
         speed = float(self._value[SPEED, 0])
-        running = ~dead & (speed >= self.config.min_speed_m_s)
+        running: NDArray[np.bool_] = np.logical_and(~dead, speed >= self.config.min_speed_m_s)
         for axle in range(self._n):
             if not running[axle]:
                 self._forget(axle)

@@ -47,7 +47,7 @@ class Daemon:
         self._look_after(now)
 
     def _send(self, out: list[Outgoing]) -> None:
-        """Send what still belongs to its slot. A slot that came too late is skipped and counted, never sent in a burst."""
+        """Send what still belongs to its slot. A slot that is over is skipped and counted, never sent in a burst."""
         for o in out:
             if self._clock() // o.cycle_us > o.frame.stamp_us // o.cycle_us:
                 self.core.health.overruns += 1

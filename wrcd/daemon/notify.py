@@ -26,3 +26,9 @@ class Notifier:
                 self._socket.sendto(state.encode(), self._address)
             except OSError:
                 pass
+
+    def close(self) -> None:
+        """Let go of the socket."""
+        if self._socket is not None:
+            self._socket.close()
+            self._socket = None

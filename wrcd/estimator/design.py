@@ -140,7 +140,9 @@ class _Reader:
             a = np.array(self.at(key), dtype=np.float64)
         except (TypeError, ValueError):
             raise self.error(key, "is not an array of numbers") from None
-        fits = a.ndim == len(shape) and all(n == want or (want == -1 and n > 0) for n, want in zip(a.shape, shape))
+        fits = a.ndim == len(shape) and all(
+            n == want or (want == -1 and n > 0) for n, want in zip(a.shape, shape, strict=True)
+        )
         if not fits or not np.all(np.isfinite(a)):
             raise self.error(key, f"must be finite numbers of shape {shape}, is {a.shape}")
         a.setflags(write=False)

@@ -85,5 +85,3 @@ class Estimator:
             half_width_pp=inference.spread * mu,
             saturated=saturated,
         )
-
-

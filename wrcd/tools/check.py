@@ -29,9 +29,12 @@ def describe(c: Config) -> list[str]:
                 )
         for name, cycle in ((axle.adhesion, c.adhesion_cycle_us), (axle.detail, c.detail_cycle_us)):
             if name:
-                out.append(f"  sends                  -> 0x{find_message(c.database, name).frame_id:03X} {name}, every {cycle / 1000:g} ms")
+                can_id = find_message(c.database, name).frame_id
+                out.append(f"  sends                  -> 0x{can_id:03X} {name}, every {cycle / 1000:g} ms")
     if c.status:
         status = find_message(c.database, c.status)
-        out.append(f"status                   -> 0x{status.frame_id:03X} {c.status}, every {c.status_cycle_us / 1000:g} ms")
+        out.append(
+            f"status                   -> 0x{status.frame_id:03X} {c.status}, every {c.status_cycle_us / 1000:g} ms"
+        )
     out.append("ok")
     return out

@@ -44,7 +44,8 @@ def add_bus(p: argparse.ArgumentParser, what: str = "") -> None:
 
 def _parser() -> argparse.ArgumentParser:
     p = argparse.ArgumentParser(
-        prog="wrcd", description="The wheel-rail condition daemon: adhesion from yaw rate, lateral acceleration, torque."
+        prog="wrcd",
+        description="The wheel-rail condition daemon: adhesion from yaw rate, lateral acceleration, torque.",
     )
     commands = p.add_subparsers(dest="command", required=True, metavar="COMMAND")
     config = argparse.ArgumentParser(add_help=False)
@@ -70,14 +71,17 @@ def _parser() -> argparse.ArgumentParser:
     replay.add_argument("log", type=Path, metavar="LOG", help="candump log, or any that python-can reads")
     replay.add_argument("-o", "--output", type=Path, metavar="OUT.log", help="write the frames sent as a candump log")
     replay.add_argument(
-        "--csv", type=Path, metavar="OUT.csv", help="write one row per Adhesion frame (default, without -o: to the screen)"
+        "--csv",
+        type=Path,
+        metavar="OUT.csv",
+        help="write one row per Adhesion frame (default, without -o: to the screen)",
     )
     return p
 
 
 def _run(args: argparse.Namespace) -> int:
-    # Started on SocketCAN by name, the bus is opened before the slow imports, and the kernel keeps what it carries meanwhile:
-    # after a crash the window is full as soon as the program is there.
+    # Started on SocketCAN by name, the bus is opened before the slow imports, and the kernel keeps what it
+    # carries meanwhile: after a crash the window is full as soon as the program is there.
     early = None
     if args.interface == "socketcan" and args.channel:
         from wrcd.bus.socketcan import SocketCanLink

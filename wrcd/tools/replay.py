@@ -2,7 +2,6 @@
 
 import contextlib
 import csv
-import io
 import sys
 import time
 from collections.abc import Iterator
@@ -42,7 +41,10 @@ def replay(log: Path, config_file: Path | None, output: Path | None, table: Path
         print(f"wrcd: warning: {warning}", file=sys.stderr)
     counts = core.counts
     if not counts.accepted:
-        print(f"wrcd: warning: {log}: none of its {damage.read} frames is a usable input of this configuration", file=sys.stderr)
+        print(
+            f"wrcd: warning: {log}: none of its {damage.read} frames is a usable input of this configuration",
+            file=sys.stderr,
+        )
     rejected = ", ".join(f"{n} {reason}" for reason, n in sorted(counts.rejected.items())) or "none"
     print(
         f"wrcd: {damage.read} frames read, {counts.accepted} accepted, rejected: {rejected}; {counts.ticks} ticks, "
@@ -111,4 +113,4 @@ def _cell(value: Any) -> str:
 def _rows(files: contextlib.ExitStack, table: Path | None, to_screen: bool, config: Config) -> Rows | None:
     if table is not None:
         return Rows(files.enter_context(table.open("w", encoding="utf-8", newline="")), config)
-    return Rows(sys.stdout if isinstance(sys.stdout, io.TextIOBase) else io.StringIO(), config) if to_screen else None
+    return Rows(sys.stdout, config) if to_screen else None

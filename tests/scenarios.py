@@ -1,0 +1,32 @@
+"""Scenarios that several tests use, as TOML."""
+
+
+def held(curve: str, seconds: float = 8.0) -> str:
+    """A curve held at its peak from 1 s on."""
+    return f"""
+duration_s = {seconds}
+rail = [{{ curve = "{curve}" }}]
+drive = {{ creep_of_peak = [[0, 0], [1, 1]] }}
+"""
+
+
+CHANGING_SPEED = """
+duration_s = 8
+speed_m_s = [[0, 10], [8, 32]]
+rail = [{ curve = "B" }]
+drive = { utilisation = [[0, 0], [1, 0.5]] }
+"""
+
+FOUR_AXLES = """
+duration_s = 6
+axles = [1, 2, 3, 4]
+rail = [{ curve = "A" }]
+drive = { creep_of_peak = [[0, 0], [1, 1]] }
+[axle.2]
+rail = [{ curve = "C" }]
+[axle.3]
+rail = [{ curve = "E" }]
+drive = { utilisation = [[0, 0], [1, 0.6]] }
+[axle.4]
+rail = [{ curve = "F" }]
+"""

@@ -1,0 +1,133 @@
+"""A frame is accepted whole or refused with its reason, with the packaged DBC and with a train's own."""
+
+import math
+import struct
+from pathlib import Path
+
+import pytest
+
+from wrcd import resources
+from wrcd.bus.codec import Receiver, Sample, Source, Value, Writer
+from wrcd.bus.dbc import Database, find_message, load_dbc
+from wrcd.bus.e2e import protect
+from wrcd.bus.frame import Frame
+from wrcd.bus.reasons import Reason
+from wrcd.bus.units import Quantity
+
+FOREIGN = """VERSION ""
+NS_ :
+BS_:
+BU_: BCU
+BO_ 2364540158 Bogie1: 8 BCU
+ SG_ Gyro : 0|16@1- (0.01,0) [-200|200] "deg/s" BCU
+ SG_ Side : 16|16@1- (0.001,0) [-20|20] "g" BCU
+ SG_ Tractive : 32|16@1- (0.1,0) [-100|100] "kNm" BCU
+BO_ 800 Drive: 2 BCU
+ SG_ V : 7|16@0+ (0.01,0) [0|300] "km/h" BCU
+VAL_ 800 V 65535 "SNA" ;
+"""
+
+
+@pytest.fixture(scope="module")
+def production() -> Database:
+    return load_dbc(resources.DBC)
+
+
+def yaw_receiver(production: Database) -> Receiver:
+    return Receiver(production, [Source("YawRate_A1", "YawRate", Quantity.YAW_RATE, (0,))])
+
+
+def yaw(raw: int = 1000, status: int = 0, counter: int = 0) -> bytes:
+    return protect(bytes([0, status << 4]) + struct.pack("<i", raw)[:3], 0x101, counter)
+
+
+def test_a_good_frame(production: Database) -> None:
+    got = yaw_receiver(production).read(Frame(0, 0x101, yaw(-1234)))
+    assert got == [Sample(Quantity.YAW_RATE, (0,), -1234 * 1e-6, False)]
+
+
+def test_degraded_is_passed_on(production: Database) -> None:
+    got = yaw_receiver(production).read(Frame(0, 0x101, yaw(status=1)))
+    assert isinstance(got, list)
+    assert got[0].degraded
+
+
+@pytest.mark.parametrize(
+    ("frame", "reason"),
+    [
+        (Frame(0, 0x101, yaw()[:4]), Reason.LENGTH),
+        (Frame(0, 0x101, yaw() + b"\0"), Reason.LENGTH),
+        (Frame(0, 0x101, b""), Reason.LENGTH),
+        (Frame(0, 0x101, yaw(), extended=True), Reason.KIND),
+        (Frame(0, 0x101, yaw(), remote=True), Reason.KIND),
+        (Frame(0, 0x101, yaw(), fd=True), Reason.KIND),
+        (Frame(0, 0x101, bytes([yaw()[0] ^ 1]) + yaw()[1:]), Reason.CRC),
+        (Frame(0, 0x101, yaw(status=14)), Reason.STATUS),
+        (Frame(0, 0x101, yaw(status=15)), Reason.STATUS),
+        (Frame(0, 0x101, yaw(status=7)), Reason.STATUS),
+        (Frame(0, 0x101, yaw(raw=-(1 << 23))), Reason.RANGE),
+    ],
+    ids=lambda x: str(x) if isinstance(x, Reason) else "",
+)
+def test_refusals(production: Database, frame: Frame, reason: Reason) -> None:
+    assert yaw_receiver(production).read(frame) is reason
+
+
+def test_what_is_not_mapped_is_nobodys_business(production: Database) -> None:
+    receiver = yaw_receiver(production)
+    assert receiver.read(Frame(0, 0x102, bytes(5))) is None
+    # an error frame's class looks like an id
+    assert receiver.read(Frame(0, 0x101, bytes(8), error=True)) is None
+
+
+def test_a_trains_own_dbc(tmp_path: Path) -> None:
+    (tmp_path / "own.dbc").write_text(FOREIGN)
+    database = load_dbc(tmp_path / "own.dbc")
+    receiver = Receiver(
+        database,
+        [
+            Source("Bogie1", "Gyro", Quantity.YAW_RATE, (0,)),
+            Source("Bogie1", "Side", Quantity.LAT_ACCEL, (0,)),
+            Source("Bogie1", "Tractive", Quantity.TORQUE, (0,)),
+            Source("Drive", "V", Quantity.SPEED, (0, 1)),
+        ],
+    )
+    bogie = find_message(database, "Bogie1").frame_id
+    got = receiver.read(Frame(0, bogie, struct.pack("<hhhh", 150, -100, 55, 0), extended=True))
+    assert isinstance(got, list)
+    assert [s.value for s in got] == pytest.approx([math.radians(1.5), -0.980665, 5500.0])
+    speed = receiver.read(Frame(0, 800, struct.pack(">H", 9000)))
+    assert isinstance(speed, list)
+    assert speed[0].value == pytest.approx(25.0)
+    assert speed[0].axles == (0, 1)
+    # one signal out of range refuses the whole frame, and a value named "not available" is none
+    assert receiver.read(Frame(0, bogie, struct.pack("<hhhh", 150, -100, 2000, 0), extended=True)) is Reason.RANGE
+    assert receiver.read(Frame(0, 800, b"\xff\xff")) is Reason.STATUS
+
+
+def test_the_adhesion_frame(production: Database) -> None:
+    message = find_message(production, "Adhesion_A1")
+    values: dict[str, Value] = {
+        "Validity": "Valid", "MuAvailable": 38.394, "MuUsed": None, "SampleAge": 9.0, "Surface": "Dry",
+        "ContactState": "Saturated", "Confidence": "Within2pp",
+    }  # fmt: skip
+    frame = Writer(message, ()).frame(123, 17, values)
+    decoded = message.decode(frame.data)
+    assert isinstance(decoded, dict)
+    assert (frame.can_id, frame.stamp_us, decoded["Counter"]) == (0x091, 123, 2)
+    assert protect(frame.data, 0x091, 2) == frame.data
+    assert decoded["MuAvailable"] == pytest.approx(38.39)
+    assert str(decoded["MuUsed"]) == "NotAvailable"
+    assert {k: str(decoded[k]) for k in ("Validity", "Surface", "ContactState", "Confidence")} == {
+        "Validity": "Valid",
+        "Surface": "Dry",
+        "ContactState": "Saturated",
+        "Confidence": "Within2pp",
+    }
+
+
+@pytest.mark.parametrize(("value", "raw"), [(-1.0, 0), (1e9, 10_000), (math.nan, 0xFFFF), (math.inf, 0xFFFF)])
+def test_values_beyond_the_field_never_wrap(production: Database, value: float, raw: int) -> None:
+    message = find_message(production, "Adhesion_A1")
+    frame = Writer(message, ()).frame(0, 0, {"MuAvailable": value})
+    assert struct.unpack_from("<H", frame.data, 2)[0] == raw

@@ -1,0 +1,139 @@
+"""Bad input gets one clear message: file, line, key, reason, what to do."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from wrcd import resources
+from wrcd.bus.units import Quantity
+from wrcd.daemon.config import load_config
+from wrcd.errors import InputError
+from wrcd.estimator.design import checksum, load_design
+from wrcd.tools.check import describe
+
+AXLE = """
+[[axle]]
+number = 1
+yaw_rate = "YawRate_A1.YawRate"
+lateral_acceleration = "LatAccel_A1.LatAccel"
+torque = "Torque_A1.Torque"
+"""
+VEHICLE = '[vehicle]\nspeed = "VehicleSpeed.Speed"\n'
+
+
+def config(tmp_path: Path, text: str) -> Path:
+    path = tmp_path / "wrcd.toml"
+    path.write_text(text)
+    return path
+
+
+def test_the_default_maps_four_axles() -> None:
+    c = load_config(None)
+    assert [a.number for a in c.axles] == [1, 2, 3, 4]
+    assert len(c.inputs) == 13
+    assert {i.source.quantity: i.timeout_us for i in c.inputs} == {
+        Quantity.YAW_RATE: 15_000,
+        Quantity.LAT_ACCEL: 15_000,
+        Quantity.TORQUE: 30_000,
+        Quantity.SPEED: 60_000,
+    }
+    assert (c.adhesion_cycle_us, c.detail_cycle_us, c.status_cycle_us) == (20_000, 100_000, 1_000_000)
+
+
+def test_a_small_configuration(tmp_path: Path) -> None:
+    text = f'[bus]\nchannel = "vcan7"\n{VEHICLE}{AXLE}[limits]\nmin_speed_m_s = 4\n'
+    c = load_config(config(tmp_path, text))
+    assert (c.channel, c.min_speed_m_s, len(c.axles)) == ("vcan7", 4.0, 1)
+    lines = describe(c)
+    assert lines[-1] == "ok"
+    assert any("Torque_A1.Torque (N·m), stale after 30 ms" in line for line in lines)
+
+
+BAD = {
+    "unknown key": (f"{VEHICLE}{AXLE}yaw_rat = 1\n", 9, "did you mean 'yaw_rate'?"),
+    "unknown table": (f"{VEHICLE}{AXLE}[buss]\n", 9, "did you mean 'bus'?"),
+    "not TOML": (f"{VEHICLE}{AXLE}= 3\n", 9, "not valid TOML"),
+    "no speed": (AXLE, None, "vehicle.speed: is missing"),
+    "no axle": (VEHICLE, None, "1 to 4 tables"),
+    "five axles": (VEHICLE + AXLE * 5, 4, "1 to 4 tables"),
+    "twice the same axle": (VEHICLE + AXLE * 2, 11, "there twice"),
+    "axle nine": (VEHICLE + AXLE.replace("number = 1", "number = 9"), 5, "takes 1 … 4"),
+    "no such message": (VEHICLE + AXLE.replace("Torque_A1.T", "Torqe_A1.T"), 8, "did you mean 'Torque_A1.Torque'?"),
+    "no such signal": (VEHICLE + AXLE.replace("A1.YawRate", "A1.Yaw"), 6, "no signal 'Yaw'"),
+    "no dot": (VEHICLE + AXLE.replace("Torque_A1.Torque", "Torque"), 8, "Message.Signal"),
+    "unit": (VEHICLE + AXLE.replace("Torque_A1.Torque", "YawRate_A1.YawRate"), 8, "cannot be converted to N m"),
+    "wrong type": (f'{VEHICLE}{AXLE}[limits]\nmin_speed_m_s = "slow"\n', 10, "takes a number"),
+    "out of range": (f"{VEHICLE}{AXLE}[limits]\nmin_speed_m_s = -1\n", 10, "from 0.1 to 60"),
+    "no such DBC": (f'{VEHICLE}{AXLE}[dbc]\nfile = "none.dbc"\n', 10, "no such DBC file"),
+    "no such design": (f'{VEHICLE}{AXLE}[estimator]\ndesign = "none.json"\n', 10, "no such design file"),
+    "no such adhesion message": (f'{VEHICLE}{AXLE}adhesion = "Adhesion_A5"\n', 9, "did you mean 'Adhesion_A"),
+    "adhesion message without validity": (f'{VEHICLE}{AXLE}adhesion = "Torque_A1"\n', 9, "no signal 'Validity'"),
+    "another wheelset": (f"{VEHICLE}{AXLE}[wheelset]\nm_w = 1600.0\n", 10, "is for a wheelset with 1250.0"),
+    "unknown wheelset key": (f"{VEHICLE}{AXLE}[wheelset]\nmass = 1600.0\n", 10, "unknown key"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_input(tmp_path: Path, case: str) -> None:
+    text, line, message = BAD[case]
+    path = config(tmp_path, text)
+    with pytest.raises(InputError) as error:
+        load_config(path)
+    assert message in str(error.value)
+    assert str(error.value).startswith(f"{path}:{line}: " if line else f"{path}: ")
+
+
+def test_a_missing_file(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no such file"):
+        load_config(tmp_path / "none.toml")
+
+
+def test_a_broken_dbc(tmp_path: Path) -> None:
+    (tmp_path / "own.dbc").write_text("BO_ rubbish")
+    with pytest.raises(InputError, match="not a usable DBC"):
+        load_config(config(tmp_path, f'{VEHICLE}{AXLE}[dbc]\nfile = "own.dbc"\n'))
+
+
+def test_a_changed_design_is_refused(tmp_path: Path) -> None:
+    document = json.loads(resources.DESIGN.read_text())
+    document["fuzzy"]["consequents"][0] += 5.0
+    path = tmp_path / "design.json"
+    path.write_text(json.dumps(document))
+    with pytest.raises(InputError, match="checksum: does not match the contents"):
+        load_design(path)
+
+
+DAMAGE = {
+    "bank.Phi": lambda d: d["bank"].pop("Phi"),
+    "bank.K": lambda d: d["bank"]["K"].pop(),
+    "bank.H": lambda d: d["bank"]["H"][0][0][0].append(1.0),
+    "bank.speeds_m_s": lambda d: d["bank"]["speeds_m_s"].reverse(),
+    "bank.tick_s": lambda d: d["bank"].update(tick_s=0),
+    "fuzzy.rules": lambda d: d["fuzzy"]["rules"][0].__setitem__(0, 9),
+    "fuzzy.consequents": lambda d: d["fuzzy"]["consequents"].__setitem__(0, 101),
+    "fuzzy.torque": lambda d: d["fuzzy"]["torque"]["names"].pop(),
+    "polynomial": lambda d: d.update(polynomial=["x"]),
+    "format": lambda d: d.update(format="other"),
+}
+
+
+@pytest.mark.parametrize("key", DAMAGE)
+def test_a_wrong_design_is_refused_even_with_its_own_checksum(tmp_path: Path, key: str) -> None:
+    document = json.loads(resources.DESIGN.read_text())
+    DAMAGE[key](document)
+    document["checksum"] = checksum(document)
+    path = tmp_path / "design.json"
+    path.write_text(json.dumps(document))
+    with pytest.raises(InputError) as error:
+        load_design(path)
+    assert str(path) in str(error.value)
+    assert key in str(error.value)
+
+
+@pytest.mark.parametrize("content", ["", "[]", "3", "{", '{"format": "wrcd-design/1"}', "\x00"])
+def test_rubbish_is_no_design(tmp_path: Path, content: str) -> None:
+    path = tmp_path / "design.json"
+    path.write_text(content)
+    with pytest.raises(InputError):
+        load_design(path)

@@ -1,0 +1,250 @@
+"""States and time, as the contract says, on a virtual clock."""
+
+import struct
+from collections.abc import Iterable
+from typing import Any
+
+import pytest
+
+from wrcd.bus.dbc import find_message
+from wrcd.bus.e2e import protect
+from wrcd.bus.frame import Frame
+from wrcd.daemon.config import Config, load_config
+from wrcd.daemon.core import Core, Outgoing
+
+START = 1_700_000_000_000_000
+MS = 1000
+
+
+@pytest.fixture(scope="module")
+def config() -> Config:
+    return load_config(None)
+
+
+class Rig:
+    """Feeds one axle with steady frames, 1 ms after the tick's beginning, and collects what the core sends."""
+
+    def __init__(self, config: Config) -> None:
+        self.core = Core(config)
+        self.config = config
+        self.t = START
+        self.counter = 0
+        self.silent: set[int] = set()
+        self.speed = 25.0
+        self.torque = 10_000.0
+        self.yaw_status = 0
+        self.out: list[Outgoing] = []
+
+    def frame(self, can_id: int, payload: bytes, status: int = 0) -> Frame:
+        data = protect(bytes([0, status << 4]) + payload, can_id, self.counter % 15)
+        return Frame(self.t + 1000, can_id, data)
+
+    def run(self, ms: int) -> list[dict[str, Any]]:
+        """Plays so many milliseconds; returns the decoded Adhesion_A1 frames of that time."""
+        first = len(self.out)
+        for _ in range(ms // 5):
+            for frame in self.frames():
+                self.out += self.core.feed(frame)
+            self.out += self.core.advance(self.t)
+        return self.adhesion(self.out[first:])
+
+    def frames(self) -> list[Frame]:
+        """The frames of one tick that are not silent; time moves on by the tick."""
+        wiggle = (self.counter * 37 % 11) - 5
+        every = [
+            self.frame(0x101, struct.pack("<i", 300 * wiggle)[:3], self.yaw_status),
+            self.frame(0x111, struct.pack("<i", 2000 * wiggle)[:3]),
+            self.frame(0x121, struct.pack("<i", round(self.torque * 100))[:3]),
+            self.frame(0x130, struct.pack("<H", round(self.speed / 0.0025))),
+        ]
+        self.counter += 1
+        self.t += 5000
+        return [f for f in every if f.can_id not in self.silent]
+
+    def adhesion(self, out: Iterable[Outgoing], axle: int = 1) -> list[dict[str, Any]]:
+        message = find_message(self.config.database, f"Adhesion_A{axle}")
+        decoded: list[Any] = [
+            {k: str(v) if hasattr(v, "name") else v for k, v in dict(message.decode(o.frame.data)).items()}
+            for o in out
+            if o.frame.can_id == message.frame_id
+        ]
+        return decoded
+
+
+@pytest.fixture
+def rig(config: Config) -> Rig:
+    return Rig(config)
+
+
+def validities(frames: list[dict[str, Any]]) -> list[str]:
+    """Runs of equal validity."""
+    out: list[str] = []
+    for f in frames:
+        if not out or out[-1] != f["Validity"]:
+            out.append(f["Validity"])
+    return out
+
+
+def test_valid_after_one_full_window(rig: Rig) -> None:
+    frames = rig.run(1500)
+    first = next(i for i, f in enumerate(frames) if f["Validity"] == "Valid")
+    assert (first + 1) * 20 == 1000
+    assert validities(frames) == ["NotAvailable", "Valid"]
+    assert all(f["MuAvailable"] == "NotAvailable" and f["Confidence"] == "None" for f in frames[:first])
+    assert all(isinstance(f["MuAvailable"], float) for f in frames[first:])
+    assert all(f["MuAvailable"] >= f["MuUsed"] - 0.011 for f in frames[first:])
+    # in use is known from the first torque on: |T| / (2 N r0)
+    assert frames[2]["MuUsed"] == pytest.approx(100 * 10_000 / (2 * 73549.875 * 0.5), abs=0.006)
+
+
+def test_an_axle_without_frames_is_not_available_at_its_cycle(rig: Rig) -> None:
+    rig.run(2000)
+    others = [f for a in (2, 3, 4) for f in rig.adhesion(rig.out, a)]
+    assert len(others) == 300
+    assert {f["Validity"] for f in others} == {"NotAvailable"}
+    assert {f["SampleAge"] for f in others} == {255}
+
+
+def test_cycles_slots_and_counters(rig: Rig) -> None:
+    rig.run(3000)
+    by_id: dict[int, list[Frame]] = {}
+    for o in rig.out:
+        by_id.setdefault(o.frame.can_id, []).append(o.frame)
+    assert {i: len(f) for i, f in by_id.items()} == (
+        {0x090 + a: 150 for a in range(1, 5)} | {0x0A0 + a: 30 for a in range(1, 5)} | {0x0B0: 3}
+    )
+    for can_id, cycle in ((0x091, 20 * MS), (0x0A1, 100 * MS), (0x0B0, 1000 * MS)):
+        for f in by_id[can_id]:
+            assert f.data[1] & 0x0F == f.stamp_us // cycle % 15
+            assert f == Frame(f.stamp_us, can_id, protect(f.data, can_id, f.data[1] & 0x0F))
+
+
+@pytest.mark.parametrize("missing", [0x101, 0x111, 0x121, 0x130])
+def test_a_silent_input_degrades_then_ends_the_estimate(rig: Rig, missing: int) -> None:
+    rig.run(2000)
+    rig.silent = {missing}
+    frames = rig.run(300)
+    assert [v for v in validities(frames) if v != "Valid"] == ["Degraded", "NotAvailable"]
+    timeout = {0x101: 15, 0x111: 15, 0x121: 30, 0x130: 60}[missing]
+    degraded = next(i for i, f in enumerate(frames) if f["Validity"] == "Degraded")
+    gone = next(i for i, f in enumerate(frames) if f["Validity"] == "NotAvailable")
+    # never Valid longer than the time-out and one cycle after the last frame, 4 ms before the silence began
+    assert degraded * 20 <= timeout + 20
+    assert 100 - 4 <= (gone + 1) * 20 <= 100 + 20
+    rig.silent = set()
+    frames = rig.run(2000)
+    assert validities(frames) == ["NotAvailable", "Valid"]
+    back = next(i for i, f in enumerate(frames) if f["Validity"] == "Valid")
+    assert 1000 <= (back + 1) * 20 <= 1040
+
+
+def test_a_short_gap_degrades_for_a_window(rig: Rig) -> None:
+    rig.run(2000)
+    rig.silent = {0x101}
+    rig.run(40)
+    rig.silent = set()
+    frames = rig.run(2000)
+    assert validities(frames) == ["Degraded", "Valid"]
+    assert isinstance(frames[0]["MuAvailable"], float)
+
+
+def test_one_lost_frame_changes_nothing(rig: Rig) -> None:
+    rig.run(2000)
+    rig.silent = {0x111}
+    rig.run(5)
+    rig.silent = set()
+    assert validities(rig.run(500)) == ["Valid"]
+
+
+def test_standstill_is_not_available_and_no_fault(rig: Rig) -> None:
+    rig.run(1500)
+    rig.speed = 2.0
+    assert validities(rig.run(1000))[-1] == "NotAvailable"
+    rig.speed = 25.0
+    assert validities(rig.run(2000)) == ["NotAvailable", "Valid"]
+
+
+def test_speed_beyond_the_design_is_degraded(rig: Rig) -> None:
+    rig.run(1500)
+    rig.speed = 61.0
+    assert validities(rig.run(200))[-1] == "Degraded"
+
+
+def test_a_degraded_sensor_degrades(rig: Rig) -> None:
+    rig.run(1500)
+    rig.yaw_status = 1
+    assert validities(rig.run(200))[-1] == "Degraded"
+    rig.yaw_status = 14
+    assert validities(rig.run(300))[-1] == "NotAvailable"
+    assert sum(rig.core.counts.rejected.values()) == 60
+
+
+@pytest.mark.parametrize("step_ms", [-3_600_000, -50, 2_000, 3_600_000, 86_400_000])
+def test_a_step_of_the_clock_starts_anew(rig: Rig, step_ms: int) -> None:
+    rig.run(2000)
+    rig.t += step_ms * MS
+    before = len(rig.out)
+    frames = rig.run(2000)
+    # a replay fills a short silence as the daemon would have, Degraded at first; Valid only after a full window
+    assert validities(frames)[-2:] == ["NotAvailable", "Valid"]
+    assert "Valid" not in validities(frames)[:-1]
+    # no burst of slots, however far the step
+    assert len(frames) <= 102 + max(0, min(step_ms, 60_000)) // 20
+    assert len(rig.out) - before < 20_000
+    assert rig.core.counts.time_steps >= 1
+
+
+def test_frames_a_little_out_of_order_are_used(rig: Rig) -> None:
+    rig.run(1500)
+    late = rig.frame(0x121, struct.pack("<i", 100)[:3])
+    rig.core.feed(Frame(rig.t - 3000, 0x121, late.data))
+    assert rig.core.counts.time_steps == 0
+    assert rig.core.counts.late == 1
+    assert validities(rig.run(200)) == ["Valid"]
+
+
+def test_every_mapped_frame_is_accepted_or_counted(rig: Rig) -> None:
+    rig.run(100)
+    good = rig.core.counts.accepted
+    for data in (bytes(5), bytes(4), b"\xff" * 5):
+        rig.core.feed(Frame(rig.t, 0x101, data))
+    rig.core.feed(Frame(rig.t, 0x7A1, bytes(8)))
+    rig.core.feed(Frame(rig.t, 0x091, bytes(8)))
+    assert rig.core.counts.accepted == good
+    assert sum(rig.core.counts.rejected.values()) == 3
+
+
+def test_the_details_explain(rig: Rig) -> None:
+    rig.run(1500)
+    rig.silent = {0x121}
+    rig.run(60)
+    message = find_message(rig.config.database, "AdhesionDetail_A1")
+    rows: list[Any] = [message.decode(o.frame.data) for o in rig.out if o.frame.can_id == message.frame_id]
+    assert str(rows[0]["Residual1"]) == "NotAvailable"
+    assert str(rows[-1]["WinningModel"]).startswith("Model")
+    assert 1 <= rows[-1]["DominantRule"] <= len(rig.config.design.rules)
+    assert all(-40 <= rows[-1][f"Residual{m}"] <= 62 for m in range(1, 5))
+    assert str(rows[-2]["StaleTorque"]) == "Fresh"
+    rig.run(100)
+    rows = [message.decode(o.frame.data) for o in rig.out if o.frame.can_id == message.frame_id]
+    assert str(rows[-1]["StaleTorque"]) == "Stale"
+    assert str(rows[-1]["StaleYawRate"]) == "Fresh"
+
+
+def test_the_status_tells_the_design(rig: Rig) -> None:
+    rig.core.feed(Frame(rig.t, 0x101, bytes(5)))
+    rig.run(1500)
+    message = find_message(rig.config.database, "WrcdStatus")
+    rows: list[Any] = [message.decode(o.frame.data) for o in rig.out if o.frame.can_id == message.frame_id]
+    assert rows[-1]["DesignChecksum"] == int(rig.config.design.checksum[:4], 16)
+    assert rows[-1]["RejectedFrames"] == 1
+    assert str(rows[-1]["State"]) == "Running"
+
+
+def test_the_last_frames_say_not_available(rig: Rig) -> None:
+    rig.run(1500)
+    last = rig.core.farewell(rig.t)
+    message = find_message(rig.config.database, "Adhesion_A1")
+    decoded: Any = message.decode(last[0].data)
+    assert str(decoded["Validity"]) == "NotAvailable"
+    assert len(last) == 5

@@ -1,0 +1,117 @@
+import gzip
+import itertools
+from pathlib import Path
+
+import can
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from wrcd.bus.frame import Frame
+from wrcd.bus.log import Damage, format_line, parse_line, read_log
+from wrcd.errors import InputError
+
+GOOD = [
+    "(1700000000.000001) can0 091#0011223344556677",
+    "(1700000000.010000) can0 12345678#",
+    "(1700000000.020000) vcan1 101#R",
+]
+frames = st.builds(
+    lambda stamp, extended, number, data: Frame(stamp, number if extended else number & 0x7FF, data, extended=extended),
+    st.integers(0, 10_000_000_000_000_000),
+    st.booleans(),
+    st.integers(0, 0x1FFFFFFF),
+    st.binary(max_size=8),
+)
+
+
+def read(path: Path) -> tuple[list[Frame], Damage]:
+    damage = Damage()
+    return [f for f, _ in read_log(path, damage)], damage
+
+
+@given(frames)
+def test_what_is_written_is_read(frame: Frame) -> None:
+    assert parse_line(format_line(frame, "can0").encode()) == (frame, "can0")
+
+
+@given(st.binary(max_size=80))
+def test_any_bytes_are_a_frame_or_nothing(line: bytes) -> None:
+    found = parse_line(line)
+    assert found is None or len(found[0].data) <= 64
+
+
+def test_kinds_of_lines() -> None:
+    fd = parse_line(b"(1700000000.000001) can0 091##100112233445566778899AABB")
+    assert fd is not None
+    assert fd[0].fd
+    error = parse_line(b"(1700000000.000001) can0 20000040#0000000000000000")
+    assert error is not None
+    assert error[0].error
+    assert error[0].can_id == 0x40
+    with_direction = parse_line(b"(1700000000.000001) can0 091#00 T")
+    assert with_direction is not None
+    assert with_direction[0].data == b"\0"
+
+
+def test_a_cut_log_is_read_up_to_the_cut(tmp_path: Path) -> None:
+    log = tmp_path / "cut.log"
+    log.write_text("\n".join(GOOD) + "\n(1700000000.030000) can0 091#0011")
+    found, damage = read(log)
+    assert len(found) == 3
+    assert damage.cut_line == 4
+    assert damage.warnings(log) == [f"{log}:4: cut off in mid-line; processed up to there"]
+
+
+def test_damaged_lines_are_counted_and_named(tmp_path: Path) -> None:
+    log = tmp_path / "bad.log"
+    log.write_text("\n".join([GOOD[0], "rubbish", GOOD[1], "(17000) can0 091#00", "", GOOD[2]]) + "\n")
+    found, damage = read(log)
+    assert len(found) == 3
+    assert damage.bad == 2
+    assert "2 damaged lines left out (line 2, 4)" in damage.warnings(log)[0]
+
+
+@pytest.mark.parametrize("content", [b"", b"\n\n", b"\x00\xff" * 50, b"not a log\n"])
+def test_a_log_without_a_frame_is_an_error(tmp_path: Path, content: bytes) -> None:
+    log = tmp_path / "empty.log"
+    log.write_bytes(content)
+    with pytest.raises(InputError, match="not one readable frame"):
+        read(log)
+
+
+def test_a_missing_log(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no such log"):
+        read(tmp_path / "nowhere.log")
+    with pytest.raises(InputError, match="no such log"):
+        read(tmp_path / "nowhere.asc")
+
+
+def test_compressed(tmp_path: Path) -> None:
+    log = tmp_path / "a.log.gz"
+    with gzip.open(log, "wt") as f:
+        f.write("\n".join(GOOD) + "\n")
+    assert len(read(log)[0]) == 3
+
+
+@pytest.mark.parametrize("suffix", [".asc", ".blf", ".csv", ".trc"])
+def test_formats_of_python_can(tmp_path: Path, suffix: str) -> None:
+    log = tmp_path / f"a{suffix}"
+    with can.Logger(log) as logger:
+        for k in range(5):
+            logger.on_message_received(
+                can.Message(timestamp=1.7e9 + k * 0.005, arbitration_id=0x101, data=bytes(5), is_extended_id=False)
+            )
+    found, damage = read(log)
+    assert [f.data for f in found] == [bytes(5)] * 5
+    assert damage.read == 5
+    gaps = [b.stamp_us - a.stamp_us for a, b in itertools.pairwise(found)]
+    assert all(abs(g - 5000) <= 1000 for g in gaps)
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # python-can leaves the file open
+def test_rubbish_in_another_format(tmp_path: Path) -> None:
+    log = tmp_path / "a.blf"
+    log.write_bytes(b"this is no BLF file at all")
+    with pytest.raises(InputError, match=r"cannot be read as \.blf"):
+        read(log)
