@@ -1,6 +1,5 @@
 """TOML read strictly: every key is known, of the right type and in range, or the error says where and what to do."""
 
-import difflib
 import math
 import re
 import tomllib
@@ -169,5 +168,7 @@ class Section:
 
 def suggest(word: str, options: Iterable[str]) -> str:
     """A hint that names the nearest option, or nothing."""
+    import difflib  # only for a person who mistyped; it is slow to import
+
     near = difflib.get_close_matches(word, list(options), n=1, cutoff=0.6)
     return f"did you mean {near[0]!r}?" if near else ""

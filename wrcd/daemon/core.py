@@ -40,6 +40,11 @@ class Counts:
     time_steps: int = 0
     ticks: int = 0
 
+    @property
+    def seen(self) -> int:
+        """All mapped frames."""
+        return self.accepted + sum(self.rejected.values())
+
 
 @dataclass(frozen=True, slots=True)
 class Outgoing:
@@ -99,6 +104,7 @@ class Core:
         self._detail = [Writer(find_message(db, a.detail), ()) if a.detail else None for a in config.axles]
         self._status = Writer(find_message(db, config.status), ()) if config.status else None
         self.reports: list[Report] = []  # of the newest slot
+        self.muted = False  # make no frames: nobody would send them
 
     def feed(self, frame: Frame) -> list[Outgoing]:
         """Take a received frame. Returns what was due before its stamp. Frames that are not mapped change nothing."""
@@ -127,6 +133,10 @@ class Core:
         if ahead_us > FORWARD_STEP_US or -ahead_us - period > BACKWARD_STEP_US:
             self._restart(target)
         return self._close_up_to(target)
+
+    def behind(self, now_us: int) -> bool:
+        """Whether advance(now_us) would close a tick."""
+        return self._open is None or now_us // self._period_us > self._open
 
     def _move_to(self, stamp_us: int) -> list[Outgoing]:
         """Close the ticks before a stamp; a step of time starts anew."""
@@ -178,8 +188,8 @@ class Core:
         while self._open < target:
             self._close_tick(self._open)
             self._open += 1
-            end_us = self._open * self._period_us
-            out += self._due(end_us)
+            if not self.muted:
+                out += self._due(self._open * self._period_us)
         return out
 
     def _close_tick(self, number: int) -> None:

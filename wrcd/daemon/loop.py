@@ -9,8 +9,14 @@ from wrcd.bus.link import Link
 from wrcd.daemon.core import Core, Outgoing
 from wrcd.daemon.notify import Notifier
 
-# A tick is closed this long after its end, so that a frame stamped in it on another core has arrived.
-GRACE_US = 1_000
+# A tick is closed when a frame of a later one arrives; where the bus is silent, this long after its end. A busy kernel
+# delivers a frame up to some milliseconds after it has stamped it. Half the adhesion cycle still meets the slot.
+GRACE_US = 10_000
+# The loop turns this long after the end of each tick, when the tick's last frames have usually come in.
+SETTLE_US = 1_000
+# A bus counts as silent when so many looks, SETTLE_US apart, found nothing: on a busy computer frames have been stamped
+# and wait for the kernel to hand them over, and a tick closed without them would not be what a replay computes.
+SILENT_LOOKS = 3
 
 
 def wall_us() -> int:
@@ -35,16 +41,26 @@ class Daemon:
     def poll(self, longest_wait_s: float = 1.0) -> None:
         """Wait for frames or the end of the tick, take all frames, close what is over, send what is due."""
         now = self._clock()
-        end = (now // self._period_us + 1) * self._period_us + GRACE_US
+        end = (now // self._period_us + 1) * self._period_us + SETTLE_US
         # no wake-up per frame: the kernel holds them until the tick is over
         time.sleep(min(max(end - now, 0) * 1e-6, longest_wait_s))
         now = self._clock()
-        out: list[Outgoing] = []
-        for frame in self.link.receive(now):
-            out += self.core.feed(frame)
+        out = self._drain(now)
+        looks = 0
+        while self.core.behind(now - GRACE_US) and looks < SILENT_LOOKS:
+            time.sleep(SETTLE_US * 1e-6)
+            before = self.core.counts.seen
+            out += self._drain(now)
+            looks = 0 if self.core.counts.seen > before else looks + 1
         out += self.core.advance(now - GRACE_US)
         self._send(out)
         self._look_after(now)
+
+    def _drain(self, now_us: int) -> list[Outgoing]:
+        out: list[Outgoing] = []
+        for frame in self.link.receive(now_us):
+            out += self.core.feed(frame)
+        return out
 
     def _send(self, out: list[Outgoing]) -> None:
         """Send what still belongs to its slot. A slot that is over is skipped and counted, never sent in a burst."""
@@ -65,11 +81,13 @@ class Daemon:
 
     def catch_up(self) -> None:
         """Take what arrived while the program started. Its slots are over: what would have been sent is not."""
+        self.core.muted = True
         while frames := self.link.receive(self._clock()):
             for frame in frames:
                 self.core.feed(frame)
             if self._clock() - frames[-1].stamp_us < 2 * self._period_us:
                 break
+        self.core.muted = False
         self.link.drops = 0  # an overflow before the start is no loss of the running daemon's
 
     def run(self) -> None:

@@ -1,0 +1,60 @@
+"""The wheel, installed elsewhere, brings what it needs along."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.conftest import LogOf
+from tests.scenarios import held
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("wheel")
+    source = folder / "source"
+    # a copy, so that the build leaves nothing in the tree
+    tracked = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True).stdout.split()
+    for name in tracked:
+        (source / name).parent.mkdir(parents=True, exist_ok=True)
+        (source / name).write_bytes((ROOT / name).read_bytes())
+    pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "-q"]
+    subprocess.run([*pip, "wheel", "--no-deps", "--no-build-isolation", "-w", folder, source], check=True, timeout=120)
+    (wheel,) = folder.glob("*.whl")
+    subprocess.run(
+        [*pip, "install", "--no-deps", "--no-index", "--target", folder / "site", wheel], check=True, timeout=120
+    )
+    return folder / "site"
+
+
+def run(installed: Path, code: str, *arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-c", code, *arguments],
+        cwd=installed.parent, env={**os.environ, "PYTHONPATH": str(installed)}, capture_output=True, text=True, timeout=120,
+        check=True,
+    )  # fmt: skip
+
+
+def test_replay_works_from_the_installed_wheel(installed: Path, log_of: LogOf, tmp_path: Path) -> None:
+    table = tmp_path / "a.csv"
+    code = "import sys, wrcd; print(wrcd.__file__); from wrcd.tools.cli import main; sys.exit(main())"
+    done = run(installed, code, "replay", str(log_of(held("F"))), "--csv", str(table))
+    assert str(installed) in done.stdout
+    assert table.read_text().splitlines()[-4].split(",")[2] == "Valid"
+
+
+def test_the_rig_comes_along(installed: Path) -> None:
+    code = "import sys, sim_ecu; print(sim_ecu.__file__); from sim_ecu.cli import main; sys.exit(main())"
+    done = run(installed, code, "list")
+    assert str(installed) in done.stdout
+    assert "leaf-patch" in done.stdout
+
+
+def test_data_are_files_not_links(installed: Path) -> None:
+    assert (installed / "wrcd" / "data" / "wrcd.dbc").read_bytes() == (ROOT / "dbc" / "wrcd.dbc").read_bytes()
+    assert (installed / "sim_ecu" / "data" / "sim_ecu.dbc").read_bytes() == (ROOT / "dbc" / "sim_ecu.dbc").read_bytes()
+    assert not (installed / "wrcd" / "data" / "wrcd.dbc").is_symlink()
