@@ -161,7 +161,7 @@ def test_live_equals_replay(which: str, request: pytest.FixtureRequest, tmp_path
         print([(slot, sent[slot].hex(), computed[can_id, slot].hex()) for slot in different[:5]])
         assert different == []
         compared += sum(first <= slot <= last for slot in sent)
-    assert compared > 200 * axles
+    assert compared > 100 * axles  # slots that a loaded guest skipped do not count
 
 
 def test_four_axles_each_on_its_own_rail(four_axles: Recorded, tmp_path: Path) -> None:

@@ -34,8 +34,8 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def run(installed: Path, code: str, *arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         [sys.executable, "-c", code, *arguments],
-        cwd=installed.parent, env={**os.environ, "PYTHONPATH": str(installed)}, capture_output=True, text=True, timeout=120,
-        check=True,
+        cwd=installed.parent, env={**os.environ, "PYTHONPATH": str(installed)}, capture_output=True,
+        text=True, timeout=120, check=True,
     )  # fmt: skip
 
 

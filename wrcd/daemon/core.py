@@ -123,14 +123,18 @@ class Core:
             self._take(sample, frame.stamp_us)
         return out
 
-    def advance(self, now_us: int) -> list[Outgoing]:
-        """Time has come to now_us and every frame stamped before it has been fed: close the ticks that are over."""
+    def advance(self, now_us: int, clock_us: int | None = None) -> list[Outgoing]:
+        """Time has come to now_us and every frame stamped before it has been fed: close the ticks that are over.
+
+        clock_us is what the clock says by now, after the feeding (now_us if not given): if that is behind the frames,
+        the clock has stepped back. Frames newer than now_us alone say nothing; they came while others were fed.
+        """
         target = now_us // self._period_us
         if self._open is None:
             self._open = target
         period = self._period_us
-        ahead_us = (target - self._open) * period
-        if ahead_us > FORWARD_STEP_US or -ahead_us - period > BACKWARD_STEP_US:
+        behind_us = self._open * period - (now_us if clock_us is None else clock_us)
+        if (target - self._open) * period > FORWARD_STEP_US or behind_us > BACKWARD_STEP_US:
             self._restart(target)
         return self._close_up_to(target)
 

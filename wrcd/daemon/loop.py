@@ -52,7 +52,7 @@ class Daemon:
             before = self.core.counts.seen
             out += self._drain(now)
             looks = 0 if self.core.counts.seen > before else looks + 1
-        out += self.core.advance(now - GRACE_US)
+        out += self.core.advance(now - GRACE_US, self._clock())
         self._send(out)
         self._look_after(now)
 

@@ -119,7 +119,8 @@ def _run(args: argparse.Namespace) -> int:
     counts = core.counts
     rejected = ", ".join(f"{n} {reason}" for reason, n in sorted(counts.rejected.items())) or "none"
     print(
-        f"wrcd: stopped; {counts.accepted} frames accepted, rejected: {rejected}; {core.health.overruns} overruns",
+        f"wrcd: stopped; {counts.accepted} frames accepted, rejected: {rejected}; "
+        f"{core.health.overruns} overruns, {counts.late} late frames, {counts.time_steps} steps of time",
         file=sys.stderr,
     )
     return 0
