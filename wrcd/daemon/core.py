@@ -123,24 +123,19 @@ class Core:
             self._take(sample, frame.stamp_us)
         return out
 
-    def advance(self, now_us: int, clock_us: int | None = None) -> list[Outgoing]:
+    def advance(self, now_us: int) -> list[Outgoing]:
         """Time has come to now_us and every frame stamped before it has been fed: close the ticks that are over.
 
-        clock_us is what the clock says by now, after the feeding (now_us if not given): if that is behind the frames,
-        the clock has stepped back. Frames newer than now_us alone say nothing; they came while others were fed.
+        A time before the open tick means that the clock has stepped back.
         """
         target = now_us // self._period_us
         if self._open is None:
             self._open = target
         period = self._period_us
-        behind_us = self._open * period - (now_us if clock_us is None else clock_us)
+        behind_us = self._open * period - now_us
         if (target - self._open) * period > FORWARD_STEP_US or behind_us > BACKWARD_STEP_US:
             self._restart(target)
         return self._close_up_to(target)
-
-    def behind(self, now_us: int) -> bool:
-        """Whether advance(now_us) would close a tick."""
-        return self._open is None or now_us // self._period_us > self._open
 
     def _move_to(self, stamp_us: int) -> list[Outgoing]:
         """Close the ticks before a stamp; a step of time starts anew."""

@@ -9,14 +9,12 @@ from wrcd.bus.link import Link
 from wrcd.daemon.core import Core, Outgoing
 from wrcd.daemon.notify import Notifier
 
-# A tick is closed when a frame of a later one arrives; where the bus is silent, this long after its end. A busy kernel
-# delivers a frame up to some milliseconds after it has stamped it. Half the adhesion cycle still meets the slot.
-GRACE_US = 10_000
 # The loop turns this long after the end of each tick, when the tick's last frames have usually come in.
 SETTLE_US = 1_000
-# A bus counts as silent when so many looks, SETTLE_US apart, found nothing: on a busy computer frames have been stamped
-# and wait for the kernel to hand them over, and a tick closed without them would not be what a replay computes.
-SILENT_LOOKS = 3
+# A tick is closed when a frame of a later one arrives. The clock closes it only on a silent bus: after so many turns
+# that found nothing. On a busy computer a frame may be stamped milliseconds before the kernel hands it over,
+# and a tick closed without it would not be what a replay computes.
+SILENT_TURNS = 2
 
 
 def wall_us() -> int:
@@ -35,6 +33,7 @@ class Daemon:
         self._clock = clock
         self._period_us = round(core.config.design.tick_s * 1e6)
         self._stop = False
+        self._silent = 0  # turns in a row that found nothing
         self._next_ping_us = 0
         self.sent = 0
 
@@ -45,22 +44,15 @@ class Daemon:
         # no wake-up per frame: the kernel holds them until the tick is over
         time.sleep(min(max(end - now, 0) * 1e-6, longest_wait_s))
         now = self._clock()
-        out = self._drain(now)
-        looks = 0
-        while self.core.behind(now - GRACE_US) and looks < SILENT_LOOKS:
-            time.sleep(SETTLE_US * 1e-6)
-            before = self.core.counts.seen
-            out += self._drain(now)
-            looks = 0 if self.core.counts.seen > before else looks + 1
-        out += self.core.advance(now - GRACE_US, self._clock())
+        out: list[Outgoing] = []
+        before = self.core.counts.seen
+        for frame in self.link.receive(now):
+            out += self.core.feed(frame)
+        self._silent = 0 if self.core.counts.seen > before else self._silent + 1
+        if self._silent >= SILENT_TURNS:
+            out += self.core.advance(now - SETTLE_US)
         self._send(out)
         self._look_after(now)
-
-    def _drain(self, now_us: int) -> list[Outgoing]:
-        out: list[Outgoing] = []
-        for frame in self.link.receive(now_us):
-            out += self.core.feed(frame)
-        return out
 
     def _send(self, out: list[Outgoing]) -> None:
         """Send what still belongs to its slot. A slot that is over is skipped and counted, never sent in a burst."""
