@@ -74,9 +74,12 @@ class Daemon:
     def catch_up(self) -> None:
         """Take what arrived while the program started. Its slots are over: what would have been sent is not."""
         self.core.muted = True
+        # what is older than a window and a bit would have left it again
+        since = self._clock() - round(1.25e6 * self.core.config.design.window_s)
         while frames := self.link.receive(self._clock()):
             for frame in frames:
-                self.core.feed(frame)
+                if frame.stamp_us >= since:
+                    self.core.feed(frame)
             if self._clock() - frames[-1].stamp_us < 2 * self._period_us:
                 break
         self.core.muted = False
