@@ -1,10 +1,13 @@
 """Errors a person caused and can mend: one clear message, exit 2, no traceback."""
 
 from pathlib import Path
+from typing import TextIO
 
 
 class InputError(Exception):
     """Bad input. Names the file, the line and the key where there are any, the reason, and what to do."""
+
+    status = 2  # of the process that ends with it
 
     def __init__(
         self, reason: str, *, file: Path | str | None = None, line: int | None = None, key: str = "", hint: str = ""
@@ -12,3 +15,19 @@ class InputError(Exception):
         self.reason, self.file, self.line, self.key, self.hint = reason, file, line, key, hint
         where = "" if file is None else f"{file}:{line}: " if line else f"{file}: "
         super().__init__(f"{where}{key + ': ' if key else ''}{reason}{' — ' + hint if hint else ''}")
+
+
+class BusError(InputError):
+    """The bus cannot be opened. Another exit status than for bad input: it may be there on the next try."""
+
+    status = 3
+
+
+def create(path: Path) -> TextIO:
+    """A text file to write. Raises InputError if it can't be made."""
+    try:
+        return path.open("w", encoding="utf-8", newline="")
+    except OSError as e:
+        raise InputError(
+            f"cannot be written: {e.strerror}", file=path, hint="check the folder and your rights"
+        ) from None

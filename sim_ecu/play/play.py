@@ -15,7 +15,7 @@ import can
 from sim_ecu.play.encoder import Sent
 from sim_ecu.play.player import SAMPLE_US, Player
 from sim_ecu.play.scenario import Scenario
-from wrcd.errors import InputError
+from wrcd.errors import BusError, InputError
 
 # A log made without a bus begins at this moment, so that the same scenario gives the same bytes.
 LOG_START_US = 1_700_000_000_000_000
@@ -122,18 +122,18 @@ class RealTime:
         except can.CanOperationError as e:
             self.tally.unsent += 1
             if e.error_code in (errno.ENODEV, errno.ENXIO):
-                raise InputError("the CAN interface has gone", key="channel") from None
+                raise BusError("the CAN interface has gone", key="channel") from None
         if self._logger is not None:
             self._logger.on_message_received(m)
 
 
 def open_bus(interface: str, channel: str) -> can.BusABC:
-    """A bus by python-can's names. Raises InputError."""
+    """A bus by python-can's names. Raises BusError."""
     try:
         return can.Bus(interface=interface, channel=channel, can_filters=[{"can_id": 0x7FF, "can_mask": 0x7FF}])
     except (can.CanError, OSError, ValueError, ImportError, NotImplementedError, AttributeError) as e:
         hint = f"ip link add {channel} type vcan && ip link set {channel} up" if channel.startswith("vcan") else ""
-        raise InputError(f"{interface} {channel} cannot be opened: {e}", key="channel", hint=hint) from None
+        raise BusError(f"{interface} {channel} cannot be opened: {e}", key="channel", hint=hint) from None
 
 
 def play_on_bus(scenario: Scenario, interface: str, channel: str, log: Path | None, truth: bool = True) -> Tally:

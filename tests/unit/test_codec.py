@@ -105,6 +105,36 @@ def test_a_trains_own_dbc(tmp_path: Path) -> None:
     assert receiver.read(Frame(0, 800, b"\xff\xff")) is Reason.STATUS
 
 
+OPTIONAL = """VERSION ""
+NS_ :
+BS_:
+BU_: B
+BO_ 800 State: 4 B
+ SG_ Dir : 0|2@1+ (1,0) [0|3] "" B
+ SG_ Load : 8|16@1+ (0.1,0) [0|0] "kN" B
+VAL_ 800 Dir 0 "Forward" 1 "Reverse" 3 "SNA" ;
+"""
+
+
+@pytest.mark.parametrize(
+    ("payload", "expected"),
+    [
+        ("00e80300", [1.0, 100_000.0]),
+        ("01e80300", [-1.0, 100_000.0]),
+        ("03e80300", Reason.STATUS),
+        ("00000000", Reason.RANGE),
+    ],
+)
+def test_direction_and_load(tmp_path: Path, payload: str, expected: list[float] | Reason) -> None:
+    (tmp_path / "own.dbc").write_text(OPTIONAL)
+    sources = [Source("State", "Dir", Quantity.DIRECTION, (0,)), Source("State", "Load", Quantity.AXLE_LOAD, (0,))]
+    got = Receiver(load_dbc(tmp_path / "own.dbc"), sources).read(Frame(0, 800, bytes.fromhex(payload)))
+    if isinstance(got, list):
+        assert [s.value for s in got] == pytest.approx(expected)
+    else:
+        assert got is expected
+
+
 def test_the_adhesion_frame(production: Database) -> None:
     message = find_message(production, "Adhesion_A1")
     values: dict[str, Value] = {

@@ -84,7 +84,12 @@ class MessageReader:
                 return Reason.RANGE
             if signal.maximum is not None and physical > signal.maximum + slack:
                 return Reason.RANGE
-            samples.append(Sample(source.quantity, source.axles, physical * scale, status == "degraded"))
+            si = physical * scale
+            if source.quantity in (Quantity.AXLE_LOAD, Quantity.WHEEL_RADIUS) and si <= 0:
+                return Reason.RANGE
+            if source.quantity is Quantity.DIRECTION:
+                si = _direction(signal, value, physical)
+            samples.append(Sample(source.quantity, source.axles, si, status == "degraded"))
         return samples
 
 
@@ -166,6 +171,12 @@ class Writer:
         if s.maximum is not None:
             value = min(value, float(s.maximum))
         return round((value - float(s.offset)) / float(s.scale))
+
+
+def _direction(s: Signal, raw: Any, physical: float) -> float:
+    """-1 in reverse, else 1: by the name in the value table, or by the sign where there is none."""
+    label = str(s.choices[raw]).lower() if s.choices and raw in s.choices else ""
+    return -1.0 if any(word in label for word in ("rev", "back")) or (not label and physical < 0) else 1.0
 
 
 def _all_ones(s: Signal) -> int:

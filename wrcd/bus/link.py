@@ -30,7 +30,7 @@ class Link(Protocol):
 def open_link(interface: str, channel: str, ids: tuple[int, ...] | None) -> Link:
     """Open a bus for some ids, or for every frame (None): SocketCAN by our own socket, everything else by python-can.
 
-    Raises InputError if it can't be opened.
+    Raises BusError if it can't be opened.
     """
     if interface == "socketcan":
         from wrcd.bus.socketcan import SocketCanLink

@@ -5,7 +5,7 @@ from typing import Any
 import can
 
 from wrcd.bus.frame import Frame
-from wrcd.errors import InputError
+from wrcd.errors import BusError
 
 # A stamp further than this from the wall clock is in the interface's own time: the time of reception replaces it.
 FOREIGN_CLOCK_US = 5_000_000
@@ -31,7 +31,7 @@ class PythonCanLink:
         try:
             self._bus = can.Bus(interface=interface, channel=channel, can_filters=filters, **options)
         except (can.CanError, OSError, ValueError, ImportError, NotImplementedError, AttributeError) as e:
-            raise InputError(
+            raise BusError(
                 f"{self.name} cannot be opened: {e}", key="interface", hint="see python-can's list of interfaces"
             ) from None
 

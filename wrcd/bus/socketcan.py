@@ -5,7 +5,7 @@ import socket
 import struct
 
 from wrcd.bus.frame import Frame
-from wrcd.errors import InputError
+from wrcd.errors import BusError
 
 _FRAME = struct.Struct("=IB3x8s")  # struct can_frame
 _TIMESPEC = struct.Struct("@ll")
@@ -33,11 +33,11 @@ class SocketCanLink:
         self._dropped_before = 0
         self._next_try_us = 0
         if not hasattr(socket, "AF_CAN"):
-            raise InputError("this Python has no AF_CAN", key="interface", hint="use Linux, or another interface")
+            raise BusError("this Python has no AF_CAN", key="interface", hint="use Linux, or another interface")
         try:
             self._socket: socket.socket | None = self._open()
         except OSError as e:
-            raise InputError(
+            raise BusError(
                 f"CAN interface {channel!r} cannot be opened: {e.strerror}", key="channel", hint=_advice(e, channel)
             ) from None
 

@@ -27,7 +27,7 @@ def guarded(name: str, command: Callable[[], int]) -> int:
         return status
     except InputError as e:
         print(f"{name}: error: {e}", file=sys.stderr)
-        return 2
+        return e.status
     except KeyboardInterrupt:
         return 130
     except BrokenPipeError:

@@ -13,6 +13,7 @@ from wrcd.bus.frame import Frame
 from wrcd.bus.log import Damage, format_line, read_log
 from wrcd.daemon.config import Config, load_config
 from wrcd.daemon.core import Core
+from wrcd.errors import create
 
 COLUMNS = (
     "time_s", "axle", "validity", "mu_available_pct", "mu_used_pct", "contact_state", "surface", "confidence",
@@ -28,7 +29,7 @@ def replay(log: Path, config_file: Path | None, output: Path | None, table: Path
     damage = Damage()
     sent = 0
     with contextlib.ExitStack() as files:
-        frames_out = files.enter_context(output.open("w", encoding="ascii")) if output else None
+        frames_out = files.enter_context(create(output)) if output else None
         rows = _rows(files, table, to_screen=output is None, config=config)
         for frame, channel in progress(read_log(log, damage), log):
             for o in core.feed(frame):
@@ -112,5 +113,5 @@ def _cell(value: Any) -> str:
 
 def _rows(files: contextlib.ExitStack, table: Path | None, to_screen: bool, config: Config) -> Rows | None:
     if table is not None:
-        return Rows(files.enter_context(table.open("w", encoding="utf-8", newline="")), config)
+        return Rows(files.enter_context(create(table)), config)
     return Rows(sys.stdout, config) if to_screen else None
