@@ -28,6 +28,8 @@ def parse_toml(text: str, file: Path | str) -> "Section":
     """The same for text that is already there; file is what messages call it."""
     try:
         data = tomllib.loads(text)
+    except RecursionError:
+        raise InputError("not valid TOML: nested too deeply", file=file) from None
     except tomllib.TOMLDecodeError as e:
         at = re.search(r"\(at line (\d+)", str(e))
         reason = re.sub(r" \(at .*\)$", "", str(e))

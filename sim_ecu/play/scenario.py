@@ -105,12 +105,18 @@ def read_scenario(top: Section, name: str) -> Scenario:
     """Check everything and build the scenario."""
     wheelset = read_wheelset(top.section("wheelset"))
     numbers = top.raw("axles") if "axles" in top else [1]
-    if not isinstance(numbers, list) or not 1 <= len(numbers) <= 4 or not all(n in (1, 2, 3, 4) for n in numbers):
+    if (
+        not isinstance(numbers, list)
+        or not 1 <= len(numbers) <= 4
+        or not all(type(n) is int and 1 <= n <= 4 for n in numbers)
+    ):
         raise top.error(f"takes one to four of the numbers 1 … 4, not {numbers!r}", "axles")
     if len(set(numbers)) != len(numbers):
         raise top.error(f"{numbers!r} names an axle twice", "axles")
     common = _Common(top)
     seed = top.get("seed", int, 1)
+    if seed < 0:
+        raise top.error(f"must not be negative, is {seed}", "seed")
     overrides = top.section("axle")
     for key in overrides:
         if key not in {str(n) for n in numbers}:
@@ -247,7 +253,7 @@ def _course(section: Section, key: str, default: float, low: float, high: float)
         table = np.array(value, dtype=np.float64)
     except (TypeError, ValueError):
         table = np.zeros(0)
-    if table.ndim != 2 or table.shape[1] != 2 or not len(table) or np.any(np.diff(table[:, 0]) < 0):
+    if table.ndim != 2 or table.shape[1] != 2 or not len(table) or not np.all(np.diff(table[:, 0]) >= 0):
         raise section.error("takes a number or [[time_s, value], …] with times that do not fall", key)
     if not np.all((table[:, 1] >= low) & (table[:, 1] <= high)):
         raise section.error(f"takes values from {low:g} to {high:g}", key)

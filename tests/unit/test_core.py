@@ -33,6 +33,7 @@ class Rig:
         self.speed = 25.0
         self.torque = 10_000.0
         self.yaw_status = 0
+        self.rough = 1
         self.out: list[Outgoing] = []
 
     def frame(self, can_id: int, payload: bytes, status: int = 0) -> Frame:
@@ -52,7 +53,7 @@ class Rig:
         """The frames of one tick that are not silent; time moves on by the tick."""
         wiggle = (self.counter * 37 % 11) - 5
         every = [
-            self.frame(0x101, struct.pack("<i", 300 * wiggle)[:3], self.yaw_status),
+            self.frame(0x101, struct.pack("<i", 300 * self.rough * wiggle)[:3], self.yaw_status),
             self.frame(0x111, struct.pack("<i", 2000 * wiggle)[:3]),
             self.frame(0x121, struct.pack("<i", round(self.torque * 100))[:3]),
             self.frame(0x130, struct.pack("<H", round(self.speed / 0.0025))),
@@ -248,3 +249,19 @@ def test_the_last_frames_say_not_available(rig: Rig) -> None:
     decoded: Any = message.decode(last[0].data)
     assert str(decoded["Validity"]) == "NotAvailable"
     assert len(last) == 5
+
+
+def test_what_no_rule_knows_is_never_valid(rig: Rig) -> None:
+    """Yaw thirty times as rough as any rail makes it: unknown, and said so."""
+    rig.rough = 300
+    frames = rig.run(3000)
+    assert rig.core.estimator.estimate().firing[0] < 0.05
+    assert {f["Validity"] for f in frames} == {"NotAvailable", "Degraded"}
+    assert {f["MuAvailable"] for f in frames} == {"NotAvailable"}
+    assert {f["Confidence"] for f in frames} == {"None"}
+
+
+def test_the_farewell_is_no_repeat(rig: Rig) -> None:
+    rig.run(1500)
+    last = [o.frame for o in rig.out if o.frame.can_id == 0x091][-1]
+    assert (rig.core.farewell(rig.t)[0].data[1] - last.data[1]) & 0x0F in (1, 2)

@@ -12,7 +12,12 @@ from wrcd.bus.reasons import Reason
 from wrcd.bus.units import Quantity, factor
 
 VALIDITY_LABELS = ("NotAvailable", "Valid", "Degraded", "Error")
-UNUSABLE = {"error", "notavailable", "not available", "sna", "invalid"}
+# Words of value tables, letters only. A Status that is none of the usable words is refused.
+USABLE = {"ok", "okay", "valid", "normal", "good", "noerror", "available", "active"}
+UNUSABLE = {
+    "error", "notavailable", "unavailable", "sna", "na", "invalid", "notvalid", "fault", "failure", "failed", "init",
+    "initializing",
+}  # fmt: skip
 STATUS = "Status"
 
 
@@ -36,6 +41,11 @@ class Sample:
     degraded: bool
 
 
+def plain(label: object) -> str:
+    """A word of a value table as lower-case letters: Not_Available and "not available" are the same."""
+    return "".join(c for c in str(label).lower() if c.isalpha())
+
+
 class MessageReader:
     """Decodes one message and checks all of it."""
 
@@ -50,7 +60,7 @@ class MessageReader:
     @staticmethod
     def _labels(signal: Signal | None) -> dict[int, str]:
         choices = signal.choices if signal is not None else None
-        return {int(raw): str(label).lower() for raw, label in (choices or {}).items()}
+        return {int(raw): plain(label) for raw, label in (choices or {}).items()}
 
     def forget(self) -> None:
         """Take the next counter as it comes."""
@@ -68,12 +78,12 @@ class MessageReader:
             return reason
         raw: Any = m.decode(frame.data, decode_choices=False, scaling=False)
         status = self._status.get(int(raw[STATUS]), "error") if self._status else "ok"
-        if status in UNUSABLE:
+        if status not in USABLE and status != "degraded":
             return Reason.STATUS
         samples = []
         for (source, signal), scale in zip(self._sources, self._factors, strict=True):
             value = raw[signal.name]
-            if signal.choices and value in signal.choices and str(signal.choices[value]).lower() in UNUSABLE:
+            if signal.choices and value in signal.choices and plain(signal.choices[value]) in UNUSABLE:
                 return Reason.STATUS
             scaled: Any = signal.conversion.raw_to_scaled(value, decode_choices=False)
             physical = float(scaled)
@@ -85,6 +95,8 @@ class MessageReader:
             if signal.maximum is not None and physical > signal.maximum + slack:
                 return Reason.RANGE
             si = physical * scale
+            if abs(si) > source.quantity.limit:
+                return Reason.RANGE
             if source.quantity in (Quantity.AXLE_LOAD, Quantity.WHEEL_RADIUS) and si <= 0:
                 return Reason.RANGE
             if source.quantity is Quantity.DIRECTION:
@@ -170,7 +182,8 @@ class Writer:
             value = max(value, float(s.minimum))
         if s.maximum is not None:
             value = min(value, float(s.maximum))
-        return round((value - float(s.offset)) / float(s.scale))
+        lowest, highest = (-(1 << s.length - 1), (1 << s.length - 1) - 1) if s.is_signed else (0, (1 << s.length) - 1)
+        return min(max(round((value - float(s.offset)) / float(s.scale)), lowest), highest)
 
 
 def _direction(s: Signal, raw: Any, physical: float) -> float:

@@ -75,4 +75,7 @@ def data_id(message: Message) -> int | None:
         return None
     if str(profile) != "P11" or message.length < 2:
         raise ValueError(f"message {message.name} asks for E2E profile {profile!r}; only P11 is known")
-    return int(attribute(message, "E2EDataId") or 0)
+    identity = attribute(message, "E2EDataId")
+    if not isinstance(identity, int) or not 0 <= identity <= 0xFFFF:
+        raise ValueError(f"message {message.name} needs an E2EDataId of 0 … 65535, not {identity!r}")
+    return identity

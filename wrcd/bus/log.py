@@ -2,6 +2,7 @@
 
 import gzip
 import re
+import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -82,7 +83,7 @@ def read_log(path: Path, damage: Damage) -> Iterator[tuple[Frame, str]]:
             yield from _read_candump(path, damage)
         else:
             yield from _read_other(path, damage)
-    except (OSError, EOFError) as e:
+    except (OSError, EOFError, zlib.error) as e:
         if isinstance(e, FileNotFoundError):
             raise InputError("no such log", file=path, hint="check the path") from None
         if not damage.read:

@@ -30,7 +30,7 @@ class PythonCanLink:
         ]
         try:
             self._bus = can.Bus(interface=interface, channel=channel, can_filters=filters, **options)
-        except (can.CanError, OSError, ValueError, ImportError, NotImplementedError, AttributeError) as e:
+        except (can.CanError, OSError, ValueError, ImportError, NotImplementedError, AttributeError, TypeError) as e:
             raise BusError(
                 f"{self.name} cannot be opened: {e}", key="interface", hint="see python-can's list of interfaces"
             ) from None

@@ -7,19 +7,19 @@ G = 9.80665
 
 
 class Quantity(Enum):
-    """What a signal can carry: the key of the configuration, the SI unit, and the factors from other units."""
+    """What a signal can carry: the key of the configuration, the SI unit, and what no railway vehicle exceeds."""
 
-    YAW_RATE = ("yaw_rate", "rad/s")
-    LAT_ACCEL = ("lateral_acceleration", "m/s2")
-    TORQUE = ("torque", "N m")
-    SPEED = ("speed", "m/s")
-    BRAKE_TORQUE = ("brake_torque", "N m")
-    AXLE_LOAD = ("axle_load", "N")
-    DIRECTION = ("direction", "1")
-    WHEEL_RADIUS = ("wheel_radius", "m")
+    YAW_RATE = ("yaw_rate", "rad/s", 20.0)
+    LAT_ACCEL = ("lateral_acceleration", "m/s2", 200.0)
+    TORQUE = ("torque", "N m", 1e6)
+    SPEED = ("speed", "m/s", 200.0)
+    BRAKE_TORQUE = ("brake_torque", "N m", 1e6)
+    AXLE_LOAD = ("axle_load", "N", 1e6)
+    DIRECTION = ("direction", "1", 1e9)
+    WHEEL_RADIUS = ("wheel_radius", "m", 2.0)
 
-    def __init__(self, key: str, unit: str) -> None:
-        self.key, self.unit = key, unit
+    def __init__(self, key: str, unit: str, limit: float) -> None:
+        self.key, self.unit, self.limit = key, unit, limit
 
 
 _FACTORS: dict[str, dict[str, float]] = {

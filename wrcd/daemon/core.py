@@ -94,7 +94,9 @@ class Core:
             q = QUANTITIES.index(i.source.quantity)
             self._mapped[q, list(i.source.axles)] = True
             self._timeout[q, list(i.source.axles)] = i.timeout_us
+        # slow inputs (load, radius, direction) may take their own time-out; the measurements may not
         self._dead_after = np.maximum(self._timeout, config.not_available_after_us)
+        self._dead_after[: SPEED + 1] = config.not_available_after_us
         self._value[SPEED] = math.nan if config.constant_speed_m_s is None else config.constant_speed_m_s
         self._value[LOAD] = 2 * config.design.normal_N
         self._value[DIRECTION] = 1.0
@@ -143,8 +145,8 @@ class Core:
         out: list[Outgoing] = []
         if self._open is None:
             self._open = target
-        step = stamp_us - self._stamp_us
-        if self._stamp_us != NEVER and (step > FORWARD_STEP_US or step < -BACKWARD_STEP_US):
+        step = stamp_us - (self._open * self._period_us if self._stamp_us == NEVER else self._stamp_us)
+        if step > FORWARD_STEP_US or step < -BACKWARD_STEP_US:
             if 0 < step <= MOST_FILLED_US:
                 out = self._close_up_to(target)
             self._restart(target)
@@ -307,10 +309,11 @@ class Core:
         """The last frames: every axle NotAvailable, the daemon stopping."""
         slot_us = self.config.adhesion_cycle_us
         gone = Report(Validity.NOT_AVAILABLE, None, None, 255, "Unknown", "Unknown", "None")
-        out = [w.frame(now_us, now_us // slot_us, gone.values()) for w in self._adhesion]
+        # the present slot's frames have gone out: the next counter, or a receiver takes these for repeats
+        out = [w.frame(now_us, now_us // slot_us + 1, gone.values()) for w in self._adhesion]
         if self._status:
             self.health.state = "Stopping"
-            out.append(self._status.frame(now_us, now_us // self.config.status_cycle_us, self._health_values()))
+            out.append(self._status.frame(now_us, now_us // self.config.status_cycle_us + 1, self._health_values()))
         return out
 
 

@@ -92,7 +92,7 @@ def load_design(path: Path) -> Design:
         raise InputError("no such design file", file=path, hint="make one with `sim-ecu design -o FILE`") from None
     except json.JSONDecodeError as e:
         raise InputError(f"not valid JSON: {e.msg}", file=path, line=e.lineno) from None
-    except (OSError, UnicodeDecodeError, RecursionError) as e:
+    except (OSError, ValueError, RecursionError) as e:
         raise InputError(f"cannot be read: {e}", file=path) from None
     return parse_design(document, path)
 

@@ -70,7 +70,7 @@ class Estimator:
         mu = np.clip(np.polyval(d.polynomial, inference.output), *d.adhesion_range_pct)
         # what is in use is available: the estimate cannot lie below it
         used = 100.0 * self._window.recent_torque_ratio()
-        mu = np.fmin(np.where(np.isnan(mu), np.nan, np.fmax(mu, used)), 100.0)
+        mu = np.where(np.isnan(mu), np.nan, np.minimum(np.fmax(mu, used), 100.0))
         nearest = np.argmin(np.where(np.isnan(logs), np.inf, (logs - self._low) / self._width), axis=1) + 1
         with np.errstate(invalid="ignore"):
             saturated = used >= d.saturated_share * mu

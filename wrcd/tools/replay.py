@@ -13,7 +13,7 @@ from wrcd.bus.frame import Frame
 from wrcd.bus.log import Damage, format_line, read_log
 from wrcd.daemon.config import Config, load_config
 from wrcd.daemon.core import Core
-from wrcd.errors import create
+from wrcd.errors import InputError, create
 
 COLUMNS = (
     "time_s", "axle", "validity", "mu_available_pct", "mu_used_pct", "contact_state", "surface", "confidence",
@@ -24,6 +24,9 @@ SIGNALS = ("Validity", "MuAvailable", "MuUsed", "ContactState", "Surface", "Conf
 
 def replay(log: Path, config_file: Path | None, output: Path | None, table: Path | None) -> int:
     """Run a log and write what was asked for; a summary goes to standard error."""
+    for out in (output, table):
+        if out is not None and out.exists() and log.exists() and out.samefile(log):
+            raise InputError("is the log itself; it would be lost", file=out, hint="give another file")
     config = load_config(config_file)
     core = Core(config)
     damage = Damage()
