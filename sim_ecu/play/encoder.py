@@ -28,7 +28,8 @@ class Channel:
 
     def __init__(self, message: Message) -> None:
         self._message = message
-        self._data_id = int(message.dbc.attributes["E2EDataId"].value)  # type: ignore[union-attr]
+        assert message.dbc is not None  # it comes from a DBC file
+        self._data_id = int(message.dbc.attributes["E2EDataId"].value)
         self._counter = 0
         self.every_us = int(message.cycle_time or 0) * 1000
         self.can_id = message.frame_id

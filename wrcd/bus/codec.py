@@ -156,11 +156,6 @@ class Writer:
         self._rest = {s.name: int(s.raw_initial or 0) for s in message.signals}
         self.can_id = message.frame_id
 
-    @property
-    def cycle_us(self) -> int | None:
-        """The message's cycle, or None if the DBC does not say."""
-        return self._message.cycle_time * 1000 if self._message.cycle_time else None
-
     def frame(self, stamp_us: int, slot: int, values: Mapping[str, Value]) -> Frame:
         """The frame of a slot. Values of signals that the message lacks are left out."""
         raw = dict(self._rest)

@@ -41,6 +41,11 @@ class Counts:
     ticks: int = 0
 
     @property
+    def refusals(self) -> str:
+        """The rejections by reason, for a person."""
+        return ", ".join(f"{n} {reason}" for reason, n in sorted(self.rejected.items())) or "none"
+
+    @property
     def seen(self) -> int:
         """All mapped frames."""
         return self.accepted + sum(self.rejected.values())

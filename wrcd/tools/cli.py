@@ -117,9 +117,8 @@ def _run(args: argparse.Namespace) -> int:
     finally:
         link.close()
     counts = core.counts
-    rejected = ", ".join(f"{n} {reason}" for reason, n in sorted(counts.rejected.items())) or "none"
     print(
-        f"wrcd: stopped; {counts.accepted} frames accepted, rejected: {rejected}; "
+        f"wrcd: stopped; {counts.accepted} frames accepted, rejected: {counts.refusals}; "
         f"{core.health.overruns} overruns, {counts.late} late frames, {counts.time_steps} steps of time",
         file=sys.stderr,
     )

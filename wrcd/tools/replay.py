@@ -49,10 +49,9 @@ def replay(log: Path, config_file: Path | None, output: Path | None, table: Path
             f"wrcd: warning: {log}: none of its {damage.read} frames is a usable input of this configuration",
             file=sys.stderr,
         )
-    rejected = ", ".join(f"{n} {reason}" for reason, n in sorted(counts.rejected.items())) or "none"
     print(
-        f"wrcd: {damage.read} frames read, {counts.accepted} accepted, rejected: {rejected}; {counts.ticks} ticks, "
-        f"{sent} frames made",
+        f"wrcd: {damage.read} frames read, {counts.accepted} accepted, rejected: {counts.refusals}; "
+        f"{counts.ticks} ticks, {sent} frames made",
         file=sys.stderr,
     )
     return 0
