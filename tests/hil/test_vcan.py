@@ -6,6 +6,7 @@ import subprocess
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import cantools
@@ -41,6 +42,7 @@ def sizes(path: Path) -> int:
 
 def record(folder: Path, play: Callable[[], str]) -> Recorded:
     """candump, then the daemon, then what plays; the daemon is stopped by SIGTERM."""
+    folder.mkdir(exist_ok=True)
     log = folder / "candump.log"
     with running("candump", "-L", "vcan0", output=log):
         with running(BIN / "wrcd", "run", "-i", "socketcan", "-c", "vcan0") as daemon:
@@ -88,7 +90,20 @@ def four_axles(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
         )
         return done.stderr
 
-    return record(folder, play)
+    # a guest whose host is busy stalls the train's frames for longer than their time-out: such a play shows little
+    for attempt in range(3):
+        recorded = record(folder / str(attempt), play)
+        if longest_gap_s(recorded) < 0.015:
+            break
+    return recorded
+
+
+def longest_gap_s(recorded: Recorded) -> float:
+    """Between two yaw-rate frames, while the play was under way."""
+    stamps = [f.stamp_us for f in recorded.of(0x101)]
+    late = [b - a for a, b in pairwise(stamps) if a > stamps[0] + 2_000_000]
+    print(f"longest gap {max(late) / 1000:.1f} ms")
+    return max(late) * 1e-6
 
 
 def test_adhesion_comes_at_fifty_hertz(one_axle: Recorded) -> None:
@@ -173,15 +188,19 @@ def test_live_equals_replay(which: str, request: pytest.FixtureRequest, tmp_path
 
 
 def test_four_axles_each_on_its_own_rail(four_axles: Recorded, tmp_path: Path) -> None:
+    """What is called Valid is near the truth, once the wanted point is held for a window."""
     table = tmp_path / "four.csv"
     subprocess.run([BIN / "wrcd", "replay", four_axles.log, "--csv", table], timeout=300, check=True)
-    last = max(f.stamp_us for f in four_axles.frames if f.can_id in INPUTS) * 1e-6
+    stamps = [f.stamp_us * 1e-6 for f in four_axles.frames if f.can_id in INPUTS]
     with table.open() as f:
-        rows = [r for r in csv.DictReader(f) if last - 2 < float(r["time_s"]) <= last]
-    mean = {a: [float(r["mu_available_pct"]) for r in rows if r["axle"] == str(a)] for a in range(1, 5)}
-    assert {len(v) for v in mean.values()} <= {99, 100, 101}
+        rows = [r for r in csv.DictReader(f) if min(stamps) + 2.5 < float(r["time_s"]) <= max(stamps)]
     for axle, true in ((1, 38.4), (2, 21.6), (3, 11.4), (4, 2.7)):
-        assert sum(mean[axle]) / len(mean[axle]) == pytest.approx(true, abs=4.0)
+        mine = [r for r in rows if r["axle"] == str(axle)]
+        valid = [float(r["mu_available_pct"]) for r in mine if r["validity"] == "Valid"]
+        print(f"axle {axle}: {len(valid)} of {len(mine)} Valid")
+        assert len(mine) == pytest.approx(175, abs=2)
+        assert len(valid) >= 50
+        assert sum(valid) / len(valid) == pytest.approx(true, abs=3.0)
 
 
 def test_garbage_never_stops_the_daemon(tmp_path: Path) -> None:

@@ -1,7 +1,8 @@
 """frame -> sample -> bank step -> residual RMS -> fuzzy -> adhesion -> frame, on the frames' own time stamps.
 
 The core reads no clock. Live, the loop tells it how far time has come (advance); in a replay the next frame does.
-Tick k owns the frames stamped in [k P, (k + 1) P). Frames of a slot are made when the tick that ends it is closed.
+Tick k owns the frames stamped in [k P, (k + 1) P); of two measurements one may wait for the next tick (arrivals.py),
+of every other signal the newest counts. Frames of a slot are made when the tick that ends it is closed.
 """
 
 import math
@@ -16,6 +17,7 @@ from wrcd.bus.dbc import find_message
 from wrcd.bus.frame import Frame
 from wrcd.bus.reasons import Reason
 from wrcd.bus.units import Quantity
+from wrcd.daemon.arrivals import NEVER, Arrivals
 from wrcd.daemon.config import Config
 from wrcd.daemon.report import Report, Validity, confidence, known, surface
 from wrcd.estimator.estimator import Estimate, Estimator, Tick
@@ -27,7 +29,6 @@ STALE_NAMES = {YAW: "StaleYawRate", LAT: "StaleLatAccel", TORQUE: "StaleTorque",
 FORWARD_STEP_US = 1_000_000  # a stamp further ahead than this re-initialises
 BACKWARD_STEP_US = 10_000  # out of order by less than this is jitter between queues, by more a step of the clock
 MOST_FILLED_US = 60_000_000  # a replay fills a silence with frames up to this long; longer is a step of time
-NEVER = -(1 << 60)
 
 
 @dataclass(slots=True)
@@ -84,8 +85,7 @@ class Core:
         self._window = config.design.window_ticks
         self._open: int | None = None  # number of the tick that gathers frames
         self._stamp_us = NEVER  # newest stamp taken
-        self._z = np.zeros((2, n))
-        self._present = np.zeros((2, n), dtype=bool)
+        self._arrivals = Arrivals(LAT + 1, n)
         self._good_ticks = [0] * n
         self._warm = [False] * n  # whether a full window of good ticks has been seen since it was blank
         self._blank = [True] * n
@@ -165,7 +165,7 @@ class Core:
         self.counts.time_steps += 1
         self._open = tick
         self._stamps[:] = NEVER
-        self._present[:] = False
+        self._arrivals.clear()
         self.receiver.forget()
         for axle in range(self._n):
             self._forget(axle)
@@ -183,8 +183,7 @@ class Core:
             self._stamps[q, axle] = stamp_us
             self._degraded[q, axle] = s.degraded
             if q <= LAT:
-                self._z[q, axle] = s.value
-                self._present[q, axle] = True
+                self._arrivals.put(q, axle, s.value, stamp_us)
             else:
                 self._value[q, axle] = s.value
 
@@ -217,10 +216,10 @@ class Core:
             else:
                 self._good_ticks[axle] += 1
                 self._warm[axle] |= self._good_ticks[axle] >= self._window
+        z, present = self._arrivals.take()
         if running.any():
-            tick = Tick(number, self._z * self._value[DIRECTION], self._present & running, self._torque_ratio(), speed)
+            tick = Tick(number, z * self._value[DIRECTION], present & running, self._torque_ratio(), speed)
             self.estimator.step(tick)
-        self._present[:] = False
 
     def _torque(self) -> np.ndarray:
         total: np.ndarray = self._value[TORQUE] + self._value[BRAKE]
@@ -256,13 +255,13 @@ class Core:
         return out
 
     def _report(self, axle: int, end_us: int, estimate: Estimate | None) -> Report:
-        ages = (end_us - self._stamps)[self._mapped[:, axle], axle]
-        oldest_ms = int(min(ages.max() // 1000, 255))
+        used_us = np.concatenate((self._arrivals.used_us[:, axle], self._stamps[LAT + 1 :, axle]))
+        age_ms = min(int((end_us - used_us)[self._mapped[:, axle]].max()) // 1000, 255)
         torque_age = end_us - int(self._stamps[TORQUE, axle])
         ratio = float(self._torque_ratio()[axle]) if torque_age <= self._dead_after[TORQUE, axle] else math.nan
         used = known(min(100.0 * ratio, 100.0))
         if not self._warm[axle] or estimate is None:
-            return Report(Validity.NOT_AVAILABLE, None, used, oldest_ms, "Unknown", "Unknown", "None")
+            return Report(Validity.NOT_AVAILABLE, None, used, age_ms, "Unknown", "Unknown", "None")
         mu = known(float(estimate.mu_available_pct[axle]))
         sure = (
             mu is not None
@@ -276,7 +275,7 @@ class Core:
             Validity.VALID if sure else Validity.DEGRADED,
             mu,
             used,
-            oldest_ms,
+            age_ms,
             surface(mu),
             contact,
             confidence(known(float(estimate.half_width_pp[axle])) if mu is not None else None),
