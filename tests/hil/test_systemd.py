@@ -61,7 +61,7 @@ def bus(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     with (
         running("candump", "-L", "vcan0,091:7FF", output=log),
         # a train's sensors do not wait for the daemon's processor: in the guest they share the only one
-        running("chrt", "-f", "10", "canplayer", "-I", played, "-g", "4", "-l", "i", "vcan0=can0"),
+        running("chrt", "-f", "10", "canplayer", "-I", played, "-l", "i", "vcan0=can0"),
     ):
         yield log
     systemctl("stop", UNIT)
@@ -75,8 +75,7 @@ def test_the_unit_starts_and_sends_valid_frames(bus: Path) -> None:
 
 
 def test_after_kill_nine_it_is_back_with_valid_frames(bus: Path) -> None:
-    """Starting a program takes this guest some fifteen times as long as its host, and what else the host does only
-    adds to it: all five times are printed, the best must be within 4 s, and none may be far from it."""
+    """Five times; starting a program takes this guest several times as long as its host."""
     systemctl("start", UNIT)
     times = []
     for _ in range(5):
@@ -97,8 +96,7 @@ def test_after_kill_nine_it_is_back_with_valid_frames(bus: Path) -> None:
         print(f"kill -9; started after {started:.2f}, ready {ready:.2f}, Valid {first - killed:.2f} s")
         assert main_pid() not in (0, pid)
     print("\nkill -9 to the first Valid frame, s:", ", ".join(f"{t:.2f}" for t in times))
-    assert min(times) <= 4.0
-    assert max(times) <= 8.0
+    assert max(times) <= 4.0
 
 
 def test_it_is_shut_in(bus: Path) -> None:
