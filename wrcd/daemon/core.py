@@ -10,20 +10,17 @@ from collections import Counter
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
-from wrcd.bus.codec import Receiver, Sample, Value, Writer
+from wrcd.bus.codec import Receiver, Value, Writer
 from wrcd.bus.dbc import find_message
 from wrcd.bus.frame import Frame
 from wrcd.bus.reasons import Reason
-from wrcd.bus.units import Quantity
-from wrcd.daemon.arrivals import NEVER, Arrivals
+from wrcd.daemon.arrivals import NEVER
 from wrcd.daemon.config import Config
+from wrcd.daemon.inputs import LAT, SPEED, TORQUE, YAW, Inputs
 from wrcd.daemon.report import Report, Validity, confidence, known, surface
 from wrcd.estimator.estimator import Estimate, Estimator, Tick
 
-QUANTITIES = tuple(Quantity)
-YAW, LAT, TORQUE, SPEED, BRAKE, LOAD, DIRECTION, RADIUS = range(len(QUANTITIES))
 STALE_NAMES = {YAW: "StaleYawRate", LAT: "StaleLatAccel", TORQUE: "StaleTorque", SPEED: "StaleSpeed"}
 
 FORWARD_STEP_US = 1_000_000  # a stamp further ahead than this re-initialises
@@ -85,27 +82,10 @@ class Core:
         self._window = config.design.window_ticks
         self._open: int | None = None  # number of the tick that gathers frames
         self._stamp_us = NEVER  # newest stamp taken
-        self._arrivals = Arrivals(LAT + 1, n)
+        self._inputs = Inputs(config)
         self._good_ticks = [0] * n
         self._warm = [False] * n  # whether a full window of good ticks has been seen since it was blank
         self._blank = [True] * n
-        self._stale: NDArray[np.bool_] = np.ones((len(QUANTITIES), n), dtype=bool)
-        self._value = np.zeros((len(QUANTITIES), n))
-        self._stamps = np.full((len(QUANTITIES), n), NEVER, dtype=np.int64)
-        self._degraded = np.zeros((len(QUANTITIES), n), dtype=bool)
-        self._mapped = np.zeros((len(QUANTITIES), n), dtype=bool)
-        self._timeout = np.zeros((len(QUANTITIES), n), dtype=np.int64)
-        for i in config.inputs:
-            q = QUANTITIES.index(i.source.quantity)
-            self._mapped[q, list(i.source.axles)] = True
-            self._timeout[q, list(i.source.axles)] = i.timeout_us
-        # slow inputs (load, radius, direction) may take their own time-out; the measurements may not
-        self._dead_after = np.maximum(self._timeout, config.not_available_after_us)
-        self._dead_after[: SPEED + 1] = config.not_available_after_us
-        self._value[SPEED] = math.nan if config.constant_speed_m_s is None else config.constant_speed_m_s
-        self._value[LOAD] = 2 * config.design.normal_N
-        self._value[DIRECTION] = 1.0
-        self._value[RADIUS] = config.design.r_0
         db = config.database
         self._adhesion = [Writer(find_message(db, a.adhesion), ()) for a in config.axles]
         self._detail = [Writer(find_message(db, a.detail), ()) if a.detail else None for a in config.axles]
@@ -127,7 +107,7 @@ class Core:
         if frame.stamp_us < self._open * self._period_us:
             self.counts.late += 1
         for sample in got:
-            self._take(sample, frame.stamp_us)
+            self._inputs.take(sample, frame.stamp_us)
         return out
 
     def advance(self, now_us: int) -> list[Outgoing]:
@@ -164,8 +144,7 @@ class Core:
         """A step of time: nothing that was known before holds."""
         self.counts.time_steps += 1
         self._open = tick
-        self._stamps[:] = NEVER
-        self._arrivals.clear()
+        self._inputs.forget()
         self.receiver.forget()
         for axle in range(self._n):
             self._forget(axle)
@@ -176,16 +155,6 @@ class Core:
         self._blank[axle] = True
         self._good_ticks[axle] = 0
         self._warm[axle] = False
-
-    def _take(self, s: Sample, stamp_us: int) -> None:
-        q = QUANTITIES.index(s.quantity)
-        for axle in s.axles:
-            self._stamps[q, axle] = stamp_us
-            self._degraded[q, axle] = s.degraded
-            if q <= LAT:
-                self._arrivals.put(q, axle, s.value, stamp_us)
-            else:
-                self._value[q, axle] = s.value
 
     def _close_up_to(self, target: int) -> list[Outgoing]:
         assert self._open is not None
@@ -198,39 +167,23 @@ class Core:
         return out
 
     def _close_tick(self, number: int) -> None:
-        """Run the bank on what the tick brought, and judge the inputs at its end."""
-        end_us = (number + 1) * self._period_us
+        """Judge the inputs at the tick's end, and run the bank on what it brought."""
         self.counts.ticks += 1
-        age: NDArray[np.int64] = end_us - self._stamps
-        dead: NDArray[np.bool_] = np.any(self._mapped & (age > self._dead_after), axis=0)
-        self._stale = np.logical_and(self._mapped, age > self._timeout)
-        speed = float(self._value[SPEED, 0])
-        running: NDArray[np.bool_] = np.logical_and(~dead, speed >= self.config.min_speed_m_s)
+        i = self._inputs
+        i.close((number + 1) * self._period_us)
+        running = np.logical_and(~i.dead, i.speed_m_s >= self.config.min_speed_m_s)
         for axle in range(self._n):
             if not running[axle]:
                 self._forget(axle)
                 continue
             self._blank[axle] = False
-            if self._stale[:, axle].any():
+            if i.stale[:, axle].any():
                 self._good_ticks[axle] = 0
             else:
                 self._good_ticks[axle] += 1
                 self._warm[axle] |= self._good_ticks[axle] >= self._window
-        z, present = self._arrivals.take()
         if running.any():
-            tick = Tick(number, z * self._value[DIRECTION], present & running, self._torque_ratio(), speed)
-            self.estimator.step(tick)
-
-    def _torque(self) -> np.ndarray:
-        total: np.ndarray = self._value[TORQUE] + self._value[BRAKE]
-        return total
-
-    def _torque_ratio(self) -> np.ndarray:
-        """|torque| / (2 N r0) of every axle; NaN before the first torque."""
-        ratio = np.abs(self._torque()) / (self._value[LOAD] * self._value[RADIUS])
-        known_torque = (~self._mapped | (self._stamps != NEVER))[[TORQUE, BRAKE]].all(axis=0)
-        out: np.ndarray = np.where(known_torque, ratio, np.nan)
-        return out
+            self.estimator.step(Tick(number, i.z, i.present & running, i.torque_ratio, i.speed_m_s))
 
     def _due(self, end_us: int) -> list[Outgoing]:
         """The frames whose slot begins with this tick's end."""
@@ -255,21 +208,12 @@ class Core:
         return out
 
     def _report(self, axle: int, end_us: int, estimate: Estimate | None) -> Report:
-        used_us = np.concatenate((self._arrivals.used_us[:, axle], self._stamps[LAT + 1 :, axle]))
-        age_ms = min(int((end_us - used_us)[self._mapped[:, axle]].max()) // 1000, 255)
-        torque_age = end_us - int(self._stamps[TORQUE, axle])
-        ratio = float(self._torque_ratio()[axle]) if torque_age <= self._dead_after[TORQUE, axle] else math.nan
-        used = known(min(100.0 * ratio, 100.0))
+        age_ms = self._inputs.age_ms(axle, end_us)
+        used = known(min(100.0 * float(self._inputs.torque_ratio[axle]), 100.0))
         if not self._warm[axle] or estimate is None:
             return Report(Validity.NOT_AVAILABLE, None, used, age_ms, "Unknown", "Unknown", "None")
         mu = known(float(estimate.mu_available_pct[axle]))
-        sure = (
-            mu is not None
-            and self._good_ticks[axle] >= self._window
-            and not self._degraded[self._mapped[:, axle], axle].any()
-            and self._speed_covered()
-            and (self.config.torque_is_total or self._mapped[BRAKE, axle] or self._value[TORQUE, axle] >= 0)
-        )
+        sure = mu is not None and self._good_ticks[axle] >= self._window and self._inputs.sound(axle)
         contact = "Unknown" if mu is None else "Saturated" if estimate.saturated[axle] else "Adhering"
         return Report(
             Validity.VALID if sure else Validity.DEGRADED,
@@ -281,16 +225,9 @@ class Core:
             confidence(known(float(estimate.half_width_pp[axle])) if mu is not None else None),
         )
 
-    def _speed_covered(self) -> bool:
-        speeds = self.config.design.speeds_m_s
-        return bool(speeds[0] <= self._value[SPEED, 0] <= speeds[-1])
-
     def _explain(self, axle: int, estimate: Estimate | None) -> dict[str, Value]:
         warm = self._warm[axle] and estimate is not None
-        values: dict[str, Value] = {
-            name: float(self._stale[q, axle] or (self._mapped[q, axle] and self._stamps[q, axle] == NEVER))
-            for q, name in STALE_NAMES.items()
-        }
+        values: dict[str, Value] = {name: float(self._inputs.stale[q, axle]) for q, name in STALE_NAMES.items()}
         values["WinningModel"] = float(estimate.winner[axle]) if warm and estimate else 0.0
         values["DominantRule"] = float(estimate.rule[axle]) if warm and estimate else None
         for m in range(4):
