@@ -19,13 +19,12 @@ from wrcd.bus.log import format_line
 from wrcd.daemon.config import load_config
 from wrcd.daemon.core import Core
 from wrcd.daemon.loop import Daemon, wall_us
+from wrcd.daemon.report import CONFIDENCES
 
 SHOW_EVERY_S = 0.5
 FULL_SCALE_PCT, WIDTH = 50.0, 50
-HALF_WIDTHS = {
-    "Within1pp": 1.0, "Within2pp": 2.0, "Within3pp": 3.0, "Within5pp": 5.0, "Within8pp": 8.0, "Within12pp": 12.0,
-    "Wider": 20.0,
-}  # fmt: skip
+WIDEST_PP = 20.0  # what is drawn of an interval without a bound
+HALF_WIDTHS = {name: min(half_width, WIDEST_PP) for half_width, name in CONFIDENCES}
 
 
 @dataclass(slots=True)

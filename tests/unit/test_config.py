@@ -137,3 +137,19 @@ def test_rubbish_is_no_design(tmp_path: Path, content: str) -> None:
     path.write_text(content)
     with pytest.raises(InputError):
         load_design(path)
+
+
+MULTIPLEXED = """
+BO_ 800 Motion: 8 TCU
+ SG_ Page M : 0|8@1+ (1,0) [0|3] "" WRCD
+ SG_ V m0 : 8|16@1+ (0.01,0) [0|300] "km/h" WRCD
+
+CM_ """
+
+
+def test_a_multiplexed_message_cannot_be_mapped(tmp_path: Path) -> None:
+    text = resources.DBC.read_text("cp1252").replace("\nCM_ ", MULTIPLEXED, 1)
+    (tmp_path / "own.dbc").write_text(text, "cp1252")
+    path = config(tmp_path, f'[vehicle]\nspeed = "Motion.V"\n{AXLE}[dbc]\nfile = "own.dbc"\n')
+    with pytest.raises(InputError, match=r"wrcd.toml:2: vehicle.speed: message Motion is CAN FD or multiplexed"):
+        load_config(path)

@@ -106,10 +106,10 @@ def test_systemd_is_told(tmp_path: Path, config: Config, monkeypatch: pytest.Mon
         polls = 0
         poll = daemon.poll
 
-        def counted(longest_wait_s: float = 1.0) -> None:
+        def counted() -> None:
             nonlocal polls
             polls += 1
-            poll(longest_wait_s)
+            poll()
             if polls == 120:
                 daemon._on_signal(15, None)
 

@@ -11,7 +11,6 @@ from wrcd.bus.frame import Frame
 from wrcd.bus.reasons import Reason
 from wrcd.bus.units import Quantity, factor
 
-VALIDITY_LABELS = ("NotAvailable", "Valid", "Degraded", "Error")
 # Words of value tables, letters only. A Status that is none of the usable words is refused.
 USABLE = {"ok", "okay", "valid", "normal", "good", "noerror", "available", "active"}
 UNUSABLE = {
@@ -46,13 +45,42 @@ def plain(label: object) -> str:
     return "".join(c for c in str(label).lower() if c.isalpha())
 
 
+class SignalReader:
+    """One mapped signal: its raw value to SI units, or why it can't be."""
+
+    def __init__(self, source: Source, signal: Signal) -> None:
+        self.source = source
+        self.name = signal.name
+        self._signal = signal
+        self._factor = factor(signal.unit, source.quantity)
+        slack = 0.5 * abs(float(signal.scale))
+        self._low = -math.inf if signal.minimum is None else float(signal.minimum) - slack
+        self._high = math.inf if signal.maximum is None else float(signal.maximum) + slack
+        self._unusable = {raw for raw, label in (signal.choices or {}).items() if plain(label) in UNUSABLE}
+        self._positive = source.quantity in (Quantity.AXLE_LOAD, Quantity.WHEEL_RADIUS)
+
+    def read(self, raw: Any) -> float | Reason:
+        """The value of a raw one."""
+        if raw in self._unusable:
+            return Reason.STATUS
+        scaled: Any = self._signal.conversion.raw_to_scaled(raw, decode_choices=False)
+        physical = float(scaled)
+        si = physical * self._factor
+        if not math.isfinite(si):
+            return Reason.NOT_FINITE
+        if not self._low <= physical <= self._high or abs(si) > self.source.quantity.limit:
+            return Reason.RANGE
+        if self._positive and si <= 0:
+            return Reason.RANGE
+        return _direction(self._signal, raw, physical) if self.source.quantity is Quantity.DIRECTION else si
+
+
 class MessageReader:
     """Decodes one message and checks all of it."""
 
     def __init__(self, message: Message, sources: Sequence[Source]) -> None:
         self._message = message
-        self._sources = [(s, find_signal(message, s.signal)) for s in sources]
-        self._factors = [factor(signal.unit, s.quantity) for s, signal in self._sources]
+        self._signals = [SignalReader(s, find_signal(message, s.signal)) for s in sources]
         identity = data_id(message)
         self._checker = None if identity is None else Checker(identity)
         self._status = self._labels(next((s for s in message.signals if s.name == STATUS), None))
@@ -81,27 +109,11 @@ class MessageReader:
         if status not in USABLE and status != "degraded":
             return Reason.STATUS
         samples = []
-        for (source, signal), scale in zip(self._sources, self._factors, strict=True):
-            value = raw[signal.name]
-            if signal.choices and value in signal.choices and plain(signal.choices[value]) in UNUSABLE:
-                return Reason.STATUS
-            scaled: Any = signal.conversion.raw_to_scaled(value, decode_choices=False)
-            physical = float(scaled)
-            if not math.isfinite(physical * scale):
-                return Reason.NOT_FINITE
-            slack = 0.5 * abs(float(signal.scale))
-            if signal.minimum is not None and physical < signal.minimum - slack:
-                return Reason.RANGE
-            if signal.maximum is not None and physical > signal.maximum + slack:
-                return Reason.RANGE
-            si = physical * scale
-            if abs(si) > source.quantity.limit:
-                return Reason.RANGE
-            if source.quantity in (Quantity.AXLE_LOAD, Quantity.WHEEL_RADIUS) and si <= 0:
-                return Reason.RANGE
-            if source.quantity is Quantity.DIRECTION:
-                si = _direction(signal, value, physical)
-            samples.append(Sample(source.quantity, source.axles, si, status == "degraded"))
+        for signal in self._signals:
+            value = signal.read(raw[signal.name])
+            if isinstance(value, Reason):
+                return value
+            samples.append(Sample(signal.source.quantity, signal.source.axles, value, status == "degraded"))
         return samples
 
 
@@ -115,10 +127,6 @@ class Receiver:
         self._readers: dict[int, MessageReader] = {}
         for name, group in by_message.items():
             message = find_message(database, name)
-            if message.is_fd or message.is_multiplexed():
-                raise ValueError(
-                    f"message {name} is CAN FD or multiplexed; only plain classical messages can be mapped"
-                )
             self._readers[message.frame_id] = MessageReader(message, group)
 
     @property

@@ -21,7 +21,8 @@ finally:
         del sys.modules["cantools"]
 
 __all__ = [
-    "Database", "Message", "Signal", "attribute", "data_id", "find_message", "find_signal", "load_dbc", "timeout_ms",
+    "Database", "Message", "Signal", "attribute", "check_plain", "data_id", "find_message", "find_signal", "load_dbc",
+    "timeout_ms",
 ]  # fmt: skip
 
 
@@ -58,6 +59,12 @@ def find_signal(message: Message, name: str) -> Signal:
         if s.name == name:
             return s
     raise KeyError(f"message {message.name} has no signal {name!r}")
+
+
+def check_plain(message: Message) -> None:
+    """Raises ValueError for a message that is not a plain classical one, which nothing here reads or sends."""
+    if message.is_fd or message.is_multiplexed():
+        raise ValueError(f"message {message.name} is CAN FD or multiplexed; only plain classical ones can be used")
 
 
 def timeout_ms(message: Message, signal: Signal) -> int | None:

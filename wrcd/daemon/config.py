@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import TypeVar
 
 from wrcd import resources
-from wrcd.bus.codec import VALIDITY_LABELS, Source, Writer
-from wrcd.bus.dbc import Database, Message, data_id, find_message, find_signal, load_dbc, timeout_ms
+from wrcd.bus.codec import Source, Writer
+from wrcd.bus.dbc import Database, check_plain, data_id, find_message, find_signal, load_dbc, timeout_ms
 from wrcd.bus.units import Quantity, factor
-from wrcd.daemon.report import CONFIDENCES, SURFACES
+from wrcd.daemon.report import sendable
 from wrcd.errors import InputError
 from wrcd.estimator.design import Design, load_design
 from wrcd.settings import Section, parse_toml, read_toml, suggest
@@ -204,10 +204,7 @@ def _inputs(
             factor(signal.unit, q)
             data_id(message)
             timeout = timeout_ms(message, signal) or DEFAULT_TIMEOUT_MS
-            if message.is_fd or message.is_multiplexed():
-                raise ValueError(
-                    f"message {message_name} is CAN FD or multiplexed; only plain classical ones can be mapped"
-                )
+            check_plain(message)
         except KeyError as e:
             raise section.error(str(e.args[0]), q.key, _nearest(database, message_name, signal_name)) from None
         except ValueError as e:
@@ -225,36 +222,12 @@ def _writer(section: Section, key: str, database: Database, name: str, needs: tu
     try:
         message = find_message(database, name)
         Writer(message, needs)
-        _sendable(message)
+        sendable(message)
     except KeyError as e:
         hint = suggest(name, [m.name for m in database.messages]) or f'give [[axle]] {key} = "…"'
         raise section.error(str(e.args[0]), key, hint) from None
     except ValueError as e:
         raise section.error(str(e), key) from None
-
-
-# What goes out, in which unit, and with which words.
-UNITS = {"MuAvailable": "%", "MuUsed": "%", "SampleAge": "ms"}
-WORDS = {
-    "Validity": VALIDITY_LABELS[:3],
-    "Surface": ("Unknown", *(name for _, name in SURFACES)),
-    "ContactState": ("Unknown", "Adhering", "Saturated"),
-    "Confidence": ("None", *(name for _, name in CONFIDENCES)),
-}
-
-
-def _sendable(message: Message) -> None:
-    """Raises ValueError where a value would go out as something else than it is."""
-    if message.is_fd or message.is_multiplexed():
-        raise ValueError(f"message {message.name} is CAN FD or multiplexed; only plain classical ones can be sent")
-    for s in message.signals:
-        if s.name in (*UNITS, *WORDS) and s.is_float:
-            raise ValueError(f"{message.name}.{s.name} is coded as a float; only whole numbers can be sent")
-        if s.name in UNITS and (s.unit or "") != UNITS[s.name]:
-            raise ValueError(f"{message.name}.{s.name} is in {s.unit!r}; it is sent in {UNITS[s.name]!r}")
-        missing = [w for w in WORDS.get(s.name, ()) if w not in {str(c) for c in (s.choices or {}).values()}]
-        if missing:
-            raise ValueError(f"the value table of {message.name}.{s.name} lacks {', '.join(missing)}")
 
 
 def _cycle(database: Database, name: str | None, default_ms: int) -> int:

@@ -37,12 +37,12 @@ class Daemon:
         self._next_ping_us = 0
         self.sent = 0
 
-    def poll(self, longest_wait_s: float = 1.0) -> None:
+    def poll(self) -> None:
         """Wait for frames or the end of the tick, take all frames, close what is over, send what is due."""
         now = self._clock()
         end = (now // self._period_us + 1) * self._period_us + SETTLE_US
         # no wake-up per frame: the kernel holds them until the tick is over
-        time.sleep(min(max(end - now, 0) * 1e-6, longest_wait_s))
+        time.sleep((end - now) * 1e-6)
         now = self._clock()
         out: list[Outgoing] = []
         before = self.core.counts.seen

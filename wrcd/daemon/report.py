@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from wrcd.bus.codec import Value
+from wrcd.bus.dbc import Message, check_plain
 
 # MuAvailable (percent) from which a surface counts as that class.
 SURFACES = ((25.0, "Dry"), (15.0, "Wet"), (8.0, "Reduced"), (4.0, "Low"), (-math.inf, "VeryLow"))
@@ -16,12 +17,11 @@ CONFIDENCES = (
 
 
 class Validity(StrEnum):
-    """The labels of the DBC."""
+    """The labels of the DBC that are in use."""
 
     NOT_AVAILABLE = "NotAvailable"
     VALID = "Valid"
     DEGRADED = "Degraded"
-    ERROR = "Error"
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,3 +66,26 @@ def confidence(half_width_pp: float | None) -> str:
 def known(x: float) -> float | None:
     """NaN as None."""
     return float(x) if math.isfinite(x) else None
+
+
+# In which unit a report's numbers are, and which words it uses.
+UNITS = {"MuAvailable": "%", "MuUsed": "%", "SampleAge": "ms"}
+WORDS = {
+    "Validity": tuple(v.value for v in Validity),
+    "Surface": ("Unknown", *(name for _, name in SURFACES)),
+    "ContactState": ("Unknown", "Adhering", "Saturated"),
+    "Confidence": ("None", *(name for _, name in CONFIDENCES)),
+}
+
+
+def sendable(message: Message) -> None:
+    """Raises ValueError where a value would go out in a message as something else than it is."""
+    check_plain(message)
+    for s in message.signals:
+        if s.name in (*UNITS, *WORDS) and s.is_float:
+            raise ValueError(f"{message.name}.{s.name} is coded as a float; only whole numbers can be sent")
+        if s.name in UNITS and (s.unit or "") != UNITS[s.name]:
+            raise ValueError(f"{message.name}.{s.name} is in {s.unit!r}; it is sent in {UNITS[s.name]!r}")
+        missing = [w for w in WORDS.get(s.name, ()) if w not in {str(c) for c in (s.choices or {}).values()}]
+        if missing:
+            raise ValueError(f"the value table of {message.name}.{s.name} lacks {', '.join(missing)}")

@@ -36,9 +36,9 @@ def guarded(name: str, command: Callable[[], int]) -> int:
         return 0
 
 
-def add_bus(p: argparse.ArgumentParser, what: str = "") -> None:
+def add_bus(p: argparse.ArgumentParser) -> None:
     """-i and -c, python-can's own words, everywhere the same."""
-    p.add_argument("-i", "--interface", help=f"python-can interface{what} (default: the configuration's, socketcan)")
+    p.add_argument("-i", "--interface", help="python-can interface (default: the configuration's, socketcan)")
     p.add_argument("-c", "--channel", help="its channel (default: the configuration's, can0)")
 
 

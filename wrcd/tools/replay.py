@@ -19,6 +19,7 @@ COLUMNS = (
     "time_s", "axle", "validity", "mu_available_pct", "mu_used_pct", "contact_state", "surface", "confidence",
     "sample_age_ms",
 )  # fmt: skip
+# the signals of the columns behind the axle
 SIGNALS = ("Validity", "MuAvailable", "MuUsed", "ContactState", "Surface", "Confidence", "SampleAge")
 
 
@@ -88,20 +89,8 @@ class Rows:
             return
         message, number = found
         values: Any = message.decode(frame.data)
-        cells = dict(zip(SIGNALS, (_cell(values.get(s)) for s in SIGNALS), strict=True))
-        self._writer.writerow(
-            (
-                f"{frame.stamp_us // 1_000_000}.{frame.stamp_us % 1_000_000:06d}",
-                number,
-                cells["Validity"],
-                cells["MuAvailable"],
-                cells["MuUsed"],
-                cells["ContactState"],
-                cells["Surface"],
-                cells["Confidence"],
-                cells["SampleAge"],
-            )
-        )
+        stamp = f"{frame.stamp_us // 1_000_000}.{frame.stamp_us % 1_000_000:06d}"
+        self._writer.writerow((stamp, number, *(_cell(values.get(signal)) for signal in SIGNALS)))
 
 
 def _cell(value: Any) -> str:
