@@ -97,11 +97,10 @@ def simulate(w: Wheelset, c: Condition, seconds: float, tick_s: float) -> Sample
 
 @dataclass(frozen=True, slots=True)
 class Features:
-    """One row per window: log10 residuals and torque ratio (n, 5), the truth in percent (n,), the speed (n,)."""
+    """One row per window: log10 residuals and torque ratio (n, 5), the truth in percent (n,)."""
 
     inputs: FloatArray
     mu_pct: FloatArray
-    speed_m_s: FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,7 +146,7 @@ def record(
 
 def features(design: Design, recordings: list[Recording], windows: int) -> Features:
     """Run the estimator's own bank and windows over the recordings. Only its residuals and torque are used."""
-    inputs, truth, speed = [], [], []
+    inputs, truth = [], []
     half = design.window_ticks // 2
     for r in recordings:
         ticks, _, n = r.z.shape
@@ -161,5 +160,4 @@ def features(design: Design, recordings: list[Recording], windows: int) -> Featu
                 e = estimator.estimate()
                 inputs.append(np.column_stack((np.log10(e.residuals), np.log10(np.maximum(e.torque_ratio, 1e-6)))))
                 truth.append(r.mu_pct)
-                speed.append(np.full(n, r.speed_m_s))
-    return Features(np.concatenate(inputs), np.concatenate(truth), np.concatenate(speed))
+    return Features(np.concatenate(inputs), np.concatenate(truth))

@@ -1,7 +1,5 @@
 """`sim-ecu design`: reads what is to be designed, shows how far it is, writes the file."""
 
-import sys
-import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,6 +9,7 @@ from sim_ecu.physics.sensors import SENSOR_SETS
 from sim_ecu.play.scenario import read_wheelset
 from wrcd.errors import InputError
 from wrcd.settings import Section, read_toml
+from wrcd.tools.progress import Progress
 
 
 def run(config: Path | None, output: Path) -> int:
@@ -18,8 +17,8 @@ def run(config: Path | None, output: Path) -> int:
     brief = Brief() if config is None else read_brief(read_toml(config))
     if not output.parent.is_dir():
         raise InputError("no such folder", file=output.parent, key="-o")
-    progress = _Progress()
-    document = design(brief, progress)
+    progress = Progress(steps=True)
+    document = design(brief, progress.at)
     write(document, output)
     progress.end()
     fit = document["fit"]
@@ -67,27 +66,3 @@ def read_brief(top: Section) -> Brief:
     for section in (d, p, top):
         section.done()
     return brief
-
-
-class _Progress:
-    """One line on standard error: what is going on, how far, how long still."""
-
-    def __init__(self) -> None:
-        self._began = time.monotonic()
-        self._terminal = sys.stderr.isatty()
-
-    def __call__(self, what: str, share: float) -> None:
-        passed = time.monotonic() - self._began
-        left = f", about {passed * (1 - share) / share:.0f} s left" if 0 < share < 1 else ""
-        text = f"{what}: {100 * share:.0f} %{left}"
-        print(
-            f"\r\033[K{text}" if self._terminal else text,
-            end="" if self._terminal else "\n",
-            file=sys.stderr,
-            flush=True,
-        )
-
-    def end(self) -> None:
-        """Leave the line."""
-        if self._terminal:
-            print("\r\033[K", end="", file=sys.stderr)

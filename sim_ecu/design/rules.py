@@ -17,6 +17,8 @@ TOP_PCT, BOTTOM_PCT = 60.0, 2.0
 OUTPUT_STEP = 5.0  # output sets stand at 0, 5, … 100, all of one width
 # The paper's (16): strictly decreasing from 42 % at 0, below zero from 96.4 on. Kept as a preset, clamped.
 PAPER_POLYNOMIAL = (-2.213e-6, 0.00042, -0.0205, -0.38, 42.0)
+RIDGE = 1.0
+ORDER = 6  # of the polynomial
 RESIDUAL_NAMES = ("Low", "Moderate", "High")
 
 
@@ -60,11 +62,10 @@ def weights(centres: list[FloatArray], rules: IntArray, inputs: FloatArray) -> F
     return w
 
 
-def fit(data: Features, torque_sets: int, most_rules: int, ridge: float = 1.0, power: float = 0.0) -> RuleBase:
+def fit(data: Features, torque_sets: int, most_rules: int) -> RuleBase:
     """Sets evenly spaced between the 1 % and 99 % quantiles, the rules that fire most, consequents by least squares.
 
-    A ridge pulls each consequent towards the mean of the data it fires on. Errors count by mu^power: 0 weighs
-    relative errors alike, 1 percentage points.
+    A ridge pulls each consequent towards the mean of the data it fires on. Relative errors of the adhesion weigh alike.
     """
     centres = []
     for i in range(data.inputs.shape[1]):
@@ -77,23 +78,22 @@ def fit(data: Features, torque_sets: int, most_rules: int, ridge: float = 1.0, p
     firing = W.sum(axis=1)
     share = W / np.maximum(firing, 1e-9)[:, None]
     target = output_of(data.mu_pct)
-    importance = np.sqrt(firing) * (data.mu_pct / 10.0) ** power
+    importance = np.sqrt(firing)
     X = share * importance[:, None]
     own = (W.T @ target) / np.maximum(W.sum(axis=0), 1e-9)
-    # minimise |X (own + d) - y|^2 + ridge |d|^2
-    d = np.linalg.solve(X.T @ X + ridge * np.eye(len(rules)), X.T @ (target * importance - X @ own))
+    # minimise |X (own + d) - y|^2 + RIDGE |d|^2
+    d = np.linalg.solve(X.T @ X + RIDGE * np.eye(len(rules)), X.T @ (target * importance - X @ own))
     consequents = np.clip(np.round((own + d) / OUTPUT_STEP) * OUTPUT_STEP, 0.0, 100.0)
     fuzzy = share @ consequents
-    polynomial = fit_polynomial(fuzzy, data.mu_pct, power)
+    polynomial = fit_polynomial(fuzzy, data.mu_pct)
     error = np.abs(np.polyval(polynomial, fuzzy) / data.mu_pct - 1.0)
     return RuleBase(centres, rules, consequents, _spreads(share, error), W.sum(axis=0), polynomial, fuzzy)
 
 
-def fit_polynomial(fuzzy: FloatArray, mu_pct: FloatArray, power: float, degree: int = 6) -> FloatArray:
+def fit_polynomial(fuzzy: FloatArray, mu_pct: FloatArray) -> FloatArray:
     """Sixth order, as the paper says of its (16): fuzzy output to percent adhesion. Highest power first."""
-    t = fuzzy / 100.0
-    c = np.polynomial.polynomial.polyfit(t, mu_pct, degree, w=mu_pct ** (power - 1.0))
-    return np.array([c[k] / 100.0**k for k in range(degree, -1, -1)])
+    c = np.polynomial.polynomial.polyfit(fuzzy / 100.0, mu_pct, ORDER, w=1.0 / mu_pct)
+    return np.array([c[k] / 100.0**k for k in range(ORDER, -1, -1)])
 
 
 def _spreads(share: FloatArray, error: FloatArray) -> FloatArray:

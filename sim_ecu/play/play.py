@@ -3,7 +3,6 @@
 import contextlib
 import errno
 import signal
-import sys
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -16,6 +15,7 @@ from sim_ecu.play.encoder import Sent
 from sim_ecu.play.player import SAMPLE_US, Player
 from sim_ecu.play.scenario import Scenario
 from wrcd.errors import BusError, InputError
+from wrcd.tools.progress import Progress
 
 # A log made without a bus begins at this moment, so that the same scenario gives the same bytes.
 LOG_START_US = 1_700_000_000_000_000
@@ -47,28 +47,16 @@ def message(sent: Sent, stamp_us: int, channel: str) -> can.Message:
 
 def play_to_log(scenario: Scenario, log: Path, truth: bool = True) -> Tally:
     """As fast as it computes; the suffix of the log tells its format."""
-    tally = Tally()
+    tally, progress = Tally(), Progress()
     player = Player(scenario, truth)
     with open_logger(log) as logger:
-        for due_us, frames in _with_progress(player):
+        for due_us, frames in player:
             for f in frames:
                 logger.on_message_received(message(f, LOG_START_US + f.due_us, "can0"))
             tally.frames += len(frames)
-            del due_us
+            progress.at(scenario.name, due_us / (player.samples * SAMPLE_US))
+    progress.end()
     return tally
-
-
-def _with_progress(player: Player) -> Iterator[tuple[int, list[Sent]]]:
-    shown = began = time.monotonic()
-    for due_us, frames in player:
-        yield due_us, frames
-        if sys.stderr.isatty() and time.monotonic() - shown > 0.5:
-            shown = time.monotonic()
-            share = due_us / (player.samples * SAMPLE_US)
-            left = (shown - began) * (1 - share) / share
-            print(f"\r{100 * share:.0f} %, {left:.0f} s left ", end="", file=sys.stderr, flush=True)
-    if sys.stderr.isatty():
-        print("\r\033[K", end="", file=sys.stderr)
 
 
 @contextlib.contextmanager

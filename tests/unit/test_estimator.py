@@ -70,9 +70,12 @@ def test_where_no_rule_speaks_the_answer_is_unknown(design: Design) -> None:
     assert ((inference.output[~silent] >= 0) & (inference.output[~silent] <= 100)).all()
 
 
+def noise(ticks: int, axles: int) -> np.ndarray:
+    return 0.01 * np.random.default_rng(3).standard_normal((ticks, 2, axles))
+
+
 def test_axles_do_not_disturb_each_other(design: Design) -> None:
-    rng = np.random.default_rng(3)
-    z = 0.01 * rng.standard_normal((400, 2, 3))
+    z = noise(400, 3)
     together, alone = Estimator(design, 3), Estimator(design, 1)
     for k in range(400):
         together.step(tick(k, z[k]))
@@ -84,8 +87,7 @@ def test_axles_do_not_disturb_each_other(design: Design) -> None:
 
 
 def test_a_reset_axle_is_as_good_as_new(design: Design) -> None:
-    rng = np.random.default_rng(4)
-    z = 0.01 * rng.standard_normal((600, 2, 1))
+    z = noise(600, 1)
     used, fresh = Estimator(design, 1), Estimator(design, 1)
     for k in range(300):
         used.step(tick(k, z[k]))
@@ -99,8 +101,7 @@ def test_a_reset_axle_is_as_good_as_new(design: Design) -> None:
 @pytest.mark.parametrize("speed", [3.0, 3.04, 25.05, 59.99, 60.0, 80.0])
 def test_every_speed_has_gains(design: Design, speed: float) -> None:
     estimator = Estimator(design, 1)
-    rng = np.random.default_rng(6)
-    for k in range(2000):
-        e = estimator.step(tick(k, 0.01 * rng.standard_normal((2, 1)), speed=speed))
+    for k, z in enumerate(noise(2000, 1)):
+        e = estimator.step(tick(k, z, speed=speed))
         assert np.isfinite(e).all()
     assert np.abs(e).max() < 10.0

@@ -14,6 +14,7 @@ def describe(c: Config) -> list[str]:
         f"design         {c.design_file}: {d.name}, {d.checksum[:12]}, {len(d.rules)} rules",
         f"               tick {1000 * d.tick_s:g} ms, window {d.window_s:g} s, "
         f"{d.speeds_m_s[0]:g} … {d.speeds_m_s[-1]:g} m/s",
+        f"               models: {'; '.join(d.model_names)}",
         f"limits         not available after {c.not_available_after_us / 1000:g} ms and below {c.min_speed_m_s:g} m/s"
         + (f", constant speed {c.constant_speed_m_s:g} m/s" if c.constant_speed_m_s is not None else ""),
     ]

@@ -3,7 +3,6 @@
 import contextlib
 import csv
 import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import IO, Any
@@ -14,6 +13,7 @@ from wrcd.bus.log import Damage, format_line, read_log
 from wrcd.daemon.config import Config, load_config
 from wrcd.daemon.core import Core
 from wrcd.errors import InputError, create
+from wrcd.tools.progress import Progress
 
 COLUMNS = (
     "time_s", "axle", "validity", "mu_available_pct", "mu_used_pct", "contact_state", "surface", "confidence",
@@ -59,18 +59,15 @@ def replay(log: Path, config_file: Path | None, output: Path | None, table: Path
 
 
 def progress(frames: Iterator[tuple[Frame, str]], log: Path) -> Iterator[tuple[Frame, str]]:
-    """The same frames; on a terminal a line a second tells how far the log has come."""
-    if not sys.stderr.isatty():
-        yield from frames
-        return
-    first, shown = None, time.monotonic()
-    for frame, channel in frames:
+    """The same frames; on a terminal a line tells how far the log has come."""
+    shown = Progress()
+    first = None
+    for number, (frame, channel) in enumerate(frames):
         first = frame.stamp_us if first is None else first
-        if time.monotonic() - shown > 1.0:
-            shown = time.monotonic()
-            print(f"\r{log.name}: {(frame.stamp_us - first) * 1e-6:.0f} s of log", end="", file=sys.stderr, flush=True)
+        if number % 1000 == 0:
+            shown.at(f"{log.name}: {(frame.stamp_us - first) * 1e-6:.0f} s of log")
         yield frame, channel
-    print("\r\033[K", end="", file=sys.stderr)
+    shown.end()
 
 
 class Rows:

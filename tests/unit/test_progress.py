@@ -1,0 +1,40 @@
+"""The line that says how far a long piece of work has come."""
+
+import sys
+import time
+
+import pytest
+
+from wrcd.tools.progress import Progress
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    now = [100.0]
+    monkeypatch.setattr(time, "monotonic", lambda: now[0])
+    return now
+
+
+def test_a_terminal_gets_one_line(
+    clock: list[float], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    p = Progress()
+    for share in (0.1, 0.2, 0.25, 1.0):
+        clock[0] += 0.3
+        p.at("playing", share)
+    p.end()
+    # not more than twice a second
+    assert capsys.readouterr().err == "\r\033[Kplaying: 20 %, about 2 s left\r\033[Kplaying: 100 %\r\033[K"
+
+
+@pytest.mark.parametrize(("steps", "said"), [(False, ""), (True, "cases: 50 %, about 3 s left\nrules\n")])
+def test_a_file_gets_steps_or_nothing(
+    clock: list[float], steps: bool, said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    p = Progress(steps)
+    clock[0] += 3.0
+    p.at("cases", 0.5)
+    p.at("rules")
+    p.end()
+    assert capsys.readouterr().err == said
