@@ -1,6 +1,7 @@
 """`sim-ecu demo`: rig and daemon on one bus, the estimate against the truth as it goes; then a log and a picture."""
 
 import contextlib
+import math
 import sys
 import time
 from dataclasses import dataclass, field
@@ -92,7 +93,11 @@ def run(interface: str | None, channel: str | None, scenario_name: str, folder: 
         rig = RealTime(scenario, rig_bus, None)
         shown = time.monotonic()
         while rig.step():
-            daemon.poll()
+            rig_s, tick_s = rig.wait_s(), daemon.wait_s()
+            time.sleep(min(rig_s, tick_s))
+            if rig_s < tick_s:
+                continue
+            daemon.turn()
             observer.drain()
             if time.monotonic() - shown >= SHOW_EVERY_S:
                 shown += SHOW_EVERY_S
@@ -180,10 +185,10 @@ def _draw(scenario: Scenario, traces: dict[int, Trace], picture: Path) -> None:
         t = [row[0] for row in trace.truth]
         ax.plot(t, [row[1]["MuAvailable"] for row in trace.truth], color="black", lw=1.5, label="available, truth")
         ax.fill_between(t, [row[1]["MuUsed"] for row in trace.truth], color="0.85", lw=0, label="in use, truth")
-        rows = [(s, a) for s, a in trace.adhesion if isinstance(a["MuAvailable"], float)]
-        x = [s for s, _ in rows]
-        mu = [a["MuAvailable"] for _, a in rows]
-        half = [HALF_WIDTHS.get(str(a["Confidence"]), 0.0) for _, a in rows]
+        # where there is no estimate the line has a gap
+        x = [s for s, _ in trace.adhesion]
+        mu = [a["MuAvailable"] if isinstance(a["MuAvailable"], float) else math.nan for _, a in trace.adhesion]
+        half = [HALF_WIDTHS.get(str(a["Confidence"]), 0.0) for _, a in trace.adhesion]
         ax.fill_between(
             x, [max(m - h, 0) for m, h in zip(mu, half, strict=True)], [m + h for m, h in zip(mu, half, strict=True)],
             color="tab:blue", alpha=0.2, lw=0, label="interval that Confidence claims",

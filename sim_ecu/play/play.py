@@ -83,10 +83,11 @@ class RealTime:
         self._channel = str(bus.channel_info).split("'")[1] if "'" in str(bus.channel_info) else "can0"
         self._start_ns = time.monotonic_ns()
 
-    @property
-    def next_ns(self) -> int | None:
-        """When the next sample is due (monotonic clock, ns); None at the end."""
-        return None if self._next is None else self._start_ns + self._next[0] * 1000
+    def wait_s(self) -> float:
+        """How long until the next sample is due; 0 at the end."""
+        if self._next is None:
+            return 0.0
+        return max(self._start_ns + self._next[0] * 1000 - time.monotonic_ns(), 0) * 1e-9
 
     def step(self) -> bool:
         """Send the samples that are due by now. False when the scenario is over. Deadlines are absolute: a late
@@ -139,7 +140,5 @@ def play_on_bus(scenario: Scenario, interface: str, channel: str, log: Path | No
             signal.signal(s, on_signal)
         rig = RealTime(scenario, bus, logger, truth)
         while not stop and rig.step():
-            due = rig.next_ns
-            if due is not None:
-                time.sleep(max(due - time.monotonic_ns(), 0) * 1e-9)
+            time.sleep(rig.wait_s())
     return rig.tally

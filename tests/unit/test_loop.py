@@ -127,3 +127,13 @@ def test_systemd_is_told(tmp_path: Path, config: Config, monkeypatch: pytest.Mon
 
 def test_without_systemd_nothing_is_said() -> None:
     Notifier({}).say("READY=1")
+
+
+def test_a_turn_that_is_over_due_is_due_at_once(setup: Setup) -> None:
+    setup.daemon.turn()
+    assert 0.0 < setup.daemon.wait_s() <= 0.006
+    setup.now += 7_000
+    assert setup.daemon.wait_s() == 0.0
+    setup.daemon.turn()
+    setup.now -= 3_600_000_000
+    assert setup.daemon.wait_s() <= 0.006

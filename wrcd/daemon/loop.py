@@ -23,7 +23,7 @@ def wall_us() -> int:
 
 
 class Daemon:
-    """Ties a link to the core. poll() is one turn of the loop; run() turns it until it is told to stop."""
+    """Ties a link to the core. poll() waits and turns once; run() goes on until it is told to stop."""
 
     def __init__(
         self, core: Core, link: Link, notifier: Notifier | None = None, clock: Callable[[], int] = wall_us
@@ -33,16 +33,24 @@ class Daemon:
         self._clock = clock
         self._period_us = round(core.config.design.tick_s * 1e6)
         self._stop = False
+        self._turn_us = self._next_turn_us()
         self._silent = 0  # turns in a row that found nothing
         self._next_ping_us = 0
         self.sent = 0
 
     def poll(self) -> None:
-        """Wait for frames or the end of the tick, take all frames, close what is over, send what is due."""
-        now = self._clock()
-        end = (now // self._period_us + 1) * self._period_us + SETTLE_US
+        """Wait for the end of the tick, then one turn."""
         # no wake-up per frame: the kernel holds them until the tick is over
-        time.sleep((end - now) * 1e-6)
+        time.sleep(self.wait_s())
+        self.turn()
+
+    def wait_s(self) -> float:
+        """How long until the next turn is due. A clock that steps back makes nobody wait longer than a tick."""
+        left_us = self._turn_us - self._clock()
+        return min(max(left_us, 0), self._period_us + SETTLE_US) * 1e-6
+
+    def turn(self) -> None:
+        """Take all frames there are, close the ticks that are over, send what is due."""
         now = self._clock()
         out: list[Outgoing] = []
         before = self.core.counts.seen
@@ -53,6 +61,10 @@ class Daemon:
             out += self.core.advance(now - SETTLE_US)
         self._send(out)
         self._look_after(now)
+        self._turn_us = self._next_turn_us()
+
+    def _next_turn_us(self) -> int:
+        return (self._clock() // self._period_us + 1) * self._period_us + SETTLE_US
 
     def _send(self, out: list[Outgoing]) -> None:
         """Send what still belongs to its slot. A slot that is over is skipped and counted, never sent in a burst."""
