@@ -1,0 +1,1 @@
+"""How good the estimate is: accuracy, figures of the paper, comparisons with data from elsewhere."""
