@@ -1,12 +1,17 @@
 """The sim-ecu command."""
 
 import argparse
+import os
 import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
 
+from wrcd import resources
 from wrcd.tools.cli import guarded
+
+# suites of `sim-ecu score`, in the order of the report
+SUITES = ("paper", "grid", "transitions", "robust", "rough", "dry-hours")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -32,8 +37,40 @@ def _parser() -> argparse.ArgumentParser:
     play.add_argument("--no-truth", action="store_true", help="leave the SimTruth frames out")
 
     design = commands.add_parser("design", help="make the design file of a wheelset (takes minutes)")
-    design.add_argument("--config", type=Path, metavar="RIG.toml", help="wheelset and plan; default: the packaged ones")
-    design.add_argument("-o", "--output", type=Path, required=True, metavar="DESIGN.json")
+    design.add_argument(
+        "--config", type=Path, metavar="RIG.toml",
+        help="wheelset, design, plan: a file, or metro or locomotive, which come along (default: the default wheelset)",
+    )  # fmt: skip
+    design.add_argument("-o", "--output", type=Path, metavar="DESIGN.json", help="the file to make")
+    design.add_argument(
+        "--baselines", type=Path, metavar="OUT.json", help="also make what `sim-ecu score` compares this design with"
+    )
+    design.add_argument(
+        "--explain", type=Path, nargs="?", const=resources.DESIGN, metavar="DESIGN.json",
+        help="make nothing: print the rules of a design (default: the packaged one) as sentences, with their data",
+    )  # fmt: skip
+
+    contact = commands.add_parser("contact", help="creep forces of the rig's contact law for the cases of a CSV")
+    contact.add_argument("cases", type=Path, metavar="CASES.csv")
+    contact.add_argument("--k-a", type=float, default=1.0, metavar="K", help="reduction in the area of adhesion (1)")
+    contact.add_argument("--k-s", type=float, default=1.0, metavar="K", help="reduction in the area of slip (1)")
+
+    score = commands.add_parser("score", help="how good a design is, with baselines beside it")
+    score.add_argument("--suite", choices=SUITES, help="only this one")
+    score.add_argument("--quick", action="store_true", help="a twelfth of it: about a minute")
+    score.add_argument(
+        "--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="processes (default: all cores)"
+    )
+    score.add_argument("--design", type=Path, metavar="DESIGN.json", help="default: the packaged one")
+    score.add_argument(
+        "--baselines", type=Path, metavar="FILE", help="what `sim-ecu design --baselines` made with the design"
+    )
+    score.add_argument("--json", type=Path, metavar="OUT", help="all figures")
+    score.add_argument("--html", type=Path, metavar="OUT", help="a page with tables and pictures")
+
+    figures = commands.add_parser("figures", help="the paper's figures, and whether they show what it says")
+    figures.add_argument("-o", "--output", type=Path, required=True, metavar="DIR")
+    figures.add_argument("--design", type=Path, metavar="DESIGN.json", help="default: the packaged one")
 
     verify = commands.add_parser("verify", help="run the fast and the reference engine over a log and compare them")
     verify.add_argument("log", type=Path, metavar="LOG")
@@ -82,9 +119,37 @@ def _play(args: argparse.Namespace) -> int:
 
 
 def _design(args: argparse.Namespace) -> int:
-    from sim_ecu.design.command import run
+    if args.explain is not None:
+        from sim_ecu.design.explain import explain
 
-    return run(args.config, args.output)
+        return explain(args.explain)
+    from sim_ecu.design.command import run
+    from wrcd.errors import InputError
+
+    if args.output is None:
+        raise InputError("is missing", key="-o", hint="name the file to make, or ask for --explain")
+    return run(args.config, args.output, args.baselines)
+
+
+def _contact(args: argparse.Namespace) -> int:
+    from sim_ecu.score.contact import run
+
+    return run(args.cases, args.k_a, args.k_s)
+
+
+def _score(args: argparse.Namespace) -> int:
+    from sim_ecu.score.command import run
+    from wrcd.errors import InputError
+
+    if args.jobs < 1:
+        raise InputError(f"takes a whole number from 1 on, not {args.jobs}", key="--jobs")
+    return run(args.suite, args.quick, args.jobs, args.design, args.baselines, args.json, args.html)
+
+
+def _figures(args: argparse.Namespace) -> int:
+    from sim_ecu.score.figures import run
+
+    return run(args.output, args.design)
 
 
 def _verify(args: argparse.Namespace) -> int:
@@ -99,4 +164,7 @@ def _demo(args: argparse.Namespace) -> int:
     return run(args.interface, args.channel, args.scenario, args.output)
 
 
-_COMMANDS = {"list": _list, "play": _play, "design": _design, "verify": _verify, "demo": _demo}
+_COMMANDS = {
+    "list": _list, "play": _play, "design": _design, "verify": _verify, "demo": _demo, "contact": _contact,
+    "score": _score, "figures": _figures,
+}  # fmt: skip

@@ -8,21 +8,25 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_ecu.physics.contact import CreepCurve, curve_between
+from sim_ecu.physics.contact import CreepCurve, curve_between, peak
 from sim_ecu.physics.sensors import SENSOR_SETS
 from sim_ecu.physics.simulation import Axle, Samples, Simulation
 from sim_ecu.physics.track import QUALITY, Track
 from sim_ecu.physics.wheelset import LAT_ACCEL, MU_AVAILABLE, RAIL_COLUMNS, TORQUE, YAW_RATE, Command, Wheelset
+from wrcd.estimator.bank import Bank, scheduled_speed
 from wrcd.estimator.design import Design
-from wrcd.estimator.estimator import Estimator, Tick
+from wrcd.estimator.window import Window
 
 FloatArray = NDArray[np.float64]
+CHANGE_M = 0.5  # length over which one rail becomes another
+EDGE = 0.3  # importance of a window outside the plan's core
 Progress = Callable[[str, float], None]  # what is going on, share of it that is done
 
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """One wheelset on one rail. Exactly one of utilisation and creep_of_peak is a number; negative when braking."""
+    """One wheelset on one rail, or coming from another. Exactly one of utilisation and creep_of_peak is a number;
+    negative when braking. Coming from another rail it keeps the torque that is the utilisation of that one."""
 
     speed_m_s: float
     curve: CreepCurve
@@ -30,6 +34,8 @@ class Condition:
     utilisation: float
     creep_of_peak: float
     seed: int
+    before: CreepCurve | None = None  # the rail until changes_at_s
+    changes_at_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,36 +44,46 @@ class Plan:
 
     seed: int = 1
     speeds: int = 24
-    per_speed: int = 250
+    per_speed: int = 500
     speed_range: tuple[float, float] = (4.0, 58.0)
     friction_range: tuple[float, float] = (0.022, 0.65)
     utilisation_range: tuple[float, float] = (0.10, 1.0)
-    held_share: float = 0.25  # of the conditions, held at or about the peak by the creep controller
-    roughness_range: tuple[float, float] = (0.7, 4.0)  # times the good track's spectral density
+    held_share: float = 0.2  # of the conditions, held at or about the peak by the creep controller
+    changed_share: float = 0.3  # of the conditions, coming from another rail shortly before the windows
+    roughness_range: tuple[float, float] = (0.7, 4.0)  # times the good track's spectral density; its ends drawn more
     sensors: str = "mems"
     settle_s: float = 2.0
     windows: int = 2  # taken from each condition, half a window apart
+    # where the estimate matters most; windows elsewhere weigh EDGE
+    core_speeds: tuple[float, float] = (8.0, 52.0)
+    core_utilisation: float = 0.14
 
 
 def draw(plan: Plan) -> list[list[Condition]]:
     """Conditions, one list per speed (the bank shares its gains at a speed)."""
     rng = np.random.default_rng([plan.seed, 0])
+    low, high = plan.roughness_range
     out = []
     for k in range(plan.speeds):
         share = k / max(plan.speeds - 1, 1)
         v = plan.speed_range[0] * (plan.speed_range[1] / plan.speed_range[0]) ** share
         group = []
         for i in range(plan.per_speed):
-            held = rng.random() < plan.held_share
+            kind = rng.random()
+            held = kind < plan.held_share
+            changed = not held and kind < plan.held_share + plan.changed_share
             sign = -1.0 if rng.random() < 0.3 else 1.0
+            curve, before = (curve_between(math.exp(rng.uniform(*np.log(plan.friction_range)))) for _ in range(2))
             group.append(
                 Condition(
                     speed_m_s=float(v),
-                    curve=curve_between(math.exp(rng.uniform(*np.log(plan.friction_range)))),
-                    roughness=QUALITY["good"] * math.exp(rng.uniform(*np.log(plan.roughness_range))),
+                    curve=curve,
+                    roughness=QUALITY["good"] * low * (high / low) ** (0.5 - 0.5 * math.cos(math.pi * rng.random())),
                     utilisation=math.nan if held else sign * rng.uniform(*plan.utilisation_range),
                     creep_of_peak=sign * float(rng.choice([1.0, rng.uniform(0.7, 1.6)])) if held else math.nan,
                     seed=plan.seed * 1_000_003 + k * plan.per_speed + i,
+                    before=before if changed else None,
+                    changes_at_s=plan.settle_s * float(rng.uniform(0.5, 0.95)),
                 )
             )
         out.append(group)
@@ -87,20 +103,44 @@ def command(samples: int, axles: int = 1, **given: float | FloatArray) -> Comman
 def simulate(w: Wheelset, c: Condition, seconds: float, tick_s: float) -> Samples:
     """Play a condition at held speed; torque or creep comes up within the first 0.5 s."""
     n = round(seconds / tick_s)
-    rail = np.zeros((1, RAIL_COLUMNS))
-    rail[0, 1:6] = c.curve.row()
+    rows = [(0.0, c.curve)] if c.before is None else [(0.0, c.before), (c.changes_at_s * c.speed_m_s, c.curve)]
+    rail = np.zeros((len(rows), RAIL_COLUMNS))
+    rail[:, 0] = [at for at, _ in rows]
+    rail[:, 1:6] = [curve.row() for _, curve in rows]
+    if c.before is not None:
+        # what lies between two rows is blended: a second row of the first rail keeps it until just before the change
+        rail = np.insert(rail, 1, rail[0], axis=0)
+        rail[1, 0] = rail[2, 0] - CHANGE_M
     ramp = np.minimum(np.arange(1, n + 1) * tick_s / 0.5, 1.0)[:, None]
     sim = Simulation(w, [Axle(rail, Track(c.roughness, c.seed))], c.speed_m_s, tick_s)
-    drive = command(n, utilisation=ramp * c.utilisation, creep_of_peak=ramp * c.creep_of_peak, limit_of_peak=1.3)
+    if c.before is None:
+        drive = command(n, utilisation=ramp * c.utilisation, creep_of_peak=ramp * c.creep_of_peak, limit_of_peak=1.3)
+    else:
+        carried = peak(c.speed_m_s, w.contact, *c.before.row())[1] * 2 * w.normal_N * w.r_0
+        drive = command(n, torque=ramp * c.utilisation * carried, limit_of_peak=1.3)
     return sim.advance(drive, np.full(n, c.speed_m_s))
 
 
 @dataclass(frozen=True, slots=True)
 class Features:
-    """One row per window: log10 residuals and torque ratio (n, 5), the truth in percent (n,)."""
+    """One row per window. inputs (n, 6): log10 of the four residuals, of the torque ratio, of the speed; recent (n, 6):
+    the same over the newest part of the window; differences (n, 4): decades between that part and the rest; the truth
+    in percent (n,); condition (n,): its number."""
 
     inputs: FloatArray
+    recent: FloatArray
+    differences: FloatArray
     mu_pct: FloatArray
+    condition: NDArray[np.int64]
+
+    def importance(self, plan: Plan) -> FloatArray:
+        """Weight of each window in the fit: less at the edges of the plan, more where there are fewer at speed."""
+        speed = 10.0 ** self.inputs[:, 5]
+        utilisation = 100.0 * 10.0 ** self.inputs[:, 4] / self.mu_pct
+        low, high = plan.core_speeds
+        core = (speed >= low) & (speed <= high) & (utilisation >= plan.core_utilisation)
+        # the speeds are drawn evenly in the logarithm; trains run evenly in the speed
+        return np.where(core, 1.0, EDGE) * (np.clip(speed, low, high) / high) ** 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,19 +185,37 @@ def record(
 
 
 def features(design: Design, recordings: list[Recording], windows: int) -> Features:
-    """Run the estimator's own bank and windows over the recordings. Only its residuals and torque are used."""
-    inputs, truth = [], []
+    """Run the train's own bank and window over the recordings. Of the design only the bank is used."""
+    inputs: list[FloatArray] = []
+    recent: list[FloatArray] = []
+    differences, truth, condition = [], [], []
     half = design.window_ticks // 2
+    first = 0
     for r in recordings:
         ticks, _, n = r.z.shape
-        estimator = Estimator(design, n)
-        present = np.ones((2, n), dtype=bool)
+        bank, window = Bank(design, n), Window(design.window_ticks, design.recent_ticks, n)
+        present, good = np.ones((2, n), dtype=bool), np.ones(n, dtype=bool)
         ratio = np.abs(r.torque) / (2 * design.normal_N * design.r_0)
+        speed = np.full(n, np.log10(scheduled_speed(r.speed_m_s, design.speeds_m_s)))
         taken = {ticks - 1 - half * i for i in range(windows)}
         for k in range(ticks):
-            estimator.step(Tick(k, r.z[k], present, ratio[k], r.speed_m_s))
-            if k in taken:
-                e = estimator.estimate()
-                inputs.append(np.column_stack((np.log10(e.residuals), np.log10(np.maximum(e.torque_ratio, 1e-6)))))
-                truth.append(r.mu_pct)
-    return Features(np.concatenate(inputs), np.concatenate(truth))
+            _, w = bank.step(r.z[k], present, r.speed_m_s)
+            window.put(k, w, good, ratio[k])
+            if k not in taken:
+                continue
+            for rows, residuals, torque in (
+                (inputs, window.residuals(), window.torque_ratio()),
+                (recent, window.recent_residuals(), window.recent_torque_ratio()),
+            ):
+                rows.append(np.column_stack((np.log10(residuals), np.log10(np.maximum(torque, 1e-6)), speed)))
+            differences.append(window.differences())
+            truth.append(r.mu_pct)
+            condition.append(first + np.arange(n))
+        first += n
+    return Features(
+        np.concatenate(inputs),
+        np.concatenate(recent),
+        np.concatenate(differences),
+        np.concatenate(truth),
+        np.concatenate(condition),
+    )

@@ -27,6 +27,11 @@ class Gains:
     K: FloatArray
     S: FloatArray
 
+    def whiten(self, point: Point) -> FloatArray:
+        """(2, 2): innovations in units of their own expected size, each channel with its weight in the residual."""
+        share = np.sqrt([point.yaw_rate_weight, 2.0 - point.yaw_rate_weight])
+        return np.asarray(share[:, None] * np.linalg.inv(np.linalg.cholesky(self.S)))
+
 
 def steady_state(
     w: Wheelset, point: Point, speed_m_s: float, tick_s: float, sensor_noise: tuple[float, float]

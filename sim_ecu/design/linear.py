@@ -14,16 +14,18 @@ TRACK_DECAY = -0.5  # 1/s, n of (14): y_t drifts back, which keeps it observable
 
 @dataclass(frozen=True, slots=True)
 class Point:
-    """Where a curve is linearised, and the process noise the model is tuned with.
+    """Where a curve is linearised, and what the model is tuned with.
 
     creep_of_peak: the creep as a share of the one at the peak (1 = saturation point). noise: y_t' (m/s), yaw
-    acceleration (rad/s2), lateral acceleration (m/s2), each per root Hz.
+    acceleration (rad/s2), lateral acceleration (m/s2), each per root Hz. yaw_rate_weight (0 … 2): how much the yaw rate
+    counts in the residual, against the lateral acceleration's 2 - yaw_rate_weight.
     """
 
     name: str
     curve: CreepCurve
     creep_of_peak: float
     noise: tuple[float, float, float]
+    yaw_rate_weight: float = 1.0
 
 
 def slope_and_secant(w: Wheelset, curve: CreepCurve, creep_of_peak: float, speed_m_s: float) -> tuple[float, float]:

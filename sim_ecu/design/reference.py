@@ -4,6 +4,9 @@ with the engine on the train; only the design's numbers are the same."""
 import json
 import warnings
 from collections import deque
+from collections.abc import Iterable
+from functools import reduce
+from operator import and_
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +24,7 @@ from sim_ecu.physics.wheelset import Wheelset
 from wrcd.estimator.design import Design
 
 FloatArray = NDArray[np.float64]
-EDGE = 1e-6  # width of the flanks of an output set
+EDGE = 1e-6  # flanks of an output set, as a share of its width
 
 
 class Schedule:
@@ -34,8 +37,12 @@ class Schedule:
 
     def at(self, speed_m_s: float) -> list[FloatArray]:
         """Phi, K, H and the whitening matrix of the four models."""
-        v = min(max(np.round(speed_m_s / 0.1) * 0.1, self._ends[0]), self._ends[1])
+        v = self.rounded(speed_m_s)
         return [line(v) for line in self._lines]
+
+    def rounded(self, speed_m_s: float) -> float:
+        """The speed that counts."""
+        return float(min(max(np.round(speed_m_s / 0.1) * 0.1, self._ends[0]), self._ends[1]))
 
 
 class Filters:
@@ -95,6 +102,20 @@ class LiveFilters:
         return out
 
 
+def points(document: dict[str, Any]) -> tuple[Point, ...]:
+    """The design points of a design document."""
+    return tuple(
+        Point(
+            str(m["name"]),
+            CreepCurve(**m["curve"]),
+            float(m["creep_of_peak"]),
+            tuple(m["noise"]),
+            float(m["yaw_rate_weight"]),
+        )
+        for m in document["bank"]["models"]
+    )
+
+
 class Models:
     """The continuous models behind a design file, discretised at any speed."""
 
@@ -104,10 +125,7 @@ class Models:
         self._wheelset = Wheelset(**inputs["wheelset"])
         self._noise = (inputs["sensors"]["yaw_rate"]["noise_rms"], inputs["sensors"]["lat_accel"]["noise_rms"])
         self._tick_s = float(d["bank"]["tick_s"])
-        self._points = [
-            Point(m["name"], CreepCurve(**inputs["curves"][m["curve"]]), m["creep_of_peak"], tuple(m["noise"]))
-            for m in d["bank"]["models"]
-        ]
+        self._points = points(d)
         self._ends = d["bank"]["speeds_m_s"][0], d["bank"]["speeds_m_s"][-1]
         self._known: dict[float, list[Gains]] = {}
 
@@ -122,8 +140,9 @@ class Models:
 class SlidingWindow:
     """The last ticks of one axle as plain lists."""
 
-    def __init__(self, ticks: int) -> None:
-        self._ticks = ticks
+    def __init__(self, design: Design) -> None:
+        self._ticks, self._recent = design.window_ticks, design.recent_ticks
+        self._limits = design.changes
         self._rows: deque[tuple[int, FloatArray, float]] = deque()
 
     def reset(self) -> None:
@@ -131,32 +150,45 @@ class SlidingWindow:
         self._rows.clear()
 
     def put(self, tick: int, whitened: FloatArray, good: bool, ratio: float) -> None:
-        """One tick; a tick without data leaves nothing behind."""
+        """One tick; a tick without data leaves nothing behind. Every fourth tick a change of rail is looked for."""
         if good:
             self._rows.append((tick, whitened, ratio))
         while self._rows and self._rows[0][0] <= tick - self._ticks:
             self._rows.popleft()
+        if tick % 4 == 0:
+            new = [row for row in self._rows if row[0] > tick - self._recent]
+            old = [row for row in self._rows if row[0] <= tick - self._recent]
+            if 2 * min(len(new), len(old)) >= self._recent:
+                step = np.log10(residuals(new)) - np.log10(residuals(old))
+                if np.any(np.abs(step) > self._limits):
+                    self._rows = deque(new)
 
     def inputs(self) -> FloatArray | None:
         """log10 of the four residuals and of the torque ratio (5,), or None without data."""
         if not self._rows:
             return None
-        w = np.array([row[1] for row in self._rows])  # (ticks, 4, 2)
-        residual = np.maximum(np.sqrt(np.var(w, axis=0).mean(axis=1)), 1e-6)
         ratio = max(float(np.mean([row[2] for row in self._rows])), 1e-6)
-        return np.append(np.log10(residual), np.log10(ratio))
+        return np.append(np.log10(residuals(self._rows)), np.log10(ratio))
+
+
+def residuals(rows: Iterable[tuple[int, FloatArray, float]]) -> FloatArray:
+    """RMS of each model's whitened innovations, their means removed (4,)."""
+    w = np.array([row[1] for row in rows])  # (ticks, 4, 2)
+    return np.asarray(np.maximum(np.sqrt(np.var(w, axis=0).mean(axis=1)), 1e-6))
 
 
 class FuzzyReference:
     """The rule base in skfuzzy.control: product of the degrees, accumulated by sum, centroid.
 
-    The output sets are crisp intervals of one width around 0, 5, … 100; cut at a degree their areas are proportional
-    to it, so that the centroid is what the engine on the train computes as a weighted mean.
+    A rule's output is linear in the inputs, so the mean of the rules is linear in the means of their coefficients.
+    Each coefficient is a consequent of its own: its sets are crisp intervals of one width around the values that
+    occur; cut at a degree their areas are proportional to it, so that the centroid is the weighted mean.
     """
 
     def __init__(self, design: Design) -> None:
+        self._sets = design.sets
         self._antecedents = []
-        for i, sets in enumerate((*design.residual_sets, design.torque_sets)):
+        for i, sets in enumerate(self._sets):
             antecedent = control.Antecedent(sets.centres.copy(), f"input{i}")
             last = len(sets.centres) - 1
             for j, name in enumerate(sets.names):
@@ -164,33 +196,46 @@ class FuzzyReference:
                 corners = [c[max(j - 1, 0)], c[j], c[min(j + 1, last)]]
                 antecedent[name] = skfuzzy.trimf(antecedent.universe, corners)
             self._antecedents.append(antecedent)
-        levels = np.unique(design.consequents)
-        half = 2.5
-        universe = np.concatenate([[v - half, v - half + EDGE, v + half - EDGE, v + half] for v in levels])
-        universe = np.unique(np.concatenate((universe, [-half, 100 + half])))
-        output = control.Consequent(universe, "output")
-        output.accumulation_method = np.add
-        for v in levels:
-            output[f"{v:g}"] = skfuzzy.trapmf(universe, [v - half, v - half + EDGE, v + half - EDGE, v + half])
+        self._names = ["constant", *(f"slope{i}" for i in range(len(self._sets)))]
+        rows = []
+        for rule, base, slopes in zip(design.rules, design.bases, design.slopes, strict=True):
+            constant = base - sum(s * sets.centres[k] for s, sets, k in zip(slopes, self._sets, rule, strict=True))
+            rows.append([constant, *slopes])
+        table = np.array(rows)
+        consequents = [_crisp(name, np.unique(table[:, i])) for i, name in enumerate(self._names)]
         rules = []
-        for row, consequent in zip(design.rules, design.consequents, strict=True):
-            every = self._antecedents
-            names = [sets.names[k] for sets, k in zip((*design.residual_sets, design.torque_sets), row, strict=True)]
-            term = (
-                every[0][names[0]] & every[1][names[1]] & every[2][names[2]] & every[3][names[3]] & every[4][names[4]]
-            )
-            rules.append(control.Rule(term, output[f"{consequent:g}"], and_func=np.multiply))
+        for rule, row in zip(design.rules, table, strict=True):
+            terms = [a[s.names[k]] for a, s, k in zip(self._antecedents, self._sets, rule, strict=True)]
+            says = [c[f"{v:.9g}"] for c, v in zip(consequents, row, strict=True)]
+            rules.append(control.Rule(reduce(and_, terms), says, and_func=np.multiply))
         # the cache of the simulation returns stale outputs: leave it off
         self._simulation = control.ControlSystemSimulation(control.ControlSystem(rules), cache=False)
 
     def outputs(self, inputs: FloatArray) -> FloatArray:
-        """Fuzzy outputs (n,) for inputs (n, 5)."""
+        """Fuzzy outputs (n,) for inputs (n, 6)."""
         for i in range(inputs.shape[1]):
             self._simulation.input[f"input{i}"] = inputs[:, i].copy()
         with warnings.catch_warnings():
             # scikit-fuzzy calls numpy in a way that numpy has deprecated; the result is the same
             warnings.simplefilter("ignore", DeprecationWarning)
             self._simulation.compute()
-        found = self._simulation.output.get("output")
-        out: FloatArray = np.full(len(inputs), np.nan) if found is None else np.asarray(found, dtype=np.float64)
-        return out
+        found = [self._simulation.output.get(name) for name in self._names]
+        if any(f is None for f in found):
+            return np.full(len(inputs), np.nan)
+        out = np.asarray(found[0], dtype=np.float64).copy()
+        for i, sets in enumerate(self._sets):
+            out += np.asarray(found[i + 1]) * np.clip(inputs[:, i], sets.centres[0], sets.centres[-1])
+        return np.clip(out, 0.0, 100.0)
+
+
+def _crisp(name: str, values: FloatArray) -> control.Consequent:
+    """A consequent with an interval of one width, too narrow to touch another's, around every value."""
+    half = 0.4 * float(np.diff(values).min(initial=1.0)) if len(values) > 1 else 0.5
+    edge = half * EDGE
+    corners = [[v - half, v - half + edge, v + half - edge, v + half] for v in values]
+    ends = [[values[0] - 2 * half], [values[-1] + 2 * half]]
+    out = control.Consequent(np.unique(np.concatenate([*corners, *ends])), name)
+    out.accumulation_method = np.add
+    for v, c in zip(values, corners, strict=True):
+        out[f"{v:.9g}"] = skfuzzy.trapmf(out.universe, c)
+    return out

@@ -1,25 +1,37 @@
-"""Membership functions, rule base and polynomial, fitted to simulated residuals (Figs. 6, 8, 9, 10 and (16))."""
+"""Membership functions, rule base and polynomial, fitted to simulated residuals (Figs. 6, 8, 9, 10 and (16)).
+
+A rule says: if residual 1 is Low and … and the torque is T_3 and the speed Slow, then the output is its base, changed
+by its slopes as the inputs move away from the middle of its sets. The output is the mean of the rules by their weight.
+"""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import skfuzzy
 from numpy.typing import NDArray
 
-from sim_ecu.design.cases import Features
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 # Fuzzy output 0 stands for 60 % adhesion, 100 for 2 %: n = 100 ln(60 / mu) / ln 30.
 TOP_PCT, BOTTOM_PCT = 60.0, 2.0
-OUTPUT_STEP = 5.0  # output sets stand at 0, 5, … 100, all of one width
+BASE_STEP, SLOPE_STEP = 1.0, 2.0  # bases and slopes are rounded: a person reads them
+MOST_SLOPE = 400.0  # of the output, per decade of an input
 # The paper's (16): strictly decreasing from 42 % at 0, below zero from 96.4 on. Kept as a preset, clamped.
 PAPER_POLYNOMIAL = (-2.213e-6, 0.00042, -0.0205, -0.38, 42.0)
-RIDGE = 1.0
 ORDER = 6  # of the polynomial
-RESIDUAL_NAMES = ("Low", "Moderate", "High")
+RIDGE = 0.1
+ROUNDS = 4  # of reweighting, which turns squares into absolute errors in percentage points
+LEAST_ERROR_PP = 0.5  # below this an error weighs as a square
+RELATIVE = 0.2  # share of the relative error in the weights, so that slippery rails count
+SPREAD_ROUNDS = 12
+SPREAD_RIDGE = 3.0
+LOG_SPREADS = (-2.7, 0.3)  # the engine on the train holds them so
+CHOOSE_EVERY = 3  # rules are chosen on every third window
+COVERS = 0.9  # what a spread is the interval of
+FOLDS = 3
 
 
 def output_of(mu_pct: FloatArray) -> FloatArray:
@@ -28,17 +40,73 @@ def output_of(mu_pct: FloatArray) -> FloatArray:
     return n
 
 
+def adhesion_of(output: FloatArray) -> FloatArray:
+    """The adhesion (percent) that an output stands for; the polynomial describes this."""
+    mu: FloatArray = TOP_PCT * (BOTTOM_PCT / TOP_PCT) ** (output / 100.0)
+    return mu
+
+
 @dataclass(frozen=True, slots=True)
 class RuleBase:
-    """centres of the sets of each input; rules (r, 5) of set numbers; consequents 0 … 100; spreads (shares)."""
+    """Over k inputs: centres of their sets, rules (r, k) of set numbers, bases (r,) and slopes (r, k) of the output.
+
+    spreads (r,): relative half-width of the 90 % interval in the middle of the rule's sets, spread_slopes (r, k) its
+    change in decades per unit of an input. support (r,): sum of the weights over the training windows.
+    typical (r, 2): adhesion (percent) between which nine tenths of a rule's windows lie.
+    """
 
     centres: list[FloatArray]
     rules: IntArray
-    consequents: FloatArray
+    bases: FloatArray
+    slopes: FloatArray
     spreads: FloatArray
-    support: FloatArray  # sum of the rule's weights over the training data
-    polynomial: FloatArray
-    fuzzy: FloatArray  # output on the training data
+    spread_slopes: FloatArray
+    support: FloatArray
+    typical: FloatArray
+
+    def shares(self, inputs: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Share of each rule in the output (n, r), total weight (n,)."""
+        w = weights(self.centres, self.rules, inputs)
+        firing = w.sum(axis=1)
+        return w / np.maximum(firing, 1e-9)[:, None], firing
+
+    def output(self, inputs: FloatArray) -> FloatArray:
+        """Fuzzy output (n,), 0 … 100."""
+        return np.clip(self._mean(self.bases, self.slopes, inputs), 0.0, 100.0)
+
+    def spread(self, inputs: FloatArray) -> FloatArray:
+        """Relative half-width (n,) of the 90 % interval."""
+        return _spread_of(self._mean(np.log10(self.spreads), self.spread_slopes, inputs))
+
+    def _mean(self, bases: FloatArray, slopes: FloatArray, inputs: FloatArray) -> FloatArray:
+        """Mean of what the rules say by their weight (n,)."""
+        share, _ = self.shares(inputs)
+        held = hold(self.centres, inputs)
+        offset = bases - np.sum(slopes * self.middles, axis=1)
+        out: FloatArray = share @ offset + np.sum((share @ slopes) * held, axis=1)
+        return out
+
+    @property
+    def middles(self) -> FloatArray:
+        """Centres (r, k) of the sets that each rule names."""
+        return _middles(self.centres, self.rules)
+
+    def mu_pct(self, inputs: FloatArray) -> FloatArray:
+        """Adhesion in percent (n,)."""
+        return adhesion_of(self.output(inputs))
+
+
+def hold(centres: list[FloatArray], inputs: FloatArray) -> FloatArray:
+    """Inputs held within their outermost sets."""
+    return np.column_stack([np.clip(inputs[:, i], c[0], c[-1]) for i, c in enumerate(centres)])
+
+
+def _middles(centres: list[FloatArray], rules: IntArray) -> FloatArray:
+    return np.column_stack([c[rules[:, i]] for i, c in enumerate(centres)])
+
+
+def _spread_of(log10: FloatArray) -> FloatArray:
+    return np.asarray(10.0 ** np.clip(log10, *LOG_SPREADS))
 
 
 def memberships(centres: FloatArray, x: FloatArray) -> FloatArray:
@@ -62,45 +130,125 @@ def weights(centres: list[FloatArray], rules: IntArray, inputs: FloatArray) -> F
     return w
 
 
-def fit(data: Features, torque_sets: int, most_rules: int) -> RuleBase:
-    """Sets evenly spaced between the 1 % and 99 % quantiles, the rules that fire most, consequents by least squares.
+def fit(
+    inputs: FloatArray,
+    mu_pct: FloatArray,
+    sets: Sequence[int],
+    most_rules: int,
+    importance: FloatArray,
+    group: IntArray,
+) -> RuleBase:
+    """Sets evenly spaced between the 1 % and 99 % quantiles, the rules that speak for most, outputs by least squares.
 
-    A ridge pulls each consequent towards the mean of the data it fires on. Relative errors of the adhesion weigh alike.
+    importance (n,) of the windows. group (n,): windows of one condition belong together when errors are judged on
+    windows that the fit has not seen, from which the spreads come.
     """
-    centres = []
-    for i in range(data.inputs.shape[1]):
-        lo, hi = np.quantile(data.inputs[:, i], [0.01, 0.99])
-        centres.append(np.linspace(lo, hi, torque_sets if i == 4 else len(RESIDUAL_NAMES)))
-    grid = np.stack(np.meshgrid(*(np.arange(len(c)) for c in centres), indexing="ij"), axis=-1).reshape(-1, 5)
-    every = weights(centres, grid, data.inputs)
-    rules = grid[np.sort(np.argsort(-every.sum(axis=0), kind="stable")[:most_rules])]
-    W = weights(centres, rules, data.inputs)
-    firing = W.sum(axis=1)
-    share = W / np.maximum(firing, 1e-9)[:, None]
-    target = output_of(data.mu_pct)
-    importance = np.sqrt(firing)
-    X = share * importance[:, None]
-    own = (W.T @ target) / np.maximum(W.sum(axis=0), 1e-9)
-    # minimise |X (own + d) - y|^2 + RIDGE |d|^2
-    d = np.linalg.solve(X.T @ X + RIDGE * np.eye(len(rules)), X.T @ (target * importance - X @ own))
-    consequents = np.clip(np.round((own + d) / OUTPUT_STEP) * OUTPUT_STEP, 0.0, 100.0)
-    fuzzy = share @ consequents
-    polynomial = fit_polynomial(fuzzy, data.mu_pct)
-    error = np.abs(np.polyval(polynomial, fuzzy) / data.mu_pct - 1.0)
-    return RuleBase(centres, rules, consequents, _spreads(share, error), W.sum(axis=0), polynomial, fuzzy)
+    ends = np.quantile(inputs, [0.01, 0.99], axis=0)
+    centres = [np.linspace(ends[0, i], ends[1, i], m) for i, m in enumerate(sets)]
+    every = np.stack(np.meshgrid(*(np.arange(m) for m in sets), indexing="ij"), axis=-1).reshape(-1, len(sets))
+    rules = every[_choose(weights(centres, every, inputs[::CHOOSE_EVERY]), most_rules)]
+    local = _Local(centres, rules, inputs)
+    none = np.ones(len(rules)), np.zeros(rules.shape), np.zeros(len(rules)), np.zeros((len(rules), 2))
+    error = np.empty(len(mu_pct))
+    for fold in range(FOLDS):
+        left_out = group % FOLDS == fold
+        part = _outputs(local, np.flatnonzero(~left_out), mu_pct, importance)
+        guess = RuleBase(centres, rules, *part, *none).mu_pct(inputs[left_out])
+        error[left_out] = np.abs(guess - mu_pct[left_out]) / guess
+    bases, slopes = _outputs(local, np.arange(len(mu_pct)), mu_pct, importance)
+    spreads, spread_slopes = _spreads(local, error)
+    share = local.share
+    typical = np.array([_quantiles(mu_pct, share[:, r], (0.05, 0.95)) for r in range(len(rules))])
+    return RuleBase(centres, rules, bases, slopes, spreads, spread_slopes, share.sum(axis=0), typical)
 
 
-def fit_polynomial(fuzzy: FloatArray, mu_pct: FloatArray) -> FloatArray:
+class _Local:
+    """Local linear models, one for each rule, as one linear regression over (rules x (1 + inputs)) columns."""
+
+    def __init__(self, centres: list[FloatArray], rules: IntArray, inputs: FloatArray) -> None:
+        w = weights(centres, rules, inputs)
+        self.share = w / np.maximum(w.sum(axis=1), 1e-9)[:, None]
+        held = hold(centres, inputs)
+        self._mean, self._size = held.mean(axis=0), held.std(axis=0)
+        z = np.column_stack((np.ones(len(held)), (held - self._mean) / self._size))
+        self._width = z.shape[1]
+        self._middles = _middles(centres, rules)
+        self.X = (self.share[:, :, None] * z[:, None, :]).reshape(len(z), -1)
+        # a rule's level is held by little, its slopes by all of the ridge
+        self._ridge = np.diag(np.tile([0.1, *[1.0] * (self._width - 1)], len(rules)))
+
+    def solve(self, rows: IntArray, target: FloatArray, weight: FloatArray, ridge: float) -> FloatArray:
+        """Weighted least squares over some rows; target and weight are of those rows."""
+        X = self.X[rows]
+        XW = X * weight[:, None]
+        found: FloatArray = np.linalg.solve(XW.T @ X + ridge * self._ridge, XW.T @ target)
+        return found
+
+    def read(self, found: FloatArray, middle: float) -> tuple[FloatArray, FloatArray]:
+        """Values in the middle of each rule's sets (r,), and slopes per unit of the inputs (r, k)."""
+        table = found.reshape(-1, self._width)
+        slopes = table[:, 1:] / self._size
+        return middle + table[:, 0] + np.sum(slopes * (self._middles - self._mean), axis=1), slopes
+
+
+def _outputs(
+    local: _Local, rows: IntArray, mu_pct: FloatArray, importance: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Bases and slopes, rounded. Reweighted least squares in the output; a ridge holds what the data does not."""
+    mu = mu_pct[rows]
+    target = output_of(mu)
+    middle = float(target.mean())
+    per_pp = importance[rows] * (1.0 + RELATIVE * 15.0 / mu)
+    weight = importance[rows] / importance[rows].mean()
+    for _ in range(ROUNDS):
+        found = local.solve(rows, target - middle, weight, RIDGE)
+        error = np.abs(adhesion_of(np.clip(local.X[rows] @ found + middle, 0.0, 100.0)) - mu)
+        weight = per_pp * mu / np.maximum(error, LEAST_ERROR_PP)
+        weight /= weight.mean()
+    bases, slopes = local.read(found, middle)
+    slopes = np.clip(np.round(slopes / SLOPE_STEP) * SLOPE_STEP, -MOST_SLOPE, MOST_SLOPE)
+    return np.round(bases / BASE_STEP) * BASE_STEP, slopes
+
+
+def polynomial() -> FloatArray:
     """Sixth order, as the paper says of its (16): fuzzy output to percent adhesion. Highest power first."""
-    c = np.polynomial.polynomial.polyfit(fuzzy / 100.0, mu_pct, ORDER, w=1.0 / mu_pct)
+    n = np.linspace(0.0, 100.0, 201)
+    mu = adhesion_of(n)
+    c = np.polynomial.polynomial.polyfit(n / 100.0, mu, ORDER, w=1.0 / mu)
     return np.array([c[k] / 100.0**k for k in range(ORDER, -1, -1)])
 
 
-def _spreads(share: FloatArray, error: FloatArray) -> FloatArray:
-    """Relative half-width of the 90 % interval where each rule speaks: the weighted quantile of the training errors."""
-    order = np.argsort(error)
-    mass = np.cumsum(share[order], axis=0)
-    total = mass[-1]
-    at = np.array([np.searchsorted(mass[:, r], 0.9 * total[r]) for r in range(share.shape[1])])
-    spread: FloatArray = np.where(total > 1.0, error[order][np.minimum(at, len(error) - 1)], 1.0)
-    return spread
+def _choose(every: FloatArray, most: int) -> IntArray:
+    """The rules (columns of (n, r)) that together speak for the windows best, one by one: each time the one that adds
+    most where little is said so far."""
+    left = np.ones(len(every))
+    chosen: list[int] = []
+    for _ in range(min(most, every.shape[1])):
+        gain = left @ every
+        gain[chosen] = -1.0
+        best = int(np.argmax(gain))
+        chosen.append(best)
+        left -= left * every[:, best]
+    return np.array(sorted(chosen))
+
+
+def _quantiles(x: FloatArray, weight: FloatArray, at: tuple[float, ...]) -> list[float]:
+    """Weighted quantiles."""
+    order = np.argsort(x, kind="stable")
+    mass = np.cumsum(weight[order])
+    return [float(x[order][min(int(np.searchsorted(mass, q * mass[-1])), len(x) - 1)]) for q in at]
+
+
+def _spreads(local: _Local, error: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Spreads and their slopes: the 90 % quantile of the logarithm of the relative error, by reweighted squares."""
+    target = np.log10(np.maximum(error, 1e-4))
+    middle = float(np.quantile(target, COVERS))
+    rows = np.arange(len(error))
+    weight = np.ones(len(error))
+    for _ in range(SPREAD_ROUNDS):
+        found = local.solve(rows, target - middle, weight, SPREAD_RIDGE)
+        rest = target - middle - local.X @ found
+        weight = np.where(rest > 0, COVERS, 1.0 - COVERS) / np.maximum(np.abs(rest), 0.02)
+        weight /= weight.mean()
+    logs, slopes = local.read(found, middle)
+    return _spread_of(logs), np.round(slopes, 3)

@@ -46,8 +46,9 @@ class BothEngines(Estimator):
         self._schedule = Schedule(design)
         self._filters = [Filters() for _ in range(axles)]
         self._live = [LiveFilters(models) for _ in range(axles)]
-        self._windows = [SlidingWindow(design.window_ticks) for _ in range(axles)]
+        self._windows = [SlidingWindow(design) for _ in range(axles)]
         self._every, self._tick, self._compared = fuzzy_every_ticks, 0, -fuzzy_every_ticks
+        self._speed = 1.0
 
     def reset(self, axle: int) -> None:
         """Both forget."""
@@ -61,6 +62,7 @@ class BothEngines(Estimator):
         f = self.findings
         f.ticks += 1
         self._tick = tick.number
+        self._speed = self._schedule.rounded(tick.speed_m_s)
         matrices = self._schedule.at(tick.speed_m_s)
         for a in range(self.axles):
             present = tick.present[:, a]
@@ -87,7 +89,7 @@ class BothEngines(Estimator):
             for a in range(self.axles):
                 inputs = self._windows[a].inputs()
                 if inputs is not None:
-                    self.findings.inputs.append(inputs)
+                    self.findings.inputs.append(np.append(inputs, np.log10(self._speed)))
                     self.findings.fast.append(float(out.fuzzy[a]))
         return out
 

@@ -17,10 +17,11 @@ class Sensor:
     limit: float  # measures up to ± limit
     step: float  # quantisation; 0 for none
     bias: float = 0.0
+    gain: float = 1.0
 
     def measure(self, truth: FloatArray, rng: np.random.Generator) -> FloatArray:
         """What the sensor says, same shape as the truth. Draws one number per sample from rng."""
-        noisy = truth + self.bias + self.noise_rms * rng.standard_normal(truth.shape)
+        noisy = self.gain * truth + self.bias + self.noise_rms * rng.standard_normal(truth.shape)
         if self.step > 0:
             noisy = np.round(noisy / self.step) * self.step
         clipped: FloatArray = np.clip(noisy, -self.limit, self.limit)

@@ -1,16 +1,16 @@
 """The rig's frames: cantools and the autosar-e2e package, independent of the daemon's own codec."""
 
+import functools
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 
 import cantools
 import e2e.p11
 from cantools.database.can import Database, Message
 
+from sim_ecu.resources import TRUTH_DBC
 from wrcd import resources
 
-TRUTH_DBC = Path(__file__).parent.parent / "data" / "sim_ecu.dbc"
 SPACING_US = 200  # between the frames of one sample: about the length of a frame at 500 kbit/s
 
 
@@ -44,6 +44,7 @@ class Channel:
         return Sent(due_us, self.can_id, bytes(data))
 
 
+@functools.cache
 def databases() -> tuple[Database, Database]:
     """The production DBC and the rig's own."""
     both = [cantools.database.load_file(p, strict=True) for p in (resources.DBC, TRUTH_DBC)]

@@ -1,6 +1,7 @@
 """Scenarios as TOML: the rail along the distance, speed, torque or creep, track, sensors, seed, duration."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -177,28 +178,36 @@ def _axle(number: int, own: Section, common: _Common, seed: int) -> AxleScenario
     )
 
 
-def _rail(section: Section) -> FloatArray:
-    """Sections of rail, each from a distance on, blended into one table over BLEND_M."""
+def rail_table(parts: Sequence[tuple[float, CreepCurve, float, float]]) -> FloatArray:
+    """Sections of rail (from m, curve, curvature 1/m, cant rad) as one table, blended into each other over BLEND_M."""
     rows: list[FloatArray] = []
+    for start, curve, curvature, cant in parts:
+        row = np.array([start, *curve.row(), curvature, cant])
+        assert len(row) == RAIL_COLUMNS
+        if rows:
+            before = rows[-1].copy()
+            before[0] = start
+            row[0] = start + BLEND_M
+            rows.append(before)
+        rows.append(row)
+    return np.array(rows)
+
+
+def _rail(section: Section) -> FloatArray:
+    """Sections of rail, each from a distance on."""
+    parts: list[tuple[float, CreepCurve, float, float]] = []
     for part in section.sections("rail"):
         start = part.number("from_m", 0.0, 0.0, 1e7)
         curve = _curve(part)
         radius = part.number("radius_m", 0.0, -1e6, 1e6)
         cant = part.number("cant_rad", 0.0, -0.2, 0.2)
         part.done()
-        row = np.array([start, *curve.row(), 1 / radius if radius else 0.0, cant])
-        assert len(row) == RAIL_COLUMNS
-        if rows:
-            if start <= rows[-1][0]:
-                raise part.error(f"must grow from section to section, {start:g} does not", "from_m")
-            before = rows[-1].copy()
-            before[0] = start
-            row[0] = start + BLEND_M
-            rows.append(before)
-        rows.append(row)
-    if not rows:
+        if parts and start <= parts[-1][0] + (BLEND_M if len(parts) > 1 else 0.0):
+            raise part.error(f"must grow from section to section, {start:g} does not", "from_m")
+        parts.append((start, curve, 1 / radius if radius else 0.0, cant))
+    if not parts:
         raise section.error("needs at least one section", "rail", 'write [[rail]] with curve = "A"')
-    return np.array(rows)
+    return rail_table(parts)
 
 
 def _curve(part: Section) -> CreepCurve:

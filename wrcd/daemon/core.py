@@ -91,6 +91,7 @@ class Core:
         self._detail = [Writer(find_message(db, a.detail), ()) if a.detail else None for a in config.axles]
         self._status = Writer(find_message(db, config.status), ()) if config.status else None
         self.reports: list[Report] = []  # of the newest slot
+        self.why: Estimate | None = None  # the estimate that they are made from
         self.muted = False  # make no frames: nobody would send them
 
     def feed(self, frame: Frame) -> list[Outgoing]:
@@ -194,7 +195,7 @@ class Core:
         )
         out = []
         if adhesion or detail:
-            estimate = self.estimator.estimate() if any(self._warm) else None
+            self.why = estimate = self.estimator.estimate() if any(self._warm) else None
             self.reports = [self._report(axle, end_us, estimate) for axle in range(self._n)]
         if adhesion:
             for w, report in zip(self._adhesion, self.reports, strict=True):

@@ -14,10 +14,12 @@ from wrcd.errors import InputError
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-FORMAT = "wrcd-design/1"
+FORMAT = "wrcd-design/2"
 MODELS = 4
 STATES = 5  # psi, y', psi', y_t, y - y_t
 CHANNELS = 2  # yaw rate, lateral acceleration
+INPUTS = MODELS + 2  # of the rules: four residuals, torque, speed
+MOST_RULES = 254  # DominantRule cannot tell more apart
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +50,7 @@ class Design:
     wheelset: dict[str, Any]  # the wheelset that it is for, as the rig names its parameters
     tick_s: float
     window_s: float
-    recent_s: float  # short window of the torque, for the bound that the adhesion in use sets
+    recent_s: float  # the newest part of the window: shows a change of rail, and the adhesion in use just now
     speeds_m_s: FloatArray  # (v,)
     model_names: tuple[str, ...]
     Phi: FloatArray  # (v, 4, 5, 5) state transition over one tick
@@ -57,9 +59,15 @@ class Design:
     whiten: FloatArray  # (v, 4, 2, 2) inverse Cholesky factor of the innovation covariance S
     residual_sets: tuple[Sets, ...]  # four, over log10 of the residual
     torque_sets: Sets  # over log10 of |torque| / (2 N r0)
-    rules: IntArray  # (r, 5) which set of each input
-    consequents: FloatArray  # (r,) fuzzy output 0 … 100
-    spreads: FloatArray  # (r,) half-width of the 90 % interval, as a share of the adhesion
+    speed_sets: Sets  # over log10 of the speed in m/s
+    rules: IntArray  # (r, 6) which set of each input
+    bases: FloatArray  # (r,) fuzzy output, 0 … 100, in the middle of the rule's sets
+    slopes: FloatArray  # (r, 6) its change per unit (decade) of each input away from there
+    spreads: FloatArray  # (r,) half-width of the 90 % interval, as a share of the adhesion, in the middle of the sets
+    spread_slopes: FloatArray  # (r, 6) its change in decades per unit of each input
+    typical_pct: FloatArray  # (r, 2) adhesion between which nine tenths of a rule's training data lie
+    changes: FloatArray  # (4,) decades by which a residual of the newest part may differ from the rest's
+    short_spread: float  # factor on the spread when only the newest part of the window is there
     polynomial: FloatArray  # highest power first: fuzzy output -> percent adhesion
     adhesion_range_pct: tuple[float, float]
     saturated_share: float  # MuUsed / MuAvailable from which the contact counts as saturated
@@ -68,13 +76,18 @@ class Design:
     checksum: str
 
     @property
+    def sets(self) -> tuple[Sets, ...]:
+        """The sets of the six inputs of the rules."""
+        return (*self.residual_sets, self.torque_sets, self.speed_sets)
+
+    @property
     def window_ticks(self) -> int:
         """Ticks in the window."""
         return max(1, round(self.window_s / self.tick_s))
 
     @property
     def recent_ticks(self) -> int:
-        """Ticks in the short window."""
+        """Ticks in the newest part of the window."""
         return max(1, round(self.recent_s / self.tick_s))
 
 
@@ -171,14 +184,14 @@ def _arrays(r: _Reader, digest: str) -> Design:
     names = r.at("bank.models")
     if not isinstance(wheelset, dict) or not isinstance(names, list) or len(names) != MODELS:
         raise r.error("bank.models", f"needs {MODELS} models and inputs.wheelset a table")
-    rules = r.array("fuzzy.rules", -1, MODELS + 1)
+    rules = r.array("fuzzy.rules", -1, INPUTS)
     n = len(rules)
     return Design(
         name=str(r.at("name")),
         wheelset=wheelset,
         tick_s=r.number("bank.tick_s", 1e-4, 0.1),
         window_s=r.number("window_s", 0.05, 60.0),
-        recent_s=r.number("recent_s", 0.0, 60.0),
+        recent_s=r.number("recent_s", 0.005, 60.0),
         speeds_m_s=speeds,
         model_names=tuple(str(m.get("name", i + 1)) if isinstance(m, dict) else str(m) for i, m in enumerate(names)),
         Phi=r.array("bank.Phi", v, MODELS, STATES, STATES),
@@ -187,9 +200,15 @@ def _arrays(r: _Reader, digest: str) -> Design:
         whiten=r.array("bank.whiten", v, MODELS, CHANNELS, CHANNELS),
         residual_sets=tuple(r.sets(f"fuzzy.residual_{m + 1}") for m in range(MODELS)),
         torque_sets=r.sets("fuzzy.torque"),
+        speed_sets=r.sets("fuzzy.speed"),
         rules=rules.astype(np.int64),
-        consequents=r.array("fuzzy.consequents", n),
+        bases=r.array("fuzzy.bases", n),
+        slopes=r.array("fuzzy.slopes", n, INPUTS),
         spreads=r.array("fuzzy.spreads", n),
+        spread_slopes=r.array("fuzzy.spread_slopes", n, INPUTS),
+        typical_pct=r.array("fuzzy.typical_pct", n, 2),
+        changes=r.array("changes", MODELS),
+        short_spread=r.number("short_spread", 1.0, 100.0),
         polynomial=r.array("polynomial", -1),
         adhesion_range_pct=(r.number("adhesion_range_pct.low", 0, 100), r.number("adhesion_range_pct.high", 0, 100)),
         saturated_share=r.number("saturated_share", 0.1, 1.0),
@@ -202,12 +221,14 @@ def _arrays(r: _Reader, digest: str) -> Design:
 def _check(d: Design, r: _Reader) -> None:
     if len(d.speeds_m_s) < 2 or np.any(np.diff(d.speeds_m_s) <= 0) or d.speeds_m_s[0] <= 0:
         raise r.error("bank.speeds_m_s", "must be two or more growing positive speeds")
-    sizes = [len(s.centres) for s in (*d.residual_sets, d.torque_sets)]
+    sizes = [len(s.centres) for s in d.sets]
     if np.any(d.rules < 0) or np.any(d.rules >= np.array(sizes)):
         raise r.error("fuzzy.rules", "names a set that does not exist")
-    if len(d.rules) > 254:
-        raise r.error("fuzzy.rules", "has more than 254 rules; DominantRule cannot tell them apart")
-    if np.any(d.consequents < 0) or np.any(d.consequents > 100) or np.any(d.spreads < 0):
-        raise r.error("fuzzy.consequents", "must lie within 0 … 100, spreads must not be negative")
+    if len(d.rules) > MOST_RULES:
+        raise r.error("fuzzy.rules", f"has more than {MOST_RULES} rules; DominantRule cannot tell them apart")
+    if np.any(d.spreads <= 0) or np.any(d.changes <= 0):
+        raise r.error("fuzzy.spreads", "must be positive, and changes, too")
+    if 2 * d.recent_ticks > d.window_ticks:
+        raise r.error("recent_s", "must not be longer than half the window")
     if d.adhesion_range_pct[0] >= d.adhesion_range_pct[1]:
         raise r.error("adhesion_range_pct", "low must be below high")

@@ -4,10 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wrcd.estimator.bank import Bank, BoolArray
+from wrcd.estimator.bank import Bank, BoolArray, scheduled_speed
 from wrcd.estimator.design import Design, FloatArray, IntArray
 from wrcd.estimator.fuzzy import Fuzzy
 from wrcd.estimator.window import Window
+
+CHANGE_TICKS = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,8 +30,9 @@ class Estimate:
     residuals: FloatArray  # (n, 4)
     torque_ratio: FloatArray
     fuzzy: FloatArray  # 0 … 100
-    firing: FloatArray
-    rule: IntArray  # from 1; 0 none
+    firing: FloatArray  # total weight of the rules; below 0.05 there is no answer
+    rule: IntArray  # that weighs most, from 1; 0 none
+    rule_share: FloatArray
     winner: IntArray  # model from 1 whose residual is lowest against its own sets; 0 none
     mu_available_pct: FloatArray
     half_width_pp: FloatArray
@@ -37,7 +40,11 @@ class Estimate:
 
 
 class Estimator:
-    """bank step -> residual RMS -> fuzzy -> adhesion. Never raises on data: what is unknown comes out as NaN."""
+    """bank step -> residual RMS -> fuzzy -> adhesion. Never raises on data: what is unknown comes out as NaN.
+
+    Every CHANGE_TICKS ticks the newest part of the window is compared with the rest; where the rail has changed, the
+    rest is forgotten, so that the estimate follows in a fraction of the window and says so by a wider interval.
+    """
 
     def __init__(self, design: Design, axles: int) -> None:
         self.design = design
@@ -45,6 +52,7 @@ class Estimator:
         self._bank = Bank(design, axles)
         self._window = Window(design.window_ticks, design.recent_ticks, axles)
         self._fuzzy = Fuzzy(design)
+        self._speed_m_s = float(design.speeds_m_s[0])
         self._low = np.array([s.centres[0] for s in design.residual_sets])
         self._width = np.array([s.centres[-1] - s.centres[0] for s in design.residual_sets])
 
@@ -58,6 +66,9 @@ class Estimator:
         e, w = self._bank.step(tick.z, tick.present, tick.speed_m_s)
         good = tick.present.all(axis=0) & np.isfinite(tick.torque_ratio)
         self._window.put(tick.number, w, good, tick.torque_ratio)
+        self._speed_m_s = tick.speed_m_s
+        if tick.number % CHANGE_TICKS == 0:
+            self._window.forget_old(self.design.changes)
         return e
 
     def estimate(self) -> Estimate:
@@ -66,7 +77,8 @@ class Estimator:
         residuals = self._window.residuals()
         ratio = self._window.torque_ratio()
         logs = np.log10(residuals)
-        inference = self._fuzzy.infer(np.column_stack((logs, np.log10(np.maximum(ratio, 1e-6)))))
+        speed = np.full(self.axles, scheduled_speed(self._speed_m_s, d.speeds_m_s))
+        inference = self._fuzzy.infer(np.column_stack((logs, np.log10(np.maximum(ratio, 1e-6)), np.log10(speed))))
         mu = np.clip(np.polyval(d.polynomial, inference.output), *d.adhesion_range_pct)
         # what is in use is available: the estimate cannot lie below it
         used = 100.0 * self._window.recent_torque_ratio()
@@ -74,14 +86,16 @@ class Estimator:
         nearest = np.argmin(np.where(np.isnan(logs), np.inf, (logs - self._low) / self._width), axis=1) + 1
         with np.errstate(invalid="ignore"):
             saturated = used >= d.saturated_share * mu
+        wider = 1.0 + (d.short_spread - 1.0) * (1.0 - self._window.share())
         return Estimate(
             residuals=residuals,
             torque_ratio=ratio,
             fuzzy=inference.output,
             firing=inference.firing,
             rule=inference.rule,
+            rule_share=inference.rule_share,
             winner=np.where(np.isnan(logs).any(axis=1), 0, nearest),
             mu_available_pct=mu,
-            half_width_pp=inference.spread * mu,
+            half_width_pp=inference.spread * wider * mu,
             saturated=saturated,
         )

@@ -1,4 +1,4 @@
-"""Fuzzy inference: rules over four residuals and the torque, compiled to a few array operations."""
+"""Fuzzy inference: rules over four residuals, torque and speed, compiled to a few array operations."""
 
 from dataclasses import dataclass
 
@@ -8,34 +8,47 @@ from wrcd.estimator.design import Design, FloatArray, IntArray
 
 # Below this total firing no rule speaks for the moment: the answer is "I don't know", not a guess.
 LEAST_FIRING = 0.05
+LOG_SPREADS = (-2.7, 0.3)  # an interval is never narrower or wider than this, relative to the adhesion (log10)
 
 
 @dataclass(frozen=True, slots=True)
 class Inference:
-    """Per axle (n,): output 0 … 100 (NaN where no rule fires), total firing, dominant rule (from 1, 0 none), spread."""
+    """Per axle (n,): output 0 … 100 (NaN where no rule fires), total firing, spread.
+
+    rule: the one that weighs most (from 1, 0 none), and its share in the output.
+    """
 
     output: FloatArray
     firing: FloatArray
     rule: IntArray
+    rule_share: FloatArray
     spread: FloatArray
 
 
 class Fuzzy:
-    """Product of the degrees is a rule's weight; the output is the weighted mean of the rules' consequents.
+    """Product of the degrees is a rule's weight; the output is the weighted mean of what the rules say.
 
-    That is the centroid of the accumulated output sets, which all have the same width.
+    A rule says its base, changed by its slopes as the inputs move away from the middle of its sets (Takagi and
+    Sugeno's form). Beyond its outermost sets an input counts as at their middle, for degrees and slopes alike.
     """
 
     def __init__(self, design: Design) -> None:
-        self._sets = (*design.residual_sets, design.torque_sets)
+        self._sets = design.sets
         widest = max(len(s.centres) for s in self._sets)
         self._widest = widest
         self._pick = design.rules + widest * np.arange(len(self._sets))
-        self._consequents = design.consequents
-        self._spreads = design.spreads
+        self._low = np.array([s.centres[0] for s in self._sets])
+        self._high = np.array([s.centres[-1] for s in self._sets])
+        middle = np.column_stack([s.centres[design.rules[:, i]] for i, s in enumerate(self._sets)])
+        # base + slopes (x - middle), as one number and a row over x; the same of the spreads' logarithms
+        logs = np.log10(design.spreads)
+        self._offset = design.bases - np.sum(design.slopes * middle, axis=1)
+        self._slopes = design.slopes
+        self._spread_offset = logs - np.sum(design.spread_slopes * middle, axis=1)
+        self._spread_slopes = design.spread_slopes
 
     def infer(self, inputs: FloatArray) -> Inference:
-        """inputs (n, 5): log10 of the four residuals and of the torque ratio. NaN in gives NaN out."""
+        """inputs (n, 6): log10 of the four residuals, of the torque ratio and of the speed. NaN in gives NaN out."""
         n = len(inputs)
         degrees = np.zeros((n, len(self._sets), self._widest))
         for i, sets in enumerate(self._sets):
@@ -43,10 +56,14 @@ class Fuzzy:
         weights = degrees.reshape(n, -1)[:, self._pick].prod(axis=2)
         firing = weights.sum(axis=1)
         known = firing >= LEAST_FIRING
-        safe = np.where(known, firing, 1.0)
+        share = weights / np.where(known, firing, 1.0)[:, None]
+        held = np.clip(inputs, self._low, self._high)
+        output = share @ self._offset + np.sum((share @ self._slopes) * held, axis=1)
+        log_spread = share @ self._spread_offset + np.sum((share @ self._spread_slopes) * held, axis=1)
         return Inference(
-            output=np.where(known, weights @ self._consequents / safe, np.nan),
+            output=np.where(known, np.clip(output, 0.0, 100.0), np.nan),
             firing=firing,
             rule=np.where(known, np.argmax(weights, axis=1) + 1, 0),
-            spread=np.where(known, weights @ self._spreads / safe, np.nan),
+            rule_share=np.where(known, share.max(axis=1), np.nan),
+            spread=np.where(known, 10.0 ** np.clip(log_spread, *LOG_SPREADS), np.nan),
         )

@@ -11,7 +11,8 @@ SMALLEST = 1e-6  # a residual this far below what the model expects is as good a
 class Window:
     """The last `ticks` ticks of every axle; slot = tick number modulo length, so the contents follow from the frames.
 
-    Sums are taken afresh whenever they are asked for: nothing drifts.
+    Sums are taken afresh whenever they are asked for: nothing drifts. Where the rail has changed, what is older than
+    the newest part (`recent` ticks) is forgotten, and the window grows again.
     """
 
     def __init__(self, ticks: int, recent: int, axles: int) -> None:
@@ -31,9 +32,23 @@ class Window:
 
     def reset(self, axle: int) -> None:
         """Empty an axle's window."""
-        self._w[..., axle] = 0.0
-        self._good[:, axle] = False
-        self._ratio[:, axle] = 0.0
+        self._clear(slice(None), axle)
+
+    def differences(self) -> FloatArray:
+        """(n, 4): by how much a residual of the newest part differs from that of the rest, in decades. NaN where
+        either holds less than half of `recent` ticks of data."""
+        new = self._newest_part()
+        enough = np.minimum(self._good[new].sum(axis=0), self._good[~new].sum(axis=0)) * 2 >= self._recent
+        out: FloatArray = np.where(enough[:, None], np.log10(self._rms(new)) - np.log10(self._rms(~new)), np.nan)
+        return out
+
+    def forget_old(self, limits: FloatArray) -> BoolArray:
+        """Where a residual differs by more than its limit (4,), the rest is forgotten. Returns where (n,)."""
+        with np.errstate(invalid="ignore"):
+            changed: BoolArray = np.any(np.abs(self.differences()) > limits, axis=1)
+        for axle in np.flatnonzero(changed):
+            self._clear(~self._newest_part(), int(axle))
+        return changed
 
     def residuals(self) -> FloatArray:
         """(n, 4): RMS over the window of each model's normalised residual, its mean removed.
@@ -41,13 +56,11 @@ class Window:
         r = sqrt(mean((e - mean e)' S^-1 (e - mean e)) / 2). Removing the mean takes constant sensor bias out.
         NaN for an axle without data.
         """
-        count = self._good.sum(axis=0)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            mean = self._w.sum(axis=0) / count
-            power = (self._w * self._w).sum(axis=0) / count
-            r = np.sqrt(np.maximum((power - mean * mean).sum(axis=1) / CHANNELS, SMALLEST**2))
-        out: FloatArray = np.where(count > 0, r, np.nan).T
-        return out
+        return self._rms(slice(None))
+
+    def recent_residuals(self) -> FloatArray:
+        """The same over the newest ticks only."""
+        return self._rms(self._newest_part())
 
     def torque_ratio(self) -> FloatArray:
         """(n,): mean over the window of |torque| / (2 N r0); NaN without data."""
@@ -55,8 +68,34 @@ class Window:
 
     def recent_torque_ratio(self) -> FloatArray:
         """The same over the newest ticks only."""
-        slots = np.arange(self._newest - self._recent + 1, self._newest + 1) % self._ticks
-        return self._mean(self._ratio[slots], self._good[slots])
+        new = self._newest_part()
+        return self._mean(self._ratio[new], self._good[new])
+
+    def share(self) -> FloatArray:
+        """(n,): how much of the window is there, from the newest part alone (0) to all of it (1)."""
+        count = self._good.sum(axis=0)
+        out: FloatArray = np.clip((count - self._recent) / max(self._ticks - self._recent, 1), 0.0, 1.0)
+        return out
+
+    def _newest_part(self) -> BoolArray:
+        new = np.zeros(self._ticks, dtype=bool)
+        new[np.arange(self._newest - self._recent + 1, self._newest + 1) % self._ticks] = True
+        return new
+
+    def _clear(self, slots: slice | BoolArray, axle: int) -> None:
+        self._w[slots, :, :, axle] = 0.0
+        self._good[slots, axle] = False
+        self._ratio[slots, axle] = 0.0
+
+    def _rms(self, slots: slice | BoolArray) -> FloatArray:
+        w = self._w[slots]
+        count = self._good[slots].sum(axis=0)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            mean = w.sum(axis=0) / count
+            power = (w * w).sum(axis=0) / count
+            r = np.sqrt(np.maximum((power - mean * mean).sum(axis=1) / CHANNELS, SMALLEST**2))
+        out: FloatArray = np.where(count > 0, r, np.nan).T
+        return out
 
     @staticmethod
     def _mean(values: FloatArray, good: BoolArray) -> FloatArray:

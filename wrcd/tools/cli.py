@@ -76,6 +76,9 @@ def _parser() -> argparse.ArgumentParser:
         metavar="OUT.csv",
         help="write one row per Adhesion frame (default, without -o: to the screen)",
     )
+    replay.add_argument(
+        "--explain", action="store_true", help="rows also name the winning model and the dominant rule of the moment"
+    )
     return p
 
 
@@ -142,7 +145,7 @@ def _dump(args: argparse.Namespace) -> int:
 def _replay(args: argparse.Namespace) -> int:
     from wrcd.tools.replay import replay
 
-    return replay(args.log, args.config, args.output, args.csv)
+    return replay(args.log, args.config, args.output, args.csv, args.explain)
 
 
 _COMMANDS = {"run": _run, "check": _check, "dump": _dump, "replay": _replay}

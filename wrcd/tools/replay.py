@@ -13,18 +13,25 @@ from wrcd.bus.log import Damage, format_line, read_log
 from wrcd.daemon.config import Config, load_config
 from wrcd.daemon.core import Core
 from wrcd.errors import InputError, create
+from wrcd.estimator.design import Design
+from wrcd.estimator.estimator import Estimate
+from wrcd.tools.explain import sentence
 from wrcd.tools.progress import Progress
 
 COLUMNS = (
     "time_s", "axle", "validity", "mu_available_pct", "mu_used_pct", "contact_state", "surface", "confidence",
     "sample_age_ms",
 )  # fmt: skip
+REASONS = ("winning_model", "dominant_rule", "rule_share")  # with --explain
 # the signals of the columns behind the axle
 SIGNALS = ("Validity", "MuAvailable", "MuUsed", "ContactState", "Surface", "Confidence", "SampleAge")
 
 
-def replay(log: Path, config_file: Path | None, output: Path | None, table: Path | None) -> int:
-    """Run a log and write what was asked for; a summary goes to standard error."""
+def replay(
+    log: Path, config_file: Path | None, output: Path | None, table: Path | None, explained: bool = False
+) -> int:
+    """Run a log and write what was asked for; a summary goes to standard error. explained: the CSV's rows say which
+    model and which rule decided."""
     for out in (output, table):
         if out is not None and out.exists() and log.exists() and out.samefile(log):
             raise InputError("is the log itself; it would be lost", file=out, hint="give another file")
@@ -34,14 +41,14 @@ def replay(log: Path, config_file: Path | None, output: Path | None, table: Path
     sent = 0
     with contextlib.ExitStack() as files:
         frames_out = files.enter_context(create(output)) if output else None
-        rows = _rows(files, table, to_screen=output is None, config=config)
+        rows = _rows(files, table, output is None or explained, config, explained)
         for frame, channel in progress(read_log(log, damage), log):
             for o in core.feed(frame):
                 sent += 1
                 if frames_out:
                     frames_out.write(format_line(o.frame, channel) + "\n")
                 if rows:
-                    rows.write(o.frame)
+                    rows.write(o.frame, core.why)
     for warning in damage.warnings(log):
         print(f"wrcd: warning: {warning}", file=sys.stderr)
     counts = core.counts
@@ -73,13 +80,15 @@ def progress(frames: Iterator[tuple[Frame, str]], log: Path) -> Iterator[tuple[F
 class Rows:
     """The CSV: what the Adhesion frames say, in the words of the DBC's value tables."""
 
-    def __init__(self, file: IO[str], config: Config) -> None:
+    def __init__(self, file: IO[str], config: Config, explained: bool) -> None:
         self._writer = csv.writer(file, lineterminator="\n")
-        self._writer.writerow(COLUMNS)
+        self._writer.writerow((*COLUMNS, *REASONS) if explained else COLUMNS)
+        self._design = config.design if explained else None
+        self._place = {a.number: place for place, a in enumerate(config.axles)}
         found = ((find_message(config.database, a.adhesion), a.number) for a in config.axles)
         self._messages: dict[int, tuple[Message, int]] = {m.frame_id: (m, number) for m, number in found}
 
-    def write(self, frame: Frame) -> None:
+    def write(self, frame: Frame, why: Estimate | None) -> None:
         """One row for an Adhesion frame, nothing for others."""
         found = self._messages.get(frame.can_id)
         if found is None:
@@ -87,7 +96,11 @@ class Rows:
         message, number = found
         values: Any = message.decode(frame.data)
         stamp = f"{frame.stamp_us // 1_000_000}.{frame.stamp_us % 1_000_000:06d}"
-        self._writer.writerow((stamp, number, *(_cell(values.get(signal)) for signal in SIGNALS)))
+        row = [stamp, number, *(_cell(values.get(signal)) for signal in SIGNALS)]
+        if self._design is not None:
+            known = why is not None and values.get("ContactState") is not None and row[3] != ""
+            row += _reasons(self._design, why, self._place[number]) if known and why else ["", "", ""]
+        self._writer.writerow(row)
 
 
 def _cell(value: Any) -> str:
@@ -99,7 +112,16 @@ def _cell(value: Any) -> str:
     return f"{value:.2f}" if isinstance(value, float) else str(value)
 
 
-def _rows(files: contextlib.ExitStack, table: Path | None, to_screen: bool, config: Config) -> Rows | None:
+def _reasons(design: Design, why: Estimate, place: int) -> list[str]:
+    """The model that fits best against its own range, the rule that weighs most, and its share."""
+    winner, rule = int(why.winner[place]), int(why.rule[place])
+    model = f"{winner}: {design.model_names[winner - 1]}" if winner else ""
+    return [model, f"{rule}: {sentence(design, rule - 1)}" if rule else "", f"{why.rule_share[place]:.2f}"]
+
+
+def _rows(
+    files: contextlib.ExitStack, table: Path | None, to_screen: bool, config: Config, explained: bool
+) -> Rows | None:
     if table is not None:
-        return Rows(files.enter_context(create(table)), config)
-    return Rows(sys.stdout, config) if to_screen else None
+        return Rows(files.enter_context(create(table)), config, explained)
+    return Rows(sys.stdout, config, explained) if to_screen else None

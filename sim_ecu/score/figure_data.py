@@ -1,0 +1,211 @@
+"""What the paper's figures are drawn from: held conditions on several tracks, estimated over time by the design."""
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_ecu.design.cases import Condition, Progress, simulate
+from sim_ecu.physics.contact import CURVES, CreepCurve, curve_between, peak, traction_ratio
+from sim_ecu.physics.sensors import SENSOR_SETS, SensorSet
+from sim_ecu.physics.track import QUALITY
+from sim_ecu.physics.wheelset import LAT_ACCEL, MU_AVAILABLE, MU_USED, SLIP, TORQUE, YAW_RATE, Wheelset
+from wrcd.errors import InputError
+from wrcd.estimator.design import MODELS, Design, Sets, load_design
+from wrcd.estimator.estimator import Estimator, Tick
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+SPEED = 25.0  # m/s, of all figures
+SETTLED_S = 2.0  # the paper's "after 2 seconds"
+SATURATED, LINEAR = 1.0, 0.05  # creep as a share of the one at the peak; on curve A 0.05 is still a straight line
+EVERY_S = 0.02  # an estimate so often, as on the bus
+FRICTION_ENDS = (0.022, 0.65)  # mu_0 of the family's slipperiest and driest rail in Fig. 6
+
+
+class DesignPoint(NamedTuple):
+    """Where a model of the bank was linearised."""
+
+    curve: CreepCurve
+    creep_of_peak: float
+
+
+@dataclass(frozen=True, slots=True)
+class Subject:
+    """The design that the figures are about, and what of its inputs the rig needs."""
+
+    design: Design
+    wheelset: Wheelset
+    sensors: SensorSet
+    points: tuple[DesignPoint, ...]
+
+
+def load_subject(file: Path) -> Subject:
+    """A design file with the inputs it was made from. Raises InputError."""
+    design = load_design(file)
+    document: Any = json.loads(file.read_text(encoding="utf-8"))
+    try:
+        inputs = document["inputs"]
+        points = tuple(
+            DesignPoint(CreepCurve(**m["curve"]), float(m["creep_of_peak"])) for m in document["bank"]["models"]
+        )
+        return Subject(design, Wheelset(**design.wheelset), SENSOR_SETS[inputs["sensors"]["name"]], points)
+    except (KeyError, TypeError, ValueError) as e:
+        raise InputError(
+            f"the inputs it was made from are not those of this rig: {e}",
+            file=file,
+            key="inputs",
+            hint="make the design again with `sim-ecu design`",
+        ) from None
+
+
+@dataclass(frozen=True, slots=True)
+class Trace:
+    """n runs over k moments: t_s (k,), residuals (k, n, 4), own_range (k, n, 4), the others (k, n); NaN if unknown.
+
+    own_range is the residual's place between the centres of its model's lowest (0) and highest (1) set, in the
+    logarithm; winner is the estimator's: the model that is lowest there.
+    """
+
+    t_s: FloatArray
+    residuals: FloatArray
+    own_range: FloatArray
+    winner: IntArray
+    fuzzy: FloatArray
+    unbounded_pct: FloatArray  # adhesion from the fuzzy output alone, without the bound that the torque sets
+    mu_pct: FloatArray
+    half_width_pp: FloatArray
+    truth_pct: FloatArray
+    used_pct: FloatArray
+    creep: FloatArray
+
+    def runs(self, which: slice) -> "Trace":
+        """Some of the runs."""
+        rest = (getattr(self, name)[:, which] for name in list(self.__dataclass_fields__)[1:])
+        return Trace(self.t_s, *rest)
+
+    def since(self, start_s: float) -> "Trace":
+        """What was estimated from a time on."""
+        late = self.t_s >= start_s - 1e-9
+        return Trace(*(getattr(self, name)[late] for name in self.__dataclass_fields__))
+
+
+def own_range(sets: Sequence[Sets], residuals: FloatArray) -> FloatArray:
+    """Place of residuals (…, 4) between the centres of their models' lowest (0) and highest (1) set."""
+    low, high = (np.array([s.centres[i] for s in sets]) for i in (0, -1))
+    out: FloatArray = (np.log10(residuals) - low) / (high - low)
+    return out
+
+
+def held(w: Wheelset, curve: CreepCurve, creep_of_peak: float, tracks: int) -> list[Condition]:
+    """A wheelset held at a share of its curve's peak creep, on a number of good tracks.
+
+    The creep controller holds the peak. Below the peak the torque that belongs to the creep does: on the steep part of
+    a dry curve the controller takes more than 4 s to get there.
+    """
+    c = w.contact
+    creep, mu = peak(SPEED, c, *curve.row())
+    share = traction_ratio(creep_of_peak * creep, SPEED, c, *curve.row()) / mu
+    demand = (math.nan, creep_of_peak) if creep_of_peak >= SATURATED else (share, math.nan)
+    return [Condition(SPEED, curve, QUALITY["good"], *demand, 1000 + k) for k in range(tracks)]
+
+
+def observe(
+    s: Subject, conditions: list[Condition], seconds: float, progress: Progress, every_s: float = EVERY_S
+) -> Trace:
+    """Simulate the conditions, measure, and estimate from the filters' standstill on."""
+    d = s.design
+    runs = []
+    for i, c in enumerate(conditions):
+        runs.append(simulate(s.wheelset, c, seconds, d.tick_s).outputs[:, 0])
+        progress("simulating", (i + 1) / len(conditions))
+    y = np.stack(runs, axis=-1)  # (ticks, outputs, n)
+    rng = np.random.default_rng(1)
+    yaw, lat, torque = (
+        sensor.measure(y[:, column], rng)
+        for sensor, column in (
+            (s.sensors.yaw_rate, YAW_RATE), (s.sensors.lat_accel, LAT_ACCEL), (s.sensors.torque, TORQUE)
+        )
+    )  # fmt: skip
+    z = np.stack((yaw, lat), axis=1)
+    ratio = np.abs(torque) / (2 * d.normal_N * d.r_0)
+    n = len(conditions)
+    estimator, present = Estimator(d, n), np.ones((2, n), dtype=bool)
+    every = max(1, round(every_s / d.tick_s))
+    ticks, estimates = [], []
+    for k in range(len(z)):
+        estimator.step(Tick(k, z[k], present, ratio[k], SPEED))
+        if (k + 1) % every == 0:
+            ticks.append(k)
+            estimates.append(estimator.estimate())
+    residuals = np.array([e.residuals for e in estimates])
+    fuzzy = np.array([e.fuzzy for e in estimates])
+    return Trace(
+        t_s=(np.array(ticks) + 1) * d.tick_s,
+        residuals=residuals,
+        own_range=own_range(d.residual_sets, residuals),
+        winner=np.array([e.winner for e in estimates]),
+        fuzzy=fuzzy,
+        unbounded_pct=np.clip(np.polyval(d.polynomial, fuzzy), *d.adhesion_range_pct),
+        mu_pct=np.array([e.mu_available_pct for e in estimates]),
+        half_width_pp=np.array([e.half_width_pp for e in estimates]),
+        truth_pct=100 * y[ticks, MU_AVAILABLE],
+        used_pct=100 * np.abs(y[ticks, MU_USED]),
+        creep=y[ticks, SLIP],
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Levels:
+    """Fig. 6: residuals over adhesion at one share of the peak's creep, from slippery to dry.
+
+    windows (w, levels, 4) are the single windows' residuals.
+    """
+
+    creep_of_peak: float
+    adhesion_pct: FloatArray  # (levels,)
+    windows: FloatArray
+
+    def at(self, adhesion_pct: float) -> FloatArray:
+        """Residuals (4,) at an adhesion: geometric mean of the windows, linear in the logarithms between the levels."""
+        x, logs = np.log(self.adhesion_pct), np.log(self.windows).mean(axis=0)
+        return np.exp([np.interp(math.log(adhesion_pct), x, logs[:, m]) for m in range(MODELS)])
+
+    @property
+    def mean(self) -> FloatArray:
+        """Residuals (levels, 4) at the levels."""
+        out: FloatArray = np.exp(np.log(self.windows).mean(axis=0))
+        return out
+
+
+def nearest(point: DesignPoint, *regions: Levels) -> Levels:
+    """The region whose creep is the most like a design point's."""
+    return min(regions, key=lambda levels: abs(levels.creep_of_peak - point.creep_of_peak))
+
+
+def level_curves(between: int) -> list[CreepCurve]:
+    """The six curves, two ends, and so many curves between neighbours, from slippery to dry."""
+    known = sorted((FRICTION_ENDS[0], *(c.mu_0 for c in CURVES.values()), FRICTION_ENDS[1]))
+    every = np.interp(np.arange((len(known) - 1) * (between + 1) + 1) / (between + 1), range(len(known)), np.log(known))
+    return [curve_between(float(np.exp(x))) for x in every]
+
+
+def survey(s: Subject, creep_of_peak: float, between: int, tracks: int, progress: Progress) -> Levels:
+    """The residuals of whole windows, taken half a window apart once the wheelset has settled."""
+    curves = level_curves(between)
+    conditions = [c for curve in curves for c in held(s.wheelset, curve, creep_of_peak, tracks)]
+    seconds = SETTLED_S + 1.5 * s.design.window_s
+    trace = observe(s, conditions, seconds, progress, s.design.window_s / 2)
+    trace = trace.since(SETTLED_S + s.design.window_s - s.design.tick_s)
+    r = trace.residuals.reshape(len(trace.t_s), len(curves), tracks, MODELS)
+    return Levels(
+        creep_of_peak=creep_of_peak,
+        adhesion_pct=trace.truth_pct[-1].reshape(len(curves), tracks)[:, 0],
+        windows=np.moveaxis(r, 2, 1).reshape(-1, len(curves), MODELS),
+    )

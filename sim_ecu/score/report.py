@@ -1,0 +1,271 @@
+"""The score as figures (for JSON) and as tables (for a person; the README's are these)."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from sim_ecu.score import metrics
+from sim_ecu.score.metrics import OURS, Frames
+from sim_ecu.score.play import Trace
+from sim_ecu.score.suites import FIRST_TEST_SEED, SPEEDS, UTILISATIONS
+from wrcd.estimator.design import Design
+
+SEEDS = (
+    "The seeds of what is played here begin at {first}; the design was trained on seeds below {last}. "
+    "No track and no noise is in both."
+)
+BESIDE = f"{OURS}, where the IMM ran"
+LEAST_SHARE = 0.02  # a level of Confidence that occurs less is not judged
+
+
+@dataclass(frozen=True, slots=True)
+class Goal:
+    """A figure and its bound."""
+
+    what: str
+    value: float
+    bound: float
+    at_least: bool = False
+
+    @property
+    def met(self) -> bool:
+        """Whether it is."""
+        return self.value >= self.bound if self.at_least else self.value <= self.bound
+
+
+def judge(traces: Sequence[Trace], design: Design, plan: dict[str, Any]) -> dict[str, Any]:
+    """All figures of the suites that were played, by suite. Errors are in percentage points."""
+    out: dict[str, Any] = {
+        "design": {"name": design.name, "checksum": design.checksum, "window_s": design.window_s},
+        "seeds": SEEDS.format(first=FIRST_TEST_SEED, last=(plan["seed"] + 1) * 1_000_003),
+        "suites": {},
+    }
+    by_suite: dict[str, list[Trace]] = {}
+    for t in traces:
+        by_suite.setdefault(t.suite, []).append(t)
+    makers = {
+        "paper": _paper, "grid": _grid, "transitions": _transitions, "robust": _robust, "rough": _rough,
+        "dry-hours": metrics.false_lows,
+    }  # fmt: skip
+    for suite, part in by_suite.items():
+        out["suites"][suite] = makers[suite](part)
+    out["goals"] = [
+        {"what": g.what, "value": g.value, "bound": g.bound, "at_least": g.at_least, "met": g.met}
+        for g in goals(out["suites"])
+    ]
+    return out
+
+
+def _paper(traces: list[Trace]) -> dict[str, Any]:
+    for t in traces:
+        t.judged_from_s = metrics.judged_from_reached(t)
+    out: dict[str, Any] = {"within": metrics.within(metrics.gather(traces)), "curves": {}}
+    for curve in sorted({t.curve for t in traces}):
+        f = metrics.gather([t for t in traces if t.curve == curve])
+        out["curves"][curve] = metrics.within(f) | metrics.accuracy(f, OURS) | {"true": float(np.mean(f.true))}
+    return out
+
+
+def _compared(f: Frames) -> dict[str, Any]:
+    """Every estimator on the same frames; where one did not run, also ours where it did."""
+    out = {}
+    for name in f.mu:
+        out[name] = metrics.accuracy(f, name)
+    if "IMM" in f.mu:
+        out[BESIDE] = metrics.accuracy(f, OURS, np.isfinite(f.mu["IMM"]))
+    return out
+
+
+def _grid(traces: list[Trace]) -> dict[str, Any]:
+    f = metrics.gather([t for t in traces if t.sensors == "mems"])
+    tactical = [t for t in traces if t.sensors == "tactical"]
+    return {
+        "speeds": SPEEDS,
+        "utilisations": UTILISATIONS,
+        "compared": _compared(f),
+        "tactical": metrics.accuracy(metrics.gather(tactical), OURS) if tactical else None,
+        "by": metrics.by_class(f),
+        "available": float(f.said.mean()),
+        "contact": metrics.contact_right(f),
+        "surfaces": metrics.surfaces(f),
+        "confidence": metrics.confidence(f),
+    }
+
+
+def _robust(traces: list[Trace]) -> dict[str, Any]:
+    f = metrics.gather(traces)
+    return {"compared": _compared(f), "groups": _groups(traces), "confidence": metrics.confidence(f)}
+
+
+def _rough(traces: list[Trace]) -> dict[str, Any]:
+    return {"groups": _groups(traces)}
+
+
+def _groups(traces: list[Trace]) -> dict[str, Any]:
+    out = {}
+    for group in dict.fromkeys(t.group for t in traces):
+        f = metrics.gather([t for t in traces if t.group == group])
+        out[group] = {n: metrics.accuracy(f, n) for n in f.mu} | {"available": float(f.said.mean())}
+    return out
+
+
+def _transitions(traces: list[Trace]) -> dict[str, Any]:
+    out: dict[str, Any] = {"all": _delay(metrics.delays(traces)), "curves": {}}
+    for curve in sorted({t.curve for t in traces}):
+        both = metrics.delays([t for t in traces if t.curve == curve]).reshape(-1, 2)
+        out["curves"][curve] = {"from dry": _delay(both[:, 0]), "to dry": _delay(both[:, 1])}
+    return out
+
+
+def _delay(d: np.ndarray) -> dict[str, float]:
+    return {"median": float(np.median(d)), "p95": float(np.quantile(d, 0.95)), "changes": len(d)}
+
+
+def goals(suites: dict[str, Any]) -> list[Goal]:
+    """What the default design is held to, as far as its suites were played."""
+    out = []
+    if p := suites.get("paper"):
+        out.append(Goal("paper: worst error over its bound (1 pp, or 10 % if larger)", p["within"]["worst"], 1.0))
+    if g := suites.get("grid"):
+        ours, c = g["compared"][OURS], g["confidence"]
+        out += [
+            Goal("grid: mean error", ours["mean"], 1.1),
+            Goal("grid: 95th percentile", ours["p95"], 4.0),
+            Goal("grid: mean error below half utilisation", ours["below_half"], 1.7),
+            Goal("grid: mean error above 0.9", ours["above_0.9"], 0.6),
+            Goal(
+                "grid: torque ratio's error over ours", g["compared"]["torque ratio"]["mean"] / ours["mean"], 5.0, True
+            ),
+            Goal("grid: MuAvailable there, share of frames", g["available"], 0.95, True),
+            Goal("grid: ContactState right, share of frames", g["contact"]["right"], 0.95, True),
+            Goal(
+                "grid: median half-width over a constant one's", c["median_half_width"] / c["constant_half_width"], 0.5
+            ),
+        ]
+        out += _better("grid", g["compared"])
+        for name, level in c["levels"].items():
+            if level["share"] > LEAST_SHARE and name != "Wider":
+                out.append(Goal(f"grid: {name} holds the truth, least", level["covers"], 0.85, True))
+                out.append(Goal(f"grid: {name} holds the truth, most", level["covers"], 0.97))
+    if r := suites.get("robust"):
+        ours = r["compared"][OURS]
+        out += [Goal("robust: mean error", ours["mean"], 1.4), Goal("robust: 95th percentile", ours["p95"], 5.5)]
+        out += _better("robust", r["compared"])
+    for name, row in suites.get("rough", {}).get("groups", {}).items():
+        out.append(Goal(f"rough: mean error, {name}", row[OURS]["mean"], 1.5))
+    if t := suites.get("transitions"):
+        out += [
+            Goal("transitions: median delay, s", t["all"]["median"], 0.5),
+            Goal("transitions: 95th percentile, s", t["all"]["p95"], 1.0),
+        ]
+    if d := suites.get("dry-hours"):
+        out.append(Goal("dry-hours: times called Low or worse", d["episodes"], 0.0))
+    return out
+
+
+def _better(suite: str, compared: dict[str, Any]) -> list[Goal]:
+    out = []
+    for name in ("filterless", "EKF", "IMM"):
+        if name in compared and compared[name]["frames"]:
+            ours = compared[BESIDE if name == "IMM" else OURS]["mean"]
+            out.append(Goal(f"{suite}: error over that of {name}", ours / compared[name]["mean"], 1.0))
+    return out
+
+
+def tables(result: dict[str, Any]) -> list[str]:
+    """Markdown, line by line."""
+    s, d = result["suites"], result["design"]
+    out = [
+        f"design {d['name']} {d['checksum'][:12]}, window {d['window_s']:g} s; "
+        "errors in percentage points (pp) of MuAvailable",
+        result["seeds"],
+    ]
+    if g := s.get("grid"):
+        lo, hi = g["speeds"]
+        out += ["", f"**grid**: curves A to F and between, {lo:g} to {hi:g} m/s, good and poor track, mems sensors", ""]
+        out += _accuracy_table(g["compared"])
+        if g["tactical"]:
+            out += _rows([("wrcd, tactical sensors", g["tactical"])])
+        out += ["", *_by_table(g)]
+    if r := s.get("robust"):
+        out += ["", "**robust**: a world that is not as the design thinks, mems sensors", ""]
+        out += _accuracy_table(r["compared"])
+        out += ["", *_groups_table(r["groups"])]
+    if r := s.get("rough"):
+        out += ["", "**rough**: tracks smoother and rougher than any in the training, mems sensors", ""]
+        out += _groups_table(r["groups"])
+    if p := s.get("paper"):
+        out += ["", "**paper**: held at the peak at 25 m/s, from 1.0 s after the creep is there", ""]
+        out += ["| curve | true, % | mean error | within 1 pp or 10 % |", "|---|---|---|---|"]
+        out += [f"| {c} | {v['true']:.1f} | {v['mean']:.2f} | {_pct(v['share'])} |" for c, v in p["curves"].items()]
+    if t := s.get("transitions"):
+        out += ["", "**transitions**: seconds from a change of rail until the estimate crosses the geometric mean", ""]
+        out += ["| | median | 95th percentile | changes |", "|---|---|---|---|"]
+        rows = [("all", t["all"])] + [
+            (f"{'dry to ' + c if way == 'from dry' else c + ' to dry'}", v)
+            for c, both in t["curves"].items()
+            for way, v in both.items()
+        ]
+        out += [f"| {n} | {v['median']:.2f} | {v['p95']:.2f} | {v['changes']} |" for n, v in rows]
+    if h := s.get("dry-hours"):
+        out += [
+            "",
+            f"**dry-hours**: called Low or worse {h['episodes']} times in {h['hours']:.2f} h of dry rail, poor track",
+        ]
+    out += ["", "| goal | value | bound | |", "|---|---|---|---|"]
+    for goal in result["goals"]:
+        sign = "≥" if goal["at_least"] else "≤"
+        out.append(
+            f"| {goal['what']} | {goal['value']:.3g} | {sign} {goal['bound']:g} | "
+            + ("met |" if goal["met"] else "MISSED |")
+        )
+    return out
+
+
+def _accuracy_table(compared: dict[str, Any]) -> list[str]:
+    head = ["| | mean | p95 | below half | above 0.9 | frames |", "|---|---|---|---|---|---|"]
+    return head + _rows(list(compared.items()))
+
+
+def _rows(rows: list[tuple[str, dict[str, float]]]) -> list[str]:
+    return [
+        f"| {n} | {v['mean']:.2f} | {v['p95']:.2f} | {v['below_half']:.2f} | {v['above_0.9']:.2f} | {v['frames']} |"
+        for n, v in rows
+        if v["frames"]
+    ]
+
+
+def _groups_table(groups: dict[str, Any]) -> list[str]:
+    names = [n for n in next(iter(groups.values())) if n not in ("available", "IMM")]
+    out = [f"| mean error (p95 of {OURS}) | " + " | ".join(names) + " |", "|---|" + "---|" * len(names)]
+    for group, row in groups.items():
+        cells = [f"{row[n]['mean']:.2f}" + (f" ({row[n]['p95']:.1f})" if n == OURS else "") for n in names]
+        out.append(f"| {group} | " + " | ".join(cells) + " |")
+    return out
+
+
+def _by_table(g: dict[str, Any]) -> list[str]:
+    out = []
+    for key in ("utilisation", "curve"):
+        row = g["by"][key]
+        out += [f"| {key} | " + " | ".join(row) + " |", "|---|" + "---|" * len(row)]
+        out += ["| mean error | " + " | ".join(f"{v:.2f}" for v in row.values()) + " |", ""]
+    names = list(g["surfaces"])
+    out += ["| truly | " + " | ".join(f"said {n}" for n in names) + " |", "|---|" + "---|" * len(names)]
+    out += [f"| {t} | " + " | ".join(_pct(row.get(n, 0.0)) for n in names) + " |" for t, row in g["surfaces"].items()]
+    c = g["confidence"]
+    out += ["", "| Confidence | share of frames | holds the truth |", "|---|---|---|"]
+    out += [f"| {n} | {_pct(v['share'])} | {_pct(v['covers'])} |" for n, v in c["levels"].items()]
+    out += ["", f"Median half-width {c['median_half_width']:g} pp; one constant interval that holds the truth as often "
+            f"({_pct(c['covers'])}) needs {c['constant_half_width']:.2f} pp."]  # fmt: skip
+    k = g["contact"]
+    out += [f"ContactState right in {_pct(k['right'])} outside utilisations of 0.85 … 1. MuAvailable there in "
+            f"{_pct(g['available'])} of the frames from 2 s on."]  # fmt: skip
+    return out
+
+
+def _pct(x: float) -> str:
+    return "–" if math.isnan(x) else f"{100 * x:.1f} %"

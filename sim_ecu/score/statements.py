@@ -1,0 +1,260 @@
+"""What the paper says of its figures, checked by arithmetic on the data that ours are drawn from.
+
+Each function takes plain data and returns statements with their verdicts. The thresholds below were set before any
+of them was looked at; a statement that is false here stays false.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_ecu.score.figure_data import SATURATED, DesignPoint, Levels, Trace, own_range
+from wrcd.estimator.design import MODELS, Sets
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+THROUGHOUT = 0.9  # "is the lowest": in this share of the estimates, or of the conditions
+FLAT = 0.01  # "g11 is zero": this small against g22
+STRAIGHT = 0.1  # "linear region": slope and secant differ by less than this share
+DIFFERENT = 1.1  # "different": by this factor at least
+STEADY = 5.0  # the fuzzy output stays this close to its mean, of 100: one output set
+RIGHT_PP, RIGHT_SHARE = 1.0, 0.1  # "almost equal": within 1 percentage point or a tenth of the truth
+INTERVAL = 0.9  # what the half-width claims
+REACTION_S = 2.0
+PAPER_SETS = ("Low", "Moderate", "High")
+# The two rules that the paper prints: the sets of residuals 1 … 4.
+PAPER_RULE_40 = ("Low", "Low", "High", "Moderate")
+PAPER_RULE_10_20 = ("Low", "Low", "Moderate", "Low")
+
+
+@dataclass(frozen=True, slots=True)
+class Statement:
+    """What should be seen in a figure (the paper's words unless it says "ours"), whether it is, what was measured."""
+
+    figure: int
+    says: str
+    holds: bool
+    numbers: str
+
+    @property
+    def verdict(self) -> str:
+        """In words."""
+        return "holds" if self.holds else "DOES NOT HOLD"
+
+    def line(self) -> str:
+        """For the screen."""
+        return f"Fig. {self.figure:<3} {self.verdict:14} {self.says}: {self.numbers}"
+
+
+def creep_curves(
+    slopes: Mapping[str, tuple[float, float]], peaks: Mapping[str, float], points: Sequence[DesignPoint]
+) -> list[Statement]:
+    """Fig. 1. slopes: g11 and g22 (N) at the peak of each curve; peaks: mu there; points: the four models'."""
+    flat = max(abs(g11 / g22) for g11, g22 in slopes.values())
+    order = sorted(slopes, key=lambda name: -peaks[name])
+    steps = [slopes[a][1] / slopes[b][1] for a, b in pairwise(order)]
+    found = [(p.curve.name, p.creep_of_peak) for p in points]
+    as_designed = [f[0] for f in found] == ["A", "C", "D", "B"] and all(f[1] == SATURATED for f in found[:3])
+    return [
+        Statement(1, "at the saturation points g11 is zero", flat <= FLAT, f"|g11| at most {flat:.1e} of g22"),
+        Statement(
+            1,
+            "at the saturation points g22 differs between the adhesion levels",
+            min(steps) >= DIFFERENT,
+            ", ".join(f"{name} {slopes[name][1]:.3g}" for name in order) + f" N; smallest step x {min(steps):.2f}",
+        ),
+        Statement(
+            1,
+            "models 1 to 3 are designed at the peaks of curves A, C and D, model 4 below the peak of B",
+            as_designed and found[3][1] < SATURATED,
+            ", ".join(f"{m + 1}: {name} at {share:g} of the peak's creep" for m, (name, share) in enumerate(found)),
+        ),
+    ]
+
+
+def straight(figure: int, says: str, g11_N: float, g22_N: float) -> Statement:
+    """Whether a point of a curve lies in its linear region: slope and secant agree."""
+    ratio = g11_N / g22_N
+    return Statement(figure, says, abs(ratio - 1.0) <= STRAIGHT, f"the slope is {ratio:.2f} of the secant there")
+
+
+def lowest(figure: int, where: str, model: int, trace: Trace) -> list[Statement]:
+    """Figs. 3 to 5: a model (from 1) has the lowest residual, as it is and within each model's own range."""
+    return [
+        _lowest(figure, f"{where}, the residual of model {model} is the lowest", model,
+                np.argmin(trace.residuals, axis=-1) + 1, "mean residuals", _mean(trace.residuals)),
+        _lowest(figure, f"{where}, model {model} is the lowest against each model's own Low to High", model,
+                trace.winner, "mean places", trace.own_range.reshape(-1, MODELS).mean(axis=0)),
+    ]  # fmt: skip
+
+
+def _lowest(figure: int, says: str, model: int, winner: IntArray, what: str, mean: FloatArray) -> Statement:
+    shares = [float(np.mean(winner == m + 1)) for m in range(MODELS)]
+    most = int(np.argmax(shares))
+    numbers = f"in {100 * shares[model - 1]:.0f} % of the estimates"
+    if most != model - 1:
+        numbers += f", model {most + 1} in {100 * shares[most]:.0f} %"
+    return Statement(
+        figure, says, shares[model - 1] >= THROUGHOUT, f"{numbers}; {what} {', '.join(f'{v:.3g}' for v in mean)}"
+    )
+
+
+def increased(figure: int, model: int, here: Trace, before: Trace) -> Statement:
+    """A model's residual is larger here than before, track by track (geometric means over time)."""
+    now, then = (np.exp(np.log(t.residuals[:, :, model - 1]).mean(axis=0)) for t in (here, before))
+    return Statement(
+        figure,
+        f"the residual of model {model} is increased against Fig. {figure - 1}",
+        bool(np.mean(now > then) >= THROUGHOUT),
+        f"{_gm(then):.3g} to {_gm(now):.3g}, larger on {int(np.sum(now > then))} of {len(now)} tracks",
+    )
+
+
+def matched(points: Sequence[tuple[Levels, float]], ranges: Sequence[Sets]) -> list[Statement]:
+    """Fig. 6: at each model's design point, given as region and adhesion, that model is the lowest of the four."""
+    at = [levels.at(adhesion) for levels, adhesion in points]
+    out = []
+    for says, values in (
+        ("each filter's residual is the lowest of the four at its own design point", at),
+        ("the same against each model's own Low to High", [own_range(ranges, r) for r in at]),
+    ):
+        lowest_there = [int(np.argmin(v)) + 1 for v in values]
+        numbers = ", ".join(f"at model {m + 1}'s: model {found}" for m, found in enumerate(lowest_there))
+        out.append(Statement(6, says, lowest_there == list(range(1, MODELS + 1)), f"lowest {numbers}"))
+    return out
+
+
+def unsaturated(below: Levels, ranges: Sequence[Sets]) -> list[Statement]:
+    """Fig. 6: off the saturation points the residual of model 4 is the lowest, whatever the curve."""
+    out = []
+    for says, values in (
+        ("off the saturation points the residual of model 4 is the lowest", below.mean),
+        ("the same against each model's own Low to High", own_range(ranges, below.mean)),
+    ):
+        winner = np.argmin(values, axis=-1) + 1
+        by_model = ", ".join(
+            f"model {m} on {int(np.sum(winner == m))}" for m in range(1, MODELS + 1) if (winner == m).any()
+        )
+        out.append(Statement(6, says, bool(np.mean(winner == 4) >= THROUGHOUT), f"of {len(winner)} curves {by_model}"))
+    return out
+
+
+def paper_rules(saturated: Levels, below: Levels, ranges: Sequence[Sets]) -> list[Statement]:
+    """Fig. 6: the sets that the paper's two printed rules name for about 40 % and for 10 to 20 % adhesion."""
+    dry = _names(saturated.at(40.0), ranges)
+    some = np.exp(np.linspace(np.log(10.0), np.log(20.0), 8))
+    found = [_names(region.at(float(mu)), ranges) for region in (saturated, below) for mu in some]
+    return [
+        Statement(
+            6,
+            f"at 40 % adhesion the residuals are {', '.join(PAPER_RULE_40)}",
+            dry == PAPER_RULE_40,
+            f"saturated on 40 %: {', '.join(dry)}",
+        ),
+        Statement(
+            6,
+            f"between 10 and 20 % adhesion the residuals are {', '.join(PAPER_RULE_10_20)}",
+            PAPER_RULE_10_20 in found,
+            f"on 14 % saturated: {', '.join(_names(saturated.at(14.0), ranges))}; "
+            f"below saturation: {', '.join(_names(below.at(14.0), ranges))}",
+        ),
+    ]
+
+
+def divided(figure: int, model: int, sets: Sets, residuals: FloatArray) -> Statement:
+    """Figs. 8, 9: the residual is divided into Low, Moderate and High, and every set is the strongest somewhere."""
+    degrees = sets.memberships(np.log10(residuals.ravel()))
+    shares = np.bincount(degrees.argmax(axis=1), minlength=len(sets.names)) / len(degrees)
+    outside = np.mean((np.log10(residuals) < sets.centres[0]) | (np.log10(residuals) > sets.centres[-1]))
+    return Statement(
+        figure,
+        f"residual {model} of Fig. 6 is divided into {', '.join(PAPER_SETS)}",
+        sets.names == PAPER_SETS and bool((shares > 0).all()),
+        ", ".join(f"{name} the strongest in {100 * s:.0f} %" for name, s in zip(sets.names, shares, strict=True))
+        + f" of its windows; {100 * outside:.0f} % lie beyond the outer centres",
+    )
+
+
+def output_map(outputs: FloatArray, polynomial: FloatArray, printed: FloatArray) -> list[Statement]:
+    """Fig. 10: the output's range, and what turns it into adhesion; printed is the paper's (16)."""
+    low, high = float(outputs.min()), float(outputs.max())
+    out = [
+        Statement(
+            10,
+            "the numeric output ranges from 0 to 100",
+            (low, high) == (0.0, 100.0),
+            f"the rules say {low:g} to {high:g} in the middle of their sets",
+        )
+    ]
+    n = np.linspace(0.0, 100.0, 1001)
+    for what, coefficients in (("our polynomial", polynomial), ("(16) as printed", printed)):
+        mu = np.polyval(coefficients, n)
+        order = len(np.trim_zeros(coefficients, "f")) - 1
+        falls = bool((np.diff(mu) < 0).all())
+        numbers = f"{mu[0]:.3g} % at 0, {mu[-1]:.3g} % at 100, least {mu.min():.3g} %"
+        out += [
+            Statement(10, f"{what} is of sixth order", order == 6, f"order {order}"),
+            Statement(
+                10,
+                f"{what} turns every output into an adhesion, the larger the output the lower",
+                falls and bool(mu.min() >= 0.0),
+                f"{numbers}, {'falls' if falls else 'does not fall'} throughout",
+            ),
+        ]
+    return out
+
+
+def right(figure: int, curve: str, whole: Trace, settled: Trace) -> list[Statement]:
+    """Figs. 11 to 13: steady and almost equal to the truth when settled; and, ours, whether the interval holds it."""
+    moves = np.abs(settled.fuzzy - np.nanmean(settled.fuzzy, axis=0))
+    close = np.abs(whole.mu_pct - whole.truth_pct) <= np.maximum(RIGHT_PP, RIGHT_SHARE * whole.truth_pct)
+    wrong = np.flatnonzero(~close.all(axis=1))
+    since = 0.0 if not len(wrong) else float(whole.t_s[min(wrong[-1] + 1, len(whole.t_s) - 1)])
+    never = len(wrong) and wrong[-1] == len(whole.t_s) - 1
+    errors = settled.mu_pct - settled.truth_pct
+    alone = settled.unbounded_pct - settled.truth_pct
+    inside = np.abs(errors) <= settled.half_width_pp
+    known = bool(np.isfinite(settled.mu_pct).all())
+    return [
+        Statement(
+            figure,
+            f"after 2 s on curve {curve} the fuzzy output is steady",
+            known and bool(moves.max() <= STEADY),
+            f"within {np.nanmax(moves):.1f} of 100 of its mean {np.nanmean(settled.fuzzy):.1f} "
+            f"({STEADY:g} is called steady)",
+        ),
+        Statement(
+            figure,
+            f"after 2 s on curve {curve} the estimated adhesion is almost equal to the true one",
+            known and not never and since <= REACTION_S,
+            f"truth {settled.truth_pct.mean():.1f} %; error mean {np.nanmean(np.abs(errors)):.2f}, "
+            f"largest {np.nanmax(np.abs(errors)):.2f} pp; "
+            + ("never settles" if never else f"stays within 1 pp or a tenth from {since:.2f} s on")
+            + f"; from the fuzzy output alone mean {np.nanmean(np.abs(alone)):.2f}, "
+            f"largest {np.nanmax(np.abs(alone)):.2f} pp",
+        ),
+        Statement(
+            figure,
+            f"(ours) after 2 s on curve {curve} the 90 % interval holds the truth",
+            bool(inside.mean() >= INTERVAL),
+            f"in {100 * inside.mean():.0f} % of the estimates, half-width {np.nanmean(settled.half_width_pp):.2f} pp",
+        ),
+    ]
+
+
+def _names(residuals: FloatArray, ranges: Sequence[Sets]) -> tuple[str, ...]:
+    """The strongest set of each residual (4,)."""
+    return tuple(s.names[int(s.memberships(np.log10(residuals[m : m + 1])).argmax())] for m, s in enumerate(ranges))
+
+
+def _mean(residuals: FloatArray) -> FloatArray:
+    out: FloatArray = np.exp(np.log(residuals).reshape(-1, MODELS).mean(axis=0))
+    return out
+
+
+def _gm(values: FloatArray) -> float:
+    return float(np.exp(np.log(values).mean()))

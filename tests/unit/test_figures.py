@@ -1,0 +1,207 @@
+"""The paper's figures: all there, not blank, and every verdict follows from the data."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+
+from sim_ecu.design.rules import PAPER_POLYNOMIAL
+from sim_ecu.physics.contact import CURVES, peak
+from sim_ecu.score import statements as say
+from sim_ecu.score.figure_data import (
+    LINEAR,
+    SETTLED_S,
+    SPEED,
+    DesignPoint,
+    FloatArray,
+    Levels,
+    Subject,
+    Trace,
+    held,
+    load_subject,
+    nearest,
+    observe,
+    own_range,
+)  # fmt: skip
+from sim_ecu.score.figures import check, gather, run
+from sim_ecu.score.statements import Statement
+from wrcd.errors import InputError
+from wrcd.estimator.design import MODELS, Sets
+from wrcd.resources import DESIGN
+
+NUMBERS = (1, 3, 4, 5, 6, 8, 9, 10, 11, 12, 13)
+SETS = [Sets(("Low", "Moderate", "High"), np.array([-1.0, 0.0, 1.0]))] * MODELS
+
+
+@pytest.fixture(scope="module")
+def subject() -> Subject:
+    return load_subject(DESIGN)
+
+
+def silent(_what: str, _share: float) -> None:
+    pass
+
+
+def trace(residuals: tuple[float, ...], mu_pct: float = 20.0, wobble: float = 0.0) -> Trace:
+    """Constant residuals for 4 s on three tracks; truth 20 %, half-width 1 pp."""
+    t: FloatArray = np.arange(1, 201, dtype=np.float64) * 0.02
+    r = np.broadcast_to(np.array(residuals), (200, 3, MODELS)).copy()
+    flat = np.ones((200, 3))
+    wave = wobble * np.sin(t)[:, None]
+    places = own_range(SETS, r)
+    return Trace(
+        t, r, places, np.argmin(places, axis=-1) + 1, 50 + wave * flat, mu_pct * flat, mu_pct * flat, flat, 20 * flat,
+        20 * flat, 0.01 * flat,
+    )  # fmt: skip
+
+
+def verdicts(found: list[Statement]) -> list[bool]:
+    return [f.holds for f in found]
+
+
+def test_all_figures_are_drawn_and_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(tmp_path / "figures", tracks=2, seconds=3.0, between=0) == 0
+    assert sorted(p.name for p in (tmp_path / "figures").glob("*.png")) == [f"fig{n:02d}.png" for n in NUMBERS]
+    for n in NUMBERS:
+        picture = imread(tmp_path / "figures" / f"fig{n:02d}.png")[:, :, :3]
+        assert picture.shape[1] > 900
+        # ink in every quarter, and colours beside the text's black
+        quarters = [q for half in np.array_split(picture, 2) for q in np.array_split(half, 2, axis=1)]
+        assert all((q < 0.9).any(axis=2).mean() > 0.005 for q in quarters), n
+        assert (np.ptp(picture, axis=2) > 0.3).mean() > 0.002, n
+    lines = capsys.readouterr().out.splitlines()
+    text = (tmp_path / "figures" / "figures.md").read_text()
+    assert {int(line[5:8]) for line in lines[:-1]} == set(NUMBERS)
+    for line in lines[:-1]:
+        figure, verdict, said = line[:8].strip(), line[9:23].strip(), line[24:]
+        assert verdict in ("holds", "DOES NOT HOLD")
+        assert f"- **{verdict}**: {said}\n" in text.split(f"## {figure}\n")[1].split("\n## ")[0]
+    assert [f"![Fig. {n}](fig{n:02d}.png)" in text for n in NUMBERS] == [True] * len(NUMBERS)
+
+
+def test_what_is_checked_is_what_was_gathered(subject: Subject) -> None:
+    """Other data, other verdicts: the checks take nothing from elsewhere."""
+    data = gather(subject, 1, 2.5, 0, silent)
+    before = {(s.figure, s.says): s for s in check(data)}
+    flipped = replace(
+        data,
+        at_peak={k: replace(t, mu_pct=t.mu_pct + 20.0, fuzzy=t.fuzzy + 9 * np.sin(9 * t.t_s)[:, None])
+                 for k, t in data.at_peak.items()},
+    )  # fmt: skip
+    after = {(s.figure, s.says): s for s in check(flipped)}
+    assert before.keys() == after.keys()
+    for key, s in after.items():
+        if key[0] in (11, 12, 13):
+            assert not s.holds
+            assert s.numbers != before[key].numbers
+        else:
+            assert s == before[key]
+
+
+@pytest.mark.parametrize("share", [1.0, 0.15, LINEAR])
+@pytest.mark.parametrize("curve", "AF")
+def test_the_wheelset_is_held_where_the_figure_says(subject: Subject, curve: str, share: float) -> None:
+    found = observe(subject, held(subject.wheelset, CURVES[curve], share, 1), 3.0, silent).since(SETTLED_S)
+    creep, mu = peak(SPEED, subject.wheelset.contact, *CURVES[curve].row())
+    assert found.creep.mean() == pytest.approx(share * creep, rel=0.05)
+    assert found.truth_pct == pytest.approx(100 * mu, rel=1e-6)
+    if share == 1.0:
+        assert found.used_pct.mean() == pytest.approx(100 * mu, rel=0.02)
+
+
+def test_the_place_in_the_own_range_is_what_the_estimator_decides_by(subject: Subject) -> None:
+    found = observe(subject, held(subject.wheelset, CURVES["C"], 1.0, 2), 1.5, silent)
+    assert (np.argmin(found.own_range, axis=-1) + 1 == found.winner).all()
+
+
+def test_the_lowest_residual() -> None:
+    good = trace((0.2, 0.5, 0.5, 0.5))
+    assert verdicts(say.lowest(3, "here", 1, good)) == [True, True]
+    assert verdicts(say.lowest(3, "here", 2, good)) == [False, False]
+    # lowest in too little of the time
+    mixed = replace(good, residuals=good.residuals.copy())
+    mixed.residuals[:30, :, 3] = 0.1
+    false = say.lowest(3, "here", 1, mixed)[0]
+    assert not false.holds
+    assert "in 85 % of the estimates" in false.numbers
+    assert false.line().startswith("Fig. 3   DOES NOT HOLD  here, the residual of model 1 is the lowest: in 85 %")
+
+
+def test_an_increased_residual() -> None:
+    low, high = trace((0.2, 0.5, 0.5, 0.5)), trace((0.4, 0.5, 0.5, 0.5))
+    assert say.increased(4, 1, high, low).holds
+    assert not say.increased(4, 1, low, high).holds
+    assert not say.increased(4, 1, low, low).holds
+
+
+def test_right_after_two_seconds() -> None:
+    def at(t: Trace) -> list[bool]:
+        return verdicts(say.right(11, "A", t, t.since(SETTLED_S)))
+
+    assert at(trace((1, 1, 1, 1), 20.5)) == [True, True, True]
+    assert at(trace((1, 1, 1, 1), 20.5, wobble=30)) == [False, True, True]
+    assert at(trace((1, 1, 1, 1), 21.5)) == [True, True, False]
+    assert at(trace((1, 1, 1, 1), 24.0)) == [True, False, False]
+    late = trace((1, 1, 1, 1), 20.5)
+    late.mu_pct[:150] = 5.0  # right from 3.02 s on
+    assert at(late) == [True, False, False]
+    assert "from 3.02 s on" in say.right(11, "A", late, late.since(SETTLED_S))[1].numbers
+    unknown = trace((1, 1, 1, 1), 20.5)
+    unknown.mu_pct[120] = np.nan
+    assert at(unknown)[:2] == [False, False]
+
+
+def levels(residuals: FloatArray, share: float) -> Levels:
+    return Levels(share, np.array([3.0, 10.0, 40.0]), np.broadcast_to(residuals, (4, 3, MODELS)).copy())
+
+
+def test_the_levels_of_fig_6() -> None:
+    matching = np.array([[0.9, 0.9, 0.2, 0.9], [0.9, 0.2, 0.9, 0.9], [0.2, 0.9, 0.9, 0.9]])
+    saturated, below = levels(matching, 1.0), levels(np.array([[0.9, 0.9, 0.9, 0.2]] * 3), 0.15)
+    points = [(saturated, 40.0), (saturated, 10.0), (saturated, 3.0), (below, 30.0)]
+    assert verdicts(say.matched(points, SETS)) == [True, True]
+    assert verdicts(say.matched([points[1], points[0], *points[2:]], SETS)) == [False, False]
+    assert verdicts(say.unsaturated(below, SETS)) == [True, True]
+    assert verdicts(say.unsaturated(saturated, SETS)) == [False, False]
+    # between two levels: the geometric middle of both
+    assert saturated.at(20.0)[0] == pytest.approx(np.sqrt(0.9 * 0.2))
+    assert nearest(DesignPoint(CURVES["A"], 0.9), saturated, below) is saturated
+
+
+def test_the_papers_rules() -> None:
+    printed = np.array([[0.1, 0.1, 1.0, 0.1], [0.1, 0.1, 1.0, 0.1], [0.1, 0.1, 10.0, 1.0]])
+    assert verdicts(say.paper_rules(levels(printed, 1.0), levels(printed, 0.15), SETS)) == [True, True]
+    other = np.full((3, MODELS), 0.1)
+    assert verdicts(say.paper_rules(levels(other, 1.0), levels(other, 0.15), SETS)) == [False, False]
+
+
+def test_the_sets_and_the_output() -> None:
+    assert say.divided(8, 1, SETS[0], np.array([0.1, 1.0, 10.0])).holds
+    assert not say.divided(8, 1, SETS[0], np.array([0.1, 1.0, 1.0])).holds
+    assert not say.divided(8, 1, Sets(("Low", "High"), np.array([-1.0, 1.0])), np.array([0.1, 10.0])).holds
+    line = np.array([-0.5, 60.0])
+    printed = np.array(PAPER_POLYNOMIAL)
+    # (16) is a quartic, and below zero at 100
+    assert verdicts(say.output_map(np.array([0.0, 100.0]), line, printed)) == [True, False, True, False, False]
+    assert verdicts(say.output_map(np.array([5.0, 90.0]), line, printed)) == [False, False, True, False, True]
+    assert not say.output_map(np.array([0.0, 100.0]), np.array([0.5, 10.0]), printed)[2].holds
+
+
+def test_the_curves_of_fig_1() -> None:
+    points = [DesignPoint(CURVES[n], s) for n, s in (("A", 1.0), ("C", 1.0), ("D", 1.0), ("B", 0.1))]
+    slopes, peaks = {"A": (1.0, 1e6), "C": (1.0, 2e5)}, {"A": 0.4, "C": 0.2}
+    assert verdicts(say.creep_curves(slopes, peaks, points)) == [True, True, True]
+    steep = {"A": (1e5, 1e6), "C": (1.0, 9.9e5)}
+    assert verdicts(say.creep_curves(steep, peaks, points[::-1])) == [False, False, False]
+    assert say.straight(1, "it is straight", 0.95e6, 1e6).holds
+    assert not say.straight(1, "it is straight", 0.5e6, 1e6).holds
+
+
+def test_no_folder_and_no_design(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="cannot be made"):
+        run(tmp_path / "file" / "figures")
+    with pytest.raises(InputError, match="no such design file"):
+        run(tmp_path, tmp_path / "none.json")
