@@ -15,6 +15,8 @@ from sim_ecu.physics.track import QUALITY, Track
 from sim_ecu.physics.wheelset import LAT_ACCEL, MU_AVAILABLE, RAIL_COLUMNS, TORQUE, YAW_RATE, Command, Wheelset
 from wrcd.estimator.bank import Bank, scheduled_speed
 from wrcd.estimator.design import Design
+from wrcd.estimator.estimator import OFFSET_WINDOWS, rule_inputs
+from wrcd.estimator.offset import Offset
 from wrcd.estimator.window import Window
 
 FloatArray = NDArray[np.float64]
@@ -49,8 +51,8 @@ class Plan:
     friction_range: tuple[float, float] = (0.022, 0.65)
     utilisation_range: tuple[float, float] = (0.10, 1.0)
     held_share: float = 0.2  # of the conditions, held at or about the peak by the creep controller
-    changed_share: float = 0.3  # of the conditions, coming from another rail shortly before the windows
-    roughness_range: tuple[float, float] = (0.7, 4.0)  # times the good track's spectral density; its ends drawn more
+    changed_share: float = 0.15  # of the conditions, coming from another rail shortly before the windows
+    roughness_range: tuple[float, float] = (0.9, 4.0)  # times the good track's spectral density; its ends drawn more
     sensors: str = "mems"
     settle_s: float = 2.0
     windows: int = 2  # taken from each condition, half a window apart
@@ -123,9 +125,9 @@ def simulate(w: Wheelset, c: Condition, seconds: float, tick_s: float) -> Sample
 
 @dataclass(frozen=True, slots=True)
 class Features:
-    """One row per window. inputs (n, 6): log10 of the four residuals, of the torque ratio, of the speed; recent (n, 6):
-    the same over the newest part of the window; differences (n, 4): decades between that part and the rest; the truth
-    in percent (n,); condition (n,): its number."""
+    """One row per window. inputs (n, 6): what the rules are given (see `rule_inputs`); recent (n, 6): the same
+    over the newest part of the window; differences (n, 4): decades between that part and the rest; the truth in percent
+    (n,); condition (n,): its number."""
 
     inputs: FloatArray
     recent: FloatArray
@@ -193,13 +195,14 @@ def features(design: Design, recordings: list[Recording], windows: int) -> Featu
     first = 0
     for r in recordings:
         ticks, _, n = r.z.shape
-        bank, window = Bank(design, n), Window(design.window_ticks, design.recent_ticks, n)
+        offset, bank = Offset(OFFSET_WINDOWS * design.window_ticks, n), Bank(design, n)
+        window = Window(design.window_ticks, design.recent_ticks, n)
         present, good = np.ones((2, n), dtype=bool), np.ones(n, dtype=bool)
         ratio = np.abs(r.torque) / (2 * design.normal_N * design.r_0)
-        speed = np.full(n, np.log10(scheduled_speed(r.speed_m_s, design.speeds_m_s)))
+        speed = scheduled_speed(r.speed_m_s, design.speeds_m_s)
         taken = {ticks - 1 - half * i for i in range(windows)}
         for k in range(ticks):
-            _, w = bank.step(r.z[k], present, r.speed_m_s)
+            _, w = bank.step(offset.take(r.z[k], present), present, r.speed_m_s)
             window.put(k, w, good, ratio[k])
             if k not in taken:
                 continue
@@ -207,7 +210,7 @@ def features(design: Design, recordings: list[Recording], windows: int) -> Featu
                 (inputs, window.residuals(), window.torque_ratio()),
                 (recent, window.recent_residuals(), window.recent_torque_ratio()),
             ):
-                rows.append(np.column_stack((np.log10(residuals), np.log10(np.maximum(torque, 1e-6)), speed)))
+                rows.append(rule_inputs(design, residuals, torque, speed))
             differences.append(window.differences())
             truth.append(r.mu_pct)
             condition.append(first + np.arange(n))

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from filterpy.common import van_loan_discretization
 from numpy.typing import NDArray
-from scipy.linalg import solve_discrete_are
+from scipy.linalg import solve_discrete_are, solve_discrete_lyapunov
 
 from sim_ecu.design.linear import Point, model, slope_and_secant
 from sim_ecu.physics.wheelset import Wheelset
@@ -31,6 +31,14 @@ class Gains:
         """(2, 2): innovations in units of their own expected size, each channel with its weight in the residual."""
         share = np.sqrt([point.yaw_rate_weight, 2.0 - point.yaw_rate_weight])
         return np.asarray(share[:, None] * np.linalg.inv(np.linalg.cholesky(self.S)))
+
+    def noise(self, point: Point) -> float:
+        """The residual that the sensors' noise alone leaves: the noise, less what it did to the state before."""
+        forgets = self.Phi @ (np.eye(len(self.Phi)) - self.K @ self.H)
+        enters = self.Phi @ self.K
+        P = solve_discrete_lyapunov(forgets, enters @ self.R @ enters.T)
+        W = self.whiten(point)
+        return float(np.sqrt(np.trace(W @ (self.R + self.H @ P @ self.H.T) @ W.T) / len(self.R)))
 
 
 def steady_state(

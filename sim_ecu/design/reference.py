@@ -32,17 +32,37 @@ class Schedule:
 
     def __init__(self, design: Design) -> None:
         self._ends = float(design.speeds_m_s[0]), float(design.speeds_m_s[-1])
-        tables = (design.Phi, design.K, design.H, design.whiten)
+        tables = (design.Phi, design.K, design.H, design.whiten, design.noise)
         self._lines = [make_interp_spline(design.speeds_m_s, t, k=1) for t in tables]
 
     def at(self, speed_m_s: float) -> list[FloatArray]:
-        """Phi, K, H and the whitening matrix of the four models."""
+        """Phi, K, H, the whitening matrix and the noise's residual of the four models."""
         v = self.rounded(speed_m_s)
         return [line(v) for line in self._lines]
 
     def rounded(self, speed_m_s: float) -> float:
         """The speed that counts."""
         return float(min(max(np.round(speed_m_s / 0.1) * 0.1, self._ends[0]), self._ends[1]))
+
+
+class RunningMean:
+    """Mean of each channel of one axle: of everything so far, then exponentially over a number of ticks."""
+
+    def __init__(self, ticks: int) -> None:
+        self._most = ticks
+        self.reset()
+
+    def reset(self) -> None:
+        """Nothing seen yet."""
+        self._seen, self._mean = [0, 0], [0.0, 0.0]
+
+    def take_off(self, z: FloatArray, present: NDArray[np.bool_]) -> FloatArray:
+        """The measurement (2,) without its mean."""
+        for i in range(2):
+            if present[i]:
+                self._seen[i] = min(self._seen[i] + 1, self._most)
+                self._mean[i] += (float(z[i]) - self._mean[i]) / self._seen[i]
+        return np.asarray(z - np.array(self._mean))
 
 
 class Filters:
@@ -163,18 +183,24 @@ class SlidingWindow:
                 if np.any(np.abs(step) > self._limits):
                     self._rows = deque(new)
 
-    def inputs(self) -> FloatArray | None:
-        """log10 of the four residuals and of the torque ratio (5,), or None without data."""
+    def inputs(self, noise: FloatArray, speed_m_s: float) -> FloatArray | None:
+        """What the rules are given (6,), or None without data. noise (4,): what the sensors alone leave."""
         if not self._rows:
             return None
         ratio = max(float(np.mean([row[2] for row in self._rows])), 1e-6)
-        return np.append(np.log10(residuals(self._rows)), np.log10(ratio))
+        track = np.array([max(r * r - n * n, 0.03 * n * n) for r, n in zip(residuals(self._rows), noise, strict=True)])
+        power = np.append(track[:3] / track[3], track[3])
+        return np.concatenate((0.5 * np.log10(power), [np.log10(ratio), np.log10(speed_m_s)]))
 
 
 def residuals(rows: Iterable[tuple[int, FloatArray, float]]) -> FloatArray:
-    """RMS of each model's whitened innovations, their means removed (4,)."""
-    w = np.array([row[1] for row in rows])  # (ticks, 4, 2)
-    return np.asarray(np.maximum(np.sqrt(np.var(w, axis=0).mean(axis=1)), 1e-6))
+    """RMS of each model's whitened innovations about a straight line (4,)."""
+    rows = list(rows)
+    w = np.array([row[1].ravel() for row in rows])  # (ticks, 8)
+    t = np.array([row[0] for row in rows], dtype=np.float64)
+    line = np.polynomial.polynomial.polyfit(t - t[0], w, 1 if len(rows) > 1 else 0)
+    rest = w - np.polynomial.polynomial.polyval(t - t[0], line).T
+    return np.asarray(np.maximum(np.sqrt(np.square(rest).mean(axis=0).reshape(4, 2).mean(axis=1)), 1e-6))
 
 
 class FuzzyReference:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_ecu.design.reference import Filters, FuzzyReference, LiveFilters, Models, Schedule, SlidingWindow
+from sim_ecu.design.reference import Filters, FuzzyReference, LiveFilters, Models, RunningMean, Schedule, SlidingWindow
 from wrcd.bus.log import Damage, read_log
 from wrcd.daemon.config import Config, load_config
 from wrcd.daemon.core import Core
@@ -47,13 +47,14 @@ class BothEngines(Estimator):
         self._filters = [Filters() for _ in range(axles)]
         self._live = [LiveFilters(models) for _ in range(axles)]
         self._windows = [SlidingWindow(design) for _ in range(axles)]
+        self._means = [RunningMean(2 * design.window_ticks) for _ in range(axles)]
         self._every, self._tick, self._compared = fuzzy_every_ticks, 0, -fuzzy_every_ticks
-        self._speed = 1.0
+        self._speed, self._noise = 1.0, np.zeros(4)
 
     def reset(self, axle: int) -> None:
         """Both forget."""
         super().reset(axle)
-        for part in (self._filters[axle], self._live[axle], self._windows[axle]):
+        for part in (self._means[axle], self._filters[axle], self._live[axle], self._windows[axle]):
             part.reset()
 
     def step(self, tick: Tick) -> FloatArray:
@@ -64,16 +65,18 @@ class BothEngines(Estimator):
         self._tick = tick.number
         self._speed = self._schedule.rounded(tick.speed_m_s)
         matrices = self._schedule.at(tick.speed_m_s)
+        self._noise = matrices[4]
         for a in range(self.axles):
             present = tick.present[:, a]
-            reference = self._filters[a].step(tick.z[:, a], present, matrices)
+            z = self._means[a].take_off(tick.z[:, a], present)
+            reference = self._filters[a].step(z, present, matrices)
             whitened = np.array([matrices[3][m] @ reference[m] for m in range(4)])
             ratio = float(tick.torque_ratio[a])
             self._windows[a].put(tick.number, whitened, bool(present.all()) and np.isfinite(ratio), ratio)
             if not present.any():
                 continue
             f.partial += not present.all()
-            live = self._live[a].step(tick.z[:, a], present, tick.speed_m_s)
+            live = self._live[a].step(z, present, tick.speed_m_s)
             f.innovation = max(f.innovation, float(np.abs(e[:, :, a] - reference).max()))
             f.largest = max(f.largest, float(np.abs(reference).max()))
             f.live_largest = max(f.live_largest, float(np.abs(e[:, :, a] - live).max()))
@@ -87,9 +90,9 @@ class BothEngines(Estimator):
         if self._tick - self._compared >= self._every:
             self._compared = self._tick
             for a in range(self.axles):
-                inputs = self._windows[a].inputs()
+                inputs = self._windows[a].inputs(self._noise, self._speed)
                 if inputs is not None:
-                    self.findings.inputs.append(np.append(inputs, np.log10(self._speed)))
+                    self.findings.inputs.append(inputs)
                     self.findings.fast.append(float(out.fuzzy[a]))
         return out
 

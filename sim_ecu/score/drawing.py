@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from sim_ecu.physics.contact import CURVES, peak, traction_ratio
-from sim_ecu.score.figure_data import SETTLED_S, SPEED, Levels, Subject, Trace, nearest, own_range
+from sim_ecu.score.figure_data import OFF_PEAK, SATURATED, SETTLED_S, SPEED, Levels, Subject, Trace, nearest, own_range
 from sim_ecu.score.statements import Statement
 from wrcd.estimator.design import MODELS
 
@@ -20,7 +20,7 @@ MODEL_COLOURS = ("#0072B2", "#E69F00", "#009E73", "#D55E00")
 OTHER_CURVES = ("0.35", "0.6")  # those that no model is designed for
 ESTIMATE, TRUTH, USED, PRINTED = "#7B3294", "black", "0.85", "0.5"
 SET_STYLES = ("-", "--", ":", "-.")
-OWN_RANGE = "place in own range (0: Low, 1: High)"
+OWN_RANGE = "what the rules see,\nin own range (0: Low, 1: High)"
 MOST_CREEP = 0.10  # of Fig. 1
 STYLE: dict[Any, Any] = {
     "font.size": 9,
@@ -74,7 +74,8 @@ class Drawing:
             x = p.creep_of_peak * peak(SPEED, contact, *p.curve.row())[0]
             y = traction_ratio(x, SPEED, contact, *p.curve.row())
             ax.plot(100 * x, y, "o", ms=8, mfc="white", mec=MODEL_COLOURS[m], mew=2)
-            ax.annotate(f"model {m + 1}", (100 * x, y), xytext=(7, 7), textcoords="offset points", fontsize=8)
+            away = (7, 7) if p.creep_of_peak >= SATURATED else (14, -12)  # where no curve is
+            ax.annotate(f"model {m + 1}", (100 * x, y), xytext=away, textcoords="offset points", fontsize=8)
         ax.set(
             xlabel="creepage, %", ylabel="traction ratio μ", xlim=(0, 100 * MOST_CREEP), ylim=(0, 1.3 * ax.dataLim.y1)
         )
@@ -85,7 +86,9 @@ class Drawing:
         """Figs. 3 to 5: windowed residuals over time, as they are and within each model's own range; a row per run."""
         n = next(iter(runs.values())).residuals.shape[1]
         figure, axes = self._new(
-            number, f"residuals with the wheelset held {where}; line: mean of {n} tracks, band: all of them",
+            number,
+            f"residuals with the wheelset held {where} (left) and what the rules see (right: 1 to 3 over residual 4, "
+            f"and 4 itself);\nline: mean of {n} tracks, band: all of them",
             len(runs), 2, 1.6 + 3.4 * len(runs), sharex=True,
         )  # fmt: skip
         for row, (title, trace) in zip(axes, runs.items(), strict=True):
@@ -113,7 +116,10 @@ class Drawing:
     def levels(self, saturated: Levels, below: Levels) -> Figure:
         """Fig. 6."""
         figure, axes = self._new(
-            6, "residuals over adhesion, interpolated; markers: conditions simulated, band: all their windows",
+            6,
+            "residuals (top) and what the rules see (bottom: 1 to 3 over residual 4, and 4 itself) over adhesion, "
+            "interpolated;\nmarkers: conditions simulated, band: all their windows; the verdicts off the saturation "
+            f"points also take {', '.join(f'{share:g}' for share in OFF_PEAK)} of the peak's creep",
             2, 2, 8.0, sharex=True, sharey="row",
         )  # fmt: skip
         contact = self._s.wheelset.contact
@@ -123,11 +129,12 @@ class Drawing:
         ):  # fmt: skip
             grid = np.geomspace(levels.adhesion_pct[0], levels.adhesion_pct[-1], 200)
             between = np.array([levels.at(float(mu)) for mu in grid])
-            places = own_range(self._d.residual_sets, levels.windows)
+            seen_between = np.array([levels.seen_at(float(mu)) for mu in grid])
+            places = [own_range(self._d.residual_sets, v) for v in (seen_between, levels.seen_mean, levels.seen)]
             for m in range(MODELS):
                 for ax, line, points, windows in (
                     (axes[0, column], between, levels.mean, levels.windows),
-                    (axes[1, column], *(own_range(self._d.residual_sets, v) for v in (between, levels.mean)), places),
+                    (axes[1, column], *places),
                 ):
                     colour = MODEL_COLOURS[m]
                     low, high = windows[..., m].min(axis=0), windows[..., m].max(axis=0)
@@ -148,13 +155,15 @@ class Drawing:
         return figure
 
     def sets(self, number: int, model: int, saturated: Levels, below: Levels) -> Figure:
-        """Figs. 8, 9: the membership functions of a residual, and where the residuals of Fig. 6 lie."""
+        """Figs. 8, 9: the membership functions of what the rules see of a residual, and where Fig. 6's windows lie."""
         figure, axes = self._new(
-            number, f"membership functions of residual {model}, for all speeds and tracks; below: Fig. 6's windows",
+            number,
+            f"membership functions of residual {model} over residual {MODELS}, which is what the rules see, "
+            "for all speeds and tracks; below: Fig. 6's windows",
             2, 1, 5.4, sharex=True, gridspec_kw={"height_ratios": [2.2, 1]},
         )  # fmt: skip
         sets, colour = self._d.residual_sets[model - 1], MODEL_COLOURS[model - 1]
-        every = [np.log10(levels.windows[..., model - 1].ravel()) for levels in (saturated, below)]
+        every = [levels.seen[..., model - 1].ravel() for levels in (saturated, below)]
         low, high = min(sets.centres[0], *(v.min() for v in every)), max(sets.centres[-1], *(v.max() for v in every))
         x = np.unique(np.concatenate((np.linspace(low - 0.15, high + 0.15, 400), sets.centres)))
         degrees = sets.memberships(x)
@@ -166,15 +175,22 @@ class Drawing:
             [10**v for v in every], bins=10 ** np.linspace(x[0], x[-1], 50), stacked=True, color=[colour, "0.65"],
             label=["saturated", "below saturation"],
         )  # fmt: skip
-        axes[1, 0].set(xlabel=f"residual {model} (1: as expected)", ylabel="windows")
+        axes[1, 0].set(
+            xlabel=f"residual {model} over residual {MODELS}, the sensors' noise taken off", ylabel="windows"
+        )
         axes[1, 0].legend(loc="upper right")
         _plain(axes[1, 0], (0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50))
         axes[1, 0].set_xlim(10 ** x[0], 10 ** x[-1])
         return figure
 
     def output(self, printed: Sequence[float]) -> Figure:
-        """Fig. 10: the output sets with the rules that name them, and what turns the output into adhesion."""
-        figure, axes = self._new(10, "the output set, and the polynomial from fuzzy output to adhesion", 1, 2, 4.8)
+        """Fig. 10: what the rules say in the middle of their sets, and what turns the output into adhesion."""
+        figure, axes = self._new(
+            10,
+            "what the rules say in the middle of their sets (beyond 0 and 100: counted at the ends),\n"
+            "and the polynomial from fuzzy output to adhesion",
+            1, 2, 4.8,
+        )  # fmt: skip
         d = self._d
         levels = np.clip(d.bases, 0.0, 100.0)
         axes[0, 0].hist(levels, np.arange(0.0, 105.0, 5.0), color=ESTIMATE, alpha=0.8)

@@ -25,6 +25,7 @@ IntArray = NDArray[np.int64]
 SPEED = 25.0  # m/s, of all figures
 SETTLED_S = 2.0  # the paper's "after 2 seconds"
 SATURATED, LINEAR = 1.0, 0.05  # creep as a share of the one at the peak; on curve A 0.05 is still a straight line
+OFF_PEAK = (LINEAR, 0.15, 0.3)  # between model 4's design point and the peak, where the curves bend
 EVERY_S = 0.02  # an estimate so often, as on the bus
 FRICTION_ENDS = (0.022, 0.65)  # mu_0 of the family's slipperiest and driest rail in Fig. 6
 
@@ -67,14 +68,16 @@ def load_subject(file: Path) -> Subject:
 
 @dataclass(frozen=True, slots=True)
 class Trace:
-    """n runs over k moments: t_s (k,), residuals (k, n, 4), own_range (k, n, 4), the others (k, n); NaN if unknown.
+    """n runs over k moments: t_s (k,), residuals, seen and own_range (k, n, 4), the others (k, n); NaN if unknown.
 
-    own_range is the residual's place between the centres of its model's lowest (0) and highest (1) set, in the
-    logarithm; winner is the estimator's: the model that is lowest there.
+    seen is what the rules are given of the residuals: log10 of 1 to 3 over residual 4, and of residual 4, the sensors'
+    noise taken off. own_range is its place between the centres of the lowest (0) and the highest (1) set of its own;
+    winner is the estimator's: the model that is lowest there.
     """
 
     t_s: FloatArray
     residuals: FloatArray
+    seen: FloatArray
     own_range: FloatArray
     winner: IntArray
     fuzzy: FloatArray
@@ -96,10 +99,10 @@ class Trace:
         return Trace(*(getattr(self, name)[late] for name in self.__dataclass_fields__))
 
 
-def own_range(sets: Sequence[Sets], residuals: FloatArray) -> FloatArray:
-    """Place of residuals (…, 4) between the centres of their models' lowest (0) and highest (1) set."""
+def own_range(sets: Sequence[Sets], seen: FloatArray) -> FloatArray:
+    """Place of what the rules see (…, 4) between the centres of its own lowest (0) and highest (1) set."""
     low, high = (np.array([s.centres[i] for s in sets]) for i in (0, -1))
-    out: FloatArray = (np.log10(residuals) - low) / (high - low)
+    out: FloatArray = (seen - low) / (high - low)
     return out
 
 
@@ -144,12 +147,13 @@ def observe(
         if (k + 1) % every == 0:
             ticks.append(k)
             estimates.append(estimator.estimate())
-    residuals = np.array([e.residuals for e in estimates])
+    seen = np.array([e.inputs[:, :MODELS] for e in estimates])
     fuzzy = np.array([e.fuzzy for e in estimates])
     return Trace(
         t_s=(np.array(ticks) + 1) * d.tick_s,
-        residuals=residuals,
-        own_range=own_range(d.residual_sets, residuals),
+        residuals=np.array([e.residuals for e in estimates]),
+        seen=seen,
+        own_range=own_range(d.residual_sets, seen),
         winner=np.array([e.winner for e in estimates]),
         fuzzy=fuzzy,
         unbounded_pct=np.clip(np.polyval(d.polynomial, fuzzy), *d.adhesion_range_pct),
@@ -165,23 +169,38 @@ def observe(
 class Levels:
     """Fig. 6: residuals over adhesion at one share of the peak's creep, from slippery to dry.
 
-    windows (w, levels, 4) are the single windows' residuals.
+    windows (w, levels, 4) are the single windows' residuals, seen (w, levels, 4) what the rules see of them.
     """
 
     creep_of_peak: float
     adhesion_pct: FloatArray  # (levels,)
     windows: FloatArray
+    seen: FloatArray
 
     def at(self, adhesion_pct: float) -> FloatArray:
         """Residuals (4,) at an adhesion: geometric mean of the windows, linear in the logarithms between the levels."""
-        x, logs = np.log(self.adhesion_pct), np.log(self.windows).mean(axis=0)
-        return np.exp([np.interp(math.log(adhesion_pct), x, logs[:, m]) for m in range(MODELS)])
+        out: FloatArray = 10.0 ** self._between(np.log10(self.windows), adhesion_pct)
+        return out
+
+    def seen_at(self, adhesion_pct: float) -> FloatArray:
+        """What the rules see (4,) at an adhesion, in the same way."""
+        return self._between(self.seen, adhesion_pct)
 
     @property
     def mean(self) -> FloatArray:
         """Residuals (levels, 4) at the levels."""
         out: FloatArray = np.exp(np.log(self.windows).mean(axis=0))
         return out
+
+    @property
+    def seen_mean(self) -> FloatArray:
+        """What the rules see (levels, 4) at the levels."""
+        out: FloatArray = self.seen.mean(axis=0)
+        return out
+
+    def _between(self, logs: FloatArray, adhesion_pct: float) -> FloatArray:
+        x, mean = np.log(self.adhesion_pct), logs.mean(axis=0)
+        return np.array([np.interp(math.log(adhesion_pct), x, mean[:, m]) for m in range(MODELS)])
 
 
 def nearest(point: DesignPoint, *regions: Levels) -> Levels:
@@ -203,9 +222,14 @@ def survey(s: Subject, creep_of_peak: float, between: int, tracks: int, progress
     seconds = SETTLED_S + 1.5 * s.design.window_s
     trace = observe(s, conditions, seconds, progress, s.design.window_s / 2)
     trace = trace.since(SETTLED_S + s.design.window_s - s.design.tick_s)
-    r = trace.residuals.reshape(len(trace.t_s), len(curves), tracks, MODELS)
+    shape = (len(trace.t_s), len(curves), tracks, MODELS)
+    windows, seen = (
+        np.moveaxis(values.reshape(shape), 2, 1).reshape(-1, len(curves), MODELS)
+        for values in (trace.residuals, trace.seen)
+    )
     return Levels(
         creep_of_peak=creep_of_peak,
         adhesion_pct=trace.truth_pct[-1].reshape(len(curves), tracks)[:, 0],
-        windows=np.moveaxis(r, 2, 1).reshape(-1, len(curves), MODELS),
+        windows=windows,
+        seen=seen,
     )

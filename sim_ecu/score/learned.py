@@ -13,7 +13,6 @@ from sim_ecu.design.rules import RuleBase, fit
 from sim_ecu.score.imm import Imm
 from sim_ecu.score.ticks import Ticks, running_mean
 from wrcd.errors import InputError
-from wrcd.estimator.bank import Bank, scheduled_speed
 from wrcd.estimator.design import Design
 
 FORMAT = "wrcd-baselines/1"
@@ -56,29 +55,16 @@ class Filterless:
 class Regressor:
     """A multi-layer perceptron on the rules' own six inputs: what could be had from them without being readable."""
 
-    design: Design
     mean: FloatArray
     size: FloatArray
     layers: tuple[tuple[FloatArray, FloatArray], ...]
 
     def mu_pct(self, ticks: Ticks) -> FloatArray:
-        """Adhesion in percent (t, n), not below what is in use."""
-        d = self.design
-        t, _, n = ticks.z.shape
-        bank = Bank(d, n)
-        power = np.empty((t, 4, 2, n))
-        for k in range(t):
-            power[k] = bank.step(ticks.z[k], ticks.present[k], float(ticks.speed_m_s[k]))[1]
-        mean = running_mean(power, d.window_ticks)
-        square = running_mean(power * power, d.window_ticks)
-        residual = _log(np.maximum((square - mean * mean).sum(axis=2), 0.0) / 2) / 2  # (t, 4, n)
-        torque = _log(running_mean(np.nan_to_num(ticks.torque_ratio), d.window_ticks))
-        speed = _log(np.array([scheduled_speed(float(v), d.speeds_m_s) for v in ticks.speed_m_s]))
-        x = np.concatenate(
-            (residual.transpose(0, 2, 1), torque[:, :, None], np.broadcast_to(speed[:, None, None], (t, n, 1))), axis=2
-        )
-        out = 100.0 * np.exp(self.answer(x.reshape(-1, x.shape[-1])).reshape(t, n))
-        return np.maximum(out, 100.0 * 10.0**torque)
+        """Adhesion in percent (t, n), not below what is in use; NaN before the rules saw anything."""
+        assert ticks.seen is not None
+        t, n, k = ticks.seen.shape
+        mu = 100.0 * np.exp(self.answer(ticks.seen.reshape(-1, k)).reshape(t, n))
+        return np.maximum(mu, 100.0 * 10.0 ** ticks.seen[:, :, 4])
 
     def answer(self, inputs: FloatArray) -> FloatArray:
         """ln of the adhesion (n,) for inputs (n, 6)."""
@@ -95,7 +81,7 @@ def learn(design: Design, recordings: list[Recording], plan: Plan, imm: Imm) -> 
     data = features(design, recordings, plan.windows)
     importance = data.importance(plan)
     raw = _raw_features(design, recordings, plan.windows)
-    rules = fit(raw, data.mu_pct, FILTERLESS_SETS, len(design.rules), importance, data.condition)
+    rules = fit(raw, data.mu_pct, FILTERLESS_SETS, len(design.rules), importance, data.condition, np.ones(4))
     document: dict[str, Any] = {
         "format": FORMAT,
         "design": design.checksum,
@@ -190,5 +176,5 @@ def load(path: Path, design: Design) -> Learned:
     regressor = None
     if r is not None:
         layers = tuple((np.array(w), np.array(b)) for w, b in r["layers"])
-        regressor = Regressor(design, np.array(r["mean"]), np.array(r["size"]), layers)
+        regressor = Regressor(np.array(r["mean"]), np.array(r["size"]), layers)
     return Learned(Filterless(base, design.window_ticks), regressor, np.array(document["imm_shares"]))

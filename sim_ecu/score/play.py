@@ -1,5 +1,6 @@
 """One run of a score: rig -> frames -> daemon's core -> frames, and the baselines on the very same ticks."""
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
@@ -18,8 +19,8 @@ from wrcd.bus.frame import Frame
 from wrcd.daemon.config import Config
 from wrcd.daemon.core import Core
 from wrcd.daemon.report import CONFIDENCES
-from wrcd.estimator.design import Design
-from wrcd.estimator.estimator import Estimator, Tick
+from wrcd.estimator.design import INPUTS, Design
+from wrcd.estimator.estimator import Estimate, Estimator, Tick
 
 FloatArray = NDArray[np.float64]
 HALF_WIDTHS = {name: half_width for half_width, name in CONFIDENCES}
@@ -64,20 +65,31 @@ class Recording(Estimator):
     def __init__(self, design: Design, axles: int) -> None:
         super().__init__(design, axles)
         self.ticks: list[Tick] = []
+        self.seen: list[tuple[int, FloatArray]] = []
 
     def step(self, tick: Tick) -> FloatArray:
         """As on the train."""
         self.ticks.append(tick)
         return super().step(tick)
 
+    def estimate(self) -> Estimate:
+        """As on the train."""
+        out = super().estimate()
+        self.seen.append((len(self.ticks), out.inputs))
+        return out
+
     def all(self) -> Ticks:
         """Everything so far; the estimator never skips a tick while its inputs are there."""
+        seen = np.full((len(self.ticks), self.axles, INPUTS), np.nan)
+        for (at, inputs), (until, _) in itertools.pairwise([*self.seen, (len(self.ticks) + 1, seen[0])]):
+            seen[at - 1 : until - 1] = inputs
         return Ticks(
             z=np.stack([t.z for t in self.ticks]),
             present=np.stack([t.present for t in self.ticks]),
             torque_ratio=np.stack([t.torque_ratio for t in self.ticks]),
             speed_m_s=np.array([t.speed_m_s for t in self.ticks]),
             tick_s=self.design.tick_s,
+            seen=seen,
         )
 
 

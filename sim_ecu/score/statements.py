@@ -29,6 +29,7 @@ PAPER_SETS = ("Low", "Moderate", "High")
 # The two rules that the paper prints: the sets of residuals 1 … 4.
 PAPER_RULE_40 = ("Low", "Low", "High", "Moderate")
 PAPER_RULE_10_20 = ("Low", "Low", "Moderate", "Low")
+IN_OWN_RANGE = "the same of what the rules see, in each one's own Low to High"
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +88,7 @@ def lowest(figure: int, where: str, model: int, trace: Trace) -> list[Statement]
     return [
         _lowest(figure, f"{where}, the residual of model {model} is the lowest", model,
                 np.argmin(trace.residuals, axis=-1) + 1, "mean residuals", _mean(trace.residuals)),
-        _lowest(figure, f"{where}, model {model} is the lowest against each model's own Low to High", model,
+        _lowest(figure, f"{where}, as the rules see them, model {model} is the lowest in its own Low to High", model,
                 trace.winner, "mean places", trace.own_range.reshape(-1, MODELS).mean(axis=0)),
     ]  # fmt: skip
 
@@ -116,11 +117,10 @@ def increased(figure: int, model: int, here: Trace, before: Trace) -> Statement:
 
 def matched(points: Sequence[tuple[Levels, float]], ranges: Sequence[Sets]) -> list[Statement]:
     """Fig. 6: at each model's design point, given as region and adhesion, that model is the lowest of the four."""
-    at = [levels.at(adhesion) for levels, adhesion in points]
     out = []
     for says, values in (
-        ("each filter's residual is the lowest of the four at its own design point", at),
-        ("the same against each model's own Low to High", [own_range(ranges, r) for r in at]),
+        ("each filter's residual is the lowest of the four at its own design point", [p.at(mu) for p, mu in points]),
+        (IN_OWN_RANGE, [own_range(ranges, p.seen_at(mu)) for p, mu in points]),
     ):
         lowest_there = [int(np.argmin(v)) + 1 for v in values]
         numbers = ", ".join(f"at model {m + 1}'s: model {found}" for m, found in enumerate(lowest_there))
@@ -128,68 +128,76 @@ def matched(points: Sequence[tuple[Levels, float]], ranges: Sequence[Sets]) -> l
     return out
 
 
-def unsaturated(below: Levels, ranges: Sequence[Sets]) -> list[Statement]:
-    """Fig. 6: off the saturation points the residual of model 4 is the lowest, whatever the curve."""
+def unsaturated(regions: Sequence[Levels], ranges: Sequence[Sets]) -> list[Statement]:
+    """Fig. 6: off the saturation points the residual of model 4 is the lowest, whatever the curve and the creep."""
     out = []
     for says, values in (
-        ("off the saturation points the residual of model 4 is the lowest", below.mean),
-        ("the same against each model's own Low to High", own_range(ranges, below.mean)),
+        ("off the saturation points the residual of model 4 is the lowest", [r.mean for r in regions]),
+        (IN_OWN_RANGE, [own_range(ranges, r.seen_mean) for r in regions]),
     ):
-        winner = np.argmin(values, axis=-1) + 1
-        by_model = ", ".join(
-            f"model {m} on {int(np.sum(winner == m))}" for m in range(1, MODELS + 1) if (winner == m).any()
+        winners = [np.argmin(v, axis=-1) + 1 for v in values]
+        numbers = ", ".join(
+            f"{np.sum(winner == MODELS)} of {len(winner)} at {levels.creep_of_peak:g}"
+            for levels, winner in zip(regions, winners, strict=True)
         )
-        out.append(Statement(6, says, bool(np.mean(winner == 4) >= THROUGHOUT), f"of {len(winner)} curves {by_model}"))
+        holds = bool(np.mean(np.concatenate(winners) == MODELS) >= THROUGHOUT)
+        out.append(Statement(6, says, holds, f"on {numbers} of the peak's creep"))
     return out
 
 
 def paper_rules(saturated: Levels, below: Levels, ranges: Sequence[Sets]) -> list[Statement]:
-    """Fig. 6: the sets that the paper's two printed rules name for about 40 % and for 10 to 20 % adhesion."""
-    dry = _names(saturated.at(40.0), ranges)
-    some = np.exp(np.linspace(np.log(10.0), np.log(20.0), 8))
-    found = [_names(region.at(float(mu)), ranges) for region in (saturated, below) for mu in some]
+    """Fig. 6: the sets that the paper's two printed rules name for about 40 % and for 10 to 20 % adhesion.
+
+    Where our input does not have such a set the statement is false; its numbers say what is nearest.
+    """
+    some = [float(mu) for mu in np.exp(np.linspace(np.log(10.0), np.log(20.0), 8))]
     return [
-        Statement(
-            6,
-            f"at 40 % adhesion the residuals are {', '.join(PAPER_RULE_40)}",
-            dry == PAPER_RULE_40,
-            f"saturated on 40 %: {', '.join(dry)}",
-        ),
-        Statement(
-            6,
-            f"between 10 and 20 % adhesion the residuals are {', '.join(PAPER_RULE_10_20)}",
-            PAPER_RULE_10_20 in found,
-            f"on 14 % saturated: {', '.join(_names(saturated.at(14.0), ranges))}; "
-            f"below saturation: {', '.join(_names(below.at(14.0), ranges))}",
-        ),
-    ]
+        _printed("at 40 % adhesion", PAPER_RULE_40, [(saturated, 40.0)], ranges),
+        _printed("between 10 and 20 % adhesion", PAPER_RULE_10_20,
+                 [(levels, mu) for levels in (saturated, below) for mu in some], ranges),
+    ]  # fmt: skip
 
 
-def divided(figure: int, model: int, sets: Sets, residuals: FloatArray) -> Statement:
-    """Figs. 8, 9: the residual is divided into Low, Moderate and High, and every set is the strongest somewhere."""
-    degrees = sets.memberships(np.log10(residuals.ravel()))
-    shares = np.bincount(degrees.argmax(axis=1), minlength=len(sets.names)) / len(degrees)
-    outside = np.mean((np.log10(residuals) < sets.centres[0]) | (np.log10(residuals) > sets.centres[-1]))
+def _printed(
+    where: str, rule: tuple[str, ...], points: Sequence[tuple[Levels, float]], ranges: Sequence[Sets]
+) -> Statement:
+    """Whether a printed rule's sets are the strongest at one of the points, and the nearest of them."""
+    seen = [levels.seen_at(mu) for levels, mu in points]
+    found = [tuple(s.names[int(s.memberships(x[m : m + 1]).argmax())] for m, s in enumerate(ranges)) for x in seen]
+    alike = [sum(a == b for a, b in zip(names, rule, strict=True)) for names in found]
+    best = int(np.argmax(alike))
+    levels, mu = points[best]
+    numbers = f"nearest at {levels.creep_of_peak:g} of the peak's creep on {mu:.0f} %: {', '.join(found[best])}"
+    numbers += f", {alike[best]} of {MODELS} as printed"
+    for m, place in enumerate(own_range(ranges, seen[best])):
+        if rule[m] not in ranges[m].names:
+            names = ranges[m].names
+            numbers += f"; ours {m + 1} has no {rule[m]}: it lies {place:.2f} of the way from {names[0]} to {names[-1]}"
+    return Statement(6, f"{where} the residuals are {', '.join(rule)}", rule in found, numbers)
+
+
+def divided(figure: int, model: int, sets: Sets, seen: FloatArray) -> Statement:
+    """Figs. 8, 9: what the rules see of a residual is divided into Low, Moderate and High, each somewhere strongest."""
+    shares = np.bincount(sets.memberships(seen).argmax(axis=1), minlength=len(sets.names)) / len(seen)
+    outside = np.mean((seen < sets.centres[0]) | (seen > sets.centres[-1]))
     return Statement(
         figure,
-        f"residual {model} of Fig. 6 is divided into {', '.join(PAPER_SETS)}",
+        f"residual {model} of Fig. 6, as the rules see it, is divided into {', '.join(PAPER_SETS)}",
         sets.names == PAPER_SETS and bool((shares > 0).all()),
         ", ".join(f"{name} the strongest in {100 * s:.0f} %" for name, s in zip(sets.names, shares, strict=True))
         + f" of its windows; {100 * outside:.0f} % lie beyond the outer centres",
     )
 
 
-def output_map(outputs: FloatArray, polynomial: FloatArray, printed: FloatArray) -> list[Statement]:
-    """Fig. 10: the output's range, and what turns it into adhesion; printed is the paper's (16)."""
-    low, high = float(outputs.min()), float(outputs.max())
-    out = [
-        Statement(
-            10,
-            "the numeric output ranges from 0 to 100",
-            (low, high) == (0.0, 100.0),
-            f"the rules say {low:g} to {high:g} in the middle of their sets",
-        )
-    ]
+def output_map(bases: FloatArray, polynomial: FloatArray, printed: FloatArray) -> list[Statement]:
+    """Fig. 10: the output's range, and what turns it into adhesion; printed is the paper's (16).
+
+    bases are the rules' outputs in the middle of their sets; the output is held to 0 … 100.
+    """
+    low, high = float(bases.min()), float(bases.max())
+    numbers = f"the rules say {low:g} to {high:g} in the middle of their sets, "
+    numbers += f"{np.sum((bases < 0.0) | (bases > 100.0))} of {len(bases)} beyond 0 to 100, where the output is held"
+    out = [Statement(10, "the numeric output ranges from 0 to 100", low <= 0.0 and high >= 100.0, numbers)]
     n = np.linspace(0.0, 100.0, 1001)
     for what, coefficients in (("our polynomial", polynomial), ("(16) as printed", printed)):
         mu = np.polyval(coefficients, n)
@@ -244,11 +252,6 @@ def right(figure: int, curve: str, whole: Trace, settled: Trace) -> list[Stateme
             f"in {100 * inside.mean():.0f} % of the estimates, half-width {np.nanmean(settled.half_width_pp):.2f} pp",
         ),
     ]
-
-
-def _names(residuals: FloatArray, ranges: Sequence[Sets]) -> tuple[str, ...]:
-    """The strongest set of each residual (4,)."""
-    return tuple(s.names[int(s.memberships(np.log10(residuals[m : m + 1])).argmax())] for m, s in enumerate(ranges))
 
 
 def _mean(residuals: FloatArray) -> FloatArray:

@@ -97,14 +97,21 @@ def robust(w: Wheelset, scale: float) -> Iterator[Run]:
         yield from _nominal("robust", variant.name, w, round(20 * scale), 100 + k, variant, ROUGHNESS, tactical=False)
 
 
+# Roughness is the spectral density A_a of the irregularity; the amplitude goes with its root.
+ROUGH = (
+    ("half as rough as any trained", 0, 0.5),
+    ("twice as rough as any trained", 1, 2.0),
+    ("half the amplitude of any trained", 0, 0.25),
+    ("twice the amplitude of any trained", 1, 4.0),
+)
+
+
 def rough(w: Wheelset, scale: float, trained: tuple[float, float]) -> Iterator[Run]:
-    """Tracks smoother and rougher than any in the training: half and twice its extreme amplitudes."""
-    for k, (name, density) in enumerate(
-        (("half as rough as any trained", trained[0] / 4), ("twice as rough as any trained", trained[1] * 4))
-    ):
-        yield from _nominal(
-            "rough", name, w, round(30 * scale), 200 + k, Variant(name), (density, density), tactical=False
-        )
+    """Tracks smoother and rougher than any in the training (whose ends are given times the good track's A_a)."""
+    for k, (name, end, factor) in enumerate(ROUGH):
+        density = QUALITY["good"] * trained[end] * factor
+        variant = Variant(name)
+        yield from _nominal("rough", name, w, round(25 * scale), 200 + k, variant, (density, density), tactical=False)
 
 
 def transitions(w: Wheelset, scale: float) -> Iterator[Run]:

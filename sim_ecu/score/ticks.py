@@ -22,6 +22,7 @@ class Ticks:
     torque_ratio: FloatArray
     speed_m_s: FloatArray  # (t,)
     tick_s: float
+    seen: FloatArray | None = None  # (t, n, 6) what the estimator's rules saw last, NaN before they saw anything
 
 
 def running_mean(values: FloatArray, window: int) -> FloatArray:

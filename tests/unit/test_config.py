@@ -97,7 +97,7 @@ def test_a_broken_dbc(tmp_path: Path) -> None:
 
 def test_a_changed_design_is_refused(tmp_path: Path) -> None:
     document = json.loads(resources.DESIGN.read_text())
-    document["fuzzy"]["consequents"][0] += 5.0
+    document["fuzzy"]["bases"][0] += 5.0
     path = tmp_path / "design.json"
     path.write_text(json.dumps(document))
     with pytest.raises(InputError, match="checksum: does not match the contents"):
@@ -111,7 +111,13 @@ DAMAGE = {
     "bank.speeds_m_s": lambda d: d["bank"]["speeds_m_s"].reverse(),
     "bank.tick_s": lambda d: d["bank"].update(tick_s=0),
     "fuzzy.rules": lambda d: d["fuzzy"]["rules"][0].__setitem__(0, 9),
-    "fuzzy.consequents": lambda d: d["fuzzy"]["consequents"].__setitem__(0, 101),
+    "fuzzy.bases": lambda d: d["fuzzy"]["bases"].pop(),
+    "fuzzy.slopes": lambda d: d["fuzzy"]["slopes"][0].pop(),
+    "fuzzy.spreads": lambda d: d["fuzzy"]["spreads"].__setitem__(0, 0.0),
+    "fuzzy.speed": lambda d: d["fuzzy"].pop("speed"),
+    "changes": lambda d: d["changes"].pop(),
+    "short_spread": lambda d: d.update(short_spread=0.5),
+    "recent_s": lambda d: d.update(recent_s=0.6),
     "fuzzy.torque": lambda d: d["fuzzy"]["torque"]["names"].pop(),
     "polynomial": lambda d: d.update(polynomial=["x"]),
     "format": lambda d: d.update(format="other"),
@@ -131,7 +137,7 @@ def test_a_wrong_design_is_refused_even_with_its_own_checksum(tmp_path: Path, ke
     assert key in str(error.value)
 
 
-@pytest.mark.parametrize("content", ["", "[]", "3", "{", '{"format": "wrcd-design/1"}', "\x00"])
+@pytest.mark.parametrize("content", ["", "[]", "3", "{", '{"format": "wrcd-design/2"}', "\x00"])
 def test_rubbish_is_no_design(tmp_path: Path, content: str) -> None:
     path = tmp_path / "design.json"
     path.write_text(content)

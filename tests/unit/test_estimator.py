@@ -4,8 +4,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from wrcd import resources
+from wrcd.estimator.bank import at_speed
 from wrcd.estimator.design import Design, Sets, load_design
-from wrcd.estimator.estimator import Estimator, Tick
+from wrcd.estimator.estimator import Estimator, Tick, rule_inputs
 from wrcd.estimator.fuzzy import Fuzzy
 from wrcd.estimator.window import Window
 
@@ -20,14 +21,21 @@ def tick(k: int, z: np.ndarray, ratio: float = 0.1, speed: float = 25.0) -> Tick
     return Tick(k, z, np.isfinite(z), np.full(n, ratio), speed)
 
 
-def test_a_window_is_the_rms_without_the_mean() -> None:
+def detrended_rms(w: np.ndarray, t: np.ndarray) -> np.ndarray:
+    """(4,) for w (ticks, 4, 2) at ticks t: by numpy's own line fit."""
+    flat = w.reshape(len(w), -1)
+    line = np.polynomial.polynomial.polyval(t, np.polynomial.polynomial.polyfit(t, flat, 1)).T
+    return np.asarray(np.sqrt(np.square(flat - line).mean(axis=0).reshape(4, 2).mean(axis=1)))
+
+
+def test_a_window_is_the_rms_without_mean_and_trend() -> None:
     rng = np.random.default_rng(1)
-    w = rng.standard_normal((300, 4, 2, 1)) + 7.0
+    w = rng.standard_normal((300, 4, 2, 1)) + 7.0 + 0.02 * np.arange(300)[:, None, None, None]
     window = Window(200, 40, 1)
     for k in range(300):
         window.put(1000 + k, w[k], np.array([True]), np.array([0.01 * k]))
-    expected = np.sqrt(w[100:].var(axis=0).mean(axis=1))[:, 0]
-    assert window.residuals()[0] == pytest.approx(expected)
+    assert window.residuals()[0] == pytest.approx(detrended_rms(w[100:, ..., 0], np.arange(200)))
+    assert window.recent_residuals()[0] == pytest.approx(detrended_rms(w[260:, ..., 0], np.arange(40)))
     assert window.torque_ratio()[0] == pytest.approx(0.01 * np.arange(100, 300).mean())
     assert window.recent_torque_ratio()[0] == pytest.approx(0.01 * np.arange(260, 300).mean())
 
@@ -39,7 +47,56 @@ def test_ticks_without_data_stay_out() -> None:
     window = Window(200, 40, 1)
     for k in range(200):
         window.put(k, w[k], np.array([good[k]]), np.array([0.2]))
-    assert window.residuals()[0] == pytest.approx(np.sqrt(w[good].var(axis=0).mean(axis=1))[:, 0])
+    assert window.residuals()[0] == pytest.approx(detrended_rms(w[good, ..., 0], np.flatnonzero(good)))
+    assert window.share()[0] == pytest.approx((good.sum() - 40) / 160)
+
+
+def test_a_window_forgets_the_rail_before() -> None:
+    rng = np.random.default_rng(7)
+    window = Window(200, 40, 2)
+    limits = np.full(4, 0.3)
+    forgot = []
+    for k in range(400):
+        w = rng.standard_normal((4, 2, 2))
+        w[:, :, 1] *= 1.0 if k < 300 else 10.0  # the second axle comes onto another rail
+        window.put(k, w, np.array([True, True]), np.array([0.1, 0.1]))
+        forgot.append(window.forget_old(limits))
+        if k == 345:
+            assert window.share()[0] == 1.0
+            assert window.share()[1] < 0.2
+            assert window.residuals()[1] == pytest.approx(10.0, rel=0.3)
+    found = np.array(forgot)
+    assert not found[:, 0].any()
+    assert not found[:300, 1].any()
+    assert found[300:320, 1].any()
+
+
+def test_too_little_data_is_no_change() -> None:
+    window = Window(200, 40, 1)
+    for k in range(200):
+        window.put(k, np.full((4, 2, 1), float(k % 2)), np.array([k < 60 or k >= 181]), np.array([0.1]))
+    assert np.isnan(window.differences()).all()
+    assert not window.forget_old(np.full(4, 1e-6)).any()
+
+
+def test_the_sensors_own_share_is_taken_off(design: Design) -> None:
+    """Twice the track, twice the residuals above the noise: only the input that says how rough the track is moves."""
+    noise = at_speed(design.noise, design.speeds_m_s, 25.0)
+    track = np.array([[3.0, 2.0, 4.0, 1.0]]) * noise
+    inputs = [rule_inputs(design, np.sqrt(noise**2 + (s * track) ** 2), np.array([0.1]), 25.0)[0] for s in (1.0, 2.0)]
+    assert inputs[1][[0, 1, 2, 4, 5]] == pytest.approx(inputs[0][[0, 1, 2, 4, 5]])
+    assert inputs[1][3] - inputs[0][3] == pytest.approx(np.log10(2.0))
+
+
+def test_rules_are_local_lines(design: Design) -> None:
+    """In the middle of its sets one rule speaks alone, and says its base; a little away, its slopes count."""
+    rule = int(np.argmax(design.spreads > 0))
+    middle = np.array([s.centres[k] for s, k in zip(design.sets, design.rules[rule], strict=True)])
+    found = Fuzzy(design).infer(middle[None, :])
+    assert found.rule[0] == rule + 1
+    assert found.rule_share[0] == pytest.approx(1.0)
+    assert found.output[0] == pytest.approx(np.clip(design.bases[rule], 0, 100))
+    assert found.spread[0] == pytest.approx(design.spreads[rule])
 
 
 def test_an_empty_window_knows_nothing() -> None:
@@ -60,9 +117,9 @@ def test_the_sets_of_an_input_add_up_to_one(x: float, gaps: list[float]) -> None
 
 
 def test_where_no_rule_speaks_the_answer_is_unknown(design: Design) -> None:
-    every = (*design.residual_sets, design.torque_sets)
+    every = design.sets
     corners = np.array(np.meshgrid(*[[s.centres[0], s.centres[-1]] for s in every]))
-    inference = Fuzzy(design).infer(corners.reshape(5, -1).T)
+    inference = Fuzzy(design).infer(corners.reshape(len(every), -1).T)
     silent = inference.firing < 0.05
     assert silent.any()
     assert np.isnan(inference.output[silent]).all()

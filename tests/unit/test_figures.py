@@ -11,7 +11,7 @@ from sim_ecu.design.rules import PAPER_POLYNOMIAL
 from sim_ecu.physics.contact import CURVES, peak
 from sim_ecu.score import statements as say
 from sim_ecu.score.figure_data import (
-    LINEAR,
+    OFF_PEAK,
     SETTLED_S,
     SPEED,
     DesignPoint,
@@ -32,7 +32,9 @@ from wrcd.estimator.design import MODELS, Sets
 from wrcd.resources import DESIGN
 
 NUMBERS = (1, 3, 4, 5, 6, 8, 9, 10, 11, 12, 13)
-SETS = [Sets(("Low", "Moderate", "High"), np.array([-1.0, 0.0, 1.0]))] * MODELS
+THREE = Sets(("Low", "Moderate", "High"), np.array([-1.0, 0.0, 1.0]))
+TWO = Sets(("Low", "High"), np.array([-1.0, 1.0]))
+SETS = [THREE, THREE, THREE, TWO]
 
 
 @pytest.fixture(scope="module")
@@ -44,16 +46,24 @@ def silent(_what: str, _share: float) -> None:
     pass
 
 
+def seen_of(residuals: FloatArray) -> FloatArray:
+    """What the rules see (…, 4) where the sensors have no noise."""
+    logs = np.log10(residuals)
+    logs[..., :3] -= logs[..., 3:]
+    return logs
+
+
 def trace(residuals: tuple[float, ...], mu_pct: float = 20.0, wobble: float = 0.0) -> Trace:
     """Constant residuals for 4 s on three tracks; truth 20 %, half-width 1 pp."""
     t: FloatArray = np.arange(1, 201, dtype=np.float64) * 0.02
     r = np.broadcast_to(np.array(residuals), (200, 3, MODELS)).copy()
     flat = np.ones((200, 3))
     wave = wobble * np.sin(t)[:, None]
-    places = own_range(SETS, r)
+    seen = seen_of(r)
+    places = own_range(SETS, seen)
     return Trace(
-        t, r, places, np.argmin(places, axis=-1) + 1, 50 + wave * flat, mu_pct * flat, mu_pct * flat, flat, 20 * flat,
-        20 * flat, 0.01 * flat,
+        t, r, seen, places, np.argmin(places, axis=-1) + 1, 50 + wave * flat, mu_pct * flat, mu_pct * flat, flat,
+        20 * flat, 20 * flat, 0.01 * flat,
     )  # fmt: skip
 
 
@@ -100,12 +110,13 @@ def test_what_is_checked_is_what_was_gathered(subject: Subject) -> None:
             assert s == before[key]
 
 
-@pytest.mark.parametrize("share", [1.0, 0.15, LINEAR])
+@pytest.mark.parametrize("share", [1.0, *OFF_PEAK, 0.012])
 @pytest.mark.parametrize("curve", "AF")
 def test_the_wheelset_is_held_where_the_figure_says(subject: Subject, curve: str, share: float) -> None:
     found = observe(subject, held(subject.wheelset, CURVES[curve], share, 1), 3.0, silent).since(SETTLED_S)
     creep, mu = peak(SPEED, subject.wheelset.contact, *CURVES[curve].row())
-    assert found.creep.mean() == pytest.approx(share * creep, rel=0.05)
+    # what the track's irregularity adds counts where there is hardly any creep
+    assert found.creep.mean() == pytest.approx(share * creep, rel=0.05, abs=1e-4)
     assert found.truth_pct == pytest.approx(100 * mu, rel=1e-6)
     if share == 1.0:
         assert found.used_pct.mean() == pytest.approx(100 * mu, rel=0.02)
@@ -114,6 +125,9 @@ def test_the_wheelset_is_held_where_the_figure_says(subject: Subject, curve: str
 def test_the_place_in_the_own_range_is_what_the_estimator_decides_by(subject: Subject) -> None:
     found = observe(subject, held(subject.wheelset, CURVES["C"], 1.0, 2), 1.5, silent)
     assert (np.argmin(found.own_range, axis=-1) + 1 == found.winner).all()
+    # which is not what the raw residuals say, nor the same for the sensors' noise left in
+    for values in (found.residuals, own_range(subject.design.residual_sets, seen_of(found.residuals))):
+        assert (np.argmin(values, axis=-1) + 1 != found.winner).any()
 
 
 def test_the_lowest_residual() -> None:
@@ -154,7 +168,9 @@ def test_right_after_two_seconds() -> None:
 
 
 def levels(residuals: FloatArray, share: float) -> Levels:
-    return Levels(share, np.array([3.0, 10.0, 40.0]), np.broadcast_to(residuals, (4, 3, MODELS)).copy())
+    """Levels whose seen values say the same, in their own ranges, as the residuals."""
+    windows = np.broadcast_to(residuals, (4, 3, MODELS)).copy()
+    return Levels(share, np.array([3.0, 10.0, 40.0]), windows, np.log10(windows))
 
 
 def test_the_levels_of_fig_6() -> None:
@@ -163,29 +179,45 @@ def test_the_levels_of_fig_6() -> None:
     points = [(saturated, 40.0), (saturated, 10.0), (saturated, 3.0), (below, 30.0)]
     assert verdicts(say.matched(points, SETS)) == [True, True]
     assert verdicts(say.matched([points[1], points[0], *points[2:]], SETS)) == [False, False]
-    assert verdicts(say.unsaturated(below, SETS)) == [True, True]
-    assert verdicts(say.unsaturated(saturated, SETS)) == [False, False]
+    assert verdicts(say.unsaturated((below,), SETS)) == [True, True]
+    assert verdicts(say.unsaturated((below, saturated), SETS)) == [False, False]
+    assert say.unsaturated((below, saturated), SETS)[0].numbers == "on 3 of 3 at 0.15, 0 of 3 at 1 of the peak's creep"
+    # the residuals and what the rules see are judged apart
+    swapped = replace(below, seen=below.seen[..., ::-1])
+    assert verdicts(say.unsaturated((swapped,), SETS)) == [True, False]
+    assert verdicts(say.matched([*points[:3], (swapped, 30.0)], SETS)) == [True, False]
     # between two levels: the geometric middle of both
     assert saturated.at(20.0)[0] == pytest.approx(np.sqrt(0.9 * 0.2))
+    assert 10 ** saturated.seen_at(20.0) == pytest.approx(saturated.at(20.0))
     assert nearest(DesignPoint(CURVES["A"], 0.9), saturated, below) is saturated
 
 
 def test_the_papers_rules() -> None:
     printed = np.array([[0.1, 0.1, 1.0, 0.1], [0.1, 0.1, 1.0, 0.1], [0.1, 0.1, 10.0, 1.0]])
-    assert verdicts(say.paper_rules(levels(printed, 1.0), levels(printed, 0.15), SETS)) == [True, True]
+    as_printed = levels(printed, 1.0), levels(printed, 0.15)
+    assert verdicts(say.paper_rules(*as_printed, [THREE] * MODELS)) == [True, True]
+    # without a Moderate of its own, residual 4 cannot be Moderate: false, and the numbers say what is nearest
+    dry, _ = say.paper_rules(*as_printed, SETS)
+    assert not dry.holds
+    assert "nearest at 1 of the peak's creep on 40 %: Low, Low, High, " in dry.numbers
+    assert "3 of 4 as printed; ours 4 has no Moderate: it lies 0.50 of the way from Low to High" in dry.numbers
+    assert say.paper_rules(*as_printed, SETS)[1].holds
     other = np.full((3, MODELS), 0.1)
     assert verdicts(say.paper_rules(levels(other, 1.0), levels(other, 0.15), SETS)) == [False, False]
 
 
 def test_the_sets_and_the_output() -> None:
-    assert say.divided(8, 1, SETS[0], np.array([0.1, 1.0, 10.0])).holds
-    assert not say.divided(8, 1, SETS[0], np.array([0.1, 1.0, 1.0])).holds
-    assert not say.divided(8, 1, Sets(("Low", "High"), np.array([-1.0, 1.0])), np.array([0.1, 10.0])).holds
+    assert say.divided(8, 1, THREE, np.array([-1.0, 0.0, 1.0])).holds
+    assert not say.divided(8, 1, THREE, np.array([-1.0, 0.0, 0.0])).holds
+    assert not say.divided(8, 1, TWO, np.array([-1.0, 1.0])).holds
     line = np.array([-0.5, 60.0])
     printed = np.array(PAPER_POLYNOMIAL)
     # (16) is a quartic, and below zero at 100
     assert verdicts(say.output_map(np.array([0.0, 100.0]), line, printed)) == [True, False, True, False, False]
-    assert verdicts(say.output_map(np.array([5.0, 90.0]), line, printed)) == [False, False, True, False, True]
+    assert verdicts(say.output_map(np.array([5.0, 90.0]), line, printed)) == [False, False, True, False, False]
+    beyond = say.output_map(np.array([-20.0, 50.0, 120.0]), line, printed)[0]
+    assert beyond.holds
+    assert "2 of 3 beyond 0 to 100" in beyond.numbers
     assert not say.output_map(np.array([0.0, 100.0]), np.array([0.5, 10.0]), printed)[2].holds
 
 

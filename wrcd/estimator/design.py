@@ -57,6 +57,7 @@ class Design:
     K: FloatArray  # (v, 4, 5, 2) gain
     H: FloatArray  # (v, 4, 2, 5) output
     whiten: FloatArray  # (v, 4, 2, 2) inverse Cholesky factor of the innovation covariance S
+    noise: FloatArray  # (v, 4) residual that the sensors' noise alone leaves
     residual_sets: tuple[Sets, ...]  # four, over log10 of the residual
     torque_sets: Sets  # over log10 of |torque| / (2 N r0)
     speed_sets: Sets  # over log10 of the speed in m/s
@@ -198,6 +199,7 @@ def _arrays(r: _Reader, digest: str) -> Design:
         K=r.array("bank.K", v, MODELS, STATES, CHANNELS),
         H=r.array("bank.H", v, MODELS, CHANNELS, STATES),
         whiten=r.array("bank.whiten", v, MODELS, CHANNELS, CHANNELS),
+        noise=r.array("bank.noise", v, MODELS),
         residual_sets=tuple(r.sets(f"fuzzy.residual_{m + 1}") for m in range(MODELS)),
         torque_sets=r.sets("fuzzy.torque"),
         speed_sets=r.sets("fuzzy.speed"),

@@ -4,12 +4,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wrcd.estimator.bank import Bank, BoolArray, scheduled_speed
-from wrcd.estimator.design import Design, FloatArray, IntArray
+from wrcd.estimator.bank import Bank, BoolArray, at_speed, scheduled_speed
+from wrcd.estimator.design import MODELS, Design, FloatArray, IntArray
 from wrcd.estimator.fuzzy import Fuzzy
+from wrcd.estimator.offset import Offset
 from wrcd.estimator.window import Window
 
 CHANGE_TICKS = 4
+OFFSET_WINDOWS = 2  # memory of the sensors' offsets, in windows
+LEAST_TRACK = 0.03  # of the noise's power: less from the track is not told from none
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,14 +32,27 @@ class Estimate:
 
     residuals: FloatArray  # (n, 4)
     torque_ratio: FloatArray
+    inputs: FloatArray  # (n, 6) what the rules were given
     fuzzy: FloatArray  # 0 … 100
     firing: FloatArray  # total weight of the rules; below 0.05 there is no answer
     rule: IntArray  # that weighs most, from 1; 0 none
     rule_share: FloatArray
-    winner: IntArray  # model from 1 whose residual is lowest against its own sets; 0 none
+    winner: IntArray  # model from 1 whose residual (as the rules see it) is lowest in its own range; 0 none
     mu_available_pct: FloatArray
     half_width_pp: FloatArray
     saturated: BoolArray
+
+
+def rule_inputs(design: Design, residuals: FloatArray, torque_ratio: FloatArray, speed_m_s: float) -> FloatArray:
+    """(n, 6) for residuals (n, 4): log10 of residuals 1 to 3 over residual 4, of residual 4, torque ratio and speed.
+
+    The share of the sensors' noise is taken off first: what is left goes with the track's roughness alike in all four.
+    Model 4, in the linear region, takes its present size; what the others make of the same track tells the contact.
+    """
+    noise = at_speed(design.noise, design.speeds_m_s, speed_m_s)
+    logs = np.log10(np.sqrt(np.maximum(residuals**2 - noise**2, LEAST_TRACK * noise**2)))
+    torque = np.log10(np.maximum(torque_ratio, 1e-6))
+    return np.column_stack((logs[:, :-1] - logs[:, -1:], logs[:, -1], torque, np.full(len(logs), np.log10(speed_m_s))))
 
 
 class Estimator:
@@ -50,6 +66,7 @@ class Estimator:
         self.design = design
         self.axles = axles
         self._bank = Bank(design, axles)
+        self._offset = Offset(OFFSET_WINDOWS * design.window_ticks, axles)
         self._window = Window(design.window_ticks, design.recent_ticks, axles)
         self._fuzzy = Fuzzy(design)
         self._speed_m_s = float(design.speeds_m_s[0])
@@ -58,12 +75,14 @@ class Estimator:
 
     def reset(self, axle: int) -> None:
         """Start an axle anew: after a gap, a step of time, or a standstill."""
+        self._offset.reset(axle)
         self._bank.reset(axle)
         self._window.reset(axle)
 
     def step(self, tick: Tick) -> FloatArray:
         """Run the bank for one tick and remember its residuals. Returns the innovations (4, 2, n)."""
-        e, w = self._bank.step(tick.z, tick.present, tick.speed_m_s)
+        z = self._offset.take(tick.z, tick.present)
+        e, w = self._bank.step(z, tick.present, tick.speed_m_s)
         good = tick.present.all(axis=0) & np.isfinite(tick.torque_ratio)
         self._window.put(tick.number, w, good, tick.torque_ratio)
         self._speed_m_s = tick.speed_m_s
@@ -76,25 +95,26 @@ class Estimator:
         d = self.design
         residuals = self._window.residuals()
         ratio = self._window.torque_ratio()
-        logs = np.log10(residuals)
-        speed = np.full(self.axles, scheduled_speed(self._speed_m_s, d.speeds_m_s))
-        inference = self._fuzzy.infer(np.column_stack((logs, np.log10(np.maximum(ratio, 1e-6)), np.log10(speed))))
+        inputs = rule_inputs(d, residuals, ratio, scheduled_speed(self._speed_m_s, d.speeds_m_s))
+        inference = self._fuzzy.infer(inputs)
         mu = np.clip(np.polyval(d.polynomial, inference.output), *d.adhesion_range_pct)
         # what is in use is available: the estimate cannot lie below it
         used = 100.0 * self._window.recent_torque_ratio()
         mu = np.where(np.isnan(mu), np.nan, np.minimum(np.fmax(mu, used), 100.0))
-        nearest = np.argmin(np.where(np.isnan(logs), np.inf, (logs - self._low) / self._width), axis=1) + 1
+        fits = (inputs[:, :MODELS] - self._low) / self._width
+        nearest = np.argmin(np.where(np.isnan(fits), np.inf, fits), axis=1) + 1
         with np.errstate(invalid="ignore"):
             saturated = used >= d.saturated_share * mu
         wider = 1.0 + (d.short_spread - 1.0) * (1.0 - self._window.share())
         return Estimate(
             residuals=residuals,
             torque_ratio=ratio,
+            inputs=inputs,
             fuzzy=inference.output,
             firing=inference.firing,
             rule=inference.rule,
             rule_share=inference.rule_share,
-            winner=np.where(np.isnan(logs).any(axis=1), 0, nearest),
+            winner=np.where(np.isnan(fits).any(axis=1), 0, nearest),
             mu_available_pct=mu,
             half_width_pp=inference.spread * wider * mu,
             saturated=saturated,

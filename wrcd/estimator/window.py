@@ -51,10 +51,10 @@ class Window:
         return changed
 
     def residuals(self) -> FloatArray:
-        """(n, 4): RMS over the window of each model's normalised residual, its mean removed.
+        """(n, 4): RMS over the window of each model's normalised residual, its mean and trend removed.
 
-        r = sqrt(mean((e - mean e)' S^-1 (e - mean e)) / 2). Removing the mean takes constant sensor bias out.
-        NaN for an axle without data.
+        r = sqrt(mean((e - l)' S^-1 (e - l)) / 2), l the straight line through e. Removing it takes sensor bias out,
+        and what a filter still has to learn of it. NaN for an axle without data.
         """
         return self._rms(slice(None))
 
@@ -88,12 +88,17 @@ class Window:
         self._ratio[slots, axle] = 0.0
 
     def _rms(self, slots: slice | BoolArray) -> FloatArray:
-        w = self._w[slots]
-        count = self._good[slots].sum(axis=0)
+        """RMS about the straight line through the innovations of some slots, per model (n, 4)."""
+        w, good = self._w[slots], self._good[slots]
+        age = ((self._newest - np.arange(self._ticks)) % self._ticks)[slots].astype(np.float64)
+        count = good.sum(axis=0)
         with np.errstate(invalid="ignore", divide="ignore"):
+            late = np.where(good, age[:, None] - (age[:, None] * good).sum(axis=0) / count, 0.0)
             mean = w.sum(axis=0) / count
-            power = (w * w).sum(axis=0) / count
-            r = np.sqrt(np.maximum((power - mean * mean).sum(axis=1) / CHANNELS, SMALLEST**2))
+            # w is zero where there is no data, and late adds up to zero: the line's slope needs no mean
+            slope_power = np.einsum("tn,tmcn->mcn", late, w) ** 2 / np.maximum((late * late).sum(axis=0), 1e-9)
+            power = (w * w).sum(axis=0) / count - mean * mean - slope_power / count
+            r = np.sqrt(np.maximum(power.sum(axis=1) / CHANNELS, SMALLEST**2))
         out: FloatArray = np.where(count > 0, r, np.nan).T
         return out
 

@@ -39,7 +39,8 @@ def sentence(design: Design, rule: int) -> str:
 def bounds(design: Design) -> list[str]:
     """What the names of the sets mean: the middle of each in the input's own unit."""
     inputs = [
-        *((f"residual {m + 1}, times what model {m + 1} expects", design.residual_sets[m]) for m in range(MODELS)),
+        *((f"residual {m + 1}, over residual {MODELS}", design.residual_sets[m]) for m in range(MODELS - 1)),
+        (f"residual {MODELS}, times what model {MODELS} expects", design.residual_sets[MODELS - 1]),
         ("torque, as adhesion in use, %", design.torque_sets),
         ("speed, m/s", design.speed_sets),
     ]

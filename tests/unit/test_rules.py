@@ -1,0 +1,94 @@
+"""The fit of a rule base, on data whose answer is known."""
+
+import numpy as np
+import pytest
+
+from sim_ecu.design.gains import steady_state
+from sim_ecu.design.make import POINTS
+from sim_ecu.design.rules import RuleBase, adhesion_of, fit, output_of, polynomial
+from sim_ecu.physics.wheelset import Wheelset
+from wrcd.estimator.bank import Bank
+from wrcd.estimator.design import load_design
+from wrcd.resources import DESIGN
+
+SETS = (3, 3, 2)
+
+
+def data(n: int, seed: int, noise: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """Three inputs and an adhesion that curves over them; the noise (relative) is larger where the first is high."""
+    rng = np.random.default_rng(seed)
+    x = rng.uniform(-1.0, 1.0, (n, 3))
+    output = 50 + 25 * x[:, 0] - 15 * x[:, 1] ** 2 + 5 * x[:, 0] * x[:, 2]
+    mu = adhesion_of(output) * np.exp(noise * (1.5 + x[:, 0]) * rng.standard_normal(n))
+    return x, mu
+
+
+def fitted(n: int = 3000, noise: float = 0.0, rules: int = 18) -> RuleBase:
+    x, mu = data(n, 1, noise)
+    return fit(x, mu, SETS, rules, np.ones(n), np.arange(n), np.ones(3))
+
+
+def test_local_lines_follow_a_curved_surface() -> None:
+    base = fitted()
+    x, mu = data(1000, 2)
+    assert np.abs(base.mu_pct(x) - mu).mean() < 0.3
+    # constants in the same sets could not: their best is the mean in each
+    share, _ = base.shares(x)
+    constants = np.linalg.lstsq(share, output_of(mu), rcond=None)[0]
+    assert np.abs(adhesion_of(share @ constants) - mu).mean() > 3 * np.abs(base.mu_pct(x) - mu).mean()
+
+
+def test_spreads_cover_what_they_claim_on_fresh_data() -> None:
+    base = fitted(6000, 0.1)
+    x, mu = data(4000, 3, 0.1)
+    guess = base.mu_pct(x)
+    inside = np.abs(guess - mu) <= base.spread(x) * guess
+    assert 0.86 <= inside.mean() <= 0.94
+    for part in (x[:, 0] < -0.5, x[:, 0] > 0.5):  # where the noise is small, and where it is large
+        assert 0.82 <= inside[part].mean() <= 0.97
+    assert base.spread(x[x[:, 0] > 0.5]).mean() > 2 * base.spread(x[x[:, 0] < -0.5]).mean()
+
+
+def test_a_stiff_input_is_hardly_followed() -> None:
+    x, mu = data(3000, 1)
+    # one rule, so that its slopes are all that can follow
+    slack, stiff = (fit(x, mu, SETS, 1, np.ones(3000), np.arange(3000), np.array([s, 1.0, 1.0])) for s in (1.0, 1e7))
+    assert 15 < np.abs(slack.slopes[0, 0]) < 35
+    assert np.abs(stiff.slopes[0, 0]) < 2
+
+
+def test_few_rules_are_those_that_speak_for_most() -> None:
+    base = fitted(rules=6)
+    x, _ = data(1000, 4)
+    _, firing = base.shares(x)
+    assert len(base.rules) == 6
+    assert (firing > 0.05).mean() > 0.9
+
+
+def test_what_is_not_seen_gets_no_answer_from_the_fit_of_others() -> None:
+    """Spreads come from windows that the fit has not seen: with as many parameters as windows they stay wide."""
+    x, mu = data(60, 5, 0.3)
+    base = fit(x, mu, SETS, 18, np.ones(60), np.arange(60), np.ones(3))
+    assert np.median(base.spread(x)) > 0.3
+
+
+def test_the_polynomial_is_the_outputs_meaning_and_falls_throughout() -> None:
+    n = np.linspace(0, 100, 501)
+    mu = np.polyval(polynomial(), n)
+    assert len(polynomial()) == 7
+    assert mu == pytest.approx(adhesion_of(n), rel=0.003)
+    assert np.all(np.diff(mu) < 0)
+
+
+@pytest.mark.parametrize("model", range(4))
+def test_noise_alone_leaves_the_residual_that_is_taken_off(model: int) -> None:
+    design = load_design(DESIGN)
+    speed = float(design.speeds_m_s[20])
+    point = POINTS[model]
+    gains = steady_state(Wheelset(), point, speed, design.tick_s, (3e-4, 0.01))
+    assert design.noise[20, model] == pytest.approx(gains.noise(point), rel=1e-4)
+    rng = np.random.default_rng(1)
+    bank = Bank(design, 40)
+    z = rng.standard_normal((2500, 2, 40)) * np.array([3e-4, 0.01])[:, None]
+    w = np.stack([bank.step(row, np.ones((2, 40), dtype=bool), speed)[1][model] for row in z])[500:]
+    assert np.sqrt(np.mean(w**2)) == pytest.approx(design.noise[20, model], rel=0.03)
