@@ -30,7 +30,7 @@ SPREAD_ROUNDS = 12
 SPREAD_RIDGE = 3.0
 LOG_SPREADS = (-2.7, 0.3)  # the engine on the train holds them so
 CHOOSE_EVERY = 3  # rules are chosen on every third window
-COVERS = 0.88  # what a spread covers; sent in levels that round it up, nine tenths and more
+COVERS = 0.9  # what a spread is the interval of
 FOLDS = 3
 
 
@@ -137,19 +137,17 @@ def fit(
     most_rules: int,
     importance: FloatArray,
     group: IntArray,
-    stiff: FloatArray,
 ) -> RuleBase:
     """Sets evenly spaced between the 1 % and 99 % quantiles, the rules that speak for most, outputs by least squares.
 
     importance (n,) of the windows. group (n,): windows of one condition belong together when errors are judged on
-    windows that the fit has not seen, from which the spreads come. stiff (k,): how strongly the slopes over an input
-    are held at nothing.
+    windows that the fit has not seen, from which the spreads come.
     """
     ends = np.quantile(inputs, [0.01, 0.99], axis=0)
     centres = [np.linspace(ends[0, i], ends[1, i], m) for i, m in enumerate(sets)]
     every = np.stack(np.meshgrid(*(np.arange(m) for m in sets), indexing="ij"), axis=-1).reshape(-1, len(sets))
     rules = every[_choose(weights(centres, every, inputs[::CHOOSE_EVERY]), most_rules)]
-    local = _Local(centres, rules, inputs, stiff)
+    local = _Local(centres, rules, inputs)
     none = np.ones(len(rules)), np.zeros(rules.shape), np.zeros(len(rules)), np.zeros((len(rules), 2))
     error = np.empty(len(mu_pct))
     for fold in range(FOLDS):
@@ -167,7 +165,7 @@ def fit(
 class _Local:
     """Local linear models, one for each rule, as one linear regression over (rules x (1 + inputs)) columns."""
 
-    def __init__(self, centres: list[FloatArray], rules: IntArray, inputs: FloatArray, stiff: FloatArray) -> None:
+    def __init__(self, centres: list[FloatArray], rules: IntArray, inputs: FloatArray) -> None:
         w = weights(centres, rules, inputs)
         self.share = w / np.maximum(w.sum(axis=1), 1e-9)[:, None]
         held = hold(centres, inputs)
@@ -177,7 +175,7 @@ class _Local:
         self._middles = _middles(centres, rules)
         self.X = (self.share[:, :, None] * z[:, None, :]).reshape(len(z), -1)
         # a rule's level is held by little, its slopes by all of the ridge
-        self._ridge = np.diag(np.tile([0.1, *stiff], len(rules)))
+        self._ridge = np.diag(np.tile([0.1, *[1.0] * (self._width - 1)], len(rules)))
 
     def solve(self, rows: IntArray, target: FloatArray, weight: FloatArray, ridge: float) -> FloatArray:
         """Weighted least squares over some rows; target and weight are of those rows."""

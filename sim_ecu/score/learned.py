@@ -81,7 +81,7 @@ def learn(design: Design, recordings: list[Recording], plan: Plan, imm: Imm) -> 
     data = features(design, recordings, plan.windows)
     importance = data.importance(plan)
     raw = _raw_features(design, recordings, plan.windows)
-    rules = fit(raw, data.mu_pct, FILTERLESS_SETS, len(design.rules), importance, data.condition, np.ones(4))
+    rules = fit(raw, data.mu_pct, FILTERLESS_SETS, len(design.rules), importance, data.condition)
     document: dict[str, Any] = {
         "format": FORMAT,
         "design": design.checksum,

@@ -216,7 +216,8 @@ def tables(result: dict[str, Any]) -> list[str]:
             "",
             f"**dry-hours**: called Low or worse {h['episodes']} times in {h['hours']:.2f} h of dry rail, poor track",
         ]
-    out += ["", "| goal | value | bound | |", "|---|---|---|---|"]
+    out += ["", "**goals**: what the default design is held to", ""]
+    out += ["| goal | value | bound | |", "|---|---|---|---|"]
     for goal in result["goals"]:
         sign = "≥" if goal["at_least"] else "≤"
         out.append(

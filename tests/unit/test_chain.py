@@ -42,7 +42,9 @@ def truth(log: Path, axle: int = 1) -> dict[int, float]:
 
 
 @pytest.mark.parametrize("curve", "ABCEDF")
-def test_each_curve_held_at_its_peak_is_known_within_three_points(log_of: LogOf, tmp_path: Path, curve: str) -> None:
+def test_each_curve_held_at_its_peak_is_known_within_a_point_or_a_tenth(
+    log_of: LogOf, tmp_path: Path, curve: str
+) -> None:
     log = log_of(held(curve))
     assert wrcd(["replay", str(log), "--csv", str(tmp_path / "a.csv")]) == 0
     true = truth(log)
@@ -50,14 +52,14 @@ def test_each_curve_held_at_its_peak_is_known_within_three_points(log_of: LogOf,
     late = [
         r
         for r in rows(tmp_path / "a.csv")
-        if r["axle"] == "1" and float(r["time_s"]) >= start + WANTED_CREEP_REACHED_S + 2.0
+        if r["axle"] == "1" and float(r["time_s"]) >= start + WANTED_CREEP_REACHED_S + 1.0
     ]
     assert len(late) > 200
     for r in late:
         assert r["validity"] == "Valid"
         slot = round(float(r["time_s"]) * 50)
         expected = true.get(slot, true[slot - 1])
-        assert abs(float(r["mu_available_pct"]) - expected) <= 3.0
+        assert abs(float(r["mu_available_pct"]) - expected) <= max(1.0, 0.1 * expected)
         assert abs(float(r["mu_used_pct"]) - expected) <= 0.1 * expected + 0.5
 
 

@@ -8,6 +8,7 @@ from wrcd.estimator.bank import at_speed
 from wrcd.estimator.design import Design, Sets, load_design
 from wrcd.estimator.estimator import Estimator, Tick, rule_inputs
 from wrcd.estimator.fuzzy import Fuzzy
+from wrcd.estimator.offset import Offset
 from wrcd.estimator.window import Window
 
 
@@ -77,6 +78,26 @@ def test_too_little_data_is_no_change() -> None:
         window.put(k, np.full((4, 2, 1), float(k % 2)), np.array([k < 60 or k >= 181]), np.array([0.1]))
     assert np.isnan(window.differences()).all()
     assert not window.forget_old(np.full(4, 1e-6)).any()
+
+
+def test_a_bias_is_as_good_as_none_from_the_first_window_on(design: Design) -> None:
+    z = noise(240, 1)
+    bias = np.array([[0.0087], [0.5]])  # half a degree per second, 50 mg
+    plain, biased = Estimator(design, 1), Estimator(design, 1)
+    for k in range(240):
+        plain.step(tick(k, z[k]))
+        biased.step(tick(k, z[k] + bias))
+    assert biased.estimate().residuals == pytest.approx(plain.estimate().residuals, rel=1e-6)
+
+
+def test_a_channel_that_is_missing_teaches_no_offset() -> None:
+    offset = Offset(100, 1)
+    both, one = np.array([[True], [True]]), np.array([[True], [False]])
+    for k in range(50):
+        rest = offset.take(np.array([[2.0], [5.0 if k % 2 else 1e9]]), both if k % 2 else one)
+    assert rest == pytest.approx(np.zeros((2, 1)))
+    offset.reset(0)
+    assert offset.take(np.array([[7.0], [7.0]]), both) == pytest.approx(np.zeros((2, 1)))
 
 
 def test_the_sensors_own_share_is_taken_off(design: Design) -> None:

@@ -25,7 +25,7 @@ def data(n: int, seed: int, noise: float = 0.0) -> tuple[np.ndarray, np.ndarray]
 
 def fitted(n: int = 3000, noise: float = 0.0, rules: int = 18) -> RuleBase:
     x, mu = data(n, 1, noise)
-    return fit(x, mu, SETS, rules, np.ones(n), np.arange(n), np.ones(3))
+    return fit(x, mu, SETS, rules, np.ones(n), np.arange(n))
 
 
 def test_local_lines_follow_a_curved_surface() -> None:
@@ -49,14 +49,6 @@ def test_spreads_cover_what_they_claim_on_fresh_data() -> None:
     assert base.spread(x[x[:, 0] > 0.5]).mean() > 2 * base.spread(x[x[:, 0] < -0.5]).mean()
 
 
-def test_a_stiff_input_is_hardly_followed() -> None:
-    x, mu = data(3000, 1)
-    # one rule, so that its slopes are all that can follow
-    slack, stiff = (fit(x, mu, SETS, 1, np.ones(3000), np.arange(3000), np.array([s, 1.0, 1.0])) for s in (1.0, 1e7))
-    assert 15 < np.abs(slack.slopes[0, 0]) < 35
-    assert np.abs(stiff.slopes[0, 0]) < 2
-
-
 def test_few_rules_are_those_that_speak_for_most() -> None:
     base = fitted(rules=6)
     x, _ = data(1000, 4)
@@ -68,7 +60,7 @@ def test_few_rules_are_those_that_speak_for_most() -> None:
 def test_what_is_not_seen_gets_no_answer_from_the_fit_of_others() -> None:
     """Spreads come from windows that the fit has not seen: with as many parameters as windows they stay wide."""
     x, mu = data(60, 5, 0.3)
-    base = fit(x, mu, SETS, 18, np.ones(60), np.arange(60), np.ones(3))
+    base = fit(x, mu, SETS, 18, np.ones(60), np.arange(60))
     assert np.median(base.spread(x)) > 0.3
 
 
