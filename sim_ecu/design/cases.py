@@ -49,7 +49,7 @@ class Plan:
     per_speed: int = 500
     speed_range: tuple[float, float] = (4.0, 58.0)
     friction_range: tuple[float, float] = (0.022, 0.65)
-    utilisation_range: tuple[float, float] = (0.10, 1.0)
+    utilisation_range: tuple[float, float] = (0.0, 1.0)
     held_share: float = 0.2  # of the conditions, held at or about the peak by the creep controller
     changed_share: float = 0.15  # of the conditions, coming from another rail shortly before the windows
     roughness_range: tuple[float, float] = (0.9, 4.0)  # times the good track's spectral density; its ends drawn more

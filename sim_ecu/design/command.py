@@ -23,6 +23,8 @@ def run(config: Path | None, output: Path, baselines: Path | None = None) -> int
     for key, file in (("-o", output), ("--baselines", baselines)):
         if file is not None and not file.parent.is_dir():
             raise InputError("no such folder", file=file.parent, key=key)
+        if file is not None and file.is_dir():
+            raise InputError("is a folder", file=file, key=key, hint="name the file to write")
     progress = Progress(steps=True)
     document, recordings = design(brief, progress.at)
     write(document, output)
@@ -86,6 +88,8 @@ def read_brief(top: Section) -> Brief:
     ):
         if not low <= value <= high:
             raise section.error(f"takes a whole number from {low} to {high}, not {value}", key)
+    if 2 * brief.recent_s > brief.window_s:
+        raise d.error(f"must not be more than half of window_s = {brief.window_s:g}, is {brief.recent_s:g}", "recent_s")
     for section in (d, p, top):
         section.done()
     return brief

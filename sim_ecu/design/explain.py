@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+from wrcd.errors import InputError
 from wrcd.estimator.design import load_design
 from wrcd.tools.explain import bounds, sentence
 
@@ -11,9 +12,14 @@ def explain(file: Path) -> int:
     """Print the models, the sets, and the rules: those that most of the training data speaks for first."""
     design = load_design(file)
     document = json.loads(file.read_text(encoding="utf-8"))
-    support = document["fuzzy"]["support"]
+    try:
+        support = [float(s) for s in document["fuzzy"]["support"]]
+        fit, plan = document["fit"], document["inputs"]["plan"]
+    except (KeyError, TypeError, ValueError) as e:
+        raise InputError(
+            f"does not tell its data: {e!r}", file=file, hint="make it again with `sim-ecu design`"
+        ) from None
     whole = sum(support)
-    fit, plan = document["fit"], document["inputs"]["plan"]
     print(f"{design.name}, checksum {design.checksum[:12]}: {len(design.rules)} rules over {fit['windows']} windows of "
           f"{design.window_s:g} s (seed {plan['seed']}), mean error on them {fit['mean_error_pp']} pp")  # fmt: skip
     print("\nModels, and where each is linearised:")

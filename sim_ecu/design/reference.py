@@ -184,10 +184,10 @@ class SlidingWindow:
                     self._rows = deque(new)
 
     def inputs(self, noise: FloatArray, speed_m_s: float) -> FloatArray | None:
-        """What the rules are given (6,), or None without data. noise (4,): what the sensors alone leave."""
-        if not self._rows:
+        """What the rules are given (6,), or None with too little data. noise (4,): what the sensors alone leave."""
+        if 2 * len(self._rows) < self._recent:
             return None
-        ratio = max(float(np.mean([row[2] for row in self._rows])), 1e-6)
+        ratio = max(float(np.mean([row[2] for row in self._rows])), 0.003)
         track = np.array([max(r * r - n * n, 0.03 * n * n) for r, n in zip(residuals(self._rows), noise, strict=True)])
         power = np.append(track[:3] / track[3], track[3])
         return np.concatenate((0.5 * np.log10(power), [np.log10(ratio), np.log10(speed_m_s)]))
@@ -227,12 +227,12 @@ class FuzzyReference:
         for rule, base, slopes in zip(design.rules, design.bases, design.slopes, strict=True):
             constant = base - sum(s * sets.centres[k] for s, sets, k in zip(slopes, self._sets, rule, strict=True))
             rows.append([constant, *slopes])
-        table = np.array(rows)
+        table = np.round(np.array(rows), 9)  # values that differ by less are one
         consequents = [_crisp(name, np.unique(table[:, i])) for i, name in enumerate(self._names)]
         rules = []
         for rule, row in zip(design.rules, table, strict=True):
             terms = [a[s.names[k]] for a, s, k in zip(self._antecedents, self._sets, rule, strict=True)]
-            says = [c[f"{v:.9g}"] for c, v in zip(consequents, row, strict=True)]
+            says = [c[f"{v:.12g}"] for c, v in zip(consequents, row, strict=True)]
             rules.append(control.Rule(reduce(and_, terms), says, and_func=np.multiply))
         # the cache of the simulation returns stale outputs: leave it off
         self._simulation = control.ControlSystemSimulation(control.ControlSystem(rules), cache=False)
@@ -263,5 +263,5 @@ def _crisp(name: str, values: FloatArray) -> control.Consequent:
     out = control.Consequent(np.unique(np.concatenate([*corners, *ends])), name)
     out.accumulation_method = np.add
     for v, c in zip(values, corners, strict=True):
-        out[f"{v:.9g}"] = skfuzzy.trapmf(out.universe, c)
+        out[f"{v:.12g}"] = skfuzzy.trapmf(out.universe, c)
     return out

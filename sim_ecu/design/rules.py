@@ -12,6 +12,8 @@ import numpy as np
 import skfuzzy
 from numpy.typing import NDArray
 
+from wrcd.estimator.fuzzy import LOG_SPREADS
+
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
@@ -28,7 +30,6 @@ LEAST_ERROR_PP = 0.5  # below this an error weighs as a square
 RELATIVE = 0.05  # share of the relative error in the weights, so that slippery rails count
 SPREAD_ROUNDS = 12
 SPREAD_RIDGE = 3.0
-LOG_SPREADS = (-2.7, 0.3)  # the engine on the train holds them so
 CHOOSE_EVERY = 3  # rules are chosen on every third window
 COVERS = 0.9  # what a spread is the interval of
 FOLDS = 3

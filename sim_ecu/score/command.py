@@ -24,7 +24,7 @@ from sim_ecu.score.suites import Run
 from sim_ecu.score.ticks import Ticks, running_mean
 from wrcd import resources
 from wrcd.daemon.config import Config, load_config
-from wrcd.errors import InputError
+from wrcd.errors import InputError, create
 from wrcd.estimator.design import load_design
 from wrcd.tools.progress import Progress
 
@@ -62,8 +62,11 @@ def run(
 ) -> int:  # fmt: skip
     """Play, judge, print; write the figures as JSON and a page where asked for."""
     for out in (json_out, html_out):
+        key = "--json" if out is json_out else "--html"
         if out is not None and not out.parent.is_dir():
-            raise InputError("no such folder", file=out.parent, key="--json" if out == json_out else "--html")
+            raise InputError("no such folder", file=out.parent, key=key)
+        if out is not None and out.is_dir():
+            raise InputError("is a folder", file=out, key=key, hint="name the file to write")
     if baselines_file is None and design_file is None:
         baselines_file = rig.BASELINES
     design_file = design_file or resources.DESIGN
@@ -75,16 +78,31 @@ def run(
     result["run"] = {"quick": quick, "seconds": round(time.monotonic() - began), "jobs": jobs}
     print("\n".join(tables(result)))
     if json_out:
-        json_out.write_text(json.dumps(result, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+        with create(json_out) as file:
+            file.write(json.dumps(result, indent=1, ensure_ascii=False) + "\n")
     if html_out:
         from sim_ecu.score.page import page
 
-        html_out.write_text(page(result, traces), encoding="utf-8")
+        with create(html_out) as file:
+            file.write(page(result, traces))
     return 0
 
 
 def _document(design_file: Path) -> dict[str, Any]:
+    """The inputs that the rig needs of a design. Raises InputError where they are not there."""
+    load_design(design_file)
     document: dict[str, Any] = json.loads(design_file.read_text(encoding="utf-8"))
+    try:
+        inputs = document["inputs"]
+        Wheelset(**inputs["wheelset"])
+        _ = (SENSOR_SETS[inputs["sensors"]["name"]], inputs["plan"]["seed"], inputs["plan"]["roughness_range"][1])
+        points(document)
+    except (KeyError, TypeError, ValueError, IndexError) as e:
+        raise InputError(
+            f"lacks what the rig needs of it: {e!r}",
+            file=design_file,
+            hint="make the design again with `sim-ecu design`",
+        ) from None
     return document
 
 
@@ -110,7 +128,11 @@ def _play_all(runs: list[Run], quick: bool, jobs: int, design_file: Path, baseli
     progress = Progress(steps=False)
     seconds = np.array([r.scenario.duration_s * len(r.scenario.axles) for r in runs])
     every = IMM_EVERY_QUICK if quick else IMM_EVERY
-    beside = [(r.suite in COMPARED, r.suite in ("grid", "robust") and k % every == 0) for k, r in enumerate(runs)]
+    first = {name: next((k for k, r in enumerate(runs) if r.suite == name), 0) for name in SUITES}
+    beside = [
+        (r.suite in COMPARED, r.suite in ("grid", "robust") and (k - first[r.suite]) % every == 0)
+        for k, r in enumerate(runs)
+    ]
     # the IMM takes some times longer than all the rest
     cost = seconds * np.where([slow for _, slow in beside], 6.0, 1.0)
     done = 0.0

@@ -19,6 +19,7 @@ FORMAT = "wrcd-baselines/1"
 SMALLEST = 1e-9
 FILTERLESS_SETS = (4, 4, 5, 4)  # raw yaw rate, raw lateral acceleration, torque, speed: the best of those tried
 LAYERS = (48, 32)
+MOST_SHARE = 2000.0
 IMM_EVERY = 40  # conditions of a speed that the IMM's levels are fitted to
 
 
@@ -53,7 +54,7 @@ class Filterless:
 
 @dataclass(frozen=True, slots=True)
 class Regressor:
-    """A multi-layer perceptron on the rules' own six inputs: what could be had from them without being readable."""
+    """A small multi-layer perceptron on the rules' own six inputs: what such a network makes of them, unreadably."""
 
     mean: FloatArray
     size: FloatArray
@@ -128,7 +129,7 @@ def _imm_shares(design: Design, recordings: list[Recording], plan: Plan, imm: Im
         return float(np.abs(np.fmax(p @ shares, u) - m).mean())
 
     starts = [np.full(p.shape[1], s) for s in (0.3, 1.0, 3.0)]
-    found = [minimize(error, s, method="Powell", bounds=[(0.0, 60.0)] * len(s)) for s in starts]
+    found = [minimize(error, s, method="Powell", bounds=[(0.0, MOST_SHARE)] * len(s)) for s in starts]
     best: FloatArray = min(found, key=lambda f: float(f.fun)).x
     return best
 
@@ -165,6 +166,13 @@ def load(path: Path, design: Design) -> Learned:
         raise InputError(
             "does not belong to this design", file=path, hint="make both with `sim-ecu design -o … --baselines …`"
         )
+    try:
+        return _read(document, design)
+    except (KeyError, TypeError, ValueError, IndexError) as e:
+        raise InputError(f"is damaged: {e!r}", file=path, hint="make it again with `sim-ecu design`") from None
+
+
+def _read(document: dict[str, Any], design: Design) -> Learned:
     f = document["filterless"]
     rules = np.array(f["rules"])
     one, none = np.ones(len(rules)), np.zeros(rules.shape)

@@ -15,6 +15,7 @@ from wrcd.daemon.report import CONFIDENCES, SURFACES, surface
 OURS = "wrcd"
 BINS = (0.0, 0.3, 0.5, 0.7, 0.9, math.inf)  # of utilisation
 UNSURE = (0.85, 1.0)  # utilisations between which a contact may be called either
+SATURATED = 0.98  # utilisation from which a contact is saturated for certain
 REACHED = 0.95  # of the wanted creep
 SETTLED_S = 1.0
 LATEST_S = 4.0  # a change that has not shown by then counts as this
@@ -122,7 +123,7 @@ def contact_right(f: Frames) -> dict[str, float]:
     return {
         "right": float(right.sum() / max(judged.sum(), 1)),
         "adhering_right": _mean((f.contact == "Adhering")[adhering].astype(float)),
-        "past_peak_right": _mean((f.contact == "Saturated")[f.said & f.past_peak].astype(float)),
+        "saturated_right": _mean((f.contact == "Saturated")[f.said & (u >= SATURATED)].astype(float)),
         "frames": int(judged.sum()),
     }
 
@@ -147,12 +148,14 @@ def confidence(f: Frames) -> dict[str, Any]:
         at = half == width
         if at.any():
             levels[name] = {"share": float(at.mean()), "covers": float(np.mean(error[at] <= width))}
-    covers = float(np.mean(error <= half))
+    # the widest level claims no bound: it counts as an interval of no use, and covers nothing
+    bounded = np.isfinite(half)
+    covers = float(np.mean(error[bounded] <= half[bounded])) if bounded.any() else math.nan
     return {
         "levels": levels,
         "covers": covers,
         "median_half_width": float(np.median(half)),
-        "constant_half_width": float(np.quantile(error, covers)),
+        "constant_half_width": float(np.quantile(error[bounded], covers)) if bounded.any() else math.nan,
     }
 
 
@@ -166,11 +169,13 @@ def within(f: Frames) -> dict[str, float]:
     """Share of frames within 1 percentage point, or 10 % of the value if larger, and the worst error over that."""
     error, allowed = f.errors(OURS), np.maximum(1.0, 0.1 * f.true)
     ratio = np.where(f.said, error / allowed, np.inf)
-    return {"share": _mean((ratio <= 1.0).astype(float)), "worst": float(ratio.max(initial=0.0)), "frames": len(ratio)}
+    worst = float(ratio.max()) if len(ratio) else math.inf
+    return {"share": _mean((ratio <= 1.0).astype(float)), "worst": worst, "frames": len(ratio)}
 
 
 def delays(traces: Sequence[Trace], name: str = OURS) -> FloatArray:
-    """Per change of rail: seconds until the estimate crosses the geometric mean of the two levels, LATEST_S if late."""
+    """Per change of rail: seconds until the estimate crosses the geometric mean of the two levels, LATEST_S if late;
+    NaN where it was on the new level's side already, so that there is nothing to cross."""
     out = []
     for t in traces:
         mu = _said(t, name)
@@ -179,8 +184,13 @@ def delays(traces: Sequence[Trace], name: str = OURS) -> FloatArray:
             after = float(t.true_mu_pct[t.time_s >= at + 0.5][0])
             middle = math.sqrt(before * after)
             window = (t.time_s > at) & (t.time_s <= at + LATEST_S)
+            just_before = (t.time_s > at - HOLDS_S) & (t.time_s <= at)
             with np.errstate(invalid="ignore"):
                 across = mu[window] < middle if after < before else mu[window] > middle
+                across_before = mu[just_before] >= middle if after < before else mu[just_before] <= middle
+            if not np.any(across_before):
+                out.append(math.nan)
+                continue
             stays = max(1, round(HOLDS_S / float(np.median(np.diff(t.time_s)))))
             run = np.convolve(across, np.ones(stays), "full")[stays - 1 :][: len(across)]
             first = np.flatnonzero(run >= stays)

@@ -63,6 +63,8 @@ def _paper(traces: list[Trace]) -> dict[str, Any]:
     for t in traces:
         t.judged_from_s = metrics.judged_from_reached(t)
     out: dict[str, Any] = {"within": metrics.within(metrics.gather(traces)), "curves": {}}
+    if any(math.isinf(t.judged_from_s) for t in traces):
+        out["within"]["worst"] = math.inf  # a wheelset that never got to its peak proves nothing
     for curve in sorted({t.curve for t in traces}):
         f = metrics.gather([t for t in traces if t.curve == curve])
         out["curves"][curve] = metrics.within(f) | metrics.accuracy(f, OURS) | {"true": float(np.mean(f.true))}
@@ -121,7 +123,13 @@ def _transitions(traces: list[Trace]) -> dict[str, Any]:
 
 
 def _delay(d: np.ndarray) -> dict[str, float]:
-    return {"median": float(np.median(d)), "p95": float(np.quantile(d, 0.95)), "changes": len(d)}
+    crossed = d[np.isfinite(d)]
+    return {
+        "median": float(np.median(crossed)) if len(crossed) else math.nan,
+        "p95": float(np.quantile(crossed, 0.95)) if len(crossed) else math.nan,
+        "changes": len(crossed),
+        "already_there": len(d) - len(crossed),
+    }
 
 
 def goals(suites: dict[str, Any]) -> list[Goal]:
@@ -204,13 +212,15 @@ def tables(result: dict[str, Any]) -> list[str]:
         out += [f"| {c} | {v['true']:.1f} | {v['mean']:.2f} | {_pct(v['share'])} |" for c, v in p["curves"].items()]
     if t := s.get("transitions"):
         out += ["", "**transitions**: seconds from a change of rail until the estimate crosses the geometric mean", ""]
-        out += ["| | median | 95th percentile | changes |", "|---|---|---|---|"]
+        out += ["| | median | 95th percentile | changes | on that side before |", "|---|---|---|---|---|"]
         rows = [("all", t["all"])] + [
             (f"{'dry to ' + c if way == 'from dry' else c + ' to dry'}", v)
             for c, both in t["curves"].items()
             for way, v in both.items()
         ]
-        out += [f"| {n} | {v['median']:.2f} | {v['p95']:.2f} | {v['changes']} |" for n, v in rows]
+        out += [
+            f"| {n} | {v['median']:.2f} | {v['p95']:.2f} | {v['changes']} | {v['already_there']} |" for n, v in rows
+        ]
     if h := s.get("dry-hours"):
         out += [
             "",
@@ -264,7 +274,8 @@ def _by_table(g: dict[str, Any]) -> list[str]:
     out += ["", f"Median half-width {c['median_half_width']:g} pp; one constant interval that holds the truth as often "
             f"({_pct(c['covers'])}) needs {c['constant_half_width']:.2f} pp."]  # fmt: skip
     k = g["contact"]
-    out += [f"ContactState right in {_pct(k['right'])} outside utilisations of 0.85 … 1. MuAvailable there in "
+    out += [f"ContactState right in {_pct(k['right'])} outside utilisations of 0.85 … 1; of the frames from 0.98 on, "
+            f"{_pct(k['saturated_right'])} are called Saturated. MuAvailable there in "
             f"{_pct(g['available'])} of the frames from 2 s on."]  # fmt: skip
     return out
 

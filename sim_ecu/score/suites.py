@@ -82,7 +82,6 @@ def paper(w: Wheelset, scale: float) -> Iterator[Run]:
     for part in _parts(letters):
         drive = Drive("creep_of_peak", Course((0.0, 0.5), (0.0, 1.0)), Course((0.0,), (1.3,)))
         axles = [_axle(i, rail_table([(0.0, CURVES[c], 0.0, 0.0)]), drive, QUALITY["good"], rng) for i, c in part]
-        # 1 s after the wanted creep is there: the creep controller takes 0.5 s of ramp and some tenths more
         yield Run("paper", "held at the peak", _scenario(w, 10.0, 25.0, axles), tuple(c for _, c in part))
 
 

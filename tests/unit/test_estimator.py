@@ -111,18 +111,38 @@ def test_the_sensors_own_share_is_taken_off(design: Design) -> None:
 
 def test_rules_are_local_lines(design: Design) -> None:
     """In the middle of its sets one rule speaks alone, and says its base; a little away, its slopes count."""
-    rule = int(np.argmax(design.spreads > 0))
+    rule = int(np.argmax((design.bases > 5) & (design.bases < 95)))
     middle = np.array([s.centres[k] for s, k in zip(design.sets, design.rules[rule], strict=True)])
     found = Fuzzy(design).infer(middle[None, :])
     assert found.rule[0] == rule + 1
     assert found.rule_share[0] == pytest.approx(1.0)
     assert found.output[0] == pytest.approx(np.clip(design.bases[rule], 0, 100))
-    assert found.spread[0] == pytest.approx(design.spreads[rule])
+    assert found.spread[0] == pytest.approx(np.clip(design.spreads[rule], 10**-2.7, 10**0.3))
+    # beyond the outermost set nothing moves any more
+    beyond = middle + np.where(middle == [s.centres[0] for s in design.sets], -1.0, 0.0)
+    assert Fuzzy(design).infer(beyond[None, :]).output[0] == pytest.approx(found.output[0])
+
+
+def test_between_sets_the_rules_lines_are_mixed(design: Design) -> None:
+    rng = np.random.default_rng(11)
+    low, high = (np.array([s.centres[i] for s in design.sets]) for i in (0, -1))
+    x = rng.uniform(low, high, (200, 6))
+    found = Fuzzy(design).infer(x)
+    for i in np.flatnonzero(np.isfinite(found.output))[:50]:
+        weights = np.ones(len(design.rules))
+        for j, s in enumerate(design.sets):
+            degrees = [np.interp(x[i, j], s.centres, row) for row in np.eye(len(s.centres))]
+            weights *= np.array(degrees)[design.rules[:, j]]
+        middles = np.column_stack([s.centres[design.rules[:, j]] for j, s in enumerate(design.sets)])
+        says = design.bases + np.sum(design.slopes * (x[i] - middles), axis=1)
+        assert found.output[i] == pytest.approx(np.clip(np.sum(weights * says) / weights.sum(), 0, 100), abs=1e-6)
 
 
 def test_an_empty_window_knows_nothing() -> None:
     window = Window(200, 40, 2)
-    window.put(0, np.ones((4, 2, 2)), np.array([True, True]), np.array([0.1, 0.1]))
+    for k in range(20):
+        assert np.isnan(window.residuals()).all()  # a line through one or two points leaves nothing: no perfect fit
+        window.put(k, np.full((4, 2, 2), k % 2), np.array([True, True]), np.array([0.1, 0.1]))
     window.reset(0)
     assert np.isnan(window.residuals()[0]).all()
     assert np.isnan(window.torque_ratio()[0])

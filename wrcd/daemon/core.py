@@ -55,6 +55,7 @@ class Outgoing:
 
     frame: Frame
     cycle_us: int
+    why: Estimate | None = None  # what the frame was made from
 
 
 @dataclass(slots=True)
@@ -91,7 +92,6 @@ class Core:
         self._detail = [Writer(find_message(db, a.detail), ()) if a.detail else None for a in config.axles]
         self._status = Writer(find_message(db, config.status), ()) if config.status else None
         self.reports: list[Report] = []  # of the newest slot
-        self.why: Estimate | None = None  # the estimate that they are made from
         self.muted = False  # make no frames: nobody would send them
 
     def feed(self, frame: Frame) -> list[Outgoing]:
@@ -195,11 +195,11 @@ class Core:
         )
         out = []
         if adhesion or detail:
-            self.why = estimate = self.estimator.estimate() if any(self._warm) else None
+            estimate = self.estimator.estimate() if any(self._warm) else None
             self.reports = [self._report(axle, end_us, estimate) for axle in range(self._n)]
         if adhesion:
             for w, report in zip(self._adhesion, self.reports, strict=True):
-                out.append(_outgoing(w, end_us, c.adhesion_cycle_us, report.values()))
+                out.append(_outgoing(w, end_us, c.adhesion_cycle_us, report.values(), estimate))
         if detail:
             for axle, writer in enumerate(self._detail):
                 if writer:
@@ -259,5 +259,5 @@ class Core:
         return out
 
 
-def _outgoing(w: Writer, end_us: int, cycle_us: int, values: dict[str, Value]) -> Outgoing:
-    return Outgoing(w.frame(end_us, end_us // cycle_us, values), cycle_us)
+def _outgoing(w: Writer, end_us: int, cycle_us: int, values: dict[str, Value], why: Estimate | None = None) -> Outgoing:
+    return Outgoing(w.frame(end_us, end_us // cycle_us, values), cycle_us, why)

@@ -30,7 +30,7 @@ class Bank:
 
         e  = z - H x            innovation
         x' = Phi (x + K e)      state predicted for the next tick
-        w  = L^-1 e             innovation in units of its own expected size, S = L L'
+        w  = V L^-1 e           innovation in units of its own expected size, S = L L', V the channels' weights
 
     All three are one product of a (9 x 7) matrix with [x; z]. The matrices are built when the speed changes.
     """

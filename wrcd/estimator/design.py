@@ -56,9 +56,9 @@ class Design:
     Phi: FloatArray  # (v, 4, 5, 5) state transition over one tick
     K: FloatArray  # (v, 4, 5, 2) gain
     H: FloatArray  # (v, 4, 2, 5) output
-    whiten: FloatArray  # (v, 4, 2, 2) inverse Cholesky factor of the innovation covariance S
+    whiten: FloatArray  # (v, 4, 2, 2) inverse Cholesky factor of the innovation covariance S, rows weighted
     noise: FloatArray  # (v, 4) residual that the sensors' noise alone leaves
-    residual_sets: tuple[Sets, ...]  # four, over log10 of the residual
+    residual_sets: tuple[Sets, ...]  # over log10 of residuals 1 to 3 over residual 4, and of residual 4
     torque_sets: Sets  # over log10 of |torque| / (2 N r0)
     speed_sets: Sets  # over log10 of the speed in m/s
     rules: IntArray  # (r, 6) which set of each input

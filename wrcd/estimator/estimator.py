@@ -12,6 +12,7 @@ from wrcd.estimator.window import Window
 
 CHANGE_TICKS = 4
 OFFSET_WINDOWS = 2  # memory of the sensors' offsets, in windows
+LEAST_TORQUE = 0.003  # torque ratio: less is coasting, and says nothing
 LEAST_TRACK = 0.03  # of the noise's power: less from the track is not told from none
 
 
@@ -51,7 +52,7 @@ def rule_inputs(design: Design, residuals: FloatArray, torque_ratio: FloatArray,
     """
     noise = at_speed(design.noise, design.speeds_m_s, speed_m_s)
     logs = np.log10(np.sqrt(np.maximum(residuals**2 - noise**2, LEAST_TRACK * noise**2)))
-    torque = np.log10(np.maximum(torque_ratio, 1e-6))
+    torque = np.log10(np.maximum(torque_ratio, LEAST_TORQUE))
     return np.column_stack((logs[:, :-1] - logs[:, -1:], logs[:, -1], torque, np.full(len(logs), np.log10(speed_m_s))))
 
 
@@ -99,7 +100,8 @@ class Estimator:
         inference = self._fuzzy.infer(inputs)
         mu = np.clip(np.polyval(d.polynomial, inference.output), *d.adhesion_range_pct)
         # what is in use is available: the estimate cannot lie below it
-        used = 100.0 * self._window.recent_torque_ratio()
+        recent = self._window.recent_torque_ratio()
+        used = 100.0 * np.where(np.isnan(recent), ratio, recent)
         mu = np.where(np.isnan(mu), np.nan, np.minimum(np.fmax(mu, used), 100.0))
         fits = (inputs[:, :MODELS] - self._low) / self._width
         nearest = np.argmin(np.where(np.isnan(fits), np.inf, fits), axis=1) + 1

@@ -48,7 +48,7 @@ class Fuzzy:
         self._spread_slopes = design.spread_slopes
 
     def infer(self, inputs: FloatArray) -> Inference:
-        """inputs (n, 6): log10 of the four residuals, of the torque ratio and of the speed. NaN in gives NaN out."""
+        """inputs (n, 6): see `rule_inputs`. NaN in gives NaN out."""
         n = len(inputs)
         degrees = np.zeros((n, len(self._sets), self._widest))
         for i, sets in enumerate(self._sets):

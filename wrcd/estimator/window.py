@@ -53,8 +53,8 @@ class Window:
     def residuals(self) -> FloatArray:
         """(n, 4): RMS over the window of each model's normalised residual, its mean and trend removed.
 
-        r = sqrt(mean((e - l)' S^-1 (e - l)) / 2), l the straight line through e. Removing it takes sensor bias out,
-        and what a filter still has to learn of it. NaN for an axle without data.
+        r = sqrt(mean((w - l)' (w - l)) / 2), l the straight line through w. Removing it takes sensor bias out,
+        and what a filter still has to learn of it. NaN where less than half of `recent` ticks brought data.
         """
         return self._rms(slice(None))
 
@@ -99,7 +99,7 @@ class Window:
             slope_power = np.einsum("tn,tmcn->mcn", late, w) ** 2 / np.maximum((late * late).sum(axis=0), 1e-9)
             power = (w * w).sum(axis=0) / count - mean * mean - slope_power / count
             r = np.sqrt(np.maximum(power.sum(axis=1) / CHANNELS, SMALLEST**2))
-        out: FloatArray = np.where(count > 0, r, np.nan).T
+        out: FloatArray = np.where(2 * count >= self._recent, r, np.nan).T
         return out
 
     @staticmethod

@@ -12,6 +12,7 @@ from wrcd.bus.frame import Frame
 from wrcd.bus.log import Damage, format_line, read_log
 from wrcd.daemon.config import Config, load_config
 from wrcd.daemon.core import Core
+from wrcd.daemon.report import Validity
 from wrcd.errors import InputError, create
 from wrcd.estimator.design import Design
 from wrcd.estimator.estimator import Estimate
@@ -48,7 +49,7 @@ def replay(
                 if frames_out:
                     frames_out.write(format_line(o.frame, channel) + "\n")
                 if rows:
-                    rows.write(o.frame, core.why)
+                    rows.write(o.frame, o.why)
     for warning in damage.warnings(log):
         print(f"wrcd: warning: {warning}", file=sys.stderr)
     counts = core.counts
@@ -98,8 +99,8 @@ class Rows:
         stamp = f"{frame.stamp_us // 1_000_000}.{frame.stamp_us % 1_000_000:06d}"
         row = [stamp, number, *(_cell(values.get(signal)) for signal in SIGNALS)]
         if self._design is not None:
-            known = why is not None and values.get("ContactState") is not None and row[3] != ""
-            row += _reasons(self._design, why, self._place[number]) if known and why else ["", "", ""]
+            warm = str(values.get("Validity")) != Validity.NOT_AVAILABLE
+            row += _reasons(self._design, why, self._place[number]) if why and warm else ["", "", ""]
         self._writer.writerow(row)
 
 
