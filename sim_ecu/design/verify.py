@@ -128,7 +128,7 @@ def run(log: Path, config_file: Path | None, fuzzy_every_s: float) -> int:
         f"innovations, fast against filterpy with the design's gains: largest difference {f.innovation:.2e} "
         f"of {f.largest:.3g} = {relative:.1e} (allowed {MOST_INNOVATION:.0e})"
     )
-    print(f"fuzzy output, fast against skfuzzy.control: largest difference {f.fuzzy:.2e} of 100 (allowed {MOST_FUZZY})")
+    print(f"fuzzy output, fast against scikit-fuzzy: largest difference {f.fuzzy:.2e} of 100 (allowed {MOST_FUZZY})")
     print(f"  ({f.silent} moments in which too few rules fire for the fast engine to answer)")
     rms = (f.live_square / f.square) ** 0.5 if f.square else 0.0
     print(

@@ -123,7 +123,7 @@ def test_the_wheelset_is_held_where_the_figure_says(subject: Subject, curve: str
 
 
 def test_the_place_in_the_own_range_is_what_the_estimator_decides_by(subject: Subject) -> None:
-    found = observe(subject, held(subject.wheelset, CURVES["C"], 1.0, 2), 1.5, silent)
+    found = observe(subject, held(subject.wheelset, CURVES["C"], 1.0, 2), 1.5, silent).since(0.5)
     assert (np.argmin(found.own_range, axis=-1) + 1 == found.winner).all()
     # which is not what the raw residuals say, nor the same for the sensors' noise left in
     for values in (found.residuals, own_range(subject.design.residual_sets, seen_of(found.residuals))):

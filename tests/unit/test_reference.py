@@ -1,4 +1,4 @@
-"""The engine on the train against filterpy and skfuzzy.control, over real logs."""
+"""The engine on the train against filterpy and scikit-fuzzy, over real logs."""
 
 import random
 from pathlib import Path
@@ -14,11 +14,11 @@ LOGS = {"held": held("C", 6.0), "changing speed": CHANGING_SPEED, "four axles": 
 
 
 def agree(log: Path) -> None:
-    found = compare(log, load_config(None), fuzzy_every_s=0.5)
+    found = compare(log, load_config(None), fuzzy_every_s=2.0)
     assert found.ticks > 1000
     assert found.innovation <= MOST_INNOVATION * found.largest
     assert found.largest > 0
-    assert len(found.fast) >= 8
+    assert len(found.fast) >= 3
     assert found.fuzzy <= MOST_FUZZY
     # what steady-state gains cost against live covariances is stated; without losses it is small
     assert found.live_square > 0
