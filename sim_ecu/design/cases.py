@@ -12,7 +12,8 @@ from sim_ecu.physics.contact import CreepCurve, curve_between, peak
 from sim_ecu.physics.sensors import SENSOR_SETS
 from sim_ecu.physics.simulation import Axle, Samples, Simulation
 from sim_ecu.physics.track import QUALITY, Track
-from sim_ecu.physics.wheelset import LAT_ACCEL, MU_AVAILABLE, RAIL_COLUMNS, TORQUE, YAW_RATE, Command, Wheelset
+from sim_ecu.physics.wheelset import LAT_ACCEL, MU_AVAILABLE, TORQUE, YAW_RATE, Command, Wheelset
+from sim_ecu.play.scenario import BLEND_M, rail_table
 from wrcd.estimator.bank import Bank, scheduled_speed
 from wrcd.estimator.design import Design
 from wrcd.estimator.estimator import OFFSET_WINDOWS, rule_inputs
@@ -20,7 +21,7 @@ from wrcd.estimator.offset import Offset
 from wrcd.estimator.window import Window
 
 FloatArray = NDArray[np.float64]
-CHANGE_M = 0.5  # length over which one rail becomes another
+SEEDS_PER_PLAN = 1_000_003  # seeds of a plan begin at its own seed times this
 EDGE = 0.3  # importance of a window outside the plan's core
 Progress = Callable[[str, float], None]  # what is going on, share of it that is done
 
@@ -83,7 +84,7 @@ def draw(plan: Plan) -> list[list[Condition]]:
                     roughness=QUALITY["good"] * low * (high / low) ** (0.5 - 0.5 * math.cos(math.pi * rng.random())),
                     utilisation=math.nan if held else sign * rng.uniform(*plan.utilisation_range),
                     creep_of_peak=sign * float(rng.choice([1.0, rng.uniform(0.7, 1.6)])) if held else math.nan,
-                    seed=plan.seed * 1_000_003 + k * plan.per_speed + i,
+                    seed=plan.seed * SEEDS_PER_PLAN + k * plan.per_speed + i,
                     before=before if changed else None,
                     changes_at_s=plan.settle_s * float(rng.uniform(0.5, 0.95)),
                 )
@@ -105,16 +106,11 @@ def command(samples: int, axles: int = 1, **given: float | FloatArray) -> Comman
 def simulate(w: Wheelset, c: Condition, seconds: float, tick_s: float) -> Samples:
     """Play a condition at held speed; torque or creep comes up within the first 0.5 s."""
     n = round(seconds / tick_s)
-    rows = [(0.0, c.curve)] if c.before is None else [(0.0, c.before), (c.changes_at_s * c.speed_m_s, c.curve)]
-    rail = np.zeros((len(rows), RAIL_COLUMNS))
-    rail[:, 0] = [at for at, _ in rows]
-    rail[:, 1:6] = [curve.row() for _, curve in rows]
+    rail = [(0.0, c.curve, 0.0, 0.0)]
     if c.before is not None:
-        # what lies between two rows is blended: a second row of the first rail keeps it until just before the change
-        rail = np.insert(rail, 1, rail[0], axis=0)
-        rail[1, 0] = rail[2, 0] - CHANGE_M
+        rail = [(0.0, c.before, 0.0, 0.0), (c.changes_at_s * c.speed_m_s - BLEND_M, c.curve, 0.0, 0.0)]
     ramp = np.minimum(np.arange(1, n + 1) * tick_s / 0.5, 1.0)[:, None]
-    sim = Simulation(w, [Axle(rail, Track(c.roughness, c.seed))], c.speed_m_s, tick_s)
+    sim = Simulation(w, [Axle(rail_table(rail), Track(c.roughness, c.seed))], c.speed_m_s, tick_s)
     if c.before is None:
         drive = command(n, utilisation=ramp * c.utilisation, creep_of_peak=ramp * c.creep_of_peak, limit_of_peak=1.3)
     else:
@@ -136,7 +132,7 @@ class Features:
     condition: NDArray[np.int64]
 
     def importance(self, plan: Plan) -> FloatArray:
-        """Weight of each window in the fit: less at the edges of the plan, more where there are fewer at speed."""
+        """Weight of each window in the fit: less at the edges of the plan, more at speed."""
         speed = 10.0 ** self.inputs[:, 5]
         utilisation = 100.0 * 10.0 ** self.inputs[:, 4] / self.mu_pct
         low, high = plan.core_speeds

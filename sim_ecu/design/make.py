@@ -25,7 +25,8 @@ SPEED_NAMES = ("Slow", "Fast")
 CHANGE_MARGIN = 1.4  # a window is judged fifty times a second: its limits of change lie this far beyond the quantile
 
 # The paper's four design points. Process noise per root Hz: y_t' m/s, yaw rad/s2, lateral m/s2. Noise and weights were
-# searched together, on training conditions, for the least error of the whole estimator.
+# searched together (CMA-ES) for the least error of the whole estimator on validation conditions, which are neither
+# trained on nor scored.
 POINTS = (
     Point("curve A at its peak", CURVES["A"], 1.0, (0.02, 27.0, 0.174), 0.0073),
     Point("curve C at its peak", CURVES["C"], 1.0, (0.04, 5.7, 0.006), 0.07),

@@ -1,11 +1,8 @@
 """The reference engine: four filterpy.KalmanFilter per axle and scikit-fuzzy. Slow, plain, and no code in common
 with the engine on the train; only the design's numbers are the same."""
 
-import json
 from collections import deque
 from collections.abc import Iterable
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import skfuzzy
@@ -14,9 +11,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
 from sim_ecu.design.gains import Gains, steady_state
-from sim_ecu.design.linear import Point
-from sim_ecu.physics.contact import CreepCurve
-from sim_ecu.physics.wheelset import Wheelset
+from sim_ecu.design.source import Source
 from wrcd.estimator.design import Design
 
 FloatArray = NDArray[np.float64]
@@ -117,38 +112,21 @@ class LiveFilters:
         return out
 
 
-def points(document: dict[str, Any]) -> tuple[Point, ...]:
-    """The design points of a design document."""
-    return tuple(
-        Point(
-            str(m["name"]),
-            CreepCurve(**m["curve"]),
-            float(m["creep_of_peak"]),
-            tuple(m["noise"]),
-            float(m["yaw_rate_weight"]),
-        )
-        for m in document["bank"]["models"]
-    )
-
-
 class Models:
-    """The continuous models behind a design file, discretised at any speed."""
+    """The continuous models behind a design, discretised at any speed."""
 
-    def __init__(self, design_file: Path) -> None:
-        d: dict[str, Any] = json.loads(design_file.read_text(encoding="utf-8"))
-        inputs = d["inputs"]
-        self._wheelset = Wheelset(**inputs["wheelset"])
-        self._noise = (inputs["sensors"]["yaw_rate"]["noise_rms"], inputs["sensors"]["lat_accel"]["noise_rms"])
-        self._tick_s = float(d["bank"]["tick_s"])
-        self._points = points(d)
-        self._ends = d["bank"]["speeds_m_s"][0], d["bank"]["speeds_m_s"][-1]
+    def __init__(self, source: Source) -> None:
+        self._source = source
+        self._noise = (source.sensors.yaw_rate.noise_rms, source.sensors.lat_accel.noise_rms)
+        self._ends = float(source.design.speeds_m_s[0]), float(source.design.speeds_m_s[-1])
         self._known: dict[float, list[Gains]] = {}
 
     def at(self, speed_m_s: float) -> list[Gains]:
         """The four models at a speed rounded to 0.1 m/s, without the grid of the design file."""
         v = float(min(max(np.round(speed_m_s / 0.1) * 0.1, self._ends[0]), self._ends[1]))
         if v not in self._known:
-            self._known[v] = [steady_state(self._wheelset, p, v, self._tick_s, self._noise) for p in self._points]
+            s = self._source
+            self._known[v] = [steady_state(s.wheelset, p, v, s.design.tick_s, self._noise) for p in s.points]
         return self._known[v]
 
 

@@ -20,7 +20,6 @@ IntArray = NDArray[np.int64]
 # Fuzzy output 0 stands for 60 % adhesion, 100 for 2 %: n = 100 ln(60 / mu) / ln 30.
 TOP_PCT, BOTTOM_PCT = 60.0, 2.0
 BASE_STEP, SLOPE_STEP = 1.0, 2.0  # bases and slopes are rounded: a person reads them
-MOST_SLOPE = 400.0  # of the output, per decade of an input
 # The paper's (16): strictly decreasing from 42 % at 0, below zero from 96.4 on. Kept as a preset, clamped.
 PAPER_POLYNOMIAL = (-2.213e-6, 0.00042, -0.0205, -0.38, 42.0)
 ORDER = 6  # of the polynomial
@@ -207,8 +206,7 @@ def _outputs(
         weight = per_pp * mu / np.maximum(error, LEAST_ERROR_PP)
         weight /= weight.mean()
     bases, slopes = local.read(found, middle)
-    slopes = np.clip(np.round(slopes / SLOPE_STEP) * SLOPE_STEP, -MOST_SLOPE, MOST_SLOPE)
-    return np.round(bases / BASE_STEP) * BASE_STEP, slopes
+    return np.round(bases / BASE_STEP) * BASE_STEP, np.round(slopes / SLOPE_STEP) * SLOPE_STEP
 
 
 def polynomial() -> FloatArray:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_ecu.design.reference import Filters, FuzzyReference, LiveFilters, Models, RunningMean, Schedule, SlidingWindow
+from sim_ecu.design.source import load_source
 from wrcd.bus.log import Damage, read_log
 from wrcd.daemon.config import Config, load_config
 from wrcd.daemon.core import Core
@@ -101,7 +102,7 @@ def compare(log: Path, config: Config, fuzzy_every_s: float) -> Findings:
     """Run both engines over a log."""
     design = config.design
     every = max(1, round(fuzzy_every_s / design.tick_s))
-    both = BothEngines(design, len(config.axles), Models(config.design_file), every)
+    both = BothEngines(design, len(config.axles), Models(load_source(config.design_file)), every)
     core = Core(config, both)
     for frame, _ in progress(read_log(log, Damage()), log):
         core.feed(frame)

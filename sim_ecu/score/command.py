@@ -6,26 +6,23 @@ from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from sim_ecu import resources as rig
 from sim_ecu.cli import SUITES
-from sim_ecu.design.reference import points
-from sim_ecu.physics.sensors import SENSOR_SETS
-from sim_ecu.physics.wheelset import Wheelset
+from sim_ecu.design.source import Source, load_source
 from sim_ecu.score import learned, suites
 from sim_ecu.score.ekf import SINGLE, Ekf
 from sim_ecu.score.imm import Imm
 from sim_ecu.score.play import Baseline, Trace, play
-from sim_ecu.score.report import judge, tables
+from sim_ecu.score.report import judge
 from sim_ecu.score.suites import Run
+from sim_ecu.score.tables import tables
 from sim_ecu.score.ticks import Ticks, running_mean
 from wrcd import resources
 from wrcd.daemon.config import Config, load_config
 from wrcd.errors import InputError, create
-from wrcd.estimator.design import load_design
 from wrcd.tools.progress import Progress
 
 QUICK = 0.08  # share of the runs in a quick score
@@ -69,12 +66,12 @@ def run(
             raise InputError("is a folder", file=out, key=key, hint="name the file to write")
     if baselines_file is None and design_file is None:
         baselines_file = rig.BASELINES
-    design_file = design_file or resources.DESIGN
-    _prepare(design_file, baselines_file)  # bad files are told of here, before anything is played
+    source = load_source(design_file or resources.DESIGN)
+    _prepare(source, baselines_file)  # bad files are told of here, before anything is played
     began = time.monotonic()
-    runs = list(_runs(design_file, suite, QUICK if quick else 1.0))
-    traces = _play_all(runs, quick, jobs, design_file, baselines_file)
-    result = judge(traces, load_design(design_file), _document(design_file)["inputs"]["plan"])
+    runs = list(_runs(source, suite, QUICK if quick else 1.0))
+    traces = _play_all(runs, quick, jobs, source, baselines_file)
+    result = judge(traces, source)
     result["run"] = {"quick": quick, "seconds": round(time.monotonic() - began), "jobs": jobs}
     print("\n".join(tables(result)))
     if json_out:
@@ -88,42 +85,22 @@ def run(
     return 0
 
 
-def _document(design_file: Path) -> dict[str, Any]:
-    """The inputs that the rig needs of a design. Raises InputError where they are not there."""
-    load_design(design_file)
-    document: dict[str, Any] = json.loads(design_file.read_text(encoding="utf-8"))
-    try:
-        inputs = document["inputs"]
-        Wheelset(**inputs["wheelset"])
-        _ = (SENSOR_SETS[inputs["sensors"]["name"]], inputs["plan"]["seed"], inputs["plan"]["roughness_range"][1])
-        points(document)
-    except (KeyError, TypeError, ValueError, IndexError) as e:
-        raise InputError(
-            f"lacks what the rig needs of it: {e!r}",
-            file=design_file,
-            hint="make the design again with `sim-ecu design`",
-        ) from None
-    return document
-
-
-def _runs(design_file: Path, suite: str | None, scale: float) -> Iterator[Run]:
-    document = _document(design_file)
-    w = Wheelset(**document["inputs"]["wheelset"])
-    low, high = document["inputs"]["plan"]["roughness_range"]
+def _runs(source: Source, suite: str | None, scale: float) -> Iterator[Run]:
+    w = source.wheelset
     makers = {
-        "paper": suites.paper, "grid": suites.grid, "transitions": suites.transitions, "robust": suites.robust,
-        "dry-hours": suites.dry_hours,
-    }  # fmt: skip
+        "paper": lambda: suites.paper(w, scale),
+        "grid": lambda: suites.grid(w, scale),
+        "transitions": lambda: suites.transitions(w, scale),
+        "robust": lambda: suites.robust(w, scale),
+        "rough": lambda: suites.rough(w, scale, source.roughness),
+        "dry-hours": lambda: suites.dry_hours(w, scale),
+    }
     for name in SUITES:
-        if suite not in (None, name):
-            continue
-        if name == "rough":
-            yield from suites.rough(w, scale, (low, high))
-        else:
-            yield from makers[name](w, scale)
+        if suite in (None, name):
+            yield from makers[name]()
 
 
-def _play_all(runs: list[Run], quick: bool, jobs: int, design_file: Path, baselines_file: Path | None) -> list[Trace]:
+def _play_all(runs: list[Run], quick: bool, jobs: int, source: Source, baselines_file: Path | None) -> list[Trace]:
     """In processes of their own; the order of the traces does not depend on them."""
     progress = Progress(steps=False)
     seconds = np.array([r.scenario.duration_s * len(r.scenario.axles) for r in runs])
@@ -137,7 +114,7 @@ def _play_all(runs: list[Run], quick: bool, jobs: int, design_file: Path, baseli
     cost = seconds * np.where([slow for _, slow in beside], 6.0, 1.0)
     done = 0.0
     traces: list[Trace] = []
-    with ProcessPoolExecutor(jobs, initializer=_prepare, initargs=(design_file, baselines_file)) as pool:
+    with ProcessPoolExecutor(jobs, initializer=_prepare, initargs=(source, baselines_file)) as pool:
         for number, part in enumerate(pool.map(_play, runs, beside, chunksize=1)):
             traces += part
             done += cost[number]
@@ -146,14 +123,9 @@ def _play_all(runs: list[Run], quick: bool, jobs: int, design_file: Path, baseli
     return traces
 
 
-def _prepare(design_file: Path, baselines_file: Path | None) -> None:
+def _prepare(source: Source, baselines_file: Path | None) -> None:
     global _world
-    config = load_config(None)
-    design = load_design(design_file)
-    config = replace(config, design=design, design_file=design_file)
-    document = _document(design_file)
-    w = Wheelset(**document["inputs"]["wheelset"])
-    sensors = SENSOR_SETS[document["inputs"]["sensors"]["name"]]
+    design, w, sensors = source.design, source.wheelset, source.sensors
     quick: dict[str, Baseline] = {"torque ratio": TorqueRatio(design.window_ticks)}
     slow: dict[str, Baseline] = {}
     if baselines_file is not None:
@@ -161,10 +133,10 @@ def _prepare(design_file: Path, baselines_file: Path | None) -> None:
         quick["filterless"] = made.filterless
         if made.regressor is not None:
             quick["regressor"] = made.regressor
-        slow["IMM"] = Imm(w, points(document), sensors, design.tick_s, design.window_s, made.imm_shares)
+        slow["IMM"] = Imm(w, source.points, sensors, design.tick_s, design.window_s, made.imm_shares)
     quick["EKF"] = Ekf(w, sensors, design.tick_s, SINGLE)
     quick["12 EKFs"] = Ekf(w, sensors, design.tick_s)
-    _world = _World(config, quick, slow)
+    _world = _World(replace(load_config(None), design=design, design_file=source.file), quick, slow)
 
 
 def _play(run: Run, beside: tuple[bool, bool]) -> list[Trace]:

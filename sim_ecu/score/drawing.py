@@ -9,8 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from sim_ecu.design.source import Source
 from sim_ecu.physics.contact import CURVES, peak, traction_ratio
-from sim_ecu.score.figure_data import OFF_PEAK, SATURATED, SETTLED_S, SPEED, Levels, Subject, Trace, nearest, own_range
+from sim_ecu.score.figure_data import OFF_PEAK, SATURATED, SETTLED_S, SPEED, Levels, Trace, nearest, own_range
 from sim_ecu.score.statements import Statement
 from wrcd.estimator.design import MODELS
 
@@ -34,7 +35,7 @@ STYLE: dict[Any, Any] = {
 class Drawing:
     """One figure per method; captions gathers what stands under each."""
 
-    def __init__(self, subject: Subject, found: Sequence[Statement]) -> None:
+    def __init__(self, subject: Source, found: Sequence[Statement]) -> None:
         self._s, self._d, self._found = subject, subject.design, found
         self.captions: dict[int, str] = {}
 

@@ -1,8 +1,8 @@
 """Baseline: extended Kalman filters with the rail's friction as a state, from several first guesses of it.
 
 x = [psi, y', psi', y_t', y - y_t, theta], theta = ln mu_0 of the family of creep curves (y_t': see table). One filter
-alone settles on a wrong friction if it starts far from the right one (best mean error found: 1.9 pp), so that a bank of
-them starts over the whole range, and their likelihoods weigh what each says (1.0 pp).
+alone settles on a wrong friction if it starts far from the right one, so that a bank of them starts over the whole
+range, and their likelihoods weigh what each says. `sim-ecu score` shows both.
 """
 
 import math

@@ -1,22 +1,19 @@
 """What the paper's figures are drawn from: held conditions on several tracks, estimated over time by the design."""
 
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sim_ecu.design.cases import Condition, Progress, simulate
+from sim_ecu.design.linear import Point
+from sim_ecu.design.source import Source
 from sim_ecu.physics.contact import CURVES, CreepCurve, curve_between, peak, traction_ratio
-from sim_ecu.physics.sensors import SENSOR_SETS, SensorSet
 from sim_ecu.physics.track import QUALITY
 from sim_ecu.physics.wheelset import LAT_ACCEL, MU_AVAILABLE, MU_USED, SLIP, TORQUE, YAW_RATE, Wheelset
-from wrcd.errors import InputError
-from wrcd.estimator.design import MODELS, Design, Sets, load_design
+from wrcd.estimator.design import MODELS, Sets
 from wrcd.estimator.estimator import Estimator, Tick
 
 FloatArray = NDArray[np.float64]
@@ -28,42 +25,6 @@ SATURATED, LINEAR = 1.0, 0.05  # creep as a share of the one at the peak; on cur
 OFF_PEAK = (LINEAR, 0.15, 0.3)  # between model 4's design point and the peak, where the curves bend
 EVERY_S = 0.02  # an estimate so often, as on the bus
 FRICTION_ENDS = (0.022, 0.65)  # mu_0 of the family's slipperiest and driest rail in Fig. 6
-
-
-class DesignPoint(NamedTuple):
-    """Where a model of the bank was linearised."""
-
-    curve: CreepCurve
-    creep_of_peak: float
-
-
-@dataclass(frozen=True, slots=True)
-class Subject:
-    """The design that the figures are about, and what of its inputs the rig needs."""
-
-    design: Design
-    wheelset: Wheelset
-    sensors: SensorSet
-    points: tuple[DesignPoint, ...]
-
-
-def load_subject(file: Path) -> Subject:
-    """A design file with the inputs it was made from. Raises InputError."""
-    design = load_design(file)
-    document: Any = json.loads(file.read_text(encoding="utf-8"))
-    try:
-        inputs = document["inputs"]
-        points = tuple(
-            DesignPoint(CreepCurve(**m["curve"]), float(m["creep_of_peak"])) for m in document["bank"]["models"]
-        )
-        return Subject(design, Wheelset(**design.wheelset), SENSOR_SETS[inputs["sensors"]["name"]], points)
-    except (KeyError, TypeError, ValueError) as e:
-        raise InputError(
-            f"the inputs it was made from are not those of this rig: {e}",
-            file=file,
-            key="inputs",
-            hint="make the design again with `sim-ecu design`",
-        ) from None
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,7 +81,7 @@ def held(w: Wheelset, curve: CreepCurve, creep_of_peak: float, tracks: int) -> l
 
 
 def observe(
-    s: Subject, conditions: list[Condition], seconds: float, progress: Progress, every_s: float = EVERY_S
+    s: Source, conditions: list[Condition], seconds: float, progress: Progress, every_s: float = EVERY_S
 ) -> Trace:
     """Simulate the conditions, measure, and estimate from the filters' standstill on."""
     d = s.design
@@ -203,7 +164,7 @@ class Levels:
         return np.array([np.interp(math.log(adhesion_pct), x, mean[:, m]) for m in range(MODELS)])
 
 
-def nearest(point: DesignPoint, *regions: Levels) -> Levels:
+def nearest(point: Point, *regions: Levels) -> Levels:
     """The region whose creep is the most like a design point's."""
     return min(regions, key=lambda levels: abs(levels.creep_of_peak - point.creep_of_peak))
 
@@ -215,7 +176,7 @@ def level_curves(between: int) -> list[CreepCurve]:
     return [curve_between(float(np.exp(x))) for x in every]
 
 
-def survey(s: Subject, creep_of_peak: float, between: int, tracks: int, progress: Progress) -> Levels:
+def survey(s: Source, creep_of_peak: float, between: int, tracks: int, progress: Progress) -> Levels:
     """The residuals of whole windows, taken half a window apart once the wheelset has settled."""
     curves = level_curves(between)
     conditions = [c for curve in curves for c in held(s.wheelset, curve, creep_of_peak, tracks)]

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from sim_ecu.design.cases import Progress as At
 from sim_ecu.design.linear import slope_and_secant
 from sim_ecu.design.rules import PAPER_POLYNOMIAL
+from sim_ecu.design.source import Source, load_source
 from sim_ecu.physics.contact import CURVES, peak
 from sim_ecu.score import statements as say
 from sim_ecu.score.drawing import Drawing
@@ -20,10 +21,8 @@ from sim_ecu.score.figure_data import (
     SETTLED_S,
     SPEED,
     Levels,
-    Subject,
     Trace,
     held,
-    load_subject,
     nearest,
     observe,
     survey,
@@ -41,7 +40,7 @@ OVER_TIME = ("A", "C", "F")
 class Data:
     """All that is drawn. below is what is held at the share of the peak's creep that model 4 is designed at."""
 
-    subject: Subject
+    subject: Source
     at_peak: dict[str, Trace]  # by curve
     linear: Trace  # curve A
     below: Trace  # curve A
@@ -58,7 +57,7 @@ def run(
     tracks: runs of each condition, on tracks of their own; seconds: of the runs over time; between: adhesion levels
     between two curves in Fig. 6.
     """
-    subject = load_subject(design_file or DESIGN)
+    subject = load_source(design_file or DESIGN)
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as e:
@@ -81,7 +80,7 @@ def run(
     return 0
 
 
-def gather(s: Subject, tracks: int, seconds: float, between: int, at: At) -> Data:
+def gather(s: Source, tracks: int, seconds: float, between: int, at: At) -> Data:
     """Simulate and estimate: most of the time goes here."""
     below = s.points[-1].creep_of_peak
     wanted = [*((c, SATURATED) for c in OVER_TIME), ("A", LINEAR), ("A", below)]
@@ -160,7 +159,7 @@ def draw(d: Data, drawing: Drawing) -> dict[str, Figure]:
     return {f"fig{number:02d}.png": picture for number, picture in pictures.items()}
 
 
-def report(s: Subject, captions: dict[int, str], found: Sequence[Statement], tracks: int) -> str:
+def report(s: Source, captions: dict[int, str], found: Sequence[Statement], tracks: int) -> str:
     """The text beside the pictures (Markdown)."""
     lines = [
         "# The paper's figures, from our data",

@@ -12,7 +12,7 @@ from sim_ecu.score.ticks import FloatArray, Ticks, running_mean
 
 SLOWEST = 3.0  # m/s: matrices are made for whole m/s from here on
 
-# Chosen by mean absolute error on 448 conditions of the default design's plan, among 0.25 … 0.99999.
+# Chosen by mean absolute error on 448 conditions of an earlier design's plan, among 0.25 … 0.99999.
 STAY = 0.7  # probability that a model still holds at the next tick; the others share the rest
 
 

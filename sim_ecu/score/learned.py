@@ -17,10 +17,10 @@ from wrcd.estimator.design import Design
 
 FORMAT = "wrcd-baselines/1"
 SMALLEST = 1e-9
-FILTERLESS_SETS = (4, 4, 5, 4)  # raw yaw rate, raw lateral acceleration, torque, speed: the best of those tried
+FILTERLESS_SETS = (4, 4, 5, 4)  # raw yaw rate, raw lateral acceleration, torque, speed: the best of nine combinations
 LAYERS = (48, 32)
 MOST_SHARE = 2000.0
-IMM_EVERY = 40  # conditions of a speed that the IMM's levels are fitted to
+FITTED_EVERY = 40  # the IMM is slow: its levels are fitted to every so many conditions of a speed
 
 
 def _log(x: FloatArray) -> FloatArray:
@@ -117,7 +117,7 @@ def _imm_shares(design: Design, recordings: list[Recording], plan: Plan, imm: Im
     """The shares of the models' peaks that give the IMM its least mean error, over some conditions of the core."""
     parts, used, truth = [], [], []
     for r in [r for r in recordings if plan.core_speeds[0] <= r.speed_m_s <= plan.core_speeds[1]][::3]:
-        z, torque, mu = r.z[:, :, ::IMM_EVERY], r.torque[:, ::IMM_EVERY], r.mu_pct[::IMM_EVERY]
+        z, torque, mu = r.z[:, :, ::FITTED_EVERY], r.torque[:, ::FITTED_EVERY], r.mu_pct[::FITTED_EVERY]
         ratio = np.abs(torque) / (2 * design.normal_N * design.r_0)
         ticks = Ticks(z, np.ones(z.shape, dtype=bool), ratio, np.full(len(z), r.speed_m_s), design.tick_s)
         parts.append(imm.parts(ticks)[-1])

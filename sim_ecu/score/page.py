@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from sim_ecu.score import metrics
 from sim_ecu.score.metrics import BINS, OURS
 from sim_ecu.score.play import Trace
-from sim_ecu.score.report import tables
+from sim_ecu.score.tables import tables
 
 STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; max-width: 64rem; margin: 2rem auto; padding: 0 1rem; color: #222 }

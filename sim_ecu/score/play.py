@@ -51,7 +51,6 @@ class Trace:
     half_width_pp: FloatArray  # of the level on the bus; NaN for none, inf for wider
     contact: NDArray[np.str_]
     surface: NDArray[np.str_]
-    validity: NDArray[np.str_]
     true_mu_pct: FloatArray
     true_used_pct: FloatArray
     true_slip: FloatArray
@@ -163,7 +162,6 @@ def _trace(
         half_width_pp=np.array([HALF_WIDTHS.get(str(v["Confidence"]), np.nan) for _, v in said]),
         contact=words("ContactState"),
         surface=words("Surface"),
-        validity=words("Validity"),
         true_mu_pct=true[:, 0],
         true_used_pct=true[:, 1],
         true_slip=true[:, 2],

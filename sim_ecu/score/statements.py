@@ -11,7 +11,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_ecu.score.figure_data import SATURATED, DesignPoint, Levels, Trace, own_range
+from sim_ecu.design.linear import Point
+from sim_ecu.score.figure_data import SATURATED, Levels, Trace, own_range
 from wrcd.estimator.design import MODELS, Sets
 
 FloatArray = NDArray[np.float64]
@@ -52,7 +53,7 @@ class Statement:
 
 
 def creep_curves(
-    slopes: Mapping[str, tuple[float, float]], peaks: Mapping[str, float], points: Sequence[DesignPoint]
+    slopes: Mapping[str, tuple[float, float]], peaks: Mapping[str, float], points: Sequence[Point]
 ) -> list[Statement]:
     """Fig. 1. slopes: g11 and g22 (N) at the peak of each curve; peaks: mu there; points: the four models'."""
     flat = max(abs(g11 / g22) for g11, g22 in slopes.values())

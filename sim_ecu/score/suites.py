@@ -96,13 +96,16 @@ def robust(w: Wheelset, scale: float) -> Iterator[Run]:
         yield from _nominal("robust", variant.name, w, round(20 * scale), 100 + k, variant, ROUGHNESS, tactical=False)
 
 
-# Roughness is the spectral density A_a of the irregularity; the amplitude goes with its root.
+# Roughness is the spectral density A_a of the irregularity; the amplitude goes with its root. The first two are judged.
 ROUGH = (
     ("half as rough as any trained", 0, 0.5),
     ("twice as rough as any trained", 1, 2.0),
     ("half the amplitude of any trained", 0, 0.25),
     ("twice the amplitude of any trained", 1, 4.0),
 )
+
+
+ROUGH_JUDGED = tuple(name for name, _, _ in ROUGH[:2])
 
 
 def rough(w: Wheelset, scale: float, trained: tuple[float, float]) -> Iterator[Run]:

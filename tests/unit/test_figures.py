@@ -7,20 +7,19 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
+from sim_ecu.design.linear import Point
 from sim_ecu.design.rules import PAPER_POLYNOMIAL
+from sim_ecu.design.source import Source, load_source
 from sim_ecu.physics.contact import CURVES, peak
 from sim_ecu.score import statements as say
 from sim_ecu.score.figure_data import (
     OFF_PEAK,
     SETTLED_S,
     SPEED,
-    DesignPoint,
     FloatArray,
     Levels,
-    Subject,
     Trace,
     held,
-    load_subject,
     nearest,
     observe,
     own_range,
@@ -38,8 +37,8 @@ SETS = [THREE, THREE, THREE, TWO]
 
 
 @pytest.fixture(scope="module")
-def subject() -> Subject:
-    return load_subject(DESIGN)
+def subject() -> Source:
+    return load_source(DESIGN)
 
 
 def silent(_what: str, _share: float) -> None:
@@ -91,7 +90,7 @@ def test_all_figures_are_drawn_and_said(tmp_path: Path, capsys: pytest.CaptureFi
     assert [f"![Fig. {n}](fig{n:02d}.png)" in text for n in NUMBERS] == [True] * len(NUMBERS)
 
 
-def test_what_is_checked_is_what_was_gathered(subject: Subject) -> None:
+def test_what_is_checked_is_what_was_gathered(subject: Source) -> None:
     """Other data, other verdicts: the checks take nothing from elsewhere."""
     data = gather(subject, 1, 2.5, 0, silent)
     before = {(s.figure, s.says): s for s in check(data)}
@@ -112,7 +111,7 @@ def test_what_is_checked_is_what_was_gathered(subject: Subject) -> None:
 
 @pytest.mark.parametrize("share", [1.0, *OFF_PEAK, 0.012])
 @pytest.mark.parametrize("curve", "AF")
-def test_the_wheelset_is_held_where_the_figure_says(subject: Subject, curve: str, share: float) -> None:
+def test_the_wheelset_is_held_where_the_figure_says(subject: Source, curve: str, share: float) -> None:
     found = observe(subject, held(subject.wheelset, CURVES[curve], share, 1), 3.0, silent).since(SETTLED_S)
     creep, mu = peak(SPEED, subject.wheelset.contact, *CURVES[curve].row())
     # what the track's irregularity adds counts where there is hardly any creep
@@ -122,7 +121,7 @@ def test_the_wheelset_is_held_where_the_figure_says(subject: Subject, curve: str
         assert found.used_pct.mean() == pytest.approx(100 * mu, rel=0.02)
 
 
-def test_the_place_in_the_own_range_is_what_the_estimator_decides_by(subject: Subject) -> None:
+def test_the_place_in_the_own_range_is_what_the_estimator_decides_by(subject: Source) -> None:
     found = observe(subject, held(subject.wheelset, CURVES["C"], 1.0, 2), 1.5, silent).since(0.5)
     assert (np.argmin(found.own_range, axis=-1) + 1 == found.winner).all()
     # which is not what the raw residuals say, nor the same for the sensors' noise left in
@@ -189,7 +188,7 @@ def test_the_levels_of_fig_6() -> None:
     # between two levels: the geometric middle of both
     assert saturated.at(20.0)[0] == pytest.approx(np.sqrt(0.9 * 0.2))
     assert 10 ** saturated.seen_at(20.0) == pytest.approx(saturated.at(20.0))
-    assert nearest(DesignPoint(CURVES["A"], 0.9), saturated, below) is saturated
+    assert nearest(Point("", CURVES["A"], 0.9, (0.0, 0.0, 0.0)), saturated, below) is saturated
 
 
 def test_the_papers_rules() -> None:
@@ -222,7 +221,7 @@ def test_the_sets_and_the_output() -> None:
 
 
 def test_the_curves_of_fig_1() -> None:
-    points = [DesignPoint(CURVES[n], s) for n, s in (("A", 1.0), ("C", 1.0), ("D", 1.0), ("B", 0.1))]
+    points = [Point("", CURVES[n], s, (0.0, 0.0, 0.0)) for n, s in (("A", 1.0), ("C", 1.0), ("D", 1.0), ("B", 0.1))]
     slopes, peaks = {"A": (1.0, 1e6), "C": (1.0, 2e5)}, {"A": 0.4, "C": 0.2}
     assert verdicts(say.creep_curves(slopes, peaks, points)) == [True, True, True]
     steep = {"A": (1e5, 1e6), "C": (1.0, 9.9e5)}

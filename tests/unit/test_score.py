@@ -2,33 +2,36 @@
 
 import json
 import math
-from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from sim_ecu.cli import main
-from sim_ecu.design.cases import Plan, draw
+from sim_ecu.design.cases import SEEDS_PER_PLAN, Plan, draw
+from sim_ecu.design.source import load_source
 from sim_ecu.physics.wheelset import Wheelset
 from sim_ecu.score import metrics, suites
 from sim_ecu.score.play import Trace, play
-from sim_ecu.score.report import Goal, goals, judge, tables
+from sim_ecu.score.report import Goal, goals, judge
+from sim_ecu.score.tables import tables
 from wrcd.daemon.config import load_config
-from wrcd.estimator.design import load_design
 from wrcd.resources import DESIGN
 
 
 def trace(mu: np.ndarray, true: np.ndarray, **other: object) -> Trace:
     """50 frames a second, of a wheelset that uses 5 %."""
     n = len(mu)
-    base = Trace(
-        suite="grid", group="", curve="A", sensors="mems", speed_m_s=25.0, judged_from_s=0.0, changes_s=(),
-        time_s=0.02 * np.arange(1.0, n + 1.0), mu_pct=mu, half_width_pp=np.full(n, 2.0), contact=np.full(n, "Adhering"),
-        surface=np.full(n, "Dry"), validity=np.full(n, "Valid"), true_mu_pct=true, true_used_pct=np.full(n, 5.0),
-        true_slip=np.full(n, 0.001), peak_slip=0.02,
-    )  # fmt: skip
-    return replace(base, **other)  # type: ignore[arg-type]
+    values: dict[str, Any] = {
+        "suite": "grid", "group": "", "curve": "A", "sensors": "mems", "speed_m_s": 25.0, "judged_from_s": 0.0,
+        "changes_s": (),
+        "time_s": 0.02 * np.arange(1.0, n + 1.0), "mu_pct": mu, "half_width_pp": np.full(n, 2.0),
+        "contact": np.full(n, "Adhering"),
+        "surface": np.full(n, "Dry"), "true_mu_pct": true, "true_used_pct": np.full(n, 5.0),
+        "true_slip": np.full(n, 0.001), "peak_slip": 0.02,
+    }  # fmt: skip
+    return Trace(**values | other)
 
 
 def test_errors_leave_out_nothing_that_was_said() -> None:
@@ -104,8 +107,10 @@ def test_within_is_a_point_or_a_tenth() -> None:
 
 def test_what_is_scored_was_not_trained_on() -> None:
     trained = {c.seed for group in draw(Plan()) for c in group}
-    assert max(trained) < 1_000_003 * 1_001 < suites.FIRST_TEST_SEED  # the largest plan seed that is taken is 1000
-    runs = [*suites.grid(Wheelset(), 0.1), *suites.robust(Wheelset(), 0.1), *suites.dry_hours(Wheelset(), 0.1)]
+    assert max(trained) < SEEDS_PER_PLAN * 1_001 < suites.FIRST_TEST_SEED  # the largest plan seed that is taken is 1000
+    w = Wheelset()
+    makers = (suites.paper, suites.grid, suites.transitions, suites.robust, suites.dry_hours)
+    runs = [run for make in makers for run in make(w, 0.1)] + list(suites.rough(w, 0.1, Plan().roughness_range))
     played = [a.seed for run in runs for a in run.scenario.axles]
     assert min(played) >= suites.FIRST_TEST_SEED
     assert len(set(played)) == len(played)
@@ -162,15 +167,15 @@ def test_changes_of_rail_are_followed(small: list[Trace]) -> None:
 
 
 def test_the_report_has_every_figure(small: list[Trace]) -> None:
-    design = load_design(DESIGN)
+    source = load_source(DESIGN)
     for t in small:
         if t.suite == "grid":
             t.baselines["torque ratio"] = t.true_used_pct
-    result = judge(small, design, {"seed": 1})
+    result = judge(small, source)
     text = "\n".join(tables(result))
     assert "| torque ratio |" in text
     assert "**transitions**" in text
-    assert f"design {design.name} {design.checksum[:12]}" in text
+    assert f"design {source.design.name} {source.design.checksum[:12]}" in text
     assert len(goals(result["suites"])) == text.count("| met |") + text.count("| MISSED |")
     json.dumps(result)
 
