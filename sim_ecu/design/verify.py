@@ -68,7 +68,7 @@ class BothEngines(Estimator):
         matrices = self._schedule.at(tick.speed_m_s)
         self._noise = matrices[4]
         for a in range(self.axles):
-            present = tick.present[:, a]
+            present = self.present[:, a]  # without what the gate left out
             z = self._means[a].take_off(tick.z[:, a], present)
             reference = self._filters[a].step(z, present, matrices)
             whitened = np.array([matrices[3][m] @ reference[m] for m in range(4)])

@@ -9,6 +9,7 @@ import pytest
 from wrcd.bus.dbc import find_message
 from wrcd.bus.e2e import protect
 from wrcd.bus.frame import Frame
+from wrcd.bus.reasons import Reason
 from wrcd.daemon.config import Config, load_config
 from wrcd.daemon.core import Core, Outgoing
 
@@ -33,6 +34,8 @@ class Rig:
         self.speed = 25.0
         self.torque = 10_000.0
         self.yaw_status = 0
+        self.frozen = False
+        self.spike = 0  # on top of the yaw rate, in 1e-6 rad/s
         self.rough = 1
         self.out: list[Outgoing] = []
 
@@ -52,8 +55,9 @@ class Rig:
     def frames(self) -> list[Frame]:
         """The frames of one tick that are not silent; time moves on by the tick."""
         wiggle = (self.counter * 37 % 11) - 5
+        yaw = 600 if self.frozen else 300 * self.rough * wiggle + self.spike
         every = [
-            self.frame(0x101, struct.pack("<i", 300 * self.rough * wiggle)[:3], self.yaw_status),
+            self.frame(0x101, struct.pack("<i", yaw)[:3], self.yaw_status),
             self.frame(0x111, struct.pack("<i", 2000 * wiggle)[:3]),
             self.frame(0x121, struct.pack("<i", round(self.torque * 100))[:3]),
             self.frame(0x130, struct.pack("<H", round(self.speed / 0.0025))),
@@ -112,7 +116,9 @@ def test_cycles_slots_and_counters(rig: Rig) -> None:
     for o in rig.out:
         by_id.setdefault(o.frame.can_id, []).append(o.frame)
     assert {i: len(f) for i, f in by_id.items()} == (
-        {0x090 + a: 150 for a in range(1, 5)} | {0x0A0 + a: 30 for a in range(1, 5)} | {0x0B0: 3}
+        {0x090 + a: 150 for a in range(1, 5)}
+        | {base + a: 30 for base in (0x0A0, 0x0A8) for a in range(1, 5)}
+        | {0x0B0: 3, 0x0B1: 3, 0x0B2: 3}
     )
     for can_id, cycle in ((0x091, 20 * MS), (0x0A1, 100 * MS), (0x0B0, 1000 * MS)):
         for f in by_id[can_id]:
@@ -197,7 +203,7 @@ def test_a_step_of_the_clock_starts_anew(rig: Rig, step_ms: int) -> None:
 
 def test_frames_a_little_out_of_order_are_used(rig: Rig) -> None:
     rig.run(1500)
-    late = rig.frame(0x121, struct.pack("<i", 100)[:3])
+    late = rig.frame(0x121, struct.pack("<i", 1_000_100)[:3])
     rig.core.feed(Frame(rig.t - 3000, 0x121, late.data))
     assert rig.core.counts.time_steps == 0
     assert rig.core.counts.late == 1
@@ -265,3 +271,129 @@ def test_the_farewell_is_no_repeat(rig: Rig) -> None:
     rig.run(1500)
     last = [o.frame for o in rig.out if o.frame.can_id == 0x091][-1]
     assert (rig.core.farewell(rig.t)[0].data[1] - last.data[1]) & 0x0F in (1, 2)
+
+
+def decoded(rig: Rig, name: str) -> list[dict[str, Any]]:
+    """All frames of a message so far, words as strings."""
+    message = find_message(rig.config.database, name)
+    rows: list[Any] = [message.decode(o.frame.data) for o in rig.out if o.frame.can_id == message.frame_id]
+    return [{k: str(v) if hasattr(v, "name") else v for k, v in row.items()} for row in rows]
+
+
+def test_a_gyro_that_stands_still_while_the_train_moves(rig: Rig) -> None:
+    rig.run(2000)
+    rig.frozen = True
+    frames = rig.run(500)
+    # not Valid from the time-out and a cycle after the last true sample, refused soon after, then NotAvailable
+    assert {f["Validity"] for f in frames[2:]} == {"Degraded", "NotAvailable"}
+    assert validities(frames)[-1] == "NotAvailable"
+    assert rig.core.counts.rejected[Reason.STUCK] > 80
+    rows = decoded(rig, "InputHealth_A1")
+    assert rows[-1]["RefusedYawRate"] == "Stuck"
+    assert rows[-1]["ReachYawRate"] == 0
+    assert rows[-1]["ReachTorque"] == 255
+    assert rows[-1]["Unchanged"] == "Yes"
+    rig.frozen = False
+    frames = rig.run(2000)
+    assert validities(frames) == ["NotAvailable", "Valid"]
+    assert next(i for i, f in enumerate(frames) if f["Validity"] == "Valid") * 20 <= 1060
+
+
+def test_at_standstill_a_sensor_may_stand_still(rig: Rig) -> None:
+    rig.speed = 0.0
+    rig.frozen = True
+    rig.run(2000)
+    assert rig.core.counts.rejected.total() == 0
+    rig.speed, rig.frozen = 25.0, False
+    frames = rig.run(2000)
+    assert validities(frames) == ["NotAvailable", "Valid"]
+    assert rig.core.counts.rejected == {Reason.JUMP: 1}  # from rest to 25 m/s at once
+
+
+def test_one_absurd_sample_changes_nothing(rig: Rig) -> None:
+    twin = Rig(rig.config)
+    twin.run(2000)
+    rig.run(2000)
+    rig.spike = 5_000_000  # 5 rad/s
+    rig.run(5)
+    rig.spike = 0
+    twin.run(5)
+    mine, its = rig.run(1000), twin.run(1000)
+    assert rig.core.estimator.outliers == 1
+    assert validities(mine) == ["Valid"]
+    assert all(abs(a["MuAvailable"] - b["MuAvailable"]) < 0.2 for a, b in zip(mine, its, strict=True))
+    assert decoded(rig, "WrcdLink")[-1]["Outliers"] == 1
+    assert "Yes" in {row["Outlier"] for row in decoded(rig, "InputHealth_A1")}
+
+
+def test_absurd_samples_that_go_on_start_the_axle_anew(rig: Rig) -> None:
+    before = rig.run(2000)[-1]["MuAvailable"]
+    rig.spike = 1_000_000
+    frames = rig.run(2000)
+    assert rig.core.counts.restarts == 1
+    assert validities(frames)[-2:] == ["NotAvailable", "Valid"]
+    gone = next(i for i, f in enumerate(frames) if f["Validity"] == "NotAvailable")
+    assert gone * 20 <= 15 + 20  # as a silent sensor would be
+    assert frames[-1]["MuAvailable"] == pytest.approx(before, abs=1.0)
+
+
+@pytest.mark.parametrize(("what", "value"), [("speed", 0.5), ("speed", 120.0), ("torque", -80_000.0)])
+def test_a_value_that_jumps_is_believed_at_the_second_frame(rig: Rig, what: str, value: float) -> None:
+    rig.run(2000)
+    before = getattr(rig, what)
+    setattr(rig, what, value)
+    rig.run(5)
+    setattr(rig, what, before)
+    assert validities(rig.run(500)) == ["Valid"]
+    assert rig.core.counts.rejected == {Reason.JUMP: 1}
+    setattr(rig, what, value)
+    rig.run(1000)
+    assert rig.core.counts.rejected == {Reason.JUMP: 2}
+
+
+def test_two_senders_are_not_believed(rig: Rig) -> None:
+    rig.run(2000)
+    other = Rig(rig.config)
+    begin = len(rig.out)
+    for k in range(60):
+        for frame in rig.frames():
+            rig.out += rig.core.feed(frame)
+        data = protect(b"\0\0" + struct.pack("<i", 5000 + k)[:3], 0x101, (rig.counter + 6) % 15)
+        rig.out += rig.core.feed(Frame(other.t, 0x101, data))
+        other.t = rig.t + 2500
+        rig.out += rig.core.advance(rig.t)
+    frames = rig.adhesion(rig.out[begin:])
+    assert "Valid" not in {f["Validity"] for f in frames[2:]}
+    assert rig.core.counts.rejected[Reason.TWO_SENDERS] > 80
+    assert decoded(rig, "InputHealth_A1")[-1]["RefusedYawRate"] == "TwoSenders"
+    assert validities(rig.run(2000)) == ["NotAvailable", "Valid"]
+
+
+def test_rejections_are_told_by_reason(rig: Rig) -> None:
+    rig.run(995)
+    for can_id, data in ((0x101, bytes(5)), (0x101, bytes(4)), (0x101, protect(bytes(5), 0x111, 0)), (0x121, bytes(5))):
+        rig.core.feed(Frame(rig.t, can_id, data))
+    rig.run(2005)
+    rows = decoded(rig, "WrcdRejects")
+    assert [(r["RejectedCrc"], r["RejectedLength"], r["RejectedDataId"]) for r in rows] == [
+        (2, 1, 1),
+        (0,) * 3,
+        (0,) * 3,
+    ]
+    status = decoded(rig, "WrcdStatus")[-1]
+    assert (status["RejectedFrames"], status["LastReason"]) == (4, "Crc")
+
+
+def test_more_in_use_than_there_is_said_to_be_is_a_contradiction(rig: Rig) -> None:
+    """A rail that is hardly shaken says slippery; a torque of two thirds of the load says not so."""
+    rig.torque = 2000.0
+    rig.run(1000)
+    for torque in range(2000, 60_000, 2000):
+        rig.torque = float(torque)
+        rig.run(10)
+    rig.run(300)
+    rows = decoded(rig, "InputHealth_A1")
+    assert {row["Plausibility"] for row in rows} >= {"Unknown", "Contradiction"}
+    contradicted = [row["Plausibility"] == "Contradiction" for row in rows]
+    adhesion = decoded(rig, "Adhesion_A1")[4::5]
+    assert all(a["Validity"] != "Valid" for a, c in zip(adhesion, contradicted, strict=True) if c)

@@ -7,16 +7,23 @@ import pytest
 from cantools.database.can import Database
 
 from wrcd.bus.dbc import timeout_ms
+from wrcd.bus.reasons import Reason
 
 ROOT = Path(__file__).parents[2]
 MESSAGES = {
     "Adhesion_A{a}": (0x090, "WRCD", 20, 60, 8),
     "AdhesionDetail_A{a}": (0x0A0, "WRCD", 100, 300, 8),
+    "InputHealth_A{a}": (0x0A8, "WRCD", 100, 300, 8),
     "YawRate_A{a}": (0x100, "IMU", 5, 15, 5),
     "LatAccel_A{a}": (0x110, "IMU", 5, 15, 5),
     "Torque_A{a}": (0x120, "TCU", 10, 30, 5),
 }
-SINGLE = {"WrcdStatus": (0x0B0, "WRCD", 1000, 3000, 8), "VehicleSpeed": (0x130, "TCU", 20, 60, 4)}
+SINGLE = {
+    "WrcdStatus": (0x0B0, "WRCD", 1000, 3000, 8),
+    "WrcdRejects": (0x0B1, "WRCD", 1000, 3000, 8),
+    "WrcdLink": (0x0B2, "WRCD", 1000, 3000, 8),
+    "VehicleSpeed": (0x130, "TCU", 20, 60, 4),
+}
 EVERY = {n.format(a=a): (i + a, *rest) for n, (i, *rest) in MESSAGES.items() for a in range(1, 5)} | SINGLE
 # start, length, signed, scale, unit
 SIGNALS = {
@@ -110,3 +117,13 @@ def test_the_truth_is_only_in_the_rigs_file(production: Database) -> None:
     slip = truth.get_message_by_name("SimTruth_A1").get_signal_by_name("Slip")
     assert (slip.start, slip.length, slip.is_signed, slip.scale) == (48, 16, True, 1e-5)
     assert not any("Truth" in m.name for m in production.messages)
+
+
+def test_every_reason_has_its_label_and_its_counter(production: Database) -> None:
+    labels = ["None", *(r.label for r in Reason)]
+    for message, signal in (("WrcdStatus", "LastReason"), ("InputHealth_A3", "RefusedTorque")):
+        choices = production.get_message_by_name(message).get_signal_by_name(signal).choices
+        assert choices is not None
+        assert [str(choices[i]) for i in range(len(choices))] == labels
+    names = {s.name for s in production.get_message_by_name("WrcdRejects").signals}
+    assert names == {"Crc", "Counter", *(f"Rejected{r.label}" for r in Reason)}

@@ -59,3 +59,74 @@ def test_counter_fifteen_does_not_exist() -> None:
     frame[1] = 0x0F
     frame[0] = crc(frame, 0x91)
     assert Checker(0x91).check(bytes(frame)) is Reason.COUNTER
+
+
+def sent(counter: int, payload: int) -> bytes:
+    return protect(bytes([0, 0, payload, 0, 0]), 0x91, counter % COUNTER_MODULO)
+
+
+def test_a_frame_of_another_known_message_is_named() -> None:
+    checker = Checker(0x101, others=(0x102, 0x103))
+    assert checker.check(protect(bytes(5), 0x103, 0)) is Reason.DATA_ID
+    assert checker.check(protect(bytes(5), 0x104, 0)) is Reason.CRC
+    assert checker.check(protect(bytes(5), 0x101, 0)) is None
+
+
+@pytest.mark.parametrize("apart", range(COUNTER_MODULO))
+@pytest.mark.parametrize("first", [True, False])
+def test_two_senders_are_noticed_at_the_third_frame_and_nobody_is_believed(apart: int, first: bool) -> None:
+    checker = Checker(0x91)
+    for k in range(20):
+        assert checker.check(sent(k, 1)) is None
+    verdicts = []
+    for k in range(20, 60):
+        pair = [sent(k, 1), sent(k + apart, 2)]
+        verdicts.append([checker.check(f) for f in (pair if first else pair[::-1])])
+    assert all(Reason.TWO_SENDERS in pair for pair in verdicts[3:])
+    assert not any(None in pair for pair in verdicts[3:])
+    # the second falls silent: believed again after one turn of the counter
+    after = [checker.check(sent(k, 1)) for k in range(60, 80)]
+    assert after.index(None) <= COUNTER_MODULO + 1
+    assert all(v is None for v in after[after.index(None) :])
+
+
+def test_of_two_senders_the_one_that_remains_is_believed_again() -> None:
+    checker = Checker(0x91)
+    for k in range(30):
+        checker.check(sent(k, 1))
+        checker.check(sent(k + 7, 2))
+    after = [checker.check(sent(k + 7, 2)) for k in range(30, 50)]
+    assert after[-1] is None
+    assert after.index(None) <= COUNTER_MODULO + 2
+
+
+def test_two_senders_in_uneven_order_are_noticed() -> None:
+    """Two frames of one, two of the other: the chain would move back and forth for ever."""
+    checker = Checker(0x91)
+    a, b = iter(range(100)), iter(range(8, 100))
+    verdicts = [checker.check(sent(next(a if k // 2 % 2 else b), k)) for k in range(60)]
+    assert Reason.TWO_SENDERS in verdicts[:12]
+    assert None not in verdicts[12:]
+
+
+def test_copies_of_a_frame_are_no_second_sender() -> None:
+    checker = Checker(0x91)
+    for k in range(40):
+        assert checker.check(sent(k, k)) is None
+        assert checker.check(sent(k, k)) is Reason.REPEAT
+
+
+@pytest.mark.parametrize("stray", range(COUNTER_MODULO))
+def test_a_stray_frame_costs_at_most_one_good_one(stray: int) -> None:
+    checker = Checker(0x91)
+    for k in range(5):
+        checker.check(sent(k, 1))
+    checker.check(sent(stray, 99))
+    refused = [k for k in range(5, 20) if checker.check(sent(k, 1)) is not None]
+    assert len(refused) <= 1
+
+
+def test_a_sender_that_starts_anew_loses_one_frame() -> None:
+    checker = Checker(0x91)
+    for start in (0, 9, 3, 12):
+        assert [checker.check(sent(start + k, start)) for k in range(20)].count(None) >= 19

@@ -78,11 +78,14 @@ class SignalReader:
 class MessageReader:
     """Decodes one message and checks all of it."""
 
-    def __init__(self, message: Message, sources: Sequence[Source]) -> None:
+    STATE = ("_checker",)
+
+    def __init__(self, message: Message, sources: Sequence[Source], others: Sequence[int]) -> None:
         self._message = message
+        self.sources = tuple(sources)
         self._signals = [SignalReader(s, find_signal(message, s.signal)) for s in sources]
         identity = data_id(message)
-        self._checker = None if identity is None else Checker(identity)
+        self._checker = None if identity is None else Checker(identity, tuple(i for i in others if i != identity))
         self._status = self._labels(next((s for s in message.signals if s.name == STATUS), None))
 
     @staticmethod
@@ -120,19 +123,26 @@ class MessageReader:
 class Receiver:
     """All mapped messages by id."""
 
+    STATE = ("_readers",)
+
     def __init__(self, database: Database, sources: Sequence[Source]) -> None:
         by_message: dict[str, list[Source]] = {}
         for s in sources:
             by_message.setdefault(s.message, []).append(s)
         self._readers: dict[int, MessageReader] = {}
+        messages = {name: find_message(database, name) for name in by_message}
+        ids = [i for m in messages.values() if (i := data_id(m)) is not None]
         for name, group in by_message.items():
-            message = find_message(database, name)
-            self._readers[message.frame_id] = MessageReader(message, group)
+            self._readers[messages[name].frame_id] = MessageReader(messages[name], group, ids)
 
     @property
     def ids(self) -> tuple[int, ...]:
         """The ids of all mapped messages."""
         return tuple(sorted(self._readers))
+
+    def sources(self, can_id: int) -> tuple[Source, ...]:
+        """What a mapped message carries."""
+        return self._readers[can_id].sources
 
     def forget(self) -> None:
         """After a step of time: take every counter as it comes."""

@@ -21,9 +21,11 @@ finally:
         del sys.modules["cantools"]
 
 __all__ = [
-    "Database", "Message", "Signal", "attribute", "check_plain", "data_id", "find_message", "find_signal", "load_dbc",
-    "timeout_ms",
+    "Database", "Message", "Signal", "attribute", "check_plain", "cycle_ms", "data_id", "find_message", "find_signal",
+    "load_dbc", "timeout_ms",
 ]  # fmt: skip
+
+LONGEST_MS = 65_535  # of cycles and time-outs: the range that DBCs usually give these attributes
 
 
 def load_dbc(path: Path) -> Database:
@@ -68,11 +70,30 @@ def check_plain(message: Message) -> None:
 
 
 def timeout_ms(message: Message, signal: Signal) -> int | None:
-    """After how long a signal counts as stale: GenSigTimeoutTime, else three cycles, else None."""
-    stated = attribute(signal, "GenSigTimeoutTime")
-    if stated:
-        return int(stated)
-    return 3 * message.cycle_time if message.cycle_time else None
+    """After how long a signal counts as stale: GenSigTimeoutTime, else three cycles, else None.
+
+    Raises ValueError for one that is no time.
+    """
+    stated = _milliseconds(attribute(signal, "GenSigTimeoutTime"), f"the time-out of {message.name}.{signal.name}")
+    cycle = cycle_ms(message)
+    return stated or (3 * cycle if cycle else None)
+
+
+def cycle_ms(message: Message) -> int | None:
+    """The cycle that the DBC states, or None. Raises ValueError for one that is no time."""
+    return _milliseconds(message.cycle_time, f"the cycle of message {message.name}")
+
+
+def _milliseconds(stated: Any, what: str) -> int | None:
+    if not stated:
+        return None
+    try:
+        ms = int(stated)
+    except (ValueError, OverflowError):
+        ms = 0
+    if not 1 <= ms <= LONGEST_MS:
+        raise ValueError(f"{what} must lie within 1 … {LONGEST_MS} ms")
+    return ms
 
 
 def data_id(message: Message) -> int | None:

@@ -5,6 +5,12 @@ from wrcd.bus.reasons import Reason
 COUNTER_MODULO = 15
 # How many counts may be missing between two frames that are used one after the other (two lost frames).
 MOST_LOST = 2
+# A second sender is told from stray frames by so many of its own that continue each other beside the chain; after so
+# many frames of the chain alone a stray one is forgotten.
+RIVAL_FRAMES = 3
+RIVAL_FORGOTTEN = 4
+# Moving to another chain once or twice is a sender that starts anew; more within a few frames is two senders.
+MOVE, MOST_MOVES = 4, 2
 
 
 def _table() -> bytes:
@@ -38,28 +44,77 @@ def protect(data: bytes | bytearray, data_id: int, counter: int) -> bytes:
 
 
 class Checker:
-    """Watches one protected message. The counter of every frame with a good CRC is remembered, used or not, so one
-    frame is refused after a gap and the next is good again."""
+    """Watches one protected message and follows its sender's chain of counters.
 
-    def __init__(self, data_id: int) -> None:
-        self._data_id = data_id
-        self._last: int | None = None
+    A good CRC with a counter that does not continue the chain is refused, and remembered as a rival's. If the rival
+    goes on and the chain does not, the sender has started anew: the chain is the rival's from its second frame on. If
+    both go on beside each other, there are two senders, and neither is believed until one has been silent for a whole
+    turn of the counter. So a stray frame costs at most one good one, and a second sender is found at its third frame.
+    """
+
+    STATE = ("_last", "_payload", "_rival", "_rival_frames", "_beside", "_moves", "_contested")
+
+    def __init__(self, data_id: int, others: tuple[int, ...] = ()) -> None:
+        self._data_id, self._others = data_id, others
+        self.forget()
 
     def forget(self) -> None:
         """Start anew: the next frame's counter is taken as it comes."""
-        self._last = None
+        self._last: int | None = None  # counter of the newest frame of the chain
+        self._payload = b""  # that frame
+        self._rival: int | None = None  # counter of the newest frame beside the chain
+        self._rival_frames = 0  # how many of them continue each other
+        self._beside = 0  # frames of the chain since then
+        self._moves = 0  # grows as the chain moves to the rival, falls as it goes on
+        self._contested = 0  # frames for which nobody is believed
 
     def check(self, data: bytes) -> Reason | None:
         """None if the frame may be used, else why not. The length has been checked."""
         if len(data) < 2 or data[0] != crc(data, self._data_id):
-            return Reason.CRC
-        counter, last = data[1] & 0x0F, self._last
+            return Reason.DATA_ID if any(data[:1] == bytes((crc(data, i),)) for i in self._others) else Reason.CRC
+        counter = data[1] & 0x0F
         if counter >= COUNTER_MODULO:
             return Reason.COUNTER
-        self._last = counter
-        if last is None:
+        if self._last is None or _continues(self._last, counter):
+            return self._go_on(counter, data)
+        repeated = counter == self._last
+        goes_on = self._rival is not None and _continues(self._rival, counter)
+        if goes_on and self._beside == 0:
+            return self._move(counter, data)
+        if repeated and data == self._payload:
+            return Reason.REPEAT  # a copy says nothing of a second sender
+        if not goes_on:
+            self._rival, self._rival_frames, self._beside = counter, 1, 0
+        else:
+            self._rival, self._beside = counter, 0
+            self._rival_frames += 1
+            if self._rival_frames >= RIVAL_FRAMES:
+                self._contested = COUNTER_MODULO
+        return Reason.TWO_SENDERS if self._contested else Reason.REPEAT if repeated else Reason.COUNTER
+
+    def _go_on(self, counter: int, data: bytes) -> Reason | None:
+        self._last, self._payload = counter, data
+        self._beside += 1
+        self._moves = max(self._moves - 1, 0)
+        if self._beside > RIVAL_FORGOTTEN:
+            self._rival = None
+        return self._believed()
+
+    def _move(self, counter: int, data: bytes) -> Reason | None:
+        """The rival goes on and the chain does not: they change places."""
+        self._rival, self._rival_frames, self._beside = self._last, 1, 0
+        self._last, self._payload = counter, data
+        self._moves += MOVE
+        if self._moves > MOST_MOVES * MOVE:
+            self._contested = COUNTER_MODULO
+        return self._believed()
+
+    def _believed(self) -> Reason | None:
+        if not self._contested:
             return None
-        step = (counter - last) % COUNTER_MODULO
-        if step == 0:
-            return Reason.REPEAT
-        return None if step <= 1 + MOST_LOST else Reason.COUNTER
+        self._contested -= 1
+        return Reason.TWO_SENDERS
+
+
+def _continues(last: int, counter: int) -> bool:
+    return 1 <= (counter - last) % COUNTER_MODULO <= 1 + MOST_LOST

@@ -1,21 +1,37 @@
 """Links to a bus: what the loop needs of one, and how to open it."""
 
-from typing import Protocol
+from dataclasses import dataclass
+from typing import Literal, Protocol
 
 from wrcd.bus.frame import Frame
+
+LinkState = Literal["Up", "Down", "Gone", "ErrorPassive", "BusOff"]
+
+
+@dataclass(slots=True)
+class LinkHealth:
+    """What a link has seen so far."""
+
+    STATE = ("state", "drops", "reopens", "unsent", "error_frames", "bus_offs")
+
+    state: LinkState = "Up"
+    drops: int = 0  # frames lost because a buffer was full
+    reopens: int = 0  # how often the device had to be opened again
+    unsent: int = 0  # frames that could not be sent and were dropped
+    error_frames: int = 0  # that the controller reported
+    bus_offs: int = 0
+
+    @property
+    def up(self) -> bool:
+        """Whether the bus can be expected to carry frames now."""
+        return self.state in ("Up", "ErrorPassive")
 
 
 class Link(Protocol):
     """One bus, without threads: what has arrived lies in the kernel (or the driver) until it is fetched."""
 
     name: str
-    drops: int  # frames lost because a buffer was full
-    reopens: int  # how often the device had to be opened again
-    unsent: int  # frames that could not be sent and were dropped
-
-    @property
-    def up(self) -> bool:
-        """Whether the bus can be expected to carry frames now."""
+    health: LinkHealth
 
     def receive(self, now_us: int) -> list[Frame]:
         """All that is there, oldest first. now_us serves re-opening, and stamps where the interface has none."""

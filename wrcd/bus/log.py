@@ -57,7 +57,7 @@ def parse_line(line: bytes) -> tuple[Frame, str] | None:
     extended = len(m[4]) == 8
     error = extended and bool(number & _ERROR_FLAG)
     data = bytes.fromhex(m[7].decode()) if m[7] else b""
-    if len(data) > (64 if m[5] else 8):
+    if len(data) > (64 if m[5] else 8) or (number > 0x7FF and not extended):
         return None
     frame = Frame(
         int(m[1]) * 1_000_000 + int(m[2]), number & 0x1FFFFFFF if extended else number, data,

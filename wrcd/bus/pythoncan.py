@@ -5,6 +5,7 @@ from typing import Any
 import can
 
 from wrcd.bus.frame import Frame
+from wrcd.bus.link import LinkHealth
 from wrcd.errors import BusError
 
 # A stamp further than this from the wall clock is in the interface's own time: the time of reception replaces it.
@@ -23,8 +24,7 @@ class PythonCanLink:
 
     def __init__(self, interface: str, channel: str, ids: tuple[int, ...] | None, **options: Any) -> None:
         self.name = f"{interface}:{channel}"
-        self.drops = self.reopens = self.unsent = 0
-        self.up = True
+        self.health = LinkHealth()
         filters: Any = ids and [
             {"can_id": i, "can_mask": 0x7FF if i <= 0x7FF else 0x1FFFFFFF, "extended": i > 0x7FF} for i in ids
         ]
@@ -42,7 +42,9 @@ class PythonCanLink:
             stamp_us = round(message.timestamp * 1e6)
             if abs(stamp_us - now_us) > FOREIGN_CLOCK_US:
                 stamp_us = now_us
-            if not message.is_error_frame:
+            if message.is_error_frame:
+                self.health.error_frames += 1
+            else:
                 frames.append(from_message(message, stamp_us))
         return frames
 
@@ -50,10 +52,10 @@ class PythonCanLink:
         try:
             message = self._bus.recv(0.0)
         except (can.CanError, OSError):
-            self.up = False
+            self.health.state = "Down"
             return None
         if message is not None:
-            self.up = True
+            self.health.state = "Up"
         return message
 
     def send(self, frame: Frame) -> bool:
@@ -62,7 +64,7 @@ class PythonCanLink:
         try:
             self._bus.send(message, timeout=0)
         except (can.CanError, OSError):
-            self.unsent += 1
+            self.health.unsent += 1
             return False
         return True
 

@@ -17,6 +17,8 @@ class Arrivals:
     is used at most one tick late, and a sensor twice as fast as the tick has every second one used.
     """
 
+    STATE = ("_waiting", "used_us")
+
     def __init__(self, channels: int, axles: int) -> None:
         # (value, stamp in microseconds), at most two: for the open tick and for the one after it
         self._waiting: list[list[deque[tuple[float, int]]]] = [

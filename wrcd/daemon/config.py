@@ -1,5 +1,6 @@
 """The configuration: a TOML file that says which signals carry what, or the default, which is the packaged DBC."""
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,7 +8,7 @@ from typing import TypeVar
 
 from wrcd import resources
 from wrcd.bus.codec import Source, Writer
-from wrcd.bus.dbc import Database, check_plain, data_id, find_message, find_signal, load_dbc, timeout_ms
+from wrcd.bus.dbc import Database, check_plain, cycle_ms, data_id, find_message, find_signal, load_dbc, timeout_ms
 from wrcd.bus.units import Quantity, factor
 from wrcd.daemon.report import sendable
 from wrcd.errors import InputError
@@ -37,6 +38,7 @@ class AxleConfig:
     number: int
     adhesion: str
     detail: str | None
+    inputs: str | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +47,21 @@ class Input:
 
     source: Source
     timeout_us: int
+
+
+@dataclass(frozen=True, slots=True)
+class RecorderConfig:
+    """The flight recorder: seconds of frames in memory (0: none), and how much its folder (None: none) may hold."""
+
+    folder: Path | None
+    seconds: float
+    most_files: int  # dumps; each is a log and a state
+    most_mb: float
+
+    @property
+    def on(self) -> bool:
+        """Whether there is anything to record for."""
+        return self.folder is not None and self.seconds > 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +78,8 @@ class Config:
     axles: tuple[AxleConfig, ...]
     inputs: tuple[Input, ...]
     status: str | None
+    rejects: str | None
+    link: str | None
     not_available_after_us: int
     min_speed_m_s: float
     constant_speed_m_s: float | None
@@ -68,6 +87,7 @@ class Config:
     adhesion_cycle_us: int
     detail_cycle_us: int
     status_cycle_us: int
+    recorder: RecorderConfig
 
 
 DEFAULT = """
@@ -85,21 +105,30 @@ torque = "Torque_A{a}.Torque"
 )
 
 
-def load_config(path: Path | None) -> Config:
-    """Read a configuration file, or the default one for None. Raises InputError with file, line, key and advice."""
+def load_config(
+    path: Path | None,
+    read_dbc: Callable[[Path], Database] = load_dbc,
+    read_design: Callable[[Path], Design] = load_design,
+) -> Config:
+    """Read a configuration file, or the default one for None. Raises InputError with file, line, key and advice.
+
+    Who has the DBC or the design already says so by a reader of their own.
+    """
     if path is None:
-        return _config(parse_toml(DEFAULT, "default configuration"), Path())
-    return _config(read_toml(path), path.parent)
+        return _config(parse_toml(DEFAULT, "default configuration"), Path(), read_dbc, read_design)
+    return _config(read_toml(path), path.parent, read_dbc, read_design)
 
 
-def _config(top: Section, folder: Path) -> Config:
+def _config(
+    top: Section, folder: Path, read_dbc: Callable[[Path], Database], read_design: Callable[[Path], Design]
+) -> Config:
     bus, dbc, estimator = top.section("bus"), top.section("dbc"), top.section("estimator")
     limits, vehicle = top.section("limits"), top.section("vehicle")
     interface, channel = bus.get("interface", str, "socketcan"), bus.get("channel", str, "can0")
     dbc_file = _path(dbc, "file", folder, resources.DBC)
-    database = _load(dbc, "file", dbc_file, load_dbc)
+    database = _load(dbc, "file", dbc_file, read_dbc)
     design_file = _path(estimator, "design", folder, resources.DESIGN)
-    design = _load(estimator, "design", design_file, load_design)
+    design = _load(estimator, "design", design_file, read_design)
     _same_wheelset(top.section("wheelset"), design, design_file)
     axles, inputs, numbers = [], [], set()
     sent: set[str] = set()
@@ -113,7 +142,7 @@ def _config(top: Section, folder: Path) -> Config:
         if axle.number in numbers:
             raise table.error(f"{axle.number} is there twice", "number")
         numbers.add(axle.number)
-        for key, name in (("adhesion", axle.adhesion), ("detail", axle.detail)):
+        for key, name in (("adhesion", axle.adhesion), ("detail", axle.detail), ("inputs", axle.inputs)):
             if name in sent:
                 raise table.error(f"{name} is sent for another axle already", key)
             if name:
@@ -123,13 +152,13 @@ def _config(top: Section, folder: Path) -> Config:
         table.done()
     inputs += _inputs(vehicle, database, VEHICLE_QUANTITIES, tuple(range(len(axles))))
     constant = limits.maybe("constant_speed_m_s", float)
+    if constant is not None:
+        limits.number("constant_speed_m_s", constant, 0.0, Quantity.SPEED.limit)
     if constant is None and Quantity.SPEED not in {i.source.quantity for i in inputs}:
         raise vehicle.error(
             "is missing", "speed", 'name the signal ("Message.Signal") or give limits.constant_speed_m_s'
         )
-    status = vehicle.maybe("status_message", str)
-    if status is None and any(m.name == "WrcdStatus" for m in database.messages):
-        status = "WrcdStatus"
+    status = _optional(vehicle, "status_message", database, "WrcdStatus")
     config = Config(
         file=str(top.file),
         interface=interface,
@@ -141,6 +170,8 @@ def _config(top: Section, folder: Path) -> Config:
         axles=tuple(axles),
         inputs=tuple(inputs),
         status=status,
+        rejects=_optional(vehicle, "rejects_message", database, "WrcdRejects"),
+        link=_optional(vehicle, "link_message", database, "WrcdLink"),
         not_available_after_us=round(1000 * limits.number("not_available_after_ms", 100.0, 5.0, 10_000.0)),
         min_speed_m_s=limits.number("min_speed_m_s", 3.0, 0.1, 60.0),
         constant_speed_m_s=constant,
@@ -148,11 +179,26 @@ def _config(top: Section, folder: Path) -> Config:
         adhesion_cycle_us=_cycle(database, axles[0].adhesion, 20),
         detail_cycle_us=_cycle(database, axles[0].detail, 100),
         status_cycle_us=_cycle(database, status, 1000),
+        recorder=_recorder(top.section("recorder"), folder),
     )
-    if status is not None:
-        _writer(vehicle, "status_message", database, status, ())
     for section in (bus, dbc, estimator, limits, vehicle, top):
         section.done()
+    return config
+
+
+def _recorder(section: Section, folder: Path) -> RecorderConfig:
+    # where systemd says that a service may keep things; it may name several, by colons
+    given = section.maybe("folder", str) or os.environ.get("STATE_DIRECTORY", "").partition(":")[0]
+    most_files = section.get("most_files", int, 20)
+    if not 1 <= most_files <= 10_000:
+        raise section.error(f"takes 1 … 10000, not {most_files}", "most_files")
+    config = RecorderConfig(
+        folder=folder / given if given else None,
+        seconds=section.number("seconds", 60.0, 0.0, 600.0),
+        most_files=most_files,
+        most_mb=section.number("most_mb", 200.0, 1.0, 1e6),
+    )
+    section.done()
     return config
 
 
@@ -177,12 +223,22 @@ def _axle(table: Section, database: Database) -> AxleConfig:
         raise table.error(f"takes 1 … {MOST_AXLES}, not {number}", "number")
     adhesion = table.get("adhesion", str, f"Adhesion_A{number}")
     _writer(table, "adhesion", database, adhesion, ADHESION_NEEDS)
-    detail = table.maybe("detail", str)
-    if detail is None and any(m.name == f"AdhesionDetail_A{number}" for m in database.messages):
-        detail = f"AdhesionDetail_A{number}"
-    if detail is not None:
-        _writer(table, "detail", database, detail, ())
-    return AxleConfig(number, adhesion, detail)
+    return AxleConfig(
+        number,
+        adhesion,
+        detail=_optional(table, "detail", database, f"AdhesionDetail_A{number}"),
+        inputs=_optional(table, "inputs", database, f"InputHealth_A{number}"),
+    )
+
+
+def _optional(section: Section, key: str, database: Database, usual: str) -> str | None:
+    """A message to send that may be left out: named, or the usual one where the DBC has it."""
+    name = section.maybe(key, str)
+    if name is None and any(m.name == usual for m in database.messages):
+        name = usual
+    if name is not None:
+        _writer(section, key, database, name, ())
+    return name
 
 
 def _inputs(
@@ -223,6 +279,7 @@ def _writer(section: Section, key: str, database: Database, name: str, needs: tu
         message = find_message(database, name)
         Writer(message, needs)
         sendable(message)
+        cycle_ms(message)
     except KeyError as e:
         hint = suggest(name, [m.name for m in database.messages]) or f'give [[axle]] {key} = "…"'
         raise section.error(str(e.args[0]), key, hint) from None
@@ -233,7 +290,7 @@ def _writer(section: Section, key: str, database: Database, name: str, needs: tu
 def _cycle(database: Database, name: str | None, default_ms: int) -> int:
     if name is None:
         return default_ms * 1000
-    return (find_message(database, name).cycle_time or default_ms) * 1000
+    return (cycle_ms(find_message(database, name)) or default_ms) * 1000
 
 
 def _same_wheelset(section: Section, design: Design, file: Path) -> None:

@@ -7,6 +7,7 @@ of every other signal the newest counts. Frames of a slot are made when the tick
 
 import math
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -14,14 +15,16 @@ import numpy as np
 from wrcd.bus.codec import Receiver, Value, Writer
 from wrcd.bus.dbc import find_message
 from wrcd.bus.frame import Frame
+from wrcd.bus.link import LinkHealth
 from wrcd.bus.reasons import Reason
 from wrcd.daemon.arrivals import NEVER
 from wrcd.daemon.config import Config
 from wrcd.daemon.inputs import LAT, SPEED, TORQUE, YAW, Inputs
 from wrcd.daemon.report import Report, Validity, confidence, known, surface
+from wrcd.estimator.bank import BoolArray
 from wrcd.estimator.estimator import Estimate, Estimator, Tick
 
-STALE_NAMES = {YAW: "StaleYawRate", LAT: "StaleLatAccel", TORQUE: "StaleTorque", SPEED: "StaleSpeed"}
+NAMES = {YAW: "YawRate", LAT: "LatAccel", TORQUE: "Torque", SPEED: "Speed"}  # as the DBC's signals end
 
 FORWARD_STEP_US = 1_000_000  # a stamp further ahead than this re-initialises
 BACKWARD_STEP_US = 10_000  # out of order by less than this is jitter between queues, by more a step of the clock
@@ -32,10 +35,15 @@ MOST_FILLED_US = 60_000_000  # a replay fills a silence with frames up to this l
 class Counts:
     """What happened so far. Every mapped frame is in accepted or in rejected under its reason."""
 
+    STATE = ("accepted", "rejected", "late", "time_steps", "restarts", "ticks")
+    PASSING = ("blamed",)
+
     accepted: int = 0
     rejected: Counter[Reason] = field(default_factory=Counter)
+    blamed: Counter[tuple[str, Reason]] = field(default_factory=Counter)  # the same by message, for the log
     late: int = 0  # arrived after their tick was closed: used in the tick that was open
     time_steps: int = 0
+    restarts: int = 0  # axles started anew because what they said was absurd for too long
     ticks: int = 0
 
     @property
@@ -46,7 +54,7 @@ class Counts:
     @property
     def seen(self) -> int:
         """All mapped frames."""
-        return self.accepted + sum(self.rejected.values())
+        return self.accepted + self.rejected.total()
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,16 +68,23 @@ class Outgoing:
 
 @dataclass(slots=True)
 class Health:
-    """What the loop knows and the core sends in WrcdStatus."""
+    """What the loop knows and the core sends in WrcdStatus and WrcdLink."""
+
+    STATE = ("state", "overruns", "link")
 
     state: str = "Running"
     overruns: int = 0
-    drops: int = 0
-    reopens: int = 0
+    link: LinkHealth = field(default_factory=LinkHealth)
 
 
 class Core:
     """One bus, all its axles."""
+
+    STATE = (
+        "counts", "health", "estimator", "receiver", "_open", "_stamp_us", "_inputs", "_good_ticks", "_warm", "_blank",
+        "_last_reason", "_rejected_before", "_outlier_us",
+    )  # fmt: skip
+    PASSING = ("reports",)
 
     def __init__(self, config: Config, estimator: Estimator | None = None) -> None:
         self.config = config
@@ -90,9 +105,21 @@ class Core:
         db = config.database
         self._adhesion = [Writer(find_message(db, a.adhesion), ()) for a in config.axles]
         self._detail = [Writer(find_message(db, a.detail), ()) if a.detail else None for a in config.axles]
-        self._status = Writer(find_message(db, config.status), ()) if config.status else None
+        self._inputs_of = [Writer(find_message(db, a.inputs), ()) if a.inputs else None for a in config.axles]
+        self._status, self._rejects, self._link = (
+            Writer(find_message(db, name), ()) if name else None
+            for name in (config.status, config.rejects, config.link)
+        )
+        self._last_reason = "None"
+        self._rejected_before: Counter[Reason] = Counter()  # at the newest WrcdRejects
+        self._outlier_us = [NEVER] * n
         self.reports: list[Report] = []  # of the newest slot
         self.muted = False  # make no frames: nobody would send them
+
+    def reconfigure(self, config: Config) -> None:
+        """Go on with other limits from the next tick on; everything else in config must be as it was."""
+        self.config = config
+        self._inputs.relimit(config)
 
     def feed(self, frame: Frame) -> list[Outgoing]:
         """Take a received frame. Returns what was due before its stamp. Frames that are not mapped change nothing."""
@@ -100,8 +127,14 @@ class Core:
         if got is None:
             return []
         out = self._move_to(frame.stamp_us)
+        if not isinstance(got, Reason):
+            got = self._inputs.judge(got, frame.stamp_us) or got
         if isinstance(got, Reason):
             self.counts.rejected[got] += 1
+            self._last_reason = got.label
+            sources = self.receiver.sources(frame.can_id)
+            self.counts.blamed[sources[0].message, got] += 1
+            self._inputs.refuse(sources, frame.stamp_us, got)
             return out
         self.counts.accepted += 1
         assert self._open is not None
@@ -184,7 +217,15 @@ class Core:
                 self._good_ticks[axle] += 1
                 self._warm[axle] |= self._good_ticks[axle] >= self._window
         if running.any():
-            self.estimator.step(Tick(number, i.z, i.present & running, i.torque_ratio, i.speed_m_s))
+            present = i.present & running
+            self.estimator.step(Tick(number, i.z, present, i.torque_ratio, i.speed_m_s))
+            left_out: BoolArray = np.any(present & ~self.estimator.present, axis=0)
+            for axle in range(self._n):
+                if left_out[axle]:
+                    self._outlier_us[axle] = (number + 1) * self._period_us
+                if self.estimator.upset[axle]:
+                    self.counts.restarts += 1
+                    self._forget(axle)
 
     def _due(self, end_us: int) -> list[Outgoing]:
         """The frames whose slot begins with this tick's end."""
@@ -204,9 +245,21 @@ class Core:
             for axle, writer in enumerate(self._detail):
                 if writer:
                     out.append(_outgoing(writer, end_us, c.detail_cycle_us, self._explain(axle, estimate)))
-        if status and self._status:
-            out.append(_outgoing(self._status, end_us, c.status_cycle_us, self._health_values()))
+            for axle, writer in enumerate(self._inputs_of):
+                if writer:
+                    out.append(_outgoing(writer, end_us, c.detail_cycle_us, self._input_values(axle, end_us, estimate)))
+        if status:
+            out += self._status_frames(end_us)
         return out
+
+    def _status_frames(self, end_us: int) -> Iterator[Outgoing]:
+        for writer, values in (
+            (self._status, self._health_values),
+            (self._rejects, self._reject_values),
+            (self._link, self._link_values),
+        ):
+            if writer:
+                yield _outgoing(writer, end_us, self.config.status_cycle_us, values())
 
     def _report(self, axle: int, end_us: int, estimate: Estimate | None) -> Report:
         age_ms = self._inputs.age_ms(axle, end_us)
@@ -214,7 +267,12 @@ class Core:
         if not self._warm[axle] or estimate is None:
             return Report(Validity.NOT_AVAILABLE, None, used, age_ms, "Unknown", "Unknown", "None")
         mu = known(float(estimate.mu_available_pct[axle]))
-        sure = mu is not None and self._good_ticks[axle] >= self._window and self._inputs.sound(axle)
+        sure = (
+            mu is not None
+            and self._good_ticks[axle] >= self._window
+            and self._inputs.sound(axle)
+            and not estimate.contradicted[axle]
+        )
         contact = "Unknown" if mu is None else "Saturated" if estimate.saturated[axle] else "Adhering"
         return Report(
             Validity.VALID if sure else Validity.DEGRADED,
@@ -228,7 +286,7 @@ class Core:
 
     def _explain(self, axle: int, estimate: Estimate | None) -> dict[str, Value]:
         warm = self._warm[axle] and estimate is not None
-        values: dict[str, Value] = {name: float(self._inputs.stale[q, axle]) for q, name in STALE_NAMES.items()}
+        values: dict[str, Value] = {f"Stale{name}": float(self._inputs.stale[q, axle]) for q, name in NAMES.items()}
         values["WinningModel"] = float(estimate.winner[axle]) if warm and estimate else 0.0
         values["DominantRule"] = float(estimate.rule[axle]) if warm and estimate else None
         for m in range(4):
@@ -236,15 +294,53 @@ class Core:
             values[f"Residual{m + 1}"] = 20 * math.log10(r) if math.isfinite(r) else None
         return values
 
+    def _input_values(self, axle: int, end_us: int, estimate: Estimate | None) -> dict[str, Value]:
+        values: dict[str, Value] = {
+            "Plausibility": self._plausibility(axle, estimate),
+            "Outlier": float(end_us - self._outlier_us[axle] <= self.config.detail_cycle_us),
+            "Unchanged": float(self._inputs.unchanged[:, axle].any()),
+        }
+        for q, name in NAMES.items():
+            register, refused = self._inputs.reach.read(q, axle, end_us)
+            values |= {f"Reach{name}": float(register), f"Refused{name}": refused}
+        return values
+
+    def _plausibility(self, axle: int, estimate: Estimate | None) -> str:
+        """More in use than available is saturation, or something is wrong: which."""
+        if not self._warm[axle] or estimate is None or not math.isfinite(estimate.mu_available_pct[axle]):
+            return "Unknown"
+        if estimate.contradicted[axle]:
+            return "Contradiction"
+        return "Saturated" if estimate.saturated[axle] else "Consistent"
+
     def _health_values(self) -> dict[str, Value]:
         h = self.health
         return {
             "State": h.state,
             "Overruns": float(h.overruns % 256),
-            "RejectedFrames": float(sum(self.counts.rejected.values()) % 4096),
-            "ReceiveDrops": float(h.drops % 256),
-            "Reopens": float(h.reopens % 16),
+            "RejectedFrames": float(self.counts.rejected.total() % 1024),
+            "LastReason": self._last_reason,
+            "ReceiveDrops": float(h.link.drops % 64),
+            "Reopens": float(h.link.reopens % 16),
             "DesignChecksum": float(int(self.config.design.checksum[:4], 16)),
+        }
+
+    def _reject_values(self) -> dict[str, Value]:
+        new = self.counts.rejected - self._rejected_before
+        self._rejected_before = self.counts.rejected.copy()
+        return {f"Rejected{r.label}": float(min(new[r], 15)) for r in Reason}
+
+    def _link_values(self) -> dict[str, Value]:
+        link = self.health.link
+        return {
+            "LinkState": link.state,
+            "ErrorFrames": float(link.error_frames % 4096),
+            "BusOffs": float(link.bus_offs % 16),
+            "Unsent": float(link.unsent % 256),
+            "TimeSteps": float(self.counts.time_steps % 16),
+            "LateFrames": float(self.counts.late % 16),
+            "Outliers": float(self.estimator.outliers % 256),
+            "Restarts": float(self.counts.restarts % 256),
         }
 
     def farewell(self, now_us: int) -> list[Frame]:

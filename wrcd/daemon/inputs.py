@@ -1,14 +1,18 @@
 """What the frames said of every axle, how old it is, and whether that is enough to go on."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wrcd.bus.codec import Sample
+from wrcd.bus.codec import Sample, Source
+from wrcd.bus.reasons import Reason
 from wrcd.bus.units import Quantity
 from wrcd.daemon.arrivals import NEVER, Arrivals
 from wrcd.daemon.config import Config
+from wrcd.daemon.plausible import MOST_STEP, RESTLESS, Restless, Steady
+from wrcd.daemon.reach import Reach
 
 QUANTITIES = tuple(Quantity)
 YAW, LAT, TORQUE, SPEED, BRAKE, LOAD, DIRECTION, RADIUS = range(len(QUANTITIES))
@@ -26,6 +30,11 @@ class Inputs:
     of travel; torque_ratio (n,), |torque| / (2 N r0), NaN where what it is made of is dead.
     """
 
+    STATE = (
+        "_value", "_stamps", "_degraded", "_arrivals", "unchanged", "reach", "_restless", "_steady", "stale", "dead",
+        "z", "present", "torque_ratio",
+    )  # fmt: skip
+
     def __init__(self, config: Config) -> None:
         n, design = len(config.axles), config.design
         shape = (len(QUANTITIES), n)
@@ -35,9 +44,6 @@ class Inputs:
             at = _ROW[i.source.quantity], list(i.source.axles)
             self._mapped[at] = True
             self._timeout[at] = i.timeout_us
-        # slow inputs (load, radius, direction) may take their own time-out; the measurements may not
-        self._dead_after = np.maximum(self._timeout, config.not_available_after_us)
-        self._dead_after[: SPEED + 1] = config.not_available_after_us
         self._value = np.zeros(shape)
         self._value[SPEED] = math.nan if config.constant_speed_m_s is None else config.constant_speed_m_s
         self._value[LOAD] = 2 * design.normal_N
@@ -46,15 +52,53 @@ class Inputs:
         self._stamps = np.full(shape, NEVER, dtype=np.int64)
         self._degraded = np.zeros(shape, dtype=bool)
         self._arrivals = Arrivals(LAT + 1, n)
+        self.unchanged = np.zeros((LAT + 1, n), dtype=bool)  # for longer than the time-out, while the train moves
         self._speeds = float(design.speeds_m_s[0]), float(design.speeds_m_s[-1])
-        self._torque_is_total = config.torque_is_total
+        self.reach = Reach(self._timeout)
+        self._restless = {_place(i.source): Restless() for i in config.inputs if i.source.quantity in RESTLESS}
+        self._steady = {
+            _place(i.source): Steady(MOST_STEP[i.source.quantity], i.timeout_us)
+            for i in config.inputs
+            if i.source.quantity in MOST_STEP
+        }
+        self.relimit(config)
         self.close(0)
+
+    def relimit(self, config: Config) -> None:
+        """Other limits from the next tick on."""
+        # slow inputs (load, radius, direction) may take their own time-out; the measurements may not
+        self._dead_after = np.maximum(self._timeout, config.not_available_after_us)
+        self._dead_after[: SPEED + 1] = config.not_available_after_us
+        self._torque_is_total = config.torque_is_total
+        self._min_speed_m_s = config.min_speed_m_s
+        if config.constant_speed_m_s is not None and not self._mapped[SPEED].any():
+            self._value[SPEED] = config.constant_speed_m_s
+
+    def judge(self, samples: Sequence[Sample], stamp_us: int) -> Reason | None:
+        """Why a frame's samples cannot be believed, or None. Each is judged, whatever the others are."""
+        verdicts = [self._judge(s, stamp_us) for s in samples]
+        return next((v for v in verdicts if v), None)
+
+    def _judge(self, s: Sample, stamp_us: int) -> Reason | None:
+        place = _place(s)
+        if (restless := self._restless.get(place)) is not None:
+            return restless.judge(s.value, stamp_us, self.speed_m_s >= self._min_speed_m_s)
+        steady = self._steady.get(place)
+        return None if steady is None else steady.judge(s.value, stamp_us)
+
+    def refuse(self, sources: Sequence[Source], stamp_us: int, reason: Reason) -> None:
+        """A frame of these was refused. Where two senders contradict each other, not even what came before holds."""
+        for s in sources:
+            for axle in s.axles:
+                self.reach.refuse(_ROW[s.quantity], axle, stamp_us, reason)
+                self._degraded[_ROW[s.quantity], axle] |= reason is Reason.TWO_SENDERS
 
     def take(self, s: Sample, stamp_us: int) -> None:
         """A sample of an accepted frame."""
         q = _ROW[s.quantity]
         for axle in s.axles:
             self._stamps[q, axle] = stamp_us
+            self.reach.came(q, axle, stamp_us)
             self._degraded[q, axle] = s.degraded
             if q <= LAT:
                 self._arrivals.put(q, axle, s.value, stamp_us)
@@ -65,6 +109,11 @@ class Inputs:
         """A step of time: how old anything is cannot be told any more."""
         self._stamps[:] = NEVER
         self._arrivals.clear()
+        self.reach.forget()
+        for restless in self._restless.values():
+            restless.forget()
+        for steady in self._steady.values():
+            steady.forget()
 
     def close(self, end_us: int) -> None:
         """A tick is over: judge what there is at its end."""
@@ -75,6 +124,8 @@ class Inputs:
         z, self.present = self._arrivals.take()
         self.z: FloatArray = z * self._value[DIRECTION]
         ratio = np.abs(self._value[TORQUE] + self._value[BRAKE]) / (self._value[LOAD] * self._value[RADIUS])
+        for (q, axle), watch in self._restless.items():
+            self.unchanged[q, axle] = watch.unchanged(end_us, int(self._timeout[q, axle]))
         unknown = dead[[TORQUE, BRAKE, LOAD, RADIUS]].any(axis=0)
         self.torque_ratio: FloatArray = np.where(unknown, math.nan, ratio)
 
@@ -89,11 +140,18 @@ class Inputs:
         return min(int((end_us - used_us)[self._mapped[:, axle]].max()) // 1000, 255)
 
     def sound(self, axle: int) -> bool:
-        """Whether nothing speaks against an estimate: no sender says Degraded, the design covers the speed, and the
-        torque is the total one (while braking, the friction brakes' share must be known)."""
+        """Whether nothing speaks against an estimate: no sender says Degraded or is contradicted by another, no sensor
+        stands still, the design covers the speed, and the torque is the total one (while braking, the friction
+        brakes' share must be known)."""
         low, high = self._speeds
         return (
             not self._degraded[self._mapped[:, axle], axle].any()
+            and not self.unchanged[:, axle].any()
             and low <= self.speed_m_s <= high
             and bool(self._torque_is_total or self._mapped[BRAKE, axle] or self._value[TORQUE, axle] >= 0)
         )
+
+
+def _place(s: Sample | Source) -> tuple[int, int]:
+    """Where a signal is kept: its quantity and the first of its axles."""
+    return _ROW[s.quantity], s.axles[0]

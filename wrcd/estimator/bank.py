@@ -35,6 +35,9 @@ class Bank:
     All three are one product of a (9 x 7) matrix with [x; z]. The matrices are built when the speed changes.
     """
 
+    STATE = ("x",)
+    PASSING = ("_fused",)
+
     def __init__(self, design: Design, axles: int) -> None:
         self._d = design
         self._fused: dict[float, tuple[FloatArray, FloatArray]] = {}

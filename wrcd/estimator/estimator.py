@@ -5,13 +5,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from wrcd.estimator.bank import Bank, BoolArray, at_speed, scheduled_speed
-from wrcd.estimator.design import MODELS, Design, FloatArray, IntArray
+from wrcd.estimator.design import CHANNELS, MODELS, Design, FloatArray, IntArray
 from wrcd.estimator.fuzzy import Fuzzy
+from wrcd.estimator.gate import Gate
 from wrcd.estimator.offset import Offset
 from wrcd.estimator.window import Window
 
 CHANGE_TICKS = 4
 OFFSET_WINDOWS = 2  # memory of the sensors' offsets, in windows
+LEAST_CONTRADICTION_PP = 2.0
 LEAST_TORQUE = 0.003  # torque ratio: less is coasting, and says nothing
 LEAST_TRACK = 0.03  # of the noise's power: less from the track is not told from none
 
@@ -42,6 +44,7 @@ class Estimate:
     mu_available_pct: FloatArray
     half_width_pp: FloatArray
     saturated: BoolArray
+    contradicted: BoolArray  # more is in use than the rules, with their interval, say there is: one of them is wrong
 
 
 def rule_inputs(design: Design, residuals: FloatArray, torque_ratio: FloatArray, speed_m_s: float) -> FloatArray:
@@ -63,33 +66,54 @@ class Estimator:
     rest is forgotten, so that the estimate follows in a fraction of the window and says so by a wider interval.
     """
 
+    STATE = ("_bank", "_offset", "_gate", "_window", "_speed_m_s", "present", "upset", "outliers")
+
     def __init__(self, design: Design, axles: int) -> None:
         self.design = design
         self.axles = axles
         self._bank = Bank(design, axles)
         self._offset = Offset(OFFSET_WINDOWS * design.window_ticks, axles)
+        self._gate = Gate(axles)
         self._window = Window(design.window_ticks, design.recent_ticks, axles)
         self._fuzzy = Fuzzy(design)
         self._speed_m_s = float(design.speeds_m_s[0])
         self._low = np.array([s.centres[0] for s in design.residual_sets])
         self._width = np.array([s.centres[-1] - s.centres[0] for s in design.residual_sets])
+        self.present: BoolArray = np.zeros((CHANNELS, axles), dtype=bool)  # what the newest tick made use of
+        self.upset: BoolArray = np.zeros(axles, dtype=bool)
+        self.outliers = 0  # samples left out so far
 
     def reset(self, axle: int) -> None:
         """Start an axle anew: after a gap, a step of time, or a standstill."""
         self._offset.reset(axle)
+        self._gate.reset(axle)
         self._bank.reset(axle)
         self._window.reset(axle)
 
     def step(self, tick: Tick) -> FloatArray:
-        """Run the bank for one tick and remember its residuals. Returns the innovations (4, 2, n)."""
-        z = self._offset.take(tick.z, tick.present)
-        e, w = self._bank.step(z, tick.present, tick.speed_m_s)
-        good = tick.present.all(axis=0) & np.isfinite(tick.torque_ratio)
+        """Run the bank for one tick and remember its residuals. Returns the innovations (4, 2, n).
+
+        A sample with an absurd innovation is left out. Where they go on, or a filter is not finite, the axle is upset:
+        call reset() for it.
+        """
+        bank, offset = self._bank.x, self._offset.known
+        e, w = self._filter(tick, tick.present)
+        absurd = self._gate.absurd(e, tick.present)
+        self.present = tick.present & ~absurd
+        if absurd.any():
+            self.outliers += int(absurd.sum())
+            self._bank.x, self._offset.known = bank, offset
+            e, w = self._filter(tick, self.present)
+        self.upset = self._gate.learn(e, self.present, absurd) | ~np.isfinite(self._bank.x).all(axis=(0, 1))
+        good = self.present.all(axis=0) & np.isfinite(tick.torque_ratio) & ~self.upset
         self._window.put(tick.number, w, good, tick.torque_ratio)
         self._speed_m_s = tick.speed_m_s
         if tick.number % CHANGE_TICKS == 0:
             self._window.forget_old(self.design.changes)
         return e
+
+    def _filter(self, tick: Tick, present: BoolArray) -> tuple[FloatArray, FloatArray]:
+        return self._bank.step(self._offset.take(tick.z, present), present, tick.speed_m_s)
 
     def estimate(self) -> Estimate:
         """The adhesion that the window's residuals and torque speak for."""
@@ -102,12 +126,14 @@ class Estimator:
         # what is in use is available: the estimate cannot lie below it
         recent = self._window.recent_torque_ratio()
         used = 100.0 * np.where(np.isnan(recent), ratio, recent)
+        said = mu
         mu = np.where(np.isnan(mu), np.nan, np.minimum(np.fmax(mu, used), 100.0))
         fits = (inputs[:, :MODELS] - self._low) / self._width
         nearest = np.argmin(np.where(np.isnan(fits), np.inf, fits), axis=1) + 1
         with np.errstate(invalid="ignore"):
             saturated = used >= d.saturated_share * mu
         wider = 1.0 + (d.short_spread - 1.0) * (1.0 - self._window.share())
+        half_width = inference.spread * wider * mu
         return Estimate(
             residuals=residuals,
             torque_ratio=ratio,
@@ -118,6 +144,7 @@ class Estimator:
             rule_share=inference.rule_share,
             winner=np.where(np.isnan(fits).any(axis=1), 0, nearest),
             mu_available_pct=mu,
-            half_width_pp=inference.spread * wider * mu,
+            half_width_pp=half_width,
             saturated=saturated,
+            contradicted=used > said + np.maximum(half_width, LEAST_CONTRADICTION_PP),
         )

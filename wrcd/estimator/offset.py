@@ -13,10 +13,21 @@ class Offset:
     The mean of all that came so far, then of the last `ticks` (exponentially), is there from the first tick on.
     """
 
+    STATE = ("_mean", "_count")
+
     def __init__(self, ticks: int, axles: int) -> None:
         self._ticks = float(ticks)
         self._mean: FloatArray = np.zeros((CHANNELS, axles))
         self._count: FloatArray = np.zeros((CHANNELS, axles))
+
+    @property
+    def known(self) -> tuple[FloatArray, FloatArray]:
+        """What has been learnt, to be put back if a sample turns out to be absurd."""
+        return self._mean, self._count
+
+    @known.setter
+    def known(self, before: tuple[FloatArray, FloatArray]) -> None:
+        self._mean, self._count = before
 
     def reset(self, axle: int) -> None:
         """Start an axle anew."""

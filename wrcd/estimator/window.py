@@ -15,6 +15,8 @@ class Window:
     the newest part (`recent` ticks) is forgotten, and the window grows again.
     """
 
+    STATE = ("_w", "_good", "_ratio", "_newest")
+
     def __init__(self, ticks: int, recent: int, axles: int) -> None:
         self._ticks, self._recent = ticks, recent
         self._w: FloatArray = np.zeros((ticks, MODELS, CHANNELS, axles))

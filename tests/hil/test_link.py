@@ -1,0 +1,300 @@
+"""The daemon's own SocketCAN link on a real kernel: every event of the bus, handled and counted."""
+
+import errno
+import os
+import socket
+import struct
+import subprocess
+import time
+from collections.abc import Iterator
+from itertools import pairwise
+
+import pytest
+
+from sim_ecu.play.slcan import Slcan
+from wrcd.bus.frame import Frame
+from wrcd.bus.socketcan import MOST_ERRORS, SocketCanLink
+from wrcd.errors import BusError
+
+FRAME = struct.Struct("=IB3x8s")
+ERROR = 0x20000000
+
+
+def now_us() -> int:
+    return time.time_ns() // 1000
+
+
+def told(link: SocketCanLink) -> str:
+    return link.health.state
+
+
+def ip(*words: str) -> None:
+    subprocess.run(["ip", "link", *words], timeout=10, check=True)
+
+
+@pytest.fixture
+def bus() -> Iterator[str]:
+    """A vcan of this test's own."""
+    ip("add", "vcan9", "mtu", "72", "type", "vcan")
+    ip("set", "vcan9", "up")
+    yield "vcan9"
+    subprocess.run(["ip", "link", "del", "vcan9"], timeout=10, check=False, capture_output=True)
+
+
+class Node:
+    """Somebody else on the bus."""
+
+    def __init__(self, channel: str) -> None:
+        self._socket = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
+        self._socket.bind((channel,))
+        self._socket.settimeout(2.0)
+
+    def send(self, word: int, data: bytes = b"\x01\x02") -> None:
+        self._socket.send(FRAME.pack(word, len(data), data.ljust(8, b"\0")))
+
+    def receive(self) -> tuple[int, bytes]:
+        word, length, data = FRAME.unpack(self._socket.recv(FRAME.size))
+        return word, data[:length]
+
+    def close(self) -> None:
+        self._socket.close()
+
+
+@pytest.fixture
+def node(bus: str) -> Iterator[Node]:
+    n = Node(bus)
+    yield n
+    n.close()
+
+
+@pytest.fixture
+def link(bus: str) -> Iterator[SocketCanLink]:
+    made = SocketCanLink(bus, (0x101, 0x18FF0001))
+    yield made
+    made.close()
+
+
+def test_only_mapped_ids_come_with_the_kernels_stamps(link: SocketCanLink, node: Node) -> None:
+    before = now_us()
+    for word in (0x101, 0x102, 0x80000101, 0x98FF0001, 0x40000101, 0x101):
+        node.send(word)
+    after = now_us()
+    frames = link.receive(0)
+    assert [(f.can_id, f.extended, f.remote, f.data) for f in frames] == [
+        (0x101, False, False, b"\x01\x02"), (0x18FF0001, True, False, b"\x01\x02"), (0x101, False, False, b"\x01\x02"),
+    ]  # fmt: skip
+    assert all(before <= f.stamp_us <= after for f in frames)
+    assert sorted(f.stamp_us for f in frames) == [f.stamp_us for f in frames]
+    assert link.receive(0) == []
+    link.narrow((0x102,))
+    node.send(0x101)
+    node.send(0x102)
+    assert [f.can_id for f in link.receive(0)] == [0x102]
+
+
+def test_a_full_receive_buffer_is_counted_frame_by_frame(link: SocketCanLink, node: Node) -> None:
+    sent = 20_000
+    for k in range(sent):
+        node.send(0x101, k.to_bytes(4, "little"))
+    got = 0
+    while frames := link.receive(0):
+        got += len(frames)
+    node.send(0x101)  # what was lost is told with the next frame
+    got += len(link.receive(0))
+    assert link.health.drops > 0
+    assert got + link.health.drops == sent + 1
+    for _ in range(10):
+        node.send(0x101)
+    link.receive(0)
+    assert got + link.health.drops == sent + 1
+
+
+def test_unmapped_frames_never_fill_the_buffer(link: SocketCanLink, node: Node) -> None:
+    for k in range(20_000):
+        node.send(0x300 + k % 0x100)
+        if k % 1000 == 0:
+            node.send(0x101)
+    assert len(link.receive(0)) == 20
+    assert link.health.drops == 0
+
+
+def test_bus_off_and_back(link: SocketCanLink, node: Node) -> None:
+    mine = Frame(now_us(), 0x091, b"\x55")
+    assert link.send(mine)
+    assert node.receive() == (0x091, b"\x55")
+    node.send(ERROR | 0x40, bytes(8))
+    assert [(f.error, f.can_id) for f in link.receive(0)] == [(True, 0x40)]
+    assert (link.health.state, link.health.bus_offs, link.health.error_frames) == ("BusOff", 1, 1)
+    assert not link.health.up
+    assert not link.send(mine)  # the kernel would take it, and nobody get it
+    assert link.health.unsent == 1
+    node.send(ERROR | 0x100, bytes(8))
+    link.receive(0)
+    assert link.health.state == "Up"
+    assert link.send(mine)
+    assert node.receive() == (0x091, b"\x55")
+    # whatever arrives proves that the controller is on the bus
+    node.send(ERROR | 0x40, bytes(8))
+    link.receive(0)
+    node.send(0x101)
+    link.receive(0)
+    assert (link.health.state, link.health.bus_offs) == ("Up", 2)
+
+
+def test_error_passive_is_told_and_goes_on(link: SocketCanLink, node: Node) -> None:
+    for state, name in (
+        (0x20, "ErrorPassive"),
+        (0x10, "ErrorPassive"),
+        (0x08, "Up"),
+        (0x30, "ErrorPassive"),
+        (0x40, "Up"),
+    ):
+        node.send(ERROR | 0x04, bytes((0, state)) + bytes(6))
+        link.receive(0)
+        assert link.health.state == name
+        assert link.health.up
+        assert link.send(Frame(now_us(), 0x091, b""))
+        assert node.receive() == (0x091, b"")
+    node.send(ERROR | 0x04, bytes((0, 0x01)) + bytes(6))  # the controller itself lost a frame
+    link.receive(0)
+    assert link.health.drops == 1
+
+
+def test_a_flood_of_error_frames_is_shut_out_but_not_what_tells_the_state(link: SocketCanLink, node: Node) -> None:
+    now = now_us()
+    for k in range(MOST_ERRORS + 100):
+        node.send(ERROR | 0x80, bytes(8))
+        if k % 100 == 0:
+            node.send(0x101)
+    frames = link.receive(now)
+    assert sum(not f.error for f in frames) == 6
+    for _ in range(1000):
+        node.send(ERROR | 0x80, bytes(8))
+    node.send(0x101)
+    node.send(ERROR | 0x40, bytes(8))
+    assert [(f.can_id, f.error) for f in link.receive(now + 500_000)] == [(0x101, False), (0x40, True)]
+    assert link.health.state == "BusOff"
+    link.receive(now + 1_000_001)  # after a second all of them are let in again
+    time.sleep(1.0)
+    node.send(ERROR | 0x80, bytes(8))
+    assert len(link.receive(now + 2_000_000)) == 1
+
+
+def test_one_look_takes_no_more_than_some_thousand(link: SocketCanLink, node: Node) -> None:
+    link.narrow((0x101,))
+    for _ in range(3):
+        for _ in range(3000):
+            node.send(0x101)
+        assert len(link.receive(0)) <= 4096
+
+
+def test_a_link_that_goes_down_and_comes_up(bus: str, link: SocketCanLink, node: Node) -> None:
+    mine = Frame(now_us(), 0x091, b"\x07")
+    ip("set", bus, "down")
+    assert link.receive(0) == []
+    assert told(link) == "Down"
+    assert not link.send(mine)
+    ip("set", bus, "up")
+    node.close()
+    other = Node(bus)
+    assert link.send(mine)
+    assert other.receive() == (0x091, b"\x07")
+    assert link.health.state == "Up"
+    other.send(0x101)
+    assert len(link.receive(0)) == 1
+    other.close()
+
+
+def test_a_device_that_goes_is_opened_again_less_and_less_often(
+    bus: str, link: SocketCanLink, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now = now_us()
+    ip("del", bus)
+    assert link.receive(now) == []
+    assert told(link) == "Gone"
+    assert not link.send(Frame(now, 0x091, b""))
+    opened = []
+    tries = link._open
+
+    def counted() -> socket.socket:
+        opened.append(at)
+        return tries()
+
+    monkeypatch.setattr(link, "_open", counted)
+    for at in range(now, now + 10_000_000, 5_000):
+        link.receive(at)
+    assert 8 <= len(opened) <= 15
+    assert opened[0] - now <= 55_000
+    assert max(b - a for a, b in pairwise(opened)) <= 1_005_000
+    # a clock that steps back by an hour does not keep it closed
+    at = now - 3_600_000_000
+    link.receive(at)
+    ip("add", bus, "mtu", "72", "type", "vcan")
+    ip("set", bus, "up")
+    for step in range(3):
+        link.receive(at + step * 600_000)
+    assert link.health.state == "Up"
+    assert link.health.reopens == 1
+    other = Node(bus)
+    other.send(0x101)
+    assert [f.can_id for f in link.receive(now)] == [0x101]
+    assert link.send(Frame(now, 0x091, b"\x01"))
+    assert other.receive() == (0x091, b"\x01")
+    other.close()
+
+
+def test_a_bus_that_is_not_there_is_a_clear_error() -> None:
+    with pytest.raises(BusError, match="ip link add vcan77 type vcan") as caught:
+        SocketCanLink("vcan77", None)
+    assert caught.value.status == 3
+
+
+def test_a_full_send_queue_drops_and_counts() -> None:
+    """An slcan interface whose line nobody reads: real ENOBUFS."""
+    peer = Slcan("can7")
+    try:
+        link = SocketCanLink("can7", None)
+        results = [link.send(Frame(now_us(), 0x091, bytes(8))) for _ in range(5000)]
+        assert results[0]
+        assert not results[-1]
+        assert link.health.unsent == results.count(False)
+        assert link.health.state == "Up"  # it is full, not down
+        link.close()
+    finally:
+        peer.shutdown()
+
+
+def test_the_states_that_a_real_driver_reports() -> None:
+    """As an slcan adapter tells them: error passive, bus-off, error active."""
+    peer = Slcan("can7")
+    try:
+        link = SocketCanLink("can7", None)
+        for text, state in ((b"sp128000\r", "ErrorPassive"), (b"sb255000\r", "BusOff"), (b"sa000000\r", "Up")):
+            os.write(peer._peer, text)
+            time.sleep(0.2)
+            link.receive(now_us())
+            assert link.health.state == state
+        assert link.health.bus_offs == 1
+        assert link.health.error_frames >= 3
+        link.close()
+    finally:
+        peer.shutdown()
+
+
+def test_hardware_stamps_where_there_are_none_are_the_kernels(bus: str, node: Node) -> None:
+    link = SocketCanLink(bus, (0x101,))
+    link.stamp_by_hardware()
+    before = now_us()
+    node.send(0x101)
+    frames = link.receive(0)
+    assert before <= frames[0].stamp_us <= now_us()
+    link.close()
+
+
+def test_who_may_not_open_a_socket_is_told(monkeypatch: pytest.MonkeyPatch, bus: str) -> None:
+    def refused(*_: object) -> socket.socket:
+        raise OSError(errno.EPERM, "Operation not permitted")
+
+    monkeypatch.setattr(socket, "socket", refused)
+    with pytest.raises(BusError, match="check the interface and your rights"):
+        SocketCanLink(bus, None)

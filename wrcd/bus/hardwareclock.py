@@ -1,0 +1,29 @@
+"""Time stamps that the controller itself makes."""
+
+
+class HardwareClock:
+    """Lays a controller's own clock, which counts from anywhere and drifts, on the kernel's.
+
+    A frame is never stamped by the kernel before the controller has it, so the least difference of the two that was
+    seen lately is the offset between the clocks. Lately is 10 to 20 s: a drift of 50 ppm is a millisecond in that time.
+    """
+
+    KEPT_US = 10_000_000
+
+    def __init__(self) -> None:
+        self._since_us = 0
+        self._now: int | None = None
+        self._before: int | None = None
+
+    def lay(self, raw_us: int, kernel_us: int) -> int:
+        """The controller's stamp on the kernel's clock, never later than the kernel's own."""
+        difference = kernel_us - raw_us
+        known = [d for d in (self._now, self._before) if d is not None]
+        if not known or abs(difference - min(known)) > 1_000_000:  # a clock has stepped
+            self._now = self._before = difference
+            self._since_us = kernel_us
+        elif kernel_us - self._since_us > self.KEPT_US:
+            self._before, self._now = self._now, difference
+            self._since_us = kernel_us
+        self._now = difference if self._now is None else min(self._now, difference)
+        return raw_us + min(d for d in (self._now, self._before) if d is not None)

@@ -1,0 +1,93 @@
+"""What a good frame may still get wrong: a sensor that stands still while the train moves, a value that jumps."""
+
+import math
+
+from wrcd.bus.reasons import Reason
+from wrcd.bus.units import Quantity
+
+# A sensor on a moving wheelset seldom says the same twice: its noise alone moves it by some steps of its converter.
+# How seldom is learnt; a run of equal values that would come about by chance once in so many frames is
+# doubted (the axle is not Valid while it lasts), and one that never would is refused.
+DOUBTED, STUCK = math.log(1e-4), math.log(1e-9)
+LEAST_RUN = 4
+FIRST_SHARE, FIRST_FRAMES, MOST_FRAMES = 0.05, 20.0, 1000.0  # of runs that go on, before and while it is learnt
+RESTLESS = (Quantity.YAW_RATE, Quantity.LAT_ACCEL)
+
+# What no vehicle changes by from one frame to the next. A value further away is refused, and believed if the next
+# frame says so, too: a real step comes a frame late, a corrupted frame not at all.
+MOST_STEP = {
+    Quantity.TORQUE: 4000.0,
+    Quantity.BRAKE_TORQUE: 4000.0,
+    Quantity.SPEED: 1.0,
+    Quantity.AXLE_LOAD: 20_000.0,
+    Quantity.WHEEL_RADIUS: 0.02,
+}
+
+
+class Restless:
+    """Watches a sensor that must move."""
+
+    STATE = ("_value", "_run", "_changed_us", "_share", "_frames")
+
+    def __init__(self) -> None:
+        self._share, self._frames = FIRST_SHARE, FIRST_FRAMES
+        self.forget()
+
+    def forget(self) -> None:
+        """Nothing that came before counts; how coarse the sensor is, is remembered."""
+        self._value = math.nan
+        self._run = 0  # equal neighbours in a row
+        self._changed_us: int | None = None
+
+    def judge(self, value: float, stamp_us: int, moving: bool) -> Reason | None:
+        """STUCK for a value that has been the same for too long."""
+        if value == self._value and moving:
+            self._run += 1
+        else:
+            self._learn(self._run)
+            self._run, self._changed_us = 0, stamp_us
+        self._value = value
+        return Reason.STUCK if self._run >= self._longest(STUCK) else None
+
+    def _learn(self, run: int) -> None:
+        """How often a run goes on; a stuck sensor must not teach that it always does."""
+        for went_on in [True] * (min(run, LEAST_RUN) - 1) + [False] * (0 < run < LEAST_RUN):
+            self._frames = min(self._frames + 1.0, MOST_FRAMES)
+            self._share += (went_on - self._share) / self._frames
+
+    def unchanged(self, now_us: int, timeout_us: int) -> bool:
+        """Whether it has said the same for longer than its time-out, and oftener than by chance."""
+        return (
+            self._changed_us is not None
+            and now_us - self._changed_us > timeout_us
+            and self._run >= self._longest(DOUBTED)
+        )
+
+    def _longest(self, chance: float) -> int:
+        """Equal neighbours that come about with less than a chance (its logarithm)."""
+        return max(LEAST_RUN, math.ceil(chance / math.log(min(max(self._share, 1e-6), 0.99))))
+
+
+class Steady:
+    """Watches a quantity that cannot jump."""
+
+    STATE = ("_value", "_stamp_us", "_doubted")
+
+    def __init__(self, most_step: float, timeout_us: int) -> None:
+        self._most_step, self._timeout_us = most_step, timeout_us
+        self.forget()
+
+    def forget(self) -> None:
+        """Nothing that came before counts."""
+        self._value = math.nan
+        self._stamp_us = 0
+        self._doubted = False
+
+    def judge(self, value: float, stamp_us: int) -> Reason | None:
+        """JUMP for a value too far from the one before; a second one in a row is believed, and any after a gap."""
+        jumps = abs(value - self._value) > self._most_step and stamp_us - self._stamp_us <= self._timeout_us
+        if jumps and not self._doubted:
+            self._doubted = True
+            return Reason.JUMP
+        self._value, self._stamp_us, self._doubted = value, stamp_us, False
+        return None
