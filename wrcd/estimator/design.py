@@ -1,6 +1,5 @@
 """The design file: everything that the estimator knows, made by `sim-ecu design`, reviewed, shipped and loaded."""
 
-import hashlib
 import json
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from wrcd.checksum import checksum
 from wrcd.errors import InputError
 
 FloatArray = NDArray[np.float64]
@@ -90,12 +90,6 @@ class Design:
     def recent_ticks(self) -> int:
         """Ticks in the newest part of the window."""
         return max(1, round(self.recent_s / self.tick_s))
-
-
-def checksum(document: dict[str, Any]) -> str:
-    """SHA-256 (hex) over the document without its own checksum, in one canonical spelling."""
-    body = {k: v for k, v in document.items() if k != "checksum"}
-    return hashlib.sha256(json.dumps(body, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
 
 def load_design(path: Path) -> Design:

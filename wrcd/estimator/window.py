@@ -1,11 +1,44 @@
 """Windowed RMS of the residuals. Ticks without data stay out: a filter without measurements must not look perfect."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from wrcd.estimator.bank import BoolArray
 from wrcd.estimator.design import CHANNELS, MODELS, FloatArray
 
 SMALLEST = 1e-6  # a residual this far below what the model expects is as good as zero
+
+
+@dataclass(frozen=True, slots=True)
+class Sums:
+    """Sums over the ticks with data of a part of the window: of 1, the age t and its square (n,), and of the whitened
+    innovations w, t w and their squares (4, 2, n). Those of two parts add up to those of both."""
+
+    count: FloatArray
+    t: FloatArray
+    tt: FloatArray
+    w: FloatArray
+    tw: FloatArray
+    ww: FloatArray
+
+    def __add__(self, other: "Sums") -> "Sums":
+        """Both parts together."""
+        return Sums(
+            self.count + other.count, self.t + other.t, self.tt + other.tt,
+            self.w + other.w, self.tw + other.tw, self.ww + other.ww,
+        )  # fmt: skip
+
+    def rms(self, least: float) -> FloatArray:
+        """RMS about the straight line through the innovations, per model (n, 4). NaN with less than `least` ticks."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            mean = self.w / self.count
+            about = self.tw - self.t * mean  # sum of (t - its mean) w
+            spread = np.maximum(self.tt - self.t * self.t / self.count, 1e-9)
+            power = (self.ww - about * about / spread) / self.count - mean * mean
+            r = np.sqrt(np.maximum(power.sum(axis=1) / CHANNELS, SMALLEST**2))
+        out: FloatArray = np.where(self.count >= least, r, np.nan).T
+        return out
 
 
 class Window:
@@ -39,9 +72,9 @@ class Window:
     def differences(self) -> FloatArray:
         """(n, 4): by how much a residual of the newest part differs from that of the rest, in decades. NaN where
         either holds less than half of `recent` ticks of data."""
-        new = self._newest_part()
-        enough = np.minimum(self._good[new].sum(axis=0), self._good[~new].sum(axis=0)) * 2 >= self._recent
-        out: FloatArray = np.where(enough[:, None], np.log10(self._rms(new)) - np.log10(self._rms(~new)), np.nan)
+        new, rest = self._sums()
+        least = 0.5 * self._recent
+        out: FloatArray = np.log10(new.rms(least)) - np.log10(rest.rms(least))
         return out
 
     def forget_old(self, limits: FloatArray) -> BoolArray:
@@ -58,11 +91,12 @@ class Window:
         r = sqrt(mean((w - l)' (w - l)) / 2), l the straight line through w. Removing it takes sensor bias out,
         and what a filter still has to learn of it. NaN where less than half of `recent` ticks brought data.
         """
-        return self._rms(slice(None))
+        new, rest = self._sums()
+        return (new + rest).rms(0.5 * self._recent)
 
     def recent_residuals(self) -> FloatArray:
         """The same over the newest ticks only."""
-        return self._rms(self._newest_part())
+        return self._sums()[0].rms(0.5 * self._recent)
 
     def torque_ratio(self) -> FloatArray:
         """(n,): mean over the window of |torque| / (2 N r0); NaN without data."""
@@ -89,20 +123,23 @@ class Window:
         self._good[slots, axle] = False
         self._ratio[slots, axle] = 0.0
 
-    def _rms(self, slots: slice | BoolArray) -> FloatArray:
-        """RMS about the straight line through the innovations of some slots, per model (n, 4)."""
-        w, good = self._w[slots], self._good[slots]
-        age = ((self._newest - np.arange(self._ticks)) % self._ticks)[slots].astype(np.float64)
-        count = good.sum(axis=0)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            late = np.where(good, age[:, None] - (age[:, None] * good).sum(axis=0) / count, 0.0)
-            mean = w.sum(axis=0) / count
-            # w is zero where there is no data, and late adds up to zero: the line's slope needs no mean
-            slope_power = np.einsum("tn,tmcn->mcn", late, w) ** 2 / np.maximum((late * late).sum(axis=0), 1e-9)
-            power = (w * w).sum(axis=0) / count - mean * mean - slope_power / count
-            r = np.sqrt(np.maximum(power.sum(axis=1) / CHANNELS, SMALLEST**2))
-        out: FloatArray = np.where(2 * count >= self._recent, r, np.nan).T
-        return out
+    def _sums(self) -> tuple[Sums, Sums]:
+        """Of the newest part and of the rest, taken in one go: as products of weights (., ticks) with what is there."""
+        newest = self._newest_part()
+        # about the middle of the window, so that little is lost where large sums are subtracted
+        age = (self._newest - np.arange(self._ticks)) % self._ticks - 0.5 * self._ticks
+        parts = np.stack((newest, ~newest)).astype(np.float64)
+        weights = np.concatenate((parts, parts * age, parts * age * age))
+        counts = (weights @ self._good).reshape(3, 2, -1)
+        w = self._w.reshape(self._ticks, -1)
+        shape = (-1, 2, *self._w.shape[1:])
+        sums = (weights[:4] @ w).reshape(shape)
+        squares = (parts @ (w * w)).reshape(shape)
+        new, rest = (
+            Sums(count=counts[0, k], t=counts[1, k], tt=counts[2, k], w=sums[0, k], tw=sums[1, k], ww=squares[0, k])
+            for k in (0, 1)
+        )
+        return new, rest
 
     @staticmethod
     def _mean(values: FloatArray, good: BoolArray) -> FloatArray:
