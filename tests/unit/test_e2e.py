@@ -78,10 +78,12 @@ def test_two_senders_are_noticed_at_the_third_frame_and_nobody_is_believed(apart
     checker = Checker(0x91)
     for k in range(20):
         assert checker.check(sent(k, 1)) is None
+    assert not checker.suspect
     verdicts = []
     for k in range(20, 60):
         pair = [sent(k, 1), sent(k + apart, 2)]
         verdicts.append([checker.check(f) for f in (pair if first else pair[::-1])])
+        assert checker.suspect or k < 22
     assert all(Reason.TWO_SENDERS in pair for pair in verdicts[3:])
     assert not any(None in pair for pair in verdicts[3:])
     # the second falls silent: believed again after one turn of the counter
@@ -130,3 +132,12 @@ def test_a_sender_that_starts_anew_loses_one_frame() -> None:
     checker = Checker(0x91)
     for start in (0, 9, 3, 12):
         assert [checker.check(sent(start + k, start)) for k in range(20)].count(None) >= 19
+
+
+def test_a_suspicion_is_forgotten() -> None:
+    checker = Checker(0x91)
+    for k in range(20):
+        checker.check(sent(k, 1))
+        if k in (10, 11):
+            checker.check(sent(k + 7, 2))
+        assert checker.suspect == (11 <= k <= 15)

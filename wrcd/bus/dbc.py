@@ -1,6 +1,8 @@
 """Reading a DBC: messages, signals and attributes, by cantools."""
 
 import importlib.util
+import math
+import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -21,19 +23,32 @@ finally:
         del sys.modules["cantools"]
 
 __all__ = [
-    "Database", "Message", "Signal", "attribute", "check_plain", "cycle_ms", "data_id", "find_message", "find_signal",
-    "load_dbc", "timeout_ms",
+    "Database", "Message", "Signal", "attribute", "check_encodable", "check_plain", "cycle_ms", "data_id",
+    "find_message", "find_signal", "load_dbc", "timeout_ms",
 ]  # fmt: skip
-
+# Message lengths, signal positions, multiplexer ranges and powers of ten for which cantools would compute for hours.
+_HUGE = re.compile(
+    rb"\bBO_\s+\d+\s+\w+\s*:\s*\d{5}"
+    rb"|:\s*\d{6,}\s*\||\|\s*\d{6,}\s*@"
+    rb"|\bSG_MUL_VAL_\b[^;]*?-\s*\d{6}"
+    rb"|(?<![\w.])[\d.]+[eE]\+?\d{4}"
+)
+CLASSICAL_BYTES = 8
 LONGEST_MS = 65_535  # of cycles and time-outs: the range that DBCs usually give these attributes
 
 
 def load_dbc(path: Path) -> Database:
     """Read a DBC strictly. Raises InputError with what is wrong with it."""
     try:
+        huge = _HUGE.search(content := path.read_bytes())
+        if huge is not None:
+            line = content.count(b"\n", 0, huge.start()) + 1
+            raise InputError("not a usable DBC: no message, signal or number is that large", file=path, line=line)
         database = _cantools.load_file(path, strict=True)
     except FileNotFoundError:
         raise InputError("no such DBC file", file=path, hint="check the path") from None
+    except InputError:
+        raise
     except Exception as e:  # cantools raises its parser's own kinds; all of them mean: this file can't be used
         raise InputError(f"not a usable DBC: {e}", file=path) from None
     if not isinstance(database, Database):
@@ -64,9 +79,31 @@ def find_signal(message: Message, name: str) -> Signal:
 
 
 def check_plain(message: Message) -> None:
-    """Raises ValueError for a message that is not a plain classical one, which nothing here reads or sends."""
-    if message.is_fd or message.is_multiplexed():
+    """Raises ValueError for a message that is not a plain classical one, which nothing here reads or sends, and for
+    signals that no frame can hold: cantools loads them and fails on the first frame."""
+    if message.is_fd or message.is_multiplexed() or message.length > CLASSICAL_BYTES:
         raise ValueError(f"message {message.name} is CAN FD or multiplexed; only plain classical ones can be used")
+    for s in message.signals:
+        numbers = (s.scale, s.offset, s.minimum, s.maximum, s.raw_initial)
+        if s.start < 0 or s.length < 1 or not s.scale or not all(x is None or _finite(x) for x in numbers):
+            raise ValueError(f"{message.name}.{s.name} has bits that no frame has, or numbers that are none")
+
+
+def check_encodable(message: Message) -> None:
+    """Raises ValueError for a start value or a word of a value table that its own field cannot hold."""
+    for s in message.signals:
+        bits = s.length - s.is_signed
+        lowest = -(1 << bits) if s.is_signed else 0
+        raws = [*(s.choices or {}), int(s.raw_initial or 0)]
+        if not s.is_float and not all(lowest <= raw < 1 << bits for raw in raws):
+            raise ValueError(f"{message.name}.{s.name} has a start value or a named value beyond its {s.length} bits")
+
+
+def _finite(x: Any) -> bool:
+    try:
+        return math.isfinite(x)
+    except OverflowError:  # a whole number beyond all floats
+        return False
 
 
 def timeout_ms(message: Message, signal: Signal) -> int | None:

@@ -49,7 +49,8 @@ class Checker:
     A good CRC with a counter that does not continue the chain is refused, and remembered as a rival's. If the rival
     goes on and the chain does not, the sender has started anew: the chain is the rival's from its second frame on. If
     both go on beside each other, there are two senders, and neither is believed until one has been silent for a whole
-    turn of the counter. So a stray frame costs at most one good one, and a second sender is found at its third frame.
+    turn of the counter. So a stray frame costs at most one good one; a second sender is suspected at its second frame
+    and found at its third.
     """
 
     STATE = ("_last", "_payload", "_rival", "_rival_frames", "_beside", "_moves", "_contested")
@@ -67,6 +68,11 @@ class Checker:
         self._beside = 0  # frames of the chain since then
         self._moves = 0  # grows as the chain moves to the rival, falls as it goes on
         self._contested = 0  # frames for which nobody is believed
+
+    @property
+    def suspect(self) -> bool:
+        """Whether a rival has gone on beside the chain: perhaps a second sender, perhaps two stray frames."""
+        return self._rival is not None and self._rival_frames >= RIVAL_FRAMES - 1
 
     def check(self, data: bytes) -> Reason | None:
         """None if the frame may be used, else why not. The length has been checked."""

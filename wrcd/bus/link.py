@@ -43,15 +43,19 @@ class Link(Protocol):
         """Let go of the bus."""
 
 
-def open_link(interface: str, channel: str, ids: tuple[int, ...] | None) -> Link:
+def open_link(interface: str, channel: str, ids: tuple[int, ...] | None, hardware_stamps: bool = False) -> Link:
     """Open a bus for some ids, or for every frame (None): SocketCAN by our own socket, everything else by python-can.
 
+    hardware_stamps: of SocketCAN's controller, where it makes any; python-can's interfaces stamp as they do.
     Raises BusError if it can't be opened.
     """
     if interface == "socketcan":
         from wrcd.bus.socketcan import SocketCanLink
 
-        return SocketCanLink(channel, ids)
+        link = SocketCanLink(channel, ids)
+        if hardware_stamps:
+            link.stamp_by_hardware()
+        return link
     from wrcd.bus.pythoncan import PythonCanLink
 
     return PythonCanLink(interface, channel, ids)

@@ -122,9 +122,10 @@ def _read_other(path: Path, damage: Damage) -> Iterator[tuple[Frame, str]]:
     try:
         with can.LogReader(path) as reader:
             for message in reader:
-                damage.read += 1
+                frame = from_message(message, round(message.timestamp * 1e6))
                 channel = message.channel if message.channel is not None else "can0"
-                yield from_message(message, round(message.timestamp * 1e6)), str(channel)
+                damage.read += 1
+                yield frame, str(channel)
     except GeneratorExit:
         raise
     except Exception as e:  # every reader has its own way to fail on a damaged file
