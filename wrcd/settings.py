@@ -35,7 +35,22 @@ def parse_toml(text: str, file: Path | str) -> "Section":
         reason = re.sub(r" \(at .*\)$", "", str(e))
         line = int(at[1]) if at else text.count("\n") + 1
         raise InputError(f"not valid TOML: {reason}", file=file, line=line) from None
-    return Section(data, _Source(file, _lines(text)), ())
+    except ValueError as e:  # a number of thousands of digits
+        raise InputError(f"not valid TOML: {e}", file=file) from None
+    source = _Source(file, _lines(text))
+    _check_numbers(data, source)
+    return Section(data, source, ())
+
+
+def _check_numbers(data: dict[str, Any], source: "_Source") -> None:
+    """Whole numbers have 64 bits in TOML. Longer ones would overflow wherever they are used."""
+    left: list[tuple[tuple[str | int, ...], Any]] = [((), data)]
+    while left:
+        path, value = left.pop()
+        if type(value) is int and not -(1 << 63) <= value < 1 << 63:
+            raise Section({}, source, path).error("takes whole numbers of at most 64 bits")
+        inside = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+        left += [((*path, k), v) for k, v in inside]
 
 
 class _Source:

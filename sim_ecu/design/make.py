@@ -17,7 +17,8 @@ from sim_ecu.design.rules import COVERS, PAPER_POLYNOMIAL, RuleBase, fit, polyno
 from sim_ecu.physics.contact import CURVES
 from sim_ecu.physics.sensors import SENSOR_SETS
 from sim_ecu.physics.wheelset import Wheelset
-from wrcd.estimator.design import FORMAT, INPUTS, MODELS, Design, checksum, parse_design
+from wrcd.checksum import checksum
+from wrcd.estimator.design import FORMAT, INPUTS, MODELS, Design, parse_design
 
 FloatArray = NDArray[np.float64]
 RESIDUAL_NAMES = ("Low", "Moderate", "High")

@@ -17,6 +17,7 @@ from tests.hil.conftest import BIN, ROOT, running, wait_for
 from tests.scenarios import FOUR_AXLES, held
 from wrcd.bus.frame import Frame
 from wrcd.bus.log import Damage, read_log
+from wrcd.daemon.config import DEFAULT
 
 INPUTS = {0x130} | {base + a for base in (0x100, 0x110, 0x120) for a in range(1, 5)}
 ADHESION = {0x090 + a for a in range(1, 5)}
@@ -187,6 +188,44 @@ def test_live_equals_replay(which: str, request: pytest.FixtureRequest, tmp_path
         assert different == []
         compared += len(judged)
     assert compared > 100 * axles  # slots that a loaded guest skipped do not count
+
+
+def test_a_dump_replays_to_what_was_sent(tmp_path: Path) -> None:
+    """SIGUSR1 has the last seconds written; a replay goes on from the state beside them, byte for byte."""
+    scenario, log, config = tmp_path / "dry.toml", tmp_path / "dry.log", tmp_path / "wrcd.toml"
+    scenario.write_text(held("A", 6.0))
+    subprocess.run([BIN / "sim-ecu", "play", scenario, "--fast", "--log", log], timeout=120, check=True)
+    log.write_text(log.read_text().replace(" R\n", "\n"))
+    config.write_text(DEFAULT + '[recorder]\nfolder = "dumps"\nseconds = 6.0\n')
+    bus = tmp_path / "candump.log"
+    with (
+        running("candump", "-L", "vcan0", output=bus),
+        running(BIN / "wrcd", "run", "-i", "socketcan", "-c", "vcan0", "--config", config) as daemon,
+    ):
+        wait_for("the daemon's first frame", 30, lambda: sizes(bus) > 0)
+        subprocess.run(["canplayer", "-I", log, "vcan0=can0"], timeout=60, check=True)
+        daemon.send_signal(signal.SIGUSR1)
+        wait_for("the dump", 30, lambda: bool(list(tmp_path.glob("dumps/wrcd-vcan0-*-asked.log"))))
+        daemon.send_signal(signal.SIGTERM)
+        assert daemon.wait(10) == 0
+        assert daemon.stderr is not None
+        print(daemon.stderr.read().decode())
+    (dump,) = tmp_path.glob("dumps/wrcd-vcan0-*-asked.log")
+    assert len(list(tmp_path.glob("dumps/wrcd-vcan0-*-exit.log"))) == 1
+    out = tmp_path / "out.log"
+    subprocess.run([BIN / "wrcd", "replay", dump, "--config", config, "-o", out], timeout=300, check=True)
+    computed = {(f.can_id, f.stamp_us // 20_000): f.data for f, _ in read_log(out, Damage())}
+    # what candump saw from the dump's first slot to its last, the tail that only the clock closed too
+    sent = {(f.can_id, slot(f)): f.data for f, _ in read_log(bus, Damage()) if f.can_id in ADHESION}
+    judged = {key: data for key, data in sent.items() if key in computed}
+    different = {key: (data.hex(), computed[key].hex()) for key, data in judged.items() if computed[key] != data}
+    assert different == {}
+    assert len(judged) > 4 * 200
+    assert sum(data[1] >> 4 == 1 for data in judged.values()) > 20
+    # and the dump, like any log, has what was sent: every frame of it that the bus carried
+    noted = {(f.can_id, slot(f)): f.data for f, _ in read_log(dump, Damage()) if f.can_id in ADHESION}
+    assert noted.items() <= sent.items()
+    assert noted.items() <= computed.items()
 
 
 def test_four_axles_each_on_its_own_rail(four_axles: Recorded, tmp_path: Path) -> None:

@@ -1,15 +1,18 @@
 """Bad input gets one clear message: file, line, key, reason, what to do."""
 
 import json
+import re
 from pathlib import Path
 
 import pytest
 
 from wrcd import resources
+from wrcd.bus.dbc import load_dbc
 from wrcd.bus.units import Quantity
+from wrcd.checksum import checksum
 from wrcd.daemon.config import load_config
 from wrcd.errors import InputError
-from wrcd.estimator.design import checksum, load_design
+from wrcd.estimator.design import load_design
 from wrcd.tools.check import describe
 
 AXLE = """
@@ -65,6 +68,9 @@ BAD = {
     "unit": (VEHICLE + AXLE.replace("Torque_A1.Torque", "YawRate_A1.YawRate"), 8, "cannot be converted to N m"),
     "wrong type": (f'{VEHICLE}{AXLE}[limits]\nmin_speed_m_s = "slow"\n', 10, "takes a number"),
     "out of range": (f"{VEHICLE}{AXLE}[limits]\nmin_speed_m_s = -1\n", 10, "from 0.1 to 60"),
+    "absurd speed": (f"{AXLE}[limits]\nconstant_speed_m_s = 1e308\n", 8, "from 0 to 200"),
+    "more than 64 bits": (f"{VEHICLE}{AXLE}[limits]\nmin_speed_m_s = {10**400}\n", 10, "numbers of at most 64 bits"),
+    "a number of a page": (f"{VEHICLE}{AXLE}[limits]\nmin_speed_m_s = {'9' * 5000}\n", None, "not valid TOML"),
     "no such DBC": (f'{VEHICLE}{AXLE}[dbc]\nfile = "none.dbc"\n', 10, "no such DBC file"),
     "no such design": (f'{VEHICLE}{AXLE}[estimator]\ndesign = "none.json"\n', 10, "no such design file"),
     "no such adhesion message": (f'{VEHICLE}{AXLE}adhesion = "Adhesion_A5"\n', 9, "did you mean 'Adhesion_A"),
@@ -145,6 +151,24 @@ def test_rubbish_is_no_design(tmp_path: Path, content: str) -> None:
         load_design(path)
 
 
+@pytest.mark.parametrize(
+    ("good", "bad"),
+    [
+        ("Torque_A1: 5 ", "Torque_A1: 1000000000 "),
+        ("Torque : 16|24@", "Torque : 16|2400000000@"),
+        ('"E2EDataId" INT 0', '"E2EDataId" INT 1e99999999'),
+    ],
+)
+def test_sizes_that_would_take_for_ever(tmp_path: Path, good: str, bad: str) -> None:
+    text = resources.DBC.read_text("cp1252")
+    line = text[: text.index(good)].count("\n") + 1
+    (tmp_path / "own.dbc").write_text(text.replace(good, bad, 1), "cp1252")
+    with pytest.raises(
+        InputError, match=rf"own.dbc:{line}: not a usable DBC: no message, signal or number is that large"
+    ):
+        load_dbc(tmp_path / "own.dbc")
+
+
 MULTIPLEXED = """
 BO_ 800 Motion: 8 TCU
  SG_ Page M : 0|8@1+ (1,0) [0|3] "" WRCD
@@ -158,4 +182,46 @@ def test_a_multiplexed_message_cannot_be_mapped(tmp_path: Path) -> None:
     (tmp_path / "own.dbc").write_text(text, "cp1252")
     path = config(tmp_path, f'[vehicle]\nspeed = "Motion.V"\n{AXLE}[dbc]\nfile = "own.dbc"\n')
     with pytest.raises(InputError, match=r"wrcd.toml:2: vehicle.speed: message Motion is CAN FD or multiplexed"):
+        load_config(path)
+
+
+@pytest.mark.parametrize(
+    ("good", "bad", "key", "what"),
+    [
+        (
+            '"GenSigTimeoutTime" SG_ 304 Speed 60;',
+            '"GenSigTimeoutTime" SG_ 304 Speed -1e300;',
+            "vehicle.speed",
+            "time-out",
+        ),
+        ('"GenMsgCycleTime" BO_ 145 20;', '"GenMsgCycleTime" BO_ 145 -20;', "axle[1].adhesion", "cycle"),
+    ],
+)
+def test_times_that_are_none(tmp_path: Path, good: str, bad: str, key: str, what: str) -> None:
+    text = resources.DBC.read_text("cp1252")
+    assert good in text
+    (tmp_path / "own.dbc").write_text(text.replace(good, bad), "cp1252")
+    path = config(tmp_path, f'{VEHICLE}{AXLE}[dbc]\nfile = "own.dbc"\n')
+    with pytest.raises(InputError, match=f"{re.escape(key)}: the {what} .* must lie within 1 … 65535 ms"):
+        load_config(path)
+
+
+@pytest.mark.parametrize("bad", ["-1|16@1+ (0.01,0)", "8|16@1+ (0,0)", "8|16@1+ (1e400,0)"])
+def test_signals_that_no_frame_holds(tmp_path: Path, bad: str) -> None:
+    motion = f'\nBO_ 800 Motion: 8 TCU\n SG_ V : {bad} [0|300] "km/h" WRCD\n\nCM_ '
+    text = resources.DBC.read_text("cp1252").replace("\nCM_ ", motion, 1)
+    (tmp_path / "own.dbc").write_text(text, "cp1252")
+    path = config(tmp_path, f'[vehicle]\nspeed = "Motion.V"\n{AXLE}[dbc]\nfile = "own.dbc"\n')
+    with pytest.raises(InputError, match=r"wrcd.toml:2: vehicle.speed: Motion\.V has bits that no frame has"):
+        load_config(path)
+
+
+@pytest.mark.parametrize("bad", ['VAL_ 145 Validity 16 "NotAvailable"', '"GenSigStartValue" SG_ 145 MuAvailable 1e6;'])
+def test_values_that_their_field_cannot_hold(tmp_path: Path, bad: str) -> None:
+    text = resources.DBC.read_text("cp1252")
+    good = 'VAL_ 145 Validity 0 "NotAvailable"' if "VAL_" in bad else '"GenSigStartValue" SG_ 145 MuAvailable 65535;'
+    assert good in text
+    (tmp_path / "own.dbc").write_text(text.replace(good, bad), "cp1252")
+    path = config(tmp_path, f'{VEHICLE}{AXLE}[dbc]\nfile = "own.dbc"\n')
+    with pytest.raises(InputError, match=r"adhesion: Adhesion_A1\..* beyond its (4|16) bits"):
         load_config(path)

@@ -11,7 +11,8 @@ from wrcd.bus.e2e import protect
 from wrcd.bus.frame import Frame
 from wrcd.bus.reasons import Reason
 from wrcd.daemon.config import Config, load_config
-from wrcd.daemon.core import Core, Outgoing
+from wrcd.daemon.core import Core
+from wrcd.daemon.outbox import Outgoing
 
 START = 1_700_000_000_000_000
 MS = 1000
@@ -199,6 +200,19 @@ def test_a_step_of_the_clock_starts_anew(rig: Rig, step_ms: int) -> None:
     assert len(frames) <= 102 + max(0, min(step_ms, 60_000)) // 20
     assert len(rig.out) - before < 20_000
     assert rig.core.counts.time_steps >= 1
+
+
+def test_a_frame_from_before_a_step_back_of_the_clock_does_not_fill_the_time_between(rig: Rig) -> None:
+    """The clock steps back by a day on a silent bus; then a frame comes that was stamped before."""
+    rig.run(2000)
+    stamp = rig.t
+    for k in range(10):
+        rig.core.advance(rig.t - 86_400_000 * MS + k * 5 * MS)
+    ticks = rig.core.counts.ticks
+    rig.out += rig.core.feed(Frame(stamp, 0x130, rig.frame(0x130, struct.pack("<H", 10_000)).data))
+    assert rig.core.counts.ticks - ticks < 10
+    assert rig.core.counts.time_steps == 2
+    assert validities(rig.run(2000))[-2:] == ["NotAvailable", "Valid"]
 
 
 def test_frames_a_little_out_of_order_are_used(rig: Rig) -> None:

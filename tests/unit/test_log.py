@@ -52,6 +52,8 @@ def test_kinds_of_lines() -> None:
     with_direction = parse_line(b"(1700000000.000001) can0 091#00 T")
     assert with_direction is not None
     assert with_direction[0].data == b"\0"
+    # three digits, but more than the eleven bits of a standard id
+    assert parse_line(b"(1700000000.000001) can0 800#00") is None
 
 
 def test_a_cut_log_is_read_up_to_the_cut(tmp_path: Path) -> None:
@@ -114,4 +116,12 @@ def test_rubbish_in_another_format(tmp_path: Path) -> None:
     log = tmp_path / "a.blf"
     log.write_bytes(b"this is no BLF file at all")
     with pytest.raises(InputError, match=r"cannot be read as \.blf"):
+        read(log)
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # python-can leaves the file open
+def test_a_frame_without_a_time_is_not_read(tmp_path: Path) -> None:
+    log = tmp_path / "a.csv"
+    log.write_text("timestamp,arbitration_id,extended,remote,error,dlc,data\nnan,0x101,0,0,0,1,AA==\n")
+    with pytest.raises(InputError, match=r"cannot be read as \.csv"):
         read(log)

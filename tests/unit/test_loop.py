@@ -1,25 +1,32 @@
 """The loop on a link and a clock of the test's own; the core is the real one."""
 
+import gc
+import os
 import signal
 import socket
 import time
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from tests.unit.test_core import Rig
 from wrcd.bus.frame import Frame
-from wrcd.daemon.config import Config, load_config
+from wrcd.bus.link import LinkHealth
+from wrcd.daemon.config import DEFAULT, Config, load_config
 from wrcd.daemon.loop import Daemon
 from wrcd.daemon.notify import Notifier
+from wrcd.daemon.reload import Reload
 
 
 class Wire:
     """A link whose frames the test lays out."""
 
-    name, drops, reopens, unsent, up = "test", 0, 0, 0, True
+    name = "test"
 
     def __init__(self) -> None:
+        self.health = LinkHealth()
         self.waiting: list[Frame] = []
         self.sent: list[Frame] = []
 
@@ -79,8 +86,8 @@ def test_a_late_loop_skips_and_counts_and_never_bursts(setup: Setup) -> None:
     setup.now += 500_000
     setup.daemon.poll()
     assert len(setup.adhesion()) <= 1
-    # 25 slots of four axles, five of details
-    assert 90 <= setup.rig.core.health.overruns <= 125
+    # 25 slots of four axles, five of details and of inputs
+    assert 110 <= setup.rig.core.health.overruns <= 145
 
 
 def test_what_arrived_during_the_start_fills_the_window(setup: Setup) -> None:
@@ -95,34 +102,123 @@ def test_what_arrived_during_the_start_fills_the_window(setup: Setup) -> None:
     assert next(f.data[1] >> 4 for f in setup.adhesion()) == 1
 
 
-def test_systemd_is_told(tmp_path: Path, config: Config, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = str(tmp_path / "notify")
-    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as listener:
-        listener.bind(path)
-        listener.settimeout(1.0)
-        notifier = Notifier({"NOTIFY_SOCKET": path, "WATCHDOG_USEC": "200000"})
-        setup = Setup(config, monkeypatch)
-        daemon = Daemon(setup.rig.core, setup.wire, notifier, clock=lambda: setup.now)
-        polls = 0
-        poll = daemon.poll
+class Systemd:
+    """The far end of NOTIFY_SOCKET, and a daemon that talks to it; every 100 ms it wants a sign of life."""
 
-        def counted() -> None:
-            nonlocal polls
-            polls += 1
-            poll()
-            if polls == 120:
-                daemon._on_signal(15, None)
+    def __init__(self, path: str, config: Config, monkeypatch: pytest.MonkeyPatch) -> None:
+        self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self._listener.bind(path)
+        self._listener.setblocking(False)
+        self.setup = Setup(config, monkeypatch)
+        self.notifier = Notifier({"NOTIFY_SOCKET": path, "WATCHDOG_USEC": "200000"})
+        self.daemon = self.new_daemon()
 
-        monkeypatch.setattr(daemon, "poll", counted)
-        monkeypatch.setattr(signal, "signal", lambda *_: None)
-        daemon.run()
-        said = [listener.recv(100).decode() for _ in range(8)]
-        notifier.close()
+    def new_daemon(self, reload: Reload | None = None) -> Daemon:
+        setup = self.setup
+        return Daemon(setup.rig.core, setup.wire, self.notifier, clock=lambda: setup.now, reload=reload)
+
+    def heard(self) -> list[str]:
+        out = []
+        while True:
+            try:
+                out.append(self._listener.recv(100).decode())
+            except BlockingIOError:
+                return out
+
+    def close(self) -> None:
+        self._listener.close()
+        self.notifier.close()
+
+
+@pytest.fixture
+def systemd(tmp_path: Path, config: Config, monkeypatch: pytest.MonkeyPatch) -> Iterator[Systemd]:
+    kept = {s: signal.getsignal(s) for s in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)}
+    listening = Systemd(str(tmp_path / "notify"), config, monkeypatch)
+    yield listening
+    listening.close()
+    gc.unfreeze()
+    for number, handler in kept.items():
+        signal.signal(number, handler)
+
+
+def kill_after(polls: dict[int, int], daemon: Daemon, monkeypatch: pytest.MonkeyPatch) -> None:
+    """This process gets these signals after so many turns."""
+    done, poll = 0, daemon.poll
+
+    def counted() -> None:
+        nonlocal done
+        done += 1
+        poll()
+        if done in polls:
+            os.kill(os.getpid(), polls[done])
+
+    monkeypatch.setattr(daemon, "poll", counted)
+
+
+def test_systemd_is_told(systemd: Systemd, monkeypatch: pytest.MonkeyPatch) -> None:
+    kill_after({120: signal.SIGTERM}, systemd.daemon, monkeypatch)
+    systemd.daemon.run()
+    said = systemd.heard()
     assert said[0] == "READY=1"
     assert said[-1] == "STOPPING=1"
     # every 100 ms in 0.6 s
     assert said[1:-1] == ["WATCHDOG=1"] * 6
-    assert all(f.data[1] >> 4 == 0 for f in setup.wire.sent[-5:-1])
+    assert all(f.data[1] >> 4 == 0 for f in systemd.setup.wire.sent[-5:-1])
+    assert gc.get_freeze_count() > 1000
+
+
+def test_the_watchdog_hears_nothing_of_ticks_that_stand_still(systemd: Systemd) -> None:
+    """Frames come, but whoever stamps them has stopped: no tick is ever over."""
+    setup = systemd.setup
+    for _ in range(10):
+        systemd.daemon.poll()
+    assert systemd.heard() == ["WATCHDOG=1"]
+    at = setup.now
+    for _ in range(200):
+        setup.wire.waiting += [replace(frame, stamp_us=at) for frame in setup.rig.frames()]
+        systemd.daemon.poll()
+    assert setup.now - at >= 1_000_000
+    assert len(systemd.heard()) <= 1
+    for _ in range(40):
+        systemd.daemon.poll()
+    assert len(systemd.heard()) == 2
+
+
+def test_the_watchdog_hears_nothing_of_a_loop_that_is_always_late(systemd: Systemd) -> None:
+    for late_us, heard in ((15_000, 10), (40_000, 0), (15_000, 10)):
+        systemd.heard()
+        end = systemd.setup.now + 1_000_000
+        while systemd.setup.now < end:
+            systemd.setup.now += late_us
+            systemd.daemon.poll()
+        assert heard - 2 <= len(systemd.heard()) <= heard
+
+
+def test_hangup_reads_the_configuration_again(
+    systemd: Systemd,
+    tmp_path: Path,
+    config: Config,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    file = tmp_path / "train.toml"
+    file.write_text(DEFAULT + "[limits]\nmin_speed_m_s = 7\n")
+    daemon = systemd.new_daemon(Reload(file, config))
+    kill_after({40: signal.SIGHUP, 80: signal.SIGTERM}, daemon, monkeypatch)
+    daemon.run()
+    said = [line for line in systemd.heard() if line != "WATCHDOG=1"]
+    assert [line.partition("\n")[0] for line in said] == ["READY=1", "RELOADING=1", "READY=1", "STOPPING=1"]
+    moment_us = int(said[1].partition("\nMONOTONIC_USEC=")[2])
+    assert 0 <= time.monotonic() - moment_us * 1e-6 < 60
+    assert systemd.setup.rig.core.config.min_speed_m_s == 7.0
+    assert capsys.readouterr().err == "wrcd: reload: limits.min_speed_m_s 3 -> 7\n"
+
+
+def test_hangup_without_a_reload_ends_it(systemd: Systemd, monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a terminal: whoever started it is gone."""
+    kill_after({40: signal.SIGHUP}, systemd.daemon, monkeypatch)
+    systemd.daemon.run()
+    assert systemd.heard()[-1] == "STOPPING=1"
 
 
 def test_without_systemd_nothing_is_said() -> None:

@@ -8,7 +8,17 @@ from typing import TypeVar
 
 from wrcd import resources
 from wrcd.bus.codec import Source, Writer
-from wrcd.bus.dbc import Database, check_plain, cycle_ms, data_id, find_message, find_signal, load_dbc, timeout_ms
+from wrcd.bus.dbc import (
+    Database,
+    check_encodable,
+    check_plain,
+    cycle_ms,
+    data_id,
+    find_message,
+    find_signal,
+    load_dbc,
+    timeout_ms,
+)
 from wrcd.bus.units import Quantity, factor
 from wrcd.daemon.report import sendable
 from wrcd.errors import InputError
@@ -71,6 +81,7 @@ class Config:
     file: str
     interface: str
     channel: str
+    hardware_stamps: bool
     dbc_file: Path
     database: Database
     design_file: Path
@@ -163,6 +174,7 @@ def _config(
         file=str(top.file),
         interface=interface,
         channel=channel,
+        hardware_stamps=bus.choice("timestamps", ("kernel", "hardware"), "kernel") == "hardware",
         dbc_file=dbc_file,
         database=database,
         design_file=design_file,
@@ -280,6 +292,7 @@ def _writer(section: Section, key: str, database: Database, name: str, needs: tu
         Writer(message, needs)
         sendable(message)
         cycle_ms(message)
+        check_encodable(message)
     except KeyError as e:
         hint = suggest(name, [m.name for m in database.messages]) or f'give [[axle]] {key} = "…"'
         raise section.error(str(e.args[0]), key, hint) from None

@@ -5,76 +5,24 @@ Tick k owns the frames stamped in [k P, (k + 1) P); of two measurements one may 
 of every other signal the newest counts. Frames of a slot are made when the tick that ends it is closed.
 """
 
-import math
-from collections import Counter
-from collections.abc import Iterator
-from dataclasses import dataclass, field
-
 import numpy as np
 
-from wrcd.bus.codec import Receiver, Value, Writer
-from wrcd.bus.dbc import find_message
+from wrcd.bus.codec import Receiver, Value
 from wrcd.bus.frame import Frame
-from wrcd.bus.link import LinkHealth
 from wrcd.bus.reasons import Reason
 from wrcd.daemon.arrivals import NEVER
 from wrcd.daemon.config import Config
-from wrcd.daemon.inputs import LAT, SPEED, TORQUE, YAW, Inputs
+from wrcd.daemon.counts import Counts, Health
+from wrcd.daemon.inputs import Inputs
+from wrcd.daemon.outbox import Outbox, Outgoing
 from wrcd.daemon.report import Report, Validity, confidence, known, surface
+from wrcd.daemon.values import NAMES, explanation, plausibility
 from wrcd.estimator.bank import BoolArray
 from wrcd.estimator.estimator import Estimate, Estimator, Tick
-
-NAMES = {YAW: "YawRate", LAT: "LatAccel", TORQUE: "Torque", SPEED: "Speed"}  # as the DBC's signals end
 
 FORWARD_STEP_US = 1_000_000  # a stamp further ahead than this re-initialises
 BACKWARD_STEP_US = 10_000  # out of order by less than this is jitter between queues, by more a step of the clock
 MOST_FILLED_US = 60_000_000  # a replay fills a silence with frames up to this long; longer is a step of time
-
-
-@dataclass(slots=True)
-class Counts:
-    """What happened so far. Every mapped frame is in accepted or in rejected under its reason."""
-
-    STATE = ("accepted", "rejected", "late", "time_steps", "restarts", "ticks")
-    PASSING = ("blamed",)
-
-    accepted: int = 0
-    rejected: Counter[Reason] = field(default_factory=Counter)
-    blamed: Counter[tuple[str, Reason]] = field(default_factory=Counter)  # the same by message, for the log
-    late: int = 0  # arrived after their tick was closed: used in the tick that was open
-    time_steps: int = 0
-    restarts: int = 0  # axles started anew because what they said was absurd for too long
-    ticks: int = 0
-
-    @property
-    def refusals(self) -> str:
-        """The rejections by reason, for a person."""
-        return ", ".join(f"{n} {reason}" for reason, n in sorted(self.rejected.items())) or "none"
-
-    @property
-    def seen(self) -> int:
-        """All mapped frames."""
-        return self.accepted + self.rejected.total()
-
-
-@dataclass(frozen=True, slots=True)
-class Outgoing:
-    """A frame to send, and the length of its slot: after the slot it is worthless."""
-
-    frame: Frame
-    cycle_us: int
-    why: Estimate | None = None  # what the frame was made from
-
-
-@dataclass(slots=True)
-class Health:
-    """What the loop knows and the core sends in WrcdStatus and WrcdLink."""
-
-    STATE = ("state", "overruns", "link")
-
-    state: str = "Running"
-    overruns: int = 0
-    link: LinkHealth = field(default_factory=LinkHealth)
 
 
 class Core:
@@ -82,7 +30,7 @@ class Core:
 
     STATE = (
         "counts", "health", "estimator", "receiver", "_open", "_stamp_us", "_inputs", "_good_ticks", "_warm", "_blank",
-        "_last_reason", "_rejected_before", "_outlier_us",
+        "_outbox", "_outlier_us",
     )  # fmt: skip
     PASSING = ("reports",)
 
@@ -102,19 +50,15 @@ class Core:
         self._good_ticks = [0] * n
         self._warm = [False] * n  # whether a full window of good ticks has been seen since it was blank
         self._blank = [True] * n
-        db = config.database
-        self._adhesion = [Writer(find_message(db, a.adhesion), ()) for a in config.axles]
-        self._detail = [Writer(find_message(db, a.detail), ()) if a.detail else None for a in config.axles]
-        self._inputs_of = [Writer(find_message(db, a.inputs), ()) if a.inputs else None for a in config.axles]
-        self._status, self._rejects, self._link = (
-            Writer(find_message(db, name), ()) if name else None
-            for name in (config.status, config.rejects, config.link)
-        )
-        self._last_reason = "None"
-        self._rejected_before: Counter[Reason] = Counter()  # at the newest WrcdRejects
+        self._outbox = Outbox(config)
         self._outlier_us = [NEVER] * n
         self.reports: list[Report] = []  # of the newest slot
         self.muted = False  # make no frames: nobody would send them
+
+    @property
+    def standing(self) -> bool:
+        """Whether the train is known to be slower than an estimate needs."""
+        return self._inputs.speed_m_s < self.config.min_speed_m_s
 
     def reconfigure(self, config: Config) -> None:
         """Go on with other limits from the next tick on; everything else in config must be as it was."""
@@ -130,10 +74,8 @@ class Core:
         if not isinstance(got, Reason):
             got = self._inputs.judge(got, frame.stamp_us) or got
         if isinstance(got, Reason):
-            self.counts.rejected[got] += 1
-            self._last_reason = got.label
             sources = self.receiver.sources(frame.can_id)
-            self.counts.blamed[sources[0].message, got] += 1
+            self.counts.refuse(sources[0].message, got)
             self._inputs.refuse(sources, frame.stamp_us, got)
             return out
         self.counts.accepted += 1
@@ -164,9 +106,10 @@ class Core:
         out: list[Outgoing] = []
         if self._open is None:
             self._open = target
-        step = stamp_us - (self._open * self._period_us if self._stamp_us == NEVER else self._stamp_us)
-        if step > FORWARD_STEP_US or step < -BACKWARD_STEP_US:
-            if 0 < step <= MOST_FILLED_US:
+        ahead = stamp_us - self._open * self._period_us
+        step = ahead if self._stamp_us == NEVER else stamp_us - self._stamp_us
+        if step > FORWARD_STEP_US or step < -BACKWARD_STEP_US or ahead > MOST_FILLED_US:
+            if step > 0 and ahead <= MOST_FILLED_US:
                 out = self._close_up_to(target)
             self._restart(target)
         else:
@@ -177,7 +120,7 @@ class Core:
     def _restart(self, tick: int) -> None:
         """A step of time: nothing that was known before holds."""
         self.counts.time_steps += 1
-        self._open = tick
+        self._open, self._stamp_us = tick, NEVER
         self._inputs.forget()
         self.receiver.forget()
         for axle in range(self._n):
@@ -234,32 +177,22 @@ class Core:
         adhesion, detail, status = (
             end_us // cycle != before // cycle for cycle in (c.adhesion_cycle_us, c.detail_cycle_us, c.status_cycle_us)
         )
-        out = []
+        out: list[Outgoing] = []
         if adhesion or detail:
             estimate = self.estimator.estimate() if any(self._warm) else None
             self.reports = [self._report(axle, end_us, estimate) for axle in range(self._n)]
         if adhesion:
-            for w, report in zip(self._adhesion, self.reports, strict=True):
-                out.append(_outgoing(w, end_us, c.adhesion_cycle_us, report.values(), estimate))
+            out += self._outbox.adhesion(end_us, self.reports, estimate)
         if detail:
-            for axle, writer in enumerate(self._detail):
-                if writer:
-                    out.append(_outgoing(writer, end_us, c.detail_cycle_us, self._explain(axle, estimate)))
-            for axle, writer in enumerate(self._inputs_of):
-                if writer:
-                    out.append(_outgoing(writer, end_us, c.detail_cycle_us, self._input_values(axle, end_us, estimate)))
+            warm = [estimate if self._warm[axle] else None for axle in range(self._n)]
+            out += self._outbox.detail(
+                end_us,
+                [explanation(e, axle, self._inputs.stale[:, axle]) for axle, e in enumerate(warm)],
+                [self._input_values(e, axle, end_us) for axle, e in enumerate(warm)],
+            )
         if status:
-            out += self._status_frames(end_us)
+            out += self._outbox.status(end_us, self.counts, self.health, self.estimator.outliers)
         return out
-
-    def _status_frames(self, end_us: int) -> Iterator[Outgoing]:
-        for writer, values in (
-            (self._status, self._health_values),
-            (self._rejects, self._reject_values),
-            (self._link, self._link_values),
-        ):
-            if writer:
-                yield _outgoing(writer, end_us, self.config.status_cycle_us, values())
 
     def _report(self, axle: int, end_us: int, estimate: Estimate | None) -> Report:
         age_ms = self._inputs.age_ms(axle, end_us)
@@ -284,19 +217,9 @@ class Core:
             confidence(known(float(estimate.half_width_pp[axle])) if mu is not None else None),
         )
 
-    def _explain(self, axle: int, estimate: Estimate | None) -> dict[str, Value]:
-        warm = self._warm[axle] and estimate is not None
-        values: dict[str, Value] = {f"Stale{name}": float(self._inputs.stale[q, axle]) for q, name in NAMES.items()}
-        values["WinningModel"] = float(estimate.winner[axle]) if warm and estimate else 0.0
-        values["DominantRule"] = float(estimate.rule[axle]) if warm and estimate else None
-        for m in range(4):
-            r = float(estimate.residuals[axle, m]) if warm and estimate else math.nan
-            values[f"Residual{m + 1}"] = 20 * math.log10(r) if math.isfinite(r) else None
-        return values
-
-    def _input_values(self, axle: int, end_us: int, estimate: Estimate | None) -> dict[str, Value]:
+    def _input_values(self, estimate: Estimate | None, axle: int, end_us: int) -> dict[str, Value]:
         values: dict[str, Value] = {
-            "Plausibility": self._plausibility(axle, estimate),
+            "Plausibility": plausibility(estimate, axle),
             "Outlier": float(end_us - self._outlier_us[axle] <= self.config.detail_cycle_us),
             "Unchanged": float(self._inputs.unchanged[:, axle].any()),
         }
@@ -305,55 +228,7 @@ class Core:
             values |= {f"Reach{name}": float(register), f"Refused{name}": refused}
         return values
 
-    def _plausibility(self, axle: int, estimate: Estimate | None) -> str:
-        """More in use than available is saturation, or something is wrong: which."""
-        if not self._warm[axle] or estimate is None or not math.isfinite(estimate.mu_available_pct[axle]):
-            return "Unknown"
-        if estimate.contradicted[axle]:
-            return "Contradiction"
-        return "Saturated" if estimate.saturated[axle] else "Consistent"
-
-    def _health_values(self) -> dict[str, Value]:
-        h = self.health
-        return {
-            "State": h.state,
-            "Overruns": float(h.overruns % 256),
-            "RejectedFrames": float(self.counts.rejected.total() % 1024),
-            "LastReason": self._last_reason,
-            "ReceiveDrops": float(h.link.drops % 64),
-            "Reopens": float(h.link.reopens % 16),
-            "DesignChecksum": float(int(self.config.design.checksum[:4], 16)),
-        }
-
-    def _reject_values(self) -> dict[str, Value]:
-        new = self.counts.rejected - self._rejected_before
-        self._rejected_before = self.counts.rejected.copy()
-        return {f"Rejected{r.label}": float(min(new[r], 15)) for r in Reason}
-
-    def _link_values(self) -> dict[str, Value]:
-        link = self.health.link
-        return {
-            "LinkState": link.state,
-            "ErrorFrames": float(link.error_frames % 4096),
-            "BusOffs": float(link.bus_offs % 16),
-            "Unsent": float(link.unsent % 256),
-            "TimeSteps": float(self.counts.time_steps % 16),
-            "LateFrames": float(self.counts.late % 16),
-            "Outliers": float(self.estimator.outliers % 256),
-            "Restarts": float(self.counts.restarts % 256),
-        }
-
     def farewell(self, now_us: int) -> list[Frame]:
         """The last frames: every axle NotAvailable, the daemon stopping."""
-        slot_us = self.config.adhesion_cycle_us
-        gone = Report(Validity.NOT_AVAILABLE, None, None, 255, "Unknown", "Unknown", "None")
-        # the present slot's frames have gone out: the next counter, or a receiver takes these for repeats
-        out = [w.frame(now_us, now_us // slot_us + 1, gone.values()) for w in self._adhesion]
-        if self._status:
-            self.health.state = "Stopping"
-            out.append(self._status.frame(now_us, now_us // self.config.status_cycle_us + 1, self._health_values()))
-        return out
-
-
-def _outgoing(w: Writer, end_us: int, cycle_us: int, values: dict[str, Value], why: Estimate | None = None) -> Outgoing:
-    return Outgoing(w.frame(end_us, end_us // cycle_us, values), cycle_us, why)
+        self.health.state = "Stopping"
+        return list(self._outbox.farewell(now_us, self.counts, self.health))

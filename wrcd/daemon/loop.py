@@ -1,13 +1,18 @@
 """The live loop: drain what the kernel holds, tick, send. One thread, no queue."""
 
+import gc
 import signal
 import time
 from collections.abc import Callable
 from types import FrameType
 
 from wrcd.bus.link import Link
-from wrcd.daemon.core import Core, Outgoing
+from wrcd.daemon.core import Core
 from wrcd.daemon.notify import Notifier
+from wrcd.daemon.outbox import Outgoing
+from wrcd.daemon.recorder import Recorder
+from wrcd.daemon.reload import Reload
+from wrcd.daemon.say import Watch, say
 
 # The loop turns this long after the end of each tick, when the tick's last frames have usually come in.
 SETTLE_US = 1_000
@@ -15,6 +20,9 @@ SETTLE_US = 1_000
 # that found nothing. On a busy computer a frame may be stamped milliseconds before the kernel hands it over,
 # and a tick closed without it would not be what a replay computes.
 SILENT_TURNS = 2
+# Systemd's watchdog is told of turns that ended this long after they were due and no later: an Adhesion frame's slot.
+# A loop that is always later sends next to nothing, and a new one may do better.
+LATE_US = 20_000
 
 
 def wall_us() -> int:
@@ -23,16 +31,29 @@ def wall_us() -> int:
 
 
 class Daemon:
-    """Ties a link to the core. poll() waits and turns once; run() goes on until it is told to stop."""
+    """Ties a link to the core. poll() waits and turns once; run() goes on until it is told to stop.
+
+    With reload, SIGHUP reads the configuration again; without, it ends the daemon as SIGTERM does.
+    """
 
     def __init__(
-        self, core: Core, link: Link, notifier: Notifier | None = None, clock: Callable[[], int] = wall_us
+        self,
+        core: Core,
+        link: Link,
+        notifier: Notifier | None = None,
+        clock: Callable[[], int] = wall_us,
+        reload: Reload | None = None,
+        recorder: Recorder | None = None,
     ) -> None:
         self.core, self.link = core, link
+        self._recorder = recorder
+        core.health.link = link.health
+        self._reload = reload
+        self._watch = Watch(core, link)
         self._notifier = notifier or Notifier({})
         self._clock = clock
         self._period_us = round(core.config.design.tick_s * 1e6)
-        self._stop = False
+        self._stop = self._hangup = False
         self._turn_us = self._next_turn_us()
         self._silent = 0  # turns in a row that found nothing
         self._next_ping_us = 0
@@ -53,14 +74,20 @@ class Daemon:
         """Take all frames there are, close the ticks that are over, send what is due."""
         now = self._clock()
         out: list[Outgoing] = []
-        before = self.core.counts.seen
-        for frame in self.link.receive(now):
+        counts = self.core.counts
+        before, ticks = counts.seen, counts.ticks
+        frames = self.link.receive(now)
+        if self._recorder is not None:
+            self._recorder.received(frames)
+        for frame in frames:
             out += self.core.feed(frame)
-        self._silent = 0 if self.core.counts.seen > before else self._silent + 1
+        self._silent = 0 if counts.seen > before else self._silent + 1
         if self._silent >= SILENT_TURNS:
+            if self._recorder is not None:
+                self._recorder.advanced(now - SETTLE_US)
             out += self.core.advance(now - SETTLE_US)
         self._send(out)
-        self._look_after(now)
+        self._look_after(now, in_time=counts.ticks > ticks and self._clock() - self._turn_us <= LATE_US)
         self._turn_us = self._next_turn_us()
 
     def _next_turn_us(self) -> int:
@@ -73,13 +100,17 @@ class Daemon:
                 self.core.health.overruns += 1
             elif self.link.send(o.frame):
                 self.sent += 1
+                if self._recorder is not None:
+                    self._recorder.sent(o.frame)
 
-    def _look_after(self, now_us: int) -> None:
+    def _look_after(self, now_us: int, in_time: bool) -> None:
         health = self.core.health
-        health.drops, health.reopens = self.link.drops, self.link.reopens
-        health.state = "Running" if self.link.up else "LinkDown"
+        health.state = "Running" if self.link.health.up else "LinkDown"
+        if self._recorder is not None:
+            self._recorder.turn(now_us)
+        self._watch.look(now_us)
         every = self._notifier.watchdog_every_us
-        if every is not None and not (0 < self._next_ping_us - now_us <= every):
+        if in_time and every is not None and not (0 < self._next_ping_us - now_us <= every):
             self._notifier.say("WATCHDOG=1")
             self._next_ping_us = now_us + every
 
@@ -95,19 +126,47 @@ class Daemon:
             if self._clock() - frames[-1].stamp_us < 2 * self._period_us:
                 break
         self.core.muted = False
-        self.link.drops = 0  # an overflow before the start is no loss of the running daemon's
+        self.link.health.drops = 0  # an overflow before the start is no loss of the running daemon's
 
     def run(self) -> None:
-        """Until SIGTERM or SIGINT; the last frames say NotAvailable."""
-        self.catch_up()
-        for s in (signal.SIGTERM, signal.SIGINT):
+        """Until SIGTERM or SIGINT; the last frames say NotAvailable. However it ends, the recorder has its dump."""
+        for s in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGUSR1):
             signal.signal(s, self._on_signal)
+        self.catch_up()
+        try:
+            self._go_on()
+        finally:
+            if self._recorder is not None:
+                self._recorder.close(self._clock(), lambda: self._notifier.say("WATCHDOG=1"))
+
+    def _go_on(self) -> None:
+        # what the start has left is not looked through again and again for garbage
+        gc.collect()
+        gc.freeze()
         self._notifier.say("READY=1")
         while not self._stop:
             self.poll()
+            if self._hangup and self._reload is not None:
+                self._read_again(self._reload)
         self._notifier.say("STOPPING=1")
         for frame in self.core.farewell(self._clock()):
-            self.link.send(frame)
+            if self.link.send(frame) and self._recorder is not None:
+                self._recorder.sent(frame)
 
-    def _on_signal(self, _number: int, _frame: FrameType | None) -> None:
-        self._stop = True
+    def _read_again(self, reload: Reload) -> None:
+        """Between two turns: the next tick runs with the limits of the configuration as it is now."""
+        self._hangup = False
+        self._notifier.say_reloading()
+        config, line = reload.read(self.core.config)
+        self.core.reconfigure(config)
+        say(line)
+        self._notifier.say("READY=1")
+
+    def _on_signal(self, number: int, _frame: FrameType | None) -> None:
+        if number == signal.SIGHUP and self._reload is not None:
+            self._hangup = True
+        elif number == signal.SIGUSR1:
+            if self._recorder is not None:
+                self._recorder.ask()
+        else:
+            self._stop = True

@@ -1,7 +1,8 @@
-"""systemd's notification protocol: READY, WATCHDOG, STOPPING over a datagram socket."""
+"""systemd's notification protocol: READY, RELOADING, WATCHDOG, STOPPING over a datagram socket."""
 
 import os
 import socket
+import time
 
 
 class Notifier:
@@ -26,6 +27,10 @@ class Notifier:
                 self._socket.sendto(state.encode(), self._address)
             except OSError:
                 pass
+
+    def say_reloading(self) -> None:
+        """RELOADING=1, which systemd wants with the moment in the microseconds of its own clock; READY=1 ends it."""
+        self.say(f"RELOADING=1\nMONOTONIC_USEC={time.monotonic_ns() // 1000}")
 
     def close(self) -> None:
         """Let go of the socket."""

@@ -47,7 +47,7 @@ class Restless:
             self._learn(self._run)
             self._run, self._changed_us = 0, stamp_us
         self._value = value
-        return Reason.STUCK if self._run >= self._longest(STUCK) else None
+        return Reason.STUCK if self._run >= LEAST_RUN and self._run >= self._longest(STUCK) else None
 
     def _learn(self, run: int) -> None:
         """How often a run goes on; a stuck sensor must not teach that it always does."""

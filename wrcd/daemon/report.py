@@ -49,6 +49,9 @@ class Report:
         }
 
 
+GONE = Report(Validity.NOT_AVAILABLE, None, None, 255, "Unknown", "Unknown", "None")
+
+
 def surface(mu_available_pct: float | None) -> str:
     """The DBC's class of an adhesion."""
     if mu_available_pct is None:

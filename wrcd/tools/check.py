@@ -37,5 +37,11 @@ def describe(c: Config) -> list[str]:
         out.append(
             f"status                   -> 0x{status.frame_id:03X} {c.status}, every {c.status_cycle_us / 1000:g} ms"
         )
+    r = c.recorder
+    out.append(
+        f"recorder       the last {r.seconds:g} s, dumps in {r.folder} (at most {r.most_files}, {r.most_mb:g} MB)"
+        if r.on
+        else "recorder       none" + (" ([recorder] names no folder)" if r.folder is None else "")
+    )
     out.append("ok")
     return out

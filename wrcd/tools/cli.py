@@ -1,6 +1,7 @@
 """The wrcd command."""
 
 import argparse
+import faulthandler
 import os
 import sys
 from collections.abc import Callable, Sequence
@@ -55,6 +56,7 @@ def _parser() -> argparse.ArgumentParser:
 
     run = commands.add_parser("run", parents=[config], help="estimate on a bus until SIGTERM")
     add_bus(run)
+    run.add_argument("--lock-memory", action="store_true", help="keep all memory in RAM (needs LimitMEMLOCK=infinity)")
 
     commands.add_parser("check", parents=[config], help="say what a configuration would run; opens no bus")
 
@@ -83,6 +85,10 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _run(args: argparse.Namespace) -> int:
+    # The bank's products are a few hundred numbers: threads would only cost. Heard of when numpy is imported, below.
+    for library in ("OPENBLAS", "OMP", "MKL"):
+        os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+    faulthandler.enable(sys.__stderr__ or 2)  # when the watchdog aborts a daemon that hangs, the log says where
     # Started on SocketCAN by name, the bus is opened before the slow imports, and the kernel keeps what it
     # carries meanwhile: after a crash the window is full as soon as the program is there.
     early = None
@@ -96,7 +102,11 @@ def _run(args: argparse.Namespace) -> int:
         from wrcd.daemon.config import load_config
         from wrcd.daemon.core import Core
         from wrcd.daemon.loop import Daemon
+        from wrcd.daemon.memory import lock
         from wrcd.daemon.notify import Notifier
+        from wrcd.daemon.recorder import make_recorder
+        from wrcd.daemon.reload import Reload
+        from wrcd.daemon.say import say
 
         config = load_config(args.config)
         core = Core(config)
@@ -106,24 +116,30 @@ def _run(args: argparse.Namespace) -> int:
         raise
     if early is not None:
         early.narrow(core.receiver.ids)
+        if config.hardware_stamps:
+            early.stamp_by_hardware()
         link = early
     else:
-        link = open_link(args.interface or config.interface, args.channel or config.channel, core.receiver.ids)
-    print(
-        f"wrcd: {link.name}, axles {', '.join(str(a.number) for a in config.axles)}, design {config.design.name} "
-        f"{config.design.checksum[:12]}",
-        file=sys.stderr,
-        flush=True,
+        interface, channel = args.interface or config.interface, args.channel or config.channel
+        link = open_link(interface, channel, core.receiver.ids, config.hardware_stamps)
+    say(
+        f"{link.name}, axles {', '.join(str(a.number) for a in config.axles)}, design {config.design.name} "
+        f"{config.design.checksum[:12]}"
     )
+    if args.lock_memory and (reason := lock()):
+        say(f"memory is not locked: {reason}; set LimitMEMLOCK=infinity (realtime.conf)")
+    # On a terminal SIGHUP means that the terminal is gone, to a service that its configuration is to be read again.
+    terminal = sys.stdin is not None and sys.stdin.isatty()
+    reload = None if terminal else Reload(args.config, config)
+    recorder = make_recorder(core, args.channel or config.channel)
     try:
-        Daemon(core, link, Notifier()).run()
+        Daemon(core, link, Notifier(), reload=reload, recorder=recorder).run()
     finally:
         link.close()
     counts = core.counts
-    print(
-        f"wrcd: stopped; {counts.accepted} frames accepted, rejected: {counts.refusals}; "
-        f"{core.health.overruns} overruns, {counts.late} late frames, {counts.time_steps} steps of time",
-        file=sys.stderr,
+    say(
+        f"stopped; {counts.accepted} frames accepted, rejected: {counts.refusals}; "
+        f"{core.health.overruns} overruns, {counts.late} late frames, {counts.time_steps} steps of time"
     )
     return 0
 

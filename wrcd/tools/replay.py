@@ -3,7 +3,8 @@
 import contextlib
 import csv
 import sys
-from collections.abc import Iterator
+from collections import deque
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import IO, Any
 
@@ -12,7 +13,10 @@ from wrcd.bus.frame import Frame
 from wrcd.bus.log import Damage, format_line, read_log
 from wrcd.daemon.config import Config, load_config
 from wrcd.daemon.core import Core
+from wrcd.daemon.counts import Counts
+from wrcd.daemon.outbox import Outgoing
 from wrcd.daemon.report import Validity
+from wrcd.daemon.saved import Saved, happened, load, state_file
 from wrcd.errors import InputError, create
 from wrcd.estimator.design import Design
 from wrcd.estimator.estimator import Estimate
@@ -38,32 +42,60 @@ def replay(
             raise InputError("is the log itself; it would be lost", file=out, hint="give another file")
     config = load_config(config_file)
     core = Core(config)
+    saved = resume(core, log)
+    before = Counts(core.counts.accepted, core.counts.rejected.copy(), ticks=core.counts.ticks)
     damage = Damage()
     sent = 0
     with contextlib.ExitStack() as files:
         frames_out = files.enter_context(create(output)) if output else None
         rows = _rows(files, table, output is None or explained, config, explained)
-        for frame, channel in progress(read_log(log, damage), log):
-            for o in core.feed(frame):
-                sent += 1
-                if frames_out:
-                    frames_out.write(format_line(o.frame, channel) + "\n")
-                if rows:
-                    rows.write(o.frame, o.why)
+        for o, channel in outgoing(core, progress(read_log(log, damage), log), saved):
+            sent += 1
+            if frames_out:
+                frames_out.write(format_line(o.frame, channel) + "\n")
+            if rows:
+                rows.write(o.frame, o.why)
+    if saved is not None and damage.read != saved.lines:
+        print(
+            f"wrcd: warning: {log}: has {damage.read} frames, {saved.lines} when it was recorded: from where they "
+            "differ on, so may what is made of them",
+            file=sys.stderr,
+        )
     for warning in damage.warnings(log):
         print(f"wrcd: warning: {warning}", file=sys.stderr)
-    counts = core.counts
-    if not counts.accepted:
+    accepted, rejected = core.counts.accepted - before.accepted, core.counts.rejected - before.rejected
+    if not accepted:
         print(
             f"wrcd: warning: {log}: none of its {damage.read} frames is a usable input of this configuration",
             file=sys.stderr,
         )
     print(
-        f"wrcd: {damage.read} frames read, {counts.accepted} accepted, rejected: {counts.refusals}; "
-        f"{counts.ticks} ticks, {sent} frames made",
+        f"wrcd: {damage.read} frames read, {accepted} accepted, rejected: {Counts(rejected=rejected).refusals}; "
+        f"{core.counts.ticks - before.ticks} ticks, {sent} frames made",
         file=sys.stderr,
     )
     return 0
+
+
+def resume(core: Core, log: Path) -> Saved | None:
+    """Put the state that lies beside a recorder's log into a core, and say so. Raises InputError if it does not fit."""
+    path = state_file(log)
+    if not path.exists() or not log.exists():
+        return None
+    saved = load(path, core)
+    print(f"wrcd: goes on from {path.name}", file=sys.stderr)
+    return saved
+
+
+def outgoing(core: Core, frames: Iterable[tuple[Frame, str]], saved: Saved | None) -> Iterator[tuple[Outgoing, str]]:
+    """What the core makes of a log's frames, and the channel. What the loop did between them is done again."""
+    events = deque(saved.events if saved is not None else ())
+    lines, channel = 0, ""
+    for lines, (frame, channel) in enumerate(frames):
+        for o in (*happened(core, events, lines), *core.feed(frame)):
+            yield o, channel
+    for o in happened(core, events, lines + 1):
+        yield o, channel
 
 
 def progress(frames: Iterator[tuple[Frame, str]], log: Path) -> Iterator[tuple[Frame, str]]:

@@ -1,0 +1,51 @@
+"""What happened so far: what the core counts, and what it is told of the loop and the link."""
+
+from collections import Counter
+from dataclasses import dataclass, field
+
+from wrcd.bus.link import LinkHealth
+from wrcd.bus.reasons import Reason
+
+
+@dataclass(slots=True)
+class Counts:
+    """What happened so far. Every mapped frame is in accepted or in rejected under its reason."""
+
+    STATE = ("accepted", "rejected", "late", "time_steps", "restarts", "ticks", "last_reason")
+    PASSING = ("blamed",)
+
+    accepted: int = 0
+    rejected: Counter[Reason] = field(default_factory=Counter)
+    blamed: Counter[tuple[str, Reason]] = field(default_factory=Counter)  # the same by message, for the log
+    late: int = 0  # arrived after their tick was closed: used in the tick that was open
+    time_steps: int = 0
+    restarts: int = 0  # axles started anew because what they said was absurd for too long
+    ticks: int = 0
+    last_reason: str = "None"  # label of the newest rejection's
+
+    def refuse(self, message: str, reason: Reason) -> None:
+        """A frame of a message was not accepted."""
+        self.rejected[reason] += 1
+        self.blamed[message, reason] += 1
+        self.last_reason = reason.label
+
+    @property
+    def refusals(self) -> str:
+        """The rejections by reason, for a person."""
+        return ", ".join(f"{n} {reason}" for reason, n in sorted(self.rejected.items())) or "none"
+
+    @property
+    def seen(self) -> int:
+        """All mapped frames."""
+        return self.accepted + self.rejected.total()
+
+
+@dataclass(slots=True)
+class Health:
+    """What the loop knows and the core sends in WrcdStatus and WrcdLink."""
+
+    STATE = ("state", "overruns", "link")
+
+    state: str = "Running"
+    overruns: int = 0
+    link: LinkHealth = field(default_factory=LinkHealth)
