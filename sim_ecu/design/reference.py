@@ -46,10 +46,10 @@ class RunningMean:
         """Nothing seen yet."""
         self._seen, self._mean = [0, 0], [0.0, 0.0]
 
-    def take_off(self, z: FloatArray, present: NDArray[np.bool_]) -> FloatArray:
+    def take_off(self, z: FloatArray, used: bool) -> FloatArray:
         """The measurement (2,) without its mean."""
         for i in range(2):
-            if present[i]:
+            if used:
                 self._seen[i] = min(self._seen[i] + 1, self._most)
                 self._mean[i] += (float(z[i]) - self._mean[i]) / self._seen[i]
         return np.asarray(z - np.array(self._mean))
@@ -67,19 +67,19 @@ class Filters:
         for f in self._filters:
             f.x = np.zeros(5)
 
-    def step(self, z: FloatArray, present: NDArray[np.bool_], matrices: list[FloatArray]) -> FloatArray:
-        """Innovations (4, 2) of one tick; a channel that is missing counts as predicted."""
+    def step(self, z: FloatArray, used: bool, matrices: list[FloatArray]) -> FloatArray:
+        """Innovations (4, 2) of one tick; what is not used counts as predicted."""
         out = np.empty((4, 2))
         for m, f in enumerate(self._filters):
             f.F, f.K, f.H = matrices[0][m], matrices[1][m], matrices[2][m]
-            f.update_steadystate(np.where(present, z, f.H @ f.x))
+            f.update_steadystate(z if used else f.H @ f.x)
             out[m] = f.y
             f.predict_steadystate()
         return out
 
 
 class LiveFilters:
-    """Four filters of one axle that carry their covariances, and use what channels there are."""
+    """Four filters of one axle that carry their covariances."""
 
     def __init__(self, source: "Models") -> None:
         self._source = source
@@ -89,8 +89,8 @@ class LiveFilters:
         """Start from the steady covariance of the first speed seen."""
         self._filters: list[KalmanFilter] | None = None
 
-    def step(self, z: FloatArray, present: NDArray[np.bool_], speed_m_s: float) -> FloatArray:
-        """Innovations (4, 2); zero where a channel is missing."""
+    def step(self, z: FloatArray, used: bool, speed_m_s: float) -> FloatArray:
+        """Innovations (4, 2) of one tick; one that is not used is predicted over."""
         models = self._source.at(speed_m_s)
         if self._filters is None:
             self._filters = [KalmanFilter(dim_x=5, dim_z=2) for _ in models]
@@ -98,16 +98,9 @@ class LiveFilters:
                 f.x, f.P = np.zeros(5), g.P.copy()
         out = np.zeros((4, 2))
         for m, (f, g) in enumerate(zip(self._filters, models, strict=True)):
-            out[m] = np.where(present, z - g.H @ f.x, 0.0)
-            rows = np.flatnonzero(present)
-            if len(rows) == 2:
+            if used:
+                out[m] = z - g.H @ f.x
                 f.update(z, R=g.R, H=g.H)
-            elif len(rows) == 1:
-                # one channel: a filter of one measurement
-                one = KalmanFilter(dim_x=5, dim_z=1)
-                one.x, one.P = f.x, f.P
-                one.update(z[rows], R=g.R[np.ix_(rows, rows)], H=g.H[rows])
-                f.x, f.P = one.x, one.P
             f.predict(F=g.Phi, Q=g.Q)
         return out
 

@@ -26,7 +26,7 @@ class Findings:
     """What the comparison came to."""
 
     ticks: int = 0
-    partial: int = 0  # ticks in which a running axle lacked a channel
+    partial: int = 0  # ticks of which an axle's only channel, or an absurd sample, was left out
     innovation: float = 0.0  # largest difference
     largest: float = 0.0  # largest innovation
     live_square: float = 0.0
@@ -68,16 +68,16 @@ class BothEngines(Estimator):
         matrices = self._schedule.at(tick.speed_m_s)
         self._noise = matrices[4]
         for a in range(self.axles):
-            present = self.present[:, a]  # without what the gate left out
-            z = self._means[a].take_off(tick.z[:, a], present)
-            reference = self._filters[a].step(z, present, matrices)
+            used = bool(self.used[a])
+            z = self._means[a].take_off(tick.z[:, a], used)
+            reference = self._filters[a].step(z, used, matrices)
             whitened = np.array([matrices[3][m] @ reference[m] for m in range(4)])
             ratio = float(tick.torque_ratio[a])
-            self._windows[a].put(tick.number, whitened, bool(present.all()) and np.isfinite(ratio), ratio)
-            if not present.any():
+            self._windows[a].put(tick.number, whitened, bool(self.good[a]), ratio)
+            live = self._live[a].step(z, used, tick.speed_m_s)
+            f.partial += bool(tick.present[:, a].any()) and not used
+            if not used:
                 continue
-            f.partial += not present.all()
-            live = self._live[a].step(z, present, tick.speed_m_s)
             f.innovation = max(f.innovation, float(np.abs(e[:, :, a] - reference).max()))
             f.largest = max(f.largest, float(np.abs(reference).max()))
             f.live_largest = max(f.live_largest, float(np.abs(e[:, :, a] - live).max()))
@@ -124,7 +124,10 @@ def run(log: Path, config_file: Path | None, fuzzy_every_s: float) -> int:
         return 2
     relative = f.innovation / f.largest if f.largest else 0.0
     good = relative <= MOST_INNOVATION and f.fuzzy <= MOST_FUZZY
-    print(f"{f.ticks} ticks ({f.partial} with a channel missing), {len(f.fast)} fuzzy outputs compared")
+    print(
+        f"{f.ticks} ticks ({f.partial} predicted over for a channel missing or absurd), {len(f.fast)} fuzzy outputs "
+        "compared"
+    )
     print(
         f"innovations, fast against filterpy with the design's gains: largest difference {f.innovation:.2e} "
         f"of {f.largest:.3g} = {relative:.1e} (allowed {MOST_INNOVATION:.0e})"

@@ -15,9 +15,9 @@ from wrcd.daemon.config import load_config
 from wrcd.daemon.core import Core
 
 
-def played(*ticks: list[int]) -> list[int | None]:
+def played(*ticks: list[int], patience: int = 100) -> list[int | None]:
     """What each tick uses, of measurements named by their stamps."""
-    a = Arrivals(1, 1)
+    a = Arrivals(1, 1, patience)
     out: list[int | None] = []
     for tick in ticks:
         for stamp in tick:
@@ -40,8 +40,16 @@ def test_a_third_drops_the_oldest() -> None:
     assert played([1, 2], [3, 4], [5, 6], [7, 8]) == [1, 3, 5, 7]
 
 
+def test_one_that_is_never_needed_is_dropped() -> None:
+    assert played([1, 2], [3], [4], [5], [6], [7], patience=4) == [1, 2, 3, 4, 6, 7]
+    # needed now and then, it stays
+    assert played([1, 2], [3], [], [4, 5], [6], [7], [8], patience=4) == [1, 2, 3, 4, 5, 6, 7]
+    # twice as fast as the tick: still every second one
+    assert played([1, 2], [3, 4], [5, 6], [7, 8], patience=2) == [1, 3, 5, 7]
+
+
 def test_after_clear_nothing_waits() -> None:
-    a = Arrivals(2, 3)
+    a = Arrivals(2, 3, 100)
     a.put(1, 2, 5.0, 7)
     a.put(1, 2, 6.0, 8)
     a.take()

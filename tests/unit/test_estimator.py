@@ -203,3 +203,36 @@ def test_every_speed_has_gains(design: Design, speed: float) -> None:
         e = estimator.step(tick(k, z, speed=speed))
         assert np.isfinite(e).all()
     assert np.abs(e).max() < 10.0
+
+
+@pytest.mark.parametrize("missing", [0, 1])
+@pytest.mark.parametrize("speed", [10.0, 25.0, 50.0])
+def test_a_missing_channel_never_lets_a_filter_run_away(design: Design, missing: int, speed: float) -> None:
+    """Corrected by one channel with its part of a gain made for two, model 4 would double with every tick."""
+    rng = np.random.default_rng(5)
+    estimator = Estimator(design, 1)
+    largest = []
+    for k in range(400):
+        present = np.ones((2, 1), dtype=bool)
+        present[missing] = k not in range(200, 230)
+        z = rng.normal(0.0, 1.0, (2, 1)) * np.array([[0.01], [0.3]])
+        estimator.step(Tick(k, z, present, np.full(1, 0.2), speed))
+        largest.append(float(np.abs(estimator._bank.x).max()))
+    assert max(largest[200:]) <= 2.0 * max(largest[:200])
+
+
+def test_a_tick_after_a_gap_stays_out_unless_gaps_are_the_rule(design: Design) -> None:
+    rng = np.random.default_rng(6)
+
+    def good(whole: list[bool]) -> list[bool]:
+        estimator, out = Estimator(design, 1), []
+        for k, there in enumerate(whole):
+            z = rng.normal(0.0, 1.0, (2, 1)) * np.array([[0.01], [0.3]])
+            estimator.step(Tick(k, z, np.full((2, 1), there), np.full(1, 0.2), 25.0))
+            out.append(bool(estimator.good[0]))
+        return out
+
+    whole = [True] * 50 + [False] * 2 + [True] * 10
+    assert good(whole) == [True] * 50 + [False] * 3 + [True] * 9
+    slow = good([k % 2 == 0 for k in range(400)])  # a sensor half as fast as the ticks
+    assert sum(slow[200:]) == 100

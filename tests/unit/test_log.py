@@ -125,3 +125,12 @@ def test_a_frame_without_a_time_is_not_read(tmp_path: Path) -> None:
     log.write_text("timestamp,arbitration_id,extended,remote,error,dlc,data\nnan,0x101,0,0,0,1,AA==\n")
     with pytest.raises(InputError, match=r"cannot be read as \.csv"):
         read(log)
+
+
+def test_an_id_that_there_is_not_is_left_out(tmp_path: Path) -> None:
+    log = tmp_path / "a.csv"
+    rows = ("1700000000.0,0x800,0,0,0,1,AA==", "1700000000.1,0x101,0,0,0,1,AA==")
+    log.write_text("timestamp,arbitration_id,extended,remote,error,dlc,data\n" + "\n".join(rows) + "\n")
+    found, damage = read(log)
+    assert [f.can_id for f in found] == [0x101]
+    assert (damage.read, damage.bad, damage.lines) == (1, 1, [1])

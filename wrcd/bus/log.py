@@ -57,13 +57,17 @@ def parse_line(line: bytes) -> tuple[Frame, str] | None:
     extended = len(m[4]) == 8
     error = extended and bool(number & _ERROR_FLAG)
     data = bytes.fromhex(m[7].decode()) if m[7] else b""
-    if len(data) > (64 if m[5] else 8) or (number > 0x7FF and not extended):
-        return None
     frame = Frame(
         int(m[1]) * 1_000_000 + int(m[2]), number & 0x1FFFFFFF if extended else number, data,
         extended=extended and not error, remote=bool(m[6]), error=error, fd=bool(m[5]),
     )  # fmt: skip
-    return frame, m[3].decode(errors="replace")
+    return (frame, m[3].decode(errors="replace")) if _possible(frame) else None
+
+
+def _possible(frame: Frame) -> bool:
+    """Whether a bus can carry such a frame: a damaged log names ids and lengths that there are not."""
+    longest_id = 0x1FFFFFFF if frame.extended or frame.error else 0x7FF
+    return 0 <= frame.can_id <= longest_id and len(frame.data) <= (64 if frame.fd else 8)
 
 
 def format_line(frame: Frame, channel: str) -> str:
@@ -123,6 +127,9 @@ def _read_other(path: Path, damage: Damage) -> Iterator[tuple[Frame, str]]:
         with can.LogReader(path) as reader:
             for message in reader:
                 frame = from_message(message, round(message.timestamp * 1e6))
+                if not _possible(frame):
+                    damage.note(damage.read + damage.bad + 1)
+                    continue
                 channel = message.channel if message.channel is not None else "can0"
                 damage.read += 1
                 yield frame, str(channel)

@@ -14,12 +14,16 @@ class Arrivals:
     A sensor's cycle and the tick are equal and drift against each other; with the bus's jitter, frames near a tick's
     edge come two to one tick and none to the next. So one measurement may wait for the next tick: after the first such
     pair none is lost and no tick is empty. More than one never waits (a third drops the oldest), so that a measurement
-    is used at most one tick late, and a sensor twice as fast as the tick has every second one used.
+    is used at most one tick late, and a sensor twice as fast as the tick has every second one used. One that has kept
+    others waiting for `patience` ticks on end, and was never needed, is dropped: two channels that are a tick apart
+    are no longer of the same moment.
     """
 
-    STATE = ("_waiting", "used_us")
+    STATE = ("_waiting", "_needless", "used_us")
 
-    def __init__(self, channels: int, axles: int) -> None:
+    def __init__(self, channels: int, axles: int, patience: int) -> None:
+        self._patience = patience
+        self._needless = [[0] * axles for _ in range(channels)]  # ticks on end after which one still waited
         # (value, stamp in microseconds), at most two: for the open tick and for the one after it
         self._waiting: list[list[deque[tuple[float, int]]]] = [
             [deque(maxlen=2) for _ in range(axles)] for _ in range(channels)
@@ -39,6 +43,10 @@ class Arrivals:
                 if waiting:
                     value[c, a], self.used_us[c, a] = waiting.popleft()
                     present[c, a] = True
+                self._needless[c][a] = self._needless[c][a] + 1 if waiting else 0
+                if self._needless[c][a] >= self._patience:
+                    waiting.popleft()
+                    self._needless[c][a] = 0
         return value, present
 
     def clear(self) -> None:

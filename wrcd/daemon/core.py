@@ -17,7 +17,6 @@ from wrcd.daemon.inputs import Inputs
 from wrcd.daemon.outbox import Outbox, Outgoing
 from wrcd.daemon.report import Report, Validity, confidence, known, surface
 from wrcd.daemon.values import NAMES, explanation, plausibility
-from wrcd.estimator.bank import BoolArray
 from wrcd.estimator.estimator import Estimate, Estimator, Tick
 
 FORWARD_STEP_US = 1_000_000  # a stamp further ahead than this re-initialises
@@ -160,11 +159,9 @@ class Core:
                 self._good_ticks[axle] += 1
                 self._warm[axle] |= self._good_ticks[axle] >= self._window
         if running.any():
-            present = i.present & running
-            self.estimator.step(Tick(number, i.z, present, i.torque_ratio, i.speed_m_s))
-            left_out: BoolArray = np.any(present & ~self.estimator.present, axis=0)
+            self.estimator.step(Tick(number, i.z, i.present & running, i.torque_ratio, i.speed_m_s))
             for axle in range(self._n):
-                if left_out[axle]:
+                if self.estimator.outlier[axle]:
                     self._outlier_us[axle] = (number + 1) * self._period_us
                 if self.estimator.upset[axle]:
                     self.counts.restarts += 1

@@ -51,7 +51,7 @@ class Inputs:
         self._value[RADIUS] = design.r_0
         self._stamps = np.full(shape, NEVER, dtype=np.int64)
         self._degraded = np.zeros(shape, dtype=bool)
-        self._arrivals = Arrivals(LAT + 1, n)
+        self._arrivals = Arrivals(LAT + 1, n, design.recent_ticks)
         self.unchanged = np.zeros((LAT + 1, n), dtype=bool)  # for longer than the time-out, while the train moves
         self._speeds = float(design.speeds_m_s[0]), float(design.speeds_m_s[-1])
         self.reach = Reach(self._timeout)

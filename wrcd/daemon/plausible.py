@@ -8,7 +8,7 @@ from wrcd.bus.units import Quantity
 # A sensor on a moving wheelset seldom says the same twice: its noise alone moves it by some steps of its converter.
 # How seldom is learnt; a run of equal values that would come about by chance once in so many frames is
 # doubted (the axle is not Valid while it lasts), and one that never would is refused.
-DOUBTED, STUCK = math.log(1e-4), math.log(1e-9)
+DOUBTED, STUCK = math.log(3e-4), math.log(1e-9)
 LEAST_RUN = 4
 FIRST_SHARE, FIRST_FRAMES, MOST_FRAMES = 0.05, 20.0, 1000.0  # of runs that go on, before and while it is learnt
 RESTLESS = (Quantity.YAW_RATE, Quantity.LAT_ACCEL)

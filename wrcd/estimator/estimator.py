@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wrcd.estimator.bank import Bank, BoolArray, at_speed, scheduled_speed
-from wrcd.estimator.design import CHANNELS, MODELS, Design, FloatArray, IntArray
+from wrcd.estimator.design import MODELS, Design, FloatArray, IntArray
 from wrcd.estimator.fuzzy import Fuzzy
 from wrcd.estimator.gate import Gate
 from wrcd.estimator.offset import Offset
@@ -14,6 +14,7 @@ from wrcd.estimator.window import Window
 CHANGE_TICKS = 4
 OFFSET_WINDOWS = 2  # memory of the sensors' offsets, in windows
 LEAST_CONTRADICTION_PP = 2.0
+WHOLE_TICKS, LEAST_WHOLE = 100.0, 0.75  # a gap is an exception where more than this share of so many ticks is whole
 LEAST_TORQUE = 0.003  # torque ratio: less is coasting, and says nothing
 LEAST_TRACK = 0.03  # of the noise's power: less from the track is not told from none
 
@@ -66,7 +67,10 @@ class Estimator:
     rest is forgotten, so that the estimate follows in a fraction of the window and says so by a wider interval.
     """
 
-    STATE = ("_bank", "_offset", "_gate", "_window", "_speed_m_s", "present", "upset", "outliers")
+    STATE = (
+        "_bank", "_offset", "_gate", "_window", "_speed_m_s", "_whole", "_whole_share", "used", "outlier", "good",
+        "upset", "outliers",
+    )  # fmt: skip
 
     def __init__(self, design: Design, axles: int) -> None:
         self.design = design
@@ -79,7 +83,12 @@ class Estimator:
         self._speed_m_s = float(design.speeds_m_s[0])
         self._low = np.array([s.centres[0] for s in design.residual_sets])
         self._width = np.array([s.centres[-1] - s.centres[0] for s in design.residual_sets])
-        self.present: BoolArray = np.zeros((CHANNELS, axles), dtype=bool)  # what the newest tick made use of
+        # of the newest tick: which axles' measurements it made use of, and which it left out as absurd
+        self.used: BoolArray = np.zeros(axles, dtype=bool)
+        self.outlier: BoolArray = np.zeros(axles, dtype=bool)
+        self._whole: BoolArray = np.ones(axles, dtype=bool)  # whether the newest tick brought every measurement
+        self._whole_share: FloatArray = np.ones(axles)  # of such ticks, lately
+        self.good: BoolArray = np.zeros(axles, dtype=bool)  # whether it went into the window
         self.upset: BoolArray = np.zeros(axles, dtype=bool)
         self.outliers = 0  # samples left out so far
 
@@ -93,26 +102,40 @@ class Estimator:
     def step(self, tick: Tick) -> FloatArray:
         """Run the bank for one tick and remember its residuals. Returns the innovations (4, 2, n).
 
-        A sample with an absurd innovation is left out. Where they go on, or a filter is not finite, the axle is upset:
-        call reset() for it.
+        A tick without both channels, or with an absurd innovation in either, is predicted over. Where absurd ones go
+        on, or a filter is not finite, the axle is upset: call reset() for it.
         """
+        # one channel alone is not enough: with its part of a gain made for two, a filter would be unstable
+        whole = np.logical_and.reduce(tick.present)
         bank, offset = self._bank.x, self._offset.known
-        e, w = self._filter(tick, tick.present)
-        absurd = self._gate.absurd(e, tick.present)
-        self.present = tick.present & ~absurd
-        if absurd.any():
+        e, w = self._filter(tick, whole)
+        absurd = self._gate.absurd(e, whole)
+        self.outlier = np.logical_or.reduce(absurd)
+        used = whole & ~self.outlier
+        if self.outlier.any():
             self.outliers += int(absurd.sum())
             self._bank.x, self._offset.known = bank, offset
-            e, w = self._filter(tick, self.present)
-        self.upset = self._gate.learn(e, self.present, absurd) | ~np.isfinite(self._bank.x).all(axis=(0, 1))
-        good = self.present.all(axis=0) & np.isfinite(tick.torque_ratio) & ~self.upset
-        self._window.put(tick.number, w, good, tick.torque_ratio)
+            e, w = self._filter(tick, used)
+        self.upset = self._gate.learn(e, used, absurd) | ~np.isfinite(self._bank.x).all(axis=(0, 1))
+        self.used = used
+        self.good = self._settled(used) & np.isfinite(tick.torque_ratio) & ~self.upset
+        self._window.put(tick.number, w, self.good, tick.torque_ratio)
         self._speed_m_s = tick.speed_m_s
         if tick.number % CHANGE_TICKS == 0:
             self._window.forget_old(self.design.changes)
         return e
 
-    def _filter(self, tick: Tick, present: BoolArray) -> tuple[FloatArray, FloatArray]:
+    def _settled(self, whole: BoolArray) -> BoolArray:
+        """Which axles' ticks count. The first innovation after a gap is that of several ticks at once, larger than
+        others: it stays out, unless gaps are the rule, as of a sensor that is slower than the ticks."""
+        self._whole_share = self._whole_share + (whole - self._whole_share) / WHOLE_TICKS
+        settled: BoolArray = whole & (self._whole | (self._whole_share < LEAST_WHOLE))
+        self._whole = whole
+        return settled
+
+    def _filter(self, tick: Tick, axles: BoolArray) -> tuple[FloatArray, FloatArray]:
+        """The bank with the measurements of some axles (n,)."""
+        present = np.broadcast_to(axles, tick.present.shape)
         return self._bank.step(self._offset.take(tick.z, present), present, tick.speed_m_s)
 
     def estimate(self) -> Estimate:
