@@ -6,9 +6,13 @@ import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from wrcd import resources
 from wrcd.tools.cli import guarded
+
+if TYPE_CHECKING:
+    from sim_ecu.play.scenario import Scenario
 
 # suites of `sim-ecu score`, in the order of the report
 SUITES = ("paper", "grid", "transitions", "robust", "rough", "dry-hours")
@@ -26,15 +30,33 @@ def _parser() -> argparse.ArgumentParser:
 
     commands.add_parser("list", help="the packaged scenarios")
 
-    play = commands.add_parser("play", help="play a scenario onto a bus, or into a log")
-    play.add_argument("scenario", help="name of a packaged scenario, or a .toml file")
-    play.add_argument("-i", "--interface", default="socketcan", help="python-can interface (default: socketcan)")
-    play.add_argument("-c", "--channel", default="vcan0", help="its channel (default: vcan0)")
-    play.add_argument(
+    player = argparse.ArgumentParser(add_help=False)
+    player.add_argument(
+        "-i", "--interface", default="socketcan",
+        help="python-can interface (default: socketcan), or slcan: an interface of our own making (needs root)",
+    )  # fmt: skip
+    player.add_argument("-c", "--channel", default="vcan0", help="its channel (default: vcan0)")
+    player.add_argument(
         "--log", type=Path, metavar="OUT.log", help="write the frames to a log (the suffix is its format)"
     )
-    play.add_argument("--fast", action="store_true", help="no bus: as fast as it computes, into --log")
-    play.add_argument("--no-truth", action="store_true", help="leave the SimTruth frames out")
+    player.add_argument("--fast", action="store_true", help="no bus: as fast as it computes, into --log")
+    player.add_argument("--no-truth", action="store_true", help="leave the SimTruth frames out")
+    player.add_argument(
+        "--ahead", action="store_true", help="make all frames before the first is sent: a slow computer keeps time"
+    )
+
+    play = commands.add_parser("play", parents=[player], help="play a scenario onto a bus, or into a log")
+    play.add_argument("scenario", help="name of a packaged scenario, or a .toml file")
+
+    inject = commands.add_parser("inject", parents=[player], help="play a scenario with faults")
+    inject.add_argument("scenario", nargs="?", help="name of a packaged scenario, or a .toml file")
+    inject.add_argument(
+        "--fault", action="append", default=[], metavar="SPEC",
+        help="KIND:at=S,for=S,of=SIGNAL,axle=N,amount=X, e.g. crc:at=3,for=0.5,of=yaw_rate,axle=1; may be repeated",
+    )  # fmt: skip
+    inject.add_argument("--list", action="store_true", help="the kinds of fault")
+
+    commands.add_parser("faults", help="the daemon's core under every kind of fault: what it must do, and what it did")
 
     design = commands.add_parser("design", help="make the design file of a wheelset (takes minutes)")
     design.add_argument(
@@ -97,11 +119,41 @@ def _list(_args: argparse.Namespace) -> int:
 
 
 def _play(args: argparse.Namespace) -> int:
-    from sim_ecu.play.play import play_on_bus, play_to_log
+    from sim_ecu.play.scenario import load_scenario
+
+    return _played(load_scenario(args.scenario), args)
+
+
+def _inject(args: argparse.Namespace) -> int:
+    from dataclasses import replace
+
+    from sim_ecu.play.faults import listing, parse_fault
     from sim_ecu.play.scenario import load_scenario
     from wrcd.errors import InputError
 
+    if args.list:
+        print(listing())
+        return 0
+    if args.scenario is None:
+        raise InputError("is missing", key="SCENARIO", hint="see sim-ecu list; --list names the faults")
     scenario = load_scenario(args.scenario)
+    numbers = [a.number for a in scenario.axles]
+    faults = (*scenario.faults, *(parse_fault(spec, numbers) for spec in args.fault))
+    if not faults:
+        raise InputError("is missing", key="--fault", hint="--list names the kinds")
+    return _played(replace(scenario, faults=faults), args)
+
+
+def _faults(_args: argparse.Namespace) -> int:
+    from sim_ecu.play.matrix import run
+
+    return run()
+
+
+def _played(scenario: "Scenario", args: argparse.Namespace) -> int:
+    from sim_ecu.play.play import play_on_bus, play_to_log
+    from wrcd.errors import InputError
+
     if args.fast:
         if args.log is None:
             raise InputError("--fast needs --log OUT.log to write to")
@@ -113,7 +165,7 @@ def _play(args: argparse.Namespace) -> int:
             file=sys.stderr,
         )
     else:
-        tally = play_on_bus(scenario, args.interface, args.channel, args.log, not args.no_truth)
+        tally = play_on_bus(scenario, args.interface, args.channel, args.log, not args.no_truth, args.ahead)
         print(f"sim-ecu: {tally.text()}", file=sys.stderr)
     return 0
 
@@ -165,6 +217,6 @@ def _demo(args: argparse.Namespace) -> int:
 
 
 _COMMANDS = {
-    "list": _list, "play": _play, "design": _design, "verify": _verify, "demo": _demo, "contact": _contact,
-    "score": _score, "figures": _figures,
+    "list": _list, "play": _play, "inject": _inject, "faults": _faults, "design": _design, "verify": _verify,
+    "demo": _demo, "contact": _contact, "score": _score, "figures": _figures,
 }  # fmt: skip

@@ -12,7 +12,8 @@ import can
 from cantools.database.can import Message
 
 from sim_ecu.play.encoder import databases
-from sim_ecu.play.play import RealTime, open_bus
+from sim_ecu.play.interface import open_bus
+from sim_ecu.play.play import RealTime
 from sim_ecu.play.scenario import Scenario, load_scenario
 from wrcd.bus.frame import Frame
 from wrcd.bus.link import open_link

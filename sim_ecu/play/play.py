@@ -4,15 +4,17 @@ import contextlib
 import errno
 import signal
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
 
 import can
 
-from sim_ecu.play.encoder import Sent
-from sim_ecu.play.player import SAMPLE_US, Player
+from sim_ecu.play.encoder import SAMPLE_US, Sent
+from sim_ecu.play.faults import KINDS, Fault, Stage
+from sim_ecu.play.interface import Bus, Interface, PythonCan, check
+from sim_ecu.play.player import Player
 from sim_ecu.play.scenario import Scenario
 from wrcd.errors import BusError, InputError
 from wrcd.tools.progress import Progress
@@ -41,12 +43,19 @@ class Tally:
 def message(sent: Sent, stamp_us: int, channel: str) -> can.Message:
     """A frame as python-can's message."""
     return can.Message(
-        timestamp=stamp_us * 1e-6, arbitration_id=sent.can_id, data=sent.data, is_extended_id=False, channel=channel
-    )
+        timestamp=stamp_us * 1e-6, arbitration_id=sent.can_id, data=sent.data, is_extended_id=False, channel=channel,
+        is_error_frame=sent.error,
+    )  # fmt: skip
+
+
+def fault_line(fault: Fault, begin_us: int, end_us: int) -> str:
+    """What was wrong, and from when to when, in seconds since 1970."""
+    place = f"of={fault.of} axle={fault.axle}" if KINDS[fault.kind].stage is not Stage.BUS else "of=bus"
+    return f"fault {fault.kind} {place} begin={begin_us * 1e-6:.6f} end={end_us * 1e-6:.6f}"
 
 
 def play_to_log(scenario: Scenario, log: Path, truth: bool = True) -> Tally:
-    """As fast as it computes; the suffix of the log tells its format."""
+    """As fast as it computes; the suffix of the log tells its format. Faults of the interface are silence there."""
     tally, progress = Tally(), Progress()
     player = Player(scenario, truth)
     with open_logger(log) as logger:
@@ -56,6 +65,8 @@ def play_to_log(scenario: Scenario, log: Path, truth: bool = True) -> Tally:
             tally.frames += len(frames)
             progress.at(scenario.name, due_us / (player.samples * SAMPLE_US))
     progress.end()
+    for fault in sorted(scenario.faults, key=lambda f: f.at_s):
+        print(fault_line(fault, LOG_START_US + fault.begin_us, LOG_START_US + fault.end_us))
     return tally
 
 
@@ -73,11 +84,31 @@ def open_logger(log: Path) -> Iterator[can.Listener]:
 
 
 class RealTime:
-    """Plays in real time. step() sends what is due, so that a loop may do other things between."""
+    """Plays in real time. step() sends what is due, so that a loop may do other things between. on_fault is called
+    when a fault begins (True) and when it ends. ahead makes all frames before the first is due: then playing costs
+    little, so that a slow computer keeps time."""
 
-    def __init__(self, scenario: Scenario, bus: can.BusABC, logger: can.Listener | None, truth: bool = True) -> None:
+    def __init__(
+        self,
+        scenario: Scenario,
+        bus: Bus,
+        logger: can.Listener | None,
+        truth: bool = True,
+        on_fault: Callable[[Fault, bool], None] | None = None,
+        ahead: bool = False,
+    ) -> None:
         self.tally = Tally()
-        self._samples = iter(Player(scenario, truth))
+        self._on_fault = on_fault
+        self._away_until_us = 0
+        # an end before a beginning at the same time
+        moments = [
+            (t, begins, k)
+            for k, f in enumerate(scenario.faults)
+            for t, begins in ((f.begin_us, True), (f.end_us, False))
+        ]
+        self._moments = [(t, begins, scenario.faults[k]) for t, begins, k in sorted(moments)]
+        player = Player(scenario, truth)
+        self._samples = iter(list(player) if ahead else player)
         self._next = next(self._samples, None)
         self._bus, self._logger = bus, logger
         self._channel = str(bus.channel_info).split("'")[1] if "'" in str(bus.channel_info) else "can0"
@@ -93,15 +124,31 @@ class RealTime:
         """Send the samples that are due by now. False when the scenario is over. Deadlines are absolute: a late
         sample does not move the next one."""
         while self._next is not None:
-            late_us = (time.monotonic_ns() - self._start_ns) // 1000 - self._next[0]
+            late_us = self._now_us() - self._next[0]
             if late_us < 0:
                 return True
             self.tally.latest_us = max(self.tally.latest_us, late_us)
             self.tally.overruns += late_us > SAMPLE_US
-            for f in self._next[1]:
-                self._send(f)
+            self._tell(self._next[0])
+            if self._next[0] >= self._away_until_us:
+                for f in self._next[1]:
+                    self._send(f)
             self._next = next(self._samples, None)
+        if self._moments:
+            self._tell(self._moments[-1][0])
         return False
+
+    def _now_us(self) -> int:
+        return (time.monotonic_ns() - self._start_ns) // 1000
+
+    def _tell(self, due_us: int) -> None:
+        while self._on_fault is not None and self._moments and self._moments[0][0] <= due_us:
+            _, begins, fault = self._moments.pop(0)
+            before_us = self._now_us()
+            self._on_fault(fault, begins)
+            if self._now_us() - before_us > SAMPLE_US:
+                # the interface took its time; what was due meanwhile is lost, as it is to sensors, who do not wait
+                self._away_until_us = self._now_us()
 
     def _send(self, f: Sent) -> None:
         m = message(f, time.time_ns() // 1000, self._channel)
@@ -116,16 +163,9 @@ class RealTime:
             self._logger.on_message_received(m)
 
 
-def open_bus(interface: str, channel: str) -> can.BusABC:
-    """A bus by python-can's names. Raises BusError."""
-    try:
-        return can.Bus(interface=interface, channel=channel, can_filters=[{"can_id": 0x7FF, "can_mask": 0x7FF}])
-    except (can.CanError, OSError, ValueError, ImportError, NotImplementedError, AttributeError) as e:
-        hint = f"ip link add {channel} type vcan && ip link set {channel} up" if channel.startswith("vcan") else ""
-        raise BusError(f"{interface} {channel} cannot be opened: {e}", key="channel", hint=hint) from None
-
-
-def play_on_bus(scenario: Scenario, interface: str, channel: str, log: Path | None, truth: bool = True) -> Tally:
+def play_on_bus(
+    scenario: Scenario, interface: str, channel: str, log: Path | None, truth: bool = True, ahead: bool = False
+) -> Tally:
     """Until the scenario ends or SIGTERM or Ctrl-C comes."""
     stop = False
 
@@ -133,12 +173,32 @@ def play_on_bus(scenario: Scenario, interface: str, channel: str, log: Path | No
         nonlocal stop
         stop = True
 
+    check(scenario.faults, interface, channel)
     with contextlib.ExitStack() as cleanup:
-        bus = cleanup.enter_context(open_bus(interface, channel))
+        bus = _open(interface, channel)
+        cleanup.callback(bus.shutdown)
         logger = cleanup.enter_context(open_logger(log)) if log else None
         for s in (signal.SIGTERM, signal.SIGINT):
             signal.signal(s, on_signal)
-        rig = RealTime(scenario, bus, logger, truth)
+        began: dict[Fault, int] = {}
+
+        def on_fault(fault: Fault, begins: bool) -> None:
+            if begins:
+                began[fault] = time.time_ns() // 1000
+                bus.begin(fault)
+            else:
+                bus.end(fault)
+                print(fault_line(fault, began[fault], time.time_ns() // 1000), flush=True)
+
+        rig = RealTime(scenario, bus, logger, truth, on_fault, ahead)
         while not stop and rig.step():
             time.sleep(rig.wait_s())
     return rig.tally
+
+
+def _open(interface: str, channel: str) -> Interface:
+    if interface == "slcan":
+        from sim_ecu.play.slcan import Slcan
+
+        return Slcan(channel)
+    return PythonCan(interface, channel)

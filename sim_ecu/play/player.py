@@ -7,10 +7,10 @@ import numpy as np
 from sim_ecu.physics.simulation import Axle, Samples, Simulation
 from sim_ecu.physics.track import Track
 from sim_ecu.physics.wheelset import LAT_ACCEL, MU_AVAILABLE, MU_USED, SLIP, TORQUE, YAW_RATE, FloatArray
-from sim_ecu.play.encoder import Encoder, Reading, Sent
+from sim_ecu.play.encoder import SAMPLE_US, Encoder, Reading, Sample, Sent
+from sim_ecu.play.inject import inject
 from sim_ecu.play.scenario import AxleScenario, Scenario
 
-SAMPLE_US = 5_000
 CHUNK = 20  # samples simulated at a time
 
 
@@ -45,10 +45,20 @@ class Player:
         self._simulation = Simulation(scenario.wheelset, tracks, start, SAMPLE_US * 1e-6)
         self._sensing = [_Sensing(a) for a in self._axles]
         self._speed_rng = np.random.default_rng([self._axles[0].seed, 2])
-        self._encoder = Encoder([a.number for a in self._axles], truth)
+        self._truth = truth
         self.samples = round(scenario.duration_s * 1e6 / SAMPLE_US)
 
     def __iter__(self) -> Iterator[tuple[int, list[Sent]]]:
+        numbers = [a.number for a in self._axles]
+        if self.scenario.faults:
+            yield from inject(self.measured(), self.scenario.faults, numbers, self._axles[0].seed, self._truth)
+            return
+        encoder = Encoder(numbers, self._truth)
+        for sample in self.measured():
+            yield sample.due_us, list(encoder.frames(sample))
+
+    def measured(self) -> Iterator[Sample]:
+        """What the sensors say, sample by sample, before anything goes wrong with it."""
         for first in range(0, self.samples, CHUNK):
             numbers = np.arange(first + 1, min(first + CHUNK, self.samples) + 1)
             t: FloatArray = numbers.astype(np.float64) * (SAMPLE_US * 1e-6)
@@ -57,4 +67,4 @@ class Player:
             per_axle = [sensing.readings(s, place) for place, sensing in enumerate(self._sensing)]
             for i, number in enumerate(numbers):
                 due_us = int(number) * SAMPLE_US
-                yield due_us, list(self._encoder.frames(due_us, float(speed[i]), [r[i] for r in per_axle]))
+                yield Sample(due_us, float(speed[i]), tuple(r[i] for r in per_axle))

@@ -1,4 +1,4 @@
-"""Scenarios as TOML: the rail along the distance, speed, torque or creep, track, sensors, seed, duration."""
+"""Scenarios as TOML: the rail along the distance, speed, torque or creep, track, sensors, seed, duration, faults."""
 
 import math
 from collections.abc import Sequence
@@ -13,6 +13,7 @@ from sim_ecu.physics.contact import CURVES, CreepCurve, curve_between
 from sim_ecu.physics.sensors import SENSOR_SETS, SensorSet
 from sim_ecu.physics.track import QUALITY
 from sim_ecu.physics.wheelset import RAIL_COLUMNS, Command, Wheelset
+from sim_ecu.play.faults import Fault, read_fault
 from wrcd.errors import InputError
 from wrcd.settings import Section, read_toml, suggest
 
@@ -74,6 +75,7 @@ class Scenario:
     hold_speed: bool
     wheelset: Wheelset
     axles: tuple[AxleScenario, ...]
+    faults: tuple[Fault, ...] = ()
 
     def commands(self, t: FloatArray) -> Command:
         """The command of all axles for samples that end at times t."""
@@ -135,6 +137,7 @@ def read_scenario(top: Section, name: str) -> Scenario:
         hold_speed=top.get("hold_speed", bool, True),
         wheelset=wheelset,
         axles=tuple(axles),
+        faults=tuple(read_fault(f, sorted(numbers)) for f in top.sections("fault")),
     )
     top.done()
     return scenario

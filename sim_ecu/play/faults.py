@@ -1,0 +1,167 @@
+"""What can go wrong between a sensor and the daemon, as data: kinds of fault, and how one is asked for."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum, auto
+
+from wrcd.errors import InputError
+from wrcd.settings import Section, parse_toml, suggest
+
+# Signals that a fault can be of; all stands for the axle's own three. The second word is the message, without the axle.
+SIGNALS = {
+    "yaw_rate": "YawRate", "lateral_acceleration": "LatAccel", "torque": "Torque", "speed": "VehicleSpeed",
+}  # fmt: skip
+ALL = "all"
+OF_AXLE = tuple(s for s in SIGNALS if s != "speed")
+DURATION_S = 0.5
+
+
+class Stage(Enum):
+    """Where a fault acts."""
+
+    SIGNAL = auto()  # on what the sensor says, before it is a frame
+    FRAME = auto()  # on frames, or beside them
+    BUS = auto()  # on the whole bus or the interface: it takes neither signal nor axle
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """One kind. amounts are the defaults: one for all, or one for each of SIGNALS; none if it takes no amount."""
+
+    stage: Stage
+    what: str
+    unit: str = ""
+    amounts: tuple[float, ...] = ()
+    low: float = 0.0
+    high: float = 0.0
+
+
+_ANY = 1e6
+KINDS = {
+    "loss": Kind(Stage.FRAME, "every frame is lost with a probability", "probability", (0.02,), 0.0, 1.0),
+    "burst": Kind(Stage.FRAME, "all frames are lost"),
+    "crc": Kind(Stage.FRAME, "a bit is flipped on the way; the CRC tells"),
+    "counter": Kind(Stage.FRAME, "the E2E counter stands still; the CRC is right"),
+    "dlc": Kind(Stage.FRAME, "frames are too short or too long", "bytes", (-1.0,), -4.0, 3.0),
+    "bias": Kind(Stage.SIGNAL, "the value is off", "rad/s, m/s², N·m, m/s", (0.05, 0.5, 3000.0, 2.0), -_ANY, _ANY),
+    "drift": Kind(Stage.SIGNAL, "the value goes off more and more", "… per s", (0.02, 0.2, 1000.0, 1.0), -_ANY, _ANY),
+    "freeze": Kind(Stage.SIGNAL, "the value stands still in fresh frames"),
+    "spike": Kind(
+        Stage.SIGNAL, "one sample is off every 0.1 s", "rad/s, m/s², N·m, m/s", (0.5, 10.0, 30000.0, 20.0), -_ANY, _ANY
+    ),
+    "nan": Kind(Stage.FRAME, "the value's code for not available, in a good frame"),
+    "status": Kind(Stage.FRAME, "the sender says Error", "code", (14.0,), 0.0, 15.0),
+    "swap": Kind(Stage.FRAME, "a gateway swaps the ids of two axles' frames"),
+    "swap-wiring": Kind(Stage.SIGNAL, "the sensors of two axles are swapped, their frames are right"),
+    "delay": Kind(Stage.FRAME, "frames are held back", "ms", (8.0,), 0.0, 10_000.0),
+    "sender": Kind(
+        Stage.FRAME, "a second sender of the same ids, its own counter, right CRCs, a factor on the values",
+        "factor", (0.5,), -100.0, 100.0,
+    ),
+    "babble": Kind(
+        Stage.FRAME, "an unmapped id of the highest priority, and copies of a mapped frame, in turn", "frames/s",
+        (2000.0,), 1.0, 20_000.0,
+    ),
+    "error-flood": Kind(Stage.BUS, "CAN error frames", "frames/s", (1000.0,), 1.0, 20_000.0),
+    "link-down": Kind(Stage.BUS, "the interface goes down and up again (vcan; needs root)"),
+    "device-gone": Kind(Stage.BUS, "the interface is deleted and made again (vcan; needs root)"),
+    "bus-off": Kind(Stage.BUS, "the controller goes bus-off (slcan; needs root)"),
+}  # fmt: skip
+SILENT = ("link-down", "device-gone", "bus-off")  # no frame gets through
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """One fault: what from when for how long. amount is in the unit of the kind and the signal."""
+
+    kind: str
+    at_s: float
+    duration_s: float = DURATION_S
+    of: str = "yaw_rate"
+    axle: int = 1
+    amount: float | None = None  # the kind's default
+
+    @property
+    def begin_us(self) -> int:
+        """From the first sample at or after this."""
+        return round(self.at_s * 1e6)
+
+    @property
+    def end_us(self) -> int:
+        """The first moment at which all is well again."""
+        return round((self.at_s + self.duration_s) * 1e6)
+
+    def on(self, due_us: int) -> bool:
+        """Whether it acts at a time after the scenario's start."""
+        return self.begin_us <= due_us < self.end_us
+
+    @property
+    def signals(self) -> tuple[str, ...]:
+        """The signals it is of."""
+        return OF_AXLE if self.of == ALL else (self.of,)
+
+    def size(self, signal: str) -> float:
+        """The amount for a signal."""
+        if self.amount is not None:
+            return self.amount
+        amounts = KINDS[self.kind].amounts
+        return amounts[list(SIGNALS).index(signal)] if len(amounts) > 1 else amounts[0] if amounts else 0.0
+
+
+def read_fault(s: Section, numbers: Sequence[int], at: str = "at_s", duration: str = "duration_s") -> Fault:
+    """A [[fault]] table of a scenario with these axles. Raises InputError that names the key."""
+    for key, kind_of_value in (("kind", str), (at, float)):
+        s.take(key, kind_of_value)
+    name = s.choice("kind", KINDS, "")
+    kind = KINDS[name]
+    of, axle, amount = "yaw_rate", numbers[0], None
+    if kind.stage is not Stage.BUS:
+        of = s.choice("of", (*SIGNALS, ALL), of)
+        axle = s.get("axle", int, axle)
+        if axle not in numbers:
+            raise s.error(f"axle {axle} is not among the scenario's: {', '.join(map(str, numbers))}", "axle")
+        if name.startswith("swap"):
+            if len(numbers) == 1:
+                raise s.error(f"{name} needs a scenario with two axles", "kind", "e.g. four-axles")
+            if of == "speed":
+                raise s.error("the speed belongs to no axle and cannot be swapped", "of")
+    if kind.amounts and "amount" in s:
+        if len(kind.amounts) > 1 and of == ALL:
+            raise s.error("is in the unit of one signal", "amount", f"name one: of = {', '.join(SIGNALS)}")
+        amount = s.number("amount", 0.0, kind.low, kind.high)
+    fault = Fault(name, s.number(at, 0.0, 0.0, 1e6), s.number(duration, DURATION_S, 0.001, 1e6), of, axle, amount)
+    s.done()
+    return fault
+
+
+def parse_fault(spec: str, numbers: Sequence[int]) -> Fault:
+    """A fault as on the command line, e.g. crc:at=3,for=0.5,of=yaw_rate,axle=1. Raises InputError."""
+    name, _, rest = spec.partition(":")
+    if name not in KINDS:
+        hint = suggest(name, KINDS) or f"kinds: {', '.join(KINDS)}"
+        raise InputError(f"there is no fault {name!r}", key=f"--fault {spec}", hint=hint)
+    lines = [f'kind = "{name}"']
+    for part in filter(None, rest.split(",")):
+        key, equals, value = part.partition("=")
+        if not equals or not re.fullmatch(r"[a-z_]+", key) or not re.fullmatch(r"[\w.+-]+", value):
+            raise InputError(f"{part!r} is not KEY=VALUE", key=f"--fault {spec}", hint="e.g. crc:at=3,for=0.5,axle=1")
+        lines.append(f"{key} = {value if _is_number(value) else repr(value)}")
+    try:
+        return read_fault(parse_toml("\n".join(lines), "--fault"), numbers, "at", "for")
+    except InputError as e:
+        raise InputError(e.reason, key=f"--fault {spec}: {e.key}".removesuffix(": "), hint=e.hint) from None
+
+
+def _is_number(text: str) -> bool:
+    return re.fullmatch(r"[+-]?(0|[1-9][0-9]*)(\.[0-9]+)?(e[+-]?[0-9]+)?", text) is not None
+
+
+def listing() -> str:
+    """The kinds, a line each."""
+    width = max(map(len, KINDS))
+    lines = []
+    for name, k in KINDS.items():
+        default = ", ".join(f"{a:g}" for a in k.amounts)
+        lines.append(f"{name:{width}}  {k.what}{f' (amount: {default} {k.unit})' if k.amounts else ''}")
+    return "\n".join(lines)

@@ -1,0 +1,126 @@
+"""Measurements become frames, with faults on the way. The same scenario and faults give the same frames."""
+
+import heapq
+import itertools
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+
+from sim_ecu.play.encoder import SAMPLE_US, Encoder, Sample, Sent, databases
+from sim_ecu.play.faults import SIGNALS, Fault
+from sim_ecu.play.frame_faults import frame_fault
+
+SPIKE_EVERY_US = 100_000
+_Key = tuple[str, int]  # signal and axle; the speed's axle is 0
+
+
+def other_axle(axle: int, numbers: Sequence[int]) -> int:
+    """The one that an axle is swapped with: the scenario's next."""
+    return numbers[(numbers.index(axle) + 1) % len(numbers)]
+
+
+def inject(
+    samples: Iterable[Sample], faults: Sequence[Fault], numbers: Sequence[int], seed: int, truth: bool = True
+) -> Iterator[tuple[int, list[Sent]]]:
+    """The frames of every sample in the order of their due times, each sample in two halves so that a player that
+    sends a half at once keeps frames beside each other that the faults put there."""
+    encoder = Encoder(list(numbers), truth)
+    signal_faults = [SignalFault(f, numbers) for f in faults if f.kind in CHANGES]
+    frame_faults = [
+        frame_fault(f, [seed, 3, k], numbers, other_axle(f.axle, numbers))
+        for k, f in enumerate(faults)
+        if f.kind not in CHANGES
+    ]
+    held: list[tuple[int, int, Sent]] = []  # what is due later; a number keeps the order of those due at once
+    order = itertools.count()
+    before: Sample | None = None
+    for sample in samples:
+        measured = sample
+        for s in signal_faults:
+            if s.fault.on(sample.due_us):
+                measured = s.change(measured, before or sample)
+        before = sample
+        frames: Iterable[Sent] = list(encoder.frames(measured))
+        for fault in frame_faults:
+            frames = fault.take(frames)
+        beside = [f for fault in frame_faults if fault.on(sample.due_us) for f in fault.beside(measured)]
+        for f in itertools.chain(frames, beside):
+            heapq.heappush(held, (f.due_us, next(order), f))
+        for half in (sample.due_us, sample.due_us + SAMPLE_US // 2):
+            yield half, list(_until(held, half + SAMPLE_US // 2))
+    if held:
+        yield held[0][0], [heapq.heappop(held)[2] for _ in range(len(held))]
+
+
+def _until(held: list[tuple[int, int, Sent]], due_us: int) -> Iterator[Sent]:
+    while held and held[0][0] < due_us:
+        yield heapq.heappop(held)[2]
+
+
+class SignalFault:
+    """A fault of what sensors say: the change of one value, for each of its signals."""
+
+    def __init__(self, fault: Fault, numbers: Sequence[int]) -> None:
+        self.fault = fault
+        self.keys: list[_Key] = [(s, 0 if s == "speed" else fault.axle) for s in fault.signals]
+        self.other = other_axle(fault.axle, numbers)
+        self.stands: dict[_Key, float] = {}  # all values before the fault
+        production, _ = databases()
+        self.cycle_us = {
+            s: int(production.get_message_by_name(f"{m}_A1" if s != "speed" else m).cycle_time or 0) * 1000
+            for s, m in SIGNALS.items()
+        }
+
+    def change(self, sample: Sample, before: Sample) -> Sample:
+        """The sample as it looks with the fault; before is the one before it."""
+        self.stands = self.stands or _values(before)
+        values = _values(sample)
+        since_us = sample.due_us - self.fault.begin_us
+        values |= {key: CHANGES[self.fault.kind](self, key, values, since_us) for key in self._keys_changed()}
+        readings = tuple(
+            replace(
+                r,
+                yaw_rate=values["yaw_rate", r.number],
+                lat_accel=values["lateral_acceleration", r.number],
+                torque=values["torque", r.number],
+            )
+            for r in sample.readings
+        )
+        return Sample(sample.due_us, values["speed", 0], readings)
+
+    def _keys_changed(self) -> list[_Key]:
+        if self.fault.kind != "swap-wiring":
+            return self.keys
+        return [(s, a) for s, _ in self.keys for a in (self.fault.axle, self.other)]
+
+
+def _values(sample: Sample) -> dict[_Key, float]:
+    values: dict[_Key, float] = {("speed", 0): sample.speed_m_s}
+    for r in sample.readings:
+        values["yaw_rate", r.number] = r.yaw_rate
+        values["lateral_acceleration", r.number] = r.lat_accel
+        values["torque", r.number] = r.torque
+    return values
+
+
+def _bias(f: SignalFault, key: _Key, values: dict[_Key, float], _since_us: int) -> float:
+    return values[key] + f.fault.size(key[0])
+
+
+def _drift(f: SignalFault, key: _Key, values: dict[_Key, float], since_us: int) -> float:
+    return values[key] + f.fault.size(key[0]) * since_us * 1e-6
+
+
+def _freeze(f: SignalFault, key: _Key, _values: dict[_Key, float], _since_us: int) -> float:
+    return f.stands[key]
+
+
+def _spike(f: SignalFault, key: _Key, values: dict[_Key, float], since_us: int) -> float:
+    hit = since_us % SPIKE_EVERY_US < f.cycle_us[key[0]]
+    return values[key] + hit * f.fault.size(key[0])
+
+
+def _swap_wiring(f: SignalFault, key: _Key, values: dict[_Key, float], _since_us: int) -> float:
+    return values[key[0], f.other if key[1] == f.fault.axle else f.fault.axle]
+
+
+CHANGES = {"bias": _bias, "drift": _drift, "freeze": _freeze, "spike": _spike, "swap-wiring": _swap_wiring}

@@ -1,0 +1,93 @@
+"""`sim-ecu faults`: every row of the fault matrix, played into the daemon's own core on a virtual clock."""
+
+import copy
+import functools
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+from sim_ecu.play.encoder import SAMPLE_US, Sample, databases
+from sim_ecu.play.expected import ROWS, Row
+from sim_ecu.play.faults import Fault
+from sim_ecu.play.inject import inject
+from sim_ecu.play.judge import HEAD, Said, Verdict, judge, line
+from sim_ecu.play.play import LOG_START_US
+from sim_ecu.play.player import Player
+from sim_ecu.play.scenario import load_scenario
+from wrcd.bus.frame import Frame
+from wrcd.daemon.config import load_config
+from wrcd.daemon.core import Core
+from wrcd.tools.progress import Progress
+
+# When the fault begins: the axle has been Valid for a while, and slots and cycles are met at different points.
+BEGINS_S = (2.5, 2.813, 3.207)
+AFTER_S = 1.35  # judged so long after the fault's end
+SLOT_US = 20_000
+SCENARIO = "half-wet"
+
+
+class Matrix:
+    """One simulation, played for every row from the state that the core is in when the fault begins."""
+
+    def __init__(self, rows: Sequence[Row] = ROWS, begins_s: Sequence[float] = BEGINS_S) -> None:
+        longest_s = max(r.fault.duration_s for r in rows)
+        scenario = replace(load_scenario(SCENARIO), duration_s=max(begins_s) + longest_s + AFTER_S)
+        self._numbers = [a.number for a in scenario.axles]
+        self._seed = scenario.axles[0].seed
+        self._samples: list[Sample] = list(Player(scenario).measured())
+        core = Core(load_config(None))
+        # what all copies of the core share
+        self._shared = {id(x): x for x in (core.config, *core.config.database.messages)}
+        self._message = databases()[0].get_message_by_name("Adhesion_A1")
+        self._before: dict[float, Core] = {}
+        said, since_s = [], 0.0
+        for begin_s in sorted(begins_s):
+            said += self.said(core, (), since_s, begin_s)
+            self._before[begin_s] = self._copy(core)
+            since_s = begin_s
+        said += self.said(core, (), since_s, scenario.duration_s)
+        self._without = {s.slot: s.mu_pct for s in said if s.valid and s.mu_pct is not None}
+
+    def _copy(self, core: Core) -> Core:
+        return copy.deepcopy(core, dict(self._shared))
+
+    def said(self, core: Core, faults: Sequence[Fault], since_s: float, until_s: float) -> list[Said]:
+        """Axle 1's adhesion frames when a core that knows all up to a time is played what comes then."""
+        first, last = (math.ceil(round(t * 1e6) / SAMPLE_US) - 1 for t in (since_s, until_s))
+        samples, out = self._samples[max(first, 0) : last], []
+        for _, frames in inject(samples, faults, self._numbers, self._seed, truth=False):
+            for f in frames:
+                out += core.feed(Frame(LOG_START_US + f.due_us, f.can_id, f.data, error=f.error))
+        out += core.advance(LOG_START_US + round(until_s * 1e6))
+        return [self._said(o.frame) for o in out if o.frame.can_id == self._message.frame_id]
+
+    def _said(self, frame: Frame) -> Said:
+        values: Any = self._message.decode(frame.data)
+        mu = values["MuAvailable"] if isinstance(values["MuAvailable"], float) else None
+        return Said(frame.stamp_us, frame.stamp_us // SLOT_US, str(values["Validity"]) == "Valid", mu)
+
+    def play(self, row: Row) -> Verdict:
+        """What comes of a row's fault, at the worst of its moments."""
+        return functools.reduce(Verdict.worst, [self._play(row, begin_s) for begin_s in self._before])
+
+    def _play(self, row: Row, begin_s: float) -> Verdict:
+        fault = replace(row.fault, at_s=begin_s)
+        until_s = begin_s + fault.duration_s + AFTER_S
+        said = self.said(self._copy(self._before[begin_s]), (fault,), begin_s, until_s)
+        return judge(row.must, LOG_START_US + fault.begin_us, LOG_START_US + fault.end_us, said, self._without)
+
+
+def run() -> int:
+    """Print the table. Returns 1 if a row failed."""
+    progress = Progress()
+    matrix = Matrix()
+    print(HEAD)
+    failed = 0
+    for k, row in enumerate(ROWS):
+        progress.at(row.fault.kind, k / len(ROWS))
+        verdict = matrix.play(row)
+        failed += bool(verdict.wrong)
+        progress.end()
+        print(line(row, verdict), flush=True)
+    return 1 if failed else 0

@@ -1,0 +1,294 @@
+"""Faults of the rig: what they do to frames, how they are asked for, and what the daemon's core makes of them."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import e2e.p11
+import pytest
+
+from sim_ecu.cli import main as sim_ecu
+from sim_ecu.play.encoder import Sent, data_id, databases
+from sim_ecu.play.expected import ROWS, Leaves, Stays, Unseen, missing
+from sim_ecu.play.faults import KINDS, Fault, Stage, parse_fault
+from sim_ecu.play.interface import check
+from sim_ecu.play.judge import Said, judge
+from sim_ecu.play.matrix import BEGINS_S, Matrix
+from sim_ecu.play.player import Player
+from sim_ecu.play.scenario import Scenario, load_scenario
+from wrcd.errors import InputError
+
+YAW, LAT, TORQUE, SPEED, OTHER_YAW = 0x101, 0x111, 0x121, 0x130, 0x102
+BEGIN, END = 200_000, 400_000
+
+
+@pytest.fixture(scope="module")
+def scenario() -> Scenario:
+    return replace(load_scenario("half-wet"), duration_s=0.6)
+
+
+def played(scenario: Scenario, *specs: str) -> list[Sent]:
+    faults = tuple(parse_fault(spec, [a.number for a in scenario.axles]) for spec in specs)
+    return [f for _, frames in Player(replace(scenario, faults=faults), truth=False) for f in frames]
+
+
+def fault(kind: str, rest: str = "") -> str:
+    return f"{kind}:at=0.2,for=0.2{rest}"
+
+
+def of(frames: Sequence[Sent], can_id: int, begin: int = BEGIN, end: int = END) -> list[Sent]:
+    return [f for f in frames if f.can_id == can_id and begin <= f.due_us < end]
+
+
+def value(f: Sent) -> float:
+    values: Any = databases()[0].get_message_by_frame_id(f.can_id).decode(f.data)
+    return float(next(v for k, v in values.items() if k not in ("Crc", "Counter", "Status")))
+
+
+def right(f: Sent, can_id: int | None = None) -> bool:
+    """Whether the CRC is right, by the autosar-e2e package."""
+    message = databases()[0].get_message_by_frame_id(can_id or f.can_id)
+    data = bytearray(f.data)
+    e2e.p11.e2e_p11_protect(data, data_id(message), increment_counter=False)
+    return bytes(data) == f.data
+
+
+def counters(frames: Sequence[Sent]) -> list[int]:
+    return [f.data[1] & 0x0F for f in frames]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_fault_stays_within_its_time_and_its_messages(scenario: Scenario, kind: str) -> None:
+    clean = played(scenario)
+    faulty = played(scenario, fault(kind))
+    assert faulty == played(scenario, fault(kind))  # the same again
+    assert [f.due_us for f in faulty] == sorted(f.due_us for f in faulty)
+    mine = {YAW, OTHER_YAW} if kind.startswith("swap") else {YAW}
+    if KINDS[kind].stage is Stage.BUS:
+        mine = {f.can_id for f in clean}
+    touched = set(faulty) ^ set(clean)
+    if kind != "loss":  # few enough may be lost that it is none
+        assert touched
+    assert {f.can_id for f in touched} <= mine | {0x000, 0x080}
+    late = END + 10_000 if kind in ("delay", "sender") else END
+    assert all(BEGIN <= f.due_us < late for f in touched)
+
+
+def test_without_a_fault_nothing_changes(scenario: Scenario) -> None:
+    """A fault after the scenario's end: the frames go through everything and come out as they went in."""
+    assert played(scenario, "crc:at=5") == played(scenario)
+
+
+def test_loss_and_burst(scenario: Scenario) -> None:
+    assert of(played(scenario, fault("burst")), YAW) == []
+    assert 10 < len(of(played(scenario, fault("loss", ",amount=0.5")), YAW)) < 30
+    silent = played(scenario, fault("bus-off"))
+    assert [f for f in silent if BEGIN <= f.due_us < END] == []
+
+
+def test_crc_counter_and_dlc(scenario: Scenario) -> None:
+    clean = of(played(scenario), YAW)
+    flipped = of(played(scenario, fault("crc")), YAW)
+    assert not any(map(right, flipped))
+    assert {
+        (int.from_bytes(a.data) ^ int.from_bytes(b.data)).bit_count() for a, b in zip(flipped, clean, strict=True)
+    } == {1}
+    stands = of(played(scenario, fault("counter")), YAW)
+    assert set(counters(stands)) == {counters(clean)[0]}
+    assert all(map(right, stands))
+    assert list(map(value, stands)) == list(map(value, clean))
+    for amount, length in ((-1, 4), (1, 6), (3, 8)):
+        assert {len(f.data) for f in of(played(scenario, fault("dlc", f",amount={amount}")), YAW)} == {length}
+
+
+def test_values(scenario: Scenario) -> None:
+    clean = list(map(value, of(played(scenario), YAW)))
+
+    def off(kind: str, rest: str = "") -> list[float]:
+        frames = of(played(scenario, fault(kind, rest)), YAW)
+        assert all(map(right, frames))
+        return [value(f) - v for f, v in zip(frames, clean, strict=True)]
+
+    assert off("bias") == pytest.approx([0.05] * 40, abs=2e-6)
+    assert off("drift", ",amount=1.0") == pytest.approx([k * 0.005 for k in range(40)], abs=2e-6)
+    assert [round(x, 3) for x in off("spike")] == [0.5 if k % 20 == 0 else 0.0 for k in range(40)]
+    last = value(of(played(scenario), YAW, 0, BEGIN)[-1])
+    assert off("freeze") == pytest.approx([last - v for v in clean], abs=2e-6)
+    torques = of(played(scenario, fault("spike", ",of=torque,amount=100000")), TORQUE)
+    assert [value(f) > 60_000 for f in torques] == [k % 10 == 0 for k in range(20)]
+    speeds = of(played(scenario, fault("bias", ",of=speed")), SPEED)
+    assert list(map(value, speeds)) == pytest.approx([27.0] * 10, abs=0.05)
+
+
+def test_not_available_and_status(scenario: Scenario) -> None:
+    none = of(played(scenario, fault("nan")), YAW)
+    assert {f.data[2:] for f in none} == {b"\x00\x00\x80"}
+    assert {f.data[2:] for f in of(played(scenario, fault("nan", ",of=speed")), SPEED)} == {b"\xff\xff"}
+    failed = of(played(scenario, fault("status")), YAW)
+    assert {f.data[1] >> 4 for f in failed} == {14}
+    assert all(map(right, none + failed))
+
+
+def test_swapped_ids_and_swapped_wires(scenario: Scenario) -> None:
+    clean = played(scenario)
+    frames = played(scenario, fault("swap"))
+    assert [f.data for f in of(frames, OTHER_YAW)] == [f.data for f in of(clean, YAW)]
+    assert all(right(f, OTHER_YAW) and not right(f) for f in of(frames, YAW))
+    wires = played(scenario, fault("swap-wiring"))
+    assert list(map(value, of(wires, OTHER_YAW))) == list(map(value, of(clean, YAW)))
+    assert all(map(right, of(wires, YAW)))
+    assert of(wires, LAT) == of(clean, LAT)
+
+
+def test_delay_keeps_the_order_of_a_message(scenario: Scenario) -> None:
+    frames = of(played(scenario, fault("delay", ",amount=50")), YAW, 0, 10**9)
+    clean = of(played(scenario), YAW, 0, 10**9)
+    assert [f.data for f in frames] == [f.data for f in clean]
+    assert of(frames, YAW, BEGIN, BEGIN + 50_000) == []
+    assert frames[40].due_us - clean[40].due_us == 50_000
+    assert frames[-1] == clean[-1]
+
+
+def test_a_second_sender_counts_by_itself(scenario: Scenario) -> None:
+    clean, frames = played(scenario), played(scenario, fault("sender", ",of=all"))
+    for can_id in (YAW, LAT, TORQUE):
+        first = of(clean, can_id)
+        second = [f for f in of(frames, can_id, BEGIN, END + 2_500) if f not in clean]
+        assert len(second) == len(first)
+        assert all(map(right, second))
+        assert {(b - a) % 15 for a, b in zip(counters(first), counters(second), strict=True)} == {7}
+        assert list(map(value, second)) == pytest.approx([value(f) / 2 for f in first], abs=0.01)
+
+
+def test_babble_and_error_frames(scenario: Scenario) -> None:
+    clean, frames = played(scenario), played(scenario, fault("babble", ",amount=1000"))
+    assert len(of(frames, 0x000)) == 100
+    assert len(of(frames, YAW)) - len(of(clean, YAW)) == 100
+    assert {f.data for f in of(frames, YAW)} == {f.data for f in of(clean, YAW)}
+    errors = [f for f in played(scenario, fault("error-flood", ",amount=300")) if f.error]
+    assert len(errors) == 60
+    assert {f.can_id for f in errors} == {0x80}
+
+
+BAD = {
+    "crv:at=3": "there is no fault 'crv' — did you mean 'crc'?",
+    "": "there is no fault ''",
+    "crc": "--fault crc: at: is missing",
+    "crc:at=x": "at: takes a number, not 'x'",
+    "crc:at=-1": "at: takes a number from 0",
+    "crc:at=3,far=1": "far: unknown key — did you mean 'for'?",
+    "crc:at=3,for=0": "for: takes a number from 0.001",
+    "crc:at=3,of=yawrate": "did you mean 'yaw_rate'?",
+    "crc:at=3,axle=4": "axle: axle 4 is not among the scenario's: 1, 2, 3",
+    "crc:at=3,axle=1.5": "axle: takes a whole number",
+    "crc:at=3,amount=1": "amount: unknown key",
+    "crc:at=3,at=4": "not valid TOML",
+    "crc:3": "'3' is not KEY=VALUE",
+    "loss:at=3,amount=2": "amount: takes a number from 0 to 1",
+    "bias:at=3,of=all,amount=1": "amount: is in the unit of one signal",
+    "swap:at=3,of=speed": "of: the speed belongs to no axle",
+    "link-down:at=3,axle=1": "axle: unknown key",
+}
+
+
+@pytest.mark.parametrize("spec", BAD)
+def test_a_bad_spec_is_named(spec: str) -> None:
+    with pytest.raises(InputError) as e:
+        parse_fault(spec, [1, 2, 3])
+    assert BAD[spec] in str(e.value)
+
+
+def test_one_axle_cannot_be_swapped() -> None:
+    with pytest.raises(InputError, match="two axles"):
+        parse_fault("swap:at=3", [1])
+    assert parse_fault("swap:at=3,axle=2", [2, 4]) == Fault("swap", 3.0, axle=2)
+
+
+def test_faults_need_their_interface() -> None:
+    for kind, interface, channel in (
+        ("bus-off", "socketcan", "vcan0"), ("link-down", "socketcan", "can0"), ("device-gone", "virtual", "vcan0"),
+    ):  # fmt: skip
+        with pytest.raises(InputError, match=kind):
+            check([Fault(kind, 1.0)], interface, channel)
+    check([Fault("error-flood", 1.0), Fault("crc", 1.0)], "virtual", "x")
+
+
+def test_inject_into_a_log(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "faulty.toml"
+    file.write_text(
+        'duration_s = 0.5\nrail = [{ curve = "C" }]\ndrive = { utilisation = 0.1 }\n'
+        '[[fault]]\nat_s = 0.1\nkind = "burst"\nduration_s = 0.1\nof = "all"\n'
+    )
+    logs = []
+    for name in ("a.log", "b.log"):
+        logs.append(tmp_path / name)
+        command = ["inject", str(file), "--fault", "error-flood:at=0.3,for=0.1", "--fast", "--no-truth", "--log"]
+        assert sim_ecu([*command, str(logs[-1])]) == 0
+    assert logs[0].read_bytes() == logs[1].read_bytes()
+    said = capsys.readouterr().out.splitlines()
+    assert said[0] == "fault burst of=all axle=1 begin=1700000000.100000 end=1700000000.200000"
+    assert said[1] == "fault error-flood of=bus begin=1700000000.300000 end=1700000000.400000"
+    lines = logs[0].read_text().splitlines()
+    yaw = [float(line[1:18]) - 1.7e9 for line in lines if " 101#" in line]
+    assert len(yaw) == 80
+    assert not any(0.0999 < t < 0.1999 for t in yaw)
+    assert sum(" 20000080#" in line for line in lines) == 100
+
+
+def test_a_wrong_fault_in_a_scenario_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "faulty.toml"
+    file.write_text('[[rail]]\ncurve = "C"\n[drive]\nutilisation = 0.1\n[[fault]]\nat_s = 1\nkind = "crash"\n')
+    assert sim_ecu(["play", str(file), "--fast", "--log", str(tmp_path / "x.log")]) == 2
+    assert "faulty.toml:7: fault[1].kind: is 'crash', not one of" in capsys.readouterr().err
+
+
+def test_inject_asks_for_what_it_needs(capsys: pytest.CaptureFixture[str]) -> None:
+    assert sim_ecu(["inject", "--list"]) == 0
+    assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == list(KINDS)
+    assert sim_ecu(["inject"]) == 2
+    assert "SCENARIO: is missing" in capsys.readouterr().err
+    assert sim_ecu(["inject", "dry"]) == 2
+    assert "--fault: is missing" in capsys.readouterr().err
+
+
+def frames_said(valid: Sequence[bool], mu: float = 20.0) -> list[Said]:
+    return [Said(20_000 * k, k, v, mu) for k, v in enumerate(valid, 1)]
+
+
+def test_the_judge() -> None:
+    """A fault from 100 ms to 300 ms; a frame every 20 ms."""
+    mus = dict.fromkeys(range(100), 20.0)
+    good = [*[True] * 6, *[False] * 20, *[True] * 60]
+
+    def wrong(must: Leaves | Stays | Unseen, valid: Sequence[bool], mu: float = 20.0, late: float = 20.0) -> str:
+        said = [*frames_said(valid, mu)[:70], *frames_said(valid, late)[70:]]
+        return judge(must, 100_000, 300_000, said, mus).wrong
+
+    must = Leaves(within_ms=40.0, back_ms=240.0)
+    assert wrong(must, good) == ""
+    verdict = judge(must, 100_000, 300_000, frames_said(good, 20.5), mus)
+    assert (verdict.left_ms, verdict.back_ms, verdict.change_pp, verdict.settled_pp) == (40.0, 240.0, 0.5, 0.5)
+    assert wrong(must, [True] * 90) == "Valid for too long"
+    assert wrong(must, [True, *good]) == "Valid for too long"
+    assert wrong(must, [*good[:10], True, *good[11:]]) == "Valid during the fault"
+    assert wrong(must, good[:20]) == "not Valid again in time"
+    assert wrong(must, [*good[:10], False, *good[10:]]) == "not Valid again in time"
+    assert wrong(must, [*good, False]) == "not Valid for good afterwards"
+    assert wrong(Stays(0.5), [True] * 90, 20.5) == ""
+    assert wrong(Stays(0.4), [True] * 90, 20.5) == "changed too much"
+    assert wrong(Stays(0.5), good) == "not Valid throughout"
+    assert wrong(Unseen(), good, 30.0) == ""
+    assert wrong(Unseen(), good, 30.0, 22.0) == "not itself again"
+    assert wrong(must, good, 20.0, 22.0) == "not itself again"
+
+
+def test_every_kind_has_its_row() -> None:
+    assert missing() == set()
+
+
+def test_the_matrix_is_kept() -> None:
+    """`sim-ecu faults`, at one of its moments."""
+    matrix = Matrix(begins_s=BEGINS_S[1:2])
+    wrong = {(r.fault.kind, r.fault.of, r.fault.duration_s): matrix.play(r).wrong for r in ROWS}
+    assert {k: v for k, v in wrong.items() if v} == {}
