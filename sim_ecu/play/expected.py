@@ -82,13 +82,14 @@ ROWS = (
     *(_row("babble", of, Stays(0.1)) for of in _ONE_AND_ALL),
     _row("error-flood", ALL, Stays(0.0)),
     # a step far beyond what the track does: nothing that was known before holds; and the step back is noticed likewise
-    *(_row("bias", of, _leaves(of, forgotten_ms=3 * CYCLE_MS["yaw_rate"]), amount=0.1) for of in _ONE_AND_ALL),
-    *(_row("bias", of, Unseen(), amount=0.01) for of in _ONE_AND_ALL),
+    *(_row("bias", of, _leaves(of, forgotten_ms=3 * CYCLE_MS["yaw_rate"])) for of in _ONE_AND_ALL),
+    _row("bias", "speed", _leaves("speed", forgotten_ms=CYCLE_MS["speed"])),
+    _row("bias", "yaw_rate", Unseen(), amount=0.01),
     _row("drift", "yaw_rate", Stays(1.0), LONG_S, 0.0002),
     *(_row("drift", of, Unseen()) for of in _ONE_AND_ALL),
     *(_row("delay", of, Unseen()) for of in _ONE_AND_ALL),
     *(_row("swap-wiring", of, Unseen(), LONG_S) for of in _ONE_AND_ALL),
-    *(_row("bias", of, Unseen()) for of in ("torque", "speed")),
+    _row("bias", "torque", Unseen()),
     _row("freeze", "torque", Unseen()),
 )
 

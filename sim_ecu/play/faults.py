@@ -44,7 +44,7 @@ KINDS = {
     "crc": Kind(Stage.FRAME, "a bit is flipped on the way; the CRC tells"),
     "counter": Kind(Stage.FRAME, "the E2E counter stands still; the CRC is right"),
     "dlc": Kind(Stage.FRAME, "frames are too short or too long", "bytes", (-1.0,), -4.0, 3.0),
-    "bias": Kind(Stage.SIGNAL, "the value is off", "rad/s, m/s², N·m, m/s", (0.05, 0.5, 3000.0, 2.0), -_ANY, _ANY),
+    "bias": Kind(Stage.SIGNAL, "the value is off", "rad/s, m/s², N·m, m/s", (0.1, 0.5, 3000.0, 2.0), -_ANY, _ANY),
     "drift": Kind(Stage.SIGNAL, "the value goes off more and more", "… per s", (0.02, 0.2, 1000.0, 1.0), -_ANY, _ANY),
     "freeze": Kind(Stage.SIGNAL, "the value stands still in fresh frames"),
     "spike": Kind(

@@ -173,8 +173,9 @@ def test_standstill_is_not_available_and_no_fault(rig: Rig) -> None:
 
 
 def test_speed_beyond_the_design_is_degraded(rig: Rig) -> None:
-    rig.run(1500)
-    rig.speed = 61.0
+    rig.speed = 60.0
+    assert validities(rig.run(1500))[-1] == "Valid"
+    rig.speed = 60.5
     assert validities(rig.run(200))[-1] == "Degraded"
 
 
@@ -363,6 +364,17 @@ def test_a_value_that_jumps_is_believed_at_the_second_frame(rig: Rig, what: str,
     setattr(rig, what, value)
     rig.run(1000)
     assert rig.core.counts.rejected == {Reason.JUMP: 2}
+
+
+def test_a_speed_that_jumps_and_stays_starts_anew(rig: Rig) -> None:
+    rig.run(2000)
+    rig.speed = 28.0
+    frames = rig.run(2000)
+    assert validities(frames)[-2:] == ["NotAvailable", "Valid"]
+    assert "Valid" not in {f["Validity"] for f in frames[2:40]}
+    assert rig.core.counts.restarts == 4  # every axle has the vehicle's speed
+    rig.torque += 9000.0  # a torque may do that
+    assert validities(rig.run(500)) == ["Valid"]
 
 
 def test_two_senders_are_not_believed(rig: Rig) -> None:

@@ -110,7 +110,7 @@ def test_values(scenario: Scenario) -> None:
         assert all(map(right, frames))
         return [value(f) - v for f, v in zip(frames, clean, strict=True)]
 
-    assert off("bias") == pytest.approx([0.05] * 40, abs=2e-6)
+    assert off("bias") == pytest.approx([0.1] * 40, abs=2e-6)
     assert off("drift", ",amount=1.0") == pytest.approx([k * 0.005 for k in range(40)], abs=2e-6)
     assert [round(x, 3) for x in off("spike")] == [0.5 if k % 20 == 0 else 0.0 for k in range(40)]
     last = value(of(played(scenario), YAW, 0, BEGIN)[-1])

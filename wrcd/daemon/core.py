@@ -147,8 +147,9 @@ class Core:
         self.counts.ticks += 1
         i = self._inputs
         i.close((number + 1) * self._period_us)
-        running = np.logical_and(~i.dead, i.speed_m_s >= self.config.min_speed_m_s)
+        running = np.logical_and(~i.dead & ~i.moved, i.speed_m_s >= self.config.min_speed_m_s)
         for axle in range(self._n):
+            self.counts.restarts += bool(i.moved[axle])
             if not running[axle]:
                 self._forget(axle)
                 continue

@@ -19,7 +19,7 @@ class Counts:
     blamed: Counter[tuple[str, Reason]] = field(default_factory=Counter)  # the same by message, for the log
     late: int = 0  # arrived after their tick was closed: used in the tick that was open
     time_steps: int = 0
-    restarts: int = 0  # axles started anew because what they said was absurd for too long
+    restarts: int = 0  # axles started anew: absurd measurements that went on, a speed that jumped
     ticks: int = 0
     last_reason: str = "None"  # label of the newest rejection's
 

@@ -71,7 +71,7 @@ class Restless:
 class Steady:
     """Watches a quantity that cannot jump."""
 
-    STATE = ("_value", "_stamp_us", "_doubted")
+    STATE = ("_value", "_stamp_us", "_doubted", "jumped")
 
     def __init__(self, most_step: float, timeout_us: int) -> None:
         self._most_step, self._timeout_us = most_step, timeout_us
@@ -82,6 +82,7 @@ class Steady:
         self._value = math.nan
         self._stamp_us = 0
         self._doubted = False
+        self.jumped = False  # the newest value that was believed is far from the one before
 
     def judge(self, value: float, stamp_us: int) -> Reason | None:
         """JUMP for a value too far from the one before; a second one in a row is believed, and any after a gap."""
@@ -89,5 +90,6 @@ class Steady:
         if jumps and not self._doubted:
             self._doubted = True
             return Reason.JUMP
+        self.jumped = jumps
         self._value, self._stamp_us, self._doubted = value, stamp_us, False
         return None
