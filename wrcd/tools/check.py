@@ -28,20 +28,17 @@ def describe(c: Config) -> list[str]:
                     f"  {i.source.quantity.key:22} <- 0x{m.frame_id:03X} {m.name}.{i.source.signal} ({unit}), "
                     f"stale after {i.timeout_us / 1000:g} ms"
                 )
-        for name, cycle in ((axle.adhesion, c.adhesion_cycle_us), (axle.detail, c.detail_cycle_us)):
+        for name, cycle in (
+            (axle.adhesion, c.adhesion_cycle_us),
+            (axle.detail, c.detail_cycle_us),
+            (axle.inputs, c.detail_cycle_us),
+        ):
             if name:
                 can_id = find_message(c.database, name).frame_id
                 out.append(f"  sends                  -> 0x{can_id:03X} {name}, every {cycle / 1000:g} ms")
-    if c.status:
-        status = find_message(c.database, c.status)
-        out.append(
-            f"status                   -> 0x{status.frame_id:03X} {c.status}, every {c.status_cycle_us / 1000:g} ms"
-        )
-    r = c.recorder
-    out.append(
-        f"recorder       the last {r.seconds:g} s, dumps in {r.folder} (at most {r.most_files}, {r.most_mb:g} MB)"
-        if r.on
-        else "recorder       none" + (" ([recorder] names no folder)" if r.folder is None else "")
-    )
+    for name in (c.status, c.rejects, c.link):
+        if name:
+            can_id = find_message(c.database, name).frame_id
+            out.append(f"status                   -> 0x{can_id:03X} {name}, every {c.status_cycle_us / 1000:g} ms")
     out.append("ok")
     return out
