@@ -1,15 +1,33 @@
 """Logs of scenarios, made once per test run."""
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 from sim_ecu.play.play import play_to_log
 from sim_ecu.play.scenario import read_scenario
 from wrcd.settings import parse_toml
 
 LogOf = Callable[[str], Path]
+
+# Property tests. What `make test` runs is the same examples every time: a failure comes from the change at hand, on
+# every machine, and nothing needs to be kept. `make fuzz` draws others each time and prints how to see one again.
+# No deadline and no complaint about slow drawing: how long an example takes says how busy the machine is.
+SLOW = [HealthCheck.too_slow]
+settings.register_profile(
+    "ci", max_examples=300, deadline=None, derandomize=True, database=None, suppress_health_check=SLOW
+)
+settings.register_profile(
+    "long",
+    max_examples=int(os.environ.get("EXAMPLES", 100_000)),
+    deadline=None,
+    print_blob=True,
+    suppress_health_check=SLOW,
+)
+settings.load_profile("ci")
 
 
 @pytest.fixture(scope="session")

@@ -126,6 +126,7 @@ DAMAGE = {
     "recent_s": lambda d: d.update(recent_s=0.6),
     "fuzzy.torque": lambda d: d["fuzzy"]["torque"]["names"].pop(),
     "polynomial": lambda d: d.update(polynomial=["x"]),
+    "fuzzy.bases[0]": lambda d: d["fuzzy"]["bases"].__setitem__(0, 10**400),
     "format": lambda d: d.update(format="other"),
 }
 
@@ -140,7 +141,7 @@ def test_a_wrong_design_is_refused_even_with_its_own_checksum(tmp_path: Path, ke
     with pytest.raises(InputError) as error:
         load_design(path)
     assert str(path) in str(error.value)
-    assert key in str(error.value)
+    assert key.removesuffix("[0]") in str(error.value)
 
 
 @pytest.mark.parametrize("content", ["", "[]", "3", "{", '{"format": "wrcd-design/2"}', "\x00"])

@@ -6,7 +6,9 @@ import struct
 
 import pytest
 
+from wrcd.bus.controller import Controller
 from wrcd.bus.hardwareclock import HardwareClock
+from wrcd.bus.link import LinkHealth
 from wrcd.bus.socketcan import SO_TIMESTAMPING, SO_TIMESTAMPNS, SocketCanLink
 
 START = 1_700_000_000_000_000
@@ -36,6 +38,14 @@ def test_a_clock_that_steps_is_taken_up_at_once() -> None:
     assert clock.lay(5010, START + 3_602_505_100) == START + 3_602_505_100  # the kernel's
 
 
+@pytest.mark.parametrize("step_us", [20_000, 400_000, 900_000])
+def test_a_small_step_forwards_is_taken_up_within_a_second(step_us: int) -> None:
+    clock = HardwareClock()
+    stamps = [clock.lay(5000 * k, START + 5000 * k + (step_us if k >= 500 else 0)) for k in range(700)]
+    assert stamps[499] == START + 5000 * 499
+    assert stamps[600] == START + 5000 * 600 + step_us
+
+
 def stamps(*times: float) -> bytes:
     return b"".join(struct.pack("@ll", int(t), round(t % 1 * 1e9)) for t in times)
 
@@ -44,7 +54,7 @@ def test_what_the_kernel_sends_along() -> None:
     link = SocketCanLink.__new__(SocketCanLink)
     link._hardware, link._dropped_before = None, 0
     data = struct.pack("=IB3x8s", 0x101, 1, b"\x07")
-    link._down = link._bus_off = False
+    link._down, link._controller = False, Controller(LinkHealth())
     assert link._take(data, [(socket.SOL_SOCKET, SO_TIMESTAMPNS, stamps(12.25))], 5).stamp_us == 12_250_000
     assert link._take(data, [(99, SO_TIMESTAMPNS, stamps(12.25))], 5).stamp_us == 5
     three = [(socket.SOL_SOCKET, SO_TIMESTAMPING, stamps(100.0, 0.0, 7.5))]

@@ -70,6 +70,32 @@ def test_a_step_is_believed_at_its_second_frame() -> None:
     assert s.judge(50.0, 80 * MS) is Reason.JUMP
     assert s.judge(50.1, 100 * MS) is None
     assert s.judge(11.0, 100 * MS + 60 * MS + 1) is None  # after a gap any value is as good
+    assert s.judge(50.0, 180 * MS) is Reason.JUMP
+    assert s.judge(90.0, 200 * MS) is Reason.JUMP  # another one confirms nothing
+    assert s.judge(11.0, 220 * MS) is None
+
+
+def test_a_slow_message_may_change_by_more() -> None:
+    s = Steady(1.0, 3000 * MS)
+    assert s.judge(10.0, 0) is None
+    assert s.judge(11.5, 1000 * MS) is None  # braking, told once a second
+    assert s.judge(30.0, 2000 * MS) is Reason.JUMP
+
+
+def test_freezes_do_not_teach_that_freezing_is_normal() -> None:
+    r = Restless()
+    stamp = 0
+    for value in noisy(100.0, 200):
+        for _ in range(30):  # each half a second still, then moving for as long
+            stamp += 5 * MS
+            r.judge(value, stamp, moving=True)
+        for k in range(100):
+            stamp += 5 * MS
+            r.judge(value + 1 + k, stamp, moving=True)
+    r.judge(0.5, stamp + 5 * MS, moving=True)
+    verdicts = [r.judge(0.5, stamp + (10 + 5 * k) * MS, moving=True) for k in range(20)]
+    assert verdicts.index(Reason.STUCK) < 15
+    assert r.unchanged(stamp + 31 * MS, 15 * MS)
 
 
 def test_the_register_of_reach() -> None:

@@ -103,7 +103,7 @@ def test_every_class_names_its_state(config: Config, tmp_path: Path, monkeypatch
     # what is named and never seen to change would mean that this test sees too little
     named = {(type(o), name) for _, o in objects(train.rig.core) for name in getattr(type(o), "STATE", ())}
     still = {f"{c.__name__}.{n}" for c, n in named - changed if not holds_objects(train.rig.core, c, n)}
-    assert len(still) <= 0.12 * len(named), still
+    assert len(still) <= 0.15 * len(named), still
 
 
 def holds_objects(core: Core, kind: type, name: str) -> bool:

@@ -13,10 +13,11 @@ from wrcd.bus.units import Quantity, factor
 
 # Words of value tables, letters only. A Status that is none of the usable words is refused.
 USABLE = {"ok", "okay", "valid", "normal", "good", "noerror", "available", "active"}
-UNUSABLE = {
-    "error", "notavailable", "unavailable", "sna", "na", "invalid", "notvalid", "fault", "failure", "failed", "init",
-    "initializing",
-}  # fmt: skip
+# A named value of a measured signal with one of these in its name is no measurement ("Signal_Not_Available").
+UNUSABLE = (
+    "notavail", "unavail", "sna", "invalid", "notvalid", "error", "fault", "fail", "init", "undefined", "notdefined",
+    "nodata", "nosignal", "unknown", "reserved",
+)  # fmt: skip
 STATUS = "Status"
 
 
@@ -45,6 +46,12 @@ def plain(label: object) -> str:
     return "".join(c for c in str(label).lower() if c.isalpha())
 
 
+def unusable(label: object) -> bool:
+    """Whether a word of a value table says that there is no measurement."""
+    word = plain(label)
+    return word == "na" or any(part in word for part in UNUSABLE)
+
+
 class SignalReader:
     """One mapped signal: its raw value to SI units, or why it can't be."""
 
@@ -56,7 +63,7 @@ class SignalReader:
         slack = 0.5 * abs(float(signal.scale))
         self._low = -math.inf if signal.minimum is None else float(signal.minimum) - slack
         self._high = math.inf if signal.maximum is None else float(signal.maximum) + slack
-        self._unusable = {raw for raw, label in (signal.choices or {}).items() if plain(label) in UNUSABLE}
+        self._unusable = {raw for raw, label in (signal.choices or {}).items() if unusable(label)}
         self._positive = source.quantity in (Quantity.AXLE_LOAD, Quantity.WHEEL_RADIUS)
 
     def read(self, raw: Any) -> float | Reason:
@@ -86,7 +93,9 @@ class MessageReader:
         self._signals = [SignalReader(s, find_signal(message, s.signal)) for s in sources]
         identity = data_id(message)
         self._checker = None if identity is None else Checker(identity, tuple(i for i in others if i != identity))
-        self._status = self._labels(next((s for s in message.signals if s.name == STATUS), None))
+        status = next((s for s in message.signals if s.name == STATUS), None)
+        # without a value table only 0 is taken for good
+        self._status = {} if status is None else self._labels(status) or {0: "ok"}
 
     @staticmethod
     def _labels(signal: Signal | None) -> dict[int, str]:
@@ -150,12 +159,13 @@ class Receiver:
         for reader in self._readers.values():
             reader.forget()
 
+    def maps(self, frame: Frame) -> bool:
+        """Whether a frame is of a mapped message. An error frame's class looks like an id, and never is."""
+        return not frame.error and frame.can_id in self._readers
+
     def read(self, frame: Frame) -> list[Sample] | Reason | None:
         """Samples, the reason of a refusal, or None for a frame that is not mapped."""
-        if frame.error:  # their class looks like an id: never take one for a message
-            return None
-        reader = self._readers.get(frame.can_id)
-        return None if reader is None else reader.read(frame)
+        return self._readers[frame.can_id].read(frame) if self.maps(frame) else None
 
 
 Value = float | str | None  # a number in the signal's own unit, a label of its value table, or not available

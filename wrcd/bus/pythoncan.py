@@ -9,7 +9,7 @@ from wrcd.bus.link import LinkHealth
 from wrcd.errors import BusError
 
 # A stamp further than this from the wall clock is in the interface's own time: the time of reception replaces it.
-FOREIGN_CLOCK_US = 5_000_000
+FOREIGN_CLOCK_US = 100_000
 
 
 def from_message(m: can.Message, stamp_us: int) -> Frame:

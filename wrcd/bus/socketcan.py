@@ -4,6 +4,7 @@ import errno
 import socket
 import struct
 
+from wrcd.bus.controller import ALL_ERRORS, Controller
 from wrcd.bus.frame import Frame
 from wrcd.bus.hardwareclock import HardwareClock
 from wrcd.bus.link import LinkHealth
@@ -18,16 +19,13 @@ SO_TIMESTAMPNS = 35
 SO_TIMESTAMPING = 37
 RAW_HARDWARE, RX_SOFTWARE, SOFTWARE, RX_HARDWARE = 1 << 6, 1 << 3, 1 << 4, 1 << 2
 SO_RXQ_OVFL = 40
+CAN_RAW_RECV_OWN_MSGS = 4
 CAN_RAW_ERR_FILTER = 2
 CAN_EFF_FLAG, CAN_RTR_FLAG, CAN_ERR_FLAG = 0x80000000, 0x40000000, 0x20000000
-CAN_ERR_CRTL, CAN_ERR_BUSOFF, CAN_ERR_RESTARTED = 0x04, 0x40, 0x100
-STATE_ERRORS = CAN_ERR_CRTL | CAN_ERR_BUSOFF | CAN_ERR_RESTARTED  # what tells the controller's state
-ALL_ERRORS = 0x1FFFFFFF
-# data[1] of CAN_ERR_CRTL
-CRTL_RX_OVERFLOW, CRTL_PASSIVE, CRTL_WARNING, CRTL_ACTIVE = 0x01, 0x30, 0x0C, 0x40
+SEND_BUFFER = 8 << 10  # bytes: some slots' frames, no more may wait in the kernel
 RECEIVE_BUFFER = 4 << 20  # bytes, up to net.core.rmem_max; the kernel's default holds 278 frames
+UNCONFIRMED_US = 1_000_000  # after so long without a sign that a frame has left, one slot's frames are tried again
 MOST_FRAMES = 4096  # taken at a time, so that no flood keeps the loop from its tick
-MOST_ERRORS = 500  # error frames a second; beyond it only those that tell a state are let in for a second
 REOPEN_FIRST_US, REOPEN_LAST_US = 50_000, 1_000_000  # a device that has gone is tried again, ever less often
 _GONE = {errno.ENODEV, errno.ENXIO, errno.EBADF}
 
@@ -40,11 +38,16 @@ class SocketCanLink:
         self.health = LinkHealth()
         self._channel, self._ids = channel, ids
         self._hardware: HardwareClock | None = None
-        self._down = self._bus_off = self._passive = False
+        self._controller = Controller(self.health)
+        self._down = False
         self._dropped_before = 0
         self._next_try_us, self._pause_us = 0, REOPEN_FIRST_US
-        self._errors, self._errors_since_us = 0, 0
-        self._flood_until_us: int | None = None
+        self._own: frozenset[int] = frozenset()  # words of the frames sent here
+        self._slot_us = self._opened_us = 0  # stamps of the newest slot, and of the newest that was sent
+        self._sending = True  # whether the newest slot is
+        self._unconfirmed = 0  # frames of it that have not left yet
+        self._confirms = False  # whether this interface tells when a frame has left
+        self._early: list[Frame] = []  # received while looking for that
         if not hasattr(socket, "AF_CAN"):
             raise BusError("this Python has no AF_CAN", key="interface", hint="use Linux, or another interface")
         try:
@@ -61,8 +64,10 @@ class SocketCanLink:
             self._stamp(s)
             s.setsockopt(socket.SOL_SOCKET, SO_RXQ_OVFL, 1)
             s.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
+            s.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
             self._filter(s)
             s.setsockopt(socket.SOL_CAN_RAW, CAN_RAW_ERR_FILTER, ALL_ERRORS)
+            s.setsockopt(socket.SOL_CAN_RAW, CAN_RAW_RECV_OWN_MSGS, 1)
             s.bind((self._channel,))
         except OSError:
             s.close()
@@ -87,13 +92,17 @@ class SocketCanLink:
         sooner at first, then once a second."""
         if self._socket is None:
             self._reopen(now_us)
-        elif self._flood_until_us is not None and not now_us < self._flood_until_us <= now_us + 1_000_000:
-            self._flood_until_us = None
-            self._socket.setsockopt(socket.SOL_CAN_RAW, CAN_RAW_ERR_FILTER, ALL_ERRORS)
-        frames: list[Frame] = []
+        frames, self._early = self._early, []
+        self._read(frames, now_us)
+        if self._socket is not None and (mask := self._controller.mask(now_us)) is not None:
+            self._socket.setsockopt(socket.SOL_CAN_RAW, CAN_RAW_ERR_FILTER, mask)
+        self._tell()
+        return frames
+
+    def _read(self, frames: list[Frame], now_us: int) -> None:
         while self._socket is not None and len(frames) < MOST_FRAMES:
             try:
-                data, extra, _, _ = self._socket.recvmsg(_FRAME.size, 256)
+                data, extra, flags, _ = self._socket.recvmsg(_FRAME.size, 256)
             except BlockingIOError:
                 break
             except InterruptedError:
@@ -103,20 +112,26 @@ class SocketCanLink:
                 if e.errno != errno.ENETDOWN:
                     break
                 continue
-            if len(data) == _FRAME.size:
+            if len(data) != _FRAME.size:
+                continue
+            if flags & socket.MSG_CONFIRM:  # one of ours has left
+                self._confirms, self._unconfirmed = True, max(self._unconfirmed - 1, 0)
+            else:
                 frames.append(self._take(data, extra, now_us))
-        self._tell()
-        return frames
 
     def narrow(self, ids: tuple[int, ...]) -> None:
         """From now on only these ids."""
         self._ids = ids
+        self._filter_all()
+
+    def _filter_all(self) -> None:
         if self._socket is not None:
             self._filter(self._socket)
 
     def _filter(self, s: socket.socket) -> None:
         if self._ids is not None:
-            s.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FILTER, b"".join(map(_filter, self._ids)))
+            filters = b"".join(map(_filter, self._ids)) + b"".join(map(_own, sorted(self._own)))
+            s.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FILTER, filters)
 
     def _take(self, data: bytes, extra: list[tuple[int, int, bytes]], now_us: int) -> Frame:
         stamp_us = now_us
@@ -137,37 +152,16 @@ class SocketCanLink:
         payload = payload[: min(length, 8)]
         self._down = False
         if word & CAN_ERR_FLAG:
-            self._error(word, payload, stamp_us, now_us)
+            self._controller.error(word, payload, stamp_us)
             return Frame(stamp_us, word & ALL_ERRORS, payload, error=True)
-        self._bus_off = False  # what arrives proves that the controller is on the bus
+        self._controller.heard()
         extended = bool(word & CAN_EFF_FLAG)
         mask = socket.CAN_EFF_MASK if extended else socket.CAN_SFF_MASK
         return Frame(stamp_us, word & mask, payload, extended, remote=bool(word & CAN_RTR_FLAG))
 
-    def _error(self, word: int, payload: bytes, stamp_us: int, now_us: int) -> None:
-        health = self.health
-        health.error_frames += 1
-        if word & CAN_ERR_CRTL and len(payload) > 1:
-            state = payload[1]
-            health.drops += bool(state & CRTL_RX_OVERFLOW)
-            if state & (CRTL_PASSIVE | CRTL_WARNING | CRTL_ACTIVE):
-                self._passive = bool(state & CRTL_PASSIVE)
-                self._bus_off = False
-        if word & CAN_ERR_BUSOFF:
-            health.bus_offs += not self._bus_off
-            self._bus_off = True
-        if word & CAN_ERR_RESTARTED:
-            self._bus_off = self._passive = False
-        if not 0 <= stamp_us - self._errors_since_us < 1_000_000:
-            self._errors, self._errors_since_us = 0, stamp_us
-        self._errors += 1
-        if self._errors > MOST_ERRORS and self._flood_until_us is None and self._socket is not None:
-            self._flood_until_us = now_us + 1_000_000
-            self._socket.setsockopt(socket.SOL_CAN_RAW, CAN_RAW_ERR_FILTER, STATE_ERRORS)
-
     def _trouble(self, e: OSError, now_us: int) -> None:
         self._down = True
-        self._bus_off = self._passive = False
+        self._controller.restarted()
         if e.errno in _GONE:
             if self._socket is not None:
                 self._socket.close()
@@ -187,41 +181,65 @@ class SocketCanLink:
             return
         self.health.reopens += 1
         self._dropped_before = 0
-        self._flood_until_us = None
+        self._controller = Controller(self.health)
+        self._unconfirmed, self._confirms = 0, False
         self._down = False
 
     def _tell(self) -> None:
         self.health.state = (
             "Gone" if self._socket is None
             else "Down" if self._down
-            else "BusOff" if self._bus_off
-            else "ErrorPassive" if self._passive
+            else "BusOff" if self._controller.bus_off
+            else "ErrorPassive" if self._controller.passive
             else "Up"
         )  # fmt: skip
 
     def send(self, frame: Frame) -> bool:
         """Send at once or drop and count. The first send after a link was down may fail on a latched error: again.
 
-        Off the bus nothing is sent: the kernel would say that it was, or keep it until it is stale.
+        Off the bus nothing is sent: the kernel would say that it was. Nor is it while frames of an earlier slot have
+        not left: they would all wait in the kernel's queue and go out when they are stale. Either is tried again once
+        a second.
         """
         word = frame.can_id | (CAN_EFF_FLAG if frame.extended else 0)
+        if word not in self._own:
+            self._own |= {word}
+            self._filter_all()
+        if not self._open_slot(frame.stamp_us):
+            self.health.unsent += 1
+            return False
         packed = _FRAME.pack(word, len(frame.data), frame.data.ljust(8, b"\0"))
         for _ in range(2):
-            if self._socket is None or self._bus_off:
+            if self._socket is None:
                 break
             try:
                 self._socket.send(packed)
+                self._unconfirmed += 1
                 self._down = False
                 self._tell()
                 return True
             except OSError as e:
-                if e.errno == errno.ENOBUFS:
+                if e.errno in (errno.ENOBUFS, errno.EAGAIN):
                     break
-                if e.errno not in (errno.EAGAIN, errno.EINTR):
+                if e.errno != errno.EINTR:
                     self._trouble(e, frame.stamp_us)
         self._tell()
         self.health.unsent += 1
         return False
+
+    def _open_slot(self, stamp_us: int) -> bool:
+        """Whether frames of a slot may be sent."""
+        if stamp_us != self._slot_us:
+            self._slot_us = stamp_us
+            if self._unconfirmed:
+                self._read(self._early, stamp_us)
+            held = self._controller.bus_off or (self._confirms and self._unconfirmed > 0)
+            self._sending = not held or not 0 <= stamp_us - self._opened_us < UNCONFIRMED_US
+            if self._sending:
+                self._opened_us, self._unconfirmed = stamp_us, 0
+        elif self._controller.bus_off:
+            self._sending = False
+        return self._sending
 
     def close(self) -> None:
         """Let go of the bus."""
@@ -237,10 +255,14 @@ def _time_us(value: bytes, place: int) -> int:
 
 
 def _filter(can_id: int) -> bytes:
-    """Exactly this id: data frames of its own length of id."""
-    if can_id <= socket.CAN_SFF_MASK:
-        return _FILTER.pack(can_id, socket.CAN_SFF_MASK | CAN_EFF_FLAG | CAN_RTR_FLAG)
-    return _FILTER.pack(can_id | CAN_EFF_FLAG, socket.CAN_EFF_MASK | CAN_EFF_FLAG | CAN_RTR_FLAG)
+    """Exactly this id, in its own length."""
+    return _own(can_id if can_id <= socket.CAN_SFF_MASK else can_id | CAN_EFF_FLAG)
+
+
+def _own(word: int) -> bytes:
+    """The same for an id with its flag."""
+    mask = socket.CAN_EFF_MASK if word & CAN_EFF_FLAG else socket.CAN_SFF_MASK
+    return _FILTER.pack(word, mask | CAN_EFF_FLAG)
 
 
 def _advice(e: OSError, channel: str) -> str:

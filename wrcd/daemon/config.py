@@ -162,6 +162,15 @@ def _config(
         inputs += _inputs(table, database, AXLE_QUANTITIES, (place,))
         table.done()
     inputs += _inputs(vehicle, database, VEHICLE_QUANTITIES, tuple(range(len(axles))))
+    dead_after_us = round(1000 * limits.number("not_available_after_ms", 100.0, 5.0, 10_000.0))
+    for i in inputs:
+        if i.source.quantity in (*NEEDED, Quantity.SPEED) and i.timeout_us > dead_after_us:
+            raise limits.error(
+                f"{dead_after_us / 1000:g} ms is less than the time-out of {i.source.message}.{i.source.signal}, "
+                f"{i.timeout_us / 1000:g} ms",
+                "not_available_after_ms",
+                "give a longer one: an input that is silent for so long ends the estimate",
+            )
     constant = limits.maybe("constant_speed_m_s", float)
     if constant is not None:
         limits.number("constant_speed_m_s", constant, 0.0, Quantity.SPEED.limit)
@@ -184,7 +193,7 @@ def _config(
         status=status,
         rejects=_optional(vehicle, "rejects_message", database, "WrcdRejects"),
         link=_optional(vehicle, "link_message", database, "WrcdLink"),
-        not_available_after_us=round(1000 * limits.number("not_available_after_ms", 100.0, 5.0, 10_000.0)),
+        not_available_after_us=dead_after_us,
         min_speed_m_s=limits.number("min_speed_m_s", 3.0, 0.1, 60.0),
         constant_speed_m_s=constant,
         torque_is_total=vehicle.get("torque_is_total", bool, True),

@@ -66,10 +66,11 @@ class Core:
 
     def feed(self, frame: Frame) -> list[Outgoing]:
         """Take a received frame. Returns what was due before its stamp. Frames that are not mapped change nothing."""
-        got = self.receiver.read(frame)
-        if got is None:
+        if not self.receiver.maps(frame):
             return []
         out = self._move_to(frame.stamp_us)
+        got = self.receiver.read(frame)
+        assert got is not None
         if not isinstance(got, Reason):
             got = self._inputs.judge(got, frame.stamp_us) or got
         if isinstance(got, Reason):
@@ -120,6 +121,7 @@ class Core:
         """A step of time: nothing that was known before holds."""
         self.counts.time_steps += 1
         self._open, self._stamp_us = tick, NEVER
+        self._outlier_us = [NEVER] * self._n
         self._inputs.forget()
         self.receiver.forget()
         for axle in range(self._n):
@@ -149,7 +151,7 @@ class Core:
         i.close((number + 1) * self._period_us)
         running = np.logical_and(~i.dead & ~i.moved, i.speed_m_s >= self.config.min_speed_m_s)
         for axle in range(self._n):
-            self.counts.restarts += bool(i.moved[axle])
+            self.counts.restarts += bool(i.moved[axle]) and not self._blank[axle]
             if not running[axle]:
                 self._forget(axle)
                 continue

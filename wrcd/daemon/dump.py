@@ -96,7 +96,7 @@ def lines_and_events(memory: bytes | mmap.mmap, r: Request) -> tuple[list[str], 
             came.append(frame)
         elif kind == ADVANCED:
             events.append(Event(len(lines), advance_us=frame.stamp_us))
-        elif at in changed:
+        else:
             events.append(Event(len(lines), health=changed[at]))
     flush()
     return lines, events

@@ -11,7 +11,6 @@ from pathlib import Path
 
 LOG, STATE = ".log", ".state.json"
 _NAME = re.compile(r"(wrcd-.+-\d{8}T\d{6}Z-[a-z]+)(\.log|\.state\.json)")
-_UNKNOWN = 255  # exit status of a child that failed with something else than an errno
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +93,11 @@ def _prune(at: int, bound: Bound, keep: str = "") -> None:
                 status = os.stat(file, dir_fd=at, follow_symlinks=False)
                 if stat.S_ISREG(status.st_mode):
                     found.setdefault(match[1], []).append(status)
-    oldest_first = sorted(found, key=lambda name: (name == keep, min(s.st_mtime_ns for s in found[name]), name))
+    # those of an ordinary end before those of a trouble: a daemon that ends again and again must not push these out
+    oldest_first = sorted(
+        found,
+        key=lambda name: (name == keep, not name.endswith("-exit"), min(s.st_mtime_ns for s in found[name]), name),
+    )
     count, size = len(found), sum(s.st_size for group in found.values() for s in group)
     for name in oldest_first:
         if (count <= bound.dumps and size <= bound.size) or name == keep:

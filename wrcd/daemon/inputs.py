@@ -107,6 +107,7 @@ class Inputs:
                 self._value[q, axle] = s.value
         if q == SPEED:  # no train does that: what was known before was known of another speed
             self._moved[list(s.axles)] |= self._steady[_place(s)].jumped
+            self._steady[_place(s)].jumped = False
 
     def forget(self) -> None:
         """A step of time: how old anything is cannot be told any more."""

@@ -56,6 +56,7 @@ class Daemon:
         self._stop = self._hangup = False
         self._turn_us = self._next_turn_us()
         self._silent = 0  # turns in a row that found nothing
+        self._slot_in_time = True  # whether the newest slot's frames still belonged to it
         self._next_ping_us = 0
         self.sent = 0
 
@@ -87,8 +88,11 @@ class Daemon:
                 self._recorder.advanced(now - SETTLE_US)
             out += self.core.advance(now - SETTLE_US)
         self._send(out)
-        self._look_after(now, in_time=counts.ticks > ticks and self._clock() - self._turn_us <= LATE_US)
+        self._look_after(now, in_time=counts.ticks > ticks and self._in_time())
         self._turn_us = self._next_turn_us()
+
+    def _in_time(self) -> bool:
+        return self._slot_in_time and self._clock() - self._turn_us <= LATE_US
 
     def _next_turn_us(self) -> int:
         return (self._clock() // self._period_us + 1) * self._period_us + SETTLE_US
@@ -96,7 +100,8 @@ class Daemon:
     def _send(self, out: list[Outgoing]) -> None:
         """Send what still belongs to its slot. A slot that is over is skipped and counted, never sent in a burst."""
         for o in out:
-            if self._clock() // o.cycle_us > o.frame.stamp_us // o.cycle_us:
+            self._slot_in_time = self._clock() // o.cycle_us <= o.frame.stamp_us // o.cycle_us
+            if not self._slot_in_time:
                 self.core.health.overruns += 1
             elif self.link.send(o.frame):
                 self.sent += 1

@@ -8,13 +8,15 @@ from wrcd.bus.units import Quantity
 # A sensor on a moving wheelset seldom says the same twice: its noise alone moves it by some steps of its converter.
 # How seldom is learnt; a run of equal values that would come about by chance once in so many frames is
 # doubted (the axle is not Valid while it lasts), and one that never would is refused.
-DOUBTED, STUCK = math.log(3e-4), math.log(1e-9)
+DOUBTED, STUCK = math.log(3e-4), math.log(1e-12)
 LEAST_RUN = 4
+FADING_FRAMES = 10_000.0
 FIRST_SHARE, FIRST_FRAMES, MOST_FRAMES = 0.05, 20.0, 1000.0  # of runs that go on, before and while it is learnt
+MOST_SHARE = 0.9  # a sensor coarser than that is not watched: it would be doubted after 0.4 s at 200 Hz
 RESTLESS = (Quantity.YAW_RATE, Quantity.LAT_ACCEL)
 
-# What no vehicle changes by from one frame to the next. A value further away is refused, and believed if the next
-# frame says so, too: a real step comes a frame late, a corrupted frame not at all.
+# What no vehicle changes by from one frame to the next (or within 0.1 s, if that is longer). A value further away is
+# refused, and believed if the next frame says so, too: a real step comes a frame late, a corrupted frame not at all.
 MOST_STEP = {
     Quantity.TORQUE: 4000.0,
     Quantity.BRAKE_TORQUE: 4000.0,
@@ -51,9 +53,12 @@ class Restless:
 
     def _learn(self, run: int) -> None:
         """How often a run goes on; a stuck sensor must not teach that it always does."""
-        for went_on in [True] * (min(run, LEAST_RUN) - 1) + [False] * (0 < run < LEAST_RUN):
-            self._frames = min(self._frames + 1.0, MOST_FRAMES)
-            self._share += (went_on - self._share) / self._frames
+        if run == 0:  # it moves, as it should: what was learnt otherwise fades
+            self._share += (FIRST_SHARE - self._share) / FADING_FRAMES
+        elif run < self._longest(STUCK):
+            for went_on in [True] * (min(run, LEAST_RUN) - 1) + [False] * (run < LEAST_RUN):
+                self._frames = min(self._frames + 1.0, MOST_FRAMES)
+                self._share += (went_on - self._share) / self._frames
 
     def unchanged(self, now_us: int, timeout_us: int) -> bool:
         """Whether it has said the same for longer than its time-out, and oftener than by chance."""
@@ -65,7 +70,7 @@ class Restless:
 
     def _longest(self, chance: float) -> int:
         """Equal neighbours that come about with less than a chance (its logarithm)."""
-        return max(LEAST_RUN, math.ceil(chance / math.log(min(max(self._share, 1e-6), 0.99))))
+        return max(LEAST_RUN, math.ceil(chance / math.log(min(max(self._share, 1e-6), MOST_SHARE))))
 
 
 class Steady:
@@ -81,15 +86,18 @@ class Steady:
         """Nothing that came before counts."""
         self._value = math.nan
         self._stamp_us = 0
-        self._doubted = False
-        self.jumped = False  # the newest value that was believed is far from the one before
+        self._doubted = math.nan  # the value that was refused last
+        self.jumped = False  # what is believed is far from what was; who takes notice of it sets it back
 
     def judge(self, value: float, stamp_us: int) -> Reason | None:
-        """JUMP for a value too far from the one before; a second one in a row is believed, and any after a gap."""
-        jumps = abs(value - self._value) > self._most_step and stamp_us - self._stamp_us <= self._timeout_us
-        if jumps and not self._doubted:
-            self._doubted = True
-            return Reason.JUMP
-        self.jumped = jumps
-        self._value, self._stamp_us, self._doubted = value, stamp_us, False
+        """JUMP for a value too far from the one before; believed is what a second frame confirms, or comes after a
+        gap."""
+        age_us = stamp_us - self._stamp_us
+        most = self._most_step * max(1.0, age_us / 100_000)
+        if age_us <= self._timeout_us and abs(value - self._value) > most:
+            if not abs(value - self._doubted) <= most:
+                self._doubted = value
+                return Reason.JUMP
+            self.jumped = True
+        self._value, self._stamp_us, self._doubted = value, stamp_us, math.nan
         return None

@@ -24,7 +24,7 @@ from wrcd.daemon.say import say
 from wrcd.daemon.state import capture, encode
 from wrcd.daemon.triggers import Triggers
 
-FRAMES_PER_S = 4000  # that the ring has room for; a 500 kbit/s bus that is full of short frames carries no more
+FRAMES_PER_S = 4000  # that the ring has room for; a full 500 kbit/s bus carries about as many of eight bytes
 SNAPSHOTS = 6  # within the ring's time
 SPARE_SHARE = 0.1  # of the ring, may be overwritten before the process that writes a dump has copied it
 AFTERMATH_US = 2_000_000  # is in the dump, too
@@ -55,7 +55,7 @@ class Recorder:
         self._ring = Ring(math.ceil(config.seconds * (1 + 1 / SNAPSHOTS) * FRAMES_PER_S))
         self._snapshots: deque[Snapshot] = deque(maxlen=SNAPSHOTS + 1)
         self._health = capture(core.health)
-        self._healths: deque[tuple[int, dict[str, Any]]] = deque(maxlen=1000)  # by position: what it changed to
+        self._healths: deque[tuple[int, dict[str, Any]]] = deque()  # by position, from the oldest snapshot on: changes
         self._settings = core.config
         self._fits = identity(core.config)
         self._triggers = Triggers(len(core.config.axles), core.config.adhesion_cycle_us)
@@ -131,6 +131,8 @@ class Recorder:
         kept.append(Snapshot(ring.end, now_us, capture(self._core)))
         while len(kept) > 1 and not ring.holds(kept[0].position):
             kept.popleft()
+        while self._healths and self._healths[0][0] < kept[0].position:
+            self._healths.popleft()
 
     def _dump(self, name: str, urgent: bool = False) -> None:
         ring, self._name = self._ring, name

@@ -146,7 +146,7 @@ class _Reader:
         """An array of finite numbers; -1 in the shape stands for any length but none."""
         try:
             a = np.array(self.at(key), dtype=np.float64)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             raise self.error(key, "is not an array of numbers") from None
         fits = a.ndim == len(shape) and all(
             n == want or (want == -1 and n > 0) for n, want in zip(a.shape, shape, strict=True)

@@ -14,7 +14,6 @@ from wrcd.estimator.window import Window
 CHANGE_TICKS = 4
 OFFSET_WINDOWS = 2  # memory of the sensors' offsets, in windows
 LEAST_CONTRADICTION_PP = 2.0
-WHOLE_TICKS, LEAST_WHOLE = 100.0, 0.75  # a gap is an exception where more than this share of so many ticks is whole
 LEAST_TORQUE = 0.003  # torque ratio: less is coasting, and says nothing
 LEAST_TRACK = 0.03  # of the noise's power: less from the track is not told from none
 
@@ -68,7 +67,7 @@ class Estimator:
     """
 
     STATE = (
-        "_bank", "_offset", "_gate", "_window", "_speed_m_s", "_whole", "_whole_share", "used", "outlier", "good",
+        "_bank", "_offset", "_gate", "_window", "_speed_m_s", "_whole", "used", "outlier", "good",
         "upset", "outliers",
     )  # fmt: skip
 
@@ -86,14 +85,14 @@ class Estimator:
         # of the newest tick: which axles' measurements it made use of, and which it left out as absurd
         self.used: BoolArray = np.zeros(axles, dtype=bool)
         self.outlier: BoolArray = np.zeros(axles, dtype=bool)
-        self._whole: BoolArray = np.ones(axles, dtype=bool)  # whether the newest tick brought every measurement
-        self._whole_share: FloatArray = np.ones(axles)  # of such ticks, lately
+        self._whole: BoolArray = np.zeros(axles, dtype=bool)  # whether the newest tick brought every measurement
         self.good: BoolArray = np.zeros(axles, dtype=bool)  # whether it went into the window
         self.upset: BoolArray = np.zeros(axles, dtype=bool)
         self.outliers = 0  # samples left out so far
 
     def reset(self, axle: int) -> None:
         """Start an axle anew: after a gap, a step of time, or a standstill."""
+        self._whole[axle] = False
         self._offset.reset(axle)
         self._gate.reset(axle)
         self._bank.reset(axle)
@@ -118,20 +117,15 @@ class Estimator:
             e, w = self._filter(tick, used)
         self.upset = self._gate.learn(e, used, absurd) | ~np.isfinite(self._bank.x).all(axis=(0, 1))
         self.used = used
-        self.good = self._settled(used) & np.isfinite(tick.torque_ratio) & ~self.upset
+        # the first innovation after a gap is that of several ticks at once, larger than others: it stays out. So a
+        # sensor that is slower than the ticks, for which no gain here is made, never gives an estimate
+        self.good = used & self._whole & np.isfinite(tick.torque_ratio) & ~self.upset
+        self._whole = used
         self._window.put(tick.number, w, self.good, tick.torque_ratio)
         self._speed_m_s = tick.speed_m_s
         if tick.number % CHANGE_TICKS == 0:
             self._window.forget_old(self.design.changes)
         return e
-
-    def _settled(self, whole: BoolArray) -> BoolArray:
-        """Which axles' ticks count. The first innovation after a gap is that of several ticks at once, larger than
-        others: it stays out, unless gaps are the rule, as of a sensor that is slower than the ticks."""
-        self._whole_share = self._whole_share + (whole - self._whole_share) / WHOLE_TICKS
-        settled: BoolArray = whole & (self._whole | (self._whole_share < LEAST_WHOLE))
-        self._whole = whole
-        return settled
 
     def _filter(self, tick: Tick, axles: BoolArray) -> tuple[FloatArray, FloatArray]:
         """The bank with the measurements of some axles (n,)."""

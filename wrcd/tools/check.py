@@ -40,5 +40,11 @@ def describe(c: Config) -> list[str]:
         if name:
             can_id = find_message(c.database, name).frame_id
             out.append(f"status                   -> 0x{can_id:03X} {name}, every {c.status_cycle_us / 1000:g} ms")
+    r = c.recorder
+    out.append(
+        f"recorder       the last {r.seconds:g} s, dumps in {r.folder} (at most {r.most_files}, {r.most_mb:g} MB)"
+        if r.on
+        else "recorder       none" + (" ([recorder] names no folder)" if r.folder is None else "")
+    )
     out.append("ok")
     return out

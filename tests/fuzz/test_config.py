@@ -1,0 +1,220 @@
+"""Whatever a configuration or a DBC says, it is refused with an InputError or it works."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from tests.fuzz.strategies import NASTY, mutated
+from wrcd import resources
+from wrcd.bus.dbc import load_dbc
+from wrcd.bus.frame import Frame
+from wrcd.daemon.config import Config, load_config
+from wrcd.daemon.core import Core
+from wrcd.errors import InputError
+from wrcd.estimator.design import load_design
+
+TRAIN_DBC = """VERSION ""
+NS_ :
+BS_:
+BU_: BCU WRCD
+BO_ 2364540158 Bogie1: 8 BCU
+ SG_ Gyro : 0|16@1- (0.01,0) [-200|200] "deg/s" WRCD
+ SG_ Side : 16|16@1- (0.001,0) [-20|20] "g" WRCD
+ SG_ Tractive : 32|16@1- (0.1,0) [-100|100] "kNm" WRCD
+ SG_ Brake : 48|16@1- (0.1,0) [-100|100] "kNm" WRCD
+BO_ 800 Drive: 8 BCU
+ SG_ Crc : 0|8@1+ (1,0) [0|255] "" WRCD
+ SG_ Counter : 8|4@1+ (1,0) [0|14] "" WRCD
+ SG_ Status : 12|4@1+ (1,0) [0|15] "" WRCD
+ SG_ V : 23|16@0+ (0.01,0) [0|300] "km/h" WRCD
+ SG_ Dir : 32|2@1+ (1,0) [0|3] "" WRCD
+ SG_ Load : 40|16@1+ (0.1,0) [0|0] "kN" WRCD
+BO_ 801 Wheel: 8 BCU
+ SG_ Radius : 0|32@1- (1,0) [0.3|0.7] "m" WRCD
+BO_ 145 Adhesion_A1: 8 WRCD
+ SG_ Validity : 12|4@1+ (1,0) [0|15] "" BCU
+ SG_ MuAvailable : 16|16@1+ (0.01,0) [0|100] "%" BCU
+ SG_ MuUsed : 32|16@1+ (0.01,0) [0|100] "%" BCU
+BA_DEF_ BO_ "GenMsgCycleTime" INT 0 65535;
+BA_DEF_ BO_ "E2EProfile" STRING ;
+BA_DEF_ BO_ "E2EDataId" INT 0 65535;
+BA_DEF_ SG_ "GenSigTimeoutTime" INT 0 65535;
+BA_DEF_ SG_ "GenSigStartValue" FLOAT -1E+10 1E+10;
+BA_DEF_DEF_ "GenMsgCycleTime" 20;
+BA_DEF_DEF_ "E2EProfile" "";
+BA_DEF_DEF_ "E2EDataId" 0;
+BA_DEF_DEF_ "GenSigTimeoutTime" 0;
+BA_DEF_DEF_ "GenSigStartValue" 0;
+BA_ "GenMsgCycleTime" BO_ 145 20;
+BA_ "E2EProfile" BO_ 800 "P11";
+BA_ "E2EDataId" BO_ 800 800;
+BA_ "GenSigTimeoutTime" SG_ 800 V 60;
+BA_ "GenSigStartValue" SG_ 145 MuAvailable 65535;
+VAL_ 145 Validity 0 "NotAvailable" 1 "Valid" 2 "Degraded" 14 "Error" ;
+VAL_ 800 Status 0 "Ok" 1 "Degraded" 14 "Error" 15 "NotAvailable" ;
+VAL_ 800 V 65535 "SNA" ;
+VAL_ 800 Dir 0 "Forward" 1 "Reverse" 3 "SNA" ;
+SIG_VALTYPE_ 801 Radius : 1;
+"""
+TRAIN = """
+[bus]
+interface = "socketcan"
+channel = "can0"
+[dbc]
+file = "train.dbc"
+[vehicle]
+speed = "Drive.V"
+direction = "Drive.Dir"
+torque_is_total = true
+[limits]
+min_speed_m_s = 3.0
+not_available_after_ms = 100
+[wheelset]
+m_w = 1250.0
+[[axle]]
+number = 1
+yaw_rate = "Bogie1.Gyro"
+lateral_acceleration = "Bogie1.Side"
+torque = "Bogie1.Tractive"
+brake_torque = "Bogie1.Brake"
+axle_load = "Drive.Load"
+wheel_radius = "Wheel.Radius"
+adhesion = "Adhesion_A1"
+"""
+PACKAGED = """
+[vehicle]
+speed = "VehicleSpeed.Speed"
+status_message = "WrcdStatus"
+[limits]
+constant_speed_m_s = 20
+[estimator]
+[[axle]]
+number = 2
+yaw_rate = "YawRate_A2.YawRate"
+lateral_acceleration = "LatAccel_A2.LatAccel"
+torque = "Torque_A2.Torque"
+adhesion = "Adhesion_A2"
+detail = "AdhesionDetail_A2"
+[[axle]]
+number = 1
+yaw_rate = "YawRate_A1.YawRate"
+lateral_acceleration = "LatAccel_A1.LatAccel"
+torque = "Torque_A1.Torque"
+"""
+KEYS = (
+    "bus", "dbc", "vehicle", "limits", "estimator", "wheelset", "axle", "interface", "channel", "file", "speed",
+    "direction", "torque_is_total", "status_message", "min_speed_m_s", "not_available_after_ms", "constant_speed_m_s",
+    "design", "m_w", "number", "yaw_rate", "torque", "adhesion", "detail",
+)  # fmt: skip
+START_US = 1_700_000_000_000_000
+
+
+DESIGN, PACKAGED_DBC = load_design(resources.DESIGN), load_dbc(resources.DBC)
+
+
+def load(path: Path) -> Config:
+    """As the daemon loads it; what comes with the package is read once for all examples."""
+    return load_config(
+        path,
+        read_dbc=lambda p: PACKAGED_DBC if p == resources.DBC else load_dbc(p),
+        read_design=lambda p: DESIGN if p == resources.DESIGN else load_design(p),
+    )
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("config")
+
+
+def works_or_says_why(path: Path, payloads: list[bytes]) -> None:
+    try:
+        config = load(path)
+    except InputError:
+        return
+    survives(config, payloads)
+
+
+def survives(config: Config, payloads: list[bytes]) -> None:
+    """The core made of it takes any bytes on its ids, and what it sends is as long as the DBC says."""
+    core = Core(config)
+    lengths = {m.frame_id: (m.length, m.is_extended_frame) for m in config.database.messages}
+    fed = 0
+    for k, payload in enumerate(payloads):
+        for can_id in core.receiver.ids:
+            length, extended = lengths[can_id]
+            data = (payload * 64)[:length] if payload else bytes(length)
+            for o in core.feed(Frame(START_US + 7_000 * k, can_id, data, extended=extended)):
+                assert len(o.frame.data) == lengths[o.frame.can_id][0]
+            fed += 1
+    core.advance(START_US + 7_000 * len(payloads) + 300_000)
+    core.farewell(START_US)
+    assert core.counts.accepted + sum(core.counts.rejected.values()) == fed
+
+
+PAYLOADS = st.lists(st.binary(max_size=8), max_size=6)
+
+
+def test_the_texts_that_are_mutated_are_good(folder: Path) -> None:
+    (folder / "train.dbc").write_text(TRAIN_DBC)
+    for name, text in (("train.toml", TRAIN), ("packaged.toml", PACKAGED)):
+        (folder / name).write_text(text)
+        survives(load(folder / name), [b"", b"\x01", b"\xff"])
+
+
+@given(text=mutated(TRAIN_DBC), payloads=PAYLOADS)
+def test_a_mutated_dbc(folder: Path, text: str, payloads: list[bytes]) -> None:
+    (folder / "train.dbc").write_text(text, "utf-8")
+    (folder / "wrcd.toml").write_text(TRAIN, "utf-8")
+    works_or_says_why(folder / "wrcd.toml", payloads)
+
+
+@given(text=mutated(TRAIN), payloads=PAYLOADS)
+def test_a_mutated_mapping(folder: Path, text: str, payloads: list[bytes]) -> None:
+    (folder / "train.dbc").write_text(TRAIN_DBC, "utf-8")
+    (folder / "wrcd.toml").write_text(text, "utf-8")
+    works_or_says_why(folder / "wrcd.toml", payloads)
+
+
+@example(PACKAGED.replace("= 20", "= 1e308"), [b""])
+@example(PACKAGED.replace("= 20", f"= {10**400}"), [b""])
+@example(PACKAGED.replace("= 20", "= " + "9" * 5000), [b""])
+@given(text=mutated(PACKAGED), payloads=PAYLOADS)
+def test_a_mutated_configuration(folder: Path, text: str, payloads: list[bytes]) -> None:
+    (folder / "wrcd.toml").write_text(text, "utf-8")
+    works_or_says_why(folder / "wrcd.toml", payloads)
+
+
+@given(content=st.binary(max_size=200) | st.text(max_size=200).map(str.encode))
+def test_an_arbitrary_configuration(folder: Path, content: bytes) -> None:
+    (folder / "wrcd.toml").write_bytes(content)
+    with pytest.raises(InputError):
+        load(folder / "wrcd.toml")
+
+
+def toml(value: Any) -> str:
+    """A value as TOML."""
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{k} = {toml(v)}" for k, v in value.items()) + "}"
+    return "[" + ", ".join(map(toml, value)) + "]" if isinstance(value, list) else str(value)
+
+
+LEAVES = (
+    st.sampled_from(
+        [*NASTY, '"VehicleSpeed.Speed"', '"YawRate_A1.YawRate"', '"."', "1", "3.0", "2024-01-01", "07:30:00"]
+    )
+    | st.integers().map(str)
+    | st.floats().map(lambda x: repr(x).replace("+", ""))
+)
+VALUES = st.recursive(
+    LEAVES, lambda v: st.lists(v, max_size=3) | st.dictionaries(st.sampled_from(KEYS), v, max_size=3), max_leaves=5
+)
+
+
+@given(document=st.dictionaries(st.sampled_from(KEYS), VALUES, max_size=6), payloads=PAYLOADS)
+def test_known_keys_with_any_values(folder: Path, document: dict[str, Any], payloads: list[bytes]) -> None:
+    text = "\n".join(f"{k} = {toml(v)}" for k, v in document.items())
+    (folder / "wrcd.toml").write_text(text, "utf-8")
+    works_or_says_why(folder / "wrcd.toml", payloads)

@@ -1,0 +1,32 @@
+"""The day on the virtual clock, shortened, and that its balance sheet can show a loss."""
+
+import subprocess
+import sys
+
+import numpy as np
+
+from tests.soak.pool import Faults
+from tests.soak.soak import Balance
+from wrcd.daemon.config import load_config
+from wrcd.daemon.core import Core
+
+
+def test_a_short_soak_balances() -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "tests.soak.soak", "--hours", "0.02"], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert all(line.startswith("ok ") for line in done.stdout.splitlines())
+    assert "simulated 0.02 h" in done.stdout
+
+
+def test_a_sheet_that_does_not_balance_says_so() -> None:
+    balance = Balance(fed=1, made=1, rss_kb=[0.0, 2000.0], objects=[1000, 1100], drifts=[(1e-3, "state")])
+    sheet = balance.lines(Core(load_config(None)), Faults(np.random.default_rng(1)))
+    assert [text.split()[0] for text, holds in sheet if not holds] == [
+        "frames",
+        "Adhesion",
+        "memory",
+        "objects",
+        "state",
+    ]
