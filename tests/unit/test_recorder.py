@@ -177,8 +177,8 @@ def test_a_replay_of_a_dump_is_what_was_sent(
     assert len([f for f in sent if f.can_id == 0x091]) > 9.0 * 45
     assert (sent[-1].stamp_us - sent[0].stamp_us) * 1e-6 > 95
     assert last_us - sent[-1].stamp_us < 1_000_000
-    # what the late loop left out, because its slot was over, a replay makes; apart from that nothing more, nothing less:
-    # what was sent by the clock alone and the state of the link, too
+    # what the late loop left out, because its slot was over, a replay makes; apart from that nothing more, nothing
+    # less: what was sent by the clock alone and the state of the link, too
     went = {(f.can_id, f.stamp_us) for f in sent}
     left_out = [f for f in replayed if (f.can_id, f.stamp_us) not in went]
     assert len(left_out) == train.rig.core.health.overruns
