@@ -132,7 +132,8 @@ def test_cantools_decodes_every_frame(one_axle: Recorded) -> None:
     known = [f for f in one_axle.frames if f.can_id < 0x7A0]
     assert sum(" :: Unknown frame id" in line for line in lines) == len(one_axle.frames) - len(known)
     assert sum(" ::" in line for line in lines) == len(one_axle.frames)
-    assert not any("failed" in line.lower() or "error" in line.lower().replace("errors", "") for line in lines)
+    said = [line.lower().replace("errorframes", "") for line in lines]
+    assert not any("failed" in line or "error" in line for line in said)
 
 
 def test_the_estimate_meets_the_truth(one_axle: Recorded) -> None:
