@@ -164,8 +164,9 @@ JUDGED = [r for r in ROWS if not isinstance(r.must, Unseen)]
 
 @pytest.fixture(scope="module")
 def played(tmp_path_factory: pytest.TempPathFactory) -> dict[Row, Played]:
-    """Every row once; rows in which the guest itself stalled, or that went wrong, again: not every stall of a guest with
-    one slow processor shows in the frames of a sound sensor. What is wrong with the daemon goes wrong every time."""
+    """Every row once; rows in which the guest itself stalled, or that went wrong, again: not every stall of a guest
+    with one slow processor shows in the frames of a sound sensor. What is wrong with the daemon goes wrong every
+    time."""
     done: dict[Row, Played] = {}
     folder = tmp_path_factory.mktemp("faults")
     for attempt in range(ATTEMPTS):
