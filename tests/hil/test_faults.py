@@ -20,6 +20,7 @@ from wrcd.bus.frame import Frame
 from wrcd.bus.log import Damage, read_log
 
 ATTEMPTS = 4
+GUESTS_BABBLE = 500.0  # frames a second: more than that the guest's processor cannot send beside the sensors
 SLACK_MS = 60.0  # what a busy guest with one processor may add
 SLACK_PP = 4.0  # frames that come late may be used a tick later than their twins
 STALL_US = 15_000  # a longer silence of a sound sensor is the guest's, and past its time-out
@@ -57,9 +58,11 @@ def scenario(rows: Sequence[Row], first_s: float) -> str:
         table = f'[[fault]]\nkind = "{f.kind}"\nat_s = {at_s:.3f}\nduration_s = {f.duration_s}\n'
         if KINDS[f.kind].stage is not Stage.BUS:
             table += f'of = "{f.of}"\naxle = {f.axle}\n'
-        tables.append(table + (f"amount = {f.amount}\n" if f.amount is not None else ""))
+        amount = GUESTS_BABBLE if f.kind == "babble" else f.amount
+        tables.append(table + (f"amount = {amount}\n" if amount is not None else ""))
         at_s += f.duration_s + AFTER_S + SETTLE_S
-    return f"duration_s = {at_s:.3f}\n{TWINS}" + "\n".join(tables)
+    # the last fault may have ended late: the interface is made again by a program
+    return f"duration_s = {at_s + 0.5:.3f}\n{TWINS}" + "\n".join(tables)
 
 
 def slot(f: Frame) -> int:

@@ -53,8 +53,9 @@ class Gate:
         power = e * e
         self._power = self._power + gain * (power - self._power)
         out: BoolArray = np.any(self._absurd > MOST, axis=0)
-        if self._count.min() <= LEAST_TICKS:
-            self._peak = np.where(used & (self._count <= LEAST_TICKS), np.maximum(self._peak, power), self._peak)
+        if self._count.min() <= LEAST_TICKS + 1.0:
+            early = self._count <= LEAST_TICKS
+            self._peak = np.where(early, np.maximum(self._peak, np.where(used, power, 0.0)), 0.0)
             alone = np.all(self._peak > MOST_OF_ALL * LEAST_TICKS * self._power, axis=0)
             out |= np.any(alone & (self._count == LEAST_TICKS) & used, axis=0)
         return out
