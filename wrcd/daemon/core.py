@@ -149,9 +149,11 @@ class Core:
         self.counts.ticks += 1
         i = self._inputs
         i.close((number + 1) * self._period_us)
-        running = np.logical_and(~i.dead & ~i.moved, i.speed_m_s >= self.config.min_speed_m_s)
+        # no train's speed jumps: what was known before was known of another one
+        jumped, i.speed_jumped = i.speed_jumped, False
+        running = np.logical_and(~i.dead, not jumped and i.speed_m_s >= self.config.min_speed_m_s)
         for axle in range(self._n):
-            self.counts.restarts += bool(i.moved[axle]) and not self._blank[axle]
+            self.counts.restarts += jumped and not self._blank[axle]
             if not running[axle]:
                 self._forget(axle)
                 continue

@@ -32,7 +32,7 @@ class Inputs:
 
     STATE = (
         "_value", "_stamps", "_degraded", "_arrivals", "unchanged", "reach", "_restless", "_steady", "stale", "dead",
-        "z", "present", "torque_ratio", "moved", "_moved",
+        "z", "present", "torque_ratio", "speed_jumped",
     )  # fmt: skip
 
     def __init__(self, config: Config) -> None:
@@ -52,7 +52,7 @@ class Inputs:
         self._stamps = np.full(shape, NEVER, dtype=np.int64)
         self._degraded = np.zeros(shape, dtype=bool)
         self._arrivals = Arrivals(LAT + 1, n, design.recent_ticks)
-        self.moved = self._moved = np.zeros(n, dtype=bool)  # whether the speed has jumped, in the tick; so far
+        self.speed_jumped = False  # since it was last set back
         self.unchanged = np.zeros((LAT + 1, n), dtype=bool)  # for longer than the time-out, while the train moves
         self._speeds = float(design.speeds_m_s[0]), float(design.speeds_m_s[-1])
         self.reach = Reach(self._timeout)
@@ -105,8 +105,8 @@ class Inputs:
                 self._arrivals.put(q, axle, s.value, stamp_us)
             else:
                 self._value[q, axle] = s.value
-        if q == SPEED:  # no train does that: what was known before was known of another speed
-            self._moved[list(s.axles)] |= self._steady[_place(s)].jumped
+        if q == SPEED:
+            self.speed_jumped |= self._steady[_place(s)].jumped
             self._steady[_place(s)].jumped = False
 
     def forget(self) -> None:
@@ -121,7 +121,6 @@ class Inputs:
 
     def close(self, end_us: int) -> None:
         """A tick is over: judge what there is at its end."""
-        self.moved, self._moved = self._moved, np.zeros_like(self._moved)
         age = end_us - self._stamps
         dead: BoolArray = self._mapped & (age > self._dead_after)
         self.stale: BoolArray = np.logical_and(self._mapped, age > self._timeout)
