@@ -62,6 +62,7 @@ def read_brief(top: Section) -> Brief:
         wheelset=read_wheelset(top.section("wheelset")),
         tick_s=d.number("tick_s", base.tick_s, 0.001, 0.02),
         window_s=d.number("window_s", base.window_s, 0.1, 10.0),
+        longest_s=d.number("longest_s", base.longest_s, 0.1, 20.0),
         recent_s=d.number("recent_s", base.recent_s, 0.02, 10.0),
         grid=d.get("grid", int, base.grid),
         torque_sets=d.get("torque_sets", int, base.torque_sets),
@@ -88,6 +89,8 @@ def read_brief(top: Section) -> Brief:
     ):
         if not low <= value <= high:
             raise section.error(f"takes a whole number from {low} to {high}, not {value}", key)
+    if brief.longest_s < brief.window_s:
+        raise d.error(f"must not be less than window_s = {brief.window_s:g}, is {brief.longest_s:g}", "longest_s")
     if 2 * brief.recent_s > brief.window_s:
         raise d.error(f"must not be more than half of window_s = {brief.window_s:g}, is {brief.recent_s:g}", "recent_s")
     for section in (d, p, top):

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from sim_ecu.design.source import load_source
-from wrcd.tools.explain import bounds, sentence
+from wrcd.tools.explain import GLOSSARY, bounds, sentence
 
 
 def explain(file: Path) -> int:
@@ -19,6 +19,9 @@ def explain(file: Path) -> int:
               f"at its peak)")  # fmt: skip
     print("\nThe middles of the sets; between two of them an input belongs to both:")
     for line in bounds(design):
+        print(f"  {line}")
+    print("\nWhat the outputs move with, besides:")
+    for line in GLOSSARY:
         print(f"  {line}")
     print("\nRules. The outcome is their mean by weight; output 0 … 100 is converted to adhesion by the polynomial.")
     for r in sorted(range(len(support)), key=lambda r: -support[r]):

@@ -5,12 +5,14 @@ from dataclasses import dataclass
 import numpy as np
 from filterpy.common import van_loan_discretization
 from numpy.typing import NDArray
-from scipy.linalg import solve_discrete_are, solve_discrete_lyapunov
+from scipy.linalg import solve_discrete_are
+from scipy.signal import freqz_sos
 
 from sim_ecu.design.linear import Point, model, slope_and_secant
 from sim_ecu.physics.wheelset import Wheelset
 
 FloatArray = NDArray[np.float64]
+FREQUENCIES = 4096
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,13 +34,19 @@ class Gains:
         share = np.sqrt([point.yaw_rate_weight, 2.0 - point.yaw_rate_weight])
         return np.asarray(share[:, None] * np.linalg.inv(np.linalg.cholesky(self.S)))
 
-    def noise(self, point: Point) -> float:
-        """The residual that the sensors' noise alone leaves: the noise, less what it did to the state before."""
+    def noise_power(self, point: Point, lowpass: FloatArray, sensor_noise: tuple[float, float]) -> FloatArray:
+        """(2,): power that each sensor's noise alone leaves in the whitened innovations after a low-pass (sections).
+
+        The integral over all frequencies of the filter's transfer function from a measurement to its innovations.
+        """
+        w = np.pi * (np.arange(FREQUENCIES) + 0.5) / FREQUENCIES
+        _, band = freqz_sos(lowpass, worN=w)
         forgets = self.Phi @ (np.eye(len(self.Phi)) - self.K @ self.H)
-        enters = self.Phi @ self.K
-        P = solve_discrete_lyapunov(forgets, enters @ self.R @ enters.T)
+        inverse = np.linalg.inv(np.exp(1j * w)[:, None, None] * np.eye(len(self.Phi)) - forgets)
         W = self.whiten(point)
-        return float(np.sqrt(np.trace(W @ (self.R + self.H @ P @ self.H.T) @ W.T) / len(self.R)))
+        through = W @ (np.eye(len(self.R)) - self.H @ inverse @ self.Phi @ self.K)
+        power = np.abs(through * band[:, None, None]) ** 2
+        return np.asarray(power.mean(axis=0).sum(axis=0) * np.square(sensor_noise))
 
 
 def steady_state(

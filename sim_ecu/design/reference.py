@@ -2,13 +2,15 @@
 with the engine on the train; only the design's numbers are the same."""
 
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import skfuzzy
 from filterpy.kalman import KalmanFilter
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
+from scipy.signal import sosfilt
 
 from sim_ecu.design.gains import Gains, steady_state
 from sim_ecu.design.source import Source
@@ -17,22 +19,96 @@ from wrcd.estimator.design import Design
 FloatArray = NDArray[np.float64]
 
 
+NOW_BLOCKS = 3  # of four ticks: the torque of so many is that of the moment
+NODE_M_S = 0.1  # matrices are made at multiples of this speed and are linear between them
+
+
 class Schedule:
-    """The design's matrices at a speed: linear over the grid, the speed rounded to 0.1 m/s and held within it."""
+    """The design's matrices at a speed, held within its grid: linear between nodes, and there linear over the grid."""
 
     def __init__(self, design: Design) -> None:
         self._ends = float(design.speeds_m_s[0]), float(design.speeds_m_s[-1])
-        tables = (design.Phi, design.K, design.H, design.whiten, design.noise)
+        tables = (design.Phi, design.K, design.H, design.whiten)
         self._lines = [make_interp_spline(design.speeds_m_s, t, k=1) for t in tables]
+        self._noise = make_interp_spline(design.speeds_m_s, design.noise_power, k=1)
+
+    def held(self, speed_m_s: float) -> float:
+        """The speed that counts."""
+        return min(max(speed_m_s, self._ends[0]), self._ends[1])
 
     def at(self, speed_m_s: float) -> list[FloatArray]:
-        """Phi, K, H, the whitening matrix and the noise's residual of the four models."""
-        v = self.rounded(speed_m_s)
-        return [line(v) for line in self._lines]
+        """F, K, H and the whitening matrix of the four models.
 
-    def rounded(self, speed_m_s: float) -> float:
-        """The speed that counts."""
-        return float(min(max(np.round(speed_m_s / 0.1) * 0.1, self._ends[0]), self._ends[1]))
+        Interpolated are the matrices of the predictor x' = A x + B z, with A = F (I - K H) and B = F K, and H; F and K
+        follow from them.
+        """
+        v = self.held(speed_m_s)
+        below = NODE_M_S * np.floor(v / NODE_M_S)
+        share = (v - below) / NODE_M_S
+        A, B, H, W = (
+            (1 - share) * low + share * high
+            for low, high in zip(self._predictor(below), self._predictor(below + NODE_M_S), strict=True)
+        )
+        F = A + B @ H
+        return [F, np.linalg.solve(F, B), H, W]
+
+    def noise_power(self, speed_m_s: float) -> FloatArray:
+        """(4, 2): what the sensors' noise leaves in each model's residual."""
+        return np.asarray(self._noise(self.held(speed_m_s)))
+
+    def _predictor(self, speed_m_s: float) -> tuple[FloatArray, ...]:
+        Phi, K, H, W = (line(self.held(speed_m_s)) for line in self._lines)
+        return Phi @ (np.eye(5) - K @ H), Phi @ K, H, W
+
+
+class TrackedSpeed:
+    """Alpha-beta filter of the vehicle's speed."""
+
+    def __init__(self, tick_s: float) -> None:
+        self._gain = 1 - np.exp(-tick_s / 0.3)
+        self._seen, self._speed, self._rate = 0, 0.0, 0.0
+
+    def step(self, signal_m_s: float) -> float:
+        """The filtered speed."""
+        if self._seen == 0 or abs(signal_m_s - self._speed) > 1.5:
+            self._seen, self._speed, self._rate = 1, signal_m_s, 0.0
+            return self._speed
+        self._seen += 1
+        error = signal_m_s - (self._speed + self._rate)
+        self._speed += self._rate + error * max(self._gain, 1 / self._seen)
+        if self._seen > 20:
+            self._rate += error * self._gain**2 / 2
+        return self._speed
+
+
+class FourthDifferences:
+    """Noise of both channels of one axle, relative to the design's."""
+
+    def __init__(self, noise_rms: FloatArray) -> None:
+        self._rms = noise_rms
+        self.reset()
+
+    def reset(self) -> None:
+        """Nothing seen yet: the design's noise, with the weight of 60 samples."""
+        self._past: deque[FloatArray] = deque(maxlen=5)
+        self._power, self._seen = np.ones(2), 60
+
+    def step(self, z: FloatArray, used: bool) -> None:
+        """One measurement (2,); one that is not used breaks the chain."""
+        if not used:
+            self._past.clear()
+            return
+        self._past.append(z / self._rms)
+        if len(self._past) == 5:
+            power = np.diff(np.array(self._past), 4, axis=0)[0] ** 2 / 70
+            self._seen = min(self._seen + 1, 400)
+            self._power = self._power + (np.minimum(power, 9 * self._power) - self._power) / self._seen
+
+    def factor(self) -> FloatArray:
+        """(2,): what of it counts as the sensors' noise."""
+        f = np.sqrt(self._power)
+        share = np.clip((f - 2.2) / 0.8, 0, 1)
+        return np.asarray((1 - share) * np.clip(f, 0.1, 2.2) + share)
 
 
 class RunningMean:
@@ -116,57 +192,159 @@ class Models:
 
     def at(self, speed_m_s: float) -> list[Gains]:
         """The four models at a speed rounded to 0.1 m/s, without the grid of the design file."""
-        v = float(min(max(np.round(speed_m_s / 0.1) * 0.1, self._ends[0]), self._ends[1]))
+        v = float(min(max(np.round(speed_m_s / NODE_M_S) * NODE_M_S, self._ends[0]), self._ends[1]))
         if v not in self._known:
             s = self._source
             self._known[v] = [steady_state(s.wheelset, p, v, s.design.tick_s, self._noise) for p in s.points]
         return self._known[v]
 
 
+Answer = Callable[[FloatArray], tuple[float, float]]
+
+
+class Band:
+    """The low-pass that one axle's eight whitened innovations go through."""
+
+    def __init__(self, sos: FloatArray) -> None:
+        self._sos = sos
+        self.reset()
+
+    def reset(self) -> None:
+        """At rest."""
+        self._state = np.zeros((len(self._sos), 2, 8))
+
+    def step(self, w: FloatArray) -> FloatArray:
+        """w (4, 2) of one tick."""
+        out, self._state = sosfilt(self._sos, w.reshape(1, 8), axis=0, zi=self._state)
+        return np.asarray(out.reshape(4, 2))
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One tick of one axle: its number, filtered innovations (8,), those of four ticks before, whether they are live,
+    the torque ratio."""
+
+    tick: int
+    w: FloatArray
+    earlier: FloatArray
+    live: bool
+    ratio: float
+
+
 class SlidingWindow:
-    """The last ticks of one axle as plain lists."""
+    """The last ticks of one axle as plain lists; lengths are in blocks of four ticks, counted from the newest block."""
 
     def __init__(self, design: Design) -> None:
-        self._ticks, self._recent = design.window_ticks, design.recent_ticks
-        self._limits = design.changes
-        self._rows: deque[tuple[int, FloatArray, float]] = deque()
+        self._design = design
+        self._blocks = [-(-round(s / design.tick_s) // 4) for s in (design.longest_s, design.window_s, design.recent_s)]
+        self._rows: deque[Row] = deque()
 
     def reset(self) -> None:
         """Forget them."""
         self._rows.clear()
 
-    def put(self, tick: int, whitened: FloatArray, good: bool, ratio: float) -> None:
-        """One tick; a tick without data leaves nothing behind. Every fourth tick a change of rail is looked for."""
-        if good:
-            self._rows.append((tick, whitened, ratio))
-        while self._rows and self._rows[0][0] <= tick - self._ticks:
+    def put(self, row: Row, speed_m_s: float) -> None:
+        """One tick. At a block's end a change of rail or torque is looked for: what was before it is dropped."""
+        self._rows.append(row)
+        longest, usual, recent = self._blocks
+        while self._rows[0].tick // 4 <= row.tick // 4 - longest:
             self._rows.popleft()
-        if tick % 4 == 0:
-            new = [row for row in self._rows if row[0] > tick - self._recent]
-            old = [row for row in self._rows if row[0] <= tick - self._recent]
-            if 2 * min(len(new), len(old)) >= self._recent:
-                step = np.log10(residuals(new)) - np.log10(residuals(old))
-                if np.any(np.abs(step) > self._limits):
-                    self._rows = deque(new)
+        if row.tick % 4 != 3 or self._design.form != "wrcd":
+            return
+        new = self._newest(recent)
+        old = self._newest(usual)[: -len(new)]
+        if 2 * min(sum(r.live for r in new), sum(r.live for r in old)) < recent * 4:
+            return
+        d = self._design
+        limits = [np.interp(speed_m_s, d.change_speeds_m_s, column) for column in d.changes.T]
+        step = np.abs(0.5 * np.log10(powers(new).mean(axis=1) / powers(old).mean(axis=1)))
+        now, before = ratio(self._newest(NOW_BLOCKS)), ratio(old)
+        if np.any(step > limits) or abs(now - before) > 0.15 * max(now, before) + 0.004:
+            self._rows = deque(new)
 
-    def inputs(self, noise: FloatArray, speed_m_s: float) -> FloatArray | None:
-        """What the rules are given (6,), or None with too little data. noise (4,): what the sensors alone leave."""
-        if 2 * len(self._rows) < self._recent:
-            return None
-        ratio = max(float(np.mean([row[2] for row in self._rows])), 0.003)
-        track = np.array([max(r * r - n * n, 0.03 * n * n) for r, n in zip(residuals(self._rows), noise, strict=True)])
-        power = np.append(track[:3] / track[3], track[3])
-        return np.concatenate((0.5 * np.log10(power), [np.log10(ratio), np.log10(speed_m_s)]))
+    def inputs(self, noise: FloatArray, factor: FloatArray, speed_m_s: float, answer: Answer) -> FloatArray | None:
+        """What the rules are given (24 or so,), or None with too little data. noise (4, 2): what the sensors leave.
+
+        answer: what the rules say of such inputs, adhesion as a share and relative half-width: it decides between the
+        long window and the usual one.
+        """
+        longest, usual, recent = self._blocks
+        filled = len({r.tick // 4 for r in self._rows})
+        now = ratio(self._newest(NOW_BLOCKS))
+
+        def given(blocks: int) -> FloatArray | None:
+            rows = self._newest(blocks)
+            if 2 * sum(r.live for r in rows) < recent * 4:
+                return None
+            torque = now if blocks < usual and self._design.form == "wrcd" else ratio(rows)
+            return self._columns(rows, noise, factor, speed_m_s, torque)
+
+        short_blocks = min(usual, filled)
+        short = given(short_blocks)
+        if short is None or self._design.form != "wrcd":
+            return short
+        alike = 0
+        while (alike + 1) * 5 <= longest:
+            part = self._newest((alike + 1) * 5)[: len(self._newest((alike + 1) * 5)) - len(self._newest(alike * 5))]
+            if not part or abs(ratio(part) - now) > 0.1 * now + 0.002:
+                break
+            alike += 1
+        long_blocks = min(max(alike * 5, short_blocks), filled)
+        long = given(long_blocks)
+        if long is None or long_blocks == short_blocks:
+            return short
+        (mu_long, _), (mu_short, half) = answer(long), answer(short)
+        apart = np.log(max(mu_short, now) / max(mu_long, now)) / half
+        return short if apart < -0.4 or apart > 0.7 else long
+
+    def _newest(self, blocks: int) -> list[Row]:
+        last = self._rows[-1].tick // 4
+        return [r for r in self._rows if r.tick // 4 > last - blocks]
+
+    def _columns(
+        self, rows: list[Row], noise: FloatArray, factor: FloatArray, speed_m_s: float, torque: float
+    ) -> FloatArray:
+        power = powers(rows)
+        lag, cross = correlations(rows)
+        square = power.mean(axis=1)
+        if self._design.form == "wrcd":
+            floor = (noise * factor**2).mean(axis=1)
+            square = np.maximum(square - floor, 0.03 * floor)
+            square = np.append(square[:3] / square[3], square[3])
+        scalars = np.log10([max(torque, 0.003), speed_m_s])
+        rest = np.log10([len(rows) * self._design.tick_s, *factor])
+        return np.concatenate((0.5 * np.log10(square), scalars, lag, cross, rest))
 
 
-def residuals(rows: Iterable[tuple[int, FloatArray, float]]) -> FloatArray:
-    """RMS of each model's whitened innovations about a straight line (4,)."""
-    rows = list(rows)
-    w = np.array([row[1].ravel() for row in rows])  # (ticks, 8)
-    t = np.array([row[0] for row in rows], dtype=np.float64)
-    line = np.polynomial.polynomial.polyfit(t - t[0], w, 1 if len(rows) > 1 else 0)
-    rest = w - np.polynomial.polynomial.polyval(t - t[0], line).T
-    return np.asarray(np.maximum(np.sqrt(np.square(rest).mean(axis=0).reshape(4, 2).mean(axis=1)), 1e-6))
+def ratio(rows: Sequence[Row]) -> float:
+    """Mean torque ratio."""
+    return float(np.mean([r.ratio for r in rows]))
+
+
+def _about_a_line(rows: Sequence[Row]) -> tuple[FloatArray, FloatArray]:
+    """Innovations (ticks, 8) about a straight line, and the line."""
+    w = np.array([r.w for r in rows])
+    t = np.array([r.tick for r in rows], dtype=np.float64) - rows[0].tick
+    line = np.polynomial.polynomial.polyval(t, np.polynomial.polynomial.polyfit(t, w, 1)).T
+    return w - line, line
+
+
+def powers(rows: Sequence[Row]) -> FloatArray:
+    """Mean square of the innovations about a line, of the live ticks (4, 2)."""
+    rest, _ = _about_a_line(rows)
+    live = sum(r.live for r in rows)
+    return np.asarray(np.square(rest).sum(axis=0).reshape(4, 2) / live)
+
+
+def correlations(rows: Sequence[Row]) -> tuple[FloatArray, FloatArray]:
+    """Of each innovation with itself four ticks before (8,), and of a model's two innovations (4,)."""
+    rest, line = _about_a_line(rows)
+    w, earlier = np.array([r.w for r in rows]), np.array([r.earlier for r in rows])
+    power = np.square(rest).mean(axis=0)
+    lag = ((w * earlier).mean(axis=0) - np.square(line).mean(axis=0)) / power
+    pairs = rest.reshape(-1, 4, 2)
+    cross = pairs.prod(axis=2).mean(axis=0) / np.sqrt(power.reshape(4, 2).prod(axis=1))
+    return np.asarray(lag, dtype=np.float64).clip(-1, 1), np.asarray(cross, dtype=np.float64).clip(-1, 1)
 
 
 class FuzzyReference:
@@ -186,17 +364,30 @@ class FuzzyReference:
             )
 
     def outputs(self, inputs: FloatArray) -> FloatArray:
-        """Fuzzy outputs (n,) for inputs (n, 6); NaN where no rule speaks at all."""
-        return np.array([self._output(row) for row in inputs])
+        """Fuzzy outputs (n,) for inputs (n, columns); NaN where no rule speaks at all."""
+        return np.array([self._weighted(row, self._design.bases, self._design.slopes) for row in inputs]).clip(0, 100)
 
-    def _output(self, row: FloatArray) -> float:
+    def answer(self, row: FloatArray) -> tuple[float, float]:
+        """Adhesion (a share) and the relative half-width of its interval for one row of inputs."""
         d = self._design
-        held = [min(max(float(x), s.centres[0]), s.centres[-1]) for x, s in zip(row, d.sets, strict=True)]
+        mu = np.clip(np.polyval(d.polynomial, np.clip(self._weighted(row, d.bases, d.slopes), 0, 100)),
+                     *d.adhesion_range_pct)  # fmt: skip
+        spread = self._weighted(row, np.log10(d.spreads), d.spread_slopes)
+        return float(mu) / 100, float(10 ** np.clip(spread, -2.7, 0.3))
+
+    def _weighted(self, row: FloatArray, bases: FloatArray, slopes: FloatArray) -> float:
+        d = self._design
+        held = [min(max(float(x), low), high) for x, low, high in zip(row, d.low, d.high, strict=True)]
         above = total = 0.0
-        for rule, base, slopes in zip(d.rules, d.bases, d.slopes, strict=True):
+        for rule, base, rule_slopes in zip(d.rules, bases, slopes, strict=True):
             weight, says = 1.0, float(base)
-            for x, sets, functions, k, slope in zip(held, d.sets, self._functions, rule, slopes, strict=True):
-                weight *= float(skfuzzy.interp_membership(sets.centres, functions[k], x))
-                says += float(slope) * (x - float(sets.centres[k]))
+            for i, (x, slope) in enumerate(zip(held, rule_slopes, strict=True)):
+                if i < len(d.sets):
+                    centres = d.sets[i].centres
+                    weight *= float(skfuzzy.interp_membership(centres, self._functions[i][rule[i]], x))
+                    middle = float(centres[rule[i]])
+                else:
+                    middle = float(d.middle[i])
+                says += float(slope) * (x - middle)
             above, total = above + weight * says, total + weight
-        return min(max(above / total, 0.0), 100.0) if total > 0 else float("nan")
+        return above / total if total > 0 else float("nan")

@@ -19,19 +19,21 @@ IntArray = NDArray[np.int64]
 
 # Fuzzy output 0 stands for 60 % adhesion, 100 for 2 %: n = 100 ln(60 / mu) / ln 30.
 TOP_PCT, BOTTOM_PCT = 60.0, 2.0
-BASE_STEP, SLOPE_STEP = 1.0, 2.0  # bases and slopes are rounded: a person reads them
+BASE_STEP, SLOPE_STEP = 1.0, 0.5  # bases and slopes are rounded: a person reads them
 # The paper's (16): strictly decreasing from 42 % at 0, below zero from 96.4 on. Kept as a preset, clamped.
 PAPER_POLYNOMIAL = (-2.213e-6, 0.00042, -0.0205, -0.38, 42.0)
 ORDER = 6  # of the polynomial
-RIDGE = 0.03
+RIDGE = 0.3
+HELD = 4.0  # standard deviations within which a column beyond those that choose the rules is held
 ROUNDS = 4  # of reweighting, which turns squares into absolute errors in percentage points
 LEAST_ERROR_PP = 0.5  # below this an error weighs as a square
 RELATIVE = 0.05  # share of the relative error in the weights, so that slippery rails count
 SPREAD_ROUNDS = 12
 SPREAD_RIDGE = 3.0
-CHOOSE_EVERY = 3  # rules are chosen on every third window
+CHOOSE_EVERY = 5  # rules are chosen on every fifth window
 COVERS = 0.9  # what a spread is the interval of
-FOLDS = 3
+FOLDS = 2
+ROUNDS_OF_FOLDS = 2
 
 
 def output_of(mu_pct: FloatArray) -> FloatArray:
@@ -48,10 +50,12 @@ def adhesion_of(output: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, slots=True)
 class RuleBase:
-    """Over k inputs: centres of their sets, rules (r, k) of set numbers, bases (r,) and slopes (r, k) of the output.
+    """Over k inputs with sets: their centres, rules (r, k) of set numbers; over all c >= k columns bases (r,) and slopes
+    (r, c) of the output, and what the columns are held between, low and high (c,). middle (c,): where the columns
+    without sets count as in the middle.
 
-    spreads (r,): relative half-width of the 90 % interval in the middle of the rule's sets, spread_slopes (r, k) its
-    change in decades per unit of an input. support (r,): sum of the weights over the training windows.
+    spreads (r,): relative half-width of the 90 % interval in the middle, spread_slopes (r, c) its change in decades per
+    unit of a column. support (r,): sum of the weights over the training windows.
     typical (r, 2): adhesion (percent) between which nine tenths of a rule's windows lie.
     """
 
@@ -63,6 +67,9 @@ class RuleBase:
     spread_slopes: FloatArray
     support: FloatArray
     typical: FloatArray
+    low: FloatArray
+    high: FloatArray
+    middle: FloatArray
 
     def shares(self, inputs: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Share of each rule in the output (n, r), total weight (n,)."""
@@ -81,28 +88,24 @@ class RuleBase:
     def _mean(self, bases: FloatArray, slopes: FloatArray, inputs: FloatArray) -> FloatArray:
         """Mean of what the rules say by their weight (n,)."""
         share, _ = self.shares(inputs)
-        held = hold(self.centres, inputs)
+        held = np.clip(inputs, self.low, self.high)
         offset = bases - np.sum(slopes * self.middles, axis=1)
         out: FloatArray = share @ offset + np.sum((share @ slopes) * held, axis=1)
         return out
 
     @property
     def middles(self) -> FloatArray:
-        """Centres (r, k) of the sets that each rule names."""
-        return _middles(self.centres, self.rules)
+        """Where (r, c) each rule's base counts: centres of the sets that it names, and the middle of the rest."""
+        return _middles(self.centres, self.rules, self.middle)
 
     def mu_pct(self, inputs: FloatArray) -> FloatArray:
         """Adhesion in percent (n,)."""
         return adhesion_of(self.output(inputs))
 
 
-def hold(centres: list[FloatArray], inputs: FloatArray) -> FloatArray:
-    """Inputs held within their outermost sets."""
-    return np.column_stack([np.clip(inputs[:, i], c[0], c[-1]) for i, c in enumerate(centres)])
-
-
-def _middles(centres: list[FloatArray], rules: IntArray) -> FloatArray:
-    return np.column_stack([c[rules[:, i]] for i, c in enumerate(centres)])
+def _middles(centres: list[FloatArray], rules: IntArray, middle: FloatArray) -> FloatArray:
+    named = np.column_stack([c[rules[:, i]] for i, c in enumerate(centres)])
+    return np.column_stack((named, np.broadcast_to(middle[named.shape[1] :], (len(rules), len(middle) - len(centres)))))
 
 
 def _spread_of(log10: FloatArray) -> FloatArray:
@@ -140,59 +143,91 @@ def fit(
 ) -> RuleBase:
     """Sets evenly spaced between the 1 % and 99 % quantiles, the rules that speak for most, outputs by least squares.
 
-    importance (n,) of the windows. group (n,): windows of one condition belong together when errors are judged on
-    windows that the fit has not seen, from which the spreads come.
+    The first len(sets) columns of the inputs have sets; all of them move the outputs. importance (n,) of the windows.
+    group (n,): windows of one condition belong together when errors are judged on windows that the fit has not seen,
+    from which the spreads come.
     """
-    ends = np.quantile(inputs, [0.01, 0.99], axis=0)
+    k = len(sets)
+    ends = np.quantile(inputs[:, :k], [0.01, 0.99], axis=0)
     centres = [np.linspace(ends[0, i], ends[1, i], m) for i, m in enumerate(sets)]
-    every = np.stack(np.meshgrid(*(np.arange(m) for m in sets), indexing="ij"), axis=-1).reshape(-1, len(sets))
+    every = np.stack(np.meshgrid(*(np.arange(m) for m in sets), indexing="ij"), axis=-1).reshape(-1, k)
     rules = every[_choose(weights(centres, every, inputs[::CHOOSE_EVERY]), most_rules)]
-    local = _Local(centres, rules, inputs)
-    none = np.ones(len(rules)), np.zeros(rules.shape), np.zeros(len(rules)), np.zeros((len(rules), 2))
+    mean, reach = inputs.mean(axis=0), HELD * inputs.std(axis=0)
+    low, high = mean - reach, mean + reach
+    low[:k], high[:k] = ends
+    local = _Local(centres, rules, inputs, low, high, mean)
+    none = np.ones(len(rules)), np.zeros((len(rules), inputs.shape[1])), np.zeros(len(rules))
+    rest = np.zeros((len(rules), 2)), low, high, mean
     error = np.empty(len(mu_pct))
     for fold in range(FOLDS):
         left_out = group % FOLDS == fold
-        part = _outputs(local, np.flatnonzero(~left_out), mu_pct, importance)
-        guess = RuleBase(centres, rules, *part, *none).mu_pct(inputs[left_out])
+        part = _outputs(local, np.flatnonzero(~left_out), mu_pct, importance, ROUNDS_OF_FOLDS)
+        guess = RuleBase(centres, rules, *part, *none, *rest).mu_pct(inputs[left_out])
         error[left_out] = np.abs(guess - mu_pct[left_out]) / guess
-    bases, slopes = _outputs(local, np.arange(len(mu_pct)), mu_pct, importance)
+    bases, slopes = _outputs(local, np.arange(len(mu_pct)), mu_pct, importance, ROUNDS)
     spreads, spread_slopes = _spreads(local, error)
     share = local.share
     typical = np.array([_quantiles(mu_pct, share[:, r], (0.05, 0.95)) for r in range(len(rules))])
-    return RuleBase(centres, rules, bases, slopes, spreads, spread_slopes, share.sum(axis=0), typical)
+    support = share.sum(axis=0)
+    return RuleBase(centres, rules, bases, slopes, spreads, spread_slopes, support, typical, low, high, mean)
 
 
 class _Local:
-    """Local linear models, one for each rule, as one linear regression over (rules x (1 + inputs)) columns."""
+    """Local linear models, one for each rule, as one linear regression over (rules x (1 + columns)) columns."""
 
-    def __init__(self, centres: list[FloatArray], rules: IntArray, inputs: FloatArray) -> None:
+    def __init__(
+        self, centres: list[FloatArray], rules: IntArray, inputs: FloatArray, low: FloatArray, high: FloatArray,
+        middle: FloatArray,
+    ) -> None:  # fmt: skip
         w = weights(centres, rules, inputs)
-        self.share = w / np.maximum(w.sum(axis=1), 1e-9)[:, None]
-        held = hold(centres, inputs)
-        self._mean, self._size = held.mean(axis=0), held.std(axis=0)
-        z = np.column_stack((np.ones(len(held)), (held - self._mean) / self._size))
-        self._width = z.shape[1]
-        self._middles = _middles(centres, rules)
-        self.X = (self.share[:, :, None] * z[:, None, :]).reshape(len(z), -1)
+        self.share = (w / np.maximum(w.sum(axis=1), 1e-9)[:, None]).astype(np.float32)
+        held = np.clip(inputs, low, high)
+        self._mean, self._size = held.mean(axis=0), np.maximum(held.std(axis=0), 1e-9)
+        self._z = np.column_stack((np.ones(len(held)), (held - self._mean) / self._size)).astype(np.float32)
+        self._width = self._z.shape[1]
+        self._middles = _middles(centres, rules, middle)
         # a rule's level is held by little, its slopes by all of the ridge
         self._ridge = np.diag(np.tile([0.1, *[1.0] * (self._width - 1)], len(rules)))
 
+    def columns(self, rows: IntArray) -> NDArray[np.float32]:
+        """The regression's columns of some rows."""
+        return np.asarray((self.share[rows, :, None] * self._z[rows, None, :]).reshape(len(rows), -1))
+
+    def apply(self, found: FloatArray, rows: IntArray) -> FloatArray:
+        """What a solution says of some rows."""
+        found = found.astype(np.float32)
+        parts = [self.columns(part) @ found for part in _pieces(rows)]
+        return np.concatenate(parts).astype(np.float64)
+
     def solve(self, rows: IntArray, target: FloatArray, weight: FloatArray, ridge: float) -> FloatArray:
         """Weighted least squares over some rows; target and weight are of those rows."""
-        X = self.X[rows]
-        XW = X * weight[:, None]
-        found: FloatArray = np.linalg.solve(XW.T @ X + ridge * self._ridge, XW.T @ target)
-        return found
+        size = self._width * self.share.shape[1]
+        square = np.asarray(ridge * self._ridge, dtype=np.float64)
+        side: FloatArray = np.zeros(size)
+        done = 0
+        for part in _pieces(rows):
+            X = self.columns(part)
+            w, t = (a[done : done + len(part)].astype(np.float32) for a in (weight, target))
+            XW = X * w[:, None]
+            square += (XW.T @ X).astype(np.float64)
+            side += XW.T @ t
+            done += len(part)
+        return np.asarray(np.linalg.solve(square, side), dtype=np.float64)
 
     def read(self, found: FloatArray, middle: float) -> tuple[FloatArray, FloatArray]:
-        """Values in the middle of each rule's sets (r,), and slopes per unit of the inputs (r, k)."""
+        """Values in the middle of each rule's sets (r,), and slopes per unit of the columns (r, c)."""
         table = found.reshape(-1, self._width)
         slopes = table[:, 1:] / self._size
         return middle + table[:, 0] + np.sum(slopes * (self._middles - self._mean), axis=1), slopes
 
 
+def _pieces(rows: IntArray) -> list[IntArray]:
+    """Rows in parts that fit into memory."""
+    return np.array_split(rows, len(rows) // 20_000 + 1)
+
+
 def _outputs(
-    local: _Local, rows: IntArray, mu_pct: FloatArray, importance: FloatArray
+    local: _Local, rows: IntArray, mu_pct: FloatArray, importance: FloatArray, rounds: int
 ) -> tuple[FloatArray, FloatArray]:
     """Bases and slopes, rounded. Reweighted least squares in the output; a ridge holds what the data does not."""
     mu = mu_pct[rows]
@@ -200,9 +235,9 @@ def _outputs(
     middle = float(target.mean())
     per_pp = importance[rows] * (1.0 + RELATIVE * 15.0 / mu)
     weight = importance[rows] / importance[rows].mean()
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         found = local.solve(rows, target - middle, weight, RIDGE)
-        error = np.abs(adhesion_of(np.clip(local.X[rows] @ found + middle, 0.0, 100.0)) - mu)
+        error = np.abs(adhesion_of(np.clip(local.apply(found, rows) + middle, 0.0, 100.0)) - mu)
         weight = per_pp * mu / np.maximum(error, LEAST_ERROR_PP)
         weight /= weight.mean()
     bases, slopes = local.read(found, middle)
@@ -246,7 +281,7 @@ def _spreads(local: _Local, error: FloatArray) -> tuple[FloatArray, FloatArray]:
     weight = np.ones(len(error))
     for _ in range(SPREAD_ROUNDS):
         found = local.solve(rows, target - middle, weight, SPREAD_RIDGE)
-        rest = target - middle - local.X @ found
+        rest = target - middle - local.apply(found, rows)
         weight = np.where(rest > 0, COVERS, 1.0 - COVERS) / np.maximum(np.abs(rest), 0.02)
         weight /= weight.mean()
     logs, slopes = local.read(found, middle)

@@ -1,13 +1,26 @@
 """`sim-ecu verify LOG`: both engines over one log, and the largest difference between them."""
 
 import sys
+from collections import deque
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_ecu.design.reference import Filters, FuzzyReference, LiveFilters, Models, RunningMean, Schedule, SlidingWindow
+from sim_ecu.design.reference import (
+    Band,
+    Filters,
+    FourthDifferences,
+    FuzzyReference,
+    LiveFilters,
+    Models,
+    Row,
+    RunningMean,
+    Schedule,
+    SlidingWindow,
+    TrackedSpeed,
+)
 from sim_ecu.design.source import load_source
 from wrcd.bus.log import Damage, read_log
 from wrcd.daemon.config import Config, load_config
@@ -19,6 +32,7 @@ from wrcd.tools.replay import progress
 FloatArray = NDArray[np.float64]
 MOST_INNOVATION = 1e-9  # relative to the largest innovation of the log
 MOST_FUZZY = 0.1
+DELAY_TICKS = 4
 
 
 @dataclass(slots=True)
@@ -45,36 +59,33 @@ class BothEngines(Estimator):
         super().__init__(design, axles)
         self.findings = Findings()
         self._schedule = Schedule(design)
-        self._filters = [Filters() for _ in range(axles)]
-        self._live = [LiveFilters(models) for _ in range(axles)]
-        self._windows = [SlidingWindow(design) for _ in range(axles)]
-        self._means = [RunningMean(2 * design.window_ticks) for _ in range(axles)]
+        self._axles = [_Axle(design, models) for _ in range(axles)]
+        self._fuzzy_reference = FuzzyReference(design)
+        self._tracked = TrackedSpeed(design.tick_s)
         self._every, self._tick, self._compared = fuzzy_every_ticks, 0, -fuzzy_every_ticks
-        self._speed, self._noise = 1.0, np.zeros(4)
+        self._at_m_s = 1.0
 
     def reset(self, axle: int) -> None:
         """Both forget."""
         super().reset(axle)
-        for part in (self._means[axle], self._filters[axle], self._live[axle], self._windows[axle]):
-            part.reset()
+        self._axles[axle].reset()
 
     def step(self, tick: Tick) -> FloatArray:
-        """Both step; their innovations are compared."""
+        """Both step; their innovations are compared. Which samples to use and which are pulses the fast one says."""
         e = super().step(tick)
         f = self.findings
         f.ticks += 1
         self._tick = tick.number
-        self._speed = self._schedule.rounded(tick.speed_m_s)
-        matrices = self._schedule.at(tick.speed_m_s)
-        self._noise = matrices[4]
-        for a in range(self.axles):
+        self._at_m_s = speed = self._tracked.step(tick.speed_m_s)
+        matrices = self._schedule.at(speed)
+        for a, axle in enumerate(self._axles):
             used = bool(self.used[a])
-            z = self._means[a].take_off(tick.z[:, a], used)
-            reference = self._filters[a].step(z, used, matrices)
+            reference = axle.filter(tick.z[:, a], used, matrices)
+            axle.noise.step(tick.z[:, a], used and not self.near_pulse[a])
             whitened = np.array([matrices[3][m] @ reference[m] for m in range(4)])
-            ratio = float(tick.torque_ratio[a])
-            self._windows[a].put(tick.number, whitened, bool(self.good[a]), ratio)
-            live = self._live[a].step(z, used, tick.speed_m_s)
+            if self.started[a]:
+                axle.put(tick.number, whitened, bool(self.live[a]), float(tick.torque_ratio[a]), speed)
+            live = axle.live.step(axle.z, used, speed)
             f.partial += bool(tick.present[:, a].any()) and not used
             if not used:
                 continue
@@ -90,12 +101,47 @@ class BothEngines(Estimator):
         out = super().estimate()
         if self._tick - self._compared >= self._every:
             self._compared = self._tick
-            for a in range(self.axles):
-                inputs = self._windows[a].inputs(self._noise, self._speed)
+            noise, speed = self._schedule.noise_power(self._at_m_s), self._schedule.held(self._at_m_s)
+            for a, axle in enumerate(self._axles):
+                inputs = axle.window.inputs(noise, axle.noise.factor(), speed, self._fuzzy_reference.answer)
                 if inputs is not None:
                     self.findings.inputs.append(inputs)
                     self.findings.fast.append(float(out.fuzzy[a]))
         return out
+
+
+class _Axle:
+    """The reference of one axle."""
+
+    def __init__(self, design: Design, models: Models) -> None:
+        self._paper = design.form == "paper"
+        self._mean = RunningMean(2 * design.window_ticks)
+        self._filters, self.live = Filters(), LiveFilters(models)
+        self._band, self.window = Band(design.lowpass), SlidingWindow(design)
+        self.noise = FourthDifferences(design.noise_rms)
+        self.z = np.zeros(2)
+        self.reset()
+
+    def reset(self) -> None:
+        """Nothing seen yet."""
+        for part in (self._mean, self._filters, self.live, self._band, self.window, self.noise):
+            part.reset()
+        self._delayed = deque([np.zeros((4, 2))] * DELAY_TICKS)
+        self._past = deque([np.zeros(8)] * DELAY_TICKS)
+
+    def filter(self, z: FloatArray, used: bool, matrices: list[FloatArray]) -> FloatArray:
+        """Innovations (4, 2)."""
+        self.z = self._mean.take_off(z, used)
+        return self._filters.step(self.z, used, matrices)
+
+    def put(self, tick: int, whitened: FloatArray, live: bool, ratio: float, speed_m_s: float) -> None:
+        """The window gets the innovations of DELAY_TICKS before, through the band's filter; zeros if not live."""
+        self._delayed.append(whitened)
+        w = self._delayed.popleft()
+        if not self._paper:
+            w = self._band.step(w if live else np.zeros((4, 2)))
+        self._past.append(w.ravel())
+        self.window.put(Row(tick, w.ravel(), self._past.popleft(), live, ratio), speed_m_s)
 
 
 def compare(log: Path, config: Config, fuzzy_every_s: float) -> Findings:

@@ -6,17 +6,16 @@ from numpy.typing import NDArray
 from wrcd.estimator.design import CHANNELS, MODELS, STATES, Design, FloatArray
 
 BoolArray = NDArray[np.bool_]
-SPEED_STEP = 0.1  # m/s: gains are scheduled on the speed rounded to this, so that they change seldom and repeatably
+SPEED_STEP = 0.1  # m/s: matrices are made at multiples of this, and are linear between them
 
 
 def scheduled_speed(speed_m_s: float, speeds: FloatArray) -> float:
-    """The speed whose gains apply: rounded to SPEED_STEP, held within the design's grid."""
-    rounded = round(speed_m_s / SPEED_STEP) * SPEED_STEP
-    return float(min(max(rounded, speeds[0]), speeds[-1]))
+    """The speed whose gains apply: held within the design's grid."""
+    return float(min(max(speed_m_s, speeds[0]), speeds[-1]))
 
 
 def at_speed(table: FloatArray, speeds: FloatArray, speed_m_s: float) -> FloatArray:
-    """A table (v, …) at a scheduled speed, linear between the grid's speeds."""
+    """A table (v, …) at a speed, linear between the grid's speeds."""
     i = int(np.clip(np.searchsorted(speeds, speed_m_s) - 1, 0, len(speeds) - 2))
     t = (speed_m_s - speeds[i]) / (speeds[i + 1] - speeds[i])
     out: FloatArray = (1.0 - t) * table[i] + t * table[i + 1]
@@ -32,7 +31,8 @@ class Bank:
         x' = Phi (x + K e)      state predicted for the next tick
         w  = V L^-1 e           innovation in units of its own expected size, S = L L', V the channels' weights
 
-    All three are one product of a (9 x 7) matrix with [x; z]. The matrices are built when the speed changes.
+    All three are one product of a (9 x 7) matrix with [x; z]. The matrices are built at nodes SPEED_STEP apart, from
+    the design's tables, and interpolated at every tick: a speed that moves about never makes the gains toggle.
     """
 
     STATE = ("x",)
@@ -40,7 +40,7 @@ class Bank:
 
     def __init__(self, design: Design, axles: int) -> None:
         self._d = design
-        self._fused: dict[float, tuple[FloatArray, FloatArray]] = {}
+        self._fused: dict[int, FloatArray] = {}
         self.x: FloatArray = np.zeros((MODELS, STATES, axles))
 
     def reset(self, axle: int) -> None:
@@ -52,10 +52,10 @@ class Bank:
 
         A channel that is not present counts as what the model predicts: its innovation is exactly zero.
         """
-        M, H = self._matrices(scheduled_speed(speed_m_s, self._d.speeds_m_s))
+        M = self._matrices(scheduled_speed(speed_m_s, self._d.speeds_m_s))
         zs = np.broadcast_to(z, (MODELS, *z.shape))
         if not present.all():
-            zs = np.where(present, zs, H @ self.x)
+            zs = np.where(present, zs, -M[:, STATES : STATES + CHANNELS, :STATES] @ self.x)
         out = M @ np.concatenate((self.x, zs), axis=1)
         self.x = out[:, :STATES]
         e, w = out[:, STATES : STATES + CHANNELS], out[:, STATES + CHANNELS :]
@@ -63,10 +63,19 @@ class Bank:
             e = np.where(present, e, 0.0)
         return e, w
 
-    def _matrices(self, speed: float) -> tuple[FloatArray, FloatArray]:
-        found = self._fused.get(speed)
+    def _matrices(self, speed: float) -> FloatArray:
+        """(4, 9, 7) at a speed within the grid."""
+        at = speed / SPEED_STEP
+        node = int(at)
+        below, above = self._node(node), self._node(node + 1)
+        out: FloatArray = below + (at - node) * (above - below)
+        return out
+
+    def _node(self, number: int) -> FloatArray:
+        found = self._fused.get(number)
         if found is None:
             d = self._d
+            speed = scheduled_speed(number * SPEED_STEP, d.speeds_m_s)
             Phi, K, H, W = (at_speed(t, d.speeds_m_s, speed) for t in (d.Phi, d.K, d.H, d.whiten))
             # rows: x' = Phi (I - K H) x + Phi K z; e = z - H x; w = W e
             M = np.zeros((MODELS, STATES + 2 * CHANNELS, STATES + CHANNELS))
@@ -76,5 +85,5 @@ class Bank:
             M[:, STATES : STATES + CHANNELS, STATES:] = np.eye(CHANNELS)
             M[:, STATES + CHANNELS :, :STATES] = -W @ H
             M[:, STATES + CHANNELS :, STATES:] = W
-            found = self._fused[speed] = (M, H)
+            found = self._fused[number] = M
         return found

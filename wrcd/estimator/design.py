@@ -14,11 +14,16 @@ from wrcd.errors import InputError
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-FORMAT = "wrcd-design/2"
+FORMAT = "wrcd-design/3"
 MODELS = 4
 STATES = 5  # psi, y', psi', y_t, y - y_t
 CHANNELS = 2  # yaw rate, lateral acceleration
-INPUTS = MODELS + 2  # of the rules: four residuals, torque, speed
+INPUTS = MODELS + 2  # that choose the rules: four residuals, torque, speed
+# What the rules' outputs move with: those six; correlations of each model's two innovations with themselves a moment
+# before, and of the two with each other; the window's length; the sensors' noise.
+LAGS, CROSSES = MODELS * CHANNELS, MODELS
+COLUMNS = INPUTS + LAGS + CROSSES + 1 + CHANNELS
+FORMS = ("wrcd", "paper")
 MOST_RULES = 254  # DominantRule cannot tell more apart
 
 
@@ -49,26 +54,35 @@ class Design:
     name: str
     wheelset: dict[str, Any]  # the wheelset that it is for, as the rig names its parameters
     tick_s: float
-    window_s: float
-    recent_s: float  # the newest part of the window: shows a change of rail, and the adhesion in use just now
+    form: str  # "wrcd", or "paper": its own form, see sim_ecu/design/paper.py
+    window_s: float  # after so long of sound inputs the estimate is Valid
+    longest_s: float  # a window grows up to this while nothing changes
+    recent_s: float  # the newest part of the window: shows a change of rail
     speeds_m_s: FloatArray  # (v,)
     model_names: tuple[str, ...]
     Phi: FloatArray  # (v, 4, 5, 5) state transition over one tick
     K: FloatArray  # (v, 4, 5, 2) gain
     H: FloatArray  # (v, 4, 2, 5) output
     whiten: FloatArray  # (v, 4, 2, 2) inverse Cholesky factor of the innovation covariance S, rows weighted
-    noise: FloatArray  # (v, 4) residual that the sensors' noise alone leaves
+    noise_rms: FloatArray  # (2,) of the sensors, per sample: rad/s, m/s2
+    noise_power: FloatArray  # (v, 4, 2) power that this noise alone leaves in each model's residual, by channel
+    lowpass: FloatArray  # (k, 6) second-order sections that the whitened innovations go through
+    highpass: FloatArray  # (k, 6) sections that show pulses in the lateral acceleration
     residual_sets: tuple[Sets, ...]  # over log10 of residuals 1 to 3 over residual 4, and of residual 4
     torque_sets: Sets  # over log10 of |torque| / (2 N r0)
     speed_sets: Sets  # over log10 of the speed in m/s
     rules: IntArray  # (r, 6) which set of each input
-    bases: FloatArray  # (r,) fuzzy output, 0 … 100, in the middle of the rule's sets
-    slopes: FloatArray  # (r, 6) its change per unit (decade) of each input away from there
-    spreads: FloatArray  # (r,) half-width of the 90 % interval, as a share of the adhesion, in the middle of the sets
-    spread_slopes: FloatArray  # (r, 6) its change in decades per unit of each input
+    low: FloatArray  # (COLUMNS,) the columns are held between these for the outputs
+    high: FloatArray
+    middle: FloatArray  # (COLUMNS,) of the columns beyond the six; of those the middle of a rule's sets counts
+    bases: FloatArray  # (r,) fuzzy output, 0 … 100, in the middle
+    slopes: FloatArray  # (r, COLUMNS) its change per unit of each column away from there
+    spreads: FloatArray  # (r,) half-width of the 90 % interval, as a share of the adhesion, in the middle
+    spread_slopes: FloatArray  # (r, COLUMNS) its change in decades per unit of each column
     typical_pct: FloatArray  # (r, 2) adhesion between which nine tenths of a rule's training data lie
-    changes: FloatArray  # (4,) decades by which a residual of the newest part may differ from the rest's
-    short_spread: float  # factor on the spread when only the newest part of the window is there
+    change_speeds_m_s: FloatArray  # (c,)
+    changes: FloatArray  # (c, 4) decades by which a residual of the newest part may differ from the rest's
+    beyond: float  # how far outside the sets an input may lie, as a share of their range, before it is unlike training
     polynomial: FloatArray  # highest power first: fuzzy output -> percent adhesion
     adhesion_range_pct: tuple[float, float]
     saturated_share: float  # MuUsed / MuAvailable from which the contact counts as saturated
@@ -90,6 +104,17 @@ class Design:
     def recent_ticks(self) -> int:
         """Ticks in the newest part of the window."""
         return max(1, round(self.recent_s / self.tick_s))
+
+    @property
+    def longest_ticks(self) -> int:
+        """Ticks in the longest window."""
+        return max(1, round(self.longest_s / self.tick_s))
+
+
+def stable(sos: FloatArray) -> bool:
+    """Whether second-order sections (k, 6), b0 b1 b2 1 a1 a2, have all poles inside the unit circle."""
+    a1, a2 = sos[:, 4], sos[:, 5]
+    return bool(np.all(sos[:, 3] == 1.0) and np.all(np.abs(a2) < 1.0) and np.all(np.abs(a1) < 1.0 + a2))
 
 
 def load_design(path: Path) -> Design:
@@ -185,7 +210,9 @@ def _arrays(r: _Reader, digest: str) -> Design:
         name=str(r.at("name")),
         wheelset=wheelset,
         tick_s=r.number("bank.tick_s", 1e-4, 0.1),
+        form=str(r.at("form")),
         window_s=r.number("window_s", 0.05, 60.0),
+        longest_s=r.number("longest_s", 0.05, 60.0),
         recent_s=r.number("recent_s", 0.005, 60.0),
         speeds_m_s=speeds,
         model_names=tuple(str(m.get("name", i + 1)) if isinstance(m, dict) else str(m) for i, m in enumerate(names)),
@@ -193,18 +220,25 @@ def _arrays(r: _Reader, digest: str) -> Design:
         K=r.array("bank.K", v, MODELS, STATES, CHANNELS),
         H=r.array("bank.H", v, MODELS, CHANNELS, STATES),
         whiten=r.array("bank.whiten", v, MODELS, CHANNELS, CHANNELS),
-        noise=r.array("bank.noise", v, MODELS),
+        noise_rms=r.array("bank.noise_rms", CHANNELS),
+        noise_power=r.array("bank.noise_power", v, MODELS, CHANNELS),
+        lowpass=r.array("bank.lowpass", -1, 6),
+        highpass=r.array("bank.highpass", -1, 6),
         residual_sets=tuple(r.sets(f"fuzzy.residual_{m + 1}") for m in range(MODELS)),
         torque_sets=r.sets("fuzzy.torque"),
         speed_sets=r.sets("fuzzy.speed"),
         rules=rules.astype(np.int64),
+        low=r.array("fuzzy.columns.low", COLUMNS),
+        high=r.array("fuzzy.columns.high", COLUMNS),
+        middle=r.array("fuzzy.columns.middle", COLUMNS),
         bases=r.array("fuzzy.bases", n),
-        slopes=r.array("fuzzy.slopes", n, INPUTS),
+        slopes=r.array("fuzzy.slopes", n, COLUMNS),
         spreads=r.array("fuzzy.spreads", n),
-        spread_slopes=r.array("fuzzy.spread_slopes", n, INPUTS),
+        spread_slopes=r.array("fuzzy.spread_slopes", n, COLUMNS),
         typical_pct=r.array("fuzzy.typical_pct", n, 2),
-        changes=r.array("changes", MODELS),
-        short_spread=r.number("short_spread", 1.0, 100.0),
+        change_speeds_m_s=r.array("changes.speeds_m_s", -1),
+        changes=r.array("changes.limits", len(r.array("changes.speeds_m_s", -1)), MODELS),
+        beyond=r.number("fuzzy.beyond", 0.0, 100.0),
         polynomial=r.array("polynomial", -1),
         adhesion_range_pct=(r.number("adhesion_range_pct.low", 0, 100), r.number("adhesion_range_pct.high", 0, 100)),
         saturated_share=r.number("saturated_share", 0.1, 1.0),
@@ -223,8 +257,19 @@ def _check(d: Design, r: _Reader) -> None:
     if len(d.rules) > MOST_RULES:
         raise r.error("fuzzy.rules", f"has more than {MOST_RULES} rules; DominantRule cannot tell them apart")
     if np.any(d.spreads <= 0) or np.any(d.changes <= 0):
-        raise r.error("fuzzy.spreads", "must be positive, and changes, too")
-    if 2 * d.recent_ticks > d.window_ticks:
-        raise r.error("recent_s", "must not be longer than half the window")
+        raise r.error("fuzzy.spreads", "must be positive, and changes.limits, too")
+    if np.any(d.noise_rms <= 0) or np.any(d.noise_power <= 0):
+        raise r.error("bank.noise_rms", "must be positive, and bank.noise_power, too")
+    if len(d.change_speeds_m_s) < 2 or np.any(np.diff(d.change_speeds_m_s) <= 0):
+        raise r.error("changes.speeds_m_s", "must be two or more growing speeds")
+    for key, sections in (("bank.lowpass", d.lowpass), ("bank.highpass", d.highpass)):
+        if not stable(sections):
+            raise r.error(key, "is not a stable filter")
+    if d.form not in FORMS:
+        raise r.error("form", f"must be one of {', '.join(FORMS)}")
+    if 2 * d.recent_ticks > d.window_ticks or d.longest_ticks < d.window_ticks:
+        raise r.error("recent_s", "must not be longer than half the window, nor the window than longest_s")
+    if np.any(d.low > d.high):
+        raise r.error("fuzzy.columns.low", "must not be above high")
     if d.adhesion_range_pct[0] >= d.adhesion_range_pct[1]:
         raise r.error("adhesion_range_pct", "low must be below high")

@@ -1,21 +1,48 @@
 """From measurements to adhesion, for all axles at once."""
 
 from dataclasses import dataclass
+from enum import IntEnum
 
 import numpy as np
 
-from wrcd.estimator.bank import Bank, BoolArray, at_speed, scheduled_speed
+from wrcd.estimator.bank import Bank, BoolArray, scheduled_speed
 from wrcd.estimator.design import MODELS, Design, FloatArray, IntArray
-from wrcd.estimator.fuzzy import Fuzzy
+from wrcd.estimator.fuzzy import LOW_FIRING, Fuzzy, Inference
 from wrcd.estimator.gate import Gate
+from wrcd.estimator.inputs import excitation, rule_inputs
+from wrcd.estimator.joints import HOLD_TICKS, MAX_PULSE, Joints
+from wrcd.estimator.noise import NoiseLevel
 from wrcd.estimator.offset import Offset
-from wrcd.estimator.window import Window
+from wrcd.estimator.sections import Sections
+from wrcd.estimator.speed import SpeedFilter
+from wrcd.estimator.window import BLOCK_TICKS, RATIO, RATIO_N, Statistics, Window, newest, statistics
 
-CHANGE_TICKS = 4
 OFFSET_WINDOWS = 2  # memory of the sensors' offsets, in windows
-LEAST_CONTRADICTION_PP = 2.0
-LEAST_TORQUE = 0.003  # torque ratio: less is coasting, and says nothing
-LEAST_TRACK = 0.03  # of the noise's power: less from the track is not told from none
+NOW_S = 0.06  # the torque of so long is the torque of the moment
+# A torque of the moment that differs from the one before by this share and this ratio is a change, of the drive or
+# of the rail: the window from before is dropped.
+TORQUE_STEP, TORQUE_STEP_RATIO = 0.15, 0.004
+# A window grows beyond its usual length over parts of PART_S whose torque differs from the moment's by less.
+PART_S, LIKE_TORQUE, LIKE_TORQUE_RATIO = 0.1, 0.10, 0.002
+# Where the usual window's own word differs from the long one's by so many half-widths (as logarithms), it counts.
+FALL_BACK_BELOW, FALL_BACK_ABOVE = 0.4, 0.7
+NEWEST_SHARE = 0.5  # of the newest part's half-width that the interval is made to reach down to
+# More in use than the rules say there is: beyond the interval, and by this share of what they say, one is wrong.
+CONTRADICTION_SHARE, CONTRADICTION_PP = 0.2, 0.3
+# The accelerometer's rms above the band over the design's, and its largest moment over its usual one: from here on it
+# feels more than a track, and the interval is wider.
+HARSH_FACTOR, HARSH_WIDER = 2.2, 1.4
+SILENT, SILENT_S = 1.07, 0.4  # all four residuals below so many times the noise, over at least so long: no track
+BEYOND_WIDER = 2.0  # the half-width grows by this factor for each range that an input lies outside the sets
+
+
+class Doubt(IntEnum):
+    """What of the estimate itself keeps it from being believed."""
+
+    NONE = 0
+    NO_RULE = 1  # too few rules fire
+    BEYOND_TRAINING = 2  # inputs unlike any that the rules were made from
+    SILENT = 3  # the sensors give their noise alone
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +62,7 @@ class Estimate:
 
     residuals: FloatArray  # (n, 4)
     torque_ratio: FloatArray
-    inputs: FloatArray  # (n, 6) what the rules were given
+    inputs: FloatArray  # (n, COLUMNS) what the rules were given
     fuzzy: FloatArray  # 0 … 100
     firing: FloatArray  # total weight of the rules; below 0.05 there is no answer
     rule: IntArray  # that weighs most, from 1; 0 none
@@ -43,33 +70,38 @@ class Estimate:
     winner: IntArray  # model from 1 whose residual (as the rules see it) is lowest in its own range; 0 none
     mu_available_pct: FloatArray
     half_width_pp: FloatArray
+    used_pct: FloatArray  # of the moment
     saturated: BoolArray
     contradicted: BoolArray  # more is in use than the rules, with their interval, say there is: one of them is wrong
+    doubt: IntArray  # a Doubt
+    window_s: FloatArray  # length of the window that the answer is from
 
 
-def rule_inputs(design: Design, residuals: FloatArray, torque_ratio: FloatArray, speed_m_s: float) -> FloatArray:
-    """(n, 6) for residuals (n, 4): log10 of residuals 1 to 3 over residual 4, of residual 4, torque ratio and speed.
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What the rules say of one window of every axle (n,): adhesion, not below what is in use, and its half-width as a
+    share of it; said_pct is without what is in use."""
 
-    The share of the sensors' noise is taken off first: what is left goes with the track's roughness alike in all four.
-    Model 4, in the linear region, takes its present size; what the others make of the same track tells the contact.
-    """
-    noise = at_speed(design.noise, design.speeds_m_s, speed_m_s)
-    logs = np.log10(np.sqrt(np.maximum(residuals**2 - noise**2, LEAST_TRACK * noise**2)))
-    torque = np.log10(np.maximum(torque_ratio, LEAST_TORQUE))
-    return np.column_stack((logs[:, :-1] - logs[:, -1:], logs[:, -1], torque, np.full(len(logs), np.log10(speed_m_s))))
+    blocks: IntArray
+    said_pct: FloatArray
+    mu_pct: FloatArray
+    spread: FloatArray
+    inputs: FloatArray
 
 
 class Estimator:
     """bank step -> residual RMS -> fuzzy -> adhesion. Never raises on data: what is unknown comes out as NaN.
 
-    Every CHANGE_TICKS ticks the newest part of the window is compared with the rest; where the rail has changed, the
-    rest is forgotten, so that the estimate follows in a fraction of the window and says so by a wider interval.
+    Every block of ticks the newest part of the window is compared with the rest; where the rail or the torque has
+    changed, the rest is dropped, so that the estimate follows in a fraction of the window and says so by a wider
+    interval. While nothing changes the window grows to twice its usual length.
     """
 
     STATE = (
-        "_bank", "_offset", "_gate", "_window", "_speed_m_s", "_whole", "used", "outlier", "good",
-        "upset", "outliers",
+        "_bank", "_offset", "_gate", "_window", "_speed", "_lowpass", "_joints", "_noise", "_speed_m_s", "_whole",
+        "_delayed", "_delayed_live", "_delayed_clear", "started", "used", "outlier", "good", "upset", "outliers",
     )  # fmt: skip
+    PASSING = ("near_pulse", "live")
 
     def __init__(self, design: Design, axles: int) -> None:
         self.design = design
@@ -77,7 +109,11 @@ class Estimator:
         self._bank = Bank(design, axles)
         self._offset = Offset(OFFSET_WINDOWS * design.window_ticks, axles)
         self._gate = Gate(axles)
-        self._window = Window(design.window_ticks, design.recent_ticks, axles)
+        self._speed = SpeedFilter(design.tick_s)
+        self._joints = Joints(design.highpass, float(design.noise_rms[1]), axles)
+        self._noise = NoiseLevel(design.noise_rms, axles)
+        self._lowpass = Sections(design.lowpass, 2 * MODELS, axles)
+        self._window = Window(-(-design.longest_ticks // BLOCK_TICKS), axles)
         self._fuzzy = Fuzzy(design)
         self._speed_m_s = float(design.speeds_m_s[0])
         self._low = np.array([s.centres[0] for s in design.residual_sets])
@@ -86,17 +122,31 @@ class Estimator:
         self.used: BoolArray = np.zeros(axles, dtype=bool)
         self.outlier: BoolArray = np.zeros(axles, dtype=bool)
         self._whole: BoolArray = np.zeros(axles, dtype=bool)  # whether the newest tick brought every measurement
-        self.good: BoolArray = np.zeros(axles, dtype=bool)  # whether it went into the window
+        self.good: BoolArray = np.zeros(axles, dtype=bool)  # whether it can go into the window
         self.upset: BoolArray = np.zeros(axles, dtype=bool)
+        self.near_pulse: BoolArray = np.zeros(axles, dtype=bool)
+        self.live: BoolArray = np.zeros(
+            axles, dtype=bool
+        )  # whether the window was given an innovation, HOLD_TICKS late
         self.outliers = 0  # samples left out so far
+        # innovations wait HOLD_TICKS, oldest first, until it is known whether a pulse follows
+        self._delayed: FloatArray = np.zeros((HOLD_TICKS, MODELS, 2, axles))
+        self._delayed_live: BoolArray = np.zeros((HOLD_TICKS, axles), dtype=bool)
+        self._delayed_clear: BoolArray = np.zeros((HOLD_TICKS, axles), dtype=bool)
+        self.started: BoolArray = np.zeros(axles, dtype=bool)  # whether a measurement was used since the last reset
+        self._usual = -(-design.window_ticks // BLOCK_TICKS)
+        self._recent = max(2, round(design.recent_ticks / BLOCK_TICKS))
+        self._now = max(1, round(NOW_S / design.tick_s / BLOCK_TICKS))
+        self._part = max(1, round(PART_S / design.tick_s / BLOCK_TICKS))
+        self._min_ticks = 0.5 * self._recent * BLOCK_TICKS
 
     def reset(self, axle: int) -> None:
         """Start an axle anew: after a gap, a step of time, or a standstill."""
-        self._whole[axle] = False
-        self._offset.reset(axle)
-        self._gate.reset(axle)
-        self._bank.reset(axle)
-        self._window.reset(axle)
+        self._whole[axle] = self.started[axle] = False
+        self._delayed[..., axle] = 0.0
+        self._delayed_live[:, axle] = self._delayed_clear[:, axle] = False
+        for part in (self._offset, self._gate, self._bank, self._joints, self._noise, self._lowpass, self._window):
+            part.reset(axle)
 
     def step(self, tick: Tick) -> FloatArray:
         """Run the bank for one tick and remember its residuals. Returns the innovations (4, 2, n).
@@ -104,57 +154,118 @@ class Estimator:
         A tick without both channels, or with an absurd innovation in either, is predicted over. Where absurd ones go
         on, or a filter is not finite, the axle is upset: call reset() for it.
         """
+        self._speed_m_s = speed = self._speed.step(tick.speed_m_s)
         # one channel alone is not enough: with its part of a gain made for two, a filter would be unstable
         whole = np.logical_and.reduce(tick.present)
         bank, offset = self._bank.x, self._offset.known
-        e, w = self._filter(tick, whole)
-        absurd = self._gate.absurd(e, whole)
+        z, e, w = self._filter(tick, whole, speed)
+        small = np.logical_and.reduce(np.abs(z) <= MAX_PULSE[:, None])
+        pulse, near = self._joints.step(tick.z[1], whole & small)
+        absurd = self._gate.absurd(e, whole & ~(near & small))
         self.outlier = np.logical_or.reduce(absurd)
         used = whole & ~self.outlier
         if self.outlier.any():
             self.outliers += int(absurd.sum())
             self._bank.x, self._offset.known = bank, offset
-            e, w = self._filter(tick, used)
-        self.upset = self._gate.learn(e, used, absurd) | ~np.isfinite(self._bank.x).all(axis=(0, 1))
+            z, e, w = self._filter(tick, used, speed)
+        self.upset = self._gate.learn(e, used & ~near, absurd) | ~np.isfinite(self._bank.x).all(axis=(0, 1))
+        self._noise.step(tick.z, used & ~near)
         self.used = used
+        self.near_pulse = near
+        self.started |= used
         # the first innovation after a gap is that of several ticks at once, larger than others: it stays out. So a
         # sensor that is slower than the ticks, for which no gain here is made, never gives an estimate
         self.good = used & self._whole & np.isfinite(tick.torque_ratio) & ~self.upset
         self._whole = used
-        self._window.put(tick.number, w, self.good, tick.torque_ratio)
-        self._speed_m_s = tick.speed_m_s
-        if tick.number % CHANGE_TICKS == 0:
-            self._window.forget_old(self.design.changes)
+        self._put(tick, w, pulse, near)
+        if self.design.form == "wrcd" and (tick.number + 1) % BLOCK_TICKS == 0:
+            self._drop_what_was_before_a_change()
         return e
 
-    def _filter(self, tick: Tick, axles: BoolArray) -> tuple[FloatArray, FloatArray]:
-        """The bank with the measurements of some axles (n,)."""
+    def _filter(self, tick: Tick, axles: BoolArray, speed_m_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The measurements of some axles (n,) without their offsets, and what the bank makes of them."""
         present = np.broadcast_to(axles, tick.present.shape)
-        return self._bank.step(self._offset.take(tick.z, present), present, tick.speed_m_s)
+        z = self._offset.take(tick.z, present)
+        return z, *self._bank.step(z, present, speed_m_s)
+
+    def _put(self, tick: Tick, w: FloatArray, pulse: BoolArray, near: BoolArray) -> None:
+        """Innovations enter the window HOLD_TICKS late, those about a pulse and those not used as zeros."""
+        self._delayed_clear &= ~pulse
+        old, live = self._delayed[0], self._delayed_live[0] & self._delayed_clear[0]
+        self._delayed = np.concatenate((self._delayed[1:], w[None]))
+        self._delayed_live = np.concatenate((self._delayed_live[1:], self.good[None]))
+        self._delayed_clear = np.concatenate((self._delayed_clear[1:], ~near[None]))
+        if self.design.form == "wrcd":
+            old = np.where(live, old, 0.0)
+            old = self._lowpass.step(old.reshape(-1, self.axles)).reshape(old.shape)
+        self.live = live
+        self._window.put(tick.number, old, self.started, live, tick.torque_ratio)
+
+    def steps(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Of the newest part of the window against the rest: decades between the residuals (n, 4), NaN where either
+        holds too little; the torque ratio of the moment and that of the rest (n,)."""
+        cumulative = self._window.cumulative()
+        compared = np.minimum(self._window.filled(), self._usual)
+        new = newest(cumulative, np.minimum(compared, self._recent))
+        rest = newest(cumulative, compared) - new
+        moment = newest(cumulative, np.minimum(compared, self._now))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            decades = np.log10(statistics(new, self._min_ticks).residuals / statistics(rest, self._min_ticks).residuals)
+            return decades, moment[RATIO] / moment[RATIO_N], rest[RATIO] / rest[RATIO_N]
+
+    def _drop_what_was_before_a_change(self) -> None:
+        """Compare the newest part of the window with the rest: residuals and torque."""
+        decades, now, before = self.steps()
+        with np.errstate(invalid="ignore"):
+            changed = np.any(np.abs(decades) > self.limits_of_change(self._speed_m_s), axis=1)
+            torque = np.abs(now - before) > TORQUE_STEP * np.maximum(now, before) + TORQUE_STEP_RATIO
+            changed |= torque & np.isfinite(decades[:, 0])
+        if changed.any():
+            self._window.truncate(self._recent, changed)
+
+    def limits_of_change(self, speed_m_s: float) -> FloatArray:
+        """(4,) decades at a speed."""
+        d = self.design
+        return np.array([np.interp(speed_m_s, d.change_speeds_m_s, limits) for limits in d.changes.T])
 
     def estimate(self) -> Estimate:
         """The adhesion that the window's residuals and torque speak for."""
         d = self.design
-        residuals = self._window.residuals()
-        ratio = self._window.torque_ratio()
-        inputs = rule_inputs(d, residuals, ratio, scheduled_speed(self._speed_m_s, d.speeds_m_s))
-        inference = self._fuzzy.infer(inputs)
-        mu = np.clip(np.polyval(d.polynomial, inference.output), *d.adhesion_range_pct)
-        # what is in use is available: the estimate cannot lie below it
-        recent = self._window.recent_torque_ratio()
-        used = 100.0 * np.where(np.isnan(recent), ratio, recent)
-        said = mu
-        mu = np.where(np.isnan(mu), np.nan, np.minimum(np.fmax(mu, used), 100.0))
-        fits = (inputs[:, :MODELS] - self._low) / self._width
+        filled = self._window.filled()
+        usual = np.minimum(filled, self._usual)
+        now = self.torque_now()
+        used = 100.0 * now
+        if d.form == "paper":
+            (best,), inference = self._answers([usual], now)
+            spread, doubt = best.spread, np.zeros(self.axles, dtype=np.int64)
+        else:
+            lengths = [self._alike(now, usual, filled), usual, np.minimum(filled, self._recent)]
+            (long, short, recent), inference = self._answers(lengths, now)
+            with np.errstate(invalid="ignore"):
+                apart = np.log(short.mu_pct / long.mu_pct) / short.spread
+                back = (long.blocks > short.blocks) & ((apart < -FALL_BACK_BELOW) | (apart > FALL_BACK_ABOVE))
+            pick = np.where(back, 1, 0)
+            best = _choose(pick, long, short)
+            inference = inference.take(pick * self.axles + np.arange(self.axles))
+            spread = best.spread
+            # the newest part may know of a drop that the window as a whole does not show yet: reach down to it
+            reach = best.mu_pct - recent.mu_pct * (1.0 - NEWEST_SHARE * recent.spread)
+            with np.errstate(invalid="ignore"):
+                spread = np.where(reach > spread * best.mu_pct, reach / best.mu_pct, spread)
+            spread, doubt = self._doubted(spread, best, inference)
+        mu = best.mu_pct
+        fits = (best.inputs[:, :MODELS] - self._low) / self._width
         nearest = np.argmin(np.where(np.isnan(fits), np.inf, fits), axis=1) + 1
         with np.errstate(invalid="ignore"):
+            half_width = np.maximum(spread * mu, used - best.said_pct)
+            margin = np.maximum(spread * best.said_pct, CONTRADICTION_SHARE * best.said_pct + CONTRADICTION_PP)
             saturated = used >= d.saturated_share * mu
-        wider = 1.0 + (d.short_spread - 1.0) * (1.0 - self._window.share())
-        half_width = inference.spread * wider * mu
+            contradicted = used > best.said_pct + margin
+        chosen = statistics(newest(self._window.cumulative(), best.blocks), self._min_ticks)
         return Estimate(
-            residuals=residuals,
-            torque_ratio=ratio,
-            inputs=inputs,
+            residuals=chosen.residuals,
+            torque_ratio=chosen.ratio,
+            inputs=best.inputs,
             fuzzy=inference.output,
             firing=inference.firing,
             rule=inference.rule,
@@ -162,6 +273,83 @@ class Estimator:
             winner=np.where(np.isnan(fits).any(axis=1), 0, nearest),
             mu_available_pct=mu,
             half_width_pp=half_width,
+            used_pct=used,
             saturated=saturated,
-            contradicted=used > said + np.maximum(half_width, LEAST_CONTRADICTION_PP),
+            contradicted=contradicted,
+            doubt=doubt,
+            window_s=chosen.ticks * d.tick_s,
         )
+
+    def torque_now(self) -> FloatArray:
+        """(n,): torque ratio of the moment; NaN where it is not known."""
+        sums = newest(self._window.cumulative(), np.minimum(self._window.filled(), self._now))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return np.asarray(sums[RATIO] / sums[RATIO_N])
+
+    def inputs_of(self, blocks: IntArray, now: FloatArray) -> tuple[FloatArray, Statistics]:
+        """What the rules are given (n, COLUMNS) of windows of so many blocks (n,), and the windows' statistics.
+
+        In a window shorter than the usual one the torque has changed: that of the moment counts.
+        """
+        s = statistics(newest(self._window.cumulative(), blocks), self._min_ticks)
+        torque = np.where(blocks < self._usual, now, s.ratio) if self.design.form == "wrcd" else s.ratio
+        speed = scheduled_speed(self._speed_m_s, self.design.speeds_m_s)
+        return rule_inputs(self.design, s, torque, self._noise.sensor_factor(), speed), s
+
+    def _answers(self, lengths: list[IntArray], now: FloatArray) -> tuple[list[Answer], Inference]:
+        """One for each of the windows' lengths (n,), and the inference of all, one after another."""
+        d, n = self.design, self.axles
+        inputs = [self.inputs_of(blocks, now)[0] for blocks in lengths]
+        inference = self._fuzzy.infer(np.concatenate(inputs))
+        said = np.clip(np.polyval(d.polynomial, inference.output), *d.adhesion_range_pct)
+        out = []
+        for i, (blocks, given) in enumerate(zip(lengths, inputs, strict=True)):
+            mine = said[i * n : (i + 1) * n]
+            # what is in use is available: the estimate cannot lie below it
+            mu = np.where(np.isnan(mine), np.nan, np.minimum(np.fmax(mine, 100.0 * now), 100.0))
+            out.append(Answer(blocks, mine, mu, inference.spread[i * n : (i + 1) * n], given))
+        return out, inference
+
+    def _alike(self, now: FloatArray, usual: IntArray, filled: IntArray) -> IntArray:
+        """(n,): blocks over which the torque has been as it is now; at least the usual window."""
+        cumulative = self._window.cumulative()
+        edges = np.arange(0, len(cumulative), self._part)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            ratio = np.diff(cumulative[edges, RATIO], axis=0) / np.diff(cumulative[edges, RATIO_N], axis=0)
+            like = np.abs(ratio - now) <= LIKE_TORQUE * now + LIKE_TORQUE_RATIO
+        parts = np.where(like.all(axis=0), len(like), np.argmin(like, axis=0))
+        return np.asarray(np.clip(parts * self._part, usual, filled))
+
+    def _doubted(self, spread: FloatArray, best: Answer, inference: Inference) -> tuple[FloatArray, IntArray]:
+        """The spread, wider where few rules fire or the inputs are unusual; and what is too much of it, a Doubt."""
+        d = self.design
+        outside = np.maximum(d.low - best.inputs, best.inputs - d.high) / np.maximum(d.high - d.low, 1e-9)
+        # coasting, a long window and quiet sensors are no news: only the residuals can be unlike any that were seen
+        far = np.clip(outside[:, :MODELS].max(axis=1), 0.0, None)
+        s = statistics(newest(self._window.cumulative(), best.blocks), self._min_ticks)
+        loud = excitation(d, s, self._noise.sensor_factor(), scheduled_speed(self._speed_m_s, d.speeds_m_s))
+        with np.errstate(invalid="ignore"):
+            few = np.clip(LOW_FIRING / np.maximum(inference.firing, 1e-9), 1.0, 3.0)
+            silent = (loud < SILENT) & (s.ticks * d.tick_s >= SILENT_S)
+            doubt = np.where(
+                silent,
+                Doubt.SILENT,
+                np.where(far > d.beyond, Doubt.BEYOND_TRAINING, np.where(inference.rule == 0, Doubt.NO_RULE, 0)),
+            )
+            return spread * few * (1.0 + BEYOND_WIDER * far), doubt.astype(np.int64)
+
+
+def _choose(pick: IntArray, first: Answer, second: Answer) -> Answer:
+    """Of every axle the first (0) or the second (1) answer."""
+    one = pick == 0
+
+    def take(a: FloatArray, b: FloatArray) -> FloatArray:
+        return np.where(one if a.ndim == 1 else one[:, None], a, b)
+
+    return Answer(
+        np.where(one, first.blocks, second.blocks),
+        take(first.said_pct, second.said_pct),
+        take(first.mu_pct, second.mu_pct),
+        take(first.spread, second.spread),
+        take(first.inputs, second.inputs),
+    )

@@ -8,6 +8,7 @@ from wrcd.estimator.design import Design, FloatArray, IntArray
 
 # Below this total firing no rule speaks for the moment: the answer is "I don't know", not a guess.
 LEAST_FIRING = 0.05
+LOW_FIRING = 0.2  # below, few training conditions were like the moment: the interval is wider
 LOG_SPREADS = (-2.7, 0.3)  # an interval is never narrower or wider than this, relative to the adhesion (log10)
 
 
@@ -24,12 +25,19 @@ class Inference:
     rule_share: FloatArray
     spread: FloatArray
 
+    def take(self, rows: IntArray) -> "Inference":
+        """Some of the axles."""
+        return Inference(
+            self.output[rows], self.firing[rows], self.rule[rows], self.rule_share[rows], self.spread[rows]
+        )
+
 
 class Fuzzy:
     """Product of the degrees is a rule's weight; the output is the weighted mean of what the rules say.
 
     A rule says its base, changed by its slopes as the inputs move away from the middle of its sets (Takagi and
-    Sugeno's form). Beyond its outermost sets an input counts as at their middle, for degrees and slopes alike.
+    Sugeno's form). The first six inputs choose the rules, all of them move the outputs. Beyond its outermost sets an
+    input counts as at their middle, for degrees and slopes alike.
     """
 
     def __init__(self, design: Design) -> None:
@@ -37,9 +45,10 @@ class Fuzzy:
         widest = max(len(s.centres) for s in self._sets)
         self._widest = widest
         self._pick = design.rules + widest * np.arange(len(self._sets))
-        self._low = np.array([s.centres[0] for s in self._sets])
-        self._high = np.array([s.centres[-1] for s in self._sets])
-        middle = np.column_stack([s.centres[design.rules[:, i]] for i, s in enumerate(self._sets)])
+        self._low, self._high = design.low, design.high
+        sets = [s.centres[design.rules[:, i]] for i, s in enumerate(self._sets)]
+        rest = np.broadcast_to(design.middle[len(sets) :], (len(design.rules), len(design.middle) - len(sets)))
+        middle = np.column_stack((*sets, rest))
         # base + slopes (x - middle), as one number and a row over x; the same of the spreads' logarithms
         logs = np.log10(design.spreads)
         self._offset = design.bases - np.sum(design.slopes * middle, axis=1)
@@ -48,7 +57,7 @@ class Fuzzy:
         self._spread_slopes = design.spread_slopes
 
     def infer(self, inputs: FloatArray) -> Inference:
-        """inputs (n, 6): see `rule_inputs`. NaN in gives NaN out."""
+        """inputs (n, COLUMNS): see `rule_inputs`. NaN in gives NaN out."""
         n = len(inputs)
         degrees = np.zeros((n, len(self._sets), self._widest))
         for i, sets in enumerate(self._sets):

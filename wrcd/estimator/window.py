@@ -1,149 +1,152 @@
-"""Windowed RMS of the residuals. Ticks without data stay out: a filter without measurements must not look perfect."""
+"""Sums of the innovations over blocks of ticks: any window is the newest so many blocks."""
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
 
 from wrcd.estimator.bank import BoolArray
-from wrcd.estimator.design import CHANNELS, MODELS, FloatArray
+from wrcd.estimator.design import CHANNELS, MODELS, FloatArray, IntArray
 
-SMALLEST = 1e-6  # a residual this far below what the model expects is as good as zero
+BLOCK_TICKS = 4
+LAG = 4  # ticks between the two innovations of an autocorrelation: a quarter of a period at the band's upper end
+SMALLEST = 1e-12  # a power this far below what the model expects is as good as zero
+_W = MODELS * CHANNELS
+
+# Columns of a block: ticks N, of them live ones, sums of t and t^2, of the torque ratio and its ticks; then of the
+# whitened innovations w: w, t w, w^2, w(k) w(k - LAG) for each of the eight, and yaw times lateral for each model.
+N, LIVE, T, TT, RATIO, RATIO_N = range(6)
+_AT = np.cumsum([6, _W, _W, _W, _W, MODELS])
+SUM_W, SUM_TW, SUM_WW, SUM_LAG, SUM_CROSS = (slice(int(a), int(b)) for a, b in itertools.pairwise(_AT))
+COLUMNS = int(_AT[-1])
 
 
 @dataclass(frozen=True, slots=True)
-class Sums:
-    """Sums over the ticks with data of a part of the window: of 1, the age t and its square (n,), and of the whitened
-    innovations w, t w and their squares (4, 2, n). Those of two parts add up to those of both."""
+class Statistics:
+    """Of one window of every axle (n,), NaN where it holds too little data.
 
-    count: FloatArray
-    t: FloatArray
-    tt: FloatArray
-    w: FloatArray
-    tw: FloatArray
-    ww: FloatArray
+    power (n, 4, 2): mean square of the whitened innovations about a straight line, per model and channel.
+    lag (n, 8), cross (n, 4): their correlations with themselves LAG ticks before, and of yaw rate with lateral
+    acceleration. ratio (n,): mean torque ratio. ticks (n,): length.
+    """
 
-    def __add__(self, other: "Sums") -> "Sums":
-        """Both parts together."""
-        return Sums(
-            self.count + other.count, self.t + other.t, self.tt + other.tt,
-            self.w + other.w, self.tw + other.tw, self.ww + other.ww,
-        )  # fmt: skip
+    power: FloatArray
+    lag: FloatArray
+    cross: FloatArray
+    ratio: FloatArray
+    ticks: FloatArray
 
-    def rms(self, least: float) -> FloatArray:
-        """RMS about the straight line through the innovations, per model (n, 4). NaN with less than `least` ticks."""
-        with np.errstate(invalid="ignore", divide="ignore"):
-            mean = self.w / self.count
-            about = self.tw - self.t * mean  # sum of (t - its mean) w
-            spread = np.maximum(self.tt - self.t * self.t / self.count, 1e-9)
-            power = (self.ww - about * about / spread) / self.count - mean * mean
-            r = np.sqrt(np.maximum(power.sum(axis=1) / CHANNELS, SMALLEST**2))
-        out: FloatArray = np.where(self.count >= least, r, np.nan).T
-        return out
+    @property
+    def residuals(self) -> FloatArray:
+        """(n, 4): RMS of each model's normalised residual."""
+        return np.asarray(np.sqrt(self.power.sum(axis=2) / CHANNELS))
+
+
+def statistics(sums: FloatArray, least_ticks: float) -> Statistics:
+    """Of sums (COLUMNS, n) over a window. NaN with less than least_ticks live ticks.
+
+    A sensor's bias and what a filter still has to learn of it is a straight line in the innovations: it is taken out.
+    Ticks that are not live count as zeros in the sums; the power is that of the live ones.
+    """
+    n, live = sums[N], sums[LIVE]
+    w, tw, ww = sums[SUM_W], sums[SUM_TW], sums[SUM_WW]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean, mean_t = w / n, sums[T] / n
+        slope_part = tw - mean_t * w  # sum of (t - its mean) w
+        spread = np.maximum(sums[TT] - sums[T] * mean_t, 1e-9)
+        line = mean * mean + slope_part * slope_part / (spread * n)
+        power = np.maximum(ww / n - line, SMALLEST)
+        lag = (sums[SUM_LAG] / n - line) / power
+        pairs, slopes = mean.reshape(MODELS, CHANNELS, -1), slope_part.reshape(MODELS, CHANNELS, -1)
+        together = pairs[:, 0] * pairs[:, 1] + slopes[:, 0] * slopes[:, 1] / (spread * n)
+        each = power.reshape(MODELS, CHANNELS, -1)
+        cross = (sums[SUM_CROSS] / n - together) / np.sqrt(each[:, 0] * each[:, 1])
+        ratio = sums[RATIO] / sums[RATIO_N]
+        power = np.where(live >= least_ticks, power * (n / live), np.nan)
+    return Statistics(
+        power=np.moveaxis(power.reshape(MODELS, CHANNELS, -1), -1, 0),
+        lag=np.clip(lag, -1.0, 1.0).T,
+        cross=np.clip(cross, -1.0, 1.0).T,
+        ratio=ratio,
+        ticks=n,
+    )
 
 
 class Window:
-    """The last `ticks` ticks of every axle; slot = tick number modulo length, so the contents follow from the frames.
+    """The last `blocks` blocks of every axle; the newest may be part of a block.
 
-    Sums are taken afresh whenever they are asked for: nothing drifts. Where the rail has changed, what is older than
-    the newest part (`recent` ticks) is forgotten, and the window grows again.
+    A block's place is its number modulo the length, so the contents follow from the ticks' numbers. Where the rail has
+    changed, what is older is dropped, and the window grows again.
     """
 
-    STATE = ("_w", "_good", "_ratio", "_newest")
+    STATE = ("_sums", "_past", "_newest")
 
-    def __init__(self, ticks: int, recent: int, axles: int) -> None:
-        self._ticks, self._recent = ticks, recent
-        self._w: FloatArray = np.zeros((ticks, MODELS, CHANNELS, axles))
-        self._good: BoolArray = np.zeros((ticks, axles), dtype=bool)
-        self._ratio: FloatArray = np.zeros((ticks, axles))
-        self._newest = 0
+    def __init__(self, blocks: int, axles: int) -> None:
+        self._blocks = blocks
+        self._sums: FloatArray = np.zeros((blocks, COLUMNS, axles))
+        self._past: FloatArray = np.zeros((LAG, _W, axles))  # w of the last LAG ticks, newest first
+        self._newest = -1  # number of the newest block
+        self._cumulative: FloatArray | None = None
 
-    def put(self, tick: int, w: FloatArray, good: BoolArray, ratio: FloatArray) -> None:
-        """One tick: whitened innovations (4, 2, n), which axles had data (n,), |torque| / (2 N r0) (n,)."""
-        slot = tick % self._ticks
-        self._newest = tick
-        self._good[slot] = good
-        self._w[slot] = np.where(good, w, 0.0)
-        self._ratio[slot] = np.where(good, ratio, 0.0)
+    PASSING = ("_cumulative",)
+
+    def put(self, tick: int, w: FloatArray, running: BoolArray, live: BoolArray, ratio: FloatArray) -> None:
+        """One tick: whitened innovations (4, 2, n), which axles run (n,), which of them had data, torque ratio (n,)."""
+        block, t = divmod(tick, BLOCK_TICKS)
+        if block != self._newest:
+            for passed in range(max(self._newest + 1, block - self._blocks + 1), block + 1):
+                self._sums[passed % self._blocks] = 0.0
+            self._newest = block
+        w = np.where(running, w, 0.0).reshape(_W, -1)
+        known = running & np.isfinite(ratio)
+        sums = self._sums[block % self._blocks]
+        sums[N] += running
+        sums[LIVE] += live & running
+        sums[T] += t * running
+        sums[TT] += t * t * running
+        sums[RATIO] += np.where(known, ratio, 0.0)
+        sums[RATIO_N] += known
+        sums[SUM_W] += w
+        sums[SUM_TW] += t * w
+        sums[SUM_WW] += w * w
+        sums[SUM_LAG] += w * self._past[-1]
+        sums[SUM_CROSS] += w[::2] * w[1::2]
+        self._past = np.concatenate((w[None], self._past[:-1]))
+        self._cumulative = None
 
     def reset(self, axle: int) -> None:
         """Empty an axle's window."""
-        self._clear(slice(None), axle)
+        self._sums[:, :, axle] = 0.0
+        self._past[:, :, axle] = 0.0
+        self._cumulative = None
 
-    def differences(self) -> FloatArray:
-        """(n, 4): by how much a residual of the newest part differs from that of the rest, in decades. NaN where
-        either holds less than half of `recent` ticks of data."""
-        new, rest = self._sums()
-        least = 0.5 * self._recent
-        out: FloatArray = np.log10(new.rms(least)) - np.log10(rest.rms(least))
-        return out
+    def truncate(self, blocks: int, axles: BoolArray) -> None:
+        """Drop what is older than the newest blocks of some axles (n,)."""
+        age = (self._newest - np.arange(self._blocks)) % self._blocks
+        for axle in np.flatnonzero(axles):
+            self._sums[age >= blocks, :, axle] = 0.0
+        self._cumulative = None
 
-    def forget_old(self, limits: FloatArray) -> BoolArray:
-        """Where a residual differs by more than its limit (4,), the rest is forgotten. Returns where (n,)."""
-        with np.errstate(invalid="ignore"):
-            changed: BoolArray = np.any(np.abs(self.differences()) > limits, axis=1)
-        for axle in np.flatnonzero(changed):
-            self._clear(~self._newest_part(), int(axle))
-        return changed
+    def cumulative(self) -> FloatArray:
+        """(blocks + 1, COLUMNS, n): sums over the newest 0, 1, 2 … blocks, t counted from the newest block's start."""
+        if self._cumulative is None:
+            age = np.arange(self._blocks)
+            sums = self._sums[(self._newest - age) % self._blocks]
+            shift = (-float(BLOCK_TICKS) * age)[:, None]
+            sums[:, TT] += shift * (2.0 * sums[:, T] + shift * sums[:, N])
+            sums[:, T] += shift * sums[:, N]
+            sums[:, SUM_TW] += shift[:, :, None] * sums[:, SUM_W]
+            self._cumulative = np.concatenate((np.zeros_like(sums[:1]), np.cumsum(sums, axis=0)))
+        return self._cumulative
 
-    def residuals(self) -> FloatArray:
-        """(n, 4): RMS over the window of each model's normalised residual, its mean and trend removed.
+    def filled(self) -> IntArray:
+        """(n,): how many of the newest blocks hold ticks without a gap."""
+        age = np.arange(self._blocks)
+        there = self._sums[(self._newest - age) % self._blocks, N] > 0
+        return np.asarray(np.where(there.all(axis=0), self._blocks, np.argmin(there, axis=0)))
 
-        r = sqrt(mean((w - l)' (w - l)) / 2), l the straight line through w. Removing it takes sensor bias out,
-        and what a filter still has to learn of it. NaN where less than half of `recent` ticks brought data.
-        """
-        new, rest = self._sums()
-        return (new + rest).rms(0.5 * self._recent)
 
-    def recent_residuals(self) -> FloatArray:
-        """The same over the newest ticks only."""
-        return self._sums()[0].rms(0.5 * self._recent)
-
-    def torque_ratio(self) -> FloatArray:
-        """(n,): mean over the window of |torque| / (2 N r0); NaN without data."""
-        return self._mean(self._ratio, self._good)
-
-    def recent_torque_ratio(self) -> FloatArray:
-        """The same over the newest ticks only."""
-        new = self._newest_part()
-        return self._mean(self._ratio[new], self._good[new])
-
-    def share(self) -> FloatArray:
-        """(n,): how much of the window is there, from the newest part alone (0) to all of it (1)."""
-        count = self._good.sum(axis=0)
-        out: FloatArray = np.clip((count - self._recent) / max(self._ticks - self._recent, 1), 0.0, 1.0)
-        return out
-
-    def _newest_part(self) -> BoolArray:
-        new = np.zeros(self._ticks, dtype=bool)
-        new[np.arange(self._newest - self._recent + 1, self._newest + 1) % self._ticks] = True
-        return new
-
-    def _clear(self, slots: slice | BoolArray, axle: int) -> None:
-        self._w[slots, :, :, axle] = 0.0
-        self._good[slots, axle] = False
-        self._ratio[slots, axle] = 0.0
-
-    def _sums(self) -> tuple[Sums, Sums]:
-        """Of the newest part and of the rest, taken in one go: as products of weights (., ticks) with what is there."""
-        newest = self._newest_part()
-        # about the middle of the window, so that little is lost where large sums are subtracted
-        age = (self._newest - np.arange(self._ticks)) % self._ticks - 0.5 * self._ticks
-        parts = np.stack((newest, ~newest)).astype(np.float64)
-        weights = np.concatenate((parts, parts * age, parts * age * age))
-        counts = (weights @ self._good).reshape(3, 2, -1)
-        w = self._w.reshape(self._ticks, -1)
-        shape = (-1, 2, *self._w.shape[1:])
-        sums = (weights[:4] @ w).reshape(shape)
-        squares = (parts @ (w * w)).reshape(shape)
-        new, rest = (
-            Sums(count=counts[0, k], t=counts[1, k], tt=counts[2, k], w=sums[0, k], tw=sums[1, k], ww=squares[0, k])
-            for k in (0, 1)
-        )
-        return new, rest
-
-    @staticmethod
-    def _mean(values: FloatArray, good: BoolArray) -> FloatArray:
-        count = good.sum(axis=0)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            out: FloatArray = np.where(count > 0, values.sum(axis=0) / count, np.nan)
-        return out
+def newest(cumulative: FloatArray, blocks: IntArray) -> FloatArray:
+    """Sums (COLUMNS, n) over the newest blocks, of each axle its own number (n,)."""
+    out: FloatArray = cumulative[blocks, :, np.arange(cumulative.shape[2])].T
+    return out

@@ -1,10 +1,41 @@
 """Rules and moments in words."""
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
 from wrcd.estimator.design import MODELS, Design
+from wrcd.estimator.window import LAG
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """One of what the rules' outputs move with."""
+
+    name: str
+    correlation: bool = False
+
+
+COLUMN_WORDS = (
+    *(Column(f"residual {m + 1}") for m in range(MODELS)),
+    Column("torque"),
+    Column("speed"),
+    *(
+        Column(f"{what} persistence {m + 1}", True)
+        for m in range(MODELS)
+        for what in ("yaw rate", "lateral acceleration")
+    ),
+    *(Column(f"coupling {m + 1}", True) for m in range(MODELS)),
+    Column("window length"),
+    Column("yaw rate noise"),
+    Column("lateral acceleration noise"),
+)
+GLOSSARY = (
+    f"persistence m: correlation of model m's innovation with itself {LAG} ticks before. Near 1 the innovation is slow: "
+    "the model misses a slow motion, such as hunting. Near 0 or below it is fast: the model misses the yaw spring.",
+    "coupling m: correlation of model m's two innovations. Away from 0, yaw and lateral motion that the track drives "
+    "together are missed together: the model's contact is not the present one.",
+)
 
 LEAST_SHARE = 0.15  # slopes smaller than this share of a rule's largest are left out of its sentence
 
@@ -21,12 +52,12 @@ def says(design: Design, rule: int) -> str:
     base = float(design.bases[rule])
     mu = float(np.clip(np.polyval(design.polynomial, np.clip(base, 0.0, 100.0)), *design.adhesion_range_pct))
     slopes = design.slopes[rule]
-    inputs = [*(f"residual {m + 1}" for m in range(MODELS)), "torque", "speed"]
-    # per doubling, which a person can picture, not per decade
+    # per doubling, which a person can picture, not per decade; of a correlation per 0.1
+    steps = np.array([0.1 if c.correlation else math.log10(2.0) for c in COLUMN_WORDS])
     moves = [
-        f"{s * math.log10(2.0):+.0f} per doubling of {name}"
-        for s, name in zip(slopes, inputs, strict=True)
-        if abs(s) >= LEAST_SHARE * np.abs(slopes).max(initial=0.0) and abs(s) * math.log10(2.0) >= 0.5
+        f"{move:+.0f} per {'0.1' if c.correlation else 'doubling'} of {c.name}"
+        for move, c in zip(slopes * steps, COLUMN_WORDS, strict=True)
+        if abs(move) >= LEAST_SHARE * np.abs(slopes * steps).max(initial=0.0) and abs(move) >= 0.5
     ]
     return f"output {base:.0f} (adhesion {mu:.1f} %)" + (f"; {', '.join(moves)}" if moves else "")
 

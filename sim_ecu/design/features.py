@@ -1,0 +1,95 @@
+"""From recordings, through the train's own estimator, to what its rules are made from."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_ecu.design.cases import Plan
+from sim_ecu.design.recordings import Recording
+from wrcd.estimator.design import Design
+from wrcd.estimator.estimator import Estimator, Tick
+from wrcd.estimator.window import BLOCK_TICKS
+
+FloatArray = NDArray[np.float64]
+EDGE = 0.3  # importance of a window outside the plan's core
+# Windows end at these shares of the recording after it has settled, and are so many seconds long: the newest part
+# alone, the usual window, and what it grows to.
+ENDS = (0.25, 0.5, 0.75, 1.0)
+LENGTHS_S = (0.16, 0.25, 0.5, 1.0, 1.0, 1.5, 2.0)
+DISTURBED_ENDS = (0.5, 1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Features:
+    """One row per window: inputs (n, COLUMNS) as the rules are given them, the truth in percent (n,), the number of the
+    condition (n,), whether it is of the design's own world and undisturbed (n,)."""
+
+    inputs: FloatArray
+    mu_pct: FloatArray
+    condition: NDArray[np.int64]
+    nominal: NDArray[np.bool_]
+
+    def importance(self, plan: Plan) -> FloatArray:
+        """Weight of each window in the fit: less at the edges of the plan, more at speed."""
+        speed = 10.0 ** self.inputs[:, 5]
+        utilisation = 100.0 * 10.0 ** self.inputs[:, 4] / self.mu_pct
+        low, high = plan.core_speeds
+        core = (speed >= low) & (speed <= high) & (utilisation >= plan.core_utilisation)
+        # the speeds are drawn evenly in the logarithm; trains run evenly in the speed
+        return np.where(core, 1.0, EDGE) * (np.clip(speed, low, high) / high) ** 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class Steps:
+    """Per window: decades (n, 4) between the residuals of its newest part and of the rest, and the speed (n,)."""
+
+    decades: FloatArray
+    speed_m_s: FloatArray
+
+
+def run(design: Design, z: NDArray[np.float32], r: Recording, at: Sequence[int]) -> Iterator[tuple[int, Estimator]]:
+    """Feed a recording to the train's estimator; gives it back after each of the ticks (growing)."""
+    n = z.shape[2]
+    estimator = Estimator(design, n)
+    present = np.ones((2, n), dtype=bool)
+    ratio = np.abs(r.torque.astype(np.float64)) / (2 * design.normal_N * design.r_0)
+    wanted = set(at)
+    for k in range(len(z)):
+        estimator.step(Tick(k, z[k].astype(np.float64), present, ratio[k], float(r.speed_m_s[k])))
+        if k in wanted:
+            yield k, estimator
+
+
+def features(design: Design, recordings: Sequence[Recording], plan: Plan, seed: int = 0) -> tuple[Features, Steps]:
+    """Windows of random length out of every recording, undisturbed and disturbed. Of the design only the bank is used.
+
+    The steps are those of undisturbed windows in the design's own world, on a rail that does not change.
+    """
+    rows: list[tuple[FloatArray, FloatArray, NDArray[np.int64], NDArray[np.bool_]]] = []
+    decades, speeds = [], []
+    first = 0
+    for number, r in enumerate(recordings):
+        rng = np.random.default_rng([plan.seed, 2, seed, number])
+        for z, ends in ((r.z, ENDS), (r.felt, DISTURBED_ENDS)):
+            settled = round(plan.settle_s / plan.seconds * len(z))
+            at = [settled + round(share * (len(z) - settled)) - 1 for share in ends]
+            for k, estimator in run(design, z, r, at):
+                lengths = rng.choice(LENGTHS_S, z.shape[2]) / design.tick_s / BLOCK_TICKS
+                blocks = np.minimum(np.round(lengths).astype(np.int64), (k + 1 - r.first) // BLOCK_TICKS)
+                inputs, _ = estimator.inputs_of(blocks, estimator.torque_now())
+                nominal = np.full(len(blocks), r.own_world and z is r.z)
+                rows.append((inputs, r.mu_pct[k].astype(np.float64), first + np.arange(len(blocks)), nominal))
+                if nominal[0]:
+                    step, _, _ = estimator.steps()
+                    still = k + 1 - r.first >= design.window_ticks
+                    decades.append(step[still])
+                    speeds.append(np.full(int(still.sum()), r.speed_m_s[k]))
+        first += r.z.shape[2]
+    inputs, mu, condition, own = (np.concatenate(part) for part in zip(*rows, strict=True))
+    known = np.isfinite(inputs).all(axis=1)
+    return (
+        Features(inputs[known], mu[known], condition[known], own[known]),
+        Steps(np.concatenate(decades), np.concatenate(speeds)),
+    )

@@ -1,0 +1,92 @@
+"""What the sensors say in the conditions of a plan, as the daemon gets it."""
+
+import math
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_ecu.design.cases import Condition, Group, Plan, Progress, draw, simulate
+from sim_ecu.physics.axlebox import AxleBox
+from sim_ecu.physics.wheelset import LAT_ACCEL, MU_AVAILABLE, TORQUE, YAW_RATE, Wheelset
+
+FloatArray = NDArray[np.float32]
+SPEED_TICKS = 4  # the speed comes every so many ticks
+# What an axle box feels in the disturbed copies: vibration above the band and in it, joints; m/s2, from … to.
+VIBRATION, WHITE, JOINTS = (0.01, 1.2), (0.003, 0.1), (0.1, 2.5)
+
+
+@dataclass(frozen=True, slots=True)
+class Recording:
+    """A group's sensors: z (ticks, 2, n), the same as disturbed axle boxes feel it, torque (ticks, n), speed (ticks,),
+    the truth in percent (ticks, n); the tick (n,) from which on a condition is what it is; the design's own world or
+    another."""
+
+    z: FloatArray
+    felt: FloatArray
+    torque: FloatArray
+    speed_m_s: NDArray[np.float64]
+    mu_pct: FloatArray
+    first: NDArray[np.int64]
+    own_world: bool
+
+
+def record(w: Wheelset, plan: Plan, tick_s: float, progress: Progress, jobs: int = 2) -> list[Recording]:
+    """Simulate all conditions (the long part: minutes) and add the sensors' noise."""
+    groups = draw(plan, w)
+    out = []
+    with ThreadPoolExecutor(jobs) as pool:
+        for k, group in enumerate(groups):
+            rng = np.random.default_rng([plan.seed, 1, k])
+            runs = list(pool.map(lambda c: simulate(w, c, plan.seconds, tick_s).outputs[:, 0], group.conditions))
+            out.append(_measured(group, np.stack(runs, axis=-1), tick_s, rng))
+            progress("simulating conditions", (k + 1) / len(groups))
+    return out
+
+
+def _measured(group: Group, y: NDArray[np.float64], tick_s: float, rng: np.random.Generator) -> Recording:
+    """y (ticks, outputs, n)."""
+    ticks = len(y)
+    z = np.empty((ticks, 2, y.shape[2]), np.float32)
+    felt, torque = z.copy(), z[:, 0].copy()
+    v: NDArray[np.float64] = np.asarray(group.speed_m_s + group.ramp_m_s2 * tick_s * np.arange(1, ticks + 1))
+    distance: NDArray[np.float64] = np.cumsum(v) * tick_s
+    for i, c in enumerate(group.conditions):
+        extra = _axle_box(rng).felt(distance, v, tick_s, rng)
+        noise_seed = int(rng.integers(2**62))
+        for into, more in ((z, 0.0 * extra), (felt, extra)):
+            own = np.random.default_rng(noise_seed)
+            into[:, 0, i] = c.sensors.yaw_rate.measure(np.asarray(y[:, YAW_RATE, i] + more[:, 0]), own)
+            into[:, 1, i] = c.sensors.lat_accel.measure(np.asarray(y[:, LAT_ACCEL, i] + more[:, 1]), own)
+        torque[:, i] = c.sensors.torque.measure(y[:, TORQUE, i], rng)
+    speed = group.conditions[0].sensors.speed.measure(v[::SPEED_TICKS], rng)
+    return Recording(
+        z=z,
+        felt=felt,
+        torque=torque,
+        speed_m_s=np.repeat(speed, SPEED_TICKS)[:ticks],
+        mu_pct=(100 * y[:, MU_AVAILABLE]).astype(np.float32),
+        first=np.array([_first(c, tick_s) for c in group.conditions]),
+        own_world=all(c.wheelset is None for c in group.conditions),
+    )
+
+
+def _first(c: Condition, tick_s: float) -> int:
+    """The tick from which on torque and rail stay."""
+    return round((0.5 if c.before is None else c.changes_at_s + 0.05) / tick_s)
+
+
+def _axle_box(rng: np.random.Generator) -> AxleBox:
+    def drawn(limits: tuple[float, float]) -> float:
+        return math.exp(rng.uniform(*np.log(limits)))
+
+    kind = rng.random()
+    if kind < 0.35:
+        return AxleBox(vibration_m_s2=drawn(VIBRATION))
+    if kind < 0.6:
+        return AxleBox(vibration_m_s2=drawn(WHITE), band_hz=(0.0, 100.0))
+    shape = str(rng.choice(["bipolar", "unipolar"]))
+    if kind < 0.9:
+        return AxleBox(joint_m_s2=drawn(JOINTS), joint_shape=shape, joint_s=float(rng.uniform(0.02, 0.04)))
+    return AxleBox(vibration_m_s2=drawn(VIBRATION), joint_m_s2=drawn(JOINTS), joint_shape=shape)

@@ -1,0 +1,47 @@
+"""From a window's statistics to what the rules are given."""
+
+import numpy as np
+
+from wrcd.estimator.bank import at_speed
+from wrcd.estimator.design import CHANNELS, Design, FloatArray
+from wrcd.estimator.window import Statistics
+
+MIN_TORQUE = 0.003  # torque ratio: less is coasting, and says nothing
+MIN_TRACK = 0.03  # of the noise's power: less from the track is not told from none
+
+
+def noise_floor(design: Design, noise_factor: FloatArray, speed_m_s: float) -> FloatArray:
+    """(n, 4): mean square residual that sensors noise_factor (2, n) times as noisy as the design's leave."""
+    power = at_speed(design.noise_power, design.speeds_m_s, speed_m_s)
+    floor: FloatArray = (power @ (noise_factor * noise_factor)).T / CHANNELS
+    return floor
+
+
+def rule_inputs(
+    design: Design, s: Statistics, torque_ratio: FloatArray, noise_factor: FloatArray, speed_m_s: float
+) -> FloatArray:
+    """(n, COLUMNS): log10 of residuals 1 to 3 over residual 4, of residual 4, of torque ratio (n,) and speed; the
+    correlations; log10 of the window's length in seconds and of the noise factor (2, n).
+
+    The share of the sensors' noise is taken off first: what is left goes with the track's roughness alike in all four.
+    Model 4, in the linear region, takes its present size; what the others make of the same track tells the contact.
+    """
+    if design.form == "paper":
+        logs = np.log10(s.residuals)
+        heads = logs
+    else:
+        floor = noise_floor(design, noise_factor, speed_m_s)
+        mean_square = s.power.sum(axis=2) / CHANNELS
+        logs = 0.5 * np.log10(np.maximum(mean_square - floor, MIN_TRACK * floor))
+        heads = np.column_stack((logs[:, :-1] - logs[:, -1:], logs[:, -1]))
+    torque = np.log10(np.maximum(torque_ratio, MIN_TORQUE))
+    with np.errstate(divide="ignore"):
+        length = np.log10(s.ticks * design.tick_s)
+    speed = np.full(len(logs), np.log10(speed_m_s))
+    return np.column_stack((heads, torque, speed, s.lag, s.cross, length, np.log10(noise_factor).T))
+
+
+def excitation(design: Design, s: Statistics, noise_factor: FloatArray, speed_m_s: float) -> FloatArray:
+    """(n,): the largest of the four residuals over what the sensors' noise alone leaves of it."""
+    floor = noise_floor(design, noise_factor, speed_m_s)
+    return np.asarray(np.sqrt((s.power.sum(axis=2) / CHANNELS / floor).max(axis=1)))

@@ -1,0 +1,53 @@
+"""Rail joints and crossings: short pulses of the axle box that tell nothing of the contact."""
+
+import numpy as np
+
+from wrcd.estimator.bank import BoolArray
+from wrcd.estimator.design import FloatArray
+from wrcd.estimator.sections import Sections
+
+# A pulse is so many times the running rms of the accelerometer above the band; the rms is never taken as less than
+# FLOOR of the design's sensor noise, and forgets within 1 / GAIN ticks. A square counts as no more than CLIP of it.
+PULSE_SIGMA = 5.0
+FLOOR = 0.8
+GAIN, CLIP = 0.005, 9.0
+HOLD_TICKS = 4  # before and behind a pulse
+FIRST_TICKS = 20
+# A pulse this long is no joint. Larger than this (m/s2, rad/s) it is no joint either, but a wrong sample.
+MAX_TICKS = 24
+MAX_PULSE = np.array([6.0, 0.02])
+
+
+class Joints:
+    """Flags the ticks of pulses, HOLD_TICKS late, so that those before a pulse are flagged, too."""
+
+    STATE = ("_highpass", "_power", "_ticks", "_left", "_length")
+
+    def __init__(self, highpass: FloatArray, noise_rms: float, axles: int) -> None:
+        self._highpass = Sections(highpass, 1, axles)
+        self._floor = (FLOOR * noise_rms) ** 2
+        self._power: FloatArray = np.full(axles, noise_rms**2)
+        self._ticks: FloatArray = np.zeros(axles)
+        self._left: FloatArray = np.zeros(axles)  # ticks for which the flag still holds
+        self._length: FloatArray = np.zeros(axles)  # ticks of pulse in a row
+
+    def reset(self, axle: int) -> None:
+        """Start an axle anew."""
+        self._highpass.reset(axle)
+        self._power[axle] = self._floor / FLOOR**2
+        self._ticks[axle] = self._left[axle] = self._length[axle] = 0.0
+
+    def step(self, lat_accel: FloatArray, present: BoolArray) -> tuple[BoolArray, BoolArray]:
+        """One tick's lateral accelerations (n,). Returns where it is a pulse, and where it is one or just after."""
+        high = self._highpass.step(np.where(present, lat_accel, 0.0)[None])[0]
+        square = high * high
+        known = self._ticks >= FIRST_TICKS
+        pulse: BoolArray = present & known & (square > PULSE_SIGMA**2 * np.maximum(self._power, self._floor))
+        self._length = np.where(pulse, self._length + 1.0, np.where(self._left > 0, self._length, 0.0))
+        pulse &= self._length <= MAX_TICKS
+        self._ticks = self._ticks + present
+        square = np.where(known, np.minimum(square, CLIP * np.maximum(self._power, self._floor)), square)
+        gain = np.where(present, np.maximum(GAIN, 1.0 / np.maximum(self._ticks, 1.0)), 0.0)
+        self._power = self._power + gain * (square - self._power)
+        self._left = np.where(pulse, HOLD_TICKS + 1.0, np.maximum(self._left - 1.0, 0.0))
+        return pulse, self._left > 0
