@@ -211,6 +211,23 @@ def _drive_torque(
     return torque, integral
 
 
+# What is kept of an axle's newest peak: the speed and the curve's five numbers that it is of, and where it lies.
+PEAK_CREEP, PEAK_MU = 6, 7
+PEAK_COLUMNS = 8
+
+
+@compiled
+def _peak_at(rail: FloatArray, distance_m: float, speed_m_s: float, c: Contact, known: FloatArray) -> None:
+    """The peak at a place and a speed, in known (PEAK_COLUMNS,); searched for only where it is another than before."""
+    r = rail_at(rail, distance_m)
+    same = known[0] == speed_m_s
+    for j in range(5):
+        same = same and known[1 + j] == r[j]
+    if not same:
+        known[0], known[1:6] = speed_m_s, r[:5]
+        known[PEAK_CREEP], known[PEAK_MU] = peak(speed_m_s, c, r[0], r[1], r[2], r[3], r[4])
+
+
 @compiled
 def simulate(
     state: FloatArray, train: FloatArray, integral: FloatArray, offset: FloatArray, start: FloatArray,
@@ -230,6 +247,8 @@ def simulate(
     journey = np.empty((samples, 2))
     k_state = np.empty((4, axles, 7))
     k_train = np.empty((4, 2))
+    x, t = np.empty((axles, 7)), np.empty(2)
+    peaks = np.zeros((axles, PEAK_COLUMNS))
     force, yaw_rate, accel = np.empty(axles), np.empty(axles), np.empty(axles)
     torque = np.empty(axles)
     demand, limit = np.empty(axles), np.empty(axles)
@@ -239,8 +258,8 @@ def simulate(
         v = train[0]
         held_rate = (held_speed[s] - v) / sample_s
         for i in range(axles):
-            r = rail_at(rails[i], train[1] + offset[i])
-            creep_peak, mu_peak = peak(max(v, ROLLING_START), c, r[0], r[1], r[2], r[3], r[4])
+            _peak_at(rails[i], train[1] + offset[i], max(v, ROLLING_START), c, peaks[i])
+            creep_peak, mu_peak = peaks[i, PEAK_CREEP], peaks[i, PEAK_MU]
             wanted = command.creep[s, i]
             if np.isnan(wanted):
                 wanted = command.creep_of_peak[s, i] * creep_peak
@@ -264,9 +283,14 @@ def simulate(
                 torque[i], integral[i] = _drive_torque(state[i], train[0], demand[i], limit[i], integral[i], h, p)
             for k in range(4):
                 if k == 0:
-                    x, t = state, train
+                    x[:], t[:] = state, train
                 else:
-                    x, t = state + lead[k] * h * k_state[k - 1], train + lead[k] * h * k_train[k - 1]
+                    ahead = lead[k] * h
+                    for i in range(axles):
+                        for j in range(7):
+                            x[i, j] = state[i, j] + ahead * k_state[k - 1, i, j]
+                    for j in range(2):
+                        t[j] = train[j] + ahead * k_train[k - 1, j]
                 train_derivatives(
                     x, t, torque, offset, start, nodes, rails, held_rate, p, c, k_state[k], k_train[k],
                     force, yaw_rate, accel,
@@ -279,13 +303,17 @@ def simulate(
                     slip = 0.5 * p.r_0 * (x[i, W_R] + x[i, W_L]) - t[0]
                     out[s, i, SLIP] += share * slip / max(t[0], ROLLING_START)
             for k in range(4):
-                state += h * weight[k] * k_state[k]
-                train += h * weight[k] * k_train[k]
+                part = h * weight[k]
+                for i in range(axles):
+                    for j in range(7):
+                        state[i, j] += part * k_state[k, i, j]
+                for j in range(2):
+                    train[j] += part * k_train[k, j]
             train[0] = max(train[0], 0.0)
             for i in range(axles):
                 out[s, i, TORQUE] += torque[i] / steps
         for i in range(axles):
-            r = rail_at(rails[i], train[1] + offset[i])
-            out[s, i, MU_AVAILABLE] = peak(max(train[0], ROLLING_START), c, r[0], r[1], r[2], r[3], r[4])[1]
+            _peak_at(rails[i], train[1] + offset[i], max(train[0], ROLLING_START), c, peaks[i])
+            out[s, i, MU_AVAILABLE] = peaks[i, PEAK_MU]
         journey[s, 0], journey[s, 1] = train[0], train[1]
     return out, journey

@@ -8,6 +8,7 @@ import numpy as np
 from wrcd.estimator.design import MODELS, Design
 from wrcd.estimator.window import LAG
 
+
 @dataclass(frozen=True, slots=True)
 class Column:
     """One of what the rules' outputs move with."""
