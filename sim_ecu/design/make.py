@@ -80,8 +80,7 @@ def design(brief: Brief, progress: Progress) -> tuple[dict[str, Any], list[Recor
 
 def fitted(brief: Brief, document: dict[str, Any], recordings: list[Recording], progress: Progress) -> dict[str, Any]:
     """The document of a bank with the rule base that recordings give it."""
-    data, steps = features(_with_placeholder_rules(document), recordings, brief.plan)
-    progress("residuals", 1.0)
+    data, steps = features(_with_placeholder_rules(document), recordings, brief.plan, progress)
     sets = [len(names) for names in set_names(brief)]
     rules = fit(data.inputs, data.mu_pct, sets, brief.most_rules, data.importance(brief.plan), data.condition)
     document = document | fuzzy_part(brief, rules, data) | {"changes": changes(brief, steps)}

@@ -15,7 +15,7 @@ from wrcd.estimator.noise import NoiseLevel
 from wrcd.estimator.offset import Offset
 from wrcd.estimator.sections import Sections
 from wrcd.estimator.speed import SpeedFilter
-from wrcd.estimator.window import BLOCK_TICKS, RATIO, RATIO_N, Statistics, Window, newest, statistics
+from wrcd.estimator.window import BLOCK_TICKS, RATIO, RATIO_N, Statistics, Window, newest, raw_power, statistics
 
 OFFSET_WINDOWS = 2  # memory of the sensors' offsets, in windows
 NOW_S = 0.06  # the torque of so long is the torque of the moment
@@ -101,7 +101,7 @@ class Estimator:
         "_bank", "_offset", "_gate", "_window", "_speed", "_lowpass", "_joints", "_noise", "_speed_m_s", "_whole",
         "_delayed", "_delayed_live", "_delayed_clear", "started", "used", "outlier", "good", "upset", "outliers",
     )  # fmt: skip
-    PASSING = ("near_pulse", "live")
+    PASSING = ("near_pulse", "live", "calm")
 
     def __init__(self, design: Design, axles: int) -> None:
         self.design = design
@@ -125,6 +125,7 @@ class Estimator:
         self.good: BoolArray = np.zeros(axles, dtype=bool)  # whether it can go into the window
         self.upset: BoolArray = np.zeros(axles, dtype=bool)
         self.near_pulse: BoolArray = np.zeros(axles, dtype=bool)
+        self.calm: BoolArray = np.zeros(axles, dtype=bool)  # and that one is far from any pulse
         self.live: BoolArray = np.zeros(
             axles, dtype=bool
         )  # whether the window was given an innovation, HOLD_TICKS late
@@ -161,14 +162,15 @@ class Estimator:
         z, e, w = self._filter(tick, whole, speed)
         small = np.logical_and.reduce(np.abs(z) <= MAX_PULSE[:, None])
         pulse, near = self._joints.step(tick.z[1], whole & small)
-        absurd = self._gate.absurd(e, whole & ~(near & small))
+        swings = self._joints.recovering & small
+        absurd = self._gate.absurd(e, whole & ~swings)
         self.outlier = np.logical_or.reduce(absurd)
         used = whole & ~self.outlier
         if self.outlier.any():
             self.outliers += int(absurd.sum())
             self._bank.x, self._offset.known = bank, offset
             z, e, w = self._filter(tick, used, speed)
-        self.upset = self._gate.learn(e, used & ~near, absurd) | ~np.isfinite(self._bank.x).all(axis=(0, 1))
+        self.upset = self._gate.learn(e, used & ~swings, absurd) | ~np.isfinite(self._bank.x).all(axis=(0, 1))
         self._noise.step(tick.z, used & ~near)
         self.used = used
         self.near_pulse = near
@@ -191,15 +193,15 @@ class Estimator:
     def _put(self, tick: Tick, w: FloatArray, pulse: BoolArray, near: BoolArray) -> None:
         """Innovations enter the window HOLD_TICKS late, those about a pulse and those not used as zeros."""
         self._delayed_clear &= ~pulse
-        old, live = self._delayed[0], self._delayed_live[0] & self._delayed_clear[0]
+        raw, live = self._delayed[0], self._delayed_live[0] & self._delayed_clear[0]
         self._delayed = np.concatenate((self._delayed[1:], w[None]))
         self._delayed_live = np.concatenate((self._delayed_live[1:], self.good[None]))
         self._delayed_clear = np.concatenate((self._delayed_clear[1:], ~near[None]))
-        if self.design.form == "wrcd":
-            old = np.where(live, old, 0.0)
-            old = self._lowpass.step(old.reshape(-1, self.axles)).reshape(old.shape)
+        raw = np.where(live, raw, 0.0)
+        w = self._lowpass.step(raw.reshape(-1, self.axles)).reshape(raw.shape) if self.design.form == "wrcd" else raw
         self.live = live
-        self._window.put(tick.number, old, self.started, live, tick.torque_ratio)
+        self.calm = live & ~self._joints.recovering
+        self._window.put(tick.number, w, raw, self.started, live, self.calm, tick.torque_ratio)
 
     def steps(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Of the newest part of the window against the rest: decades between the residuals (n, 4), NaN where either
@@ -210,7 +212,7 @@ class Estimator:
         rest = newest(cumulative, compared) - new
         moment = newest(cumulative, np.minimum(compared, self._now))
         with np.errstate(invalid="ignore", divide="ignore"):
-            decades = np.log10(statistics(new, self._min_ticks).residuals / statistics(rest, self._min_ticks).residuals)
+            decades = 0.5 * np.log10(raw_power(new, self._min_ticks) / raw_power(rest, self._min_ticks))
             return decades, moment[RATIO] / moment[RATIO_N], rest[RATIO] / rest[RATIO_N]
 
     def _drop_what_was_before_a_change(self) -> None:

@@ -14,10 +14,13 @@ SMALLEST = 1e-12  # a power this far below what the model expects is as good as 
 _W = MODELS * CHANNELS
 
 # Columns of a block: ticks N, of them live ones, sums of t and t^2, of the torque ratio and its ticks; then of the
-# whitened innovations w: w, t w, w^2, w(k) w(k - LAG) for each of the eight, and yaw times lateral for each model.
-N, LIVE, T, TT, RATIO, RATIO_N = range(6)
-_AT = np.cumsum([6, _W, _W, _W, _W, MODELS])
-SUM_W, SUM_TW, SUM_WW, SUM_LAG, SUM_CROSS = (slice(int(a), int(b)) for a, b in itertools.pairwise(_AT))
+# whitened innovations w, filtered: w, t w, w^2, w(k) w(k - LAG) for each of the eight, and yaw times lateral for each
+# model; and of the unfiltered ones, which show a change sooner, w and w^2 over the ticks RAW_N that are calm.
+N, LIVE, T, TT, RATIO, RATIO_N, RAW_N = range(7)
+_AT = np.cumsum([7, _W, _W, _W, _W, MODELS, _W, _W])
+SUM_W, SUM_TW, SUM_WW, SUM_LAG, SUM_CROSS, SUM_RAW, SUM_RAW2 = (
+    slice(int(a), int(b)) for a, b in itertools.pairwise(_AT)
+)
 COLUMNS = int(_AT[-1])
 
 
@@ -72,6 +75,16 @@ def statistics(sums: FloatArray, least_ticks: float) -> Statistics:
     )
 
 
+def raw_power(sums: FloatArray, least_ticks: float) -> FloatArray:
+    """(n, 4): mean square of the unfiltered innovations about their mean. NaN with less than least_ticks calm ticks."""
+    live = sums[RAW_N]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = sums[SUM_RAW] / live
+        power = np.maximum(sums[SUM_RAW2] / live - mean * mean, SMALLEST)
+    both = power.reshape(MODELS, CHANNELS, -1).mean(axis=1)
+    return np.asarray(np.where(live >= least_ticks, both, np.nan).T)
+
+
 class Window:
     """The last `blocks` blocks of every axle; the newest may be part of a block.
 
@@ -90,8 +103,12 @@ class Window:
 
     PASSING = ("_cumulative",)
 
-    def put(self, tick: int, w: FloatArray, running: BoolArray, live: BoolArray, ratio: FloatArray) -> None:
-        """One tick: whitened innovations (4, 2, n), which axles run (n,), which of them had data, torque ratio (n,)."""
+    def put(
+        self, tick: int, w: FloatArray, raw: FloatArray, running: BoolArray, live: BoolArray, calm: BoolArray,
+        ratio: FloatArray,
+    ) -> None:  # fmt: skip
+        """One tick: whitened innovations (4, 2, n) filtered and unfiltered, which axles run (n,), which had data,
+        which of those are far from any pulse, torque ratio (n,)."""
         block, t = divmod(tick, BLOCK_TICKS)
         if block != self._newest:
             for passed in range(max(self._newest + 1, block - self._blocks + 1), block + 1):
@@ -111,6 +128,10 @@ class Window:
         sums[SUM_WW] += w * w
         sums[SUM_LAG] += w * self._past[-1]
         sums[SUM_CROSS] += w[::2] * w[1::2]
+        sums[RAW_N] += calm & running
+        raw = np.where(calm & running, raw, 0.0).reshape(_W, -1)
+        sums[SUM_RAW] += raw
+        sums[SUM_RAW2] += raw * raw
         self._past = np.concatenate((w[None], self._past[:-1]))
         self._cumulative = None
 
