@@ -1,0 +1,133 @@
+"""What an axle box feels beyond the track's spectrum: vibration in its band, joints and a crossing at their places."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.signal import welch
+
+from sim_ecu.physics.axlebox import CROSSING, AxleBox, AxleBoxStream, FloatArray
+
+TICK_S = 0.005
+GYRO, LATERAL = 0, 1
+
+
+def rng(seed: int = 1) -> np.random.Generator:
+    return np.random.default_rng(seed)
+
+
+def ride(speed_m_s: float, seconds: float) -> tuple[FloatArray, FloatArray]:
+    """Distance and speed at the end of each sample."""
+    n = round(seconds / TICK_S)
+    return speed_m_s * TICK_S * np.arange(1, n + 1), np.full(n, speed_m_s)
+
+
+def test_nothing_is_felt_by_default_and_nothing_is_drawn() -> None:
+    used, fresh = rng(), rng()
+    assert not AxleBox().felt(*ride(25.0, 2.0), TICK_S, used).any()
+    assert AxleBox().quiet
+    AxleBox(crossing_m_s2=1.0).felt(*ride(25.0, 2.0), TICK_S, used)
+    assert used.random() == fresh.random()
+
+
+@pytest.mark.parametrize("band", [(20.0, 100.0), (0.0, 100.0), (20.0, 500.0), (5.0, 15.0)])
+def test_vibration_has_its_rms_and_stays_in_its_band(band: tuple[float, float]) -> None:
+    felt = AxleBox(vibration_m_s2=0.3, band_hz=band, gyro_per_m_s2=0.004).felt(*ride(20.0, 200.0), TICK_S, rng())
+    assert felt.std(axis=0) == pytest.approx([0.3 * 0.004, 0.3], rel=0.02)
+    f, power = welch(felt[:, LATERAL], fs=1 / TICK_S, nperseg=2000, detrend=False)
+    outside = (f < band[0] - 1) | (f > min(band[1], 100.0) + 1)
+    inside = (f > band[0] + 1) & (f < min(band[1], 100.0) - 1)
+    assert power[inside].mean() == pytest.approx(0.3**2 / (min(band[1], 100.0) - band[0]), rel=0.05)
+    assert power[outside].sum() <= 1e-6 * power.sum()
+    # the gyro vibrates by itself
+    assert abs(np.corrcoef(felt.T)[0, 1]) < 0.05
+
+
+def test_a_narrow_band_of_a_short_ride_still_vibrates() -> None:
+    several = [
+        AxleBox(vibration_m_s2=1.0, band_hz=(30.0, 30.5)).felt(*ride(20.0, 0.2), TICK_S, rng(k)) for k in range(99)
+    ]
+    assert np.sqrt(np.mean([f[:, LATERAL] ** 2 for f in several])) == pytest.approx(1.0, rel=0.2)
+
+
+@pytest.mark.parametrize("speed", [10.0, 25.0, 60.0])
+def test_a_joint_comes_every_25_m_with_its_peak_and_duration(speed: float) -> None:
+    """Bipolar: as much to one side as to the other, so a joint leaves no step in the lateral velocity."""
+    distance, v = ride(speed, 1000.0 / speed)
+    felt = AxleBox(joint_m_s2=2.0).felt(distance, v, TICK_S, rng())[:, LATERAL]
+    struck = np.flatnonzero(felt)
+    begins = distance[struck[np.diff(struck, prepend=-99) > 1]]
+    assert len(begins) in (40, 41)
+    assert np.diff(begins) == pytest.approx(25.0, abs=1.01 * speed * TICK_S)
+    assert 1.7 < np.abs(felt).max() <= 2.0
+    # 30 ms in samples of 5 ms: six or, cut at both ends, seven
+    assert 6 * (len(begins) - 1) <= len(struck) <= 7 * len(begins)
+    whole = felt[struck[0] : struck[0] + 8]
+    assert whole.sum() == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_unipolar_joint_leaves_the_step_that_half_a_sine_has() -> None:
+    distance, v = ride(25.0, 4.0)
+    felt = AxleBox(joint_m_s2=2.0, joint_shape="unipolar").felt(distance, v, TICK_S, rng())[:, LATERAL]
+    first = np.flatnonzero(felt)[0]
+    assert abs(felt[first : first + 8].sum() * TICK_S) == pytest.approx(2.0 * 0.03 * 2 / math.pi, rel=1e-9)
+
+
+def test_the_gyro_feels_the_same_pulses() -> None:
+    felt = AxleBox(joint_m_s2=2.0, gyro_per_m_s2=0.003).felt(*ride(25.0, 4.0), TICK_S, rng())
+    assert felt[:, GYRO] == pytest.approx(0.003 * felt[:, LATERAL])
+
+
+def test_joints_closer_than_a_pulse_add_up() -> None:
+    """At 60 m/s a pulse of 30 ms lasts 1.8 m: of joints every metre two are felt at a time."""
+    box = AxleBox(joint_m_s2=1.0, joint_every_m=1.0, joint_shape="unipolar")
+    felt = box.felt(*ride(60.0, 5.0), TICK_S, rng())[100:, LATERAL]
+    # one joint's gathered push times 60 joints a second
+    assert abs(felt.mean()) == pytest.approx(60 * 0.03 * 2 / math.pi, rel=0.01)
+
+
+def test_a_crossing_is_one_burst_at_its_place() -> None:
+    distance, v = ride(20.0, 10.0)
+    felt = AxleBox(crossing_m_s2=8.0, crossing_at_m=100.0).felt(distance, v, TICK_S, rng())[:, LATERAL]
+    struck = distance[felt != 0]
+    assert struck.min() == pytest.approx(100.0, abs=0.11)
+    assert struck.max() == pytest.approx(100.0 + CROSSING[-1][0] + 20.0 * 0.03, abs=0.11)
+    assert 5.0 < np.abs(felt).max() < 12.0
+
+
+def test_standing_on_a_joint_feels_nothing() -> None:
+    box = AxleBox(joint_m_s2=2.0, crossing_m_s2=2.0, crossing_at_m=3.0)
+    assert not box.felt(np.full(200, 3.0), np.zeros(200), TICK_S, rng()).any()
+
+
+def test_blocks_do_not_matter() -> None:
+    box = AxleBox(vibration_m_s2=0.1, joint_m_s2=1.0, crossing_m_s2=4.0, crossing_at_m=40.0)
+    distance, v = ride(25.0, 5.0)
+    whole = box.felt(distance, v, TICK_S, rng())
+    stream = AxleBoxStream(box, len(distance), TICK_S, rng())
+    parts = [stream.next(distance[k : k + 30], v[k : k + 30]) for k in range(0, len(distance), 30)]
+    assert np.array_equal(whole, np.concatenate(parts))
+
+
+def test_axles_on_one_track_meet_the_same_joints_and_vibrate_for_themselves() -> None:
+    box = AxleBox(vibration_m_s2=0.1, joint_m_s2=1.0)
+    distance, v = ride(25.0, 5.0)
+    first, second = (AxleBoxStream(box, 1000, TICK_S, rng(k), rng(9)).next(distance, v) for k in (1, 2))
+    calm = AxleBoxStream(replace(box, vibration_m_s2=0.0), 1000, TICK_S, rng(5), rng(9)).next(distance, v)
+    assert abs(np.corrcoef((first - calm)[:, LATERAL], (second - calm)[:, LATERAL])[0, 1]) < 0.15
+    assert (first - calm)[:, LATERAL].std() == pytest.approx(0.1, rel=0.1)
+    assert (second - calm)[:, LATERAL].std() == pytest.approx(0.1, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"joint_shape": "square"}, {"band_hz": (50.0, 20.0)}, {"joint_s": 0.0}, {"joint_every_m": -25.0}]
+)
+def test_what_makes_no_sense_is_refused(wrong: dict[str, object]) -> None:
+    with pytest.raises(ValueError, match=next(iter(wrong))):
+        AxleBox(**wrong)  # type: ignore[arg-type]
+
+
+def test_a_band_beyond_the_nyquist_frequency_is_refused() -> None:
+    with pytest.raises(ValueError, match="Nyquist"):
+        AxleBox(vibration_m_s2=0.1, band_hz=(150.0, 300.0)).felt(*ride(20.0, 1.0), TICK_S, rng())
