@@ -14,6 +14,9 @@ SHAPES = ("bipolar", "unipolar")
 # strikes the wing rail, then the nose, and settles behind it. This project's own choice.
 CROSSING = ((0.0, 0.5), (0.8, -0.8), (1.6, 1.0), (2.4, -0.8), (3.2, 0.5))
 SLOWEST_M_S = 1e-3  # a wheel that stands on a joint feels nothing
+# Vibration is made in pieces of so many samples, faded into each other, so that a ride may be of any length.
+PIECE = 8192
+FADE = 512
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,46 +60,48 @@ class AxleBox:
         if nothing is on. Draws from rng only for joints (where the first one lies, to which side they push) and for
         vibration.
         """
-        return AxleBoxStream(self, len(distance_m), tick_s, rng).next(distance_m, speed_m_s)
+        return AxleBoxStream(self, tick_s, rng).next(distance_m, speed_m_s)
+
+
+QUIET = AxleBox()
 
 
 class AxleBoxStream:
     """The same in blocks: any division of the samples into blocks gives the same values.
 
-    Vibration is drawn once for all samples, so it depends on their number. Joints belong to the track: axles that pass
-    the same ones are given generators of the same seed as track_rng (default: rng) and their own place along it.
+    Joints belong to the track: axles that pass the same ones are given generators of the same seed as track_rng
+    (default: rng) and their own place along it.
     """
 
     def __init__(
-        self,
-        box: AxleBox,
-        samples: int,
-        tick_s: float,
-        rng: np.random.Generator,
-        track_rng: np.random.Generator | None = None,
+        self, box: AxleBox, tick_s: float, rng: np.random.Generator, track_rng: np.random.Generator | None = None
     ) -> None:
-        self._box, self._tick_s = box, tick_s
+        self._box, self._tick_s, self._rng = box, tick_s, rng
         self._first_joint_m, self._joint_m_s2 = 0.0, 0.0
         if box.joint_m_s2:
             track = track_rng or rng
             self._first_joint_m = float(track.uniform(0.0, box.joint_every_m))
             self._joint_m_s2 = float(track.choice([-1.0, 1.0])) * box.joint_m_s2
-        self._vibration = np.zeros((0, 2))
-        if box.vibration_m_s2:
-            rms = box.vibration_m_s2 * np.array([box.gyro_per_m_s2, 1.0])
-            self._vibration = band_noise(samples, 2, box.band_hz, tick_s, rng) * rms
-        self._next = 0
+        self._vibration = np.zeros((0, 2))  # made and not yet felt, of rms 1; its last FADE samples fade out
 
     def next(self, distance_m: FloatArray, speed_m_s: FloatArray) -> FloatArray:
         """What the next samples feel, (t, 2) as `AxleBox.felt` says."""
-        out = np.zeros((len(distance_m), 2))
-        if self._box.quiet:
-            return out
+        both = np.array([self._box.gyro_per_m_s2, 1.0])
         pulses = self._joints(distance_m, speed_m_s) + self._crossing(distance_m, speed_m_s)
-        out += pulses[:, None] * np.array([self._box.gyro_per_m_s2, 1.0])
-        if len(self._vibration):
-            out += self._vibration[self._next : self._next + len(out)]
-        self._next += len(out)
+        out: FloatArray = pulses[:, None] * both
+        if self._box.vibration_m_s2:
+            out += self._vibrate(len(distance_m)) * (self._box.vibration_m_s2 * both)
+        return out
+
+    def _vibrate(self, samples: int) -> FloatArray:
+        while len(self._vibration) < samples + FADE:
+            piece = band_noise(PIECE, 2, self._box.band_hz, self._tick_s, self._rng)
+            if len(self._vibration):
+                # sine and cosine: the sum of two independent noises keeps its power
+                quarter = 0.5 * math.pi * (np.arange(FADE)[:, None] + 0.5) / FADE
+                piece[:FADE] = piece[:FADE] * np.sin(quarter) + self._vibration[-FADE:] * np.cos(quarter)
+            self._vibration = np.concatenate([self._vibration[:-FADE], piece])
+        out, self._vibration = self._vibration[:samples], self._vibration[samples:]
         return out
 
     def _joints(self, distance_m: FloatArray, speed_m_s: FloatArray) -> FloatArray:

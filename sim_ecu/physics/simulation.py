@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sim_ecu.physics.rail import RAIL_COLUMNS
 from sim_ecu.physics.track import Track
 from sim_ecu.physics.wheelset import (
-    RAIL_COLUMNS,
     W_L,
     W_R,
     Command,
@@ -20,7 +20,10 @@ from sim_ecu.physics.wheelset import (
 
 @dataclass(frozen=True, slots=True)
 class Axle:
-    """Where an axle runs: its rail table (n, RAIL_COLUMNS), its lateral irregularity, and its place in the train."""
+    """Where an axle runs: its rail table (n, RAIL_COLUMNS), its lateral irregularity, and its place in the train.
+
+    Axles with the same track meet the same irregularity at the same place, each when it gets there.
+    """
 
     rail: FloatArray
     track: Track
@@ -56,7 +59,11 @@ class Simulation:
         for rail in self._rails:
             if rail.ndim != 2 or rail.shape[1] != RAIL_COLUMNS or np.any(np.diff(rail[:, 0]) <= 0):
                 raise ValueError(f"a rail table needs {RAIL_COLUMNS} columns and growing distances")
+        for a in axles:
+            if a.position_m < a.track.start_m:
+                raise ValueError(f"an axle stands at {a.position_m:g} m, its track begins at {a.track.start_m:g} m")
         self._offset = np.array([a.position_m for a in axles])
+        self._start = np.array([a.track.start_m for a in axles])
         self.state = np.zeros((len(axles), 7))
         self.state[:, W_R] = self.state[:, W_L] = speed_m_s / wheelset.r_0
         self.train = np.array([speed_m_s, 0.0])
@@ -74,7 +81,7 @@ class Simulation:
         ahead = float(self.train[1]) + fastest * n * self._sample_s + 1.0
         nodes = tuple(a.track.reach(ahead + a.position_m) for a in self._axles)
         out, journey = simulate(
-            self.state, self.train, self._integral, self._offset, nodes, self._rails, command,
-            held_speed_m_s, self._sample_s, self._step_scale, self._p, self._c, self._stiffest,
+            self.state, self.train, self._integral, self._offset, self._start, nodes, self._rails,
+            command, held_speed_m_s, self._sample_s, self._step_scale, self._p, self._c, self._stiffest,
         )  # fmt: skip
         return Samples(out, journey[:, 0], journey[:, 1])

@@ -32,14 +32,16 @@ def _colour(
 
 
 class Track:
-    """y_t and its slope at nodes every SPACING_M, made on demand and always the same for a seed.
+    """y_t and its slope at nodes every SPACING_M, made on demand and always the same at a place for a seed.
 
     White noise drives y'' + (Or + Oc) y' + Or Oc y = Oc w, whose one-sided spectrum is
     S(O) = A_a Oc^2 / ((O^2 + Or^2)(O^2 + Oc^2)) when w has intensity pi A_a. Both states are sampled exactly
-    (matrix exponential), so a cubic through nodes and slopes has no spurious kinks. The start is stationary.
+    (matrix exponential), so a cubic through nodes and slopes has no spurious kinks. The start is stationary; what lies
+    behind it, for the followers of a train that stands there, is made backwards: the same law with the slope's sign
+    turned. Roughness scales the irregularity of a seed and leaves its shape.
     """
 
-    def __init__(self, roughness_m_rad: float, seed: int | np.random.SeedSequence) -> None:
+    def __init__(self, roughness_m_rad: float, seed: int | np.random.SeedSequence, behind_m: float = 0.0) -> None:
         self._rng = np.random.default_rng(seed)
         a = np.array([[0.0, 1.0], [-OMEGA_R * OMEGA_C, -(OMEGA_R + OMEGA_C)]])
         q = math.pi * roughness_m_rad * OMEGA_C**2
@@ -51,11 +53,26 @@ class Track:
         self._root = np.linalg.cholesky(self._phi @ e[:2, 2:]) if q > 0 else np.zeros((2, 2))
         sigma = np.sqrt(q / (2 * (OMEGA_R + OMEGA_C)) * np.array([1 / (OMEGA_R * OMEGA_C), 1.0]))
         self.sigma_m = float(sigma[0])  # standard deviation of y_t
-        self.nodes = (sigma * self._rng.standard_normal(2))[None, :]  # (n, 2): y_t in m, dy_t/dx
+        origin = (sigma * self._rng.standard_normal(2))[None, :]
+        behind = self._behind(origin[0], math.ceil(behind_m / SPACING_M), seed)
+        self.start_m = -len(behind) * SPACING_M  # where the first node lies
+        self.nodes = np.concatenate([behind, origin])  # (n, 2): y_t in m, dy_t/dx
+
+    def _behind(
+        self, origin: NDArray[np.float64], nodes: int, seed: int | np.random.SeedSequence
+    ) -> NDArray[np.float64]:
+        """The nodes before the origin; how many are asked for does not change them."""
+        turned = np.array([1.0, -1.0])
+        whole = seed if isinstance(seed, np.random.SeedSequence) else np.random.SeedSequence(seed)
+        rng = np.random.default_rng(np.random.SeedSequence(whole.entropy, spawn_key=(*whole.spawn_key, 1)))
+        back: NDArray[np.float64] = (
+            _colour(rng.standard_normal((nodes, 2)), self._phi, self._root, origin * turned)[::-1] * turned
+        )
+        return back
 
     def reach(self, distance_m: float) -> NDArray[np.float64]:
-        """Nodes (n, 2) that cover at least 0 … distance_m; node i lies at i * SPACING_M."""
-        need = int(distance_m / SPACING_M) + 2
+        """Nodes (n, 2) that cover at least start_m … distance_m; node i lies at start_m + i * SPACING_M."""
+        need = int((distance_m - self.start_m) / SPACING_M) + 2
         parts = [self.nodes]
         have = len(self.nodes)
         while have < need:
@@ -68,7 +85,7 @@ class Track:
 
 @compiled
 def irregularity(nodes: NDArray[np.float64], distance_m: float) -> float:
-    """y_t (m) at a distance: cubic Hermite interpolation between the nodes."""
+    """y_t (m) at a distance from the first node: cubic Hermite interpolation between the nodes."""
     at = distance_m / SPACING_M
     i = min(max(int(at), 0), nodes.shape[0] - 2)
     t = at - i

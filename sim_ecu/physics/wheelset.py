@@ -1,4 +1,16 @@
-"""The nonlinear wheelset, equations (1)-(12) of the paper, for up to four axles under one vehicle."""
+"""The nonlinear wheelset, equations (1)-(12) of the paper, for up to four axles under one vehicle.
+
+On a curve y and psi are those relative to the track: y from its centre line, psi from its tangent. A right-hand
+curve of curvature k turns this frame at -v k (counter-clockwise seen from above is positive). From that follow:
+
+- the wheelset turns at psi' - v k. That is the yaw rate in (1) and (2), whose part L_g k is the creep that the longer
+  outer rail makes, and that is what the gyro reads. (8) gains I_w d(v k)/dt, which only transition curves make;
+- (9), written in the turning frame, has F_c = m_w (v2 k - g cant), to the left. An accelerometer feels neither gravity
+  nor a turning frame but the contact forces: y'' - F_c / m_w, steady minus the uncompensated lateral acceleration.
+
+The yaw spring's frame stands along the track, wheel loads stay equal, and the vehicle's own centrifugal force does not
+reach the wheelset: the paper's model has no suspension and no flange that could carry it.
+"""
 
 from dataclasses import asdict, dataclass
 from typing import NamedTuple
@@ -8,6 +20,7 @@ from numpy.typing import NDArray
 
 from sim_ecu.physics.compiled import compiled
 from sim_ecu.physics.contact import Contact, contact, kalker_c11, peak, traction_ratio
+from sim_ecu.physics.rail import CANT, CURVATURE, CURVATURE_SLOPE, rail_at
 from sim_ecu.physics.track import irregularity
 
 FloatArray = NDArray[np.float64]
@@ -92,26 +105,9 @@ def constants(w: Wheelset) -> Constants:
 
 # State of an axle; the vehicle's v and distance are shared.
 Y, YDOT, PSI, PSIDOT, W_R, W_L, THETA = range(7)
-# Columns of a rail table: from where (m), the creep curve's five numbers, curvature 1/R (1/m, right-hand curves
-# positive: they push to the left), cant (rad). Between two rows everything is linear.
-RAIL_COLUMNS = 8
 # What one sample interval gives for an axle.
 YAW_RATE, LAT_ACCEL, TORQUE, SLIP, MU_USED, MU_AVAILABLE = range(6)
 OUTPUTS = 6
-
-
-@compiled
-def rail_at(rail: FloatArray, distance_m: float) -> FloatArray:
-    """The rail's row at a distance (without the distance): linear between the table's rows, flat outside."""
-    n = rail.shape[0]
-    i = 0
-    while i < n - 1 and rail[i + 1, 0] <= distance_m:
-        i += 1
-    if i == n - 1 or distance_m <= rail[0, 0]:
-        return rail[i, 1:].copy()
-    t = (distance_m - rail[i, 0]) / (rail[i + 1, 0] - rail[i, 0])
-    between: FloatArray = rail[i, 1:] + t * (rail[i + 1, 1:] - rail[i, 1:])
-    return between
 
 
 @compiled
@@ -120,10 +116,11 @@ def axle_derivatives(
 ) -> tuple[float, float]:
     """Equations (1)-(12) for one axle: writes d(state)/dt to out, returns (F_xR + F_xL in N, accelerometer in m/s2).
 
-    y is positive to the left, yaw counter-clockwise seen from above, torque positive in the direction of travel.
+    y is positive to the left, yaw counter-clockwise seen from above, torque positive in the direction of travel. r is
+    what `rail_at` gives. The caller adds to (8) what a change of v times curvature makes, which needs (7).
     """
     u = max(v, ROLLING_START)
-    a = p.L_g * x[PSIDOT] / u + p.gamma * (x[Y] - y_t) / p.r_0
+    a = p.L_g * (x[PSIDOT] - v * r[CURVATURE]) / u + p.gamma * (x[Y] - y_t) / p.r_0
     lam_xL = (p.r_0 * x[W_L] - v) / u + a  # (1)
     lam_xR = (p.r_0 * x[W_R] - v) / u - a  # (2)
     lam_y = x[YDOT] / u - x[PSI]  # (3)
@@ -135,7 +132,8 @@ def axle_derivatives(
     F_xL, F_xR = q_L * lam_xL, q_R * lam_xR
     F_y = (q_L + q_R) * lam_y
     F_g = -p.F_g * (x[Y] - y_t)
-    F_c = p.m_w * (v * v * r[5] - GRAVITY * r[6])
+    uncompensated = v * v * r[CURVATURE] - GRAVITY * r[CANT]
+    F_c = p.m_w * uncompensated
     T_s = p.k_s * x[THETA] + p.C_s * (x[W_R] - x[W_L])  # (12)
     out[Y] = x[YDOT]
     out[YDOT] = (-F_y + F_c + F_g) / p.m_w  # (9)
@@ -144,23 +142,30 @@ def axle_derivatives(
     out[W_R] = (torque - T_s - p.r_0 * F_xR) / p.I_R  # (10)
     out[W_L] = (T_s - p.r_0 * F_xL) / p.I_L  # (11)
     out[THETA] = x[W_R] - x[W_L]
-    return F_xR + F_xL, out[YDOT] + p.roll * (x[Y] - y_t)
+    return F_xR + F_xL, out[YDOT] - uncompensated + p.roll * (x[Y] - y_t)
 
 
 @compiled
 def train_derivatives(
-    state: FloatArray, train: FloatArray, torque: FloatArray, offset: FloatArray, nodes: tuple[FloatArray, ...],
-    rails: tuple[FloatArray, ...], held_rate: float, p: Constants, c: Contact,
-    d_state: FloatArray, d_train: FloatArray, force: FloatArray, accel: FloatArray,
+    state: FloatArray, train: FloatArray, torque: FloatArray, offset: FloatArray, start: FloatArray,
+    nodes: tuple[FloatArray, ...], rails: tuple[FloatArray, ...], held_rate: float, p: Constants, c: Contact,
+    d_state: FloatArray, d_train: FloatArray, force: FloatArray, yaw_rate: FloatArray, accel: FloatArray,
 ) -> None:  # fmt: skip
-    """All axles and the vehicle: (7) with the axles' forces shared; held_rate (m/s2) replaces (7) unless it is NaN."""
+    """All axles and the vehicle: (7) with the axles' forces shared; held_rate (m/s2) replaces (7) unless it is NaN.
+
+    Writes per axle F_xR + F_xL (N) and what gyro (rad/s) and accelerometer (m/s2) read. offset (axles,) is each axle's
+    place ahead of the train's distance, start (axles,) that of its track's first node.
+    """
     v, distance = train[0], train[1]
     axles = state.shape[0]
     pull = 0.0
     for i in range(axles):
         at = distance + offset[i]
         r = rail_at(rails[i], at)
-        force[i], accel[i] = axle_derivatives(state[i], v, irregularity(nodes[i], at), torque[i], r, p, c, d_state[i])
+        y_t = irregularity(nodes[i], at - start[i])
+        force[i], accel[i] = axle_derivatives(state[i], v, y_t, torque[i], r, p, c, d_state[i])
+        d_state[i, PSIDOT] += v * v * r[CURVATURE_SLOPE]
+        yaw_rate[i] = r[CURVATURE]  # until the vehicle's acceleration is known
         pull += force[i]
     d_train[1] = v
     if np.isnan(held_rate):
@@ -168,6 +173,9 @@ def train_derivatives(
         d_train[0] = pull / (axles * p.M_v) - resistance / p.M_v  # (7)
     else:
         d_train[0] = held_rate
+    for i in range(axles):
+        d_state[i, PSIDOT] += d_train[0] * yaw_rate[i]
+        yaw_rate[i] = state[i, PSIDOT] - v * yaw_rate[i]
 
 
 class Command(NamedTuple):
@@ -200,13 +208,14 @@ def _drive_torque(
 
 @compiled
 def simulate(
-    state: FloatArray, train: FloatArray, integral: FloatArray, offset: FloatArray, nodes: tuple[FloatArray, ...],
-    rails: tuple[FloatArray, ...], command: Command, held_speed: FloatArray, sample_s: float, step_scale: float,
-    p: Constants, c: Contact, stiffest: float,
+    state: FloatArray, train: FloatArray, integral: FloatArray, offset: FloatArray, start: FloatArray,
+    nodes: tuple[FloatArray, ...], rails: tuple[FloatArray, ...], command: Command, held_speed: FloatArray,
+    sample_s: float, step_scale: float, p: Constants, c: Contact, stiffest: float,
 ) -> tuple[FloatArray, FloatArray]:  # fmt: skip
     """Advance by len(held_speed) sample intervals, in place.
 
     state (axles, 7), train (v, distance), integral (axles,) are read and left at the end of the last interval.
+    offset and start are those of `train_derivatives`.
     held_speed (samples,) is the speed at the end of each interval, NaN where the vehicle moves freely.
     Returns outputs (samples, axles, OUTPUTS), means over the interval except MU_AVAILABLE (at its end), and
     (samples, 2) with v and distance at the end. Runge-Kutta, 4th order, with a step that follows the speed.
@@ -216,7 +225,7 @@ def simulate(
     journey = np.empty((samples, 2))
     k_state = np.empty((4, axles, 7))
     k_train = np.empty((4, 2))
-    force, accel = np.empty(axles), np.empty(axles)
+    force, yaw_rate, accel = np.empty(axles), np.empty(axles), np.empty(axles)
     torque = np.empty(axles)
     demand, limit = np.empty(axles), np.empty(axles)
     weight = np.array([1.0, 2.0, 2.0, 1.0]) / 6.0
@@ -254,11 +263,12 @@ def simulate(
                 else:
                     x, t = state + lead[k] * h * k_state[k - 1], train + lead[k] * h * k_train[k - 1]
                 train_derivatives(
-                    x, t, torque, offset, nodes, rails, held_rate, p, c, k_state[k], k_train[k], force, accel
-                )
+                    x, t, torque, offset, start, nodes, rails, held_rate, p, c, k_state[k], k_train[k],
+                    force, yaw_rate, accel,
+                )  # fmt: skip
                 for i in range(axles):
                     share = weight[k] / steps
-                    out[s, i, YAW_RATE] += share * x[i, PSIDOT]
+                    out[s, i, YAW_RATE] += share * yaw_rate[i]
                     out[s, i, LAT_ACCEL] += share * accel[i]
                     out[s, i, MU_USED] += share * force[i] / (2 * p.N)
                     slip = 0.5 * p.r_0 * (x[i, W_R] + x[i, W_L]) - t[0]

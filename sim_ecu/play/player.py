@@ -1,9 +1,10 @@
 """A scenario becomes frames: simulate, measure, encode."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from sim_ecu.physics.axlebox import AxleBoxStream
 from sim_ecu.physics.simulation import Axle, Samples, Simulation
 from sim_ecu.physics.track import Track
 from sim_ecu.physics.wheelset import LAT_ACCEL, MU_AVAILABLE, MU_USED, SLIP, TORQUE, YAW_RATE, FloatArray
@@ -15,23 +16,33 @@ CHUNK = 20  # samples simulated at a time
 
 
 class _Sensing:
-    """The sensors of one axle; each channel has its own stream of noise."""
+    """The sensors of one axle; each channel has its own stream of noise, and the axle box one of vibration."""
 
     def __init__(self, a: AxleScenario) -> None:
         self._a = a
         self._rngs = [np.random.default_rng([a.seed, 1, k]) for k in range(3)]
+        own, track = np.random.default_rng([a.seed, 3]), np.random.default_rng([a.runs_on, 4])
+        self._axlebox = AxleBoxStream(a.axlebox, SAMPLE_US * 1e-6, own, track)
 
     def readings(self, s: Samples, place: int) -> list[Reading]:
         y = s.outputs[:, place]
         sensors = self._a.sensors
-        yaw = sensors.yaw_rate.measure(y[:, YAW_RATE], self._rngs[0])
-        lat = sensors.lat_accel.measure(y[:, LAT_ACCEL], self._rngs[1])
+        felt = y[:, [YAW_RATE, LAT_ACCEL]] + self._axlebox.next(s.distance_m + self._a.position_m, s.speed_m_s)
+        yaw = sensors.yaw_rate.measure(felt[:, 0], self._rngs[0])
+        lat = sensors.lat_accel.measure(felt[:, 1], self._rngs[1])
         torque = sensors.torque.measure(y[:, TORQUE], self._rngs[2])
         rows = zip(yaw, lat, torque, y[:, MU_AVAILABLE], y[:, MU_USED], y[:, SLIP], strict=True)
         return [
             Reading(self._a.number, float(g), float(q), float(t), 100 * float(mu), abs(100 * float(used)), float(slip))
             for g, q, t, mu, used, slip in rows
         ]
+
+
+def on_tracks(axles: Sequence[AxleScenario]) -> list[Axle]:
+    """The axles where they run; those of one seed and roughness on the same track."""
+    behind_m = max(0.0, *(-a.position_m for a in axles))
+    tracks = {k: Track(*k, behind_m) for k in {(a.roughness, a.runs_on) for a in axles}}
+    return [Axle(a.rail, tracks[a.roughness, a.runs_on], a.position_m) for a in axles]
 
 
 class Player:
@@ -41,8 +52,7 @@ class Player:
         self.scenario = scenario
         self._axles = scenario.axles
         start = float(scenario.speed.at(np.zeros(1))[0])
-        tracks = [Axle(a.rail, Track(a.roughness, a.seed), a.position_m) for a in self._axles]
-        self._simulation = Simulation(scenario.wheelset, tracks, start, SAMPLE_US * 1e-6)
+        self._simulation = Simulation(scenario.wheelset, on_tracks(self._axles), start, SAMPLE_US * 1e-6)
         self._sensing = [_Sensing(a) for a in self._axles]
         self._speed_rng = np.random.default_rng([self._axles[0].seed, 2])
         self._truth = truth

@@ -1,7 +1,10 @@
-"""Scenarios as TOML: the rail along the distance, speed, torque or creep, track, sensors, seed, duration, faults."""
+"""Scenarios as TOML: the rail along the distance, speed, torque or creep, track, sensors, seed, duration, faults.
+
+All axles run on one track: axle 1's irregularity and joints are those that the others meet when they get there. An
+`[axle.N]` with a `seed` of its own runs on a track of its own, and so do axles whose track_seed is None.
+"""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -9,10 +12,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sim_ecu.physics.axlebox import QUIET, AxleBox
 from sim_ecu.physics.contact import CURVES, CreepCurve, curve_between
+from sim_ecu.physics.rail import BLEND_M as BLEND_M
+from sim_ecu.physics.rail import RailSection
+from sim_ecu.physics.rail import rail_table as rail_table
 from sim_ecu.physics.sensors import SENSOR_SETS, SensorSet
 from sim_ecu.physics.track import QUALITY
-from sim_ecu.physics.wheelset import RAIL_COLUMNS, Command, Wheelset
+from sim_ecu.physics.wheelset import Command, Wheelset
+from sim_ecu.play.equipment import read_axlebox, read_sensors
 from sim_ecu.play.faults import Fault, read_fault
 from wrcd.errors import InputError
 from wrcd.settings import Section, read_toml, suggest
@@ -20,8 +28,8 @@ from wrcd.settings import Section, read_toml, suggest
 FloatArray = NDArray[np.float64]
 FOLDER = Path(__file__).parent / "scenarios"
 DEMANDS = ("torque_N_m", "utilisation", "creep", "creep_of_peak")
-# A rail changes from one state to the next over this length, about the wheel's own contact and the film's edge.
-BLEND_M = 0.5
+# Where axles 1 … 4 stand along the train: two bogies with a wheelbase of 2.5 m, 19 m from pivot to pivot.
+POSITIONS_M = (0.0, -2.5, -19.0, -21.5)
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +61,11 @@ class Drive:
 
 @dataclass(frozen=True, slots=True)
 class AxleScenario:
-    """One wheelset."""
+    """One wheelset.
+
+    seed: of its sensors' noise and its vibration. position_m: ahead of the train's own distance; followers are behind.
+    track_seed: of the irregularity and the joints, shared by axles on one track; None for a track of its own.
+    """
 
     number: int
     rail: FloatArray
@@ -62,6 +74,13 @@ class AxleScenario:
     sensors: SensorSet
     seed: int
     position_m: float
+    track_seed: int | None = None
+    axlebox: AxleBox = QUIET
+
+    @property
+    def runs_on(self) -> int:
+        """The seed of its track."""
+        return self.seed if self.track_seed is None else self.track_seed
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,10 +135,7 @@ def read_scenario(top: Section, name: str) -> Scenario:
         raise top.error(f"takes one to four of the numbers 1 … 4, not {numbers!r}", "axles")
     if len(set(numbers)) != len(numbers):
         raise top.error(f"{numbers!r} names an axle twice", "axles")
-    common = _Common(top)
-    seed = top.get("seed", int, 1)
-    if seed < 0:
-        raise top.error(f"must not be negative, is {seed}", "seed")
+    common = _Common(top, min(numbers))
     overrides = top.section("axle")
     for key in overrides:
         if key not in {str(n) for n in numbers}:
@@ -127,7 +143,7 @@ def read_scenario(top: Section, name: str) -> Scenario:
     axles = []
     for number in sorted(numbers):
         own = overrides.section(str(number))
-        axles.append(_axle(number, own, common, own.get("seed", int, seed * 16 + number)))
+        axles.append(_axle(number, own, common))
         own.done()
     scenario = Scenario(
         name=name,
@@ -155,14 +171,24 @@ def read_wheelset(section: Section) -> Wheelset:
 class _Common:
     """The settings that an axle may override, as the top level gives them."""
 
-    def __init__(self, top: Section) -> None:
+    def __init__(self, top: Section, first: int) -> None:
+        self.first = first  # the axle that leads
+        self.seed = _seed(top, 1)
         self.rail = _rail(top) if "rail" in top else None
         self.drive = _drive(top) if "drive" in top else None
         self.roughness = _roughness(top) if "track" in top else QUALITY["good"]
-        self.sensors = _sensors(top) if "sensors" in top else SENSOR_SETS["mems"]
+        self.sensors = read_sensors(top) if "sensors" in top else SENSOR_SETS["mems"]
+        self.axlebox = read_axlebox(top.section("axlebox"), QUIET)
 
 
-def _axle(number: int, own: Section, common: _Common, seed: int) -> AxleScenario:
+def _seed(section: Section, default: int) -> int:
+    seed = section.get("seed", int, default)
+    if seed < 0:
+        raise section.error(f"must not be negative, is {seed}", "seed")
+    return seed
+
+
+def _axle(number: int, own: Section, common: _Common) -> AxleScenario:
     rail = _rail(own) if "rail" in own else common.rail
     drive = _drive(own) if "drive" in own else common.drive
     if rail is None or drive is None:
@@ -175,39 +201,35 @@ def _axle(number: int, own: Section, common: _Common, seed: int) -> AxleScenario
         rail=rail,
         drive=drive,
         roughness=_roughness(own) if "track" in own else common.roughness,
-        sensors=_sensors(own) if "sensors" in own else common.sensors,
-        seed=seed,
-        position_m=own.number("position_m", 0.0, -1000.0, 1000.0),
+        sensors=read_sensors(own) if "sensors" in own else common.sensors,
+        seed=_seed(own, common.seed * 16 + number),
+        position_m=own.number("position_m", POSITIONS_M[number - 1] - POSITIONS_M[common.first - 1], -1000.0, 1000.0),
+        track_seed=None if "seed" in own else common.seed * 16 + common.first,
+        axlebox=read_axlebox(own.section("axlebox"), common.axlebox),
     )
-
-
-def rail_table(parts: Sequence[tuple[float, CreepCurve, float, float]]) -> FloatArray:
-    """Sections of rail (from m, curve, curvature 1/m, cant rad) as one table, blended into each other over BLEND_M."""
-    rows: list[FloatArray] = []
-    for start, curve, curvature, cant in parts:
-        row = np.array([start, *curve.row(), curvature, cant])
-        assert len(row) == RAIL_COLUMNS
-        if rows:
-            before = rows[-1].copy()
-            before[0] = start
-            row[0] = start + BLEND_M
-            rows.append(before)
-        rows.append(row)
-    return np.array(rows)
 
 
 def _rail(section: Section) -> FloatArray:
     """Sections of rail, each from a distance on."""
-    parts: list[tuple[float, CreepCurve, float, float]] = []
+    parts: list[RailSection] = []
     for part in section.sections("rail"):
         start = part.number("from_m", 0.0, 0.0, 1e7)
         curve = _curve(part)
         radius = part.number("radius_m", 0.0, -1e6, 1e6)
         cant = part.number("cant_rad", 0.0, -0.2, 0.2)
+        if not parts and "transition_m" in part:
+            raise part.error(
+                "the first section has none to come from", "transition_m", "begin with a straight [[rail]]"
+            )
+        transition = part.number("transition_m", BLEND_M, BLEND_M, 1000.0)
         part.done()
-        if parts and start <= parts[-1][0] + (BLEND_M if len(parts) > 1 else 0.0):
-            raise part.error(f"must grow from section to section, {start:g} does not", "from_m")
-        parts.append((start, curve, 1 / radius if radius else 0.0, cant))
+        if parts and start <= (parts[-1].settled_m if len(parts) > 1 else parts[0].from_m):
+            raise part.error(
+                f"must grow from section to section, {start:g} does not",
+                "from_m",
+                f"the section before is settled at {parts[-1].settled_m:g} m" if len(parts) > 1 else "",
+            )
+        parts.append(RailSection(start, curve, 1 / radius if radius else 0.0, cant, transition))
     if not parts:
         raise section.error("needs at least one section", "rail", 'write [[rail]] with curve = "A"')
     return rail_table(parts)
@@ -240,21 +262,6 @@ def _roughness(section: Section) -> float:
     if isinstance(value, str):
         return QUALITY[section.choice("track", QUALITY, "good")]
     return section.number("track", QUALITY["good"], 0.0, 1e-4)
-
-
-def _sensors(section: Section) -> SensorSet:
-    value = section.raw("sensors")
-    if isinstance(value, str):
-        return SENSOR_SETS[section.choice("sensors", SENSOR_SETS, "mems")]
-    s = section.section("sensors")
-    base = SENSOR_SETS[s.choice("kind", SENSOR_SETS, "mems")]
-    out = base.biased(
-        s.number("yaw_rate_bias_rad_s", 0.0, -1.0, 1.0),
-        s.number("lateral_acceleration_bias_m_s2", 0.0, -10.0, 10.0),
-        s.number("torque_bias_N_m", 0.0, -1e5, 1e5),
-    )
-    s.done()
-    return out
 
 
 def _course(section: Section, key: str, default: float, low: float, high: float) -> Course:

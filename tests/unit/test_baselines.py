@@ -13,10 +13,11 @@ from sim_ecu.design.gains import steady_state
 from sim_ecu.design.linear import model, slope_and_secant
 from sim_ecu.design.make import POINTS
 from sim_ecu.physics.contact import CURVES, CreepCurve, curve_between
+from sim_ecu.physics.rail import RAIL_COLUMNS
 from sim_ecu.physics.sensors import SENSOR_SETS
 from sim_ecu.physics.simulation import Axle, Samples, Simulation
 from sim_ecu.physics.track import QUALITY, Track
-from sim_ecu.physics.wheelset import LAT_ACCEL, MU_AVAILABLE, RAIL_COLUMNS, TORQUE, YAW_RATE, Wheelset
+from sim_ecu.physics.wheelset import LAT_ACCEL, MU_AVAILABLE, TORQUE, YAW_RATE, Wheelset
 from sim_ecu.score.ekf import Ekf
 from sim_ecu.score.ekf_table import THETA, table
 from sim_ecu.score.imm import STAY, Imm

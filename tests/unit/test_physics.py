@@ -10,6 +10,7 @@ from sim_ecu.design.cases import command
 from sim_ecu.design.linear import TRACK_DECAY, model, slope_and_secant
 from sim_ecu.design.make import POINTS
 from sim_ecu.physics.contact import CURVES, CreepCurve, curve_between, kalker_c11, peak, traction_ratio
+from sim_ecu.physics.rail import RAIL_COLUMNS
 from sim_ecu.physics.sensors import SENSOR_SETS
 from sim_ecu.physics.simulation import Axle, Simulation
 from sim_ecu.physics.track import OMEGA_C, OMEGA_R, QUALITY, SPACING_M, Track, irregularity
@@ -20,7 +21,6 @@ from sim_ecu.physics.wheelset import (
     MU_USED,
     PSI,
     PSIDOT,
-    RAIL_COLUMNS,
     SLIP,
     TORQUE,
     W_L,
