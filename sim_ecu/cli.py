@@ -83,7 +83,7 @@ def _parser() -> argparse.ArgumentParser:
     score = commands.add_parser("score", help="how good a design is, with baselines beside it")
     score.add_argument("--suite", choices=SUITES, help="only this one")
     score.add_argument(
-        "--quick", action="store_true", help="a tenth of the runs, too few to judge most goals: about a minute"
+        "--quick", action="store_true", help="a twelfth of the runs, too few to judge most goals: one to two minutes"
     )
     score.add_argument(
         "--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="processes (default: all cores)"

@@ -98,7 +98,9 @@ class Ear:
         production, rig = databases()
         self.said = {n: Heard(production.get_message_by_name(f"Adhesion_A{n}")) for n in numbers}
         self.truth = {n: Heard(rig.get_message_by_name(f"SimTruth_A{n}")) for n in numbers}
-        self._by_id = {h.message.frame_id: h for h in (*self.said.values(), *self.truth.values())}
+        self.detail = {n: Heard(production.get_message_by_name(f"AdhesionDetail_A{n}")) for n in numbers}
+        every = (*self.said.values(), *self.truth.values(), *self.detail.values())
+        self._by_id = {h.message.frame_id: h for h in every}
 
     def hear(self, stamp_us: int, can_id: int, data: bytes) -> None:
         """A frame."""
@@ -139,6 +141,12 @@ def _beside(traces: Sequence[Trace], ticks: Ticks, baselines: dict[str, Baseline
         trace.baselines = {name: np.where(at >= 0, mu[np.maximum(at, 0), place], np.nan) for name, mu in others.items()}
 
 
+def newest(heard: Heard, signal: str, at_us: NDArray[np.int64]) -> NDArray[np.str_]:
+    """What the newest frame said at each time; empty before the first."""
+    place = np.searchsorted(np.array(heard.stamps_us), at_us, side="right")
+    return np.concatenate(([""], heard.words(signal)))[place]
+
+
 def _trace(run: Run, place: int, ear: Ear, half_widths: dict[int, FloatArray]) -> Trace:
     axle = run.scenario.axles[place]
     said, truth = ear.said[axle.number], ear.truth[axle.number]
@@ -146,7 +154,7 @@ def _trace(run: Run, place: int, ear: Ear, half_widths: dict[int, FloatArray]) -
     # an adhesion frame tells of the time up to its stamp; the truth is the newest by then
     true_us, said_us = np.array(truth.stamps_us), np.array(said.stamps_us)
     use = said_us >= true_us[0]
-    newest = np.searchsorted(true_us, said_us[use], side="right") - 1
+    latest = np.searchsorted(true_us, said_us[use], side="right") - 1
     unknown = np.full(MOST_AXLES, np.nan)
     level = said.words("Confidence")[use]
     return Trace(
@@ -161,13 +169,13 @@ def _trace(run: Run, place: int, ear: Ear, half_widths: dict[int, FloatArray]) -
         time_s=said_us[use] * 1e-6,
         mu_pct=said.numbers("MuAvailable")[use],
         validity=said.words("Validity")[use],
-        cause=said.words("Cause")[use],
+        cause=newest(ear.detail[axle.number], "Cause", said_us[use]),
         half_width_pp=np.array([HALF_WIDTHS.get(word, np.nan) for word in level.tolist()]),
         own_half_width_pp=np.array([half_widths.get(t, unknown)[axle.number - 1] for t in said_us[use].tolist()]),
         contact=said.words("ContactState")[use],
         surface=said.words("Surface")[use],
-        true_mu_pct=truth.numbers("MuAvailable")[newest],
-        true_used_pct=truth.numbers("MuUsed")[newest],
-        true_slip=truth.numbers("Slip")[newest],
+        true_mu_pct=truth.numbers("MuAvailable")[latest],
+        true_used_pct=truth.numbers("MuUsed")[latest],
+        true_slip=truth.numbers("Slip")[latest],
         peak_slip=float(peak(speed, run.scenario.wheelset.contact, *axle.rail[0, 1:6])[0]),
     )

@@ -1,6 +1,5 @@
 """The score as figures: what the traces of each suite come to."""
 
-import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -50,7 +49,9 @@ def judge(traces: Sequence[Trace], source: Source, suite: str | None = None) -> 
     }
     for name, part in by_suite.items():
         if name in shown:
-            shown[name]["not_valid_groups"] = _not_valid_groups(part)
+            shown[name]["not_valid_of"] = {"all": honesty.not_valid(gather(part))} | {
+                group: honesty.not_valid(gather(of_group)) for group, of_group in _groups(part).items()
+            }
     return {
         "design": {"name": design.name, "checksum": design.checksum, "window_s": design.window_s},
         "seeds": SEEDS.format(first=FIRST_TEST_SEED, last=(source.seed + 1) * SEEDS_PER_PLAN),
@@ -80,10 +81,6 @@ def _groups(traces: Sequence[Trace]) -> dict[str, list[Trace]]:
     for t in traces:
         out.setdefault(t.group, []).append(t)
     return out
-
-
-def _not_valid_groups(traces: Sequence[Trace]) -> dict[str, Any]:
-    return {name: honesty.not_valid(gather(part)) for name, part in _groups(traces).items()}
 
 
 def _compared(f: Frames) -> dict[str, Any]:
@@ -121,12 +118,12 @@ def _paper(traces: list[Trace]) -> dict[str, Any]:
 def _grid(traces: list[Trace]) -> dict[str, Any]:
     f = gather([t for t in traces if t.group == MEMS])
     better = gather([t for t in traces if t.group == TACTICAL])
-    numbers = np.isin(f.run, better.run)
-    same = [t for t in traces if t.group == MEMS and t.run in set(better.run.tolist())]
+    numbers = set(better.run.tolist())
+    same = [t for t in traces if t.group == MEMS and t.run in numbers]
     return _whole(f) | {
         "speeds": SPEEDS,
         "utilisations": UTILISATIONS,
-        "tactical": accuracy.accuracy(better, OURS) | accuracy.over(better, gather(same)) if numbers.any() else None,
+        "tactical": accuracy.accuracy(better, OURS) | accuracy.over(better, gather(same)) if numbers else None,
         "by": accuracy.by_class(f),
         "contact": accuracy.contact_right(f),
         "surfaces": accuracy.surfaces(f),
@@ -243,11 +240,3 @@ def _foreign(traces: list[Trace]) -> dict[str, Any]:
             "not_valid": honesty.not_valid(f),
         }
     return {"groups": groups}
-
-
-def figures(x: Any) -> list[Figure]:
-    """All that a result holds."""
-    if isinstance(x, Figure):
-        return [x]
-    members = x.values() if isinstance(x, dict) else x if isinstance(x, (list, tuple)) else ()
-    return list(itertools.chain.from_iterable(figures(m) for m in members))

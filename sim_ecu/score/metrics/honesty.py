@@ -22,7 +22,7 @@ def not_valid(f: Frames) -> dict[str, Any]:
     order = np.argsort(-count)
     return {
         "share": bootstrap.mean(~f.valid, f.run),
-        "causes": {str(causes[k]): float(count[k] / len(f.true)) for k in order if causes[k]},
+        "causes": {str(causes[k]): float(count[k] / len(f.true)) for k in order if causes[k] not in ("", "None")},
     }
 
 

@@ -33,9 +33,11 @@ DROP_S = (5.0, 9.5)  # down, end
 DROPS_TIMES = 3  # over all cases
 END_SHARES = (0.3, 0.9)  # of the new peak: half of the drops end with so much torque
 SLIDE_SHARES = (1.1, 0.9)  # of the new and of the old peak: between them lies the torque of the other half
-CYCLES_RUNS = 20
-CYCLE_CREEPS = (0.3, 2.0)  # of the peak's creep
+CYCLES_TIMES = 2  # over all cases
 CYCLES_HZ = (0.5, 1.0)
+CYCLE_CREEP = 2.0  # of the peak's: how far a wheel slips
+# what goes up and back: the creep, or a torque that the rail cannot carry until the wheel slips
+CYCLES = (("creep_of_peak", 0.3, CYCLE_CREEP), ("utilisation", 0.2, 2.0))
 RISE = 0.7  # share of a cycle in which the creep grows; then the torque is taken back
 ORDER = sorted(CURVES, key=lambda c: -CURVES[c].mu_0)
 
@@ -92,26 +94,23 @@ def drops(w: Wheelset, scale: float) -> Iterator[Run]:
 def cycles(w: Wheelset, scale: float) -> Iterator[Run]:
     """Torque that goes through the peak and is taken back, again and again, as a wheel-slide protection does it."""
     rng = generator(6)
-    cases = [(c, sign, hertz) for c in ORDER for sign in (1.0, -1.0) for hertz in CYCLES_HZ]
-    count = max(2, round(CYCLES_RUNS * scale)) * AXLES
-    for number, part in enumerate(by_four([*itertools.islice(itertools.cycle(cases), count)], rng)):
+    cases = [(c, s, hertz, cycle) for c in ORDER for s in (1.0, -1.0) for hertz in CYCLES_HZ for cycle in CYCLES]
+    every = list(by_four(cases * CYCLES_TIMES, rng))
+    for number, part in enumerate(every[: max(2, round(len(every) * scale))]):
         v = float(rng.uniform(*CHANGING_M_S))
-        axles = [
-            axle(
-                i, one_rail(CURVES[c]), drive("creep_of_peak", *sawtooth(hertz, RUN_S, sign)),
-                float(rng.choice(ROUGHNESS)), rng,
-            )
-            for i, (c, sign, hertz) in part
-        ]  # fmt: skip
-        yield Run("cycles", "slip cycles", number, scenario(w, RUN_S, v, axles), tuple(c for _, (c, _, _) in part))
+        axles = []
+        for i, (letter, sign, hertz, (demand, low, high)) in part:
+            points = sawtooth(hertz, RUN_S, sign * low, sign * high)
+            slips = drive(demand, *points, limit=CYCLE_CREEP)
+            axles.append(axle(i, one_rail(CURVES[letter]), slips, float(rng.choice(ROUGHNESS)), rng))
+        curves = tuple(letter for _, (letter, *_) in part)
+        yield Run("cycles", "slip cycles", number, scenario(w, RUN_S, v, axles), curves)
 
 
-def sawtooth(hertz: float, seconds: float, sign: float) -> list[tuple[float, float]]:
-    """(s, creep over the peak's) of slip cycles: slowly up through the peak, faster back."""
-    low, high = (sign * c for c in CYCLE_CREEPS)
-    starts = np.arange(0.5, seconds, 1.0 / hertz)
+def sawtooth(hertz: float, seconds: float, low: float, high: float) -> list[tuple[float, float]]:
+    """(s, demand) of slip cycles: slowly up, faster back."""
     points = [(0.0, 0.0), (0.5, low)]
-    for t in starts:
+    for t in np.arange(0.5, seconds, 1.0 / hertz):
         points += [(float(t + RISE / hertz), high), (float(t + 1.0 / hertz), low)]
     return points
 

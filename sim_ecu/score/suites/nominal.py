@@ -98,7 +98,7 @@ def spread(scale: float, count: int, first: int) -> list[int]:
     """Numbers of some of the grid's conditions: successive ones, whose speeds are spread evenly. The next first goes
     on where this one ends, so that variants together reach all of the grid."""
     total = size(scale)
-    count = min(max(2, round(count * scale)), total)
+    count = min(max(1, round(count * scale)), total)
     return [(first * count + j) % total for j in range(count)]
 
 
