@@ -192,7 +192,12 @@ class Command(NamedTuple):
 def _drive_torque(
     x: FloatArray, v: float, demand: float, limit: float, integral: float, h: float, p: Constants
 ) -> tuple[float, float]:
-    """Creep controller: the demanded torque unless creep would pass the limit (both signed). Torque, integral."""
+    """Creep controller: the demanded torque unless creep would pass the limit (both signed). Torque, integral.
+
+    No demand is coasting: there is no torque that could be limited.
+    """
+    if demand == 0.0:
+        return 0.0, 0.0
     u = max(v, ROLLING_START)
     inertia = p.I_R + p.I_L
     slip = (p.I_R * x[W_R] + p.I_L * x[W_L]) / inertia * p.r_0 - v
