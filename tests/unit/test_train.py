@@ -1,0 +1,198 @@
+"""Axles of a train on one track, and what a scenario says of them."""
+
+import math
+
+import numpy as np
+import pytest
+
+from sim_ecu.design.cases import command
+from sim_ecu.physics.axlebox import AxleBox
+from sim_ecu.physics.contact import CURVES
+from sim_ecu.physics.rail import CANT, CURVATURE, RailSection, rail_at, rail_table
+from sim_ecu.physics.sensors import SENSOR_SETS
+from sim_ecu.physics.simulation import Axle, Simulation
+from sim_ecu.physics.track import OMEGA_C, OMEGA_R, QUALITY, SPACING_M, Track, irregularity
+from sim_ecu.physics.wheelset import LAT_ACCEL, YAW_RATE, FloatArray, Wheelset
+from sim_ecu.play.player import Player, on_tracks
+from sim_ecu.play.scenario import AxleScenario, Course, Drive, Scenario, read_scenario
+from wrcd.errors import InputError
+from wrcd.settings import parse_toml
+
+TICK_S = 0.005
+BASIC = """
+duration_s = 6
+[[rail]]
+curve = "A"
+[drive]
+utilisation = 0.2
+"""
+
+
+def scenario(text: str = "", axles: str = "[1, 2, 3, 4]") -> Scenario:
+    return read_scenario(parse_toml(f"axles = {axles}\n" + BASIC + text, "test.toml"), "test")
+
+
+def felt(s: Scenario) -> FloatArray:
+    """(yaw rate, lateral acceleration) of each sample and axle as measured, (t, axles, 2)."""
+    return np.array([[(r.yaw_rate, r.lat_accel) for r in sample.readings] for sample in Player(s).measured()])
+
+
+def alike(a: FloatArray, b: FloatArray) -> float:
+    """Correlation of two signals."""
+    return float(np.corrcoef(a, b)[0, 1])
+
+
+def test_a_follower_meets_the_same_irregularity_later() -> None:
+    """2.5 m at 25 m/s are 20 samples."""
+    track = Track(QUALITY["poor"], 5, behind_m=3.0)
+    rail = rail_table([RailSection(0.0, CURVES["A"])])
+    sim = Simulation(Wheelset(), [Axle(rail, track), Axle(rail, track, -2.5)], 25.0)
+    out = sim.advance(command(1000, 2, utilisation=0.3, limit_of_peak=1.0), np.full(1000, 25.0)).outputs
+    for column in (YAW_RATE, LAT_ACCEL):
+        leads, follows = out[400:-20, 0, column], out[420:, 1, column]
+        assert np.abs(leads - follows).max() < 0.02 * leads.std()
+        assert alike(out[400:, 0, column], out[400:, 1, column]) < 0.9
+
+
+def test_axles_of_a_scenario_run_on_one_track() -> None:
+    """Bogies of 2.5 m, 19 m apart; the sensors' noise is each axle's own."""
+    s = scenario()
+    assert [a.position_m for a in s.axles] == [0.0, -2.5, -19.0, -21.5]
+    assert len({id(a.track) for a in on_tracks(s.axles)}) == 1
+    y = felt(s)[:, :, 1]
+    for place, delay in ((1, 20), (2, 152), (3, 172)):
+        assert alike(y[400 : 1200 - delay, 0], y[400 + delay :, place]) > 0.99
+    # the same noise would correlate at no delay
+    noise = np.diff(y, n=4, axis=0)
+    assert abs(alike(noise[:, 0], noise[:, 1])) < 0.1
+
+
+def test_an_axle_with_its_own_seed_runs_on_its_own_track() -> None:
+    s = scenario("[axle.2]\nseed = 77", axles="[1, 2, 3]")
+    assert [a.runs_on for a in s.axles] == [17, 77, 17]
+    y = felt(s)[:, :, 1]
+    assert abs(alike(y[400:1180, 0], y[420:, 1])) < 0.5
+    assert alike(y[400:1048, 0], y[552:, 2]) > 0.99
+
+
+def test_an_axle_alone_stands_at_the_trains_own_distance() -> None:
+    assert [a.position_m for a in scenario(axles="[3]").axles] == [0.0]
+    assert [a.position_m for a in scenario(axles="[3, 4]").axles] == [0.0, -2.5]
+    assert [a.position_m for a in scenario("[axle.4]\nposition_m = -8", axles="[3, 4]").axles] == [0.0, -8.0]
+
+
+def test_who_follows_changes_nothing_for_the_first_axle() -> None:
+    alone, led = felt(scenario(axles="[1]")), felt(scenario(axles="[1, 4]"))
+    assert led[:, 0] == pytest.approx(alone[:, 0], abs=2 * SENSOR_SETS["mems"].lat_accel.step)
+
+
+def test_an_own_roughness_scales_the_same_irregularity() -> None:
+    first, second = on_tracks(scenario('[axle.2]\ntrack = "poor"', axles="[1, 2]").axles)
+    assert second.track.reach(300.0) == pytest.approx(
+        first.track.reach(300.0) * math.sqrt(QUALITY["poor"] / QUALITY["good"]), rel=1e-6
+    )
+
+
+def test_axles_built_without_a_track_seed_have_tracks_of_their_own() -> None:
+    rail = rail_table([(0.0, CURVES["A"], 0.0, 0.0)])
+    drive = Drive("utilisation", Course((0.0,), (0.2,)), Course((0.0,), (1.0,)))
+    axles = [AxleScenario(n, rail, drive, QUALITY["good"], SENSOR_SETS["mems"], n, 0.0) for n in (1, 2)]
+    first, second = (a.track.reach(100.0) for a in on_tracks(axles))
+    assert abs(alike(first[:, 1], second[:, 1])) < 0.3
+
+
+def test_the_track_behind_the_start_belongs_to_the_same_process() -> None:
+    """The covariance across the start is that of any two places so far apart, and the slope is that of the profile."""
+    sigma, pairs = Track(1e-7, 0).sigma_m, []
+    for seed in range(1500):
+        nodes = Track(1e-7, seed, behind_m=10.0).reach(10.0)
+        pairs.append(nodes[[0, 200, 400], 0])
+    y = np.array(pairs) / sigma
+    apart = np.array([0.0, 10.0, 20.0])
+    rho = (OMEGA_C * np.exp(-OMEGA_R * apart) - OMEGA_R * np.exp(-OMEGA_C * apart)) / (OMEGA_C - OMEGA_R)
+    assert np.cov(y.T)[0] == pytest.approx(rho, abs=0.1)
+    assert np.cov(y.T)[2, 1] == pytest.approx(rho[1], abs=0.1)
+    track = Track(1e-7, 3, behind_m=50.0)
+    nodes = track.reach(50.0)
+    slope = np.gradient(nodes[:, 0], SPACING_M)
+    assert alike(slope[:900], nodes[:900, 1]) > 0.98
+    assert np.abs(slope - nodes[:, 1])[990:1010].max() < 5 * np.abs(slope - nodes[:, 1]).std()
+
+
+def test_places_on_the_track_do_not_depend_on_how_much_lies_behind() -> None:
+    short, long = Track(1e-7, 9, behind_m=1.0), Track(1e-7, 9, behind_m=70.0)
+    assert short.start_m == pytest.approx(-1.0)
+    a, b = short.reach(100.0), long.reach(100.0)
+    for at in (-0.93, 0.0, 0.01, 55.5):
+        assert irregularity(a, at - short.start_m) == pytest.approx(irregularity(b, at - long.start_m), abs=1e-12)
+
+
+def test_an_axle_off_its_track_is_refused() -> None:
+    rail = rail_table([RailSection(0.0, CURVES["A"])])
+    with pytest.raises(ValueError, match="begins at"):
+        Simulation(Wheelset(), [Axle(rail, Track(1e-7, 1), -2.5)], 25.0)
+
+
+def test_coasting_is_without_torque() -> None:
+    rail = rail_table([RailSection(0.0, CURVES["F"])])
+    sim = Simulation(Wheelset(), [Axle(rail, Track(QUALITY["poor"], 3))], 25.0)
+    out = sim.advance(command(400, utilisation=0.0, limit_of_peak=1.3), np.full(400, 25.0)).outputs
+    assert not out[:, 0, 2].any()
+    assert out[:, 0, YAW_RATE].std() > 1e-4
+
+
+def test_the_axle_box_is_played() -> None:
+    """Vibration is each axle's own; joints come to the second axle 2.5 m later."""
+    box = "[axlebox]\nvibration_m_s2 = 0.3\njoint_m_s2 = 20\njoint_every_m = 30\n[axle.2.axlebox]\nvibration_m_s2 = 0"
+    s = scenario(box, axles="[1, 2]")
+    assert s.axles[0].axlebox == AxleBox(vibration_m_s2=0.3, joint_m_s2=20.0, joint_every_m=30.0)
+    assert s.axles[1].axlebox == AxleBox(joint_m_s2=20.0, joint_every_m=30.0)
+    calm = felt(scenario(axles="[1, 2]"))
+    added = felt(s) - calm
+    struck = [np.flatnonzero(np.abs(added[:, place, 1]) > 8.0) for place in (0, 1)]
+    assert len(struck[0]) >= 4 * 5
+    assert set(struck[0] + 20) - set(struck[1]) <= set(range(1200, 1220))
+    # between the joints the second axle feels nothing and the first, 20 samples before, its vibration
+    rest = np.abs(added[20:, 1, 1]) < 0.01
+    assert rest.sum() > 900
+    assert added[:-20, 0, 1][rest].std() == pytest.approx(0.3, rel=0.05)
+    assert added[:-20, 0, 0][rest].std() == pytest.approx(0.3 * 0.002, rel=0.05)
+
+
+def test_a_transition_is_read() -> None:
+    text = '[[rail]]\nfrom_m = 100\ncurve = "A"\nradius_m = -800\ncant_rad = -0.04\ntransition_m = 80'
+    rail = scenario(text).axles[0].rail
+    assert rail_at(rail, 140.0)[[CURVATURE, CANT]] == pytest.approx([-0.5 / 800, -0.02])
+    assert rail_at(rail, 180.0)[[CURVATURE, CANT]] == pytest.approx([-1 / 800, -0.04])
+
+
+@pytest.mark.parametrize(
+    ("text", "key", "hint"),
+    [
+        ("[axlebox]\nvibration = 1", "axlebox.vibration", "vibration_m_s2"),
+        ("[axlebox]\nvibration_m_s2 = -1", "axlebox.vibration_m_s2", ""),
+        ("[axlebox]\nband_hz = [50, 20]", "axlebox.band_hz", ""),
+        ("[axlebox]\nband_hz = 20", "axlebox.band_hz", "[20, 100]"),
+        ("[axlebox]\nband_hz = [100, 300]", "axlebox.band_hz", "left out"),
+        ('[axlebox]\njoint_shape = "bipolr"', "axlebox.joint_shape", "bipolar"),
+        ("[axle.2.axlebox]\njoint_s = 0", "axle.2.axlebox.joint_s", ""),
+        ("[axle.2]\nseed = -3", "axle.2.seed", ""),
+        ('[[rail]]\nfrom_m = 9\ncurve = "A"\ntransition_m = 1e9', "rail[2].transition_m", ""),
+        (
+            '[[rail]]\nfrom_m = 9\ncurve = "A"\ntransition_m = 40\n[[rail]]\nfrom_m = 30\ncurve = "B"',
+            "rail[3].from_m",
+            "49 m",
+        ),
+    ],
+)
+def test_a_scenario_that_makes_no_sense_is_refused(text: str, key: str, hint: str) -> None:
+    with pytest.raises(InputError) as e:
+        scenario(text)
+    assert e.value.key == key
+    assert hint in (e.value.hint or "")
+    assert e.value.line
+
+
+def test_the_first_section_has_no_transition() -> None:
+    with pytest.raises(InputError, match="none to come from"):
+        read_scenario(parse_toml('drive = { creep = 0 }\nrail = [{ curve = "A", transition_m = 9 }]', "x"), "x")
