@@ -31,6 +31,12 @@ from_m = 40
 mu_0 = 0.06
 radius_m = 1500
 cant_rad = 0.05
+transition_m = 30
+[axlebox]
+vibration_m_s2 = 0.3
+band_hz = [20, 100]
+joint_m_s2 = 1
+joint_shape = "unipolar"
 [drive]
 utilisation = [[0, 0], [1, 0.5]]
 creep_limit_of_peak = 1.5
@@ -38,6 +44,9 @@ creep_limit_of_peak = 1.5
 seed = 4
 track = 1e-7
 position_m = -2.5
+[axle.3.axlebox]
+crossing_m_s2 = 5
+gyro_per_m_s2 = 0.001
 [axle.3.sensors]
 kind = "tactical"
 yaw_rate_bias_rad_s = 0.01
