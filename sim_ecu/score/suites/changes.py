@@ -36,8 +36,8 @@ SLIDE_SHARES = (1.1, 0.9)  # of the new and of the old peak: between them lies t
 CYCLES_TIMES = 2  # over all cases
 CYCLES_HZ = (0.5, 1.0)
 CYCLE_CREEP = 2.0  # of the peak's: how far a wheel slips
-# what goes up and back: the creep, or a torque that the rail cannot carry until the wheel slips
-CYCLES = (("creep_of_peak", 0.3, CYCLE_CREEP), ("utilisation", 0.2, 2.0))
+# what goes up and back: the creep, or a torque beyond what the rail carries, which is then let go altogether
+CYCLES = (("creep_of_peak", 0.3, CYCLE_CREEP), ("utilisation", 0.0, 1.6))
 RISE = 0.7  # share of a cycle in which the creep grows; then the torque is taken back
 ORDER = sorted(CURVES, key=lambda c: -CURVES[c].mu_0)
 
