@@ -7,7 +7,6 @@ from sim_ecu.design.cases import Plan
 from sim_ecu.design.make import Brief, design, write
 from sim_ecu.physics.sensors import SENSOR_SETS
 from sim_ecu.play.scenario import read_wheelset
-from sim_ecu.score.imm import Imm
 from sim_ecu.score.learned import learn
 from wrcd.errors import InputError
 from wrcd.estimator.design import load_design
@@ -30,8 +29,7 @@ def run(config: Path | None, output: Path, baselines: Path | None = None) -> int
     write(document, output)
     if baselines is not None:
         progress.at("baselines", 0.0)
-        imm = Imm(brief.wheelset, brief.points, SENSOR_SETS[brief.plan.sensors], brief.tick_s, brief.window_s)
-        write(learn(load_design(output), recordings, brief.plan, imm), baselines)
+        write(learn(load_design(output), recordings, brief.plan), baselines)
     progress.end()
     fit = document["fit"]
     print(

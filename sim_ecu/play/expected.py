@@ -88,6 +88,7 @@ ROWS = (
     _row("drift", "yaw_rate", Stays(1.0), LONG_S, 0.0002),
     *(_row("drift", of, Unseen()) for of in _ONE_AND_ALL),
     *(_row("delay", of, Unseen()) for of in _ONE_AND_ALL),
+    *(_row("dead", of, Unseen()) for of in _ONE_AND_ALL),
     *(_row("swap-wiring", of, Unseen(), LONG_S) for of in _ONE_AND_ALL),
     _row("bias", "torque", Unseen()),
     _row("freeze", "torque", Unseen()),

@@ -47,6 +47,10 @@ KINDS = {
     "bias": Kind(Stage.SIGNAL, "the value is off", "rad/s, m/s², N·m, m/s", (0.1, 0.5, 3000.0, 2.0), -_ANY, _ANY),
     "drift": Kind(Stage.SIGNAL, "the value goes off more and more", "… per s", (0.02, 0.2, 1000.0, 1.0), -_ANY, _ANY),
     "freeze": Kind(Stage.SIGNAL, "the value stands still in fresh frames"),
+    "dead": Kind(
+        Stage.SIGNAL, "the sensor gives its own noise alone", "rms in rad/s, m/s², N·m, m/s",
+        (0.0003, 0.01, 50.0, 0.005), 0.0, _ANY,
+    ),
     "spike": Kind(
         Stage.SIGNAL, "one sample is off every 0.1 s", "rad/s, m/s², N·m, m/s", (0.5, 10.0, 30000.0, 20.0), -_ANY, _ANY
     ),

@@ -1,4 +1,4 @@
-"""Baselines that learn from the design's own recordings: no filters but the same fuzzy machinery, and a regressor."""
+"""Baselines that learn from the design's own recordings: no filters but the same fuzzy machinery; a neural network."""
 
 import json
 from dataclasses import dataclass
@@ -6,32 +6,39 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.optimize import minimize
 
 from sim_ecu.design.cases import FloatArray, Plan, Recording, features
 from sim_ecu.design.rules import RuleBase, fit
-from sim_ecu.score.imm import Imm
+from sim_ecu.physics.sensors import SENSOR_SETS
+from sim_ecu.score.baselines import without_offset
 from sim_ecu.score.ticks import Ticks, running_mean
 from wrcd.errors import InputError
 from wrcd.estimator.design import Design
 
-FORMAT = "wrcd-baselines/1"
+FORMAT = "wrcd-baselines/2"
 SMALLEST = 1e-9
+LEAST_TRACK = 0.03  # of the noise's power: less from the track is not told from none
 FILTERLESS_SETS = (4, 4, 5, 4)  # raw yaw rate, raw lateral acceleration, torque, speed: the best of nine combinations
 LAYERS = (48, 32)
-MOST_SHARE = 2000.0
-FITTED_EVERY = 40  # the IMM is slow: its levels are fitted to every so many conditions of a speed
 
 
 def _log(x: FloatArray) -> FloatArray:
     return np.asarray(np.log10(np.maximum(x, SMALLEST)))
 
 
-def raw_inputs(ticks: Ticks, window: int) -> FloatArray:
-    """(t, n, 4): log10 of the windowed RMS of both raw signals about their mean, of the torque ratio, of the speed."""
-    z = np.where(ticks.present, ticks.z, 0.0)
-    mean = running_mean(z, window)
-    rms = np.sqrt(np.maximum(running_mean(z * z, window) - mean * mean, 0.0))
+def raw_inputs(ticks: Ticks, window: int, noise_rms: tuple[float, float]) -> FloatArray:
+    """(t, n, 4): log10 of the windowed RMS of both raw signals, of the torque ratio, of the speed.
+
+    As the rules' own inputs: about the straight line through the window, and without the sensors' noise.
+    """
+    z = np.where(ticks.present, without_offset(ticks, window).z, 0.0)
+    at = np.arange(len(z), dtype=np.float64)[:, None, None] * np.ones((1, *z.shape[1:]))
+    z_mean, t_mean = running_mean(z, window), running_mean(at, window)
+    power = running_mean(z * z, window) - z_mean**2
+    about = running_mean(at * z, window) - t_mean * z_mean
+    spread = np.maximum(running_mean(at * at, window) - t_mean**2, SMALLEST)
+    noise = np.square(noise_rms)[:, None]
+    rms = np.sqrt(np.maximum(power - about**2 / spread - noise, LEAST_TRACK * noise))
     torque = running_mean(np.nan_to_num(ticks.torque_ratio), window)
     speed = np.broadcast_to(ticks.speed_m_s[:, None], torque.shape)
     return np.stack((_log(rms[:, 0]), _log(rms[:, 1]), _log(torque), _log(speed)), axis=-1)
@@ -43,10 +50,11 @@ class Filterless:
 
     rules: RuleBase
     window: int
+    noise_rms: tuple[float, float]
 
     def mu_pct(self, ticks: Ticks) -> FloatArray:
         """Adhesion in percent (t, n), not below what is in use."""
-        inputs = raw_inputs(ticks, self.window)
+        inputs = raw_inputs(ticks, self.window, self.noise_rms)
         t, n, k = inputs.shape
         mu = self.rules.mu_pct(inputs.reshape(-1, k)).reshape(t, n)
         return np.maximum(mu, 100.0 * 10.0 ** inputs[:, :, 2])
@@ -54,8 +62,9 @@ class Filterless:
 
 @dataclass(frozen=True, slots=True)
 class Regressor:
-    """A small multi-layer perceptron on the rules' own six inputs: what such a network makes of them, unreadably."""
+    """A small multi-layer perceptron on the rules' own inputs: what such a network makes of them, unreadably."""
 
+    window: int
     mean: FloatArray
     size: FloatArray
     layers: tuple[tuple[FloatArray, FloatArray], ...]
@@ -65,10 +74,10 @@ class Regressor:
         assert ticks.seen is not None
         t, n, k = ticks.seen.shape
         mu = 100.0 * np.exp(self.answer(ticks.seen.reshape(-1, k)).reshape(t, n))
-        return np.maximum(mu, 100.0 * 10.0 ** ticks.seen[:, :, 4])
+        return np.maximum(mu, 100.0 * running_mean(np.nan_to_num(ticks.torque_ratio), self.window))
 
     def answer(self, inputs: FloatArray) -> FloatArray:
-        """ln of the adhesion (n,) for inputs (n, 6)."""
+        """ln of the adhesion (n,) for inputs (n, k)."""
         x = (inputs - self.mean) / self.size
         for i, (weight, bias) in enumerate(self.layers):
             x = x @ weight + bias
@@ -77,11 +86,13 @@ class Regressor:
         return np.asarray(x[:, 0])
 
 
-def learn(design: Design, recordings: list[Recording], plan: Plan, imm: Imm) -> dict[str, Any]:
-    """The baselines' document: fitted to the recordings that the design was fitted to, the slow IMM to some of them."""
+def learn(design: Design, recordings: list[Recording], plan: Plan) -> dict[str, Any]:
+    """The baselines' document: fitted to the recordings that the design was fitted to."""
     data = features(design, recordings, plan.windows)
     importance = data.importance(plan)
-    raw = _raw_features(design, recordings, plan.windows)
+    sensors = SENSOR_SETS[plan.sensors]
+    noise_rms = sensors.yaw_rate.noise_rms, sensors.lat_accel.noise_rms
+    raw = _raw_features(design, recordings, plan.windows, noise_rms)
     rules = fit(raw, data.mu_pct, FILTERLESS_SETS, len(design.rules), importance, data.condition)
     document: dict[str, Any] = {
         "format": FORMAT,
@@ -91,8 +102,8 @@ def learn(design: Design, recordings: list[Recording], plan: Plan, imm: Imm) -> 
             "rules": rules.rules.tolist(),
             "bases": rules.bases.tolist(),
             "slopes": rules.slopes.tolist(),
+            "noise_rms": list(noise_rms),
         },
-        "imm_shares": np.round(_imm_shares(design, recordings, plan, imm), 3).tolist(),
     }
     try:
         from sklearn.neural_network import MLPRegressor
@@ -113,28 +124,9 @@ def learn(design: Design, recordings: list[Recording], plan: Plan, imm: Imm) -> 
     return document
 
 
-def _imm_shares(design: Design, recordings: list[Recording], plan: Plan, imm: Imm) -> FloatArray:
-    """The shares of the models' peaks that give the IMM its least mean error, over some conditions of the core."""
-    parts, used, truth = [], [], []
-    for r in [r for r in recordings if plan.core_speeds[0] <= r.speed_m_s <= plan.core_speeds[1]][::3]:
-        z, torque, mu = r.z[:, :, ::FITTED_EVERY], r.torque[:, ::FITTED_EVERY], r.mu_pct[::FITTED_EVERY]
-        ratio = np.abs(torque) / (2 * design.normal_N * design.r_0)
-        ticks = Ticks(z, np.ones(z.shape, dtype=bool), ratio, np.full(len(z), r.speed_m_s), design.tick_s)
-        parts.append(imm.parts(ticks)[-1])
-        used.append(100.0 * ratio[-design.window_ticks :].mean(axis=0))
-        truth.append(mu)
-    p, u, m = np.concatenate(parts), np.concatenate(used), np.concatenate(truth)
-
-    def error(shares: FloatArray) -> float:
-        return float(np.abs(np.fmax(p @ shares, u) - m).mean())
-
-    starts = [np.full(p.shape[1], s) for s in (0.3, 1.0, 3.0)]
-    found = [minimize(error, s, method="Powell", bounds=[(0.0, MOST_SHARE)] * len(s)) for s in starts]
-    best: FloatArray = min(found, key=lambda f: float(f.fun)).x
-    return best
-
-
-def _raw_features(design: Design, recordings: list[Recording], windows: int) -> FloatArray:
+def _raw_features(
+    design: Design, recordings: list[Recording], windows: int, noise_rms: tuple[float, float]
+) -> FloatArray:
     """(windows, 4), in the order of `features`."""
     rows = []
     half = design.window_ticks // 2
@@ -142,7 +134,10 @@ def _raw_features(design: Design, recordings: list[Recording], windows: int) -> 
         ticks = len(r.z)
         ratio = np.abs(r.torque) / (2 * design.normal_N * design.r_0)
         present = np.ones(r.z.shape, dtype=bool)
-        every = raw_inputs(Ticks(r.z, present, ratio, np.full(ticks, r.speed_m_s), design.tick_s), design.window_ticks)
+        speed = np.full(ticks, r.speed_m_s)
+        every = raw_inputs(
+            Ticks(r.z, present, ratio, speed, design.tick_s, np.arange(ticks)), design.window_ticks, noise_rms
+        )
         rows += [every[k] for k in sorted(ticks - 1 - half * i for i in range(windows))]
     return np.concatenate(rows)
 
@@ -153,7 +148,6 @@ class Learned:
 
     filterless: Filterless
     regressor: Regressor | None
-    imm_shares: FloatArray
 
 
 def load(path: Path, design: Design) -> Learned:
@@ -184,5 +178,6 @@ def _read(document: dict[str, Any], design: Design) -> Learned:
     regressor = None
     if r is not None:
         layers = tuple((np.array(w), np.array(b)) for w, b in r["layers"])
-        regressor = Regressor(np.array(r["mean"]), np.array(r["size"]), layers)
-    return Learned(Filterless(base, design.window_ticks), regressor, np.array(document["imm_shares"]))
+        regressor = Regressor(design.recent_ticks, np.array(r["mean"]), np.array(r["size"]), layers)
+    yaw_rate, lat_accel = (float(x) for x in f["noise_rms"])
+    return Learned(Filterless(base, design.window_ticks, (yaw_rate, lat_accel)), regressor)
