@@ -1,5 +1,6 @@
 """From recordings, through the train's own estimator, to what its rules are made from."""
 
+import os
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
@@ -75,6 +76,8 @@ def features(
     first = np.cumsum([0, *(r.z.shape[2] for r in recordings)])
     jobs = [(design, plan, r, [plan.seed, 2, seed, k], int(first[k])) for k, r in enumerate(recordings)]
     parts: list[_Part] = []
+    # products of small matrices: threads of BLAS in every worker would only wait for each other
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     with ProcessPoolExecutor(WORKERS, mp_context=get_context("forkserver")) as pool:
         for k, part in enumerate(pool.map(_windows, jobs)):
             parts.append(part)

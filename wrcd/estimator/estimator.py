@@ -15,7 +15,17 @@ from wrcd.estimator.noise import NoiseLevel
 from wrcd.estimator.offset import Offset
 from wrcd.estimator.sections import Sections
 from wrcd.estimator.speed import SpeedFilter
-from wrcd.estimator.window import BLOCK_TICKS, RATIO, RATIO_N, Statistics, Window, newest, raw_power, statistics
+from wrcd.estimator.window import (
+    BLOCK_TICKS,
+    RATIO,
+    RATIO_N,
+    Statistics,
+    Window,
+    mean_ratio,
+    newest,
+    raw_power,
+    statistics,
+)
 
 OFFSET_WINDOWS = 2  # memory of the sensors' offsets, in windows
 NOW_S = 0.06  # the torque of so long is the torque of the moment
@@ -113,7 +123,8 @@ class Estimator:
         self._joints = Joints(design.highpass, float(design.noise_rms[1]), axles)
         self._noise = NoiseLevel(design.noise_rms, axles)
         self._lowpass = Sections(design.lowpass, 2 * MODELS, axles)
-        self._window = Window(-(-design.longest_ticks // BLOCK_TICKS), axles)
+        self._longest = -(-design.longest_ticks // BLOCK_TICKS)
+        self._window = Window(self._longest, axles)
         self._fuzzy = Fuzzy(design)
         self._speed_m_s = float(design.speeds_m_s[0])
         self._low = np.array([s.centres[0] for s in design.residual_sets])
@@ -206,14 +217,11 @@ class Estimator:
     def steps(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Of the newest part of the window against the rest: decades between the residuals (n, 4), NaN where either
         holds too little; the torque ratio of the moment and that of the rest (n,)."""
-        cumulative = self._window.cumulative()
-        compared = np.minimum(self._window.filled(), self._usual)
-        new = newest(cumulative, np.minimum(compared, self._recent))
-        rest = newest(cumulative, compared) - new
-        moment = newest(cumulative, np.minimum(compared, self._now))
+        window = self._window
+        new, rest = window.plain(0, self._recent), window.plain(self._recent, self._usual)
         with np.errstate(invalid="ignore", divide="ignore"):
             decades = 0.5 * np.log10(raw_power(new, self._min_ticks) / raw_power(rest, self._min_ticks))
-            return decades, moment[RATIO] / moment[RATIO_N], rest[RATIO] / rest[RATIO_N]
+        return decades, self.torque_now(), mean_ratio(rest)
 
     def _drop_what_was_before_a_change(self) -> None:
         """Compare the newest part of the window with the rest: residuals and torque."""
@@ -284,9 +292,7 @@ class Estimator:
 
     def torque_now(self) -> FloatArray:
         """(n,): torque ratio of the moment; NaN where it is not known."""
-        sums = newest(self._window.cumulative(), np.minimum(self._window.filled(), self._now))
-        with np.errstate(invalid="ignore", divide="ignore"):
-            return np.asarray(sums[RATIO] / sums[RATIO_N])
+        return mean_ratio(self._window.plain(0, self._now))
 
     def inputs_of(self, blocks: IntArray, now: FloatArray) -> tuple[FloatArray, Statistics]:
         """What the rules are given (n, COLUMNS) of windows of so many blocks (n,), and the windows' statistics.

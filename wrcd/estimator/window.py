@@ -13,15 +13,17 @@ LAG = 4  # ticks between the two innovations of an autocorrelation: a quarter of
 SMALLEST = 1e-12  # a power this far below what the model expects is as good as zero
 _W = MODELS * CHANNELS
 
-# Columns of a block: ticks N, of them live ones, sums of t and t^2, of the torque ratio and its ticks; then of the
-# whitened innovations w, filtered: w, t w, w^2, w(k) w(k - LAG) for each of the eight, and yaw times lateral for each
-# model; and of the unfiltered ones, which show a change sooner, w and w^2 over the ticks RAW_N that are calm.
-N, LIVE, T, TT, RATIO, RATIO_N, RAW_N = range(7)
-_AT = np.cumsum([7, _W, _W, _W, _W, MODELS, _W, _W])
-SUM_W, SUM_TW, SUM_WW, SUM_LAG, SUM_CROSS, SUM_RAW, SUM_RAW2 = (
+# Columns of a block: ticks N, of them live ones, sums of t and t^2; of the whitened innovations w, filtered: w, t w,
+# w^2, w(k) w(k - LAG) for each of the eight, and yaw times lateral for each model. Then plain sums: of the torque ratio and
+# its ticks; of the unfiltered innovations, which show a change sooner, over the ticks RAW_N that are calm: w and w^2.
+N, LIVE, T, TT = range(4)
+_AT = np.cumsum([4, _W, _W, _W, _W, MODELS, 3, _W, _W])
+SUM_W, SUM_TW, SUM_WW, SUM_LAG, SUM_CROSS, _SCALARS, SUM_RAW, SUM_RAW2 = (
     slice(int(a), int(b)) for a, b in itertools.pairwise(_AT)
 )
+RATIO, RATIO_N, RAW_N = range(_SCALARS.start, _SCALARS.stop)
 COLUMNS = int(_AT[-1])
+PLAIN = RATIO  # columns from here on are plain sums
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,13 +78,21 @@ def statistics(sums: FloatArray, least_ticks: float) -> Statistics:
 
 
 def raw_power(sums: FloatArray, least_ticks: float) -> FloatArray:
-    """(n, 4): mean square of the unfiltered innovations about their mean. NaN with less than least_ticks calm ticks."""
-    live = sums[RAW_N]
+    """(n, 4): from plain sums the mean square of the unfiltered innovations about their mean; NaN with less than
+    least_ticks calm ticks."""
+    calm = sums[RAW_N - PLAIN]
+    raw, square = sums[SUM_RAW.start - PLAIN : SUM_RAW.stop - PLAIN], sums[SUM_RAW2.start - PLAIN :]
     with np.errstate(invalid="ignore", divide="ignore"):
-        mean = sums[SUM_RAW] / live
-        power = np.maximum(sums[SUM_RAW2] / live - mean * mean, SMALLEST)
+        mean = raw / calm
+        power = np.maximum(square / calm - mean * mean, SMALLEST)
     both = power.reshape(MODELS, CHANNELS, -1).mean(axis=1)
-    return np.asarray(np.where(live >= least_ticks, both, np.nan).T)
+    return np.asarray(np.where(calm >= least_ticks, both, np.nan).T)
+
+
+def mean_ratio(plain: FloatArray) -> FloatArray:
+    """(n,): from plain sums the mean torque ratio; NaN without any."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(plain[0] / plain[RATIO_N - PLAIN])
 
 
 class Window:
@@ -159,6 +169,12 @@ class Window:
             sums[:, SUM_TW] += shift[:, :, None] * sums[:, SUM_W]
             self._cumulative = np.concatenate((np.zeros_like(sums[:1]), np.cumsum(sums, axis=0)))
         return self._cumulative
+
+    def plain(self, first: int, end: int) -> FloatArray:
+        """Plain sums (COLUMNS - PLAIN, n) over the blocks first … end - 1, counted back from the newest (0)."""
+        blocks = (self._newest - np.arange(first, end)) % self._blocks
+        out: FloatArray = self._sums[blocks, PLAIN:].sum(axis=0)
+        return out
 
     def filled(self) -> IntArray:
         """(n,): how many of the newest blocks hold ticks without a gap."""
