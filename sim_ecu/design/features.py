@@ -64,19 +64,21 @@ def run(design: Design, z: NDArray[np.float32], r: Recording, at: Sequence[int])
 
 def features(design: Design, recordings: Sequence[Recording], plan: Plan, seed: int = 0) -> tuple[Features, Steps]:
     """Windows of random length out of every recording, undisturbed and disturbed. Of the design only the bank is used.
+    In the paper's form they are all of the one length that it has, and undisturbed.
 
     The steps are those of undisturbed windows in the design's own world, on a rail that does not change.
     """
     rows: list[tuple[FloatArray, FloatArray, NDArray[np.int64], NDArray[np.bool_]]] = []
     decades, speeds = [], []
     first = 0
+    lengths_s, copies = (LENGTHS_S, 2) if design.form == "wrcd" else ((design.window_s,), 1)
     for number, r in enumerate(recordings):
         rng = np.random.default_rng([plan.seed, 2, seed, number])
-        for z, ends in ((r.z, ENDS), (r.felt, DISTURBED_ENDS)):
+        for z, ends in ((r.z, ENDS), (r.felt, DISTURBED_ENDS))[:copies]:
             settled = round(plan.settle_s / plan.seconds * len(z))
             at = [settled + round(share * (len(z) - settled)) - 1 for share in ends]
             for k, estimator in run(design, z, r, at):
-                lengths = rng.choice(LENGTHS_S, z.shape[2]) / design.tick_s / BLOCK_TICKS
+                lengths = rng.choice(lengths_s, z.shape[2]) / design.tick_s / BLOCK_TICKS
                 blocks = np.minimum(np.round(lengths).astype(np.int64), (k + 1 - r.first) // BLOCK_TICKS)
                 inputs, _ = estimator.inputs_of(blocks, estimator.torque_now())
                 nominal = np.full(len(blocks), r.own_world and z is r.z)

@@ -7,11 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_ecu.design.cases import Condition, Progress, simulate
+from sim_ecu.design.cases import Condition, Progress, held_at, simulate
 from sim_ecu.design.linear import Point
 from sim_ecu.design.source import Source
-from sim_ecu.physics.contact import CURVES, CreepCurve, curve_between, peak, traction_ratio
-from sim_ecu.physics.track import QUALITY
+from sim_ecu.physics.contact import CURVES, CreepCurve, curve_between
 from sim_ecu.physics.wheelset import LAT_ACCEL, MU_AVAILABLE, MU_USED, SLIP, TORQUE, YAW_RATE, Wheelset
 from wrcd.estimator.design import MODELS, Sets
 from wrcd.estimator.estimator import Estimator, Tick
@@ -68,16 +67,8 @@ def own_range(sets: Sequence[Sets], seen: FloatArray) -> FloatArray:
 
 
 def held(w: Wheelset, curve: CreepCurve, creep_of_peak: float, tracks: int) -> list[Condition]:
-    """A wheelset held at a share of its curve's peak creep, on a number of good tracks.
-
-    The creep controller holds the peak. Below the peak the torque that belongs to the creep does: on the steep part of
-    a dry curve the controller takes more than 4 s to get there.
-    """
-    c = w.contact
-    creep, mu = peak(SPEED, c, *curve.row())
-    share = traction_ratio(creep_of_peak * creep, SPEED, c, *curve.row()) / mu
-    demand = (math.nan, creep_of_peak) if creep_of_peak >= SATURATED else (share, math.nan)
-    return [Condition(SPEED, curve, QUALITY["good"], *demand, 1000 + k) for k in range(tracks)]
+    """A wheelset held at a share of its curve's peak creep, on a number of good tracks."""
+    return [held_at(w, curve, creep_of_peak, SPEED, 1000 + k) for k in range(tracks)]
 
 
 def observe(
