@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 SUITES = ("paper", "grid", "transitions", "robust", "rough", "dry-hours")
 
 
+BUDGET = 600  # of `sim-ecu design --search`
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point. 0 done, 1 a check failed, 2 bad input."""
     args = _parser().parse_args(argv)
@@ -63,7 +66,23 @@ def _parser() -> argparse.ArgumentParser:
         "--config", type=Path, metavar="RIG.toml",
         help="wheelset, design, plan: a file, or metro or locomotive, which come along (default: the default wheelset)",
     )  # fmt: skip
-    design.add_argument("-o", "--output", type=Path, metavar="DESIGN.json", help="the file to make")
+    design.add_argument("-o", "--output", type=Path, metavar="FILE", help="the file to make")
+    design.add_argument(
+        "--form",
+        choices=("wrcd", "paper"),
+        help="wrcd's own form, or the paper's own, which it is compared with (default: as --config says, else wrcd)",
+    )
+    design.add_argument(
+        "--search",
+        action="store_true",
+        help="make no design, but look for the models' process noise, and write the best to FILE as TOML (hours)",
+    )
+    design.add_argument(
+        "--budget", type=int, default=BUDGET, metavar="N", help=f"candidates of a search (default: {BUDGET})"
+    )
+    design.add_argument(
+        "--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="processes of a search (default: all cores)"
+    )
     design.add_argument(
         "--baselines", type=Path, metavar="OUT.json", help="also make what `sim-ecu score` compares this design with"
     )
@@ -180,7 +199,11 @@ def _design(args: argparse.Namespace) -> int:
 
     if args.output is None:
         raise InputError("is missing", key="-o", hint="name the file to make, or ask for --explain")
-    return run(args.config, args.output, args.baselines)
+    for key in ("budget", "jobs"):
+        if getattr(args, key) < 1:
+            raise InputError(f"takes a whole number from 1 on, not {getattr(args, key)}", key=f"--{key}")
+    budget = args.budget if args.search else None
+    return run(args.config, args.output, args.baselines, args.form, budget, args.jobs)
 
 
 def _contact(args: argparse.Namespace) -> int:

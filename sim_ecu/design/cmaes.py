@@ -59,9 +59,7 @@ class Cmaes:
             + self._c_one * np.outer(self._path, self._path)
             + self._c_rank * (steps.T * self._weights) @ steps
         )
-        self.step *= math.exp(
-            self._c_step / self._damping * (float(np.linalg.norm(self._path_step)) / self._usual - 1)
-        )
+        self.step *= math.exp(self._c_step / self._damping * (float(np.linalg.norm(self._path_step)) / self._usual - 1))
         self._decompose()
 
     def _decompose(self) -> None:

@@ -168,8 +168,10 @@ def bank(brief: Brief) -> dict[str, Any]:
             "H": _short([[g.H for g in row] for row in table]).tolist(),
             "noise_rms": list(noise),
             "noise_power": _short(
-                [[g.noise_power(W, lowpass, noise) for g, W in zip(*at, strict=True)]
-                 for at in zip(table, whiten, strict=True)],
+                [
+                    [g.noise_power(W, lowpass, noise) for g, W in zip(*at, strict=True)]
+                    for at in zip(table, whiten, strict=True)
+                ],
                 6,
             ).tolist(),
             "lowpass": lowpass.tolist(),

@@ -11,6 +11,7 @@ be the lowest.) So a filter whose process noise is right for its point leaves th
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,7 +48,7 @@ def output_sets() -> tuple[list[str], FloatArray]:
     """Names of the output sets, from dry to slippery, and their middles, 0 … 100: where (16) gives the middle of
     their adhesions."""
     top, bottom = BORDERS_PCT[0], BORDERS_PCT[-1]
-    inner = list(zip(BORDERS_PCT, BORDERS_PCT[1:], strict=False))
+    inner = list(pairwise(BORDERS_PCT))
     names = [f"mu >= {top:g} %", *(f"{a:g} % >= mu >= {b:g} %" for a, b in inner), f"mu <= {bottom:g} %"]
     middles = [RANGE_PCT[1], *(0.5 * (a + b) for a, b in inner), 0.5 * bottom]
     return names, np.round(output_of(np.array(middles)))
