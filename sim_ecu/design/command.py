@@ -10,7 +10,6 @@ from sim_ecu.design.make import Brief, design, in_papers_form, write
 from sim_ecu.design.search import search
 from sim_ecu.physics.sensors import SENSOR_SETS
 from sim_ecu.play.scenario import read_wheelset
-from sim_ecu.score.imm import Imm
 from sim_ecu.score.learned import learn
 from wrcd.errors import InputError
 from wrcd.estimator.design import FORMS, load_design
@@ -42,8 +41,7 @@ def run(
     write(document, output)
     if baselines is not None:
         progress.at("baselines", 0.0)
-        imm = Imm(brief.wheelset, brief.points, SENSOR_SETS[brief.plan.sensors], brief.tick_s, brief.window_s)
-        write(learn(load_design(output), recordings, brief.plan, imm), baselines)
+        write(learn(load_design(output), recordings, brief.plan), baselines)
     progress.end()
     fit = document["fit"]
     print(

@@ -33,12 +33,7 @@ class Features:
 
     def importance(self, plan: Plan) -> FloatArray:
         """Weight of each window in the fit: less at the edges of the plan, more at speed."""
-        speed = 10.0 ** self.inputs[:, 5]
-        utilisation = 100.0 * 10.0 ** self.inputs[:, 4] / self.mu_pct
-        low, high = plan.core_speeds
-        core = (speed >= low) & (speed <= high) & (utilisation >= plan.core_utilisation)
-        # the speeds are drawn evenly in the logarithm; trains run evenly in the speed
-        return np.where(core, 1.0, EDGE) * (np.clip(speed, low, high) / high) ** 0.5
+        return importance(plan, 10.0 ** self.inputs[:, 5], 100.0 * 10.0 ** self.inputs[:, 4] / self.mu_pct)
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +42,14 @@ class Steps:
 
     decades: FloatArray
     speed_m_s: FloatArray
+
+
+def importance(plan: Plan, speed_m_s: FloatArray, utilisation: FloatArray) -> FloatArray:
+    """Weight (n,) of windows in a fit."""
+    low, high = plan.core_speeds
+    core = (speed_m_s >= low) & (speed_m_s <= high) & (utilisation >= plan.core_utilisation)
+    # the speeds are drawn evenly in the logarithm; trains run evenly in the speed
+    return np.where(core, 1.0, EDGE) * (np.clip(speed_m_s, low, high) / high) ** 0.5
 
 
 def run(design: Design, z: NDArray[np.float32], r: Recording, at: Sequence[int]) -> Iterator[tuple[int, Estimator]]:

@@ -15,7 +15,7 @@ from sim_ecu.design.cases import Plan, Progress
 from sim_ecu.design.features import Features, Steps, features
 from sim_ecu.design.gains import Gains, steady_state
 from sim_ecu.design.linear import Point
-from sim_ecu.design.paper import PAPER_POINTS, PASS, TORQUE_SETS, PaperRules, fit_paper, output_sets
+from sim_ecu.design.paper import PAPER_GRID, PAPER_POINTS, PASS, TORQUE_SETS, PaperRules, fit_paper, output_sets
 from sim_ecu.design.recordings import Recording, record
 from sim_ecu.design.rules import PAPER_POLYNOMIAL, RuleBase, fit, polynomial
 from sim_ecu.physics.contact import CURVES
@@ -80,11 +80,11 @@ class Brief:
 
 def in_papers_form(brief: Brief) -> Brief:
     """The same for a design in the paper's own form: its points, sets and polynomial, one length of window, and the
-    design's own world with one kind of sensor."""
-    plan = replace(brief.plan, worlds=False, quiet_share=0.0, noisy_share=0.0)
+    design's own world with one kind of sensor. Constants need fewer conditions than slopes do."""
+    plan = replace(brief.plan, speeds=16, per_speed=150, worlds=False, quiet_share=0.0, noisy_share=0.0)
     return replace(
-        brief, form="paper", points=PAPER_POINTS, longest_s=brief.window_s, torque_sets=TORQUE_SETS, polynomial="paper",
-        plan=plan,
+        brief, form="paper", points=PAPER_POINTS, grid=PAPER_GRID, longest_s=brief.window_s, torque_sets=TORQUE_SETS,
+        polynomial="paper", plan=plan,
     )  # fmt: skip
 
 

@@ -30,6 +30,7 @@ PAPER_POINTS = (
     Point("curve D at its peak", CURVES["D"], 1.0, (9.8e-5, 5.5e-5, 0.0062)),
     Point("curve B, linear region", CURVES["B"], 0.004, (1e-5, 0.0062, 0.145)),
 )
+PAPER_GRID = 24  # speeds of the bank: half of wrcd's, for a smaller file
 TORQUE_SETS = 8  # the paper's T_8 is the highest that it names
 PASS = ((1.0, 0.0, 0.0, 1.0, 0.0, 0.0),)  # second-order sections of no filter at all
 # Borders of the named output sets, percent: the paper's rules name "mu >= 40 %" and "20 % >= mu >= 10 %".

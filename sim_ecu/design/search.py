@@ -22,9 +22,9 @@ from wrcd.estimator.window import BLOCK_TICKS
 from wrcd.tools.progress import Progress as Shown
 
 IntArray = NDArray[np.int64]
-GRID = 24  # speeds of a candidate's bank
+GRID = 12  # speeds of a candidate's bank
 SPEEDS, PER_SPEED = 8, 60  # conditions that a candidate is judged by, at most
-STEP = 0.4  # of the search at its start: decades of noise, and of weight over what is left of it
+STEP = 0.3  # of the search at its start: decades of noise, and of weight over what is left of it
 NOISES, WEIGHTS = (-6.0, 2.0), (-3.0, 3.0)  # log10 of a process noise, of one channel's weight over the other's
 # Plans have seeds up to 1000; a score's seeds begin at two thousand million: what lies between belongs to the search.
 FIRST_VALIDATION_SEED, VALIDATION_SEEDS, HELD_SEED = 1001, 900, 1_950_000_000

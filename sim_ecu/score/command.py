@@ -14,7 +14,6 @@ from sim_ecu.cli import SUITES
 from sim_ecu.design.source import Source, load_source
 from sim_ecu.score import learned, suites
 from sim_ecu.score.ekf import SINGLE, Ekf
-from sim_ecu.score.imm import Imm
 from sim_ecu.score.play import Baseline, Trace, play
 from sim_ecu.score.report import judge
 from sim_ecu.score.suites import Run
@@ -133,7 +132,6 @@ def _prepare(source: Source, baselines_file: Path | None) -> None:
         quick["filterless"] = made.filterless
         if made.regressor is not None:
             quick["regressor"] = made.regressor
-        slow["IMM"] = Imm(w, source.points, sensors, design.tick_s, design.window_s, made.imm_shares)
     quick["EKF"] = Ekf(w, sensors, design.tick_s, SINGLE)
     quick["12 EKFs"] = Ekf(w, sensors, design.tick_s)
     _world = _World(replace(load_config(None), design=design, design_file=source.file), quick, slow)

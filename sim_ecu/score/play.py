@@ -19,7 +19,7 @@ from wrcd.bus.frame import Frame
 from wrcd.daemon.config import Config
 from wrcd.daemon.core import Core
 from wrcd.daemon.report import CONFIDENCES
-from wrcd.estimator.design import INPUTS, Design
+from wrcd.estimator.design import COLUMNS, Design
 from wrcd.estimator.estimator import Estimate, Estimator, Tick
 
 FloatArray = NDArray[np.float64]
@@ -79,7 +79,7 @@ class Recording(Estimator):
 
     def all(self) -> Ticks:
         """Everything so far; the estimator never skips a tick while its inputs are there."""
-        seen = np.full((len(self.ticks), self.axles, INPUTS), np.nan)
+        seen = np.full((len(self.ticks), self.axles, COLUMNS), np.nan)
         for (at, inputs), (until, _) in itertools.pairwise([*self.seen, (len(self.ticks) + 1, seen[0])]):
             seen[at - 1 : until - 1] = inputs
         return Ticks(
@@ -88,6 +88,7 @@ class Recording(Estimator):
             torque_ratio=np.stack([t.torque_ratio for t in self.ticks]),
             speed_m_s=np.array([t.speed_m_s for t in self.ticks]),
             tick_s=self.design.tick_s,
+            number=np.array([t.number for t in self.ticks]),
             seen=seen,
         )
 

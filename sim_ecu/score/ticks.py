@@ -22,7 +22,8 @@ class Ticks:
     torque_ratio: FloatArray
     speed_m_s: FloatArray  # (t,)
     tick_s: float
-    seen: FloatArray | None = None  # (t, n, 6) what the estimator's rules saw last, NaN before they saw anything
+    number: NDArray[np.int64]  # (t,) of each tick on the bus; they are in order, and some may be missing
+    seen: FloatArray | None = None  # (t, n, inputs) what the estimator's rules saw last, NaN before they saw anything
 
 
 def running_mean(values: FloatArray, window: int) -> FloatArray:
