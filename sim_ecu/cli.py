@@ -112,6 +112,10 @@ def _parser() -> argparse.ArgumentParser:
     figures = commands.add_parser("figures", help="the paper's figures, and whether they show what it says")
     figures.add_argument("-o", "--output", type=Path, required=True, metavar="DIR")
     figures.add_argument("--design", type=Path, metavar="DESIGN.json", help="default: the packaged one")
+    figures.add_argument(
+        "--paper", type=Path, metavar="DESIGN.json",
+        help="a design in the paper's own form, judged beside it (default: the packaged one, for the default wheelset)",
+    )  # fmt: skip
 
     verify = commands.add_parser("verify", help="run the fast and the reference engine over a log and compare them")
     verify.add_argument("log", type=Path, metavar="LOG")
@@ -224,7 +228,7 @@ def _score(args: argparse.Namespace) -> int:
 def _figures(args: argparse.Namespace) -> int:
     from sim_ecu.score.figures import run
 
-    return run(args.output, args.design)
+    return run(args.output, args.design, args.paper)
 
 
 def _verify(args: argparse.Namespace) -> int:
