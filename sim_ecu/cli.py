@@ -21,6 +21,9 @@ SUITES = (
 )  # fmt: skip
 
 
+BUDGET = 600  # of `sim-ecu design --search`
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point. 0 done, 1 a check failed, 2 bad input."""
     args = _parser().parse_args(argv)
@@ -66,7 +69,23 @@ def _parser() -> argparse.ArgumentParser:
         "--config", type=Path, metavar="RIG.toml",
         help="wheelset, design, plan: a file, or metro or locomotive, which come along (default: the default wheelset)",
     )  # fmt: skip
-    design.add_argument("-o", "--output", type=Path, metavar="DESIGN.json", help="the file to make")
+    design.add_argument("-o", "--output", type=Path, metavar="FILE", help="the file to make")
+    design.add_argument(
+        "--form",
+        choices=("wrcd", "paper"),
+        help="wrcd's own form, or the paper's own, which it is compared with (default: as --config says, else wrcd)",
+    )
+    design.add_argument(
+        "--search",
+        action="store_true",
+        help="make no design, but look for the models' process noise, and write the best to FILE as TOML (hours)",
+    )
+    design.add_argument(
+        "--budget", type=int, default=BUDGET, metavar="N", help=f"candidates of a search (default: {BUDGET})"
+    )
+    design.add_argument(
+        "--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="processes of a search (default: all cores)"
+    )
     design.add_argument(
         "--baselines", type=Path, metavar="OUT.json", help="also make what `sim-ecu score` compares this design with"
     )
@@ -102,6 +121,10 @@ def _parser() -> argparse.ArgumentParser:
     figures = commands.add_parser("figures", help="the paper's figures, and whether they show what it says")
     figures.add_argument("-o", "--output", type=Path, required=True, metavar="DIR")
     figures.add_argument("--design", type=Path, metavar="DESIGN.json", help="default: the packaged one")
+    figures.add_argument(
+        "--paper", type=Path, metavar="DESIGN.json",
+        help="a design in the paper's own form, judged beside it (default: the packaged one, for the default wheelset)",
+    )  # fmt: skip
 
     verify = commands.add_parser("verify", help="run the fast and the reference engine over a log and compare them")
     verify.add_argument("log", type=Path, metavar="LOG")
@@ -189,7 +212,11 @@ def _design(args: argparse.Namespace) -> int:
 
     if args.output is None:
         raise InputError("is missing", key="-o", hint="name the file to make, or ask for --explain")
-    return run(args.config, args.output, args.baselines)
+    for key in ("budget", "jobs"):
+        if getattr(args, key) < 1:
+            raise InputError(f"takes a whole number from 1 on, not {getattr(args, key)}", key=f"--{key}")
+    budget = args.budget if args.search else None
+    return run(args.config, args.output, args.baselines, args.form, budget, args.jobs)
 
 
 def _contact(args: argparse.Namespace) -> int:
@@ -210,7 +237,7 @@ def _score(args: argparse.Namespace) -> int:
 def _figures(args: argparse.Namespace) -> int:
     from sim_ecu.score.figures import run
 
-    return run(args.output, args.design)
+    return run(args.output, args.design, args.paper)
 
 
 def _verify(args: argparse.Namespace) -> int:

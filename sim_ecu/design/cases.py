@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_ecu.physics.contact import CreepCurve, curve_between, peak
+from sim_ecu.physics.contact import CreepCurve, curve_between, peak, traction_ratio
 from sim_ecu.physics.sensors import SENSOR_SETS, SensorSet
 from sim_ecu.physics.simulation import Axle, Samples, Simulation
 from sim_ecu.physics.track import QUALITY, Track
@@ -167,6 +167,18 @@ def _elsewhere(c: Condition, w: Wheelset, rng: np.random.Generator) -> Condition
         before=None if c.before is None else replace(c.before, k_A=c.before.k_A * k_A),
         curvature=CURVATURE * (off(1.0) - 1.0) if rng.random() < SOME else 0.0,
     )
+
+
+def held_at(w: Wheelset, curve: CreepCurve, creep_of_peak: float, speed_m_s: float, seed: int) -> Condition:
+    """A wheelset held at a share of its curve's peak creep, on a good track.
+
+    The creep controller holds the peak. Below the peak the torque that belongs to the creep does: on the steep part of
+    a dry curve the controller takes more than 4 s to get there.
+    """
+    creep, mu = peak(speed_m_s, w.contact, *curve.row())
+    share = traction_ratio(creep_of_peak * creep, speed_m_s, w.contact, *curve.row()) / mu
+    demand = (math.nan, creep_of_peak) if creep_of_peak >= 1.0 else (share, math.nan)
+    return Condition(speed_m_s, curve, QUALITY["good"], *demand, seed)
 
 
 def command(samples: int, axles: int = 1, **given: float | FloatArray) -> Command:

@@ -3,27 +3,39 @@
 from dataclasses import replace
 from pathlib import Path
 
-from sim_ecu.design.cases import Plan
-from sim_ecu.design.make import Brief, design, write
+import numpy as np
+
+from sim_ecu.design.linear import Point
+from sim_ecu.design.make import Brief, design, in_papers_form, write
+from sim_ecu.design.search import search
 from sim_ecu.physics.sensors import SENSOR_SETS
 from sim_ecu.play.scenario import read_wheelset
 from sim_ecu.score.learned import learn
 from wrcd.errors import InputError
-from wrcd.estimator.design import load_design
-from wrcd.settings import Section, read_toml, suggest
+from wrcd.estimator.design import FORMS, load_design
+from wrcd.settings import Section, parse_toml, read_toml, suggest
 from wrcd.tools.progress import Progress
 
+POLYNOMIALS = ("fitted", "paper")
 WHEELSETS = Path(__file__).parent / "wheelsets"
 
 
-def run(config: Path | None, output: Path, baselines: Path | None = None) -> int:
-    """Make a design file, and what a score compares it with. Deterministic for one set of library versions."""
-    brief = Brief() if config is None else read_brief(read_toml(find(config)))
+def run(
+    config: Path | None, output: Path, baselines: Path | None = None, form: str | None = None,
+    budget: int | None = None, jobs: int = 1,
+) -> int:  # fmt: skip
+    """Make a design file, and what a score compares it with. Deterministic for one set of library versions.
+
+    With a budget (candidates) make none, but search for the process noise, in so many processes.
+    """
+    brief = read_brief(parse_toml("", "") if config is None else read_toml(find(config)), form)
     for key, file in (("-o", output), ("--baselines", baselines)):
         if file is not None and not file.parent.is_dir():
             raise InputError("no such folder", file=file.parent, key=key)
         if file is not None and file.is_dir():
             raise InputError("is a folder", file=file, key=key, hint="name the file to write")
+    if budget is not None:
+        return search(brief, output, budget, jobs)
     progress = Progress(steps=True)
     document, recordings = design(brief, progress.at)
     write(document, output)
@@ -51,21 +63,27 @@ def find(config: Path) -> Path:
     return known[str(config)]
 
 
-def read_brief(top: Section) -> Brief:
-    """[wheelset], [design] and [plan] of a rig's TOML file; what is not there keeps its default."""
-    base, plan = Brief(), Plan()
+def read_brief(top: Section, form: str | None = None) -> Brief:
+    """[wheelset], [design] and [plan] of a rig's TOML file; what is not there keeps its default, which depends on the
+    form: as given, or else the file's."""
     d, p = top.section("design"), top.section("plan")
+    said = d.choice("form", FORMS, FORMS[0])
+    base = in_papers_form(Brief()) if (form or said) == "paper" else Brief()
+    plan = base.plan
+    window_s = d.number("window_s", base.window_s, 0.1, 10.0)
+    longest_s = window_s if base.form == "paper" else base.longest_s
     brief = replace(
         base,
         wheelset=read_wheelset(top.section("wheelset")),
         tick_s=d.number("tick_s", base.tick_s, 0.001, 0.02),
-        window_s=d.number("window_s", base.window_s, 0.1, 10.0),
-        longest_s=d.number("longest_s", base.longest_s, 0.1, 20.0),
+        window_s=window_s,
+        longest_s=d.number("longest_s", longest_s, 0.1, 20.0),
         recent_s=d.number("recent_s", base.recent_s, 0.02, 10.0),
         grid=d.get("grid", int, base.grid),
         torque_sets=d.get("torque_sets", int, base.torque_sets),
         most_rules=d.get("most_rules", int, base.most_rules),
-        polynomial=d.choice("polynomial", ("fitted", "paper"), base.polynomial),
+        polynomial=d.choice("polynomial", ("paper",) if base.form == "paper" else POLYNOMIALS, base.polynomial),
+        points=_points(d, base.points),
         saturated_share=d.number("saturated_share", base.saturated_share, 0.1, 1.0),
         plan=replace(
             plan,
@@ -89,8 +107,30 @@ def read_brief(top: Section) -> Brief:
             raise section.error(f"takes a whole number from {low} to {high}, not {value}", key)
     if brief.longest_s < brief.window_s:
         raise d.error(f"must not be less than window_s = {brief.window_s:g}, is {brief.longest_s:g}", "longest_s")
+    if brief.form == "paper" and brief.longest_s > brief.window_s:
+        raise d.error(f"must be window_s = {brief.window_s:g}: windows do not grow in the paper's form", "longest_s")
     if 2 * brief.recent_s > brief.window_s:
         raise d.error(f"must not be more than half of window_s = {brief.window_s:g}, is {brief.recent_s:g}", "recent_s")
     for section in (d, p, top):
         section.done()
     return brief
+
+
+def _points(d: Section, points: tuple[Point, ...]) -> tuple[Point, ...]:
+    """The four models with the noise that the file gives them, as `--search` writes it: three and a weight each."""
+    rows = d.raw("noise")
+    if rows is None:
+        return points
+    try:
+        table = np.array(rows, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        table = np.empty(0)
+    if table.shape != (len(points), 4) or not np.all((table > 0) & (table < 1e6)) or np.any(table[:, 3] >= 2):
+        raise d.error(
+            f"takes {len(points)} rows of four positive numbers, the last of each below 2", "noise",
+            "of each model: three noises per root Hz and the yaw rate's weight; `sim-ecu design --search` writes it",
+        )  # fmt: skip
+    return tuple(
+        replace(p, noise=(row[0], row[1], row[2]), yaw_rate_weight=row[3])
+        for p, row in zip(points, table.tolist(), strict=True)
+    )

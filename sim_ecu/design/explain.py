@@ -20,9 +20,10 @@ def explain(file: Path) -> int:
     print("\nThe middles of the sets; between two of them an input belongs to both:")
     for line in bounds(design):
         print(f"  {line}")
-    print("\nWhat the outputs move with, besides:")
-    for line in GLOSSARY:
-        print(f"  {line}")
+    if design.slopes.any():
+        print("\nWhat the outputs move with, besides:")
+        for line in GLOSSARY:
+            print(f"  {line}")
     print("\nRules. The outcome is their mean by weight; output 0 … 100 is converted to adhesion by the polynomial.")
     for r in sorted(range(len(support)), key=lambda r: -support[r]):
         low, high = design.typical_pct[r]

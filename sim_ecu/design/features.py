@@ -37,12 +37,7 @@ class Features:
 
     def importance(self, plan: Plan) -> FloatArray:
         """Weight of each window in the fit: less at the edges of the plan, more at speed."""
-        speed = 10.0 ** self.inputs[:, 5]
-        utilisation = 100.0 * 10.0 ** self.inputs[:, 4] / self.mu_pct
-        low, high = plan.core_speeds
-        core = (speed >= low) & (speed <= high) & (utilisation >= plan.core_utilisation)
-        # the speeds are drawn evenly in the logarithm; trains run evenly in the speed
-        return np.where(core, 1.0, EDGE) * (np.clip(speed, low, high) / high) ** 0.5
+        return importance(plan, 10.0 ** self.inputs[:, 5], 100.0 * 10.0 ** self.inputs[:, 4] / self.mu_pct)
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +46,18 @@ class Steps:
 
     decades: FloatArray
     speed_m_s: FloatArray
+
+
+def importance(plan: Plan, speed_m_s: FloatArray, utilisation: FloatArray) -> FloatArray:
+    """Weight (n,) of windows in a fit."""
+    low, high = plan.core_speeds
+    core = (speed_m_s >= low) & (speed_m_s <= high) & (utilisation >= plan.core_utilisation)
+    # the speeds are drawn evenly in the logarithm; trains run evenly in the speed
+    return np.where(core, 1.0, EDGE) * (np.clip(speed_m_s, low, high) / high) ** 0.5
+
+
+def quietly(what: str, share: float) -> None:
+    """No progress is shown."""
 
 
 def run(design: Design, z: NDArray[np.float32], r: Recording, at: Sequence[int]) -> Iterator[tuple[int, Estimator]]:
@@ -67,9 +74,10 @@ def run(design: Design, z: NDArray[np.float32], r: Recording, at: Sequence[int])
 
 
 def features(
-    design: Design, recordings: Sequence[Recording], plan: Plan, progress: Progress, seed: int = 0
+    design: Design, recordings: Sequence[Recording], plan: Plan, progress: Progress = quietly, seed: int = 0
 ) -> tuple[Features, Steps]:
     """Windows of random length out of every recording, undisturbed and disturbed. Of the design only the bank is used.
+    In the paper's form they are all of the one length that it has, and undisturbed.
 
     The steps are those of undisturbed windows in the design's own world, on a rail that does not change.
     """
@@ -106,11 +114,12 @@ def _windows(job: tuple[Design, Plan, Recording, list[int], int]) -> _Part:
     rng = np.random.default_rng(seed)
     n = r.z.shape[2]
     inputs, truth, nominal, decades, speeds = [], [], [], [np.zeros((0, MODELS))], [np.zeros(0)]
-    for z, ends in ((r.z, ENDS), (r.felt, DISTURBED_ENDS)):
+    lengths_s, copies = (LENGTHS_S, 2) if design.form == "wrcd" else ((design.window_s,), 1)
+    for z, ends in ((r.z, ENDS), (r.felt, DISTURBED_ENDS))[:copies]:
         settled = round(plan.settle_s / plan.seconds * len(z))
         at = [settled + round(share * (len(z) - settled)) - 1 for share in ends]
         for k, estimator in run(design, z, r, at):
-            lengths = rng.choice(LENGTHS_S, n) / design.tick_s / BLOCK_TICKS
+            lengths = rng.choice(lengths_s, n) / design.tick_s / BLOCK_TICKS
             blocks = np.minimum(np.round(lengths).astype(np.int64), (k + 1 - r.first) // BLOCK_TICKS)
             inputs.append(estimator.inputs_of(blocks, estimator.torque_now())[0])
             truth.append(r.mu_pct[k].astype(np.float64))

@@ -34,16 +34,16 @@ class Gains:
         share = np.sqrt([point.yaw_rate_weight, 2.0 - point.yaw_rate_weight])
         return np.asarray(share[:, None] * np.linalg.inv(np.linalg.cholesky(self.S)))
 
-    def noise_power(self, point: Point, lowpass: FloatArray, sensor_noise: tuple[float, float]) -> FloatArray:
+    def noise_power(self, W: FloatArray, lowpass: FloatArray, sensor_noise: tuple[float, float]) -> FloatArray:
         """(2,): power that each sensor's noise alone leaves in the whitened innovations after a low-pass (sections).
 
+        W (2, 2) whitens them.
         The integral over all frequencies of the filter's transfer function from a measurement to its innovations.
         """
         w = np.pi * (np.arange(FREQUENCIES) + 0.5) / FREQUENCIES
         _, band = freqz_sos(lowpass, worN=w)
         forgets = self.Phi @ (np.eye(len(self.Phi)) - self.K @ self.H)
         inverse = np.linalg.inv(np.exp(1j * w)[:, None, None] * np.eye(len(self.Phi)) - forgets)
-        W = self.whiten(point)
         through = W @ (np.eye(len(self.R)) - self.H @ inverse @ self.Phi @ self.K)
         power = np.abs(through * band[:, None, None]) ** 2
         return np.asarray(power.mean(axis=0).sum(axis=0) * np.square(sensor_noise))

@@ -3,7 +3,7 @@
 import importlib.metadata
 import json
 import sys
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +13,9 @@ from scipy.signal import butter, ellip
 
 from sim_ecu.design.cases import Plan, Progress
 from sim_ecu.design.features import Features, Steps, features
-from sim_ecu.design.gains import steady_state
+from sim_ecu.design.gains import Gains, steady_state
 from sim_ecu.design.linear import Point
+from sim_ecu.design.paper import PAPER_GRID, PAPER_POINTS, PASS, TORQUE_SETS, PaperRules, fit_paper, output_sets
 from sim_ecu.design.recordings import Recording, record
 from sim_ecu.design.rules import PAPER_POLYNOMIAL, RuleBase, fit, polynomial
 from sim_ecu.physics.contact import CURVES
@@ -26,13 +27,19 @@ from wrcd.estimator.design import COLUMNS, FORMAT, INPUTS, MODELS, Design, parse
 FloatArray = NDArray[np.float64]
 RESIDUAL_NAMES = ("Low", "Moderate", "High")
 SPEED_NAMES = ("Slow", "Fast")
-COLUMN_NAMES = (
-    *("residual 1 over 4", "residual 2 over 4", "residual 3 over 4", "residual 4", "torque", "speed"),
+ANY = "Any"  # the one set of an input that chooses no rules
+RESIDUALS = {
+    "wrcd": ("residual 1 over 4", "residual 2 over 4", "residual 3 over 4", "residual 4"),
+    "paper": ("residual 1", "residual 2", "residual 3", "residual 4"),
+}
+OTHER_COLUMNS = (
+    *("torque", "speed"),
     *(f"lag of {c} {m}" for m in range(1, MODELS + 1) for c in ("yaw rate", "lateral acceleration")),
     *(f"yaw rate with lateral acceleration {m}" for m in range(1, MODELS + 1)),
     *("length", "noise of the yaw rate", "noise of the lateral acceleration"),
 )
 CHANGE_MARGIN = 1.2  # a window is judged fifty times a second: its limits of change lie this far beyond the quantile
+ANYTHING = 9.0  # decades
 CHANGE_SPEEDS = (4.0, 7.0, 12.0, 20.0, 33.0, 55.0)  # m/s at which they are taken, each over its neighbourhood
 BEYOND_MARGIN = 2.0  # an input is unlike training where it lies this much further out than 99.9 % of it
 
@@ -51,6 +58,7 @@ POINTS = (
 class Brief:
     """All that goes into a design."""
 
+    form: str = "wrcd"  # or "paper": see `in_papers_form`
     wheelset: Wheelset = field(default_factory=Wheelset)
     points: tuple[Point, ...] = POINTS
     tick_s: float = 0.005
@@ -70,6 +78,16 @@ class Brief:
     unchanged_share: float = 0.9995  # of windows on one rail in which a residual stays within its limit of change
 
 
+def in_papers_form(brief: Brief) -> Brief:
+    """The same for a design in the paper's own form: its points, sets and polynomial, one length of window, and the
+    design's own world with one kind of sensor. Constants need fewer conditions than slopes do."""
+    plan = replace(brief.plan, speeds=16, per_speed=150, worlds=False, quiet_share=0.0, noisy_share=0.0)
+    return replace(
+        brief, form="paper", points=PAPER_POINTS, grid=PAPER_GRID, longest_s=brief.window_s, torque_sets=TORQUE_SETS,
+        polynomial="paper", plan=plan,
+    )  # fmt: skip
+
+
 def design(brief: Brief, progress: Progress) -> tuple[dict[str, Any], list[Recording]]:
     """The design document, and the recordings it is made from. Minutes; deterministic for one set of libraries."""
     document = bank(brief)
@@ -80,14 +98,20 @@ def design(brief: Brief, progress: Progress) -> tuple[dict[str, Any], list[Recor
 
 def fitted(brief: Brief, document: dict[str, Any], recordings: list[Recording], progress: Progress) -> dict[str, Any]:
     """The document of a bank with the rule base that recordings give it."""
-    data, steps = features(_with_placeholder_rules(document), recordings, brief.plan, progress)
-    sets = [len(names) for names in set_names(brief)]
-    rules = fit(data.inputs, data.mu_pct, sets, brief.most_rules, data.importance(brief.plan), data.condition)
+    data, steps = features(with_placeholder_rules(document), recordings, brief.plan, progress)
+    rules = rule_base(brief, data)
     document = document | fuzzy_part(brief, rules, data) | {"changes": changes(brief, steps)}
     document["fit"] = fit_report(rules, data)
     document["checksum"] = checksum(document)
     progress("rule base", 1.0)
     return document
+
+
+def rule_base(brief: Brief, data: Features) -> RuleBase:
+    """The rules of the brief's form that fit the data."""
+    sets = [len(names) for names in set_names(brief)]
+    make = fit_paper if brief.form == "paper" else fit
+    return make(data.inputs, data.mu_pct, sets, brief.most_rules, data.importance(brief.plan), data.condition)
 
 
 def bank(brief: Brief) -> dict[str, Any]:
@@ -97,12 +121,13 @@ def bank(brief: Brief) -> dict[str, Any]:
     sensors = SENSOR_SETS[brief.plan.sensors]
     noise = (sensors.yaw_rate.noise_rms, sensors.lat_accel.noise_rms)
     table = [[steady_state(brief.wheelset, p, float(v), brief.tick_s, noise) for p in brief.points] for v in speeds]
+    whiten = [[_whiten(brief, g, p, noise) for g, p in zip(row, brief.points, strict=True)] for row in table]
     rate = 1.0 / brief.tick_s
-    lowpass = _short(ellip(5, 0.5, 60, brief.band_hz, fs=rate, output="sos"))
+    lowpass = _short(PASS if brief.form == "paper" else ellip(5, 0.5, 60, brief.band_hz, fs=rate, output="sos"))
     highpass = _short(butter(4, brief.pulse_hz, "high", fs=rate, output="sos"))
     return {
         "format": FORMAT,
-        "form": "wrcd",
+        "form": brief.form,
         "name": brief.wheelset.name,
         "inputs": {
             "wheelset": asdict(brief.wheelset),
@@ -142,20 +167,28 @@ def bank(brief: Brief) -> dict[str, Any]:
             "H": _short([[g.H for g in row] for row in table]).tolist(),
             "noise_rms": list(noise),
             "noise_power": _short(
-                [[g.noise_power(p, lowpass, noise) for g, p in zip(row, brief.points, strict=True)] for row in table],
+                [
+                    [g.noise_power(W, lowpass, noise) for g, W in zip(*at, strict=True)]
+                    for at in zip(table, whiten, strict=True)
+                ],
                 6,
             ).tolist(),
             "lowpass": lowpass.tolist(),
             "highpass": highpass.tolist(),
-            "whiten": _short([[g.whiten(p) for g, p in zip(row, brief.points, strict=True)] for row in table]).tolist(),
+            "whiten": _short(whiten).tolist(),
         },
     }
+
+
+def _whiten(brief: Brief, g: Gains, p: Point, sensor_noise: tuple[float, float]) -> FloatArray:
+    """(2, 2): what the innovations are measured in."""
+    return np.diag(1.0 / np.array(sensor_noise)) if brief.form == "paper" else g.whiten(p)
 
 
 def set_names(brief: Brief) -> list[list[str]]:
     """Names of the sets of the six inputs."""
     torque = [f"T_{i + 1}" for i in range(brief.torque_sets)]
-    return [*[list(RESIDUAL_NAMES)] * MODELS, torque, list(SPEED_NAMES)]
+    return [*[list(RESIDUAL_NAMES)] * MODELS, torque, [ANY] if brief.form == "paper" else list(SPEED_NAMES)]
 
 
 def fuzzy_part(brief: Brief, rules: RuleBase, data: Features) -> dict[str, Any]:
@@ -171,7 +204,7 @@ def fuzzy_part(brief: Brief, rules: RuleBase, data: Features) -> dict[str, Any]:
                 for k, n, c in zip(keys, names, rules.centres, strict=True)
             },
             "columns": {
-                "names": list(COLUMN_NAMES),
+                "names": [*RESIDUALS[brief.form], *OTHER_COLUMNS],
                 "low": _short(rules.low, 6).tolist(),
                 "high": _short(rules.high, 6).tolist(),
                 "middle": _short(rules.middle, 6).tolist(),
@@ -184,7 +217,8 @@ def fuzzy_part(brief: Brief, rules: RuleBase, data: Features) -> dict[str, Any]:
             "spread_slopes": rules.spread_slopes.tolist(),
             "typical_pct": _short(rules.typical, 3).tolist(),
             "support": _short(rules.support, 4).tolist(),
-        },
+        }
+        | ({"consequents": [output_sets()[0][k] for k in rules.says]} if isinstance(rules, PaperRules) else {}),
         "polynomial": [float(c) for c in converts],
         "adhesion_range_pct": {"low": max(0.5, _number(ends[0], 4)), "high": min(70.0, _number(ends[1], 4))},
     }
@@ -198,7 +232,12 @@ def _outside(rules: RuleBase, data: Features) -> FloatArray:
 
 
 def changes(brief: Brief, steps: Steps) -> dict[str, Any]:
-    """By how much a residual of a window's newest part may differ from the rest's while the rail does not change."""
+    """By how much a residual of a window's newest part may differ from the rest's while the rail does not change.
+
+    The paper's form looks for no change: there they may differ by anything.
+    """
+    if brief.form == "paper":
+        return {"speeds_m_s": list(brief.speed_range), "limits": [[ANYTHING] * MODELS] * 2}
     known = np.isfinite(steps.decades).all(axis=1)
     at = np.log(steps.speed_m_s[known])
     decades = np.abs(steps.decades[known])
@@ -221,7 +260,7 @@ def fit_report(rules: RuleBase, data: Features) -> dict[str, float]:
     }
 
 
-def _with_placeholder_rules(document: dict[str, Any]) -> Design:
+def with_placeholder_rules(document: dict[str, Any]) -> Design:
     """The bank alone as a design: the residuals do not depend on rules, which are not there yet."""
     sets = {"names": ["Low", "High"], "centres": [-3.0, 3.0]}
     names = [*(f"residual_{m + 1}" for m in range(MODELS)), "torque", "speed"]
@@ -238,7 +277,7 @@ def _with_placeholder_rules(document: dict[str, Any]) -> Design:
             "spread_slopes": zeros,
             "typical_pct": [[0.0, 100.0]],
         },
-        "changes": {"speeds_m_s": [1.0, 100.0], "limits": [[9.0] * MODELS] * 2},
+        "changes": {"speeds_m_s": [1.0, 100.0], "limits": [[ANYTHING] * MODELS] * 2},
         "polynomial": [50.0],
         "adhesion_range_pct": {"low": 0.0, "high": 100.0},
     }

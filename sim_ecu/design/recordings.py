@@ -34,7 +34,13 @@ class Recording:
 
 def record(w: Wheelset, plan: Plan, tick_s: float, progress: Progress, jobs: int = 2) -> list[Recording]:
     """Simulate all conditions (the long part: minutes) and add the sensors' noise."""
-    groups = draw(plan, w)
+    return record_groups(w, draw(plan, w), plan, tick_s, progress, jobs)
+
+
+def record_groups(
+    w: Wheelset, groups: list[Group], plan: Plan, tick_s: float, progress: Progress, jobs: int = 2
+) -> list[Recording]:
+    """The same for given groups; of the plan only the seed of the noise and the length count."""
     out = []
     with ThreadPoolExecutor(jobs) as pool:
         for k, group in enumerate(groups):

@@ -397,7 +397,8 @@ class FuzzyReference:
             for i, (x, slope) in enumerate(zip(held, rule_slopes, strict=True)):
                 if i < len(d.sets):
                     centres = d.sets[i].centres
-                    weight *= float(skfuzzy.interp_membership(centres, self._functions[i][rule[i]], x))
+                    if len(centres) > 1:  # one set alone always holds
+                        weight *= float(skfuzzy.interp_membership(centres, self._functions[i][rule[i]], x))
                     middle = float(centres[rule[i]])
                 else:
                     middle = float(d.middle[i])

@@ -153,7 +153,7 @@ def fit(
     ends = np.quantile(inputs[:, :k], [0.01, 0.99], axis=0)
     centres = [np.linspace(ends[0, i], ends[1, i], m) for i, m in enumerate(sets)]
     every = np.stack(np.meshgrid(*(np.arange(m) for m in sets), indexing="ij"), axis=-1).reshape(-1, k)
-    rules = every[_choose(weights(centres, every, inputs[::CHOOSE_EVERY]), most_rules)]
+    rules = every[choose(weights(centres, every, inputs[::CHOOSE_EVERY]), most_rules)]
     mean, reach = inputs.mean(axis=0), HELD * inputs.std(axis=0)
     low, high = mean - reach, mean + reach
     low[:k], high[:k] = ends
@@ -169,7 +169,7 @@ def fit(
     bases, slopes = _outputs(local, np.arange(len(mu_pct)), mu_pct, importance, ROUNDS)
     spreads, spread_slopes = _spreads(local, error)
     share = local.share
-    typical = np.array([_quantiles(mu_pct, share[:, r], (0.05, 0.95)) for r in range(len(rules))])
+    typical = np.array([quantiles(mu_pct, share[:, r], (0.05, 0.95)) for r in range(len(rules))])
     support = share.sum(axis=0)
     return RuleBase(centres, rules, bases, slopes, spreads, spread_slopes, support, typical, low, high, mean)
 
@@ -255,7 +255,7 @@ def polynomial() -> FloatArray:
     return np.array([c[k] / 100.0**k for k in range(ORDER, -1, -1)])
 
 
-def _choose(every: FloatArray, most: int) -> IntArray:
+def choose(every: FloatArray, most: int) -> IntArray:
     """The rules (columns of (n, r)) that together speak for the windows best, one by one: each time the one that adds
     most where little is said so far."""
     left = np.ones(len(every))
@@ -269,7 +269,7 @@ def _choose(every: FloatArray, most: int) -> IntArray:
     return np.array(sorted(chosen))
 
 
-def _quantiles(x: FloatArray, weight: FloatArray, at: tuple[float, ...]) -> list[float]:
+def quantiles(x: FloatArray, weight: FloatArray, at: tuple[float, ...]) -> list[float]:
     """Weighted quantiles."""
     order = np.argsort(x, kind="stable")
     mass = np.cumsum(weight[order])

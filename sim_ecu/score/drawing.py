@@ -37,6 +37,10 @@ class Drawing:
 
     def __init__(self, subject: Source, found: Sequence[Statement]) -> None:
         self._s, self._d, self._found = subject, subject.design, found
+        paper = subject.design.form == "paper"
+        self._seen = "as they are" if paper else f"1 to {MODELS - 1} over residual {MODELS}, and {MODELS} itself"
+        self._one = "" if paper else f" over residual {MODELS}"
+        self._unit = "residual (1: sensor noise)" if paper else "residual (1: as expected)"
         self.captions: dict[int, str] = {}
 
     def _new(self, number: int, caption: str, rows: int, columns: int, height: float, **more: Any) -> tuple[
@@ -88,8 +92,8 @@ class Drawing:
         n = next(iter(runs.values())).residuals.shape[1]
         figure, axes = self._new(
             number,
-            f"residuals with the wheelset held {where} (left) and what the rules see (right: 1 to 3 over residual 4, "
-            f"and 4 itself);\nline: mean of {n} tracks, band: all of them",
+            f"residuals with the wheelset held {where} (left) and what the rules see (right: {self._seen});\n"
+            f"line: mean of {n} tracks, band: all of them",
             len(runs), 2, 1.6 + 3.4 * len(runs), sharex=True,
         )  # fmt: skip
         for row, (title, trace) in zip(axes, runs.items(), strict=True):
@@ -107,7 +111,7 @@ class Drawing:
                 ax.set(xlim=(0, trace.t_s[-1]), ylim=ends)
                 ax.set_title(title, fontsize=9)
                 self._filling(ax)
-            row[0].set(yscale="log", ylabel="residual (1: as expected)")
+            row[0].set(yscale="log", ylabel=self._unit)
             row[1].set(ylabel=OWN_RANGE)
         for ax in axes[-1]:
             ax.set_xlabel("time, s")
@@ -118,7 +122,7 @@ class Drawing:
         """Fig. 6."""
         figure, axes = self._new(
             6,
-            "residuals (top) and what the rules see (bottom: 1 to 3 over residual 4, and 4 itself) over adhesion, "
+            f"residuals (top) and what the rules see (bottom: {self._seen}) over adhesion, "
             "interpolated;\nmarkers: conditions simulated, band: all their windows; the verdicts off the saturation "
             f"points also take {', '.join(f'{share:g}' for share in OFF_PEAK)} of the peak's creep",
             2, 2, 8.0, sharex=True, sharey="row",
@@ -150,7 +154,7 @@ class Drawing:
             axes[0, column].set_title(title, fontsize=9)
             axes[1, column].set(xlabel="available adhesion, %; dotted: design points", xscale="log")
             _plain(axes[1, column], (2, 3, 5, 10, 20, 40))
-        axes[0, 0].set(yscale="log", ylabel="residual (1: as expected)")
+        axes[0, 0].set(yscale="log", ylabel=self._unit)
         axes[1, 0].set(ylabel=OWN_RANGE)
         figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
         return figure
@@ -159,7 +163,7 @@ class Drawing:
         """Figs. 8, 9: the membership functions of what the rules see of a residual, and where Fig. 6's windows lie."""
         figure, axes = self._new(
             number,
-            f"membership functions of residual {model} over residual {MODELS}, which is what the rules see, "
+            f"membership functions of residual {model}{self._one}, which is what the rules see, "
             "for all speeds and tracks; below: Fig. 6's windows",
             2, 1, 5.4, sharex=True, gridspec_kw={"height_ratios": [2.2, 1]},
         )  # fmt: skip
@@ -177,7 +181,7 @@ class Drawing:
             label=["saturated", "below saturation"],
         )  # fmt: skip
         axes[1, 0].set(
-            xlabel=f"residual {model} over residual {MODELS}, the sensors' noise taken off", ylabel="windows"
+            xlabel=f"residual {model}{self._one}" + ", the sensors' noise taken off" * bool(self._one), ylabel="windows"
         )
         axes[1, 0].legend(loc="upper right")
         _plain(axes[1, 0], (0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50))

@@ -3,15 +3,15 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_ecu.design.cases import Condition, Progress, simulate
+from sim_ecu.design.cases import Condition, Progress, held_at, simulate
 from sim_ecu.design.linear import Point
 from sim_ecu.design.source import Source
-from sim_ecu.physics.contact import CURVES, CreepCurve, curve_between, peak, traction_ratio
-from sim_ecu.physics.track import QUALITY
+from sim_ecu.physics.contact import CURVES, CreepCurve, curve_between
 from sim_ecu.physics.wheelset import LAT_ACCEL, MU_AVAILABLE, MU_USED, SLIP, TORQUE, YAW_RATE, Wheelset
 from wrcd.estimator.design import MODELS, Sets
 from wrcd.estimator.estimator import Estimator, Tick
@@ -32,8 +32,8 @@ class Trace:
     """n runs over k moments: t_s (k,), residuals, seen and own_range (k, n, 4), the others (k, n); NaN if unknown.
 
     seen is what the rules are given of the residuals: log10 of 1 to 3 over residual 4, and of residual 4, the sensors'
-    noise taken off. own_range is its place between the centres of the lowest (0) and the highest (1) set of its own;
-    winner is the estimator's: the model that is lowest there.
+    noise taken off; in the paper's form log10 of the residuals. own_range is its place between the centres of the
+    lowest (0) and the highest (1) set of its own; winner is the estimator's: the model that is lowest there.
     """
 
     t_s: FloatArray
@@ -68,37 +68,46 @@ def own_range(sets: Sequence[Sets], seen: FloatArray) -> FloatArray:
 
 
 def held(w: Wheelset, curve: CreepCurve, creep_of_peak: float, tracks: int) -> list[Condition]:
-    """A wheelset held at a share of its curve's peak creep, on a number of good tracks.
+    """A wheelset held at a share of its curve's peak creep, on a number of good tracks."""
+    return [held_at(w, curve, creep_of_peak, SPEED, 1000 + k) for k in range(tracks)]
 
-    The creep controller holds the peak. Below the peak the torque that belongs to the creep does: on the steep part of
-    a dry curve the controller takes more than 4 s to get there.
-    """
-    c = w.contact
-    creep, mu = peak(SPEED, c, *curve.row())
-    share = traction_ratio(creep_of_peak * creep, SPEED, c, *curve.row()) / mu
-    demand = (math.nan, creep_of_peak) if creep_of_peak >= SATURATED else (share, math.nan)
-    return [Condition(SPEED, curve, QUALITY["good"], *demand, 1000 + k) for k in range(tracks)]
+
+class HeldRuns:
+    """What the sensors say in held conditions. Each set of them is simulated once, however many designs look at it."""
+
+    def __init__(self) -> None:
+        self._known: dict[tuple[Any, ...], tuple[FloatArray, FloatArray, FloatArray]] = {}
+
+    def measured(
+        self, s: Source, conditions: Sequence[Condition], seconds: float, progress: Progress
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The simulation's outputs (ticks, outputs, n), z (ticks, 2, n) and the torque ratio (ticks, n)."""
+        d = s.design
+        key = (s.wheelset, s.sensors, d.tick_s, seconds, tuple(conditions))
+        if key not in self._known:
+            runs = []
+            for i, c in enumerate(conditions):
+                runs.append(simulate(s.wheelset, c, seconds, d.tick_s).outputs[:, 0])
+                progress("simulating", (i + 1) / len(conditions))
+            y = np.stack(runs, axis=-1)
+            rng = np.random.default_rng(1)
+            yaw, lat, torque = (
+                sensor.measure(y[:, column], rng)
+                for sensor, column in (
+                    (s.sensors.yaw_rate, YAW_RATE), (s.sensors.lat_accel, LAT_ACCEL), (s.sensors.torque, TORQUE)
+                )
+            )  # fmt: skip
+            self._known[key] = y, np.stack((yaw, lat), axis=1), np.abs(torque) / (2 * d.normal_N * d.r_0)
+        return self._known[key]
 
 
 def observe(
-    s: Source, conditions: list[Condition], seconds: float, progress: Progress, every_s: float = EVERY_S
-) -> Trace:
+    s: Source, conditions: list[Condition], seconds: float, progress: Progress, runs: HeldRuns | None = None,
+    every_s: float = EVERY_S,
+) -> Trace:  # fmt: skip
     """Simulate the conditions, measure, and estimate from the filters' standstill on."""
     d = s.design
-    runs = []
-    for i, c in enumerate(conditions):
-        runs.append(simulate(s.wheelset, c, seconds, d.tick_s).outputs[:, 0])
-        progress("simulating", (i + 1) / len(conditions))
-    y = np.stack(runs, axis=-1)  # (ticks, outputs, n)
-    rng = np.random.default_rng(1)
-    yaw, lat, torque = (
-        sensor.measure(y[:, column], rng)
-        for sensor, column in (
-            (s.sensors.yaw_rate, YAW_RATE), (s.sensors.lat_accel, LAT_ACCEL), (s.sensors.torque, TORQUE)
-        )
-    )  # fmt: skip
-    z = np.stack((yaw, lat), axis=1)
-    ratio = np.abs(torque) / (2 * d.normal_N * d.r_0)
+    y, z, ratio = (runs or HeldRuns()).measured(s, conditions, seconds, progress)
     n = len(conditions)
     estimator, present = Estimator(d, n), np.ones((2, n), dtype=bool)
     every = max(1, round(every_s / d.tick_s))
@@ -176,12 +185,12 @@ def level_curves(between: int) -> list[CreepCurve]:
     return [curve_between(float(np.exp(x))) for x in every]
 
 
-def survey(s: Source, creep_of_peak: float, between: int, tracks: int, progress: Progress) -> Levels:
+def survey(s: Source, creep_of_peak: float, between: int, tracks: int, progress: Progress, runs: HeldRuns) -> Levels:
     """The residuals of whole windows, taken half a window apart once the wheelset has settled."""
     curves = level_curves(between)
     conditions = [c for curve in curves for c in held(s.wheelset, curve, creep_of_peak, tracks)]
     seconds = SETTLED_S + 1.5 * s.design.window_s
-    trace = observe(s, conditions, seconds, progress, s.design.window_s / 2)
+    trace = observe(s, conditions, seconds, progress, runs, s.design.window_s / 2)
     trace = trace.since(SETTLED_S + s.design.window_s - s.design.tick_s)
     shape = (len(trace.t_s), len(curves), tracks, MODELS)
     windows, seen = (

@@ -12,6 +12,7 @@ from sim_ecu.design.linear import slope_and_secant
 from sim_ecu.design.rules import PAPER_POLYNOMIAL
 from sim_ecu.design.source import Source, load_source
 from sim_ecu.physics.contact import CURVES, peak
+from sim_ecu.resources import PAPER_DESIGN
 from sim_ecu.score import statements as say
 from sim_ecu.score.drawing import Drawing
 from sim_ecu.score.figure_data import (
@@ -20,6 +21,7 @@ from sim_ecu.score.figure_data import (
     SATURATED,
     SETTLED_S,
     SPEED,
+    HeldRuns,
     Levels,
     Trace,
     held,
@@ -34,6 +36,8 @@ from wrcd.tools.progress import Progress
 
 # Figs. 3 and 11, 4 and 12 show the same runs.
 OVER_TIME = ("A", "C", "F")
+NUMBERS = (1, 3, 4, 5, 6, 8, 9, 10, 11, 12, 13)
+FORM_NAMES = {"wrcd": "wrcd's form", "paper": "the paper's own form"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,46 +53,86 @@ class Data:
     off_peak: tuple[Levels, ...]  # between both; not drawn
 
 
-def run(
-    folder: Path, design_file: Path | None = None, *, tracks: int = 6, seconds: float = 6.0, between: int = 1
-) -> int:
-    """Write fig01.png … fig13.png and figures.md into a folder. A statement that does not hold is no error.
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """A design with what it shows."""
 
-    tracks: runs of each condition, on tracks of their own; seconds: of the runs over time; between: adhesion levels
-    between two curves in Fig. 6.
+    name: str
+    data: Data
+    found: list[Statement]
+
+    @property
+    def holding(self) -> str:
+        """How many statements hold."""
+        return f"{sum(f.holds for f in self.found)} of {len(self.found)} statements hold"
+
+
+def run(
+    folder: Path, design_file: Path | None = None, paper_file: Path | None = None, *, tracks: int = 6,
+    seconds: float = 6.0, between: int = 1,
+) -> int:  # fmt: skip
+    """Write the pictures and figures.md into a folder. A statement that does not hold is no error.
+
+    paper_file: a design in the paper's own form that is judged beside; without one the packaged one, if it is for the
+    same wheelset. tracks: runs of each condition, on tracks of their own; seconds: of the runs over time; between:
+    adhesion levels between two curves in Fig. 6.
     """
-    subject = load_source(design_file or DESIGN)
+    subjects = sources(design_file, paper_file)
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as e:
         raise InputError(f"cannot be made: {e.strerror}", file=folder, key="-o", hint="give another folder") from None
     progress = Progress()
-    data = gather(subject, tracks, seconds, between, progress.at)
-    found = check(data)
-    drawing = Drawing(subject, found)
-    pictures = draw(data, drawing)
-    for number, (name, figure) in enumerate(pictures.items()):
-        progress.at("drawing", number / len(pictures))
-        figure.savefig(folder / name, dpi=110)
+    runs, every = HeldRuns(), []
+    for name, subject in subjects.items():
+        data = gather(subject, tracks, seconds, between, progress.at, runs)
+        every.append(Judged(name, data, check(data)))
+    captions: list[dict[int, str]] = []
+    for judged in every:
+        drawing = Drawing(judged.data.subject, judged.found)
+        for number, picture in draw(judged.data, drawing).items():
+            progress.at(f"drawing {judged.name}", number / max(NUMBERS))
+            picture.savefig(folder / file_name(number, judged.data.subject), dpi=110)
+        captions.append(drawing.captions)
     progress.end()
     with create(folder / "figures.md") as file:
-        file.write(report(subject, drawing.captions, found, tracks))
-    for statement in found:
-        print(statement.line())
-    false = sum(not s.holds for s in found)
-    print(f"{len(found)} statements, {len(found) - false} hold, {false} do not; pictures and figures.md in {folder}")
+        file.write(report(every, captions[0], tracks))
+    for rows in zip(*(j.found for j in every), strict=True):
+        print(rows[0].line())
+        for other, row in zip(every[1:], rows[1:], strict=True):
+            print(f"{'':8} {row.verdict:14} in {other.name}: {row.numbers}")
+    print("; ".join(f"{j.name}: {j.holding}" for j in every) + f"; pictures and figures.md in {folder}")
     return 0
 
 
-def gather(s: Source, tracks: int, seconds: float, between: int, at: At) -> Data:
-    """Simulate and estimate: most of the time goes here."""
+def sources(design_file: Path | None, paper_file: Path | None) -> dict[str, Source]:
+    """The designs that are judged, by their names."""
+    first = load_source(design_file or DESIGN)
+    subjects = {FORM_NAMES[first.design.form]: first}
+    if paper_file is not None or PAPER_DESIGN.exists():
+        beside = load_source(paper_file or PAPER_DESIGN)
+        if beside.wheelset == first.wheelset:
+            subjects.setdefault(FORM_NAMES[beside.design.form], beside)
+        elif paper_file is not None:
+            raise InputError("is for another wheelset than the design", file=paper_file, key="--paper")
+    return subjects
+
+
+def file_name(number: int, s: Source) -> str:
+    """Of a picture."""
+    return f"fig{number:02d}{'-paper' if s.design.form == 'paper' else ''}.png"
+
+
+def gather(s: Source, tracks: int, seconds: float, between: int, at: At, known: HeldRuns | None = None) -> Data:
+    """Simulate and estimate: most of the time goes here. known: what has been simulated for another design."""
+    known = known or HeldRuns()
     below = s.points[-1].creep_of_peak
     wanted = [*((c, SATURATED) for c in OVER_TIME), ("A", LINEAR), ("A", below)]
     conditions = [c for curve, share in wanted for c in held(s.wheelset, CURVES[curve], share, tracks)]
-    trace = observe(s, conditions, seconds, lambda _, share: at("runs over time", share))
+    trace = observe(s, conditions, seconds, lambda _, share: at("runs over time", share), known)
     runs = [trace.runs(slice(i * tracks, (i + 1) * tracks)) for i in range(len(wanted))]
     saturated_levels, below_levels, *off_peak = (
-        survey(s, share, between, tracks, lambda _, done: at("residuals over adhesion", done))
+        survey(s, share, between, tracks, lambda _, done: at("residuals over adhesion", done), known)
         for share in (SATURATED, below, *OFF_PEAK)
     )
     at_peak = dict(zip(OVER_TIME, runs, strict=False))
@@ -134,8 +178,8 @@ def check(d: Data) -> list[Statement]:
     return out
 
 
-def draw(d: Data, drawing: Drawing) -> dict[str, Figure]:
-    """The pictures by their file names."""
+def draw(d: Data, drawing: Drawing) -> dict[int, Figure]:
+    """The pictures by their numbers."""
     regions = (d.saturated_levels, d.below_levels)
     below = d.subject.points[-1].creep_of_peak
     pictures = {
@@ -155,26 +199,46 @@ def draw(d: Data, drawing: Drawing) -> dict[str, Figure]:
         9: drawing.sets(9, 2, *regions),
         10: drawing.output(PAPER_POLYNOMIAL),
     }
-    pictures |= {n: drawing.estimate(n, c, d.at_peak[c]) for n, c in zip((11, 12, 13), OVER_TIME, strict=True)}
-    return {f"fig{number:02d}.png": picture for number, picture in pictures.items()}
+    return pictures | {n: drawing.estimate(n, c, d.at_peak[c]) for n, c in zip((11, 12, 13), OVER_TIME, strict=True)}
 
 
-def report(s: Source, captions: dict[int, str], found: Sequence[Statement], tracks: int) -> str:
-    """The text beside the pictures (Markdown)."""
+def report(every: Sequence[Judged], captions: dict[int, str], tracks: int) -> str:
+    """The text beside the pictures (Markdown): a column for each design."""
+    s = every[0].data.subject
     lines = [
         "# The paper's figures, from our data",
         "",
-        f"Design {s.design.name}, checksum {s.design.checksum[:12]}; {SPEED:g} m/s, a good track, {s.sensors.name} "
+        *(f"- {j.name}: design {j.data.subject.design.name}, checksum {j.data.subject.design.checksum[:12]}: "
+          f"{j.holding}." for j in every),
+        "",
+        f"{SPEED:g} m/s, a good track, {s.sensors.name} "
         f"sensors, {tracks} tracks for each condition. Every verdict follows by arithmetic from the data drawn. "
         f'"Is the lowest" takes {100 * say.THROUGHOUT:.0f} % of the estimates from {SETTLED_S:g} s on, or of the '
         f'conditions; "almost equal" {say.RIGHT_PP:g} percentage point or {100 * say.RIGHT_SHARE:.0f} % of the truth.',
         "",
-        "The rules do not see the residuals as they are, but residuals 1 to 3 over residual 4, and residual 4; the "
-        "share of the sensors' noise is taken off first. Places in a range are of what they see: 0 is the centre of "
-        "Low, 1 that of High. What is said of all that lies off the saturation points also takes conditions that are "
-        f"not drawn: held at {', '.join(f'{share:g}' for share in OFF_PEAK)} of the peak's creep.",
-    ]
+        f"The rules of {FORM_NAMES['wrcd']} do not see the residuals as they are, but residuals 1 to 3 over residual "
+        "4, and residual 4; the share of the sensors' noise is taken off first. Those of the paper's own form see the "
+        "residuals as they are, in units of the sensors' noise. Places in a range are of what they see: 0 is the "
+        "centre of Low, 1 that of High. What is said of all that lies off the saturation points also takes conditions "
+        f"that are not drawn: held at {', '.join(f'{share:g}' for share in OFF_PEAK)} of the peak's creep.",
+    ]  # fmt: skip
     for number, caption in captions.items():
-        lines += ["", f"## Fig. {number}", "", f"![Fig. {number}](fig{number:02d}.png)", "", caption, ""]
-        lines += [f"- **{f.verdict}**: {f.says}: {f.numbers}" for f in found if f.figure == number]
+        lines += ["", f"## Fig. {number}", ""]
+        for j in every:
+            lines += [f"![Fig. {number}, {j.name}]({file_name(number, j.data.subject)})", ""]
+        lines += [
+            caption,
+            "",
+            f"| the paper says | {' | '.join(j.name for j in every)} |",
+            "|---" * (1 + len(every)) + "|",
+        ]
+        for rows in zip(*(j.found for j in every), strict=True):
+            if rows[0].figure == number:
+                cells = " | ".join(f"**{f.verdict}**: {_cell(f.numbers)}" for f in rows)
+                lines.append(f"| {_cell(rows[0].says)} | {cells} |")
     return "\n".join(lines) + "\n"
+
+
+def _cell(text: str) -> str:
+    """Text as a cell of a Markdown table: a bar within would end it."""
+    return text.replace("|", "\\|")

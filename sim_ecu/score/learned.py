@@ -6,16 +6,19 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from sim_ecu.design.cases import FloatArray, Plan, Recording, features
-from sim_ecu.design.rules import RuleBase, fit
-from sim_ecu.physics.sensors import SENSOR_SETS
+from sim_ecu.design.cases import FloatArray, Plan
+from sim_ecu.design.features import ENDS, Features, features, importance
+from sim_ecu.design.recordings import Recording
+from sim_ecu.design.rules import HELD, RuleBase, fit
 from sim_ecu.score.baselines import without_offset
 from sim_ecu.score.ticks import Ticks, running_mean
 from wrcd.errors import InputError
 from wrcd.estimator.design import Design
 
-FORMAT = "wrcd-baselines/2"
+FORMAT = "wrcd-baselines/3"
+IntArray = NDArray[np.int64]
 SMALLEST = 1e-9
 LEAST_TRACK = 0.03  # of the noise's power: less from the track is not told from none
 FILTERLESS_SETS = (4, 4, 5, 4)  # raw yaw rate, raw lateral acceleration, torque, speed: the best of nine combinations
@@ -78,7 +81,7 @@ class Regressor:
 
     def answer(self, inputs: FloatArray) -> FloatArray:
         """ln of the adhesion (n,) for inputs (n, k)."""
-        x = (inputs - self.mean) / self.size
+        x = np.clip((inputs - self.mean) / self.size, -HELD, HELD)
         for i, (weight, bias) in enumerate(self.layers):
             x = x @ weight + bias
             if i + 1 < len(self.layers):
@@ -88,12 +91,10 @@ class Regressor:
 
 def learn(design: Design, recordings: list[Recording], plan: Plan) -> dict[str, Any]:
     """The baselines' document: fitted to the recordings that the design was fitted to."""
-    data = features(design, recordings, plan.windows)
-    importance = data.importance(plan)
-    sensors = SENSOR_SETS[plan.sensors]
-    noise_rms = sensors.yaw_rate.noise_rms, sensors.lat_accel.noise_rms
-    raw = _raw_features(design, recordings, plan.windows, noise_rms)
-    rules = fit(raw, data.mu_pct, FILTERLESS_SETS, len(design.rules), importance, data.condition)
+    noise_rms = float(design.noise_rms[0]), float(design.noise_rms[1])
+    raw, mu_pct, condition = _raw_features(design, recordings, plan, noise_rms)
+    weight = importance(plan, 10.0 ** raw[:, 3], 100.0 * 10.0 ** raw[:, 2] / mu_pct)
+    rules = fit(raw, mu_pct, FILTERLESS_SETS, len(design.rules), weight, condition)
     document: dict[str, Any] = {
         "format": FORMAT,
         "design": design.checksum,
@@ -102,44 +103,56 @@ def learn(design: Design, recordings: list[Recording], plan: Plan) -> dict[str, 
             "rules": rules.rules.tolist(),
             "bases": rules.bases.tolist(),
             "slopes": rules.slopes.tolist(),
+            "low": rules.low.tolist(),
+            "high": rules.high.tolist(),
             "noise_rms": list(noise_rms),
         },
     }
+    network = _network(features(design, recordings, plan)[0])
+    return document if network is None else document | {"regressor": network}
+
+
+def _network(data: Features) -> dict[str, Any] | None:
+    """Trained on the windows of the rules; None without scikit-learn."""
     try:
         from sklearn.neural_network import MLPRegressor
     except ImportError:
-        return document
-    mean, size = data.inputs.mean(axis=0), data.inputs.std(axis=0)
+        return None
     net = MLPRegressor(
         hidden_layer_sizes=LAYERS, max_iter=400, early_stopping=True, n_iter_no_change=25, alpha=1e-3, random_state=0
     )
-    net.fit((data.inputs - mean) / size, np.log(data.mu_pct / 100.0))
-    document["regressor"] = {
+    mean, size = data.inputs.mean(axis=0), np.maximum(data.inputs.std(axis=0), SMALLEST)
+    net.fit(np.clip((data.inputs - mean) / size, -HELD, HELD), np.log(data.mu_pct / 100.0))
+    return {
         "mean": mean.tolist(),
         "size": size.tolist(),
         "layers": [
             [np.round(w, 5).tolist(), np.round(b, 5).tolist()] for w, b in zip(net.coefs_, net.intercepts_, strict=True)
         ],
     }
-    return document
 
 
 def _raw_features(
-    design: Design, recordings: list[Recording], windows: int, noise_rms: tuple[float, float]
-) -> FloatArray:
-    """(windows, 4), in the order of `features`."""
-    rows = []
-    half = design.window_ticks // 2
+    design: Design, recordings: list[Recording], plan: Plan, noise_rms: tuple[float, float]
+) -> tuple[FloatArray, FloatArray, IntArray]:
+    """Whole windows of one rail and torque: inputs (n, 4), the truth in percent and the condition's number (n,)."""
+    rows, truths, numbers = [], [], []
+    first = 0
     for r in recordings:
-        ticks = len(r.z)
         ratio = np.abs(r.torque) / (2 * design.normal_N * design.r_0)
-        present = np.ones(r.z.shape, dtype=bool)
-        speed = np.full(ticks, r.speed_m_s)
-        every = raw_inputs(
-            Ticks(r.z, present, ratio, speed, design.tick_s, np.arange(ticks)), design.window_ticks, noise_rms
-        )
-        rows += [every[k] for k in sorted(ticks - 1 - half * i for i in range(windows))]
-    return np.concatenate(rows)
+        settled = round(plan.settle_s / plan.seconds * len(r.z))
+        at = [settled + round(share * (len(r.z) - settled)) - 1 for share in ENDS]
+        for z in (r.z, r.felt):
+            present = np.ones(z.shape, dtype=bool)
+            ticks = Ticks(z.astype(np.float64), present, ratio, r.speed_m_s, design.tick_s, np.arange(len(z)))
+            every = raw_inputs(ticks, design.window_ticks, noise_rms)
+            for k in at[1::2] if z is r.felt else at:
+                whole = k + 1 - r.first >= design.window_ticks
+                rows.append(every[k, whole])
+                truths.append(r.mu_pct[k, whole].astype(np.float64))
+                numbers.append(first + np.flatnonzero(whole))
+        first += r.z.shape[2]
+    return np.concatenate(rows), np.concatenate(truths), np.concatenate(numbers)
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,10 +182,12 @@ def load(path: Path, design: Design) -> Learned:
 def _read(document: dict[str, Any], design: Design) -> Learned:
     f = document["filterless"]
     rules = np.array(f["rules"])
-    one, none = np.ones(len(rules)), np.zeros(rules.shape)
+    n, slopes = len(rules), np.array(f["slopes"])
+    none = np.zeros_like(slopes)
     base = RuleBase(
-        [np.array(c) for c in f["centres"]], rules, np.array(f["bases"]), np.array(f["slopes"]),
-        one, none, one, np.zeros((len(rules), 2)),
+        centres=[np.array(c) for c in f["centres"]], rules=rules, bases=np.array(f["bases"]), slopes=slopes,
+        spreads=np.ones(n), spread_slopes=none, support=np.ones(n), typical=np.zeros((n, 2)),
+        low=np.array(f["low"]), high=np.array(f["high"]), middle=none[0],
     )  # fmt: skip
     r = document.get("regressor")
     regressor = None

@@ -1,5 +1,6 @@
 """The paper's figures: all there, not blank, and every verdict follows from the data."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,12 +12,14 @@ from sim_ecu.design.linear import Point
 from sim_ecu.design.rules import PAPER_POLYNOMIAL
 from sim_ecu.design.source import Source, load_source
 from sim_ecu.physics.contact import CURVES, peak
+from sim_ecu.resources import PAPER_DESIGN
 from sim_ecu.score import statements as say
 from sim_ecu.score.figure_data import (
     OFF_PEAK,
     SETTLED_S,
     SPEED,
     FloatArray,
+    HeldRuns,
     Levels,
     Trace,
     held,
@@ -24,13 +27,13 @@ from sim_ecu.score.figure_data import (
     observe,
     own_range,
 )  # fmt: skip
-from sim_ecu.score.figures import check, gather, run
+from sim_ecu.score.figures import NUMBERS, check, gather, run, sources
 from sim_ecu.score.statements import Statement
+from wrcd.checksum import checksum
 from wrcd.errors import InputError
 from wrcd.estimator.design import MODELS, Sets
 from wrcd.resources import DESIGN
 
-NUMBERS = (1, 3, 4, 5, 6, 8, 9, 10, 11, 12, 13)
 THREE = Sets(("Low", "Moderate", "High"), np.array([-1.0, 0.0, 1.0]))
 TWO = Sets(("Low", "High"), np.array([-1.0, 1.0]))
 SETS = [THREE, THREE, THREE, TWO]
@@ -72,22 +75,56 @@ def verdicts(found: list[Statement]) -> list[bool]:
 
 def test_all_figures_are_drawn_and_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(tmp_path / "figures", tracks=2, seconds=3.0, between=0) == 0
-    assert sorted(p.name for p in (tmp_path / "figures").glob("*.png")) == [f"fig{n:02d}.png" for n in NUMBERS]
-    for n in NUMBERS:
-        picture = imread(tmp_path / "figures" / f"fig{n:02d}.png")[:, :, :3]
+    names = {f"fig{n:02d}{form}.png" for n in NUMBERS for form in ("", "-paper")}
+    assert {p.name for p in (tmp_path / "figures").glob("*.png")} == names
+    for name in names:
+        picture = imread(tmp_path / "figures" / name)[:, :, :3]
         assert picture.shape[1] > 900
         # ink in every quarter, and colours beside the text's black
         quarters = [q for half in np.array_split(picture, 2) for q in np.array_split(half, 2, axis=1)]
-        assert all((q < 0.9).any(axis=2).mean() > 0.005 for q in quarters), n
-        assert (np.ptp(picture, axis=2) > 0.3).mean() > 0.002, n
-    lines = capsys.readouterr().out.splitlines()
+        assert all((q < 0.9).any(axis=2).mean() > 0.005 for q in quarters), name
+        assert (np.ptp(picture, axis=2) > 0.3).mean() > 0.002, name
+    *lines, last = capsys.readouterr().out.splitlines()
     text = (tmp_path / "figures" / "figures.md").read_text()
-    assert {int(line[5:8]) for line in lines[:-1]} == set(NUMBERS)
-    for line in lines[:-1]:
+    ours, beside = lines[::2], lines[1::2]
+    assert {int(line[5:8]) for line in ours} == set(NUMBERS)
+    for line, other in zip(ours, beside, strict=True):
         figure, verdict, said = line[:8].strip(), line[9:23].strip(), line[24:]
-        assert verdict in ("holds", "DOES NOT HOLD")
-        assert f"- **{verdict}**: {said}\n" in text.split(f"## {figure}\n")[1].split("\n## ")[0]
-    assert [f"![Fig. {n}](fig{n:02d}.png)" in text for n in NUMBERS] == [True] * len(NUMBERS)
+        says, numbers = (part.replace("|", "\\|") for part in said.split(": ", 1))
+        there, theirs = other[9:23].strip(), other.split("in the paper's own form: ", 1)[1].replace("|", "\\|")
+        assert {verdict, there} <= {"holds", "DOES NOT HOLD"}
+        row = f"| {says} | **{verdict}**: {numbers} | **{there}**: {theirs} |\n"
+        assert row in text.split(f"## {figure}\n")[1].split("\n## ")[0]
+    for name, column in (("wrcd's form", ours), ("the paper's own form", beside)):
+        holding = sum(line[9:23].strip() == "holds" for line in column)
+        assert f"{name}: {holding} of {len(ours)} statements hold" in last
+    assert all(f"]({name})" in text for name in names)
+
+
+def test_the_forms_are_judged_on_the_same_runs() -> None:
+    """A design beside itself in another form's name sees the same signals: nothing is simulated or drawn anew."""
+    runs = HeldRuns()
+    ours, papers = (load_source(file) for file in (DESIGN, PAPER_DESIGN))
+    conditions = held(ours.wheelset, CURVES["C"], 1.0, 1)
+    first = observe(ours, conditions, 1.0, silent, runs)
+
+    def never(_what: str, _share: float) -> None:
+        raise AssertionError("simulated again")
+
+    second = observe(papers, conditions, 1.0, never, runs)
+    assert np.array_equal(first.truth_pct, second.truth_pct)
+    assert not np.array_equal(first.residuals, second.residuals)
+
+
+def test_a_paper_design_for_another_wheelset_is_not_judged_beside(tmp_path: Path) -> None:
+    document = json.loads(PAPER_DESIGN.read_text())
+    document["inputs"]["wheelset"]["m_w"] += 1.0
+    document["checksum"] = checksum(document)
+    other = tmp_path / "other.json"
+    other.write_text(json.dumps(document))
+    assert list(sources(other, None)) == ["the paper's own form"]  # the packaged one is left out
+    with pytest.raises(InputError, match="another wheelset"):
+        sources(None, other)
 
 
 def test_what_is_checked_is_what_was_gathered(subject: Source) -> None:

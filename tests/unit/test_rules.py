@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 
 from sim_ecu.design.gains import steady_state
-from sim_ecu.design.make import POINTS
 from sim_ecu.design.rules import RuleBase, adhesion_of, fit, output_of, polynomial
+from sim_ecu.design.source import load_source
 from sim_ecu.physics.wheelset import Wheelset
 from wrcd.estimator.bank import Bank
 from wrcd.estimator.design import load_design
+from wrcd.estimator.sections import Sections
 from wrcd.resources import DESIGN
 
 SETS = (3, 3, 2)
@@ -76,11 +77,17 @@ def test_the_polynomial_is_the_outputs_meaning_and_falls_throughout() -> None:
 def test_noise_alone_leaves_the_residual_that_is_taken_off(model: int) -> None:
     design = load_design(DESIGN)
     speed = float(design.speeds_m_s[20])
-    point = POINTS[model]
+    point = load_source(DESIGN).points[model]
     gains = steady_state(Wheelset(), point, speed, design.tick_s, (3e-4, 0.01))
-    assert design.noise[20, model] == pytest.approx(gains.noise(point), rel=1e-4)
+    W = gains.whiten(point)
+    assert design.noise_power[20, model] == pytest.approx(gains.noise_power(W, design.lowpass, (3e-4, 0.01)), rel=1e-4)
+    # each sensor alone: what is left of its noise behind the bank and the low-pass is its column of the table
     rng = np.random.default_rng(1)
-    bank = Bank(design, 40)
-    z = rng.standard_normal((2500, 2, 40)) * np.array([3e-4, 0.01])[:, None]
-    w = np.stack([bank.step(row, np.ones((2, 40), dtype=bool), speed)[1][model] for row in z])[500:]
-    assert np.sqrt(np.mean(w**2)) == pytest.approx(design.noise[20, model], rel=0.03)
+    for channel, rms in enumerate(design.noise_rms):
+        bank, lowpass = Bank(design, 40), Sections(design.lowpass, 8, 40)
+        z = np.zeros((2500, 2, 40))
+        z[:, channel] = rms * rng.standard_normal((2500, 40))
+        here = np.ones((2, 40), dtype=bool)
+        w = np.stack([lowpass.step(bank.step(row, here, speed)[1].reshape(8, 40)).reshape(4, 2, 40) for row in z])
+        power = np.square(w[500:, model]).mean(axis=(0, 2)).sum()
+        assert power == pytest.approx(design.noise_power[20, model, channel], rel=0.1)

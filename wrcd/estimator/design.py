@@ -29,7 +29,10 @@ MOST_RULES = 254  # DominantRule cannot tell more apart
 
 @dataclass(frozen=True, slots=True)
 class Sets:
-    """Triangular fuzzy sets of one input that add up to one: centres (m,) growing, flat beyond the first and last."""
+    """Triangular fuzzy sets of one input that add up to one: centres (m,) growing, flat beyond the first and last.
+
+    One set alone holds fully everywhere: the input chooses no rules.
+    """
 
     names: tuple[str, ...]
     centres: FloatArray
@@ -70,12 +73,13 @@ class Design:
     highpass: FloatArray  # (k, 6) sections that show pulses in the lateral acceleration
     residual_sets: tuple[Sets, ...]  # over log10 of residuals 1 to 3 over residual 4, and of residual 4
     torque_sets: Sets  # over log10 of |torque| / (2 N r0)
-    speed_sets: Sets  # over log10 of the speed in m/s
+    speed_sets: Sets  # over log10 of the speed in m/s; one alone holds at all speeds
     rules: IntArray  # (r, 6) which set of each input
     low: FloatArray  # (COLUMNS,) the columns are held between these for the outputs
     high: FloatArray
     middle: FloatArray  # (COLUMNS,) of the columns beyond the six; of those the middle of a rule's sets counts
     bases: FloatArray  # (r,) fuzzy output, 0 … 100, in the middle
+    consequents: tuple[str, ...]  # (r,) names of the output sets that the bases are of, or () where they are numbers
     slopes: FloatArray  # (r, COLUMNS) its change per unit of each column away from there
     spreads: FloatArray  # (r,) half-width of the 90 % interval, as a share of the adhesion, in the middle
     spread_slopes: FloatArray  # (r, COLUMNS) its change in decades per unit of each column
@@ -187,11 +191,19 @@ class _Reader:
             raise self.error(key, f"must lie within {low:g} … {high:g}, is {value:g}")
         return value
 
-    def sets(self, key: str) -> Sets:
+    def names(self, key: str, count: int) -> tuple[str, ...]:
+        """So many names, or none where the key is not there."""
+        table, last = key.rsplit(".", 1)
+        names = self.at(table).get(last, [])
+        if not isinstance(names, list) or len(names) not in (0, count):
+            raise self.error(key, f"needs {count} names")
+        return tuple(str(n) for n in names)
+
+    def sets(self, key: str, least: int = 2) -> Sets:
         names = self.at(f"{key}.names")
         centres = self.array(f"{key}.centres", -1)
-        if not isinstance(names, list) or len(names) != len(centres) or len(centres) < 2:
-            raise self.error(key, "needs two or more centres and a name for each")
+        if not isinstance(names, list) or len(names) != len(centres) or len(centres) < least:
+            raise self.error(key, f"needs {least} or more centres and a name for each")
         if np.any(np.diff(centres) <= 0):
             raise self.error(f"{key}.centres", "must grow")
         return Sets(tuple(str(n) for n in names), centres)
@@ -226,12 +238,13 @@ def _arrays(r: _Reader, digest: str) -> Design:
         highpass=r.array("bank.highpass", -1, 6),
         residual_sets=tuple(r.sets(f"fuzzy.residual_{m + 1}") for m in range(MODELS)),
         torque_sets=r.sets("fuzzy.torque"),
-        speed_sets=r.sets("fuzzy.speed"),
+        speed_sets=r.sets("fuzzy.speed", least=1),
         rules=rules.astype(np.int64),
         low=r.array("fuzzy.columns.low", COLUMNS),
         high=r.array("fuzzy.columns.high", COLUMNS),
         middle=r.array("fuzzy.columns.middle", COLUMNS),
         bases=r.array("fuzzy.bases", n),
+        consequents=r.names("fuzzy.consequents", n),
         slopes=r.array("fuzzy.slopes", n, COLUMNS),
         spreads=r.array("fuzzy.spreads", n),
         spread_slopes=r.array("fuzzy.spread_slopes", n, COLUMNS),

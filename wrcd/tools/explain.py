@@ -44,14 +44,16 @@ LEAST_SHARE = 0.15  # slopes smaller than this share of a rule's largest are lef
 def condition(design: Design, rule: int) -> str:
     """When a rule (from 0) speaks: "residual 1 Low, …, torque T_3, Fast"."""
     names = [s.names[k] for s, k in zip(design.sets, design.rules[rule], strict=True)]
-    residuals = ", ".join(f"residual {m + 1} {names[m]}" for m in range(MODELS))
-    return f"{residuals}, torque {names[MODELS]}, {names[MODELS + 1]}"
+    parts = [*(f"residual {m + 1} {names[m]}" for m in range(MODELS)), f"torque {names[MODELS]}"]
+    return ", ".join(parts if len(design.speed_sets.names) == 1 else [*parts, names[MODELS + 1]])
 
 
 def says(design: Design, rule: int) -> str:
     """What it says: the output in the middle of its sets with the adhesion it stands for, and what moves it."""
     base = float(design.bases[rule])
     mu = float(np.clip(np.polyval(design.polynomial, np.clip(base, 0.0, 100.0)), *design.adhesion_range_pct))
+    if design.consequents:
+        return f"{design.consequents[rule]} (output {base:.0f}, adhesion {mu:.1f} %)"
     slopes = design.slopes[rule]
     # per doubling, which a person can picture, not per decade; of a correlation per 0.1
     steps = np.array([0.1 if c.correlation else math.log10(2.0) for c in COLUMN_WORDS])
@@ -70,12 +72,14 @@ def sentence(design: Design, rule: int) -> str:
 
 def bounds(design: Design) -> list[str]:
     """What the names of the sets mean: the middle of each in the input's own unit."""
-    inputs = [
-        *((f"residual {m + 1}, over residual {MODELS}", design.residual_sets[m]) for m in range(MODELS - 1)),
-        (f"residual {MODELS}, times what model {MODELS} expects", design.residual_sets[MODELS - 1]),
-        ("torque, as adhesion in use, %", design.torque_sets),
-        ("speed, m/s", design.speed_sets),
-    ]
+    if design.form == "paper":
+        residuals = [(f"residual {m + 1}, in the sensors' noise", s) for m, s in enumerate(design.residual_sets)]
+    else:
+        residuals = [(f"residual {m + 1}, over residual {MODELS}", s) for m, s in enumerate(design.residual_sets[:-1])]
+        residuals.append((f"residual {MODELS}, times what model {MODELS} expects", design.residual_sets[-1]))
+    inputs = [*residuals, ("torque, as adhesion in use, %", design.torque_sets)]
+    if len(design.speed_sets.names) > 1:
+        inputs.append(("speed, m/s", design.speed_sets))
     lines = []
     for what, sets in inputs:
         unit = 100.0 if sets is design.torque_sets else 1.0
