@@ -51,20 +51,23 @@ class LinkEvents:
         self._socket.send(_MESSAGE.pack(_MESSAGE.size + len(body), RTM_GETLINK, NLM_F_REQUEST, 0, 0) + body)
 
     def read(self) -> list[LinkEvent]:
-        """What has happened since the last look. Where the kernel had no room to say all, it is asked again."""
+        """What has happened since the last look. Where the kernel had no room to say all, it is asked how things are:
+        the next look has the answer."""
         events: list[LinkEvent] = []
+        lost = False
         for _ in range(MAX_READS):
             try:
                 data, (port, _) = self._socket.recvfrom(BUFFER)
             except BlockingIOError:
                 break
             except OSError as e:
-                if e.errno == errno.ENOBUFS:
-                    with suppress(OSError):
-                        self._ask()
+                lost |= e.errno == errno.ENOBUFS
                 continue
             if port == 0:  # the kernel's
                 events += parse_events(data, self._name)
+        if lost:  # there is room for the answer now
+            with suppress(OSError):
+                self._ask()
         return events
 
     def close(self) -> None:

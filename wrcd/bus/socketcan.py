@@ -135,6 +135,8 @@ class SocketCanLink:
             except InterruptedError:
                 continue
             except OSError as e:
+                if e.errno == errno.ENETDOWN and self._events is not None:
+                    continue  # perhaps it is up again already: rtnetlink says what came last
                 self._trouble(e, now_us)
                 if e.errno != errno.ENETDOWN:
                     break
