@@ -1,13 +1,17 @@
 """The contract: names, ids, lengths, cycles, layout. Others test against these."""
 
 from pathlib import Path
+from typing import get_args
 
 import cantools
 import pytest
 from cantools.database.can import Database
 
 from wrcd.bus.dbc import timeout_ms
+from wrcd.bus.link import LinkState
 from wrcd.bus.reasons import Reason
+from wrcd.daemon.counts import State
+from wrcd.daemon.report import Validity
 
 ROOT = Path(__file__).parents[2]
 MESSAGES = {
@@ -97,7 +101,7 @@ def test_every_message_is_protected_and_every_signal_explained(file: str) -> Non
 def test_value_tables(production: Database) -> None:
     m = production.get_message_by_name("Adhesion_A2")
     tables = {s.name: {int(k): str(v) for k, v in s.choices.items()} for s in m.signals if s.choices}
-    assert tables["Validity"] == {0: "NotAvailable", 1: "Valid", 2: "Degraded", 14: "Error"}
+    assert tables["Validity"] == {0: "NotAvailable", 1: "Valid", 2: "Degraded"}
     assert tables["Surface"] == {0: "Unknown", 1: "Dry", 2: "Wet", 3: "Reduced", 4: "Low", 5: "VeryLow"}
     assert tables["ContactState"] == {0: "Unknown", 1: "Adhering", 2: "Saturated"}
     assert tables["MuAvailable"] == {0xFFFF: "NotAvailable", 0xFFFE: "Error"}
@@ -109,6 +113,20 @@ def test_value_tables(production: Database) -> None:
         14: "Error",
         15: "NotAvailable",
     }
+
+
+def words(production: Database, message: str, signal: str) -> set[str]:
+    return {
+        str(word)
+        for word in (production.get_message_by_name(message).get_signal_by_name(signal).choices or {}).values()
+    }
+
+
+def test_no_state_is_promised_that_is_never_sent(production: Database) -> None:
+    """Each of these words is one that the daemon uses, and it uses no other."""
+    assert words(production, "Adhesion_A3", "Validity") == {v.value for v in Validity}
+    assert words(production, "WrcdStatus", "State") == set(get_args(State))
+    assert words(production, "WrcdLink", "LinkState") == set(get_args(LinkState))
 
 
 def test_the_truth_is_only_in_the_rigs_file(production: Database) -> None:

@@ -155,7 +155,7 @@ class Receiver:
         return self._readers[can_id].sources
 
     def forget(self) -> None:
-        """After a step of time: take every counter as it comes."""
+        """After a step of time or a long silence: take every counter as it comes."""
         for reader in self._readers.values():
             reader.forget()
 

@@ -3,6 +3,11 @@
 The core reads no clock. Live, the loop tells it how far time has come (advance); in a replay the next frame does.
 Tick k owns the frames stamped in [k P, (k + 1) P); of two measurements one may wait for the next tick (arrivals.py),
 of every other signal the newest counts. Frames of a slot are made when the tick that ends it is closed.
+
+A stamp contradicts the clock if it is more than a second ahead of the open tick, which the clock drives, or behind the
+newest stamp: a step of time. It is counted, nothing that was known before it holds, and no slot between is made. A
+silence is none: its ticks are closed as the clock tells of them. But after a second of it nothing holds either, so that
+silence and step leave the same behind them, and whoever cannot tell them apart, as a replay, goes on alike.
 """
 
 import numpy as np
@@ -11,6 +16,7 @@ from wrcd.bus.codec import Receiver, Value
 from wrcd.bus.frame import Frame
 from wrcd.bus.reasons import Reason
 from wrcd.daemon.arrivals import NEVER
+from wrcd.daemon.backoff import Backoff
 from wrcd.daemon.config import Config
 from wrcd.daemon.counts import Counts, Health
 from wrcd.daemon.inputs import Inputs
@@ -19,9 +25,9 @@ from wrcd.daemon.report import Report, Validity, confidence, known, surface
 from wrcd.daemon.values import NAMES, explanation, plausibility
 from wrcd.estimator.estimator import Estimate, Estimator, Tick
 
-FORWARD_STEP_US = 1_000_000  # a stamp further ahead than this re-initialises
+FORWARD_STEP_US = 1_000_000  # a stamp, or the clock, further ahead of the open tick than this is a step of time
 BACKWARD_STEP_US = 10_000  # out of order by less than this is jitter between queues, by more a step of the clock
-MOST_FILLED_US = 60_000_000  # a replay fills a silence with frames up to this long; longer is a step of time
+SILENCE_US = 1_000_000  # without a mapped frame: longer, and nothing that was known before holds
 
 
 class Core:
@@ -29,7 +35,7 @@ class Core:
 
     STATE = (
         "counts", "health", "estimator", "receiver", "_open", "_stamp_us", "_inputs", "_good_ticks", "_warm", "_blank",
-        "_outbox", "_outlier_us",
+        "_outbox", "_outlier_us", "_backoff",
     )  # fmt: skip
     PASSING = ("reports",)
 
@@ -51,6 +57,7 @@ class Core:
         self._blank = [True] * n
         self._outbox = Outbox(config)
         self._outlier_us = [NEVER] * n
+        self._backoff = Backoff(n, config.design.tick_s)
         self.reports: list[Report] = []  # of the newest slot
         self.muted = False  # make no frames: nobody would send them
 
@@ -58,6 +65,16 @@ class Core:
     def standing(self) -> bool:
         """Whether the train is known to be slower than an estimate needs."""
         return self._inputs.speed_m_s < self.config.min_speed_m_s
+
+    @property
+    def time_us(self) -> int | None:
+        """Begin of the open tick: every tick before it is closed. None before the first frame."""
+        return None if self._open is None else self._open * self._period_us
+
+    @property
+    def waits(self) -> int:
+        """How often an axle that was reset again and again had to wait."""
+        return self._backoff.waits
 
     def reconfigure(self, config: Config) -> None:
         """Go on with other limits from the next tick on; everything else in config must be as it was."""
@@ -89,41 +106,42 @@ class Core:
     def advance(self, now_us: int) -> list[Outgoing]:
         """Time has come to now_us and every frame stamped before it has been fed: close the ticks that are over.
 
-        A time before the open tick means that the clock has stepped back.
+        A time before the open tick, or more than a second after its begin, means that the clock has stepped.
         """
         target = now_us // self._period_us
         if self._open is None:
             self._open = target
-        period = self._period_us
-        behind_us = self._open * period - now_us
-        if (target - self._open) * period > FORWARD_STEP_US or behind_us > BACKWARD_STEP_US:
-            self._restart(target)
+        begin_us = self._open * self._period_us
+        if target * self._period_us - begin_us > FORWARD_STEP_US or begin_us - now_us > BACKWARD_STEP_US:
+            self._step_to(target)
         return self._close_up_to(target)
 
     def _move_to(self, stamp_us: int) -> list[Outgoing]:
         """Close the ticks before a stamp; a step of time starts anew."""
         target = stamp_us // self._period_us
-        out: list[Outgoing] = []
         if self._open is None:
             self._open = target
-        ahead = stamp_us - self._open * self._period_us
-        step = ahead if self._stamp_us == NEVER else stamp_us - self._stamp_us
-        if step > FORWARD_STEP_US or step < -BACKWARD_STEP_US or ahead > MOST_FILLED_US:
-            if step > 0 and ahead <= MOST_FILLED_US:
-                out = self._close_up_to(target)
-            self._restart(target)
-        else:
-            out = self._close_up_to(target)
-        self._stamp_us = max(self._stamp_us, stamp_us) if step > -BACKWARD_STEP_US else stamp_us
+        begin_us = self._open * self._period_us
+        newest_us = begin_us if self._stamp_us == NEVER else self._stamp_us
+        if stamp_us - begin_us > FORWARD_STEP_US or newest_us - stamp_us > BACKWARD_STEP_US:
+            self._step_to(target)
+        out = self._close_up_to(target)
+        self._stamp_us = max(self._stamp_us, stamp_us)
         return out
 
-    def _restart(self, tick: int) -> None:
-        """A step of time: nothing that was known before holds."""
+    def _step_to(self, tick: int) -> None:
+        """A step of time: go on at a tick, with nothing from before."""
         self.counts.time_steps += 1
-        self._open, self._stamp_us = tick, NEVER
+        self._open = tick
+        self._start_anew()
+
+    def _start_anew(self) -> None:
+        """Nothing that was known before holds."""
+        self._stamp_us = NEVER
         self._outlier_us = [NEVER] * self._n
         self._inputs.forget()
         self.receiver.forget()
+        self._backoff.forget()
         for axle in range(self._n):
             self._forget(axle)
 
@@ -147,13 +165,17 @@ class Core:
     def _close_tick(self, number: int) -> None:
         """Judge the inputs at the tick's end, and run the bank on what it brought."""
         self.counts.ticks += 1
-        i = self._inputs
-        i.close((number + 1) * self._period_us)
+        i, end_us = self._inputs, (number + 1) * self._period_us
+        if self._stamp_us != NEVER and end_us - self._stamp_us > SILENCE_US:
+            self._start_anew()
+        i.close(end_us)
         # no train's speed jumps: what was known before was known of another one
         jumped, i.speed_jumped = i.speed_jumped, False
         running = np.logical_and(~i.dead, not jumped and i.speed_m_s >= self.config.min_speed_m_s)
+        running &= [not self._backoff.waiting(axle, number) for axle in range(self._n)]
         for axle in range(self._n):
-            self.counts.restarts += jumped and not self._blank[axle]
+            if jumped and not self._blank[axle]:
+                self._was_reset(axle, number)
             if not running[axle]:
                 self._forget(axle)
                 continue
@@ -162,15 +184,21 @@ class Core:
                 self._good_ticks[axle] = 0
             else:
                 self._good_ticks[axle] += 1
-                self._warm[axle] |= self._good_ticks[axle] >= self._window
+                if self._good_ticks[axle] >= self._window:
+                    self._warm[axle] = True
+                    self._backoff.recovered(axle)
         if running.any():
             self.estimator.step(Tick(number, i.z, i.present & running, i.torque_ratio, i.speed_m_s))
             for axle in range(self._n):
                 if self.estimator.outlier[axle]:
-                    self._outlier_us[axle] = (number + 1) * self._period_us
+                    self._outlier_us[axle] = end_us
                 if self.estimator.upset[axle]:
-                    self.counts.restarts += 1
+                    self._was_reset(axle, number)
                     self._forget(axle)
+
+    def _was_reset(self, axle: int, number: int) -> None:
+        self.counts.restarts += 1
+        self._backoff.was_reset(axle, number)
 
     def _due(self, end_us: int) -> list[Outgoing]:
         """The frames whose slot begins with this tick's end."""

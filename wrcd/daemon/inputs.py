@@ -110,7 +110,8 @@ class Inputs:
             self._steady[_place(s)].jumped = False
 
     def forget(self) -> None:
-        """A step of time: how old anything is cannot be told any more."""
+        """A step of time, or a long silence: nothing that came before counts."""
+        self.speed_jumped = False
         self._stamps[:] = NEVER
         self._arrivals.clear()
         self.reach.forget()

@@ -51,6 +51,7 @@ class Watch:
             _Told(lambda: bus.unsent, "could not send {n} frames", always=False),
             _Told(lambda: health.overruns, "left out {n} frames: their slot was over"),
             _Told(lambda: counts.time_steps, "the clock stepped: started anew"),
+            _Told(lambda: core.waits, "an axle is reset again and again by absurd measurements: it waits longer"),
         )
         self._state: LinkState = "Up"
         self._state_next_us = dict.fromkeys(STATES, 0)

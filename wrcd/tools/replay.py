@@ -12,7 +12,7 @@ from wrcd.bus.dbc import Message, find_message
 from wrcd.bus.frame import Frame
 from wrcd.bus.log import Damage, format_line, read_log
 from wrcd.daemon.config import Config, load_config
-from wrcd.daemon.core import Core
+from wrcd.daemon.core import FORWARD_STEP_US, Core
 from wrcd.daemon.counts import Counts
 from wrcd.daemon.outbox import Outgoing
 from wrcd.daemon.report import Validity
@@ -22,6 +22,10 @@ from wrcd.estimator.design import Design
 from wrcd.estimator.estimator import Estimate
 from wrcd.tools.explain import sentence
 from wrcd.tools.progress import Progress
+
+# A log has no clock to tell a silence from a step of time by. A gap of up to so long between its lines, whoever's they
+# are, is a silence, and its slots are made; a longer one is a step. What comes after it is the same either way.
+MAX_SILENCE_US = 60_000_000
 
 COLUMNS = (
     "time_s", "axle", "validity", "mu_available_pct", "mu_used_pct", "contact_state", "surface", "confidence",
@@ -88,14 +92,25 @@ def resume(core: Core, log: Path) -> Saved | None:
 
 
 def outgoing(core: Core, frames: Iterable[tuple[Frame, str]], saved: Saved | None) -> Iterator[tuple[Outgoing, str]]:
-    """What the core makes of a log's frames, and the channel. What the loop did between them is done again."""
+    """What the core makes of a log's frames, and the channel. What the loop did between them is done again; where the
+    log does not come from a recorder and nothing tells of it, its lines are the clock."""
     events = deque(saved.events if saved is not None else ())
     lines, channel = 0, ""
     for lines, (frame, channel) in enumerate(frames):
-        for o in (*happened(core, events, lines), *core.feed(frame)):
+        before = happened(core, events, lines) if saved is not None else silence(core, frame.stamp_us)
+        for o in (*before, *core.feed(frame)):
             yield o, channel
     for o in happened(core, events, lines + 1):
         yield o, channel
+
+
+def silence(core: Core, stamp_us: int) -> list[Outgoing]:
+    """Take a core through the silence before a stamp, if it is one, as a clock does: by a second at once at most."""
+    out: list[Outgoing] = []
+    if core.time_us is not None and stamp_us - core.time_us <= MAX_SILENCE_US:
+        while stamp_us - core.time_us > FORWARD_STEP_US:
+            out += core.advance(core.time_us + FORWARD_STEP_US)
+    return out
 
 
 def progress(frames: Iterator[tuple[Frame, str]], log: Path) -> Iterator[tuple[Frame, str]]:
