@@ -53,7 +53,7 @@ def adhesion_of(output: FloatArray) -> FloatArray:
 @dataclass(frozen=True, slots=True)
 class RuleBase:
     """Over k inputs with sets: their centres, rules (r, k) of set numbers. Over all c >= k columns: bases (r,) and
-    slopes (r, c) of the output, and what the columns are held between, low and high (c,). middle (c,): where the columns
+    slopes (r, c) of the output, and what the columns are held between, low and high (c,). middle (c,): where columns
     without sets count as in the middle.
 
     spreads (r,): relative half-width of the 90 % interval in the middle, spread_slopes (r, c) its change in decades per

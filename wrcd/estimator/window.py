@@ -14,8 +14,8 @@ SMALLEST = 1e-12  # a power this far below what the model expects is as good as 
 _W = MODELS * CHANNELS
 
 # Columns of a block: ticks N, of them live ones, sums of t and t^2; of the whitened innovations w, filtered: w, t w,
-# w^2, w(k) w(k - LAG) for each of the eight, and yaw times lateral for each model. Then plain sums: of the torque ratio and
-# its ticks; of the unfiltered innovations, which show a change sooner, over the ticks RAW_N that are calm: w and w^2.
+# w^2, w(k) w(k - LAG) for each of the eight, and yaw times lateral for each model. Then plain sums: of the torque ratio
+# and its ticks; of the unfiltered innovations, which show a change sooner, over the ticks RAW_N that are calm: w and w^2.
 N, LIVE, T, TT = range(4)
 _AT = np.cumsum([4, _W, _W, _W, _W, MODELS, 3, _W, _W])
 SUM_W, SUM_TW, SUM_WW, SUM_LAG, SUM_CROSS, _SCALARS, SUM_RAW, SUM_RAW2 = (
