@@ -74,6 +74,7 @@ class Design:
     saturated_share: float  # MuUsed / MuAvailable from which the contact counts as saturated
     normal_N: float
     r_0: float
+    noise_rms: tuple[float, float]  # of the sensors that it is for: yaw rate (rad/s), lateral acceleration (m/s²)
     checksum: str
 
     @property
@@ -210,6 +211,10 @@ def _arrays(r: _Reader, digest: str) -> Design:
         saturated_share=r.number("saturated_share", 0.1, 1.0),
         normal_N=r.number("inputs.normal_N", 1.0, 1e6),
         r_0=r.number("inputs.wheelset.r_0", 0.1, 2.0),
+        noise_rms=(
+            r.number("inputs.sensors.yaw_rate.noise_rms", 1e-9, 1.0),
+            r.number("inputs.sensors.lat_accel.noise_rms", 1e-9, 10.0),
+        ),
         checksum=digest,
     )
 

@@ -1,6 +1,7 @@
 """From measurements to adhesion, for all axles at once."""
 
 from dataclasses import dataclass
+from enum import IntEnum
 
 import numpy as np
 
@@ -8,6 +9,7 @@ from wrcd.estimator.bank import Bank, BoolArray, at_speed, scheduled_speed
 from wrcd.estimator.design import MODELS, Design, FloatArray, IntArray
 from wrcd.estimator.fuzzy import Fuzzy
 from wrcd.estimator.gate import Gate
+from wrcd.estimator.identity import Identity
 from wrcd.estimator.offset import Offset
 from wrcd.estimator.window import Window
 
@@ -29,6 +31,15 @@ class Tick:
     speed_m_s: float
 
 
+class EstimateDoubt(IntEnum):
+    """What speaks against an estimate itself, whatever its inputs are like."""
+
+    NONE = 0
+    NO_RULE = 1  # too few rules fire
+    BEYOND_TRAINING = 2  # the rules' inputs are further out than any they were made from
+    HARSH = 3  # vibration or joints beyond what the rules bear
+
+
 @dataclass(frozen=True, slots=True)
 class Estimate:
     """Per axle (n,), NaN where unknown. Adhesion in percent, half_width in percentage points (90 % interval)."""
@@ -45,6 +56,7 @@ class Estimate:
     half_width_pp: FloatArray
     saturated: BoolArray
     contradicted: BoolArray  # more is in use than the rules, with their interval, say there is: one of them is wrong
+    doubt: IntArray  # an EstimateDoubt: what speaks against the estimate itself
 
 
 def rule_inputs(design: Design, residuals: FloatArray, torque_ratio: FloatArray, speed_m_s: float) -> FloatArray:
@@ -68,7 +80,7 @@ class Estimator:
 
     STATE = (
         "_bank", "_offset", "_gate", "_window", "_speed_m_s", "_whole", "used", "outlier", "good",
-        "upset", "outliers",
+        "upset", "outliers", "identity",
     )  # fmt: skip
 
     def __init__(self, design: Design, axles: int) -> None:
@@ -79,6 +91,7 @@ class Estimator:
         self._gate = Gate(axles)
         self._window = Window(design.window_ticks, design.recent_ticks, axles)
         self._fuzzy = Fuzzy(design)
+        self.identity = Identity(design.noise_rms, design.tick_s, axles)
         self._speed_m_s = float(design.speeds_m_s[0])
         self._low = np.array([s.centres[0] for s in design.residual_sets])
         self._width = np.array([s.centres[-1] - s.centres[0] for s in design.residual_sets])
@@ -97,6 +110,7 @@ class Estimator:
         self._gate.reset(axle)
         self._bank.reset(axle)
         self._window.reset(axle)
+        self.identity.reset(axle)
 
     def step(self, tick: Tick) -> FloatArray:
         """Run the bank for one tick and remember its residuals. Returns the innovations (4, 2, n).
@@ -117,6 +131,7 @@ class Estimator:
             e, w = self._filter(tick, used)
         self.upset = self._gate.learn(e, used, absurd) | ~np.isfinite(self._bank.x).all(axis=(0, 1))
         self.used = used
+        self.identity.step(tick.z, used, tick.speed_m_s)
         # the first innovation after a gap is that of several ticks at once, larger than others: it stays out. So a
         # sensor that is slower than the ticks, for which no gain here is made, never gives an estimate
         self.good = used & self._whole & np.isfinite(tick.torque_ratio) & ~self.upset
@@ -164,4 +179,5 @@ class Estimator:
             half_width_pp=half_width,
             saturated=saturated,
             contradicted=used > said + np.maximum(half_width, LEAST_CONTRADICTION_PP),
+            doubt=np.where(np.isnan(said), EstimateDoubt.NO_RULE, EstimateDoubt.NONE),
         )
