@@ -83,7 +83,7 @@ def own(tmp_path: Path, more: str, vehicle: str) -> Config:
         (True, False, -8_000.0, "Valid"),
         (False, False, -8_000.0, "Degraded"),
         (False, False, -0.01, "Degraded"),
-        (False, False, 0.0, "Valid"),
+        (False, False, 0.0, "Degraded"),  # the friction brakes may act alone
         (False, False, 8_000.0, "Valid"),
         (False, True, -8_000.0, "Valid"),
         (False, True, 8_000.0, "Valid"),
