@@ -29,7 +29,8 @@ OF_ESTIMATE = {
 # Of the design's. With the true load told by the bus, the interval of nominal conditions still holds the truth in 77 %
 # of the frames at 0.7 and 1.3 (89 % at 1.0, 67 % at 0.6): beyond, a design for that load is needed.
 LOAD_SHARES = (0.7, 1.3)
-RADIUS_SHARES = (0.9, 1.1)  # a wheel wears by less than a tenth; up to there and beyond the interval holds 85 % and more
+# A wheel wears by less than a tenth of its radius; as far, the interval still holds the truth in 85 % and more.
+RADIUS_SHARES = (0.9, 1.1)
 
 
 def against(i: Inputs) -> list[Cause]:
