@@ -5,6 +5,8 @@ import itertools
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from sim_ecu.play.encoder import SAMPLE_US, Encoder, Sample, Sent, databases
 from sim_ecu.play.faults import SIGNALS, Fault
 from sim_ecu.play.frame_faults import frame_fault
@@ -64,6 +66,7 @@ class SignalFault:
         self.keys: list[_Key] = [(s, 0 if s == "speed" else fault.axle) for s in fault.signals]
         self.other = other_axle(fault.axle, numbers)
         self.stands: dict[_Key, float] = {}  # all values before the fault
+        self.rng = np.random.default_rng([fault.begin_us, fault.axle])
         production, _ = databases()
         self.cycle_us = {
             s: int(production.get_message_by_name(f"{m}_A1" if s != "speed" else m).cycle_time or 0) * 1000
@@ -123,4 +126,21 @@ def _swap_wiring(f: SignalFault, key: _Key, values: dict[_Key, float], _since_us
     return values[key[0], f.other if key[1] == f.fault.axle else f.fault.axle]
 
 
-CHANGES = {"bias": _bias, "drift": _drift, "freeze": _freeze, "spike": _spike, "swap-wiring": _swap_wiring}
+def _reverse(_f: SignalFault, key: _Key, values: dict[_Key, float], _since_us: int) -> float:
+    return -values[key]
+
+
+def _dead(f: SignalFault, key: _Key, values: dict[_Key, float], _since_us: int) -> float:
+    noise = f.fault.size(key[0])
+    return noise * float(f.rng.standard_normal()) if noise > 0.0 else values[key]
+
+
+CHANGES = {
+    "reverse": _reverse,
+    "dead": _dead,
+    "bias": _bias,
+    "drift": _drift,
+    "freeze": _freeze,
+    "spike": _spike,
+    "swap-wiring": _swap_wiring,
+}
