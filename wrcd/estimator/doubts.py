@@ -36,7 +36,10 @@ LEAST_SILENT_BLOCKS = 3  # that silence is judged by where a sensor was loud bef
 
 # Bounds, set on 480 nominal and 450 robust conditions (13 s, utilisation 0 to 1, 8 to 52 m/s, noise once and twice the
 # design's, a fifth tactical) and on 240 slow or coasting ones; sim-ecu score tells what they find and cost.
-WHITE = ((0.0, 1.50), (0.0, 1.32), (0.75, 1.25))  # a dead sensor's power in each band over that of all it says, in 10 s
+# A dead sensor's power in each band (rows; gyro, accelerometer) over that of all it says, in ten seconds. Below 1.5 Hz
+# a gyro that died shows for long what it last said, and one that lives much more.
+WHITE_LEAST = (0.0, 0.0, 0.75)
+WHITE_MOST = ((2.5, 1.5), (1.32, 1.32), (1.25, 1.25))
 # The same over one second, as one number: weighed excesses of both sensors' bands. The sensors' own noise stays below
 # in 96 % of all seconds, what comes of a track in less than 1 %.
 SILENT_WEIGHTS = (0.6, 1.0, 1.5)
@@ -125,9 +128,9 @@ def doubts(e: Evidence, yaw_unit: float, lat_unit: float) -> set[Doubt]:
     """
     median = np.median(np.column_stack((e.power.reshape(len(e.power), -1), e.variance, e.noise)), axis=0)
     power, variance, noise = median[:6].reshape(-1, CHANNELS), median[6:8], median[8:]
-    least, most = np.array(WHITE).T[..., None]
-    # what is white and louder is drowned in vibration, not dead
-    white = ((least < power / variance) & (power / variance < most)).all(axis=0) & (variance < LOUDEST)
+    share = power / variance
+    white = ((share > np.array(WHITE_LEAST)[:, None]) & (share < WHITE_MOST)).all(axis=0)
+    white &= variance < LOUDEST  # what is white and louder is drowned in vibration, not dead
     if white.all():
         return {Doubt.SILENT}
     if white[LAT]:
