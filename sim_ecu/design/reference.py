@@ -328,7 +328,7 @@ def _about_a_line(rows: Sequence[Row]) -> tuple[FloatArray, FloatArray]:
     """Innovations (ticks, 8) about a straight line, and the line."""
     w = np.array([r.w for r in rows])
     t = np.array([r.tick for r in rows], dtype=np.float64) - rows[0].tick
-    line: FloatArray = np.array(np.polynomial.polynomial.polyval(t, np.polynomial.polynomial.polyfit(t, w, 1))).T
+    line = np.asarray(np.polynomial.polynomial.polyval(t, np.polynomial.polynomial.polyfit(t, w, 1)).T, np.float64)
     return np.asarray(w - line), line
 
 

@@ -47,16 +47,17 @@ KINDS = {
     "bias": Kind(Stage.SIGNAL, "the value is off", "rad/s, m/s², N·m, m/s", (0.1, 0.5, 3000.0, 2.0), -_ANY, _ANY),
     "drift": Kind(Stage.SIGNAL, "the value goes off more and more", "… per s", (0.02, 0.2, 1000.0, 1.0), -_ANY, _ANY),
     "freeze": Kind(Stage.SIGNAL, "the value stands still in fresh frames"),
-    "dead": Kind(
-        Stage.SIGNAL, "the sensor gives its own noise alone", "rms in rad/s, m/s², N·m, m/s",
-        (0.0003, 0.01, 50.0, 0.005), 0.0, _ANY,
-    ),
     "spike": Kind(
         Stage.SIGNAL, "one sample is off every 0.1 s", "rad/s, m/s², N·m, m/s", (0.5, 10.0, 30000.0, 20.0), -_ANY, _ANY
     ),
     "nan": Kind(Stage.FRAME, "the value's code for not available, in a good frame"),
     "status": Kind(Stage.FRAME, "the sender says Error", "code", (14.0,), 0.0, 15.0),
     "swap": Kind(Stage.FRAME, "a gateway swaps the ids of two axles' frames"),
+    "reverse": Kind(Stage.SIGNAL, "the sensor is mounted the other way round"),
+    "dead": Kind(
+        Stage.SIGNAL, "the sensor gives its own noise alone (a torque or a speed has none, and stays)",
+        "rad/s, m/s², N·m, m/s rms", (3e-4, 0.01, 0.0, 0.0), 0.0, _ANY,
+    ),
     "swap-wiring": Kind(Stage.SIGNAL, "the sensors of two axles are swapped, their frames are right"),
     "delay": Kind(Stage.FRAME, "frames are held back", "ms", (8.0,), 0.0, 10_000.0),
     "sender": Kind(

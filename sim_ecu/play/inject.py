@@ -67,6 +67,7 @@ class SignalFault:
         self.keys: list[_Key] = [(s, 0 if s == "speed" else fault.axle) for s in fault.signals]
         self.other = other_axle(fault.axle, numbers)
         self.stands: dict[_Key, float] = {}  # all values before the fault
+        self.rng = np.random.default_rng([fault.begin_us, fault.axle])
         production, _ = databases()
         self.cycle_us = {
             s: int(production.get_message_by_name(f"{m}_A1" if s != "speed" else m).cycle_time or 0) * 1000
@@ -130,6 +131,16 @@ def _swap_wiring(f: SignalFault, key: _Key, values: dict[_Key, float], _since_us
     return values[key[0], f.other if key[1] == f.fault.axle else f.fault.axle]
 
 
+def _reverse(_f: SignalFault, key: _Key, values: dict[_Key, float], _since_us: int) -> float:
+    return -values[key]
+
+
 CHANGES = {
-    "bias": _bias, "drift": _drift, "freeze": _freeze, "dead": _dead, "spike": _spike, "swap-wiring": _swap_wiring,
-}  # fmt: skip
+    "reverse": _reverse,
+    "dead": _dead,
+    "bias": _bias,
+    "drift": _drift,
+    "freeze": _freeze,
+    "spike": _spike,
+    "swap-wiring": _swap_wiring,
+}

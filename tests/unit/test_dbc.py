@@ -10,6 +10,7 @@ from cantools.database.can import Database
 from wrcd.bus.dbc import timeout_ms
 from wrcd.bus.link import LinkState
 from wrcd.bus.reasons import Reason
+from wrcd.daemon.causes import Cause
 from wrcd.daemon.counts import State
 from wrcd.daemon.report import Validity
 
@@ -135,6 +136,18 @@ def test_the_truth_is_only_in_the_rigs_file(production: Database) -> None:
     slip = truth.get_message_by_name("SimTruth_A1").get_signal_by_name("Slip")
     assert (slip.start, slip.length, slip.is_signed, slip.scale) == (48, 16, True, 1e-5)
     assert not any("Truth" in m.name for m in production.messages)
+
+
+def test_every_cause_has_its_label_beside_residuals_that_keep_their_range(production: Database) -> None:
+    for a in range(1, 5):
+        m = production.get_message_by_name(f"AdhesionDetail_A{a}")
+        cause = m.get_signal_by_name("Cause")
+        assert {int(k): str(v) for k, v in (cause.choices or {}).items()} == {int(c): c.label for c in Cause}
+        assert max(Cause) < 1 << cause.length
+        for k in range(1, 5):
+            s = m.get_signal_by_name(f"Residual{k}")
+            assert (s.length, s.scale, s.minimum, s.maximum) == (8, 0.4, -70, 31.6)
+            assert {int(n): str(v) for n, v in (s.choices or {}).items()} == {255: "NotAvailable"}
 
 
 def test_every_reason_has_its_label_and_its_counter(production: Database) -> None:

@@ -17,11 +17,13 @@ from wrcd.bus.frame import Frame
 from wrcd.bus.reasons import Reason
 from wrcd.daemon.arrivals import NEVER
 from wrcd.daemon.backoff import Backoff
+from wrcd.daemon.causes import Cause
 from wrcd.daemon.config import Config
 from wrcd.daemon.counts import Counts, Health
 from wrcd.daemon.inputs import Inputs
 from wrcd.daemon.outbox import Outbox, Outgoing
 from wrcd.daemon.report import Report, Validity, confidence, known, surface
+from wrcd.daemon.validity import Judge, against
 from wrcd.daemon.values import NAMES, explanation, plausibility
 from wrcd.estimator.estimator import Estimate, Estimator, Tick
 
@@ -34,8 +36,8 @@ class Core:
     """One bus, all its axles."""
 
     STATE = (
-        "counts", "health", "estimator", "receiver", "_open", "_stamp_us", "_inputs", "_good_ticks", "_warm", "_blank",
-        "_outbox", "_outlier_us", "_backoff",
+        "counts", "health", "estimator", "receiver", "_open", "_stamp_us", "_inputs", "_judge", "_blank", "_outbox",
+        "_outlier_us", "_backoff",
     )  # fmt: skip
     PASSING = ("reports",)
 
@@ -48,12 +50,10 @@ class Core:
         n = len(config.axles)
         self._n = n
         self._period_us = round(config.design.tick_s * 1e6)
-        self._window = config.design.window_ticks
         self._open: int | None = None  # number of the tick that gathers frames
         self._stamp_us = NEVER  # newest stamp taken
         self._inputs = Inputs(config)
-        self._good_ticks = [0] * n
-        self._warm = [False] * n  # whether a full window of good ticks has been seen since it was blank
+        self._judge = Judge(config.design.window_ticks, n)
         self._blank = [True] * n
         self._outbox = Outbox(config)
         self._outlier_us = [NEVER] * n
@@ -143,14 +143,13 @@ class Core:
         self.receiver.forget()
         self._backoff.forget()
         for axle in range(self._n):
-            self._forget(axle)
+            self._forget(axle, Cause.WARMING_UP)
 
-    def _forget(self, axle: int) -> None:
+    def _forget(self, axle: int, why: Cause) -> None:
         if not self._blank[axle]:
             self.estimator.reset(axle)
         self._blank[axle] = True
-        self._good_ticks[axle] = 0
-        self._warm[axle] = False
+        self._judge.begin(axle, why)
 
     def _close_up_to(self, target: int) -> list[Outgoing]:
         assert self._open is not None
@@ -172,21 +171,20 @@ class Core:
         # no train's speed jumps: what was known before was known of another one
         jumped, i.speed_jumped = i.speed_jumped, False
         running = np.logical_and(~i.dead, not jumped and i.speed_m_s >= self.config.min_speed_m_s)
-        running &= [not self._backoff.waiting(axle, number) for axle in range(self._n)]
+        waiting = np.array([self._backoff.waiting(axle, number) for axle in range(self._n)])
+        running &= ~waiting
+        causes = against(i)
         for axle in range(self._n):
             if jumped and not self._blank[axle]:
                 self._was_reset(axle, number)
-            if not running[axle]:
-                self._forget(axle)
-                continue
-            self._blank[axle] = False
-            if i.stale[:, axle].any():
-                self._good_ticks[axle] = 0
-            else:
-                self._good_ticks[axle] += 1
-                if self._good_ticks[axle] >= self._window:
-                    self._warm[axle] = True
+            if running[axle]:
+                self._blank[axle] = False
+                self._judge.tick(axle, causes[axle])
+                if self._judge.warm[axle]:
                     self._backoff.recovered(axle)
+            else:
+                silent, again = bool(i.dead[axle]), jumped or bool(waiting[axle])
+                self._forget(axle, Cause.INPUT_SILENT if silent else Cause.RESTARTED if again else Cause.STANDSTILL)
         if running.any():
             self.estimator.step(Tick(number, i.z, i.present & running, i.torque_ratio, i.speed_m_s))
             for axle in range(self._n):
@@ -194,7 +192,7 @@ class Core:
                     self._outlier_us[axle] = end_us
                 if self.estimator.upset[axle]:
                     self._was_reset(axle, number)
-                    self._forget(axle)
+                    self._forget(axle, Cause.RESTARTED)
 
     def _was_reset(self, axle: int, number: int) -> None:
         self.counts.restarts += 1
@@ -209,15 +207,18 @@ class Core:
         )
         out: list[Outgoing] = []
         if adhesion or detail:
-            estimate = self.estimator.estimate() if any(self._warm) else None
+            estimate = self.estimator.estimate() if any(self._judge.warm) else None
             self.reports = [self._report(axle, end_us, estimate) for axle in range(self._n)]
         if adhesion:
             out += self._outbox.adhesion(end_us, self.reports, estimate)
         if detail:
-            warm = [estimate if self._warm[axle] else None for axle in range(self._n)]
+            warm = [estimate if w else None for w in self._judge.warm]
             out += self._outbox.detail(
                 end_us,
-                [explanation(e, axle, self._inputs.stale[:, axle]) for axle, e in enumerate(warm)],
+                [
+                    explanation(e, axle, self._inputs.stale[:, axle], self.reports[axle].cause)
+                    for axle, e in enumerate(warm)
+                ],
                 [self._input_values(e, axle, end_us) for axle, e in enumerate(warm)],
             )
         if status:
@@ -227,25 +228,17 @@ class Core:
     def _report(self, axle: int, end_us: int, estimate: Estimate | None) -> Report:
         age_ms = self._inputs.age_ms(axle, end_us)
         used = known(min(100.0 * float(self._inputs.torque_ratio[axle]), 100.0))
-        if not self._warm[axle] or estimate is None:
-            return Report(Validity.NOT_AVAILABLE, None, used, age_ms, "Unknown", "Unknown", "None")
+        validity, cause = self._judge.verdict(axle, estimate, int(self.estimator.identity.doubt[axle]))
+        if validity is Validity.NOT_AVAILABLE or estimate is None:
+            return Report(validity, None, used, age_ms, "Unknown", "Unknown", "None", cause)
         mu = known(float(estimate.mu_available_pct[axle]))
-        sure = (
-            mu is not None
-            and self._good_ticks[axle] >= self._window
-            and self._inputs.sound(axle)
-            and not estimate.contradicted[axle]
-        )
+        sure = validity is Validity.VALID and mu is not None
+        if sure and used is not None and mu is not None:
+            # what the newest torque is beyond the newest part's mean turns the wheel, or is its sensor's noise
+            used = min(used, mu)
         contact = "Unknown" if mu is None else "Saturated" if estimate.saturated[axle] else "Adhering"
-        return Report(
-            Validity.VALID if sure else Validity.DEGRADED,
-            mu,
-            used,
-            age_ms,
-            surface(mu),
-            contact,
-            confidence(known(float(estimate.half_width_pp[axle])) if mu is not None else None),
-        )
+        width = known(float(estimate.half_width_pp[axle])) if sure else None
+        return Report(validity, mu, used, age_ms, surface(mu), contact, confidence(width), cause)
 
     def _input_values(self, estimate: Estimate | None, axle: int, end_us: int) -> dict[str, Value]:
         values: dict[str, Value] = {

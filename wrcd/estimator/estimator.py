@@ -9,6 +9,7 @@ from wrcd.estimator.bank import Bank, BoolArray, scheduled_speed
 from wrcd.estimator.design import MODELS, Design, FloatArray, IntArray
 from wrcd.estimator.fuzzy import LOW_FIRING, Fuzzy, Inference
 from wrcd.estimator.gate import Gate
+from wrcd.estimator.identity import Identity
 from wrcd.estimator.inputs import excitation, rule_inputs
 from wrcd.estimator.joints import HOLD_TICKS, MAX_PULSE, Joints
 from wrcd.estimator.noise import NoiseLevel
@@ -39,20 +40,19 @@ FALL_BACK_BELOW, FALL_BACK_ABOVE = 0.4, 0.7
 NEWEST_SHARE = 0.5  # of the newest part's half-width that the interval is made to reach down to
 # More in use than the rules say there is: beyond the interval, and by this share of what they say, one is wrong.
 CONTRADICTION_SHARE, CONTRADICTION_PP = 0.2, 0.3
-# The accelerometer's rms above the band over the design's, and its largest moment over its usual one: from here on it
-# feels more than a track, and the interval is wider.
-HARSH_FACTOR, HARSH_WIDER = 2.2, 1.4
+HARSH_SHARE = 0.7  # of the window that must be far from pulses
 SILENT, SILENT_S = 1.07, 0.4  # all four residuals below so many times the noise, over at least so long: no track
 BEYOND_WIDER = 2.0  # the half-width grows by this factor for each range that an input lies outside the sets
 
 
-class Doubt(IntEnum):
+class EstimateDoubt(IntEnum):
     """What of the estimate itself keeps it from being believed."""
 
     NONE = 0
     NO_RULE = 1  # too few rules fire
-    BEYOND_TRAINING = 2  # inputs unlike any that the rules were made from
-    SILENT = 3  # the sensors give their noise alone
+    BEYOND_TRAINING = 2  # residuals unlike any that the rules were made from
+    HARSH = 3  # so many pulses that little of the window is left
+    SILENT = 4  # the sensors give their noise alone
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +83,7 @@ class Estimate:
     used_pct: FloatArray  # of the moment
     saturated: BoolArray
     contradicted: BoolArray  # more is in use than the rules, with their interval, say there is: one of them is wrong
-    doubt: IntArray  # a Doubt
+    doubt: IntArray  # an EstimateDoubt: what speaks against the estimate itself
     window_s: FloatArray  # length of the window that the answer is from
 
 
@@ -110,6 +110,7 @@ class Estimator:
     STATE = (
         "_bank", "_offset", "_gate", "_window", "_speed", "_lowpass", "_joints", "_noise", "_speed_m_s", "_whole",
         "_delayed", "_delayed_live", "_delayed_clear", "started", "used", "outlier", "good", "upset", "outliers",
+        "identity",
     )  # fmt: skip
     PASSING = ("near_pulse", "live", "calm")
 
@@ -126,6 +127,7 @@ class Estimator:
         self._longest = -(-design.longest_ticks // BLOCK_TICKS)
         self._window = Window(self._longest, axles)
         self._fuzzy = Fuzzy(design)
+        self.identity = Identity((float(design.noise_rms[0]), float(design.noise_rms[1])), design.tick_s, axles)
         self._speed_m_s = float(design.speeds_m_s[0])
         self._low = np.array([s.centres[0] for s in design.residual_sets])
         self._width = np.array([s.centres[-1] - s.centres[0] for s in design.residual_sets])
@@ -157,7 +159,9 @@ class Estimator:
         self._whole[axle] = self.started[axle] = False
         self._delayed[..., axle] = 0.0
         self._delayed_live[:, axle] = self._delayed_clear[:, axle] = False
-        for part in (self._offset, self._gate, self._bank, self._joints, self._noise, self._lowpass, self._window):
+        for part in (
+            self._offset, self._gate, self._bank, self._joints, self._noise, self._lowpass, self._window, self.identity
+        ):  # fmt: skip
             part.reset(axle)
 
     def step(self, tick: Tick) -> FloatArray:
@@ -184,6 +188,7 @@ class Estimator:
         self.upset = self._gate.learn(e, used & ~swings, absurd) | ~np.isfinite(self._bank.x).all(axis=(0, 1))
         self._noise.step(tick.z, used & ~near)
         self.used = used
+        self.identity.step(tick.z, used & ~near, speed)
         self.near_pulse = near
         self.started |= used
         # the first innovation after a gap is that of several ticks at once, larger than others: it stays out. So a
@@ -338,12 +343,13 @@ class Estimator:
         loud = excitation(d, s, self._noise.sensor_factor(), scheduled_speed(self._speed_m_s, d.speeds_m_s))
         with np.errstate(invalid="ignore"):
             few = np.clip(LOW_FIRING / np.maximum(inference.firing, 1e-9), 1.0, 3.0)
-            silent = (loud < SILENT) & (s.ticks * d.tick_s >= SILENT_S)
-            doubt = np.where(
-                silent,
-                Doubt.SILENT,
-                np.where(far > d.beyond, Doubt.BEYOND_TRAINING, np.where(inference.rule == 0, Doubt.NO_RULE, 0)),
-            )
+            reasons = {
+                EstimateDoubt.SILENT: (loud < SILENT) & (s.ticks * d.tick_s >= SILENT_S),
+                EstimateDoubt.HARSH: s.live_share < HARSH_SHARE,
+                EstimateDoubt.BEYOND_TRAINING: far > d.beyond,
+                EstimateDoubt.NO_RULE: inference.rule == 0,
+            }
+            doubt = np.select(list(reasons.values()), list(reasons), EstimateDoubt.NONE)
             return spread * few * (1.0 + BEYOND_WIDER * far), doubt.astype(np.int64)
 
 

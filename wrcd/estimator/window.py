@@ -15,7 +15,7 @@ _W = MODELS * CHANNELS
 
 # Columns of a block: ticks N, of them live ones, sums of t and t^2; of the whitened innovations w, filtered: w, t w,
 # w^2, w(k) w(k - LAG) for each of the eight, and yaw times lateral for each model. Then plain sums: of the torque ratio
-# and its ticks; of the unfiltered innovations, which show a change sooner, over the ticks RAW_N that are calm: w and w^2.
+# and its ticks; of the unfiltered innovations, which show a change sooner, over the ticks RAW_N that are calm: w, w^2.
 N, LIVE, T, TT = range(4)
 _AT = np.cumsum([4, _W, _W, _W, _W, MODELS, 3, _W, _W])
 SUM_W, SUM_TW, SUM_WW, SUM_LAG, SUM_CROSS, _SCALARS, SUM_RAW, SUM_RAW2 = (
@@ -32,7 +32,7 @@ class Statistics:
 
     power (n, 4, 2): mean square of the whitened innovations about a straight line, per model and channel.
     lag (n, 8), cross (n, 4): their correlations with themselves LAG ticks before, and of yaw rate with lateral
-    acceleration. ratio (n,): mean torque ratio. ticks (n,): length.
+    acceleration. ratio (n,): mean torque ratio. ticks (n,): length. live_share (n,): of them with data far from pulses.
     """
 
     power: FloatArray
@@ -40,6 +40,7 @@ class Statistics:
     cross: FloatArray
     ratio: FloatArray
     ticks: FloatArray
+    live_share: FloatArray
 
     @property
     def residuals(self) -> FloatArray:
@@ -74,6 +75,7 @@ def statistics(sums: FloatArray, least_ticks: float) -> Statistics:
         cross=np.clip(cross, -1.0, 1.0).T,
         ratio=ratio,
         ticks=n,
+        live_share=live / np.maximum(n, 1.0),
     )
 
 

@@ -29,10 +29,10 @@ MAX_SILENCE_US = 60_000_000
 
 COLUMNS = (
     "time_s", "axle", "validity", "mu_available_pct", "mu_used_pct", "contact_state", "surface", "confidence",
-    "sample_age_ms",
+    "sample_age_ms", "cause",
 )  # fmt: skip
 REASONS = ("winning_model", "dominant_rule", "rule_share")  # with --explain
-# the signals of the columns behind the axle
+# the signals of the columns behind the axle; the last column, the cause of not being Valid, is in words
 SIGNALS = ("Validity", "MuAvailable", "MuUsed", "ContactState", "Surface", "Confidence", "SampleAge")
 
 
@@ -58,7 +58,7 @@ def replay(
             if frames_out:
                 frames_out.write(format_line(o.frame, channel) + "\n")
             if rows:
-                rows.write(o.frame, o.why)
+                rows.write(o)
     if saved is not None and damage.read != saved.lines:
         print(
             f"wrcd: warning: {log}: has {damage.read} frames, {saved.lines} when it was recorded: from where they "
@@ -136,15 +136,16 @@ class Rows:
         found = ((find_message(config.database, a.adhesion), a.number) for a in config.axles)
         self._messages: dict[int, tuple[Message, int]] = {m.frame_id: (m, number) for m, number in found}
 
-    def write(self, frame: Frame, why: Estimate | None) -> None:
+    def write(self, o: Outgoing) -> None:
         """One row for an Adhesion frame, nothing for others."""
+        frame, why = o.frame, o.why
         found = self._messages.get(frame.can_id)
         if found is None:
             return
         message, number = found
         values: Any = message.decode(frame.data)
         stamp = f"{frame.stamp_us // 1_000_000}.{frame.stamp_us % 1_000_000:06d}"
-        row = [stamp, number, *(_cell(values.get(signal)) for signal in SIGNALS)]
+        row = [stamp, number, *(_cell(values.get(signal)) for signal in SIGNALS), o.cause.words]
         if self._design is not None:
             warm = str(values.get("Validity")) != Validity.NOT_AVAILABLE
             row += _reasons(self._design, why, self._place[number]) if why and warm else ["", "", ""]
