@@ -15,7 +15,10 @@ if TYPE_CHECKING:
     from sim_ecu.play.scenario import Scenario
 
 # suites of `sim-ecu score`, in the order of the report
-SUITES = ("paper", "grid", "transitions", "robust", "rough", "dry-hours")
+SUITES = (
+    "paper", "grid", "robust", "rough", "harsh", "slow", "transitions", "drops", "cycles", "dead", "foreign",
+    "dry-hours",
+)  # fmt: skip
 
 
 BUDGET = 600  # of `sim-ecu design --search`
@@ -98,7 +101,9 @@ def _parser() -> argparse.ArgumentParser:
 
     score = commands.add_parser("score", help="how good a design is, with baselines beside it")
     score.add_argument("--suite", choices=SUITES, help="only this one")
-    score.add_argument("--quick", action="store_true", help="a twelfth of it: about a minute")
+    score.add_argument(
+        "--quick", action="store_true", help="a twelfth of the runs, too few to judge most goals: one to two minutes"
+    )
     score.add_argument(
         "--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="processes (default: all cores)"
     )
@@ -106,6 +111,10 @@ def _parser() -> argparse.ArgumentParser:
     score.add_argument(
         "--baselines", type=Path, metavar="FILE", help="what `sim-ecu design --baselines` made with the design"
     )
+    score.add_argument(
+        "--beside", action="append", default=[], metavar="NAME=DESIGN.json",
+        help="another design for the same wheelset, run on the same frames; may be repeated",
+    )  # fmt: skip
     score.add_argument("--json", type=Path, metavar="OUT", help="all figures")
     score.add_argument("--html", type=Path, metavar="OUT", help="a page with tables and pictures")
 
@@ -222,7 +231,7 @@ def _score(args: argparse.Namespace) -> int:
 
     if args.jobs < 1:
         raise InputError(f"takes a whole number from 1 on, not {args.jobs}", key="--jobs")
-    return run(args.suite, args.quick, args.jobs, args.design, args.baselines, args.json, args.html)
+    return run(args.suite, args.quick, args.jobs, args.design, args.baselines, args.beside, args.json, args.html)
 
 
 def _figures(args: argparse.Namespace) -> int:

@@ -23,6 +23,7 @@ OFF = {"m_w": 0.1, "I_w": 0.1, "k_w": 0.1, "I_R": 0.1, "I_L": 0.1, "k_s": 0.1, "
 OFF_K_A, OFF_TORQUE = 0.3, 0.03
 GYRO_BIAS, LAT_ACCEL_BIAS = math.radians(0.5), 0.049
 CURVATURE, RAMP_M_S2, SOME = 1 / 1500, 0.8, 0.4  # and the share of worlds that have them
+CYCLE_HZ, CYCLE_LOW, CYCLE_HIGH, CYCLE_RISE = (0.3, 1.2), 0.3, (1.1, 2.4), 0.6  # creep as shares of the peak's
 NOISE_FACTORS = (0.6, 2.2)  # of sensors noisier or quieter than their kind
 Progress = Callable[[str, float], None]  # what is going on, share of it that is done
 
@@ -44,6 +45,7 @@ class Condition:
     sensors: SensorSet = SENSOR_SETS["mems"]
     curvature: float = 0.0
     ramp_m_s2: float = 0.0
+    cycle_hz: float = 0.0  # creep in cycles from CYCLE_LOW up to creep_of_peak, as a wheel-slide protection makes them
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +59,8 @@ class Plan:
     friction_range: tuple[float, float] = (0.022, 0.65)
     utilisation_range: tuple[float, float] = (0.0, 1.0)
     held_share: float = 0.2  # of the conditions, held at or about the peak by the creep controller
+    cycled_share: float = 0.08  # in slip cycles through the peak
+    coasting_share: float = 0.04
     changed_share: float = 0.15  # of the conditions, coming from another rail shortly before the windows
     roughness_range: tuple[float, float] = (0.9, 4.0)  # times the good track's spectral density; its ends drawn more
     sensors: str = "mems"
@@ -95,24 +99,37 @@ def draw(plan: Plan, wheelset: Wheelset) -> list[Group]:
             for i in range(plan.per_speed):
                 kind = rng.random()
                 held = kind < plan.held_share
-                changed = not held and kind < plan.held_share + plan.changed_share
+                cycled = 0 < kind - plan.held_share <= plan.cycled_share
+                rest = kind - plan.held_share - plan.cycled_share
+                coasting = 0 < rest <= plan.coasting_share
+                changed = 0 < rest - plan.coasting_share <= plan.changed_share
                 sign = -1.0 if rng.random() < 0.3 else 1.0
                 curve, before = (curve_between(math.exp(rng.uniform(*np.log(plan.friction_range)))) for _ in range(2))
                 one = Condition(
                     speed_m_s=float(v),
                     curve=curve,
                     roughness=QUALITY["good"] * low * (high / low) ** (0.5 - 0.5 * math.cos(math.pi * rng.random())),
-                    utilisation=math.nan if held else sign * rng.uniform(*plan.utilisation_range),
-                    creep_of_peak=sign * float(rng.choice([1.0, rng.uniform(0.7, 1.6)])) if held else math.nan,
+                    utilisation=math.nan
+                    if held or cycled
+                    else sign * rng.uniform(*plan.utilisation_range) * (not coasting),
+                    creep_of_peak=_creep(held, cycled, sign, rng),
                     seed=plan.seed * SEEDS_PER_PLAN + (len(out) * plan.per_speed + i),
                     before=before if changed else None,
                     changes_at_s=plan.settle_s * float(rng.uniform(0.5, 0.95)),
                     sensors=_sensors(plan, rng),
                     ramp_m_s2=ramp,
+                    cycle_hz=float(rng.uniform(*CYCLE_HZ)) if cycled else 0.0,
                 )
                 group.append(_elsewhere(one, wheelset, rng) if other else one)
             out.append(Group(float(v), ramp, tuple(group)))
     return out
+
+
+def _creep(held: bool, cycled: bool, sign: float, rng: np.random.Generator) -> float:
+    """At or about the peak, the highest of a slip cycle, or NaN."""
+    if cycled:
+        return sign * float(rng.uniform(*CYCLE_HIGH))
+    return sign * float(rng.choice([1.0, rng.uniform(0.7, 1.6)])) if held else math.nan
 
 
 def _sensors(plan: Plan, rng: np.random.Generator) -> SensorSet:
@@ -174,6 +191,16 @@ def command(samples: int, axles: int = 1, **given: float | FloatArray) -> Comman
     )
 
 
+def _cycle(n: int, c: Condition, tick_s: float) -> FloatArray:
+    """(n, 1): share of the highest creep over the time."""
+    if not c.cycle_hz:
+        return np.ones((n, 1))
+    phase = np.arange(1, n + 1) * tick_s * c.cycle_hz % 1.0
+    up = np.where(phase < CYCLE_RISE, phase / CYCLE_RISE, (1.0 - phase) / (1.0 - CYCLE_RISE))
+    low = CYCLE_LOW / abs(c.creep_of_peak)
+    return np.asarray(low + (1.0 - low) * up)[:, None]
+
+
 def simulate(w: Wheelset, c: Condition, seconds: float, tick_s: float) -> Samples:
     """Play a condition at held speed; torque or creep comes up within the first 0.5 s."""
     n = round(seconds / tick_s)
@@ -185,7 +212,8 @@ def simulate(w: Wheelset, c: Condition, seconds: float, tick_s: float) -> Sample
     ramp = np.minimum(np.arange(1, n + 1) * tick_s / 0.5, 1.0)[:, None]
     sim = Simulation(w, [Axle(rail_table(rail), Track(c.roughness, c.seed))], c.speed_m_s, tick_s)
     if c.before is None:
-        drive = command(n, utilisation=ramp * c.utilisation, creep_of_peak=ramp * c.creep_of_peak, limit_of_peak=1.3)
+        creep = ramp * c.creep_of_peak * _cycle(n, c, tick_s)
+        drive = command(n, utilisation=ramp * c.utilisation, creep_of_peak=creep, limit_of_peak=1.3)
     else:
         carried = peak(c.speed_m_s, w.contact, *c.before.row())[1] * 2 * w.normal_N * w.r_0
         drive = command(n, torque=ramp * c.utilisation * carried, limit_of_peak=1.3)

@@ -1,18 +1,22 @@
 """From recordings, through the train's own estimator, to what its rules are made from."""
 
+import os
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from multiprocessing import get_context
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_ecu.design.cases import Plan
+from sim_ecu.design.cases import Plan, Progress
 from sim_ecu.design.recordings import Recording
-from wrcd.estimator.design import Design
+from wrcd.estimator.design import MODELS, Design
 from wrcd.estimator.estimator import Estimator, Tick
 from wrcd.estimator.window import BLOCK_TICKS
 
 FloatArray = NDArray[np.float64]
+WORKERS = 2
 EDGE = 0.3  # importance of a window outside the plan's core
 # Windows end at these shares of the recording after it has settled, and are so many seconds long: the newest part
 # alone, the usual window, and what it grows to.
@@ -52,6 +56,10 @@ def importance(plan: Plan, speed_m_s: FloatArray, utilisation: FloatArray) -> Fl
     return np.where(core, 1.0, EDGE) * (np.clip(speed_m_s, low, high) / high) ** 0.5
 
 
+def quietly(what: str, share: float) -> None:
+    """No progress is shown."""
+
+
 def run(design: Design, z: NDArray[np.float32], r: Recording, at: Sequence[int]) -> Iterator[tuple[int, Estimator]]:
     """Feed a recording to the train's estimator; gives it back after each of the ticks (growing)."""
     n = z.shape[2]
@@ -65,36 +73,67 @@ def run(design: Design, z: NDArray[np.float32], r: Recording, at: Sequence[int])
             yield k, estimator
 
 
-def features(design: Design, recordings: Sequence[Recording], plan: Plan, seed: int = 0) -> tuple[Features, Steps]:
+def features(
+    design: Design, recordings: Sequence[Recording], plan: Plan, progress: Progress = quietly, seed: int = 0
+) -> tuple[Features, Steps]:
     """Windows of random length out of every recording, undisturbed and disturbed. Of the design only the bank is used.
     In the paper's form they are all of the one length that it has, and undisturbed.
 
     The steps are those of undisturbed windows in the design's own world, on a rail that does not change.
     """
-    rows: list[tuple[FloatArray, FloatArray, NDArray[np.int64], NDArray[np.bool_]]] = []
-    decades, speeds = [], []
-    first = 0
-    lengths_s, copies = (LENGTHS_S, 2) if design.form == "wrcd" else ((design.window_s,), 1)
-    for number, r in enumerate(recordings):
-        rng = np.random.default_rng([plan.seed, 2, seed, number])
-        for z, ends in ((r.z, ENDS), (r.felt, DISTURBED_ENDS))[:copies]:
-            settled = round(plan.settle_s / plan.seconds * len(z))
-            at = [settled + round(share * (len(z) - settled)) - 1 for share in ends]
-            for k, estimator in run(design, z, r, at):
-                lengths = rng.choice(lengths_s, z.shape[2]) / design.tick_s / BLOCK_TICKS
-                blocks = np.minimum(np.round(lengths).astype(np.int64), (k + 1 - r.first) // BLOCK_TICKS)
-                inputs, _ = estimator.inputs_of(blocks, estimator.torque_now())
-                nominal = np.full(len(blocks), r.own_world and z is r.z)
-                rows.append((inputs, r.mu_pct[k].astype(np.float64), first + np.arange(len(blocks)), nominal))
-                if nominal[0]:
-                    step, _, _ = estimator.steps()
-                    still = k + 1 - r.first >= design.window_ticks
-                    decades.append(step[still])
-                    speeds.append(np.full(int(still.sum()), r.speed_m_s[k]))
-        first += r.z.shape[2]
-    inputs, mu, condition, own = (np.concatenate(part) for part in zip(*rows, strict=True))
+    first = np.cumsum([0, *(r.z.shape[2] for r in recordings)])
+    jobs = [(design, plan, r, [plan.seed, 2, seed, k], int(first[k])) for k, r in enumerate(recordings)]
+    parts: list[_Part] = []
+    # products of small matrices: threads of BLAS in every worker would only wait for each other
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    with ProcessPoolExecutor(WORKERS, mp_context=get_context("forkserver")) as pool:
+        for k, part in enumerate(pool.map(_windows, jobs)):
+            parts.append(part)
+            progress("residuals", (k + 1) / len(jobs))
+    inputs, mu, condition, own, decades, speeds = (
+        np.concatenate([getattr(p, name) for p in parts]) for name in _Part.__dataclass_fields__
+    )
     known = np.isfinite(inputs).all(axis=1)
-    return (
-        Features(inputs[known], mu[known], condition[known], own[known]),
-        Steps(np.concatenate(decades), np.concatenate(speeds)),
+    return Features(inputs[known], mu[known], condition[known], own[known]), Steps(decades, speeds)
+
+
+@dataclass(frozen=True, slots=True)
+class _Part:
+    """One recording's rows."""
+
+    inputs: FloatArray
+    mu_pct: FloatArray
+    condition: NDArray[np.int64]
+    nominal: NDArray[np.bool_]
+    decades: FloatArray
+    speed_m_s: FloatArray
+
+
+def _windows(job: tuple[Design, Plan, Recording, list[int], int]) -> _Part:
+    design, plan, r, seed, first = job
+    rng = np.random.default_rng(seed)
+    n = r.z.shape[2]
+    inputs, truth, nominal, decades, speeds = [], [], [], [np.zeros((0, MODELS))], [np.zeros(0)]
+    lengths_s, copies = (LENGTHS_S, 2) if design.form == "wrcd" else ((design.window_s,), 1)
+    for z, ends in ((r.z, ENDS), (r.felt, DISTURBED_ENDS))[:copies]:
+        settled = round(plan.settle_s / plan.seconds * len(z))
+        at = [settled + round(share * (len(z) - settled)) - 1 for share in ends]
+        for k, estimator in run(design, z, r, at):
+            lengths = rng.choice(lengths_s, n) / design.tick_s / BLOCK_TICKS
+            blocks = np.minimum(np.round(lengths).astype(np.int64), (k + 1 - r.first) // BLOCK_TICKS)
+            inputs.append(estimator.inputs_of(blocks, estimator.torque_now())[0])
+            truth.append(r.mu_pct[k].astype(np.float64))
+            own = r.own_world and z is r.z
+            nominal.append(np.full(n, own))
+            if own:
+                still = k + 1 - r.first >= design.window_ticks
+                decades.append(estimator.steps()[0][still])
+                speeds.append(np.full(int(still.sum()), r.speed_m_s[k]))
+    return _Part(
+        inputs=np.concatenate(inputs),
+        mu_pct=np.concatenate(truth),
+        condition=np.tile(first + np.arange(n), len(inputs)),
+        nominal=np.concatenate(nominal),
+        decades=np.concatenate(decades),
+        speed_m_s=np.concatenate(speeds),
     )

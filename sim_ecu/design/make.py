@@ -98,8 +98,7 @@ def design(brief: Brief, progress: Progress) -> tuple[dict[str, Any], list[Recor
 
 def fitted(brief: Brief, document: dict[str, Any], recordings: list[Recording], progress: Progress) -> dict[str, Any]:
     """The document of a bank with the rule base that recordings give it."""
-    data, steps = features(with_placeholder_rules(document), recordings, brief.plan)
-    progress("residuals", 1.0)
+    data, steps = features(with_placeholder_rules(document), recordings, brief.plan, progress)
     rules = rule_base(brief, data)
     document = document | fuzzy_part(brief, rules, data) | {"changes": changes(brief, steps)}
     document["fit"] = fit_report(rules, data)

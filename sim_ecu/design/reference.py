@@ -4,6 +4,7 @@ with the engine on the train; only the design's numbers are the same."""
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import skfuzzy
@@ -221,13 +222,15 @@ class Band:
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One tick of one axle: its number, filtered innovations (8,), those of four ticks before, whether they are live,
-    the torque ratio."""
+    """One tick of one axle: its number, filtered innovations (8,), those of four ticks before, the unfiltered ones,
+    whether they are live and calm, the torque ratio."""
 
     tick: int
     w: FloatArray
     earlier: FloatArray
+    raw: FloatArray
     live: bool
+    calm: bool
     ratio: float
 
 
@@ -253,11 +256,11 @@ class SlidingWindow:
             return
         new = self._newest(recent)
         old = self._newest(usual)[: -len(new)]
-        if 2 * min(sum(r.live for r in new), sum(r.live for r in old)) < recent * 4:
+        if 2 * min(sum(r.calm for r in new), sum(r.calm for r in old)) < recent * 4:
             return
         d = self._design
         limits = [np.interp(speed_m_s, d.change_speeds_m_s, column) for column in d.changes.T]
-        step = np.abs(0.5 * np.log10(powers(new).mean(axis=1) / powers(old).mean(axis=1)))
+        step = np.abs(0.5 * np.log10(raw_powers(new) / raw_powers(old)))
         now, before = ratio(self._newest(NOW_BLOCKS)), ratio(old)
         if np.any(step > limits) or abs(now - before) > 0.15 * max(now, before) + 0.004:
             self._rows = deque(new)
@@ -325,8 +328,8 @@ def _about_a_line(rows: Sequence[Row]) -> tuple[FloatArray, FloatArray]:
     """Innovations (ticks, 8) about a straight line, and the line."""
     w = np.array([r.w for r in rows])
     t = np.array([r.tick for r in rows], dtype=np.float64) - rows[0].tick
-    line = np.polynomial.polynomial.polyval(t, np.polynomial.polynomial.polyfit(t, w, 1)).T
-    return w - line, line
+    line = np.asarray(np.polynomial.polynomial.polyval(t, np.polynomial.polynomial.polyfit(t, w, 1)).T, np.float64)
+    return np.asarray(w - line), line
 
 
 def powers(rows: Sequence[Row]) -> FloatArray:
@@ -334,6 +337,12 @@ def powers(rows: Sequence[Row]) -> FloatArray:
     rest, _ = _about_a_line(rows)
     live = sum(r.live for r in rows)
     return np.asarray(np.square(rest).sum(axis=0).reshape(4, 2) / live)
+
+
+def raw_powers(rows: Sequence[Row]) -> FloatArray:
+    """Mean square of the unfiltered innovations of the calm ticks about their mean (4,)."""
+    raw = np.array([r.raw for r in rows if r.calm])
+    return np.asarray(raw.var(axis=0).reshape(4, 2).mean(axis=1))
 
 
 def correlations(rows: Sequence[Row]) -> tuple[FloatArray, FloatArray]:
@@ -344,7 +353,11 @@ def correlations(rows: Sequence[Row]) -> tuple[FloatArray, FloatArray]:
     lag = ((w * earlier).mean(axis=0) - np.square(line).mean(axis=0)) / power
     pairs = rest.reshape(-1, 4, 2)
     cross = pairs.prod(axis=2).mean(axis=0) / np.sqrt(power.reshape(4, 2).prod(axis=1))
-    return np.asarray(lag, dtype=np.float64).clip(-1, 1), np.asarray(cross, dtype=np.float64).clip(-1, 1)
+    return _held(lag), _held(cross)
+
+
+def _held(correlation: Any) -> FloatArray:
+    return np.clip(np.asarray(correlation, dtype=np.float64), -1.0, 1.0)
 
 
 class FuzzyReference:

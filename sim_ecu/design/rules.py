@@ -11,6 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 import skfuzzy
 from numpy.typing import NDArray
+from scipy.linalg import solve
+from scipy.linalg.blas import ssyrk
 
 from wrcd.estimator.fuzzy import LOG_SPREADS
 
@@ -25,10 +27,10 @@ PAPER_POLYNOMIAL = (-2.213e-6, 0.00042, -0.0205, -0.38, 42.0)
 ORDER = 6  # of the polynomial
 RIDGE = 0.3
 HELD = 4.0  # standard deviations within which a column beyond those that choose the rules is held
-ROUNDS = 4  # of reweighting, which turns squares into absolute errors in percentage points
+ROUNDS = 3  # of reweighting, which turns squares into absolute errors in percentage points
 LEAST_ERROR_PP = 0.5  # below this an error weighs as a square
 RELATIVE = 0.05  # share of the relative error in the weights, so that slippery rails count
-SPREAD_ROUNDS = 12
+SPREAD_ROUNDS = 6
 SPREAD_RIDGE = 3.0
 CHOOSE_EVERY = 5  # rules are chosen on every fifth window
 COVERS = 0.9  # what a spread is the interval of
@@ -50,8 +52,8 @@ def adhesion_of(output: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, slots=True)
 class RuleBase:
-    """Over k inputs with sets: their centres, rules (r, k) of set numbers; over all c >= k columns bases (r,) and slopes
-    (r, c) of the output, and what the columns are held between, low and high (c,). middle (c,): where the columns
+    """Over k inputs with sets: their centres, rules (r, k) of set numbers. Over all c >= k columns: bases (r,) and
+    slopes (r, c) of the output, and what the columns are held between, low and high (c,). middle (c,): where columns
     without sets count as in the middle.
 
     spreads (r,): relative half-width of the 90 % interval in the middle, spread_slopes (r, c) its change in decades per
@@ -207,12 +209,13 @@ class _Local:
         done = 0
         for part in _pieces(rows):
             X = self.columns(part)
-            w, t = (a[done : done + len(part)].astype(np.float32) for a in (weight, target))
-            XW = X * w[:, None]
-            square += (XW.T @ X).astype(np.float64)
-            side += XW.T @ t
+            root = np.sqrt(weight[done : done + len(part)]).astype(np.float32)
+            X *= root[:, None]
+            # the upper half of X' X; BLAS takes the transpose of a row-major array as it lies
+            square += ssyrk(1.0, X.T)
+            side += X.T @ (root * target[done : done + len(part)].astype(np.float32))
             done += len(part)
-        return np.asarray(np.linalg.solve(square, side), dtype=np.float64)
+        return np.asarray(solve(square, side, lower=False, assume_a="pos"), dtype=np.float64)
 
     def read(self, found: FloatArray, middle: float) -> tuple[FloatArray, FloatArray]:
         """Values in the middle of each rule's sets (r,), and slopes per unit of the columns (r, c)."""

@@ -84,7 +84,9 @@ class BothEngines(Estimator):
             axle.noise.step(tick.z[:, a], used and not self.near_pulse[a])
             whitened = np.array([matrices[3][m] @ reference[m] for m in range(4)])
             if self.started[a]:
-                axle.put(tick.number, whitened, bool(self.live[a]), float(tick.torque_ratio[a]), speed)
+                axle.put(
+                    tick.number, whitened, (bool(self.live[a]), bool(self.calm[a])), float(tick.torque_ratio[a]), speed
+                )
             live = axle.live.step(axle.z, used, speed)
             f.partial += bool(tick.present[:, a].any()) and not used
             if not used:
@@ -134,14 +136,16 @@ class _Axle:
         self.z = self._mean.take_off(z, used)
         return self._filters.step(self.z, used, matrices)
 
-    def put(self, tick: int, whitened: FloatArray, live: bool, ratio: float, speed_m_s: float) -> None:
+    def put(
+        self, tick: int, whitened: FloatArray, live_calm: tuple[bool, bool], ratio: float, speed_m_s: float
+    ) -> None:
         """The window gets the innovations of DELAY_TICKS before, through the band's filter; zeros if not live."""
         self._delayed.append(whitened)
-        w = self._delayed.popleft()
-        if not self._paper:
-            w = self._band.step(w if live else np.zeros((4, 2)))
+        before = self._delayed.popleft()
+        raw = before if live_calm[0] else np.zeros((4, 2))
+        w = raw if self._paper else self._band.step(raw)
         self._past.append(w.ravel())
-        self.window.put(Row(tick, w.ravel(), self._past.popleft(), live, ratio), speed_m_s)
+        self.window.put(Row(tick, w.ravel(), self._past.popleft(), raw.ravel(), *live_calm, ratio), speed_m_s)
 
 
 def compare(log: Path, config: Config, fuzzy_every_s: float) -> Findings:

@@ -38,20 +38,26 @@ class Track:
     S(O) = A_a Oc^2 / ((O^2 + Or^2)(O^2 + Oc^2)) when w has intensity pi A_a. Both states are sampled exactly
     (matrix exponential), so a cubic through nodes and slopes has no spurious kinks. The start is stationary; what lies
     behind it, for the followers of a train that stands there, is made backwards: the same law with the slope's sign
-    turned. Roughness scales the irregularity of a seed and leaves its shape.
+    turned. Roughness scales the irregularity of a seed and leaves its shape. corner_rad_m is the spectrum's Oc.
     """
 
-    def __init__(self, roughness_m_rad: float, seed: int | np.random.SeedSequence, behind_m: float = 0.0) -> None:
+    def __init__(
+        self,
+        roughness_m_rad: float,
+        seed: int | np.random.SeedSequence,
+        behind_m: float = 0.0,
+        corner_rad_m: float = OMEGA_C,
+    ) -> None:
         self._rng = np.random.default_rng(seed)
-        a = np.array([[0.0, 1.0], [-OMEGA_R * OMEGA_C, -(OMEGA_R + OMEGA_C)]])
-        q = math.pi * roughness_m_rad * OMEGA_C**2
+        a = np.array([[0.0, 1.0], [-OMEGA_R * corner_rad_m, -(OMEGA_R + corner_rad_m)]])
+        q = math.pi * roughness_m_rad * corner_rad_m**2
         # van Loan: the covariance of the noise gathered over one spacing
         big = np.zeros((4, 4))
         big[:2, :2], big[:2, 2:], big[2:, 2:] = -a, np.diag([0.0, q]), a.T
         e = expm(big * SPACING_M)
         self._phi = e[2:, 2:].T.copy()
         self._root = np.linalg.cholesky(self._phi @ e[:2, 2:]) if q > 0 else np.zeros((2, 2))
-        sigma = np.sqrt(q / (2 * (OMEGA_R + OMEGA_C)) * np.array([1 / (OMEGA_R * OMEGA_C), 1.0]))
+        sigma = np.sqrt(q / (2 * (OMEGA_R + corner_rad_m)) * np.array([1 / (OMEGA_R * corner_rad_m), 1.0]))
         self.sigma_m = float(sigma[0])  # standard deviation of y_t
         origin = (sigma * self._rng.standard_normal(2))[None, :]
         behind = self._behind(origin[0], math.ceil(behind_m / SPACING_M), seed)

@@ -9,6 +9,7 @@ TIMEOUT_MS = {"yaw_rate": 15, "lateral_acceleration": 15, "torque": 30, "speed":
 CYCLE_MS = {"yaw_rate": 5, "lateral_acceleration": 5, "torque": 10, "speed": 20, ALL: 10}
 WINDOW_MS = 1000
 LONG_S = 3.0
+IDENTITY_S = 12.0
 # A window and a little after any fault, seen or not, the estimate must be what it would have been, but for so much.
 SETTLED_AFTER_MS, SETTLED_PP = WINDOW_MS + 150, 1.0
 
@@ -35,6 +36,16 @@ class Stays:
 
 
 @dataclass(frozen=True, slots=True)
+class Found:
+    """Not Valid from within_ms after the fault's begin on until its end, and for as long again: that is not judged."""
+
+    within_ms: float
+
+    def __str__(self) -> str:
+        return f"be found out in {self.within_ms / 1000:g} s"
+
+
+@dataclass(frozen=True, slots=True)
 class Unseen:
     """Nothing on the bus tells of it. How far the estimate goes astray is measured, not judged."""
 
@@ -42,17 +53,18 @@ class Unseen:
         return "cannot be seen"
 
 
+Must = Leaves | Stays | Found | Unseen
+
+
 @dataclass(frozen=True, slots=True)
 class Row:
     """A fault (its at_s is the player's) and what must come of it."""
 
     fault: Fault
-    must: Leaves | Stays | Unseen
+    must: Must
 
 
-def _row(
-    kind: str, of: str, must: Leaves | Stays | Unseen, duration_s: float = 0.5, amount: float | None = None
-) -> Row:
+def _row(kind: str, of: str, must: Must, duration_s: float = 0.5, amount: float | None = None) -> Row:
     return Row(Fault(kind, 0.0, duration_s, of, 1, amount), must)
 
 
@@ -72,6 +84,8 @@ _REFUSED = ("burst", "crc", "counter", "dlc", "nan", "status", "swap")
 ROWS = (
     *(_row(kind, of, _leaves(of)) for kind in _REFUSED for of in _ONE_AND_ALL),
     *(_row(kind, of, _leaves(of)) for kind in ("burst", "status") for of in ("torque", "speed")),
+    # a sender that says Degraded, and then Ok: the estimate is a window old
+    *(_row("status", of, _leaves(of), amount=1.0) for of in (*_ONE_AND_ALL, "speed")),
     # the first frame of a freeze is still true
     *(_row("freeze", of, _leaves(of, noticed_ms=CYCLE_MS["yaw_rate"])) for of in _ONE_AND_ALL),
     *(_row("sender", of, _two_senders(of)) for of in _ONE_AND_ALL),
@@ -88,12 +102,23 @@ ROWS = (
     _row("drift", "yaw_rate", Stays(1.0), LONG_S, 0.0002),
     *(_row("drift", of, Unseen()) for of in _ONE_AND_ALL),
     *(_row("delay", of, Unseen()) for of in _ONE_AND_ALL),
+    *(_row("dead", of, Unseen()) for of in _ONE_AND_ALL),
     *(_row("swap-wiring", of, Unseen(), LONG_S) for of in _ONE_AND_ALL),
     _row("bias", "torque", Unseen()),
     _row("freeze", "torque", Unseen()),
+)
+# What shows in the sensors' signals only after seconds, and is doubted for as long afterwards: on the virtual
+# clock alone.
+# Ten full seconds, judged once a second, at the end of a quarter of a second.
+_PAIR = Found(11_250.0 + SLOT_MS)
+LONG_ROWS = (
+    _row("dead", ALL, Found(1500.0 + SLOT_MS), LONG_S),
+    *(_row("reverse", of, _PAIR, IDENTITY_S) for of in ("yaw_rate", "lateral_acceleration")),
+    *(_row("dead", of, _PAIR, IDENTITY_S) for of in ("yaw_rate", "lateral_acceleration")),
+    _row("swap-wiring", "yaw_rate", _PAIR, IDENTITY_S),
 )
 
 
 def missing() -> set[str]:
     """Kinds of fault that no row is about."""
-    return set(KINDS) - {r.fault.kind for r in ROWS}
+    return set(KINDS) - {r.fault.kind for r in (*ROWS, *LONG_ROWS)}

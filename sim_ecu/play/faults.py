@@ -53,6 +53,11 @@ KINDS = {
     "nan": Kind(Stage.FRAME, "the value's code for not available, in a good frame"),
     "status": Kind(Stage.FRAME, "the sender says Error", "code", (14.0,), 0.0, 15.0),
     "swap": Kind(Stage.FRAME, "a gateway swaps the ids of two axles' frames"),
+    "reverse": Kind(Stage.SIGNAL, "the sensor is mounted the other way round"),
+    "dead": Kind(
+        Stage.SIGNAL, "the sensor gives its own noise alone (a torque or a speed has none, and stays)",
+        "rad/s, m/s², N·m, m/s rms", (3e-4, 0.01, 0.0, 0.0), 0.0, _ANY,
+    ),
     "swap-wiring": Kind(Stage.SIGNAL, "the sensors of two axles are swapped, their frames are right"),
     "delay": Kind(Stage.FRAME, "frames are held back", "ms", (8.0,), 0.0, 10_000.0),
     "sender": Kind(

@@ -5,6 +5,8 @@ import itertools
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from sim_ecu.play.encoder import SAMPLE_US, Encoder, Sample, Sent, databases
 from sim_ecu.play.faults import SIGNALS, Fault
 from sim_ecu.play.frame_faults import frame_fault
@@ -24,7 +26,7 @@ def inject(
     """The frames of every sample in the order of their due times, each sample in two halves so that a player that
     sends a half at once keeps frames beside each other that the faults put there."""
     encoder = Encoder(list(numbers), truth)
-    signal_faults = [SignalFault(f, numbers) for f in faults if f.kind in CHANGES]
+    signal_faults = [SignalFault(f, numbers, [seed, 4, k]) for k, f in enumerate(faults) if f.kind in CHANGES]
     frame_faults = [
         frame_fault(f, [seed, 3, k], numbers, other_axle(f.axle, numbers))
         for k, f in enumerate(faults)
@@ -59,11 +61,13 @@ def _until(held: list[tuple[int, int, Sent]], due_us: int) -> Iterator[Sent]:
 class SignalFault:
     """A fault of what sensors say: the change of one value, for each of its signals."""
 
-    def __init__(self, fault: Fault, numbers: Sequence[int]) -> None:
+    def __init__(self, fault: Fault, numbers: Sequence[int], seed: Sequence[int]) -> None:
         self.fault = fault
+        self.rng = np.random.default_rng(list(seed))
         self.keys: list[_Key] = [(s, 0 if s == "speed" else fault.axle) for s in fault.signals]
         self.other = other_axle(fault.axle, numbers)
         self.stands: dict[_Key, float] = {}  # all values before the fault
+        self.rng = np.random.default_rng([fault.begin_us, fault.axle])
         production, _ = databases()
         self.cycle_us = {
             s: int(production.get_message_by_name(f"{m}_A1" if s != "speed" else m).cycle_time or 0) * 1000
@@ -114,6 +118,10 @@ def _freeze(f: SignalFault, key: _Key, _values: dict[_Key, float], _since_us: in
     return f.stands[key]
 
 
+def _dead(f: SignalFault, key: _Key, _values: dict[_Key, float], _since_us: int) -> float:
+    return f.fault.size(key[0]) * float(f.rng.standard_normal())
+
+
 def _spike(f: SignalFault, key: _Key, values: dict[_Key, float], since_us: int) -> float:
     hit = since_us % SPIKE_EVERY_US < f.cycle_us[key[0]]
     return values[key] + hit * f.fault.size(key[0])
@@ -123,4 +131,16 @@ def _swap_wiring(f: SignalFault, key: _Key, values: dict[_Key, float], _since_us
     return values[key[0], f.other if key[1] == f.fault.axle else f.fault.axle]
 
 
-CHANGES = {"bias": _bias, "drift": _drift, "freeze": _freeze, "spike": _spike, "swap-wiring": _swap_wiring}
+def _reverse(_f: SignalFault, key: _Key, values: dict[_Key, float], _since_us: int) -> float:
+    return -values[key]
+
+
+CHANGES = {
+    "reverse": _reverse,
+    "dead": _dead,
+    "bias": _bias,
+    "drift": _drift,
+    "freeze": _freeze,
+    "spike": _spike,
+    "swap-wiring": _swap_wiring,
+}

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from sim_ecu.play.expected import SETTLED_AFTER_MS, SETTLED_PP, Leaves, Row, Stays, Unseen
+from sim_ecu.play.expected import SETTLED_AFTER_MS, SETTLED_PP, Found, Leaves, Must, Row, Stays
 from sim_ecu.play.faults import ALL, KINDS, Stage
 
 
@@ -41,7 +41,7 @@ class Verdict:
 
 
 def judge(
-    must: Leaves | Stays | Unseen, begin_us: int, end_us: int, said: Sequence[Said], without: Mapping[int, float],
+    must: Must, begin_us: int, end_us: int, said: Sequence[Said], without: Mapping[int, float],
     slack_ms: float = 0.0, slack_pp: float = 0.0,
 ) -> Verdict:  # fmt: skip
     """Judge the frames of an axle from a fault's begin on, beside MuAvailable without the fault, by slot. The slacks
@@ -71,6 +71,10 @@ def judge(
             wrong = wrong or "not Valid for good afterwards"
     elif isinstance(must, Stays):
         wrong = _stayed(must, verdict, slack_pp)
+    elif isinstance(must, Found):
+        until_us = begin_us + round((must.within_ms + slack_ms) * 1000)
+        late = any(s.valid for s in said if until_us < s.stamp_us <= end_us)
+        return replace(verdict, back_ms=None, settled_pp=None, wrong="not found out" if late else "")
     if verdict.settled_pp is None or verdict.settled_pp > SETTLED_PP + slack_pp:
         wrong = wrong or "not itself again"
     return replace(verdict, wrong=wrong)

@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 from sim_ecu.play.encoder import SAMPLE_US, Sample, databases
-from sim_ecu.play.expected import ROWS, Row
+from sim_ecu.play.expected import LONG_ROWS, ROWS, Row
 from sim_ecu.play.faults import Fault
 from sim_ecu.play.inject import inject
 from sim_ecu.play.judge import HEAD, Said, Verdict, judge, line
@@ -30,7 +30,7 @@ SCENARIO = "half-wet"
 class Matrix:
     """One simulation, played for every row from the state that the core is in when the fault begins."""
 
-    def __init__(self, rows: Sequence[Row] = ROWS, begins_s: Sequence[float] = BEGINS_S) -> None:
+    def __init__(self, rows: Sequence[Row] = (*ROWS, *LONG_ROWS), begins_s: Sequence[float] = BEGINS_S) -> None:
         longest_s = max(r.fault.duration_s for r in rows)
         scenario = replace(load_scenario(SCENARIO), duration_s=max(begins_s) + longest_s + AFTER_S)
         self._numbers = [a.number for a in scenario.axles]
@@ -84,8 +84,9 @@ def run() -> int:
     matrix = Matrix()
     print(HEAD)
     failed = 0
-    for k, row in enumerate(ROWS):
-        progress.at(row.fault.kind, k / len(ROWS))
+    rows = (*ROWS, *LONG_ROWS)
+    for k, row in enumerate(rows):
+        progress.at(row.fault.kind, k / len(rows))
         verdict = matrix.play(row)
         failed += bool(verdict.wrong)
         progress.end()

@@ -18,7 +18,7 @@ from sim_ecu.physics.rail import BLEND_M as BLEND_M
 from sim_ecu.physics.rail import RailSection
 from sim_ecu.physics.rail import rail_table as rail_table
 from sim_ecu.physics.sensors import SENSOR_SETS, SensorSet
-from sim_ecu.physics.track import QUALITY
+from sim_ecu.physics.track import OMEGA_C, QUALITY
 from sim_ecu.physics.wheelset import Command, Wheelset
 from sim_ecu.play.equipment import read_axlebox, read_sensors
 from sim_ecu.play.faults import Fault, read_fault
@@ -65,6 +65,7 @@ class AxleScenario:
 
     seed: of its sensors' noise and its vibration. position_m: ahead of the train's own distance; followers are behind.
     track_seed: of the irregularity and the joints, shared by axles on one track; None for a track of its own.
+    corner_rad_m: upper corner of the irregularity's spectrum.
     """
 
     number: int
@@ -75,6 +76,7 @@ class AxleScenario:
     seed: int
     position_m: float
     track_seed: int | None = None
+    corner_rad_m: float = OMEGA_C
     axlebox: AxleBox = QUIET
 
     @property

@@ -2,7 +2,7 @@
 
 import json
 import time
-from collections.abc import Iterator
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -10,43 +10,41 @@ from pathlib import Path
 import numpy as np
 
 from sim_ecu import resources as rig
-from sim_ecu.cli import SUITES
 from sim_ecu.design.source import Source, load_source
-from sim_ecu.score import learned, suites
+from sim_ecu.score import learned
+from sim_ecu.score.baselines import PAPER, Baseline, Beside, Offsetless, TorqueRatio, fitting
 from sim_ecu.score.ekf import SINGLE, Ekf
-from sim_ecu.score.play import Baseline, Trace, play
-from sim_ecu.score.report import judge
-from sim_ecu.score.suites import Run
+from sim_ecu.score.play import Trace, play
+from sim_ecu.score.report import judge, plain
+from sim_ecu.score.suites import runs
+from sim_ecu.score.suites.run import Run
 from sim_ecu.score.tables import tables
-from sim_ecu.score.ticks import Ticks, running_mean
 from wrcd import resources
 from wrcd.daemon.config import Config, load_config
 from wrcd.errors import InputError, create
+from wrcd.estimator.design import Design, load_design
 from wrcd.tools.progress import Progress
 
-QUICK = 0.08  # share of the runs in a quick score
-IMM_EVERY, IMM_EVERY_QUICK = 6, 12  # the IMM is slow: it runs beside every so many runs of grid and robust
-COMPARED = ("grid", "robust", "rough")  # suites in which baselines run beside
+QUICK = 0.08  # share of the runs in a quick score, at least one of each variant
+# suites in which baselines run beside
+COMPARED = ("paper", "grid", "robust", "rough", "transitions", "drops", "cycles", "slow")
 
 
-class TorqueRatio:
-    """What anyone can do without a filter: the adhesion in use is the least there can be."""
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """What a process needs to play: files, not what is made of them."""
 
-    def __init__(self, window: int) -> None:
-        self._window = window
-
-    def mu_pct(self, ticks: Ticks) -> np.ndarray:
-        """Adhesion in percent (t, n)."""
-        return 100.0 * running_mean(np.nan_to_num(ticks.torque_ratio), self._window)
+    design: Path
+    baselines: Path | None
+    beside: tuple[tuple[str, Path], ...]
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class _World:
-    """What a process that plays needs, made once in each."""
+    """What a process that plays has made of it, once."""
 
     config: Config
-    quick: dict[str, Baseline]
-    slow: dict[str, Baseline]
+    baselines: dict[str, Baseline]
 
 
 _world: _World | None = None
@@ -54,7 +52,7 @@ _world: _World | None = None
 
 def run(
     suite: str | None, quick: bool, jobs: int, design_file: Path | None, baselines_file: Path | None,
-    json_out: Path | None, html_out: Path | None,
+    beside: Sequence[str], json_out: Path | None, html_out: Path | None,
 ) -> int:  # fmt: skip
     """Play, judge, print; write the figures as JSON and a page where asked for."""
     for out in (json_out, html_out):
@@ -63,19 +61,22 @@ def run(
             raise InputError("no such folder", file=out.parent, key=key)
         if out is not None and out.is_dir():
             raise InputError("is a folder", file=out, key=key, hint="name the file to write")
+    others = [_named(b) for b in beside]
     if baselines_file is None and design_file is None:
         baselines_file = rig.BASELINES
-    source = load_source(design_file or resources.DESIGN)
-    _prepare(source, baselines_file)  # bad files are told of here, before anything is played
+    if design_file is None and rig.PAPER_DESIGN.exists():
+        others.insert(0, (PAPER, rig.PAPER_DESIGN))
+    asked = Asked(design_file or resources.DESIGN, baselines_file, tuple(others))
+    source = load_source(asked.design)
+    _prepare(asked)  # bad files are told of here, before anything is played
     began = time.monotonic()
-    runs = list(_runs(source, suite, QUICK if quick else 1.0))
-    traces = _play_all(runs, quick, jobs, source, baselines_file)
-    result = judge(traces, source)
-    result["run"] = {"quick": quick, "seconds": round(time.monotonic() - began), "jobs": jobs}
+    traces = _play_all(list(runs(source, suite, QUICK if quick else 1.0)), jobs, asked)
+    result = {"run": {"quick": quick, "jobs": jobs}} | judge(traces, source, suite)
+    result["run"]["seconds"] = round(time.monotonic() - began)
     print("\n".join(tables(result)))
     if json_out:
         with create(json_out) as file:
-            file.write(json.dumps(result, indent=1, ensure_ascii=False) + "\n")
+            file.write(json.dumps(plain(result), indent=1, ensure_ascii=False, allow_nan=False) + "\n")
     if html_out:
         from sim_ecu.score.page import page
 
@@ -84,60 +85,54 @@ def run(
     return 0
 
 
-def _runs(source: Source, suite: str | None, scale: float) -> Iterator[Run]:
-    w = source.wheelset
-    makers = {
-        "paper": lambda: suites.paper(w, scale),
-        "grid": lambda: suites.grid(w, scale),
-        "transitions": lambda: suites.transitions(w, scale),
-        "robust": lambda: suites.robust(w, scale),
-        "rough": lambda: suites.rough(w, scale, source.roughness),
-        "dry-hours": lambda: suites.dry_hours(w, scale),
-    }
-    for name in SUITES:
-        if suite in (None, name):
-            yield from makers[name]()
+def _named(text: str) -> tuple[str, Path]:
+    name, equals, path = text.partition("=")
+    if not equals or not name or not path:
+        raise InputError(f"takes NAME=DESIGN.json, not {text!r}", key="--beside", hint="e.g. before=old.design.json")
+    return name, Path(path)
 
 
-def _play_all(runs: list[Run], quick: bool, jobs: int, source: Source, baselines_file: Path | None) -> list[Trace]:
+def _play_all(every: list[Run], jobs: int, asked: Asked) -> list[Trace]:
     """In processes of their own; the order of the traces does not depend on them."""
     progress = Progress(steps=False)
-    seconds = np.array([r.scenario.duration_s * len(r.scenario.axles) for r in runs])
-    every = IMM_EVERY_QUICK if quick else IMM_EVERY
-    first = {name: next((k for k, r in enumerate(runs) if r.suite == name), 0) for name in SUITES}
-    beside = [
-        (r.suite in COMPARED, r.suite in ("grid", "robust") and (k - first[r.suite]) % every == 0)
-        for k, r in enumerate(runs)
-    ]
-    # the IMM takes some times longer than all the rest
-    cost = seconds * np.where([slow for _, slow in beside], 6.0, 1.0)
+    cost = np.array([r.scenario.duration_s * len(r.scenario.axles) for r in every])
     done = 0.0
     traces: list[Trace] = []
-    with ProcessPoolExecutor(jobs, initializer=_prepare, initargs=(source, baselines_file)) as pool:
-        for number, part in enumerate(pool.map(_play, runs, beside, chunksize=1)):
+    with ProcessPoolExecutor(jobs, initializer=_prepare, initargs=(asked,)) as pool:
+        for number, part in enumerate(pool.map(_play, every, chunksize=1)):
             traces += part
             done += cost[number]
-            progress.at(f"{runs[number].suite}: run {number + 1} of {len(runs)}", done / cost.sum())
+            progress.at(f"{every[number].suite}: run {number + 1} of {len(every)}", done / cost.sum())
     progress.end()
     return traces
 
 
-def _prepare(source: Source, baselines_file: Path | None) -> None:
+def _prepare(asked: Asked) -> None:
     global _world
+    source = load_source(asked.design)
+    config = replace(load_config(None), design=source.design, design_file=asked.design)
+    _world = _World(config, make_baselines(source, asked))
+
+
+def make_baselines(source: Source, asked: Asked) -> dict[str, Baseline]:
+    """By the name that the tables give each, in their order."""
     design, w, sensors = source.design, source.wheelset, source.sensors
-    quick: dict[str, Baseline] = {"torque ratio": TorqueRatio(design.window_ticks)}
-    slow: dict[str, Baseline] = {}
-    if baselines_file is not None:
-        made = learned.load(baselines_file, design)
-        quick["filterless"] = made.filterless
+    out: dict[str, Baseline] = {}
+    for name, path in asked.beside:
+        other: Design = load_design(path)
+        fitting(name, other, design)
+        out[name] = Beside(other)
+    out["torque ratio"] = TorqueRatio(design.window_ticks)
+    if asked.baselines is not None:
+        made = learned.load(asked.baselines, design)
+        out["filterless"] = made.filterless
         if made.regressor is not None:
-            quick["regressor"] = made.regressor
-    quick["EKF"] = Ekf(w, sensors, design.tick_s, SINGLE)
-    quick["12 EKFs"] = Ekf(w, sensors, design.tick_s)
-    _world = _World(replace(load_config(None), design=design, design_file=source.file), quick, slow)
+            out["neural network"] = made.regressor
+    out["EKF"] = Offsetless(Ekf(w, sensors, design.tick_s, SINGLE), design.window_ticks)
+    out["12 EKFs"] = Offsetless(Ekf(w, sensors, design.tick_s), design.window_ticks)
+    return out
 
 
-def _play(run: Run, beside: tuple[bool, bool]) -> list[Trace]:
+def _play(run: Run) -> list[Trace]:
     assert _world is not None
-    baselines = (_world.quick if beside[0] else {}) | (_world.slow if beside[1] else {})
-    return play(run, _world.config, baselines)
+    return play(run, _world.config, _world.baselines if run.suite in COMPARED else {})

@@ -14,8 +14,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
 
-from sim_ecu.score import metrics
-from sim_ecu.score.metrics import BINS, OURS
+from sim_ecu.score.metrics.accuracy import BINS, judged
+from sim_ecu.score.metrics.frames import OURS, gather
 from sim_ecu.score.play import Trace
 from sim_ecu.score.tables import tables
 
@@ -37,7 +37,7 @@ def page(result: dict[str, Any], traces: Sequence[Trace]) -> str:
     for t in traces:
         by_suite.setdefault(t.suite, []).append(t)
     pictures = []
-    if grid := [t for t in by_suite.get("grid", []) if t.sensors == "mems"]:
+    if grid := [t for t in by_suite.get("grid", []) if t.group == "mems"]:
         pictures += [
             ("Estimate against truth, grid", _scatter(grid)),
             ("Error by utilisation, grid", _by_utilisation(grid)),
@@ -89,9 +89,9 @@ def _image(figure: Figure, title: str) -> str:
 
 
 def _scatter(traces: list[Trace]) -> Figure:
-    f = metrics.gather(traces)
+    f = gather(traces)
     figure, axes = plt.subplots(1, 2, figsize=(10, 4.6), sharex=True, sharey=True)
-    some = np.random.default_rng(1).permutation(np.flatnonzero(f.said))[:4000]
+    some = np.random.default_rng(1).permutation(np.flatnonzero(judged(f, OURS)))[:4000]
     for ax, name in zip(axes, (OURS, "torque ratio"), strict=True):
         if name not in f.mu:
             continue
@@ -107,13 +107,12 @@ def _scatter(traces: list[Trace]) -> Figure:
 
 
 def _by_utilisation(traces: list[Trace]) -> Figure:
-    f = metrics.gather(traces)
+    f = gather(traces)
     u = f.utilisation
     figure, ax = plt.subplots(figsize=(10, 4.2), layout="constrained")
     middles = [(lo + min(hi, 1.0)) / 2 for lo, hi in itertools.pairwise(BINS)]
     for name in f.mu:
-        error = f.errors(name)
-        ok = f.said & np.isfinite(error)
+        error, ok = f.errors(name), judged(f, name)
         if ok.any():
             means = [np.mean(error[ok & (u >= lo) & (u < hi)]) for lo, hi in itertools.pairwise(BINS)]
             ax.plot(middles, means, marker="o", lw=2.2 if name == OURS else 1.2, label=name)

@@ -1,38 +1,29 @@
 """One run of a score: rig -> frames -> daemon's core -> frames, and the baselines on the very same ticks."""
 
-import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol
 
 import numpy as np
-from cantools.database.can import Message
 from numpy.typing import NDArray
 
 from sim_ecu.physics.contact import peak
 from sim_ecu.play.encoder import databases
 from sim_ecu.play.play import LOG_START_US
 from sim_ecu.play.player import Player
-from sim_ecu.score.suites import Run
+from sim_ecu.score.baselines import Baseline
+from sim_ecu.score.heard import Heard
+from sim_ecu.score.suites.run import Run
 from sim_ecu.score.ticks import Ticks
 from wrcd.bus.frame import Frame
 from wrcd.daemon.config import Config
 from wrcd.daemon.core import Core
 from wrcd.daemon.report import CONFIDENCES
-from wrcd.estimator.design import COLUMNS, Design
+from wrcd.estimator.design import Design
 from wrcd.estimator.estimator import Estimate, Estimator, Tick
 
 FloatArray = NDArray[np.float64]
 HALF_WIDTHS = {name: half_width for half_width, name in CONFIDENCES}
-TRUTH = ("MuAvailable", "MuUsed", "Slip")
-
-
-class Baseline(Protocol):
-    """Another way to the same figure, on the same ticks."""
-
-    def mu_pct(self, ticks: Ticks) -> FloatArray:
-        """Available adhesion in percent, (ticks, n)."""
-        ...
+MOST_AXLES = 8
 
 
 @dataclass(slots=True)
@@ -41,6 +32,7 @@ class Trace:
 
     suite: str
     group: str
+    run: int  # number of the run's conditions within the suite; the same in another group: the same conditions
     curve: str
     sensors: str
     speed_m_s: float
@@ -48,7 +40,10 @@ class Trace:
     changes_s: tuple[float, ...]
     time_s: FloatArray
     mu_pct: FloatArray
+    validity: NDArray[np.str_]
+    cause: NDArray[np.str_]  # why it is not Valid, where the bus tells
     half_width_pp: FloatArray  # of the level on the bus; NaN for none, inf for wider
+    own_half_width_pp: FloatArray  # the estimator's, before it became a level
     contact: NDArray[np.str_]
     surface: NDArray[np.str_]
     true_mu_pct: FloatArray
@@ -78,9 +73,12 @@ class Recording(Estimator):
         return out
 
     def all(self) -> Ticks:
-        """Everything so far; the estimator never skips a tick while its inputs are there."""
-        seen = np.full((len(self.ticks), self.axles, COLUMNS), np.nan)
-        for (at, inputs), (until, _) in itertools.pairwise([*self.seen, (len(self.ticks) + 1, seen[0])]):
+        """Everything so far."""
+        numbers = np.array([t.number for t in self.ticks])
+        width = self.seen[0][1].shape[1] if self.seen else 0
+        seen = np.full((len(self.ticks), self.axles, width), np.nan)
+        ends = [*(at for at, _ in self.seen[1:]), len(self.ticks) + 1]
+        for (at, inputs), until in zip(self.seen, ends, strict=False):
             seen[at - 1 : until - 1] = inputs
         return Ticks(
             z=np.stack([t.z for t in self.ticks]),
@@ -88,9 +86,28 @@ class Recording(Estimator):
             torque_ratio=np.stack([t.torque_ratio for t in self.ticks]),
             speed_m_s=np.array([t.speed_m_s for t in self.ticks]),
             tick_s=self.design.tick_s,
-            number=np.array([t.number for t in self.ticks]),
+            number=numbers,
             seen=seen,
         )
+
+
+class Ear:
+    """Listens on the bus as a controller does, and as someone who knows the truth."""
+
+    def __init__(self, numbers: Sequence[int]) -> None:
+        production, rig = databases()
+        self.said = {n: Heard(production.get_message_by_name(f"Adhesion_A{n}")) for n in numbers}
+        self.truth = {n: Heard(rig.get_message_by_name(f"SimTruth_A{n}")) for n in numbers}
+        self.detail = {n: Heard(production.get_message_by_name(f"AdhesionDetail_A{n}")) for n in numbers}
+        every = (*self.said.values(), *self.truth.values(), *self.detail.values())
+        self._by_id = {h.message.frame_id: h for h in every}
+
+    def hear(self, stamp_us: int, can_id: int, data: bytes) -> None:
+        """A frame."""
+        found = self._by_id.get(can_id)
+        if found is not None:
+            found.stamps_us.append(stamp_us - LOG_START_US)
+            found.data.append(data)
 
 
 def play(run: Run, config: Config, baselines: dict[str, Baseline]) -> list[Trace]:
@@ -98,73 +115,67 @@ def play(run: Run, config: Config, baselines: dict[str, Baseline]) -> list[Trace
     estimator = Recording(config.design, len(config.axles))
     core = Core(config, estimator)
     axles = run.scenario.axles
-    said: dict[int, list[tuple[int, dict[str, Any]]]] = {a.number: [] for a in axles}
-    truth: dict[int, list[tuple[int, dict[str, Any]]]] = {a.number: [] for a in axles}
-    production, rig = databases()
-    ours = {f"Adhesion_A{a.number}": said[a.number] for a in axles}
-    true = {f"SimTruth_A{a.number}": truth[a.number] for a in axles}
-    table = {
-        production.get_message_by_name(k).frame_id: (production.get_message_by_name(k), v) for k, v in ours.items()
-    }
-    table |= {rig.get_message_by_name(k).frame_id: (rig.get_message_by_name(k), v) for k, v in true.items()}
+    ear = Ear([a.number for a in axles])
+    half_widths: dict[int, FloatArray] = {}
     for _, frames in Player(run.scenario):
         for f in frames:
             stamp_us = LOG_START_US + f.due_us
-            _note(table, stamp_us, f.can_id, f.data)
+            ear.hear(stamp_us, f.can_id, f.data)
             for out in core.feed(Frame(stamp_us, f.can_id, f.data)):
-                _note(table, out.frame.stamp_us, out.frame.can_id, out.frame.data)
-    ticks = estimator.all()
-    others = {name: b.mu_pct(ticks) for name, b in baselines.items()}
-    tick_us = round(ticks.tick_s * 1e6)
-    first = estimator.ticks[0].number
-    traces = []
-    for place, axle in enumerate(axles):
-        trace = _trace(run, place, said[axle.number], truth[axle.number])
-        at = ((trace.time_s * 1e6).round().astype(np.int64) + LOG_START_US) // tick_us - 1 - first
-        at = np.clip(at, 0, len(estimator.ticks) - 1)
-        trace.baselines = {name: mu[at, place] for name, mu in others.items()}
-        traces.append(trace)
+                ear.hear(out.frame.stamp_us, out.frame.can_id, out.frame.data)
+                if out.why is not None:
+                    half_widths[out.frame.stamp_us - LOG_START_US] = out.why.half_width_pp
+    traces = [_trace(run, place, ear, half_widths) for place in range(len(axles))]
+    if baselines and estimator.ticks:
+        _beside(traces, estimator.all(), baselines)
     return traces
 
 
-def _note(
-    table: dict[int, tuple[Message, list[tuple[int, dict[str, Any]]]]], stamp_us: int, can_id: int, data: bytes
-) -> None:
-    found = table.get(can_id)
-    if found is not None:
-        values: Any = found[0].decode(data)
-        found[1].append((stamp_us - LOG_START_US, values))
+def _beside(traces: Sequence[Trace], ticks: Ticks, baselines: dict[str, Baseline]) -> None:
+    """What the baselines say at the traces' frames: from the newest tick that was over by then."""
+    tick_us = round(ticks.tick_s * 1e6)
+    others = {name: b.mu_pct(ticks) for name, b in baselines.items()}
+    for place, trace in enumerate(traces):
+        over = ((trace.time_s * 1e6).round().astype(np.int64) + LOG_START_US) // tick_us - 1
+        at = np.searchsorted(ticks.number, over, side="right") - 1
+        trace.baselines = {name: np.where(at >= 0, mu[np.maximum(at, 0), place], np.nan) for name, mu in others.items()}
 
 
-def _trace(
-    run: Run, place: int, said: Sequence[tuple[int, dict[str, Any]]], truth: Sequence[tuple[int, dict[str, Any]]]
-) -> Trace:
+def newest(heard: Heard, signal: str, at_us: NDArray[np.int64]) -> NDArray[np.str_]:
+    """What the newest frame said at each time; empty before the first."""
+    place = np.searchsorted(np.array(heard.stamps_us), at_us, side="right")
+    return np.concatenate(([""], heard.words(signal)))[place]
+
+
+def _trace(run: Run, place: int, ear: Ear, half_widths: dict[int, FloatArray]) -> Trace:
     axle = run.scenario.axles[place]
+    said, truth = ear.said[axle.number], ear.truth[axle.number]
     speed = float(run.scenario.speed.at(np.zeros(1))[0])
     # an adhesion frame tells of the time up to its stamp; the truth is the newest by then
-    true_us = np.array([t for t, _ in truth])
-    said = [row for row in said if row[0] >= true_us[0]]
-    newest = np.searchsorted(true_us, [t for t, _ in said], side="right") - 1
-    true = np.array([[float(truth[k][1][name]) for name in TRUTH] for k in newest])
-
-    def words(signal: str) -> NDArray[np.str_]:
-        return np.array([str(v[signal]) for _, v in said])
-
+    true_us, said_us = np.array(truth.stamps_us), np.array(said.stamps_us)
+    use = said_us >= true_us[0]
+    latest = np.searchsorted(true_us, said_us[use], side="right") - 1
+    unknown = np.full(MOST_AXLES, np.nan)
+    level = said.words("Confidence")[use]
     return Trace(
         suite=run.suite,
         group=run.group,
+        run=run.number,
         curve=run.curves[place],
         sensors=axle.sensors.name,
         speed_m_s=speed,
         judged_from_s=run.judged_from_s,
         changes_s=run.changes_s,
-        time_s=np.array([t * 1e-6 for t, _ in said]),
-        mu_pct=np.array([v["MuAvailable"] if isinstance(v["MuAvailable"], float) else np.nan for _, v in said]),
-        half_width_pp=np.array([HALF_WIDTHS.get(str(v["Confidence"]), np.nan) for _, v in said]),
-        contact=words("ContactState"),
-        surface=words("Surface"),
-        true_mu_pct=true[:, 0],
-        true_used_pct=true[:, 1],
-        true_slip=true[:, 2],
+        time_s=said_us[use] * 1e-6,
+        mu_pct=said.numbers("MuAvailable")[use],
+        validity=said.words("Validity")[use],
+        cause=newest(ear.detail[axle.number], "Cause", said_us[use]),
+        half_width_pp=np.array([HALF_WIDTHS.get(word, np.nan) for word in level.tolist()]),
+        own_half_width_pp=np.array([half_widths.get(t, unknown)[axle.number - 1] for t in said_us[use].tolist()]),
+        contact=said.words("ContactState")[use],
+        surface=said.words("Surface")[use],
+        true_mu_pct=truth.numbers("MuAvailable")[latest],
+        true_used_pct=truth.numbers("MuUsed")[latest],
+        true_slip=truth.numbers("Slip")[latest],
         peak_slip=float(peak(speed, run.scenario.wheelset.contact, *axle.rail[0, 1:6])[0]),
     )

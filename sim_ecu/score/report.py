@@ -1,183 +1,242 @@
-"""The score as figures: what the traces of each suite come to, and the goals that they are held to."""
+"""The score as figures: what the traces of each suite come to."""
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
 from sim_ecu.design.cases import SEEDS_PER_PLAN
 from sim_ecu.design.source import Source
-from sim_ecu.score import metrics
-from sim_ecu.score.metrics import OURS, Frames
+from sim_ecu.score.goals import goals
+from sim_ecu.score.metrics import accuracy, bootstrap, changes, honesty
+from sim_ecu.score.metrics.bootstrap import Figure
+from sim_ecu.score.metrics.frames import OURS, Frames, gather
 from sim_ecu.score.play import Trace
-from sim_ecu.score.suites import FIRST_TEST_SEED, ROUGH_JUDGED, SPEEDS, UTILISATIONS
+from sim_ecu.score.suites import PAIRED
+from sim_ecu.score.suites.broken import DIES_S
+from sim_ecu.score.suites.run import FIRST_TEST_SEED, SPEEDS, UTILISATIONS
 
 SEEDS = (
     "The seeds of what is played here begin at {first}; the design was trained on seeds below {last}. "
     "No track and no noise is in both."
 )
-BESIDE = f"{OURS}, where the IMM ran"
-LEAST_SHARE = 0.02  # a level of Confidence that occurs less is not judged
+MEMS, TACTICAL = "mems", "tactical"
 
 
-@dataclass(frozen=True, slots=True)
-class Goal:
-    """A figure and its bound."""
+def judge(traces: Sequence[Trace], source: Source, suite: str | None = None) -> dict[str, Any]:
+    """All figures of the suites that were played (or of one, whose twins in the grid were played along), by suite.
 
-    what: str
-    value: float
-    bound: float
-    at_least: bool = False
-
-    @property
-    def met(self) -> bool:
-        """Whether it is."""
-        return self.value >= self.bound if self.at_least else self.value <= self.bound
-
-
-def judge(traces: Sequence[Trace], source: Source) -> dict[str, Any]:
-    """All figures of the suites that were played, by suite. Errors are in percentage points."""
+    Errors are in percentage points. Leaves are Figures, numbers and words.
+    """
     design = source.design
-    out: dict[str, Any] = {
-        "design": {"name": design.name, "checksum": design.checksum, "window_s": design.window_s},
-        "seeds": SEEDS.format(first=FIRST_TEST_SEED, last=(source.seed + 1) * SEEDS_PER_PLAN),
-        "suites": {},
-    }
     by_suite: dict[str, list[Trace]] = {}
     for t in traces:
         by_suite.setdefault(t.suite, []).append(t)
+    twins: dict[int, list[Trace]] = {}
+    for t in by_suite.get("grid", []):
+        if t.group == MEMS:
+            twins.setdefault(t.run, []).append(t)
     makers = {
-        "paper": _paper, "grid": _grid, "transitions": _transitions, "robust": _robust, "rough": _rough,
-        "dry-hours": metrics.false_lows,
+        "paper": _paper, "grid": _grid, "transitions": _transitions, "drops": _drops, "cycles": _cycles,
+        "dead": _dead, "foreign": _foreign, "slow": _worlds, "dry-hours": honesty.false_lows,
     }  # fmt: skip
-    for suite, part in by_suite.items():
-        out["suites"][suite] = makers[suite](part)
-    out["goals"] = [asdict(g) | {"met": g.met} for g in goals(out["suites"])]
-    return out
+    shown = {
+        name: _worlds(part, twins) if name in PAIRED else makers[name](part)
+        for name, part in by_suite.items()
+        if suite in (None, name)
+    }
+    for name, part in by_suite.items():
+        if name in shown:
+            shown[name]["not_valid_of"] = {"all": honesty.not_valid(gather(part))} | {
+                group: honesty.not_valid(gather(of_group)) for group, of_group in _groups(part).items()
+            }
+    return {
+        "design": {"name": design.name, "checksum": design.checksum, "window_s": design.window_s},
+        "seeds": SEEDS.format(first=FIRST_TEST_SEED, last=(source.seed + 1) * SEEDS_PER_PLAN),
+        "suites": shown,
+        "goals": [
+            {"what": g.what, "figure": g.figure, "bound": g.bound, "at_least": g.at_least, "verdict": g.verdict}
+            for g in goals(shown)
+        ],
+    }
 
 
-def _paper(traces: list[Trace]) -> dict[str, Any]:
+def plain(x: Any) -> Any:
+    """For JSON: figures as tables, what is no number as null."""
+    if isinstance(x, Figure):
+        return plain(asdict(x))
+    if isinstance(x, dict):
+        return {str(k): plain(v) for k, v in x.items()}
+    if isinstance(x, (list, tuple)):
+        return [plain(v) for v in x]
+    if isinstance(x, float) and not math.isfinite(x):
+        return None
+    return x
+
+
+def _groups(traces: Sequence[Trace]) -> dict[str, list[Trace]]:
+    out: dict[str, list[Trace]] = {}
     for t in traces:
-        t.judged_from_s = metrics.judged_from_reached(t)
-    out: dict[str, Any] = {"within": metrics.within(metrics.gather(traces)), "curves": {}}
-    if any(math.isinf(t.judged_from_s) for t in traces):
-        out["within"]["worst"] = math.inf  # a wheelset that never got to its peak proves nothing
-    for curve in sorted({t.curve for t in traces}):
-        f = metrics.gather([t for t in traces if t.curve == curve])
-        out["curves"][curve] = metrics.within(f) | metrics.accuracy(f, OURS) | {"true": float(np.mean(f.true))}
+        out.setdefault(t.group, []).append(t)
     return out
 
 
 def _compared(f: Frames) -> dict[str, Any]:
-    """Every estimator on the same frames; where one did not run, also ours where it did."""
-    out = {}
-    for name in f.mu:
-        out[name] = metrics.accuracy(f, name)
-    if "IMM" in f.mu:
-        out[BESIDE] = metrics.accuracy(f, OURS, np.isfinite(f.mu["IMM"]))
+    """Every estimator on the same frames, and wrcd's error over that of each other."""
+    out: dict[str, Any] = {name: accuracy.accuracy(f, name) for name in f.mu}
+    for name in out:
+        if name != OURS:
+            out[name]["ours_over_it"] = accuracy.over_baseline(f, name)
+    return out
+
+
+def _whole(f: Frames) -> dict[str, Any]:
+    return {
+        "compared": _compared(f),
+        "confidence": honesty.confidence(f),
+        "not_valid": honesty.not_valid(f),
+    }
+
+
+def _paper(traces: list[Trace]) -> dict[str, Any]:
+    for t in traces:
+        t.judged_from_s = accuracy.judged_from_reached(t)
+    f = gather(traces)
+    out: dict[str, Any] = {"within": accuracy.within(f), "compared": _compared(f), "curves": {}}
+    if any(math.isinf(t.judged_from_s) for t in traces):
+        worst = out["within"]["worst"]  # a wheelset that never got to its peak proves nothing
+        out["within"]["worst"] = bootstrap.exact(math.inf, worst.runs, worst.count)
+    for curve in sorted({t.curve for t in traces}):
+        f = gather([t for t in traces if t.curve == curve])
+        means = {name: accuracy.accuracy(f, name)["mean"] for name in f.mu}
+        out["curves"][curve] = accuracy.within(f) | {"means": means, "true": float(np.mean(f.true))}
     return out
 
 
 def _grid(traces: list[Trace]) -> dict[str, Any]:
-    f = metrics.gather([t for t in traces if t.sensors == "mems"])
-    tactical = [t for t in traces if t.sensors == "tactical"]
-    return {
+    f = gather([t for t in traces if t.group == MEMS])
+    better = gather([t for t in traces if t.group == TACTICAL])
+    numbers = set(better.run.tolist())
+    same = [t for t in traces if t.group == MEMS and t.run in numbers]
+    return _whole(f) | {
         "speeds": SPEEDS,
         "utilisations": UTILISATIONS,
-        "compared": _compared(f),
-        "tactical": metrics.accuracy(metrics.gather(tactical), OURS) if tactical else None,
-        "by": metrics.by_class(f),
-        "available": float(f.said.mean()),
-        "contact": metrics.contact_right(f),
-        "surfaces": metrics.surfaces(f),
-        "confidence": metrics.confidence(f),
+        "tactical": accuracy.accuracy(better, OURS) | accuracy.over(better, gather(same)) if numbers else None,
+        "by": accuracy.by_class(f),
+        "contact": accuracy.contact_right(f),
+        "surfaces": accuracy.surfaces(f),
     }
 
 
-def _robust(traces: list[Trace]) -> dict[str, Any]:
-    f = metrics.gather(traces)
-    return {"compared": _compared(f), "groups": _groups(traces), "confidence": metrics.confidence(f)}
+def _worlds(traces: list[Trace], twins: dict[int, list[Trace]] | None = None) -> dict[str, Any]:
+    """Variants one by one, each beside the same conditions of the grid."""
+    groups = {}
+    for name, part in _groups(traces).items():
+        f = gather(part)
+        groups[name] = {
+            "accuracy": accuracy.accuracy(f, OURS),
+            "others": {n: accuracy.accuracy(f, n)["mean"] for n in f.mu if n != OURS},
+            "covers": honesty.coverage(f),
+            "not_valid": honesty.not_valid(f),
+        }
+        if twins is not None:
+            nominal = gather([t for run in dict.fromkeys(t.run for t in part) for t in twins.get(run, [])])
+            groups[name] |= accuracy.over(f, nominal)
+    return _whole(gather(traces)) | {"groups": groups}
 
 
-def _rough(traces: list[Trace]) -> dict[str, Any]:
-    return {"groups": _groups(traces)}
-
-
-def _groups(traces: list[Trace]) -> dict[str, Any]:
-    out = {}
-    for group in dict.fromkeys(t.group for t in traces):
-        f = metrics.gather([t for t in traces if t.group == group])
-        out[group] = {n: metrics.accuracy(f, n) for n in f.mu} | {"available": float(f.said.mean())}
-    return out
+def _estimators(traces: Sequence[Trace]) -> list[str]:
+    return list(dict.fromkeys([OURS, *(n for t in traces for n in t.baselines)]))
 
 
 def _transitions(traces: list[Trace]) -> dict[str, Any]:
-    out: dict[str, Any] = {"all": _delay(metrics.delays(traces)), "curves": {}}
+    out: dict[str, Any] = {"compared": {}, "curves": {}}
+    for name in _estimators(traces):
+        out["compared"][name] = _delay(*changes.delays(traces, name))
     for curve in sorted({t.curve for t in traces}):
-        both = metrics.delays([t for t in traces if t.curve == curve]).reshape(-1, 2)
-        out["curves"][curve] = {"from dry": _delay(both[:, 0]), "to dry": _delay(both[:, 1])}
+        d, runs = changes.delays([t for t in traces if t.curve == curve])
+        out["curves"][curve] = {
+            way: _delay(d[k::2], runs[k::2]) for k, way in enumerate(("from dry", "to dry"))
+        }  # fmt: skip
     return out
 
 
-def _delay(d: np.ndarray) -> dict[str, float]:
-    crossed = d[np.isfinite(d)]
+def _delay(d: np.ndarray, runs: np.ndarray) -> dict[str, Any]:
+    crossed = int(np.isfinite(d).sum())
+    return changes.median_and_p95(d, runs) | {"changes": crossed, "already_there": len(d) - crossed}
+
+
+def _drops(traces: list[Trace]) -> dict[str, Any]:
+    every = changes.drops(traces)
+    runs = np.array([d.run for d in every], np.int64)
+
+    def column(name: str) -> np.ndarray:
+        return np.array([getattr(d, name) for d in every])
+
+    def spread(name: str) -> dict[str, Figure]:
+        return changes.median_and_p95(column(name), runs) | {"most": bootstrap.largest(column(name), runs)}
+
+    to = np.array([d.curve.split()[-1] for d in every])
     return {
-        "median": float(np.median(crossed)) if len(crossed) else math.nan,
-        "p95": float(np.quantile(crossed, 0.95)) if len(crossed) else math.nan,
-        "changes": len(crossed),
-        "already_there": len(d) - len(crossed),
+        "drops": len(every),
+        "lie": changes.median_and_p95(column("lie_s"), runs),
+        "settled": changes.median_and_p95(column("settled_s"), runs),
+        "over": spread("most_over_pp"),
+        "far": spread("far_s"),
+        "others": {
+            name: changes.median_and_p95(*changes.settlings(traces, name))
+            for name in _estimators(traces)
+            if name != OURS
+        },
+        "curves": {
+            c: {
+                "drops": int(np.sum(to == c)),
+                "lie": changes.median_and_p95(column("lie_s")[to == c], runs[to == c]),
+                "settled": changes.median_and_p95(column("settled_s")[to == c], runs[to == c]),
+                "over": float(column("most_over_pp")[to == c].max()),
+            }
+            for c in sorted(set(to.tolist()))
+        },
+        "not_valid": honesty.not_valid(gather(traces)),
+    }  # fmt: skip
+
+
+def _cycles(traces: list[Trace]) -> dict[str, Any]:
+    f = gather(traces)
+    return _whole(f) | {
+        "outside": bootstrap.mean(f.outside[f.valid], f.run[f.valid]),
+        "curves": {
+            c: {"mean": bootstrap.mean(f.errors(OURS)[at], f.run[at]), "covers": honesty.coverage(g)}
+            for c in sorted(set(f.curve.tolist()))
+            for at, g in [(accuracy.judged(f, OURS) & (f.curve == c), gather([t for t in traces if t.curve == c]))]
+        },
     }
 
 
-def goals(suites: dict[str, Any]) -> list[Goal]:
-    """What the default design is held to, as far as its suites were played."""
-    out = []
-    if p := suites.get("paper"):
-        out.append(Goal("paper: worst error over its bound (1 pp, or 10 % if larger)", p["within"]["worst"], 1.0))
-    if g := suites.get("grid"):
-        ours, c = g["compared"][OURS], g["confidence"]
-        out += [
-            Goal("grid: mean error", ours["mean"], 1.1),
-            Goal("grid: 95th percentile", ours["p95"], 4.0),
-            Goal("grid: mean error below half utilisation", ours["below_half"], 1.7),
-            Goal("grid: mean error above 0.9", ours["above_0.9"], 0.6),
-            Goal(
-                "grid: torque ratio's error over ours", g["compared"]["torque ratio"]["mean"] / ours["mean"], 5.0, True
-            ),
-            Goal("grid: MuAvailable there, share of frames", g["available"], 0.95, True),
-            Goal("grid: ContactState right, share of frames", g["contact"]["right"], 0.95, True),
-            Goal(
-                "grid: median half-width over a constant one's", c["median_half_width"] / c["constant_half_width"], 0.5
-            ),
-        ]
-        out += _better("grid", g["compared"])
-        for name, level in c["levels"].items():
-            if level["share"] > LEAST_SHARE and name != "Wider":
-                out.append(Goal(f"grid: {name} holds the truth, least", level["covers"], 0.85, True))
-                out.append(Goal(f"grid: {name} holds the truth, most", level["covers"], 0.97))
-    if r := suites.get("robust"):
-        ours = r["compared"][OURS]
-        out += [Goal("robust: mean error", ours["mean"], 1.4), Goal("robust: 95th percentile", ours["p95"], 5.5)]
-        out += _better("robust", r["compared"])
-    for name, row in suites.get("rough", {}).get("groups", {}).items():
-        if name in ROUGH_JUDGED:
-            out.append(Goal(f"rough: mean error, {name}", row[OURS]["mean"], 1.5))
-    if t := suites.get("transitions"):
-        out += [
-            Goal("transitions: median delay, s", t["all"]["median"], 0.5),
-            Goal("transitions: 95th percentile, s", t["all"]["p95"], 1.0),
-        ]
-    if d := suites.get("dry-hours"):
-        out.append(Goal("dry-hours: times called Low or worse", d["episodes"], 0.0))
-    return out
+def _dead(traces: list[Trace]) -> dict[str, Any]:
+    groups = {}
+    for name, part in _groups(traces).items():
+        f = gather(part)
+        groups[name] = {
+            "valid_s": honesty.valid_after(part, part[0].judged_from_s),
+            "found": honesty.found_out(part),
+            "covers": honesty.coverage(f),
+            "mean": accuracy.accuracy(f, OURS)["mean"],
+            "not_valid": honesty.not_valid(f),
+        }
+    return {"groups": groups, "dies_s": DIES_S}
 
 
-def _better(suite: str, compared: dict[str, Any]) -> list[Goal]:
-    out = []
-    for name in ("filterless", "EKF", "IMM"):
-        if name in compared and compared[name]["frames"]:
-            ours = compared[BESIDE if name == "IMM" else OURS]["mean"]
-            out.append(Goal(f"{suite}: error over that of {name}", ours / compared[name]["mean"], 1.0))
-    return out
+def _foreign(traces: list[Trace]) -> dict[str, Any]:
+    groups = {}
+    for name, part in _groups(traces).items():
+        f = gather(part)
+        groups[name] = {
+            "found": honesty.found_out(part),
+            "covers": honesty.coverage(f),
+            "mean": accuracy.accuracy(f, OURS)["mean"],
+            "not_valid": honesty.not_valid(f),
+        }
+    return {"groups": groups}

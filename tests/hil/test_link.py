@@ -15,7 +15,8 @@ import pytest
 from sim_ecu.play.slcan import Slcan
 from wrcd.bus.controller import MOST_ERRORS
 from wrcd.bus.frame import Frame
-from wrcd.bus.socketcan import MOST_FRAMES, SocketCanLink
+from wrcd.bus.link import MAX_FRAMES
+from wrcd.bus.socketcan import REOPEN_US, SocketCanLink
 from wrcd.errors import BusError
 
 FRAME = struct.Struct("=IB3x8s")
@@ -189,9 +190,9 @@ def test_a_flood_of_error_frames_is_shut_out_but_not_what_tells_the_state(link: 
 def test_one_look_takes_no_more_than_some_thousand(bus: str, node: Node) -> None:
     Path("/proc/sys/net/core/rmem_max").write_text("8388608")
     link = SocketCanLink(bus, (0x101,))
-    for _ in range(MOST_FRAMES + 10):
+    for _ in range(MAX_FRAMES + 10):
         node.send(0x101)
-    assert [len(link.receive(0)) for _ in range(3)] == [MOST_FRAMES, 10, 0]
+    assert [len(link.receive(0)) for _ in range(3)] == [MAX_FRAMES, 10, 0]
     link.close()
 
 
@@ -212,14 +213,65 @@ def test_a_link_that_goes_down_and_comes_up(bus: str, link: SocketCanLink, node:
     other.close()
 
 
-def test_a_device_that_goes_is_opened_again_less_and_less_often(
+def test_a_link_that_is_set_down_and_up_is_known_at_once(bus: str, link: SocketCanLink) -> None:
+    """Without a frame that comes or goes."""
+    for state, name in (("down", "Down"), ("up", "Up"), ("down", "Down"), ("up", "Up")):
+        ip("set", bus, state)
+        link.receive(0)
+        assert told(link) == name
+    ip("set", bus, "down")
+    ip("set", bus, "up")
+    link.receive(0)
+    assert told(link) == "Up"
+
+
+def add(bus: str) -> None:
+    ip("add", bus, "mtu", "72", "type", "vcan")
+
+
+def exchange(bus: str, link: SocketCanLink) -> None:
+    """A frame each way."""
+    other = Node(bus)
+    other.send(0x101)
+    assert [f.can_id for f in link.receive(0)] == [0x101]
+    assert link.send(Frame(now_us(), 0x091, b"\x01"))
+    assert other.receive() == (0x091, b"\x01")
+    other.close()
+
+
+def test_a_device_that_comes_back_is_opened_at_once(bus: str, link: SocketCanLink) -> None:
+    """The clock stands still: nothing here waits."""
+    for reopens in (1, 2):
+        ip("del", bus)
+        assert link.receive(0) == []
+        assert told(link) == "Gone"
+        assert not link.send(Frame(0, 0x091, b""))
+        add(bus)
+        link.receive(0)
+        assert (link.health.state, link.health.reopens) == ("Down", reopens)
+        ip("set", bus, "up")
+        link.receive(0)
+        assert told(link) == "Up"
+        exchange(bus, link)
+
+
+def test_a_device_that_is_made_anew_between_two_looks_is_opened_anew(bus: str, link: SocketCanLink) -> None:
+    ip("del", bus)
+    add(bus)
+    ip("set", bus, "up")
+    link.receive(0)
+    assert (link.health.state, link.health.reopens) == ("Up", 1)
+    exchange(bus, link)
+
+
+def test_without_rtnetlink_a_device_that_has_gone_is_tried_every_50_ms(
     bus: str, link: SocketCanLink, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    link.close_events()
     now = now_us()
     ip("del", bus)
     assert link.receive(now) == []
     assert told(link) == "Gone"
-    assert not link.send(Frame(now, 0x091, b""))
     opened = []
     tries = link._open
 
@@ -230,24 +282,63 @@ def test_a_device_that_goes_is_opened_again_less_and_less_often(
     monkeypatch.setattr(link, "_open", counted)
     for at in range(now, now + 10_000_000, 5_000):
         link.receive(at)
-    assert 8 <= len(opened) <= 15
-    assert opened[0] - now <= 55_000
-    assert max(b - a for a, b in pairwise(opened)) <= 1_005_000
+    assert {b - a for a, b in pairwise([now, *opened])} == {REOPEN_US}
     # a clock that steps back by an hour does not keep it closed
+    add(bus)
+    ip("set", bus, "up")
     at = now - 3_600_000_000
     link.receive(at)
-    ip("add", bus, "mtu", "72", "type", "vcan")
+    assert (link.health.state, link.health.reopens) == ("Up", 1)
+    exchange(bus, link)
+
+
+def test_what_the_kernel_had_no_room_to_say_is_asked_for(bus: str, link: SocketCanLink) -> None:
+    events = link._events
+    assert events is not None
+    link.receive(0)
+    ip("set", bus, "down")
+    link.receive(0)
+    events._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1)  # the kernel makes it room for one or two
+    for length in range(100, 110):
+        ip("set", bus, "txqueuelen", str(length))  # each says that it is down
     ip("set", bus, "up")
-    for step in range(3):
-        link.receive(at + step * 600_000)
-    assert link.health.state == "Up"
-    assert link.health.reopens == 1
-    other = Node(bus)
-    other.send(0x101)
-    assert [f.can_id for f in link.receive(now)] == [0x101]
-    assert link.send(Frame(now, 0x091, b"\x01"))
-    assert other.receive() == (0x091, b"\x01")
-    other.close()
+    link.receive(0)  # learns that some are lost
+    link.receive(0)
+    assert told(link) == "Up"
+
+
+class Leaving(socket.socket):
+    """A raw socket whose device is just being taken away: options can't be set, and reading says so a moment later."""
+
+    def setsockopt(self, *_: object) -> None:
+        raise OSError(errno.ENODEV, "No such device")
+
+
+def leave(link: SocketCanLink) -> None:
+    assert link._socket is not None
+    link._socket = Leaving(fileno=link._socket.detach())
+
+
+def test_options_of_a_device_that_goes_are_no_reason_to_stop(bus: str, link: SocketCanLink, node: Node) -> None:
+    def set_filters() -> None:
+        link.narrow((0x101,))
+
+    def send_a_new_id() -> None:
+        assert not link.send(Frame(now_us(), 0x0B7, b""))
+
+    def shut_out_a_flood() -> None:
+        for _ in range(MOST_ERRORS + 1):
+            node.send(ERROR | 0x80, bytes(8))
+        link.receive(now_us())
+
+    for reopens, happens in enumerate((set_filters, send_a_new_id, shut_out_a_flood), 1):
+        leave(link)
+        happens()
+        assert link._socket is None
+        link.receive(now_us() + REOPEN_US)
+        assert link.health.reopens == reopens
+        exchange(bus, link)
+        assert told(link) == "Up"
 
 
 def test_a_bus_that_is_not_there_is_a_clear_error() -> None:

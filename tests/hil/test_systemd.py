@@ -238,6 +238,15 @@ def test_it_is_shut_in(train: Train) -> None:
     assert float(exposure[1]) <= 1.5
 
 
+def test_it_hears_of_its_interface(train: Train) -> None:
+    """Shut in as it is, it has a socket of rtnetlink's group of links; otherwise it would do without, and be slower."""
+    files = Path(f"/proc/{main_pid()}/fd").iterdir()
+    sockets = {name.removeprefix("socket:[").removesuffix("]") for name in map(os.readlink, files)}
+    listed = [line.split() for line in Path("/proc/net/netlink").read_text().splitlines()]
+    _, protocol, _, groups, *_ = next(words for words in listed if words[-1] in sockets)
+    assert (protocol, groups) == ("0", "00000001")
+
+
 def test_the_drop_ins(train: Train) -> None:
     """Realtime priority and locked memory in use. Here is no udev to bring a device: device.conf is only read."""
     DROP_INS.mkdir(exist_ok=True)

@@ -93,8 +93,8 @@ class Faults:
         ("standstill", _zero, 0x130, 2_000), ("bus silent", _lost, -1, 200), ("one lost", _lost, 0x000, 1),
     )  # fmt: skip
     IDS = tuple(base + a for base in (0x100, 0x110, 0x120) for a in range(1, 5)) + (0x130,)
-    # back, and further ahead than a replay fills; further than the window either way
-    STEPS_S = (-3600.0, -10.0, -0.5, -0.02, 61.0, 3600.0)
+    # further than the window either way, and less
+    STEPS_S = (-3600.0, -10.0, -0.5, -0.02, 0.5, 59.0, 3600.0)
 
     def step_us(self) -> int:
         """By how much the clock steps at this tick: mostly not at all."""

@@ -16,7 +16,7 @@ import numpy as np
 from tests.soak.pool import LOOP_US, TICK_US, Faults, endless, pool
 from wrcd.bus.frame import Frame
 from wrcd.daemon.config import Config, load_config
-from wrcd.daemon.core import BACKWARD_STEP_US, MOST_FILLED_US, Core
+from wrcd.daemon.core import BACKWARD_STEP_US, FORWARD_STEP_US, Core
 from wrcd.estimator.design import CHANNELS, Design, FloatArray
 from wrcd.estimator.estimator import Estimate, Estimator, Tick
 from wrcd.tools.progress import Progress
@@ -151,18 +151,18 @@ class Balance:
 
 
 class Slots:
-    """How many slots of 20 ms frames' stamps pass, by the contract: a step of time starts anew, a silence is filled."""
+    """How many slots of 20 ms the clock passes, by the contract: a step of time starts anew, a silence is filled."""
 
     def __init__(self) -> None:
         self.passed = 0
         self._newest: int | None = None
 
     def at(self, stamp_us: int) -> None:
-        """A frame was fed."""
+        """The clock says so."""
         newest = self._newest
         if newest is not None and -BACKWARD_STEP_US <= stamp_us - newest <= 0:
             return
-        if newest is not None and 0 < stamp_us - newest <= MOST_FILLED_US:
+        if newest is not None and 0 < stamp_us - newest <= FORWARD_STEP_US:
             self.passed += _slot(stamp_us) - _slot(newest)
         self._newest = stamp_us
 
@@ -181,10 +181,11 @@ def soak(config: Config, hours: float, seed: int) -> tuple[Core, Faults, Balance
     warm_us = max(round(0.05 * whole_us), LEAST_WARM_US)
     look_us = warm_us
     for tick_us, frames in endless(pool(), faults, START_US):
+        slots.at(tick_us)
+        made = core.advance(tick_us)
         for at_us, can_id, data in frames:
-            slots.at(tick_us + at_us)
-            for o in core.feed(Frame(tick_us + at_us, can_id, data)):
-                balance.made += o.frame.can_id in adhesion
+            made += core.feed(Frame(tick_us + at_us, can_id, data))
+        balance.made += sum(o.frame.can_id in adhesion for o in made)
         balance.fed += len(frames)
         balance.simulated_us += TICK_US
         done = balance.simulated_us >= whole_us

@@ -1,31 +1,33 @@
-"""What the estimator is compared with: extended Kalman filters, interacting multiple models."""
+"""What the estimator is compared with: extended Kalman filters, raw signals through the rules, other designs."""
 
 import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from filterpy.kalman import KalmanFilter
-from scipy.stats import multivariate_normal
 
 from sim_ecu.design.cases import Condition, command, simulate
-from sim_ecu.design.gains import steady_state
 from sim_ecu.design.linear import model, slope_and_secant
-from sim_ecu.design.make import POINTS
 from sim_ecu.physics.contact import CURVES, CreepCurve, curve_between
 from sim_ecu.physics.rail import RAIL_COLUMNS
 from sim_ecu.physics.sensors import SENSOR_SETS
 from sim_ecu.physics.simulation import Axle, Samples, Simulation
 from sim_ecu.physics.track import QUALITY, Track
 from sim_ecu.physics.wheelset import LAT_ACCEL, MU_AVAILABLE, TORQUE, YAW_RATE, Wheelset
+from sim_ecu.score.baselines import Beside, Offsetless, fitting, without_offset
 from sim_ecu.score.ekf import Ekf
 from sim_ecu.score.ekf_table import THETA, table
-from sim_ecu.score.imm import STAY, Imm
+from sim_ecu.score.learned import raw_inputs
 from sim_ecu.score.ticks import Ticks
+from wrcd.errors import InputError
+from wrcd.estimator.design import load_design
+from wrcd.estimator.estimator import Estimator, Tick
+from wrcd.resources import DESIGN
 
 W = Wheelset()
 MEMS = SENSOR_SETS["mems"]
 TICK_S = 0.005
+WINDOW = 200
 
 
 def measured(samples: Samples, seed: int) -> tuple[Ticks, np.ndarray]:
@@ -34,7 +36,9 @@ def measured(samples: Samples, seed: int) -> tuple[Ticks, np.ndarray]:
     y = samples.outputs
     z = np.stack((MEMS.yaw_rate.measure(y[..., YAW_RATE], rng), MEMS.lat_accel.measure(y[..., LAT_ACCEL], rng)), axis=1)
     ratio = np.abs(MEMS.torque.measure(y[..., TORQUE], rng)) / (2 * W.normal_N * W.r_0)
-    return Ticks(z, np.ones(z.shape, bool), ratio, samples.speed_m_s, TICK_S), 100 * y[..., MU_AVAILABLE]
+    return Ticks(z, np.ones(z.shape, bool), ratio, samples.speed_m_s, TICK_S, np.arange(len(z))), 100 * y[
+        ..., MU_AVAILABLE
+    ]
 
 
 def played(curve: CreepCurve, utilisation: float, creep_of_peak: float, seed: int, speed: float = 25.0) -> Samples:
@@ -43,17 +47,14 @@ def played(curve: CreepCurve, utilisation: float, creep_of_peak: float, seed: in
 
 def quiet(ticks: int, axles: int, speed: float = 25.0) -> Ticks:
     z = np.zeros((ticks, 2, axles))
-    return Ticks(z, np.ones(z.shape, bool), np.full((ticks, axles), 0.01), np.full(ticks, speed), TICK_S)
+    return Ticks(
+        z, np.ones(z.shape, bool), np.full((ticks, axles), 0.01), np.full(ticks, speed), TICK_S, np.arange(ticks)
+    )
 
 
 @pytest.fixture(scope="module")
 def ekf() -> Ekf:
     return Ekf(W, MEMS, TICK_S)
-
-
-@pytest.fixture(scope="module")
-def imm() -> Imm:
-    return Imm(W, POINTS, MEMS, TICK_S, 1.0)
 
 
 @pytest.mark.parametrize("name", CURVES)
@@ -91,7 +92,7 @@ def test_friction_below_what_is_in_use_is_ruled_out(ekf: Ekf) -> None:
 
 
 @pytest.mark.parametrize("missing", [(0,), (1,), (0, 1)])
-def test_missing_channels_are_left_out(ekf: Ekf, imm: Imm, missing: tuple[int, ...]) -> None:
+def test_missing_channels_are_left_out(ekf: Ekf, missing: tuple[int, ...]) -> None:
     ticks, _ = measured(played(CURVES["C"], 0.5, math.nan, 5), 5)
     present = ticks.present.copy()
     for channel in missing:
@@ -100,18 +101,11 @@ def test_missing_channels_are_left_out(ekf: Ekf, imm: Imm, missing: tuple[int, .
     ratio[60:70] = np.nan
     blind = replace(ticks, z=np.where(present, ticks.z, np.nan), present=present, torque_ratio=ratio)
     wild = replace(ticks, z=np.where(present, ticks.z, 5.0), present=present, torque_ratio=ratio)
-    mu = ekf.mu_pct(blind)
-    assert np.isfinite(mu).all()
-    assert np.array_equal(mu, ekf.mu_pct(wild))
-    assert not np.array_equal(mu, ekf.mu_pct(ticks))
-    first = slice(0, 120)
-    cut = [
-        Ticks(t.z[first], t.present[first], t.torque_ratio[first], t.speed_m_s[first], TICK_S) for t in (blind, wild)
-    ]
-    p, q = (imm.probabilities(t) for t in cut)
-    assert np.isfinite(p).all()
-    assert np.array_equal(p, q)
-    assert np.isfinite(imm.mu_pct(cut[0])).all()
+    for baseline in (ekf, Offsetless(ekf, WINDOW)):
+        mu = baseline.mu_pct(blind)
+        assert np.isfinite(mu).all()
+        assert np.array_equal(mu, baseline.mu_pct(wild))
+        assert not np.array_equal(mu, baseline.mu_pct(ticks))
 
 
 def test_speeds_and_axles_do_not_mix(ekf: Ekf) -> None:
@@ -124,6 +118,7 @@ def test_speeds_and_axles_do_not_mix(ekf: Ekf) -> None:
         np.repeat(ramp.torque_ratio, 2, axis=1),
         speed,
         TICK_S,
+        ramp.number,
     )
     assert np.array_equal(ekf.mu_pct(double)[:, 1], ekf.mu_pct(ramp)[:, 0])
 
@@ -142,43 +137,45 @@ def test_the_table_is_the_linear_model_at_the_operating_point() -> None:
     )
 
 
-def test_the_modes_of_the_imm_are_the_design_points(imm: Imm) -> None:
-    """Its first tick by hand: likelihoods of the mixed and predicted filters, which start in their steady state."""
-    ticks = quiet(1, 1)
-    ticks.z[0, :, 0] = 3e-4, 0.03
-    gains = [steady_state(W, p, 25.0, TICK_S, (MEMS.yaw_rate.noise_rms, MEMS.lat_accel.noise_rms)) for p in POINTS]
-    likelihood = []
-    for j, g in enumerate(gains):
-        mixed = sum((STAY if i == j else (1 - STAY) / 3) * other.P for i, other in enumerate(gains))
-        S = g.H @ (g.Phi @ mixed @ g.Phi.T + g.Q) @ g.H.T + g.R
-        likelihood.append(multivariate_normal.pdf(ticks.z[0, :, 0], np.zeros(2), S))
-    assert imm.probabilities(ticks)[0, 0] == pytest.approx(np.array(likelihood) / sum(likelihood), rel=1e-9)
+def test_an_offset_does_not_reach_a_baseline(ekf: Ekf) -> None:
+    ticks, _ = measured(played(CURVES["B"], 0.5, math.nan, 8), 8)
+    off = replace(ticks, z=ticks.z + np.array([0.009, 0.05])[:, None])
+    assert without_offset(off, WINDOW).z == pytest.approx(without_offset(ticks, WINDOW).z)
+    fair = Offsetless(ekf, WINDOW)
+    assert fair.mu_pct(off) == pytest.approx(fair.mu_pct(ticks), rel=1e-6)
+    assert np.abs(ekf.mu_pct(off) - ekf.mu_pct(ticks))[-1, 0] > 1.0  # alone it is thrown off
 
 
-def test_the_probabilities_add_up_over_a_long_quiet_record_and_through_outliers(imm: Imm) -> None:
-    ticks = quiet(1500, 1)
-    ticks.z[1000:1400:2, 1, 0] = np.geomspace(0.1, 20.0, 200)  # up to where every likelihood underflows
-    p = imm.probabilities(ticks)
-    assert np.isfinite(p).all()
-    assert p.sum(axis=2) == pytest.approx(1.0)
-    assert np.ptp(p[900:1000], axis=0).max() < 1e-3
+def test_raw_inputs_are_of_the_signal_and_not_of_noise_or_trend() -> None:
+    n = 1000
+    rng = np.random.default_rng(3)
+    noise = 3e-4, 0.01
+    waves = np.array([2e-3, 0.05])[:, None] * np.sin(2 * np.pi * 4.0 * TICK_S * np.arange(n))
+    trend = np.array([1e-2, 0.3])[:, None] * np.arange(n) / n
+    z = (waves + trend + np.array(noise)[:, None] * rng.standard_normal((2, n))).T[:, :, None]
+    ticks = replace(quiet(n, 1), z=z)
+    found = 10.0 ** raw_inputs(ticks, WINDOW, noise)[-1, 0]
+    assert found[:2] == pytest.approx(np.array([2e-3, 0.05]) / math.sqrt(2), rel=0.05)
+    assert found[2:] == pytest.approx([0.01, 25.0])
 
 
-def test_where_every_likelihood_underflows_what_was_expected_stands(imm: Imm, monkeypatch: pytest.MonkeyPatch) -> None:
-    before = imm.probabilities(quiet(5, 1))[-1, 0]
-    usual = KalmanFilter.likelihood.fget
-    ticks = quiet(7, 1)
-    ticks.z[5:, 0, 0] = 1.0
-    monkeypatch.setattr(KalmanFilter, "likelihood", property(lambda f: 0.0 if f.z[0] else usual(f)))
-    after = imm.probabilities(ticks)[5:, 0]
-    transition = np.full((4, 4), (1 - STAY) / 3) + np.eye(4) * (STAY - (1 - STAY) / 3)
-    assert after[0] == pytest.approx(before @ transition)
-    assert after[1] == pytest.approx(before @ transition @ transition)
+def test_another_design_runs_on_the_same_ticks_as_the_train_s() -> None:
+    design = load_design(DESIGN)
+    ticks, _ = measured(played(CURVES["C"], 0.6, math.nan, 9), 9)
+    late = replace(ticks, number=ticks.number + 1003)
+    mu = Beside(design).mu_pct(late)
+    estimator = Estimator(design, 1)
+    for k in range(len(late.number)):
+        number = int(late.number[k])
+        estimator.step(Tick(number, late.z[k], late.present[k], late.torque_ratio[k], float(late.speed_m_s[k])))
+        if k == 400:
+            assert mu[k, 0] == estimator.estimate().mu_available_pct[0]
+    assert mu[401, 0] == mu[400, 0]  # until the next frame
+    assert np.isnan(mu[0, 0])
 
 
-def test_the_imm_is_never_below_the_torque(imm: Imm) -> None:
-    ticks, _ = measured(played(CURVES["A"], 0.9, math.nan, 7), 7)
-    part = Ticks(ticks.z[:300], ticks.present[:300], ticks.torque_ratio[:300], ticks.speed_m_s[:300], TICK_S)
-    mu = imm.mu_pct(part)
-    assert mu.shape == (300, 1)
-    assert (mu >= 100 * part.torque_ratio).all()
+def test_a_design_for_another_wheelset_cannot_run_beside() -> None:
+    design = load_design(DESIGN)
+    fitting("same", design, design)
+    with pytest.raises(InputError, match="r_0"):
+        fitting("other", replace(design, r_0=0.42), design)

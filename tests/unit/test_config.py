@@ -76,6 +76,7 @@ BAD = {
     "no such adhesion message": (f'{VEHICLE}{AXLE}adhesion = "Adhesion_A5"\n', 9, "did you mean 'Adhesion_A"),
     "adhesion message without validity": (f'{VEHICLE}{AXLE}adhesion = "Torque_A1"\n', 9, "no signal 'Validity'"),
     "another wheelset": (f"{VEHICLE}{AXLE}[wheelset]\nm_w = 1600.0\n", 10, "is for a wheelset with 1250.0"),
+    "a train's wheelset": (f'{VEHICLE}{AXLE}[wheelset]\nname = "metro"\n', 10, "is for a wheelset with 'default'"),
     "unknown wheelset key": (f"{VEHICLE}{AXLE}[wheelset]\nmass = 1600.0\n", 10, "unknown key"),
 }  # fmt: skip
 
@@ -93,6 +94,39 @@ def test_bad_input(tmp_path: Path, case: str) -> None:
 def test_a_missing_file(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no such file"):
         load_config(tmp_path / "none.toml")
+
+
+OWN_DBC = '[dbc]\nfile = "own.dbc"\n'
+
+
+@pytest.mark.parametrize("more", ["", "[wheelset]\n"])
+def test_a_train_with_its_own_dbc_names_its_wheelset(tmp_path: Path, more: str) -> None:
+    (tmp_path / "own.dbc").write_bytes(resources.DBC.read_bytes())
+    path = config(tmp_path, f"{VEHICLE}{AXLE}{OWN_DBC}{more}")
+    with pytest.raises(InputError, match=r'wrcd.toml:10: dbc.file: is a train.s own.*\[wheelset\] name = "default"'):
+        load_config(path)
+
+
+@pytest.mark.parametrize(
+    "more", ['[wheelset]\nname = "default"\n', "[wheelset]\nr_0 = 0.5\n", '[estimator]\ndesign = "my.json"\n']
+)
+def test_a_wheelset_that_is_named_is_shown(tmp_path: Path, more: str) -> None:
+    (tmp_path / "own.dbc").write_bytes(resources.DBC.read_bytes())
+    (tmp_path / "my.json").write_bytes(resources.DESIGN.read_bytes())
+    lines = describe(load_config(config(tmp_path, f"{VEHICLE}{AXLE}{OWN_DBC}{more}")))
+    (line,) = (x for x in lines if x.startswith("wheelset "))
+    assert "default: axle load 147.1 kN, wheel radius 0.5 m, conicity 0.15" in line
+
+
+def test_measurements_are_stale_after_three_ticks_whatever_the_dbc_says(tmp_path: Path) -> None:
+    text = resources.DBC.read_text("cp1252")
+    for can_id, name in ((257, "YawRate"), (273, "LatAccel"), (289, "Torque")):
+        good = f'"GenSigTimeoutTime" SG_ {can_id} {name} '
+        assert good in text
+        text = text.replace(good + ("15" if can_id < 289 else "30"), good + "90")
+    (tmp_path / "own.dbc").write_text(text, "cp1252")
+    c = load_config(config(tmp_path, f'{VEHICLE}{AXLE}{OWN_DBC}[wheelset]\nname = "default"\n'))
+    assert [i.timeout_us for i in c.inputs] == [15_000, 15_000, 90_000, 60_000]
 
 
 def test_a_broken_dbc(tmp_path: Path) -> None:

@@ -1,13 +1,18 @@
 """The contract: names, ids, lengths, cycles, layout. Others test against these."""
 
 from pathlib import Path
+from typing import get_args
 
 import cantools
 import pytest
 from cantools.database.can import Database
 
 from wrcd.bus.dbc import timeout_ms
+from wrcd.bus.link import LinkState
 from wrcd.bus.reasons import Reason
+from wrcd.daemon.causes import Cause
+from wrcd.daemon.counts import State
+from wrcd.daemon.report import Validity
 
 ROOT = Path(__file__).parents[2]
 MESSAGES = {
@@ -97,7 +102,7 @@ def test_every_message_is_protected_and_every_signal_explained(file: str) -> Non
 def test_value_tables(production: Database) -> None:
     m = production.get_message_by_name("Adhesion_A2")
     tables = {s.name: {int(k): str(v) for k, v in s.choices.items()} for s in m.signals if s.choices}
-    assert tables["Validity"] == {0: "NotAvailable", 1: "Valid", 2: "Degraded", 14: "Error"}
+    assert tables["Validity"] == {0: "NotAvailable", 1: "Valid", 2: "Degraded"}
     assert tables["Surface"] == {0: "Unknown", 1: "Dry", 2: "Wet", 3: "Reduced", 4: "Low", 5: "VeryLow"}
     assert tables["ContactState"] == {0: "Unknown", 1: "Adhering", 2: "Saturated"}
     assert tables["MuAvailable"] == {0xFFFF: "NotAvailable", 0xFFFE: "Error"}
@@ -111,12 +116,38 @@ def test_value_tables(production: Database) -> None:
     }
 
 
+def words(production: Database, message: str, signal: str) -> set[str]:
+    return {
+        str(word)
+        for word in (production.get_message_by_name(message).get_signal_by_name(signal).choices or {}).values()
+    }
+
+
+def test_no_state_is_promised_that_is_never_sent(production: Database) -> None:
+    """Each of these words is one that the daemon uses, and it uses no other."""
+    assert words(production, "Adhesion_A3", "Validity") == {v.value for v in Validity}
+    assert words(production, "WrcdStatus", "State") == set(get_args(State))
+    assert words(production, "WrcdLink", "LinkState") == set(get_args(LinkState))
+
+
 def test_the_truth_is_only_in_the_rigs_file(production: Database) -> None:
     truth = load("sim_ecu.dbc")
     assert {m.name: m.frame_id for m in truth.messages} == {f"SimTruth_A{a}": 0x7A0 + a for a in range(1, 5)}
     slip = truth.get_message_by_name("SimTruth_A1").get_signal_by_name("Slip")
     assert (slip.start, slip.length, slip.is_signed, slip.scale) == (48, 16, True, 1e-5)
     assert not any("Truth" in m.name for m in production.messages)
+
+
+def test_every_cause_has_its_label_beside_residuals_that_keep_their_range(production: Database) -> None:
+    for a in range(1, 5):
+        m = production.get_message_by_name(f"AdhesionDetail_A{a}")
+        cause = m.get_signal_by_name("Cause")
+        assert {int(k): str(v) for k, v in (cause.choices or {}).items()} == {int(c): c.label for c in Cause}
+        assert max(Cause) < 1 << cause.length
+        for k in range(1, 5):
+            s = m.get_signal_by_name(f"Residual{k}")
+            assert (s.length, s.scale, s.minimum, s.maximum) == (8, 0.4, -70, 31.6)
+            assert {int(n): str(v) for n, v in (s.choices or {}).items()} == {255: "NotAvailable"}
 
 
 def test_every_reason_has_its_label_and_its_counter(production: Database) -> None:

@@ -9,6 +9,7 @@ import pytest
 from sim_ecu.cli import main as sim_ecu
 from tests.conftest import LogOf
 from tests.scenarios import held
+from wrcd.daemon.causes import Cause
 from wrcd.estimator.design import load_design
 from wrcd.resources import DESIGN
 from wrcd.tools.cli import main as wrcd
@@ -52,6 +53,9 @@ def test_a_replay_names_model_and_rule_of_each_moment(log_of: LogOf, tmp_path: P
     assert design.model_names[int(model) - 1] == name
     assert 0.0 < float(last["rule_share"]) <= 1.0
     assert rows[0]["dominant_rule"] == ""  # nothing is known yet
+    assert rows[0]["cause"] == Cause.INPUT_SILENT.words
+    assert {r["cause"] for r in rows if r["validity"] == "NotAvailable"} >= {Cause.WARMING_UP.words}
+    assert {r["cause"] for r in rows if r["validity"] == "Valid"} == {""}
 
     # without being asked for, the table is as it was
     assert wrcd(["replay", str(log), "--csv", str(tmp_path / "b.csv")]) == 0

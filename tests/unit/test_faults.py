@@ -6,11 +6,12 @@ from pathlib import Path
 from typing import Any
 
 import e2e.p11
+import numpy as np
 import pytest
 
 from sim_ecu.cli import main as sim_ecu
 from sim_ecu.play.encoder import Sent, data_id, databases
-from sim_ecu.play.expected import ROWS, Leaves, Stays, Unseen, missing
+from sim_ecu.play.expected import LONG_ROWS, ROWS, Found, Leaves, Must, Stays, Unseen, missing
 from sim_ecu.play.faults import KINDS, Fault, Stage, parse_fault
 from sim_ecu.play.interface import check
 from sim_ecu.play.judge import Said, judge
@@ -119,6 +120,17 @@ def test_values(scenario: Scenario) -> None:
     assert [value(f) > 60_000 for f in torques] == [k % 10 == 0 for k in range(20)]
     speeds = of(played(scenario, fault("bias", ",of=speed")), SPEED)
     assert list(map(value, speeds)) == pytest.approx([27.0] * 10, abs=0.05)
+
+
+def test_dead_and_reversed_sensors(scenario: Scenario) -> None:
+    clean = {i: [value(f) for f in of(played(scenario), i)] for i in (YAW, LAT, TORQUE)}
+    assert [value(f) for f in of(played(scenario, fault("reverse")), YAW)] == pytest.approx([-v for v in clean[YAW]])
+    dead = played(scenario, fault("dead", ",of=all"))
+    noise = {i: np.std([value(f) for f in of(dead, i)]) for i in (YAW, LAT)}
+    assert noise[YAW] == pytest.approx(3e-4, rel=0.4)
+    assert noise[LAT] == pytest.approx(0.01, rel=0.4)
+    assert [value(f) for f in of(dead, TORQUE)] == clean[TORQUE]
+    assert all(map(right, of(dead, YAW)))
 
 
 def test_not_available_and_status(scenario: Scenario) -> None:
@@ -261,7 +273,7 @@ def test_the_judge() -> None:
     mus = dict.fromkeys(range(100), 20.0)
     good = [*[True] * 6, *[False] * 20, *[True] * 60]
 
-    def wrong(must: Leaves | Stays | Unseen, valid: Sequence[bool], mu: float = 20.0, late: float = 20.0) -> str:
+    def wrong(must: Must, valid: Sequence[bool], mu: float = 20.0, late: float = 20.0) -> str:
         said = [*frames_said(valid, mu)[:70], *frames_said(valid, late)[70:]]
         return judge(must, 100_000, 300_000, said, mus).wrong
 
@@ -281,6 +293,10 @@ def test_the_judge() -> None:
     assert wrong(Unseen(), good, 30.0) == ""
     assert wrong(Unseen(), good, 30.0, 22.0) == "not itself again"
     assert wrong(must, good, 20.0, 22.0) == "not itself again"
+    # found out at 200 ms; what comes after the fault's end is not judged
+    assert wrong(Found(100.0), [*[True] * 10, *[False] * 5, *[True] * 70], 30.0, 30.0) == ""
+    assert wrong(Found(100.0), [*[True] * 11, *[False] * 4, *[True] * 70]) == "not found out"
+    assert wrong(Found(100.0), [True] * 90) == "not found out"
 
 
 def test_every_kind_has_its_row() -> None:
@@ -290,5 +306,6 @@ def test_every_kind_has_its_row() -> None:
 def test_the_matrix_is_kept() -> None:
     """`sim-ecu faults`, at one of its moments."""
     matrix = Matrix(begins_s=BEGINS_S[1:2])
-    wrong = {(r.fault.kind, r.fault.of, r.fault.duration_s): matrix.play(r).wrong for r in ROWS}
+    rows = (*ROWS, *LONG_ROWS)
+    wrong = {(r.fault.kind, r.fault.of, r.fault.duration_s, r.fault.amount): matrix.play(r).wrong for r in rows}
     assert {k: v for k, v in wrong.items() if v} == {}

@@ -9,7 +9,8 @@ import pytest
 from wrcd.bus.controller import Controller
 from wrcd.bus.hardwareclock import HardwareClock
 from wrcd.bus.link import LinkHealth
-from wrcd.bus.socketcan import SO_TIMESTAMPING, SO_TIMESTAMPNS, SocketCanLink
+from wrcd.bus.rawcan import SO_TIMESTAMPING, SO_TIMESTAMPNS
+from wrcd.bus.socketcan import SocketCanLink
 
 START = 1_700_000_000_000_000
 

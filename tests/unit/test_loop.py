@@ -14,9 +14,10 @@ import pytest
 from tests.unit.test_core import Rig
 from wrcd.bus.frame import Frame
 from wrcd.bus.link import LinkHealth
-from wrcd.daemon.config import DEFAULT, Config, load_config
+from wrcd.daemon.config import DEFAULT, Config, RecorderConfig, load_config
 from wrcd.daemon.loop import Daemon
 from wrcd.daemon.notify import Notifier
+from wrcd.daemon.recorder import Recorder
 from wrcd.daemon.reload import Reload
 
 
@@ -29,6 +30,7 @@ class Wire:
         self.health = LinkHealth()
         self.waiting: list[Frame] = []
         self.sent: list[Frame] = []
+        self.closed = False
 
     def receive(self, now_us: int) -> list[Frame]:
         ready = [f for f in self.waiting if f.stamp_us <= now_us]
@@ -36,11 +38,12 @@ class Wire:
         return ready
 
     def send(self, frame: Frame) -> bool:
+        assert not self.closed
         self.sent.append(frame)
         return True
 
     def close(self) -> None:
-        pass
+        self.closed = True
 
 
 @pytest.fixture(scope="module")
@@ -192,6 +195,54 @@ def test_the_watchdog_hears_nothing_of_a_loop_that_is_always_late(systemd: Syste
             systemd.setup.now += late_us
             systemd.daemon.poll()
         assert heard - 2 <= len(systemd.heard()) <= heard
+
+
+class Dump:
+    """The dump at the end, which takes its time: what the bus has seen when it begins."""
+
+    def __init__(self, wire: Wire) -> None:
+        self._wire = wire
+        self.begun: list[tuple[bool, list[int]]] = []
+
+    def close(self, *_: object) -> None:
+        self.begun.append((self._wire.closed, [f.data[1] >> 4 for f in self._wire.sent[-5:]]))
+
+
+@pytest.mark.parametrize("where", ["poll", "catch_up"])
+def test_an_exception_sends_the_farewell_and_closes_the_bus_before_the_dump(
+    systemd: Systemd, config: Config, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, where: str
+) -> None:
+    setup, daemon = systemd.setup, systemd.daemon
+    recorder = Recorder(RecorderConfig(tmp_path, 3.0, 20, 200.0), setup.rig.core, "vcan0", lambda _: None)
+    dump = Dump(setup.wire)
+    monkeypatch.setattr(recorder, "close", dump.close)
+    monkeypatch.setattr(daemon, "_recorder", recorder)
+    polls, original = iter(range(100)), getattr(daemon, where)
+
+    def breaks() -> None:
+        original()
+        if where == "catch_up" or next(polls) == 99:
+            raise ZeroDivisionError
+
+    monkeypatch.setattr(daemon, where, breaks)
+    with pytest.raises(ZeroDivisionError):
+        daemon.run()
+    # closed, and the last that was heard is NotAvailable of every axle and Stopping
+    assert dump.begun == [(True, [0, 0, 0, 0, 3])]
+    assert systemd.heard()[-1] == "STOPPING=1"
+
+
+def test_a_farewell_that_fails_hides_nothing_and_keeps_nothing_from_being_closed(
+    systemd: Systemd, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def broken(*_: object) -> bool:
+        raise ZeroDivisionError("no bus")
+
+    monkeypatch.setattr(systemd.setup.wire, "send", broken)
+    with pytest.raises(ZeroDivisionError):
+        systemd.daemon.run()
+    assert systemd.setup.wire.closed
+    assert "the last frames were not sent: ZeroDivisionError('no bus')" in capsys.readouterr().err
 
 
 def test_hangup_reads_the_configuration_again(

@@ -55,6 +55,22 @@ def test_refused_frames_come_as_one_line_a_second(log: Log) -> None:
     assert seconds - 1 <= len(lines) <= seconds + 1
 
 
+def test_a_loss_of_validity_is_told_with_its_cause_in_words(log: Log) -> None:
+    rig = log.rig
+    rig.run(1500)
+    assert log.look() == ["axle 1 is Valid"]
+    rig.yaw_status = 1
+    rig.run(1500)
+    assert log.look() == ["axle 1 is not Valid any more: a sender said Degraded of itself"]
+    rig.yaw_status = 0
+    rig.run(2000)
+    assert log.look() == ["axle 1 is Valid"]
+    while rig.speed > 1.0:  # a train that stops loses nothing
+        rig.speed -= 0.2
+        rig.run(20)
+    assert log.look(2000) == []
+
+
 def test_a_link_that_flaps_does_not_flood(log: Log) -> None:
     assert log.look() == []
     log.wire.health.state = "Down"

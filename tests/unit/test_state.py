@@ -52,7 +52,7 @@ def objects(root: Any) -> Iterator[tuple[str, Any]]:
 def ours(value: Any) -> bool:
     params = getattr(type(value), "__dataclass_params__", None)
     frozen = params is not None and params.frozen
-    return f"{type(value).__module__}.".startswith(PACKAGES) and not frozen and not isinstance(value, str)
+    return f"{type(value).__module__}.".startswith(PACKAGES) and not frozen and not isinstance(value, (str, int))
 
 
 def attributes(thing: Any) -> list[str]:

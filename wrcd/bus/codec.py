@@ -33,12 +33,14 @@ class Source:
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """A value in SI units, for each of the axles; degraded if its sender says so, or another seems to send it, too."""
+    """A value in SI units, for each of the axles. Degraded if its sender says so, contested if another seems to send
+    it, too."""
 
     quantity: Quantity
     axles: tuple[int, ...]
     value: float
     degraded: bool
+    contested: bool = False
 
 
 def plain(label: object) -> str:
@@ -120,13 +122,13 @@ class MessageReader:
         status = self._status.get(int(raw[STATUS]), "error") if self._status else "ok"
         if status not in USABLE and status != "degraded":
             return Reason.STATUS
-        degraded = status == "degraded" or (self._checker is not None and self._checker.suspect)
+        degraded, contested = status == "degraded", self._checker is not None and self._checker.suspect
         samples = []
         for signal in self._signals:
             value = signal.read(raw[signal.name])
             if isinstance(value, Reason):
                 return value
-            samples.append(Sample(signal.source.quantity, signal.source.axles, value, degraded))
+            samples.append(Sample(signal.source.quantity, signal.source.axles, value, degraded, contested))
         return samples
 
 
@@ -155,7 +157,7 @@ class Receiver:
         return self._readers[can_id].sources
 
     def forget(self) -> None:
-        """After a step of time: take every counter as it comes."""
+        """After a step of time or a long silence: take every counter as it comes."""
         for reader in self._readers.values():
             reader.forget()
 

@@ -5,6 +5,8 @@ from typing import Literal, Protocol
 
 from wrcd.bus.frame import Frame
 
+MAX_FRAMES = 4096  # that a link hands over at a time, so that no flood keeps the loop from its tick
+
 LinkState = Literal["Up", "Down", "Gone", "ErrorPassive", "BusOff"]
 
 
@@ -34,7 +36,8 @@ class Link(Protocol):
     health: LinkHealth
 
     def receive(self, now_us: int) -> list[Frame]:
-        """All that is there, oldest first. now_us serves re-opening, and stamps where the interface has none."""
+        """What is there, oldest first, MAX_FRAMES at the most. now_us serves re-opening, and stamps where the interface
+        has none."""
 
     def send(self, frame: Frame) -> bool:
         """Send at once or not at all: a frame that has to queue would arrive stale."""

@@ -5,11 +5,12 @@ from typing import Any
 import can
 
 from wrcd.bus.frame import Frame
-from wrcd.bus.link import LinkHealth
+from wrcd.bus.link import MAX_FRAMES, LinkHealth
 from wrcd.errors import BusError
 
 # A stamp further than this from the wall clock is in the interface's own time: the time of reception replaces it.
 FOREIGN_CLOCK_US = 100_000
+MAX_STANDARD_ID = 0x7FF  # a larger one is an extended frame's
 
 
 def from_message(m: can.Message, stamp_us: int) -> Frame:
@@ -20,32 +21,35 @@ def from_message(m: can.Message, stamp_us: int) -> Frame:
 
 
 class PythonCanLink:
-    """A python-can bus, read without its threads."""
+    """A python-can bus, read without its threads.
+
+    Its ids are looked at here: where python-can filters by itself, a frame of another id ends a look that does not
+    wait, and each look takes one such frame. Some hundred of them a second would keep the sensors' waiting for ever.
+    """
 
     def __init__(self, interface: str, channel: str, ids: tuple[int, ...] | None, **options: Any) -> None:
         self.name = f"{interface}:{channel}"
         self.health = LinkHealth()
-        filters: Any = ids and [
-            {"can_id": i, "can_mask": 0x7FF if i <= 0x7FF else 0x1FFFFFFF, "extended": i > 0x7FF} for i in ids
-        ]
+        self._ids = None if ids is None else frozenset((i, i > MAX_STANDARD_ID) for i in ids)
         try:
-            self._bus = can.Bus(interface=interface, channel=channel, can_filters=filters, **options)
+            self._bus = can.Bus(interface=interface, channel=channel, **options)
         except (can.CanError, OSError, ValueError, ImportError, NotImplementedError, AttributeError, TypeError) as e:
             raise BusError(
                 f"{self.name} cannot be opened: {e}", key="interface", hint="see python-can's list of interfaces"
             ) from None
 
     def receive(self, now_us: int) -> list[Frame]:
-        """All that is there."""
+        """What is there, MAX_FRAMES at the most, those of other ids and error frames among them."""
         frames = []
-        while (message := self._get()) is not None:
-            stamp_us = round(message.timestamp * 1e6)
-            if abs(stamp_us - now_us) > FOREIGN_CLOCK_US:
-                stamp_us = now_us
+        for _ in range(MAX_FRAMES):
+            message = self._get()
+            if message is None:
+                break
             if message.is_error_frame:
                 self.health.error_frames += 1
-            else:
-                frames.append(from_message(message, stamp_us))
+            elif self._ids is None or (message.arbitration_id, message.is_extended_id) in self._ids:
+                stamp_us = round(message.timestamp * 1e6)
+                frames.append(from_message(message, stamp_us if abs(stamp_us - now_us) <= FOREIGN_CLOCK_US else now_us))
         return frames
 
     def _get(self) -> can.Message | None:

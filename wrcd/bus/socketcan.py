@@ -2,36 +2,46 @@
 
 import errno
 import socket
-import struct
 
 from wrcd.bus.controller import ALL_ERRORS, Controller
 from wrcd.bus.frame import Frame
 from wrcd.bus.hardwareclock import HardwareClock
-from wrcd.bus.link import LinkHealth
+from wrcd.bus.link import MAX_FRAMES, LinkHealth
+from wrcd.bus.rawcan import (
+    CAN_EFF_FLAG,
+    CAN_ERR_FLAG,
+    CAN_RAW_ERR_FILTER,
+    CAN_RAW_RECV_OWN_MSGS,
+    CAN_RTR_FLAG,
+    FRAME,
+    GONE,
+    RAW_HARDWARE,
+    RX_HARDWARE,
+    RX_SOFTWARE,
+    SO_RXQ_OVFL,
+    SO_TIMESTAMPING,
+    SO_TIMESTAMPNS,
+    SOFTWARE,
+    U32,
+    advice,
+    only_id,
+    only_word,
+    time_us,
+)
+from wrcd.bus.rtnetlink import LinkEvent, open_events
 from wrcd.errors import BusError
 
-_FRAME = struct.Struct("=IB3x8s")  # struct can_frame
-_TIMESPEC = struct.Struct("@ll")
-_U32 = struct.Struct("=I")
-_FILTER = struct.Struct("=II")
-# Not all of these have names in the socket module.
-SO_TIMESTAMPNS = 35
-SO_TIMESTAMPING = 37
-RAW_HARDWARE, RX_SOFTWARE, SOFTWARE, RX_HARDWARE = 1 << 6, 1 << 3, 1 << 4, 1 << 2
-SO_RXQ_OVFL = 40
-CAN_RAW_RECV_OWN_MSGS = 4
-CAN_RAW_ERR_FILTER = 2
-CAN_EFF_FLAG, CAN_RTR_FLAG, CAN_ERR_FLAG = 0x80000000, 0x40000000, 0x20000000
 SEND_BUFFER = 8 << 10  # bytes: some slots' frames, no more may wait in the kernel
 RECEIVE_BUFFER = 4 << 20  # bytes, up to net.core.rmem_max; the kernel's default holds 278 frames
 UNCONFIRMED_US = 1_000_000  # after so long without a sign that a frame has left, one slot's frames are tried again
-MOST_FRAMES = 4096  # taken at a time, so that no flood keeps the loop from its tick
-REOPEN_FIRST_US, REOPEN_LAST_US = 50_000, 1_000_000  # a device that has gone is tried again, ever less often
-_GONE = {errno.ENODEV, errno.ENXIO, errno.EBADF}
+# A device that has gone is opened again when the kernel says that it is there; and tried so often, for where rtnetlink
+# is not to be had. No longer, however long it has been gone: the window has to fill first anyway.
+REOPEN_US = 50_000
 
 
 class SocketCanLink:
-    """One raw CAN socket. The device may go and come back; link-down is waited out on the same socket."""
+    """One raw CAN socket, and one of rtnetlink's beside it. The device may go and come back; link-down is waited out on
+    the same socket."""
 
     def __init__(self, channel: str, ids: tuple[int, ...] | None) -> None:
         self.name = f"socketcan:{channel}"
@@ -41,7 +51,7 @@ class SocketCanLink:
         self._controller = Controller(self.health)
         self._down = False
         self._dropped_before = 0
-        self._next_try_us, self._pause_us = 0, REOPEN_FIRST_US
+        self._tried_us = 0  # when it was last tried to open a device that has gone
         self._own: frozenset[int] = frozenset()  # words of the frames sent here
         self._slot_us = self._opened_us = 0  # stamps of the newest slot, and of the newest that was sent
         self._sending = True  # whether the newest slot is
@@ -50,11 +60,13 @@ class SocketCanLink:
         self._early: list[Frame] = []  # received while looking for that
         if not hasattr(socket, "AF_CAN"):
             raise BusError("this Python has no AF_CAN", key="interface", hint="use Linux, or another interface")
+        self._events = open_events(channel)
         try:
             self._socket: socket.socket | None = self._open()
         except OSError as e:
+            self.close_events()
             raise BusError(
-                f"CAN interface {channel!r} cannot be opened: {e.strerror}", key="channel", hint=_advice(e, channel)
+                f"CAN interface {channel!r} cannot be opened: {e.strerror}", key="channel", hint=advice(e, channel)
             ) from None
 
     def _open(self) -> socket.socket:
@@ -65,7 +77,8 @@ class SocketCanLink:
             s.setsockopt(socket.SOL_SOCKET, SO_RXQ_OVFL, 1)
             s.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
             s.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
-            self._filter(s)
+            if (filters := self._filters()) is not None:
+                s.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FILTER, filters)
             s.setsockopt(socket.SOL_CAN_RAW, CAN_RAW_ERR_FILTER, ALL_ERRORS)
             s.setsockopt(socket.SOL_CAN_RAW, CAN_RAW_RECV_OWN_MSGS, 1)
             s.bind((self._channel,))
@@ -88,31 +101,47 @@ class SocketCanLink:
             s.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPING, RAW_HARDWARE | RX_HARDWARE | RX_SOFTWARE | SOFTWARE)
 
     def receive(self, now_us: int) -> list[Frame]:
-        """What the kernel holds, error frames too, some thousand at the most. A device that has gone is opened again,
-        sooner at first, then once a second."""
+        """What the kernel holds, error frames too, MAX_FRAMES at the most. A device that has gone is opened again as
+        soon as it is back."""
+        came = self._follow(now_us)
         if self._socket is None:
-            self._reopen(now_us)
+            self._reopen(now_us, came)
         frames, self._early = self._early, []
         self._read(frames, now_us)
         if self._socket is not None and (mask := self._controller.mask(now_us)) is not None:
-            self._socket.setsockopt(socket.SOL_CAN_RAW, CAN_RAW_ERR_FILTER, mask)
+            self._set(CAN_RAW_ERR_FILTER, mask, now_us)
         self._tell()
         return frames
 
+    def _follow(self, now_us: int) -> bool:
+        """Take in what the kernel says of the interface. Returns whether it says that there is one."""
+        came = False
+        for event in self._events.read() if self._events is not None else ():
+            came = event is not LinkEvent.GONE
+            if event is LinkEvent.UP:
+                self._down = False
+            else:
+                self._go_down()
+            if event is LinkEvent.GONE:
+                self._lose(now_us)
+        return came
+
     def _read(self, frames: list[Frame], now_us: int) -> None:
-        while self._socket is not None and len(frames) < MOST_FRAMES:
+        while self._socket is not None and len(frames) < MAX_FRAMES:
             try:
-                data, extra, flags, _ = self._socket.recvmsg(_FRAME.size, 256)
+                data, extra, flags, _ = self._socket.recvmsg(FRAME.size, 256)
             except BlockingIOError:
                 break
             except InterruptedError:
                 continue
             except OSError as e:
+                if e.errno == errno.ENETDOWN and self._events is not None:
+                    continue  # perhaps it is up again already: rtnetlink says what came last
                 self._trouble(e, now_us)
                 if e.errno != errno.ENETDOWN:
                     break
                 continue
-            if len(data) != _FRAME.size:
+            if len(data) != FRAME.size:
                 continue
             if flags & socket.MSG_CONFIRM:  # one of ours has left
                 self._confirms, self._unconfirmed = True, max(self._unconfirmed - 1, 0)
@@ -122,16 +151,24 @@ class SocketCanLink:
     def narrow(self, ids: tuple[int, ...]) -> None:
         """From now on only these ids."""
         self._ids = ids
-        self._filter_all()
+        self._set(socket.CAN_RAW_FILTER, self._filters(), 0)
 
-    def _filter_all(self) -> None:
-        if self._socket is not None:
-            self._filter(self._socket)
+    def _filters(self) -> bytes | None:
+        """struct can_filter of each id that is let in; None: all are."""
+        if self._ids is None:
+            return None
+        return b"".join(map(only_id, self._ids)) + b"".join(map(only_word, sorted(self._own)))
 
-    def _filter(self, s: socket.socket) -> None:
-        if self._ids is not None:
-            filters = b"".join(map(_filter, self._ids)) + b"".join(map(_own, sorted(self._own)))
-            s.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FILTER, filters)
+    def _set(self, option: int, value: int | bytes | None, now_us: int) -> None:
+        """Set an option of the raw socket. The kernel looks for the device first, which may just be going away."""
+        if self._socket is None or value is None:
+            return
+        try:
+            self._socket.setsockopt(socket.SOL_CAN_RAW, option, value)
+        except OSError as e:
+            if e.errno not in (*GONE, errno.ENETDOWN):
+                raise
+            self._trouble(e, now_us)
 
     def _take(self, data: bytes, extra: list[tuple[int, int, bytes]], now_us: int) -> Frame:
         stamp_us = now_us
@@ -139,16 +176,16 @@ class SocketCanLink:
             if level != socket.SOL_SOCKET:
                 continue
             if kind == SO_TIMESTAMPNS:
-                stamp_us = _time_us(value, 0)
+                stamp_us = time_us(value, 0)
             elif kind == SO_TIMESTAMPING:
-                stamp_us = _time_us(value, 0)
-                if self._hardware is not None and (raw_us := _time_us(value, 2)):
+                stamp_us = time_us(value, 0)
+                if self._hardware is not None and (raw_us := time_us(value, 2)):
                     stamp_us = self._hardware.lay(raw_us, stamp_us)
             elif kind == SO_RXQ_OVFL:
-                total = _U32.unpack(value[:4])[0]
+                total = U32.unpack(value[:4])[0]
                 self.health.drops += (total - self._dropped_before) & 0xFFFFFFFF
                 self._dropped_before = total
-        word, length, payload = _FRAME.unpack(data)
+        word, length, payload = FRAME.unpack(data)
         payload = payload[: min(length, 8)]
         self._down = False
         if word & CAN_ERR_FLAG:
@@ -160,21 +197,27 @@ class SocketCanLink:
         return Frame(stamp_us, word & mask, payload, extended, remote=bool(word & CAN_RTR_FLAG))
 
     def _trouble(self, e: OSError, now_us: int) -> None:
+        self._go_down()
+        if e.errno in GONE:
+            self._lose(now_us)
+
+    def _go_down(self) -> None:
+        """Nothing comes and nothing goes; what had not left yet never will."""
         self._down = True
         self._controller.restarted()
-        if e.errno in _GONE:
-            if self._socket is not None:
-                self._socket.close()
-            self._socket = None
-            self._pause_us = REOPEN_FIRST_US
-            self._next_try_us = now_us + self._pause_us
+        self._unconfirmed = 0
 
-    def _reopen(self, now_us: int) -> None:
+    def _lose(self, now_us: int) -> None:
+        """The device is gone, and the socket is deaf for ever."""
+        if self._socket is not None:
+            self._socket.close()
+            self._socket, self._tried_us = None, now_us
+
+    def _reopen(self, now_us: int, came: bool) -> None:
         # a clock that stepped back must not keep the bus closed
-        if self._next_try_us - self._pause_us <= now_us < self._next_try_us:
+        if not came and 0 <= now_us - self._tried_us < REOPEN_US:
             return
-        self._pause_us = min(2 * self._pause_us, REOPEN_LAST_US)
-        self._next_try_us = now_us + self._pause_us
+        self._tried_us = now_us
         try:
             self._socket = self._open()
         except OSError:
@@ -183,7 +226,7 @@ class SocketCanLink:
         self._dropped_before = 0
         self._controller = Controller(self.health)
         self._unconfirmed, self._confirms = 0, False
-        self._down = False
+        self._down = self._down and self._events is not None  # rtnetlink says when it is up
 
     def _tell(self) -> None:
         self.health.state = (
@@ -204,11 +247,11 @@ class SocketCanLink:
         word = frame.can_id | (CAN_EFF_FLAG if frame.extended else 0)
         if word not in self._own:
             self._own |= {word}
-            self._filter_all()
+            self._set(socket.CAN_RAW_FILTER, self._filters(), frame.stamp_us)
         if not self._open_slot(frame.stamp_us):
             self.health.unsent += 1
             return False
-        packed = _FRAME.pack(word, len(frame.data), frame.data.ljust(8, b"\0"))
+        packed = FRAME.pack(word, len(frame.data), frame.data.ljust(8, b"\0"))
         for _ in range(2):
             if self._socket is None:
                 break
@@ -246,30 +289,10 @@ class SocketCanLink:
         if self._socket is not None:
             self._socket.close()
         self._socket = None
+        self.close_events()
 
-
-def _time_us(value: bytes, place: int) -> int:
-    """One of the time stamps that came along, in whole microseconds."""
-    seconds, nanoseconds = _TIMESPEC.unpack_from(value, place * _TIMESPEC.size)
-    return int(seconds) * 1_000_000 + int(nanoseconds) // 1000
-
-
-def _filter(can_id: int) -> bytes:
-    """Exactly this id, in its own length."""
-    return _own(can_id if can_id <= socket.CAN_SFF_MASK else can_id | CAN_EFF_FLAG)
-
-
-def _own(word: int) -> bytes:
-    """The same for an id with its flag."""
-    mask = socket.CAN_EFF_MASK if word & CAN_EFF_FLAG else socket.CAN_SFF_MASK
-    return _FILTER.pack(word, mask | CAN_EFF_FLAG)
-
-
-def _advice(e: OSError, channel: str) -> str:
-    if e.errno in (errno.EAFNOSUPPORT, errno.EPROTONOSUPPORT):
-        return "this kernel has no CAN: load the modules can and can-raw, or use another interface"
-    if e.errno in _GONE:
-        if channel.startswith("vcan"):
-            return f"make it: ip link add {channel} type vcan && ip link set {channel} up"
-        return "see `ip link` for the interfaces there are"
-    return "check the interface and your rights"
+    def close_events(self) -> None:
+        """Do without rtnetlink from now on."""
+        if self._events is not None:
+            self._events.close()
+        self._events = None

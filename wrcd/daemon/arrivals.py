@@ -54,4 +54,5 @@ class Arrivals:
         for axles in self._waiting:
             for waiting in axles:
                 waiting.clear()
+        self._needless = [[0] * len(axles) for axles in self._needless]
         self.used_us[:] = NEVER

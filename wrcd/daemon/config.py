@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
 
@@ -26,6 +26,7 @@ from wrcd.estimator.design import Design, load_design
 from wrcd.settings import Section, parse_toml, read_toml, suggest
 
 T = TypeVar("T")
+STALE_TICKS = 3  # of gyro and accelerometer: two may be missing
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,6 +112,7 @@ def _config(
     design = _load(estimator, "design", design_file, read_design)
     _same_wheelset(top.section("wheelset"), design, design_file)
     axles, mapped = _train(top, vehicle, database)
+    mapped = [_of_tick(i, design) for i in mapped]
     constant = _constant_speed(limits)
     if constant is None and Quantity.SPEED not in {i.source.quantity for i in mapped}:
         raise vehicle.error(
@@ -142,6 +144,7 @@ def _config(
     )
     for section in (bus, dbc, estimator, limits, vehicle, top):
         section.done()
+    _names_the_wheelset(top, dbc, estimator, design)
     return config
 
 
@@ -169,6 +172,13 @@ def _train(top: Section, vehicle: Section, database: Database) -> tuple[list[Axl
         table.done()
     mapped += inputs(vehicle, database, VEHICLE_QUANTITIES, tuple(range(len(axles))))
     return axles, mapped
+
+
+def _of_tick(i: Input, design: Design) -> Input:
+    """The measurements run with the ticks: past three of them they are stale, whatever the DBC says."""
+    if i.source.quantity not in (Quantity.YAW_RATE, Quantity.LAT_ACCEL):
+        return i
+    return replace(i, timeout_us=round(STALE_TICKS * design.tick_s * 1e6))
 
 
 def _constant_speed(limits: Section) -> float | None:
@@ -234,8 +244,23 @@ def _same_wheelset(section: Section, design: Design, file: Path) -> None:
             raise section.error(
                 f"is {stated!r}, but the design file {file} is for a wheelset with {has!r}",
                 key,
-                "make a design for this wheelset with `sim-ecu design`",
+                "make a design for this wheelset with `sim-ecu design`, and name it under [estimator]",
             )
+
+
+def _names_the_wheelset(top: Section, dbc: Section, estimator: Section, design: Design) -> None:
+    """Whoever brings a train of their own says which wheelset it has: a foreign one cannot be told from its signals,
+    only its estimates are wrong."""
+    if "file" in dbc and "design" not in estimator and not list(top.section("wheelset")):
+        raise dbc.error(
+            f"is a train's own, but nothing says that it has the wheelset {_name(design)!r} of the packaged design",
+            "file",
+            f'name it: [wheelset] name = "{_name(design)}" (or parameters to compare), or [estimator] design = "FILE"',
+        )
+
+
+def _name(design: Design) -> str:
+    return str(design.wheelset.get("name", design.name))
 
 
 def _both_numbers(a: object, b: object) -> bool:

@@ -2,9 +2,12 @@
 
 from collections import Counter
 from dataclasses import dataclass, field
+from typing import Literal
 
 from wrcd.bus.link import LinkHealth
 from wrcd.bus.reasons import Reason
+
+State = Literal["Running", "LinkDown", "Stopping"]
 
 
 @dataclass(slots=True)
@@ -46,6 +49,6 @@ class Health:
 
     STATE = ("state", "overruns", "link")
 
-    state: str = "Running"
+    state: State = "Running"
     overruns: int = 0
     link: LinkHealth = field(default_factory=LinkHealth)

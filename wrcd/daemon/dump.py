@@ -21,7 +21,7 @@ from wrcd.daemon.child import OVERWRITTEN, UNKNOWN, Child
 from wrcd.daemon.folder import Bound, write_dump
 from wrcd.daemon.ring import ADVANCED, RECEIVED, SENT, Overwritten, Ring, read_ring
 
-FORMAT = "wrcd-state/1"
+FORMAT = "wrcd-state/2"
 # It stops so often for so long: where the lowest priority is not allowed or means little, the loop has the processor
 # in between.
 PAUSE_LINES, PAUSE_S = 100, 0.001

@@ -31,12 +31,13 @@ class Inputs:
     """
 
     STATE = (
-        "_value", "_stamps", "_degraded", "_arrivals", "unchanged", "reach", "_restless", "_steady", "stale", "dead",
-        "z", "present", "torque_ratio", "speed_jumped",
+        "_value", "_stamps", "degraded", "contested", "_arrivals", "unchanged", "reach", "_restless", "_steady",
+        "stale", "dead", "z", "present", "torque_ratio", "speed_jumped",
     )  # fmt: skip
 
     def __init__(self, config: Config) -> None:
         n, design = len(config.axles), config.design
+        self._design = design
         shape = (len(QUANTITIES), n)
         self._mapped = np.zeros(shape, dtype=bool)
         self._timeout = np.zeros(shape, dtype=np.int64)
@@ -50,7 +51,8 @@ class Inputs:
         self._value[DIRECTION] = 1.0
         self._value[RADIUS] = design.r_0
         self._stamps = np.full(shape, NEVER, dtype=np.int64)
-        self._degraded = np.zeros(shape, dtype=bool)
+        self.degraded: BoolArray = np.zeros(shape, dtype=bool)  # by what its sender says of itself
+        self.contested: BoolArray = np.zeros(shape, dtype=bool)  # by another sender of the same message
         self._arrivals = Arrivals(LAT + 1, n, design.recent_ticks)
         self.speed_jumped = False  # since it was last set back
         self.unchanged = np.zeros((LAT + 1, n), dtype=bool)  # for longer than the time-out, while the train moves
@@ -92,7 +94,7 @@ class Inputs:
         for s in sources:
             for axle in s.axles:
                 self.reach.refuse(_ROW[s.quantity], axle, stamp_us, reason)
-                self._degraded[_ROW[s.quantity], axle] |= reason is Reason.TWO_SENDERS
+                self.contested[_ROW[s.quantity], axle] |= reason is Reason.TWO_SENDERS
 
     def take(self, s: Sample, stamp_us: int) -> None:
         """A sample of an accepted frame."""
@@ -100,7 +102,7 @@ class Inputs:
         for axle in s.axles:
             self._stamps[q, axle] = stamp_us
             self.reach.came(q, axle, stamp_us)
-            self._degraded[q, axle] = s.degraded
+            self.degraded[q, axle], self.contested[q, axle] = s.degraded, s.contested
             if q <= LAT:
                 self._arrivals.put(q, axle, s.value, stamp_us)
             else:
@@ -110,7 +112,8 @@ class Inputs:
             self._steady[_place(s)].jumped = False
 
     def forget(self) -> None:
-        """A step of time: how old anything is cannot be told any more."""
+        """A step of time, or a long silence: nothing that came before counts."""
+        self.speed_jumped = False
         self._stamps[:] = NEVER
         self._arrivals.clear()
         self.reach.forget()
@@ -143,17 +146,29 @@ class Inputs:
         used_us = np.concatenate((self._arrivals.used_us[:, axle], self._stamps[LAT + 1 :, axle]))
         return min(int((end_us - used_us)[self._mapped[:, axle]].max()) // 1000, 255)
 
-    def sound(self, axle: int) -> bool:
-        """Whether nothing speaks against an estimate: no sender says Degraded or is contradicted by another, no sensor
-        stands still, the design covers the speed, and the torque is the total one (while braking, the friction
-        brakes' share must be known)."""
+    @property
+    def speed_covered(self) -> bool:
+        """Whether the design is for this speed."""
         low, high = self._speeds
-        return (
-            not self._degraded[self._mapped[:, axle], axle].any()
-            and not self.unchanged[:, axle].any()
-            and low <= self.speed_m_s <= high
-            and bool(self._torque_is_total or self._mapped[BRAKE, axle] or self._value[TORQUE, axle] >= 0)
-        )
+        return low <= self.speed_m_s <= high
+
+    @property
+    def friction_share_unknown(self) -> BoolArray:
+        """(n,) Where the friction brakes may add what nobody tells of: always but in traction, torque 0 included."""
+        out: BoolArray = ~(self._torque_is_total | self._mapped[BRAKE] | (self._value[TORQUE] > 0))
+        return out
+
+    @property
+    def load_share(self) -> FloatArray:
+        """(n,) The axle load over the design's; one where the bus does not tell it."""
+        out: FloatArray = self._value[LOAD] / (2 * self._design.normal_N)
+        return out
+
+    @property
+    def radius_share(self) -> FloatArray:
+        """(n,) The same of the wheel radius."""
+        out: FloatArray = self._value[RADIUS] / self._design.r_0
+        return out
 
 
 def _place(s: Sample | Source) -> tuple[int, int]:

@@ -3,11 +3,12 @@
 import gc
 import signal
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from types import FrameType
 
+from wrcd.bus.frame import Frame
 from wrcd.bus.link import Link
-from wrcd.daemon.core import Core
+from wrcd.daemon.core import BACKWARD_STEP_US, FORWARD_STEP_US, Core
 from wrcd.daemon.notify import Notifier
 from wrcd.daemon.outbox import Outgoing
 from wrcd.daemon.recorder import Recorder
@@ -23,11 +24,18 @@ SILENT_TURNS = 2
 # Systemd's watchdog is told of turns that ended this long after they were due and no later: an Adhesion frame's slot.
 # A loop that is always later sends next to nothing, and a new one may do better.
 LATE_US = 20_000
+# A loop that stood still for no longer than this closes every tick of that time; for longer it is a step of time.
+MAX_STALL_US = 60_000_000
 
 
 def wall_us() -> int:
     """The clock that stamps frames: CLOCK_REALTIME in whole microseconds."""
     return time.time_ns() // 1000
+
+
+def steady_us() -> int:
+    """A clock that nobody steps, in whole microseconds."""
+    return time.monotonic_ns() // 1000
 
 
 class Daemon:
@@ -42,6 +50,7 @@ class Daemon:
         link: Link,
         notifier: Notifier | None = None,
         clock: Callable[[], int] = wall_us,
+        steady: Callable[[], int] = steady_us,
         reload: Reload | None = None,
         recorder: Recorder | None = None,
     ) -> None:
@@ -51,7 +60,9 @@ class Daemon:
         self._reload = reload
         self._watch = Watch(core, link)
         self._notifier = notifier or Notifier({})
-        self._clock = clock
+        self._clock, self._steady = clock, steady
+        self._told_us = steady()  # the steady clock's time up to which the core has been told
+        self._offset_us = clock() - self._told_us  # of the wall clock from it
         self._period_us = round(core.config.design.tick_s * 1e6)
         self._stop = self._hangup = False
         self._turn_us = self._next_turn_us()
@@ -78,18 +89,46 @@ class Daemon:
         counts = self.core.counts
         before, ticks = counts.seen, counts.ticks
         frames = self.link.receive(now)
-        if self._recorder is not None:
-            self._recorder.received(frames)
-        for frame in frames:
-            out += self.core.feed(frame)
+        steady_us = self._steady()
+        stood_us = steady_us - self._told_us
+        if stood_us <= FORWARD_STEP_US:
+            out += self._feed(frames)
+        else:
+            for frame in frames:
+                out += self._bridge(frame.stamp_us, stood_us) + self._feed([frame])
         self._silent = 0 if counts.seen > before else self._silent + 1
         if self._silent >= SILENT_TURNS:
-            if self._recorder is not None:
-                self._recorder.advanced(now - SETTLE_US)
-            out += self.core.advance(now - SETTLE_US)
+            out += self._bridge(now - SETTLE_US, stood_us) + self._advance(now - SETTLE_US)
+        self._note_time(now, steady_us)
         self._send(out)
         self._look_after(now, in_time=counts.ticks > ticks and self._in_time())
         self._turn_us = self._next_turn_us()
+
+    def _feed(self, frames: Sequence[Frame]) -> list[Outgoing]:
+        if self._recorder is not None:
+            self._recorder.received(frames)
+        return [o for frame in frames for o in self.core.feed(frame)]
+
+    def _advance(self, now_us: int) -> list[Outgoing]:
+        if self._recorder is not None:
+            self._recorder.advanced(now_us)
+        return self.core.advance(now_us)
+
+    def _bridge(self, until_us: int, stood_us: int) -> list[Outgoing]:
+        """Where the core is behind because the loop stood still, take it through that time: no step of time."""
+        out: list[Outgoing] = []
+        at_us = self.core.time_us
+        if at_us is not None and until_us - at_us <= min(stood_us, MAX_STALL_US) + FORWARD_STEP_US:
+            for moment_us in range(at_us + FORWARD_STEP_US, until_us, FORWARD_STEP_US):
+                out += self._advance(moment_us)
+        return out
+
+    def _note_time(self, now_us: int, steady_us: int) -> None:
+        """Up to when the core has been told now, by the clock that nobody steps."""
+        offset_us, at_us = now_us - steady_us, self.core.time_us
+        stepped = abs(offset_us - self._offset_us) > BACKWARD_STEP_US
+        self._told_us = steady_us if stepped or at_us is None else min(at_us - offset_us, steady_us)
+        self._offset_us = offset_us
 
     def _in_time(self) -> bool:
         return self._slot_in_time and self._clock() - self._turn_us <= LATE_US
@@ -131,18 +170,23 @@ class Daemon:
             if self._clock() - frames[-1].stamp_us < 2 * self._period_us:
                 break
         self.core.muted = False
+        self._note_time(self._clock(), self._steady())
         self.link.health.drops = 0  # an overflow before the start is no loss of the running daemon's
 
     def run(self) -> None:
-        """Until SIGTERM or SIGINT; the last frames say NotAvailable. However it ends, the recorder has its dump."""
+        """Until SIGTERM or SIGINT. However it ends, an exception included, the last frames say NotAvailable, and it is
+        off the bus before the recorder's dump is written: that takes seconds."""
         for s in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGUSR1):
             signal.signal(s, self._on_signal)
-        self.catch_up()
         try:
+            self.catch_up()
             self._go_on()
         finally:
-            if self._recorder is not None:
-                self._recorder.close(self._clock(), lambda: self._notifier.say("WATCHDOG=1"))
+            try:
+                self._leave()
+            finally:
+                if self._recorder is not None:
+                    self._recorder.close(self._clock(), lambda: self._notifier.say("WATCHDOG=1"))
 
     def _go_on(self) -> None:
         # what the start has left is not looked through again and again for garbage
@@ -153,10 +197,18 @@ class Daemon:
             self.poll()
             if self._hangup and self._reload is not None:
                 self._read_again(self._reload)
+
+    def _leave(self) -> None:
+        """The last frames, and off the bus."""
         self._notifier.say("STOPPING=1")
-        for frame in self.core.farewell(self._clock()):
-            if self.link.send(frame) and self._recorder is not None:
-                self._recorder.sent(frame)
+        try:
+            for frame in self.core.farewell(self._clock()):
+                if self.link.send(frame) and self._recorder is not None:
+                    self._recorder.sent(frame)
+        except Exception as e:  # there is one on its way already, perhaps: that one is to be seen
+            say(f"the last frames were not sent: {e!r}")
+        finally:
+            self.link.close()
 
     def _read_again(self, reload: Reload) -> None:
         """Between two turns: the next tick runs with the limits of the configuration as it is now."""

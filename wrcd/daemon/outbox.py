@@ -8,6 +8,7 @@ from wrcd.bus.codec import Value, Writer
 from wrcd.bus.dbc import find_message
 from wrcd.bus.frame import Frame
 from wrcd.bus.reasons import Reason
+from wrcd.daemon.causes import Cause
 from wrcd.daemon.config import Config
 from wrcd.daemon.counts import Counts, Health
 from wrcd.daemon.report import GONE, Report
@@ -22,6 +23,7 @@ class Outgoing:
     frame: Frame
     cycle_us: int
     why: Estimate | None = None  # what the frame was made from
+    cause: Cause = Cause.NONE  # of an axle's adhesion not being Valid
 
 
 class Outbox:
@@ -42,8 +44,10 @@ class Outbox:
 
     def adhesion(self, end_us: int, reports: Sequence[Report], why: Estimate | None) -> Iterator[Outgoing]:
         """An axle's adhesion, every slot."""
-        values = (r.values() for r in reports)
-        yield from _frames(self._adhesion, end_us, self._config.adhesion_cycle_us, values, why)
+        cycle_us = self._config.adhesion_cycle_us
+        for writer, r in zip(self._adhesion, reports, strict=True):
+            if writer:
+                yield Outgoing(writer.frame(end_us, end_us // cycle_us, r.values()), cycle_us, why, r.cause)
 
     def detail(
         self, end_us: int, explained: Sequence[Mapping[str, Value]], inputs: Sequence[Mapping[str, Value]]
@@ -78,8 +82,7 @@ def _frames(
     end_us: int,
     cycle_us: int,
     values: Iterable[Mapping[str, Value]],
-    why: Estimate | None = None,
 ) -> Iterator[Outgoing]:
     for writer, v in zip(writers, values, strict=True):
         if writer:
-            yield Outgoing(writer.frame(end_us, end_us // cycle_us, v), cycle_us, why)
+            yield Outgoing(writer.frame(end_us, end_us // cycle_us, v), cycle_us)

@@ -6,6 +6,7 @@ from enum import StrEnum
 
 from wrcd.bus.codec import Value
 from wrcd.bus.dbc import Message, check_plain
+from wrcd.daemon.causes import Cause
 
 # MuAvailable (percent) from which a surface counts as that class.
 SURFACES = ((25.0, "Dry"), (15.0, "Wet"), (8.0, "Reduced"), (4.0, "Low"), (-math.inf, "VeryLow"))
@@ -35,6 +36,7 @@ class Report:
     surface: str
     contact_state: str
     confidence: str
+    cause: Cause  # of not being Valid
 
     def values(self) -> dict[str, Value]:
         """By signal name of the DBC."""
@@ -49,7 +51,7 @@ class Report:
         }
 
 
-GONE = Report(Validity.NOT_AVAILABLE, None, None, 255, "Unknown", "Unknown", "None")
+GONE = Report(Validity.NOT_AVAILABLE, None, None, 255, "Unknown", "Unknown", "None", Cause.NONE)
 
 
 def surface(mu_available_pct: float | None) -> str:
@@ -78,6 +80,7 @@ WORDS = {
     "Surface": ("Unknown", *(name for _, name in SURFACES)),
     "ContactState": ("Unknown", "Adhering", "Saturated"),
     "Confidence": ("None", *(name for _, name in CONFIDENCES)),
+    "Cause": tuple(c.label for c in Cause),
 }
 
 

@@ -7,7 +7,9 @@ from dataclasses import dataclass
 
 from wrcd.bus.link import Link, LinkState
 from wrcd.bus.reasons import Reason
+from wrcd.daemon.causes import Cause
 from wrcd.daemon.core import Core
+from wrcd.daemon.report import Report, Validity
 
 EVERY_US = 1_000_000
 MOST_REASONS = 6  # in one line
@@ -51,11 +53,16 @@ class Watch:
             _Told(lambda: bus.unsent, "could not send {n} frames", always=False),
             _Told(lambda: health.overruns, "left out {n} frames: their slot was over"),
             _Told(lambda: counts.time_steps, "the clock stepped: started anew"),
+            _Told(lambda: core.waits, "an axle is reset again and again by absurd measurements: it waits longer"),
         )
         self._state: LinkState = "Up"
         self._state_next_us = dict.fromkeys(STATES, 0)
         self._refused: Counter[tuple[str, Reason]] = Counter()
         self._refused_next_us = 0
+        axles = core.config.axles
+        self._numbers = [a.number for a in axles]
+        self._valid = [False] * len(axles)  # as told
+        self._valid_next_us = [0] * len(axles)
 
     def look(self, now_us: int) -> None:
         """Write what is new. The time only spaces the lines."""
@@ -74,6 +81,16 @@ class Watch:
         if _due(self._refused_next_us, now_us):
             self._refused_next_us = now_us + EVERY_US
             self._tell_refused()
+        for axle, report in enumerate(self._core.reports):
+            self._tell_validity(axle, report, now_us)
+
+    def _tell_validity(self, axle: int, report: Report, now_us: int) -> None:
+        valid = report.validity is Validity.VALID
+        by_right = report.cause in (Cause.STANDSTILL, Cause.WARMING_UP)  # a train that stops loses nothing
+        if valid != self._valid[axle] and not by_right and _due(self._valid_next_us[axle], now_us):
+            self._valid[axle], self._valid_next_us[axle] = valid, now_us + EVERY_US
+            said = "is Valid" if valid else f"is not Valid any more: {report.cause.words}"
+            self._write(f"axle {self._numbers[axle]} {said}")
 
     def _tell_refused(self) -> None:
         blamed = self._core.counts.blamed

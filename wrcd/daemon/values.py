@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from wrcd.bus.codec import Value
 from wrcd.bus.link import LinkHealth
 from wrcd.bus.reasons import Reason
+from wrcd.daemon.causes import Cause
 from wrcd.daemon.counts import Counts, Health
 from wrcd.daemon.inputs import LAT, SPEED, TORQUE, YAW
 from wrcd.estimator.bank import BoolArray
@@ -15,9 +16,10 @@ from wrcd.estimator.estimator import Estimate
 NAMES = {YAW: "YawRate", LAT: "LatAccel", TORQUE: "Torque", SPEED: "Speed"}  # as the DBC's signals end
 
 
-def explanation(estimate: Estimate | None, axle: int, stale: BoolArray) -> dict[str, Value]:
-    """AdhesionDetail of an axle; without an estimate nothing but which inputs (quantities,) are stale."""
+def explanation(estimate: Estimate | None, axle: int, stale: BoolArray, cause: Cause) -> dict[str, Value]:
+    """AdhesionDetail of an axle; without an estimate only the cause and which inputs (quantities,) are stale."""
     values: dict[str, Value] = {f"Stale{name}": float(stale[q]) for q, name in NAMES.items()}
+    values["Cause"] = cause.label
     values["WinningModel"] = float(estimate.winner[axle]) if estimate else 0.0
     values["DominantRule"] = float(estimate.rule[axle]) if estimate else None
     for m in range(MODELS):

@@ -9,13 +9,24 @@ from wrcd.estimator.bank import Bank, BoolArray, scheduled_speed
 from wrcd.estimator.design import MODELS, Design, FloatArray, IntArray
 from wrcd.estimator.fuzzy import LOW_FIRING, Fuzzy, Inference
 from wrcd.estimator.gate import Gate
+from wrcd.estimator.identity import Identity
 from wrcd.estimator.inputs import excitation, rule_inputs
 from wrcd.estimator.joints import HOLD_TICKS, MAX_PULSE, Joints
 from wrcd.estimator.noise import NoiseLevel
 from wrcd.estimator.offset import Offset
 from wrcd.estimator.sections import Sections
 from wrcd.estimator.speed import SpeedFilter
-from wrcd.estimator.window import BLOCK_TICKS, RATIO, RATIO_N, Statistics, Window, newest, statistics
+from wrcd.estimator.window import (
+    BLOCK_TICKS,
+    RATIO,
+    RATIO_N,
+    Statistics,
+    Window,
+    mean_ratio,
+    newest,
+    raw_power,
+    statistics,
+)
 
 OFFSET_WINDOWS = 2  # memory of the sensors' offsets, in windows
 NOW_S = 0.06  # the torque of so long is the torque of the moment
@@ -29,20 +40,19 @@ FALL_BACK_BELOW, FALL_BACK_ABOVE = 0.4, 0.7
 NEWEST_SHARE = 0.5  # of the newest part's half-width that the interval is made to reach down to
 # More in use than the rules say there is: beyond the interval, and by this share of what they say, one is wrong.
 CONTRADICTION_SHARE, CONTRADICTION_PP = 0.2, 0.3
-# The accelerometer's rms above the band over the design's, and its largest moment over its usual one: from here on it
-# feels more than a track, and the interval is wider.
-HARSH_FACTOR, HARSH_WIDER = 2.2, 1.4
+HARSH_SHARE = 0.7  # of the window that must be far from pulses
 SILENT, SILENT_S = 1.07, 0.4  # all four residuals below so many times the noise, over at least so long: no track
 BEYOND_WIDER = 2.0  # the half-width grows by this factor for each range that an input lies outside the sets
 
 
-class Doubt(IntEnum):
+class EstimateDoubt(IntEnum):
     """What of the estimate itself keeps it from being believed."""
 
     NONE = 0
     NO_RULE = 1  # too few rules fire
-    BEYOND_TRAINING = 2  # inputs unlike any that the rules were made from
-    SILENT = 3  # the sensors give their noise alone
+    BEYOND_TRAINING = 2  # residuals unlike any that the rules were made from
+    HARSH = 3  # so many pulses that little of the window is left
+    SILENT = 4  # the sensors give their noise alone
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +83,7 @@ class Estimate:
     used_pct: FloatArray  # of the moment
     saturated: BoolArray
     contradicted: BoolArray  # more is in use than the rules, with their interval, say there is: one of them is wrong
-    doubt: IntArray  # a Doubt
+    doubt: IntArray  # an EstimateDoubt: what speaks against the estimate itself
     window_s: FloatArray  # length of the window that the answer is from
 
 
@@ -100,8 +110,9 @@ class Estimator:
     STATE = (
         "_bank", "_offset", "_gate", "_window", "_speed", "_lowpass", "_joints", "_noise", "_speed_m_s", "_whole",
         "_delayed", "_delayed_live", "_delayed_clear", "started", "used", "outlier", "good", "upset", "outliers",
+        "identity",
     )  # fmt: skip
-    PASSING = ("near_pulse", "live")
+    PASSING = ("near_pulse", "live", "calm")
 
     def __init__(self, design: Design, axles: int) -> None:
         self.design = design
@@ -113,8 +124,10 @@ class Estimator:
         self._joints = Joints(design.highpass, float(design.noise_rms[1]), axles)
         self._noise = NoiseLevel(design.noise_rms, axles)
         self._lowpass = Sections(design.lowpass, 2 * MODELS, axles)
-        self._window = Window(-(-design.longest_ticks // BLOCK_TICKS), axles)
+        self._longest = -(-design.longest_ticks // BLOCK_TICKS)
+        self._window = Window(self._longest, axles)
         self._fuzzy = Fuzzy(design)
+        self.identity = Identity((float(design.noise_rms[0]), float(design.noise_rms[1])), design.tick_s, axles)
         self._speed_m_s = float(design.speeds_m_s[0])
         self._low = np.array([s.centres[0] for s in design.residual_sets])
         self._width = np.array([s.centres[-1] - s.centres[0] for s in design.residual_sets])
@@ -125,6 +138,7 @@ class Estimator:
         self.good: BoolArray = np.zeros(axles, dtype=bool)  # whether it can go into the window
         self.upset: BoolArray = np.zeros(axles, dtype=bool)
         self.near_pulse: BoolArray = np.zeros(axles, dtype=bool)
+        self.calm: BoolArray = np.zeros(axles, dtype=bool)  # and that one is far from any pulse
         self.live: BoolArray = np.zeros(
             axles, dtype=bool
         )  # whether the window was given an innovation, HOLD_TICKS late
@@ -145,7 +159,9 @@ class Estimator:
         self._whole[axle] = self.started[axle] = False
         self._delayed[..., axle] = 0.0
         self._delayed_live[:, axle] = self._delayed_clear[:, axle] = False
-        for part in (self._offset, self._gate, self._bank, self._joints, self._noise, self._lowpass, self._window):
+        for part in (
+            self._offset, self._gate, self._bank, self._joints, self._noise, self._lowpass, self._window, self.identity
+        ):  # fmt: skip
             part.reset(axle)
 
     def step(self, tick: Tick) -> FloatArray:
@@ -161,16 +177,18 @@ class Estimator:
         z, e, w = self._filter(tick, whole, speed)
         small = np.logical_and.reduce(np.abs(z) <= MAX_PULSE[:, None])
         pulse, near = self._joints.step(tick.z[1], whole & small)
-        absurd = self._gate.absurd(e, whole & ~(near & small))
+        swings = self._joints.recovering & small
+        absurd = self._gate.absurd(e, whole & ~swings)
         self.outlier = np.logical_or.reduce(absurd)
         used = whole & ~self.outlier
         if self.outlier.any():
             self.outliers += int(absurd.sum())
             self._bank.x, self._offset.known = bank, offset
             z, e, w = self._filter(tick, used, speed)
-        self.upset = self._gate.learn(e, used & ~near, absurd) | ~np.isfinite(self._bank.x).all(axis=(0, 1))
+        self.upset = self._gate.learn(e, used & ~swings, absurd) | ~np.isfinite(self._bank.x).all(axis=(0, 1))
         self._noise.step(tick.z, used & ~near)
         self.used = used
+        self.identity.step(tick.z, used & ~near, speed)
         self.near_pulse = near
         self.started |= used
         # the first innovation after a gap is that of several ticks at once, larger than others: it stays out. So a
@@ -191,27 +209,24 @@ class Estimator:
     def _put(self, tick: Tick, w: FloatArray, pulse: BoolArray, near: BoolArray) -> None:
         """Innovations enter the window HOLD_TICKS late, those about a pulse and those not used as zeros."""
         self._delayed_clear &= ~pulse
-        old, live = self._delayed[0], self._delayed_live[0] & self._delayed_clear[0]
+        raw, live = self._delayed[0], self._delayed_live[0] & self._delayed_clear[0]
         self._delayed = np.concatenate((self._delayed[1:], w[None]))
         self._delayed_live = np.concatenate((self._delayed_live[1:], self.good[None]))
         self._delayed_clear = np.concatenate((self._delayed_clear[1:], ~near[None]))
-        if self.design.form == "wrcd":
-            old = np.where(live, old, 0.0)
-            old = self._lowpass.step(old.reshape(-1, self.axles)).reshape(old.shape)
+        raw = np.where(live, raw, 0.0)
+        w = self._lowpass.step(raw.reshape(-1, self.axles)).reshape(raw.shape) if self.design.form == "wrcd" else raw
         self.live = live
-        self._window.put(tick.number, old, self.started, live, tick.torque_ratio)
+        self.calm = live & ~self._joints.recovering
+        self._window.put(tick.number, w, raw, self.started, live, self.calm, tick.torque_ratio)
 
     def steps(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Of the newest part of the window against the rest: decades between the residuals (n, 4), NaN where either
         holds too little; the torque ratio of the moment and that of the rest (n,)."""
-        cumulative = self._window.cumulative()
-        compared = np.minimum(self._window.filled(), self._usual)
-        new = newest(cumulative, np.minimum(compared, self._recent))
-        rest = newest(cumulative, compared) - new
-        moment = newest(cumulative, np.minimum(compared, self._now))
+        window = self._window
+        new, rest = window.plain(0, self._recent), window.plain(self._recent, self._usual)
         with np.errstate(invalid="ignore", divide="ignore"):
-            decades = np.log10(statistics(new, self._min_ticks).residuals / statistics(rest, self._min_ticks).residuals)
-            return decades, moment[RATIO] / moment[RATIO_N], rest[RATIO] / rest[RATIO_N]
+            decades = 0.5 * np.log10(raw_power(new, self._min_ticks) / raw_power(rest, self._min_ticks))
+        return decades, self.torque_now(), mean_ratio(rest)
 
     def _drop_what_was_before_a_change(self) -> None:
         """Compare the newest part of the window with the rest: residuals and torque."""
@@ -282,9 +297,7 @@ class Estimator:
 
     def torque_now(self) -> FloatArray:
         """(n,): torque ratio of the moment; NaN where it is not known."""
-        sums = newest(self._window.cumulative(), np.minimum(self._window.filled(), self._now))
-        with np.errstate(invalid="ignore", divide="ignore"):
-            return np.asarray(sums[RATIO] / sums[RATIO_N])
+        return mean_ratio(self._window.plain(0, self._now))
 
     def inputs_of(self, blocks: IntArray, now: FloatArray) -> tuple[FloatArray, Statistics]:
         """What the rules are given (n, COLUMNS) of windows of so many blocks (n,), and the windows' statistics.
@@ -330,12 +343,13 @@ class Estimator:
         loud = excitation(d, s, self._noise.sensor_factor(), scheduled_speed(self._speed_m_s, d.speeds_m_s))
         with np.errstate(invalid="ignore"):
             few = np.clip(LOW_FIRING / np.maximum(inference.firing, 1e-9), 1.0, 3.0)
-            silent = (loud < SILENT) & (s.ticks * d.tick_s >= SILENT_S)
-            doubt = np.where(
-                silent,
-                Doubt.SILENT,
-                np.where(far > d.beyond, Doubt.BEYOND_TRAINING, np.where(inference.rule == 0, Doubt.NO_RULE, 0)),
-            )
+            reasons = {
+                EstimateDoubt.SILENT: (loud < SILENT) & (s.ticks * d.tick_s >= SILENT_S),
+                EstimateDoubt.HARSH: s.live_share < HARSH_SHARE,
+                EstimateDoubt.BEYOND_TRAINING: far > d.beyond,
+                EstimateDoubt.NO_RULE: inference.rule == 0,
+            }
+            doubt = np.select(list(reasons.values()), list(reasons), EstimateDoubt.NONE)
             return spread * few * (1.0 + BEYOND_WIDER * far), doubt.astype(np.int64)
 
 

@@ -12,6 +12,7 @@ PULSE_SIGMA = 5.0
 FLOOR = 0.8
 GAIN, CLIP = 0.005, 9.0
 HOLD_TICKS = 4  # before and behind a pulse
+RECOVERY_TICKS = 80  # the filters swing as long as this after a pulse: their innovations are large, but no outliers
 FIRST_TICKS = 20
 # A pulse this long is no joint. Larger than this (m/s2, rad/s) it is no joint either, but a wrong sample.
 MAX_TICKS = 24
@@ -21,7 +22,7 @@ MAX_PULSE = np.array([6.0, 0.02])
 class Joints:
     """Flags the ticks of pulses, HOLD_TICKS late, so that those before a pulse are flagged, too."""
 
-    STATE = ("_highpass", "_power", "_ticks", "_left", "_length")
+    STATE = ("_highpass", "_power", "_ticks", "_left", "_length", "_since")
 
     def __init__(self, highpass: FloatArray, noise_rms: float, axles: int) -> None:
         self._highpass = Sections(highpass, 1, axles)
@@ -30,12 +31,14 @@ class Joints:
         self._ticks: FloatArray = np.zeros(axles)
         self._left: FloatArray = np.zeros(axles)  # ticks for which the flag still holds
         self._length: FloatArray = np.zeros(axles)  # ticks of pulse in a row
+        self._since: FloatArray = np.full(axles, np.inf)  # ticks since the newest pulse
 
     def reset(self, axle: int) -> None:
         """Start an axle anew."""
         self._highpass.reset(axle)
         self._power[axle] = self._floor / FLOOR**2
         self._ticks[axle] = self._left[axle] = self._length[axle] = 0.0
+        self._since[axle] = np.inf
 
     def step(self, lat_accel: FloatArray, present: BoolArray) -> tuple[BoolArray, BoolArray]:
         """One tick's lateral accelerations (n,). Returns where it is a pulse, and where it is one or just after."""
@@ -49,5 +52,11 @@ class Joints:
         square = np.where(known, np.minimum(square, CLIP * np.maximum(self._power, self._floor)), square)
         gain = np.where(present, np.maximum(GAIN, 1.0 / np.maximum(self._ticks, 1.0)), 0.0)
         self._power = self._power + gain * (square - self._power)
+        self._since = np.where(pulse, 0.0, self._since + 1.0)
         self._left = np.where(pulse, HOLD_TICKS + 1.0, np.maximum(self._left - 1.0, 0.0))
         return pulse, self._left > 0
+
+    @property
+    def recovering(self) -> BoolArray:
+        """(n,): whether a pulse is so recent that the filters still swing."""
+        return np.asarray(self._since <= RECOVERY_TICKS)

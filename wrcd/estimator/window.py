@@ -13,12 +13,17 @@ LAG = 4  # ticks between the two innovations of an autocorrelation: a quarter of
 SMALLEST = 1e-12  # a power this far below what the model expects is as good as zero
 _W = MODELS * CHANNELS
 
-# Columns of a block: ticks N, of them live ones, sums of t and t^2, of the torque ratio and its ticks; then of the
-# whitened innovations w: w, t w, w^2, w(k) w(k - LAG) for each of the eight, and yaw times lateral for each model.
-N, LIVE, T, TT, RATIO, RATIO_N = range(6)
-_AT = np.cumsum([6, _W, _W, _W, _W, MODELS])
-SUM_W, SUM_TW, SUM_WW, SUM_LAG, SUM_CROSS = (slice(int(a), int(b)) for a, b in itertools.pairwise(_AT))
+# Columns of a block: ticks N, of them live ones, sums of t and t^2; of the whitened innovations w, filtered: w, t w,
+# w^2, w(k) w(k - LAG) for each of the eight, and yaw times lateral for each model. Then plain sums: of the torque ratio
+# and its ticks; of the unfiltered innovations, which show a change sooner, over the ticks RAW_N that are calm: w, w^2.
+N, LIVE, T, TT = range(4)
+_AT = np.cumsum([4, _W, _W, _W, _W, MODELS, 3, _W, _W])
+SUM_W, SUM_TW, SUM_WW, SUM_LAG, SUM_CROSS, _SCALARS, SUM_RAW, SUM_RAW2 = (
+    slice(int(a), int(b)) for a, b in itertools.pairwise(_AT)
+)
+RATIO, RATIO_N, RAW_N = range(_SCALARS.start, _SCALARS.stop)
 COLUMNS = int(_AT[-1])
+PLAIN = RATIO  # columns from here on are plain sums
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +32,7 @@ class Statistics:
 
     power (n, 4, 2): mean square of the whitened innovations about a straight line, per model and channel.
     lag (n, 8), cross (n, 4): their correlations with themselves LAG ticks before, and of yaw rate with lateral
-    acceleration. ratio (n,): mean torque ratio. ticks (n,): length.
+    acceleration. ratio (n,): mean torque ratio. ticks (n,): length. live_share (n,): of them with data far from pulses.
     """
 
     power: FloatArray
@@ -35,6 +40,7 @@ class Statistics:
     cross: FloatArray
     ratio: FloatArray
     ticks: FloatArray
+    live_share: FloatArray
 
     @property
     def residuals(self) -> FloatArray:
@@ -69,7 +75,26 @@ def statistics(sums: FloatArray, least_ticks: float) -> Statistics:
         cross=np.clip(cross, -1.0, 1.0).T,
         ratio=ratio,
         ticks=n,
+        live_share=live / np.maximum(n, 1.0),
     )
+
+
+def raw_power(sums: FloatArray, least_ticks: float) -> FloatArray:
+    """(n, 4): from plain sums the mean square of the unfiltered innovations about their mean; NaN with less than
+    least_ticks calm ticks."""
+    calm = sums[RAW_N - PLAIN]
+    raw, square = sums[SUM_RAW.start - PLAIN : SUM_RAW.stop - PLAIN], sums[SUM_RAW2.start - PLAIN :]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = raw / calm
+        power = np.maximum(square / calm - mean * mean, SMALLEST)
+    both = power.reshape(MODELS, CHANNELS, -1).mean(axis=1)
+    return np.asarray(np.where(calm >= least_ticks, both, np.nan).T)
+
+
+def mean_ratio(plain: FloatArray) -> FloatArray:
+    """(n,): from plain sums the mean torque ratio; NaN without any."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(plain[0] / plain[RATIO_N - PLAIN])
 
 
 class Window:
@@ -90,8 +115,12 @@ class Window:
 
     PASSING = ("_cumulative",)
 
-    def put(self, tick: int, w: FloatArray, running: BoolArray, live: BoolArray, ratio: FloatArray) -> None:
-        """One tick: whitened innovations (4, 2, n), which axles run (n,), which of them had data, torque ratio (n,)."""
+    def put(
+        self, tick: int, w: FloatArray, raw: FloatArray, running: BoolArray, live: BoolArray, calm: BoolArray,
+        ratio: FloatArray,
+    ) -> None:  # fmt: skip
+        """One tick: whitened innovations (4, 2, n) filtered and unfiltered, which axles run (n,), which had data,
+        which of those are far from any pulse, torque ratio (n,)."""
         block, t = divmod(tick, BLOCK_TICKS)
         if block != self._newest:
             for passed in range(max(self._newest + 1, block - self._blocks + 1), block + 1):
@@ -111,6 +140,10 @@ class Window:
         sums[SUM_WW] += w * w
         sums[SUM_LAG] += w * self._past[-1]
         sums[SUM_CROSS] += w[::2] * w[1::2]
+        sums[RAW_N] += calm & running
+        raw = np.where(calm & running, raw, 0.0).reshape(_W, -1)
+        sums[SUM_RAW] += raw
+        sums[SUM_RAW2] += raw * raw
         self._past = np.concatenate((w[None], self._past[:-1]))
         self._cumulative = None
 
@@ -138,6 +171,12 @@ class Window:
             sums[:, SUM_TW] += shift[:, :, None] * sums[:, SUM_W]
             self._cumulative = np.concatenate((np.zeros_like(sums[:1]), np.cumsum(sums, axis=0)))
         return self._cumulative
+
+    def plain(self, first: int, end: int) -> FloatArray:
+        """Plain sums (COLUMNS - PLAIN, n) over the blocks first … end - 1, counted back from the newest (0)."""
+        blocks = (self._newest - np.arange(first, end)) % self._blocks
+        out: FloatArray = self._sums[blocks, PLAIN:].sum(axis=0)
+        return out
 
     def filled(self) -> IntArray:
         """(n,): how many of the newest blocks hold ticks without a gap."""

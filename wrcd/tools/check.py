@@ -1,7 +1,18 @@
 """`wrcd check`: what a configuration would run."""
 
 from wrcd.bus.dbc import find_message, find_signal
+from wrcd.bus.units import Quantity
 from wrcd.daemon.config import Config
+from wrcd.daemon.validity import LOAD_SHARES, RADIUS_SHARES
+from wrcd.estimator.design import Design
+
+# what of a wheelset a person knows it by, as the rig names it
+KNOWN_BY = (
+    ("r_0", "wheel radius", "m"),
+    ("gamma", "conicity", ""),
+    ("m_w", "mass", "kg"),
+    ("k_w", "yaw stiffness", "N·m/rad"),
+)
 
 
 def describe(c: Config) -> list[str]:
@@ -15,6 +26,7 @@ def describe(c: Config) -> list[str]:
         f"               tick {1000 * d.tick_s:g} ms, window {d.window_s:g} s, "
         f"{d.speeds_m_s[0]:g} … {d.speeds_m_s[-1]:g} m/s",
         f"               models: {'; '.join(d.model_names)}",
+        f"wheelset       {_wheelset(d)}",
         f"limits         not available after {c.not_available_after_us / 1000:g} ms and below {c.min_speed_m_s:g} m/s"
         + (f", constant speed {c.constant_speed_m_s:g} m/s" if c.constant_speed_m_s is not None else ""),
     ]
@@ -26,7 +38,7 @@ def describe(c: Config) -> list[str]:
                 unit = find_signal(m, i.source.signal).unit or "no unit"
                 out.append(
                     f"  {i.source.quantity.key:22} <- 0x{m.frame_id:03X} {m.name}.{i.source.signal} ({unit}), "
-                    f"stale after {i.timeout_us / 1000:g} ms"
+                    f"stale after {i.timeout_us / 1000:g} ms{_bounds(i.source.quantity, c.design)}"
                 )
         for name, cycle in (
             (axle.adhesion, c.adhesion_cycle_us),
@@ -48,3 +60,21 @@ def describe(c: Config) -> list[str]:
     )
     out.append("ok")
     return out
+
+
+def _wheelset(d: Design) -> str:
+    """What the design is for: nothing in the signals tells a foreign wheelset."""
+    known = [
+        f"{what} {d.wheelset[key]:g} {unit}".rstrip()
+        for key, what, unit in KNOWN_BY
+        if isinstance(d.wheelset.get(key), int | float)
+    ]
+    return f"{d.wheelset.get('name', d.name)}: {', '.join((f'axle load {2e-3 * d.normal_N:.4g} kN', *known))}"
+
+
+def _bounds(quantity: Quantity, d: Design) -> str:
+    if quantity is Quantity.AXLE_LOAD:
+        return "; Degraded outside {:.4g} … {:.4g} kN".format(*(2e-3 * d.normal_N * s for s in LOAD_SHARES))
+    if quantity is Quantity.WHEEL_RADIUS:
+        return "; Degraded outside {:.3g} … {:.3g} m".format(*(d.r_0 * s for s in RADIUS_SHARES))
+    return ""

@@ -32,7 +32,7 @@ COLUMN_WORDS = (
     Column("lateral acceleration noise"),
 )
 GLOSSARY = (
-    f"persistence m: correlation of model m's innovation with itself {LAG} ticks before. Near 1 the innovation is slow: "
+    f"persistence m: correlation of model m's innovation with itself {LAG} ticks before. Near 1 it is slow: "
     "the model misses a slow motion, such as hunting. Near 0 or below it is fast: the model misses the yaw spring.",
     "coupling m: correlation of model m's two innovations. Away from 0, yaw and lateral motion that the track drives "
     "together are missed together: the model's contact is not the present one.",

@@ -12,7 +12,7 @@ from wrcd.bus.dbc import Message, find_message
 from wrcd.bus.frame import Frame
 from wrcd.bus.log import Damage, format_line, read_log
 from wrcd.daemon.config import Config, load_config
-from wrcd.daemon.core import Core
+from wrcd.daemon.core import FORWARD_STEP_US, Core
 from wrcd.daemon.counts import Counts
 from wrcd.daemon.outbox import Outgoing
 from wrcd.daemon.report import Validity
@@ -23,12 +23,16 @@ from wrcd.estimator.estimator import Estimate
 from wrcd.tools.explain import sentence
 from wrcd.tools.progress import Progress
 
+# A log has no clock to tell a silence from a step of time by. A gap of up to so long between its lines, whoever's they
+# are, is a silence, and its slots are made; a longer one is a step. What comes after it is the same either way.
+MAX_SILENCE_US = 60_000_000
+
 COLUMNS = (
     "time_s", "axle", "validity", "mu_available_pct", "mu_used_pct", "contact_state", "surface", "confidence",
-    "sample_age_ms",
+    "sample_age_ms", "cause",
 )  # fmt: skip
 REASONS = ("winning_model", "dominant_rule", "rule_share")  # with --explain
-# the signals of the columns behind the axle
+# the signals of the columns behind the axle; the last column, the cause of not being Valid, is in words
 SIGNALS = ("Validity", "MuAvailable", "MuUsed", "ContactState", "Surface", "Confidence", "SampleAge")
 
 
@@ -54,7 +58,7 @@ def replay(
             if frames_out:
                 frames_out.write(format_line(o.frame, channel) + "\n")
             if rows:
-                rows.write(o.frame, o.why)
+                rows.write(o)
     if saved is not None and damage.read != saved.lines:
         print(
             f"wrcd: warning: {log}: has {damage.read} frames, {saved.lines} when it was recorded: from where they "
@@ -88,14 +92,25 @@ def resume(core: Core, log: Path) -> Saved | None:
 
 
 def outgoing(core: Core, frames: Iterable[tuple[Frame, str]], saved: Saved | None) -> Iterator[tuple[Outgoing, str]]:
-    """What the core makes of a log's frames, and the channel. What the loop did between them is done again."""
+    """What the core makes of a log's frames, and the channel. What the loop did between them is done again; where the
+    log does not come from a recorder and nothing tells of it, its lines are the clock."""
     events = deque(saved.events if saved is not None else ())
     lines, channel = 0, ""
     for lines, (frame, channel) in enumerate(frames):
-        for o in (*happened(core, events, lines), *core.feed(frame)):
+        before = happened(core, events, lines) if saved is not None else silence(core, frame.stamp_us)
+        for o in (*before, *core.feed(frame)):
             yield o, channel
     for o in happened(core, events, lines + 1):
         yield o, channel
+
+
+def silence(core: Core, stamp_us: int) -> list[Outgoing]:
+    """Take a core through the silence before a stamp, if it is one, as a clock does: by a second at once at most."""
+    out: list[Outgoing] = []
+    if core.time_us is not None and stamp_us - core.time_us <= MAX_SILENCE_US:
+        while stamp_us - core.time_us > FORWARD_STEP_US:
+            out += core.advance(core.time_us + FORWARD_STEP_US)
+    return out
 
 
 def progress(frames: Iterator[tuple[Frame, str]], log: Path) -> Iterator[tuple[Frame, str]]:
@@ -121,15 +136,16 @@ class Rows:
         found = ((find_message(config.database, a.adhesion), a.number) for a in config.axles)
         self._messages: dict[int, tuple[Message, int]] = {m.frame_id: (m, number) for m, number in found}
 
-    def write(self, frame: Frame, why: Estimate | None) -> None:
+    def write(self, o: Outgoing) -> None:
         """One row for an Adhesion frame, nothing for others."""
+        frame, why = o.frame, o.why
         found = self._messages.get(frame.can_id)
         if found is None:
             return
         message, number = found
         values: Any = message.decode(frame.data)
         stamp = f"{frame.stamp_us // 1_000_000}.{frame.stamp_us % 1_000_000:06d}"
-        row = [stamp, number, *(_cell(values.get(signal)) for signal in SIGNALS)]
+        row = [stamp, number, *(_cell(values.get(signal)) for signal in SIGNALS), o.cause.words]
         if self._design is not None:
             warm = str(values.get("Validity")) != Validity.NOT_AVAILABLE
             row += _reasons(self._design, why, self._place[number]) if why and warm else ["", "", ""]

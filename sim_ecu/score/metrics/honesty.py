@@ -1,0 +1,94 @@
+"""Whether Valid and Confidence mean what they say."""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from sim_ecu.score.metrics import bootstrap
+from sim_ecu.score.metrics.bootstrap import Figure
+from sim_ecu.score.metrics.frames import OURS, VALID, Frames, valid
+from sim_ecu.score.play import Trace
+from wrcd.daemon.report import CONFIDENCES
+
+FOUND_S = 0.5  # of a run's end: what is not Valid all that time has been found out
+LOW_SURFACES = ("Low", "VeryLow")
+
+
+def not_valid(f: Frames) -> dict[str, Any]:
+    """Share of the frames that are not Valid, and for what causes (shares of all frames)."""
+    causes, count = np.unique(f.cause[~f.valid], return_counts=True)
+    order = np.argsort(-count)
+    return {
+        "share": bootstrap.mean(~f.valid, f.run),
+        "causes": {str(causes[k]): float(count[k] / len(f.true)) for k in order if causes[k] not in ("", "None")},
+    }
+
+
+def coverage(f: Frames) -> Figure:
+    """Share of the Valid frames whose interval holds the truth. One that claims no bound holds it, at no use."""
+    return bootstrap.mean(~f.outside[f.valid], f.run[f.valid])
+
+
+def confidence(f: Frames) -> dict[str, Any]:
+    """How often the interval that Confidence claims holds the truth, by level; its width against a constant one."""
+    inside = ~f.outside
+    levels = {}
+    for width, name in CONFIDENCES:
+        at = f.valid & (f.half_width == width)
+        if at.any():
+            levels[name] = {"share": float(at.sum() / f.valid.sum()), "covers": bootstrap.mean(inside[at], f.run[at])}
+    covers = coverage(f)
+    # an interval without a bound would make a constant one as wide as the worst error
+    bounded = f.valid & np.isfinite(f.half_width)
+    own = f.valid & np.isfinite(f.own_half_width)
+    held = float(np.mean(inside[bounded])) if bounded.any() else math.nan
+    error = f.errors(OURS)
+    return {
+        "levels": levels,
+        "covers": covers,
+        "median_half_width": bootstrap.quantile(f.own_half_width[own], f.run[own], 0.5),
+        "mean_half_width": bootstrap.mean(f.own_half_width[own], f.run[own]),
+        "median_on_bus": float(np.median(f.half_width[bounded])) if bounded.any() else math.nan,
+        "covers_bounded": held,
+        "constant_half_width": (
+            bootstrap.quantile(error[bounded], f.run[bounded], held) if bounded.any() else bootstrap.NOTHING
+        ),
+    }
+
+
+def false_lows(traces: Sequence[Trace]) -> dict[str, Any]:
+    """How often, and for how long, a Valid frame began to call a dry rail Low or worse, in how many hours."""
+    episodes, seconds, valid_s, whole_s = 0, [], 0.0, 0.0
+    for t in traces:
+        each_s = float(np.median(np.diff(t.time_s)))
+        ok = valid(t)
+        low = np.isin(t.surface, LOW_SURFACES) & ok
+        episodes += int(np.sum(low & ~np.concatenate(([False], low[:-1]))))
+        seconds.append(float(low.sum()) * each_s)
+        valid_s += float(ok.sum()) * each_s
+        whole_s += len(t.time_s) * each_s
+    per_axle = bootstrap.mean(np.array(seconds), np.array([t.run for t in traces], np.int64))
+    n = len(traces)
+    return {
+        "episodes": episodes,
+        "seconds": Figure(per_axle.value * n, per_axle.low * n, per_axle.high * n, per_axle.runs, n),
+        "hours": whole_s / 3600,
+        "valid_hours": valid_s / 3600,
+        # where there was none: what would show itself in so many hours with a chance of 95 %
+        "at_most_per_hour": -math.log(0.05) / (valid_s / 3600) if not episodes and valid_s else math.nan,
+    }
+
+
+def valid_after(traces: Sequence[Trace], at_s: float) -> dict[str, Figure]:
+    """Seconds Valid after a moment, per axle: their median and the most."""
+    seconds = np.array([np.sum(valid(t) & (t.time_s > at_s)) * float(np.median(np.diff(t.time_s))) for t in traces])
+    runs = np.array([t.run for t in traces], np.int64)
+    return {"median": bootstrap.quantile(seconds, runs, 0.5), "most": bootstrap.largest(seconds, runs)}
+
+
+def found_out(traces: Sequence[Trace]) -> Figure:
+    """Share of the axles that are not Valid any more at the end of their run."""
+    found = [not (t.validity[t.time_s > t.time_s[-1] - FOUND_S] == VALID).any() for t in traces]
+    return bootstrap.share(np.array(found, bool), np.array([t.run for t in traces], np.int64))

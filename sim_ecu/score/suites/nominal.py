@@ -1,0 +1,171 @@
+"""Conditions like the training's, and the same ones in worlds that differ from the design's in one thing each."""
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sim_ecu.physics.axlebox import QUIET, AxleBox
+from sim_ecu.physics.contact import CURVES, CreepCurve, curve_between
+from sim_ecu.physics.sensors import SENSOR_SETS, SensorSet
+from sim_ecu.physics.track import OMEGA_C, QUALITY
+from sim_ecu.physics.wheelset import Wheelset
+from sim_ecu.play.faults import Fault
+from sim_ecu.play.scenario import POSITIONS_M, Course
+from sim_ecu.score.suites.run import (
+    AXLES,
+    ROUGHNESS,
+    SPEEDS,
+    UTILISATIONS,
+    Rng,
+    Run,
+    axle,
+    drive,
+    generator,
+    one_rail,
+    scenario,
+)  # fmt: skip
+
+RUN_S = 10.0
+GRID = 120  # conditions of the grid
+FRICTIONS = (CURVES["F"].mu_0, CURVES["A"].mu_0)
+GOLDEN = 0.6180339887498949
+MEMS = SENSOR_SETS["mems"]
+
+
+@dataclass(frozen=True, slots=True)
+class Variant:
+    """One way in which the world is not as the design thinks. Without any it is the grid's."""
+
+    name: str = ""
+    wheelset: Callable[[Wheelset, Rng], Wheelset] = lambda w, _: w
+    curve: Callable[[CreepCurve, Rng], CreepCurve] = lambda c, _: c
+    sensors: SensorSet = MEMS
+    curvature: float = 0.0  # 1/m
+    ramp_m_s2: float = 0.0
+    roughness: float | None = None  # m rad, on all axles
+    corner_rad_m: float = OMEGA_C  # of the track's spectrum
+    box: AxleBox = QUIET
+    speeds: tuple[float, float] = SPEEDS
+    utilisations: tuple[float, float] = UTILISATIONS
+    faults: tuple[Fault, ...] = ()
+    one_track: bool = False  # and one rail for all axles, as under a train
+
+
+def condition(suite: str, w: Wheelset, number: int, variant: Variant, seconds: float = RUN_S) -> Run:
+    """One of the grid's: half of the curves are A to F, half lie between; held torque, three tenths of it braking.
+
+    Everything but the variant follows from the number. Speeds of successive numbers cover their range evenly.
+    """
+    rng, own = generator(2, number), generator(3, number)
+    letters = list(CURVES)
+    low, high = variant.speeds
+    v = low + (high - low) * ((0.5 + number * GOLDEN) % 1.0)
+    axles, names = [], []
+    for i in range(AXLES):
+        known = (number + i) % 2 == 0
+        letter, between = str(rng.choice(letters)), curve_between(math.exp(rng.uniform(*np.log(FRICTIONS))))
+        curve = variant.curve(CURVES[letter] if known else between, own)
+        share = float(rng.uniform(*variant.utilisations)) * (-1.0 if rng.random() < 0.3 else 1.0)
+        roughness = float(rng.choice(ROUGHNESS))
+        axles.append(
+            axle(
+                i, one_rail(curve, variant.curvature), drive("utilisation", (0.0, 0.0), (0.5, share)),
+                roughness if variant.roughness is None else variant.roughness, rng, variant.sensors,
+                variant.corner_rad_m, variant.box,
+            )
+        )  # fmt: skip
+        names.append(letter if known else "between")
+    if variant.one_track:
+        first = axles[0]
+        axles = [
+            replace(a, rail=first.rail, roughness=first.roughness, position_m=position, track_seed=first.seed)
+            for a, position in zip(axles, POSITIONS_M, strict=True)
+        ]
+        names = names[:1] * AXLES
+    speed = Course((0.0, seconds), (v, v + variant.ramp_m_s2 * seconds))
+    played = scenario(variant.wheelset(w, own), seconds, speed, axles, variant.faults)
+    return Run(suite, variant.name, number, played, tuple(names))
+
+
+def size(scale: float) -> int:
+    """Conditions of the grid."""
+    return max(2, round(GRID * scale))
+
+
+def spread(scale: float, count: int, first: int) -> list[int]:
+    """Numbers of some of the grid's conditions: successive ones, whose speeds are spread evenly. The next first goes
+    on where this one ends, so that variants together reach all of the grid."""
+    total = size(scale)
+    count = min(max(1, round(count * scale)), total)
+    return [(first * count + j) % total for j in range(count)]
+
+
+def grid(w: Wheelset, scale: float) -> Iterator[Run]:
+    """Curves A to F and between x utilisation x speed x track; some of it with the better sensors, too."""
+    yield from (condition("grid", w, k, Variant("mems")) for k in range(size(scale)))
+    tactical = Variant("tactical", sensors=SENSOR_SETS["tactical"])
+    yield from (condition("grid", w, k, tactical) for k in spread(scale, GRID // 3, 0))
+
+
+def _either(rng: Rng, share: float) -> float:
+    return 1.0 + share if rng.random() < 0.5 else 1.0 - share
+
+
+def _scattered(w: Wheelset, rng: Rng) -> Wheelset:
+    """Masses, stiffnesses, dampings and inertias each off by up to 10 %."""
+    names = ("m_w", "I_w", "k_w", "I_R", "I_L", "k_s", "C_s", "a", "b")
+    return replace(w, **{n: getattr(w, n) * rng.uniform(0.9, 1.1) for n in names})
+
+
+def noisier(factor: float) -> SensorSet:
+    """Both inertial sensors with so many times their noise."""
+    yaw, lat = MEMS.yaw_rate, MEMS.lat_accel
+    return replace(
+        MEMS,
+        yaw_rate=replace(yaw, noise_rms=yaw.noise_rms * factor),
+        lat_accel=replace(lat, noise_rms=lat.noise_rms * factor),
+    )
+
+
+NOISE = {0.67: "sensor noise × 0.67", 1.5: "sensor noise × 1.5", 2.0: "sensor noise × 2"}
+# Constant errors of cheap sensors: 0.5 degrees per second, 5 mg, a torque that reads 3 % high.
+ROBUST = (
+    Variant("wheelset parameters off by up to 10 %", wheelset=_scattered),
+    Variant("conicity off by 30 %", wheelset=lambda w, r: replace(w, gamma=w.gamma * _either(r, 0.3))),
+    Variant("load off by 15 %", wheelset=lambda w, r: replace(w, M_v=w.M_v * _either(r, 0.15))),
+    Variant("k_A off by 30 %", curve=lambda c, r: replace(c, k_A=c.k_A * _either(r, 0.3))),
+    Variant("torque reads 3 % high", sensors=replace(MEMS, torque=replace(MEMS.torque, gain=1.03))),
+    Variant("gyro bias 0.5 °/s", sensors=MEMS.biased(math.radians(0.5), 0.0, 0.0)),
+    Variant("accelerometer bias 5 mg", sensors=MEMS.biased(0.0, 0.049, 0.0)),
+    Variant("curve of 1500 m, no cant", curvature=1 / 1500),
+    Variant("speed ramp of 0.8 m/s²", ramp_m_s2=0.8),
+    *(Variant(name, sensors=noisier(factor)) for factor, name in NOISE.items()),
+    *(Variant(f"corner of the track's spectrum × {f:g}", corner_rad_m=OMEGA_C * f) for f in (0.5, 2.0)),
+)
+ROBUST_RUNS = 12  # of each
+
+
+def robust(w: Wheelset, scale: float) -> Iterator[Run]:
+    """Some of the grid, with a world that differs from the design's."""
+    for k, variant in enumerate(ROBUST):
+        yield from (condition("robust", w, n, variant) for n in spread(scale, ROBUST_RUNS, k))
+
+
+# Roughness is the spectral density A_a of the irregularity; the amplitude goes with its root. The first two are judged.
+ROUGH = (
+    ("half as rough as any trained", 0, 0.5),
+    ("twice as rough as any trained", 1, 2.0),
+    ("half the amplitude of any trained", 0, 0.25),
+    ("twice the amplitude of any trained", 1, 4.0),
+)
+ROUGH_JUDGED = tuple(name for name, _, _ in ROUGH[:2])
+ROUGH_RUNS = 12
+
+
+def rough(w: Wheelset, scale: float, trained: tuple[float, float]) -> Iterator[Run]:
+    """Tracks smoother and rougher than any in the training (whose ends are given times the good track's A_a)."""
+    for k, (name, end, factor) in enumerate(ROUGH):
+        variant = Variant(name, roughness=QUALITY["good"] * trained[end] * factor)
+        yield from (condition("rough", w, n, variant) for n in spread(scale, ROUGH_RUNS, 20 + k))

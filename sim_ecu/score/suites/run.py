@@ -1,0 +1,97 @@
+"""A run of a score, and what the suites build theirs from. No training condition has their seeds."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+
+from sim_ecu.physics.axlebox import QUIET, AxleBox
+from sim_ecu.physics.contact import CURVES, CreepCurve
+from sim_ecu.physics.sensors import SENSOR_SETS, SensorSet
+from sim_ecu.physics.track import OMEGA_C, QUALITY
+from sim_ecu.physics.wheelset import Wheelset
+from sim_ecu.play.faults import Fault
+from sim_ecu.play.scenario import AxleScenario, Course, Drive, FloatArray, Scenario, rail_table
+
+FIRST_TEST_SEED = 2_000_000_000  # training seeds stay far below
+AXLES = 4
+NOMINAL_FROM_S = 2.0  # frames before are not judged
+SPEEDS = (10.0, 50.0)
+UTILISATIONS = (0.15, 1.0)
+ROUGHNESS = (QUALITY["good"], QUALITY["poor"])
+CREEP_LIMIT = 1.3  # of the traction controller, as a share of the peak's creep
+Rng = np.random.Generator
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """Wheelsets that are played together, and what a report sorts them by.
+
+    group: the variant within the suite. number: of the conditions; a run of another group, or of the grid, with the
+    same number has the same seeds, speed, rails and torques. curves: of each axle. changes_s: when the rail changes.
+    """
+
+    suite: str
+    group: str
+    number: int
+    scenario: Scenario
+    curves: tuple[str, ...]
+    judged_from_s: float = NOMINAL_FROM_S
+    changes_s: tuple[float, ...] = ()
+
+
+def generator(*key: int) -> Rng:
+    """Random numbers of the score's own."""
+    return np.random.default_rng([FIRST_TEST_SEED, *key])
+
+
+def axle(
+    place: int, rail: FloatArray, drive: Drive, roughness: float, rng: Rng,
+    sensors: SensorSet = SENSOR_SETS["mems"], corner_rad_m: float = OMEGA_C, box: AxleBox = QUIET,
+) -> AxleScenario:  # fmt: skip
+    """One wheelset on a track of its own."""
+    seed = FIRST_TEST_SEED + int(rng.integers(1_000_000_000))
+    return AxleScenario(
+        number=place % AXLES + 1,
+        rail=rail,
+        drive=drive,
+        roughness=roughness,
+        sensors=sensors,
+        seed=seed,
+        position_m=0.0,
+        corner_rad_m=corner_rad_m,
+        axlebox=box,
+    )
+
+
+def scenario(
+    w: Wheelset, seconds: float, speed: Course | float, axles: Sequence[AxleScenario], faults: tuple[Fault, ...] = ()
+) -> Scenario:
+    """At held speed."""
+    course = speed if isinstance(speed, Course) else Course((0.0,), (speed,))
+    return Scenario("score", "", seconds, course, True, w, tuple(axles), faults)
+
+
+def one_rail(curve: CreepCurve, curvature: float = 0.0) -> FloatArray:
+    """A rail that stays as it is."""
+    return rail_table([(0.0, curve, curvature, 0.0)])
+
+
+def rails(parts: Sequence[tuple[float, str]]) -> FloatArray:
+    """From a distance (m) on, each curve."""
+    return rail_table([(d, CURVES[c], 0.0, 0.0) for d, c in parts])
+
+
+def drive(demand: str, *points: tuple[float, float], limit: float = CREEP_LIMIT) -> Drive:
+    """A demand over time: (s, value) …, linear between them."""
+    times, values = zip(*points, strict=True)
+    return Drive(demand, Course(times, values), Course((0.0,), (limit,)))
+
+
+def by_four(cases: Sequence[T], rng: Rng) -> Iterator[list[tuple[int, T]]]:
+    """In random order, four at a time, each with its place."""
+    order = rng.permutation(len(cases))
+    for first in range(0, len(cases), AXLES):
+        yield [(i, cases[int(k)]) for i, k in enumerate(order[first : first + AXLES])]

@@ -1,0 +1,168 @@
+"""Whether a gyro and an accelerometer are the pair that they should be: on the rig's own wheelsets."""
+
+import numpy as np
+import pytest
+from scipy.signal import butter, lfilter
+
+from sim_ecu.design.cases import command
+from sim_ecu.physics.contact import CURVES
+from sim_ecu.physics.sensors import SENSOR_SETS
+from sim_ecu.physics.simulation import Axle, Simulation
+from sim_ecu.physics.track import QUALITY, Track
+from sim_ecu.physics.wheelset import LAT_ACCEL, YAW_RATE, Wheelset
+from sim_ecu.play.scenario import rail_table
+from wrcd.estimator.design import FloatArray
+from wrcd.estimator.doubts import BANDS_HZ, Doubt
+from wrcd.estimator.identity import FOURTH_DIFFERENCE, Filters, Identity
+
+TICK_S = 0.005
+NOISE = (3e-4, 0.01)
+SPEED = 25.0
+AXLES = 4
+
+
+def played(seconds: float, sensors: str = "mems") -> FloatArray:
+    """What the sensors of four wheelsets on tracks of their own say, (ticks, 2, 4): dry and wet, half utilised."""
+    n, rng = round(seconds / TICK_S), np.random.default_rng(7)
+    out = np.empty((n, 2, AXLES))
+    for a in range(AXLES):
+        rail = rail_table([(0.0, CURVES["AC"[a % 2]], 0.0, 0.0)])
+        axle = Axle(rail, Track(QUALITY["poor"], 2_900_000_000 + a))
+        drive = command(n, utilisation=np.full((n, 1), 0.4), limit_of_peak=1.3)
+        y = Simulation(Wheelset(), [axle], SPEED, TICK_S).advance(drive, np.full(n, SPEED)).outputs[:, 0]
+        s = SENSOR_SETS[sensors]
+        out[:, 0, a] = s.yaw_rate.measure(y[:, YAW_RATE], rng)
+        out[:, 1, a] = s.lat_accel.measure(y[:, LAT_ACCEL], rng)
+    return out
+
+
+@pytest.fixture(scope="module")
+def sound() -> FloatArray:
+    return played(30.0)
+
+
+def own_noise(z: FloatArray, channel: int, times: float = 1.0) -> None:
+    z[:, channel] = times * NOISE[channel] * np.random.default_rng(channel).standard_normal(z[:, channel].shape)
+
+
+def history(z: FloatArray, identity: Identity | None = None) -> list[list[int]]:
+    """The doubts (AXLES,) after every tick."""
+    identity = identity or Identity(NOISE, TICK_S, AXLES)
+    used, out = np.ones(AXLES, dtype=bool), []
+    for tick in z:
+        identity.step(tick, used, SPEED)
+        out.append([int(d) for d in identity.doubt])
+    return out
+
+
+def test_the_filters_are_butterworths_and_leave_white_noise_its_power() -> None:
+    z = np.random.default_rng(1).standard_normal((20_000, 2, 1))
+    filters, used = Filters(TICK_S, 1), np.ones(1, dtype=bool)
+    got = np.array([filters.step(x, used) for x in z])
+    for k, (low, high) in enumerate(BANDS_HZ):
+        b, a = butter(1, high, fs=200) if low == 0 else butter(1, [low, high], "band", fs=200)
+        want = lfilter(b, a, z, axis=0)
+        gain = np.sqrt((lfilter(b, a, np.eye(1, 20_000)[0]) ** 2).sum())
+        assert np.allclose(got[:, k], want / gain, atol=1e-9)
+        assert np.mean(got[:, k] ** 2) == pytest.approx(1.0, rel=0.15)
+    want = lfilter(FOURTH_DIFFERENCE, 1, z, axis=0) / np.sqrt(70)
+    assert np.allclose(got[:, -1], want, atol=1e-9)
+
+
+def test_a_sound_pair_is_never_doubted(sound: FloatArray) -> None:
+    assert np.max(history(sound)) == Doubt.NONE
+
+
+def test_better_and_noisier_sensors_than_the_designs_are_not_doubted(sound: FloatArray) -> None:
+    assert np.max(history(played(12.0, "tactical"))) == Doubt.NONE
+    more = np.sqrt(3) * np.array(NOISE)[:, None] * np.random.default_rng(3).standard_normal(sound.shape)
+    assert np.max(history(sound + more)) == Doubt.NONE
+
+
+@pytest.mark.parametrize(
+    ("fault", "expected"),
+    [
+        ("reversed", Doubt.REVERSED),
+        ("swapped wires", Doubt.UNRELATED),
+        ("gyro dead", Doubt.GYRO_DEAD),
+        ("accelerometer dead", Doubt.ACCEL_SMALL),
+        ("accelerometer in g", Doubt.ACCEL_SMALL),
+        ("gyro in degrees", Doubt.ACCEL_SMALL),
+    ],
+)
+def test_a_wrong_pair_is_found_within_ten_seconds(sound: FloatArray, fault: str, expected: Doubt) -> None:
+    z = sound[:2000].copy()
+    if fault == "reversed":
+        z[:, 0] *= -1
+    elif fault == "swapped wires":
+        z[:, 1] = z[:, 1, ::-1]
+    elif fault == "gyro dead":
+        own_noise(z, 0)
+    elif fault == "accelerometer dead":
+        own_noise(z, 1)
+    elif fault == "accelerometer in g":
+        z[:, 1] /= 9.81
+    else:
+        z[:, 0] *= 57.3
+    doubts = history(z)
+    found = sum(d != Doubt.NONE for d in doubts[-1])
+    assert found == AXLES
+    # another name than the right one is possible for wires of two axles whose signals differ in size
+    assert sum(d == expected for d in doubts[-1]) >= (2 if fault == "swapped wires" else AXLES)
+    assert not np.any(doubts[:1600])
+
+
+@pytest.mark.parametrize("times", [1.0, 2.0])
+def test_dead_sensors_are_doubted_from_the_first_window_on(sound: FloatArray, times: float) -> None:
+    z = sound[:2400].copy()
+    own_noise(z, 0, times)
+    own_noise(z, 1, times)
+    doubts = np.array(history(z))
+    assert np.all(doubts[199:] == Doubt.SILENT)
+
+
+def test_sensors_that_die_are_doubted_within_a_second_and_a_half_and_trusted_again_after_the_same(
+    sound: FloatArray,
+) -> None:
+    z, dies, lives = sound[:4000].copy(), 1130, 1930
+    for channel in (0, 1):
+        dead = z[dies:lives]
+        own_noise(dead, channel)
+        dead[:, channel] += 3 * NOISE[channel]  # with another bias
+    doubts = np.array(history(z))
+    assert not doubts[:dies].any()
+    assert np.all(doubts[dies + 300 : lives] == Doubt.SILENT)
+    assert np.all(doubts[lives + 500 : lives + 600] != Doubt.SILENT)
+
+
+def test_a_doubt_outlives_a_gap_and_ends_when_the_pair_was_right_for_as_long(sound: FloatArray) -> None:
+    z = sound.copy()
+    z[:2000, 0] *= -1
+    identity = Identity(NOISE, TICK_S, AXLES)
+    assert history(z[:2000], identity)[-1] == [Doubt.REVERSED] * AXLES
+    for axle in range(AXLES):
+        identity.reset(axle)
+    doubts = np.array(history(z[2000:], identity))
+    assert np.all(doubts[:1000] != Doubt.NONE)  # half of what is looked at is still the wrong one
+    assert np.all(doubts[3900:] == Doubt.NONE)
+
+
+def test_axles_without_data_learn_nothing_and_disturb_nobody(sound: FloatArray) -> None:
+    alone, other = Identity(NOISE, TICK_S, 1), Identity(NOISE, TICK_S, 2)
+    z = sound[:2000, :, :2].copy()
+    z[:, 0, 0] *= -1
+    z[:, :, 1] = np.nan
+    for tick in z:
+        alone.step(tick[:, :1], np.ones(1, dtype=bool), SPEED)
+        other.step(tick, np.array([True, False]), SPEED)
+    assert list(alone.doubt) == [Doubt.REVERSED]
+    assert list(other.doubt) == [Doubt.REVERSED, Doubt.NONE]
+
+
+def test_no_number_makes_it_raise() -> None:
+    identity, used = Identity(NOISE, TICK_S, 2), np.ones(2, dtype=bool)
+    with np.errstate(all="raise", under="ignore"):
+        for k in range(2500):
+            z = np.array([[0.0, 1e300 * (-1) ** k], [0.0, -1e300]])
+            identity.step(z, used, 0.0)
+    assert identity.doubt[0] in list(Doubt)

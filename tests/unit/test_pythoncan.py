@@ -1,0 +1,118 @@
+"""A bus of python-can's: its virtual one, and one on which frames come faster than anybody can read."""
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import can
+import pytest
+
+from wrcd.bus.frame import Frame
+from wrcd.bus.link import MAX_FRAMES
+from wrcd.bus.pythoncan import PythonCanLink
+from wrcd.errors import BusError
+
+IDS = (0x101, 0x18FF0001)
+
+
+def now_us() -> int:
+    return time.time_ns() // 1000
+
+
+@dataclass
+class Ends:
+    """The daemon's end of a bus, and somebody else's."""
+
+    link: PythonCanLink
+    other: can.BusABC
+
+    def send(self, can_id: int, **how: Any) -> None:
+        self.other.send(can.Message(arbitration_id=can_id, is_extended_id=can_id > 0x7FF, **how))
+
+
+@pytest.fixture
+def ends() -> Iterator[Ends]:
+    made = Ends(PythonCanLink("virtual", "pythoncan-test", IDS), can.Bus("pythoncan-test", interface="virtual"))
+    yield made
+    made.link.close()
+    made.other.shutdown()
+
+
+def test_frames_both_ways_with_the_time_they_came_at(ends: Ends) -> None:
+    before = now_us()
+    ends.send(0x101, data=b"\x01\x02")
+    ends.send(0x18FF0001, data=b"\x03")
+    frames = ends.link.receive(now_us())
+    assert [(f.can_id, f.extended, f.data) for f in frames] == [
+        (0x101, False, b"\x01\x02"),
+        (0x18FF0001, True, b"\x03"),
+    ]
+    assert all(before - 1 <= f.stamp_us <= now_us() for f in frames)
+    assert ends.link.send(Frame(now_us(), 0x091, b"\x07"))
+    got = ends.other.recv(1.0)
+    assert got is not None
+    assert (got.arbitration_id, bytes(got.data), got.is_extended_id) == (0x091, b"\x07", False)
+
+
+def test_an_interface_with_a_clock_of_its_own_is_stamped_here(ends: Ends) -> None:
+    ends.send(0x101)
+    assert ends.link.receive(now_us() + 3_600_000_000)[0].stamp_us > now_us() + 3_500_000_000
+
+
+def test_frames_of_other_ids_hold_nothing_up(ends: Ends) -> None:
+    """However many there are between two of the sensors': one look has all of them."""
+    for k in range(1000):
+        ends.send(0x300 + k % 0x100)
+        if k % 250 == 0:
+            ends.send(0x101)
+    ends.send(0x101, is_error_frame=True)
+    ends.other.send(can.Message(arbitration_id=0x101, is_extended_id=True))
+    assert [f.can_id for f in ends.link.receive(now_us())] == [0x101] * 4
+    assert ends.link.health.error_frames == 1
+
+
+class Endless(can.BusABC):
+    """There is always one more."""
+
+    def __init__(self, message: can.Message) -> None:
+        super().__init__(channel="endless")
+        self.taken, self._message = 0, message
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        self.taken += 1
+        return self._message, False
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        raise NotImplementedError
+
+
+@pytest.mark.parametrize(
+    ("can_id", "error", "handed_over"), [(0x101, False, MAX_FRAMES), (0x300, False, 0), (0x101, True, 0)],
+    ids=["sensor's", "unmapped", "error frames"],
+)  # fmt: skip
+def test_a_look_at_a_flood_ends(
+    ends: Ends, monkeypatch: pytest.MonkeyPatch, can_id: int, error: bool, handed_over: int
+) -> None:
+    flood = Endless(can.Message(arbitration_id=can_id, is_extended_id=False, is_error_frame=error, timestamp=1.0))
+    monkeypatch.setattr(ends.link, "_bus", flood)
+    for look in (1, 2):
+        assert len(ends.link.receive(now_us())) == handed_over
+        assert flood.taken == look * MAX_FRAMES
+    assert ends.link.health.error_frames == (2 * MAX_FRAMES if error else 0)
+    flood.shutdown()
+    monkeypatch.undo()
+
+
+def test_an_interface_that_there_is_none_of_is_a_clear_error() -> None:
+    with pytest.raises(BusError, match="nosuch:can0 cannot be opened"):
+        PythonCanLink("nosuch", "can0", None)
+
+
+def test_a_bus_that_is_closed_is_down_and_counts(ends: Ends) -> None:
+    ends.link.close()
+    assert ends.link.receive(now_us()) == []
+    assert ends.link.health.state == "Down"
+    assert not ends.link.send(Frame(now_us(), 0x091, b""))
+    assert ends.link.health.unsent == 1
+    ends.link.close()

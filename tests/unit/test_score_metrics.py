@@ -1,0 +1,287 @@
+"""The score's figures, on traces whose answer is known, and the intervals around them."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sim_ecu.score.goals import CHANCE, MET, MISSED, TOO_FEW, Goal, apart
+from sim_ecu.score.metrics import accuracy, bootstrap, changes, honesty
+from sim_ecu.score.metrics.bootstrap import Figure
+from sim_ecu.score.metrics.frames import OURS, gather
+from sim_ecu.score.play import Trace
+
+
+def trace(mu: np.ndarray, true: np.ndarray, **other: object) -> Trace:
+    """50 frames a second, all Valid, of a wheelset that uses 5 %."""
+    n = len(mu)
+    values: dict[str, Any] = {
+        "suite": "grid", "group": "mems", "run": 0, "curve": "A", "sensors": "mems", "speed_m_s": 25.0,
+        "judged_from_s": 0.0, "changes_s": (),
+        "time_s": 0.02 * np.arange(1.0, n + 1.0), "mu_pct": mu, "validity": np.full(n, "Valid"),
+        "cause": np.full(n, ""), "half_width_pp": np.full(n, 2.0), "own_half_width_pp": np.full(n, 1.6),
+        "contact": np.full(n, "Adhering"),
+        "surface": np.full(n, "Dry"), "true_mu_pct": true, "true_used_pct": np.full(n, 5.0),
+        "true_slip": np.full(n, 0.001), "peak_slip": 0.02,
+    }  # fmt: skip
+    return Trace(**values | other)
+
+
+def words(n: int, word: str, *places: tuple[slice | int, str]) -> np.ndarray:
+    """One word throughout, others at places."""
+    out = np.full(n, word, "U16")
+    for place, other in places:
+        out[place] = other
+    return out
+
+
+def step(n: int, at: int, before: float, after: float) -> np.ndarray:
+    return np.where(np.arange(n) < at, before, after)
+
+
+def values(figures: dict[str, Figure]) -> dict[str, float]:
+    return {k: f.value for k, f in figures.items()}
+
+
+def test_only_valid_frames_are_judged_and_the_others_counted() -> None:
+    true = np.full(100, 20.0)
+    mu = np.where(np.arange(100) < 10, 90.0, 21.0)
+    mu[50] = 40.0
+    validity = words(100, "Valid", (slice(0, 6), "Degraded"), (slice(6, 10), "NotAvailable"))
+    cause = words(100, "", (slice(0, 6), "Identity"), (slice(6, 10), "Timeout"))
+    t = trace(mu, true, validity=validity, cause=cause, baselines={"torque ratio": np.full(100, 5.0)})
+    f = gather([t])
+    found = values(accuracy.accuracy(f, OURS))
+    assert found["mean"] == pytest.approx((89 * 1.0 + 20.0) / 90)
+    assert found["below_half"] == pytest.approx(found["mean"])
+    assert math.isnan(found["above_0.9"])
+    theirs = accuracy.accuracy(f, "torque ratio")["mean"]
+    assert theirs.value == pytest.approx(15.0)
+    assert (theirs.runs, theirs.count) == (1, 90)
+    lost = honesty.not_valid(f)
+    assert lost["share"].value == pytest.approx(0.1)
+    assert lost["causes"] == pytest.approx({"Identity": 0.06, "Timeout": 0.04})
+
+
+def test_frames_before_they_are_judged_do_not_count() -> None:
+    mu = np.where(np.arange(100) < 50, 90.0, 20.0)
+    f = gather([trace(mu, np.full(100, 20.0), judged_from_s=1.02)])
+    found = accuracy.accuracy(f, OURS)
+    assert found["mean"].count == 50
+    assert values(found) == pytest.approx(
+        {"mean": 0.0, "p95": 0.0, "below_half": 0.0, "above_0.9": math.nan}, nan_ok=True
+    )
+
+
+def test_the_delay_is_to_the_crossing_of_the_geometric_mean() -> None:
+    true = step(500, 100, 40.0, 10.0)
+    mu = step(500, 130, 40.0, 19.0)  # 0.6 s late, and then on the new side of 20
+    mu[110] = 15.0  # one frame across is not yet a crossing
+    late = trace(mu, true, changes_s=(2.0,), run=3, baselines={"EKF": step(500, 105, 40.0, 19.0)})
+    seconds, runs = changes.delays([late])
+    assert seconds == pytest.approx([0.62])
+    assert runs.tolist() == [3]
+    assert changes.delays([late], "EKF")[0] == pytest.approx([0.12])
+    never = trace(np.full(500, 25.0), true, changes_s=(2.0,))
+    assert changes.delays([never])[0] == pytest.approx([changes.LATEST_S])
+    silent = trace(mu, true, changes_s=(2.0,), validity=words(500, "Valid", (slice(100, 500), "Degraded")))
+    assert changes.delays([silent])[0] == pytest.approx([changes.LATEST_S])
+    across = trace(np.full(500, 15.0), true, changes_s=(2.0,))
+    assert np.isnan(changes.delays([across])[0]).all()  # nothing to cross
+
+
+def test_a_drop_that_is_believed_too_long() -> None:
+    """Down from 40 to 10 at 2.00 s; wrcd stays at 40 ± 2 for 0.4 s, at 14 for 0.2 s, then says 10.5."""
+    true = step(500, 100, 40.0, 10.0)
+    mu = np.concatenate((np.full(120, 40.0), np.full(10, 14.0), np.full(370, 10.5)))
+    half = np.where(np.arange(500) < 125, 2.0, 5.0)
+    [drop] = changes.drops([trace(mu, true, changes_s=(2.0,), half_width_pp=half, curve="A to C")])
+    assert drop.lie_s == pytest.approx(0.5)  # 20 frames at 40 ± 2, five at 14 ± 2
+    assert drop.far_s == pytest.approx(0.5)
+    assert drop.most_over_pp == pytest.approx(30.0)
+    assert drop.settled_s == pytest.approx(0.62)
+    assert drop.curve == "A to C"
+
+
+def test_a_drop_that_is_told_of_is_no_lie_and_settles_when_it_is_valid_again() -> None:
+    true = step(500, 100, 40.0, 10.0)
+    mu = step(500, 120, 40.0, 10.2)
+    validity = words(500, "Valid", (slice(100, 150), "Degraded"))
+    [drop] = changes.drops([trace(mu, true, changes_s=(2.0,), validity=validity)])
+    assert drop.lie_s == 0.0
+    assert drop.far_s == 0.0
+    assert drop.most_over_pp == pytest.approx(0.2)
+    assert drop.settled_s == pytest.approx(1.02)
+
+
+def test_a_valid_frame_without_an_interval_claims_a_narrow_one() -> None:
+    true = step(300, 100, 40.0, 10.0)
+    [drop] = changes.drops(
+        [trace(step(300, 110, 40.0, 10.0), true, changes_s=(2.0,), half_width_pp=np.full(300, math.nan))]
+    )
+    assert drop.lie_s == pytest.approx(10 * 0.02)
+    f = gather([trace(np.full(10, 20.0), np.full(10, 20.0), half_width_pp=np.full(10, math.nan))])
+    assert honesty.coverage(f).value == 0.0
+
+
+def test_only_changes_down_are_drops_and_each_lasts_to_the_next() -> None:
+    true = np.concatenate((np.full(100, 40.0), np.full(100, 10.0), np.full(300, 40.0)))
+    t = trace(np.full(500, 40.0), true, changes_s=(2.0, 4.0))
+    [drop] = changes.drops([t])
+    assert drop.lie_s == pytest.approx(2.0)
+    assert drop.settled_s == changes.LATEST_S
+    assert changes.settlings([t], OURS)[0] == pytest.approx([changes.LATEST_S])
+
+
+def test_what_leaves_its_bound_again_has_not_settled() -> None:
+    true = step(500, 100, 40.0, 10.0)
+    mu = step(500, 110, 40.0, 10.0)
+    mu[115] = 12.0
+    [drop] = changes.drops([trace(mu, true, changes_s=(2.0,))])
+    assert drop.settled_s == pytest.approx(0.34)
+
+
+def test_coverage_and_width_by_level() -> None:
+    true = np.full(200, 20.0)
+    mu = 20.0 + np.where(np.arange(200) % 10 == 0, 3.0, 0.5)
+    half = np.where(np.arange(200) < 100, 1.0, 5.0)
+    own = np.where(np.arange(200) < 100, 0.9, 3.1)
+    found = honesty.confidence(gather([trace(mu, true, half_width_pp=half, own_half_width_pp=own)]))
+    assert found["levels"]["Within1pp"]["share"] == 0.5
+    assert found["levels"]["Within1pp"]["covers"].value == pytest.approx(0.9)
+    assert found["levels"]["Within5pp"]["covers"].value == 1.0
+    assert found["covers"].value == pytest.approx(0.95)
+    assert found["mean_half_width"].value == pytest.approx(2.0)
+    assert found["median_half_width"].value == pytest.approx(0.9)
+    assert 0.5 <= found["constant_half_width"].value <= 3.0
+
+
+def test_an_interval_without_a_bound_is_no_error_and_of_no_use() -> None:
+    half = np.where(np.arange(100) < 50, 1.0, math.inf)
+    found = honesty.confidence(gather([trace(np.full(100, 30.0), np.full(100, 20.0), half_width_pp=half)]))
+    assert found["covers"].value == pytest.approx(0.5)
+    assert found["covers_bounded"] == 0.0
+    assert found["levels"]["Wider"]["covers"].value == 1.0
+
+
+def test_false_lows_are_counted_and_timed_where_valid() -> None:
+    surface = words(3600, "Dry", (slice(100, 200), "Low"), (300, "VeryLow"), (slice(400, 500), "Wet"))
+    surface[600:700] = "Low"
+    validity = words(3600, "Valid", (slice(600, 700), "Degraded"))
+    one = trace(np.full(3600, 30.0), np.full(3600, 38.0), surface=surface, validity=validity, run=1)
+    none = trace(np.full(3600, 30.0), np.full(3600, 38.0), run=2)
+    found = honesty.false_lows([one, none])
+    assert found["episodes"] == 2
+    assert found["seconds"].value == pytest.approx(101 * 0.02)
+    assert found["seconds"].low == 0.0  # it may be one run in two, or none
+    assert found["hours"] == pytest.approx(2 * 3600 * 0.02 / 3600)
+    assert found["valid_hours"] == pytest.approx((2 * 3600 - 100) * 0.02 / 3600)
+    assert honesty.false_lows([none])["at_most_per_hour"] == pytest.approx(-math.log(0.05) / 0.02)
+
+
+def test_what_dies_is_timed_until_it_is_found_out() -> None:
+    found = trace(np.full(500, 9.0), np.full(500, 9.0), validity=words(500, "Valid", (slice(160, 500), "Degraded")))
+    wavers = words(500, "Valid", (slice(160, 490), "Degraded"))
+    back = trace(np.full(500, 9.0), np.full(500, 9.0), validity=wavers, run=1)
+    after = honesty.valid_after([found, back], 2.0)
+    assert after["most"].value == pytest.approx(1.2 + 0.2)
+    assert after["median"].value == pytest.approx(1.2)
+    assert honesty.found_out([found, back]).value == 0.5
+
+
+def test_contact_is_judged_where_it_can_be_told() -> None:
+    n = 100
+    used = np.where(np.arange(n) < 50, 10.0, 18.0)  # 0.5 and 0.9 of 20 %
+    contact = np.where(np.arange(n) < 40, "Adhering", "Saturated")
+    f = gather([trace(np.full(n, 20.0), np.full(n, 20.0), true_used_pct=used, contact=contact)])
+    found = accuracy.contact_right(f)
+    assert found["right"].value == pytest.approx(0.8)
+    assert found["right"].count == 50
+    assert math.isnan(found["saturated_right"].value)
+
+
+def test_within_is_a_point_or_a_tenth_and_what_is_not_valid_is_not_within() -> None:
+    f = gather([trace(np.array([43.0, 6.0, 8.0, 5.0]), np.array([40.0, 5.0, 5.0, 5.0]))])
+    assert accuracy.within(f)["share"].value == pytest.approx(0.75)
+    assert accuracy.within(f)["worst"].value == pytest.approx(3.0)
+    validity = words(4, "Valid", (3, "Degraded"))
+    f = gather([trace(np.array([43.0, 6.0, 8.0, 5.0]), np.array([40.0, 5.0, 5.0, 5.0]), validity=validity)])
+    assert accuracy.within(f)["share"].value == pytest.approx(0.5)
+    assert accuracy.within(f)["worst"].value == math.inf
+
+
+def test_intervals_come_from_runs_and_not_from_frames() -> None:
+    """40 runs of 100 frames that are all alike within a run: as uncertain as 40 numbers, not as 4000."""
+    rng = np.random.default_rng(0)
+    level = rng.standard_normal(40)
+    runs = np.repeat(np.arange(40), 100)
+    found = bootstrap.mean(np.repeat(level, 100), runs)
+    assert found.value == pytest.approx(level.mean())
+    expected = 2 * 1.645 * level.std() / math.sqrt(40)
+    assert found.high - found.low == pytest.approx(expected, rel=0.15)
+    assert (found.runs, found.count) == (40, 4000)
+    quantile = bootstrap.quantile(np.repeat(level, 100), runs, 0.5)
+    assert quantile.value == np.sort(level)[19]
+    assert quantile.low < quantile.value < quantile.high
+    assert math.isnan(bootstrap.mean(level[:1], np.zeros(1, int)).low)
+
+
+def test_the_interval_holds_the_true_value_nine_times_of_ten() -> None:
+    rng = np.random.default_rng(1)
+    held = 0
+    for _ in range(200):
+        runs = np.repeat(np.arange(30), 5)
+        x = np.repeat(rng.exponential(1.0, 30), 5)
+        f = bootstrap.mean(x, runs)
+        held += f.low <= 1.0 <= f.high
+    assert 0.80 <= held / 200 <= 0.95
+
+
+def test_pairs_are_compared_more_sharply_than_their_means() -> None:
+    rng = np.random.default_rng(2)
+    runs = np.arange(30)
+    nominal = rng.exponential(1.0, 30)
+    worse = nominal * 1.3 + 0.01 * rng.standard_normal(30)
+    ratio = bootstrap.ratio(worse, runs, nominal, runs)
+    assert ratio.value == pytest.approx(1.3, abs=0.02)
+    assert ratio.high - ratio.low < 0.05
+    assert bootstrap.ratio(worse, runs + 100, nominal, runs).high > 1.5  # unpaired
+    less = bootstrap.difference(worse, runs, nominal, runs)
+    assert less.low < 0.3 * nominal.mean() < less.high
+
+
+def test_a_share_of_all_or_none_is_not_certain() -> None:
+    every = bootstrap.share(np.ones(80, bool), np.arange(80) // 4)
+    assert every.value == every.high == 1.0
+    assert every.low == pytest.approx(0.05 ** (1 / 20))
+    none = bootstrap.share(np.zeros(80, bool), np.arange(80) // 4)
+    assert none.high == pytest.approx(1 - 0.05 ** (1 / 20))
+
+
+def test_the_largest_is_of_the_runs_that_were_drawn() -> None:
+    found = bootstrap.largest(np.array([1.0, 5.0, 2.0, 3.0]), np.array([0, 0, 1, 2]))
+    assert found.value == found.high == 5.0
+    assert found.low in (2.0, 3.0)
+
+
+def figure(value: float, low: float, high: float, runs: int = 50) -> Figure:
+    return Figure(value, low, high, runs, 1000)
+
+
+def test_a_goal_knows_its_side_and_its_chance() -> None:
+    assert Goal("x", figure(1.0, 0.9, 1.1), 1.0).verdict == MET
+    assert Goal("x", figure(1.1, 1.05, 1.2), 1.0).verdict == MISSED
+    assert Goal("x", figure(1.1, 0.99, 1.2), 1.0).verdict == CHANCE
+    assert Goal("x", figure(0.9, 0.8, 0.94), 0.95, at_least=True).verdict == MISSED
+    assert Goal("x", figure(0.9, 0.8, 0.96), 0.95, at_least=True).verdict == CHANCE
+    assert Goal("x", figure(math.nan, math.nan, math.nan), 1.0).verdict == MISSED
+    assert Goal("x", figure(0.5, 0.4, 0.6, runs=5), 1.0).verdict == TOO_FEW
+
+
+def test_better_is_better_where_intervals_are_apart() -> None:
+    ours = figure(1.0, 0.9, 1.1)
+    assert apart(ours, figure(1.5, 1.2, 1.8)) == "better"
+    assert apart(ours, figure(1.2, 1.0, 1.4)) == "better, intervals overlap"
+    assert apart(ours, figure(0.95, 0.8, 1.1)) == "not better, intervals overlap"
+    assert apart(ours, figure(0.5, 0.4, 0.6)) == "worse"

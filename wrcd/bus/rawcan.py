@@ -1,0 +1,47 @@
+"""The kernel's side of a raw CAN socket: structures, options, masks (linux/can.h, linux/can/raw.h)."""
+
+import errno
+import socket
+import struct
+
+FRAME = struct.Struct("=IB3x8s")  # struct can_frame
+TIMESPEC = struct.Struct("@ll")
+U32 = struct.Struct("=I")
+FILTER = struct.Struct("=II")  # struct can_filter
+# Not all of these have names in the socket module.
+SO_TIMESTAMPNS = 35
+SO_TIMESTAMPING = 37
+RAW_HARDWARE, RX_SOFTWARE, SOFTWARE, RX_HARDWARE = 1 << 6, 1 << 3, 1 << 4, 1 << 2
+SO_RXQ_OVFL = 40
+CAN_RAW_RECV_OWN_MSGS = 4
+CAN_RAW_ERR_FILTER = 2
+CAN_EFF_FLAG, CAN_RTR_FLAG, CAN_ERR_FLAG = 0x80000000, 0x40000000, 0x20000000
+GONE = (errno.ENODEV, errno.ENXIO, errno.EBADF)  # what a socket says of a device that is not there any more
+
+
+def time_us(value: bytes, place: int) -> int:
+    """One of the time stamps that came along, in whole microseconds."""
+    seconds, nanoseconds = TIMESPEC.unpack_from(value, place * TIMESPEC.size)
+    return int(seconds) * 1_000_000 + int(nanoseconds) // 1000
+
+
+def only_id(can_id: int) -> bytes:
+    """Exactly this id, in its own length."""
+    return only_word(can_id if can_id <= socket.CAN_SFF_MASK else can_id | CAN_EFF_FLAG)
+
+
+def only_word(word: int) -> bytes:
+    """The same for an id with its flag."""
+    mask = socket.CAN_EFF_MASK if word & CAN_EFF_FLAG else socket.CAN_SFF_MASK
+    return FILTER.pack(word, mask | CAN_EFF_FLAG)
+
+
+def advice(e: OSError, channel: str) -> str:
+    """What to do about an interface that cannot be opened."""
+    if e.errno in (errno.EAFNOSUPPORT, errno.EPROTONOSUPPORT):
+        return "this kernel has no CAN: load the modules can and can-raw, or use another interface"
+    if e.errno in GONE:
+        if channel.startswith("vcan"):
+            return f"make it: ip link add {channel} type vcan && ip link set {channel} up"
+        return "see `ip link` for the interfaces there are"
+    return "check the interface and your rights"

@@ -1,0 +1,167 @@
+"""Whether a gyro and an accelerometer are the pair that they should be: judged by the raw signals, not by the filters.
+
+The track drives both. Below 1.5 Hz the lateral acceleration is the speed times the yaw rate or more, in phase; up to
+25 Hz the two go together less and less, yet hardly ever against each other. What has no part in the track is white.
+"""
+
+import math
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+
+from wrcd.estimator.bank import BoolArray
+from wrcd.estimator.design import CHANNELS, FloatArray
+
+
+class Doubt(IntEnum):
+    """What speaks against a pair; where several things do, the first counts."""
+
+    NONE = 0
+    SILENT = 1  # both say nothing but their own noise
+    REVERSED = 2  # one is mounted the other way round
+    UNRELATED = 3  # they do not feel the same track
+    ACCEL_SMALL = 4  # the accelerometer is dead, or its unit smaller than it should be against the gyro's
+    GYRO_DEAD = 5  # the gyro says nothing but its own noise
+
+
+# The first of these that is held is the doubt. What is dead has no correlation to be judged by; a pair that does not
+# belong together has no ratio.
+PRECEDENCE = (Doubt.SILENT, Doubt.GYRO_DEAD, Doubt.REVERSED, Doubt.UNRELATED, Doubt.ACCEL_SMALL)
+
+YAW, LAT = range(CHANNELS)
+BANDS_HZ = ((0.0, 1.5), (3.0, 10.0), (10.0, 25.0))
+LOW, MIDDLE, HIGH = range(len(BANDS_HZ))
+LEAST_SILENT_BLOCKS = 3  # that silence is judged by where a sensor was loud before
+
+# Bounds, set on 480 nominal and 450 robust conditions (13 s, utilisation 0 to 1, 8 to 52 m/s, noise once and twice the
+# design's, a fifth tactical) and on 240 slow or coasting ones; sim-ecu score tells what they find and cost.
+# A dead sensor's power in each band (rows; gyro, accelerometer) over that of all it says, in ten seconds. Below 1.5 Hz
+# a gyro that died shows for long what it last said, and one that lives much more.
+WHITE_LEAST = (0.0, 0.0, 0.75)
+WHITE_MOST = ((2.5, 1.5), (1.32, 1.32), (1.25, 1.25))
+# The same over one second, as one number: weighed excesses of both sensors' bands. The sensors' own noise stays below
+# in 96 % of all seconds, what comes of a track in less than 1 %.
+SILENT_WEIGHTS = (0.6, 1.0, 1.5)
+SILENT_EXCESS = 1.1
+STILL_SILENT_EXCESS = 2.5  # where it is doubted already, or nothing was heard of the sensors before
+FALLEN_TIMES = 2.0  # as much power in a block before
+LOUDEST = 5.5  # times the power of the design's noise: more than that is no silence (noise may be twice as large)
+HEARD = 4.0  # times the noise's power: what correlations are judged on
+HEARD_SHARE = 0.7  # of the seconds
+REVERSED = -0.10  # correlation below 1.5 Hz, and half of that in 3 to 10 Hz. Sound pairs: above 0 in 99.5 %
+# Sum of the mean correlations over none, one, two, three bands in which both are heard, and the share of the seconds'
+# correlations that are positive. Near saturation a sound pair is little correlated, yet positive in every second.
+UNRELATED = (-math.inf, 0.2, 0.6, 0.8)
+UNRELATED_POSITIVE = 0.75
+SMALL = -0.10  # decades by which the lateral acceleration below 1.5 Hz is less than speed times yaw rate
+# An accelerometer that hears so much, in units of its noise's power, while the gyro hears nothing. A saturated wheelset
+# yaws that little; its lateral acceleration is below 5 in 3 to 10 Hz.
+GYRO_MISSES_MIDDLE, GYRO_MISSES_HIGH, GYRO_MISSES_LOW = 6.0, 2.0, 10.0
+GYRO_MISSES_RATIO = 0.70  # decades by which acceleration exceeds speed times (the noise's) yaw rate in 3 to 10 Hz
+TINY = 1e-12
+SLOWEST = 0.1  # m/s
+
+# rows of the sums over a block of ticks
+POWER, CROSS, FINE, LOW_MEAN, MEAN, RAW, SPEED = (
+    slice(0, 6), slice(6, 9), slice(9, 11), slice(11, 13), slice(13, 15), slice(15, 17), 17,
+)  # fmt: skip
+ROWS = 18
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """Of one pair, over spans of time (s,). Powers in units of the design's sensor noise through the same filter."""
+
+    power: FloatArray  # (s, 3, 2) of the bands
+    cross: FloatArray  # (s, 3)
+    variance: FloatArray  # (s, 2)
+    noise: FloatArray  # (s, 2) power of the fourth differences: above 50 Hz there is little but the sensor's noise
+    speed_m_s: FloatArray  # (s,)
+
+
+def evidence(sums: FloatArray) -> Evidence:
+    """Of sums (s, ROWS) over ticks, divided by how many they are."""
+    mean = sums[:, MEAN]
+    return Evidence(
+        power=np.maximum(sums[:, POWER].reshape(-1, len(BANDS_HZ), CHANNELS), TINY),
+        cross=sums[:, CROSS],
+        variance=np.maximum(sums[:, RAW] - mean * mean, TINY),
+        noise=np.maximum(sums[:, FINE], TINY),
+        speed_m_s=sums[:, SPEED],
+    )
+
+
+def silent(newest: FloatArray, before: FloatArray, most: float) -> bool:
+    """Whether in the newest blocks (b, ROWS), the newest first, both signals are white, but for an excess, and of the
+    size of the sensors' noise.
+
+    When a sensor dies, the mean that is taken off stays behind at what it last said, for seconds. So one that was loud
+    a moment before is judged about a straight line through what it says now; another, about its mean as known.
+    """
+    now, then = (b[:, RAW] - b[:, MEAN] ** 2 for b in (newest, before))
+    fallen = then.max(axis=0, initial=0.0) > FALLEN_TIMES * now[:LEAST_SILENT_BLOCKS].mean(axis=0)
+    if fallen.any():
+        newest = newest[:LEAST_SILENT_BLOCKS]
+    sums = newest.mean(axis=0)
+    power, variance = sums[POWER].reshape(len(BANDS_HZ), CHANNELS).copy(), sums[RAW]
+    power[LOW] -= np.where(fallen, _line(newest[:, LOW_MEAN]), 0.0)
+    variance = np.maximum(variance - np.where(fallen, _line(newest[:, MEAN]), 0.0), TINY)
+    excess = np.maximum(power / variance - 1.0, 0.0)
+    return bool(np.dot(SILENT_WEIGHTS, excess).sum() < most and variance.max() < LOUDEST)
+
+
+def _line(means: FloatArray) -> FloatArray:
+    """Power of the straight line through the means of blocks (b, …)."""
+    t = np.arange(len(means)) - 0.5 * (len(means) - 1)
+    square = float(np.mean(t * t))
+    slope = np.tensordot(t, means, 1) / (len(t) * square)
+    power: FloatArray = means.mean(axis=0) ** 2 + slope**2 * (square + 1.0 / 12.0)
+    return power
+
+
+def doubts(e: Evidence, yaw_unit: float, lat_unit: float) -> set[Doubt]:
+    """What speaks against a pair over seconds (s,). The units are what its powers are in, rad/s and m/s².
+
+    Noise is taken as measured, not as designed. Means of the seconds' correlations and medians of their powers: one
+    second that is unlike the others, at a change of rail, does not decide.
+    """
+    median = np.median(np.column_stack((e.power.reshape(len(e.power), -1), e.variance, e.noise)), axis=0)
+    power, variance, noise = median[:6].reshape(-1, CHANNELS), median[6:8], median[8:]
+    share = power / variance
+    white = ((share > np.array(WHITE_LEAST)[:, None]) & (share < WHITE_MOST)).all(axis=0)
+    white &= variance < LOUDEST  # what is white and louder is drowned in vibration, not dead
+    if white.all():
+        return {Doubt.SILENT}
+    if white[LAT]:
+        return {Doubt.ACCEL_SMALL}
+    # decades by which the lateral acceleration exceeds speed times yaw rate, by band
+    ratios = np.median(
+        0.5 * np.log10(e.power[..., LAT] / e.power[..., YAW]) - np.log10(np.fmax(e.speed_m_s, SLOWEST))[:, None], axis=0
+    )
+    ratios = ratios + math.log10(lat_unit / yaw_unit)
+    out = set()
+    low, middle, high = power[:, LAT] / noise[LAT]
+    if white[YAW] and (
+        middle > GYRO_MISSES_MIDDLE
+        or high > GYRO_MISSES_HIGH
+        or (low > GYRO_MISSES_LOW and ratios[MIDDLE] > GYRO_MISSES_RATIO)
+    ):
+        out.add(Doubt.GYRO_DEAD)
+    if power[LOW, YAW] > HEARD * noise[YAW] and ratios[LOW] < SMALL:
+        out.add(Doubt.ACCEL_SMALL)
+    return out | _correlations(e, noise)
+
+
+def _correlations(e: Evidence, noise: FloatArray) -> set[Doubt]:
+    r = e.cross / np.sqrt(e.power.prod(axis=2))
+    heard: BoolArray = np.all(e.power > HEARD * noise, axis=2)
+    bands = heard.mean(axis=0) >= HEARD_SHARE
+    low, middle, _ = r.mean(axis=0)
+    out = {Doubt.REVERSED} if low + 0.5 * middle < REVERSED else set()
+    if bands.any():
+        of_bands = [r[heard[:, k], k] for k in np.flatnonzero(bands)]
+        positive = np.concatenate(of_bands) > 0.0
+        if sum(x.mean() for x in of_bands) < UNRELATED[len(of_bands)] and positive.mean() < UNRELATED_POSITIVE:
+            out.add(Doubt.UNRELATED)
+    return out

@@ -1,0 +1,171 @@
+"""Sums up what each gyro and accelerometer say, and doubts the pairs that a test of doubts.py speaks against."""
+
+import math
+
+import numpy as np
+
+from wrcd.estimator.bank import BoolArray
+from wrcd.estimator.design import CHANNELS, FloatArray, IntArray
+from wrcd.estimator.doubts import (
+    BANDS_HZ,
+    LAT,
+    LEAST_SILENT_BLOCKS,
+    LOW,
+    PRECEDENCE,
+    ROWS,
+    SILENT_EXCESS,
+    STILL_SILENT_EXCESS,
+    YAW,
+    Doubt,
+    doubts,
+    evidence,
+    silent,
+)
+
+BLOCK_S = 0.25  # evidence is summed up over blocks of ticks with data
+SECOND = 4  # blocks
+BLOCKS = 10 * SECOND  # that a pair is judged by
+LEAST_BLOCKS = 9 * SECOND  # before which it is not
+SILENT_BLOCKS = SECOND  # that silence is judged by; three where there are no more yet: a window that has just filled
+# up must not be Valid on dead sensors
+BEFORE_BLOCKS = SILENT_BLOCKS + 5 * SECOND  # in which a sensor may have been loud before it fell silent
+OFFSET_S = 2.0  # memory of the running mean that is taken off
+FOURTH_DIFFERENCE = (1.0, -4.0, 6.0, -4.0, 1.0)
+MOST = 1e6  # times the noise: what is further off does not count for more
+
+
+class Filters:
+    """First-order Butterworth filters at BANDS_HZ (bilinear) and the fourth difference, one matrix product a tick.
+
+    White noise of power one leaves power one in each output.
+    """
+
+    STATE = ("_state",)
+    OUTPUTS = len(BANDS_HZ) + 1
+
+    def __init__(self, tick_s: float, axles: int) -> None:
+        bands = len(BANDS_HZ)
+        delays = len(FOURTH_DIFFERENCE) - 1
+        first, second, delayed = (1 + np.arange(k) for k in (bands, bands, delays))
+        second, delayed = second + bands, delayed + 2 * bands
+        # rows: outputs, then what the states become; columns: the input, then the states
+        M = np.zeros((self.OUTPUTS + 2 * bands + delays, 1 + 2 * bands + delays))
+        to = self.OUTPUTS - 1  # from a state's column to its row
+        for k, (low, high) in enumerate(BANDS_HZ):
+            b, a = _low_pass(high, tick_s) if low == 0.0 else _band_pass(low, high, tick_s)
+            # transposed direct form II: y = b0 x + s1; s1' = b1 x - a1 y + s2; s2' = b2 x - a2 y
+            M[k, [0, first[k]]] = b[0], 1.0
+            M[to + first[k], [0, first[k], second[k]]] = b[1] - a[1] * b[0], -a[1], 1.0
+            M[to + second[k], [0, first[k]]] = b[2] - a[2] * b[0], -a[2]
+            M[k] /= math.sqrt(b[0])  # of white noise's power such a filter leaves b0
+        difference = np.array(FOURTH_DIFFERENCE)
+        M[bands, [0, *delayed]] = difference / np.linalg.norm(difference)
+        M[to + delayed, [0, *delayed[:-1]]] = 1.0
+        self._M = M
+        self._state: FloatArray = np.zeros((M.shape[1] - 1, CHANNELS * axles))
+
+    def reset(self, axle: int) -> None:
+        """Forget an axle's past."""
+        n = self._state.shape[1] // CHANNELS
+        self._state[:, axle::n] = 0.0
+
+    def step(self, x: FloatArray, used: BoolArray) -> FloatArray:
+        """One tick of x (2, n), of the axles that have data (n,). Returns (OUTPUTS, 2, n)."""
+        out = self._M @ np.concatenate((x.reshape(1, -1), self._state))
+        state = out[self.OUTPUTS :]
+        self._state = state if used.all() else np.where(np.tile(used, CHANNELS), state, self._state)
+        return out[: self.OUTPUTS].reshape(self.OUTPUTS, *x.shape)
+
+
+def _low_pass(corner_hz: float, tick_s: float) -> tuple[FloatArray, FloatArray]:
+    w = math.tan(math.pi * corner_hz * tick_s)
+    return np.array([w, w, 0.0]) / (1.0 + w), np.array([1.0, (w - 1.0) / (w + 1.0), 0.0])
+
+
+def _band_pass(low_hz: float, high_hz: float, tick_s: float) -> tuple[FloatArray, FloatArray]:
+    low, high = (math.tan(math.pi * f * tick_s) for f in (low_hz, high_hz))
+    width, square = high - low, low * high
+    whole = 1.0 + width + square
+    return np.array([width, 0.0, -width]) / whole, np.array([whole, 2.0 * (square - 1.0), 1.0 - width + square]) / whole
+
+
+class Identity:
+    """Sums up what each pair of sensors says, and doubts it where a test speaks against it.
+
+    A doubt stays until its test has been quiet for as long as it takes to find it, whatever breaks in between: what is
+    known of the wires holds across gaps and standstills.
+    """
+
+    STATE = ("_filters", "_mean", "_offset_ticks", "_sums", "_ticks", "_blocks", "_filled", "_held")
+
+    def __init__(self, noise_rms: tuple[float, float], tick_s: float, axles: int) -> None:
+        self._unit: FloatArray = np.array(noise_rms)[:, None]
+        self._block_ticks = max(2, round(BLOCK_S / tick_s))
+        self._most_offset_ticks = OFFSET_S / tick_s
+        self._filters = Filters(tick_s, axles)
+        self._mean: FloatArray = np.zeros((CHANNELS, axles))
+        self._offset_ticks: FloatArray = np.zeros(axles)  # that the mean is of
+        self._sums: FloatArray = np.zeros((ROWS, axles))  # of the block that is not full yet
+        self._ticks: FloatArray = np.zeros(axles)
+        self._blocks: FloatArray = np.zeros((BLOCKS, ROWS, axles))  # the newest first
+        self._filled: IntArray = np.zeros(axles, dtype=np.int64)  # blocks so far
+        self._held: IntArray = np.zeros((len(Doubt), axles), dtype=np.int64)  # blocks for which a doubt stays
+
+    @property
+    def doubt(self) -> IntArray:
+        """What speaks against each pair (n,): a Doubt."""
+        held = self._held[list(PRECEDENCE)] > 0
+        out: IntArray = np.where(held.any(axis=0), np.array(PRECEDENCE)[held.argmax(axis=0)], Doubt.NONE)
+        return out
+
+    def reset(self, axle: int) -> None:
+        """Start an axle's filters and its block anew, after a gap; what was found out before stays."""
+        self._filters.reset(axle)
+        self._offset_ticks[axle] = 0.0
+        self._sums[:, axle] = 0.0
+        self._ticks[axle] = 0.0
+
+    def step(self, z: FloatArray, used: BoolArray, speed_m_s: float) -> None:
+        """One tick of raw measurements z (2, n), of the axles (n,) whose measurements are used."""
+        x = np.where(used, np.clip(z / self._unit, -MOST, MOST), 0.0)
+        self._offset_ticks = np.minimum(self._offset_ticks + used, self._most_offset_ticks)
+        self._mean = self._mean + np.where(used, (x - self._mean) / np.maximum(self._offset_ticks, 1.0), 0.0)
+        x = x - self._mean
+        y = self._filters.step(x, used)
+        square = y * y
+        new = np.concatenate((
+            square[:-1].reshape(-1, len(used)), y[:-1, YAW] * y[:-1, LAT], square[-1], y[LOW], x, x * x,
+            np.full((1, len(used)), speed_m_s),
+        ))  # fmt: skip
+        self._sums = self._sums + np.where(used, new, 0.0)
+        self._ticks = self._ticks + used
+        full = self._ticks >= self._block_ticks
+        if full.any():
+            self._put(full)
+            self._judge(full)
+
+    def _put(self, full: BoolArray) -> None:
+        """A block of some axles (n,) is full."""
+        self._blocks[1:, :, full] = self._blocks[:-1, :, full]
+        self._blocks[0][:, full] = self._sums[:, full] / self._block_ticks
+        self._filled = self._filled + full
+        self._sums = np.where(full, 0.0, self._sums)
+        self._ticks = np.where(full, 0.0, self._ticks)
+
+    def _judge(self, full: BoolArray) -> None:
+        """A doubt is held from when its test speaks until the test has been quiet for as long as it looks back."""
+        self._held = np.maximum(self._held - full, 0)
+        for axle in np.flatnonzero(full & (self._filled >= LEAST_SILENT_BLOCKS)):
+            filled = int(self._filled[axle])
+            known = filled > SILENT_BLOCKS and not self._held[Doubt.SILENT, axle]
+            # of the first second, in which a train sets off and filters settle, nothing is concluded
+            before = self._blocks[SILENT_BLOCKS : min(filled - SECOND, BEFORE_BLOCKS), :, axle]
+            newest = self._blocks[: min(filled, SILENT_BLOCKS), :, axle]
+            if silent(newest, before, SILENT_EXCESS if known else STILL_SILENT_EXCESS):
+                self._held[Doubt.SILENT, axle] = max(self._held[Doubt.SILENT, axle], SILENT_BLOCKS)
+            # once a second, each axle at another tick
+            if filled >= LEAST_BLOCKS and (filled - axle) % SECOND == 0:
+                whole = min(filled, BLOCKS) // SECOND
+                seconds = self._blocks[: whole * SECOND, :, axle].reshape(whole, SECOND, ROWS).mean(axis=1)
+                for doubt in doubts(evidence(seconds), *self._unit[:, 0]):
+                    self._held[doubt, axle] = BLOCKS
