@@ -126,7 +126,7 @@ def _windows(job: tuple[Design, Plan, Recording, list[int], int]) -> _Part:
             own = r.own_world and z is r.z
             nominal.append(np.full(n, own))
             if own:
-                still = k + 1 - r.first >= design.window_ticks
+                still = r.steady & (k + 1 - r.first >= design.window_ticks)
                 decades.append(estimator.steps()[0][still])
                 speeds.append(np.full(int(still.sum()), r.speed_m_s[k]))
     return _Part(

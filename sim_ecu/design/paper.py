@@ -25,10 +25,10 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 PAPER_POINTS = (
-    Point("curve A at its peak", CURVES["A"], 1.0, (0.000183, 8.8e-5, 1e-5)),
-    Point("curve C at its peak", CURVES["C"], 1.0, (0.000692, 0.000849, 0.000153)),
-    Point("curve D at its peak", CURVES["D"], 1.0, (0.000343, 0.00186, 0.0011)),
-    Point("curve B, linear region", CURVES["B"], 0.004, (0.00392, 0.106, 0.0066)),
+    Point("curve A at its peak", CURVES["A"], 1.0, (1.12e-5, 0.000201, 3.16e-5)),
+    Point("curve C at its peak", CURVES["C"], 1.0, (0.000767, 0.000923, 3.13e-5)),
+    Point("curve D at its peak", CURVES["D"], 1.0, (0.000108, 0.00223, 0.00203)),
+    Point("curve B, linear region", CURVES["B"], 0.004, (0.00492, 0.45, 0.00278)),
 )
 PAPER_GRID = 24  # speeds of the bank: half of wrcd's, for a smaller file
 TORQUE_SETS = 8  # the paper's T_8 is the highest that it names

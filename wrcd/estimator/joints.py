@@ -15,10 +15,11 @@ MEMORY_TICKS = 1.0 / GAIN
 HOLD_TICKS = 4  # before and behind a pulse
 RECOVERY_TICKS = 80  # the filters swing as long as this after a pulse: their innovations are large, but no outliers
 LONG_AGO = RECOVERY_TICKS + 1.0
-FIRST_TICKS = 20
-# A pulse this long is no joint. Larger than this (m/s2, rad/s) it is no joint either, but a wrong sample.
+FIRST_TICKS = 20  # the design's noise counts as so many ticks at the start
+NEAR_GAIN = 0.2  # share of the gain with which ticks about a pulse count in the rms
+# A pulse this long is no joint. Larger than this (rad/s, m/s2) it is no joint either, but a wrong sample.
 MAX_TICKS = 24
-MAX_PULSE = np.array([6.0, 0.02])
+MAX_PULSE = np.array([0.02, 6.0])
 
 
 class Joints:
@@ -34,8 +35,8 @@ class Joints:
         self._left: FloatArray = np.zeros(axles)  # ticks for which the flag still holds
         self._length: FloatArray = np.zeros(axles)  # ticks of pulse in a row
         self._since: FloatArray = np.full(axles, LONG_AGO)  # ticks since the newest pulse
-        # An offset is no step when it comes, nor when a measurement is missing: the high-pass is given differences to
-        # the first one, and the newest again where there is none.
+        # An offset is no step, neither when it comes nor when a measurement is missing: the high-pass is given
+        # differences to the first sample, and the newest again where there is none.
         self._first: FloatArray = np.zeros(axles)
         self._newest: FloatArray = np.zeros(axles)
 
@@ -53,14 +54,14 @@ class Joints:
         self._newest = np.where(present, lat_accel - self._first, self._newest)
         high = self._highpass.step(self._newest[None])[0]
         square = high * high
-        known = self._ticks >= FIRST_TICKS
-        pulse: BoolArray = present & known & (square > PULSE_SIGMA**2 * np.maximum(self._power, self._floor))
+        usual = np.maximum(self._power, self._floor)
+        pulse: BoolArray = present & (square > PULSE_SIGMA**2 * usual)
         self._length = np.where(pulse, self._length + 1.0, np.where(self._left > 0, self._length, 0.0))
         pulse &= self._length <= MAX_TICKS
         self._ticks = np.minimum(self._ticks + present, MEMORY_TICKS)
-        square = np.where(known, np.minimum(square, CLIP * np.maximum(self._power, self._floor)), square)
-        gain = np.where(present, 1.0 / np.maximum(self._ticks, 1.0), 0.0)
-        self._power = self._power + gain * (square - self._power)
+        gain = np.where(present, np.maximum(GAIN, 1.0 / (self._ticks + FIRST_TICKS)), 0.0)
+        gain *= np.where(pulse | (self._left > 0), NEAR_GAIN, 1.0)
+        self._power = self._power + gain * (np.minimum(square, CLIP * usual) - self._power)
         self._since = np.where(pulse, 0.0, np.minimum(self._since + 1.0, LONG_AGO))
         self._left = np.where(pulse, HOLD_TICKS + 1.0, np.maximum(self._left - 1.0, 0.0))
         return pulse, self._left > 0
