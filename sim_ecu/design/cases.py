@@ -54,8 +54,8 @@ class Plan:
 
     seed: int = 1
     speeds: int = 32
-    per_speed: int = 300
-    speed_range: tuple[float, float] = (3.0, 58.0)
+    per_speed: int = 250
+    speed_range: tuple[float, float] = (3.5, 58.0)
     friction_range: tuple[float, float] = (0.022, 0.65)
     utilisation_range: tuple[float, float] = (0.0, 1.0)
     held_share: float = 0.2  # of the conditions, held at or about the peak by the creep controller
