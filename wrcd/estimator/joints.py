@@ -15,7 +15,7 @@ MEMORY_TICKS = 1.0 / GAIN
 HOLD_TICKS = 4  # before and behind a pulse
 RECOVERY_TICKS = 80  # the filters swing as long as this after a pulse: their innovations are large, but no outliers
 LONG_AGO = RECOVERY_TICKS + 1.0
-FIRST_TICKS = 20.0  # the design's noise counts as so many ticks at the start
+FIRST_TICKS = 20  # the design's noise counts as so many ticks at the start
 NEAR_GAIN = 0.2  # share of the gain with which ticks about a pulse count in the rms
 # A pulse this long is no joint. Larger than this (rad/s, m/s2) it is no joint either, but a wrong sample.
 MAX_TICKS = 24
@@ -35,8 +35,8 @@ class Joints:
         self._left: FloatArray = np.zeros(axles)  # ticks for which the flag still holds
         self._length: FloatArray = np.zeros(axles)  # ticks of pulse in a row
         self._since: FloatArray = np.full(axles, LONG_AGO)  # ticks since the newest pulse
-        # An offset is no step when it comes, nor when a measurement is missing: the high-pass is given differences to
-        # the first one, and the newest again where there is none.
+        # An offset is no step, neither when it comes nor when a measurement is missing: the high-pass is given
+        # differences to the first sample, and the newest again where there is none.
         self._first: FloatArray = np.zeros(axles)
         self._newest: FloatArray = np.zeros(axles)
 
