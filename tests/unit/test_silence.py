@@ -117,7 +117,7 @@ def test_silence_and_step_leave_the_same_behind_them(
     made = [[o.frame for o in out if o.frame.can_id in ESTIMATES] for out in after]
     assert made[0] == made[1]
     assert validities(silence.adhesion(after[0])) == ["NotAvailable", "Valid"]
-    for name in ("estimator", "receiver", "_inputs", "_good_ticks", "_warm", "_blank", "_backoff", "_outlier_us"):
+    for name in ("estimator", "receiver", "_inputs", "_judge", "_blank", "_backoff", "_outlier_us"):
         states = [capture(rig.core)[name] for rig in rigs]
         np.testing.assert_equal(*states)
 

@@ -80,7 +80,7 @@ class Judge:
         self._fresh_ticks[axle] = self._sound_ticks[axle] = 0
         self._warm[axle] = False
         self._begun[axle] = why
-        self._newest[axle] = Cause.NONE
+        self._newest[axle] = self._unsound[axle] = Cause.NONE
 
     def tick(self, axle: int, cause: Cause) -> None:
         """A tick with all that an estimate needs, and what speaks against it."""

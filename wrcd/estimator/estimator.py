@@ -163,6 +163,8 @@ class Estimator:
             self._offset, self._gate, self._bank, self._joints, self._noise, self._lowpass, self._window, self.identity
         ):  # fmt: skip
             part.reset(axle)
+        if not self.started.any():  # the speed is all axles': it goes on while one of them does
+            self._speed.reset()
 
     def step(self, tick: Tick) -> FloatArray:
         """Run the bank for one tick and remember its residuals. Returns the innovations (4, 2, n).

@@ -32,8 +32,8 @@ class Joints:
         self._floor = (FLOOR * noise_rms) ** 2
         self._power: FloatArray = np.full(axles, noise_rms**2)
         self._ticks: FloatArray = np.zeros(axles)  # with a measurement, up to MEMORY_TICKS
-        self._left: FloatArray = np.zeros(axles)  # ticks for which the flag still holds
-        self._length: FloatArray = np.zeros(axles)  # ticks of pulse in a row
+        self._left: FloatArray = np.zeros(axles)  # ticks for which the newest large one still counts
+        self._length: FloatArray = np.zeros(axles)  # large ticks since it was quiet for HOLD_TICKS
         self._since: FloatArray = np.full(axles, LONG_AGO)  # ticks since the newest pulse
         # An offset is no step, neither when it comes nor when a measurement is missing: the high-pass is given
         # differences to the first sample, and the newest again where there is none.
@@ -55,16 +55,18 @@ class Joints:
         high = self._highpass.step(self._newest[None])[0]
         square = high * high
         usual = np.maximum(self._power, self._floor)
-        pulse: BoolArray = present & (square > PULSE_SIGMA**2 * usual)
-        self._length = np.where(pulse, self._length + 1.0, np.where(self._left > 0, self._length, 0.0))
-        pulse &= self._length <= MAX_TICKS
+        large: BoolArray = present & (square > PULSE_SIGMA**2 * usual)
+        self._length = np.where(large, self._length + 1.0, np.where(self._left > 0, self._length, 0.0))
+        before = self._left > 0
+        self._left = np.where(large, HOLD_TICKS + 1.0, np.maximum(self._left - 1.0, 0.0))
+        joint = self._length <= MAX_TICKS
+        pulse, near = large & joint, (self._left > 0) & joint
         self._ticks = np.minimum(self._ticks + present, MEMORY_TICKS)
         gain = np.where(present, np.maximum(GAIN, 1.0 / (self._ticks + FIRST_TICKS)), 0.0)
-        gain *= np.where(pulse | (self._left > 0), NEAR_GAIN, 1.0)
+        gain *= np.where(pulse | (before & joint), NEAR_GAIN, 1.0)
         self._power = self._power + gain * (np.minimum(square, CLIP * usual) - self._power)
         self._since = np.where(pulse, 0.0, np.minimum(self._since + 1.0, LONG_AGO))
-        self._left = np.where(pulse, HOLD_TICKS + 1.0, np.maximum(self._left - 1.0, 0.0))
-        return pulse, self._left > 0
+        return pulse, near
 
     @property
     def recovering(self) -> BoolArray:

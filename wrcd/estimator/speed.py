@@ -18,21 +18,26 @@ class SpeedFilter:
     def __init__(self, tick_s: float) -> None:
         self._alpha = 1.0 - math.exp(-tick_s / MEMORY_S)
         self._beta = 0.5 * self._alpha**2
+        self._most_ticks = max(RATE_AFTER_TICKS + 1, math.ceil(1.0 / self._alpha))
         self._speed = math.nan
         self._rate = 0.0  # per tick
-        self._ticks = 0
+        self._ticks = 0  # of this signal, as far as they count
+
+    def reset(self) -> None:
+        """Start with the next signal."""
+        self._speed, self._rate, self._ticks = math.nan, 0.0, 0
 
     def step(self, speed_m_s: float) -> float:
         """The filtered speed (m/s) at a tick whose newest signal is speed_m_s; NaN if that is not finite."""
         if not math.isfinite(speed_m_s):
-            self._ticks = 0
+            self.reset()
             return math.nan
         if not self._ticks or abs(speed_m_s - self._speed) > MAX_ERROR_M_S:
             self._speed, self._rate, self._ticks = speed_m_s, 0.0, 1
             return speed_m_s
         predicted = self._speed + self._rate
         error = speed_m_s - predicted
-        self._ticks += 1
+        self._ticks = min(self._ticks + 1, self._most_ticks)
         self._speed = predicted + max(self._alpha, 1.0 / self._ticks) * error
         if self._ticks > RATE_AFTER_TICKS:
             self._rate += self._beta * error

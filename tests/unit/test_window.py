@@ -1,0 +1,226 @@
+"""Sums over blocks of ticks against numpy's own fits of the ticks themselves."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from wrcd.estimator.window import (
+    BLOCK_TICKS,
+    LAG,
+    RATIO,
+    RATIO_N,
+    Statistics,
+    Window,
+    mean_ratio,
+    newest,
+    raw_power,
+    statistics,
+)
+
+BLOCKS = 50
+START = 1000  # a tick's number is what it is: the first block is not whole
+
+
+class Played:
+    """Random innovations of one axle on top of a line, and the window that they were put into."""
+
+    def __init__(self, ticks: int, seed: int = 1, start: int = START, blocks: int = BLOCKS) -> None:
+        rng = np.random.default_rng(seed)
+        self.start = start
+        self.t = start + np.arange(ticks)
+        noise = np.convolve(rng.standard_normal(ticks * 8 + 3), np.ones(4), "valid").reshape(ticks, 4, 2)
+        noise[:, :, 1] += 0.5 * noise[:, :, 0]
+        self.w = noise * rng.uniform(0.5, 3.0, (4, 2)) + rng.normal(0, 5, (4, 2))
+        self.w += 0.02 * np.arange(ticks)[:, None, None] * rng.standard_normal((4, 2))
+        self.raw = rng.standard_normal((ticks, 4, 2)) + 3.0
+        self.live = rng.random(ticks) > 0.1
+        self.calm = self.live & (rng.random(ticks) > 0.1)
+        self.ratio = rng.uniform(0.1, 0.2, ticks)
+        self.window = Window(blocks, 1)
+        for k in range(ticks):
+            self.put(k)
+
+    def put(self, k: int, running: bool = True) -> None:
+        """The k-th tick."""
+        self.window.put(
+            self.start + k, self.w[k, :, :, None], self.raw[k, :, :, None], np.array([running]),
+            np.array([self.live[k]]), np.array([self.calm[k]]), self.ratio[k : k + 1],
+        )  # fmt: skip
+
+    def statistics(self, blocks: int, least: float = 10.0) -> Statistics:
+        """Of the newest blocks."""
+        return statistics(newest(self.window.cumulative(), np.array([blocks])), least)
+
+    def of(self, blocks: int) -> np.ndarray:
+        """Which ticks the newest blocks hold."""
+        return np.asarray(self.t // BLOCK_TICKS > self.t[-1] // BLOCK_TICKS - blocks)
+
+
+def about_a_line(w: np.ndarray, t: np.ndarray) -> np.ndarray:
+    """w (ticks, …) without the line that numpy fits."""
+    flat = w.reshape(len(w), -1)
+    line = np.polynomial.polynomial.polyval(t, np.polynomial.polynomial.polyfit(t, flat, 1)).T
+    return np.asarray((flat - line).reshape(w.shape))
+
+
+@pytest.mark.parametrize("ticks", [160, 203, 500])  # less than the window, a block that is not whole, more than it
+@pytest.mark.parametrize("blocks", [10, 25, BLOCKS])
+def test_power_is_about_a_line_and_of_live_ticks(ticks: int, blocks: int) -> None:
+    p = Played(ticks)
+    held = p.of(blocks)
+    rest = about_a_line(p.w[held], p.t[held])
+    s = p.statistics(blocks)
+    assert s.power[0] == pytest.approx(np.square(rest).sum(axis=0) / p.live[held].sum())
+    assert s.residuals[0] == pytest.approx(np.sqrt(s.power[0].mean(axis=1)))
+    assert s.live_share[0] == pytest.approx(p.live[held].mean())
+    assert s.ratio[0] == pytest.approx(p.ratio[held].mean())
+    assert s.ticks[0] == held.sum()
+
+
+@pytest.mark.parametrize("blocks", [10, BLOCKS])
+def test_cross_correlation_is_about_the_lines(blocks: int) -> None:
+    p = Played(500)
+    held = p.of(blocks)
+    rest = about_a_line(p.w[held], p.t[held])
+    expected = [np.corrcoef(rest[:, m, 0], rest[:, m, 1])[0, 1] for m in range(4)]
+    assert p.statistics(blocks).cross[0] == pytest.approx(expected)
+    assert min(expected) > 0.2
+
+
+def test_lag_is_the_correlation_with_what_was_before() -> None:
+    """Each innovation times the one LAG ticks before; of the two lines' product the square of the newer's is taken."""
+    p = Played(500)
+    held = np.flatnonzero(p.of(BLOCKS))
+    rest = about_a_line(p.w[held], p.t[held])
+    line = p.w[held] - rest
+    together = (p.w[held] * p.w[held - LAG]).mean(axis=0) - np.square(line).mean(axis=0)
+    assert p.statistics(BLOCKS).lag[0] == pytest.approx((together / np.square(rest).mean(axis=0)).ravel())
+
+
+def test_lag_tells_fast_from_slow() -> None:
+    p = Played(500)
+    angle = 2 * np.pi * p.t[:, None, None] / np.array([2 * LAG, 4 * LAG, 20 * LAG, 60.0 * LAG])[None, :, None]
+    p.w = np.sin(angle + np.array([0.3, 1.1]))
+    for k in range(500):
+        p.put(k)
+    lag = p.statistics(BLOCKS).lag.reshape(4, 2)
+    assert lag[0] == pytest.approx(-1.0, abs=0.05)
+    assert lag[1] == pytest.approx(0.0, abs=0.05)
+    assert np.all(lag[2] > 0.9)
+    assert np.all(np.abs(lag) <= 1.0)
+
+
+@given(st.integers(1, 3 * BLOCKS * BLOCK_TICKS), st.integers(0, 3), st.integers(1, BLOCKS))
+def test_sums_over_any_number_of_blocks_are_those_of_their_ticks(ticks: int, phase: int, blocks: int) -> None:
+    p = Played(ticks, start=START + phase)
+    held = p.of(blocks)
+    n = held.sum()
+    s = p.statistics(blocks, least=0.0)
+    assert s.ticks[0] == n
+    assert s.ratio[0] == pytest.approx(p.ratio[held].mean())
+    if n > 4 and p.live[held].any():
+        power = np.square(about_a_line(p.w[held], p.t[held])).sum(axis=0) / p.live[held].sum()
+        assert s.power[0] == pytest.approx(power, rel=1e-6)
+
+
+@pytest.mark.parametrize(("first", "end"), [(0, 1), (0, 8), (8, 50), (49, 50)])
+def test_plain_sums_are_of_calm_ticks_between_two_ages(first: int, end: int) -> None:
+    p = Played(501)
+    held = p.of(end) & ~p.of(first)
+    plain = p.window.plain(first, end)
+    calm = held & p.calm
+    if calm.sum() > 2:
+        expected = p.raw[calm].var(axis=0).mean(axis=1)
+        assert raw_power(plain, 2.0)[0] == pytest.approx(expected)
+    assert np.isnan(raw_power(plain, calm.sum() + 1.0)).all()
+    assert mean_ratio(plain)[0] == pytest.approx(p.ratio[held].mean())
+
+
+def test_too_little_data_is_unknown_and_no_perfect_fit() -> None:
+    window = Window(BLOCKS, 2)
+    assert np.isnan(statistics(newest(window.cumulative(), np.array([BLOCKS, 0])), 16.0).power).all()
+    both, one = np.array([True, True]), np.array([True, False])
+    for k in range(40):
+        w = np.full((4, 2, 2), float(k % 2))
+        window.put(k, w, w, both, one, one, np.array([0.1, 0.2]))
+        s = statistics(newest(window.cumulative(), np.full(2, BLOCKS)), 16.0)
+        assert np.isnan(s.power[0]).all() == (k + 1 < 16)
+        assert np.isnan(s.power[1]).all()
+        assert np.isnan(s.residuals[1]).all()
+    assert s.live_share == pytest.approx([1.0, 0.0])
+    assert s.ratio == pytest.approx([0.1, 0.2])
+
+
+def test_a_torque_that_is_not_known_stays_out_of_its_mean() -> None:
+    p = Played(200)
+    p.ratio[::3] = np.nan
+    p.window = Window(BLOCKS, 1)
+    for k in range(200):
+        p.put(k)
+    assert p.statistics(BLOCKS).ratio[0] == pytest.approx(np.nanmean(p.ratio))
+    assert np.isfinite(p.window.cumulative()[:, [RATIO, RATIO_N]]).all()
+
+
+def test_ticks_that_never_came_leave_a_gap() -> None:
+    """Numbers that are left out: what lies further back than the window is gone, what the gap splits is not whole."""
+    p = Played(400)
+    p.window = Window(BLOCKS, 1)
+    there = [k for k in range(400) if not 300 <= k < 340]
+    for k in there:
+        p.put(k)
+    held = p.of(BLOCKS) & np.isin(np.arange(400), there)
+    assert p.statistics(BLOCKS).ticks[0] == held.sum()
+    assert p.statistics(BLOCKS).power[0] == pytest.approx(
+        np.square(about_a_line(p.w[held], p.t[held])).sum(axis=0) / p.live[held].sum()
+    )
+    assert p.window.filled() == [(400 - 340) // BLOCK_TICKS]
+    p.window.put(START + 400 + BLOCKS * BLOCK_TICKS, p.w[0, :, :, None], p.raw[0, :, :, None],
+                 *(np.array([True]) for _ in range(3)), np.array([0.5]))  # fmt: skip
+    assert p.statistics(BLOCKS).ticks[0] == 1
+    assert p.statistics(BLOCKS).ratio[0] == 0.5
+
+
+def test_what_is_dropped_is_as_if_it_had_never_been() -> None:
+    p, short = Played(500), Played(500)
+    p.window.truncate(12, np.array([True]))
+    short.window = Window(BLOCKS, 1)
+    held = np.flatnonzero(short.of(12))
+    short.window._past[:] = short.w[held[0] - LAG : held[0]][::-1].reshape(LAG, 8, 1)
+    for k in held:
+        short.put(int(k))
+    assert p.window.filled() == [12]
+    assert np.allclose(p.window.cumulative(), short.window.cumulative(), rtol=1e-12, atol=1e-9)
+    assert p.statistics(BLOCKS).ticks[0] == len(held)
+    # it grows again by what comes
+    for k in range(500 - 40, 500):
+        p.start += 40 if k == 460 else 0
+        p.put(k)
+    assert p.window.filled() == [22]
+
+
+def test_dropping_and_emptying_one_axle_leaves_the_other() -> None:
+    rng = np.random.default_rng(5)
+    window, alone = Window(BLOCKS, 2), Window(BLOCKS, 1)
+    yes = np.ones(2, dtype=bool)
+    for k in range(300):
+        w, raw = rng.standard_normal((2, 4, 2, 2))
+        window.put(k, w, raw, yes, yes, yes, np.array([0.1, 0.2]))
+        alone.put(k, w[..., 1:], raw[..., 1:], yes[1:], yes[1:], yes[1:], np.array([0.2]))
+        if k == 200:
+            window.truncate(5, np.array([True, False]))
+        if k == 280:
+            window.reset(0)
+            # it stands until then: nothing of it is left
+            assert window.filled().tolist() == [0, BLOCKS]
+    assert np.array_equal(window.cumulative()[:, :, 1:], alone.cumulative())
+    assert window.filled().tolist() == [5, BLOCKS]
+
+
+def test_an_axle_that_does_not_run_has_no_ticks() -> None:
+    p = Played(100)
+    for k in range(100):
+        p.start += 100 if k == 0 else 0
+        p.put(k, running=k >= 60)
+    assert p.window.filled() == [10]
+    assert p.statistics(10).ticks[0] == 40
