@@ -20,8 +20,8 @@ VIBRATION, WHITE, JOINTS = (0.01, 1.2), (0.003, 0.1), (0.1, 2.5)
 @dataclass(frozen=True, slots=True)
 class Recording:
     """A group's sensors: z (ticks, 2, n), the same as disturbed axle boxes feel it, torque (ticks, n), speed (ticks,),
-    the truth in percent (ticks, n); the tick (n,) from which on a condition is what it is; the design's own world or
-    another."""
+    the truth in percent (ticks, n); the tick (n,) from which on a condition is what it is; whether the torque stays
+    from there on (n,); the design's own world or another."""
 
     z: FloatArray
     felt: FloatArray
@@ -29,6 +29,7 @@ class Recording:
     speed_m_s: NDArray[np.float64]
     mu_pct: FloatArray
     first: NDArray[np.int64]
+    steady: NDArray[np.bool_]
     own_world: bool
 
 
@@ -74,6 +75,7 @@ def _measured(group: Group, y: NDArray[np.float64], tick_s: float, rng: np.rando
         speed_m_s=np.repeat(speed, SPEED_TICKS)[:ticks],
         mu_pct=(100 * y[:, MU_AVAILABLE]).astype(np.float32),
         first=np.array([_first(c, tick_s) for c in group.conditions]),
+        steady=np.array([not c.cycle_hz for c in group.conditions]),
         own_world=all(c.wheelset is None for c in group.conditions),
     )
 

@@ -281,11 +281,10 @@ def _spreads(local: _Local, error: FloatArray) -> tuple[FloatArray, FloatArray]:
     target = np.log10(np.maximum(error, 1e-4))
     middle = float(np.quantile(target, COVERS))
     rows = np.arange(len(error))
-    weight = np.ones(len(error))
+    rest = target - middle  # one quantile for all is where it begins: from their mean it takes twice as many rounds
     for _ in range(SPREAD_ROUNDS):
-        found = local.solve(rows, target - middle, weight, SPREAD_RIDGE)
-        rest = target - middle - local.apply(found, rows)
         weight = np.where(rest > 0, COVERS, 1.0 - COVERS) / np.maximum(np.abs(rest), 0.02)
-        weight /= weight.mean()
+        found = local.solve(rows, target - middle, weight / weight.mean(), SPREAD_RIDGE)
+        rest = target - middle - local.apply(found, rows)
     logs, slopes = local.read(found, middle)
     return _spread_of(logs), np.round(slopes, 3)

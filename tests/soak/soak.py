@@ -8,6 +8,7 @@ Prints a balance sheet; exits 1 if anything in it does not hold.
 import argparse
 import gc
 import sys
+from copy import deepcopy
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from wrcd.daemon.config import Config, load_config
 from wrcd.daemon.core import BACKWARD_STEP_US, FORWARD_STEP_US, Core
 from wrcd.estimator.design import CHANNELS, Design, FloatArray
 from wrcd.estimator.estimator import Estimate, Estimator, Tick
+from wrcd.estimator.identity import Identity
 from wrcd.tools.progress import Progress
 
 START_US = 1_700_000_000_000_000
@@ -33,26 +35,29 @@ SLOT_US = 20_000
 class Kept(Estimator):
     """The very estimator, which also keeps what it was given, so that all of it can be computed afresh.
 
-    The filters' slowest pole remembers for minutes, so their states are taken over every SNAPSHOT_TICKS, but for the
-    newest ones. They cannot drift, as they contract. Everything else is computed from nothing.
+    The filters' slowest pole remembers for minutes, and what is known of the wires stays across gaps, so the states of
+    both are taken over every SNAPSHOT_TICKS, but for the newest ones. They cannot drift: filters contract, and evidence
+    is of the last ten seconds. Everything else is computed from nothing.
     """
 
     def __init__(self, design: Design, axles: int) -> None:
         super().__init__(design, axles)
         n = KEPT_TICKS
         self._z, self._there = np.zeros((n, CHANNELS, axles)), np.zeros((n, CHANNELS, axles), dtype=bool)
-        self._ratio, self._speed, self._number = np.zeros((n, axles)), np.zeros(n), np.zeros(n, dtype=np.int64)
+        self._ratio, self._speeds, self._number = np.zeros((n, axles)), np.zeros(n), np.zeros(n, dtype=np.int64)
         self._restarted = np.zeros((n, axles), dtype=bool)  # before the tick
         self._to_restart = np.zeros(axles, dtype=bool)
         self._snapshots = np.zeros((n // SNAPSHOT_TICKS, *self._bank.x.shape))
+        self._identities: dict[int, Identity] = {}
         self._ticks = 0
 
     def step(self, tick: Tick) -> FloatArray:
         at = self._ticks % KEPT_TICKS
         if at % SNAPSHOT_TICKS == 0:
             self._snapshots[at // SNAPSHOT_TICKS] = self._bank.x
+            self._identities[at // SNAPSHOT_TICKS] = deepcopy(self.identity)
         self._z[at], self._there[at], self._ratio[at] = tick.z, tick.present, tick.torque_ratio
-        self._speed[at], self._number[at], self._restarted[at] = tick.speed_m_s, tick.number, self._to_restart
+        self._speeds[at], self._number[at], self._restarted[at] = tick.speed_m_s, tick.number, self._to_restart
         self._to_restart[:] = False
         self._ticks += 1
         return super().step(tick)
@@ -70,7 +75,8 @@ class Kept(Estimator):
                 out.reset(int(axle))
             if at % SNAPSHOT_TICKS == 0 and tick < self._ticks - SNAPSHOT_TICKS:
                 out._bank.x = self._snapshots[at // SNAPSHOT_TICKS].copy()
-            out.step(Tick(int(self._number[at]), self._z[at], self._there[at], self._ratio[at], self._speed[at]))
+                out.identity = deepcopy(self._identities[at // SNAPSHOT_TICKS])
+            out.step(Tick(int(self._number[at]), self._z[at], self._there[at], self._ratio[at], self._speeds[at]))
         for axle in np.flatnonzero(self._to_restart):
             out.reset(int(axle))
         return out

@@ -2,14 +2,17 @@
 
 import struct
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import Any
 
 import pytest
 
+from tests.signals import measured
 from wrcd.bus.dbc import find_message
 from wrcd.bus.e2e import protect
 from wrcd.bus.frame import Frame
 from wrcd.bus.reasons import Reason
+from wrcd.daemon.causes import Cause
 from wrcd.daemon.config import Config, load_config
 from wrcd.daemon.core import Core
 from wrcd.daemon.outbox import Outgoing
@@ -24,7 +27,7 @@ def config() -> Config:
 
 
 class Rig:
-    """Feeds one axle with steady frames, 1 ms after the tick's beginning, and collects what the core sends."""
+    """Feeds one axle with frames of a steady run, 1 ms after the tick's beginning, and collects what the core sends."""
 
     def __init__(self, config: Config) -> None:
         self.core = Core(config)
@@ -55,11 +58,12 @@ class Rig:
 
     def frames(self) -> list[Frame]:
         """The frames of one tick that are not silent; time moves on by the tick."""
-        wiggle = (self.counter * 37 % 11) - 5
-        yaw = 600 if self.frozen else 300 * self.rough * wiggle + self.spike
+        z = measured()
+        yaw_rate, lat_accel = z[self.counter % len(z)]
+        yaw = 600 if self.frozen else round(self.rough * yaw_rate * 1e6) + self.spike
         every = [
             self.frame(0x101, struct.pack("<i", yaw)[:3], self.yaw_status),
-            self.frame(0x111, struct.pack("<i", 2000 * wiggle)[:3]),
+            self.frame(0x111, struct.pack("<i", round(lat_accel * 1e5))[:3]),
             self.frame(0x121, struct.pack("<i", round(self.torque * 100))[:3]),
             self.frame(0x130, struct.pack("<H", round(self.speed / 0.0025))),
         ]
@@ -271,14 +275,14 @@ def test_the_last_frames_say_not_available(rig: Rig) -> None:
     assert len(last) == 5
 
 
-def test_what_no_rule_knows_is_never_valid(rig: Rig) -> None:
-    """Yaw thirty times as rough as any rail makes it: unknown, and said so."""
+def test_what_the_rules_were_not_made_from_is_never_valid(config: Config) -> None:
+    """Yaw three hundred times what any rail makes of it: unknown, and said so."""
+    rig = Rig(replace(config, design=replace(config.design, beyond=0.1)))
     rig.rough = 300
     frames = rig.run(3000)
-    assert rig.core.estimator.estimate().firing[0] < 0.05
     assert {f["Validity"] for f in frames} == {"NotAvailable", "Degraded"}
-    assert {f["MuAvailable"] for f in frames} == {"NotAvailable"}
     assert {f["Confidence"] for f in frames} == {"None"}
+    assert rig.core.reports[0].cause is Cause.BEYOND_TRAINING
 
 
 def test_the_farewell_is_no_repeat(rig: Rig) -> None:
@@ -335,7 +339,7 @@ def test_one_absurd_sample_changes_nothing(rig: Rig) -> None:
     mine, its = rig.run(1000), twin.run(1000)
     assert rig.core.estimator.outliers == 1
     assert validities(mine) == ["Valid"]
-    assert all(abs(a["MuAvailable"] - b["MuAvailable"]) < 0.2 for a, b in zip(mine, its, strict=True))
+    assert all(abs(a["MuAvailable"] - b["MuAvailable"]) < 1.0 for a, b in zip(mine, its, strict=True))
     assert decoded(rig, "WrcdLink")[-1]["Outliers"] == 1
     assert "Yes" in {row["Outlier"] for row in decoded(rig, "InputHealth_A1")}
 
@@ -344,28 +348,28 @@ def test_one_absurd_sample_changes_nothing(rig: Rig) -> None:
 def test_one_absurd_sample_among_the_first_starts_the_axle_anew(rig: Rig, tick: int) -> None:
     """Later all looks usual beside it, and the estimate would be Valid and wrong."""
     clean = Rig(rig.config)
-    clean.rough = rig.rough = 3
-    expected = clean.run(3000)[-1]["MuAvailable"]
+    clean.run(5 * tick + 5)
     rig.run(5 * tick)
     rig.spike = 5_000_000
     rig.run(5)
     rig.spike = 0
-    frames = rig.run(3000)
+    pairs = list(zip(rig.run(3000), clean.run(3000), strict=True))
     assert rig.core.counts.restarts == 1 or rig.core.estimator.outliers == 1
-    said = [f["MuAvailable"] for f in frames if f["Validity"] == "Valid"]
-    assert len(said) > 80
-    assert all(abs(mu - expected) < 3.0 for mu in said)
+    off = [f["MuAvailable"] - g["MuAvailable"] for f, g in pairs if f["Validity"] == "Valid"]
+    assert len(off) > 80
+    assert max(map(abs, off)) < 3.0
 
 
 def test_absurd_samples_that_go_on_start_the_axle_anew(rig: Rig) -> None:
-    before = rig.run(2000)[-1]["MuAvailable"]
+    undisturbed = Rig(rig.config).run(6000)[-1]["MuAvailable"]
+    rig.run(2000)
     rig.spike = 1_000_000
-    frames = rig.run(2000)
+    frames = rig.run(4000)
     assert rig.core.counts.restarts == 1
     assert validities(frames)[-2:] == ["NotAvailable", "Valid"]
     gone = next(i for i, f in enumerate(frames) if f["Validity"] == "NotAvailable")
     assert gone * 20 <= 15 + 20  # as a silent sensor would be
-    assert frames[-1]["MuAvailable"] == pytest.approx(before, abs=1.0)
+    assert frames[-1]["MuAvailable"] == pytest.approx(undisturbed, abs=1.0)
 
 
 @pytest.mark.parametrize(("what", "value"), [("speed", 0.5), ("speed", 120.0), ("torque", -80_000.0)])

@@ -20,9 +20,10 @@ STATES = 5  # psi, y', psi', y_t, y - y_t
 CHANNELS = 2  # yaw rate, lateral acceleration
 INPUTS = MODELS + 2  # that choose the rules: four residuals, torque, speed
 # What the rules' outputs move with: those six; correlations of each model's two innovations with themselves a moment
-# before, and of the two with each other; the window's length; the sensors' noise.
+# before, and of the two with each other; the window's length; the sensors' noise; how far the torque has been above and
+# below that of the moment.
 LAGS, CROSSES = MODELS * CHANNELS, MODELS
-COLUMNS = INPUTS + LAGS + CROSSES + 1 + CHANNELS
+COLUMNS = INPUTS + LAGS + CROSSES + 1 + CHANNELS + 2
 FORMS = ("wrcd", "paper")
 MOST_RULES = 254  # DominantRule cannot tell more apart
 

@@ -10,7 +10,7 @@ from wrcd.estimator.design import MODELS, Design, FloatArray, IntArray
 from wrcd.estimator.fuzzy import LOW_FIRING, Fuzzy, Inference
 from wrcd.estimator.gate import Gate
 from wrcd.estimator.identity import Identity
-from wrcd.estimator.inputs import excitation, rule_inputs
+from wrcd.estimator.inputs import Torque, excitation, rule_inputs
 from wrcd.estimator.joints import HOLD_TICKS, MAX_PULSE, Joints
 from wrcd.estimator.noise import NoiseLevel
 from wrcd.estimator.offset import Offset
@@ -174,9 +174,9 @@ class Estimator:
         # one channel alone is not enough: with its part of a gain made for two, a filter would be unstable
         whole = np.logical_and.reduce(tick.present)
         bank, offset = self._bank.x, self._offset.known
-        z, e, w = self._filter(tick, whole, speed)
-        small = np.logical_and.reduce(np.abs(z) <= MAX_PULSE[:, None])
+        small = np.logical_and.reduce(np.abs(self._offset.without(tick.z)) <= MAX_PULSE[:, None])
         pulse, near = self._joints.step(tick.z[1], whole & small)
+        e, w = self._filter(tick, whole, near, speed)
         swings = self._joints.recovering & small
         absurd = self._gate.absurd(e, whole & ~swings)
         self.outlier = np.logical_or.reduce(absurd)
@@ -184,7 +184,7 @@ class Estimator:
         if self.outlier.any():
             self.outliers += int(absurd.sum())
             self._bank.x, self._offset.known = bank, offset
-            z, e, w = self._filter(tick, used, speed)
+            e, w = self._filter(tick, used, near, speed)
         self.upset = self._gate.learn(e, used & ~swings, absurd) | ~np.isfinite(self._bank.x).all(axis=(0, 1))
         self._noise.step(tick.z, used & ~near)
         self.used = used
@@ -200,11 +200,11 @@ class Estimator:
             self._drop_what_was_before_a_change()
         return e
 
-    def _filter(self, tick: Tick, axles: BoolArray, speed_m_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """The measurements of some axles (n,) without their offsets, and what the bank makes of them."""
+    def _filter(self, tick: Tick, axles: BoolArray, near: BoolArray, speed_m_s: float) -> tuple[FloatArray, FloatArray]:
+        """The bank with the measurements of some axles (n,); those near a pulse teach no offset."""
         present = np.broadcast_to(axles, tick.present.shape)
-        z = self._offset.take(tick.z, present)
-        return z, *self._bank.step(z, present, speed_m_s)
+        z = self._offset.take(tick.z, np.broadcast_to(axles & ~near, tick.present.shape))
+        return self._bank.step(z, present, speed_m_s)
 
     def _put(self, tick: Tick, w: FloatArray, pulse: BoolArray, near: BoolArray) -> None:
         """Innovations enter the window HOLD_TICKS late, those about a pulse and those not used as zeros."""
@@ -305,7 +305,8 @@ class Estimator:
         In a window shorter than the usual one the torque has changed: that of the moment counts.
         """
         s = statistics(newest(self._window.cumulative(), blocks), self._min_ticks)
-        torque = np.where(blocks < self._usual, now, s.ratio) if self.design.form == "wrcd" else s.ratio
+        used = np.where(blocks < self._usual, now, s.ratio) if self.design.form == "wrcd" else s.ratio
+        torque = Torque(used, now, *self._window.torque_range(self._usual))
         speed = scheduled_speed(self._speed_m_s, self.design.speeds_m_s)
         return rule_inputs(self.design, s, torque, self._noise.sensor_factor(), speed), s
 

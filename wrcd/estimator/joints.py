@@ -11,48 +11,58 @@ from wrcd.estimator.sections import Sections
 PULSE_SIGMA = 5.0
 FLOOR = 0.8
 GAIN, CLIP = 0.005, 9.0
+MEMORY_TICKS = 1.0 / GAIN
 HOLD_TICKS = 4  # before and behind a pulse
 RECOVERY_TICKS = 80  # the filters swing as long as this after a pulse: their innovations are large, but no outliers
-FIRST_TICKS = 20
-# A pulse this long is no joint. Larger than this (m/s2, rad/s) it is no joint either, but a wrong sample.
+LONG_AGO = RECOVERY_TICKS + 1.0
+FIRST_TICKS = 20  # the design's noise counts as so many ticks at the start
+NEAR_GAIN = 0.2  # share of the gain with which ticks about a pulse count in the rms
+# A pulse this long is no joint. Larger than this (rad/s, m/s2) it is no joint either, but a wrong sample.
 MAX_TICKS = 24
-MAX_PULSE = np.array([6.0, 0.02])
+MAX_PULSE = np.array([0.02, 6.0])
 
 
 class Joints:
     """Flags the ticks of pulses, HOLD_TICKS late, so that those before a pulse are flagged, too."""
 
-    STATE = ("_highpass", "_power", "_ticks", "_left", "_length", "_since")
+    STATE = ("_highpass", "_power", "_ticks", "_left", "_length", "_since", "_first", "_newest")
 
     def __init__(self, highpass: FloatArray, noise_rms: float, axles: int) -> None:
         self._highpass = Sections(highpass, 1, axles)
         self._floor = (FLOOR * noise_rms) ** 2
         self._power: FloatArray = np.full(axles, noise_rms**2)
-        self._ticks: FloatArray = np.zeros(axles)
+        self._ticks: FloatArray = np.zeros(axles)  # with a measurement, up to MEMORY_TICKS
         self._left: FloatArray = np.zeros(axles)  # ticks for which the flag still holds
         self._length: FloatArray = np.zeros(axles)  # ticks of pulse in a row
-        self._since: FloatArray = np.full(axles, np.inf)  # ticks since the newest pulse
+        self._since: FloatArray = np.full(axles, LONG_AGO)  # ticks since the newest pulse
+        # An offset is no step, neither when it comes nor when a measurement is missing: the high-pass is given
+        # differences to the first sample, and the newest again where there is none.
+        self._first: FloatArray = np.zeros(axles)
+        self._newest: FloatArray = np.zeros(axles)
 
     def reset(self, axle: int) -> None:
         """Start an axle anew."""
         self._highpass.reset(axle)
         self._power[axle] = self._floor / FLOOR**2
         self._ticks[axle] = self._left[axle] = self._length[axle] = 0.0
-        self._since[axle] = np.inf
+        self._since[axle] = LONG_AGO
+        self._first[axle] = self._newest[axle] = 0.0
 
     def step(self, lat_accel: FloatArray, present: BoolArray) -> tuple[BoolArray, BoolArray]:
         """One tick's lateral accelerations (n,). Returns where it is a pulse, and where it is one or just after."""
-        high = self._highpass.step(np.where(present, lat_accel, 0.0)[None])[0]
+        self._first = np.where(present & (self._ticks == 0.0), lat_accel, self._first)
+        self._newest = np.where(present, lat_accel - self._first, self._newest)
+        high = self._highpass.step(self._newest[None])[0]
         square = high * high
-        known = self._ticks >= FIRST_TICKS
-        pulse: BoolArray = present & known & (square > PULSE_SIGMA**2 * np.maximum(self._power, self._floor))
+        usual = np.maximum(self._power, self._floor)
+        pulse: BoolArray = present & (square > PULSE_SIGMA**2 * usual)
         self._length = np.where(pulse, self._length + 1.0, np.where(self._left > 0, self._length, 0.0))
         pulse &= self._length <= MAX_TICKS
-        self._ticks = self._ticks + present
-        square = np.where(known, np.minimum(square, CLIP * np.maximum(self._power, self._floor)), square)
-        gain = np.where(present, np.maximum(GAIN, 1.0 / np.maximum(self._ticks, 1.0)), 0.0)
-        self._power = self._power + gain * (square - self._power)
-        self._since = np.where(pulse, 0.0, self._since + 1.0)
+        self._ticks = np.minimum(self._ticks + present, MEMORY_TICKS)
+        gain = np.where(present, np.maximum(GAIN, 1.0 / (self._ticks + FIRST_TICKS)), 0.0)
+        gain *= np.where(pulse | (self._left > 0), NEAR_GAIN, 1.0)
+        self._power = self._power + gain * (np.minimum(square, CLIP * usual) - self._power)
+        self._since = np.where(pulse, 0.0, np.minimum(self._since + 1.0, LONG_AGO))
         self._left = np.where(pulse, HOLD_TICKS + 1.0, np.maximum(self._left - 1.0, 0.0))
         return pulse, self._left > 0
 

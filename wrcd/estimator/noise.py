@@ -25,7 +25,7 @@ class NoiseLevel:
     def __init__(self, design_rms: FloatArray, axles: int) -> None:
         self._scale = (1.0 / design_rms)[:, None]
         self._past: FloatArray = np.zeros((len(WEIGHTS) - 1, CHANNELS, axles))  # newest first
-        self._run: FloatArray = np.zeros(axles)  # samples without a gap
+        self._run: FloatArray = np.zeros(axles)  # samples without a gap, as far as they count
         self._power: FloatArray = np.ones((CHANNELS, axles))
         self._count: FloatArray = np.full((CHANNELS, axles), FIRST_TICKS)
 
@@ -44,7 +44,7 @@ class NoiseLevel:
         self._count = np.minimum(self._count + known, MEMORY_TICKS)
         self._power = self._power + np.where(known, (power - self._power) / self._count, 0.0)
         self._past = np.concatenate((z[None], self._past[:-1]))
-        self._run = np.where(used, self._run + 1.0, 0.0)
+        self._run = np.where(used, np.minimum(self._run + 1.0, len(self._past)), 0.0)
 
     @property
     def factor(self) -> FloatArray:

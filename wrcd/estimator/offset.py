@@ -34,6 +34,10 @@ class Offset:
         self._mean[:, axle] = 0.0
         self._count[:, axle] = 0.0
 
+    def without(self, z: FloatArray) -> FloatArray:
+        """z (2, n) without its offset as known so far."""
+        return z - self._mean
+
     def take(self, z: FloatArray, present: BoolArray) -> FloatArray:
         """z (2, n) without its offset; a channel that is not present teaches nothing."""
         self._count = np.minimum(self._count + present, self._ticks)
