@@ -25,11 +25,14 @@ NODE_M_S = 0.1  # matrices are made at multiples of this speed and are linear be
 
 
 class Schedule:
-    """The design's matrices at a speed, held within its grid: linear between nodes, and there linear over the grid."""
+    """The design's matrices at a speed, held within its grid: those of the predictor are linear between nodes, and
+    there linear over the grid."""
 
     def __init__(self, design: Design) -> None:
         self._ends = float(design.speeds_m_s[0]), float(design.speeds_m_s[-1])
-        tables = (design.Phi, design.K, design.H, design.whiten)
+        corrected = np.einsum("vmij,vmjk->vmik", design.Phi, design.K)  # what a measurement adds to the next state
+        predictor = design.Phi - np.einsum("vmij,vmjk->vmik", corrected, design.H)
+        tables = (predictor, corrected, design.H, design.whiten)
         self._lines = [make_interp_spline(design.speeds_m_s, t, k=1) for t in tables]
         self._noise = make_interp_spline(design.speeds_m_s, design.noise_power, k=1)
 
@@ -58,8 +61,7 @@ class Schedule:
         return np.asarray(self._noise(self.held(speed_m_s)))
 
     def _predictor(self, speed_m_s: float) -> tuple[FloatArray, ...]:
-        Phi, K, H, W = (line(self.held(speed_m_s)) for line in self._lines)
-        return Phi @ (np.eye(5) - K @ H), Phi @ K, H, W
+        return tuple(line(self.held(speed_m_s)) for line in self._lines)
 
 
 class TrackedSpeed:
@@ -207,7 +209,7 @@ class Band:
     """The low-pass that one axle's eight whitened innovations go through."""
 
     def __init__(self, sos: FloatArray) -> None:
-        self._sos = sos
+        self._sos = sos.copy()  # scipy wants to be able to write into it
         self.reset()
 
     def reset(self) -> None:
@@ -276,6 +278,8 @@ class SlidingWindow:
         answer: what the rules say of such inputs, adhesion as a share and relative half-width: it decides between the
         long window and the usual one.
         """
+        if not self._rows:
+            return None
         longest, usual, recent = self._blocks
         filled = len({r.tick // 4 for r in self._rows})
         now = ratio(self._newest(NOW_BLOCKS))

@@ -122,6 +122,20 @@ def stable(sos: FloatArray) -> bool:
     return bool(np.all(sos[:, 3] == 1.0) and np.all(np.abs(a2) < 1.0) and np.all(np.abs(a1) < 1.0 + a2))
 
 
+def closed_loop(Phi: FloatArray, K: FloatArray, H: FloatArray) -> FloatArray:
+    """(…, 5, 5): what a filter's state decays by in a tick, Phi (I - K H)."""
+    out: FloatArray = Phi @ (np.eye(STATES) - K @ H)
+    return out
+
+
+def filters_stable(Phi: FloatArray, K: FloatArray, H: FloatArray) -> bool:
+    """Whether every filter forgets, at the design's speeds (v, …) and in the middle between them."""
+    with np.errstate(all="ignore"):
+        A = closed_loop(Phi, K, H)
+        A = np.concatenate((A, 0.5 * (A[:-1] + A[1:])))
+        return bool(np.isfinite(A).all()) and float(np.abs(np.linalg.eigvals(A)).max()) < 1.0
+
+
 def load_design(path: Path) -> Design:
     """Read and check a design file. Raises InputError: missing, malformed, wrong checksum, wrong shape."""
     try:
@@ -276,6 +290,8 @@ def _check(d: Design, r: _Reader) -> None:
         raise r.error("bank.noise_rms", "must be positive, and bank.noise_power, too")
     if len(d.change_speeds_m_s) < 2 or np.any(np.diff(d.change_speeds_m_s) <= 0):
         raise r.error("changes.speeds_m_s", "must be two or more growing speeds")
+    if not filters_stable(d.Phi, d.K, d.H):
+        raise r.error("bank.K", "makes a filter that is not stable")
     for key, sections in (("bank.lowpass", d.lowpass), ("bank.highpass", d.highpass)):
         if not stable(sections):
             raise r.error(key, "is not a stable filter")
