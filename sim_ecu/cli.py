@@ -84,7 +84,11 @@ def _parser() -> argparse.ArgumentParser:
         "--budget", type=int, default=BUDGET, metavar="N", help=f"candidates of a search (default: {BUDGET})"
     )
     design.add_argument(
-        "--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="processes of a search (default: all cores)"
+        "--jobs",
+        type=int,
+        default=os.cpu_count() or 1,
+        metavar="N",
+        help="processes of a search for the paper's form (default: all cores)",
     )
     design.add_argument(
         "--baselines", type=Path, metavar="OUT.json", help="also make what `sim-ecu score` compares this design with"

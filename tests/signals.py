@@ -25,7 +25,7 @@ def measured(
     sensors: str = "mems",
     tick_s: float = 0.005,
 ) -> FloatArray:
-    """z (ticks, 2) in rad/s and m/s2 of the default wheelset on a track of middling quality, at held speed and torque."""
+    """z (ticks, 2) in rad/s and m/s2 of the default wheelset on a middling track, at held speed and torque."""
     w, kind = Wheelset(), SENSOR_SETS[sensors]
     most = peak(speed_m_s, w.contact, *CURVES[curve].row())[1] * 2 * w.normal_N * w.r_0
     roughness = 2.0 * QUALITY["good"]

@@ -23,6 +23,7 @@ OFF = {"m_w": 0.1, "I_w": 0.1, "k_w": 0.1, "I_R": 0.1, "I_L": 0.1, "k_s": 0.1, "
 OFF_K_A, OFF_TORQUE = 0.3, 0.03
 GYRO_BIAS, LAT_ACCEL_BIAS = math.radians(0.5), 0.049
 CURVATURE, RAMP_M_S2, SOME = 1 / 1500, 0.8, 0.4  # and the share of worlds that have them
+CHANGES = (0.5, 1.25)  # of the time to settle, when the rail changes: windows begin right after, or later
 CYCLE_HZ, CYCLE_LOW, CYCLE_HIGH, CYCLE_RISE = (0.3, 1.2), 0.3, (1.1, 2.4), 0.6  # creep as shares of the peak's
 NOISE_FACTORS = (0.6, 2.2)  # of sensors noisier or quieter than their kind
 Progress = Callable[[str, float], None]  # what is going on, share of it that is done
@@ -54,8 +55,8 @@ class Plan:
 
     seed: int = 1
     speeds: int = 32
-    per_speed: int = 300
-    speed_range: tuple[float, float] = (3.0, 58.0)
+    per_speed: int = 250
+    speed_range: tuple[float, float] = (3.5, 58.0)
     friction_range: tuple[float, float] = (0.022, 0.65)
     utilisation_range: tuple[float, float] = (0.0, 1.0)
     held_share: float = 0.2  # of the conditions, held at or about the peak by the creep controller
@@ -115,7 +116,7 @@ def draw(plan: Plan, wheelset: Wheelset) -> list[Group]:
                     creep_of_peak=_creep(held, cycled, sign, rng),
                     seed=plan.seed * SEEDS_PER_PLAN + (len(out) * plan.per_speed + i),
                     before=before if changed else None,
-                    changes_at_s=plan.settle_s * float(rng.uniform(0.5, 0.95)),
+                    changes_at_s=plan.settle_s * float(rng.uniform(*CHANGES)),
                     sensors=_sensors(plan, rng),
                     ramp_m_s2=ramp,
                     cycle_hz=float(rng.uniform(*CYCLE_HZ)) if cycled else 0.0,

@@ -17,6 +17,7 @@ from wrcd.estimator.window import BLOCK_TICKS
 
 FloatArray = NDArray[np.float64]
 WORKERS = 2
+OWN_WORLD = 2.0  # importance of an undisturbed window in the design's own world: it is the likeliest
 EDGE = 0.3  # importance of a window outside the plan's core
 # Windows end at these shares of the recording after it has settled, and are so many seconds long: the newest part
 # alone, the usual window, and what it grows to.
@@ -36,8 +37,9 @@ class Features:
     nominal: NDArray[np.bool_]
 
     def importance(self, plan: Plan) -> FloatArray:
-        """Weight of each window in the fit: less at the edges of the plan, more at speed."""
-        return importance(plan, 10.0 ** self.inputs[:, 5], 100.0 * 10.0 ** self.inputs[:, 4] / self.mu_pct)
+        """Weight of each window in the fit: less at the edges of the plan, more at speed and in the own world."""
+        weight = importance(plan, 10.0 ** self.inputs[:, 5], 100.0 * 10.0 ** self.inputs[:, 4] / self.mu_pct)
+        return np.where(self.nominal, OWN_WORLD, 1.0) * weight
 
 
 @dataclass(frozen=True, slots=True)

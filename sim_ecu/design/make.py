@@ -37,6 +37,7 @@ OTHER_COLUMNS = (
     *(f"lag of {c} {m}" for m in range(1, MODELS + 1) for c in ("yaw rate", "lateral acceleration")),
     *(f"yaw rate with lateral acceleration {m}" for m in range(1, MODELS + 1)),
     *("length", "noise of the yaw rate", "noise of the lateral acceleration"),
+    *("torque above that of the moment", "torque below that of the moment"),
 )
 CHANGE_MARGIN = 1.2  # a window is judged fifty times a second: its limits of change lie this far beyond the quantile
 ANYTHING = 9.0  # decades

@@ -20,8 +20,8 @@ VIBRATION, WHITE, JOINTS = (0.01, 1.2), (0.003, 0.1), (0.1, 2.5)
 @dataclass(frozen=True, slots=True)
 class Recording:
     """A group's sensors: z (ticks, 2, n), the same as disturbed axle boxes feel it, torque (ticks, n), speed (ticks,),
-    the truth in percent (ticks, n); the tick (n,) from which on a condition is what it is; whether the torque stays from
-    there on (n,); the design's own world or another."""
+    the truth in percent (ticks, n); the tick (n,) from which on a condition is what it is; whether the torque stays
+    from there on (n,); the design's own world or another."""
 
     z: FloatArray
     felt: FloatArray

@@ -25,11 +25,14 @@ NODE_M_S = 0.1  # matrices are made at multiples of this speed and are linear be
 
 
 class Schedule:
-    """The design's matrices at a speed, held within its grid: linear between nodes, and there linear over the grid."""
+    """The design's matrices at a speed, held within its grid: those of the predictor are linear between nodes, and
+    there linear over the grid."""
 
     def __init__(self, design: Design) -> None:
         self._ends = float(design.speeds_m_s[0]), float(design.speeds_m_s[-1])
-        tables = (design.Phi, design.K, design.H, design.whiten)
+        corrected = np.einsum("vmij,vmjk->vmik", design.Phi, design.K)  # what a measurement adds to the next state
+        predictor = design.Phi - np.einsum("vmij,vmjk->vmik", corrected, design.H)
+        tables = (predictor, corrected, design.H, design.whiten)
         self._lines = [make_interp_spline(design.speeds_m_s, t, k=1) for t in tables]
         self._noise = make_interp_spline(design.speeds_m_s, design.noise_power, k=1)
 
@@ -58,8 +61,7 @@ class Schedule:
         return np.asarray(self._noise(self.held(speed_m_s)))
 
     def _predictor(self, speed_m_s: float) -> tuple[FloatArray, ...]:
-        Phi, K, H, W = (line(self.held(speed_m_s)) for line in self._lines)
-        return Phi @ (np.eye(5) - K @ H), Phi @ K, H, W
+        return tuple(line(self.held(speed_m_s)) for line in self._lines)
 
 
 class TrackedSpeed:
@@ -207,7 +209,7 @@ class Band:
     """The low-pass that one axle's eight whitened innovations go through."""
 
     def __init__(self, sos: FloatArray) -> None:
-        self._sos = sos
+        self._sos = sos.copy()  # scipy wants to be able to write into it
         self.reset()
 
     def reset(self) -> None:
@@ -241,15 +243,20 @@ class SlidingWindow:
         self._design = design
         self._blocks = [-(-round(s / design.tick_s) // 4) for s in (design.longest_s, design.window_s, design.recent_s)]
         self._rows: deque[Row] = deque()
+        self._torque: deque[tuple[int, float]] = deque()  # kept where the rows are dropped
 
     def reset(self) -> None:
         """Forget them."""
         self._rows.clear()
+        self._torque.clear()
 
     def put(self, row: Row, speed_m_s: float) -> None:
         """One tick. At a block's end a change of rail or torque is looked for: what was before it is dropped."""
         self._rows.append(row)
+        self._torque.append((row.tick, row.ratio))
         longest, usual, recent = self._blocks
+        while self._torque[0][0] // 4 <= row.tick // 4 - longest:
+            self._torque.popleft()
         while self._rows[0].tick // 4 <= row.tick // 4 - longest:
             self._rows.popleft()
         if row.tick % 4 != 3 or self._design.form != "wrcd":
@@ -271,6 +278,8 @@ class SlidingWindow:
         answer: what the rules say of such inputs, adhesion as a share and relative half-width: it decides between the
         long window and the usual one.
         """
+        if not self._rows:
+            return None
         longest, usual, recent = self._blocks
         filled = len({r.tick // 4 for r in self._rows})
         now = ratio(self._newest(NOW_BLOCKS))
@@ -316,7 +325,18 @@ class SlidingWindow:
             square = np.append(square[:3] / square[3], square[3])
         scalars = np.log10([max(torque, 0.003), speed_m_s])
         rest = np.log10([len(rows) * self._design.tick_s, *factor])
-        return np.concatenate((0.5 * np.log10(square), scalars, lag, cross, rest))
+        return np.concatenate((0.5 * np.log10(square), scalars, lag, cross, rest, self._swing()))
+
+    def _swing(self) -> FloatArray:
+        """Decades by which the torque's means over blocks have been above and below that of the moment (2,)."""
+        blocks: dict[int, list[float]] = {}
+        for tick, x in self._torque:
+            blocks.setdefault(tick // 4, []).append(x)
+        newest = sorted(blocks)[-self._blocks[1] :]
+        means = [float(np.mean(blocks[b])) for b in newest]
+        now = float(np.mean([x for b in newest[-NOW_BLOCKS:] for x in blocks[b]]))
+        low, middle, high = np.log10(np.array([min(means), now, max(means)]) + 0.01)
+        return np.array([high - middle, middle - low])
 
 
 def ratio(rows: Sequence[Row]) -> float:

@@ -16,13 +16,13 @@ from sim_ecu.design.linear import Point
 from sim_ecu.design.make import Brief, bank, rule_base, with_placeholder_rules
 from sim_ecu.design.recordings import Recording, record, record_groups
 from sim_ecu.physics.contact import CURVES
-from wrcd.errors import create
+from wrcd.errors import InputError, create
 from wrcd.estimator.design import MODELS
 from wrcd.estimator.window import BLOCK_TICKS
 from wrcd.tools.progress import Progress as Shown
 
 IntArray = NDArray[np.int64]
-GRID = 12  # speeds of a candidate's bank
+GRID = 24  # speeds of a candidate's bank
 SPEEDS, PER_SPEED = 8, 60  # conditions that a candidate is judged by, at most
 STEP = 0.3  # of the search at its start: decades of noise, and of weight over what is left of it
 NOISES, WEIGHTS = (-6.0, 2.0), (-3.0, 3.0)  # log10 of a process noise, of one channel's weight over the other's
@@ -30,7 +30,7 @@ NOISES, WEIGHTS = (-6.0, 2.0), (-3.0, 3.0)  # log10 of a process noise, of one c
 FIRST_VALIDATION_SEED, VALIDATION_SEEDS, HELD_SEED = 1001, 900, 1_950_000_000
 HELD_SPEEDS = (15.0, 25.0, 40.0)
 HELD_OFF_PEAK = (0.004, 0.05, 0.15, 0.3)  # of the peak's creep: there model 4 matches, on every curve
-HELD_TRACKS, HELD_SECONDS, HELD_SETTLED_S = 6, 4.0, 1.0
+HELD_TRACKS, HELD_SECONDS, HELD_SETTLED_S = 10, 4.0, 1.0
 MARGIN = 0.01  # decades by which a residual is the lowest: half a point at 0, nearly a whole one from here on
 
 
@@ -172,7 +172,7 @@ def _error(x: FloatArray) -> float:
     assert _objective is not None
     try:
         return _objective.error(points_of(_objective.brief, x))
-    except np.linalg.LinAlgError:  # no steady gain: no filter
+    except (np.linalg.LinAlgError, InputError):  # no steady gain, or one that is not stable between two speeds
         return float("inf")
 
 
@@ -184,7 +184,8 @@ def search(brief: Brief, output: Path, budget: int, jobs: int) -> int:
     shown = Shown(steps=True)
     aim = objective(brief, shown.at)
 
-    with ProcessPoolExecutor(jobs, initializer=_begin, initargs=(aim,)) as pool:
+    # of wrcd's form each candidate keeps processes of its own busy
+    with ProcessPoolExecutor(jobs if brief.form == "paper" else 1, initializer=_begin, initargs=(aim,)) as pool:
 
         def told(done: int, least: float) -> None:
             shown.at(f"candidate {done} of {budget}, best: {aim.words(least)}", done / budget)

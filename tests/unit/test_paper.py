@@ -74,7 +74,7 @@ def test_constant_spreads_cover_what_they_claim() -> None:
 def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A small design in the paper's form."""
     brief = in_papers_form(Brief())
-    brief = replace(brief, grid=6, plan=replace(brief.plan, speeds=3, per_speed=24, seed=9))
+    brief = replace(brief, grid=24, plan=replace(brief.plan, speeds=3, per_speed=24, seed=9))
     path = tmp_path_factory.mktemp("paper") / "paper.json"
     write(design(brief, silent)[0], path)
     return path

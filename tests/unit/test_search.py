@@ -76,8 +76,8 @@ def held() -> Matching:
 def test_the_papers_noise_makes_the_matching_filter_the_lowest(held: Matching) -> None:
     shares = held.shares(held.brief.points)[0]
     assert shares[0] >= 0.9
-    assert shares.min() >= 0.6
-    assert shares.mean() >= 0.8
+    assert shares.min() >= 0.5
+    assert shares.mean() >= 0.7
     # noise that is made for ratios does not
     assert held.shares(POINTS)[0].min() < 0.1
     assert held.error(held.brief.points) < held.error(POINTS)

@@ -20,9 +20,10 @@ STATES = 5  # psi, y', psi', y_t, y - y_t
 CHANNELS = 2  # yaw rate, lateral acceleration
 INPUTS = MODELS + 2  # that choose the rules: four residuals, torque, speed
 # What the rules' outputs move with: those six; correlations of each model's two innovations with themselves a moment
-# before, and of the two with each other; the window's length; the sensors' noise.
+# before, and of the two with each other; the window's length; the sensors' noise; how far the torque has been above and
+# below that of the moment.
 LAGS, CROSSES = MODELS * CHANNELS, MODELS
-COLUMNS = INPUTS + LAGS + CROSSES + 1 + CHANNELS
+COLUMNS = INPUTS + LAGS + CROSSES + 1 + CHANNELS + 2
 FORMS = ("wrcd", "paper")
 MOST_RULES = 254  # DominantRule cannot tell more apart
 
@@ -119,6 +120,20 @@ def stable(sos: FloatArray) -> bool:
     """Whether second-order sections (k, 6), b0 b1 b2 1 a1 a2, have all poles inside the unit circle."""
     a1, a2 = sos[:, 4], sos[:, 5]
     return bool(np.all(sos[:, 3] == 1.0) and np.all(np.abs(a2) < 1.0) and np.all(np.abs(a1) < 1.0 + a2))
+
+
+def closed_loop(Phi: FloatArray, K: FloatArray, H: FloatArray) -> FloatArray:
+    """(…, 5, 5): what a filter's state decays by in a tick, Phi (I - K H)."""
+    out: FloatArray = Phi @ (np.eye(STATES) - K @ H)
+    return out
+
+
+def filters_stable(Phi: FloatArray, K: FloatArray, H: FloatArray) -> bool:
+    """Whether every filter forgets, at the design's speeds (v, …) and in the middle between them."""
+    with np.errstate(all="ignore"):
+        A = closed_loop(Phi, K, H)
+        A = np.concatenate((A, 0.5 * (A[:-1] + A[1:])))
+        return bool(np.isfinite(A).all()) and float(np.abs(np.linalg.eigvals(A)).max()) < 1.0
 
 
 def load_design(path: Path) -> Design:
@@ -275,6 +290,8 @@ def _check(d: Design, r: _Reader) -> None:
         raise r.error("bank.noise_rms", "must be positive, and bank.noise_power, too")
     if len(d.change_speeds_m_s) < 2 or np.any(np.diff(d.change_speeds_m_s) <= 0):
         raise r.error("changes.speeds_m_s", "must be two or more growing speeds")
+    if not filters_stable(d.Phi, d.K, d.H):
+        raise r.error("bank.K", "makes a filter that is not stable")
     for key, sections in (("bank.lowpass", d.lowpass), ("bank.highpass", d.highpass)):
         if not stable(sections):
             raise r.error(key, "is not a stable filter")

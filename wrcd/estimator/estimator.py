@@ -10,7 +10,7 @@ from wrcd.estimator.design import MODELS, Design, FloatArray, IntArray
 from wrcd.estimator.fuzzy import LOW_FIRING, Fuzzy, Inference
 from wrcd.estimator.gate import Gate
 from wrcd.estimator.identity import Identity
-from wrcd.estimator.inputs import excitation, rule_inputs
+from wrcd.estimator.inputs import Torque, excitation, rule_inputs
 from wrcd.estimator.joints import HOLD_TICKS, MAX_PULSE, Joints
 from wrcd.estimator.noise import NoiseLevel
 from wrcd.estimator.offset import Offset
@@ -203,9 +203,7 @@ class Estimator:
             self._drop_what_was_before_a_change()
         return e
 
-    def _filter(
-        self, tick: Tick, axles: BoolArray, near: BoolArray, speed_m_s: float
-    ) -> tuple[FloatArray, FloatArray]:
+    def _filter(self, tick: Tick, axles: BoolArray, near: BoolArray, speed_m_s: float) -> tuple[FloatArray, FloatArray]:
         """The bank with the measurements of some axles (n,); those near a pulse teach no offset."""
         present = np.broadcast_to(axles, tick.present.shape)
         z = self._offset.take(tick.z, np.broadcast_to(axles & ~near, tick.present.shape))
@@ -312,7 +310,8 @@ class Estimator:
         In a window shorter than the usual one the torque has changed: that of the moment counts.
         """
         s = statistics(newest(self._window.cumulative(), blocks), self._min_ticks)
-        torque = np.where(blocks < self._usual, now, s.ratio) if self.design.form == "wrcd" else s.ratio
+        used = np.where(blocks < self._usual, now, s.ratio) if self.design.form == "wrcd" else s.ratio
+        torque = Torque(used, now, *self._window.torque_range(self._usual))
         speed = scheduled_speed(self._speed_m_s, self.design.speeds_m_s)
         return rule_inputs(self.design, s, torque, self._noise.sensor_factor(), speed), s
 

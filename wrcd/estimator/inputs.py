@@ -1,5 +1,7 @@
 """From a window's statistics to what the rules are given."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from wrcd.estimator.bank import at_speed
@@ -7,6 +9,7 @@ from wrcd.estimator.design import CHANNELS, Design, FloatArray
 from wrcd.estimator.window import Statistics
 
 MIN_TORQUE = 0.003  # torque ratio: less is coasting, and says nothing
+TORQUE_FLOOR = 0.01  # torque ratio: what moves below this is the noise of its signal
 MIN_TRACK = 0.03  # of the noise's power: less from the track is not told from none
 
 
@@ -17,11 +20,27 @@ def noise_floor(design: Design, noise_factor: FloatArray, speed_m_s: float) -> F
     return floor
 
 
+@dataclass(frozen=True, slots=True)
+class Torque:
+    """Torque ratios (n,): in the window, of the moment, and the lowest and highest of a second."""
+
+    window: FloatArray
+    now: FloatArray
+    lowest: FloatArray
+    highest: FloatArray
+
+    @property
+    def swing(self) -> FloatArray:
+        """(n, 2): decades by which the torque has been above and below that of the moment."""
+        logs = [np.log10(np.maximum(x, 0.0) + TORQUE_FLOOR) for x in (self.lowest, self.now, self.highest)]
+        return np.column_stack((logs[2] - logs[1], logs[1] - logs[0]))
+
+
 def rule_inputs(
-    design: Design, s: Statistics, torque_ratio: FloatArray, noise_factor: FloatArray, speed_m_s: float
+    design: Design, s: Statistics, torque: Torque, noise_factor: FloatArray, speed_m_s: float
 ) -> FloatArray:
-    """(n, COLUMNS): log10 of residuals 1 to 3 over residual 4, of residual 4, of torque ratio (n,) and speed; the
-    correlations; log10 of the window's length in seconds and of the noise factor (2, n).
+    """(n, COLUMNS): log10 of residuals 1 to 3 over residual 4, of residual 4, of torque ratio and speed; the
+    correlations; log10 of the window's length in seconds and of the noise factor (2, n); the torque's swing.
 
     The share of the sensors' noise is taken off first: what is left goes with the track's roughness alike in all four.
     Model 4, in the linear region, takes its present size; what the others make of the same track tells the contact.
@@ -34,11 +53,11 @@ def rule_inputs(
         mean_square = s.power.sum(axis=2) / CHANNELS
         logs = 0.5 * np.log10(np.maximum(mean_square - floor, MIN_TRACK * floor))
         heads = np.column_stack((logs[:, :-1] - logs[:, -1:], logs[:, -1]))
-    torque = np.log10(np.maximum(torque_ratio, MIN_TORQUE))
+    used = np.log10(np.maximum(torque.window, MIN_TORQUE))
     with np.errstate(divide="ignore"):
         length = np.log10(s.ticks * design.tick_s)
     speed = np.full(len(logs), np.log10(speed_m_s))
-    return np.column_stack((heads, torque, speed, s.lag, s.cross, length, np.log10(noise_factor).T))
+    return np.column_stack((heads, used, speed, s.lag, s.cross, length, np.log10(noise_factor).T, torque.swing))
 
 
 def excitation(design: Design, s: Statistics, noise_factor: FloatArray, speed_m_s: float) -> FloatArray:

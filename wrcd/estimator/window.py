@@ -104,11 +104,13 @@ class Window:
     changed, what is older is dropped, and the window grows again.
     """
 
-    STATE = ("_sums", "_past", "_newest")
+    STATE = ("_sums", "_torque", "_past", "_newest")
 
     def __init__(self, blocks: int, axles: int) -> None:
         self._blocks = blocks
         self._sums: FloatArray = np.zeros((blocks, COLUMNS, axles))
+        # sums of the torque ratio and its ticks, which are kept where the rest is dropped
+        self._torque: FloatArray = np.zeros((blocks, 2, axles))
         self._past: FloatArray = np.zeros((LAG, _W, axles))  # w of the last LAG ticks, newest first
         self._newest = -1  # number of the newest block
         self._cumulative: FloatArray | None = None
@@ -125,6 +127,7 @@ class Window:
         if block != self._newest:
             for passed in range(max(self._newest + 1, block - self._blocks + 1), block + 1):
                 self._sums[passed % self._blocks] = 0.0
+                self._torque[passed % self._blocks] = 0.0
             self._newest = block
         w = np.where(running, w, 0.0).reshape(_W, -1)
         known = running & np.isfinite(ratio)
@@ -133,8 +136,9 @@ class Window:
         sums[LIVE] += live & running
         sums[T] += t * running
         sums[TT] += t * t * running
-        sums[RATIO] += np.where(known, ratio, 0.0)
-        sums[RATIO_N] += known
+        torque = np.stack((np.where(known, ratio, 0.0), known))
+        sums[RATIO : RATIO_N + 1] += torque
+        self._torque[block % self._blocks] += torque
         sums[SUM_W] += w
         sums[SUM_TW] += t * w
         sums[SUM_WW] += w * w
@@ -150,6 +154,7 @@ class Window:
     def reset(self, axle: int) -> None:
         """Empty an axle's window."""
         self._sums[:, :, axle] = 0.0
+        self._torque[:, :, axle] = 0.0
         self._past[:, :, axle] = 0.0
         self._cumulative = None
 
@@ -177,6 +182,13 @@ class Window:
         blocks = (self._newest - np.arange(first, end)) % self._blocks
         out: FloatArray = self._sums[blocks, PLAIN:].sum(axis=0)
         return out
+
+    def torque_range(self, blocks: int) -> tuple[FloatArray, FloatArray]:
+        """The lowest and the highest torque ratio (n,) of any of the newest blocks, those before a change included."""
+        total, count = np.moveaxis(self._torque[(self._newest - np.arange(blocks)) % self._blocks], 1, 0)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            mean = total / count
+        return np.where(count > 0, mean, np.inf).min(axis=0), np.where(count > 0, mean, -np.inf).max(axis=0)
 
     def filled(self) -> IntArray:
         """(n,): how many of the newest blocks hold ticks without a gap."""
