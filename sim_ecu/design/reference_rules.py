@@ -1,5 +1,5 @@
-"""The reference engine's window and rules: plain lists of ticks, numpy's fits, scikit-fuzzy's membership functions. No code
-in common with the engine on the train."""
+"""The reference engine's window and rules: plain lists of ticks, numpy's fits, scikit-fuzzy's membership functions. No
+code in common with the engine on the train."""
 
 from collections import deque
 from collections.abc import Callable, Sequence

@@ -24,7 +24,7 @@ def held(signal: FloatArray) -> FloatArray:
 
 @pytest.mark.parametrize("rate_m_s2", [-1.2, 0.8, 2.0])
 def test_no_lag_on_a_ramp(rate_m_s2: float) -> None:
-    true = 40.0 + rate_m_s2 * TICK_S * np.arange(2400)
+    true = np.asarray(40.0 + rate_m_s2 * TICK_S * np.arange(2400), np.float64)
     assert filtered(true)[1200:] == pytest.approx(true[1200:], abs=0.005)
     # of a signal that comes every 20 ms half a cycle's lag is its own
     late = held(true) - true
@@ -42,9 +42,9 @@ def test_noise_is_reduced() -> None:
 
 def test_steps_of_a_coarse_signal_are_smoothed() -> None:
     """A signal in steps of 0.1 km/h, on a train that brakes gently."""
-    true = 25.0 - 0.3 * TICK_S * np.arange(4000)
+    true = np.asarray(25.0 - 0.3 * TICK_S * np.arange(4000), np.float64)
     step = 0.1 / 3.6
-    out = filtered(np.round(held(true) / step) * step)[1000:]
+    out = filtered(np.asarray(np.round(held(true) / step) * step))[1000:]
     assert out == pytest.approx(true[1000:], abs=0.6 * step)
     assert np.abs(np.diff(out)).max() < 0.1 * step
 

@@ -175,8 +175,9 @@ def test_ticks_that_never_came_leave_a_gap() -> None:
         np.square(about_a_line(p.w[held], p.t[held])).sum(axis=0) / p.live[held].sum()
     )
     assert p.window.filled() == [(400 - 340) // BLOCK_TICKS]
-    p.window.put(START + 400 + BLOCKS * BLOCK_TICKS, p.w[0, :, :, None], p.raw[0, :, :, None],
-                 *(np.array([True]) for _ in range(3)), np.array([0.5]))  # fmt: skip
+    yes = np.array([True])
+    last = START + 400 + BLOCKS * BLOCK_TICKS
+    p.window.put(last, p.w[0, :, :, None], p.raw[0, :, :, None], yes, yes, yes, np.array([0.5]))
     assert p.statistics(BLOCKS).ticks[0] == 1
     assert p.statistics(BLOCKS).ratio[0] == 0.5
 
@@ -185,16 +186,15 @@ def test_what_is_dropped_is_as_if_it_had_never_been() -> None:
     p, short = Played(500), Played(500)
     p.window.truncate(12, np.array([True]))
     short.window = Window(BLOCKS, 1)
-    held = np.flatnonzero(short.of(12))
-    short.window._past[:] = short.w[held[0] - LAG : held[0]][::-1].reshape(LAG, 8, 1)
-    for k in held:
-        short.put(int(k))
+    first = int(np.argmax(short.of(12)))
+    short.window._past[:] = short.w[first - LAG : first][::-1].reshape(LAG, 8, 1)
+    for k in range(first, 500):
+        short.put(k)
     assert p.window.filled() == [12]
     assert np.allclose(p.window.cumulative(), short.window.cumulative(), rtol=1e-12, atol=1e-9)
-    assert p.statistics(BLOCKS).ticks[0] == len(held)
-    # it grows again by what comes
+    assert p.statistics(BLOCKS).ticks[0] == 500 - first
+    p.start += 40  # it grows again by what comes
     for k in range(500 - 40, 500):
-        p.start += 40 if k == 460 else 0
         p.put(k)
     assert p.window.filled() == [22]
 

@@ -360,8 +360,8 @@ class Estimator:
 
 
 def _between(share: FloatArray, first: Answer, second: Answer) -> Answer:
-    """Of every axle the first (share 0), the second (1) or an answer between them; window and inputs are of the one that
-    counts for more."""
+    """Of every axle the first (share 0), the second (1) or an answer between them; window and inputs are of the one
+    that counts for more."""
 
     def take(a: FloatArray, b: FloatArray) -> FloatArray:
         return np.where(share == 0.0, a, (1.0 - share) * a + share * b)
