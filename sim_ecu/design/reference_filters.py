@@ -1,5 +1,5 @@
-"""The reference engine's filters: four filterpy.KalmanFilter per axle, scipy's second-order sections. Slow, plain, and no
-code in common with the engine on the train; only the design's numbers are the same."""
+"""The reference engine's filters: four filterpy.KalmanFilter per axle, scipy's second-order sections. Slow, plain, and
+no code in common with the engine on the train; only the design's numbers are the same."""
 
 from collections import deque
 

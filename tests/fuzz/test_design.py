@@ -31,7 +31,7 @@ def small() -> dict[str, Any]:
     """The packaged design at three speeds with a short window: the same file, sooner read and sooner warm."""
     document: dict[str, Any] = json.loads(resources.DESIGN.read_text())
     bank = document["bank"]
-    for key in ("speeds_m_s", "Phi", "K", "H", "noise", "whiten"):
+    for key in ("speeds_m_s", "Phi", "K", "H", "noise_power", "whiten"):
         bank[key] = bank[key][::20]
     return document | {"window_s": 0.1, "recent_s": 0.05}
 

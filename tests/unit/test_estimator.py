@@ -1,232 +1,305 @@
+"""The estimator over ticks: what of the past counts, what it doubts, and that nothing else moves it."""
+
+from collections.abc import Iterator
+from dataclasses import fields, replace
+
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from wrcd import resources
-from wrcd.estimator.bank import at_speed
-from wrcd.estimator.design import Design, Sets, load_design
-from wrcd.estimator.estimator import Estimator, Tick, rule_inputs
-from wrcd.estimator.fuzzy import Fuzzy
+from tests.signals import measured
+from wrcd.estimator.design import Design, FloatArray, load_design
+from wrcd.estimator.estimator import Estimate, EstimateDoubt, Estimator, Tick
 from wrcd.estimator.offset import Offset
-from wrcd.estimator.window import Window
+from wrcd.resources import DESIGN
+
+RATIO = 0.136  # of the torque that `measured` has by default
+EVERY = 4  # ticks between two estimates, as on the bus
+PER_S = 200
 
 
 @pytest.fixture(scope="module")
 def design() -> Design:
-    return load_design(resources.DESIGN)
+    return load_design(DESIGN)
 
 
-def tick(k: int, z: np.ndarray, ratio: float = 0.1, speed: float = 25.0) -> Tick:
+def tick(k: int, z: FloatArray, ratio: float | FloatArray = RATIO, speed: float = 25.0) -> Tick:
     n = z.shape[1]
-    return Tick(k, z, np.isfinite(z), np.full(n, ratio), speed)
+    return Tick(k, z, np.isfinite(z), np.broadcast_to(np.asarray(ratio, np.float64), n).copy(), speed)
 
 
-def detrended_rms(w: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """(4,) for w (ticks, 4, 2) at ticks t: by numpy's own line fit."""
-    flat = w.reshape(len(w), -1)
-    line = np.polynomial.polynomial.polyval(t, np.polynomial.polynomial.polyfit(t, flat, 1)).T
-    return np.asarray(np.sqrt(np.square(flat - line).mean(axis=0).reshape(4, 2).mean(axis=1)))
+def track(seconds: float, seed: int = 1, curve: str = "B", torque_Nm: float = 10_000.0) -> FloatArray:
+    """z (ticks, 2, 1)."""
+    return measured(curve, torque_Nm, seconds=seconds, seed=seed)[..., None]
 
 
-def test_a_window_is_the_rms_without_mean_and_trend() -> None:
+def estimates(e: Estimator, z: FloatArray, ratio: FloatArray | float = RATIO, first: int = 0) -> Iterator[Estimate]:
+    """Every EVERY ticks over z (ticks, 2, n) from a tick on."""
+    ratios = np.broadcast_to(ratio, len(z))
+    for k, row in enumerate(z):
+        e.step(tick(first + k, row, float(ratios[k])))
+        if (k + 1) % EVERY == 0:
+            yield e.estimate()
+
+
+def windows_s(e: Estimator, z: FloatArray, ratio: FloatArray | float = RATIO) -> FloatArray:
+    """The windows' lengths of axle 1."""
+    return np.array([float(x.window_s[0]) for x in estimates(e, z, ratio)])
+
+
+def test_a_window_grows_to_two_seconds_while_nothing_changes(design: Design) -> None:
+    window = windows_s(Estimator(design, 1), track(8.0))
+    t = EVERY * design.tick_s * np.arange(1, len(window) + 1)
+    assert window.max() == pytest.approx(design.longest_s)
+    assert np.all(window <= t + 1e-9)
+    first = t <= design.window_s
+    assert window[first] == pytest.approx(t[first])  # all that there is
+    assert window[~first].min() == pytest.approx(design.window_s)  # and never less than the usual length
+    assert np.mean(window[t > 2.5] > 1.9) > 0.7
+
+
+def test_nothing_is_dropped_on_a_rail_that_stays(design: Design) -> None:
+    window = windows_s(Estimator(design, 1), track(60.0, seed=3))
+    assert np.mean(window[60:] >= design.window_s) > 0.98
+
+
+@pytest.mark.parametrize("after", [0.10, 0.20])
+def test_a_step_of_torque_drops_what_was_before(design: Design, after: float) -> None:
+    at = 4 * PER_S
+    ratio = np.where(np.arange(8 * PER_S) < at, RATIO, after)
+    z = np.concatenate((track(8.0)[:at], track(8.0, torque_Nm=after / RATIO * 10_000.0)[at:]))
+    window = windows_s(Estimator(design, 1), z, ratio)
+    k = at // EVERY
+    assert window[k - 20 : k].min() >= design.window_s
+    found = k + int(np.argmax(window[k:] < 0.5))
+    assert (found - k) * EVERY * design.tick_s <= 0.1
+    # then it holds what came since, and the newest part that showed the change
+    since = EVERY * design.tick_s * np.arange(1, len(window) - k + 1)
+    assert np.all(window[found:] <= since[found - k :] + design.recent_s)
+    assert window[k + round(1.5 / EVERY * PER_S)] > 1.0
+
+
+def test_a_window_grows_only_over_like_torque(design: Design) -> None:
+    """The drive comes up slowly: never a step, yet what was a second ago is not what is now."""
+    ratio = 0.05 * np.exp(0.2 * np.arange(8 * PER_S) / PER_S)
+    window = windows_s(Estimator(design, 1), track(8.0), ratio)
+    assert window[2 * PER_S // EVERY :].max() <= design.window_s + 0.1
+
+
+def test_another_rail_drops_what_was_before(design: Design) -> None:
+    """Coming from a dry rail onto leaf film at the torque that this bears; sought on six tracks."""
+    late = []
+    for seed in range(6):
+        dry, film = (measured(c, 1500.0, seconds=8.0, seed=seed + 10)[..., None] for c in ("A", "F"))
+        z = np.concatenate((dry[: 4 * PER_S], film[4 * PER_S :]))
+        window = windows_s(Estimator(design, 1), z, 0.0204)
+        k = 4 * PER_S // EVERY
+        dropped = np.flatnonzero(window[k:] < 0.6)
+        late.append(dropped[0] * EVERY * design.tick_s if len(dropped) else np.inf)
+    assert np.median(late) < 0.5
+
+
+def said_of(design: Design, e: Estimate) -> FloatArray:
+    """What the rules say, before what is in use counts."""
+    return np.asarray(np.clip(np.polyval(design.polynomial, e.fuzzy), *design.adhesion_range_pct))
+
+
+@pytest.fixture(scope="module")
+def sweep(design: Design) -> tuple[Design, list[Estimate]]:
+    """Torque from nothing to much more than a slippery rail bears, its signals those of little; one answer a time."""
+    usual = replace(design, longest_s=design.window_s)
+    z = track(24.0, curve="D", torque_Nm=1500.0)
+    ratio = np.repeat(np.linspace(0.0, 0.25, 12), 2 * PER_S)
+    return usual, list(estimates(Estimator(usual, 1), z, ratio))[PER_S // EVERY :]
+
+
+def test_more_in_use_than_is_said_widens_the_interval_down_to_it(sweep: tuple[Design, list[Estimate]]) -> None:
+    usual, found = sweep
+    known = [e for e in found if np.isfinite(e.mu_available_pct[0])]
+    more = [e for e in known if e.used_pct[0] > said_of(usual, e)[0] + 0.1]
+    assert len(more) > 20
+    for e in known:
+        assert e.mu_available_pct[0] == pytest.approx(max(said_of(usual, e)[0], e.used_pct[0]))
+        assert e.half_width_pp[0] >= e.used_pct[0] - said_of(usual, e)[0] - 1e-9
+
+
+def test_a_contradiction_is_relative_to_the_adhesion(sweep: tuple[Design, list[Estimate]]) -> None:
+    """Beyond a fifth of what is said: on a slippery rail two points more in use are much, on a dry one nothing."""
+    usual, found = sweep
+    said = np.array([said_of(usual, e)[0] for e in found])
+    used = np.array([e.used_pct[0] for e in found])
+    contradicted = np.array([bool(e.contradicted[0]) for e in found])
+    assert contradicted.any()
+    assert np.all(used[contradicted] > 1.2 * said[contradicted] + 0.3)
+    assert (used - said)[contradicted].min() < 6.0
+    assert contradicted[used > 3.0 * said + 0.3].all()
+
+
+def newest(e: Estimator, z: FloatArray, ratio: float = RATIO) -> Estimate:
+    """The last estimate of a run."""
+    for k, row in enumerate(z):
+        e.step(tick(k, row, ratio))
+    return e.estimate()
+
+
+def test_a_track_is_not_doubted(design: Design) -> None:
+    doubts = [int(e.doubt[0]) for e in estimates(Estimator(design, 1), track(20.0))][PER_S // EVERY :]
+    assert np.mean(np.array(doubts) == EstimateDoubt.NONE) > 0.98
+
+
+@pytest.mark.parametrize("factor", [0.7, 1.0, 1.5])
+def test_sensors_that_give_their_noise_alone_are_doubted(design: Design, factor: float) -> None:
+    """Whatever their noise is: it is measured. By a second or two of it alone half of them are told; the others by
+    what wrcd.estimator.identity knows of longer."""
+    noise = np.random.default_rng(1).standard_normal((8 * PER_S, 2, 20))
+    found = list(estimates(Estimator(design, 20), factor * design.noise_rms[:, None] * noise))[2 * PER_S // EVERY :]
+    assert np.mean([e.doubt == EstimateDoubt.SILENT for e in found]) > 0.35
+
+
+def test_what_is_unlike_training_is_wider_first_and_doubted_then(design: Design) -> None:
+    """A yaw rate far larger than any rail makes: the further, the wider."""
+    z, widths = track(4.0), []
+    strict, lenient = replace(design, beyond=0.1), replace(design, beyond=100.0)
+    for times in (30.0, 300.0):
+        shaken = z * np.array([[times], [1.0]])
+        assert newest(Estimator(strict, 1), shaken).doubt[0] == EstimateDoubt.BEYOND_TRAINING
+        found = newest(Estimator(lenient, 1), shaken)
+        assert found.doubt[0] == EstimateDoubt.NONE
+        widths.append(float((found.half_width_pp / found.mu_available_pct)[0]))
+    assert widths[1] > 1.1 * widths[0]
+
+
+def test_without_a_rule_for_it_the_answer_is_unknown(design: Design) -> None:
+    """Of all rules only those for the highest torque are left; the train coasts."""
+    torque = design.rules[:, 4]
+    kept = np.flatnonzero(torque == torque.max())
+    names = ("rules", "bases", "slopes", "spreads", "spread_slopes", "typical_pct")
+    fewer = replace(design, consequents=(), **{n: getattr(design, n)[kept] for n in names})
+    found = newest(Estimator(fewer, 1), track(4.0), ratio=0.0)
+    assert found.doubt[0] == EstimateDoubt.NO_RULE
+    assert found.rule[0] == 0
+    assert np.isnan(found.mu_available_pct[0])
+    assert np.isnan(found.half_width_pp[0])
+
+
+def test_where_pulses_leave_little_the_estimate_is_doubted(design: Design) -> None:
+    z = np.array(track(4.0))
+    for k in range(PER_S, len(z), 20):  # a pulse every tenth of a second
+        z[k : k + 6, 1, 0] += 2.0 * np.sin(np.pi * (np.arange(min(6, len(z) - k)) + 0.5) / 3)
+    found = newest(Estimator(design, 1), z)
+    assert found.doubt[0] == EstimateDoubt.HARSH
+
+
+def test_gains_do_not_toggle_with_the_speeds_noise(design: Design) -> None:
+    """Near an edge of the old steps of 0.1 m/s the innovations are those of a constant speed."""
+    z = track(12.0)
+    noise = np.repeat(0.005 * np.random.default_rng(2).standard_normal(len(z) // 4), 4)
+    runs = []
+    for more in (np.zeros(len(z)), noise):
+        e, innovations = Estimator(design, 1), []
+        for k, row in enumerate(z):
+            innovations.append(e.step(tick(k, row, speed=29.15 + more[k])))
+        runs.append((np.array(innovations)[PER_S:], e.estimate()))
+    (constant, a), (noisy, b) = runs
+    rms = np.sqrt(np.square(constant).mean(axis=0))
+    assert np.all(np.sqrt(np.square(noisy - constant).mean(axis=0)) < 2e-3 * rms)
+    assert b.mu_available_pct == pytest.approx(a.mu_available_pct, abs=0.1)
+
+
+def test_one_lost_measurement_moves_the_answer_by_little(design: Design) -> None:
+    """At no moment of the seconds after it: the answer does not hop from one window to another."""
+    z = track(24.0)
+    lossy = np.array(z)
+    lossy[3 * PER_S :: 3 * PER_S, 0] = np.nan
+    runs = [list(estimates(Estimator(design, 1), x)) for x in (z, lossy)]
+    mu = np.array([[e.mu_available_pct[0] for e in run] for run in runs])[:, PER_S // EVERY :]
+    assert np.abs(mu[1] - mu[0]).max() < 1.0
+
+
+def same(a: Estimate, i: int, b: Estimate, j: int, rel: float = 0.0) -> bool:
+    """Whether axle i of one estimate is axle j of another, in every field."""
+    return all(
+        np.allclose(getattr(a, f.name)[i], getattr(b, f.name)[j], rtol=rel, atol=rel, equal_nan=True)
+        for f in fields(Estimate)
+    )
+
+
+def test_axles_do_not_disturb_each_other(design: Design) -> None:
+    z = np.concatenate([track(5.0, seed=s) for s in (1, 2, 3)], axis=2)
+    together, alone = Estimator(design, 3), Estimator(design, 1)
     rng = np.random.default_rng(1)
-    w = rng.standard_normal((300, 4, 2, 1)) + 7.0 + 0.02 * np.arange(300)[:, None, None, None]
-    window = Window(200, 40, 1)
-    for k in range(300):
-        window.put(1000 + k, w[k], np.array([True]), np.array([0.01 * k]))
-    assert window.residuals()[0] == pytest.approx(detrended_rms(w[100:, ..., 0], np.arange(200)))
-    assert window.recent_residuals()[0] == pytest.approx(detrended_rms(w[260:, ..., 0], np.arange(40)))
-    assert window.torque_ratio()[0] == pytest.approx(0.01 * np.arange(100, 300).mean())
-    assert window.recent_torque_ratio()[0] == pytest.approx(0.01 * np.arange(260, 300).mean())
+    for k, row in enumerate(z):
+        spoilt = np.array(row)
+        if rng.random() < 0.05:
+            spoilt[:, 0] = np.nan  # its neighbours lose measurements and have pulses
+        if k % 200 < 6:
+            spoilt[1, 2] += 1.5 * (-1.0) ** (k % 2)
+        ratios = np.array([0.05 if k < 500 else 0.2, RATIO, 0.3])
+        together.step(tick(k, spoilt, ratios))
+        alone.step(tick(k, row[:, 1:2]))
+        if k == 600:
+            together.reset(0)
+    a, b = together.estimate(), alone.estimate()
+    assert same(a, 1, b, 0, 1e-9)
+    assert not same(a, 0, b, 0, 1e-9)
 
 
-def test_ticks_without_data_stay_out() -> None:
-    rng = np.random.default_rng(2)
-    w = rng.standard_normal((200, 4, 2, 1))
-    good = rng.random(200) > 0.4
-    window = Window(200, 40, 1)
-    for k in range(200):
-        window.put(k, w[k], np.array([good[k]]), np.array([0.2]))
-    assert window.residuals()[0] == pytest.approx(detrended_rms(w[good, ..., 0], np.flatnonzero(good)))
-    assert window.share()[0] == pytest.approx((good.sum() - 40) / 160)
-
-
-def test_a_window_forgets_the_rail_before() -> None:
-    rng = np.random.default_rng(7)
-    window = Window(200, 40, 2)
-    limits = np.full(4, 0.3)
-    forgot = []
-    for k in range(400):
-        w = rng.standard_normal((4, 2, 2))
-        w[:, :, 1] *= 1.0 if k < 300 else 10.0  # the second axle comes onto another rail
-        window.put(k, w, np.array([True, True]), np.array([0.1, 0.1]))
-        forgot.append(window.forget_old(limits))
-        if k == 345:
-            assert window.share()[0] == 1.0
-            assert window.share()[1] < 0.2
-            assert window.residuals()[1] == pytest.approx(10.0, rel=0.3)
-    found = np.array(forgot)
-    assert not found[:, 0].any()
-    assert not found[:300, 1].any()
-    assert found[300:320, 1].any()
-
-
-def test_too_little_data_is_no_change() -> None:
-    window = Window(200, 40, 1)
-    for k in range(200):
-        window.put(k, np.full((4, 2, 1), float(k % 2)), np.array([k < 60 or k >= 181]), np.array([0.1]))
-    assert np.isnan(window.differences()).all()
-    assert not window.forget_old(np.full(4, 1e-6)).any()
+def test_a_reset_axle_is_as_good_as_new(design: Design) -> None:
+    z = track(6.0)
+    used, fresh = Estimator(design, 1), Estimator(design, 1)
+    for k in range(3 * PER_S):
+        used.step(tick(k, 3.0 * z[k], ratio=0.3, speed=26.0))
+    used.reset(0)
+    pairs = zip(*(estimates(e, z[3 * PER_S :], first=3 * PER_S) for e in (used, fresh)), strict=True)
+    assert all(same(a, 0, b, 0) for a, b in pairs)
 
 
 def test_a_bias_is_as_good_as_none_from_the_first_window_on(design: Design) -> None:
-    z = noise(240, 1)
-    bias = np.array([[0.0087], [0.5]])  # half a degree per second, 50 mg
-    plain, biased = Estimator(design, 1), Estimator(design, 1)
-    for k in range(240):
-        plain.step(tick(k, z[k]))
-        biased.step(tick(k, z[k] + bias))
-    assert biased.estimate().residuals == pytest.approx(plain.estimate().residuals, rel=1e-6)
+    z, bias = track(1.2), np.array([[0.0087], [0.5]])  # half a degree per second, 50 mg
+    plain, biased = newest(Estimator(design, 1), z), newest(Estimator(design, 1), z + bias)
+    assert biased.residuals == pytest.approx(plain.residuals, rel=1e-6)
+    assert biased.mu_available_pct == pytest.approx(plain.mu_available_pct, abs=1e-3)
 
 
 def test_a_channel_that_is_missing_teaches_no_offset() -> None:
     offset = Offset(100, 1)
     both, one = np.array([[True], [True]]), np.array([[True], [False]])
     for k in range(50):
-        rest = offset.take(np.array([[2.0], [5.0 if k % 2 else 1e9]]), both if k % 2 else one)
+        rest = offset.take(np.array([[2.0], [5.0 if k % 2 else (1e9, np.nan)[k // 2 % 2]]]), both if k % 2 else one)
     assert rest == pytest.approx(np.zeros((2, 1)))
     offset.reset(0)
     assert offset.take(np.array([[7.0], [7.0]]), both) == pytest.approx(np.zeros((2, 1)))
 
 
-def test_the_sensors_own_share_is_taken_off(design: Design) -> None:
-    """Twice the track, twice the residuals above the noise: only the input that says how rough the track is moves."""
-    noise = at_speed(design.noise, design.speeds_m_s, 25.0)
-    track = np.array([[3.0, 2.0, 4.0, 1.0]]) * noise
-    inputs = [rule_inputs(design, np.sqrt(noise**2 + (s * track) ** 2), np.array([0.1]), 25.0)[0] for s in (1.0, 2.0)]
-    assert inputs[1][[0, 1, 2, 4, 5]] == pytest.approx(inputs[0][[0, 1, 2, 4, 5]])
-    assert inputs[1][3] - inputs[0][3] == pytest.approx(np.log10(2.0))
-
-
-def test_rules_are_local_lines(design: Design) -> None:
-    """In the middle of its sets one rule speaks alone, and says its base; a little away, its slopes count."""
-    rule = int(np.argmax((design.bases > 5) & (design.bases < 95)))
-    middle = np.array([s.centres[k] for s, k in zip(design.sets, design.rules[rule], strict=True)])
-    found = Fuzzy(design).infer(middle[None, :])
-    assert found.rule[0] == rule + 1
-    assert found.rule_share[0] == pytest.approx(1.0)
-    assert found.output[0] == pytest.approx(np.clip(design.bases[rule], 0, 100))
-    assert found.spread[0] == pytest.approx(np.clip(design.spreads[rule], 10**-2.7, 10**0.3))
-    # beyond the outermost set nothing moves any more
-    beyond = middle + np.where(middle == [s.centres[0] for s in design.sets], -1.0, 0.0)
-    assert Fuzzy(design).infer(beyond[None, :]).output[0] == pytest.approx(found.output[0])
-
-
-def test_between_sets_the_rules_lines_are_mixed(design: Design) -> None:
-    rng = np.random.default_rng(11)
-    low, high = (np.array([s.centres[i] for s in design.sets]) for i in (0, -1))
-    x = rng.uniform(low, high, (200, 6))
-    found = Fuzzy(design).infer(x)
-    for i in np.flatnonzero(np.isfinite(found.output))[:50]:
-        weights = np.ones(len(design.rules))
-        for j, s in enumerate(design.sets):
-            degrees = [np.interp(x[i, j], s.centres, row) for row in np.eye(len(s.centres))]
-            weights *= np.array(degrees)[design.rules[:, j]]
-        middles = np.column_stack([s.centres[design.rules[:, j]] for j, s in enumerate(design.sets)])
-        says = design.bases + np.sum(design.slopes * (x[i] - middles), axis=1)
-        assert found.output[i] == pytest.approx(np.clip(np.sum(weights * says) / weights.sum(), 0, 100), abs=1e-6)
-
-
-def test_an_empty_window_knows_nothing() -> None:
-    window = Window(200, 40, 2)
-    for k in range(20):
-        assert np.isnan(window.residuals()).all()  # a line through one or two points leaves nothing: no perfect fit
-        window.put(k, np.full((4, 2, 2), k % 2), np.array([True, True]), np.array([0.1, 0.1]))
-    window.reset(0)
-    assert np.isnan(window.residuals()[0]).all()
-    assert np.isnan(window.torque_ratio()[0])
-    assert np.isfinite(window.residuals()[1]).all()
-
-
-@given(st.floats(-10, 10), st.lists(st.floats(0.01, 3), min_size=1, max_size=6))
-def test_the_sets_of_an_input_add_up_to_one(x: float, gaps: list[float]) -> None:
-    centres = np.cumsum([0.0, *gaps])
-    degrees = Sets(tuple(map(str, centres)), centres).memberships(np.array([x]))
-    assert degrees.sum() == pytest.approx(1.0)
-    assert (degrees >= 0).all()
-
-
-def test_where_no_rule_speaks_the_answer_is_unknown(design: Design) -> None:
-    every = design.sets
-    corners = np.array(np.meshgrid(*[[s.centres[0], s.centres[-1]] for s in every]))
-    inference = Fuzzy(design).infer(corners.reshape(len(every), -1).T)
-    silent = inference.firing < 0.05
-    assert silent.any()
-    assert np.isnan(inference.output[silent]).all()
-    assert (inference.rule[silent] == 0).all()
-    assert ((inference.output[~silent] >= 0) & (inference.output[~silent] <= 100)).all()
-
-
-def noise(ticks: int, axles: int) -> np.ndarray:
-    return 0.01 * np.random.default_rng(3).standard_normal((ticks, 2, axles))
-
-
-def test_axles_do_not_disturb_each_other(design: Design) -> None:
-    z = noise(400, 3)
-    together, alone = Estimator(design, 3), Estimator(design, 1)
-    for k in range(400):
-        together.step(tick(k, z[k]))
-        alone.step(tick(k, z[k][:, 1:2]))
-        if k == 250:
-            together.reset(0)
-    assert together.estimate().residuals[1] == pytest.approx(alone.estimate().residuals[0], rel=1e-12)
-    assert together.estimate().residuals[0] != pytest.approx(alone.estimate().residuals[0])
-
-
-def test_a_reset_axle_is_as_good_as_new(design: Design) -> None:
-    z = noise(600, 1)
-    used, fresh = Estimator(design, 1), Estimator(design, 1)
-    for k in range(300):
-        used.step(tick(k, z[k]))
-    used.reset(0)
-    for k in range(300, 600):
-        used.step(tick(k, z[k]))
-        fresh.step(tick(k, z[k]))
-    assert np.array_equal(used.estimate().residuals, fresh.estimate().residuals)
+def white(ticks: int, axles: int = 1) -> FloatArray:
+    return np.asarray([[0.01], [0.3]] * np.random.default_rng(5).standard_normal((ticks, 2, axles)))
 
 
 @pytest.mark.parametrize("speed", [3.0, 3.04, 25.05, 59.99, 60.0, 80.0])
 def test_every_speed_has_gains(design: Design, speed: float) -> None:
-    estimator = Estimator(design, 1)
-    for k, z in enumerate(noise(2000, 1)):
+    estimator, largest = Estimator(design, 1), []
+    for k, z in enumerate(white(2000)):
         e = estimator.step(tick(k, z, speed=speed))
-        assert np.isfinite(e).all()
-    assert np.abs(e).max() < 10.0
+        largest.append(float(np.abs(e).max()))
+    assert np.isfinite(largest).all()
+    assert max(largest[1000:]) < 3.0 * max(largest[:1000])
 
 
 @pytest.mark.parametrize("missing", [0, 1])
 @pytest.mark.parametrize("speed", [10.0, 25.0, 50.0])
 def test_a_missing_channel_never_lets_a_filter_run_away(design: Design, missing: int, speed: float) -> None:
     """Corrected by one channel with its part of a gain made for two, model 4 would double with every tick."""
-    rng = np.random.default_rng(5)
-    estimator = Estimator(design, 1)
-    largest = []
-    for k in range(400):
-        present = np.ones((2, 1), dtype=bool)
-        present[missing] = k not in range(200, 230)
-        z = rng.normal(0.0, 1.0, (2, 1)) * np.array([[0.01], [0.3]])
-        estimator.step(Tick(k, z, present, np.full(1, 0.2), speed))
+    estimator, largest, z = Estimator(design, 1), [], white(400)
+    z[200:230, missing] = np.nan
+    for k, row in enumerate(z):
+        estimator.step(tick(k, row, 0.2, speed))
         largest.append(float(np.abs(estimator._bank.x).max()))
     assert max(largest[200:]) <= 2.0 * max(largest[:200])
 
 
 def test_a_tick_after_a_gap_stays_out(design: Design) -> None:
-    rng = np.random.default_rng(6)
-    estimator, good = Estimator(design, 1), []
-    whole = [True] * 50 + [False] * 2 + [True] * 10
-    for k, there in enumerate(whole):
-        z = rng.normal(0.0, 1.0, (2, 1)) * np.array([[0.01], [0.3]])
-        estimator.step(Tick(k, z, np.full((2, 1), there), np.full(1, 0.2), 25.0))
+    estimator, good, z = Estimator(design, 1), [], white(62)
+    z[50:52] = np.nan
+    for k, row in enumerate(z):
+        estimator.step(tick(k, row, 0.2))
         good.append(bool(estimator.good[0]))
     assert good == [False] + [True] * 49 + [False] * 3 + [True] * 9

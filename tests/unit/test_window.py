@@ -224,3 +224,15 @@ def test_an_axle_that_does_not_run_has_no_ticks() -> None:
         p.put(k, running=k >= 60)
     assert p.window.filled() == [10]
     assert p.statistics(10).ticks[0] == 40
+
+
+def test_the_torques_range_outlives_what_is_dropped() -> None:
+    """Slip cycles through the peak: what the torque has been tells, though it is not what it is now."""
+    p = Played(500)
+    means = [p.ratio[p.t // BLOCK_TICKS == b].mean() for b in np.unique(p.t // BLOCK_TICKS)]
+    p.window.truncate(5, np.array([True]))
+    for blocks in (3, 40):
+        low, high = p.window.torque_range(blocks)
+        assert (low[0], high[0]) == pytest.approx((min(means[-blocks:]), max(means[-blocks:])))
+    p.window.reset(0)
+    assert not np.isfinite(p.window.torque_range(40)).any()

@@ -42,5 +42,5 @@ class Offset:
         """z (2, n) without its offset; a channel that is not present teaches nothing."""
         self._count = np.minimum(self._count + present, self._ticks)
         gain = np.where(present, 1.0 / np.maximum(self._count, 1.0), 0.0)
-        self._mean = self._mean + gain * (z - self._mean)
+        self._mean = self._mean + gain * np.where(present, z - self._mean, 0.0)
         return z - self._mean
