@@ -7,11 +7,12 @@ from sim_ecu.play.faults import ALL, KINDS, SILENT, Fault
 SLOT_MS = 20  # an adhesion frame tells of the time up to its slot's beginning
 TIMEOUT_MS = {"yaw_rate": 15, "lateral_acceleration": 15, "torque": 30, "speed": 60, ALL: 15}
 CYCLE_MS = {"yaw_rate": 5, "lateral_acceleration": 5, "torque": 10, "speed": 20, ALL: 10}
-WINDOW_MS = 1000
+WINDOW_MS, LONGEST_WINDOW_MS = 1000, 2000
 LONG_S = 3.0
 IDENTITY_S = 12.0
-# A window and a little after any fault, seen or not, the estimate must be what it would have been, but for so much.
-SETTLED_AFTER_MS, SETTLED_PP = WINDOW_MS + 150, 1.0
+# The longest window and a little after any fault, seen or not, the estimate must be what it would have been, but for
+# so much.
+SETTLED_AFTER_MS, SETTLED_PP = LONGEST_WINDOW_MS + 150, 1.0
 
 
 @dataclass(frozen=True, slots=True)

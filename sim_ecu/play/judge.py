@@ -24,7 +24,7 @@ class Verdict:
     left_ms: float | None  # Valid, after the fault's begin
     back_ms: float | None  # to Valid, after its end
     change_pp: float | None  # of MuAvailable, at most, while Valid
-    settled_pp: float | None  # the same, a window after the fault
+    settled_pp: float | None  # the same, the longest window after the fault
     wrong: str
 
     def worst(self, other: "Verdict") -> "Verdict":
@@ -94,7 +94,7 @@ def _stayed(must: Stays, v: Verdict, slack_pp: float) -> str:
 
 HEAD = (
     "| fault | of | s | must | left Valid after, ms | Valid again after, ms | largest change while Valid, pp "
-    "| a window later, pp | passed |\n"
+    "| the longest window later, pp | passed |\n"
     "|---|---|---|---|---|---|---|---|---|"
 )
 

@@ -36,7 +36,8 @@ TORQUE_STEP, TORQUE_STEP_RATIO = 0.15, 0.004
 # A window grows beyond its usual length over parts of PART_S whose torque differs from the moment's by less.
 PART_S, LIKE_TORQUE, LIKE_TORQUE_RATIO = 0.1, 0.10, 0.002
 # Where the usual window's own word differs from the long one's by so many half-widths (as logarithms), it counts.
-FALL_BACK_BELOW, FALL_BACK_ABOVE = 0.4, 0.7
+# From FALL_BACK_FROM of that on it counts in part: one late frame must not make the answer hop from one to the other.
+FALL_BACK_BELOW, FALL_BACK_ABOVE, FALL_BACK_FROM = 0.4, 0.7, 0.5
 NEWEST_SHARE = 0.5  # of the newest part's half-width that the interval is made to reach down to
 # More in use than the rules say there is: beyond the interval, and by this share of what they say, one is wrong.
 CONTRADICTION_SHARE, CONTRADICTION_PP = 0.2, 0.3
@@ -260,9 +261,11 @@ class Estimator:
             (long, short, recent), inference = self._answers(lengths, now)
             with np.errstate(invalid="ignore"):
                 apart = np.log(short.mu_pct / long.mu_pct) / short.spread
-                back = (long.blocks > short.blocks) & ((apart < -FALL_BACK_BELOW) | (apart > FALL_BACK_ABOVE))
-            pick = np.where(back, 1, 0)
-            best = _choose(pick, long, short)
+                beyond = np.fmax(apart / FALL_BACK_ABOVE, -apart / FALL_BACK_BELOW)
+                back = np.clip(0.5 + (beyond - 1.0) / (2.0 * (1.0 - FALL_BACK_FROM)), 0.0, 1.0)
+            back = np.where((long.blocks > short.blocks) & np.isfinite(back), back, 0.0)
+            pick = np.where(back > 0.5, 1, 0)
+            best = _between(back, long, short)
             inference = inference.take(pick * self.axles + np.arange(self.axles))
             spread = best.spread
             # the newest part may know of a drop that the window as a whole does not show yet: reach down to it
@@ -356,17 +359,18 @@ class Estimator:
             return spread * few * (1.0 + BEYOND_WIDER * far), doubt.astype(np.int64)
 
 
-def _choose(pick: IntArray, first: Answer, second: Answer) -> Answer:
-    """Of every axle the first (0) or the second (1) answer."""
-    one = pick == 0
+def _between(share: FloatArray, first: Answer, second: Answer) -> Answer:
+    """Of every axle the first (share 0), the second (1) or an answer between them; window and inputs are of the one that
+    counts for more."""
 
     def take(a: FloatArray, b: FloatArray) -> FloatArray:
-        return np.where(one if a.ndim == 1 else one[:, None], a, b)
+        return np.where(share == 0.0, a, (1.0 - share) * a + share * b)
 
+    most = share > 0.5
     return Answer(
-        np.where(one, first.blocks, second.blocks),
+        np.where(most, second.blocks, first.blocks),
         take(first.said_pct, second.said_pct),
         take(first.mu_pct, second.mu_pct),
         take(first.spread, second.spread),
-        take(first.inputs, second.inputs),
+        np.where(most[:, None], second.inputs, first.inputs),
     )

@@ -5,10 +5,11 @@ import numpy as np
 from wrcd.estimator.bank import BoolArray
 from wrcd.estimator.design import CHANNELS, MODELS, FloatArray
 
-# An innovation is absurd if it is this many times its usual size for every model. In the rig's scenarios, worlds unlike
-# the design's included, all are below 4 but for some at a change of rail. (With 4.5 such a change started axles anew:
-# after a sample that is left out the next is larger still.)
-ABSURD = 6.0
+# An innovation is absurd if it is this many times its usual size for every model: yaw rate, lateral acceleration. On
+# 384 tracks, other worlds and changes of rail included, yaw rates stay below 3.2 (with joints and vibration one of 384
+# above 4.5), lateral accelerations below 6.3. (With 4.5 for these a change of rail started axles anew: after a sample
+# that is left out the next is larger still.)
+ABSURD = np.array([[4.5], [6.0]])
 MEMORY_TICKS = 100.0  # over which the usual size is taken
 LEAST_TICKS = 20.0  # before it is known well enough to judge by
 # By then no single sample may have this share of all their power: it would be an outlier, and have made everything
