@@ -311,7 +311,7 @@ class Estimator:
         """
         s = statistics(newest(self._window.cumulative(), blocks), self._min_ticks)
         used = np.where(blocks < self._usual, now, s.ratio) if self.design.form == "wrcd" else s.ratio
-        torque = Torque(used, now, *self._window.torque_range(self._usual))
+        torque = Torque(used, now, *self._window.torque_range(self._usual // 2))
         speed = scheduled_speed(self._speed_m_s, self.design.speeds_m_s)
         return rule_inputs(self.design, s, torque, self._noise.sensor_factor(), speed), s
 
@@ -360,8 +360,8 @@ class Estimator:
 
 
 def _between(share: FloatArray, first: Answer, second: Answer) -> Answer:
-    """Of every axle the first (share 0), the second (1) or an answer between them; window and inputs are of the one that
-    counts for more."""
+    """Of every axle the first (share 0), the second (1) or an answer between them; window and inputs are of the one
+    that counts for more."""
 
     def take(a: FloatArray, b: FloatArray) -> FloatArray:
         return np.where(share == 0.0, a, (1.0 - share) * a + share * b)
