@@ -8,19 +8,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_ecu.design.reference import (
+from sim_ecu.design.reference_filters import (
     Band,
     Filters,
     FourthDifferences,
-    FuzzyReference,
     LiveFilters,
     Models,
-    Row,
     RunningMean,
     Schedule,
-    SlidingWindow,
     TrackedSpeed,
 )
+from sim_ecu.design.reference_rules import FuzzyReference, Row, SlidingWindow
 from sim_ecu.design.source import load_source
 from wrcd.bus.log import Damage, read_log
 from wrcd.daemon.config import Config, load_config
@@ -69,6 +67,8 @@ class BothEngines(Estimator):
         """Both forget."""
         super().reset(axle)
         self._axles[axle].reset()
+        if not self.started.any():
+            self._tracked.reset()
 
     def step(self, tick: Tick) -> FloatArray:
         """Both step; their innovations are compared. Which samples to use and which are pulses the fast one says."""
@@ -80,8 +80,9 @@ class BothEngines(Estimator):
         matrices = self._schedule.at(speed)
         for a, axle in enumerate(self._axles):
             used = bool(self.used[a])
-            reference = axle.filter(tick.z[:, a], used, matrices)
-            axle.noise.step(tick.z[:, a], used and not self.near_pulse[a])
+            calm = used and not self.near_pulse[a]
+            reference = axle.filter(tick.z[:, a], used, calm, matrices)
+            axle.noise.step(tick.z[:, a], calm)
             whitened = np.array([matrices[3][m] @ reference[m] for m in range(4)])
             if self.started[a]:
                 axle.put(
@@ -131,9 +132,9 @@ class _Axle:
         self._delayed = deque([np.zeros((4, 2))] * DELAY_TICKS)
         self._past = deque([np.zeros(8)] * DELAY_TICKS)
 
-    def filter(self, z: FloatArray, used: bool, matrices: list[FloatArray]) -> FloatArray:
-        """Innovations (4, 2)."""
-        self.z = self._mean.take_off(z, used)
+    def filter(self, z: FloatArray, used: bool, teaches: bool, matrices: list[FloatArray]) -> FloatArray:
+        """Innovations (4, 2); what is near a pulse teaches no offset."""
+        self.z = self._mean.take_off(z, teaches)
         return self._filters.step(self.z, used, matrices)
 
     def put(

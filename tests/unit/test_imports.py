@@ -40,6 +40,7 @@ def test_nothing_imports_what_it_must_not(place: str) -> None:
     assert wrong == []
 
 
-def test_the_reference_engine_shares_no_arithmetic_with_the_fast_one() -> None:
-    names = set(imported(ROOT / "sim_ecu/design/reference.py"))
+@pytest.mark.parametrize("room", ["filters", "rules"])
+def test_the_reference_engine_shares_no_arithmetic_with_the_fast_one(room: str) -> None:
+    names = set(imported(ROOT / f"sim_ecu/design/reference_{room}.py"))
     assert {n for n in names if n.startswith("wrcd")} == {"wrcd.estimator.design", "wrcd.estimator.design.Design"}

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tests.signals import measured
+from wrcd.estimator.bank import BoolArray
 from wrcd.estimator.design import Design, FloatArray, load_design
 from wrcd.estimator.estimator import Estimator, Tick
 from wrcd.estimator.joints import HOLD_TICKS, MAX_PULSE, MAX_TICKS, RECOVERY_TICKS, Joints
@@ -28,7 +29,7 @@ def track(ticks: int = 3000) -> FloatArray:
     return np.array(measured(seconds=20.0)[:ticks, 1])
 
 
-def found(design: Design, a: FloatArray, there: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:
+def found(design: Design, a: FloatArray, there: BoolArray | None = None) -> tuple[FloatArray, FloatArray]:
     """Ticks that are a pulse, and those that are one or just behind."""
     joints, out = Joints(design.highpass, RMS, 1), []
     for k, x in enumerate(a):

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tests.signals import measured
+from wrcd.estimator.bank import BoolArray
 from wrcd.estimator.design import FloatArray
 from wrcd.estimator.noise import MAX_FACTOR, MIN_FACTOR, NoiseLevel
 
@@ -11,7 +12,7 @@ RMS = np.array([3e-4, 0.01])
 TICKS = 6000
 
 
-def levels(z: FloatArray, used: FloatArray | None = None) -> FloatArray:
+def levels(z: FloatArray, used: BoolArray | None = None) -> FloatArray:
     """The factors (ticks, 2) of one axle that says z (ticks, 2)."""
     level, out = NoiseLevel(RMS, 1), []
     for k, row in enumerate(z):

@@ -12,7 +12,7 @@ from sim_ecu.design.cases import FloatArray, Plan
 from sim_ecu.design.explain import explain
 from sim_ecu.design.make import Brief, design, in_papers_form, write
 from sim_ecu.design.paper import BORDERS_PCT, PaperRules, fit_paper, output_of, output_sets
-from sim_ecu.design.reference import FuzzyReference
+from sim_ecu.design.reference_rules import FuzzyReference
 from sim_ecu.design.rules import PAPER_POLYNOMIAL
 from sim_ecu.design.source import load_source
 from sim_ecu.resources import PAPER_DESIGN
