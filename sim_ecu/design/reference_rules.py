@@ -128,7 +128,7 @@ class SlidingWindow:
         blocks: dict[int, list[float]] = {}
         for tick, x in self._torque:
             blocks.setdefault(tick // 4, []).append(x)
-        newest = sorted(blocks)[-self._blocks[1] :]
+        newest = sorted(blocks)[-(self._blocks[1] // 2) :]
         means = [float(np.mean(blocks[b])) for b in newest]
         now = float(np.mean([x for b in newest[-NOW_BLOCKS:] for x in blocks[b]]))
         low, middle, high = np.log10(np.array([min(means), now, max(means)]) + 0.01)

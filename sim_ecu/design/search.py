@@ -1,6 +1,6 @@
 """`sim-ecu design --search`: the process noise and the channels' weights of the four models, by what they lead to."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -160,7 +160,15 @@ def _columns(brief: Brief) -> int:
     return 3 if brief.form == "paper" else 4
 
 
-_objective: Objective | None = None
+def error_of(aim: Objective, x: FloatArray) -> float:
+    """Of a vector; infinite where there is no steady gain, or one that is not stable between two speeds."""
+    try:
+        return aim.error(points_of(aim.brief, x))
+    except (np.linalg.LinAlgError, InputError):
+        return float("inf")
+
+
+_objective: Objective | None = None  # of a process that scores candidates
 
 
 def _begin(given: Objective) -> None:
@@ -170,10 +178,16 @@ def _begin(given: Objective) -> None:
 
 def _error(x: FloatArray) -> float:
     assert _objective is not None
-    try:
-        return _objective.error(points_of(_objective.brief, x))
-    except (np.linalg.LinAlgError, InputError):  # no steady gain, or one that is not stable between two speeds
-        return float("inf")
+    return error_of(_objective, x)
+
+
+def best_of(aim: Objective, budget: int, jobs: int, told: Callable[[int, float], None]) -> tuple[FloatArray, float]:
+    """The best vector of so many candidates, and its error."""
+    start, seed = vector(aim.brief), aim.brief.plan.seed
+    if aim.brief.form != "paper":  # each of its candidates keeps processes of its own busy
+        return minimise(lambda xs: [error_of(aim, x) for x in xs], start, STEP, budget, seed, told)
+    with ProcessPoolExecutor(jobs, initializer=_begin, initargs=(aim,)) as pool:
+        return minimise(lambda xs: list(pool.map(_error, xs)), start, STEP, budget, seed, told)
 
 
 def search(brief: Brief, output: Path, budget: int, jobs: int) -> int:
@@ -183,16 +197,14 @@ def search(brief: Brief, output: Path, budget: int, jobs: int) -> int:
     """
     shown = Shown(steps=True)
     aim = objective(brief, shown.at)
+    errors: list[float] = []  # the least so far; the first is that of the brief's own points
 
-    # of wrcd's form each candidate keeps processes of its own busy
-    with ProcessPoolExecutor(jobs if brief.form == "paper" else 1, initializer=_begin, initargs=(aim,)) as pool:
+    def told(done: int, least: float) -> None:
+        errors.append(least)
+        shown.at(f"candidate {done} of {budget}, best: {aim.words(least)}", done / budget)
 
-        def told(done: int, least: float) -> None:
-            shown.at(f"candidate {done} of {budget}, best: {aim.words(least)}", done / budget)
-
-        start = vector(brief)
-        before = next(iter(pool.map(_error, [start])))
-        best, least = minimise(lambda xs: list(pool.map(_error, xs)), start, STEP, budget, brief.plan.seed, told)
+    best, least = best_of(aim, budget, jobs, told)
+    before = errors[0]
     shown.end()
     points = points_of(brief, best)
     with create(output) as file:
@@ -201,7 +213,7 @@ def search(brief: Brief, output: Path, budget: int, jobs: int) -> int:
             f"Before: {aim.words(before)}.", f"Now: {aim.words(least)}.",
             "Look whether you believe it, then make a design with it: `sim-ecu design --config`.",
         ]))  # fmt: skip
-    print(f"{output}: {aim.words(least)}; before: {before:.3f}")
+    print(f"{output}: {aim.words(least)}; before: {aim.words(before)}")
     return 0
 
 

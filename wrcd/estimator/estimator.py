@@ -254,11 +254,11 @@ class Estimator:
         now = self.torque_now()
         used = 100.0 * now
         if d.form == "paper":
-            (best,), inference = self._answers([usual], now)
+            (best,), inference, chosen = self._answers([usual], now)
             spread, doubt = best.spread, np.zeros(self.axles, dtype=np.int64)
         else:
             lengths = [self._alike(now, usual, filled), usual, np.minimum(filled, self._recent)]
-            (long, short, recent), inference = self._answers(lengths, now)
+            (long, short, recent), inference, chosen = self._answers(lengths, now)
             with np.errstate(invalid="ignore"):
                 apart = np.log(short.mu_pct / long.mu_pct) / short.spread
                 beyond = np.fmax(apart / FALL_BACK_ABOVE, -apart / FALL_BACK_BELOW)
@@ -266,13 +266,14 @@ class Estimator:
             back = np.where((long.blocks > short.blocks) & np.isfinite(back), back, 0.0)
             pick = np.where(back > 0.5, 1, 0)
             best = _between(back, long, short)
-            inference = inference.take(pick * self.axles + np.arange(self.axles))
+            rows = pick * self.axles + np.arange(self.axles)
+            inference, chosen = inference.take(rows), chosen.take(rows)
             spread = best.spread
             # the newest part may know of a drop that the window as a whole does not show yet: reach down to it
             reach = best.mu_pct - recent.mu_pct * (1.0 - NEWEST_SHARE * recent.spread)
             with np.errstate(invalid="ignore"):
                 spread = np.where(reach > spread * best.mu_pct, reach / best.mu_pct, spread)
-            spread, doubt = self._doubted(spread, best, inference)
+            spread, doubt = self._doubted(spread, best, inference, chosen)
         mu = best.mu_pct
         fits = (best.inputs[:, :MODELS] - self._low) / self._width
         nearest = np.argmin(np.where(np.isnan(fits), np.inf, fits), axis=1) + 1
@@ -281,7 +282,6 @@ class Estimator:
             margin = np.maximum(spread * best.said_pct, CONTRADICTION_SHARE * best.said_pct + CONTRADICTION_PP)
             saturated = used >= d.saturated_share * mu
             contradicted = used > best.said_pct + margin
-        chosen = statistics(newest(self._window.cumulative(), best.blocks), self._min_ticks)
         return Estimate(
             residuals=chosen.residuals,
             torque_ratio=chosen.ratio,
@@ -305,29 +305,32 @@ class Estimator:
         return mean_ratio(self._window.plain(0, self._now))
 
     def inputs_of(self, blocks: IntArray, now: FloatArray) -> tuple[FloatArray, Statistics]:
-        """What the rules are given (n, COLUMNS) of windows of so many blocks (n,), and the windows' statistics.
+        """What the rules are given (m, COLUMNS) of windows of so many blocks (m,), and the windows' statistics.
 
-        In a window shorter than the usual one the torque has changed: that of the moment counts.
+        m may be several times the axles: all of them with one length after all with another. now (n,). In a window shorter than the usual one the torque has changed: that of the moment counts.
         """
         s = statistics(newest(self._window.cumulative(), blocks), self._min_ticks)
+        times = len(blocks) // self.axles
+        now, *ends = (np.tile(x, times) for x in (now, *self._window.torque_range(self._usual // 2)))
         used = np.where(blocks < self._usual, now, s.ratio) if self.design.form == "wrcd" else s.ratio
-        torque = Torque(used, now, *self._window.torque_range(self._usual))
         speed = scheduled_speed(self._speed_m_s, self.design.speeds_m_s)
-        return rule_inputs(self.design, s, torque, self._noise.sensor_factor(), speed), s
+        noise = np.tile(self._noise.sensor_factor(), times)
+        return rule_inputs(self.design, s, Torque(used, now, *ends), noise, speed), s
 
-    def _answers(self, lengths: list[IntArray], now: FloatArray) -> tuple[list[Answer], Inference]:
-        """One for each of the windows' lengths (n,), and the inference of all, one after another."""
+    def _answers(self, lengths: list[IntArray], now: FloatArray) -> tuple[list[Answer], Inference, Statistics]:
+        """One for each of the windows' lengths (n,); inference and statistics of all, one after another."""
         d, n = self.design, self.axles
-        inputs = [self.inputs_of(blocks, now)[0] for blocks in lengths]
-        inference = self._fuzzy.infer(np.concatenate(inputs))
+        inputs, s = self.inputs_of(np.concatenate(lengths), now)
+        inference = self._fuzzy.infer(inputs)
         said = np.clip(np.polyval(d.polynomial, inference.output), *d.adhesion_range_pct)
         out = []
-        for i, (blocks, given) in enumerate(zip(lengths, inputs, strict=True)):
-            mine = said[i * n : (i + 1) * n]
+        for i, blocks in enumerate(lengths):
+            rows = slice(i * n, (i + 1) * n)
+            mine = said[rows]
             # what is in use is available: the estimate cannot lie below it
             mu = np.where(np.isnan(mine), np.nan, np.minimum(np.fmax(mine, 100.0 * now), 100.0))
-            out.append(Answer(blocks, mine, mu, inference.spread[i * n : (i + 1) * n], given))
-        return out, inference
+            out.append(Answer(blocks, mine, mu, inference.spread[rows], inputs[rows]))
+        return out, inference, s
 
     def _alike(self, now: FloatArray, usual: IntArray, filled: IntArray) -> IntArray:
         """(n,): blocks over which the torque has been as it is now; at least the usual window."""
@@ -339,13 +342,14 @@ class Estimator:
         parts = np.where(like.all(axis=0), len(like), np.argmin(like, axis=0))
         return np.asarray(np.clip(parts * self._part, usual, filled))
 
-    def _doubted(self, spread: FloatArray, best: Answer, inference: Inference) -> tuple[FloatArray, IntArray]:
+    def _doubted(
+        self, spread: FloatArray, best: Answer, inference: Inference, s: Statistics
+    ) -> tuple[FloatArray, IntArray]:
         """The spread, wider where few rules fire or the inputs are unusual; and what is too much of it, a Doubt."""
         d = self.design
         outside = np.maximum(d.low - best.inputs, best.inputs - d.high) / np.maximum(d.high - d.low, 1e-9)
         # coasting, a long window and quiet sensors are no news: only the residuals can be unlike any that were seen
         far = np.clip(outside[:, :MODELS].max(axis=1), 0.0, None)
-        s = statistics(newest(self._window.cumulative(), best.blocks), self._min_ticks)
         loud = excitation(d, s, self._noise.sensor_factor(), scheduled_speed(self._speed_m_s, d.speeds_m_s))
         with np.errstate(invalid="ignore"):
             few = np.clip(LOW_FIRING / np.maximum(inference.firing, 1e-9), 1.0, 3.0)

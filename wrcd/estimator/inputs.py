@@ -22,7 +22,7 @@ def noise_floor(design: Design, noise_factor: FloatArray, speed_m_s: float) -> F
 
 @dataclass(frozen=True, slots=True)
 class Torque:
-    """Torque ratios (n,): in the window, of the moment, and the lowest and highest of a second."""
+    """Torque ratios (n,): in the window, of the moment, and the lowest and highest of half a second."""
 
     window: FloatArray
     now: FloatArray

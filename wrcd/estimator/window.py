@@ -47,6 +47,13 @@ class Statistics:
         """(n, 4): RMS of each model's normalised residual."""
         return np.asarray(np.sqrt(self.power.sum(axis=2) / CHANNELS))
 
+    def take(self, rows: IntArray) -> "Statistics":
+        """Of some of the windows."""
+        return Statistics(
+            self.power[rows], self.lag[rows], self.cross[rows], self.ratio[rows], self.ticks[rows],
+            self.live_share[rows],
+        )  # fmt: skip
+
 
 def statistics(sums: FloatArray, least_ticks: float) -> Statistics:
     """Of sums (COLUMNS, n) over a window. NaN with less than least_ticks live ticks.
@@ -198,6 +205,6 @@ class Window:
 
 
 def newest(cumulative: FloatArray, blocks: IntArray) -> FloatArray:
-    """Sums (COLUMNS, n) over the newest blocks, of each axle its own number (n,)."""
-    out: FloatArray = cumulative[blocks, :, np.arange(cumulative.shape[2])].T
+    """Sums (COLUMNS, m) over the newest blocks, of each axle its own number (m,); m may be several times the axles."""
+    out: FloatArray = cumulative[blocks, :, np.arange(len(blocks)) % cumulative.shape[2]].T
     return out

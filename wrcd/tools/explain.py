@@ -30,8 +30,8 @@ COLUMN_WORDS = (
     Column("window length"),
     Column("yaw rate noise"),
     Column("lateral acceleration noise"),
-    Column("the highest torque of a second over that of the moment"),
-    Column("the torque of the moment over the lowest of a second"),
+    Column("the highest torque of half a second over that of the moment"),
+    Column("the torque of the moment over the lowest of half a second"),
 )
 GLOSSARY = (
     f"persistence m: correlation of model m's innovation with itself {LAG} ticks before. Near 1 it is slow: "
