@@ -270,11 +270,11 @@ def frames_said(valid: Sequence[bool], mu: float = 20.0) -> list[Said]:
 
 def test_the_judge() -> None:
     """A fault from 100 ms to 300 ms; a frame every 20 ms."""
-    mus = dict.fromkeys(range(100), 20.0)
-    good = [*[True] * 6, *[False] * 20, *[True] * 60]
+    mus = dict.fromkeys(range(200), 20.0)
+    good = [*[True] * 6, *[False] * 20, *[True] * 110]
 
     def wrong(must: Must, valid: Sequence[bool], mu: float = 20.0, late: float = 20.0) -> str:
-        said = [*frames_said(valid, mu)[:70], *frames_said(valid, late)[70:]]
+        said = [*frames_said(valid, mu)[:120], *frames_said(valid, late)[120:]]
         return judge(must, 100_000, 300_000, said, mus).wrong
 
     must = Leaves(within_ms=40.0, back_ms=240.0)
@@ -287,7 +287,7 @@ def test_the_judge() -> None:
     assert wrong(must, good[:20]) == "not Valid again in time"
     assert wrong(must, [*good[:10], False, *good[10:]]) == "not Valid again in time"
     assert wrong(must, [*good, False]) == "not Valid for good afterwards"
-    assert wrong(Stays(0.5), [True] * 90, 20.5) == ""
+    assert wrong(Stays(0.5), [True] * 140, 20.5) == ""
     assert wrong(Stays(0.4), [True] * 90, 20.5) == "changed too much"
     assert wrong(Stays(0.5), good) == "not Valid throughout"
     assert wrong(Unseen(), good, 30.0) == ""
