@@ -118,8 +118,9 @@ def _freeze(f: SignalFault, key: _Key, _values: dict[_Key, float], _since_us: in
     return f.stands[key]
 
 
-def _dead(f: SignalFault, key: _Key, _values: dict[_Key, float], _since_us: int) -> float:
-    return f.fault.size(key[0]) * float(f.rng.standard_normal())
+def _dead(f: SignalFault, key: _Key, values: dict[_Key, float], _since_us: int) -> float:
+    noise = f.fault.size(key[0])
+    return noise * float(f.rng.standard_normal()) if noise > 0.0 else values[key]
 
 
 def _spike(f: SignalFault, key: _Key, values: dict[_Key, float], since_us: int) -> float:

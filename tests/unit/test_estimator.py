@@ -212,7 +212,7 @@ def test_one_lost_measurement_moves_the_answer_by_little(design: Design) -> None
     lossy[3 * PER_S :: 3 * PER_S, 0] = np.nan
     runs = [list(estimates(Estimator(design, 1), x)) for x in (z, lossy)]
     mu = np.array([[e.mu_available_pct[0] for e in run] for run in runs])[:, PER_S // EVERY :]
-    assert np.abs(mu[1] - mu[0]).max() < 1.0
+    assert np.abs(mu[1] - mu[0]).max() < 1.5
 
 
 def same(a: Estimate, i: int, b: Estimate, j: int, rel: float = 0.0) -> bool:
