@@ -120,7 +120,7 @@ def _freeze(f: SignalFault, key: _Key, _values: dict[_Key, float], _since_us: in
 
 def _dead(f: SignalFault, key: _Key, values: dict[_Key, float], _since_us: int) -> float:
     noise = f.fault.size(key[0])
-    return noise * float(f.rng.standard_normal()) if noise else values[key]
+    return noise * float(f.rng.standard_normal()) if noise > 0.0 else values[key]
 
 
 def _spike(f: SignalFault, key: _Key, values: dict[_Key, float], since_us: int) -> float:

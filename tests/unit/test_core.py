@@ -339,8 +339,7 @@ def test_one_absurd_sample_changes_nothing(rig: Rig) -> None:
     mine, its = rig.run(1000), twin.run(1000)
     assert rig.core.estimator.outliers == 1
     assert validities(mine) == ["Valid"]
-    # less than a quarter of its interval
-    assert all(abs(a["MuAvailable"] - b["MuAvailable"]) < 2.0 for a, b in zip(mine, its, strict=True))
+    assert max(abs(a["MuAvailable"] - b["MuAvailable"]) for a, b in zip(mine, its, strict=True)) < 1.5
     assert decoded(rig, "WrcdLink")[-1]["Outliers"] == 1
     assert "Yes" in {row["Outlier"] for row in decoded(rig, "InputHealth_A1")}
 
@@ -417,8 +416,9 @@ def test_a_speed_that_jumps_and_stays_starts_anew(rig: Rig) -> None:
     assert validities(frames)[-2:] == ["NotAvailable", "Valid"]
     assert "Valid" not in {f["Validity"] for f in frames[2:40]}
     assert rig.core.counts.restarts == 1  # the others have not started yet
-    rig.torque += 3000.0  # a torque may do that
-    assert validities(rig.run(500)) == ["Valid"]
+    rig.torque += 9000.0  # a torque may do that, though the sensors of this rig do not feel it
+    assert "NotAvailable" not in validities(rig.run(500))
+    assert rig.core.counts.restarts == 1
 
 
 def test_two_senders_are_not_believed(rig: Rig) -> None:

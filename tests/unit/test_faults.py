@@ -11,7 +11,7 @@ import pytest
 
 from sim_ecu.cli import main as sim_ecu
 from sim_ecu.play.encoder import Sent, data_id, databases
-from sim_ecu.play.expected import LONG_ROWS, ROWS, Found, Leaves, Must, Stays, Unseen, missing
+from sim_ecu.play.expected import LONG_ROWS, ROWS, SETTLED_AFTER_MS, Found, Leaves, Must, Stays, Unseen, missing
 from sim_ecu.play.faults import KINDS, Fault, Stage, parse_fault
 from sim_ecu.play.interface import check
 from sim_ecu.play.judge import Said, judge
@@ -270,25 +270,26 @@ def frames_said(valid: Sequence[bool], mu: float = 20.0) -> list[Said]:
 
 def test_the_judge() -> None:
     """A fault from 100 ms to 300 ms; a frame every 20 ms."""
-    mus = dict.fromkeys(range(200), 20.0)
-    good = [*[True] * 6, *[False] * 20, *[True] * 110]
+    mus = dict.fromkeys(range(300), 20.0)
+    settled = round(SETTLED_AFTER_MS / 20)
+    good = [*[True] * 6, *[False] * 20, *[True] * (settled + 30)]
 
     def wrong(must: Must, valid: Sequence[bool], mu: float = 20.0, late: float = 20.0) -> str:
-        said = [*frames_said(valid, mu)[:120], *frames_said(valid, late)[120:]]
+        said = [*frames_said(valid, mu)[: settled + 10], *frames_said(valid, late)[settled + 10 :]]
         return judge(must, 100_000, 300_000, said, mus).wrong
 
     must = Leaves(within_ms=40.0, back_ms=240.0)
     assert wrong(must, good) == ""
     verdict = judge(must, 100_000, 300_000, frames_said(good, 20.5), mus)
     assert (verdict.left_ms, verdict.back_ms, verdict.change_pp, verdict.settled_pp) == (40.0, 240.0, 0.5, 0.5)
-    assert wrong(must, [True] * 90) == "Valid for too long"
+    assert wrong(must, [True] * len(good)) == "Valid for too long"
     assert wrong(must, [True, *good]) == "Valid for too long"
     assert wrong(must, [*good[:10], True, *good[11:]]) == "Valid during the fault"
     assert wrong(must, good[:20]) == "not Valid again in time"
     assert wrong(must, [*good[:10], False, *good[10:]]) == "not Valid again in time"
     assert wrong(must, [*good, False]) == "not Valid for good afterwards"
-    assert wrong(Stays(0.5), [True] * 140, 20.5) == ""
-    assert wrong(Stays(0.4), [True] * 90, 20.5) == "changed too much"
+    assert wrong(Stays(0.5), [True] * len(good), 20.5) == ""
+    assert wrong(Stays(0.4), [True] * len(good), 20.5) == "changed too much"
     assert wrong(Stays(0.5), good) == "not Valid throughout"
     assert wrong(Unseen(), good, 30.0) == ""
     assert wrong(Unseen(), good, 30.0, 22.0) == "not itself again"
@@ -296,7 +297,7 @@ def test_the_judge() -> None:
     # found out at 200 ms; what comes after the fault's end is not judged
     assert wrong(Found(100.0), [*[True] * 10, *[False] * 5, *[True] * 70], 30.0, 30.0) == ""
     assert wrong(Found(100.0), [*[True] * 11, *[False] * 4, *[True] * 70]) == "not found out"
-    assert wrong(Found(100.0), [True] * 90) == "not found out"
+    assert wrong(Found(100.0), [True] * len(good)) == "not found out"
 
 
 def test_every_kind_has_its_row() -> None:

@@ -281,8 +281,9 @@ def test_accuracy_does_not_get_worse(small: list[Trace]) -> None:
     assert found["p95"].value <= P95_PP
     assert honesty.not_valid(f)["share"].value <= 0.02
     assert accuracy.contact_right(f)["right"].value >= 0.95
-    assert 0.85 <= honesty.coverage(f).value <= 0.99
+    assert honesty.coverage(f).value >= 0.85
     own = f.own_half_width[f.valid]
+    assert 0.85 <= np.mean(np.abs(f.mu[OURS] - f.true)[f.valid] <= own) <= 0.99  # without the bus's rounding up
     assert (own <= f.half_width[f.valid] + 1e-9).all()  # the bus rounds up
 
 
@@ -344,4 +345,4 @@ def test_bad_input_is_told_before_anything_is_played(tmp_path: Path, capsys: pyt
 
 # measured on the packaged design: see test_accuracy_does_not_get_worse
 MEAN_PP, P95_PP = 1.2, 5.0
-LIE_S, SETTLED_S = 0.6, 1.0
+LIE_S, SETTLED_S = 0.4, 1.0

@@ -307,7 +307,7 @@ class Estimator:
     def inputs_of(self, blocks: IntArray, now: FloatArray) -> tuple[FloatArray, Statistics]:
         """What the rules are given (m, COLUMNS) of windows of so many blocks (m,), and the windows' statistics.
 
-        m may be several times the axles: all of them with one length after all with another. now (n,). In a window
+        m may be several times the axles: all of them with one length after all with another. now is (n,). In a window
         shorter than the usual one the torque has changed: that of the moment counts.
         """
         s = statistics(newest(self._window.cumulative(), blocks), self._min_ticks)
