@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sim_ecu.design.gains import steady_state
-from sim_ecu.design.rules import RuleBase, adhesion_of, fit, output_of, polynomial
+from sim_ecu.design.rules import COVERS_OF_ALL, RuleBase, adhesion_of, fit, output_of, polynomial
 from sim_ecu.design.source import load_source
 from sim_ecu.physics.wheelset import Wheelset
 from wrcd.estimator.bank import Bank
@@ -44,9 +44,9 @@ def test_spreads_cover_what_they_claim_on_fresh_data() -> None:
     x, mu = data(4000, 3, 0.1)
     guess = base.mu_pct(x)
     inside = np.abs(guess - mu) <= base.spread(x) * guess
-    assert 0.86 <= inside.mean() <= 0.94
+    assert inside.mean() == pytest.approx(COVERS_OF_ALL, abs=0.04)
     for part in (x[:, 0] < -0.5, x[:, 0] > 0.5):  # where the noise is small, and where it is large
-        assert 0.82 <= inside[part].mean() <= 0.97
+        assert inside[part].mean() == pytest.approx(COVERS_OF_ALL, abs=0.08)
     assert base.spread(x[x[:, 0] > 0.5]).mean() > 2 * base.spread(x[x[:, 0] < -0.5]).mean()
 
 
