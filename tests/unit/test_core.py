@@ -150,14 +150,27 @@ def test_a_silent_input_degrades_then_ends_the_estimate(rig: Rig, missing: int) 
     assert 1000 <= (back + 1) * 20 <= 1040
 
 
-def test_a_short_gap_degrades_for_a_window(rig: Rig) -> None:
+@pytest.mark.parametrize("can_id", [0x101, 0x121])
+def test_a_short_gap_degrades_while_it_lasts(rig: Rig, can_id: int) -> None:
+    """40 ms past the time-out are bridged; the estimate goes on."""
+    rig.run(2000)
+    rig.silent = {can_id}
+    during = rig.run({0x101: 40, 0x121: 60}[can_id])
+    rig.silent = set()
+    frames = rig.run(2000)
+    assert validities(during)[-1] == "Degraded"
+    assert validities(frames) == ["Valid"]
+
+
+def test_a_longer_gap_degrades_for_a_window(rig: Rig) -> None:
     rig.run(2000)
     rig.silent = {0x101}
-    rig.run(40)
+    rig.run(80)
     rig.silent = set()
     frames = rig.run(2000)
     assert validities(frames) == ["Degraded", "Valid"]
     assert isinstance(frames[0]["MuAvailable"], float)
+    assert 980 <= [f["Validity"] for f in frames].index("Valid") * 20 <= 1020
 
 
 def test_one_lost_frame_changes_nothing(rig: Rig) -> None:

@@ -2,6 +2,8 @@
 
 A tick is sound if nothing speaks against what it brought. An estimate is as old as its window: it is Valid only after
 a full window of sound ticks, from a pair of sensors that nothing speaks against, and if it does not doubt itself.
+A short silence of an input is not unsound: it brings nothing, and the bank predicts over it. While it lasts the axle
+is Degraded; the window goes on after it.
 """
 
 import math
@@ -32,6 +34,9 @@ OF_ESTIMATE = {
 LOAD_SHARES = (0.7, 1.3)
 # A wheel wears by less than a tenth of its radius; as far, the interval still holds the truth in 85 % and more.
 RADIUS_SHARES = (0.9, 1.1)
+# So many ticks past a time-out are bridged. With 40 ms of both sensors missing in every 0.5 s the grid's mean error
+# grows by 6 %, with 60 ms by 10 %; the interval still holds the truth in 95 % (a stalled bus or computer does that).
+BRIDGED_TICKS = 8
 
 
 def against(i: Inputs) -> list[Cause]:
@@ -59,12 +64,13 @@ def _beyond(share: FloatArray, bounds: tuple[float, float]) -> BoolArray:
 class Judge:
     """Counts the sound ticks of every axle, and says what follows."""
 
-    STATE = ("_window", "_fresh_ticks", "_sound_ticks", "_warm", "_newest", "_unsound", "_begun")
+    STATE = ("_window", "_stale_ticks", "_fresh_ticks", "_sound_ticks", "_warm", "_newest", "_unsound", "_begun")
 
     def __init__(self, window_ticks: int, axles: int) -> None:
         self._window = window_ticks
-        self._fresh_ticks = [0] * axles  # in a row, without a stale input
-        self._sound_ticks = [0] * axles  # in a row
+        self._stale_ticks = [0] * axles  # in a row, with a stale input
+        self._fresh_ticks = [0] * axles  # without a stale input since the last silence that was too long to be bridged
+        self._sound_ticks = [0] * axles  # in a row, but for bridged ones
         self._warm = [False] * axles  # whether a full window of fresh ticks has been seen since it began
         self._newest = [Cause.NONE] * axles  # what spoke against the newest tick
         self._unsound = [Cause.NONE] * axles  # against the newest that something spoke against
@@ -77,6 +83,7 @@ class Judge:
 
     def begin(self, axle: int, why: Cause) -> None:
         """What was known before does not hold any more, or nothing is known."""
+        self._stale_ticks[axle] = 0
         self._fresh_ticks[axle] = self._sound_ticks[axle] = 0
         self._warm[axle] = False
         self._begun[axle] = why
@@ -84,11 +91,14 @@ class Judge:
 
     def tick(self, axle: int, cause: Cause) -> None:
         """A tick with all that an estimate needs, and what speaks against it."""
-        fresh = self._fresh_ticks[axle] = 0 if cause is Cause.INPUT_STALE else self._fresh_ticks[axle] + 1
-        self._warm[axle] |= fresh >= self._window
-        self._sound_ticks[axle] = 0 if cause else self._sound_ticks[axle] + 1
+        stale = self._stale_ticks[axle] = self._stale_ticks[axle] + 1 if cause is Cause.INPUT_STALE else 0
+        bridged = 0 < stale <= BRIDGED_TICKS
+        if not bridged:
+            self._fresh_ticks[axle] = 0 if stale else self._fresh_ticks[axle] + 1
+            self._sound_ticks[axle] = 0 if cause else self._sound_ticks[axle] + 1
+        self._warm[axle] |= self._fresh_ticks[axle] >= self._window
         self._newest[axle] = cause
-        if cause:
+        if cause and not bridged:
             self._unsound[axle] = cause
         elif self._begun[axle] in (Cause.STANDSTILL, Cause.INPUT_SILENT):  # that is over
             self._begun[axle] = Cause.WARMING_UP
@@ -101,6 +111,8 @@ class Judge:
         return (Validity.DEGRADED if cause else Validity.VALID), cause
 
     def _against(self, axle: int, estimate: Estimate, pair: int) -> Cause:
+        if self._newest[axle]:
+            return self._newest[axle]
         if self._sound_ticks[axle] < self._window:
             return self._unsound[axle]
         if pair:
