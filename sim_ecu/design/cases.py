@@ -24,7 +24,18 @@ OFF_K_A, OFF_TORQUE = 0.3, 0.03
 GYRO_BIAS, LAT_ACCEL_BIAS = math.radians(0.5), 0.049
 CURVATURE, RAMP_M_S2, SOME = 1 / 1500, 0.8, 0.4  # and the share of worlds that have them
 CHANGES = (0.5, 1.25)  # of the time to settle, when the rail changes: windows begin right after, or later
-CYCLE_HZ, CYCLE_LOW, CYCLE_HIGH, CYCLE_RISE = (0.3, 1.2), 0.3, (1.1, 2.4), 0.6  # creep as shares of the peak's
+# Slip cycles: how often, the share of a cycle in which it goes up; lowest and highest creep as shares of the peak's; or
+# lowest and highest torque as utilisations, of a torque that the creep's limit takes over from.
+CYCLE_HZ, CYCLE_RISE = (0.3, 1.2), (0.45, 0.8)
+CREEP_LOW, CREEP_HIGH = (0.2, 0.5), (1.1, 2.4)
+TORQUE_LOW, TORQUE_HIGH, TORQUE_LIMIT = (0.0, 0.4), (1.1, 1.8), (1.2, 2.2)
+LIMIT = 1.3  # of the creep in all other conditions
+TO_COASTING = 0.4  # of the torques that turn, those that end at 0
+# Little torque is common on dry rails, and rare as the end of a slippery one's: of the coasting and turning conditions
+# so many are dry, with a friction of so much.
+ON_DRY, DRY = 0.5, (0.25, 0.65)
+TURN_S, TURN_TAKES_S = (0.5, 2.5), (0.3, 4.0)  # when a torque turns, and how long it takes
+UNSATURATED, END_SHARE = 0.5, (0.25, 0.95)  # of the rails that get worse: those that carry such a share of their peak
 NOISE_FACTORS = (0.6, 2.2)  # of sensors noisier or quieter than their kind
 Progress = Callable[[str, float], None]  # what is going on, share of it that is done
 
@@ -32,7 +43,10 @@ Progress = Callable[[str, float], None]  # what is going on, share of it that is
 @dataclass(frozen=True, slots=True)
 class Condition:
     """One wheelset on one rail, or coming from another. Exactly one of utilisation and creep_of_peak is a number;
-    negative when braking. Coming from another rail it keeps the torque that is the utilisation of that one."""
+    negative when braking. Coming from another rail it keeps the torque that is the utilisation of that one.
+
+    In slip cycles, as a wheel-slide protection makes them, the number is the highest, and cycle_low the lowest.
+    """
 
     speed_m_s: float
     curve: CreepCurve
@@ -46,7 +60,12 @@ class Condition:
     sensors: SensorSet = SENSOR_SETS["mems"]
     curvature: float = 0.0
     ramp_m_s2: float = 0.0
-    cycle_hz: float = 0.0  # creep in cycles from CYCLE_LOW up to creep_of_peak, as a wheel-slide protection makes them
+    cycle_hz: float = 0.0
+    cycle_low: float = 0.0
+    cycle_rise: float = 0.6
+    limit_of_peak: float = LIMIT
+    turns_to: float = math.nan  # utilisation that the torque goes to between turns_s
+    turns_s: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,14 +74,19 @@ class Plan:
 
     seed: int = 1
     speeds: int = 32
-    per_speed: int = 250
-    speed_range: tuple[float, float] = (3.5, 58.0)
+    per_speed: int = 300
+    speed_range: tuple[float, float] = (3.2, 58.0)
     friction_range: tuple[float, float] = (0.022, 0.65)
     utilisation_range: tuple[float, float] = (0.0, 1.0)
-    held_share: float = 0.2  # of the conditions, held at or about the peak by the creep controller
-    cycled_share: float = 0.08  # in slip cycles through the peak
-    coasting_share: float = 0.04
-    changed_share: float = 0.15  # of the conditions, coming from another rail shortly before the windows
+    # Shares of the conditions; the rest has a torque that stays. held: at or about the peak by the creep controller.
+    # slipping, let_go: slip cycles through the peak, of the creep, or of a torque that is taken back. turning: a torque
+    # that goes up or down. changed: coming from another rail shortly before the windows.
+    held_share: float = 0.17
+    slipping_share: float = 0.06
+    let_go_share: float = 0.07
+    coasting_share: float = 0.05
+    turning_share: float = 0.13
+    changed_share: float = 0.17
     roughness_range: tuple[float, float] = (0.9, 4.0)  # times the good track's spectral density; its ends drawn more
     sensors: str = "mems"
     quiet_share: float = 0.15  # of the conditions, with tactical sensors
@@ -87,50 +111,73 @@ class Group:
 def draw(plan: Plan, wheelset: Wheelset) -> list[Group]:
     """The groups of a plan, in the design's own world and in others by turns."""
     rng = np.random.default_rng([plan.seed, 0])
-    low, high = plan.roughness_range
     out: list[Group] = []
-    kinds = (False, True) if plan.worlds else (False,)
     for k in range(plan.speeds):
         share = k / max(plan.speeds - 1, 1)
         v = plan.speed_range[0] * (plan.speed_range[1] / plan.speed_range[0]) ** share
-        for other in kinds:
+        for other in (False, True) if plan.worlds else (False,):
             ramp = float(rng.uniform(-RAMP_M_S2, RAMP_M_S2)) if other and rng.random() < SOME else 0.0
             ramp = min(max(ramp, (plan.speed_range[0] - v) / plan.seconds), (plan.speed_range[1] - v) / plan.seconds)
+            first = plan.seed * SEEDS_PER_PLAN + len(out) * plan.per_speed
             group = []
             for i in range(plan.per_speed):
-                kind = rng.random()
-                held = kind < plan.held_share
-                cycled = 0 < kind - plan.held_share <= plan.cycled_share
-                rest = kind - plan.held_share - plan.cycled_share
-                coasting = 0 < rest <= plan.coasting_share
-                changed = 0 < rest - plan.coasting_share <= plan.changed_share
-                sign = -1.0 if rng.random() < 0.3 else 1.0
-                curve, before = (curve_between(math.exp(rng.uniform(*np.log(plan.friction_range)))) for _ in range(2))
-                one = Condition(
-                    speed_m_s=float(v),
-                    curve=curve,
-                    roughness=QUALITY["good"] * low * (high / low) ** (0.5 - 0.5 * math.cos(math.pi * rng.random())),
-                    utilisation=math.nan
-                    if held or cycled
-                    else sign * rng.uniform(*plan.utilisation_range) * (not coasting),
-                    creep_of_peak=_creep(held, cycled, sign, rng),
-                    seed=plan.seed * SEEDS_PER_PLAN + (len(out) * plan.per_speed + i),
-                    before=before if changed else None,
-                    changes_at_s=plan.settle_s * float(rng.uniform(*CHANGES)),
-                    sensors=_sensors(plan, rng),
-                    ramp_m_s2=ramp,
-                    cycle_hz=float(rng.uniform(*CYCLE_HZ)) if cycled else 0.0,
-                )
+                one = replace(_one(plan, wheelset, float(v), first + i, rng), ramp_m_s2=ramp)
                 group.append(_elsewhere(one, wheelset, rng) if other else one)
             out.append(Group(float(v), ramp, tuple(group)))
     return out
 
 
-def _creep(held: bool, cycled: bool, sign: float, rng: np.random.Generator) -> float:
-    """At or about the peak, the highest of a slip cycle, or NaN."""
-    if cycled:
-        return sign * float(rng.uniform(*CYCLE_HIGH))
-    return sign * float(rng.choice([1.0, rng.uniform(0.7, 1.6)])) if held else math.nan
+KINDS = ("held", "slipping", "let_go", "coasting", "turning", "changed")
+
+
+def _one(plan: Plan, w: Wheelset, v: float, seed: int, rng: np.random.Generator) -> Condition:
+    """Any condition at a speed, in the design's own world."""
+    edges = np.cumsum([getattr(plan, f"{name}_share") for name in KINDS])
+    kind = (*KINDS, "steady")[int(np.searchsorted(edges, rng.random(), side="right"))]
+    low, high = plan.roughness_range
+    sign = -1.0 if rng.random() < 0.3 else 1.0
+    on_dry = kind in ("coasting", "turning") and rng.random() < ON_DRY
+    curve, before = (curve_between(math.exp(rng.uniform(*np.log(r)))) for r in
+                     (DRY if on_dry else plan.friction_range, plan.friction_range))  # fmt: skip
+    steady = Condition(
+        speed_m_s=v,
+        curve=curve,
+        roughness=QUALITY["good"] * low * (high / low) ** (0.5 - 0.5 * math.cos(math.pi * rng.random())),
+        utilisation=sign * float(rng.uniform(*plan.utilisation_range)),
+        creep_of_peak=math.nan,
+        seed=seed,
+        sensors=_sensors(plan, rng),
+    )
+
+    def drawn(ends: tuple[float, float]) -> float:
+        return float(rng.uniform(*ends))
+
+    match kind:
+        case "held":
+            creep = sign * float(rng.choice([1.0, rng.uniform(0.7, 1.6)]))
+            return replace(steady, utilisation=math.nan, creep_of_peak=creep)
+        case "slipping":
+            return replace(
+                steady, utilisation=math.nan, creep_of_peak=sign * drawn(CREEP_HIGH), cycle_hz=drawn(CYCLE_HZ),
+                cycle_low=drawn(CREEP_LOW), cycle_rise=drawn(CYCLE_RISE),
+            )  # fmt: skip
+        case "let_go":
+            return replace(
+                steady, utilisation=sign * drawn(TORQUE_HIGH), cycle_hz=drawn(CYCLE_HZ), cycle_low=drawn(TORQUE_LOW),
+                cycle_rise=drawn(CYCLE_RISE), limit_of_peak=drawn(TORQUE_LIMIT),
+            )  # fmt: skip
+        case "coasting":
+            return replace(steady, utilisation=0.0)
+        case "turning":
+            to = 0.0 if rng.random() < TO_COASTING else sign * drawn(plan.utilisation_range)
+            begins = drawn(TURN_S)
+            return replace(steady, turns_to=to, turns_s=(begins, begins + drawn(TURN_TAKES_S)))
+        case "changed":
+            lower = peak(v, w.contact, *curve.row())[1] / peak(v, w.contact, *before.row())[1]
+            if lower < 1.0 and rng.random() < UNSATURATED:
+                steady = replace(steady, utilisation=sign * lower * drawn(END_SHARE))
+            return replace(steady, before=before, changes_at_s=plan.settle_s * drawn(CHANGES))
+    return steady
 
 
 def _sensors(plan: Plan, rng: np.random.Generator) -> SensorSet:
@@ -192,30 +239,35 @@ def command(samples: int, axles: int = 1, **given: float | FloatArray) -> Comman
     )
 
 
-def _cycle(n: int, c: Condition, tick_s: float) -> FloatArray:
-    """(n, 1): share of the highest creep over the time."""
+def _course(n: int, c: Condition, tick_s: float) -> FloatArray:
+    """(n, 1): the condition's number over the time; it comes up within the first 0.5 s."""
+    t = np.arange(1, n + 1) * tick_s
+    up = np.minimum(t / 0.5, 1.0)
+    highest = c.utilisation if math.isnan(c.creep_of_peak) else c.creep_of_peak
     if not c.cycle_hz:
-        return np.ones((n, 1))
-    phase = np.arange(1, n + 1) * tick_s * c.cycle_hz % 1.0
-    up = np.where(phase < CYCLE_RISE, phase / CYCLE_RISE, (1.0 - phase) / (1.0 - CYCLE_RISE))
-    low = CYCLE_LOW / abs(c.creep_of_peak)
-    return np.asarray(low + (1.0 - low) * up)[:, None]
+        to = highest if math.isnan(c.turns_to) else c.turns_to
+        return np.asarray(up * np.interp(t, [*c.turns_s, c.turns_s[1] + 1.0], [highest, to, to]))[:, None]
+    phase = t * c.cycle_hz % 1.0
+    rising = np.where(phase < c.cycle_rise, phase / c.cycle_rise, (1.0 - phase) / (1.0 - c.cycle_rise))
+    low = math.copysign(c.cycle_low, highest)
+    return np.asarray(up * (low + (highest - low) * rising))[:, None]
 
 
 def simulate(w: Wheelset, c: Condition, seconds: float, tick_s: float) -> Samples:
-    """Play a condition at held speed; torque or creep comes up within the first 0.5 s."""
+    """Play a condition."""
     n = round(seconds / tick_s)
     w = c.wheelset or w
     rail = [(0.0, c.curve, c.curvature, 0.0)]
     if c.before is not None:
         at = c.changes_at_s * (c.speed_m_s + 0.5 * c.ramp_m_s2 * c.changes_at_s) - BLEND_M
         rail = [(0.0, c.before, c.curvature, 0.0), (at, c.curve, c.curvature, 0.0)]
-    ramp = np.minimum(np.arange(1, n + 1) * tick_s / 0.5, 1.0)[:, None]
     sim = Simulation(w, [Axle(rail_table(rail), Track(c.roughness, c.seed))], c.speed_m_s, tick_s)
-    if c.before is None:
-        creep = ramp * c.creep_of_peak * _cycle(n, c, tick_s)
-        drive = command(n, utilisation=ramp * c.utilisation, creep_of_peak=creep, limit_of_peak=1.3)
+    course = _course(n, c, tick_s)
+    if not math.isnan(c.creep_of_peak):
+        drive = command(n, creep_of_peak=course, limit_of_peak=c.limit_of_peak)
+    elif c.before is None:
+        drive = command(n, utilisation=course, limit_of_peak=c.limit_of_peak)
     else:
         carried = peak(c.speed_m_s, w.contact, *c.before.row())[1] * 2 * w.normal_N * w.r_0
-        drive = command(n, torque=ramp * c.utilisation * carried, limit_of_peak=1.3)
+        drive = command(n, torque=course * carried, limit_of_peak=c.limit_of_peak)
     return sim.advance(drive, np.asarray(c.speed_m_s + c.ramp_m_s2 * tick_s * np.arange(1, n + 1)))

@@ -38,6 +38,7 @@ OTHER_COLUMNS = (
     *(f"yaw rate with lateral acceleration {m}" for m in range(1, MODELS + 1)),
     *("length", "noise of the yaw rate", "noise of the lateral acceleration"),
     *("torque above that of the moment", "torque below that of the moment"),
+    *("step of residuals 1 and 2", "step of residual 3", "step of residual 4", "largest step"),
 )
 CHANGE_MARGIN = 1.2  # a window is judged fifty times a second: its limits of change lie this far beyond the quantile
 ANYTHING = 9.0  # decades
@@ -111,8 +112,8 @@ def fitted(brief: Brief, document: dict[str, Any], recordings: list[Recording], 
 def rule_base(brief: Brief, data: Features) -> RuleBase:
     """The rules of the brief's form that fit the data."""
     sets = [len(names) for names in set_names(brief)]
-    make = fit_paper if brief.form == "paper" else fit
-    return make(data.inputs, data.mu_pct, sets, brief.most_rules, data.importance(brief.plan), data.condition)
+    given = data.inputs, data.mu_pct, sets, brief.most_rules, data.importance(brief.plan), data.condition
+    return fit_paper(*given) if brief.form == "paper" else fit(*given, data.covers)
 
 
 def bank(brief: Brief) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from sim_ecu.physics.wheelset import LAT_ACCEL, MU_AVAILABLE, TORQUE, YAW_RATE, 
 FloatArray = NDArray[np.float32]
 SPEED_TICKS = 4  # the speed comes every so many ticks
 # What an axle box feels in the disturbed copies: vibration above the band and in it, joints; m/s2, from … to.
-VIBRATION, WHITE, JOINTS = (0.01, 1.2), (0.003, 0.1), (0.1, 2.5)
+VIBRATION, WHITE, JOINTS = (0.01, 1.2), (0.003, 0.15), (0.1, 2.5)
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +75,7 @@ def _measured(group: Group, y: NDArray[np.float64], tick_s: float, rng: np.rando
         speed_m_s=np.repeat(speed, SPEED_TICKS)[:ticks],
         mu_pct=(100 * y[:, MU_AVAILABLE]).astype(np.float32),
         first=np.array([_first(c, tick_s) for c in group.conditions]),
-        steady=np.array([not c.cycle_hz for c in group.conditions]),
+        steady=np.array([not c.cycle_hz and math.isnan(c.turns_to) for c in group.conditions]),
         own_world=all(c.wheelset is None for c in group.conditions),
     )
 

@@ -39,20 +39,20 @@ class SlidingWindow:
         self._design = design
         self._blocks = [-(-round(s / design.tick_s) // 4) for s in (design.longest_s, design.window_s, design.recent_s)]
         self._rows: deque[Row] = deque()
-        self._torque: deque[tuple[int, float]] = deque()  # kept where the rows are dropped
+        self._kept: deque[Row] = deque()  # where the rest is dropped, too
 
     def reset(self) -> None:
         """Forget them."""
         self._rows.clear()
-        self._torque.clear()
+        self._kept.clear()
 
     def put(self, row: Row, speed_m_s: float) -> None:
         """One tick. At a block's end a change of rail or torque is looked for: what was before it is dropped."""
         self._rows.append(row)
-        self._torque.append((row.tick, row.ratio))
+        self._kept.append(row)
         longest, usual, recent = self._blocks
-        while self._torque[0][0] // 4 <= row.tick // 4 - longest:
-            self._torque.popleft()
+        while self._kept[0].tick // 4 <= row.tick // 4 - longest:
+            self._kept.popleft()
         while self._rows[0].tick // 4 <= row.tick // 4 - longest:
             self._rows.popleft()
         if row.tick % 4 != 3 or self._design.form != "wrcd":
@@ -121,18 +121,30 @@ class SlidingWindow:
             square = np.append(square[:3] / square[3], square[3])
         scalars = np.log10([max(torque, 0.003), speed_m_s])
         rest = np.log10([len(rows) * self._design.tick_s, *factor])
-        return np.concatenate((0.5 * np.log10(square), scalars, lag, cross, rest, self._swing()))
+        return np.concatenate((0.5 * np.log10(square), scalars, lag, cross, rest, self._swing(), self._steps()))
 
     def _swing(self) -> FloatArray:
         """Decades by which the torque's means over blocks have been above and below that of the moment (2,)."""
         blocks: dict[int, list[float]] = {}
-        for tick, x in self._torque:
-            blocks.setdefault(tick // 4, []).append(x)
+        for row in self._kept:
+            blocks.setdefault(row.tick // 4, []).append(row.ratio)
         newest = sorted(blocks)[-(self._blocks[1] // 2) :]
         means = [float(np.mean(blocks[b])) for b in newest]
         now = float(np.mean([x for b in newest[-NOW_BLOCKS:] for x in blocks[b]]))
         low, middle, high = np.log10(np.array([min(means), now, max(means)]) + 0.01)
         return np.array([high - middle, middle - low])
+
+    def _steps(self) -> FloatArray:
+        """Decades by which the newest part's unfiltered residuals lie above those of the half second before (4,)."""
+        _, usual, recent = self._blocks
+        ages = [self._kept[-1].tick // 4 - row.tick // 4 for row in self._kept]
+        new = [row for row, age in zip(self._kept, ages, strict=True) if age < recent]
+        old = [row for row, age in zip(self._kept, ages, strict=True) if recent <= age < recent + usual // 2]
+        if 2 * min(sum(r.calm for r in new), sum(r.calm for r in old)) < recent * 4:
+            return np.zeros(4)
+        first, second, third, fourth = np.clip(0.5 * np.log10(raw_powers(new) / raw_powers(old)), -1.5, 1.5)
+        largest = max(abs(first), abs(second), abs(third), abs(fourth))
+        return np.array([(first + second) / 2, third, fourth, largest])
 
 
 def ratio(rows: Sequence[Row]) -> float:

@@ -33,10 +33,7 @@ RELATIVE = 0.05  # share of the relative error in the weights, so that slippery 
 SPREAD_ROUNDS = 6
 SPREAD_RIDGE = 3.0
 CHOOSE_EVERY = 5  # rules are chosen on every fifth window
-COVERS = 0.9  # what a spread is the interval of
-# Of all training windows so many are to lie inside: half of them are of other worlds or disturbed, and many are short.
-# Of whole windows in the design's own world it is then more than 0.9.
-COVERS_OF_ALL = 0.8
+COVERS = 0.9  # what an interval is to hold
 FOLDS = 2
 ROUNDS_OF_FOLDS = 2
 
@@ -145,12 +142,13 @@ def fit(
     most_rules: int,
     importance: FloatArray,
     group: IntArray,
+    covers: FloatArray,
 ) -> RuleBase:
     """Sets evenly spaced between the 1 % and 99 % quantiles, the rules that speak for most, outputs by least squares.
 
     The first len(sets) columns of the inputs have sets; all of them move the outputs. importance (n,) of the windows.
     group (n,): windows of one condition belong together when errors are judged on windows that the fit has not seen,
-    from which the spreads come.
+    from which the spreads come. covers (n,): which quantile of the error a window's spread is to be.
     """
     k = len(sets)
     ends = np.quantile(inputs[:, :k], [0.01, 0.99], axis=0)
@@ -170,7 +168,7 @@ def fit(
         guess = RuleBase(centres, rules, *part, *none, *rest).mu_pct(inputs[left_out])
         error[left_out] = np.abs(guess - mu_pct[left_out]) / guess
     bases, slopes = _outputs(local, np.arange(len(mu_pct)), mu_pct, importance, ROUNDS)
-    spreads, spread_slopes = _spreads(local, error)
+    spreads, spread_slopes = _spreads(local, error, covers)
     share = local.share
     typical = np.array([quantiles(mu_pct, share[:, r], (0.05, 0.95)) for r in range(len(rules))])
     support = share.sum(axis=0)
@@ -279,14 +277,14 @@ def quantiles(x: FloatArray, weight: FloatArray, at: tuple[float, ...]) -> list[
     return [float(x[order][min(int(np.searchsorted(mass, q * mass[-1])), len(x) - 1)]) for q in at]
 
 
-def _spreads(local: _Local, error: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Spreads and their slopes: the 90 % quantile of the logarithm of the relative error, by reweighted squares."""
+def _spreads(local: _Local, error: FloatArray, covers: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Spreads and their slopes: quantiles (n,) of the logarithm of the relative error, by reweighted squares."""
     target = np.log10(np.maximum(error, 1e-4))
-    middle = float(np.quantile(target, COVERS_OF_ALL))
+    middle = float(np.quantile(target, covers.mean()))
     rows = np.arange(len(error))
     rest = target - middle  # one quantile for all is where it begins: from their mean it takes twice as many rounds
     for _ in range(SPREAD_ROUNDS):
-        weight = np.where(rest > 0, COVERS_OF_ALL, 1.0 - COVERS_OF_ALL) / np.maximum(np.abs(rest), 0.02)
+        weight = np.where(rest > 0, covers, 1.0 - covers) / np.maximum(np.abs(rest), 0.02)
         found = local.solve(rows, target - middle, weight / weight.mean(), SPREAD_RIDGE)
         rest = target - middle - local.apply(found, rows)
     logs, slopes = local.read(found, middle)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from sim_ecu.design.cases import FloatArray, Plan
 from sim_ecu.design.features import ENDS, Features, features, importance
 from sim_ecu.design.recordings import Recording
-from sim_ecu.design.rules import HELD, RuleBase, fit
+from sim_ecu.design.rules import COVERS, HELD, RuleBase, fit
 from sim_ecu.score.baselines import without_offset
 from sim_ecu.score.ticks import Ticks, running_mean
 from wrcd.errors import InputError
@@ -98,7 +98,7 @@ def learn(design: Design, recordings: list[Recording], plan: Plan) -> dict[str, 
     noise_rms = float(design.noise_rms[0]), float(design.noise_rms[1])
     raw, mu_pct, condition = _raw_features(design, recordings, plan, noise_rms)
     weight = importance(plan, 10.0 ** raw[:, 3], 100.0 * 10.0 ** raw[:, 2] / mu_pct)
-    rules = fit(raw, mu_pct, FILTERLESS_SETS, FILTERLESS_RULES, weight, condition)
+    rules = fit(raw, mu_pct, FILTERLESS_SETS, FILTERLESS_RULES, weight, condition, np.full(len(raw), COVERS))
     document: dict[str, Any] = {
         "format": FORMAT,
         "design": design.checksum,

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from wrcd.estimator.design import COLUMNS, INPUTS, MODELS, Design, FloatArray, Sets, load_design
 from wrcd.estimator.fuzzy import LEAST_FIRING, LOG_SPREADS, Fuzzy
-from wrcd.estimator.inputs import Torque, excitation, noise_floor, rule_inputs
+from wrcd.estimator.inputs import Past, excitation, noise_floor, rule_inputs
 from wrcd.estimator.window import Statistics
 from wrcd.resources import DESIGN
 
@@ -101,7 +101,7 @@ def seen(power: FloatArray, ticks: float = 200.0) -> Statistics:
     return Statistics(power[None], np.zeros((1, 8)), np.zeros((1, 4)), np.array([0.1]), np.array([ticks]), np.ones(1))
 
 
-TORQUE = Torque(*(np.array([x]) for x in (0.1, 0.1, 0.05, 0.2)))
+PAST = Past(np.array([0.1]), np.array([0.1]), np.array([0.05]), np.array([0.2]), decades=np.zeros((1, MODELS)))
 
 
 def test_the_sensors_own_share_is_taken_off(design: Design) -> None:
@@ -110,7 +110,7 @@ def test_the_sensors_own_share_is_taken_off(design: Design) -> None:
     floor = noise_floor(design, factor, SPEED)[0]
     track = np.array([9.0, 4.0, 16.0, 1.0]) * floor
     given = [
-        rule_inputs(design, seen(np.tile((floor + s * track)[:, None], 2)), TORQUE, factor, SPEED)[0] for s in (1, 4)
+        rule_inputs(design, seen(np.tile((floor + s * track)[:, None], 2)), PAST, factor, SPEED)[0] for s in (1, 4)
     ]
     moved = np.flatnonzero(~np.isclose(given[0], given[1]))
     assert moved.tolist() == [MODELS - 1]
@@ -126,7 +126,7 @@ def test_noisier_sensors_with_the_same_track_give_the_same_residuals(design: Des
         floor = noise_floor(design, factors, SPEED)[0]
         assert floor == pytest.approx(f * f * noise_floor(design, np.ones((2, 1)), SPEED)[0])
         track = 5.0 * noise_floor(design, np.ones((2, 1)), SPEED)[0]
-        inputs.append(rule_inputs(design, seen(np.tile((floor + track)[:, None], 2)), TORQUE, factors, SPEED)[0])
+        inputs.append(rule_inputs(design, seen(np.tile((floor + track)[:, None], 2)), PAST, factors, SPEED)[0])
     moved = np.flatnonzero(~np.isclose(*inputs))
     assert inputs[0][:INPUTS] == pytest.approx(inputs[1][:INPUTS])
     assert 10.0 ** (inputs[1] - inputs[0])[moved] == pytest.approx([factor, factor])  # that they are so is told
@@ -140,7 +140,7 @@ def test_noise_alone_is_no_excitation(design: Design) -> None:
 
 
 def test_the_torques_swing_is_told_in_decades(design: Design) -> None:
-    x = rule_inputs(design, seen(np.ones((4, 2))), TORQUE, np.ones((2, 1)), SPEED)[0]
+    x = rule_inputs(design, seen(np.ones((4, 2))), PAST, np.ones((2, 1)), SPEED)[0]
     assert x[-2:] == pytest.approx([np.log10(0.21 / 0.11), np.log10(0.11 / 0.06)])
     assert x[4] == pytest.approx(-1.0)
     assert x[5] == pytest.approx(np.log10(SPEED))

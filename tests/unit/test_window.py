@@ -236,3 +236,13 @@ def test_the_torques_range_outlives_what_is_dropped() -> None:
         assert (low[0], high[0]) == pytest.approx((min(means[-blocks:]), max(means[-blocks:])))
     p.window.reset(0)
     assert not np.isfinite(p.window.torque_range(40)).any()
+
+
+def test_the_residuals_from_before_a_change_are_kept_beside_it() -> None:
+    p = Played(500)
+    before = p.window.plain(0, 40)
+    p.window.truncate(5, np.array([True]))
+    assert np.array_equal(p.window.kept(0, 40), before)
+    assert not p.window.plain(5, 40).any()
+    p.window.reset(0)
+    assert not p.window.kept(0, 40).any()

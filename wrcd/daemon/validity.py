@@ -28,6 +28,7 @@ OF_ESTIMATE = {
     EstimateDoubt.BEYOND_TRAINING: Cause.BEYOND_TRAINING,
     EstimateDoubt.HARSH: Cause.HARSH,
     EstimateDoubt.SILENT: Cause.SENSORS_SILENT,
+    EstimateDoubt.VAGUE: Cause.TOO_LITTLE_DATA,
 }
 # Of the design's. With the true load told by the bus, the interval of nominal conditions still holds the truth in 77 %
 # of the frames at 0.7 and 1.3 (89 % at 1.0, 67 % at 0.6): beyond, a design for that load is needed.

@@ -21,9 +21,9 @@ CHANNELS = 2  # yaw rate, lateral acceleration
 INPUTS = MODELS + 2  # that choose the rules: four residuals, torque, speed
 # What the rules' outputs move with: those six; correlations of each model's two innovations with themselves a moment
 # before, and of the two with each other; the window's length; the sensors' noise; how far the torque has been above and
-# below that of the moment.
-LAGS, CROSSES = MODELS * CHANNELS, MODELS
-COLUMNS = INPUTS + LAGS + CROSSES + 1 + CHANNELS + 2
+# below that of the moment; by how much each residual has stepped.
+LAGS, CROSSES, STEPS = MODELS * CHANNELS, MODELS, 4
+COLUMNS = INPUTS + LAGS + CROSSES + 1 + CHANNELS + 2 + STEPS
 FORMS = ("wrcd", "paper")
 MOST_RULES = 254  # DominantRule cannot tell more apart
 

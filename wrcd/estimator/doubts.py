@@ -54,11 +54,21 @@ REVERSED = -0.10  # correlation below 1.5 Hz, and half of that in 3 to 10 Hz. So
 # correlations that are positive. Near saturation a sound pair is little correlated, yet positive in every second.
 UNRELATED = (-math.inf, 0.2, 0.6, 0.8)
 UNRELATED_POSITIVE = 0.75
+# The same where 3 to 10 Hz alone say so: what another axle of the train feels comes a moment later, which shows there
+# and hardly below 1.5 Hz.
+UNRELATED_MIDDLE = 0.0
 SMALL = -0.10  # decades by which the lateral acceleration below 1.5 Hz is less than speed times yaw rate
 # An accelerometer that hears so much, in units of its noise's power, while the gyro hears nothing. A saturated wheelset
 # yaws that little; its lateral acceleration is below 5 in 3 to 10 Hz.
 GYRO_MISSES_MIDDLE, GYRO_MISSES_HIGH, GYRO_MISSES_LOW = 6.0, 2.0, 10.0
 GYRO_MISSES_RATIO = 0.70  # decades by which acceleration exceeds speed times (the noise's) yaw rate in 3 to 10 Hz
+# One sensor dead beside a live one, judged over one second: in 3 to 10 Hz, above, and over all it is as white as its
+# own noise (in units of its power as measured). The other hears more than these: the accelerometer in 3 to 10 Hz or
+# above; the gyro by what lateral acceleration its yaw rate makes, in 3 to 10 Hz or below 1.5. Finds four of five within
+# 1.5 s; in sound pairs it speaks in less than 0.1 % of the seconds, 1 % near saturation.
+ALONE_WHITE, ALONE_ABOVE, ALONE_VARIANCE = 1.7, 1.45, 1.45
+LIVE_ACCEL_MIDDLE, LIVE_ACCEL_HIGH = 10.0, 4.0
+LIVE_GYRO_MIDDLE, LIVE_GYRO_LOW = 4.0, 15.0
 TINY = 1e-12
 SLOWEST = 0.1  # m/s
 
@@ -120,6 +130,19 @@ def _line(means: FloatArray) -> FloatArray:
     return power
 
 
+def dead_alone(e: Evidence, yaw_unit: float, lat_unit: float) -> Doubt:
+    """Whether over one second (1,) one sensor of a pair says nothing but its noise while the other is loud."""
+    power, noise = e.power[0], e.noise[0]
+    share = power / noise
+    white = (share[MIDDLE] < ALONE_WHITE) & (share[HIGH] < ALONE_ABOVE) & (e.variance[0] < ALONE_VARIANCE * noise)
+    if white[YAW] and (share[MIDDLE, LAT] > LIVE_ACCEL_MIDDLE or share[HIGH, LAT] > LIVE_ACCEL_HIGH):
+        return Doubt.GYRO_DEAD
+    made = power[:, YAW] * (e.speed_m_s[0] * yaw_unit / lat_unit) ** 2 / noise[LAT]
+    if white[LAT] and (made[MIDDLE] > LIVE_GYRO_MIDDLE or made[LOW] > LIVE_GYRO_LOW):
+        return Doubt.ACCEL_SMALL
+    return Doubt.NONE
+
+
 def doubts(e: Evidence, yaw_unit: float, lat_unit: float) -> set[Doubt]:
     """What speaks against a pair over seconds (s,). The units are what its powers are in, rad/s and m/s².
 
@@ -164,4 +187,6 @@ def _correlations(e: Evidence, noise: FloatArray) -> set[Doubt]:
         positive = np.concatenate(of_bands) > 0.0
         if sum(x.mean() for x in of_bands) < UNRELATED[len(of_bands)] and positive.mean() < UNRELATED_POSITIVE:
             out.add(Doubt.UNRELATED)
+    if bands[MIDDLE] and middle < UNRELATED_MIDDLE:
+        out.add(Doubt.UNRELATED)
     return out

@@ -1,5 +1,6 @@
 """From measurements to adhesion, for all axles at once."""
 
+import math
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -10,7 +11,7 @@ from wrcd.estimator.design import MODELS, Design, FloatArray, IntArray
 from wrcd.estimator.fuzzy import LOW_FIRING, Fuzzy, Inference
 from wrcd.estimator.gate import Gate
 from wrcd.estimator.identity import Identity
-from wrcd.estimator.inputs import Torque, excitation, rule_inputs
+from wrcd.estimator.inputs import SWING, Past, excitation, rule_inputs
 from wrcd.estimator.joints import HOLD_TICKS, MAX_PULSE, Joints
 from wrcd.estimator.noise import NoiseLevel
 from wrcd.estimator.offset import Offset
@@ -30,19 +31,27 @@ from wrcd.estimator.window import (
 
 OFFSET_WINDOWS = 2  # memory of the sensors' offsets, in windows
 NOW_S = 0.06  # the torque of so long is the torque of the moment
-# A torque of the moment that differs from the one before by this share and this ratio is a change, of the drive or
-# of the rail: the window from before is dropped.
+# A torque of the moment that differs by this share and this ratio from what it was is a change, of the drive or of the
+# rail: the window from before is dropped. The first is against the STEP_S before, the second against all of the rest: a
+# driver's slow turning of the torque leaves the window longer than a slide does.
+STEP_S = 0.16
 TORQUE_STEP, TORQUE_STEP_RATIO = 0.15, 0.004
+TORQUE_TURN, TORQUE_TURN_RATIO = 0.15, 0.01
 # A window grows beyond its usual length over parts of PART_S whose torque differs from the moment's by less.
 PART_S, LIKE_TORQUE, LIKE_TORQUE_RATIO = 0.1, 0.10, 0.002
 # Where the usual window's own word differs from the long one's by so many half-widths (as logarithms), it counts.
 # From FALL_BACK_FROM of that on it counts in part: one late frame must not make the answer hop from one to the other.
 FALL_BACK_BELOW, FALL_BACK_ABOVE, FALL_BACK_FROM = 0.4, 0.7, 0.5
+# So does the word of a brief part where it lies far below, under a torque that has moved by less than STEADY decades in
+# half a second: a drop that no step tells of. It is of so many seconds and metres: slow wheelsets swing slowly.
+BRIEF_S, BRIEF_M, DROP_BELOW, STEADY = 0.28, 6.0, 1.6, 0.1
 NEWEST_SHARE = 0.5  # of the newest part's half-width that the interval is made to reach down to
 # More in use than the rules say there is: beyond the interval, and by this share of what they say, one is wrong.
 CONTRADICTION_SHARE, CONTRADICTION_PP = 0.2, 0.3
 HARSH_SHARE = 0.7  # of the window that must be far from pulses
 SILENT, SILENT_S = 1.07, 0.4  # all four residuals below so many times the noise, over at least so long: no track
+# Half-width over the estimate from which on it says nothing; and the least way that a wheelset must have run to tell.
+VAGUE, LEAST_M = 0.6, 2.9
 BEYOND_WIDER = 2.0  # the half-width grows by this factor for each range that an input lies outside the sets
 
 
@@ -54,6 +63,7 @@ class EstimateDoubt(IntEnum):
     BEYOND_TRAINING = 2  # residuals unlike any that the rules were made from
     HARSH = 3  # so many pulses that little of the window is left
     SILENT = 4  # the sensors give their noise alone
+    VAGUE = 5  # the interval is too wide to say anything, or the window too short
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,6 +162,7 @@ class Estimator:
         self._usual = -(-design.window_ticks // BLOCK_TICKS)
         self._recent = max(2, round(design.recent_ticks / BLOCK_TICKS))
         self._now = max(1, round(NOW_S / design.tick_s / BLOCK_TICKS))
+        self._step = max(1, round(STEP_S / design.tick_s / BLOCK_TICKS))
         self._part = max(1, round(PART_S / design.tick_s / BLOCK_TICKS))
         self._min_ticks = 0.5 * self._recent * BLOCK_TICKS
 
@@ -222,21 +233,35 @@ class Estimator:
         self.calm = live & ~self._joints.recovering
         self._window.put(tick.number, w, raw, self.started, live, self.calm, tick.torque_ratio)
 
-    def steps(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def steps(self) -> FloatArray:
         """Of the newest part of the window against the rest: decades between the residuals (n, 4), NaN where either
-        holds too little; the torque ratio of the moment and that of the rest (n,)."""
-        window = self._window
-        new, rest = window.plain(0, self._recent), window.plain(self._recent, self._usual)
+        holds too little."""
+        return self._decades(self._window.plain(0, self._recent), self._window.plain(self._recent, self._usual))
+
+    def _decades(self, new: FloatArray, rest: FloatArray) -> FloatArray:
+        """(n, 4) between the residuals of plain sums; NaN where either holds too little."""
         with np.errstate(invalid="ignore", divide="ignore"):
-            decades = 0.5 * np.log10(raw_power(new, self._min_ticks) / raw_power(rest, self._min_ticks))
-        return decades, self.torque_now(), mean_ratio(rest)
+            return 0.5 * np.log10(raw_power(new, self._min_ticks) / raw_power(rest, self._min_ticks))
+
+    def _past(self, used: FloatArray, now: FloatArray) -> Past:
+        """Of windows (m,) of the axles, all of them with one length after all with another."""
+        times = len(used) // self.axles
+        window, half = self._window, self._usual // 2
+        decades = self._decades(window.kept(0, self._recent), window.kept(self._recent, self._recent + half))
+        lowest, highest = window.torque_range(half)
+        return Past(
+            used, np.tile(now, times), np.tile(lowest, times), np.tile(highest, times), np.tile(decades, (times, 1))
+        )  # fmt: skip
 
     def _drop_what_was_before_a_change(self) -> None:
         """Compare the newest part of the window with the rest: residuals and torque."""
-        decades, now, before = self.steps()
+        decades, now = self.steps(), self.torque_now()
+        just = mean_ratio(self._window.plain(self._now, self._now + self._step))
+        rest = mean_ratio(self._window.plain(self._recent, self._usual))
         with np.errstate(invalid="ignore"):
             changed = np.any(np.abs(decades) > self.limits_of_change(self._speed_m_s), axis=1)
-            torque = np.abs(now - before) > TORQUE_STEP * np.maximum(now, before) + TORQUE_STEP_RATIO
+            torque = np.abs(now - just) > TORQUE_STEP * np.maximum(now, just) + TORQUE_STEP_RATIO
+            torque |= np.abs(now - rest) > TORQUE_TURN * np.maximum(now, rest) + TORQUE_TURN_RATIO
             changed |= torque & np.isfinite(decades[:, 0])
         if changed.any():
             self._window.truncate(self._recent, changed)
@@ -257,15 +282,16 @@ class Estimator:
             (best,), inference, chosen = self._answers([usual], now)
             spread, doubt = best.spread, np.zeros(self.axles, dtype=np.int64)
         else:
-            lengths = [self._alike(now, usual, filled), usual, np.minimum(filled, self._recent)]
-            (long, short, recent), inference, chosen = self._answers(lengths, now)
-            with np.errstate(invalid="ignore"):
-                apart = np.log(short.mu_pct / long.mu_pct) / short.spread
-                beyond = np.fmax(apart / FALL_BACK_ABOVE, -apart / FALL_BACK_BELOW)
-                back = np.clip(0.5 + (beyond - 1.0) / (2.0 * (1.0 - FALL_BACK_FROM)), 0.0, 1.0)
-            back = np.where((long.blocks > short.blocks) & np.isfinite(back), back, 0.0)
-            pick = np.where(back > 0.5, 1, 0)
+            lengths = [self._alike(now, usual, filled), usual]
+            lengths += [np.minimum(filled, blocks) for blocks in (self._brief(), self._recent)]
+            (long, short, brief, recent), inference, chosen = self._answers(lengths, now)
+            back = _back(long, short, FALL_BACK_BELOW, FALL_BACK_ABOVE)
             best = _between(back, long, short)
+            pick = np.where(back > 0.5, 1, 0)
+            steady = brief.inputs[:, SWING].sum(axis=1) < STEADY
+            back = np.where(steady, _back(best, brief, DROP_BELOW, math.inf), 0.0)
+            best = _between(back, best, brief)
+            pick = np.where(back > 0.5, 2, pick)
             rows = pick * self.axles + np.arange(self.axles)
             inference, chosen = inference.take(rows), chosen.take(rows)
             spread = best.spread
@@ -300,6 +326,11 @@ class Estimator:
             window_s=chosen.ticks * d.tick_s,
         )
 
+    def _brief(self) -> int:
+        """Blocks of a part that is brief, yet long enough to see the wheelset swing."""
+        seconds = max(BRIEF_S, BRIEF_M / max(self._speed_m_s, 1.0))
+        return max(self._recent, min(round(seconds / self.design.tick_s / BLOCK_TICKS), self._usual))
+
     def torque_now(self) -> FloatArray:
         """(n,): torque ratio of the moment; NaN where it is not known."""
         return mean_ratio(self._window.plain(0, self._now))
@@ -312,11 +343,10 @@ class Estimator:
         """
         s = statistics(newest(self._window.cumulative(), blocks), self._min_ticks)
         times = len(blocks) // self.axles
-        now, *ends = (np.tile(x, times) for x in (now, *self._window.torque_range(self._usual // 2)))
-        used = np.where(blocks < self._usual, now, s.ratio) if self.design.form == "wrcd" else s.ratio
+        used = np.where(blocks < self._usual, np.tile(now, times), s.ratio) if self.design.form == "wrcd" else s.ratio
         speed = scheduled_speed(self._speed_m_s, self.design.speeds_m_s)
         noise = np.tile(self._noise.sensor_factor(), times)
-        return rule_inputs(self.design, s, Torque(used, now, *ends), noise, speed), s
+        return rule_inputs(self.design, s, self._past(used, now), noise, speed), s
 
     def _answers(self, lengths: list[IntArray], now: FloatArray) -> tuple[list[Answer], Inference, Statistics]:
         """One for each of the windows' lengths (n,); inference and statistics of all, one after another."""
@@ -354,14 +384,25 @@ class Estimator:
         loud = excitation(d, s, self._noise.sensor_factor(), scheduled_speed(self._speed_m_s, d.speeds_m_s))
         with np.errstate(invalid="ignore"):
             few = np.clip(LOW_FIRING / np.maximum(inference.firing, 1e-9), 1.0, 3.0)
+            spread = spread * few * (1.0 + BEYOND_WIDER * far)
             reasons = {
                 EstimateDoubt.SILENT: (loud < SILENT) & (s.ticks * d.tick_s >= SILENT_S),
                 EstimateDoubt.HARSH: s.live_share < HARSH_SHARE,
                 EstimateDoubt.BEYOND_TRAINING: far > d.beyond,
                 EstimateDoubt.NO_RULE: inference.rule == 0,
+                EstimateDoubt.VAGUE: (spread > VAGUE) | (s.ticks * d.tick_s * self._speed_m_s < LEAST_M),
             }
             doubt = np.select(list(reasons.values()), list(reasons), EstimateDoubt.NONE)
-            return spread * few * (1.0 + BEYOND_WIDER * far), doubt.astype(np.int64)
+        return spread, doubt.astype(np.int64)
+
+
+def _back(long: Answer, short: Answer, below: float, above: float) -> FloatArray:
+    """(n,): how far the answer of a shorter part counts, 0 … 1: where it differs by so many half-widths, down or up."""
+    with np.errstate(invalid="ignore"):
+        apart = np.log(short.mu_pct / long.mu_pct) / short.spread
+        beyond = np.fmax(apart / above, -apart / below)
+        back = np.clip(0.5 + (beyond - 1.0) / (2.0 * (1.0 - FALL_BACK_FROM)), 0.0, 1.0)
+    return np.where((long.blocks > short.blocks) & np.isfinite(back), back, 0.0)
 
 
 def _between(share: FloatArray, first: Answer, second: Answer) -> Answer:

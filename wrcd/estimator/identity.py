@@ -17,6 +17,7 @@ from wrcd.estimator.doubts import (
     STILL_SILENT_EXCESS,
     YAW,
     Doubt,
+    dead_alone,
     doubts,
     evidence,
     silent,
@@ -29,6 +30,7 @@ LEAST_BLOCKS = 9 * SECOND  # before which it is not
 SILENT_BLOCKS = SECOND  # that silence is judged by; three where there are no more yet: a window that has just filled
 # up must not be Valid on dead sensors
 BEFORE_BLOCKS = SILENT_BLOCKS + 5 * SECOND  # in which a sensor may have been loud before it fell silent
+ALONE_BLOCKS = 2 * SECOND  # for which a sensor stays dead that fell silent beside a live one
 OFFSET_S = 2.0  # memory of the running mean that is taken off
 FOURTH_DIFFERENCE = (1.0, -4.0, 6.0, -4.0, 1.0)
 MOST = 1e6  # times the noise: what is further off does not count for more
@@ -163,6 +165,9 @@ class Identity:
             newest = self._blocks[: min(filled, SILENT_BLOCKS), :, axle]
             if silent(newest, before, SILENT_EXCESS if known else STILL_SILENT_EXCESS):
                 self._held[Doubt.SILENT, axle] = max(self._held[Doubt.SILENT, axle], SILENT_BLOCKS)
+            second = evidence(newest.mean(axis=0)[None])
+            if filled > LEAST_SILENT_BLOCKS and (dead := dead_alone(second, *self._unit[:, 0])):
+                self._held[dead, axle] = max(self._held[dead, axle], ALONE_BLOCKS)
             # once a second, each axle at another tick
             if filled >= LEAST_BLOCKS and (filled - axle) % SECOND == 0:
                 whole = min(filled, BLOCKS) // SECOND

@@ -111,13 +111,13 @@ class Window:
     changed, what is older is dropped, and the window grows again.
     """
 
-    STATE = ("_sums", "_torque", "_past", "_newest")
+    STATE = ("_sums", "_kept", "_past", "_newest")
 
     def __init__(self, blocks: int, axles: int) -> None:
         self._blocks = blocks
         self._sums: FloatArray = np.zeros((blocks, COLUMNS, axles))
-        # sums of the torque ratio and its ticks, which are kept where the rest is dropped
-        self._torque: FloatArray = np.zeros((blocks, 2, axles))
+        # the plain sums once more: kept where the rest is dropped
+        self._kept: FloatArray = np.zeros((blocks, COLUMNS - PLAIN, axles))
         self._past: FloatArray = np.zeros((LAG, _W, axles))  # w of the last LAG ticks, newest first
         self._newest = -1  # number of the newest block
         self._cumulative: FloatArray | None = None
@@ -134,7 +134,7 @@ class Window:
         if block != self._newest:
             for passed in range(max(self._newest + 1, block - self._blocks + 1), block + 1):
                 self._sums[passed % self._blocks] = 0.0
-                self._torque[passed % self._blocks] = 0.0
+                self._kept[passed % self._blocks] = 0.0
             self._newest = block
         w = np.where(running, w, 0.0).reshape(_W, -1)
         known = running & np.isfinite(ratio)
@@ -143,25 +143,22 @@ class Window:
         sums[LIVE] += live & running
         sums[T] += t * running
         sums[TT] += t * t * running
-        torque = np.stack((np.where(known, ratio, 0.0), known))
-        sums[RATIO : RATIO_N + 1] += torque
-        self._torque[block % self._blocks] += torque
+        raw = np.where(calm & running, raw, 0.0).reshape(_W, -1)
+        plain = np.concatenate((np.stack((np.where(known, ratio, 0.0), known, calm & running)), raw, raw * raw))
+        sums[PLAIN:] += plain
+        self._kept[block % self._blocks] += plain
         sums[SUM_W] += w
         sums[SUM_TW] += t * w
         sums[SUM_WW] += w * w
         sums[SUM_LAG] += w * self._past[-1]
         sums[SUM_CROSS] += w[::2] * w[1::2]
-        sums[RAW_N] += calm & running
-        raw = np.where(calm & running, raw, 0.0).reshape(_W, -1)
-        sums[SUM_RAW] += raw
-        sums[SUM_RAW2] += raw * raw
         self._past = np.concatenate((w[None], self._past[:-1]))
         self._cumulative = None
 
     def reset(self, axle: int) -> None:
         """Empty an axle's window."""
         self._sums[:, :, axle] = 0.0
-        self._torque[:, :, axle] = 0.0
+        self._kept[:, :, axle] = 0.0
         self._past[:, :, axle] = 0.0
         self._cumulative = None
 
@@ -186,13 +183,20 @@ class Window:
 
     def plain(self, first: int, end: int) -> FloatArray:
         """Plain sums (COLUMNS - PLAIN, n) over the blocks first … end - 1, counted back from the newest (0)."""
-        blocks = (self._newest - np.arange(first, end)) % self._blocks
-        out: FloatArray = self._sums[blocks, PLAIN:].sum(axis=0)
+        out: FloatArray = self._sums[self._places(first, end), PLAIN:].sum(axis=0)
         return out
+
+    def kept(self, first: int, end: int) -> FloatArray:
+        """The same, what lies before a change included."""
+        out: FloatArray = self._kept[self._places(first, end)].sum(axis=0)
+        return out
+
+    def _places(self, first: int, end: int) -> IntArray:
+        return np.asarray((self._newest - np.arange(first, end)) % self._blocks)
 
     def torque_range(self, blocks: int) -> tuple[FloatArray, FloatArray]:
         """The lowest and the highest torque ratio (n,) of any of the newest blocks, those before a change included."""
-        total, count = np.moveaxis(self._torque[(self._newest - np.arange(blocks)) % self._blocks], 1, 0)
+        total, count = np.moveaxis(self._kept[self._places(0, blocks), : RATIO_N + 1 - PLAIN], 1, 0)
         with np.errstate(invalid="ignore", divide="ignore"):
             mean = total / count
         return np.where(count > 0, mean, np.inf).min(axis=0), np.where(count > 0, mean, -np.inf).max(axis=0)
