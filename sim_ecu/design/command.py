@@ -2,9 +2,11 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from sim_ecu.design.cases import KINDS
 from sim_ecu.design.linear import Point
 from sim_ecu.design.make import Brief, design, in_papers_form, write
 from sim_ecu.design.search import search
@@ -72,6 +74,11 @@ def read_brief(top: Section, form: str | None = None) -> Brief:
     plan = base.plan
     window_s = d.number("window_s", base.window_s, 0.1, 10.0)
     longest_s = window_s if base.form == "paper" else base.longest_s
+    shares: dict[str, Any] = {}
+    for name in (f"{kind}_share" for kind in KINDS):
+        shares[name] = p.number(name, getattr(plan, name), 0.0, 1.0)
+    if sum(shares.values()) > 1.0:
+        raise p.error(f"shares add up to {sum(shares.values()):g}; they must not exceed 1", next(iter(shares)))
     brief = replace(
         base,
         wheelset=read_wheelset(top.section("wheelset")),
@@ -90,8 +97,7 @@ def read_brief(top: Section, form: str | None = None) -> Brief:
             seed=p.get("seed", int, plan.seed),
             speeds=p.get("speeds", int, plan.speeds),
             per_speed=p.get("per_speed", int, plan.per_speed),
-            held_share=p.number("held_share", plan.held_share, 0.0, 0.5),
-            changed_share=p.number("changed_share", plan.changed_share, 0.0, 0.5),
+            **shares,
             sensors=p.choice("sensors", SENSOR_SETS, plan.sensors),
         ),
     )

@@ -109,7 +109,10 @@ def test_a_wrong_pair_is_found_within_ten_seconds(sound: FloatArray, fault: str,
     assert found == AXLES
     # another name than the right one is possible for wires of two axles whose signals differ in size
     assert sum(d == expected for d in doubts[-1]) >= (2 if fault == "swapped wires" else AXLES)
-    assert not np.any(doubts[:1600])
+    if fault in ("gyro dead", "accelerometer dead"):  # beside a live one: within seconds
+        assert all(any(row[axle] == expected for row in doubts[:600]) for axle in range(AXLES))
+    else:
+        assert not np.any(doubts[:1600])
 
 
 @pytest.mark.parametrize("times", [1.0, 2.0])
@@ -133,6 +136,34 @@ def test_sensors_that_die_are_doubted_within_a_second_and_a_half_and_trusted_aga
     assert not doubts[:dies].any()
     assert np.all(doubts[dies + 300 : lives] == Doubt.SILENT)
     assert np.all(doubts[lives + 500 : lives + 600] != Doubt.SILENT)
+
+
+@pytest.mark.parametrize(("channel", "expected"), [(0, Doubt.GYRO_DEAD), (1, Doubt.ACCEL_SMALL)])
+def test_one_that_dies_beside_a_live_one_is_doubted_within_two_seconds(
+    sound: FloatArray, channel: int, expected: Doubt
+) -> None:
+    z, dies, lives = sound[:3000].copy(), 1130, 1700  # too short for the tests that look back for ten seconds
+    own_noise(z[dies:lives], channel)
+    doubts = np.array(history(z))
+    assert not doubts[:dies].any()
+    assert np.all(doubts[dies + 400 : lives] == expected)
+    assert not doubts[lives + 700 :].any()
+
+
+def test_wires_swapped_between_neighbours_on_one_track_are_found() -> None:
+    """What the other axle feels is the same, 2.5 m later: below 1.5 Hz that hardly shows."""
+    n, rng = round(12.0 / TICK_S), np.random.default_rng(8)
+    drive = command(n, utilisation=np.full((n, 1), 0.4), limit_of_peak=1.3)
+    rail, track = rail_table([(0.0, CURVES["C"], 0.0, 0.0)]), (QUALITY["poor"], 2_900_000_010, 10.0)
+    s = SENSOR_SETS["mems"]
+    trains = [Simulation(Wheelset(), [Axle(rail, Track(*track), place)], SPEED, TICK_S) for place in (0.0, -2.5)]
+    y = [train.advance(drive, np.full(n, SPEED)).outputs[:, 0] for train in trains]
+    z = np.stack([[s.yaw_rate.measure(a[:, YAW_RATE], rng), s.lat_accel.measure(b[:, LAT_ACCEL], rng)]
+                  for a, b in (y, y[::-1])], axis=-1)  # fmt: skip
+    identity, used = Identity(NOISE, TICK_S, 2), np.ones(2, dtype=bool)
+    for tick in np.moveaxis(z, 1, 0):
+        identity.step(tick, used, SPEED)
+    assert list(identity.doubt) == [Doubt.UNRELATED] * 2
 
 
 def test_a_doubt_outlives_a_gap_and_ends_when_the_pair_was_right_for_as_long(sound: FloatArray) -> None:

@@ -2,6 +2,7 @@
 
 import struct
 from dataclasses import replace
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ from wrcd.daemon.report import Validity
 from wrcd.daemon.validity import OF_ESTIMATE, OF_PAIR, Judge
 from wrcd.estimator.doubts import Doubt
 from wrcd.estimator.estimator import EstimateDoubt
-from wrcd.estimator.gate import ABSURD, LEAST_TICKS, MOST, Gate
+from wrcd.estimator.gate import ABSURD, COMPARED_TICKS, LEAST_TICKS, MOST, MOST_JUMP, Gate
 
 DEFAULT = load_config(None)
 
@@ -215,7 +216,9 @@ def test_a_cause_for_every_state_of_a_start_and_a_stop() -> None:
         rig.speed -= 0.2
         rig.run(20)
     rig.run(500)
-    assert causes(rig) == [
+    # slow, with what the sensors say at speed, the estimate is vague
+    told = [c for c in causes(rig) if c != "TooLittleData"]
+    assert [c for c, _ in groupby(told)] == [
         "InputSilent", "WarmingUp", "None", "InputSilent", "WarmingUp", "None", "Standstill",
     ]  # fmt: skip
 
@@ -250,20 +253,20 @@ def test_an_estimate_that_doubts_itself_is_not_valid(doubt: EstimateDoubt, cause
     assert set(OF_ESTIMATE) == set(EstimateDoubt) - {EstimateDoubt.NONE}
 
 
-@pytest.mark.parametrize(
-    ("speed", "expected"), [(2.9975, "Degraded"), (3.0, "Valid"), (60.0, "Valid"), (60.0025, "Degraded")]
-)
-def test_the_designs_speeds_count_with_their_ends(speed: float, expected: str) -> None:
+@pytest.mark.parametrize(("speed", "outside"), [(2.9975, True), (3.0, False), (60.0, False), (60.0025, True)])
+def test_the_designs_speeds_count_with_their_ends(speed: float, outside: bool) -> None:
     rig = Rig(replace(DEFAULT, min_speed_m_s=2.0))
     rig.speed = speed
-    assert rig.run(2000)[-1]["Validity"] == expected
+    rig.run(2000)
+    # slow, with what the sensors say at speed, the estimate may be vague, too
+    assert (causes(rig)[-1] == "SpeedOutOfRange") == outside
 
 
-@pytest.mark.parametrize(("speed", "expected"), [(4.9975, "NotAvailable"), (5.0, "Valid")])
-def test_the_least_speed_counts(speed: float, expected: str) -> None:
+@pytest.mark.parametrize(("speed", "available"), [(4.9975, False), (5.0, True)])
+def test_the_least_speed_counts(speed: float, available: bool) -> None:
     rig = Rig(replace(DEFAULT, min_speed_m_s=5.0))
     rig.speed = speed
-    assert rig.run(2000)[-1]["Validity"] == expected
+    assert (rig.run(2000)[-1]["Validity"] != "NotAvailable") == available
 
 
 @pytest.mark.parametrize(
@@ -355,22 +358,25 @@ def test_a_rival_is_suspected_at_its_second_frame_and_forgotten_after_a_few_of_t
     assert not checker.suspect
 
 
+STILL = np.zeros(2)  # yaw rates
+
+
 def test_a_gate_starts_anew_for_one_axle_only() -> None:
     gate = Gate(2)
     e, there = np.ones((4, 2, 2)), np.ones(2, dtype=bool)
     for _ in range(int(LEAST_TICKS)):
-        gate.learn(e, there, gate.absurd(e, there))
-    assert gate.absurd(100 * e, there).all()
+        gate.learn(e, STILL, there, gate.absurd(e, STILL, there))
+    assert gate.absurd(100 * e, STILL, there).all()
     gate.reset(0)
-    assert (gate.absurd(100 * e, there) == [[False, True], [False, True]]).all()
+    assert (gate.absurd(100 * e, STILL, there) == [[False, True], [False, True]]).all()
     # for as many ticks as at first, and with as many absurd ones before it is upset
     quiet = 1e-3 * e
     for k in range(int(LEAST_TICKS)):
-        assert not gate.absurd(0.5 * e, there)[:, 0].any(), k
-        gate.learn(quiet, there, np.zeros((2, 2), dtype=bool))
-    assert gate.absurd(0.5 * e, there)[:, 0].all()
+        assert not gate.absurd(0.5 * e, STILL, there)[:, 0].any(), k
+        gate.learn(quiet, STILL, there, np.zeros((2, 2), dtype=bool))
+    assert gate.absurd(0.5 * e, STILL, there)[:, 0].all()
     nobody = np.zeros(2, dtype=bool)
-    upset = [bool(gate.learn(e, nobody, np.ones((2, 2), dtype=bool))[0]) for _ in range(int(MOST) + 1)]
+    upset = [bool(gate.learn(e, STILL, nobody, np.ones((2, 2), dtype=bool))[0]) for _ in range(int(MOST) + 1)]
     assert upset == [False] * int(MOST) + [True]
 
 
@@ -378,20 +384,33 @@ def test_a_gates_usual_size_is_the_mean_square_and_absurd_is_so_many_times_of_it
     gate = Gate(1)
     e, there, none = np.ones((4, 2, 1)), np.ones(1, dtype=bool), np.zeros((2, 1), dtype=bool)
     for k in range(int(LEAST_TICKS)):
-        gate.learn((1 + 2 * (k % 2)) * e, there, none)  # 1 and 3: a mean square of 5
+        gate.learn((1 + 2 * (k % 2)) * e, STILL[:1], there, none)  # 1 and 3: a mean square of 5
     usual = 5**0.5
-    assert not gate.absurd(0.999 * ABSURD * usual * e, there).any()
-    assert gate.absurd(1.001 * ABSURD * usual * e, there).all()
+    assert not gate.absurd(0.999 * ABSURD * usual * e, STILL[:1], there).any()
+    assert gate.absurd(1.001 * ABSURD * usual * e, STILL[:1], there).all()
 
 
 def test_a_gate_refuses_what_is_not_finite_from_the_first_tick_on() -> None:
     gate = Gate(1)
     e = np.ones((4, 2, 1))
     e[2, 1, 0] = np.inf
-    assert (gate.absurd(e, np.ones(1, dtype=bool))[:, 0] == [False, True]).all()
+    assert (gate.absurd(e, STILL[:1], np.ones(1, dtype=bool))[:, 0] == [False, True]).all()
     e[2, 1, 0] = 1e200
     with np.errstate(all="raise"):
-        gate.absurd(e, np.ones(1, dtype=bool))
+        gate.absurd(e, STILL[:1], np.ones(1, dtype=bool))
+
+
+def test_a_yaw_rate_that_jumps_is_absurd_whatever_the_innovations_say_until_it_is_old() -> None:
+    gate, e, there = Gate(1), np.ones((4, 2, 1)), np.ones(1, dtype=bool)
+    none, jump = np.zeros((2, 1), dtype=bool), np.array([1.01 * MOST_JUMP])
+    gate.learn(e, STILL[:1], there, none)
+    assert not gate.absurd(e, 0.98 * jump, there).any()
+    for _ in range(COMPARED_TICKS):
+        absurd = gate.absurd(e, jump, there)
+        assert (absurd[:, 0] == [True, False]).all()
+        upset = gate.learn(e, jump, ~there, absurd)
+    assert upset[0]
+    assert not gate.absurd(e, jump, there).any()
 
 
 def test_a_silent_bus_at_the_start_is_told_as_such() -> None:

@@ -192,14 +192,16 @@ class Estimator:
         pulse, near = self._joints.step(tick.z[1], whole & small)
         e, w = self._filter(tick, whole, near, speed)
         swings = self._joints.recovering & small
-        absurd = self._gate.absurd(e, whole & ~swings)
+        absurd = self._gate.absurd(e, tick.z[0], whole & ~swings)
         self.outlier = np.logical_or.reduce(absurd)
         used = whole & ~self.outlier
         if self.outlier.any():
             self.outliers += int(absurd.sum())
             self._bank.x, self._offset.known = bank, offset
             e, w = self._filter(tick, used, near, speed)
-        self.upset = self._gate.learn(e, used & ~swings, absurd) | ~np.isfinite(self._bank.x).all(axis=(0, 1))
+        self.upset = self._gate.learn(e, tick.z[0], used & ~swings, absurd) | ~np.isfinite(self._bank.x).all(
+            axis=(0, 1)
+        )
         self._noise.step(tick.z, used & ~near)
         self.used = used
         self.identity.step(tick.z, used & ~near, speed)

@@ -1,5 +1,7 @@
 """One absurd sample is left out; many within a few are no accident, and what was known before them does not hold."""
 
+import math
+
 import numpy as np
 
 from wrcd.estimator.bank import BoolArray
@@ -16,18 +18,23 @@ LEAST_TICKS = 20.0  # before it is known well enough to judge by
 # after it look usual. Of 177 clean starts the largest was 0.22 for the yaw rate, 0.36 for the lateral acceleration.
 MOST_OF_ALL = 0.3
 MOST = 2  # absurd samples more than usual ones
+# Whatever the innovations say: no wheelset's yaw rate (rad/s) changes by so much within a tick; 0.061 is the most in
+# 3000 runs, at a drop from dry to leaf film. The sample that it is compared with may be a few ticks old, not more.
+MOST_JUMP, COMPARED_TICKS = 0.08, MOST + 1
 
 
 class Gate:
     """Judges innovations by their running mean square, per model, channel and axle."""
 
-    STATE = ("_power", "_peak", "_count", "_absurd")
+    STATE = ("_power", "_peak", "_count", "_absurd", "_last", "_age")
 
     def __init__(self, axles: int) -> None:
         self._power: FloatArray = np.zeros((MODELS, CHANNELS, axles))
         self._peak: FloatArray = np.zeros((MODELS, CHANNELS, axles))  # of the first LEAST_TICKS
         self._count: FloatArray = np.zeros((CHANNELS, axles))
         self._absurd: FloatArray = np.zeros((CHANNELS, axles))  # samples that were, less those after them that were not
+        self._last: FloatArray = np.zeros(axles)  # yaw rate that was used last
+        self._age: FloatArray = np.full(axles, math.inf)  # ticks since
 
     def reset(self, axle: int) -> None:
         """Start an axle anew."""
@@ -35,19 +42,23 @@ class Gate:
         self._peak[:, :, axle] = 0.0
         self._count[:, axle] = 0.0
         self._absurd[:, axle] = 0.0
+        self._age[axle] = math.inf
 
-    def absurd(self, e: FloatArray, there: BoolArray) -> BoolArray:
+    def absurd(self, e: FloatArray, yaw_rate: FloatArray, there: BoolArray) -> BoolArray:
         """Which samples (2, n) of the axles that have any (n,) are not to be believed, by their innovations e
-        (4, 2, n). Not finite is absurd, too."""
+        (4, 2, n), and by the yaw rate (n,) itself. Not finite is absurd, too."""
         with np.errstate(over="ignore", invalid="ignore"):
             usual: BoolArray = np.any(e * e <= ABSURD**2 * self._power, axis=0)
         known = (self._count >= LEAST_TICKS) | ~np.isfinite(e).all(axis=0)
         out: BoolArray = there & known & ~usual
+        with np.errstate(invalid="ignore"):
+            out[0] |= there & (self._age <= COMPARED_TICKS) & (np.abs(yaw_rate - self._last) > MOST_JUMP)
         return out
 
-    def learn(self, e: FloatArray, used: BoolArray, absurd: BoolArray) -> BoolArray:
+    def learn(self, e: FloatArray, yaw_rate: FloatArray, used: BoolArray, absurd: BoolArray) -> BoolArray:
         """Learn from the axles (n,) that were used. Returns those to start anew: too many samples were absurd, or one
         among the first was."""
+        self._last, self._age = np.where(used, yaw_rate, self._last), np.where(used, 1.0, self._age + 1.0)
         self._absurd = np.maximum(self._absurd + absurd - used, 0.0)
         self._count = np.minimum(self._count + used, MEMORY_TICKS)
         gain = np.where(used, 1.0 / np.maximum(self._count, 1.0), 0.0)
