@@ -64,15 +64,21 @@ class SlidingWindow:
         d = self._design
         limits = [np.interp(speed_m_s, d.change_speeds_m_s, column) for column in d.changes.T]
         step = np.abs(0.5 * np.log10(raw_powers(new) / raw_powers(old)))
-        now, before = ratio(self._newest(NOW_BLOCKS)), ratio(old)
-        if np.any(step > limits) or abs(now - before) > 0.15 * max(now, before) + 0.004:
+        now, just, before = ratio(self._newest(NOW_BLOCKS)), ratio(self._just_before()), ratio(old)
+        quick = abs(now - just) > 0.15 * max(now, just) + 0.004
+        if np.any(step > limits) or quick or abs(now - before) > 0.15 * max(now, before) + 0.01:
             self._rows = deque(new)
+
+    def _just_before(self) -> list[Row]:
+        """The 0.16 s before those of the moment."""
+        blocks = round(0.16 / self._design.tick_s / 4)
+        return self._newest(NOW_BLOCKS + blocks)[: -len(self._newest(NOW_BLOCKS))]
 
     def inputs(self, noise: FloatArray, factor: FloatArray, speed_m_s: float, answer: Answer) -> FloatArray | None:
         """What the rules are given (24 or so,), or None with too little data. noise (4, 2): what the sensors leave.
 
         answer: what the rules say of such inputs, adhesion as a share and relative half-width: it decides between the
-        long window and the usual one.
+        long window, the usual one and a brief one.
         """
         if not self._rows:
             return None
@@ -98,12 +104,24 @@ class SlidingWindow:
                 break
             alike += 1
         long_blocks = min(max(alike * 5, short_blocks), filled)
+        best, best_blocks, (mu_best, half) = short, short_blocks, answer(short)
+        mu_best = max(mu_best, now)
         long = given(long_blocks)
-        if long is None or long_blocks == short_blocks:
-            return short
-        (mu_long, _), (mu_short, half) = answer(long), answer(short)
-        apart = np.log(max(mu_short, now) / max(mu_long, now)) / half
-        return short if apart < -0.4 or apart > 0.7 else long
+        if long is not None and long_blocks > short_blocks:
+            mu_long = max(answer(long)[0], now)
+            apart = float(np.log(mu_best / mu_long)) / half
+            share = min(max(max(apart / 0.7, -apart / 0.4) - 0.5, 0.0), 1.0)
+            mu_best = share * mu_best + (1.0 - share) * mu_long
+            if share <= 0.5:
+                best, best_blocks = long, long_blocks
+        seconds = max(0.28, 6.0 / max(speed_m_s, 1.0))
+        brief_blocks = min(max(recent, min(round(seconds / self._design.tick_s / 4), usual)), filled)
+        brief = given(brief_blocks)
+        if brief is None or brief_blocks >= best_blocks or brief[-6:-4].sum() >= 0.1:
+            return best
+        mu_brief, half = answer(brief)
+        apart = float(np.log(max(mu_brief, now) / mu_best)) / half
+        return brief if apart < -1.6 else best
 
     def _newest(self, blocks: int) -> list[Row]:
         last = self._rows[-1].tick // 4

@@ -32,12 +32,18 @@ COLUMN_WORDS = (
     Column("lateral acceleration noise"),
     Column("the highest torque of half a second over that of the moment"),
     Column("the torque of the moment over the lowest of half a second"),
+    Column("the step of residuals 1 and 2"),
+    Column("the step of residual 3"),
+    Column("the step of residual 4"),
+    Column("the largest step, up or down"),
 )
 GLOSSARY = (
     f"persistence m: correlation of model m's innovation with itself {LAG} ticks before. Near 1 it is slow: "
     "the model misses a slow motion, such as hunting. Near 0 or below it is fast: the model misses the yaw spring.",
     "coupling m: correlation of model m's two innovations. Away from 0, yaw and lateral motion that the track drives "
     "together are missed together: the model's contact is not the present one.",
+    "step: a residual of the newest part over that of the half second before, unfiltered. A drop of adhesion makes one "
+    "and stays; a slip cycle comes back.",
 )
 
 LEAST_SHARE = 0.15  # slopes smaller than this share of a rule's largest are left out of its sentence
