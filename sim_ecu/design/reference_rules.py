@@ -78,7 +78,7 @@ class SlidingWindow:
         """What the rules are given (24 or so,), or None with too little data. noise (4, 2): what the sensors leave.
 
         answer: what the rules say of such inputs, adhesion as a share and relative half-width: it decides between the
-        long window, the usual one and a brief one.
+        long window and the usual one.
         """
         if not self._rows:
             return None
@@ -104,24 +104,12 @@ class SlidingWindow:
                 break
             alike += 1
         long_blocks = min(max(alike * 5, short_blocks), filled)
-        best, best_blocks, (mu_best, half) = short, short_blocks, answer(short)
-        mu_best = max(mu_best, now)
         long = given(long_blocks)
-        if long is not None and long_blocks > short_blocks:
-            mu_long = max(answer(long)[0], now)
-            apart = float(np.log(mu_best / mu_long)) / half
-            share = min(max(max(apart / 0.7, -apart / 0.4) - 0.5, 0.0), 1.0)
-            mu_best = share * mu_best + (1.0 - share) * mu_long
-            if share <= 0.5:
-                best, best_blocks = long, long_blocks
-        seconds = max(0.28, 6.0 / max(speed_m_s, 1.0))
-        brief_blocks = min(max(recent, min(round(seconds / self._design.tick_s / 4), usual)), filled)
-        brief = given(brief_blocks)
-        if brief is None or brief_blocks >= best_blocks or brief[-6:-4].sum() >= 0.1:
-            return best
-        mu_brief, half = answer(brief)
-        apart = float(np.log(max(mu_brief, now) / mu_best)) / half
-        return brief if apart < -1.6 else best
+        if long is None or long_blocks == short_blocks:
+            return short
+        (mu_long, _), (mu_short, half) = answer(long), answer(short)
+        apart = np.log(max(mu_short, now) / max(mu_long, now)) / half
+        return short if apart < -0.4 or apart > 0.7 else long
 
     def _newest(self, blocks: int) -> list[Row]:
         last = self._rows[-1].tick // 4

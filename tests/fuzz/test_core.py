@@ -1,6 +1,6 @@
 """Any sequence of good frames, bad frames, gaps and steps of time leaves the core sound.
 
-The window is a little more than a tenth of a second here, so that a sequence of a few steps reaches Valid and loses it again.
+The window is a little more than a tenth of a second here: a sequence of a few steps reaches Valid and loses it again.
 """
 
 import bisect
@@ -146,8 +146,8 @@ class Day(RuleBasedStateMachine):
                 self.a_full_window_before(o.frame.stamp_us)
 
     def a_full_window_before(self, end_us: int) -> None:
-        """At every tick's end of a window, each signal of axle 1 had come within its time-out, or so little past it that
-        it was bridged; at the window's own end there is nothing to bridge."""
+        """At every tick's end of a window, each signal of axle 1 had come within its time-out, or so little past it
+        that it was bridged; at the window's own end there is nothing to bridge."""
         for can_id, timeout_us in TIMEOUTS_US.items():
             stamps = sorted(self.came[can_id])
             for tick_us in range(end_us - WINDOW_US + TICK_US, end_us + 1, TICK_US):

@@ -11,7 +11,7 @@ from wrcd.bus.frame import Frame
 from wrcd.daemon.backoff import FIRST_WAIT_S, FREE_RESETS, LAST_WAIT_S
 from wrcd.daemon.config import Config, load_config
 
-SPIKE_EVERY = 10  # ticks: the gate never comes to know what is usual
+STEP_EVERY = 10  # ticks
 PER_S = 200
 
 
@@ -21,10 +21,10 @@ def config() -> Config:
 
 
 def storm(rig: Rig, seconds: float) -> tuple[list[dict[str, Any]], list[float]]:
-    """Absurd samples from the first on: the adhesion frames, and when the axle was reset."""
+    """A yaw rate that steps to and fro without end: the adhesion frames, and when the axle was reset."""
     frames, resets = [], []
     for k in range(round(seconds * PER_S)):
-        rig.spike = 5_000_000 if k % SPIKE_EVERY == 0 else 0
+        rig.spike = 5_000_000 if k // STEP_EVERY % 2 else 0
         before = rig.core.counts.restarts
         frames += rig.run(5)
         if rig.core.counts.restarts > before:
@@ -71,7 +71,7 @@ def of_axle_2(frame: Frame) -> Frame:
 def test_the_other_axles_do_not_wait(config: Config) -> None:
     rig, other = Rig(config), Rig(config)
     for k in range(20 * PER_S):
-        rig.spike = 5_000_000 if k % SPIKE_EVERY == 0 else 0
+        rig.spike = 5_000_000 if k // STEP_EVERY % 2 else 0
         for frame in rig.frames():
             rig.out += rig.core.feed(frame)
         for frame in other.frames():

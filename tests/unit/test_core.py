@@ -40,7 +40,6 @@ class Rig:
         self.yaw_status = 0
         self.frozen = False
         self.spike = 0  # on top of the yaw rate, in 1e-6 rad/s
-        self.rough = 1
         self.out: list[Outgoing] = []
 
     def frame(self, can_id: int, payload: bytes, status: int = 0) -> Frame:
@@ -60,7 +59,7 @@ class Rig:
         """The frames of one tick that are not silent; time moves on by the tick."""
         z = measured()
         yaw_rate, lat_accel = z[self.counter % len(z)]
-        yaw = 600 if self.frozen else round(self.rough * yaw_rate * 1e6) + self.spike
+        yaw = 600 if self.frozen else round(yaw_rate * 1e6) + self.spike
         every = [
             self.frame(0x101, struct.pack("<i", yaw)[:3], self.yaw_status),
             self.frame(0x111, struct.pack("<i", round(lat_accel * 1e5))[:3]),
@@ -289,9 +288,9 @@ def test_the_last_frames_say_not_available(rig: Rig) -> None:
 
 
 def test_what_the_rules_were_not_made_from_is_never_valid(config: Config) -> None:
-    """Yaw three hundred times what any rail makes of it: unknown, and said so."""
-    rig = Rig(replace(config, design=replace(config.design, beyond=0.1)))
-    rig.rough = 300
+    """Rules made from residuals of another size than any rail makes: unknown, and said so."""
+    d = config.design
+    rig = Rig(replace(config, design=replace(d, low=d.low + 9.0, high=d.high + 9.0, beyond=0.1)))
     frames = rig.run(3000)
     assert {f["Validity"] for f in frames} == {"NotAvailable", "Degraded"}
     assert {f["Confidence"] for f in frames} == {"None"}
@@ -467,8 +466,9 @@ def test_rejections_are_told_by_reason(rig: Rig) -> None:
     assert (status["RejectedFrames"], status["LastReason"]) == (4, "Crc")
 
 
-def test_more_in_use_than_there_is_said_to_be_is_a_contradiction(rig: Rig) -> None:
-    """A rail that is hardly shaken says slippery; a torque of two thirds of the load says not so."""
+def test_more_in_use_than_there_is_said_to_be_is_a_contradiction(config: Config) -> None:
+    """Rules that say a quarter of what they should; a torque of two thirds of the load says not so."""
+    rig = Rig(replace(config, design=replace(config.design, polynomial=0.25 * config.design.polynomial)))
     rig.torque = 2000.0
     rig.run(1000)
     for torque in range(2000, 60_000, 2000):

@@ -1,5 +1,7 @@
 """Fuzzy sets, rules, and what the rules are given."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -7,7 +9,7 @@ from hypothesis import strategies as st
 
 from wrcd.estimator.design import COLUMNS, INPUTS, MODELS, Design, FloatArray, Sets, load_design
 from wrcd.estimator.fuzzy import LEAST_FIRING, LOG_SPREADS, Fuzzy
-from wrcd.estimator.inputs import Past, excitation, noise_floor, rule_inputs
+from wrcd.estimator.inputs import MOST_STEP, SWING, Past, excitation, noise_floor, rule_inputs
 from wrcd.estimator.window import Statistics
 from wrcd.resources import DESIGN
 
@@ -139,8 +141,16 @@ def test_noise_alone_is_no_excitation(design: Design) -> None:
         assert excitation(design, s, np.ones((2, 1)), SPEED) == pytest.approx([times])
 
 
+def test_steps_of_the_residuals_are_held_and_none_where_nothing_is_known(design: Design) -> None:
+    decades = np.array([[0.1, 0.3, -0.4, 9.0], [np.nan] * 4])
+    steps = replace(PAST, decades=decades).steps
+    assert steps == pytest.approx(np.array([[0.2, -0.4, MOST_STEP, MOST_STEP], [0.0] * 4]))
+    x = rule_inputs(design, seen(np.ones((4, 2))), replace(PAST, decades=decades[:1]), np.ones((2, 1)), SPEED)[0]
+    assert x[SWING.stop :] == pytest.approx(steps[0])
+
+
 def test_the_torques_swing_is_told_in_decades(design: Design) -> None:
     x = rule_inputs(design, seen(np.ones((4, 2))), PAST, np.ones((2, 1)), SPEED)[0]
-    assert x[-2:] == pytest.approx([np.log10(0.21 / 0.11), np.log10(0.11 / 0.06)])
+    assert x[SWING] == pytest.approx([np.log10(0.21 / 0.11), np.log10(0.11 / 0.06)])
     assert x[4] == pytest.approx(-1.0)
     assert x[5] == pytest.approx(np.log10(SPEED))

@@ -3,6 +3,7 @@
 from collections import deque
 from collections.abc import Sequence
 
+from wrcd.daemon.causes import Cause
 from wrcd.daemon.report import Report, Validity
 
 LOST_SLOTS = 5  # in a row without Valid: less is a hiccup
@@ -23,11 +24,12 @@ class Triggers:
 
     def look(self, reports: Sequence[Report], standing: bool) -> str:
         """ "validity" or "collapse" in the slot where it shows, else nothing. A train that stands is not Valid by
-        right."""
+        right; one that is about to stand, or an estimate that is too vague for other reasons, has lost nothing."""
         lost = collapsed = False
         for axle, report in enumerate(reports):
             valid = report.validity is Validity.VALID
-            lost |= self._loses(axle, valid, standing)
+            if report.cause is not Cause.TOO_LITTLE_DATA:
+                lost |= self._loses(axle, valid, standing)
             mu = (report.mu_available_pct or 0.0) if valid else 0.0
             before = self._mu[axle]
             collapsed |= valid and mu < min(COLLAPSED_PCT, COLLAPSED_SHARE * max(before))

@@ -1,6 +1,5 @@
 """From measurements to adhesion, for all axles at once."""
 
-import math
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -11,7 +10,7 @@ from wrcd.estimator.design import MODELS, Design, FloatArray, IntArray
 from wrcd.estimator.fuzzy import LOW_FIRING, Fuzzy, Inference
 from wrcd.estimator.gate import Gate
 from wrcd.estimator.identity import Identity
-from wrcd.estimator.inputs import SWING, Past, excitation, rule_inputs
+from wrcd.estimator.inputs import Past, excitation, rule_inputs
 from wrcd.estimator.joints import HOLD_TICKS, MAX_PULSE, Joints
 from wrcd.estimator.noise import NoiseLevel
 from wrcd.estimator.offset import Offset
@@ -40,11 +39,8 @@ TORQUE_TURN, TORQUE_TURN_RATIO = 0.15, 0.01
 # A window grows beyond its usual length over parts of PART_S whose torque differs from the moment's by less.
 PART_S, LIKE_TORQUE, LIKE_TORQUE_RATIO = 0.1, 0.10, 0.002
 # Where the usual window's own word differs from the long one's by so many half-widths (as logarithms), it counts.
-# From FALL_BACK_FROM of that on it counts in part: one late frame must not make the answer hop from one to the other.
-FALL_BACK_BELOW, FALL_BACK_ABOVE, FALL_BACK_FROM = 0.4, 0.7, 0.5
-# So does the word of a brief part where it lies far below, under a torque that has moved by less than STEADY decades in
-# half a second: a drop that no step tells of. It is of so many seconds and metres: slow wheelsets swing slowly.
-BRIEF_S, BRIEF_M, DROP_BELOW, STEADY = 0.28, 6.0, 1.6, 0.1
+# On the way there it counts in part: one late frame must not make the answer hop from one to the other.
+FALL_BACK_BELOW, FALL_BACK_ABOVE = 0.4, 0.7
 NEWEST_SHARE = 0.5  # of the newest part's half-width that the interval is made to reach down to
 # More in use than the rules say there is: beyond the interval, and by this share of what they say, one is wrong.
 CONTRADICTION_SHARE, CONTRADICTION_PP = 0.2, 0.3
@@ -284,17 +280,11 @@ class Estimator:
             (best,), inference, chosen = self._answers([usual], now)
             spread, doubt = best.spread, np.zeros(self.axles, dtype=np.int64)
         else:
-            lengths = [self._alike(now, usual, filled), usual]
-            lengths += [np.minimum(filled, blocks) for blocks in (self._brief(), self._recent)]
-            (long, short, brief, recent), inference, chosen = self._answers(lengths, now)
-            back = _back(long, short, FALL_BACK_BELOW, FALL_BACK_ABOVE)
+            lengths = [self._alike(now, usual, filled), usual, np.minimum(filled, self._recent)]
+            (long, short, recent), inference, chosen = self._answers(lengths, now)
+            back = _back(long, short)
             best = _between(back, long, short)
-            pick = np.where(back > 0.5, 1, 0)
-            steady = brief.inputs[:, SWING].sum(axis=1) < STEADY
-            back = np.where(steady, _back(best, brief, DROP_BELOW, math.inf), 0.0)
-            best = _between(back, best, brief)
-            pick = np.where(back > 0.5, 2, pick)
-            rows = pick * self.axles + np.arange(self.axles)
+            rows = np.where(back > 0.5, 1, 0) * self.axles + np.arange(self.axles)
             inference, chosen = inference.take(rows), chosen.take(rows)
             spread = best.spread
             # the newest part may know of a drop that the window as a whole does not show yet: reach down to it
@@ -327,11 +317,6 @@ class Estimator:
             doubt=doubt,
             window_s=chosen.ticks * d.tick_s,
         )
-
-    def _brief(self) -> int:
-        """Blocks of a part that is brief, yet long enough to see the wheelset swing."""
-        seconds = max(BRIEF_S, BRIEF_M / max(self._speed_m_s, 1.0))
-        return max(self._recent, min(round(seconds / self.design.tick_s / BLOCK_TICKS), self._usual))
 
     def torque_now(self) -> FloatArray:
         """(n,): torque ratio of the moment; NaN where it is not known."""
@@ -398,12 +383,12 @@ class Estimator:
         return spread, doubt.astype(np.int64)
 
 
-def _back(long: Answer, short: Answer, below: float, above: float) -> FloatArray:
-    """(n,): how far the answer of a shorter part counts, 0 … 1: where it differs by so many half-widths, down or up."""
+def _back(long: Answer, short: Answer) -> FloatArray:
+    """(n,): how far the answer of the usual window counts, 0 … 1: by one half where it differs from the long one's by
+    so many half-widths, down or up."""
     with np.errstate(invalid="ignore"):
         apart = np.log(short.mu_pct / long.mu_pct) / short.spread
-        beyond = np.fmax(apart / above, -apart / below)
-        back = np.clip(0.5 + (beyond - 1.0) / (2.0 * (1.0 - FALL_BACK_FROM)), 0.0, 1.0)
+        back = np.clip(0.5 * np.fmax(apart / FALL_BACK_ABOVE, -apart / FALL_BACK_BELOW), 0.0, 1.0)
     return np.where((long.blocks > short.blocks) & np.isfinite(back), back, 0.0)
 
 
