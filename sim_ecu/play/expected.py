@@ -115,7 +115,8 @@ _PAIR = Found(11_250.0 + SLOT_MS)
 LONG_ROWS = (
     _row("dead", ALL, Found(1500.0 + SLOT_MS), LONG_S),
     *(_row("reverse", of, _PAIR, IDENTITY_S) for of in ("yaw_rate", "lateral_acceleration")),
-    *(_row("dead", of, _PAIR, IDENTITY_S) for of in ("yaw_rate", "lateral_acceleration")),
+    # one alone, beside a loud one: a second of it, and a quarter until it is judged
+    *(_row("dead", of, Found(1500.0 + SLOT_MS), IDENTITY_S) for of in ("yaw_rate", "lateral_acceleration")),
     _row("swap-wiring", "yaw_rate", _PAIR, IDENTITY_S),
 )
 
