@@ -56,7 +56,7 @@ UNRELATED = (-math.inf, 0.2, 0.6, 0.8)
 UNRELATED_POSITIVE = 0.75
 # The same where 3 to 10 Hz alone say so: what another axle of the train feels comes a moment later, which shows there
 # and hardly below 1.5 Hz.
-UNRELATED_MIDDLE = 0.0
+UNRELATED_MIDDLE = -0.1
 SMALL = -0.10  # decades by which the lateral acceleration below 1.5 Hz is less than speed times yaw rate
 # An accelerometer that hears so much, in units of its noise's power, while the gyro hears nothing. A saturated wheelset
 # yaws that little; its lateral acceleration is below 5 in 3 to 10 Hz.
@@ -64,11 +64,11 @@ GYRO_MISSES_MIDDLE, GYRO_MISSES_HIGH, GYRO_MISSES_LOW = 6.0, 2.0, 10.0
 GYRO_MISSES_RATIO = 0.70  # decades by which acceleration exceeds speed times (the noise's) yaw rate in 3 to 10 Hz
 # One sensor dead beside a live one, judged over one second: in 3 to 10 Hz, above, and over all it is as white as its
 # own noise (in units of its power as measured). The other hears more than these: the accelerometer in 3 to 10 Hz or
-# above; the gyro by what lateral acceleration its yaw rate makes, in 3 to 10 Hz or below 1.5. Finds four of five within
-# 1.5 s; in sound pairs it speaks in less than 0.1 % of the seconds, 1 % near saturation.
+# above; the gyro by what lateral acceleration its yaw rate makes in 3 to 10 Hz. Finds three of four within 1.5 s; in
+# sound pairs it speaks in less than 0.1 % of the seconds, 1 % near saturation.
 ALONE_WHITE, ALONE_ABOVE, ALONE_VARIANCE = 1.7, 1.45, 1.45
 LIVE_ACCEL_MIDDLE, LIVE_ACCEL_HIGH = 10.0, 4.0
-LIVE_GYRO_MIDDLE, LIVE_GYRO_LOW = 4.0, 15.0
+LIVE_GYRO_MIDDLE = 8.0
 TINY = 1e-12
 SLOWEST = 0.1  # m/s
 
@@ -137,8 +137,8 @@ def dead_alone(e: Evidence, yaw_unit: float, lat_unit: float) -> Doubt:
     white = (share[MIDDLE] < ALONE_WHITE) & (share[HIGH] < ALONE_ABOVE) & (e.variance[0] < ALONE_VARIANCE * noise)
     if white[YAW] and (share[MIDDLE, LAT] > LIVE_ACCEL_MIDDLE or share[HIGH, LAT] > LIVE_ACCEL_HIGH):
         return Doubt.GYRO_DEAD
-    made = power[:, YAW] * (e.speed_m_s[0] * yaw_unit / lat_unit) ** 2 / noise[LAT]
-    if white[LAT] and (made[MIDDLE] > LIVE_GYRO_MIDDLE or made[LOW] > LIVE_GYRO_LOW):
+    made = power[MIDDLE, YAW] * (e.speed_m_s[0] * yaw_unit / lat_unit) ** 2 / noise[LAT]
+    if white[LAT] and made > LIVE_GYRO_MIDDLE:
         return Doubt.ACCEL_SMALL
     return Doubt.NONE
 

@@ -166,7 +166,7 @@ class Identity:
             if silent(newest, before, SILENT_EXCESS if known else STILL_SILENT_EXCESS):
                 self._held[Doubt.SILENT, axle] = max(self._held[Doubt.SILENT, axle], SILENT_BLOCKS)
             second = evidence(newest.mean(axis=0)[None])
-            if filled > LEAST_SILENT_BLOCKS and (dead := dead_alone(second, *self._unit[:, 0])):
+            if filled >= 2 * SECOND and (dead := dead_alone(second, *self._unit[:, 0])):
                 self._held[dead, axle] = max(self._held[dead, axle], ALONE_BLOCKS)
             # once a second, each axle at another tick
             if filled >= LEAST_BLOCKS and (filled - axle) % SECOND == 0:
