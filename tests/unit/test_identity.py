@@ -166,6 +166,19 @@ def test_wires_swapped_between_neighbours_on_one_track_are_found() -> None:
     assert list(identity.doubt) == [Doubt.UNRELATED] * 2
 
 
+def test_a_saturated_wheelset_is_no_unrelated_pair(sound: FloatArray) -> None:
+    """It swings by itself: its yaw rate goes with no lateral acceleration. The other tests go on."""
+    z, used = sound[:3000].copy(), np.ones(AXLES, dtype=bool)
+    z[:, 1] = z[:, 1, ::-1]
+    own_noise(z[..., 3:], 0)
+    free, saturated = (Identity(NOISE, TICK_S, AXLES) for _ in range(2))
+    for tick in z:
+        free.step(tick, used, SPEED)
+        saturated.step(tick, used, SPEED, used)
+    assert all(free.doubt[:3])
+    assert saturated.doubt.tolist() == [Doubt.NONE] * 3 + [Doubt.GYRO_DEAD]
+
+
 def test_a_doubt_outlives_a_gap_and_ends_when_the_pair_was_right_for_as_long(sound: FloatArray) -> None:
     z = sound.copy()
     z[:2000, 0] *= -1

@@ -69,14 +69,16 @@ GYRO_MISSES_RATIO = 0.70  # decades by which acceleration exceeds speed times (t
 ALONE_WHITE, ALONE_ABOVE, ALONE_VARIANCE = 1.7, 1.45, 1.45
 LIVE_ACCEL_MIDDLE, LIVE_ACCEL_HIGH = 10.0, 4.0
 LIVE_GYRO_MIDDLE = 8.0
+# A saturated wheelset swings by itself: its yaw rate goes with no lateral acceleration. Other seconds that are needed.
+LEAST_FREE, FREE = 9, 0.5
 TINY = 1e-12
 SLOWEST = 0.1  # m/s
 
 # rows of the sums over a block of ticks
-POWER, CROSS, FINE, LOW_MEAN, MEAN, RAW, SPEED = (
-    slice(0, 6), slice(6, 9), slice(9, 11), slice(11, 13), slice(13, 15), slice(15, 17), 17,
+POWER, CROSS, FINE, LOW_MEAN, MEAN, RAW, SPEED, SATURATED = (
+    slice(0, 6), slice(6, 9), slice(9, 11), slice(11, 13), slice(13, 15), slice(15, 17), 17, 18,
 )  # fmt: skip
-ROWS = 18
+ROWS = 19
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,6 +90,11 @@ class Evidence:
     variance: FloatArray  # (s, 2)
     noise: FloatArray  # (s, 2) power of the fourth differences: above 50 Hz there is little but the sensor's noise
     speed_m_s: FloatArray  # (s,)
+    saturated: FloatArray  # (s,) share of the time
+
+    def of(self, spans: BoolArray) -> "Evidence":
+        """Of some of the spans (s,)."""
+        return Evidence(*(getattr(self, name)[spans] for name in self.__dataclass_fields__))
 
 
 def evidence(sums: FloatArray) -> Evidence:
@@ -99,6 +106,7 @@ def evidence(sums: FloatArray) -> Evidence:
         variance=np.maximum(sums[:, RAW] - mean * mean, TINY),
         noise=np.maximum(sums[:, FINE], TINY),
         speed_m_s=sums[:, SPEED],
+        saturated=sums[:, SATURATED],
     )
 
 
@@ -171,9 +179,12 @@ def doubts(e: Evidence, yaw_unit: float, lat_unit: float) -> set[Doubt]:
         or (low > GYRO_MISSES_LOW and ratios[MIDDLE] > GYRO_MISSES_RATIO)
     ):
         out.add(Doubt.GYRO_DEAD)
+    free = e.saturated < FREE
+    if free.sum() < LEAST_FREE:
+        return out
     if power[LOW, YAW] > HEARD * noise[YAW] and ratios[LOW] < SMALL:
         out.add(Doubt.ACCEL_SMALL)
-    return out | _correlations(e, noise)
+    return out | _correlations(e.of(free), noise)
 
 
 def _correlations(e: Evidence, noise: FloatArray) -> set[Doubt]:

@@ -9,7 +9,7 @@ from wrcd.estimator.bank import Bank, BoolArray, scheduled_speed
 from wrcd.estimator.design import MODELS, Design, FloatArray, IntArray
 from wrcd.estimator.fuzzy import LOW_FIRING, Fuzzy, Inference
 from wrcd.estimator.gate import Gate
-from wrcd.estimator.identity import Identity
+from wrcd.estimator.identity import BLOCK_S, Identity
 from wrcd.estimator.inputs import Past, excitation, rule_inputs
 from wrcd.estimator.joints import HOLD_TICKS, MAX_PULSE, Joints
 from wrcd.estimator.noise import NoiseLevel
@@ -117,7 +117,7 @@ class Estimator:
     STATE = (
         "_bank", "_offset", "_gate", "_window", "_speed", "_lowpass", "_joints", "_noise", "_speed_m_s", "_whole",
         "_delayed", "_delayed_live", "_delayed_clear", "started", "used", "outlier", "good", "upset", "outliers",
-        "identity",
+        "identity", "_saturated",
     )  # fmt: skip
     PASSING = ("near_pulse", "live", "calm")
 
@@ -154,17 +154,19 @@ class Estimator:
         self._delayed: FloatArray = np.zeros((HOLD_TICKS, MODELS, 2, axles))
         self._delayed_live: BoolArray = np.zeros((HOLD_TICKS, axles), dtype=bool)
         self._delayed_clear: BoolArray = np.zeros((HOLD_TICKS, axles), dtype=bool)
+        self._saturated: BoolArray = np.zeros(axles, dtype=bool)  # a while ago
         self.started: BoolArray = np.zeros(axles, dtype=bool)  # whether a measurement was used since the last reset
         self._usual = -(-design.window_ticks // BLOCK_TICKS)
         self._recent = max(2, round(design.recent_ticks / BLOCK_TICKS))
         self._now = max(1, round(NOW_S / design.tick_s / BLOCK_TICKS))
+        self._judged_ticks = round(BLOCK_S / design.tick_s)
         self._step = max(1, round(STEP_S / design.tick_s / BLOCK_TICKS))
         self._part = max(1, round(PART_S / design.tick_s / BLOCK_TICKS))
         self._min_ticks = 0.5 * self._recent * BLOCK_TICKS
 
     def reset(self, axle: int) -> None:
         """Start an axle anew: after a gap, a step of time, or a standstill."""
-        self._whole[axle] = self.started[axle] = False
+        self._whole[axle] = self.started[axle] = self._saturated[axle] = False
         self._delayed[..., axle] = 0.0
         self._delayed_live[:, axle] = self._delayed_clear[:, axle] = False
         for part in (
@@ -200,7 +202,7 @@ class Estimator:
         )
         self._noise.step(tick.z, used & ~near)
         self.used = used
-        self.identity.step(tick.z, used & ~near, speed)
+        self.identity.step(tick.z, used & ~near, speed, self._saturated)
         self.near_pulse = near
         self.started |= used
         # the first innovation after a gap is that of several ticks at once, larger than others: it stays out. So a
@@ -210,6 +212,8 @@ class Estimator:
         self._put(tick, w, pulse, near)
         if self.design.form == "wrcd" and (tick.number + 1) % BLOCK_TICKS == 0:
             self._drop_what_was_before_a_change()
+        if (tick.number + 1) % self._judged_ticks == 0:
+            self._saturated = Estimator.estimate(self).saturated
         return e
 
     def _filter(self, tick: Tick, axles: BoolArray, near: BoolArray, speed_m_s: float) -> tuple[FloatArray, FloatArray]:

@@ -127,8 +127,10 @@ class Identity:
         self._sums[:, axle] = 0.0
         self._ticks[axle] = 0.0
 
-    def step(self, z: FloatArray, used: BoolArray, speed_m_s: float) -> None:
-        """One tick of raw measurements z (2, n), of the axles (n,) whose measurements are used."""
+    def step(
+        self, z: FloatArray, used: BoolArray, speed_m_s: float, saturated: BoolArray | None = None
+    ) -> None:  # fmt: skip
+        """One tick of raw measurements z (2, n), of the axles (n,) whose measurements are used; which are saturated."""
         x = np.where(used, np.clip(z / self._unit, -MOST, MOST), 0.0)
         self._offset_ticks = np.minimum(self._offset_ticks + used, self._most_offset_ticks)
         self._mean = self._mean + np.where(used, (x - self._mean) / np.maximum(self._offset_ticks, 1.0), 0.0)
@@ -137,7 +139,7 @@ class Identity:
         square = y * y
         new = np.concatenate((
             square[:-1].reshape(-1, len(used)), y[:-1, YAW] * y[:-1, LAT], square[-1], y[LOW], x, x * x,
-            np.full((1, len(used)), speed_m_s),
+            np.full((1, len(used)), speed_m_s), np.zeros((1, len(used))) if saturated is None else saturated[None],
         ))  # fmt: skip
         self._sums = self._sums + np.where(used, new, 0.0)
         self._ticks = self._ticks + used
