@@ -78,7 +78,7 @@ design: $(READY)
 	$(BIN)/sim-ecu design -o wrcd/data/default.design.json --baselines sim_ecu/data/default.baselines.json
 	$(BIN)/sim-ecu design --form paper -o sim_ecu/data/paper.design.json
 
-# the README's tables; up to 20 minutes on two cores
+# the README's tables; 26 minutes on two cores
 score: $(READY)
 	$(BIN)/sim-ecu score --json build/score.json --html build/score.html
 
