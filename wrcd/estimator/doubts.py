@@ -179,25 +179,33 @@ def doubts(e: Evidence, yaw_unit: float, lat_unit: float) -> set[Doubt]:
         or (low > GYRO_MISSES_LOW and ratios[MIDDLE] > GYRO_MISSES_RATIO)
     ):
         out.add(Doubt.GYRO_DEAD)
+    low, middle, _ = _correlation(e).mean(axis=0)
+    if low + 0.5 * middle < REVERSED:  # saturated or not: nothing swings so by itself
+        out.add(Doubt.REVERSED)
     free = e.saturated < FREE
     if free.sum() < LEAST_FREE:
         return out
     if power[LOW, YAW] > HEARD * noise[YAW] and ratios[LOW] < SMALL:
         out.add(Doubt.ACCEL_SMALL)
-    return out | _correlations(e.of(free), noise)
-
-
-def _correlations(e: Evidence, noise: FloatArray) -> set[Doubt]:
-    r = e.cross / np.sqrt(e.power.prod(axis=2))
-    heard: BoolArray = np.all(e.power > HEARD * noise, axis=2)
-    bands = heard.mean(axis=0) >= HEARD_SHARE
-    low, middle, _ = r.mean(axis=0)
-    out = {Doubt.REVERSED} if low + 0.5 * middle < REVERSED else set()
-    if bands.any():
-        of_bands = [r[heard[:, k], k] for k in np.flatnonzero(bands)]
-        positive = np.concatenate(of_bands) > 0.0
-        if sum(x.mean() for x in of_bands) < UNRELATED[len(of_bands)] and positive.mean() < UNRELATED_POSITIVE:
-            out.add(Doubt.UNRELATED)
-    if bands[MIDDLE] and middle < UNRELATED_MIDDLE:
+    if _unrelated(e.of(free), noise):
         out.add(Doubt.UNRELATED)
     return out
+
+
+def _correlation(e: Evidence) -> FloatArray:
+    """(s, 3) of the bands."""
+    return np.asarray(e.cross / np.sqrt(e.power.prod(axis=2)))
+
+
+def _unrelated(e: Evidence, noise: FloatArray) -> bool:
+    """Whether the two do not go together in the bands in which both are heard."""
+    r = _correlation(e)
+    heard: BoolArray = np.all(e.power > HEARD * noise, axis=2)
+    bands = heard.mean(axis=0) >= HEARD_SHARE
+    if not bands.any():
+        return False
+    of_bands = [r[heard[:, k], k] for k in np.flatnonzero(bands)]
+    positive = np.concatenate(of_bands) > 0.0
+    if sum(x.mean() for x in of_bands) < UNRELATED[len(of_bands)] and positive.mean() < UNRELATED_POSITIVE:
+        return True
+    return bool(bands[MIDDLE] and r[:, MIDDLE].mean() < UNRELATED_MIDDLE)
