@@ -8,18 +8,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from sim_ecu.score.names import SUITES
 from wrcd import resources
 from wrcd.tools.cli import guarded
 
 if TYPE_CHECKING:
     from sim_ecu.play.scenario import Scenario
-
-# suites of `sim-ecu score`, in the order of the report
-SUITES = (
-    "paper", "grid", "robust", "rough", "harsh", "slow", "transitions", "drops", "cycles", "dead", "foreign",
-    "dry-hours",
-)  # fmt: skip
-
 
 BUDGET = 600  # of `sim-ecu design --search`
 

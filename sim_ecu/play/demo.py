@@ -16,8 +16,8 @@ from sim_ecu.play.interface import open_bus
 from sim_ecu.play.play import RealTime
 from sim_ecu.play.scenario import Scenario, load_scenario
 from wrcd.bus.frame import Frame
-from wrcd.bus.link import open_link
 from wrcd.bus.log import format_line
+from wrcd.bus.opening import open_link
 from wrcd.daemon.config import load_config
 from wrcd.daemon.core import Core
 from wrcd.daemon.loop import Daemon, wall_us

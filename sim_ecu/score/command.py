@@ -94,7 +94,7 @@ def _named(text: str) -> tuple[str, Path]:
 
 def _play_all(every: list[Run], jobs: int, asked: Asked) -> list[Trace]:
     """In processes of their own; the order of the traces does not depend on them."""
-    progress = Progress(steps=False)
+    progress = Progress(steps=True)
     cost = np.array([r.scenario.duration_s * len(r.scenario.axles) for r in every])
     done = 0.0
     traces: list[Trace] = []

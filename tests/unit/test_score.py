@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sim_ecu.cli import SUITES, main
+from sim_ecu.cli import main
 from sim_ecu.design.cases import SEEDS_PER_PLAN, Plan, draw
 from sim_ecu.design.source import load_source
 from sim_ecu.physics.contact import peak
@@ -22,6 +22,7 @@ from sim_ecu.score.goals import goals
 from sim_ecu.score.heard import Heard
 from sim_ecu.score.metrics import accuracy, changes, honesty
 from sim_ecu.score.metrics.frames import OURS, gather
+from sim_ecu.score.names import SUITES
 from sim_ecu.score.play import Trace, newest, play
 from sim_ecu.score.report import judge, plain
 from sim_ecu.score.suites.broken import BOTH_DEAD, SWAPPED, dead, foreign

@@ -1,4 +1,4 @@
-"""Links to a bus: what the loop needs of one, and how to open it."""
+"""Links to a bus: what the loop needs of one."""
 
 from dataclasses import dataclass
 from typing import Literal, Protocol
@@ -44,21 +44,3 @@ class Link(Protocol):
 
     def close(self) -> None:
         """Let go of the bus."""
-
-
-def open_link(interface: str, channel: str, ids: tuple[int, ...] | None, hardware_stamps: bool = False) -> Link:
-    """Open a bus for some ids, or for every frame (None): SocketCAN by our own socket, everything else by python-can.
-
-    hardware_stamps: of SocketCAN's controller, where it makes any; python-can's interfaces stamp as they do.
-    Raises BusError if it can't be opened.
-    """
-    if interface == "socketcan":
-        from wrcd.bus.socketcan import SocketCanLink
-
-        link = SocketCanLink(channel, ids)
-        if hardware_stamps:
-            link.stamp_by_hardware()
-        return link
-    from wrcd.bus.pythoncan import PythonCanLink
-
-    return PythonCanLink(interface, channel, ids)

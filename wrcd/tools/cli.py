@@ -98,7 +98,7 @@ def _run(args: argparse.Namespace) -> int:
         early = SocketCanLink(args.channel, None)
     link: Link
     try:
-        from wrcd.bus.link import open_link
+        from wrcd.bus.opening import open_link
         from wrcd.daemon.config import load_config
         from wrcd.daemon.core import Core
         from wrcd.daemon.loop import Daemon

@@ -2,8 +2,8 @@
 
 from collections.abc import Callable, Iterator
 
-from sim_ecu.cli import SUITES
 from sim_ecu.design.source import Source
+from sim_ecu.score.names import SUITES
 from sim_ecu.score.suites.broken import dead, foreign
 from sim_ecu.score.suites.changes import cycles, drops, paper, transitions
 from sim_ecu.score.suites.dry import dry_hours
