@@ -108,16 +108,15 @@ class Window:
     """The last `blocks` blocks of every axle; the newest may be part of a block.
 
     A block's place is its number modulo the length, so the contents follow from the ticks' numbers. Where the rail has
-    changed, what is older is dropped, and the window grows again.
+    changed, what is older is dropped, and the window grows again; kept() still knows of it.
     """
 
-    STATE = ("_sums", "_kept", "_past", "_newest")
+    STATE = ("_sums", "_since", "_past", "_newest")
 
     def __init__(self, blocks: int, axles: int) -> None:
         self._blocks = blocks
         self._sums: FloatArray = np.zeros((blocks, COLUMNS, axles))
-        # the plain sums once more: kept where the rest is dropped
-        self._kept: FloatArray = np.zeros((blocks, COLUMNS - PLAIN, axles))
+        self._since: IntArray = np.zeros(axles, dtype=np.int64)  # number of the first block after the newest change
         self._past: FloatArray = np.zeros((LAG, _W, axles))  # w of the last LAG ticks, newest first
         self._newest = -1  # number of the newest block
         self._cumulative: FloatArray | None = None
@@ -134,7 +133,6 @@ class Window:
         if block != self._newest:
             for passed in range(max(self._newest + 1, block - self._blocks + 1), block + 1):
                 self._sums[passed % self._blocks] = 0.0
-                self._kept[passed % self._blocks] = 0.0
             self._newest = block
         w = np.where(running, w, 0.0).reshape(_W, -1)
         known = running & np.isfinite(ratio)
@@ -146,7 +144,6 @@ class Window:
         raw = np.where(calm & running, raw, 0.0).reshape(_W, -1)
         plain = np.concatenate((np.stack((np.where(known, ratio, 0.0), known, calm & running)), raw, raw * raw))
         sums[PLAIN:] += plain
-        self._kept[block % self._blocks] += plain
         sums[SUM_W] += w
         sums[SUM_TW] += t * w
         sums[SUM_WW] += w * w
@@ -158,22 +155,20 @@ class Window:
     def reset(self, axle: int) -> None:
         """Empty an axle's window."""
         self._sums[:, :, axle] = 0.0
-        self._kept[:, :, axle] = 0.0
+        self._since[axle] = 0
         self._past[:, :, axle] = 0.0
         self._cumulative = None
 
     def truncate(self, blocks: int, axles: BoolArray) -> None:
         """Drop what is older than the newest blocks of some axles (n,)."""
-        age = (self._newest - np.arange(self._blocks)) % self._blocks
-        for axle in np.flatnonzero(axles):
-            self._sums[age >= blocks, :, axle] = 0.0
+        self._since = np.where(axles, np.maximum(self._since, self._newest - blocks + 1), self._since)
         self._cumulative = None
 
     def cumulative(self) -> FloatArray:
         """(blocks + 1, COLUMNS, n): sums over the newest 0, 1, 2 … blocks, t counted from the newest block's start."""
         if self._cumulative is None:
             age = np.arange(self._blocks)
-            sums = self._sums[(self._newest - age) % self._blocks]
+            sums = self._sums[self._places(0, self._blocks)] * self._held(0, self._blocks)[:, None]
             shift = (-float(BLOCK_TICKS) * age)[:, None]
             sums[:, TT] += shift * (2.0 * sums[:, T] + shift * sums[:, N])
             sums[:, T] += shift * sums[:, N]
@@ -183,28 +178,31 @@ class Window:
 
     def plain(self, first: int, end: int) -> FloatArray:
         """Plain sums (COLUMNS - PLAIN, n) over the blocks first … end - 1, counted back from the newest (0)."""
-        out: FloatArray = self._sums[self._places(first, end), PLAIN:].sum(axis=0)
+        out: FloatArray = (self._sums[self._places(first, end), PLAIN:] * self._held(first, end)[:, None]).sum(axis=0)
         return out
 
     def kept(self, first: int, end: int) -> FloatArray:
         """The same, what lies before a change included."""
-        out: FloatArray = self._kept[self._places(first, end)].sum(axis=0)
+        out: FloatArray = self._sums[self._places(first, end), PLAIN:].sum(axis=0)
         return out
+
+    def _held(self, first: int, end: int) -> BoolArray:
+        """(end - first, n): which blocks of each axle came after the newest change."""
+        return np.asarray((self._newest - np.arange(first, end))[:, None] >= self._since)
 
     def _places(self, first: int, end: int) -> IntArray:
         return np.asarray((self._newest - np.arange(first, end)) % self._blocks)
 
     def torque_range(self, blocks: int) -> tuple[FloatArray, FloatArray]:
         """The lowest and the highest torque ratio (n,) of any of the newest blocks, those before a change included."""
-        total, count = np.moveaxis(self._kept[self._places(0, blocks), : RATIO_N + 1 - PLAIN], 1, 0)
+        total, count = np.moveaxis(self._sums[self._places(0, blocks), RATIO : RATIO_N + 1], 1, 0)
         with np.errstate(invalid="ignore", divide="ignore"):
             mean = total / count
         return np.where(count > 0, mean, np.inf).min(axis=0), np.where(count > 0, mean, -np.inf).max(axis=0)
 
     def filled(self) -> IntArray:
         """(n,): how many of the newest blocks hold ticks without a gap."""
-        age = np.arange(self._blocks)
-        there = self._sums[(self._newest - age) % self._blocks, N] > 0
+        there = (self._sums[self._places(0, self._blocks), N] > 0) & self._held(0, self._blocks)
         return np.asarray(np.where(there.all(axis=0), self._blocks, np.argmin(there, axis=0)))
 
 
