@@ -167,9 +167,10 @@ class Identity:
             newest = self._blocks[: min(filled, SILENT_BLOCKS), :, axle]
             if silent(newest, before, SILENT_EXCESS if known else STILL_SILENT_EXCESS):
                 self._held[Doubt.SILENT, axle] = max(self._held[Doubt.SILENT, axle], SILENT_BLOCKS)
-            second = evidence(newest.mean(axis=0)[None])
-            if filled >= 2 * SECOND and (dead := dead_alone(second, *self._unit[:, 0])):
-                self._held[dead, axle] = max(self._held[dead, axle], ALONE_BLOCKS)
+            if filled >= 2 * SECOND:
+                dead = dead_alone(evidence(newest.mean(axis=0)[None]), *self._unit[:, 0])
+                if dead:
+                    self._held[dead, axle] = max(self._held[dead, axle], ALONE_BLOCKS)
             # once a second, each axle at another tick
             if filled >= LEAST_BLOCKS and (filled - axle) % SECOND == 0:
                 whole = min(filled, BLOCKS) // SECOND
