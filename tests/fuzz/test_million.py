@@ -25,7 +25,7 @@ FRAMES = int(os.environ.get("FRAMES", 1_000_000))
 PER_TICK = 40  # corrupted ones; good ones are ten on average
 NO_NUMBER = 0xFFFE
 VALID = 1
-MOST_CHANGE_PP = 3.0  # of corrupted frames that are accepted: about one in twelve thousand
+MOST_CHANGE_PP = 2.5  # of corrupted frames that are accepted: about one in twelve thousand
 MOST_REFUSED = 2  # cycles of a signal, after one corrupted frame that was accepted
 
 

@@ -79,8 +79,9 @@ def test_as_fast_as_cangen_sends(sensors: tuple[Path, int], ids: str, tmp_path: 
     assert load > 5000
     assert len(frames) >= 0.97 * 50 * (end - begin)
     assert gaps[int(0.99 * len(gaps))] < 60
-    # among random ids are the sensors' own, a hundred a second: one in thousands passes for a frame of theirs
-    assert accepted == pytest.approx(sent, abs=0 if ids == "300" else 5)
+    # among random ids are the sensors' own, forty a second of the right length: one in 256 has the right CRC and may be
+    # taken for one of theirs, with up to three of theirs then out of sequence
+    assert accepted == pytest.approx(sent, abs=0 if ids == "300" else 12)
     assert ("refused" in said) == (ids == "r")
     assert "lost" not in said
     assert valid > 0.8 * (len(frames) - 100)
