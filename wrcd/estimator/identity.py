@@ -11,6 +11,7 @@ from wrcd.estimator.doubts import (
     LAT,
     LEAST_SILENT_BLOCKS,
     LOW,
+    MIDDLE,
     PRECEDENCE,
     ROWS,
     SILENT_EXCESS,
@@ -22,6 +23,7 @@ from wrcd.estimator.doubts import (
     evidence,
     silent,
 )
+from wrcd.estimator.wiring import Wiring
 
 BLOCK_S = 0.25  # evidence is summed up over blocks of ticks with data
 SECOND = 4  # blocks
@@ -98,7 +100,7 @@ class Identity:
     known of the wires holds across gaps and standstills.
     """
 
-    STATE = ("_filters", "_mean", "_offset_ticks", "_sums", "_ticks", "_blocks", "_filled", "_held")
+    STATE = ("_filters", "_mean", "_offset_ticks", "_sums", "_ticks", "_blocks", "_filled", "_held", "_wiring")
 
     def __init__(self, noise_rms: tuple[float, float], tick_s: float, axles: int) -> None:
         self._unit: FloatArray = np.array(noise_rms)[:, None]
@@ -111,6 +113,7 @@ class Identity:
         self._ticks: FloatArray = np.zeros(axles)
         self._blocks: FloatArray = np.zeros((BLOCKS, ROWS, axles))  # the newest first
         self._filled: IntArray = np.zeros(axles, dtype=np.int64)  # blocks so far
+        self._wiring = Wiring(tick_s, axles)
         self._held: IntArray = np.zeros((len(Doubt), axles), dtype=np.int64)  # blocks for which a doubt stays
 
     @property
@@ -126,6 +129,7 @@ class Identity:
         self._offset_ticks[axle] = 0.0
         self._sums[:, axle] = 0.0
         self._ticks[axle] = 0.0
+        self._wiring.reset(axle)
 
     def step(
         self, z: FloatArray, used: BoolArray, speed_m_s: float, saturated: BoolArray | None = None
@@ -143,6 +147,7 @@ class Identity:
         ))  # fmt: skip
         self._sums = self._sums + np.where(used, new, 0.0)
         self._ticks = self._ticks + used
+        self._wiring.step(y[MIDDLE], square[MIDDLE], used)
         full = self._ticks >= self._block_ticks
         if full.any():
             self._put(full)
@@ -175,5 +180,8 @@ class Identity:
             if filled >= LEAST_BLOCKS and (filled - axle) % SECOND == 0:
                 whole = min(filled, BLOCKS) // SECOND
                 seconds = self._blocks[: whole * SECOND, :, axle].reshape(whole, SECOND, ROWS).mean(axis=1)
-                for doubt in doubts(evidence(seconds), *self._unit[:, 0]):
+                found = doubts(evidence(seconds), *self._unit[:, 0])
+                if self._wiring.crossed[axle]:
+                    found.add(Doubt.UNRELATED)
+                for doubt in found:
                     self._held[doubt, axle] = BLOCKS

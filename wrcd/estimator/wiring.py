@@ -1,0 +1,69 @@
+"""Which gyro feels what which accelerometer feels: wires that are swapped between axles show in all axles' signals."""
+
+import numpy as np
+
+from wrcd.estimator.bank import BoolArray
+from wrcd.estimator.design import CHANNELS, FloatArray
+from wrcd.estimator.doubts import LAT, YAW
+
+SECONDS = 10  # that are judged
+LEAST_SECONDS = 9  # before which nothing is
+LEAST_SHARE = 0.5  # of a second's ticks that an axle must have data in
+# By so much two pairs' correlations in 3 to 10 Hz must grow if their accelerometers changed places, both together. Of
+# 5 700 sound pairs in fours (nominal, robust, rough, harsh, slow, coasting, in slip cycles, after drops; on tracks of
+# their own and on a train's) none is above 0.3; of 120 swapped ones on one track 96 % are above 0.4, saturated or not.
+CROSSED = 0.4
+
+
+class Wiring:
+    """Correlations of every axle's yaw rate with every axle's lateral acceleration, second by second.
+
+    A pair's own correlation alone tells less: a saturated wheelset swings by itself, and goes with no other's sensor
+    either.
+    """
+
+    STATE = ("_cross", "_power", "_used", "_ticks", "_seconds", "crossed")
+
+    def __init__(self, tick_s: float, axles: int) -> None:
+        self._second_ticks = round(1.0 / tick_s)
+        self._cross: FloatArray = np.zeros((axles, axles))  # of the second that is not full yet: gyro, accelerometer
+        self._power: FloatArray = np.zeros((CHANNELS, axles))
+        self._used: FloatArray = np.zeros(axles)  # ticks with data
+        self._ticks = 0
+        self._seconds: FloatArray = np.full((SECONDS, axles, axles), np.nan)  # the newest first
+        self.crossed: BoolArray = np.zeros(axles, dtype=bool)
+
+    def reset(self, axle: int) -> None:
+        """Nothing of an axle's second counts that a gap breaks."""
+        self._used[axle] = -self._second_ticks
+
+    def step(self, y: FloatArray, power: FloatArray, used: BoolArray) -> None:
+        """One tick of both signals in 3 to 10 Hz and their squares (2, n), of the axles that have data (n,)."""
+        known = y * used
+        self._cross = self._cross + known[YAW][:, None] * known[LAT]
+        self._power = self._power + power * used
+        self._used = self._used + used
+        self._ticks += 1
+        if self._ticks >= self._second_ticks:
+            self._close()
+
+    def _close(self) -> None:
+        """A second is full."""
+        known = self._used >= LEAST_SHARE * self._second_ticks
+        with np.errstate(invalid="ignore", divide="ignore"):
+            r = self._cross / np.sqrt(self._power[YAW][:, None] * self._power[LAT])
+        r[~(known[:, None] & known)] = np.nan
+        self._seconds = np.concatenate((r[None], self._seconds[:-1]))
+        self._cross, self._power, self._used = (np.zeros_like(a) for a in (self._cross, self._power, self._used))
+        self._ticks = 0
+        self.crossed = self._judged()
+
+    def _judged(self) -> BoolArray:
+        """(n,): whether an axle and another would go together better with each other's accelerometer."""
+        known = np.isfinite(self._seconds)
+        count = known.sum(axis=0)
+        mean = np.where(known, self._seconds, 0.0).sum(axis=0) / np.maximum(count, 1)
+        mean[count < LEAST_SECONDS] = np.nan
+        own = np.diagonal(mean)
+        gain = mean + mean.T - own[:, None] - own
+        return np.asarray((gain > CROSSED).any(axis=1))
