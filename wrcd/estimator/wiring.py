@@ -35,10 +35,16 @@ class Wiring:
 
     def reset(self, axle: int) -> None:
         """Nothing of an axle's second counts that a gap breaks."""
+        self._cross[axle] = self._cross[:, axle] = self._power[:, axle] = 0.0
         self._used[axle] = -self._second_ticks
+        if (self._used <= 0.0).all():
+            self._used[:] = 0.0
+            self._ticks = 0
 
     def step(self, y: FloatArray, power: FloatArray, used: BoolArray) -> None:
         """One tick of both signals in 3 to 10 Hz and their squares (2, n), of the axles that have data (n,)."""
+        if not used.any():
+            return
         known = y * used
         self._cross = self._cross + known[YAW][:, None] * known[LAT]
         self._power = self._power + power * used
