@@ -112,11 +112,11 @@ ROWS = (
 # clock alone.
 # Ten full seconds, judged once a second, at the end of a quarter of a second.
 _PAIR = Found(11_250.0 + SLOT_MS)
+_SECOND = Found(1500.0 + SLOT_MS)  # of noise alone, both or one beside a loud one, and until it is judged
 LONG_ROWS = (
-    _row("dead", ALL, Found(1500.0 + SLOT_MS), LONG_S),
+    _row("dead", ALL, _SECOND, LONG_S),
     *(_row("reverse", of, _PAIR, IDENTITY_S) for of in ("yaw_rate", "lateral_acceleration")),
-    # one alone, beside a loud one: a second of it, and a quarter until it is judged
-    *(_row("dead", of, Found(1500.0 + SLOT_MS), IDENTITY_S) for of in ("yaw_rate", "lateral_acceleration")),
+    *(_row("dead", of, _SECOND, IDENTITY_S) for of in ("yaw_rate", "lateral_acceleration")),
     _row("swap-wiring", "yaw_rate", _PAIR, IDENTITY_S),
 )
 

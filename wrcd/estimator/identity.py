@@ -131,9 +131,7 @@ class Identity:
         self._ticks[axle] = 0.0
         self._wiring.reset(axle)
 
-    def step(
-        self, z: FloatArray, used: BoolArray, speed_m_s: float, saturated: BoolArray | None = None
-    ) -> None:  # fmt: skip
+    def step(self, z: FloatArray, used: BoolArray, speed_m_s: float, saturated: BoolArray | None = None) -> None:
         """One tick of raw measurements z (2, n), of the axles (n,) whose measurements are used; which are saturated."""
         x = np.where(used, np.clip(z / self._unit, -MOST, MOST), 0.0)
         self._offset_ticks = np.minimum(self._offset_ticks + used, self._most_offset_ticks)
@@ -181,7 +179,7 @@ class Identity:
                 whole = min(filled, BLOCKS) // SECOND
                 seconds = self._blocks[: whole * SECOND, :, axle].reshape(whole, SECOND, ROWS).mean(axis=1)
                 found = doubts(evidence(seconds), *self._unit[:, 0])
-                if self._wiring.crossed[axle]:
+                if self._wiring.crossed()[axle]:
                     found.add(Doubt.UNRELATED)
                 for doubt in found:
                     self._held[doubt, axle] = BLOCKS

@@ -22,7 +22,7 @@ class Wiring:
     either.
     """
 
-    STATE = ("_cross", "_power", "_used", "_ticks", "_seconds", "crossed")
+    STATE = ("_cross", "_power", "_used", "_ticks", "_seconds")
 
     def __init__(self, tick_s: float, axles: int) -> None:
         self._second_ticks = round(1.0 / tick_s)
@@ -31,7 +31,6 @@ class Wiring:
         self._used: FloatArray = np.zeros(axles)  # ticks with data
         self._ticks = 0
         self._seconds: FloatArray = np.full((SECONDS, axles, axles), np.nan)  # the newest first
-        self.crossed: BoolArray = np.zeros(axles, dtype=bool)
 
     def reset(self, axle: int) -> None:
         """Nothing of an axle's second counts that a gap breaks."""
@@ -62,9 +61,8 @@ class Wiring:
         self._seconds = np.concatenate((r[None], self._seconds[:-1]))
         self._cross, self._power, self._used = (np.zeros_like(a) for a in (self._cross, self._power, self._used))
         self._ticks = 0
-        self.crossed = self._judged()
 
-    def _judged(self) -> BoolArray:
+    def crossed(self) -> BoolArray:
         """(n,): whether an axle and another would go together better with each other's accelerometer."""
         known = np.isfinite(self._seconds)
         count = known.sum(axis=0)
