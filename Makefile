@@ -3,7 +3,7 @@
 # make check  format, lint, types, then make test
 # make fuzz   property tests with EXAMPLES (10^5) examples each, and a million corrupted frames; hours
 # make soak   HOURS (24) on the virtual clock in one core: nothing grows, drifts or is lost; an eighth of that
-# make coverage  which branches of wrcd/bus and wrcd/daemon the tests take, those in the guest too; fails below 95 %
+# make coverage  which branches of wrcd/bus, wrcd/core, wrcd/recorder and wrcd/service the tests take, those in the guest too; fails below 95 %
 # make mutants   whether the tests notice changed code in validity and E2E; an hour, see tests/mutants.md
 PYTHON ?= python3
 VENV := .venv

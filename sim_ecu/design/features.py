@@ -14,7 +14,7 @@ from sim_ecu.design.cases import Plan, Progress
 from sim_ecu.design.recordings import Recording
 from wrcd.estimator.design import MODELS, Design
 from wrcd.estimator.estimator import Estimator, Tick
-from wrcd.estimator.inputs import SWING
+from wrcd.estimator.rule_inputs import SWING
 from wrcd.estimator.window import BLOCK_TICKS
 
 FloatArray = NDArray[np.float64]

@@ -21,8 +21,8 @@ from sim_ecu.design.reference_filters import (
 from sim_ecu.design.reference_rules import FuzzyReference, Row, SlidingWindow
 from sim_ecu.design.source import load_source
 from wrcd.bus.log import Damage, read_log
-from wrcd.daemon.config import Config, load_config
-from wrcd.daemon.core import Core
+from wrcd.config import Config, load_config
+from wrcd.core.core import Core
 from wrcd.estimator.design import Design
 from wrcd.estimator.estimator import Estimate, Estimator, Tick
 from wrcd.tools.replay import progress

@@ -18,10 +18,10 @@ from sim_ecu.play.scenario import Scenario, load_scenario
 from wrcd.bus.frame import Frame
 from wrcd.bus.log import format_line
 from wrcd.bus.opening import open_link
-from wrcd.daemon.config import load_config
-from wrcd.daemon.core import Core
-from wrcd.daemon.loop import Daemon, wall_us
-from wrcd.daemon.report import CONFIDENCES
+from wrcd.config import load_config
+from wrcd.core.core import Core
+from wrcd.core.report import CONFIDENCES
+from wrcd.service.loop import Daemon, wall_us
 
 SHOW_EVERY_S = 0.5
 FULL_SCALE_PCT, WIDTH = 50.0, 50

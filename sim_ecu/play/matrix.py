@@ -16,8 +16,8 @@ from sim_ecu.play.play import LOG_START_US
 from sim_ecu.play.player import Player
 from sim_ecu.play.scenario import load_scenario
 from wrcd.bus.frame import Frame
-from wrcd.daemon.config import load_config
-from wrcd.daemon.core import Core
+from wrcd.config import load_config
+from wrcd.core.core import Core
 from wrcd.tools.progress import Progress
 
 # When the fault begins: the axle has been Valid for a while, and slots and cycles are met at different points.

@@ -15,9 +15,9 @@ from sim_ecu.score.heard import Heard
 from sim_ecu.score.suites.run import Run
 from sim_ecu.score.ticks import Ticks
 from wrcd.bus.frame import Frame
-from wrcd.daemon.config import Config
-from wrcd.daemon.core import Core
-from wrcd.daemon.report import CONFIDENCES
+from wrcd.config import Config
+from wrcd.core.core import Core
+from wrcd.core.report import CONFIDENCES
 from wrcd.estimator.design import Design
 from wrcd.estimator.estimator import Estimate, Estimator, Tick
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from sim_ecu.play.player import Player
 from sim_ecu.play.scenario import read_scenario
-from tests.scenarios import FOUR_AXLES
+from tests.support.scenarios import FOUR_AXLES
 from wrcd.bus.codec import USABLE, plain
 from wrcd.bus.dbc import Database, Message
 from wrcd.bus.e2e import COUNTER_MODULO, MOST_LOST, protect

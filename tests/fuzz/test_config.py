@@ -11,8 +11,8 @@ from tests.fuzz.strategies import NASTY, mutated
 from wrcd import resources
 from wrcd.bus.dbc import load_dbc
 from wrcd.bus.frame import Frame
-from wrcd.daemon.config import Config, load_config
-from wrcd.daemon.core import Core
+from wrcd.config import Config, load_config
+from wrcd.core.core import Core
 from wrcd.errors import InputError
 from wrcd.estimator.design import load_design
 

@@ -13,13 +13,13 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
 from tests.fuzz.strategies import near_frames
-from tests.unit.test_core import Rig
+from tests.unit.core.test_core import Rig
 from wrcd.bus.codec import Receiver
 from wrcd.bus.e2e import protect
 from wrcd.bus.frame import Frame
-from wrcd.daemon.config import load_config
-from wrcd.daemon.outbox import Outgoing
-from wrcd.daemon.validity import BRIDGED_TICKS
+from wrcd.config import load_config
+from wrcd.core.outbox import Outgoing
+from wrcd.core.validity import BRIDGED_TICKS
 
 WINDOW_US, TICK_US, SLOT_US = 120_000, 5_000, 20_000
 _DEFAULT = load_config(None)

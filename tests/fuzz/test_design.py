@@ -14,11 +14,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.fuzz.strategies import mutated
-from tests.unit.test_core import Rig
+from tests.unit.core.test_core import Rig
 from wrcd import resources
 from wrcd.checksum import checksum
-from wrcd.daemon.config import load_config
-from wrcd.daemon.report import Validity
+from wrcd.config import load_config
+from wrcd.core.report import Validity
 from wrcd.errors import InputError
 from wrcd.estimator.design import load_design, parse_design
 

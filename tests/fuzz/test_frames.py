@@ -8,7 +8,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from tests.fuzz.strategies import any_frames, damaged, near_frames
-from tests.unit.test_codec import FOREIGN, OPTIONAL
+from tests.unit.bus.test_codec import FOREIGN, OPTIONAL
 from wrcd.bus.codec import Receiver, Source
 from wrcd.bus.dbc import Database, load_dbc
 from wrcd.bus.e2e import COUNTER_MODULO, Checker, crc, protect
@@ -16,7 +16,7 @@ from wrcd.bus.frame import Frame
 from wrcd.bus.log import format_line, parse_line
 from wrcd.bus.reasons import Reason
 from wrcd.bus.units import Quantity
-from wrcd.daemon.config import load_config
+from wrcd.config import load_config
 
 CONFIG = load_config(None)
 SOURCES = [i.source for i in CONFIG.inputs]

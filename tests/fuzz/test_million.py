@@ -17,9 +17,9 @@ import pytest
 
 from tests.fuzz.corrupted import START_US, bus, let_through
 from wrcd.bus.frame import Frame
-from wrcd.daemon.config import Config, load_config
-from wrcd.daemon.core import Core
-from wrcd.daemon.outbox import Outgoing
+from wrcd.config import Config, load_config
+from wrcd.core.core import Core
+from wrcd.core.outbox import Outgoing
 
 FRAMES = int(os.environ.get("FRAMES", 1_000_000))
 PER_TICK = 40  # corrupted ones; good ones are ten on average

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from sim_ecu.play.player import Player
 from sim_ecu.play.scenario import read_scenario
 from tests.fuzz.strategies import mutated
-from tests.scenarios import CHANGING_SPEED, FOUR_AXLES
+from tests.support.scenarios import CHANGING_SPEED, FOUR_AXLES
 from wrcd.errors import InputError
 from wrcd.settings import parse_toml
 

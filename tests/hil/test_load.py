@@ -14,7 +14,7 @@ import pytest
 
 from sim_ecu.cli import main as sim_ecu
 from tests.hil.conftest import BIN, running, wait_for
-from tests.scenarios import held
+from tests.support.scenarios import held
 from wrcd.bus.e2e import crc
 from wrcd.bus.frame import Frame
 from wrcd.bus.log import Damage, read_log

@@ -19,7 +19,7 @@ import pytest
 from tests.hil.conftest import ROOT, running, wait_for
 from wrcd.bus.frame import Frame
 from wrcd.bus.log import Damage, parse_line, read_log
-from wrcd.daemon.config import DEFAULT
+from wrcd.config import DEFAULT
 
 UNIT = "wrcd@vcan0"
 PLAYED = ROOT / "build/unit/wet.log"

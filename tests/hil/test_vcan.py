@@ -14,10 +14,10 @@ import pytest
 from cantools.database.can import Database
 
 from tests.hil.conftest import BIN, ROOT, running, wait_for
-from tests.scenarios import FOUR_AXLES, held
+from tests.support.scenarios import FOUR_AXLES, held
 from wrcd.bus.frame import Frame
 from wrcd.bus.log import Damage, format_line, read_log
-from wrcd.daemon.config import DEFAULT
+from wrcd.config import DEFAULT
 
 INPUTS = {0x130} | {base + a for base in (0x100, 0x110, 0x120) for a in range(1, 5)}
 ADHESION = {0x090 + a for a in range(1, 5)}

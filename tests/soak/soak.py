@@ -16,8 +16,8 @@ import numpy as np
 
 from tests.soak.pool import LOOP_US, TICK_US, Faults, endless, pool
 from wrcd.bus.frame import Frame
-from wrcd.daemon.config import Config, load_config
-from wrcd.daemon.core import BACKWARD_STEP_US, FORWARD_STEP_US, Core
+from wrcd.config import Config, load_config
+from wrcd.core.core import BACKWARD_STEP_US, FORWARD_STEP_US, Core
 from wrcd.estimator.design import CHANNELS, Design, FloatArray
 from wrcd.estimator.estimator import Estimate, Estimator, Tick
 from wrcd.estimator.identity import Identity

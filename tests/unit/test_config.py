@@ -10,7 +10,7 @@ from wrcd import resources
 from wrcd.bus.dbc import load_dbc
 from wrcd.bus.units import Quantity
 from wrcd.checksum import checksum
-from wrcd.daemon.config import load_config
+from wrcd.config import load_config
 from wrcd.errors import InputError
 from wrcd.estimator.design import load_design
 from wrcd.tools.check import describe

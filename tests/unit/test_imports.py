@@ -9,8 +9,8 @@ import pytest
 ROOT = Path(__file__).parents[2]
 RULES = {
     "wrcd": {"sim_ecu", "scipy", "filterpy", "skfuzzy", "numba", "matplotlib", "e2e"},
-    "wrcd/estimator": {"can", "cantools", "time", "logging", "datetime", "wrcd.bus", "wrcd.daemon", "wrcd.tools"},
-    "wrcd/bus": {"numpy", "time", "datetime", "wrcd.estimator", "wrcd.daemon", "wrcd.tools"},
+    "wrcd/estimator": {"can", "cantools", "time", "logging", "datetime", "wrcd.bus", "wrcd.core", "wrcd.recorder", "wrcd.service", "wrcd.tools"},
+    "wrcd/bus": {"numpy", "time", "datetime", "wrcd.estimator", "wrcd.core", "wrcd.recorder", "wrcd.service", "wrcd.tools"},
     "sim_ecu/physics": {"wrcd", "can", "cantools", "sim_ecu.play", "sim_ecu.design"},
     "sim_ecu/play/encoder.py": {"wrcd.bus"},
 }

@@ -7,8 +7,8 @@ import numpy as np
 
 from tests.soak.pool import Faults
 from tests.soak.soak import Balance
-from wrcd.daemon.config import load_config
-from wrcd.daemon.core import Core
+from wrcd.config import load_config
+from wrcd.core.core import Core
 
 
 def test_a_short_soak_balances() -> None:

@@ -10,10 +10,10 @@ from wrcd.estimator.design import MODELS, Design, FloatArray, IntArray
 from wrcd.estimator.fuzzy import LOW_FIRING, Fuzzy, Inference
 from wrcd.estimator.gate import Gate
 from wrcd.estimator.identity import BLOCK_S, Identity
-from wrcd.estimator.inputs import Past, excitation, rule_inputs
 from wrcd.estimator.joints import HOLD_TICKS, MAX_PULSE, Joints
 from wrcd.estimator.noise import NoiseLevel
 from wrcd.estimator.offset import Offset
+from wrcd.estimator.rule_inputs import Past, excitation, rule_inputs
 from wrcd.estimator.sections import Sections
 from wrcd.estimator.speed import SpeedFilter
 from wrcd.estimator.window import (

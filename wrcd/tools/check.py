@@ -2,8 +2,8 @@
 
 from wrcd.bus.dbc import find_message, find_signal
 from wrcd.bus.units import Quantity
-from wrcd.daemon.config import Config
-from wrcd.daemon.validity import LOAD_SHARES, RADIUS_SHARES
+from wrcd.config import Config
+from wrcd.core.validity import LOAD_SHARES, RADIUS_SHARES
 from wrcd.estimator.design import Design
 
 # what of a wheelset a person knows it by, as the rig names it

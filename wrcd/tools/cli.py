@@ -99,14 +99,14 @@ def _run(args: argparse.Namespace) -> int:
     link: Link
     try:
         from wrcd.bus.opening import open_link
-        from wrcd.daemon.config import load_config
-        from wrcd.daemon.core import Core
-        from wrcd.daemon.loop import Daemon
-        from wrcd.daemon.memory import lock
-        from wrcd.daemon.notify import Notifier
-        from wrcd.daemon.recorder import make_recorder
-        from wrcd.daemon.reload import Reload
-        from wrcd.daemon.say import say
+        from wrcd.config import load_config
+        from wrcd.core.core import Core
+        from wrcd.recorder.recorder import make_recorder
+        from wrcd.service.journal import say
+        from wrcd.service.loop import Daemon
+        from wrcd.service.memory import lock
+        from wrcd.service.notify import Notifier
+        from wrcd.service.reload import Reload
 
         config = load_config(args.config)
         core = Core(config)
@@ -145,7 +145,7 @@ def _run(args: argparse.Namespace) -> int:
 
 
 def _check(args: argparse.Namespace) -> int:
-    from wrcd.daemon.config import load_config
+    from wrcd.config import load_config
     from wrcd.tools.check import describe
 
     print("\n".join(describe(load_config(args.config))))

@@ -11,7 +11,7 @@ from wrcd.bus.dbc import Message, load_dbc
 from wrcd.bus.frame import Frame
 from wrcd.bus.log import Damage, format_line, read_log
 from wrcd.bus.opening import open_link
-from wrcd.daemon.config import load_config
+from wrcd.config import load_config
 
 BOLD_GREEN, BOLD_YELLOW, BOLD_RED, PLAIN = "\033[1;32m", "\033[1;33m", "\033[1;31m", "\033[0m"
 _COLOURS = {"Valid": BOLD_GREEN, "Degraded": BOLD_YELLOW, "Error": BOLD_RED, "NotAvailable": BOLD_RED}

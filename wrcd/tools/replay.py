@@ -11,15 +11,15 @@ from typing import IO, Any
 from wrcd.bus.dbc import Message, find_message
 from wrcd.bus.frame import Frame
 from wrcd.bus.log import Damage, format_line, read_log
-from wrcd.daemon.config import Config, load_config
-from wrcd.daemon.core import FORWARD_STEP_US, Core
-from wrcd.daemon.counts import Counts
-from wrcd.daemon.outbox import Outgoing
-from wrcd.daemon.report import Validity
-from wrcd.daemon.saved import Saved, happened, load, state_file
+from wrcd.config import Config, load_config
+from wrcd.core.core import FORWARD_STEP_US, Core
+from wrcd.core.counts import Counts
+from wrcd.core.outbox import Outgoing
+from wrcd.core.report import Validity
 from wrcd.errors import InputError, create
 from wrcd.estimator.design import Design
 from wrcd.estimator.estimator import Estimate
+from wrcd.recorder.state_file import Saved, happened, load, state_file
 from wrcd.tools.explain import sentence
 from wrcd.tools.progress import Progress
 

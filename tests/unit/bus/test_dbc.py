@@ -1,0 +1,160 @@
+"""The contract: names, ids, lengths, cycles, layout. Others test against these."""
+
+from pathlib import Path
+from typing import get_args
+
+import cantools
+import pytest
+from cantools.database.can import Database
+
+from wrcd.bus.dbc import timeout_ms
+from wrcd.bus.link import LinkState
+from wrcd.bus.reasons import Reason
+from wrcd.core.causes import Cause
+from wrcd.core.counts import State
+from wrcd.core.report import Validity
+
+ROOT = Path(__file__).parents[3]
+MESSAGES = {
+    "Adhesion_A{a}": (0x090, "WRCD", 20, 60, 8),
+    "AdhesionDetail_A{a}": (0x0A0, "WRCD", 100, 300, 8),
+    "InputHealth_A{a}": (0x0A8, "WRCD", 100, 300, 8),
+    "YawRate_A{a}": (0x100, "IMU", 5, 15, 5),
+    "LatAccel_A{a}": (0x110, "IMU", 5, 15, 5),
+    "Torque_A{a}": (0x120, "TCU", 10, 30, 5),
+}
+SINGLE = {
+    "WrcdStatus": (0x0B0, "WRCD", 1000, 3000, 8),
+    "WrcdRejects": (0x0B1, "WRCD", 1000, 3000, 8),
+    "WrcdLink": (0x0B2, "WRCD", 1000, 3000, 8),
+    "VehicleSpeed": (0x130, "TCU", 20, 60, 4),
+}
+EVERY = {n.format(a=a): (i + a, *rest) for n, (i, *rest) in MESSAGES.items() for a in range(1, 5)} | SINGLE
+# start, length, signed, scale, unit
+SIGNALS = {
+    "YawRate_A1": {"Status": (12, 4, False, 1, None), "YawRate": (16, 24, True, 1e-6, "rad/s")},
+    "LatAccel_A1": {"Status": (12, 4, False, 1, None), "LatAccel": (16, 24, True, 1e-5, "m/s²")},
+    "Torque_A1": {"Status": (12, 4, False, 1, None), "Torque": (16, 24, True, 0.01, "N·m")},
+    "VehicleSpeed": {"Status": (12, 4, False, 1, None), "Speed": (16, 16, False, 0.0025, "m/s")},
+    "Adhesion_A4": {
+        "Validity": (12, 4, False, 1, None),
+        "MuAvailable": (16, 16, False, 0.01, "%"),
+        "MuUsed": (32, 16, False, 0.01, "%"),
+        "SampleAge": (48, 8, False, 1, "ms"),
+        "Surface": (56, 3, False, 1, None),
+        "ContactState": (59, 2, False, 1, None),
+        "Confidence": (61, 3, False, 1, None),
+    },
+}
+
+
+def load(name: str) -> Database:
+    database = cantools.database.load_file(ROOT / "dbc" / name, strict=True)
+    assert isinstance(database, Database)
+    return database
+
+
+@pytest.fixture(scope="module")
+def production() -> Database:
+    return load("wrcd.dbc")
+
+
+def test_messages(production: Database) -> None:
+    found = {
+        m.name: (m.frame_id, m.senders[0], m.cycle_time, timeout_ms(m, m.signals[0]), m.length)
+        for m in production.messages
+    }
+    assert found == {n: tuple(v) for n, v in EVERY.items()}
+
+
+@pytest.mark.parametrize("name", SIGNALS)
+def test_signals(production: Database, name: str) -> None:
+    signals = {
+        s.name: (s.start, s.length, s.is_signed, s.scale, s.unit)
+        for s in production.get_message_by_name(name).signals
+        if s.name not in ("Crc", "Counter")
+    }
+    assert signals == SIGNALS[name]
+
+
+@pytest.mark.parametrize("file", ["wrcd.dbc", "sim_ecu.dbc"])
+def test_every_message_is_protected_and_every_signal_explained(file: str) -> None:
+    for m in load(file).messages:
+        assert m.dbc is not None
+        attributes = {k: v.value for k, v in m.dbc.attributes.items()}
+        assert attributes["E2EProfile"] == "P11"
+        assert attributes["E2EDataId"] == m.frame_id
+        assert attributes["VFrameFormat"] == 0
+        assert attributes["GenMsgCycleTime"] == m.cycle_time
+        crc, counter = m.get_signal_by_name("Crc"), m.get_signal_by_name("Counter")
+        assert (crc.start, crc.length, counter.start, counter.length, counter.maximum) == (0, 8, 8, 4, 14)
+        assert m.comment
+        for s in m.signals:
+            assert s.byte_order == "little_endian"
+            assert s.comment
+            assert s.minimum is not None
+            assert s.maximum is not None
+            assert s.minimum < s.maximum
+            assert s.dbc is not None
+            assert "GenSigStartValue" in s.dbc.attributes
+
+
+def test_value_tables(production: Database) -> None:
+    m = production.get_message_by_name("Adhesion_A2")
+    tables = {s.name: {int(k): str(v) for k, v in s.choices.items()} for s in m.signals if s.choices}
+    assert tables["Validity"] == {0: "NotAvailable", 1: "Valid", 2: "Degraded"}
+    assert tables["Surface"] == {0: "Unknown", 1: "Dry", 2: "Wet", 3: "Reduced", 4: "Low", 5: "VeryLow"}
+    assert tables["ContactState"] == {0: "Unknown", 1: "Adhering", 2: "Saturated"}
+    assert tables["MuAvailable"] == {0xFFFF: "NotAvailable", 0xFFFE: "Error"}
+    assert len(tables["Confidence"]) == 8
+    status = production.get_message_by_name("Torque_A3").get_signal_by_name("Status").choices
+    assert {int(k): str(v) for k, v in (status or {}).items()} == {
+        0: "Ok",
+        1: "Degraded",
+        14: "Error",
+        15: "NotAvailable",
+    }
+
+
+def words(production: Database, message: str, signal: str) -> set[str]:
+    return {
+        str(word)
+        for word in (production.get_message_by_name(message).get_signal_by_name(signal).choices or {}).values()
+    }
+
+
+def test_no_state_is_promised_that_is_never_sent(production: Database) -> None:
+    """Each of these words is one that the daemon uses, and it uses no other."""
+    assert words(production, "Adhesion_A3", "Validity") == {v.value for v in Validity}
+    assert words(production, "WrcdStatus", "State") == set(get_args(State))
+    assert words(production, "WrcdLink", "LinkState") == set(get_args(LinkState))
+
+
+def test_the_truth_is_only_in_the_rigs_file(production: Database) -> None:
+    truth = load("sim_ecu.dbc")
+    assert {m.name: m.frame_id for m in truth.messages} == {f"SimTruth_A{a}": 0x7A0 + a for a in range(1, 5)}
+    slip = truth.get_message_by_name("SimTruth_A1").get_signal_by_name("Slip")
+    assert (slip.start, slip.length, slip.is_signed, slip.scale) == (48, 16, True, 1e-5)
+    assert not any("Truth" in m.name for m in production.messages)
+
+
+def test_every_cause_has_its_label_beside_residuals_that_keep_their_range(production: Database) -> None:
+    for a in range(1, 5):
+        m = production.get_message_by_name(f"AdhesionDetail_A{a}")
+        cause = m.get_signal_by_name("Cause")
+        assert {int(k): str(v) for k, v in (cause.choices or {}).items()} == {int(c): c.label for c in Cause}
+        assert max(Cause) < 1 << cause.length
+        for k in range(1, 5):
+            s = m.get_signal_by_name(f"Residual{k}")
+            assert (s.length, s.scale, s.minimum, s.maximum) == (8, 0.4, -70, 31.6)
+            assert {int(n): str(v) for n, v in (s.choices or {}).items()} == {255: "NotAvailable"}
+
+
+def test_every_reason_has_its_label_and_its_counter(production: Database) -> None:
+    labels = ["None", *(r.label for r in Reason)]
+    for message, signal in (("WrcdStatus", "LastReason"), ("InputHealth_A3", "RefusedTorque")):
+        choices = production.get_message_by_name(message).get_signal_by_name(signal).choices
+        assert choices is not None
+        assert [str(choices[i]) for i in range(len(choices))] == labels
+    names = {s.name for s in production.get_message_by_name("WrcdRejects").signals}
+    assert names == {"Crc", "Counter", *(f"Rejected{r.label}" for r in Reason)}

@@ -1,0 +1,143 @@
+import csv
+from pathlib import Path
+
+import e2e.p11
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from wrcd.bus.e2e import COUNTER_MODULO, MOST_LOST, Checker, crc, protect
+from wrcd.bus.reasons import Reason
+
+VECTORS = Path(__file__).parents[2] / "data" / "e2e_profile11_vectors.csv"
+
+
+@pytest.mark.parametrize("row", list(csv.DictReader(VECTORS.read_text().splitlines())), ids=lambda r: r["frame_hex"])
+def test_known_good_frames(row: dict[str, str]) -> None:
+    data, data_id = bytes.fromhex(row["frame_hex"]), int(row["data_id_hex"], 16)
+    assert crc(data, data_id) == data[0]
+    assert protect(b"\0" + data[1:], data_id, data[1] & 0x0F) == data
+    assert Checker(data_id).check(data) is None
+
+
+def test_a_zero_frame() -> None:
+    assert protect(bytes(8), 0x123, 0).hex() == "cc00000000000000"
+
+
+@given(st.binary(min_size=2, max_size=8), st.integers(0, 0xFFFF), st.integers(0, 14))
+def test_agrees_with_the_autosar_package(data: bytes, data_id: int, counter: int) -> None:
+    ours = protect(data, data_id, counter)
+    theirs = bytearray(ours)
+    e2e.p11.e2e_p11_protect(theirs, data_id, increment_counter=False)
+    assert ours == bytes(theirs)
+
+
+@given(st.integers(0, 63))
+def test_every_flipped_bit_is_seen(bit: int) -> None:
+    good = protect(bytes.fromhex("0000a1b2c3d4e5f6"), 0x91, 3)
+    bad = bytearray(good)
+    bad[bit // 8] ^= 1 << bit % 8
+    assert Checker(0x91).check(bytes(bad)) is Reason.CRC
+
+
+def test_another_messages_frame_is_refused() -> None:
+    assert Checker(0x101).check(protect(bytes(5), 0x102, 0)) is Reason.CRC
+
+
+@pytest.mark.parametrize("step", range(COUNTER_MODULO))
+def test_the_counter(step: int) -> None:
+    checker = Checker(0x91)
+    assert checker.check(protect(bytes(8), 0x91, 5)) is None
+    got = checker.check(protect(bytes(8), 0x91, (5 + step) % COUNTER_MODULO))
+    assert got is (Reason.REPEAT if step == 0 else None if step <= MOST_LOST + 1 else Reason.COUNTER)
+    # after a gap one frame is refused, the next is good again
+    assert checker.check(protect(bytes(8), 0x91, (6 + step) % COUNTER_MODULO)) is None
+
+
+def test_counter_fifteen_does_not_exist() -> None:
+    frame = bytearray(8)
+    frame[1] = 0x0F
+    frame[0] = crc(frame, 0x91)
+    assert Checker(0x91).check(bytes(frame)) is Reason.COUNTER
+
+
+def sent(counter: int, payload: int) -> bytes:
+    return protect(bytes([0, 0, payload, 0, 0]), 0x91, counter % COUNTER_MODULO)
+
+
+def test_a_frame_of_another_known_message_is_named() -> None:
+    checker = Checker(0x101, others=(0x102, 0x103))
+    assert checker.check(protect(bytes(5), 0x103, 0)) is Reason.DATA_ID
+    assert checker.check(protect(bytes(5), 0x104, 0)) is Reason.CRC
+    assert checker.check(protect(bytes(5), 0x101, 0)) is None
+
+
+@pytest.mark.parametrize("apart", range(COUNTER_MODULO))
+@pytest.mark.parametrize("first", [True, False])
+def test_two_senders_are_noticed_at_the_third_frame_and_nobody_is_believed(apart: int, first: bool) -> None:
+    checker = Checker(0x91)
+    for k in range(20):
+        assert checker.check(sent(k, 1)) is None
+    assert not checker.suspect
+    verdicts = []
+    for k in range(20, 60):
+        pair = [sent(k, 1), sent(k + apart, 2)]
+        verdicts.append([checker.check(f) for f in (pair if first else pair[::-1])])
+        assert checker.suspect or k < 22
+    assert all(Reason.TWO_SENDERS in pair for pair in verdicts[3:])
+    assert not any(None in pair for pair in verdicts[3:])
+    # the second falls silent: believed again after one turn of the counter
+    after = [checker.check(sent(k, 1)) for k in range(60, 80)]
+    assert after.index(None) <= COUNTER_MODULO + 1
+    assert all(v is None for v in after[after.index(None) :])
+
+
+def test_of_two_senders_the_one_that_remains_is_believed_again() -> None:
+    checker = Checker(0x91)
+    for k in range(30):
+        checker.check(sent(k, 1))
+        checker.check(sent(k + 7, 2))
+    after = [checker.check(sent(k + 7, 2)) for k in range(30, 50)]
+    assert after[-1] is None
+    assert after.index(None) <= COUNTER_MODULO + 2
+
+
+def test_two_senders_in_uneven_order_are_noticed() -> None:
+    """Two frames of one, two of the other: the chain would move back and forth for ever."""
+    checker = Checker(0x91)
+    a, b = iter(range(100)), iter(range(8, 100))
+    verdicts = [checker.check(sent(next(a if k // 2 % 2 else b), k)) for k in range(60)]
+    assert Reason.TWO_SENDERS in verdicts[:12]
+    assert None not in verdicts[12:]
+
+
+def test_copies_of_a_frame_are_no_second_sender() -> None:
+    checker = Checker(0x91)
+    for k in range(40):
+        assert checker.check(sent(k, k)) is None
+        assert checker.check(sent(k, k)) is Reason.REPEAT
+
+
+@pytest.mark.parametrize("stray", range(COUNTER_MODULO))
+def test_a_stray_frame_costs_at_most_one_good_one(stray: int) -> None:
+    checker = Checker(0x91)
+    for k in range(5):
+        checker.check(sent(k, 1))
+    checker.check(sent(stray, 99))
+    refused = [k for k in range(5, 20) if checker.check(sent(k, 1)) is not None]
+    assert len(refused) <= 1
+
+
+def test_a_sender_that_starts_anew_loses_one_frame() -> None:
+    checker = Checker(0x91)
+    for start in (0, 9, 3, 12):
+        assert [checker.check(sent(start + k, start)) for k in range(20)].count(None) >= 19
+
+
+def test_a_suspicion_is_forgotten() -> None:
+    checker = Checker(0x91)
+    for k in range(20):
+        checker.check(sent(k, 1))
+        if k in (10, 11):
+            checker.check(sent(k + 7, 2))
+        assert checker.suspect == (11 <= k <= 15)

@@ -1,0 +1,201 @@
+"""The whole chain over logs: rig, frames, daemon's core, adhesion; and the commands that people type."""
+
+import csv
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import cantools
+import pytest
+from cantools.database.can import Database
+
+from sim_ecu.cli import main as sim_ecu
+from sim_ecu.play.scenario import load_scenario, packaged
+from tests.conftest import LogOf
+from tests.support.scenarios import FOUR_AXLES, held
+from tests.unit.test_config import AXLE, VEHICLE
+from wrcd.bus.log import Damage, read_log
+from wrcd.tools.cli import main as wrcd
+from wrcd.tools.replay import COLUMNS
+
+ROOT = Path(__file__).parents[3]
+WANTED_CREEP_REACHED_S = 1.0
+
+
+def rows(path: Path) -> list[dict[str, str]]:
+    with path.open() as f:
+        return list(csv.DictReader(f))
+
+
+def truth(log: Path, axle: int = 1) -> dict[int, float]:
+    """MuAvailable of the rig, by 20 ms slot."""
+    database = cantools.database.load_file(ROOT / "dbc" / "sim_ecu.dbc")
+    assert isinstance(database, Database)
+    out: dict[int, float] = {}
+    for frame, _ in read_log(log, Damage()):
+        if frame.can_id == 0x7A0 + axle:
+            values = database.decode_message(frame.can_id, frame.data)
+            assert isinstance(values, dict)
+            out[frame.stamp_us // 20_000] = float(str(values["MuAvailable"]))
+    return out
+
+
+@pytest.mark.parametrize("curve", "ABCEDF")
+def test_each_curve_held_at_its_peak_is_known_within_a_point_or_a_tenth(
+    log_of: LogOf, tmp_path: Path, curve: str
+) -> None:
+    log = log_of(held(curve))
+    assert wrcd(["replay", str(log), "--csv", str(tmp_path / "a.csv")]) == 0
+    true = truth(log)
+    start = min(true) * 0.02
+    late = [
+        r
+        for r in rows(tmp_path / "a.csv")
+        if r["axle"] == "1" and float(r["time_s"]) >= start + WANTED_CREEP_REACHED_S + 1.0
+    ]
+    assert len(late) > 200
+    for r in late:
+        assert r["validity"] == "Valid"
+        slot = round(float(r["time_s"]) * 50)
+        expected = true.get(slot, true[slot - 1])
+        assert abs(float(r["mu_available_pct"]) - expected) <= max(1.0, 0.1 * expected)
+        assert abs(float(r["mu_used_pct"]) - expected) <= 0.1 * expected + 0.5
+
+
+def test_the_csv(log_of: LogOf, tmp_path: Path) -> None:
+    assert wrcd(["replay", str(log_of(held("F"))), "--csv", str(tmp_path / "a.csv")]) == 0
+    found = rows(tmp_path / "a.csv")
+    assert tuple(found[0]) == COLUMNS
+    assert {r["axle"] for r in found} == {"1", "2", "3", "4"}
+    first = found[0]
+    assert first["time_s"] == "1700000000.020000"
+    assert (first["validity"], first["mu_available_pct"], first["surface"]) == ("NotAvailable", "", "Unknown")
+    last = [r for r in found if r["axle"] == "1"][-1]
+    assert (last["validity"], last["contact_state"], last["surface"]) == ("Valid", "Saturated", "VeryLow")
+    assert last["confidence"] == "Within1pp"
+    assert [r for r in found if r["axle"] == "2"][-1]["mu_used_pct"] == ""
+
+
+def test_replay_twice_gives_identical_bytes(log_of: LogOf, tmp_path: Path) -> None:
+    log = log_of(FOUR_AXLES)
+    for name in ("a", "b"):
+        arguments = ["replay", str(log), "--csv", str(tmp_path / f"{name}.csv"), "-o", str(tmp_path / f"{name}.log")]
+        assert wrcd(arguments) == 0
+    for suffix in ("csv", "log"):
+        assert (tmp_path / f"a.{suffix}").read_bytes() == (tmp_path / f"b.{suffix}").read_bytes()
+
+
+def test_own_frames_and_the_truth_in_a_log_are_no_inputs(log_of: LogOf, tmp_path: Path) -> None:
+    log = log_of(held("C"))
+    arguments = ["replay", str(log), "-o", str(tmp_path / "sent.log")]
+    assert wrcd(arguments) == 0
+    every = log.read_text().splitlines() + (tmp_path / "sent.log").read_text().splitlines()
+    mixed = sorted((line for line in every if " 7A1#" not in line), key=lambda line: line.split(")")[0])
+    (tmp_path / "mixed.log").write_text("\n".join(mixed) + "\n")
+    assert wrcd(["replay", str(tmp_path / "mixed.log"), "-o", str(tmp_path / "again.log")]) == 0
+    assert (tmp_path / "again.log").read_bytes() == (tmp_path / "sent.log").read_bytes()
+
+
+def test_other_formats_give_the_same(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    scenario = tmp_path / "s.toml"
+    scenario.write_text(held("E", 4.0))
+    results = []
+    for suffix in ("log", "asc", "blf"):
+        log = tmp_path / f"a.{suffix}"
+        assert sim_ecu(["play", str(scenario), "--fast", "--log", str(log)]) == 0
+        capsys.readouterr()
+        assert wrcd(["replay", str(log)]) == 0
+        results.append([line.split(",")[1:] for line in capsys.readouterr().out.splitlines()])
+    # formats differ in how finely and from when they count time; the estimates are the same to a tenth
+    for other in results[1:]:
+        assert abs(len(other) - len(results[0])) <= 8
+        assert abs(float(other[-4][2]) - float(results[0][-4][2])) < 0.5
+
+
+def test_a_log_cut_in_mid_line_warns_and_goes_on(
+    log_of: LogOf, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = log_of(held("A")).read_text()
+    cut = tmp_path / "cut.log"
+    cut.write_text(text[: len(text) // 2 - 7])
+    assert wrcd(["replay", str(cut)]) == 0
+    captured = capsys.readouterr()
+    lines = text[: len(text) // 2 - 7].count("\n") + 1
+    assert f"{cut}:{lines}: cut off in mid-line" in captured.err
+    assert captured.out.count("\n") > 100
+
+
+def test_dump(log_of: LogOf, capsys: pytest.CaptureFixture[str]) -> None:
+    log = log_of(held("A"))
+    assert wrcd(["dump", str(log), "-n", "8", "--dbc", str(ROOT / "dbc" / "sim_ecu.dbc")]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 8
+    assert lines[0].startswith("(1700000000.005000) can0 101#")
+    assert " :: YawRate_A1(Crc: " in lines[0]
+    assert lines[0].endswith(" rad/s)")
+    assert wrcd(["dump", str(log), "--dbc", str(ROOT / "dbc" / "sim_ecu.dbc")]) == 0
+    assert " :: SimTruth_A1(" in capsys.readouterr().out
+
+
+def test_dump_survives_any_payload(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    log = tmp_path / "odd.log"
+    log.write_text("(1.000000) can0 091#00\n(1.000001) can0 091#FFFFFFFFFFFFFFFF\n(1.000002) can0 20000040#00\n")
+    assert wrcd(["dump", str(log)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert "cannot be decoded" in lines[0]
+    assert "Adhesion_A1(" in lines[1]
+    assert lines[2].endswith(":: error frame")
+
+
+@pytest.mark.parametrize("name", packaged())
+def test_packaged_scenarios_are_sound(name: str) -> None:
+    scenario = load_scenario(name)
+    assert scenario.title != name
+    assert scenario.duration_s <= 120
+
+
+def test_the_promised_scenarios_are_there() -> None:
+    assert {"dry", "wet", "very-low", "leaf-patch", "all-curves"} <= set(packaged())
+
+
+BAD: dict[str, tuple[Sequence[str], str]] = {
+    "replay of nothing": (["wrcd", "replay", "none.log"], "none.log: no such log"),
+    "replay of rubbish": (["wrcd", "replay", "rubbish.log"], "rubbish.log: has not one readable frame"),
+    "unknown configuration": (["wrcd", "check", "--config", "none.toml"], "none.toml: no such file"),
+    "bad configuration": (["wrcd", "check", "--config", "bad.toml"], "bad.toml:10: limits.min_sped: unknown key"),
+    "unknown scenario": (["sim-ecu", "play", "leafpatch", "--fast", "--log", "x.log"], "did you mean 'leaf-patch'?"),
+    "fast without a log": (["sim-ecu", "play", "dry", "--fast"], "--fast needs --log"),
+    "a log nobody writes": (["sim-ecu", "play", "dry", "--fast", "--log", "x.docx"], "x.docx: cannot be written"),
+    "a scenario with a wrong key": (["sim-ecu", "play", "bad.toml", "--fast", "--log", "x.log"], "bad.toml:"),
+    "no such folder for the table": (["wrcd", "replay", "rubbish.log", "--csv", "none/x.csv"], "none/x.csv: cannot be"),
+    "no such bus": (["wrcd", "run", "-i", "socketcan", "-c", "nowhere0"], "nowhere0"),
+    "no such interface": (["wrcd", "run", "-i", "tincan", "-c", "x"], "tincan:x cannot be opened"),
+    "rig without a bus": (["sim-ecu", "play", "dry", "-i", "socketcan", "-c", "nowhere0"], "nowhere0 cannot be opened"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_input_is_one_line_and_exit_two(
+    tmp_path: Path, case: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "rubbish.log").write_text("no frames here\n")
+    (tmp_path / "bad.toml").write_text(VEHICLE + AXLE + "[limits]\nmin_sped = 3\n")
+    arguments, message = BAD[case]
+    status = {"wrcd": wrcd, "sim-ecu": sim_ecu}[arguments[0]](arguments[1:])
+    captured = capsys.readouterr()
+    # a bus may be there on the next try
+    assert status == (3 if case in ("no such bus", "no such interface", "rig without a bus") else 2)
+    assert message in captured.err
+    assert captured.err.count("\n") == 1
+    assert captured.out in ("", ",".join(COLUMNS) + "\n")
+
+
+def test_a_closed_pipe_is_no_error(log_of: LogOf) -> None:
+    first = subprocess.run(
+        f"{sys.executable} -m wrcd.tools dump {log_of(held('A'))} | head -1",
+        shell=True, capture_output=True, text=True, timeout=60, check=True,
+    )  # fmt: skip
+    assert first.stdout.count("\n") == 1
+    assert first.stderr == ""

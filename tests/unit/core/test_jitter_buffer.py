@@ -1,0 +1,83 @@
+"""Measurements that come early or late for their tick."""
+
+import random
+from collections import Counter
+from dataclasses import replace
+
+import pytest
+
+from tests.conftest import LogOf
+from tests.support.scenarios import FOUR_AXLES
+from wrcd.bus.frame import Frame
+from wrcd.bus.log import Damage, read_log
+from wrcd.config import load_config
+from wrcd.core.core import Core
+from wrcd.core.jitter_buffer import NEVER, Arrivals
+
+
+def played(*ticks: list[int], patience: int = 100) -> list[int | None]:
+    """What each tick uses, of measurements named by their stamps."""
+    a = Arrivals(1, 1, patience)
+    out: list[int | None] = []
+    for tick in ticks:
+        for stamp in tick:
+            a.put(0, 0, stamp / 10, stamp)
+        value, present = a.take()
+        out.append(int(a.used_us[0, 0]) if present[0, 0] else None)
+        assert value[0, 0] == (a.used_us[0, 0] / 10 if present[0, 0] else 0.0)
+    return out
+
+
+def test_one_may_wait_for_the_next_tick() -> None:
+    assert played([1], [2], [3]) == [1, 2, 3]
+    assert played([1, 2], [], [3]) == [1, 2, 3]
+    assert played([1], [], [2, 3], [], [4, 5], []) == [1, None, 2, 3, 4, 5]
+
+
+def test_a_third_drops_the_oldest() -> None:
+    assert played([1, 2, 3], [], []) == [2, 3, None]
+    # twice as fast as the tick: every second one, in even steps
+    assert played([1, 2], [3, 4], [5, 6], [7, 8]) == [1, 3, 5, 7]
+
+
+def test_one_that_is_never_needed_is_dropped() -> None:
+    assert played([1, 2], [3], [4], [5], [6], [7], patience=4) == [1, 2, 3, 4, 6, 7]
+    # needed now and then, it stays
+    assert played([1, 2], [3], [], [4, 5], [6], [7], [8], patience=4) == [1, 2, 3, 4, 5, 6, 7]
+    # twice as fast as the tick: still every second one
+    assert played([1, 2], [3, 4], [5, 6], [7, 8], patience=2) == [1, 3, 5, 7]
+
+
+def test_after_clear_nothing_waits() -> None:
+    a = Arrivals(2, 3, 100)
+    a.put(1, 2, 5.0, 7)
+    a.put(1, 2, 6.0, 8)
+    a.take()
+    a.clear()
+    assert not a.take()[1].any()
+    assert (a.used_us == NEVER).all()
+
+
+def means(frames: list[Frame]) -> list[float]:
+    """MuAvailable of every axle, over the last two seconds."""
+    core = Core(load_config(None))
+    reports = [core.reports for f in frames if core.feed(f)][-100:]
+    assert all(r.validity == "Valid" for slot in reports for r in slot)
+    return [sum(r[axle].mu_available_pct or 0.0 for r in reports) / len(reports) for axle in range(4)]
+
+
+@pytest.mark.parametrize(("fixed_us", "random_us"), [(2500, 1000), (2500, 2500), (4900, 300)])
+def test_the_bus_may_be_unpunctual(log_of: LogOf, fixed_us: int, random_us: int) -> None:
+    """Frames late by a fixed and a random time, many ticks with two and many with none: the estimate is the same."""
+    punctual = [f for f, _ in read_log(log_of(FOUR_AXLES), Damage())]
+    rng = random.Random(4)
+    late: list[Frame] = []
+    newest: dict[int, int] = {}  # frames of one id keep their order
+    for f in punctual:
+        stamp = f.stamp_us + fixed_us + min(int(abs(rng.gauss(0, random_us))), 9000)
+        newest[f.can_id] = stamp = max(stamp, newest.get(f.can_id, 0) + 1)
+        late.append(replace(f, stamp_us=stamp))
+    late.sort(key=lambda f: f.stamp_us)
+    ticks = Counter((f.can_id, f.stamp_us // 5000) for f in late if 0x100 < f.can_id < 0x120)
+    assert sum(n > 1 for n in ticks.values()) > 100
+    assert means(late) == pytest.approx(means(punctual), abs=0.25)

@@ -1,0 +1,264 @@
+"""The estimator over ticks: what it says, what it doubts, and that nothing else moves it."""
+
+from collections.abc import Iterator
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+from tests.support.signals import measured
+from wrcd.estimator import estimator
+from wrcd.estimator.design import MODELS, Design, FloatArray, load_design
+from wrcd.estimator.estimator import Estimate, EstimateDoubt, Estimator, Tick
+from wrcd.estimator.offset import Offset
+from wrcd.resources import DESIGN
+
+RATIO = 0.136  # of the torque that `measured` has by default
+EVERY = 4  # ticks between two estimates, as on the bus
+PER_S = 200
+
+
+@pytest.fixture(scope="module")
+def design() -> Design:
+    return load_design(DESIGN)
+
+
+def tick(k: int, z: FloatArray, ratio: float | FloatArray = RATIO, speed: float = 25.0) -> Tick:
+    n = z.shape[1]
+    return Tick(k, z, np.isfinite(z), np.broadcast_to(np.asarray(ratio, np.float64), n).copy(), speed)
+
+
+def track(seconds: float, seed: int = 1, curve: str = "B", torque_Nm: float = 10_000.0) -> FloatArray:
+    """z (ticks, 2, 1)."""
+    return measured(curve, torque_Nm, seconds=seconds, seed=seed)[..., None]
+
+
+def estimates(e: Estimator, z: FloatArray, ratio: FloatArray | float = RATIO, first: int = 0) -> Iterator[Estimate]:
+    """Every EVERY ticks over z (ticks, 2, n) from a tick on."""
+    ratios = np.broadcast_to(ratio, len(z))
+    for k, row in enumerate(z):
+        e.step(tick(first + k, row, float(ratios[k])))
+        if (k + 1) % EVERY == 0:
+            yield e.estimate()
+
+
+def said_of(design: Design, e: Estimate) -> FloatArray:
+    """What the rules say, before what is in use counts."""
+    return np.asarray(np.clip(np.polyval(design.polynomial, e.fuzzy), *design.adhesion_range_pct))
+
+
+@pytest.fixture(scope="module")
+def sweep(design: Design) -> tuple[Design, list[Estimate]]:
+    """Torque from nothing to much more than a slippery rail bears, its signals those of little, under rules that say
+    half of what they should; one answer a time."""
+    usual = replace(design, longest_s=design.window_s, polynomial=0.5 * design.polynomial)
+    z = track(24.0, curve="D", torque_Nm=1500.0)
+    ratio = np.repeat(np.linspace(0.0, 0.25, 12), 2 * PER_S)
+    return usual, list(estimates(Estimator(usual, 1), z, ratio))[PER_S // EVERY :]
+
+
+def test_more_in_use_than_is_said_widens_the_interval_down_to_it(sweep: tuple[Design, list[Estimate]]) -> None:
+    usual, found = sweep
+    known = [e for e in found if np.isfinite(e.mu_available_pct[0])]
+    more = [e for e in known if e.used_pct[0] > said_of(usual, e)[0] + 0.1]
+    assert len(more) > 20
+    for e in known:
+        assert e.mu_available_pct[0] == pytest.approx(max(said_of(usual, e)[0], e.used_pct[0]))
+        assert e.half_width_pp[0] >= e.used_pct[0] - said_of(usual, e)[0] - 1e-9
+
+
+def test_a_contradiction_is_relative_to_the_adhesion(sweep: tuple[Design, list[Estimate]]) -> None:
+    """Beyond a fifth of what is said: on a slippery rail two points more in use are much, on a dry one nothing."""
+    usual, found = sweep
+    said = np.array([said_of(usual, e)[0] for e in found])
+    used = np.array([e.used_pct[0] for e in found])
+    contradicted = np.array([bool(e.contradicted[0]) for e in found])
+    assert contradicted.any()
+    assert np.all(used[contradicted] > 1.2 * said[contradicted] + 0.3)
+    assert (used - said)[contradicted].min() < 6.0
+    assert contradicted[used > 3.0 * said + 0.3].all()
+
+
+def newest(e: Estimator, z: FloatArray, ratio: float = RATIO) -> Estimate:
+    """The last estimate of a run."""
+    for k, row in enumerate(z):
+        e.step(tick(k, row, ratio))
+    return e.estimate()
+
+
+def test_a_track_is_not_doubted(design: Design) -> None:
+    doubts = [int(e.doubt[0]) for e in estimates(Estimator(design, 1), track(20.0))][PER_S // EVERY :]
+    assert np.mean(np.array(doubts) == EstimateDoubt.NONE) > 0.98
+
+
+@pytest.mark.parametrize("factor", [0.7, 1.0, 1.5])
+def test_sensors_that_give_their_noise_alone_are_doubted(design: Design, factor: float) -> None:
+    """Whatever their noise is: it is measured. By a second or two of it alone half of them are told; the others by
+    what wrcd.estimator.identity knows of longer."""
+    noise = np.random.default_rng(1).standard_normal((8 * PER_S, 2, 20))
+    found = list(estimates(Estimator(design, 20), factor * design.noise_rms[:, None] * noise))[2 * PER_S // EVERY :]
+    assert np.mean([e.doubt == EstimateDoubt.SILENT for e in found]) > 0.35
+
+
+def elsewhere(design: Design, decades: float) -> Design:
+    """One whose training had residuals so much larger: a track is further from what its rules are of."""
+    further = np.r_[np.full(MODELS, decades), np.zeros(len(design.low) - MODELS)]
+    return replace(design, low=design.low + further, high=design.high + further)
+
+
+def test_what_is_unlike_training_is_wider_first_and_doubted_then(
+    design: Design, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The further, the wider than the rules alone say."""
+    z, wider = track(4.0), []
+    for decades in (3.0, 9.0):
+        strict, lenient = (replace(elsewhere(design, decades), beyond=b) for b in (0.1, 100.0))
+        assert newest(Estimator(strict, 1), z).doubt[0] == EstimateDoubt.BEYOND_TRAINING
+        found = newest(Estimator(lenient, 1), z)
+        assert found.doubt[0] in (EstimateDoubt.NONE, EstimateDoubt.VAGUE)
+        with monkeypatch.context() as patch:
+            patch.setattr(estimator, "BEYOND_WIDER", 0.0)
+            alone = newest(Estimator(lenient, 1), z)
+        wider.append(float((found.half_width_pp / alone.half_width_pp)[0]))
+    assert 1.5 < wider[0] < 0.7 * wider[1]
+
+
+def test_without_a_rule_for_it_the_answer_is_unknown(design: Design) -> None:
+    """Of all rules only those for the highest torque are left; the train coasts."""
+    torque = design.rules[:, 4]
+    kept = np.flatnonzero(torque == torque.max())
+    names = ("rules", "bases", "slopes", "spreads", "spread_slopes", "typical_pct")
+    fewer = replace(design, consequents=(), **{n: getattr(design, n)[kept] for n in names})
+    found = newest(Estimator(fewer, 1), track(4.0), ratio=0.0)
+    assert found.doubt[0] == EstimateDoubt.NO_RULE
+    assert found.rule[0] == 0
+    assert np.isnan(found.mu_available_pct[0])
+    assert np.isnan(found.half_width_pp[0])
+
+
+def test_where_pulses_leave_little_the_estimate_is_doubted(design: Design) -> None:
+    z = np.array(track(4.0))
+    for k in range(PER_S, len(z), 20):  # a pulse every tenth of a second
+        z[k : k + 6, 1, 0] += 2.0 * np.sin(np.pi * (np.arange(min(6, len(z) - k)) + 0.5) / 3)
+    found = newest(Estimator(design, 1), z)
+    assert found.doubt[0] == EstimateDoubt.HARSH
+
+
+def test_gains_do_not_toggle_with_the_speeds_noise(design: Design) -> None:
+    """Near an edge of the old steps of 0.1 m/s the innovations are those of a constant speed."""
+    z = track(12.0)
+    noise = np.repeat(0.005 * np.random.default_rng(2).standard_normal(len(z) // 4), 4)
+    runs = []
+    for more in (np.zeros(len(z)), noise):
+        e, innovations = Estimator(design, 1), []
+        for k, row in enumerate(z):
+            innovations.append(e.step(tick(k, row, speed=29.15 + more[k])))
+        runs.append((np.array(innovations)[PER_S:], e.estimate()))
+    (constant, a), (noisy, b) = runs
+    rms = np.sqrt(np.square(constant).mean(axis=0))
+    assert np.all(np.sqrt(np.square(noisy - constant).mean(axis=0)) < 2e-3 * rms)
+    assert b.mu_available_pct == pytest.approx(a.mu_available_pct, abs=0.1)
+
+
+def test_one_lost_measurement_moves_the_answer_by_little(design: Design) -> None:
+    """At no moment of the seconds after it: the answer does not hop from one window to another."""
+    z = track(24.0)
+    lossy = np.array(z)
+    lossy[3 * PER_S :: 3 * PER_S, 0] = np.nan
+    runs = [list(estimates(Estimator(design, 1), x)) for x in (z, lossy)]
+    mu, width = (
+        np.array([[getattr(e, name)[0] for e in run] for run in runs])[:, PER_S // EVERY :]
+        for name in ("mu_available_pct", "half_width_pp")
+    )
+    assert np.all(np.abs(mu[1] - mu[0]) < 0.4 * width[0])
+    assert np.median(np.abs(mu[1] - mu[0])) < 0.05
+
+
+def same(a: Estimate, i: int, b: Estimate, j: int, rel: float = 0.0) -> bool:
+    """Whether axle i of one estimate is axle j of another, in every field."""
+    return all(
+        np.allclose(getattr(a, f.name)[i], getattr(b, f.name)[j], rtol=rel, atol=rel, equal_nan=True)
+        for f in fields(Estimate)
+    )
+
+
+def test_axles_do_not_disturb_each_other(design: Design) -> None:
+    z = np.concatenate([track(5.0, seed=s) for s in (1, 2, 3)], axis=2)
+    together, alone = Estimator(design, 3), Estimator(design, 1)
+    rng = np.random.default_rng(1)
+    for k, row in enumerate(z):
+        spoilt = np.array(row)
+        if rng.random() < 0.05:
+            spoilt[:, 0] = np.nan  # its neighbours lose measurements and have pulses
+        if k % 200 < 6:
+            spoilt[1, 2] += 1.5 * (-1.0) ** (k % 2)
+        ratios = np.array([0.05 if k < 500 else 0.2, RATIO, 0.3])
+        together.step(tick(k, spoilt, ratios))
+        alone.step(tick(k, row[:, 1:2]))
+        if k == 600:
+            together.reset(0)
+    a, b = together.estimate(), alone.estimate()
+    assert same(a, 1, b, 0, 1e-9)
+    assert not same(a, 0, b, 0, 1e-9)
+
+
+def test_a_reset_axle_is_as_good_as_new(design: Design) -> None:
+    z = track(6.0)
+    used, fresh = Estimator(design, 1), Estimator(design, 1)
+    for k in range(3 * PER_S):
+        used.step(tick(k, 3.0 * z[k], ratio=0.3, speed=26.0))
+    used.reset(0)
+    pairs = zip(*(estimates(e, z[3 * PER_S :], first=3 * PER_S) for e in (used, fresh)), strict=True)
+    assert all(same(a, 0, b, 0) for a, b in pairs)
+
+
+def test_a_bias_is_as_good_as_none_from_the_first_window_on(design: Design) -> None:
+    z, bias = track(1.2), np.array([[0.0087], [0.5]])  # half a degree per second, 50 mg
+    plain, biased = newest(Estimator(design, 1), z), newest(Estimator(design, 1), z + bias)
+    assert biased.residuals == pytest.approx(plain.residuals, rel=1e-6)
+    assert biased.mu_available_pct == pytest.approx(plain.mu_available_pct, abs=1e-3)
+
+
+def test_a_channel_that_is_missing_teaches_no_offset() -> None:
+    offset = Offset(100, 1)
+    both, one = np.array([[True], [True]]), np.array([[True], [False]])
+    for k in range(50):
+        rest = offset.take(np.array([[2.0], [5.0 if k % 2 else (1e9, np.nan)[k // 2 % 2]]]), both if k % 2 else one)
+    assert rest == pytest.approx(np.zeros((2, 1)))
+    offset.reset(0)
+    assert offset.take(np.array([[7.0], [7.0]]), both) == pytest.approx(np.zeros((2, 1)))
+
+
+def white(ticks: int, axles: int = 1) -> FloatArray:
+    return np.asarray([[0.01], [0.3]] * np.random.default_rng(5).standard_normal((ticks, 2, axles)))
+
+
+@pytest.mark.parametrize("speed", [3.0, 3.04, 25.05, 59.99, 60.0, 80.0])
+def test_every_speed_has_gains(design: Design, speed: float) -> None:
+    estimator, largest = Estimator(design, 1), []
+    for k, z in enumerate(white(2000)):
+        e = estimator.step(tick(k, z, speed=speed))
+        largest.append(float(np.abs(e).max()))
+    assert np.isfinite(largest).all()
+    assert max(largest[1000:]) < 3.0 * max(largest[:1000])
+
+
+@pytest.mark.parametrize("missing", [0, 1])
+@pytest.mark.parametrize("speed", [10.0, 25.0, 50.0])
+def test_a_missing_channel_never_lets_a_filter_run_away(design: Design, missing: int, speed: float) -> None:
+    """Corrected by one channel with its part of a gain made for two, model 4 would double with every tick."""
+    estimator, largest, z = Estimator(design, 1), [], white(400)
+    z[200:230, missing] = np.nan
+    for k, row in enumerate(z):
+        estimator.step(tick(k, row, 0.2, speed))
+        largest.append(float(np.abs(estimator._bank.x).max()))
+    assert max(largest[200:]) <= 2.0 * max(largest[:200])
+
+
+def test_a_tick_after_a_gap_stays_out(design: Design) -> None:
+    estimator, good, z = Estimator(design, 1), [], white(62)
+    z[50:52] = np.nan
+    for k, row in enumerate(z):
+        estimator.step(tick(k, row, 0.2))
+        good.append(bool(estimator.good[0]))
+    assert good == [False] + [True] * 49 + [False] * 3 + [True] * 9

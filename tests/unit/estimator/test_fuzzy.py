@@ -1,0 +1,156 @@
+"""Fuzzy sets, rules, and what the rules are given."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from wrcd.estimator.design import COLUMNS, INPUTS, MODELS, Design, FloatArray, Sets, load_design
+from wrcd.estimator.fuzzy import LEAST_FIRING, LOG_SPREADS, Fuzzy
+from wrcd.estimator.rule_inputs import MOST_STEP, SWING, Past, excitation, noise_floor, rule_inputs
+from wrcd.estimator.window import Statistics
+from wrcd.resources import DESIGN
+
+SPEED = 25.0
+
+
+@pytest.fixture(scope="module")
+def design() -> Design:
+    return load_design(DESIGN)
+
+
+def middle_of(design: Design, rule: int) -> FloatArray:
+    """(COLUMNS,): where a rule says its base."""
+    named = [s.centres[k] for s, k in zip(design.sets, design.rules[rule], strict=True)]
+    return np.concatenate((named, design.middle[INPUTS:]))
+
+
+@given(st.floats(-10, 10), st.lists(st.floats(0.01, 3), min_size=0, max_size=6))
+def test_the_sets_of_an_input_add_up_to_one(x: float, gaps: list[float]) -> None:
+    centres = np.cumsum([0.0, *gaps])
+    degrees = Sets(tuple(map(str, centres)), centres).memberships(np.array([x]))
+    assert degrees.sum() == pytest.approx(1.0)
+    assert (degrees >= 0).all()
+
+
+def test_rules_are_local_lines(design: Design) -> None:
+    """In the middle of its sets one rule speaks alone, and says its base; a little away, its slopes count."""
+    rule = int(np.argmax((design.bases > 10) & (design.bases < 90)))
+    middle = middle_of(design, rule)
+    found = Fuzzy(design).infer(middle[None, :])
+    assert found.rule[0] == rule + 1
+    assert found.rule_share[0] == pytest.approx(1.0)
+    assert found.output[0] == pytest.approx(design.bases[rule])
+    assert found.spread[0] == pytest.approx(np.clip(design.spreads[rule], *(10.0**x for x in LOG_SPREADS)))
+    # columns that choose no rules move what it says
+    k = INPUTS + int(np.argmax(np.abs(design.slopes[rule, INPUTS:])))
+    moved = middle.copy()
+    moved[k] += 0.02 * (design.high[k] - design.low[k])
+    moved[k] = np.clip(moved[k], design.low[k], design.high[k])
+    expected = design.bases[rule] + design.slopes[rule, k] * (moved[k] - middle[k])
+    assert design.slopes[rule, k] != 0.0
+    assert Fuzzy(design).infer(moved[None, :]).output[0] == pytest.approx(np.clip(expected, 0, 100))
+
+
+def test_beyond_their_range_columns_count_as_at_its_end(design: Design) -> None:
+    fuzzy = Fuzzy(design)
+    for end in (design.low, design.high):
+        beyond = np.where(end == design.low, end - 1.0, end + 1.0)
+        x = np.where(np.arange(COLUMNS) < INPUTS, middle_of(design, 0), end)
+        y = np.where(np.arange(COLUMNS) < INPUTS, x, beyond)
+        assert fuzzy.infer(y[None, :]).output[0] == fuzzy.infer(x[None, :]).output[0]
+
+
+def test_between_sets_the_rules_lines_are_mixed(design: Design) -> None:
+    rng = np.random.default_rng(11)
+    x = rng.uniform(design.low, design.high, (300, COLUMNS))
+    found = Fuzzy(design).infer(x)
+    spoken = np.flatnonzero(np.isfinite(found.output))
+    assert len(spoken) >= 20
+    middles = np.array([middle_of(design, r) for r in range(len(design.rules))])
+    for i in spoken:
+        weights = np.ones(len(design.rules))
+        for j, s in enumerate(design.sets):
+            degrees = [np.interp(x[i, j], s.centres, row) for row in np.eye(len(s.centres))]
+            weights *= np.array(degrees)[design.rules[:, j]]
+        says = design.bases + np.sum(design.slopes * (x[i] - middles), axis=1)
+        assert found.output[i] == pytest.approx(np.clip(weights @ says / weights.sum(), 0, 100), abs=1e-6)
+        assert found.firing[i] == pytest.approx(weights.sum())
+        assert found.rule[i] == np.argmax(weights) + 1
+
+
+def test_where_no_rule_speaks_the_answer_is_unknown(design: Design) -> None:
+    corners = np.array(np.meshgrid(*[[s.centres[0], s.centres[-1]] for s in design.sets])).reshape(INPUTS, -1).T
+    inference = Fuzzy(design).infer(np.column_stack((corners, np.tile(design.middle[INPUTS:], (len(corners), 1)))))
+    silent = inference.firing < LEAST_FIRING
+    assert silent.any()
+    assert np.isnan(inference.output[silent]).all()
+    assert np.isnan(inference.spread[silent]).all()
+    assert (inference.rule[silent] == 0).all()
+    assert ((inference.output[~silent] >= 0) & (inference.output[~silent] <= 100)).all()
+
+
+def test_an_unknown_input_gives_no_answer(design: Design) -> None:
+    x = middle_of(design, 0)
+    x[2] = np.nan
+    assert np.isnan(Fuzzy(design).infer(x[None, :]).output[0])
+
+
+def seen(power: FloatArray, ticks: float = 200.0) -> Statistics:
+    """Statistics of one axle with a given power (4, 2)."""
+    return Statistics(power[None], np.zeros((1, 8)), np.zeros((1, 4)), np.array([0.1]), np.array([ticks]), np.ones(1))
+
+
+PAST = Past(np.array([0.1]), np.array([0.1]), np.array([0.05]), np.array([0.2]), decades=np.zeros((1, MODELS)))
+
+
+def test_the_sensors_own_share_is_taken_off(design: Design) -> None:
+    """Twice the track, twice the residuals above the noise: only the input that says how rough the track is moves."""
+    factor = np.ones((2, 1))
+    floor = noise_floor(design, factor, SPEED)[0]
+    track = np.array([9.0, 4.0, 16.0, 1.0]) * floor
+    given = [
+        rule_inputs(design, seen(np.tile((floor + s * track)[:, None], 2)), PAST, factor, SPEED)[0] for s in (1, 4)
+    ]
+    moved = np.flatnonzero(~np.isclose(given[0], given[1]))
+    assert moved.tolist() == [MODELS - 1]
+    assert given[1][3] - given[0][3] == pytest.approx(np.log10(2.0))
+    assert given[0][:3] == pytest.approx(0.5 * np.log10(track[:3] / track[3]))
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+def test_noisier_sensors_with_the_same_track_give_the_same_residuals(design: Design, factor: float) -> None:
+    inputs = []
+    for f in (1.0, factor):
+        factors = np.full((2, 1), f)
+        floor = noise_floor(design, factors, SPEED)[0]
+        assert floor == pytest.approx(f * f * noise_floor(design, np.ones((2, 1)), SPEED)[0])
+        track = 5.0 * noise_floor(design, np.ones((2, 1)), SPEED)[0]
+        inputs.append(rule_inputs(design, seen(np.tile((floor + track)[:, None], 2)), PAST, factors, SPEED)[0])
+    moved = np.flatnonzero(~np.isclose(*inputs))
+    assert inputs[0][:INPUTS] == pytest.approx(inputs[1][:INPUTS])
+    assert 10.0 ** (inputs[1] - inputs[0])[moved] == pytest.approx([factor, factor])  # that they are so is told
+
+
+def test_noise_alone_is_no_excitation(design: Design) -> None:
+    floor = noise_floor(design, np.ones((2, 1)), SPEED)[0]
+    for times in (1.0, 2.0):
+        s = seen(np.tile((times**2 * floor)[:, None], 2))
+        assert excitation(design, s, np.ones((2, 1)), SPEED) == pytest.approx([times])
+
+
+def test_steps_of_the_residuals_are_held_and_none_where_nothing_is_known(design: Design) -> None:
+    decades = np.array([[0.1, 0.3, -0.4, 9.0], [np.nan] * 4])
+    steps = replace(PAST, decades=decades).steps
+    assert steps == pytest.approx(np.array([[0.2, -0.4, MOST_STEP, MOST_STEP], [0.0] * 4]))
+    x = rule_inputs(design, seen(np.ones((4, 2))), replace(PAST, decades=decades[:1]), np.ones((2, 1)), SPEED)[0]
+    assert x[SWING.stop :] == pytest.approx(steps[0])
+
+
+def test_the_torques_swing_is_told_in_decades(design: Design) -> None:
+    x = rule_inputs(design, seen(np.ones((4, 2))), PAST, np.ones((2, 1)), SPEED)[0]
+    assert x[SWING] == pytest.approx([np.log10(0.21 / 0.11), np.log10(0.11 / 0.06)])
+    assert x[4] == pytest.approx(-1.0)
+    assert x[5] == pytest.approx(np.log10(SPEED))

@@ -1,0 +1,96 @@
+"""The engine on the train against filterpy and scikit-fuzzy, over real logs."""
+
+import random
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from sim_ecu.design.verify import MOST_FUZZY, MOST_INNOVATION, Findings, compare, run
+from tests.conftest import LogOf
+from tests.support.scenarios import FOUR_AXLES, held
+from wrcd.bus.log import Damage, read_log
+from wrcd.config import load_config
+from wrcd.core.core import Core
+from wrcd.estimator import noise, speed
+from wrcd.estimator.design import Design
+from wrcd.estimator.estimator import Estimate, Estimator
+
+# Half a minute of live covariances at every tenth of a metre per second would be too much: the speed ramps by little.
+RAMP_OVER_JOINTS = """
+duration_s = 6
+speed_m_s = [[0, 20], [6, 22.5]]
+rail = [{ curve = "A" }, { from_m = 70, curve = "E" }]
+drive = { torque_N_m = [[0, 0], [1, 5000], [4.5, 5000], [4.52, 3000]] }
+[axlebox]
+joint_m_s2 = 1.0
+"""
+LOGS = {"held": held("C", 4.0), "ramp, joints, another rail": RAMP_OVER_JOINTS, "four axles": FOUR_AXLES}
+
+
+def agree(log: Path) -> Findings:
+    found = compare(log, load_config(None), fuzzy_every_s=0.3)
+    assert found.ticks > 700
+    assert found.innovation <= MOST_INNOVATION * found.largest
+    assert found.largest > 0
+    assert len(found.fast) >= 9
+    assert np.ptp(found.fast) > 0.5
+    assert found.fuzzy <= MOST_FUZZY
+    # what steady-state gains cost against live covariances is stated
+    assert found.live_square > 0
+    return found
+
+
+@pytest.mark.parametrize("name", LOGS)
+def test_the_engines_agree(log_of: LogOf, name: str) -> None:
+    agree(log_of(LOGS[name]))
+
+
+def test_they_agree_where_frames_are_lost(log_of: LogOf, tmp_path: Path) -> None:
+    rng = random.Random(5)
+    lines = [x for x in log_of(RAMP_OVER_JOINTS).read_text().splitlines() if rng.random() > 0.05]
+    lossy = tmp_path / "lossy.log"
+    lossy.write_text("\n".join(lines) + "\n")
+    assert agree(lossy).partial > 50
+
+
+class Lengths(Estimator):
+    """Keeps the windows' lengths and the pulses."""
+
+    def __init__(self, design: Design, axles: int) -> None:
+        super().__init__(design, axles)
+        self.windows_s: list[float] = []
+        self.pulses = 0
+
+    def estimate(self) -> Estimate:
+        out = super().estimate()
+        self.windows_s.append(float(out.window_s[0]))
+        self.pulses += bool(self.near_pulse[0])
+        return out
+
+
+def test_the_log_has_what_the_engines_are_compared_on(log_of: LogOf) -> None:
+    """Windows of all lengths, dropped at the change of torque or rail, and pulses."""
+    config = load_config(None)
+    seen = Lengths(config.design, len(config.axles))
+    core = Core(config, seen)
+    for frame, _ in read_log(log_of(RAMP_OVER_JOINTS), Damage()):
+        core.feed(frame)
+    windows = np.array(seen.windows_s)
+    assert windows.max() > 1.5
+    assert windows[windows.argmax() :].min() < 0.5
+    assert seen.pulses > 5
+
+
+@pytest.mark.parametrize(
+    ("room", "name", "value", "log"),
+    [(speed, "MEMORY_S", 0.5, "ramp, joints, another rail"), (noise, "MEMORY_TICKS", 40.0, "held")],
+)
+def test_a_difference_is_found(
+    room: ModuleType, name: str, value: float, log: str,
+    log_of: LogOf, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    monkeypatch.setattr(room, name, value)
+    assert run(log_of(LOGS[log]), None, 0.3) == 1
+    assert capsys.readouterr().out.endswith("DIFFER\n")

@@ -1,0 +1,72 @@
+"""How much of the past an estimate is made from: windows grow, and are dropped where rail or torque change."""
+
+import numpy as np
+import pytest
+
+from tests.support.signals import measured
+from tests.unit.estimator.test_estimator import EVERY, PER_S, RATIO, estimates, track
+from wrcd.estimator.design import Design, FloatArray, load_design
+from wrcd.estimator.estimator import Estimator
+from wrcd.resources import DESIGN
+
+
+@pytest.fixture(scope="module")
+def design() -> Design:
+    return load_design(DESIGN)
+
+
+def windows_s(e: Estimator, z: FloatArray, ratio: FloatArray | float = RATIO) -> FloatArray:
+    """The windows' lengths of axle 1."""
+    return np.array([float(x.window_s[0]) for x in estimates(e, z, ratio)])
+
+
+def test_a_window_grows_to_two_seconds_while_nothing_changes(design: Design) -> None:
+    window = windows_s(Estimator(design, 1), track(8.0))
+    t = EVERY * design.tick_s * np.arange(1, len(window) + 1)
+    assert window.max() == pytest.approx(design.longest_s)
+    assert np.all(window <= t + 1e-9)
+    first = t <= design.window_s
+    assert window[first] == pytest.approx(t[first])  # all that there is
+    assert window[~first].min() == pytest.approx(design.window_s)  # and never less than the usual length
+    assert np.mean(window[t > 2.5] > 1.9) > 0.7
+
+
+def test_nothing_is_dropped_on_a_rail_that_stays(design: Design) -> None:
+    window = windows_s(Estimator(design, 1), track(60.0, seed=3))
+    assert np.mean(window[60:] >= design.window_s) > 0.98
+
+
+@pytest.mark.parametrize("after", [0.10, 0.20])
+def test_a_step_of_torque_drops_what_was_before(design: Design, after: float) -> None:
+    at = 4 * PER_S
+    ratio = np.where(np.arange(8 * PER_S) < at, RATIO, after)
+    z = np.concatenate((track(8.0)[:at], track(8.0, torque_Nm=after / RATIO * 10_000.0)[at:]))
+    window = windows_s(Estimator(design, 1), z, ratio)
+    k = at // EVERY
+    assert window[k - 20 : k].min() >= design.window_s
+    found = k + int(np.argmax(window[k:] < 0.5))
+    assert (found - k) * EVERY * design.tick_s <= 0.1
+    # then it holds what came since, and the newest part that showed the change
+    since = EVERY * design.tick_s * np.arange(1, len(window) - k + 1)
+    assert np.all(window[found:] <= since[found - k :] + design.recent_s)
+    assert window[k + round(1.5 / EVERY * PER_S)] > 1.0
+
+
+def test_a_window_grows_only_over_like_torque(design: Design) -> None:
+    """The drive comes up slowly: never a step, yet what was a second ago is not what is now."""
+    ratio = 0.05 * np.exp(0.2 * np.arange(8 * PER_S) / PER_S)
+    window = windows_s(Estimator(design, 1), track(8.0), ratio)
+    assert window[2 * PER_S // EVERY :].max() <= design.window_s + 0.1
+
+
+def test_another_rail_drops_what_was_before(design: Design) -> None:
+    """Coming from a dry rail onto leaf film at the torque that this bears; sought on six tracks."""
+    late = []
+    for seed in range(6):
+        dry, film = (measured(c, 1500.0, seconds=8.0, seed=seed + 10)[..., None] for c in ("A", "F"))
+        z = np.concatenate((dry[: 4 * PER_S], film[4 * PER_S :]))
+        window = windows_s(Estimator(design, 1), z, 0.0204)
+        k = 4 * PER_S // EVERY
+        dropped = np.flatnonzero(window[k:] < 0.6)
+        late.append(dropped[0] * EVERY * design.tick_s if len(dropped) else np.inf)
+    assert np.median(late) < 0.5

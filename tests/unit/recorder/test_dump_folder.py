@@ -1,0 +1,150 @@
+"""Where dumps go: bounded, whole, through no link, by a process that disturbs nobody."""
+
+import os
+import stat
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from tests.unit.recorder.test_recorder import Train
+from wrcd.config import Config, load_config
+from wrcd.recorder.child import Child
+from wrcd.recorder.folder import Bound, write_dump, write_new
+
+UNBOUND = Bound(1000, 1 << 30)
+
+
+@pytest.fixture(scope="module")
+def config() -> Config:
+    return load_config(None)
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(p.name for p in folder.iterdir())
+
+
+def test_the_oldest_go_first_and_the_bound_holds(tmp_path: Path) -> None:
+    stranger = tmp_path / "notes.txt"
+    stranger.write_text("mine")
+    for i in range(5):
+        write_dump(tmp_path, f"wrcd-can0-2026112{9 - i}T000000Z-exit", b"l" * 600, b"s" * 400, Bound(3, 10**6))
+        assert len(list(tmp_path.glob("wrcd-*.log"))) <= 3
+    kept = {f"wrcd-can0-2026112{9 - i}T000000Z-exit{s}" for i in (2, 3, 4) for s in (".log", ".state.json")}
+    assert set(names(tmp_path)) == {*kept, "notes.txt"}  # by when they were written, not by what a clock said
+    write_dump(tmp_path, "wrcd-can1-20261130T000000Z-asked", b"l" * 600, b"s" * 400, Bound(3, 2500))
+    assert len(list(tmp_path.glob("wrcd-*.log"))) == 2
+    with pytest.raises(OSError, match="too large"):
+        write_dump(tmp_path, "wrcd-can1-20261131T000000Z-asked", b"l" * 3000, b"", Bound(3, 2500))
+    assert len(list(tmp_path.glob("wrcd-*.log"))) == 2
+    assert stranger.read_text() == "mine"
+
+
+def test_no_link_is_followed(tmp_path: Path) -> None:
+    folder, victim = tmp_path / "dumps", tmp_path / "victim"
+    folder.mkdir()
+    victim.write_text("precious")
+    (folder / "new").symlink_to(victim)
+    at = os.open(folder, os.O_RDONLY)
+    with pytest.raises(FileExistsError):
+        write_new(at, "new", b"worthless")
+    os.close(at)
+    name = "wrcd-can0-20261121T172446Z-asked"
+    for planted in (f".{name}.log.part", f".{name}.state.json.part", f"{name}.log", f"{name}.state.json"):
+        (folder / planted).symlink_to(victim)
+    (folder / "wrcd-can0-20251121T172446Z-asked.log").symlink_to(victim)
+    write_dump(folder, name, b"log", b"state", Bound(1, 10**6))
+    assert victim.read_text() == "precious"
+    for suffix, text in ((".log", "log"), (".state.json", "state")):
+        made = (folder / (name + suffix)).lstat()
+        assert stat.S_ISREG(made.st_mode)
+        assert stat.S_IMODE(made.st_mode) == 0o600
+        assert (folder / (name + suffix)).read_text() == text
+    assert not [n for n in names(folder) if n.endswith(".part")]
+
+
+def test_what_a_killed_process_left_is_removed(tmp_path: Path) -> None:
+    (tmp_path / ".wrcd-can0-20261120T000000Z-exit.log.part").write_text("half")
+    (tmp_path / ".wrcd-can1-20261120T000000Z-exit.log.part").write_text("another daemon is writing this")
+    write_dump(tmp_path, "wrcd-can0-20261121T172446Z-asked", b"log", b"state", UNBOUND)
+    assert [n for n in names(tmp_path) if n.endswith(".part")] == [".wrcd-can1-20261120T000000Z-exit.log.part"]
+
+
+def test_a_folder_that_cannot_be_written_is_one_line_and_no_end(config: Config, tmp_path: Path) -> None:
+    folder = tmp_path / "file"
+    folder.write_text("not a folder")
+    train = Train(config, folder)
+    for _ in range(3):
+        train.recorder.ask()
+        train.run(2200)
+        time.sleep(0.3)
+    for _ in range(200):  # the writer is a process of its own: on a busy machine it takes its time
+        train.run(100)
+        if train.said:
+            break
+        time.sleep(0.1)
+    assert len(train.said) == 1
+    assert "not written: Not a directory" in train.said[0]
+    folder.unlink()  # and when it is good again, it goes on
+    train.recorder.ask()
+    train.run(2200)
+    assert len(train.dumps(2)) == 1
+
+
+def test_a_full_disk_leaves_nothing_behind(tmp_path: Path) -> None:
+    """A limit of the file size stands for the end of the disk: what is written fails in the middle."""
+    program = (
+        "import resource, signal, sys\n"
+        "from pathlib import Path\n"
+        "from wrcd.recorder.folder import Bound, write_dump\n"
+        "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))\n"
+        "try:\n"
+        "    write_dump(Path(sys.argv[1]), 'wrcd-can0-20261121T172446Z-asked', b'l' * 9999, b's', Bound(9, 99999))\n"
+        "except OSError as e:\n"
+        "    sys.exit(e.errno)\n"
+    )
+    assert Child([sys.executable, "-c", program, str(tmp_path)]).wait(10, lambda: None) == "File too large"
+    assert names(tmp_path) == []
+
+
+def test_a_process_that_hangs_is_killed() -> None:
+    child = Child([sys.executable, "-c", "import time; time.sleep(60)"], most_s=0.1)
+    begin = time.monotonic()
+    while (said := child.finished()) is None:
+        assert time.monotonic() - begin < 10
+        time.sleep(0.01)
+    assert said == "it took too long"
+    with pytest.raises(ProcessLookupError):
+        os.kill(child.pid, 0)
+
+
+def test_the_process_holds_no_socket_and_hears_no_signal(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NOTIFY_SOCKET", "/nowhere")
+    given = os.memfd_create("given")
+    reader, writer = os.pipe()
+    program = (
+        "import os, signal\n"
+        "os.kill(os.getpid(), signal.SIGTERM)\n"  # as systemd does to all of a unit
+        f"assert os.pread({given}, 9, 0) == b'hello'\n"
+        f"for fd in ({reader}, {writer}):\n"
+        "    try:\n"
+        "        os.fstat(fd)\n"
+        "    except OSError:\n"
+        "        continue\n"
+        "    os._exit(1)\n"
+        "os._exit('NOTIFY_SOCKET' in os.environ)\n"
+    )
+    os.pwrite(given, b"hello", 0)
+    assert Child([sys.executable, "-c", program], (given,)).wait(10, lambda: None) == ""
+    assert not os.get_inheritable(given)
+    for fd in (given, reader, writer):
+        os.close(fd)
+
+
+def test_what_a_process_fails_with_is_said() -> None:
+    for status, says in ((28, "No space left on device"), (254, "its frames were overwritten meanwhile")):
+        assert Child([sys.executable, "-c", f"import os; os._exit({status})"]).wait(10, lambda: None) == says
+    with pytest.raises(OSError, match="No such file"):
+        Child(["/nowhere/python"])

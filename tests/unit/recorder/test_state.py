@@ -1,0 +1,237 @@
+"""The state of a core: nobody forgets a part of it, and no file puts in what does not belong."""
+
+import base64
+import json
+import random
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.unit.recorder.test_recorder import Train, busy
+from wrcd.checksum import checksum
+from wrcd.config import Config, load_config
+from wrcd.core.core import Core
+from wrcd.errors import InputError
+from wrcd.recorder.state import Misfit, capture, encode, restore
+from wrcd.recorder.state_file import load
+from wrcd.tools.cli import main
+
+PACKAGES = ("wrcd.estimator.", "wrcd.bus.", "wrcd.core.", "wrcd.recorder.")
+
+
+@pytest.fixture(scope="module")
+def config() -> Config:
+    return load_config(None)
+
+
+def objects(root: Any) -> Iterator[tuple[str, Any]]:
+    """Everything of our packages that a core is made of, by path. Frozen things count as values."""
+    seen: set[int] = set()
+
+    def walk(path: str, value: Any) -> Iterator[tuple[str, Any]]:
+        if isinstance(value, dict):
+            for key, v in value.items():
+                yield from walk(f"{path}[{key}]", v)
+        elif isinstance(value, (list, tuple, deque)):
+            for i, v in enumerate(value):
+                yield from walk(f"{path}[{i}]", v)
+        elif ours(value) and id(value) not in seen:
+            seen.add(id(value))
+            yield path, value
+            for name in attributes(value):
+                yield from walk(f"{path}.{name}", getattr(value, name))
+
+    yield from walk("core", root)
+
+
+def ours(value: Any) -> bool:
+    params = getattr(type(value), "__dataclass_params__", None)
+    frozen = params is not None and params.frozen
+    return f"{type(value).__module__}.".startswith(PACKAGES) and not frozen and not isinstance(value, (str, int))
+
+
+def attributes(thing: Any) -> list[str]:
+    slots = (s for c in type(thing).__mro__ for s in getattr(c, "__slots__", ()))
+    return sorted({*getattr(thing, "__dict__", ()), *slots})
+
+
+def shown(value: Any) -> Any:
+    """What tells a value from another: contents of plain things, identity of all others."""
+    if isinstance(value, np.ndarray):
+        return value.dtype.str, value.shape, value.tobytes()
+    if isinstance(value, dict):
+        return sorted((str(k), shown(v)) for k, v in value.items())
+    if isinstance(value, (list, tuple, deque)):
+        return [shown(v) for v in value]
+    if isinstance(value, str):
+        return str(value)
+    if value is None or isinstance(value, (bool, int, float, bytes)):
+        return repr(value)
+    return type(value).__name__ if ours(value) else id(value)
+
+
+def snapshot(core: Core) -> dict[tuple[str, type, str], Any]:
+    return {(path, type(o), name): shown(getattr(o, name)) for path, o in objects(core) for name in attributes(o)}
+
+
+def test_every_class_names_its_state(config: Config, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    train = Train(config, tmp_path)
+    before = snapshot(train.rig.core)
+    changed: set[tuple[type, str]] = set()
+    turn = train.recorder.turn
+
+    def compare(now_us: int) -> None:
+        turn(now_us)
+        if train.rig.counter % 25 == 0 or train.rig.spike:
+            now = snapshot(train.rig.core)
+            changed.update((k[1], k[2]) for k, v in now.items() if before.get(k) != v)
+
+    monkeypatch.setattr(train.recorder, "turn", compare)
+    busy(train)
+    forgotten = [
+        f"{c.__module__}.{c.__qualname__}.{name} changes: name it in STATE, or in PASSING if nothing hangs on it"
+        for c, name in changed
+        if name not in (*getattr(c, "STATE", ()), *getattr(c, "PASSING", ()))
+    ]
+    assert sorted(forgotten) == []
+    assert len(changed) > 40
+    # what is named and never seen to change would mean that this test sees too little
+    named = {(type(o), name) for _, o in objects(train.rig.core) for name in getattr(type(o), "STATE", ())}
+    still = {f"{c.__name__}.{n}" for c, n in named - changed if not holds_objects(train.rig.core, c, n)}
+    assert len(still) <= 0.15 * len(named), still
+
+
+def holds_objects(core: Core, kind: type, name: str) -> bool:
+    return any(
+        any(p.startswith(f"{path}.{name}") for p, _ in objects(core)) for path, o in objects(core) if type(o) is kind
+    )
+
+
+def test_a_restored_core_is_the_same(config: Config, tmp_path: Path) -> None:
+    train = Train(config, tmp_path)
+    busy(train)
+    core, again = train.rig.core, Core(config)
+    restore(again, json.loads(json.dumps(encode(capture(core)), allow_nan=False)))
+    passing = {(type(o), n) for _, o in objects(core) for n in getattr(type(o), "PASSING", ())}
+    ours_now, theirs = snapshot(core), snapshot(again)
+    differ = [
+        f"{path}.{name}"
+        for (path, kind, name), value in ours_now.items()
+        if (kind, name) not in passing and value != theirs[path, kind, name]
+    ]
+    fixed = {f"{path}.{name}" for path, o in objects(core) for name in attributes(o) if not plain(getattr(o, name))}
+    assert [d for d in differ if d not in fixed] == []
+
+
+def plain(value: Any) -> bool:
+    if isinstance(value, dict):
+        return all(map(plain, value.values()))
+    if isinstance(value, (list, tuple, deque)):
+        return all(map(plain, value))
+    return value is None or isinstance(value, (bool, int, float, str, bytes, np.ndarray)) or ours(value)
+
+
+@pytest.fixture(scope="module")
+def dumped(config: Config, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A dump to be damaged: its state file."""
+    train = Train(config, tmp_path_factory.mktemp("dumped"), seconds=1.0)
+    train.run(1500)
+    log = train.asked()
+    return log.with_suffix(".state.json")
+
+
+def signed(body: dict[str, Any]) -> bytes:
+    return json.dumps({**body, "checksum": checksum(body)}).encode()
+
+
+def test_another_design_or_configuration_is_named(dumped: Path, tmp_path: Path, config: Config) -> None:
+    body = json.loads(dumped.read_bytes())
+    path = tmp_path / "x.state.json"
+    for key, says in (("design", "another design"), ("dbc", "another DBC")):
+        path.write_bytes(signed({**body, key: "0" * 64}))
+        with pytest.raises(InputError, match=says):
+            load(path, Core(config))
+    with pytest.raises(InputError, match="min_speed_m_s differ"):
+        load(dumped, Core(replace(config, min_speed_m_s=5.0)))
+    # where things lie is another matter
+    load(dumped, Core(replace(config, channel="can7", file="elsewhere.toml")))
+
+
+def test_the_replay_command_refuses_a_damaged_state(
+    dumped: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = tmp_path / "x.log"
+    log.write_bytes(dumped.with_name(dumped.name.replace(".state.json", ".log")).read_bytes())
+    good = dumped.read_bytes()
+    chance = random.Random(3)
+    for _ in range(20):
+        bad = bytearray(good)
+        for _ in range(chance.choice((1, 1, 5, 100))):
+            bad[chance.randrange(len(bad))] = chance.randrange(256)
+        tmp_path.joinpath("x.state.json").write_bytes(bad[: chance.choice((len(bad), len(bad) // 2))])
+        if bytes(bad) != good:
+            assert main(["replay", str(log), "-o", str(tmp_path / "out.log")]) == 2
+            assert "x.state.json: " in capsys.readouterr().err
+
+
+def leaves(node: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+    yield path
+    if isinstance(node, dict):
+        for key, v in node.items():
+            yield from leaves(v, (*path, key))
+    elif isinstance(node, list):
+        for i, v in enumerate(node):
+            yield from leaves(v, (*path, i))
+
+
+HOSTILE: list[Any] = [
+    None, True, 1 << 70, -5, 1e300, "x" * 500, [], {}, [[]] * 20_000, {"float": "1"}, {"hex": "zz"}, {"a": 1},
+    {"dtype": "|O", "shape": [1], "base64": "AAAAAAAAAAA="},
+    {"dtype": "<f8", "shape": [1 << 40], "base64": ""},
+    {"dtype": "<f8", "shape": [-1], "base64": base64.b64encode(bytes(8)).decode()},
+]  # fmt: skip
+
+
+def test_a_hostile_state_with_a_good_checksum_is_refused_or_fits(dumped: Path, tmp_path: Path, config: Config) -> None:
+    """Whatever stands in a file: InputError, or a core whose arrays have their shapes and types."""
+    body = json.loads(dumped.read_bytes())
+    chance = random.Random(4)
+    places = [p for p in leaves(body) if p and p[0] in ("core", "events", "lines", "configuration")]
+    shapes = {p: getattr(v, "shape", None) for p, v in arrays(Core(config))}
+    path = tmp_path / "x.state.json"
+    refused = 0
+    for place in chance.sample(places, 150):
+        hostile = json.loads(json.dumps(body))
+        node = hostile
+        for key in place[:-1]:
+            node = node[key]
+        node[place[-1]] = chance.choice(HOSTILE)
+        path.write_bytes(signed(hostile))
+        core = Core(config)
+        try:
+            load(path, core)
+        except InputError:
+            refused += 1
+        else:
+            assert {p: v.shape for p, v in arrays(core)} == shapes
+    assert refused > 100
+
+
+def arrays(core: Core) -> Iterator[tuple[str, Any]]:
+    for path, o in objects(core):
+        for name in attributes(o):
+            if isinstance(value := getattr(o, name), np.ndarray):
+                yield f"{path}.{name}", value
+
+
+def test_what_does_not_fit_names_the_place(config: Config) -> None:
+    core = Core(config)
+    node = encode(capture(core))
+    node["estimator"]["_bank"]["x"]["shape"] = [4, 5, 3]
+    with pytest.raises(Misfit, match=r"core\.estimator\._bank\.x is not an array"):
+        restore(core, node)

@@ -1,0 +1,349 @@
+"""The score: what it plays, how it reports, and a small fixed part of it that must not get worse."""
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sim_ecu.cli import main
+from sim_ecu.design.cases import SEEDS_PER_PLAN, Plan, draw
+from sim_ecu.design.source import load_source
+from sim_ecu.physics.contact import peak
+from sim_ecu.physics.track import OMEGA_C, QUALITY, Track
+from sim_ecu.physics.wheelset import Wheelset
+from sim_ecu.play.encoder import databases
+from sim_ecu.play.player import Player
+from sim_ecu.play.scenario import Scenario
+from sim_ecu.score import suites
+from sim_ecu.score.goals import goals
+from sim_ecu.score.heard import Heard
+from sim_ecu.score.metrics import accuracy, changes, honesty
+from sim_ecu.score.metrics.frames import OURS, gather
+from sim_ecu.score.names import SUITES
+from sim_ecu.score.play import Trace, newest, play
+from sim_ecu.score.report import judge, plain
+from sim_ecu.score.suites.broken import BOTH_DEAD, SWAPPED, dead, foreign
+from sim_ecu.score.suites.changes import ORDER, cycles, drops
+from sim_ecu.score.suites.dry import dry_hours
+from sim_ecu.score.suites.harsh import HARSH, slow
+from sim_ecu.score.suites.nominal import GRID, NOISE, ROBUST, condition, grid, robust, spread
+from sim_ecu.score.suites.run import FIRST_TEST_SEED, Run
+from sim_ecu.score.tables import tables
+from wrcd.config import load_config
+from wrcd.resources import DESIGN
+
+W = Wheelset()
+
+
+@pytest.fixture(scope="module")
+def every() -> dict[str, list[Run]]:
+    """All suites, with a fifth of their runs."""
+    source = load_source(DESIGN)
+    out: dict[str, list[Run]] = {}
+    for run in suites.runs(source, None, 0.2):
+        out.setdefault(run.suite, []).append(run)
+    return out
+
+
+def test_what_is_scored_was_not_trained_on(every: dict[str, list[Run]]) -> None:
+    trained = {c.seed for group in draw(Plan(), W) for c in group.conditions}
+    assert max(trained) < SEEDS_PER_PLAN * 1_001 < FIRST_TEST_SEED  # the largest plan seed that is taken is 1000
+    assert set(every) == set(SUITES)
+    own = ("paper", "transitions", "drops", "cycles", "dry-hours")  # suites whose conditions are not the grid's
+    seeds: dict[int, tuple[str, int, int]] = {}
+    for suite, runs in every.items():
+        for run in runs:
+            for place, a in enumerate(run.scenario.axles):
+                assert a.seed >= FIRST_TEST_SEED
+                # the same again only for the same conditions in another world
+                condition_of = suite if suite in own else "grid", run.number, place
+                assert seeds.setdefault(a.seed, condition_of) == condition_of
+
+
+def test_runs_that_are_judged_over_seconds_are_long_enough(every: dict[str, list[Run]]) -> None:
+    for suite in ("grid", "robust", "rough", "harsh", "slow", "paper", "cycles"):
+        assert {r.scenario.duration_s for r in every[suite]} == {10.0}
+    assert {r.scenario.duration_s for r in every["foreign"] if "wheelset" not in r.group} == {13.0}
+    assert all(len(r.scenario.axles) == 4 for runs in every.values() for r in runs if len(r.curves) == 4)
+
+
+def test_the_grid_covers_speeds_curves_and_sensors() -> None:
+    runs = list(grid(W, 0.5))
+    mems = [r for r in runs if r.group == "mems"]
+    speeds = sorted(float(r.scenario.speed.values[0]) for r in mems)
+    assert speeds[0] < 11 < 49 < speeds[-1]
+    assert np.diff(speeds).max() < 2.0
+    assert {c for r in mems for c in r.curves} == {"A", "B", "C", "D", "E", "F", "between"}
+    tactical = {r.number: r for r in runs if r.group == "tactical"}
+    assert len(tactical) >= GRID / 8
+    for r in mems:
+        if r.number in tactical:
+            assert [a.seed for a in r.scenario.axles] == [a.seed for a in tactical[r.number].scenario.axles]
+            assert {a.sensors.name for a in tactical[r.number].scenario.axles} == {"tactical"}
+    again = next(grid(W, 0.5))
+    assert again.scenario.axles[0].seed == runs[0].scenario.axles[0].seed  # always the same
+
+
+def test_robust_differs_from_the_grid_in_one_thing() -> None:
+    nominal = {r.number: r.scenario for r in grid(W, 1.0) if r.group == "mems"}
+    seen = set()
+    for run in robust(W, 1.0):
+        seen.add(run.group)
+        s, n = run.scenario, nominal[run.number]
+        for a, b in zip(s.axles, n.axles, strict=True):
+            assert (a.seed, a.drive, a.roughness) == (b.seed, b.drive, b.roughness)
+        differs = [
+            s.wheelset != n.wheelset,
+            s.axles[0].sensors != n.axles[0].sensors,
+            not np.array_equal(s.axles[0].rail, n.axles[0].rail),
+            s.axles[0].corner_rad_m != n.axles[0].corner_rad_m,
+            s.speed.values[-1] != n.speed.values[0],
+        ]
+        assert sum(differs) == 1, run.group
+    assert seen == {v.name for v in ROBUST}
+    assert set(NOISE.values()) <= seen
+    assert {v.corner_rad_m / OMEGA_C for v in ROBUST} == {0.5, 1.0, 2.0}
+
+
+def test_a_paired_suite_alone_brings_its_twins_along() -> None:
+    source = load_source(DESIGN)
+    runs = list(suites.runs(source, "harsh", 0.1))
+    numbers = {r.number for r in runs if r.suite == "harsh"}
+    assert {r.number for r in runs if r.suite == "grid"} == numbers
+    assert {r.group for r in runs if r.suite == "harsh"} == {v.name for v in HARSH}
+    assert {r.suite for r in suites.runs(source, "drops", 0.1)} == {"drops"}
+
+
+def test_spread_reaches_all_of_the_grid() -> None:
+    assert max(n for k in range(len(ROBUST)) for n in spread(1.0, 12, k)) > 0.9 * GRID
+    assert all(len(set(spread(s, 12, k))) == len(spread(s, 12, k)) for s in (0.05, 0.1, 1.0) for k in range(80))
+
+
+def test_drops_go_down_from_everywhere_and_half_end_unsaturated() -> None:
+    runs = list(drops(W, 1.0))
+    pairs = {c for r in runs for c in r.curves}
+    assert len(pairs) == len(ORDER) * (len(ORDER) - 1) / 2
+    assert {"A to F", "D to F", "A to B"} <= pairs
+    ends, signs = [], []
+    for r in runs[:12]:
+        torques = [a.drive.course.values[-1] for a in r.scenario.axles]
+        signs += [math.copysign(1, t) for t in torques]
+        played = list(Player(r.scenario).measured())
+        for place, torque in enumerate(torques):
+            new = played[-1].readings[place].mu_available_pct / 100
+            ends.append(abs(torque) / (2 * W.normal_N * W.r_0) / new)
+    ends_array = np.array(ends)
+    unsaturated = ends_array < 0.95
+    assert 0.35 < unsaturated.mean() < 0.65
+    assert (ends_array[unsaturated] > 0.29).all()
+    assert (ends_array[~unsaturated] > 1.05).all()
+    assert 0.35 < np.mean(np.array(signs) > 0) < 0.65
+
+
+def test_cycles_go_through_the_peak_and_back() -> None:
+    runs = list(cycles(W, 1.0))
+    assert {c for r in runs for c in r.curves} == set("ABCDEF")
+    demands = [a.drive.demand for r in runs for a in r.scenario.axles]
+    assert demands.count("creep_of_peak") == demands.count("utilisation") == len(demands) / 2
+    run = runs[1]
+    samples = list(Player(run.scenario).measured())
+    speed = run.scenario.speed.values[0]
+    for place, a in enumerate(run.scenario.axles):
+        readings = [s.readings[place] for s in samples][400:]
+        past = np.abs([r.slip for r in readings]) / peak(speed, W.contact, *a.rail[0, 1:6])[0]
+        used = np.array([r.mu_used_pct / r.mu_available_pct for r in readings])
+        assert past.max() > 0.8  # 2 but on the lowest rails, where there is little torque to speed up or slow down
+        assert past.min() < 0.5
+        assert used.max() > 0.95
+        if a.drive.demand == "utilisation":
+            assert used.min() < 0.35
+        through = np.sum(np.diff(np.sign(past - 0.7)) > 0)
+        assert 3 <= through <= 10  # eight seconds at 0.5 or 1 Hz
+
+
+def test_dry_hours_are_many_tracks_and_some_coasting() -> None:
+    runs = list(dry_hours(W, 1.0))
+    assert sum(r.scenario.duration_s * len(r.scenario.axles) for r in runs) / 3600 == pytest.approx(3.0)
+    assert len({a.seed for r in runs for a in r.scenario.axles}) == 4 * len(runs)
+    coasting = [np.abs(a.drive.course.values[2]) == 0 for r in runs for a in r.scenario.axles]
+    assert 0.15 < np.mean(coasting) < 0.35
+
+
+def test_sensors_that_die_leave_their_own_noise() -> None:
+    runs = {r.group: r for r in dead(W, 0.1)}
+    sent = decoded(runs["both die"].scenario)
+    dies = round(5.0 / 0.005)
+    for signal, can_id, rms in (("YawRate", 0x102, 3e-4), ("LatAccel", 0x112, 0.01)):
+        values = [v[signal] for v in sent[can_id]]
+        assert np.std(values[dies:]) == pytest.approx(rms, rel=0.1)
+        assert np.std(values[200:dies]) > 1.2 * rms
+    one = decoded(runs["the gyro dies"].scenario)
+    assert np.std([v["YawRate"] for v in one[0x102]][dies:]) == pytest.approx(3e-4, rel=0.1)
+    assert np.std([v["LatAccel"] for v in one[0x112]][dies:]) > 0.012
+    start = [s.readings[0] for s in Player(runs[BOTH_DEAD].scenario).measured()]
+    assert np.std([r.yaw_rate for r in start]) == pytest.approx(3e-4, rel=0.1)
+
+
+def test_swapped_wires_are_those_of_a_train_on_one_track() -> None:
+    run = next(r for r in foreign(W, 0.1) if r.group == SWAPPED)
+    axles = run.scenario.axles
+    assert len({a.runs_on for a in axles}) == 1
+    assert len({a.position_m for a in axles}) == 4
+    right = list(Player(run.scenario).measured())  # before the wires
+    frames = decoded(run.scenario)
+    for sensed, other in ((0, 1), (1, 0), (2, 3), (3, 2)):
+        lat = [v["LatAccel"] for v in frames[0x111 + sensed]]
+        assert lat[:50] == pytest.approx([s.readings[other].lat_accel for s in right[:50]], abs=1e-5)
+        yaw = [v["YawRate"] for v in frames[0x101 + sensed]]
+        assert yaw[:50] == pytest.approx([s.readings[sensed].yaw_rate for s in right[:50]], abs=1e-6)
+
+
+def decoded(scenario: Scenario) -> dict[int, list[Any]]:
+    """The values of all frames that the rig sends, by id."""
+    out: dict[int, list[Any]] = {}
+    for _, sent in Player(scenario, truth=False):
+        for f in sent:
+            out.setdefault(f.can_id, []).append(databases()[0].get_message_by_frame_id(f.can_id).decode(f.data))
+    return out
+
+
+def test_slow_wheelsets_coast_or_creep() -> None:
+    runs = list(slow(W, 1.0))
+    coasting = [r for r in runs if "coasting" in r.group]
+    assert all(a.drive.course.values == (0.0, 0.0) for r in coasting for a in r.scenario.axles)
+    speeds = [float(r.scenario.speed.values[0]) for r in runs if "coasting" not in r.group]
+    assert 3.0 < min(speeds) < 4.0
+    assert 9.0 < max(speeds) < 10.0
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+def test_the_corner_of_the_spectrum_moves_what_is_short(factor: float) -> None:
+    """Slopes come from above the corner, size from far below it (sigma^2 = pi A_a Oc / (2 Or (Or + Oc)))."""
+    both = [Track(QUALITY["good"], 5, corner_rad_m=c) for c in (OMEGA_C, factor * OMEGA_C)]
+    nodes = [t.reach(200_000.0) for t in both]
+    slope = [n[:, 1].std() for n in nodes]
+    low = 0.0206
+    assert slope[1] / slope[0] == pytest.approx(
+        math.sqrt(factor**2 * (low + OMEGA_C) / (low + factor * OMEGA_C)), rel=0.03
+    )
+    assert nodes[1][:, 0].std() == pytest.approx(both[1].sigma_m, rel=0.1)
+
+
+def test_frames_are_decoded_as_cantools_does() -> None:
+    rng = np.random.default_rng(4)
+    for database, name in zip(databases(), ("Adhesion_A2", "SimTruth_A2"), strict=True):
+        message = database.get_message_by_name(name)
+        heard = Heard(message)
+        for _ in range(200):
+            heard.stamps_us.append(0)
+            heard.data.append(rng.integers(0, 256, 8, dtype=np.uint8).tobytes())
+        heard.data += [b"\xff" * 8, b"\x00" * 8]
+        theirs: list[Any] = [message.decode(d) for d in heard.data]
+        for s in message.signals:
+            if s.choices and s.name not in ("MuAvailable", "MuUsed"):
+                assert heard.words(s.name).tolist() == [str(v[s.name]) for v in theirs]
+            else:
+                want = [float(v[s.name]) if isinstance(v[s.name], (int, float)) else math.nan for v in theirs]
+                assert heard.numbers(s.name) == pytest.approx(np.array(want), nan_ok=True)
+    assert Heard(databases()[0].get_message_by_name("Adhesion_A1"), [0], [b"\0" * 8]).words("None").tolist() == [""]
+
+
+def test_what_was_said_last_stands_until_the_next() -> None:
+    message = databases()[0].get_message_by_name("AdhesionDetail_A1")
+    empty = {s.name: 0 for s in message.signals}
+    heard = Heard(message)
+    for stamp_us, model in ((100, 2), (200, 3)):
+        heard.stamps_us.append(stamp_us)
+        heard.data.append(message.encode(empty | {"WinningModel": model}, strict=False))
+    found = newest(heard, "WinningModel", np.array([50, 100, 150, 250]))
+    assert found.tolist() == ["", "Model2", "Model2", "Model3"]
+
+
+@pytest.fixture(scope="module")
+def small() -> list[Trace]:
+    """A fixed part of grid and drops, and a little of what is paired with the grid."""
+    config = load_config(None)
+    runs = [r for r in grid(W, 0.08) if r.group == "mems"][:8]
+    numbers = {r.number for r in runs}
+    runs += [condition("robust", W, n, ROBUST[-4]) for n in sorted(numbers)[:2]]
+    runs += list(drops(W, 0.1))[:3]
+    return [t for run in runs for t in play(run, config, {})]
+
+
+def test_accuracy_does_not_get_worse(small: list[Trace]) -> None:
+    """Bounds a little above what the packaged design reaches here; `sim-ecu score` has the whole of it."""
+    f = gather([t for t in small if t.suite == "grid"])
+    found = accuracy.accuracy(f, OURS)
+    assert found["mean"].count > 8000
+    assert found["mean"].value <= MEAN_PP
+    assert found["p95"].value <= P95_PP
+    assert honesty.not_valid(f)["share"].value <= 0.02
+    assert accuracy.contact_right(f)["right"].value >= 0.95
+    assert honesty.coverage(f).value >= 0.85
+    own = f.own_half_width[f.valid]
+    assert 0.85 <= np.mean(np.abs(f.mu[OURS] - f.true)[f.valid] <= own) <= 0.99  # without the bus's rounding up
+    assert (own <= f.half_width[f.valid] + 1e-9).all()  # the bus rounds up
+
+
+def test_drops_are_followed(small: list[Trace]) -> None:
+    found = changes.drops([t for t in small if t.suite == "drops"])
+    assert len(found) == 12
+    assert np.median([d.lie_s for d in found]) <= LIE_S
+    assert np.median([d.settled_s for d in found]) <= SETTLED_S
+
+
+def test_the_report_has_every_figure(small: list[Trace]) -> None:
+    source = load_source(DESIGN)
+    for t in small:
+        t.baselines["torque ratio"] = t.true_used_pct
+    result = judge(small, source)
+    text = "\n".join(tables(result))
+    assert "| torque ratio |" in text
+    assert "**drops**: 12 drops" in text
+    assert f"design {source.design.name} {source.design.checksum[:12]}" in text
+    ends = [line.split("|")[-2].strip() for line in text.split("**goals**")[1].splitlines()[4:]]
+    assert len(goals(result["suites"])) == len(ends)
+    assert ends.count("not judged: too few runs") == len(ends)  # eight runs are not enough
+    document = json.loads(json.dumps(plain(result), allow_nan=False))
+    paired = document["suites"]["robust"]["groups"][ROBUST[-4].name]
+    nominal = gather([t for t in small if t.suite == "grid" and t.run in {u.run for u in small if u.suite == "robust"}])
+    over = paired["accuracy"]["mean"]["value"] / accuracy.accuracy(nominal, OURS)["mean"].value
+    assert paired["ratio"]["value"] == pytest.approx(over)
+    assert judge(small, source, "drops")["suites"].keys() == {"drops"}
+
+
+def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["score", "--suite", "paper", "--quick", "--jobs", "1", "--json", str(tmp_path / "s.json")]
+    arguments += ["--beside", f"again={DESIGN}"]
+    assert main([*arguments, "--html", str(tmp_path / "s.html")]) == 0
+    out = capsys.readouterr().out
+    assert "paper: worst error over its bound" in out
+    assert "QUICK" in out
+    document = json.loads((tmp_path / "s.json").read_text())
+    assert set(document["suites"]["paper"]["curves"]) == set("ABCDEF")
+    compared = document["suites"]["paper"]["compared"]
+    assert compared["again"]["mean"]["value"] == pytest.approx(compared["wrcd"]["mean"]["value"], abs=0.02)
+    assert "torque ratio" in compared
+    headers = sum(line.startswith("|---|") for line in out.splitlines())
+    assert (tmp_path / "s.html").read_text().count("<table>") == headers
+
+
+def test_bad_input_is_told_before_anything_is_played(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["score", "--json", str(tmp_path / "none" / "s.json")]) == 2
+    assert "--json: no such folder" in capsys.readouterr().err
+    assert main(["score", "--design", str(tmp_path / "none.json")]) == 2
+    (tmp_path / "b.json").write_text("{}")
+    assert main(["score", "--baselines", str(tmp_path / "b.json")]) == 2
+    assert "does not belong to this design" in capsys.readouterr().err
+    assert main(["score", "--beside", "old.json"]) == 2
+    assert "takes NAME=DESIGN.json" in capsys.readouterr().err
+    assert main(["score", "--beside", f"old={tmp_path / 'none.json'}"]) == 2
+    assert main(["score", "--jobs", "0"]) == 2
+
+
+# measured on the packaged design: see test_accuracy_does_not_get_worse
+MEAN_PP, P95_PP = 1.2, 5.0
+LIE_S, SETTLED_S = 0.4, 1.0

@@ -1,0 +1,181 @@
+"""SIGHUP's configuration: what is taken over, what is refused by name, and what a mistake leaves alone."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from tests.unit.core.test_core import Rig, validities
+from wrcd import resources
+from wrcd.config import DEFAULT, Config, load_config
+from wrcd.core.core import Core
+from wrcd.service.reload import Reload
+
+OWN_FILES = '[dbc]\nfile = "train.dbc"\n[estimator]\ndesign = "my.json"\n'
+
+
+class Train:
+    """A configuration with files of its own, the daemon's view of it, and the file to change."""
+
+    def __init__(self, folder: Path) -> None:
+        self.file = folder / "train.toml"
+        self.dbc, self.design = folder / "train.dbc", folder / "my.json"
+        shutil.copyfile(resources.DBC, self.dbc)
+        shutil.copyfile(resources.DESIGN, self.design)
+        self.write()
+        self.config = load_config(self.file)
+        self.reload = Reload(self.file, self.config)
+
+    def write(self, more: str = "", text: str = DEFAULT) -> None:
+        self.file.write_text(OWN_FILES + text + more)
+
+    def read(self) -> str:
+        """Reload; returns the line for the log."""
+        self.config, line = self.reload.read(self.config)
+        return line
+
+
+@pytest.fixture
+def train(tmp_path: Path) -> Train:
+    return Train(tmp_path)
+
+
+def test_limits_are_taken_over_and_named(train: Train) -> None:
+    train.write(
+        "[limits]\nmin_speed_m_s = 40\nnot_available_after_ms = 250\n",
+        DEFAULT.replace("[vehicle]", "[vehicle]\ntorque_is_total = false"),
+    )
+    before = train.config
+    line = train.read()
+    assert "limits.min_speed_m_s 3 -> 40" in line
+    assert "limits.not_available_after_ms 100 -> 250" in line
+    assert "vehicle.torque_is_total true -> false" in line
+    assert "restart" not in line
+    assert (train.config.min_speed_m_s, train.config.not_available_after_us) == (40.0, 250_000)
+    assert not train.config.torque_is_total
+    assert train.config.database is before.database
+    train.write()
+    assert "40 -> 3" in train.read()
+    assert train.read() == "reload: nothing has changed"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "name"),
+    [
+        ("[vehicle]", '[bus]\nchannel = "can7"\n[vehicle]', "bus.channel"),
+        ("[vehicle]", '[bus]\ninterface = "virtual"\n[vehicle]', "bus.interface"),
+        ("[vehicle]", '[vehicle]\nstatus_message = "AdhesionDetail_A4"', "vehicle.status_message"),
+        ('"Torque_A2.Torque"', '"Torque_A1.Torque"', "mapped signals"),
+        ("[vehicle]", "[recorder]\nseconds = 30\n[vehicle]", "recorder.seconds"),
+        ('"train.dbc"', '"other.dbc"', "dbc.file"),
+        ('"my.json"', '"other.json"', "estimator.design"),
+    ],
+)
+def test_everything_else_is_refused_by_name(train: Train, old: str, new: str, name: str) -> None:
+    text = (OWN_FILES + DEFAULT).replace(old, new)
+    train.file.write_text(text + "[limits]\nmin_speed_m_s = 5\n")
+    assert train.read() == f"reload: limits.min_speed_m_s 3 -> 5; needs a restart: {name}"
+    assert train.config.min_speed_m_s == 5.0
+    assert (train.config.interface, train.config.channel, train.config.dbc_file) == ("socketcan", "can0", train.dbc)
+
+
+def test_the_recorders_bounds_are_taken_over(train: Train) -> None:
+    train.write('[recorder]\nmost_files = 7\nmost_mb = 12.5\nfolder = "elsewhere"\n')
+    line = train.read()
+    assert "recorder.most_files 20 -> 7" in line
+    assert "recorder.most_mb 200 -> 12.5" in line
+    assert line.endswith("; needs a restart: recorder.folder")
+    assert (train.config.recorder.most_files, train.config.recorder.most_mb) == (7, 12.5)
+    assert train.config.recorder.folder is None
+
+
+def test_axles_cannot_change(train: Train) -> None:
+    train.write(text=DEFAULT[: DEFAULT.rindex("[[axle]]")])
+    assert train.read() == "reload: nothing taken over; needs a restart: axle, mapped signals"
+    assert len(train.config.axles) == 4
+
+
+def test_changed_files_are_named_but_not_read(train: Train) -> None:
+    """Reading a DBC takes longer than a tick."""
+    train.dbc.write_text("no DBC at all")
+    train.design.unlink()
+    train.write("[limits]\nmin_speed_m_s = 5\n")
+    assert train.read() == "reload: limits.min_speed_m_s 3 -> 5; needs a restart: dbc.file, estimator.design"
+
+
+@pytest.mark.parametrize(
+    ("more", "named"),
+    [
+        ("[limits]\nmin_speed_m_s = 400\n", "limits.min_speed_m_s: takes a number from 0.1 to 60"),
+        ("[limits]\nmin_sped_m_s = 4\n", "did you mean 'min_speed_m_s'?"),
+        ("[limits\n", "not valid TOML"),
+    ],
+)
+def test_a_mistake_changes_nothing(train: Train, more: str, named: str) -> None:
+    before = train.config
+    train.write(more)
+    line = train.read()
+    assert line.startswith("reload: nothing taken over: ")
+    assert named in line
+    assert "train.toml:" in line
+    assert train.config is before
+
+
+def test_a_mistake_may_come_from_a_file_that_is_not_read_yet(train: Train) -> None:
+    train.dbc.write_bytes(train.dbc.read_bytes().replace(b"Torque_A1", b"Effort_A1"))
+    train.write(text=DEFAULT.replace('"Torque_A1.Torque"', '"Effort_A1.Torque"'))
+    line = train.read()
+    assert "Effort_A1" in line
+    assert line.endswith("(dbc.file changed too: restart for that)")
+
+
+def test_no_file_any_more(train: Train) -> None:
+    before = train.config
+    train.file.unlink()
+    assert "no such file" in train.read()
+    assert train.config is before
+
+
+def test_a_constant_speed_in_place_of_the_signal_needs_a_restart(train: Train) -> None:
+    without = DEFAULT.replace('speed = "VehicleSpeed.Speed"', "")
+    train.write("[limits]\nconstant_speed_m_s = 20\n", without)
+    assert "needs a restart: limits.constant_speed_m_s, mapped signals" in train.read()
+    train.config = load_config(train.file)
+    train.write("[limits]\nconstant_speed_m_s = 30\n", without)
+    core = Core(train.config)
+    assert "limits.constant_speed_m_s 20 -> 30" in train.read()
+    core.reconfigure(train.config)
+    assert core._inputs.speed_m_s == 30.0
+
+
+@pytest.fixture
+def rig(train: Train) -> Rig:
+    return Rig(train.config)
+
+
+def test_the_core_goes_on_with_the_new_limit(train: Train, rig: Rig) -> None:
+    """Above the present speed the axle has no estimate; lowered again, one window later it has."""
+
+    def to(min_speed_m_s: float) -> Config:
+        train.write(f"[limits]\nmin_speed_m_s = {min_speed_m_s}\n")
+        train.read()
+        return train.config
+
+    assert validities(rig.run(1500))[-1] == "Valid"
+    rig.core.reconfigure(to(40.0))
+    assert set(validities(rig.run(200))) == {"NotAvailable"}
+    rig.core.reconfigure(to(3.0))
+    back = [str(row["Validity"]) for row in rig.run(1500)]
+    assert 45 <= back.index("Valid") <= 51
+    assert set(back[back.index("Valid") :]) == {"Valid"}
+
+
+def test_the_core_goes_on_with_a_longer_patience(train: Train, rig: Rig) -> None:
+    assert validities(rig.run(1500))[-1] == "Valid"
+    train.write("[limits]\nnot_available_after_ms = 400\n")
+    train.read()
+    rig.core.reconfigure(train.config)
+    rig.silent = {0x101}
+    found = [row["Validity"] for row in rig.run(600)]
+    # 400 ms of 20 ms each, where it would have been 100
+    assert 19 <= found.index("NotAvailable") <= 21

@@ -1,0 +1,267 @@
+"""The configuration: a TOML file that says which signals carry what, or the default, which is the packaged DBC."""
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TypeVar
+
+from wrcd import resources
+from wrcd.bus.dbc import Database, load_dbc
+from wrcd.bus.units import Quantity
+from wrcd.errors import InputError
+from wrcd.estimator.design import Design, load_design
+from wrcd.mapping import (
+    AXLE_QUANTITIES,
+    MOST_AXLES,
+    NEEDED,
+    VEHICLE_QUANTITIES,
+    AxleConfig,
+    Input,
+    axle,
+    cycle_us,
+    inputs,
+    optional,
+)
+from wrcd.settings import Section, parse_toml, read_toml, suggest
+
+T = TypeVar("T")
+STALE_TICKS = 3  # of gyro and accelerometer: two may be missing
+
+
+@dataclass(frozen=True, slots=True)
+class RecorderConfig:
+    """The flight recorder: seconds of frames in memory (0: none), and how much its folder (None: none) may hold."""
+
+    folder: Path | None
+    seconds: float
+    most_files: int  # dumps; each is a log and a state
+    most_mb: float
+
+    @property
+    def on(self) -> bool:
+        """Whether there is anything to record for."""
+        return self.folder is not None and self.seconds > 0
+
+
+@dataclass(frozen=True, slots=True)
+class Config:
+    """All that the daemon runs with."""
+
+    file: str
+    interface: str
+    channel: str
+    hardware_stamps: bool
+    dbc_file: Path
+    database: Database
+    design_file: Path
+    design: Design
+    axles: tuple[AxleConfig, ...]
+    inputs: tuple[Input, ...]
+    status: str | None
+    rejects: str | None
+    link: str | None
+    not_available_after_us: int
+    min_speed_m_s: float
+    constant_speed_m_s: float | None
+    torque_is_total: bool
+    adhesion_cycle_us: int
+    detail_cycle_us: int
+    status_cycle_us: int
+    recorder: RecorderConfig
+
+
+DEFAULT = """
+[vehicle]
+speed = "VehicleSpeed.Speed"
+""" + "".join(
+    f"""
+[[axle]]
+number = {a}
+yaw_rate = "YawRate_A{a}.YawRate"
+lateral_acceleration = "LatAccel_A{a}.LatAccel"
+torque = "Torque_A{a}.Torque"
+"""
+    for a in range(1, MOST_AXLES + 1)
+)
+
+
+def load_config(
+    path: Path | None,
+    read_dbc: Callable[[Path], Database] = load_dbc,
+    read_design: Callable[[Path], Design] = load_design,
+) -> Config:
+    """Read a configuration file, or the default one for None. Raises InputError with file, line, key and advice.
+
+    Who has the DBC or the design already says so by a reader of their own.
+    """
+    if path is None:
+        return _config(parse_toml(DEFAULT, "default configuration"), Path(), read_dbc, read_design)
+    return _config(read_toml(path), path.parent, read_dbc, read_design)
+
+
+def _config(
+    top: Section, folder: Path, read_dbc: Callable[[Path], Database], read_design: Callable[[Path], Design]
+) -> Config:
+    bus, dbc, estimator = top.section("bus"), top.section("dbc"), top.section("estimator")
+    limits, vehicle = top.section("limits"), top.section("vehicle")
+    interface, channel = bus.get("interface", str, "socketcan"), bus.get("channel", str, "can0")
+    dbc_file = _path(dbc, "file", folder, resources.DBC)
+    database = _load(dbc, "file", dbc_file, read_dbc)
+    design_file = _path(estimator, "design", folder, resources.DESIGN)
+    design = _load(estimator, "design", design_file, read_design)
+    _same_wheelset(top.section("wheelset"), design, design_file)
+    axles, mapped = _train(top, vehicle, database)
+    mapped = [_of_tick(i, design) for i in mapped]
+    constant = _constant_speed(limits)
+    if constant is None and Quantity.SPEED not in {i.source.quantity for i in mapped}:
+        raise vehicle.error(
+            "is missing", "speed", 'name the signal ("Message.Signal") or give limits.constant_speed_m_s'
+        )
+    status = optional(vehicle, "status_message", database, "WrcdStatus")
+    config = Config(
+        file=str(top.file),
+        interface=interface,
+        channel=channel,
+        hardware_stamps=bus.choice("timestamps", ("kernel", "hardware"), "kernel") == "hardware",
+        dbc_file=dbc_file,
+        database=database,
+        design_file=design_file,
+        design=design,
+        axles=tuple(axles),
+        inputs=tuple(mapped),
+        status=status,
+        rejects=optional(vehicle, "rejects_message", database, "WrcdRejects"),
+        link=optional(vehicle, "link_message", database, "WrcdLink"),
+        not_available_after_us=_not_available_after_us(limits, mapped),
+        min_speed_m_s=limits.number("min_speed_m_s", 3.0, 0.1, 60.0),
+        constant_speed_m_s=constant,
+        torque_is_total=vehicle.get("torque_is_total", bool, True),
+        adhesion_cycle_us=cycle_us(database, axles[0].adhesion, 20),
+        detail_cycle_us=cycle_us(database, axles[0].detail, 100),
+        status_cycle_us=cycle_us(database, status, 1000),
+        recorder=_recorder(top.section("recorder"), folder),
+    )
+    for section in (bus, dbc, estimator, limits, vehicle, top):
+        section.done()
+    _names_the_wheelset(top, dbc, estimator, design)
+    return config
+
+
+def _train(top: Section, vehicle: Section, database: Database) -> tuple[list[AxleConfig], list[Input]]:
+    """The axles, and what is mapped for them and for the vehicle."""
+    axles: list[AxleConfig] = []
+    mapped: list[Input] = []
+    sent: set[str] = set()
+    tables = list(top.sections("axle"))
+    if not 1 <= len(tables) <= MOST_AXLES:
+        raise top.error(
+            f"takes 1 to {MOST_AXLES} tables, found {len(tables)}", "axle", "write [[axle]] for each wheelset"
+        )
+    for place, table in enumerate(tables):
+        one = axle(table, database)
+        if one.number in {a.number for a in axles}:
+            raise table.error(f"{one.number} is there twice", "number")
+        for key, name in (("adhesion", one.adhesion), ("detail", one.detail), ("inputs", one.inputs)):
+            if name in sent:
+                raise table.error(f"{name} is sent for another axle already", key)
+            if name:
+                sent.add(name)
+        axles.append(one)
+        mapped += inputs(table, database, AXLE_QUANTITIES, (place,))
+        table.done()
+    mapped += inputs(vehicle, database, VEHICLE_QUANTITIES, tuple(range(len(axles))))
+    return axles, mapped
+
+
+def _of_tick(i: Input, design: Design) -> Input:
+    """The measurements run with the ticks: past three of them they are stale, whatever the DBC says."""
+    if i.source.quantity not in (Quantity.YAW_RATE, Quantity.LAT_ACCEL):
+        return i
+    return replace(i, timeout_us=round(STALE_TICKS * design.tick_s * 1e6))
+
+
+def _constant_speed(limits: Section) -> float | None:
+    constant = limits.maybe("constant_speed_m_s", float)
+    return None if constant is None else limits.number("constant_speed_m_s", constant, 0.0, Quantity.SPEED.limit)
+
+
+def _not_available_after_us(limits: Section, mapped: list[Input]) -> int:
+    after_us = round(1000 * limits.number("not_available_after_ms", 100.0, 5.0, 10_000.0))
+    for i in mapped:
+        if i.source.quantity in (*NEEDED, Quantity.SPEED) and i.timeout_us > after_us:
+            raise limits.error(
+                f"{after_us / 1000:g} ms is less than the time-out of {i.source.message}.{i.source.signal}, "
+                f"{i.timeout_us / 1000:g} ms",
+                "not_available_after_ms",
+                "give a longer one: an input that is silent for so long ends the estimate",
+            )
+    return after_us
+
+
+def _recorder(section: Section, folder: Path) -> RecorderConfig:
+    # where systemd says that a service may keep things; it may name several, by colons
+    given = section.maybe("folder", str) or os.environ.get("STATE_DIRECTORY", "").partition(":")[0]
+    most_files = section.get("most_files", int, 20)
+    if not 1 <= most_files <= 10_000:
+        raise section.error(f"takes 1 … 10000, not {most_files}", "most_files")
+    config = RecorderConfig(
+        folder=folder / given if given else None,
+        seconds=section.number("seconds", 60.0, 0.0, 600.0),
+        most_files=most_files,
+        most_mb=section.number("most_mb", 200.0, 1.0, 1e6),
+    )
+    section.done()
+    return config
+
+
+def _path(section: Section, key: str, folder: Path, default: Path) -> Path:
+    given = section.maybe(key, str)
+    return default if given is None else folder / given
+
+
+def _load(section: Section, key: str, path: Path, load: Callable[[Path], T]) -> T:
+    """Load a file that the configuration names: the error says both where it is named and what is wrong with it."""
+    try:
+        return load(path)
+    except InputError as e:
+        if key in section:
+            raise section.error(str(e), key) from None
+        raise
+
+
+def _same_wheelset(section: Section, design: Design, file: Path) -> None:
+    """[wheelset] in the configuration states what the train has; a design for another one is refused."""
+    for key in section:
+        if key not in design.wheelset:
+            raise section.error(
+                "unknown key", key, suggest(key, design.wheelset) or "the keys of the design's wheelset"
+            )
+        stated = section.raw(key)
+        has = design.wheelset[key]
+        same = abs(stated - has) <= 1e-6 * abs(has) if _both_numbers(stated, has) else stated == has
+        if not same:
+            raise section.error(
+                f"is {stated!r}, but the design file {file} is for a wheelset with {has!r}",
+                key,
+                "make a design for this wheelset with `sim-ecu design`, and name it under [estimator]",
+            )
+
+
+def _names_the_wheelset(top: Section, dbc: Section, estimator: Section, design: Design) -> None:
+    """Whoever brings a train of their own says which wheelset it has: a foreign one cannot be told from its signals,
+    only its estimates are wrong."""
+    if "file" in dbc and "design" not in estimator and not list(top.section("wheelset")):
+        raise dbc.error(
+            f"is a train's own, but nothing says that it has the wheelset {_name(design)!r} of the packaged design",
+            "file",
+            f'name it: [wheelset] name = "{_name(design)}" (or parameters to compare), or [estimator] design = "FILE"',
+        )
+
+
+def _name(design: Design) -> str:
+    return str(design.wheelset.get("name", design.name))
+
+
+def _both_numbers(a: object, b: object) -> bool:
+    return all(isinstance(x, (int, float)) and not isinstance(x, bool) for x in (a, b))

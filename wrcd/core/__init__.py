@@ -1,0 +1,1 @@
+"""Pure: ticks, inputs, validity, messages out, counts. No clock, no operating system."""

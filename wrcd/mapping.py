@@ -1,0 +1,130 @@
+"""The names that a configuration gives, found in the DBC: which signals carry what, which messages to send."""
+
+from dataclasses import dataclass
+
+from wrcd.bus.codec import Source, Writer
+from wrcd.bus.dbc import (
+    Database,
+    check_encodable,
+    check_plain,
+    cycle_ms,
+    data_id,
+    find_message,
+    find_signal,
+    timeout_ms,
+)
+from wrcd.bus.units import Quantity, factor
+from wrcd.core.report import sendable
+from wrcd.settings import Section, suggest
+
+MOST_AXLES = 4
+AXLE_QUANTITIES = (
+    Quantity.YAW_RATE,
+    Quantity.LAT_ACCEL,
+    Quantity.TORQUE,
+    Quantity.BRAKE_TORQUE,
+    Quantity.AXLE_LOAD,
+    Quantity.WHEEL_RADIUS,
+)
+VEHICLE_QUANTITIES = (Quantity.SPEED, Quantity.DIRECTION)
+NEEDED = (Quantity.YAW_RATE, Quantity.LAT_ACCEL, Quantity.TORQUE)
+DEFAULT_TIMEOUT_MS = 100
+ADHESION_NEEDS = ("Validity", "MuAvailable")
+
+
+@dataclass(frozen=True, slots=True)
+class AxleConfig:
+    """One wheelset: its number (1 … 4) and the messages that tell about it."""
+
+    number: int
+    adhesion: str
+    detail: str | None
+    inputs: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class Input:
+    """A mapped signal and after how long without it it is stale."""
+
+    source: Source
+    timeout_us: int
+
+
+def axle(table: Section, database: Database) -> AxleConfig:
+    """One [[axle]]: its number, and what it sends. Raises InputError."""
+    number = table.take("number", int)
+    if not 1 <= number <= MOST_AXLES:
+        raise table.error(f"takes 1 … {MOST_AXLES}, not {number}", "number")
+    adhesion = table.get("adhesion", str, f"Adhesion_A{number}")
+    _writer(table, "adhesion", database, adhesion, ADHESION_NEEDS)
+    return AxleConfig(
+        number,
+        adhesion,
+        detail=optional(table, "detail", database, f"AdhesionDetail_A{number}"),
+        inputs=optional(table, "inputs", database, f"InputHealth_A{number}"),
+    )
+
+
+def optional(section: Section, key: str, database: Database, usual: str) -> str | None:
+    """A message to send that may be left out: named, or the usual one where the DBC has it."""
+    name = section.maybe(key, str)
+    if name is None and any(m.name == usual for m in database.messages):
+        name = usual
+    if name is not None:
+        _writer(section, key, database, name, ())
+    return name
+
+
+def inputs(
+    section: Section, database: Database, quantities: tuple[Quantity, ...], axles: tuple[int, ...]
+) -> list[Input]:
+    """The quantities that a table maps, of some axles (places 0 … n-1). Raises InputError."""
+    out = []
+    for q in quantities:
+        named = section.maybe(q.key, str)
+        if named is None:
+            if q in NEEDED:
+                raise section.error("is missing", q.key, 'name the signal that carries it: "Message.Signal"')
+            continue
+        message_name, dot, signal_name = named.partition(".")
+        if not dot:
+            raise section.error(f"{named!r} is not of the form Message.Signal", q.key)
+        try:
+            message = find_message(database, message_name)
+            signal = find_signal(message, signal_name)
+            factor(signal.unit, q)
+            data_id(message)
+            timeout = timeout_ms(message, signal) or DEFAULT_TIMEOUT_MS
+            check_plain(message)
+        except KeyError as e:
+            raise section.error(str(e.args[0]), q.key, _nearest(database, message_name, signal_name)) from None
+        except ValueError as e:
+            raise section.error(str(e), q.key, "map a signal with another unit, or mend the DBC") from None
+        out.append(Input(Source(message_name, signal_name, q, axles), timeout * 1000))
+    return out
+
+
+def _nearest(database: Database, message: str, signal: str) -> str:
+    every = {f"{m.name}.{s.name}" for m in database.messages for s in m.signals}
+    return suggest(f"{message}.{signal}", every)
+
+
+def _writer(section: Section, key: str, database: Database, name: str, needs: tuple[str, ...]) -> None:
+    try:
+        message = find_message(database, name)
+        Writer(message, needs)
+        sendable(message)
+        cycle_ms(message)
+        check_encodable(message)
+    except KeyError as e:
+        hint = suggest(name, [m.name for m in database.messages]) or f'give [[axle]] {key} = "…"'
+        raise section.error(str(e.args[0]), key, hint) from None
+    except ValueError as e:
+        raise section.error(str(e), key) from None
+
+
+def cycle_us(database: Database, name: str | None, default_ms: int) -> int:
+    """The cycle of a message that is sent, if any."""
+    if name is None:
+        return default_ms * 1000
+    return (cycle_ms(find_message(database, name)) or default_ms) * 1000

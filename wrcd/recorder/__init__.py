@@ -1,0 +1,1 @@
+"""The flight recorder: ring, state and its file, the process that writes a dump."""

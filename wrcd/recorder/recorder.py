@@ -1,0 +1,200 @@
+"""The flight recorder: the last minute of frames in memory, written to a folder when something went wrong.
+
+Beside the frames it keeps what the estimate had from before them: a snapshot of the core every few seconds. A dump
+begins at the oldest snapshot whose frames are all still there, so that `wrcd replay` of it gives the very bytes that
+were sent.
+"""
+
+import math
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from wrcd.bus.frame import Frame
+from wrcd.config import RecorderConfig
+from wrcd.core.core import Core
+from wrcd.recorder.child import Child
+from wrcd.recorder.folder import Bound, dump_name, plain_channel
+from wrcd.recorder.ring import ADVANCED, HEALTH, RECEIVED, SENT, Ring
+from wrcd.recorder.state import capture, encode
+from wrcd.recorder.state_file import identity, settings
+from wrcd.recorder.triggers import Triggers
+from wrcd.recorder.writer import Request, start
+from wrcd.service.journal import say
+
+FRAMES_PER_S = 4000  # that the ring has room for; a full 500 kbit/s bus carries about as many of eight bytes
+SNAPSHOTS = 6  # within the ring's time
+SPARE_SHARE = 0.1  # of the ring, may be overwritten before the process that writes a dump has copied it
+AFTERMATH_US = 2_000_000  # is in the dump, too
+PAUSE_US = 30_000_000  # between two dumps that nobody asked for
+EXIT_S = 3.0  # for the last dump; less than systemd's patience
+
+
+@dataclass(frozen=True, slots=True)
+class Snapshot:
+    """The core as it was when the ring's end was at position."""
+
+    position: int
+    at_us: int
+    core: dict[str, Any]
+
+
+class Recorder:
+    """Told by the loop of all that comes, goes and happens; turn() between turns, when the core has all of it."""
+
+    def __init__(self, config: RecorderConfig, core: Core, channel: str, write: Callable[[str], None] = say) -> None:
+        if config.folder is None:
+            raise ValueError("a recorder needs a folder")
+        self._folder, self._core, self._write = config.folder, core, write
+        self._bound = _bound(config)
+        self._channel = plain_channel(channel)
+        self._every_us = max(1, round(config.seconds * 1e6 / SNAPSHOTS))
+        # dumps are of config.seconds at least: the oldest snapshot is up to one interval older than that
+        self._ring = Ring(math.ceil(config.seconds * (1 + 1 / SNAPSHOTS) * FRAMES_PER_S))
+        self._snapshots: deque[Snapshot] = deque(maxlen=SNAPSHOTS + 1)
+        self._health = capture(core.health)
+        self._healths: deque[tuple[int, dict[str, Any]]] = deque()  # by position, from the oldest snapshot on: changes
+        self._settings = core.config
+        self._fits = identity(core.config)
+        self._triggers = Triggers(len(core.config.axles), core.config.adhesion_cycle_us)
+        self._reports = core.reports
+        self._asked = False
+        self._pending: tuple[str, int] | None = None  # trigger and its time, while the aftermath is awaited
+        self._last_us: int | None = None  # of the newest dump that nobody asked for
+        self._child: Child | None = None
+        self._name = ""
+        self._said = ""
+
+    def received(self, frames: Sequence[Frame]) -> None:
+        """What the link handed over in this turn, before it is fed."""
+        self._note_health()  # the link may have learnt of losses on the way
+        for frame in frames:
+            self._ring.put_frame(RECEIVED, frame)
+
+    def sent(self, frame: Frame) -> None:
+        """A frame that went out."""
+        self._ring.put_frame(SENT, frame)
+
+    def advanced(self, now_us: int) -> None:
+        """The core is told that time has come to now_us without a frame."""
+        self._ring.put(ADVANCED, now_us)
+
+    def ask(self) -> None:
+        """A person wants a dump."""
+        self._asked = True
+
+    def turn(self, now_us: int) -> None:
+        """A turn of the loop is over."""
+        core = self._core
+        self._note_health()
+        self._snapshot(now_us)
+        if core.reports is not self._reports:
+            self._reports = core.reports
+            found = self._triggers.look(core.reports, core.standing)
+            if found and self._pending is None and self._rested(now_us):
+                self._pending, self._last_us = (found, now_us), now_us
+        if self._asked and self._pending is None:
+            self._asked, self._pending = False, ("asked", now_us)
+        self._reap()
+        if self._pending and self._child is None and not 0 <= now_us - self._pending[1] < AFTERMATH_US:
+            name, self._pending = dump_name(self._channel, self._pending[1], self._pending[0]), None
+            self._dump(name)
+
+    def _note_health(self) -> None:
+        """What the core tells of the loop and the link does not come from frames: a replay must be told."""
+        health = capture(self._core.health)
+        if health != self._health:
+            self._health = health
+            self._healths.append((self._ring.end, health))
+            self._ring.put(HEALTH, 0)
+
+    def _rested(self, now_us: int) -> bool:
+        # a clock that has stepped back holds nothing up
+        return self._last_us is None or not 0 <= now_us - self._last_us < PAUSE_US
+
+    def _snapshot(self, now_us: int) -> None:
+        ring, kept = self._ring, self._snapshots
+        if self._core.config is not self._settings:
+            self._settings = config = self._core.config
+            self._bound = _bound(config.recorder)
+            if (now := settings(config)) != self._fits["configuration"]:
+                # other limits from here on: what was recorded under the old ones can't be replayed with the new
+                self._fits = {**self._fits, "configuration": now}
+                kept.clear()
+        # by the ring's filling, too, so that the newest is never overwritten by a bus that carries more than it can
+        if kept and 0 <= now_us - kept[-1].at_us < self._every_us and (
+            ring.end - kept[-1].position < ring.records // (SNAPSHOTS + 1)
+        ):  # fmt: skip
+            return
+        kept.append(Snapshot(ring.end, now_us, capture(self._core)))
+        while len(kept) > 1 and not ring.holds(kept[0].position):
+            kept.popleft()
+        while self._healths and self._healths[0][0] < kept[0].position:
+            self._healths.popleft()
+
+    def _dump(self, name: str, urgent: bool = False) -> None:
+        ring, self._name = self._ring, name
+        spare = round(SPARE_SHARE * ring.records)
+        first = next((s for s in self._snapshots if ring.holds(s.position, spare)), None)
+        if first is None:  # not one turn
+            return
+        request = Request(
+            folder=str(self._folder),
+            name=name,
+            channel=self._channel,
+            position=first.position,
+            end=ring.end,
+            fits=self._fits,
+            core=encode(first.core),
+            healths=[(position, health) for position, health in self._healths if position >= first.position],
+            most_dumps=self._bound.dumps,
+            most_bytes=self._bound.size,
+            urgent=urgent,
+        )
+        try:
+            self._child = start(ring, request)
+        except OSError as e:
+            self._report(f"no process to write it: {e.strerror}")
+
+    def _reap(self) -> None:
+        if self._child is not None and (failed := self._child.finished()) is not None:
+            self._child = None
+            self._report(failed)
+
+    def _report(self, failed: str) -> None:
+        """One line for each dump, and one for a trouble however often it comes."""
+        if failed != self._said or not failed:
+            where = self._folder / (self._name + ".log")
+            self._write(f"recorder: {where} not written: {failed}" if failed else f"recorded {where}")
+        self._said = failed
+
+    def close(self, now_us: int, alive: Callable[[], None] = lambda: None) -> None:
+        """The daemon ends: a last dump, within EXIT_S. alive is called while it is written.
+
+        A process writes this one, too: a disk that hangs could not be left alone otherwise.
+        """
+        end = time.monotonic() + EXIT_S
+        if self._child is not None:
+            self._report(self._child.wait(EXIT_S / 2, alive))
+            self._child = None
+        self._dump(dump_name(self._channel, now_us, "exit"), urgent=True)
+        if self._child is not None:
+            self._report(self._child.wait(end - time.monotonic(), alive))
+            self._child = None
+        self._ring.close()
+
+
+def _bound(config: RecorderConfig) -> Bound:
+    return Bound(config.most_files, round(config.most_mb * 1e6))
+
+
+def make_recorder(core: Core, channel: str) -> Recorder | None:
+    """The recorder that the core's configuration asks for, if any. That there is none stops no daemon."""
+    config = core.config.recorder
+    try:
+        return Recorder(config, core, channel) if config.on else None
+    except OSError as e:
+        say(f"recorder: none: {e}")
+        return None

@@ -1,0 +1,1 @@
+"""The running daemon: the only place with a clock, signals and processes."""

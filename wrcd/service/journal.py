@@ -1,0 +1,108 @@
+"""Log lines of the running daemon: one per thing that happened, and of each kind at most one a second."""
+
+import sys
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from wrcd.bus.link import Link, LinkState
+from wrcd.bus.reasons import Reason
+from wrcd.core.causes import Cause
+from wrcd.core.core import Core
+from wrcd.core.report import Report, Validity
+
+EVERY_US = 1_000_000
+MOST_REASONS = 6  # in one line
+STATES: dict[LinkState, str] = {
+    "Up": "the CAN link is up",
+    "Down": "the CAN link is down: nothing comes, nothing goes",
+    "Gone": "the CAN device is gone: it is opened again when it is back",
+    "ErrorPassive": "the CAN controller is error-passive: look at wiring, termination and bit rate",
+    "BusOff": "the CAN controller is bus-off: nothing comes, nothing goes",
+}
+
+
+def say(line: str) -> None:
+    """A line to the log, which is stderr. That nobody reads it is no reason to stop."""
+    try:
+        print(f"wrcd: {line}", file=sys.stderr, flush=True)
+    except OSError:
+        pass
+
+
+@dataclass(slots=True)
+class _Told:
+    """A counter, the line about what it has gained, and how much of it has been told."""
+
+    total: Callable[[], int]
+    line: str
+    always: bool = True  # or only while the link is up: on a dead bus it goes without saying
+    told: int = 0
+    next_us: int = 0
+
+
+class Watch:
+    """Looks at the counters of a core and its link between turns, and tells what they gained."""
+
+    def __init__(self, core: Core, link: Link, write: Callable[[str], None] = say) -> None:
+        self._core, self._link, self._write = core, link, write
+        counts, health, bus = core.counts, core.health, link.health
+        self._counters = (
+            _Told(lambda: bus.reopens, "the CAN device was opened again"),
+            _Told(lambda: bus.drops, "lost {n} received frames: the kernel's buffer was full, see 80-wrcd.conf"),
+            _Told(lambda: bus.unsent, "could not send {n} frames", always=False),
+            _Told(lambda: health.overruns, "left out {n} frames: their slot was over"),
+            _Told(lambda: counts.time_steps, "the clock stepped: started anew"),
+            _Told(lambda: core.waits, "an axle is reset again and again by absurd measurements: it waits longer"),
+        )
+        self._state: LinkState = "Up"
+        self._state_next_us = dict.fromkeys(STATES, 0)
+        self._refused: Counter[tuple[str, Reason]] = Counter()
+        self._refused_next_us = 0
+        axles = core.config.axles
+        self._numbers = [a.number for a in axles]
+        self._valid = [False] * len(axles)  # as told
+        self._valid_next_us = [0] * len(axles)
+
+    def look(self, now_us: int) -> None:
+        """Write what is new. The time only spaces the lines."""
+        state = self._link.health.state
+        if state != self._state and _due(self._state_next_us[state], now_us):
+            self._state, self._state_next_us[state] = state, now_us + EVERY_US
+            self._write(STATES[state])
+        for c in self._counters:
+            gained = c.total() - c.told
+            if not c.always and not self._link.health.up:
+                c.told += gained
+            elif gained and _due(c.next_us, now_us):
+                c.told, c.next_us = c.told + gained, now_us + EVERY_US
+                if gained > 0:  # a counter set back to zero has nothing to tell
+                    self._write(c.line.format(n=gained))
+        if _due(self._refused_next_us, now_us):
+            self._refused_next_us = now_us + EVERY_US
+            self._tell_refused()
+        for axle, report in enumerate(self._core.reports):
+            self._tell_validity(axle, report, now_us)
+
+    def _tell_validity(self, axle: int, report: Report, now_us: int) -> None:
+        valid = report.validity is Validity.VALID
+        by_right = report.cause in (Cause.STANDSTILL, Cause.WARMING_UP)  # a train that stops loses nothing
+        if valid != self._valid[axle] and not by_right and _due(self._valid_next_us[axle], now_us):
+            self._valid[axle], self._valid_next_us[axle] = valid, now_us + EVERY_US
+            said = "is Valid" if valid else f"is not Valid any more: {report.cause.words}"
+            self._write(f"axle {self._numbers[axle]} {said}")
+
+    def _tell_refused(self) -> None:
+        blamed = self._core.counts.blamed
+        if new := blamed - self._refused:
+            self._refused = blamed.copy()
+            why = [f"{reason} {message} {n}" for (message, reason), n in new.most_common(MOST_REASONS)]
+            rest = new.total() - sum(n for _, n in new.most_common(MOST_REASONS))
+            self._write(
+                f"refused {new.total()} frames in the last second: {', '.join(why)}" + f", others {rest}" * (rest > 0)
+            )
+
+
+def _due(next_us: int, now_us: int) -> bool:
+    """Whether a second has gone by; a clock that stepped back silences nobody."""
+    return not 0 < next_us - now_us <= EVERY_US

@@ -1,0 +1,229 @@
+"""The live loop: drain what the kernel holds, tick, send. One thread, no queue."""
+
+import gc
+import signal
+import time
+from collections.abc import Callable, Sequence
+from types import FrameType
+
+from wrcd.bus.frame import Frame
+from wrcd.bus.link import Link
+from wrcd.core.core import BACKWARD_STEP_US, FORWARD_STEP_US, Core
+from wrcd.core.outbox import Outgoing
+from wrcd.recorder.recorder import Recorder
+from wrcd.service.journal import Watch, say
+from wrcd.service.notify import Notifier
+from wrcd.service.reload import Reload
+
+# The loop turns this long after the end of each tick, when the tick's last frames have usually come in.
+SETTLE_US = 1_000
+# A tick is closed when a frame of a later one arrives. The clock closes it only on a silent bus: after so many turns
+# that found nothing. On a busy computer a frame may be stamped milliseconds before the kernel hands it over,
+# and a tick closed without it would not be what a replay computes.
+SILENT_TURNS = 2
+# Systemd's watchdog is told of turns that ended this long after they were due and no later: an Adhesion frame's slot.
+# A loop that is always later sends next to nothing, and a new one may do better.
+LATE_US = 20_000
+# A loop that stood still for no longer than this closes every tick of that time; for longer it is a step of time.
+MAX_STALL_US = 60_000_000
+
+
+def wall_us() -> int:
+    """The clock that stamps frames: CLOCK_REALTIME in whole microseconds."""
+    return time.time_ns() // 1000
+
+
+def steady_us() -> int:
+    """A clock that nobody steps, in whole microseconds."""
+    return time.monotonic_ns() // 1000
+
+
+class Daemon:
+    """Ties a link to the core. poll() waits and turns once; run() goes on until it is told to stop.
+
+    With reload, SIGHUP reads the configuration again; without, it ends the daemon as SIGTERM does.
+    """
+
+    def __init__(
+        self,
+        core: Core,
+        link: Link,
+        notifier: Notifier | None = None,
+        clock: Callable[[], int] = wall_us,
+        steady: Callable[[], int] = steady_us,
+        reload: Reload | None = None,
+        recorder: Recorder | None = None,
+    ) -> None:
+        self.core, self.link = core, link
+        self._recorder = recorder
+        core.health.link = link.health
+        self._reload = reload
+        self._watch = Watch(core, link)
+        self._notifier = notifier or Notifier({})
+        self._clock, self._steady = clock, steady
+        self._told_us = steady()  # the steady clock's time up to which the core has been told
+        self._offset_us = clock() - self._told_us  # of the wall clock from it
+        self._period_us = round(core.config.design.tick_s * 1e6)
+        self._stop = self._hangup = False
+        self._turn_us = self._next_turn_us()
+        self._silent = 0  # turns in a row that found nothing
+        self._slot_in_time = True  # whether the newest slot's frames still belonged to it
+        self._next_ping_us = 0
+        self.sent = 0
+
+    def poll(self) -> None:
+        """Wait for the end of the tick, then one turn."""
+        # no wake-up per frame: the kernel holds them until the tick is over
+        time.sleep(self.wait_s())
+        self.turn()
+
+    def wait_s(self) -> float:
+        """How long until the next turn is due. A clock that steps back makes nobody wait longer than a tick."""
+        left_us = self._turn_us - self._clock()
+        return min(max(left_us, 0), self._period_us + SETTLE_US) * 1e-6
+
+    def turn(self) -> None:
+        """Take all frames there are, close the ticks that are over, send what is due."""
+        now = self._clock()
+        out: list[Outgoing] = []
+        counts = self.core.counts
+        before, ticks = counts.seen, counts.ticks
+        frames = self.link.receive(now)
+        steady_us = self._steady()
+        stood_us = steady_us - self._told_us
+        if stood_us <= FORWARD_STEP_US:
+            out += self._feed(frames)
+        else:
+            for frame in frames:
+                out += self._bridge(frame.stamp_us, stood_us) + self._feed([frame])
+        self._silent = 0 if counts.seen > before else self._silent + 1
+        if self._silent >= SILENT_TURNS:
+            out += self._bridge(now - SETTLE_US, stood_us) + self._advance(now - SETTLE_US)
+        self._note_time(now, steady_us)
+        self._send(out)
+        self._look_after(now, in_time=counts.ticks > ticks and self._in_time())
+        self._turn_us = self._next_turn_us()
+
+    def _feed(self, frames: Sequence[Frame]) -> list[Outgoing]:
+        if self._recorder is not None:
+            self._recorder.received(frames)
+        return [o for frame in frames for o in self.core.feed(frame)]
+
+    def _advance(self, now_us: int) -> list[Outgoing]:
+        if self._recorder is not None:
+            self._recorder.advanced(now_us)
+        return self.core.advance(now_us)
+
+    def _bridge(self, until_us: int, stood_us: int) -> list[Outgoing]:
+        """Where the core is behind because the loop stood still, take it through that time: no step of time."""
+        out: list[Outgoing] = []
+        at_us = self.core.time_us
+        if at_us is not None and until_us - at_us <= min(stood_us, MAX_STALL_US) + FORWARD_STEP_US:
+            for moment_us in range(at_us + FORWARD_STEP_US, until_us, FORWARD_STEP_US):
+                out += self._advance(moment_us)
+        return out
+
+    def _note_time(self, now_us: int, steady_us: int) -> None:
+        """Up to when the core has been told now, by the clock that nobody steps."""
+        offset_us, at_us = now_us - steady_us, self.core.time_us
+        stepped = abs(offset_us - self._offset_us) > BACKWARD_STEP_US
+        self._told_us = steady_us if stepped or at_us is None else min(at_us - offset_us, steady_us)
+        self._offset_us = offset_us
+
+    def _in_time(self) -> bool:
+        return self._slot_in_time and self._clock() - self._turn_us <= LATE_US
+
+    def _next_turn_us(self) -> int:
+        return (self._clock() // self._period_us + 1) * self._period_us + SETTLE_US
+
+    def _send(self, out: list[Outgoing]) -> None:
+        """Send what still belongs to its slot. A slot that is over is skipped and counted, never sent in a burst."""
+        for o in out:
+            self._slot_in_time = self._clock() // o.cycle_us <= o.frame.stamp_us // o.cycle_us
+            if not self._slot_in_time:
+                self.core.health.overruns += 1
+            elif self.link.send(o.frame):
+                self.sent += 1
+                if self._recorder is not None:
+                    self._recorder.sent(o.frame)
+
+    def _look_after(self, now_us: int, in_time: bool) -> None:
+        health = self.core.health
+        health.state = "Running" if self.link.health.up else "LinkDown"
+        if self._recorder is not None:
+            self._recorder.turn(now_us)
+        self._watch.look(now_us)
+        every = self._notifier.watchdog_every_us
+        if in_time and every is not None and not (0 < self._next_ping_us - now_us <= every):
+            self._notifier.say("WATCHDOG=1")
+            self._next_ping_us = now_us + every
+
+    def catch_up(self) -> None:
+        """Take what arrived while the program started. Its slots are over: what would have been sent is not."""
+        self.core.muted = True
+        # what is older than a window and a bit would have left it again
+        since = self._clock() - round(1.25e6 * self.core.config.design.window_s)
+        while frames := self.link.receive(self._clock()):
+            for frame in frames:
+                if frame.stamp_us >= since:
+                    self.core.feed(frame)
+            if self._clock() - frames[-1].stamp_us < 2 * self._period_us:
+                break
+        self.core.muted = False
+        self._note_time(self._clock(), self._steady())
+        self.link.health.drops = 0  # an overflow before the start is no loss of the running daemon's
+
+    def run(self) -> None:
+        """Until SIGTERM or SIGINT. However it ends, an exception included, the last frames say NotAvailable, and it is
+        off the bus before the recorder's dump is written: that takes seconds."""
+        for s in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGUSR1):
+            signal.signal(s, self._on_signal)
+        try:
+            self.catch_up()
+            self._go_on()
+        finally:
+            try:
+                self._leave()
+            finally:
+                if self._recorder is not None:
+                    self._recorder.close(self._clock(), lambda: self._notifier.say("WATCHDOG=1"))
+
+    def _go_on(self) -> None:
+        # what the start has left is not looked through again and again for garbage
+        gc.collect()
+        gc.freeze()
+        self._notifier.say("READY=1")
+        while not self._stop:
+            self.poll()
+            if self._hangup and self._reload is not None:
+                self._read_again(self._reload)
+
+    def _leave(self) -> None:
+        """The last frames, and off the bus."""
+        self._notifier.say("STOPPING=1")
+        try:
+            for frame in self.core.farewell(self._clock()):
+                if self.link.send(frame) and self._recorder is not None:
+                    self._recorder.sent(frame)
+        except Exception as e:  # there is one on its way already, perhaps: that one is to be seen
+            say(f"the last frames were not sent: {e!r}")
+        finally:
+            self.link.close()
+
+    def _read_again(self, reload: Reload) -> None:
+        """Between two turns: the next tick runs with the limits of the configuration as it is now."""
+        self._hangup = False
+        self._notifier.say_reloading()
+        config, line = reload.read(self.core.config)
+        self.core.reconfigure(config)
+        say(line)
+        self._notifier.say("READY=1")
+
+    def _on_signal(self, number: int, _frame: FrameType | None) -> None:
+        if number == signal.SIGHUP and self._reload is not None:
+            self._hangup = True
+        elif number == signal.SIGUSR1:
+            if self._recorder is not None:
+                self._recorder.ask()
+        else:
+            self._stop = True
