@@ -205,7 +205,7 @@ def _design(args: argparse.Namespace) -> int:
         from sim_ecu.design.explain import explain
 
         return explain(args.explain)
-    from sim_ecu.design.command import run
+    from sim_ecu.commands.run_design import run
     from wrcd.errors import InputError
 
     if args.output is None:
@@ -224,7 +224,7 @@ def _contact(args: argparse.Namespace) -> int:
 
 
 def _score(args: argparse.Namespace) -> int:
-    from sim_ecu.score.command import run
+    from sim_ecu.commands.run_score import run
     from wrcd.errors import InputError
 
     if args.jobs < 1:

@@ -2,22 +2,20 @@
 
 import os
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
 
 from wrcd import resources
 from wrcd.bus.dbc import Database, load_dbc
 from wrcd.bus.units import Quantity
+from wrcd.core.configuration import MAX_AXLES, AxleConfig, Config, Input, RecorderConfig
 from wrcd.errors import InputError
 from wrcd.estimator.design import Design, load_design
 from wrcd.mapping import (
     AXLE_QUANTITIES,
-    MOST_AXLES,
     NEEDED,
     VEHICLE_QUANTITIES,
-    AxleConfig,
-    Input,
     axle,
     cycle_us,
     inputs,
@@ -27,48 +25,6 @@ from wrcd.settings import Section, parse_toml, read_toml, suggest
 
 T = TypeVar("T")
 STALE_TICKS = 3  # of gyro and accelerometer: two may be missing
-
-
-@dataclass(frozen=True, slots=True)
-class RecorderConfig:
-    """The flight recorder: seconds of frames in memory (0: none), and how much its folder (None: none) may hold."""
-
-    folder: Path | None
-    seconds: float
-    most_files: int  # dumps; each is a log and a state
-    most_mb: float
-
-    @property
-    def on(self) -> bool:
-        """Whether there is anything to record for."""
-        return self.folder is not None and self.seconds > 0
-
-
-@dataclass(frozen=True, slots=True)
-class Config:
-    """All that the daemon runs with."""
-
-    file: str
-    interface: str
-    channel: str
-    hardware_stamps: bool
-    dbc_file: Path
-    database: Database
-    design_file: Path
-    design: Design
-    axles: tuple[AxleConfig, ...]
-    inputs: tuple[Input, ...]
-    status: str | None
-    rejects: str | None
-    link: str | None
-    not_available_after_us: int
-    min_speed_m_s: float
-    constant_speed_m_s: float | None
-    torque_is_total: bool
-    adhesion_cycle_us: int
-    detail_cycle_us: int
-    status_cycle_us: int
-    recorder: RecorderConfig
 
 
 DEFAULT = """
@@ -82,7 +38,7 @@ yaw_rate = "YawRate_A{a}.YawRate"
 lateral_acceleration = "LatAccel_A{a}.LatAccel"
 torque = "Torque_A{a}.Torque"
 """
-    for a in range(1, MOST_AXLES + 1)
+    for a in range(1, MAX_AXLES + 1)
 )
 
 
@@ -154,9 +110,9 @@ def _train(top: Section, vehicle: Section, database: Database) -> tuple[list[Axl
     mapped: list[Input] = []
     sent: set[str] = set()
     tables = list(top.sections("axle"))
-    if not 1 <= len(tables) <= MOST_AXLES:
+    if not 1 <= len(tables) <= MAX_AXLES:
         raise top.error(
-            f"takes 1 to {MOST_AXLES} tables, found {len(tables)}", "axle", "write [[axle]] for each wheelset"
+            f"takes 1 to {MAX_AXLES} tables, found {len(tables)}", "axle", "write [[axle]] for each wheelset"
         )
     for place, table in enumerate(tables):
         one = axle(table, database)
@@ -202,14 +158,14 @@ def _not_available_after_us(limits: Section, mapped: list[Input]) -> int:
 def _recorder(section: Section, folder: Path) -> RecorderConfig:
     # where systemd says that a service may keep things; it may name several, by colons
     given = section.maybe("folder", str) or os.environ.get("STATE_DIRECTORY", "").partition(":")[0]
-    most_files = section.get("most_files", int, 20)
-    if not 1 <= most_files <= 10_000:
-        raise section.error(f"takes 1 … 10000, not {most_files}", "most_files")
+    max_files = section.get("max_files", int, 20)
+    if not 1 <= max_files <= 10_000:
+        raise section.error(f"takes 1 … 10000, not {max_files}", "max_files")
     config = RecorderConfig(
         folder=folder / given if given else None,
         seconds=section.number("seconds", 60.0, 0.0, 600.0),
-        most_files=most_files,
-        most_mb=section.number("most_mb", 200.0, 1.0, 1e6),
+        max_files=max_files,
+        max_mb=section.number("max_mb", 200.0, 1.0, 1e6),
     )
     section.done()
     return config

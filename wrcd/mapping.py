@@ -1,12 +1,10 @@
 """The names that a configuration gives, found in the DBC: which signals carry what, which messages to send."""
 
-from dataclasses import dataclass
-
 from wrcd.bus.codec import Source, Writer
 from wrcd.bus.dbc import (
     Database,
     check_encodable,
-    check_plain,
+    check_supported,
     cycle_ms,
     data_id,
     find_message,
@@ -14,10 +12,10 @@ from wrcd.bus.dbc import (
     timeout_ms,
 )
 from wrcd.bus.units import Quantity, factor
+from wrcd.core.configuration import MAX_AXLES, AxleConfig, Input
 from wrcd.core.report import sendable
 from wrcd.settings import Section, suggest
 
-MOST_AXLES = 4
 AXLE_QUANTITIES = (
     Quantity.YAW_RATE,
     Quantity.LAT_ACCEL,
@@ -32,29 +30,11 @@ DEFAULT_TIMEOUT_MS = 100
 ADHESION_NEEDS = ("Validity", "MuAvailable")
 
 
-@dataclass(frozen=True, slots=True)
-class AxleConfig:
-    """One wheelset: its number (1 … 4) and the messages that tell about it."""
-
-    number: int
-    adhesion: str
-    detail: str | None
-    inputs: str | None
-
-
-@dataclass(frozen=True, slots=True)
-class Input:
-    """A mapped signal and after how long without it it is stale."""
-
-    source: Source
-    timeout_us: int
-
-
 def axle(table: Section, database: Database) -> AxleConfig:
     """One [[axle]]: its number, and what it sends. Raises InputError."""
     number = table.take("number", int)
-    if not 1 <= number <= MOST_AXLES:
-        raise table.error(f"takes 1 … {MOST_AXLES}, not {number}", "number")
+    if not 1 <= number <= MAX_AXLES:
+        raise table.error(f"takes 1 … {MAX_AXLES}, not {number}", "number")
     adhesion = table.get("adhesion", str, f"Adhesion_A{number}")
     _writer(table, "adhesion", database, adhesion, ADHESION_NEEDS)
     return AxleConfig(
@@ -95,7 +75,7 @@ def inputs(
             factor(signal.unit, q)
             data_id(message)
             timeout = timeout_ms(message, signal) or DEFAULT_TIMEOUT_MS
-            check_plain(message)
+            check_supported(message)
         except KeyError as e:
             raise section.error(str(e.args[0]), q.key, _nearest(database, message_name, signal_name)) from None
         except ValueError as e:

@@ -74,7 +74,7 @@ class Brief:
     grid: int = 48
     plan: Plan = field(default_factory=Plan)
     torque_sets: int = 5
-    most_rules: int = 100
+    max_rules: int = 100
     polynomial: str = "fitted"  # or "paper": (16)
     saturated_share: float = 0.93
     unchanged_share: float = 0.9995  # of windows on one rail in which a residual stays within its limit of change
@@ -112,7 +112,7 @@ def fitted(brief: Brief, document: dict[str, Any], recordings: list[Recording], 
 def rule_base(brief: Brief, data: Features) -> RuleBase:
     """The rules of the brief's form that fit the data."""
     sets = [len(names) for names in set_names(brief)]
-    given = data.inputs, data.mu_pct, sets, brief.most_rules, data.importance(brief.plan), data.condition
+    given = data.inputs, data.mu_pct, sets, brief.max_rules, data.importance(brief.plan), data.condition
     return fit_paper(*given) if brief.form == "paper" else fit(*given, data.covers)
 
 
@@ -258,7 +258,7 @@ def fit_report(rules: RuleBase, data: Features) -> dict[str, float]:
         "mean_error_of_all_pp": _number(float(every.mean()), 4),
         "mean_error_pp": _number(float(error.mean()), 4),
         "p95_error_pp": _number(float(np.quantile(error, 0.95)), 4),
-        "least_support": _number(float(rules.support.min()), 4),
+        "min_support": _number(float(rules.support.min()), 4),
     }
 
 

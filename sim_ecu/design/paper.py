@@ -78,7 +78,7 @@ def fit_paper(
     inputs: FloatArray,
     mu_pct: FloatArray,
     sets: Sequence[int],
-    most_rules: int,
+    max_rules: int,
     importance: FloatArray,
     group: IntArray,
 ) -> PaperRules:
@@ -92,7 +92,7 @@ def fit_paper(
     centres = [np.linspace(ends[0, i], ends[1, i], m) if m > 1 else ends[:, i].mean(keepdims=True)
                for i, m in enumerate(sets)]  # fmt: skip
     every = np.stack(np.meshgrid(*(np.arange(m) for m in sets), indexing="ij"), axis=-1).reshape(-1, k)
-    rules = every[choose(weights(centres, every, inputs[::5]), most_rules)]
+    rules = every[choose(weights(centres, every, inputs[::5]), max_rules)]
     low, high = inputs.min(axis=0), inputs.max(axis=0)
     low[:k], high[:k] = [c[0] for c in centres], [c[-1] for c in centres]
     fired = weights(centres, rules, inputs)

@@ -28,7 +28,7 @@ ORDER = 6  # of the polynomial
 RIDGE = 0.3
 HELD = 4.0  # standard deviations within which a column beyond those that choose the rules is held
 ROUNDS = 3  # of reweighting, which turns squares into absolute errors in percentage points
-LEAST_ERROR_PP = 0.5  # below this an error weighs as a square
+MIN_ERROR_PP = 0.5  # below this an error weighs as a square
 RELATIVE = 0.05  # share of the relative error in the weights, so that slippery rails count
 SPREAD_ROUNDS = 6
 SPREAD_RIDGE = 3.0
@@ -139,7 +139,7 @@ def fit(
     inputs: FloatArray,
     mu_pct: FloatArray,
     sets: Sequence[int],
-    most_rules: int,
+    max_rules: int,
     importance: FloatArray,
     group: IntArray,
     covers: FloatArray,
@@ -154,7 +154,7 @@ def fit(
     ends = np.quantile(inputs[:, :k], [0.01, 0.99], axis=0)
     centres = [np.linspace(ends[0, i], ends[1, i], m) for i, m in enumerate(sets)]
     every = np.stack(np.meshgrid(*(np.arange(m) for m in sets), indexing="ij"), axis=-1).reshape(-1, k)
-    rules = every[choose(weights(centres, every, inputs[::CHOOSE_EVERY]), most_rules)]
+    rules = every[choose(weights(centres, every, inputs[::CHOOSE_EVERY]), max_rules)]
     mean, reach = inputs.mean(axis=0), HELD * inputs.std(axis=0)
     low, high = mean - reach, mean + reach
     low[:k], high[:k] = ends
@@ -242,7 +242,7 @@ def _outputs(
     for _ in range(rounds):
         found = local.solve(rows, target - middle, weight, RIDGE)
         error = np.abs(adhesion_of(np.clip(local.apply(found, rows) + middle, 0.0, 100.0)) - mu)
-        weight = per_pp * mu / np.maximum(error, LEAST_ERROR_PP)
+        weight = per_pp * mu / np.maximum(error, MIN_ERROR_PP)
         weight /= weight.mean()
     bases, slopes = local.read(found, middle)
     return np.round(bases / BASE_STEP) * BASE_STEP, np.round(slopes / SLOPE_STEP) * SLOPE_STEP

@@ -21,15 +21,16 @@ from sim_ecu.design.reference_filters import (
 from sim_ecu.design.reference_rules import FuzzyReference, Row, SlidingWindow
 from sim_ecu.design.source import load_source
 from wrcd.bus.log import Damage, read_log
-from wrcd.config import Config, load_config
+from wrcd.config import load_config
+from wrcd.core.configuration import Config
 from wrcd.core.core import Core
 from wrcd.estimator.design import Design
 from wrcd.estimator.estimator import Estimate, Estimator, Tick
 from wrcd.tools.replay import progress
 
 FloatArray = NDArray[np.float64]
-MOST_INNOVATION = 1e-9  # relative to the largest innovation of the log
-MOST_FUZZY = 0.1
+MAX_INNOVATION = 1e-9  # relative to the largest innovation of the log
+MAX_FUZZY = 0.1
 DELAY_TICKS = 4
 
 
@@ -174,16 +175,16 @@ def run(log: Path, config_file: Path | None, fuzzy_every_s: float) -> int:
         print(f"sim-ecu: {log}: no tick with all inputs; nothing to compare", file=sys.stderr)
         return 2
     relative = f.innovation / f.largest if f.largest else 0.0
-    good = relative <= MOST_INNOVATION and f.fuzzy <= MOST_FUZZY
+    good = relative <= MAX_INNOVATION and f.fuzzy <= MAX_FUZZY
     print(
         f"{f.ticks} ticks ({f.partial} predicted over for a channel missing or absurd), {len(f.fast)} fuzzy outputs "
         "compared"
     )
     print(
         f"innovations, fast against filterpy with the design's gains: largest difference {f.innovation:.2e} "
-        f"of {f.largest:.3g} = {relative:.1e} (allowed {MOST_INNOVATION:.0e})"
+        f"of {f.largest:.3g} = {relative:.1e} (allowed {MAX_INNOVATION:.0e})"
     )
-    print(f"fuzzy output, fast against scikit-fuzzy: largest difference {f.fuzzy:.2e} of 100 (allowed {MOST_FUZZY})")
+    print(f"fuzzy output, fast against scikit-fuzzy: largest difference {f.fuzzy:.2e} of 100 (allowed {MAX_FUZZY})")
     print(f"  ({f.silent} moments in which too few rules fire for the fast engine to answer)")
     rms = (f.live_square / f.square) ** 0.5 if f.square else 0.0
     print(

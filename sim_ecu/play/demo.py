@@ -103,7 +103,7 @@ def run(interface: str | None, channel: str | None, scenario_name: str, folder: 
             if time.monotonic() - shown >= SHOW_EVERY_S:
                 shown += SHOW_EVERY_S
                 _show(observer.traces)
-        for frame in core.farewell(wall_us()):
+        for frame in core.shutdown_frames(wall_us()):
             link.send(frame)
         observer.drain()
     print(

@@ -22,7 +22,7 @@ OTHER_CURVES = ("0.35", "0.6")  # those that no model is designed for
 ESTIMATE, TRUTH, USED, PRINTED = "#7B3294", "black", "0.85", "0.5"
 SET_STYLES = ("-", "--", ":", "-.")
 OWN_RANGE = "what the rules see,\nin own range (0: Low, 1: High)"
-MOST_CREEP = 0.10  # of Fig. 1
+MAX_CREEP = 0.10  # of Fig. 1
 STYLE: dict[Any, Any] = {
     "font.size": 9,
     "axes.grid": True,
@@ -65,7 +65,7 @@ class Drawing:
         )
         ax: Axes = axes[0, 0]
         contact = self._s.wheelset.contact
-        creep = np.linspace(1e-5, MOST_CREEP, 600)
+        creep = np.linspace(1e-5, MAX_CREEP, 600)
         colours = {p.curve.name: MODEL_COLOURS[m] for m, p in enumerate(self._s.points)}
         others = iter(OTHER_CURVES * len(CURVES))
         for name, c in sorted(CURVES.items(), key=lambda item: -item[1].mu_0):
@@ -82,7 +82,7 @@ class Drawing:
             away = (7, 7) if p.creep_of_peak >= SATURATED else (14, -12)  # where no curve is
             ax.annotate(f"model {m + 1}", (100 * x, y), xytext=away, textcoords="offset points", fontsize=8)
         ax.set(
-            xlabel="creepage, %", ylabel="traction ratio μ", xlim=(0, 100 * MOST_CREEP), ylim=(0, 1.3 * ax.dataLim.y1)
+            xlabel="creepage, %", ylabel="traction ratio μ", xlim=(0, 100 * MAX_CREEP), ylim=(0, 1.3 * ax.dataLim.y1)
         )
         ax.legend(loc="upper right", ncols=3)
         return figure

@@ -14,7 +14,7 @@ import numpy as np
 from sim_ecu.physics.compiled import compiled
 from sim_ecu.physics.sensors import SensorSet
 from sim_ecu.physics.wheelset import Wheelset
-from sim_ecu.score.ekf_table import Table, least_theta, log_peak_at, look_up, table
+from sim_ecu.score.ekf_table import Table, log_peak_at, look_up, min_theta, table
 from sim_ecu.score.ticks import BoolArray, FloatArray, Ticks
 
 START = (1e-6, 1e-2, 1e-3, 1e-4, 1e-4)  # variances of the first five states in a new filter
@@ -110,7 +110,7 @@ def _predict(x: FloatArray, P: FloatArray, here: FloatArray, slope: FloatArray, 
 @compiled
 def _step(x: FloatArray, P: FloatArray, z: FloatArray, present: BoolArray, ratio: float, t: Table, p: Numbers) -> float:
     """Update and predict one filter, in place. Returns the log-likelihood of what was measured."""
-    least, most = least_theta(t, ratio), t.start + t.step * (len(t.log_peak) - 1)
+    least, most = min_theta(t, ratio), t.start + t.step * (len(t.log_peak) - 1)
     here, slope, low, h = np.empty(55), np.empty(30), np.empty(30), np.zeros(6)
     x[5] = min(max(x[5], least), most)
     below, above = max(x[5] - p.difference, least), x[5] + p.difference  # no operating point below the least

@@ -94,7 +94,7 @@ def log_peak_at(t: Table, theta: float) -> float:
 
 
 @compiled
-def least_theta(t: Table, ratio: float) -> float:
+def min_theta(t: Table, ratio: float) -> float:
     """The friction below which the rail could not carry the torque in use."""
     last = len(t.log_peak) - 1
     wanted = math.log(max(ratio, 1e-9))

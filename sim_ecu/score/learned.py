@@ -16,12 +16,12 @@ from sim_ecu.score.baselines import without_offset
 from sim_ecu.score.ticks import Ticks, running_mean
 from wrcd.errors import InputError
 from wrcd.estimator.design import Design
-from wrcd.estimator.fuzzy import LEAST_FIRING
+from wrcd.estimator.fuzzy import MIN_FIRING
 
 FORMAT = "wrcd-baselines/3"
 IntArray = NDArray[np.int64]
 SMALLEST = 1e-9
-LEAST_TRACK = 0.03  # of the noise's power: less from the track is not told from none
+MIN_TRACK = 0.03  # of the noise's power: less from the track is not told from none
 FILTERLESS_SETS = (4, 4, 5, 4)  # raw yaw rate, raw lateral acceleration, torque, speed: the best of nine combinations
 FILTERLESS_RULES = 254  # nearly all that its sets make; with 100, windows without any rule cost it 0.3 points
 LAYERS = (48, 32)
@@ -43,7 +43,7 @@ def raw_inputs(ticks: Ticks, window: int, noise_rms: tuple[float, float]) -> Flo
     about = running_mean(at * z, window) - t_mean * z_mean
     spread = np.maximum(running_mean(at * at, window) - t_mean**2, SMALLEST)
     noise = np.square(noise_rms)[:, None]
-    rms = np.sqrt(np.maximum(power - about**2 / spread - noise, LEAST_TRACK * noise))
+    rms = np.sqrt(np.maximum(power - about**2 / spread - noise, MIN_TRACK * noise))
     torque = running_mean(np.nan_to_num(ticks.torque_ratio), window)
     speed = np.broadcast_to(ticks.speed_m_s[:, None], torque.shape)
     return np.stack((_log(rms[:, 0]), _log(rms[:, 1]), _log(torque), _log(speed)), axis=-1)
@@ -63,7 +63,7 @@ class Filterless:
         t, n, k = inputs.shape
         rows = inputs.reshape(-1, k)
         _, firing = self.rules.shares(rows)
-        mu = np.where(firing >= LEAST_FIRING, self.rules.mu_pct(rows), 0.0).reshape(t, n)
+        mu = np.where(firing >= MIN_FIRING, self.rules.mu_pct(rows), 0.0).reshape(t, n)
         return np.maximum(mu, 100.0 * 10.0 ** inputs[:, :, 2])
 
 

@@ -15,7 +15,7 @@ from sim_ecu.score.heard import Heard
 from sim_ecu.score.suites.run import Run
 from sim_ecu.score.ticks import Ticks
 from wrcd.bus.frame import Frame
-from wrcd.config import Config
+from wrcd.core.configuration import Config
 from wrcd.core.core import Core
 from wrcd.core.report import CONFIDENCES
 from wrcd.estimator.design import Design
@@ -23,7 +23,7 @@ from wrcd.estimator.estimator import Estimate, Estimator, Tick
 
 FloatArray = NDArray[np.float64]
 HALF_WIDTHS = {name: half_width for half_width, name in CONFIDENCES}
-MOST_AXLES = 8
+MAX_AXLES = 8
 
 
 @dataclass(slots=True)
@@ -155,7 +155,7 @@ def _trace(run: Run, place: int, ear: Ear, half_widths: dict[int, FloatArray]) -
     true_us, said_us = np.array(truth.stamps_us), np.array(said.stamps_us)
     use = said_us >= true_us[0]
     latest = np.searchsorted(true_us, said_us[use], side="right") - 1
-    unknown = np.full(MOST_AXLES, np.nan)
+    unknown = np.full(MAX_AXLES, np.nan)
     level = said.words("Confidence")[use]
     return Trace(
         suite=run.suite,

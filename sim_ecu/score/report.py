@@ -183,7 +183,7 @@ def _drops(traces: list[Trace]) -> dict[str, Any]:
         "drops": len(every),
         "lie": changes.median_and_p95(column("lie_s"), runs),
         "settled": changes.median_and_p95(column("settled_s"), runs),
-        "over": spread("most_over_pp"),
+        "over": spread("max_over_pp"),
         "far": spread("far_s"),
         "others": {
             name: changes.median_and_p95(*changes.settlings(traces, name))
@@ -195,7 +195,7 @@ def _drops(traces: list[Trace]) -> dict[str, Any]:
                 "drops": int(np.sum(to == c)),
                 "lie": changes.median_and_p95(column("lie_s")[to == c], runs[to == c]),
                 "settled": changes.median_and_p95(column("settled_s")[to == c], runs[to == c]),
-                "over": float(column("most_over_pp")[to == c].max()),
+                "over": float(column("max_over_pp")[to == c].max()),
             }
             for c in sorted(set(to.tolist()))
         },

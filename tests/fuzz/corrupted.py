@@ -12,7 +12,7 @@ from sim_ecu.play.scenario import read_scenario
 from tests.support.scenarios import FOUR_AXLES
 from wrcd.bus.codec import USABLE, plain
 from wrcd.bus.dbc import Database, Message
-from wrcd.bus.e2e import COUNTER_MODULO, MOST_LOST, protect
+from wrcd.bus.e2e import COUNTER_MODULO, MAX_LOST, protect
 from wrcd.bus.frame import Frame
 from wrcd.settings import parse_toml
 
@@ -88,7 +88,7 @@ def let_through(database: Database) -> float:
     parts = []
     for m in (m for m in database.messages if m.name.startswith(("YawRate", "LatAccel", "Torque", "VehicleSpeed"))):
         usable = _usable(m)
-        counters = (MOST_LOST + 1) / 16
+        counters = (MAX_LOST + 1) / 16
         parts.append(counters * len(usable) / 16 * _in_range(m))
     random = sum(parts) / len(parts)
     # of the good frames that are flipped most are from the 5-byte messages; the 4-byte one differs in the third digit
@@ -116,7 +116,7 @@ def _header_fits(bits: int, flipped: int) -> float:
     total = 0.0
     for counter in range(COUNTER_MODULO):
         for ahead in (0, 1):
-            wanted = {(counter - ahead + step) % COUNTER_MODULO for step in range(1, MOST_LOST + 2)}
+            wanted = {(counter - ahead + step) % COUNTER_MODULO for step in range(1, MAX_LOST + 2)}
             for new in wanted:
                 for status in (0, 1):
                     changed = (counter ^ new).bit_count() + status

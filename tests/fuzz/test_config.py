@@ -11,7 +11,8 @@ from tests.fuzz.strategies import NASTY, mutated
 from wrcd import resources
 from wrcd.bus.dbc import load_dbc
 from wrcd.bus.frame import Frame
-from wrcd.config import Config, load_config
+from wrcd.config import load_config
+from wrcd.core.configuration import Config
 from wrcd.core.core import Core
 from wrcd.errors import InputError
 from wrcd.estimator.design import load_design
@@ -150,7 +151,7 @@ def survives(config: Config, payloads: list[bytes]) -> None:
                 assert len(o.frame.data) == lengths[o.frame.can_id][0]
             fed += 1
     core.advance(START_US + 7_000 * len(payloads) + 300_000)
-    core.farewell(START_US)
+    core.shutdown_frames(START_US)
     assert core.counts.accepted + sum(core.counts.rejected.values()) == fed
 
 

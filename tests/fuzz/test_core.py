@@ -107,7 +107,7 @@ class Day(RuleBasedStateMachine):
     @precondition(lambda self: self.core.counts.accepted > 0)
     @rule()
     def the_end_and_on(self) -> None:
-        assert all(data[1] >> 4 == 0 for data in (f.data for f in self.core.farewell(self.rig.t)[:4]))
+        assert all(data[1] >> 4 == 0 for data in (f.data for f in self.core.shutdown_frames(self.rig.t)[:4]))
 
     # what must hold
 

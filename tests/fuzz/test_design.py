@@ -24,7 +24,7 @@ from wrcd.estimator.design import load_design, parse_design
 
 CONFIG = load_config(None)
 # Elements that a window may have here: the arithmetic of a longer one is the same and takes seconds.
-MOST_TICKS = 2_000
+MAX_TICKS = 2_000
 
 
 def small() -> dict[str, Any]:
@@ -97,7 +97,7 @@ def judge(document: Any, file: Path) -> None:
         design = parse_design(document, file)
     except InputError:
         return
-    if design.window_ticks > MOST_TICKS:
+    if design.window_ticks > MAX_TICKS:
         return
     rig = Rig(replace(CONFIG, design=design))
     # a matrix of absurd numbers overflows; the daemon goes on then, and so must this

@@ -17,7 +17,8 @@ import pytest
 
 from tests.fuzz.corrupted import START_US, bus, let_through
 from wrcd.bus.frame import Frame
-from wrcd.config import Config, load_config
+from wrcd.config import load_config
+from wrcd.core.configuration import Config
 from wrcd.core.core import Core
 from wrcd.core.outbox import Outgoing
 
@@ -25,8 +26,8 @@ FRAMES = int(os.environ.get("FRAMES", 1_000_000))
 PER_TICK = 40  # corrupted ones; good ones are ten on average
 NO_NUMBER = 0xFFFE
 VALID = 1
-MOST_CHANGE_PP = 2.5  # of corrupted frames that are accepted: about one in twelve thousand
-MOST_REFUSED = 2  # cycles of a signal, after one corrupted frame that was accepted
+MAX_CHANGE_PP = 2.5  # of corrupted frames that are accepted: about one in twelve thousand
+MAX_REFUSED = 2  # cycles of a signal, after one corrupted frame that was accepted
 
 
 @dataclass(slots=True)
@@ -46,7 +47,7 @@ class Seen:
     slots: int = 0
 
 
-class Watch:
+class CounterLog:
     """Follows both runs: with the corrupted frames, and without them."""
 
     def __init__(self, config: Config) -> None:
@@ -113,7 +114,7 @@ def _read(frame: Frame) -> tuple[int, int]:
 
 def test_a_million_corrupted_frames(capsys: pytest.CaptureFixture[str]) -> None:
     config = load_config(None)
-    watch = Watch(config)
+    watch = CounterLog(config)
     for tick in bus(FRAMES, PER_TICK, seed=1):
         for arrived in tick:
             watch.feed(arrived.frame, arrived.good)
@@ -123,7 +124,7 @@ def test_a_million_corrupted_frames(capsys: pytest.CaptureFixture[str]) -> None:
         print(
             f"\n{s.corrupted} corrupted among {s.good} good frames: {s.accepted} accepted, "
             f"{1e6 * s.accepted / s.corrupted:.0f} in a million (E2E, status and range let {1e6 * share:.0f} through)\n"
-            f"rejected: {counts.refusals}; axles started anew: {counts.restarts}\n"
+            f"rejected: {counts.rejections}; axles started anew: {counts.restarts}\n"
             f"largest change of MuAvailable: {s.change_pp:.2f} percentage points ({s.change_at or 'none'}); slots "
             f"without a number that have one in the run without corrupted frames: {s.lost_slots} of {s.slots}\n"
             f"good frames refused: {s.refused_good}, in a row after an accepted corrupted one at most {s.longest}, "
@@ -134,5 +135,5 @@ def test_a_million_corrupted_frames(capsys: pytest.CaptureFixture[str]) -> None:
     expected = share * s.corrupted
     assert 0 < s.accepted <= expected + 4 * math.sqrt(expected)
     assert s.slots > 0
-    assert s.change_pp < MOST_CHANGE_PP
-    assert s.longest <= MOST_REFUSED
+    assert s.change_pp < MAX_CHANGE_PP
+    assert s.longest <= MAX_REFUSED

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from sim_ecu.play.slcan import Slcan
-from wrcd.bus.controller import MOST_ERRORS
+from wrcd.bus.controller import MAX_ERRORS
 from wrcd.bus.frame import Frame
 from wrcd.bus.link import MAX_FRAMES
 from wrcd.bus.socketcan import REOPEN_US, SocketCanLink
@@ -168,7 +168,7 @@ def test_error_passive_is_told_and_goes_on(link: SocketCanLink, node: Node) -> N
 
 def test_a_flood_of_error_frames_is_shut_out_but_not_what_tells_the_state(link: SocketCanLink, node: Node) -> None:
     now = now_us()
-    for k in range(MOST_ERRORS + 100):
+    for k in range(MAX_ERRORS + 100):
         node.send(ERROR | 0x80, bytes(8))
         if k % 100 == 0:
             node.send(0x101)
@@ -327,7 +327,7 @@ def test_options_of_a_device_that_goes_are_no_reason_to_stop(bus: str, link: Soc
         assert not link.send(Frame(now_us(), 0x0B7, b""))
 
     def shut_out_a_flood() -> None:
-        for _ in range(MOST_ERRORS + 1):
+        for _ in range(MAX_ERRORS + 1):
             node.send(ERROR | 0x80, bytes(8))
         link.receive(now_us())
 

@@ -16,7 +16,8 @@ import numpy as np
 
 from tests.soak.pool import LOOP_US, TICK_US, Faults, endless, pool
 from wrcd.bus.frame import Frame
-from wrcd.config import Config, load_config
+from wrcd.config import load_config
+from wrcd.core.configuration import Config
 from wrcd.core.core import BACKWARD_STEP_US, FORWARD_STEP_US, Core
 from wrcd.estimator.design import CHANNELS, Design, FloatArray
 from wrcd.estimator.estimator import Estimate, Estimator, Tick
@@ -24,9 +25,9 @@ from wrcd.estimator.identity import Identity
 from wrcd.tools.progress import Progress
 
 START_US = 1_700_000_000_000_000
-LEAST_WARM_US = 2 * LOOP_US  # every speed of the loop has its matrices, every list its length
-MOST_GROWTH_KB = 1024.0
-MOST_DRIFT = 1e-6  # of a number's own size
+MIN_WARM_US = 2 * LOOP_US  # every speed of the loop has its matrices, every list its length
+MAX_GROWTH_KB = 1024.0
+MAX_DRIFT = 1e-6  # of a number's own size
 KEPT_TICKS, SNAPSHOT_TICKS = 10_000, 2_000  # the offsets remember 400 ticks: what came before counts 1e-11
 EVERY_US = 600_000_000  # between looks at memory and drift
 SLOT_US = 20_000
@@ -138,20 +139,20 @@ class Balance:
             (f"simulated {self.simulated_us / 3.6e9:.2f} h, {c.ticks} ticks, {c.time_steps} time steps", True),
             ("faults: " + ", ".join(f"{n} {kind}" for kind, n in sorted(faults.happened.items())), True),
             (f"frames in {self.fed} = accepted {c.accepted} + rejected {c.rejected.total()}", self.fed == c.seen),
-            (f"rejected: {c.refusals}; axles started anew {c.restarts}", True),
+            (f"rejected: {c.rejections}; axles started anew {c.restarts}", True),
             (
                 f"Adhesion frames {self.made} = {len(core.config.axles)} axles x {self.slots} slots of 20 ms",
                 self.made == self.slots * len(core.config.axles),
             ),
             (
                 f"memory after warm-up: {self.rss_kb[0]:.0f} kB, at most {growth:.0f} kB more",
-                growth <= MOST_GROWTH_KB,
+                growth <= MAX_GROWTH_KB,
             ),
             (f"objects after warm-up: {self.objects[0]}, at most {objects} more", objects <= self.objects[0] // 100),
             (
                 f"state against the same computed afresh, {len(self.drifts)} times: at most {worst:.1e} of a number"
                 f" ({where or 'nowhere'})",
-                worst <= MOST_DRIFT,
+                worst <= MAX_DRIFT,
             ),
         ]
 
@@ -184,7 +185,7 @@ def soak(config: Config, hours: float, seed: int) -> tuple[Core, Faults, Balance
     balance, slots, progress = Balance(), Slots(), Progress(steps=True)
     adhesion = {m.frame_id for m in config.database.messages if m.name in {a.adhesion for a in config.axles}}
     whole_us = round(hours * 3.6e9)
-    warm_us = max(round(0.05 * whole_us), LEAST_WARM_US)
+    warm_us = max(round(0.05 * whole_us), MIN_WARM_US)
     look_us = warm_us
     for tick_us, frames in endless(pool(), faults, START_US):
         slots.at(tick_us)

@@ -1,46 +1,153 @@
-"""The house's import rules, read from the source."""
+"""The house's import rules, read from the source: what no room may import, which arrows there are, and no circle."""
 
 import ast
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).parents[2]
-RULES = {
+OPERATING_SYSTEM = {
+    "time",
+    "datetime",
+    "socket",
+    "signal",
+    "os",
+    "logging",
+    "subprocess",
+    "select",
+    "threading",
+    "mmap",
+}
+# by folder or file: packages and modules that nothing in it imports
+FORBIDDEN = {
     "wrcd": {"sim_ecu", "scipy", "filterpy", "skfuzzy", "numba", "matplotlib", "e2e"},
-    "wrcd/estimator": {"can", "cantools", "time", "logging", "datetime", "wrcd.bus", "wrcd.core", "wrcd.recorder", "wrcd.service", "wrcd.tools"},
-    "wrcd/bus": {"numpy", "time", "datetime", "wrcd.estimator", "wrcd.core", "wrcd.recorder", "wrcd.service", "wrcd.tools"},
+    "wrcd/estimator": {"can", "cantools", "wrcd.bus", *OPERATING_SYSTEM},
+    "wrcd/core": {"can", "cantools", *OPERATING_SYSTEM},
+    "wrcd/bus": {"numpy", "time", "datetime", "wrcd.estimator"},
     "sim_ecu/physics": {"wrcd", "can", "cantools", "sim_ecu.play", "sim_ecu.design"},
     "sim_ecu/play/encoder.py": {"wrcd.bus"},
 }
+# A room imports from itself and from rooms further down.
+FLOORS = (
+    {"sim_ecu/cli"},
+    {"sim_ecu/commands"},
+    {"sim_ecu/score"},
+    {"sim_ecu/design"},
+    {"sim_ecu/play"},
+    {"sim_ecu/physics", "wrcd/tools"},
+    {"wrcd/service"},
+    {"wrcd/recorder"},
+    {"wrcd/config"},  # wrcd/config.py and what it is made of
+    {"wrcd/core"},
+    {"wrcd/bus", "wrcd/estimator"},
+    {"wrcd", "sim_ecu"},  # errors, resources, checksum
+)
+CONFIG = {"wrcd.config", "wrcd.mapping", "wrcd.settings"}
+WITH_FILES = {"wrcd.estimator.design"}  # reads the design, before the first tick
 
 
-def imported(source: Path) -> Iterator[str]:
+def imported(source: Path, *, types_too: bool = True) -> Iterator[str]:
+    """Modules that a file imports, "package.name" for every name that it takes from one."""
+    skipped: set[ast.AST] = set()
     for node in ast.walk(ast.parse(source.read_text())):
-        if isinstance(node, ast.Import):
+        if node in skipped:
+            continue
+        if not types_too and isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
+            skipped |= {child for part in node.body for child in ast.walk(part)}
+        elif isinstance(node, ast.Import):
             yield from (a.name for a in node.names)
         elif isinstance(node, ast.ImportFrom) and node.module:
             yield node.module
             yield from (f"{node.module}.{a.name}" for a in node.names)
 
 
-@pytest.mark.parametrize("place", RULES)
-def test_nothing_imports_what_it_must_not(place: str) -> None:
+def sources(place: str) -> list[Path]:
     found = ROOT / place
-    sources = [found] if found.is_file() else sorted(found.rglob("*.py"))
-    assert sources
+    return [found] if found.is_file() else sorted(found.rglob("*.py"))
+
+
+def module(source: Path) -> str:
+    return ".".join(source.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+
+
+@cache
+def graph() -> dict[str, set[str]]:
+    """Our modules and which of ours each imports."""
+    files = {module(s): s for package in ("wrcd", "sim_ecu") for s in sources(package)}
+    return {
+        name: {other for other in imported(source, types_too=False) if other in files and other != name}
+        for name, source in files.items()
+    }
+
+
+def room(name: str) -> str:
+    if name in CONFIG:
+        return "wrcd/config"
+    if name == "sim_ecu.cli":
+        return "sim_ecu/cli"
+    parts = name.split(".")
+    return "/".join(parts[:2]) if (ROOT / Path(*parts[:2])).is_dir() and len(parts) > 1 else parts[0]
+
+
+@pytest.mark.parametrize("place", FORBIDDEN)
+def test_room_imports_nothing_forbidden(place: str) -> None:
+    files = sources(place)
+    assert files
     wrong = [
         f"{s.relative_to(ROOT)} imports {name}"
-        for s in sources
+        for s in files
         for name in imported(s)
-        for banned in RULES[place]
+        for banned in FORBIDDEN[place]
         if name == banned or name.startswith(banned + ".")
     ]
     assert wrong == []
 
 
-@pytest.mark.parametrize("room", ["filters", "rules"])
-def test_the_reference_engine_shares_no_arithmetic_with_the_fast_one(room: str) -> None:
-    names = set(imported(ROOT / f"sim_ecu/design/reference_{room}.py"))
+@pytest.mark.parametrize("place", ["wrcd/core", "wrcd/estimator"])
+def test_pure_room_opens_no_file(place: str) -> None:
+    opened = [
+        f"{s.relative_to(ROOT)}:{node.lineno}"
+        for s in sources(place)
+        if module(s) not in WITH_FILES
+        for node in ast.walk(ast.parse(s.read_text()))
+        if isinstance(node, ast.Call) and ast.unparse(node.func).split(".")[-1] in {"open", "read_text", "read_bytes"}
+    ]
+    assert opened == []
+
+
+def test_no_arrow_points_upwards() -> None:
+    floor = {r: height for height, rooms in enumerate(FLOORS) for r in rooms}
+    arrows = sorted({(room(a), room(b)) for a, others in graph().items() for b in others if room(a) != room(b)})
+    for start, end in arrows:
+        print(f"{start} -> {end}")
+    assert {r for arrow in arrows for r in arrow} <= set(floor)
+    wrong = [
+        f"{a} -> {b}"
+        for a, others in graph().items()
+        for b in others
+        if room(a) != room(b) and floor[room(a)] >= floor[room(b)]
+    ]
+    assert wrong == []
+
+
+def test_import_graph_has_no_circle() -> None:
+    state: dict[str, int] = {}
+
+    def visit(name: str, path: tuple[str, ...]) -> None:
+        assert state.get(name) != 1, " -> ".join((*path[path.index(name) :], name))
+        if name not in state:
+            state[name] = 1
+            for other in sorted(graph()[name]):
+                visit(other, (*path, name))
+            state[name] = 2
+
+    for name in graph():
+        visit(name, ())
+
+
+@pytest.mark.parametrize("part", ["filters", "rules"])
+def test_reference_engine_shares_no_arithmetic_with_the_fast_one(part: str) -> None:
+    names = set(imported(ROOT / f"sim_ecu/design/reference_{part}.py"))
     assert {n for n in names if n.startswith("wrcd")} == {"wrcd.estimator.design", "wrcd.estimator.design.Design"}

@@ -104,10 +104,10 @@ class MessageReader:
         choices = signal.choices if signal is not None else None
         return {int(raw): plain(label) for raw, label in (choices or {}).items()}
 
-    def forget(self) -> None:
+    def reset(self) -> None:
         """Take the next counter as it comes."""
         if self._checker is not None:
-            self._checker.forget()
+            self._checker.reset()
 
     def read(self, frame: Frame) -> list[Sample] | Reason:
         """The samples of a frame, or why it is refused."""
@@ -156,10 +156,10 @@ class Receiver:
         """What a mapped message carries."""
         return self._readers[can_id].sources
 
-    def forget(self) -> None:
+    def reset(self) -> None:
         """After a step of time or a long silence: take every counter as it comes."""
         for reader in self._readers.values():
-            reader.forget()
+            reader.reset()
 
     def maps(self, frame: Frame) -> bool:
         """Whether a frame is of a mapped message. An error frame's class looks like an id, and never is."""

@@ -7,8 +7,8 @@ STATE_ERRORS = CAN_ERR_CRTL | CAN_ERR_BUSOFF | CAN_ERR_RESTARTED  # what tells t
 ALL_ERRORS = 0x1FFFFFFF
 # data[1] of CAN_ERR_CRTL
 CRTL_RX_OVERFLOW, CRTL_PASSIVE, CRTL_WARNING, CRTL_ACTIVE = 0x01, 0x30, 0x0C, 0x40
-MOST_ERRORS = 500  # error frames a second; beyond it only those that tell a state are let in for a second
-PAUSE_US = 1_000_000
+MAX_ERRORS = 500  # error frames a second; beyond it only those that tell a state are let in for a second
+HOLD_OFF_US = 1_000_000
 
 
 class Controller:
@@ -20,7 +20,7 @@ class Controller:
         self._errors, self._since_us = 0, 0
         self._flood_until_us: int | None = None
 
-    def heard(self) -> None:
+    def on_frame(self) -> None:
         """A frame has come: the controller is on the bus."""
         self.bus_off = False
 
@@ -50,11 +50,11 @@ class Controller:
     def mask(self, now_us: int) -> int | None:
         """Which kinds of error frames to let in from now on, where that changes: a flood is shut out for a second."""
         if self._flood_until_us is None:
-            if self._errors <= MOST_ERRORS:
+            if self._errors <= MAX_ERRORS:
                 return None
-            self._flood_until_us = now_us + PAUSE_US
+            self._flood_until_us = now_us + HOLD_OFF_US
             return STATE_ERRORS
-        if now_us < self._flood_until_us <= now_us + PAUSE_US:
+        if now_us < self._flood_until_us <= now_us + HOLD_OFF_US:
             return None
         self._flood_until_us, self._errors = None, 0
         return ALL_ERRORS

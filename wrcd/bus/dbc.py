@@ -23,7 +23,7 @@ finally:
         del sys.modules["cantools"]
 
 __all__ = [
-    "Database", "Message", "Signal", "attribute", "check_encodable", "check_plain", "cycle_ms", "data_id",
+    "Database", "Message", "Signal", "attribute", "check_encodable", "check_supported", "cycle_ms", "data_id",
     "find_message", "find_signal", "load_dbc", "timeout_ms",
 ]  # fmt: skip
 # Message lengths, signal positions, multiplexer ranges and powers of ten for which cantools would compute for hours.
@@ -78,7 +78,7 @@ def find_signal(message: Message, name: str) -> Signal:
     raise KeyError(f"message {message.name} has no signal {name!r}")
 
 
-def check_plain(message: Message) -> None:
+def check_supported(message: Message) -> None:
     """Raises ValueError for a message that is not a plain classical one, which nothing here reads or sends, and for
     signals that no frame can hold: cantools loads them and fails on the first frame."""
     if message.is_fd or message.is_multiplexed() or message.length > CLASSICAL_BYTES:

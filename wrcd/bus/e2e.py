@@ -4,13 +4,13 @@ from wrcd.bus.reasons import Reason
 
 COUNTER_MODULO = 15
 # How many counts may be missing between two frames that are used one after the other (two lost frames).
-MOST_LOST = 2
+MAX_LOST = 2
 # A second sender is told from stray frames by so many of its own that continue each other beside the chain; after so
 # many frames of the chain alone a stray one is forgotten.
-RIVAL_FRAMES = 3
-RIVAL_FORGOTTEN = 4
+CANDIDATE_FRAMES = 3
+CANDIDATE_FORGOTTEN = 4
 # Moving to another chain once or twice is a sender that starts anew; more within a few frames is two senders.
-MOVE, MOST_MOVES = 4, 2
+MOVE, MAX_MOVES = 4, 2
 
 
 def _table() -> bytes:
@@ -53,26 +53,34 @@ class Checker:
     and found at its third.
     """
 
-    STATE = ("_last", "_payload", "_rival", "_rival_frames", "_beside", "_moves", "_contested")
+    STATE = (
+        "_last",
+        "_payload",
+        "_candidate",
+        "_candidate_frames",
+        "_frames_since_candidate",
+        "_moves",
+        "_quarantine_frames",
+    )
 
     def __init__(self, data_id: int, others: tuple[int, ...] = ()) -> None:
         self._data_id, self._others = data_id, others
-        self.forget()
+        self.reset()
 
-    def forget(self) -> None:
+    def reset(self) -> None:
         """Start anew: the next frame's counter is taken as it comes."""
         self._last: int | None = None  # counter of the newest frame of the chain
         self._payload = b""  # that frame
-        self._rival: int | None = None  # counter of the newest frame beside the chain
-        self._rival_frames = 0  # how many of them continue each other
-        self._beside = 0  # frames of the chain since then
+        self._candidate: int | None = None  # counter of the newest frame beside the chain
+        self._candidate_frames = 0  # how many of them continue each other
+        self._frames_since_candidate = 0  # frames of the chain since then
         self._moves = 0  # grows as the chain moves to the rival, falls as it goes on
-        self._contested = 0  # frames for which nobody is believed
+        self._quarantine_frames = 0  # frames for which nobody is believed
 
     @property
     def suspect(self) -> bool:
         """Whether a rival has gone on beside the chain: perhaps a second sender, perhaps two stray frames."""
-        return self._rival is not None and self._rival_frames >= RIVAL_FRAMES - 1
+        return self._candidate is not None and self._candidate_frames >= CANDIDATE_FRAMES - 1
 
     def check(self, data: bytes) -> Reason | None:
         """None if the frame may be used, else why not. The length has been checked."""
@@ -84,43 +92,43 @@ class Checker:
         if self._last is None or _continues(self._last, counter):
             return self._go_on(counter, data)
         repeated = counter == self._last
-        goes_on = self._rival is not None and _continues(self._rival, counter)
-        if goes_on and self._beside == 0:
+        goes_on = self._candidate is not None and _continues(self._candidate, counter)
+        if goes_on and self._frames_since_candidate == 0:
             return self._move(counter, data)
         if repeated and data == self._payload:
             return Reason.REPEAT  # a copy says nothing of a second sender
         if not goes_on:
-            self._rival, self._rival_frames, self._beside = counter, 1, 0
+            self._candidate, self._candidate_frames, self._frames_since_candidate = counter, 1, 0
         else:
-            self._rival, self._beside = counter, 0
-            self._rival_frames += 1
-            if self._rival_frames >= RIVAL_FRAMES:
-                self._contested = COUNTER_MODULO
-        return Reason.TWO_SENDERS if self._contested else Reason.REPEAT if repeated else Reason.COUNTER
+            self._candidate, self._frames_since_candidate = counter, 0
+            self._candidate_frames += 1
+            if self._candidate_frames >= CANDIDATE_FRAMES:
+                self._quarantine_frames = COUNTER_MODULO
+        return Reason.TWO_SENDERS if self._quarantine_frames else Reason.REPEAT if repeated else Reason.COUNTER
 
     def _go_on(self, counter: int, data: bytes) -> Reason | None:
         self._last, self._payload = counter, data
-        self._beside += 1
+        self._frames_since_candidate += 1
         self._moves = max(self._moves - 1, 0)
-        if self._beside > RIVAL_FORGOTTEN:
-            self._rival = None
+        if self._frames_since_candidate > CANDIDATE_FORGOTTEN:
+            self._candidate = None
         return self._believed()
 
     def _move(self, counter: int, data: bytes) -> Reason | None:
         """The rival goes on and the chain does not: they change places."""
-        self._rival, self._rival_frames, self._beside = self._last, 1, 0
+        self._candidate, self._candidate_frames, self._frames_since_candidate = self._last, 1, 0
         self._last, self._payload = counter, data
         self._moves += MOVE
-        if self._moves > MOST_MOVES * MOVE:
-            self._contested = COUNTER_MODULO
+        if self._moves > MAX_MOVES * MOVE:
+            self._quarantine_frames = COUNTER_MODULO
         return self._believed()
 
     def _believed(self) -> Reason | None:
-        if not self._contested:
+        if not self._quarantine_frames:
             return None
-        self._contested -= 1
+        self._quarantine_frames -= 1
         return Reason.TWO_SENDERS
 
 
 def _continues(last: int, counter: int) -> bool:
-    return 1 <= (counter - last) % COUNTER_MODULO <= 1 + MOST_LOST
+    return 1 <= (counter - last) % COUNTER_MODULO <= 1 + MAX_LOST

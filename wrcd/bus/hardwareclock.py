@@ -10,27 +10,25 @@ class HardwareClock:
 
     KEPT_US = 10_000_000
     # So many frames in a row that seem to be late by more than that: the kernel's clock has been set forwards.
-    MOST_LATE_US, MOST_LATE_FRAMES = 5_000, 50
+    MAX_LATE_US, MAX_LATE_FRAMES = 5_000, 50
 
     def __init__(self) -> None:
         self._since_us = 0
-        self._now: int | None = None
-        self._before: int | None = None
+        self._min_offset_us: int | None = None
+        self._previous_min_offset_us: int | None = None
         self._late = 0
 
-    def lay(self, raw_us: int, kernel_us: int) -> int:
+    def to_kernel_time(self, raw_us: int, kernel_us: int) -> int:
         """The controller's stamp on the kernel's clock, never later than the kernel's own."""
         difference = kernel_us - raw_us
-        known = [d for d in (self._now, self._before) if d is not None]
-        self._late = self._late + 1 if known and difference - min(known) > self.MOST_LATE_US else 0
-        if (
-            not known or abs(difference - min(known)) > 1_000_000 or self._late > self.MOST_LATE_FRAMES
-        ):  # it has stepped
+        known = [d for d in (self._min_offset_us, self._previous_min_offset_us) if d is not None]
+        self._late = self._late + 1 if known and difference - min(known) > self.MAX_LATE_US else 0
+        if not known or abs(difference - min(known)) > 1_000_000 or self._late > self.MAX_LATE_FRAMES:  # it has stepped
             self._late = 0
-            self._now = self._before = difference
+            self._min_offset_us = self._previous_min_offset_us = difference
             self._since_us = kernel_us
         elif kernel_us - self._since_us > self.KEPT_US:
-            self._before, self._now = self._now, difference
+            self._previous_min_offset_us, self._min_offset_us = self._min_offset_us, difference
             self._since_us = kernel_us
-        self._now = difference if self._now is None else min(self._now, difference)
-        return raw_us + min(d for d in (self._now, self._before) if d is not None)
+        self._min_offset_us = difference if self._min_offset_us is None else min(self._min_offset_us, difference)
+        return raw_us + min(d for d in (self._min_offset_us, self._previous_min_offset_us) if d is not None)

@@ -180,7 +180,7 @@ class SocketCanLink:
             elif kind == SO_TIMESTAMPING:
                 stamp_us = time_us(value, 0)
                 if self._hardware is not None and (raw_us := time_us(value, 2)):
-                    stamp_us = self._hardware.lay(raw_us, stamp_us)
+                    stamp_us = self._hardware.to_kernel_time(raw_us, stamp_us)
             elif kind == SO_RXQ_OVFL:
                 total = U32.unpack(value[:4])[0]
                 self.health.drops += (total - self._dropped_before) & 0xFFFFFFFF
@@ -191,7 +191,7 @@ class SocketCanLink:
         if word & CAN_ERR_FLAG:
             self._controller.error(word, payload, stamp_us)
             return Frame(stamp_us, word & ALL_ERRORS, payload, error=True)
-        self._controller.heard()
+        self._controller.on_frame()
         extended = bool(word & CAN_EFF_FLAG)
         mask = socket.CAN_EFF_MASK if extended else socket.CAN_SFF_MASK
         return Frame(stamp_us, word & mask, payload, extended, remote=bool(word & CAN_RTR_FLAG))

@@ -33,7 +33,7 @@ class Backoff:
         """Whether the axle is left alone in a tick."""
         return tick < self._until[axle]
 
-    def forget(self) -> None:
+    def reset(self) -> None:
         """A step of time, or a silence: a tick's number tells nothing of what came before."""
         self._in_a_row = [0] * len(self._in_a_row)
         self._until = [0] * len(self._until)

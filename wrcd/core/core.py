@@ -15,15 +15,15 @@ import numpy as np
 from wrcd.bus.codec import Receiver, Value
 from wrcd.bus.frame import Frame
 from wrcd.bus.reasons import Reason
-from wrcd.config import Config
 from wrcd.core.backoff import Backoff
 from wrcd.core.causes import Cause
+from wrcd.core.configuration import Config
 from wrcd.core.counts import Counts, Health
 from wrcd.core.inputs import Inputs
 from wrcd.core.jitter_buffer import NEVER
 from wrcd.core.outbox import Outbox, Outgoing
-from wrcd.core.report import Report, Validity, confidence, known, surface
-from wrcd.core.validity import Judge, against
+from wrcd.core.report import Report, Validity, confidence, nan_to_none, surface
+from wrcd.core.validity import ValidityMonitor, against
 from wrcd.core.values import NAMES, explanation, plausibility
 from wrcd.estimator.estimator import Estimate, Estimator, Tick
 
@@ -36,10 +36,10 @@ class Core:
     """One bus, all its axles."""
 
     STATE = (
-        "counts", "health", "estimator", "receiver", "_open", "_stamp_us", "_inputs", "_judge", "_blank", "_outbox",
-        "_outlier_us", "_backoff",
+        "counts", "health", "estimator", "receiver", "_open", "_stamp_us", "_inputs", "_validity", "_is_reset",
+        "_outbox", "_outlier_us", "_backoff",
     )  # fmt: skip
-    PASSING = ("reports",)
+    TRANSIENT = ("reports",)
 
     def __init__(self, config: Config, estimator: Estimator | None = None) -> None:
         self.config = config
@@ -53,8 +53,8 @@ class Core:
         self._open: int | None = None  # number of the tick that gathers frames
         self._stamp_us = NEVER  # newest stamp taken
         self._inputs = Inputs(config)
-        self._judge = Judge(config.design.window_ticks, n)
-        self._blank = [True] * n
+        self._validity = ValidityMonitor(config.design.window_ticks, n)
+        self._is_reset = [True] * n
         self._outbox = Outbox(config)
         self._outlier_us = [NEVER] * n
         self._backoff = Backoff(n, config.design.tick_s)
@@ -62,7 +62,7 @@ class Core:
         self.muted = False  # make no frames: nobody would send them
 
     @property
-    def standing(self) -> bool:
+    def below_min_speed(self) -> bool:
         """Whether the train is known to be slower than an estimate needs."""
         return self._inputs.speed_m_s < self.config.min_speed_m_s
 
@@ -79,7 +79,7 @@ class Core:
     def reconfigure(self, config: Config) -> None:
         """Go on with other limits from the next tick on; everything else in config must be as it was."""
         self.config = config
-        self._inputs.relimit(config)
+        self._inputs.apply_limits(config)
 
     def feed(self, frame: Frame) -> list[Outgoing]:
         """Take a received frame. Returns what was due before its stamp. Frames that are not mapped change nothing."""
@@ -89,11 +89,11 @@ class Core:
         got = self.receiver.read(frame)
         assert got is not None
         if not isinstance(got, Reason):
-            got = self._inputs.judge(got, frame.stamp_us) or got
+            got = self._inputs.check(got, frame.stamp_us) or got
         if isinstance(got, Reason):
             sources = self.receiver.sources(frame.can_id)
-            self.counts.refuse(sources[0].message, got)
-            self._inputs.refuse(sources, frame.stamp_us, got)
+            self.counts.reject(sources[0].message, got)
+            self._inputs.reject(sources, frame.stamp_us, got)
             return out
         self.counts.accepted += 1
         assert self._open is not None
@@ -133,23 +133,23 @@ class Core:
         """A step of time: go on at a tick, with nothing from before."""
         self.counts.time_steps += 1
         self._open = tick
-        self._start_anew()
+        self._reset_all()
 
-    def _start_anew(self) -> None:
+    def _reset_all(self) -> None:
         """Nothing that was known before holds."""
         self._stamp_us = NEVER
         self._outlier_us = [NEVER] * self._n
-        self._inputs.forget()
-        self.receiver.forget()
-        self._backoff.forget()
+        self._inputs.reset()
+        self.receiver.reset()
+        self._backoff.reset()
         for axle in range(self._n):
-            self._forget(axle, Cause.WARMING_UP)
+            self._reset_axle(axle, Cause.WARMING_UP)
 
-    def _forget(self, axle: int, why: Cause) -> None:
-        if not self._blank[axle]:
+    def _reset_axle(self, axle: int, why: Cause) -> None:
+        if not self._is_reset[axle]:
             self.estimator.reset(axle)
-        self._blank[axle] = True
-        self._judge.begin(axle, why)
+        self._is_reset[axle] = True
+        self._validity.reset(axle, why)
 
     def _close_up_to(self, target: int) -> list[Outgoing]:
         assert self._open is not None
@@ -162,39 +162,39 @@ class Core:
         return out
 
     def _close_tick(self, number: int) -> None:
-        """Judge the inputs at the tick's end, and run the bank on what it brought."""
+        """ValidityMonitor the inputs at the tick's end, and run the bank on what it brought."""
         self.counts.ticks += 1
         i, end_us = self._inputs, (number + 1) * self._period_us
         if self._stamp_us != NEVER and end_us - self._stamp_us > SILENCE_US:
-            self._start_anew()
+            self._reset_all()
         i.close(end_us)
         # no train's speed jumps: what was known before was known of another one
         jumped, i.speed_jumped = i.speed_jumped, False
-        running = np.logical_and(~i.dead, not jumped and i.speed_m_s >= self.config.min_speed_m_s)
+        running = np.logical_and(~i.unavailable, not jumped and i.speed_m_s >= self.config.min_speed_m_s)
         waiting = np.array([self._backoff.waiting(axle, number) for axle in range(self._n)])
         running &= ~waiting
         causes = against(i)
         for axle in range(self._n):
-            if jumped and not self._blank[axle]:
-                self._was_reset(axle, number)
+            if jumped and not self._is_reset[axle]:
+                self._count_reset(axle, number)
             if running[axle]:
-                self._blank[axle] = False
-                self._judge.tick(axle, causes[axle])
-                if self._judge.warm[axle]:
+                self._is_reset[axle] = False
+                self._validity.update(axle, causes[axle])
+                if self._validity.window_full[axle]:
                     self._backoff.recovered(axle)
             else:
-                silent, again = bool(i.dead[axle]), jumped or bool(waiting[axle])
-                self._forget(axle, Cause.INPUT_SILENT if silent else Cause.RESTARTED if again else Cause.STANDSTILL)
+                silent, again = bool(i.unavailable[axle]), jumped or bool(waiting[axle])
+                self._reset_axle(axle, Cause.INPUT_SILENT if silent else Cause.RESTARTED if again else Cause.STANDSTILL)
         if running.any():
             self.estimator.step(Tick(number, i.z, i.present & running, i.torque_ratio, i.speed_m_s))
             for axle in range(self._n):
                 if self.estimator.outlier[axle]:
                     self._outlier_us[axle] = end_us
                 if self.estimator.upset[axle]:
-                    self._was_reset(axle, number)
-                    self._forget(axle, Cause.RESTARTED)
+                    self._count_reset(axle, number)
+                    self._reset_axle(axle, Cause.RESTARTED)
 
-    def _was_reset(self, axle: int, number: int) -> None:
+    def _count_reset(self, axle: int, number: int) -> None:
         self.counts.restarts += 1
         self._backoff.was_reset(axle, number)
 
@@ -207,12 +207,12 @@ class Core:
         )
         out: list[Outgoing] = []
         if adhesion or detail:
-            estimate = self.estimator.estimate() if any(self._judge.warm) else None
+            estimate = self.estimator.estimate() if any(self._validity.window_full) else None
             self.reports = [self._report(axle, end_us, estimate) for axle in range(self._n)]
         if adhesion:
             out += self._outbox.adhesion(end_us, self.reports, estimate)
         if detail:
-            warm = [estimate if w else None for w in self._judge.warm]
+            warm = [estimate if w else None for w in self._validity.window_full]
             out += self._outbox.detail(
                 end_us,
                 [
@@ -227,17 +227,17 @@ class Core:
 
     def _report(self, axle: int, end_us: int, estimate: Estimate | None) -> Report:
         age_ms = self._inputs.age_ms(axle, end_us)
-        used = known(min(100.0 * float(self._inputs.torque_ratio[axle]), 100.0))
-        validity, cause = self._judge.verdict(axle, estimate, int(self.estimator.identity.doubt[axle]))
+        used = nan_to_none(min(100.0 * float(self._inputs.torque_ratio[axle]), 100.0))
+        validity, cause = self._validity.verdict(axle, estimate, int(self.estimator.identity.doubt[axle]))
         if validity is Validity.NOT_AVAILABLE or estimate is None:
             return Report(validity, None, used, age_ms, "Unknown", "Unknown", "None", cause)
-        mu = known(float(estimate.mu_available_pct[axle]))
+        mu = nan_to_none(float(estimate.mu_available_pct[axle]))
         sure = validity is Validity.VALID and mu is not None
         if sure and used is not None and mu is not None:
             # what the newest torque is beyond the newest part's mean turns the wheel, or is its sensor's noise
             used = min(used, mu)
         contact = "Unknown" if mu is None else "Saturated" if estimate.saturated[axle] else "Adhering"
-        width = known(float(estimate.half_width_pp[axle])) if sure else None
+        width = nan_to_none(float(estimate.half_width_pp[axle])) if sure else None
         return Report(validity, mu, used, age_ms, surface(mu), contact, confidence(width), cause)
 
     def _input_values(self, estimate: Estimate | None, axle: int, end_us: int) -> dict[str, Value]:
@@ -251,7 +251,7 @@ class Core:
             values |= {f"Reach{name}": float(register), f"Refused{name}": refused}
         return values
 
-    def farewell(self, now_us: int) -> list[Frame]:
+    def shutdown_frames(self, now_us: int) -> list[Frame]:
         """The last frames: every axle NotAvailable, the daemon stopping."""
         self.health.state = "Stopping"
-        return list(self._outbox.farewell(now_us, self.counts, self.health))
+        return list(self._outbox.shutdown_frames(now_us, self.counts, self.health))

@@ -15,25 +15,27 @@ class Counts:
     """What happened so far. Every mapped frame is in accepted or in rejected under its reason."""
 
     STATE = ("accepted", "rejected", "late", "time_steps", "restarts", "ticks", "last_reason")
-    PASSING = ("blamed",)
+    TRANSIENT = ("rejected_by_message",)
 
     accepted: int = 0
     rejected: Counter[Reason] = field(default_factory=Counter)
-    blamed: Counter[tuple[str, Reason]] = field(default_factory=Counter)  # the same by message, for the log
+    rejected_by_message: Counter[tuple[str, Reason]] = field(
+        default_factory=Counter
+    )  # the same by message, for the log
     late: int = 0  # arrived after their tick was closed: used in the tick that was open
     time_steps: int = 0
     restarts: int = 0  # axles started anew: absurd measurements that went on, a speed that jumped
     ticks: int = 0
     last_reason: str = "None"  # label of the newest rejection's
 
-    def refuse(self, message: str, reason: Reason) -> None:
+    def reject(self, message: str, reason: Reason) -> None:
         """A frame of a message was not accepted."""
         self.rejected[reason] += 1
-        self.blamed[message, reason] += 1
+        self.rejected_by_message[message, reason] += 1
         self.last_reason = reason.label
 
     @property
-    def refusals(self) -> str:
+    def rejections(self) -> str:
         """The rejections by reason, for a person."""
         return ", ".join(f"{n} {reason}" for reason, n in sorted(self.rejected.items())) or "none"
 

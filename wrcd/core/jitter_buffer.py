@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 NEVER = -(1 << 60)
 
 
-class Arrivals:
+class JitterBuffer:
     """What each tick gets of every channel of every axle: one measurement, in the order in which they came.
 
     A sensor's cycle and the tick are equal and drift against each other; with the bus's jitter, frames near a tick's
@@ -19,11 +19,11 @@ class Arrivals:
     are no longer of the same moment.
     """
 
-    STATE = ("_waiting", "_needless", "used_us")
+    STATE = ("_waiting", "_surplus_ticks", "used_us")
 
     def __init__(self, channels: int, axles: int, patience: int) -> None:
         self._patience = patience
-        self._needless = [[0] * axles for _ in range(channels)]  # ticks on end after which one still waited
+        self._surplus_ticks = [[0] * axles for _ in range(channels)]  # ticks on end after which one still waited
         # (value, stamp in microseconds), at most two: for the open tick and for the one after it
         self._waiting: list[list[deque[tuple[float, int]]]] = [
             [deque(maxlen=2) for _ in range(axles)] for _ in range(channels)
@@ -43,16 +43,16 @@ class Arrivals:
                 if waiting:
                     value[c, a], self.used_us[c, a] = waiting.popleft()
                     present[c, a] = True
-                self._needless[c][a] = self._needless[c][a] + 1 if waiting else 0
-                if self._needless[c][a] >= self._patience:
+                self._surplus_ticks[c][a] = self._surplus_ticks[c][a] + 1 if waiting else 0
+                if self._surplus_ticks[c][a] >= self._patience:
                     waiting.popleft()
-                    self._needless[c][a] = 0
+                    self._surplus_ticks[c][a] = 0
         return value, present
 
-    def clear(self) -> None:
+    def reset(self) -> None:
         """Nothing that came before counts."""
         for axles in self._waiting:
             for waiting in axles:
                 waiting.clear()
-        self._needless = [[0] * len(axles) for axles in self._needless]
+        self._surplus_ticks = [[0] * len(axles) for axles in self._surplus_ticks]
         self.used_us[:] = NEVER

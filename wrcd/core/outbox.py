@@ -8,10 +8,10 @@ from wrcd.bus.codec import Value, Writer
 from wrcd.bus.dbc import find_message
 from wrcd.bus.frame import Frame
 from wrcd.bus.reasons import Reason
-from wrcd.config import Config
 from wrcd.core.causes import Cause
+from wrcd.core.configuration import Config
 from wrcd.core.counts import Counts, Health
-from wrcd.core.report import GONE, Report
+from wrcd.core.report import NOT_AVAILABLE_REPORT, Report
 from wrcd.core.values import health_values, link_values, reject_values
 from wrcd.estimator.estimator import Estimate
 
@@ -67,11 +67,11 @@ class Outbox:
         )
         yield from _frames(writers, end_us, self._config.status_cycle_us, values)
 
-    def farewell(self, now_us: int, counts: Counts, health: Health) -> Iterator[Frame]:
+    def shutdown_frames(self, now_us: int, counts: Counts, health: Health) -> Iterator[Frame]:
         """The last frames: every axle NotAvailable, the daemon stopping."""
         # the present slot's frames have gone out: the next counter, or a receiver takes these for repeats
         slot = now_us // self._config.adhesion_cycle_us + 1
-        yield from (w.frame(now_us, slot, GONE.values()) for w in self._adhesion if w)
+        yield from (w.frame(now_us, slot, NOT_AVAILABLE_REPORT.values()) for w in self._adhesion if w)
         if self._status:
             values = health_values(health, counts, self._config.design.checksum)
             yield self._status.frame(now_us, now_us // self._config.status_cycle_us + 1, values)

@@ -9,15 +9,15 @@ from wrcd.bus.units import Quantity
 # How seldom is learnt; a run of equal values that would come about by chance once in so many frames is
 # doubted (the axle is not Valid while it lasts), and one that never would is refused.
 DOUBTED, STUCK = math.log(3e-4), math.log(1e-12)
-LEAST_RUN = 4
+MIN_RUN = 4
 FADING_FRAMES = 10_000.0
-FIRST_SHARE, FIRST_FRAMES, MOST_FRAMES = 0.05, 20.0, 1000.0  # of runs that go on, before and while it is learnt
-MOST_SHARE = 0.9  # a sensor coarser than that is not watched: it would be doubted after 0.4 s at 200 Hz
-RESTLESS = (Quantity.YAW_RATE, Quantity.LAT_ACCEL)
+FIRST_SHARE, FIRST_FRAMES, MAX_FRAMES = 0.05, 20.0, 1000.0  # of runs that go on, before and while it is learnt
+MAX_SHARE = 0.9  # a sensor coarser than that is not watched: it would be doubted after 0.4 s at 200 Hz
+STUCK_CHECKED = (Quantity.YAW_RATE, Quantity.LAT_ACCEL)
 
 # What no vehicle changes by from one frame to the next (or within 0.1 s, if that is longer). A value further away is
 # refused, and believed if the next frame says so, too: a real step comes a frame late, a corrupted frame not at all.
-MOST_STEP = {
+MAX_STEP = {
     Quantity.TORQUE: 4000.0,
     Quantity.BRAKE_TORQUE: 4000.0,
     Quantity.SPEED: 1.0,
@@ -26,22 +26,22 @@ MOST_STEP = {
 }
 
 
-class Restless:
+class StuckCheck:
     """Watches a sensor that must move."""
 
     STATE = ("_value", "_run", "_changed_us", "_share", "_frames")
 
     def __init__(self) -> None:
         self._share, self._frames = FIRST_SHARE, FIRST_FRAMES
-        self.forget()
+        self.reset()
 
-    def forget(self) -> None:
+    def reset(self) -> None:
         """Nothing that came before counts; how coarse the sensor is, is remembered."""
         self._value = math.nan
         self._run = 0  # equal neighbours in a row
         self._changed_us: int | None = None
 
-    def judge(self, value: float, stamp_us: int, moving: bool) -> Reason | None:
+    def check(self, value: float, stamp_us: int, moving: bool) -> Reason | None:
         """STUCK for a value that has been the same for too long."""
         if value == self._value and moving:
             self._run += 1
@@ -49,15 +49,15 @@ class Restless:
             self._learn(self._run)
             self._run, self._changed_us = 0, stamp_us
         self._value = value
-        return Reason.STUCK if self._run >= LEAST_RUN and self._run >= self._longest(STUCK) else None
+        return Reason.STUCK if self._run >= MIN_RUN and self._run >= self._longest(STUCK) else None
 
     def _learn(self, run: int) -> None:
         """How often a run goes on; a stuck sensor must not teach that it always does."""
         if run == 0:  # it moves, as it should: what was learnt otherwise fades
             self._share += (FIRST_SHARE - self._share) / FADING_FRAMES
         elif run < self._longest(STUCK):
-            for went_on in [True] * (min(run, LEAST_RUN) - 1) + [False] * (run < LEAST_RUN):
-                self._frames = min(self._frames + 1.0, MOST_FRAMES)
+            for went_on in [True] * (min(run, MIN_RUN) - 1) + [False] * (run < MIN_RUN):
+                self._frames = min(self._frames + 1.0, MAX_FRAMES)
                 self._share += (went_on - self._share) / self._frames
 
     def unchanged(self, now_us: int, timeout_us: int) -> bool:
@@ -70,30 +70,30 @@ class Restless:
 
     def _longest(self, chance: float) -> int:
         """Equal neighbours that come about with less than a chance (its logarithm)."""
-        return max(LEAST_RUN, math.ceil(chance / math.log(min(max(self._share, 1e-6), MOST_SHARE))))
+        return max(MIN_RUN, math.ceil(chance / math.log(min(max(self._share, 1e-6), MAX_SHARE))))
 
 
-class Steady:
+class JumpCheck:
     """Watches a quantity that cannot jump."""
 
     STATE = ("_value", "_stamp_us", "_doubted", "jumped")
 
-    def __init__(self, most_step: float, timeout_us: int) -> None:
-        self._most_step, self._timeout_us = most_step, timeout_us
-        self.forget()
+    def __init__(self, max_step: float, timeout_us: int) -> None:
+        self._max_step, self._timeout_us = max_step, timeout_us
+        self.reset()
 
-    def forget(self) -> None:
+    def reset(self) -> None:
         """Nothing that came before counts."""
         self._value = math.nan
         self._stamp_us = 0
         self._doubted = math.nan  # the value that was refused last
         self.jumped = False  # what is believed is far from what was; who takes notice of it sets it back
 
-    def judge(self, value: float, stamp_us: int) -> Reason | None:
+    def check(self, value: float, stamp_us: int) -> Reason | None:
         """JUMP for a value too far from the one before; believed is what a second frame confirms, or comes after a
         gap."""
         age_us = stamp_us - self._stamp_us
-        most = self._most_step * max(1.0, age_us / 100_000)
+        most = self._max_step * max(1.0, age_us / 100_000)
         if age_us <= self._timeout_us and abs(value - self._value) > most:
             if not abs(value - self._doubted) <= most:
                 self._doubted = value

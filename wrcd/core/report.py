@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from wrcd.bus.codec import Value
-from wrcd.bus.dbc import Message, check_plain
+from wrcd.bus.dbc import Message, check_supported
 from wrcd.core.causes import Cause
 
 # MuAvailable (percent) from which a surface counts as that class.
@@ -51,7 +51,7 @@ class Report:
         }
 
 
-GONE = Report(Validity.NOT_AVAILABLE, None, None, 255, "Unknown", "Unknown", "None", Cause.NONE)
+NOT_AVAILABLE_REPORT = Report(Validity.NOT_AVAILABLE, None, None, 255, "Unknown", "Unknown", "None", Cause.NONE)
 
 
 def surface(mu_available_pct: float | None) -> str:
@@ -68,7 +68,7 @@ def confidence(half_width_pp: float | None) -> str:
     return next(name for most, name in CONFIDENCES if half_width_pp <= most)
 
 
-def known(x: float) -> float | None:
+def nan_to_none(x: float) -> float | None:
     """NaN as None."""
     return float(x) if math.isfinite(x) else None
 
@@ -86,7 +86,7 @@ WORDS = {
 
 def sendable(message: Message) -> None:
     """Raises ValueError where a value would go out in a message as something else than it is."""
-    check_plain(message)
+    check_supported(message)
     for s in message.signals:
         if s.name in (*UNITS, *WORDS) and s.is_float:
             raise ValueError(f"{message.name}.{s.name} is coded as a float; only whole numbers can be sent")

@@ -47,13 +47,13 @@ def against(i: Inputs) -> list[Cause]:
         Cause.TWO_SENDERS: np.any(i.contested, axis=0),
         Cause.SENSOR_DEGRADED: np.any(i.degraded, axis=0),
         Cause.UNCHANGED: np.any(i.unchanged, axis=0),
-        Cause.SPEED_OUT_OF_RANGE: np.full(len(i.dead), not i.speed_covered),
+        Cause.SPEED_OUT_OF_RANGE: np.full(len(i.unavailable), not i.speed_covered),
         Cause.FRICTION_SHARE_UNKNOWN: i.friction_share_unknown,
         Cause.LOAD_BEYOND: _beyond(i.load_share, LOAD_SHARES),
         Cause.RADIUS_BEYOND: _beyond(i.radius_share, RADIUS_SHARES),
     }
     causes = (*facts, Cause.NONE)
-    first = np.array([*facts.values(), np.ones(len(i.dead), dtype=bool)]).argmax(axis=0)
+    first = np.array([*facts.values(), np.ones(len(i.unavailable), dtype=bool)]).argmax(axis=0)
     return [causes[k] for k in first]
 
 
@@ -62,42 +62,42 @@ def _beyond(share: FloatArray, bounds: tuple[float, float]) -> BoolArray:
     return out
 
 
-class Judge:
+class ValidityMonitor:
     """Counts the sound ticks of every axle, and says what follows."""
 
-    STATE = ("_window", "_stale_ticks", "_fresh_ticks", "_sound_ticks", "_warm", "_newest", "_unsound", "_begun")
+    STATE = ("_window", "_stale_ticks", "_fresh_ticks", "_sound_ticks", "_window_full", "_newest", "_unsound", "_begun")
 
     def __init__(self, window_ticks: int, axles: int) -> None:
         self._window = window_ticks
         self._stale_ticks = [0] * axles  # in a row, with a stale input
         self._fresh_ticks = [0] * axles  # without a stale input since the last silence that was too long to be bridged
         self._sound_ticks = [0] * axles  # in a row, but for bridged ones
-        self._warm = [False] * axles  # whether a full window of fresh ticks has been seen since it began
+        self._window_full = [False] * axles  # whether a full window of fresh ticks has been seen since it began
         self._newest = [Cause.NONE] * axles  # what spoke against the newest tick
         self._unsound = [Cause.NONE] * axles  # against the newest that something spoke against
         self._begun = [Cause.WARMING_UP] * axles  # why it began, or has not
 
     @property
-    def warm(self) -> list[bool]:
+    def window_full(self) -> list[bool]:
         """Which axles have an estimate."""
-        return self._warm
+        return self._window_full
 
-    def begin(self, axle: int, why: Cause) -> None:
+    def reset(self, axle: int, why: Cause) -> None:
         """What was known before does not hold any more, or nothing is known."""
         self._stale_ticks[axle] = 0
         self._fresh_ticks[axle] = self._sound_ticks[axle] = 0
-        self._warm[axle] = False
+        self._window_full[axle] = False
         self._begun[axle] = why
         self._newest[axle] = self._unsound[axle] = Cause.NONE
 
-    def tick(self, axle: int, cause: Cause) -> None:
+    def update(self, axle: int, cause: Cause) -> None:
         """A tick with all that an estimate needs, and what speaks against it."""
         stale = self._stale_ticks[axle] = self._stale_ticks[axle] + 1 if cause is Cause.INPUT_STALE else 0
         bridged = 0 < stale <= BRIDGED_TICKS
         if not bridged:
             self._fresh_ticks[axle] = 0 if stale else self._fresh_ticks[axle] + 1
             self._sound_ticks[axle] = 0 if cause else self._sound_ticks[axle] + 1
-        self._warm[axle] |= self._fresh_ticks[axle] >= self._window
+        self._window_full[axle] |= self._fresh_ticks[axle] >= self._window
         self._newest[axle] = cause
         if cause and not bridged:
             self._unsound[axle] = cause
@@ -106,7 +106,7 @@ class Judge:
 
     def verdict(self, axle: int, estimate: Estimate | None, pair: int) -> tuple[Validity, Cause]:
         """Of an axle now, with the Doubt of its pair of sensors."""
-        if not self._warm[axle] or estimate is None:
+        if not self._window_full[axle] or estimate is None:
             return Validity.NOT_AVAILABLE, self._newest[axle] or self._begun[axle]
         cause = self._against(axle, estimate, pair)
         return (Validity.DEGRADED if cause else Validity.VALID), cause

@@ -39,7 +39,7 @@ class Bank:
     """
 
     STATE = ("x",)
-    PASSING = ("_fused",)
+    TRANSIENT = ("_fused",)
 
     def __init__(self, design: Design, axles: int) -> None:
         self._d = design

@@ -25,7 +25,7 @@ INPUTS = MODELS + 2  # that choose the rules: four residuals, torque, speed
 LAGS, CROSSES, STEPS = MODELS * CHANNELS, MODELS, 4
 COLUMNS = INPUTS + LAGS + CROSSES + 1 + CHANNELS + 2 + STEPS
 FORMS = ("wrcd", "paper")
-MOST_RULES = 254  # DominantRule cannot tell more apart
+MAX_RULES = 254  # DominantRule cannot tell more apart
 
 
 @dataclass(frozen=True, slots=True)
@@ -282,8 +282,8 @@ def _check(d: Design, r: _Reader) -> None:
     sizes = [len(s.centres) for s in d.sets]
     if np.any(d.rules < 0) or np.any(d.rules >= np.array(sizes)):
         raise r.error("fuzzy.rules", "names a set that does not exist")
-    if len(d.rules) > MOST_RULES:
-        raise r.error("fuzzy.rules", f"has more than {MOST_RULES} rules; DominantRule cannot tell them apart")
+    if len(d.rules) > MAX_RULES:
+        raise r.error("fuzzy.rules", f"has more than {MAX_RULES} rules; DominantRule cannot tell them apart")
     if np.any(d.spreads <= 0) or np.any(d.changes <= 0):
         raise r.error("fuzzy.spreads", "must be positive, and changes.limits, too")
     if np.any(d.noise_rms <= 0) or np.any(d.noise_power <= 0):

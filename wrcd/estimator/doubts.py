@@ -32,14 +32,14 @@ PRECEDENCE = (Doubt.SILENT, Doubt.GYRO_DEAD, Doubt.REVERSED, Doubt.UNRELATED, Do
 YAW, LAT = range(CHANNELS)
 BANDS_HZ = ((0.0, 1.5), (3.0, 10.0), (10.0, 25.0))
 LOW, MIDDLE, HIGH = range(len(BANDS_HZ))
-LEAST_SILENT_BLOCKS = 3  # that silence is judged by where a sensor was loud before
+MIN_SILENT_BLOCKS = 3  # that silence is judged by where a sensor was loud before
 
 # Bounds, set on 480 nominal and 450 robust conditions (13 s, utilisation 0 to 1, 8 to 52 m/s, noise once and twice the
 # design's, a fifth tactical) and on 240 slow or coasting ones; sim-ecu score tells what they find and cost.
 # A dead sensor's power in each band (rows; gyro, accelerometer) over that of all it says, in ten seconds. Below 1.5 Hz
 # a gyro that died shows for long what it last said, and one that lives much more.
-WHITE_LEAST = (0.0, 0.0, 0.75)
-WHITE_MOST = ((2.5, 1.5), (1.32, 1.32), (1.25, 1.25))
+WHITE_MIN = (0.0, 0.0, 0.75)
+WHITE_MAX = ((2.5, 1.5), (1.32, 1.32), (1.25, 1.25))
 # The same over one second, as one number: weighed excesses of both sensors' bands. The sensors' own noise stays below
 # in 96 % of all seconds, what comes of a track in less than 1 %.
 SILENT_WEIGHTS = (0.6, 1.0, 1.5)
@@ -70,7 +70,7 @@ ALONE_WHITE, ALONE_ABOVE, ALONE_VARIANCE = 1.7, 1.45, 1.45
 LIVE_ACCEL_MIDDLE, LIVE_ACCEL_HIGH = 10.0, 4.0
 LIVE_GYRO_MIDDLE = 8.0
 # A saturated wheelset swings by itself: its yaw rate goes with no lateral acceleration. Other seconds that are needed.
-LEAST_FREE, FREE = 9, 0.5
+MIN_FREE, FREE = 9, 0.5
 TINY = 1e-12
 SLOWEST = 0.1  # m/s
 
@@ -118,9 +118,9 @@ def silent(newest: FloatArray, before: FloatArray, most: float) -> bool:
     a moment before is judged about a straight line through what it says now; another, about its mean as known.
     """
     now, then = (b[:, RAW] - b[:, MEAN] ** 2 for b in (newest, before))
-    fallen = then.max(axis=0, initial=0.0) > FALLEN_TIMES * now[:LEAST_SILENT_BLOCKS].mean(axis=0)
+    fallen = then.max(axis=0, initial=0.0) > FALLEN_TIMES * now[:MIN_SILENT_BLOCKS].mean(axis=0)
     if fallen.any():
-        newest = newest[:LEAST_SILENT_BLOCKS]
+        newest = newest[:MIN_SILENT_BLOCKS]
     sums = newest.mean(axis=0)
     power, variance = sums[POWER].reshape(len(BANDS_HZ), CHANNELS).copy(), sums[RAW]
     power[LOW] -= np.where(fallen, _line(newest[:, LOW_MEAN]), 0.0)
@@ -160,7 +160,7 @@ def doubts(e: Evidence, yaw_unit: float, lat_unit: float) -> set[Doubt]:
     median = np.median(np.column_stack((e.power.reshape(len(e.power), -1), e.variance, e.noise)), axis=0)
     power, variance, noise = median[:6].reshape(-1, CHANNELS), median[6:8], median[8:]
     share = power / variance
-    white = ((share > np.array(WHITE_LEAST)[:, None]) & (share < WHITE_MOST)).all(axis=0)
+    white = ((share > np.array(WHITE_MIN)[:, None]) & (share < WHITE_MAX)).all(axis=0)
     white &= variance < LOUDEST  # what is white and louder is drowned in vibration, not dead
     if white.all():
         return {Doubt.SILENT}
@@ -183,7 +183,7 @@ def doubts(e: Evidence, yaw_unit: float, lat_unit: float) -> set[Doubt]:
     if low + 0.5 * middle < REVERSED:  # saturated or not: nothing swings so by itself
         out.add(Doubt.REVERSED)
     free = e.saturated < FREE
-    if free.sum() < LEAST_FREE:
+    if free.sum() < MIN_FREE:
         return out
     if power[LOW, YAW] > HEARD * noise[YAW] and ratios[LOW] < SMALL:
         out.add(Doubt.ACCEL_SMALL)

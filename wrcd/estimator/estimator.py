@@ -47,7 +47,7 @@ CONTRADICTION_SHARE, CONTRADICTION_PP = 0.2, 0.3
 HARSH_SHARE = 0.7  # of the window that must be far from pulses
 SILENT, SILENT_S = 1.07, 0.4  # all four residuals below so many times the noise, over at least so long: no track
 # Half-width over the estimate from which on it says nothing; and the least way that a wheelset must have run to tell.
-VAGUE, LEAST_M = 0.6, 2.9
+VAGUE, MIN_M = 0.6, 2.9
 BEYOND_WIDER = 2.0  # the half-width grows by this factor for each range that an input lies outside the sets
 
 
@@ -119,7 +119,7 @@ class Estimator:
         "_delayed", "_delayed_live", "_delayed_clear", "started", "used", "outlier", "good", "upset", "outliers",
         "identity", "_saturated",
     )  # fmt: skip
-    PASSING = ("near_pulse", "live", "calm")
+    TRANSIENT = ("near_pulse", "live", "calm")
 
     def __init__(self, design: Design, axles: int) -> None:
         self.design = design
@@ -190,7 +190,7 @@ class Estimator:
         pulse, near = self._joints.step(tick.z[1], whole & small)
         e, w = self._filter(tick, whole, near, speed)
         swings = self._joints.recovering & small
-        absurd = self._gate.absurd(e, tick.z[0], whole & ~swings)
+        absurd = self._gate.outliers(e, tick.z[0], whole & ~swings)
         self.outlier = np.logical_or.reduce(absurd)
         used = whole & ~self.outlier
         if self.outlier.any():
@@ -381,7 +381,7 @@ class Estimator:
                 EstimateDoubt.HARSH: s.live_share < HARSH_SHARE,
                 EstimateDoubt.BEYOND_TRAINING: far > d.beyond,
                 EstimateDoubt.NO_RULE: inference.rule == 0,
-                EstimateDoubt.VAGUE: (spread > VAGUE) | (s.ticks * d.tick_s * self._speed_m_s < LEAST_M),
+                EstimateDoubt.VAGUE: (spread > VAGUE) | (s.ticks * d.tick_s * self._speed_m_s < MIN_M),
             }
             doubt = np.select(list(reasons.values()), list(reasons), EstimateDoubt.NONE)
         return spread, doubt.astype(np.int64)

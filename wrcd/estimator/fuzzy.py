@@ -7,7 +7,7 @@ import numpy as np
 from wrcd.estimator.design import Design, FloatArray, IntArray
 
 # Below this total firing no rule speaks for the moment: the answer is "I don't know", not a guess.
-LEAST_FIRING = 0.05
+MIN_FIRING = 0.05
 LOW_FIRING = 0.2  # below, few training conditions were like the moment: the interval is wider
 LOG_SPREADS = (-2.7, 0.3)  # an interval is never narrower or wider than this, relative to the adhesion (log10)
 
@@ -64,7 +64,7 @@ class Fuzzy:
             degrees[:, i, : len(sets.centres)] = sets.memberships(inputs[:, i])
         weights = degrees.reshape(n, -1)[:, self._pick].prod(axis=2)
         firing = weights.sum(axis=1)
-        known = firing >= LEAST_FIRING
+        known = firing >= MIN_FIRING
         share = weights / np.where(known, firing, 1.0)[:, None]
         held = np.clip(inputs, self._low, self._high)
         output = share @ self._offset + np.sum((share @ self._slopes) * held, axis=1)

@@ -9,9 +9,9 @@ from wrcd.estimator.design import CHANNELS, FloatArray, IntArray
 from wrcd.estimator.doubts import (
     BANDS_HZ,
     LAT,
-    LEAST_SILENT_BLOCKS,
     LOW,
     MIDDLE,
+    MIN_SILENT_BLOCKS,
     PRECEDENCE,
     ROWS,
     SILENT_EXCESS,
@@ -28,14 +28,14 @@ from wrcd.estimator.wiring import Wiring
 BLOCK_S = 0.25  # evidence is summed up over blocks of ticks with data
 SECOND = 4  # blocks
 BLOCKS = 10 * SECOND  # that a pair is judged by
-LEAST_BLOCKS = 9 * SECOND  # before which it is not
+MIN_BLOCKS = 9 * SECOND  # before which it is not
 SILENT_BLOCKS = SECOND  # that silence is judged by; three where there are no more yet: a window that has just filled
 # up must not be Valid on dead sensors
 BEFORE_BLOCKS = SILENT_BLOCKS + 5 * SECOND  # in which a sensor may have been loud before it fell silent
 ALONE_BLOCKS = 2 * SECOND  # for which a sensor stays dead that fell silent beside a live one
 OFFSET_S = 2.0  # memory of the running mean that is taken off
 FOURTH_DIFFERENCE = (1.0, -4.0, 6.0, -4.0, 1.0)
-MOST = 1e6  # times the noise: what is further off does not count for more
+MAX_NOISE_RATIO = 1e6  # times the noise: what is further off does not count for more
 
 
 class Filters:
@@ -105,7 +105,7 @@ class Identity:
     def __init__(self, noise_rms: tuple[float, float], tick_s: float, axles: int) -> None:
         self._unit: FloatArray = np.array(noise_rms)[:, None]
         self._block_ticks = max(2, round(BLOCK_S / tick_s))
-        self._most_offset_ticks = OFFSET_S / tick_s
+        self._max_offset_ticks = OFFSET_S / tick_s
         self._filters = Filters(tick_s, axles)
         self._mean: FloatArray = np.zeros((CHANNELS, axles))
         self._offset_ticks: FloatArray = np.zeros(axles)  # that the mean is of
@@ -133,8 +133,8 @@ class Identity:
 
     def step(self, z: FloatArray, used: BoolArray, speed_m_s: float, saturated: BoolArray | None = None) -> None:
         """One tick of raw measurements z (2, n), of the axles (n,) whose measurements are used; which are saturated."""
-        x = np.where(used, np.clip(z / self._unit, -MOST, MOST), 0.0)
-        self._offset_ticks = np.minimum(self._offset_ticks + used, self._most_offset_ticks)
+        x = np.where(used, np.clip(z / self._unit, -MAX_NOISE_RATIO, MAX_NOISE_RATIO), 0.0)
+        self._offset_ticks = np.minimum(self._offset_ticks + used, self._max_offset_ticks)
         self._mean = self._mean + np.where(used, (x - self._mean) / np.maximum(self._offset_ticks, 1.0), 0.0)
         x = x - self._mean
         y = self._filters.step(x, used)
@@ -162,7 +162,7 @@ class Identity:
     def _judge(self, full: BoolArray) -> None:
         """A doubt is held from when its test speaks until the test has been quiet for as long as it looks back."""
         self._held = np.maximum(self._held - full, 0)
-        for axle in np.flatnonzero(full & (self._filled >= LEAST_SILENT_BLOCKS)):
+        for axle in np.flatnonzero(full & (self._filled >= MIN_SILENT_BLOCKS)):
             filled = int(self._filled[axle])
             known = filled > SILENT_BLOCKS and not self._held[Doubt.SILENT, axle]
             # of the first second, in which a train sets off and filters settle, nothing is concluded
@@ -175,7 +175,7 @@ class Identity:
                 if dead:
                     self._held[dead, axle] = max(self._held[dead, axle], ALONE_BLOCKS)
             # once a second, each axle at another tick
-            if filled >= LEAST_BLOCKS and (filled - axle) % SECOND == 0:
+            if filled >= MIN_BLOCKS and (filled - axle) % SECOND == 0:
                 whole = min(filled, BLOCKS) // SECOND
                 seconds = self._blocks[: whole * SECOND, :, axle].reshape(whole, SECOND, ROWS).mean(axis=1)
                 found = doubts(evidence(seconds), *self._unit[:, 0])

@@ -13,7 +13,7 @@ SWING = slice(_SWING, _SWING + 2)  # columns of rule_inputs
 MIN_TORQUE = 0.003  # torque ratio: less is coasting, and says nothing
 TORQUE_FLOOR = 0.01  # torque ratio: what moves below this is the noise of its signal
 MIN_TRACK = 0.03  # of the noise's power: less from the track is not told from none
-MOST_STEP = 1.5  # decades
+MAX_STEP = 1.5  # decades
 
 
 def noise_floor(design: Design, noise_factor: FloatArray, speed_m_s: float) -> FloatArray:
@@ -40,7 +40,7 @@ class Past:
     @property
     def steps(self) -> FloatArray:
         """(n, 4): the first two residuals' step, that of the third, of the fourth, and the largest without its sign."""
-        held = np.clip(np.nan_to_num(self.decades), -MOST_STEP, MOST_STEP)
+        held = np.clip(np.nan_to_num(self.decades), -MAX_STEP, MAX_STEP)
         largest = np.abs(held).max(axis=1)
         return np.column_stack((0.5 * (held[:, 0] + held[:, 1]), held[:, 2], held[:, 3], largest))
 

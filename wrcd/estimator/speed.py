@@ -18,7 +18,7 @@ class SpeedFilter:
     def __init__(self, tick_s: float) -> None:
         self._alpha = 1.0 - math.exp(-tick_s / MEMORY_S)
         self._beta = 0.5 * self._alpha**2
-        self._most_ticks = max(RATE_AFTER_TICKS + 1, math.ceil(1.0 / self._alpha))
+        self._max_ticks = max(RATE_AFTER_TICKS + 1, math.ceil(1.0 / self._alpha))
         self._speed = math.nan
         self._rate = 0.0  # per tick
         self._ticks = 0  # of this signal, as far as they count
@@ -37,7 +37,7 @@ class SpeedFilter:
             return speed_m_s
         predicted = self._speed + self._rate
         error = speed_m_s - predicted
-        self._ticks = min(self._ticks + 1, self._most_ticks)
+        self._ticks = min(self._ticks + 1, self._max_ticks)
         self._speed = predicted + max(self._alpha, 1.0 / self._ticks) * error
         if self._ticks > RATE_AFTER_TICKS:
             self._rate += self._beta * error

@@ -55,8 +55,8 @@ class Statistics:
         )  # fmt: skip
 
 
-def statistics(sums: FloatArray, least_ticks: float) -> Statistics:
-    """Of sums (COLUMNS, n) over a window. NaN with less than least_ticks live ticks.
+def statistics(sums: FloatArray, min_ticks: float) -> Statistics:
+    """Of sums (COLUMNS, n) over a window. NaN with less than min_ticks live ticks.
 
     A sensor's bias and what a filter still has to learn of it is a straight line in the innovations: it is taken out.
     Ticks that are not live count as zeros in the sums; the power is that of the live ones.
@@ -75,7 +75,7 @@ def statistics(sums: FloatArray, least_ticks: float) -> Statistics:
         each = power.reshape(MODELS, CHANNELS, -1)
         cross = (sums[SUM_CROSS] / n - together) / np.sqrt(each[:, 0] * each[:, 1])
         ratio = sums[RATIO] / sums[RATIO_N]
-        power = np.where(live >= least_ticks, power * (n / live), np.nan)
+        power = np.where(live >= min_ticks, power * (n / live), np.nan)
     return Statistics(
         power=np.moveaxis(power.reshape(MODELS, CHANNELS, -1), -1, 0),
         lag=np.clip(lag, -1.0, 1.0).T,
@@ -86,16 +86,16 @@ def statistics(sums: FloatArray, least_ticks: float) -> Statistics:
     )
 
 
-def raw_power(sums: FloatArray, least_ticks: float) -> FloatArray:
+def raw_power(sums: FloatArray, min_ticks: float) -> FloatArray:
     """(n, 4): from plain sums the mean square of the unfiltered innovations about their mean; NaN with less than
-    least_ticks calm ticks."""
+    min_ticks calm ticks."""
     calm = sums[RAW_N - PLAIN]
     raw, square = sums[SUM_RAW.start - PLAIN : SUM_RAW.stop - PLAIN], sums[SUM_RAW2.start - PLAIN :]
     with np.errstate(invalid="ignore", divide="ignore"):
         mean = raw / calm
         power = np.maximum(square / calm - mean * mean, SMALLEST)
     both = power.reshape(MODELS, CHANNELS, -1).mean(axis=1)
-    return np.asarray(np.where(calm >= least_ticks, both, np.nan).T)
+    return np.asarray(np.where(calm >= min_ticks, both, np.nan).T)
 
 
 def mean_ratio(plain: FloatArray) -> FloatArray:
@@ -121,7 +121,7 @@ class Window:
         self._newest = -1  # number of the newest block
         self._cumulative: FloatArray | None = None
 
-    PASSING = ("_cumulative",)
+    TRANSIENT = ("_cumulative",)
 
     def put(
         self, tick: int, w: FloatArray, raw: FloatArray, running: BoolArray, live: BoolArray, calm: BoolArray,

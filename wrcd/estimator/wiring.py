@@ -7,8 +7,8 @@ from wrcd.estimator.design import CHANNELS, FloatArray
 from wrcd.estimator.doubts import LAT, YAW
 
 SECONDS = 10  # that are judged
-LEAST_SECONDS = 9  # before which nothing is
-LEAST_SHARE = 0.5  # of a second's ticks that an axle must have data in
+MIN_SECONDS = 9  # before which nothing is
+MIN_SHARE = 0.5  # of a second's ticks that an axle must have data in
 # By so much two pairs' correlations in 3 to 10 Hz must grow if their accelerometers changed places, both together. Of
 # 5 700 sound pairs in fours (nominal, robust, rough, harsh, slow, coasting, in slip cycles, after drops; on tracks of
 # their own and on a train's) none is above 0.3; of 120 swapped ones on one track 96 % are above 0.4, saturated or not.
@@ -54,7 +54,7 @@ class Wiring:
 
     def _close(self) -> None:
         """A second is full."""
-        known = self._used >= LEAST_SHARE * self._second_ticks
+        known = self._used >= MIN_SHARE * self._second_ticks
         with np.errstate(invalid="ignore", divide="ignore"):
             r = self._cross / np.sqrt(self._power[YAW][:, None] * self._power[LAT])
         r[~(known[:, None] & known)] = np.nan
@@ -67,7 +67,7 @@ class Wiring:
         known = np.isfinite(self._seconds)
         count = known.sum(axis=0)
         mean = np.where(known, self._seconds, 0.0).sum(axis=0) / np.maximum(count, 1)
-        mean[count < LEAST_SECONDS] = np.nan
+        mean[count < MIN_SECONDS] = np.nan
         own = np.diagonal(mean)
         gain = mean + mean.T - own[:, None] - own
         return np.asarray((gain > CROSSED).any(axis=1))

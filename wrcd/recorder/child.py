@@ -6,11 +6,11 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 
-MOST_S = 60.0  # a disk that takes longer hangs
+MAX_S = 60.0  # a disk that takes longer hangs
 # Exit statuses of a child: an errno, or one of
 OVERWRITTEN, UNKNOWN = 254, 255
 _WORDS = {OVERWRITTEN: "its frames were overwritten meanwhile", UNKNOWN: "failed"}
-_DEAF = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGUSR1)  # meant for the daemon
+_BLOCKED_SIGNALS = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGUSR1)  # meant for the daemon
 
 
 class Child:
@@ -18,7 +18,7 @@ class Child:
     that it writes to afterwards (30 ms in the first turn, measured). It takes over no file but those given."""
 
     def __init__(
-        self, command: list[str], files: Sequence[int] = (), most_s: float = MOST_S, urgent: bool = False
+        self, command: list[str], files: Sequence[int] = (), most_s: float = MAX_S, urgent: bool = False
     ) -> None:
         """Where it is not urgent it runs when nobody else wants to. Raises OSError where no process can be made."""
         self._end = time.monotonic() + most_s
@@ -26,7 +26,7 @@ class Child:
         try:
             for fd in files:
                 os.set_inheritable(fd, True)
-            self.pid = os.posix_spawn(command[0], command, _environment(), setsigmask=_DEAF)
+            self.pid = os.posix_spawn(command[0], command, _environment(), setsigmask=_BLOCKED_SIGNALS)
         finally:
             for fd in files:
                 os.set_inheritable(fd, False)

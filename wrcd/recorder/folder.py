@@ -24,10 +24,10 @@ class Bound:
 def dump_name(channel: str, now_us: int, trigger: str) -> str:
     """Without a suffix: wrcd-can0-20261121T172446Z-validity."""
     when = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime(now_us // 1_000_000))
-    return f"wrcd-{plain_channel(channel)}-{when}-{trigger}"
+    return f"wrcd-{safe_channel_name(channel)}-{when}-{trigger}"
 
 
-def plain_channel(channel: str) -> str:
+def safe_channel_name(channel: str) -> str:
     """A channel as a word for file names and logs."""
     return re.sub(r"[^A-Za-z0-9_.]", "_", channel)[:40] or "can"
 

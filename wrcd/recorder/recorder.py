@@ -13,22 +13,21 @@ from dataclasses import dataclass
 from typing import Any
 
 from wrcd.bus.frame import Frame
-from wrcd.config import RecorderConfig
+from wrcd.core.configuration import RecorderConfig
 from wrcd.core.core import Core
 from wrcd.recorder.child import Child
-from wrcd.recorder.folder import Bound, dump_name, plain_channel
+from wrcd.recorder.folder import Bound, dump_name, safe_channel_name
 from wrcd.recorder.ring import ADVANCED, HEALTH, RECEIVED, SENT, Ring
 from wrcd.recorder.state import capture, encode
 from wrcd.recorder.state_file import identity, settings
 from wrcd.recorder.triggers import Triggers
 from wrcd.recorder.writer import Request, start
-from wrcd.service.journal import say
 
 FRAMES_PER_S = 4000  # that the ring has room for; a full 500 kbit/s bus carries about as many of eight bytes
 SNAPSHOTS = 6  # within the ring's time
 SPARE_SHARE = 0.1  # of the ring, may be overwritten before the process that writes a dump has copied it
-AFTERMATH_US = 2_000_000  # is in the dump, too
-PAUSE_US = 30_000_000  # between two dumps that nobody asked for
+POST_TRIGGER_US = 2_000_000  # is in the dump, too
+HOLD_OFF_US = 30_000_000  # between two dumps that nobody asked for
 EXIT_S = 3.0  # for the last dump; less than systemd's patience
 
 
@@ -44,12 +43,12 @@ class Snapshot:
 class Recorder:
     """Told by the loop of all that comes, goes and happens; turn() between turns, when the core has all of it."""
 
-    def __init__(self, config: RecorderConfig, core: Core, channel: str, write: Callable[[str], None] = say) -> None:
+    def __init__(self, config: RecorderConfig, core: Core, channel: str, write: Callable[[str], None]) -> None:
         if config.folder is None:
             raise ValueError("a recorder needs a folder")
         self._folder, self._core, self._write = config.folder, core, write
         self._bound = _bound(config)
-        self._channel = plain_channel(channel)
+        self._channel = safe_channel_name(channel)
         self._every_us = max(1, round(config.seconds * 1e6 / SNAPSHOTS))
         # dumps are of config.seconds at least: the oldest snapshot is up to one interval older than that
         self._ring = Ring(math.ceil(config.seconds * (1 + 1 / SNAPSHOTS) * FRAMES_PER_S))
@@ -92,13 +91,13 @@ class Recorder:
         self._snapshot(now_us)
         if core.reports is not self._reports:
             self._reports = core.reports
-            found = self._triggers.look(core.reports, core.standing)
-            if found and self._pending is None and self._rested(now_us):
+            found = self._triggers.look(core.reports, core.below_min_speed)
+            if found and self._pending is None and self._hold_off_over(now_us):
                 self._pending, self._last_us = (found, now_us), now_us
         if self._asked and self._pending is None:
             self._asked, self._pending = False, ("asked", now_us)
         self._reap()
-        if self._pending and self._child is None and not 0 <= now_us - self._pending[1] < AFTERMATH_US:
+        if self._pending and self._child is None and not 0 <= now_us - self._pending[1] < POST_TRIGGER_US:
             name, self._pending = dump_name(self._channel, self._pending[1], self._pending[0]), None
             self._dump(name)
 
@@ -110,9 +109,9 @@ class Recorder:
             self._healths.append((self._ring.end, health))
             self._ring.put(HEALTH, 0)
 
-    def _rested(self, now_us: int) -> bool:
+    def _hold_off_over(self, now_us: int) -> bool:
         # a clock that has stepped back holds nothing up
-        return self._last_us is None or not 0 <= now_us - self._last_us < PAUSE_US
+        return self._last_us is None or not 0 <= now_us - self._last_us < HOLD_OFF_US
 
     def _snapshot(self, now_us: int) -> None:
         ring, kept = self._ring, self._snapshots
@@ -149,8 +148,8 @@ class Recorder:
             fits=self._fits,
             core=encode(first.core),
             healths=[(position, health) for position, health in self._healths if position >= first.position],
-            most_dumps=self._bound.dumps,
-            most_bytes=self._bound.size,
+            max_dumps=self._bound.dumps,
+            max_bytes=self._bound.size,
             urgent=urgent,
         )
         try:
@@ -187,14 +186,14 @@ class Recorder:
 
 
 def _bound(config: RecorderConfig) -> Bound:
-    return Bound(config.most_files, round(config.most_mb * 1e6))
+    return Bound(config.max_files, round(config.max_mb * 1e6))
 
 
-def make_recorder(core: Core, channel: str) -> Recorder | None:
+def make_recorder(core: Core, channel: str, write: Callable[[str], None]) -> Recorder | None:
     """The recorder that the core's configuration asks for, if any. That there is none stops no daemon."""
     config = core.config.recorder
     try:
-        return Recorder(config, core, channel) if config.on else None
+        return Recorder(config, core, channel, write) if config.on else None
     except OSError as e:
-        say(f"recorder: none: {e}")
+        write(f"recorder: none: {e}")
         return None

@@ -1,7 +1,7 @@
 """The state of a core as plain values: copied from a running one, written to a file, put back into a fresh one.
 
 A class names what it carries from one frame to the next in STATE, and what it changes on the way but nothing later
-hangs on (caches, results made anew) in PASSING. tests/unit/test_state.py finds what is in neither.
+hangs on (caches, results made anew) in TRANSIENT. tests/unit/test_state.py finds what is in neither.
 """
 
 import base64
@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-MOST_ITEMS = 10_000  # of a list whose length the configuration does not settle
-MOST_WORD = 200  # characters or bytes
+MAX_ITEMS = 10_000  # of a list whose length the configuration does not settle
+MAX_WORD = 200  # characters or bytes
 
 
 def capture(thing: Any) -> dict[str, Any]:
@@ -54,15 +54,15 @@ def encode(copied: Any) -> Any:
     return copied
 
 
-class Misfit(Exception):
+class StateMismatch(Exception):
     """A value that the object to be restored cannot have."""
 
 
 def restore(thing: Any, node: Any, where: str = "core") -> None:
     """Put an encoded state into an object made with the same configuration. Types, shapes and lengths are those that
-    it has: nothing in the file can ask for more. Raises Misfit; the object is then not to be used."""
+    it has: nothing in the file can ask for more. Raises StateMismatch; the object is then not to be used."""
     if not isinstance(node, dict) or set(node) != set(type(thing).STATE):
-        raise Misfit(f"{where} is not what this version keeps of it")
+        raise StateMismatch(f"{where} is not what this version keeps of it")
     for name in type(thing).STATE:
         setattr(thing, name, _restored(getattr(thing, name), node[name], f"{where}.{name}"))
 
@@ -78,30 +78,30 @@ def _restored(now: Any, node: Any, where: str) -> Any:
     if isinstance(now, dict):
         keys = {str(key): key for key in now}
         if set(_table(node, where)) != set(keys):
-            raise Misfit(f"{where} has other keys")
+            raise StateMismatch(f"{where} has other keys")
         return {key: _restored(now[key], node[text], f"{where}[{text}]") for text, key in keys.items()}
     if isinstance(now, deque):
-        most = MOST_ITEMS if now.maxlen is None else now.maxlen
+        most = MAX_ITEMS if now.maxlen is None else now.maxlen
         return deque((_plain(v, where) for v in as_list(node, where, most)), now.maxlen)
     if isinstance(now, (list, tuple)):
-        items = as_list(node, where, MOST_ITEMS)
+        items = as_list(node, where, MAX_ITEMS)
         if len(items) == len(now):
             return type(now)(_restored(a, b, f"{where}[{i}]") for i, (a, b) in enumerate(zip(now, items, strict=True)))
         if now:
-            raise Misfit(f"{where} has {len(items)} items, not {len(now)}")
+            raise StateMismatch(f"{where} has {len(items)} items, not {len(now)}")
         return type(now)(_plain(v, where) for v in items)
     return _scalar(now, node, where)
 
 
 def _array(now: np.ndarray[Any, Any], node: Any, where: str) -> np.ndarray[Any, Any]:
     if not isinstance(node, dict) or node.get("dtype") != now.dtype.str or node.get("shape") != list(now.shape):
-        raise Misfit(f"{where} is not an array {now.dtype.str} of shape {list(now.shape)}")
+        raise StateMismatch(f"{where} is not an array {now.dtype.str} of shape {list(now.shape)}")
     try:
         data = base64.b64decode(node.get("base64", ""), validate=True)
     except (TypeError, ValueError, binascii.Error):
-        raise Misfit(f"{where} is not base64") from None
+        raise StateMismatch(f"{where} is not base64") from None
     if len(data) != now.nbytes or (now.dtype == bool and not set(data) <= {0, 1}):
-        raise Misfit(f"{where} does not hold {now.size} values")
+        raise StateMismatch(f"{where} does not hold {now.size} values")
     return np.frombuffer(data, dtype=now.dtype).reshape(now.shape).copy()
 
 
@@ -114,9 +114,9 @@ def _scalar(now: Any, node: Any, where: str) -> Any:
         try:
             return type(now)(value)
         except ValueError:
-            raise Misfit(f"{where} cannot be {value!r}") from None
+            raise StateMismatch(f"{where} cannot be {value!r}") from None
     if type(value) is not type(now):
-        raise Misfit(f"{where} is not a {type(now).__name__}")
+        raise StateMismatch(f"{where} is not a {type(now).__name__}")
     return value
 
 
@@ -129,7 +129,7 @@ def _plain(node: Any, where: str) -> Any:
     if isinstance(node, str):
         return _word(node, where)
     if isinstance(node, list):
-        return tuple(_plain(v, where) for v in as_list(node, where, MOST_WORD))
+        return tuple(_plain(v, where) for v in as_list(node, where, MAX_WORD))
     if isinstance(node, dict) and set(node) == {"float"} and node["float"] in ("nan", "inf", "-inf"):
         return float(node["float"])
     if isinstance(node, dict) and set(node) == {"hex"}:
@@ -137,30 +137,30 @@ def _plain(node: Any, where: str) -> Any:
             return bytes.fromhex(_word(node["hex"], where))
         except ValueError:
             pass
-    raise Misfit(f"{where} is not a plain value")
+    raise StateMismatch(f"{where} is not a plain value")
 
 
 def whole(node: Any, where: str) -> int:
     """A whole number from a file."""
     if type(node) is not int or abs(node) >= 1 << 62:
-        raise Misfit(f"{where} is not a whole number of up to 62 bits")
+        raise StateMismatch(f"{where} is not a whole number of up to 62 bits")
     return node
 
 
 def _word(node: Any, where: str) -> str:
-    if not isinstance(node, str) or len(node) > MOST_WORD:
-        raise Misfit(f"{where} is not a short text")
+    if not isinstance(node, str) or len(node) > MAX_WORD:
+        raise StateMismatch(f"{where} is not a short text")
     return str(node)
 
 
 def _table(node: Any, where: str) -> dict[str, Any]:
-    if not isinstance(node, dict) or len(node) > MOST_ITEMS:
-        raise Misfit(f"{where} is not a table")
+    if not isinstance(node, dict) or len(node) > MAX_ITEMS:
+        raise StateMismatch(f"{where} is not a table")
     return node
 
 
 def as_list(node: Any, where: str, most: int) -> list[Any]:
     """A list from a file."""
     if not isinstance(node, list) or len(node) > most:
-        raise Misfit(f"{where} is not a list of up to {most}")
+        raise StateMismatch(f"{where} is not a list of up to {most}")
     return node

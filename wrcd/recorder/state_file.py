@@ -8,14 +8,14 @@ from pathlib import Path
 from typing import Any
 
 from wrcd.checksum import checksum
-from wrcd.config import Config
+from wrcd.core.configuration import Config
 from wrcd.core.core import Core
 from wrcd.core.outbox import Outgoing
 from wrcd.errors import InputError
-from wrcd.recorder.state import Misfit, as_list, restore, whole
+from wrcd.recorder.state import StateMismatch, as_list, restore, whole
 from wrcd.recorder.writer import FORMAT, Event
 
-MOST_BYTES = 64 << 20  # of a state file
+MAX_BYTES = 64 << 20  # of a state file
 # Fields of the configuration that say where things lie and come from, not what is computed.
 PLACES = {
     "file",
@@ -86,11 +86,11 @@ def load(path: Path, core: Core) -> Saved:
                 restore(core.health, event.health, "health")
         restore(core, body["core"])
         return Saved(events, whole(body["lines"], "lines"))
-    except (Misfit, KeyError, ValueError, TypeError) as e:
+    except (StateMismatch, KeyError, ValueError, TypeError) as e:
         raise InputError(f"is not a usable state: {e}", file=path) from None
 
 
-def happened(core: Core, events: deque[Event], lines: int) -> list[Outgoing]:
+def replay_events(core: Core, events: deque[Event], lines: int) -> list[Outgoing]:
     """Do again what was done before the line after so many; events lose it. Returns what the core made of it."""
     out: list[Outgoing] = []
     while events and events[0].lines <= lines:
@@ -113,8 +113,8 @@ def _read(path: Path) -> dict[str, Any]:
     hint = "copy it again, or move it away to replay from nothing"
     try:
         with path.open("rb") as f:
-            data = f.read(MOST_BYTES + 1)
-        body = json.loads(data, parse_constant=_refuse) if len(data) <= MOST_BYTES else None
+            data = f.read(MAX_BYTES + 1)
+        body = json.loads(data, parse_constant=_refuse) if len(data) <= MAX_BYTES else None
         if not isinstance(body, dict) or body.get("format") != FORMAT:
             raise InputError(f"is not a {FORMAT} file", file=path, hint=hint)
         if body.get("checksum") != checksum(body):

@@ -22,22 +22,22 @@ class Triggers:
         # percent, 0 where it was not Valid
         self._mu: list[deque[float]] = [deque([0.0], slots) for _ in range(axles)]
 
-    def look(self, reports: Sequence[Report], standing: bool) -> str:
+    def look(self, reports: Sequence[Report], below_min_speed: bool) -> str:
         """ "validity" or "collapse" in the slot where it shows, else nothing. A train that stands is not Valid by
         right; one that is about to stand, or an estimate that is too vague for other reasons, has lost nothing."""
         lost = collapsed = False
         for axle, report in enumerate(reports):
             valid = report.validity is Validity.VALID
             if report.cause is not Cause.TOO_LITTLE_DATA:
-                lost |= self._loses(axle, valid, standing)
+                lost |= self._loses(axle, valid, below_min_speed)
             mu = (report.mu_available_pct or 0.0) if valid else 0.0
             before = self._mu[axle]
             collapsed |= valid and mu < min(COLLAPSED_PCT, COLLAPSED_SHARE * max(before))
             before.append(mu)
         return "validity" if lost else "collapse" if collapsed else ""
 
-    def _loses(self, axle: int, valid: bool, standing: bool) -> bool:
-        if valid or standing:
+    def _loses(self, axle: int, valid: bool, below_min_speed: bool) -> bool:
+        if valid or below_min_speed:
             self._was_valid[axle], self._lost[axle] = valid, 0
             return False
         self._lost[axle] += self._was_valid[axle]

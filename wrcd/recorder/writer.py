@@ -39,8 +39,8 @@ class Request:
     fits: dict[str, Any]
     core: Any
     healths: list[tuple[int, dict[str, Any]]]  # by position: what the core was told of loop and link from there on
-    most_dumps: int
-    most_bytes: int
+    max_dumps: int
+    max_bytes: int
     urgent: bool = False  # the daemon ends: nobody is disturbed
 
 
@@ -117,7 +117,7 @@ def run(ring_fd: int, request_fd: int) -> None:
     lines, events = lines_and_events(memory, r)
     log = ("\n".join(lines) + "\n" * bool(lines)).encode()
     state = document(r.fits, r.core, events, len(lines))
-    write_dump(Path(r.folder), r.name, log, state, Bound(r.most_dumps, r.most_bytes))
+    write_dump(Path(r.folder), r.name, log, state, Bound(r.max_dumps, r.max_bytes))
 
 
 def main() -> int:

@@ -12,7 +12,7 @@ from wrcd.core.core import Core
 from wrcd.core.report import Report, Validity
 
 EVERY_US = 1_000_000
-MOST_REASONS = 6  # in one line
+MAX_REASONS = 6  # in one line
 STATES: dict[LinkState, str] = {
     "Up": "the CAN link is up",
     "Down": "the CAN link is down: nothing comes, nothing goes",
@@ -22,7 +22,7 @@ STATES: dict[LinkState, str] = {
 }
 
 
-def say(line: str) -> None:
+def log_line(line: str) -> None:
     """A line to the log, which is stderr. That nobody reads it is no reason to stop."""
     try:
         print(f"wrcd: {line}", file=sys.stderr, flush=True)
@@ -31,7 +31,7 @@ def say(line: str) -> None:
 
 
 @dataclass(slots=True)
-class _Told:
+class _RateLimitedCounter:
     """A counter, the line about what it has gained, and how much of it has been told."""
 
     total: Callable[[], int]
@@ -41,24 +41,28 @@ class _Told:
     next_us: int = 0
 
 
-class Watch:
+class CounterLog:
     """Looks at the counters of a core and its link between turns, and tells what they gained."""
 
-    def __init__(self, core: Core, link: Link, write: Callable[[str], None] = say) -> None:
+    def __init__(self, core: Core, link: Link, write: Callable[[str], None] = log_line) -> None:
         self._core, self._link, self._write = core, link, write
         counts, health, bus = core.counts, core.health, link.health
         self._counters = (
-            _Told(lambda: bus.reopens, "the CAN device was opened again"),
-            _Told(lambda: bus.drops, "lost {n} received frames: the kernel's buffer was full, see 80-wrcd.conf"),
-            _Told(lambda: bus.unsent, "could not send {n} frames", always=False),
-            _Told(lambda: health.overruns, "left out {n} frames: their slot was over"),
-            _Told(lambda: counts.time_steps, "the clock stepped: started anew"),
-            _Told(lambda: core.waits, "an axle is reset again and again by absurd measurements: it waits longer"),
+            _RateLimitedCounter(lambda: bus.reopens, "the CAN device was opened again"),
+            _RateLimitedCounter(
+                lambda: bus.drops, "lost {n} received frames: the kernel's buffer was full, see 80-wrcd.conf"
+            ),
+            _RateLimitedCounter(lambda: bus.unsent, "could not send {n} frames", always=False),
+            _RateLimitedCounter(lambda: health.overruns, "left out {n} frames: their slot was over"),
+            _RateLimitedCounter(lambda: counts.time_steps, "the clock stepped: started anew"),
+            _RateLimitedCounter(
+                lambda: core.waits, "an axle is reset again and again by absurd measurements: it waits longer"
+            ),
         )
         self._state: LinkState = "Up"
         self._state_next_us = dict.fromkeys(STATES, 0)
         self._refused: Counter[tuple[str, Reason]] = Counter()
-        self._refused_next_us = 0
+        self._rejected_next_us = 0
         axles = core.config.axles
         self._numbers = [a.number for a in axles]
         self._valid = [False] * len(axles)  # as told
@@ -78,13 +82,13 @@ class Watch:
                 c.told, c.next_us = c.told + gained, now_us + EVERY_US
                 if gained > 0:  # a counter set back to zero has nothing to tell
                     self._write(c.line.format(n=gained))
-        if _due(self._refused_next_us, now_us):
-            self._refused_next_us = now_us + EVERY_US
-            self._tell_refused()
+        if _due(self._rejected_next_us, now_us):
+            self._rejected_next_us = now_us + EVERY_US
+            self._log_rejected()
         for axle, report in enumerate(self._core.reports):
-            self._tell_validity(axle, report, now_us)
+            self._log_validity(axle, report, now_us)
 
-    def _tell_validity(self, axle: int, report: Report, now_us: int) -> None:
+    def _log_validity(self, axle: int, report: Report, now_us: int) -> None:
         valid = report.validity is Validity.VALID
         by_right = report.cause in (Cause.STANDSTILL, Cause.WARMING_UP)  # a train that stops loses nothing
         if valid != self._valid[axle] and not by_right and _due(self._valid_next_us[axle], now_us):
@@ -92,14 +96,14 @@ class Watch:
             said = "is Valid" if valid else f"is not Valid any more: {report.cause.words}"
             self._write(f"axle {self._numbers[axle]} {said}")
 
-    def _tell_refused(self) -> None:
-        blamed = self._core.counts.blamed
-        if new := blamed - self._refused:
-            self._refused = blamed.copy()
-            why = [f"{reason} {message} {n}" for (message, reason), n in new.most_common(MOST_REASONS)]
-            rest = new.total() - sum(n for _, n in new.most_common(MOST_REASONS))
+    def _log_rejected(self) -> None:
+        rejected_by_message = self._core.counts.rejected_by_message
+        if new := rejected_by_message - self._refused:
+            self._refused = rejected_by_message.copy()
+            why = [f"{reason} {message} {n}" for (message, reason), n in new.most_common(MAX_REASONS)]
+            rest = new.total() - sum(n for _, n in new.most_common(MAX_REASONS))
             self._write(
-                f"refused {new.total()} frames in the last second: {', '.join(why)}" + f", others {rest}" * (rest > 0)
+                f"rejected {new.total()} frames in the last second: {', '.join(why)}" + f", others {rest}" * (rest > 0)
             )
 
 

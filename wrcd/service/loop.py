@@ -11,7 +11,7 @@ from wrcd.bus.link import Link
 from wrcd.core.core import BACKWARD_STEP_US, FORWARD_STEP_US, Core
 from wrcd.core.outbox import Outgoing
 from wrcd.recorder.recorder import Recorder
-from wrcd.service.journal import Watch, say
+from wrcd.service.journal import CounterLog, log_line
 from wrcd.service.notify import Notifier
 from wrcd.service.reload import Reload
 
@@ -58,9 +58,9 @@ class Daemon:
         self._recorder = recorder
         core.health.link = link.health
         self._reload = reload
-        self._watch = Watch(core, link)
+        self._watch = CounterLog(core, link)
         self._notifier = notifier or Notifier({})
-        self._clock, self._steady = clock, steady
+        self._clock, self._monotonic = clock, steady
         self._told_us = steady()  # the steady clock's time up to which the core has been told
         self._offset_us = clock() - self._told_us  # of the wall clock from it
         self._period_us = round(core.config.design.tick_s * 1e6)
@@ -89,7 +89,7 @@ class Daemon:
         counts = self.core.counts
         before, ticks = counts.seen, counts.ticks
         frames = self.link.receive(now)
-        steady_us = self._steady()
+        steady_us = self._monotonic()
         stood_us = steady_us - self._told_us
         if stood_us <= FORWARD_STEP_US:
             out += self._feed(frames)
@@ -155,7 +155,7 @@ class Daemon:
         self._watch.look(now_us)
         every = self._notifier.watchdog_every_us
         if in_time and every is not None and not (0 < self._next_ping_us - now_us <= every):
-            self._notifier.say("WATCHDOG=1")
+            self._notifier.notify("WATCHDOG=1")
             self._next_ping_us = now_us + every
 
     def catch_up(self) -> None:
@@ -170,7 +170,7 @@ class Daemon:
             if self._clock() - frames[-1].stamp_us < 2 * self._period_us:
                 break
         self.core.muted = False
-        self._note_time(self._clock(), self._steady())
+        self._note_time(self._clock(), self._monotonic())
         self.link.health.drops = 0  # an overflow before the start is no loss of the running daemon's
 
     def run(self) -> None:
@@ -186,13 +186,13 @@ class Daemon:
                 self._leave()
             finally:
                 if self._recorder is not None:
-                    self._recorder.close(self._clock(), lambda: self._notifier.say("WATCHDOG=1"))
+                    self._recorder.close(self._clock(), lambda: self._notifier.notify("WATCHDOG=1"))
 
     def _go_on(self) -> None:
         # what the start has left is not looked through again and again for garbage
         gc.collect()
         gc.freeze()
-        self._notifier.say("READY=1")
+        self._notifier.notify("READY=1")
         while not self._stop:
             self.poll()
             if self._hangup and self._reload is not None:
@@ -200,24 +200,24 @@ class Daemon:
 
     def _leave(self) -> None:
         """The last frames, and off the bus."""
-        self._notifier.say("STOPPING=1")
+        self._notifier.notify("STOPPING=1")
         try:
-            for frame in self.core.farewell(self._clock()):
+            for frame in self.core.shutdown_frames(self._clock()):
                 if self.link.send(frame) and self._recorder is not None:
                     self._recorder.sent(frame)
         except Exception as e:  # there is one on its way already, perhaps: that one is to be seen
-            say(f"the last frames were not sent: {e!r}")
+            log_line(f"the last frames were not sent: {e!r}")
         finally:
             self.link.close()
 
     def _read_again(self, reload: Reload) -> None:
         """Between two turns: the next tick runs with the limits of the configuration as it is now."""
         self._hangup = False
-        self._notifier.say_reloading()
+        self._notifier.notify_reloading()
         config, line = reload.read(self.core.config)
         self.core.reconfigure(config)
-        say(line)
-        self._notifier.say("READY=1")
+        log_line(line)
+        self._notifier.notify("READY=1")
 
     def _on_signal(self, number: int, _frame: FrameType | None) -> None:
         if number == signal.SIGHUP and self._reload is not None:

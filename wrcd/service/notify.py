@@ -20,7 +20,7 @@ class Notifier:
         # half the time-out, as systemd recommends
         self.watchdog_every_us = int(microseconds) // 2 if microseconds.isdigit() else None
 
-    def say(self, state: str) -> None:
+    def notify(self, state: str) -> None:
         """Send e.g. READY=1. A systemd that does not listen is not the daemon's problem."""
         if self._socket is not None:
             try:
@@ -28,9 +28,9 @@ class Notifier:
             except OSError:
                 pass
 
-    def say_reloading(self) -> None:
+    def notify_reloading(self) -> None:
         """RELOADING=1, which systemd wants with the moment in the microseconds of its own clock; READY=1 ends it."""
-        self.say(f"RELOADING=1\nMONOTONIC_USEC={time.monotonic_ns() // 1000}")
+        self.notify(f"RELOADING=1\nMONOTONIC_USEC={time.monotonic_ns() // 1000}")
 
     def close(self) -> None:
         """Let go of the socket."""

@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from wrcd.bus.dbc import Database
-from wrcd.config import Config, load_config
+from wrcd.config import load_config
+from wrcd.core.configuration import Config
 from wrcd.errors import InputError
 from wrcd.estimator.design import Design
 
@@ -20,8 +21,8 @@ LIMITS = {
     "not_available_after_us": ("limits.not_available_after_ms", 1000),
     "constant_speed_m_s": ("limits.constant_speed_m_s", 1),
     "torque_is_total": ("vehicle.torque_is_total", 1),
-    "recorder.most_files": ("recorder.most_files", 1),
-    "recorder.most_mb": ("recorder.most_mb", 1),
+    "recorder.max_files": ("recorder.max_files", 1),
+    "recorder.max_mb": ("recorder.max_mb", 1),
 }
 # What is refused by another name than its field's.
 NAMES = {

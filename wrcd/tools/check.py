@@ -2,7 +2,7 @@
 
 from wrcd.bus.dbc import find_message, find_signal
 from wrcd.bus.units import Quantity
-from wrcd.config import Config
+from wrcd.core.configuration import Config
 from wrcd.core.validity import LOAD_SHARES, RADIUS_SHARES
 from wrcd.estimator.design import Design
 
@@ -54,7 +54,7 @@ def describe(c: Config) -> list[str]:
             out.append(f"status                   -> 0x{can_id:03X} {name}, every {c.status_cycle_us / 1000:g} ms")
     r = c.recorder
     out.append(
-        f"recorder       the last {r.seconds:g} s, dumps in {r.folder} (at most {r.most_files}, {r.most_mb:g} MB)"
+        f"recorder       the last {r.seconds:g} s, dumps in {r.folder} (at most {r.max_files}, {r.max_mb:g} MB)"
         if r.on
         else "recorder       none" + (" ([recorder] names no folder)" if r.folder is None else "")
     )

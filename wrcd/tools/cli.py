@@ -102,7 +102,7 @@ def _run(args: argparse.Namespace) -> int:
         from wrcd.config import load_config
         from wrcd.core.core import Core
         from wrcd.recorder.recorder import make_recorder
-        from wrcd.service.journal import say
+        from wrcd.service.journal import log_line
         from wrcd.service.loop import Daemon
         from wrcd.service.memory import lock
         from wrcd.service.notify import Notifier
@@ -122,23 +122,23 @@ def _run(args: argparse.Namespace) -> int:
     else:
         interface, channel = args.interface or config.interface, args.channel or config.channel
         link = open_link(interface, channel, core.receiver.ids, config.hardware_stamps)
-    say(
+    log_line(
         f"{link.name}, axles {', '.join(str(a.number) for a in config.axles)}, design {config.design.name} "
         f"{config.design.checksum[:12]}"
     )
     if args.lock_memory and (reason := lock()):
-        say(f"memory is not locked: {reason}; set LimitMEMLOCK=infinity (realtime.conf)")
+        log_line(f"memory is not locked: {reason}; set LimitMEMLOCK=infinity (realtime.conf)")
     # On a terminal SIGHUP means that the terminal is gone, to a service that its configuration is to be read again.
     terminal = sys.stdin is not None and sys.stdin.isatty()
     reload = None if terminal else Reload(args.config, config)
-    recorder = make_recorder(core, args.channel or config.channel)
+    recorder = make_recorder(core, args.channel or config.channel, log_line)
     try:
         Daemon(core, link, Notifier(), reload=reload, recorder=recorder).run()
     finally:
         link.close()
     counts = core.counts
-    say(
-        f"stopped; {counts.accepted} frames accepted, rejected: {counts.refusals}; "
+    log_line(
+        f"stopped; {counts.accepted} frames accepted, rejected: {counts.rejections}; "
         f"{core.health.overruns} overruns, {counts.late} late frames, {counts.time_steps} steps of time"
     )
     return 0

@@ -46,7 +46,7 @@ GLOSSARY = (
     "and stays; a slip cycle comes back.",
 )
 
-LEAST_SHARE = 0.15  # slopes smaller than this share of a rule's largest are left out of its sentence
+MIN_SHARE = 0.15  # slopes smaller than this share of a rule's largest are left out of its sentence
 
 
 def condition(design: Design, rule: int) -> str:
@@ -68,7 +68,7 @@ def says(design: Design, rule: int) -> str:
     moves = [
         f"{move:+.0f} per {'0.1' if c.correlation else 'doubling'} of {c.name}"
         for move, c in zip(slopes * steps, COLUMN_WORDS, strict=True)
-        if abs(move) >= LEAST_SHARE * np.abs(slopes * steps).max(initial=0.0) and abs(move) >= 0.5
+        if abs(move) >= MIN_SHARE * np.abs(slopes * steps).max(initial=0.0) and abs(move) >= 0.5
     ]
     return f"output {base:.0f} (adhesion {mu:.1f} %)" + (f"; {', '.join(moves)}" if moves else "")
 

@@ -11,7 +11,8 @@ from typing import IO, Any
 from wrcd.bus.dbc import Message, find_message
 from wrcd.bus.frame import Frame
 from wrcd.bus.log import Damage, format_line, read_log
-from wrcd.config import Config, load_config
+from wrcd.config import load_config
+from wrcd.core.configuration import Config
 from wrcd.core.core import FORWARD_STEP_US, Core
 from wrcd.core.counts import Counts
 from wrcd.core.outbox import Outgoing
@@ -19,7 +20,7 @@ from wrcd.core.report import Validity
 from wrcd.errors import InputError, create
 from wrcd.estimator.design import Design
 from wrcd.estimator.estimator import Estimate
-from wrcd.recorder.state_file import Saved, happened, load, state_file
+from wrcd.recorder.state_file import Saved, load, replay_events, state_file
 from wrcd.tools.explain import sentence
 from wrcd.tools.progress import Progress
 
@@ -74,7 +75,7 @@ def replay(
             file=sys.stderr,
         )
     print(
-        f"wrcd: {damage.read} frames read, {accepted} accepted, rejected: {Counts(rejected=rejected).refusals}; "
+        f"wrcd: {damage.read} frames read, {accepted} accepted, rejected: {Counts(rejected=rejected).rejections}; "
         f"{core.counts.ticks - before.ticks} ticks, {sent} frames made",
         file=sys.stderr,
     )
@@ -97,10 +98,10 @@ def outgoing(core: Core, frames: Iterable[tuple[Frame, str]], saved: Saved | Non
     events = deque(saved.events if saved is not None else ())
     lines, channel = 0, ""
     for lines, (frame, channel) in enumerate(frames):
-        before = happened(core, events, lines) if saved is not None else silence(core, frame.stamp_us)
+        before = replay_events(core, events, lines) if saved is not None else silence(core, frame.stamp_us)
         for o in (*before, *core.feed(frame)):
             yield o, channel
-    for o in happened(core, events, lines + 1):
+    for o in replay_events(core, events, lines + 1):
         yield o, channel
 
 

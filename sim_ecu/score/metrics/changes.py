@@ -24,7 +24,7 @@ class Drop:
     """One change down, seen for LATEST_S or until the next. Seconds and percentage points.
 
     lie_s: Valid with the truth below the interval. settled_s: until a Valid estimate stays within 1 point or 10 %.
-    most_over_pp: the worst over-estimate in a Valid frame. far_s: the longest time on end that a Valid frame says more
+    max_over_pp: the worst over-estimate in a Valid frame. far_s: the longest time on end that a Valid frame says more
     than FAR_PP too much and the truth lies outside its interval.
     """
 
@@ -32,7 +32,7 @@ class Drop:
     curve: str
     lie_s: float
     settled_s: float
-    most_over_pp: float
+    max_over_pp: float
     far_s: float
 
 
@@ -76,7 +76,7 @@ def drops(traces: Sequence[Trace]) -> list[Drop]:
                     curve=t.curve,
                     lie_s=float(lies.sum()) * each_s,
                     settled_s=settled(t, at, end, OURS),
-                    most_over_pp=float(over.max()) if len(over) else -math.inf,
+                    max_over_pp=float(over.max()) if len(over) else -math.inf,
                     far_s=_longest(far) * each_s,
                 )
             )

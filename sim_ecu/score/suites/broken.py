@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from sim_ecu.design.command import find, read_brief
+from sim_ecu.design.brief import find, read_brief
 from sim_ecu.physics.sensors import SensorSet
 from sim_ecu.physics.wheelset import Wheelset
 from sim_ecu.play.faults import Fault

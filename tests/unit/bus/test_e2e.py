@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wrcd.bus.e2e import COUNTER_MODULO, MOST_LOST, Checker, crc, protect
+from wrcd.bus.e2e import COUNTER_MODULO, MAX_LOST, Checker, crc, protect
 from wrcd.bus.reasons import Reason
 
 VECTORS = Path(__file__).parents[2] / "data" / "e2e_profile11_vectors.csv"
@@ -49,7 +49,7 @@ def test_the_counter(step: int) -> None:
     checker = Checker(0x91)
     assert checker.check(protect(bytes(8), 0x91, 5)) is None
     got = checker.check(protect(bytes(8), 0x91, (5 + step) % COUNTER_MODULO))
-    assert got is (Reason.REPEAT if step == 0 else None if step <= MOST_LOST + 1 else Reason.COUNTER)
+    assert got is (Reason.REPEAT if step == 0 else None if step <= MAX_LOST + 1 else Reason.COUNTER)
     # after a gap one frame is refused, the next is good again
     assert checker.check(protect(bytes(8), 0x91, (6 + step) % COUNTER_MODULO)) is None
 

@@ -24,7 +24,7 @@ def test_late_kernel_stamps_are_mended_and_drift_is_followed(ppm: int) -> None:
         true_us = START + 5000 * k
         kernel_us = true_us + min(int(rng.expovariate(1 / 300)), 3000)
         raw_us = 777 + int(5000 * k * (1 + ppm * 1e-6))
-        stamp = clock.lay(raw_us, kernel_us)
+        stamp = clock.to_kernel_time(raw_us, kernel_us)
         assert stamp <= kernel_us
         if k > 200:
             worst = max(worst, abs(stamp - true_us))
@@ -34,15 +34,15 @@ def test_late_kernel_stamps_are_mended_and_drift_is_followed(ppm: int) -> None:
 def test_a_clock_that_steps_is_taken_up_at_once() -> None:
     clock = HardwareClock()
     for k in range(100):
-        clock.lay(5000 * k, START + 5000 * k)
-    assert clock.lay(10, START + 2_500_100) == START + 2_500_100  # the controller's
-    assert clock.lay(5010, START + 3_602_505_100) == START + 3_602_505_100  # the kernel's
+        clock.to_kernel_time(5000 * k, START + 5000 * k)
+    assert clock.to_kernel_time(10, START + 2_500_100) == START + 2_500_100  # the controller's
+    assert clock.to_kernel_time(5010, START + 3_602_505_100) == START + 3_602_505_100  # the kernel's
 
 
 @pytest.mark.parametrize("step_us", [20_000, 400_000, 900_000])
 def test_a_small_step_forwards_is_taken_up_within_a_second(step_us: int) -> None:
     clock = HardwareClock()
-    stamps = [clock.lay(5000 * k, START + 5000 * k + (step_us if k >= 500 else 0)) for k in range(700)]
+    stamps = [clock.to_kernel_time(5000 * k, START + 5000 * k + (step_us if k >= 500 else 0)) for k in range(700)]
     assert stamps[499] == START + 5000 * 499
     assert stamps[600] == START + 5000 * 600 + step_us
 

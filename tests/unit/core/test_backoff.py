@@ -8,8 +8,9 @@ import pytest
 from tests.unit.core.test_core import Rig, validities
 from wrcd.bus.e2e import protect
 from wrcd.bus.frame import Frame
-from wrcd.config import Config, load_config
+from wrcd.config import load_config
 from wrcd.core.backoff import FIRST_WAIT_S, FREE_RESETS, LAST_WAIT_S
+from wrcd.core.configuration import Config
 
 STEP_EVERY = 10  # ticks
 PER_S = 200

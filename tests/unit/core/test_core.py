@@ -12,8 +12,9 @@ from wrcd.bus.dbc import find_message
 from wrcd.bus.e2e import protect
 from wrcd.bus.frame import Frame
 from wrcd.bus.reasons import Reason
-from wrcd.config import Config, load_config
+from wrcd.config import load_config
 from wrcd.core.causes import Cause
+from wrcd.core.configuration import Config
 from wrcd.core.core import Core
 from wrcd.core.outbox import Outgoing
 
@@ -280,7 +281,7 @@ def test_the_status_tells_the_design(rig: Rig) -> None:
 
 def test_the_last_frames_say_not_available(rig: Rig) -> None:
     rig.run(1500)
-    last = rig.core.farewell(rig.t)
+    last = rig.core.shutdown_frames(rig.t)
     message = find_message(rig.config.database, "Adhesion_A1")
     decoded: Any = message.decode(last[0].data)
     assert str(decoded["Validity"]) == "NotAvailable"
@@ -300,7 +301,7 @@ def test_what_the_rules_were_not_made_from_is_never_valid(config: Config) -> Non
 def test_the_farewell_is_no_repeat(rig: Rig) -> None:
     rig.run(1500)
     last = [o.frame for o in rig.out if o.frame.can_id == 0x091][-1]
-    assert (rig.core.farewell(rig.t)[0].data[1] - last.data[1]) & 0x0F in (1, 2)
+    assert (rig.core.shutdown_frames(rig.t)[0].data[1] - last.data[1]) & 0x0F in (1, 2)
 
 
 def decoded(rig: Rig, name: str) -> list[dict[str, Any]]:

@@ -12,12 +12,12 @@ from wrcd.bus.frame import Frame
 from wrcd.bus.log import Damage, read_log
 from wrcd.config import load_config
 from wrcd.core.core import Core
-from wrcd.core.jitter_buffer import NEVER, Arrivals
+from wrcd.core.jitter_buffer import NEVER, JitterBuffer
 
 
 def played(*ticks: list[int], patience: int = 100) -> list[int | None]:
     """What each tick uses, of measurements named by their stamps."""
-    a = Arrivals(1, 1, patience)
+    a = JitterBuffer(1, 1, patience)
     out: list[int | None] = []
     for tick in ticks:
         for stamp in tick:
@@ -49,11 +49,11 @@ def test_one_that_is_never_needed_is_dropped() -> None:
 
 
 def test_after_clear_nothing_waits() -> None:
-    a = Arrivals(2, 3, 100)
+    a = JitterBuffer(2, 3, 100)
     a.put(1, 2, 5.0, 7)
     a.put(1, 2, 6.0, 8)
     a.take()
-    a.clear()
+    a.reset()
     assert not a.take()[1].any()
     assert (a.used_us == NEVER).all()
 

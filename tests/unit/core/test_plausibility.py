@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from wrcd.bus.reasons import Reason
-from wrcd.core.plausibility import Restless, Steady
+from wrcd.core.plausibility import JumpCheck, StuckCheck
 from wrcd.core.reach import Reach
 
 MS = 1000
@@ -21,10 +21,10 @@ def noisy(steps: float, frames: int) -> list[float]:
 @pytest.mark.parametrize("steps", [0.3, 1.0, 5.0, 100.0])
 def test_a_coarse_sensor_is_not_called_stuck(steps: float) -> None:
     """Ten minutes at 200 Hz; how often neighbours are equal is learnt from the sensor itself."""
-    r = Restless()
+    r = StuckCheck()
     for k, value in enumerate(noisy(steps, 400)):
-        r.judge(value, k * 5 * MS, moving=True)
-    verdicts = [r.judge(v, (400 + k) * 5 * MS, moving=True) for k, v in enumerate(noisy(steps, 120_000))]
+        r.check(value, k * 5 * MS, moving=True)
+    verdicts = [r.check(v, (400 + k) * 5 * MS, moving=True) for k, v in enumerate(noisy(steps, 120_000))]
     assert verdicts.count(Reason.STUCK) == 0
 
 
@@ -32,13 +32,13 @@ def test_a_coarse_sensor_is_not_called_stuck(steps: float) -> None:
 def test_a_stuck_sensor_is_doubted_at_its_time_out_and_then_refused(
     steps: float, doubted_ms: int, stuck_ms: int
 ) -> None:
-    r = Restless()
+    r = StuckCheck()
     for k, value in enumerate(noisy(steps, 2000)):
-        r.judge(value, k * 5 * MS, moving=True)
-    r.judge(0.5, 10_000 * MS, moving=True)
+        r.check(value, k * 5 * MS, moving=True)
+    r.check(0.5, 10_000 * MS, moving=True)
     doubted = stuck = None
     for k in range(1, 100):
-        verdict = r.judge(0.5, (10_000 + 5 * k) * MS, moving=True)
+        verdict = r.check(0.5, (10_000 + 5 * k) * MS, moving=True)
         if doubted is None and r.unchanged((10_000 + 5 * k + 4) * MS, 15 * MS):
             doubted = 5 * k
         if stuck is None and verdict is Reason.STUCK:
@@ -48,52 +48,52 @@ def test_a_stuck_sensor_is_doubted_at_its_time_out_and_then_refused(
     assert stuck is not None
     assert doubted <= stuck <= stuck_ms
     # being stuck for long does not teach it that this is how it always is
-    assert r.judge(0.5, 12_000 * MS, moving=True) is Reason.STUCK
-    assert r.judge(0.6, 12_005 * MS, moving=True) is None
+    assert r.check(0.5, 12_000 * MS, moving=True) is Reason.STUCK
+    assert r.check(0.6, 12_005 * MS, moving=True) is None
     assert not r.unchanged(12_006 * MS, 15 * MS)
 
 
 def test_what_stands_still_at_standstill_is_no_fault_and_teaches_nothing() -> None:
-    r = Restless()
+    r = StuckCheck()
     for k in range(1000):
-        assert r.judge(0.0, k * 5 * MS, moving=False) is None
-    stuck = next(k for k in range(1000) if r.judge(0.0, (1000 + k) * 5 * MS, moving=True) is Reason.STUCK)
+        assert r.check(0.0, k * 5 * MS, moving=False) is None
+    stuck = next(k for k in range(1000) if r.check(0.0, (1000 + k) * 5 * MS, moving=True) is Reason.STUCK)
     assert stuck < 15
 
 
 def test_a_step_is_believed_at_its_second_frame() -> None:
-    s = Steady(1.0, 60 * MS)
-    assert s.judge(10.0, 0) is None
-    assert s.judge(10.9, 20 * MS) is None
-    assert s.judge(50.0, 40 * MS) is Reason.JUMP
-    assert s.judge(11.0, 60 * MS) is None  # it was one bad frame
-    assert s.judge(50.0, 80 * MS) is Reason.JUMP
-    assert s.judge(50.1, 100 * MS) is None
-    assert s.judge(11.0, 100 * MS + 60 * MS + 1) is None  # after a gap any value is as good
-    assert s.judge(50.0, 180 * MS) is Reason.JUMP
-    assert s.judge(90.0, 200 * MS) is Reason.JUMP  # another one confirms nothing
-    assert s.judge(11.0, 220 * MS) is None
+    s = JumpCheck(1.0, 60 * MS)
+    assert s.check(10.0, 0) is None
+    assert s.check(10.9, 20 * MS) is None
+    assert s.check(50.0, 40 * MS) is Reason.JUMP
+    assert s.check(11.0, 60 * MS) is None  # it was one bad frame
+    assert s.check(50.0, 80 * MS) is Reason.JUMP
+    assert s.check(50.1, 100 * MS) is None
+    assert s.check(11.0, 100 * MS + 60 * MS + 1) is None  # after a gap any value is as good
+    assert s.check(50.0, 180 * MS) is Reason.JUMP
+    assert s.check(90.0, 200 * MS) is Reason.JUMP  # another one confirms nothing
+    assert s.check(11.0, 220 * MS) is None
 
 
 def test_a_slow_message_may_change_by_more() -> None:
-    s = Steady(1.0, 3000 * MS)
-    assert s.judge(10.0, 0) is None
-    assert s.judge(11.5, 1000 * MS) is None  # braking, told once a second
-    assert s.judge(30.0, 2000 * MS) is Reason.JUMP
+    s = JumpCheck(1.0, 3000 * MS)
+    assert s.check(10.0, 0) is None
+    assert s.check(11.5, 1000 * MS) is None  # braking, told once a second
+    assert s.check(30.0, 2000 * MS) is Reason.JUMP
 
 
 def test_freezes_do_not_teach_that_freezing_is_normal() -> None:
-    r = Restless()
+    r = StuckCheck()
     stamp = 0
     for value in noisy(100.0, 200):
         for _ in range(30):  # each half a second still, then moving for as long
             stamp += 5 * MS
-            r.judge(value, stamp, moving=True)
+            r.check(value, stamp, moving=True)
         for k in range(100):
             stamp += 5 * MS
-            r.judge(value + 1 + k, stamp, moving=True)
-    r.judge(0.5, stamp + 5 * MS, moving=True)
-    verdicts = [r.judge(0.5, stamp + (10 + 5 * k) * MS, moving=True) for k in range(20)]
+            r.check(value + 1 + k, stamp, moving=True)
+    r.check(0.5, stamp + 5 * MS, moving=True)
+    verdicts = [r.check(0.5, stamp + (10 + 5 * k) * MS, moving=True) for k in range(20)]
     assert verdicts.index(Reason.STUCK) < 15
     assert r.unchanged(stamp + 31 * MS, 15 * MS)
 
@@ -102,15 +102,15 @@ def test_the_register_of_reach() -> None:
     reach = Reach(np.array([[15 * MS], [0]]))
     assert reach.read(0, 0, 0) == (0, "None")
     for k in range(8):
-        reach.came(0, 0, 15 * MS * (100 + k))
+        reach.accept(0, 0, 15 * MS * (100 + k))
     assert reach.read(0, 0, 15 * MS * 107) == (0b01111111, "None")
     assert reach.read(0, 0, 15 * MS * 108) == (0b11111111, "None")
-    reach.refuse(0, 0, 15 * MS * 108, Reason.DATA_ID)
-    reach.came(0, 0, 15 * MS * 110)
+    reach.reject(0, 0, 15 * MS * 108, Reason.DATA_ID)
+    reach.accept(0, 0, 15 * MS * 110)
     assert reach.read(0, 0, 15 * MS * 111) == (0b11111001, "DataId")
     assert reach.read(0, 0, 15 * MS * 116) == (0b00100000, "DataId")
     assert reach.read(0, 0, 15 * MS * 117) == (0b01000000, "None")
     assert reach.read(0, 0, 15 * MS * 1000) == (0, "None")
-    reach.came(0, 0, 15 * MS * 1000)
-    reach.forget()
+    reach.accept(0, 0, 15 * MS * 1000)
+    reach.reset()
     assert reach.read(0, 0, 15 * MS * 1001) == (0, "None")

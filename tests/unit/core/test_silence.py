@@ -12,7 +12,8 @@ from tests.unit.core.test_core import Rig, validities
 from tests.unit.service.test_loop import Wire
 from wrcd.bus.frame import Frame
 from wrcd.bus.log import Damage, format_line, read_log
-from wrcd.config import Config, RecorderConfig, load_config
+from wrcd.config import load_config
+from wrcd.core.configuration import Config, RecorderConfig
 from wrcd.core.core import Core
 from wrcd.recorder.recorder import Recorder
 from wrcd.recorder.state import capture

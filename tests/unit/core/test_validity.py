@@ -13,16 +13,17 @@ from tests.unit.core.test_core import Rig, validities
 from tests.unit.test_config import AXLE
 from wrcd import resources
 from wrcd.bus.dbc import find_message
-from wrcd.bus.e2e import MOST_MOVES, RIVAL_FORGOTTEN, Checker, protect
+from wrcd.bus.e2e import CANDIDATE_FORGOTTEN, MAX_MOVES, Checker, protect
 from wrcd.bus.frame import Frame
 from wrcd.bus.reasons import Reason
-from wrcd.config import Config, load_config
+from wrcd.config import load_config
 from wrcd.core.causes import Cause
+from wrcd.core.configuration import Config
 from wrcd.core.report import Validity
-from wrcd.core.validity import OF_ESTIMATE, OF_PAIR, Judge
+from wrcd.core.validity import OF_ESTIMATE, OF_PAIR, ValidityMonitor
 from wrcd.estimator.doubts import Doubt
 from wrcd.estimator.estimator import EstimateDoubt
-from wrcd.estimator.gate import ABSURD, COMPARED_TICKS, LEAST_TICKS, MOST, MOST_JUMP, Gate
+from wrcd.estimator.gate import COMPARED_TICKS, GATE_SIGMA, MAX_JUMP, MAX_NET_OUTLIERS, MIN_TICKS, Gate
 
 DEFAULT = load_config(None)
 
@@ -240,14 +241,14 @@ def test_an_estimate_that_doubts_itself_is_not_valid(doubt: EstimateDoubt, cause
     rig = Rig(DEFAULT)
     rig.run(1500)
     estimate = replace(rig.core.estimator.estimate(), doubt=np.full(4, int(doubt)))
-    judge = Judge(200, 4)
+    judge = ValidityMonitor(200, 4)
     for _ in range(200):
-        judge.tick(0, Cause.NONE)
+        judge.update(0, Cause.NONE)
     assert judge.verdict(0, estimate, Doubt.NONE)[1] is cause
     # what is wrong with the sensors comes first
     for pair, of_pair in OF_PAIR.items():
         assert judge.verdict(0, estimate, pair) == (Validity.DEGRADED, of_pair)
-    judge.tick(0, Cause.UNCHANGED)
+    judge.update(0, Cause.UNCHANGED)
     assert judge.verdict(0, estimate, Doubt.SILENT) == (Validity.DEGRADED, Cause.UNCHANGED)
     assert set(OF_PAIR) == set(Doubt) - {Doubt.NONE}
     assert set(OF_ESTIMATE) == set(EstimateDoubt) - {EstimateDoubt.NONE}
@@ -319,14 +320,14 @@ def test_the_log_blames_the_message() -> None:
     rig.run(20)
     for _ in range(2):
         rig.core.feed(Frame(rig.t, 0x121, bytes(5)))
-    assert rig.core.counts.blamed == {("Torque_A1", Reason.CRC): 2}
+    assert rig.core.counts.rejected_by_message == {("Torque_A1", Reason.CRC): 2}
 
 
 def test_the_status_of_the_farewell() -> None:
     rig = Rig(DEFAULT)
     rig.run(100)
     message = find_message(DEFAULT.database, "WrcdStatus")
-    (last,) = (f for f in rig.core.farewell(rig.t) if f.can_id == message.frame_id)
+    (last,) = (f for f in rig.core.shutdown_frames(rig.t) if f.can_id == message.frame_id)
     decoded: Any = message.decode(last.data)
     assert str(decoded["State"]) == "Stopping"
 
@@ -339,9 +340,9 @@ def test_so_many_moves_of_a_chain_are_a_sender_that_starts_anew_and_one_more_is_
     checker = Checker(0x91)
     assert [checker.check(sent(c)) for c in (0, 1, 2)] == [None] * 3
     starts = (9, 7, 0)  # none continues the chain or the one before it
-    assert len(starts) == MOST_MOVES + 1
+    assert len(starts) == MAX_MOVES + 1
     verdicts = [(checker.check(sent(s)), checker.check(sent(s + 1))) for s in starts]
-    assert verdicts[:-1] == [(Reason.COUNTER, None)] * MOST_MOVES
+    assert verdicts[:-1] == [(Reason.COUNTER, None)] * MAX_MOVES
     assert verdicts[-1][1] is Reason.TWO_SENDERS
 
 
@@ -352,7 +353,7 @@ def test_a_rival_is_suspected_at_its_second_frame_and_forgotten_after_a_few_of_t
     assert (checker.check(sent(9)), checker.suspect) == (Reason.COUNTER, False)
     assert checker.check(sent(3)) is None
     assert (checker.check(sent(10)), checker.suspect) == (Reason.COUNTER, True)
-    for k in range(RIVAL_FORGOTTEN + 1):
+    for k in range(CANDIDATE_FORGOTTEN + 1):
         assert checker.suspect
         assert checker.check(sent(4 + k)) is None
     assert not checker.suspect
@@ -364,53 +365,55 @@ STILL = np.zeros(2)  # yaw rates
 def test_a_gate_starts_anew_for_one_axle_only() -> None:
     gate = Gate(2)
     e, there = np.ones((4, 2, 2)), np.ones(2, dtype=bool)
-    for _ in range(int(LEAST_TICKS)):
-        gate.learn(e, STILL, there, gate.absurd(e, STILL, there))
-    assert gate.absurd(100 * e, STILL, there).all()
+    for _ in range(int(MIN_TICKS)):
+        gate.learn(e, STILL, there, gate.outliers(e, STILL, there))
+    assert gate.outliers(100 * e, STILL, there).all()
     gate.reset(0)
-    assert (gate.absurd(100 * e, STILL, there) == [[False, True], [False, True]]).all()
+    assert (gate.outliers(100 * e, STILL, there) == [[False, True], [False, True]]).all()
     # for as many ticks as at first, and with as many absurd ones before it is upset
     quiet = 1e-3 * e
-    for k in range(int(LEAST_TICKS)):
-        assert not gate.absurd(0.5 * e, STILL, there)[:, 0].any(), k
+    for k in range(int(MIN_TICKS)):
+        assert not gate.outliers(0.5 * e, STILL, there)[:, 0].any(), k
         gate.learn(quiet, STILL, there, np.zeros((2, 2), dtype=bool))
-    assert gate.absurd(0.5 * e, STILL, there)[:, 0].all()
+    assert gate.outliers(0.5 * e, STILL, there)[:, 0].all()
     nobody = np.zeros(2, dtype=bool)
-    upset = [bool(gate.learn(e, STILL, nobody, np.ones((2, 2), dtype=bool))[0]) for _ in range(int(MOST) + 1)]
-    assert upset == [False] * int(MOST) + [True]
+    upset = [
+        bool(gate.learn(e, STILL, nobody, np.ones((2, 2), dtype=bool))[0]) for _ in range(int(MAX_NET_OUTLIERS) + 1)
+    ]
+    assert upset == [False] * int(MAX_NET_OUTLIERS) + [True]
 
 
 def test_a_gates_usual_size_is_the_mean_square_and_absurd_is_so_many_times_of_it() -> None:
     gate = Gate(1)
     e, there, none = np.ones((4, 2, 1)), np.ones(1, dtype=bool), np.zeros((2, 1), dtype=bool)
-    for k in range(int(LEAST_TICKS)):
+    for k in range(int(MIN_TICKS)):
         gate.learn((1 + 2 * (k % 2)) * e, STILL[:1], there, none)  # 1 and 3: a mean square of 5
     usual = 5**0.5
-    assert not gate.absurd(0.999 * ABSURD * usual * e, STILL[:1], there).any()
-    assert gate.absurd(1.001 * ABSURD * usual * e, STILL[:1], there).all()
+    assert not gate.outliers(0.999 * GATE_SIGMA * usual * e, STILL[:1], there).any()
+    assert gate.outliers(1.001 * GATE_SIGMA * usual * e, STILL[:1], there).all()
 
 
 def test_a_gate_refuses_what_is_not_finite_from_the_first_tick_on() -> None:
     gate = Gate(1)
     e = np.ones((4, 2, 1))
     e[2, 1, 0] = np.inf
-    assert (gate.absurd(e, STILL[:1], np.ones(1, dtype=bool))[:, 0] == [False, True]).all()
+    assert (gate.outliers(e, STILL[:1], np.ones(1, dtype=bool))[:, 0] == [False, True]).all()
     e[2, 1, 0] = 1e200
     with np.errstate(all="raise"):
-        gate.absurd(e, STILL[:1], np.ones(1, dtype=bool))
+        gate.outliers(e, STILL[:1], np.ones(1, dtype=bool))
 
 
 def test_a_yaw_rate_that_jumps_is_absurd_whatever_the_innovations_say_until_it_is_old() -> None:
     gate, e, there = Gate(1), np.ones((4, 2, 1)), np.ones(1, dtype=bool)
-    none, jump = np.zeros((2, 1), dtype=bool), np.array([1.01 * MOST_JUMP])
+    none, jump = np.zeros((2, 1), dtype=bool), np.array([1.01 * MAX_JUMP])
     gate.learn(e, STILL[:1], there, none)
-    assert not gate.absurd(e, 0.98 * jump, there).any()
+    assert not gate.outliers(e, 0.98 * jump, there).any()
     for _ in range(COMPARED_TICKS):
-        absurd = gate.absurd(e, jump, there)
+        absurd = gate.outliers(e, jump, there)
         assert (absurd[:, 0] == [True, False]).all()
         upset = gate.learn(e, jump, ~there, absurd)
     assert upset[0]
-    assert not gate.absurd(e, jump, there).any()
+    assert not gate.outliers(e, jump, there).any()
 
 
 def test_a_silent_bus_at_the_start_is_told_as_such() -> None:

@@ -33,7 +33,7 @@ class Made:
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
     folder = tmp_path_factory.mktemp("learned")
-    document, recordings = design(Brief(plan=PLAN, grid=24, most_rules=8), lambda *_: None)
+    document, recordings = design(Brief(plan=PLAN, grid=24, max_rules=8), lambda *_: None)
     write(document, folder / "design.json")
     d = load_design(folder / "design.json")
     write(learn(d, recordings, PLAN), folder / "baselines.json")

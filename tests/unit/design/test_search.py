@@ -10,9 +10,9 @@ import pytest
 
 from sim_ecu.cli import main
 from sim_ecu.design import search
+from sim_ecu.design.brief import read_brief
 from sim_ecu.design.cases import FloatArray
 from sim_ecu.design.cmaes import minimise
-from sim_ecu.design.command import read_brief
 from sim_ecu.design.make import POINTS, Brief, in_papers_form
 from sim_ecu.design.search import Matching, matching, points_of, vector
 from wrcd.errors import InputError

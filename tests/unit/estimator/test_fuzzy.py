@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from wrcd.estimator.design import COLUMNS, INPUTS, MODELS, Design, FloatArray, Sets, load_design
-from wrcd.estimator.fuzzy import LEAST_FIRING, LOG_SPREADS, Fuzzy
-from wrcd.estimator.rule_inputs import MOST_STEP, SWING, Past, excitation, noise_floor, rule_inputs
+from wrcd.estimator.fuzzy import LOG_SPREADS, MIN_FIRING, Fuzzy
+from wrcd.estimator.rule_inputs import MAX_STEP, SWING, Past, excitation, noise_floor, rule_inputs
 from wrcd.estimator.window import Statistics
 from wrcd.resources import DESIGN
 
@@ -84,7 +84,7 @@ def test_between_sets_the_rules_lines_are_mixed(design: Design) -> None:
 def test_where_no_rule_speaks_the_answer_is_unknown(design: Design) -> None:
     corners = np.array(np.meshgrid(*[[s.centres[0], s.centres[-1]] for s in design.sets])).reshape(INPUTS, -1).T
     inference = Fuzzy(design).infer(np.column_stack((corners, np.tile(design.middle[INPUTS:], (len(corners), 1)))))
-    silent = inference.firing < LEAST_FIRING
+    silent = inference.firing < MIN_FIRING
     assert silent.any()
     assert np.isnan(inference.output[silent]).all()
     assert np.isnan(inference.spread[silent]).all()
@@ -144,7 +144,7 @@ def test_noise_alone_is_no_excitation(design: Design) -> None:
 def test_steps_of_the_residuals_are_held_and_none_where_nothing_is_known(design: Design) -> None:
     decades = np.array([[0.1, 0.3, -0.4, 9.0], [np.nan] * 4])
     steps = replace(PAST, decades=decades).steps
-    assert steps == pytest.approx(np.array([[0.2, -0.4, MOST_STEP, MOST_STEP], [0.0] * 4]))
+    assert steps == pytest.approx(np.array([[0.2, -0.4, MAX_STEP, MAX_STEP], [0.0] * 4]))
     x = rule_inputs(design, seen(np.ones((4, 2))), replace(PAST, decades=decades[:1]), np.ones((2, 1)), SPEED)[0]
     assert x[SWING.stop :] == pytest.approx(steps[0])
 

@@ -7,7 +7,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from sim_ecu.design.verify import MOST_FUZZY, MOST_INNOVATION, Findings, compare, run
+from sim_ecu.design.verify import MAX_FUZZY, MAX_INNOVATION, Findings, compare, run
 from tests.conftest import LogOf
 from tests.support.scenarios import FOUR_AXLES, held
 from wrcd.bus.log import Damage, read_log
@@ -32,11 +32,11 @@ LOGS = {"held": held("C", 4.0), "ramp, joints, another rail": RAMP_OVER_JOINTS, 
 def agree(log: Path) -> Findings:
     found = compare(log, load_config(None), fuzzy_every_s=0.3)
     assert found.ticks > 700
-    assert found.innovation <= MOST_INNOVATION * found.largest
+    assert found.innovation <= MAX_INNOVATION * found.largest
     assert found.largest > 0
     assert len(found.fast) >= 9
     assert np.ptp(found.fast) > 0.5
-    assert found.fuzzy <= MOST_FUZZY
+    assert found.fuzzy <= MAX_FUZZY
     # what steady-state gains cost against live covariances is stated
     assert found.live_square > 0
     return found

@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from tests.unit.recorder.test_recorder import Train
-from wrcd.config import Config, load_config
+from wrcd.config import load_config
+from wrcd.core.configuration import Config
 from wrcd.recorder.child import Child
 from wrcd.recorder.folder import Bound, write_dump, write_new
 

@@ -16,10 +16,11 @@ from tests.unit.service.test_loop import Wire
 from wrcd.bus.e2e import protect
 from wrcd.bus.frame import Frame
 from wrcd.bus.log import Damage, read_log
-from wrcd.config import Config, RecorderConfig, load_config
+from wrcd.config import load_config
 from wrcd.core.causes import Cause
+from wrcd.core.configuration import Config, RecorderConfig
 from wrcd.core.core import Core
-from wrcd.core.report import GONE, Validity
+from wrcd.core.report import NOT_AVAILABLE_REPORT, Validity
 from wrcd.errors import InputError
 from wrcd.recorder.folder import dump_name
 from wrcd.recorder.recorder import Recorder
@@ -40,12 +41,12 @@ def config() -> Config:
 class Train:
     """Rig, daemon and recorder on a clock of the test's own; the dumps are written by real processes."""
 
-    def __init__(self, config: Config, folder: Path, seconds: float = 3.0, most_files: int = 20) -> None:
+    def __init__(self, config: Config, folder: Path, seconds: float = 3.0, max_files: int = 20) -> None:
         self.rig = Rig(config)
         self.wire = Wire()
         self.lag_us = 0  # of the loop
         self.said: list[str] = []
-        settings = RecorderConfig(folder, seconds, most_files, 200.0)
+        settings = RecorderConfig(folder, seconds, max_files, 200.0)
         self.recorder = Recorder(settings, self.rig.core, "vcan0", self.said.append)
         self.daemon = Daemon(self.rig.core, self.wire, clock=self.now, recorder=self.recorder)
         self.folder = folder
@@ -302,7 +303,7 @@ def test_loss_of_validity_is_dumped_with_its_aftermath(config: Config, tmp_path:
 
 def test_a_hiccup_is_no_loss(config: Config) -> None:
     """An estimate that contradicts itself for a few slots."""
-    valid = replace(GONE, validity=Validity.VALID, mu_available_pct=20.0)
+    valid = replace(NOT_AVAILABLE_REPORT, validity=Validity.VALID, mu_available_pct=20.0)
     hiccup = replace(valid, validity=Validity.DEGRADED, cause=Cause.CONTRADICTION)
     triggers = Triggers(1, config.adhesion_cycle_us)
     for _ in range(3):
@@ -410,7 +411,7 @@ def test_the_end_is_dumped(config: Config, tmp_path: Path, monkeypatch: pytest.M
     assert log.name.endswith("-exit.log")
     sent = [f for f, _ in read_log(log, Damage()) if f.can_id == 0x091]
     assert sent[-2].data[1] >> 4 == 1
-    assert sent[-1].data[1] >> 4 == 0  # the farewell
+    assert sent[-1].data[1] >> 4 == 0  # the shutdown_frames
 
 
 def test_a_daemon_that_breaks_leaves_its_last_minute(
@@ -429,7 +430,7 @@ def test_a_daemon_that_breaks_leaves_its_last_minute(
         train.daemon.run()
     sent, replayed = sent_and_replayed(train.dumps()[0], tmp_path / "out.log")
     assert replayed == sent[:-5]
-    assert [f.data[1] >> 4 for f in sent[-5:]] == [0, 0, 0, 0, 3]  # the farewell is in it, too
+    assert [f.data[1] >> 4 for f in sent[-5:]] == [0, 0, 0, 0, 3]  # the shutdown_frames is in it, too
 
 
 def test_the_configuration_says_where_and_how_much(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -451,6 +452,6 @@ def test_the_configuration_says_where_and_how_much(tmp_path: Path, monkeypatch: 
     monkeypatch.setenv("STATE_DIRECTORY", f"{tmp_path}/a:{tmp_path}/b")
     assert given("").recorder == RecorderConfig(tmp_path / "a", 60.0, 20, 200.0)
     assert not given("seconds = 0").recorder.on
-    for text, says in (("most_files = 0", "most_files"), ("secondes = 1", "seconds"), ("most_mb = 0.1", "most_mb")):
+    for text, says in (("max_files = 0", "max_files"), ("secondes = 1", "seconds"), ("max_mb = 0.1", "max_mb")):
         with pytest.raises(InputError, match=says):
             given(text)

@@ -14,10 +14,11 @@ import pytest
 
 from tests.unit.recorder.test_recorder import Train, busy
 from wrcd.checksum import checksum
-from wrcd.config import Config, load_config
+from wrcd.config import load_config
+from wrcd.core.configuration import Config
 from wrcd.core.core import Core
 from wrcd.errors import InputError
-from wrcd.recorder.state import Misfit, capture, encode, restore
+from wrcd.recorder.state import StateMismatch, capture, encode, restore
 from wrcd.recorder.state_file import load
 from wrcd.tools.cli import main
 
@@ -94,9 +95,9 @@ def test_every_class_names_its_state(config: Config, tmp_path: Path, monkeypatch
     monkeypatch.setattr(train.recorder, "turn", compare)
     busy(train)
     forgotten = [
-        f"{c.__module__}.{c.__qualname__}.{name} changes: name it in STATE, or in PASSING if nothing hangs on it"
+        f"{c.__module__}.{c.__qualname__}.{name} changes: name it in STATE, or in TRANSIENT if nothing hangs on it"
         for c, name in changed
-        if name not in (*getattr(c, "STATE", ()), *getattr(c, "PASSING", ()))
+        if name not in (*getattr(c, "STATE", ()), *getattr(c, "TRANSIENT", ()))
     ]
     assert sorted(forgotten) == []
     assert len(changed) > 40
@@ -117,7 +118,7 @@ def test_a_restored_core_is_the_same(config: Config, tmp_path: Path) -> None:
     busy(train)
     core, again = train.rig.core, Core(config)
     restore(again, json.loads(json.dumps(encode(capture(core)), allow_nan=False)))
-    passing = {(type(o), n) for _, o in objects(core) for n in getattr(type(o), "PASSING", ())}
+    passing = {(type(o), n) for _, o in objects(core) for n in getattr(type(o), "TRANSIENT", ())}
     ours_now, theirs = snapshot(core), snapshot(again)
     differ = [
         f"{path}.{name}"
@@ -233,5 +234,5 @@ def test_what_does_not_fit_names_the_place(config: Config) -> None:
     core = Core(config)
     node = encode(capture(core))
     node["estimator"]["_bank"]["x"]["shape"] = [4, 5, 3]
-    with pytest.raises(Misfit, match=r"core\.estimator\._bank\.x is not an array"):
+    with pytest.raises(StateMismatch, match=r"core\.estimator\._bank\.x is not an array"):
         restore(core, node)

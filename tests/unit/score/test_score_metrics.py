@@ -99,7 +99,7 @@ def test_a_drop_that_is_believed_too_long() -> None:
     [drop] = changes.drops([trace(mu, true, changes_s=(2.0,), half_width_pp=half, curve="A to C")])
     assert drop.lie_s == pytest.approx(0.5)  # 20 frames at 40 ± 2, five at 14 ± 2
     assert drop.far_s == pytest.approx(0.5)
-    assert drop.most_over_pp == pytest.approx(30.0)
+    assert drop.max_over_pp == pytest.approx(30.0)
     assert drop.settled_s == pytest.approx(0.62)
     assert drop.curve == "A to C"
 
@@ -111,7 +111,7 @@ def test_a_drop_that_is_told_of_is_no_lie_and_settles_when_it_is_valid_again() -
     [drop] = changes.drops([trace(mu, true, changes_s=(2.0,), validity=validity)])
     assert drop.lie_s == 0.0
     assert drop.far_s == 0.0
-    assert drop.most_over_pp == pytest.approx(0.2)
+    assert drop.max_over_pp == pytest.approx(0.2)
     assert drop.settled_s == pytest.approx(1.02)
 
 

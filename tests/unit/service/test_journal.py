@@ -6,7 +6,7 @@ from tests.unit.core.test_core import MS, Rig
 from tests.unit.service.test_loop import Wire
 from wrcd.bus.reasons import Reason
 from wrcd.config import load_config
-from wrcd.service.journal import Watch
+from wrcd.service.journal import CounterLog
 
 
 class Log:
@@ -15,7 +15,7 @@ class Log:
     def __init__(self) -> None:
         self.rig, self.wire = Rig(load_config(None)), Wire()
         self.lines: list[str] = []
-        self.watch = Watch(self.rig.core, self.wire, self.lines.append)
+        self.watch = CounterLog(self.rig.core, self.wire, self.lines.append)
 
     def look(self, ms: int = 0) -> list[str]:
         """What is written within so many milliseconds, looking every five."""
@@ -45,12 +45,12 @@ def test_nothing_to_say(log: Log) -> None:
 def test_refused_frames_come_as_one_line_a_second(log: Log) -> None:
     log.look()
     log.damage(0x101, 30)
-    assert log.look(1000) == ["refused 30 frames in the last second: crc YawRate_A1 30"]
+    assert log.look(1000) == ["rejected 30 frames in the last second: crc YawRate_A1 30"]
     assert log.look(3000) == []
     lines, begin = [], log.rig.t
     for _ in range(30):
         log.damage(0x111, 10)
-        lines += [line for line in log.look(100) if line.startswith("refused ")]
+        lines += [line for line in log.look(100) if line.startswith("rejected ")]
     seconds = (log.rig.t - begin) * 1e-6
     assert seconds - 1 <= len(lines) <= seconds + 1
 
@@ -112,9 +112,9 @@ def test_what_cannot_be_sent_on_a_dead_bus_goes_without_saying(log: Log) -> None
 def test_many_reasons_are_summed_up(log: Log) -> None:
     log.look(1000)
     for n in range(8):
-        log.rig.core.counts.blamed[f"M{n}", Reason.RANGE] += 9 - n
+        log.rig.core.counts.rejected_by_message[f"M{n}", Reason.RANGE] += 9 - n
     (line,) = log.look(1000)
-    assert line.startswith("refused 44 frames in the last second: range M0 9, range M1 8, ")
+    assert line.startswith("rejected 44 frames in the last second: range M0 9, range M1 8, ")
     assert line.endswith("range M5 4, others 5")
 
 

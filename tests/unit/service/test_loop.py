@@ -14,7 +14,8 @@ import pytest
 from tests.unit.core.test_core import Rig
 from wrcd.bus.frame import Frame
 from wrcd.bus.link import LinkHealth
-from wrcd.config import DEFAULT, Config, RecorderConfig, load_config
+from wrcd.config import DEFAULT, load_config
+from wrcd.core.configuration import Config, RecorderConfig
 from wrcd.recorder.recorder import Recorder
 from wrcd.service.loop import Daemon
 from wrcd.service.notify import Notifier
@@ -273,7 +274,7 @@ def test_hangup_without_a_reload_ends_it(systemd: Systemd, monkeypatch: pytest.M
 
 
 def test_without_systemd_nothing_is_said() -> None:
-    Notifier({}).say("READY=1")
+    Notifier({}).notify("READY=1")
 
 
 def test_a_turn_that_is_over_due_is_due_at_once(setup: Setup) -> None:

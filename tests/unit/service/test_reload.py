@@ -7,7 +7,8 @@ import pytest
 
 from tests.unit.core.test_core import Rig, validities
 from wrcd import resources
-from wrcd.config import DEFAULT, Config, load_config
+from wrcd.config import DEFAULT, load_config
+from wrcd.core.configuration import Config
 from wrcd.core.core import Core
 from wrcd.service.reload import Reload
 
@@ -82,10 +83,10 @@ def test_everything_else_is_refused_by_name(train: Train, old: str, new: str, na
 def test_the_recorders_bounds_are_taken_over(train: Train) -> None:
     train.write('[recorder]\nmost_files = 7\nmost_mb = 12.5\nfolder = "elsewhere"\n')
     line = train.read()
-    assert "recorder.most_files 20 -> 7" in line
-    assert "recorder.most_mb 200 -> 12.5" in line
+    assert "recorder.max_files 20 -> 7" in line
+    assert "recorder.max_mb 200 -> 12.5" in line
     assert line.endswith("; needs a restart: recorder.folder")
-    assert (train.config.recorder.most_files, train.config.recorder.most_mb) == (7, 12.5)
+    assert (train.config.recorder.max_files, train.config.recorder.max_mb) == (7, 12.5)
     assert train.config.recorder.folder is None
 
 

@@ -1,4 +1,4 @@
-"""`sim-ecu design`: reads what is to be designed, shows how far it is, writes the file."""
+"""What is to be designed, from a rig's TOML file."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -8,50 +8,15 @@ import numpy as np
 
 from sim_ecu.design.cases import KINDS
 from sim_ecu.design.linear import Point
-from sim_ecu.design.make import Brief, design, in_papers_form, write
-from sim_ecu.design.search import search
+from sim_ecu.design.make import Brief, in_papers_form
 from sim_ecu.physics.sensors import SENSOR_SETS
 from sim_ecu.play.scenario import read_wheelset
-from sim_ecu.score.learned import learn
 from wrcd.errors import InputError
-from wrcd.estimator.design import FORMS, load_design
-from wrcd.settings import Section, parse_toml, read_toml, suggest
-from wrcd.tools.progress import Progress
+from wrcd.estimator.design import FORMS
+from wrcd.settings import Section, suggest
 
 POLYNOMIALS = ("fitted", "paper")
 WHEELSETS = Path(__file__).parent / "wheelsets"
-
-
-def run(
-    config: Path | None, output: Path, baselines: Path | None = None, form: str | None = None,
-    budget: int | None = None, jobs: int = 1,
-) -> int:  # fmt: skip
-    """Make a design file, and what a score compares it with. Deterministic for one set of library versions.
-
-    With a budget (candidates) make none, but search for the process noise, in so many processes.
-    """
-    brief = read_brief(parse_toml("", "") if config is None else read_toml(find(config)), form)
-    for key, file in (("-o", output), ("--baselines", baselines)):
-        if file is not None and not file.parent.is_dir():
-            raise InputError("no such folder", file=file.parent, key=key)
-        if file is not None and file.is_dir():
-            raise InputError("is a folder", file=file, key=key, hint="name the file to write")
-    if budget is not None:
-        return search(brief, output, budget, jobs)
-    progress = Progress(steps=True)
-    document, recordings = design(brief, progress.at)
-    write(document, output)
-    if baselines is not None:
-        progress.at("baselines", 0.0)
-        write(learn(load_design(output), recordings, brief.plan), baselines)
-    progress.end()
-    fit = document["fit"]
-    print(
-        f"{output}: {document['name']}, {len(document['fuzzy']['rules'])} rules, checksum {document['checksum'][:12]}; "
-        f"on its own {fit['windows']} training windows: mean error {fit['mean_error_pp']} pp, "
-        f"p95 {fit['p95_error_pp']} pp"
-    )
-    return 0
 
 
 def find(config: Path) -> Path:
@@ -88,7 +53,7 @@ def read_brief(top: Section, form: str | None = None) -> Brief:
         recent_s=d.number("recent_s", base.recent_s, 0.02, 10.0),
         grid=d.get("grid", int, base.grid),
         torque_sets=d.get("torque_sets", int, base.torque_sets),
-        most_rules=d.get("most_rules", int, base.most_rules),
+        max_rules=d.get("max_rules", int, base.max_rules),
         polynomial=d.choice("polynomial", ("paper",) if base.form == "paper" else POLYNOMIALS, base.polynomial),
         points=_points(d, base.points),
         saturated_share=d.number("saturated_share", base.saturated_share, 0.1, 1.0),
@@ -104,7 +69,7 @@ def read_brief(top: Section, form: str | None = None) -> Brief:
     for section, key, value, low, high in (
         (d, "grid", brief.grid, 2, 500),
         (d, "torque_sets", brief.torque_sets, 2, 15),
-        (d, "most_rules", brief.most_rules, 1, 254),
+        (d, "max_rules", brief.max_rules, 1, 254),
         (p, "speeds", brief.plan.speeds, 2, 200),
         (p, "per_speed", brief.plan.per_speed, 2, 2_000),
         (p, "seed", brief.plan.seed, 0, 1_000),  # the score's seeds are far above

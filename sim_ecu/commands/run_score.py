@@ -20,7 +20,8 @@ from sim_ecu.score.suites import runs
 from sim_ecu.score.suites.run import Run
 from sim_ecu.score.tables import tables
 from wrcd import resources
-from wrcd.config import Config, load_config
+from wrcd.config import load_config
+from wrcd.core.configuration import Config
 from wrcd.errors import InputError, create
 from wrcd.estimator.design import Design, load_design
 from wrcd.tools.progress import Progress

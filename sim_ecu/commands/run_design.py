@@ -1,0 +1,44 @@
+"""`sim-ecu design`: reads what is to be designed, shows how far it is, writes the file."""
+
+from pathlib import Path
+
+from sim_ecu.design.brief import find, read_brief
+from sim_ecu.design.make import design, write
+from sim_ecu.design.search import search
+from sim_ecu.score.learned import learn
+from wrcd.errors import InputError
+from wrcd.estimator.design import load_design
+from wrcd.settings import parse_toml, read_toml
+from wrcd.tools.progress import Progress
+
+
+def run(
+    config: Path | None, output: Path, baselines: Path | None = None, form: str | None = None,
+    budget: int | None = None, jobs: int = 1,
+) -> int:  # fmt: skip
+    """Make a design file, and what a score compares it with. Deterministic for one set of library versions.
+
+    With a budget (candidates) make none, but search for the process noise, in so many processes.
+    """
+    brief = read_brief(parse_toml("", "") if config is None else read_toml(find(config)), form)
+    for key, file in (("-o", output), ("--baselines", baselines)):
+        if file is not None and not file.parent.is_dir():
+            raise InputError("no such folder", file=file.parent, key=key)
+        if file is not None and file.is_dir():
+            raise InputError("is a folder", file=file, key=key, hint="name the file to write")
+    if budget is not None:
+        return search(brief, output, budget, jobs)
+    progress = Progress(steps=True)
+    document, recordings = design(brief, progress.at)
+    write(document, output)
+    if baselines is not None:
+        progress.at("baselines", 0.0)
+        write(learn(load_design(output), recordings, brief.plan), baselines)
+    progress.end()
+    fit = document["fit"]
+    print(
+        f"{output}: {document['name']}, {len(document['fuzzy']['rules'])} rules, checksum {document['checksum'][:12]}; "
+        f"on its own {fit['windows']} training windows: mean error {fit['mean_error_pp']} pp, "
+        f"p95 {fit['p95_error_pp']} pp"
+    )
+    return 0
