@@ -92,7 +92,7 @@ def test_a_residual_counts_where_its_model_matches(held: Matching) -> None:
     assert swapped[2:] == pytest.approx(mine[2:])
 
 
-TINY = "[design]\nmost_rules = 6\n[plan]\nspeeds = 2\nper_speed = 8\n"
+TINY = "[design]\nmax_rules = 6\n[plan]\nspeeds = 2\nper_speed = 8\n"
 
 
 @pytest.mark.parametrize("form", ["wrcd", "paper"])

@@ -445,7 +445,7 @@ def test_the_configuration_says_where_and_how_much(tmp_path: Path, monkeypatch: 
         return load_config(file)
 
     assert not load_config(None).recorder.on
-    c = given('folder = "dumps"\nseconds = 30.0\nmost_files = 5\nmost_mb = 10')
+    c = given('folder = "dumps"\nseconds = 30.0\nmax_files = 5\nmax_mb = 10')
     assert c.recorder == RecorderConfig(tmp_path / "dumps", 30.0, 5, 10.0)
     assert f"the last 30 s, dumps in {tmp_path / 'dumps'} (at most 5, 10 MB)" in "\n".join(describe(c))
     assert "recorder       none" in describe(given("seconds = 0"))[-2]

@@ -81,7 +81,7 @@ def test_everything_else_is_refused_by_name(train: Train, old: str, new: str, na
 
 
 def test_the_recorders_bounds_are_taken_over(train: Train) -> None:
-    train.write('[recorder]\nmost_files = 7\nmost_mb = 12.5\nfolder = "elsewhere"\n')
+    train.write('[recorder]\nmax_files = 7\nmax_mb = 12.5\nfolder = "elsewhere"\n')
     line = train.read()
     assert "recorder.max_files 20 -> 7" in line
     assert "recorder.max_mb 200 -> 12.5" in line
