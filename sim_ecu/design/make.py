@@ -258,7 +258,7 @@ def fit_report(rules: RuleBase, data: Features) -> dict[str, float]:
         "mean_error_of_all_pp": _number(float(every.mean()), 4),
         "mean_error_pp": _number(float(error.mean()), 4),
         "p95_error_pp": _number(float(np.quantile(error, 0.95)), 4),
-        "min_support": _number(float(rules.support.min()), 4),
+        "least_support": _number(float(rules.support.min()), 4),
     }
 
 
