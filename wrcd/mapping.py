@@ -13,7 +13,7 @@ from wrcd.bus.dbc import (
 )
 from wrcd.bus.units import Quantity, factor
 from wrcd.core.configuration import MAX_AXLES, AxleConfig, Input
-from wrcd.core.report import sendable
+from wrcd.core.messages import sendable
 from wrcd.settings import Section, suggest
 
 AXLE_QUANTITIES = (

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from sim_ecu.design.cases import Plan, Progress
 from sim_ecu.design.recordings import Recording
 from wrcd.estimator.design import MODELS, Design
-from wrcd.estimator.estimator import Estimator, Tick
+from wrcd.estimator.estimator import Estimator, step_through
+from wrcd.estimator.records import Ticks
 from wrcd.estimator.rule_inputs import SWING
 from wrcd.estimator.window import BLOCK_TICKS
 
@@ -79,13 +80,11 @@ def run(design: Design, z: NDArray[np.float32], r: Recording, at: Sequence[int])
     """Feed a recording to the train's estimator; gives it back after each of the ticks (growing)."""
     n = z.shape[2]
     estimator = Estimator(design, n)
-    present = np.ones((2, n), dtype=bool)
+    present = np.ones(z.shape, dtype=bool)
     ratio = np.abs(r.torque.astype(np.float64)) / (2 * design.normal_N * design.r_0)
-    wanted = set(at)
-    for k in range(len(z)):
-        estimator.step(Tick(k, z[k].astype(np.float64), present, ratio[k], float(r.speed_m_s[k])))
-        if k in wanted:
-            yield k, estimator
+    ticks = Ticks(0, z.astype(np.float64), present, ratio, r.speed_m_s.tolist())
+    for k in step_through(estimator, ticks.part(0, at[-1] + 1), at[:-1]):
+        yield k, estimator
 
 
 def features(

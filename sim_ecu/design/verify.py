@@ -25,7 +25,7 @@ from wrcd.config import load_config
 from wrcd.core.configuration import Config
 from wrcd.core.core import Core
 from wrcd.estimator.design import Design
-from wrcd.estimator.estimator import Estimate, Estimator, Tick
+from wrcd.estimator.records import Estimate, StepResult, Ticks
 from wrcd.tools.replay import progress
 
 FloatArray = NDArray[np.float64]
@@ -51,46 +51,48 @@ class Findings:
     silent: int = 0  # only one of the two found no rule
 
 
-class BothEngines(Estimator):
-    """The engine of the train with the reference beside it, fed the same ticks."""
+class BothEngines:
+    """The reference beside the engine of the train: an observer of the core, shown the same ticks."""
 
     def __init__(self, design: Design, axles: int, models: Models, fuzzy_every_ticks: int) -> None:
-        super().__init__(design, axles)
         self.findings = Findings()
         self._schedule = Schedule(design)
         self._axles = [_Axle(design, models) for _ in range(axles)]
         self._fuzzy_reference = FuzzyReference(design)
         self._tracked = TrackedSpeed(design.tick_s)
-        self._every, self._tick, self._compared = fuzzy_every_ticks, 0, -fuzzy_every_ticks
+        self._every, self._compared = fuzzy_every_ticks, -fuzzy_every_ticks
         self._at_m_s = 1.0
 
-    def reset(self, axle: int) -> None:
-        """Both forget."""
-        super().reset(axle)
+    def was_reset(self, axle: int) -> None:
+        """The reference forgets, too."""
         self._axles[axle].reset()
-        if not self.started.any():
+        if not any(a.started for a in self._axles):
             self._tracked.reset()
 
-    def step(self, tick: Tick) -> FloatArray:
-        """Both step; their innovations are compared. Which samples to use and which are pulses the fast one says."""
-        e = super().step(tick)
+    def stepped(self, ticks: Ticks, first: int, result: StepResult) -> None:
+        """Step the reference and compare the innovations. Which samples to use and which are pulses the fast one
+        says."""
+        for k in range(len(result)):
+            self._step(ticks, first + k, result, k)
+
+    def _step(self, ticks: Ticks, at: int, result: StepResult, k: int) -> None:
         f = self.findings
         f.ticks += 1
-        self._tick = tick.number
-        self._at_m_s = speed = self._tracked.step(tick.speed_m_s)
+        z, e, number = ticks.z[at], result.innovations[k], ticks.number + at
+        self._at_m_s = speed = self._tracked.step(ticks.speeds_m_s[at])
         matrices = self._schedule.at(speed)
         for a, axle in enumerate(self._axles):
-            used = bool(self.used[a])
-            calm = used and not self.near_pulse[a]
-            reference = axle.filter(tick.z[:, a], used, calm, matrices)
-            axle.noise.step(tick.z[:, a], calm)
+            used = bool(result.accepted[k, a])
+            calm = used and not result.near_pulse[k, a]
+            reference = axle.filter(z[:, a], used, calm, matrices)
+            axle.noise.step(z[:, a], calm)
             whitened = np.array([matrices[3][m] @ reference[m] for m in range(4)])
-            if self.started[a]:
-                axle.put(
-                    tick.number, whitened, (bool(self.live[a]), bool(self.calm[a])), float(tick.torque_ratio[a]), speed
-                )
+            axle.started |= used
+            if axle.started:
+                live_calm = bool(result.live[k, a]), bool(result.calm[k, a])
+                axle.put(number, whitened, live_calm, float(ticks.torque_ratio[at, a]), speed)
             live = axle.live.step(axle.z, used, speed)
-            f.partial += bool(tick.present[:, a].any()) and not used
+            f.partial += bool(ticks.present[at, :, a].any()) and not used
             if not used:
                 continue
             f.innovation = max(f.innovation, float(np.abs(e[:, :, a] - reference).max()))
@@ -98,20 +100,17 @@ class BothEngines(Estimator):
             f.live_largest = max(f.live_largest, float(np.abs(e[:, :, a] - live).max()))
             f.live_square += float(np.square(e[:, :, a] - live).sum())
             f.square += float(np.square(live).sum())
-        return e
 
-    def estimate(self) -> Estimate:
-        """The train's estimate; now and then what it was made from is kept for the comparison."""
-        out = super().estimate()
-        if self._tick - self._compared >= self._every:
-            self._compared = self._tick
+    def estimated(self, tick: int, estimate: Estimate) -> None:
+        """Now and then keep what an estimate was made from for the comparison."""
+        if tick - self._compared >= self._every:
+            self._compared = tick
             noise, speed = self._schedule.noise_power(self._at_m_s), self._schedule.held(self._at_m_s)
             for a, axle in enumerate(self._axles):
                 inputs = axle.window.inputs(noise, axle.noise.factor(), speed, self._fuzzy_reference.answer)
                 if inputs is not None:
                     self.findings.inputs.append(inputs)
-                    self.findings.fast.append(float(out.fuzzy[a]))
-        return out
+                    self.findings.fast.append(float(estimate.fuzzy[a]))
 
 
 class _Axle:
@@ -130,6 +129,7 @@ class _Axle:
         """Nothing seen yet."""
         for part in (self._mean, self._filters, self.live, self._band, self.window, self.noise):
             part.reset()
+        self.started = False  # whether a measurement was used since
         self._delayed = deque([np.zeros((4, 2))] * DELAY_TICKS)
         self._past = deque([np.zeros(8)] * DELAY_TICKS)
 
@@ -155,7 +155,7 @@ def compare(log: Path, config: Config, fuzzy_every_s: float) -> Findings:
     design = config.design
     every = max(1, round(fuzzy_every_s / design.tick_s))
     both = BothEngines(design, len(config.axles), Models(load_source(config.design_file)), every)
-    core = Core(config, both)
+    core = Core(config, observer=both)
     for frame, _ in progress(read_log(log, Damage()), log):
         core.feed(frame)
     f = both.findings

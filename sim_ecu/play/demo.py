@@ -20,7 +20,7 @@ from wrcd.bus.log import format_line
 from wrcd.bus.opening import open_link
 from wrcd.config import load_config
 from wrcd.core.core import Core
-from wrcd.core.report import CONFIDENCES
+from wrcd.core.messages import CONFIDENCES
 from wrcd.service.loop import Daemon, wall_us
 
 SHOW_EVERY_S = 0.5

@@ -13,8 +13,9 @@ import numpy as np
 from sim_ecu.score.ticks import FloatArray, Ticks, running_mean
 from wrcd.errors import InputError
 from wrcd.estimator.design import Design
-from wrcd.estimator.estimator import OFFSET_WINDOWS, Estimator, Tick
+from wrcd.estimator.estimator import OFFSET_WINDOWS, Estimator
 from wrcd.estimator.offset import Offset
+from wrcd.estimator.records import one_tick
 
 ANSWER_EVERY_S = 0.02  # as the adhesion frames
 PAPER = "the paper's own form"
@@ -31,7 +32,7 @@ class Baseline(Protocol):
 def without_offset(ticks: Ticks, window_ticks: int) -> Ticks:
     """The ticks with the sensors' offsets taken off as the train does it: what a filter alone would have to learn."""
     offset = Offset(OFFSET_WINDOWS * window_ticks, ticks.z.shape[2])
-    z = np.stack([offset.take(np.nan_to_num(z), p) for z, p in zip(ticks.z, ticks.present, strict=True)])
+    z = np.stack([offset.step(np.nan_to_num(z), p) for z, p in zip(ticks.z, ticks.present, strict=True)])
     return replace(ticks, z=np.where(ticks.present, z, np.nan))
 
 
@@ -74,13 +75,13 @@ class Beside:
         estimator = Estimator(self.design, n)
         out, newest = np.full((t, n), np.nan), np.full(n, np.nan)
         for k in range(t):
-            estimator.step(
-                Tick(
+            result = estimator.step(
+                one_tick(
                     int(ticks.number[k]), ticks.z[k], ticks.present[k], ticks.torque_ratio[k],
                     float(ticks.speed_m_s[k]),
                 )
             )  # fmt: skip
-            for axle in np.flatnonzero(estimator.upset):
+            for axle in np.flatnonzero(result.needs_reset):
                 estimator.reset(int(axle))
             if k % self.every == 0:
                 newest = estimator.estimate().mu_available_pct

@@ -14,7 +14,8 @@ from sim_ecu.design.source import Source
 from sim_ecu.physics.contact import CURVES, CreepCurve, curve_between
 from sim_ecu.physics.wheelset import LAT_ACCEL, MU_AVAILABLE, MU_USED, SLIP, TORQUE, YAW_RATE, Wheelset
 from wrcd.estimator.design import MODELS, Sets
-from wrcd.estimator.estimator import Estimator, Tick
+from wrcd.estimator.estimator import Estimator, step_through
+from wrcd.estimator.records import Ticks
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -109,14 +110,11 @@ def observe(
     d = s.design
     y, z, ratio = (runs or HeldRuns()).measured(s, conditions, seconds, progress)
     n = len(conditions)
-    estimator, present = Estimator(d, n), np.ones((2, n), dtype=bool)
+    estimator = Estimator(d, n)
     every = max(1, round(every_s / d.tick_s))
-    ticks, estimates = [], []
-    for k in range(len(z)):
-        estimator.step(Tick(k, z[k], present, ratio[k], SPEED))
-        if (k + 1) % every == 0:
-            ticks.append(k)
-            estimates.append(estimator.estimate())
+    ticks = list(range(every - 1, len(z), every))
+    played = Ticks(0, z, np.ones(z.shape, dtype=bool), ratio, [SPEED] * len(z))
+    estimates = [estimator.estimate() for _, _ in zip(step_through(estimator, played, ticks), ticks, strict=False)]
     seen = np.array([e.inputs[:, :MODELS] for e in estimates])
     fuzzy = np.array([e.fuzzy for e in estimates])
     return Trace(

@@ -13,13 +13,14 @@ from sim_ecu.play.player import Player
 from sim_ecu.score.baselines import Baseline
 from sim_ecu.score.heard import Heard
 from sim_ecu.score.suites.run import Run
-from sim_ecu.score.ticks import Ticks
+from sim_ecu.score.ticks import BoolArray, Ticks
 from wrcd.bus.frame import Frame
 from wrcd.core.configuration import Config
 from wrcd.core.core import Core
-from wrcd.core.report import CONFIDENCES
+from wrcd.core.messages import CONFIDENCES
+from wrcd.estimator import records as estimator_records
 from wrcd.estimator.design import Design
-from wrcd.estimator.estimator import Estimate, Estimator, Tick
+from wrcd.estimator.records import Estimate, StepResult
 
 FloatArray = NDArray[np.float64]
 HALF_WIDTHS = {name: half_width for half_width, name in CONFIDENCES}
@@ -53,40 +54,44 @@ class Trace:
     baselines: dict[str, FloatArray] = field(default_factory=dict)
 
 
-class Recording(Estimator):
-    """The train's estimator; what it is given is kept for the baselines."""
+class Recording:
+    """What the train's estimator is given, kept for the baselines: an observer of the core."""
 
     def __init__(self, design: Design, axles: int) -> None:
-        super().__init__(design, axles)
-        self.ticks: list[Tick] = []
-        self.seen: list[tuple[int, FloatArray]] = []
+        self._design, self._axles = design, axles
+        self.ticks: list[tuple[int, FloatArray, BoolArray, FloatArray, float]] = []
+        self._seen: list[tuple[int, FloatArray]] = []
 
-    def step(self, tick: Tick) -> FloatArray:
-        """As on the train."""
-        self.ticks.append(tick)
-        return super().step(tick)
+    def stepped(self, ticks: estimator_records.Ticks, first: int, result: StepResult) -> None:
+        """Keep the ticks."""
+        for k in range(first, first + len(result)):
+            self.ticks.append(
+                (ticks.number + k, ticks.z[k].copy(), ticks.present[k].copy(), ticks.torque_ratio[k].copy(),
+                 ticks.speeds_m_s[k])
+            )  # fmt: skip
 
-    def estimate(self) -> Estimate:
-        """As on the train."""
-        out = super().estimate()
-        self.seen.append((len(self.ticks), out.inputs))
-        return out
+    def was_reset(self, axle: int) -> None:
+        """The baselines go on."""
+
+    def estimated(self, tick: int, estimate: Estimate) -> None:
+        """Keep what the rules were given."""
+        self._seen.append((len(self.ticks), estimate.inputs))
 
     def all(self) -> Ticks:
         """Everything so far."""
-        numbers = np.array([t.number for t in self.ticks])
-        width = self.seen[0][1].shape[1] if self.seen else 0
-        seen = np.full((len(self.ticks), self.axles, width), np.nan)
-        ends = [*(at for at, _ in self.seen[1:]), len(self.ticks) + 1]
-        for (at, inputs), until in zip(self.seen, ends, strict=False):
+        numbers, z, present, ratios, speeds = zip(*self.ticks, strict=True)
+        width = self._seen[0][1].shape[1] if self._seen else 0
+        seen = np.full((len(self.ticks), self._axles, width), np.nan)
+        ends = [*(at for at, _ in self._seen[1:]), len(self.ticks) + 1]
+        for (at, inputs), until in zip(self._seen, ends, strict=False):
             seen[at - 1 : until - 1] = inputs
         return Ticks(
-            z=np.stack([t.z for t in self.ticks]),
-            present=np.stack([t.present for t in self.ticks]),
-            torque_ratio=np.stack([t.torque_ratio for t in self.ticks]),
-            speed_m_s=np.array([t.speed_m_s for t in self.ticks]),
-            tick_s=self.design.tick_s,
-            number=numbers,
+            z=np.stack(z),
+            present=np.stack(present),
+            torque_ratio=np.stack(ratios),
+            speed_m_s=np.array(speeds),
+            tick_s=self._design.tick_s,
+            number=np.array(numbers),
             seen=seen,
         )
 
@@ -112,8 +117,8 @@ class Ear:
 
 def play(run: Run, config: Config, baselines: dict[str, Baseline]) -> list[Trace]:
     """Play a run and gather what the bus said, an entry for each axle."""
-    estimator = Recording(config.design, len(config.axles))
-    core = Core(config, estimator)
+    recording = Recording(config.design, len(config.axles))
+    core = Core(config, observer=recording)
     axles = run.scenario.axles
     ear = Ear([a.number for a in axles])
     half_widths: dict[int, FloatArray] = {}
@@ -126,8 +131,8 @@ def play(run: Run, config: Config, baselines: dict[str, Baseline]) -> list[Trace
                 if out.why is not None:
                     half_widths[out.frame.stamp_us - LOG_START_US] = out.why.half_width_pp
     traces = [_trace(run, place, ear, half_widths) for place in range(len(axles))]
-    if baselines and estimator.ticks:
-        _beside(traces, estimator.all(), baselines)
+    if baselines and recording.ticks:
+        _beside(traces, recording.all(), baselines)
     return traces
 
 

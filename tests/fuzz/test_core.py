@@ -18,7 +18,7 @@ from wrcd.bus.codec import Receiver
 from wrcd.bus.e2e import protect
 from wrcd.bus.frame import Frame
 from wrcd.config import load_config
-from wrcd.core.outbox import Outgoing
+from wrcd.core.messages import Outgoing
 from wrcd.core.validity import BRIDGED_TICKS
 
 WINDOW_US, TICK_US, SLOT_US = 120_000, 5_000, 20_000

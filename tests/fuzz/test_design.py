@@ -18,7 +18,7 @@ from tests.unit.core.test_core import Rig
 from wrcd import resources
 from wrcd.checksum import checksum
 from wrcd.config import load_config
-from wrcd.core.report import Validity
+from wrcd.core.causes import Validity
 from wrcd.errors import InputError
 from wrcd.estimator.design import load_design, parse_design
 

@@ -20,7 +20,7 @@ from wrcd.bus.frame import Frame
 from wrcd.config import load_config
 from wrcd.core.configuration import Config
 from wrcd.core.core import Core
-from wrcd.core.outbox import Outgoing
+from wrcd.core.messages import Outgoing
 
 FRAMES = int(os.environ.get("FRAMES", 1_000_000))
 PER_TICK = 40  # corrupted ones; good ones are ten on average

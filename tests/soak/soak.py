@@ -8,6 +8,7 @@ Prints a balance sheet; exits 1 if anything in it does not hold.
 import argparse
 import gc
 import sys
+from collections import deque
 from copy import deepcopy
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -20,8 +21,9 @@ from wrcd.config import load_config
 from wrcd.core.configuration import Config
 from wrcd.core.core import BACKWARD_STEP_US, FORWARD_STEP_US, Core
 from wrcd.estimator.design import CHANNELS, Design, FloatArray
-from wrcd.estimator.estimator import Estimate, Estimator, Tick
+from wrcd.estimator.estimator import Estimator
 from wrcd.estimator.identity import Identity
+from wrcd.estimator.records import Estimate, StepResult, Ticks, one_tick
 from wrcd.tools.progress import Progress
 
 START_US = 1_700_000_000_000_000
@@ -48,36 +50,43 @@ class Kept(Estimator):
         self._ratio, self._speeds, self._number = np.zeros((n, axles)), np.zeros(n), np.zeros(n, dtype=np.int64)
         self._restarted = np.zeros((n, axles), dtype=bool)  # before the tick
         self._to_restart = np.zeros(axles, dtype=bool)
-        self._snapshots = np.zeros((n // SNAPSHOT_TICKS, *self._bank.x.shape))
-        self._identities: dict[int, Identity] = {}
+        # (tick, filters' states, identity), the oldest first
+        self._snapshots: deque[tuple[int, FloatArray, Identity]] = deque(maxlen=n // SNAPSHOT_TICKS + 1)
         self._ticks = 0
 
-    def step(self, tick: Tick) -> FloatArray:
-        at = self._ticks % KEPT_TICKS
-        if at % SNAPSHOT_TICKS == 0:
-            self._snapshots[at // SNAPSHOT_TICKS] = self._bank.x
-            self._identities[at // SNAPSHOT_TICKS] = deepcopy(self.identity)
-        self._z[at], self._there[at], self._ratio[at] = tick.z, tick.present, tick.torque_ratio
-        self._speeds[at], self._number[at], self._restarted[at] = tick.speed_m_s, tick.number, self._to_restart
-        self._to_restart[:] = False
-        self._ticks += 1
-        return super().step(tick)
+    def step(self, ticks: Ticks, first: int = 0) -> StepResult:
+        if not self._snapshots or self._ticks - self._snapshots[-1][0] >= SNAPSHOT_TICKS:
+            self._snapshots.append((self._ticks, self._bank.x, deepcopy(self.identity)))
+        result = super().step(ticks, first)
+        for k in range(first, first + len(result)):
+            at = self._ticks % KEPT_TICKS
+            self._z[at], self._there[at], self._ratio[at] = ticks.z[k], ticks.present[k], ticks.torque_ratio[k]
+            self._speeds[at], self._number[at] = ticks.speeds_m_s[k], ticks.number + k
+            self._restarted[at] = self._to_restart
+            self._to_restart[:] = False
+            self._ticks += 1
+        return result
 
     def reset(self, axle: int) -> None:
         self._to_restart[axle] = True
         super().reset(axle)
 
     def afresh(self) -> Estimator:
-        """A new estimator after what was kept."""
+        """A new estimator after what was kept, tick by tick."""
         out = Estimator(self.design, self.axles)
+        snapshots = {tick: state for tick, *state in self._snapshots}
+        needs_reset = np.zeros(self.axles, dtype=bool)
         for tick in range(max(self._ticks - KEPT_TICKS, 0), self._ticks):
             at = tick % KEPT_TICKS
-            for axle in np.flatnonzero(self._restarted[at] | out.upset):
+            for axle in np.flatnonzero(self._restarted[at] | needs_reset):
                 out.reset(int(axle))
-            if at % SNAPSHOT_TICKS == 0 and tick < self._ticks - SNAPSHOT_TICKS:
-                out._bank.x = self._snapshots[at // SNAPSHOT_TICKS].copy()
-                out.identity = deepcopy(self._identities[at // SNAPSHOT_TICKS])
-            out.step(Tick(int(self._number[at]), self._z[at], self._there[at], self._ratio[at], self._speeds[at]))
+            if tick in snapshots and tick < self._ticks - SNAPSHOT_TICKS:
+                x, identity = snapshots[tick]
+                out._bank.x, out.identity = x.copy(), deepcopy(identity)
+            result = out.step(
+                one_tick(int(self._number[at]), self._z[at], self._there[at], self._ratio[at], float(self._speeds[at]))
+            )
+            needs_reset = result.needs_reset
         for axle in np.flatnonzero(self._to_restart):
             out.reset(int(axle))
         return out

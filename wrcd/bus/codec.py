@@ -1,9 +1,13 @@
-"""Any DBC to quantities and back. A frame is accepted whole or not at all, and every rejection has its reason."""
+"""Any DBC to quantities and back. A frame is accepted whole or not at all, and every rejection has its reason.
+
+Where a signal lies in a frame is worked out once; a frame is then one whole number that is shifted and masked. cantools
+reads and writes what is not so plain: signals coded as floating-point numbers.
+"""
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal, NamedTuple
 
 from wrcd.bus.dbc import Database, Message, Signal, data_id, find_message, find_signal
 from wrcd.bus.e2e import COUNTER_MODULO, Checker, protect
@@ -31,57 +35,79 @@ class Source:
     axles: tuple[int, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Sample:
-    """A value in SI units, for each of the axles. Degraded if its sender says so, contested if another seems to send
-    it, too."""
+class Sample(NamedTuple):
+    """A value in SI units. Degraded if its sender says so, contested if another seems to send it, too."""
 
-    quantity: Quantity
-    axles: tuple[int, ...]
+    source: int  # place among the receiver's sources
     value: float
-    degraded: bool
+    degraded: bool = False
     contested: bool = False
 
 
-def plain(label: object) -> str:
+class Position(NamedTuple):
+    """Where a signal's bits lie: shift and mask of the frame as one whole number, and its sign bit (0: none)."""
+
+    order: Literal["little", "big"]
+    shift: int
+    mask: int
+    sign: int
+
+    def raw(self, frame: int) -> int:
+        """The raw value."""
+        raw = (frame >> self.shift) & self.mask
+        return raw - ((raw & self.sign) << 1)
+
+
+def position(signal: Signal, length: int) -> Position:
+    """Of a signal in a message of so many bytes."""
+    mask = (1 << signal.length) - 1
+    sign = 1 << signal.length - 1 if signal.is_signed else 0
+    if signal.byte_order == "little_endian":
+        return Position("little", signal.start, mask, sign)
+    first = 8 * (signal.start // 8) + 7 - signal.start % 8  # of its highest bit, counted from the frame's first
+    return Position("big", 8 * length - first - signal.length, mask, sign)
+
+
+def normalise_label(label: object) -> str:
     """A word of a value table as lower-case letters: Not_Available and "not available" are the same."""
     return "".join(c for c in str(label).lower() if c.isalpha())
 
 
 def unusable(label: object) -> bool:
     """Whether a word of a value table says that there is no measurement."""
-    word = plain(label)
+    word = normalise_label(label)
     return word == "na" or any(part in word for part in UNUSABLE)
 
 
 class SignalReader:
     """One mapped signal: its raw value to SI units, or why it can't be."""
 
-    def __init__(self, source: Source, signal: Signal) -> None:
-        self.source = source
+    def __init__(self, number: int, source: Source, signal: Signal, length: int) -> None:
+        self.number = number
         self.name = signal.name
+        self.position = position(signal, length)
         self._signal = signal
+        self._scale, self._offset = signal.conversion.scale, signal.conversion.offset
         self._factor = factor(signal.unit, source.quantity)
         slack = 0.5 * abs(float(signal.scale))
         self._low = -math.inf if signal.minimum is None else float(signal.minimum) - slack
         self._high = math.inf if signal.maximum is None else float(signal.maximum) + slack
         self._unusable = {raw for raw, label in (signal.choices or {}).items() if unusable(label)}
+        self._limit = source.quantity.limit
         self._positive = source.quantity in (Quantity.AXLE_LOAD, Quantity.WHEEL_RADIUS)
+        self._is_direction = source.quantity is Quantity.DIRECTION
 
     def read(self, raw: Any) -> float | Reason:
         """The value of a raw one."""
         if raw in self._unusable:
             return Reason.STATUS
-        scaled: Any = self._signal.conversion.raw_to_scaled(raw, decode_choices=False)
-        physical = float(scaled)
+        physical = float(raw * self._scale + self._offset)
         si = physical * self._factor
-        if not math.isfinite(si):
-            return Reason.NOT_FINITE
-        if not self._low <= physical <= self._high or abs(si) > self.source.quantity.limit:
-            return Reason.RANGE
+        if not (self._low <= physical <= self._high and -self._limit <= si <= self._limit):
+            return Reason.RANGE if math.isfinite(si) else Reason.NOT_FINITE
         if self._positive and si <= 0:
             return Reason.RANGE
-        return _direction(self._signal, raw, physical) if self.source.quantity is Quantity.DIRECTION else si
+        return _direction(self._signal, raw, physical) if self._is_direction else si
 
 
 class MessageReader:
@@ -89,20 +115,30 @@ class MessageReader:
 
     STATE = ("_checker",)
 
-    def __init__(self, message: Message, sources: Sequence[Source], others: Sequence[int]) -> None:
+    def __init__(self, message: Message, sources: Sequence[tuple[int, Source]], others: Sequence[int]) -> None:
         self._message = message
-        self.sources = tuple(sources)
-        self._signals = [SignalReader(s, find_signal(message, s.signal)) for s in sources]
+        self._length, self._extended = message.length, message.is_extended_frame
+        self.sources = tuple(s for _, s in sources)
+        self.numbers = tuple(k for k, _ in sources)
+        self.name = message.name
+        self._signals = [SignalReader(k, s, find_signal(message, s.signal), message.length) for k, s in sources]
         identity = data_id(message)
         self._checker = None if identity is None else Checker(identity, tuple(i for i in others if i != identity))
         status = next((s for s in message.signals if s.name == STATUS), None)
         # without a value table only 0 is taken for good
-        self._status = {} if status is None else self._labels(status) or {0: "ok"}
+        words = {} if status is None else self._labels(status) or {0: "ok"}
+        self._usable = {raw for raw, word in words.items() if word in USABLE}
+        self._degraded = {raw for raw, word in words.items() if word == "degraded"}
+        self._status = None if status is None else position(status, message.length)
+        used = [find_signal(message, s.signal) for s in self.sources] + ([status] if status is not None else [])
+        self._by_cantools = any(s.is_float for s in used)
+        orders = {r.position.order for r in self._signals} | ({self._status.order} if self._status else set())
+        self._order: Literal["little", "big"] | None = orders.pop() if len(orders) == 1 else None
 
     @staticmethod
     def _labels(signal: Signal | None) -> dict[int, str]:
         choices = signal.choices if signal is not None else None
-        return {int(raw): plain(label) for raw, label in (choices or {}).items()}
+        return {int(raw): normalise_label(label) for raw, label in (choices or {}).items()}
 
     def reset(self) -> None:
         """Take the next counter as it comes."""
@@ -111,24 +147,48 @@ class MessageReader:
 
     def read(self, frame: Frame) -> list[Sample] | Reason:
         """The samples of a frame, or why it is refused."""
-        m = self._message
-        if not frame.plain or frame.extended != m.is_extended_frame:
+        if frame.remote or frame.error or frame.fd or frame.extended != self._extended:
             return Reason.KIND
-        if len(frame.data) != m.length:
+        data = frame.data
+        if len(data) != self._length:
             return Reason.LENGTH
-        if self._checker is not None and (reason := self._checker.check(frame.data)):
+        checker = self._checker
+        if checker is not None and (reason := checker.check(data)):
             return reason
-        raw: Any = m.decode(frame.data, decode_choices=False, scaling=False)
-        status = self._status.get(int(raw[STATUS]), "error") if self._status else "ok"
-        if status not in USABLE and status != "degraded":
-            return Reason.STATUS
-        degraded, contested = status == "degraded", self._checker is not None and self._checker.suspect
+        if self._order is None or self._by_cantools:
+            return self._read_mixed(data)
+        number = int.from_bytes(data, self._order)
+        degraded = False
+        if self._status is not None:
+            status = self._status.raw(number)
+            if status not in self._usable:
+                if status not in self._degraded:
+                    return Reason.STATUS
+                degraded = True
+        contested = checker is not None and checker.suspect
+        samples = []
+        for signal in self._signals:
+            value = signal.read(signal.position.raw(number))
+            if isinstance(value, Reason):
+                return value
+            samples.append(Sample(signal.number, value, degraded, contested))
+        return samples
+
+    def _read_mixed(self, data: bytes) -> list[Sample] | Reason:
+        """The same of a message with both byte orders, or with signals coded as floating-point numbers."""
+        raw: Any = self._message.decode(data, decode_choices=False, scaling=False)
+        degraded = False
+        if self._status is not None and (status := int(raw[STATUS])) not in self._usable:
+            if status not in self._degraded:
+                return Reason.STATUS
+            degraded = True
+        contested = self._checker is not None and self._checker.suspect
         samples = []
         for signal in self._signals:
             value = signal.read(raw[signal.name])
             if isinstance(value, Reason):
                 return value
-            samples.append(Sample(signal.source.quantity, signal.source.axles, value, degraded, contested))
+            samples.append(Sample(signal.number, value, degraded, contested))
         return samples
 
 
@@ -138,9 +198,9 @@ class Receiver:
     STATE = ("_readers",)
 
     def __init__(self, database: Database, sources: Sequence[Source]) -> None:
-        by_message: dict[str, list[Source]] = {}
-        for s in sources:
-            by_message.setdefault(s.message, []).append(s)
+        by_message: dict[str, list[tuple[int, Source]]] = {}
+        for number, s in enumerate(sources):
+            by_message.setdefault(s.message, []).append((number, s))
         self._readers: dict[int, MessageReader] = {}
         messages = {name: find_message(database, name) for name in by_message}
         ids = [i for m in messages.values() if (i := data_id(m)) is not None]
@@ -152,25 +212,49 @@ class Receiver:
         """The ids of all mapped messages."""
         return tuple(sorted(self._readers))
 
-    def sources(self, can_id: int) -> tuple[Source, ...]:
-        """What a mapped message carries."""
-        return self._readers[can_id].sources
-
     def reset(self) -> None:
         """After a step of time or a long silence: take every counter as it comes."""
         for reader in self._readers.values():
             reader.reset()
 
-    def maps(self, frame: Frame) -> bool:
-        """Whether a frame is of a mapped message. An error frame's class looks like an id, and never is."""
-        return not frame.error and frame.can_id in self._readers
+    def reader(self, frame: Frame) -> MessageReader | None:
+        """The reader of a frame's message, None if it is not mapped. An error frame's class looks like an id, and never
+        is."""
+        return None if frame.error else self._readers.get(frame.can_id)
 
     def read(self, frame: Frame) -> list[Sample] | Reason | None:
-        """Samples, the reason of a refusal, or None for a frame that is not mapped."""
-        return self._readers[frame.can_id].read(frame) if self.maps(frame) else None
+        """Samples, the reason of a rejection, or None for a frame that is not mapped."""
+        reader = self.reader(frame)
+        return None if reader is None else reader.read(frame)
 
 
 Value = float | str | None  # a number in the signal's own unit, a label of its value table, or not available
+
+
+class SignalWriter:
+    """One signal that is sent: a value to its raw one, in its place in the frame."""
+
+    def __init__(self, s: Signal, length: int) -> None:
+        self.labels = {str(label): int(raw) for raw, label in (s.choices or {}).items()}
+        self._not_available = self.labels.get("NotAvailable", _all_ones(s))
+        self._low = -math.inf if s.minimum is None else float(s.minimum)
+        self._high = math.inf if s.maximum is None else float(s.maximum)
+        self._scale, self._offset = float(s.scale), float(s.offset)
+        self._lowest, self._highest = (
+            (-(1 << s.length - 1), (1 << s.length - 1) - 1) if s.is_signed else (0, (1 << s.length) - 1)
+        )
+        at = position(s, length)
+        # whichever byte order, the frame is one whole number with its first byte lowest or highest
+        self.order, self.shift, self.mask = at.order, at.shift, at.mask
+
+    def raw(self, value: Value) -> int:
+        """A label's raw value, a number's nearest within the signal's range, or not available."""
+        if isinstance(value, str):
+            return self.labels.get(value, 0)
+        if value is None or not math.isfinite(value):
+            return self._not_available
+        value = min(max(value, self._low), self._high)
+        return min(max(round((value - self._offset) / self._scale), self._lowest), self._highest)
 
 
 class Writer:
@@ -181,35 +265,35 @@ class Writer:
             find_signal(message, name)
         self._message = message
         self._data_id = data_id(message)
-        self._labels = {
-            s.name: {str(label): int(raw) for raw, label in (s.choices or {}).items()} for s in message.signals
-        }
         self._rest = {s.name: int(s.raw_initial or 0) for s in message.signals}
+        self._writers = {s.name: SignalWriter(s, message.length) for s in message.signals}
+        orders = {w.order for w in self._writers.values()}
+        plain = len(orders) == 1 and not any(s.is_float for s in message.signals)
+        self._order: Literal["little", "big"] | None = orders.pop() if plain else None
+        self._start: int | None = None  # what the frame is before the values are put in; made when it is first needed
         self.can_id = message.frame_id
 
     def frame(self, stamp_us: int, slot: int, values: Mapping[str, Value]) -> Frame:
         """The frame of a slot. Values of signals that the message lacks are left out."""
-        raw = dict(self._rest)
-        for s in self._message.signals:
-            if s.name in values:
-                raw[s.name] = self._raw(s, values[s.name])
-        data = self._message.encode(raw, scaling=False, strict=False)
+        if self._order is None:
+            raw = dict(self._rest)
+            for name, writer in self._writers.items():
+                if name in values:
+                    raw[name] = writer.raw(values[name])
+            data = self._message.encode(raw, scaling=False, strict=False)
+        else:
+            if self._start is None:
+                self._start = int.from_bytes(self._message.encode(self._rest, scaling=False, strict=False), self._order)
+            number = self._start
+            for name, value in values.items():
+                found = self._writers.get(name)
+                if found is not None:
+                    mask, shift = found.mask, found.shift
+                    number = number & ~(mask << shift) | (found.raw(value) & mask) << shift
+            data = number.to_bytes(self._message.length, self._order)
         if self._data_id is not None:
             data = protect(data, self._data_id, slot % COUNTER_MODULO)
         return Frame(stamp_us, self.can_id, data, extended=self._message.is_extended_frame)
-
-    def _raw(self, s: Signal, value: Value) -> int:
-        labels = self._labels[s.name]
-        if isinstance(value, str):
-            return labels.get(value, 0)
-        if value is None or not math.isfinite(value):
-            return labels.get("NotAvailable", _all_ones(s))
-        if s.minimum is not None:
-            value = max(value, float(s.minimum))
-        if s.maximum is not None:
-            value = min(value, float(s.maximum))
-        lowest, highest = (-(1 << s.length - 1), (1 << s.length - 1) - 1) if s.is_signed else (0, (1 << s.length) - 1)
-        return min(max(round((value - float(s.offset)) / float(s.scale)), lowest), highest)
 
 
 def _direction(s: Signal, raw: Any, physical: float) -> float:

@@ -29,9 +29,18 @@ _CRC = _table()
 
 def crc(data: bytes | bytearray, data_id: int) -> int:
     """CRC over the data id (low byte first) and the frame without its first byte. Initial and final value 0."""
-    c = _CRC[_CRC[data_id & 0xFF] ^ (data_id >> 8)]
-    for byte in memoryview(data)[1:]:
-        c = _CRC[c ^ byte]
+    return _crc_after(_of_data_id(data_id), data)
+
+
+def _of_data_id(data_id: int) -> int:
+    """The CRC of the data id alone: the part of it that is the same for all frames of a message."""
+    return _CRC[_CRC[data_id & 0xFF] ^ (data_id >> 8)]
+
+
+def _crc_after(start: int, data: bytes | bytearray) -> int:
+    table, c = _CRC, start
+    for byte in data[1:]:
+        c = table[c ^ byte]
     return c
 
 
@@ -64,7 +73,7 @@ class Checker:
     )
 
     def __init__(self, data_id: int, others: tuple[int, ...] = ()) -> None:
-        self._data_id, self._others = data_id, others
+        self._start, self._others = _of_data_id(data_id), others
         self.reset()
 
     def reset(self) -> None:
@@ -84,13 +93,18 @@ class Checker:
 
     def check(self, data: bytes) -> Reason | None:
         """None if the frame may be used, else why not. The length has been checked."""
-        if len(data) < 2 or data[0] != crc(data, self._data_id):
+        if len(data) < 2 or data[0] != _crc_after(self._start, data):
             return Reason.DATA_ID if any(data[:1] == bytes((crc(data, i),)) for i in self._others) else Reason.CRC
         counter = data[1] & 0x0F
         if counter >= COUNTER_MODULO:
             return Reason.COUNTER
-        if self._last is None or _continues(self._last, counter):
-            return self._go_on(counter, data)
+        last = self._last
+        if last is None or 1 <= (counter - last) % COUNTER_MODULO <= 1 + MAX_LOST:
+            if self._moves or self._candidate is not None or self._quarantine_frames:
+                return self._go_on(counter, data)
+            self._last, self._payload = counter, data
+            self._frames_since_candidate += 1
+            return None
         repeated = counter == self._last
         goes_on = self._candidate is not None and _continues(self._candidate, counter)
         if goes_on and self._frames_since_candidate == 0:

@@ -33,6 +33,10 @@ class Backoff:
         """Whether the axle is left alone in a tick."""
         return tick < self._until[axle]
 
+    def any_waits(self, tick: int) -> bool:
+        """Whether any axle is left alone in a tick."""
+        return tick < max(self._until)
+
     def reset(self) -> None:
         """A step of time, or a silence: a tick's number tells nothing of what came before."""
         self._in_a_row = [0] * len(self._in_a_row)

@@ -1,6 +1,17 @@
-"""Why an axle is not Valid: one list for the bus, the log and a replay."""
+"""The states of an axle, and why it is not Valid: one list for the bus, the log and a replay.
 
-from enum import IntEnum
+Which of them applies is decided in validity.py.
+"""
+
+from enum import IntEnum, StrEnum
+
+
+class Validity(StrEnum):
+    """The labels of the DBC that are in use."""
+
+    NOT_AVAILABLE = "NotAvailable"
+    VALID = "Valid"
+    DEGRADED = "Degraded"
 
 
 class Cause(IntEnum):

@@ -10,26 +10,52 @@ silence is none: its ticks are closed as the clock tells of them. But after a se
 silence and step leave the same behind them, and whoever cannot tell them apart, as a replay, goes on alike.
 """
 
+from collections.abc import Sequence
+from typing import Protocol
+
 import numpy as np
 
 from wrcd.bus.codec import Receiver, Value
 from wrcd.bus.frame import Frame
 from wrcd.bus.reasons import Reason
 from wrcd.core.backoff import Backoff
-from wrcd.core.causes import Cause
+from wrcd.core.block import Block
+from wrcd.core.causes import Cause, Validity
 from wrcd.core.configuration import Config
 from wrcd.core.counts import Counts, Health
 from wrcd.core.inputs import Inputs
 from wrcd.core.jitter_buffer import NEVER
-from wrcd.core.outbox import Outbox, Outgoing
-from wrcd.core.report import Report, Validity, confidence, nan_to_none, surface
-from wrcd.core.validity import ValidityMonitor, against
-from wrcd.core.values import NAMES, explanation, plausibility
-from wrcd.estimator.estimator import Estimate, Estimator, Tick
+from wrcd.core.messages import (
+    NAMES,
+    Outbox,
+    Outgoing,
+    Report,
+    confidence,
+    explanation,
+    nan_to_none,
+    plausibility,
+    surface,
+)
+from wrcd.core.validity import ValidityMonitor, tick_causes
+from wrcd.estimator.estimator import Estimator
+from wrcd.estimator.records import Estimate, StepResult, Ticks
 
 FORWARD_STEP_US = 1_000_000  # a stamp, or the clock, further ahead of the open tick than this is a step of time
 BACKWARD_STEP_US = 10_000  # out of order by less than this is jitter between queues, by more a step of the clock
 SILENCE_US = 1_000_000  # without a mapped frame: longer, and nothing that was known before holds
+
+
+class Observer(Protocol):
+    """Is shown the records that travel through a core; it changes nothing."""
+
+    def stepped(self, ticks: Ticks, first: int, result: StepResult) -> None:
+        """The estimator has taken len(result) of the ticks, from `first` on."""
+
+    def was_reset(self, axle: int) -> None:
+        """An axle's estimator starts anew."""
+
+    def estimated(self, tick: int, estimate: Estimate) -> None:
+        """What a slot's frames are made from, after a tick."""
 
 
 class Core:
@@ -37,11 +63,11 @@ class Core:
 
     STATE = (
         "counts", "health", "estimator", "receiver", "_open", "_stamp_us", "_inputs", "_validity", "_is_reset",
-        "_outbox", "_outlier_us", "_backoff",
+        "_outbox", "_outlier_us", "_backoff", "_block",
     )  # fmt: skip
-    TRANSIENT = ("reports",)
+    TRANSIENT = ("reports", "_tick", "_begin_us", "_end_us")
 
-    def __init__(self, config: Config, estimator: Estimator | None = None) -> None:
+    def __init__(self, config: Config, estimator: Estimator | None = None, observer: Observer | None = None) -> None:
         self.config = config
         self.counts = Counts()
         self.health = Health()
@@ -49,10 +75,14 @@ class Core:
         self.receiver = Receiver(config.database, [i.source for i in config.inputs])
         n = len(config.axles)
         self._n = n
+        self._observer = observer
         self._period_us = round(config.design.tick_s * 1e6)
         self._open: int | None = None  # number of the tick that gathers frames
         self._stamp_us = NEVER  # newest stamp taken
+        self._begin_us = self._end_us = NEVER  # of the open tick
         self._inputs = Inputs(config)
+        self._tick = self._inputs.close_tick(0)  # the newest that was closed
+        self._block = Block(n)
         self._validity = ValidityMonitor(config.design.window_ticks, n)
         self._is_reset = [True] * n
         self._outbox = Outbox(config)
@@ -82,25 +112,31 @@ class Core:
         self._inputs.apply_limits(config)
 
     def feed(self, frame: Frame) -> list[Outgoing]:
-        """Take a received frame. Returns what was due before its stamp. Frames that are not mapped change nothing."""
-        if not self.receiver.maps(frame):
+        """Take a received frame. Returns what was due before its stamp. Frames that are not mapped change nothing.
+
+        A frame is rejected here, whole, for what its reader or the plausibility checks find.
+        """
+        reader = self.receiver.reader(frame)
+        if reader is None:
             return []
-        out = self._move_to(frame.stamp_us)
-        got = self.receiver.read(frame)
-        assert got is not None
-        if not isinstance(got, Reason):
-            got = self._inputs.check(got, frame.stamp_us) or got
-        if isinstance(got, Reason):
-            sources = self.receiver.sources(frame.can_id)
-            self.counts.reject(sources[0].message, got)
-            self._inputs.reject(sources, frame.stamp_us, got)
+        stamp_us = frame.stamp_us
+        if self._begin_us <= self._stamp_us <= stamp_us < self._end_us:
+            self._stamp_us = stamp_us
+            out: list[Outgoing] = []
+        else:
+            out = self._move_to(stamp_us)
+        samples = reader.read(frame)
+        reason = samples if isinstance(samples, Reason) else self._inputs.check(samples, stamp_us)
+        if reason is not None:
+            self.counts.reject(reader.name, reason)
+            self._inputs.reject(reader.numbers, stamp_us, reason)
             return out
         self.counts.accepted += 1
-        assert self._open is not None
-        if frame.stamp_us < self._open * self._period_us:
+        if stamp_us < self._begin_us:
             self.counts.late += 1
-        for sample in got:
-            self._inputs.take(sample, frame.stamp_us)
+        assert not isinstance(samples, Reason)
+        for sample in samples:
+            self._inputs.accept(sample, stamp_us)
         return out
 
     def advance(self, now_us: int) -> list[Outgoing]:
@@ -132,6 +168,7 @@ class Core:
     def _step_to(self, tick: int) -> None:
         """A step of time: go on at a tick, with nothing from before."""
         self.counts.time_steps += 1
+        self._run_block()
         self._open = tick
         self._reset_all()
 
@@ -148,6 +185,8 @@ class Core:
     def _reset_axle(self, axle: int, why: Cause) -> None:
         if not self._is_reset[axle]:
             self.estimator.reset(axle)
+            if self._observer is not None:
+                self._observer.was_reset(axle)
         self._is_reset[axle] = True
         self._validity.reset(axle, why)
 
@@ -155,26 +194,72 @@ class Core:
         assert self._open is not None
         out: list[Outgoing] = []
         while self._open < target:
-            self._close_tick(self._open)
+            number = self._open
+            due = self._close_tick(number)
             self._open += 1
-            if not self.muted:
+            if due and not self.muted:
                 out += self._due(self._open * self._period_us)
+        self._begin_us = self._open * self._period_us
+        self._end_us = self._begin_us + self._period_us
         return out
 
-    def _close_tick(self, number: int) -> None:
-        """ValidityMonitor the inputs at the tick's end, and run the bank on what it brought."""
+    def _close_tick(self, number: int) -> bool:
+        """Take down what a tick brought; the bank runs on it when its block ends. Returns whether a slot begins."""
         self.counts.ticks += 1
-        i, end_us = self._inputs, (number + 1) * self._period_us
+        end_us = (number + 1) * self._period_us
         if self._stamp_us != NEVER and end_us - self._stamp_us > SILENCE_US:
+            self._run_block()
             self._reset_all()
-        i.close(end_us)
-        # no train's speed jumps: what was known before was known of another one
-        jumped, i.speed_jumped = i.speed_jumped, False
-        running = np.logical_and(~i.unavailable, not jumped and i.speed_m_s >= self.config.min_speed_m_s)
-        waiting = np.array([self._backoff.waiting(axle, number) for axle in range(self._n)])
-        running &= ~waiting
-        causes = against(i)
+        tick = self._tick = self._inputs.close_tick(end_us)
+        fast = tick.speed_m_s >= self.config.min_speed_m_s
+        self._block.add(number, tick, tick_causes(self._inputs, tick, end_us), fast)
+        c = self.config
+        due = any(
+            end_us % cycle < self._period_us for cycle in (c.adhesion_cycle_us, c.detail_cycle_us, c.status_cycle_us)
+        )
+        if due or self.estimator.block_end(number):
+            self._run_block()
+        return due
+
+    def _run_block(self) -> None:
+        """Run the bank on the ticks taken down, on as many at once as the estimator takes."""
+        block, at = self._block, 0
+        if not block:
+            return
+        ticks = block.ticks()
+        while at < len(block):
+            # as far as is known: a reset on the way may make an axle wait
+            running = [self._running(k) for k in range(at, len(block))]
+            self._begin_tick(at, running[0])
+            for present, run in zip(ticks.present[at:], running, strict=True):
+                if not all(run):
+                    present &= run
+            if not any(running[0]):
+                at += 1
+                continue
+            result = self.estimator.step(ticks, at)
+            if self._observer is not None:
+                self._observer.stepped(ticks, at, result)
+            if len(result) > 1:
+                self._begin_ticks(at + 1, running[1:])
+            elif result.outliers.any() or result.needs_reset.any():
+                self._note_outliers(block.number + at, result)
+            at += len(result)
+        block.clear()
+
+    def _running(self, k: int) -> list[bool]:
+        """Which axles run in a tick of the block: they have what they need, and need not wait."""
+        number, running = self._block.number + k, self._block.running(k)
+        if self._backoff.any_waits(number):
+            running = [run and not self._backoff.waiting(axle, number) for axle, run in enumerate(running)]
+        return running
+
+    def _begin_tick(self, k: int, running: Sequence[bool]) -> None:
+        """Tell each axle's Validity of a tick; reset the axles that do not run in it."""
+        block = self._block
+        number, jumped, causes = block.number + k, block.jumped(k), block.causes(k)
         for axle in range(self._n):
+            # a confirmed speed jump means another signal source: reset every axle
             if jumped and not self._is_reset[axle]:
                 self._count_reset(axle, number)
             if running[axle]:
@@ -182,17 +267,33 @@ class Core:
                 self._validity.update(axle, causes[axle])
                 if self._validity.window_full[axle]:
                     self._backoff.recovered(axle)
+            elif block.unavailable(k, axle):
+                self._reset_axle(axle, Cause.INPUT_SILENT)
             else:
-                silent, again = bool(i.unavailable[axle]), jumped or bool(waiting[axle])
-                self._reset_axle(axle, Cause.INPUT_SILENT if silent else Cause.RESTARTED if again else Cause.STANDSTILL)
-        if running.any():
-            self.estimator.step(Tick(number, i.z, i.present & running, i.torque_ratio, i.speed_m_s))
-            for axle in range(self._n):
-                if self.estimator.outlier[axle]:
-                    self._outlier_us[axle] = end_us
-                if self.estimator.upset[axle]:
-                    self._count_reset(axle, number)
-                    self._reset_axle(axle, Cause.RESTARTED)
+                again = jumped or self._backoff.waiting(axle, number)
+                self._reset_axle(axle, Cause.RESTARTED if again else Cause.STANDSTILL)
+
+    def _begin_ticks(self, first: int, running: Sequence[Sequence[bool]]) -> None:
+        """The same of all ticks from `first` on."""
+        if not self._block.sound_from(first):
+            for k, run in enumerate(running, first):
+                self._begin_tick(k, run)
+            return
+        for axle in range(self._n):
+            if running[0][axle]:
+                self._validity.update(axle, Cause.NONE, len(running))
+                if self._validity.window_full[axle]:
+                    self._backoff.recovered(axle)
+            else:
+                self._reset_axle(axle, Cause.RESTARTED)
+
+    def _note_outliers(self, number: int, result: StepResult) -> None:
+        """Remember whose measurements were left out in a tick, and reset the axles that need it."""
+        for axle in np.flatnonzero(result.outliers[0]).tolist():
+            self._outlier_us[axle] = (number + 1) * self._period_us
+        for axle in np.flatnonzero(result.needs_reset).tolist():
+            self._count_reset(axle, number)
+            self._reset_axle(axle, Cause.RESTARTED)
 
     def _count_reset(self, axle: int, number: int) -> None:
         self.counts.restarts += 1
@@ -201,34 +302,39 @@ class Core:
     def _due(self, end_us: int) -> list[Outgoing]:
         """The frames whose slot begins with this tick's end."""
         c = self.config
-        before = end_us - self._period_us
         adhesion, detail, status = (
-            end_us // cycle != before // cycle for cycle in (c.adhesion_cycle_us, c.detail_cycle_us, c.status_cycle_us)
+            self._begins(cycle, end_us) for cycle in (c.adhesion_cycle_us, c.detail_cycle_us, c.status_cycle_us)
         )
         out: list[Outgoing] = []
         if adhesion or detail:
-            estimate = self.estimator.estimate() if any(self._validity.window_full) else None
-            self.reports = [self._report(axle, end_us, estimate) for axle in range(self._n)]
-        if adhesion:
-            out += self._outbox.adhesion(end_us, self.reports, estimate)
-        if detail:
-            warm = [estimate if w else None for w in self._validity.window_full]
-            out += self._outbox.detail(
-                end_us,
-                [
-                    explanation(e, axle, self._inputs.stale[:, axle], self.reports[axle].cause)
-                    for axle, e in enumerate(warm)
-                ],
-                [self._input_values(e, axle, end_us) for axle, e in enumerate(warm)],
-            )
+            full = self._validity.window_full
+            estimate = self.estimator.estimate() if True in full else None
+            if estimate is not None and self._observer is not None:
+                self._observer.estimated(end_us // self._period_us - 1, estimate)
+            pairs = self.estimator.identity.doubt.tolist()
+            self.reports = [self._report(axle, end_us, estimate, pairs[axle]) for axle in range(self._n)]
+            if adhesion:
+                out += self._outbox.adhesion(end_us, self.reports, estimate)
+            if detail:
+                warm = [estimate if w else None for w in full]
+                stale = [self._inputs.quantities(self._tick.stale, axle) for axle in range(self._n)]
+                out += self._outbox.detail(
+                    end_us,
+                    [explanation(e, axle, stale[axle], self.reports[axle].cause) for axle, e in enumerate(warm)],
+                    [self._input_values(e, axle, end_us) for axle, e in enumerate(warm)],
+                )
         if status:
             out += self._outbox.status(end_us, self.counts, self.health, self.estimator.outliers)
         return out
 
-    def _report(self, axle: int, end_us: int, estimate: Estimate | None) -> Report:
+    def _begins(self, cycle_us: int, end_us: int) -> bool:
+        """Whether a slot of a cycle begins within the tick that ends, or with its end."""
+        return end_us % cycle_us < self._period_us
+
+    def _report(self, axle: int, end_us: int, estimate: Estimate | None, pair: int) -> Report:
         age_ms = self._inputs.age_ms(axle, end_us)
-        used = nan_to_none(min(100.0 * float(self._inputs.torque_ratio[axle]), 100.0))
-        validity, cause = self._validity.verdict(axle, estimate, int(self.estimator.identity.doubt[axle]))
+        used = nan_to_none(min(100.0 * self._tick.torque_ratio[axle], 100.0))
+        validity, cause = self._validity.verdict(axle, estimate, pair)
         if validity is Validity.NOT_AVAILABLE or estimate is None:
             return Report(validity, None, used, age_ms, "Unknown", "Unknown", "None", cause)
         mu = nan_to_none(float(estimate.mu_available_pct[axle]))
@@ -241,14 +347,15 @@ class Core:
         return Report(validity, mu, used, age_ms, surface(mu), contact, confidence(width), cause)
 
     def _input_values(self, estimate: Estimate | None, axle: int, end_us: int) -> dict[str, Value]:
+        unchanged = self._inputs.quantities(self._inputs.unchanged(end_us), axle)
         values: dict[str, Value] = {
             "Plausibility": plausibility(estimate, axle),
             "Outlier": float(end_us - self._outlier_us[axle] <= self.config.detail_cycle_us),
-            "Unchanged": float(self._inputs.unchanged[:, axle].any()),
+            "Unchanged": float(bool(unchanged)),
         }
         for q, name in NAMES.items():
-            register, refused = self._inputs.reach.read(q, axle, end_us)
-            values |= {f"Reach{name}": float(register), f"Refused{name}": refused}
+            register, rejected = self._inputs.reach.read(self._inputs.place(q, axle), end_us)
+            values |= {f"Reach{name}": float(register), f"Refused{name}": rejected}
         return values
 
     def shutdown_frames(self, now_us: int) -> list[Frame]:

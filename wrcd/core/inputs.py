@@ -1,152 +1,223 @@
-"""What the frames said of every axle, how old it is, and whether that is enough to go on."""
+"""What the frames said of every axle, how old it is, and whether a frame's samples can be believed."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
-from wrcd.bus.codec import Sample, Source
+from wrcd.bus.codec import Sample
 from wrcd.bus.reasons import Reason
 from wrcd.bus.units import Quantity
 from wrcd.core.configuration import Config
 from wrcd.core.jitter_buffer import NEVER, JitterBuffer
-from wrcd.core.plausibility import MAX_STEP, STUCK_CHECKED, JumpCheck, StuckCheck
+from wrcd.core.plausibility import MAX_STEP, MIN_RUN, STUCK_CHECKED, JumpCheck, StuckCheck
 from wrcd.core.reach import Reach
 
 QUANTITIES = tuple(Quantity)
 YAW, LAT, TORQUE, SPEED, BRAKE, LOAD, DIRECTION, RADIUS = range(len(QUANTITIES))
 _ROW = {q: i for i, q in enumerate(QUANTITIES)}
+_OF_TORQUE_RATIO = (TORQUE, BRAKE, LOAD, RADIUS)
 
-BoolArray = NDArray[np.bool_]
-FloatArray = NDArray[np.float64]
+
+@dataclass(frozen=True, slots=True)
+class TickInputs:
+    """What a tick brought. Lists by axle; places are quantity * axles + axle."""
+
+    speed_m_s: float  # NaN before it is known
+    speed_jumped: bool
+    z: list[float]  # by place: yaw rates, lateral accelerations, in the direction of travel
+    present: list[bool] | None  # by place, which of them there are; None: all
+    torque_ratio: list[float]  # |torque| / (2 N r0), NaN where what it is made of is unavailable
+    stale: tuple[int, ...]  # places past their time-out, or never seen
+    unavailable: tuple[int, ...]  # axles of which something has been silent for so long that there is no estimate
 
 
 class Inputs:
-    """One row per quantity, one column per axle. take() while the tick is open, close() when it is over.
-
-    What close() leaves behind: stale (quantities, n), past its time-out or never seen; unavailable (n,), something has
-    been silent for so long that there is no estimate; z (2, n) and present (2, n), the tick's measurements in the
-    direction of travel; torque_ratio (n,), |torque| / (2 N r0), NaN where what it is made of is unavailable.
-    """
+    """Values by place. check(), then accept() or reject() while the tick is open, close_tick() when it is over."""
 
     STATE = (
-        "_value", "_stamps", "degraded", "contested", "_jitter_buffer", "unchanged", "reach", "_stuck_checks",
-        "_jump_checks", "stale", "unavailable", "z", "present", "torque_ratio", "speed_jumped",
+        "_value", "_stamp_us", "degraded", "contested", "_jitter_buffer", "reach", "_stuck_checks", "_jump_checks",
+        "_speed_jumped",
     )  # fmt: skip
+    TRANSIENT = ("_torque_ratio", "_shares_known", "_shares_ok")
 
     def __init__(self, config: Config) -> None:
         n, design = len(config.axles), config.design
-        self._design = design
-        shape = (len(QUANTITIES), n)
-        self._mapped = np.zeros(shape, dtype=bool)
-        self._timeout = np.zeros(shape, dtype=np.int64)
+        self._axles, self._design = n, design
+        size = len(QUANTITIES) * n
+        self._timeout_us = [0] * size
+        mapped: set[int] = set()
+        self._places: list[tuple[int, ...]] = []  # of each of the configuration's inputs
+        self._rows: list[int] = []
+        self._stuck_checks: dict[int, StuckCheck] = {}
+        self._jump_checks: dict[int, JumpCheck] = {}
         for i in config.inputs:
-            at = _ROW[i.source.quantity], list(i.source.axles)
-            self._mapped[at] = True
-            self._timeout[at] = i.timeout_us
-        self._value = np.zeros(shape)
-        self._value[SPEED] = math.nan if config.constant_speed_m_s is None else config.constant_speed_m_s
-        self._value[LOAD] = 2 * design.normal_N
-        self._value[DIRECTION] = 1.0
-        self._value[RADIUS] = design.r_0
-        self._stamps = np.full(shape, NEVER, dtype=np.int64)
-        self.degraded: BoolArray = np.zeros(shape, dtype=bool)  # by what its sender says of itself
-        self.contested: BoolArray = np.zeros(shape, dtype=bool)  # by another sender of the same message
-        self._jitter_buffer = JitterBuffer(LAT + 1, n, design.recent_ticks)
-        self.speed_jumped = False  # since it was last set back
-        self.unchanged = np.zeros((LAT + 1, n), dtype=bool)  # for longer than the time-out, while the train moves
+            q = i.source.quantity
+            places = tuple(_ROW[q] * n + axle for axle in i.source.axles)
+            self._places.append(places)
+            self._rows.append(_ROW[q])
+            mapped.update(places)
+            for place in places:
+                self._timeout_us[place] = i.timeout_us
+            if q in STUCK_CHECKED:
+                self._stuck_checks[places[0]] = StuckCheck()
+            elif q in MAX_STEP:
+                self._jump_checks[places[0]] = JumpCheck(MAX_STEP[q], i.timeout_us)
+        self._mapped = sorted(mapped)
+        self._deadlines = [(place, self._timeout_us[place]) for place in self._mapped]
+        starts = {
+            SPEED: math.nan if config.constant_speed_m_s is None else config.constant_speed_m_s,
+            LOAD: 2 * design.normal_N, DIRECTION: 1.0, RADIUS: design.r_0,
+        }  # fmt: skip
+        self._value = [starts.get(place // n, 0.0) for place in range(size)]
+        self._stamp_us = [NEVER] * size
+        self.degraded = [False] * size  # by what its sender says of itself
+        self.contested = [False] * size  # by another sender of the same message
+        self._jitter_buffer = JitterBuffer((LAT + 1) * n, design.recent_ticks)
+        self._speed_jumped = False  # in the open tick
+        self.reach = Reach(self._timeout_us)
+        self._unavailable_after_us: list[int] = []
+        self._torque_ratio: list[float] | None = None  # None: to be worked out
+        self._shares_known = self._shares_ok = False
         self._speeds = float(design.speeds_m_s[0]), float(design.speeds_m_s[-1])
-        self.reach = Reach(self._timeout)
-        self._stuck_checks = {
-            _place(i.source): StuckCheck() for i in config.inputs if i.source.quantity in STUCK_CHECKED
-        }
-        self._jump_checks = {
-            _place(i.source): JumpCheck(MAX_STEP[i.source.quantity], i.timeout_us)
-            for i in config.inputs
-            if i.source.quantity in MAX_STEP
-        }
         self.apply_limits(config)
-        self.close(0)
 
     def apply_limits(self, config: Config) -> None:
         """Other limits from the next tick on."""
         # slow inputs (load, radius, direction) may take their own time-out; the measurements may not
-        self._unavailable_after = np.maximum(self._timeout, config.not_available_after_us)
-        self._unavailable_after[: SPEED + 1] = config.not_available_after_us
+        after, slow = config.not_available_after_us, (SPEED + 1) * self._axles
+        self._unavailable_after_us = [
+            after if place < slow else max(timeout, after) for place, timeout in enumerate(self._timeout_us)
+        ]
         self._torque_is_total = config.torque_is_total
+        self._shares_known = False
         self._min_speed_m_s = config.min_speed_m_s
-        if config.constant_speed_m_s is not None and not self._mapped[SPEED].any():
-            self._value[SPEED] = config.constant_speed_m_s
+        speeds = range(SPEED * self._axles, (SPEED + 1) * self._axles)
+        if config.constant_speed_m_s is not None and not set(speeds) & set(self._mapped):
+            for place in speeds:
+                self._value[place] = config.constant_speed_m_s
 
     def check(self, samples: Sequence[Sample], stamp_us: int) -> Reason | None:
-        """Why a frame's samples cannot be believed, or None. Each is judged, whatever the others are."""
-        verdicts = [self._check(s, stamp_us) for s in samples]
-        return next((v for v in verdicts if v), None)
-
-    def _check(self, s: Sample, stamp_us: int) -> Reason | None:
-        place = _place(s)
-        if (restless := self._stuck_checks.get(place)) is not None:
-            return restless.check(s.value, stamp_us, self.speed_m_s >= self._min_speed_m_s)
-        steady = self._jump_checks.get(place)
-        return None if steady is None else steady.check(s.value, stamp_us)
-
-    def reject(self, sources: Sequence[Source], stamp_us: int, reason: Reason) -> None:
-        """A frame of these was refused. Where two senders contradict each other, not even what came before holds."""
-        for s in sources:
-            for axle in s.axles:
-                self.reach.reject(_ROW[s.quantity], axle, stamp_us, reason)
-                self.contested[_ROW[s.quantity], axle] |= reason is Reason.TWO_SENDERS
-
-    def take(self, s: Sample, stamp_us: int) -> None:
-        """A sample of an accepted frame."""
-        q = _ROW[s.quantity]
-        for axle in s.axles:
-            self._stamps[q, axle] = stamp_us
-            self.reach.accept(q, axle, stamp_us)
-            self.degraded[q, axle], self.contested[q, axle] = s.degraded, s.contested
-            if q <= LAT:
-                self._jitter_buffer.put(q, axle, s.value, stamp_us)
+        """Return the first reason to reject the frame, or None. Check every sample: the checks keep state."""
+        rejected = None
+        for s in samples:
+            place = self._places[s.source][0]
+            stuck = self._stuck_checks.get(place)
+            if stuck is not None:
+                moving = self._value[SPEED * self._axles] >= self._min_speed_m_s
+                reason = stuck.check(s.value, stamp_us, moving)
             else:
-                self._value[q, axle] = s.value
-        if q == SPEED:
-            self.speed_jumped |= self._jump_checks[_place(s)].jumped
-            self._jump_checks[_place(s)].jumped = False
+                jump = self._jump_checks.get(place)
+                reason = None if jump is None else jump.check(s.value, stamp_us)
+            rejected = rejected or reason
+        return rejected
+
+    def reject(self, sources: Sequence[int], stamp_us: int, reason: Reason) -> None:
+        """A frame of these was rejected. Where two senders contradict each other, not even what came before holds."""
+        for source in sources:
+            for place in self._places[source]:
+                self.reach.reject(place, stamp_us, reason)
+                if reason is Reason.TWO_SENDERS:
+                    self.contested[place] = True
+
+    def accept(self, s: Sample, stamp_us: int) -> None:
+        """A sample of an accepted frame."""
+        row = self._rows[s.source]
+        stamps, reach = self._stamp_us, self.reach
+        for place in self._places[s.source]:
+            stamps[place] = stamp_us
+            reach.accept(place, stamp_us)
+            self.degraded[place], self.contested[place] = s.degraded, s.contested
+            if row <= LAT:
+                self._jitter_buffer.put(place, s.value, stamp_us)
+            else:
+                self._value[place] = s.value
+        if row > LAT:
+            self._torque_ratio, self._shares_known = None, False
+            if row == SPEED:
+                check = self._jump_checks[self._places[s.source][0]]
+                self._speed_jumped |= check.jumped
+                check.jumped = False
 
     def reset(self) -> None:
         """A step of time, or a long silence: nothing that came before counts."""
-        self.speed_jumped = False
-        self._stamps[:] = NEVER
+        self._speed_jumped = False
+        self._stamp_us = [NEVER] * len(self._stamp_us)
         self._jitter_buffer.reset()
         self.reach.reset()
-        for restless in self._stuck_checks.values():
-            restless.reset()
-        for steady in self._jump_checks.values():
-            steady.reset()
+        for stuck in self._stuck_checks.values():
+            stuck.reset()
+        for jump in self._jump_checks.values():
+            jump.reset()
 
-    def close(self, end_us: int) -> None:
-        """A tick is over: judge what there is at its end."""
-        age = end_us - self._stamps
-        unavailable: BoolArray = self._mapped & (age > self._unavailable_after)
-        self.stale: BoolArray = np.logical_and(self._mapped, age > self._timeout)
-        self.unavailable: BoolArray = np.any(unavailable, axis=0)
-        z, self.present = self._jitter_buffer.take()
-        self.z: FloatArray = z * self._value[DIRECTION]
-        ratio = np.abs(self._value[TORQUE] + self._value[BRAKE]) / (self._value[LOAD] * self._value[RADIUS])
-        for (q, axle), watch in self._stuck_checks.items():
-            self.unchanged[q, axle] = watch.unchanged(end_us, int(self._timeout[q, axle]))
-        unknown = unavailable[[TORQUE, BRAKE, LOAD, RADIUS]].any(axis=0)
-        self.torque_ratio: FloatArray = np.where(unknown, math.nan, ratio)
+    def close_tick(self, end_us: int) -> TickInputs:
+        """A tick is over: what there is at its end."""
+        stamps, n = self._stamp_us, self._axles
+        stale = tuple([p for p, timeout in self._deadlines if end_us - stamps[p] > timeout])
+        z, present = self._jitter_buffer.take()
+        if min(self._value[DIRECTION * n : (DIRECTION + 1) * n]) < 0.0:
+            z = [x * self._value[DIRECTION * n + place % n] for place, x in enumerate(z)]
+        ratio = self._torque_ratio
+        if ratio is None:
+            v = self._value
+            ratio = self._torque_ratio = [
+                abs(v[TORQUE * n + a] + v[BRAKE * n + a]) / (v[LOAD * n + a] * v[RADIUS * n + a]) for a in range(n)
+            ]
+        unavailable: tuple[int, ...] = ()
+        if stale:
+            silent = [p for p in stale if end_us - stamps[p] > self._unavailable_after_us[p]]
+            unavailable = tuple(sorted({p % n for p in silent}))
+            unknown = {p % n for p in silent if p // n in _OF_TORQUE_RATIO}
+            if unknown:
+                ratio = [math.nan if a in unknown else r for a, r in enumerate(ratio)]
+        jumped, self._speed_jumped = self._speed_jumped, False
+        return TickInputs(self.speed_m_s, jumped, z, present, ratio, stale, unavailable)
+
+    def unchanged(self, end_us: int) -> tuple[int, ...]:
+        """Places of sensors that have said the same for longer than their time-out while the train moved."""
+        return tuple(
+            [
+                place
+                for place, check in self._stuck_checks.items()
+                if check.run >= MIN_RUN and check.unchanged(end_us, self._timeout_us[place])
+            ]
+        )
 
     @property
     def speed_m_s(self) -> float:
         """The vehicle's speed; NaN before it is known."""
-        return float(self._value[SPEED, 0])
+        return self._value[SPEED * self._axles]
 
     def age_ms(self, axle: int, end_us: int) -> int:
         """Age of the oldest input in use, 255 if it is that old or older."""
-        used_us = np.concatenate((self._jitter_buffer.used_us[:, axle], self._stamps[LAT + 1 :, axle]))
-        return min(int((end_us - used_us)[self._mapped[:, axle]].max()) // 1000, 255)
+        n, used_us, stamps = self._axles, self._jitter_buffer.used_us, self._stamp_us
+        measured = (LAT + 1) * n
+        oldest = min([used_us[p] if p < measured else stamps[p] for p in self._mapped if p % n == axle])
+        return min((end_us - oldest) // 1000, 255)
+
+    def any_of(self, flags: Sequence[bool], axle: int) -> bool:
+        """Whether any of an axle's places is flagged."""
+        return any(flags[axle :: self._axles])
+
+    def quantities(self, places: Sequence[int], axle: int) -> set[int]:
+        """Which quantities of an axle are among some places."""
+        n = self._axles
+        return {p // n for p in places if p % n == axle}
+
+    def place(self, quantity: int, axle: int) -> int:
+        """Where a quantity of an axle is kept."""
+        return quantity * self._axles + axle
+
+    @property
+    def all_trusted(self) -> bool:
+        """Whether no sender says Degraded of itself, nor seems to have a rival."""
+        return not (True in self.degraded or True in self.contested)
+
+    def doubtful_axles(self, doubtful: Callable[["Inputs", int], object]) -> bool:
+        """Whether any axle's slow inputs have a value that something speaks against; looked at when one has come."""
+        if not self._shares_known:
+            self._shares_ok = not any(doubtful(self, axle) for axle in range(self._axles))
+            self._shares_known = True
+        return not self._shares_ok
 
     @property
     def speed_covered(self) -> bool:
@@ -154,25 +225,15 @@ class Inputs:
         low, high = self._speeds
         return low <= self.speed_m_s <= high
 
-    @property
-    def friction_share_unknown(self) -> BoolArray:
-        """(n,) Where the friction brakes may add what nobody tells of: always but in traction, torque 0 included."""
-        out: BoolArray = ~(self._torque_is_total | self._mapped[BRAKE] | (self._value[TORQUE] > 0))
-        return out
+    def friction_share_unknown(self, axle: int) -> bool:
+        """Whether the friction brakes may add what nobody tells of: always but in traction, torque 0 included."""
+        brake, torque = self.place(BRAKE, axle), self.place(TORQUE, axle)
+        return not (self._torque_is_total or brake in self._mapped or self._value[torque] > 0)
 
-    @property
-    def load_share(self) -> FloatArray:
-        """(n,) The axle load over the design's; one where the bus does not tell it."""
-        out: FloatArray = self._value[LOAD] / (2 * self._design.normal_N)
-        return out
+    def load_share(self, axle: int) -> float:
+        """The axle load over the design's; one where the bus does not tell it."""
+        return self._value[self.place(LOAD, axle)] / (2 * self._design.normal_N)
 
-    @property
-    def radius_share(self) -> FloatArray:
-        """(n,) The same of the wheel radius."""
-        out: FloatArray = self._value[RADIUS] / self._design.r_0
-        return out
-
-
-def _place(s: Sample | Source) -> tuple[int, int]:
-    """Where a signal is kept: its quantity and the first of its axles."""
-    return _ROW[s.quantity], s.axles[0]
+    def radius_share(self, axle: int) -> float:
+        """The same of the wheel radius."""
+        return self._value[self.place(RADIUS, axle)] / self._design.r_0

@@ -29,7 +29,7 @@ MAX_STEP = {
 class StuckCheck:
     """Watches a sensor that must move."""
 
-    STATE = ("_value", "_run", "_changed_us", "_share", "_frames")
+    STATE = ("_value", "run", "_changed_us", "_share", "_frames")
 
     def __init__(self) -> None:
         self._share, self._frames = FIRST_SHARE, FIRST_FRAMES
@@ -38,24 +38,24 @@ class StuckCheck:
     def reset(self) -> None:
         """Nothing that came before counts; how coarse the sensor is, is remembered."""
         self._value = math.nan
-        self._run = 0  # equal neighbours in a row
+        self.run = 0  # equal neighbours in a row
         self._changed_us: int | None = None
 
     def check(self, value: float, stamp_us: int, moving: bool) -> Reason | None:
         """STUCK for a value that has been the same for too long."""
         if value == self._value and moving:
-            self._run += 1
-        else:
-            self._learn(self._run)
-            self._run, self._changed_us = 0, stamp_us
-        self._value = value
-        return Reason.STUCK if self._run >= MIN_RUN and self._run >= self._longest(STUCK) else None
+            self.run += 1
+            return Reason.STUCK if self.run >= MIN_RUN and self.run >= self._longest(STUCK) else None
+        if self.run:
+            self._learn(self.run)
+        else:  # it moves, as it should: what was learnt otherwise fades
+            self._share += (FIRST_SHARE - self._share) / FADING_FRAMES
+        self.run, self._changed_us, self._value = 0, stamp_us, value
+        return None
 
     def _learn(self, run: int) -> None:
         """How often a run goes on; a stuck sensor must not teach that it always does."""
-        if run == 0:  # it moves, as it should: what was learnt otherwise fades
-            self._share += (FIRST_SHARE - self._share) / FADING_FRAMES
-        elif run < self._longest(STUCK):
+        if run < self._longest(STUCK):
             for went_on in [True] * (min(run, MIN_RUN) - 1) + [False] * (run < MIN_RUN):
                 self._frames = min(self._frames + 1.0, MAX_FRAMES)
                 self._share += (went_on - self._share) / self._frames
@@ -65,7 +65,7 @@ class StuckCheck:
         return (
             self._changed_us is not None
             and now_us - self._changed_us > timeout_us
-            and self._run >= self._longest(DOUBTED)
+            and self.run >= self._longest(DOUBTED)
         )
 
     def _longest(self, chance: float) -> int:

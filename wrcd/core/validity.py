@@ -7,14 +7,13 @@ is Degraded; the window goes on after it.
 """
 
 import math
+from collections.abc import Sequence
 
-import numpy as np
-
-from wrcd.core.causes import Cause
-from wrcd.core.inputs import BoolArray, FloatArray, Inputs
-from wrcd.core.report import Validity
+from wrcd.core.causes import Cause, Validity
+from wrcd.core.configuration import MAX_AXLES
+from wrcd.core.inputs import Inputs, TickInputs
 from wrcd.estimator.doubts import Doubt
-from wrcd.estimator.estimator import Estimate, EstimateDoubt
+from wrcd.estimator.records import Estimate, EstimateDoubt
 
 OF_PAIR = {
     Doubt.SILENT: Cause.SENSORS_SILENT,
@@ -38,28 +37,41 @@ RADIUS_SHARES = (0.9, 1.1)
 # So many ticks past a time-out are bridged. With 40 ms of both sensors missing in every 0.5 s the grid's mean error
 # grows by 6 %, with 60 ms by 10 %; the interval still holds the truth in 95 % (a stalled bus or computer does that).
 BRIDGED_TICKS = 8
+SOUND = (Cause.NONE,) * MAX_AXLES
 
 
-def against(i: Inputs) -> list[Cause]:
+def tick_causes(i: Inputs, tick: TickInputs, end_us: int) -> Sequence[Cause]:
     """What speaks against the tick that was closed, of each axle: the first of all that does."""
-    facts: dict[Cause, BoolArray] = {
-        Cause.INPUT_STALE: np.any(i.stale, axis=0),
-        Cause.TWO_SENDERS: np.any(i.contested, axis=0),
-        Cause.SENSOR_DEGRADED: np.any(i.degraded, axis=0),
-        Cause.UNCHANGED: np.any(i.unchanged, axis=0),
-        Cause.SPEED_OUT_OF_RANGE: np.full(len(i.unavailable), not i.speed_covered),
-        Cause.FRICTION_SHARE_UNKNOWN: i.friction_share_unknown,
-        Cause.LOAD_BEYOND: _beyond(i.load_share, LOAD_SHARES),
-        Cause.RADIUS_BEYOND: _beyond(i.radius_share, RADIUS_SHARES),
-    }
-    causes = (*facts, Cause.NONE)
-    first = np.array([*facts.values(), np.ones(len(i.unavailable), dtype=bool)]).argmax(axis=0)
-    return [causes[k] for k in first]
+    axles = range(len(tick.torque_ratio))
+    unchanged = i.unchanged(end_us)
+    if not (tick.stale or unchanged) and i.speed_covered and i.all_trusted and not i.doubtful_axles(_doubtful):
+        return SOUND[: len(axles)]
+    return [_cause(i, tick, unchanged, axle) for axle in axles]
 
 
-def _beyond(share: FloatArray, bounds: tuple[float, float]) -> BoolArray:
-    out: BoolArray = (share < bounds[0]) | (share > bounds[1])
-    return out
+def _cause(i: Inputs, tick: TickInputs, unchanged: Sequence[int], axle: int) -> Cause:
+    if i.quantities(tick.stale, axle):
+        return Cause.INPUT_STALE
+    if i.any_of(i.contested, axle):
+        return Cause.TWO_SENDERS
+    if i.any_of(i.degraded, axle):
+        return Cause.SENSOR_DEGRADED
+    if i.quantities(unchanged, axle):
+        return Cause.UNCHANGED
+    if not i.speed_covered:
+        return Cause.SPEED_OUT_OF_RANGE
+    return _doubtful(i, axle)
+
+
+def _doubtful(i: Inputs, axle: int) -> Cause:
+    """What speaks against the slow inputs' values."""
+    if i.friction_share_unknown(axle):
+        return Cause.FRICTION_SHARE_UNKNOWN
+    if not LOAD_SHARES[0] <= i.load_share(axle) <= LOAD_SHARES[1]:
+        return Cause.LOAD_BEYOND
+    if not RADIUS_SHARES[0] <= i.radius_share(axle) <= RADIUS_SHARES[1]:
+        return Cause.RADIUS_BEYOND
+    return Cause.NONE
 
 
 class ValidityMonitor:
@@ -90,19 +102,30 @@ class ValidityMonitor:
         self._begun[axle] = why
         self._newest[axle] = self._unsound[axle] = Cause.NONE
 
-    def update(self, axle: int, cause: Cause) -> None:
-        """A tick with all that an estimate needs, and what speaks against it."""
+    def update(self, axle: int, cause: Cause, ticks: int = 1) -> None:
+        """Ticks with all that an estimate needs, and what speaks against them. More than one only where nothing
+        does."""
+        if not cause:
+            self._stale_ticks[axle] = 0
+            self._fresh_ticks[axle] += ticks
+            self._sound_ticks[axle] += ticks
+            if self._fresh_ticks[axle] >= self._window:
+                self._window_full[axle] = True
+            self._newest[axle] = cause
+            if self._begun[axle] in (Cause.STANDSTILL, Cause.INPUT_SILENT):  # that is over
+                self._begun[axle] = Cause.WARMING_UP
+            return
         stale = self._stale_ticks[axle] = self._stale_ticks[axle] + 1 if cause is Cause.INPUT_STALE else 0
         bridged = 0 < stale <= BRIDGED_TICKS
         if not bridged:
             self._fresh_ticks[axle] = 0 if stale else self._fresh_ticks[axle] + 1
-            self._sound_ticks[axle] = 0 if cause else self._sound_ticks[axle] + 1
-        self._window_full[axle] |= self._fresh_ticks[axle] >= self._window
-        self._newest[axle] = cause
-        if cause and not bridged:
+            self._sound_ticks[axle] = 0
             self._unsound[axle] = cause
-        elif self._begun[axle] in (Cause.STANDSTILL, Cause.INPUT_SILENT):  # that is over
+        elif self._begun[axle] in (Cause.STANDSTILL, Cause.INPUT_SILENT):
             self._begun[axle] = Cause.WARMING_UP
+        if self._fresh_ticks[axle] >= self._window:
+            self._window_full[axle] = True
+        self._newest[axle] = cause
 
     def verdict(self, axle: int, estimate: Estimate | None, pair: int) -> tuple[Validity, Cause]:
         """Of an axle now, with the Doubt of its pair of sensors."""

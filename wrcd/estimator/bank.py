@@ -1,25 +1,15 @@
 """The bank: four Kalman filters with steady-state gains for every axle, as one matrix product per tick."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
 from wrcd.estimator.design import CHANNELS, MODELS, STATES, Design, FloatArray, closed_loop
+from wrcd.estimator.tables import SpeedTable
 
 BoolArray = NDArray[np.bool_]
 SPEED_STEP = 0.1  # m/s: matrices are made at multiples of this, and are linear between them
-
-
-def scheduled_speed(speed_m_s: float, speeds: FloatArray) -> float:
-    """The speed whose gains apply: held within the design's grid."""
-    return float(min(max(speed_m_s, speeds[0]), speeds[-1]))
-
-
-def at_speed(table: FloatArray, speeds: FloatArray, speed_m_s: float) -> FloatArray:
-    """A table (v, …) at a speed, linear between the grid's speeds."""
-    i = int(np.clip(np.searchsorted(speeds, speed_m_s) - 1, 0, len(speeds) - 2))
-    t = (speed_m_s - speeds[i]) / (speeds[i + 1] - speeds[i])
-    out: FloatArray = (1.0 - t) * table[i] + t * table[i + 1]
-    return out
 
 
 class Bank:
@@ -39,13 +29,16 @@ class Bank:
     """
 
     STATE = ("x",)
-    TRANSIENT = ("_fused",)
+    TRANSIENT = ("_fused", "_between", "_in")
 
     def __init__(self, design: Design, axles: int) -> None:
-        self._d = design
-        self._tables = closed_loop(design.Phi, design.K, design.H), design.Phi @ design.K, design.H, design.whiten
+        self._range = float(design.speeds_m_s[0]), float(design.speeds_m_s[-1])
+        tables = closed_loop(design.Phi, design.K, design.H), design.Phi @ design.K, design.H, design.whiten
+        self._tables = [SpeedTable(table, design.speeds_m_s) for table in tables]
         self._fused: dict[int, FloatArray] = {}
+        self._between: dict[int, tuple[FloatArray, FloatArray]] = {}
         self.x: FloatArray = np.zeros((MODELS, STATES, axles))
+        self._in: FloatArray = np.zeros((MODELS, STATES + CHANNELS, axles))
 
     def reset(self, axle: int) -> None:
         """Forget what an axle's filters know."""
@@ -56,7 +49,7 @@ class Bank:
 
         A channel that is not present counts as what the model predicts: its innovation is exactly zero.
         """
-        M = self._matrices(scheduled_speed(speed_m_s, self._d.speeds_m_s))
+        M = self._matrices(speed_m_s)
         zs = np.broadcast_to(z, (MODELS, *z.shape))
         if not present.all():
             zs = np.where(present, zs, -M[:, STATES : STATES + CHANNELS, :STATES] @ self.x)
@@ -67,20 +60,36 @@ class Bank:
             e = np.where(present, e, 0.0)
         return e, w
 
+    def step_all(self, z: FloatArray, speeds_m_s: Sequence[float]) -> tuple[FloatArray, FloatArray]:
+        """m ticks z (m, 2, n) with all measurements. Returns e and w, both (m, 4, 2, n)."""
+        m, n = len(z), z.shape[2]
+        out = np.empty((m, MODELS, STATES + 2 * CHANNELS, n))
+        both = self._in
+        both[:, :STATES] = self.x
+        for k in range(m):
+            both[:, STATES:] = z[k]
+            np.matmul(self._matrices(speeds_m_s[k]), both, out=out[k])
+            both[:, :STATES] = out[k, :, :STATES]
+        self.x = both[:, :STATES].copy()
+        return out[:, :, STATES : STATES + CHANNELS], out[:, :, STATES + CHANNELS :]
+
     def _matrices(self, speed: float) -> FloatArray:
-        """(4, 9, 7) at a speed within the grid."""
-        at = speed / SPEED_STEP
+        """(4, 9, 7) at a speed, held within the grid."""
+        low, high = self._range
+        at = min(max(speed, low), high) / SPEED_STEP
         node = int(at)
-        below, above = self._node(node), self._node(node + 1)
-        out: FloatArray = below + (at - node) * (above - below)
+        found = self._between.get(node)
+        if found is None:
+            below = self._node(node)
+            found = self._between[node] = below, self._node(node + 1) - below
+        below, rise = found
+        out: FloatArray = below + (at - node) * rise
         return out
 
     def _node(self, number: int) -> FloatArray:
         found = self._fused.get(number)
         if found is None:
-            speeds = self._d.speeds_m_s
-            speed = scheduled_speed(number * SPEED_STEP, speeds)
-            A, B, H, W = (at_speed(t, speeds, speed) for t in self._tables)
+            A, B, H, W = (table.at(number * SPEED_STEP) for table in self._tables)
             # rows: x' = A x + B z; e = z - H x; w = W e
             M = np.zeros((MODELS, STATES + 2 * CHANNELS, STATES + CHANNELS))
             M[:, :STATES, :STATES] = A

@@ -1,125 +1,47 @@
-"""From measurements to adhesion, for all axles at once."""
+"""From measurements to adhesion, for all axles at once: bank step -> residual RMS -> rules -> adhesion.
 
-from dataclasses import dataclass
-from enum import IntEnum
+Ticks come in blocks of up to BLOCK_TICKS, which is what the window sums up. While nothing happens - every running axle
+has both measurements, no pulse, no outlier, all running means settled - a block is stepped as a whole, with linear
+recursions as matrix products (recursion.py). If anything else shows in it, everything is taken back and the block is
+stepped tick by tick, which can do all. Both give the same numbers but for rounding.
+"""
+
+from collections.abc import Iterable, Iterator
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from wrcd.estimator.bank import Bank, BoolArray, scheduled_speed
+from wrcd.estimator.answer import Answers
+from wrcd.estimator.bank import Bank, BoolArray
+from wrcd.estimator.changes import ChangeDetector
 from wrcd.estimator.design import MODELS, Design, FloatArray, IntArray
-from wrcd.estimator.fuzzy import LOW_FIRING, Fuzzy, Inference
 from wrcd.estimator.gate import Gate
 from wrcd.estimator.identity import BLOCK_S, Identity
 from wrcd.estimator.joints import HOLD_TICKS, MAX_PULSE, Joints
 from wrcd.estimator.noise import NoiseLevel
 from wrcd.estimator.offset import Offset
-from wrcd.estimator.rule_inputs import Past, excitation, rule_inputs
+from wrcd.estimator.records import Estimate, StepResult, Ticks
 from wrcd.estimator.sections import Sections
 from wrcd.estimator.speed import SpeedFilter
-from wrcd.estimator.window import (
-    BLOCK_TICKS,
-    RATIO,
-    RATIO_N,
-    Statistics,
-    Window,
-    mean_ratio,
-    newest,
-    raw_power,
-    statistics,
-)
+from wrcd.estimator.window import BLOCK_TICKS, Lengths, Statistics, Window
 
 OFFSET_WINDOWS = 2  # memory of the sensors' offsets, in windows
-NOW_S = 0.06  # the torque of so long is the torque of the moment
-# A torque of the moment that differs by this share and this ratio from what it was is a change, of the drive or of the
-# rail: the window from before is dropped. The first is against the STEP_S before, the second against all of the rest: a
-# driver's slow turning of the torque leaves the window longer than a slide does.
-STEP_S = 0.16
-TORQUE_STEP, TORQUE_STEP_RATIO = 0.15, 0.004
-TORQUE_TURN, TORQUE_TURN_RATIO = 0.15, 0.01
-# A window grows beyond its usual length over parts of PART_S whose torque differs from the moment's by less.
-PART_S, LIKE_TORQUE, LIKE_TORQUE_RATIO = 0.1, 0.10, 0.002
-# Where the usual window's own word differs from the long one's by so many half-widths (as logarithms), it counts.
-# On the way there it counts in part: one late frame must not make the answer hop from one to the other.
-FALL_BACK_BELOW, FALL_BACK_ABOVE = 0.4, 0.7
-NEWEST_SHARE = 0.5  # of the newest part's half-width that the interval is made to reach down to
-# More in use than the rules say there is: beyond the interval, and by this share of what they say, one is wrong.
-CONTRADICTION_SHARE, CONTRADICTION_PP = 0.2, 0.3
-HARSH_SHARE = 0.7  # of the window that must be far from pulses
-SILENT, SILENT_S = 1.07, 0.4  # all four residuals below so many times the noise, over at least so long: no track
-# Half-width over the estimate from which on it says nothing; and the least way that a wheelset must have run to tell.
-VAGUE, MIN_M = 0.6, 2.9
-BEYOND_WIDER = 2.0  # the half-width grows by this factor for each range that an input lies outside the sets
-
-
-class EstimateDoubt(IntEnum):
-    """What of the estimate itself keeps it from being believed."""
-
-    NONE = 0
-    NO_RULE = 1  # too few rules fire
-    BEYOND_TRAINING = 2  # residuals unlike any that the rules were made from
-    HARSH = 3  # so many pulses that little of the window is left
-    SILENT = 4  # the sensors give their noise alone
-    VAGUE = 5  # the interval is too wide to say anything, or the window too short
-
-
-@dataclass(frozen=True, slots=True)
-class Tick:
-    """What one tick brought: z and present (2, n), |torque| / (2 N r0) (n,), speed. NaN where nothing is known."""
-
-    number: int
-    z: FloatArray
-    present: BoolArray
-    torque_ratio: FloatArray
-    speed_m_s: float
-
-
-@dataclass(frozen=True, slots=True)
-class Estimate:
-    """Per axle (n,), NaN where unknown. Adhesion in percent, half_width in percentage points (90 % interval)."""
-
-    residuals: FloatArray  # (n, 4)
-    torque_ratio: FloatArray
-    inputs: FloatArray  # (n, COLUMNS) what the rules were given
-    fuzzy: FloatArray  # 0 … 100
-    firing: FloatArray  # total weight of the rules; below 0.05 there is no answer
-    rule: IntArray  # that weighs most, from 1; 0 none
-    rule_share: FloatArray
-    winner: IntArray  # model from 1 whose residual (as the rules see it) is lowest in its own range; 0 none
-    mu_available_pct: FloatArray
-    half_width_pp: FloatArray
-    used_pct: FloatArray  # of the moment
-    saturated: BoolArray
-    contradicted: BoolArray  # more is in use than the rules, with their interval, say there is: one of them is wrong
-    doubt: IntArray  # an EstimateDoubt: what speaks against the estimate itself
-    window_s: FloatArray  # length of the window that the answer is from
-
-
-@dataclass(frozen=True, slots=True)
-class Answer:
-    """What the rules say of one window of every axle (n,): adhesion, not below what is in use, and its half-width as a
-    share of it; said_pct is without what is in use."""
-
-    blocks: IntArray
-    said_pct: FloatArray
-    mu_pct: FloatArray
-    spread: FloatArray
-    inputs: FloatArray
 
 
 class Estimator:
-    """bank step -> residual RMS -> fuzzy -> adhesion. Never raises on data: what is unknown comes out as NaN.
+    """Steps the bank and answers. Never raises on data: what is unknown comes out as NaN.
 
-    Every block of ticks the newest part of the window is compared with the rest; where the rail or the torque has
-    changed, the rest is dropped, so that the estimate follows in a fraction of the window and says so by a wider
-    interval. While nothing changes the window grows to twice its usual length.
+    At the end of every block of ticks the newest part of the window is compared with the rest; where the rail or the
+    torque has changed, the rest is dropped, so that the estimate follows in a fraction of the window and says so by a
+    wider interval. While nothing changes the window grows to twice its usual length.
     """
 
     STATE = (
-        "_bank", "_offset", "_gate", "_window", "_speed", "_lowpass", "_joints", "_noise", "_speed_m_s", "_whole",
-        "_delayed", "_delayed_live", "_delayed_clear", "started", "used", "outlier", "good", "upset", "outliers",
-        "identity", "_saturated",
+        "_bank", "_offset", "_gate", "_window", "_speed", "_lowpass", "_joints", "_noise", "_speed_m_s", "_complete",
+        "_delayed", "_delayed_live", "_delayed_clear", "started", "outliers", "identity", "_saturated",
     )  # fmt: skip
-    TRANSIENT = ("near_pulse", "live", "calm")
+    TRANSIENT = ("_settled", "_all")
 
     def __init__(self, design: Design, axles: int) -> None:
         self.design = design
@@ -131,24 +53,13 @@ class Estimator:
         self._joints = Joints(design.highpass, float(design.noise_rms[1]), axles)
         self._noise = NoiseLevel(design.noise_rms, axles)
         self._lowpass = Sections(design.lowpass, 2 * MODELS, axles)
-        self._longest = -(-design.longest_ticks // BLOCK_TICKS)
-        self._window = Window(self._longest, axles)
-        self._fuzzy = Fuzzy(design)
+        self._window = Window(Lengths(design).longest, axles)
+        self._changes, self._answers = ChangeDetector(design), Answers(design, axles)
         self.identity = Identity((float(design.noise_rms[0]), float(design.noise_rms[1])), design.tick_s, axles)
-        self._speed_m_s = float(design.speeds_m_s[0])
-        self._low = np.array([s.centres[0] for s in design.residual_sets])
-        self._width = np.array([s.centres[-1] - s.centres[0] for s in design.residual_sets])
-        # of the newest tick: which axles' measurements it made use of, and which it left out as absurd
-        self.used: BoolArray = np.zeros(axles, dtype=bool)
-        self.outlier: BoolArray = np.zeros(axles, dtype=bool)
-        self._whole: BoolArray = np.zeros(axles, dtype=bool)  # whether the newest tick brought every measurement
-        self.good: BoolArray = np.zeros(axles, dtype=bool)  # whether it can go into the window
-        self.upset: BoolArray = np.zeros(axles, dtype=bool)
-        self.near_pulse: BoolArray = np.zeros(axles, dtype=bool)
-        self.calm: BoolArray = np.zeros(axles, dtype=bool)  # and that one is far from any pulse
-        self.live: BoolArray = np.zeros(
-            axles, dtype=bool
-        )  # whether the window was given an innovation, HOLD_TICKS late
+        self._grid = float(design.speeds_m_s[0]), float(design.speeds_m_s[-1])
+        self._speed_m_s = self._grid[0]
+        self._wrcd = design.form == "wrcd"
+        self._complete: BoolArray = np.zeros(axles, dtype=bool)  # whether the newest tick's measurements were used
         self.outliers = 0  # samples left out so far
         # innovations wait HOLD_TICKS, oldest first, until it is known whether a pulse follows
         self._delayed: FloatArray = np.zeros((HOLD_TICKS, MODELS, 2, axles))
@@ -156,258 +67,210 @@ class Estimator:
         self._delayed_clear: BoolArray = np.zeros((HOLD_TICKS, axles), dtype=bool)
         self._saturated: BoolArray = np.zeros(axles, dtype=bool)  # a while ago
         self.started: BoolArray = np.zeros(axles, dtype=bool)  # whether a measurement was used since the last reset
-        self._usual = -(-design.window_ticks // BLOCK_TICKS)
-        self._recent = max(2, round(design.recent_ticks / BLOCK_TICKS))
-        self._now = max(1, round(NOW_S / design.tick_s / BLOCK_TICKS))
-        self._judged_ticks = round(BLOCK_S / design.tick_s)
-        self._step = max(1, round(STEP_S / design.tick_s / BLOCK_TICKS))
-        self._part = max(1, round(PART_S / design.tick_s / BLOCK_TICKS))
-        self._min_ticks = 0.5 * self._recent * BLOCK_TICKS
+        self._saturated_ticks = round(BLOCK_S / design.tick_s)  # between two looks at it
+        self._small = (self._offset.newest_share * MAX_PULSE)[:, None]
+        self._settled: BoolArray | None = None  # (n,): which axles a whole block can be stepped of; None: look
+        self._all: BoolArray = np.ones((BLOCK_TICKS, axles), dtype=bool)
 
     def reset(self, axle: int) -> None:
         """Start an axle anew: after a gap, a step of time, or a standstill."""
-        self._whole[axle] = self.started[axle] = self._saturated[axle] = False
+        self._complete[axle] = self.started[axle] = self._saturated[axle] = False
         self._delayed[..., axle] = 0.0
         self._delayed_live[:, axle] = self._delayed_clear[:, axle] = False
         for part in (
             self._offset, self._gate, self._bank, self._joints, self._noise, self._lowpass, self._window, self.identity
         ):  # fmt: skip
             part.reset(axle)
+        self._settled = None
         if not self.started.any():  # the speed is all axles': it goes on while one of them does
             self._speed.reset()
 
-    def step(self, tick: Tick) -> FloatArray:
-        """Run the bank for one tick and remember its residuals. Returns the innovations (4, 2, n).
+    def block_end(self, tick: int) -> bool:
+        """Whether a block ends with a tick: ticks up to there, and no further, may be stepped at once."""
+        return (tick + 1) % BLOCK_TICKS == 0 or (tick + 1) % self._saturated_ticks == 0
 
-        A tick without both channels, or with an absurd innovation in either, is predicted over. Where absurd ones go
-        on, or a filter is not finite, the axle is upset: call reset() for it.
+    def step(self, ticks: Ticks, first: int = 0) -> StepResult:
+        """Step ticks from `first` on: all that are left if nothing happens in them, else one. No block_end() may lie
+        within them. The result tells how many they were; call reset() for the axles that need it before going on."""
+        result = self._step_settled(ticks, first) or self._step_one(ticks, first)
+        newest = ticks.number + first + len(result) - 1
+        if self._wrcd and (newest + 1) % BLOCK_TICKS == 0:
+            with np.errstate(invalid="ignore", divide="ignore"):
+                changed = self._changes.changed(self._window, self._speed_m_s)
+            if changed.any():
+                self._window.truncate(self._changes.recent_blocks, changed)
+        if (newest + 1) % self._saturated_ticks == 0:
+            self._saturated = self.estimate().saturated
+        return result
+
+    def _step_settled(self, ticks: Ticks, first: int) -> StepResult | None:
+        """All ticks from `first` on at once; None, and nothing has changed, if that cannot be."""
+        m = len(ticks) - first
+        running, exempt = self._stepped_at_once(ticks, first)
+        if running is None:
+            return None
+        z = ticks.z[first:] if exempt is None else np.where(running, ticks.z[first:], 0.0)
+        before = self._speed.checkpoint(), self._offset.checkpoint(), self._joints.checkpoint(), self._bank.x
+        speeds = [self._speed.step(v) for v in ticks.speeds_m_s[first:]]
+        with np.errstate(over="ignore", invalid="ignore"):
+            deviation = self._offset.step_settled(z)
+            usual = bool((np.abs(deviation) <= self._small).all()) and self._joints.step_settled(z[:, 1])
+            if usual:
+                e, w = self._bank.step_all(deviation, speeds)
+                usual = self._gate.step_settled(e, z[:, 0], exempt)
+        if not usual:
+            speed, offset, joints, self._bank.x = before
+            self._speed.rollback(speed)
+            self._offset.rollback(offset)
+            self._joints.rollback(joints)
+            return None
+        self._speed_m_s = speeds[-1]
+        self._noise.step_settled(z)
+        idle = None if running.all() else ~running
+        self.identity.step_settled(z, None if idle is None else running, speeds, self._saturated)
+        yes = self._all[:m] if idle is None else self._all[:m] & running
+        no = ~self._all[:m]
+        in_window = yes & np.isfinite(ticks.torque_ratio[first:])
+        live, calm = self._put(ticks, first, w, in_window, no, no)
+        if idle is not None:
+            for axle in np.flatnonzero(idle).tolist():  # their running powers fade on nothing
+                self._joints.reset(axle)
+                self._noise.reset(axle)
+        return StepResult(e, yes, no, no, in_window, live, calm, no[0])
+
+    def _stepped_at_once(self, ticks: Ticks, first: int) -> tuple[BoolArray | None, BoolArray | None]:
+        """Which axles (n,) run, if all that do are settled and have all measurements, else None; and which, if any,
+        the gate is not to judge: those that do not run, and those whose filters still swing after a pulse."""
+        m = len(ticks) - first
+        if self._settled is None:
+            self._settled = self._complete & np.logical_and.reduce(
+                [part.settled for part in (self._offset, self._gate, self._joints, self._noise, self.identity)]
+            )
+        present = ticks.present[first:]
+        running, exempt = self._settled, None
+        if not (present.all() and running.all()):
+            running = np.logical_and.reduce(present, axis=(0, 1))
+            idle = ~np.logical_or.reduce(present, axis=(0, 1)) & ~self.started
+            if not ((running & self._settled) | idle).all() or not running.any():
+                return None, None
+            exempt = idle
+        swinging = self._joints.recovering_after(1)
+        if swinging.any():
+            if (swinging != self._joints.recovering_after(m)).any():
+                return None, None
+            exempt = swinging if exempt is None else swinging | exempt
+        return running, exempt
+
+    def _step_one(self, ticks: Ticks, at: int) -> StepResult:
+        """One tick, whatever it brings.
+
+        An axle without both measurements, or with an outlier in either, is predicted over.
         """
-        self._speed_m_s = speed = self._speed.step(tick.speed_m_s)
+        self._settled = None
+        z, present = ticks.z[at], ticks.present[at]
+        self._speed_m_s = speed = self._speed.step(ticks.speeds_m_s[at])
         # one channel alone is not enough: with its part of a gain made for two, a filter would be unstable
-        whole = np.logical_and.reduce(tick.present)
-        bank, offset = self._bank.x, self._offset.known
-        small = np.logical_and.reduce(np.abs(self._offset.without(tick.z)) <= MAX_PULSE[:, None])
-        pulse, near = self._joints.step(tick.z[1], whole & small)
-        e, w = self._filter(tick, whole, near, speed)
+        whole = np.logical_and.reduce(present)
+        bank, offset = self._bank.x, self._offset.checkpoint()
+        small = np.logical_and.reduce(np.abs(self._offset.deviation(z)) <= MAX_PULSE[:, None])
+        pulse, near = self._joints.step(z[1], whole & small)
+        e, w = self._filter(z, whole, near, speed)
         swings = self._joints.recovering & small
-        absurd = self._gate.outliers(e, tick.z[0], whole & ~swings)
-        self.outlier = np.logical_or.reduce(absurd)
-        used = whole & ~self.outlier
-        if self.outlier.any():
-            self.outliers += int(absurd.sum())
-            self._bank.x, self._offset.known = bank, offset
-            e, w = self._filter(tick, used, near, speed)
-        self.upset = self._gate.learn(e, tick.z[0], used & ~swings, absurd) | ~np.isfinite(self._bank.x).all(
-            axis=(0, 1)
-        )
-        self._noise.step(tick.z, used & ~near)
-        self.used = used
-        self.identity.step(tick.z, used & ~near, speed, self._saturated)
-        self.near_pulse = near
-        self.started |= used
-        # the first innovation after a gap is that of several ticks at once, larger than others: it stays out. So a
-        # sensor that is slower than the ticks, for which no gain here is made, never gives an estimate
-        self.good = used & self._whole & np.isfinite(tick.torque_ratio) & ~self.upset
-        self._whole = used
-        self._put(tick, w, pulse, near)
-        if self.design.form == "wrcd" and (tick.number + 1) % BLOCK_TICKS == 0:
-            self._drop_what_was_before_a_change()
-        if (tick.number + 1) % self._judged_ticks == 0:
-            self._saturated = Estimator.estimate(self).saturated
-        return e
+        outliers = self._gate.outliers(e, z[0], whole & ~swings)
+        left_out = np.logical_or.reduce(outliers)
+        accepted = whole & ~left_out
+        if left_out.any():
+            self.outliers += int(outliers.sum())
+            self._bank.x = bank
+            self._offset.rollback(offset)
+            e, w = self._filter(z, accepted, near, speed)
+        needs_reset = self._gate.learn(e, z[0], accepted & ~swings, outliers)
+        needs_reset |= ~np.isfinite(self._bank.x).all(axis=(0, 1))
+        self._noise.step(z, accepted & ~near)
+        self.identity.step(z, accepted & ~near, speed, self._saturated)
+        self.started |= accepted
+        # Keep the first innovation after a gap out of the window: it spans several ticks. A sensor slower than the
+        # ticks, for which no gain here is made, therefore never gives an estimate.
+        in_window = accepted & self._complete & np.isfinite(ticks.torque_ratio[at]) & ~needs_reset
+        self._complete = accepted
+        live, calm = self._put(ticks, at, w[None], in_window[None], pulse[None], near[None])
+        return StepResult(e[None], accepted[None], left_out[None], near[None], in_window[None], live, calm, needs_reset)
 
-    def _filter(self, tick: Tick, axles: BoolArray, near: BoolArray, speed_m_s: float) -> tuple[FloatArray, FloatArray]:
+    def _filter(
+        self, z: FloatArray, axles: BoolArray, near: BoolArray, speed_m_s: float
+    ) -> tuple[FloatArray, FloatArray]:
         """The bank with the measurements of some axles (n,); those near a pulse teach no offset."""
-        present = np.broadcast_to(axles, tick.present.shape)
-        z = self._offset.take(tick.z, np.broadcast_to(axles & ~near, tick.present.shape))
-        return self._bank.step(z, present, speed_m_s)
+        deviation = self._offset.step(z, np.broadcast_to(axles & ~near, z.shape))
+        return self._bank.step(deviation, np.broadcast_to(axles, z.shape), speed_m_s)
 
-    def _put(self, tick: Tick, w: FloatArray, pulse: BoolArray, near: BoolArray) -> None:
-        """Innovations enter the window HOLD_TICKS late, those about a pulse and those not used as zeros."""
-        self._delayed_clear &= ~pulse
-        raw, live = self._delayed[0], self._delayed_live[0] & self._delayed_clear[0]
-        self._delayed = np.concatenate((self._delayed[1:], w[None]))
-        self._delayed_live = np.concatenate((self._delayed_live[1:], self.good[None]))
-        self._delayed_clear = np.concatenate((self._delayed_clear[1:], ~near[None]))
-        raw = np.where(live, raw, 0.0)
-        w = self._lowpass.step(raw.reshape(-1, self.axles)).reshape(raw.shape) if self.design.form == "wrcd" else raw
-        self.live = live
-        self.calm = live & ~self._joints.recovering
-        self._window.put(tick.number, w, raw, self.started, live, self.calm, tick.torque_ratio)
-
-    def steps(self) -> FloatArray:
-        """Of the newest part of the window against the rest: decades between the residuals (n, 4), NaN where either
-        holds too little."""
-        return self._decades(self._window.plain(0, self._recent), self._window.plain(self._recent, self._usual))
-
-    def _decades(self, new: FloatArray, rest: FloatArray) -> FloatArray:
-        """(n, 4) between the residuals of plain sums; NaN where either holds too little."""
-        with np.errstate(invalid="ignore", divide="ignore"):
-            return 0.5 * np.log10(raw_power(new, self._min_ticks) / raw_power(rest, self._min_ticks))
-
-    def _past(self, used: FloatArray, now: FloatArray) -> Past:
-        """Of windows (m,) of the axles, all of them with one length after all with another."""
-        times = len(used) // self.axles
-        window, half = self._window, self._usual // 2
-        decades = self._decades(window.kept(0, self._recent), window.kept(self._recent, self._recent + half))
-        lowest, highest = window.torque_range(half)
-        return Past(
-            used, np.tile(now, times), np.tile(lowest, times), np.tile(highest, times), np.tile(decades, (times, 1))
-        )  # fmt: skip
-
-    def _drop_what_was_before_a_change(self) -> None:
-        """Compare the newest part of the window with the rest: residuals and torque."""
-        decades, now = self.steps(), self.torque_now()
-        just = mean_ratio(self._window.plain(self._now, self._now + self._step))
-        rest = mean_ratio(self._window.plain(self._recent, self._usual))
-        with np.errstate(invalid="ignore"):
-            changed = np.any(np.abs(decades) > self.limits_of_change(self._speed_m_s), axis=1)
-            torque = np.abs(now - just) > TORQUE_STEP * np.maximum(now, just) + TORQUE_STEP_RATIO
-            torque |= np.abs(now - rest) > TORQUE_TURN * np.maximum(now, rest) + TORQUE_TURN_RATIO
-            changed |= torque & np.isfinite(decades[:, 0])
-        if changed.any():
-            self._window.truncate(self._recent, changed)
-
-    def limits_of_change(self, speed_m_s: float) -> FloatArray:
-        """(4,) decades at a speed."""
-        d = self.design
-        return np.array([np.interp(speed_m_s, d.change_speeds_m_s, limits) for limits in d.changes.T])
+    def _put(
+        self, ticks: Ticks, first: int, w: FloatArray, in_window: BoolArray, pulse: BoolArray, near: BoolArray
+    ) -> tuple[BoolArray, BoolArray]:
+        """m ticks' innovations (m, 4, 2, n) enter the window HOLD_TICKS late; those about a pulse and those that must
+        stay out as zeros. A pulse is told one tick at a time. Returns what entered: live and calm (m, n)."""
+        m = len(w)
+        if pulse.any():
+            self._delayed_clear &= ~pulse
+        if m == HOLD_TICKS:
+            raw, delayed_live, clear = self._delayed, self._delayed_live, self._delayed_clear
+            self._delayed, self._delayed_live, self._delayed_clear = w, in_window.copy(), ~near
+        else:
+            queues = ((self._delayed, w), (self._delayed_live, in_window), (self._delayed_clear, ~near))
+            (raw, self._delayed), (delayed_live, self._delayed_live), (clear, self._delayed_clear) = (
+                _shifted(queue, new) for queue, new in queues
+            )
+        live: BoolArray = delayed_live & clear
+        if not live.all():
+            raw = np.where(live[:, None, None], raw, 0.0)
+        w = self._lowpass.step(raw.reshape(m, -1, self.axles)).reshape(raw.shape) if self._wrcd else raw
+        calm: BoolArray = live & ~self._joints.recovering
+        ratio = ticks.torque_ratio[first : first + m]
+        self._window.put(ticks.number + first, w, raw, self.started, live, calm, ratio)
+        return live, calm
 
     def estimate(self) -> Estimate:
         """The adhesion that the window's residuals and torque speak for."""
-        d = self.design
-        filled = self._window.filled()
-        usual = np.minimum(filled, self._usual)
-        now = self.torque_now()
-        used = 100.0 * now
-        if d.form == "paper":
-            (best,), inference, chosen = self._answers([usual], now)
-            spread, doubt = best.spread, np.zeros(self.axles, dtype=np.int64)
-        else:
-            lengths = [self._alike(now, usual, filled), usual, np.minimum(filled, self._recent)]
-            (long, short, recent), inference, chosen = self._answers(lengths, now)
-            back = _back(long, short)
-            best = _between(back, long, short)
-            rows = np.where(back > 0.5, 1, 0) * self.axles + np.arange(self.axles)
-            inference, chosen = inference.take(rows), chosen.take(rows)
-            spread = best.spread
-            # the newest part may know of a drop that the window as a whole does not show yet: reach down to it
-            reach = best.mu_pct - recent.mu_pct * (1.0 - NEWEST_SHARE * recent.spread)
-            with np.errstate(invalid="ignore"):
-                spread = np.where(reach > spread * best.mu_pct, reach / best.mu_pct, spread)
-            spread, doubt = self._doubted(spread, best, inference, chosen)
-        mu = best.mu_pct
-        fits = (best.inputs[:, :MODELS] - self._low) / self._width
-        nearest = np.argmin(np.where(np.isnan(fits), np.inf, fits), axis=1) + 1
-        with np.errstate(invalid="ignore"):
-            half_width = np.maximum(spread * mu, used - best.said_pct)
-            margin = np.maximum(spread * best.said_pct, CONTRADICTION_SHARE * best.said_pct + CONTRADICTION_PP)
-            saturated = used >= d.saturated_share * mu
-            contradicted = used > best.said_pct + margin
-        return Estimate(
-            residuals=chosen.residuals,
-            torque_ratio=chosen.ratio,
-            inputs=best.inputs,
-            fuzzy=inference.output,
-            firing=inference.firing,
-            rule=inference.rule,
-            rule_share=inference.rule_share,
-            winner=np.where(np.isnan(fits).any(axis=1), 0, nearest),
-            mu_available_pct=mu,
-            half_width_pp=half_width,
-            used_pct=used,
-            saturated=saturated,
-            contradicted=contradicted,
-            doubt=doubt,
-            window_s=chosen.ticks * d.tick_s,
-        )
+        return self._answers.estimate(self._window, self._noise.sensor_factor(), self._speed_m_s, self._in_grid)
 
     def torque_now(self) -> FloatArray:
         """(n,): torque ratio of the moment; NaN where it is not known."""
-        return mean_ratio(self._window.plain(0, self._now))
+        return self._answers.torque_now(self._window)
 
     def inputs_of(self, blocks: IntArray, now: FloatArray) -> tuple[FloatArray, Statistics]:
-        """What the rules are given (m, COLUMNS) of windows of so many blocks (m,), and the windows' statistics.
-
-        m may be several times the axles: all of them with one length after all with another. now is (n,). In a window
-        shorter than the usual one the torque has changed: that of the moment counts.
-        """
-        s = statistics(newest(self._window.cumulative(), blocks), self._min_ticks)
-        times = len(blocks) // self.axles
-        used = np.where(blocks < self._usual, np.tile(now, times), s.ratio) if self.design.form == "wrcd" else s.ratio
-        speed = scheduled_speed(self._speed_m_s, self.design.speeds_m_s)
-        noise = np.tile(self._noise.sensor_factor(), times)
-        return rule_inputs(self.design, s, self._past(used, now), noise, speed), s
-
-    def _answers(self, lengths: list[IntArray], now: FloatArray) -> tuple[list[Answer], Inference, Statistics]:
-        """One for each of the windows' lengths (n,); inference and statistics of all, one after another."""
-        d, n = self.design, self.axles
-        inputs, s = self.inputs_of(np.concatenate(lengths), now)
-        inference = self._fuzzy.infer(inputs)
-        said = np.clip(np.polyval(d.polynomial, inference.output), *d.adhesion_range_pct)
-        out = []
-        for i, blocks in enumerate(lengths):
-            rows = slice(i * n, (i + 1) * n)
-            mine = said[rows]
-            # what is in use is available: the estimate cannot lie below it
-            mu = np.where(np.isnan(mine), np.nan, np.minimum(np.fmax(mine, 100.0 * now), 100.0))
-            out.append(Answer(blocks, mine, mu, inference.spread[rows], inputs[rows]))
-        return out, inference, s
-
-    def _alike(self, now: FloatArray, usual: IntArray, filled: IntArray) -> IntArray:
-        """(n,): blocks over which the torque has been as it is now; at least the usual window."""
-        cumulative = self._window.cumulative()
-        edges = np.arange(0, len(cumulative), self._part)
+        """What the rules are given (m, COLUMNS) of windows of so many blocks (m,), and the windows' statistics; see
+        Answers.inputs_of."""
         with np.errstate(invalid="ignore", divide="ignore"):
-            ratio = np.diff(cumulative[edges, RATIO], axis=0) / np.diff(cumulative[edges, RATIO_N], axis=0)
-            like = np.abs(ratio - now) <= LIKE_TORQUE * now + LIKE_TORQUE_RATIO
-        parts = np.where(like.all(axis=0), len(like), np.argmin(like, axis=0))
-        return np.asarray(np.clip(parts * self._part, usual, filled))
+            return self._answers.inputs_of(self._window, blocks, now, self._noise.sensor_factor(), self._in_grid)
 
-    def _doubted(
-        self, spread: FloatArray, best: Answer, inference: Inference, s: Statistics
-    ) -> tuple[FloatArray, IntArray]:
-        """The spread, wider where few rules fire or the inputs are unusual; and what is too much of it, a Doubt."""
-        d = self.design
-        outside = np.maximum(d.low - best.inputs, best.inputs - d.high) / np.maximum(d.high - d.low, 1e-9)
-        # coasting, a long window and quiet sensors are no news: only the residuals can be unlike any that were seen
-        far = np.clip(outside[:, :MODELS].max(axis=1), 0.0, None)
-        loud = excitation(d, s, self._noise.sensor_factor(), scheduled_speed(self._speed_m_s, d.speeds_m_s))
-        with np.errstate(invalid="ignore"):
-            few = np.clip(LOW_FIRING / np.maximum(inference.firing, 1e-9), 1.0, 3.0)
-            spread = spread * few * (1.0 + BEYOND_WIDER * far)
-            reasons = {
-                EstimateDoubt.SILENT: (loud < SILENT) & (s.ticks * d.tick_s >= SILENT_S),
-                EstimateDoubt.HARSH: s.live_share < HARSH_SHARE,
-                EstimateDoubt.BEYOND_TRAINING: far > d.beyond,
-                EstimateDoubt.NO_RULE: inference.rule == 0,
-                EstimateDoubt.VAGUE: (spread > VAGUE) | (s.ticks * d.tick_s * self._speed_m_s < MIN_M),
-            }
-            doubt = np.select(list(reasons.values()), list(reasons), EstimateDoubt.NONE)
-        return spread, doubt.astype(np.int64)
+    def steps(self) -> FloatArray:
+        """Decades (n, 4) by which the newest part's residuals lie above those of the rest of the usual window."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return self._changes.steps(self._window)
+
+    @property
+    def _in_grid(self) -> float:
+        """The speed, held within the design's grid."""
+        low, high = self._grid
+        return min(max(self._speed_m_s, low), high)
 
 
-def _back(long: Answer, short: Answer) -> FloatArray:
-    """(n,): how far the answer of the usual window counts, 0 … 1: by one half where it differs from the long one's by
-    so many half-widths, down or up."""
-    with np.errstate(invalid="ignore"):
-        apart = np.log(short.mu_pct / long.mu_pct) / short.spread
-        back = np.clip(0.5 * np.fmax(apart / FALL_BACK_ABOVE, -apart / FALL_BACK_BELOW), 0.0, 1.0)
-    return np.where((long.blocks > short.blocks) & np.isfinite(back), back, 0.0)
+def step_through(estimator: Estimator, ticks: Ticks, stops: Iterable[int] = ()) -> Iterator[int]:
+    """Step any number of ticks, block by block; axles are not reset. Yields after each of the stops, places among the
+    ticks that grow."""
+    at = 0
+    for stop in (*stops, len(ticks) - 1):
+        while at <= stop:
+            end = at + 1
+            while end <= stop and not estimator.block_end(ticks.number + end - 1):
+                end += 1
+            block, first = ticks.part(at, end), 0
+            while first < len(block):
+                first += len(estimator.step(block, first))
+            at = end
+        yield stop
 
 
-def _between(share: FloatArray, first: Answer, second: Answer) -> Answer:
-    """Of every axle the first (share 0), the second (1) or an answer between them; window and inputs are of the one
-    that counts for more."""
-
-    def take(a: FloatArray, b: FloatArray) -> FloatArray:
-        return np.where(share == 0.0, a, (1.0 - share) * a + share * b)
-
-    most = share > 0.5
-    return Answer(
-        np.where(most, second.blocks, first.blocks),
-        take(first.said_pct, second.said_pct),
-        take(first.mu_pct, second.mu_pct),
-        take(first.spread, second.spread),
-        np.where(most[:, None], second.inputs, first.inputs),
-    )
+def _shifted(queue: NDArray[Any], new: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+    """What leaves a queue of ticks, and the queue, as new ones come."""
+    both = np.concatenate((queue, new))
+    return both[: len(new)], both[len(new) :]

@@ -25,7 +25,7 @@ class Inference:
     rule_share: FloatArray
     spread: FloatArray
 
-    def take(self, rows: IntArray) -> "Inference":
+    def take(self, rows: IntArray | slice) -> "Inference":
         """Some of the axles."""
         return Inference(
             self.output[rows], self.firing[rows], self.rule[rows], self.rule_share[rows], self.spread[rows]
@@ -42,9 +42,22 @@ class Fuzzy:
 
     def __init__(self, design: Design) -> None:
         self._sets = design.sets
+        # A degree rises from a set's left neighbour and falls to its right one. Beyond the outermost sets, neighbours
+        # at a distance of one and beyond: the degree stays one. A set that an input lacks lies far off.
         widest = max(len(s.centres) for s in self._sets)
-        self._widest = widest
-        self._pick = design.rules + widest * np.arange(len(self._sets))
+        shape = (len(self._sets), widest)
+        self._left, self._right = np.full(shape, 1e9), np.full(shape, -1e9)
+        self._rise, self._fall = np.ones(shape), np.ones(shape)
+        for i, s in enumerate(self._sets):
+            c, m = s.centres, len(s.centres)
+            gaps = np.diff(c)
+            self._left[i, 0], self._left[i, 1:m] = c[0] - 1.0, c[:-1]
+            self._right[i, m - 1], self._right[i, : m - 1] = c[-1] + 1.0, c[1:]
+            self._rise[i, 1:m] = gaps
+            self._fall[i, : m - 1] = gaps
+        self._first = np.array([s.centres[0] for s in self._sets])
+        self._last = np.array([s.centres[-1] for s in self._sets])
+        self._pick = (design.rules + widest * np.arange(len(self._sets))).T.copy()
         self._low, self._high = design.low, design.high
         sets = [s.centres[design.rules[:, i]] for i, s in enumerate(self._sets)]
         rest = np.broadcast_to(design.middle[len(sets) :], (len(design.rules), len(design.middle) - len(sets)))
@@ -59,20 +72,30 @@ class Fuzzy:
     def infer(self, inputs: FloatArray) -> Inference:
         """inputs (n, COLUMNS): see `rule_inputs`. NaN in gives NaN out."""
         n = len(inputs)
-        degrees = np.zeros((n, len(self._sets), self._widest))
-        for i, sets in enumerate(self._sets):
-            degrees[:, i, : len(sets.centres)] = sets.memberships(inputs[:, i])
-        weights = degrees.reshape(n, -1)[:, self._pick].prod(axis=2)
-        firing = weights.sum(axis=1)
+        weights = np.multiply.reduce(self.degrees(inputs).reshape(n, -1)[:, self._pick], axis=1)
+        firing = np.add.reduce(weights, axis=1)
         known = firing >= MIN_FIRING
         share = weights / np.where(known, firing, 1.0)[:, None]
-        held = np.clip(inputs, self._low, self._high)
-        output = share @ self._offset + np.sum((share @ self._slopes) * held, axis=1)
-        log_spread = share @ self._spread_offset + np.sum((share @ self._spread_slopes) * held, axis=1)
+        held = np.minimum(np.maximum(inputs, self._low), self._high)
+        output = share @ self._offset + np.add.reduce((share @ self._slopes) * held, axis=1)
+        log_spread = share @ self._spread_offset + np.add.reduce((share @ self._spread_slopes) * held, axis=1)
+        output = np.minimum(np.maximum(output, 0.0), 100.0)
+        spread = 10.0 ** np.minimum(np.maximum(log_spread, LOG_SPREADS[0]), LOG_SPREADS[1])
+        rule = weights.argmax(axis=1)
+        rule_share = share[np.arange(n), rule]
+        if known.all():
+            return Inference(output, firing, rule + 1, rule_share, spread)
         return Inference(
-            output=np.where(known, np.clip(output, 0.0, 100.0), np.nan),
+            output=np.where(known, output, np.nan),
             firing=firing,
-            rule=np.where(known, np.argmax(weights, axis=1) + 1, 0),
-            rule_share=np.where(known, share.max(axis=1), np.nan),
-            spread=np.where(known, 10.0 ** np.clip(log_spread, *LOG_SPREADS), np.nan),
+            rule=np.where(known, rule + 1, 0),
+            rule_share=np.where(known, rule_share, np.nan),
+            spread=np.where(known, spread, np.nan),
         )
+
+    def degrees(self, inputs: FloatArray) -> FloatArray:
+        """(n, 6, widest): of each set of each of the first six inputs; 0 for sets that an input lacks."""
+        x = np.minimum(np.maximum(inputs[:, : len(self._sets)], self._first), self._last)[:, :, None]
+        degrees = np.minimum((x - self._left) / self._rise, (self._right - x) / self._fall)
+        out: FloatArray = np.minimum(np.maximum(degrees, 0.0), 1.0)
+        return out

@@ -1,4 +1,4 @@
-"""One absurd sample is left out; many within a few are no accident, and what was known before them does not hold."""
+"""Innovation gate: skip single outliers; reset the axle when outliers exceed accepted samples by more than two."""
 
 import math
 
@@ -6,21 +6,24 @@ import numpy as np
 
 from wrcd.estimator.bank import BoolArray
 from wrcd.estimator.design import CHANNELS, MODELS, FloatArray
+from wrcd.estimator.recursion import exponential, smoothed
 
-# An innovation is absurd if it is this many times its usual size for every model: yaw rate, lateral acceleration. On
-# 384 tracks, other worlds and changes of rail included, yaw rates stay below 3.2 (with joints and vibration one of 384
-# above 4.5), lateral accelerations below 6.3. (With 4.5 for these a change of rail started axles anew: after a sample
-# that is left out the next is larger still.)
+# An innovation is an outlier if it is this many times its usual size for every model: yaw rate, lateral acceleration.
+# On 384 tracks, other worlds and changes of rail included, yaw rates stay below 3.2 (with joints and vibration one of
+# 384 above 4.5), lateral accelerations below 6.3. (With 4.5 for these a change of rail reset axles: after a sample that
+# is left out the next is larger still.)
 GATE_SIGMA = np.array([[4.5], [6.0]])
 MEMORY_TICKS = 100.0  # over which the usual size is taken
 MIN_TICKS = 20.0  # before it is known well enough to judge by
-# By then no single sample may have this share of all their power: it would be an outlier, and have made everything
-# after it look usual. Of 177 clean starts the largest was 0.22 for the yaw rate, 0.36 for the lateral acceleration.
+# If one of the first MIN_TICKS samples holds more than this share of their total power for every model, it was an
+# outlier that widened the gate: reset the axle. Of 177 clean starts the largest was 0.22 for the yaw rate, 0.36 for the
+# lateral acceleration.
 MAX_PEAK_SHARE = 0.3
-MAX_NET_OUTLIERS = 2  # absurd samples more than usual ones
+MAX_NET_OUTLIERS = 2  # outliers less accepted samples
 # Whatever the innovations say: no wheelset's yaw rate (rad/s) changes by so much within a tick; 0.061 is the most in
 # 3000 runs, at a drop from dry to leaf film. The sample that it is compared with may be a few ticks old, not more.
 MAX_JUMP, COMPARED_TICKS = 0.08, MAX_NET_OUTLIERS + 1
+_SQUARES = GATE_SIGMA**2
 
 
 class Gate:
@@ -32,11 +35,10 @@ class Gate:
         self._power: FloatArray = np.zeros((MODELS, CHANNELS, axles))
         self._peak: FloatArray = np.zeros((MODELS, CHANNELS, axles))  # of the first MIN_TICKS
         self._count: FloatArray = np.zeros((CHANNELS, axles))
-        self._net_outliers: FloatArray = np.zeros(
-            (CHANNELS, axles)
-        )  # samples that were, less those after them that were not
+        self._net_outliers: FloatArray = np.zeros((CHANNELS, axles))  # outliers less the accepted samples after them
         self._last: FloatArray = np.zeros(axles)  # yaw rate that was used last
         self._age: FloatArray = np.full(axles, math.inf)  # ticks since
+        self._block = exponential(1.0 / MEMORY_TICKS)
 
     def reset(self, axle: int) -> None:
         """Start an axle anew."""
@@ -47,10 +49,10 @@ class Gate:
         self._age[axle] = math.inf
 
     def outliers(self, e: FloatArray, yaw_rate: FloatArray, there: BoolArray) -> BoolArray:
-        """Which samples (2, n) of the axles that have any (n,) are not to be believed, by their innovations e
-        (4, 2, n), and by the yaw rate (n,) itself. Not finite is outliers, too."""
+        """Return the outlier mask (2, n) of the axles that have samples (n,), by their innovations e (4, 2, n) and by
+        the yaw rate (n,) itself. An innovation that is not finite is an outlier."""
         with np.errstate(over="ignore", invalid="ignore"):
-            usual: BoolArray = np.any(e * e <= GATE_SIGMA**2 * self._power, axis=0)
+            usual: BoolArray = np.any(e * e <= _SQUARES * self._power, axis=0)
         known = (self._count >= MIN_TICKS) | ~np.isfinite(e).all(axis=0)
         out: BoolArray = there & known & ~usual
         with np.errstate(invalid="ignore"):
@@ -58,8 +60,8 @@ class Gate:
         return out
 
     def learn(self, e: FloatArray, yaw_rate: FloatArray, used: BoolArray, outliers: BoolArray) -> BoolArray:
-        """Learn from the axles (n,) that were used. Returns those to start anew: too many samples were outliers, or one
-        among the first was."""
+        """Learn from the axles (n,) whose samples were accepted. Return those to reset: too many samples were outliers,
+        or one among the first was."""
         self._last, self._age = np.where(used, yaw_rate, self._last), np.where(used, 1.0, self._age + 1.0)
         self._net_outliers = np.maximum(self._net_outliers + outliers - used, 0.0)
         self._count = np.minimum(self._count + used, MEMORY_TICKS)
@@ -73,3 +75,30 @@ class Gate:
             alone = np.all(self._peak > MAX_PEAK_SHARE * MIN_TICKS * self._power, axis=0)
             out |= np.any(alone & (self._count == MIN_TICKS) & used, axis=0)
         return out
+
+    @property
+    def settled(self) -> BoolArray:
+        """(n,): which axles' usual size is of the last ticks only, without an outlier."""
+        return np.asarray(((self._count == MEMORY_TICKS) & (self._net_outliers == 0.0)).all(axis=0))
+
+    def step_settled(self, e: FloatArray, yaw_rate: FloatArray, exempt: BoolArray | None) -> bool:
+        """Judge and learn m ticks of settled axles: e (m, 4, 2, n), yaw rate (m, n). Exempt axles (n,) are neither
+        judged nor learnt from. Return False, with nothing learnt, where a sample is an outlier or may be one."""
+        square = e * e
+        power = smoothed(self._block, self._power, square)
+        usual = np.logical_or.reduce(square <= _SQUARES * power[:-1], axis=1)
+        last = np.concatenate((self._last[None], yaw_rate))
+        steady = np.abs(last[1:] - last[:-1]) <= MAX_JUMP
+        steady[0] &= self._age == 1.0
+        if exempt is not None:
+            usual |= exempt
+            steady |= exempt
+        if not (usual.all() and steady.all()):
+            return False
+        if exempt is None:
+            self._power, self._last = power[-1].copy(), last[-1]
+        else:
+            self._power = np.where(exempt, self._power, power[-1])
+            self._last = np.where(exempt, self._last, last[-1])
+            self._age = np.where(exempt, self._age + len(e), 1.0)
+        return True

@@ -1,6 +1,7 @@
 """Sums up what each gyro and accelerometer say, and doubts the pairs that a test of doubts.py speaks against."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -8,13 +9,21 @@ from wrcd.estimator.bank import BoolArray
 from wrcd.estimator.design import CHANNELS, FloatArray, IntArray
 from wrcd.estimator.doubts import (
     BANDS_HZ,
+    CROSS,
+    FINE,
     LAT,
     LOW,
+    LOW_MEAN,
+    MEAN,
     MIDDLE,
     MIN_SILENT_BLOCKS,
+    POWER,
     PRECEDENCE,
+    RAW,
     ROWS,
+    SATURATED,
     SILENT_EXCESS,
+    SPEED,
     STILL_SILENT_EXCESS,
     YAW,
     Doubt,
@@ -23,6 +32,7 @@ from wrcd.estimator.doubts import (
     evidence,
     silent,
 )
+from wrcd.estimator.recursion import exponential, smoothed, unrolled
 from wrcd.estimator.wiring import Wiring
 
 BLOCK_S = 0.25  # evidence is summed up over blocks of ticks with data
@@ -66,6 +76,7 @@ class Filters:
         M[bands, [0, *delayed]] = difference / np.linalg.norm(difference)
         M[to + delayed, [0, *delayed[:-1]]] = 1.0
         self._M = M
+        self._block = unrolled(M, self.OUTPUTS)
         self._state: FloatArray = np.zeros((M.shape[1] - 1, CHANNELS * axles))
 
     def reset(self, axle: int) -> None:
@@ -79,6 +90,14 @@ class Filters:
         state = out[self.OUTPUTS :]
         self._state = state if used.all() else np.where(np.tile(used, CHANNELS), state, self._state)
         return out[: self.OUTPUTS].reshape(self.OUTPUTS, *x.shape)
+
+    def step_all(self, x: FloatArray) -> FloatArray:
+        """m ticks of x (m, 2, n), all with data. Returns (m, OUTPUTS, 2, n)."""
+        m = len(x)
+        out = self._block[m] @ np.concatenate((x.reshape(m, -1), self._state))
+        self._state = out[m * self.OUTPUTS :]
+        y: FloatArray = out[: m * self.OUTPUTS].reshape(m, self.OUTPUTS, *x.shape[1:])
+        return y
 
 
 def _low_pass(corner_hz: float, tick_s: float) -> tuple[FloatArray, FloatArray]:
@@ -115,10 +134,13 @@ class Identity:
         self._filled: IntArray = np.zeros(axles, dtype=np.int64)  # blocks so far
         self._wiring = Wiring(tick_s, axles)
         self._held: IntArray = np.zeros((len(Doubt), axles), dtype=np.int64)  # blocks for which a doubt stays
+        self._smoothing = exponential(1.0 / self._max_offset_ticks)
 
     @property
     def doubt(self) -> IntArray:
         """What speaks against each pair (n,): a Doubt."""
+        if not self._held.any():
+            return np.zeros(self._held.shape[1], dtype=np.int64)
         held = self._held[list(PRECEDENCE)] > 0
         out: IntArray = np.where(held.any(axis=0), np.array(PRECEDENCE)[held.argmax(axis=0)], Doubt.NONE)
         return out
@@ -146,6 +168,57 @@ class Identity:
         self._sums = self._sums + np.where(used, new, 0.0)
         self._ticks = self._ticks + used
         self._wiring.step(y[MIDDLE], square[MIDDLE], used)
+        full = self._ticks >= self._block_ticks
+        if full.any():
+            self._put(full)
+            self._judge(full)
+
+    @property
+    def settled(self) -> BoolArray:
+        """(n,): which axles' mean is of the last seconds only."""
+        return np.asarray(self._offset_ticks >= self._max_offset_ticks)
+
+    def step_settled(
+        self, z: FloatArray, used: BoolArray | None, speeds_m_s: Sequence[float], saturated: BoolArray
+    ) -> None:
+        """m ticks z (m, 2, n) of axles that are settled; used (n,) where not all of them have data."""
+        m = len(z)
+        x = np.minimum(np.maximum(z / self._unit, -MAX_NOISE_RATIO), MAX_NOISE_RATIO)
+        mean = smoothed(self._smoothing, self._mean, x)
+        self._mean = mean[-1].copy()
+        x -= mean[1:]
+        y = self._filters.step_all(x)
+        first = 0
+        while first < m:  # no block and no second of the wiring ends within what is summed up at once
+            left = int(min(self._block_ticks - self._ticks.max(), self._wiring.left))
+            end = min(m, first + left)
+            self._add(x[first:end], y[first:end], used, speeds_m_s[first:end], saturated)
+            first = end
+
+    def _add(
+        self, x: FloatArray, y: FloatArray, used: BoolArray | None, speeds_m_s: Sequence[float], saturated: BoolArray
+    ) -> None:
+        """Sum up m ticks."""
+        m, n = len(x), x.shape[2]
+        square = y * y
+        new = np.empty((ROWS, n))
+        powers = np.add.reduce(square, axis=0)
+        bands = len(BANDS_HZ)
+        new[POWER] = powers[:bands].reshape(-1, n)
+        new[CROSS] = np.add.reduce(y[:, :bands, YAW] * y[:, :bands, LAT], axis=0)
+        new[FINE] = powers[bands]
+        new[LOW_MEAN] = np.add.reduce(y[:, LOW], axis=0)
+        new[MEAN] = np.add.reduce(x, axis=0)
+        new[RAW] = np.add.reduce(x * x, axis=0)
+        new[SPEED] = sum(speeds_m_s)
+        np.multiply(saturated, float(m), out=new[SATURATED])
+        if used is None:
+            self._sums = self._sums + new
+            self._ticks = self._ticks + float(m)
+        else:
+            self._sums = self._sums + np.where(used, new, 0.0)
+            self._ticks = self._ticks + float(m) * used
+        self._wiring.add(y[:, MIDDLE], powers[MIDDLE], used)
         full = self._ticks >= self._block_ticks
         if full.any():
             self._put(full)

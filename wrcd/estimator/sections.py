@@ -3,6 +3,7 @@
 import numpy as np
 
 from wrcd.estimator.design import FloatArray
+from wrcd.estimator.recursion import unrolled
 
 
 def state_space(sos: FloatArray) -> FloatArray:
@@ -28,17 +29,28 @@ class Sections:
     STATE = ("_x",)
 
     def __init__(self, sos: FloatArray, channels: int, axles: int) -> None:
-        self._M = state_space(sos)
-        self._x: FloatArray = np.zeros((len(self._M) - 1, channels, axles))
+        M = state_space(sos)
+        # as [y; x'] = … [u; x]
+        self._steps = unrolled(np.roll(M, (1, 1), axis=(0, 1)), 1)
+        self._x: FloatArray = np.zeros((2 * len(sos), channels, axles))
 
     def reset(self, axle: int) -> None:
         """Start an axle anew."""
         self._x[:, :, axle] = 0.0
 
+    def checkpoint(self) -> FloatArray:
+        """The state, for rollback()."""
+        return self._x
+
+    def rollback(self, to: FloatArray) -> None:
+        """Undo everything since a checkpoint."""
+        self._x = to
+
     def step(self, u: FloatArray) -> FloatArray:
-        """Filtered signals (channels, n) for u (channels, n)."""
-        x = np.concatenate((self._x, u[None]))
-        out = (self._M @ x.reshape(len(x), -1)).reshape(x.shape)
-        self._x = out[:-1]
-        y: FloatArray = out[-1]
+        """Filter one or more ticks: u (m, channels, n), m up to recursion.MAX_TICKS. Returns the same shape."""
+        m = len(u)
+        x = np.concatenate((u, self._x))
+        out = (self._steps[m] @ x.reshape(len(x), -1)).reshape(x.shape)
+        self._x = out[m:]
+        y: FloatArray = out[:m]
         return y

@@ -23,6 +23,14 @@ class SpeedFilter:
         self._rate = 0.0  # per tick
         self._ticks = 0  # of this signal, as far as they count
 
+    def checkpoint(self) -> tuple[float, float, int]:
+        """The state, for rollback()."""
+        return self._speed, self._rate, self._ticks
+
+    def rollback(self, to: tuple[float, float, int]) -> None:
+        """Undo everything since a checkpoint."""
+        self._speed, self._rate, self._ticks = to
+
     def reset(self) -> None:
         """Start with the next signal."""
         self._speed, self._rate, self._ticks = math.nan, 0.0, 0

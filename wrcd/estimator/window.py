@@ -1,4 +1,7 @@
-"""Sums of the innovations over blocks of ticks: any window is the newest so many blocks."""
+"""Running sums of the innovations: those of any window are the difference of two rows.
+
+A window is cut here (`Window.sums`), and what lies before a change is dropped here (`Window.truncate`).
+"""
 
 import itertools
 from dataclasses import dataclass
@@ -6,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wrcd.estimator.bank import BoolArray
-from wrcd.estimator.design import CHANNELS, MODELS, FloatArray, IntArray
+from wrcd.estimator.design import CHANNELS, MODELS, Design, FloatArray, IntArray
 
 BLOCK_TICKS = 4
 LAG = 4  # ticks between the two innovations of an autocorrelation: a quarter of a period at the band's upper end
@@ -24,6 +27,24 @@ SUM_W, SUM_TW, SUM_WW, SUM_LAG, SUM_CROSS, _SCALARS, SUM_RAW, SUM_RAW2 = (
 RATIO, RATIO_N, RAW_N = range(_SCALARS.start, _SCALARS.stop)
 COLUMNS = int(_AT[-1])
 PLAIN = RATIO  # columns from here on are plain sums
+_RAW, _RAW2 = (slice(a.start - PLAIN, a.stop - PLAIN) for a in (SUM_RAW, SUM_RAW2))
+NOW_S = 0.06  # the torque of so long is the torque of the moment
+STEP_S = 0.16  # and of so long before, that before a step
+PART_S = 0.1  # parts that are compared with the moment when a window grows
+
+
+class Lengths:
+    """How many blocks the parts of a window are."""
+
+    def __init__(self, design: Design) -> None:
+        def blocks(seconds: float) -> int:
+            return max(1, round(seconds / design.tick_s / BLOCK_TICKS))
+
+        self.usual = -(-design.window_ticks // BLOCK_TICKS)
+        self.longest = -(-design.longest_ticks // BLOCK_TICKS)
+        self.recent = max(2, round(design.recent_ticks / BLOCK_TICKS))
+        self.now, self.step, self.part = blocks(NOW_S), blocks(STEP_S), blocks(PART_S)
+        self.min_ticks = 0.5 * self.recent * BLOCK_TICKS
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,11 +64,16 @@ class Statistics:
     live_share: FloatArray
 
     @property
+    def mean_square(self) -> FloatArray:
+        """(n, 4): of both channels of each model."""
+        return np.asarray(0.5 * (self.power[:, :, 0] + self.power[:, :, 1]))
+
+    @property
     def residuals(self) -> FloatArray:
         """(n, 4): RMS of each model's normalised residual."""
-        return np.asarray(np.sqrt(self.power.sum(axis=2) / CHANNELS))
+        return np.asarray(np.sqrt(self.mean_square))
 
-    def take(self, rows: IntArray) -> "Statistics":
+    def take(self, rows: IntArray | slice) -> "Statistics":
         """Of some of the windows."""
         return Statistics(
             self.power[rows], self.lag[rows], self.cross[rows], self.ratio[rows], self.ticks[rows],
@@ -62,24 +88,27 @@ def statistics(sums: FloatArray, min_ticks: float) -> Statistics:
     Ticks that are not live count as zeros in the sums; the power is that of the live ones.
     """
     n, live = sums[N], sums[LIVE]
-    w, tw, ww = sums[SUM_W], sums[SUM_TW], sums[SUM_WW]
+    w, tw = sums[SUM_W], sums[SUM_TW]
     with np.errstate(invalid="ignore", divide="ignore"):
-        mean, mean_t = w / n, sums[T] / n
-        slope_part = tw - mean_t * w  # sum of (t - its mean) w
+        per_tick = 1.0 / n
+        mean, mean_t = w * per_tick, sums[T] * per_tick
+        slope = tw - mean_t * w  # sum of (t - its mean) w
         spread = np.maximum(sums[TT] - sums[T] * mean_t, 1e-9)
-        line = mean * mean + slope_part * slope_part / (spread * n)
-        power = np.maximum(ww / n - line, SMALLEST)
-        lag = (sums[SUM_LAG] / n - line) / power
-        pairs, slopes = mean.reshape(MODELS, CHANNELS, -1), slope_part.reshape(MODELS, CHANNELS, -1)
-        together = pairs[:, 0] * pairs[:, 1] + slopes[:, 0] * slopes[:, 1] / (spread * n)
-        each = power.reshape(MODELS, CHANNELS, -1)
-        cross = (sums[SUM_CROSS] / n - together) / np.sqrt(each[:, 0] * each[:, 1])
+        per_spread = per_tick / spread
+        line = mean * mean
+        line += slope * slope * per_spread
+        power = np.maximum(sums[SUM_WW] * per_tick - line, SMALLEST)
+        lag = (sums[SUM_LAG] * per_tick - line) / power
+        together = mean[::2] * mean[1::2]
+        together += slope[::2] * slope[1::2] * per_spread
+        cross = (sums[SUM_CROSS] * per_tick - together) / np.sqrt(power[::2] * power[1::2])
         ratio = sums[RATIO] / sums[RATIO_N]
-        power = np.where(live >= min_ticks, power * (n / live), np.nan)
+        power *= n / live
+        power[:, live < min_ticks] = np.nan
     return Statistics(
-        power=np.moveaxis(power.reshape(MODELS, CHANNELS, -1), -1, 0),
-        lag=np.clip(lag, -1.0, 1.0).T,
-        cross=np.clip(cross, -1.0, 1.0).T,
+        power=power.T.reshape(-1, MODELS, CHANNELS),
+        lag=np.minimum(np.maximum(lag, -1.0), 1.0).T,
+        cross=np.minimum(np.maximum(cross, -1.0), 1.0).T,
         ratio=ratio,
         ticks=n,
         live_share=live / np.maximum(n, 1.0),
@@ -90,12 +119,14 @@ def raw_power(sums: FloatArray, min_ticks: float) -> FloatArray:
     """(n, 4): from plain sums the mean square of the unfiltered innovations about their mean; NaN with less than
     min_ticks calm ticks."""
     calm = sums[RAW_N - PLAIN]
-    raw, square = sums[SUM_RAW.start - PLAIN : SUM_RAW.stop - PLAIN], sums[SUM_RAW2.start - PLAIN :]
     with np.errstate(invalid="ignore", divide="ignore"):
-        mean = raw / calm
-        power = np.maximum(square / calm - mean * mean, SMALLEST)
-    both = power.reshape(MODELS, CHANNELS, -1).mean(axis=1)
-    return np.asarray(np.where(calm >= min_ticks, both, np.nan).T)
+        per_tick = 1.0 / calm
+        mean = sums[_RAW] * per_tick
+        power = np.maximum(sums[_RAW2] * per_tick - mean * mean, SMALLEST)
+    both = 0.5 * (power[::2] + power[1::2])
+    both[:, calm < min_ticks] = np.nan
+    out: FloatArray = both.T
+    return out
 
 
 def mean_ratio(plain: FloatArray) -> FloatArray:
@@ -105,108 +136,158 @@ def mean_ratio(plain: FloatArray) -> FloatArray:
 
 
 class Window:
-    """The last `blocks` blocks of every axle; the newest may be part of a block.
+    """Running sums at the end of each of the last `blocks` blocks of every axle, and of as many before them.
 
-    A block's place is its number modulo the length, so the contents follow from the ticks' numbers. Where the rail has
-    changed, what is older is dropped, and the window grows again; kept() still knows of it.
+    The sums count from the start of a generation, `blocks` blocks long, so that they neither grow nor drift; when one
+    is over, its rows are taken back by its end: they count down to it from below. So the contents follow from the
+    ticks' numbers and from what the last two generations brought. The newest block may be part of one.
+
+    Where the rail has changed, what is older is dropped, and the window grows again; kept() still knows of it.
     """
 
-    STATE = ("_sums", "_since", "_past", "_newest")
+    STATE = ("_rows", "_since", "_latest_change", "_first", "_last", "_past", "_newest")
+    TRANSIENT = ("_new",)
 
     def __init__(self, blocks: int, axles: int) -> None:
         self._blocks = blocks
-        self._sums: FloatArray = np.zeros((blocks, COLUMNS, axles))
+        self._axle = np.arange(axles)
+        self._rows: FloatArray = np.zeros((2 * blocks, COLUMNS, axles))
         self._since: IntArray = np.zeros(axles, dtype=np.int64)  # number of the first block after the newest change
-        self._past: FloatArray = np.zeros((LAG, _W, axles))  # w of the last LAG ticks, newest first
+        self._latest_change = 0  # of all axles
+        self._first: IntArray = np.zeros(axles, dtype=np.int64)  # and of the first since when there is no gap
+        self._last: IntArray = np.full(axles, -2, dtype=np.int64)  # newest block with ticks
+        self._past: FloatArray = np.zeros((LAG, _W, axles))  # w of the last LAG ticks, oldest first
         self._newest = -1  # number of the newest block
-        self._cumulative: FloatArray | None = None
-
-    TRANSIENT = ("_cumulative",)
+        self._new: FloatArray = np.zeros((BLOCK_TICKS, COLUMNS, axles))
 
     def put(
         self, tick: int, w: FloatArray, raw: FloatArray, running: BoolArray, live: BoolArray, calm: BoolArray,
         ratio: FloatArray,
     ) -> None:  # fmt: skip
-        """One tick: whitened innovations (4, 2, n) filtered and unfiltered, which axles run (n,), which had data,
-        which of those are far from any pulse, torque ratio (n,)."""
+        """Add m ticks of one block, the first numbered `tick`: whitened innovations (m, 4, 2, n) filtered and
+        unfiltered, which axles run (n,), which of them had data, which of those are far from any pulse, torque ratios
+        (m, n)."""
         block, t = divmod(tick, BLOCK_TICKS)
         if block != self._newest:
-            for passed in range(max(self._newest + 1, block - self._blocks + 1), block + 1):
-                self._sums[passed % self._blocks] = 0.0
-            self._newest = block
-        w = np.where(running, w, 0.0).reshape(_W, -1)
-        known = running & np.isfinite(ratio)
-        sums = self._sums[block % self._blocks]
-        sums[N] += running
-        sums[LIVE] += live & running
-        sums[T] += t * running
-        sums[TT] += t * t * running
-        raw = np.where(calm & running, raw, 0.0).reshape(_W, -1)
-        plain = np.concatenate((np.stack((np.where(known, ratio, 0.0), known, calm & running)), raw, raw * raw))
-        sums[PLAIN:] += plain
-        sums[SUM_W] += w
-        sums[SUM_TW] += t * w
-        sums[SUM_WW] += w * w
-        sums[SUM_LAG] += w * self._past[-1]
-        sums[SUM_CROSS] += w[::2] * w[1::2]
-        self._past = np.concatenate((w[None], self._past[:-1]))
-        self._cumulative = None
+            self._move_to(block, running)
+        m, n = len(w), len(self._axle)
+        t += BLOCK_TICKS * (block % self._blocks)
+        times = np.arange(t, t + m, dtype=np.float64)[:, None]
+        flat, plain = w.reshape(m, _W, n), raw.reshape(m, _W, n)
+        known = np.isfinite(ratio)
+        if not running.all():
+            flat, live, calm, known = np.where(running, flat, 0.0), live & running, calm & running, known & running
+        new = self._new[:m]
+        new[:, N] = running
+        new[:, LIVE] = live
+        np.multiply(times, running, out=new[:, T])
+        np.multiply(times, new[:, T], out=new[:, TT])
+        new[:, SUM_W] = flat
+        np.multiply(flat, times[:, None], out=new[:, SUM_TW])
+        np.multiply(flat, flat, out=new[:, SUM_WW])
+        np.multiply(flat, self._past[:m], out=new[:, SUM_LAG])
+        np.multiply(flat[:, ::2], flat[:, 1::2], out=new[:, SUM_CROSS])
+        new[:, RATIO] = ratio if known.all() else np.where(known, ratio, 0.0)
+        new[:, RATIO_N] = known
+        new[:, RAW_N] = calm
+        new[:, SUM_RAW] = plain if calm.all() else np.where(calm[:, None], plain, 0.0)
+        np.multiply(new[:, SUM_RAW], new[:, SUM_RAW], out=new[:, SUM_RAW2])
+        self._rows[self._end] += np.add.reduce(new, axis=0)
+        self._past = flat.copy() if m == LAG else np.concatenate((self._past[m:], flat))
+
+    def _move_to(self, block: int, running: BoolArray) -> None:
+        """Begin a block: its row is what the one before it came to."""
+        if block - self._newest > 2 * self._blocks:
+            self._rows[:] = 0.0
+            self._newest = block - 1
+        for passed in range(self._newest + 1, block + 1):
+            if passed % self._blocks == 0:
+                self._next_generation()
+            at = self._blocks + passed % self._blocks
+            self._rows[at] = self._rows[at - 1]
+        self._first = np.where(running & (self._last != block - 1), block, self._first)
+        self._last = np.where(running, block, self._last)
+        self._newest = block
+
+    def _next_generation(self) -> None:
+        """A generation is over: count from its end, in time as well."""
+        half, span = self._blocks, float(self._blocks * BLOCK_TICKS)
+        old = self._rows[half:] - self._rows[-1]
+        old[:, TT] += span * (span * old[:, N] - 2.0 * old[:, T])
+        old[:, T] -= span * old[:, N]
+        old[:, SUM_TW] -= span * old[:, SUM_W]
+        old[-1] = 0.0
+        self._rows[:half] = old
+
+    @property
+    def _end(self) -> int:
+        """The newest block's row."""
+        return self._blocks + self._newest % self._blocks
 
     def reset(self, axle: int) -> None:
         """Empty an axle's window."""
-        self._sums[:, :, axle] = 0.0
-        self._since[axle] = 0
+        self._rows[:, :, axle] = 0.0
+        self._since[axle] = self._first[axle] = 0
+        self._last[axle] = -2
         self._past[:, :, axle] = 0.0
-        self._cumulative = None
+        self._latest_change = int(self._since.max())
 
     def truncate(self, blocks: int, axles: BoolArray) -> None:
         """Drop what is older than the newest blocks of some axles (n,)."""
         self._since = np.where(axles, np.maximum(self._since, self._newest - blocks + 1), self._since)
-        self._cumulative = None
+        self._latest_change = int(self._since.max())
 
-    def cumulative(self) -> FloatArray:
-        """(blocks + 1, COLUMNS, n): sums over the newest 0, 1, 2 … blocks, t counted from the newest block's start."""
-        if self._cumulative is None:
-            age = np.arange(self._blocks)
-            sums = self._sums[self._places(0, self._blocks)] * self._held(0, self._blocks)[:, None]
-            shift = (-float(BLOCK_TICKS) * age)[:, None]
-            sums[:, TT] += shift * (2.0 * sums[:, T] + shift * sums[:, N])
-            sums[:, T] += shift * sums[:, N]
-            sums[:, SUM_TW] += shift[:, :, None] * sums[:, SUM_W]
-            self._cumulative = np.concatenate((np.zeros_like(sums[:1]), np.cumsum(sums, axis=0)))
-        return self._cumulative
+    def sums(self, blocks: IntArray) -> FloatArray:
+        """Sums (COLUMNS, m) over the newest blocks, of each axle its own number (m,), as far as they came after the
+        newest change; m may be several times the axles."""
+        blocks = blocks.reshape(-1, len(self._axle))
+        if self._newest - int(blocks.max()) + 1 < self._latest_change:
+            blocks = np.minimum(blocks, self._held)
+        oldest = self._rows[self._end - blocks, :, self._axle]
+        return np.ascontiguousarray((self._rows[self._end].T - oldest).reshape(-1, COLUMNS).T)
+
+    @property
+    def _held(self) -> IntArray:
+        """(n,): how many of the newest blocks came after the newest change."""
+        return np.asarray(np.maximum(self._newest - self._since + 1, 0))
 
     def plain(self, first: int, end: int) -> FloatArray:
-        """Plain sums (COLUMNS - PLAIN, n) over the blocks first … end - 1, counted back from the newest (0)."""
-        out: FloatArray = (self._sums[self._places(first, end), PLAIN:] * self._held(first, end)[:, None]).sum(axis=0)
+        """Plain sums (COLUMNS - PLAIN, n) over the blocks first … end - 1, counted back from the newest (0), as far as
+        they came after the newest change."""
+        if self._newest - end + 1 >= self._latest_change:
+            return self.kept(first, end)
+        rows = self._end - np.minimum([[first], [end]], self._held)
+        newer, older = self._rows[rows, PLAIN:, self._axle]
+        out: FloatArray = (newer - older).T
         return out
 
     def kept(self, first: int, end: int) -> FloatArray:
         """The same, what lies before a change included."""
-        out: FloatArray = self._sums[self._places(first, end), PLAIN:].sum(axis=0)
+        out: FloatArray = self._rows[self._end - first, PLAIN:] - self._rows[self._end - end, PLAIN:]
         return out
 
-    def _held(self, first: int, end: int) -> BoolArray:
-        """(end - first, n): which blocks of each axle came after the newest change."""
-        return np.asarray((self._newest - np.arange(first, end))[:, None] >= self._since)
-
-    def _places(self, first: int, end: int) -> IntArray:
-        return np.asarray((self._newest - np.arange(first, end)) % self._blocks)
+    def part_ratios(self, blocks: int) -> FloatArray:
+        """Mean torque ratios (parts, n) of parts of so many blocks, the newest first, as far as they came after the
+        newest change; NaN where there is none."""
+        ages = np.arange(0, self._blocks + 1, blocks)[:, None]
+        if self._newest - self._blocks + 1 < self._latest_change:
+            ages = np.minimum(ages, self._held)
+        edges = self._rows[self._end - ages, RATIO : RATIO_N + 1, self._axle]
+        sums = edges[:-1] - edges[1:]
+        out: FloatArray = sums[..., 0] / sums[..., 1]
+        return out
 
     def torque_range(self, blocks: int) -> tuple[FloatArray, FloatArray]:
         """The lowest and the highest torque ratio (n,) of any of the newest blocks, those before a change included."""
-        total, count = np.moveaxis(self._sums[self._places(0, blocks), RATIO : RATIO_N + 1], 1, 0)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            mean = total / count
-        return np.where(count > 0, mean, np.inf).min(axis=0), np.where(count > 0, mean, -np.inf).max(axis=0)
+        rows = self._rows[self._end - blocks : self._end + 1, RATIO : RATIO_N + 1]
+        total, count = np.moveaxis(rows[1:] - rows[:-1], 1, 0)
+        mean = total / count
+        if count.min() > 0.5:
+            return np.minimum.reduce(mean), np.maximum.reduce(mean)
+        there = count > 0.5
+        return np.where(there, mean, np.inf).min(axis=0), np.where(there, mean, -np.inf).max(axis=0)
 
     def filled(self) -> IntArray:
         """(n,): how many of the newest blocks hold ticks without a gap."""
-        there = (self._sums[self._places(0, self._blocks), N] > 0) & self._held(0, self._blocks)
-        return np.asarray(np.where(there.all(axis=0), self._blocks, np.argmin(there, axis=0)))
-
-
-def newest(cumulative: FloatArray, blocks: IntArray) -> FloatArray:
-    """Sums (COLUMNS, m) over the newest blocks, of each axle its own number (m,); m may be several times the axles."""
-    out: FloatArray = cumulative[blocks, :, np.arange(len(blocks)) % cumulative.shape[2]].T
-    return out
+        whole = self._newest - np.maximum(self._first, self._since) + 1
+        return np.asarray(np.where(self._last == self._newest, np.minimum(whole, self._blocks), 0))

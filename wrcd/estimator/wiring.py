@@ -52,6 +52,23 @@ class Wiring:
         if self._ticks >= self._second_ticks:
             self._close()
 
+    @property
+    def left(self) -> int:
+        """Ticks until a second is full."""
+        return self._second_ticks - self._ticks
+
+    def add(self, y: FloatArray, power: FloatArray, used: BoolArray | None) -> None:
+        """m ticks of both signals in 3 to 10 Hz (m, 2, n) that no second ends within, and the sums of their squares
+        (2, n); used (n,) where not all axles have data."""
+        m = len(y)
+        known = y if used is None else y * used
+        self._cross = self._cross + known[:, YAW].T @ known[:, LAT]
+        self._power = self._power + (power if used is None else power * used)
+        self._used = self._used + (float(m) if used is None else float(m) * used)
+        self._ticks += m
+        if self._ticks >= self._second_ticks:
+            self._close()
+
     def _close(self) -> None:
         """A second is full."""
         known = self._used >= MIN_SHARE * self._second_ticks

@@ -10,7 +10,7 @@ from typing import Any
 from wrcd.checksum import checksum
 from wrcd.core.configuration import Config
 from wrcd.core.core import Core
-from wrcd.core.outbox import Outgoing
+from wrcd.core.messages import Outgoing
 from wrcd.errors import InputError
 from wrcd.recorder.state import StateMismatch, as_list, restore, whole
 from wrcd.recorder.writer import FORMAT, Event

@@ -3,8 +3,8 @@
 from collections import deque
 from collections.abc import Sequence
 
-from wrcd.core.causes import Cause
-from wrcd.core.report import Report, Validity
+from wrcd.core.causes import Cause, Validity
+from wrcd.core.messages import Report
 
 LOST_SLOTS = 5  # in a row without Valid: less is a hiccup
 COLLAPSED_PCT = 15.0

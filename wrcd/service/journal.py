@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 from wrcd.bus.link import Link, LinkState
 from wrcd.bus.reasons import Reason
-from wrcd.core.causes import Cause
+from wrcd.core.causes import Cause, Validity
 from wrcd.core.core import Core
-from wrcd.core.report import Report, Validity
+from wrcd.core.messages import Report
 
 EVERY_US = 1_000_000
 MAX_REASONS = 6  # in one line

@@ -9,7 +9,7 @@ from types import FrameType
 from wrcd.bus.frame import Frame
 from wrcd.bus.link import Link
 from wrcd.core.core import BACKWARD_STEP_US, FORWARD_STEP_US, Core
-from wrcd.core.outbox import Outgoing
+from wrcd.core.messages import Outgoing
 from wrcd.recorder.recorder import Recorder
 from wrcd.service.journal import CounterLog, log_line
 from wrcd.service.notify import Notifier

@@ -12,14 +12,14 @@ from wrcd.bus.dbc import Message, find_message
 from wrcd.bus.frame import Frame
 from wrcd.bus.log import Damage, format_line, read_log
 from wrcd.config import load_config
+from wrcd.core.causes import Validity
 from wrcd.core.configuration import Config
 from wrcd.core.core import FORWARD_STEP_US, Core
 from wrcd.core.counts import Counts
-from wrcd.core.outbox import Outgoing
-from wrcd.core.report import Validity
+from wrcd.core.messages import Outgoing
 from wrcd.errors import InputError, create
 from wrcd.estimator.design import Design
-from wrcd.estimator.estimator import Estimate
+from wrcd.estimator.records import Estimate
 from wrcd.recorder.state_file import Saved, load, replay_events, state_file
 from wrcd.tools.explain import sentence
 from wrcd.tools.progress import Progress

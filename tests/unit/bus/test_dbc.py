@@ -12,7 +12,7 @@ from wrcd.bus.link import LinkState
 from wrcd.bus.reasons import Reason
 from wrcd.core.causes import Cause
 from wrcd.core.counts import State
-from wrcd.core.report import Validity
+from wrcd.core.causes import Validity
 
 ROOT = Path(__file__).parents[3]
 MESSAGES = {

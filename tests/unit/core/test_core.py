@@ -16,7 +16,7 @@ from wrcd.config import load_config
 from wrcd.core.causes import Cause
 from wrcd.core.configuration import Config
 from wrcd.core.core import Core
-from wrcd.core.outbox import Outgoing
+from wrcd.core.messages import Outgoing
 
 START = 1_700_000_000_000_000
 MS = 1000

@@ -19,10 +19,10 @@ from wrcd.bus.reasons import Reason
 from wrcd.config import load_config
 from wrcd.core.causes import Cause
 from wrcd.core.configuration import Config
-from wrcd.core.report import Validity
+from wrcd.core.causes import Validity
 from wrcd.core.validity import OF_ESTIMATE, OF_PAIR, ValidityMonitor
 from wrcd.estimator.doubts import Doubt
-from wrcd.estimator.estimator import EstimateDoubt
+from wrcd.estimator.records import EstimateDoubt
 from wrcd.estimator.gate import COMPARED_TICKS, GATE_SIGMA, MAX_JUMP, MAX_NET_OUTLIERS, MIN_TICKS, Gate
 
 DEFAULT = load_config(None)

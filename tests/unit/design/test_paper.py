@@ -19,7 +19,8 @@ from sim_ecu.resources import PAPER_DESIGN
 from wrcd.checksum import checksum
 from wrcd.errors import InputError
 from wrcd.estimator.design import COLUMNS, MODELS, Design, load_design, parse_design
-from wrcd.estimator.estimator import Estimator, Tick
+from wrcd.estimator.estimator import Estimator
+from wrcd.estimator.records import Tick
 from wrcd.estimator.fuzzy import Fuzzy
 from wrcd.resources import DESIGN
 from wrcd.tools.explain import condition, sentence

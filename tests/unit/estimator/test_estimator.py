@@ -9,7 +9,8 @@ import pytest
 from tests.support.signals import measured
 from wrcd.estimator import estimator
 from wrcd.estimator.design import MODELS, Design, FloatArray, load_design
-from wrcd.estimator.estimator import Estimate, EstimateDoubt, Estimator, Tick
+from wrcd.estimator.records import Estimate, EstimateDoubt, Tick
+from wrcd.estimator.estimator import Estimator
 from wrcd.estimator.offset import Offset
 from wrcd.resources import DESIGN
 

@@ -6,7 +6,8 @@ import pytest
 from tests.support.signals import measured
 from wrcd.estimator.bank import BoolArray
 from wrcd.estimator.design import Design, FloatArray, load_design
-from wrcd.estimator.estimator import Estimator, Tick
+from wrcd.estimator.estimator import Estimator
+from wrcd.estimator.records import Tick
 from wrcd.estimator.joints import HOLD_TICKS, MAX_PULSE, MAX_TICKS, RECOVERY_TICKS, Joints
 from wrcd.resources import DESIGN
 

@@ -15,7 +15,8 @@ from wrcd.config import load_config
 from wrcd.core.core import Core
 from wrcd.estimator import noise, speed
 from wrcd.estimator.design import Design
-from wrcd.estimator.estimator import Estimate, Estimator
+from wrcd.estimator.records import Estimate
+from wrcd.estimator.estimator import Estimator
 
 # Half a minute of live covariances at every tenth of a metre per second would be too much: the speed ramps by little.
 RAMP_OVER_JOINTS = """

@@ -20,7 +20,8 @@ from wrcd.config import load_config
 from wrcd.core.causes import Cause
 from wrcd.core.configuration import Config, RecorderConfig
 from wrcd.core.core import Core
-from wrcd.core.report import NOT_AVAILABLE_REPORT, Validity
+from wrcd.core.messages import NOT_AVAILABLE_REPORT
+from wrcd.core.causes import Validity
 from wrcd.errors import InputError
 from wrcd.recorder.folder import dump_name
 from wrcd.recorder.recorder import Recorder

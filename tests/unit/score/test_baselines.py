@@ -21,7 +21,8 @@ from sim_ecu.score.learned import raw_inputs
 from sim_ecu.score.ticks import Ticks
 from wrcd.errors import InputError
 from wrcd.estimator.design import load_design
-from wrcd.estimator.estimator import Estimator, Tick
+from wrcd.estimator.estimator import Estimator
+from wrcd.estimator.records import Tick
 from wrcd.resources import DESIGN
 
 W = Wheelset()

@@ -1,0 +1,208 @@
+"""From a window to the estimate: residual RMS -> rules -> adhesion, its interval, and what speaks against it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wrcd.estimator.changes import decades
+from wrcd.estimator.design import MODELS, Design, FloatArray, IntArray
+from wrcd.estimator.fuzzy import LOW_FIRING, Fuzzy, Inference
+from wrcd.estimator.records import Estimate, EstimateDoubt
+from wrcd.estimator.rule_inputs import Past, RuleInputs
+from wrcd.estimator.window import Lengths, Statistics, Window, mean_ratio, statistics
+
+# A window grows beyond its usual length over parts whose torque differs from the moment's by less.
+LIKE_TORQUE, LIKE_TORQUE_RATIO = 0.10, 0.002
+# Where the usual window's own word differs from the long one's by so many half-widths (as logarithms), it counts.
+# On the way there it counts in part: one late frame must not make the answer hop from one to the other.
+FALL_BACK_BELOW, FALL_BACK_ABOVE = 0.4, 0.7
+NEWEST_SHARE = 0.5  # of the newest part's half-width that the interval is made to reach down to
+# More in use than the rules say there is: beyond the interval, and by this share of what they say, one is wrong.
+CONTRADICTION_SHARE, CONTRADICTION_PP = 0.2, 0.3
+HARSH_SHARE = 0.7  # of the window that must be far from pulses
+SILENT, SILENT_S = 1.07, 0.4  # all four residuals below so many times the noise, over at least so long: no track
+# Half-width over the estimate from which on it says nothing; and the least way that a wheelset must have run to tell.
+VAGUE, MIN_M = 0.6, 2.9
+BEYOND_WIDER = 2.0  # the half-width grows by this factor for each range that an input lies outside the sets
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What the rules say of one window of every axle (n,): adhesion, not below what is in use, and its half-width as a
+    share of it; mu_from_rules_pct is without what is in use."""
+
+    blocks: IntArray
+    mu_from_rules_pct: FloatArray
+    mu_pct: FloatArray
+    spread: FloatArray
+    inputs: FloatArray
+
+
+class Answers:
+    """The estimate of a window, at a speed (m/s, within the design's grid) and with sensors noise_factor (2, n) times
+    as noisy as the design's."""
+
+    def __init__(self, design: Design, axles: int) -> None:
+        self._d, self._axles = design, axles
+        self._lengths = Lengths(design)
+        self._fuzzy = Fuzzy(design)
+        self._rule_inputs = RuleInputs(design)
+        self._low = np.array([s.centres[0] for s in design.residual_sets])
+        self._width = np.array([s.centres[-1] - s.centres[0] for s in design.residual_sets])
+        self._range = np.maximum(design.high - design.low, 1e-9)[:MODELS]
+        self._ends = design.low[:MODELS], design.high[:MODELS]
+
+    def torque_now(self, window: Window) -> FloatArray:
+        """(n,): torque ratio of the moment; NaN where it is not known."""
+        return mean_ratio(window.plain(0, self._lengths.now))
+
+    def estimate(self, window: Window, noise_factor: FloatArray, speed_m_s: float, grid_speed_m_s: float) -> Estimate:
+        """The adhesion that the window's residuals and torque speak for."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return self._estimate(window, noise_factor, speed_m_s, grid_speed_m_s)
+
+    def _estimate(self, window: Window, noise_factor: FloatArray, speed_m_s: float, grid_speed_m_s: float) -> Estimate:
+        d, n = self._d, self._axles
+        filled = window.filled()
+        usual = np.minimum(filled, self._lengths.usual)
+        now = self.torque_now(window)
+        used = 100.0 * now
+        if d.form == "paper":
+            (best,), inference, chosen = self._answers(window, [usual], now, noise_factor, grid_speed_m_s)
+            spread, doubt = best.spread, np.zeros(n, dtype=np.int64)
+        else:
+            lengths = [self._alike(window, now, usual, filled), usual, np.minimum(filled, self._lengths.recent)]
+            (long, short, recent), inference, chosen = self._answers(window, lengths, now, noise_factor, grid_speed_m_s)
+            back = _back(long, short)
+            if back.any():
+                best = _between(back, long, short)
+                rows: IntArray | slice = np.where(back > 0.5, n, 0) + np.arange(n)
+            else:
+                best, rows = long, slice(0, n)
+            inference, chosen = inference.take(rows), chosen.take(rows)
+            spread = best.spread
+            # the newest part may know of a drop that the window as a whole does not show yet: reach down to it
+            reach = best.mu_pct - recent.mu_pct * (1.0 - NEWEST_SHARE * recent.spread)
+            spread = np.where(reach > spread * best.mu_pct, reach / best.mu_pct, spread)
+            loud = self._rule_inputs.excitation(chosen, noise_factor, grid_speed_m_s)
+            spread, doubt = self._doubted(spread, best, inference, chosen, loud, speed_m_s)
+        mu, from_rules = best.mu_pct, best.mu_from_rules_pct
+        fits = (best.inputs[:, :MODELS] - self._low) / self._width
+        unknown = np.isnan(fits)
+        nearest = np.where(unknown, np.inf, fits).argmin(axis=1) + 1
+        margin = np.maximum(spread * from_rules, CONTRADICTION_SHARE * from_rules + CONTRADICTION_PP)
+        return Estimate(
+            residuals=chosen.residuals,
+            torque_ratio=chosen.ratio,
+            inputs=best.inputs,
+            fuzzy=inference.output,
+            firing=inference.firing,
+            rule=inference.rule,
+            rule_share=inference.rule_share,
+            winner=np.where(np.logical_or.reduce(unknown, axis=1), 0, nearest),
+            mu_available_pct=mu,
+            half_width_pp=np.maximum(spread * mu, used - from_rules),
+            used_pct=used,
+            saturated=used >= d.saturated_share * mu,
+            contradicted=used > from_rules + margin,
+            doubt=doubt,
+            window_s=chosen.ticks * d.tick_s,
+        )
+
+    def inputs_of(
+        self, window: Window, blocks: IntArray, now: FloatArray, noise_factor: FloatArray, grid_speed_m_s: float
+    ) -> tuple[FloatArray, Statistics]:
+        """What the rules are given (m, COLUMNS) of windows of so many blocks (m,), and the windows' statistics.
+
+        m may be several times the axles: all of them with one length after all with another. now is (n,). In a window
+        shorter than the usual one the torque has changed: that of the moment counts.
+        """
+        k = self._lengths
+        s = statistics(window.sums(blocks), k.min_ticks)
+        ratio = s.ratio
+        if self._d.form == "wrcd":
+            short = (blocks < k.usual).reshape(-1, self._axles)
+            ratio = np.where(short, now, ratio.reshape(short.shape)).reshape(-1)
+        half = k.usual // 2
+        rest = decades(window.kept(0, k.recent), window.kept(k.recent, k.recent + half), k.min_ticks)
+        past = Past(now, *window.torque_range(half), rest)
+        return self._rule_inputs.columns(s, ratio, past, noise_factor, grid_speed_m_s), s
+
+    def _answers(
+        self, window: Window, lengths: list[IntArray], now: FloatArray, noise_factor: FloatArray, grid_speed_m_s: float
+    ) -> tuple[list[Answer], Inference, Statistics]:
+        """One for each of the windows' lengths (n,); inference and statistics of all, one after another."""
+        n = self._axles
+        inputs, s = self.inputs_of(window, np.concatenate(lengths), now, noise_factor, grid_speed_m_s)
+        inference = self._fuzzy.infer(inputs)
+        from_rules = np.zeros_like(inference.output)
+        for factor in self._d.polynomial:
+            from_rules = from_rules * inference.output + factor
+        low, high = self._d.adhesion_range_pct
+        from_rules = np.minimum(np.maximum(from_rules, low), high)
+        out = []
+        for i, blocks in enumerate(lengths):
+            rows = slice(i * n, (i + 1) * n)
+            mine = from_rules[rows]
+            # what is in use is available: the estimate cannot lie below it
+            mu = np.where(np.isnan(mine), np.nan, np.minimum(np.fmax(mine, 100.0 * now), 100.0))
+            out.append(Answer(blocks, mine, mu, inference.spread[rows], inputs[rows]))
+        return out, inference, s
+
+    def _alike(self, window: Window, now: FloatArray, usual: IntArray, filled: IntArray) -> IntArray:
+        """(n,): blocks over which the torque has been as it is now; at least the usual window."""
+        ratio = window.part_ratios(self._lengths.part)
+        like = np.abs(ratio - now) <= LIKE_TORQUE * now + LIKE_TORQUE_RATIO
+        parts = np.where(np.logical_and.reduce(like), len(like), like.argmin(axis=0))
+        return np.asarray(np.minimum(np.maximum(parts * self._lengths.part, usual), filled))
+
+    def _doubted(
+        self, spread: FloatArray, best: Answer, inference: Inference, s: Statistics, loud: FloatArray, speed_m_s: float
+    ) -> tuple[FloatArray, IntArray]:
+        """The spread, wider where few rules fire or the inputs are unusual; and what is too much of it, a doubt."""
+        d, residuals = self._d, best.inputs[:, :MODELS]
+        # coasting, a long window and quiet sensors are no news: only the residuals can be unlike any that were seen
+        outside = np.maximum(self._ends[0] - residuals, residuals - self._ends[1]) / self._range
+        far = np.maximum(np.maximum.reduce(outside, axis=1), 0.0)
+        few = np.minimum(np.maximum(LOW_FIRING / np.maximum(inference.firing, 1e-9), 1.0), 3.0)
+        spread = spread * few * (1.0 + BEYOND_WIDER * far)
+        seconds = s.ticks * d.tick_s
+        reasons = {  # the first counts
+            EstimateDoubt.SILENT: (loud < SILENT) & (seconds >= SILENT_S),
+            EstimateDoubt.HARSH: s.live_share < HARSH_SHARE,
+            EstimateDoubt.BEYOND_TRAINING: far > d.beyond,
+            EstimateDoubt.NO_RULE: inference.rule == 0,
+            EstimateDoubt.VAGUE: (spread > VAGUE) | (seconds * speed_m_s < MIN_M),
+        }
+        doubt = np.zeros(len(spread), dtype=np.int64)
+        for reason, applies in reversed(reasons.items()):
+            doubt[applies] = reason
+        return spread, doubt
+
+
+def _back(long: Answer, short: Answer) -> FloatArray:
+    """(n,): how far the answer of the usual window counts, 0 … 1: by one half where it differs from the long one's by
+    so many half-widths, down or up."""
+    longer = long.blocks > short.blocks
+    if not longer.any():
+        return np.zeros(len(longer))
+    apart = np.log(short.mu_pct / long.mu_pct) / short.spread
+    back = np.minimum(0.5 * np.fmax(apart / FALL_BACK_ABOVE, -apart / FALL_BACK_BELOW), 1.0)
+    return np.where(longer & np.isfinite(back), np.maximum(back, 0.0), 0.0)
+
+
+def _between(share: FloatArray, first: Answer, second: Answer) -> Answer:
+    """Of every axle the first (share 0), the second (1) or an answer between them; window and inputs are of the one
+    that counts for more."""
+
+    def mixed(a: FloatArray, b: FloatArray) -> FloatArray:
+        return np.where(share == 0.0, a, (1.0 - share) * a + share * b)
+
+    most = share > 0.5
+    return Answer(
+        np.where(most, second.blocks, first.blocks),
+        mixed(first.mu_from_rules_pct, second.mu_from_rules_pct),
+        mixed(first.mu_pct, second.mu_pct),
+        mixed(first.spread, second.spread),
+        np.where(most[:, None], second.inputs, first.inputs),
+    )

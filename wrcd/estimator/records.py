@@ -1,0 +1,83 @@
+"""The records that travel through the estimator: ticks, what a step brought, the estimate."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+
+from wrcd.estimator.bank import BoolArray
+from wrcd.estimator.design import FloatArray, IntArray
+
+
+@dataclass(frozen=True, slots=True)
+class Ticks:
+    """m ticks on end. What is not present, or unknown, is NaN or anything."""
+
+    number: int  # of the first
+    z: FloatArray  # (m, 2, n) yaw rate in rad/s, lateral acceleration in m/s2
+    present: BoolArray  # (m, 2, n)
+    torque_ratio: FloatArray  # (m, n) |torque| / (2 N r0)
+    speeds_m_s: Sequence[float]  # m
+
+    def __len__(self) -> int:
+        return len(self.speeds_m_s)
+
+    def part(self, first: int, end: int) -> "Ticks":
+        """Ticks first … end - 1 of them."""
+        return Ticks(
+            self.number + first, self.z[first:end], self.present[first:end], self.torque_ratio[first:end],
+            self.speeds_m_s[first:end],
+        )  # fmt: skip
+
+
+def one_tick(number: int, z: FloatArray, present: BoolArray, torque_ratio: FloatArray, speed_m_s: float) -> Ticks:
+    """One tick: z and present (2, n), torque ratio (n,)."""
+    return Ticks(number, z[None], present[None], torque_ratio[None], (speed_m_s,))
+
+
+@dataclass(frozen=True, slots=True)
+class StepResult:
+    """What the newest m ticks brought; masks are (m, n)."""
+
+    innovations: FloatArray  # (m, 4, 2, n)
+    accepted: BoolArray  # both measurements were used
+    outliers: BoolArray  # a measurement was left out by the gate
+    near_pulse: BoolArray  # at a pulse of the axle box, or just after it
+    in_window: BoolArray  # can go into the window
+    live: BoolArray  # the window was given the innovation of HOLD_TICKS before
+    calm: BoolArray  # and that one is far from any pulse
+    needs_reset: BoolArray  # (n,) after the last tick: outliers go on, or a filter is not finite
+
+    def __len__(self) -> int:
+        return len(self.accepted)
+
+
+class EstimateDoubt(IntEnum):
+    """What of the estimate itself keeps it from being believed."""
+
+    NONE = 0
+    NO_RULE = 1  # too few rules fire
+    BEYOND_TRAINING = 2  # residuals unlike any that the rules were made from
+    HARSH = 3  # so many pulses that little of the window is left
+    SILENT = 4  # the sensors give their noise alone
+    VAGUE = 5  # the interval is too wide to say anything, or the window too short
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """Per axle (n,), NaN where unknown. Adhesion in percent, half_width in percentage points (90 % interval)."""
+
+    residuals: FloatArray  # (n, 4)
+    torque_ratio: FloatArray
+    inputs: FloatArray  # (n, COLUMNS) what the rules were given
+    fuzzy: FloatArray  # 0 … 100
+    firing: FloatArray  # total weight of the rules; below 0.05 there is no answer
+    rule: IntArray  # that weighs most, from 1; 0 none
+    rule_share: FloatArray
+    winner: IntArray  # model from 1 whose residual (as the rules see it) is lowest in its own range; 0 none
+    mu_available_pct: FloatArray
+    half_width_pp: FloatArray
+    used_pct: FloatArray  # of the moment
+    saturated: BoolArray
+    contradicted: BoolArray  # more is in use than the rules, with their interval, say there is: one of them is wrong
+    doubt: IntArray  # an EstimateDoubt: what speaks against the estimate itself
+    window_s: FloatArray  # length of the window that the answer is from
