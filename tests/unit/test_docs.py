@@ -254,6 +254,18 @@ def test_log_lines_have_every_state_and_counter() -> None:
         assert re.sub(r"\b\d+\b", "N", template.format(n="N")) in said
 
 
+@pytest.mark.parametrize("file", ["service/journal", "service/loop", "recorder/recorder", "tools/cli"])
+def test_log_lines_have_every_line_that_is_written(file: str) -> None:
+    said = text("docs/reference/log-lines.md")
+    for node in ast.walk(ast.parse(text(f"wrcd/{file}.py"))):
+        if not (isinstance(node, ast.Call) and re.fullmatch(r"(self\._)?(log_line|write)", ast.unparse(node.func))):
+            continue
+        for part in (p for argument in node.args for p in ast.walk(argument)):
+            if isinstance(part, ast.JoinedStr):
+                words = [str(v.value).strip(" :;,") for v in part.values if isinstance(v, ast.Constant)]
+                assert [w for w in words if w not in said] == [], file
+
+
 def test_design_file_table_has_every_key() -> None:
     found = {k for r in rows("docs/reference/design-file.md") for k in re.findall(r"`(\w+)`", r[0])}
     assert found == set(json.loads(resources.DESIGN.read_text()))
