@@ -1,6 +1,8 @@
 # make demo   set up, then play a wheelset onto a CAN bus and watch the estimate against the truth
 # make test   set up, then all tests: on the host, then on a real kernel's vcan and under real systemd
-# make check  format, lint, types, then make test
+# make lint   format, lint, types: seconds
+# make check  make lint, then make test
+# make docs   prints what the pages quote from the program again; make docs-all the score and the fault matrix too, half an hour
 # make fuzz   property tests with EXAMPLES (10^5) examples each, and a million corrupted frames; hours
 # make soak   HOURS (24) on the virtual clock in one core: nothing grows, drifts or is lost; an eighth of that
 # make coverage  which branches of wrcd/bus, wrcd/core, wrcd/recorder and wrcd/service the tests take, those in the guest too; fails below 95 %
@@ -11,7 +13,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/ready
 HIL := -p no:cacheprovider --durations=5
 
-.PHONY: demo test check unit hil faults systemd fuzz soak coverage mutants format design score lock audit clean
+.PHONY: demo test lint check unit hil faults systemd fuzz soak coverage mutants format design score docs docs-all docs-check lock audit clean
 
 demo: $(READY)
 	$(BIN)/sim-ecu demo
@@ -34,10 +36,12 @@ systemd: $(READY)
 	tests/hil/unit-env
 	GUEST_TIMEOUT=900 tests/hil/guest/run --systemd -- $(BIN)/python -m pytest $(HIL) -rP tests/hil/test_systemd.py
 
-check: $(READY)
+lint: $(READY)
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
+
+check: lint
 	$(MAKE) test
 
 EXAMPLES ?= 100000
@@ -78,9 +82,19 @@ design: $(READY)
 	$(BIN)/sim-ecu design -o wrcd/data/default.design.json --baselines sim_ecu/data/default.baselines.json
 	$(BIN)/sim-ecu design --form paper -o sim_ecu/data/paper.design.json
 
-# the README's tables; 26 minutes on two cores
+# the tables of docs/reference/score.md; 26 minutes on two cores
 score: $(READY)
 	$(BIN)/sim-ecu score --json build/score.json --html build/score.html
+
+# between the markers of the pages; docs-check changes nothing
+docs: $(READY)
+	$(BIN)/python -m tests.support.pages --write
+
+docs-all: $(READY)
+	$(BIN)/python -m tests.support.pages --write --all
+
+docs-check: $(READY)
+	$(BIN)/python -m pytest tests/unit/test_docs.py
 
 LOCK := $(BIN)/uv pip compile -q --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-emit-find-links --no-annotate --no-header pyproject.toml
 lock: $(READY)

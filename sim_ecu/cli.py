@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sim_ecu.score.names import SUITES
-from wrcd import resources
+from wrcd import __version__, resources
 from wrcd.tools.cli import guarded
 
 if TYPE_CHECKING:
@@ -26,6 +26,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     p = argparse.ArgumentParser(prog="sim-ecu", description="The rig: nonlinear wheelsets on a CAN bus.")
+    p.add_argument("--version", action="version", version=f"%(prog)s {__version__}", help="print the version and end")
     commands = p.add_subparsers(dest="command", required=True, metavar="COMMAND")
 
     commands.add_parser("list", help="the packaged scenarios")

@@ -1,4 +1,4 @@
-"""The small-signal wheelset, equations (13)-(15), with the errata mended (each is in the README's paper map)."""
+"""The small-signal wheelset, equations (13)-(15), with the errata mended (docs/explanation/paper-map-and-errata.md)."""
 
 from dataclasses import dataclass
 

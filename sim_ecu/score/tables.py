@@ -1,4 +1,4 @@
-"""The score as tables for a person (Markdown; the README's are these)."""
+"""The score as tables for a person (Markdown; docs/reference/score.md has them)."""
 
 import math
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""The unit under a real systemd, installed as the README says; canplayer is the train.
+"""The unit under a real systemd, installed as docs/how-to/install-on-train.md says; canplayer is the train.
 
 However the daemon ends and whatever happens around it: Valid frames come again without a person. Times are printed.
 """

@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from wrcd import __version__
 from wrcd.errors import InputError
 
 if TYPE_CHECKING:
@@ -48,6 +49,7 @@ def _parser() -> argparse.ArgumentParser:
         prog="wrcd",
         description="The wheel-rail condition daemon: adhesion from yaw rate, lateral acceleration, torque.",
     )
+    p.add_argument("--version", action="version", version=f"%(prog)s {__version__}", help="print the version and end")
     commands = p.add_subparsers(dest="command", required=True, metavar="COMMAND")
     config = argparse.ArgumentParser(add_help=False)
     config.add_argument(

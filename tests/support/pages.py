@@ -1,0 +1,265 @@
+"""What the pages quote from the program, and how it is made again.
+
+    <!-- command: wrcd check -->      the output of a command, in a fence (Markdown tables without one)
+    <!-- made: messages -->           a table made from the code or from a DBC
+    <!-- end -->
+
+python -m tests.support.pages           prints the names of the blocks that differ; exit 1 if there are any
+python -m tests.support.pages --write   makes them again
+python -m tests.support.pages --all     the expensive ones too: `sim-ecu faults` and `sim-ecu score`, half an hour
+"""
+
+import argparse
+import contextlib
+import io
+import re
+import shlex
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar, TypeVar
+from unittest.mock import patch
+
+from sim_ecu import cli as rig_cli
+from sim_ecu import resources as rig
+from wrcd import resources
+from wrcd.bus.dbc import Message, load_dbc, timeout_ms
+from wrcd.config import DEFAULT, load_config
+from wrcd.settings import Section
+from wrcd.tools import cli
+
+T = TypeVar("T")
+ROOT = Path(__file__).parents[2]
+EXPENSIVE = ("sim-ecu faults", "sim-ecu score")  # their output is Markdown already
+BLOCK = re.compile(r"^<!-- (command|made): (.+?) -->\n(.*?)^<!-- end -->$", re.MULTILINE | re.DOTALL)
+NUMBERED = re.compile(r"_A\d+$")
+_MAINS: dict[str, Callable[[list[str]], int]] = {"wrcd": cli.main, "sim-ecu": rig_cli.main}
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """What stands between two markers: kind "command" or "made", what is asked for, and the text, end of line
+    included."""
+
+    page: Path
+    kind: str
+    what: str
+    text: str
+
+    @property
+    def expensive(self) -> bool:
+        """Whether making it takes minutes."""
+        return self.what in EXPENSIVE
+
+    @property
+    def name(self) -> str:
+        """For a person."""
+        return f"{self.page.relative_to(ROOT)}: {self.what}"
+
+
+def pages() -> list[Path]:
+    """Every page of the project's documentation."""
+    return [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").rglob("*.md")), *sorted(ROOT.glob("examples/*.md"))]
+
+
+def blocks() -> Iterator[Block]:
+    """Every marked block of every page."""
+    for page in pages():
+        for kind, what, text in BLOCK.findall(page.read_text(encoding="utf-8")):
+            yield Block(page, kind, what, text)
+
+
+def make(block: Block) -> str:
+    """Return the text that belongs between the markers."""
+    if block.kind == "made":
+        maker, _, argument = block.what.partition(" ")
+        return "\n" + "\n".join(MAKERS[maker](*([argument] if argument else []))) + "\n\n"
+    output = run(block.what)
+    return f"\n{output}\n" if block.expensive else f"\n```text\n{output}```\n\n"
+
+
+def run(command: str) -> str:
+    """Run `wrcd …` or `sim-ecu …` in this process and return its standard output; `| head -N` keeps N lines.
+
+    Paths below the repository lose its folder. Raises AssertionError for an exit status other than 0.
+    """
+    line, _, head = command.partition(" | head -")
+    name, *arguments = shlex.split(line)
+    out = io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(io.StringIO()), contextlib.chdir(ROOT):
+        status = _MAINS[name](arguments)
+    assert status == 0, f"{command}: exit {status}"
+    text = out.getvalue().replace(f"{ROOT}/", "")
+    return "".join(text.splitlines(keepends=True)[: int(head)]) if head else text
+
+
+def table(head: tuple[str, ...], rows: list[tuple[object, ...]]) -> list[str]:
+    """A Markdown table, line by line."""
+    lines = [head, tuple("---" for _ in head), *rows]
+    return ["| " + " | ".join(str(cell).replace("|", "\\|") for cell in row) + " |" for row in lines]
+
+
+# --- the interface, from the DBCs
+
+
+def messages(which: str = "wrcd") -> list[str]:
+    """Every message of a DBC with its signals; those of several axles once, with id and name of the first axle's."""
+    found = load_dbc(resources.DBC if which == "wrcd" else rig.TRUTH_DBC).messages
+    groups: dict[str, list[Message]] = {}
+    for m in sorted(found, key=lambda m: m.frame_id):
+        groups.setdefault(NUMBERED.sub("_A*a*", m.name), []).append(m)
+    out: list[str] = []
+    for name, group in groups.items():
+        first = group[0]
+        several = len(group) > 1
+        ids = f"0x{first.frame_id:03X}" + (f" … 0x{group[-1].frame_id:03X} (a = 1…{len(group)})" if several else "")
+        of = _first_axle(first.comment or "") if several else first.comment
+        out += [*([""] if out else []), f"### {name}", "", f"{of}.", ""]
+        out += [f"- id {ids}, {first.length} bytes, sender {', '.join(first.senders)}"]
+        out += [f"- every {first.cycle_time} ms"]
+        timeouts = {timeout_ms(first, s) for s in first.signals if not s.name.startswith(("Crc", "Counter"))}
+        out += [f"- stale after {', '.join(f'{t} ms' for t in sorted(t for t in timeouts if t))}", ""]
+        rows: list[tuple[object, ...]] = []
+        for s in sorted(first.signals, key=lambda s: s.start):
+            step = f"{s.scale:g}" + (f" {s.unit}" if s.unit else "")
+            text = _first_axle(s.comment or "") if several else s.comment
+            words = ", ".join(f"{raw} {word}" for raw, word in sorted((s.choices or {}).items()))
+            sign = " signed" if s.is_signed else ""
+            rows.append((s.name, f"{s.start}, {s.length}{sign}", step, f"{s.minimum} … {s.maximum}", text, words))
+        out += table(("signal", "start, length", "step", "range", "what", "values"), rows)
+    return out
+
+
+def _first_axle(comment: str) -> str:
+    return re.sub(r"wheelset 1\b", "wheelset *a*", comment)
+
+
+# --- commands
+
+
+def options(program: str) -> list[str]:
+    """Every command of a program with its arguments, defaults and help."""
+    parser = (cli._parser if program == "wrcd" else rig_cli._parser)()
+    out = table(("option", "what"), [_row(a) for a in parser._actions if a.option_strings and a.dest != "help"])
+    choices = next(a for a in parser._actions if isinstance(a, argparse._SubParsersAction))
+    said = {c.dest: c.help for c in choices._choices_actions}
+    for name, command in choices.choices.items():
+        out += ["", f"### {program} {name}", "", f"{_sentence(said[name] or '')}.", ""]
+        rows = [_row(a) for a in command._actions if a.dest != "help"]
+        out += table(("argument", "what"), rows) if rows else ["It takes no arguments."]
+    return out
+
+
+def _row(a: argparse.Action) -> tuple[object, ...]:
+    metavar = a.metavar or ("{" + ", ".join(map(str, a.choices)) + "}" if a.choices else a.dest.upper())
+    takes = "" if a.nargs == 0 else f" {metavar}" if a.nargs != "?" else f" [{metavar}]"
+    names = ", ".join(a.option_strings) + takes if a.option_strings else str(a.metavar or a.dest)
+    # a default of all cores is this machine's
+    return f"`{names}`", re.sub(r"\s+", " ", a.help or "")
+
+
+def _sentence(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+# --- configuration
+
+
+@dataclass(frozen=True, slots=True)
+class Key:
+    """A key that the configuration takes: what it may be, and its default."""
+
+    takes: str
+    default: str
+
+
+_KINDS = {str: "text", bool: "true, false", int: "whole number", float: "number", list: "list"}
+
+
+class _Noting(Section):
+    """A table that writes down what it is asked for."""
+
+    keys: ClassVar[dict[str, Key]] = {}
+
+    def _note(self, key: str, takes: str, default: object = "–") -> None:
+        shown = str(default).lower() if isinstance(default, bool) else f"{default:g}" if _number(default) else default
+        self.keys[self._dotted(key)] = Key(takes, str(shown))
+
+    def _dotted(self, key: str) -> str:
+        return ".".join((*(p for p in self._path if isinstance(p, str)), key))
+
+    def take(self, key: str, kind: type[T]) -> T:
+        """Needed, unless get(), maybe() or the like ask for it."""
+        if self._dotted(key) not in self.keys:
+            self._note(key, _KINDS[kind], "needed")
+        return super().take(key, kind)
+
+    def get(self, key: str, kind: type[T], default: T) -> T:
+        """Noted with its default."""
+        if self._dotted(key) not in self.keys:
+            self._note(key, _KINDS[kind], default)
+        return super().get(key, kind, default)
+
+    def maybe(self, key: str, kind: type[T]) -> T | None:
+        """Noted as one that may be left out."""
+        self._note(key, _KINDS[kind])
+        return super().maybe(key, kind)
+
+    def number(self, key: str, default: float, low: float, high: float) -> float:
+        """Noted with its range."""
+        asked = self.keys.get(self._dotted(key))  # by maybe(): there is no default
+        self._note(key, f"{low:g} … {high:g}", asked.default if asked else default)
+        return super().number(key, default, low, high)
+
+    def choice(self, key: str, options: Iterable[str], default: str) -> str:
+        """Noted with its words."""
+        names = list(options)
+        self._note(key, ", ".join(names), default)
+        return super().choice(key, names, default)
+
+
+def _number(x: object) -> bool:
+    return isinstance(x, int | float)
+
+
+def accepted_keys(folder: Path) -> dict[str, Key]:
+    """Every key that `wrcd.config` asks for, as "table.key", in the order of asking; folder is for a file of its
+    own."""
+    lines = [line for line in DEFAULT.split("[[axle]]")[1].splitlines() if line]
+    text = "\n".join(("[limits]", "constant_speed_m_s = 20.0", "[[axle]]", *lines))
+    file = folder / "every-key.toml"
+    file.write_text(text, encoding="utf-8")
+    _Noting.keys.clear()
+    with patch("wrcd.settings.Section", _Noting):
+        load_config(file)
+    return dict(_Noting.keys)
+
+
+MAKERS: dict[str, Callable[..., list[str]]] = {"messages": messages, "options": options}
+
+
+def main() -> int:
+    """Compare, or write; 1 if something differs and is not written."""
+    p = argparse.ArgumentParser(prog="python -m tests.support.pages", description=__doc__.partition("\n")[0])
+    p.add_argument("--write", action="store_true", help="make the blocks again")
+    p.add_argument("--all", action="store_true", help="the expensive ones too")
+    args = p.parse_args()
+    differ = 0
+    for block in blocks():
+        if block.expensive and not args.all:
+            continue
+        text = make(block)
+        if text == block.text:
+            continue
+        differ += 1
+        print(block.name)
+        if args.write:
+            page = block.page.read_text(encoding="utf-8")
+            marker = f"<!-- {block.kind}: {block.what} -->\n"
+            block.page.write_text(page.replace(marker + block.text, marker + text), encoding="utf-8")
+    return 1 if differ and not args.write else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

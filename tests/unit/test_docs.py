@@ -1,0 +1,354 @@
+"""The documentation agrees with the program: quoted output, tables, links, paths, names and numbers."""
+
+import ast
+import json
+import math
+import re
+import shlex
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from sim_ecu import cli as rig_cli
+from sim_ecu import resources as rig
+from sim_ecu.commands.run_score import Asked, make_baselines
+from sim_ecu.design.source import load_source
+from sim_ecu.play.expected import LONG_ROWS, ROWS
+from sim_ecu.play.judge import HEAD, Verdict, line
+from sim_ecu.score import goals
+from sim_ecu.score.names import SUITES
+from tests.support import pages
+from wrcd import resources
+from wrcd.bus.dbc import load_dbc
+from wrcd.bus.reasons import Reason
+from wrcd.config import STALE_TICKS
+from wrcd.core import backoff, causes, core, plausibility, report, validity
+from wrcd.estimator import estimator, gate
+from wrcd.service import journal
+from wrcd.service.reload import LIMITS
+from wrcd.tools import cli
+
+ROOT = pages.ROOT
+DOCS = ROOT / "docs"
+PAGES = [p for p in pages.pages() if p.name != "CHANGELOG.md"]
+CHEAP = [b for b in pages.blocks() if not b.expensive]
+NAMED = {p.relative_to(ROOT).as_posix(): p for p in pages.pages()}
+# Paths that stand for something that a reader makes, or that the repository has only where it was built.
+MADE = ("build/", ".venv/")
+# Written of before it is there: the page names the file that will hold what the code keeps in three.
+COMING = {"wrcd/core/messages.py"}
+HALF_DIGIT = 0.0005 + 1e-9  # of a figure as the score prints it
+SOURCE = re.compile(
+    r"(?:wrcd|sim_ecu|tests|docs|dbc|systemd|examples)/[\w@.*/-]+|[A-Z]{4,}\.md|Makefile|pyproject\.toml"
+)
+
+
+def text(page: str) -> str:
+    return (ROOT / page).read_text(encoding="utf-8")
+
+
+def rows(page: str, heading: str | None = None) -> list[list[str]]:
+    """The cells of a page's tables, from a heading on; heads and rules left out."""
+    lines = text(page).partition(f"\n{heading}\n")[2].splitlines() if heading else text(page).splitlines()
+    found: list[list[str]] = []
+    for at, row in enumerate(lines):
+        is_head = at + 1 < len(lines) and re.fullmatch(r"\|[-| ]+\|", lines[at + 1])
+        if row.startswith("|") and not is_head and not re.fullmatch(r"\|[-| ]+\|", row):
+            found.append([cell.strip() for cell in row.strip("|").split("|")])
+        elif heading and found and row.startswith("#"):
+            break
+    return found
+
+
+# --- quoted output
+
+
+@pytest.mark.parametrize("block", CHEAP, ids=lambda b: b.name)
+def test_quoted_block_is_what_the_program_gives(block: pages.Block) -> None:
+    assert block.text == pages.make(block), "make docs"
+
+
+def test_every_marker_has_an_end() -> None:
+    for page in PAGES:
+        body = page.read_text(encoding="utf-8")
+        begun = len(re.findall(r"^<!-- (?:command|made): ", body, re.MULTILINE))
+        assert begun == len(re.findall(r"^<!-- end -->$", body, re.MULTILINE)) == len(pages.BLOCK.findall(body)), page
+
+
+def test_expensive_blocks_are_there_once() -> None:
+    assert sorted(b.what for b in pages.blocks() if b.expensive) == sorted(pages.EXPENSIVE)
+
+
+# --- links, paths, commands
+
+
+@pytest.mark.parametrize("page", NAMED)
+def test_relative_link_resolves(page: str) -> None:
+    path = NAMED[page]
+    for target in re.findall(r"\]\((?!https?:)([^)\s]+)\)", path.read_text(encoding="utf-8")):
+        file, _, anchor = target.partition("#")
+        found = (path.parent / file).resolve() if file else path
+        assert found.exists(), target
+        if anchor:
+            heads = re.findall(r"^#+ (.+)$", found.read_text(encoding="utf-8"), re.MULTILINE)
+            assert anchor in {re.sub(r"[^\w -]", "", h).lower().replace(" ", "-") for h in heads}, target
+
+
+@pytest.mark.parametrize("page", [n for n in NAMED if n != "CHANGELOG.md"])
+def test_path_in_backticks_exists(page: str) -> None:
+    for quoted in re.findall(r"`([^`\n]+)`", text(page)):
+        for word in quoted.split():
+            if SOURCE.fullmatch(word) and not word.startswith(MADE) and word not in COMING:
+                assert list(ROOT.glob(word)), f"{page}: {word}"
+
+
+def test_file_that_has_come_is_no_longer_coming() -> None:
+    assert [name for name in COMING if (ROOT / name).exists()] == []
+
+
+def test_no_page_stands_alone() -> None:
+    index = text("docs/README.md")
+    for page in DOCS.rglob("*.md"):
+        if page != DOCS / "README.md":
+            assert f"({page.relative_to(DOCS).as_posix()})" in index
+
+
+def commands() -> Iterator[tuple[str, str]]:
+    """Every line of every page that calls one of the programs."""
+    for page in PAGES:
+        for said in re.findall(r"^    (?:\.venv/bin/)?((?:wrcd|sim-ecu) [a-z].*)$", page.read_text(), re.MULTILINE):
+            yield page.name, re.sub(r"\s+#.*|\s*&$", "", said)
+
+
+@pytest.mark.parametrize(("page", "said"), list(commands()))
+def test_command_in_a_page_is_one_that_the_program_takes(page: str, said: str) -> None:
+    name, *arguments = shlex.split(said)
+    parser = (cli if name == "wrcd" else rig_cli)._parser()
+    parser.parse_args(arguments)
+
+
+def test_make_target_in_a_page_is_there() -> None:
+    targets = set(re.findall(r"^([\w-]+):", text("Makefile"), re.MULTILINE))
+    for page in PAGES:
+        body = page.read_text(encoding="utf-8")
+        named = re.findall(r"`make ([a-z-]+)`", body) + re.findall(r"^    make ([a-z-]+)", body, re.MULTILINE)
+        assert set(named) <= targets, page
+
+
+def test_pre_commit_runs_what_make_lint_runs_and_fetches_nothing() -> None:
+    hooks = text(".pre-commit-config.yaml")
+    recipe = text("Makefile").partition("\nlint: $(READY)\n")[2].partition("\n\n")[0]
+    assert re.findall(r"entry: \.venv/bin/(.+)", hooks) == re.findall(r"\$\(BIN\)/(.+)", recipe)
+    assert re.findall(r"repo: (.+)", hooks) == ["local"]
+    assert set(re.findall(r"language: (.+)", hooks)) == {"system"}
+
+
+def test_issue_form_asks_for_version_check_and_dump() -> None:
+    form = text(".github/ISSUE_TEMPLATE/problem.yml")
+    for asked in ("wrcd --version", "wrcd check", "A dump"):
+        assert f"label: {asked}" in form
+
+
+@pytest.mark.parametrize("main", [cli.main, rig_cli.main])
+def test_version_is_printed(main: Callable[[list[str]], int], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["--version"])
+    assert ended.value.code == 0
+    assert re.fullmatch(r"(wrcd|sim-ecu) \d+\.\d+\.\d+\n", capsys.readouterr().out)
+
+
+# --- README
+
+
+def test_readme_has_at_most_150_lines() -> None:
+    assert len(text("README.md").splitlines()) <= 150
+
+
+def test_readme_says_simulation_only_in_its_first_lines() -> None:
+    assert "Simulation only, never on a train" in "\n".join(text("README.md").splitlines()[:12])
+
+
+def test_accuracy_in_readme_is_that_of_the_score_with_every_missed_goal() -> None:
+    score = rows("docs/reference/score.md", "**goals**: what the default design is held to")
+    quoted = rows("README.md", "## Accuracy")
+    assert [r for r in quoted if r not in score] == []
+    missed = [r for r in score if r[3] == goals.MISSED]
+    assert [r for r in quoted if r[3] == goals.MISSED] == missed
+    assert len([r for r in quoted if r[3] == goals.MET]) == 5
+    verdicts = [r[3] for r in score]
+    assert (
+        f"Of {len(score)} goals {verdicts.count(goals.MET)} are met, {verdicts.count(goals.CHANCE)} missed within "
+        f"chance, {verdicts.count(goals.TOO_FEW)} has too few runs. These {len(missed)} are missed:"
+    ) in text("README.md")
+
+
+def test_messages_in_readme_are_those_of_the_dbc() -> None:
+    found = {m.name: m for m in load_dbc(resources.DBC).messages}
+    for row in rows("README.md", "## Inputs and outputs"):
+        cells = [c for c in row if re.fullmatch(r"[\d.]+ m?s", c)]
+        ids = re.findall(r"0x([0-9A-F]{3})( \+ \*a\*)?", row[1])
+        for name, (number, axle) in zip(row[0].split(", "), ids, strict=True):
+            message = found[name.replace("*a*", "1")]
+            assert message.frame_id == int(number, 16) + bool(axle), name
+            cycle_ms = message.cycle_time or 0
+            assert cells in ([f"{cycle_ms} ms"], [f"{cycle_ms / 1000:g} s"]), name
+
+
+# --- reference
+
+
+def test_validity_table_is_that_of_the_code() -> None:
+    found = [r for r in rows("docs/reference/validity.md", "## Causes") if len(r) == 6]
+    assert [(r[0], r[1], r[2]) for r in found] == [(str(int(c)), c.label, c.words) for c in causes.Cause]
+    assert f"{len(causes.Cause) - 1} causes why it is not" in text("README.md")
+    states = {v.value for v in report.Validity}
+    assert {r[4] for r in found} == states
+    # what keeps a window from being full is before the first input that is not sound
+    assert [r[4] for r in found] == [
+        "Valid" if not c else "NotAvailable" if c < causes.Cause.INPUT_STALE else "Degraded" for c in causes.Cause
+    ]
+
+
+def test_numbers_of_the_validity_table_are_those_of_the_code() -> None:
+    condition = {r[1]: r[3] + "; " + r[5] for r in rows("docs/reference/validity.md", "## Causes") if len(r) == 6}
+    tick_ms = 5
+    assert f"three ticks, {STALE_TICKS * tick_ms} ms" in condition["InputStale"]
+    assert f"{validity.BRIDGED_TICKS * tick_ms} ms past it" in condition["InputStale"]
+    assert "{:g} … {:g}".format(*validity.LOAD_SHARES) in condition["LoadBeyond"]
+    assert "{:g} … {:g}".format(*validity.RADIUS_SHARES) in condition["RadiusBeyond"]
+    assert f"{estimator.SILENT:g} times" in condition["SensorsSilent"]
+    assert f"{estimator.MIN_M:g} m" in condition["TooLittleData"]
+    assert f"{estimator.VAGUE:g} of the estimate" in condition["TooLittleData"]
+    assert f"{estimator.HARSH_SHARE:g} of the window" in condition["Harsh"]
+    assert gate.MAX_NET_OUTLIERS == 2
+    assert f"first {gate.MIN_TICKS:g} samples" in condition["Restarted"]
+    assert (backoff.FREE_RESETS, backoff.FIRST_WAIT_S, backoff.LAST_WAIT_S) == (4, 1.0, 8.0)
+    assert f"{math.exp(plausibility.DOUBTED):.0e}".replace("e-0", "e-") in condition["Unchanged"]
+    assert (core.FORWARD_STEP_US, core.BACKWARD_STEP_US) == (1_000_000, 10_000)
+
+
+def test_reasons_of_a_rejection_are_those_of_the_code() -> None:
+    assert [r[0] for r in rows("docs/reference/validity.md", "## Why a frame is rejected")] == list(Reason)
+
+
+def test_configuration_table_has_every_key_that_is_taken(tmp_path: Path) -> None:
+    found = {
+        r[0].strip("`"): r for r in rows("docs/reference/configuration.md") if r[0].startswith("`") and len(r) == 5
+    }
+    accepted = pages.accepted_keys(tmp_path)
+    assert set(found) == set(accepted)
+    assert {k: (r[1], r[2]) for k, r in found.items()} == {k: (a.takes, a.default) for k, a in accepted.items()}
+    assert {k for k, r in found.items() if r[3] == "yes"} == {key for key, _ in LIMITS.values()}
+
+
+def test_log_lines_have_every_state_and_counter() -> None:
+    said = re.sub(r"\b\d+\b", "N", text("docs/reference/log-lines.md"))
+    counters = [
+        ast.literal_eval(node.args[1])
+        for node in ast.walk(ast.parse(Path(journal.__file__).read_text()))
+        if isinstance(node, ast.Call) and ast.unparse(node.func) == "_RateLimitedCounter"
+    ]
+    assert counters
+    for template in (*journal.STATES.values(), *counters):
+        assert re.sub(r"\b\d+\b", "N", template.format(n="N")) in said
+
+
+@pytest.mark.parametrize("file", ["service/journal", "service/loop", "recorder/recorder", "tools/cli"])
+def test_log_lines_have_every_line_that_is_written(file: str) -> None:
+    said = text("docs/reference/log-lines.md")
+    for node in ast.walk(ast.parse(text(f"wrcd/{file}.py"))):
+        if not (isinstance(node, ast.Call) and re.fullmatch(r"(self\._)?(log_line|write)", ast.unparse(node.func))):
+            continue
+        for part in (p for argument in node.args for p in ast.walk(argument)):
+            if isinstance(part, ast.JoinedStr):
+                words = [str(v.value).strip(" :;,") for v in part.values if isinstance(v, ast.Constant)]
+                assert [w for w in words if w not in said] == [], file
+
+
+def test_design_file_table_has_every_key() -> None:
+    found = {k for r in rows("docs/reference/design-file.md") for k in re.findall(r"`(\w+)`", r[0])}
+    assert found == set(json.loads(resources.DESIGN.read_text()))
+
+
+def test_architecture_points_at_functions_that_are_there() -> None:
+    found = rows("docs/explanation/architecture.md", "## Where to find it")
+    assert len(found) > 10
+    for question, file, names in found:
+        if file.strip("`") in COMING:
+            continue
+        tree = ast.parse(text(file.strip("`")))
+        there = {
+            f"{node.name}.{inner.name}"
+            for node in tree.body
+            if isinstance(node, ast.ClassDef)
+            for inner in node.body
+            if isinstance(inner, ast.FunctionDef)
+        } | {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}
+        assert set(re.findall(r"`([^`]+)`", names)) <= there, question
+
+
+# --- what takes too long to print again here: its structure
+
+
+def test_fault_matrix_has_the_rows_of_the_code() -> None:
+    (block,) = (b for b in pages.blocks() if b.what == "sim-ecu faults")
+    lines = block.text.strip().splitlines()
+    assert lines[:2] == HEAD.splitlines()
+    judged = [line(row, Verdict(None, None, None, None, "")) for row in (*ROWS, *LONG_ROWS)]
+    assert [x.split("|")[1:5] for x in lines[2:]] == [x.split("|")[1:5] for x in judged]
+    assert {x.split("|")[-2].strip() for x in lines[2:]} == {"yes"}
+
+
+def test_score_has_the_suites_causes_and_baselines_of_the_code() -> None:
+    (block,) = (b for b in pages.blocks() if b.what == "sim-ecu score")
+    design = json.loads(resources.DESIGN.read_text())
+    assert f"design {design['name']} {design['checksum'][:12]}," in block.text
+    assert tuple(re.findall(r"^\*\*([\w-]+)\*\*: ", block.text, re.MULTILINE)) == SUITES + ("goals",)
+    assert "**not Valid**: " in block.text
+    assert set(re.findall(r"([A-Z]\w+) \d+\.\d %", block.text)) <= {c.label for c in causes.Cause}
+    levels = [name for _, name in report.CONFIDENCES]
+    assert re.findall(r"^\| (Wi\w+) \| [\d.]+ % \|", block.text, re.MULTILINE) == levels
+    asked = Asked(resources.DESIGN, rig.BASELINES, (("the paper's own form", rig.PAPER_DESIGN),))
+    names = list(make_baselines(load_source(resources.DESIGN), asked))
+    grid = block.text.partition("**grid**")[2].partition("**robust**")[0]
+    assert [n for n in re.findall(r"^\| ([^|]+) \|.* better \|", grid, re.MULTILINE) if n in names] == names
+
+
+def goal_patterns() -> Iterator[tuple[str, float | None]]:
+    """What the code calls each goal, as a pattern, and its bound where the code states it as a number."""
+    for node in ast.walk(ast.parse(Path(goals.__file__).read_text())):
+        if not (isinstance(node, ast.Call) and ast.unparse(node.func) == "Goal"):
+            continue
+        name, bound = node.args[0], node.args[2]
+        parts = name.values if isinstance(name, ast.JoinedStr) else [name]
+        pattern = "".join(re.escape(str(p.value)) if isinstance(p, ast.Constant) else ".+" for p in parts)
+        yield pattern, bound.value if isinstance(bound, ast.Constant) and isinstance(bound.value, float) else None
+
+
+def test_score_has_every_goal_with_its_bound_and_verdict() -> None:
+    found = rows("docs/reference/score.md", "**goals**: what the default design is held to")
+    patterns = list(goal_patterns())
+    used = set()
+    for name, value, bound, verdict in found:
+        fits = [(p, b) for p, b in patterns if re.fullmatch(p, name)]
+        assert fits, name
+        used |= {p for p, _ in fits}
+        sign, limit = bound.split()
+        assert any(b is None or b == float(limit) for _, b in fits), name
+        figure, low, high = map(float, re.findall(r"\d+\.\d+", value))
+        assert verdict in verdicts(figure, low, high, sign, float(limit)), name
+    assert used == {p for p, _ in patterns}
+
+
+def verdicts(figure: float, low: float, high: float, sign: str, limit: float) -> set[str]:
+    """What a goal may be called whose figure and interval are printed with three digits."""
+    turn = -1.0 if sign == "≥" else 1.0
+    over, best_over = turn * (figure - limit), turn * ((low if turn > 0 else high) - limit)
+    found = {goals.TOO_FEW}
+    if over <= HALF_DIGIT:
+        found.add(goals.MET)
+    if over >= -HALF_DIGIT:
+        found |= {goals.CHANCE} if best_over <= HALF_DIGIT else set()
+        found |= {goals.MISSED} if best_over >= -HALF_DIGIT else set()
+    return found
