@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.config_texts import AXLE, VEHICLE
 from wrcd import resources
 from wrcd.bus.dbc import load_dbc
 from wrcd.bus.units import Quantity
@@ -14,15 +15,6 @@ from wrcd.config import load_config
 from wrcd.errors import InputError
 from wrcd.estimator.design import load_design
 from wrcd.tools.check import describe
-
-AXLE = """
-[[axle]]
-number = 1
-yaw_rate = "YawRate_A1.YawRate"
-lateral_acceleration = "LatAccel_A1.LatAccel"
-torque = "Torque_A1.Torque"
-"""
-VEHICLE = '[vehicle]\nspeed = "VehicleSpeed.Speed"\n'
 
 
 def config(tmp_path: Path, text: str) -> Path:

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.unit.core.test_core import Rig, validities
-from tests.unit.test_config import AXLE
+from tests.support.config_texts import AXLE
+from tests.support.sensor_simulator import SensorSimulator, validities
 from wrcd import resources
 from wrcd.bus.dbc import find_message
 from wrcd.bus.e2e import CANDIDATE_FORGOTTEN, MAX_MOVES, Checker, protect
@@ -28,56 +28,49 @@ from wrcd.estimator.gate import COMPARED_TICKS, GATE_SIGMA, MAX_JUMP, MAX_NET_OU
 DEFAULT = load_config(None)
 
 
-def rows(rig: Rig, name: str) -> list[dict[str, Any]]:
-    """The decoded frames of a message."""
-    message = find_message(rig.config.database, name)
-    decoded: list[Any] = [message.decode(o.frame.data) for o in rig.out if o.frame.can_id == message.frame_id]
-    return decoded
-
-
 @pytest.mark.parametrize("can_id", [0x101, 0x111, 0x121, 0x130])
 def test_a_refused_frame_between_good_ones_does_not_degrade(can_id: int) -> None:
     """A bad CRC behind every good frame, the last before each slot, too: good frames are what counts."""
-    rig = Rig(DEFAULT)
-    rig.run(1500)
+    sim = SensorSimulator(DEFAULT)
+    sim.run(1500)
     for _ in range(100):
-        for frame in rig.frames():
-            rig.out += rig.core.feed(frame)
+        for frame in sim.frames():
+            sim.out += sim.core.feed(frame)
             if frame.can_id == can_id:
-                rig.out += rig.core.feed(replace(frame, data=bytes((frame.data[0] ^ 1, *frame.data[1:]))))
-        rig.out += rig.core.advance(rig.t)
-    assert validities(rig.adhesion(rig.out)) == ["NotAvailable", "Valid"]
-    assert rig.core.counts.rejected == {Reason.CRC: 100}
+                sim.out += sim.core.feed(replace(frame, data=bytes((frame.data[0] ^ 1, *frame.data[1:]))))
+        sim.out += sim.core.advance(sim.t)
+    assert validities(sim.adhesion(sim.out)) == ["NotAvailable", "Valid"]
+    assert sim.core.counts.rejected == {Reason.CRC: 100}
 
 
 def test_refusals_are_told_for_their_axle_and_signal_with_their_reason() -> None:
-    rig = Rig(DEFAULT)
-    rig.run(1000)
+    sim = SensorSimulator(DEFAULT)
+    sim.run(1000)
     for number, name in ((0x101, "YawRate"), (0x111, "LatAccel"), (0x121, "Torque"), (0x130, "Speed")):
         length = 4 if number == 0x130 else 5
-        rig.core.feed(Frame(rig.t, number, bytes(length)))
-        rig.run(100)
-        told = {k: str(v) for k, v in rows(rig, "InputHealth_A1")[-1].items() if k.startswith("Refused")}
+        sim.core.feed(Frame(sim.t, number, bytes(length)))
+        sim.run(100)
+        told = {k: str(v) for k, v in sim.decoded("InputHealth_A1")[-1].items() if k.startswith("Refused")}
         assert told.pop(f"Refused{name}") == "Crc"
         assert set(told.values()) == {"None"}
-        others = rows(rig, "InputHealth_A2")[-1]
+        others = sim.decoded("InputHealth_A2")[-1]
         # the speed is everybody's
         assert str(others[f"Refused{name}"]) == ("Crc" if name == "Speed" else "None")
-        rig.run(1000)
+        sim.run(1000)
 
 
 def test_refused_frames_do_not_clear_what_a_sensor_says_of_itself() -> None:
-    rig = Rig(DEFAULT)
-    rig.run(1500)
-    rig.yaw_status = 1
-    first = len(rig.out)
+    sim = SensorSimulator(DEFAULT)
+    sim.run(1500)
+    sim.yaw_status = 1
+    first = len(sim.out)
     for _ in range(40):
-        for frame in rig.frames():
-            rig.out += rig.core.feed(frame)
+        for frame in sim.frames():
+            sim.out += sim.core.feed(frame)
             if frame.can_id == 0x101:
-                rig.out += rig.core.feed(replace(frame, data=bytes((frame.data[0] ^ 1, *frame.data[1:]))))
-        rig.out += rig.core.advance(rig.t)
-    assert {f["Validity"] for f in rig.adhesion(rig.out[first:])} == {"Degraded"}
+                sim.out += sim.core.feed(replace(frame, data=bytes((frame.data[0] ^ 1, *frame.data[1:]))))
+        sim.out += sim.core.advance(sim.t)
+    assert {f["Validity"] for f in sim.adhesion(sim.out[first:])} == {"Degraded"}
 
 
 def own(tmp_path: Path, more: str, vehicle: str) -> Config:
@@ -105,72 +98,72 @@ def test_braking_with_an_unknown_share_of_the_friction_brakes(
         'brake_torque = "Torque_A2.Torque"\n' if brake else "",
         f"torque_is_total = {str(total).lower()}\n",
     )
-    rig = Rig(config)
-    rig.torque = torque
+    sim = SensorSimulator(config)
+    sim.torque = torque
     for _ in range(400):
-        for frame in rig.frames():
-            rig.out += rig.core.feed(frame)
+        for frame in sim.frames():
+            sim.out += sim.core.feed(frame)
             if frame.can_id == 0x121:
                 payload = struct.pack("<i", -100_000)[:3]
-                rig.core.feed(Frame(frame.stamp_us, 0x122, protect(b"\0\0" + payload, 0x122, frame.data[1] & 0x0F)))
-        rig.out += rig.core.advance(rig.t)
-    last = rig.adhesion(rig.out)[-1]
+                sim.core.feed(Frame(frame.stamp_us, 0x122, protect(b"\0\0" + payload, 0x122, frame.data[1] & 0x0F)))
+        sim.out += sim.core.advance(sim.t)
+    last = sim.adhesion(sim.out)[-1]
     assert last["Validity"] == expected
     used = abs(torque - (1_000.0 if brake else 0.0))
     assert last["MuUsed"] == pytest.approx(100 * used / (2 * 73549.875 * 0.5), abs=0.006)
 
 
-def causes(rig: Rig) -> list[str]:
+def causes(sim: SensorSimulator) -> list[str]:
     """Runs of equal causes in AdhesionDetail."""
-    told = [str(row["Cause"]) for row in rows(rig, "AdhesionDetail_A1")]
+    told = [str(row["Cause"]) for row in sim.decoded("AdhesionDetail_A1")]
     return [c for k, c in enumerate(told) if k == 0 or c != told[k - 1]]
 
 
 @pytest.mark.parametrize("fault", ["status", "speed"])
 def test_one_good_frame_after_degraded_ones_is_not_valid(fault: str) -> None:
     """The estimate is a window old: what was not sound must have left it."""
-    rig = Rig(DEFAULT)
-    rig.speed = 59.9
-    rig.run(1500)
-    rig.yaw_status, rig.speed = (1, 59.9) if fault == "status" else (0, 60.5)
-    assert rig.run(3000)[-1]["Validity"] == "Degraded"
-    rig.yaw_status, rig.speed = 0, 59.9
-    frames = rig.run(1500)
+    sim = SensorSimulator(DEFAULT)
+    sim.speed = 59.9
+    sim.run(1500)
+    sim.yaw_status, sim.speed = (1, 59.9) if fault == "status" else (0, 60.5)
+    assert sim.run(3000)[-1]["Validity"] == "Degraded"
+    sim.yaw_status, sim.speed = 0, 59.9
+    frames = sim.run(1500)
     assert validities(frames) == ["Degraded", "Valid"]
     back = next(i for i, f in enumerate(frames) if f["Validity"] == "Valid")
     assert 1000 <= (back + 1) * 20 <= 1040
-    assert causes(rig)[-2:] == ["SensorDegraded" if fault == "status" else "SpeedOutOfRange", "None"]
+    assert causes(sim)[-2:] == ["SensorDegraded" if fault == "status" else "SpeedOutOfRange", "None"]
 
 
 def test_confidence_is_said_of_valid_frames_only() -> None:
-    rig = Rig(DEFAULT)
-    rig.run(1500)
-    rig.yaw_status = 1
-    degraded = [f for f in rig.run(500) if f["Validity"] == "Degraded"]
+    sim = SensorSimulator(DEFAULT)
+    sim.run(1500)
+    sim.yaw_status = 1
+    degraded = [f for f in sim.run(500) if f["Validity"] == "Degraded"]
     assert len(degraded) > 20
     assert {f["Confidence"] for f in degraded} == {"None"}
     assert all(isinstance(f["MuAvailable"], float) for f in degraded)
 
 
 def test_more_is_never_in_use_than_there_is_in_a_valid_frame() -> None:
-    rig = Rig(DEFAULT)
+    sim = SensorSimulator(DEFAULT)
     frames = []
     for k in range(300):
-        rig.torque = 2_000.0 + 9_000.0 * (k % 20 >= 10)  # steps that the newest part's mean is behind
-        frames += rig.run(20)
+        sim.torque = 2_000.0 + 9_000.0 * (k % 20 >= 10)  # steps that the newest part's mean is behind
+        frames += sim.run(20)
     valid = [f for f in frames if f["Validity"] == "Valid"]
     assert len(valid) > 20
     assert all(f["MuUsed"] <= f["MuAvailable"] for f in valid)
 
 
 def test_the_friction_brakes_alone_are_unknown_for_a_window(tmp_path: Path) -> None:
-    rig = Rig(own(tmp_path, "", "torque_is_total = false\n"))
-    rig.run(2000)
-    rig.torque = 0.0
-    assert rig.run(100)[-1]["Validity"] == "Degraded"
-    rig.torque = 8_000.0
-    assert validities(rig.run(1500)) == ["Degraded", "Valid"]
-    assert causes(rig)[-2:] == ["FrictionShareUnknown", "None"]
+    sim = SensorSimulator(own(tmp_path, "", "torque_is_total = false\n"))
+    sim.run(2000)
+    sim.torque = 0.0
+    assert sim.run(100)[-1]["Validity"] == "Degraded"
+    sim.torque = 8_000.0
+    assert validities(sim.run(1500)) == ["Degraded", "Valid"]
+    assert causes(sim)[-2:] == ["FrictionShareUnknown", "None"]
 
 
 @pytest.mark.parametrize(
@@ -192,55 +185,55 @@ def test_load_and_radius_beyond_the_designs(tmp_path: Path, key: str, share: flo
     text = resources.DBC.read_text("cp1252").replace("\nCM_ ", message, 1)
     (tmp_path / "own.dbc").write_text(text, "cp1252")
     more = f'{key} = "Body.V"\n[dbc]\nfile = "own.dbc"\n[wheelset]\nname = "default"\n'
-    rig = Rig(own(tmp_path, more, ""))
+    sim = SensorSimulator(own(tmp_path, more, ""))
     for _ in range(400):
-        for frame in rig.frames():
-            rig.out += rig.core.feed(frame)
+        for frame in sim.frames():
+            sim.out += sim.core.feed(frame)
         raw = struct.pack("<H", round(share * design / 0.01)) + bytes(6)
-        rig.out += rig.core.feed(Frame(rig.t - 4000, 800, raw))
-        rig.out += rig.core.advance(rig.t)
-    assert rig.adhesion(rig.out)[-1]["Validity"] == expected
-    assert causes(rig)[-1] == cause
+        sim.out += sim.core.feed(Frame(sim.t - 4000, 800, raw))
+        sim.out += sim.core.advance(sim.t)
+    assert sim.adhesion(sim.out)[-1]["Validity"] == expected
+    assert causes(sim)[-1] == cause
 
 
 def test_a_cause_for_every_state_of_a_start_and_a_stop() -> None:
-    rig = Rig(DEFAULT)
-    rig.out += rig.core.advance(rig.t)
-    rig.out += rig.core.advance(rig.t + 500_000)
-    rig.t += 500_000
-    rig.run(2000)
-    rig.silent = {0x121}
-    rig.run(300)
-    rig.silent = set()
-    rig.run(1500)
-    while rig.speed > 1.0:
-        rig.speed -= 0.2
-        rig.run(20)
-    rig.run(500)
+    sim = SensorSimulator(DEFAULT)
+    sim.out += sim.core.advance(sim.t)
+    sim.out += sim.core.advance(sim.t + 500_000)
+    sim.t += 500_000
+    sim.run(2000)
+    sim.silent = {0x121}
+    sim.run(300)
+    sim.silent = set()
+    sim.run(1500)
+    while sim.speed > 1.0:
+        sim.speed -= 0.2
+        sim.run(20)
+    sim.run(500)
     # slow, with what the sensors say at speed, the estimate is vague
-    told = [c for c in causes(rig) if c != "TooLittleData"]
+    told = [c for c in causes(sim) if c != "TooLittleData"]
     assert [c for c, _ in groupby(told)] == [
         "InputSilent", "WarmingUp", "None", "InputSilent", "WarmingUp", "None", "Standstill",
     ]  # fmt: skip
 
 
 def test_absurd_measurements_are_the_cause_of_starting_anew() -> None:
-    rig = Rig(DEFAULT)
-    rig.run(1500)
-    rig.spike = 500_000
-    rig.run(400)
-    assert causes(rig)[-1] == "Restarted"
-    rig.run(1500)
-    assert causes(rig)[-1] == "None"
+    sim = SensorSimulator(DEFAULT)
+    sim.run(1500)
+    sim.spike = 500_000
+    sim.run(400)
+    assert causes(sim)[-1] == "Restarted"
+    sim.run(1500)
+    assert causes(sim)[-1] == "None"
 
 
 @pytest.mark.parametrize(
     ("doubt", "cause"), [*OF_ESTIMATE.items(), (EstimateDoubt.NONE, Cause.NONE)], ids=lambda x: x.name
 )
 def test_an_estimate_that_doubts_itself_is_not_valid(doubt: EstimateDoubt, cause: Cause) -> None:
-    rig = Rig(DEFAULT)
-    rig.run(1500)
-    estimate = replace(rig.core.estimator.estimate(), doubt=np.full(4, int(doubt)))
+    sim = SensorSimulator(DEFAULT)
+    sim.run(1500)
+    estimate = replace(sim.core.estimator.estimate(), doubt=np.full(4, int(doubt)))
     judge = ValidityMonitor(200, 4)
     for _ in range(200):
         judge.update(0, Cause.NONE)
@@ -256,18 +249,18 @@ def test_an_estimate_that_doubts_itself_is_not_valid(doubt: EstimateDoubt, cause
 
 @pytest.mark.parametrize(("speed", "outside"), [(2.9975, True), (3.0, False), (60.0, False), (60.0025, True)])
 def test_the_designs_speeds_count_with_their_ends(speed: float, outside: bool) -> None:
-    rig = Rig(replace(DEFAULT, min_speed_m_s=2.0))
-    rig.speed = speed
-    rig.run(2000)
+    sim = SensorSimulator(replace(DEFAULT, min_speed_m_s=2.0))
+    sim.speed = speed
+    sim.run(2000)
     # slow, with what the sensors say at speed, the estimate may be vague, too
-    assert (causes(rig)[-1] == "SpeedOutOfRange") == outside
+    assert (causes(sim)[-1] == "SpeedOutOfRange") == outside
 
 
 @pytest.mark.parametrize(("speed", "available"), [(4.9975, False), (5.0, True)])
 def test_the_least_speed_counts(speed: float, available: bool) -> None:
-    rig = Rig(replace(DEFAULT, min_speed_m_s=5.0))
-    rig.speed = speed
-    assert (rig.run(2000)[-1]["Validity"] != "NotAvailable") == available
+    sim = SensorSimulator(replace(DEFAULT, min_speed_m_s=5.0))
+    sim.speed = speed
+    assert (sim.run(2000)[-1]["Validity"] != "NotAvailable") == available
 
 
 @pytest.mark.parametrize(
@@ -282,52 +275,52 @@ def test_the_least_speed_counts(speed: float, available: bool) -> None:
     ],
 )
 def test_steps_of_time_told_by_frames_alone(step_us: int, anew: int, filled: int) -> None:
-    rig = Rig(DEFAULT)
-    rig.t += 4_000  # frames at a tick's beginning
+    sim = SensorSimulator(DEFAULT)
+    sim.t += 4_000  # frames at a tick's beginning
     for _ in range(40):
-        for frame in rig.frames():
-            rig.core.feed(frame)
-    before = rig.core.counts.accepted
+        for frame in sim.frames():
+            sim.core.feed(frame)
+    before = sim.core.counts.accepted
     assert before == 160
-    out = rig.core.feed(replace(frame, stamp_us=frame.stamp_us + step_us, data=rig.frames()[-1].data))
-    assert rig.core.counts.time_steps == anew
-    assert rig.core.counts.accepted == before + 1
-    assert len(rig.adhesion(out)) == filled
+    out = sim.core.feed(replace(frame, stamp_us=frame.stamp_us + step_us, data=sim.frames()[-1].data))
+    assert sim.core.counts.time_steps == anew
+    assert sim.core.counts.accepted == before + 1
+    assert len(sim.adhesion(out)) == filled
     # what follows is no step of its own, and a late frame is counted as one
-    rig.core.feed(replace(frame, stamp_us=frame.stamp_us + step_us + 5_000, data=rig.frames()[-1].data))
-    assert rig.core.counts.time_steps == anew
+    sim.core.feed(replace(frame, stamp_us=frame.stamp_us + step_us + 5_000, data=sim.frames()[-1].data))
+    assert sim.core.counts.time_steps == anew
 
 
 @pytest.mark.parametrize(("step_us", "anew"), [(1_000_000, 0), (1_005_000, 1), (-10_000, 0), (-10_001, 1)])
 def test_steps_of_time_told_by_the_clock_alone(step_us: int, anew: int) -> None:
-    rig = Rig(DEFAULT)
-    rig.run(200)
-    rig.core.advance(rig.t + step_us)
-    assert rig.core.counts.time_steps == anew
+    sim = SensorSimulator(DEFAULT)
+    sim.run(200)
+    sim.core.advance(sim.t + step_us)
+    assert sim.core.counts.time_steps == anew
 
 
 def test_late_frames_are_those_of_a_tick_that_is_over() -> None:
-    rig = Rig(DEFAULT)
-    rig.run(200)
-    for stamp_us in (rig.t, rig.t - 1, rig.t - 3_000):
-        rig.core.feed(replace(rig.frame(0x121, struct.pack("<i", 1_000_000)[:3]), stamp_us=stamp_us))
-        rig.counter += 1
-    assert rig.core.counts.late == 2
+    sim = SensorSimulator(DEFAULT)
+    sim.run(200)
+    for stamp_us in (sim.t, sim.t - 1, sim.t - 3_000):
+        sim.core.feed(replace(sim.frame(0x121, struct.pack("<i", 1_000_000)[:3]), stamp_us=stamp_us))
+        sim.counter += 1
+    assert sim.core.counts.late == 2
 
 
 def test_the_log_blames_the_message() -> None:
-    rig = Rig(DEFAULT)
-    rig.run(20)
+    sim = SensorSimulator(DEFAULT)
+    sim.run(20)
     for _ in range(2):
-        rig.core.feed(Frame(rig.t, 0x121, bytes(5)))
-    assert rig.core.counts.rejected_by_message == {("Torque_A1", Reason.CRC): 2}
+        sim.core.feed(Frame(sim.t, 0x121, bytes(5)))
+    assert sim.core.counts.rejected_by_message == {("Torque_A1", Reason.CRC): 2}
 
 
 def test_the_status_of_the_farewell() -> None:
-    rig = Rig(DEFAULT)
-    rig.run(100)
+    sim = SensorSimulator(DEFAULT)
+    sim.run(100)
     message = find_message(DEFAULT.database, "WrcdStatus")
-    (last,) = (f for f in rig.core.shutdown_frames(rig.t) if f.can_id == message.frame_id)
+    (last,) = (f for f in sim.core.shutdown_frames(sim.t) if f.can_id == message.frame_id)
     decoded: Any = message.decode(last.data)
     assert str(decoded["State"]) == "Stopping"
 
@@ -417,7 +410,7 @@ def test_a_yaw_rate_that_jumps_is_absurd_whatever_the_innovations_say_until_it_i
 
 
 def test_a_silent_bus_at_the_start_is_told_as_such() -> None:
-    rig = Rig(DEFAULT)
-    rig.out += rig.core.advance(rig.t)
-    rig.out += rig.core.advance(rig.t + 100_000)
-    assert [f["Validity"] for f in rig.adhesion(rig.out)] == ["NotAvailable"] * 5
+    sim = SensorSimulator(DEFAULT)
+    sim.out += sim.core.advance(sim.t)
+    sim.out += sim.core.advance(sim.t + 100_000)
+    assert [f["Validity"] for f in sim.adhesion(sim.out)] == ["NotAvailable"] * 5

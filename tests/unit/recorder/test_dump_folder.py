@@ -9,17 +9,11 @@ from pathlib import Path
 import pytest
 
 from tests.unit.recorder.test_recorder import Train
-from wrcd.config import load_config
 from wrcd.core.configuration import Config
 from wrcd.recorder.child import Child
 from wrcd.recorder.folder import Bound, write_dump, write_new
 
 UNBOUND = Bound(1000, 1 << 30)
-
-
-@pytest.fixture(scope="module")
-def config() -> Config:
-    return load_config(None)
 
 
 def names(folder: Path) -> list[str]:

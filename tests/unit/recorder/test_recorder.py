@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.unit.core.test_core import Rig
-from tests.unit.service.test_loop import Wire
+from tests.support.scripted_link import ScriptedLink
+from tests.support.sensor_simulator import SensorSimulator
 from wrcd.bus.e2e import protect
 from wrcd.bus.frame import Frame
 from wrcd.bus.log import Damage, read_log
@@ -33,30 +33,25 @@ from wrcd.tools.cli import main
 OWN = set(range(0x090, 0x0C0))
 
 
-@pytest.fixture(scope="module")
-def config() -> Config:
-    return load_config(None)
-
-
 class Train:
-    """Rig, daemon and recorder on a clock of the test's own; the dumps are written by real processes."""
+    """Simulator, daemon and recorder on a clock of the test's own; the dumps are written by real processes."""
 
     def __init__(self, config: Config, folder: Path, seconds: float = 3.0, max_files: int = 20) -> None:
-        self.rig = Rig(config)
-        self.wire = Wire()
+        self.sim = SensorSimulator(config)
+        self.link = ScriptedLink()
         self.lag_us = 0  # of the loop
         self.said: list[str] = []
         settings = RecorderConfig(folder, seconds, max_files, 200.0)
-        self.recorder = Recorder(settings, self.rig.core, "vcan0", self.said.append)
-        self.daemon = Daemon(self.rig.core, self.wire, clock=self.now, recorder=self.recorder)
+        self.recorder = Recorder(settings, self.sim.core, "vcan0", self.said.append)
+        self.daemon = Daemon(self.sim.core, self.link, clock=self.now, recorder=self.recorder)
         self.folder = folder
 
     def now(self) -> int:
-        return self.rig.t + 1000 + self.lag_us
+        return self.sim.t + 1000 + self.lag_us
 
     def run(self, ms: int, spoil: Callable[[list[Frame]], list[Frame]] = list) -> None:
         for _ in range(ms // 5):
-            self.wire.waiting += spoil(self.rig.frames())
+            self.link.waiting += spoil(self.sim.frames())
             self.daemon.turn()
 
     def dumps(self, count: int = 1) -> list[Path]:
@@ -119,43 +114,43 @@ def second_sender(f: Frame) -> Frame:
 
 def busy(train: Train) -> None:
     """All that makes state: losses, garbage, standing sensors, spikes, silence, steps of the clock, a lost link."""
-    rig, wire, spoil = train.rig, train.wire, spoiler(1)
+    sim, link, spoil = train.sim, train.link, spoiler(1)
     train.run(1200)
     train.run(1500, spoil)
     for ms in (15, 40):  # left out, started anew
-        rig.spike = 400_000
+        sim.spike = 400_000
         train.run(ms)
-        rig.spike = 0
+        sim.spike = 0
         train.run(600, spoil)
     train.run(200, lambda frames: [f for f in frames for f in (f, second_sender(f))])
-    rig.yaw_status = 1
+    sim.yaw_status = 1
     train.run(100)
-    rig.yaw_status = 0
-    late = [rig.frames(), rig.frames(), rig.frames()]  # the loop, and with it what the kernel holds
+    sim.yaw_status = 0
+    late = [sim.frames(), sim.frames(), sim.frames()]  # the loop, and with it what the kernel holds
     train.daemon.turn()
     train.daemon.turn()
-    train.wire.waiting += [f for frames in late for f in frames]
+    train.link.waiting += [f for frames in late for f in frames]
     train.daemon.turn()
     train.lag_us = 100_000
     train.run(20)
     train.lag_us = 0
-    rig.frozen = True
+    sim.frozen = True
     train.run(400)
-    rig.frozen = False
-    rig.speed = 40.0  # a jump
+    sim.frozen = False
+    sim.speed = 40.0  # a jump
     train.run(1300)
-    wire.health.drops += 3
-    wire.health.state = "Down"
+    link.health.drops += 3
+    link.health.state = "Down"
     train.run(300, lambda _: [])  # the clock alone closes ticks
-    wire.health.state = "Up"
+    link.health.state = "Up"
     train.run(300)
-    rig.t -= 10_000_000
+    sim.t -= 10_000_000
     train.run(1300)
-    rig.t += 100_000_000
+    sim.t += 100_000_000
     train.run(1300)
-    rig.silent = {0x121}
+    sim.silent = {0x121}
     train.run(700, spoil)
-    rig.silent = set()
+    sim.silent = set()
     train.run(400, spoil)
 
 
@@ -186,10 +181,10 @@ def test_a_replay_of_a_dump_is_what_was_sent(
     # less: what was sent by the clock alone and the state of the link, too
     went = {(f.can_id, f.stamp_us) for f in sent}
     left_out = [f for f in replayed if (f.can_id, f.stamp_us) not in went]
-    assert len(left_out) in (0, train.rig.core.health.overruns)  # by how far back the dump reaches
+    assert len(left_out) in (0, train.sim.core.health.overruns)  # by how far back the dump reaches
     replayed = [f for f in replayed if f not in left_out]
     assert replayed == sent
-    assert sent == [f for f in train.wire.sent if f.stamp_us in {s.stamp_us for s in sent}]
+    assert sent == [f for f in train.link.sent if f.stamp_us in {s.stamp_us for s in sent}]
     assert {f.can_id for f in sent} >= {0x091, 0x0A1, 0x0B0}
     assert Counter(f.data[1] >> 4 for f in sent if f.can_id == 0x091)[1] > 50
 
@@ -207,8 +202,8 @@ def test_slots_that_were_skipped_are_the_only_difference(config: Config, tmp_pat
     train = Train(config, tmp_path, seconds=6.0)
     train.run(2000)
     for _ in range(10):
-        train.wire.waiting += train.rig.frames()
-        train.rig.t += 45_000  # the loop comes late
+        train.link.waiting += train.sim.frames()
+        train.sim.t += 45_000  # the loop comes late
         train.daemon.turn()
         train.run(100)
     log = train.asked()
@@ -224,11 +219,11 @@ def test_late_frames_replay_as_they_were_used(config: Config, tmp_path: Path) ->
     train.run(2500)
     kept: list[Frame] = []
     for n in range(200):
-        kept += train.rig.frames()
+        kept += train.sim.frames()
         if n % 7 == 6:
-            train.wire.waiting, kept = kept, []
+            train.link.waiting, kept = kept, []
         train.daemon.turn()
-    assert train.rig.core.counts.late > 100
+    assert train.sim.core.counts.late > 100
     log = train.asked()
     sent, replayed = sent_and_replayed(log, tmp_path / "out.log")
     assert replayed == sent
@@ -278,9 +273,9 @@ def test_loss_of_validity_is_dumped_with_its_aftermath(config: Config, tmp_path:
     train = Train(config, tmp_path)
     train.run(3000)
     lost_us = train.now()
-    train.rig.silent = {0x101}
+    train.sim.silent = {0x101}
     train.run(1000)
-    train.rig.silent = set()
+    train.sim.silent = set()
     assert train.said == []
     train.run(1200)
     (log,) = train.dumps()
@@ -290,13 +285,13 @@ def test_loss_of_validity_is_dumped_with_its_aftermath(config: Config, tmp_path:
     assert frames[-1].stamp_us - lost_us == pytest.approx(2_150_000, abs=60_000)  # time-out, five slots, aftermath
     # at most one in half a minute, whatever happens
     train.run(1200)
-    train.rig.silent = {0x101}
+    train.sim.silent = {0x101}
     train.run(2500)
     assert len(train.said) == 1
-    train.rig.silent = set()
-    train.rig.t += 25_000_000
+    train.sim.silent = set()
+    train.sim.t += 25_000_000
     train.run(1500)
-    train.rig.silent = {0x101}
+    train.sim.silent = {0x101}
     train.run(3000)
     assert len(train.dumps(2)) == 2
 
@@ -314,12 +309,12 @@ def test_a_hiccup_is_no_loss(config: Config) -> None:
 def test_a_standing_train_is_no_loss(config: Config, tmp_path: Path) -> None:
     train = Train(config, tmp_path)
     train.run(2000)
-    assert train.rig.core.reports[0].validity == "Valid"
-    while train.rig.speed > 1.0:
-        train.rig.speed -= 0.2
+    assert train.sim.core.reports[0].validity == "Valid"
+    while train.sim.speed > 1.0:
+        train.sim.speed -= 0.2
         train.run(20)
     train.run(3000)
-    assert train.rig.core.reports[0].validity == "NotAvailable"
+    assert train.sim.core.reports[0].validity == "NotAvailable"
     assert (train.recorder._pending, train.recorder._child) == (None, None)
     assert train.said == []
     assert list(tmp_path.iterdir()) == []
@@ -328,7 +323,7 @@ def test_a_standing_train_is_no_loss(config: Config, tmp_path: Path) -> None:
 def test_collapse_of_adhesion_is_dumped(config: Config, tmp_path: Path) -> None:
     train = Train(config, tmp_path)
     train.run(2000)
-    core = train.rig.core
+    core = train.sim.core
     report = core.reports[0]
     assert report.validity == "Valid"
 
@@ -352,9 +347,9 @@ def test_a_slow_fall_is_no_collapse(config: Config) -> None:
     from wrcd.recorder.triggers import Triggers
 
     core = Core(config)
-    rig = Rig(config)
-    rig.run(1500)
-    report = next(r for r in rig.core.reports if r.validity == "Valid")
+    sim = SensorSimulator(config)
+    sim.run(1500)
+    report = next(r for r in sim.core.reports if r.validity == "Valid")
     triggers = Triggers(1, core.config.adhesion_cycle_us)
     mu = 40.0
     while mu > 3.0:
@@ -368,7 +363,7 @@ def test_other_limits_begin_anew(config: Config, tmp_path: Path) -> None:
     train = Train(config, tmp_path)
     train.run(2000)
     other = replace(config, min_speed_m_s=5.0)
-    train.rig.core.reconfigure(other)
+    train.sim.core.reconfigure(other)
     train.run(500)
     log = train.asked()
     state = log.with_suffix(".state.json")

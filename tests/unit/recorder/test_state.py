@@ -14,7 +14,6 @@ import pytest
 
 from tests.unit.recorder.test_recorder import Train, busy
 from wrcd.checksum import checksum
-from wrcd.config import load_config
 from wrcd.core.configuration import Config
 from wrcd.core.core import Core
 from wrcd.errors import InputError
@@ -23,11 +22,6 @@ from wrcd.recorder.state_file import load
 from wrcd.tools.cli import main
 
 PACKAGES = ("wrcd.estimator.", "wrcd.bus.", "wrcd.core.", "wrcd.recorder.")
-
-
-@pytest.fixture(scope="module")
-def config() -> Config:
-    return load_config(None)
 
 
 def objects(root: Any) -> Iterator[tuple[str, Any]]:
@@ -82,14 +76,14 @@ def snapshot(core: Core) -> dict[tuple[str, type, str], Any]:
 
 def test_every_class_names_its_state(config: Config, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     train = Train(config, tmp_path)
-    before = snapshot(train.rig.core)
+    before = snapshot(train.sim.core)
     changed: set[tuple[type, str]] = set()
     turn = train.recorder.turn
 
     def compare(now_us: int) -> None:
         turn(now_us)
-        if train.rig.counter % 25 == 0 or train.rig.spike:
-            now = snapshot(train.rig.core)
+        if train.sim.counter % 25 == 0 or train.sim.spike:
+            now = snapshot(train.sim.core)
             changed.update((k[1], k[2]) for k, v in now.items() if before.get(k) != v)
 
     monkeypatch.setattr(train.recorder, "turn", compare)
@@ -102,8 +96,8 @@ def test_every_class_names_its_state(config: Config, tmp_path: Path, monkeypatch
     assert sorted(forgotten) == []
     assert len(changed) > 40
     # what is named and never seen to change would mean that this test sees too little
-    named = {(type(o), name) for _, o in objects(train.rig.core) for name in getattr(type(o), "STATE", ())}
-    still = {f"{c.__name__}.{n}" for c, n in named - changed if not holds_objects(train.rig.core, c, n)}
+    named = {(type(o), name) for _, o in objects(train.sim.core) for name in getattr(type(o), "STATE", ())}
+    still = {f"{c.__name__}.{n}" for c, n in named - changed if not holds_objects(train.sim.core, c, n)}
     assert len(still) <= 0.15 * len(named), still
 
 
@@ -116,7 +110,7 @@ def holds_objects(core: Core, kind: type, name: str) -> bool:
 def test_a_restored_core_is_the_same(config: Config, tmp_path: Path) -> None:
     train = Train(config, tmp_path)
     busy(train)
-    core, again = train.rig.core, Core(config)
+    core, again = train.sim.core, Core(config)
     restore(again, json.loads(json.dumps(encode(capture(core)), allow_nan=False)))
     passing = {(type(o), n) for _, o in objects(core) for n in getattr(type(o), "TRANSIENT", ())}
     ours_now, theirs = snapshot(core), snapshot(again)

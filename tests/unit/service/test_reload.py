@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.unit.core.test_core import Rig, validities
+from tests.support.sensor_simulator import SensorSimulator, validities
 from wrcd import resources
 from wrcd.config import DEFAULT, load_config
 from wrcd.core.configuration import Config
@@ -150,11 +150,11 @@ def test_a_constant_speed_in_place_of_the_signal_needs_a_restart(train: Train) -
 
 
 @pytest.fixture
-def rig(train: Train) -> Rig:
-    return Rig(train.config)
+def sim(train: Train) -> SensorSimulator:
+    return SensorSimulator(train.config)
 
 
-def test_the_core_goes_on_with_the_new_limit(train: Train, rig: Rig) -> None:
+def test_the_core_goes_on_with_the_new_limit(train: Train, sim: SensorSimulator) -> None:
     """Above the present speed the axle has no estimate; lowered again, one window later it has."""
 
     def to(min_speed_m_s: float) -> Config:
@@ -162,21 +162,21 @@ def test_the_core_goes_on_with_the_new_limit(train: Train, rig: Rig) -> None:
         train.read()
         return train.config
 
-    assert validities(rig.run(1500))[-1] == "Valid"
-    rig.core.reconfigure(to(40.0))
-    assert set(validities(rig.run(200))) == {"NotAvailable"}
-    rig.core.reconfigure(to(3.0))
-    back = [str(row["Validity"]) for row in rig.run(1500)]
+    assert validities(sim.run(1500))[-1] == "Valid"
+    sim.core.reconfigure(to(40.0))
+    assert set(validities(sim.run(200))) == {"NotAvailable"}
+    sim.core.reconfigure(to(3.0))
+    back = [str(row["Validity"]) for row in sim.run(1500)]
     assert 45 <= back.index("Valid") <= 51
     assert set(back[back.index("Valid") :]) == {"Valid"}
 
 
-def test_the_core_goes_on_with_a_longer_patience(train: Train, rig: Rig) -> None:
-    assert validities(rig.run(1500))[-1] == "Valid"
+def test_the_core_goes_on_with_a_longer_patience(train: Train, sim: SensorSimulator) -> None:
+    assert validities(sim.run(1500))[-1] == "Valid"
     train.write("[limits]\nnot_available_after_ms = 400\n")
     train.read()
-    rig.core.reconfigure(train.config)
-    rig.silent = {0x101}
-    found = [row["Validity"] for row in rig.run(600)]
+    sim.core.reconfigure(train.config)
+    sim.silent = {0x101}
+    found = [row["Validity"] for row in sim.run(600)]
     # 400 ms of 20 ms each, where it would have been 100
     assert 19 <= found.index("NotAvailable") <= 21
