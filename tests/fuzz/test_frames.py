@@ -8,7 +8,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from tests.fuzz.strategies import any_frames, damaged, near_frames
-from tests.unit.bus.test_codec import FOREIGN, OPTIONAL
+from tests.support.dbc_texts import DIRECTION_AND_LOAD_DBC, TRAIN_DBC
 from wrcd.bus.codec import Receiver, Source
 from wrcd.bus.dbc import Database, load_dbc
 from wrcd.bus.e2e import COUNTER_MODULO, Checker, crc, protect
@@ -23,13 +23,13 @@ SOURCES = [i.source for i in CONFIG.inputs]
 LENGTHS = {
     m.frame_id: m.length for m in CONFIG.database.messages if m.frame_id in Receiver(CONFIG.database, SOURCES).ids
 }
-FOREIGN_SOURCES = (
+TRAIN_SOURCES = (
     Source("Bogie1", "Gyro", Quantity.YAW_RATE, (0,)),
     Source("Bogie1", "Side", Quantity.LAT_ACCEL, (0,)),
     Source("Bogie1", "Tractive", Quantity.TORQUE, (0,)),
     Source("Drive", "V", Quantity.SPEED, (0, 1)),
 )
-OPTIONAL_SOURCES = (
+DIRECTION_AND_LOAD_SOURCES = (
     Source("State", "Dir", Quantity.DIRECTION, (0,)),
     Source("State", "Load", Quantity.AXLE_LOAD, (0,)),
 )
@@ -62,7 +62,10 @@ def test_any_frame_is_taken_or_refused(frames: list[Frame]) -> None:
 def foreign(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[Database, tuple[Source, ...]]]:
     folder = tmp_path_factory.mktemp("dbc")
     out: list[tuple[Database, tuple[Source, ...]]] = []
-    for name, text, sources in (("a", FOREIGN, FOREIGN_SOURCES), ("b", OPTIONAL, OPTIONAL_SOURCES)):
+    for name, text, sources in (
+        ("a", TRAIN_DBC, TRAIN_SOURCES),
+        ("b", DIRECTION_AND_LOAD_DBC, DIRECTION_AND_LOAD_SOURCES),
+    ):
         (folder / f"{name}.dbc").write_text(text)
         out.append((load_dbc(folder / f"{name}.dbc"), sources))
     return out

@@ -15,7 +15,7 @@ from sim_ecu.play.encoder import databases
 from sim_ecu.play.expected import ROWS, Row, Unseen
 from sim_ecu.play.faults import KINDS, SILENT, Stage
 from sim_ecu.play.judge import HEAD, Said, Verdict, judge, line
-from tests.hil.conftest import BIN, running, wait_for
+from tests.support.processes import BIN, running, wait_for
 from wrcd.bus.frame import Frame
 from wrcd.bus.log import Damage, read_log
 

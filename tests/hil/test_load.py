@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from sim_ecu.cli import main as sim_ecu
-from tests.hil.conftest import BIN, running, wait_for
+from tests.support.processes import BIN, running, wait_for
 from tests.support.scenarios import held
 from wrcd.bus.e2e import crc
 from wrcd.bus.frame import Frame

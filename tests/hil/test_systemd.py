@@ -16,7 +16,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.hil.conftest import ROOT, running, wait_for
+from tests.support.processes import ROOT, running, wait_for
 from wrcd.bus.frame import Frame
 from wrcd.bus.log import Damage, parse_line, read_log
 from wrcd.config import DEFAULT

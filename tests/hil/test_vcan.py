@@ -13,7 +13,7 @@ import cantools
 import pytest
 from cantools.database.can import Database
 
-from tests.hil.conftest import BIN, ROOT, running, wait_for
+from tests.support.processes import BIN, ROOT, running, wait_for
 from tests.support.scenarios import FOUR_AXLES, held
 from wrcd.bus.frame import Frame
 from wrcd.bus.log import Damage, format_line, read_log

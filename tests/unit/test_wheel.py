@@ -7,8 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.conftest import LogOf
-from tests.support.scenarios import held
+from tests.support.scenarios import LogOf, held
 
 ROOT = Path(__file__).parents[2]
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.dbc_texts import DIRECTION_AND_LOAD_DBC, TRAIN_DBC
 from wrcd import resources
 from wrcd.bus.codec import Receiver, Sample, Source, Value, Writer
 from wrcd.bus.dbc import Database, find_message, load_dbc
@@ -13,19 +14,6 @@ from wrcd.bus.e2e import protect
 from wrcd.bus.frame import Frame
 from wrcd.bus.reasons import Reason
 from wrcd.bus.units import Quantity
-
-FOREIGN = """VERSION ""
-NS_ :
-BS_:
-BU_: BCU
-BO_ 2364540158 Bogie1: 8 BCU
- SG_ Gyro : 0|16@1- (0.01,0) [-200|200] "deg/s" BCU
- SG_ Side : 16|16@1- (0.001,0) [-20|20] "g" BCU
- SG_ Tractive : 32|16@1- (0.1,0) [-100|100] "kNm" BCU
-BO_ 800 Drive: 2 BCU
- SG_ V : 7|16@0+ (0.01,0) [0|300] "km/h" BCU
-VAL_ 800 V 65535 "SNA" ;
-"""
 
 
 @pytest.fixture(scope="module")
@@ -81,7 +69,7 @@ def test_what_is_not_mapped_is_nobodys_business(production: Database) -> None:
 
 
 def test_a_trains_own_dbc(tmp_path: Path) -> None:
-    (tmp_path / "own.dbc").write_text(FOREIGN)
+    (tmp_path / "own.dbc").write_text(TRAIN_DBC)
     database = load_dbc(tmp_path / "own.dbc")
     receiver = Receiver(
         database,
@@ -105,17 +93,6 @@ def test_a_trains_own_dbc(tmp_path: Path) -> None:
     assert receiver.read(Frame(0, 800, b"\xff\xff")) is Reason.STATUS
 
 
-OPTIONAL = """VERSION ""
-NS_ :
-BS_:
-BU_: B
-BO_ 800 State: 4 B
- SG_ Dir : 0|2@1+ (1,0) [0|3] "" B
- SG_ Load : 8|16@1+ (0.1,0) [0|0] "kN" B
-VAL_ 800 Dir 0 "Forward" 1 "Reverse" 3 "SNA" ;
-"""
-
-
 @pytest.mark.parametrize(
     ("payload", "expected"),
     [
@@ -126,7 +103,7 @@ VAL_ 800 Dir 0 "Forward" 1 "Reverse" 3 "SNA" ;
     ],
 )
 def test_direction_and_load(tmp_path: Path, payload: str, expected: list[float] | Reason) -> None:
-    (tmp_path / "own.dbc").write_text(OPTIONAL)
+    (tmp_path / "own.dbc").write_text(DIRECTION_AND_LOAD_DBC)
     sources = [Source("State", "Dir", Quantity.DIRECTION, (0,)), Source("State", "Load", Quantity.AXLE_LOAD, (0,))]
     got = Receiver(load_dbc(tmp_path / "own.dbc"), sources).read(Frame(0, 800, bytes.fromhex(payload)))
     if isinstance(got, list):

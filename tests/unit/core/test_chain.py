@@ -12,9 +12,8 @@ from cantools.database.can import Database
 
 from sim_ecu.cli import main as sim_ecu
 from sim_ecu.play.scenario import load_scenario, packaged
-from tests.conftest import LogOf
 from tests.support.config_texts import AXLE, VEHICLE
-from tests.support.scenarios import FOUR_AXLES, held
+from tests.support.scenarios import FOUR_AXLES, LogOf, held
 from wrcd.bus.log import Damage, read_log
 from wrcd.tools.cli import main as wrcd
 from wrcd.tools.replay import COLUMNS

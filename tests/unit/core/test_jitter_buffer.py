@@ -6,8 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from tests.conftest import LogOf
-from tests.support.scenarios import FOUR_AXLES
+from tests.support.scenarios import FOUR_AXLES, LogOf
 from wrcd.bus.frame import Frame
 from wrcd.bus.log import Damage, read_log
 from wrcd.config import load_config

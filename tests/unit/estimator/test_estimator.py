@@ -1,45 +1,21 @@
 """The estimator over ticks: what it says, what it doubts, and that nothing else moves it."""
 
-from collections.abc import Iterator
 from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 
-from tests.support.signals import measured
+from tests.support.estimator_runs import EVERY, PER_S, RATIO, estimates, tick, track
 from wrcd.estimator import estimator
 from wrcd.estimator.design import MODELS, Design, FloatArray, load_design
-from wrcd.estimator.estimator import Estimate, EstimateDoubt, Estimator, Tick
+from wrcd.estimator.estimator import Estimate, EstimateDoubt, Estimator
 from wrcd.estimator.offset import Offset
 from wrcd.resources import DESIGN
-
-RATIO = 0.136  # of the torque that `measured` has by default
-EVERY = 4  # ticks between two estimates, as on the bus
-PER_S = 200
 
 
 @pytest.fixture(scope="module")
 def design() -> Design:
     return load_design(DESIGN)
-
-
-def tick(k: int, z: FloatArray, ratio: float | FloatArray = RATIO, speed: float = 25.0) -> Tick:
-    n = z.shape[1]
-    return Tick(k, z, np.isfinite(z), np.broadcast_to(np.asarray(ratio, np.float64), n).copy(), speed)
-
-
-def track(seconds: float, seed: int = 1, curve: str = "B", torque_Nm: float = 10_000.0) -> FloatArray:
-    """z (ticks, 2, 1)."""
-    return measured(curve, torque_Nm, seconds=seconds, seed=seed)[..., None]
-
-
-def estimates(e: Estimator, z: FloatArray, ratio: FloatArray | float = RATIO, first: int = 0) -> Iterator[Estimate]:
-    """Every EVERY ticks over z (ticks, 2, n) from a tick on."""
-    ratios = np.broadcast_to(ratio, len(z))
-    for k, row in enumerate(z):
-        e.step(tick(first + k, row, float(ratios[k])))
-        if (k + 1) % EVERY == 0:
-            yield e.estimate()
 
 
 def said_of(design: Design, e: Estimate) -> FloatArray:

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from sim_ecu.design.verify import MAX_FUZZY, MAX_INNOVATION, Findings, compare, run
-from tests.conftest import LogOf
-from tests.support.scenarios import FOUR_AXLES, held
+from tests.support.scenarios import FOUR_AXLES, LogOf, held
 from wrcd.bus.log import Damage, read_log
 from wrcd.config import load_config
 from wrcd.core.core import Core

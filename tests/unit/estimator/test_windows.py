@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from tests.support.estimator_runs import EVERY, PER_S, RATIO, estimates, track
 from tests.support.signals import measured
-from tests.unit.estimator.test_estimator import EVERY, PER_S, RATIO, estimates, track
 from wrcd.estimator.design import Design, FloatArray, load_design
 from wrcd.estimator.estimator import Estimator
 from wrcd.resources import DESIGN

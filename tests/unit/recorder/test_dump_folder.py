@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.unit.recorder.test_recorder import Train
+from tests.support.recorded_train import RecordedTrain
 from wrcd.core.configuration import Config
 from wrcd.recorder.child import Child
 from wrcd.recorder.folder import Bound, write_dump, write_new
@@ -69,7 +69,7 @@ def test_what_a_killed_process_left_is_removed(tmp_path: Path) -> None:
 def test_a_folder_that_cannot_be_written_is_one_line_and_no_end(config: Config, tmp_path: Path) -> None:
     folder = tmp_path / "file"
     folder.write_text("not a folder")
-    train = Train(config, folder)
+    train = RecordedTrain(config, folder)
     for _ in range(3):
         train.recorder.ask()
         train.run(2200)

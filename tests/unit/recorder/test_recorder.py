@@ -1,19 +1,15 @@
 """The flight recorder: what it keeps, when it writes, and that a replay of its dump is what was sent."""
 
 import os
-import random
 import signal
-import time
 from collections import Counter
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from tests.support.scripted_link import ScriptedLink
+from tests.support.recorded_train import RecordedTrain, exercise_all_state, sent_and_replayed, spoiler
 from tests.support.sensor_simulator import SensorSimulator
-from wrcd.bus.e2e import protect
 from wrcd.bus.frame import Frame
 from wrcd.bus.log import Damage, read_log
 from wrcd.config import load_config
@@ -23,151 +19,16 @@ from wrcd.core.core import Core
 from wrcd.core.report import NOT_AVAILABLE_REPORT, Validity
 from wrcd.errors import InputError
 from wrcd.recorder.folder import dump_name
-from wrcd.recorder.recorder import Recorder
 from wrcd.recorder.ring import RECEIVED, SENT, Overwritten, Ring
 from wrcd.recorder.state_file import load
 from wrcd.recorder.triggers import LOST_SLOTS, Triggers
-from wrcd.service.loop import Daemon
-from wrcd.tools.cli import main
-
-OWN = set(range(0x090, 0x0C0))
-
-
-class Train:
-    """Simulator, daemon and recorder on a clock of the test's own; the dumps are written by real processes."""
-
-    def __init__(self, config: Config, folder: Path, seconds: float = 3.0, max_files: int = 20) -> None:
-        self.sim = SensorSimulator(config)
-        self.link = ScriptedLink()
-        self.lag_us = 0  # of the loop
-        self.said: list[str] = []
-        settings = RecorderConfig(folder, seconds, max_files, 200.0)
-        self.recorder = Recorder(settings, self.sim.core, "vcan0", self.said.append)
-        self.daemon = Daemon(self.sim.core, self.link, clock=self.now, recorder=self.recorder)
-        self.folder = folder
-
-    def now(self) -> int:
-        return self.sim.t + 1000 + self.lag_us
-
-    def run(self, ms: int, spoil: Callable[[list[Frame]], list[Frame]] = list) -> None:
-        for _ in range(ms // 5):
-            self.link.waiting += spoil(self.sim.frames())
-            self.daemon.turn()
-
-    def dumps(self, count: int = 1) -> list[Path]:
-        """Go on until so many dumps have been told of; their logs by age."""
-        self.go_on(lambda: len(self.said) >= count)
-        return sorted(self.folder.glob("wrcd-*.log"), key=lambda p: (p.stat().st_mtime_ns, p.name))
-
-    def asked(self, spoil: Callable[[list[Frame]], list[Frame]] = list) -> Path:
-        """Ask for a dump; its log."""
-        self.recorder.ask()
-        self.run(2000, spoil)
-        self.go_on(lambda: "-asked.log" in "".join(self.said))
-        return next(self.folder.glob("*-asked.log"))
-
-    def go_on(self, done: Callable[[], bool]) -> None:
-        end = time.monotonic() + 30
-        while not done():
-            assert time.monotonic() < end, self.said
-            if self.recorder._child is None:
-                self.run(5)
-            else:  # the clock stands still while a real process works
-                time.sleep(0.01)
-                self.recorder._reap()
-
-
-def spoiler(seed: int) -> Callable[[list[Frame]], list[Frame]]:
-    """Frames get lost, flipped, cut, doubled; frames that nobody asked for come in between."""
-    chance = random.Random(seed)
-
-    def spoil(frames: list[Frame]) -> list[Frame]:
-        out = []
-        for f in frames:
-            kind = chance.random()
-            flipped = bytes([f.data[0] ^ 1 << chance.randrange(8), *f.data[1:]])
-            out += (
-                [] if kind < 0.02
-                else [replace(f, data=flipped)] if kind < 0.03
-                else [replace(f, data=f.data[:-1])] if kind < 0.035
-                else [f, f] if kind < 0.04
-                else [replace(f, remote=True)] if kind < 0.045
-                else [replace(f, fd=True, data=f.data * 5)] if kind < 0.05
-                else [f]
-            )  # fmt: skip
-        if out and chance.random() < 0.1:
-            stamp_us = out[-1].stamp_us
-            out += [
-                Frame(stamp_us, 0x7FF, b""),
-                Frame(stamp_us, 0x101, bytes(8), extended=True),
-                Frame(stamp_us, 0x40, bytes(8), error=True),
-            ]
-        return out
-
-    return spoil
-
-
-def second_sender(f: Frame) -> Frame:
-    """The same message from somebody else, who counts for himself."""
-    return replace(f, data=protect(f.data, f.can_id, ((f.data[1] & 0x0F) + 7) % 15))
-
-
-def busy(train: Train) -> None:
-    """All that makes state: losses, garbage, standing sensors, spikes, silence, steps of the clock, a lost link."""
-    sim, link, spoil = train.sim, train.link, spoiler(1)
-    train.run(1200)
-    train.run(1500, spoil)
-    for ms in (15, 40):  # left out, started anew
-        sim.spike = 400_000
-        train.run(ms)
-        sim.spike = 0
-        train.run(600, spoil)
-    train.run(200, lambda frames: [f for f in frames for f in (f, second_sender(f))])
-    sim.yaw_status = 1
-    train.run(100)
-    sim.yaw_status = 0
-    late = [sim.frames(), sim.frames(), sim.frames()]  # the loop, and with it what the kernel holds
-    train.daemon.turn()
-    train.daemon.turn()
-    train.link.waiting += [f for frames in late for f in frames]
-    train.daemon.turn()
-    train.lag_us = 100_000
-    train.run(20)
-    train.lag_us = 0
-    sim.frozen = True
-    train.run(400)
-    sim.frozen = False
-    sim.speed = 40.0  # a jump
-    train.run(1300)
-    link.health.drops += 3
-    link.health.state = "Down"
-    train.run(300, lambda _: [])  # the clock alone closes ticks
-    link.health.state = "Up"
-    train.run(300)
-    sim.t -= 10_000_000
-    train.run(1300)
-    sim.t += 100_000_000
-    train.run(1300)
-    sim.silent = {0x121}
-    train.run(700, spoil)
-    sim.silent = set()
-    train.run(400, spoil)
-
-
-def sent_and_replayed(log: Path, out: Path) -> tuple[list[Frame], list[Frame]]:
-    """What a dump says was sent, and what a replay of it makes."""
-    assert main(["replay", str(log), "-o", str(out)]) == 0
-    damage = Damage()
-    sent = [f for f, _ in read_log(log, damage) if f.can_id in OWN]
-    assert damage.warnings(log) == []
-    return sent, [f for f, _ in read_log(out, Damage())]
 
 
 def test_a_replay_of_a_dump_is_what_was_sent(
     config: Config, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    train = Train(config, tmp_path / "dumps", seconds=9.0)
-    busy(train)
+    train = RecordedTrain(config, tmp_path / "dumps", seconds=9.0)
+    exercise_all_state(train)
     log = train.asked(spoiler(2))
     last_us = train.now()
     sent, replayed = sent_and_replayed(log, tmp_path / "out.log")
@@ -190,7 +51,7 @@ def test_a_replay_of_a_dump_is_what_was_sent(
 
 
 def test_without_its_state_a_dump_replays_to_something_else(config: Config, tmp_path: Path) -> None:
-    train = Train(config, tmp_path)
+    train = RecordedTrain(config, tmp_path)
     train.run(4500, spoiler(1))
     log = train.asked()
     log.with_suffix(".state.json").unlink()
@@ -199,7 +60,7 @@ def test_without_its_state_a_dump_replays_to_something_else(config: Config, tmp_
 
 
 def test_slots_that_were_skipped_are_the_only_difference(config: Config, tmp_path: Path) -> None:
-    train = Train(config, tmp_path, seconds=6.0)
+    train = RecordedTrain(config, tmp_path, seconds=6.0)
     train.run(2000)
     for _ in range(10):
         train.link.waiting += train.sim.frames()
@@ -215,7 +76,7 @@ def test_slots_that_were_skipped_are_the_only_difference(config: Config, tmp_pat
 
 def test_late_frames_replay_as_they_were_used(config: Config, tmp_path: Path) -> None:
     """Stamped before the kernel hands them over: the clock has closed their tick."""
-    train = Train(config, tmp_path, seconds=6.0)
+    train = RecordedTrain(config, tmp_path, seconds=6.0)
     train.run(2500)
     kept: list[Frame] = []
     for n in range(200):
@@ -260,7 +121,7 @@ def test_the_ring_keeps_every_kind_of_frame(frame: Frame) -> None:
 
 
 def test_a_bus_that_carries_more_than_the_ring_holds_still_replays(config: Config, tmp_path: Path) -> None:
-    train = Train(config, tmp_path, seconds=0.6)
+    train = RecordedTrain(config, tmp_path, seconds=0.6)
     noise = [Frame(0, 0x500 + i, bytes(8)) for i in range(60)]  # 12 000 frames/s
     train.run(1500)
     log = train.asked(lambda frames: frames + [replace(n, stamp_us=frames[-1].stamp_us) for n in noise])
@@ -270,7 +131,7 @@ def test_a_bus_that_carries_more_than_the_ring_holds_still_replays(config: Confi
 
 
 def test_loss_of_validity_is_dumped_with_its_aftermath(config: Config, tmp_path: Path) -> None:
-    train = Train(config, tmp_path)
+    train = RecordedTrain(config, tmp_path)
     train.run(3000)
     lost_us = train.now()
     train.sim.silent = {0x101}
@@ -307,7 +168,7 @@ def test_a_hiccup_is_no_loss(config: Config) -> None:
 
 
 def test_a_standing_train_is_no_loss(config: Config, tmp_path: Path) -> None:
-    train = Train(config, tmp_path)
+    train = RecordedTrain(config, tmp_path)
     train.run(2000)
     assert train.sim.core.reports[0].validity == "Valid"
     while train.sim.speed > 1.0:
@@ -315,13 +176,14 @@ def test_a_standing_train_is_no_loss(config: Config, tmp_path: Path) -> None:
         train.run(20)
     train.run(3000)
     assert train.sim.core.reports[0].validity == "NotAvailable"
-    assert (train.recorder._pending, train.recorder._child) == (None, None)
+    assert train.recorder.pending_trigger is None
+    assert not train.recorder.is_writing
     assert train.said == []
     assert list(tmp_path.iterdir()) == []
 
 
 def test_collapse_of_adhesion_is_dumped(config: Config, tmp_path: Path) -> None:
-    train = Train(config, tmp_path)
+    train = RecordedTrain(config, tmp_path)
     train.run(2000)
     core = train.sim.core
     report = core.reports[0]
@@ -335,9 +197,9 @@ def test_collapse_of_adhesion_is_dumped(config: Config, tmp_path: Path) -> None:
 
     says(30.0, 1200)
     says(16.0, 200)  # a good half
-    assert train.recorder._pending is None
+    assert train.recorder.pending_trigger is None
     says(14.0, 20)
-    assert train.recorder._pending is not None
+    assert train.recorder.pending_trigger is not None
     train.run(2200)
     (log,) = train.dumps()
     assert log.name.endswith("-collapse.log")
@@ -360,7 +222,7 @@ def test_a_slow_fall_is_no_collapse(config: Config) -> None:
 
 def test_other_limits_begin_anew(config: Config, tmp_path: Path) -> None:
     """After a reload a dump has what was sent under the limits of now, and replays with them alone."""
-    train = Train(config, tmp_path)
+    train = RecordedTrain(config, tmp_path)
     train.run(2000)
     other = replace(config, min_speed_m_s=5.0)
     train.sim.core.reconfigure(other)
@@ -375,8 +237,8 @@ def test_other_limits_begin_anew(config: Config, tmp_path: Path) -> None:
 
 
 def test_a_signal_asks_for_a_dump(config: Config, tmp_path: Path) -> None:
-    train = Train(config, tmp_path)
-    before = signal.signal(signal.SIGUSR1, train.daemon._on_signal)
+    train = RecordedTrain(config, tmp_path)
+    before = signal.signal(signal.SIGUSR1, train.daemon.on_signal)
     try:
         train.run(1500)
         os.kill(os.getpid(), signal.SIGUSR1)
@@ -391,14 +253,14 @@ def test_a_signal_asks_for_a_dump(config: Config, tmp_path: Path) -> None:
 
 
 def test_the_end_is_dumped(config: Config, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    train = Train(config, tmp_path)
+    train = RecordedTrain(config, tmp_path)
     monkeypatch.setattr(signal, "signal", lambda *_: None)
     turns = iter(range(300))
 
     def poll() -> None:
         train.run(5)
         if next(turns) == 299:
-            train.daemon._on_signal(signal.SIGTERM, None)
+            train.daemon.on_signal(signal.SIGTERM, None)
 
     monkeypatch.setattr(train.daemon, "poll", poll)
     train.daemon.run()
@@ -412,7 +274,7 @@ def test_the_end_is_dumped(config: Config, tmp_path: Path, monkeypatch: pytest.M
 def test_a_daemon_that_breaks_leaves_its_last_minute(
     config: Config, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    train = Train(config, tmp_path)
+    train = RecordedTrain(config, tmp_path)
     monkeypatch.setattr(signal, "signal", lambda *_: None)
     turns = iter(range(300))
 

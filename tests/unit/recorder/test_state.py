@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.unit.recorder.test_recorder import Train, busy
+from tests.support.recorded_train import RecordedTrain, exercise_all_state
 from wrcd.checksum import checksum
 from wrcd.core.configuration import Config
 from wrcd.core.core import Core
@@ -75,7 +75,7 @@ def snapshot(core: Core) -> dict[tuple[str, type, str], Any]:
 
 
 def test_every_class_names_its_state(config: Config, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    train = Train(config, tmp_path)
+    train = RecordedTrain(config, tmp_path)
     before = snapshot(train.sim.core)
     changed: set[tuple[type, str]] = set()
     turn = train.recorder.turn
@@ -87,7 +87,7 @@ def test_every_class_names_its_state(config: Config, tmp_path: Path, monkeypatch
             changed.update((k[1], k[2]) for k, v in now.items() if before.get(k) != v)
 
     monkeypatch.setattr(train.recorder, "turn", compare)
-    busy(train)
+    exercise_all_state(train)
     forgotten = [
         f"{c.__module__}.{c.__qualname__}.{name} changes: name it in STATE, or in TRANSIENT if nothing hangs on it"
         for c, name in changed
@@ -108,8 +108,8 @@ def holds_objects(core: Core, kind: type, name: str) -> bool:
 
 
 def test_a_restored_core_is_the_same(config: Config, tmp_path: Path) -> None:
-    train = Train(config, tmp_path)
-    busy(train)
+    train = RecordedTrain(config, tmp_path)
+    exercise_all_state(train)
     core, again = train.sim.core, Core(config)
     restore(again, json.loads(json.dumps(encode(capture(core)), allow_nan=False)))
     passing = {(type(o), n) for _, o in objects(core) for n in getattr(type(o), "TRANSIENT", ())}
@@ -134,7 +134,7 @@ def plain(value: Any) -> bool:
 @pytest.fixture(scope="module")
 def dumped(config: Config, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A dump to be damaged: its state file."""
-    train = Train(config, tmp_path_factory.mktemp("dumped"), seconds=1.0)
+    train = RecordedTrain(config, tmp_path_factory.mktemp("dumped"), seconds=1.0)
     train.run(1500)
     log = train.asked()
     return log.with_suffix(".state.json")

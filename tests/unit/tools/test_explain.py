@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from sim_ecu.cli import main as sim_ecu
-from tests.conftest import LogOf
-from tests.support.scenarios import held
+from tests.support.scenarios import LogOf, held
 from wrcd.core.causes import Cause
 from wrcd.estimator.design import load_design
 from wrcd.resources import DESIGN
