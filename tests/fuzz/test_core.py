@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
 from tests.fuzz.strategies import near_frames
+from tests.support.can_ids import ADHESION, ADHESION_A1, LAT_ACCEL_A1, TORQUE_A1, VEHICLE_SPEED, YAW_RATE_A1
 from tests.support.sensor_simulator import SensorSimulator
 from wrcd.bus.codec import Receiver
 from wrcd.bus.e2e import protect
@@ -29,7 +30,8 @@ LENGTHS = {
     for m in CONFIG.database.messages
     if m.frame_id in Receiver(CONFIG.database, [i.source for i in CONFIG.inputs]).ids
 }
-TIMEOUTS_US = {0x101: 15_000, 0x111: 15_000, 0x121: 30_000, 0x130: 60_000}  # of what axle 1 needs
+# of what axle 1 needs
+TIMEOUTS_US = {YAW_RATE_A1: 15_000, LAT_ACCEL_A1: 15_000, TORQUE_A1: 30_000, VEHICLE_SPEED: 60_000}
 VALID, NO_NUMBER = 1, 0xFFFE
 
 
@@ -79,7 +81,7 @@ class Day(RuleBasedStateMachine):
                 data ^= 1 << bit
             self.feed(replace(good, data=data.to_bytes(len(good.data), "big")))
 
-    @rule(signal=st.sampled_from((0x101, 0x111, 0x121)), value=st.integers(-(1 << 23), (1 << 23) - 1))
+    @rule(signal=st.sampled_from((YAW_RATE_A1, LAT_ACCEL_A1, TORQUE_A1)), value=st.integers(-(1 << 23), (1 << 23) - 1))
     def an_absurd_value(self, signal: int, value: int) -> None:
         for good in self.sim.frames():
             payload = struct.pack("<i", value)[:3] if good.can_id == signal else good.data[2:]
@@ -131,7 +133,7 @@ class Day(RuleBasedStateMachine):
         self.newest_us = max(self.newest_us, now_us)
         seen = set()
         for o in out:
-            if o.frame.can_id not in range(0x091, 0x095):
+            if o.frame.can_id not in ADHESION.values():
                 continue
             self.slots[o.frame.can_id] += 1
             place = o.frame.can_id, o.frame.stamp_us // SLOT_US
@@ -142,7 +144,7 @@ class Day(RuleBasedStateMachine):
             assert mu <= 10_000 or mu >= NO_NUMBER
             if validity == VALID:
                 assert mu <= 10_000
-                assert o.frame.can_id == 0x091
+                assert o.frame.can_id == ADHESION_A1
                 self.a_full_window_before(o.frame.stamp_us)
 
     def a_full_window_before(self, end_us: int) -> None:

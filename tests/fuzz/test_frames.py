@@ -8,6 +8,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from tests.fuzz.strategies import any_frames, damaged, near_frames
+from tests.support.can_ids import UNMAPPED, YAW_RATE_A1
 from tests.support.dbc_texts import DIRECTION_AND_LOAD_DBC, TRAIN_DBC
 from wrcd.bus.codec import Receiver, Source
 from wrcd.bus.dbc import Database, load_dbc
@@ -126,7 +127,7 @@ FRAMES = st.builds(
         error=frame.error,
         fd=frame.fd and not frame.remote,
     ),
-    any_frames([0x101, 0x7FF, 0x800, 0x1FFFFFFF]),
+    any_frames([YAW_RATE_A1, UNMAPPED, 0x800, 0x1FFFFFFF]),
 )
 
 

@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from sim_ecu.play.slcan import Slcan
+from tests.support.can_ids import ADHESION, ADHESION_A1, EXTENDED, YAW_RATE_A1, YAW_RATE_A2
 from wrcd.bus.controller import MAX_ERRORS
 from wrcd.bus.frame import Frame
 from wrcd.bus.link import MAX_FRAMES
@@ -72,43 +73,45 @@ def node(bus: str) -> Iterator[Node]:
 
 @pytest.fixture
 def link(bus: str) -> Iterator[SocketCanLink]:
-    made = SocketCanLink(bus, (0x101, 0x18FF0001))
+    made = SocketCanLink(bus, (YAW_RATE_A1, EXTENDED))
     yield made
     made.close()
 
 
 def test_only_mapped_ids_come_with_the_kernels_stamps(link: SocketCanLink, node: Node) -> None:
     before = now_us()
-    for word in (0x101, 0x102, 0x80000101, 0x98FF0001, 0x40000101, 0x101):
+    for word in (YAW_RATE_A1, YAW_RATE_A2, 0x80000101, 0x98FF0001, 0x40000101, YAW_RATE_A1):
         node.send(word)
     after = now_us()
     frames = link.receive(0)
     assert [(f.can_id, f.extended, f.remote, f.data) for f in frames] == [
-        (0x101, False, False, b"\x01\x02"), (0x18FF0001, True, False, b"\x01\x02"), (0x101, False, True, b"\x01\x02"),
-        (0x101, False, False, b"\x01\x02"),
-    ]  # fmt: skip
+        (YAW_RATE_A1, False, False, b"\x01\x02"),
+        (EXTENDED, True, False, b"\x01\x02"),
+        (YAW_RATE_A1, False, True, b"\x01\x02"),
+        (YAW_RATE_A1, False, False, b"\x01\x02"),
+    ]
     assert all(before <= f.stamp_us <= after for f in frames)
     assert sorted(f.stamp_us for f in frames) == [f.stamp_us for f in frames]
     assert link.receive(0) == []
-    link.narrow((0x102,))
-    node.send(0x101)
-    node.send(0x102)
-    assert [f.can_id for f in link.receive(0)] == [0x102]
+    link.narrow((YAW_RATE_A2,))
+    node.send(YAW_RATE_A1)
+    node.send(YAW_RATE_A2)
+    assert [f.can_id for f in link.receive(0)] == [YAW_RATE_A2]
 
 
 def test_a_full_receive_buffer_is_counted_frame_by_frame(link: SocketCanLink, node: Node) -> None:
     sent = 20_000
     for k in range(sent):
-        node.send(0x101, k.to_bytes(4, "little"))
+        node.send(YAW_RATE_A1, k.to_bytes(4, "little"))
     got = 0
     while frames := link.receive(0):
         got += len(frames)
-    node.send(0x101)  # what was lost is told with the next frame
+    node.send(YAW_RATE_A1)  # what was lost is told with the next frame
     got += len(link.receive(0))
     assert link.health.drops > 0
     assert got + link.health.drops == sent + 1
     for _ in range(10):
-        node.send(0x101)
+        node.send(YAW_RATE_A1)
     link.receive(0)
     assert got + link.health.drops == sent + 1
 
@@ -117,32 +120,32 @@ def test_unmapped_frames_never_fill_the_buffer(link: SocketCanLink, node: Node) 
     for k in range(20_000):
         node.send(0x300 + k % 0x100)
         if k % 1000 == 0:
-            node.send(0x101)
+            node.send(YAW_RATE_A1)
     assert len(link.receive(0)) == 20
     assert link.health.drops == 0
 
 
 def test_bus_off_and_back(link: SocketCanLink, node: Node) -> None:
-    mine = Frame(now_us(), 0x091, b"\x55")
+    mine = Frame(now_us(), ADHESION_A1, b"\x55")
     assert link.send(mine)
-    assert node.receive() == (0x091, b"\x55")
+    assert node.receive() == (ADHESION_A1, b"\x55")
     node.send(ERROR | 0x40, bytes(8))
     assert [(f.error, f.can_id) for f in link.receive(0)] == [(True, 0x40)]
     assert (link.health.state, link.health.bus_offs, link.health.error_frames) == ("BusOff", 1, 1)
     assert not link.health.up
     assert not link.send(mine)  # the kernel would take it, and nobody get it
-    later = Frame(mine.stamp_us + 20_000, 0x091, b"\x56")
+    later = Frame(mine.stamp_us + 20_000, ADHESION_A1, b"\x56")
     assert not link.send(later)
     assert link.health.unsent == 2
     node.send(ERROR | 0x100, bytes(8))
     link.receive(0)
     assert link.health.state == "Up"
-    assert link.send(Frame(mine.stamp_us + 40_000, 0x091, b"\x57"))
-    assert node.receive() == (0x091, b"\x57")
+    assert link.send(Frame(mine.stamp_us + 40_000, ADHESION_A1, b"\x57"))
+    assert node.receive() == (ADHESION_A1, b"\x57")
     # whatever arrives proves that the controller is on the bus
     node.send(ERROR | 0x40, bytes(8))
     link.receive(0)
-    node.send(0x101)
+    node.send(YAW_RATE_A1)
     link.receive(0)
     assert (link.health.state, link.health.bus_offs) == ("Up", 2)
 
@@ -159,8 +162,8 @@ def test_error_passive_is_told_and_goes_on(link: SocketCanLink, node: Node) -> N
         link.receive(0)
         assert link.health.state == name
         assert link.health.up
-        assert link.send(Frame(now_us(), 0x091, b""))
-        assert node.receive() == (0x091, b"")
+        assert link.send(Frame(now_us(), ADHESION_A1, b""))
+        assert node.receive() == (ADHESION_A1, b"")
     node.send(ERROR | 0x04, bytes((0, 0x01)) + bytes(6))  # the controller itself lost a frame
     link.receive(0)
     assert link.health.drops == 1
@@ -171,14 +174,14 @@ def test_a_flood_of_error_frames_is_shut_out_but_not_what_tells_the_state(link: 
     for k in range(MAX_ERRORS + 100):
         node.send(ERROR | 0x80, bytes(8))
         if k % 100 == 0:
-            node.send(0x101)
+            node.send(YAW_RATE_A1)
     frames = link.receive(now)
     assert sum(not f.error for f in frames) == 6
     for _ in range(1000):
         node.send(ERROR | 0x80, bytes(8))
-    node.send(0x101)
+    node.send(YAW_RATE_A1)
     node.send(ERROR | 0x40, bytes(8))
-    assert [(f.can_id, f.error) for f in link.receive(now + 500_000)] == [(0x101, False), (0x40, True)]
+    assert [(f.can_id, f.error) for f in link.receive(now + 500_000)] == [(YAW_RATE_A1, False), (0x40, True)]
     assert link.health.state == "BusOff"
     link.receive(now + 1_000_001)  # after a second all of them are let in again
     time.sleep(1.0)
@@ -189,15 +192,15 @@ def test_a_flood_of_error_frames_is_shut_out_but_not_what_tells_the_state(link: 
 @pytest.mark.skipif(os.environ.get("GUEST") != "uml", reason="changes the kernel's bound of receive buffers")
 def test_one_look_takes_no_more_than_some_thousand(bus: str, node: Node) -> None:
     Path("/proc/sys/net/core/rmem_max").write_text("8388608")
-    link = SocketCanLink(bus, (0x101,))
+    link = SocketCanLink(bus, (YAW_RATE_A1,))
     for _ in range(MAX_FRAMES + 10):
-        node.send(0x101)
+        node.send(YAW_RATE_A1)
     assert [len(link.receive(0)) for _ in range(3)] == [MAX_FRAMES, 10, 0]
     link.close()
 
 
 def test_a_link_that_goes_down_and_comes_up(bus: str, link: SocketCanLink, node: Node) -> None:
-    mine = Frame(now_us(), 0x091, b"\x07")
+    mine = Frame(now_us(), ADHESION_A1, b"\x07")
     ip("set", bus, "down")
     assert link.receive(0) == []
     assert told(link) == "Down"
@@ -206,9 +209,9 @@ def test_a_link_that_goes_down_and_comes_up(bus: str, link: SocketCanLink, node:
     node.close()
     other = Node(bus)
     assert link.send(mine)
-    assert other.receive() == (0x091, b"\x07")
+    assert other.receive() == (ADHESION_A1, b"\x07")
     assert link.health.state == "Up"
-    other.send(0x101)
+    other.send(YAW_RATE_A1)
     assert len(link.receive(0)) == 1
     other.close()
 
@@ -232,10 +235,10 @@ def add(bus: str) -> None:
 def exchange(bus: str, link: SocketCanLink) -> None:
     """A frame each way."""
     other = Node(bus)
-    other.send(0x101)
-    assert [f.can_id for f in link.receive(0)] == [0x101]
-    assert link.send(Frame(now_us(), 0x091, b"\x01"))
-    assert other.receive() == (0x091, b"\x01")
+    other.send(YAW_RATE_A1)
+    assert [f.can_id for f in link.receive(0)] == [YAW_RATE_A1]
+    assert link.send(Frame(now_us(), ADHESION_A1, b"\x01"))
+    assert other.receive() == (ADHESION_A1, b"\x01")
     other.close()
 
 
@@ -245,7 +248,7 @@ def test_a_device_that_comes_back_is_opened_at_once(bus: str, link: SocketCanLin
         ip("del", bus)
         assert link.receive(0) == []
         assert told(link) == "Gone"
-        assert not link.send(Frame(0, 0x091, b""))
+        assert not link.send(Frame(0, ADHESION_A1, b""))
         add(bus)
         link.receive(0)
         assert (link.health.state, link.health.reopens) == ("Down", reopens)
@@ -321,7 +324,7 @@ def leave(link: SocketCanLink) -> None:
 
 def test_options_of_a_device_that_goes_are_no_reason_to_stop(bus: str, link: SocketCanLink, node: Node) -> None:
     def set_filters() -> None:
-        link.narrow((0x101,))
+        link.narrow((YAW_RATE_A1,))
 
     def send_a_new_id() -> None:
         assert not link.send(Frame(now_us(), 0x0B7, b""))
@@ -352,7 +355,7 @@ def test_a_full_send_queue_drops_and_counts() -> None:
     peer = Slcan("can7")
     try:
         link = SocketCanLink("can7", None)
-        results = [link.send(Frame(now_us(), 0x091, bytes(8))) for _ in range(5000)]
+        results = [link.send(Frame(now_us(), ADHESION_A1, bytes(8))) for _ in range(5000)]
         assert results[0]
         assert not results[-1]
         assert link.health.unsent == results.count(False)
@@ -366,17 +369,17 @@ def test_frames_of_one_slot_wait_in_the_kernel_never_those_of_many(link: SocketC
     """A real controller without an acknowledgement keeps what it was given: it must not be given more."""
     stamp = now_us() // 20_000 * 20_000
     for axle in range(1, 5):
-        assert link.send(Frame(stamp, 0x090 + axle, b"\x01"))
+        assert link.send(Frame(stamp, ADHESION[axle], b"\x01"))
     assert link._unconfirmed == 4
-    assert link.send(Frame(stamp + 20_000, 0x091, b"\x02"))  # vcan says at once that they have left
+    assert link.send(Frame(stamp + 20_000, ADHESION_A1, b"\x02"))  # vcan says at once that they have left
     assert link._confirms
     assert link.receive(0) == []  # our own are not received
     link._unconfirmed = 4  # as if they had not
     for slot in range(2, 40):
-        assert not link.send(Frame(stamp + slot * 20_000, 0x091, b"\x03"))
+        assert not link.send(Frame(stamp + slot * 20_000, ADHESION_A1, b"\x03"))
     assert link.health.unsent == 38
-    assert link.send(Frame(stamp + 1_020_000, 0x091, b"\x04"))  # one slot a second is tried
-    assert link.send(Frame(stamp + 1_040_000, 0x091, b"\x05"))  # and has left
+    assert link.send(Frame(stamp + 1_020_000, ADHESION_A1, b"\x04"))  # one slot a second is tried
+    assert link.send(Frame(stamp + 1_040_000, ADHESION_A1, b"\x05"))  # and has left
     got = [node.receive()[1] for _ in range(7)]
     assert got == [b"\x01"] * 4 + [b"\x02", b"\x04", b"\x05"]
 
@@ -384,10 +387,10 @@ def test_frames_of_one_slot_wait_in_the_kernel_never_those_of_many(link: SocketC
 def test_off_the_bus_one_slot_a_second_is_tried(link: SocketCanLink, node: Node) -> None:
     """Should the frame that tells of the restart have been lost, and nobody else send."""
     stamp = now_us()
-    assert link.send(Frame(stamp, 0x091, b""))
+    assert link.send(Frame(stamp, ADHESION_A1, b""))
     node.send(ERROR | 0x40, bytes(8))
     link.receive(0)
-    sent = [link.send(Frame(stamp + slot * 20_000, 0x091, b"")) for slot in range(1, 200)]
+    sent = [link.send(Frame(stamp + slot * 20_000, ADHESION_A1, b"")) for slot in range(1, 200)]
     assert sent.count(True) == 3
 
 
@@ -409,10 +412,10 @@ def test_the_states_that_a_real_driver_reports() -> None:
 
 
 def test_hardware_stamps_where_there_are_none_are_the_kernels(bus: str, node: Node) -> None:
-    link = SocketCanLink(bus, (0x101,))
+    link = SocketCanLink(bus, (YAW_RATE_A1,))
     link.stamp_by_hardware()
     before = now_us()
-    node.send(0x101)
+    node.send(YAW_RATE_A1)
     frames = link.receive(0)
     assert before <= frames[0].stamp_us <= now_us()
     link.close()

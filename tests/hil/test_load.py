@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from sim_ecu.cli import main as sim_ecu
+from tests.support.can_ids import ADHESION_A1
 from tests.support.processes import BIN, running, wait_for
 from tests.support.scenarios import held
 from wrcd.bus.e2e import crc
@@ -48,8 +49,8 @@ def daemon(log: Path) -> Iterator["subprocess.Popen[bytes]"]:
 
 def adhesion(log: Path, since_s: float = 0.0) -> list[Frame]:
     """Adhesion_A1 as candump saw it."""
-    every = (f for f, _ in read_log(log, Damage()) if f.can_id == 0x091 and f.stamp_us * 1e-6 >= since_s)
-    return [f for f in every if len(f.data) == 8 and crc(f.data, 0x091) == f.data[0]]  # not cangen's
+    every = (f for f, _ in read_log(log, Damage()) if f.can_id == ADHESION_A1 and f.stamp_us * 1e-6 >= since_s)
+    return [f for f in every if len(f.data) == 8 and crc(f.data, ADHESION_A1) == f.data[0]]  # not cangen's
 
 
 @pytest.mark.parametrize("ids", ["300", "r"], ids=["unmapped", "any id, random bytes"])

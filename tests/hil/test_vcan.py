@@ -13,14 +13,12 @@ import cantools
 import pytest
 from cantools.database.can import Database
 
+from tests.support.can_ids import ADHESION, ADHESION_A1, INPUTS, YAW_RATE_A1
 from tests.support.processes import BIN, ROOT, running, wait_for
 from tests.support.scenarios import FOUR_AXLES, held
 from wrcd.bus.frame import Frame
 from wrcd.bus.log import Damage, format_line, read_log
 from wrcd.config import DEFAULT
-
-INPUTS = {0x130} | {base + a for base in (0x100, 0x110, 0x120) for a in range(1, 5)}
-ADHESION = {0x090 + a for a in range(1, 5)}
 
 
 @dataclass
@@ -101,14 +99,14 @@ def four_axles(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
 
 def longest_gap_s(recorded: Recorded) -> float:
     """Between two yaw-rate frames, while the play was under way."""
-    stamps = [f.stamp_us for f in recorded.of(0x101)]
+    stamps = [f.stamp_us for f in recorded.of(YAW_RATE_A1)]
     late = [b - a for a, b in pairwise(stamps) if a > stamps[0] + 2_000_000]
     print(f"longest gap {max(late) / 1000:.1f} ms")
     return max(late) * 1e-6
 
 
 def test_adhesion_comes_at_fifty_hertz(one_axle: Recorded) -> None:
-    frames = one_axle.of(0x091)
+    frames = one_axle.of(ADHESION_A1)
     seconds = (frames[-1].stamp_us - frames[0].stamp_us) * 1e-6
     assert seconds > 11
     assert (len(frames) - 1) / seconds == pytest.approx(50.0, rel=0.05)
@@ -116,7 +114,7 @@ def test_adhesion_comes_at_fifty_hertz(one_axle: Recorded) -> None:
 
 def test_the_rig_keeps_time_and_sends_everything(one_axle: Recorded) -> None:
     assert " 0 not sent" in one_axle.rig_says
-    yaw = one_axle.of(0x101)
+    yaw = one_axle.of(YAW_RATE_A1)
     assert len(yaw) == 2400
     assert (yaw[-1].stamp_us - yaw[0].stamp_us) * 1e-6 == pytest.approx(12.0, abs=0.1)
 
@@ -142,7 +140,9 @@ def test_the_estimate_meets_the_truth(one_axle: Recorded) -> None:
     assert isinstance(database, Database)
     message = database.get_message_by_name("Adhesion_A1")
     stamps = [f.stamp_us for f in one_axle.frames if f.can_id in INPUTS]
-    late = [message.decode(f.data) for f in one_axle.of(0x091) if min(stamps) + 3_000_000 < f.stamp_us <= max(stamps)]
+    late = [
+        message.decode(f.data) for f in one_axle.of(ADHESION_A1) if min(stamps) + 3_000_000 < f.stamp_us <= max(stamps)
+    ]
     assert len(late) > 400
     valid = [v for v in late if isinstance(v, dict) and str(v["Validity"]) == "Valid"]
     print(f"{len(valid)} of {len(late)} Valid")
@@ -153,7 +153,7 @@ def test_the_estimate_meets_the_truth(one_axle: Recorded) -> None:
 
 def test_sigterm_ends_with_not_available(one_axle: Recorded) -> None:
     assert one_axle.daemon_status == 0
-    for can_id in ADHESION:
+    for can_id in ADHESION.values():
         assert one_axle.of(can_id)[-1].data[1] >> 4 == 0
     assert one_axle.frames[-1].data[1] >> 4 == 3  # WrcdStatus: Stopping
 
@@ -185,7 +185,7 @@ def compared(recorded: Recorded, axles: int, tmp_path: Path) -> int:
     last = max(f.stamp_us for f in recorded.frames if f.can_id in INPUTS) // 20_000
     print(recorded.daemon_says)
     compared = 0
-    for can_id in sorted(ADHESION)[:axles]:
+    for can_id in list(ADHESION.values())[:axles]:
         sent = {slot(f): f.data for f in recorded.of(can_id)}
         first = min(s for s, data in sent.items() if data[1] >> 4 == 1)
         judged = {s: data for s, data in sent.items() if first <= s <= last}
@@ -214,10 +214,10 @@ def test_a_silence_of_the_sensors_is_no_step_of_time(tmp_path: Path) -> None:
     assert "the clock stepped" not in recorded.daemon_says
     assert ", 0 steps of time" in recorded.daemon_says
     assert compared(recorded, 1, tmp_path) > 300
-    yaw = [f.stamp_us for f in recorded.of(0x101)]
+    yaw = [f.stamp_us for f in recorded.of(YAW_RATE_A1)]
     gap_us, back_us = max((b - a, b) for a, b in pairwise(yaw))
     assert gap_us == pytest.approx(3_000_000, abs=200_000)
-    silent = [f for f in recorded.of(0x091) if back_us - gap_us + 200_000 < f.stamp_us < back_us]
+    silent = [f for f in recorded.of(ADHESION_A1) if back_us - gap_us + 200_000 < f.stamp_us < back_us]
     assert len(silent) > 120
     assert {f.data[1] >> 4 for f in silent} == {0}
 
@@ -248,14 +248,14 @@ def test_a_dump_replays_to_what_was_sent(tmp_path: Path) -> None:
     subprocess.run([BIN / "wrcd", "replay", dump, "--config", config, "-o", out], timeout=300, check=True)
     computed = {(f.can_id, f.stamp_us // 20_000): f.data for f, _ in read_log(out, Damage())}
     # what candump saw from the dump's first slot to its last, the tail that only the clock closed too
-    sent = {(f.can_id, slot(f)): f.data for f, _ in read_log(bus, Damage()) if f.can_id in ADHESION}
+    sent = {(f.can_id, slot(f)): f.data for f, _ in read_log(bus, Damage()) if f.can_id in ADHESION.values()}
     judged = {key: data for key, data in sent.items() if key in computed}
     different = {key: (data.hex(), computed[key].hex()) for key, data in judged.items() if computed[key] != data}
     assert different == {}
     assert len(judged) > 4 * 200
     assert sum(data[1] >> 4 == 1 for data in judged.values()) > 20
     # and the dump, like any log, has what was sent: every frame of it that the bus carried
-    noted = {(f.can_id, slot(f)): f.data for f, _ in read_log(dump, Damage()) if f.can_id in ADHESION}
+    noted = {(f.can_id, slot(f)): f.data for f, _ in read_log(dump, Damage()) if f.can_id in ADHESION.values()}
     assert noted.items() <= sent.items()
     assert noted.items() <= computed.items()
 

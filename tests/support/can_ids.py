@@ -31,4 +31,4 @@ WRCD_STATUS, WRCD_REJECTS, WRCD_LINK = _ID["WrcdStatus"], _ID["WrcdRejects"], _I
 INPUTS = {VEHICLE_SPEED, *YAW_RATE.values(), *LAT_ACCEL.values(), *TORQUE.values()}
 ESTIMATES = {*ADHESION.values(), *ADHESION_DETAIL.values(), *INPUT_HEALTH.values()}
 SENT_BY_DAEMON = ESTIMATES | {WRCD_STATUS, WRCD_REJECTS, WRCD_LINK}
-UNMAPPED = 0x7FF  # of no message
+UNMAPPED, EXTENDED = 0x7FF, 0x18FF0001  # of no message; EXTENDED has 29 bits

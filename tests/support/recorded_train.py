@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from tests.support.can_ids import SENT_BY_DAEMON
+from tests.support.can_ids import SENT_BY_DAEMON, TORQUE_A1, UNMAPPED, YAW_RATE_A1
 from tests.support.scripted_link import ScriptedLink
 from tests.support.sensor_simulator import SensorSimulator
 from wrcd.bus.e2e import protect
@@ -83,8 +83,8 @@ def spoiler(seed: int) -> Callable[[list[Frame]], list[Frame]]:
         if out and chance.random() < 0.1:
             stamp_us = out[-1].stamp_us
             out += [
-                Frame(stamp_us, 0x7FF, b""),
-                Frame(stamp_us, 0x101, bytes(8), extended=True),
+                Frame(stamp_us, UNMAPPED, b""),
+                Frame(stamp_us, YAW_RATE_A1, bytes(8), extended=True),
                 Frame(stamp_us, 0x40, bytes(8), error=True),
             ]
         return out
@@ -133,7 +133,7 @@ def exercise_all_state(train: RecordedTrain) -> None:
     train.run(1300)
     sim.t += 100_000_000
     train.run(1300)
-    sim.silent = {0x121}
+    sim.silent = {TORQUE_A1}
     train.run(700, spoil)
     sim.silent = set()
     train.run(400, spoil)

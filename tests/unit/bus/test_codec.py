@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.can_ids import ADHESION_A1, YAW_RATE_A1, YAW_RATE_A2
 from tests.support.dbc_texts import DIRECTION_AND_LOAD_DBC, TRAIN_DBC
 from wrcd import resources
 from wrcd.bus.codec import Receiver, Sample, Source, Value, Writer
@@ -26,16 +27,16 @@ def yaw_receiver(production: Database) -> Receiver:
 
 
 def yaw(raw: int = 1000, status: int = 0, counter: int = 0) -> bytes:
-    return protect(bytes([0, status << 4]) + struct.pack("<i", raw)[:3], 0x101, counter)
+    return protect(bytes([0, status << 4]) + struct.pack("<i", raw)[:3], YAW_RATE_A1, counter)
 
 
 def test_a_good_frame(production: Database) -> None:
-    got = yaw_receiver(production).read(Frame(0, 0x101, yaw(-1234)))
+    got = yaw_receiver(production).read(Frame(0, YAW_RATE_A1, yaw(-1234)))
     assert got == [Sample(Quantity.YAW_RATE, (0,), -1234 * 1e-6, False)]
 
 
 def test_degraded_is_passed_on(production: Database) -> None:
-    got = yaw_receiver(production).read(Frame(0, 0x101, yaw(status=1)))
+    got = yaw_receiver(production).read(Frame(0, YAW_RATE_A1, yaw(status=1)))
     assert isinstance(got, list)
     assert got[0].degraded
 
@@ -43,17 +44,17 @@ def test_degraded_is_passed_on(production: Database) -> None:
 @pytest.mark.parametrize(
     ("frame", "reason"),
     [
-        (Frame(0, 0x101, yaw()[:4]), Reason.LENGTH),
-        (Frame(0, 0x101, yaw() + b"\0"), Reason.LENGTH),
-        (Frame(0, 0x101, b""), Reason.LENGTH),
-        (Frame(0, 0x101, yaw(), extended=True), Reason.KIND),
-        (Frame(0, 0x101, yaw(), remote=True), Reason.KIND),
-        (Frame(0, 0x101, yaw(), fd=True), Reason.KIND),
-        (Frame(0, 0x101, bytes([yaw()[0] ^ 1]) + yaw()[1:]), Reason.CRC),
-        (Frame(0, 0x101, yaw(status=14)), Reason.STATUS),
-        (Frame(0, 0x101, yaw(status=15)), Reason.STATUS),
-        (Frame(0, 0x101, yaw(status=7)), Reason.STATUS),
-        (Frame(0, 0x101, yaw(raw=-(1 << 23))), Reason.RANGE),
+        (Frame(0, YAW_RATE_A1, yaw()[:4]), Reason.LENGTH),
+        (Frame(0, YAW_RATE_A1, yaw() + b"\0"), Reason.LENGTH),
+        (Frame(0, YAW_RATE_A1, b""), Reason.LENGTH),
+        (Frame(0, YAW_RATE_A1, yaw(), extended=True), Reason.KIND),
+        (Frame(0, YAW_RATE_A1, yaw(), remote=True), Reason.KIND),
+        (Frame(0, YAW_RATE_A1, yaw(), fd=True), Reason.KIND),
+        (Frame(0, YAW_RATE_A1, bytes([yaw()[0] ^ 1]) + yaw()[1:]), Reason.CRC),
+        (Frame(0, YAW_RATE_A1, yaw(status=14)), Reason.STATUS),
+        (Frame(0, YAW_RATE_A1, yaw(status=15)), Reason.STATUS),
+        (Frame(0, YAW_RATE_A1, yaw(status=7)), Reason.STATUS),
+        (Frame(0, YAW_RATE_A1, yaw(raw=-(1 << 23))), Reason.RANGE),
     ],
     ids=lambda x: str(x) if isinstance(x, Reason) else "",
 )
@@ -63,9 +64,9 @@ def test_refusals(production: Database, frame: Frame, reason: Reason) -> None:
 
 def test_what_is_not_mapped_is_nobodys_business(production: Database) -> None:
     receiver = yaw_receiver(production)
-    assert receiver.read(Frame(0, 0x102, bytes(5))) is None
+    assert receiver.read(Frame(0, YAW_RATE_A2, bytes(5))) is None
     # an error frame's class looks like an id
-    assert receiver.read(Frame(0, 0x101, bytes(8), error=True)) is None
+    assert receiver.read(Frame(0, YAW_RATE_A1, bytes(8), error=True)) is None
 
 
 def test_a_trains_own_dbc(tmp_path: Path) -> None:
@@ -121,8 +122,8 @@ def test_the_adhesion_frame(production: Database) -> None:
     frame = Writer(message, ()).frame(123, 17, values)
     decoded = message.decode(frame.data)
     assert isinstance(decoded, dict)
-    assert (frame.can_id, frame.stamp_us, decoded["Counter"]) == (0x091, 123, 2)
-    assert protect(frame.data, 0x091, 2) == frame.data
+    assert (frame.can_id, frame.stamp_us, decoded["Counter"]) == (ADHESION_A1, 123, 2)
+    assert protect(frame.data, ADHESION_A1, 2) == frame.data
     assert decoded["MuAvailable"] == pytest.approx(38.39)
     assert str(decoded["MuUsed"]) == "NotAvailable"
     assert {k: str(decoded[k]) for k in ("Validity", "Surface", "ContactState", "Confidence")} == {

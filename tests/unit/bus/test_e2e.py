@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.support.can_ids import ADHESION_A1, YAW_RATE, YAW_RATE_A1, YAW_RATE_A2
 from wrcd.bus.e2e import COUNTER_MODULO, MAX_LOST, Checker, crc, protect
 from wrcd.bus.reasons import Reason
 
@@ -34,48 +35,48 @@ def test_agrees_with_the_autosar_package(data: bytes, data_id: int, counter: int
 
 @given(st.integers(0, 63))
 def test_every_flipped_bit_is_seen(bit: int) -> None:
-    good = protect(bytes.fromhex("0000a1b2c3d4e5f6"), 0x91, 3)
+    good = protect(bytes.fromhex("0000a1b2c3d4e5f6"), ADHESION_A1, 3)
     bad = bytearray(good)
     bad[bit // 8] ^= 1 << bit % 8
-    assert Checker(0x91).check(bytes(bad)) is Reason.CRC
+    assert Checker(ADHESION_A1).check(bytes(bad)) is Reason.CRC
 
 
 def test_another_messages_frame_is_refused() -> None:
-    assert Checker(0x101).check(protect(bytes(5), 0x102, 0)) is Reason.CRC
+    assert Checker(YAW_RATE_A1).check(protect(bytes(5), YAW_RATE_A2, 0)) is Reason.CRC
 
 
 @pytest.mark.parametrize("step", range(COUNTER_MODULO))
 def test_the_counter(step: int) -> None:
-    checker = Checker(0x91)
-    assert checker.check(protect(bytes(8), 0x91, 5)) is None
-    got = checker.check(protect(bytes(8), 0x91, (5 + step) % COUNTER_MODULO))
+    checker = Checker(ADHESION_A1)
+    assert checker.check(protect(bytes(8), ADHESION_A1, 5)) is None
+    got = checker.check(protect(bytes(8), ADHESION_A1, (5 + step) % COUNTER_MODULO))
     assert got is (Reason.REPEAT if step == 0 else None if step <= MAX_LOST + 1 else Reason.COUNTER)
     # after a gap one frame is refused, the next is good again
-    assert checker.check(protect(bytes(8), 0x91, (6 + step) % COUNTER_MODULO)) is None
+    assert checker.check(protect(bytes(8), ADHESION_A1, (6 + step) % COUNTER_MODULO)) is None
 
 
 def test_counter_fifteen_does_not_exist() -> None:
     frame = bytearray(8)
     frame[1] = 0x0F
-    frame[0] = crc(frame, 0x91)
-    assert Checker(0x91).check(bytes(frame)) is Reason.COUNTER
+    frame[0] = crc(frame, ADHESION_A1)
+    assert Checker(ADHESION_A1).check(bytes(frame)) is Reason.COUNTER
 
 
 def sent(counter: int, payload: int) -> bytes:
-    return protect(bytes([0, 0, payload, 0, 0]), 0x91, counter % COUNTER_MODULO)
+    return protect(bytes([0, 0, payload, 0, 0]), ADHESION_A1, counter % COUNTER_MODULO)
 
 
 def test_a_frame_of_another_known_message_is_named() -> None:
-    checker = Checker(0x101, others=(0x102, 0x103))
-    assert checker.check(protect(bytes(5), 0x103, 0)) is Reason.DATA_ID
-    assert checker.check(protect(bytes(5), 0x104, 0)) is Reason.CRC
-    assert checker.check(protect(bytes(5), 0x101, 0)) is None
+    checker = Checker(YAW_RATE_A1, others=(YAW_RATE_A2, YAW_RATE[3]))
+    assert checker.check(protect(bytes(5), YAW_RATE[3], 0)) is Reason.DATA_ID
+    assert checker.check(protect(bytes(5), YAW_RATE[4], 0)) is Reason.CRC
+    assert checker.check(protect(bytes(5), YAW_RATE_A1, 0)) is None
 
 
 @pytest.mark.parametrize("apart", range(COUNTER_MODULO))
 @pytest.mark.parametrize("first", [True, False])
 def test_two_senders_are_noticed_at_the_third_frame_and_nobody_is_believed(apart: int, first: bool) -> None:
-    checker = Checker(0x91)
+    checker = Checker(ADHESION_A1)
     for k in range(20):
         assert checker.check(sent(k, 1)) is None
     assert not checker.suspect
@@ -93,7 +94,7 @@ def test_two_senders_are_noticed_at_the_third_frame_and_nobody_is_believed(apart
 
 
 def test_of_two_senders_the_one_that_remains_is_believed_again() -> None:
-    checker = Checker(0x91)
+    checker = Checker(ADHESION_A1)
     for k in range(30):
         checker.check(sent(k, 1))
         checker.check(sent(k + 7, 2))
@@ -104,7 +105,7 @@ def test_of_two_senders_the_one_that_remains_is_believed_again() -> None:
 
 def test_two_senders_in_uneven_order_are_noticed() -> None:
     """Two frames of one, two of the other: the chain would move back and forth for ever."""
-    checker = Checker(0x91)
+    checker = Checker(ADHESION_A1)
     a, b = iter(range(100)), iter(range(8, 100))
     verdicts = [checker.check(sent(next(a if k // 2 % 2 else b), k)) for k in range(60)]
     assert Reason.TWO_SENDERS in verdicts[:12]
@@ -112,7 +113,7 @@ def test_two_senders_in_uneven_order_are_noticed() -> None:
 
 
 def test_copies_of_a_frame_are_no_second_sender() -> None:
-    checker = Checker(0x91)
+    checker = Checker(ADHESION_A1)
     for k in range(40):
         assert checker.check(sent(k, k)) is None
         assert checker.check(sent(k, k)) is Reason.REPEAT
@@ -120,7 +121,7 @@ def test_copies_of_a_frame_are_no_second_sender() -> None:
 
 @pytest.mark.parametrize("stray", range(COUNTER_MODULO))
 def test_a_stray_frame_costs_at_most_one_good_one(stray: int) -> None:
-    checker = Checker(0x91)
+    checker = Checker(ADHESION_A1)
     for k in range(5):
         checker.check(sent(k, 1))
     checker.check(sent(stray, 99))
@@ -129,13 +130,13 @@ def test_a_stray_frame_costs_at_most_one_good_one(stray: int) -> None:
 
 
 def test_a_sender_that_starts_anew_loses_one_frame() -> None:
-    checker = Checker(0x91)
+    checker = Checker(ADHESION_A1)
     for start in (0, 9, 3, 12):
         assert [checker.check(sent(start + k, start)) for k in range(20)].count(None) >= 19
 
 
 def test_a_suspicion_is_forgotten() -> None:
-    checker = Checker(0x91)
+    checker = Checker(ADHESION_A1)
     for k in range(20):
         checker.check(sent(k, 1))
         if k in (10, 11):

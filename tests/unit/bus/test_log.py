@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.support.can_ids import YAW_RATE_A1
 from wrcd.bus.frame import Frame
 from wrcd.bus.log import Damage, format_line, parse_line, read_log
 from wrcd.errors import InputError
@@ -102,7 +103,9 @@ def test_formats_of_python_can(tmp_path: Path, suffix: str) -> None:
     with can.Logger(log) as logger:
         for k in range(5):
             logger.on_message_received(
-                can.Message(timestamp=1.7e9 + k * 0.005, arbitration_id=0x101, data=bytes(5), is_extended_id=False)
+                can.Message(
+                    timestamp=1.7e9 + k * 0.005, arbitration_id=YAW_RATE_A1, data=bytes(5), is_extended_id=False
+                )
             )
     found, damage = read(log)
     assert [f.data for f in found] == [bytes(5)] * 5
@@ -132,5 +135,5 @@ def test_an_id_that_there_is_not_is_left_out(tmp_path: Path) -> None:
     rows = ("1700000000.0,0x800,0,0,0,1,AA==", "1700000000.1,0x101,0,0,0,1,AA==")
     log.write_text("timestamp,arbitration_id,extended,remote,error,dlc,data\n" + "\n".join(rows) + "\n")
     found, damage = read(log)
-    assert [f.can_id for f in found] == [0x101]
+    assert [f.can_id for f in found] == [YAW_RATE_A1]
     assert (damage.read, damage.bad, damage.lines) == (1, 1, [1])

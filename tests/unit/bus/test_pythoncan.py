@@ -8,12 +8,13 @@ from typing import Any
 import can
 import pytest
 
+from tests.support.can_ids import ADHESION_A1, EXTENDED, YAW_RATE_A1
 from wrcd.bus.frame import Frame
 from wrcd.bus.link import MAX_FRAMES
 from wrcd.bus.pythoncan import PythonCanLink
 from wrcd.errors import BusError
 
-IDS = (0x101, 0x18FF0001)
+IDS = (YAW_RATE_A1, EXTENDED)
 
 
 def now_us() -> int:
@@ -41,22 +42,22 @@ def ends() -> Iterator[Ends]:
 
 def test_frames_both_ways_with_the_time_they_came_at(ends: Ends) -> None:
     before = now_us()
-    ends.send(0x101, data=b"\x01\x02")
-    ends.send(0x18FF0001, data=b"\x03")
+    ends.send(YAW_RATE_A1, data=b"\x01\x02")
+    ends.send(EXTENDED, data=b"\x03")
     frames = ends.link.receive(now_us())
     assert [(f.can_id, f.extended, f.data) for f in frames] == [
-        (0x101, False, b"\x01\x02"),
-        (0x18FF0001, True, b"\x03"),
+        (YAW_RATE_A1, False, b"\x01\x02"),
+        (EXTENDED, True, b"\x03"),
     ]
     assert all(before - 1 <= f.stamp_us <= now_us() for f in frames)
-    assert ends.link.send(Frame(now_us(), 0x091, b"\x07"))
+    assert ends.link.send(Frame(now_us(), ADHESION_A1, b"\x07"))
     got = ends.other.recv(1.0)
     assert got is not None
-    assert (got.arbitration_id, bytes(got.data), got.is_extended_id) == (0x091, b"\x07", False)
+    assert (got.arbitration_id, bytes(got.data), got.is_extended_id) == (ADHESION_A1, b"\x07", False)
 
 
 def test_an_interface_with_a_clock_of_its_own_is_stamped_here(ends: Ends) -> None:
-    ends.send(0x101)
+    ends.send(YAW_RATE_A1)
     assert ends.link.receive(now_us() + 3_600_000_000)[0].stamp_us > now_us() + 3_500_000_000
 
 
@@ -65,10 +66,10 @@ def test_frames_of_other_ids_hold_nothing_up(ends: Ends) -> None:
     for k in range(1000):
         ends.send(0x300 + k % 0x100)
         if k % 250 == 0:
-            ends.send(0x101)
-    ends.send(0x101, is_error_frame=True)
-    ends.other.send(can.Message(arbitration_id=0x101, is_extended_id=True))
-    assert [f.can_id for f in ends.link.receive(now_us())] == [0x101] * 4
+            ends.send(YAW_RATE_A1)
+    ends.send(YAW_RATE_A1, is_error_frame=True)
+    ends.other.send(can.Message(arbitration_id=YAW_RATE_A1, is_extended_id=True))
+    assert [f.can_id for f in ends.link.receive(now_us())] == [YAW_RATE_A1] * 4
     assert ends.link.health.error_frames == 1
 
 
@@ -88,7 +89,7 @@ class Endless(can.BusABC):
 
 
 @pytest.mark.parametrize(
-    ("can_id", "error", "handed_over"), [(0x101, False, MAX_FRAMES), (0x300, False, 0), (0x101, True, 0)],
+    ("can_id", "error", "handed_over"), [(YAW_RATE_A1, False, MAX_FRAMES), (0x300, False, 0), (YAW_RATE_A1, True, 0)],
     ids=["sensor's", "unmapped", "error frames"],
 )  # fmt: skip
 def test_a_look_at_a_flood_ends(
@@ -113,6 +114,6 @@ def test_a_bus_that_is_closed_is_down_and_counts(ends: Ends) -> None:
     ends.link.close()
     assert ends.link.receive(now_us()) == []
     assert ends.link.health.state == "Down"
-    assert not ends.link.send(Frame(now_us(), 0x091, b""))
+    assert not ends.link.send(Frame(now_us(), ADHESION_A1, b""))
     assert ends.link.health.unsent == 1
     ends.link.close()

@@ -3,6 +3,7 @@
 from itertools import pairwise
 from typing import Any
 
+from tests.support.can_ids import VEHICLE_SPEED
 from tests.support.sensor_simulator import SensorSimulator, validities
 from wrcd.bus.e2e import protect
 from wrcd.bus.frame import Frame
@@ -68,7 +69,7 @@ def test_the_other_axles_do_not_wait(config: Config) -> None:
         for frame in sim.frames():
             sim.out += sim.core.feed(frame)
         for frame in other.frames():
-            if frame.can_id != 0x130:
+            if frame.can_id != VEHICLE_SPEED:
                 sim.out += sim.core.feed(of_axle_2(frame))
         sim.out += sim.core.advance(sim.t)
     assert sim.core.waits > 0

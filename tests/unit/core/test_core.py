@@ -6,6 +6,21 @@ from typing import Any
 
 import pytest
 
+from tests.support.can_ids import (
+    ADHESION,
+    ADHESION_A1,
+    ADHESION_DETAIL,
+    ADHESION_DETAIL_A1,
+    INPUT_HEALTH,
+    LAT_ACCEL_A1,
+    SIM_TRUTH_A1,
+    TORQUE_A1,
+    VEHICLE_SPEED,
+    WRCD_LINK,
+    WRCD_REJECTS,
+    WRCD_STATUS,
+    YAW_RATE_A1,
+)
 from tests.support.sensor_simulator import MS, SensorSimulator, validities
 from wrcd.bus.dbc import find_message
 from wrcd.bus.e2e import protect
@@ -41,23 +56,23 @@ def test_cycles_slots_and_counters(sim: SensorSimulator) -> None:
     for o in sim.out:
         by_id.setdefault(o.frame.can_id, []).append(o.frame)
     assert {i: len(f) for i, f in by_id.items()} == (
-        {0x090 + a: 150 for a in range(1, 5)}
-        | {base + a: 30 for base in (0x0A0, 0x0A8) for a in range(1, 5)}
-        | {0x0B0: 3, 0x0B1: 3, 0x0B2: 3}
+        dict.fromkeys(ADHESION.values(), 150)
+        | dict.fromkeys([*ADHESION_DETAIL.values(), *INPUT_HEALTH.values()], 30)
+        | dict.fromkeys([WRCD_STATUS, WRCD_REJECTS, WRCD_LINK], 3)
     )
-    for can_id, cycle in ((0x091, 20 * MS), (0x0A1, 100 * MS), (0x0B0, 1000 * MS)):
+    for can_id, cycle in ((ADHESION_A1, 20 * MS), (ADHESION_DETAIL_A1, 100 * MS), (WRCD_STATUS, 1000 * MS)):
         for f in by_id[can_id]:
             assert f.data[1] & 0x0F == f.stamp_us // cycle % 15
             assert f == Frame(f.stamp_us, can_id, protect(f.data, can_id, f.data[1] & 0x0F))
 
 
-@pytest.mark.parametrize("missing", [0x101, 0x111, 0x121, 0x130])
+@pytest.mark.parametrize("missing", [YAW_RATE_A1, LAT_ACCEL_A1, TORQUE_A1, VEHICLE_SPEED])
 def test_a_silent_input_degrades_then_ends_the_estimate(sim: SensorSimulator, missing: int) -> None:
     sim.run(2000)
     sim.silent = {missing}
     frames = sim.run(300)
     assert [v for v in validities(frames) if v != "Valid"] == ["Degraded", "NotAvailable"]
-    timeout = {0x101: 15, 0x111: 15, 0x121: 30, 0x130: 60}[missing]
+    timeout = {YAW_RATE_A1: 15, LAT_ACCEL_A1: 15, TORQUE_A1: 30, VEHICLE_SPEED: 60}[missing]
     degraded = next(i for i, f in enumerate(frames) if f["Validity"] == "Degraded")
     gone = next(i for i, f in enumerate(frames) if f["Validity"] == "NotAvailable")
     # never Valid longer than the time-out and one cycle after the last frame, 4 ms before the silence began
@@ -70,12 +85,12 @@ def test_a_silent_input_degrades_then_ends_the_estimate(sim: SensorSimulator, mi
     assert 1000 <= (back + 1) * 20 <= 1040
 
 
-@pytest.mark.parametrize("can_id", [0x101, 0x121])
+@pytest.mark.parametrize("can_id", [YAW_RATE_A1, TORQUE_A1])
 def test_a_short_gap_degrades_while_it_lasts(sim: SensorSimulator, can_id: int) -> None:
     """40 ms past the time-out are bridged; the estimate goes on."""
     sim.run(2000)
     sim.silent = {can_id}
-    during = sim.run({0x101: 40, 0x121: 60}[can_id])
+    during = sim.run({YAW_RATE_A1: 40, TORQUE_A1: 60}[can_id])
     sim.silent = set()
     frames = sim.run(2000)
     assert validities(during)[-1] == "Degraded"
@@ -84,7 +99,7 @@ def test_a_short_gap_degrades_while_it_lasts(sim: SensorSimulator, can_id: int) 
 
 def test_a_longer_gap_degrades_for_a_window(sim: SensorSimulator) -> None:
     sim.run(2000)
-    sim.silent = {0x101}
+    sim.silent = {YAW_RATE_A1}
     sim.run(80)
     sim.silent = set()
     frames = sim.run(2000)
@@ -95,7 +110,7 @@ def test_a_longer_gap_degrades_for_a_window(sim: SensorSimulator) -> None:
 
 def test_one_lost_frame_changes_nothing(sim: SensorSimulator) -> None:
     sim.run(2000)
-    sim.silent = {0x111}
+    sim.silent = {LAT_ACCEL_A1}
     sim.run(5)
     sim.silent = set()
     assert validities(sim.run(500)) == ["Valid"]
@@ -146,7 +161,7 @@ def test_a_frame_from_before_a_step_back_of_the_clock_does_not_fill_the_time_bet
     for k in range(10):
         sim.core.advance(sim.t - 86_400_000 * MS + k * 5 * MS)
     ticks = sim.core.counts.ticks
-    sim.out += sim.core.feed(Frame(stamp, 0x130, sim.frame(0x130, struct.pack("<H", 10_000)).data))
+    sim.out += sim.core.feed(Frame(stamp, VEHICLE_SPEED, sim.frame(VEHICLE_SPEED, struct.pack("<H", 10_000)).data))
     assert sim.core.counts.ticks - ticks < 10
     assert sim.core.counts.time_steps == 2
     assert validities(sim.run(2000))[-2:] == ["NotAvailable", "Valid"]
@@ -154,8 +169,8 @@ def test_a_frame_from_before_a_step_back_of_the_clock_does_not_fill_the_time_bet
 
 def test_frames_a_little_out_of_order_are_used(sim: SensorSimulator) -> None:
     sim.run(1500)
-    late = sim.frame(0x121, struct.pack("<i", 1_000_100)[:3])
-    sim.core.feed(Frame(sim.t - 3000, 0x121, late.data))
+    late = sim.frame(TORQUE_A1, struct.pack("<i", 1_000_100)[:3])
+    sim.core.feed(Frame(sim.t - 3000, TORQUE_A1, late.data))
     assert sim.core.counts.time_steps == 0
     assert sim.core.counts.late == 1
     assert validities(sim.run(200)) == ["Valid"]
@@ -165,16 +180,16 @@ def test_every_mapped_frame_is_accepted_or_counted(sim: SensorSimulator) -> None
     sim.run(100)
     good = sim.core.counts.accepted
     for data in (bytes(5), bytes(4), b"\xff" * 5):
-        sim.core.feed(Frame(sim.t, 0x101, data))
-    sim.core.feed(Frame(sim.t, 0x7A1, bytes(8)))
-    sim.core.feed(Frame(sim.t, 0x091, bytes(8)))
+        sim.core.feed(Frame(sim.t, YAW_RATE_A1, data))
+    sim.core.feed(Frame(sim.t, SIM_TRUTH_A1, bytes(8)))
+    sim.core.feed(Frame(sim.t, ADHESION_A1, bytes(8)))
     assert sim.core.counts.accepted == good
     assert sum(sim.core.counts.rejected.values()) == 3
 
 
 def test_the_details_explain(sim: SensorSimulator) -> None:
     sim.run(1500)
-    sim.silent = {0x121}
+    sim.silent = {TORQUE_A1}
     sim.run(60)
     message = find_message(sim.config.database, "AdhesionDetail_A1")
     rows: list[Any] = [message.decode(o.frame.data) for o in sim.out if o.frame.can_id == message.frame_id]
@@ -190,7 +205,7 @@ def test_the_details_explain(sim: SensorSimulator) -> None:
 
 
 def test_the_status_tells_the_design(sim: SensorSimulator) -> None:
-    sim.core.feed(Frame(sim.t, 0x101, bytes(5)))
+    sim.core.feed(Frame(sim.t, YAW_RATE_A1, bytes(5)))
     sim.run(1500)
     message = find_message(sim.config.database, "WrcdStatus")
     rows: list[Any] = [message.decode(o.frame.data) for o in sim.out if o.frame.can_id == message.frame_id]
@@ -220,7 +235,7 @@ def test_what_the_rules_were_not_made_from_is_never_valid(config: Config) -> Non
 
 def test_the_farewell_is_no_repeat(sim: SensorSimulator) -> None:
     sim.run(1500)
-    last = [o.frame for o in sim.out if o.frame.can_id == 0x091][-1]
+    last = [o.frame for o in sim.out if o.frame.can_id == ADHESION_A1][-1]
     assert (sim.core.shutdown_frames(sim.t)[0].data[1] - last.data[1]) & 0x0F in (1, 2)
 
 
@@ -327,7 +342,7 @@ def test_a_sensor_that_is_slower_than_the_ticks_is_never_valid(sim: SensorSimula
     """Gains made for every tick are wrong for every second one; no number is better than a wrong one."""
     for _ in range(400):
         for frame in sim.frames():
-            if sim.counter % 2 or frame.can_id not in (0x101, 0x111):
+            if sim.counter % 2 or frame.can_id not in (YAW_RATE_A1, LAT_ACCEL_A1):
                 sim.out += sim.core.feed(frame)
         sim.out += sim.core.advance(sim.t)
     frames = sim.adhesion(sim.out)
@@ -354,8 +369,8 @@ def test_two_senders_are_not_believed(sim: SensorSimulator) -> None:
     for k in range(60):
         for frame in sim.frames():
             sim.out += sim.core.feed(frame)
-        data = protect(b"\0\0" + struct.pack("<i", 5000 + k)[:3], 0x101, (sim.counter + 6) % 15)
-        sim.out += sim.core.feed(Frame(other.t, 0x101, data))
+        data = protect(b"\0\0" + struct.pack("<i", 5000 + k)[:3], YAW_RATE_A1, (sim.counter + 6) % 15)
+        sim.out += sim.core.feed(Frame(other.t, YAW_RATE_A1, data))
         other.t = sim.t + 2500
         sim.out += sim.core.advance(sim.t)
     frames = sim.adhesion(sim.out[begin:])
@@ -367,7 +382,12 @@ def test_two_senders_are_not_believed(sim: SensorSimulator) -> None:
 
 def test_rejections_are_told_by_reason(sim: SensorSimulator) -> None:
     sim.run(995)
-    for can_id, data in ((0x101, bytes(5)), (0x101, bytes(4)), (0x101, protect(bytes(5), 0x111, 0)), (0x121, bytes(5))):
+    for can_id, data in (
+        (YAW_RATE_A1, bytes(5)),
+        (YAW_RATE_A1, bytes(4)),
+        (YAW_RATE_A1, protect(bytes(5), LAT_ACCEL_A1, 0)),
+        (TORQUE_A1, bytes(5)),
+    ):
         sim.core.feed(Frame(sim.t, can_id, data))
     sim.run(2005)
     rows = sim.decoded("WrcdRejects")

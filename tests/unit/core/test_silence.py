@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.support.can_ids import ADHESION_A1, ESTIMATES
 from tests.support.scripted_link import ScriptedLink
 from tests.support.sensor_simulator import SensorSimulator, validities
 from wrcd.bus.frame import Frame
@@ -20,7 +21,6 @@ from wrcd.recorder.state import capture
 from wrcd.service.loop import Daemon
 from wrcd.tools.cli import main
 
-ESTIMATES = {base + a for base in (0x090, 0x0A0, 0x0A8) for a in range(1, 5)}
 SECOND = 1_000_000
 
 
@@ -185,7 +185,7 @@ def compared(live: Live, made: dict[tuple[int, int], bytes]) -> int:
     newest = max(f.stamp_us for f in live.lines)
     sent = {(f.can_id, f.stamp_us): f.data for f in live.link.sent if f.can_id in ESTIMATES and f.stamp_us <= newest}
     assert {key: made.get(key) for key in sent} == sent
-    return sum(can_id == 0x091 and data[1] >> 4 == 1 for (can_id, _), data in sent.items())
+    return sum(can_id == ADHESION_A1 and data[1] >> 4 == 1 for (can_id, _), data in sent.items())
 
 
 @pytest.mark.parametrize("own", [False, True], ids=["sensors alone", "with what was sent"])
@@ -199,8 +199,8 @@ def test_a_log_with_a_silence_replays_to_what_was_sent(
     live.run(2.0)
     made = replayed(live.logged(tmp_path / "bus.log", own), tmp_path / "out.log")
     assert compared(live, made) > 80
-    slots = {stamp for can_id, stamp in made if can_id == 0x091}
-    sent = {f.stamp_us for f in live.link.sent if f.can_id == 0x091}
+    slots = {stamp for can_id, stamp in made if can_id == ADHESION_A1}
+    sent = {f.stamp_us for f in live.link.sent if f.can_id == ADHESION_A1}
     assert slots == {s for s in sent if s <= max(slots)}  # and nothing else was made
     assert live.sim.core.counts.time_steps == 0
 
@@ -215,7 +215,7 @@ def test_a_long_silence_is_filled_where_anything_in_the_log_tells_that_time_went
     made = replayed(live.logged(tmp_path / "bus.log", own=True), tmp_path / "out.log")
     assert compared(live, made) > 40
     made = replayed(live.logged(tmp_path / "sensors.log", own=False), tmp_path / "out2.log")
-    assert len([1 for can_id, _ in made if can_id == 0x091]) < 200
+    assert len([1 for can_id, _ in made if can_id == ADHESION_A1]) < 200
 
 
 @pytest.mark.parametrize("seconds", [3.0, 100.0, -3.0])

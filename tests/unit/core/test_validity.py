@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.support.can_ids import ADHESION_A1, LAT_ACCEL_A1, TORQUE_A1, TORQUE_A2, VEHICLE_SPEED, YAW_RATE_A1
 from tests.support.config_texts import AXLE
 from tests.support.sensor_simulator import SensorSimulator, validities
 from wrcd import resources
@@ -28,7 +29,7 @@ from wrcd.estimator.gate import COMPARED_TICKS, GATE_SIGMA, MAX_JUMP, MAX_NET_OU
 DEFAULT = load_config(None)
 
 
-@pytest.mark.parametrize("can_id", [0x101, 0x111, 0x121, 0x130])
+@pytest.mark.parametrize("can_id", [YAW_RATE_A1, LAT_ACCEL_A1, TORQUE_A1, VEHICLE_SPEED])
 def test_a_refused_frame_between_good_ones_does_not_degrade(can_id: int) -> None:
     """A bad CRC behind every good frame, the last before each slot, too: good frames are what counts."""
     sim = SensorSimulator(DEFAULT)
@@ -46,8 +47,13 @@ def test_a_refused_frame_between_good_ones_does_not_degrade(can_id: int) -> None
 def test_refusals_are_told_for_their_axle_and_signal_with_their_reason() -> None:
     sim = SensorSimulator(DEFAULT)
     sim.run(1000)
-    for number, name in ((0x101, "YawRate"), (0x111, "LatAccel"), (0x121, "Torque"), (0x130, "Speed")):
-        length = 4 if number == 0x130 else 5
+    for number, name in (
+        (YAW_RATE_A1, "YawRate"),
+        (LAT_ACCEL_A1, "LatAccel"),
+        (TORQUE_A1, "Torque"),
+        (VEHICLE_SPEED, "Speed"),
+    ):
+        length = 4 if number == VEHICLE_SPEED else 5
         sim.core.feed(Frame(sim.t, number, bytes(length)))
         sim.run(100)
         told = {k: str(v) for k, v in sim.decoded("InputHealth_A1")[-1].items() if k.startswith("Refused")}
@@ -67,7 +73,7 @@ def test_refused_frames_do_not_clear_what_a_sensor_says_of_itself() -> None:
     for _ in range(40):
         for frame in sim.frames():
             sim.out += sim.core.feed(frame)
-            if frame.can_id == 0x101:
+            if frame.can_id == YAW_RATE_A1:
                 sim.out += sim.core.feed(replace(frame, data=bytes((frame.data[0] ^ 1, *frame.data[1:]))))
         sim.out += sim.core.advance(sim.t)
     assert {f["Validity"] for f in sim.adhesion(sim.out[first:])} == {"Degraded"}
@@ -103,9 +109,11 @@ def test_braking_with_an_unknown_share_of_the_friction_brakes(
     for _ in range(400):
         for frame in sim.frames():
             sim.out += sim.core.feed(frame)
-            if frame.can_id == 0x121:
+            if frame.can_id == TORQUE_A1:
                 payload = struct.pack("<i", -100_000)[:3]
-                sim.core.feed(Frame(frame.stamp_us, 0x122, protect(b"\0\0" + payload, 0x122, frame.data[1] & 0x0F)))
+                sim.core.feed(
+                    Frame(frame.stamp_us, TORQUE_A2, protect(b"\0\0" + payload, TORQUE_A2, frame.data[1] & 0x0F))
+                )
         sim.out += sim.core.advance(sim.t)
     last = sim.adhesion(sim.out)[-1]
     assert last["Validity"] == expected
@@ -202,7 +210,7 @@ def test_a_cause_for_every_state_of_a_start_and_a_stop() -> None:
     sim.out += sim.core.advance(sim.t + 500_000)
     sim.t += 500_000
     sim.run(2000)
-    sim.silent = {0x121}
+    sim.silent = {TORQUE_A1}
     sim.run(300)
     sim.silent = set()
     sim.run(1500)
@@ -303,7 +311,7 @@ def test_late_frames_are_those_of_a_tick_that_is_over() -> None:
     sim = SensorSimulator(DEFAULT)
     sim.run(200)
     for stamp_us in (sim.t, sim.t - 1, sim.t - 3_000):
-        sim.core.feed(replace(sim.frame(0x121, struct.pack("<i", 1_000_000)[:3]), stamp_us=stamp_us))
+        sim.core.feed(replace(sim.frame(TORQUE_A1, struct.pack("<i", 1_000_000)[:3]), stamp_us=stamp_us))
         sim.counter += 1
     assert sim.core.counts.late == 2
 
@@ -312,7 +320,7 @@ def test_the_log_blames_the_message() -> None:
     sim = SensorSimulator(DEFAULT)
     sim.run(20)
     for _ in range(2):
-        sim.core.feed(Frame(sim.t, 0x121, bytes(5)))
+        sim.core.feed(Frame(sim.t, TORQUE_A1, bytes(5)))
     assert sim.core.counts.rejected_by_message == {("Torque_A1", Reason.CRC): 2}
 
 
@@ -326,11 +334,11 @@ def test_the_status_of_the_farewell() -> None:
 
 
 def sent(counter: int) -> bytes:
-    return protect(bytes(5), 0x91, counter % 15)
+    return protect(bytes(5), ADHESION_A1, counter % 15)
 
 
 def test_so_many_moves_of_a_chain_are_a_sender_that_starts_anew_and_one_more_is_two() -> None:
-    checker = Checker(0x91)
+    checker = Checker(ADHESION_A1)
     assert [checker.check(sent(c)) for c in (0, 1, 2)] == [None] * 3
     starts = (9, 7, 0)  # none continues the chain or the one before it
     assert len(starts) == MAX_MOVES + 1
@@ -340,7 +348,7 @@ def test_so_many_moves_of_a_chain_are_a_sender_that_starts_anew_and_one_more_is_
 
 
 def test_a_rival_is_suspected_at_its_second_frame_and_forgotten_after_a_few_of_the_chain() -> None:
-    checker = Checker(0x91)
+    checker = Checker(ADHESION_A1)
     for c in (0, 1, 2):
         checker.check(sent(c))
     assert (checker.check(sent(9)), checker.suspect) == (Reason.COUNTER, False)

@@ -18,9 +18,9 @@ from sim_ecu.play.judge import Said, judge
 from sim_ecu.play.matrix import BEGINS_S, Matrix
 from sim_ecu.play.player import Player
 from sim_ecu.play.scenario import Scenario, load_scenario
+from tests.support.can_ids import LAT_ACCEL_A1, TORQUE_A1, VEHICLE_SPEED, YAW_RATE_A1, YAW_RATE_A2
 from wrcd.errors import InputError
 
-YAW, LAT, TORQUE, SPEED, OTHER_YAW = 0x101, 0x111, 0x121, 0x130, 0x102
 BEGIN, END = 200_000, 400_000
 
 
@@ -65,7 +65,7 @@ def test_a_fault_stays_within_its_time_and_its_messages(scenario: Scenario, kind
     faulty = played(scenario, fault(kind))
     assert faulty == played(scenario, fault(kind))  # the same again
     assert [f.due_us for f in faulty] == sorted(f.due_us for f in faulty)
-    mine = {YAW, OTHER_YAW} if kind.startswith("swap") else {YAW}
+    mine = {YAW_RATE_A1, YAW_RATE_A2} if kind.startswith("swap") else {YAW_RATE_A1}
     if KINDS[kind].stage is Stage.BUS:
         mine = {f.can_id for f in clean}
     touched = set(faulty) ^ set(clean)
@@ -82,62 +82,64 @@ def test_without_a_fault_nothing_changes(scenario: Scenario) -> None:
 
 
 def test_loss_and_burst(scenario: Scenario) -> None:
-    assert of(played(scenario, fault("burst")), YAW) == []
-    assert 10 < len(of(played(scenario, fault("loss", ",amount=0.5")), YAW)) < 30
+    assert of(played(scenario, fault("burst")), YAW_RATE_A1) == []
+    assert 10 < len(of(played(scenario, fault("loss", ",amount=0.5")), YAW_RATE_A1)) < 30
     silent = played(scenario, fault("bus-off"))
     assert [f for f in silent if BEGIN <= f.due_us < END] == []
 
 
 def test_crc_counter_and_dlc(scenario: Scenario) -> None:
-    clean = of(played(scenario), YAW)
-    flipped = of(played(scenario, fault("crc")), YAW)
+    clean = of(played(scenario), YAW_RATE_A1)
+    flipped = of(played(scenario, fault("crc")), YAW_RATE_A1)
     assert not any(map(right, flipped))
     assert {
         (int.from_bytes(a.data) ^ int.from_bytes(b.data)).bit_count() for a, b in zip(flipped, clean, strict=True)
     } == {1}
-    stands = of(played(scenario, fault("counter")), YAW)
+    stands = of(played(scenario, fault("counter")), YAW_RATE_A1)
     assert set(counters(stands)) == {counters(clean)[0]}
     assert all(map(right, stands))
     assert list(map(value, stands)) == list(map(value, clean))
     for amount, length in ((-1, 4), (1, 6), (3, 8)):
-        assert {len(f.data) for f in of(played(scenario, fault("dlc", f",amount={amount}")), YAW)} == {length}
+        assert {len(f.data) for f in of(played(scenario, fault("dlc", f",amount={amount}")), YAW_RATE_A1)} == {length}
 
 
 def test_values(scenario: Scenario) -> None:
-    clean = list(map(value, of(played(scenario), YAW)))
+    clean = list(map(value, of(played(scenario), YAW_RATE_A1)))
 
     def off(kind: str, rest: str = "") -> list[float]:
-        frames = of(played(scenario, fault(kind, rest)), YAW)
+        frames = of(played(scenario, fault(kind, rest)), YAW_RATE_A1)
         assert all(map(right, frames))
         return [value(f) - v for f, v in zip(frames, clean, strict=True)]
 
     assert off("bias") == pytest.approx([0.1] * 40, abs=2e-6)
     assert off("drift", ",amount=1.0") == pytest.approx([k * 0.005 for k in range(40)], abs=2e-6)
     assert [round(x, 3) for x in off("spike")] == [0.5 if k % 20 == 0 else 0.0 for k in range(40)]
-    last = value(of(played(scenario), YAW, 0, BEGIN)[-1])
+    last = value(of(played(scenario), YAW_RATE_A1, 0, BEGIN)[-1])
     assert off("freeze") == pytest.approx([last - v for v in clean], abs=2e-6)
-    torques = of(played(scenario, fault("spike", ",of=torque,amount=100000")), TORQUE)
+    torques = of(played(scenario, fault("spike", ",of=torque,amount=100000")), TORQUE_A1)
     assert [value(f) > 60_000 for f in torques] == [k % 10 == 0 for k in range(20)]
-    speeds = of(played(scenario, fault("bias", ",of=speed")), SPEED)
+    speeds = of(played(scenario, fault("bias", ",of=speed")), VEHICLE_SPEED)
     assert list(map(value, speeds)) == pytest.approx([27.0] * 10, abs=0.05)
 
 
 def test_dead_and_reversed_sensors(scenario: Scenario) -> None:
-    clean = {i: [value(f) for f in of(played(scenario), i)] for i in (YAW, LAT, TORQUE)}
-    assert [value(f) for f in of(played(scenario, fault("reverse")), YAW)] == pytest.approx([-v for v in clean[YAW]])
+    clean = {i: [value(f) for f in of(played(scenario), i)] for i in (YAW_RATE_A1, LAT_ACCEL_A1, TORQUE_A1)}
+    assert [value(f) for f in of(played(scenario, fault("reverse")), YAW_RATE_A1)] == pytest.approx(
+        [-v for v in clean[YAW_RATE_A1]]
+    )
     dead = played(scenario, fault("dead", ",of=all"))
-    noise = {i: np.std([value(f) for f in of(dead, i)]) for i in (YAW, LAT)}
-    assert noise[YAW] == pytest.approx(3e-4, rel=0.4)
-    assert noise[LAT] == pytest.approx(0.01, rel=0.4)
-    assert [value(f) for f in of(dead, TORQUE)] == clean[TORQUE]
-    assert all(map(right, of(dead, YAW)))
+    noise = {i: np.std([value(f) for f in of(dead, i)]) for i in (YAW_RATE_A1, LAT_ACCEL_A1)}
+    assert noise[YAW_RATE_A1] == pytest.approx(3e-4, rel=0.4)
+    assert noise[LAT_ACCEL_A1] == pytest.approx(0.01, rel=0.4)
+    assert [value(f) for f in of(dead, TORQUE_A1)] == clean[TORQUE_A1]
+    assert all(map(right, of(dead, YAW_RATE_A1)))
 
 
 def test_not_available_and_status(scenario: Scenario) -> None:
-    none = of(played(scenario, fault("nan")), YAW)
+    none = of(played(scenario, fault("nan")), YAW_RATE_A1)
     assert {f.data[2:] for f in none} == {b"\x00\x00\x80"}
-    assert {f.data[2:] for f in of(played(scenario, fault("nan", ",of=speed")), SPEED)} == {b"\xff\xff"}
-    failed = of(played(scenario, fault("status")), YAW)
+    assert {f.data[2:] for f in of(played(scenario, fault("nan", ",of=speed")), VEHICLE_SPEED)} == {b"\xff\xff"}
+    failed = of(played(scenario, fault("status")), YAW_RATE_A1)
     assert {f.data[1] >> 4 for f in failed} == {14}
     assert all(map(right, none + failed))
 
@@ -145,26 +147,26 @@ def test_not_available_and_status(scenario: Scenario) -> None:
 def test_swapped_ids_and_swapped_wires(scenario: Scenario) -> None:
     clean = played(scenario)
     frames = played(scenario, fault("swap"))
-    assert [f.data for f in of(frames, OTHER_YAW)] == [f.data for f in of(clean, YAW)]
-    assert all(right(f, OTHER_YAW) and not right(f) for f in of(frames, YAW))
+    assert [f.data for f in of(frames, YAW_RATE_A2)] == [f.data for f in of(clean, YAW_RATE_A1)]
+    assert all(right(f, YAW_RATE_A2) and not right(f) for f in of(frames, YAW_RATE_A1))
     wires = played(scenario, fault("swap-wiring"))
-    assert list(map(value, of(wires, OTHER_YAW))) == list(map(value, of(clean, YAW)))
-    assert all(map(right, of(wires, YAW)))
-    assert of(wires, LAT) == of(clean, LAT)
+    assert list(map(value, of(wires, YAW_RATE_A2))) == list(map(value, of(clean, YAW_RATE_A1)))
+    assert all(map(right, of(wires, YAW_RATE_A1)))
+    assert of(wires, LAT_ACCEL_A1) == of(clean, LAT_ACCEL_A1)
 
 
 def test_delay_keeps_the_order_of_a_message(scenario: Scenario) -> None:
-    frames = of(played(scenario, fault("delay", ",amount=50")), YAW, 0, 10**9)
-    clean = of(played(scenario), YAW, 0, 10**9)
+    frames = of(played(scenario, fault("delay", ",amount=50")), YAW_RATE_A1, 0, 10**9)
+    clean = of(played(scenario), YAW_RATE_A1, 0, 10**9)
     assert [f.data for f in frames] == [f.data for f in clean]
-    assert of(frames, YAW, BEGIN, BEGIN + 50_000) == []
+    assert of(frames, YAW_RATE_A1, BEGIN, BEGIN + 50_000) == []
     assert frames[40].due_us - clean[40].due_us == 50_000
     assert frames[-1] == clean[-1]
 
 
 def test_a_second_sender_counts_by_itself(scenario: Scenario) -> None:
     clean, frames = played(scenario), played(scenario, fault("sender", ",of=all"))
-    for can_id in (YAW, LAT, TORQUE):
+    for can_id in (YAW_RATE_A1, LAT_ACCEL_A1, TORQUE_A1):
         first = of(clean, can_id)
         second = [f for f in of(frames, can_id, BEGIN, END + 2_500) if f not in clean]
         assert len(second) == len(first)
@@ -176,8 +178,8 @@ def test_a_second_sender_counts_by_itself(scenario: Scenario) -> None:
 def test_babble_and_error_frames(scenario: Scenario) -> None:
     clean, frames = played(scenario), played(scenario, fault("babble", ",amount=1000"))
     assert len(of(frames, 0x000)) == 100
-    assert len(of(frames, YAW)) - len(of(clean, YAW)) == 100
-    assert {f.data for f in of(frames, YAW)} == {f.data for f in of(clean, YAW)}
+    assert len(of(frames, YAW_RATE_A1)) - len(of(clean, YAW_RATE_A1)) == 100
+    assert {f.data for f in of(frames, YAW_RATE_A1)} == {f.data for f in of(clean, YAW_RATE_A1)}
     errors = [f for f in played(scenario, fault("error-flood", ",amount=300")) if f.error]
     assert len(errors) == 60
     assert {f.can_id for f in errors} == {0x80}

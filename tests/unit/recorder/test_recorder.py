@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.can_ids import ADHESION_A1, ADHESION_DETAIL_A1, UNMAPPED, WRCD_STATUS, YAW_RATE_A1
 from tests.support.recorded_train import RecordedTrain, exercise_all_state, sent_and_replayed, spoiler
 from tests.support.sensor_simulator import SensorSimulator
 from wrcd.bus.frame import Frame
@@ -35,7 +36,7 @@ def test_a_replay_of_a_dump_is_what_was_sent(
     assert f"goes on from {log.stem}.state.json" in capsys.readouterr().err
     # a ring of nine seconds that has seen more than thirteen, from its oldest state on; a step of 100 s is among them,
     # and one of -10 s
-    assert len([f for f in sent if f.can_id == 0x091]) > 8.0 * 45
+    assert len([f for f in sent if f.can_id == ADHESION_A1]) > 8.0 * 45
     assert (sent[-1].stamp_us - sent[0].stamp_us) * 1e-6 > 95
     assert last_us - sent[-1].stamp_us < 1_000_000
     # what the late loop left out, because its slot was over, a replay makes; apart from that nothing more, nothing
@@ -46,8 +47,8 @@ def test_a_replay_of_a_dump_is_what_was_sent(
     replayed = [f for f in replayed if f not in left_out]
     assert replayed == sent
     assert sent == [f for f in train.link.sent if f.stamp_us in {s.stamp_us for s in sent}]
-    assert {f.can_id for f in sent} >= {0x091, 0x0A1, 0x0B0}
-    assert Counter(f.data[1] >> 4 for f in sent if f.can_id == 0x091)[1] > 50
+    assert {f.can_id for f in sent} >= {ADHESION_A1, ADHESION_DETAIL_A1, WRCD_STATUS}
+    assert Counter(f.data[1] >> 4 for f in sent if f.can_id == ADHESION_A1)[1] > 50
 
 
 def test_without_its_state_a_dump_replays_to_something_else(config: Config, tmp_path: Path) -> None:
@@ -107,11 +108,11 @@ def test_the_ring_overwrites_the_oldest() -> None:
 @pytest.mark.parametrize(
     "frame",
     [
-        Frame(0, 0x7FF, b""),
+        Frame(0, UNMAPPED, b""),
         Frame(1, 0x1FFFFFFF, b"12345678", extended=True),
         Frame(2, 0x40, bytes(8), error=True),
-        Frame(3, 0x101, b"", remote=True),
-        Frame(4, 0x101, b"1234", fd=True),
+        Frame(3, YAW_RATE_A1, b"", remote=True),
+        Frame(4, YAW_RATE_A1, b"1234", fd=True),
     ],
 )
 def test_the_ring_keeps_every_kind_of_frame(frame: Frame) -> None:
@@ -134,7 +135,7 @@ def test_loss_of_validity_is_dumped_with_its_aftermath(config: Config, tmp_path:
     train = RecordedTrain(config, tmp_path)
     train.run(3000)
     lost_us = train.now()
-    train.sim.silent = {0x101}
+    train.sim.silent = {YAW_RATE_A1}
     train.run(1000)
     train.sim.silent = set()
     assert train.said == []
@@ -146,13 +147,13 @@ def test_loss_of_validity_is_dumped_with_its_aftermath(config: Config, tmp_path:
     assert frames[-1].stamp_us - lost_us == pytest.approx(2_150_000, abs=60_000)  # time-out, five slots, aftermath
     # at most one in half a minute, whatever happens
     train.run(1200)
-    train.sim.silent = {0x101}
+    train.sim.silent = {YAW_RATE_A1}
     train.run(2500)
     assert len(train.said) == 1
     train.sim.silent = set()
     train.sim.t += 25_000_000
     train.run(1500)
-    train.sim.silent = {0x101}
+    train.sim.silent = {YAW_RATE_A1}
     train.run(3000)
     assert len(train.dumps(2)) == 2
 
@@ -232,7 +233,7 @@ def test_other_limits_begin_anew(config: Config, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="min_speed_m_s differ"):
         load(state, Core(config))
     load(state, Core(other))
-    sent = [f for f, _ in read_log(log, Damage()) if f.can_id == 0x091]
+    sent = [f for f, _ in read_log(log, Damage()) if f.can_id == ADHESION_A1]
     assert (sent[-1].stamp_us - sent[0].stamp_us) * 1e-6 == pytest.approx(2.5, abs=0.05)
 
 
@@ -266,7 +267,7 @@ def test_the_end_is_dumped(config: Config, tmp_path: Path, monkeypatch: pytest.M
     train.daemon.run()
     (log,) = train.dumps()
     assert log.name.endswith("-exit.log")
-    sent = [f for f, _ in read_log(log, Damage()) if f.can_id == 0x091]
+    sent = [f for f, _ in read_log(log, Damage()) if f.can_id == ADHESION_A1]
     assert sent[-2].data[1] >> 4 == 1
     assert sent[-1].data[1] >> 4 == 0  # the shutdown_frames
 

@@ -2,6 +2,7 @@
 
 import pytest
 
+from tests.support.can_ids import LAT_ACCEL_A1, YAW_RATE_A1
 from tests.support.scripted_link import ScriptedLink
 from tests.support.sensor_simulator import MS, SensorSimulator
 from wrcd.bus.reasons import Reason
@@ -44,12 +45,12 @@ def test_nothing_to_say(log: Log) -> None:
 
 def test_refused_frames_come_as_one_line_a_second(log: Log) -> None:
     log.look()
-    log.damage(0x101, 30)
+    log.damage(YAW_RATE_A1, 30)
     assert log.look(1000) == ["rejected 30 frames in the last second: crc YawRate_A1 30"]
     assert log.look(3000) == []
     lines, begin = [], log.sim.t
     for _ in range(30):
-        log.damage(0x111, 10)
+        log.damage(LAT_ACCEL_A1, 10)
         lines += [line for line in log.look(100) if line.startswith("rejected ")]
     seconds = (log.sim.t - begin) * 1e-6
     assert seconds - 1 <= len(lines) <= seconds + 1

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.can_ids import ADHESION_A1
 from tests.support.scripted_link import ScriptedLink
 from tests.support.sensor_simulator import SensorSimulator
 from wrcd.bus.frame import Frame
@@ -34,7 +35,7 @@ class Setup:
         self.now += round(seconds * 1e6)
 
     def adhesion(self) -> list[Frame]:
-        return [f for f in self.link.sent if f.can_id == 0x091]
+        return [f for f in self.link.sent if f.can_id == ADHESION_A1]
 
 
 @pytest.fixture

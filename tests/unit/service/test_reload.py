@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.can_ids import YAW_RATE_A1
 from tests.support.sensor_simulator import SensorSimulator, validities
 from wrcd import resources
 from wrcd.config import DEFAULT, load_config
@@ -176,7 +177,7 @@ def test_the_core_goes_on_with_a_longer_patience(train: Train, sim: SensorSimula
     train.write("[limits]\nnot_available_after_ms = 400\n")
     train.read()
     sim.core.reconfigure(train.config)
-    sim.silent = {0x101}
+    sim.silent = {YAW_RATE_A1}
     found = [row["Validity"] for row in sim.run(600)]
     # 400 ms of 20 ms each, where it would have been 100
     assert 19 <= found.index("NotAvailable") <= 21
