@@ -92,17 +92,15 @@ class Endless(can.BusABC):
     ("can_id", "error", "handed_over"), [(YAW_RATE_A1, False, MAX_FRAMES), (0x300, False, 0), (YAW_RATE_A1, True, 0)],
     ids=["sensor's", "unmapped", "error frames"],
 )  # fmt: skip
-def test_a_look_at_a_flood_ends(
-    ends: Ends, monkeypatch: pytest.MonkeyPatch, can_id: int, error: bool, handed_over: int
-) -> None:
+def test_a_look_at_a_flood_ends(monkeypatch: pytest.MonkeyPatch, can_id: int, error: bool, handed_over: int) -> None:
     flood = Endless(can.Message(arbitration_id=can_id, is_extended_id=False, is_error_frame=error, timestamp=1.0))
-    monkeypatch.setattr(ends.link, "_bus", flood)
+    monkeypatch.setattr(can, "Bus", lambda **_: flood)
+    link = PythonCanLink("endless", "endless", IDS)
     for look in (1, 2):
-        assert len(ends.link.receive(now_us())) == handed_over
+        assert len(link.receive(now_us())) == handed_over
         assert flood.taken == look * MAX_FRAMES
-    assert ends.link.health.error_frames == (2 * MAX_FRAMES if error else 0)
-    flood.shutdown()
-    monkeypatch.undo()
+    assert link.health.error_frames == (2 * MAX_FRAMES if error else 0)
+    link.close()
 
 
 def test_an_interface_that_there_is_none_of_is_a_clear_error() -> None:

@@ -88,9 +88,11 @@ class Systemd:
         self.notifier = Notifier({"NOTIFY_SOCKET": path, "WATCHDOG_USEC": "200000"})
         self.daemon = self.new_daemon()
 
-    def new_daemon(self, reload: Reload | None = None) -> Daemon:
+    def new_daemon(self, reload: Reload | None = None, recorder: Recorder | None = None) -> Daemon:
         setup = self.setup
-        return Daemon(setup.sim.core, setup.link, self.notifier, clock=lambda: setup.now, reload=reload)
+        return Daemon(
+            setup.sim.core, setup.link, self.notifier, clock=lambda: setup.now, reload=reload, recorder=recorder
+        )
 
     def heard(self) -> list[str]:
         out = []
@@ -184,11 +186,11 @@ class Dump:
 def test_an_exception_sends_the_farewell_and_closes_the_bus_before_the_dump(
     systemd: Systemd, config: Config, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, where: str
 ) -> None:
-    setup, daemon = systemd.setup, systemd.daemon
+    setup = systemd.setup
     recorder = Recorder(RecorderConfig(tmp_path, 3.0, 20, 200.0), setup.sim.core, "vcan0", lambda _: None)
     dump = Dump(setup.link)
     monkeypatch.setattr(recorder, "close", dump.close)
-    monkeypatch.setattr(daemon, "_recorder", recorder)
+    daemon = systemd.new_daemon(recorder=recorder)
     polls, original = iter(range(100)), getattr(daemon, where)
 
     def breaks() -> None:

@@ -10,7 +10,6 @@ from tests.support.sensor_simulator import SensorSimulator, validities
 from wrcd import resources
 from wrcd.config import DEFAULT, load_config
 from wrcd.core.configuration import Config
-from wrcd.core.core import Core
 from wrcd.service.reload import Reload
 
 OWN_FILES = '[dbc]\nfile = "train.dbc"\n[estimator]\ndesign = "my.json"\n'
@@ -144,10 +143,22 @@ def test_a_constant_speed_in_place_of_the_signal_needs_a_restart(train: Train) -
     assert "needs a restart: limits.constant_speed_m_s, mapped signals" in train.read()
     train.config = load_config(train.file)
     train.write("[limits]\nconstant_speed_m_s = 30\n", without)
-    core = Core(train.config)
     assert "limits.constant_speed_m_s 20 -> 30" in train.read()
-    core.reconfigure(train.config)
-    assert core._inputs.speed_m_s == 30.0
+    assert train.config.constant_speed_m_s == 30.0
+
+
+def test_core_runs_at_the_new_constant_speed(train: Train) -> None:
+    without = DEFAULT.replace('speed = "VehicleSpeed.Speed"', "")
+    train.write("[limits]\nconstant_speed_m_s = 20\n", without)
+    train.config = load_config(train.file)
+    sim = SensorSimulator(train.config)
+    assert validities(sim.run(1500))[-1] == "Valid"
+    for speed, validity, cause in ((2, "NotAvailable", "Standstill"), (70, "Degraded", "SpeedOutOfRange")):
+        train.write(f"[limits]\nconstant_speed_m_s = {speed}\n", without)
+        train.read()
+        sim.core.reconfigure(train.config)
+        assert sim.run(1500)[-1]["Validity"] == validity
+        assert sim.decoded("AdhesionDetail_A1")[-1]["Cause"] == cause
 
 
 @pytest.fixture
