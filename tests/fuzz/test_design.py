@@ -112,7 +112,7 @@ def judge(document: Any, file: Path) -> None:
                     assert report.confidence != "None"
 
 
-def test_the_small_design_works() -> None:
+def test_small_design_is_valid() -> None:
     document = SMALL | {"checksum": checksum(SMALL)}
     sim = SensorSimulator(replace(CONFIG, design=parse_design(document, "small")))
     validities = [f["Validity"] for f in sim.run(400)]
@@ -122,7 +122,7 @@ def test_the_small_design_works() -> None:
 
 
 @given(changes=CHANGES, right=st.integers(0, 9))
-def test_a_changed_design(changes: list[Change], right: int) -> None:
+def test_changed_design_works_or_is_rejected(changes: list[Change], right: int) -> None:
     document = changed(changes)
     if right:  # most would never be looked at otherwise
         try:
@@ -141,7 +141,7 @@ TEXT = json.dumps({"format": SMALL["format"], "name": "x", "bank": {"tick_s": 0.
 
 
 @given(text=mutated(TEXT), right=st.booleans())
-def test_a_mutated_file(folder: Path, text: str, right: bool) -> None:
+def test_mutated_design_file_is_rejected(folder: Path, text: str, right: bool) -> None:
     try:
         document = json.loads(text)
         if right and isinstance(document, dict):
@@ -154,7 +154,7 @@ def test_a_mutated_file(folder: Path, text: str, right: bool) -> None:
 
 
 @given(content=st.binary(max_size=100))
-def test_an_arbitrary_file(folder: Path, content: bytes) -> None:
+def test_arbitrary_design_file_is_rejected(folder: Path, content: bytes) -> None:
     (folder / "design.json").write_bytes(content)
     with pytest.raises(InputError):
         load_design(folder / "design.json")

@@ -186,7 +186,7 @@ def played(tmp_path_factory: pytest.TempPathFactory) -> dict[Row, Played]:
 
 
 @pytest.mark.parametrize("row", JUDGED, ids=lambda r: f"{r.fault.kind} of {r.fault.of}, {r.fault.duration_s:g} s")
-def test_the_daemon_under_a_fault(played: dict[Row, Played], row: Row) -> None:
+def test_daemon_under_a_fault_is_as_its_row_says(played: dict[Row, Played], row: Row) -> None:
     """What must be, is, with some tens of milliseconds for the guest. A row that is never played without a stall fails,
     too: nothing was shown."""
     assert not played[row].stalled

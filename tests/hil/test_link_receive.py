@@ -14,7 +14,7 @@ from wrcd.bus.link import MAX_FRAMES
 from wrcd.bus.socketcan import SocketCanLink
 
 
-def test_only_mapped_ids_come_with_the_kernels_stamps(link: SocketCanLink, node: Node) -> None:
+def test_only_mapped_ids_are_received_with_kernel_stamps(link: SocketCanLink, node: Node) -> None:
     before = now_us()
     for word in (YAW_RATE_A1, YAW_RATE_A2, 0x80000101, 0x98FF0001, 0x40000101, YAW_RATE_A1):
         node.send(word)
@@ -35,7 +35,7 @@ def test_only_mapped_ids_come_with_the_kernels_stamps(link: SocketCanLink, node:
     assert [f.can_id for f in link.receive(0)] == [YAW_RATE_A2]
 
 
-def test_a_full_receive_buffer_is_counted_frame_by_frame(link: SocketCanLink, node: Node) -> None:
+def test_full_receive_buffer_counts_every_lost_frame(link: SocketCanLink, node: Node) -> None:
     sent = 20_000
     for k in range(sent):
         node.send(YAW_RATE_A1, k.to_bytes(4, "little"))
@@ -52,7 +52,7 @@ def test_a_full_receive_buffer_is_counted_frame_by_frame(link: SocketCanLink, no
     assert got + link.health.drops == sent + 1
 
 
-def test_unmapped_frames_never_fill_the_buffer(link: SocketCanLink, node: Node) -> None:
+def test_unmapped_frames_do_not_fill_the_receive_buffer(link: SocketCanLink, node: Node) -> None:
     for k in range(20_000):
         node.send(0x300 + k % 0x100)
         if k % 1000 == 0:
@@ -62,7 +62,7 @@ def test_unmapped_frames_never_fill_the_buffer(link: SocketCanLink, node: Node) 
 
 
 @pytest.mark.skipif(os.environ.get("GUEST") != "uml", reason="changes the kernel's bound of receive buffers")
-def test_one_look_takes_no_more_than_some_thousand(bus: str, node: Node) -> None:
+def test_receive_returns_at_most_max_frames(bus: str, node: Node) -> None:
     Path("/proc/sys/net/core/rmem_max").write_text("8388608")
     link = SocketCanLink(bus, (YAW_RATE_A1,))
     for _ in range(MAX_FRAMES + 10):
@@ -71,7 +71,7 @@ def test_one_look_takes_no_more_than_some_thousand(bus: str, node: Node) -> None
     link.close()
 
 
-def test_hardware_stamps_where_there_are_none_are_the_kernels(bus: str, node: Node) -> None:
+def test_missing_hardware_stamps_are_the_kernels(bus: str, node: Node) -> None:
     link = SocketCanLink(bus, (YAW_RATE_A1,))
     link.stamp_by_hardware()
     before = now_us()

@@ -7,7 +7,7 @@ from wrcd.bus.frame import Frame
 from wrcd.bus.socketcan import SocketCanLink
 
 
-def test_a_full_send_queue_drops_and_counts() -> None:
+def test_full_send_queue_drops_and_counts() -> None:
     """An slcan interface whose line nobody reads: real ENOBUFS."""
     peer = Slcan("can7")
     try:
@@ -47,7 +47,7 @@ def test_frames_wait_in_the_kernel_for_one_slot_only(
     assert [node.receive()[1] for _ in range(6)] == [b"\x03"] * 4 + [b"\x05", b"\x06"]
 
 
-def test_off_the_bus_one_slot_a_second_is_tried(link: SocketCanLink, node: Node) -> None:
+def test_bus_off_tries_one_slot_a_second(link: SocketCanLink, node: Node) -> None:
     """Should the frame that tells of the restart have been lost, and nobody else send."""
     stamp = now_us()
     assert link.send(Frame(stamp, ADHESION_A1, b""))

@@ -32,7 +32,7 @@ def link_state(link: SocketCanLink) -> str:
     return link.health.state
 
 
-def test_bus_off_and_back(link: SocketCanLink, node: Node) -> None:
+def test_bus_off_stops_sending_until_the_restart(link: SocketCanLink, node: Node) -> None:
     mine = Frame(now_us(), ADHESION_A1, b"\x55")
     assert link.send(mine)
     assert node.receive() == (ADHESION_A1, b"\x55")
@@ -57,7 +57,7 @@ def test_bus_off_and_back(link: SocketCanLink, node: Node) -> None:
     assert (link.health.state, link.health.bus_offs) == ("Up", 2)
 
 
-def test_error_passive_is_told_and_goes_on(link: SocketCanLink, node: Node) -> None:
+def test_error_passive_is_reported_and_keeps_sending(link: SocketCanLink, node: Node) -> None:
     for state, name in (
         (0x20, "ErrorPassive"),
         (0x10, "ErrorPassive"),
@@ -76,7 +76,7 @@ def test_error_passive_is_told_and_goes_on(link: SocketCanLink, node: Node) -> N
     assert link.health.drops == 1
 
 
-def test_a_flood_of_error_frames_is_shut_out_but_not_what_tells_the_state(link: SocketCanLink, node: Node) -> None:
+def test_flood_of_error_frames_is_filtered_except_bus_off(link: SocketCanLink, node: Node) -> None:
     now = now_us()
     for k in range(MAX_ERRORS + 100):
         node.send(ERROR | BUS_ERROR, bytes(8))
@@ -96,7 +96,7 @@ def test_a_flood_of_error_frames_is_shut_out_but_not_what_tells_the_state(link: 
     assert len(link.receive(now + 2_000_000)) == 1
 
 
-def test_the_states_that_a_real_driver_reports() -> None:
+def test_states_of_the_slcan_driver_are_reported() -> None:
     """As an slcan adapter tells them: error passive, bus-off, error active."""
     peer = Slcan("can7")
     try:
@@ -113,7 +113,7 @@ def test_the_states_that_a_real_driver_reports() -> None:
         peer.shutdown()
 
 
-def test_a_link_that_goes_down_and_comes_up(bus: str, link: SocketCanLink, node: Node) -> None:
+def test_sending_continues_after_link_down_and_up(bus: str, link: SocketCanLink, node: Node) -> None:
     mine = Frame(now_us(), ADHESION_A1, b"\x07")
     ip("set", bus, "down")
     assert link.receive(0) == []
@@ -130,7 +130,7 @@ def test_a_link_that_goes_down_and_comes_up(bus: str, link: SocketCanLink, node:
     other.close()
 
 
-def test_a_link_that_is_set_down_and_up_is_known_at_once(bus: str, link: SocketCanLink) -> None:
+def test_link_state_is_known_without_a_frame(bus: str, link: SocketCanLink) -> None:
     """Without a frame that comes or goes."""
     for state, name in (("down", "Down"), ("up", "Up"), ("down", "Down"), ("up", "Up")):
         ip("set", bus, state)
@@ -142,7 +142,7 @@ def test_a_link_that_is_set_down_and_up_is_known_at_once(bus: str, link: SocketC
     assert link_state(link) == "Up"
 
 
-def test_a_device_that_comes_back_is_opened_at_once(bus: str, link: SocketCanLink) -> None:
+def test_returned_device_is_reopened_at_once(bus: str, link: SocketCanLink) -> None:
     """The clock stands still: nothing here waits."""
     for reopens in (1, 2):
         ip("del", bus)
@@ -158,7 +158,7 @@ def test_a_device_that_comes_back_is_opened_at_once(bus: str, link: SocketCanLin
         assert_frames_pass(bus, link)
 
 
-def test_a_device_that_is_made_anew_between_two_looks_is_opened_anew(bus: str, link: SocketCanLink) -> None:
+def test_device_replaced_between_two_receives_is_reopened(bus: str, link: SocketCanLink) -> None:
     ip("del", bus)
     add(bus)
     ip("set", bus, "up")
@@ -167,7 +167,7 @@ def test_a_device_that_is_made_anew_between_two_looks_is_opened_anew(bus: str, l
     assert_frames_pass(bus, link)
 
 
-def test_without_rtnetlink_a_device_that_has_gone_is_tried_every_50_ms(
+def test_gone_device_without_rtnetlink_is_tried_every_50_ms(
     bus: str, link: SocketCanLink, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     link.close_events()
@@ -196,7 +196,7 @@ def test_without_rtnetlink_a_device_that_has_gone_is_tried_every_50_ms(
     assert_frames_pass(bus, link)
 
 
-def test_what_the_kernel_had_no_room_to_say_is_asked_for(
+def test_lost_rtnetlink_messages_are_asked_for_again(
     sockets: list[FaultySocket], bus: str, link: SocketCanLink
 ) -> None:
     (netlink,) = (s for s in sockets if s.family == socket.AF_NETLINK)
@@ -212,7 +212,7 @@ def test_what_the_kernel_had_no_room_to_say_is_asked_for(
     assert link_state(link) == "Up"
 
 
-def test_options_of_a_device_that_goes_are_no_reason_to_stop(
+def test_failing_option_of_a_leaving_device_is_survived(
     sockets: list[FaultySocket], bus: str, link: SocketCanLink, node: Node
 ) -> None:
     def set_filters() -> None:
@@ -236,13 +236,13 @@ def test_options_of_a_device_that_goes_are_no_reason_to_stop(
         assert link_state(link) == "Up"
 
 
-def test_a_bus_that_is_not_there_is_a_clear_error() -> None:
+def test_missing_device_is_a_bus_error_with_advice() -> None:
     with pytest.raises(BusError, match="ip link add vcan77 type vcan") as caught:
         SocketCanLink("vcan77", None)
     assert caught.value.status == 3
 
 
-def test_who_may_not_open_a_socket_is_told(monkeypatch: pytest.MonkeyPatch, bus: str) -> None:
+def test_forbidden_socket_is_a_bus_error_with_advice(monkeypatch: pytest.MonkeyPatch, bus: str) -> None:
     def refused(*_: object) -> socket.socket:
         raise OSError(errno.EPERM, "Operation not permitted")
 

@@ -36,7 +36,7 @@ def test_the_default_maps_four_axles() -> None:
     assert (c.adhesion_cycle_us, c.detail_cycle_us, c.status_cycle_us) == (20_000, 100_000, 1_000_000)
 
 
-def test_a_small_configuration(tmp_path: Path) -> None:
+def test_small_configuration_is_read_and_described(tmp_path: Path) -> None:
     text = f'[bus]\nchannel = "vcan7"\n{VEHICLE}{AXLE}[limits]\nmin_speed_m_s = 4\n'
     c = load_config(config(tmp_path, text))
     assert (c.channel, c.min_speed_m_s, len(c.axles)) == ("vcan7", 4.0, 1)
@@ -74,7 +74,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("case", BAD)
-def test_bad_input(tmp_path: Path, case: str) -> None:
+def test_bad_configuration_is_an_error_with_file_line_and_key(tmp_path: Path, case: str) -> None:
     text, line, message = BAD[case]
     path = config(tmp_path, text)
     with pytest.raises(InputError) as error:
@@ -83,7 +83,7 @@ def test_bad_input(tmp_path: Path, case: str) -> None:
     assert str(error.value).startswith(f"{path}:{line}: " if line else f"{path}: ")
 
 
-def test_a_missing_file(tmp_path: Path) -> None:
+def test_missing_configuration_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no such file"):
         load_config(tmp_path / "none.toml")
 
@@ -121,7 +121,7 @@ def test_measurements_are_stale_after_three_ticks_whatever_the_dbc_says(tmp_path
     assert [i.timeout_us for i in c.inputs] == [15_000, 15_000, 90_000, 60_000]
 
 
-def test_a_broken_dbc(tmp_path: Path) -> None:
+def test_broken_dbc_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "own.dbc").write_text("BO_ rubbish")
     with pytest.raises(InputError, match="not a usable DBC"):
         load_config(config(tmp_path, f'{VEHICLE}{AXLE}[dbc]\nfile = "own.dbc"\n'))
@@ -184,7 +184,7 @@ def test_a_wrong_design_is_refused_even_with_its_own_checksum(tmp_path: Path, ke
 
 
 @pytest.mark.parametrize("content", ["", "[]", "3", "{", '{"format": "wrcd-design/2"}', "\x00"])
-def test_rubbish_is_no_design(tmp_path: Path, content: str) -> None:
+def test_damaged_design_file_is_an_error(tmp_path: Path, content: str) -> None:
     path = tmp_path / "design.json"
     path.write_text(content)
     with pytest.raises(InputError):
@@ -199,7 +199,7 @@ def test_rubbish_is_no_design(tmp_path: Path, content: str) -> None:
         ('"E2EDataId" INT 0', '"E2EDataId" INT 1e99999999'),
     ],
 )
-def test_sizes_that_would_take_for_ever(tmp_path: Path, good: str, bad: str) -> None:
+def test_excessive_size_in_a_dbc_is_an_error(tmp_path: Path, good: str, bad: str) -> None:
     text = resources.DBC.read_text("cp1252")
     line = text[: text.index(good)].count("\n") + 1
     (tmp_path / "own.dbc").write_text(text.replace(good, bad, 1), "cp1252")
@@ -237,7 +237,7 @@ def test_a_multiplexed_message_cannot_be_mapped(tmp_path: Path) -> None:
         ('"GenMsgCycleTime" BO_ 145 20;', '"GenMsgCycleTime" BO_ 145 -20;', "axle[1].adhesion", "cycle"),
     ],
 )
-def test_times_that_are_none(tmp_path: Path, good: str, bad: str, key: str, what: str) -> None:
+def test_time_beyond_its_range_is_an_error(tmp_path: Path, good: str, bad: str, key: str, what: str) -> None:
     text = resources.DBC.read_text("cp1252")
     assert good in text
     (tmp_path / "own.dbc").write_text(text.replace(good, bad), "cp1252")
@@ -247,7 +247,7 @@ def test_times_that_are_none(tmp_path: Path, good: str, bad: str, key: str, what
 
 
 @pytest.mark.parametrize("bad", ["-1|16@1+ (0.01,0)", "8|16@1+ (0,0)", "8|16@1+ (1e400,0)"])
-def test_signals_that_no_frame_holds(tmp_path: Path, bad: str) -> None:
+def test_signal_beyond_its_frame_is_an_error(tmp_path: Path, bad: str) -> None:
     motion = f'\nBO_ 800 Motion: 8 TCU\n SG_ V : {bad} [0|300] "km/h" WRCD\n\nCM_ '
     text = resources.DBC.read_text("cp1252").replace("\nCM_ ", motion, 1)
     (tmp_path / "own.dbc").write_text(text, "cp1252")
@@ -257,7 +257,7 @@ def test_signals_that_no_frame_holds(tmp_path: Path, bad: str) -> None:
 
 
 @pytest.mark.parametrize("bad", ['VAL_ 145 Validity 16 "NotAvailable"', '"GenSigStartValue" SG_ 145 MuAvailable 1e6;'])
-def test_values_that_their_field_cannot_hold(tmp_path: Path, bad: str) -> None:
+def test_label_or_start_value_beyond_its_field_is_an_error(tmp_path: Path, bad: str) -> None:
     text = resources.DBC.read_text("cp1252")
     good = 'VAL_ 145 Validity 0 "NotAvailable"' if "VAL_" in bad else '"GenSigStartValue" SG_ 145 MuAvailable 65535;'
     assert good in text

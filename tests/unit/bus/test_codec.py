@@ -30,12 +30,12 @@ def yaw(raw: int = 1000, status: int = 0, counter: int = 0) -> bytes:
     return protect(bytes([0, status << 4]) + struct.pack("<i", raw)[:3], YAW_RATE_A1, counter)
 
 
-def test_a_good_frame(production: Database) -> None:
+def test_good_frame_gives_its_sample(production: Database) -> None:
     got = yaw_receiver(production).read(Frame(0, YAW_RATE_A1, yaw(-1234)))
     assert got == [Sample(Quantity.YAW_RATE, (0,), -1234 * 1e-6, False)]
 
 
-def test_degraded_is_passed_on(production: Database) -> None:
+def test_degraded_status_is_in_the_sample(production: Database) -> None:
     got = yaw_receiver(production).read(Frame(0, YAW_RATE_A1, yaw(status=1)))
     assert isinstance(got, list)
     assert got[0].degraded
@@ -58,18 +58,18 @@ def test_degraded_is_passed_on(production: Database) -> None:
     ],
     ids=lambda x: str(x) if isinstance(x, Reason) else "",
 )
-def test_refusals(production: Database, frame: Frame, reason: Reason) -> None:
+def test_bad_frame_is_rejected_with_its_reason(production: Database, frame: Frame, reason: Reason) -> None:
     assert yaw_receiver(production).read(frame) is reason
 
 
-def test_what_is_not_mapped_is_nobodys_business(production: Database) -> None:
+def test_unmapped_frame_is_ignored(production: Database) -> None:
     receiver = yaw_receiver(production)
     assert receiver.read(Frame(0, YAW_RATE_A2, bytes(5))) is None
     # an error frame's class looks like an id
     assert receiver.read(Frame(0, YAW_RATE_A1, bytes(8), error=True)) is None
 
 
-def test_a_trains_own_dbc(tmp_path: Path) -> None:
+def test_own_dbc_is_decoded_to_si_units(tmp_path: Path) -> None:
     (tmp_path / "own.dbc").write_text(TRAIN_DBC)
     database = load_dbc(tmp_path / "own.dbc")
     receiver = Receiver(
@@ -103,7 +103,9 @@ def test_a_trains_own_dbc(tmp_path: Path) -> None:
         ("00000000", Reason.RANGE),
     ],
 )
-def test_direction_and_load(tmp_path: Path, payload: str, expected: list[float] | Reason) -> None:
+def test_direction_and_load_are_decoded_or_rejected(
+    tmp_path: Path, payload: str, expected: list[float] | Reason
+) -> None:
     (tmp_path / "own.dbc").write_text(DIRECTION_AND_LOAD_DBC)
     sources = [Source("State", "Dir", Quantity.DIRECTION, (0,)), Source("State", "Load", Quantity.AXLE_LOAD, (0,))]
     got = Receiver(load_dbc(tmp_path / "own.dbc"), sources).read(Frame(0, 800, bytes.fromhex(payload)))
@@ -113,7 +115,7 @@ def test_direction_and_load(tmp_path: Path, payload: str, expected: list[float] 
         assert got is expected
 
 
-def test_the_adhesion_frame(production: Database) -> None:
+def test_adhesion_frame_is_encoded_and_protected(production: Database) -> None:
     message = find_message(production, "Adhesion_A1")
     values: dict[str, Value] = {
         "Validity": "Valid", "MuAvailable": 38.394, "MuUsed": None, "SampleAge": 9.0, "Surface": "Dry",
@@ -135,7 +137,7 @@ def test_the_adhesion_frame(production: Database) -> None:
 
 
 @pytest.mark.parametrize(("value", "raw"), [(-1.0, 0), (1e9, 10_000), (math.nan, 0xFFFF), (math.inf, 0xFFFF)])
-def test_values_beyond_the_field_never_wrap(production: Database, value: float, raw: int) -> None:
+def test_value_beyond_its_field_is_limited_or_not_available(production: Database, value: float, raw: int) -> None:
     message = find_message(production, "Adhesion_A1")
     frame = Writer(message, ()).frame(0, 0, {"MuAvailable": value})
     assert struct.unpack_from("<H", frame.data, 2)[0] == raw

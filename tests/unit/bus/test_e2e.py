@@ -14,19 +14,19 @@ VECTORS = Path(__file__).parents[2] / "data" / "e2e_profile11_vectors.csv"
 
 
 @pytest.mark.parametrize("row", list(csv.DictReader(VECTORS.read_text().splitlines())), ids=lambda r: r["frame_hex"])
-def test_known_good_frames(row: dict[str, str]) -> None:
+def test_known_frames_pass_crc_and_check(row: dict[str, str]) -> None:
     data, data_id = bytes.fromhex(row["frame_hex"]), int(row["data_id_hex"], 16)
     assert crc(data, data_id) == data[0]
     assert protect(b"\0" + data[1:], data_id, data[1] & 0x0F) == data
     assert Checker(data_id).check(data) is None
 
 
-def test_a_zero_frame() -> None:
+def test_zero_frame_has_the_known_crc() -> None:
     assert protect(bytes(8), 0x123, 0).hex() == "cc00000000000000"
 
 
 @given(st.binary(min_size=2, max_size=8), st.integers(0, 0xFFFF), st.integers(0, 14))
-def test_agrees_with_the_autosar_package(data: bytes, data_id: int, counter: int) -> None:
+def test_protect_agrees_with_the_autosar_package(data: bytes, data_id: int, counter: int) -> None:
     ours = protect(data, data_id, counter)
     theirs = bytearray(ours)
     e2e.p11.e2e_p11_protect(theirs, data_id, increment_counter=False)
@@ -34,19 +34,19 @@ def test_agrees_with_the_autosar_package(data: bytes, data_id: int, counter: int
 
 
 @given(st.integers(0, 63))
-def test_every_flipped_bit_is_seen(bit: int) -> None:
+def test_flipped_bit_fails_the_crc(bit: int) -> None:
     good = protect(bytes.fromhex("0000a1b2c3d4e5f6"), ADHESION_A1, 3)
     bad = bytearray(good)
     bad[bit // 8] ^= 1 << bit % 8
     assert Checker(ADHESION_A1).check(bytes(bad)) is Reason.CRC
 
 
-def test_another_messages_frame_is_refused() -> None:
+def test_frame_of_another_message_fails_the_crc() -> None:
     assert Checker(YAW_RATE_A1).check(protect(bytes(5), YAW_RATE_A2, 0)) is Reason.CRC
 
 
 @pytest.mark.parametrize("step", range(COUNTER_MODULO))
-def test_the_counter(step: int) -> None:
+def test_counter_step_is_accepted_repeated_or_rejected(step: int) -> None:
     checker = Checker(ADHESION_A1)
     assert checker.check(protect(bytes(8), ADHESION_A1, 5)) is None
     got = checker.check(protect(bytes(8), ADHESION_A1, (5 + step) % COUNTER_MODULO))
@@ -55,7 +55,7 @@ def test_the_counter(step: int) -> None:
     assert checker.check(protect(bytes(8), ADHESION_A1, (6 + step) % COUNTER_MODULO)) is None
 
 
-def test_counter_fifteen_does_not_exist() -> None:
+def test_counter_fifteen_is_rejected() -> None:
     frame = bytearray(8)
     frame[1] = 0x0F
     frame[0] = crc(frame, ADHESION_A1)
@@ -66,7 +66,7 @@ def sent(counter: int, payload: int) -> bytes:
     return protect(bytes([0, 0, payload, 0, 0]), ADHESION_A1, counter % COUNTER_MODULO)
 
 
-def test_a_frame_of_another_known_message_is_named() -> None:
+def test_frame_of_a_known_message_is_rejected_as_data_id() -> None:
     checker = Checker(YAW_RATE_A1, others=(YAW_RATE_A2, YAW_RATE[3]))
     assert checker.check(protect(bytes(5), YAW_RATE[3], 0)) is Reason.DATA_ID
     assert checker.check(protect(bytes(5), YAW_RATE[4], 0)) is Reason.CRC
@@ -75,7 +75,7 @@ def test_a_frame_of_another_known_message_is_named() -> None:
 
 @pytest.mark.parametrize("apart", range(COUNTER_MODULO))
 @pytest.mark.parametrize("first", [True, False])
-def test_two_senders_are_noticed_at_the_third_frame_and_nobody_is_believed(apart: int, first: bool) -> None:
+def test_two_senders_are_both_rejected_from_the_third_frame(apart: int, first: bool) -> None:
     checker = Checker(ADHESION_A1)
     for k in range(20):
         assert checker.check(sent(k, 1)) is None
@@ -93,7 +93,7 @@ def test_two_senders_are_noticed_at_the_third_frame_and_nobody_is_believed(apart
     assert all(v is None for v in after[after.index(None) :])
 
 
-def test_of_two_senders_the_one_that_remains_is_believed_again() -> None:
+def test_remaining_one_of_two_senders_is_accepted_again() -> None:
     checker = Checker(ADHESION_A1)
     for k in range(30):
         checker.check(sent(k, 1))
@@ -103,7 +103,7 @@ def test_of_two_senders_the_one_that_remains_is_believed_again() -> None:
     assert after.index(None) <= COUNTER_MODULO + 2
 
 
-def test_two_senders_in_uneven_order_are_noticed() -> None:
+def test_two_senders_in_uneven_order_are_rejected() -> None:
     """Two frames of one, two of the other: the chain would move back and forth for ever."""
     checker = Checker(ADHESION_A1)
     a, b = iter(range(100)), iter(range(8, 100))
@@ -112,7 +112,7 @@ def test_two_senders_in_uneven_order_are_noticed() -> None:
     assert None not in verdicts[12:]
 
 
-def test_copies_of_a_frame_are_no_second_sender() -> None:
+def test_repeated_frame_is_no_second_sender() -> None:
     checker = Checker(ADHESION_A1)
     for k in range(40):
         assert checker.check(sent(k, k)) is None
@@ -120,7 +120,7 @@ def test_copies_of_a_frame_are_no_second_sender() -> None:
 
 
 @pytest.mark.parametrize("stray", range(COUNTER_MODULO))
-def test_a_stray_frame_costs_at_most_one_good_one(stray: int) -> None:
+def test_stray_frame_costs_at_most_one_good_frame(stray: int) -> None:
     checker = Checker(ADHESION_A1)
     for k in range(5):
         checker.check(sent(k, 1))
@@ -129,13 +129,13 @@ def test_a_stray_frame_costs_at_most_one_good_one(stray: int) -> None:
     assert len(refused) <= 1
 
 
-def test_a_sender_that_starts_anew_loses_one_frame() -> None:
+def test_restarted_sender_loses_one_frame() -> None:
     checker = Checker(ADHESION_A1)
     for start in (0, 9, 3, 12):
         assert [checker.check(sent(start + k, start)) for k in range(20)].count(None) >= 19
 
 
-def test_a_suspicion_is_forgotten() -> None:
+def test_suspicion_ends_after_some_frames_of_one_sender() -> None:
     checker = Checker(ADHESION_A1)
     for k in range(20):
         checker.check(sent(k, 1))

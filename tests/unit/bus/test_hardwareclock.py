@@ -13,7 +13,7 @@ START = 1_700_000_000_000_000
 
 
 @pytest.mark.parametrize("ppm", [-50, 0, 50])
-def test_late_kernel_stamps_are_mended_and_drift_is_followed(ppm: int) -> None:
+def test_late_kernel_stamps_are_corrected_under_drift(ppm: int) -> None:
     """The kernel is late by up to 3 ms, exponentially; the controller's clock counts from its own start and drifts."""
     rng, clock = random.Random(3), HardwareClock()
     worst = 0
@@ -28,7 +28,7 @@ def test_late_kernel_stamps_are_mended_and_drift_is_followed(ppm: int) -> None:
     assert worst <= 1200
 
 
-def test_a_clock_that_steps_is_taken_up_at_once() -> None:
+def test_large_clock_step_is_followed_at_once() -> None:
     clock = HardwareClock()
     for k in range(100):
         clock.to_kernel_time(5000 * k, START + 5000 * k)
@@ -37,7 +37,7 @@ def test_a_clock_that_steps_is_taken_up_at_once() -> None:
 
 
 @pytest.mark.parametrize("step_us", [20_000, 400_000, 900_000])
-def test_a_small_step_forwards_is_taken_up_within_a_second(step_us: int) -> None:
+def test_small_forward_step_is_followed_within_a_second(step_us: int) -> None:
     clock = HardwareClock()
     stamps = [clock.to_kernel_time(5000 * k, START + 5000 * k + (step_us if k >= 500 else 0)) for k in range(700)]
     assert stamps[499] == START + 5000 * 499

@@ -40,7 +40,7 @@ def ends() -> Iterator[Ends]:
     made.other.shutdown()
 
 
-def test_frames_both_ways_with_the_time_they_came_at(ends: Ends) -> None:
+def test_frames_pass_both_ways_with_their_time_of_reception(ends: Ends) -> None:
     before = now_us()
     ends.send(YAW_RATE_A1, data=b"\x01\x02")
     ends.send(EXTENDED, data=b"\x03")
@@ -56,12 +56,12 @@ def test_frames_both_ways_with_the_time_they_came_at(ends: Ends) -> None:
     assert (got.arbitration_id, bytes(got.data), got.is_extended_id) == (ADHESION_A1, b"\x07", False)
 
 
-def test_an_interface_with_a_clock_of_its_own_is_stamped_here(ends: Ends) -> None:
+def test_stamp_of_a_foreign_clock_is_replaced(ends: Ends) -> None:
     ends.send(YAW_RATE_A1)
     assert ends.link.receive(now_us() + 3_600_000_000)[0].stamp_us > now_us() + 3_500_000_000
 
 
-def test_frames_of_other_ids_hold_nothing_up(ends: Ends) -> None:
+def test_unmapped_frames_do_not_delay_mapped_ones(ends: Ends) -> None:
     """However many there are between two of the sensors': one look has all of them."""
     for k in range(1000):
         ends.send(0x300 + k % 0x100)
@@ -92,7 +92,9 @@ class Endless(can.BusABC):
     ("can_id", "error", "handed_over"), [(YAW_RATE_A1, False, MAX_FRAMES), (0x300, False, 0), (YAW_RATE_A1, True, 0)],
     ids=["sensor's", "unmapped", "error frames"],
 )  # fmt: skip
-def test_a_look_at_a_flood_ends(monkeypatch: pytest.MonkeyPatch, can_id: int, error: bool, handed_over: int) -> None:
+def test_receive_ends_after_max_frames_of_a_flood(
+    monkeypatch: pytest.MonkeyPatch, can_id: int, error: bool, handed_over: int
+) -> None:
     flood = Endless(can.Message(arbitration_id=can_id, is_extended_id=False, is_error_frame=error, timestamp=1.0))
     monkeypatch.setattr(can, "Bus", lambda **_: flood)
     link = PythonCanLink("endless", "endless", IDS)
@@ -103,12 +105,12 @@ def test_a_look_at_a_flood_ends(monkeypatch: pytest.MonkeyPatch, can_id: int, er
     link.close()
 
 
-def test_an_interface_that_there_is_none_of_is_a_clear_error() -> None:
+def test_unknown_interface_is_a_bus_error() -> None:
     with pytest.raises(BusError, match="nosuch:can0 cannot be opened"):
         PythonCanLink("nosuch", "can0", None)
 
 
-def test_a_bus_that_is_closed_is_down_and_counts(ends: Ends) -> None:
+def test_closed_bus_is_down_and_counts_unsent_frames(ends: Ends) -> None:
     ends.link.close()
     assert ends.link.receive(now_us()) == []
     assert ends.link.health.state == "Down"

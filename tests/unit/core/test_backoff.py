@@ -27,7 +27,7 @@ def storm(sim: SensorSimulator, seconds: float) -> tuple[list[dict[str, Any]], l
     return frames, resets
 
 
-def test_the_wait_grows_and_is_bounded(config: Config) -> None:
+def test_wait_after_repeated_resets_doubles_up_to_its_bound(config: Config) -> None:
     sim = SensorSimulator(config)
     frames, resets = storm(sim, 60.0)
     gaps = [b - a for a, b in pairwise(resets)]
@@ -41,7 +41,7 @@ def test_the_wait_grows_and_is_bounded(config: Config) -> None:
     assert set(validities(frames[10:])) == {"NotAvailable"}
 
 
-def test_it_comes_back_by_itself_and_what_was_is_forgiven(config: Config) -> None:
+def test_axle_is_valid_again_after_its_wait(config: Config) -> None:
     sim = SensorSimulator(config)
     storm(sim, 20.0)
     waits = sim.core.waits
@@ -62,7 +62,7 @@ def of_axle_2(frame: Frame) -> Frame:
     return Frame(frame.stamp_us, can_id, protect(frame.data, can_id, frame.data[1] & 0x0F))
 
 
-def test_the_other_axles_do_not_wait(config: Config) -> None:
+def test_other_axles_do_not_wait(config: Config) -> None:
     sim, other = SensorSimulator(config), SensorSimulator(config)
     for k in range(20 * PER_S):
         sim.spike = 5_000_000 if k // STEP_EVERY % 2 else 0
@@ -77,7 +77,7 @@ def test_the_other_axles_do_not_wait(config: Config) -> None:
     assert validities(sim.adhesion(sim.out, 2)) == ["NotAvailable", "Valid"]
 
 
-def test_a_speed_that_jumps_to_and_fro_makes_all_axles_wait(config: Config) -> None:
+def test_repeated_speed_jumps_make_all_axles_wait(config: Config) -> None:
     """Believed at its second frame each time: without a wait that is a reset every few frames."""
     sim = SensorSimulator(config)
     sim.run(2000)
@@ -90,7 +90,7 @@ def test_a_speed_that_jumps_to_and_fro_makes_all_axles_wait(config: Config) -> N
     assert validities(sim.run(11_000)) == ["NotAvailable", "Valid"]
 
 
-def test_a_step_of_time_ends_the_wait(config: Config) -> None:
+def test_time_step_ends_the_wait(config: Config) -> None:
     sim = SensorSimulator(config)
     storm(sim, 10.0)
     sim.t -= 3_600_000_000

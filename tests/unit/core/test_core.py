@@ -30,7 +30,7 @@ from wrcd.core.causes import Cause
 from wrcd.core.configuration import Config
 
 
-def test_valid_after_one_full_window(sim: SensorSimulator) -> None:
+def test_axle_is_valid_after_one_full_window(sim: SensorSimulator) -> None:
     frames = sim.run(1500)
     first = next(i for i, f in enumerate(frames) if f["Validity"] == "Valid")
     assert (first + 1) * 20 == 1000
@@ -42,7 +42,7 @@ def test_valid_after_one_full_window(sim: SensorSimulator) -> None:
     assert frames[2]["MuUsed"] == pytest.approx(100 * 10_000 / (2 * 73549.875 * 0.5), abs=0.006)
 
 
-def test_an_axle_without_frames_is_not_available_at_its_cycle(sim: SensorSimulator) -> None:
+def test_axle_without_frames_sends_not_available_every_cycle(sim: SensorSimulator) -> None:
     sim.run(2000)
     others = [f for a in (2, 3, 4) for f in sim.adhesion(sim.out, a)]
     assert len(others) == 300
@@ -50,7 +50,7 @@ def test_an_axle_without_frames_is_not_available_at_its_cycle(sim: SensorSimulat
     assert {f["SampleAge"] for f in others} == {255}
 
 
-def test_cycles_slots_and_counters(sim: SensorSimulator) -> None:
+def test_sent_frames_keep_their_cycle_slot_and_counter(sim: SensorSimulator) -> None:
     sim.run(3000)
     by_id: dict[int, list[Frame]] = {}
     for o in sim.out:
@@ -67,7 +67,7 @@ def test_cycles_slots_and_counters(sim: SensorSimulator) -> None:
 
 
 @pytest.mark.parametrize("missing", [YAW_RATE_A1, LAT_ACCEL_A1, TORQUE_A1, VEHICLE_SPEED])
-def test_a_silent_input_degrades_then_ends_the_estimate(sim: SensorSimulator, missing: int) -> None:
+def test_silent_input_is_degraded_then_not_available(sim: SensorSimulator, missing: int) -> None:
     sim.run(2000)
     sim.silent = {missing}
     frames = sim.run(300)
@@ -86,7 +86,7 @@ def test_a_silent_input_degrades_then_ends_the_estimate(sim: SensorSimulator, mi
 
 
 @pytest.mark.parametrize("can_id", [YAW_RATE_A1, TORQUE_A1])
-def test_a_short_gap_degrades_while_it_lasts(sim: SensorSimulator, can_id: int) -> None:
+def test_short_gap_is_degraded_while_it_lasts(sim: SensorSimulator, can_id: int) -> None:
     """40 ms past the time-out are bridged; the estimate goes on."""
     sim.run(2000)
     sim.silent = {can_id}
@@ -97,7 +97,7 @@ def test_a_short_gap_degrades_while_it_lasts(sim: SensorSimulator, can_id: int) 
     assert validities(frames) == ["Valid"]
 
 
-def test_a_longer_gap_degrades_for_a_window(sim: SensorSimulator) -> None:
+def test_longer_gap_is_degraded_for_one_window(sim: SensorSimulator) -> None:
     sim.run(2000)
     sim.silent = {YAW_RATE_A1}
     sim.run(80)
@@ -108,7 +108,7 @@ def test_a_longer_gap_degrades_for_a_window(sim: SensorSimulator) -> None:
     assert 980 <= [f["Validity"] for f in frames].index("Valid") * 20 <= 1020
 
 
-def test_one_lost_frame_changes_nothing(sim: SensorSimulator) -> None:
+def test_one_lost_frame_leaves_the_axle_valid(sim: SensorSimulator) -> None:
     sim.run(2000)
     sim.silent = {LAT_ACCEL_A1}
     sim.run(5)
@@ -131,7 +131,7 @@ def test_speed_beyond_the_design_is_degraded(sim: SensorSimulator) -> None:
     assert validities(sim.run(200))[-1] == "Degraded"
 
 
-def test_a_degraded_sensor_degrades(sim: SensorSimulator) -> None:
+def test_sensor_status_degrades_or_rejects(sim: SensorSimulator) -> None:
     sim.run(1500)
     sim.yaw_status = 1
     assert validities(sim.run(200))[-1] == "Degraded"
@@ -141,7 +141,7 @@ def test_a_degraded_sensor_degrades(sim: SensorSimulator) -> None:
 
 
 @pytest.mark.parametrize("step_ms", [-3_600_000, -50, 2_000, 3_600_000, 86_400_000])
-def test_a_step_of_the_clock_starts_anew(sim: SensorSimulator, step_ms: int) -> None:
+def test_clock_step_costs_one_window(sim: SensorSimulator, step_ms: int) -> None:
     sim.run(2000)
     sim.t += step_ms * MS
     before = len(sim.out)
@@ -154,7 +154,7 @@ def test_a_step_of_the_clock_starts_anew(sim: SensorSimulator, step_ms: int) -> 
     assert sim.core.counts.time_steps == 1
 
 
-def test_a_frame_from_before_a_step_back_of_the_clock_does_not_fill_the_time_between(sim: SensorSimulator) -> None:
+def test_frame_from_before_a_clock_step_fills_no_slots(sim: SensorSimulator) -> None:
     """The clock steps back by a day on a silent bus; then a frame comes that was stamped before."""
     sim.run(2000)
     stamp = sim.t
@@ -167,7 +167,7 @@ def test_a_frame_from_before_a_step_back_of_the_clock_does_not_fill_the_time_bet
     assert validities(sim.run(2000))[-2:] == ["NotAvailable", "Valid"]
 
 
-def test_frames_a_little_out_of_order_are_used(sim: SensorSimulator) -> None:
+def test_frame_slightly_out_of_order_is_used(sim: SensorSimulator) -> None:
     sim.run(1500)
     late = sim.frame(TORQUE_A1, struct.pack("<i", 1_000_100)[:3])
     sim.core.feed(Frame(sim.t - 3000, TORQUE_A1, late.data))
@@ -187,7 +187,7 @@ def test_every_mapped_frame_is_accepted_or_counted(sim: SensorSimulator) -> None
     assert sum(sim.core.counts.rejected.values()) == 3
 
 
-def test_the_details_explain(sim: SensorSimulator) -> None:
+def test_detail_frame_has_residuals_model_rule_and_stale_inputs(sim: SensorSimulator) -> None:
     sim.run(1500)
     sim.silent = {TORQUE_A1}
     sim.run(60)
@@ -204,7 +204,7 @@ def test_the_details_explain(sim: SensorSimulator) -> None:
     assert str(rows[-1]["StaleYawRate"]) == "Fresh"
 
 
-def test_the_status_tells_the_design(sim: SensorSimulator) -> None:
+def test_status_frame_has_design_checksum_and_rejections(sim: SensorSimulator) -> None:
     sim.core.feed(Frame(sim.t, YAW_RATE_A1, bytes(5)))
     sim.run(1500)
     message = find_message(sim.config.database, "WrcdStatus")
@@ -214,7 +214,7 @@ def test_the_status_tells_the_design(sim: SensorSimulator) -> None:
     assert str(rows[-1]["State"]) == "Running"
 
 
-def test_the_last_frames_say_not_available(sim: SensorSimulator) -> None:
+def test_shutdown_frames_are_not_available(sim: SensorSimulator) -> None:
     sim.run(1500)
     last = sim.core.shutdown_frames(sim.t)
     message = find_message(sim.config.database, "Adhesion_A1")
@@ -223,7 +223,7 @@ def test_the_last_frames_say_not_available(sim: SensorSimulator) -> None:
     assert len(last) == 5
 
 
-def test_what_the_rules_were_not_made_from_is_never_valid(config: Config) -> None:
+def test_residuals_beyond_training_are_never_valid(config: Config) -> None:
     """Rules made from residuals of another size than any rail makes: unknown, and said so."""
     d = config.design
     sim = SensorSimulator(replace(config, design=replace(d, low=d.low + 9.0, high=d.high + 9.0, beyond=0.1)))
@@ -233,13 +233,13 @@ def test_what_the_rules_were_not_made_from_is_never_valid(config: Config) -> Non
     assert sim.core.reports[0].cause is Cause.BEYOND_TRAINING
 
 
-def test_the_farewell_is_no_repeat(sim: SensorSimulator) -> None:
+def test_shutdown_frame_has_a_new_e2e_counter(sim: SensorSimulator) -> None:
     sim.run(1500)
     last = [o.frame for o in sim.out if o.frame.can_id == ADHESION_A1][-1]
     assert (sim.core.shutdown_frames(sim.t)[0].data[1] - last.data[1]) & 0x0F in (1, 2)
 
 
-def test_a_gyro_that_stands_still_while_the_train_moves(sim: SensorSimulator) -> None:
+def test_stuck_gyro_of_a_moving_train_is_rejected(sim: SensorSimulator) -> None:
     sim.run(2000)
     sim.frozen = True
     frames = sim.run(500)
@@ -258,7 +258,7 @@ def test_a_gyro_that_stands_still_while_the_train_moves(sim: SensorSimulator) ->
     assert next(i for i, f in enumerate(frames) if f["Validity"] == "Valid") * 20 <= 1060
 
 
-def test_at_standstill_a_sensor_may_stand_still(sim: SensorSimulator) -> None:
+def test_stuck_sensor_at_standstill_is_accepted(sim: SensorSimulator) -> None:
     sim.speed = 0.0
     sim.frozen = True
     sim.run(2000)
@@ -269,7 +269,7 @@ def test_at_standstill_a_sensor_may_stand_still(sim: SensorSimulator) -> None:
     assert sim.core.counts.rejected == {Reason.JUMP: 1}  # from rest to 25 m/s at once
 
 
-def test_one_absurd_sample_changes_nothing(sim: SensorSimulator) -> None:
+def test_single_outlier_leaves_the_estimate(sim: SensorSimulator) -> None:
     twin = SensorSimulator(sim.config)
     twin.run(2000)
     sim.run(2000)
@@ -286,7 +286,7 @@ def test_one_absurd_sample_changes_nothing(sim: SensorSimulator) -> None:
 
 
 @pytest.mark.parametrize("tick", [7, 12, 19, 24])
-def test_one_absurd_sample_among_the_first_starts_the_axle_anew(sim: SensorSimulator, tick: int) -> None:
+def test_outlier_during_start_up_resets_the_axle(sim: SensorSimulator, tick: int) -> None:
     """Later all looks usual beside it, and the estimate would be Valid and wrong."""
     clean = SensorSimulator(sim.config)
     clean.run(5 * tick + 5)
@@ -301,7 +301,7 @@ def test_one_absurd_sample_among_the_first_starts_the_axle_anew(sim: SensorSimul
     assert max(map(abs, off)) < 3.0
 
 
-def test_absurd_samples_that_go_on_start_the_axle_anew(sim: SensorSimulator) -> None:
+def test_continued_outliers_reset_the_axle(sim: SensorSimulator) -> None:
     undisturbed = SensorSimulator(sim.config).run(6000)[-1]["MuAvailable"]
     sim.run(2000)
     sim.spike = 1_000_000
@@ -314,7 +314,7 @@ def test_absurd_samples_that_go_on_start_the_axle_anew(sim: SensorSimulator) -> 
 
 
 @pytest.mark.parametrize(("what", "value"), [("speed", 0.5), ("speed", 120.0), ("torque", -80_000.0)])
-def test_a_value_that_jumps_is_believed_at_the_second_frame(sim: SensorSimulator, what: str, value: float) -> None:
+def test_jump_is_accepted_at_its_second_frame(sim: SensorSimulator, what: str, value: float) -> None:
     sim.run(2000)
     before = getattr(sim, what)
     setattr(sim, what, value)
@@ -327,7 +327,7 @@ def test_a_value_that_jumps_is_believed_at_the_second_frame(sim: SensorSimulator
     assert sim.core.counts.rejected == {Reason.JUMP: 2}
 
 
-def test_an_outlier_is_forgotten_with_a_step_of_the_clock(sim: SensorSimulator) -> None:
+def test_clock_step_clears_the_outlier(sim: SensorSimulator) -> None:
     sim.run(2000)
     sim.spike = 5_000_000
     sim.run(5)
@@ -338,7 +338,7 @@ def test_an_outlier_is_forgotten_with_a_step_of_the_clock(sim: SensorSimulator) 
     assert sim.decoded("InputHealth_A1")[-1]["Outlier"] == "No"
 
 
-def test_a_sensor_that_is_slower_than_the_ticks_is_never_valid(sim: SensorSimulator) -> None:
+def test_sensor_slower_than_the_tick_is_never_valid(sim: SensorSimulator) -> None:
     """Gains made for every tick are wrong for every second one; no number is better than a wrong one."""
     for _ in range(400):
         for frame in sim.frames():
@@ -350,7 +350,7 @@ def test_a_sensor_that_is_slower_than_the_ticks_is_never_valid(sim: SensorSimula
     assert "Valid" not in {f["Validity"] for f in frames}
 
 
-def test_a_speed_that_jumps_and_stays_starts_anew(sim: SensorSimulator) -> None:
+def test_confirmed_speed_jump_resets_the_axle(sim: SensorSimulator) -> None:
     sim.run(2000)
     sim.speed = 28.0
     frames = sim.run(2000)
@@ -362,7 +362,7 @@ def test_a_speed_that_jumps_and_stays_starts_anew(sim: SensorSimulator) -> None:
     assert sim.core.counts.restarts == 1
 
 
-def test_two_senders_are_not_believed(sim: SensorSimulator) -> None:
+def test_two_senders_of_one_id_are_rejected(sim: SensorSimulator) -> None:
     sim.run(2000)
     other = SensorSimulator(sim.config)
     begin = len(sim.out)
@@ -380,7 +380,7 @@ def test_two_senders_are_not_believed(sim: SensorSimulator) -> None:
     assert validities(sim.run(2000)) == ["NotAvailable", "Valid"]
 
 
-def test_rejections_are_told_by_reason(sim: SensorSimulator) -> None:
+def test_rejects_frame_counts_by_reason(sim: SensorSimulator) -> None:
     sim.run(995)
     for can_id, data in (
         (YAW_RATE_A1, bytes(5)),
@@ -400,7 +400,7 @@ def test_rejections_are_told_by_reason(sim: SensorSimulator) -> None:
     assert (status["RejectedFrames"], status["LastReason"]) == (4, "Crc")
 
 
-def test_more_in_use_than_there_is_said_to_be_is_a_contradiction(config: Config) -> None:
+def test_adhesion_in_use_beyond_the_estimate_is_a_contradiction(config: Config) -> None:
     """Rules that say a quarter of what they should; a torque of two thirds of the load says not so."""
     sim = SensorSimulator(replace(config, design=replace(config.design, polynomial=0.25 * config.design.polynomial)))
     sim.torque = 2000.0

@@ -33,7 +33,7 @@ def silent(sim: SensorSimulator, us: int) -> None:
 
 
 @pytest.mark.parametrize("seconds", [0.8, 1.0, 1.005, 5.0, 70.0])
-def test_a_silence_is_no_step_of_time(config: Config, seconds: float) -> None:
+def test_silence_is_no_time_step(config: Config, seconds: float) -> None:
     sim = SensorSimulator(config)
     sim.run(2000)
     before = len(sim.out)
@@ -93,7 +93,7 @@ def two_in_a_tick(sim: SensorSimulator) -> None:
     ids=lambda f: f.__name__.replace("_", " "),
 )  # fmt: skip
 @pytest.mark.parametrize("seconds", [1.005, 59.0])
-def test_silence_and_step_leave_the_same_behind_them(
+def test_silence_and_time_step_leave_the_same_state(
     config: Config, seconds: float, before: Callable[[SensorSimulator], None]
 ) -> None:
     """To the last bit of the state, whatever was going on before."""
@@ -118,7 +118,7 @@ def test_silence_and_step_leave_the_same_behind_them(
         np.testing.assert_equal(*states)
 
 
-def test_a_step_of_59_s_that_a_frame_shows_costs_no_more_than_any_frame(config: Config) -> None:
+def test_time_step_of_59_s_closes_at_most_one_tick(config: Config) -> None:
     sim = SensorSimulator(config)
     sim.run(2000)
     ticks = sim.core.counts.ticks
@@ -190,9 +190,7 @@ def compared(live: Live, made: dict[tuple[int, int], bytes]) -> int:
 
 @pytest.mark.parametrize("own", [False, True], ids=["sensors alone", "with what was sent"])
 @pytest.mark.parametrize("seconds", [0.5, 1.0, 5.0, 30.0])
-def test_a_log_with_a_silence_replays_to_what_was_sent(
-    config: Config, tmp_path: Path, seconds: float, own: bool
-) -> None:
+def test_log_with_a_silence_replays_to_what_was_sent(config: Config, tmp_path: Path, seconds: float, own: bool) -> None:
     live = Live(config)
     live.run(2.0)
     live.run(seconds, there=False)
@@ -205,9 +203,7 @@ def test_a_log_with_a_silence_replays_to_what_was_sent(
     assert live.sim.core.counts.time_steps == 0
 
 
-def test_a_long_silence_is_filled_where_anything_in_the_log_tells_that_time_went_on(
-    config: Config, tmp_path: Path
-) -> None:
+def test_long_silence_is_filled_only_if_the_log_shows_that_time_passed(config: Config, tmp_path: Path) -> None:
     live = Live(config)
     live.run(1.5)
     live.run(90.0, there=False)
@@ -219,7 +215,7 @@ def test_a_long_silence_is_filled_where_anything_in_the_log_tells_that_time_went
 
 
 @pytest.mark.parametrize("seconds", [3.0, 100.0, -3.0])
-def test_a_log_with_a_step_of_time_replays_to_what_was_sent(config: Config, tmp_path: Path, seconds: float) -> None:
+def test_log_with_a_time_step_replays_to_what_was_sent(config: Config, tmp_path: Path, seconds: float) -> None:
     live = Live(config)
     live.run(2.0)
     live.step(seconds)
@@ -238,7 +234,7 @@ def test_a_log_with_a_step_of_time_replays_to_what_was_sent(config: Config, tmp_
 
 
 @pytest.mark.parametrize(("seconds", "held"), [(0.5, 100), (3.0, 600), (3.0, 60), (5.0, 0)])
-def test_a_loop_that_stood_still_is_no_step_of_time(config: Config, tmp_path: Path, seconds: float, held: int) -> None:
+def test_stalled_loop_is_no_time_step(config: Config, tmp_path: Path, seconds: float, held: int) -> None:
     """The kernel's buffer has held all frames of that time, the first of them, or none."""
     live = Live(config, tmp_path / "dumps")
     live.run(2.0)
@@ -253,7 +249,7 @@ def test_a_loop_that_stood_still_is_no_step_of_time(config: Config, tmp_path: Pa
     assert compared(live, replayed(dump, tmp_path / "dump-out.log")) > 80
 
 
-def test_a_clock_that_steps_while_the_loop_stands_still_is_a_step(config: Config) -> None:
+def test_clock_step_during_a_stall_is_a_time_step(config: Config) -> None:
     live = Live(config)
     live.run(2.0)
     live.step(10.0)
@@ -262,7 +258,7 @@ def test_a_clock_that_steps_while_the_loop_stands_still_is_a_step(config: Config
     assert live.sim.core.counts.time_steps == 1
 
 
-def test_the_real_clocks_go_together() -> None:
+def test_default_clocks_show_no_time_step() -> None:
     """A loop on its default clocks sees no step in a second of doing nothing."""
     core = Core(load_config(None))
     daemon = Daemon(core, ScriptedLink())

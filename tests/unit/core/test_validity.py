@@ -30,7 +30,7 @@ DEFAULT = load_config(None)
 
 
 @pytest.mark.parametrize("can_id", [YAW_RATE_A1, LAT_ACCEL_A1, TORQUE_A1, VEHICLE_SPEED])
-def test_a_refused_frame_between_good_ones_does_not_degrade(can_id: int) -> None:
+def test_rejected_frame_between_good_ones_leaves_the_axle_valid(can_id: int) -> None:
     """A bad CRC behind every good frame, the last before each slot, too: good frames are what counts."""
     sim = SensorSimulator(DEFAULT)
     sim.run(1500)
@@ -44,7 +44,7 @@ def test_a_refused_frame_between_good_ones_does_not_degrade(can_id: int) -> None
     assert sim.core.counts.rejected == {Reason.CRC: 100}
 
 
-def test_refusals_are_told_for_their_axle_and_signal_with_their_reason() -> None:
+def test_rejection_is_reported_by_axle_signal_and_reason() -> None:
     sim = SensorSimulator(DEFAULT)
     sim.run(1000)
     for number, name in (
@@ -65,7 +65,7 @@ def test_refusals_are_told_for_their_axle_and_signal_with_their_reason() -> None
         sim.run(1000)
 
 
-def test_refused_frames_do_not_clear_what_a_sensor_says_of_itself() -> None:
+def test_rejected_frames_do_not_clear_a_degraded_status() -> None:
     sim = SensorSimulator(DEFAULT)
     sim.run(1500)
     sim.yaw_status = 1
@@ -96,7 +96,7 @@ def own(tmp_path: Path, more: str, vehicle: str) -> Config:
         (False, True, 8_000.0, "Valid"),
     ],
 )
-def test_braking_with_an_unknown_share_of_the_friction_brakes(
+def test_braking_with_an_unknown_friction_share_is_degraded(
     tmp_path: Path, total: bool, brake: bool, torque: float, expected: str
 ) -> None:
     config = own(
@@ -128,7 +128,7 @@ def causes(sim: SensorSimulator) -> list[str]:
 
 
 @pytest.mark.parametrize("fault", ["status", "speed"])
-def test_one_good_frame_after_degraded_ones_is_not_valid(fault: str) -> None:
+def test_degraded_input_degrades_for_one_window(fault: str) -> None:
     """The estimate is a window old: what was not sound must have left it."""
     sim = SensorSimulator(DEFAULT)
     sim.speed = 59.9
@@ -143,7 +143,7 @@ def test_one_good_frame_after_degraded_ones_is_not_valid(fault: str) -> None:
     assert causes(sim)[-2:] == ["SensorDegraded" if fault == "status" else "SpeedOutOfRange", "None"]
 
 
-def test_confidence_is_said_of_valid_frames_only() -> None:
+def test_only_valid_frames_have_a_confidence() -> None:
     sim = SensorSimulator(DEFAULT)
     sim.run(1500)
     sim.yaw_status = 1
@@ -153,7 +153,7 @@ def test_confidence_is_said_of_valid_frames_only() -> None:
     assert all(isinstance(f["MuAvailable"], float) for f in degraded)
 
 
-def test_more_is_never_in_use_than_there_is_in_a_valid_frame() -> None:
+def test_valid_frame_has_no_more_adhesion_in_use_than_available() -> None:
     sim = SensorSimulator(DEFAULT)
     frames = []
     for k in range(300):
@@ -164,7 +164,7 @@ def test_more_is_never_in_use_than_there_is_in_a_valid_frame() -> None:
     assert all(f["MuUsed"] <= f["MuAvailable"] for f in valid)
 
 
-def test_the_friction_brakes_alone_are_unknown_for_a_window(tmp_path: Path) -> None:
+def test_friction_brakes_alone_degrade_for_one_window(tmp_path: Path) -> None:
     sim = SensorSimulator(own(tmp_path, "", "torque_is_total = false\n"))
     sim.run(2000)
     sim.torque = 0.0
@@ -187,7 +187,9 @@ def test_the_friction_brakes_alone_are_unknown_for_a_window(tmp_path: Path) -> N
         ("wheel_radius", 1.11, "Degraded", "RadiusBeyond"),
     ],
 )
-def test_load_and_radius_beyond_the_designs(tmp_path: Path, key: str, share: float, expected: str, cause: str) -> None:
+def test_load_or_radius_beyond_the_design_is_degraded(
+    tmp_path: Path, key: str, share: float, expected: str, cause: str
+) -> None:
     unit, design = ("kN", 2e-3 * DEFAULT.design.normal_N) if key == "axle_load" else ("mm", 1e3 * DEFAULT.design.r_0)
     message = f'\nBO_ 800 Body: 8 TCU\n SG_ V : 0|16@1+ (0.01,0) [0|600] "{unit}" WRCD\n\nCM_ '
     text = resources.DBC.read_text("cp1252").replace("\nCM_ ", message, 1)
@@ -204,7 +206,7 @@ def test_load_and_radius_beyond_the_designs(tmp_path: Path, key: str, share: flo
     assert causes(sim)[-1] == cause
 
 
-def test_a_cause_for_every_state_of_a_start_and_a_stop() -> None:
+def test_start_and_stop_have_a_cause_for_each_state() -> None:
     sim = SensorSimulator(DEFAULT)
     sim.out += sim.core.advance(sim.t)
     sim.out += sim.core.advance(sim.t + 500_000)
@@ -225,7 +227,7 @@ def test_a_cause_for_every_state_of_a_start_and_a_stop() -> None:
     ]  # fmt: skip
 
 
-def test_absurd_measurements_are_the_cause_of_starting_anew() -> None:
+def test_reset_after_outliers_has_the_cause_restarted() -> None:
     sim = SensorSimulator(DEFAULT)
     sim.run(1500)
     sim.spike = 500_000
@@ -238,7 +240,7 @@ def test_absurd_measurements_are_the_cause_of_starting_anew() -> None:
 @pytest.mark.parametrize(
     ("doubt", "cause"), [*OF_ESTIMATE.items(), (EstimateDoubt.NONE, Cause.NONE)], ids=lambda x: x.name
 )
-def test_an_estimate_that_doubts_itself_is_not_valid(doubt: EstimateDoubt, cause: Cause) -> None:
+def test_doubtful_estimate_is_degraded_with_its_cause(doubt: EstimateDoubt, cause: Cause) -> None:
     sim = SensorSimulator(DEFAULT)
     sim.run(1500)
     estimate = replace(sim.core.estimator.estimate(), doubt=np.full(4, int(doubt)))
@@ -256,7 +258,7 @@ def test_an_estimate_that_doubts_itself_is_not_valid(doubt: EstimateDoubt, cause
 
 
 @pytest.mark.parametrize(("speed", "outside"), [(2.9975, True), (3.0, False), (60.0, False), (60.0025, True)])
-def test_the_designs_speeds_count_with_their_ends(speed: float, outside: bool) -> None:
+def test_design_speed_range_includes_its_ends(speed: float, outside: bool) -> None:
     sim = SensorSimulator(replace(DEFAULT, min_speed_m_s=2.0))
     sim.speed = speed
     sim.run(2000)
@@ -265,7 +267,7 @@ def test_the_designs_speeds_count_with_their_ends(speed: float, outside: bool) -
 
 
 @pytest.mark.parametrize(("speed", "available"), [(4.9975, False), (5.0, True)])
-def test_the_least_speed_counts(speed: float, available: bool) -> None:
+def test_axle_at_min_speed_is_available(speed: float, available: bool) -> None:
     sim = SensorSimulator(replace(DEFAULT, min_speed_m_s=5.0))
     sim.speed = speed
     assert (sim.run(2000)[-1]["Validity"] != "NotAvailable") == available
@@ -282,7 +284,7 @@ def test_the_least_speed_counts(speed: float, available: bool) -> None:
         (3_600_000_000, 1, 0),
     ],
 )
-def test_steps_of_time_told_by_frames_alone(step_us: int, anew: int, filled: int) -> None:
+def test_time_step_is_found_from_frames_alone(step_us: int, anew: int, filled: int) -> None:
     sim = SensorSimulator(DEFAULT)
     sim.t += 4_000  # frames at a tick's beginning
     for _ in range(40):
@@ -300,14 +302,14 @@ def test_steps_of_time_told_by_frames_alone(step_us: int, anew: int, filled: int
 
 
 @pytest.mark.parametrize(("step_us", "anew"), [(1_000_000, 0), (1_005_000, 1), (-10_000, 0), (-10_001, 1)])
-def test_steps_of_time_told_by_the_clock_alone(step_us: int, anew: int) -> None:
+def test_time_step_is_found_from_the_clock_alone(step_us: int, anew: int) -> None:
     sim = SensorSimulator(DEFAULT)
     sim.run(200)
     sim.core.advance(sim.t + step_us)
     assert sim.core.counts.time_steps == anew
 
 
-def test_late_frames_are_those_of_a_tick_that_is_over() -> None:
+def test_frame_of_a_closed_tick_counts_as_late() -> None:
     sim = SensorSimulator(DEFAULT)
     sim.run(200)
     for stamp_us in (sim.t, sim.t - 1, sim.t - 3_000):
@@ -316,7 +318,7 @@ def test_late_frames_are_those_of_a_tick_that_is_over() -> None:
     assert sim.core.counts.late == 2
 
 
-def test_the_log_blames_the_message() -> None:
+def test_rejections_are_counted_by_message_and_reason() -> None:
     sim = SensorSimulator(DEFAULT)
     sim.run(20)
     for _ in range(2):
@@ -324,7 +326,7 @@ def test_the_log_blames_the_message() -> None:
     assert sim.core.counts.rejected_by_message == {("Torque_A1", Reason.CRC): 2}
 
 
-def test_the_status_of_the_farewell() -> None:
+def test_shutdown_status_is_stopping() -> None:
     sim = SensorSimulator(DEFAULT)
     sim.run(100)
     message = find_message(DEFAULT.database, "WrcdStatus")
@@ -337,7 +339,7 @@ def sent(counter: int) -> bytes:
     return protect(bytes(5), ADHESION_A1, counter % 15)
 
 
-def test_so_many_moves_of_a_chain_are_a_sender_that_starts_anew_and_one_more_is_two() -> None:
+def test_sender_restarting_more_than_max_moves_times_counts_as_two() -> None:
     checker = Checker(ADHESION_A1)
     assert [checker.check(sent(c)) for c in (0, 1, 2)] == [None] * 3
     starts = (9, 7, 0)  # none continues the chain or the one before it
@@ -347,7 +349,7 @@ def test_so_many_moves_of_a_chain_are_a_sender_that_starts_anew_and_one_more_is_
     assert verdicts[-1][1] is Reason.TWO_SENDERS
 
 
-def test_a_rival_is_suspected_at_its_second_frame_and_forgotten_after_a_few_of_the_chain() -> None:
+def test_candidate_is_suspected_at_its_second_frame_then_forgotten() -> None:
     checker = Checker(ADHESION_A1)
     for c in (0, 1, 2):
         checker.check(sent(c))
@@ -363,7 +365,7 @@ def test_a_rival_is_suspected_at_its_second_frame_and_forgotten_after_a_few_of_t
 STILL = np.zeros(2)  # yaw rates
 
 
-def test_a_gate_starts_anew_for_one_axle_only() -> None:
+def test_gate_reset_affects_one_axle_only() -> None:
     gate = Gate(2)
     e, there = np.ones((4, 2, 2)), np.ones(2, dtype=bool)
     for _ in range(int(MIN_TICKS)):
@@ -384,7 +386,7 @@ def test_a_gate_starts_anew_for_one_axle_only() -> None:
     assert upset == [False] * int(MAX_NET_OUTLIERS) + [True]
 
 
-def test_a_gates_usual_size_is_the_mean_square_and_absurd_is_so_many_times_of_it() -> None:
+def test_gate_limit_is_gate_sigma_times_the_rms() -> None:
     gate = Gate(1)
     e, there, none = np.ones((4, 2, 1)), np.ones(1, dtype=bool), np.zeros((2, 1), dtype=bool)
     for k in range(int(MIN_TICKS)):
@@ -394,7 +396,7 @@ def test_a_gates_usual_size_is_the_mean_square_and_absurd_is_so_many_times_of_it
     assert gate.outliers(1.001 * GATE_SIGMA * usual * e, STILL[:1], there).all()
 
 
-def test_a_gate_refuses_what_is_not_finite_from_the_first_tick_on() -> None:
+def test_non_finite_innovation_is_an_outlier_from_the_first_tick() -> None:
     gate = Gate(1)
     e = np.ones((4, 2, 1))
     e[2, 1, 0] = np.inf
@@ -404,7 +406,7 @@ def test_a_gate_refuses_what_is_not_finite_from_the_first_tick_on() -> None:
         gate.outliers(e, STILL[:1], np.ones(1, dtype=bool))
 
 
-def test_a_yaw_rate_that_jumps_is_absurd_whatever_the_innovations_say_until_it_is_old() -> None:
+def test_yaw_rate_jump_is_an_outlier_until_it_is_old() -> None:
     gate, e, there = Gate(1), np.ones((4, 2, 1)), np.ones(1, dtype=bool)
     none, jump = np.zeros((2, 1), dtype=bool), np.array([1.01 * MAX_JUMP])
     gate.learn(e, STILL[:1], there, none)
@@ -417,7 +419,7 @@ def test_a_yaw_rate_that_jumps_is_absurd_whatever_the_innovations_say_until_it_i
     assert not gate.outliers(e, jump, there).any()
 
 
-def test_a_silent_bus_at_the_start_is_told_as_such() -> None:
+def test_silent_bus_at_start_is_not_available() -> None:
     sim = SensorSimulator(DEFAULT)
     sim.out += sim.core.advance(sim.t)
     sim.out += sim.core.advance(sim.t + 100_000)

@@ -223,7 +223,7 @@ def test_axles_without_data_learn_nothing_and_disturb_nobody(sound: FloatArray) 
     assert list(other.doubt) == [Doubt.REVERSED, Doubt.NONE]
 
 
-def test_no_number_makes_it_raise() -> None:
+def test_identity_takes_any_number() -> None:
     identity, used = Identity(NOISE, TICK_S, 2), np.ones(2, dtype=bool)
     with np.errstate(all="raise", under="ignore"):
         for k in range(2500):

@@ -48,7 +48,7 @@ def test_the_level_changes_within_seconds_and_starts_at_the_designs() -> None:
     assert found[TICKS + 100].max() < 1.6
 
 
-def test_joints_do_not_move_it() -> None:
+def test_joints_do_not_move_the_noise_level() -> None:
     z = white(1.0)
     calm = levels(z)
     z[1000::200, 1] += 2.0
@@ -58,7 +58,7 @@ def test_joints_do_not_move_it() -> None:
     assert np.array_equal(found[:, 0], calm[1000:, 0])
 
 
-def test_what_is_left_out_breaks_the_chain() -> None:
+def test_missing_tick_breaks_the_chain_of_differences() -> None:
     """A sample that is not used, whatever it holds, is in no difference; nor is what spans the gap."""
     rng = np.random.default_rng(4)
     z, used = white(1.0), rng.random(TICKS) > 0.1

@@ -46,7 +46,7 @@ def test_the_engines_agree(log_of: LogOf, name: str) -> None:
     agree(log_of(LOGS[name]))
 
 
-def test_they_agree_where_frames_are_lost(log_of: LogOf, tmp_path: Path) -> None:
+def test_engines_agree_where_frames_are_lost(log_of: LogOf, tmp_path: Path) -> None:
     rng = random.Random(5)
     lines = [x for x in log_of(RAMP_OVER_JOINTS).read_text().splitlines() if rng.random() > 0.05]
     lossy = tmp_path / "lossy.log"
@@ -86,7 +86,7 @@ def test_the_log_has_what_the_engines_are_compared_on(log_of: LogOf) -> None:
     ("room", "name", "value", "log"),
     [(speed, "MEMORY_S", 0.5, "ramp, joints, another rail"), (noise, "MEMORY_TICKS", 40.0, "held")],
 )
-def test_a_difference_is_found(
+def test_difference_between_engines_is_found(
     room: ModuleType, name: str, value: float, log: str,
     log_of: LogOf, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
 ) -> None:  # fmt: skip

@@ -21,7 +21,7 @@ def run(sections: Sections, u: FloatArray) -> FloatArray:
 
 
 @pytest.mark.parametrize("name", FILTERS)
-def test_the_same_as_scipy(name: str) -> None:
+def test_sections_filter_as_scipy_does(name: str) -> None:
     sos = np.asarray(FILTERS[name])
     u = np.random.default_rng(1).standard_normal((2000, 8, 3)) + 5.0
     assert run(Sections(sos, 8, 3), u) == pytest.approx(sosfilt(sos, u, axis=0), abs=1e-11)

@@ -23,7 +23,7 @@ def held(signal: FloatArray) -> FloatArray:
 
 
 @pytest.mark.parametrize("rate_m_s2", [-1.2, 0.8, 2.0])
-def test_no_lag_on_a_ramp(rate_m_s2: float) -> None:
+def test_filtered_speed_has_no_lag_on_a_ramp(rate_m_s2: float) -> None:
     true = np.asarray(40.0 + rate_m_s2 * TICK_S * np.arange(2400), np.float64)
     assert filtered(true)[1200:] == pytest.approx(true[1200:], abs=0.005)
     # of a signal that comes every 20 ms half a cycle's lag is its own
@@ -31,7 +31,7 @@ def test_no_lag_on_a_ramp(rate_m_s2: float) -> None:
     assert filtered(held(true))[1200:] == pytest.approx(true[1200:] + late.mean(), abs=0.01)
 
 
-def test_noise_is_reduced() -> None:
+def test_filtered_speed_has_less_noise() -> None:
     rng = np.random.default_rng(1)
     noise = held(0.03 * rng.standard_normal(20_000))
     out = filtered(25.0 + noise)[1000:] - 25.0

@@ -125,7 +125,7 @@ def test_axles_on_one_track_meet_the_same_joints_and_vibrate_for_themselves() ->
 @pytest.mark.parametrize(
     "wrong", [{"joint_shape": "square"}, {"band_hz": (50.0, 20.0)}, {"joint_s": 0.0}, {"joint_every_m": -25.0}]
 )
-def test_what_makes_no_sense_is_refused(wrong: dict[str, Any]) -> None:
+def test_senseless_vibration_is_rejected(wrong: dict[str, Any]) -> None:
     with pytest.raises(ValueError, match=next(iter(wrong))):
         AxleBox(**wrong)
 

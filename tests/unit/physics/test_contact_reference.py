@@ -91,7 +91,7 @@ def test_no_creep_no_force() -> None:
     assert x / y == pytest.approx(-2.0)
 
 
-def test_kalkers_table() -> None:
+def test_contact_law_meets_kalkers_table() -> None:
     given = rows(DATA / "kalker_coefficients.csv")
     assert [float(r["a_over_b"]) for r in given] == pytest.approx(KALKER_A_OVER_B, abs=5e-5)
     assert [float(r["c11"]) for r in given] == KALKER_C11.tolist()
@@ -187,7 +187,7 @@ def test_bad_cases_are_named(tmp_path: Path, case: str, capsys: pytest.CaptureFi
     assert capsys.readouterr().out == ""
 
 
-def test_no_such_file_and_no_csv(tmp_path: Path) -> None:
+def test_missing_or_damaged_reference_csv_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no such file"):
         run(tmp_path / "none.csv")
     (tmp_path / "binary.csv").write_bytes(b"\xff\xfe\x00\x81")

@@ -81,14 +81,14 @@ def test_without_a_fault_nothing_changes(scenario: Scenario) -> None:
     assert played(scenario, "crc:at=5") == played(scenario)
 
 
-def test_loss_and_burst(scenario: Scenario) -> None:
+def test_loss_burst_and_bus_off_drop_frames(scenario: Scenario) -> None:
     assert of(played(scenario, fault("burst")), YAW_RATE_A1) == []
     assert 10 < len(of(played(scenario, fault("loss", ",amount=0.5")), YAW_RATE_A1)) < 30
     silent = played(scenario, fault("bus-off"))
     assert [f for f in silent if BEGIN <= f.due_us < END] == []
 
 
-def test_crc_counter_and_dlc(scenario: Scenario) -> None:
+def test_crc_counter_and_dlc_faults_change_nothing_else(scenario: Scenario) -> None:
     clean = of(played(scenario), YAW_RATE_A1)
     flipped = of(played(scenario, fault("crc")), YAW_RATE_A1)
     assert not any(map(right, flipped))
@@ -103,7 +103,7 @@ def test_crc_counter_and_dlc(scenario: Scenario) -> None:
         assert {len(f.data) for f in of(played(scenario, fault("dlc", f",amount={amount}")), YAW_RATE_A1)} == {length}
 
 
-def test_values(scenario: Scenario) -> None:
+def test_value_faults_change_the_signal_under_a_right_crc(scenario: Scenario) -> None:
     clean = list(map(value, of(played(scenario), YAW_RATE_A1)))
 
     def off(kind: str, rest: str = "") -> list[float]:
@@ -122,7 +122,7 @@ def test_values(scenario: Scenario) -> None:
     assert list(map(value, speeds)) == pytest.approx([27.0] * 10, abs=0.05)
 
 
-def test_dead_and_reversed_sensors(scenario: Scenario) -> None:
+def test_dead_sensor_has_noise_alone_and_reversed_sensor_its_sign(scenario: Scenario) -> None:
     clean = {i: [value(f) for f in of(played(scenario), i)] for i in (YAW_RATE_A1, LAT_ACCEL_A1, TORQUE_A1)}
     assert [value(f) for f in of(played(scenario, fault("reverse")), YAW_RATE_A1)] == pytest.approx(
         [-v for v in clean[YAW_RATE_A1]]
@@ -135,7 +135,7 @@ def test_dead_and_reversed_sensors(scenario: Scenario) -> None:
     assert all(map(right, of(dead, YAW_RATE_A1)))
 
 
-def test_not_available_and_status(scenario: Scenario) -> None:
+def test_nan_and_status_faults_keep_the_crc_right(scenario: Scenario) -> None:
     none = of(played(scenario, fault("nan")), YAW_RATE_A1)
     assert {f.data[2:] for f in none} == {b"\x00\x00\x80"}
     assert {f.data[2:] for f in of(played(scenario, fault("nan", ",of=speed")), VEHICLE_SPEED)} == {b"\xff\xff"}
@@ -144,7 +144,7 @@ def test_not_available_and_status(scenario: Scenario) -> None:
     assert all(map(right, none + failed))
 
 
-def test_swapped_ids_and_swapped_wires(scenario: Scenario) -> None:
+def test_swap_changes_ids_and_swap_wiring_values(scenario: Scenario) -> None:
     clean = played(scenario)
     frames = played(scenario, fault("swap"))
     assert [f.data for f in of(frames, YAW_RATE_A2)] == [f.data for f in of(clean, YAW_RATE_A1)]
@@ -164,7 +164,7 @@ def test_delay_keeps_the_order_of_a_message(scenario: Scenario) -> None:
     assert frames[-1] == clean[-1]
 
 
-def test_a_second_sender_counts_by_itself(scenario: Scenario) -> None:
+def test_second_sender_has_its_own_counter(scenario: Scenario) -> None:
     clean, frames = played(scenario), played(scenario, fault("sender", ",of=all"))
     for can_id in (YAW_RATE_A1, LAT_ACCEL_A1, TORQUE_A1):
         first = of(clean, can_id)
@@ -175,7 +175,7 @@ def test_a_second_sender_counts_by_itself(scenario: Scenario) -> None:
         assert list(map(value, second)) == pytest.approx([value(f) / 2 for f in first], abs=0.01)
 
 
-def test_babble_and_error_frames(scenario: Scenario) -> None:
+def test_babble_and_error_flood_add_frames(scenario: Scenario) -> None:
     clean, frames = played(scenario), played(scenario, fault("babble", ",amount=1000"))
     assert len(of(frames, 0x000)) == 100
     assert len(of(frames, YAW_RATE_A1)) - len(of(clean, YAW_RATE_A1)) == 100
@@ -207,7 +207,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("spec", BAD)
-def test_a_bad_spec_is_named(spec: str) -> None:
+def test_bad_fault_specification_is_an_error_with_its_key(spec: str) -> None:
     with pytest.raises(InputError) as e:
         parse_fault(spec, [1, 2, 3])
     assert BAD[spec] in str(e.value)
@@ -228,7 +228,7 @@ def test_faults_need_their_interface() -> None:
     check([Fault("error-flood", 1.0), Fault("crc", 1.0)], "virtual", "x")
 
 
-def test_inject_into_a_log(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_inject_writes_the_same_log_each_time(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "faulty.toml"
     file.write_text(
         'duration_s = 0.5\nrail = [{ curve = "C" }]\ndrive = { utilisation = 0.1 }\n'
@@ -270,43 +270,61 @@ def frames_said(valid: Sequence[bool], mu: float = 20.0) -> list[Said]:
     return [Said(20_000 * k, k, v, mu) for k, v in enumerate(valid, 1)]
 
 
-def test_the_judge() -> None:
-    """A fault from 100 ms to 300 ms; a frame every 20 ms."""
-    mus = dict.fromkeys(range(300), 20.0)
-    settled = round(SETTLED_AFTER_MS / 20)
-    good = [*[True] * 6, *[False] * 20, *[True] * (settled + 30)]
+SETTLED = round(SETTLED_AFTER_MS / 20)  # frames
+# a frame every 20 ms; a fault from 100 ms to 300 ms is left 40 ms after it began, and forgotten 240 ms after it ended
+GOOD = [*[True] * 6, *[False] * 20, *[True] * (SETTLED + 30)]
+ALWAYS = [True] * len(GOOD)
+MUS = dict.fromkeys(range(300), 20.0)  # without the fault
+LEAVES = Leaves(within_ms=40.0, back_ms=240.0)
 
-    def wrong(must: Must, valid: Sequence[bool], mu: float = 20.0, late: float = 20.0) -> str:
-        said = [*frames_said(valid, mu)[: settled + 10], *frames_said(valid, late)[settled + 10 :]]
-        return judge(must, 100_000, 300_000, said, mus).wrong
 
-    must = Leaves(within_ms=40.0, back_ms=240.0)
-    assert wrong(must, good) == ""
-    verdict = judge(must, 100_000, 300_000, frames_said(good, 20.5), mus)
+# must, Validity of each frame, MuAvailable in % until the fault has settled and from then on, the verdict
+@pytest.mark.parametrize(
+    ("must", "valid", "mu", "late", "wrong"),
+    [
+        pytest.param(LEAVES, GOOD, 20.0, 20.0, "", id="leaves in time and comes back"),
+        pytest.param(LEAVES, ALWAYS, 20.0, 20.0, "Valid for too long", id="never leaves"),
+        pytest.param(LEAVES, [True, *GOOD], 20.0, 20.0, "Valid for too long", id="leaves a frame late"),
+        pytest.param(
+            LEAVES, [*GOOD[:10], True, *GOOD[11:]], 20.0, 20.0, "Valid during the fault", id="Valid in between"
+        ),
+        pytest.param(LEAVES, GOOD[:20], 20.0, 20.0, "not Valid again in time", id="never comes back"),
+        pytest.param(
+            LEAVES, [*GOOD[:10], False, *GOOD[10:]], 20.0, 20.0, "not Valid again in time", id="back a frame late"
+        ),
+        pytest.param(LEAVES, [*GOOD, False], 20.0, 20.0, "not Valid for good afterwards", id="leaves again"),
+        pytest.param(LEAVES, GOOD, 20.0, 22.0, "not itself again", id="another estimate afterwards"),
+        pytest.param(Stays(0.5), ALWAYS, 20.5, 20.0, "", id="stays within its change"),
+        pytest.param(Stays(0.4), ALWAYS, 20.5, 20.0, "changed too much", id="stays and changes more"),
+        pytest.param(Stays(0.5), GOOD, 20.0, 20.0, "not Valid throughout", id="does not stay"),
+        pytest.param(Unseen(), GOOD, 30.0, 20.0, "", id="unseen, itself again"),
+        pytest.param(Unseen(), GOOD, 30.0, 22.0, "not itself again", id="unseen, another estimate afterwards"),
+        # found out at 200 ms; what comes after the fault's end is not judged
+        pytest.param(
+            Found(100.0), [*[True] * 10, *[False] * 5, *[True] * 70], 30.0, 30.0, "", id="found out in time"
+        ),
+        pytest.param(
+            Found(100.0), [*[True] * 11, *[False] * 4, *[True] * 70], 20.0, 20.0, "not found out",
+            id="found out a frame late",
+        ),
+        pytest.param(Found(100.0), ALWAYS, 20.0, 20.0, "not found out", id="never found out"),
+    ],
+)  # fmt: skip
+def test_fault_is_judged_by_what_must_be(must: Must, valid: Sequence[bool], mu: float, late: float, wrong: str) -> None:
+    said = [*frames_said(valid, mu)[: SETTLED + 10], *frames_said(valid, late)[SETTLED + 10 :]]
+    assert judge(must, 100_000, 300_000, said, MUS).wrong == wrong
+
+
+def test_verdict_has_times_and_changes_of_the_estimate() -> None:
+    verdict = judge(LEAVES, 100_000, 300_000, frames_said(GOOD, 20.5), MUS)
     assert (verdict.left_ms, verdict.back_ms, verdict.change_pp, verdict.settled_pp) == (40.0, 240.0, 0.5, 0.5)
-    assert wrong(must, [True] * len(good)) == "Valid for too long"
-    assert wrong(must, [True, *good]) == "Valid for too long"
-    assert wrong(must, [*good[:10], True, *good[11:]]) == "Valid during the fault"
-    assert wrong(must, good[:20]) == "not Valid again in time"
-    assert wrong(must, [*good[:10], False, *good[10:]]) == "not Valid again in time"
-    assert wrong(must, [*good, False]) == "not Valid for good afterwards"
-    assert wrong(Stays(0.5), [True] * len(good), 20.5) == ""
-    assert wrong(Stays(0.4), [True] * len(good), 20.5) == "changed too much"
-    assert wrong(Stays(0.5), good) == "not Valid throughout"
-    assert wrong(Unseen(), good, 30.0) == ""
-    assert wrong(Unseen(), good, 30.0, 22.0) == "not itself again"
-    assert wrong(must, good, 20.0, 22.0) == "not itself again"
-    # found out at 200 ms; what comes after the fault's end is not judged
-    assert wrong(Found(100.0), [*[True] * 10, *[False] * 5, *[True] * 70], 30.0, 30.0) == ""
-    assert wrong(Found(100.0), [*[True] * 11, *[False] * 4, *[True] * 70]) == "not found out"
-    assert wrong(Found(100.0), [True] * len(good)) == "not found out"
 
 
-def test_every_kind_has_its_row() -> None:
+def test_every_fault_kind_has_a_row_in_the_matrix() -> None:
     assert missing() == set()
 
 
-def test_the_matrix_is_kept() -> None:
+def test_fault_matrix_holds_at_one_moment() -> None:
     """`sim-ecu faults`, at one of its moments."""
     matrix = Matrix(begins_s=BEGINS_S[1:2])
     rows = (*ROWS, *LONG_ROWS)

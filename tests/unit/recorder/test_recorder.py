@@ -25,9 +25,7 @@ from wrcd.recorder.state_file import load
 from wrcd.recorder.triggers import LOST_SLOTS, Triggers
 
 
-def test_a_replay_of_a_dump_is_what_was_sent(
-    config: Config, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_dump_replays_to_what_was_sent(config: Config, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     train = RecordedTrain(config, tmp_path / "dumps", seconds=9.0)
     exercise_all_state(train)
     log = train.asked(spoiler(2))
@@ -51,7 +49,7 @@ def test_a_replay_of_a_dump_is_what_was_sent(
     assert Counter(f.data[1] >> 4 for f in sent if f.can_id == ADHESION_A1)[1] > 50
 
 
-def test_without_its_state_a_dump_replays_to_something_else(config: Config, tmp_path: Path) -> None:
+def test_dump_without_its_state_replays_to_something_else(config: Config, tmp_path: Path) -> None:
     train = RecordedTrain(config, tmp_path)
     train.run(4500, spoiler(1))
     log = train.asked()
@@ -60,7 +58,7 @@ def test_without_its_state_a_dump_replays_to_something_else(config: Config, tmp_
     assert replayed[:500] != sent[:500]
 
 
-def test_slots_that_were_skipped_are_the_only_difference(config: Config, tmp_path: Path) -> None:
+def test_replay_differs_from_a_late_loop_by_skipped_slots_only(config: Config, tmp_path: Path) -> None:
     train = RecordedTrain(config, tmp_path, seconds=6.0)
     train.run(2000)
     for _ in range(10):
@@ -91,7 +89,7 @@ def test_late_frames_replay_as_they_were_used(config: Config, tmp_path: Path) ->
     assert replayed == sent
 
 
-def test_the_ring_overwrites_the_oldest() -> None:
+def test_ring_overwrites_its_oldest_frames() -> None:
     ring = Ring(100)
     for i in range(250):
         ring.put_frame(SENT if i % 2 else RECEIVED, Frame(10**15 + i, i, bytes([i % 256]) * (i % 9)))
@@ -115,13 +113,13 @@ def test_the_ring_overwrites_the_oldest() -> None:
         Frame(4, YAW_RATE_A1, b"1234", fd=True),
     ],
 )
-def test_the_ring_keeps_every_kind_of_frame(frame: Frame) -> None:
+def test_ring_keeps_every_frame_type(frame: Frame) -> None:
     ring = Ring(2)
     ring.put_frame(RECEIVED, frame)
     assert list(ring.since(0)) == [(RECEIVED, frame)]
 
 
-def test_a_bus_that_carries_more_than_the_ring_holds_still_replays(config: Config, tmp_path: Path) -> None:
+def test_dump_of_a_bus_beyond_the_rings_capacity_replays(config: Config, tmp_path: Path) -> None:
     train = RecordedTrain(config, tmp_path, seconds=0.6)
     noise = [Frame(0, 0x500 + i, bytes(8)) for i in range(60)]  # 12 000 frames/s
     train.run(1500)
@@ -131,7 +129,7 @@ def test_a_bus_that_carries_more_than_the_ring_holds_still_replays(config: Confi
     assert 0.15 < (sent[-1].stamp_us - sent[0].stamp_us) * 1e-6 < 0.6
 
 
-def test_loss_of_validity_is_dumped_with_its_aftermath(config: Config, tmp_path: Path) -> None:
+def test_loss_of_validity_is_dumped_with_its_post_trigger_time(config: Config, tmp_path: Path) -> None:
     train = RecordedTrain(config, tmp_path)
     train.run(3000)
     lost_us = train.now()
@@ -158,7 +156,7 @@ def test_loss_of_validity_is_dumped_with_its_aftermath(config: Config, tmp_path:
     assert len(train.dumps(2)) == 2
 
 
-def test_a_hiccup_is_no_loss(config: Config) -> None:
+def test_short_contradiction_is_no_loss_of_validity(config: Config) -> None:
     """An estimate that contradicts itself for a few slots."""
     valid = replace(NOT_AVAILABLE_REPORT, validity=Validity.VALID, mu_available_pct=20.0)
     hiccup = replace(valid, validity=Validity.DEGRADED, cause=Cause.CONTRADICTION)
@@ -168,7 +166,7 @@ def test_a_hiccup_is_no_loss(config: Config) -> None:
     assert [triggers.look([r], False) for r in [valid] + [hiccup] * LOST_SLOTS][-2:] == ["", "validity"]
 
 
-def test_a_standing_train_is_no_loss(config: Config, tmp_path: Path) -> None:
+def test_stopping_train_triggers_no_dump(config: Config, tmp_path: Path) -> None:
     train = RecordedTrain(config, tmp_path)
     train.run(2000)
     assert train.sim.core.reports[0].validity == "Valid"
@@ -206,7 +204,7 @@ def test_collapse_of_adhesion_is_dumped(config: Config, tmp_path: Path) -> None:
     assert log.name.endswith("-collapse.log")
 
 
-def test_a_slow_fall_is_no_collapse(config: Config) -> None:
+def test_slow_fall_of_adhesion_is_no_collapse(config: Config) -> None:
     from wrcd.recorder.triggers import Triggers
 
     core = Core(config)
@@ -221,7 +219,7 @@ def test_a_slow_fall_is_no_collapse(config: Config) -> None:
     assert triggers.look([replace(report, mu_available_pct=mu / 2)], False) == "collapse"
 
 
-def test_other_limits_begin_anew(config: Config, tmp_path: Path) -> None:
+def test_dump_after_a_reload_begins_with_the_new_limits(config: Config, tmp_path: Path) -> None:
     """After a reload a dump has what was sent under the limits of now, and replays with them alone."""
     train = RecordedTrain(config, tmp_path)
     train.run(2000)
@@ -237,7 +235,7 @@ def test_other_limits_begin_anew(config: Config, tmp_path: Path) -> None:
     assert (sent[-1].stamp_us - sent[0].stamp_us) * 1e-6 == pytest.approx(2.5, abs=0.05)
 
 
-def test_a_signal_asks_for_a_dump(config: Config, tmp_path: Path) -> None:
+def test_sigusr1_dumps_at_once_each_time(config: Config, tmp_path: Path) -> None:
     train = RecordedTrain(config, tmp_path)
     before = signal.signal(signal.SIGUSR1, train.daemon.on_signal)
     try:
@@ -253,7 +251,9 @@ def test_a_signal_asks_for_a_dump(config: Config, tmp_path: Path) -> None:
     assert log.name.endswith("-asked.log")
 
 
-def test_the_end_is_dumped(config: Config, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_sigterm_dumps_up_to_the_shutdown_frames(
+    config: Config, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     train = RecordedTrain(config, tmp_path)
     monkeypatch.setattr(signal, "signal", lambda *_: None)
     turns = iter(range(300))
@@ -272,7 +272,7 @@ def test_the_end_is_dumped(config: Config, tmp_path: Path, monkeypatch: pytest.M
     assert sent[-1].data[1] >> 4 == 0  # the shutdown_frames
 
 
-def test_a_daemon_that_breaks_leaves_its_last_minute(
+def test_exception_in_the_loop_dumps_up_to_the_shutdown_frames(
     config: Config, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     train = RecordedTrain(config, tmp_path)
@@ -291,7 +291,7 @@ def test_a_daemon_that_breaks_leaves_its_last_minute(
     assert [f.data[1] >> 4 for f in sent[-5:]] == [0, 0, 0, 0, 3]  # the shutdown_frames is in it, too
 
 
-def test_the_configuration_says_where_and_how_much(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_recorder_configuration_sets_folder_seconds_and_bounds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from wrcd.config import DEFAULT
     from wrcd.tools.check import describe
 

@@ -74,7 +74,9 @@ def snapshot(core: Core) -> dict[tuple[str, type, str], Any]:
     return {(path, type(o), name): shown(getattr(o, name)) for path, o in objects(core) for name in attributes(o)}
 
 
-def test_every_class_names_its_state(config: Config, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_changing_attribute_is_named_in_state_or_transient(
+    config: Config, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     train = RecordedTrain(config, tmp_path)
     before = snapshot(train.sim.core)
     changed: set[tuple[type, str]] = set()
@@ -107,7 +109,7 @@ def holds_objects(core: Core, kind: type, name: str) -> bool:
     )
 
 
-def test_a_restored_core_is_the_same(config: Config, tmp_path: Path) -> None:
+def test_restored_core_equals_the_captured_one(config: Config, tmp_path: Path) -> None:
     train = RecordedTrain(config, tmp_path)
     exercise_all_state(train)
     core, again = train.sim.core, Core(config)
@@ -144,7 +146,7 @@ def signed(body: dict[str, Any]) -> bytes:
     return json.dumps({**body, "checksum": checksum(body)}).encode()
 
 
-def test_another_design_or_configuration_is_named(dumped: Path, tmp_path: Path, config: Config) -> None:
+def test_state_of_another_design_dbc_or_configuration_is_rejected(dumped: Path, tmp_path: Path, config: Config) -> None:
     body = json.loads(dumped.read_bytes())
     path = tmp_path / "x.state.json"
     for key, says in (("design", "another design"), ("dbc", "another DBC")):
@@ -157,7 +159,7 @@ def test_another_design_or_configuration_is_named(dumped: Path, tmp_path: Path, 
     load(dumped, Core(replace(config, channel="can7", file="elsewhere.toml")))
 
 
-def test_the_replay_command_refuses_a_damaged_state(
+def test_replay_command_rejects_a_damaged_state(
     dumped: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     log = tmp_path / "x.log"
@@ -192,7 +194,7 @@ HOSTILE: list[Any] = [
 ]  # fmt: skip
 
 
-def test_a_hostile_state_with_a_good_checksum_is_refused_or_fits(dumped: Path, tmp_path: Path, config: Config) -> None:
+def test_hostile_state_with_a_good_checksum_is_rejected_or_fits(dumped: Path, tmp_path: Path, config: Config) -> None:
     """Whatever stands in a file: InputError, or a core whose arrays have their shapes and types."""
     body = json.loads(dumped.read_bytes())
     chance = random.Random(4)
@@ -224,7 +226,7 @@ def arrays(core: Core) -> Iterator[tuple[str, Any]]:
                 yield f"{path}.{name}", value
 
 
-def test_what_does_not_fit_names_the_place(config: Config) -> None:
+def test_state_mismatch_names_the_attribute(config: Config) -> None:
     core = Core(config)
     node = encode(capture(core))
     node["estimator"]["_bank"]["x"]["shape"] = [4, 5, 3]

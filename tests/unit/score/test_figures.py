@@ -267,7 +267,7 @@ def test_the_curves_of_fig_1() -> None:
     assert not say.straight(1, "it is straight", 0.5e6, 1e6).holds
 
 
-def test_no_folder_and_no_design(tmp_path: Path) -> None:
+def test_missing_folder_or_design_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="cannot be made"):
         run(tmp_path / "file" / "figures")

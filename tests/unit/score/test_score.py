@@ -316,7 +316,7 @@ def test_the_report_has_every_figure(small: list[Trace]) -> None:
     assert judge(small, source, "drops")["suites"].keys() == {"drops"}
 
 
-def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_score_command_writes_tables_json_and_html(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     arguments = ["score", "--suite", "paper", "--quick", "--jobs", "1", "--json", str(tmp_path / "s.json")]
     arguments += ["--beside", f"again={DESIGN}"]
     assert main([*arguments, "--html", str(tmp_path / "s.html")]) == 0

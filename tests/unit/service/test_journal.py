@@ -38,12 +38,12 @@ def log() -> Log:
     return Log()
 
 
-def test_nothing_to_say(log: Log) -> None:
+def test_undisturbed_core_logs_nothing(log: Log) -> None:
     log.sim.run(100)
     assert log.look(5000) == []
 
 
-def test_refused_frames_come_as_one_line_a_second(log: Log) -> None:
+def test_rejected_frames_are_logged_once_a_second(log: Log) -> None:
     log.look()
     log.damage(YAW_RATE_A1, 30)
     assert log.look(1000) == ["rejected 30 frames in the last second: crc YawRate_A1 30"]
@@ -56,7 +56,7 @@ def test_refused_frames_come_as_one_line_a_second(log: Log) -> None:
     assert seconds - 1 <= len(lines) <= seconds + 1
 
 
-def test_a_loss_of_validity_is_told_with_its_cause_in_words(log: Log) -> None:
+def test_loss_of_validity_is_logged_with_its_cause(log: Log) -> None:
     sim = log.sim
     sim.run(1500)
     assert log.look() == ["axle 1 is Valid"]
@@ -72,7 +72,7 @@ def test_a_loss_of_validity_is_told_with_its_cause_in_words(log: Log) -> None:
     assert log.look(2000) == []
 
 
-def test_a_link_that_flaps_does_not_flood(log: Log) -> None:
+def test_flapping_link_is_logged_at_most_once_a_second_per_state(log: Log) -> None:
     assert log.look() == []
     log.link.health.state = "Down"
     assert log.look() == ["the CAN link is down: nothing comes, nothing goes"]
@@ -87,7 +87,7 @@ def test_a_link_that_flaps_does_not_flood(log: Log) -> None:
     assert log.link.health.up
 
 
-def test_counters_tell_what_they_gained_and_sum_up_within_a_second(log: Log) -> None:
+def test_counter_gain_is_logged_once_a_second(log: Log) -> None:
     log.link.health.drops = 5
     assert log.look() == ["lost 5 received frames: the kernel's buffer was full, see 80-wrcd.conf"]
     log.link.health.drops = 6
@@ -100,7 +100,7 @@ def test_counters_tell_what_they_gained_and_sum_up_within_a_second(log: Log) -> 
     assert log.look(2000) == ["lost 1 received frames: the kernel's buffer was full, see 80-wrcd.conf"]
 
 
-def test_what_cannot_be_sent_on_a_dead_bus_goes_without_saying(log: Log) -> None:
+def test_unsent_frames_of_a_dead_bus_are_not_logged(log: Log) -> None:
     log.link.health.state = "BusOff"
     log.look()
     log.link.health.unsent = 500
@@ -110,7 +110,7 @@ def test_what_cannot_be_sent_on_a_dead_bus_goes_without_saying(log: Log) -> None
     assert log.look(2000) == ["the CAN link is up", "could not send 3 frames"]
 
 
-def test_many_reasons_are_summed_up(log: Log) -> None:
+def test_reasons_beyond_the_sixth_are_summed_up(log: Log) -> None:
     log.look(1000)
     for n in range(8):
         log.sim.core.counts.rejected_by_message[f"M{n}", Reason.RANGE] += 9 - n
@@ -119,7 +119,7 @@ def test_many_reasons_are_summed_up(log: Log) -> None:
     assert line.endswith("range M5 4, others 5")
 
 
-def test_a_clock_that_steps_back_silences_nobody(log: Log) -> None:
+def test_clock_step_back_does_not_silence_the_log(log: Log) -> None:
     log.link.health.unsent = 1
     assert log.look() == ["could not send 1 frames"]
     log.sim.t -= 3_600_000 * MS

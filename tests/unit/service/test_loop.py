@@ -43,7 +43,7 @@ def setup(config: Config, monkeypatch: pytest.MonkeyPatch) -> Setup:
     return Setup(config, monkeypatch)
 
 
-def test_a_silent_bus_still_gets_its_frames(setup: Setup) -> None:
+def test_silent_bus_gets_every_adhesion_frame(setup: Setup) -> None:
     while setup.now < setup.sim.t + 2_000_000:
         setup.daemon.poll()
     frames = setup.adhesion()
@@ -54,7 +54,7 @@ def test_a_silent_bus_still_gets_its_frames(setup: Setup) -> None:
     assert setup.sim.core.health.overruns == 0
 
 
-def test_a_late_loop_skips_and_counts_and_never_bursts(setup: Setup) -> None:
+def test_late_loop_skips_its_slots_and_counts_overruns(setup: Setup) -> None:
     for _ in range(40):
         setup.daemon.poll()
     setup.link.sent.clear()
@@ -65,7 +65,7 @@ def test_a_late_loop_skips_and_counts_and_never_bursts(setup: Setup) -> None:
     assert 110 <= setup.sim.core.health.overruns <= 145
 
 
-def test_what_arrived_during_the_start_fills_the_window(setup: Setup) -> None:
+def test_frames_received_during_the_start_fill_the_window(setup: Setup) -> None:
     frames = [f for _ in range(300) for f in setup.sim.frames()]
     setup.link.waiting = list(frames)
     setup.now = setup.sim.t
@@ -132,7 +132,7 @@ def kill_after(polls: dict[int, int], daemon: Daemon, monkeypatch: pytest.Monkey
     monkeypatch.setattr(daemon, "poll", counted)
 
 
-def test_systemd_is_told(systemd: Systemd, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_systemd_gets_ready_watchdog_and_stopping(systemd: Systemd, monkeypatch: pytest.MonkeyPatch) -> None:
     kill_after({120: signal.SIGTERM}, systemd.daemon, monkeypatch)
     systemd.daemon.run()
     said = systemd.heard()
@@ -144,7 +144,7 @@ def test_systemd_is_told(systemd: Systemd, monkeypatch: pytest.MonkeyPatch) -> N
     assert gc.get_freeze_count() > 1000
 
 
-def test_the_watchdog_hears_nothing_of_ticks_that_stand_still(systemd: Systemd) -> None:
+def test_watchdog_gets_nothing_while_no_tick_closes(systemd: Systemd) -> None:
     """Frames come, but whoever stamps them has stopped: no tick is ever over."""
     setup = systemd.setup
     for _ in range(10):
@@ -161,7 +161,7 @@ def test_the_watchdog_hears_nothing_of_ticks_that_stand_still(systemd: Systemd) 
     assert len(systemd.heard()) == 2
 
 
-def test_the_watchdog_hears_nothing_of_a_loop_that_is_always_late(systemd: Systemd) -> None:
+def test_watchdog_gets_nothing_from_a_loop_that_is_always_late(systemd: Systemd) -> None:
     for late_us, heard in ((15_000, 10), (40_000, 0), (15_000, 10)):
         systemd.heard()
         end = systemd.setup.now + 1_000_000
@@ -183,7 +183,7 @@ class Dump:
 
 
 @pytest.mark.parametrize("where", ["poll", "catch_up"])
-def test_an_exception_sends_the_farewell_and_closes_the_bus_before_the_dump(
+def test_exception_sends_shutdown_frames_and_closes_the_link_before_the_dump(
     systemd: Systemd, config: Config, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, where: str
 ) -> None:
     setup = systemd.setup
@@ -206,7 +206,7 @@ def test_an_exception_sends_the_farewell_and_closes_the_bus_before_the_dump(
     assert systemd.heard()[-1] == "STOPPING=1"
 
 
-def test_a_farewell_that_fails_hides_nothing_and_keeps_nothing_from_being_closed(
+def test_failing_shutdown_frames_keep_the_exception_and_close_the_link(
     systemd: Systemd, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def broken(*_: object) -> bool:
@@ -219,7 +219,7 @@ def test_a_farewell_that_fails_hides_nothing_and_keeps_nothing_from_being_closed
     assert "the last frames were not sent: ZeroDivisionError('no bus')" in capsys.readouterr().err
 
 
-def test_hangup_reads_the_configuration_again(
+def test_sighup_reloads_the_configuration(
     systemd: Systemd,
     tmp_path: Path,
     config: Config,
@@ -239,18 +239,18 @@ def test_hangup_reads_the_configuration_again(
     assert capsys.readouterr().err == "wrcd: reload: limits.min_speed_m_s 3 -> 7\n"
 
 
-def test_hangup_without_a_reload_ends_it(systemd: Systemd, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_sighup_without_a_reload_stops_the_daemon(systemd: Systemd, monkeypatch: pytest.MonkeyPatch) -> None:
     """On a terminal: whoever started it is gone."""
     kill_after({40: signal.SIGHUP}, systemd.daemon, monkeypatch)
     systemd.daemon.run()
     assert systemd.heard()[-1] == "STOPPING=1"
 
 
-def test_without_systemd_nothing_is_said() -> None:
+def test_notifier_without_a_socket_sends_nothing() -> None:
     Notifier({}).notify("READY=1")
 
 
-def test_a_turn_that_is_over_due_is_due_at_once(setup: Setup) -> None:
+def test_overdue_turn_is_due_at_once(setup: Setup) -> None:
     setup.daemon.turn()
     assert 0.0 < setup.daemon.wait_s() <= 0.006
     setup.now += 7_000
