@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.support.can_ids import ADHESION_A1, YAW_RATE, YAW_RATE_A1, YAW_RATE_A2
-from wrcd.bus.e2e import COUNTER_MODULO, MAX_LOST, Checker, crc, protect
+from wrcd.bus.e2e import CANDIDATE_FORGOTTEN, COUNTER_MODULO, MAX_LOST, MAX_MOVES, Checker, crc, protect
 from wrcd.bus.reasons import Reason
 
 VECTORS = Path(__file__).parents[2] / "data" / "e2e_profile11_vectors.csv"
@@ -142,3 +142,26 @@ def test_suspicion_ends_after_some_frames_of_one_sender() -> None:
         if k in (10, 11):
             checker.check(sent(k + 7, 2))
         assert checker.suspect == (11 <= k <= 15)
+
+
+def test_candidate_is_suspected_at_its_second_frame_then_forgotten() -> None:
+    checker = Checker(ADHESION_A1)
+    for c in (0, 1, 2):
+        checker.check(sent(c, 0))
+    assert (checker.check(sent(9, 0)), checker.suspect) == (Reason.COUNTER, False)
+    assert checker.check(sent(3, 0)) is None
+    assert (checker.check(sent(10, 0)), checker.suspect) == (Reason.COUNTER, True)
+    for k in range(CANDIDATE_FORGOTTEN + 1):
+        assert checker.suspect
+        assert checker.check(sent(4 + k, 0)) is None
+    assert not checker.suspect
+
+
+def test_sender_restarting_more_than_max_moves_times_counts_as_two() -> None:
+    checker = Checker(ADHESION_A1)
+    assert [checker.check(sent(c, 0)) for c in (0, 1, 2)] == [None] * 3
+    starts = (9, 7, 0)  # none continues the chain or the one before it
+    assert len(starts) == MAX_MOVES + 1
+    verdicts = [(checker.check(sent(s, 0)), checker.check(sent(s + 1, 0))) for s in starts]
+    assert verdicts[:-1] == [(Reason.COUNTER, None)] * MAX_MOVES
+    assert verdicts[-1][1] is Reason.TWO_SENDERS
