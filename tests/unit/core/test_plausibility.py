@@ -1,12 +1,13 @@
 """Sensors that stand still, values that jump, and the register of what was reached."""
 
+import math
 import random
 
 import numpy as np
 import pytest
 
 from wrcd.bus.reasons import Reason
-from wrcd.core.plausibility import JumpCheck, StuckCheck
+from wrcd.core.plausibility import MAX_SHARE, STUCK, JumpCheck, StuckCheck
 from wrcd.core.reach import Reach
 
 MS = 1000
@@ -49,6 +50,16 @@ def test_stuck_sensor_is_unchanged_at_its_timeout_then_rejected(steps: float, do
     assert r.check(0.5, 12_000 * MS, moving=True) is Reason.STUCK
     assert r.check(0.6, 12_005 * MS, moving=True) is None
     assert not r.unchanged(12_006 * MS, 15 * MS)
+
+
+def test_very_coarse_sensor_is_rejected_after_the_run_that_max_share_allows() -> None:
+    """More than nine of ten neighbours are equal; without a bound it would be watched by ever longer runs."""
+    r = StuckCheck()
+    for k, value in enumerate(noisy(0.25, 40_000)):
+        r.check(value, k * 5 * MS, moving=True)
+    r.check(7.5, 40_000 * 5 * MS, moving=True)
+    stuck = next(k for k in range(1, 1000) if r.check(7.5, (40_000 + k) * 5 * MS, moving=True) is Reason.STUCK)
+    assert stuck == math.ceil(STUCK / math.log(MAX_SHARE))
 
 
 def test_stuck_check_learns_and_rejects_nothing_at_standstill() -> None:
