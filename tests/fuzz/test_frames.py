@@ -53,7 +53,7 @@ def judge(receiver: Receiver, frame: Frame) -> None:
 
 
 @given(st.lists(any_frames(sorted(LENGTHS)) | near_frames(LENGTHS), max_size=30))
-def test_any_frame_is_taken_or_refused(frames: list[Frame]) -> None:
+def test_any_frame_is_accepted_or_rejected(frames: list[Frame]) -> None:
     receiver = Receiver(CONFIG.database, SOURCES)
     for frame in frames:
         judge(receiver, frame)
@@ -73,7 +73,7 @@ def foreign(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[Database, tu
 
 
 @given(data=st.data())
-def test_any_frame_under_a_trains_own_dbc(
+def test_any_frame_of_an_own_dbc_is_accepted_or_rejected(
     foreign: list[tuple[Database, tuple[Source, ...]]], data: st.DataObject
 ) -> None:
     for database, sources in foreign:
@@ -84,7 +84,7 @@ def test_any_frame_under_a_trains_own_dbc(
 
 
 @given(st.binary(min_size=2, max_size=64), st.integers(0, 0xFFFF), st.integers(0, COUNTER_MODULO - 1), st.data())
-def test_protection_is_the_autosar_packages(data: bytes, identity: int, counter: int, more: st.DataObject) -> None:
+def test_protection_equals_the_autosar_packages(data: bytes, identity: int, counter: int, more: st.DataObject) -> None:
     ours = protect(data, identity, counter)
     theirs = bytearray(data[:1] + bytes((data[1] & 0xF0 | counter,)) + data[2:])
     e2e.p11.e2e_p11_protect(theirs, identity, increment_counter=False)
@@ -100,7 +100,7 @@ def test_protection_is_the_autosar_packages(data: bytes, identity: int, counter:
     others=st.lists(st.integers(0, 0xFFFF), max_size=3),
     moves=st.lists(st.tuples(st.integers(0, COUNTER_MODULO), st.binary(max_size=8), st.booleans()), max_size=60),
 )
-def test_the_checker_lets_nothing_through_that_the_autosar_package_refuses(
+def test_checker_accepts_nothing_that_the_autosar_package_rejects(
     identity: int, others: list[int], moves: list[tuple[int, bytes, bool]]
 ) -> None:
     checker = Checker(identity, tuple(i for i in others if i != identity))
@@ -132,13 +132,13 @@ FRAMES = st.builds(
 
 
 @given(FRAMES, st.from_regex(r"[a-z0-9_.-]{1,15}", fullmatch=True))
-def test_a_candump_line_comes_back_as_written(frame: Frame, channel: str) -> None:
+def test_candump_line_is_read_as_written(frame: Frame, channel: str) -> None:
     assert parse_line(format_line(frame, channel).encode()) == (frame, channel)
 
 
 @example(b"(1700000000.000001) can0 FFF#")
 @given(st.binary(max_size=120) | st.builds(format_line, FRAMES, st.just("can0")).flatmap(lambda s: damaged(s.encode())))
-def test_a_line_of_any_bytes_is_a_frame_that_exists_or_nothing(line: bytes) -> None:
+def test_line_of_any_bytes_is_a_possible_frame_or_none(line: bytes) -> None:
     found = parse_line(line)
     if found is not None:
         frame = found[0]

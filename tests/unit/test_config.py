@@ -92,7 +92,7 @@ OWN_DBC = '[dbc]\nfile = "own.dbc"\n'
 
 
 @pytest.mark.parametrize("more", ["", "[wheelset]\n"])
-def test_a_train_with_its_own_dbc_names_its_wheelset(tmp_path: Path, more: str) -> None:
+def test_own_dbc_without_a_named_wheelset_is_an_error(tmp_path: Path, more: str) -> None:
     (tmp_path / "own.dbc").write_bytes(resources.DBC.read_bytes())
     path = config(tmp_path, f"{VEHICLE}{AXLE}{OWN_DBC}{more}")
     with pytest.raises(InputError, match=r'wrcd.toml:10: dbc.file: is a train.s own.*\[wheelset\] name = "default"'):
@@ -127,7 +127,7 @@ def test_broken_dbc_is_an_error(tmp_path: Path) -> None:
         load_config(config(tmp_path, f'{VEHICLE}{AXLE}[dbc]\nfile = "own.dbc"\n'))
 
 
-def test_a_changed_design_is_refused(tmp_path: Path) -> None:
+def test_changed_design_fails_its_checksum(tmp_path: Path) -> None:
     document = json.loads(resources.DESIGN.read_text())
     document["fuzzy"]["bases"][0] += 5.0
     path = tmp_path / "design.json"
@@ -171,7 +171,7 @@ DAMAGE = {
 
 
 @pytest.mark.parametrize("key", DAMAGE)
-def test_a_wrong_design_is_refused_even_with_its_own_checksum(tmp_path: Path, key: str) -> None:
+def test_wrong_design_with_a_right_checksum_is_rejected(tmp_path: Path, key: str) -> None:
     document = json.loads(resources.DESIGN.read_text())
     DAMAGE[key](document)
     document["checksum"] = checksum(document)

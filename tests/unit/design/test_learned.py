@@ -106,7 +106,7 @@ def test_inputs_unlike_any_are_held(made: Made) -> None:
     assert said[0] != pytest.approx(said[2])
 
 
-def test_where_no_rule_speaks_there_is_what_is_in_use(made: Made) -> None:
+def test_baseline_without_a_rule_answers_with_the_adhesion_in_use(made: Made) -> None:
     r, ticks, _ = next(ends(made))
     f = made.learned.filterless
     mute = replace(f, rules=replace(f.rules, rules=f.rules.rules[:1], bases=f.rules.bases[:1],

@@ -187,7 +187,7 @@ def test_paper_design_with_a_wrong_value_is_rejected(file: Path, key: str, value
     assert key in str(e.value)
 
 
-def test_the_packaged_one_is_for_the_default_design() -> None:
+def test_packaged_paper_design_is_for_the_default_wheelset() -> None:
     papers, ours = load_source(PAPER_DESIGN), load_source(DESIGN)
     assert papers.design.form == "paper"
     assert papers.wheelset == ours.wheelset

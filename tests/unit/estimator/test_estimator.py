@@ -82,7 +82,7 @@ def elsewhere(design: Design, decades: float) -> Design:
     return replace(design, low=design.low + further, high=design.high + further)
 
 
-def test_what_is_unlike_training_is_wider_first_and_doubted_then(
+def test_residuals_unlike_training_widen_the_interval_then_are_doubted(
     design: Design, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The further, the wider than the rules alone say."""
@@ -112,7 +112,7 @@ def test_without_a_rule_for_it_the_answer_is_unknown(design: Design) -> None:
     assert np.isnan(found.half_width_pp[0])
 
 
-def test_where_pulses_leave_little_the_estimate_is_doubted(design: Design) -> None:
+def test_estimate_with_many_pulses_is_doubted(design: Design) -> None:
     z = np.array(track(4.0))
     for k in range(PER_S, len(z), 20):  # a pulse every tenth of a second
         z[k : k + 6, 1, 0] += 2.0 * np.sin(np.pi * (np.arange(min(6, len(z) - k)) + 0.5) / 3)
@@ -136,7 +136,7 @@ def test_gains_do_not_toggle_with_the_speeds_noise(design: Design) -> None:
     assert b.mu_available_pct == pytest.approx(a.mu_available_pct, abs=0.1)
 
 
-def test_one_lost_measurement_moves_the_answer_by_little(design: Design) -> None:
+def test_lost_measurement_moves_the_estimate_by_little(design: Design) -> None:
     """At no moment of the seconds after it: the answer does not hop from one window to another."""
     z = track(24.0)
     lossy = np.array(z)
@@ -178,7 +178,7 @@ def test_axles_do_not_disturb_each_other(design: Design) -> None:
     assert not same(a, 0, b, 0, 1e-9)
 
 
-def test_a_reset_axle_is_as_good_as_new(design: Design) -> None:
+def test_reset_axle_equals_a_new_estimator(design: Design) -> None:
     z = track(6.0)
     used, fresh = Estimator(design, 1), Estimator(design, 1)
     for k in range(3 * PER_S):
@@ -188,14 +188,14 @@ def test_a_reset_axle_is_as_good_as_new(design: Design) -> None:
     assert all(same(a, 0, b, 0) for a, b in pairs)
 
 
-def test_a_bias_is_as_good_as_none_from_the_first_window_on(design: Design) -> None:
+def test_sensor_bias_does_not_change_the_first_window(design: Design) -> None:
     z, bias = track(1.2), np.array([[0.0087], [0.5]])  # half a degree per second, 50 mg
     plain, biased = newest(Estimator(design, 1), z), newest(Estimator(design, 1), z + bias)
     assert biased.residuals == pytest.approx(plain.residuals, rel=1e-6)
     assert biased.mu_available_pct == pytest.approx(plain.mu_available_pct, abs=1e-3)
 
 
-def test_a_channel_that_is_missing_teaches_no_offset() -> None:
+def test_missing_channel_does_not_change_the_offset() -> None:
     offset = Offset(100, 1)
     both, one = np.array([[True], [True]]), np.array([[True], [False]])
     for k in range(50):
@@ -221,7 +221,7 @@ def test_every_speed_has_gains(design: Design, speed: float) -> None:
 
 @pytest.mark.parametrize("missing", [0, 1])
 @pytest.mark.parametrize("speed", [10.0, 25.0, 50.0])
-def test_a_missing_channel_never_lets_a_filter_run_away(design: Design, missing: int, speed: float) -> None:
+def test_missing_channel_keeps_every_filter_stable(design: Design, missing: int, speed: float) -> None:
     """Corrected by one channel with its part of a gain made for two, model 4 would double with every tick."""
     estimator, largest, z = Estimator(design, 1), [], white(400)
     z[200:230, missing] = np.nan
@@ -231,7 +231,7 @@ def test_a_missing_channel_never_lets_a_filter_run_away(design: Design, missing:
     assert max(largest[200:]) <= 2.0 * max(largest[:200])
 
 
-def test_a_tick_after_a_gap_stays_out(design: Design) -> None:
+def test_tick_after_a_gap_stays_out_of_the_window(design: Design) -> None:
     estimator, good, z = Estimator(design, 1), [], white(62)
     z[50:52] = np.nan
     for k, row in enumerate(z):

@@ -42,7 +42,7 @@ def agree(log: Path) -> Findings:
 
 
 @pytest.mark.parametrize("name", LOGS)
-def test_the_engines_agree(log_of: LogOf, name: str) -> None:
+def test_fast_and_reference_engine_agree(log_of: LogOf, name: str) -> None:
     agree(log_of(LOGS[name]))
 
 

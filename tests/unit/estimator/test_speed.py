@@ -62,7 +62,7 @@ def test_a_change_of_speed_is_followed() -> None:
 
 
 @pytest.mark.parametrize("jump", [-8.0, 2.0])
-def test_a_jump_is_another_speed_to_start_with(jump: float) -> None:
+def test_speed_jump_restarts_the_filter(jump: float) -> None:
     signal = np.full(600, 25.0)
     signal[300:] += jump
     out = filtered(signal)
@@ -70,13 +70,13 @@ def test_a_jump_is_another_speed_to_start_with(jump: float) -> None:
     assert out[300:] == pytest.approx(signal[300:])
 
 
-def test_the_rate_of_before_a_jump_does_not_go_on() -> None:
+def test_rate_from_before_a_speed_jump_is_dropped() -> None:
     ramp = 20.0 + 2.0 * TICK_S * np.arange(1000)
     out = filtered(np.concatenate((ramp, np.full(400, 50.0))))
     assert out[1000:] == pytest.approx(np.full(400, 50.0))
 
 
-def test_an_unknown_speed_is_unknown_and_then_begins_anew() -> None:
+def test_missing_speed_is_unknown_then_restarts_the_filter() -> None:
     f = SpeedFilter(TICK_S)
     for _ in range(100):
         f.step(25.0)

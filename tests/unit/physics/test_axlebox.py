@@ -24,7 +24,7 @@ def ride(speed_m_s: float, seconds: float) -> tuple[FloatArray, FloatArray]:
     return speed_m_s * TICK_S * np.arange(1.0, n + 1.0), np.full(n, speed_m_s, dtype=np.float64)
 
 
-def test_nothing_is_felt_by_default_and_nothing_is_drawn() -> None:
+def test_default_axle_box_adds_nothing_and_draws_no_random_number() -> None:
     used, fresh = rng(), rng()
     assert not AxleBox().felt(*ride(25.0, 2.0), TICK_S, used).any()
     assert AxleBox().quiet

@@ -146,7 +146,9 @@ def text(*cases: dict[str, str], without: str = "", extra: str = "") -> str:
     return "\n".join([",".join(names), *(",".join(c.get(n, "extra") for n in names) for c in cases)]) + "\n"
 
 
-def test_what_is_not_needed_is_left_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_result_table_leaves_out_columns_that_are_not_needed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     path = tmp_path / "cases.csv"
     path.write_text(text(GOOD, GOOD, extra="remark") + "\n")
     assert run(path) == 0

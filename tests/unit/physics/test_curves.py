@@ -133,7 +133,7 @@ def test_a_transition_curve_is_a_clothoid(ramp: float) -> None:
     assert out[:, LAT_ACCEL] == pytest.approx(-uncompensated + roll, abs=0.015)
 
 
-def test_a_curve_that_is_entered_at_once_shakes_more_than_a_transition() -> None:
+def test_curve_without_a_transition_excites_more() -> None:
     abrupt, gentle = (
         coast(W, [STRAIGHT, RailSection(50.0, DRY, 1 / 1000, 0.0, t)], np.full(1000, 25.0))[0] for t in (BLEND_M, 50.0)
     )

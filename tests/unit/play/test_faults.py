@@ -213,7 +213,7 @@ def test_bad_fault_specification_is_an_error_with_its_key(spec: str) -> None:
     assert BAD[spec] in str(e.value)
 
 
-def test_one_axle_cannot_be_swapped() -> None:
+def test_swap_of_a_single_axle_is_an_error() -> None:
     with pytest.raises(InputError, match="two axles"):
         parse_fault("swap:at=3", [1])
     assert parse_fault("swap:at=3,axle=2", [2, 4]) == Fault("swap", 3.0, axle=2)
@@ -250,7 +250,7 @@ def test_inject_writes_the_same_log_each_time(tmp_path: Path, capsys: pytest.Cap
     assert sum(" 20000080#" in line for line in lines) == 100
 
 
-def test_a_wrong_fault_in_a_scenario_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_wrong_fault_in_a_scenario_is_an_error_with_its_key(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "faulty.toml"
     file.write_text('[[rail]]\ncurve = "C"\n[drive]\nutilisation = 0.1\n[[fault]]\nat_s = 1\nkind = "crash"\n')
     assert sim_ecu(["play", str(file), "--fast", "--log", str(tmp_path / "x.log")]) == 2

@@ -49,7 +49,7 @@ def every() -> dict[str, list[Run]]:
     return out
 
 
-def test_what_is_scored_was_not_trained_on(every: dict[str, list[Run]]) -> None:
+def test_scored_runs_are_not_those_of_training(every: dict[str, list[Run]]) -> None:
     trained = {c.seed for group in draw(Plan(), W) for c in group.conditions}
     assert max(trained) < SEEDS_PER_PLAN * 1_001 < FIRST_TEST_SEED  # the largest plan seed that is taken is 1000
     assert set(every) == set(SUITES)
@@ -252,7 +252,7 @@ def test_frames_are_decoded_as_cantools_does() -> None:
     assert Heard(databases()[0].get_message_by_name("Adhesion_A1"), [0], [b"\0" * 8]).words("None").tolist() == [""]
 
 
-def test_what_was_said_last_stands_until_the_next() -> None:
+def test_last_frame_holds_until_the_next() -> None:
     message = databases()[0].get_message_by_name("AdhesionDetail_A1")
     empty = {s.name: 0 for s in message.signals}
     heard = Heard(message)
