@@ -1,7 +1,6 @@
 """Logs of scenarios, made once per test run."""
 
 import os
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -9,9 +8,8 @@ from hypothesis import HealthCheck, settings
 
 from sim_ecu.play.play import play_to_log
 from sim_ecu.play.scenario import read_scenario
+from tests.support.scenarios import LogOf
 from wrcd.settings import parse_toml
-
-LogOf = Callable[[str], Path]
 
 # Property tests. What `make test` runs is the same examples every time: a failure comes from the change at hand, on
 # every machine, and nothing needs to be kept. `make fuzz` draws others each time and prints how to see one again.

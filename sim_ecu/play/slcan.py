@@ -60,14 +60,18 @@ class Slcan:
     def begin(self, fault: Fault) -> None:
         """The controller says that it is off the bus."""
         if fault.kind in SILENT:
-            self._write(BUS_OFF)
+            self.report(BUS_OFF)
 
     def end(self, fault: Fault) -> None:
         """It is back: error active, and the link is set up anew as a driver's own restart does."""
         if fault.kind in SILENT:
-            self._write(ERROR_ACTIVE)
+            self.report(ERROR_ACTIVE)
             ip("set", self._channel, "down")
             ip("set", self._channel, "up")
+
+    def report(self, state: bytes) -> None:
+        """Report a state of the controller to the driver, as an slcan adapter does."""
+        self._write(state)
 
     def _write(self, text: bytes) -> None:
         """The pty may take a part of a line; the rest goes first the next time."""

@@ -158,7 +158,7 @@ def survives(config: Config, payloads: list[bytes]) -> None:
 PAYLOADS = st.lists(st.binary(max_size=8), max_size=6)
 
 
-def test_the_texts_that_are_mutated_are_good(folder: Path) -> None:
+def test_texts_before_mutation_are_good(folder: Path) -> None:
     (folder / "train.dbc").write_text(TRAIN_DBC)
     for name, text in (("train.toml", TRAIN), ("packaged.toml", PACKAGED)):
         (folder / name).write_text(text)
@@ -166,14 +166,14 @@ def test_the_texts_that_are_mutated_are_good(folder: Path) -> None:
 
 
 @given(text=mutated(TRAIN_DBC), payloads=PAYLOADS)
-def test_a_mutated_dbc(folder: Path, text: str, payloads: list[bytes]) -> None:
+def test_mutated_dbc_works_or_is_rejected(folder: Path, text: str, payloads: list[bytes]) -> None:
     (folder / "train.dbc").write_text(text, "utf-8")
     (folder / "wrcd.toml").write_text(TRAIN, "utf-8")
     works_or_says_why(folder / "wrcd.toml", payloads)
 
 
 @given(text=mutated(TRAIN), payloads=PAYLOADS)
-def test_a_mutated_mapping(folder: Path, text: str, payloads: list[bytes]) -> None:
+def test_mutated_mapping_works_or_is_rejected(folder: Path, text: str, payloads: list[bytes]) -> None:
     (folder / "train.dbc").write_text(TRAIN_DBC, "utf-8")
     (folder / "wrcd.toml").write_text(text, "utf-8")
     works_or_says_why(folder / "wrcd.toml", payloads)
@@ -183,13 +183,13 @@ def test_a_mutated_mapping(folder: Path, text: str, payloads: list[bytes]) -> No
 @example(PACKAGED.replace("= 20", f"= {10**400}"), [b""])
 @example(PACKAGED.replace("= 20", "= " + "9" * 5000), [b""])
 @given(text=mutated(PACKAGED), payloads=PAYLOADS)
-def test_a_mutated_configuration(folder: Path, text: str, payloads: list[bytes]) -> None:
+def test_mutated_configuration_works_or_is_rejected(folder: Path, text: str, payloads: list[bytes]) -> None:
     (folder / "wrcd.toml").write_text(text, "utf-8")
     works_or_says_why(folder / "wrcd.toml", payloads)
 
 
 @given(content=st.binary(max_size=200) | st.text(max_size=200).map(str.encode))
-def test_an_arbitrary_configuration(folder: Path, content: bytes) -> None:
+def test_arbitrary_configuration_is_rejected(folder: Path, content: bytes) -> None:
     (folder / "wrcd.toml").write_bytes(content)
     with pytest.raises(InputError):
         load(folder / "wrcd.toml")
@@ -215,7 +215,9 @@ VALUES = st.recursive(
 
 
 @given(document=st.dictionaries(st.sampled_from(KEYS), VALUES, max_size=6), payloads=PAYLOADS)
-def test_known_keys_with_any_values(folder: Path, document: dict[str, Any], payloads: list[bytes]) -> None:
+def test_known_keys_with_any_values_work_or_are_rejected(
+    folder: Path, document: dict[str, Any], payloads: list[bytes]
+) -> None:
     text = "\n".join(f"{k} = {toml(v)}" for k, v in document.items())
     (folder / "wrcd.toml").write_text(text, "utf-8")
     works_or_says_why(folder / "wrcd.toml", payloads)

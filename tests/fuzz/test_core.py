@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
 from tests.fuzz.strategies import near_frames
-from tests.unit.core.test_core import Rig
+from tests.support.can_ids import ADHESION, ADHESION_A1, LAT_ACCEL_A1, TORQUE_A1, VEHICLE_SPEED, YAW_RATE_A1
+from tests.support.sensor_simulator import SensorSimulator
 from wrcd.bus.codec import Receiver
 from wrcd.bus.e2e import protect
 from wrcd.bus.frame import Frame
@@ -29,7 +30,8 @@ LENGTHS = {
     for m in CONFIG.database.messages
     if m.frame_id in Receiver(CONFIG.database, [i.source for i in CONFIG.inputs]).ids
 }
-TIMEOUTS_US = {0x101: 15_000, 0x111: 15_000, 0x121: 30_000, 0x130: 60_000}  # of what axle 1 needs
+# of what axle 1 needs
+TIMEOUTS_US = {YAW_RATE_A1: 15_000, LAT_ACCEL_A1: 15_000, TORQUE_A1: 30_000, VEHICLE_SPEED: 60_000}
 VALID, NO_NUMBER = 1, 0xFFFE
 
 
@@ -38,10 +40,10 @@ class Day(RuleBasedStateMachine):
 
     @initialize()
     def start(self) -> None:
-        self.rig = Rig(CONFIG)
-        self.core = self.rig.core
+        self.sim = SensorSimulator(CONFIG)
+        self.core = self.sim.core
         self.fed = 0
-        self.newest_us = self.rig.t  # furthest that time has come since it last stepped back
+        self.newest_us = self.sim.t  # furthest that time has come since it last stepped back
         self.passed_us = 0  # by how much time has moved on, in all
         self.steps_back = 0
         self.slots: Counter[int] = Counter()  # Adhesion frames by id
@@ -52,11 +54,11 @@ class Day(RuleBasedStateMachine):
 
     @rule(ms=st.integers(1, 60).map(lambda n: 5 * n), silent=st.sets(st.sampled_from(sorted(TIMEOUTS_US)), max_size=2))
     def good_frames(self, ms: int, silent: set[int]) -> None:
-        self.rig.silent = silent
+        self.sim.silent = silent
         for _ in range(ms // 5):
-            for frame in self.rig.frames():
+            for frame in self.sim.frames():
                 self.feed(frame)
-        self.rig.silent = set()
+        self.sim.silent = set()
 
     @rule()
     def a_whole_window(self) -> None:
@@ -65,7 +67,7 @@ class Day(RuleBasedStateMachine):
     @rule(frames=st.lists(near_frames(LENGTHS), min_size=1, max_size=8), late_us=st.integers(-12_000, 5_000))
     def bad_frames(self, frames: list[Frame], late_us: int) -> None:
         for frame in frames:
-            self.feed(replace(frame, stamp_us=self.rig.t + late_us))
+            self.feed(replace(frame, stamp_us=self.sim.t + late_us))
 
     @rule(frame=near_frames(LENGTHS))
     def a_frame_of_any_time(self, frame: Frame) -> None:
@@ -73,15 +75,15 @@ class Day(RuleBasedStateMachine):
 
     @rule(bits=st.sets(st.integers(0, 31), min_size=1))
     def flipped_bits(self, bits: set[int]) -> None:
-        for good in self.rig.frames():
+        for good in self.sim.frames():
             data = int.from_bytes(good.data, "big")
             for bit in bits:
                 data ^= 1 << bit
             self.feed(replace(good, data=data.to_bytes(len(good.data), "big")))
 
-    @rule(signal=st.sampled_from((0x101, 0x111, 0x121)), value=st.integers(-(1 << 23), (1 << 23) - 1))
+    @rule(signal=st.sampled_from((YAW_RATE_A1, LAT_ACCEL_A1, TORQUE_A1)), value=st.integers(-(1 << 23), (1 << 23) - 1))
     def an_absurd_value(self, signal: int, value: int) -> None:
-        for good in self.rig.frames():
+        for good in self.sim.frames():
             payload = struct.pack("<i", value)[:3] if good.can_id == signal else good.data[2:]
             self.feed(replace(good, data=protect(good.data[:2] + payload, good.can_id, good.data[1] & 0x0F)))
 
@@ -90,24 +92,24 @@ class Day(RuleBasedStateMachine):
         status=st.sampled_from((0, 1, 14)),
     )  # fmt: skip
     def another_drive(self, speed: float, torque: float, status: int) -> None:
-        self.rig.speed, self.rig.torque, self.rig.yaw_status = speed, torque, status
+        self.sim.speed, self.sim.torque, self.sim.yaw_status = speed, torque, status
 
     @rule(
         us=st.sampled_from((-3_600_000_000, -50_000, -9_000, 3_000, 80_000, 999_000, 1_001_000, 59_000_000, 61_000_000))
     )
     def the_clock_steps(self, us: int) -> None:
-        self.rig.t += us
+        self.sim.t += us
 
     @rule(us=st.integers(-20_000, 2_000_000))
     def time_goes_on(self, us: int) -> None:
         """Nothing has come, and the loop says how late it is."""
-        self.rig.t = max(self.rig.t + us, self.rig.t)
-        self.out(self.core.advance(self.rig.t), self.rig.t)
+        self.sim.t = max(self.sim.t + us, self.sim.t)
+        self.out(self.core.advance(self.sim.t), self.sim.t)
 
     @precondition(lambda self: self.core.counts.accepted > 0)
     @rule()
     def the_end_and_on(self) -> None:
-        assert all(data[1] >> 4 == 0 for data in (f.data for f in self.core.shutdown_frames(self.rig.t)[:4]))
+        assert all(data[1] >> 4 == 0 for data in (f.data for f in self.core.shutdown_frames(self.sim.t)[:4]))
 
     # what must hold
 
@@ -131,7 +133,7 @@ class Day(RuleBasedStateMachine):
         self.newest_us = max(self.newest_us, now_us)
         seen = set()
         for o in out:
-            if o.frame.can_id not in range(0x091, 0x095):
+            if o.frame.can_id not in ADHESION.values():
                 continue
             self.slots[o.frame.can_id] += 1
             place = o.frame.can_id, o.frame.stamp_us // SLOT_US
@@ -142,7 +144,7 @@ class Day(RuleBasedStateMachine):
             assert mu <= 10_000 or mu >= NO_NUMBER
             if validity == VALID:
                 assert mu <= 10_000
-                assert o.frame.can_id == 0x091
+                assert o.frame.can_id == ADHESION_A1
                 self.a_full_window_before(o.frame.stamp_us)
 
     def a_full_window_before(self, end_us: int) -> None:

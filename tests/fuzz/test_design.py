@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.fuzz.strategies import mutated
-from tests.unit.core.test_core import Rig
+from tests.support.sensor_simulator import SensorSimulator
 from wrcd import resources
 from wrcd.checksum import checksum
 from wrcd.config import load_config
@@ -99,12 +99,12 @@ def judge(document: Any, file: Path) -> None:
         return
     if design.window_ticks > MAX_TICKS:
         return
-    rig = Rig(replace(CONFIG, design=design))
+    sim = SensorSimulator(replace(CONFIG, design=design))
     # a matrix of absurd numbers overflows; the daemon goes on then, and so must this
     with np.errstate(all="ignore"):
         for _ in range(min(3 + math.ceil(1.5 * design.window_s / 0.005), 400)):
-            rig.run(5)
-            for report in rig.core.reports:
+            sim.run(5)
+            for report in sim.core.reports:
                 numbers = (report.mu_available_pct, report.mu_used_pct)
                 assert all(x is None or (math.isfinite(x) and 0 <= x <= 100) for x in numbers)
                 if report.validity is Validity.VALID:
@@ -112,17 +112,17 @@ def judge(document: Any, file: Path) -> None:
                     assert report.confidence != "None"
 
 
-def test_the_small_design_works() -> None:
+def test_small_design_is_valid() -> None:
     document = SMALL | {"checksum": checksum(SMALL)}
-    rig = Rig(replace(CONFIG, design=parse_design(document, "small")))
-    validities = [f["Validity"] for f in rig.run(400)]
+    sim = SensorSimulator(replace(CONFIG, design=parse_design(document, "small")))
+    validities = [f["Validity"] for f in sim.run(400)]
     after = validities[validities.index("Valid") :]
     assert len(after) >= 15
     assert after.count("Valid") >= 0.75 * len(after)  # so short a window is vague now and then
 
 
 @given(changes=CHANGES, right=st.integers(0, 9))
-def test_a_changed_design(changes: list[Change], right: int) -> None:
+def test_changed_design_works_or_is_rejected(changes: list[Change], right: int) -> None:
     document = changed(changes)
     if right:  # most would never be looked at otherwise
         try:
@@ -141,7 +141,7 @@ TEXT = json.dumps({"format": SMALL["format"], "name": "x", "bank": {"tick_s": 0.
 
 
 @given(text=mutated(TEXT), right=st.booleans())
-def test_a_mutated_file(folder: Path, text: str, right: bool) -> None:
+def test_mutated_design_file_is_rejected(folder: Path, text: str, right: bool) -> None:
     try:
         document = json.loads(text)
         if right and isinstance(document, dict):
@@ -154,7 +154,7 @@ def test_a_mutated_file(folder: Path, text: str, right: bool) -> None:
 
 
 @given(content=st.binary(max_size=100))
-def test_an_arbitrary_file(folder: Path, content: bytes) -> None:
+def test_arbitrary_design_file_is_rejected(folder: Path, content: bytes) -> None:
     (folder / "design.json").write_bytes(content)
     with pytest.raises(InputError):
         load_design(folder / "design.json")

@@ -8,7 +8,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from tests.fuzz.strategies import any_frames, damaged, near_frames
-from tests.unit.bus.test_codec import FOREIGN, OPTIONAL
+from tests.support.can_ids import UNMAPPED, YAW_RATE_A1
+from tests.support.dbc_texts import DIRECTION_AND_LOAD_DBC, TRAIN_DBC
 from wrcd.bus.codec import Receiver, Source
 from wrcd.bus.dbc import Database, load_dbc
 from wrcd.bus.e2e import COUNTER_MODULO, Checker, crc, protect
@@ -23,13 +24,13 @@ SOURCES = [i.source for i in CONFIG.inputs]
 LENGTHS = {
     m.frame_id: m.length for m in CONFIG.database.messages if m.frame_id in Receiver(CONFIG.database, SOURCES).ids
 }
-FOREIGN_SOURCES = (
+TRAIN_SOURCES = (
     Source("Bogie1", "Gyro", Quantity.YAW_RATE, (0,)),
     Source("Bogie1", "Side", Quantity.LAT_ACCEL, (0,)),
     Source("Bogie1", "Tractive", Quantity.TORQUE, (0,)),
     Source("Drive", "V", Quantity.SPEED, (0, 1)),
 )
-OPTIONAL_SOURCES = (
+DIRECTION_AND_LOAD_SOURCES = (
     Source("State", "Dir", Quantity.DIRECTION, (0,)),
     Source("State", "Load", Quantity.AXLE_LOAD, (0,)),
 )
@@ -52,7 +53,7 @@ def judge(receiver: Receiver, frame: Frame) -> None:
 
 
 @given(st.lists(any_frames(sorted(LENGTHS)) | near_frames(LENGTHS), max_size=30))
-def test_any_frame_is_taken_or_refused(frames: list[Frame]) -> None:
+def test_any_frame_is_accepted_or_rejected(frames: list[Frame]) -> None:
     receiver = Receiver(CONFIG.database, SOURCES)
     for frame in frames:
         judge(receiver, frame)
@@ -62,14 +63,17 @@ def test_any_frame_is_taken_or_refused(frames: list[Frame]) -> None:
 def foreign(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[Database, tuple[Source, ...]]]:
     folder = tmp_path_factory.mktemp("dbc")
     out: list[tuple[Database, tuple[Source, ...]]] = []
-    for name, text, sources in (("a", FOREIGN, FOREIGN_SOURCES), ("b", OPTIONAL, OPTIONAL_SOURCES)):
+    for name, text, sources in (
+        ("a", TRAIN_DBC, TRAIN_SOURCES),
+        ("b", DIRECTION_AND_LOAD_DBC, DIRECTION_AND_LOAD_SOURCES),
+    ):
         (folder / f"{name}.dbc").write_text(text)
         out.append((load_dbc(folder / f"{name}.dbc"), sources))
     return out
 
 
 @given(data=st.data())
-def test_any_frame_under_a_trains_own_dbc(
+def test_any_frame_of_an_own_dbc_is_accepted_or_rejected(
     foreign: list[tuple[Database, tuple[Source, ...]]], data: st.DataObject
 ) -> None:
     for database, sources in foreign:
@@ -80,7 +84,7 @@ def test_any_frame_under_a_trains_own_dbc(
 
 
 @given(st.binary(min_size=2, max_size=64), st.integers(0, 0xFFFF), st.integers(0, COUNTER_MODULO - 1), st.data())
-def test_protection_is_the_autosar_packages(data: bytes, identity: int, counter: int, more: st.DataObject) -> None:
+def test_protection_equals_the_autosar_packages(data: bytes, identity: int, counter: int, more: st.DataObject) -> None:
     ours = protect(data, identity, counter)
     theirs = bytearray(data[:1] + bytes((data[1] & 0xF0 | counter,)) + data[2:])
     e2e.p11.e2e_p11_protect(theirs, identity, increment_counter=False)
@@ -96,7 +100,7 @@ def test_protection_is_the_autosar_packages(data: bytes, identity: int, counter:
     others=st.lists(st.integers(0, 0xFFFF), max_size=3),
     moves=st.lists(st.tuples(st.integers(0, COUNTER_MODULO), st.binary(max_size=8), st.booleans()), max_size=60),
 )
-def test_the_checker_lets_nothing_through_that_the_autosar_package_refuses(
+def test_checker_accepts_nothing_that_the_autosar_package_rejects(
     identity: int, others: list[int], moves: list[tuple[int, bytes, bool]]
 ) -> None:
     checker = Checker(identity, tuple(i for i in others if i != identity))
@@ -123,18 +127,18 @@ FRAMES = st.builds(
         error=frame.error,
         fd=frame.fd and not frame.remote,
     ),
-    any_frames([0x101, 0x7FF, 0x800, 0x1FFFFFFF]),
+    any_frames([YAW_RATE_A1, UNMAPPED, 0x800, 0x1FFFFFFF]),
 )
 
 
 @given(FRAMES, st.from_regex(r"[a-z0-9_.-]{1,15}", fullmatch=True))
-def test_a_candump_line_comes_back_as_written(frame: Frame, channel: str) -> None:
+def test_candump_line_is_read_as_written(frame: Frame, channel: str) -> None:
     assert parse_line(format_line(frame, channel).encode()) == (frame, channel)
 
 
 @example(b"(1700000000.000001) can0 FFF#")
 @given(st.binary(max_size=120) | st.builds(format_line, FRAMES, st.just("can0")).flatmap(lambda s: damaged(s.encode())))
-def test_a_line_of_any_bytes_is_a_frame_that_exists_or_nothing(line: bytes) -> None:
+def test_line_of_any_bytes_is_a_possible_frame_or_none(line: bytes) -> None:
     found = parse_line(line)
     if found is not None:
         frame = found[0]

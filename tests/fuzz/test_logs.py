@@ -72,16 +72,18 @@ def judge(path: Path, content: bytes) -> None:
 
 
 @given(content=damaged(CANDUMP) | st.binary(max_size=300))
-def test_candump(folder: Path, content: bytes) -> None:
+def test_damaged_candump_log_is_read_or_rejected(folder: Path, content: bytes) -> None:
     judge(folder / "a.log", content)
 
 
 @given(content=damaged(gzip.compress(CANDUMP, mtime=0)) | damaged(CANDUMP).map(gzip.compress) | st.binary(max_size=100))
-def test_compressed(folder: Path, content: bytes) -> None:
+def test_damaged_gzip_log_is_read_or_rejected(folder: Path, content: bytes) -> None:
     judge(folder / "a.log.gz", content)
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
 @given(edits=EDITS_OF_BYTES | st.binary(max_size=100))
-def test_formats_of_python_can(folder: Path, suffix: str, edits: list[tuple[str, int, bytes]] | bytes) -> None:
+def test_damaged_python_can_log_is_read_or_rejected(
+    folder: Path, suffix: str, edits: list[tuple[str, int, bytes]] | bytes
+) -> None:
     judge(folder / f"a{suffix}", edits if isinstance(edits, bytes) else damage(written(folder, suffix), edits))

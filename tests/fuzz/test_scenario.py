@@ -64,10 +64,10 @@ def judge(text: str) -> None:
 
 
 @given(st.sampled_from((CHANGING_SPEED, FOUR_AXLES, EVERYTHING)).flatmap(mutated))
-def test_a_mutated_scenario(text: str) -> None:
+def test_mutated_scenario_plays_or_is_rejected(text: str) -> None:
     judge(text)
 
 
-def test_the_texts_that_are_mutated_are_good() -> None:
+def test_texts_before_mutation_are_good() -> None:
     for text in (CHANGING_SPEED, FOUR_AXLES, EVERYTHING):
         assert list(itertools.islice(Player(read_scenario(parse_toml(text, "test"), "test")), 1))

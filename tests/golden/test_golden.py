@@ -20,7 +20,7 @@ COLUMNS_CLOSE = (3, 4)
 
 
 @pytest.mark.parametrize("log", sorted(FOLDER.glob("*.log")), ids=lambda p: p.stem)
-def test_golden(log: Path, tmp_path: Path) -> None:
+def test_replay_of_a_golden_log_gives_its_csv(log: Path, tmp_path: Path) -> None:
     assert main(["replay", str(log), "--csv", str(tmp_path / "out.csv")]) == 0
     found = (tmp_path / "out.csv").read_text().splitlines()
     expected = log.with_suffix(".csv").read_text().splitlines()

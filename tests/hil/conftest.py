@@ -1,19 +1,16 @@
-"""Processes on a real kernel's vcan0. Everything here is started by the test, bounded, and stopped by its pid."""
+"""Tests on a real kernel's vcan0."""
 
 import shutil
-import signal
 import socket
 import subprocess
-import sys
-import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-BIN = Path(sys.executable).parent
-ROOT = Path(__file__).parents[2]
+from tests.support.can_ids import EXTENDED, YAW_RATE_A1
+from tests.support.vcan import FaultySocket, Node, add, ip
+from wrcd.bus.socketcan import SocketCanLink
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -25,30 +22,37 @@ def pytest_configure(config: pytest.Config) -> None:
         )
 
 
-@contextmanager
-def running(
-    *command: str | Path, output: Path | None = None, stop: signal.Signals = signal.SIGTERM
-) -> Iterator[subprocess.Popen[bytes]]:
-    """A process for the length of a block; it is asked to stop at the end, and made to after ten seconds."""
-    with output.open("wb") if output else open("/dev/null", "wb") as out:
-        process = subprocess.Popen([str(c) for c in command], stdout=out, stderr=subprocess.PIPE)
-        try:
-            yield process
-        finally:
-            if process.poll() is None:
-                process.send_signal(stop)
-            try:
-                process.wait(10)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait(10)
-            if process.stderr:
-                process.stderr.close()
+@pytest.fixture
+def bus() -> Iterator[str]:
+    """A vcan of this test's own."""
+    add("vcan9")
+    ip("set", "vcan9", "up")
+    yield "vcan9"
+    subprocess.run(["ip", "link", "del", "vcan9"], timeout=10, check=False, capture_output=True)
 
 
-def wait_for(what: str, seconds: float, done: Callable[[], bool]) -> None:
-    """Look every 50 ms; fail with what was waited for."""
-    end = time.monotonic() + seconds
-    while not done():
-        assert time.monotonic() < end, f"{what}: not within {seconds} s"
-        time.sleep(0.05)
+@pytest.fixture
+def node(bus: str) -> Iterator[Node]:
+    n = Node(bus)
+    yield n
+    n.close()
+
+
+@pytest.fixture
+def sockets(monkeypatch: pytest.MonkeyPatch) -> list[FaultySocket]:
+    """The sockets that a link makes from now on, in their order. To be asked for before `link`."""
+    made: list[FaultySocket] = []
+
+    def make(*args: int) -> FaultySocket:
+        made.append(FaultySocket(*args))
+        return made[-1]
+
+    monkeypatch.setattr(socket, "socket", make)
+    return made
+
+
+@pytest.fixture
+def link(bus: str) -> Iterator[SocketCanLink]:
+    made = SocketCanLink(bus, (YAW_RATE_A1, EXTENDED))
+    yield made
+    made.close()

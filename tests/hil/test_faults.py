@@ -15,7 +15,8 @@ from sim_ecu.play.encoder import databases
 from sim_ecu.play.expected import ROWS, Row, Unseen
 from sim_ecu.play.faults import KINDS, SILENT, Stage
 from sim_ecu.play.judge import HEAD, Said, Verdict, judge, line
-from tests.hil.conftest import BIN, running, wait_for
+from tests.support.can_ids import ADHESION, ADHESION_A1, YAW_RATE_A2
+from tests.support.processes import BIN, running, wait_for
 from wrcd.bus.frame import Frame
 from wrcd.bus.log import Damage, read_log
 
@@ -28,7 +29,6 @@ STALL_US = 15_000  # a longer silence of a sound sensor is the guest's, and past
 FIRST_S = 3.0  # from the rig's start to the first fault: the window is full
 AFTER_S = 2.4  # judged so long after a fault
 SETTLE_S = 0.25  # and from there to the next one
-ADHESION, TWIN, TWINS_YAW = 0x091, 0x092, 0x102
 ADHESION_TIMEOUT_US = 60_000  # as the DBC says
 # Axle 2 is axle 1's twin: its seed is the one that axle 1 has by default.
 TWINS = """
@@ -100,9 +100,9 @@ def judged(rows: Sequence[Row], frames: Sequence[Frame], told: str) -> list[Play
     """Each row by the rig's line on it; the twin, whom no fault befalls, is how it would be without one."""
     found = SUMMARY.findall(told)
     assert [kind for kind, _, _ in found] == [r.fault.kind for r in rows], told
-    axle, twin = heard(said(frames, ADHESION)), said(frames, TWIN)
+    axle, twin = heard(said(frames, ADHESION_A1)), said(frames, ADHESION[2])
     without = {s.slot: s.mu_pct for s in twin if s.valid and s.mu_pct is not None}
-    yaw = [f.stamp_us for f in frames if f.can_id == TWINS_YAW]
+    yaw = [f.stamp_us for f in frames if f.can_id == YAW_RATE_A2]
     out = []
     for row, (_, begin, end) in zip(rows, found, strict=True):
         begin_us, end_us = round(float(begin) * 1e6), round(float(end) * 1e6)
@@ -186,7 +186,7 @@ def played(tmp_path_factory: pytest.TempPathFactory) -> dict[Row, Played]:
 
 
 @pytest.mark.parametrize("row", JUDGED, ids=lambda r: f"{r.fault.kind} of {r.fault.of}, {r.fault.duration_s:g} s")
-def test_the_daemon_under_a_fault(played: dict[Row, Played], row: Row) -> None:
+def test_daemon_under_a_fault_is_as_its_row_says(played: dict[Row, Played], row: Row) -> None:
     """What must be, is, with some tens of milliseconds for the guest. A row that is never played without a stall fails,
     too: nothing was shown."""
     assert not played[row].stalled

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.hil.conftest import ROOT, running, wait_for
+from tests.support.processes import ROOT, running, wait_for
 from wrcd.bus.frame import Frame
 from wrcd.bus.log import Damage, parse_line, read_log
 from wrcd.config import DEFAULT
@@ -143,14 +143,14 @@ def configured(text: str) -> Iterator[None]:
         ENVIRONMENT.unlink()
 
 
-def test_the_unit_starts_and_sends_valid_frames(installed: Train) -> None:
+def test_unit_starts_and_sends_valid_frames(installed: Train) -> None:
     began = time.time()
     systemctl("start", UNIT)  # returns when READY=1 was said
     assert systemctl("is-active", UNIT) == "active"
     installed.wait(began, seconds=10)
 
 
-def test_after_kill_nine_it_is_back_with_valid_frames(train: Train) -> None:
+def test_killed_daemon_is_back_with_valid_frames(train: Train) -> None:
     """Five times; starting a program takes this guest several times as long as its host."""
     times = []
     for _ in range(5):
@@ -164,7 +164,7 @@ def test_after_kill_nine_it_is_back_with_valid_frames(train: Train) -> None:
     assert max(times) <= 4.0
 
 
-def test_a_hung_daemon_is_killed_by_the_watchdog(train: Train) -> None:
+def test_hung_daemon_is_killed_by_the_watchdog(train: Train) -> None:
     """2 s without a sign of life; the journal then says where it hung."""
     pid, stopped = main_pid(), time.time()
     os.kill(pid, signal.SIGSTOP)
@@ -177,7 +177,7 @@ def test_a_hung_daemon_is_killed_by_the_watchdog(train: Train) -> None:
     assert "loop.py" in said
 
 
-def test_out_of_memory_is_a_restart(train: Train) -> None:
+def test_out_of_memory_restarts_the_daemon(train: Train) -> None:
     """A leak ends in its own death, not in the train computer's."""
     limited = time.time()
     systemctl("set-property", "--runtime", UNIT, "MemoryMax=12M")
@@ -189,7 +189,7 @@ def test_out_of_memory_is_a_restart(train: Train) -> None:
     assert int(prop("NRestarts")) >= 1
 
 
-def test_reload(installed: Train) -> None:
+def test_reload_applies_a_limit_in_the_same_process(installed: Train) -> None:
     """A limit moves and moves back; a mistake changes nothing. The same process all the time, without a gap."""
     with configured(DEFAULT):
         systemctl("restart", UNIT)
@@ -225,7 +225,7 @@ def test_reload(installed: Train) -> None:
     systemctl("restart", UNIT)
 
 
-def test_it_is_shut_in(train: Train) -> None:
+def test_unit_is_sandboxed(train: Train) -> None:
     fields = status()
     assert fields["CapEff"] == "0000000000000000"
     assert fields["NoNewPrivs"] == "1"
@@ -238,7 +238,7 @@ def test_it_is_shut_in(train: Train) -> None:
     assert float(exposure[1]) <= 1.5
 
 
-def test_it_hears_of_its_interface(train: Train) -> None:
+def test_sandboxed_daemon_has_its_rtnetlink_socket(train: Train) -> None:
     """Shut in as it is, it has a socket of rtnetlink's group of links; otherwise it would do without, and be slower."""
     files = Path(f"/proc/{main_pid()}/fd").iterdir()
     sockets = {name.removeprefix("socket:[").removesuffix("]") for name in map(os.readlink, files)}
@@ -247,7 +247,7 @@ def test_it_hears_of_its_interface(train: Train) -> None:
     assert (protocol, groups) == ("0", "00000001")
 
 
-def test_the_drop_ins(train: Train) -> None:
+def test_drop_ins_give_realtime_priority_and_locked_memory(train: Train) -> None:
     """Realtime priority and locked memory in use. Here is no udev to bring a device: device.conf is only read."""
     DROP_INS.mkdir(exist_ok=True)
     try:
@@ -281,7 +281,7 @@ def test_the_drop_ins(train: Train) -> None:
         systemctl("restart", UNIT)
 
 
-def test_a_device_that_goes_and_comes_back(train: Train) -> None:
+def test_device_deleted_and_made_again_is_used_by_the_same_process(train: Train) -> None:
     """The daemon stays and opens it again; candump and canplayer have to be started anew."""
     pid, gone = main_pid(), time.time()
     subprocess.run(["ip", "link", "del", "vcan0"], timeout=10, check=True)
@@ -298,7 +298,7 @@ def test_a_device_that_goes_and_comes_back(train: Train) -> None:
     assert "wrcd: the CAN device was opened again" in said
 
 
-def test_stopping_says_not_available(train: Train) -> None:
+def test_stopped_unit_sends_not_available(train: Train) -> None:
     systemctl("stop", UNIT)
     time.sleep(0.5)
     frame = train.newest()
@@ -309,7 +309,7 @@ def test_stopping_says_not_available(train: Train) -> None:
     assert "Traceback" not in said
 
 
-def test_a_wrong_configuration_is_not_tried_again(installed: Train) -> None:
+def test_invalid_configuration_is_not_restarted(installed: Train) -> None:
     systemctl("stop", UNIT)
     with configured("[axles]\n"):
         subprocess.run(["systemctl", "start", UNIT], timeout=60, check=False)

@@ -13,14 +13,12 @@ import cantools
 import pytest
 from cantools.database.can import Database
 
-from tests.hil.conftest import BIN, ROOT, running, wait_for
+from tests.support.can_ids import ADHESION, ADHESION_A1, INPUTS, YAW_RATE_A1
+from tests.support.processes import BIN, ROOT, running, wait_for
 from tests.support.scenarios import FOUR_AXLES, held
 from wrcd.bus.frame import Frame
 from wrcd.bus.log import Damage, format_line, read_log
 from wrcd.config import DEFAULT
-
-INPUTS = {0x130} | {base + a for base in (0x100, 0x110, 0x120) for a in range(1, 5)}
-ADHESION = {0x090 + a for a in range(1, 5)}
 
 
 @dataclass
@@ -101,22 +99,22 @@ def four_axles(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
 
 def longest_gap_s(recorded: Recorded) -> float:
     """Between two yaw-rate frames, while the play was under way."""
-    stamps = [f.stamp_us for f in recorded.of(0x101)]
+    stamps = [f.stamp_us for f in recorded.of(YAW_RATE_A1)]
     late = [b - a for a, b in pairwise(stamps) if a > stamps[0] + 2_000_000]
     print(f"longest gap {max(late) / 1000:.1f} ms")
     return max(late) * 1e-6
 
 
-def test_adhesion_comes_at_fifty_hertz(one_axle: Recorded) -> None:
-    frames = one_axle.of(0x091)
+def test_adhesion_is_sent_at_50_hz(one_axle: Recorded) -> None:
+    frames = one_axle.of(ADHESION_A1)
     seconds = (frames[-1].stamp_us - frames[0].stamp_us) * 1e-6
     assert seconds > 11
     assert (len(frames) - 1) / seconds == pytest.approx(50.0, rel=0.05)
 
 
-def test_the_rig_keeps_time_and_sends_everything(one_axle: Recorded) -> None:
+def test_rig_keeps_time_and_sends_every_frame(one_axle: Recorded) -> None:
     assert " 0 not sent" in one_axle.rig_says
-    yaw = one_axle.of(0x101)
+    yaw = one_axle.of(YAW_RATE_A1)
     assert len(yaw) == 2400
     assert (yaw[-1].stamp_us - yaw[0].stamp_us) * 1e-6 == pytest.approx(12.0, abs=0.1)
 
@@ -136,13 +134,15 @@ def test_cantools_decodes_every_frame(one_axle: Recorded) -> None:
     assert not any("failed" in line or "error" in line for line in said)
 
 
-def test_the_estimate_meets_the_truth(one_axle: Recorded) -> None:
+def test_valid_estimate_meets_the_truth(one_axle: Recorded) -> None:
     """Whatever is called Valid, from a window after the wanted creep is held; a stalled guest may be Degraded."""
     database = cantools.database.load_file(ROOT / "dbc" / "wrcd.dbc")
     assert isinstance(database, Database)
     message = database.get_message_by_name("Adhesion_A1")
     stamps = [f.stamp_us for f in one_axle.frames if f.can_id in INPUTS]
-    late = [message.decode(f.data) for f in one_axle.of(0x091) if min(stamps) + 3_000_000 < f.stamp_us <= max(stamps)]
+    late = [
+        message.decode(f.data) for f in one_axle.of(ADHESION_A1) if min(stamps) + 3_000_000 < f.stamp_us <= max(stamps)
+    ]
     assert len(late) > 400
     valid = [v for v in late if isinstance(v, dict) and str(v["Validity"]) == "Valid"]
     print(f"{len(valid)} of {len(late)} Valid")
@@ -151,9 +151,9 @@ def test_the_estimate_meets_the_truth(one_axle: Recorded) -> None:
         assert abs(float(str(values["MuAvailable"])) - 38.4) < 3.0
 
 
-def test_sigterm_ends_with_not_available(one_axle: Recorded) -> None:
+def test_sigterm_sends_not_available_for_every_axle(one_axle: Recorded) -> None:
     assert one_axle.daemon_status == 0
-    for can_id in ADHESION:
+    for can_id in ADHESION.values():
         assert one_axle.of(can_id)[-1].data[1] >> 4 == 0
     assert one_axle.frames[-1].data[1] >> 4 == 3  # WrcdStatus: Stopping
 
@@ -172,7 +172,7 @@ def replayed(recorded: Recorded, folder: Path) -> list[Frame]:
 
 
 @pytest.mark.parametrize("which", ["one_axle", "four_axles"])
-def test_live_equals_replay(which: str, request: pytest.FixtureRequest, tmp_path: Path) -> None:
+def test_live_frames_equal_those_of_a_replay(which: str, request: pytest.FixtureRequest, tmp_path: Path) -> None:
     """The adhesion frames that the daemon sent are, byte for byte, those that a replay of candump's log computes."""
     axles = 1 if which == "one_axle" else 4
     # slots that a loaded guest skipped do not count
@@ -185,7 +185,7 @@ def compared(recorded: Recorded, axles: int, tmp_path: Path) -> int:
     last = max(f.stamp_us for f in recorded.frames if f.can_id in INPUTS) // 20_000
     print(recorded.daemon_says)
     compared = 0
-    for can_id in sorted(ADHESION)[:axles]:
+    for can_id in list(ADHESION.values())[:axles]:
         sent = {slot(f): f.data for f in recorded.of(can_id)}
         first = min(s for s, data in sent.items() if data[1] >> 4 == 1)
         judged = {s: data for s, data in sent.items() if first <= s <= last}
@@ -196,7 +196,7 @@ def compared(recorded: Recorded, axles: int, tmp_path: Path) -> int:
     return compared
 
 
-def test_a_silence_of_the_sensors_is_no_step_of_time(tmp_path: Path) -> None:
+def test_silence_of_the_sensors_is_no_time_step(tmp_path: Path) -> None:
     """Three seconds without a frame of theirs: NotAvailable at every slot, live and in a replay of candump's log."""
     scenario, log = tmp_path / "dry.toml", tmp_path / "dry.log"
     scenario.write_text(held("A", 5.0))
@@ -214,15 +214,15 @@ def test_a_silence_of_the_sensors_is_no_step_of_time(tmp_path: Path) -> None:
     assert "the clock stepped" not in recorded.daemon_says
     assert ", 0 steps of time" in recorded.daemon_says
     assert compared(recorded, 1, tmp_path) > 300
-    yaw = [f.stamp_us for f in recorded.of(0x101)]
+    yaw = [f.stamp_us for f in recorded.of(YAW_RATE_A1)]
     gap_us, back_us = max((b - a, b) for a, b in pairwise(yaw))
     assert gap_us == pytest.approx(3_000_000, abs=200_000)
-    silent = [f for f in recorded.of(0x091) if back_us - gap_us + 200_000 < f.stamp_us < back_us]
+    silent = [f for f in recorded.of(ADHESION_A1) if back_us - gap_us + 200_000 < f.stamp_us < back_us]
     assert len(silent) > 120
     assert {f.data[1] >> 4 for f in silent} == {0}
 
 
-def test_a_dump_replays_to_what_was_sent(tmp_path: Path) -> None:
+def test_sigusr1_dump_replays_to_what_was_sent(tmp_path: Path) -> None:
     """SIGUSR1 has the last seconds written; a replay goes on from the state beside them, byte for byte."""
     scenario, log, config = tmp_path / "dry.toml", tmp_path / "dry.log", tmp_path / "wrcd.toml"
     scenario.write_text(held("A", 6.0))
@@ -248,19 +248,19 @@ def test_a_dump_replays_to_what_was_sent(tmp_path: Path) -> None:
     subprocess.run([BIN / "wrcd", "replay", dump, "--config", config, "-o", out], timeout=300, check=True)
     computed = {(f.can_id, f.stamp_us // 20_000): f.data for f, _ in read_log(out, Damage())}
     # what candump saw from the dump's first slot to its last, the tail that only the clock closed too
-    sent = {(f.can_id, slot(f)): f.data for f, _ in read_log(bus, Damage()) if f.can_id in ADHESION}
+    sent = {(f.can_id, slot(f)): f.data for f, _ in read_log(bus, Damage()) if f.can_id in ADHESION.values()}
     judged = {key: data for key, data in sent.items() if key in computed}
     different = {key: (data.hex(), computed[key].hex()) for key, data in judged.items() if computed[key] != data}
     assert different == {}
     assert len(judged) > 4 * 200
     assert sum(data[1] >> 4 == 1 for data in judged.values()) > 20
     # and the dump, like any log, has what was sent: every frame of it that the bus carried
-    noted = {(f.can_id, slot(f)): f.data for f, _ in read_log(dump, Damage()) if f.can_id in ADHESION}
+    noted = {(f.can_id, slot(f)): f.data for f, _ in read_log(dump, Damage()) if f.can_id in ADHESION.values()}
     assert noted.items() <= sent.items()
     assert noted.items() <= computed.items()
 
 
-def test_four_axles_each_on_its_own_rail(four_axles: Recorded, tmp_path: Path) -> None:
+def test_four_axles_estimate_their_own_rails(four_axles: Recorded, tmp_path: Path) -> None:
     """What is called Valid is near the truth, once the wanted point is held for a window."""
     table = tmp_path / "four.csv"
     subprocess.run([BIN / "wrcd", "replay", four_axles.log, "--csv", table], timeout=300, check=True)
@@ -276,7 +276,7 @@ def test_four_axles_each_on_its_own_rail(four_axles: Recorded, tmp_path: Path) -
         assert sum(valid) / len(valid) == pytest.approx(true, abs=3.0)
 
 
-def test_garbage_never_stops_the_daemon(tmp_path: Path) -> None:
+def test_garbage_frames_do_not_stop_the_daemon(tmp_path: Path) -> None:
     log = tmp_path / "candump.log"
     with (
         running("candump", "-L", "vcan0,090:7F0", output=log),
@@ -299,7 +299,7 @@ def test_garbage_never_stops_the_daemon(tmp_path: Path) -> None:
     assert "Traceback" not in said
 
 
-def test_link_down_and_device_gone_are_survived(tmp_path: Path) -> None:
+def test_daemon_survives_link_down_and_device_gone(tmp_path: Path) -> None:
     """vcan1 goes down, comes up, is deleted and made again; frames come back each time."""
     log = tmp_path / "candump.log"
 
@@ -324,7 +324,7 @@ def test_link_down_and_device_gone_are_survived(tmp_path: Path) -> None:
         assert daemon.poll() is None
 
 
-def test_dump_shows_the_bus(tmp_path: Path) -> None:
+def test_dump_command_decodes_a_live_bus(tmp_path: Path) -> None:
     out = tmp_path / "dump.txt"
     with running(BIN / "wrcd", "dump", "-i", "socketcan", "-c", "vcan0", "-n", "1", output=out) as dump:
         end = time.monotonic() + 30

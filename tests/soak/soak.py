@@ -74,7 +74,7 @@ class Kept(Estimator):
     def afresh(self) -> Estimator:
         """A new estimator after what was kept, tick by tick."""
         out = Estimator(self.design, self.axles)
-        snapshots = {tick: state for tick, *state in self._snapshots}
+        snapshots = {tick: (x, identity) for tick, x, identity in self._snapshots}
         needs_reset = np.zeros(self.axles, dtype=bool)
         for tick in range(max(self._ticks - KEPT_TICKS, 0), self._ticks):
             at = tick % KEPT_TICKS

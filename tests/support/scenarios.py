@@ -1,4 +1,9 @@
-"""Scenarios that several tests use, as TOML."""
+"""Scenarios that several tests use, as TOML, and the type of the fixture that plays them."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+LogOf = Callable[[str], Path]
 
 
 def held(curve: str, seconds: float = 8.0) -> str:

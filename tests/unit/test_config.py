@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.config_texts import AXLE, VEHICLE
 from wrcd import resources
 from wrcd.bus.dbc import load_dbc
 from wrcd.bus.units import Quantity
@@ -14,15 +15,6 @@ from wrcd.config import load_config
 from wrcd.errors import InputError
 from wrcd.estimator.design import load_design
 from wrcd.tools.check import describe
-
-AXLE = """
-[[axle]]
-number = 1
-yaw_rate = "YawRate_A1.YawRate"
-lateral_acceleration = "LatAccel_A1.LatAccel"
-torque = "Torque_A1.Torque"
-"""
-VEHICLE = '[vehicle]\nspeed = "VehicleSpeed.Speed"\n'
 
 
 def config(tmp_path: Path, text: str) -> Path:
@@ -44,7 +36,7 @@ def test_the_default_maps_four_axles() -> None:
     assert (c.adhesion_cycle_us, c.detail_cycle_us, c.status_cycle_us) == (20_000, 100_000, 1_000_000)
 
 
-def test_a_small_configuration(tmp_path: Path) -> None:
+def test_small_configuration_is_read_and_described(tmp_path: Path) -> None:
     text = f'[bus]\nchannel = "vcan7"\n{VEHICLE}{AXLE}[limits]\nmin_speed_m_s = 4\n'
     c = load_config(config(tmp_path, text))
     assert (c.channel, c.min_speed_m_s, len(c.axles)) == ("vcan7", 4.0, 1)
@@ -82,7 +74,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("case", BAD)
-def test_bad_input(tmp_path: Path, case: str) -> None:
+def test_bad_configuration_is_an_error_with_file_line_and_key(tmp_path: Path, case: str) -> None:
     text, line, message = BAD[case]
     path = config(tmp_path, text)
     with pytest.raises(InputError) as error:
@@ -91,7 +83,7 @@ def test_bad_input(tmp_path: Path, case: str) -> None:
     assert str(error.value).startswith(f"{path}:{line}: " if line else f"{path}: ")
 
 
-def test_a_missing_file(tmp_path: Path) -> None:
+def test_missing_configuration_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no such file"):
         load_config(tmp_path / "none.toml")
 
@@ -100,7 +92,7 @@ OWN_DBC = '[dbc]\nfile = "own.dbc"\n'
 
 
 @pytest.mark.parametrize("more", ["", "[wheelset]\n"])
-def test_a_train_with_its_own_dbc_names_its_wheelset(tmp_path: Path, more: str) -> None:
+def test_own_dbc_without_a_named_wheelset_is_an_error(tmp_path: Path, more: str) -> None:
     (tmp_path / "own.dbc").write_bytes(resources.DBC.read_bytes())
     path = config(tmp_path, f"{VEHICLE}{AXLE}{OWN_DBC}{more}")
     with pytest.raises(InputError, match=r'wrcd.toml:10: dbc.file: is a train.s own.*\[wheelset\] name = "default"'):
@@ -129,13 +121,13 @@ def test_measurements_are_stale_after_three_ticks_whatever_the_dbc_says(tmp_path
     assert [i.timeout_us for i in c.inputs] == [15_000, 15_000, 90_000, 60_000]
 
 
-def test_a_broken_dbc(tmp_path: Path) -> None:
+def test_broken_dbc_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "own.dbc").write_text("BO_ rubbish")
     with pytest.raises(InputError, match="not a usable DBC"):
         load_config(config(tmp_path, f'{VEHICLE}{AXLE}[dbc]\nfile = "own.dbc"\n'))
 
 
-def test_a_changed_design_is_refused(tmp_path: Path) -> None:
+def test_changed_design_fails_its_checksum(tmp_path: Path) -> None:
     document = json.loads(resources.DESIGN.read_text())
     document["fuzzy"]["bases"][0] += 5.0
     path = tmp_path / "design.json"
@@ -179,7 +171,7 @@ DAMAGE = {
 
 
 @pytest.mark.parametrize("key", DAMAGE)
-def test_a_wrong_design_is_refused_even_with_its_own_checksum(tmp_path: Path, key: str) -> None:
+def test_wrong_design_with_a_right_checksum_is_rejected(tmp_path: Path, key: str) -> None:
     document = json.loads(resources.DESIGN.read_text())
     DAMAGE[key](document)
     document["checksum"] = checksum(document)
@@ -192,7 +184,7 @@ def test_a_wrong_design_is_refused_even_with_its_own_checksum(tmp_path: Path, ke
 
 
 @pytest.mark.parametrize("content", ["", "[]", "3", "{", '{"format": "wrcd-design/2"}', "\x00"])
-def test_rubbish_is_no_design(tmp_path: Path, content: str) -> None:
+def test_damaged_design_file_is_an_error(tmp_path: Path, content: str) -> None:
     path = tmp_path / "design.json"
     path.write_text(content)
     with pytest.raises(InputError):
@@ -207,7 +199,7 @@ def test_rubbish_is_no_design(tmp_path: Path, content: str) -> None:
         ('"E2EDataId" INT 0', '"E2EDataId" INT 1e99999999'),
     ],
 )
-def test_sizes_that_would_take_for_ever(tmp_path: Path, good: str, bad: str) -> None:
+def test_excessive_size_in_a_dbc_is_an_error(tmp_path: Path, good: str, bad: str) -> None:
     text = resources.DBC.read_text("cp1252")
     line = text[: text.index(good)].count("\n") + 1
     (tmp_path / "own.dbc").write_text(text.replace(good, bad, 1), "cp1252")
@@ -245,7 +237,7 @@ def test_a_multiplexed_message_cannot_be_mapped(tmp_path: Path) -> None:
         ('"GenMsgCycleTime" BO_ 145 20;', '"GenMsgCycleTime" BO_ 145 -20;', "axle[1].adhesion", "cycle"),
     ],
 )
-def test_times_that_are_none(tmp_path: Path, good: str, bad: str, key: str, what: str) -> None:
+def test_time_beyond_its_range_is_an_error(tmp_path: Path, good: str, bad: str, key: str, what: str) -> None:
     text = resources.DBC.read_text("cp1252")
     assert good in text
     (tmp_path / "own.dbc").write_text(text.replace(good, bad), "cp1252")
@@ -255,7 +247,7 @@ def test_times_that_are_none(tmp_path: Path, good: str, bad: str, key: str, what
 
 
 @pytest.mark.parametrize("bad", ["-1|16@1+ (0.01,0)", "8|16@1+ (0,0)", "8|16@1+ (1e400,0)"])
-def test_signals_that_no_frame_holds(tmp_path: Path, bad: str) -> None:
+def test_signal_beyond_its_frame_is_an_error(tmp_path: Path, bad: str) -> None:
     motion = f'\nBO_ 800 Motion: 8 TCU\n SG_ V : {bad} [0|300] "km/h" WRCD\n\nCM_ '
     text = resources.DBC.read_text("cp1252").replace("\nCM_ ", motion, 1)
     (tmp_path / "own.dbc").write_text(text, "cp1252")
@@ -265,7 +257,7 @@ def test_signals_that_no_frame_holds(tmp_path: Path, bad: str) -> None:
 
 
 @pytest.mark.parametrize("bad", ['VAL_ 145 Validity 16 "NotAvailable"', '"GenSigStartValue" SG_ 145 MuAvailable 1e6;'])
-def test_values_that_their_field_cannot_hold(tmp_path: Path, bad: str) -> None:
+def test_label_or_start_value_beyond_its_field_is_an_error(tmp_path: Path, bad: str) -> None:
     text = resources.DBC.read_text("cp1252")
     good = 'VAL_ 145 Validity 0 "NotAvailable"' if "VAL_" in bad else '"GenSigStartValue" SG_ 145 MuAvailable 65535;'
     assert good in text

@@ -147,6 +147,17 @@ def test_import_graph_has_no_circle() -> None:
         visit(name, ())
 
 
+def test_test_module_imports_no_other_test_module() -> None:
+    """What two of them share stands in tests/support, or beside them under a name that says what it is."""
+    wrong = [
+        f"{source.relative_to(ROOT)} imports {name}"
+        for source in sources("tests")
+        for name in imported(source)
+        if name.startswith("tests.") and any(part == "conftest" or part.startswith("test_") for part in name.split("."))
+    ]
+    assert wrong == []
+
+
 @pytest.mark.parametrize("part", ["filters", "rules"])
 def test_reference_engine_shares_no_arithmetic_with_the_fast_one(part: str) -> None:
     names = set(imported(ROOT / f"sim_ecu/design/reference_{part}.py"))

@@ -20,7 +20,7 @@ def test_a_short_soak_balances() -> None:
     assert "simulated 0.02 h" in done.stdout
 
 
-def test_a_sheet_that_does_not_balance_says_so() -> None:
+def test_unbalanced_sheet_is_reported() -> None:
     balance = Balance(fed=1, made=1, rss_kb=[0.0, 2000.0], objects=[1000, 1100], drifts=[(1e-3, "state")])
     sheet = balance.lines(Core(load_config(None)), Faults(np.random.default_rng(1)))
     assert [text.split()[0] for text, holds in sheet if not holds] == [

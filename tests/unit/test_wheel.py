@@ -7,8 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.conftest import LogOf
-from tests.support.scenarios import held
+from tests.support.scenarios import LogOf, held
 
 ROOT = Path(__file__).parents[2]
 
@@ -47,7 +46,7 @@ def test_replay_works_from_the_installed_wheel(installed: Path, log_of: LogOf, t
     assert table.read_text().splitlines()[-4].split(",")[2] == "Valid"
 
 
-def test_the_rig_comes_along(installed: Path) -> None:
+def test_wheel_contains_the_rig(installed: Path) -> None:
     code = "import sys, sim_ecu; print(sim_ecu.__file__); from sim_ecu.cli import main; sys.exit(main())"
     done = run(installed, code, "list")
     assert str(installed) in done.stdout

@@ -19,7 +19,12 @@ class HardwareClock:
         self._late = 0
 
     def to_kernel_time(self, raw_us: int, kernel_us: int) -> int:
-        """The controller's stamp on the kernel's clock, never later than the kernel's own."""
+        """Return the controller's stamp on the kernel's clock, in µs, never later than the kernel's own.
+
+        raw_us is 0 for a frame that the controller has not stamped: the kernel's stamp is returned.
+        """
+        if not raw_us:
+            return kernel_us
         difference = kernel_us - raw_us
         known = [d for d in (self._min_offset_us, self._previous_min_offset_us) if d is not None]
         self._late = self._late + 1 if known and difference - min(known) > self.MAX_LATE_US else 0

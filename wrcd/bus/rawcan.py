@@ -25,6 +25,25 @@ def time_us(value: bytes, place: int) -> int:
     return int(seconds) * 1_000_000 + int(nanoseconds) // 1000
 
 
+def parse_ancillary(ancillary: list[tuple[int, int, bytes]], now_us: int) -> tuple[int, int, int | None]:
+    """Parse what recvmsg gives beside a frame.
+
+    Returns the kernel's time stamp in µs, now_us where there is none; the controller's own in µs, 0 where there is
+    none; and how many frames the socket's buffer has lost so far, None where the kernel does not say.
+    """
+    kernel_us, hardware_us, lost = now_us, 0, None
+    for level, kind, value in ancillary:
+        if level != socket.SOL_SOCKET:
+            continue
+        if kind == SO_TIMESTAMPNS:
+            kernel_us = time_us(value, 0)
+        elif kind == SO_TIMESTAMPING:
+            kernel_us, hardware_us = time_us(value, 0), time_us(value, 2)
+        elif kind == SO_RXQ_OVFL:
+            lost = int(U32.unpack(value[:4])[0])
+    return kernel_us, hardware_us, lost
+
+
 def only_id(can_id: int) -> bytes:
     """Exactly this id, in its own length."""
     return only_word(can_id if can_id <= socket.CAN_SFF_MASK else can_id | CAN_EFF_FLAG)

@@ -22,11 +22,10 @@ from wrcd.bus.rawcan import (
     SO_TIMESTAMPING,
     SO_TIMESTAMPNS,
     SOFTWARE,
-    U32,
     advice,
     only_id,
     only_word,
-    time_us,
+    parse_ancillary,
 )
 from wrcd.bus.rtnetlink import LinkEvent, open_events
 from wrcd.errors import BusError
@@ -159,6 +158,16 @@ class SocketCanLink:
             return None
         return b"".join(map(only_id, self._ids)) + b"".join(map(only_word, sorted(self._own)))
 
+    @property
+    def is_open(self) -> bool:
+        """Whether there is a socket: not where the device has gone, nor after close()."""
+        return self._socket is not None
+
+    @property
+    def unconfirmed(self) -> int:
+        """How many frames of the newest slot have not left yet, as far as the kernel has told."""
+        return self._unconfirmed
+
     def _set(self, option: int, value: int | bytes | None, now_us: int) -> None:
         """Set an option of the raw socket. The kernel looks for the device first, which may just be going away."""
         if self._socket is None or value is None:
@@ -171,20 +180,12 @@ class SocketCanLink:
             self._trouble(e, now_us)
 
     def _take(self, data: bytes, extra: list[tuple[int, int, bytes]], now_us: int) -> Frame:
-        stamp_us = now_us
-        for level, kind, value in extra:
-            if level != socket.SOL_SOCKET:
-                continue
-            if kind == SO_TIMESTAMPNS:
-                stamp_us = time_us(value, 0)
-            elif kind == SO_TIMESTAMPING:
-                stamp_us = time_us(value, 0)
-                if self._hardware is not None and (raw_us := time_us(value, 2)):
-                    stamp_us = self._hardware.to_kernel_time(raw_us, stamp_us)
-            elif kind == SO_RXQ_OVFL:
-                total = U32.unpack(value[:4])[0]
-                self.health.drops += (total - self._dropped_before) & 0xFFFFFFFF
-                self._dropped_before = total
+        stamp_us, hardware_us, lost = parse_ancillary(extra, now_us)
+        if self._hardware is not None:
+            stamp_us = self._hardware.to_kernel_time(hardware_us, stamp_us)
+        if lost is not None:
+            self.health.drops += (lost - self._dropped_before) & 0xFFFFFFFF
+            self._dropped_before = lost
         word, length, payload = FRAME.unpack(data)
         payload = payload[: min(length, 8)]
         self._down = False

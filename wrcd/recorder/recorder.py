@@ -96,7 +96,7 @@ class Recorder:
                 self._pending, self._last_us = (found, now_us), now_us
         if self._asked and self._pending is None:
             self._asked, self._pending = False, ("asked", now_us)
-        self._reap()
+        self.reap()
         if self._pending and self._child is None and not 0 <= now_us - self._pending[1] < POST_TRIGGER_US:
             name, self._pending = dump_name(self._channel, self._pending[1], self._pending[0]), None
             self._dump(name)
@@ -157,7 +157,18 @@ class Recorder:
         except OSError as e:
             self._report(f"no process to write it: {e.strerror}")
 
-    def _reap(self) -> None:
+    @property
+    def pending_trigger(self) -> str | None:
+        """The trigger whose dump waits for the frames after it, or None."""
+        return self._pending and self._pending[0]
+
+    @property
+    def is_writing(self) -> bool:
+        """Whether a process writes a dump."""
+        return self._child is not None
+
+    def reap(self) -> None:
+        """Log the result of a dump whose process has ended."""
         if self._child is not None and (failed := self._child.finished()) is not None:
             self._child = None
             self._report(failed)

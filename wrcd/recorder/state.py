@@ -1,7 +1,7 @@
 """The state of a core as plain values: copied from a running one, written to a file, put back into a fresh one.
 
 A class names what it carries from one frame to the next in STATE, and what it changes on the way but nothing later
-hangs on (caches, results made anew) in TRANSIENT. tests/unit/test_state.py finds what is in neither.
+hangs on (caches, results made anew) in TRANSIENT. tests/unit/recorder/test_state.py finds what is in neither.
 """
 
 import base64

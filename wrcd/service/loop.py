@@ -177,7 +177,7 @@ class Daemon:
         """Until SIGTERM or SIGINT. However it ends, an exception included, the last frames say NotAvailable, and it is
         off the bus before the recorder's dump is written: that takes seconds."""
         for s in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGUSR1):
-            signal.signal(s, self._on_signal)
+            signal.signal(s, self.on_signal)
         try:
             self.catch_up()
             self._go_on()
@@ -219,7 +219,8 @@ class Daemon:
         log_line(line)
         self._notifier.notify("READY=1")
 
-    def _on_signal(self, number: int, _frame: FrameType | None) -> None:
+    def on_signal(self, number: int, _frame: FrameType | None = None) -> None:
+        """Handle a signal: SIGHUP reloads where there is something to reload, SIGUSR1 asks for a dump, others stop."""
         if number == signal.SIGHUP and self._reload is not None:
             self._hangup = True
         elif number == signal.SIGUSR1:

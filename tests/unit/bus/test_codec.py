@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.can_ids import ADHESION_A1, YAW_RATE_A1, YAW_RATE_A2
+from tests.support.dbc_texts import DIRECTION_AND_LOAD_DBC, TRAIN_DBC
 from wrcd import resources
 from wrcd.bus.codec import Receiver, Sample, Source, Value, Writer
 from wrcd.bus.dbc import Database, find_message, load_dbc
@@ -13,19 +15,6 @@ from wrcd.bus.e2e import protect
 from wrcd.bus.frame import Frame
 from wrcd.bus.reasons import Reason
 from wrcd.bus.units import Quantity
-
-FOREIGN = """VERSION ""
-NS_ :
-BS_:
-BU_: BCU
-BO_ 2364540158 Bogie1: 8 BCU
- SG_ Gyro : 0|16@1- (0.01,0) [-200|200] "deg/s" BCU
- SG_ Side : 16|16@1- (0.001,0) [-20|20] "g" BCU
- SG_ Tractive : 32|16@1- (0.1,0) [-100|100] "kNm" BCU
-BO_ 800 Drive: 2 BCU
- SG_ V : 7|16@0+ (0.01,0) [0|300] "km/h" BCU
-VAL_ 800 V 65535 "SNA" ;
-"""
 
 
 @pytest.fixture(scope="module")
@@ -38,16 +27,16 @@ def yaw_receiver(production: Database) -> Receiver:
 
 
 def yaw(raw: int = 1000, status: int = 0, counter: int = 0) -> bytes:
-    return protect(bytes([0, status << 4]) + struct.pack("<i", raw)[:3], 0x101, counter)
+    return protect(bytes([0, status << 4]) + struct.pack("<i", raw)[:3], YAW_RATE_A1, counter)
 
 
-def test_a_good_frame(production: Database) -> None:
-    got = yaw_receiver(production).read(Frame(0, 0x101, yaw(-1234)))
+def test_good_frame_gives_its_sample(production: Database) -> None:
+    got = yaw_receiver(production).read(Frame(0, YAW_RATE_A1, yaw(-1234)))
     assert got == [Sample(Quantity.YAW_RATE, (0,), -1234 * 1e-6, False)]
 
 
-def test_degraded_is_passed_on(production: Database) -> None:
-    got = yaw_receiver(production).read(Frame(0, 0x101, yaw(status=1)))
+def test_degraded_status_is_in_the_sample(production: Database) -> None:
+    got = yaw_receiver(production).read(Frame(0, YAW_RATE_A1, yaw(status=1)))
     assert isinstance(got, list)
     assert got[0].degraded
 
@@ -55,33 +44,33 @@ def test_degraded_is_passed_on(production: Database) -> None:
 @pytest.mark.parametrize(
     ("frame", "reason"),
     [
-        (Frame(0, 0x101, yaw()[:4]), Reason.LENGTH),
-        (Frame(0, 0x101, yaw() + b"\0"), Reason.LENGTH),
-        (Frame(0, 0x101, b""), Reason.LENGTH),
-        (Frame(0, 0x101, yaw(), extended=True), Reason.KIND),
-        (Frame(0, 0x101, yaw(), remote=True), Reason.KIND),
-        (Frame(0, 0x101, yaw(), fd=True), Reason.KIND),
-        (Frame(0, 0x101, bytes([yaw()[0] ^ 1]) + yaw()[1:]), Reason.CRC),
-        (Frame(0, 0x101, yaw(status=14)), Reason.STATUS),
-        (Frame(0, 0x101, yaw(status=15)), Reason.STATUS),
-        (Frame(0, 0x101, yaw(status=7)), Reason.STATUS),
-        (Frame(0, 0x101, yaw(raw=-(1 << 23))), Reason.RANGE),
+        (Frame(0, YAW_RATE_A1, yaw()[:4]), Reason.LENGTH),
+        (Frame(0, YAW_RATE_A1, yaw() + b"\0"), Reason.LENGTH),
+        (Frame(0, YAW_RATE_A1, b""), Reason.LENGTH),
+        (Frame(0, YAW_RATE_A1, yaw(), extended=True), Reason.KIND),
+        (Frame(0, YAW_RATE_A1, yaw(), remote=True), Reason.KIND),
+        (Frame(0, YAW_RATE_A1, yaw(), fd=True), Reason.KIND),
+        (Frame(0, YAW_RATE_A1, bytes([yaw()[0] ^ 1]) + yaw()[1:]), Reason.CRC),
+        (Frame(0, YAW_RATE_A1, yaw(status=14)), Reason.STATUS),
+        (Frame(0, YAW_RATE_A1, yaw(status=15)), Reason.STATUS),
+        (Frame(0, YAW_RATE_A1, yaw(status=7)), Reason.STATUS),
+        (Frame(0, YAW_RATE_A1, yaw(raw=-(1 << 23))), Reason.RANGE),
     ],
     ids=lambda x: str(x) if isinstance(x, Reason) else "",
 )
-def test_refusals(production: Database, frame: Frame, reason: Reason) -> None:
+def test_bad_frame_is_rejected_with_its_reason(production: Database, frame: Frame, reason: Reason) -> None:
     assert yaw_receiver(production).read(frame) is reason
 
 
-def test_what_is_not_mapped_is_nobodys_business(production: Database) -> None:
+def test_unmapped_frame_is_ignored(production: Database) -> None:
     receiver = yaw_receiver(production)
-    assert receiver.read(Frame(0, 0x102, bytes(5))) is None
+    assert receiver.read(Frame(0, YAW_RATE_A2, bytes(5))) is None
     # an error frame's class looks like an id
-    assert receiver.read(Frame(0, 0x101, bytes(8), error=True)) is None
+    assert receiver.read(Frame(0, YAW_RATE_A1, bytes(8), error=True)) is None
 
 
-def test_a_trains_own_dbc(tmp_path: Path) -> None:
-    (tmp_path / "own.dbc").write_text(FOREIGN)
+def test_own_dbc_is_decoded_to_si_units(tmp_path: Path) -> None:
+    (tmp_path / "own.dbc").write_text(TRAIN_DBC)
     database = load_dbc(tmp_path / "own.dbc")
     receiver = Receiver(
         database,
@@ -105,17 +94,6 @@ def test_a_trains_own_dbc(tmp_path: Path) -> None:
     assert receiver.read(Frame(0, 800, b"\xff\xff")) is Reason.STATUS
 
 
-OPTIONAL = """VERSION ""
-NS_ :
-BS_:
-BU_: B
-BO_ 800 State: 4 B
- SG_ Dir : 0|2@1+ (1,0) [0|3] "" B
- SG_ Load : 8|16@1+ (0.1,0) [0|0] "kN" B
-VAL_ 800 Dir 0 "Forward" 1 "Reverse" 3 "SNA" ;
-"""
-
-
 @pytest.mark.parametrize(
     ("payload", "expected"),
     [
@@ -125,8 +103,10 @@ VAL_ 800 Dir 0 "Forward" 1 "Reverse" 3 "SNA" ;
         ("00000000", Reason.RANGE),
     ],
 )
-def test_direction_and_load(tmp_path: Path, payload: str, expected: list[float] | Reason) -> None:
-    (tmp_path / "own.dbc").write_text(OPTIONAL)
+def test_direction_and_load_are_decoded_or_rejected(
+    tmp_path: Path, payload: str, expected: list[float] | Reason
+) -> None:
+    (tmp_path / "own.dbc").write_text(DIRECTION_AND_LOAD_DBC)
     sources = [Source("State", "Dir", Quantity.DIRECTION, (0,)), Source("State", "Load", Quantity.AXLE_LOAD, (0,))]
     got = Receiver(load_dbc(tmp_path / "own.dbc"), sources).read(Frame(0, 800, bytes.fromhex(payload)))
     if isinstance(got, list):
@@ -135,7 +115,7 @@ def test_direction_and_load(tmp_path: Path, payload: str, expected: list[float] 
         assert got is expected
 
 
-def test_the_adhesion_frame(production: Database) -> None:
+def test_adhesion_frame_is_encoded_and_protected(production: Database) -> None:
     message = find_message(production, "Adhesion_A1")
     values: dict[str, Value] = {
         "Validity": "Valid", "MuAvailable": 38.394, "MuUsed": None, "SampleAge": 9.0, "Surface": "Dry",
@@ -144,8 +124,8 @@ def test_the_adhesion_frame(production: Database) -> None:
     frame = Writer(message, ()).frame(123, 17, values)
     decoded = message.decode(frame.data)
     assert isinstance(decoded, dict)
-    assert (frame.can_id, frame.stamp_us, decoded["Counter"]) == (0x091, 123, 2)
-    assert protect(frame.data, 0x091, 2) == frame.data
+    assert (frame.can_id, frame.stamp_us, decoded["Counter"]) == (ADHESION_A1, 123, 2)
+    assert protect(frame.data, ADHESION_A1, 2) == frame.data
     assert decoded["MuAvailable"] == pytest.approx(38.39)
     assert str(decoded["MuUsed"]) == "NotAvailable"
     assert {k: str(decoded[k]) for k in ("Validity", "Surface", "ContactState", "Confidence")} == {
@@ -157,7 +137,7 @@ def test_the_adhesion_frame(production: Database) -> None:
 
 
 @pytest.mark.parametrize(("value", "raw"), [(-1.0, 0), (1e9, 10_000), (math.nan, 0xFFFF), (math.inf, 0xFFFF)])
-def test_values_beyond_the_field_never_wrap(production: Database, value: float, raw: int) -> None:
+def test_value_beyond_its_field_is_limited_or_not_available(production: Database, value: float, raw: int) -> None:
     message = find_message(production, "Adhesion_A1")
     frame = Writer(message, ()).frame(0, 0, {"MuAvailable": value})
     assert struct.unpack_from("<H", frame.data, 2)[0] == raw

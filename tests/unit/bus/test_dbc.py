@@ -10,9 +10,8 @@ from cantools.database.can import Database
 from wrcd.bus.dbc import timeout_ms
 from wrcd.bus.link import LinkState
 from wrcd.bus.reasons import Reason
-from wrcd.core.causes import Cause
+from wrcd.core.causes import Cause, Validity
 from wrcd.core.counts import State
-from wrcd.core.causes import Validity
 
 ROOT = Path(__file__).parents[3]
 MESSAGES = {
@@ -59,7 +58,7 @@ def production() -> Database:
     return load("wrcd.dbc")
 
 
-def test_messages(production: Database) -> None:
+def test_messages_have_id_sender_cycle_timeout_and_length(production: Database) -> None:
     found = {
         m.name: (m.frame_id, m.senders[0], m.cycle_time, timeout_ms(m, m.signals[0]), m.length)
         for m in production.messages
@@ -68,7 +67,7 @@ def test_messages(production: Database) -> None:
 
 
 @pytest.mark.parametrize("name", SIGNALS)
-def test_signals(production: Database, name: str) -> None:
+def test_signals_have_position_scale_and_unit(production: Database, name: str) -> None:
     signals = {
         s.name: (s.start, s.length, s.is_signed, s.scale, s.unit)
         for s in production.get_message_by_name(name).signals
@@ -78,7 +77,7 @@ def test_signals(production: Database, name: str) -> None:
 
 
 @pytest.mark.parametrize("file", ["wrcd.dbc", "sim_ecu.dbc"])
-def test_every_message_is_protected_and_every_signal_explained(file: str) -> None:
+def test_every_message_has_e2e_and_every_signal_a_comment(file: str) -> None:
     for m in load(file).messages:
         assert m.dbc is not None
         attributes = {k: v.value for k, v in m.dbc.attributes.items()}
@@ -99,7 +98,7 @@ def test_every_message_is_protected_and_every_signal_explained(file: str) -> Non
             assert "GenSigStartValue" in s.dbc.attributes
 
 
-def test_value_tables(production: Database) -> None:
+def test_value_tables_have_their_labels(production: Database) -> None:
     m = production.get_message_by_name("Adhesion_A2")
     tables = {s.name: {int(k): str(v) for k, v in s.choices.items()} for s in m.signals if s.choices}
     assert tables["Validity"] == {0: "NotAvailable", 1: "Valid", 2: "Degraded"}
@@ -123,14 +122,14 @@ def words(production: Database, message: str, signal: str) -> set[str]:
     }
 
 
-def test_no_state_is_promised_that_is_never_sent(production: Database) -> None:
+def test_labels_are_those_that_the_code_sends(production: Database) -> None:
     """Each of these words is one that the daemon uses, and it uses no other."""
     assert words(production, "Adhesion_A3", "Validity") == {v.value for v in Validity}
     assert words(production, "WrcdStatus", "State") == set(get_args(State))
     assert words(production, "WrcdLink", "LinkState") == set(get_args(LinkState))
 
 
-def test_the_truth_is_only_in_the_rigs_file(production: Database) -> None:
+def test_truth_is_in_the_rigs_dbc_only(production: Database) -> None:
     truth = load("sim_ecu.dbc")
     assert {m.name: m.frame_id for m in truth.messages} == {f"SimTruth_A{a}": 0x7A0 + a for a in range(1, 5)}
     slip = truth.get_message_by_name("SimTruth_A1").get_signal_by_name("Slip")
@@ -138,7 +137,7 @@ def test_the_truth_is_only_in_the_rigs_file(production: Database) -> None:
     assert not any("Truth" in m.name for m in production.messages)
 
 
-def test_every_cause_has_its_label_beside_residuals_that_keep_their_range(production: Database) -> None:
+def test_every_cause_has_a_label_and_residuals_keep_their_range(production: Database) -> None:
     for a in range(1, 5):
         m = production.get_message_by_name(f"AdhesionDetail_A{a}")
         cause = m.get_signal_by_name("Cause")
@@ -150,7 +149,7 @@ def test_every_cause_has_its_label_beside_residuals_that_keep_their_range(produc
             assert {int(n): str(v) for n, v in (s.choices or {}).items()} == {255: "NotAvailable"}
 
 
-def test_every_reason_has_its_label_and_its_counter(production: Database) -> None:
+def test_every_reason_has_a_label_and_a_counter(production: Database) -> None:
     labels = ["None", *(r.label for r in Reason)]
     for message, signal in (("WrcdStatus", "LastReason"), ("InputHealth_A3", "RefusedTorque")):
         choices = production.get_message_by_name(message).get_signal_by_name(signal).choices

@@ -6,26 +6,27 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wrcd.bus.e2e import COUNTER_MODULO, MAX_LOST, Checker, crc, protect
+from tests.support.can_ids import ADHESION_A1, YAW_RATE, YAW_RATE_A1, YAW_RATE_A2
+from wrcd.bus.e2e import CANDIDATE_FORGOTTEN, COUNTER_MODULO, MAX_LOST, MAX_MOVES, Checker, crc, protect
 from wrcd.bus.reasons import Reason
 
 VECTORS = Path(__file__).parents[2] / "data" / "e2e_profile11_vectors.csv"
 
 
 @pytest.mark.parametrize("row", list(csv.DictReader(VECTORS.read_text().splitlines())), ids=lambda r: r["frame_hex"])
-def test_known_good_frames(row: dict[str, str]) -> None:
+def test_known_frames_pass_crc_and_check(row: dict[str, str]) -> None:
     data, data_id = bytes.fromhex(row["frame_hex"]), int(row["data_id_hex"], 16)
     assert crc(data, data_id) == data[0]
     assert protect(b"\0" + data[1:], data_id, data[1] & 0x0F) == data
     assert Checker(data_id).check(data) is None
 
 
-def test_a_zero_frame() -> None:
+def test_zero_frame_has_the_known_crc() -> None:
     assert protect(bytes(8), 0x123, 0).hex() == "cc00000000000000"
 
 
 @given(st.binary(min_size=2, max_size=8), st.integers(0, 0xFFFF), st.integers(0, 14))
-def test_agrees_with_the_autosar_package(data: bytes, data_id: int, counter: int) -> None:
+def test_protect_agrees_with_the_autosar_package(data: bytes, data_id: int, counter: int) -> None:
     ours = protect(data, data_id, counter)
     theirs = bytearray(ours)
     e2e.p11.e2e_p11_protect(theirs, data_id, increment_counter=False)
@@ -33,49 +34,49 @@ def test_agrees_with_the_autosar_package(data: bytes, data_id: int, counter: int
 
 
 @given(st.integers(0, 63))
-def test_every_flipped_bit_is_seen(bit: int) -> None:
-    good = protect(bytes.fromhex("0000a1b2c3d4e5f6"), 0x91, 3)
+def test_flipped_bit_fails_the_crc(bit: int) -> None:
+    good = protect(bytes.fromhex("0000a1b2c3d4e5f6"), ADHESION_A1, 3)
     bad = bytearray(good)
     bad[bit // 8] ^= 1 << bit % 8
-    assert Checker(0x91).check(bytes(bad)) is Reason.CRC
+    assert Checker(ADHESION_A1).check(bytes(bad)) is Reason.CRC
 
 
-def test_another_messages_frame_is_refused() -> None:
-    assert Checker(0x101).check(protect(bytes(5), 0x102, 0)) is Reason.CRC
+def test_frame_of_another_message_fails_the_crc() -> None:
+    assert Checker(YAW_RATE_A1).check(protect(bytes(5), YAW_RATE_A2, 0)) is Reason.CRC
 
 
 @pytest.mark.parametrize("step", range(COUNTER_MODULO))
-def test_the_counter(step: int) -> None:
-    checker = Checker(0x91)
-    assert checker.check(protect(bytes(8), 0x91, 5)) is None
-    got = checker.check(protect(bytes(8), 0x91, (5 + step) % COUNTER_MODULO))
+def test_counter_step_is_accepted_repeated_or_rejected(step: int) -> None:
+    checker = Checker(ADHESION_A1)
+    assert checker.check(protect(bytes(8), ADHESION_A1, 5)) is None
+    got = checker.check(protect(bytes(8), ADHESION_A1, (5 + step) % COUNTER_MODULO))
     assert got is (Reason.REPEAT if step == 0 else None if step <= MAX_LOST + 1 else Reason.COUNTER)
     # after a gap one frame is refused, the next is good again
-    assert checker.check(protect(bytes(8), 0x91, (6 + step) % COUNTER_MODULO)) is None
+    assert checker.check(protect(bytes(8), ADHESION_A1, (6 + step) % COUNTER_MODULO)) is None
 
 
-def test_counter_fifteen_does_not_exist() -> None:
+def test_counter_fifteen_is_rejected() -> None:
     frame = bytearray(8)
     frame[1] = 0x0F
-    frame[0] = crc(frame, 0x91)
-    assert Checker(0x91).check(bytes(frame)) is Reason.COUNTER
+    frame[0] = crc(frame, ADHESION_A1)
+    assert Checker(ADHESION_A1).check(bytes(frame)) is Reason.COUNTER
 
 
 def sent(counter: int, payload: int) -> bytes:
-    return protect(bytes([0, 0, payload, 0, 0]), 0x91, counter % COUNTER_MODULO)
+    return protect(bytes([0, 0, payload, 0, 0]), ADHESION_A1, counter % COUNTER_MODULO)
 
 
-def test_a_frame_of_another_known_message_is_named() -> None:
-    checker = Checker(0x101, others=(0x102, 0x103))
-    assert checker.check(protect(bytes(5), 0x103, 0)) is Reason.DATA_ID
-    assert checker.check(protect(bytes(5), 0x104, 0)) is Reason.CRC
-    assert checker.check(protect(bytes(5), 0x101, 0)) is None
+def test_frame_of_a_known_message_is_rejected_as_data_id() -> None:
+    checker = Checker(YAW_RATE_A1, others=(YAW_RATE_A2, YAW_RATE[3]))
+    assert checker.check(protect(bytes(5), YAW_RATE[3], 0)) is Reason.DATA_ID
+    assert checker.check(protect(bytes(5), YAW_RATE[4], 0)) is Reason.CRC
+    assert checker.check(protect(bytes(5), YAW_RATE_A1, 0)) is None
 
 
 @pytest.mark.parametrize("apart", range(COUNTER_MODULO))
 @pytest.mark.parametrize("first", [True, False])
-def test_two_senders_are_noticed_at_the_third_frame_and_nobody_is_believed(apart: int, first: bool) -> None:
-    checker = Checker(0x91)
+def test_two_senders_are_both_rejected_from_the_third_frame(apart: int, first: bool) -> None:
+    checker = Checker(ADHESION_A1)
     for k in range(20):
         assert checker.check(sent(k, 1)) is None
     assert not checker.suspect
@@ -92,8 +93,8 @@ def test_two_senders_are_noticed_at_the_third_frame_and_nobody_is_believed(apart
     assert all(v is None for v in after[after.index(None) :])
 
 
-def test_of_two_senders_the_one_that_remains_is_believed_again() -> None:
-    checker = Checker(0x91)
+def test_remaining_one_of_two_senders_is_accepted_again() -> None:
+    checker = Checker(ADHESION_A1)
     for k in range(30):
         checker.check(sent(k, 1))
         checker.check(sent(k + 7, 2))
@@ -102,25 +103,25 @@ def test_of_two_senders_the_one_that_remains_is_believed_again() -> None:
     assert after.index(None) <= COUNTER_MODULO + 2
 
 
-def test_two_senders_in_uneven_order_are_noticed() -> None:
+def test_two_senders_in_uneven_order_are_rejected() -> None:
     """Two frames of one, two of the other: the chain would move back and forth for ever."""
-    checker = Checker(0x91)
+    checker = Checker(ADHESION_A1)
     a, b = iter(range(100)), iter(range(8, 100))
     verdicts = [checker.check(sent(next(a if k // 2 % 2 else b), k)) for k in range(60)]
     assert Reason.TWO_SENDERS in verdicts[:12]
     assert None not in verdicts[12:]
 
 
-def test_copies_of_a_frame_are_no_second_sender() -> None:
-    checker = Checker(0x91)
+def test_repeated_frame_is_no_second_sender() -> None:
+    checker = Checker(ADHESION_A1)
     for k in range(40):
         assert checker.check(sent(k, k)) is None
         assert checker.check(sent(k, k)) is Reason.REPEAT
 
 
 @pytest.mark.parametrize("stray", range(COUNTER_MODULO))
-def test_a_stray_frame_costs_at_most_one_good_one(stray: int) -> None:
-    checker = Checker(0x91)
+def test_stray_frame_costs_at_most_one_good_frame(stray: int) -> None:
+    checker = Checker(ADHESION_A1)
     for k in range(5):
         checker.check(sent(k, 1))
     checker.check(sent(stray, 99))
@@ -128,16 +129,39 @@ def test_a_stray_frame_costs_at_most_one_good_one(stray: int) -> None:
     assert len(refused) <= 1
 
 
-def test_a_sender_that_starts_anew_loses_one_frame() -> None:
-    checker = Checker(0x91)
+def test_restarted_sender_loses_one_frame() -> None:
+    checker = Checker(ADHESION_A1)
     for start in (0, 9, 3, 12):
         assert [checker.check(sent(start + k, start)) for k in range(20)].count(None) >= 19
 
 
-def test_a_suspicion_is_forgotten() -> None:
-    checker = Checker(0x91)
+def test_suspicion_ends_after_some_frames_of_one_sender() -> None:
+    checker = Checker(ADHESION_A1)
     for k in range(20):
         checker.check(sent(k, 1))
         if k in (10, 11):
             checker.check(sent(k + 7, 2))
         assert checker.suspect == (11 <= k <= 15)
+
+
+def test_candidate_is_suspected_at_its_second_frame_then_forgotten() -> None:
+    checker = Checker(ADHESION_A1)
+    for c in (0, 1, 2):
+        checker.check(sent(c, 0))
+    assert (checker.check(sent(9, 0)), checker.suspect) == (Reason.COUNTER, False)
+    assert checker.check(sent(3, 0)) is None
+    assert (checker.check(sent(10, 0)), checker.suspect) == (Reason.COUNTER, True)
+    for k in range(CANDIDATE_FORGOTTEN + 1):
+        assert checker.suspect
+        assert checker.check(sent(4 + k, 0)) is None
+    assert not checker.suspect
+
+
+def test_sender_restarting_more_than_max_moves_times_counts_as_two() -> None:
+    checker = Checker(ADHESION_A1)
+    assert [checker.check(sent(c, 0)) for c in (0, 1, 2)] == [None] * 3
+    starts = (9, 7, 0)  # none continues the chain or the one before it
+    assert len(starts) == MAX_MOVES + 1
+    verdicts = [(checker.check(sent(s, 0)), checker.check(sent(s + 1, 0))) for s in starts]
+    assert verdicts[:-1] == [(Reason.COUNTER, None)] * MAX_MOVES
+    assert verdicts[-1][1] is Reason.TWO_SENDERS

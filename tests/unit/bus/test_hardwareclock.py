@@ -6,17 +6,14 @@ import struct
 
 import pytest
 
-from wrcd.bus.controller import Controller
 from wrcd.bus.hardwareclock import HardwareClock
-from wrcd.bus.link import LinkHealth
-from wrcd.bus.rawcan import SO_TIMESTAMPING, SO_TIMESTAMPNS
-from wrcd.bus.socketcan import SocketCanLink
+from wrcd.bus.rawcan import SO_RXQ_OVFL, SO_TIMESTAMPING, SO_TIMESTAMPNS, parse_ancillary
 
 START = 1_700_000_000_000_000
 
 
 @pytest.mark.parametrize("ppm", [-50, 0, 50])
-def test_late_kernel_stamps_are_mended_and_drift_is_followed(ppm: int) -> None:
+def test_late_kernel_stamps_are_corrected_under_drift(ppm: int) -> None:
     """The kernel is late by up to 3 ms, exponentially; the controller's clock counts from its own start and drifts."""
     rng, clock = random.Random(3), HardwareClock()
     worst = 0
@@ -31,7 +28,7 @@ def test_late_kernel_stamps_are_mended_and_drift_is_followed(ppm: int) -> None:
     assert worst <= 1200
 
 
-def test_a_clock_that_steps_is_taken_up_at_once() -> None:
+def test_large_clock_step_is_followed_at_once() -> None:
     clock = HardwareClock()
     for k in range(100):
         clock.to_kernel_time(5000 * k, START + 5000 * k)
@@ -40,7 +37,7 @@ def test_a_clock_that_steps_is_taken_up_at_once() -> None:
 
 
 @pytest.mark.parametrize("step_us", [20_000, 400_000, 900_000])
-def test_a_small_step_forwards_is_taken_up_within_a_second(step_us: int) -> None:
+def test_small_forward_step_is_followed_within_a_second(step_us: int) -> None:
     clock = HardwareClock()
     stamps = [clock.to_kernel_time(5000 * k, START + 5000 * k + (step_us if k >= 500 else 0)) for k in range(700)]
     assert stamps[499] == START + 5000 * 499
@@ -51,18 +48,27 @@ def stamps(*times: float) -> bytes:
     return b"".join(struct.pack("@ll", int(t), round(t % 1 * 1e9)) for t in times)
 
 
-def test_what_the_kernel_sends_along() -> None:
-    link = SocketCanLink.__new__(SocketCanLink)
-    link._hardware, link._dropped_before = None, 0
-    data = struct.pack("=IB3x8s", 0x101, 1, b"\x07")
-    link._down, link._controller = False, Controller(LinkHealth())
-    assert link._take(data, [(socket.SOL_SOCKET, SO_TIMESTAMPNS, stamps(12.25))], 5).stamp_us == 12_250_000
-    assert link._take(data, [(99, SO_TIMESTAMPNS, stamps(12.25))], 5).stamp_us == 5
-    three = [(socket.SOL_SOCKET, SO_TIMESTAMPING, stamps(100.0, 0.0, 7.5))]
-    assert link._take(data, three, 5).stamp_us == 100_000_000
-    link._hardware = HardwareClock()
-    assert link._take(data, three, 5).stamp_us == 100_000_000
-    late = [(socket.SOL_SOCKET, SO_TIMESTAMPING, stamps(100.0075, 0.0, 7.505))]
-    assert link._take(data, late, 5).stamp_us == 100_005_000
-    none = [(socket.SOL_SOCKET, SO_TIMESTAMPING, stamps(100.5, 0.0, 0.0))]
-    assert link._take(data, none, 5).stamp_us == 100_500_000
+def test_ancillary_data_give_kernel_stamp_controller_stamp_and_losses() -> None:
+    kernel = (socket.SOL_SOCKET, SO_TIMESTAMPNS, stamps(12.25))
+    both = (socket.SOL_SOCKET, SO_TIMESTAMPING, stamps(100.0, 0.0, 7.5))
+    kernel_alone = (socket.SOL_SOCKET, SO_TIMESTAMPING, stamps(100.5, 0.0, 0.0))
+    lost = (socket.SOL_SOCKET, SO_RXQ_OVFL, struct.pack("=I", 0xFFFFFFFF))
+    assert parse_ancillary([], 5) == (5, 0, None)
+    assert parse_ancillary([kernel], 5) == (12_250_000, 0, None)
+    assert parse_ancillary([(99, SO_TIMESTAMPNS, stamps(12.25))], 5) == (5, 0, None)  # of another level
+    assert parse_ancillary([both], 5) == (100_000_000, 7_500_000, None)
+    assert parse_ancillary([kernel_alone], 5) == (100_500_000, 0, None)
+    assert parse_ancillary([lost, kernel], 5) == (12_250_000, 0, 0xFFFFFFFF)
+
+
+def test_controller_stamp_is_mapped_to_kernel_time() -> None:
+    clock = HardwareClock()
+    assert clock.to_kernel_time(7_500_000, 100_000_000) == 100_000_000
+    assert clock.to_kernel_time(7_505_000, 100_007_500) == 100_005_000  # the kernel was late by 2.5 ms
+
+
+def test_frame_without_a_controller_stamp_keeps_the_kernel_stamp() -> None:
+    clock = HardwareClock()
+    clock.to_kernel_time(7_500_000, 100_000_000)
+    assert clock.to_kernel_time(0, 100_500_000) == 100_500_000
+    assert clock.to_kernel_time(8_005_000, 100_507_500) == 100_505_000  # and leaves the offset as it was

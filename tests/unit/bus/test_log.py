@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.support.can_ids import YAW_RATE_A1
 from wrcd.bus.frame import Frame
 from wrcd.bus.log import Damage, format_line, parse_line, read_log
 from wrcd.errors import InputError
@@ -31,17 +32,17 @@ def read(path: Path) -> tuple[list[Frame], Damage]:
 
 
 @given(frames)
-def test_what_is_written_is_read(frame: Frame) -> None:
+def test_written_line_is_read_as_the_same_frame(frame: Frame) -> None:
     assert parse_line(format_line(frame, "can0").encode()) == (frame, "can0")
 
 
 @given(st.binary(max_size=80))
-def test_any_bytes_are_a_frame_or_nothing(line: bytes) -> None:
+def test_line_of_any_bytes_is_a_frame_or_none(line: bytes) -> None:
     found = parse_line(line)
     assert found is None or len(found[0].data) <= 64
 
 
-def test_kinds_of_lines() -> None:
+def test_fd_error_and_direction_lines_are_read() -> None:
     fd = parse_line(b"(1700000000.000001) can0 091##100112233445566778899AABB")
     assert fd is not None
     assert fd[0].fd
@@ -56,7 +57,7 @@ def test_kinds_of_lines() -> None:
     assert parse_line(b"(1700000000.000001) can0 800#00") is None
 
 
-def test_a_cut_log_is_read_up_to_the_cut(tmp_path: Path) -> None:
+def test_cut_log_is_read_up_to_the_cut(tmp_path: Path) -> None:
     log = tmp_path / "cut.log"
     log.write_text("\n".join(GOOD) + "\n(1700000000.030000) can0 091#0011")
     found, damage = read(log)
@@ -75,21 +76,21 @@ def test_damaged_lines_are_counted_and_named(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("content", [b"", b"\n\n", b"\x00\xff" * 50, b"not a log\n"])
-def test_a_log_without_a_frame_is_an_error(tmp_path: Path, content: bytes) -> None:
+def test_log_without_a_frame_is_an_error(tmp_path: Path, content: bytes) -> None:
     log = tmp_path / "empty.log"
     log.write_bytes(content)
     with pytest.raises(InputError, match="not one readable frame"):
         read(log)
 
 
-def test_a_missing_log(tmp_path: Path) -> None:
+def test_missing_log_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no such log"):
         read(tmp_path / "nowhere.log")
     with pytest.raises(InputError, match="no such log"):
         read(tmp_path / "nowhere.asc")
 
 
-def test_compressed(tmp_path: Path) -> None:
+def test_gzip_log_is_read(tmp_path: Path) -> None:
     log = tmp_path / "a.log.gz"
     with gzip.open(log, "wt") as f:
         f.write("\n".join(GOOD) + "\n")
@@ -97,12 +98,14 @@ def test_compressed(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("suffix", [".asc", ".blf", ".csv", ".trc"])
-def test_formats_of_python_can(tmp_path: Path, suffix: str) -> None:
+def test_formats_of_python_can_are_read(tmp_path: Path, suffix: str) -> None:
     log = tmp_path / f"a{suffix}"
     with can.Logger(log) as logger:
         for k in range(5):
             logger.on_message_received(
-                can.Message(timestamp=1.7e9 + k * 0.005, arbitration_id=0x101, data=bytes(5), is_extended_id=False)
+                can.Message(
+                    timestamp=1.7e9 + k * 0.005, arbitration_id=YAW_RATE_A1, data=bytes(5), is_extended_id=False
+                )
             )
     found, damage = read(log)
     assert [f.data for f in found] == [bytes(5)] * 5
@@ -112,7 +115,7 @@ def test_formats_of_python_can(tmp_path: Path, suffix: str) -> None:
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # python-can leaves the file open
-def test_rubbish_in_another_format(tmp_path: Path) -> None:
+def test_damaged_blf_is_an_error(tmp_path: Path) -> None:
     log = tmp_path / "a.blf"
     log.write_bytes(b"this is no BLF file at all")
     with pytest.raises(InputError, match=r"cannot be read as \.blf"):
@@ -120,17 +123,17 @@ def test_rubbish_in_another_format(tmp_path: Path) -> None:
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # python-can leaves the file open
-def test_a_frame_without_a_time_is_not_read(tmp_path: Path) -> None:
+def test_csv_row_without_a_time_is_an_error(tmp_path: Path) -> None:
     log = tmp_path / "a.csv"
     log.write_text("timestamp,arbitration_id,extended,remote,error,dlc,data\nnan,0x101,0,0,0,1,AA==\n")
     with pytest.raises(InputError, match=r"cannot be read as \.csv"):
         read(log)
 
 
-def test_an_id_that_there_is_not_is_left_out(tmp_path: Path) -> None:
+def test_csv_row_with_an_impossible_id_is_left_out(tmp_path: Path) -> None:
     log = tmp_path / "a.csv"
     rows = ("1700000000.0,0x800,0,0,0,1,AA==", "1700000000.1,0x101,0,0,0,1,AA==")
     log.write_text("timestamp,arbitration_id,extended,remote,error,dlc,data\n" + "\n".join(rows) + "\n")
     found, damage = read(log)
-    assert [f.can_id for f in found] == [0x101]
+    assert [f.can_id for f in found] == [YAW_RATE_A1]
     assert (damage.read, damage.bad, damage.lines) == (1, 1, [1])

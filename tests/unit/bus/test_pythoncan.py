@@ -8,12 +8,13 @@ from typing import Any
 import can
 import pytest
 
+from tests.support.can_ids import ADHESION_A1, EXTENDED, YAW_RATE_A1
 from wrcd.bus.frame import Frame
 from wrcd.bus.link import MAX_FRAMES
 from wrcd.bus.pythoncan import PythonCanLink
 from wrcd.errors import BusError
 
-IDS = (0x101, 0x18FF0001)
+IDS = (YAW_RATE_A1, EXTENDED)
 
 
 def now_us() -> int:
@@ -39,36 +40,36 @@ def ends() -> Iterator[Ends]:
     made.other.shutdown()
 
 
-def test_frames_both_ways_with_the_time_they_came_at(ends: Ends) -> None:
+def test_frames_pass_both_ways_with_their_time_of_reception(ends: Ends) -> None:
     before = now_us()
-    ends.send(0x101, data=b"\x01\x02")
-    ends.send(0x18FF0001, data=b"\x03")
+    ends.send(YAW_RATE_A1, data=b"\x01\x02")
+    ends.send(EXTENDED, data=b"\x03")
     frames = ends.link.receive(now_us())
     assert [(f.can_id, f.extended, f.data) for f in frames] == [
-        (0x101, False, b"\x01\x02"),
-        (0x18FF0001, True, b"\x03"),
+        (YAW_RATE_A1, False, b"\x01\x02"),
+        (EXTENDED, True, b"\x03"),
     ]
     assert all(before - 1 <= f.stamp_us <= now_us() for f in frames)
-    assert ends.link.send(Frame(now_us(), 0x091, b"\x07"))
+    assert ends.link.send(Frame(now_us(), ADHESION_A1, b"\x07"))
     got = ends.other.recv(1.0)
     assert got is not None
-    assert (got.arbitration_id, bytes(got.data), got.is_extended_id) == (0x091, b"\x07", False)
+    assert (got.arbitration_id, bytes(got.data), got.is_extended_id) == (ADHESION_A1, b"\x07", False)
 
 
-def test_an_interface_with_a_clock_of_its_own_is_stamped_here(ends: Ends) -> None:
-    ends.send(0x101)
+def test_stamp_of_a_foreign_clock_is_replaced(ends: Ends) -> None:
+    ends.send(YAW_RATE_A1)
     assert ends.link.receive(now_us() + 3_600_000_000)[0].stamp_us > now_us() + 3_500_000_000
 
 
-def test_frames_of_other_ids_hold_nothing_up(ends: Ends) -> None:
+def test_unmapped_frames_do_not_delay_mapped_ones(ends: Ends) -> None:
     """However many there are between two of the sensors': one look has all of them."""
     for k in range(1000):
         ends.send(0x300 + k % 0x100)
         if k % 250 == 0:
-            ends.send(0x101)
-    ends.send(0x101, is_error_frame=True)
-    ends.other.send(can.Message(arbitration_id=0x101, is_extended_id=True))
-    assert [f.can_id for f in ends.link.receive(now_us())] == [0x101] * 4
+            ends.send(YAW_RATE_A1)
+    ends.send(YAW_RATE_A1, is_error_frame=True)
+    ends.other.send(can.Message(arbitration_id=YAW_RATE_A1, is_extended_id=True))
+    assert [f.can_id for f in ends.link.receive(now_us())] == [YAW_RATE_A1] * 4
     assert ends.link.health.error_frames == 1
 
 
@@ -88,31 +89,31 @@ class Endless(can.BusABC):
 
 
 @pytest.mark.parametrize(
-    ("can_id", "error", "handed_over"), [(0x101, False, MAX_FRAMES), (0x300, False, 0), (0x101, True, 0)],
+    ("can_id", "error", "handed_over"), [(YAW_RATE_A1, False, MAX_FRAMES), (0x300, False, 0), (YAW_RATE_A1, True, 0)],
     ids=["sensor's", "unmapped", "error frames"],
 )  # fmt: skip
-def test_a_look_at_a_flood_ends(
-    ends: Ends, monkeypatch: pytest.MonkeyPatch, can_id: int, error: bool, handed_over: int
+def test_receive_ends_after_max_frames_of_a_flood(
+    monkeypatch: pytest.MonkeyPatch, can_id: int, error: bool, handed_over: int
 ) -> None:
     flood = Endless(can.Message(arbitration_id=can_id, is_extended_id=False, is_error_frame=error, timestamp=1.0))
-    monkeypatch.setattr(ends.link, "_bus", flood)
+    monkeypatch.setattr(can, "Bus", lambda **_: flood)
+    link = PythonCanLink("endless", "endless", IDS)
     for look in (1, 2):
-        assert len(ends.link.receive(now_us())) == handed_over
+        assert len(link.receive(now_us())) == handed_over
         assert flood.taken == look * MAX_FRAMES
-    assert ends.link.health.error_frames == (2 * MAX_FRAMES if error else 0)
-    flood.shutdown()
-    monkeypatch.undo()
+    assert link.health.error_frames == (2 * MAX_FRAMES if error else 0)
+    link.close()
 
 
-def test_an_interface_that_there_is_none_of_is_a_clear_error() -> None:
+def test_unknown_interface_is_a_bus_error() -> None:
     with pytest.raises(BusError, match="nosuch:can0 cannot be opened"):
         PythonCanLink("nosuch", "can0", None)
 
 
-def test_a_bus_that_is_closed_is_down_and_counts(ends: Ends) -> None:
+def test_closed_bus_is_down_and_counts_unsent_frames(ends: Ends) -> None:
     ends.link.close()
     assert ends.link.receive(now_us()) == []
     assert ends.link.health.state == "Down"
-    assert not ends.link.send(Frame(now_us(), 0x091, b""))
+    assert not ends.link.send(Frame(now_us(), ADHESION_A1, b""))
     assert ends.link.health.unsent == 1
     ends.link.close()

@@ -24,20 +24,20 @@ def link(kind: int, name: bytes, flags: int = 0) -> bytes:
     return struct.pack("=IHHII", 16 + len(body), kind, 0, 0, 0) + body + bytes(-len(body) % 4)
 
 
-def test_the_present_state_comes_first() -> None:
+def test_present_state_is_the_first_event() -> None:
     events = LinkEvents("lo")
     assert events.read() == [LinkEvent.UP]
     assert events.read() == []
     events.close()
 
 
-def test_an_interface_that_is_not_there_is_gone() -> None:
+def test_missing_interface_is_gone() -> None:
     events = LinkEvents("none9")
     assert events.read() == [LinkEvent.GONE]
     events.close()
 
 
-def test_where_rtnetlink_is_forbidden_there_are_no_events(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_forbidden_rtnetlink_gives_no_events(monkeypatch: pytest.MonkeyPatch) -> None:
     """As in a unit whose RestrictAddressFamilies= lacks it."""
 
     def refused(*_: object) -> socket.socket:
@@ -47,13 +47,13 @@ def test_where_rtnetlink_is_forbidden_there_are_no_events(monkeypatch: pytest.Mo
     assert open_events("lo") is None
 
 
-def test_the_events_of_one_interface_in_their_order() -> None:
+def test_events_of_one_interface_keep_their_order() -> None:
     other = link(NEW, b"can1", 1)
     data = link(DEL, b"can0") + other + link(NEW, b"can0") + link(DEL, b"can01") + link(NEW, b"can0", 0x10C1)
     assert list(parse_events(data, b"can0")) == [LinkEvent.GONE, LinkEvent.DOWN, LinkEvent.UP]
 
 
-def test_only_no_such_device_means_gone() -> None:
+def test_only_enodev_means_gone() -> None:
     def answer(number: int) -> bytes:
         return struct.pack("=IHHIIi", 20, ERROR, 0, 0, 0, -number)
 
@@ -62,7 +62,7 @@ def test_only_no_such_device_means_gone() -> None:
 
 
 @given(st.integers(0, 200), st.integers(0, 255), st.integers(0, 200))
-def test_a_damaged_datagram_never_raises_nor_goes_on_for_ever(at: int, byte: int, cut: int) -> None:
+def test_damaged_datagram_is_parsed_without_error(at: int, byte: int, cut: int) -> None:
     data = bytearray(link(DEL, b"can0") + link(NEW, b"can0", 1))
     data[at % len(data)] = byte
     assert len(list(parse_events(bytes(data[: len(data) - cut % len(data)]), b"can0"))) <= 2

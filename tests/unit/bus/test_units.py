@@ -26,11 +26,11 @@ from wrcd.bus.units import Quantity, factor
         (None, Quantity.DIRECTION, 1.0),
     ],
 )
-def test_unit_texts(unit: str | None, quantity: Quantity, expected: float) -> None:
+def test_unit_text_has_its_si_factor(unit: str | None, quantity: Quantity, expected: float) -> None:
     assert factor(unit, quantity) == pytest.approx(expected)
 
 
 @pytest.mark.parametrize("unit", ["m/s", "parsec", None, "V"])
-def test_what_is_no_torque_is_said_so(unit: str | None) -> None:
+def test_unit_of_another_quantity_is_an_error(unit: str | None) -> None:
     with pytest.raises(ValueError, match="cannot be converted to N m"):
         factor(unit, Quantity.TORQUE)

@@ -12,9 +12,9 @@ from cantools.database.can import Database
 
 from sim_ecu.cli import main as sim_ecu
 from sim_ecu.play.scenario import load_scenario, packaged
-from tests.conftest import LogOf
-from tests.support.scenarios import FOUR_AXLES, held
-from tests.unit.test_config import AXLE, VEHICLE
+from tests.support.can_ids import SIM_TRUTH
+from tests.support.config_texts import AXLE, VEHICLE
+from tests.support.scenarios import FOUR_AXLES, LogOf, held
 from wrcd.bus.log import Damage, read_log
 from wrcd.tools.cli import main as wrcd
 from wrcd.tools.replay import COLUMNS
@@ -34,7 +34,7 @@ def truth(log: Path, axle: int = 1) -> dict[int, float]:
     assert isinstance(database, Database)
     out: dict[int, float] = {}
     for frame, _ in read_log(log, Damage()):
-        if frame.can_id == 0x7A0 + axle:
+        if frame.can_id == SIM_TRUTH[axle]:
             values = database.decode_message(frame.can_id, frame.data)
             assert isinstance(values, dict)
             out[frame.stamp_us // 20_000] = float(str(values["MuAvailable"]))
@@ -42,7 +42,7 @@ def truth(log: Path, axle: int = 1) -> dict[int, float]:
 
 
 @pytest.mark.parametrize("curve", "ABCEDF")
-def test_each_curve_held_at_its_peak_is_known_within_a_point_or_a_tenth(
+def test_estimate_at_the_peak_of_each_curve_is_within_a_point_or_a_tenth(
     log_of: LogOf, tmp_path: Path, curve: str
 ) -> None:
     log = log_of(held(curve))
@@ -63,7 +63,7 @@ def test_each_curve_held_at_its_peak_is_known_within_a_point_or_a_tenth(
         assert abs(float(r["mu_used_pct"]) - expected) <= 0.1 * expected + 0.5
 
 
-def test_the_csv(log_of: LogOf, tmp_path: Path) -> None:
+def test_replay_csv_has_every_column_and_axle(log_of: LogOf, tmp_path: Path) -> None:
     assert wrcd(["replay", str(log_of(held("F"))), "--csv", str(tmp_path / "a.csv")]) == 0
     found = rows(tmp_path / "a.csv")
     assert tuple(found[0]) == COLUMNS
@@ -86,7 +86,7 @@ def test_replay_twice_gives_identical_bytes(log_of: LogOf, tmp_path: Path) -> No
         assert (tmp_path / f"a.{suffix}").read_bytes() == (tmp_path / f"b.{suffix}").read_bytes()
 
 
-def test_own_frames_and_the_truth_in_a_log_are_no_inputs(log_of: LogOf, tmp_path: Path) -> None:
+def test_replay_ignores_own_frames_and_the_truth(log_of: LogOf, tmp_path: Path) -> None:
     log = log_of(held("C"))
     arguments = ["replay", str(log), "-o", str(tmp_path / "sent.log")]
     assert wrcd(arguments) == 0
@@ -97,7 +97,7 @@ def test_own_frames_and_the_truth_in_a_log_are_no_inputs(log_of: LogOf, tmp_path
     assert (tmp_path / "again.log").read_bytes() == (tmp_path / "sent.log").read_bytes()
 
 
-def test_other_formats_give_the_same(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_replay_of_asc_and_blf_gives_the_candump_estimate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     scenario = tmp_path / "s.toml"
     scenario.write_text(held("E", 4.0))
     results = []
@@ -113,7 +113,7 @@ def test_other_formats_give_the_same(tmp_path: Path, capsys: pytest.CaptureFixtu
         assert abs(float(other[-4][2]) - float(results[0][-4][2])) < 0.5
 
 
-def test_a_log_cut_in_mid_line_warns_and_goes_on(
+def test_replay_of_a_log_cut_in_mid_line_warns_and_goes_on(
     log_of: LogOf, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     text = log_of(held("A")).read_text()
@@ -126,7 +126,7 @@ def test_a_log_cut_in_mid_line_warns_and_goes_on(
     assert captured.out.count("\n") > 100
 
 
-def test_dump(log_of: LogOf, capsys: pytest.CaptureFixture[str]) -> None:
+def test_dump_command_decodes_a_log(log_of: LogOf, capsys: pytest.CaptureFixture[str]) -> None:
     log = log_of(held("A"))
     assert wrcd(["dump", str(log), "-n", "8", "--dbc", str(ROOT / "dbc" / "sim_ecu.dbc")]) == 0
     lines = capsys.readouterr().out.splitlines()
@@ -138,7 +138,7 @@ def test_dump(log_of: LogOf, capsys: pytest.CaptureFixture[str]) -> None:
     assert " :: SimTruth_A1(" in capsys.readouterr().out
 
 
-def test_dump_survives_any_payload(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_dump_command_shows_frames_that_cannot_be_decoded(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     log = tmp_path / "odd.log"
     log.write_text("(1.000000) can0 091#00\n(1.000001) can0 091#FFFFFFFFFFFFFFFF\n(1.000002) can0 20000040#00\n")
     assert wrcd(["dump", str(log)]) == 0
@@ -149,13 +149,13 @@ def test_dump_survives_any_payload(tmp_path: Path, capsys: pytest.CaptureFixture
 
 
 @pytest.mark.parametrize("name", packaged())
-def test_packaged_scenarios_are_sound(name: str) -> None:
+def test_packaged_scenario_has_a_title_and_a_bounded_duration(name: str) -> None:
     scenario = load_scenario(name)
     assert scenario.title != name
     assert scenario.duration_s <= 120
 
 
-def test_the_promised_scenarios_are_there() -> None:
+def test_documented_scenarios_are_packaged() -> None:
     assert {"dry", "wet", "very-low", "leaf-patch", "all-curves"} <= set(packaged())
 
 
@@ -176,7 +176,7 @@ BAD: dict[str, tuple[Sequence[str], str]] = {
 
 
 @pytest.mark.parametrize("case", BAD)
-def test_bad_input_is_one_line_and_exit_two(
+def test_bad_input_is_one_line_and_an_exit_status(
     tmp_path: Path, case: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -192,7 +192,7 @@ def test_bad_input_is_one_line_and_exit_two(
     assert captured.out in ("", ",".join(COLUMNS) + "\n")
 
 
-def test_a_closed_pipe_is_no_error(log_of: LogOf) -> None:
+def test_closed_pipe_is_no_error(log_of: LogOf) -> None:
     first = subprocess.run(
         f"{sys.executable} -m wrcd.tools dump {log_of(held('A'))} | head -1",
         shell=True, capture_output=True, text=True, timeout=60, check=True,

@@ -6,13 +6,15 @@ from dataclasses import replace
 
 import pytest
 
-from tests.conftest import LogOf
-from tests.support.scenarios import FOUR_AXLES
+from tests.support.can_ids import LAT_ACCEL, YAW_RATE
+from tests.support.scenarios import FOUR_AXLES, LogOf
 from wrcd.bus.frame import Frame
 from wrcd.bus.log import Damage, read_log
 from wrcd.config import load_config
 from wrcd.core.core import Core
 from wrcd.core.jitter_buffer import NEVER, JitterBuffer
+
+MEASUREMENTS = {*YAW_RATE.values(), *LAT_ACCEL.values()}
 
 
 def played(*ticks: list[int], patience: int = 100) -> list[int | None]:
@@ -28,19 +30,19 @@ def played(*ticks: list[int], patience: int = 100) -> list[int | None]:
     return out
 
 
-def test_one_may_wait_for_the_next_tick() -> None:
+def test_surplus_measurement_waits_for_the_next_tick() -> None:
     assert played([1], [2], [3]) == [1, 2, 3]
     assert played([1, 2], [], [3]) == [1, 2, 3]
     assert played([1], [], [2, 3], [], [4, 5], []) == [1, None, 2, 3, 4, 5]
 
 
-def test_a_third_drops_the_oldest() -> None:
+def test_third_measurement_drops_the_oldest() -> None:
     assert played([1, 2, 3], [], []) == [2, 3, None]
     # twice as fast as the tick: every second one, in even steps
     assert played([1, 2], [3, 4], [5, 6], [7, 8]) == [1, 3, 5, 7]
 
 
-def test_one_that_is_never_needed_is_dropped() -> None:
+def test_measurement_that_waits_beyond_patience_is_dropped() -> None:
     assert played([1, 2], [3], [4], [5], [6], [7], patience=4) == [1, 2, 3, 4, 6, 7]
     # needed now and then, it stays
     assert played([1, 2], [3], [], [4, 5], [6], [7], [8], patience=4) == [1, 2, 3, 4, 5, 6, 7]
@@ -48,7 +50,7 @@ def test_one_that_is_never_needed_is_dropped() -> None:
     assert played([1, 2], [3, 4], [5, 6], [7, 8], patience=2) == [1, 3, 5, 7]
 
 
-def test_after_clear_nothing_waits() -> None:
+def test_reset_drops_waiting_measurements() -> None:
     a = JitterBuffer(2, 3, 100)
     a.put(1, 2, 5.0, 7)
     a.put(1, 2, 6.0, 8)
@@ -67,7 +69,7 @@ def means(frames: list[Frame]) -> list[float]:
 
 
 @pytest.mark.parametrize(("fixed_us", "random_us"), [(2500, 1000), (2500, 2500), (4900, 300)])
-def test_the_bus_may_be_unpunctual(log_of: LogOf, fixed_us: int, random_us: int) -> None:
+def test_estimate_does_not_depend_on_bus_delays(log_of: LogOf, fixed_us: int, random_us: int) -> None:
     """Frames late by a fixed and a random time, many ticks with two and many with none: the estimate is the same."""
     punctual = [f for f, _ in read_log(log_of(FOUR_AXLES), Damage())]
     rng = random.Random(4)
@@ -78,6 +80,6 @@ def test_the_bus_may_be_unpunctual(log_of: LogOf, fixed_us: int, random_us: int)
         newest[f.can_id] = stamp = max(stamp, newest.get(f.can_id, 0) + 1)
         late.append(replace(f, stamp_us=stamp))
     late.sort(key=lambda f: f.stamp_us)
-    ticks = Counter((f.can_id, f.stamp_us // 5000) for f in late if 0x100 < f.can_id < 0x120)
+    ticks = Counter((f.can_id, f.stamp_us // 5000) for f in late if f.can_id in MEASUREMENTS)
     assert sum(n > 1 for n in ticks.values()) > 100
     assert means(late) == pytest.approx(means(punctual), abs=0.25)

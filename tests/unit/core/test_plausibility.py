@@ -1,12 +1,13 @@
 """Sensors that stand still, values that jump, and the register of what was reached."""
 
+import math
 import random
 
 import numpy as np
 import pytest
 
 from wrcd.bus.reasons import Reason
-from wrcd.core.plausibility import JumpCheck, StuckCheck
+from wrcd.core.plausibility import MAX_SHARE, STUCK, JumpCheck, StuckCheck
 from wrcd.core.reach import Reach
 
 MS = 1000
@@ -19,7 +20,7 @@ def noisy(steps: float, frames: int) -> list[float]:
 
 
 @pytest.mark.parametrize("steps", [0.3, 1.0, 5.0, 100.0])
-def test_a_coarse_sensor_is_not_called_stuck(steps: float) -> None:
+def test_coarse_sensor_is_not_stuck(steps: float) -> None:
     """Ten minutes at 200 Hz; how often neighbours are equal is learnt from the sensor itself."""
     r = StuckCheck()
     for k, value in enumerate(noisy(steps, 400)):
@@ -29,9 +30,7 @@ def test_a_coarse_sensor_is_not_called_stuck(steps: float) -> None:
 
 
 @pytest.mark.parametrize(("steps", "doubted_ms", "stuck_ms"), [(100.0, 20, 80), (5.0, 20, 80), (1.0, 80, 160)])
-def test_a_stuck_sensor_is_doubted_at_its_time_out_and_then_refused(
-    steps: float, doubted_ms: int, stuck_ms: int
-) -> None:
+def test_stuck_sensor_is_unchanged_at_its_timeout_then_rejected(steps: float, doubted_ms: int, stuck_ms: int) -> None:
     r = StuckCheck()
     for k, value in enumerate(noisy(steps, 2000)):
         r.check(value, k * 5 * MS, moving=True)
@@ -53,7 +52,17 @@ def test_a_stuck_sensor_is_doubted_at_its_time_out_and_then_refused(
     assert not r.unchanged(12_006 * MS, 15 * MS)
 
 
-def test_what_stands_still_at_standstill_is_no_fault_and_teaches_nothing() -> None:
+def test_very_coarse_sensor_is_rejected_after_the_run_that_max_share_allows() -> None:
+    """More than nine of ten neighbours are equal; without a bound it would be watched by ever longer runs."""
+    r = StuckCheck()
+    for k, value in enumerate(noisy(0.25, 40_000)):
+        r.check(value, k * 5 * MS, moving=True)
+    r.check(7.5, 40_000 * 5 * MS, moving=True)
+    stuck = next(k for k in range(1, 1000) if r.check(7.5, (40_000 + k) * 5 * MS, moving=True) is Reason.STUCK)
+    assert stuck == math.ceil(STUCK / math.log(MAX_SHARE))
+
+
+def test_stuck_check_learns_and_rejects_nothing_at_standstill() -> None:
     r = StuckCheck()
     for k in range(1000):
         assert r.check(0.0, k * 5 * MS, moving=False) is None
@@ -61,7 +70,7 @@ def test_what_stands_still_at_standstill_is_no_fault_and_teaches_nothing() -> No
     assert stuck < 15
 
 
-def test_a_step_is_believed_at_its_second_frame() -> None:
+def test_jump_check_accepts_a_step_at_its_second_frame() -> None:
     s = JumpCheck(1.0, 60 * MS)
     assert s.check(10.0, 0) is None
     assert s.check(10.9, 20 * MS) is None
@@ -75,14 +84,14 @@ def test_a_step_is_believed_at_its_second_frame() -> None:
     assert s.check(11.0, 220 * MS) is None
 
 
-def test_a_slow_message_may_change_by_more() -> None:
+def test_jump_check_allows_a_slow_message_more() -> None:
     s = JumpCheck(1.0, 3000 * MS)
     assert s.check(10.0, 0) is None
     assert s.check(11.5, 1000 * MS) is None  # braking, told once a second
     assert s.check(30.0, 2000 * MS) is Reason.JUMP
 
 
-def test_freezes_do_not_teach_that_freezing_is_normal() -> None:
+def test_stuck_check_does_not_learn_from_freezes() -> None:
     r = StuckCheck()
     stamp = 0
     for value in noisy(100.0, 200):
@@ -98,7 +107,7 @@ def test_freezes_do_not_teach_that_freezing_is_normal() -> None:
     assert r.unchanged(stamp + 31 * MS, 15 * MS)
 
 
-def test_the_register_of_reach() -> None:
+def test_reach_register_shifts_each_timeout_and_keeps_the_reason() -> None:
     reach = Reach(np.array([[15 * MS], [0]]))
     assert reach.read(0, 0, 0) == (0, "None")
     for k in range(8):

@@ -1,88 +1,81 @@
-"""What Validity must say in the cases that a change of its code would turn round first."""
+"""Validity and its cause."""
 
 import struct
 from dataclasses import replace
 from itertools import groupby
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
-from tests.unit.core.test_core import Rig, validities
-from tests.unit.test_config import AXLE
+from tests.support.can_ids import (
+    TORQUE_A1,
+    TORQUE_A2,
+)
+from tests.support.config_texts import AXLE
+from tests.support.sensor_simulator import SensorSimulator, validities
 from wrcd import resources
-from wrcd.bus.dbc import find_message
-from wrcd.bus.e2e import CANDIDATE_FORGOTTEN, MAX_MOVES, Checker, protect
+from wrcd.bus.e2e import protect
 from wrcd.bus.frame import Frame
-from wrcd.bus.reasons import Reason
 from wrcd.config import load_config
-from wrcd.core.causes import Cause
+from wrcd.core.causes import Cause, Validity
 from wrcd.core.configuration import Config
-from wrcd.core.causes import Validity
 from wrcd.core.validity import OF_ESTIMATE, OF_PAIR, ValidityMonitor
 from wrcd.estimator.doubts import Doubt
 from wrcd.estimator.records import EstimateDoubt
-from wrcd.estimator.gate import COMPARED_TICKS, GATE_SIGMA, MAX_JUMP, MAX_NET_OUTLIERS, MIN_TICKS, Gate
 
 DEFAULT = load_config(None)
-
-
-def rows(rig: Rig, name: str) -> list[dict[str, Any]]:
-    """The decoded frames of a message."""
-    message = find_message(rig.config.database, name)
-    decoded: list[Any] = [message.decode(o.frame.data) for o in rig.out if o.frame.can_id == message.frame_id]
-    return decoded
-
-
-@pytest.mark.parametrize("can_id", [0x101, 0x111, 0x121, 0x130])
-def test_a_refused_frame_between_good_ones_does_not_degrade(can_id: int) -> None:
-    """A bad CRC behind every good frame, the last before each slot, too: good frames are what counts."""
-    rig = Rig(DEFAULT)
-    rig.run(1500)
-    for _ in range(100):
-        for frame in rig.frames():
-            rig.out += rig.core.feed(frame)
-            if frame.can_id == can_id:
-                rig.out += rig.core.feed(replace(frame, data=bytes((frame.data[0] ^ 1, *frame.data[1:]))))
-        rig.out += rig.core.advance(rig.t)
-    assert validities(rig.adhesion(rig.out)) == ["NotAvailable", "Valid"]
-    assert rig.core.counts.rejected == {Reason.CRC: 100}
-
-
-def test_refusals_are_told_for_their_axle_and_signal_with_their_reason() -> None:
-    rig = Rig(DEFAULT)
-    rig.run(1000)
-    for number, name in ((0x101, "YawRate"), (0x111, "LatAccel"), (0x121, "Torque"), (0x130, "Speed")):
-        length = 4 if number == 0x130 else 5
-        rig.core.feed(Frame(rig.t, number, bytes(length)))
-        rig.run(100)
-        told = {k: str(v) for k, v in rows(rig, "InputHealth_A1")[-1].items() if k.startswith("Refused")}
-        assert told.pop(f"Refused{name}") == "Crc"
-        assert set(told.values()) == {"None"}
-        others = rows(rig, "InputHealth_A2")[-1]
-        # the speed is everybody's
-        assert str(others[f"Refused{name}"]) == ("Crc" if name == "Speed" else "None")
-        rig.run(1000)
-
-
-def test_refused_frames_do_not_clear_what_a_sensor_says_of_itself() -> None:
-    rig = Rig(DEFAULT)
-    rig.run(1500)
-    rig.yaw_status = 1
-    first = len(rig.out)
-    for _ in range(40):
-        for frame in rig.frames():
-            rig.out += rig.core.feed(frame)
-            if frame.can_id == 0x101:
-                rig.out += rig.core.feed(replace(frame, data=bytes((frame.data[0] ^ 1, *frame.data[1:]))))
-        rig.out += rig.core.advance(rig.t)
-    assert {f["Validity"] for f in rig.adhesion(rig.out[first:])} == {"Degraded"}
 
 
 def own(tmp_path: Path, more: str, vehicle: str) -> Config:
     (tmp_path / "wrcd.toml").write_text(f'[vehicle]\nspeed = "VehicleSpeed.Speed"\n{vehicle}{AXLE}{more}')
     return load_config(tmp_path / "wrcd.toml")
+
+
+def causes(sim: SensorSimulator) -> list[str]:
+    """Runs of equal causes in AdhesionDetail."""
+    told = [str(row["Cause"]) for row in sim.decoded("AdhesionDetail_A1")]
+    return [c for k, c in enumerate(told) if k == 0 or c != told[k - 1]]
+
+
+def test_standstill_is_not_available_and_no_fault(sim: SensorSimulator) -> None:
+    sim.run(1500)
+    sim.speed = 2.0
+    assert validities(sim.run(1000))[-1] == "NotAvailable"
+    sim.speed = 25.0
+    assert validities(sim.run(2000)) == ["NotAvailable", "Valid"]
+
+
+@pytest.mark.parametrize(("speed", "available"), [(4.9975, False), (5.0, True)])
+def test_axle_at_min_speed_is_available(speed: float, available: bool) -> None:
+    sim = SensorSimulator(replace(DEFAULT, min_speed_m_s=5.0))
+    sim.speed = speed
+    assert (sim.run(2000)[-1]["Validity"] != "NotAvailable") == available
+
+
+def test_speed_beyond_the_design_is_degraded(sim: SensorSimulator) -> None:
+    sim.speed = 60.0
+    assert validities(sim.run(1500))[-1] == "Valid"
+    sim.speed = 60.5
+    assert validities(sim.run(200))[-1] == "Degraded"
+
+
+@pytest.mark.parametrize(("speed", "outside"), [(2.9975, True), (3.0, False), (60.0, False), (60.0025, True)])
+def test_design_speed_range_includes_its_ends(speed: float, outside: bool) -> None:
+    sim = SensorSimulator(replace(DEFAULT, min_speed_m_s=2.0))
+    sim.speed = speed
+    sim.run(2000)
+    # slow, with what the sensors say at speed, the estimate may be vague, too
+    assert (causes(sim)[-1] == "SpeedOutOfRange") == outside
+
+
+def test_sensor_status_degrades_or_rejects(sim: SensorSimulator) -> None:
+    sim.run(1500)
+    sim.yaw_status = 1
+    assert validities(sim.run(200))[-1] == "Degraded"
+    sim.yaw_status = 14
+    assert validities(sim.run(300))[-1] == "NotAvailable"
+    assert sum(sim.core.counts.rejected.values()) == 60
 
 
 @pytest.mark.parametrize(
@@ -97,7 +90,7 @@ def own(tmp_path: Path, more: str, vehicle: str) -> Config:
         (False, True, 8_000.0, "Valid"),
     ],
 )
-def test_braking_with_an_unknown_share_of_the_friction_brakes(
+def test_braking_with_an_unknown_friction_share_is_degraded(
     tmp_path: Path, total: bool, brake: bool, torque: float, expected: str
 ) -> None:
     config = own(
@@ -105,72 +98,65 @@ def test_braking_with_an_unknown_share_of_the_friction_brakes(
         'brake_torque = "Torque_A2.Torque"\n' if brake else "",
         f"torque_is_total = {str(total).lower()}\n",
     )
-    rig = Rig(config)
-    rig.torque = torque
+    sim = SensorSimulator(config)
+    sim.torque = torque
     for _ in range(400):
-        for frame in rig.frames():
-            rig.out += rig.core.feed(frame)
-            if frame.can_id == 0x121:
+        for frame in sim.frames():
+            sim.out += sim.core.feed(frame)
+            if frame.can_id == TORQUE_A1:
                 payload = struct.pack("<i", -100_000)[:3]
-                rig.core.feed(Frame(frame.stamp_us, 0x122, protect(b"\0\0" + payload, 0x122, frame.data[1] & 0x0F)))
-        rig.out += rig.core.advance(rig.t)
-    last = rig.adhesion(rig.out)[-1]
+                sim.core.feed(
+                    Frame(frame.stamp_us, TORQUE_A2, protect(b"\0\0" + payload, TORQUE_A2, frame.data[1] & 0x0F))
+                )
+        sim.out += sim.core.advance(sim.t)
+    last = sim.adhesion(sim.out)[-1]
     assert last["Validity"] == expected
     used = abs(torque - (1_000.0 if brake else 0.0))
     assert last["MuUsed"] == pytest.approx(100 * used / (2 * 73549.875 * 0.5), abs=0.006)
 
 
-def causes(rig: Rig) -> list[str]:
-    """Runs of equal causes in AdhesionDetail."""
-    told = [str(row["Cause"]) for row in rows(rig, "AdhesionDetail_A1")]
-    return [c for k, c in enumerate(told) if k == 0 or c != told[k - 1]]
-
-
 @pytest.mark.parametrize("fault", ["status", "speed"])
-def test_one_good_frame_after_degraded_ones_is_not_valid(fault: str) -> None:
+def test_degraded_input_degrades_for_one_window(fault: str, sim: SensorSimulator) -> None:
     """The estimate is a window old: what was not sound must have left it."""
-    rig = Rig(DEFAULT)
-    rig.speed = 59.9
-    rig.run(1500)
-    rig.yaw_status, rig.speed = (1, 59.9) if fault == "status" else (0, 60.5)
-    assert rig.run(3000)[-1]["Validity"] == "Degraded"
-    rig.yaw_status, rig.speed = 0, 59.9
-    frames = rig.run(1500)
+    sim.speed = 59.9
+    sim.run(1500)
+    sim.yaw_status, sim.speed = (1, 59.9) if fault == "status" else (0, 60.5)
+    assert sim.run(3000)[-1]["Validity"] == "Degraded"
+    sim.yaw_status, sim.speed = 0, 59.9
+    frames = sim.run(1500)
     assert validities(frames) == ["Degraded", "Valid"]
     back = next(i for i, f in enumerate(frames) if f["Validity"] == "Valid")
     assert 1000 <= (back + 1) * 20 <= 1040
-    assert causes(rig)[-2:] == ["SensorDegraded" if fault == "status" else "SpeedOutOfRange", "None"]
+    assert causes(sim)[-2:] == ["SensorDegraded" if fault == "status" else "SpeedOutOfRange", "None"]
 
 
-def test_confidence_is_said_of_valid_frames_only() -> None:
-    rig = Rig(DEFAULT)
-    rig.run(1500)
-    rig.yaw_status = 1
-    degraded = [f for f in rig.run(500) if f["Validity"] == "Degraded"]
+def test_only_valid_frames_have_a_confidence(sim: SensorSimulator) -> None:
+    sim.run(1500)
+    sim.yaw_status = 1
+    degraded = [f for f in sim.run(500) if f["Validity"] == "Degraded"]
     assert len(degraded) > 20
     assert {f["Confidence"] for f in degraded} == {"None"}
     assert all(isinstance(f["MuAvailable"], float) for f in degraded)
 
 
-def test_more_is_never_in_use_than_there_is_in_a_valid_frame() -> None:
-    rig = Rig(DEFAULT)
+def test_valid_frame_has_no_more_adhesion_in_use_than_available(sim: SensorSimulator) -> None:
     frames = []
     for k in range(300):
-        rig.torque = 2_000.0 + 9_000.0 * (k % 20 >= 10)  # steps that the newest part's mean is behind
-        frames += rig.run(20)
+        sim.torque = 2_000.0 + 9_000.0 * (k % 20 >= 10)  # steps that the newest part's mean is behind
+        frames += sim.run(20)
     valid = [f for f in frames if f["Validity"] == "Valid"]
     assert len(valid) > 20
     assert all(f["MuUsed"] <= f["MuAvailable"] for f in valid)
 
 
-def test_the_friction_brakes_alone_are_unknown_for_a_window(tmp_path: Path) -> None:
-    rig = Rig(own(tmp_path, "", "torque_is_total = false\n"))
-    rig.run(2000)
-    rig.torque = 0.0
-    assert rig.run(100)[-1]["Validity"] == "Degraded"
-    rig.torque = 8_000.0
-    assert validities(rig.run(1500)) == ["Degraded", "Valid"]
-    assert causes(rig)[-2:] == ["FrictionShareUnknown", "None"]
+def test_friction_brakes_alone_degrade_for_one_window(tmp_path: Path) -> None:
+    sim = SensorSimulator(own(tmp_path, "", "torque_is_total = false\n"))
+    sim.run(2000)
+    sim.torque = 0.0
+    assert sim.run(100)[-1]["Validity"] == "Degraded"
+    sim.torque = 8_000.0
+    assert validities(sim.run(1500)) == ["Degraded", "Valid"]
+    assert causes(sim)[-2:] == ["FrictionShareUnknown", "None"]
 
 
 @pytest.mark.parametrize(
@@ -186,61 +172,60 @@ def test_the_friction_brakes_alone_are_unknown_for_a_window(tmp_path: Path) -> N
         ("wheel_radius", 1.11, "Degraded", "RadiusBeyond"),
     ],
 )
-def test_load_and_radius_beyond_the_designs(tmp_path: Path, key: str, share: float, expected: str, cause: str) -> None:
+def test_load_or_radius_beyond_the_design_is_degraded(
+    tmp_path: Path, key: str, share: float, expected: str, cause: str
+) -> None:
     unit, design = ("kN", 2e-3 * DEFAULT.design.normal_N) if key == "axle_load" else ("mm", 1e3 * DEFAULT.design.r_0)
     message = f'\nBO_ 800 Body: 8 TCU\n SG_ V : 0|16@1+ (0.01,0) [0|600] "{unit}" WRCD\n\nCM_ '
     text = resources.DBC.read_text("cp1252").replace("\nCM_ ", message, 1)
     (tmp_path / "own.dbc").write_text(text, "cp1252")
     more = f'{key} = "Body.V"\n[dbc]\nfile = "own.dbc"\n[wheelset]\nname = "default"\n'
-    rig = Rig(own(tmp_path, more, ""))
+    sim = SensorSimulator(own(tmp_path, more, ""))
     for _ in range(400):
-        for frame in rig.frames():
-            rig.out += rig.core.feed(frame)
+        for frame in sim.frames():
+            sim.out += sim.core.feed(frame)
         raw = struct.pack("<H", round(share * design / 0.01)) + bytes(6)
-        rig.out += rig.core.feed(Frame(rig.t - 4000, 800, raw))
-        rig.out += rig.core.advance(rig.t)
-    assert rig.adhesion(rig.out)[-1]["Validity"] == expected
-    assert causes(rig)[-1] == cause
+        sim.out += sim.core.feed(Frame(sim.t - 4000, 800, raw))
+        sim.out += sim.core.advance(sim.t)
+    assert sim.adhesion(sim.out)[-1]["Validity"] == expected
+    assert causes(sim)[-1] == cause
 
 
-def test_a_cause_for_every_state_of_a_start_and_a_stop() -> None:
-    rig = Rig(DEFAULT)
-    rig.out += rig.core.advance(rig.t)
-    rig.out += rig.core.advance(rig.t + 500_000)
-    rig.t += 500_000
-    rig.run(2000)
-    rig.silent = {0x121}
-    rig.run(300)
-    rig.silent = set()
-    rig.run(1500)
-    while rig.speed > 1.0:
-        rig.speed -= 0.2
-        rig.run(20)
-    rig.run(500)
+def test_start_and_stop_have_a_cause_for_each_state(sim: SensorSimulator) -> None:
+    sim.out += sim.core.advance(sim.t)
+    sim.out += sim.core.advance(sim.t + 500_000)
+    sim.t += 500_000
+    sim.run(2000)
+    sim.silent = {TORQUE_A1}
+    sim.run(300)
+    sim.silent = set()
+    sim.run(1500)
+    while sim.speed > 1.0:
+        sim.speed -= 0.2
+        sim.run(20)
+    sim.run(500)
     # slow, with what the sensors say at speed, the estimate is vague
-    told = [c for c in causes(rig) if c != "TooLittleData"]
+    told = [c for c in causes(sim) if c != "TooLittleData"]
     assert [c for c, _ in groupby(told)] == [
         "InputSilent", "WarmingUp", "None", "InputSilent", "WarmingUp", "None", "Standstill",
     ]  # fmt: skip
 
 
-def test_absurd_measurements_are_the_cause_of_starting_anew() -> None:
-    rig = Rig(DEFAULT)
-    rig.run(1500)
-    rig.spike = 500_000
-    rig.run(400)
-    assert causes(rig)[-1] == "Restarted"
-    rig.run(1500)
-    assert causes(rig)[-1] == "None"
+def test_reset_after_outliers_has_the_cause_restarted(sim: SensorSimulator) -> None:
+    sim.run(1500)
+    sim.spike = 500_000
+    sim.run(400)
+    assert causes(sim)[-1] == "Restarted"
+    sim.run(1500)
+    assert causes(sim)[-1] == "None"
 
 
 @pytest.mark.parametrize(
     ("doubt", "cause"), [*OF_ESTIMATE.items(), (EstimateDoubt.NONE, Cause.NONE)], ids=lambda x: x.name
 )
-def test_an_estimate_that_doubts_itself_is_not_valid(doubt: EstimateDoubt, cause: Cause) -> None:
-    rig = Rig(DEFAULT)
-    rig.run(1500)
-    estimate = replace(rig.core.estimator.estimate(), doubt=np.full(4, int(doubt)))
+def test_doubtful_estimate_is_degraded_with_its_cause(doubt: EstimateDoubt, cause: Cause, sim: SensorSimulator) -> None:
+    sim.run(1500)
+    estimate = replace(sim.core.estimator.estimate(), doubt=np.full(4, int(doubt)))
     judge = ValidityMonitor(200, 4)
     for _ in range(200):
         judge.update(0, Cause.NONE)
@@ -254,170 +239,27 @@ def test_an_estimate_that_doubts_itself_is_not_valid(doubt: EstimateDoubt, cause
     assert set(OF_ESTIMATE) == set(EstimateDoubt) - {EstimateDoubt.NONE}
 
 
-@pytest.mark.parametrize(("speed", "outside"), [(2.9975, True), (3.0, False), (60.0, False), (60.0025, True)])
-def test_the_designs_speeds_count_with_their_ends(speed: float, outside: bool) -> None:
-    rig = Rig(replace(DEFAULT, min_speed_m_s=2.0))
-    rig.speed = speed
-    rig.run(2000)
-    # slow, with what the sensors say at speed, the estimate may be vague, too
-    assert (causes(rig)[-1] == "SpeedOutOfRange") == outside
+def test_residuals_beyond_training_are_never_valid(config: Config) -> None:
+    """Rules made from residuals of another size than any rail makes: unknown, and said so."""
+    d = config.design
+    sim = SensorSimulator(replace(config, design=replace(d, low=d.low + 9.0, high=d.high + 9.0, beyond=0.1)))
+    frames = sim.run(3000)
+    assert {f["Validity"] for f in frames} == {"NotAvailable", "Degraded"}
+    assert {f["Confidence"] for f in frames} == {"None"}
+    assert sim.core.reports[0].cause is Cause.BEYOND_TRAINING
 
 
-@pytest.mark.parametrize(("speed", "available"), [(4.9975, False), (5.0, True)])
-def test_the_least_speed_counts(speed: float, available: bool) -> None:
-    rig = Rig(replace(DEFAULT, min_speed_m_s=5.0))
-    rig.speed = speed
-    assert (rig.run(2000)[-1]["Validity"] != "NotAvailable") == available
-
-
-@pytest.mark.parametrize(
-    ("step_us", "anew", "filled"),
-    [
-        (-10_000, 0, 0),
-        (-10_001, 1, 0),
-        (1_000_000, 0, 50),
-        (1_000_001, 1, 0),
-        (59_990_000, 1, 0),
-        (3_600_000_000, 1, 0),
-    ],
-)
-def test_steps_of_time_told_by_frames_alone(step_us: int, anew: int, filled: int) -> None:
-    rig = Rig(DEFAULT)
-    rig.t += 4_000  # frames at a tick's beginning
-    for _ in range(40):
-        for frame in rig.frames():
-            rig.core.feed(frame)
-    before = rig.core.counts.accepted
-    assert before == 160
-    out = rig.core.feed(replace(frame, stamp_us=frame.stamp_us + step_us, data=rig.frames()[-1].data))
-    assert rig.core.counts.time_steps == anew
-    assert rig.core.counts.accepted == before + 1
-    assert len(rig.adhesion(out)) == filled
-    # what follows is no step of its own, and a late frame is counted as one
-    rig.core.feed(replace(frame, stamp_us=frame.stamp_us + step_us + 5_000, data=rig.frames()[-1].data))
-    assert rig.core.counts.time_steps == anew
-
-
-@pytest.mark.parametrize(("step_us", "anew"), [(1_000_000, 0), (1_005_000, 1), (-10_000, 0), (-10_001, 1)])
-def test_steps_of_time_told_by_the_clock_alone(step_us: int, anew: int) -> None:
-    rig = Rig(DEFAULT)
-    rig.run(200)
-    rig.core.advance(rig.t + step_us)
-    assert rig.core.counts.time_steps == anew
-
-
-def test_late_frames_are_those_of_a_tick_that_is_over() -> None:
-    rig = Rig(DEFAULT)
-    rig.run(200)
-    for stamp_us in (rig.t, rig.t - 1, rig.t - 3_000):
-        rig.core.feed(replace(rig.frame(0x121, struct.pack("<i", 1_000_000)[:3]), stamp_us=stamp_us))
-        rig.counter += 1
-    assert rig.core.counts.late == 2
-
-
-def test_the_log_blames_the_message() -> None:
-    rig = Rig(DEFAULT)
-    rig.run(20)
-    for _ in range(2):
-        rig.core.feed(Frame(rig.t, 0x121, bytes(5)))
-    assert rig.core.counts.rejected_by_message == {("Torque_A1", Reason.CRC): 2}
-
-
-def test_the_status_of_the_farewell() -> None:
-    rig = Rig(DEFAULT)
-    rig.run(100)
-    message = find_message(DEFAULT.database, "WrcdStatus")
-    (last,) = (f for f in rig.core.shutdown_frames(rig.t) if f.can_id == message.frame_id)
-    decoded: Any = message.decode(last.data)
-    assert str(decoded["State"]) == "Stopping"
-
-
-def sent(counter: int) -> bytes:
-    return protect(bytes(5), 0x91, counter % 15)
-
-
-def test_so_many_moves_of_a_chain_are_a_sender_that_starts_anew_and_one_more_is_two() -> None:
-    checker = Checker(0x91)
-    assert [checker.check(sent(c)) for c in (0, 1, 2)] == [None] * 3
-    starts = (9, 7, 0)  # none continues the chain or the one before it
-    assert len(starts) == MAX_MOVES + 1
-    verdicts = [(checker.check(sent(s)), checker.check(sent(s + 1))) for s in starts]
-    assert verdicts[:-1] == [(Reason.COUNTER, None)] * MAX_MOVES
-    assert verdicts[-1][1] is Reason.TWO_SENDERS
-
-
-def test_a_rival_is_suspected_at_its_second_frame_and_forgotten_after_a_few_of_the_chain() -> None:
-    checker = Checker(0x91)
-    for c in (0, 1, 2):
-        checker.check(sent(c))
-    assert (checker.check(sent(9)), checker.suspect) == (Reason.COUNTER, False)
-    assert checker.check(sent(3)) is None
-    assert (checker.check(sent(10)), checker.suspect) == (Reason.COUNTER, True)
-    for k in range(CANDIDATE_FORGOTTEN + 1):
-        assert checker.suspect
-        assert checker.check(sent(4 + k)) is None
-    assert not checker.suspect
-
-
-STILL = np.zeros(2)  # yaw rates
-
-
-def test_a_gate_starts_anew_for_one_axle_only() -> None:
-    gate = Gate(2)
-    e, there = np.ones((4, 2, 2)), np.ones(2, dtype=bool)
-    for _ in range(int(MIN_TICKS)):
-        gate.learn(e, STILL, there, gate.outliers(e, STILL, there))
-    assert gate.outliers(100 * e, STILL, there).all()
-    gate.reset(0)
-    assert (gate.outliers(100 * e, STILL, there) == [[False, True], [False, True]]).all()
-    # for as many ticks as at first, and with as many absurd ones before it is upset
-    quiet = 1e-3 * e
-    for k in range(int(MIN_TICKS)):
-        assert not gate.outliers(0.5 * e, STILL, there)[:, 0].any(), k
-        gate.learn(quiet, STILL, there, np.zeros((2, 2), dtype=bool))
-    assert gate.outliers(0.5 * e, STILL, there)[:, 0].all()
-    nobody = np.zeros(2, dtype=bool)
-    upset = [
-        bool(gate.learn(e, STILL, nobody, np.ones((2, 2), dtype=bool))[0]) for _ in range(int(MAX_NET_OUTLIERS) + 1)
-    ]
-    assert upset == [False] * int(MAX_NET_OUTLIERS) + [True]
-
-
-def test_a_gates_usual_size_is_the_mean_square_and_absurd_is_so_many_times_of_it() -> None:
-    gate = Gate(1)
-    e, there, none = np.ones((4, 2, 1)), np.ones(1, dtype=bool), np.zeros((2, 1), dtype=bool)
-    for k in range(int(MIN_TICKS)):
-        gate.learn((1 + 2 * (k % 2)) * e, STILL[:1], there, none)  # 1 and 3: a mean square of 5
-    usual = 5**0.5
-    assert not gate.outliers(0.999 * GATE_SIGMA * usual * e, STILL[:1], there).any()
-    assert gate.outliers(1.001 * GATE_SIGMA * usual * e, STILL[:1], there).all()
-
-
-def test_a_gate_refuses_what_is_not_finite_from_the_first_tick_on() -> None:
-    gate = Gate(1)
-    e = np.ones((4, 2, 1))
-    e[2, 1, 0] = np.inf
-    assert (gate.outliers(e, STILL[:1], np.ones(1, dtype=bool))[:, 0] == [False, True]).all()
-    e[2, 1, 0] = 1e200
-    with np.errstate(all="raise"):
-        gate.outliers(e, STILL[:1], np.ones(1, dtype=bool))
-
-
-def test_a_yaw_rate_that_jumps_is_absurd_whatever_the_innovations_say_until_it_is_old() -> None:
-    gate, e, there = Gate(1), np.ones((4, 2, 1)), np.ones(1, dtype=bool)
-    none, jump = np.zeros((2, 1), dtype=bool), np.array([1.01 * MAX_JUMP])
-    gate.learn(e, STILL[:1], there, none)
-    assert not gate.outliers(e, 0.98 * jump, there).any()
-    for _ in range(COMPARED_TICKS):
-        absurd = gate.outliers(e, jump, there)
-        assert (absurd[:, 0] == [True, False]).all()
-        upset = gate.learn(e, jump, ~there, absurd)
-    assert upset[0]
-    assert not gate.outliers(e, jump, there).any()
-
-
-def test_a_silent_bus_at_the_start_is_told_as_such() -> None:
-    rig = Rig(DEFAULT)
-    rig.out += rig.core.advance(rig.t)
-    rig.out += rig.core.advance(rig.t + 100_000)
-    assert [f["Validity"] for f in rig.adhesion(rig.out)] == ["NotAvailable"] * 5
+def test_adhesion_in_use_beyond_the_estimate_is_a_contradiction(config: Config) -> None:
+    """Rules that say a quarter of what they should; a torque of two thirds of the load says not so."""
+    sim = SensorSimulator(replace(config, design=replace(config.design, polynomial=0.25 * config.design.polynomial)))
+    sim.torque = 2000.0
+    sim.run(1000)
+    for torque in range(2000, 60_000, 2000):
+        sim.torque = float(torque)
+        sim.run(10)
+    sim.run(300)
+    rows = sim.decoded("InputHealth_A1")
+    assert {row["Plausibility"] for row in rows} >= {"Unknown", "Contradiction"}
+    contradicted = [row["Plausibility"] == "Contradiction" for row in rows]
+    adhesion = sim.decoded("Adhesion_A1")[4::5]
+    assert all(a["Validity"] != "Valid" for a, c in zip(adhesion, contradicted, strict=True) if c)

@@ -55,7 +55,7 @@ def ends(m: Made) -> Iterator[tuple[Recording, Ticks, FloatArray]]:
         yield r, ticks, np.asarray(t - r.first >= m.design.window_ticks, dtype=np.float64)
 
 
-def test_they_know_more_than_the_torque(made: Made) -> None:
+def test_baselines_know_more_than_the_torque(made: Made) -> None:
     errors: dict[str, list[FloatArray]] = {"torque": [], "filterless": [], "network": []}
     assert made.learned.regressor is not None
     for r, ticks, whole in ends(made):
@@ -106,7 +106,7 @@ def test_inputs_unlike_any_are_held(made: Made) -> None:
     assert said[0] != pytest.approx(said[2])
 
 
-def test_where_no_rule_speaks_there_is_what_is_in_use(made: Made) -> None:
+def test_baseline_without_a_rule_answers_with_the_adhesion_in_use(made: Made) -> None:
     r, ticks, _ = next(ends(made))
     f = made.learned.filterless
     mute = replace(f, rules=replace(f.rules, rules=f.rules.rules[:1], bases=f.rules.bases[:1],
@@ -116,7 +116,7 @@ def test_where_no_rule_speaks_there_is_what_is_in_use(made: Made) -> None:
     assert np.isclose(f.mu_pct(ticks)[-1], used).sum() < 0.5 * r.z.shape[2]
 
 
-def test_they_belong_to_one_design(made: Made, tmp_path: Path) -> None:
+def test_baselines_belong_to_one_design(made: Made, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="does not belong"):
         load(made.file, replace(made.design, checksum="0" * 64))
     document = json.loads(made.file.read_text())

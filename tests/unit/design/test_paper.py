@@ -20,8 +20,8 @@ from wrcd.checksum import checksum
 from wrcd.errors import InputError
 from wrcd.estimator.design import COLUMNS, MODELS, Design, load_design, parse_design
 from wrcd.estimator.estimator import Estimator
-from wrcd.estimator.records import Tick
 from wrcd.estimator.fuzzy import Fuzzy
+from wrcd.estimator.records import Tick
 from wrcd.resources import DESIGN
 from wrcd.tools.explain import condition, sentence
 
@@ -119,7 +119,7 @@ def test_the_daemon_sees_the_raw_residuals(file: Path) -> None:
     assert found.residuals == pytest.approx(rms, rel=0.03)
 
 
-def test_its_window_neither_grows_nor_forgets(file: Path) -> None:
+def test_paper_window_neither_grows_nor_drops(file: Path) -> None:
     papers, ours = load_design(file), load_design(DESIGN)
     for step_at_s in (99.0, 2.9):
         estimator, _ = run(papers, 3.0, step_at_s=step_at_s)
@@ -150,7 +150,7 @@ def test_one_set_of_speeds_holds_at_all_of_them_in_both_engines(file: Path) -> N
     assert np.array_equal(Fuzzy(d).infer(other).output, fast.output, equal_nan=True)
 
 
-def test_its_rules_read_as_the_papers(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_paper_rules_read_as_printed(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
     d = load_design(file)
     assert "Any" not in condition(d, 0)
     assert sentence(d, 0).startswith("If residual 1 ")
@@ -182,13 +182,13 @@ def changed(file: Path, path: str, value: Any) -> dict[str, Any]:
         ("form", "papers", "must be one of wrcd, paper"),
     ],
 )
-def test_what_no_design_may_say(file: Path, key: str, value: Any, says: str) -> None:
+def test_paper_design_with_a_wrong_value_is_rejected(file: Path, key: str, value: Any, says: str) -> None:
     with pytest.raises(InputError, match=says) as e:
         parse_design(changed(file, key, value), "x.json")
     assert key in str(e.value)
 
 
-def test_the_packaged_one_is_for_the_default_design() -> None:
+def test_packaged_paper_design_is_for_the_default_wheelset() -> None:
     papers, ours = load_source(PAPER_DESIGN), load_source(DESIGN)
     assert papers.design.form == "paper"
     assert papers.wheelset == ours.wheelset

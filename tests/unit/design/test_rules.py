@@ -59,7 +59,7 @@ def test_few_rules_are_those_that_speak_for_most() -> None:
     assert (firing > 0.05).mean() > 0.9
 
 
-def test_what_is_not_seen_gets_no_answer_from_the_fit_of_others() -> None:
+def test_unseen_inputs_get_no_answer_from_the_fit_of_others() -> None:
     """Spreads come from windows that the fit has not seen: with as many parameters as windows they stay wide."""
     x, mu = data(60, 5, 0.3)
     base = fit(x, mu, SETS, 18, np.ones(60), np.arange(60), np.full(60, COVERS))

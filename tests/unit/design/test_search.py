@@ -58,7 +58,7 @@ def test_the_search_keeps_to_its_budget_and_its_seed() -> None:
     assert np.array_equal(minimise(scores, np.full(3, 0.3), 0.3, 25, 5, nothing)[0], best)
 
 
-def test_a_vector_is_the_points_and_back() -> None:
+def test_points_survive_the_way_to_a_vector_and_back() -> None:
     ours, papers = Brief(), in_papers_form(Brief())
     assert points_of(ours, vector(ours)) == ours.points
     assert points_of(papers, vector(papers)) == papers.points
@@ -131,12 +131,12 @@ def test_the_command_writes_what_a_design_is_made_with(
         ('[design]\nform = "paper"\nlongest_s = 2.0', "do not grow"),
     ],
 )
-def test_what_a_rig_file_may_not_say(toml: str, says: str) -> None:
+def test_rig_file_with_a_wrong_value_is_an_error(toml: str, says: str) -> None:
     with pytest.raises(InputError, match=says):
         read_brief(parse_toml(toml, "rig.toml"))
 
 
-def test_the_form_that_is_asked_for_counts() -> None:
+def test_form_on_the_command_line_overrides_the_file() -> None:
     asked = read_brief(parse_toml("[design]\nwindow_s = 2.0", "rig.toml"), "paper")
     assert (asked.form, asked.window_s, asked.longest_s) == ("paper", 2.0, 2.0)
     assert read_brief(parse_toml("", "rig.toml")) == Brief()

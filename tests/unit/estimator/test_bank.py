@@ -27,7 +27,7 @@ def test_every_filter_forgets_at_every_speed(file: Path) -> None:
         assert (decay < 1.0).all(), (speed, decay)
 
 
-def test_a_minute_between_two_speeds_of_the_grid_is_as_the_first_seconds() -> None:
+def test_bank_between_grid_speeds_does_not_drift_in_a_minute() -> None:
     """It was not at two fifths of all speeds: the residual of model 4 grew fivefold in a minute."""
     design = load_design(DESIGN)
     bank, rng = Bank(design, 8), np.random.default_rng(1)
@@ -40,7 +40,7 @@ def test_a_minute_between_two_speeds_of_the_grid_is_as_the_first_seconds() -> No
     assert late == pytest.approx(early, rel=0.1)
 
 
-def test_a_filter_that_runs_away_is_refused() -> None:
+def test_unstable_kalman_filter_is_rejected() -> None:
     document: dict[str, Any] = json.loads(DESIGN.read_text())
     K = np.array(document["bank"]["K"])
     K[7, 3] *= -1.0

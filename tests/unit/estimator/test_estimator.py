@@ -1,46 +1,22 @@
 """The estimator over ticks: what it says, what it doubts, and that nothing else moves it."""
 
-from collections.abc import Iterator
 from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 
-from tests.support.signals import measured
+from tests.support.estimator_runs import EVERY, PER_S, RATIO, estimates, tick, track
 from wrcd.estimator import estimator
 from wrcd.estimator.design import MODELS, Design, FloatArray, load_design
-from wrcd.estimator.records import Estimate, EstimateDoubt, Tick
 from wrcd.estimator.estimator import Estimator
 from wrcd.estimator.offset import Offset
+from wrcd.estimator.records import Estimate, EstimateDoubt
 from wrcd.resources import DESIGN
-
-RATIO = 0.136  # of the torque that `measured` has by default
-EVERY = 4  # ticks between two estimates, as on the bus
-PER_S = 200
 
 
 @pytest.fixture(scope="module")
 def design() -> Design:
     return load_design(DESIGN)
-
-
-def tick(k: int, z: FloatArray, ratio: float | FloatArray = RATIO, speed: float = 25.0) -> Tick:
-    n = z.shape[1]
-    return Tick(k, z, np.isfinite(z), np.broadcast_to(np.asarray(ratio, np.float64), n).copy(), speed)
-
-
-def track(seconds: float, seed: int = 1, curve: str = "B", torque_Nm: float = 10_000.0) -> FloatArray:
-    """z (ticks, 2, 1)."""
-    return measured(curve, torque_Nm, seconds=seconds, seed=seed)[..., None]
-
-
-def estimates(e: Estimator, z: FloatArray, ratio: FloatArray | float = RATIO, first: int = 0) -> Iterator[Estimate]:
-    """Every EVERY ticks over z (ticks, 2, n) from a tick on."""
-    ratios = np.broadcast_to(ratio, len(z))
-    for k, row in enumerate(z):
-        e.step(tick(first + k, row, float(ratios[k])))
-        if (k + 1) % EVERY == 0:
-            yield e.estimate()
 
 
 def said_of(design: Design, e: Estimate) -> FloatArray:
@@ -107,7 +83,7 @@ def elsewhere(design: Design, decades: float) -> Design:
     return replace(design, low=design.low + further, high=design.high + further)
 
 
-def test_what_is_unlike_training_is_wider_first_and_doubted_then(
+def test_residuals_unlike_training_widen_the_interval_then_are_doubted(
     design: Design, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The further, the wider than the rules alone say."""
@@ -137,7 +113,7 @@ def test_without_a_rule_for_it_the_answer_is_unknown(design: Design) -> None:
     assert np.isnan(found.half_width_pp[0])
 
 
-def test_where_pulses_leave_little_the_estimate_is_doubted(design: Design) -> None:
+def test_estimate_with_many_pulses_is_doubted(design: Design) -> None:
     z = np.array(track(4.0))
     for k in range(PER_S, len(z), 20):  # a pulse every tenth of a second
         z[k : k + 6, 1, 0] += 2.0 * np.sin(np.pi * (np.arange(min(6, len(z) - k)) + 0.5) / 3)
@@ -161,7 +137,7 @@ def test_gains_do_not_toggle_with_the_speeds_noise(design: Design) -> None:
     assert b.mu_available_pct == pytest.approx(a.mu_available_pct, abs=0.1)
 
 
-def test_one_lost_measurement_moves_the_answer_by_little(design: Design) -> None:
+def test_lost_measurement_moves_the_estimate_by_little(design: Design) -> None:
     """At no moment of the seconds after it: the answer does not hop from one window to another."""
     z = track(24.0)
     lossy = np.array(z)
@@ -203,7 +179,7 @@ def test_axles_do_not_disturb_each_other(design: Design) -> None:
     assert not same(a, 0, b, 0, 1e-9)
 
 
-def test_a_reset_axle_is_as_good_as_new(design: Design) -> None:
+def test_reset_axle_equals_a_new_estimator(design: Design) -> None:
     z = track(6.0)
     used, fresh = Estimator(design, 1), Estimator(design, 1)
     for k in range(3 * PER_S):
@@ -213,14 +189,14 @@ def test_a_reset_axle_is_as_good_as_new(design: Design) -> None:
     assert all(same(a, 0, b, 0) for a, b in pairs)
 
 
-def test_a_bias_is_as_good_as_none_from_the_first_window_on(design: Design) -> None:
+def test_sensor_bias_does_not_change_the_first_window(design: Design) -> None:
     z, bias = track(1.2), np.array([[0.0087], [0.5]])  # half a degree per second, 50 mg
     plain, biased = newest(Estimator(design, 1), z), newest(Estimator(design, 1), z + bias)
     assert biased.residuals == pytest.approx(plain.residuals, rel=1e-6)
     assert biased.mu_available_pct == pytest.approx(plain.mu_available_pct, abs=1e-3)
 
 
-def test_a_channel_that_is_missing_teaches_no_offset() -> None:
+def test_missing_channel_does_not_change_the_offset() -> None:
     offset = Offset(100, 1)
     both, one = np.array([[True], [True]]), np.array([[True], [False]])
     for k in range(50):
@@ -246,7 +222,7 @@ def test_every_speed_has_gains(design: Design, speed: float) -> None:
 
 @pytest.mark.parametrize("missing", [0, 1])
 @pytest.mark.parametrize("speed", [10.0, 25.0, 50.0])
-def test_a_missing_channel_never_lets_a_filter_run_away(design: Design, missing: int, speed: float) -> None:
+def test_missing_channel_keeps_every_filter_stable(design: Design, missing: int, speed: float) -> None:
     """Corrected by one channel with its part of a gain made for two, model 4 would double with every tick."""
     estimator, largest, z = Estimator(design, 1), [], white(400)
     z[200:230, missing] = np.nan
@@ -256,7 +232,7 @@ def test_a_missing_channel_never_lets_a_filter_run_away(design: Design, missing:
     assert max(largest[200:]) <= 2.0 * max(largest[:200])
 
 
-def test_a_tick_after_a_gap_stays_out(design: Design) -> None:
+def test_tick_after_a_gap_stays_out_of_the_window(design: Design) -> None:
     estimator, good, z = Estimator(design, 1), [], white(62)
     z[50:52] = np.nan
     for k, row in enumerate(z):

@@ -81,7 +81,7 @@ def test_between_sets_the_rules_lines_are_mixed(design: Design) -> None:
         assert found.rule[i] == np.argmax(weights) + 1
 
 
-def test_where_no_rule_speaks_the_answer_is_unknown(design: Design) -> None:
+def test_inputs_without_a_rule_give_no_answer(design: Design) -> None:
     corners = np.array(np.meshgrid(*[[s.centres[0], s.centres[-1]] for s in design.sets])).reshape(INPUTS, -1).T
     inference = Fuzzy(design).infer(np.column_stack((corners, np.tile(design.middle[INPUTS:], (len(corners), 1)))))
     silent = inference.firing < MIN_FIRING
@@ -106,7 +106,7 @@ def seen(power: FloatArray, ticks: float = 200.0) -> Statistics:
 PAST = Past(np.array([0.1]), np.array([0.1]), np.array([0.05]), np.array([0.2]), decades=np.zeros((1, MODELS)))
 
 
-def test_the_sensors_own_share_is_taken_off(design: Design) -> None:
+def test_sensor_noise_is_subtracted_from_the_residual(design: Design) -> None:
     """Twice the track, twice the residuals above the noise: only the input that says how rough the track is moves."""
     factor = np.ones((2, 1))
     floor = noise_floor(design, factor, SPEED)[0]
@@ -149,7 +149,7 @@ def test_steps_of_the_residuals_are_held_and_none_where_nothing_is_known(design:
     assert x[SWING.stop :] == pytest.approx(steps[0])
 
 
-def test_the_torques_swing_is_told_in_decades(design: Design) -> None:
+def test_torque_swing_is_in_decades(design: Design) -> None:
     x = rule_inputs(design, seen(np.ones((4, 2))), PAST, np.ones((2, 1)), SPEED)[0]
     assert x[SWING] == pytest.approx([np.log10(0.21 / 0.11), np.log10(0.11 / 0.06)])
     assert x[4] == pytest.approx(-1.0)

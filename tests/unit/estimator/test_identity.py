@@ -121,7 +121,7 @@ def test_dead_sensors_are_doubted_from_the_first_window_on(sound: FloatArray, ti
     assert np.all(doubts[199:] == Doubt.SILENT)
 
 
-def test_sensors_that_die_are_doubted_within_a_second_and_a_half_and_trusted_again_after_the_same(
+def test_dying_sensors_are_doubted_and_trusted_again_within_1500_ms(
     sound: FloatArray,
 ) -> None:
     z, dies, lives = sound[:4000].copy(), 1130, 1930
@@ -136,7 +136,7 @@ def test_sensors_that_die_are_doubted_within_a_second_and_a_half_and_trusted_aga
 
 
 @pytest.mark.parametrize(("channel", "expected"), [(0, Doubt.GYRO_DEAD), (1, Doubt.ACCEL_SMALL)])
-def test_one_that_dies_beside_a_live_one_is_doubted_within_two_seconds(
+def test_sensor_that_dies_beside_a_live_one_is_doubted_within_two_seconds(
     sound: FloatArray, channel: int, expected: Doubt
 ) -> None:
     z, dies, lives = sound[:3000].copy(), 1130, 1700  # too short for the tests that look back for ten seconds
@@ -199,7 +199,7 @@ def test_a_saturated_wheelset_is_no_unrelated_pair(sound: FloatArray) -> None:
     assert saturated.doubt[3] == Doubt.GYRO_DEAD
 
 
-def test_a_doubt_outlives_a_gap_and_ends_when_the_pair_was_right_for_as_long(sound: FloatArray) -> None:
+def test_doubt_outlives_a_gap_and_ends_after_as_long_with_a_right_pair(sound: FloatArray) -> None:
     z = sound.copy()
     z[:2000, 0] *= -1
     identity = Identity(NOISE, TICK_S, AXLES)
@@ -223,7 +223,7 @@ def test_axles_without_data_learn_nothing_and_disturb_nobody(sound: FloatArray) 
     assert list(other.doubt) == [Doubt.REVERSED, Doubt.NONE]
 
 
-def test_no_number_makes_it_raise() -> None:
+def test_identity_takes_any_number() -> None:
     identity, used = Identity(NOISE, TICK_S, 2), np.ones(2, dtype=bool)
     with np.errstate(all="raise", under="ignore"):
         for k in range(2500):

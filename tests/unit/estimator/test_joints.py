@@ -7,8 +7,8 @@ from tests.support.signals import measured
 from wrcd.estimator.bank import BoolArray
 from wrcd.estimator.design import Design, FloatArray, load_design
 from wrcd.estimator.estimator import Estimator
-from wrcd.estimator.records import Tick
 from wrcd.estimator.joints import HOLD_TICKS, MAX_PULSE, MAX_TICKS, RECOVERY_TICKS, Joints
+from wrcd.estimator.records import Tick
 from wrcd.resources import DESIGN
 
 AT = 1500  # a pulse's first tick
@@ -82,7 +82,7 @@ def test_a_long_pulse_is_no_joint(design: Design) -> None:
     assert not near[AT + MAX_TICKS + HOLD_TICKS + 1 : AT + 60].any()
 
 
-def test_vibration_that_begins_is_usual_soon(design: Design) -> None:
+def test_starting_vibration_is_usual_after_a_while(design: Design) -> None:
     a = track()
     a[AT:] += 1.0 * np.random.default_rng(2).standard_normal(3000 - AT)
     _, near = found(design, a)
@@ -147,7 +147,7 @@ def test_ticks_before_and_behind_a_joint_stay_out_of_the_window(design: Design) 
 
 
 @pytest.mark.parametrize("channel", [0, 1])
-def test_a_wrong_sample_is_left_to_the_gate(design: Design, channel: int) -> None:
+def test_sample_beyond_any_joint_is_an_outlier(design: Design, channel: int) -> None:
     """Larger than any joint: an outlier, and no pulse that excuses it."""
     seen = Seen(design, np.array([20.0 * MAX_PULSE[channel]]), channel)
     assert np.flatnonzero(seen.outliers).tolist() == [AT]

@@ -34,21 +34,21 @@ def test_white_noise_is_measured_within_three_percent(factor: float) -> None:
 
 @pytest.mark.parametrize("kind", ["mems", "tactical"])
 @pytest.mark.parametrize("curve", ["A", "F"])
-def test_a_track_is_no_noise(kind: str, curve: str) -> None:
+def test_track_does_not_raise_the_noise_level(kind: str, curve: str) -> None:
     """Beside a gyro six times as good as the design's, steps of its signal and a little of the track are noise, too."""
     found = levels(measured(curve, 3000.0, seconds=20.0, sensors=kind))[1000:].mean(axis=0)
     expected, within = ((1.0, 1.0), (0.06, 0.06)) if kind == "mems" else ((5e-5 / 3e-4, 0.005 / 0.01), (0.3, 0.06))
     assert np.all(np.abs(found / expected - 1.0) < within)
 
 
-def test_the_level_changes_within_seconds_and_starts_at_the_designs() -> None:
+def test_noise_level_starts_at_the_designs_and_follows_within_seconds() -> None:
     found = levels(np.concatenate((white(1.0), white(2.0, seed=2))))
     assert found[0] == pytest.approx([1.0, 1.0])
     assert found[TICKS + 1200 :].mean(axis=0) == pytest.approx([2.0, 2.0], rel=0.05)
     assert found[TICKS + 100].max() < 1.6
 
 
-def test_joints_do_not_move_it() -> None:
+def test_joints_do_not_move_the_noise_level() -> None:
     z = white(1.0)
     calm = levels(z)
     z[1000::200, 1] += 2.0
@@ -58,7 +58,7 @@ def test_joints_do_not_move_it() -> None:
     assert np.array_equal(found[:, 0], calm[1000:, 0])
 
 
-def test_what_is_left_out_breaks_the_chain() -> None:
+def test_missing_tick_breaks_the_chain_of_differences() -> None:
     """A sample that is not used, whatever it holds, is in no difference; nor is what spans the gap."""
     rng = np.random.default_rng(4)
     z, used = white(1.0), rng.random(TICKS) > 0.1
@@ -78,7 +78,7 @@ def test_vibration_counts_as_the_designs_noise() -> None:
     assert level.factor[:, 2] == pytest.approx([10.0, 10.0], rel=0.15)
 
 
-def test_a_signal_that_stands_still_is_not_taken_for_a_perfect_sensor() -> None:
+def test_frozen_signal_is_not_taken_for_a_noiseless_sensor() -> None:
     level = NoiseLevel(RMS, 1)
     for _ in range(TICKS):
         level.step(np.array([[0.02], [0.3]]), np.array([True]))

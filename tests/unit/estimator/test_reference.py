@@ -8,15 +8,14 @@ import numpy as np
 import pytest
 
 from sim_ecu.design.verify import MAX_FUZZY, MAX_INNOVATION, Findings, compare, run
-from tests.conftest import LogOf
-from tests.support.scenarios import FOUR_AXLES, held
+from tests.support.scenarios import FOUR_AXLES, LogOf, held
 from wrcd.bus.log import Damage, read_log
 from wrcd.config import load_config
 from wrcd.core.core import Core
 from wrcd.estimator import noise, speed
 from wrcd.estimator.design import Design
-from wrcd.estimator.records import Estimate
 from wrcd.estimator.estimator import Estimator
+from wrcd.estimator.records import Estimate
 
 # Half a minute of live covariances at every tenth of a metre per second would be too much: the speed ramps by little.
 RAMP_OVER_JOINTS = """
@@ -44,11 +43,11 @@ def agree(log: Path) -> Findings:
 
 
 @pytest.mark.parametrize("name", LOGS)
-def test_the_engines_agree(log_of: LogOf, name: str) -> None:
+def test_fast_and_reference_engine_agree(log_of: LogOf, name: str) -> None:
     agree(log_of(LOGS[name]))
 
 
-def test_they_agree_where_frames_are_lost(log_of: LogOf, tmp_path: Path) -> None:
+def test_engines_agree_where_frames_are_lost(log_of: LogOf, tmp_path: Path) -> None:
     rng = random.Random(5)
     lines = [x for x in log_of(RAMP_OVER_JOINTS).read_text().splitlines() if rng.random() > 0.05]
     lossy = tmp_path / "lossy.log"
@@ -88,7 +87,7 @@ def test_the_log_has_what_the_engines_are_compared_on(log_of: LogOf) -> None:
     ("room", "name", "value", "log"),
     [(speed, "MEMORY_S", 0.5, "ramp, joints, another rail"), (noise, "MEMORY_TICKS", 40.0, "held")],
 )
-def test_a_difference_is_found(
+def test_difference_between_engines_is_found(
     room: ModuleType, name: str, value: float, log: str,
     log_of: LogOf, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
 ) -> None:  # fmt: skip

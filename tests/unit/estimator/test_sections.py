@@ -21,13 +21,13 @@ def run(sections: Sections, u: FloatArray) -> FloatArray:
 
 
 @pytest.mark.parametrize("name", FILTERS)
-def test_the_same_as_scipy(name: str) -> None:
+def test_sections_filter_as_scipy_does(name: str) -> None:
     sos = np.asarray(FILTERS[name])
     u = np.random.default_rng(1).standard_normal((2000, 8, 3)) + 5.0
     assert run(Sections(sos, 8, 3), u) == pytest.approx(sosfilt(sos, u, axis=0), abs=1e-11)
 
 
-def test_the_designs_own_filters_keep_what_they_are_for() -> None:
+def test_filters_of_the_design_pass_their_band() -> None:
     """The track's hunting passes the low-pass, and vibration does not; for the high-pass it is the other way round."""
     design = load_design(DESIGN)
     t = np.arange(4000) * design.tick_s
@@ -50,7 +50,7 @@ def test_a_reset_axle_starts_at_rest_and_leaves_the_others() -> None:
     assert np.allclose(out[..., 1], sosfilt(sos, u, axis=0)[200:, :, 1])
 
 
-def test_an_unstable_filter_is_told() -> None:
+def test_unstable_section_is_an_error() -> None:
     for sos in FILTERS.values():
         assert stable(np.asarray(sos))
         wild = np.array(sos)

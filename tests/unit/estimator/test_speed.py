@@ -23,7 +23,7 @@ def held(signal: FloatArray) -> FloatArray:
 
 
 @pytest.mark.parametrize("rate_m_s2", [-1.2, 0.8, 2.0])
-def test_no_lag_on_a_ramp(rate_m_s2: float) -> None:
+def test_filtered_speed_has_no_lag_on_a_ramp(rate_m_s2: float) -> None:
     true = np.asarray(40.0 + rate_m_s2 * TICK_S * np.arange(2400), np.float64)
     assert filtered(true)[1200:] == pytest.approx(true[1200:], abs=0.005)
     # of a signal that comes every 20 ms half a cycle's lag is its own
@@ -31,7 +31,7 @@ def test_no_lag_on_a_ramp(rate_m_s2: float) -> None:
     assert filtered(held(true))[1200:] == pytest.approx(true[1200:] + late.mean(), abs=0.01)
 
 
-def test_noise_is_reduced() -> None:
+def test_filtered_speed_has_less_noise() -> None:
     rng = np.random.default_rng(1)
     noise = held(0.03 * rng.standard_normal(20_000))
     out = filtered(25.0 + noise)[1000:] - 25.0
@@ -62,7 +62,7 @@ def test_a_change_of_speed_is_followed() -> None:
 
 
 @pytest.mark.parametrize("jump", [-8.0, 2.0])
-def test_a_jump_is_another_speed_to_start_with(jump: float) -> None:
+def test_speed_jump_restarts_the_filter(jump: float) -> None:
     signal = np.full(600, 25.0)
     signal[300:] += jump
     out = filtered(signal)
@@ -70,13 +70,13 @@ def test_a_jump_is_another_speed_to_start_with(jump: float) -> None:
     assert out[300:] == pytest.approx(signal[300:])
 
 
-def test_the_rate_of_before_a_jump_does_not_go_on() -> None:
+def test_rate_from_before_a_speed_jump_is_dropped() -> None:
     ramp = 20.0 + 2.0 * TICK_S * np.arange(1000)
     out = filtered(np.concatenate((ramp, np.full(400, 50.0))))
     assert out[1000:] == pytest.approx(np.full(400, 50.0))
 
 
-def test_an_unknown_speed_is_unknown_and_then_begins_anew() -> None:
+def test_missing_speed_is_unknown_then_restarts_the_filter() -> None:
     f = SpeedFilter(TICK_S)
     for _ in range(100):
         f.step(25.0)

@@ -182,7 +182,7 @@ def test_ticks_that_never_came_leave_a_gap() -> None:
     assert p.statistics(BLOCKS).ratio[0] == 0.5
 
 
-def test_what_is_dropped_is_as_if_it_had_never_been() -> None:
+def test_dropped_ticks_leave_no_trace_in_the_sums() -> None:
     p, short = Played(500), Played(500)
     p.window.truncate(12, np.array([True]))
     short.window = Window(BLOCKS, 1)
@@ -238,7 +238,7 @@ def test_the_torques_range_outlives_what_is_dropped() -> None:
     assert not np.isfinite(p.window.torque_range(40)).any()
 
 
-def test_the_residuals_from_before_a_change_are_kept_beside_it() -> None:
+def test_residuals_before_a_change_are_kept() -> None:
     p = Played(500)
     before = p.window.plain(0, 40)
     p.window.truncate(5, np.array([True]))

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from tests.support.estimator_runs import EVERY, PER_S, RATIO, estimates, track
 from tests.support.signals import measured
-from tests.unit.estimator.test_estimator import EVERY, PER_S, RATIO, estimates, track
 from wrcd.estimator.design import Design, FloatArray, load_design
 from wrcd.estimator.estimator import Estimator
 from wrcd.resources import DESIGN
@@ -31,13 +31,13 @@ def test_a_window_grows_to_two_seconds_while_nothing_changes(design: Design) -> 
     assert np.mean(window[t > 2.5] > 1.9) > 0.7
 
 
-def test_nothing_is_dropped_on_a_rail_that_stays(design: Design) -> None:
+def test_window_keeps_its_past_on_a_constant_rail(design: Design) -> None:
     window = windows_s(Estimator(design, 1), track(60.0, seed=3))
     assert np.mean(window[60:] >= design.window_s) > 0.98
 
 
 @pytest.mark.parametrize("after", [0.10, 0.20])
-def test_a_step_of_torque_drops_what_was_before(design: Design, after: float) -> None:
+def test_torque_step_drops_the_window_before_it(design: Design, after: float) -> None:
     at = 4 * PER_S
     ratio = np.where(np.arange(8 * PER_S) < at, RATIO, after)
     z = np.concatenate((track(8.0)[:at], track(8.0, torque_Nm=after / RATIO * 10_000.0)[at:]))
@@ -52,14 +52,14 @@ def test_a_step_of_torque_drops_what_was_before(design: Design, after: float) ->
     assert window[k + round(1.5 / EVERY * PER_S)] > 1.0
 
 
-def test_a_window_grows_only_over_like_torque(design: Design) -> None:
+def test_window_grows_only_over_similar_torque(design: Design) -> None:
     """The drive comes up slowly: never a step, yet what was a second ago is not what is now."""
     ratio = 0.05 * np.exp(0.2 * np.arange(8 * PER_S) / PER_S)
     window = windows_s(Estimator(design, 1), track(8.0), ratio)
     assert window[2 * PER_S // EVERY :].max() <= design.window_s + 0.1
 
 
-def test_another_rail_drops_what_was_before(design: Design) -> None:
+def test_rail_change_drops_the_window_before_it(design: Design) -> None:
     """Coming from a dry rail onto leaf film at the torque that this bears; sought on six tracks."""
     late = []
     for seed in range(6):

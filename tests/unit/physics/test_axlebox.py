@@ -24,7 +24,7 @@ def ride(speed_m_s: float, seconds: float) -> tuple[FloatArray, FloatArray]:
     return speed_m_s * TICK_S * np.arange(1.0, n + 1.0), np.full(n, speed_m_s, dtype=np.float64)
 
 
-def test_nothing_is_felt_by_default_and_nothing_is_drawn() -> None:
+def test_default_axle_box_adds_nothing_and_draws_no_random_number() -> None:
     used, fresh = rng(), rng()
     assert not AxleBox().felt(*ride(25.0, 2.0), TICK_S, used).any()
     assert AxleBox().quiet
@@ -125,7 +125,7 @@ def test_axles_on_one_track_meet_the_same_joints_and_vibrate_for_themselves() ->
 @pytest.mark.parametrize(
     "wrong", [{"joint_shape": "square"}, {"band_hz": (50.0, 20.0)}, {"joint_s": 0.0}, {"joint_every_m": -25.0}]
 )
-def test_what_makes_no_sense_is_refused(wrong: dict[str, Any]) -> None:
+def test_senseless_vibration_is_rejected(wrong: dict[str, Any]) -> None:
     with pytest.raises(ValueError, match=next(iter(wrong))):
         AxleBox(**wrong)
 

@@ -91,7 +91,7 @@ def test_no_creep_no_force() -> None:
     assert x / y == pytest.approx(-2.0)
 
 
-def test_kalkers_table() -> None:
+def test_contact_law_meets_kalkers_table() -> None:
     given = rows(DATA / "kalker_coefficients.csv")
     assert [float(r["a_over_b"]) for r in given] == pytest.approx(KALKER_A_OVER_B, abs=5e-5)
     assert [float(r["c11"]) for r in given] == KALKER_C11.tolist()
@@ -146,7 +146,9 @@ def text(*cases: dict[str, str], without: str = "", extra: str = "") -> str:
     return "\n".join([",".join(names), *(",".join(c.get(n, "extra") for n in names) for c in cases)]) + "\n"
 
 
-def test_what_is_not_needed_is_left_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_result_table_leaves_out_columns_that_are_not_needed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     path = tmp_path / "cases.csv"
     path.write_text(text(GOOD, GOOD, extra="remark") + "\n")
     assert run(path) == 0
@@ -187,7 +189,7 @@ def test_bad_cases_are_named(tmp_path: Path, case: str, capsys: pytest.CaptureFi
     assert capsys.readouterr().out == ""
 
 
-def test_no_such_file_and_no_csv(tmp_path: Path) -> None:
+def test_missing_or_damaged_reference_csv_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no such file"):
         run(tmp_path / "none.csv")
     (tmp_path / "binary.csv").write_bytes(b"\xff\xfe\x00\x81")

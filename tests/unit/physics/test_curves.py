@@ -101,7 +101,7 @@ def test_cant_alone_lets_it_lean_on_the_lower_rail() -> None:
 
 
 @pytest.mark.parametrize("ramp", [0.0, 1.5])
-def test_without_friction_it_flies_straight_on(ramp: float) -> None:
+def test_wheelset_without_friction_runs_straight_on(ramp: float) -> None:
     """Nothing holds it: it keeps its heading and its line, so both sensors read nothing, while the transition curve
     turns away to the right by k' s^3 / 6. A force or a rate that were counted twice would show here."""
     w = replace(W, gamma=1e-9, k_w=1e-3)
@@ -133,7 +133,7 @@ def test_a_transition_curve_is_a_clothoid(ramp: float) -> None:
     assert out[:, LAT_ACCEL] == pytest.approx(-uncompensated + roll, abs=0.015)
 
 
-def test_a_curve_that_is_entered_at_once_shakes_more_than_a_transition() -> None:
+def test_curve_without_a_transition_excites_more() -> None:
     abrupt, gentle = (
         coast(W, [STRAIGHT, RailSection(50.0, DRY, 1 / 1000, 0.0, t)], np.full(1000, 25.0))[0] for t in (BLEND_M, 50.0)
     )
@@ -142,7 +142,7 @@ def test_a_curve_that_is_entered_at_once_shakes_more_than_a_transition() -> None
     assert jerk[0] > 10 * jerk[1]
 
 
-def test_the_rail_table() -> None:
+def test_rail_table_is_read() -> None:
     wet = CURVES["C"]
     table = rail_table([STRAIGHT, RailSection(100.0, wet, 0.002, 0.05, 40.0), (200.0, DRY, 0.0, 0.0)])
     assert rail_at(table, 99.0)[:5] == pytest.approx(DRY.row())

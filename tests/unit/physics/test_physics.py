@@ -170,7 +170,7 @@ def test_braking_mirrors_traction() -> None:
     assert back[300:, SLIP].mean() == pytest.approx(-forward[300:, SLIP].mean(), rel=0.02)
 
 
-def test_from_standstill_and_back() -> None:
+def test_train_starts_from_standstill_and_returns() -> None:
     """A free vehicle: torque makes speed, resistance and brakes take it away, and it does not roll backwards."""
     n = 6000
     torque = np.interp(np.arange(n) / 200, [1, 2, 12, 13], [0, 6000, 6000, -8000])[:, None]
@@ -243,7 +243,7 @@ def test_the_track_does_not_depend_on_how_it_is_asked_for() -> None:
 
 
 @pytest.mark.parametrize("name", SENSOR_SETS)
-def test_sensors(name: str) -> None:
+def test_sensor_adds_bias_noise_limit_and_steps(name: str) -> None:
     s = SENSOR_SETS[name].biased(0.01, 0.2, 100.0)
     rng = np.random.default_rng(1)
     gyro = s.yaw_rate.measure(np.zeros(20_000), rng)

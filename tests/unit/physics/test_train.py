@@ -81,7 +81,7 @@ def test_an_axle_alone_stands_at_the_trains_own_distance() -> None:
     assert [a.position_m for a in scenario("[axle.4]\nposition_m = -8", axles="[3, 4]").axles] == [0.0, -8.0]
 
 
-def test_who_follows_changes_nothing_for_the_first_axle() -> None:
+def test_following_axles_do_not_change_the_first() -> None:
     alone, led = felt(scenario(axles="[1]")), felt(scenario(axles="[1, 4]"))
     assert led[:, 0] == pytest.approx(alone[:, 0], abs=2 * SENSOR_SETS["mems"].lat_accel.step)
 

@@ -8,8 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.unit.recorder.test_recorder import Train
-from wrcd.config import load_config
+from tests.support.recorded_train import RecordedTrain
 from wrcd.core.configuration import Config
 from wrcd.recorder.child import Child
 from wrcd.recorder.folder import Bound, write_dump, write_new
@@ -17,16 +16,11 @@ from wrcd.recorder.folder import Bound, write_dump, write_new
 UNBOUND = Bound(1000, 1 << 30)
 
 
-@pytest.fixture(scope="module")
-def config() -> Config:
-    return load_config(None)
-
-
 def names(folder: Path) -> list[str]:
     return sorted(p.name for p in folder.iterdir())
 
 
-def test_the_oldest_go_first_and_the_bound_holds(tmp_path: Path) -> None:
+def test_bound_of_the_folder_removes_the_oldest_dumps(tmp_path: Path) -> None:
     stranger = tmp_path / "notes.txt"
     stranger.write_text("mine")
     for i in range(5):
@@ -42,7 +36,7 @@ def test_the_oldest_go_first_and_the_bound_holds(tmp_path: Path) -> None:
     assert stranger.read_text() == "mine"
 
 
-def test_no_link_is_followed(tmp_path: Path) -> None:
+def test_symbolic_link_is_not_followed(tmp_path: Path) -> None:
     folder, victim = tmp_path / "dumps", tmp_path / "victim"
     folder.mkdir()
     victim.write_text("precious")
@@ -65,17 +59,17 @@ def test_no_link_is_followed(tmp_path: Path) -> None:
     assert not [n for n in names(folder) if n.endswith(".part")]
 
 
-def test_what_a_killed_process_left_is_removed(tmp_path: Path) -> None:
+def test_partial_file_of_a_killed_process_is_removed(tmp_path: Path) -> None:
     (tmp_path / ".wrcd-can0-20261120T000000Z-exit.log.part").write_text("half")
     (tmp_path / ".wrcd-can1-20261120T000000Z-exit.log.part").write_text("another daemon is writing this")
     write_dump(tmp_path, "wrcd-can0-20261121T172446Z-asked", b"log", b"state", UNBOUND)
     assert [n for n in names(tmp_path) if n.endswith(".part")] == [".wrcd-can1-20261120T000000Z-exit.log.part"]
 
 
-def test_a_folder_that_cannot_be_written_is_one_line_and_no_end(config: Config, tmp_path: Path) -> None:
+def test_unwritable_folder_is_logged_once_and_tried_again(config: Config, tmp_path: Path) -> None:
     folder = tmp_path / "file"
     folder.write_text("not a folder")
-    train = Train(config, folder)
+    train = RecordedTrain(config, folder)
     for _ in range(3):
         train.recorder.ask()
         train.run(2200)
@@ -93,7 +87,7 @@ def test_a_folder_that_cannot_be_written_is_one_line_and_no_end(config: Config, 
     assert len(train.dumps(2)) == 1
 
 
-def test_a_full_disk_leaves_nothing_behind(tmp_path: Path) -> None:
+def test_full_disk_leaves_no_file(tmp_path: Path) -> None:
     """A limit of the file size stands for the end of the disk: what is written fails in the middle."""
     program = (
         "import resource, signal, sys\n"
@@ -110,7 +104,7 @@ def test_a_full_disk_leaves_nothing_behind(tmp_path: Path) -> None:
     assert names(tmp_path) == []
 
 
-def test_a_process_that_hangs_is_killed() -> None:
+def test_hanging_process_is_killed() -> None:
     child = Child([sys.executable, "-c", "import time; time.sleep(60)"], most_s=0.1)
     begin = time.monotonic()
     while (said := child.finished()) is None:
@@ -121,7 +115,7 @@ def test_a_process_that_hangs_is_killed() -> None:
         os.kill(child.pid, 0)
 
 
-def test_the_process_holds_no_socket_and_hears_no_signal(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_process_inherits_no_socket_and_blocks_signals(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("NOTIFY_SOCKET", "/nowhere")
     given = os.memfd_create("given")
     reader, writer = os.pipe()
@@ -144,7 +138,7 @@ def test_the_process_holds_no_socket_and_hears_no_signal(monkeypatch: pytest.Mon
         os.close(fd)
 
 
-def test_what_a_process_fails_with_is_said() -> None:
+def test_failure_of_a_process_is_named_by_its_exit_status() -> None:
     for status, says in ((28, "No space left on device"), (254, "its frames were overwritten meanwhile")):
         assert Child([sys.executable, "-c", f"import os; os._exit({status})"]).wait(10, lambda: None) == says
     with pytest.raises(OSError, match="No such file"):

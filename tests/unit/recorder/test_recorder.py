@@ -1,202 +1,48 @@
-"""The flight recorder: what it keeps, when it writes, and that a replay of its dump is what was sent."""
+"""The flight recorder: a replay of its dump is what was sent."""
 
-import os
-import random
-import signal
-import time
 from collections import Counter
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from tests.unit.core.test_core import Rig
-from tests.unit.service.test_loop import Wire
-from wrcd.bus.e2e import protect
+from tests.support.can_ids import ADHESION_A1, ADHESION_DETAIL_A1, WRCD_STATUS
+from tests.support.recorded_train import RecordedTrain, exercise_all_state, sent_and_replayed, spoiler
 from wrcd.bus.frame import Frame
 from wrcd.bus.log import Damage, read_log
 from wrcd.config import load_config
-from wrcd.core.causes import Cause
 from wrcd.core.configuration import Config, RecorderConfig
 from wrcd.core.core import Core
-from wrcd.core.messages import NOT_AVAILABLE_REPORT
-from wrcd.core.causes import Validity
 from wrcd.errors import InputError
-from wrcd.recorder.folder import dump_name
-from wrcd.recorder.recorder import Recorder
-from wrcd.recorder.ring import RECEIVED, SENT, Overwritten, Ring
 from wrcd.recorder.state_file import load
-from wrcd.recorder.triggers import LOST_SLOTS, Triggers
-from wrcd.service.loop import Daemon
-from wrcd.tools.cli import main
-
-OWN = set(range(0x090, 0x0C0))
 
 
-@pytest.fixture(scope="module")
-def config() -> Config:
-    return load_config(None)
-
-
-class Train:
-    """Rig, daemon and recorder on a clock of the test's own; the dumps are written by real processes."""
-
-    def __init__(self, config: Config, folder: Path, seconds: float = 3.0, max_files: int = 20) -> None:
-        self.rig = Rig(config)
-        self.wire = Wire()
-        self.lag_us = 0  # of the loop
-        self.said: list[str] = []
-        settings = RecorderConfig(folder, seconds, max_files, 200.0)
-        self.recorder = Recorder(settings, self.rig.core, "vcan0", self.said.append)
-        self.daemon = Daemon(self.rig.core, self.wire, clock=self.now, recorder=self.recorder)
-        self.folder = folder
-
-    def now(self) -> int:
-        return self.rig.t + 1000 + self.lag_us
-
-    def run(self, ms: int, spoil: Callable[[list[Frame]], list[Frame]] = list) -> None:
-        for _ in range(ms // 5):
-            self.wire.waiting += spoil(self.rig.frames())
-            self.daemon.turn()
-
-    def dumps(self, count: int = 1) -> list[Path]:
-        """Go on until so many dumps have been told of; their logs by age."""
-        self.go_on(lambda: len(self.said) >= count)
-        return sorted(self.folder.glob("wrcd-*.log"), key=lambda p: (p.stat().st_mtime_ns, p.name))
-
-    def asked(self, spoil: Callable[[list[Frame]], list[Frame]] = list) -> Path:
-        """Ask for a dump; its log."""
-        self.recorder.ask()
-        self.run(2000, spoil)
-        self.go_on(lambda: "-asked.log" in "".join(self.said))
-        return next(self.folder.glob("*-asked.log"))
-
-    def go_on(self, done: Callable[[], bool]) -> None:
-        end = time.monotonic() + 30
-        while not done():
-            assert time.monotonic() < end, self.said
-            if self.recorder._child is None:
-                self.run(5)
-            else:  # the clock stands still while a real process works
-                time.sleep(0.01)
-                self.recorder._reap()
-
-
-def spoiler(seed: int) -> Callable[[list[Frame]], list[Frame]]:
-    """Frames get lost, flipped, cut, doubled; frames that nobody asked for come in between."""
-    chance = random.Random(seed)
-
-    def spoil(frames: list[Frame]) -> list[Frame]:
-        out = []
-        for f in frames:
-            kind = chance.random()
-            flipped = bytes([f.data[0] ^ 1 << chance.randrange(8), *f.data[1:]])
-            out += (
-                [] if kind < 0.02
-                else [replace(f, data=flipped)] if kind < 0.03
-                else [replace(f, data=f.data[:-1])] if kind < 0.035
-                else [f, f] if kind < 0.04
-                else [replace(f, remote=True)] if kind < 0.045
-                else [replace(f, fd=True, data=f.data * 5)] if kind < 0.05
-                else [f]
-            )  # fmt: skip
-        if out and chance.random() < 0.1:
-            stamp_us = out[-1].stamp_us
-            out += [
-                Frame(stamp_us, 0x7FF, b""),
-                Frame(stamp_us, 0x101, bytes(8), extended=True),
-                Frame(stamp_us, 0x40, bytes(8), error=True),
-            ]
-        return out
-
-    return spoil
-
-
-def second_sender(f: Frame) -> Frame:
-    """The same message from somebody else, who counts for himself."""
-    return replace(f, data=protect(f.data, f.can_id, ((f.data[1] & 0x0F) + 7) % 15))
-
-
-def busy(train: Train) -> None:
-    """All that makes state: losses, garbage, standing sensors, spikes, silence, steps of the clock, a lost link."""
-    rig, wire, spoil = train.rig, train.wire, spoiler(1)
-    train.run(1200)
-    train.run(1500, spoil)
-    for ms in (15, 40):  # left out, started anew
-        rig.spike = 400_000
-        train.run(ms)
-        rig.spike = 0
-        train.run(600, spoil)
-    train.run(200, lambda frames: [f for f in frames for f in (f, second_sender(f))])
-    rig.yaw_status = 1
-    train.run(100)
-    rig.yaw_status = 0
-    late = [rig.frames(), rig.frames(), rig.frames()]  # the loop, and with it what the kernel holds
-    train.daemon.turn()
-    train.daemon.turn()
-    train.wire.waiting += [f for frames in late for f in frames]
-    train.daemon.turn()
-    train.lag_us = 100_000
-    train.run(20)
-    train.lag_us = 0
-    rig.frozen = True
-    train.run(400)
-    rig.frozen = False
-    rig.speed = 40.0  # a jump
-    train.run(1300)
-    wire.health.drops += 3
-    wire.health.state = "Down"
-    train.run(300, lambda _: [])  # the clock alone closes ticks
-    wire.health.state = "Up"
-    train.run(300)
-    rig.t -= 10_000_000
-    train.run(1300)
-    rig.t += 100_000_000
-    train.run(1300)
-    rig.silent = {0x121}
-    train.run(700, spoil)
-    rig.silent = set()
-    train.run(400, spoil)
-
-
-def sent_and_replayed(log: Path, out: Path) -> tuple[list[Frame], list[Frame]]:
-    """What a dump says was sent, and what a replay of it makes."""
-    assert main(["replay", str(log), "-o", str(out)]) == 0
-    damage = Damage()
-    sent = [f for f, _ in read_log(log, damage) if f.can_id in OWN]
-    assert damage.warnings(log) == []
-    return sent, [f for f, _ in read_log(out, Damage())]
-
-
-def test_a_replay_of_a_dump_is_what_was_sent(
-    config: Config, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    train = Train(config, tmp_path / "dumps", seconds=9.0)
-    busy(train)
+def test_dump_replays_to_what_was_sent(config: Config, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    train = RecordedTrain(config, tmp_path / "dumps", seconds=9.0)
+    exercise_all_state(train)
     log = train.asked(spoiler(2))
     last_us = train.now()
     sent, replayed = sent_and_replayed(log, tmp_path / "out.log")
     assert f"goes on from {log.stem}.state.json" in capsys.readouterr().err
     # a ring of nine seconds that has seen more than thirteen, from its oldest state on; a step of 100 s is among them,
     # and one of -10 s
-    assert len([f for f in sent if f.can_id == 0x091]) > 8.0 * 45
+    assert len([f for f in sent if f.can_id == ADHESION_A1]) > 8.0 * 45
     assert (sent[-1].stamp_us - sent[0].stamp_us) * 1e-6 > 95
     assert last_us - sent[-1].stamp_us < 1_000_000
     # what the late loop left out, because its slot was over, a replay makes; apart from that nothing more, nothing
     # less: what was sent by the clock alone and the state of the link, too
     went = {(f.can_id, f.stamp_us) for f in sent}
     left_out = [f for f in replayed if (f.can_id, f.stamp_us) not in went]
-    assert len(left_out) in (0, train.rig.core.health.overruns)  # by how far back the dump reaches
+    assert len(left_out) in (0, train.sim.core.health.overruns)  # by how far back the dump reaches
     replayed = [f for f in replayed if f not in left_out]
     assert replayed == sent
-    assert sent == [f for f in train.wire.sent if f.stamp_us in {s.stamp_us for s in sent}]
-    assert {f.can_id for f in sent} >= {0x091, 0x0A1, 0x0B0}
-    assert Counter(f.data[1] >> 4 for f in sent if f.can_id == 0x091)[1] > 50
+    assert sent == [f for f in train.link.sent if f.stamp_us in {s.stamp_us for s in sent}]
+    assert {f.can_id for f in sent} >= {ADHESION_A1, ADHESION_DETAIL_A1, WRCD_STATUS}
+    assert Counter(f.data[1] >> 4 for f in sent if f.can_id == ADHESION_A1)[1] > 50
 
 
-def test_without_its_state_a_dump_replays_to_something_else(config: Config, tmp_path: Path) -> None:
-    train = Train(config, tmp_path)
+def test_dump_without_its_state_replays_to_something_else(config: Config, tmp_path: Path) -> None:
+    train = RecordedTrain(config, tmp_path)
     train.run(4500, spoiler(1))
     log = train.asked()
     log.with_suffix(".state.json").unlink()
@@ -204,12 +50,12 @@ def test_without_its_state_a_dump_replays_to_something_else(config: Config, tmp_
     assert replayed[:500] != sent[:500]
 
 
-def test_slots_that_were_skipped_are_the_only_difference(config: Config, tmp_path: Path) -> None:
-    train = Train(config, tmp_path, seconds=6.0)
+def test_replay_differs_from_a_late_loop_by_skipped_slots_only(config: Config, tmp_path: Path) -> None:
+    train = RecordedTrain(config, tmp_path, seconds=6.0)
     train.run(2000)
     for _ in range(10):
-        train.wire.waiting += train.rig.frames()
-        train.rig.t += 45_000  # the loop comes late
+        train.link.waiting += train.sim.frames()
+        train.sim.t += 45_000  # the loop comes late
         train.daemon.turn()
         train.run(100)
     log = train.asked()
@@ -221,52 +67,22 @@ def test_slots_that_were_skipped_are_the_only_difference(config: Config, tmp_pat
 
 def test_late_frames_replay_as_they_were_used(config: Config, tmp_path: Path) -> None:
     """Stamped before the kernel hands them over: the clock has closed their tick."""
-    train = Train(config, tmp_path, seconds=6.0)
+    train = RecordedTrain(config, tmp_path, seconds=6.0)
     train.run(2500)
     kept: list[Frame] = []
     for n in range(200):
-        kept += train.rig.frames()
+        kept += train.sim.frames()
         if n % 7 == 6:
-            train.wire.waiting, kept = kept, []
+            train.link.waiting, kept = kept, []
         train.daemon.turn()
-    assert train.rig.core.counts.late > 100
+    assert train.sim.core.counts.late > 100
     log = train.asked()
     sent, replayed = sent_and_replayed(log, tmp_path / "out.log")
     assert replayed == sent
 
 
-def test_the_ring_overwrites_the_oldest() -> None:
-    ring = Ring(100)
-    for i in range(250):
-        ring.put_frame(SENT if i % 2 else RECEIVED, Frame(10**15 + i, i, bytes([i % 256]) * (i % 9)))
-    assert not ring.holds(149)
-    assert ring.holds(150)
-    assert not ring.holds(150, 1)
-    with pytest.raises(Overwritten):
-        next(ring.since(149))
-    assert [(k, f.can_id, f.stamp_us - 10**15, f.data) for k, f in ring.since(150)] == [
-        (i % 2, i, i, bytes([i % 256]) * (i % 9)) for i in range(150, 250)
-    ]
-
-
-@pytest.mark.parametrize(
-    "frame",
-    [
-        Frame(0, 0x7FF, b""),
-        Frame(1, 0x1FFFFFFF, b"12345678", extended=True),
-        Frame(2, 0x40, bytes(8), error=True),
-        Frame(3, 0x101, b"", remote=True),
-        Frame(4, 0x101, b"1234", fd=True),
-    ],
-)
-def test_the_ring_keeps_every_kind_of_frame(frame: Frame) -> None:
-    ring = Ring(2)
-    ring.put_frame(RECEIVED, frame)
-    assert list(ring.since(0)) == [(RECEIVED, frame)]
-
-
-def test_a_bus_that_carries_more_than_the_ring_holds_still_replays(config: Config, tmp_path: Path) -> None:
-    train = Train(config, tmp_path, seconds=0.6)
+def test_dump_of_a_bus_beyond_the_rings_capacity_replays(config: Config, tmp_path: Path) -> None:
+    train = RecordedTrain(config, tmp_path, seconds=0.6)
     noise = [Frame(0, 0x500 + i, bytes(8)) for i in range(60)]  # 12 000 frames/s
     train.run(1500)
     log = train.asked(lambda frames: frames + [replace(n, stamp_us=frames[-1].stamp_us) for n in noise])
@@ -275,166 +91,23 @@ def test_a_bus_that_carries_more_than_the_ring_holds_still_replays(config: Confi
     assert 0.15 < (sent[-1].stamp_us - sent[0].stamp_us) * 1e-6 < 0.6
 
 
-def test_loss_of_validity_is_dumped_with_its_aftermath(config: Config, tmp_path: Path) -> None:
-    train = Train(config, tmp_path)
-    train.run(3000)
-    lost_us = train.now()
-    train.rig.silent = {0x101}
-    train.run(1000)
-    train.rig.silent = set()
-    assert train.said == []
-    train.run(1200)
-    (log,) = train.dumps()
-    assert log.name.endswith("-validity.log")
-    assert dump_name("vcan0", lost_us, "validity") <= log.stem <= dump_name("vcan0", lost_us + 1_000_000, "validity")
-    frames = [f for f, _ in read_log(log, Damage())]
-    assert frames[-1].stamp_us - lost_us == pytest.approx(2_150_000, abs=60_000)  # time-out, five slots, aftermath
-    # at most one in half a minute, whatever happens
-    train.run(1200)
-    train.rig.silent = {0x101}
-    train.run(2500)
-    assert len(train.said) == 1
-    train.rig.silent = set()
-    train.rig.t += 25_000_000
-    train.run(1500)
-    train.rig.silent = {0x101}
-    train.run(3000)
-    assert len(train.dumps(2)) == 2
-
-
-def test_a_hiccup_is_no_loss(config: Config) -> None:
-    """An estimate that contradicts itself for a few slots."""
-    valid = replace(NOT_AVAILABLE_REPORT, validity=Validity.VALID, mu_available_pct=20.0)
-    hiccup = replace(valid, validity=Validity.DEGRADED, cause=Cause.CONTRADICTION)
-    triggers = Triggers(1, config.adhesion_cycle_us)
-    for _ in range(3):
-        assert {triggers.look([r], False) for r in [valid] * 50 + [hiccup] * (LOST_SLOTS - 1)} == {""}
-    assert [triggers.look([r], False) for r in [valid] + [hiccup] * LOST_SLOTS][-2:] == ["", "validity"]
-
-
-def test_a_standing_train_is_no_loss(config: Config, tmp_path: Path) -> None:
-    train = Train(config, tmp_path)
-    train.run(2000)
-    assert train.rig.core.reports[0].validity == "Valid"
-    while train.rig.speed > 1.0:
-        train.rig.speed -= 0.2
-        train.run(20)
-    train.run(3000)
-    assert train.rig.core.reports[0].validity == "NotAvailable"
-    assert (train.recorder._pending, train.recorder._child) == (None, None)
-    assert train.said == []
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_collapse_of_adhesion_is_dumped(config: Config, tmp_path: Path) -> None:
-    train = Train(config, tmp_path)
-    train.run(2000)
-    core = train.rig.core
-    report = core.reports[0]
-    assert report.validity == "Valid"
-
-    def says(mu: float, ms: int) -> None:
-        for _ in range(ms // 20):
-            train.run(20)
-            core.reports = [replace(report, mu_available_pct=mu), *core.reports[1:]]
-            train.recorder.turn(train.now())
-
-    says(30.0, 1200)
-    says(16.0, 200)  # a good half
-    assert train.recorder._pending is None
-    says(14.0, 20)
-    assert train.recorder._pending is not None
-    train.run(2200)
-    (log,) = train.dumps()
-    assert log.name.endswith("-collapse.log")
-
-
-def test_a_slow_fall_is_no_collapse(config: Config) -> None:
-    from wrcd.recorder.triggers import Triggers
-
-    core = Core(config)
-    rig = Rig(config)
-    rig.run(1500)
-    report = next(r for r in rig.core.reports if r.validity == "Valid")
-    triggers = Triggers(1, core.config.adhesion_cycle_us)
-    mu = 40.0
-    while mu > 3.0:
-        assert triggers.look([replace(report, mu_available_pct=mu)], False) == ""
-        mu *= 0.987  # a half in 1.06 s
-    assert triggers.look([replace(report, mu_available_pct=mu / 2)], False) == "collapse"
-
-
-def test_other_limits_begin_anew(config: Config, tmp_path: Path) -> None:
+def test_dump_after_a_reload_begins_with_the_new_limits(config: Config, tmp_path: Path) -> None:
     """After a reload a dump has what was sent under the limits of now, and replays with them alone."""
-    train = Train(config, tmp_path)
+    train = RecordedTrain(config, tmp_path)
     train.run(2000)
     other = replace(config, min_speed_m_s=5.0)
-    train.rig.core.reconfigure(other)
+    train.sim.core.reconfigure(other)
     train.run(500)
     log = train.asked()
     state = log.with_suffix(".state.json")
     with pytest.raises(InputError, match="min_speed_m_s differ"):
         load(state, Core(config))
     load(state, Core(other))
-    sent = [f for f, _ in read_log(log, Damage()) if f.can_id == 0x091]
+    sent = [f for f, _ in read_log(log, Damage()) if f.can_id == ADHESION_A1]
     assert (sent[-1].stamp_us - sent[0].stamp_us) * 1e-6 == pytest.approx(2.5, abs=0.05)
 
 
-def test_a_signal_asks_for_a_dump(config: Config, tmp_path: Path) -> None:
-    train = Train(config, tmp_path)
-    before = signal.signal(signal.SIGUSR1, train.daemon._on_signal)
-    try:
-        train.run(1500)
-        os.kill(os.getpid(), signal.SIGUSR1)
-        train.run(2500)
-        (log,) = train.dumps()
-        os.kill(os.getpid(), signal.SIGUSR1)  # a person need not wait half a minute
-        train.run(2500)
-        assert len(train.dumps(2)) == 2
-    finally:
-        signal.signal(signal.SIGUSR1, before)
-    assert log.name.endswith("-asked.log")
-
-
-def test_the_end_is_dumped(config: Config, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    train = Train(config, tmp_path)
-    monkeypatch.setattr(signal, "signal", lambda *_: None)
-    turns = iter(range(300))
-
-    def poll() -> None:
-        train.run(5)
-        if next(turns) == 299:
-            train.daemon._on_signal(signal.SIGTERM, None)
-
-    monkeypatch.setattr(train.daemon, "poll", poll)
-    train.daemon.run()
-    (log,) = train.dumps()
-    assert log.name.endswith("-exit.log")
-    sent = [f for f, _ in read_log(log, Damage()) if f.can_id == 0x091]
-    assert sent[-2].data[1] >> 4 == 1
-    assert sent[-1].data[1] >> 4 == 0  # the shutdown_frames
-
-
-def test_a_daemon_that_breaks_leaves_its_last_minute(
-    config: Config, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    train = Train(config, tmp_path)
-    monkeypatch.setattr(signal, "signal", lambda *_: None)
-    turns = iter(range(300))
-
-    def poll() -> None:
-        next(turns)
-        train.run(5)
-
-    monkeypatch.setattr(train.daemon, "poll", poll)
-    with pytest.raises(StopIteration):
-        train.daemon.run()
-    sent, replayed = sent_and_replayed(train.dumps()[0], tmp_path / "out.log")
-    assert replayed == sent[:-5]
-    assert [f.data[1] >> 4 for f in sent[-5:]] == [0, 0, 0, 0, 3]  # the shutdown_frames is in it, too
-
-
-def test_the_configuration_says_where_and_how_much(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_recorder_configuration_sets_folder_seconds_and_bounds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from wrcd.config import DEFAULT
     from wrcd.tools.check import describe
 

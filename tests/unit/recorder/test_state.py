@@ -12,9 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.unit.recorder.test_recorder import Train, busy
+from tests.support.recorded_train import RecordedTrain, exercise_all_state
 from wrcd.checksum import checksum
-from wrcd.config import load_config
 from wrcd.core.configuration import Config
 from wrcd.core.core import Core
 from wrcd.errors import InputError
@@ -23,11 +22,6 @@ from wrcd.recorder.state_file import load
 from wrcd.tools.cli import main
 
 PACKAGES = ("wrcd.estimator.", "wrcd.bus.", "wrcd.core.", "wrcd.recorder.")
-
-
-@pytest.fixture(scope="module")
-def config() -> Config:
-    return load_config(None)
 
 
 def objects(root: Any) -> Iterator[tuple[str, Any]]:
@@ -80,20 +74,22 @@ def snapshot(core: Core) -> dict[tuple[str, type, str], Any]:
     return {(path, type(o), name): shown(getattr(o, name)) for path, o in objects(core) for name in attributes(o)}
 
 
-def test_every_class_names_its_state(config: Config, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    train = Train(config, tmp_path)
-    before = snapshot(train.rig.core)
+def test_every_changing_attribute_is_named_in_state_or_transient(
+    config: Config, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    train = RecordedTrain(config, tmp_path)
+    before = snapshot(train.sim.core)
     changed: set[tuple[type, str]] = set()
     turn = train.recorder.turn
 
     def compare(now_us: int) -> None:
         turn(now_us)
-        if train.rig.counter % 25 == 0 or train.rig.spike:
-            now = snapshot(train.rig.core)
+        if train.sim.counter % 25 == 0 or train.sim.spike:
+            now = snapshot(train.sim.core)
             changed.update((k[1], k[2]) for k, v in now.items() if before.get(k) != v)
 
     monkeypatch.setattr(train.recorder, "turn", compare)
-    busy(train)
+    exercise_all_state(train)
     forgotten = [
         f"{c.__module__}.{c.__qualname__}.{name} changes: name it in STATE, or in TRANSIENT if nothing hangs on it"
         for c, name in changed
@@ -102,8 +98,8 @@ def test_every_class_names_its_state(config: Config, tmp_path: Path, monkeypatch
     assert sorted(forgotten) == []
     assert len(changed) > 40
     # what is named and never seen to change would mean that this test sees too little
-    named = {(type(o), name) for _, o in objects(train.rig.core) for name in getattr(type(o), "STATE", ())}
-    still = {f"{c.__name__}.{n}" for c, n in named - changed if not holds_objects(train.rig.core, c, n)}
+    named = {(type(o), name) for _, o in objects(train.sim.core) for name in getattr(type(o), "STATE", ())}
+    still = {f"{c.__name__}.{n}" for c, n in named - changed if not holds_objects(train.sim.core, c, n)}
     assert len(still) <= 0.15 * len(named), still
 
 
@@ -113,10 +109,10 @@ def holds_objects(core: Core, kind: type, name: str) -> bool:
     )
 
 
-def test_a_restored_core_is_the_same(config: Config, tmp_path: Path) -> None:
-    train = Train(config, tmp_path)
-    busy(train)
-    core, again = train.rig.core, Core(config)
+def test_restored_core_equals_the_captured_one(config: Config, tmp_path: Path) -> None:
+    train = RecordedTrain(config, tmp_path)
+    exercise_all_state(train)
+    core, again = train.sim.core, Core(config)
     restore(again, json.loads(json.dumps(encode(capture(core)), allow_nan=False)))
     passing = {(type(o), n) for _, o in objects(core) for n in getattr(type(o), "TRANSIENT", ())}
     ours_now, theirs = snapshot(core), snapshot(again)
@@ -140,7 +136,7 @@ def plain(value: Any) -> bool:
 @pytest.fixture(scope="module")
 def dumped(config: Config, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A dump to be damaged: its state file."""
-    train = Train(config, tmp_path_factory.mktemp("dumped"), seconds=1.0)
+    train = RecordedTrain(config, tmp_path_factory.mktemp("dumped"), seconds=1.0)
     train.run(1500)
     log = train.asked()
     return log.with_suffix(".state.json")
@@ -150,7 +146,7 @@ def signed(body: dict[str, Any]) -> bytes:
     return json.dumps({**body, "checksum": checksum(body)}).encode()
 
 
-def test_another_design_or_configuration_is_named(dumped: Path, tmp_path: Path, config: Config) -> None:
+def test_state_of_another_design_dbc_or_configuration_is_rejected(dumped: Path, tmp_path: Path, config: Config) -> None:
     body = json.loads(dumped.read_bytes())
     path = tmp_path / "x.state.json"
     for key, says in (("design", "another design"), ("dbc", "another DBC")):
@@ -163,7 +159,7 @@ def test_another_design_or_configuration_is_named(dumped: Path, tmp_path: Path, 
     load(dumped, Core(replace(config, channel="can7", file="elsewhere.toml")))
 
 
-def test_the_replay_command_refuses_a_damaged_state(
+def test_replay_command_rejects_a_damaged_state(
     dumped: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     log = tmp_path / "x.log"
@@ -198,7 +194,7 @@ HOSTILE: list[Any] = [
 ]  # fmt: skip
 
 
-def test_a_hostile_state_with_a_good_checksum_is_refused_or_fits(dumped: Path, tmp_path: Path, config: Config) -> None:
+def test_hostile_state_with_a_good_checksum_is_rejected_or_fits(dumped: Path, tmp_path: Path, config: Config) -> None:
     """Whatever stands in a file: InputError, or a core whose arrays have their shapes and types."""
     body = json.loads(dumped.read_bytes())
     chance = random.Random(4)
@@ -230,7 +226,7 @@ def arrays(core: Core) -> Iterator[tuple[str, Any]]:
                 yield f"{path}.{name}", value
 
 
-def test_what_does_not_fit_names_the_place(config: Config) -> None:
+def test_state_mismatch_names_the_attribute(config: Config) -> None:
     core = Core(config)
     node = encode(capture(core))
     node["estimator"]["_bank"]["x"]["shape"] = [4, 5, 3]

@@ -73,7 +73,7 @@ def verdicts(found: list[Statement]) -> list[bool]:
     return [f.holds for f in found]
 
 
-def test_all_figures_are_drawn_and_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_all_figures_are_drawn_and_described(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(tmp_path / "figures", tracks=2, seconds=3.0, between=0) == 0
     names = {f"fig{n:02d}{form}.png" for n in NUMBERS for form in ("", "-paper")}
     assert {p.name for p in (tmp_path / "figures").glob("*.png")} == names
@@ -127,7 +127,7 @@ def test_a_paper_design_for_another_wheelset_is_not_judged_beside(tmp_path: Path
         sources(None, other)
 
 
-def test_what_is_checked_is_what_was_gathered(subject: Source) -> None:
+def test_figures_check_what_was_gathered(subject: Source) -> None:
     """Other data, other verdicts: the checks take nothing from elsewhere."""
     data = gather(subject, 1, 2.5, 0, silent)
     before = {(s.figure, s.says): s for s in check(data)}
@@ -166,7 +166,7 @@ def test_the_place_in_the_own_range_is_what_the_estimator_decides_by(subject: So
         assert (np.argmin(values, axis=-1) + 1 != found.winner).any()
 
 
-def test_the_lowest_residual() -> None:
+def test_lowest_residual_holds_for_most_of_the_time() -> None:
     good = trace((0.2, 0.5, 0.5, 0.5))
     assert verdicts(say.lowest(3, "here", 1, good)) == [True, True]
     assert verdicts(say.lowest(3, "here", 2, good)) == [False, False]
@@ -179,7 +179,7 @@ def test_the_lowest_residual() -> None:
     assert false.line().startswith("Fig. 3   DOES NOT HOLD  here, the residual of model 1 is the lowest: in 85 %")
 
 
-def test_an_increased_residual() -> None:
+def test_increased_residual_holds_only_for_a_larger_one() -> None:
     low, high = trace((0.2, 0.5, 0.5, 0.5)), trace((0.4, 0.5, 0.5, 0.5))
     assert say.increased(4, 1, high, low).holds
     assert not say.increased(4, 1, low, high).holds
@@ -209,7 +209,7 @@ def levels(residuals: FloatArray, share: float) -> Levels:
     return Levels(share, np.array([3.0, 10.0, 40.0]), windows, np.log10(windows))
 
 
-def test_the_levels_of_fig_6() -> None:
+def test_levels_of_figure_6_hold_for_matching_models() -> None:
     matching = np.array([[0.9, 0.9, 0.2, 0.9], [0.9, 0.2, 0.9, 0.9], [0.2, 0.9, 0.9, 0.9]])
     saturated, below = levels(matching, 1.0), levels(np.array([[0.9, 0.9, 0.9, 0.2]] * 3), 0.15)
     points = [(saturated, 40.0), (saturated, 10.0), (saturated, 3.0), (below, 30.0)]
@@ -228,7 +228,7 @@ def test_the_levels_of_fig_6() -> None:
     assert nearest(Point("", CURVES["A"], 0.9, (0.0, 0.0, 0.0)), saturated, below) is saturated
 
 
-def test_the_papers_rules() -> None:
+def test_printed_rules_hold_with_three_sets() -> None:
     printed = np.array([[0.1, 0.1, 1.0, 0.1], [0.1, 0.1, 1.0, 0.1], [0.1, 0.1, 10.0, 1.0]])
     as_printed = levels(printed, 1.0), levels(printed, 0.15)
     assert verdicts(say.paper_rules(*as_printed, [THREE] * MODELS)) == [True, True]
@@ -242,7 +242,7 @@ def test_the_papers_rules() -> None:
     assert verdicts(say.paper_rules(levels(other, 1.0), levels(other, 0.15), SETS)) == [False, False]
 
 
-def test_the_sets_and_the_output() -> None:
+def test_sets_and_output_polynomial_are_judged() -> None:
     assert say.divided(8, 1, THREE, np.array([-1.0, 0.0, 1.0])).holds
     assert not say.divided(8, 1, THREE, np.array([-1.0, 0.0, 0.0])).holds
     assert not say.divided(8, 1, TWO, np.array([-1.0, 1.0])).holds
@@ -257,7 +257,7 @@ def test_the_sets_and_the_output() -> None:
     assert not say.output_map(np.array([0.0, 100.0]), np.array([0.5, 10.0]), printed)[2].holds
 
 
-def test_the_curves_of_fig_1() -> None:
+def test_curves_of_figure_1_are_judged() -> None:
     points = [Point("", CURVES[n], s, (0.0, 0.0, 0.0)) for n, s in (("A", 1.0), ("C", 1.0), ("D", 1.0), ("B", 0.1))]
     slopes, peaks = {"A": (1.0, 1e6), "C": (1.0, 2e5)}, {"A": 0.4, "C": 0.2}
     assert verdicts(say.creep_curves(slopes, peaks, points)) == [True, True, True]
@@ -267,7 +267,7 @@ def test_the_curves_of_fig_1() -> None:
     assert not say.straight(1, "it is straight", 0.5e6, 1e6).holds
 
 
-def test_no_folder_and_no_design(tmp_path: Path) -> None:
+def test_missing_folder_or_design_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="cannot be made"):
         run(tmp_path / "file" / "figures")

@@ -32,6 +32,7 @@ from sim_ecu.score.suites.harsh import HARSH, slow
 from sim_ecu.score.suites.nominal import GRID, NOISE, ROBUST, condition, grid, robust, spread
 from sim_ecu.score.suites.run import FIRST_TEST_SEED, Run
 from sim_ecu.score.tables import tables
+from tests.support.can_ids import LAT_ACCEL, YAW_RATE, YAW_RATE_A2
 from wrcd.config import load_config
 from wrcd.resources import DESIGN
 
@@ -48,7 +49,7 @@ def every() -> dict[str, list[Run]]:
     return out
 
 
-def test_what_is_scored_was_not_trained_on(every: dict[str, list[Run]]) -> None:
+def test_scored_runs_are_not_those_of_training(every: dict[str, list[Run]]) -> None:
     trained = {c.seed for group in draw(Plan(), W) for c in group.conditions}
     assert max(trained) < SEEDS_PER_PLAN * 1_001 < FIRST_TEST_SEED  # the largest plan seed that is taken is 1000
     assert set(every) == set(SUITES)
@@ -176,13 +177,13 @@ def test_sensors_that_die_leave_their_own_noise() -> None:
     runs = {r.group: r for r in dead(W, 0.1)}
     sent = decoded(runs["both die"].scenario)
     dies = round(5.0 / 0.005)
-    for signal, can_id, rms in (("YawRate", 0x102, 3e-4), ("LatAccel", 0x112, 0.01)):
+    for signal, can_id, rms in (("YawRate", YAW_RATE_A2, 3e-4), ("LatAccel", LAT_ACCEL[2], 0.01)):
         values = [v[signal] for v in sent[can_id]]
         assert np.std(values[dies:]) == pytest.approx(rms, rel=0.1)
         assert np.std(values[200:dies]) > 1.2 * rms
     one = decoded(runs["the gyro dies"].scenario)
-    assert np.std([v["YawRate"] for v in one[0x102]][dies:]) == pytest.approx(3e-4, rel=0.1)
-    assert np.std([v["LatAccel"] for v in one[0x112]][dies:]) > 0.012
+    assert np.std([v["YawRate"] for v in one[YAW_RATE_A2]][dies:]) == pytest.approx(3e-4, rel=0.1)
+    assert np.std([v["LatAccel"] for v in one[LAT_ACCEL[2]]][dies:]) > 0.012
     start = [s.readings[0] for s in Player(runs[BOTH_DEAD].scenario).measured()]
     assert np.std([r.yaw_rate for r in start]) == pytest.approx(3e-4, rel=0.1)
 
@@ -195,9 +196,9 @@ def test_swapped_wires_are_those_of_a_train_on_one_track() -> None:
     right = list(Player(run.scenario).measured())  # before the wires
     frames = decoded(run.scenario)
     for sensed, other in ((0, 1), (1, 0), (2, 3), (3, 2)):
-        lat = [v["LatAccel"] for v in frames[0x111 + sensed]]
+        lat = [v["LatAccel"] for v in frames[LAT_ACCEL[1 + sensed]]]
         assert lat[:50] == pytest.approx([s.readings[other].lat_accel for s in right[:50]], abs=1e-5)
-        yaw = [v["YawRate"] for v in frames[0x101 + sensed]]
+        yaw = [v["YawRate"] for v in frames[YAW_RATE[1 + sensed]]]
         assert yaw[:50] == pytest.approx([s.readings[sensed].yaw_rate for s in right[:50]], abs=1e-6)
 
 
@@ -251,7 +252,7 @@ def test_frames_are_decoded_as_cantools_does() -> None:
     assert Heard(databases()[0].get_message_by_name("Adhesion_A1"), [0], [b"\0" * 8]).words("None").tolist() == [""]
 
 
-def test_what_was_said_last_stands_until_the_next() -> None:
+def test_last_frame_holds_until_the_next() -> None:
     message = databases()[0].get_message_by_name("AdhesionDetail_A1")
     empty = {s.name: 0 for s in message.signals}
     heard = Heard(message)
@@ -315,7 +316,7 @@ def test_the_report_has_every_figure(small: list[Trace]) -> None:
     assert judge(small, source, "drops")["suites"].keys() == {"drops"}
 
 
-def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_score_command_writes_tables_json_and_html(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     arguments = ["score", "--suite", "paper", "--quick", "--jobs", "1", "--json", str(tmp_path / "s.json")]
     arguments += ["--beside", f"again={DESIGN}"]
     assert main([*arguments, "--html", str(tmp_path / "s.html")]) == 0

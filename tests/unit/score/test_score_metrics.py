@@ -91,7 +91,7 @@ def test_the_delay_is_to_the_crossing_of_the_geometric_mean() -> None:
     assert np.isnan(changes.delays([across])[0]).all()  # nothing to cross
 
 
-def test_a_drop_that_is_believed_too_long() -> None:
+def test_drop_is_timed_by_its_lie_and_its_settling() -> None:
     """Down from 40 to 10 at 2.00 s; wrcd stays at 40 ± 2 for 0.4 s, at 14 for 0.2 s, then says 10.5."""
     true = step(500, 100, 40.0, 10.0)
     mu = np.concatenate((np.full(120, 40.0), np.full(10, 14.0), np.full(370, 10.5)))
@@ -104,7 +104,7 @@ def test_a_drop_that_is_believed_too_long() -> None:
     assert drop.curve == "A to C"
 
 
-def test_a_drop_that_is_told_of_is_no_lie_and_settles_when_it_is_valid_again() -> None:
+def test_drop_that_ends_valid_is_no_lie_and_settles_when_valid_again() -> None:
     true = step(500, 100, 40.0, 10.0)
     mu = step(500, 120, 40.0, 10.2)
     validity = words(500, "Valid", (slice(100, 150), "Degraded"))
@@ -134,7 +134,7 @@ def test_only_changes_down_are_drops_and_each_lasts_to_the_next() -> None:
     assert changes.settlings([t], OURS)[0] == pytest.approx([changes.LATEST_S])
 
 
-def test_what_leaves_its_bound_again_has_not_settled() -> None:
+def test_estimate_that_leaves_its_bound_again_has_not_settled() -> None:
     true = step(500, 100, 40.0, 10.0)
     mu = step(500, 110, 40.0, 10.0)
     mu[115] = 12.0
@@ -180,7 +180,7 @@ def test_false_lows_are_counted_and_timed_where_valid() -> None:
     assert honesty.false_lows([none])["at_most_per_hour"] == pytest.approx(-math.log(0.05) / 0.02)
 
 
-def test_what_dies_is_timed_until_it_is_found_out() -> None:
+def test_dead_sensor_is_timed_until_it_is_found() -> None:
     found = trace(np.full(500, 9.0), np.full(500, 9.0), validity=words(500, "Valid", (slice(160, 500), "Degraded")))
     wavers = words(500, "Valid", (slice(160, 490), "Degraded"))
     back = trace(np.full(500, 9.0), np.full(500, 9.0), validity=wavers, run=1)
@@ -201,7 +201,7 @@ def test_contact_is_judged_where_it_can_be_told() -> None:
     assert math.isnan(found["saturated_right"].value)
 
 
-def test_within_is_a_point_or_a_tenth_and_what_is_not_valid_is_not_within() -> None:
+def test_within_means_valid_and_within_a_point_or_a_tenth() -> None:
     f = gather([trace(np.array([43.0, 6.0, 8.0, 5.0]), np.array([40.0, 5.0, 5.0, 5.0]))])
     assert accuracy.within(f)["share"].value == pytest.approx(0.75)
     assert accuracy.within(f)["worst"].value == pytest.approx(3.0)

@@ -11,10 +11,11 @@ from pathlib import Path
 
 import pytest
 
-from tests.unit.core.test_core import Rig
+from tests.support.can_ids import ADHESION_A1
+from tests.support.scripted_link import ScriptedLink
+from tests.support.sensor_simulator import SensorSimulator
 from wrcd.bus.frame import Frame
-from wrcd.bus.link import LinkHealth
-from wrcd.config import DEFAULT, load_config
+from wrcd.config import DEFAULT
 from wrcd.core.configuration import Config, RecorderConfig
 from wrcd.recorder.recorder import Recorder
 from wrcd.service.loop import Daemon
@@ -22,49 +23,19 @@ from wrcd.service.notify import Notifier
 from wrcd.service.reload import Reload
 
 
-class Wire:
-    """A link whose frames the test lays out."""
-
-    name = "test"
-
-    def __init__(self) -> None:
-        self.health = LinkHealth()
-        self.waiting: list[Frame] = []
-        self.sent: list[Frame] = []
-        self.closed = False
-
-    def receive(self, now_us: int) -> list[Frame]:
-        ready = [f for f in self.waiting if f.stamp_us <= now_us]
-        self.waiting = [f for f in self.waiting if f.stamp_us > now_us]
-        return ready
-
-    def send(self, frame: Frame) -> bool:
-        assert not self.closed
-        self.sent.append(frame)
-        return True
-
-    def close(self) -> None:
-        self.closed = True
-
-
-@pytest.fixture(scope="module")
-def config() -> Config:
-    return load_config(None)
-
-
 class Setup:
     def __init__(self, config: Config, monkeypatch: pytest.MonkeyPatch) -> None:
-        self.rig = Rig(config)
-        self.wire = Wire()
-        self.now = self.rig.t
-        self.daemon = Daemon(self.rig.core, self.wire, clock=lambda: self.now)
+        self.sim = SensorSimulator(config)
+        self.link = ScriptedLink()
+        self.now = self.sim.t
+        self.daemon = Daemon(self.sim.core, self.link, clock=lambda: self.now)
         monkeypatch.setattr(time, "sleep", self.sleep)
 
     def sleep(self, seconds: float) -> None:
         self.now += round(seconds * 1e6)
 
     def adhesion(self) -> list[Frame]:
-        return [f for f in self.wire.sent if f.can_id == 0x091]
+        return [f for f in self.link.sent if f.can_id == ADHESION_A1]
 
 
 @pytest.fixture
@@ -72,35 +43,35 @@ def setup(config: Config, monkeypatch: pytest.MonkeyPatch) -> Setup:
     return Setup(config, monkeypatch)
 
 
-def test_a_silent_bus_still_gets_its_frames(setup: Setup) -> None:
-    while setup.now < setup.rig.t + 2_000_000:
+def test_silent_bus_gets_every_adhesion_frame(setup: Setup) -> None:
+    while setup.now < setup.sim.t + 2_000_000:
         setup.daemon.poll()
     frames = setup.adhesion()
     assert 98 <= len(frames) <= 101
     assert {f.data[1] >> 4 for f in frames} == {0}
     slots = [f.stamp_us // 20_000 for f in frames]
     assert slots == list(range(slots[0], slots[0] + len(slots)))
-    assert setup.rig.core.health.overruns == 0
+    assert setup.sim.core.health.overruns == 0
 
 
-def test_a_late_loop_skips_and_counts_and_never_bursts(setup: Setup) -> None:
+def test_late_loop_skips_its_slots_and_counts_overruns(setup: Setup) -> None:
     for _ in range(40):
         setup.daemon.poll()
-    setup.wire.sent.clear()
+    setup.link.sent.clear()
     setup.now += 500_000
     setup.daemon.poll()
     assert len(setup.adhesion()) <= 1
     # 25 slots of four axles, five of details and of inputs
-    assert 110 <= setup.rig.core.health.overruns <= 145
+    assert 110 <= setup.sim.core.health.overruns <= 145
 
 
-def test_what_arrived_during_the_start_fills_the_window(setup: Setup) -> None:
-    frames = [f for _ in range(300) for f in setup.rig.frames()]
-    setup.wire.waiting = list(frames)
-    setup.now = setup.rig.t
+def test_frames_received_during_the_start_fill_the_window(setup: Setup) -> None:
+    frames = [f for _ in range(300) for f in setup.sim.frames()]
+    setup.link.waiting = list(frames)
+    setup.now = setup.sim.t
     setup.daemon.catch_up()
-    assert setup.wire.sent == []
-    assert setup.rig.core.counts.accepted == 4 * 250  # older than 1.25 s cannot matter
+    assert setup.link.sent == []
+    assert setup.sim.core.counts.accepted == 4 * 250  # older than 1.25 s cannot matter
     for _ in range(4):
         setup.daemon.poll()
     assert next(f.data[1] >> 4 for f in setup.adhesion()) == 1
@@ -117,9 +88,11 @@ class Systemd:
         self.notifier = Notifier({"NOTIFY_SOCKET": path, "WATCHDOG_USEC": "200000"})
         self.daemon = self.new_daemon()
 
-    def new_daemon(self, reload: Reload | None = None) -> Daemon:
+    def new_daemon(self, reload: Reload | None = None, recorder: Recorder | None = None) -> Daemon:
         setup = self.setup
-        return Daemon(setup.rig.core, setup.wire, self.notifier, clock=lambda: setup.now, reload=reload)
+        return Daemon(
+            setup.sim.core, setup.link, self.notifier, clock=lambda: setup.now, reload=reload, recorder=recorder
+        )
 
     def heard(self) -> list[str]:
         out = []
@@ -159,7 +132,7 @@ def kill_after(polls: dict[int, int], daemon: Daemon, monkeypatch: pytest.Monkey
     monkeypatch.setattr(daemon, "poll", counted)
 
 
-def test_systemd_is_told(systemd: Systemd, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_systemd_gets_ready_watchdog_and_stopping(systemd: Systemd, monkeypatch: pytest.MonkeyPatch) -> None:
     kill_after({120: signal.SIGTERM}, systemd.daemon, monkeypatch)
     systemd.daemon.run()
     said = systemd.heard()
@@ -167,11 +140,11 @@ def test_systemd_is_told(systemd: Systemd, monkeypatch: pytest.MonkeyPatch) -> N
     assert said[-1] == "STOPPING=1"
     # every 100 ms in 0.6 s
     assert said[1:-1] == ["WATCHDOG=1"] * 6
-    assert all(f.data[1] >> 4 == 0 for f in systemd.setup.wire.sent[-5:-1])
+    assert all(f.data[1] >> 4 == 0 for f in systemd.setup.link.sent[-5:-1])
     assert gc.get_freeze_count() > 1000
 
 
-def test_the_watchdog_hears_nothing_of_ticks_that_stand_still(systemd: Systemd) -> None:
+def test_watchdog_gets_nothing_while_no_tick_closes(systemd: Systemd) -> None:
     """Frames come, but whoever stamps them has stopped: no tick is ever over."""
     setup = systemd.setup
     for _ in range(10):
@@ -179,7 +152,7 @@ def test_the_watchdog_hears_nothing_of_ticks_that_stand_still(systemd: Systemd) 
     assert systemd.heard() == ["WATCHDOG=1"]
     at = setup.now
     for _ in range(200):
-        setup.wire.waiting += [replace(frame, stamp_us=at) for frame in setup.rig.frames()]
+        setup.link.waiting += [replace(frame, stamp_us=at) for frame in setup.sim.frames()]
         systemd.daemon.poll()
     assert setup.now - at >= 1_000_000
     assert len(systemd.heard()) <= 1
@@ -188,7 +161,7 @@ def test_the_watchdog_hears_nothing_of_ticks_that_stand_still(systemd: Systemd) 
     assert len(systemd.heard()) == 2
 
 
-def test_the_watchdog_hears_nothing_of_a_loop_that_is_always_late(systemd: Systemd) -> None:
+def test_watchdog_gets_nothing_from_a_loop_that_is_always_late(systemd: Systemd) -> None:
     for late_us, heard in ((15_000, 10), (40_000, 0), (15_000, 10)):
         systemd.heard()
         end = systemd.setup.now + 1_000_000
@@ -201,8 +174,8 @@ def test_the_watchdog_hears_nothing_of_a_loop_that_is_always_late(systemd: Syste
 class Dump:
     """The dump at the end, which takes its time: what the bus has seen when it begins."""
 
-    def __init__(self, wire: Wire) -> None:
-        self._wire = wire
+    def __init__(self, link: ScriptedLink) -> None:
+        self._wire = link
         self.begun: list[tuple[bool, list[int]]] = []
 
     def close(self, *_: object) -> None:
@@ -210,14 +183,14 @@ class Dump:
 
 
 @pytest.mark.parametrize("where", ["poll", "catch_up"])
-def test_an_exception_sends_the_farewell_and_closes_the_bus_before_the_dump(
+def test_exception_sends_shutdown_frames_and_closes_the_link_before_the_dump(
     systemd: Systemd, config: Config, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, where: str
 ) -> None:
-    setup, daemon = systemd.setup, systemd.daemon
-    recorder = Recorder(RecorderConfig(tmp_path, 3.0, 20, 200.0), setup.rig.core, "vcan0", lambda _: None)
-    dump = Dump(setup.wire)
+    setup = systemd.setup
+    recorder = Recorder(RecorderConfig(tmp_path, 3.0, 20, 200.0), setup.sim.core, "vcan0", lambda _: None)
+    dump = Dump(setup.link)
     monkeypatch.setattr(recorder, "close", dump.close)
-    monkeypatch.setattr(daemon, "_recorder", recorder)
+    daemon = systemd.new_daemon(recorder=recorder)
     polls, original = iter(range(100)), getattr(daemon, where)
 
     def breaks() -> None:
@@ -233,20 +206,20 @@ def test_an_exception_sends_the_farewell_and_closes_the_bus_before_the_dump(
     assert systemd.heard()[-1] == "STOPPING=1"
 
 
-def test_a_farewell_that_fails_hides_nothing_and_keeps_nothing_from_being_closed(
+def test_failing_shutdown_frames_keep_the_exception_and_close_the_link(
     systemd: Systemd, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def broken(*_: object) -> bool:
         raise ZeroDivisionError("no bus")
 
-    monkeypatch.setattr(systemd.setup.wire, "send", broken)
+    monkeypatch.setattr(systemd.setup.link, "send", broken)
     with pytest.raises(ZeroDivisionError):
         systemd.daemon.run()
-    assert systemd.setup.wire.closed
+    assert systemd.setup.link.closed
     assert "the last frames were not sent: ZeroDivisionError('no bus')" in capsys.readouterr().err
 
 
-def test_hangup_reads_the_configuration_again(
+def test_sighup_reloads_the_configuration(
     systemd: Systemd,
     tmp_path: Path,
     config: Config,
@@ -262,22 +235,22 @@ def test_hangup_reads_the_configuration_again(
     assert [line.partition("\n")[0] for line in said] == ["READY=1", "RELOADING=1", "READY=1", "STOPPING=1"]
     moment_us = int(said[1].partition("\nMONOTONIC_USEC=")[2])
     assert 0 <= time.monotonic() - moment_us * 1e-6 < 60
-    assert systemd.setup.rig.core.config.min_speed_m_s == 7.0
+    assert systemd.setup.sim.core.config.min_speed_m_s == 7.0
     assert capsys.readouterr().err == "wrcd: reload: limits.min_speed_m_s 3 -> 7\n"
 
 
-def test_hangup_without_a_reload_ends_it(systemd: Systemd, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_sighup_without_a_reload_stops_the_daemon(systemd: Systemd, monkeypatch: pytest.MonkeyPatch) -> None:
     """On a terminal: whoever started it is gone."""
     kill_after({40: signal.SIGHUP}, systemd.daemon, monkeypatch)
     systemd.daemon.run()
     assert systemd.heard()[-1] == "STOPPING=1"
 
 
-def test_without_systemd_nothing_is_said() -> None:
+def test_notifier_without_a_socket_sends_nothing() -> None:
     Notifier({}).notify("READY=1")
 
 
-def test_a_turn_that_is_over_due_is_due_at_once(setup: Setup) -> None:
+def test_overdue_turn_is_due_at_once(setup: Setup) -> None:
     setup.daemon.turn()
     assert 0.0 < setup.daemon.wait_s() <= 0.006
     setup.now += 7_000

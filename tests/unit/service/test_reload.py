@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from tests.unit.core.test_core import Rig, validities
+from tests.support.can_ids import YAW_RATE_A1
+from tests.support.sensor_simulator import SensorSimulator, validities
 from wrcd import resources
 from wrcd.config import DEFAULT, load_config
 from wrcd.core.configuration import Config
-from wrcd.core.core import Core
 from wrcd.service.reload import Reload
 
 OWN_FILES = '[dbc]\nfile = "train.dbc"\n[estimator]\ndesign = "my.json"\n'
@@ -41,7 +41,7 @@ def train(tmp_path: Path) -> Train:
     return Train(tmp_path)
 
 
-def test_limits_are_taken_over_and_named(train: Train) -> None:
+def test_changed_limits_are_applied_and_logged(train: Train) -> None:
     train.write(
         "[limits]\nmin_speed_m_s = 40\nnot_available_after_ms = 250\n",
         DEFAULT.replace("[vehicle]", "[vehicle]\ntorque_is_total = false"),
@@ -72,7 +72,7 @@ def test_limits_are_taken_over_and_named(train: Train) -> None:
         ('"my.json"', '"other.json"', "estimator.design"),
     ],
 )
-def test_everything_else_is_refused_by_name(train: Train, old: str, new: str, name: str) -> None:
+def test_other_changes_need_a_restart_and_are_named(train: Train, old: str, new: str, name: str) -> None:
     text = (OWN_FILES + DEFAULT).replace(old, new)
     train.file.write_text(text + "[limits]\nmin_speed_m_s = 5\n")
     assert train.read() == f"reload: limits.min_speed_m_s 3 -> 5; needs a restart: {name}"
@@ -80,7 +80,7 @@ def test_everything_else_is_refused_by_name(train: Train, old: str, new: str, na
     assert (train.config.interface, train.config.channel, train.config.dbc_file) == ("socketcan", "can0", train.dbc)
 
 
-def test_the_recorders_bounds_are_taken_over(train: Train) -> None:
+def test_recorder_bounds_are_applied(train: Train) -> None:
     train.write('[recorder]\nmax_files = 7\nmax_mb = 12.5\nfolder = "elsewhere"\n')
     line = train.read()
     assert "recorder.max_files 20 -> 7" in line
@@ -90,13 +90,13 @@ def test_the_recorders_bounds_are_taken_over(train: Train) -> None:
     assert train.config.recorder.folder is None
 
 
-def test_axles_cannot_change(train: Train) -> None:
+def test_removed_axle_needs_a_restart(train: Train) -> None:
     train.write(text=DEFAULT[: DEFAULT.rindex("[[axle]]")])
     assert train.read() == "reload: nothing taken over; needs a restart: axle, mapped signals"
     assert len(train.config.axles) == 4
 
 
-def test_changed_files_are_named_but_not_read(train: Train) -> None:
+def test_changed_dbc_and_design_are_named_but_not_read(train: Train) -> None:
     """Reading a DBC takes longer than a tick."""
     train.dbc.write_text("no DBC at all")
     train.design.unlink()
@@ -112,7 +112,7 @@ def test_changed_files_are_named_but_not_read(train: Train) -> None:
         ("[limits\n", "not valid TOML"),
     ],
 )
-def test_a_mistake_changes_nothing(train: Train, more: str, named: str) -> None:
+def test_invalid_configuration_changes_nothing(train: Train, more: str, named: str) -> None:
     before = train.config
     train.write(more)
     line = train.read()
@@ -122,7 +122,7 @@ def test_a_mistake_changes_nothing(train: Train, more: str, named: str) -> None:
     assert train.config is before
 
 
-def test_a_mistake_may_come_from_a_file_that_is_not_read_yet(train: Train) -> None:
+def test_error_that_the_new_dbc_explains_names_the_dbc(train: Train) -> None:
     train.dbc.write_bytes(train.dbc.read_bytes().replace(b"Torque_A1", b"Effort_A1"))
     train.write(text=DEFAULT.replace('"Torque_A1.Torque"', '"Effort_A1.Torque"'))
     line = train.read()
@@ -130,31 +130,43 @@ def test_a_mistake_may_come_from_a_file_that_is_not_read_yet(train: Train) -> No
     assert line.endswith("(dbc.file changed too: restart for that)")
 
 
-def test_no_file_any_more(train: Train) -> None:
+def test_deleted_configuration_changes_nothing(train: Train) -> None:
     before = train.config
     train.file.unlink()
     assert "no such file" in train.read()
     assert train.config is before
 
 
-def test_a_constant_speed_in_place_of_the_signal_needs_a_restart(train: Train) -> None:
+def test_constant_speed_in_place_of_the_signal_needs_a_restart(train: Train) -> None:
     without = DEFAULT.replace('speed = "VehicleSpeed.Speed"', "")
     train.write("[limits]\nconstant_speed_m_s = 20\n", without)
     assert "needs a restart: limits.constant_speed_m_s, mapped signals" in train.read()
     train.config = load_config(train.file)
     train.write("[limits]\nconstant_speed_m_s = 30\n", without)
-    core = Core(train.config)
     assert "limits.constant_speed_m_s 20 -> 30" in train.read()
-    core.reconfigure(train.config)
-    assert core._inputs.speed_m_s == 30.0
+    assert train.config.constant_speed_m_s == 30.0
+
+
+def test_core_runs_at_the_new_constant_speed(train: Train) -> None:
+    without = DEFAULT.replace('speed = "VehicleSpeed.Speed"', "")
+    train.write("[limits]\nconstant_speed_m_s = 20\n", without)
+    train.config = load_config(train.file)
+    sim = SensorSimulator(train.config)
+    assert validities(sim.run(1500))[-1] == "Valid"
+    for speed, validity, cause in ((2, "NotAvailable", "Standstill"), (70, "Degraded", "SpeedOutOfRange")):
+        train.write(f"[limits]\nconstant_speed_m_s = {speed}\n", without)
+        train.read()
+        sim.core.reconfigure(train.config)
+        assert sim.run(1500)[-1]["Validity"] == validity
+        assert sim.decoded("AdhesionDetail_A1")[-1]["Cause"] == cause
 
 
 @pytest.fixture
-def rig(train: Train) -> Rig:
-    return Rig(train.config)
+def sim(train: Train) -> SensorSimulator:
+    return SensorSimulator(train.config)
 
 
-def test_the_core_goes_on_with_the_new_limit(train: Train, rig: Rig) -> None:
+def test_core_runs_on_with_a_new_min_speed(train: Train, sim: SensorSimulator) -> None:
     """Above the present speed the axle has no estimate; lowered again, one window later it has."""
 
     def to(min_speed_m_s: float) -> Config:
@@ -162,21 +174,21 @@ def test_the_core_goes_on_with_the_new_limit(train: Train, rig: Rig) -> None:
         train.read()
         return train.config
 
-    assert validities(rig.run(1500))[-1] == "Valid"
-    rig.core.reconfigure(to(40.0))
-    assert set(validities(rig.run(200))) == {"NotAvailable"}
-    rig.core.reconfigure(to(3.0))
-    back = [str(row["Validity"]) for row in rig.run(1500)]
+    assert validities(sim.run(1500))[-1] == "Valid"
+    sim.core.reconfigure(to(40.0))
+    assert set(validities(sim.run(200))) == {"NotAvailable"}
+    sim.core.reconfigure(to(3.0))
+    back = [str(row["Validity"]) for row in sim.run(1500)]
     assert 45 <= back.index("Valid") <= 51
     assert set(back[back.index("Valid") :]) == {"Valid"}
 
 
-def test_the_core_goes_on_with_a_longer_patience(train: Train, rig: Rig) -> None:
-    assert validities(rig.run(1500))[-1] == "Valid"
+def test_core_runs_on_with_a_longer_not_available_limit(train: Train, sim: SensorSimulator) -> None:
+    assert validities(sim.run(1500))[-1] == "Valid"
     train.write("[limits]\nnot_available_after_ms = 400\n")
     train.read()
-    rig.core.reconfigure(train.config)
-    rig.silent = {0x101}
-    found = [row["Validity"] for row in rig.run(600)]
+    sim.core.reconfigure(train.config)
+    sim.silent = {YAW_RATE_A1}
+    found = [row["Validity"] for row in sim.run(600)]
     # 400 ms of 20 ms each, where it would have been 100
     assert 19 <= found.index("NotAvailable") <= 21

@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from sim_ecu.cli import main as sim_ecu
-from tests.conftest import LogOf
-from tests.support.scenarios import held
+from tests.support.scenarios import LogOf, held
 from wrcd.core.causes import Cause
 from wrcd.estimator.design import load_design
 from wrcd.resources import DESIGN
@@ -16,7 +15,7 @@ from wrcd.tools.cli import main as wrcd
 from wrcd.tools.explain import condition, sentence
 
 
-def test_every_rule_is_a_sentence_with_its_data(capsys: pytest.CaptureFixture[str]) -> None:
+def test_explain_prints_every_rule_with_its_share_of_windows(capsys: pytest.CaptureFixture[str]) -> None:
     design = load_design(DESIGN)
     assert sim_ecu(["design", "--explain"]) == 0
     out = capsys.readouterr().out
@@ -30,7 +29,7 @@ def test_every_rule_is_a_sentence_with_its_data(capsys: pytest.CaptureFixture[st
     assert sum(shares) == pytest.approx(100.0, abs=3.0)
 
 
-def test_a_sentence_says_the_sets_and_the_output() -> None:
+def test_rule_sentence_names_its_sets_and_output() -> None:
     design = load_design(DESIGN)
     text = sentence(design, 0)
     assert text.startswith("If residual 1 ")
@@ -39,7 +38,7 @@ def test_a_sentence_says_the_sets_and_the_output() -> None:
     assert f"output {design.bases[0]:.0f} (adhesion " in text
 
 
-def test_a_replay_names_model_and_rule_of_each_moment(log_of: LogOf, tmp_path: Path) -> None:
+def test_replay_explain_names_model_and_rule_of_each_slot(log_of: LogOf, tmp_path: Path) -> None:
     log = log_of(held("F"))
     assert wrcd(["replay", str(log), "--explain", "--csv", str(tmp_path / "a.csv"), "-o", str(tmp_path / "a.log")]) == 0
     with (tmp_path / "a.csv").open() as file:
@@ -62,7 +61,7 @@ def test_a_replay_names_model_and_rule_of_each_moment(log_of: LogOf, tmp_path: P
     assert "dominant_rule" not in (tmp_path / "b.csv").read_text().splitlines()[0]
 
 
-def test_a_design_needs_a_file_to_make(capsys: pytest.CaptureFixture[str]) -> None:
+def test_design_command_without_an_output_is_an_error(capsys: pytest.CaptureFixture[str]) -> None:
     assert sim_ecu(["design"]) == 2
     assert "-o: is missing" in capsys.readouterr().err
     assert sim_ecu(["design", "--config", "metr", "-o", "x.json"]) == 2

@@ -15,7 +15,7 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     return now
 
 
-def test_a_terminal_gets_one_line(
+def test_terminal_gets_one_line_at_most_twice_a_second(
     clock: list[float], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
@@ -29,7 +29,7 @@ def test_a_terminal_gets_one_line(
 
 
 @pytest.mark.parametrize(("steps", "said"), [(False, ""), (True, "cases: 50 %, about 3 s left\nrules\n")])
-def test_a_file_gets_steps_or_nothing(
+def test_file_gets_one_line_a_step_or_nothing(
     clock: list[float], steps: bool, said: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     p = Progress(steps)

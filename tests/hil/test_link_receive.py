@@ -1,0 +1,81 @@
+"""The SocketCAN link on a real kernel: which frames it receives, when stamped, and how lost ones are counted."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from tests.support.can_ids import EXTENDED, YAW_RATE_A1, YAW_RATE_A2
+from tests.support.vcan import (
+    Node,
+    now_us,
+)
+from wrcd.bus.link import MAX_FRAMES
+from wrcd.bus.socketcan import SocketCanLink
+
+
+def test_only_mapped_ids_are_received_with_kernel_stamps(link: SocketCanLink, node: Node) -> None:
+    before = now_us()
+    for word in (YAW_RATE_A1, YAW_RATE_A2, 0x80000101, 0x98FF0001, 0x40000101, YAW_RATE_A1):
+        node.send(word)
+    after = now_us()
+    frames = link.receive(0)
+    assert [(f.can_id, f.extended, f.remote, f.data) for f in frames] == [
+        (YAW_RATE_A1, False, False, b"\x01\x02"),
+        (EXTENDED, True, False, b"\x01\x02"),
+        (YAW_RATE_A1, False, True, b"\x01\x02"),
+        (YAW_RATE_A1, False, False, b"\x01\x02"),
+    ]
+    assert all(before <= f.stamp_us <= after for f in frames)
+    assert sorted(f.stamp_us for f in frames) == [f.stamp_us for f in frames]
+    assert link.receive(0) == []
+    link.narrow((YAW_RATE_A2,))
+    node.send(YAW_RATE_A1)
+    node.send(YAW_RATE_A2)
+    assert [f.can_id for f in link.receive(0)] == [YAW_RATE_A2]
+
+
+def test_full_receive_buffer_counts_every_lost_frame(link: SocketCanLink, node: Node) -> None:
+    sent = 20_000
+    for k in range(sent):
+        node.send(YAW_RATE_A1, k.to_bytes(4, "little"))
+    got = 0
+    while frames := link.receive(0):
+        got += len(frames)
+    node.send(YAW_RATE_A1)  # what was lost is told with the next frame
+    got += len(link.receive(0))
+    assert link.health.drops > 0
+    assert got + link.health.drops == sent + 1
+    for _ in range(10):
+        node.send(YAW_RATE_A1)
+    link.receive(0)
+    assert got + link.health.drops == sent + 1
+
+
+def test_unmapped_frames_do_not_fill_the_receive_buffer(link: SocketCanLink, node: Node) -> None:
+    for k in range(20_000):
+        node.send(0x300 + k % 0x100)
+        if k % 1000 == 0:
+            node.send(YAW_RATE_A1)
+    assert len(link.receive(0)) == 20
+    assert link.health.drops == 0
+
+
+@pytest.mark.skipif(os.environ.get("GUEST") != "uml", reason="changes the kernel's bound of receive buffers")
+def test_receive_returns_at_most_max_frames(bus: str, node: Node) -> None:
+    Path("/proc/sys/net/core/rmem_max").write_text("8388608")
+    link = SocketCanLink(bus, (YAW_RATE_A1,))
+    for _ in range(MAX_FRAMES + 10):
+        node.send(YAW_RATE_A1)
+    assert [len(link.receive(0)) for _ in range(3)] == [MAX_FRAMES, 10, 0]
+    link.close()
+
+
+def test_missing_hardware_stamps_are_the_kernels(bus: str, node: Node) -> None:
+    link = SocketCanLink(bus, (YAW_RATE_A1,))
+    link.stamp_by_hardware()
+    before = now_us()
+    node.send(YAW_RATE_A1)
+    frames = link.receive(0)
+    assert before <= frames[0].stamp_us <= now_us()
+    link.close()

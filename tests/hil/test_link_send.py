@@ -1,0 +1,57 @@
+"""The SocketCAN link on a real kernel: frames are sent within their slot, or dropped and counted."""
+
+from sim_ecu.play.slcan import Slcan
+from tests.support.can_ids import ADHESION, ADHESION_A1, AXLES
+from tests.support.vcan import BUS_OFF, ERROR, FaultySocket, Node, now_us
+from wrcd.bus.frame import Frame
+from wrcd.bus.socketcan import SocketCanLink
+
+
+def test_full_send_queue_drops_and_counts() -> None:
+    """An slcan interface whose line nobody reads: real ENOBUFS."""
+    peer = Slcan("can7")
+    try:
+        link = SocketCanLink("can7", None)
+        results = [link.send(Frame(now_us(), ADHESION_A1, bytes(8))) for _ in range(5000)]
+        assert results[0]
+        assert not results[-1]
+        assert link.health.unsent == results.count(False)
+        assert link.health.state == "Up"  # it is full, not down
+        link.close()
+    finally:
+        peer.shutdown()
+
+
+def test_frames_wait_in_the_kernel_for_one_slot_only(
+    sockets: list[FaultySocket], link: SocketCanLink, node: Node
+) -> None:
+    """A real controller without an acknowledgement keeps what it was given: it must not be given more."""
+    stamp = now_us() // 20_000 * 20_000
+    for axle in AXLES:
+        assert link.send(Frame(stamp, ADHESION[axle], b"\x01"))
+    assert link.unconfirmed == 4
+    assert link.send(Frame(stamp + 20_000, ADHESION_A1, b"\x02"))  # vcan says at once that they have left
+    assert [node.receive()[1] for _ in range(5)] == [b"\x01"] * 4 + [b"\x02"]
+    assert link.receive(0) == []  # our own are not received
+    assert link.unconfirmed == 0
+    sockets[-1].holds_frames = True  # nothing tells from here on that a frame has left
+    for axle in AXLES:
+        assert link.send(Frame(stamp + 40_000, ADHESION[axle], b"\x03"))
+    assert link.unconfirmed == 4
+    for slot in range(3, 41):
+        assert not link.send(Frame(stamp + slot * 20_000, ADHESION_A1, b"\x04"))
+    assert link.health.unsent == 38
+    assert link.send(Frame(stamp + 1_040_000, ADHESION_A1, b"\x05"))  # one slot a second is tried
+    sockets[-1].holds_frames = False
+    assert link.send(Frame(stamp + 1_060_000, ADHESION_A1, b"\x06"))  # and has left
+    assert [node.receive()[1] for _ in range(6)] == [b"\x03"] * 4 + [b"\x05", b"\x06"]
+
+
+def test_bus_off_tries_one_slot_a_second(link: SocketCanLink, node: Node) -> None:
+    """Should the frame that tells of the restart have been lost, and nobody else send."""
+    stamp = now_us()
+    assert link.send(Frame(stamp, ADHESION_A1, b""))
+    node.send(ERROR | BUS_OFF, bytes(8))
+    link.receive(0)
+    sent = [link.send(Frame(stamp + slot * 20_000, ADHESION_A1, b"")) for slot in range(1, 200)]
+    assert sent.count(True) == 3

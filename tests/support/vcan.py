@@ -1,0 +1,80 @@
+"""A virtual CAN interface of the running kernel, and another node on it. Only for tests on a real kernel."""
+
+import errno
+import socket
+import struct
+import subprocess
+import time
+from socket import socket as RealSocket  # whatever a test puts in its place
+from typing import Any
+
+from tests.support.can_ids import ADHESION_A1, YAW_RATE_A1
+from wrcd.bus.frame import Frame
+from wrcd.bus.socketcan import SocketCanLink
+
+FRAME = struct.Struct("=IB3x8s")  # struct can_frame
+ERROR = 0x20000000  # CAN_ERR_FLAG
+BUS_OFF, RESTARTED, CONTROLLER, BUS_ERROR = 0x40, 0x100, 0x04, 0x80  # classes of error frames
+
+
+def now_us() -> int:
+    """Return the clock that stamps frames."""
+    return time.time_ns() // 1000
+
+
+def ip(*words: str) -> None:
+    """Run `ip link` with these words."""
+    subprocess.run(["ip", "link", *words], timeout=10, check=True)
+
+
+def add(bus: str) -> None:
+    """Make a vcan interface; it is down."""
+    ip("add", bus, "mtu", "72", "type", "vcan")
+
+
+class Node:
+    """Another node on the bus."""
+
+    def __init__(self, channel: str) -> None:
+        self._socket = RealSocket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
+        self._socket.bind((channel,))
+        self._socket.settimeout(2.0)
+
+    def send(self, word: int, data: bytes = b"\x01\x02") -> None:
+        """Send a frame; the word is the id with its flags."""
+        self._socket.send(FRAME.pack(word, len(data), data.ljust(8, b"\0")))
+
+    def receive(self) -> tuple[int, bytes]:
+        """Return word and data of the next frame, waiting 2 s at most."""
+        word, length, data = FRAME.unpack(self._socket.recv(FRAME.size))
+        return word, data[:length]
+
+    def close(self) -> None:
+        self._socket.close()
+
+
+class FaultySocket(RealSocket):
+    """A socket with faults that a test switches on."""
+
+    is_leaving = False  # its device is just being taken away: options cannot be set, and reading says so a moment later
+    holds_frames = False  # it hands nothing over, not even the news that a frame has left
+
+    def setsockopt(self, *args: Any) -> None:
+        if self.is_leaving:
+            raise OSError(errno.ENODEV, "No such device")
+        super().setsockopt(*args)
+
+    def recvmsg(self, *args: Any) -> Any:
+        if self.holds_frames:
+            raise BlockingIOError
+        return super().recvmsg(*args)
+
+
+def assert_frames_pass(bus: str, link: SocketCanLink) -> None:
+    """Exchange a frame each way between link and another node."""
+    other = Node(bus)
+    other.send(YAW_RATE_A1)
+    assert [f.can_id for f in link.receive(0)] == [YAW_RATE_A1]
+    assert link.send(Frame(now_us(), ADHESION_A1, b"\x01"))
+    assert other.receive() == (ADHESION_A1, b"\x01")
+    other.close()

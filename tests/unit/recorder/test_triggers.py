@@ -1,0 +1,165 @@
+"""What a dump is written for: lost Validity, collapse of adhesion, a signal, the end of the daemon."""
+
+import os
+import signal
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from tests.support.can_ids import ADHESION_A1, YAW_RATE_A1
+from tests.support.recorded_train import RecordedTrain, sent_and_replayed
+from tests.support.sensor_simulator import SensorSimulator
+from wrcd.bus.log import Damage, read_log
+from wrcd.core.causes import Cause, Validity
+from wrcd.core.configuration import Config
+from wrcd.core.core import Core
+from wrcd.core.messages import NOT_AVAILABLE_REPORT
+from wrcd.recorder.folder import dump_name
+from wrcd.recorder.triggers import LOST_SLOTS, Triggers
+
+
+def test_loss_of_validity_is_dumped_with_its_post_trigger_time(config: Config, tmp_path: Path) -> None:
+    train = RecordedTrain(config, tmp_path)
+    train.run(3000)
+    lost_us = train.now()
+    train.sim.silent = {YAW_RATE_A1}
+    train.run(1000)
+    train.sim.silent = set()
+    assert train.said == []
+    train.run(1200)
+    (log,) = train.dumps()
+    assert log.name.endswith("-validity.log")
+    assert dump_name("vcan0", lost_us, "validity") <= log.stem <= dump_name("vcan0", lost_us + 1_000_000, "validity")
+    frames = [f for f, _ in read_log(log, Damage())]
+    assert frames[-1].stamp_us - lost_us == pytest.approx(2_150_000, abs=60_000)  # time-out, five slots, aftermath
+    # at most one in half a minute, whatever happens
+    train.run(1200)
+    train.sim.silent = {YAW_RATE_A1}
+    train.run(2500)
+    assert len(train.said) == 1
+    train.sim.silent = set()
+    train.sim.t += 25_000_000
+    train.run(1500)
+    train.sim.silent = {YAW_RATE_A1}
+    train.run(3000)
+    assert len(train.dumps(2)) == 2
+
+
+def test_short_contradiction_is_no_loss_of_validity(config: Config) -> None:
+    """An estimate that contradicts itself for a few slots."""
+    valid = replace(NOT_AVAILABLE_REPORT, validity=Validity.VALID, mu_available_pct=20.0)
+    hiccup = replace(valid, validity=Validity.DEGRADED, cause=Cause.CONTRADICTION)
+    triggers = Triggers(1, config.adhesion_cycle_us)
+    for _ in range(3):
+        assert {triggers.look([r], False) for r in [valid] * 50 + [hiccup] * (LOST_SLOTS - 1)} == {""}
+    assert [triggers.look([r], False) for r in [valid] + [hiccup] * LOST_SLOTS][-2:] == ["", "validity"]
+
+
+def test_stopping_train_triggers_no_dump(config: Config, tmp_path: Path) -> None:
+    train = RecordedTrain(config, tmp_path)
+    train.run(2000)
+    assert train.sim.core.reports[0].validity == "Valid"
+    while train.sim.speed > 1.0:
+        train.sim.speed -= 0.2
+        train.run(20)
+    train.run(3000)
+    assert train.sim.core.reports[0].validity == "NotAvailable"
+    assert train.recorder.pending_trigger is None
+    assert not train.recorder.is_writing
+    assert train.said == []
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_collapse_of_adhesion_is_dumped(config: Config, tmp_path: Path) -> None:
+    train = RecordedTrain(config, tmp_path)
+    train.run(2000)
+    core = train.sim.core
+    report = core.reports[0]
+    assert report.validity == "Valid"
+
+    def says(mu: float, ms: int) -> None:
+        for _ in range(ms // 20):
+            train.run(20)
+            core.reports = [replace(report, mu_available_pct=mu), *core.reports[1:]]
+            train.recorder.turn(train.now())
+
+    says(30.0, 1200)
+    says(16.0, 200)  # a good half
+    assert train.recorder.pending_trigger is None
+    says(14.0, 20)
+    assert train.recorder.pending_trigger is not None
+    train.run(2200)
+    (log,) = train.dumps()
+    assert log.name.endswith("-collapse.log")
+
+
+def test_slow_fall_of_adhesion_is_no_collapse(config: Config) -> None:
+    from wrcd.recorder.triggers import Triggers
+
+    core = Core(config)
+    sim = SensorSimulator(config)
+    sim.run(1500)
+    report = next(r for r in sim.core.reports if r.validity == "Valid")
+    triggers = Triggers(1, core.config.adhesion_cycle_us)
+    mu = 40.0
+    while mu > 3.0:
+        assert triggers.look([replace(report, mu_available_pct=mu)], False) == ""
+        mu *= 0.987  # a half in 1.06 s
+    assert triggers.look([replace(report, mu_available_pct=mu / 2)], False) == "collapse"
+
+
+def test_sigusr1_dumps_at_once_each_time(config: Config, tmp_path: Path) -> None:
+    train = RecordedTrain(config, tmp_path)
+    before = signal.signal(signal.SIGUSR1, train.daemon.on_signal)
+    try:
+        train.run(1500)
+        os.kill(os.getpid(), signal.SIGUSR1)
+        train.run(2500)
+        (log,) = train.dumps()
+        os.kill(os.getpid(), signal.SIGUSR1)  # a person need not wait half a minute
+        train.run(2500)
+        assert len(train.dumps(2)) == 2
+    finally:
+        signal.signal(signal.SIGUSR1, before)
+    assert log.name.endswith("-asked.log")
+
+
+def test_sigterm_dumps_up_to_the_shutdown_frames(
+    config: Config, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    train = RecordedTrain(config, tmp_path)
+    monkeypatch.setattr(signal, "signal", lambda *_: None)
+    turns = iter(range(300))
+
+    def poll() -> None:
+        train.run(5)
+        if next(turns) == 299:
+            train.daemon.on_signal(signal.SIGTERM, None)
+
+    monkeypatch.setattr(train.daemon, "poll", poll)
+    train.daemon.run()
+    (log,) = train.dumps()
+    assert log.name.endswith("-exit.log")
+    sent = [f for f, _ in read_log(log, Damage()) if f.can_id == ADHESION_A1]
+    assert sent[-2].data[1] >> 4 == 1
+    assert sent[-1].data[1] >> 4 == 0  # the shutdown_frames
+
+
+def test_exception_in_the_loop_dumps_up_to_the_shutdown_frames(
+    config: Config, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    train = RecordedTrain(config, tmp_path)
+    monkeypatch.setattr(signal, "signal", lambda *_: None)
+    turns = iter(range(300))
+
+    def poll() -> None:
+        next(turns)
+        train.run(5)
+
+    monkeypatch.setattr(train.daemon, "poll", poll)
+    with pytest.raises(StopIteration):
+        train.daemon.run()
+    sent, replayed = sent_and_replayed(train.dumps()[0], tmp_path / "out.log")
+    assert replayed == sent[:-5]
+    assert [f.data[1] >> 4 for f in sent[-5:]] == [0, 0, 0, 0, 3]  # the shutdown_frames is in it, too
