@@ -86,6 +86,7 @@ class SignalReader:
         self.number = number
         self.name = signal.name
         self.position = position(signal, length)
+        _, self.shift, self.mask, self.sign = self.position
         self._signal = signal
         self._scale, self._offset = signal.conversion.scale, signal.conversion.offset
         self._factor = factor(signal.unit, source.quantity)
@@ -130,6 +131,7 @@ class MessageReader:
         self._usable = {raw for raw, word in words.items() if word in USABLE}
         self._degraded = {raw for raw, word in words.items() if word == "degraded"}
         self._status = None if status is None else position(status, message.length)
+        self._status_shift, self._status_mask = (0, 0) if self._status is None else self._status[1:3]
         used = [find_signal(message, s.signal) for s in self.sources] + ([status] if status is not None else [])
         self._by_cantools = any(s.is_float for s in used)
         orders = {r.position.order for r in self._signals} | ({self._status.order} if self._status else set())
@@ -160,7 +162,7 @@ class MessageReader:
         number = int.from_bytes(data, self._order)
         degraded = False
         if self._status is not None:
-            status = self._status.raw(number)
+            status = number >> self._status_shift & self._status_mask
             if status not in self._usable:
                 if status not in self._degraded:
                     return Reason.STATUS
@@ -168,8 +170,10 @@ class MessageReader:
         contested = checker is not None and checker.suspect
         samples = []
         for signal in self._signals:
-            value = signal.read(signal.position.raw(number))
-            if isinstance(value, Reason):
+            raw = number >> signal.shift & signal.mask
+            value = signal.read(raw - ((raw & signal.sign) << 1))
+            if value.__class__ is not float:
+                assert isinstance(value, Reason)
                 return value
             samples.append(Sample(signal.number, value, degraded, contested))
         return samples
@@ -243,9 +247,9 @@ class SignalWriter:
         self._lowest, self._highest = (
             (-(1 << s.length - 1), (1 << s.length - 1) - 1) if s.is_signed else (0, (1 << s.length) - 1)
         )
-        at = position(s, length)
         # whichever byte order, the frame is one whole number with its first byte lowest or highest
-        self.order, self.shift, self.mask = at.order, at.shift, at.mask
+        self.order, self.shift, self.mask, _ = position(s, length)
+        self.others = ~(self.mask << self.shift)
 
     def raw(self, value: Value) -> int:
         """A label's raw value, a number's nearest within the signal's range, or not available."""
@@ -253,8 +257,12 @@ class SignalWriter:
             return self.labels.get(value, 0)
         if value is None or not math.isfinite(value):
             return self._not_available
-        value = min(max(value, self._low), self._high)
-        return min(max(round((value - self._offset) / self._scale), self._lowest), self._highest)
+        if value < self._low:
+            value = self._low
+        elif value > self._high:
+            value = self._high
+        raw = round((value - self._offset) / self._scale)
+        return self._lowest if raw < self._lowest else min(raw, self._highest)
 
 
 class Writer:
@@ -288,8 +296,7 @@ class Writer:
             for name, value in values.items():
                 found = self._writers.get(name)
                 if found is not None:
-                    mask, shift = found.mask, found.shift
-                    number = number & ~(mask << shift) | (found.raw(value) & mask) << shift
+                    number = number & found.others | (found.raw(value) & found.mask) << found.shift
             data = number.to_bytes(self._message.length, self._order)
         if self._data_id is not None:
             data = protect(data, self._data_id, slot % COUNTER_MODULO)

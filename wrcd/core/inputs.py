@@ -36,7 +36,7 @@ class Inputs:
 
     STATE = (
         "_value", "_stamp_us", "degraded", "contested", "_jitter_buffer", "reach", "_stuck_checks", "_jump_checks",
-        "_speed_jumped",
+        "_speed_jumped", "_reverse",
     )  # fmt: skip
     TRANSIENT = ("_torque_ratio", "_shares_known", "_shares_ok")
 
@@ -75,6 +75,15 @@ class Inputs:
         self._jitter_buffer = JitterBuffer((LAT + 1) * n, design.recent_ticks)
         self._speed_jumped = False  # in the open tick
         self.reach = Reach(self._timeout_us)
+        self._checks: list[StuckCheck | JumpCheck | None] = [
+            self._stuck_checks.get(places[0]) or self._jump_checks.get(places[0]) for places in self._places
+        ]
+        self._reverse = False  # whether an axle runs backwards
+        self._speed_place = SPEED * n
+        self._of_axle = [
+            ([p for p in self._mapped if p % n == a and p < (LAT + 1) * n],
+             [p for p in self._mapped if p % n == a and p >= (LAT + 1) * n]) for a in range(n)
+        ]  # fmt: skip
         self._unavailable_after_us: list[int] = []
         self._torque_ratio: list[float] | None = None  # None: to be worked out
         self._shares_known = self._shares_ok = False
@@ -99,16 +108,16 @@ class Inputs:
     def check(self, samples: Sequence[Sample], stamp_us: int) -> Reason | None:
         """Return the first reason to reject the frame, or None. Check every sample: the checks keep state."""
         rejected = None
-        for s in samples:
-            place = self._places[s.source][0]
-            stuck = self._stuck_checks.get(place)
-            if stuck is not None:
-                moving = self._value[SPEED * self._axles] >= self._min_speed_m_s
-                reason = stuck.check(s.value, stamp_us, moving)
+        for source, value, _, _ in samples:
+            check = self._checks[source]
+            if isinstance(check, StuckCheck):
+                reason = check.check(value, stamp_us, self._value[self._speed_place] >= self._min_speed_m_s)
+            elif check is not None:
+                reason = check.check(value, stamp_us)
             else:
-                jump = self._jump_checks.get(place)
-                reason = None if jump is None else jump.check(s.value, stamp_us)
-            rejected = rejected or reason
+                continue
+            if reason is not None and rejected is None:
+                rejected = reason
         return rejected
 
     def reject(self, sources: Sequence[int], stamp_us: int, reason: Reason) -> None:
@@ -121,20 +130,23 @@ class Inputs:
 
     def accept(self, s: Sample, stamp_us: int) -> None:
         """A sample of an accepted frame."""
-        row = self._rows[s.source]
-        stamps, reach = self._stamp_us, self.reach
-        for place in self._places[s.source]:
-            stamps[place] = stamp_us
-            reach.accept(place, stamp_us)
-            self.degraded[place], self.contested[place] = s.degraded, s.contested
+        source, value, degraded, contested = s
+        row = self._rows[source]
+        for place in self._places[source]:
+            self._stamp_us[place] = stamp_us
+            self.reach.accept(place, stamp_us)
+            self.degraded[place], self.contested[place] = degraded, contested
             if row <= LAT:
-                self._jitter_buffer.put(place, s.value, stamp_us)
+                self._jitter_buffer.put(place, value, stamp_us)
             else:
-                self._value[place] = s.value
+                self._value[place] = value
         if row > LAT:
             self._torque_ratio, self._shares_known = None, False
-            if row == SPEED:
-                check = self._jump_checks[self._places[s.source][0]]
+            if row == DIRECTION:
+                n = self._axles
+                self._reverse = min(self._value[DIRECTION * n : (DIRECTION + 1) * n]) < 0.0
+            elif row == SPEED:
+                check = self._jump_checks[self._places[source][0]]
                 self._speed_jumped |= check.jumped
                 check.jumped = False
 
@@ -154,7 +166,7 @@ class Inputs:
         stamps, n = self._stamp_us, self._axles
         stale = tuple([p for p, timeout in self._deadlines if end_us - stamps[p] > timeout])
         z, present = self._jitter_buffer.take()
-        if min(self._value[DIRECTION * n : (DIRECTION + 1) * n]) < 0.0:
+        if self._reverse:
             z = [x * self._value[DIRECTION * n + place % n] for place, x in enumerate(z)]
         ratio = self._torque_ratio
         if ratio is None:
@@ -189,9 +201,9 @@ class Inputs:
 
     def age_ms(self, axle: int, end_us: int) -> int:
         """Age of the oldest input in use, 255 if it is that old or older."""
-        n, used_us, stamps = self._axles, self._jitter_buffer.used_us, self._stamp_us
-        measured = (LAT + 1) * n
-        oldest = min([used_us[p] if p < measured else stamps[p] for p in self._mapped if p % n == axle])
+        used_us, stamps = self._jitter_buffer.used_us, self._stamp_us
+        measured, others = self._of_axle[axle]
+        oldest = min([used_us[p] for p in measured] + [stamps[p] for p in others])
         return min((end_us - oldest) // 1000, 255)
 
     def any_of(self, flags: Sequence[bool], axle: int) -> bool:

@@ -28,7 +28,9 @@ class Reach:
         """A good frame."""
         if stamp_us >= self._until_us[place]:
             self._shift(place, stamp_us)
-        self._register[place] |= 1
+            self._register[place] |= 1
+        elif not self._register[place] & 1:
+            self._register[place] |= 1
 
     def reject(self, place: int, stamp_us: int, reason: Reason) -> None:
         """A frame that was not accepted."""

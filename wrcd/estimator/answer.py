@@ -9,7 +9,7 @@ from wrcd.estimator.design import MODELS, Design, FloatArray, IntArray
 from wrcd.estimator.fuzzy import LOW_FIRING, Fuzzy, Inference
 from wrcd.estimator.records import Estimate, EstimateDoubt
 from wrcd.estimator.rule_inputs import Past, RuleInputs
-from wrcd.estimator.window import Lengths, Statistics, Window, mean_ratio, statistics
+from wrcd.estimator.window import Lengths, Statistics, Window, mean_ratio, quiet, statistics
 
 # A window grows beyond its usual length over parts whose torque differs from the moment's by less.
 LIKE_TORQUE, LIKE_TORQUE_RATIO = 0.10, 0.002
@@ -53,12 +53,12 @@ class Answers:
         self._ends = design.low[:MODELS], design.high[:MODELS]
 
     def torque_now(self, window: Window) -> FloatArray:
-        """(n,): torque ratio of the moment; NaN where it is not known."""
+        """(n,): torque ratio of the moment; NaN where it is not known. Within quiet()."""
         return mean_ratio(window.plain(0, self._lengths.now))
 
     def estimate(self, window: Window, noise_factor: FloatArray, speed_m_s: float, grid_speed_m_s: float) -> Estimate:
         """The adhesion that the window's residuals and torque speak for."""
-        with np.errstate(invalid="ignore", divide="ignore"):
+        with quiet():
             return self._estimate(window, noise_factor, speed_m_s, grid_speed_m_s)
 
     def _estimate(self, window: Window, noise_factor: FloatArray, speed_m_s: float, grid_speed_m_s: float) -> Estimate:
@@ -139,15 +139,12 @@ class Answers:
         for factor in self._d.polynomial:
             from_rules = from_rules * inference.output + factor
         low, high = self._d.adhesion_range_pct
-        from_rules = np.minimum(np.maximum(from_rules, low), high)
-        out = []
-        for i, blocks in enumerate(lengths):
-            rows = slice(i * n, (i + 1) * n)
-            mine = from_rules[rows]
-            # what is in use is available: the estimate cannot lie below it
-            mu = np.where(np.isnan(mine), np.nan, np.minimum(np.fmax(mine, 100.0 * now), 100.0))
-            out.append(Answer(blocks, mine, mu, inference.spread[rows], inputs[rows]))
-        return out, inference, s
+        from_rules = np.minimum(np.maximum(from_rules, low), high).reshape(-1, n)
+        # what is in use is available: the estimate cannot lie below it
+        mu = np.minimum(np.fmax(from_rules, 100.0 * now), 100.0)
+        mu[np.isnan(from_rules)] = np.nan
+        spread, inputs = inference.spread.reshape(-1, n), inputs.reshape(len(mu), n, -1)
+        return [Answer(*of) for of in zip(lengths, from_rules, mu, spread, inputs, strict=True)], inference, s
 
     def _alike(self, window: Window, now: FloatArray, usual: IntArray, filled: IntArray) -> IntArray:
         """(n,): blocks over which the torque has been as it is now; at least the usual window."""

@@ -12,6 +12,10 @@ from wrcd.estimator.window import Lengths, Window, mean_ratio, raw_power
 # driver's slow turning of the torque leaves the window longer than a slide does.
 TORQUE_STEP, TORQUE_STEP_RATIO = 0.15, 0.004
 TORQUE_TURN, TORQUE_TURN_RATIO = 0.15, 0.01
+_TORQUE_SHARES, _TORQUE_RATIOS = (
+    np.array([[TORQUE_STEP], [TORQUE_TURN]]),
+    np.array([[TORQUE_STEP_RATIO], [TORQUE_TURN_RATIO]]),
+)
 
 
 class ChangeDetector:
@@ -39,20 +43,21 @@ class ChangeDetector:
     def changed(self, window: Window, speed_m_s: float) -> BoolArray:
         """(n,): which axles' rail or torque has changed."""
         k = self._lengths
-        rest = window.plain(k.recent, k.usual)
-        now = mean_ratio(window.plain(0, k.now))
-        before = mean_ratio(window.plain(k.now, k.now + k.step))
-        after = mean_ratio(rest)
-        apart = decades(window.plain(0, k.recent), rest, k.min_ticks)
+        recent, rest = window.plain(0, k.recent), window.plain(k.recent, k.usual)
+        apart = decades(recent, rest, k.min_ticks)
         out: BoolArray = np.logical_or.reduce(np.abs(apart) > self.limits(speed_m_s), axis=1)
-        torque = np.abs(now - before) > TORQUE_STEP * np.maximum(now, before) + TORQUE_STEP_RATIO
-        torque |= np.abs(now - after) > TORQUE_TURN * np.maximum(now, after) + TORQUE_TURN_RATIO
+        now = mean_ratio(window.plain(0, k.now))
+        before = np.array((mean_ratio(window.plain(k.now, k.now + k.step)), mean_ratio(rest)))
+        torque = np.abs(now - before) > _TORQUE_SHARES * np.maximum(now, before) + _TORQUE_RATIOS
         torque &= np.isfinite(apart[:, 0])
-        out |= torque
+        out |= torque[0]
+        out |= torque[1]
         return out
 
 
 def decades(new: FloatArray, rest: FloatArray, min_ticks: float) -> FloatArray:
-    """(n, 4) between the residuals of plain sums; NaN where either holds too little."""
-    out: FloatArray = 0.5 * np.log10(raw_power(new, min_ticks) / raw_power(rest, min_ticks))
+    """(n, 4) between the residuals of plain sums; NaN where either holds too little. Within quiet()."""
+    powers = raw_power(np.concatenate((new, rest), axis=1), min_ticks)
+    n = len(powers) // 2
+    out: FloatArray = 0.5 * np.log10(powers[:n] / powers[n:])
     return out

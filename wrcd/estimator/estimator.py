@@ -24,7 +24,7 @@ from wrcd.estimator.offset import Offset
 from wrcd.estimator.records import Estimate, StepResult, Ticks
 from wrcd.estimator.sections import Sections
 from wrcd.estimator.speed import SpeedFilter
-from wrcd.estimator.window import BLOCK_TICKS, Lengths, Statistics, Window
+from wrcd.estimator.window import BLOCK_TICKS, Lengths, Statistics, Window, quiet
 
 OFFSET_WINDOWS = 2  # memory of the sensors' offsets, in windows
 
@@ -95,7 +95,7 @@ class Estimator:
         result = self._step_settled(ticks, first) or self._step_one(ticks, first)
         newest = ticks.number + first + len(result) - 1
         if self._wrcd and (newest + 1) % BLOCK_TICKS == 0:
-            with np.errstate(invalid="ignore", divide="ignore"):
+            with quiet():
                 changed = self._changes.changed(self._window, self._speed_m_s)
             if changed.any():
                 self._window.truncate(self._changes.recent_blocks, changed)
@@ -234,17 +234,18 @@ class Estimator:
 
     def torque_now(self) -> FloatArray:
         """(n,): torque ratio of the moment; NaN where it is not known."""
-        return self._answers.torque_now(self._window)
+        with quiet():
+            return self._answers.torque_now(self._window)
 
     def inputs_of(self, blocks: IntArray, now: FloatArray) -> tuple[FloatArray, Statistics]:
         """What the rules are given (m, COLUMNS) of windows of so many blocks (m,), and the windows' statistics; see
         Answers.inputs_of."""
-        with np.errstate(invalid="ignore", divide="ignore"):
+        with quiet():
             return self._answers.inputs_of(self._window, blocks, now, self._noise.sensor_factor(), self._in_grid)
 
     def steps(self) -> FloatArray:
         """Decades (n, 4) by which the newest part's residuals lie above those of the rest of the usual window."""
-        with np.errstate(invalid="ignore", divide="ignore"):
+        with quiet():
             return self._changes.steps(self._window)
 
     @property

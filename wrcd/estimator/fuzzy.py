@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wrcd.estimator.design import Design, FloatArray, IntArray
+from wrcd.estimator.design import INPUTS, Design, FloatArray, IntArray
 
 # Below this total firing no rule speaks for the moment: the answer is "I don't know", not a guess.
 MIN_FIRING = 0.05
@@ -57,7 +57,9 @@ class Fuzzy:
             self._fall[i, : m - 1] = gaps
         self._first = np.array([s.centres[0] for s in self._sets])
         self._last = np.array([s.centres[-1] for s in self._sets])
-        self._pick = (design.rules + widest * np.arange(len(self._sets))).T.copy()
+        # which product of two inputs' degrees, for the first and second, third and fourth, fifth and sixth input
+        pairs = widest * design.rules[:, ::2] + design.rules[:, 1::2]
+        self._pick = (pairs + widest * widest * np.arange(INPUTS // 2)).T.copy()
         self._low, self._high = design.low, design.high
         sets = [s.centres[design.rules[:, i]] for i, s in enumerate(self._sets)]
         rest = np.broadcast_to(design.middle[len(sets) :], (len(design.rules), len(design.middle) - len(sets)))
@@ -72,7 +74,11 @@ class Fuzzy:
     def infer(self, inputs: FloatArray) -> Inference:
         """inputs (n, COLUMNS): see `rule_inputs`. NaN in gives NaN out."""
         n = len(inputs)
-        weights = np.multiply.reduce(self.degrees(inputs).reshape(n, -1)[:, self._pick], axis=1)
+        degrees = self.degrees(inputs)
+        pairs = (degrees[:, ::2, :, None] * degrees[:, 1::2, None, :]).reshape(n, -1)
+        of_pairs = pairs.take(self._pick, axis=1)
+        weights = of_pairs[:, 0] * of_pairs[:, 1]
+        weights *= of_pairs[:, 2]
         firing = np.add.reduce(weights, axis=1)
         known = firing >= MIN_FIRING
         share = weights / np.where(known, firing, 1.0)[:, None]

@@ -86,6 +86,8 @@ class NoiseLevel:
     def sensor_factor(self) -> FloatArray:
         """(2, n): the part of it that counts as the sensors' noise, MIN_FACTOR … MAX_FACTOR."""
         f = self.factor
+        held = np.minimum(np.maximum(f, MIN_FACTOR), MAX_FACTOR)
+        if (f <= MAX_FACTOR).all():
+            return held
         vibrates = np.clip((f - MAX_FACTOR) / (VIBRATION - MAX_FACTOR), 0.0, 1.0)
-        held = np.clip(f, MIN_FACTOR, MAX_FACTOR)
         return np.asarray((1.0 - vibrates) * held + vibrates)

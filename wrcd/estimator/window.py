@@ -33,6 +33,11 @@ STEP_S = 0.16  # and of so long before, that before a step
 PART_S = 0.1  # parts that are compared with the moment when a window grows
 
 
+def quiet() -> np.errstate:
+    """Without numpy's warnings of NaN and of divisions by zero: what is unknown comes out as NaN."""
+    return np.errstate(invalid="ignore", divide="ignore")
+
+
 class Lengths:
     """How many blocks the parts of a window are."""
 
@@ -86,25 +91,26 @@ def statistics(sums: FloatArray, min_ticks: float) -> Statistics:
 
     A sensor's bias and what a filter still has to learn of it is a straight line in the innovations: it is taken out.
     Ticks that are not live count as zeros in the sums; the power is that of the live ones.
+
+    Here and below the caller silences numpy's warnings (`quiet`): what is unknown comes out as NaN.
     """
     n, live = sums[N], sums[LIVE]
     w, tw = sums[SUM_W], sums[SUM_TW]
-    with np.errstate(invalid="ignore", divide="ignore"):
-        per_tick = 1.0 / n
-        mean, mean_t = w * per_tick, sums[T] * per_tick
-        slope = tw - mean_t * w  # sum of (t - its mean) w
-        spread = np.maximum(sums[TT] - sums[T] * mean_t, 1e-9)
-        per_spread = per_tick / spread
-        line = mean * mean
-        line += slope * slope * per_spread
-        power = np.maximum(sums[SUM_WW] * per_tick - line, SMALLEST)
-        lag = (sums[SUM_LAG] * per_tick - line) / power
-        together = mean[::2] * mean[1::2]
-        together += slope[::2] * slope[1::2] * per_spread
-        cross = (sums[SUM_CROSS] * per_tick - together) / np.sqrt(power[::2] * power[1::2])
-        ratio = sums[RATIO] / sums[RATIO_N]
-        power *= n / live
-        power[:, live < min_ticks] = np.nan
+    per_tick = 1.0 / n
+    mean, mean_t = w * per_tick, sums[T] * per_tick
+    slope = tw - mean_t * w  # sum of (t - its mean) w
+    spread = np.maximum(sums[TT] - sums[T] * mean_t, 1e-9)
+    per_spread = per_tick / spread
+    line = mean * mean
+    line += slope * slope * per_spread
+    power = np.maximum(sums[SUM_WW] * per_tick - line, SMALLEST)
+    lag = (sums[SUM_LAG] * per_tick - line) / power
+    together = mean[::2] * mean[1::2]
+    together += slope[::2] * slope[1::2] * per_spread
+    cross = (sums[SUM_CROSS] * per_tick - together) / np.sqrt(power[::2] * power[1::2])
+    ratio = sums[RATIO] / sums[RATIO_N]
+    power *= n / live
+    power[:, live < min_ticks] = np.nan
     return Statistics(
         power=power.T.reshape(-1, MODELS, CHANNELS),
         lag=np.minimum(np.maximum(lag, -1.0), 1.0).T,
@@ -119,10 +125,9 @@ def raw_power(sums: FloatArray, min_ticks: float) -> FloatArray:
     """(n, 4): from plain sums the mean square of the unfiltered innovations about their mean; NaN with less than
     min_ticks calm ticks."""
     calm = sums[RAW_N - PLAIN]
-    with np.errstate(invalid="ignore", divide="ignore"):
-        per_tick = 1.0 / calm
-        mean = sums[_RAW] * per_tick
-        power = np.maximum(sums[_RAW2] * per_tick - mean * mean, SMALLEST)
+    per_tick = 1.0 / calm
+    mean = sums[_RAW] * per_tick
+    power = np.maximum(sums[_RAW2] * per_tick - mean * mean, SMALLEST)
     both = 0.5 * (power[::2] + power[1::2])
     both[:, calm < min_ticks] = np.nan
     out: FloatArray = both.T
@@ -131,8 +136,8 @@ def raw_power(sums: FloatArray, min_ticks: float) -> FloatArray:
 
 def mean_ratio(plain: FloatArray) -> FloatArray:
     """(n,): from plain sums the mean torque ratio; NaN without any."""
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.asarray(plain[0] / plain[RATIO_N - PLAIN])
+    out: FloatArray = plain[0] / plain[RATIO_N - PLAIN]
+    return out
 
 
 class Window:
@@ -280,9 +285,10 @@ class Window:
     def torque_range(self, blocks: int) -> tuple[FloatArray, FloatArray]:
         """The lowest and the highest torque ratio (n,) of any of the newest blocks, those before a change included."""
         rows = self._rows[self._end - blocks : self._end + 1, RATIO : RATIO_N + 1]
-        total, count = np.moveaxis(rows[1:] - rows[:-1], 1, 0)
+        both = rows[1:] - rows[:-1]
+        total, count = both[:, 0], both[:, 1]
         mean = total / count
-        if count.min() > 0.5:
+        if (count > 0.5).all():
             return np.minimum.reduce(mean), np.maximum.reduce(mean)
         there = count > 0.5
         return np.where(there, mean, np.inf).min(axis=0), np.where(there, mean, -np.inf).max(axis=0)
