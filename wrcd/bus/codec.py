@@ -7,13 +7,17 @@ reads and writes what is not so plain: signals coded as floating-point numbers.
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from wrcd.bus.dbc import Database, Message, Signal, data_id, find_message, find_signal
 from wrcd.bus.e2e import COUNTER_MODULO, Checker, protect
 from wrcd.bus.frame import Frame
 from wrcd.bus.reasons import Reason
 from wrcd.bus.units import Quantity, factor
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 # Words of value tables, letters only. A Status that is none of the usable words is refused.
 USABLE = {"ok", "okay", "valid", "normal", "good", "noerror", "available", "active"}
@@ -110,32 +114,49 @@ class SignalReader:
             return Reason.RANGE
         return _direction(self._signal, raw, physical) if self._is_direction else si
 
+    def read_column(self, raw: "NDArray[np.int64]") -> list[float] | None:
+        """The values of many raw ones, if every one of them has one and none is a direction."""
+        if self._is_direction or (self._unusable and not self._unusable.isdisjoint(raw.tolist())):
+            return None
+        physical = raw * self._scale + self._offset
+        si = physical * self._factor
+        within = (self._low <= physical) & (physical <= self._high) & (-self._limit <= si) & (si <= self._limit)
+        if not within.all() or (self._positive and (si <= 0).any()):
+            return None
+        values: list[float] = si.tolist()
+        return values
+
 
 class MessageReader:
     """Decodes one message and checks all of it."""
 
-    STATE = ("_checker",)
+    STATE = ("checker",)
 
     def __init__(self, message: Message, sources: Sequence[tuple[int, Source]], others: Sequence[int]) -> None:
         self._message = message
-        self._length, self._extended = message.length, message.is_extended_frame
+        self.length, self.extended = message.length, message.is_extended_frame
         self.sources = tuple(s for _, s in sources)
         self.numbers = tuple(k for k, _ in sources)
         self.name = message.name
-        self._signals = [SignalReader(k, s, find_signal(message, s.signal), message.length) for k, s in sources]
+        self.signals = [SignalReader(k, s, find_signal(message, s.signal), message.length) for k, s in sources]
         identity = data_id(message)
-        self._checker = None if identity is None else Checker(identity, tuple(i for i in others if i != identity))
+        self.checker = None if identity is None else Checker(identity, tuple(i for i in others if i != identity))
         status = next((s for s in message.signals if s.name == STATUS), None)
         # without a value table only 0 is taken for good
         words = {} if status is None else self._labels(status) or {0: "ok"}
-        self._usable = {raw for raw, word in words.items() if word in USABLE}
-        self._degraded = {raw for raw, word in words.items() if word == "degraded"}
-        self._status = None if status is None else position(status, message.length)
-        self._status_shift, self._status_mask = (0, 0) if self._status is None else self._status[1:3]
+        self.usable_words = {raw for raw, word in words.items() if word in USABLE}
+        self.degraded_words = {raw for raw, word in words.items() if word == "degraded"}
+        self.status = None if status is None else position(status, message.length)
+        self._status_shift, self._status_mask = (0, 0) if self.status is None else self.status[1:3]
         used = [find_signal(message, s.signal) for s in self.sources] + ([status] if status is not None else [])
         self._by_cantools = any(s.is_float for s in used)
-        orders = {r.position.order for r in self._signals} | ({self._status.order} if self._status else set())
-        self._order: Literal["little", "big"] | None = orders.pop() if len(orders) == 1 else None
+        orders = {r.position.order for r in self.signals} | ({self.status.order} if self.status else set())
+        self.order: Literal["little", "big"] | None = orders.pop() if len(orders) == 1 else None
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether all that is read of it lies in one whole number."""
+        return self.order is not None and not self._by_cantools and self.length <= 8
 
     @staticmethod
     def _labels(signal: Signal | None) -> dict[int, str]:
@@ -144,32 +165,32 @@ class MessageReader:
 
     def reset(self) -> None:
         """Take the next counter as it comes."""
-        if self._checker is not None:
-            self._checker.reset()
+        if self.checker is not None:
+            self.checker.reset()
 
     def read(self, frame: Frame) -> list[Sample] | Reason:
         """The samples of a frame, or why it is refused."""
-        if frame.remote or frame.error or frame.fd or frame.extended != self._extended:
+        if frame.remote or frame.error or frame.fd or frame.extended != self.extended:
             return Reason.KIND
         data = frame.data
-        if len(data) != self._length:
+        if len(data) != self.length:
             return Reason.LENGTH
-        checker = self._checker
+        checker = self.checker
         if checker is not None and (reason := checker.check(data)):
             return reason
-        if self._order is None or self._by_cantools:
+        if self.order is None or self._by_cantools:
             return self._read_mixed(data)
-        number = int.from_bytes(data, self._order)
+        number = int.from_bytes(data, self.order)
         degraded = False
-        if self._status is not None:
+        if self.status is not None:
             status = number >> self._status_shift & self._status_mask
-            if status not in self._usable:
-                if status not in self._degraded:
+            if status not in self.usable_words:
+                if status not in self.degraded_words:
                     return Reason.STATUS
                 degraded = True
         contested = checker is not None and checker.suspect
         samples = []
-        for signal in self._signals:
+        for signal in self.signals:
             raw = number >> signal.shift & signal.mask
             value = signal.read(raw - ((raw & signal.sign) << 1))
             if value.__class__ is not float:
@@ -182,13 +203,13 @@ class MessageReader:
         """The same of a message with both byte orders, or with signals coded as floating-point numbers."""
         raw: Any = self._message.decode(data, decode_choices=False, scaling=False)
         degraded = False
-        if self._status is not None and (status := int(raw[STATUS])) not in self._usable:
-            if status not in self._degraded:
+        if self.status is not None and (status := int(raw[STATUS])) not in self.usable_words:
+            if status not in self.degraded_words:
                 return Reason.STATUS
             degraded = True
-        contested = self._checker is not None and self._checker.suspect
+        contested = self.checker is not None and self.checker.suspect
         samples = []
-        for signal in self._signals:
+        for signal in self.signals:
             value = signal.read(raw[signal.name])
             if isinstance(value, Reason):
                 return value
@@ -199,32 +220,32 @@ class MessageReader:
 class Receiver:
     """All mapped messages by id."""
 
-    STATE = ("_readers",)
+    STATE = ("readers",)
 
     def __init__(self, database: Database, sources: Sequence[Source]) -> None:
         by_message: dict[str, list[tuple[int, Source]]] = {}
         for number, s in enumerate(sources):
             by_message.setdefault(s.message, []).append((number, s))
-        self._readers: dict[int, MessageReader] = {}
+        self.readers: dict[int, MessageReader] = {}
         messages = {name: find_message(database, name) for name in by_message}
         ids = [i for m in messages.values() if (i := data_id(m)) is not None]
         for name, group in by_message.items():
-            self._readers[messages[name].frame_id] = MessageReader(messages[name], group, ids)
+            self.readers[messages[name].frame_id] = MessageReader(messages[name], group, ids)
 
     @property
     def ids(self) -> tuple[int, ...]:
         """The ids of all mapped messages."""
-        return tuple(sorted(self._readers))
+        return tuple(sorted(self.readers))
 
     def reset(self) -> None:
         """After a step of time or a long silence: take every counter as it comes."""
-        for reader in self._readers.values():
+        for reader in self.readers.values():
             reader.reset()
 
     def reader(self, frame: Frame) -> MessageReader | None:
         """The reader of a frame's message, None if it is not mapped. An error frame's class looks like an id, and never
         is."""
-        return None if frame.error else self._readers.get(frame.can_id)
+        return None if frame.error else self.readers.get(frame.can_id)
 
     def read(self, frame: Frame) -> list[Sample] | Reason | None:
         """Samples, the reason of a rejection, or None for a frame that is not mapped."""

@@ -1,5 +1,8 @@
 """AUTOSAR E2E Profile 11, data id mode "both": CRC in byte 0, counter 0 … 14 in the low nibble of byte 1."""
 
+import itertools
+from collections.abc import Sequence
+
 from wrcd.bus.reasons import Reason
 
 COUNTER_MODULO = 15
@@ -24,7 +27,7 @@ def _table() -> bytes:
     return bytes(out)
 
 
-_CRC = _table()
+CRC_TABLE = _table()
 
 
 def crc(data: bytes | bytearray, data_id: int) -> int:
@@ -34,11 +37,11 @@ def crc(data: bytes | bytearray, data_id: int) -> int:
 
 def _of_data_id(data_id: int) -> int:
     """The CRC of the data id alone: the part of it that is the same for all frames of a message."""
-    return _CRC[_CRC[data_id & 0xFF] ^ (data_id >> 8)]
+    return CRC_TABLE[CRC_TABLE[data_id & 0xFF] ^ (data_id >> 8)]
 
 
 def _crc_after(start: int, data: bytes | bytearray) -> int:
-    table, c = _CRC, start
+    table, c = CRC_TABLE, start
     for byte in data[1:]:
         c = table[c ^ byte]
     return c
@@ -73,7 +76,7 @@ class Checker:
     )
 
     def __init__(self, data_id: int, others: tuple[int, ...] = ()) -> None:
-        self._start, self._others = _of_data_id(data_id), others
+        self.start, self._others = _of_data_id(data_id), others
         self.reset()
 
     def reset(self) -> None:
@@ -91,9 +94,21 @@ class Checker:
         """Whether a rival has gone on beside the chain: perhaps a second sender, perhaps two stray frames."""
         return self._candidate is not None and self._candidate_frames >= CANDIDATE_FRAMES - 1
 
+    def goes_on(self, counters: Sequence[int]) -> bool:
+        """Whether nothing is suspected and each counter of frames on end continues the chain."""
+        if self._moves or self._candidate is not None or self._quarantine_frames or max(counters) >= COUNTER_MODULO:
+            return False
+        before = counters if self._last is None else [self._last, *counters]
+        return all(_continues(a, b) for a, b in itertools.pairwise(before))
+
+    def follow(self, counter: int, data: bytes, frames: int) -> None:
+        """Take frames on end that go on, the last of them with this counter and data."""
+        self._last, self._payload = counter, data
+        self._frames_since_candidate += frames
+
     def check(self, data: bytes) -> Reason | None:
         """None if the frame may be used, else why not. The length has been checked."""
-        if len(data) < 2 or data[0] != _crc_after(self._start, data):
+        if len(data) < 2 or data[0] != _crc_after(self.start, data):
             return Reason.DATA_ID if any(data[:1] == bytes((crc(data, i),)) for i in self._others) else Reason.CRC
         counter = data[1] & 0x0F
         if counter >= COUNTER_MODULO:

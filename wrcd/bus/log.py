@@ -1,16 +1,21 @@
 """Logs: candump's own format read line by line, so that damage is survived and named; the rest by python-can."""
 
+import contextlib
 import gzip
 import re
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO, cast
+from typing import IO, TYPE_CHECKING, cast
 
 from wrcd.bus.frame import Frame
 from wrcd.errors import InputError
 
+if TYPE_CHECKING:
+    from wrcd.bus.columns import Stretch
+
+CHUNK_BYTES = 1 << 18  # of a log, read at once
 CANDUMP_SUFFIXES = {".log"}
 # (1700000000.123456) can0 091#0011223344556677 — id of 3 or 8 digits, R for remote, ## and a flag digit for CAN FD,
 # and perhaps a direction behind
@@ -82,11 +87,18 @@ def format_line(frame: Frame, channel: str) -> str:
 def read_log(path: Path, damage: Damage) -> Iterator[tuple[Frame, str]]:
     """Frames and channels of a log, oldest first as written. Raises InputError if there is no such log, or not one
     frame in it; damage is filled in on the way."""
-    try:
+    with _errors(path, damage):
         if set(path.suffixes[-2:]) & CANDUMP_SUFFIXES:
             yield from _read_candump(path, damage)
         else:
             yield from _read_other(path, damage)
+
+
+@contextlib.contextmanager
+def _errors(path: Path, damage: Damage) -> Iterator[None]:
+    """What goes wrong with a log's file: an InputError, or damage where some of it was read."""
+    try:
+        yield
     except (OSError, EOFError, zlib.error) as e:
         if isinstance(e, FileNotFoundError):
             raise InputError("no such log", file=path, hint="check the path") from None
@@ -104,16 +116,59 @@ def _open(path: Path) -> IO[bytes]:
 def _read_candump(path: Path, damage: Damage) -> Iterator[tuple[Frame, str]]:
     with _open(path) as f:
         for number, line in enumerate(f, 1):
-            whole = line.endswith(b"\n")
-            found = parse_line(line.strip()) if len(line) < 400 else None
-            if not whole:
-                # a killed candump leaves half a line, and half a line may look like a shorter frame
-                damage.cut_line = number
-            elif found is not None:
-                damage.read += 1
+            found = _read_line(line, number, damage)
+            if found is not None:
                 yield found
-            elif line.strip():
-                damage.note(number)
+
+
+def _read_line(line: bytes, number: int, damage: Damage) -> tuple[Frame, str] | None:
+    """A line of a candump log; what is no frame is noted."""
+    if not line.endswith(b"\n"):
+        # a killed candump leaves half a line, and half a line may look like a shorter frame
+        damage.cut_line = number
+        return None
+    found = parse_line(line.strip()) if len(line) < 400 else None
+    if found is not None:
+        damage.read += 1
+    elif line.strip():
+        damage.note(number)
+    return found
+
+
+def read_stretches(path: Path, damage: Damage) -> Iterator["Stretch | tuple[Frame, str]"]:
+    """The same log: where candump's lines are regular, many at once; else frame by frame."""
+    if not set(path.suffixes[-2:]) & CANDUMP_SUFFIXES:
+        yield from read_log(path, damage)
+        return
+    with _errors(path, damage):
+        yield from _read_candump_stretches(path, damage)
+
+
+def _read_candump_stretches(path: Path, damage: Damage) -> Iterator["Stretch | tuple[Frame, str]"]:
+    from wrcd.bus.columns import parse_lines
+
+    number = 0  # of the newest line
+    with _open(path) as f:
+        while text := f.read(CHUNK_BYTES):
+            text += f.readline()
+            parsed = parse_lines(text) if text.endswith(b"\n") else None
+            if parsed is None:
+                for line in text.splitlines(keepends=True):
+                    number += 1
+                    if (found := _read_line(line, number, damage)) is not None:
+                        yield found
+                continue
+            whole, regular, starts, ends = parsed
+            for first, end in whole.runs(regular):
+                if regular[first]:
+                    damage.read += end - first
+                    yield whole.part(first, end)
+                    continue
+                for k in range(first, end):
+                    found = _read_line(text[starts[k] : ends[k] + 1], number + k + 1, damage)
+                    if found is not None:
+                        yield found
+            number += len(regular)
 
 
 def _read_other(path: Path, damage: Damage) -> Iterator[tuple[Frame, str]]:

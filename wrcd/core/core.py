@@ -15,7 +15,7 @@ from typing import Protocol
 
 import numpy as np
 
-from wrcd.bus.codec import Receiver, Value
+from wrcd.bus.codec import MessageReader, Receiver, Sample, Value
 from wrcd.bus.frame import Frame
 from wrcd.bus.reasons import Reason
 from wrcd.core.backoff import Backoff
@@ -119,13 +119,22 @@ class Core:
         reader = self.receiver.reader(frame)
         if reader is None:
             return []
-        stamp_us = frame.stamp_us
-        if self._begin_us <= self._stamp_us <= stamp_us < self._end_us:
-            self._stamp_us = stamp_us
-            out: list[Outgoing] = []
-        else:
-            out = self._move_to(stamp_us)
-        samples = reader.read(frame)
+        out = self._move_to(frame.stamp_us)
+        return self._take(reader, reader.read(frame), frame.stamp_us, out)
+
+    def feed_read(self, reader: MessageReader, read: Sequence[Sample] | Frame, stamp_us: int) -> list[Outgoing]:
+        """The same where goes_on_from() holds, for the frame of a reader, or what that has read in it already."""
+        out = self._move_to(stamp_us)
+        return self._take(reader, reader.read(read) if isinstance(read, Frame) else read, stamp_us, out)
+
+    def goes_on_from(self, stamp_us: int) -> bool:
+        """Whether a frame with this stamp is neither a step of time nor the end of a silence: none that comes before it
+        can reset what the readers know."""
+        return self._stamp_us != NEVER and 0 <= stamp_us - self._stamp_us < min(SILENCE_US, FORWARD_STEP_US) // 2
+
+    def _take(
+        self, reader: MessageReader, samples: Sequence[Sample] | Reason, stamp_us: int, out: list[Outgoing]
+    ) -> list[Outgoing]:
         reason = samples if isinstance(samples, Reason) else self._inputs.check(samples, stamp_us)
         if reason is not None:
             self.counts.reject(reader.name, reason)
@@ -154,6 +163,9 @@ class Core:
 
     def _move_to(self, stamp_us: int) -> list[Outgoing]:
         """Close the ticks before a stamp; a step of time starts anew."""
+        if self._begin_us <= self._stamp_us <= stamp_us < self._end_us:
+            self._stamp_us = stamp_us
+            return []
         target = stamp_us // self._period_us
         if self._open is None:
             self._open = target

@@ -6,11 +6,15 @@ import sys
 from collections import deque
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, TypeVar
 
+import numpy as np
+
+from wrcd.bus.codec import position
+from wrcd.bus.columns import Columns, Stretch
 from wrcd.bus.dbc import Message, find_message
 from wrcd.bus.frame import Frame
-from wrcd.bus.log import Damage, format_line, read_log
+from wrcd.bus.log import Damage, format_line, read_log, read_stretches
 from wrcd.config import load_config
 from wrcd.core.causes import Validity
 from wrcd.core.configuration import Config
@@ -27,6 +31,9 @@ from wrcd.tools.progress import Progress
 # A log has no clock to tell a silence from a step of time by. A gap of up to so long between its lines, whoever's they
 # are, is a silence, and its slots are made; a longer one is a step. What comes after it is the same either way.
 MAX_SILENCE_US = 60_000_000
+MAX_GAP_US = 500_000  # between frames of a stretch that is read by columns: far from any silence
+
+Item = TypeVar("Item", Stretch | tuple[Frame, str], tuple[Frame, str])
 
 COLUMNS = (
     "time_s", "axle", "validity", "mu_available_pct", "mu_used_pct", "contact_state", "surface", "confidence",
@@ -54,7 +61,11 @@ def replay(
     with contextlib.ExitStack() as files:
         frames_out = files.enter_context(create(output)) if output else None
         rows = _rows(files, table, output is None or explained, config, explained)
-        for o, channel in outgoing(core, progress(read_log(log, damage), log), saved):
+        if saved is None:
+            made = outgoing_of_stretches(core, progress(read_stretches(log, damage), log))
+        else:
+            made = outgoing(core, progress(read_log(log, damage), log), saved)
+        for o, channel in made:
             sent += 1
             if frames_out:
                 frames_out.write(format_line(o.frame, channel) + "\n")
@@ -105,6 +116,29 @@ def outgoing(core: Core, frames: Iterable[tuple[Frame, str]], saved: Saved | Non
         yield o, channel
 
 
+def outgoing_of_stretches(core: Core, items: Iterable[Stretch | tuple[Frame, str]]) -> Iterator[tuple[Outgoing, str]]:
+    """The same of a log that does not come from a recorder, by columns where it is regular."""
+    columns = Columns(core.receiver)
+    for item in items:
+        if isinstance(item, tuple):
+            yield from outgoing(core, (item,), None)
+        elif not _goes_on(core, item):
+            yield from outgoing(core, ((frame, item.channel) for frame in item.frames()), None)
+        else:
+            for stamp_us, reader, samples, place in columns.read(item):
+                for o in core.feed_read(reader, samples or item.frame(place), stamp_us):
+                    yield o, item.channel
+
+
+def _goes_on(core: Core, s: Stretch) -> bool:
+    """Whether no frame of a stretch is a step of time or the end of a silence, for mapped frames and others alike."""
+    mapped = np.flatnonzero(np.isin(s.ids, core.receiver.ids))
+    if not len(mapped) or not core.goes_on_from(int(s.stamps_us[mapped[0]])):
+        return False
+    gaps = np.diff(s.stamps_us[mapped], append=s.stamps_us[-1])
+    return bool((gaps >= 0).all() and (gaps < MAX_GAP_US).all() and (np.diff(s.stamps_us) >= 0).all())
+
+
 def silence(core: Core, stamp_us: int) -> list[Outgoing]:
     """Take a core through the silence before a stamp, if it is one, as a clock does: by a second at once at most."""
     out: list[Outgoing] = []
@@ -114,15 +148,17 @@ def silence(core: Core, stamp_us: int) -> list[Outgoing]:
     return out
 
 
-def progress(frames: Iterator[tuple[Frame, str]], log: Path) -> Iterator[tuple[Frame, str]]:
-    """The same frames; on a terminal a line tells how far the log has come."""
+def progress(items: Iterator[Item], log: Path) -> Iterator[Item]:
+    """The same frames, or stretches of them; on a terminal a line tells how far the log has come."""
     shown = Progress()
     first = None
-    for number, (frame, channel) in enumerate(frames):
-        first = frame.stamp_us if first is None else first
-        if number % 1000 == 0:
-            shown.at(f"{log.name}: {(frame.stamp_us - first) * 1e-6:.0f} s of log")
-        yield frame, channel
+    for number, item in enumerate(items):
+        many = isinstance(item, Stretch)
+        if many or number % 1000 == 0:
+            stamp_us = int(item.stamps_us[-1]) if isinstance(item, Stretch) else item[0].stamp_us
+            first = stamp_us if first is None else first
+            shown.at(f"{log.name}: {(stamp_us - first) * 1e-6:.0f} s of log")
+        yield item
     shown.end()
 
 
@@ -135,7 +171,7 @@ class Rows:
         self._design = config.design if explained else None
         self._place = {a.number: place for place, a in enumerate(config.axles)}
         found = ((find_message(config.database, a.adhesion), a.number) for a in config.axles)
-        self._messages: dict[int, tuple[Message, int]] = {m.frame_id: (m, number) for m, number in found}
+        self._messages: dict[int, tuple[Cells, int]] = {m.frame_id: (Cells(m), number) for m, number in found}
 
     def write(self, o: Outgoing) -> None:
         """One row for an Adhesion frame, nothing for others."""
@@ -143,14 +179,39 @@ class Rows:
         found = self._messages.get(frame.can_id)
         if found is None:
             return
-        message, number = found
-        values: Any = message.decode(frame.data)
+        cells, number = found
         stamp = f"{frame.stamp_us // 1_000_000}.{frame.stamp_us % 1_000_000:06d}"
-        row = [stamp, number, *(_cell(values.get(signal)) for signal in SIGNALS), o.cause.words]
+        row = [stamp, number, *cells.of(frame.data), o.cause.words]
         if self._design is not None:
-            warm = str(values.get("Validity")) != Validity.NOT_AVAILABLE
+            warm = row[2] != Validity.NOT_AVAILABLE
             row += _reasons(self._design, why, self._place[number]) if why and warm else ["", "", ""]
         self._writer.writerow(row)
+
+
+class Cells:
+    """The text of each signal of a message: what cantools makes of a raw value is looked up from the second time on."""
+
+    def __init__(self, message: Message) -> None:
+        self._message = message
+        signals = {s.name: s for s in message.signals}
+        self._known = [s for name in SIGNALS if (s := signals.get(name)) is not None]
+        self._positions = [position(s, message.length) for s in self._known]
+        self._texts: list[dict[int, str]] = [{} for _ in self._known]
+        self._columns = [SIGNALS.index(s.name) for s in self._known]
+
+    def of(self, data: bytes) -> list[str]:
+        """One text for each of SIGNALS, empty for those that the message lacks."""
+        numbers = {"little": int.from_bytes(data, "little"), "big": int.from_bytes(data, "big")}
+        out = [""] * len(SIGNALS)
+        decoded: Any = None
+        for signal, at, texts, column in zip(self._known, self._positions, self._texts, self._columns, strict=True):
+            raw = numbers[at.order] >> at.shift & at.mask
+            text = texts.get(raw)
+            if text is None:
+                decoded = decoded or self._message.decode(data)
+                text = texts[raw] = _cell(decoded.get(signal.name))
+            out[column] = text
+        return out
 
 
 def _cell(value: Any) -> str:

@@ -1,0 +1,194 @@
+"""A stretch of a log by columns: lines to arrays, frames to samples, as many at once as are regular.
+
+A line is regular if candump wrote it so: "(1700000000.123456) can0 091#0011223344556677", perhaps with " R" or " T"
+behind it. A message is regular in a
+stretch if every frame of it passes all checks and its E2E counter goes on; its samples are then the same as those that
+its reader gives for one frame after the other. Everything else goes the ordinary way.
+"""
+
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wrcd.bus.codec import MessageReader, Receiver, Sample
+from wrcd.bus.e2e import CRC_TABLE
+from wrcd.bus.frame import Frame
+
+IntArray = NDArray[np.int64]
+Samples = Sequence[Sample]
+MIN_ROWS = 32  # fewer at once are not worth it
+MAX_BITS = 52  # of a raw value that a float holds exactly, whatever its scale does
+_STAMP = 20  # characters of "(1700000000.123456) "
+_DIGITS = [*range(1, 11), *range(12, 18)]
+_POWERS = 10 ** np.arange(15, -1, -1, dtype=np.int64)
+_HEX = np.full(256, 255, dtype=np.uint8)
+for _digits, _first in ((b"0123456789", 0), (b"ABCDEF", 10), (b"abcdef", 10)):
+    for _k, _character in enumerate(_digits):
+        _HEX[_character] = _first + _k
+_CRC = np.frombuffer(CRC_TABLE, dtype=np.uint8)
+
+
+@dataclass(frozen=True, slots=True)
+class Stretch:
+    """Frames of one channel in the order of the log, all of them plain."""
+
+    channel: str
+    stamps_us: IntArray  # (k,)
+    ids: IntArray
+    extended: NDArray[np.bool_]
+    lengths: IntArray
+    data: NDArray[np.uint8]  # (k, 8), zeros behind the data
+
+    def __len__(self) -> int:
+        return len(self.stamps_us)
+
+    def frame(self, k: int) -> Frame:
+        """One of them."""
+        return Frame(
+            int(self.stamps_us[k]), int(self.ids[k]), self.data[k, : self.lengths[k]].tobytes(), bool(self.extended[k])
+        )
+
+    def part(self, first: int, end: int) -> "Stretch":
+        """Frames first … end - 1."""
+        return Stretch(
+            self.channel, self.stamps_us[first:end], self.ids[first:end], self.extended[first:end],
+            self.lengths[first:end], self.data[first:end],
+        )  # fmt: skip
+
+    @staticmethod
+    def runs(flags: NDArray[np.bool_]) -> Iterator[tuple[int, int]]:
+        """Where runs of equal flags begin and end."""
+        return itertools.pairwise([0, *(np.flatnonzero(flags[1:] != flags[:-1]) + 1).tolist(), len(flags)])
+
+    def frames(self) -> Iterator[Frame]:
+        """All of them."""
+        return map(self.frame, range(len(self)))
+
+
+def parse_lines(text: bytes) -> tuple[Stretch, NDArray[np.bool_], IntArray, IntArray] | None:
+    """Whole candump lines: the regular ones, which of the lines they are, and where each line begins and ends.
+
+    None where that is not worth it.
+    """
+    buffer = np.frombuffer(text, dtype=np.uint8)
+    ends = np.flatnonzero(buffer == ord("\n"))
+    starts = np.concatenate(([0], ends[:-1] + 1))
+    lengths = ends - starts
+    # a direction behind the data
+    last = buffer[np.maximum(ends - 1, 0)]
+    directed = (buffer[np.maximum(ends - 2, 0)] == ord(" ")) & ((last == ord("R")) | (last == ord("T")))
+    lengths = np.where(directed, lengths - 2, lengths)
+    space = text.find(b" ", _STAMP)
+    if len(ends) < MIN_ROWS or space < 0 or space > _STAMP + 16:
+        return None
+    channel = text[_STAMP:space]
+    head = _STAMP + len(channel) + 1
+    k = len(ends)
+    regular = np.zeros(k, dtype=bool)
+    stamps, ids, sizes = np.zeros(k, dtype=np.int64), np.zeros(k, dtype=np.int64), np.zeros(k, dtype=np.int64)
+    extended, data = np.zeros(k, dtype=bool), np.zeros((k, 8), dtype=np.uint8)
+    for length in np.unique(lengths):
+        rest = int(length) - head
+        digits = 8 if rest % 2 else 3
+        size = (rest - digits - 1) // 2
+        if not 0 <= size <= 8:
+            continue
+        rows = np.flatnonzero(lengths == length)
+        lines = buffer[starts[rows][:, None] + np.arange(length)]
+        numbers = lines[:, _DIGITS] - np.uint8(ord("0"))
+        nibbles = _HEX[lines[:, head:]]
+        mark = nibbles[:, digits].copy()
+        nibbles[:, digits] = 0
+        good = (lines[:, [0, 11, 18, 19]] == np.frombuffer(b"(.) ", dtype=np.uint8)).all(axis=1)
+        good &= (lines[:, _STAMP:head] == np.frombuffer(channel + b" ", dtype=np.uint8)).all(axis=1)
+        good &= (lines[:, head + digits] == ord("#")) & (mark == 255)
+        good &= (numbers <= 9).all(axis=1) & (nibbles < 16).all(axis=1)
+        identifier = nibbles[:, :digits].astype(np.int64) @ (16 ** np.arange(digits - 1, -1, -1, dtype=np.int64))
+        good &= identifier <= (0x7FF if digits == 3 else 0x1FFFFFFF)
+        regular[rows] = good
+        stamps[rows] = numbers.astype(np.int64) @ _POWERS
+        ids[rows] = identifier
+        sizes[rows], extended[rows] = size, digits == 8
+        payload = nibbles[:, digits + 1 :]
+        data[rows[:, None], np.arange(size)] = payload[:, ::2] << 4 | payload[:, 1::2]
+    whole = Stretch(channel.decode(errors="replace"), stamps, ids, extended, sizes, data)
+    return whole, regular, starts, ends
+
+
+class Columns:
+    """Reads stretches for a receiver."""
+
+    def __init__(self, receiver: Receiver) -> None:
+        self._receiver = receiver
+
+    def read(self, s: Stretch) -> list[tuple[int, MessageReader, Samples | None, int]]:
+        """(stamp, reader, samples, place in the stretch) of each frame that is mapped, in order; samples are None for
+        frames that the reader is to be given itself. The E2E counters of the others have been followed."""
+        rows: list[IntArray] = []
+        found: list[tuple[MessageReader, Sequence[Samples | None]]] = []
+        for can_id, reader in self._receiver.readers.items():
+            of_message = np.flatnonzero(s.ids == can_id)
+            if len(of_message):
+                rows.append(of_message)
+                samples = _regular(reader, s, of_message) if len(of_message) > 1 else None
+                found.append((reader, [None] * len(of_message) if samples is None else samples))
+        out: list[tuple[int, MessageReader, Samples | None, int]] = []
+        for (reader, each), places in zip(found, rows, strict=True):
+            out += zip(s.stamps_us[places].tolist(), [reader] * len(places), each, places.tolist(), strict=True)
+        out.sort(key=_place)
+        return out
+
+
+def _place(item: tuple[int, MessageReader, Samples | None, int]) -> int:
+    return item[3]
+
+
+def _regular(reader: MessageReader, s: Stretch, rows: IntArray) -> list[Samples] | None:
+    """The samples of one message's frames, if every one of them passes."""
+    if not reader.is_plain or (s.lengths[rows] != reader.length).any() or (s.extended[rows] != reader.extended).any():
+        return None
+    data = s.data[rows]
+    checker = reader.checker
+    if checker is not None:
+        counters = data[:, 1] & 0x0F
+        if not checker.goes_on(counters.tolist()):
+            return None
+        c = np.full(len(rows), checker.start, dtype=np.uint8)
+        for k in range(1, reader.length):
+            c = _CRC[c ^ data[:, k]]
+        if (c != data[:, 0]).any():
+            return None
+    numbers = np.zeros((len(rows), 8), dtype=np.uint8)
+    if reader.order == "little":
+        numbers[:, : reader.length] = data[:, : reader.length]
+        whole = numbers.view("<u8")[:, 0]
+    else:
+        numbers[:, 8 - reader.length :] = data[:, : reader.length]
+        whole = numbers.view(">u8")[:, 0].astype(np.uint64)
+    degraded = [False] * len(rows)
+    if reader.status is not None:
+        _, shift, mask, _ = reader.status
+        words = (whole >> np.uint64(shift) & np.uint64(mask)).tolist()
+        if not reader.usable_words.issuperset(words):
+            if not (reader.usable_words | reader.degraded_words).issuperset(words):
+                return None
+            degraded = [word in reader.degraded_words and word not in reader.usable_words for word in words]
+    columns = []
+    for signal in reader.signals:
+        if signal.mask.bit_length() > MAX_BITS:
+            return None
+        raw = (whole >> np.uint64(signal.shift) & np.uint64(signal.mask)).astype(np.int64)
+        if signal.sign:
+            raw -= (raw & signal.sign) << 1
+        values = signal.read_column(raw)
+        if values is None:
+            return None
+        columns.append([(Sample(signal.number, v, d),) for v, d in zip(values, degraded, strict=True)])
+    if checker is not None:
+        checker.follow(int(counters[-1]), data[-1, : reader.length].tobytes(), len(rows))
+    if len(columns) == 1:
+        return list(columns[0])
+    return [tuple(sample for part in parts for sample in part) for parts in zip(*columns, strict=True)]
