@@ -271,6 +271,7 @@ class SignalWriter:
         # whichever byte order, the frame is one whole number with its first byte lowest or highest
         self.order, self.shift, self.mask, _ = position(s, length)
         self.others = ~(self.mask << self.shift)
+        self.words: dict[Value, int] = {word: (raw & self.mask) << self.shift for word, raw in self.labels.items()}
 
     def raw(self, value: Value) -> int:
         """A label's raw value, a number's nearest within the signal's range, or not available."""
@@ -317,7 +318,10 @@ class Writer:
             for name, value in values.items():
                 found = self._writers.get(name)
                 if found is not None:
-                    number = number & found.others | (found.raw(value) & found.mask) << found.shift
+                    bits = found.words.get(value) if value.__class__ is str else None
+                    if bits is None:
+                        bits = (found.raw(value) & found.mask) << found.shift
+                    number = number & found.others | bits
             data = number.to_bytes(self._message.length, self._order)
         if self._data_id is not None:
             data = protect(data, self._data_id, slot % COUNTER_MODULO)

@@ -99,6 +99,8 @@ class Inputs:
         ]
         self._torque_is_total = config.torque_is_total
         self._shares_known = False
+        brakes = set(range(BRAKE * self._axles, (BRAKE + 1) * self._axles))
+        self._torque_sign_counts = not (config.torque_is_total or brakes <= set(self._mapped))
         self._min_speed_m_s = config.min_speed_m_s
         speeds = range(SPEED * self._axles, (SPEED + 1) * self._axles)
         if config.constant_speed_m_s is not None and not set(speeds) & set(self._mapped):
@@ -141,7 +143,9 @@ class Inputs:
             else:
                 self._value[place] = value
         if row > LAT:
-            self._torque_ratio, self._shares_known = None, False
+            self._torque_ratio = None
+            if row != SPEED and (row != TORQUE or self._torque_sign_counts):
+                self._shares_known = False
             if row == DIRECTION:
                 n = self._axles
                 self._reverse = min(self._value[DIRECTION * n : (DIRECTION + 1) * n]) < 0.0

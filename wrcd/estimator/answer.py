@@ -26,6 +26,9 @@ VAGUE, MIN_M = 0.6, 2.9
 BEYOND_WIDER = 2.0  # the half-width grows by this factor for each range that an input lies outside the sets
 
 
+Sensors = tuple[FloatArray, FloatArray]  # noise factor (2, n), and the mean square residuals (n, 4) that it leaves
+
+
 @dataclass(frozen=True, slots=True)
 class Answer:
     """What the rules say of one window of every axle (n,): adhesion, not below what is in use, and its half-width as a
@@ -63,20 +66,23 @@ class Answers:
 
     def _estimate(self, window: Window, noise_factor: FloatArray, speed_m_s: float, grid_speed_m_s: float) -> Estimate:
         d, n = self._d, self._axles
+        floor = self._rule_inputs.floor(noise_factor, grid_speed_m_s)
+        sensors = noise_factor, floor
         filled = window.filled()
         usual = np.minimum(filled, self._lengths.usual)
         now = self.torque_now(window)
         used = 100.0 * now
         if d.form == "paper":
-            (best,), inference, chosen = self._answers(window, [usual], now, noise_factor, grid_speed_m_s)
+            (best,), inference, chosen = self._answers(window, [usual], now, sensors, grid_speed_m_s)
             spread, doubt = best.spread, np.zeros(n, dtype=np.int64)
         else:
             lengths = [self._alike(window, now, usual, filled), usual, np.minimum(filled, self._lengths.recent)]
-            (long, short, recent), inference, chosen = self._answers(window, lengths, now, noise_factor, grid_speed_m_s)
+            (long, short, recent), inference, chosen = self._answers(window, lengths, now, sensors, grid_speed_m_s)
             back = _back(long, short)
             if back.any():
                 best = _between(back, long, short)
-                rows: IntArray | slice = np.where(back > 0.5, n, 0) + np.arange(n)
+                second = back > 0.5
+                rows: IntArray | slice = np.where(second, n, 0) + np.arange(n) if second.any() else slice(0, n)
             else:
                 best, rows = long, slice(0, n)
             inference, chosen = inference.take(rows), chosen.take(rows)
@@ -84,7 +90,7 @@ class Answers:
             # the newest part may know of a drop that the window as a whole does not show yet: reach down to it
             reach = best.mu_pct - recent.mu_pct * (1.0 - NEWEST_SHARE * recent.spread)
             spread = np.where(reach > spread * best.mu_pct, reach / best.mu_pct, spread)
-            loud = self._rule_inputs.excitation(chosen, noise_factor, grid_speed_m_s)
+            loud = self._rule_inputs.excitation(chosen, floor)
             spread, doubt = self._doubted(spread, best, inference, chosen, loud, speed_m_s)
         mu, from_rules = best.mu_pct, best.mu_from_rules_pct
         fits = (best.inputs[:, :MODELS] - self._low) / self._width
@@ -115,8 +121,14 @@ class Answers:
         """What the rules are given (m, COLUMNS) of windows of so many blocks (m,), and the windows' statistics.
 
         m may be several times the axles: all of them with one length after all with another. now is (n,). In a window
-        shorter than the usual one the torque has changed: that of the moment counts.
+        shorter than the usual one the torque has changed: that of the moment counts. Within quiet().
         """
+        sensors = noise_factor, self._rule_inputs.floor(noise_factor, grid_speed_m_s)
+        return self._inputs_of(window, blocks, now, sensors, grid_speed_m_s)
+
+    def _inputs_of(
+        self, window: Window, blocks: IntArray, now: FloatArray, sensors: Sensors, grid_speed_m_s: float
+    ) -> tuple[FloatArray, Statistics]:
         k = self._lengths
         s = statistics(window.sums(blocks), k.min_ticks)
         ratio = s.ratio
@@ -126,16 +138,16 @@ class Answers:
         half = k.usual // 2
         rest = decades(window.kept(0, k.recent), window.kept(k.recent, k.recent + half), k.min_ticks)
         past = Past(now, *window.torque_range(half), rest)
-        return self._rule_inputs.columns(s, ratio, past, noise_factor, grid_speed_m_s), s
+        return self._rule_inputs.columns(s, ratio, past, *sensors, grid_speed_m_s), s
 
     def _answers(
-        self, window: Window, lengths: list[IntArray], now: FloatArray, noise_factor: FloatArray, grid_speed_m_s: float
+        self, window: Window, lengths: list[IntArray], now: FloatArray, sensors: Sensors, grid_speed_m_s: float
     ) -> tuple[list[Answer], Inference, Statistics]:
         """One for each of the windows' lengths (n,); inference and statistics of all, one after another."""
         n = self._axles
-        inputs, s = self.inputs_of(window, np.concatenate(lengths), now, noise_factor, grid_speed_m_s)
+        inputs, s = self._inputs_of(window, np.concatenate(lengths), now, sensors, grid_speed_m_s)
         inference = self._fuzzy.infer(inputs)
-        from_rules = np.zeros_like(inference.output)
+        from_rules = 0.0 * inference.output
         for factor in self._d.polynomial:
             from_rules = from_rules * inference.output + factor
         low, high = self._d.adhesion_range_pct
@@ -192,14 +204,11 @@ def _between(share: FloatArray, first: Answer, second: Answer) -> Answer:
     """Of every axle the first (share 0), the second (1) or an answer between them; window and inputs are of the one
     that counts for more."""
 
-    def mixed(a: FloatArray, b: FloatArray) -> FloatArray:
-        return np.where(share == 0.0, a, (1.0 - share) * a + share * b)
-
+    a = np.array((first.mu_from_rules_pct, first.mu_pct, first.spread))
+    b = np.array((second.mu_from_rules_pct, second.mu_pct, second.spread))
+    from_rules, mu, spread = np.where(share == 0.0, a, (1.0 - share) * a + share * b)
     most = share > 0.5
-    return Answer(
-        np.where(most, second.blocks, first.blocks),
-        mixed(first.mu_from_rules_pct, second.mu_from_rules_pct),
-        mixed(first.mu_pct, second.mu_pct),
-        mixed(first.spread, second.spread),
-        np.where(most[:, None], second.inputs, first.inputs),
-    )
+    if not most.any():
+        return Answer(first.blocks, from_rules, mu, spread, first.inputs)
+    inputs = np.where(most[:, None], second.inputs, first.inputs)
+    return Answer(np.where(most, second.blocks, first.blocks), from_rules, mu, spread, inputs)

@@ -119,12 +119,15 @@ def silent(newest: FloatArray, before: FloatArray, most: float) -> bool:
     """
     now, then = (b[:, RAW] - b[:, MEAN] ** 2 for b in (newest, before))
     fallen = then.max(axis=0, initial=0.0) > FALLEN_TIMES * now[:MIN_SILENT_BLOCKS].mean(axis=0)
-    if fallen.any():
+    loud = bool(fallen.any())
+    if loud:
         newest = newest[:MIN_SILENT_BLOCKS]
     sums = newest.mean(axis=0)
     power, variance = sums[POWER].reshape(len(BANDS_HZ), CHANNELS).copy(), sums[RAW]
-    power[LOW] -= np.where(fallen, _line(newest[:, LOW_MEAN]), 0.0)
-    variance = np.maximum(variance - np.where(fallen, _line(newest[:, MEAN]), 0.0), TINY)
+    if loud:
+        power[LOW] -= np.where(fallen, _line(newest[:, LOW_MEAN]), 0.0)
+        variance = variance - np.where(fallen, _line(newest[:, MEAN]), 0.0)
+    variance = np.maximum(variance, TINY)
     excess = np.maximum(power / variance - 1.0, 0.0)
     return bool(np.dot(SILENT_WEIGHTS, excess).sum() < most and variance.max() < LOUDEST)
 

@@ -66,10 +66,10 @@ class Fuzzy:
         middle = np.column_stack((*sets, rest))
         # base + slopes (x - middle), as one number and a row over x; the same of the spreads' logarithms
         logs = np.log10(design.spreads)
-        self._offset = design.bases - np.sum(design.slopes * middle, axis=1)
-        self._slopes = design.slopes
-        self._spread_offset = logs - np.sum(design.spread_slopes * middle, axis=1)
-        self._spread_slopes = design.spread_slopes
+        offset = design.bases - np.sum(design.slopes * middle, axis=1)
+        spread_offset = logs - np.sum(design.spread_slopes * middle, axis=1)
+        self._columns = len(design.middle)
+        self._consequents = np.column_stack((design.slopes, offset, design.spread_slopes, spread_offset))
 
     def infer(self, inputs: FloatArray) -> Inference:
         """inputs (n, COLUMNS): see `rule_inputs`. NaN in gives NaN out."""
@@ -83,8 +83,8 @@ class Fuzzy:
         known = firing >= MIN_FIRING
         share = weights / np.where(known, firing, 1.0)[:, None]
         held = np.minimum(np.maximum(inputs, self._low), self._high)
-        output = share @ self._offset + np.add.reduce((share @ self._slopes) * held, axis=1)
-        log_spread = share @ self._spread_offset + np.add.reduce((share @ self._spread_slopes) * held, axis=1)
+        both = (share @ self._consequents).reshape(n, 2, self._columns + 1)
+        output, log_spread = (both[:, :, -1] + np.add.reduce(both[:, :, :-1] * held[:, None], axis=2)).T
         output = np.minimum(np.maximum(output, 0.0), 100.0)
         spread = 10.0 ** np.minimum(np.maximum(log_spread, LOG_SPREADS[0]), LOG_SPREADS[1])
         rule = weights.argmax(axis=1)

@@ -73,17 +73,17 @@ class RuleInputs:
         return out
 
     def columns(
-        self, s: Statistics, window_ratio: FloatArray, past: Past, noise_factor: FloatArray, speed_m_s: float
-    ) -> FloatArray:
+        self, s: Statistics, window_ratio: FloatArray, past: Past, noise_factor: FloatArray, floor: FloatArray,
+        speed_m_s: float,
+    ) -> FloatArray:  # fmt: skip
         """(m, COLUMNS) for the statistics of m windows and their torque ratios (m,): all axles (n,) with one length
-        after all with another. past and noise_factor (2, n) are the axles'."""
+        after all with another. past, noise_factor (2, n) and the floor (n, 4) that it leaves are the axles'."""
         m, n = len(window_ratio), noise_factor.shape[1]
         out = np.empty((m, COLUMNS))
         of_axle = out.reshape(-1, n, COLUMNS)
         if self._paper:
             out[:, :MODELS] = np.log10(s.residuals)
         else:
-            floor = self.floor(noise_factor, speed_m_s)
             above = s.mean_square.reshape(-1, n, MODELS) - floor
             logs = 0.5 * np.log10(np.maximum(above, MIN_TRACK * floor))
             of_axle[:, :, :3] = logs[..., :3] - logs[..., 3:]
@@ -98,7 +98,7 @@ class RuleInputs:
         of_axle[:, :, STEP] = past.steps
         return out
 
-    def excitation(self, s: Statistics, noise_factor: FloatArray, speed_m_s: float) -> FloatArray:
-        """(n,): the largest of the four residuals over what the sensors' noise alone leaves of it."""
-        share = s.mean_square / self.floor(noise_factor, speed_m_s)
-        return np.asarray(np.sqrt(np.maximum.reduce(share, axis=1)))
+    @staticmethod
+    def excitation(s: Statistics, floor: FloatArray) -> FloatArray:
+        """(n,): the largest of the four residuals over the floor (n, 4) that the sensors' noise alone leaves of it."""
+        return np.asarray(np.sqrt(np.maximum.reduce(s.mean_square / floor, axis=1)))

@@ -56,22 +56,19 @@ class Lengths:
 class Statistics:
     """Of one window of every axle (n,), NaN where it holds too little data.
 
-    power (n, 4, 2): mean square of the whitened innovations about a straight line, per model and channel.
+    power (n, 4, 2): mean square of the whitened innovations about a straight line, per model and channel; mean_square
+    (n, 4): of both channels.
     lag (n, 8), cross (n, 4): their correlations with themselves LAG ticks before, and of yaw rate with lateral
     acceleration. ratio (n,): mean torque ratio. ticks (n,): length. live_share (n,): of them with data far from pulses.
     """
 
     power: FloatArray
+    mean_square: FloatArray
     lag: FloatArray
     cross: FloatArray
     ratio: FloatArray
     ticks: FloatArray
     live_share: FloatArray
-
-    @property
-    def mean_square(self) -> FloatArray:
-        """(n, 4): of both channels of each model."""
-        return np.asarray(0.5 * (self.power[:, :, 0] + self.power[:, :, 1]))
 
     @property
     def residuals(self) -> FloatArray:
@@ -81,8 +78,8 @@ class Statistics:
     def take(self, rows: IntArray | slice) -> "Statistics":
         """Of some of the windows."""
         return Statistics(
-            self.power[rows], self.lag[rows], self.cross[rows], self.ratio[rows], self.ticks[rows],
-            self.live_share[rows],
+            self.power[rows], self.mean_square[rows], self.lag[rows], self.cross[rows], self.ratio[rows],
+            self.ticks[rows], self.live_share[rows],
         )  # fmt: skip
 
 
@@ -113,6 +110,7 @@ def statistics(sums: FloatArray, min_ticks: float) -> Statistics:
     power[:, live < min_ticks] = np.nan
     return Statistics(
         power=power.T.reshape(-1, MODELS, CHANNELS),
+        mean_square=(0.5 * (power[::2] + power[1::2])).T,
         lag=np.minimum(np.maximum(lag, -1.0), 1.0).T,
         cross=np.minimum(np.maximum(cross, -1.0), 1.0).T,
         ratio=ratio,
@@ -286,12 +284,11 @@ class Window:
         """The lowest and the highest torque ratio (n,) of any of the newest blocks, those before a change included."""
         rows = self._rows[self._end - blocks : self._end + 1, RATIO : RATIO_N + 1]
         both = rows[1:] - rows[:-1]
-        total, count = both[:, 0], both[:, 1]
-        mean = total / count
-        if (count > 0.5).all():
-            return np.minimum.reduce(mean), np.maximum.reduce(mean)
-        there = count > 0.5
-        return np.where(there, mean, np.inf).min(axis=0), np.where(there, mean, -np.inf).max(axis=0)
+        mean = both[:, 0] / both[:, 1]
+        lowest, highest = np.fmin.reduce(mean), np.fmax.reduce(mean)
+        if np.isnan(lowest).any():
+            return np.where(np.isnan(lowest), np.inf, lowest), np.where(np.isnan(lowest), -np.inf, highest)
+        return lowest, highest
 
     def filled(self) -> IntArray:
         """(n,): how many of the newest blocks hold ticks without a gap."""
