@@ -1,6 +1,7 @@
 """Whatever bytes come from the bus, the codec takes them or refuses them with a reason."""
 
 import math
+from collections.abc import Sequence
 
 import e2e.p11
 import pytest
@@ -36,7 +37,7 @@ DIRECTION_AND_LOAD_SOURCES = (
 )
 
 
-def judge(receiver: Receiver, frame: Frame) -> None:
+def judge(receiver: Receiver, sources: Sequence[Source], frame: Frame) -> None:
     """What the rest of the daemon relies on."""
     got = receiver.read(frame)
     mapped = frame.can_id in receiver.ids and not frame.error
@@ -46,8 +47,9 @@ def judge(receiver: Receiver, frame: Frame) -> None:
         assert frame.plain
         for s in got:
             assert math.isfinite(s.value)
-            assert abs(s.value) <= s.quantity.limit
-            assert s.quantity not in (Quantity.AXLE_LOAD, Quantity.WHEEL_RADIUS) or s.value > 0
+            quantity = sources[s.source].quantity
+            assert abs(s.value) <= quantity.limit
+            assert quantity not in (Quantity.AXLE_LOAD, Quantity.WHEEL_RADIUS) or s.value > 0
     elif got is not None:
         assert isinstance(got, Reason)
 
@@ -56,7 +58,7 @@ def judge(receiver: Receiver, frame: Frame) -> None:
 def test_any_frame_is_accepted_or_rejected(frames: list[Frame]) -> None:
     receiver = Receiver(CONFIG.database, SOURCES)
     for frame in frames:
-        judge(receiver, frame)
+        judge(receiver, SOURCES, frame)
 
 
 @pytest.fixture(scope="module")
@@ -80,7 +82,7 @@ def test_any_frame_of_an_own_dbc_is_accepted_or_rejected(
         receiver = Receiver(database, sources)
         lengths = {m.frame_id: m.length for m in database.messages}
         for frame in data.draw(st.lists(near_frames(lengths, protected=False) | any_frames(receiver.ids), max_size=15)):
-            judge(receiver, frame)
+            judge(receiver, sources, frame)
 
 
 @given(st.binary(min_size=2, max_size=64), st.integers(0, 0xFFFF), st.integers(0, COUNTER_MODULO - 1), st.data())

@@ -23,8 +23,8 @@ from wrcd import resources
 from wrcd.bus.dbc import load_dbc
 from wrcd.bus.reasons import Reason
 from wrcd.config import STALE_TICKS
-from wrcd.core import backoff, causes, core, plausibility, report, validity
-from wrcd.estimator import estimator, gate
+from wrcd.core import backoff, causes, core, messages, plausibility, validity
+from wrcd.estimator import answer, gate
 from wrcd.service import journal
 from wrcd.service.reload import LIMITS
 from wrcd.tools import cli
@@ -202,7 +202,7 @@ def test_validity_table_is_that_of_the_code() -> None:
     found = [r for r in rows("docs/reference/validity.md", "## Causes") if len(r) == 6]
     assert [(r[0], r[1], r[2]) for r in found] == [(str(int(c)), c.label, c.words) for c in causes.Cause]
     assert f"{len(causes.Cause) - 1} causes why it is not" in text("README.md")
-    states = {v.value for v in report.Validity}
+    states = {v.value for v in causes.Validity}
     assert {r[4] for r in found} == states
     # what keeps a window from being full is before the first input that is not sound
     assert [r[4] for r in found] == [
@@ -217,10 +217,10 @@ def test_numbers_of_the_validity_table_are_those_of_the_code() -> None:
     assert f"{validity.BRIDGED_TICKS * tick_ms} ms past it" in condition["InputStale"]
     assert "{:g} … {:g}".format(*validity.LOAD_SHARES) in condition["LoadBeyond"]
     assert "{:g} … {:g}".format(*validity.RADIUS_SHARES) in condition["RadiusBeyond"]
-    assert f"{estimator.SILENT:g} times" in condition["SensorsSilent"]
-    assert f"{estimator.MIN_M:g} m" in condition["TooLittleData"]
-    assert f"{estimator.VAGUE:g} of the estimate" in condition["TooLittleData"]
-    assert f"{estimator.HARSH_SHARE:g} of the window" in condition["Harsh"]
+    assert f"{answer.SILENT:g} times" in condition["SensorsSilent"]
+    assert f"{answer.MIN_M:g} m" in condition["TooLittleData"]
+    assert f"{answer.VAGUE:g} of the estimate" in condition["TooLittleData"]
+    assert f"{answer.HARSH_SHARE:g} of the window" in condition["Harsh"]
     assert gate.MAX_NET_OUTLIERS == 2
     assert f"first {gate.MIN_TICKS:g} samples" in condition["Restarted"]
     assert (backoff.FREE_RESETS, backoff.FIRST_WAIT_S, backoff.LAST_WAIT_S) == (4, 1.0, 8.0)
@@ -307,7 +307,7 @@ def test_score_has_the_suites_causes_and_baselines_of_the_code() -> None:
     assert tuple(re.findall(r"^\*\*([\w-]+)\*\*: ", block.text, re.MULTILINE)) == SUITES + ("goals",)
     assert "**not Valid**: " in block.text
     assert set(re.findall(r"([A-Z]\w+) \d+\.\d %", block.text)) <= {c.label for c in causes.Cause}
-    levels = [name for _, name in report.CONFIDENCES]
+    levels = [name for _, name in messages.CONFIDENCES]
     assert re.findall(r"^\| (Wi\w+) \| [\d.]+ % \|", block.text, re.MULTILINE) == levels
     asked = Asked(resources.DESIGN, rig.BASELINES, (("the paper's own form", rig.PAPER_DESIGN),))
     names = list(make_baselines(load_source(resources.DESIGN), asked))

@@ -290,6 +290,8 @@ class SignalWriter:
 class Writer:
     """Encodes one outgoing message, whatever its DBC calls not available, and protects it where the DBC says so."""
 
+    TRANSIENT = ("_start",)
+
     def __init__(self, message: Message, needed: Sequence[str]) -> None:
         for name in needed:
             find_signal(message, name)

@@ -36,9 +36,9 @@ class Inputs:
 
     STATE = (
         "_value", "_stamp_us", "degraded", "contested", "_jitter_buffer", "reach", "_stuck_checks", "_jump_checks",
-        "_speed_jumped", "_reverse",
+        "_speed_jumped", "_reverse", "_torque_ratio", "_torque_ratio_known",
     )  # fmt: skip
-    TRANSIENT = ("_torque_ratio", "_shares_known", "_shares_ok")
+    TRANSIENT = ("_shares_known", "_shares_ok")
 
     def __init__(self, config: Config) -> None:
         n, design = len(config.axles), config.design
@@ -85,7 +85,7 @@ class Inputs:
              [p for p in self._mapped if p % n == a and p >= (LAT + 1) * n]) for a in range(n)
         ]  # fmt: skip
         self._unavailable_after_us: list[int] = []
-        self._torque_ratio: list[float] | None = None  # None: to be worked out
+        self._torque_ratio, self._torque_ratio_known = [0.0] * n, False  # False: to be worked out
         self._shares_known = self._shares_ok = False
         self._speeds = float(design.speeds_m_s[0]), float(design.speeds_m_s[-1])
         self.apply_limits(config)
@@ -143,7 +143,7 @@ class Inputs:
             else:
                 self._value[place] = value
         if row > LAT:
-            self._torque_ratio = None
+            self._torque_ratio_known = False
             if row != SPEED and (row != TORQUE or self._torque_sign_counts):
                 self._shares_known = False
             if row == DIRECTION:
@@ -172,12 +172,13 @@ class Inputs:
         z, present = self._jitter_buffer.take()
         if self._reverse:
             z = [x * self._value[DIRECTION * n + place % n] for place, x in enumerate(z)]
-        ratio = self._torque_ratio
-        if ratio is None:
+        if not self._torque_ratio_known:
             v = self._value
-            ratio = self._torque_ratio = [
+            self._torque_ratio = [
                 abs(v[TORQUE * n + a] + v[BRAKE * n + a]) / (v[LOAD * n + a] * v[RADIUS * n + a]) for a in range(n)
             ]
+            self._torque_ratio_known = True
+        ratio = self._torque_ratio
         unavailable: tuple[int, ...] = ()
         if stale:
             silent = [p for p in stale if end_us - stamps[p] > self._unavailable_after_us[p]]

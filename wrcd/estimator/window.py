@@ -172,7 +172,10 @@ class Window:
         (m, n)."""
         block, t = divmod(tick, BLOCK_TICKS)
         if block != self._newest:
-            self._move_to(block, running)
+            self._move_to(block)
+            self._note_running(block, running)
+        elif not (self._last == block).all():  # an axle may begin within a block
+            self._note_running(block, running)
         m, n = len(w), len(self._axle)
         t += BLOCK_TICKS * (block % self._blocks)
         times = np.arange(t, t + m, dtype=np.float64)[:, None]
@@ -198,7 +201,7 @@ class Window:
         self._rows[self._end] += np.add.reduce(new, axis=0)
         self._past = flat.copy() if m == LAG else np.concatenate((self._past[m:], flat))
 
-    def _move_to(self, block: int, running: BoolArray) -> None:
+    def _move_to(self, block: int) -> None:
         """Begin a block: its row is what the one before it came to."""
         if block - self._newest > 2 * self._blocks:
             self._rows[:] = 0.0
@@ -208,9 +211,12 @@ class Window:
                 self._next_generation()
             at = self._blocks + passed % self._blocks
             self._rows[at] = self._rows[at - 1]
-        self._first = np.where(running & (self._last != block - 1), block, self._first)
-        self._last = np.where(running, block, self._last)
         self._newest = block
+
+    def _note_running(self, block: int, running: BoolArray) -> None:
+        """Remember which axles (n,) have ticks in a block, and whether they had some in the one before."""
+        self._first = np.where(running & (self._last < block - 1), block, self._first)
+        self._last = np.where(running, block, self._last)
 
     def _next_generation(self) -> None:
         """A generation is over: count from its end, in time as well."""

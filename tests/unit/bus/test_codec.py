@@ -32,7 +32,7 @@ def yaw(raw: int = 1000, status: int = 0, counter: int = 0) -> bytes:
 
 def test_good_frame_gives_its_sample(production: Database) -> None:
     got = yaw_receiver(production).read(Frame(0, YAW_RATE_A1, yaw(-1234)))
-    assert got == [Sample(Quantity.YAW_RATE, (0,), -1234 * 1e-6, False)]
+    assert got == [Sample(0, -1234 * 1e-6, degraded=False, contested=False)]
 
 
 def test_degraded_status_is_in_the_sample(production: Database) -> None:
@@ -72,23 +72,22 @@ def test_unmapped_frame_is_ignored(production: Database) -> None:
 def test_own_dbc_is_decoded_to_si_units(tmp_path: Path) -> None:
     (tmp_path / "own.dbc").write_text(TRAIN_DBC)
     database = load_dbc(tmp_path / "own.dbc")
-    receiver = Receiver(
-        database,
-        [
-            Source("Bogie1", "Gyro", Quantity.YAW_RATE, (0,)),
-            Source("Bogie1", "Side", Quantity.LAT_ACCEL, (0,)),
-            Source("Bogie1", "Tractive", Quantity.TORQUE, (0,)),
-            Source("Drive", "V", Quantity.SPEED, (0, 1)),
-        ],
-    )
+    sources = [
+        Source("Bogie1", "Gyro", Quantity.YAW_RATE, (0,)),
+        Source("Bogie1", "Side", Quantity.LAT_ACCEL, (0,)),
+        Source("Bogie1", "Tractive", Quantity.TORQUE, (0,)),
+        Source("Drive", "V", Quantity.SPEED, (0, 1)),
+    ]
+    receiver = Receiver(database, sources)
     bogie = find_message(database, "Bogie1").frame_id
     got = receiver.read(Frame(0, bogie, struct.pack("<hhhh", 150, -100, 55, 0), extended=True))
     assert isinstance(got, list)
     assert [s.value for s in got] == pytest.approx([math.radians(1.5), -0.980665, 5500.0])
+    assert [s.source for s in got] == [0, 1, 2]
     speed = receiver.read(Frame(0, 800, struct.pack(">H", 9000)))
     assert isinstance(speed, list)
     assert speed[0].value == pytest.approx(25.0)
-    assert speed[0].axles == (0, 1)
+    assert sources[speed[0].source].axles == (0, 1)
     # one signal out of range refuses the whole frame, and a value named "not available" is none
     assert receiver.read(Frame(0, bogie, struct.pack("<hhhh", 150, -100, 2000, 0), extended=True)) is Reason.RANGE
     assert receiver.read(Frame(0, 800, b"\xff\xff")) is Reason.STATUS

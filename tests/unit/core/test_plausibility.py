@@ -3,7 +3,6 @@
 import math
 import random
 
-import numpy as np
 import pytest
 
 from wrcd.bus.reasons import Reason
@@ -108,18 +107,18 @@ def test_stuck_check_does_not_learn_from_freezes() -> None:
 
 
 def test_reach_register_shifts_each_timeout_and_keeps_the_reason() -> None:
-    reach = Reach(np.array([[15 * MS], [0]]))
-    assert reach.read(0, 0, 0) == (0, "None")
+    reach = Reach([15 * MS, 0])
+    assert reach.read(0, 0) == (0, "None")
     for k in range(8):
-        reach.accept(0, 0, 15 * MS * (100 + k))
-    assert reach.read(0, 0, 15 * MS * 107) == (0b01111111, "None")
-    assert reach.read(0, 0, 15 * MS * 108) == (0b11111111, "None")
-    reach.reject(0, 0, 15 * MS * 108, Reason.DATA_ID)
-    reach.accept(0, 0, 15 * MS * 110)
-    assert reach.read(0, 0, 15 * MS * 111) == (0b11111001, "DataId")
-    assert reach.read(0, 0, 15 * MS * 116) == (0b00100000, "DataId")
-    assert reach.read(0, 0, 15 * MS * 117) == (0b01000000, "None")
-    assert reach.read(0, 0, 15 * MS * 1000) == (0, "None")
-    reach.accept(0, 0, 15 * MS * 1000)
+        reach.accept(0, 15 * MS * (100 + k))
+    assert reach.read(0, 15 * MS * 107) == (0b01111111, "None")
+    assert reach.read(0, 15 * MS * 108) == (0b11111111, "None")
+    reach.reject(0, 15 * MS * 108, Reason.DATA_ID)
+    reach.accept(0, 15 * MS * 110)
+    assert reach.read(0, 15 * MS * 111) == (0b11111001, "DataId")
+    assert reach.read(0, 15 * MS * 116) == (0b00100000, "DataId")
+    assert reach.read(0, 15 * MS * 117) == (0b01000000, "None")
+    assert reach.read(0, 15 * MS * 1000) == (0, "None")
+    reach.accept(0, 15 * MS * 1000)
     reach.reset()
-    assert reach.read(0, 0, 15 * MS * 1001) == (0, "None")
+    assert reach.read(0, 15 * MS * 1001) == (0, "None")

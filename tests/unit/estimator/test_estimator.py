@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.support.estimator_runs import EVERY, PER_S, RATIO, estimates, tick, track
-from wrcd.estimator import estimator
+from wrcd.estimator import answer
 from wrcd.estimator.design import MODELS, Design, FloatArray, load_design
 from wrcd.estimator.estimator import Estimator
 from wrcd.estimator.offset import Offset
@@ -94,7 +94,7 @@ def test_residuals_unlike_training_widen_the_interval_then_are_doubted(
         found = newest(Estimator(lenient, 1), z)
         assert found.doubt[0] in (EstimateDoubt.NONE, EstimateDoubt.VAGUE)
         with monkeypatch.context() as patch:
-            patch.setattr(estimator, "BEYOND_WIDER", 0.0)
+            patch.setattr(answer, "BEYOND_WIDER", 0.0)
             alone = newest(Estimator(lenient, 1), z)
         wider.append(float((found.half_width_pp / alone.half_width_pp)[0]))
     assert 1.5 < wider[0] < 0.7 * wider[1]
@@ -129,7 +129,7 @@ def test_gains_do_not_toggle_with_the_speeds_noise(design: Design) -> None:
     for more in (np.zeros(len(z)), noise):
         e, innovations = Estimator(design, 1), []
         for k, row in enumerate(z):
-            innovations.append(e.step(tick(k, row, speed=29.15 + more[k])))
+            innovations.append(e.step(tick(k, row, speed=29.15 + more[k])).innovations[0])
         runs.append((np.array(innovations)[PER_S:], e.estimate()))
     (constant, a), (noisy, b) = runs
     rms = np.sqrt(np.square(constant).mean(axis=0))
@@ -200,10 +200,10 @@ def test_missing_channel_does_not_change_the_offset() -> None:
     offset = Offset(100, 1)
     both, one = np.array([[True], [True]]), np.array([[True], [False]])
     for k in range(50):
-        rest = offset.take(np.array([[2.0], [5.0 if k % 2 else (1e9, np.nan)[k // 2 % 2]]]), both if k % 2 else one)
+        rest = offset.step(np.array([[2.0], [5.0 if k % 2 else (1e9, np.nan)[k // 2 % 2]]]), both if k % 2 else one)
     assert rest == pytest.approx(np.zeros((2, 1)))
     offset.reset(0)
-    assert offset.take(np.array([[7.0], [7.0]]), both) == pytest.approx(np.zeros((2, 1)))
+    assert offset.step(np.array([[7.0], [7.0]]), both) == pytest.approx(np.zeros((2, 1)))
 
 
 def white(ticks: int, axles: int = 1) -> FloatArray:
@@ -214,7 +214,7 @@ def white(ticks: int, axles: int = 1) -> FloatArray:
 def test_every_speed_has_gains(design: Design, speed: float) -> None:
     estimator, largest = Estimator(design, 1), []
     for k, z in enumerate(white(2000)):
-        e = estimator.step(tick(k, z, speed=speed))
+        e = estimator.step(tick(k, z, speed=speed)).innovations
         largest.append(float(np.abs(e).max()))
     assert np.isfinite(largest).all()
     assert max(largest[1000:]) < 3.0 * max(largest[:1000])
@@ -236,6 +236,5 @@ def test_tick_after_a_gap_stays_out_of_the_window(design: Design) -> None:
     estimator, good, z = Estimator(design, 1), [], white(62)
     z[50:52] = np.nan
     for k, row in enumerate(z):
-        estimator.step(tick(k, row, 0.2))
-        good.append(bool(estimator.good[0]))
+        good.append(bool(estimator.step(tick(k, row, 0.2)).in_window[0, 0]))
     assert good == [False] + [True] * 49 + [False] * 3 + [True] * 9

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from wrcd.estimator.design import COLUMNS, INPUTS, MODELS, Design, FloatArray, Sets, load_design
 from wrcd.estimator.fuzzy import LOG_SPREADS, MIN_FIRING, Fuzzy
-from wrcd.estimator.rule_inputs import MAX_STEP, SWING, Past, excitation, noise_floor, rule_inputs
+from wrcd.estimator.rule_inputs import MAX_STEP, SWING, Past, RuleInputs
 from wrcd.estimator.window import Statistics
 from wrcd.resources import DESIGN
 
@@ -103,17 +103,20 @@ def seen(power: FloatArray, ticks: float = 200.0) -> Statistics:
     return Statistics(power[None], np.zeros((1, 8)), np.zeros((1, 4)), np.array([0.1]), np.array([ticks]), np.ones(1))
 
 
-PAST = Past(np.array([0.1]), np.array([0.1]), np.array([0.05]), np.array([0.2]), decades=np.zeros((1, MODELS)))
+PAST = Past(now=np.array([0.1]), lowest=np.array([0.05]), highest=np.array([0.2]), decades=np.zeros((1, MODELS)))
+
+
+def columns(design: Design, s: Statistics, factor: FloatArray, past: Past = PAST) -> FloatArray:
+    """(COLUMNS,): what the rules are given of one window."""
+    return np.asarray(RuleInputs(design).columns(s, np.array([0.1]), past, factor, SPEED)[0])
 
 
 def test_sensor_noise_is_subtracted_from_the_residual(design: Design) -> None:
     """Twice the track, twice the residuals above the noise: only the input that says how rough the track is moves."""
     factor = np.ones((2, 1))
-    floor = noise_floor(design, factor, SPEED)[0]
+    floor = RuleInputs(design).floor(factor, SPEED)[0]
     track = np.array([9.0, 4.0, 16.0, 1.0]) * floor
-    given = [
-        rule_inputs(design, seen(np.tile((floor + s * track)[:, None], 2)), PAST, factor, SPEED)[0] for s in (1, 4)
-    ]
+    given = [columns(design, seen(np.tile((floor + s * track)[:, None], 2)), factor) for s in (1, 4)]
     moved = np.flatnonzero(~np.isclose(given[0], given[1]))
     assert moved.tolist() == [MODELS - 1]
     assert given[1][3] - given[0][3] == pytest.approx(np.log10(2.0))
@@ -125,32 +128,33 @@ def test_noisier_sensors_with_the_same_track_give_the_same_residuals(design: Des
     inputs = []
     for f in (1.0, factor):
         factors = np.full((2, 1), f)
-        floor = noise_floor(design, factors, SPEED)[0]
-        assert floor == pytest.approx(f * f * noise_floor(design, np.ones((2, 1)), SPEED)[0])
-        track = 5.0 * noise_floor(design, np.ones((2, 1)), SPEED)[0]
-        inputs.append(rule_inputs(design, seen(np.tile((floor + track)[:, None], 2)), PAST, factors, SPEED)[0])
-    moved = np.flatnonzero(~np.isclose(*inputs))
+        floor = RuleInputs(design).floor(factors, SPEED)[0]
+        nominal = RuleInputs(design).floor(np.ones((2, 1)), SPEED)[0]
+        assert floor == pytest.approx(f * f * nominal)
+        track = 5.0 * nominal
+        inputs.append(columns(design, seen(np.tile((floor + track)[:, None], 2)), factors))
+    moved = np.flatnonzero(~np.isclose(inputs[0], inputs[1]))
     assert inputs[0][:INPUTS] == pytest.approx(inputs[1][:INPUTS])
     assert 10.0 ** (inputs[1] - inputs[0])[moved] == pytest.approx([factor, factor])  # that they are so is told
 
 
 def test_noise_alone_is_no_excitation(design: Design) -> None:
-    floor = noise_floor(design, np.ones((2, 1)), SPEED)[0]
+    floor = RuleInputs(design).floor(np.ones((2, 1)), SPEED)[0]
     for times in (1.0, 2.0):
         s = seen(np.tile((times**2 * floor)[:, None], 2))
-        assert excitation(design, s, np.ones((2, 1)), SPEED) == pytest.approx([times])
+        assert RuleInputs(design).excitation(s, np.ones((2, 1)), SPEED) == pytest.approx([times])
 
 
 def test_steps_of_the_residuals_are_held_and_none_where_nothing_is_known(design: Design) -> None:
     decades = np.array([[0.1, 0.3, -0.4, 9.0], [np.nan] * 4])
     steps = replace(PAST, decades=decades).steps
     assert steps == pytest.approx(np.array([[0.2, -0.4, MAX_STEP, MAX_STEP], [0.0] * 4]))
-    x = rule_inputs(design, seen(np.ones((4, 2))), replace(PAST, decades=decades[:1]), np.ones((2, 1)), SPEED)[0]
+    x = columns(design, seen(np.ones((4, 2))), np.ones((2, 1)), replace(PAST, decades=decades[:1]))
     assert x[SWING.stop :] == pytest.approx(steps[0])
 
 
 def test_torque_swing_is_in_decades(design: Design) -> None:
-    x = rule_inputs(design, seen(np.ones((4, 2))), PAST, np.ones((2, 1)), SPEED)[0]
+    x = columns(design, seen(np.ones((4, 2))), np.ones((2, 1)))
     assert x[SWING] == pytest.approx([np.log10(0.21 / 0.11), np.log10(0.11 / 0.06)])
     assert x[4] == pytest.approx(-1.0)
     assert x[5] == pytest.approx(np.log10(SPEED))

@@ -8,7 +8,7 @@ from wrcd.estimator.bank import BoolArray
 from wrcd.estimator.design import Design, FloatArray, load_design
 from wrcd.estimator.estimator import Estimator
 from wrcd.estimator.joints import HOLD_TICKS, MAX_PULSE, MAX_TICKS, RECOVERY_TICKS, Joints
-from wrcd.estimator.records import Tick
+from wrcd.estimator.records import one_tick
 from wrcd.resources import DESIGN
 
 AT = 1500  # a pulse's first tick
@@ -121,12 +121,13 @@ class Seen:
     def __init__(self, design: Design, more: FloatArray, channel: int = 1) -> None:
         z = np.array(measured(seconds=20.0)[: AT + 400])
         z[AT : AT + len(more), channel] += more
-        estimator, live, calm, outliers = Estimator(design, 1), [], [], []
+        estimator, live, calm, outliers, e = Estimator(design, 1), [], [], [], []
         for k, row in enumerate(z):
-            e = estimator.step(Tick(k, row[:, None], np.ones((2, 1), dtype=bool), np.full(1, 0.13), 25.0))
-            live.append(bool(estimator.live[0]))
-            calm.append(bool(estimator.calm[0]))
-            outliers.append(bool(estimator.outlier[0]))
+            found = estimator.step(one_tick(k, row[:, None], np.ones((2, 1), dtype=bool), np.full(1, 0.13), 25.0))
+            live.append(bool(found.live[0, 0]))
+            calm.append(bool(found.calm[0, 0]))
+            outliers.append(bool(found.outliers[0, 0]))
+            e.append(found.innovations)
         assert np.isfinite(e).all()
         # innovations enter the window HOLD_TICKS late
         self.live, self.calm = (np.array(x[HOLD_TICKS:]) for x in (live, calm))

@@ -13,9 +13,7 @@ from wrcd.bus.log import Damage, read_log
 from wrcd.config import load_config
 from wrcd.core.core import Core
 from wrcd.estimator import noise, speed
-from wrcd.estimator.design import Design
-from wrcd.estimator.estimator import Estimator
-from wrcd.estimator.records import Estimate
+from wrcd.estimator.records import Estimate, StepResult, Ticks
 
 # Half a minute of live covariances at every tenth of a metre per second would be too much: the speed ramps by little.
 RAMP_OVER_JOINTS = """
@@ -55,26 +53,31 @@ def test_engines_agree_where_frames_are_lost(log_of: LogOf, tmp_path: Path) -> N
     assert agree(lossy).partial > 50
 
 
-class Lengths(Estimator):
-    """Keeps the windows' lengths and the pulses."""
+class Lengths:
+    """Keeps the windows' lengths and the pulses: an observer of the core."""
 
-    def __init__(self, design: Design, axles: int) -> None:
-        super().__init__(design, axles)
+    def __init__(self) -> None:
         self.windows_s: list[float] = []
         self.pulses = 0
+        self._near_pulse = False
 
-    def estimate(self) -> Estimate:
-        out = super().estimate()
-        self.windows_s.append(float(out.window_s[0]))
-        self.pulses += bool(self.near_pulse[0])
-        return out
+    def stepped(self, ticks: Ticks, first: int, result: StepResult) -> None:
+        """Keep the newest tick's."""
+        self._near_pulse = bool(result.near_pulse[-1, 0])
+
+    def was_reset(self, axle: int) -> None:
+        """Nothing is kept of an axle."""
+
+    def estimated(self, tick: int, estimate: Estimate) -> None:
+        """Of a slot."""
+        self.windows_s.append(float(estimate.window_s[0]))
+        self.pulses += self._near_pulse
 
 
 def test_the_log_has_what_the_engines_are_compared_on(log_of: LogOf) -> None:
     """Windows of all lengths, dropped at the change of torque or rail, and pulses."""
-    config = load_config(None)
-    seen = Lengths(config.design, len(config.axles))
-    core = Core(config, seen)
+    seen = Lengths()
+    core = Core(load_config(None), observer=seen)
     for frame, _ in read_log(log_of(RAMP_OVER_JOINTS), Damage()):
         core.feed(frame)
     windows = np.array(seen.windows_s)

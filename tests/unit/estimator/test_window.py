@@ -13,7 +13,6 @@ from wrcd.estimator.window import (
     Statistics,
     Window,
     mean_ratio,
-    newest,
     raw_power,
     statistics,
 )
@@ -44,13 +43,13 @@ class Played:
     def put(self, k: int, running: bool = True) -> None:
         """The k-th tick."""
         self.window.put(
-            self.start + k, self.w[k, :, :, None], self.raw[k, :, :, None], np.array([running]),
-            np.array([self.live[k]]), np.array([self.calm[k]]), self.ratio[k : k + 1],
+            self.start + k, self.w[k : k + 1, :, :, None], self.raw[k : k + 1, :, :, None], np.array([running]),
+            self.live[k : k + 1, None], self.calm[k : k + 1, None], self.ratio[k : k + 1, None],
         )  # fmt: skip
 
     def statistics(self, blocks: int, least: float = 10.0) -> Statistics:
         """Of the newest blocks."""
-        return statistics(newest(self.window.cumulative(), np.array([blocks])), least)
+        return statistics(self.window.sums(np.array([blocks])), least)
 
     def of(self, blocks: int) -> np.ndarray:
         """Which ticks the newest blocks hold."""
@@ -139,12 +138,12 @@ def test_plain_sums_are_of_calm_ticks_between_two_ages(first: int, end: int) -> 
 
 def test_too_little_data_is_unknown_and_no_perfect_fit() -> None:
     window = Window(BLOCKS, 2)
-    assert np.isnan(statistics(newest(window.cumulative(), np.array([BLOCKS, 0])), 16.0).power).all()
+    assert np.isnan(statistics(window.sums(np.array([BLOCKS, 0])), 16.0).power).all()
     both, one = np.array([True, True]), np.array([True, False])
     for k in range(40):
-        w = np.full((4, 2, 2), float(k % 2))
-        window.put(k, w, w, both, one, one, np.array([0.1, 0.2]))
-        s = statistics(newest(window.cumulative(), np.full(2, BLOCKS)), 16.0)
+        w = np.full((1, 4, 2, 2), float(k % 2))
+        window.put(k, w, w, both, one[None], one[None], np.array([[0.1, 0.2]]))
+        s = statistics(window.sums(np.full(2, BLOCKS)), 16.0)
         assert np.isnan(s.power[0]).all() == (k + 1 < 16)
         assert np.isnan(s.power[1]).all()
         assert np.isnan(s.residuals[1]).all()
@@ -159,7 +158,7 @@ def test_a_torque_that_is_not_known_stays_out_of_its_mean() -> None:
     for k in range(200):
         p.put(k)
     assert p.statistics(BLOCKS).ratio[0] == pytest.approx(np.nanmean(p.ratio))
-    assert np.isfinite(p.window.cumulative()[:, [RATIO, RATIO_N]]).all()
+    assert all(np.isfinite(p.window.sums(np.array([b]))[[RATIO, RATIO_N]]).all() for b in range(BLOCKS + 1))
 
 
 def test_ticks_that_never_came_leave_a_gap() -> None:
@@ -177,7 +176,7 @@ def test_ticks_that_never_came_leave_a_gap() -> None:
     assert p.window.filled() == [(400 - 340) // BLOCK_TICKS]
     yes = np.array([True])
     last = START + 400 + BLOCKS * BLOCK_TICKS
-    p.window.put(last, p.w[0, :, :, None], p.raw[0, :, :, None], yes, yes, yes, np.array([0.5]))
+    p.window.put(last, p.w[:1, :, :, None], p.raw[:1, :, :, None], yes, yes[None], yes[None], np.array([[0.5]]))
     assert p.statistics(BLOCKS).ticks[0] == 1
     assert p.statistics(BLOCKS).ratio[0] == 0.5
 
@@ -187,11 +186,13 @@ def test_dropped_ticks_leave_no_trace_in_the_sums() -> None:
     p.window.truncate(12, np.array([True]))
     short.window = Window(BLOCKS, 1)
     first = int(np.argmax(short.of(12)))
-    short.window._past[:] = short.w[first - LAG : first][::-1].reshape(LAG, 8, 1)
+    short.window._past[:] = short.w[first - LAG : first].reshape(LAG, 8, 1)
     for k in range(first, 500):
         short.put(k)
     assert p.window.filled() == [12]
-    assert np.allclose(p.window.cumulative(), short.window.cumulative(), rtol=1e-12, atol=1e-9)
+    for blocks in range(BLOCKS + 1):
+        sums, expected = (w.sums(np.array([blocks])) for w in (p.window, short.window))
+        assert np.allclose(sums, expected, rtol=1e-12, atol=1e-9)
     assert p.statistics(BLOCKS).ticks[0] == 500 - first
     p.start += 40  # it grows again by what comes
     for k in range(500 - 40, 500):
@@ -204,16 +205,17 @@ def test_dropping_and_emptying_one_axle_leaves_the_other() -> None:
     window, alone = Window(BLOCKS, 2), Window(BLOCKS, 1)
     yes = np.ones(2, dtype=bool)
     for k in range(300):
-        w, raw = rng.standard_normal((2, 4, 2, 2))
-        window.put(k, w, raw, yes, yes, yes, np.array([0.1, 0.2]))
-        alone.put(k, w[..., 1:], raw[..., 1:], yes[1:], yes[1:], yes[1:], np.array([0.2]))
+        w, raw = rng.standard_normal((2, 1, 4, 2, 2))
+        window.put(k, w, raw, yes, yes[None], yes[None], np.array([[0.1, 0.2]]))
+        alone.put(k, w[..., 1:], raw[..., 1:], yes[1:], yes[None, 1:], yes[None, 1:], np.array([[0.2]]))
         if k == 200:
             window.truncate(5, np.array([True, False]))
         if k == 280:
             window.reset(0)
             # it stands until then: nothing of it is left
             assert window.filled().tolist() == [0, BLOCKS]
-    assert np.array_equal(window.cumulative()[:, :, 1:], alone.cumulative())
+    for blocks in range(BLOCKS + 1):
+        assert np.array_equal(window.sums(np.full(2, blocks))[:, 1:], alone.sums(np.array([blocks])))
     assert window.filled().tolist() == [5, BLOCKS]
 
 
