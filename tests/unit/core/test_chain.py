@@ -90,9 +90,9 @@ def test_eight_axles_on_one_rail_are_not_taken_for_each_other(log_of: LogOf, tmp
     log = log_of(EIGHT_AXLES)
     assert wrcd(["replay", str(log), "--config", str(config), "--csv", str(tmp_path / "a.csv")]) == 0
     found = rows(tmp_path / "a.csv")
-    last = {r["axle"]: r for r in found}
-    assert set(last) == {str(a) for a in range(1, 9)}
-    assert {r["validity"] for r in last.values()} == {"Valid"}
+    valid = Counter(r["axle"] for r in found if r["validity"] == "Valid")
+    assert set(valid) == {str(a) for a in range(1, 9)}
+    assert min(valid.values()) > 450  # of 600, the first window and a smooth stretch aside
     assert not {"SensorsUnrelated", "TwoSenders"} & {r["cause"] for r in found}
 
 
