@@ -13,7 +13,7 @@ from cantools.database.can import Database
 
 from sim_ecu.cli import main as sim_ecu
 from sim_ecu.play.scenario import load_scenario, packaged
-from tests.support.can_ids import SIM_TRUTH
+from tests.support.can_ids import id_of
 from tests.support.config_texts import AXLE, VEHICLE
 from tests.support.scenarios import EIGHT_AXLES, FOUR_AXLES, SIX_AXLES, LogOf, held
 from wrcd.bus.log import Damage, read_log
@@ -36,7 +36,7 @@ def truth(log: Path, axle: int = 1) -> dict[int, float]:
     assert isinstance(database, Database)
     out: dict[int, float] = {}
     for frame, _ in read_log(log, Damage()):
-        if frame.can_id == SIM_TRUTH[axle]:
+        if frame.can_id == id_of(f"SimTruth_A{axle}"):
             values = database.decode_message(frame.can_id, frame.data)
             assert isinstance(values, dict)
             out[frame.stamp_us // 20_000] = float(str(values["MuAvailable"]))
