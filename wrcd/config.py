@@ -64,8 +64,8 @@ def load_config(
 
 
 def load_config_to_run(path: Path | None) -> Config:
-    """The same for the daemon, sooner: attributes, comments and value tables of messages that the configuration cannot
-    mean are not parsed."""
+    """The same for the daemon, sooner: attributes and comments of messages that the configuration cannot mean are not
+    parsed."""
     top, folder = _source(path)
     return _config(top, folder, partial(load_dbc, names=_messages(top)), load_design)
 

@@ -47,7 +47,7 @@ LONGEST_MS = 65_535  # of cycles and time-outs: the range that DBCs usually give
 def load_dbc(path: Path, names: Collection[str] | None = None) -> Database:
     """Read a DBC strictly. Raises InputError with what is wrong with it.
 
-    names: messages that are needed; the others' attributes, comments and value tables may be missing. None: all.
+    names: messages that are needed; the others' attributes and comments may be missing. None: all.
     """
     try:
         # the suffix and the encoding by which cantools knows a DBC

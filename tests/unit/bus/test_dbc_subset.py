@@ -27,7 +27,7 @@ BA_ "Cycle" BO_ 6 20;
 VAL_ 5 X 0 "Zero; VAL_ 6 X" ;
 VAL_ 6 X 0 "Zero" ;
 """
-LEFT_OUT = ('CM_ BO_ 6 "over\ntwo lines";', 'BA_ "Cycle" BO_ 6 20;', 'VAL_ 6 X 0 "Zero" ;')
+LEFT_OUT = ('CM_ BO_ 6 "over\ntwo lines";', 'BA_ "Cycle" BO_ 6 20;')
 
 
 def test_only_statements_about_other_messages_are_left_out() -> None:
@@ -43,6 +43,7 @@ def test_only_statements_about_other_messages_are_left_out() -> None:
         ('BA_ "Cycle" BO_ 6 20; BA_ "Cycle" BO_ 5 20;\n', "two on a line"),
         ('CM_ BO_ 5 "a comment\nBA_ ""Cycle"" BO_ 6 20;\n";\n', "inside a string"),
         ('BA_ "Cycle" BO_ 6\n', "no end"),
+        ('VAL_ 6 X 1 "One" ;\n', "a value table"),
         ('SG_MUL_VAL_ 6 X M 0-1;\n', "changes what the message is"),
         ('CM_ "about all: BO_ 6";\n', "about none"),
     ],
