@@ -3,6 +3,7 @@
 import os
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
@@ -15,31 +16,39 @@ from wrcd.estimator.design import Design, load_design
 from wrcd.mapping import (
     AXLE_QUANTITIES,
     NEEDED,
+    STATUS_MESSAGES,
     VEHICLE_QUANTITIES,
     axle,
     cycle_us,
     inputs,
     optional,
+    usual_messages,
 )
 from wrcd.settings import Section, parse_toml, read_toml, suggest
 
 T = TypeVar("T")
 STALE_TICKS = 3  # of gyro and accelerometer: two may be missing
+DEFAULT_AXLES = 4
 
 
-DEFAULT = """
+def packaged(axles: int) -> str:
+    """The TOML text that maps the packaged DBC's first axles."""
+    return """
 [vehicle]
 speed = "VehicleSpeed.Speed"
 """ + "".join(
-    f"""
+        f"""
 [[axle]]
 number = {a}
 yaw_rate = "YawRate_A{a}.YawRate"
 lateral_acceleration = "LatAccel_A{a}.LatAccel"
 torque = "Torque_A{a}.Torque"
 """
-    for a in range(1, MAX_AXLES + 1)
-)
+        for a in range(1, axles + 1)
+    )
+
+
+DEFAULT = packaged(DEFAULT_AXLES)
 
 
 def load_config(
@@ -51,9 +60,32 @@ def load_config(
 
     Who has the DBC or the design already says so by a reader of their own.
     """
-    if path is None:
-        return _config(parse_toml(DEFAULT, "default configuration"), Path(), read_dbc, read_design)
-    return _config(read_toml(path), path.parent, read_dbc, read_design)
+    return _config(*_source(path), read_dbc, read_design)
+
+
+def load_config_to_run(path: Path | None) -> Config:
+    """The same for the daemon, sooner: attributes and comments of messages that the configuration cannot mean are not
+    parsed."""
+    top, folder = _source(path)
+    return _config(top, folder, partial(load_dbc, names=_messages(top)), load_design)
+
+
+def load_packaged(axles: int) -> Config:
+    """The default configuration, but of so many axles."""
+    return _config(parse_toml(packaged(axles), "default configuration"), Path(), load_dbc, load_design)
+
+
+def _messages(top: Section) -> set[str]:
+    """Names of all messages that a configuration can mean: what it names, and what is sent without being named."""
+    named = {text.partition(".")[0] for text in top.strings()}
+    numbers = (table.raw("number") for table in top.sections("axle"))
+    usual = {name for n in numbers if isinstance(n, int) for name in usual_messages(n)}
+    return named | usual | set(STATUS_MESSAGES)
+
+
+def _source(path: Path | None) -> tuple[Section, Path]:
+    """The configuration's top level, and the folder from which its paths go."""
+    return (parse_toml(DEFAULT, "default configuration"), Path()) if path is None else (read_toml(path), path.parent)
 
 
 def _config(
@@ -74,7 +106,10 @@ def _config(
         raise vehicle.error(
             "is missing", "speed", 'name the signal ("Message.Signal") or give limits.constant_speed_m_s'
         )
-    status = optional(vehicle, "status_message", database, "WrcdStatus")
+    status, rejects, link = (
+        optional(vehicle, key, database, usual)
+        for key, usual in zip(("status_message", "rejects_message", "link_message"), STATUS_MESSAGES, strict=True)
+    )
     config = Config(
         file=str(top.file),
         interface=interface,
@@ -87,8 +122,8 @@ def _config(
         axles=tuple(axles),
         inputs=tuple(mapped),
         status=status,
-        rejects=optional(vehicle, "rejects_message", database, "WrcdRejects"),
-        link=optional(vehicle, "link_message", database, "WrcdLink"),
+        rejects=rejects,
+        link=link,
         not_available_after_us=_not_available_after_us(limits, mapped),
         min_speed_m_s=limits.number("min_speed_m_s", 3.0, 0.1, 60.0),
         constant_speed_m_s=constant,

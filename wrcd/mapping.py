@@ -28,6 +28,12 @@ VEHICLE_QUANTITIES = (Quantity.SPEED, Quantity.DIRECTION)
 NEEDED = (Quantity.YAW_RATE, Quantity.LAT_ACCEL, Quantity.TORQUE)
 DEFAULT_TIMEOUT_MS = 100
 ADHESION_NEEDS = ("Validity", "MuAvailable")
+STATUS_MESSAGES = ("WrcdStatus", "WrcdRejects", "WrcdLink")
+
+
+def usual_messages(number: int) -> tuple[str, str, str]:
+    """Names of what is sent for an axle unless the configuration names others: adhesion, detail, inputs."""
+    return f"Adhesion_A{number}", f"AdhesionDetail_A{number}", f"InputHealth_A{number}"
 
 
 def axle(table: Section, database: Database) -> AxleConfig:
@@ -35,13 +41,14 @@ def axle(table: Section, database: Database) -> AxleConfig:
     number = table.take("number", int)
     if not 1 <= number <= MAX_AXLES:
         raise table.error(f"takes 1 … {MAX_AXLES}, not {number}", "number")
-    adhesion = table.get("adhesion", str, f"Adhesion_A{number}")
+    usual_adhesion, usual_detail, usual_inputs = usual_messages(number)
+    adhesion = table.get("adhesion", str, usual_adhesion)
     _writer(table, "adhesion", database, adhesion, ADHESION_NEEDS)
     return AxleConfig(
         number,
         adhesion,
-        detail=optional(table, "detail", database, f"AdhesionDetail_A{number}"),
-        inputs=optional(table, "inputs", database, f"InputHealth_A{number}"),
+        detail=optional(table, "detail", database, usual_detail),
+        inputs=optional(table, "inputs", database, usual_inputs),
     )
 
 

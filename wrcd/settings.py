@@ -175,6 +175,16 @@ class Section:
         for i, v in enumerate(value):
             yield Section(v, self._source, (*self._path, key, i))
 
+    def strings(self) -> Iterator[str]:
+        """Every string of this table and of those in it, whether or not it is asked for."""
+        left: list[Any] = [self._data]
+        while left:
+            value = left.pop()
+            if isinstance(value, str):
+                yield value
+            else:
+                left += value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
+
     def done(self) -> None:
         """Every key has been asked for, or the first one that was not is an error."""
         for key in self._data:

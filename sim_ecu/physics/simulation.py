@@ -1,4 +1,4 @@
-"""A train of one to four wheelsets on its rail, advanced sample by sample."""
+"""A train of wheelsets on its rail, advanced sample by sample."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""The nonlinear wheelset, equations (1)-(12) of the paper, for up to four axles under one vehicle.
+"""The nonlinear wheelset, equations (1)-(12) of the paper, for the axles under one vehicle.
 
 On a curve y and psi are those relative to the track: y from its centre line, psi from its tangent. A right-hand
 curve of curvature k turns this frame at -v k (counter-clockwise seen from above is positive). From that follow:

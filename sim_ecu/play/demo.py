@@ -18,7 +18,7 @@ from sim_ecu.play.scenario import Scenario, load_scenario
 from wrcd.bus.frame import Frame
 from wrcd.bus.log import format_line
 from wrcd.bus.opening import open_link
-from wrcd.config import load_config
+from wrcd.config import DEFAULT_AXLES, load_packaged
 from wrcd.core.core import Core
 from wrcd.core.messages import CONFIDENCES
 from wrcd.service.loop import Daemon, wall_us
@@ -83,7 +83,7 @@ def run(interface: str | None, channel: str | None, scenario_name: str, folder: 
     what = "a real vcan" if interface == "socketcan" else "python-can's virtual bus: this kernel has no vcan0"
     print(f"{scenario.name}: {scenario.title}\non {interface} {channel} ({what}), {scenario.duration_s:g} s")
     with contextlib.ExitStack() as cleanup:
-        core = Core(load_config(None))
+        core = Core(load_packaged(max(DEFAULT_AXLES, *(a.number for a in scenario.axles))))
         observer_bus = cleanup.enter_context(can.Bus(interface=interface, channel=channel))
         observer = Observer(observer_bus, log, channel, [a.number for a in scenario.axles])
         cleanup.callback(observer.close)

@@ -22,14 +22,16 @@ from sim_ecu.physics.track import OMEGA_C, QUALITY
 from sim_ecu.physics.wheelset import Command, Wheelset
 from sim_ecu.play.equipment import read_axlebox, read_sensors
 from sim_ecu.play.faults import Fault, read_fault
+from wrcd.core.configuration import MAX_AXLES
 from wrcd.errors import InputError
 from wrcd.settings import Section, read_toml, suggest
 
 FloatArray = NDArray[np.float64]
 FOLDER = Path(__file__).parent / "scenarios"
 DEMANDS = ("torque_N_m", "utilisation", "creep", "creep_of_peak")
-# Where axles 1 … 4 stand along the train: two bogies with a wheelbase of 2.5 m, 19 m from pivot to pivot.
-POSITIONS_M = (0.0, -2.5, -19.0, -21.5)
+# Where axles 1 … 8 stand along the train: two vehicles of two bogies each, with a wheelbase of 2.5 m, 19 m from pivot
+# to pivot; a vehicle is 26.4 m long.
+POSITIONS_M = (0.0, -2.5, -19.0, -21.5, -26.4, -28.9, -45.4, -47.9)
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,10 +133,10 @@ def read_scenario(top: Section, name: str) -> Scenario:
     numbers = top.raw("axles") if "axles" in top else [1]
     if (
         not isinstance(numbers, list)
-        or not 1 <= len(numbers) <= 4
-        or not all(type(n) is int and 1 <= n <= 4 for n in numbers)
+        or not 1 <= len(numbers) <= MAX_AXLES
+        or not all(type(n) is int and 1 <= n <= MAX_AXLES for n in numbers)
     ):
-        raise top.error(f"takes one to four of the numbers 1 … 4, not {numbers!r}", "axles")
+        raise top.error(f"takes one to {MAX_AXLES} of the numbers 1 … {MAX_AXLES}, not {numbers!r}", "axles")
     if len(set(numbers)) != len(numbers):
         raise top.error(f"{numbers!r} names an axle twice", "axles")
     common = _Common(top, min(numbers))

@@ -15,7 +15,7 @@ from sim_ecu.score.heard import Heard
 from sim_ecu.score.suites.run import Run
 from sim_ecu.score.ticks import BoolArray, Ticks
 from wrcd.bus.frame import Frame
-from wrcd.core.configuration import Config
+from wrcd.core.configuration import MAX_AXLES, Config
 from wrcd.core.core import Core
 from wrcd.core.messages import CONFIDENCES
 from wrcd.estimator import records as estimator_records
@@ -24,7 +24,6 @@ from wrcd.estimator.records import Estimate, StepResult
 
 FloatArray = NDArray[np.float64]
 HALF_WIDTHS = {name: half_width for half_width, name in CONFIDENCES}
-MAX_AXLES = 8
 
 
 @dataclass(slots=True)

@@ -8,6 +8,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from tests.fuzz.strategies import NASTY, mutated
+from tests.support.dbc import told
 from wrcd import resources
 from wrcd.bus.dbc import load_dbc
 from wrcd.bus.frame import Frame
@@ -170,6 +171,19 @@ def test_mutated_dbc_works_or_is_rejected(folder: Path, text: str, payloads: lis
     (folder / "train.dbc").write_text(text, "utf-8")
     (folder / "wrcd.toml").write_text(TRAIN, "utf-8")
     works_or_says_why(folder / "wrcd.toml", payloads)
+
+
+@given(text=mutated(TRAIN_DBC), names=st.sets(st.sampled_from(("Bogie1", "Drive", "Wheel", "Adhesion_A1"))))
+def test_a_subset_of_a_mutated_dbc_tells_the_same_of_what_is_needed(folder: Path, text: str, names: set[str]) -> None:
+    (folder / "some.dbc").write_text(text, "utf-8")
+    try:
+        whole = load_dbc(folder / "some.dbc")
+    except InputError:
+        return
+    some = {m.name: m for m in load_dbc(folder / "some.dbc", names).messages}
+    for m in whole.messages:
+        if m.name in names:
+            assert told(m) == told(some[m.name])
 
 
 @given(text=mutated(TRAIN), payloads=PAYLOADS)

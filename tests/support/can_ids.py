@@ -2,9 +2,14 @@
 
 from sim_ecu.play.encoder import databases
 
-AXLES = range(1, 5)
+AXLES = range(1, 5)  # of the default configuration
 _PRODUCTION, _TRUTH = databases()
 _ID = {m.name: m.frame_id for database in (_PRODUCTION, _TRUTH) for m in database.messages}
+
+
+def id_of(message: str) -> int:
+    """By the message's name."""
+    return _ID[message]
 
 
 def _of_axles(name: str) -> dict[int, int]:
@@ -30,5 +35,6 @@ WRCD_STATUS, WRCD_REJECTS, WRCD_LINK = _ID["WrcdStatus"], _ID["WrcdRejects"], _I
 
 INPUTS = {VEHICLE_SPEED, *YAW_RATE.values(), *LAT_ACCEL.values(), *TORQUE.values()}
 ESTIMATES = {*ADHESION.values(), *ADHESION_DETAIL.values(), *INPUT_HEALTH.values()}
+SENDABLE = {m.frame_id for m in _PRODUCTION.messages if "WRCD" in m.senders}  # for any number of axles
 SENT_BY_DAEMON = ESTIMATES | {WRCD_STATUS, WRCD_REJECTS, WRCD_LINK}
 UNMAPPED, EXTENDED = 0x7FF, 0x18FF0001  # of no message; EXTENDED has 29 bits

@@ -23,9 +23,11 @@ from unittest.mock import patch
 
 from sim_ecu import cli as rig_cli
 from sim_ecu import resources as rig
+from tests.support.bus_load import table as load_table
 from wrcd import resources
 from wrcd.bus.dbc import Message, load_dbc, timeout_ms
 from wrcd.config import DEFAULT, load_config
+from wrcd.core.configuration import MAX_AXLES
 from wrcd.settings import Section
 from wrcd.tools import cli
 
@@ -107,13 +109,13 @@ def messages(which: str = "wrcd") -> list[str]:
     """Every message of a DBC with its signals; those of several axles once, with id and name of the first axle's."""
     found = load_dbc(resources.DBC if which == "wrcd" else rig.TRUTH_DBC).messages
     groups: dict[str, list[Message]] = {}
-    for m in sorted(found, key=lambda m: m.frame_id):
+    for m in sorted(found, key=lambda m: m.name):  # axles by number: there are fewer than ten
         groups.setdefault(NUMBERED.sub("_A*a*", m.name), []).append(m)
     out: list[str] = []
-    for name, group in groups.items():
+    for name, group in sorted(groups.items(), key=lambda item: item[1][0].frame_id):
         first = group[0]
         several = len(group) > 1
-        ids = f"0x{first.frame_id:03X}" + (f" … 0x{group[-1].frame_id:03X} (a = 1…{len(group)})" if several else "")
+        ids = _ids([m.frame_id for m in group]) + (f" (a = 1…{len(group)})" if several else "")
         of = _first_axle(first.comment or "") if several else first.comment
         out += [*([""] if out else []), f"### {name}", "", f"{of}.", ""]
         out += [f"- id {ids}, {first.length} bytes, sender {', '.join(first.senders)}"]
@@ -129,6 +131,17 @@ def messages(which: str = "wrcd") -> list[str]:
             rows.append((s.name, f"{s.start}, {s.length}{sign}", step, f"{s.minimum} … {s.maximum}", text, words))
         out += table(("signal", "start, length", "step", "range", "what", "values"), rows)
     return out
+
+
+def _ids(ids: list[int]) -> str:
+    """Runs of ids: "0x101 … 0x104, 0x0A0"."""
+    runs: list[list[int]] = []
+    for i in ids:
+        if runs and i == runs[-1][-1] + 1:
+            runs[-1].append(i)
+        else:
+            runs.append([i])
+    return ", ".join(f"0x{run[0]:03X}" + (f" … 0x{run[-1]:03X}" if len(run) > 1 else "") for run in runs)
 
 
 def _first_axle(comment: str) -> str:
@@ -236,7 +249,12 @@ def accepted_keys(folder: Path) -> dict[str, Key]:
     return dict(_Noting.keys)
 
 
-MAKERS: dict[str, Callable[..., list[str]]] = {"messages": messages, "options": options}
+def bus_load() -> list[str]:
+    """What the packaged DBCs take of a bus, by axles."""
+    return load_table(load_dbc(resources.DBC), load_dbc(rig.TRUTH_DBC), MAX_AXLES)
+
+
+MAKERS: dict[str, Callable[..., list[str]]] = {"messages": messages, "options": options, "bus-load": bus_load}
 
 
 def main() -> int:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from tests.support.can_ids import SENT_BY_DAEMON, TORQUE_A1, UNMAPPED, YAW_RATE_A1
+from tests.support.can_ids import SENDABLE, TORQUE_A1, UNMAPPED, YAW_RATE_A1
 from tests.support.scripted_link import ScriptedLink
 from tests.support.sensor_simulator import SensorSimulator
 from wrcd.bus.e2e import protect
@@ -139,10 +139,10 @@ def exercise_all_state(train: RecordedTrain) -> None:
     train.run(400, spoil)
 
 
-def sent_and_replayed(log: Path, out: Path) -> tuple[list[Frame], list[Frame]]:
-    """What a dump says was sent, and what a replay of it makes."""
-    assert main(["replay", str(log), "-o", str(out)]) == 0
+def sent_and_replayed(log: Path, out: Path, *options: str) -> tuple[list[Frame], list[Frame]]:
+    """What a dump says was sent, and what a replay of it makes with its options."""
+    assert main(["replay", str(log), "-o", str(out), *options]) == 0
     damage = Damage()
-    sent = [f for f, _ in read_log(log, damage) if f.can_id in SENT_BY_DAEMON]
+    sent = [f for f, _ in read_log(log, damage) if f.can_id in SENDABLE]
     assert damage.warnings(log) == []
     return sent, [f for f, _ in read_log(out, Damage())]

@@ -3,6 +3,8 @@
 from collections.abc import Callable
 from pathlib import Path
 
+from sim_ecu.play.scenario import FOLDER
+
 LogOf = Callable[[str], Path]
 
 
@@ -34,4 +36,13 @@ rail = [{ curve = "E" }]
 drive = { utilisation = [[0, 0], [1, 0.6]] }
 [axle.4]
 rail = [{ curve = "F" }]
+"""
+
+SIX_AXLES = (FOLDER / "six-axles.toml").read_text().replace("duration_s = 20.0", "duration_s = 6.0")
+
+EIGHT_AXLES = """
+duration_s = 12
+axles = [1, 2, 3, 4, 5, 6, 7, 8]
+rail = [{ curve = "B" }]
+drive = { creep_of_peak = [[0, 0], [1, 1]] }
 """

@@ -2,6 +2,7 @@
 
 import json
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -11,10 +12,14 @@ from wrcd import resources
 from wrcd.bus.dbc import load_dbc
 from wrcd.bus.units import Quantity
 from wrcd.checksum import checksum
-from wrcd.config import load_config
+from wrcd.config import load_config, load_config_to_run, load_packaged, packaged
+from wrcd.core.configuration import Config
+from wrcd.core.core import Core
 from wrcd.errors import InputError
 from wrcd.estimator.design import load_design
 from wrcd.tools.check import describe
+
+ROOT = Path(__file__).parents[2]
 
 
 def config(tmp_path: Path, text: str) -> Path:
@@ -36,6 +41,30 @@ def test_the_default_maps_four_axles() -> None:
     assert (c.adhesion_cycle_us, c.detail_cycle_us, c.status_cycle_us) == (20_000, 100_000, 1_000_000)
 
 
+@pytest.mark.parametrize("axles", [1, 4, 6, 8])
+def test_packaged_dbc_has_the_messages_of_eight_axles(tmp_path: Path, axles: int) -> None:
+    c = load_config(config(tmp_path, packaged(axles)))
+    assert [a.number for a in c.axles] == list(range(1, axles + 1))
+    assert all(None not in (a.detail, a.inputs) for a in c.axles)
+    assert len(c.inputs) == 3 * axles + 1
+    assert len(Core(c).receiver.ids) == 3 * axles + 1
+    lines = describe(c)
+    assert lines[-1] == "ok"
+    assert f"axle {axles}" in lines
+    assert c.axles == load_packaged(axles).axles
+
+
+def test_eighth_input_health_has_an_id_of_its_own(tmp_path: Path) -> None:
+    lines = describe(load_config(config(tmp_path, packaged(8))))
+    assert any("-> 0x0A0 InputHealth_A8, every 100 ms" in line for line in lines)
+    assert any("-> 0x0B0 WrcdStatus, every 1000 ms" in line for line in lines)
+
+
+def test_example_of_six_axles_maps_the_packaged_dbc() -> None:
+    c = load_config(ROOT / "examples" / "six-axles.toml")
+    assert (c.axles, c.inputs) == (load_packaged(6).axles, load_packaged(6).inputs)
+
+
 def test_small_configuration_is_read_and_described(tmp_path: Path) -> None:
     text = f'[bus]\nchannel = "vcan7"\n{VEHICLE}{AXLE}[limits]\nmin_speed_m_s = 4\n'
     c = load_config(config(tmp_path, text))
@@ -50,10 +79,10 @@ BAD = {
     "unknown table": (f"{VEHICLE}{AXLE}[buss]\n", 9, "did you mean 'bus'?"),
     "not TOML": (f"{VEHICLE}{AXLE}= 3\n", 9, "not valid TOML"),
     "no speed": (AXLE, None, "vehicle.speed: is missing"),
-    "no axle": (VEHICLE, None, "1 to 4 tables"),
-    "five axles": (VEHICLE + AXLE * 5, 4, "1 to 4 tables"),
+    "no axle": (VEHICLE, None, "1 to 8 tables"),
+    "nine axles": (VEHICLE + AXLE * 9, 4, "1 to 8 tables"),
     "twice the same axle": (VEHICLE + AXLE * 2, 11, "there twice"),
-    "axle nine": (VEHICLE + AXLE.replace("number = 1", "number = 9"), 5, "takes 1 … 4"),
+    "axle nine": (VEHICLE + AXLE.replace("number = 1", "number = 9"), 5, "takes 1 … 8"),
     "no such message": (VEHICLE + AXLE.replace("Torque_A1.T", "Torqe_A1.T"), 8, "did you mean 'Torque_A1.Torque'?"),
     "no such signal": (VEHICLE + AXLE.replace("A1.YawRate", "A1.Yaw"), 6, "no signal 'Yaw'"),
     "no dot": (VEHICLE + AXLE.replace("Torque_A1.Torque", "Torque"), 8, "Message.Signal"),
@@ -65,7 +94,7 @@ BAD = {
     "a number of a page": (f"{VEHICLE}{AXLE}[limits]\nmin_speed_m_s = {'9' * 5000}\n", None, "not valid TOML"),
     "no such DBC": (f'{VEHICLE}{AXLE}[dbc]\nfile = "none.dbc"\n', 10, "no such DBC file"),
     "no such design": (f'{VEHICLE}{AXLE}[estimator]\ndesign = "none.json"\n', 10, "no such design file"),
-    "no such adhesion message": (f'{VEHICLE}{AXLE}adhesion = "Adhesion_A5"\n', 9, "did you mean 'Adhesion_A"),
+    "no such adhesion message": (f'{VEHICLE}{AXLE}adhesion = "Adhesion_A9"\n', 9, "did you mean 'Adhesion_A"),
     "adhesion message without validity": (f'{VEHICLE}{AXLE}adhesion = "Torque_A1"\n', 9, "no signal 'Validity'"),
     "another wheelset": (f"{VEHICLE}{AXLE}[wheelset]\nm_w = 1600.0\n", 10, "is for a wheelset with 1250.0"),
     "a train's wheelset": (f'{VEHICLE}{AXLE}[wheelset]\nname = "metro"\n', 10, "is for a wheelset with 'default'"),
@@ -73,12 +102,15 @@ BAD = {
 }  # fmt: skip
 
 
+@pytest.mark.parametrize("read", [load_config, load_config_to_run])
 @pytest.mark.parametrize("case", BAD)
-def test_bad_configuration_is_an_error_with_file_line_and_key(tmp_path: Path, case: str) -> None:
+def test_bad_configuration_is_an_error_with_file_line_and_key(
+    tmp_path: Path, case: str, read: Callable[[Path], Config]
+) -> None:
     text, line, message = BAD[case]
     path = config(tmp_path, text)
     with pytest.raises(InputError) as error:
-        load_config(path)
+        read(path)
     assert message in str(error.value)
     assert str(error.value).startswith(f"{path}:{line}: " if line else f"{path}: ")
 

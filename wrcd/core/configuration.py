@@ -7,12 +7,12 @@ from wrcd.bus.codec import Source
 from wrcd.bus.dbc import Database
 from wrcd.estimator.design import Design
 
-MAX_AXLES = 4
+MAX_AXLES = 8  # a Co'Co' locomotive has six
 
 
 @dataclass(frozen=True, slots=True)
 class AxleConfig:
-    """One wheelset: its number (1 … 4) and the messages that tell about it."""
+    """One wheelset: its number (1 … MAX_AXLES) and the messages that tell about it."""
 
     number: int
     adhesion: str

@@ -23,7 +23,9 @@ from wrcd.recorder.state_file import identity, settings
 from wrcd.recorder.triggers import Triggers
 from wrcd.recorder.writer import Request, start
 
-FRAMES_PER_S = 4000  # that the ring has room for; a full 500 kbit/s bus carries about as many of eight bytes
+# That the ring has room for. An axle of the packaged DBC makes 570 of them; a full bus of 500 kbit/s carries about 4000
+# of eight bytes, one of 1 Mbit/s twice as many.
+FRAMES_PER_S, AXLE_FRAMES_PER_S = 4000, 1000
 SNAPSHOTS = 6  # within the ring's time
 SPARE_SHARE = 0.1  # of the ring, may be overwritten before the process that writes a dump has copied it
 POST_TRIGGER_US = 2_000_000  # is in the dump, too
@@ -51,7 +53,8 @@ class Recorder:
         self._channel = safe_channel_name(channel)
         self._every_us = max(1, round(config.seconds * 1e6 / SNAPSHOTS))
         # dumps are of config.seconds at least: the oldest snapshot is up to one interval older than that
-        self._ring = Ring(math.ceil(config.seconds * (1 + 1 / SNAPSHOTS) * FRAMES_PER_S))
+        frames_per_s = max(FRAMES_PER_S, AXLE_FRAMES_PER_S * len(core.config.axles))
+        self._ring = Ring(math.ceil(config.seconds * (1 + 1 / SNAPSHOTS) * frames_per_s))
         self._snapshots: deque[Snapshot] = deque(maxlen=SNAPSHOTS + 1)
         self._health = capture(core.health)
         self._healths: deque[tuple[int, dict[str, Any]]] = deque()  # by position, from the oldest snapshot on: changes

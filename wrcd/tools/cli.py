@@ -2,6 +2,7 @@
 
 import argparse
 import faulthandler
+import gc
 import os
 import sys
 from collections.abc import Callable, Sequence
@@ -101,7 +102,7 @@ def _run(args: argparse.Namespace) -> int:
     link: Link
     try:
         from wrcd.bus.opening import open_link
-        from wrcd.config import load_config
+        from wrcd.config import load_config_to_run
         from wrcd.core.core import Core
         from wrcd.recorder.recorder import make_recorder
         from wrcd.service.journal import log_line
@@ -110,7 +111,9 @@ def _run(args: argparse.Namespace) -> int:
         from wrcd.service.notify import Notifier
         from wrcd.service.reload import Reload
 
-        config = load_config(args.config)
+        # no garbage among what the imports made: the collector need not look through it while the DBC is parsed
+        gc.freeze()
+        config = load_config_to_run(args.config)
         core = Core(config)
     except BaseException:
         if early is not None:

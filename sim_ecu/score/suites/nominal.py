@@ -81,7 +81,7 @@ def condition(suite: str, w: Wheelset, number: int, variant: Variant, seconds: f
         first = axles[0]
         axles = [
             replace(a, rail=first.rail, roughness=first.roughness, position_m=position, track_seed=first.seed)
-            for a, position in zip(axles, POSITIONS_M, strict=True)
+            for a, position in zip(axles, POSITIONS_M[:AXLES], strict=True)
         ]
         names = names[:1] * AXLES
     speed = Course((0.0, seconds), (v, v + variant.ramp_m_s2 * seconds))

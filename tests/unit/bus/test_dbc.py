@@ -7,10 +7,12 @@ import cantools
 import pytest
 from cantools.database.can import Database
 
-from wrcd.bus.dbc import timeout_ms
+from tests.support.dbc import told
+from wrcd.bus.dbc import attribute, timeout_ms
 from wrcd.bus.link import LinkState
 from wrcd.bus.reasons import Reason
 from wrcd.core.causes import Cause, Validity
+from wrcd.core.configuration import MAX_AXLES
 from wrcd.core.counts import State
 
 ROOT = Path(__file__).parents[3]
@@ -28,7 +30,10 @@ SINGLE = {
     "WrcdLink": (0x0B2, "WRCD", 1000, 3000, 8),
     "VehicleSpeed": (0x130, "TCU", 20, 60, 4),
 }
-EVERY = {n.format(a=a): (i + a, *rest) for n, (i, *rest) in MESSAGES.items() for a in range(1, 5)} | SINGLE
+AXLES = range(1, MAX_AXLES + 1)
+# 0x0B0 is WrcdStatus: the eighth InputHealth takes the first place of its block
+EVERY = {n.format(a=a): (i + a, *rest) for n, (i, *rest) in MESSAGES.items() for a in AXLES} | SINGLE
+EVERY["InputHealth_A8"] = (0x0A0, *EVERY["InputHealth_A8"][1:])
 # start, length, signed, scale, unit
 SIGNALS = {
     "YawRate_A1": {"Status": (12, 4, False, 1, None), "YawRate": (16, 24, True, 1e-6, "rad/s")},
@@ -74,6 +79,26 @@ def test_signals_have_position_scale_and_unit(production: Database, name: str) -
         if s.name not in ("Crc", "Counter")
     }
     assert signals == SIGNALS[name]
+
+
+def test_no_two_messages_share_an_id_or_a_data_id(production: Database) -> None:
+    messages = [*production.messages, *load("sim_ecu.dbc").messages]
+    assert len({m.frame_id for m in messages}) == len({m.name for m in messages}) == len(messages)
+    assert len({attribute(m, "E2EDataId") for m in messages}) == len(messages)
+
+
+@pytest.mark.parametrize("name", [*MESSAGES, "SimTruth_A{a}"])
+def test_every_axle_has_the_same_messages(production: Database, name: str) -> None:
+    """Down to comments, value tables and attributes; only ids and numbers differ."""
+
+    def said(axle: int) -> str:
+        database = load("sim_ecu.dbc") if name.startswith("SimTruth") else production
+        m = database.get_message_by_name(name.format(a=axle))
+        text = repr(told(m)).replace(f"wheelset {axle}", "wheelset 1").replace(name.format(a=axle), name)
+        return text.replace(f"'{name}', 0x{m.frame_id:x}", "ID").replace(f"'E2EDataId': {m.frame_id}", "ID")
+
+    assert said(1).count("ID") == 2
+    assert {said(a) for a in AXLES} == {said(1)}
 
 
 @pytest.mark.parametrize("file", ["wrcd.dbc", "sim_ecu.dbc"])
@@ -131,14 +156,14 @@ def test_labels_are_those_that_the_code_sends(production: Database) -> None:
 
 def test_truth_is_in_the_rigs_dbc_only(production: Database) -> None:
     truth = load("sim_ecu.dbc")
-    assert {m.name: m.frame_id for m in truth.messages} == {f"SimTruth_A{a}": 0x7A0 + a for a in range(1, 5)}
+    assert {m.name: m.frame_id for m in truth.messages} == {f"SimTruth_A{a}": 0x7A0 + a for a in AXLES}
     slip = truth.get_message_by_name("SimTruth_A1").get_signal_by_name("Slip")
     assert (slip.start, slip.length, slip.is_signed, slip.scale) == (48, 16, True, 1e-5)
     assert not any("Truth" in m.name for m in production.messages)
 
 
 def test_every_cause_has_a_label_and_residuals_keep_their_range(production: Database) -> None:
-    for a in range(1, 5):
+    for a in AXLES:
         m = production.get_message_by_name(f"AdhesionDetail_A{a}")
         cause = m.get_signal_by_name("Cause")
         assert {int(k): str(v) for k, v in (cause.choices or {}).items()} == {int(c): c.label for c in Cause}

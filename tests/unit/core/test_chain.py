@@ -3,6 +3,7 @@
 import csv
 import subprocess
 import sys
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -12,10 +13,11 @@ from cantools.database.can import Database
 
 from sim_ecu.cli import main as sim_ecu
 from sim_ecu.play.scenario import load_scenario, packaged
-from tests.support.can_ids import SIM_TRUTH
+from tests.support.can_ids import id_of
 from tests.support.config_texts import AXLE, VEHICLE
-from tests.support.scenarios import FOUR_AXLES, LogOf, held
+from tests.support.scenarios import EIGHT_AXLES, FOUR_AXLES, SIX_AXLES, LogOf, held
 from wrcd.bus.log import Damage, read_log
+from wrcd.config import packaged as packaged_axles
 from wrcd.tools.cli import main as wrcd
 from wrcd.tools.replay import COLUMNS
 
@@ -34,7 +36,7 @@ def truth(log: Path, axle: int = 1) -> dict[int, float]:
     assert isinstance(database, Database)
     out: dict[int, float] = {}
     for frame, _ in read_log(log, Damage()):
-        if frame.can_id == SIM_TRUTH[axle]:
+        if frame.can_id == id_of(f"SimTruth_A{axle}"):
             values = database.decode_message(frame.can_id, frame.data)
             assert isinstance(values, dict)
             out[frame.stamp_us // 20_000] = float(str(values["MuAvailable"]))
@@ -61,6 +63,37 @@ def test_estimate_at_the_peak_of_each_curve_is_within_a_point_or_a_tenth(
         expected = true.get(slot, true[slot - 1])
         assert abs(float(r["mu_available_pct"]) - expected) <= max(1.0, 0.1 * expected)
         assert abs(float(r["mu_used_pct"]) - expected) <= 0.1 * expected + 0.5
+
+
+def test_six_axles_of_one_track_are_each_valid_on_their_own_rail(log_of: LogOf, tmp_path: Path) -> None:
+    """All on one track, every axle on another curve, at its peak."""
+    log = log_of(SIX_AXLES)
+    arguments = ["--config", str(ROOT / "examples" / "six-axles.toml"), "--csv", str(tmp_path / "a.csv")]
+    assert wrcd(["replay", str(log), *arguments, "-o", str(tmp_path / "sent.log")]) == 0
+    found = rows(tmp_path / "a.csv")
+    for axle in range(1, 7):
+        true = truth(log, axle)
+        late = [r for r in found if r["axle"] == str(axle) and float(r["time_s"]) >= min(true) * 0.02 + 2.0]
+        expected = sum(true.values()) / len(true)
+        assert len(late) >= 195
+        assert {r["validity"] for r in late} == {"Valid"}
+        for r in late:
+            assert abs(float(r["mu_available_pct"]) - expected) <= max(1.0, 0.1 * expected)
+    sent = Counter(f.can_id for f, _ in read_log(tmp_path / "sent.log", Damage()))
+    assert {i: n for i, n in sent.items() if i < 0x0A0} == {0x090 + a: 300 for a in range(1, 7)}
+
+
+def test_eight_axles_on_one_rail_are_not_taken_for_each_other(log_of: LogOf, tmp_path: Path) -> None:
+    """Wires that are swapped would show after ten seconds."""
+    config = tmp_path / "eight.toml"
+    config.write_text(packaged_axles(8))
+    log = log_of(EIGHT_AXLES)
+    assert wrcd(["replay", str(log), "--config", str(config), "--csv", str(tmp_path / "a.csv")]) == 0
+    found = rows(tmp_path / "a.csv")
+    valid = Counter(r["axle"] for r in found if r["validity"] == "Valid")
+    assert set(valid) == {str(a) for a in range(1, 9)}
+    assert min(valid.values()) > 450  # of 600, the first window and a smooth stretch aside
+    assert not {"SensorsUnrelated", "TwoSenders"} & {r["cause"] for r in found}
 
 
 def test_replay_csv_has_every_column_and_axle(log_of: LogOf, tmp_path: Path) -> None:
@@ -136,6 +169,12 @@ def test_dump_command_decodes_a_log(log_of: LogOf, capsys: pytest.CaptureFixture
     assert lines[0].endswith(" rad/s)")
     assert wrcd(["dump", str(log), "--dbc", str(ROOT / "dbc" / "sim_ecu.dbc")]) == 0
     assert " :: SimTruth_A1(" in capsys.readouterr().out
+
+
+def test_dump_command_decodes_the_eighth_axle(log_of: LogOf, capsys: pytest.CaptureFixture[str]) -> None:
+    assert wrcd(["dump", str(log_of(EIGHT_AXLES)), "--dbc", str(ROOT / "dbc" / "sim_ecu.dbc"), "-n", "100"]) == 0
+    out = capsys.readouterr().out
+    assert all(f" :: {name}_A8(Crc: " in out for name in ("YawRate", "LatAccel", "Torque", "SimTruth"))
 
 
 def test_dump_command_shows_frames_that_cannot_be_decoded(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -6,11 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.can_ids import ADHESION_A1, ADHESION_DETAIL_A1, WRCD_STATUS
+from tests.support.can_ids import ADHESION_A1, ADHESION_DETAIL_A1, VEHICLE_SPEED, WRCD_STATUS, id_of
 from tests.support.recorded_train import RecordedTrain, exercise_all_state, sent_and_replayed, spoiler
+from wrcd.bus.e2e import protect
 from wrcd.bus.frame import Frame
 from wrcd.bus.log import Damage, read_log
-from wrcd.config import load_config
+from wrcd.config import load_config, packaged
 from wrcd.core.configuration import Config, RecorderConfig
 from wrcd.core.core import Core
 from wrcd.errors import InputError
@@ -39,6 +40,27 @@ def test_dump_replays_to_what_was_sent(config: Config, tmp_path: Path, capsys: p
     assert sent == [f for f in train.link.sent if f.stamp_us in {s.stamp_us for s in sent}]
     assert {f.can_id for f in sent} >= {ADHESION_A1, ADHESION_DETAIL_A1, WRCD_STATUS}
     assert Counter(f.data[1] >> 4 for f in sent if f.can_id == ADHESION_A1)[1] > 50
+
+
+def test_dump_of_eight_axles_replays_to_what_was_sent(tmp_path: Path) -> None:
+    """The ring has room for 4 600 frames a second."""
+    config = tmp_path / "eight.toml"
+    config.write_text(packaged(8))
+    train = RecordedTrain(load_config(config), tmp_path / "dumps", seconds=3.0)
+
+    def every_axle(frames: list[Frame]) -> list[Frame]:
+        """Axle 1's frames for the others too, each under its own data id."""
+        others = [replace(f, can_id=f.can_id + k) for f in frames if f.can_id != VEHICLE_SPEED for k in range(1, 8)]
+        return frames + [replace(f, data=protect(f.data, f.can_id, f.data[1] & 0x0F)) for f in others]
+
+    train.run(2500, every_axle)
+    log = train.asked(every_axle)
+    sent, replayed = sent_and_replayed(log, tmp_path / "out.log", "--config", str(config))
+    assert replayed == sent
+    assert (sent[-1].stamp_us - sent[0].stamp_us) * 1e-6 >= 3.0
+    names = [f"{kind}_A{a}" for kind in ("Adhesion", "AdhesionDetail", "InputHealth") for a in range(1, 9)]
+    assert {f.can_id for f in sent} == {id_of(n) for n in (*names, "WrcdStatus", "WrcdRejects", "WrcdLink")}
+    assert Counter(f.data[1] >> 4 for f in sent if f.can_id == id_of("Adhesion_A8"))[1] > 50
 
 
 def test_dump_without_its_state_replays_to_something_else(config: Config, tmp_path: Path) -> None:

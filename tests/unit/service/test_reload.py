@@ -8,7 +8,7 @@ import pytest
 from tests.support.can_ids import YAW_RATE_A1
 from tests.support.sensor_simulator import SensorSimulator, validities
 from wrcd import resources
-from wrcd.config import DEFAULT, load_config
+from wrcd.config import DEFAULT, load_config, load_config_to_run, packaged
 from wrcd.core.configuration import Config
 from wrcd.service.reload import Reload
 
@@ -24,7 +24,7 @@ class Train:
         shutil.copyfile(resources.DBC, self.dbc)
         shutil.copyfile(resources.DESIGN, self.design)
         self.write()
-        self.config = load_config(self.file)
+        self.config = load_config_to_run(self.file)
         self.reload = Reload(self.file, self.config)
 
     def write(self, more: str = "", text: str = DEFAULT) -> None:
@@ -88,6 +88,12 @@ def test_recorder_bounds_are_applied(train: Train) -> None:
     assert line.endswith("; needs a restart: recorder.folder")
     assert (train.config.recorder.max_files, train.config.recorder.max_mb) == (7, 12.5)
     assert train.config.recorder.folder is None
+
+
+def test_added_axle_needs_a_restart(train: Train) -> None:
+    train.write(text=packaged(6))
+    assert train.read() == "reload: nothing taken over; needs a restart: axle, mapped signals"
+    assert len(train.config.axles) == 4
 
 
 def test_removed_axle_needs_a_restart(train: Train) -> None:
