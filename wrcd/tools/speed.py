@@ -15,7 +15,6 @@ from wrcd.bus.frame import Frame
 from wrcd.bus.units import Quantity, factor
 from wrcd.core.configuration import Config
 from wrcd.core.core import Core
-from wrcd.estimator.bank import scheduled_speed
 from wrcd.estimator.design import CHANNELS, MODELS, STATES, Design, FloatArray
 from wrcd.tools.progress import Progress
 
@@ -75,9 +74,8 @@ class Synthetic:
         d = config.design
         self._period_us = round(1e6 * d.tick_s)
         self._n = len(config.axles)
-        self._speed_m_s = scheduled_speed(SPEED_M_S, d.speeds_m_s)
-        if config.constant_speed_m_s is not None:
-            self._speed_m_s = scheduled_speed(config.constant_speed_m_s, d.speeds_m_s)
+        wanted = SPEED_M_S if config.constant_speed_m_s is None else config.constant_speed_m_s
+        self._speed_m_s = float(np.clip(wanted, d.speeds_m_s[0], d.speeds_m_s[-1]))
         self._signals = _wheelsets(d, self._speed_m_s, self._n)
         self._constant = {
             Quantity.TORQUE: TORQUE_RATIO * 2 * d.normal_N * d.r_0,
