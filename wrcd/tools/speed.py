@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from wrcd.bus.codec import STATUS, USABLE, Value, Writer, plain, unusable
+from wrcd.bus.codec import STATUS, USABLE, Value, Writer, normalise_label, unusable
 from wrcd.bus.dbc import Message, Signal, cycle_ms, find_message, find_signal
 from wrcd.bus.frame import Frame
 from wrcd.bus.units import Quantity, factor
@@ -140,7 +140,7 @@ def _status(message: Message) -> dict[str, Value]:
     status = next((s for s in message.signals if s.name == STATUS), None)
     if status is None:
         return {}
-    labels = [str(label) for label in (status.choices or {}).values() if plain(label) in USABLE]
+    labels = [str(label) for label in (status.choices or {}).values() if normalise_label(label) in USABLE]
     return {STATUS: labels[0] if labels else 0.0}
 
 
