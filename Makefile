@@ -63,7 +63,7 @@ coverage: $(READY)
 	$(BIN)/coverage combine -q build/coverage build/coverage/guest
 	$(BIN)/coverage report --fail-under=95
 
-# alone on the computer: whatever else runs is measured, too
+# best alone on the computer; the tables of the docs: make bench BEFORE=DIR BENCH="--markdown docs/reference/cost.md"
 BENCH ?= --json build/bench.json --markdown build/bench.md
 bench: $(READY)
 	mkdir -p build

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from tests.bench.timing import Row
 
+MARKER, END = "<!-- measured: make bench -->\n", "<!-- end -->\n"  # of a page's part that is measured
 PARTS = ("bank", "fuzzy", "frames", "core", "start", "replay")
 
 
@@ -20,7 +21,7 @@ def main() -> int:
     """Entry point. Always 0: a figure that misses its goal is shown, not an error."""
     p = argparse.ArgumentParser(prog="python -m tests.bench", description=__doc__)
     p.add_argument("--json", type=Path, metavar="FILE", help="write every figure")
-    p.add_argument("--markdown", type=Path, metavar="FILE", help="write the tables of docs/reference/cost.md")
+    p.add_argument("--markdown", type=Path, metavar="FILE", help="write the tables, or their place in such a page")
     p.add_argument("--before", type=Path, metavar="DIR", help="an older checkout, measured in turn with this one")
     p.add_argument("--only", choices=PARTS, action="append", help="this part; again for more")
     args = p.parse_args()
@@ -45,7 +46,7 @@ def main() -> int:
     if args.markdown is not None:
         core_us = [(int(r.name.split()[0]), r.times[OURS]) for r in rows if r.group == GROUP and OURS in r.times]
         by_axles = "\n".join(cost.table(core_us)) + "\n\n" if core_us else ""
-        args.markdown.write_text(f"Measured on {on}.\n\n{by_axles}{timing.markdown(rows)}\n")
+        write_page(args.markdown, f"Measured on {on}.\n\n{by_axles}{timing.markdown(rows)}\n")
     return 0
 
 
@@ -60,6 +61,15 @@ def _parts(before: Path | None) -> "dict[str, Callable[[], Iterator[Row]]]":
         "start": start.rows,
         "replay": lambda: replay.rows(before),
     }
+
+
+def write_page(page: Path, text: str) -> None:
+    """Write a page, or the part of it between the markers where it has them."""
+    old = page.read_text(encoding="utf-8") if page.exists() else ""
+    before, marker, rest = old.partition(MARKER)
+    _, end, after = rest.partition(END)
+    whole = f"{before}{marker}\n{text}\n{end}{after}" if marker and end else text
+    page.write_text(whole, encoding="utf-8")
 
 
 def machine() -> str:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from tests.bench import bank, frames, fuzzy, native, replay, start
+from tests.bench.__main__ import END, MARKER, write_page
 from tests.bench.core import ROOT, Worker
 from tests.bench.cost import received, sent, table
 from tests.bench.timing import Case, Goal, Row, Times, in_turn, markdown, text
@@ -223,3 +224,12 @@ def test_bus_load_of_four_axles_is_that_of_the_contract() -> None:
     low, high = (into.load(500, s) + out.load(500, s) for s in (False, True))
     assert 0.40 < low < high < 0.55
     assert len(list(table([(4, Times((100.0,)))]))) == 3
+
+
+def test_page_is_written_between_its_markers(tmp_path: Path) -> None:
+    page = tmp_path / "cost.md"
+    page.write_text(f"before\n{MARKER}old\n{END}after\n")
+    write_page(page, "new\n")
+    assert page.read_text() == f"before\n{MARKER}\nnew\n\n{END}after\n"
+    write_page(tmp_path / "other.md", "new\n")
+    assert (tmp_path / "other.md").read_text() == "new\n"
