@@ -22,7 +22,6 @@ from wrcd.tools.progress import Progress
 REFERENCE_CPU = "Intel Xeon (family 6, model 167), one of two shared virtual cores"
 REFERENCE_DATE = "2026-11-22"
 REFERENCE_US = {1: 640.0, 4: 850.0}  # axles: microseconds a tick
-REFERENCE_TICK_S = 0.005
 
 BUDGET_S = 8.0  # of the whole command: less than ten seconds with the start
 BLOCK_S = 1.0  # of the core's own time: every cycle of outgoing frames comes once
