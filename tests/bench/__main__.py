@@ -13,7 +13,10 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from tests.bench.timing import Row
 
-MARKER, END = "<!-- measured: make bench -->\n", "<!-- end of what was measured -->\n"  # of a page's part that is measured
+MARKER, END = (
+    "<!-- measured: make bench -->\n",
+    "<!-- end of what was measured -->\n",
+)  # of a page's part that is measured
 PARTS = ("bank", "fuzzy", "frames", "core", "start", "replay")
 
 
