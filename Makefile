@@ -6,6 +6,7 @@
 # make fuzz   property tests with EXAMPLES (10^5) examples each, and a million corrupted frames; hours
 # make soak   HOURS (24) on the virtual clock in one core: nothing grows, drifts or is lost; an eighth of that
 # make coverage  which branches of wrcd/bus, wrcd/core, wrcd/recorder and wrcd/service the tests take, those in the guest too; fails below 95 %
+# make bench  what everything costs beside its peers, against an older checkout too (BEFORE=DIR); 6 minutes, asserts nothing
 # make mutants   whether the tests notice changed code in validity and E2E; an hour, see tests/mutants.md
 PYTHON ?= python3
 VENV := .venv
@@ -13,7 +14,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/ready
 HIL := -p no:cacheprovider --durations=5
 
-.PHONY: demo test lint check unit hil faults systemd fuzz soak coverage mutants format design score docs docs-all docs-check lock audit clean
+.PHONY: demo test lint check unit hil faults systemd fuzz soak coverage bench mutants format design score docs docs-all docs-check lock audit clean
 
 demo: $(READY)
 	$(BIN)/sim-ecu demo
@@ -61,6 +62,12 @@ coverage: $(READY)
 	    'COVERAGE_FILE=$$OUT/data exec $(BIN)/coverage run -m pytest $(HIL) tests/hil/test_link_*.py tests/hil/test_vcan.py'
 	$(BIN)/coverage combine -q build/coverage build/coverage/guest
 	$(BIN)/coverage report --fail-under=95
+
+# best alone on the computer; the tables of the docs: make bench BEFORE=DIR BENCH="--markdown docs/reference/cost.md"
+BENCH ?= --json build/bench.json --markdown build/bench.md
+bench: $(READY)
+	mkdir -p build
+	$(BIN)/python -m tests.bench $(if $(BEFORE),--before $(BEFORE)) $(BENCH)
 
 # on a copy of the tree, with a tool that is kept out of the environment; what is left is explained in tests/mutants.md
 mutants: build/mutants/lib/mutmut

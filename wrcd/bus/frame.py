@@ -3,7 +3,9 @@
 from dataclasses import dataclass
 
 
-@dataclass(frozen=True, slots=True)
+# Not frozen, though nobody changes one: a frozen dataclass of seven fields takes seven times as long to make, longer
+# than to receive the frame from the kernel.
+@dataclass(slots=True, unsafe_hash=True)
 class Frame:
     """stamp_us is microseconds since 1970; a received frame's stamp is truncated, never rounded up."""
 

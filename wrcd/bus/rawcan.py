@@ -19,6 +19,11 @@ CAN_EFF_FLAG, CAN_RTR_FLAG, CAN_ERR_FLAG = 0x80000000, 0x40000000, 0x20000000
 GONE = (errno.ENODEV, errno.ENXIO, errno.EBADF)  # what a socket says of a device that is not there any more
 
 
+# As plain numbers: those of the socket module may be enumerations, whose & takes longer than the system call.
+SOL_SOCKET, MSG_CONFIRM = int(socket.SOL_SOCKET), int(socket.MSG_CONFIRM)
+EFF_MASK, SFF_MASK = int(socket.CAN_EFF_MASK), int(socket.CAN_SFF_MASK)
+
+
 def time_us(value: bytes, place: int) -> int:
     """One of the time stamps that came along, in whole microseconds."""
     seconds, nanoseconds = TIMESPEC.unpack_from(value, place * TIMESPEC.size)
@@ -33,10 +38,11 @@ def parse_ancillary(ancillary: list[tuple[int, int, bytes]], now_us: int) -> tup
     """
     kernel_us, hardware_us, lost = now_us, 0, None
     for level, kind, value in ancillary:
-        if level != socket.SOL_SOCKET:
+        if level != SOL_SOCKET:
             continue
         if kind == SO_TIMESTAMPNS:
-            kernel_us = time_us(value, 0)
+            seconds, nanoseconds = TIMESPEC.unpack_from(value)
+            kernel_us = seconds * 1_000_000 + nanoseconds // 1000
         elif kind == SO_TIMESTAMPING:
             kernel_us, hardware_us = time_us(value, 0), time_us(value, 2)
         elif kind == SO_RXQ_OVFL:

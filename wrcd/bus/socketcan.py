@@ -13,11 +13,14 @@ from wrcd.bus.rawcan import (
     CAN_RAW_ERR_FILTER,
     CAN_RAW_RECV_OWN_MSGS,
     CAN_RTR_FLAG,
+    EFF_MASK,
     FRAME,
     GONE,
+    MSG_CONFIRM,
     RAW_HARDWARE,
     RX_HARDWARE,
     RX_SOFTWARE,
+    SFF_MASK,
     SO_RXQ_OVFL,
     SO_TIMESTAMPING,
     SO_TIMESTAMPNS,
@@ -126,9 +129,10 @@ class SocketCanLink:
         return came
 
     def _read(self, frames: list[Frame], now_us: int) -> None:
+        size = FRAME.size
         while self._socket is not None and len(frames) < MAX_FRAMES:
             try:
-                data, extra, flags, _ = self._socket.recvmsg(FRAME.size, 256)
+                data, extra, flags, _ = self._socket.recvmsg(size, 256)
             except BlockingIOError:
                 break
             except InterruptedError:
@@ -140,9 +144,9 @@ class SocketCanLink:
                 if e.errno != errno.ENETDOWN:
                     break
                 continue
-            if len(data) != FRAME.size:
+            if len(data) != size:
                 continue
-            if flags & socket.MSG_CONFIRM:  # one of ours has left
+            if flags & MSG_CONFIRM:  # one of ours has left
                 self._confirms, self._unconfirmed = True, max(self._unconfirmed - 1, 0)
             else:
                 frames.append(self._take(data, extra, now_us))
@@ -187,15 +191,17 @@ class SocketCanLink:
             self.health.drops += (lost - self._dropped_before) & 0xFFFFFFFF
             self._dropped_before = lost
         word, length, payload = FRAME.unpack(data)
-        payload = payload[: min(length, 8)]
+        payload = payload[:length]
         self._down = False
         if word & CAN_ERR_FLAG:
             self._controller.error(word, payload, stamp_us)
             return Frame(stamp_us, word & ALL_ERRORS, payload, error=True)
         self._controller.on_frame()
+        if word <= SFF_MASK:  # most are: a standard id, no flag
+            return Frame(stamp_us, word, payload)
         extended = bool(word & CAN_EFF_FLAG)
-        mask = socket.CAN_EFF_MASK if extended else socket.CAN_SFF_MASK
-        return Frame(stamp_us, word & mask, payload, extended, remote=bool(word & CAN_RTR_FLAG))
+        mask = EFF_MASK if extended else SFF_MASK
+        return Frame(stamp_us, word & mask, payload, extended, bool(word & CAN_RTR_FLAG))
 
     def _trouble(self, e: OSError, now_us: int) -> None:
         self._go_down()

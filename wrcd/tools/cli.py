@@ -61,7 +61,10 @@ def _parser() -> argparse.ArgumentParser:
     add_bus(run)
     run.add_argument("--lock-memory", action="store_true", help="keep all memory in RAM (needs LimitMEMLOCK=infinity)")
 
-    commands.add_parser("check", parents=[config], help="say what a configuration would run; opens no bus")
+    check = commands.add_parser("check", parents=[config], help="say what a configuration would run; opens no bus")
+    check.add_argument(
+        "--speed", action="store_true", help="measure what the core costs on this computer: ten seconds, no bus"
+    )
 
     dump = commands.add_parser("dump", help="candump lines with the decoded values behind them")
     dump.add_argument("log", nargs="?", type=Path, help="a log instead of a bus")
@@ -87,10 +90,14 @@ def _parser() -> argparse.ArgumentParser:
     return p
 
 
-def _run(args: argparse.Namespace) -> int:
-    # The bank's products are a few hundred numbers: threads would only cost. Heard of when numpy is imported, below.
+def _one_thread() -> None:
+    """Keep the arithmetic to one thread: the bank's products are a few hundred numbers. Call before numpy's import."""
     for library in ("OPENBLAS", "OMP", "MKL"):
         os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+
+
+def _run(args: argparse.Namespace) -> int:
+    _one_thread()
     faulthandler.enable(sys.__stderr__ or 2)  # when the watchdog aborts a daemon that hangs, the log says where
     # Started on SocketCAN by name, the bus is opened before the slow imports, and the kernel keeps what it
     # carries meanwhile: after a crash the window is full as soon as the program is there.
@@ -150,11 +157,21 @@ def _run(args: argparse.Namespace) -> int:
 
 
 def _check(args: argparse.Namespace) -> int:
+    if args.speed:
+        return _speed(args)
     from wrcd.config import load_config
     from wrcd.tools.check import describe
 
     print("\n".join(describe(load_config(args.config))))
     return 0
+
+
+def _speed(args: argparse.Namespace) -> int:
+    _one_thread()
+    from wrcd.config import load_config
+    from wrcd.tools.speed import speed
+
+    return speed(load_config(args.config))
 
 
 def _dump(args: argparse.Namespace) -> int:

@@ -1,0 +1,104 @@
+"""The whole core per tick, of this tree and of an older one: each in a process of its own, asked in turn."""
+
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from types import TracebackType
+
+from tests.bench.timing import Case, Figure, Goal, Row, in_turn, show
+from tests.bench.workload import LENGTH_US, TICK_US, configuration, write_stretch
+
+ROOT = Path(__file__).parents[2]
+WORKER = Path(__file__).with_name("worker.py")
+AXLES = (1, 2, 4, 6, 8)
+BEFORE_AXLES = (1, 4)
+BLOCK_TICKS = 200  # a second: every cycle of outgoing frames comes once
+BUDGET_S = 25.0
+GROUP = "the whole core, µs a tick"
+OURS, BEFORE = "ours", "before"
+
+
+class Worker:
+    """A process that feeds its core on demand."""
+
+    def __init__(self, tree: Path, stretch: Path, config: Path) -> None:
+        self._process = subprocess.Popen(
+            [sys.executable, "-P", str(WORKER), str(stretch), str(config), str(LENGTH_US)],
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment(tree),
+        )  # fmt: skip
+        first = self._answer().split()
+        if not first or first[0] == "error":
+            self._process.communicate()
+            raise RuntimeError(" ".join(first[1:]) or f"the core of {tree} does not start")
+        self.tree = Path(first[0]).parents[1]
+        self.valid = tuple(map(int, first[1:]))
+
+    def _answer(self) -> str:
+        assert self._process.stdout is not None
+        return self._process.stdout.readline()
+
+    def ticks(self, count: int) -> int:
+        """Feed so many ticks. Returns nanoseconds."""
+        assert self._process.stdin is not None
+        self._process.stdin.write(f"{count}\n")
+        self._process.stdin.flush()
+        return int(self._answer())
+
+    def __enter__(self) -> "Worker":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._process.communicate()
+
+
+def environment(tree: Path) -> dict[str, str]:
+    """What `wrcd run` sets, and which tree is imported."""
+    return os.environ | {"PYTHONPATH": str(tree), "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+
+
+def rows(before: Path | None) -> Iterator[Row]:
+    """By axles; against an older tree where its path is given."""
+    with tempfile.TemporaryDirectory() as name, ExitStack() as stack:
+        folder, workers, skipped = Path(name), dict[str, Worker](), dict[int, str]()
+        for axles in AXLES:
+            show(f"the core of {axles} axles starts")
+            stretch, config = folder / f"{axles}.txt", folder / f"{axles}.toml"
+            write_stretch(stretch, axles)
+            config.write_text(configuration(axles))
+            for who, tree in ((OURS, ROOT), (BEFORE, before)):
+                if tree is None or (who == BEFORE and axles not in BEFORE_AXLES):
+                    continue
+                try:
+                    w = workers[f"{who} {axles}"] = stack.enter_context(Worker(tree, stretch, config))
+                except RuntimeError as e:
+                    skipped[axles] = f"skipped: {e}"
+                    continue
+                assert w.tree == tree.resolve(), f"{w.tree} instead of {tree}"
+                if len(w.valid) < axles:
+                    skipped[axles] = f"{who}: Valid were only axles {w.valid}"
+        show("the whole core, in turn" + (f", and that of {before}" if before else ""))
+        times = in_turn({k: Case(w.ticks, BLOCK_TICKS) for k, w in workers.items()}, BUDGET_S)
+        for axles in AXLES:
+            row = Row(GROUP, f"{axles} axles", note=skipped.get(axles, ""))
+            row.times = {who: times[f"{who} {axles}"] for who in (OURS, BEFORE) if f"{who} {axles}" in times}
+            row.compare(OURS, BEFORE, Goal("≤", 0.4) if axles == 4 else None)
+            if OURS in row.times:
+                _add_share(row, axles)
+            if axles == 8 and OURS in row.times:
+                eight, four = times["ours 8"], times["ours 4"]
+                ratio = Figure("8 axles / 4 axles", eight.over(four), Goal("≤", 1.7), eight.minimum / four.minimum)
+                row.figures.append(ratio)
+            yield row
+
+
+def _add_share(row: Row, axles: int) -> None:
+    tick_us = row.times[OURS].median
+    goal = Goal("≤", 130) if axles == 4 else None
+    row.figures.append(Figure("a tick", tick_us, goal, unit="µs"))
+    row.figures.append(Figure(f"share of a core, ticks of {TICK_US / 1000:g} ms", 100 * tick_us / TICK_US, unit="%"))

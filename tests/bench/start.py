@@ -1,0 +1,150 @@
+"""From start to READY, resident memory, imported modules, and the running daemon's share of a core."""
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from tests.bench.core import ROOT, environment
+from tests.bench.daemon import END
+from tests.bench.frames import packed
+from tests.bench.timing import Figure, Goal, Row, Times, show
+from tests.bench.workload import frames
+
+STARTS = 7
+WARM_UP_S, TRAFFIC_S = 3.0, 5.0  # the window fills and the estimator settles first
+WAIT_S = 20.0
+FORBIDDEN = ("scipy", "matplotlib", "skfuzzy", "filterpy", "numba", "sim_ecu")
+VIRTUAL = ("-m", "wrcd.tools", "run", "-i", "virtual", "-c", "bench")
+
+
+@dataclass(frozen=True, slots=True)
+class Started:
+    """What one daemon told: seconds to READY, of real and of processor time, its modules, memory in KiB, share of a
+    core under traffic."""
+
+    ready_s: float
+    cpu_s: float
+    modules: tuple[str, ...] = ()
+    most_kb: int = 0
+    resident_kb: int = 0
+    share: float = 0.0
+
+
+def start(arguments: Sequence[str], end: socket.socket | None = None, traffic: socket.socket | None = None) -> Started:
+    """Start a daemon, wait for READY, feed it where there is something to feed, and stop it."""
+    with tempfile.TemporaryDirectory() as folder, socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as notify:
+        address = f"{folder}/notify"
+        notify.bind(address)
+        notify.settimeout(WAIT_S)
+        begin = time.perf_counter()
+        process = subprocess.Popen(
+            [sys.executable, *arguments], env=environment(ROOT) | {"NOTIFY_SOCKET": address}, cwd=ROOT, text=True,
+            stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, stdin=subprocess.DEVNULL,
+            preexec_fn=None if end is None else lambda: os.dup2(end.fileno(), END, inheritable=True),
+            pass_fds=() if end is None else (END,),
+        )  # fmt: skip
+        try:
+            while notify.recv(256) != b"READY=1":
+                pass
+            ready_s = time.perf_counter() - begin
+            cpu_s, resident_kb, share = _cpu_s(process.pid), 0, 0.0
+            if traffic is not None:
+                share = _feed(traffic, process.pid)
+                resident_kb = _status_kb(process.pid, "VmRSS")
+            process.send_signal(signal.SIGTERM)
+            out, _ = process.communicate(timeout=WAIT_S)
+        finally:
+            with suppress(ProcessLookupError):
+                process.kill()
+        told = json.loads(out) if end is not None else {}
+        return Started(ready_s, cpu_s, tuple(told.get("modules", ())), told.get("VmHWM", 0), resident_kb, share)
+
+
+def _status_kb(pid: int, key: str) -> int:
+    lines = Path(f"/proc/{pid}/status").read_text().splitlines()
+    return next(int(line.split()[1]) for line in lines if line.startswith(f"{key}:"))
+
+
+def _cpu_s(pid: int) -> float:
+    """User and system time of a process."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def _feed(traffic: socket.socket, pid: int) -> float:
+    """The stretch in real time; what the daemon sends is read and thrown away. Returns the share of a core that the
+    process took in the last TRAFFIC_S."""
+    stop = threading.Event()
+    traffic.settimeout(0.1)
+
+    def read() -> None:
+        while not stop.is_set():
+            with suppress(TimeoutError):
+                traffic.recv(64)
+
+    reader = threading.Thread(target=read)
+    reader.start()
+    try:
+        begin = time.perf_counter()
+        first_us, settled = None, (0.0, 0.0)
+        for f in frames():
+            first_us = f.stamp_us if first_us is None else first_us
+            at_s = (f.stamp_us - first_us) * 1e-6
+            if at_s > WARM_UP_S + TRAFFIC_S:
+                break
+            if at_s > WARM_UP_S and settled == (0.0, 0.0):
+                settled = _cpu_s(pid), time.perf_counter()
+            time.sleep(max(at_s - (time.perf_counter() - begin), 0.0))
+            with suppress(TimeoutError):
+                traffic.send(packed(f))
+        return (_cpu_s(pid) - settled[0]) / (time.perf_counter() - settled[1])
+    finally:
+        stop.set()
+        reader.join()
+
+
+def over_pair(traffic: bool) -> Started:
+    """The daemon as on SocketCAN."""
+    inside, outside = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
+    with inside, outside:
+        return start(("-m", "tests.bench.daemon"), inside, outside if traffic else None)
+
+
+def rows() -> Iterator[Row]:
+    """Start by SocketCAN's path and on python-can's virtual bus in turn, then one daemon under traffic."""
+    show("start to READY")
+    own, virtual = [], []
+    for _ in range(STARTS):
+        own.append(over_pair(traffic=False))
+        virtual.append(start(VIRTUAL).ready_s)
+    row = Row("start to READY", "SocketCAN's path, and python-can's virtual bus", unit="s")
+    row.times = {"ours": Times(tuple(s.ready_s for s in own)), "virtual": Times(tuple(virtual))}
+    row.figures.append(Figure("start to READY", row.times["ours"].minimum, Goal("≤", 0.4), unit="s"))
+    row.figures.append(Figure("of it processor time", min(s.cpu_s for s in own), unit="s"))
+    row.note = (
+        "one end of a socket pair in the place of the raw CAN socket; the goal is for an idle machine: the minimum"
+    )
+    yield row
+    show(f"the daemon under {TRAFFIC_S:g} s of traffic")
+    running = over_pair(traffic=True)
+    found = [m for m in FORBIDDEN if m in running.modules]
+    row = Row("the running daemon", "four axles, real time")
+    row.figures = [
+        Figure("most resident memory (VmHWM)", running.most_kb / 1024, Goal("≤", 50), unit="MB"),
+        Figure("resident memory (VmRSS)", running.resident_kb / 1024, unit="MB"),
+        Figure("share of a core, its system calls included", 100 * running.share, unit="%"),
+        Figure("modules imported", len(running.modules)),
+        Figure(f"of {', '.join(FORBIDDEN)}", len(found), Goal("≤", 0)),
+    ]
+    row.note = f"imported: {', '.join(found)}" if found else ""
+    yield row
