@@ -68,29 +68,12 @@ class State(NamedTuple):
     ratio: FloatArray  # (n,) smoothed torque ratio
 
 
-class Scratch(NamedTuple):
-    """Where one step of a filter works: nothing is allocated in the loop."""
-
-    here: FloatArray  # (55,) the table's entries
-    above: FloatArray  # (30,) a little beyond on both sides
-    below: FloatArray
-    slope: FloatArray  # (30,) by theta
-    h: FloatArray  # (6,)
-    Ph: FloatArray  # (6,)
-    ahead: FloatArray  # (6,)
-    F: FloatArray  # (6, 6)
-    Ft: FloatArray  # (6, 6) transposed
-    FP: FloatArray  # (6, 6)
-    row: FloatArray  # (6,)
-
-
 @compiled
-def _update(x: FloatArray, P: FloatArray, e: float, variance: float, w: Scratch) -> float:
+def _update(x: FloatArray, P: FloatArray, h: FloatArray, e: float, variance: float) -> float:
     """One measurement with innovation e and row h of the Jacobian, in place. Returns its log-likelihood."""
-    h, Ph = w.h, w.Ph
+    Ph = np.zeros(6)
     s = variance
     for i in range(6):
-        Ph[i] = 0.0
         for j in range(6):
             Ph[i] += P[i, j] * h[j]
         s += h[i] * Ph[i]
@@ -102,62 +85,52 @@ def _update(x: FloatArray, P: FloatArray, e: float, variance: float, w: Scratch)
 
 
 @compiled
-def _predict(x: FloatArray, P: FloatArray, walk: float, w: Scratch) -> None:
+def _predict(x: FloatArray, P: FloatArray, here: FloatArray, slope: FloatArray, walk: float) -> None:
     """One tick ahead, in place: Phi and Q out of the table's entries, and their slope by theta."""
-    F, Ft, FP, ahead, here, slope, row = w.F, w.Ft, w.FP, w.ahead, w.here, w.slope, w.row
-    ahead[5] = x[5]
+    F, FP, ahead = np.zeros((6, 6)), np.zeros((6, 6)), np.zeros(6)
+    F[5, 5], ahead[5] = 1.0, x[5]
     for i in range(5):
-        ahead[i] = by_theta = 0.0
         for j in range(5):
-            F[i, j] = Ft[j, i] = here[5 * i + j]
-            by_theta += slope[5 * i + j] * x[j]
+            F[i, j] = here[5 * i + j]
+            F[i, 5] += slope[5 * i + j] * x[j]
             ahead[i] += here[5 * i + j] * x[j]
-        F[i, 5] = Ft[5, i] = by_theta
     x[:] = ahead
     for i in range(6):
         for j in range(6):
-            FP[i, j] = 0.0
-        for k in range(6):
-            for j in range(6):
+            for k in range(6):
                 FP[i, j] += F[i, k] * P[k, j]
     for i in range(6):
-        for j in range(6):
-            row[j] = here[30 + 5 * i + j] if i < 5 and j < 5 else (walk if i == j else 0.0)
-        for k in range(6):
-            for j in range(6):
-                row[j] += FP[i, k] * Ft[k, j]
         for j in range(i + 1):
-            P[i, j] = P[j, i] = row[j]
+            value = here[30 + 5 * i + j] if i < 5 else (walk if j == 5 else 0.0)
+            for k in range(6):
+                value += FP[i, k] * F[j, k]
+            P[i, j] = P[j, i] = value
 
 
 @compiled
-def _step(
-    x: FloatArray, P: FloatArray, z: FloatArray, present: BoolArray, ratio: float, t: Table, p: Numbers, w: Scratch
-) -> float:
+def _step(x: FloatArray, P: FloatArray, z: FloatArray, present: BoolArray, ratio: float, t: Table, p: Numbers) -> float:
     """Update and predict one filter, in place. Returns the log-likelihood of what was measured."""
     least, most = least_theta(t, ratio), t.start + t.step * (len(t.log_peak) - 1)
-    here, slope, h = w.here, w.slope, w.h
+    here, slope, low, h = np.empty(55), np.empty(30), np.empty(30), np.zeros(6)
     x[5] = min(max(x[5], least), most)
     below, above = max(x[5] - p.difference, least), x[5] + p.difference  # no operating point below the least
     look_up(t, x[5], ratio, here)
-    look_up(t, above, ratio, w.above)
-    look_up(t, below, ratio, w.below)
-    for k in range(30):
-        slope[k] = (w.above[k] - w.below[k]) / (above - below)
+    look_up(t, above, ratio, slope)
+    look_up(t, below, ratio, low)
+    slope = (slope - low) / (above - below)
     likelihood = 0.0
     if present[0]:
-        h[:] = 0.0
         h[2] = 1.0
-        likelihood += _update(x, P, z[0] - x[2], p.noise[0], w)
+        likelihood += _update(x, P, h, z[0] - x[2], p.noise[0])
     if present[1]:
         e, h[5] = z[1], 0.0
         for k in range(5):
             h[k] = here[25 + k]
             h[5] += slope[25 + k] * x[k]
             e -= h[k] * x[k]
-        likelihood += _update(x, P, e, p.noise[1], w)
+        likelihood += _update(x, P, h, e, p.noise[1])
     x[5] = min(max(x[5], least), most)
-    _predict(x, P, p.walk, w)
+    _predict(x, P, here, slope, p.walk)
     return likelihood
 
 
@@ -168,11 +141,6 @@ def _run(
 ) -> None:  # fmt: skip
     """Ticks at one speed; first is the number of the first one since the start. Writes percent to out (t, n)."""
     guesses, half = len(p.guesses), p.life // 2
-    w = Scratch(
-        np.empty(55), np.empty(30), np.empty(30), np.empty(30), np.empty(6), np.empty(6), np.empty(6), np.zeros((6, 6)),
-        np.zeros((6, 6)), np.empty((6, 6)), np.empty(6),
-    )  # fmt: skip
-    w.F[5, 5] = w.Ft[5, 5] = 1.0
     for i in range(out.shape[1]):
         for k in range(len(out)):
             if np.isfinite(ratio[k, i]):
@@ -186,7 +154,7 @@ def _run(
                     for j in range(6):
                         P[:, j, j] = p.start[j]
                 for j in range(guesses):
-                    weight[j] += _step(x[j], P[j], z[k, :, i], present[k, :, i], used, t, p, w)
+                    weight[j] += _step(x[j], P[j], z[k, :, i], present[k, :, i], used, t, p)
             older = 1 if (first + k) % p.life < half else 0
             weight = state.log_likelihood[i, older]
             best, total, out[k, i] = np.max(weight), 0.0, 0.0
