@@ -1,7 +1,8 @@
 """The conditions that a design is made from, and their simulation (the paper's Fig. 6, for any wheelset)."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,9 +10,9 @@ from numpy.typing import NDArray
 
 from sim_ecu.physics.contact import CreepCurve, curve_between, peak, traction_ratio
 from sim_ecu.physics.sensors import SENSOR_SETS, SensorSet
-from sim_ecu.physics.simulation import Axle, Samples, Simulation
+from sim_ecu.physics.simulation import Axle, Samples, Simulation, advance_side_by_side
 from sim_ecu.physics.track import QUALITY, Track
-from sim_ecu.physics.wheelset import Command, Wheelset
+from sim_ecu.physics.wheelset import LANES, OUTPUTS, Command, Wheelset
 from sim_ecu.play.scenario import BLEND_M, rail_table
 
 FloatArray = NDArray[np.float64]
@@ -37,6 +38,7 @@ ON_DRY, DRY = 0.5, (0.25, 0.65)
 TURN_S, TURN_TAKES_S = (0.5, 2.5), (0.3, 4.0)  # when a torque turns, and how long it takes
 UNSATURATED, END_SHARE = 0.5, (0.25, 0.95)  # of the rails that get worse: those that carry such a share of their peak
 NOISE_FACTORS = (0.6, 2.2)  # of sensors noisier or quieter than their kind
+BATCH = 2 * LANES  # conditions that are simulated in one call
 Progress = Callable[[str, float], None]  # what is going on, share of it that is done
 
 
@@ -255,6 +257,40 @@ def _course(n: int, c: Condition, tick_s: float) -> FloatArray:
 
 def simulate(w: Wheelset, c: Condition, seconds: float, tick_s: float) -> Samples:
     """Play a condition."""
+    sim, drive = _ready(w, c, seconds, tick_s)
+    return sim.advance(drive, _held_speed(c, seconds, tick_s))
+
+
+def simulate_group(
+    w: Wheelset, conditions: Sequence[Condition], seconds: float, tick_s: float, jobs: int = 1
+) -> FloatArray:
+    """Play conditions that share the vehicle's speed, side by side in so many threads. Returns (ticks, OUTPUTS, n)."""
+    held_speed = _held_speed(conditions[0], seconds, tick_s)
+    out = np.empty((len(held_speed), OUTPUTS, len(conditions)))
+
+    def play(batch: Sequence[int]) -> None:
+        sims, drives = zip(*(_ready(w, conditions[i], seconds, tick_s) for i in batch), strict=True)
+        together = Command(*(np.concatenate(parts, axis=1) for parts in zip(*drives, strict=True)))
+        out[:, :, batch] = advance_side_by_side(sims, together, held_speed)[0].swapaxes(1, 2)
+
+    # neighbours of like stiffness take steps alike
+    order = np.argsort([-_stiffness(w, c) for c in conditions], kind="stable").tolist()
+    with ThreadPoolExecutor(jobs) as pool:
+        list(pool.map(play, [order[i : i + BATCH] for i in range(0, len(order), BATCH)]))
+    return out
+
+
+def _stiffness(w: Wheelset, c: Condition) -> float:
+    """What goes with the number of a condition's integration steps at its speed: the steeper of its creep curves."""
+    return (c.wheelset or w).contact.stiffness_N * max(k.k_A + k.k_S for k in (c.curve, c.before or c.curve))
+
+
+def _held_speed(c: Condition, seconds: float, tick_s: float) -> FloatArray:
+    return np.asarray(c.speed_m_s + c.ramp_m_s2 * tick_s * np.arange(1, round(seconds / tick_s) + 1))
+
+
+def _ready(w: Wheelset, c: Condition, seconds: float, tick_s: float) -> tuple[Simulation, Command]:
+    """A condition's vehicle on its track, and what drives it."""
     n = round(seconds / tick_s)
     w = c.wheelset or w
     rail = [(0.0, c.curve, c.curvature, 0.0)]
@@ -264,10 +300,8 @@ def simulate(w: Wheelset, c: Condition, seconds: float, tick_s: float) -> Sample
     sim = Simulation(w, [Axle(rail_table(rail), Track(c.roughness, c.seed))], c.speed_m_s, tick_s)
     course = _course(n, c, tick_s)
     if not math.isnan(c.creep_of_peak):
-        drive = command(n, creep_of_peak=course, limit_of_peak=c.limit_of_peak)
-    elif c.before is None:
-        drive = command(n, utilisation=course, limit_of_peak=c.limit_of_peak)
-    else:
-        carried = peak(c.speed_m_s, w.contact, *c.before.row())[1] * 2 * w.normal_N * w.r_0
-        drive = command(n, torque=course * carried, limit_of_peak=c.limit_of_peak)
-    return sim.advance(drive, np.asarray(c.speed_m_s + c.ramp_m_s2 * tick_s * np.arange(1, n + 1)))
+        return sim, command(n, creep_of_peak=course, limit_of_peak=c.limit_of_peak)
+    if c.before is None:
+        return sim, command(n, utilisation=course, limit_of_peak=c.limit_of_peak)
+    carried = peak(c.speed_m_s, w.contact, *c.before.row())[1] * 2 * w.normal_N * w.r_0
+    return sim, command(n, torque=course * carried, limit_of_peak=c.limit_of_peak)

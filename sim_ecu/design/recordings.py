@@ -1,13 +1,12 @@
 """What the sensors say in the conditions of a plan, as the daemon gets it."""
 
 import math
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_ecu.design.cases import Condition, Group, Plan, Progress, draw, simulate
+from sim_ecu.design.cases import Condition, Group, Plan, Progress, draw, simulate_group
 from sim_ecu.physics.axlebox import AxleBox
 from sim_ecu.physics.wheelset import LAT_ACCEL, MU_AVAILABLE, TORQUE, YAW_RATE, Wheelset
 
@@ -43,12 +42,11 @@ def record_groups(
 ) -> list[Recording]:
     """The same for given groups; of the plan only the seed of the noise and the length count."""
     out = []
-    with ThreadPoolExecutor(jobs) as pool:
-        for k, group in enumerate(groups):
-            rng = np.random.default_rng([plan.seed, 1, k])
-            runs = list(pool.map(lambda c: simulate(w, c, plan.seconds, tick_s).outputs[:, 0], group.conditions))
-            out.append(_measured(group, np.stack(runs, axis=-1), tick_s, rng))
-            progress("simulating conditions", (k + 1) / len(groups))
+    for k, group in enumerate(groups):
+        rng = np.random.default_rng([plan.seed, 1, k])
+        outputs = simulate_group(w, group.conditions, plan.seconds, tick_s, jobs)
+        out.append(_measured(group, outputs, tick_s, rng))
+        progress("simulating conditions", (k + 1) / len(groups))
     return out
 
 

@@ -61,16 +61,27 @@ def rail_table(sections: Sequence[RailSection | tuple[float, CreepCurve, float, 
 def rail_at(rail: FloatArray, distance_m: float) -> FloatArray:
     """The rail at a distance: the table's row there without the distance, linear between rows and flat outside, and
     the slope of its curvature."""
-    n = rail.shape[0]
-    out = np.zeros(RAIL_COLUMNS)
-    i = 0
-    while i < n - 1 and rail[i + 1, 0] <= distance_m:
-        i += 1
-    if i == n - 1 or distance_m <= rail[0, 0]:
-        out[:-1] = rail[i, 1:]
-        return out
-    length = rail[i + 1, 0] - rail[i, 0]
-    change = rail[i + 1, 1:] - rail[i, 1:]
-    out[:-1] = rail[i, 1:] + (distance_m - rail[i, 0]) / length * change
-    out[CURVATURE_SLOPE] = change[CURVATURE] / length
+    out = np.empty(RAIL_COLUMNS)
+    read_rail(rail, 0, rail.shape[0], distance_m, out, 0, 1)
     return out
+
+
+@compiled
+def read_rail(
+    rails: FloatArray, first: int, end: int, distance_m: float, out: FloatArray, place: int, stride: int
+) -> None:
+    """The same of the table rails[first:end], written to out[place], out[place + stride], … : nothing is allocated
+    where the integration asks at every stage."""
+    i = first
+    while i < end - 1 and rails[i + 1, 0] <= distance_m:
+        i += 1
+    if i == end - 1 or distance_m <= rails[first, 0]:
+        for j in range(CURVATURE_SLOPE):
+            out[place + j * stride] = rails[i, j + 1]
+        out[place + CURVATURE_SLOPE * stride] = 0.0
+        return
+    length = rails[i + 1, 0] - rails[i, 0]
+    share = (distance_m - rails[i, 0]) / length
+    for j in range(CURVATURE_SLOPE):
+        out[place + j * stride] = rails[i, j + 1] + share * (rails[i + 1, j + 1] - rails[i, j + 1])
+    out[place + CURVATURE_SLOPE * stride] = (rails[i + 1, CURVATURE + 1] - rails[i, CURVATURE + 1]) / length

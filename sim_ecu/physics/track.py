@@ -92,9 +92,15 @@ class Track:
 @compiled
 def irregularity(nodes: NDArray[np.float64], distance_m: float) -> float:
     """y_t (m) at a distance from the first node: cubic Hermite interpolation between the nodes."""
+    return between_nodes(nodes, 0, 0, nodes.shape[0], distance_m)
+
+
+@compiled
+def between_nodes(nodes: NDArray[np.float64], base: int, first: int, end: int, distance_m: float) -> float:
+    """The same of a track whose node k, from first to before end, is nodes[base + k]."""
     at = distance_m / SPACING_M
-    i = min(max(int(at), 0), nodes.shape[0] - 2)
-    t = at - i
+    k = min(max(int(at), first), end - 2)
+    t, i = at - k, base + k
     y0, d0, y1, d1 = nodes[i, 0], nodes[i, 1] * SPACING_M, nodes[i + 1, 0], nodes[i + 1, 1] * SPACING_M
     y: float = y0 + t * (d0 + t * (3 * (y1 - y0) - 2 * d0 - d1 + t * (2 * (y0 - y1) + d0 + d1)))
     return y

@@ -12,6 +12,7 @@ The yaw spring's frame stands along the track, wheel loads stay equal, and the v
 reach the wheelset: the paper's model has no suspension and no flange that could carry it.
 """
 
+import math
 from dataclasses import asdict, dataclass
 from typing import NamedTuple
 
@@ -19,20 +20,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_ecu.physics.compiled import compiled
-from sim_ecu.physics.contact import Contact, contact, kalker_c11, peak, traction_ratio
-from sim_ecu.physics.rail import CANT, CURVATURE, CURVATURE_SLOPE, rail_at
-from sim_ecu.physics.track import irregularity
+from sim_ecu.physics.contact import Contact, contact, kalker_c11
+from sim_ecu.physics.rail import CANT, CURVATURE, CURVATURE_SLOPE, RAIL_COLUMNS
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 GRAVITY = 9.80665
 
 # Creepage is the slip speed over the forward speed; below this speed (m/s) it is taken over this one, so that a
 # start from standstill stays finite. No estimate is made that slow.
 ROLLING_START = 1.0
-# Integration step: the longest allowed, and the longest relative to the fastest decay of the contact (RK4 is stable
-# to 2.8; 0.35 keeps the outputs within 1e-3 of half that step, see the convergence test).
-MAX_STEP_S = 5.0e-4
-STEP_TIMES_RATE = 0.35
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,79 +100,12 @@ def constants(w: Wheelset) -> Constants:
     )  # fmt: skip
 
 
-# State of an axle; the vehicle's v and distance are shared.
+# State of an axle; the vehicle's v and distance come after it.
 Y, YDOT, PSI, PSIDOT, W_R, W_L, THETA = range(7)
+AXLE_STATES, STATES = 7, 9
 # What one sample interval gives for an axle.
 YAW_RATE, LAT_ACCEL, TORQUE, SLIP, MU_USED, MU_AVAILABLE = range(6)
 OUTPUTS = 6
-
-
-@compiled
-def axle_derivatives(
-    x: FloatArray, v: float, y_t: float, torque: float, r: FloatArray, p: Constants, c: Contact, out: FloatArray
-) -> tuple[float, float]:
-    """Equations (1)-(12) for one axle: writes d(state)/dt to out, returns (F_xR + F_xL in N, accelerometer in m/s2).
-
-    y is positive to the left, yaw counter-clockwise seen from above, torque positive in the direction of travel. r is
-    what `rail_at` gives. The caller adds to (8) what a change of v times curvature makes, which needs (7).
-    """
-    u = max(v, ROLLING_START)
-    a = p.L_g * (x[PSIDOT] - v * r[CURVATURE]) / u + p.gamma * (x[Y] - y_t) / p.r_0
-    lam_xL = (p.r_0 * x[W_L] - v) / u + a  # (1)
-    lam_xR = (p.r_0 * x[W_R] - v) / u - a  # (2)
-    lam_y = x[YDOT] / u - x[PSI]  # (3)
-    lam_L = np.sqrt(lam_xL * lam_xL + lam_y * lam_y)  # (4)
-    lam_R = np.sqrt(lam_xR * lam_xR + lam_y * lam_y)
-    # F = mu N (5), split along the creepage (6); at zero creep the direction does not matter
-    q_L = p.N * traction_ratio(lam_L, u, c, r[0], r[1], r[2], r[3], r[4]) / max(lam_L, 1e-12)
-    q_R = p.N * traction_ratio(lam_R, u, c, r[0], r[1], r[2], r[3], r[4]) / max(lam_R, 1e-12)
-    F_xL, F_xR = q_L * lam_xL, q_R * lam_xR
-    F_y = (q_L + q_R) * lam_y
-    F_g = -p.F_g * (x[Y] - y_t)
-    uncompensated = v * v * r[CURVATURE] - GRAVITY * r[CANT]
-    F_c = p.m_w * uncompensated
-    T_s = p.k_s * x[THETA] + p.C_s * (x[W_R] - x[W_L])  # (12)
-    out[Y] = x[YDOT]
-    out[YDOT] = (-F_y + F_c + F_g) / p.m_w  # (9)
-    out[PSI] = x[PSIDOT]
-    out[PSIDOT] = ((F_xR - F_xL) * p.L_g - p.k_w * x[PSI]) / p.I_w  # (8)
-    out[W_R] = (torque - T_s - p.r_0 * F_xR) / p.I_R  # (10)
-    out[W_L] = (T_s - p.r_0 * F_xL) / p.I_L  # (11)
-    out[THETA] = x[W_R] - x[W_L]
-    return F_xR + F_xL, out[YDOT] - uncompensated + p.roll * (x[Y] - y_t)
-
-
-@compiled
-def train_derivatives(
-    state: FloatArray, train: FloatArray, torque: FloatArray, offset: FloatArray, start: FloatArray,
-    nodes: tuple[FloatArray, ...], rails: tuple[FloatArray, ...], held_rate: float, p: Constants, c: Contact,
-    d_state: FloatArray, d_train: FloatArray, force: FloatArray, yaw_rate: FloatArray, accel: FloatArray,
-) -> None:  # fmt: skip
-    """All axles and the vehicle: (7) with the axles' forces shared; held_rate (m/s2) replaces (7) unless it is NaN.
-
-    Writes per axle F_xR + F_xL (N) and what gyro (rad/s) and accelerometer (m/s2) read. offset (axles,) is each axle's
-    place ahead of the train's distance, start (axles,) that of its track's first node.
-    """
-    v, distance = train[0], train[1]
-    axles = state.shape[0]
-    pull = 0.0
-    for i in range(axles):
-        at = distance + offset[i]
-        r = rail_at(rails[i], at)
-        y_t = irregularity(nodes[i], at - start[i])
-        force[i], accel[i] = axle_derivatives(state[i], v, y_t, torque[i], r, p, c, d_state[i])
-        d_state[i, PSIDOT] += v * v * r[CURVATURE_SLOPE]
-        yaw_rate[i] = r[CURVATURE]  # until the vehicle's acceleration is known
-        pull += force[i]
-    d_train[1] = v
-    if np.isnan(held_rate):
-        resistance = (p.resistance_0 + p.resistance_2 * v * v) * min(v / 0.1, 1.0)
-        d_train[0] = pull / (axles * p.M_v) - resistance / p.M_v  # (7)
-    else:
-        d_train[0] = held_rate
-    for i in range(axles):
-        d_state[i, PSIDOT] += d_train[0] * yaw_rate[i]
-        yaw_rate[i] = state[i, PSIDOT] - v * yaw_rate[i]
 
 
 class Command(NamedTuple):
@@ -188,132 +118,120 @@ class Command(NamedTuple):
     limit_of_peak: FloatArray  # creep limit of the traction controller, as a share of the peak's creep
 
 
+# The equations are evaluated for LANES axles at once, so that the processor works on several where one would wait for
+# its own exp and atan. All their numbers are rows of one block of memory, LANES long, at offsets that the compiler
+# knows: so it can use vector instructions, which round as the scalar ones do. An axle's results do not depend on its
+# neighbours.
+LANES = 8
+CONSTANTS = len(Constants._fields) + len(Contact._fields)
+X, D = 0, STATES * LANES  # the state at which the equations are taken, and its derivatives
+P = 2 * STATES * LANES  # Constants, then Contact
+R = P + CONSTANTS * LANES  # what `rail_at` gives
+TRACK = R + RAIL_COLUMNS * LANES  # y_t, m
+DRIVE = TRACK + LANES  # torque, N m
+HELD = DRIVE + LANES  # acceleration that replaces (7), m/s2; NaN: none does
+FORCE, YAW, ACCEL = (HELD + (1 + k) * LANES for k in range(3))  # F_xR + F_xL in N; what gyro and accelerometer read
+_WORK = HELD + 4 * LANES
+BLOCK = _WORK + 13 * LANES  # what the equations need; the integration has rows of its own behind
+_LAM_XL, _LAM_XR, _LAM_Y, _LAM_L, _LAM_R, _EXP_L, _EXP_R, _TOP_L, _TOP_R, _BOW_L, _BOW_R, _ATAN_L, _ATAN_R = (
+    _WORK + k * LANES for k in range(13)
+)
+_M_W, _I_W, _R_0, _L_G, _GAMMA, _K_W, _M_V, _I_R, _I_L, _K_S, _C_S, _RES_0, _RES_2, _N, _F_G, _ROLL, _LIMIT = (
+    P + k * LANES for k in range(len(Constants._fields))
+)
+_NORMAL, _STIFFNESS = (P + (len(Constants._fields) + k) * LANES for k in range(2))
+_MU_0, _A, _B, _K_A, _K_SLIP = (R + k * LANES for k in range(5))
+_CURVATURE, _CANT, _SLOPE = (R + k * LANES for k in (CURVATURE, CANT, CURVATURE_SLOPE))
+_Y, _YDOT, _PSI, _PSIDOT, _W_R, _W_L, _THETA, _V, _DISTANCE = (X + k * LANES for k in range(STATES))
+
+
 @compiled
-def _drive_torque(
-    x: FloatArray, v: float, demand: float, limit: float, integral: float, h: float, p: Constants
+def derivatives(b: FloatArray, n: int, one_train: bool) -> None:
+    """Equations (1)-(12) for the first n lanes of a block: from X, P, R, TRACK, DRIVE, HELD to D, FORCE, YAW, ACCEL.
+
+    y is positive to the left, yaw counter-clockwise seen from above, torque positive in the direction of travel. The
+    lanes are the axles of one train, whose forces (7) shares, or each a vehicle of its own.
+    """
+    for j in range(n):
+        v = b[_V + j]
+        u = max(v, ROLLING_START)
+        a = b[_L_G + j] * (b[_PSIDOT + j] - v * b[_CURVATURE + j]) / u
+        a += b[_GAMMA + j] * (b[_Y + j] - b[TRACK + j]) / b[_R_0 + j]
+        lam_xL = (b[_R_0 + j] * b[_W_L + j] - v) / u + a  # (1)
+        lam_xR = (b[_R_0 + j] * b[_W_R + j] - v) / u - a  # (2)
+        lam_y = b[_YDOT + j] / u - b[_PSI + j]  # (3)
+        lam_L = np.sqrt(lam_xL * lam_xL + lam_y * lam_y)  # (4)
+        lam_R = np.sqrt(lam_xR * lam_xR + lam_y * lam_y)
+        b[_LAM_XL + j], b[_LAM_XR + j], b[_LAM_Y + j] = lam_xL, lam_xR, lam_y
+        b[_LAM_L + j], b[_LAM_R + j] = lam_L, lam_R
+        b[_EXP_L + j] = -b[_B + j] * (lam_L * u)
+        b[_EXP_R + j] = -b[_B + j] * (lam_R * u)
+    # `contact.traction_ratio` of both wheels, in three parts: between them stand functions that are no vectors
+    for j in range(n):
+        b[_EXP_L + j] = math.exp(b[_EXP_L + j])
+        b[_EXP_R + j] = math.exp(b[_EXP_R + j])
+    for j in range(n):
+        mu_L = b[_MU_0 + j] * ((1.0 - b[_A + j]) * b[_EXP_L + j] + b[_A + j])
+        mu_R = b[_MU_0 + j] * ((1.0 - b[_A + j]) * b[_EXP_R + j] + b[_A + j])
+        eps_L = b[_STIFFNESS + j] * b[_LAM_L + j] / (b[_NORMAL + j] * mu_L)
+        eps_R = b[_STIFFNESS + j] * b[_LAM_R + j] / (b[_NORMAL + j] * mu_R)
+        kae_L, kae_R = b[_K_A + j] * eps_L, b[_K_A + j] * eps_R
+        b[_TOP_L + j], b[_TOP_R + j] = 2.0 * mu_L / math.pi, 2.0 * mu_R / math.pi
+        b[_BOW_L + j], b[_BOW_R + j] = kae_L / (1.0 + kae_L * kae_L), kae_R / (1.0 + kae_R * kae_R)
+        b[_ATAN_L + j], b[_ATAN_R + j] = b[_K_SLIP + j] * eps_L, b[_K_SLIP + j] * eps_R
+    for j in range(n):
+        b[_ATAN_L + j] = math.atan(b[_ATAN_L + j])
+        b[_ATAN_R + j] = math.atan(b[_ATAN_R + j])
+    for j in range(n):
+        v = b[_V + j]
+        # F = mu N (5), split along the creepage (6); at zero creep the direction does not matter
+        q_L = b[_N + j] * (b[_TOP_L + j] * (b[_BOW_L + j] + b[_ATAN_L + j])) / max(b[_LAM_L + j], 1e-12)
+        q_R = b[_N + j] * (b[_TOP_R + j] * (b[_BOW_R + j] + b[_ATAN_R + j])) / max(b[_LAM_R + j], 1e-12)
+        F_xL, F_xR = q_L * b[_LAM_XL + j], q_R * b[_LAM_XR + j]
+        F_y = (q_L + q_R) * b[_LAM_Y + j]
+        F_g = -b[_F_G + j] * (b[_Y + j] - b[TRACK + j])
+        uncompensated = v * v * b[_CURVATURE + j] - GRAVITY * b[_CANT + j]
+        F_c = b[_M_W + j] * uncompensated
+        T_s = b[_K_S + j] * b[_THETA + j] + b[_C_S + j] * (b[_W_R + j] - b[_W_L + j])  # (12)
+        y2 = (-F_y + F_c + F_g) / b[_M_W + j]  # (9)
+        psi2 = ((F_xR - F_xL) * b[_L_G + j] - b[_K_W + j] * b[_PSI + j]) / b[_I_W + j]  # (8)
+        b[D + _Y + j] = b[_YDOT + j]
+        b[D + _YDOT + j] = y2
+        b[D + _PSI + j] = b[_PSIDOT + j]
+        b[D + _PSIDOT + j] = psi2 + v * v * b[_SLOPE + j]
+        b[D + _W_R + j] = (b[DRIVE + j] - T_s - b[_R_0 + j] * F_xR) / b[_I_R + j]  # (10)
+        b[D + _W_L + j] = (T_s - b[_R_0 + j] * F_xL) / b[_I_L + j]  # (11)
+        b[D + _THETA + j] = b[_W_R + j] - b[_W_L + j]
+        b[D + _V + j] = b[HELD + j]
+        b[D + _DISTANCE + j] = v
+        b[FORCE + j] = F_xR + F_xL
+        b[YAW + j] = b[_PSIDOT + j] - v * b[_CURVATURE + j]
+        b[ACCEL + j] = y2 - uncompensated + b[_ROLL + j] * (b[_Y + j] - b[TRACK + j])
+    pull = 0.0
+    for j in range(n):
+        if np.isnan(b[HELD + j]):
+            v = b[_V + j]
+            resistance = (b[_RES_0 + j] + b[_RES_2 + j] * v * v) * min(v / 0.1, 1.0)
+            if one_train and j == 0:
+                for i in range(n):
+                    pull += b[FORCE + i]
+            axles = n if one_train else 1
+            force = pull if one_train else b[FORCE + j]
+            b[D + _V + j] = force / (axles * b[_M_V + j]) - resistance / b[_M_V + j]  # (7)
+    for j in range(n):
+        b[D + _PSIDOT + j] += b[D + _V + j] * b[_CURVATURE + j]
+
+
+def axle_derivatives(
+    x: FloatArray, v: float, y_t: float, torque: float, r: FloatArray, p: Constants, c: Contact, out: FloatArray
 ) -> tuple[float, float]:
-    """Creep controller: the demanded torque unless creep would pass the limit (both signed). Torque, integral.
-
-    No demand is coasting: there is no torque that could be limited.
-    """
-    if demand == 0.0:
-        return 0.0, 0.0
-    u = max(v, ROLLING_START)
-    inertia = p.I_R + p.I_L
-    slip = (p.I_R * x[W_R] + p.I_L * x[W_L]) / inertia * p.r_0 - v
-    error = limit * u - slip  # m/s
-    gain = inertia / p.r_0 * 40.0  # 40 rad/s: well below the shaft's 374 rad/s
-    held = gain * error + integral
-    torque = min(demand, held) if limit >= 0 else max(demand, held)
-    torque = min(max(torque, -p.torque_limit), p.torque_limit)
-    # back-calculation, 50 ms: the integral follows while something else decides the torque
-    integral += h * (gain * 12.0 * error - (held - torque) / 0.05)
-    return torque, integral
-
-
-# What is kept of an axle's newest peak: the speed and the curve's five numbers that it is of, and where it lies.
-PEAK_CREEP, PEAK_MU = 6, 7
-PEAK_COLUMNS = 8
-
-
-@compiled
-def _peak_at(rail: FloatArray, distance_m: float, speed_m_s: float, c: Contact, known: FloatArray) -> None:
-    """The peak at a place and a speed, in known (PEAK_COLUMNS,); searched for only where it is another than before."""
-    r = rail_at(rail, distance_m)
-    same = known[0] == speed_m_s
-    for j in range(5):
-        same = same and known[1 + j] == r[j]
-    if not same:
-        known[0], known[1:6] = speed_m_s, r[:5]
-        known[PEAK_CREEP], known[PEAK_MU] = peak(speed_m_s, c, r[0], r[1], r[2], r[3], r[4])
-
-
-@compiled
-def simulate(
-    state: FloatArray, train: FloatArray, integral: FloatArray, offset: FloatArray, start: FloatArray,
-    nodes: tuple[FloatArray, ...], rails: tuple[FloatArray, ...], command: Command, held_speed: FloatArray,
-    sample_s: float, step_scale: float, p: Constants, c: Contact, stiffest: float,
-) -> tuple[FloatArray, FloatArray]:  # fmt: skip
-    """Advance by len(held_speed) sample intervals, in place.
-
-    state (axles, 7), train (v, distance), integral (axles,) are read and left at the end of the last interval.
-    offset and start are those of `train_derivatives`.
-    held_speed (samples,) is the speed at the end of each interval, NaN where the vehicle moves freely.
-    Returns outputs (samples, axles, OUTPUTS), means over the interval except MU_AVAILABLE (at its end), and
-    (samples, 2) with v and distance at the end. Runge-Kutta, 4th order, with a step that follows the speed.
-    """
-    samples, axles = held_speed.shape[0], state.shape[0]
-    out = np.zeros((samples, axles, OUTPUTS))
-    journey = np.empty((samples, 2))
-    k_state = np.empty((4, axles, 7))
-    k_train = np.empty((4, 2))
-    x, t = np.empty((axles, 7)), np.empty(2)
-    peaks = np.zeros((axles, PEAK_COLUMNS))
-    force, yaw_rate, accel = np.empty(axles), np.empty(axles), np.empty(axles)
-    torque = np.empty(axles)
-    demand, limit = np.empty(axles), np.empty(axles)
-    weight = np.array([1.0, 2.0, 2.0, 1.0]) / 6.0
-    lead = np.array([0.0, 0.5, 0.5, 1.0])
-    for s in range(samples):
-        v = train[0]
-        held_rate = (held_speed[s] - v) / sample_s
-        for i in range(axles):
-            _peak_at(rails[i], train[1] + offset[i], max(v, ROLLING_START), c, peaks[i])
-            creep_peak, mu_peak = peaks[i, PEAK_CREEP], peaks[i, PEAK_MU]
-            wanted = command.creep[s, i]
-            if np.isnan(wanted):
-                wanted = command.creep_of_peak[s, i] * creep_peak
-            if np.isnan(wanted):
-                demand[i] = command.torque[s, i]
-                if np.isnan(demand[i]):
-                    demand[i] = command.utilisation[s, i] * mu_peak * 2 * p.N * p.r_0
-                limit[i] = command.limit_of_peak[s, i] * creep_peak * np.sign(demand[i])
-            else:
-                demand[i] = p.torque_limit * np.sign(wanted)
-                limit[i] = wanted
-            # brakes hold, they do not drive backwards: they let go as the wheel stops
-            if demand[i] < 0:
-                demand[i] *= min(1.0, max(0.0, state[i, W_R] * p.r_0 / 0.5))
-        rate = stiffest / max(v, ROLLING_START)
-        steps = max(int(np.ceil(sample_s / MAX_STEP_S)), int(np.ceil(sample_s * rate / STEP_TIMES_RATE)))
-        steps = int(steps * step_scale)
-        h = sample_s / steps
-        for _ in range(steps):
-            for i in range(axles):
-                torque[i], integral[i] = _drive_torque(state[i], train[0], demand[i], limit[i], integral[i], h, p)
-            for k in range(4):
-                if k == 0:
-                    x[:], t[:] = state, train
-                else:
-                    ahead = lead[k] * h
-                    for i in range(axles):
-                        for j in range(7):
-                            x[i, j] = state[i, j] + ahead * k_state[k - 1, i, j]
-                    for j in range(2):
-                        t[j] = train[j] + ahead * k_train[k - 1, j]
-                train_derivatives(
-                    x, t, torque, offset, start, nodes, rails, held_rate, p, c, k_state[k], k_train[k],
-                    force, yaw_rate, accel,
-                )  # fmt: skip
-                for i in range(axles):
-                    share = weight[k] / steps
-                    out[s, i, YAW_RATE] += share * yaw_rate[i]
-                    out[s, i, LAT_ACCEL] += share * accel[i]
-                    out[s, i, MU_USED] += share * force[i] / (2 * p.N)
-                    slip = 0.5 * p.r_0 * (x[i, W_R] + x[i, W_L]) - t[0]
-                    out[s, i, SLIP] += share * slip / max(t[0], ROLLING_START)
-            for k in range(4):
-                part = h * weight[k]
-                for i in range(axles):
-                    for j in range(7):
-                        state[i, j] += part * k_state[k, i, j]
-                for j in range(2):
-                    train[j] += part * k_train[k, j]
-            train[0] = max(train[0], 0.0)
-            for i in range(axles):
-                out[s, i, TORQUE] += torque[i] / steps
-        for i in range(axles):
-            _peak_at(rails[i], train[1] + offset[i], max(train[0], ROLLING_START), c, peaks[i])
-            out[s, i, MU_AVAILABLE] = peaks[i, PEAK_MU]
-        journey[s, 0], journey[s, 1] = train[0], train[1]
-    return out, journey
+    """`derivatives` of one axle at a held speed: writes d(state)/dt (7,) to out, returns F_xR + F_xL (N) and what the
+    accelerometer reads (m/s2). r is what `rail_at` gives."""
+    b = np.zeros(BLOCK)
+    rows = b.reshape(-1, LANES)[:, 0]
+    rows[X : X + AXLE_STATES], rows[_V // LANES], rows[TRACK // LANES], rows[DRIVE // LANES] = x, v, y_t, torque
+    rows[P // LANES : P // LANES + CONSTANTS] = *p, *c
+    rows[R // LANES : R // LANES + len(r)] = r
+    derivatives(b, 1, True)
+    out[:] = rows[D // LANES : D // LANES + AXLE_STATES]
+    return float(b[FORCE]), float(b[ACCEL])

@@ -1,12 +1,20 @@
-"""The rig's frames: cantools and the autosar-e2e package, independent of the daemon's own codec."""
+"""The rig's frames: cantools and the autosar-e2e package, independent of the daemon's own codec.
+
+`Encoder.frames` makes those of one sample with these libraries. `Encoder.stretch` makes the same bytes of many samples
+at once, column by column; a test compares the two.
+"""
 
 import functools
-from collections.abc import Iterator
+import itertools
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import cantools
 import e2e.p11
+import numpy as np
 from cantools.database.can import Database, Message
+from numpy.typing import NDArray
 
 from sim_ecu.resources import TRUTH_DBC
 from wrcd import resources
@@ -18,8 +26,11 @@ SPACING_US, FAST_SPACING_US = 200, 100
 MAX_SLOW_AXLES = 4
 
 
-@dataclass(frozen=True, slots=True)
-class Sent:
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+class Sent(NamedTuple):
     """A frame, and when after the scenario's start it is due."""
 
     due_us: int
@@ -41,6 +52,22 @@ def protect(data: bytes | bytearray, identity: int) -> bytes:
     return bytes(out)
 
 
+@functools.cache
+def crc_tables(length: int, identity: int) -> tuple[int, NDArray[np.uint8]]:
+    """CRC of a frame of zeros, and what each value of each byte changes in it, (length, 256).
+
+    A CRC is affine in the bits of the frame: the changes of single bytes, asked of the autosar-e2e package, add up
+    (exclusive or) to that of any frame.
+    """
+    none = protect(bytes(length), identity)[0]
+    changes = np.zeros((length, 256), np.uint8)
+    for place, value in itertools.product(range(1, length), range(256)):
+        frame = bytearray(length)
+        frame[place] = value
+        changes[place, value] = protect(frame, identity)[0] ^ none
+    return none, changes
+
+
 class Channel:
     """One cyclic message: encodes, counts its cycles (from a first counter on), protects."""
 
@@ -51,6 +78,8 @@ class Channel:
         self.every_us = int(message.cycle_time or 0) * 1000
         self.can_id = message.frame_id
         self._limits = {s.name: (float(s.minimum or 0.0), float(s.maximum or 0.0)) for s in message.signals}
+        self._counter_bit = np.uint64(message.get_signal_by_name("Counter").start)
+        assert all(s.byte_order == "little_endian" and not s.conversion.is_float for s in message.signals)
 
     def encode(self, due_us: int, values: dict[str, float]) -> Sent:
         """The next frame. Values beyond the signal's range are sent as its end, as a converter would."""
@@ -58,6 +87,23 @@ class Channel:
         counter = (self._first_counter + due_us // self.every_us - 1) % 15
         data = self._message.encode({"Crc": 0, "Counter": counter, "Status": 0, **held}, strict=False)
         return Sent(due_us, self.can_id, protect(data, self._data_id))
+
+    def encode_all(self, due_us: IntArray, values: dict[str, FloatArray]) -> list[Sent]:
+        """The same of frames due at increasing times (n,), from values (n,) of each signal."""
+        length = self._message.length
+        bits = ((self._first_counter + due_us // self.every_us - 1) % 15).astype(np.uint64) << self._counter_bit
+        for s in self._message.signals:
+            if s.name in values:
+                held = np.minimum(np.maximum(values[s.name], self._limits[s.name][0]), self._limits[s.name][1])
+                raw = np.rint((held - float(s.offset)) / float(s.scale)).astype(np.int64)
+                bits |= (raw.astype(np.uint64) & np.uint64(2**s.length - 1)) << np.uint64(s.start)
+        data = bits.astype("<u8").view(np.uint8).reshape(-1, 8)[:, :length].copy()
+        crc, changes = crc_tables(length, self._data_id)
+        for place in range(1, length):
+            data[:, 0] ^= changes[place, data[:, place]]
+        data[:, 0] ^= crc
+        packed, ends = data.tobytes(), range(length, length * len(data) + 1, length)
+        return [Sent(t, self.can_id, packed[end - length : end]) for t, end in zip(due_us.tolist(), ends, strict=True)]
 
 
 @functools.cache
@@ -99,6 +145,32 @@ class Sample:
         return Sample(self.due_us, factor * self.speed_m_s, tuple(readings))
 
 
+class Stretch(NamedTuple):
+    """Successive samples as columns."""
+
+    numbers: tuple[int, ...]  # of the axles
+    due_us: IntArray  # (n,)
+    speed_m_s: FloatArray  # (n,)
+    readings: FloatArray  # (n, axles, 6), in the order of a Reading's fields
+
+    def samples(self) -> Iterator[Sample]:
+        """One by one."""
+        for due_us, speed, rows in zip(
+            self.due_us.tolist(), self.speed_m_s.tolist(), self.readings.tolist(), strict=True
+        ):
+            yield Sample(due_us, speed, tuple(Reading(n, *r) for n, r in zip(self.numbers, rows, strict=True)))
+
+
+def stretch_of(samples: Sequence[Sample]) -> Stretch:
+    """Samples of the same axles, one at least, as columns."""
+    rows = [
+        [(r.yaw_rate, r.lat_accel, r.torque, r.mu_available_pct, r.mu_used_pct, r.slip) for r in s.readings]
+        for s in samples
+    ]
+    due_us, speed = np.array([s.due_us for s in samples]), np.array([s.speed_m_s for s in samples])
+    return Stretch(tuple(r.number for r in samples[0].readings), due_us, speed, np.array(rows))
+
+
 class Encoder:
     """All frames of a train of axles, sample by sample. Their counters begin at `counter`."""
 
@@ -130,3 +202,22 @@ class Encoder:
                     at += self._spacing_us
         if due_us % self._speed.every_us == 0:
             yield self._speed.encode(at, {"Speed": sample.speed_m_s})
+
+    def stretch(self, s: Stretch) -> list[list[Sent]]:
+        """The frames of each sample, as `frames` makes them."""
+        parts: list[tuple[Channel, dict[str, FloatArray]]] = []
+        for n, (yaw, lat, torque, available, used, slip) in zip(s.numbers, s.readings.transpose(1, 2, 0), strict=True):
+            parts += [(self._yaw[n], {"YawRate": yaw}), (self._lat[n], {"LatAccel": lat})]
+            parts.append((self._torque[n], {"Torque": torque}))
+            if self._truth:
+                parts.append((self._truth[n], {"MuAvailable": available, "MuUsed": used, "Slip": slip}))
+        parts.append((self._speed, {"Speed": s.speed_m_s}))
+        out: list[list[Sent]] = [[] for _ in s.due_us]
+        at = s.due_us.copy()
+        for channel, values in parts:
+            places = np.flatnonzero(s.due_us % channel.every_us == 0)
+            found = channel.encode_all(at[places], {name: v[places] for name, v in values.items()})
+            for place, frame in zip(places.tolist(), found, strict=True):
+                out[place].append(frame)
+            at[places] += SPACING_US
+        return out

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from sim_ecu.play.encoder import SAMPLE_US, Encoder, Sample, Sent, databases
+from sim_ecu.play.encoder import SAMPLE_US, Encoder, Sample, Sent, databases, stretch_of
 from sim_ecu.play.faults import SIGNALS, Fault
 from sim_ecu.play.frame_faults import frame_fault
 
@@ -21,10 +21,11 @@ def other_axle(axle: int, numbers: Sequence[int]) -> int:
 
 
 def inject(
-    samples: Iterable[Sample], faults: Sequence[Fault], numbers: Sequence[int], seed: int, truth: bool = True
-) -> Iterator[tuple[int, list[Sent]]]:
+    samples: Iterable[Sample], faults: Sequence[Fault], numbers: Sequence[int], seed: int, truth: bool = True,
+    chunk: int = 20,
+) -> Iterator[tuple[int, list[Sent]]]:  # fmt: skip
     """The frames of every sample in the order of their due times, each sample in two halves so that a player that
-    sends a half at once keeps frames beside each other that the faults put there."""
+    sends a half at once keeps frames beside each other that the faults put there. So many samples are taken at once."""
     encoder = Encoder(list(numbers), truth)
     signal_faults = [SignalFault(f, numbers, [seed, 4, k]) for k, f in enumerate(faults) if f.kind in CHANGES]
     frame_faults = [
@@ -34,23 +35,34 @@ def inject(
     ]
     held: list[tuple[int, int, Sent]] = []  # what is due later; a number keeps the order of those due at once
     order = itertools.count()
-    before: Sample | None = None
-    for sample in samples:
-        measured = sample
-        for s in signal_faults:
-            if s.fault.on(sample.due_us):
-                measured = s.change(measured, before or sample)
-        before = sample
-        frames: Iterable[Sent] = list(encoder.frames(measured))
+    for measured, frames in _encoded(samples, signal_faults, encoder, chunk):
         for fault in frame_faults:
             frames = fault.take(frames)
-        beside = [f for fault in frame_faults if fault.on(sample.due_us) for f in fault.beside(measured)]
+        beside = [f for fault in frame_faults if fault.on(measured.due_us) for f in fault.beside(measured)]
         for f in itertools.chain(frames, beside):
             heapq.heappush(held, (f.due_us, next(order), f))
-        for half in (sample.due_us, sample.due_us + SAMPLE_US // 2):
+        for half in (measured.due_us, measured.due_us + SAMPLE_US // 2):
             yield half, list(_until(held, half + SAMPLE_US // 2))
     if held:
         yield held[0][0], [heapq.heappop(held)[2] for _ in range(len(held))]
+
+
+def _encoded(
+    samples: Iterable[Sample], faults: Sequence["SignalFault"], encoder: Encoder, chunk: int
+) -> Iterator[tuple[Sample, list[Sent]]]:
+    """The samples with the faults of their signals, and their frames."""
+    left = iter(samples)
+    before: Sample | None = None
+    while taken := list(itertools.islice(left, chunk)):
+        changed = []
+        for sample in taken:
+            measured = sample
+            for s in faults:
+                if s.fault.on(sample.due_us):
+                    measured = s.change(measured, before or sample)
+            before = sample
+            changed.append(measured)
+        yield from zip(changed, encoder.stretch(stretch_of(changed)), strict=True)
 
 
 def _until(held: list[tuple[int, int, Sent]], due_us: int) -> Iterator[Sent]:

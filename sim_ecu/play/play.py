@@ -14,7 +14,7 @@ import can
 from sim_ecu.play.encoder import SAMPLE_US, Sent
 from sim_ecu.play.faults import KINDS, Fault, Stage
 from sim_ecu.play.interface import Bus, Interface, PythonCan, check
-from sim_ecu.play.player import Player
+from sim_ecu.play.player import LARGE_CHUNK, Player
 from sim_ecu.play.scenario import Scenario
 from wrcd.errors import BusError, InputError
 from wrcd.tools.progress import Progress
@@ -57,7 +57,7 @@ def fault_line(fault: Fault, begin_us: int, end_us: int) -> str:
 def play_to_log(scenario: Scenario, log: Path, truth: bool = True) -> Tally:
     """As fast as it computes; the suffix of the log tells its format. Faults of the interface are silence there."""
     tally, progress = Tally(), Progress()
-    player = Player(scenario, truth)
+    player = Player(scenario, truth, LARGE_CHUNK)
     with open_logger(log) as logger:
         for due_us, frames in player:
             for f in frames:

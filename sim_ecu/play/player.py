@@ -8,11 +8,13 @@ from sim_ecu.physics.axlebox import AxleBoxStream
 from sim_ecu.physics.simulation import Axle, Samples, Simulation
 from sim_ecu.physics.track import Track
 from sim_ecu.physics.wheelset import LAT_ACCEL, MU_AVAILABLE, MU_USED, SLIP, TORQUE, YAW_RATE, FloatArray
-from sim_ecu.play.encoder import SAMPLE_US, Encoder, Reading, Sample, Sent
+from sim_ecu.play.encoder import SAMPLE_US, Encoder, Sample, Sent, Stretch
 from sim_ecu.play.inject import inject
 from sim_ecu.play.scenario import AxleScenario, Scenario
 
-CHUNK = 20  # samples simulated at a time
+# Samples that are simulated and encoded at once: in real time as few as leave no gap before the first; where nobody
+# waits, many.
+CHUNK, LARGE_CHUNK = 20, 400
 
 
 class _Sensing:
@@ -24,18 +26,17 @@ class _Sensing:
         own, track = np.random.default_rng([a.seed, 3]), np.random.default_rng([a.runs_on, 4])
         self._axlebox = AxleBoxStream(a.axlebox, SAMPLE_US * 1e-6, own, track)
 
-    def readings(self, s: Samples, place: int) -> list[Reading]:
+    def readings(self, s: Samples, place: int) -> FloatArray:
+        """(n, 6): the columns of a Reading."""
         y = s.outputs[:, place]
         sensors = self._a.sensors
         felt = y[:, [YAW_RATE, LAT_ACCEL]] + self._axlebox.next(s.distance_m + self._a.position_m, s.speed_m_s)
-        yaw = sensors.yaw_rate.measure(felt[:, 0], self._rngs[0])
-        lat = sensors.lat_accel.measure(felt[:, 1], self._rngs[1])
-        torque = sensors.torque.measure(y[:, TORQUE], self._rngs[2])
-        rows = zip(yaw, lat, torque, y[:, MU_AVAILABLE], y[:, MU_USED], y[:, SLIP], strict=True)
-        return [
-            Reading(self._a.number, float(g), float(q), float(t), 100 * float(mu), abs(100 * float(used)), float(slip))
-            for g, q, t, mu, used, slip in rows
-        ]
+        return np.column_stack((
+            sensors.yaw_rate.measure(felt[:, 0], self._rngs[0]),
+            sensors.lat_accel.measure(felt[:, 1], self._rngs[1]),
+            sensors.torque.measure(y[:, TORQUE], self._rngs[2]),
+            100 * y[:, MU_AVAILABLE], np.abs(100 * y[:, MU_USED]), y[:, SLIP],
+        ))  # fmt: skip
 
 
 def on_tracks(axles: Sequence[AxleScenario]) -> list[Axle]:
@@ -49,9 +50,10 @@ def on_tracks(axles: Sequence[AxleScenario]) -> list[Axle]:
 class Player:
     """Iterates over the samples of a scenario: (end of the sample in us, its frames)."""
 
-    def __init__(self, scenario: Scenario, truth: bool = True) -> None:
+    def __init__(self, scenario: Scenario, truth: bool = True, chunk: int = CHUNK) -> None:
         self.scenario = scenario
         self._axles = scenario.axles
+        self._chunk = chunk
         start = float(scenario.speed.at(np.zeros(1))[0])
         self._simulation = Simulation(scenario.wheelset, on_tracks(self._axles), start, SAMPLE_US * 1e-6)
         self._sensing = [_Sensing(a) for a in self._axles]
@@ -62,20 +64,24 @@ class Player:
     def __iter__(self) -> Iterator[tuple[int, list[Sent]]]:
         numbers = [a.number for a in self._axles]
         if self.scenario.faults:
-            yield from inject(self.measured(), self.scenario.faults, numbers, self._axles[0].seed, self._truth)
+            seed = self._axles[0].seed
+            yield from inject(self.measured(), self.scenario.faults, numbers, seed, self._truth, self._chunk)
             return
         encoder = Encoder(numbers, self._truth)
-        for sample in self.measured():
-            yield sample.due_us, list(encoder.frames(sample))
+        for stretch in self._stretches():
+            yield from zip(stretch.due_us.tolist(), encoder.stretch(stretch), strict=True)
 
     def measured(self) -> Iterator[Sample]:
         """What the sensors say, sample by sample, before anything goes wrong with it."""
-        for first in range(0, self.samples, CHUNK):
-            numbers = np.arange(first + 1, min(first + CHUNK, self.samples) + 1)
+        for stretch in self._stretches():
+            yield from stretch.samples()
+
+    def _stretches(self) -> Iterator[Stretch]:
+        axles = tuple(a.number for a in self._axles)
+        for first in range(0, self.samples, self._chunk):
+            numbers = np.arange(first + 1, min(first + self._chunk, self.samples) + 1)
             t: FloatArray = numbers.astype(np.float64) * (SAMPLE_US * 1e-6)
             s = self._simulation.advance(self.scenario.commands(t), self.scenario.held_speed(t))
             speed = self._axles[0].sensors.speed.measure(s.speed_m_s, self._speed_rng)
-            per_axle = [sensing.readings(s, place) for place, sensing in enumerate(self._sensing)]
-            for i, number in enumerate(numbers):
-                due_us = int(number) * SAMPLE_US
-                yield Sample(due_us, float(speed[i]), tuple(r[i] for r in per_axle))
+            readings = [sensing.readings(s, place) for place, sensing in enumerate(self._sensing)]
+            yield Stretch(axles, numbers * SAMPLE_US, speed, np.stack(readings, axis=1))

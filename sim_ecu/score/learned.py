@@ -62,8 +62,8 @@ class Filterless:
         inputs = raw_inputs(ticks, self.window, self.noise_rms)
         t, n, k = inputs.shape
         rows = inputs.reshape(-1, k)
-        _, firing = self.rules.shares(rows)
-        mu = np.where(firing >= MIN_FIRING, self.rules.mu_pct(rows), 0.0).reshape(t, n)
+        said, firing = self.rules.answer(rows)
+        mu = np.where(firing >= MIN_FIRING, said, 0.0).reshape(t, n)
         return np.maximum(mu, 100.0 * 10.0 ** inputs[:, :, 2])
 
 

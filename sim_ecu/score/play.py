@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from sim_ecu.physics.contact import peak
 from sim_ecu.play.encoder import databases
 from sim_ecu.play.play import LOG_START_US
-from sim_ecu.play.player import Player
+from sim_ecu.play.player import LARGE_CHUNK, Player
 from sim_ecu.score.baselines import Baseline
 from sim_ecu.score.heard import Heard
 from sim_ecu.score.suites.run import Run
@@ -121,7 +121,7 @@ def play(run: Run, config: Config, baselines: dict[str, Baseline]) -> list[Trace
     axles = run.scenario.axles
     ear = Ear([a.number for a in axles])
     half_widths: dict[int, FloatArray] = {}
-    for _, frames in Player(run.scenario):
+    for _, frames in Player(run.scenario, chunk=LARGE_CHUNK):
         for f in frames:
             stamp_us = LOG_START_US + f.due_us
             ear.hear(stamp_us, f.can_id, f.data)

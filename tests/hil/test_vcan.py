@@ -289,7 +289,7 @@ def test_six_axles_are_sent_at_fifty_hertz_and_nothing_is_lost(tmp_path: Path) -
     played = len(log.read_text().splitlines())
     assert played == 6 * (1200 + 1200 + 600) + 300
     # a guest whose host is busy stands still for longer than a slot: the best of three plays
-    plays = []
+    plays: list[tuple[dict[str, int], int, int, str, list[Frame]]] = []
     while len(plays) < 3 and not (plays and not any(plays[-1][0].values())):
         begin_us, end_us, said = play_six_axles(log, seen)
         sent = [f for f, _ in read_log(seen, Damage())]

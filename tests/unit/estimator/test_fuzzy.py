@@ -100,7 +100,10 @@ def test_an_unknown_input_gives_no_answer(design: Design) -> None:
 
 def seen(power: FloatArray, ticks: float = 200.0) -> Statistics:
     """Statistics of one axle with a given power (4, 2)."""
-    return Statistics(power[None], np.zeros((1, 8)), np.zeros((1, 4)), np.array([0.1]), np.array([ticks]), np.ones(1))
+    return Statistics(
+        power[None], power.mean(axis=1)[None], np.zeros((1, 8)), np.zeros((1, 4)), np.array([0.1]), np.array([ticks]),
+        np.ones(1),
+    )  # fmt: skip
 
 
 PAST = Past(now=np.array([0.1]), lowest=np.array([0.05]), highest=np.array([0.2]), decades=np.zeros((1, MODELS)))
@@ -108,7 +111,8 @@ PAST = Past(now=np.array([0.1]), lowest=np.array([0.05]), highest=np.array([0.2]
 
 def columns(design: Design, s: Statistics, factor: FloatArray, past: Past = PAST) -> FloatArray:
     """(COLUMNS,): what the rules are given of one window."""
-    return np.asarray(RuleInputs(design).columns(s, np.array([0.1]), past, factor, SPEED)[0])
+    rules = RuleInputs(design)
+    return np.asarray(rules.columns(s, np.array([0.1]), past, factor, rules.floor(factor, SPEED), SPEED)[0])
 
 
 def test_sensor_noise_is_subtracted_from_the_residual(design: Design) -> None:
@@ -142,7 +146,7 @@ def test_noise_alone_is_no_excitation(design: Design) -> None:
     floor = RuleInputs(design).floor(np.ones((2, 1)), SPEED)[0]
     for times in (1.0, 2.0):
         s = seen(np.tile((times**2 * floor)[:, None], 2))
-        assert RuleInputs(design).excitation(s, np.ones((2, 1)), SPEED) == pytest.approx([times])
+        assert RuleInputs.excitation(s, floor[None]) == pytest.approx([times])
 
 
 def test_steps_of_the_residuals_are_held_and_none_where_nothing_is_known(design: Design) -> None:

@@ -1,6 +1,7 @@
 """The rig's half: contact, wheelset, track, sensors."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,12 +11,13 @@ from sim_ecu.design.cases import command
 from sim_ecu.design.linear import TRACK_DECAY, model, slope_and_secant
 from sim_ecu.design.make import POINTS
 from sim_ecu.physics.contact import CURVES, CreepCurve, curve_between, kalker_c11, peak, traction_ratio
-from sim_ecu.physics.rail import RAIL_COLUMNS
+from sim_ecu.physics.rail import RAIL_COLUMNS, rail_table
 from sim_ecu.physics.sensors import SENSOR_SETS
-from sim_ecu.physics.simulation import Axle, Simulation
+from sim_ecu.physics.simulation import Axle, Simulation, advance_side_by_side
 from sim_ecu.physics.track import OMEGA_C, OMEGA_R, QUALITY, SPACING_M, Track, irregularity
 from sim_ecu.physics.wheelset import (
     GRAVITY,
+    LANES,
     LAT_ACCEL,
     MU_AVAILABLE,
     MU_USED,
@@ -205,6 +207,48 @@ def test_chunks_do_not_matter() -> None:
         return np.concatenate(parts)
 
     assert np.array_equal(run(300), run(20))
+
+
+def test_vehicles_side_by_side_ride_as_each_alone() -> None:
+    n = 200
+    speed: FloatArray = np.linspace(12.0, 12.8, n)  # every vehicle takes steps of its own, and their number changes
+    curves = [curve_between(mu_0) for mu_0 in np.geomspace(0.6, 0.03, LANES + 3)]
+    tables = [rail_table([(0.0, CURVES["A"], 0.0, 0.0), (4.0 + k, c, 1e-3, 0.02)]) for k, c in enumerate(curves)]
+    wheelsets = [replace(W, m_w=W.m_w * (1 + 0.01 * k)) for k in range(len(curves))]
+
+    def ready() -> list[Simulation]:
+        return [
+            Simulation(w, [Axle(t, Track(QUALITY["good"], k))], 12.0)
+            for k, (w, t) in enumerate(zip(wheelsets, tables, strict=True))
+        ]
+
+    drive = command(n, len(curves), utilisation=np.linspace(-1.2, 1.2, len(curves)), limit_of_peak=1.3)
+    together = ready()
+    halves = [
+        advance_side_by_side(together, Command(*(c[half] for c in drive)), speed[half])
+        for half in (slice(0, 90), slice(90, n))
+    ]
+    outputs, journey = (np.concatenate(parts) for parts in zip(*halves, strict=True))
+    for k, (sim, beside) in enumerate(zip(ready(), together, strict=True)):
+        alone = sim.advance(Command(*(np.ascontiguousarray(c[:, k : k + 1]) for c in drive)), speed)
+        assert np.array_equal(outputs[:, k], alone.outputs[:, 0])
+        assert np.array_equal(journey[:, k, 1], alone.distance_m)
+        assert np.array_equal(beside.state, sim.state)
+
+
+def test_forces_are_those_of_the_contact_law() -> None:
+    rng = np.random.default_rng(1)
+    c, u = W.contact, 20.0
+    for curve in CURVES.values():
+        x = np.array([1e-3, 0.02, 1e-3, 0.03, 40.1, 40.05, 1e-3]) * rng.standard_normal(7)
+        x[[W_R, W_L]] += u / W.r_0
+        force, _ = axle_derivatives(x, u, 0.0, 0.0, rail(curve)[0, 1:], constants(W), c, np.empty(7))
+        expected = 0.0
+        for side, wheel in ((-1.0, W_R), (1.0, W_L)):
+            along = (W.r_0 * x[wheel] - u) / u + side * (W.L_g * x[PSIDOT] / u + W.gamma * x[Y] / W.r_0)
+            total = math.hypot(along, x[YDOT] / u - x[PSI])
+            expected += W.normal_N * traction_ratio(total, u, c, *curve.row()) * along / total
+        assert force == pytest.approx(expected, rel=1e-12)
 
 
 def test_a_curve_pushes_outwards() -> None:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from sim_ecu.design.cases import Condition, command, simulate
+from sim_ecu.design.features import estimator_alone
 from sim_ecu.design.linear import model, slope_and_secant
 from sim_ecu.physics.contact import CURVES, CreepCurve, curve_between
 from sim_ecu.physics.rail import RAIL_COLUMNS
@@ -21,7 +22,8 @@ from sim_ecu.score.learned import raw_inputs
 from sim_ecu.score.ticks import Ticks
 from wrcd.errors import InputError
 from wrcd.estimator.design import load_design
-from wrcd.estimator.estimator import Estimator
+from wrcd.estimator.estimator import OFFSET_WINDOWS, Estimator
+from wrcd.estimator.offset import Offset
 from wrcd.estimator.records import one_tick
 from wrcd.resources import DESIGN
 
@@ -51,6 +53,30 @@ def quiet(ticks: int, axles: int, speed: float = 25.0) -> Ticks:
     return Ticks(
         z, np.ones(z.shape, bool), np.full((ticks, axles), 0.01), np.full(ticks, speed), TICK_S, np.arange(ticks)
     )
+
+
+def test_the_offset_is_taken_off_as_the_train_does_it() -> None:
+    rng = np.random.default_rng(2)
+    z = np.array([0.02, 0.5])[:, None] + rng.standard_normal((700, 2, 3))
+    present = rng.random(z.shape) > 0.2
+    ticks = replace(quiet(len(z), 3), z=np.where(present, z, np.nan), present=present)
+    train = Offset(OFFSET_WINDOWS * WINDOW, 3)
+    expected = np.stack([train.step(np.nan_to_num(one), there) for one, there in zip(ticks.z, present, strict=True)])
+    assert np.array_equal(without_offset(ticks, WINDOW).z, np.where(present, expected, np.nan), equal_nan=True)
+
+
+def test_an_estimator_alone_says_what_the_trains_does() -> None:
+    design = load_design(DESIGN)
+    ticks = measured(played(CURVES["C"], 0.6, math.nan, 5), 5)[0]
+    both = Estimator(design, 1), estimator_alone(design, 1)
+    for k in range(len(ticks.z)):
+        tick = one_tick(k, ticks.z[k], ticks.present[k], ticks.torque_ratio[k], float(ticks.speed_m_s[k]))
+        for estimator in both:
+            estimator.step(tick)
+        if k % 100 == 99:
+            trains, alone = (estimator.estimate() for estimator in both)
+            assert np.array_equal(trains.mu_available_pct, alone.mu_available_pct)
+            assert np.array_equal(trains.inputs, alone.inputs)
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,246 @@
+"""The equations of `wheelset` in time: Runge-Kutta, 4th order, for the axles of a train or for a batch of vehicles."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from sim_ecu.physics.compiled import compiled
+from sim_ecu.physics.contact import Contact, peak
+from sim_ecu.physics.rail import rail_at, read_rail
+from sim_ecu.physics.track import between_nodes
+from sim_ecu.physics.wheelset import (
+    ACCEL,
+    AXLE_STATES,
+    BLOCK,
+    CONSTANTS,
+    DRIVE,
+    FORCE,
+    HELD,
+    LANES,
+    LAT_ACCEL,
+    MU_AVAILABLE,
+    MU_USED,
+    OUTPUTS,
+    ROLLING_START,
+    SLIP,
+    STATES,
+    TORQUE,
+    TRACK,
+    W_L,
+    W_R,
+    YAW,
+    YAW_RATE,
+    Command,
+    Constants,
+    D,
+    FloatArray,
+    IntArray,
+    P,
+    R,
+    X,
+    derivatives,
+)
+
+# Integration step: the longest allowed, and the longest relative to the fastest decay of the contact (RK4 is stable
+# to 2.8; 0.35 keeps the outputs within 1e-3 of half that step, see the convergence test).
+MAX_STEP_S = 5.0e-4
+STEP_TIMES_RATE = 0.35
+
+# Rows of the integration behind those of the equations: the state at a step's beginning, what the four stages add up
+# to, the step (s), how many there are in the sample, and the sums of the outputs.
+BEGIN, SUM = BLOCK, BLOCK + STATES * LANES
+STEP, STEPS = BLOCK + 2 * STATES * LANES, BLOCK + (2 * STATES + 1) * LANES
+OUT = STEPS + LANES
+ROWS = OUT + OUTPUTS * LANES
+_V, _DISTANCE, _W_R, _W_L = (q * LANES for q in (AXLE_STATES, AXLE_STATES + 1, W_R, W_L))
+_R_0, _I_R, _I_L, _N, _LIMIT = (
+    P + Constants._fields.index(name) * LANES for name in ("r_0", "I_R", "I_L", "N", "torque_limit")
+)
+_NORMAL, _STIFFNESS = (P + (len(Constants._fields) + k) * LANES for k in range(2))
+# What is kept of an axle's newest peak: the speed and the curve's five numbers that it is of, and where it lies.
+PEAK_CREEP, PEAK_MU = 6, 7
+PEAK_COLUMNS = 8
+
+
+@compiled
+def _drive_torque(b: FloatArray, j: int, demand: float, limit: float, integral: float) -> tuple[float, float]:
+    """Creep controller: the demanded torque unless creep would pass the limit (both signed). Torque, integral.
+
+    No demand is coasting: there is no torque that could be limited.
+    """
+    if demand == 0.0:
+        return 0.0, 0.0
+    v, r_0, most = b[BEGIN + _V + j], b[_R_0 + j], b[_LIMIT + j]
+    u = max(v, ROLLING_START)
+    inertia = b[_I_R + j] + b[_I_L + j]
+    slip = (b[_I_R + j] * b[BEGIN + _W_R + j] + b[_I_L + j] * b[BEGIN + _W_L + j]) / inertia * r_0 - v
+    error = limit * u - slip  # m/s
+    gain = inertia / r_0 * 40.0  # 40 rad/s: well below the shaft's 374 rad/s
+    held = gain * error + integral
+    torque = min(demand, held) if limit >= 0 else max(demand, held)
+    torque = min(max(torque, -most), most)
+    # back-calculation, 50 ms: the integral follows while something else decides the torque
+    integral += b[STEP + j] * (gain * 12.0 * error - (held - torque) / 0.05)
+    return torque, integral
+
+
+@compiled
+def _peak_at(rail: FloatArray, distance_m: float, speed_m_s: float, c: Contact, known: FloatArray) -> None:
+    """The peak at a place and a speed, in known (PEAK_COLUMNS,); searched for only where it is another than before."""
+    r = rail_at(rail, distance_m)
+    same = known[0] == speed_m_s
+    for j in range(5):
+        same = same and known[1 + j] == r[j]
+    if not same:
+        known[0], known[1:6] = speed_m_s, r[:5]
+        known[PEAK_CREEP], known[PEAK_MU] = peak(speed_m_s, c, r[0], r[1], r[2], r[3], r[4])
+
+
+@compiled
+def _stage(b: FloatArray, n: int, weight: float, lead: float) -> None:
+    """Derivatives at X: their share of the step, and X for the next stage, lead of a step ahead of the beginning."""
+    for j in range(n):
+        part, ahead = b[STEP + j] * weight, lead * b[STEP + j]
+        for q in range(STATES):
+            d = b[D + q * LANES + j]
+            b[SUM + q * LANES + j] += part * d
+            b[X + q * LANES + j] = b[BEGIN + q * LANES + j] + ahead * d
+
+
+@compiled
+def _outputs(b: FloatArray, n: int, weight: float) -> None:
+    """A stage's share in the means over the sample; none of a lane that has finished: its STEPS are infinite."""
+    for j in range(n):
+        share = weight / b[STEPS + j]
+        v = b[X + _V + j]
+        b[OUT + YAW_RATE * LANES + j] += share * b[YAW + j]
+        b[OUT + LAT_ACCEL * LANES + j] += share * b[ACCEL + j]
+        b[OUT + MU_USED * LANES + j] += share * b[FORCE + j] / (2 * b[_N + j])
+        slip = 0.5 * b[_R_0 + j] * (b[X + _W_R + j] + b[X + _W_L + j]) - v
+        b[OUT + SLIP * LANES + j] += share * slip / max(v, ROLLING_START)
+
+
+class Rides(NamedTuple):
+    """What n axles run on, and what they are; arrays of all, one after another.
+
+    Axle i's rail table is rails[first_rail[i]:first_rail[i + 1]]. Node k of its track is nodes[base[i] + k], for k from
+    its first one at hand to before[i]; the track's first node lies at start[i] (m).
+    """
+
+    position: FloatArray  # (n,) m, ahead of the train's own distance
+    rails: FloatArray
+    first_rail: IntArray  # (n + 1,)
+    nodes: FloatArray  # (…, 2)
+    base: IntArray  # (n,)
+    first_node: IntArray  # (n,)
+    before: IntArray  # (n,)
+    start: FloatArray  # (n,)
+    numbers: FloatArray  # (n, CONSTANTS): Constants, then Contact
+    stiffest: FloatArray  # (n,) m/s2: the fastest decay of the contact times speed
+
+
+@compiled
+def integrate(
+    state: FloatArray, train: FloatArray, integral: FloatArray, rides: Rides, command: Command,
+    held_speed: FloatArray, sample_s: float, step_scale: float, one_train: bool,
+) -> tuple[FloatArray, FloatArray]:  # fmt: skip
+    """Advance n axles by len(held_speed) sample intervals, in place.
+
+    state (n, 7), train (n, 2) of each one's v and distance, integral (n,) of its controller are read, and left at the
+    end of the last interval. held_speed (samples,) is the speed at the end of each interval, NaN where the vehicle
+    moves freely. one_train: the axles, LANES at most, share one vehicle; else each is a vehicle of its own.
+    Returns outputs (samples, n, OUTPUTS), means over the interval except MU_AVAILABLE (at its end), and
+    (samples, n, 2) with v and distance at the end. The step follows each vehicle's speed.
+    """
+    samples, axles = held_speed.shape[0], state.shape[0]
+    out, journey = np.empty((samples, axles, OUTPUTS)), np.empty((samples, axles, 2))
+    b = np.zeros(ROWS)
+    demand, limit, left = np.empty(LANES), np.empty(LANES), np.empty(LANES, np.int64)
+    weight = np.array([1.0, 2.0, 2.0, 1.0]) / 6.0
+    lead = np.array([0.0, 0.5, 0.5, 1.0, 0.0])
+    shortest = int(np.ceil(sample_s / MAX_STEP_S))
+    for first in range(0, axles, LANES):
+        n = min(LANES, axles - first)
+        peaks = np.zeros((n, PEAK_COLUMNS))
+        for j in range(n):
+            i = first + j
+            for q in range(AXLE_STATES):
+                b[BEGIN + q * LANES + j] = state[i, q]
+            b[BEGIN + _V + j], b[BEGIN + _DISTANCE + j] = train[i]
+            for q in range(CONSTANTS):
+                b[P + q * LANES + j] = rides.numbers[i, q]
+            read_rail(rides.rails, rides.first_rail[i], rides.first_rail[i + 1], 0.0, b, R + j, LANES)
+        for s in range(samples):
+            most = 0
+            for j in range(n):
+                i = first + j
+                c = Contact(b[_NORMAL + j], b[_STIFFNESS + j])
+                v = b[BEGIN + _V + j]
+                rail = rides.rails[rides.first_rail[i] : rides.first_rail[i + 1]]
+                _peak_at(rail, b[BEGIN + _DISTANCE + j] + rides.position[i], max(v, ROLLING_START), c, peaks[j])
+                creep_peak, mu_peak = peaks[j, PEAK_CREEP], peaks[j, PEAK_MU]
+                wanted = command.creep[s, i]
+                if np.isnan(wanted):
+                    wanted = command.creep_of_peak[s, i] * creep_peak
+                if np.isnan(wanted):
+                    demand[j] = command.torque[s, i]
+                    if np.isnan(demand[j]):
+                        demand[j] = command.utilisation[s, i] * mu_peak * 2 * b[_N + j] * b[_R_0 + j]
+                    limit[j] = command.limit_of_peak[s, i] * creep_peak * np.sign(demand[j])
+                else:
+                    demand[j] = b[_LIMIT + j] * np.sign(wanted)
+                    limit[j] = wanted
+                # brakes hold, they do not drive backwards: they let go as the wheel stops
+                if demand[j] < 0:
+                    demand[j] *= min(1.0, max(0.0, b[BEGIN + _W_R + j] * b[_R_0 + j] / 0.5))
+                rate = rides.stiffest[i] / max(v, ROLLING_START)
+                steps = int(max(shortest, int(np.ceil(sample_s * rate / STEP_TIMES_RATE))) * step_scale)
+                left[j], most = steps, max(most, steps)
+                b[HELD + j] = (held_speed[s] - v) / sample_s
+                b[STEP + j], b[STEPS + j] = sample_s / steps, steps
+                for q in range(OUTPUTS):
+                    b[OUT + q * LANES + j] = 0.0
+            busy = n
+            for step in range(most):
+                while left[busy - 1] <= step:
+                    busy -= 1
+                for j in range(busy):
+                    if left[j] > step:
+                        torque, integral[first + j] = _drive_torque(b, j, demand[j], limit[j], integral[first + j])
+                        b[DRIVE + j] = torque
+                        b[OUT + TORQUE * LANES + j] += torque / left[j]
+                    else:
+                        b[STEP + j], b[STEPS + j] = 0.0, np.inf
+                for q in range(STATES * LANES):
+                    b[X + q] = b[SUM + q] = b[BEGIN + q]
+                for k in range(4):
+                    for j in range(busy):
+                        i = first + j
+                        at = b[X + _DISTANCE + j] + rides.position[i]
+                        if rides.first_rail[i + 1] - rides.first_rail[i] > 1:
+                            read_rail(rides.rails, rides.first_rail[i], rides.first_rail[i + 1], at, b, R + j, LANES)
+                        b[TRACK + j] = between_nodes(
+                            rides.nodes, rides.base[i], rides.first_node[i], rides.before[i], at - rides.start[i]
+                        )
+                    derivatives(b, busy, one_train)
+                    _outputs(b, busy, weight[k])
+                    _stage(b, busy, weight[k], lead[k + 1])
+                for q in range(STATES * LANES):
+                    b[BEGIN + q] = b[SUM + q]
+                for j in range(busy):
+                    b[BEGIN + _V + j] = max(b[BEGIN + _V + j], 0.0)
+            for j in range(n):
+                i = first + j
+                c = Contact(b[_NORMAL + j], b[_STIFFNESS + j])
+                v, distance = b[BEGIN + _V + j], b[BEGIN + _DISTANCE + j]
+                rail = rides.rails[rides.first_rail[i] : rides.first_rail[i + 1]]
+                _peak_at(rail, distance + rides.position[i], max(v, ROLLING_START), c, peaks[j])
+                for q in range(OUTPUTS):
+                    out[s, i, q] = b[OUT + q * LANES + j]
+                out[s, i, MU_AVAILABLE] = peaks[j, PEAK_MU]
+                journey[s, i, 0], journey[s, i, 1] = v, distance
+        for j in range(n):
+            for q in range(AXLE_STATES):
+                state[first + j, q] = b[BEGIN + q * LANES + j]
+            train[first + j, 0], train[first + j, 1] = b[BEGIN + _V + j], b[BEGIN + _DISTANCE + j]
+    return out, journey
