@@ -20,28 +20,20 @@ from wrcd.bus.frame import Frame
 from wrcd.bus.reasons import Reason
 from wrcd.core.backoff import Backoff
 from wrcd.core.block import Block
-from wrcd.core.causes import Cause, Validity
+from wrcd.core.causes import Cause
 from wrcd.core.configuration import Config
 from wrcd.core.counts import Counts, Health
 from wrcd.core.inputs import Inputs
 from wrcd.core.jitter_buffer import NEVER
-from wrcd.core.messages import (
-    NAMES,
-    Outbox,
-    Outgoing,
-    Report,
-    confidence,
-    explanation,
-    nan_to_none,
-    plausibility,
-    surface,
-)
+from wrcd.core.messages import NAMES, Outbox, Outgoing, Report
+from wrcd.core.slot import Slot, frames, reports
 from wrcd.core.validity import ValidityMonitor, tick_causes
 from wrcd.estimator.estimator import Estimator
 from wrcd.estimator.records import Estimate, StepResult, Ticks
 
 FORWARD_STEP_US = 1_000_000  # a stamp, or the clock, further ahead of the open tick than this is a step of time
 BACKWARD_STEP_US = 10_000  # out of order by less than this is jitter between queues, by more a step of the clock
+MAX_HELD_SLOTS = 16  # of which the frames are made at once
 SILENCE_US = 1_000_000  # without a mapped frame: longer, and nothing that was known before holds
 
 
@@ -65,7 +57,7 @@ class Core:
         "counts", "health", "estimator", "receiver", "_open", "_stamp_us", "_inputs", "_validity", "_is_reset",
         "_outbox", "_outlier_us", "_backoff", "_block",
     )  # fmt: skip
-    TRANSIENT = ("reports", "_tick", "_begin_us", "_end_us")
+    TRANSIENT = ("reports", "_tick", "_begin_us", "_end_us", "_held")
 
     def __init__(self, config: Config, estimator: Estimator | None = None, observer: Observer | None = None) -> None:
         self.config = config
@@ -90,6 +82,7 @@ class Core:
         self._backoff = Backoff(n, config.design.tick_s)
         self.reports: list[Report] = []  # of the newest slot
         self.muted = False  # make no frames: nobody would send them
+        self._held: list[Slot] | None = None  # slots whose frames are held back
 
     @property
     def below_min_speed(self) -> bool:
@@ -312,56 +305,63 @@ class Core:
         self._backoff.was_reset(axle, number)
 
     def _due(self, end_us: int) -> list[Outgoing]:
-        """The frames whose slot begins with this tick's end."""
-        c = self.config
-        adhesion, detail, status = (
-            self._begins(cycle, end_us) for cycle in (c.adhesion_cycle_us, c.detail_cycle_us, c.status_cycle_us)
-        )
-        out: list[Outgoing] = []
-        if adhesion or detail:
-            full = self._validity.window_full
-            estimate = self.estimator.estimate() if True in full else None
-            if estimate is not None and self._observer is not None:
-                self._observer.estimated(end_us // self._period_us - 1, estimate)
-            pairs = self.estimator.identity.doubt.tolist()
-            self.reports = [self._report(axle, end_us, estimate, pairs[axle]) for axle in range(self._n)]
-            if adhesion:
-                out += self._outbox.adhesion(end_us, self.reports, estimate)
-            if detail:
-                warm = [estimate if w else None for w in full]
-                stale = [self._inputs.quantities(self._tick.stale, axle) for axle in range(self._n)]
-                out += self._outbox.detail(
-                    end_us,
-                    [explanation(e, axle, stale[axle], self.reports[axle].cause) for axle, e in enumerate(warm)],
-                    [self._input_values(e, axle, end_us) for axle, e in enumerate(warm)],
-                )
-        if status:
-            out += self._outbox.status(end_us, self.counts, self.health, self.estimator.outliers)
+        """The frames whose slot begins with this tick's end; while they are held back, none."""
+        slot = self._slot(end_us)
+        if self._held is None:
+            estimate = None if slot.draft is None else self.estimator.estimates([slot.draft])[0]
+            return self._frames(slot, estimate)
+        self._held.append(slot)
+        return self._release() if len(self._held) >= MAX_HELD_SLOTS else []
+
+    def hold(self) -> None:
+        """Hold the frames back, and make those of many slots at once: for one who does not wait for them."""
+        self._held = []
+
+    def release(self) -> list[Outgoing]:
+        """Make the frames that are held back; from now on they come in their time again."""
+        out = self._release()
+        self._held = None
         return out
 
-    def _begins(self, cycle_us: int, end_us: int) -> bool:
-        """Whether a slot of a cycle begins within the tick that ends, or with its end."""
-        return end_us % cycle_us < self._period_us
+    def _release(self) -> list[Outgoing]:
+        slots, self._held = self._held or [], []
+        estimates = iter(self.estimator.estimates(drafts) if (drafts := [s.draft for s in slots if s.draft]) else ())
+        return [o for slot in slots for o in self._frames(slot, next(estimates) if slot.draft else None)]
 
-    def _report(self, axle: int, end_us: int, estimate: Estimate | None, pair: int) -> Report:
-        age_ms = self._inputs.age_ms(axle, end_us)
-        used = nan_to_none(min(100.0 * self._tick.torque_ratio[axle], 100.0))
-        validity, cause = self._validity.verdict(axle, estimate, pair)
-        if validity is Validity.NOT_AVAILABLE or estimate is None:
-            return Report(validity, None, used, age_ms, "Unknown", "Unknown", "None", cause)
-        mu = nan_to_none(float(estimate.mu_available_pct[axle]))
-        sure = validity is Validity.VALID and mu is not None
-        if sure and used is not None and mu is not None:
-            # what the newest torque is beyond the newest part's mean turns the wheel, or is its sensor's noise
-            used = min(used, mu)
-        contact = "Unknown" if mu is None else "Saturated" if estimate.saturated[axle] else "Adhering"
-        width = nan_to_none(float(estimate.half_width_pp[axle])) if sure else None
-        return Report(validity, mu, used, age_ms, surface(mu), contact, confidence(width), cause)
+    def _frames(self, slot: Slot, estimate: Estimate | None) -> list[Outgoing]:
+        if estimate is not None and self._observer is not None:
+            self._observer.estimated(slot.end_us // self._period_us - 1, estimate)
+        if slot.adhesion or slot.detail:
+            self.reports = reports(slot, estimate)
+        return frames(slot, self.reports, estimate, self._outbox)
 
-    def _input_values(self, estimate: Estimate | None, axle: int, end_us: int) -> dict[str, Value]:
+    def _slot(self, end_us: int) -> Slot:
+        """Take down what the frames of a slot are made from."""
+        c, axles, inputs, tick = self.config, range(self._n), self._inputs, self._tick
+        adhesion, detail, status = (
+            end_us % cycle < self._period_us for cycle in (c.adhesion_cycle_us, c.detail_cycle_us, c.status_cycle_us)
+        )
+        said = adhesion or detail
+        known = said and True in self._validity.window_full
+        pairs = self.estimator.identity.doubt.tolist() if said else []
+        return Slot(
+            end_us=end_us,
+            draft=self.estimator.draft() if known else None,
+            adhesion=adhesion,
+            detail=detail,
+            standing=[self._validity.standing(axle, pair) for axle, pair in enumerate(pairs)],
+            age_ms=[inputs.age_ms(axle, end_us) for axle in axles] if said else (),
+            torque_ratio=tick.torque_ratio,
+            stale=[inputs.quantities(tick.stale, axle) for axle in axles] if detail else (),
+            inputs=[self._input_values(axle, end_us) for axle in axles] if detail else (),
+            status=list(self._outbox.status(end_us, self.counts, self.health, self.estimator.outliers))
+            if status
+            else (),
+        )
+
+    def _input_values(self, axle: int, end_us: int) -> dict[str, Value]:
         unchanged = self._inputs.quantities(self._inputs.unchanged(end_us), axle)
         values: dict[str, Value] = {
-            "Plausibility": plausibility(estimate, axle),
             "Outlier": float(end_us - self._outlier_us[axle] <= self.config.detail_cycle_us),
             "Unchanged": float(bool(unchanged)),
         }

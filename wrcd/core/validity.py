@@ -8,6 +8,7 @@ is Degraded; the window goes on after it.
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from wrcd.core.causes import Cause, Validity
 from wrcd.core.configuration import MAX_AXLES
@@ -38,6 +39,13 @@ RADIUS_SHARES = (0.9, 1.1)
 # grows by 6 %, with 60 ms by 10 %; the interval still holds the truth in 95 % (a stalled bus or computer does that).
 BRIDGED_TICKS = 8
 SOUND = (Cause.NONE,) * MAX_AXLES
+
+
+class Standing(NamedTuple):
+    """What the ticks and the sensors of an axle say of its Validity, whatever its estimate is."""
+
+    has_estimate: bool  # a full window has been seen
+    cause: Cause  # of not being Valid
 
 
 def tick_causes(i: Inputs, tick: TickInputs, end_us: int) -> Sequence[Cause]:
@@ -127,22 +135,29 @@ class ValidityMonitor:
             self._window_full[axle] = True
         self._newest[axle] = cause
 
-    def verdict(self, axle: int, estimate: Estimate | None, pair: int) -> tuple[Validity, Cause]:
-        """Of an axle now, with the Doubt of its pair of sensors."""
-        if not self._window_full[axle] or estimate is None:
-            return Validity.NOT_AVAILABLE, self._newest[axle] or self._begun[axle]
-        cause = self._against(axle, estimate, pair)
-        return (Validity.DEGRADED if cause else Validity.VALID), cause
-
-    def _against(self, axle: int, estimate: Estimate, pair: int) -> Cause:
+    def standing(self, axle: int, pair: int) -> Standing:
+        """Of an axle now, with the Doubt of its pair of sensors: all that there is to say without its estimate."""
+        if not self._window_full[axle]:
+            return Standing(False, self._newest[axle] or self._begun[axle])
         if self._newest[axle]:
-            return self._newest[axle]
+            return Standing(True, self._newest[axle])
         if self._sound_ticks[axle] < self._window:
-            return self._unsound[axle]
-        if pair:
-            return OF_PAIR[Doubt(pair)]
-        if doubt := int(estimate.doubt[axle]):
-            return OF_ESTIMATE[EstimateDoubt(doubt)]
-        if not math.isfinite(estimate.mu_available_pct[axle]):
-            return Cause.TOO_LITTLE_DATA
-        return Cause.CONTRADICTION if estimate.contradicted[axle] else Cause.NONE
+            return Standing(True, self._unsound[axle])
+        return Standing(True, OF_PAIR[Doubt(pair)] if pair else Cause.NONE)
+
+
+def verdict(standing: Standing, axle: int, estimate: Estimate | None) -> tuple[Validity, Cause]:
+    """Valid or not, and why not: decided here."""
+    if not standing.has_estimate or estimate is None:
+        return Validity.NOT_AVAILABLE, standing.cause
+    cause = standing.cause or _of_estimate(axle, estimate)
+    return (Validity.DEGRADED if cause else Validity.VALID), cause
+
+
+def _of_estimate(axle: int, estimate: Estimate) -> Cause:
+    """What an estimate says against itself."""
+    if doubt := int(estimate.doubt[axle]):
+        return OF_ESTIMATE[EstimateDoubt(doubt)]
+    if not math.isfinite(estimate.mu_available_pct[axle]):
+        return Cause.TOO_LITTLE_DATA
+    return Cause.CONTRADICTION if estimate.contradicted[axle] else Cause.NONE

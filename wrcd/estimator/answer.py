@@ -1,6 +1,7 @@
 """From a window to the estimate: residual RMS -> rules -> adhesion, its interval, and what speaks against it."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -26,7 +27,41 @@ VAGUE, MIN_M = 0.6, 2.9
 BEYOND_WIDER = 2.0  # the half-width grows by this factor for each range that an input lies outside the sets
 
 
-Sensors = tuple[FloatArray, FloatArray]  # noise factor (2, n), and the mean square residuals (n, 4) that it leaves
+@dataclass(frozen=True, slots=True)
+class Draft:
+    """What an estimate is made from, as it is at one moment: of the axles' windows nothing else is needed.
+
+    Of several moments, one after another (`joined`), n is that of all of them.
+    """
+
+    blocks: IntArray  # (k, n) the windows' lengths: the longest, the usual, the newest part; in the paper's form one
+    sums: FloatArray  # (COLUMNS, k, n) over those windows
+    now: FloatArray  # (n,) torque ratio of the moment
+    lowest: FloatArray  # (n,) and of half a second
+    highest: FloatArray
+    recent: FloatArray  # (plain columns, n) plain sums over the newest part, and over the half second before it
+    before: FloatArray
+    noise_factor: FloatArray  # (2, n)
+    floor: FloatArray  # (n, 4) mean square residual that sensors so noisy leave
+    speed_m_s: FloatArray  # (n,)
+    grid_speed_m_s: FloatArray  # (n,) held within the design's grid
+
+
+def joined(drafts: Sequence[Draft]) -> Draft:
+    """Drafts of several moments as one."""
+    return Draft(
+        *(np.concatenate([getattr(d, f.name) for d in drafts], axis=_AXIS.get(f.name, -1)) for f in fields(Draft))
+    )
+
+
+_AXIS = {"floor": 0}  # where the axles are not last
+
+
+def split(estimate: Estimate, parts: int) -> list[Estimate]:
+    """An estimate of several moments as one for each."""
+    n = len(estimate.fuzzy) // parts
+    names = [f.name for f in fields(Estimate)]
+    return [Estimate(*(getattr(estimate, name)[k * n : (k + 1) * n] for name in names)) for k in range(parts)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,11 +77,10 @@ class Answer:
 
 
 class Answers:
-    """The estimate of a window, at a speed (m/s, within the design's grid) and with sensors noise_factor (2, n) times
-    as noisy as the design's."""
+    """Estimates of windows, at a speed (m/s) and with sensors noise_factor (2, n) times as noisy as the design's."""
 
     def __init__(self, design: Design, axles: int) -> None:
-        self._d, self._axles = design, axles
+        self._d, self._axles, self._wrcd = design, axles, design.form == "wrcd"
         self._lengths = Lengths(design)
         self._fuzzy = Fuzzy(design)
         self._rule_inputs = RuleInputs(design)
@@ -59,25 +93,52 @@ class Answers:
         """(n,): torque ratio of the moment; NaN where it is not known. Within quiet()."""
         return mean_ratio(window.plain(0, self._lengths.now))
 
-    def estimate(self, window: Window, noise_factor: FloatArray, speed_m_s: float, grid_speed_m_s: float) -> Estimate:
-        """The adhesion that the window's residuals and torque speak for."""
-        with quiet():
-            return self._estimate(window, noise_factor, speed_m_s, grid_speed_m_s)
-
-    def _estimate(self, window: Window, noise_factor: FloatArray, speed_m_s: float, grid_speed_m_s: float) -> Estimate:
-        d, n = self._d, self._axles
-        floor = self._rule_inputs.floor(noise_factor, grid_speed_m_s)
-        sensors = noise_factor, floor
+    def draft(self, window: Window, noise_factor: FloatArray, speed_m_s: float, grid_speed_m_s: float) -> Draft:
+        """Take from a window what the estimate is made from. Within quiet()."""
+        k = self._lengths
         filled = window.filled()
-        usual = np.minimum(filled, self._lengths.usual)
+        usual = np.minimum(filled, k.usual)
         now = self.torque_now(window)
+        lengths: tuple[IntArray, ...] = (usual,)
+        if self._wrcd:
+            lengths = self._alike(window, now, usual, filled), usual, np.minimum(filled, k.recent)
+        return self._draft(window, np.array(lengths), now, noise_factor, speed_m_s, grid_speed_m_s)
+
+    def _draft(
+        self, window: Window, blocks: IntArray, now: FloatArray, noise_factor: FloatArray, speed_m_s: float,
+        grid_speed_m_s: float,
+    ) -> Draft:  # fmt: skip
+        k, half = self._lengths, self._lengths.usual // 2
+        lowest, highest = window.torque_range(half)
+        return Draft(
+            blocks=blocks,
+            sums=window.sums(blocks),
+            now=now,
+            lowest=lowest,
+            highest=highest,
+            recent=window.kept(0, k.recent),
+            before=window.kept(k.recent, k.recent + half),
+            noise_factor=noise_factor,
+            floor=self._rule_inputs.floor(noise_factor, grid_speed_m_s),
+            speed_m_s=np.full(self._axles, speed_m_s),
+            grid_speed_m_s=np.full(self._axles, grid_speed_m_s),
+        )
+
+    def estimate(self, draft: Draft) -> Estimate:
+        """The adhesion that the windows' residuals and torque speak for."""
+        with quiet():
+            return self._estimate(draft)
+
+    def _estimate(self, draft: Draft) -> Estimate:
+        d, n = self._d, len(draft.now)
+        now = draft.now
         used = 100.0 * now
-        if d.form == "paper":
-            (best,), inference, chosen = self._answers(window, [usual], now, sensors, grid_speed_m_s)
+        answers, inference, chosen = self._answers(draft)
+        if not self._wrcd:
+            (best,) = answers
             spread, doubt = best.spread, np.zeros(n, dtype=np.int64)
         else:
-            lengths = [self._alike(window, now, usual, filled), usual, np.minimum(filled, self._lengths.recent)]
-            (long, short, recent), inference, chosen = self._answers(window, lengths, now, sensors, grid_speed_m_s)
+            long, short, recent = answers
             back = _back(long, short)
             if back.any():
                 best = _between(back, long, short)
@@ -90,8 +151,8 @@ class Answers:
             # the newest part may know of a drop that the window as a whole does not show yet: reach down to it
             reach = best.mu_pct - recent.mu_pct * (1.0 - NEWEST_SHARE * recent.spread)
             spread = np.where(reach > spread * best.mu_pct, reach / best.mu_pct, spread)
-            loud = self._rule_inputs.excitation(chosen, floor)
-            spread, doubt = self._doubted(spread, best, inference, chosen, loud, speed_m_s)
+            loud = self._rule_inputs.excitation(chosen, draft.floor)
+            spread, doubt = self._doubted(spread, best, inference, chosen, loud, draft.speed_m_s)
         mu, from_rules = best.mu_pct, best.mu_from_rules_pct
         fits = (best.inputs[:, :MODELS] - self._low) / self._width
         unknown = np.isnan(fits)
@@ -123,29 +184,24 @@ class Answers:
         m may be several times the axles: all of them with one length after all with another. now is (n,). In a window
         shorter than the usual one the torque has changed: that of the moment counts. Within quiet().
         """
-        sensors = noise_factor, self._rule_inputs.floor(noise_factor, grid_speed_m_s)
-        return self._inputs_of(window, blocks, now, sensors, grid_speed_m_s)
+        lengths = blocks.reshape(-1, self._axles)
+        return self._inputs(self._draft(window, lengths, now, noise_factor, grid_speed_m_s, grid_speed_m_s))
 
-    def _inputs_of(
-        self, window: Window, blocks: IntArray, now: FloatArray, sensors: Sensors, grid_speed_m_s: float
-    ) -> tuple[FloatArray, Statistics]:
+    def _inputs(self, draft: Draft) -> tuple[FloatArray, Statistics]:
+        """What the rules are given of every window, one length after another, and the windows' statistics."""
         k = self._lengths
-        s = statistics(window.sums(blocks), k.min_ticks)
+        s = statistics(draft.sums.reshape(len(draft.sums), -1), k.min_ticks)
         ratio = s.ratio
-        if self._d.form == "wrcd":
-            short = (blocks < k.usual).reshape(-1, self._axles)
-            ratio = np.where(short, now, ratio.reshape(short.shape)).reshape(-1)
-        half = k.usual // 2
-        rest = decades(window.kept(0, k.recent), window.kept(k.recent, k.recent + half), k.min_ticks)
-        past = Past(now, *window.torque_range(half), rest)
-        return self._rule_inputs.columns(s, ratio, past, *sensors, grid_speed_m_s), s
+        if self._wrcd:
+            ratio = np.where(draft.blocks < k.usual, draft.now, ratio.reshape(draft.blocks.shape)).reshape(-1)
+        past = Past(draft.now, draft.lowest, draft.highest, decades(draft.recent, draft.before, k.min_ticks))
+        columns = self._rule_inputs.columns(s, ratio, past, draft.noise_factor, draft.floor, draft.grid_speed_m_s)
+        return columns, s
 
-    def _answers(
-        self, window: Window, lengths: list[IntArray], now: FloatArray, sensors: Sensors, grid_speed_m_s: float
-    ) -> tuple[list[Answer], Inference, Statistics]:
-        """One for each of the windows' lengths (n,); inference and statistics of all, one after another."""
-        n = self._axles
-        inputs, s = self._inputs_of(window, np.concatenate(lengths), now, sensors, grid_speed_m_s)
+    def _answers(self, draft: Draft) -> tuple[list[Answer], Inference, Statistics]:
+        """One for each of the windows' lengths; inference and statistics of all, one after another."""
+        n = len(draft.now)
+        inputs, s = self._inputs(draft)
         inference = self._fuzzy.infer(inputs)
         from_rules = 0.0 * inference.output
         for factor in self._d.polynomial:
@@ -153,10 +209,10 @@ class Answers:
         low, high = self._d.adhesion_range_pct
         from_rules = np.minimum(np.maximum(from_rules, low), high).reshape(-1, n)
         # what is in use is available: the estimate cannot lie below it
-        mu = np.minimum(np.fmax(from_rules, 100.0 * now), 100.0)
+        mu = np.minimum(np.fmax(from_rules, 100.0 * draft.now), 100.0)
         mu[np.isnan(from_rules)] = np.nan
         spread, inputs = inference.spread.reshape(-1, n), inputs.reshape(len(mu), n, -1)
-        return [Answer(*of) for of in zip(lengths, from_rules, mu, spread, inputs, strict=True)], inference, s
+        return [Answer(*of) for of in zip(draft.blocks, from_rules, mu, spread, inputs, strict=True)], inference, s
 
     def _alike(self, window: Window, now: FloatArray, usual: IntArray, filled: IntArray) -> IntArray:
         """(n,): blocks over which the torque has been as it is now; at least the usual window."""
@@ -166,7 +222,13 @@ class Answers:
         return np.asarray(np.minimum(np.maximum(parts * self._lengths.part, usual), filled))
 
     def _doubted(
-        self, spread: FloatArray, best: Answer, inference: Inference, s: Statistics, loud: FloatArray, speed_m_s: float
+        self,
+        spread: FloatArray,
+        best: Answer,
+        inference: Inference,
+        s: Statistics,
+        loud: FloatArray,
+        speed_m_s: FloatArray,
     ) -> tuple[FloatArray, IntArray]:
         """The spread, wider where few rules fire or the inputs are unusual; and what is too much of it, a doubt."""
         d, residuals = self._d, best.inputs[:, :MODELS]

@@ -6,13 +6,13 @@ recursions as matrix products (recursion.py). If anything else shows in it, ever
 stepped tick by tick, which can do all. Both give the same numbers but for rounding.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wrcd.estimator.answer import Answers
+from wrcd.estimator.answer import Answers, Draft, joined, split
 from wrcd.estimator.bank import Bank, BoolArray
 from wrcd.estimator.changes import ChangeDetector
 from wrcd.estimator.design import MODELS, Design, FloatArray, IntArray
@@ -230,7 +230,16 @@ class Estimator:
 
     def estimate(self) -> Estimate:
         """The adhesion that the window's residuals and torque speak for."""
-        return self._answers.estimate(self._window, self._noise.sensor_factor(), self._speed_m_s, self._in_grid)
+        return self._answers.estimate(self.draft())
+
+    def draft(self) -> Draft:
+        """What an estimate of this moment is made from."""
+        with quiet():
+            return self._answers.draft(self._window, self._noise.sensor_factor(), self._speed_m_s, self._in_grid)
+
+    def estimates(self, drafts: Sequence[Draft]) -> list[Estimate]:
+        """Estimates of several moments at once."""
+        return split(self._answers.estimate(joined(drafts)), len(drafts))
 
     def torque_now(self) -> FloatArray:
         """(n,): torque ratio of the moment; NaN where it is not known."""

@@ -1,6 +1,5 @@
 """From a window's statistics to what the rules are given."""
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -74,10 +73,11 @@ class RuleInputs:
 
     def columns(
         self, s: Statistics, window_ratio: FloatArray, past: Past, noise_factor: FloatArray, floor: FloatArray,
-        speed_m_s: float,
+        speed_m_s: FloatArray,
     ) -> FloatArray:  # fmt: skip
         """(m, COLUMNS) for the statistics of m windows and their torque ratios (m,): all axles (n,) with one length
-        after all with another. past, noise_factor (2, n) and the floor (n, 4) that it leaves are the axles'."""
+        after all with another. past, noise_factor (2, n), the floor (n, 4) that it leaves and the speed (n,) are the
+        axles'."""
         m, n = len(window_ratio), noise_factor.shape[1]
         out = np.empty((m, COLUMNS))
         of_axle = out.reshape(-1, n, COLUMNS)
@@ -89,7 +89,7 @@ class RuleInputs:
             of_axle[:, :, :3] = logs[..., :3] - logs[..., 3:]
             of_axle[:, :, 3] = logs[..., 3]
         out[:, MODELS] = np.log10(np.maximum(window_ratio, MIN_TORQUE))
-        out[:, MODELS + 1] = math.log10(speed_m_s)
+        of_axle[:, :, MODELS + 1] = np.log10(speed_m_s)
         out[:, LAG] = s.lag
         out[:, CROSS] = s.cross
         out[:, LENGTH] = np.log10(s.ticks * self._tick_s)

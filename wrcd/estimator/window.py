@@ -247,13 +247,12 @@ class Window:
         self._latest_change = int(self._since.max())
 
     def sums(self, blocks: IntArray) -> FloatArray:
-        """Sums (COLUMNS, m) over the newest blocks, of each axle its own number (m,), as far as they came after the
-        newest change; m may be several times the axles."""
-        blocks = blocks.reshape(-1, len(self._axle))
+        """Sums (COLUMNS, k, n) over the newest blocks, of each axle its own numbers (k, n), as far as they came after
+        the newest change."""
         if self._newest - int(blocks.max()) + 1 < self._latest_change:
             blocks = np.minimum(blocks, self._held)
         oldest = self._rows[self._end - blocks, :, self._axle]
-        return np.ascontiguousarray((self._rows[self._end].T - oldest).reshape(-1, COLUMNS).T)
+        return np.ascontiguousarray((self._rows[self._end].T - oldest).transpose(2, 0, 1))
 
     @property
     def _held(self) -> IntArray:

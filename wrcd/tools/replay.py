@@ -125,9 +125,12 @@ def outgoing_of_stretches(core: Core, items: Iterable[Stretch | tuple[Frame, str
         elif not _goes_on(core, item):
             yield from outgoing(core, ((frame, item.channel) for frame in item.frames()), None)
         else:
+            core.hold()
             for stamp_us, reader, samples, place in columns.read(item):
                 for o in core.feed_read(reader, samples or item.frame(place), stamp_us):
                     yield o, item.channel
+            for o in core.release():
+                yield o, item.channel
 
 
 def _goes_on(core: Core, s: Stretch) -> bool:

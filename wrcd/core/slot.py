@@ -1,0 +1,73 @@
+"""What a slot's frames are made from, taken down at its begin: the estimates of several slots can then be made at once
+where nobody waits for them, as in a replay."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from wrcd.bus.codec import Value
+from wrcd.core.causes import Validity
+from wrcd.core.messages import (
+    Outbox,
+    Outgoing,
+    Report,
+    confidence,
+    explanation,
+    nan_to_none,
+    plausibility,
+    surface,
+)
+from wrcd.core.validity import Standing, verdict
+from wrcd.estimator.answer import Draft
+from wrcd.estimator.records import Estimate
+
+
+@dataclass(frozen=True, slots=True)
+class Slot:
+    """Lists by axle. draft is None where no axle has an estimate."""
+
+    end_us: int
+    draft: Draft | None
+    adhesion: bool  # which frames are due
+    detail: bool
+    standing: Sequence[Standing]
+    age_ms: Sequence[int]
+    torque_ratio: Sequence[float]
+    stale: Sequence[set[int]]  # quantities
+    inputs: Sequence[Mapping[str, Value]]  # values of the frames about the inputs, where they are due
+    status: Sequence[Outgoing]
+
+
+def reports(slot: Slot, estimate: Estimate | None) -> list[Report]:
+    """What is said of every axle."""
+    return [_report(slot, axle, estimate) for axle in range(len(slot.standing))]
+
+
+def frames(slot: Slot, said: Sequence[Report], estimate: Estimate | None, outbox: Outbox) -> list[Outgoing]:
+    """The frames of the slot."""
+    out: list[Outgoing] = []
+    if slot.adhesion:
+        out += outbox.adhesion(slot.end_us, said, estimate)
+    if slot.detail:
+        known = [estimate if standing.has_estimate else None for standing in slot.standing]
+        out += outbox.detail(
+            slot.end_us,
+            [explanation(e, axle, slot.stale[axle], said[axle].cause) for axle, e in enumerate(known)],
+            [{"Plausibility": plausibility(e, axle), **slot.inputs[axle]} for axle, e in enumerate(known)],
+        )
+    out += slot.status
+    return out
+
+
+def _report(slot: Slot, axle: int, estimate: Estimate | None) -> Report:
+    age_ms, used = slot.age_ms[axle], nan_to_none(min(100.0 * slot.torque_ratio[axle], 100.0))
+    validity, cause = verdict(slot.standing[axle], axle, estimate)
+    if validity is Validity.NOT_AVAILABLE or estimate is None:
+        return Report(validity, None, used, age_ms, "Unknown", "Unknown", "None", cause)
+    mu = nan_to_none(float(estimate.mu_available_pct[axle]))
+    sure = validity is Validity.VALID and mu is not None
+    if sure and used is not None and mu is not None:
+        # what the newest torque is beyond the newest part's mean turns the wheel, or is its sensor's noise
+        used = min(used, mu)
+    contact = "Unknown" if mu is None else "Saturated" if estimate.saturated[axle] else "Adhering"
+    width = nan_to_none(float(estimate.half_width_pp[axle])) if sure else None
+    return Report(validity, mu, used, age_ms, surface(mu), contact, confidence(width), cause)
