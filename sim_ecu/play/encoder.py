@@ -219,5 +219,5 @@ class Encoder:
             found = channel.encode_all(at[places], {name: v[places] for name, v in values.items()})
             for place, frame in zip(places.tolist(), found, strict=True):
                 out[place].append(frame)
-            at[places] += SPACING_US
+            at[places] += self._spacing_us
         return out

@@ -21,6 +21,8 @@ from wrcd.bus.frame import Frame
 from wrcd.bus.log import Damage, format_line, read_log
 from wrcd.config import DEFAULT
 
+MAX_STALLED = 0.02  # of the slots, that a guest may skip because its host stood still
+
 
 @dataclass
 class Recorded:
@@ -311,9 +313,6 @@ def test_six_axles_are_sent_at_fifty_hertz_and_nothing_is_lost(tmp_path: Path) -
         assert valid > 100
         skipped += slots[-1] - slots[0] + 1 - len(slots)
     assert skipped <= overruns <= (MAX_STALLED * 6 * len(slots) if guest else 0)
-
-
-MAX_STALLED = 0.02  # of the slots, that a guest may skip because its host stood still
 
 
 def play_six_axles(log: Path, seen: Path) -> tuple[int, int, str]:
