@@ -25,7 +25,7 @@ FORBIDDEN = {
     "wrcd": {"sim_ecu", "scipy", "filterpy", "skfuzzy", "numba", "matplotlib", "e2e"},
     "wrcd/estimator": {"can", "cantools", "wrcd.bus", *OPERATING_SYSTEM},
     "wrcd/core": {"can", "cantools", *OPERATING_SYSTEM},
-    "wrcd/bus": {"numpy", "time", "datetime", "wrcd.estimator"},
+    "wrcd/bus": {"time", "datetime", "wrcd.estimator"},
     "sim_ecu/physics": {"wrcd", "can", "cantools", "sim_ecu.play", "sim_ecu.design"},
     "sim_ecu/play/encoder.py": {"wrcd.bus"},
 }

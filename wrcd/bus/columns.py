@@ -7,8 +7,10 @@ its reader gives for one frame after the other. Everything else goes the ordinar
 """
 
 import itertools
-from collections.abc import Iterator, Sequence
+import operator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -118,32 +120,42 @@ def parse_lines(text: bytes) -> tuple[Stretch, NDArray[np.bool_], IntArray, IntA
     return whole, regular, starts, ends
 
 
+class ReadFrame(NamedTuple):
+    """A mapped frame of a stretch."""
+
+    place: int  # in the stretch
+    stamp_us: int
+    reader: MessageReader
+    samples: Samples | None  # None: the reader is to be given the frame
+    checked: bool  # whether the samples have passed check_all
+
+
 class Columns:
-    """Reads stretches for a receiver."""
+    """Reads stretches for a receiver. check_all is asked whether all samples (source, values, stamps) of a message that
+    carries one signal are plausible."""
 
-    def __init__(self, receiver: Receiver) -> None:
-        self._receiver = receiver
+    def __init__(self, receiver: Receiver, check_all: Callable[[int, Sequence[float], Sequence[int]], bool]) -> None:
+        self._receiver, self._check_all = receiver, check_all
 
-    def read(self, s: Stretch) -> list[tuple[int, MessageReader, Samples | None, int]]:
-        """(stamp, reader, samples, place in the stretch) of each frame that is mapped, in order; samples are None for
-        frames that the reader is to be given itself. The E2E counters of the others have been followed."""
-        rows: list[IntArray] = []
-        found: list[tuple[MessageReader, Sequence[Samples | None]]] = []
+    def read(self, s: Stretch) -> list[ReadFrame]:
+        """The frames that are mapped, in order. The E2E counters of those with samples have been followed."""
+        out: list[ReadFrame] = []
         for can_id, reader in self._receiver.readers.items():
-            of_message = np.flatnonzero(s.ids == can_id)
-            if len(of_message):
-                rows.append(of_message)
-                samples = _regular(reader, s, of_message) if len(of_message) > 1 else None
-                found.append((reader, [None] * len(of_message) if samples is None else samples))
-        out: list[tuple[int, MessageReader, Samples | None, int]] = []
-        for (reader, each), places in zip(found, rows, strict=True):
-            out += zip(s.stamps_us[places].tolist(), [reader] * len(places), each, places.tolist(), strict=True)
-        out.sort(key=_place)
+            places = np.flatnonzero(s.ids == can_id)
+            if not len(places):
+                continue
+            found = _regular(reader, s, places) if len(places) > 1 else None
+            stamps_us = s.stamps_us[places].tolist()
+            samples: Sequence[Samples | None] = [None] * len(places) if found is None else found
+            checked = (
+                found is not None
+                and len(reader.signals) == 1
+                and self._check_all(reader.numbers[0], [of_frame[0].value for of_frame in found], stamps_us)
+            )
+            ones = itertools.repeat
+            out += map(ReadFrame, places.tolist(), stamps_us, ones(reader), samples, ones(checked))
+        out.sort(key=operator.itemgetter(0))
         return out
-
-
-def _place(item: tuple[int, MessageReader, Samples | None, int]) -> int:
-    return item[3]
 
 
 def _regular(reader: MessageReader, s: Stretch, rows: IntArray) -> list[Samples] | None:

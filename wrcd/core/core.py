@@ -120,6 +120,18 @@ class Core:
         out = self._move_to(stamp_us)
         return self._take(reader, reader.read(read) if isinstance(read, Frame) else read, stamp_us, out)
 
+    def check_all(self, source: int, values: Sequence[float], stamps_us: Sequence[int]) -> bool:
+        """Check many samples of one input at once, before they are fed with feed_checked(); False: feed_read() must."""
+        return self._inputs.check_all(source, values, stamps_us)
+
+    def feed_checked(self, samples: Sequence[Sample], stamp_us: int) -> list[Outgoing]:
+        """The same for a frame whose samples are also checked already."""
+        out = self._move_to(stamp_us)
+        self.counts.accepted += 1
+        for sample in samples:
+            self._inputs.accept(sample, stamp_us)
+        return out
+
     def goes_on_from(self, stamp_us: int) -> bool:
         """Whether a frame with this stamp is neither a step of time nor the end of a silence: none that comes before it
         can reset what the readers know."""

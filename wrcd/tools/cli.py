@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point. 0 done, 1 stopped on the way, 2 bad input."""
     args = _parser().parse_args(argv)
+    _one_thread()
     return guarded("wrcd", lambda: _COMMANDS[args.command](args))
 
 
@@ -97,7 +98,6 @@ def _one_thread() -> None:
 
 
 def _run(args: argparse.Namespace) -> int:
-    _one_thread()
     faulthandler.enable(sys.__stderr__ or 2)  # when the watchdog aborts a daemon that hangs, the log says where
     # Started on SocketCAN by name, the bus is opened before the slow imports, and the kernel keeps what it
     # carries meanwhile: after a crash the window is full as soon as the program is there.

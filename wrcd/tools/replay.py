@@ -118,7 +118,7 @@ def outgoing(core: Core, frames: Iterable[tuple[Frame, str]], saved: Saved | Non
 
 def outgoing_of_stretches(core: Core, items: Iterable[Stretch | tuple[Frame, str]]) -> Iterator[tuple[Outgoing, str]]:
     """The same of a log that does not come from a recorder, by columns where it is regular."""
-    columns = Columns(core.receiver)
+    columns = Columns(core.receiver, core.check_all)
     for item in items:
         if isinstance(item, tuple):
             yield from outgoing(core, (item,), None)
@@ -126,8 +126,12 @@ def outgoing_of_stretches(core: Core, items: Iterable[Stretch | tuple[Frame, str
             yield from outgoing(core, ((frame, item.channel) for frame in item.frames()), None)
         else:
             core.hold()
-            for stamp_us, reader, samples, place in columns.read(item):
-                for o in core.feed_read(reader, samples or item.frame(place), stamp_us):
+            for place, stamp_us, reader, samples, checked in columns.read(item):
+                if checked and samples is not None:
+                    made = core.feed_checked(samples, stamp_us)
+                else:
+                    made = core.feed_read(reader, samples or item.frame(place), stamp_us)
+                for o in made:
                     yield o, item.channel
             for o in core.release():
                 yield o, item.channel
