@@ -97,7 +97,7 @@ def numbers(thing: object, name: str = "") -> dict[str, FloatArray]:
     if isinstance(thing, np.ndarray):
         return {name: thing} if thing.dtype.kind == "f" else {}
     out: dict[str, FloatArray] = {}
-    for part in getattr(type(thing), "STATE", ()):
+    for part in getattr(type(thing), "STATE", {}).values():
         out |= numbers(getattr(thing, part), f"{name}.{part}")
     return out
 

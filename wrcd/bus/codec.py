@@ -130,7 +130,7 @@ class SignalReader:
 class MessageReader:
     """Decodes one message and checks all of it."""
 
-    STATE = ("checker",)
+    STATE = {"checker": "checker"}
 
     def __init__(self, message: Message, sources: Sequence[tuple[int, Source]], others: Sequence[int]) -> None:
         self._message = message
@@ -220,7 +220,7 @@ class MessageReader:
 class Receiver:
     """All mapped messages by id."""
 
-    STATE = ("readers",)
+    STATE = {"readers": "readers"}
 
     def __init__(self, database: Database, sources: Sequence[Source]) -> None:
         by_message: dict[str, list[tuple[int, Source]]] = {}

@@ -65,15 +65,11 @@ class Checker:
     and found at its third.
     """
 
-    STATE = (
-        "_last",
-        "_payload",
-        "_candidate",
-        "_candidate_frames",
-        "_frames_since_candidate",
-        "_moves",
-        "_quarantine_frames",
-    )
+    STATE = {
+        "last": "_last", "payload": "_payload", "candidate": "_candidate", "candidate_frames": "_candidate_frames",
+        "frames_since_candidate": "_frames_since_candidate", "moves": "_moves",
+        "quarantine_frames": "_quarantine_frames",
+    }  # fmt: skip
 
     def __init__(self, data_id: int, others: tuple[int, ...] = ()) -> None:
         self.start, self._others = _of_data_id(data_id), others

@@ -14,7 +14,10 @@ LinkState = Literal["Up", "Down", "Gone", "ErrorPassive", "BusOff"]
 class LinkHealth:
     """What a link has seen so far."""
 
-    STATE = ("state", "drops", "reopens", "unsent", "error_frames", "bus_offs")
+    STATE = {
+        "state": "state", "drops": "drops", "reopens": "reopens", "unsent": "unsent", "error_frames": "error_frames",
+        "bus_offs": "bus_offs",
+    }  # fmt: skip
 
     state: LinkState = "Up"
     drops: int = 0  # frames lost because a buffer was full

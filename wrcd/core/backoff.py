@@ -9,7 +9,7 @@ FIRST_WAIT_S, LAST_WAIT_S = 1.0, 8.0  # twice as long each time
 class Backoff:
     """Counts each axle's resets that no full window of good ticks came between."""
 
-    STATE = ("waits", "_in_a_row", "_until")
+    STATE = {"waits": "waits", "in_a_row": "_in_a_row", "until": "_until"}
 
     def __init__(self, axles: int, tick_s: float) -> None:
         self._tick_s = tick_s

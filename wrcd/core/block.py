@@ -15,10 +15,11 @@ from wrcd.estimator.window import BLOCK_TICKS
 class Block:
     """Up to BLOCK_TICKS ticks on end, and what speaks against each of them."""
 
-    STATE = (
-        "number", "_count", "_z", "_present", "_torque_ratio", "_speeds_m_s", "_speed_jumped", "_fast", "_unavailable",
-        "_causes",
-    )  # fmt: skip
+    STATE = {
+        "first_tick": "number", "ticks": "_count", "measurements": "_z", "present": "_present",
+        "torque_ratio": "_torque_ratio", "speeds_m_s": "_speeds_m_s", "speed_jumped": "_speed_jumped",
+        "fast_enough": "_fast", "unavailable": "_unavailable", "causes": "_causes",
+    }  # fmt: skip
 
     def __init__(self, axles: int) -> None:
         self.number = 0  # of the first tick

@@ -53,10 +53,12 @@ class Observer(Protocol):
 class Core:
     """One bus, all its axles."""
 
-    STATE = (
-        "counts", "health", "estimator", "receiver", "_open", "_stamp_us", "_inputs", "_validity", "_is_reset",
-        "_outbox", "_outlier_us", "_backoff", "_block",
-    )  # fmt: skip
+    STATE = {
+        "counts": "counts", "health": "health", "estimator": "estimator", "receiver": "receiver",
+        "open_tick": "_open", "newest_stamp_us": "_stamp_us", "inputs": "_inputs", "validity": "_validity",
+        "is_reset": "_is_reset", "outbox": "_outbox", "outlier_us": "_outlier_us", "backoff": "_backoff",
+        "block": "_block",
+    }  # fmt: skip
     TRANSIENT = ("reports", "_tick", "_begin_us", "_end_us", "_held")
 
     def __init__(self, config: Config, estimator: Estimator | None = None, observer: Observer | None = None) -> None:

@@ -14,7 +14,10 @@ State = Literal["Running", "LinkDown", "Stopping"]
 class Counts:
     """What happened so far. Every mapped frame is in accepted or in rejected under its reason."""
 
-    STATE = ("accepted", "rejected", "late", "time_steps", "restarts", "ticks", "last_reason")
+    STATE = {
+        "accepted": "accepted", "rejected": "rejected", "late": "late", "time_steps": "time_steps",
+        "restarts": "restarts", "ticks": "ticks", "last_reason": "last_reason",
+    }  # fmt: skip
     TRANSIENT = ("rejected_by_message",)
 
     accepted: int = 0
@@ -49,7 +52,7 @@ class Counts:
 class Health:
     """What the loop knows and the core sends in WrcdStatus and WrcdLink."""
 
-    STATE = ("state", "overruns", "link")
+    STATE = {"state": "state", "overruns": "overruns", "link": "link"}
 
     state: State = "Running"
     overruns: int = 0

@@ -34,10 +34,12 @@ class TickInputs:
 class Inputs:
     """Values by place. check(), then accept() or reject() while the tick is open, close_tick() when it is over."""
 
-    STATE = (
-        "_value", "_stamp_us", "degraded", "contested", "_jitter_buffer", "reach", "_stuck_checks", "_jump_checks",
-        "_speed_jumped", "_reverse", "_torque_ratio", "_torque_ratio_known",
-    )  # fmt: skip
+    STATE = {
+        "value": "_value", "stamp_us": "_stamp_us", "degraded": "degraded", "contested": "contested",
+        "jitter_buffer": "_jitter_buffer", "reach": "reach", "stuck_checks": "_stuck_checks",
+        "jump_checks": "_jump_checks", "speed_jumped": "_speed_jumped", "reverse": "_reverse",
+        "torque_ratio": "_torque_ratio", "torque_ratio_known": "_torque_ratio_known",
+    }  # fmt: skip
     TRANSIENT = ("_shares_known", "_shares_ok")
 
     def __init__(self, config: Config) -> None:

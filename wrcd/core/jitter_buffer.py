@@ -16,7 +16,7 @@ class JitterBuffer:
     are no longer of the same moment.
     """
 
-    STATE = ("_waiting", "_surplus_ticks", "used_us")
+    STATE = {"waiting": "_waiting", "surplus_ticks": "_surplus_ticks", "used_us": "used_us"}
 
     def __init__(self, places: int, patience: int) -> None:
         self._patience = patience

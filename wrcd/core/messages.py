@@ -170,7 +170,7 @@ class Outgoing:
 class Outbox:
     """Turns reports and counters into frames. A message that the DBC lacks is left out."""
 
-    STATE = ("_rejected_before",)
+    STATE = {"rejected_before": "_rejected_before"}
 
     def __init__(self, config: Config) -> None:
         def writer(name: str | None) -> Writer | None:

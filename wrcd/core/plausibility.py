@@ -32,7 +32,7 @@ MAX_STEP = {
 class StuckCheck:
     """Watches a sensor that must move."""
 
-    STATE = ("_value", "run", "_changed_us", "_share", "_frames")
+    STATE = {"value": "_value", "run": "run", "changed_us": "_changed_us", "share": "_share", "frames": "_frames"}
 
     def __init__(self) -> None:
         self._share, self._frames = FIRST_SHARE, FIRST_FRAMES
@@ -89,7 +89,7 @@ class StuckCheck:
 class JumpCheck:
     """Watches a quantity that cannot jump."""
 
-    STATE = ("_value", "_stamp_us", "_doubted", "jumped")
+    STATE = {"value": "_value", "stamp_us": "_stamp_us", "doubted": "_doubted", "jumped": "jumped"}
 
     def __init__(self, max_step: float, timeout_us: int) -> None:
         self._max_step, self._timeout_us = max_step, timeout_us

@@ -15,7 +15,10 @@ class Reach:
     """By place (a quantity of an axle). A bit stands for one time-out that is over, the newest lowest; set: a good
     frame came in it."""
 
-    STATE = ("_register", "_until_us", "_rejected", "_rejected_us")
+    STATE = {
+        "register": "_register", "interval_ends_us": "_until_us", "rejected": "_rejected",
+        "rejected_us": "_rejected_us",
+    }  # fmt: skip
 
     def __init__(self, timeouts_us: Sequence[int]) -> None:
         self._timeout_us = [max(1, t) for t in timeouts_us]

@@ -85,7 +85,11 @@ def _doubtful(i: Inputs, axle: int) -> Cause:
 class ValidityMonitor:
     """Counts the sound ticks of every axle, and says what follows."""
 
-    STATE = ("_window", "_stale_ticks", "_fresh_ticks", "_sound_ticks", "_window_full", "_newest", "_unsound", "_begun")
+    STATE = {
+        "window": "_window", "stale_ticks": "_stale_ticks", "fresh_ticks": "_fresh_ticks",
+        "sound_ticks": "_sound_ticks", "window_full": "_window_full", "newest": "_newest", "unsound": "_unsound",
+        "begun": "_begun",
+    }  # fmt: skip
 
     def __init__(self, window_ticks: int, axles: int) -> None:
         self._window = window_ticks

@@ -28,7 +28,7 @@ class Bank:
     filter that is stable at both ends was not so between them, and its residual grew within a minute.
     """
 
-    STATE = ("x",)
+    STATE = {"states": "x"}
     TRANSIENT = ("_fused", "_between", "_in")
 
     def __init__(self, design: Design, axles: int) -> None:

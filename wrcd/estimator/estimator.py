@@ -37,10 +37,13 @@ class Estimator:
     wider interval. While nothing changes the window grows to twice its usual length.
     """
 
-    STATE = (
-        "_bank", "_offset", "_gate", "_window", "_speed", "_lowpass", "_joints", "_noise", "_speed_m_s", "_complete",
-        "_delayed", "_delayed_live", "_delayed_clear", "started", "outliers", "identity", "_saturated",
-    )  # fmt: skip
+    STATE = {
+        "bank": "_bank", "offset": "_offset", "gate": "_gate", "window": "_window", "speed": "_speed",
+        "lowpass": "_lowpass", "joints": "_joints", "noise": "_noise", "speed_m_s": "_speed_m_s",
+        "complete": "_complete", "delayed": "_delayed", "delayed_live": "_delayed_live",
+        "delayed_clear": "_delayed_clear", "started": "started", "outliers": "outliers", "identity": "identity",
+        "saturated": "_saturated",
+    }  # fmt: skip
     TRANSIENT = ("_settled", "_all")
 
     def __init__(self, design: Design, axles: int) -> None:

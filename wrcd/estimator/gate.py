@@ -29,7 +29,10 @@ _SQUARES = GATE_SIGMA**2
 class Gate:
     """Judges innovations by their running mean square, per model, channel and axle."""
 
-    STATE = ("_power", "_peak", "_count", "_net_outliers", "_last", "_age")
+    STATE = {
+        "power": "_power", "peak": "_peak", "count": "_count", "net_outliers": "_net_outliers",
+        "last_yaw_rate": "_last", "last_yaw_rate_age": "_age",
+    }  # fmt: skip
 
     def __init__(self, axles: int) -> None:
         self._power: FloatArray = np.zeros((MODELS, CHANNELS, axles))

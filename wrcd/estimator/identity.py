@@ -54,7 +54,7 @@ class Filters:
     White noise of power one leaves power one in each output.
     """
 
-    STATE = ("_state",)
+    STATE = {"state": "_state"}
     OUTPUTS = len(BANDS_HZ) + 1
 
     def __init__(self, tick_s: float, axles: int) -> None:
@@ -119,7 +119,10 @@ class Identity:
     known of the wires holds across gaps and standstills.
     """
 
-    STATE = ("_filters", "_mean", "_offset_ticks", "_sums", "_ticks", "_blocks", "_filled", "_held", "_wiring")
+    STATE = {
+        "filters": "_filters", "mean": "_mean", "offset_ticks": "_offset_ticks", "sums": "_sums", "ticks": "_ticks",
+        "blocks": "_blocks", "filled": "_filled", "doubts_held": "_held", "wiring": "_wiring",
+    }  # fmt: skip
 
     def __init__(self, noise_rms: tuple[float, float], tick_s: float, axles: int) -> None:
         self._unit: FloatArray = np.array(noise_rms)[:, None]

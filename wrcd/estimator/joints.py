@@ -26,7 +26,10 @@ MAX_PULSE = np.array([0.02, 6.0])
 class Joints:
     """Flags the ticks of pulses, HOLD_TICKS late, so that those before a pulse are flagged, too."""
 
-    STATE = ("_highpass", "_power", "_ticks", "_left", "_length", "_since", "_first", "_newest")
+    STATE = {
+        "highpass": "_highpass", "power": "_power", "ticks": "_ticks", "ticks_left": "_left",
+        "large_ticks": "_length", "ticks_since_pulse": "_since", "first_sample": "_first", "newest_sample": "_newest",
+    }  # fmt: skip
 
     def __init__(self, highpass: FloatArray, noise_rms: float, axles: int) -> None:
         self._highpass = Sections(highpass, 1, axles)

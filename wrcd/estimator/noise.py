@@ -23,7 +23,7 @@ MIN_FACTOR, MAX_FACTOR, VIBRATION = 0.1, 2.2, 3.0
 class NoiseLevel:
     """Running noise power of every channel of every axle, relative to the design's."""
 
-    STATE = ("_past", "_run", "_power", "_count")
+    STATE = {"past_samples": "_past", "ticks_without_gap": "_run", "power": "_power", "count": "_count"}
 
     def __init__(self, design_rms: FloatArray, axles: int) -> None:
         self._scale = (1.0 / design_rms)[:, None]

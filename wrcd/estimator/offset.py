@@ -17,7 +17,7 @@ class Offset:
     on.
     """
 
-    STATE = ("_mean", "_count")
+    STATE = {"mean": "_mean", "count": "_count"}
 
     def __init__(self, ticks: int, axles: int) -> None:
         self._ticks = float(ticks)

@@ -26,7 +26,7 @@ def state_space(sos: FloatArray) -> FloatArray:
 class Sections:
     """A recursive filter over `channels` signals of every axle."""
 
-    STATE = ("_x",)
+    STATE = {"states": "_x"}
 
     def __init__(self, sos: FloatArray, channels: int, axles: int) -> None:
         M = state_space(sos)

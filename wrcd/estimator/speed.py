@@ -13,7 +13,7 @@ class SpeedFilter:
     The signal comes every few ticks, with noise and in steps. Gains and noise tables that followed it would toggle.
     """
 
-    STATE = ("_speed", "_rate", "_ticks")
+    STATE = {"speed": "_speed", "rate": "_rate", "ticks": "_ticks"}
 
     def __init__(self, tick_s: float) -> None:
         self._alpha = 1.0 - math.exp(-tick_s / MEMORY_S)

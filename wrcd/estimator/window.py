@@ -148,7 +148,11 @@ class Window:
     Where the rail has changed, what is older is dropped, and the window grows again; kept() still knows of it.
     """
 
-    STATE = ("_rows", "_since", "_latest_change", "_first", "_last", "_past", "_newest")
+    STATE = {
+        "running_sums": "_rows", "first_block_kept": "_since", "latest_change": "_latest_change",
+        "first_block_without_gap": "_first", "newest_block_with_ticks": "_last", "past_innovations": "_past",
+        "newest_block": "_newest",
+    }  # fmt: skip
     TRANSIENT = ("_new",)
 
     def __init__(self, blocks: int, axles: int) -> None:

@@ -22,7 +22,7 @@ class Wiring:
     either.
     """
 
-    STATE = ("_cross", "_power", "_used", "_ticks", "_seconds")
+    STATE = {"cross": "_cross", "power": "_power", "used": "_used", "ticks": "_ticks", "seconds": "_seconds"}
 
     def __init__(self, tick_s: float, axles: int) -> None:
         self._second_ticks = round(1.0 / tick_s)

@@ -17,9 +17,9 @@ from wrcd.core.configuration import RecorderConfig
 from wrcd.core.core import Core
 from wrcd.recorder.child import Child
 from wrcd.recorder.folder import Bound, dump_name, safe_channel_name
+from wrcd.recorder.resume import identity, settings
 from wrcd.recorder.ring import ADVANCED, HEALTH, RECEIVED, SENT, Ring
 from wrcd.recorder.state import capture, encode
-from wrcd.recorder.state_file import identity, settings
 from wrcd.recorder.triggers import Triggers
 from wrcd.recorder.writer import Request, start
 

@@ -1,7 +1,8 @@
 """The state of a core as plain values: copied from a running one, written to a file, put back into a fresh one.
 
-A class names what it carries from one frame to the next in STATE, and what it changes on the way but nothing later
-hangs on (caches, results made anew) in TRANSIENT. tests/unit/recorder/test_state.py finds what is in neither.
+A class says in STATE what it carries from one frame to the next, by the key that the file has for it; and in TRANSIENT
+what it changes on the way but nothing later hangs on (caches, results made anew).
+tests/unit/recorder/test_state.py finds what is in neither.
 """
 
 import base64
@@ -19,7 +20,7 @@ MAX_WORD = 200  # characters or bytes
 
 def capture(thing: Any) -> dict[str, Any]:
     """A copy of the state of an object and of all that it is made of. Raises TypeError for what cannot be copied."""
-    return {name: _copy(getattr(thing, name)) for name in type(thing).STATE}
+    return {key: _copy(getattr(thing, name)) for key, name in type(thing).STATE.items()}
 
 
 def _copy(value: Any) -> Any:
@@ -63,8 +64,8 @@ def restore(thing: Any, node: Any, where: str = "core") -> None:
     it has: nothing in the file can ask for more. Raises StateMismatch; the object is then not to be used."""
     if not isinstance(node, dict) or set(node) != set(type(thing).STATE):
         raise StateMismatch(f"{where} is not what this version keeps of it")
-    for name in type(thing).STATE:
-        setattr(thing, name, _restored(getattr(thing, name), node[name], f"{where}.{name}"))
+    for key, name in type(thing).STATE.items():
+        setattr(thing, name, _restored(getattr(thing, name), node[key], f"{where}.{key}"))
 
 
 def _restored(now: Any, node: Any, where: str) -> Any:

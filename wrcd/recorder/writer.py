@@ -9,19 +9,17 @@ import os
 import sys
 import time
 import traceback
-from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from wrcd.bus.frame import Frame
 from wrcd.bus.log import format_line
-from wrcd.checksum import checksum
 from wrcd.recorder.child import OVERWRITTEN, UNKNOWN, Child
 from wrcd.recorder.folder import Bound, write_dump
 from wrcd.recorder.ring import ADVANCED, RECEIVED, SENT, Overwritten, Ring, read_ring
+from wrcd.recorder.state_file import Event, document
 
-FORMAT = "wrcd-state/2"
 # It stops so often for so long: where the lowest priority is not allowed or means little, the loop has the processor
 # in between.
 PAUSE_LINES, PAUSE_S = 100, 0.001
@@ -42,16 +40,6 @@ class Request:
     max_dumps: int
     max_bytes: int
     urgent: bool = False  # the daemon ends: nobody is disturbed
-
-
-@dataclass(frozen=True, slots=True)
-class Event:
-    """What the loop did between frames: behind so many lines of the log, time came to advance_us, or what the core
-    is told of the loop and the link (health, encoded) changed."""
-
-    lines: int
-    advance_us: int | None = None
-    health: Any = None
 
 
 def start(ring: Ring, request: Request) -> Child:
@@ -100,13 +88,6 @@ def lines_and_events(memory: bytes | mmap.mmap, r: Request) -> tuple[list[str], 
             events.append(Event(len(lines), health=changed[at]))
     flush()
     return lines, events
-
-
-def document(fits: dict[str, Any], core: Any, events: Iterable[Event], lines: int) -> bytes:
-    """A state file's contents."""
-    listed = [[e.lines, e.advance_us, e.health] for e in events]
-    body = {"format": FORMAT, **fits, "lines": lines, "events": listed, "core": core}
-    return json.dumps({**body, "checksum": checksum(body)}, allow_nan=False).encode()
 
 
 def run(ring_fd: int, request_fd: int) -> None:

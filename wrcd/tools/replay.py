@@ -24,7 +24,7 @@ from wrcd.core.messages import Outgoing
 from wrcd.errors import InputError, create
 from wrcd.estimator.design import Design
 from wrcd.estimator.records import Estimate
-from wrcd.recorder.state_file import Saved, load, replay_events, state_file
+from wrcd.recorder.resume import Saved, load, replay_events, state_file
 from wrcd.tools.explain import sentence
 from wrcd.tools.progress import Progress
 

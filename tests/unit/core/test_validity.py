@@ -20,7 +20,7 @@ from wrcd.bus.frame import Frame
 from wrcd.config import load_config
 from wrcd.core.causes import Cause, Validity
 from wrcd.core.configuration import Config
-from wrcd.core.validity import OF_ESTIMATE, OF_PAIR, ValidityMonitor
+from wrcd.core.validity import OF_ESTIMATE, OF_PAIR, ValidityMonitor, verdict
 from wrcd.estimator.doubts import Doubt
 from wrcd.estimator.records import EstimateDoubt
 
@@ -229,12 +229,12 @@ def test_doubtful_estimate_is_degraded_with_its_cause(doubt: EstimateDoubt, caus
     judge = ValidityMonitor(200, 4)
     for _ in range(200):
         judge.update(0, Cause.NONE)
-    assert judge.verdict(0, estimate, Doubt.NONE)[1] is cause
+    assert verdict(judge.standing(0, Doubt.NONE), 0, estimate)[1] is cause
     # what is wrong with the sensors comes first
     for pair, of_pair in OF_PAIR.items():
-        assert judge.verdict(0, estimate, pair) == (Validity.DEGRADED, of_pair)
+        assert verdict(judge.standing(0, pair), 0, estimate) == (Validity.DEGRADED, of_pair)
     judge.update(0, Cause.UNCHANGED)
-    assert judge.verdict(0, estimate, Doubt.SILENT) == (Validity.DEGRADED, Cause.UNCHANGED)
+    assert verdict(judge.standing(0, Doubt.SILENT), 0, estimate) == (Validity.DEGRADED, Cause.UNCHANGED)
     assert set(OF_PAIR) == set(Doubt) - {Doubt.NONE}
     assert set(OF_ESTIMATE) == set(EstimateDoubt) - {EstimateDoubt.NONE}
 

@@ -15,7 +15,7 @@ from wrcd.config import load_config, packaged
 from wrcd.core.configuration import Config, RecorderConfig
 from wrcd.core.core import Core
 from wrcd.errors import InputError
-from wrcd.recorder.state_file import load
+from wrcd.recorder.resume import load
 
 
 def test_dump_replays_to_what_was_sent(config: Config, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

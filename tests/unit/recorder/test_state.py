@@ -17,8 +17,8 @@ from wrcd.checksum import checksum
 from wrcd.core.configuration import Config
 from wrcd.core.core import Core
 from wrcd.errors import InputError
+from wrcd.recorder.resume import load
 from wrcd.recorder.state import StateMismatch, capture, encode, restore
-from wrcd.recorder.state_file import load
 from wrcd.tools.cli import main
 
 PACKAGES = ("wrcd.estimator.", "wrcd.bus.", "wrcd.core.", "wrcd.recorder.")
@@ -93,12 +93,12 @@ def test_every_changing_attribute_is_named_in_state_or_transient(
     forgotten = [
         f"{c.__module__}.{c.__qualname__}.{name} changes: name it in STATE, or in TRANSIENT if nothing hangs on it"
         for c, name in changed
-        if name not in (*getattr(c, "STATE", ()), *getattr(c, "TRANSIENT", ()))
+        if name not in (*getattr(c, "STATE", {}).values(), *getattr(c, "TRANSIENT", ()))
     ]
     assert sorted(forgotten) == []
     assert len(changed) > 40
     # what is named and never seen to change would mean that this test sees too little
-    named = {(type(o), name) for _, o in objects(train.sim.core) for name in getattr(type(o), "STATE", ())}
+    named = {(type(o), name) for _, o in objects(train.sim.core) for name in getattr(type(o), "STATE", {}).values()}
     still = {f"{c.__name__}.{n}" for c, n in named - changed if not holds_objects(train.sim.core, c, n)}
     assert len(still) <= 0.15 * len(named), still
 
@@ -229,6 +229,6 @@ def arrays(core: Core) -> Iterator[tuple[str, Any]]:
 def test_state_mismatch_names_the_attribute(config: Config) -> None:
     core = Core(config)
     node = encode(capture(core))
-    node["estimator"]["_bank"]["x"]["shape"] = [4, 5, 3]
-    with pytest.raises(StateMismatch, match=r"core\.estimator\._bank\.x is not an array"):
+    node["estimator"]["bank"]["states"]["shape"] = [4, 5, 3]
+    with pytest.raises(StateMismatch, match=r"core\.estimator\.bank\.states is not an array"):
         restore(core, node)
