@@ -82,13 +82,14 @@ def test_command_prints_tick_share_longest_tick_and_ratio(capsys: pytest.Capture
     assert main(["check", "--speed"]) == 0
     out = capsys.readouterr().out
     assert re.search(r"\d+ µs a tick of 5 ms \(4 axles, median of \d+ blocks of 1 s\): \d+\.\d % of a core", out)
+    assert re.search(r"\d+ µs a tick on a rough track", out)
     assert re.search(r"longest tick \d+\.\d\d ms", out)
     assert re.search(r"\d+\.\d\d times the reference, \d+ µs", out)
     assert "estimates      axles 1, 2, 3, 4; Valid: 1, 2, 3, 4" in out
 
 
 def test_axle_without_an_estimate_is_named(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    found = speed.Speed(4, 0.005, 3, 100.0, 200.0, (1, 2, 4), (1,))
+    found = speed.Speed(4, 0.005, 3, 100.0, 150.0, 200.0, (1, 2, 4), (1,))
     monkeypatch.setattr(speed, "measure", lambda *_, **__: found)
     assert speed.speed(load_config(None)) == 1
     assert "axles 1, 2, 4; Valid: 1; the others cost less" in capsys.readouterr().out
