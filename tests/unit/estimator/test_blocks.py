@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.support.signals import measured
-from wrcd.estimator.bank import Bank, BoolArray
+from wrcd.estimator.bank import Bank
 from wrcd.estimator.design import Design, FloatArray, load_design
 from wrcd.estimator.estimator import Estimator, step_through
 from wrcd.estimator.gate import Gate
