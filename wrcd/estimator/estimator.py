@@ -195,7 +195,7 @@ class Estimator:
         # Keep the first innovation after a gap out of the window: it spans several ticks. A sensor slower than the
         # ticks, for which no gain here is made, therefore never gives an estimate.
         in_window = accepted & self._complete & np.isfinite(ticks.torque_ratio[at]) & ~needs_reset
-        self._complete = accepted
+        self._complete = accepted.copy()  # reset() changes it, and not the record
         live, calm = self._put(ticks, at, w[None], in_window[None], pulse[None], near[None])
         return StepResult(e[None], accepted[None], left_out[None], near[None], in_window[None], live, calm, needs_reset)
 

@@ -151,7 +151,7 @@ class Identity:
     def reset(self, axle: int) -> None:
         """Start an axle's filters and its block anew, after a gap; what was found out before stays."""
         self._filters.reset(axle)
-        self._offset_ticks[axle] = 0.0
+        self._mean[:, axle] = self._offset_ticks[axle] = 0.0
         self._sums[:, axle] = 0.0
         self._ticks[axle] = 0.0
         self._wiring.reset(axle)

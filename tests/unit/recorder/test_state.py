@@ -13,10 +13,14 @@ import numpy as np
 import pytest
 
 from tests.support.recorded_train import RecordedTrain, exercise_all_state
+from tests.support.scenarios import FOUR_AXLES, LogOf
+from wrcd.bus.log import Damage, read_log
 from wrcd.checksum import checksum
+from wrcd.config import load_config
 from wrcd.core.configuration import Config
 from wrcd.core.core import Core
 from wrcd.errors import InputError
+from wrcd.estimator.window import BLOCK_TICKS
 from wrcd.recorder.resume import load
 from wrcd.recorder.state import StateMismatch, capture, encode, restore
 from wrcd.tools.cli import main
@@ -131,6 +135,26 @@ def plain(value: Any) -> bool:
     if isinstance(value, (list, tuple, deque)):
         return all(map(plain, value))
     return value is None or isinstance(value, (bool, int, float, str, bytes, np.ndarray)) or ours(value)
+
+
+@pytest.mark.parametrize("waiting", range(1, BLOCK_TICKS))
+def test_core_restored_within_a_block_sends_the_same_frames(log_of: LogOf, waiting: int) -> None:
+    """The ticks that wait for their block's end are part of the state."""
+    config = load_config(None)
+    frames = [f for f, _ in read_log(log_of(FOUR_AXLES), Damage())]
+    core, at = Core(config), 0
+    for moment in (0.2, 1.1, 2.7):  # the window not full yet, just full; every running mean settled
+        while at < moment * 0.2 * len(frames) or len(core._block) != waiting:
+            core.feed(frames[at])
+            at += 1
+        again = Core(config)
+        restore(again, json.loads(json.dumps(encode(capture(core)), allow_nan=False)))
+        rest = frames[at : at + 1500]
+        sent = [[o.frame for f in rest for o in c.feed(f)] for c in (core, again)]
+        at += len(rest)
+        assert sent[0] == sent[1]
+        assert len(sent[0]) > 50
+        assert encode(capture(core)) == encode(capture(again))
 
 
 @pytest.fixture(scope="module")
