@@ -48,6 +48,9 @@ class Sample(NamedTuple):
     contested: bool = False
 
 
+_new_tuple = tuple.__new__  # half of what a NamedTuple's own constructor takes
+
+
 class Position(NamedTuple):
     """Where a signal's bits lie: shift and mask of the frame as one whole number, and its sign bit (0: none)."""
 
@@ -192,11 +195,13 @@ class MessageReader:
         samples = []
         for signal in self.signals:
             raw = number >> signal.shift & signal.mask
-            value = signal.read(raw - ((raw & signal.sign) << 1))
+            if raw & signal.sign:
+                raw -= signal.sign << 1
+            value = signal.read(raw)
             if value.__class__ is not float:
                 assert isinstance(value, Reason)
                 return value
-            samples.append(Sample(signal.number, value, degraded, contested))
+            samples.append(_new_tuple(Sample, (signal.number, value, degraded, contested)))
         return samples
 
     def _read_mixed(self, data: bytes) -> list[Sample] | Reason:

@@ -104,7 +104,10 @@ class Checker:
 
     def check(self, data: bytes) -> Reason | None:
         """None if the frame may be used, else why not. The length has been checked."""
-        if len(data) < 2 or data[0] != _crc_after(self.start, data):
+        table, crc_of_data = CRC_TABLE, self.start
+        for byte in data[1:]:
+            crc_of_data = table[crc_of_data ^ byte]
+        if len(data) < 2 or data[0] != crc_of_data:
             return Reason.DATA_ID if any(data[:1] == bytes((crc(data, i),)) for i in self._others) else Reason.CRC
         counter = data[1] & 0x0F
         if counter >= COUNTER_MODULO:

@@ -39,6 +39,7 @@ UNCONFIRMED_US = 1_000_000  # after so long without a sign that a frame has left
 # A device that has gone is opened again when the kernel says that it is there; and tried so often, for where rtnetlink
 # is not to be had. No longer, however long it has been gone: the window has to fill first anyway.
 REOPEN_US = 50_000
+FOLLOW_US = 100_000  # between two looks at what rtnetlink says, while frames come
 
 
 class SocketCanLink:
@@ -52,6 +53,7 @@ class SocketCanLink:
         self._hardware: HardwareClock | None = None
         self._controller = Controller(self.health)
         self._down = False
+        self._followed_us = 0  # when rtnetlink was asked last
         self._dropped_before = 0
         self._tried_us = 0  # when it was last tried to open a device that has gone
         self._own: frozenset[int] = frozenset()  # words of the frames sent here
@@ -105,11 +107,15 @@ class SocketCanLink:
     def receive(self, now_us: int) -> list[Frame]:
         """What the kernel holds, error frames too, MAX_FRAMES at the most. A device that has gone is opened again as
         soon as it is back."""
-        came = self._follow(now_us)
-        if self._socket is None:
-            self._reopen(now_us, came)
         frames, self._early = self._early, []
         self._read(frames, now_us)
+        # while frames come the interface is up: then it is looked at now and then only
+        if not frames or self._down or self._socket is None or not 0 <= now_us - self._followed_us < FOLLOW_US:
+            self._followed_us = now_us
+            came = self._follow(now_us)
+            if self._socket is None:
+                self._reopen(now_us, came)
+                self._read(frames, now_us)
         if self._socket is not None and (mask := self._controller.mask(now_us)) is not None:
             self._set(CAN_RAW_ERR_FILTER, mask, now_us)
         self._tell()
@@ -129,7 +135,7 @@ class SocketCanLink:
         return came
 
     def _read(self, frames: list[Frame], now_us: int) -> None:
-        size = FRAME.size
+        size, take = FRAME.size, self._take
         while self._socket is not None and len(frames) < MAX_FRAMES:
             try:
                 data, extra, flags, _ = self._socket.recvmsg(size, 256)
@@ -149,7 +155,7 @@ class SocketCanLink:
             if flags & MSG_CONFIRM:  # one of ours has left
                 self._confirms, self._unconfirmed = True, max(self._unconfirmed - 1, 0)
             else:
-                frames.append(self._take(data, extra, now_us))
+                frames.append(take(data, extra, now_us))
 
     def narrow(self, ids: tuple[int, ...]) -> None:
         """From now on only these ids."""
@@ -196,7 +202,8 @@ class SocketCanLink:
         if word & CAN_ERR_FLAG:
             self._controller.error(word, payload, stamp_us)
             return Frame(stamp_us, word & ALL_ERRORS, payload, error=True)
-        self._controller.on_frame()
+        if self._controller.bus_off:
+            self._controller.on_frame()
         if word <= SFF_MASK:  # most are: a standard id, no flag
             return Frame(stamp_us, word, payload)
         extended = bool(word & CAN_EFF_FLAG)
