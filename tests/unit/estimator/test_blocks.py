@@ -481,4 +481,4 @@ def test_window_of_an_axle_that_begins_within_a_block_holds_that_block(ticks: in
         running = np.array([True, k >= 24 - ticks])
         window.put(k, w, w, running, yes & running, yes & running, np.full((1, 2), 0.1))
     assert window.filled().tolist() == [6, -(-ticks // BLOCK_TICKS)]
-    assert window.sums(window.filled())[0].tolist() == [24.0, ticks]
+    assert window.sums(window.filled()[None])[0].tolist() == [[24.0, ticks]]
