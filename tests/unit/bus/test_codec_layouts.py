@@ -1,5 +1,6 @@
 """Shift and mask against cantools: signals of any length, place, byte order and sign."""
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -114,7 +115,9 @@ def test_a_written_frame_is_cantools_of_the_same_raw_values(layout: Layout, data
     assert frame == Frame(7, CAN_ID, message.encode(raw, scaling=False))
 
 
-WRITTEN: st.SearchStrategy[Value] = st.none() | st.floats() | st.floats(-1e4, 1e4) | st.just("NoLabel")
+WRITTEN: st.SearchStrategy[Value] = (
+    st.none() | st.floats(-1e12, 1e12) | st.sampled_from([math.nan, math.inf, "NoLabel"])
+)
 
 
 @given(layouts(mixed=False), st.data())

@@ -78,9 +78,9 @@ def assert_close(a: object, b: object, where: str = "") -> None:
 def state(estimator: Estimator) -> dict[str, Any]:
     """Without the samples of the noise level from before a gap: no difference is made of them."""
     out = capture(estimator)
-    noise = out["_noise"]
-    age = np.arange(len(noise["_past"]))[::-1, None, None]
-    noise["_past"] = np.where(age < noise["_run"], noise["_past"], 0.0)
+    noise = out["noise"]
+    age = np.arange(len(noise["past_samples"]))[::-1, None, None]
+    noise["past_samples"] = np.where(age < noise["ticks_without_gap"], noise["past_samples"], 0.0)
     return out
 
 
@@ -443,10 +443,10 @@ def test_reset_axle_beside_a_running_one_begins_as_a_new_one() -> None:
         old.step(row, both, SPEED)
         new.step(row, both, SPEED)
     a, b = capture(old), capture(new)
-    assert_close(a["_filters"], b["_filters"])
-    assert_close(a["_mean"], b["_mean"])
+    assert_close(a["filters"], b["filters"])
+    assert_close(a["mean"], b["mean"])
     newest = slice(0, 20)
-    assert_close(a["_blocks"][newest], b["_blocks"][newest])
+    assert_close(a["blocks"][newest], b["blocks"][newest])
 
 
 @pytest.mark.parametrize("phase", range(BLOCK_TICKS))
@@ -481,4 +481,4 @@ def test_window_of_an_axle_that_begins_within_a_block_holds_that_block(ticks: in
         running = np.array([True, k >= 24 - ticks])
         window.put(k, w, w, running, yes & running, yes & running, np.full((1, 2), 0.1))
     assert window.filled().tolist() == [6, -(-ticks // BLOCK_TICKS)]
-    assert window.sums(window.filled())[0].tolist() == [24.0, ticks]
+    assert window.sums(window.filled()[None])[0].tolist() == [[24.0, ticks]]
