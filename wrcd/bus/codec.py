@@ -95,23 +95,28 @@ class SignalReader:
         self.position = position(signal, length)
         _, self.shift, self.mask, self.sign = self.position
         self._signal = signal
-        self._scale, self._offset = signal.conversion.scale, signal.conversion.offset
-        self._factor = factor(signal.unit, source.quantity)
+        self.scale, self.offset = signal.conversion.scale, signal.conversion.offset
+        self.factor = factor(signal.unit, source.quantity)
         slack = 0.5 * abs(float(signal.scale))
-        self._low = -math.inf if signal.minimum is None else float(signal.minimum) - slack
-        self._high = math.inf if signal.maximum is None else float(signal.maximum) + slack
+        self.low = -math.inf if signal.minimum is None else float(signal.minimum) - slack
+        self.high = math.inf if signal.maximum is None else float(signal.maximum) + slack
         self._unusable = {raw for raw, label in (signal.choices or {}).items() if unusable(label)}
         self._limit = source.quantity.limit
         self._positive = source.quantity in (Quantity.AXLE_LOAD, Quantity.WHEEL_RADIUS)
         self._is_direction = source.quantity is Quantity.DIRECTION
+        # every value within the DBC's range is one: no word of it says otherwise, nor does the quantity's own limit
+        within = math.isfinite(self.low) and math.isfinite(self.high)
+        within = within and max(abs(self.low), abs(self.high)) * abs(self.factor) <= self._limit
+        words = any(self.low <= raw * self.scale + self.offset <= self.high for raw in self._unusable)
+        self.is_simple = within and not (words or self._is_direction or self._positive)
 
     def read(self, raw: Any) -> float | Reason:
         """The value of a raw one."""
         if raw in self._unusable:
             return Reason.STATUS
-        physical = float(raw * self._scale + self._offset)
-        si = physical * self._factor
-        if not (self._low <= physical <= self._high and -self._limit <= si <= self._limit):
+        physical = float(raw * self.scale + self.offset)
+        si = physical * self.factor
+        if not (self.low <= physical <= self.high and -self._limit <= si <= self._limit):
             return Reason.RANGE if math.isfinite(si) else Reason.NOT_FINITE
         if self._positive and si <= 0:
             return Reason.RANGE
@@ -121,9 +126,9 @@ class SignalReader:
         """The values of many raw ones, if every one of them has one and none is a direction."""
         if self._is_direction or (self._unusable and not self._unusable.isdisjoint(raw.tolist())):
             return None
-        physical = raw * self._scale + self._offset
-        si = physical * self._factor
-        within = (self._low <= physical) & (physical <= self._high) & (-self._limit <= si) & (si <= self._limit)
+        physical = raw * self.scale + self.offset
+        si = physical * self.factor
+        within = (self.low <= physical) & (physical <= self.high) & (-self._limit <= si) & (si <= self._limit)
         if not within.all() or (self._positive and (si <= 0).any()):
             return None
         values: list[float] = si.tolist()
@@ -197,10 +202,14 @@ class MessageReader:
             raw = number >> signal.shift & signal.mask
             if raw & signal.sign:
                 raw -= signal.sign << 1
-            value = signal.read(raw)
-            if value.__class__ is not float:
-                assert isinstance(value, Reason)
-                return value
+            physical = raw * signal.scale + signal.offset
+            if signal.is_simple and signal.low <= physical <= signal.high:
+                value: float | Reason = float(physical) * signal.factor
+            else:
+                value = signal.read(raw)
+                if value.__class__ is not float:
+                    assert isinstance(value, Reason)
+                    return value
             samples.append(_new_tuple(Sample, (signal.number, value, degraded, contested)))
         return samples
 

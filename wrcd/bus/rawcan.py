@@ -37,9 +37,6 @@ def parse_ancillary(ancillary: list[tuple[int, int, bytes]], now_us: int) -> tup
     none; and how many frames the socket's buffer has lost so far, None where the kernel does not say.
     """
     kernel_us, hardware_us, lost = now_us, 0, None
-    if len(ancillary) == 1 and ancillary[0][1] == SO_TIMESTAMPNS and ancillary[0][0] == SOL_SOCKET:  # almost always
-        seconds, nanoseconds = TIMESPEC.unpack_from(ancillary[0][2])
-        return seconds * 1_000_000 + nanoseconds // 1000, 0, None
     for level, kind, value in ancillary:
         if level != SOL_SOCKET:
             continue

@@ -25,6 +25,8 @@ from wrcd.bus.rawcan import (
     SO_TIMESTAMPING,
     SO_TIMESTAMPNS,
     SOFTWARE,
+    SOL_SOCKET,
+    TIMESPEC,
     advice,
     only_id,
     only_word,
@@ -39,6 +41,7 @@ UNCONFIRMED_US = 1_000_000  # after so long without a sign that a frame has left
 # A device that has gone is opened again when the kernel says that it is there; and tried so often, for where rtnetlink
 # is not to be had. No longer, however long it has been gone: the window has to fill first anyway.
 REOPEN_US = 50_000
+_KERNEL_STAMP = (SOL_SOCKET, SO_TIMESTAMPNS)
 FOLLOW_US = 100_000  # between two looks at what rtnetlink says, while frames come
 
 
@@ -135,7 +138,7 @@ class SocketCanLink:
         return came
 
     def _read(self, frames: list[Frame], now_us: int) -> None:
-        size, take = FRAME.size, self._take
+        size, unpack, stamp, plain = FRAME.size, FRAME.unpack, TIMESPEC.unpack, self._hardware is None
         while self._socket is not None and len(frames) < MAX_FRAMES:
             try:
                 data, extra, flags, _ = self._socket.recvmsg(size, 256)
@@ -154,8 +157,14 @@ class SocketCanLink:
                 continue
             if flags & MSG_CONFIRM:  # one of ours has left
                 self._confirms, self._unconfirmed = True, max(self._unconfirmed - 1, 0)
+                continue
+            word, length, payload = unpack(data)
+            if word <= SFF_MASK and plain and len(extra) == 1 and extra[0][:2] == _KERNEL_STAMP:  # almost always
+                seconds, nanoseconds = stamp(extra[0][2])
+                self._down = self._controller.bus_off = False
+                frames.append(Frame(seconds * 1_000_000 + nanoseconds // 1000, word, payload[:length]))
             else:
-                frames.append(take(data, extra, now_us))
+                frames.append(self._take(word, payload[:length], extra, now_us))
 
     def narrow(self, ids: tuple[int, ...]) -> None:
         """From now on only these ids."""
@@ -189,23 +198,18 @@ class SocketCanLink:
                 raise
             self._trouble(e, now_us)
 
-    def _take(self, data: bytes, extra: list[tuple[int, int, bytes]], now_us: int) -> Frame:
+    def _take(self, word: int, payload: bytes, extra: list[tuple[int, int, bytes]], now_us: int) -> Frame:
         stamp_us, hardware_us, lost = parse_ancillary(extra, now_us)
         if self._hardware is not None:
             stamp_us = self._hardware.to_kernel_time(hardware_us, stamp_us)
         if lost is not None:
             self.health.drops += (lost - self._dropped_before) & 0xFFFFFFFF
             self._dropped_before = lost
-        word, length, payload = FRAME.unpack(data)
-        payload = payload[:length]
         self._down = False
         if word & CAN_ERR_FLAG:
             self._controller.error(word, payload, stamp_us)
             return Frame(stamp_us, word & ALL_ERRORS, payload, error=True)
-        if self._controller.bus_off:
-            self._controller.on_frame()
-        if word <= SFF_MASK:  # most are: a standard id, no flag
-            return Frame(stamp_us, word, payload)
+        self._controller.on_frame()
         extended = bool(word & CAN_EFF_FLAG)
         mask = EFF_MASK if extended else SFF_MASK
         return Frame(stamp_us, word & mask, payload, extended, bool(word & CAN_RTR_FLAG))
