@@ -246,6 +246,11 @@ class Core:
         if not block:
             return
         ticks = block.ticks()
+        if block.sound_from(0) and not self._backoff.any_waits(block.number):  # everybody runs
+            result = self._step(ticks, 0)
+            at = len(result)
+            self._begin_sound_ticks(at)
+            self._note_outliers(block.number, result)
         while at < len(block):
             # as far as is known: a reset on the way may make an axle wait
             running = [self._running(k) for k in range(at, len(block))]
@@ -256,15 +261,19 @@ class Core:
             if not any(running[0]):
                 at += 1
                 continue
-            result = self.estimator.step(ticks, at)
-            if self._observer is not None:
-                self._observer.stepped(ticks, at, result)
-            if len(result) > 1:
-                self._begin_ticks(at + 1, running[1:])
-            elif result.outliers.any() or result.needs_reset.any():
-                self._note_outliers(block.number + at, result)
+            result = self._step(ticks, at)
+            for k in range(1, len(result)):
+                self._begin_tick(at + k, running[k])
+            self._note_outliers(block.number + at, result)
             at += len(result)
         block.clear()
+
+    def _step(self, ticks: Ticks, at: int) -> StepResult:
+        """Run the bank from a tick of the block on, as far as it goes at once."""
+        result = self.estimator.step(ticks, at)
+        if self._observer is not None:
+            self._observer.stepped(ticks, at, result)
+        return result
 
     def _running(self, k: int) -> list[bool]:
         """Which axles run in a tick of the block: they have what they need, and need not wait."""
@@ -292,22 +301,19 @@ class Core:
                 again = jumped or self._backoff.waiting(axle, number)
                 self._reset_axle(axle, Cause.RESTARTED if again else Cause.STANDSTILL)
 
-    def _begin_ticks(self, first: int, running: Sequence[Sequence[bool]]) -> None:
-        """The same of all ticks from `first` on."""
-        if not self._block.sound_from(first):
-            for k, run in enumerate(running, first):
-                self._begin_tick(k, run)
-            return
+    def _begin_sound_ticks(self, ticks: int) -> None:
+        """The same of the block's first ticks, in which everybody runs and against which nothing speaks."""
         for axle in range(self._n):
-            if running[0][axle]:
-                self._validity.update(axle, Cause.NONE, len(running))
-                if self._validity.window_full[axle]:
-                    self._backoff.recovered(axle)
-            else:
-                self._reset_axle(axle, Cause.RESTARTED)
+            self._is_reset[axle] = False
+            self._validity.update(axle, Cause.NONE, ticks)
+            if self._validity.window_full[axle]:
+                self._backoff.recovered(axle)
 
     def _note_outliers(self, number: int, result: StepResult) -> None:
-        """Remember whose measurements were left out in a tick, and reset the axles that need it."""
+        """Remember whose measurements were left out in a tick, and reset the axles that need it. In ticks that were
+        stepped at once there are none."""
+        if len(result) > 1:
+            return
         for axle in np.flatnonzero(result.outliers[0]).tolist():
             self._outlier_us[axle] = (number + 1) * self._period_us
         for axle in np.flatnonzero(result.needs_reset).tolist():

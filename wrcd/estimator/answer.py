@@ -24,6 +24,13 @@ HARSH_SHARE = 0.7  # of the window that must be far from pulses
 SILENT, SILENT_S = 1.07, 0.4  # all four residuals below so many times the noise, over at least so long: no track
 # Half-width over the estimate from which on it says nothing; and the least way that a wheelset must have run to tell.
 VAGUE, MIN_M = 0.6, 2.9
+# The first that applies counts.
+_REASONS = np.array(
+    [
+        EstimateDoubt.SILENT, EstimateDoubt.HARSH, EstimateDoubt.BEYOND_TRAINING, EstimateDoubt.NO_RULE,
+        EstimateDoubt.VAGUE, EstimateDoubt.NONE,
+    ], dtype=np.int64
+)  # fmt: skip
 BEYOND_WIDER = 2.0  # the half-width grows by this factor for each range that an input lies outside the sets
 
 
@@ -238,17 +245,14 @@ class Answers:
         few = np.minimum(np.maximum(LOW_FIRING / np.maximum(inference.firing, 1e-9), 1.0), 3.0)
         spread = spread * few * (1.0 + BEYOND_WIDER * far)
         seconds = s.ticks * d.tick_s
-        reasons = {  # the first counts
-            EstimateDoubt.SILENT: (loud < SILENT) & (seconds >= SILENT_S),
-            EstimateDoubt.HARSH: s.live_share < HARSH_SHARE,
-            EstimateDoubt.BEYOND_TRAINING: far > d.beyond,
-            EstimateDoubt.NO_RULE: inference.rule == 0,
-            EstimateDoubt.VAGUE: (spread > VAGUE) | (seconds * speed_m_s < MIN_M),
-        }
-        doubt = np.zeros(len(spread), dtype=np.int64)
-        for reason, applies in reversed(reasons.items()):
-            doubt[applies] = reason
-        return spread, doubt
+        applies = np.empty((len(_REASONS), len(spread)), dtype=bool)
+        applies[0] = (loud < SILENT) & (seconds >= SILENT_S)
+        np.less(s.live_share, HARSH_SHARE, out=applies[1])
+        np.greater(far, d.beyond, out=applies[2])
+        np.equal(inference.rule, 0, out=applies[3])
+        applies[4] = (spread > VAGUE) | (seconds * speed_m_s < MIN_M)
+        applies[5] = True
+        return spread, _REASONS[applies.argmax(axis=0)]
 
 
 def _back(long: Answer, short: Answer) -> FloatArray:

@@ -242,6 +242,8 @@ class Estimator:
 
     def estimates(self, drafts: Sequence[Draft]) -> list[Estimate]:
         """Estimates of several moments at once."""
+        if len(drafts) == 1:
+            return [self._answers.estimate(drafts[0])]
         return split(self._answers.estimate(joined(drafts)), len(drafts))
 
     def torque_now(self) -> FloatArray:
