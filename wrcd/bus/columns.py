@@ -8,7 +8,7 @@ its reader gives for one frame after the other. Everything else goes the ordinar
 
 import itertools
 import operator
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -21,7 +21,7 @@ from wrcd.bus.frame import Frame
 
 IntArray = NDArray[np.int64]
 Samples = Sequence[Sample]
-MIN_ROWS = 32  # fewer at once are not worth it
+MIN_ROWS, MAX_ROWS = 32, 5000  # fewer at once are not worth it, more need memory
 MAX_BITS = 52  # of a raw value that a float holds exactly, whatever its scale does
 _STAMP = 20  # characters of "(1700000000.123456) "
 _DIGITS = [*range(1, 11), *range(12, 18)]
@@ -68,6 +68,36 @@ class Stretch:
     def frames(self) -> Iterator[Frame]:
         """All of them."""
         return map(self.frame, range(len(self)))
+
+
+def stretches(frames: Iterable[tuple[Frame, str]]) -> Iterator[Stretch | tuple[Frame, str]]:
+    """The same frames and channels: those that are plain, many at once."""
+    held: list[Frame] = []
+    of = ""
+    for frame, channel in frames:
+        plain = not (frame.remote or frame.error or frame.fd)
+        if held and (not plain or channel != of or len(held) >= MAX_ROWS):
+            yield _stretch(held, of)
+            held = []
+        if plain:
+            held.append(frame)
+            of = channel
+        else:
+            yield frame, channel
+    if held:
+        yield _stretch(held, of)
+
+
+def _stretch(frames: Sequence[Frame], channel: str) -> Stretch:
+    whole = b"".join([f.data.ljust(8, b"\0") for f in frames])
+    return Stretch(
+        channel,
+        np.array([f.stamp_us for f in frames], dtype=np.int64),
+        np.array([f.can_id for f in frames], dtype=np.int64),
+        np.array([f.extended for f in frames]),
+        np.array([len(f.data) for f in frames], dtype=np.int64),
+        np.frombuffer(whole, dtype=np.uint8).reshape(-1, 8),
+    )
 
 
 def parse_lines(text: bytes) -> tuple[Stretch, NDArray[np.bool_], IntArray, IntArray] | None:

@@ -136,9 +136,11 @@ def _read_line(line: bytes, number: int, damage: Damage) -> tuple[Frame, str] | 
 
 
 def read_stretches(path: Path, damage: Damage) -> Iterator["Stretch | tuple[Frame, str]"]:
-    """The same log: where candump's lines are regular, many at once; else frame by frame."""
+    """The same log: where its lines or frames are regular, many at once; else frame by frame."""
     if not set(path.suffixes[-2:]) & CANDUMP_SUFFIXES:
-        yield from read_log(path, damage)
+        from wrcd.bus.columns import stretches
+
+        yield from stretches(read_log(path, damage))
         return
     with _errors(path, damage):
         yield from _read_candump_stretches(path, damage)
