@@ -77,16 +77,24 @@ def _parser() -> argparse.ArgumentParser:
     dump.add_argument("--config", type=Path, metavar="FILE", help="configuration whose DBC decodes")
 
     replay = commands.add_parser("replay", parents=[config], help="estimate over a log, byte for byte as on the bus")
-    replay.add_argument("log", type=Path, metavar="LOG", help="candump log, or any that python-can reads")
-    replay.add_argument("-o", "--output", type=Path, metavar="OUT.log", help="write the frames sent as a candump log")
+    replay.add_argument(
+        "logs", type=Path, metavar="LOG", nargs="+", help="candump log, or any that python-can reads; one or several"
+    )
+    replay.add_argument(
+        "-o", "--output", type=Path, metavar="OUT.log",
+        help="write the frames sent as a candump log; of several logs a folder of them",
+    )  # fmt: skip
     replay.add_argument(
         "--csv",
         type=Path,
         metavar="OUT.csv",
-        help="write one row per Adhesion frame (default, without -o: to the screen)",
+        help="write one row per Adhesion frame (default, without -o: to the screen); of several logs a folder of them",
     )
     replay.add_argument(
         "--explain", action="store_true", help="rows also name the winning model and the dominant rule of the moment"
+    )
+    replay.add_argument(
+        "--jobs", type=int, default=1, metavar="N", help="of several logs, so many at once (default: 1)"
     )
     return p
 
@@ -182,8 +190,11 @@ def _dump(args: argparse.Namespace) -> int:
 
 def _replay(args: argparse.Namespace) -> int:
     from wrcd.tools.replay import replay
+    from wrcd.tools.replays import replays
 
-    return replay(args.log, args.config, args.output, args.csv, args.explain)
+    if len(args.logs) == 1:
+        return replay(args.logs[0], args.config, args.output, args.csv, args.explain)
+    return replays(args.logs, args.config, args.output, args.csv, args.explain, args.jobs)
 
 
 _COMMANDS = {"run": _run, "check": _check, "dump": _dump, "replay": _replay}

@@ -1,0 +1,132 @@
+"""A log read by columns gives what it gives frame by frame: frames, counts, damage, whatever is wrong with it."""
+
+import gzip
+import random
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wrcd.bus.columns import Columns, parse_lines
+from wrcd.bus.log import Damage, parse_line, read_log, read_stretches
+from wrcd.config import load_config
+from wrcd.core.core import Core
+from wrcd.tools.replay import outgoing, outgoing_of_stretches
+
+GOLDEN = Path(__file__).parents[2] / "golden" / "leaf-film.log"
+LINES = GOLDEN.read_bytes().splitlines(keepends=True)[:12_000]
+Lines = list[bytes]
+
+
+def by_columns(log: Path) -> tuple[list[str], object, Damage]:
+    core, damage = Core(load_config(None)), Damage()
+    out = [f"{o.frame} {o.cause.name} {c}" for o, c in outgoing_of_stretches(core, read_stretches(log, damage))]
+    return out, core.counts, damage
+
+
+def by_frames(log: Path) -> tuple[list[str], object, Damage]:
+    core, damage = Core(load_config(None)), Damage()
+    out = [f"{o.frame} {o.cause.name} {c}" for o, c in outgoing(core, read_log(log, damage), None)]
+    return out, core.counts, damage
+
+
+def flipped(rng: random.Random, lines: Lines) -> Lines:
+    """Some bits of the data flip."""
+    out = []
+    for line in lines:
+        if rng.random() < 0.003:
+            at = line.index(b"#") + 1 + rng.randrange(4)
+            line = line[:at] + f"{rng.randrange(16):X}".encode() + line[at + 1 :]
+        out.append(line)
+    return out
+
+
+def lost_and_doubled(rng: random.Random, lines: Lines) -> Lines:
+    return [line for line in lines for _ in range(rng.choices((0, 1, 2), (1, 200, 1))[0])]
+
+
+def damaged(rng: random.Random, lines: Lines) -> Lines:
+    """Lines cut, empty, of other kinds, and the last without its end."""
+    out = []
+    for line in lines:
+        kind = rng.random()
+        if kind < 0.002:
+            out.append(line[: rng.randrange(len(line))] + b"\n")
+        elif kind < 0.004:
+            out.append(b"\n")
+        elif kind < 0.006:
+            out.append(
+                line[:20] + rng.choice([b"can0 20000040#0000000000000000\n", b"can0 101#R8\n", b"can0 101##0AB\n"])
+            )
+        elif kind < 0.008:
+            out.append(line.replace(b" R\n", b"\n").lower() if rng.random() < 0.5 else line.replace(b" ", b"  ", 1))
+        out.append(line)
+    out[-1] = out[-1][:-9]
+    return out
+
+
+def another_channel(rng: random.Random, lines: Lines) -> Lines:
+    return [line.replace(b"can0", b"vcan1") if rng.random() < 0.01 else line for line in lines]
+
+
+def with_gaps_and_steps(rng: random.Random, lines: Lines) -> Lines:
+    """Silences of up to three seconds, steps of time forth and back."""
+    out, shift_us = [], 0
+    for line in lines:
+        if rng.random() < 0.001:
+            shift_us += rng.choice((300_000, 700_000, 1_200_000, 3_000_000, 120_000_000, -5_000_000, -4_000))
+        stamp_us = int(line[1:11]) * 1_000_000 + int(line[12:18]) + shift_us
+        out.append(f"({stamp_us // 1_000_000:010d}.{stamp_us % 1_000_000:06d})".encode() + line[19:])
+    return out
+
+
+def as_they_are(_: random.Random, lines: Lines) -> Lines:
+    return lines
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize(
+    "change", [as_they_are, flipped, lost_and_doubled, damaged, another_channel, with_gaps_and_steps],
+    ids=lambda f: f.__name__,
+)  # fmt: skip
+def test_log_by_columns_gives_what_it_gives_frame_by_frame(
+    change: Callable[[random.Random, Lines], Lines], seed: int, tmp_path: Path
+) -> None:
+    log = tmp_path / "a.log"
+    log.write_bytes(b"".join(change(random.Random(seed), LINES)))
+    found, expected = by_columns(log), by_frames(log)
+    assert len(expected[0]) > 500
+    assert found == expected
+
+
+def test_compressed_log_by_columns_gives_what_it_gives_frame_by_frame(tmp_path: Path) -> None:
+    log = tmp_path / "a.log.gz"
+    with gzip.open(log, "wb") as f:
+        f.write(b"".join(LINES[:5000]))
+    assert by_columns(log) == by_frames(log)
+
+
+def test_most_frames_of_a_clean_log_are_read_by_columns() -> None:
+    parsed = parse_lines(b"".join(LINES))
+    assert parsed is not None
+    whole, regular, _, _ = parsed
+    assert regular.all()
+    core = Core(load_config(None))
+    read = Columns(core.receiver, core.check_all).read(whole)
+    assert np.mean([r.samples is not None for r in read]) > 0.95
+
+
+def test_regular_lines_are_parsed_as_one_by_one() -> None:
+    rng = random.Random(3)
+    lines = []
+    for _ in range(300):
+        data = rng.randbytes(rng.randrange(9)).hex()
+        number = f"{rng.randrange(0x800):03X}" if rng.random() < 0.5 else f"{rng.randrange(0x20000000):08x}"
+        end = rng.choice(["", " R", " T"])
+        lines.append(f"({rng.randrange(10**10):010d}.{rng.randrange(10**6):06d}) can0 {number}#{data}{end}\n".encode())
+    parsed = parse_lines(b"".join(lines))
+    assert parsed is not None
+    whole, regular, _, _ = parsed
+    assert regular.all()
+    assert [(f, "can0") for f in whole.frames()] == [parse_line(line.strip()) for line in lines]

@@ -1,0 +1,62 @@
+"""Several logs at once: each gives what it gives alone."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from wrcd.tools.cli import main
+
+GOLDEN = Path(__file__).parents[2] / "golden" / "leaf-film.log"
+
+
+@pytest.fixture
+def logs(tmp_path: Path) -> list[Path]:
+    first, second = tmp_path / "first.log", tmp_path / "second.log"
+    shutil.copy(GOLDEN, first)
+    second.write_text("".join(GOLDEN.read_text().splitlines(keepends=True)[:20_000]))
+    return [first, second]
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_several_logs_give_what_each_gives_alone(
+    logs: list[Path], jobs: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    csv, sent = tmp_path / "csv", tmp_path / "sent"
+    assert main(["replay", *map(str, logs), "--csv", str(csv), "-o", str(sent), "--jobs", str(jobs)]) == 0
+    said = capsys.readouterr().err
+    assert said.index("first.log:") < said.index("second.log:")
+    assert said.count("frames read") == 2
+    for log in logs:
+        alone = tmp_path / "alone.csv"
+        assert main(["replay", str(log), "--csv", str(alone), "-o", str(tmp_path / "alone.log")]) == 0
+        assert (csv / f"{log.stem}.csv").read_bytes() == alone.read_bytes()
+        assert (sent / f"{log.stem}.log").read_bytes() == (tmp_path / "alone.log").read_bytes()
+
+
+def test_one_unreadable_log_fails_alone(logs: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "empty.log").write_text("")
+    names = [str(tmp_path / "empty.log"), str(logs[1])]
+    assert main(["replay", *names, "--csv", str(tmp_path / "csv")]) == 2
+    assert "has not one readable frame" in capsys.readouterr().err
+    assert len((tmp_path / "csv" / "second.csv").read_text().splitlines()) > 100
+
+
+@pytest.mark.parametrize(
+    ("more", "reason"),
+    [([], "name a folder"), (["--csv", "DIR", "--jobs", "0"], "takes 1 or more"), (["--csv", "FILE"], "is no folder")],
+)
+def test_several_logs_without_a_place_are_an_error(
+    logs: list[Path], more: list[str], reason: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "file").write_text("")
+    places = {"DIR": str(tmp_path / "csv"), "FILE": str(tmp_path / "file")}
+    assert main(["replay", *map(str, logs), *(places.get(a, a) for a in more)]) == 2
+    assert reason in capsys.readouterr().err
+
+
+def test_two_logs_of_one_name_are_an_error(logs: list[Path], tmp_path: Path) -> None:
+    (tmp_path / "other").mkdir()
+    shutil.copy(logs[0], tmp_path / "other" / "first.log")
+    names = [str(logs[0]), str(tmp_path / "other" / "first.log")]
+    assert main(["replay", *names, "--csv", str(tmp_path / "csv")]) == 2

@@ -1,0 +1,68 @@
+"""`wrcd replay` of several logs: each as if it were alone, several at once."""
+
+import contextlib
+import io
+import sys
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path
+
+from wrcd.errors import InputError
+from wrcd.tools.replay import replay
+
+SUFFIXES = {".log", ".gz", ".blf", ".asc", ".trc", ".mf4", ".csv", ".db"}
+
+
+def replays(
+    logs: Sequence[Path], config: Path | None, output: Path | None, table: Path | None, explained: bool, jobs: int
+) -> int:
+    """Replay logs into folders: NAME.log of the frames sent in `output`, NAME.csv in `table`. What is said of each log
+    is printed in their order.
+
+    Returns the largest exit status. Raises InputError before the first log where the outputs cannot be.
+    """
+    if jobs < 1:
+        raise InputError(f"takes 1 or more, not {jobs}", key="--jobs")
+    if output is None and table is None:
+        raise InputError(
+            "are several logs", key="LOG", hint="name a folder for what comes of them: --csv DIR or -o DIR"
+        )
+    names = [_name(log) for log in logs]
+    if twice := sorted({n for n in names if names.count(n) > 1}):
+        raise InputError(f"two logs are called {twice[0]}", key="LOG", hint="rename one, or replay it alone")
+    for key, folder in (("-o", output), ("--csv", table)):
+        if folder is not None:
+            try:
+                folder.mkdir(parents=True, exist_ok=True)
+            except OSError as e:
+                raise InputError(f"is no folder: {e.strerror}", file=folder, key=key) from None
+    outputs = [(output / f"{name}.log" if output else None, table / f"{name}.csv" if table else None) for name in names]
+    status = 0
+    with ProcessPoolExecutor(min(jobs, len(logs)), mp_context=get_context("spawn")) as pool:
+        runs = [pool.submit(_one, log, config, *to, explained) for log, to in zip(logs, outputs, strict=True)]
+        for log, run in zip(logs, runs, strict=True):
+            ended, said = run.result()
+            print(f"{log}:\n{said.rstrip()}", file=sys.stderr)
+            status = max(status, ended)
+    return status
+
+
+def _one(log: Path, config: Path | None, output: Path | None, table: Path | None, explained: bool) -> tuple[int, str]:
+    """One log in a process of its own: its exit status, and what it says."""
+    said = io.StringIO()
+    with contextlib.redirect_stderr(said):
+        try:
+            status = replay(log, config, output, table, explained)
+        except InputError as e:
+            print(f"wrcd: error: {e}", file=said)
+            status = e.status
+    return status, said.getvalue()
+
+
+def _name(log: Path) -> str:
+    """A log's name without the suffixes that tell its format."""
+    name = log.name
+    while (suffix := Path(name).suffix) in SUFFIXES:
+        name = name.removesuffix(suffix)
+    return name
