@@ -39,10 +39,18 @@ class Node:
         self._socket = RealSocket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
         self._socket.bind((channel,))
         self._socket.settimeout(2.0)
+        # hears what is sent here: the kernel may hand a frame over a moment after send() has returned
+        self._echo = RealSocket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
+        self._echo.setsockopt(socket.SOL_CAN_RAW, 2, 0x1FFFFFFF)  # CAN_RAW_ERR_FILTER: error frames, too
+        self._echo.bind((channel,))
+        self._echo.settimeout(2.0)
 
     def send(self, word: int, data: bytes = b"\x01\x02") -> None:
-        """Send a frame; the word is the id with its flags."""
-        self._socket.send(FRAME.pack(word, len(data), data.ljust(8, b"\0")))
+        """Send a frame, and wait until the bus has it; the word is the id with its flags."""
+        packed = FRAME.pack(word, len(data), data.ljust(8, b"\0"))
+        self._socket.send(packed)
+        while self._echo.recv(FRAME.size) != packed:
+            pass
 
     def receive(self) -> tuple[int, bytes]:
         """Return word and data of the next frame, waiting 2 s at most."""
@@ -51,6 +59,7 @@ class Node:
 
     def close(self) -> None:
         self._socket.close()
+        self._echo.close()
 
 
 class FaultySocket(RealSocket):

@@ -42,7 +42,6 @@ UNCONFIRMED_US = 1_000_000  # after so long without a sign that a frame has left
 # is not to be had. No longer, however long it has been gone: the window has to fill first anyway.
 REOPEN_US = 50_000
 _KERNEL_STAMP = (SOL_SOCKET, SO_TIMESTAMPNS)
-FOLLOW_US = 100_000  # between two looks at what rtnetlink says, while frames come
 
 
 class SocketCanLink:
@@ -56,7 +55,6 @@ class SocketCanLink:
         self._hardware: HardwareClock | None = None
         self._controller = Controller(self.health)
         self._down = False
-        self._followed_us = 0  # when rtnetlink was asked last
         self._dropped_before = 0
         self._tried_us = 0  # when it was last tried to open a device that has gone
         self._own: frozenset[int] = frozenset()  # words of the frames sent here
@@ -110,15 +108,11 @@ class SocketCanLink:
     def receive(self, now_us: int) -> list[Frame]:
         """What the kernel holds, error frames too, MAX_FRAMES at the most. A device that has gone is opened again as
         soon as it is back."""
+        came = self._follow(now_us)
+        if self._socket is None:
+            self._reopen(now_us, came)
         frames, self._early = self._early, []
         self._read(frames, now_us)
-        # while frames come the interface is up: then it is looked at now and then only
-        if not frames or self._down or self._socket is None or not 0 <= now_us - self._followed_us < FOLLOW_US:
-            self._followed_us = now_us
-            came = self._follow(now_us)
-            if self._socket is None:
-                self._reopen(now_us, came)
-                self._read(frames, now_us)
         if self._socket is not None and (mask := self._controller.mask(now_us)) is not None:
             self._set(CAN_RAW_ERR_FILTER, mask, now_us)
         self._tell()
