@@ -2,7 +2,7 @@
 # make test   set up, then all tests: on the host, then on a real kernel's vcan and under real systemd
 # make lint   format, lint, types: seconds
 # make check  make lint, then make test
-# make docs   prints what the pages quote from the program again; make docs-all the score and the fault matrix too, half an hour
+# make docs   prints what the pages quote from the program again; make docs-all the score and the fault matrix too, twenty minutes
 # make fuzz   property tests with EXAMPLES (10^5) examples each, and a million corrupted frames; hours
 # make soak   HOURS (24) on the virtual clock in one core: nothing grows, drifts or is lost; an eighth of that
 # make coverage  which branches of wrcd/bus, wrcd/core, wrcd/recorder and wrcd/service the tests take, those in the guest too; fails below 95 %
@@ -89,7 +89,7 @@ design: $(READY)
 	$(BIN)/sim-ecu design -o wrcd/data/default.design.json --baselines sim_ecu/data/default.baselines.json
 	$(BIN)/sim-ecu design --form paper -o sim_ecu/data/paper.design.json
 
-# the tables of docs/reference/score.md; 26 minutes on two cores
+# the tables of docs/reference/score.md; 25 minutes of processor time, on two cores
 score: $(READY)
 	$(BIN)/sim-ecu score --json build/score.json --html build/score.html
 
