@@ -117,6 +117,8 @@ def parse_lines(text: bytes) -> tuple[Stretch, NDArray[np.bool_], IntArray, IntA
     if len(ends) < MIN_ROWS or space < 0 or space > _STAMP + 16:
         return None
     channel = text[_STAMP:space]
+    if channel.split() != [channel]:
+        return None
     head = _STAMP + len(channel) + 1
     k = len(ends)
     regular = np.zeros(k, dtype=bool)

@@ -2,12 +2,13 @@
 
 import contextlib
 import gzip
+import io
 import re
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, cast
+from typing import IO, TYPE_CHECKING, Any, cast
 
 from wrcd.bus.frame import Frame
 from wrcd.errors import InputError
@@ -15,7 +16,7 @@ from wrcd.errors import InputError
 if TYPE_CHECKING:
     from wrcd.bus.columns import Stretch
 
-CHUNK_BYTES = 1 << 18  # of a log, read at once
+CHUNK_BYTES, READ_BYTES = 1 << 18, 1 << 13  # of a log, taken at once, and asked of the file at once
 CANDUMP_SUFFIXES = {".log"}
 # (1700000000.123456) can0 091#0011223344556677 — id of 3 or 8 digits, R for remote, ## and a flag digit for CAN FD,
 # and perhaps a direction behind
@@ -146,16 +147,41 @@ def read_stretches(path: Path, damage: Damage) -> Iterator["Stretch | tuple[Fram
         yield from _read_candump_stretches(path, damage)
 
 
+def _whole_lines(file: Any) -> Iterator[bytes]:
+    """A file by chunks of whole lines; the last may lack its end. What has been read when the file turns out to be
+    damaged comes before the error."""
+    rest = b""
+    while True:
+        parts, wanted, failed = [rest], CHUNK_BYTES, None
+        try:
+            # never more at once than the file's own buffer: an error loses what its call has read
+            while wanted > 0 and (part := file.read1(READ_BYTES)):
+                parts.append(part)
+                wanted -= len(part)
+        except (OSError, EOFError, zlib.error) as e:
+            failed = e
+        text = b"".join(parts)
+        end = text.rfind(b"\n") + 1
+        if end:
+            yield text[:end]
+        rest = text[end:]
+        if failed is not None:
+            raise failed
+        if wanted > 0:  # the end of the file
+            if rest:
+                yield rest
+            return
+
+
 def _read_candump_stretches(path: Path, damage: Damage) -> Iterator["Stretch | tuple[Frame, str]"]:
     from wrcd.bus.columns import parse_lines
 
     number = 0  # of the newest line
     with _open(path) as f:
-        while text := f.read(CHUNK_BYTES):
-            text += f.readline()
+        for text in _whole_lines(f):
             parsed = parse_lines(text) if text.endswith(b"\n") else None
             if parsed is None:
-                for line in text.splitlines(keepends=True):
+                for line in io.BytesIO(text):
                     number += 1
                     if (found := _read_line(line, number, damage)) is not None:
                         yield found

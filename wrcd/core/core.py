@@ -129,9 +129,7 @@ class Core:
     def feed_checked(self, samples: Sequence[Sample], stamp_us: int) -> list[Outgoing]:
         """The same for a frame whose samples are also checked already."""
         out = self._move_to(stamp_us)
-        self.counts.accepted += 1
-        for sample in samples:
-            self._inputs.accept(sample, stamp_us)
+        self._accept(samples, stamp_us)
         return out
 
     def goes_on_from(self, stamp_us: int) -> bool:
@@ -147,13 +145,16 @@ class Core:
             self.counts.reject(reader.name, reason)
             self._inputs.reject(reader.numbers, stamp_us, reason)
             return out
+        assert not isinstance(samples, Reason)
+        self._accept(samples, stamp_us)
+        return out
+
+    def _accept(self, samples: Sequence[Sample], stamp_us: int) -> None:
         self.counts.accepted += 1
         if stamp_us < self._begin_us:
             self.counts.late += 1
-        assert not isinstance(samples, Reason)
         for sample in samples:
             self._inputs.accept(sample, stamp_us)
-        return out
 
     def advance(self, now_us: int) -> list[Outgoing]:
         """Time has come to now_us and every frame stamped before it has been fed: close the ticks that are over.

@@ -28,6 +28,8 @@ def replays(
         raise InputError(
             "are several logs", key="LOG", hint="name a folder for what comes of them: --csv DIR or -o DIR"
         )
+    if explained and table is None:
+        raise InputError("needs a folder for the rows of several logs", key="--explain", hint="name it: --csv DIR")
     names = [_name(log) for log in logs]
     if twice := sorted({n for n in names if names.count(n) > 1}):
         raise InputError(f"two logs are called {twice[0]}", key="LOG", hint="rename one, or replay it alone")

@@ -107,6 +107,47 @@ def test_compressed_log_by_columns_gives_what_it_gives_frame_by_frame(tmp_path: 
     assert by_columns(log) == by_frames(log)
 
 
+@pytest.mark.parametrize("lines", [500, 12_000])
+@pytest.mark.parametrize("share", [0.03, 0.5, 0.9, 0.999])
+def test_truncated_compressed_log_loses_nothing_that_can_be_read(share: float, lines: int, tmp_path: Path) -> None:
+    log = tmp_path / "a.log.gz"
+    whole = gzip.compress(b"".join((LINES * 5)[:lines]))
+    log.write_bytes(whole[: int(share * len(whole))])
+    found, expected = by_columns(log), by_frames(log)
+    assert expected[2].read > 0.7 * share * lines - 400
+    assert found == expected
+
+
+@pytest.mark.parametrize("change", [b"\r\r\n", b"\r\n"])
+@pytest.mark.parametrize("lines", [20, 6100])
+def test_line_ends_of_other_systems_are_read_alike(change: bytes, lines: int, tmp_path: Path) -> None:
+    log = tmp_path / "a.log"
+    log.write_bytes(b"".join((LINES * 5)[:lines]).replace(b"\n", change))
+    assert by_columns(log) == by_frames(log)
+
+
+@pytest.mark.parametrize("channel", [b"", b"c\tn"])
+def test_line_without_a_channel_is_no_frame(channel: bytes, tmp_path: Path) -> None:
+    log = tmp_path / "a.log"
+    log.write_bytes(LINES[0] + b"".join(LINES[1:200]).replace(b"can0", channel))
+    found, expected = by_columns(log), by_frames(log)
+    assert expected[2].read == 1
+    assert found == expected
+
+
+def test_frames_after_one_of_another_clock_are_late_alike(tmp_path: Path) -> None:
+    """A frame that nobody maps is stamped more than a second ahead: it drives the clock, and what comes is late."""
+    half = len(LINES) // 2
+    ahead = LINES[half]
+    stamp_us = int(ahead[1:11]) * 1_000_000 + int(ahead[12:18]) + 1_300_000
+    other = f"({stamp_us // 1_000_000:010d}.{stamp_us % 1_000_000:06d}) can1 7FF#00\n".encode()
+    log = tmp_path / "a.log"
+    log.write_bytes(b"".join((*LINES[:half], other, *LINES[half:])))
+    found, expected = by_columns(log), by_frames(log)
+    assert found == expected
+    assert "late=0," not in str(expected[1])
+
+
 def test_most_frames_of_a_clean_log_are_read_by_columns() -> None:
     parsed = parse_lines(b"".join(LINES))
     assert parsed is not None

@@ -44,7 +44,12 @@ def test_one_unreadable_log_fails_alone(logs: list[Path], tmp_path: Path, capsys
 
 @pytest.mark.parametrize(
     ("more", "reason"),
-    [([], "name a folder"), (["--csv", "DIR", "--jobs", "0"], "takes 1 or more"), (["--csv", "FILE"], "is no folder")],
+    [
+        ([], "name a folder"),
+        (["-o", "DIR", "--explain"], "--csv DIR"),
+        (["--csv", "DIR", "--jobs", "0"], "takes 1 or more"),
+        (["--csv", "FILE"], "is no folder"),
+    ],
 )
 def test_several_logs_without_a_place_are_an_error(
     logs: list[Path], more: list[str], reason: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
