@@ -10,7 +10,8 @@ from pathlib import Path
 from types import TracebackType
 
 from tests.bench.timing import Case, Figure, Goal, Row, in_turn, show
-from tests.bench.workload import LENGTH_US, TICK_US, configuration, write_stretch
+from tests.bench.workload import LENGTH_US, TICK_US, write_stretch
+from wrcd.config import packaged
 
 ROOT = Path(__file__).parents[2]
 WORKER = Path(__file__).with_name("worker.py")
@@ -70,7 +71,7 @@ def rows(before: Path | None) -> Iterator[Row]:
             show(f"the core of {axles} axles starts")
             stretch, config = folder / f"{axles}.txt", folder / f"{axles}.toml"
             write_stretch(stretch, axles)
-            config.write_text(configuration(axles))
+            config.write_text(packaged(axles))
             for who, tree in ((OURS, ROOT), (BEFORE, before)):
                 if tree is None or (who == BEFORE and axles not in BEFORE_AXLES):
                     continue

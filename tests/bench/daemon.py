@@ -29,6 +29,7 @@ def main() -> int:
         link._stamp(end)
         return end
 
+    # the kernel may have no CAN: the daemon's own link, with one end of a pair in the place of the raw CAN socket
     socketcan.SocketCanLink._open = opened  # type: ignore[assignment,method-assign]
     socketcan.SocketCanLink._set = lambda *_: None  # type: ignore[method-assign]
     status = cli.main(["run", "-i", "socketcan", "-c", CHANNEL])

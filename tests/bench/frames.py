@@ -115,6 +115,7 @@ class Peer:
         for _ in range(count):
             m = self._bus.recv(0.0)
             assert m is not None
+            # a bytearray is no bytes to the types, and a conversion would be the bench's own cost
             out.append(self._database.decode_message(m.arbitration_id, m.data, decode_choices=False))  # type: ignore[arg-type]
         return out
 
@@ -132,6 +133,7 @@ class NotifierPeer:
         self._notifier = can.Notifier(self._bus, [self._on_message])
 
     def _on_message(self, m: can.Message) -> None:
+        # a bytearray, see Peer
         self.out.append(self._database.decode_message(m.arbitration_id, m.data, decode_choices=False))  # type: ignore[arg-type]
         if len(self.out) >= self._wanted:
             self._there.set()
@@ -299,6 +301,7 @@ class PeerOut:
         self._bus, self._database = PairBus(end), database
 
     def send(self) -> bytes:
+        # words and numbers side by side, which cantools takes and its types do not say
         data = self._database.encode_message("Adhesion_A1", {"Crc": 0, "Counter": 0, **ADHESION})  # type: ignore[dict-item]
         self._bus.send(can.Message(arbitration_id=0x091, data=data, is_extended_id=False))
         return data

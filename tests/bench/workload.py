@@ -59,21 +59,6 @@ def frames(axles: int = RECORDED, start_us: int = START_US) -> Iterator[Frame]:
         begin_us += LENGTH_US
 
 
-def configuration(axles: int) -> str:
-    """A configuration of the packaged DBC with so many axles."""
-    tables = "".join(
-        f"""
-[[axle]]
-number = {a}
-yaw_rate = "YawRate_A{a}.YawRate"
-lateral_acceleration = "LatAccel_A{a}.LatAccel"
-torque = "Torque_A{a}.Torque"
-"""
-        for a in range(1, axles + 1)
-    )
-    return f'[vehicle]\nspeed = "VehicleSpeed.Speed"\n{tables}'
-
-
 def write_stretch(path: Path, axles: int) -> None:
     """One line a frame, for another process: microseconds, id, data."""
     path.write_text("".join(f"{r.at_us} {r.can_id} {r.data.hex()}\n" for r in stretch(axles)))

@@ -164,7 +164,7 @@ def test_sigterm_sends_not_available_for_every_axle(one_axle: Recorded) -> None:
 def slot(f: Frame) -> int:
     """The slot that a frame was made for: its counter tells, should it have left in the slot's last moment."""
     last = f.stamp_us // 20_000
-    # (the shutdown_frames carries the next one)
+    # (the last frame carries the next one)
     return next(s for s in (last, last - 1, last - 2, last + 1) if s % 15 == f.data[1] & 0x0F)
 
 

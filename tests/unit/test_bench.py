@@ -11,13 +11,13 @@ from tests.bench.__main__ import END, MARKER, write_page
 from tests.bench.core import ROOT, Worker
 from tests.bench.cost import received, sent, table
 from tests.bench.timing import Case, Goal, Row, Times, in_turn, markdown, text
-from tests.bench.workload import LENGTH_US, START_US, configuration, stretch, write_log, write_stretch
+from tests.bench.workload import LENGTH_US, START_US, stretch, write_log, write_stretch
 from wrcd import resources
 from wrcd.bus.codec import Receiver
 from wrcd.bus.e2e import crc
 from wrcd.bus.frame import Frame
 from wrcd.bus.reasons import Reason
-from wrcd.config import load_config
+from wrcd.config import load_config, packaged
 from wrcd.estimator.bank import Bank
 from wrcd.estimator.design import Design, load_design
 from wrcd.estimator.fuzzy import Fuzzy
@@ -164,7 +164,7 @@ def test_further_axles_repeat_the_first_under_their_own_ids() -> None:
 
 def test_worker_is_of_the_tree_it_was_given_and_its_axle_is_valid(tmp_path: Path) -> None:
     write_stretch(tmp_path / "stretch", 1)
-    (tmp_path / "one.toml").write_text(configuration(1))
+    (tmp_path / "one.toml").write_text(packaged(1))
     with Worker(ROOT, tmp_path / "stretch", tmp_path / "one.toml") as worker:
         assert worker.tree == ROOT
         assert worker.valid == (1,)
@@ -210,7 +210,11 @@ def test_cases_run_in_turn() -> None:
     ran: list[str] = []
 
     def case(name: str) -> Case:
-        return Case(lambda count: ran.append(name) or 1000 * count, 2)  # type: ignore[func-returns-value]
+        def block(count: int) -> int:
+            ran.append(name)
+            return 1000 * count
+
+        return Case(block, 2)
 
     times = in_turn({"a": case("a"), "b": case("b")}, 0.0)
     assert ran == ["a", "b"] * (len(ran) // 2)

@@ -75,11 +75,10 @@ def stretches(frames: Iterable[tuple[Frame, str]]) -> Iterator[Stretch | tuple[F
     held: list[Frame] = []
     of = ""
     for frame, channel in frames:
-        plain = not (frame.remote or frame.error or frame.fd)
-        if held and (not plain or channel != of or len(held) >= MAX_ROWS):
+        if held and (not frame.plain or channel != of or len(held) >= MAX_ROWS):
             yield _stretch(held, of)
             held = []
-        if plain:
+        if frame.plain:
             held.append(frame)
             of = channel
         else:

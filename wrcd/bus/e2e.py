@@ -90,9 +90,14 @@ class Checker:
         """Whether a rival has gone on beside the chain: perhaps a second sender, perhaps two stray frames."""
         return self._candidate is not None and self._candidate_frames >= CANDIDATE_FRAMES - 1
 
+    @property
+    def _is_suspicious(self) -> bool:
+        """Whether another chain has been seen, or nobody is believed."""
+        return self._candidate is not None or self._moves > 0 or self._quarantine_frames > 0
+
     def goes_on(self, counters: Sequence[int]) -> bool:
         """Whether nothing is suspected and each counter of frames on end continues the chain."""
-        if self._moves or self._candidate is not None or self._quarantine_frames or max(counters) >= COUNTER_MODULO:
+        if self._is_suspicious or max(counters) >= COUNTER_MODULO:
             return False
         before = counters if self._last is None else [self._last, *counters]
         return all(_continues(a, b) for a, b in itertools.pairwise(before))
@@ -104,20 +109,16 @@ class Checker:
 
     def check(self, data: bytes) -> Reason | None:
         """None if the frame may be used, else why not. The length has been checked."""
-        table, crc_of_data = CRC_TABLE, self.start
-        for byte in data[1:]:
-            crc_of_data = table[crc_of_data ^ byte]
-        if len(data) < 2 or data[0] != crc_of_data:
+        if len(data) < 2 or data[0] != _crc_after(self.start, data):
             return Reason.DATA_ID if any(data[:1] == bytes((crc(data, i),)) for i in self._others) else Reason.CRC
         counter = data[1] & 0x0F
         if counter >= COUNTER_MODULO:
             return Reason.COUNTER
         last = self._last
-        if last is None or 1 <= (counter - last) % COUNTER_MODULO <= 1 + MAX_LOST:
-            if self._moves or self._candidate is not None or self._quarantine_frames:
+        if last is None or _continues(last, counter):
+            if self._is_suspicious:
                 return self._go_on(counter, data)
-            self._last, self._payload = counter, data
-            self._frames_since_candidate += 1
+            self.follow(counter, data, 1)
             return None
         repeated = counter == self._last
         goes_on = self._candidate is not None and _continues(self._candidate, counter)

@@ -79,12 +79,13 @@ class Block:
             return [False] * len(self._unavailable[k])
         return [not silent for silent in self._unavailable[k]]
 
-    def sound_from(self, k: int) -> bool:
-        """Whether every axle has what an estimate needs in the ticks from k on, and nothing speaks against them."""
+    @property
+    def is_sound(self) -> bool:
+        """Whether every axle has what an estimate needs in every tick, and nothing speaks against them."""
         return all(
             self._fast[j]
             and not self._speed_jumped[j]
             and True not in self._unavailable[j]
             and not any(self._causes[j])
-            for j in range(k, self._count)
+            for j in range(self._count)
         )

@@ -37,6 +37,9 @@ MAX_HELD_SLOTS = 16  # of which the frames are made at once
 SILENCE_US = 1_000_000  # without a mapped frame: longer, and nothing that was known before holds
 
 
+Dues = tuple[bool, bool, bool]  # whether Adhesion, AdhesionDetail with InputHealth, and the status are due
+
+
 class Observer(Protocol):
     """Is shown the records that travel through a core; it changes nothing."""
 
@@ -217,14 +220,14 @@ class Core:
             number = self._open
             due = self._close_tick(number)
             self._open += 1
-            if due and not self.muted:
-                out += self._due(self._open * self._period_us)
+            if True in due and not self.muted:
+                out += self._due(self._open * self._period_us, due)
         self._begin_us = self._open * self._period_us
         self._end_us = self._begin_us + self._period_us
         return out
 
-    def _close_tick(self, number: int) -> bool:
-        """Take down what a tick brought; the bank runs on it when its block ends. Returns whether a slot begins."""
+    def _close_tick(self, number: int) -> Dues:
+        """Take down what a tick brought; the bank runs on it when its block ends. Returns what is due at its end."""
         self.counts.ticks += 1
         end_us = (number + 1) * self._period_us
         if self._stamp_us != NEVER and end_us - self._stamp_us > SILENCE_US:
@@ -233,13 +236,19 @@ class Core:
         tick = self._tick = self._inputs.close_tick(end_us)
         fast = tick.speed_m_s >= self.config.min_speed_m_s
         self._block.add(number, tick, tick_causes(self._inputs, tick, end_us), fast)
-        c = self.config
-        due = any(
-            end_us % cycle < self._period_us for cycle in (c.adhesion_cycle_us, c.detail_cycle_us, c.status_cycle_us)
-        )
-        if due or self.estimator.block_end(number):
+        due = self._dues(end_us)
+        if True in due or self.estimator.block_end(number):
             self._run_block()
         return due
+
+    def _dues(self, end_us: int) -> Dues:
+        """Which messages' slots begin within the tick that ends, or with its end."""
+        c, period_us = self.config, self._period_us
+        return (
+            end_us % c.adhesion_cycle_us < period_us,
+            end_us % c.detail_cycle_us < period_us,
+            end_us % c.status_cycle_us < period_us,
+        )
 
     def _run_block(self) -> None:
         """Run the bank on the ticks taken down, on as many at once as the estimator takes."""
@@ -247,7 +256,7 @@ class Core:
         if not block:
             return
         ticks = block.ticks()
-        if block.sound_from(0) and not self._backoff.any_waits(block.number):  # everybody runs
+        if block.is_sound and not self._backoff.any_waits(block.number):  # everybody runs
             result = self._step(ticks, 0)
             at = len(result)
             self._begin_sound_ticks(at)
@@ -325,9 +334,9 @@ class Core:
         self.counts.restarts += 1
         self._backoff.was_reset(axle, number)
 
-    def _due(self, end_us: int) -> list[Outgoing]:
+    def _due(self, end_us: int, due: Dues) -> list[Outgoing]:
         """The frames whose slot begins with this tick's end; while they are held back, none."""
-        slot = self._slot(end_us)
+        slot = self._slot(end_us, due)
         if self._held is None:
             estimate = None if slot.draft is None else self.estimator.estimates([slot.draft])[0]
             return self._frames(slot, estimate)
@@ -356,12 +365,10 @@ class Core:
             self.reports = reports(slot, estimate)
         return frames(slot, self.reports, estimate, self._outbox)
 
-    def _slot(self, end_us: int) -> Slot:
+    def _slot(self, end_us: int, due: Dues) -> Slot:
         """Take down what the frames of a slot are made from."""
-        c, axles, inputs, tick = self.config, range(self._n), self._inputs, self._tick
-        adhesion, detail, status = (
-            end_us % cycle < self._period_us for cycle in (c.adhesion_cycle_us, c.detail_cycle_us, c.status_cycle_us)
-        )
+        axles, inputs, tick = range(self._n), self._inputs, self._tick
+        adhesion, detail, status = due
         said = adhesion or detail
         known = said and True in self._validity.window_full
         pairs = self.estimator.identity.doubt.tolist() if said else []

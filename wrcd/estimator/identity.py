@@ -75,8 +75,7 @@ class Filters:
         difference = np.array(FOURTH_DIFFERENCE)
         M[bands, [0, *delayed]] = difference / np.linalg.norm(difference)
         M[to + delayed, [0, *delayed[:-1]]] = 1.0
-        self._M = M
-        self._block = unrolled(M, self.OUTPUTS)
+        self._steps = unrolled(M, self.OUTPUTS)
         self._state: FloatArray = np.zeros((M.shape[1] - 1, CHANNELS * axles))
 
     def reset(self, axle: int) -> None:
@@ -84,18 +83,12 @@ class Filters:
         n = self._state.shape[1] // CHANNELS
         self._state[:, axle::n] = 0.0
 
-    def step(self, x: FloatArray, used: BoolArray) -> FloatArray:
-        """One tick of x (2, n), of the axles that have data (n,). Returns (OUTPUTS, 2, n)."""
-        out = self._M @ np.concatenate((x.reshape(1, -1), self._state))
-        state = out[self.OUTPUTS :]
-        self._state = state if used.all() else np.where(np.tile(used, CHANNELS), state, self._state)
-        return out[: self.OUTPUTS].reshape(self.OUTPUTS, *x.shape)
-
-    def step_all(self, x: FloatArray) -> FloatArray:
-        """m ticks of x (m, 2, n), all with data. Returns (m, OUTPUTS, 2, n)."""
+    def step(self, x: FloatArray, used: BoolArray | None = None) -> FloatArray:
+        """m ticks of x (m, 2, n); used (n,) where not all axles have data. Returns (m, OUTPUTS, 2, n)."""
         m = len(x)
-        out = self._block[m] @ np.concatenate((x.reshape(m, -1), self._state))
-        self._state = out[m * self.OUTPUTS :]
+        out = self._steps[m] @ np.concatenate((x.reshape(m, -1), self._state))
+        state = out[m * self.OUTPUTS :]
+        self._state = state if used is None else np.where(np.tile(used, CHANNELS), state, self._state)
         y: FloatArray = out[: m * self.OUTPUTS].reshape(m, self.OUTPUTS, *x.shape[1:])
         return y
 
@@ -156,25 +149,14 @@ class Identity:
         self._ticks[axle] = 0.0
         self._wiring.reset(axle)
 
-    def step(self, z: FloatArray, used: BoolArray, speed_m_s: float, saturated: BoolArray | None = None) -> None:
+    def step(self, z: FloatArray, used: BoolArray, speed_m_s: float, saturated: BoolArray) -> None:
         """One tick of raw measurements z (2, n), of the axles (n,) whose measurements are used; which are saturated."""
         x = np.where(used, np.clip(z / self._unit, -MAX_NOISE_RATIO, MAX_NOISE_RATIO), 0.0)
         self._offset_ticks = np.minimum(self._offset_ticks + used, self._max_offset_ticks)
         self._mean = self._mean + np.where(used, (x - self._mean) / np.maximum(self._offset_ticks, 1.0), 0.0)
         x = x - self._mean
-        y = self._filters.step(x, used)
-        square = y * y
-        new = np.concatenate((
-            square[:-1].reshape(-1, len(used)), y[:-1, YAW] * y[:-1, LAT], square[-1], y[LOW], x, x * x,
-            np.full((1, len(used)), speed_m_s), np.zeros((1, len(used))) if saturated is None else saturated[None],
-        ))  # fmt: skip
-        self._sums = self._sums + np.where(used, new, 0.0)
-        self._ticks = self._ticks + used
-        self._wiring.step(y[MIDDLE], square[MIDDLE], used)
-        full = self._ticks >= self._block_ticks
-        if full.any():
-            self._put(full)
-            self._judge(full)
+        mask = None if used.all() else used
+        self._add(x[None], self._filters.step(x[None], mask), mask, (speed_m_s,), saturated)
 
     @property
     def settled(self) -> BoolArray:
@@ -190,7 +172,7 @@ class Identity:
         mean = smoothed(self._smoothing, self._mean, x)
         self._mean = mean[-1].copy()
         x -= mean[1:]
-        y = self._filters.step_all(x)
+        y = self._filters.step(x)
         first = 0
         while first < m:  # no block and no second of the wiring ends within what is summed up at once
             left = int(min(self._block_ticks - self._ticks.max(), self._wiring.left))

@@ -40,18 +40,6 @@ class Wiring:
             self._used[:] = 0.0
             self._ticks = 0
 
-    def step(self, y: FloatArray, power: FloatArray, used: BoolArray) -> None:
-        """One tick of both signals in 3 to 10 Hz and their squares (2, n), of the axles that have data (n,)."""
-        if not used.any():
-            return
-        known = y * used
-        self._cross = self._cross + known[YAW][:, None] * known[LAT]
-        self._power = self._power + power * used
-        self._used = self._used + used
-        self._ticks += 1
-        if self._ticks >= self._second_ticks:
-            self._close()
-
     @property
     def left(self) -> int:
         """Ticks until a second is full."""
@@ -60,6 +48,8 @@ class Wiring:
     def add(self, y: FloatArray, power: FloatArray, used: BoolArray | None) -> None:
         """m ticks of both signals in 3 to 10 Hz (m, 2, n) that no second ends within, and the sums of their squares
         (2, n); used (n,) where not all axles have data."""
+        if used is not None and not used.any():
+            return
         m = len(y)
         known = y if used is None else y * used
         self._cross = self._cross + known[:, YAW].T @ known[:, LAT]

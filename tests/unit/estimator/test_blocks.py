@@ -432,16 +432,16 @@ def test_reset_axle_beside_a_running_one_begins_as_a_new_one() -> None:
     used, both = np.array([True, False]), ALL_OF_TWO
     old, new = Identity(NOISE, 0.005, 2), Identity(NOISE, 0.005, 2)
     for row in z[:500]:
-        old.step(row, both, SPEED)
-        new.step(row, used, SPEED)
+        old.step(row, both, SPEED, ~both)
+        new.step(row, used, SPEED, ~both)
     old.reset(1)
     for part in steps(z[500:1300]):
         rows = np.where(used, z[500:1300][part], 0.0)
         for identity in (old, new):
             identity.step_settled(rows, used, [SPEED] * len(rows), ~both)
     for row in z[1300:]:
-        old.step(row, both, SPEED)
-        new.step(row, both, SPEED)
+        old.step(row, both, SPEED, ~both)
+        new.step(row, both, SPEED, ~both)
     a, b = capture(old), capture(new)
     assert_close(a["filters"], b["filters"])
     assert_close(a["mean"], b["mean"])

@@ -50,15 +50,15 @@ def history(z: FloatArray, identity: Identity | None = None) -> list[list[int]]:
     identity = identity or Identity(NOISE, TICK_S, AXLES)
     used, out = np.ones(AXLES, dtype=bool), []
     for tick in z:
-        identity.step(tick, used, SPEED)
+        identity.step(tick, used, SPEED, ~used)
         out.append([int(d) for d in identity.doubt])
     return out
 
 
 def test_the_filters_are_butterworths_and_leave_white_noise_its_power() -> None:
     z = np.random.default_rng(1).standard_normal((20_000, 2, 1))
-    filters, used = Filters(TICK_S, 1), np.ones(1, dtype=bool)
-    got = np.array([filters.step(x, used) for x in z])
+    filters = Filters(TICK_S, 1)
+    got = np.array([filters.step(x[None])[0] for x in z])
     for k, (low, high) in enumerate(BANDS_HZ):
         b, a = butter(1, high, fs=200) if low == 0 else butter(1, [low, high], "band", fs=200)
         want = lfilter(b, a, z, axis=0)
@@ -192,7 +192,7 @@ def test_a_saturated_wheelset_is_no_unrelated_pair(sound: FloatArray) -> None:
     own_noise(z[..., 3:], 0)
     free, saturated = (Identity(NOISE, TICK_S, AXLES) for _ in range(2))
     for tick in z:
-        free.step(tick, used, SPEED)
+        free.step(tick, used, SPEED, ~used)
         saturated.step(tick, used, SPEED, used)
     assert Doubt.UNRELATED in free.doubt
     assert Doubt.UNRELATED not in saturated.doubt
@@ -217,8 +217,8 @@ def test_axles_without_data_learn_nothing_and_disturb_nobody(sound: FloatArray) 
     z[:, 0, 0] *= -1
     z[:, :, 1] = np.nan
     for tick in z:
-        alone.step(tick[:, :1], np.ones(1, dtype=bool), SPEED)
-        other.step(tick, np.array([True, False]), SPEED)
+        alone.step(tick[:, :1], np.ones(1, dtype=bool), SPEED, np.zeros(1, dtype=bool))
+        other.step(tick, np.array([True, False]), SPEED, np.zeros(2, dtype=bool))
     assert list(alone.doubt) == [Doubt.REVERSED]
     assert list(other.doubt) == [Doubt.REVERSED, Doubt.NONE]
 
@@ -228,5 +228,5 @@ def test_identity_takes_any_number() -> None:
     with np.errstate(all="raise", under="ignore"):
         for k in range(2500):
             z = np.array([[0.0, 1e300 * (-1) ** k], [0.0, -1e300]])
-            identity.step(z, used, 0.0)
+            identity.step(z, used, 0.0, np.zeros_like(used))
     assert identity.doubt[0] in list(Doubt)

@@ -143,7 +143,7 @@ def test_sigterm_dumps_up_to_the_shutdown_frames(
     assert log.name.endswith("-exit.log")
     sent = [f for f, _ in read_log(log, Damage()) if f.can_id == ADHESION_A1]
     assert sent[-2].data[1] >> 4 == 1
-    assert sent[-1].data[1] >> 4 == 0  # the shutdown_frames
+    assert sent[-1].data[1] >> 4 == 0  # the last frame
 
 
 def test_exception_in_the_loop_dumps_up_to_the_shutdown_frames(
@@ -162,4 +162,4 @@ def test_exception_in_the_loop_dumps_up_to_the_shutdown_frames(
         train.daemon.run()
     sent, replayed = sent_and_replayed(train.dumps()[0], tmp_path / "out.log")
     assert replayed == sent[:-5]
-    assert [f.data[1] >> 4 for f in sent[-5:]] == [0, 0, 0, 0, 3]  # the shutdown_frames is in it, too
+    assert [f.data[1] >> 4 for f in sent[-5:]] == [0, 0, 0, 0, 3]  # the last frame of the daemon is in it, too

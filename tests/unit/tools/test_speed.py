@@ -5,11 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from tests.bench.workload import configuration
 from wrcd import resources
 from wrcd.bus.codec import Receiver
 from wrcd.bus.reasons import Reason
-from wrcd.config import load_config
+from wrcd.config import load_config, packaged
 from wrcd.tools import speed
 from wrcd.tools.cli import main
 
@@ -32,7 +31,7 @@ def axles(request: pytest.FixtureRequest) -> int:
 
 
 def test_every_axle_has_an_estimate_and_is_valid(axles: int, tmp_path: Path) -> None:
-    (tmp_path / "c.toml").write_text(configuration(axles))
+    (tmp_path / "c.toml").write_text(packaged(axles))
     found = speed.measure(load_config(tmp_path / "c.toml"))
     numbers = tuple(range(1, axles + 1))
     assert found.estimating == found.valid == numbers
@@ -61,14 +60,12 @@ def test_trains_own_dbc_with_other_units_gives_estimates(tmp_path: Path) -> None
         assert old in text
         text = text.replace(old, new)
     (tmp_path / "own.dbc").write_text(text, "cp1252")
-    (tmp_path / "c.toml").write_text(
-        f'dbc = {{ file = "own.dbc" }}\nwheelset = {{ name = "default" }}\n{configuration(2)}'
-    )
+    (tmp_path / "c.toml").write_text(f'dbc = {{ file = "own.dbc" }}\nwheelset = {{ name = "default" }}\n{packaged(2)}')
     assert speed.measure(load_config(tmp_path / "c.toml")).estimating == (1, 2)
 
 
 def test_constant_speed_without_a_message_gives_estimates(tmp_path: Path) -> None:
-    tables = configuration(1).partition("[[axle]]")[2]
+    tables = packaged(1).partition("[[axle]]")[2]
     (tmp_path / "c.toml").write_text(f"[limits]\nconstant_speed_m_s = 20.0\n[[axle]]{tables}")
     assert speed.measure(load_config(tmp_path / "c.toml")).estimating == (1,)
 
