@@ -21,7 +21,7 @@ from wrcd.bus.frame import Frame
 from wrcd.bus.log import Damage, format_line, read_log
 from wrcd.config import DEFAULT
 
-MAX_STALLED = 0.05  # of the slots, that a guest may skip because its host stood still
+MAX_STALLED = 0.02  # of the slots, that a guest may skip because its host stood still
 
 
 @dataclass
