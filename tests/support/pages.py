@@ -23,6 +23,9 @@ from unittest.mock import patch
 
 from sim_ecu import cli as rig_cli
 from sim_ecu import resources as rig
+from sim_ecu.play.expected import LONG_ROWS, ROWS
+from sim_ecu.play.expected_lines import expected_lines
+from sim_ecu.play.judge import which
 from tests.support.bus_load import table as load_table
 from wrcd import resources
 from wrcd.bus.dbc import Message, load_dbc, timeout_ms
@@ -254,7 +257,15 @@ def bus_load() -> list[str]:
     return load_table(load_dbc(resources.DBC), load_dbc(rig.TRUTH_DBC), MAX_AXLES)
 
 
-MAKERS: dict[str, Callable[..., list[str]]] = {"messages": messages, "options": options, "bus-load": bus_load}
+def fault_lines() -> list[str]:
+    """What the journal says of every row of the fault matrix."""
+    rows: list[tuple[object, ...]] = [(*which(row), expected_lines(row)) for row in (*ROWS, *LONG_ROWS)]
+    return table(("fault", "of", "s", "the journal"), rows)
+
+
+MAKERS: dict[str, Callable[..., list[str]]] = {
+    "messages": messages, "options": options, "bus-load": bus_load, "fault-lines": fault_lines,
+}  # fmt: skip
 
 
 def main() -> int:
