@@ -187,4 +187,4 @@ def _listed(texts: Sequence[str]) -> str:
 
 
 def _times(x: float) -> str:
-    return f"{x:.1f} times" if math.isfinite(x) else "infinitely many times"
+    return f"{x:.1f} times" if math.isfinite(x) else "infinite times"

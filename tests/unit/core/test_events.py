@@ -234,7 +234,7 @@ def test_doubt_of_an_estimate_is_said_with_the_figures_that_decided_it(
         (Outliers([7.25, 3.0], [4.5, 6.0], 0.01), 0.0,
          "yaw rate YawRate_A1.YawRate off by 7.2 times the usual innovation, limit 4.5"),
         (Outliers([3.0, np.inf], [4.5, 6.0], 0.01), 2.0,
-         "lateral acceleration LatAccel_A1.LatAccel off by infinitely many times the usual innovation, limit 6; waits 2 s"),
+         "lateral acceleration LatAccel_A1.LatAccel off by infinite times the usual innovation, limit 6; waits 2 s"),
         (Outliers([3.0, 3.0], [4.5, 6.0], np.nan), 0.0,
          "yaw rate YawRate_A1.YawRate or lateral acceleration LatAccel_A1.LatAccel stood out among its first samples"),
     ],
