@@ -1,7 +1,6 @@
 """Reading a DBC: messages, signals and attributes, by cantools."""
 
 import importlib.util
-import math
 import re
 import sys
 from collections.abc import Collection
@@ -25,7 +24,7 @@ finally:
         del sys.modules["cantools"]
 
 __all__ = [
-    "Database", "Message", "Signal", "attribute", "check_encodable", "check_supported", "cycle_ms", "data_id",
+    "Database", "Message", "Signal", "attribute", "cycle_ms", "data_id",
     "find_message", "find_signal", "load_dbc", "timeout_ms",
 ]  # fmt: skip
 # Message lengths, signal positions, multiplexer ranges and powers of ten for which cantools would compute for hours.
@@ -40,11 +39,10 @@ _HUGE = tuple(
         r"(?<![\w.])[\d.]+[eE]\+?\d{4}",
     )
 )
-CLASSICAL_BYTES = 8
 LONGEST_MS = 65_535  # of cycles and time-outs: the range that DBCs usually give these attributes
 
 
-def load_dbc(path: Path, names: Collection[str] | None = None) -> Database:
+def load_dbc(path: Path, names: Collection[str] | None = None, encoding: str | None = None) -> Database:
     """Read a DBC strictly. Raises InputError with what is wrong with it.
 
     names: messages that are needed; the others' attributes and comments may be missing. None: all.
@@ -52,7 +50,7 @@ def load_dbc(path: Path, names: Collection[str] | None = None) -> Database:
     try:
         # the suffix and the encoding by which cantools knows a DBC
         is_dbc = path.suffix.lower() == ".dbc"
-        text = path.read_text("cp1252" if is_dbc else "utf-8", "replace")
+        text = path.read_text(encoding or ("cp1252" if is_dbc else "utf-8"), "replace")
         if names is not None and is_dbc:
             text = subset(text, names)
         huge = next(filter(None, (pattern.search(text) for pattern in _HUGE)), None)
@@ -91,34 +89,6 @@ def find_signal(message: Message, name: str) -> Signal:
         if s.name == name:
             return s
     raise KeyError(f"message {message.name} has no signal {name!r}")
-
-
-def check_supported(message: Message) -> None:
-    """Raises ValueError for a message that is not a plain classical one, which nothing here reads or sends, and for
-    signals that no frame can hold: cantools loads them and fails on the first frame."""
-    if message.is_fd or message.is_multiplexed() or message.length > CLASSICAL_BYTES:
-        raise ValueError(f"message {message.name} is CAN FD or multiplexed; only plain classical ones can be used")
-    for s in message.signals:
-        numbers = (s.scale, s.offset, s.minimum, s.maximum, s.raw_initial)
-        if s.start < 0 or s.length < 1 or not s.scale or not all(x is None or _finite(x) for x in numbers):
-            raise ValueError(f"{message.name}.{s.name} has bits that no frame has, or numbers that are none")
-
-
-def check_encodable(message: Message) -> None:
-    """Raises ValueError for a start value or a word of a value table that its own field cannot hold."""
-    for s in message.signals:
-        bits = s.length - s.is_signed
-        lowest = -(1 << bits) if s.is_signed else 0
-        raws = [*(s.choices or {}), int(s.raw_initial or 0)]
-        if not s.is_float and not all(lowest <= raw < 1 << bits for raw in raws):
-            raise ValueError(f"{message.name}.{s.name} has a start value or a named value beyond its {s.length} bits")
-
-
-def _finite(x: Any) -> bool:
-    try:
-        return math.isfinite(x)
-    except OverflowError:  # a whole number beyond all floats
-        return False
 
 
 def timeout_ms(message: Message, signal: Signal) -> int | None:
