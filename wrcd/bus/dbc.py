@@ -1,7 +1,6 @@
 """Reading a DBC: messages, signals and attributes, by cantools."""
 
 import importlib.util
-import math
 import re
 import sys
 from collections.abc import Collection
@@ -25,8 +24,8 @@ finally:
         del sys.modules["cantools"]
 
 __all__ = [
-    "Database", "Message", "Signal", "attribute", "check_encodable", "check_readable", "check_supported", "cycle_ms",
-    "data_id", "find_message", "find_signal", "load_dbc", "timeout_ms",
+    "Database", "Message", "Signal", "attribute", "cycle_ms", "data_id",
+    "find_message", "find_signal", "load_dbc", "timeout_ms",
 ]  # fmt: skip
 # Message lengths, signal positions, multiplexer ranges and powers of ten for which cantools would compute for hours.
 # One by one: a pattern that begins with a literal is searched for ten times as fast.
@@ -44,7 +43,7 @@ CLASSICAL_BYTES, FD_BYTES = 8, 64
 LONGEST_MS = 65_535  # of cycles and time-outs: the range that DBCs usually give these attributes
 
 
-def load_dbc(path: Path, names: Collection[str] | None = None) -> Database:
+def load_dbc(path: Path, names: Collection[str] | None = None, encoding: str | None = None) -> Database:
     """Read a DBC strictly. Raises InputError with what is wrong with it.
 
     names: messages that are needed; the others' attributes and comments may be missing. None: all.
@@ -52,7 +51,7 @@ def load_dbc(path: Path, names: Collection[str] | None = None) -> Database:
     try:
         # the suffix and the encoding by which cantools knows a DBC
         is_dbc = path.suffix.lower() == ".dbc"
-        text = path.read_text("cp1252" if is_dbc else "utf-8", "replace")
+        text = path.read_text(encoding or ("cp1252" if is_dbc else "utf-8"), "replace")
         if names is not None and is_dbc:
             text = subset(text, names)
         huge = next(filter(None, (pattern.search(text) for pattern in _HUGE)), None)
@@ -91,42 +90,6 @@ def find_signal(message: Message, name: str) -> Signal:
         if s.name == name:
             return s
     raise KeyError(f"message {message.name} has no signal {name!r}")
-
-
-def check_supported(message: Message) -> None:
-    """Raises ValueError for a message that cannot be sent: only plain classical ones are."""
-    if message.is_fd or message.is_multiplexed() or message.length > CLASSICAL_BYTES:
-        raise ValueError(f"message {message.name} is CAN FD or multiplexed; only plain classical ones can be sent")
-    check_readable(message)
-
-
-def check_readable(message: Message) -> None:
-    """Raises ValueError for a message that no frame can hold: cantools loads it and fails on the first frame."""
-    if message.length > FD_BYTES:
-        raise ValueError(f"message {message.name} has {message.length} bytes; a frame has {FD_BYTES} at the most")
-    for s in message.signals:
-        if s.is_float and s.length not in (16, 32, 64):
-            raise ValueError(f"{message.name}.{s.name} is coded as a float of {s.length} bits; there is none")
-        numbers = (s.scale, s.offset, s.minimum, s.maximum, s.raw_initial)
-        if s.start < 0 or s.length < 1 or not s.scale or not all(x is None or _finite(x) for x in numbers):
-            raise ValueError(f"{message.name}.{s.name} has bits that no frame has, or numbers that are none")
-
-
-def check_encodable(message: Message) -> None:
-    """Raises ValueError for a start value or a word of a value table that its own field cannot hold."""
-    for s in message.signals:
-        bits = s.length - s.is_signed
-        lowest = -(1 << bits) if s.is_signed else 0
-        raws = [*(s.choices or {}), int(s.raw_initial or 0)]
-        if not s.is_float and not all(lowest <= raw < 1 << bits for raw in raws):
-            raise ValueError(f"{message.name}.{s.name} has a start value or a named value beyond its {s.length} bits")
-
-
-def _finite(x: Any) -> bool:
-    try:
-        return math.isfinite(x)
-    except OverflowError:  # a whole number beyond all floats
-        return False
 
 
 def timeout_ms(message: Message, signal: Signal) -> int | None:
