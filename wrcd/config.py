@@ -47,13 +47,13 @@ DEFAULT = packaged(DEFAULT_AXLES)
 
 def load_config(
     path: Path | None,
-    read_dbc: Callable[[Path], Database] | None = None,
+    read_dbc: Callable[..., Database] | None = None,
     read_design: Callable[[Path], Design] = load_design,
 ) -> Config:
     """Read a configuration file, or the default one for None. Raises InputError with file, line, key and advice: all
     mistakes of the file at once.
 
-    Who has the DBC or the design already says so by a reader of their own.
+    Who has the DBC or the design already says so by a reader of their own; that of the DBC takes an encoding, too.
     """
     return _config(*_source(path), read_dbc, read_design)
 
@@ -89,7 +89,7 @@ def _source(path: Path | None) -> tuple[Section, Path]:
 def _config(
     top: Section,
     folder: Path,
-    read_dbc: Callable[[Path], Database] | None,
+    read_dbc: Callable[..., Database] | None,
     read_design: Callable[[Path], Design],
     needed: Collection[str] | None = None,
 ) -> Config:
@@ -98,9 +98,9 @@ def _config(
     limits, vehicle = top.section("limits"), top.section("vehicle")
     encoding = declared.ENCODING.read(dbc)
     if read_dbc is None:
-        read_dbc = partial(load_dbc, names=needed, encoding=encoding)
+        read_dbc = partial(load_dbc, names=needed)
     dbc_file = _path(dbc, declared.DBC_FILE, folder, resources.DBC)
-    database = _load(dbc, declared.DBC_FILE, dbc_file, read_dbc)
+    database = _load(dbc, declared.DBC_FILE, dbc_file, partial(read_dbc, encoding=encoding))
     design_file = _path(estimator, declared.DESIGN, folder, resources.DESIGN)
     design = _load(estimator, declared.DESIGN, design_file, read_design)
     wheelset = top.section("wheelset")
@@ -152,7 +152,7 @@ def _config(
         detail_cycle_us=1000 * DETAIL_MS if axles[0].detail is None else axles[0].detail.cycle_us,
         status_cycle_us=1000 * STATUS_MS if status is None else status.cycle_us,
         recorder=recorder,
-        warnings=tuple(train.warnings),
+        warnings=(*database.warnings, *train.warnings),
     )
 
 

@@ -63,6 +63,8 @@ def find(table: Section, key: str, database: Database, message: str, signal: str
     except KeyError as e:
         every = {f"{m.name}.{s.name}" for m in database.messages for s in m.signals}
         raise table.error(str(e.args[0]), key, suggest(f"{message}.{signal}", every)) from None
+    except ValueError as e:
+        raise table.error(str(e), key, "mend the DBC, or map another message") from None
 
 
 def check_readable(message: Message, signal: Signal) -> None:

@@ -81,6 +81,8 @@ def _message(table: Section, database: Database, name: str) -> Message:
     except KeyError as e:
         hint = suggest(name, [m.name for m in database.messages]) or f'name it: {table.name} = "…"'
         raise table.error(str(e.args[0]), declared.MESSAGE.name, hint) from None
+    except ValueError as e:
+        raise table.error(str(e), declared.MESSAGE.name, "mend the DBC, or send another message") from None
 
 
 def _check_sendable(table: Section, message: Message) -> None:
