@@ -30,6 +30,7 @@ from wrcd.settings import Section, parse_toml, read_toml, suggest
 T = TypeVar("T")
 STALE_TICKS = 3  # of gyro and accelerometer: two may be missing
 DEFAULT_AXLES = 4
+ENCODINGS = ("utf-8", "cp1252")  # of a DBC
 
 
 def packaged(axles: int) -> str:
@@ -54,7 +55,7 @@ DEFAULT = packaged(DEFAULT_AXLES)
 
 def load_config(
     path: Path | None,
-    read_dbc: Callable[[Path], Database] = load_dbc,
+    read_dbc: Callable[..., Database] = load_dbc,
     read_design: Callable[[Path], Design] = load_design,
 ) -> Config:
     """Read a configuration file, or the default one for None. Raises InputError with file, line, key and advice.
@@ -90,13 +91,16 @@ def _source(path: Path | None) -> tuple[Section, Path]:
 
 
 def _config(
-    top: Section, folder: Path, read_dbc: Callable[[Path], Database], read_design: Callable[[Path], Design]
+    top: Section, folder: Path, read_dbc: Callable[..., Database], read_design: Callable[[Path], Design]
 ) -> Config:
     bus, dbc, estimator = top.section("bus"), top.section("dbc"), top.section("estimator")
     limits, vehicle = top.section("limits"), top.section("vehicle")
     interface, channel = bus.get("interface", str, "socketcan"), bus.get("channel", str, "can0")
     dbc_file = _path(dbc, "file", folder, resources.DBC)
-    database = _load(dbc, "file", dbc_file, read_dbc)
+    encoding = dbc.maybe("encoding", str)
+    if encoding is not None and encoding not in ENCODINGS:
+        raise dbc.error(f"takes {' or '.join(ENCODINGS)}, not {encoding!r}", "encoding")
+    database = _load(dbc, "file", dbc_file, partial(read_dbc, encoding=encoding))
     design_file = _path(estimator, "design", folder, resources.DESIGN)
     design = _load(estimator, "design", design_file, read_design)
     _same_wheelset(top.section("wheelset"), design, design_file)
