@@ -217,7 +217,9 @@ def _load(section: Section, key: str, path: Path, load: Callable[[Path], T]) -> 
         return load(path)
     except InputError as e:
         if key in section:
-            raise section.error(str(e), key) from None
+            named = section.error(str(e), key)
+            named.status = e.status
+            raise named from None
         raise
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, TypeVar
 
-from wrcd.errors import InputError
+from wrcd.errors import InputError, NotThere
 
 T = TypeVar("T")
 _TYPES = {str: "a string", bool: "true or false", int: "a whole number", float: "a number", list: "a list"}
@@ -18,8 +18,10 @@ def read_toml(path: Path) -> "Section":
     try:
         text = path.read_text(encoding="utf-8")
     except FileNotFoundError:
-        raise InputError("no such file", file=path, hint="check the path") from None
-    except (OSError, UnicodeDecodeError) as e:
+        raise NotThere("no such file", file=path, hint="check the path") from None
+    except OSError as e:
+        raise NotThere(f"cannot be read: {e.strerror}", file=path, hint="check your rights and the disk") from None
+    except UnicodeDecodeError as e:
         raise InputError(f"cannot be read: {e}", file=path) from None
     return parse_toml(text, path)
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from wrcd.bus.dbc_subset import subset
-from wrcd.errors import InputError
+from wrcd.errors import InputError, NotThere
 
 # cantools' package imports its tester and more, and with them python-can, asyncio and ssl, none of which the daemon
 # uses on SocketCAN. They are a third of the time from start to the first frame, and after a crash that time is time
@@ -61,7 +61,9 @@ def load_dbc(path: Path, names: Collection[str] | None = None) -> Database:
             raise InputError("not a usable DBC: no message, signal or number is that large", file=path, line=line)
         database = _cantools.load_string(text, "dbc", strict=True) if is_dbc else _cantools.load_file(path, strict=True)
     except FileNotFoundError:
-        raise InputError("no such DBC file", file=path, hint="check the path") from None
+        raise NotThere("no such DBC file", file=path, hint="check the path") from None
+    except OSError as e:
+        raise NotThere(f"cannot be read: {e.strerror}", file=path, hint="check your rights and the disk") from None
     except InputError:
         raise
     except Exception as e:  # cantools raises its parser's own kinds; all of them mean: this file can't be used
