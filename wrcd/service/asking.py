@@ -50,10 +50,7 @@ def ask(pid: int, seconds: float = ANSWER_S) -> str:
             s.bind(_address(pid))
         except OSError:
             raise Unanswered("is being asked already", key=f"process {pid}", hint="try again") from None
-        try:
-            os.kill(pid, signal.SIGHUP)
-        except OSError as e:
-            raise InputError(f"cannot be asked: {e.strerror}", key=f"process {pid}", hint="ask as its user") from None
+        os.kill(pid, signal.SIGHUP)
         while True:
             try:
                 data, extra, _, _ = s.recvmsg(MAX_BYTES, socket.CMSG_SPACE(_CREDENTIALS.size))
@@ -70,11 +67,21 @@ def ask(pid: int, seconds: float = ANSWER_S) -> str:
 
 
 def _check(pid: int) -> None:
-    """SIGHUP ends most processes: only a `wrcd run` that is no terminal's is asked. Raises InputError."""
+    """SIGHUP ends most processes: only a `wrcd run` that is no terminal's is asked. Raises InputError.
+
+    In the unit's sandbox nothing of the daemon but its number can be seen: there systemd has said that it is the one.
+    """
     try:
+        if pid < 1:
+            raise ProcessLookupError
+        os.kill(pid, 0)
         words = Path(f"/proc/{pid}/cmdline").read_bytes().split(b"\0")
-    except OSError:
+    except ProcessLookupError:
         raise InputError("is not there", key=f"process {pid}", hint="see systemctl show -p MainPID") from None
+    except PermissionError:
+        raise InputError("is another user's", key=f"process {pid}", hint="ask as its user, or as root") from None
+    except OSError:
+        return
     if b"run" not in words or not any(b"wrcd" in w for w in words):
         raise InputError("is no `wrcd run`", key=f"process {pid}", hint="see systemctl show -p MainPID")
     with contextlib.suppress(OSError):

@@ -42,13 +42,13 @@ class Running:
 
 
 @contextmanager
-def daemon(folder: Path, **streams: int) -> Iterator[Running]:
+def daemon(folder: Path, stdin: int = subprocess.DEVNULL) -> Iterator[Running]:
     config, log = folder / "train.toml", folder / "log"
     config.write_text(DEFAULT)
     with log.open("w") as out:
         process = subprocess.Popen(
             [*WRCD, "run", "-i", "virtual", "-c", "asked", "--config", str(config)],
-            cwd=ROOT, text=True, stderr=out, **{"stdin": subprocess.DEVNULL, **streams},
+            cwd=ROOT, text=True, stdin=stdin, stderr=out,
         )  # fmt: skip
     try:
         wait_for("the daemon", 30, lambda: "axles 1" in log.read_text())
@@ -127,7 +127,8 @@ def test_answer_of_another_process_is_not_believed(running: Running, monkeypatch
     kill = os.kill
 
     def after_a_lie(to: int, number: int) -> None:
-        lie()
+        if number == signal.SIGHUP:
+            lie()
         kill(to, number)
 
     monkeypatch.setattr(os, "kill", after_a_lie)
@@ -164,9 +165,22 @@ def test_answer_without_anybody_to_hear_it_is_no_error() -> None:
 def test_other_process_is_refused_and_gets_no_signal(
     pid: int, message: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(os, "kill", lambda *_: pytest.fail("a signal was sent"))
+    kill = os.kill
+    monkeypatch.setattr(os, "kill", lambda to, number: kill(to, number) if number == 0 else pytest.fail("a signal"))
     assert main(["reload", "--", str(pid)]) == 2
     assert capsys.readouterr().err == f"wrcd: error: {message} — see systemctl show -p MainPID\n"
+
+
+def test_process_of_another_user_is_refused(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def refused(*_: int) -> None:
+        raise PermissionError(1, "Operation not permitted")
+
+    monkeypatch.setattr(os, "kill", refused)
+    assert main(["reload", "1"]) == 2
+    expected = "wrcd: error: process 1: is another user's — ask as its user, or as root\n"
+    assert capsys.readouterr().err == expected
 
 
 def test_daemon_of_a_terminal_is_not_ended(tmp_path: Path) -> None:
