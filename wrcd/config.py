@@ -8,18 +8,19 @@ from pathlib import Path
 from typing import TypeVar
 
 from wrcd import resources
-from wrcd.bus.dbc import Database, load_dbc
+from wrcd.bus.dbc import Database, data_id, find_message, load_dbc
 from wrcd.bus.units import Quantity
 from wrcd.core.configuration import MAX_AXLES, AxleConfig, Config, Input, RecorderConfig
 from wrcd.errors import InputError
 from wrcd.estimator.design import Design, load_design
 from wrcd.mapping import (
     AXLE_QUANTITIES,
+    DETAIL_MS,
     NEEDED,
     STATUS_MESSAGES,
+    STATUS_MS,
     VEHICLE_QUANTITIES,
     axle,
-    cycle_us,
     inputs,
     optional,
     usual_messages,
@@ -107,7 +108,7 @@ def _config(
             "is missing", "speed", 'name the signal ("Message.Signal") or give limits.constant_speed_m_s'
         )
     status, rejects, link = (
-        optional(vehicle, key, database, usual)
+        optional(vehicle, key, database, usual, STATUS_MS)
         for key, usual in zip(("status_message", "rejects_message", "link_message"), STATUS_MESSAGES, strict=True)
     )
     config = Config(
@@ -121,6 +122,7 @@ def _config(
         design=design,
         axles=tuple(axles),
         inputs=tuple(mapped),
+        data_ids={i.source.message: data_id(find_message(database, i.source.message)) for i in mapped},
         status=status,
         rejects=rejects,
         link=link,
@@ -128,9 +130,9 @@ def _config(
         min_speed_m_s=limits.number("min_speed_m_s", 3.0, 0.1, 60.0),
         constant_speed_m_s=constant,
         torque_is_total=vehicle.get("torque_is_total", bool, True),
-        adhesion_cycle_us=cycle_us(database, axles[0].adhesion, 20),
-        detail_cycle_us=cycle_us(database, axles[0].detail, 100),
-        status_cycle_us=cycle_us(database, status, 1000),
+        adhesion_cycle_us=axles[0].adhesion.cycle_us,
+        detail_cycle_us=1000 * DETAIL_MS if axles[0].detail is None else axles[0].detail.cycle_us,
+        status_cycle_us=1000 * STATUS_MS if status is None else status.cycle_us,
         recorder=_recorder(top.section("recorder"), folder),
     )
     for section in (bus, dbc, estimator, limits, vehicle, top):
@@ -153,11 +155,12 @@ def _train(top: Section, vehicle: Section, database: Database) -> tuple[list[Axl
         one = axle(table, database)
         if one.number in {a.number for a in axles}:
             raise table.error(f"{one.number} is there twice", "number")
-        for key, name in (("adhesion", one.adhesion), ("detail", one.detail), ("inputs", one.inputs)):
-            if name in sent:
-                raise table.error(f"{name} is sent for another axle already", key)
-            if name:
-                sent.add(name)
+        for key, output in (("adhesion", one.adhesion), ("detail", one.detail), ("inputs", one.inputs)):
+            if output is None:
+                continue
+            if output.message in sent:
+                raise table.error(f"{output.message} is sent for another axle already", key)
+            sent.add(output.message)
         axles.append(one)
         mapped += inputs(table, database, AXLE_QUANTITIES, (place,))
         table.done()

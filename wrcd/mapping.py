@@ -1,6 +1,6 @@
 """The names that a configuration gives, found in the DBC: which signals carry what, which messages to send."""
 
-from wrcd.bus.codec import Source, Writer
+from wrcd.bus.codec import Writer
 from wrcd.bus.dbc import (
     Database,
     check_encodable,
@@ -11,6 +11,7 @@ from wrcd.bus.dbc import (
     find_signal,
     timeout_ms,
 )
+from wrcd.bus.signals import Output, OutputSignal, Source
 from wrcd.bus.units import Quantity, factor
 from wrcd.core.configuration import MAX_AXLES, AxleConfig, Input
 from wrcd.core.messages import sendable
@@ -28,6 +29,8 @@ VEHICLE_QUANTITIES = (Quantity.SPEED, Quantity.DIRECTION)
 NEEDED = (Quantity.YAW_RATE, Quantity.LAT_ACCEL, Quantity.TORQUE)
 DEFAULT_TIMEOUT_MS = 100
 ADHESION_NEEDS = ("Validity", "MuAvailable")
+ADHESION_MS, DETAIL_MS, STATUS_MS = 20, 100, 1000  # cycles where the DBC says none
+ROUNDED_DOWN = ("MuAvailable",)
 STATUS_MESSAGES = ("WrcdStatus", "WrcdRejects", "WrcdLink")
 
 
@@ -43,23 +46,20 @@ def axle(table: Section, database: Database) -> AxleConfig:
         raise table.error(f"takes 1 … {MAX_AXLES}, not {number}", "number")
     usual_adhesion, usual_detail, usual_inputs = usual_messages(number)
     adhesion = table.get("adhesion", str, usual_adhesion)
-    _writer(table, "adhesion", database, adhesion, ADHESION_NEEDS)
     return AxleConfig(
         number,
-        adhesion,
-        detail=optional(table, "detail", database, usual_detail),
-        inputs=optional(table, "inputs", database, usual_inputs),
+        _output(table, "adhesion", database, adhesion, ADHESION_MS, ADHESION_NEEDS),
+        detail=optional(table, "detail", database, usual_detail, DETAIL_MS),
+        inputs=optional(table, "inputs", database, usual_inputs, DETAIL_MS),
     )
 
 
-def optional(section: Section, key: str, database: Database, usual: str) -> str | None:
+def optional(section: Section, key: str, database: Database, usual: str, usual_ms: int) -> Output | None:
     """A message to send that may be left out: named, or the usual one where the DBC has it."""
     name = section.maybe(key, str)
     if name is None and any(m.name == usual for m in database.messages):
         name = usual
-    if name is not None:
-        _writer(section, key, database, name, ())
-    return name
+    return None if name is None else _output(section, key, database, name, usual_ms, ())
 
 
 def inputs(
@@ -96,22 +96,19 @@ def _nearest(database: Database, message: str, signal: str) -> str:
     return suggest(f"{message}.{signal}", every)
 
 
-def _writer(section: Section, key: str, database: Database, name: str, needs: tuple[str, ...]) -> None:
+def _output(section: Section, key: str, database: Database, name: str, usual_ms: int, needs: tuple[str, ...]) -> Output:
     try:
         message = find_message(database, name)
-        Writer(message, needs)
+        for needed in needs:
+            find_signal(message, needed)
+        signals = {s.name: OutputSignal(s.name, round_down=s.name in ROUNDED_DOWN) for s in message.signals}
+        output = Output(name, 1000 * (cycle_ms(message) or usual_ms), data_id(message), signals)
+        Writer(message, output)
         sendable(message)
-        cycle_ms(message)
         check_encodable(message)
+        return output
     except KeyError as e:
         hint = suggest(name, [m.name for m in database.messages]) or f'give [[axle]] {key} = "…"'
         raise section.error(str(e.args[0]), key, hint) from None
     except ValueError as e:
         raise section.error(str(e), key) from None
-
-
-def cycle_us(database: Database, name: str | None, default_ms: int) -> int:
-    """The cycle of a message that is sent, if any."""
-    if name is None:
-        return default_ms * 1000
-    return (cycle_ms(find_message(database, name)) or default_ms) * 1000

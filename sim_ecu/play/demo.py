@@ -87,7 +87,7 @@ def run(interface: str | None, channel: str | None, scenario_name: str, folder: 
         observer_bus = cleanup.enter_context(can.Bus(interface=interface, channel=channel))
         observer = Observer(observer_bus, log, channel, [a.number for a in scenario.axles])
         cleanup.callback(observer.close)
-        link = open_link(interface, channel, core.receiver.ids)
+        link = open_link(interface, channel, core.receiver.keys)
         cleanup.callback(link.close)
         rig_bus = cleanup.enter_context(open_bus(interface, channel))
         daemon = Daemon(core, link)

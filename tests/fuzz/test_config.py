@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 from tests.fuzz.strategies import NASTY, mutated
 from tests.support.dbc import told
 from wrcd import resources
+from wrcd.bus.codec import message_key
 from wrcd.bus.dbc import load_dbc
-from wrcd.bus.frame import Frame
+from wrcd.bus.frame import EXTENDED, Frame
 from wrcd.config import load_config
 from wrcd.core.configuration import Config
 from wrcd.core.core import Core
@@ -142,14 +143,14 @@ def works_or_says_why(path: Path, payloads: list[bytes]) -> None:
 def survives(config: Config, payloads: list[bytes]) -> None:
     """The core made of it takes any bytes on its ids, and what it sends is as long as the DBC says."""
     core = Core(config)
-    lengths = {m.frame_id: (m.length, m.is_extended_frame) for m in config.database.messages}
+    lengths = {message_key(m): m.length for m in config.database.messages}
     fed = 0
     for k, payload in enumerate(payloads):
-        for can_id in core.receiver.ids:
-            length, extended = lengths[can_id]
-            data = (payload * 64)[:length] if payload else bytes(length)
-            for o in core.feed(Frame(START_US + 7_000 * k, can_id, data, extended=extended)):
-                assert len(o.frame.data) == lengths[o.frame.can_id][0]
+        for key in core.receiver.keys:
+            data = (payload * 64)[: lengths[key]] if payload else bytes(lengths[key])
+            frame = Frame(START_US + 7_000 * k, key & ~EXTENDED, data, extended=bool(key & EXTENDED))
+            for o in core.feed(frame):
+                assert len(o.frame.data) == lengths[o.frame.key]
             fed += 1
     core.advance(START_US + 7_000 * len(payloads) + 300_000)
     core.shutdown_frames(START_US)

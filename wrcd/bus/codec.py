@@ -6,13 +6,13 @@ reads and writes what is not so plain: signals coded as floating-point numbers.
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from wrcd.bus.dbc import Database, Message, Signal, data_id, find_message, find_signal
 from wrcd.bus.e2e import COUNTER_MODULO, Checker, protect
-from wrcd.bus.frame import Frame
+from wrcd.bus.frame import EXTENDED, Frame
 from wrcd.bus.reasons import Reason
+from wrcd.bus.signals import Output, OutputSignal, Source
 from wrcd.bus.units import Quantity, factor
 
 if TYPE_CHECKING:
@@ -27,16 +27,6 @@ UNUSABLE = (
     "nodata", "nosignal", "unknown", "reserved",
 )  # fmt: skip
 STATUS = "Status"
-
-
-@dataclass(frozen=True, slots=True)
-class Source:
-    """Which signal carries a quantity, of which axles (places 0 … n-1, all of them for the vehicle's own)."""
-
-    message: str
-    signal: str
-    quantity: Quantity
-    axles: tuple[int, ...]
 
 
 class Sample(NamedTuple):
@@ -75,6 +65,11 @@ def position(signal: Signal, length: int) -> Position:
     return Position("big", 8 * length - first - signal.length, mask, sign)
 
 
+def message_key(message: Message) -> int:
+    """Identity of a message, as Frame.key."""
+    return message.frame_id | EXTENDED if message.is_extended_frame else message.frame_id
+
+
 def normalise_label(label: object) -> str:
     """A word of a value table as lower-case letters: Not_Available and "not available" are the same."""
     return "".join(c for c in str(label).lower() if c.isalpha())
@@ -95,12 +90,15 @@ class SignalReader:
         self.position = position(signal, length)
         _, self.shift, self.mask, self.sign = self.position
         self._signal = signal
-        self.scale, self.offset = signal.conversion.scale, signal.conversion.offset
-        self.factor = factor(signal.unit, source.quantity)
-        slack = 0.5 * abs(float(signal.scale))
-        self.low = -math.inf if signal.minimum is None else float(signal.minimum) - slack
-        self.high = math.inf if signal.maximum is None else float(signal.maximum) + slack
-        self._unusable = {raw for raw, label in (signal.choices or {}).items() if unusable(label)}
+        self.scale = signal.conversion.scale if source.scale is None else source.scale
+        self.offset = signal.conversion.offset if source.offset is None else source.offset
+        self.factor = factor(signal.unit, source.quantity) if source.factor is None else source.factor
+        low = signal.minimum if source.low is None else source.low
+        high = signal.maximum if source.high is None else source.high
+        slack = 0.5 * abs(float(self.scale))
+        self.low = -math.inf if low is None else float(low) - slack
+        self.high = math.inf if high is None else float(high) + slack
+        self._unusable = {raw for raw, label in (signal.choices or {}).items() if unusable(label)} | source.invalid
         self._limit = source.quantity.limit
         self._positive = source.quantity in (Quantity.AXLE_LOAD, Quantity.WHEEL_RADIUS)
         self._is_direction = source.quantity is Quantity.DIRECTION
@@ -140,14 +138,15 @@ class MessageReader:
 
     STATE = {"checker": "checker"}
 
-    def __init__(self, message: Message, sources: Sequence[tuple[int, Source]], others: Sequence[int]) -> None:
+    def __init__(
+        self, message: Message, sources: Sequence[tuple[int, Source]], identity: int | None, others: Sequence[int]
+    ) -> None:
         self._message = message
         self.length, self.extended = message.length, message.is_extended_frame
         self.sources = tuple(s for _, s in sources)
         self.numbers = tuple(k for k, _ in sources)
         self.name = message.name
         self.signals = [SignalReader(k, s, find_signal(message, s.signal), message.length) for k, s in sources]
-        identity = data_id(message)
         self.checker = None if identity is None else Checker(identity, tuple(i for i in others if i != identity))
         status = next((s for s in message.signals if s.name == STATUS), None)
         # without a value table only 0 is taken for good
@@ -232,23 +231,26 @@ class MessageReader:
 
 
 class Receiver:
-    """All mapped messages by id."""
+    """All mapped messages by their identity. data_ids: of E2E, by message (None: not protected); default: the DBC's."""
 
     STATE = {"readers": "readers"}
 
-    def __init__(self, database: Database, sources: Sequence[Source]) -> None:
+    def __init__(
+        self, database: Database, sources: Sequence[Source], data_ids: Mapping[str, int | None] | None = None
+    ) -> None:
         by_message: dict[str, list[tuple[int, Source]]] = {}
         for number, s in enumerate(sources):
             by_message.setdefault(s.message, []).append((number, s))
         self.readers: dict[int, MessageReader] = {}
         messages = {name: find_message(database, name) for name in by_message}
-        ids = [i for m in messages.values() if (i := data_id(m)) is not None]
+        known = {name: data_id(m) for name, m in messages.items()} if data_ids is None else data_ids
+        every = [i for name in messages if (i := known[name]) is not None]
         for name, group in by_message.items():
-            self.readers[messages[name].frame_id] = MessageReader(messages[name], group, ids)
+            self.readers[message_key(messages[name])] = MessageReader(messages[name], group, known[name], every)
 
     @property
-    def ids(self) -> tuple[int, ...]:
-        """The ids of all mapped messages."""
+    def keys(self) -> tuple[int, ...]:
+        """The identities of all mapped messages (Frame.key)."""
         return tuple(sorted(self.readers))
 
     def reset(self) -> None:
@@ -259,7 +261,7 @@ class Receiver:
     def reader(self, frame: Frame) -> MessageReader | None:
         """The reader of a frame's message, None if it is not mapped. An error frame's class looks like an id, and never
         is."""
-        return None if frame.error else self.readers.get(frame.can_id)
+        return None if frame.error else self.readers.get(frame.can_id | EXTENDED if frame.extended else frame.can_id)
 
     def read(self, frame: Frame) -> list[Sample] | Reason | None:
         """Samples, the reason of a rejection, or None for a frame that is not mapped."""
@@ -273,9 +275,12 @@ Value = float | str | None  # a number in the signal's own unit, a label of its 
 class SignalWriter:
     """One signal that is sent: a value to its raw one, in its place in the frame."""
 
-    def __init__(self, s: Signal, length: int) -> None:
-        self.labels = {str(label): int(raw) for raw, label in (s.choices or {}).items()}
-        self._not_available = self.labels.get("NotAvailable", _all_ones(s))
+    def __init__(self, s: Signal, length: int, sent: OutputSignal) -> None:
+        labels = {str(label): int(raw) for raw, label in (s.choices or {}).items()}
+        self.labels = labels if sent.words is None else sent.words
+        usual = labels.get("NotAvailable", _all_ones(s))
+        self._not_available = usual if sent.not_available is None else sent.not_available
+        self._factor, self._round = sent.factor, math.floor if sent.round_down else round
         self._low = -math.inf if s.minimum is None else float(s.minimum)
         self._high = math.inf if s.maximum is None else float(s.maximum)
         self._scale, self._offset = float(s.scale), float(s.offset)
@@ -293,27 +298,30 @@ class SignalWriter:
             return self.labels.get(value, 0)
         if value is None or not math.isfinite(value):
             return self._not_available
+        value *= self._factor
         if value < self._low:
             value = self._low
         elif value > self._high:
             value = self._high
-        raw = round((value - self._offset) / self._scale)
+        raw = self._round((value - self._offset) / self._scale)
         return self._lowest if raw < self._lowest else min(raw, self._highest)
 
 
 class Writer:
-    """Encodes one outgoing message, whatever its DBC calls not available, and protects it where the DBC says so."""
+    """Encodes one outgoing message. Without an Output its signals have our names, and the DBC says the rest."""
 
     TRANSIENT = ("_start",)
 
-    def __init__(self, message: Message, needed: Sequence[str]) -> None:
-        for name in needed:
-            find_signal(message, name)
+    def __init__(self, message: Message, output: Output | None = None) -> None:
         self._message = message
-        self._data_id = data_id(message)
+        self._data_id = data_id(message) if output is None else output.data_id
         self._rest = {s.name: int(s.raw_initial or 0) for s in message.signals}
-        self._writers = {s.name: SignalWriter(s, message.length) for s in message.signals}
-        orders = {w.order for w in self._writers.values()}
+        sent = {s.name: OutputSignal(s.name) for s in message.signals} if output is None else output.signals
+        self._writers = {
+            name: SignalWriter(find_signal(message, s.name), message.length, s) for name, s in sent.items()
+        }
+        self._names = {name: s.name for name, s in sent.items()}
+        orders = {position(s, message.length).order for s in message.signals}
         plain = len(orders) == 1 and not any(s.is_float for s in message.signals)
         self._order: Literal["little", "big"] | None = orders.pop() if plain else None
         self._start: int | None = None  # what the frame is before the values are put in; made when it is first needed
@@ -325,7 +333,7 @@ class Writer:
             raw = dict(self._rest)
             for name, writer in self._writers.items():
                 if name in values:
-                    raw[name] = writer.raw(values[name])
+                    raw[self._names[name]] = writer.raw(values[name])
             data = self._message.encode(raw, scaling=False, strict=False)
         else:
             if self._start is None:

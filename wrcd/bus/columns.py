@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from wrcd.bus.codec import MessageReader, Receiver, Sample
 from wrcd.bus.e2e import CRC_TABLE
-from wrcd.bus.frame import Frame
+from wrcd.bus.frame import EXTENDED, Frame
 
 IntArray = NDArray[np.int64]
 Samples = Sequence[Sample]
@@ -46,6 +46,11 @@ class Stretch:
 
     def __len__(self) -> int:
         return len(self.stamps_us)
+
+    @property
+    def keys(self) -> IntArray:
+        """Identities of their messages (Frame.key)."""
+        return self.ids | np.where(self.extended, EXTENDED, 0)
 
     def frame(self, k: int) -> Frame:
         """One of them."""
@@ -171,8 +176,9 @@ class Columns:
     def read(self, s: Stretch) -> list[ReadFrame]:
         """The frames that are mapped, in order. The E2E counters of those with samples have been followed."""
         out: list[ReadFrame] = []
-        for can_id, reader in self._receiver.readers.items():
-            places = np.flatnonzero(s.ids == can_id)
+        keys = s.keys
+        for key, reader in self._receiver.readers.items():
+            places = np.flatnonzero(keys == key)
             if not len(places):
                 continue
             found = _regular(reader, s, places) if len(places) > 1 else None
@@ -191,7 +197,7 @@ class Columns:
 
 def _regular(reader: MessageReader, s: Stretch, rows: IntArray) -> list[Samples] | None:
     """The samples of one message's frames, if every one of them passes."""
-    if not reader.is_plain or (s.lengths[rows] != reader.length).any() or (s.extended[rows] != reader.extended).any():
+    if not reader.is_plain or (s.lengths[rows] != reader.length).any():
         return None
     data = s.data[rows]
     checker = reader.checker

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+EXTENDED = 0x8000_0000  # in a key: the id is one of 29 bits
+
 
 # Not frozen, though nobody changes one: a frozen dataclass of seven fields takes seven times as long to make, longer
 # than to receive the frame from the kernel.
@@ -21,3 +23,8 @@ class Frame:
     def plain(self) -> bool:
         """A classical data frame: what every mapped message is."""
         return not (self.remote or self.error or self.fd)
+
+    @property
+    def key(self) -> int:
+        """Identity of the frame's message: the id, and EXTENDED if it has 29 bits. Two messages may share a number."""
+        return self.can_id | EXTENDED if self.extended else self.can_id

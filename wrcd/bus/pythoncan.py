@@ -10,7 +10,6 @@ from wrcd.errors import BusError
 
 # A stamp further than this from the wall clock is in the interface's own time: the time of reception replaces it.
 FOREIGN_CLOCK_US = 100_000
-MAX_STANDARD_ID = 0x7FF  # a larger one is an extended frame's
 
 
 def from_message(m: can.Message, stamp_us: int) -> Frame:
@@ -23,14 +22,14 @@ def from_message(m: can.Message, stamp_us: int) -> Frame:
 class PythonCanLink:
     """A python-can bus, read without its threads.
 
-    Its ids are looked at here: where python-can filters by itself, a frame of another id ends a look that does not
+    Its messages are chosen here: where python-can filters by itself, a frame of another id ends a look that does not
     wait, and each look takes one such frame. Some hundred of them a second would keep the sensors' waiting for ever.
     """
 
-    def __init__(self, interface: str, channel: str, ids: tuple[int, ...] | None, **options: Any) -> None:
+    def __init__(self, interface: str, channel: str, keys: tuple[int, ...] | None, **options: Any) -> None:
         self.name = f"{interface}:{channel}"
         self.health = LinkHealth()
-        self._ids = None if ids is None else frozenset((i, i > MAX_STANDARD_ID) for i in ids)
+        self._keys = None if keys is None else frozenset(keys)
         try:
             self._bus = can.Bus(interface=interface, channel=channel, **options)
         except (can.CanError, OSError, ValueError, ImportError, NotImplementedError, AttributeError, TypeError) as e:
@@ -47,9 +46,11 @@ class PythonCanLink:
                 break
             if message.is_error_frame:
                 self.health.error_frames += 1
-            elif self._ids is None or (message.arbitration_id, message.is_extended_id) in self._ids:
-                stamp_us = round(message.timestamp * 1e6)
-                frames.append(from_message(message, stamp_us if abs(stamp_us - now_us) <= FOREIGN_CLOCK_US else now_us))
+                continue
+            stamp_us = round(message.timestamp * 1e6)
+            frame = from_message(message, stamp_us if abs(stamp_us - now_us) <= FOREIGN_CLOCK_US else now_us)
+            if self._keys is None or frame.key in self._keys:
+                frames.append(frame)
         return frames
 
     def _get(self) -> can.Message | None:

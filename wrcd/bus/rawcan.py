@@ -50,13 +50,8 @@ def parse_ancillary(ancillary: list[tuple[int, int, bytes]], now_us: int) -> tup
     return kernel_us, hardware_us, lost
 
 
-def only_id(can_id: int) -> bytes:
-    """Exactly this id, in its own length."""
-    return only_word(can_id if can_id <= socket.CAN_SFF_MASK else can_id | CAN_EFF_FLAG)
-
-
 def only_word(word: int) -> bytes:
-    """The same for an id with its flag."""
+    """Exactly this id, in its own length: an id with its flag, as Frame.key is."""
     mask = socket.CAN_EFF_MASK if word & CAN_EFF_FLAG else socket.CAN_SFF_MASK
     return FILTER.pack(word, mask | CAN_EFF_FLAG)
 

@@ -28,7 +28,6 @@ from wrcd.bus.rawcan import (
     SOL_SOCKET,
     TIMESPEC,
     advice,
-    only_id,
     only_word,
     parse_ancillary,
 )
@@ -48,10 +47,10 @@ class SocketCanLink:
     """One raw CAN socket, and one of rtnetlink's beside it. The device may go and come back; link-down is waited out on
     the same socket."""
 
-    def __init__(self, channel: str, ids: tuple[int, ...] | None) -> None:
+    def __init__(self, channel: str, keys: tuple[int, ...] | None) -> None:
         self.name = f"socketcan:{channel}"
         self.health = LinkHealth()
-        self._channel, self._ids = channel, ids
+        self._channel, self._keys = channel, keys
         self._hardware: HardwareClock | None = None
         self._controller = Controller(self.health)
         self._down = False
@@ -160,16 +159,16 @@ class SocketCanLink:
             else:
                 frames.append(self._take(word, payload[:length], extra, now_us))
 
-    def narrow(self, ids: tuple[int, ...]) -> None:
-        """From now on only these ids."""
-        self._ids = ids
+    def narrow(self, keys: tuple[int, ...]) -> None:
+        """From now on only these messages (Frame.key)."""
+        self._keys = keys
         self._set(socket.CAN_RAW_FILTER, self._filters(), 0)
 
     def _filters(self) -> bytes | None:
         """struct can_filter of each id that is let in; None: all are."""
-        if self._ids is None:
+        if self._keys is None:
             return None
-        return b"".join(map(only_id, self._ids)) + b"".join(map(only_word, sorted(self._own)))
+        return b"".join(map(only_word, (*self._keys, *sorted(self._own))))
 
     @property
     def is_open(self) -> bool:

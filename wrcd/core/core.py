@@ -69,7 +69,7 @@ class Core:
         self.counts = Counts()
         self.health = Health()
         self.estimator = estimator or Estimator(config.design, len(config.axles))
-        self.receiver = Receiver(config.database, [i.source for i in config.inputs])
+        self.receiver = Receiver(config.database, [i.source for i in config.inputs], config.data_ids)
         n = len(config.axles)
         self._n = n
         self._observer = observer

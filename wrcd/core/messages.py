@@ -13,6 +13,7 @@ from wrcd.bus.dbc import Message, check_supported, find_message
 from wrcd.bus.frame import Frame
 from wrcd.bus.link import LinkHealth
 from wrcd.bus.reasons import Reason
+from wrcd.bus.signals import Output
 from wrcd.core.causes import Cause, Validity
 from wrcd.core.configuration import Config
 from wrcd.core.counts import Counts, Health
@@ -173,8 +174,8 @@ class Outbox:
     STATE = {"rejected_before": "_rejected_before"}
 
     def __init__(self, config: Config) -> None:
-        def writer(name: str | None) -> Writer | None:
-            return Writer(find_message(config.database, name), ()) if name else None
+        def writer(output: Output | None) -> Writer | None:
+            return Writer(find_message(config.database, output.message), output) if output else None
 
         self._config = config
         self._adhesion = [writer(a.adhesion) for a in config.axles]

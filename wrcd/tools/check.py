@@ -1,6 +1,7 @@
 """`wrcd check`: what a configuration would run."""
 
 from wrcd.bus.dbc import find_message, find_signal
+from wrcd.bus.signals import Output
 from wrcd.bus.units import Quantity
 from wrcd.core.configuration import Config
 from wrcd.core.validity import LOAD_SHARES, RADIUS_SHARES
@@ -40,18 +41,8 @@ def describe(c: Config) -> list[str]:
                     f"  {i.source.quantity.key:22} <- 0x{m.frame_id:03X} {m.name}.{i.source.signal} ({unit}), "
                     f"stale after {i.timeout_us / 1000:g} ms{_bounds(i.source.quantity, c.design)}"
                 )
-        for name, cycle in (
-            (axle.adhesion, c.adhesion_cycle_us),
-            (axle.detail, c.detail_cycle_us),
-            (axle.inputs, c.detail_cycle_us),
-        ):
-            if name:
-                can_id = find_message(c.database, name).frame_id
-                out.append(f"  sends                  -> 0x{can_id:03X} {name}, every {cycle / 1000:g} ms")
-    for name in (c.status, c.rejects, c.link):
-        if name:
-            can_id = find_message(c.database, name).frame_id
-            out.append(f"status                   -> 0x{can_id:03X} {name}, every {c.status_cycle_us / 1000:g} ms")
+        out += [f"  sends                  -> {_sent(c, o)}" for o in (axle.adhesion, axle.detail, axle.inputs) if o]
+    out += [f"status                   -> {_sent(c, o)}" for o in (c.status, c.rejects, c.link) if o]
     r = c.recorder
     out.append(
         f"recorder       the last {r.seconds:g} s, dumps in {r.folder} (at most {r.max_files}, {r.max_mb:g} MB)"
@@ -60,6 +51,10 @@ def describe(c: Config) -> list[str]:
     )
     out.append("ok")
     return out
+
+
+def _sent(c: Config, o: Output) -> str:
+    return f"0x{find_message(c.database, o.message).frame_id:03X} {o.message}, every {o.cycle_us / 1000:g} ms"
 
 
 def _wheelset(d: Design) -> str:

@@ -139,7 +139,7 @@ def outgoing_of_stretches(core: Core, items: Iterable[Stretch | tuple[Frame, str
 
 def _goes_on(core: Core, s: Stretch) -> bool:
     """Whether no frame of a stretch is a step of time or the end of a silence, for mapped frames and others alike."""
-    mapped = np.flatnonzero(np.isin(s.ids, core.receiver.ids))
+    mapped = np.flatnonzero(np.isin(s.keys, core.receiver.keys))
     if not len(mapped) or not core.goes_on_from(int(s.stamps_us[mapped[0]])):
         return False
     gaps = np.diff(s.stamps_us[mapped], append=s.stamps_us[-1])
@@ -177,7 +177,7 @@ class Rows:
         self._writer.writerow((*COLUMNS, *REASONS) if explained else COLUMNS)
         self._design = config.design if explained else None
         self._place = {a.number: place for place, a in enumerate(config.axles)}
-        found = ((find_message(config.database, a.adhesion), a.number) for a in config.axles)
+        found = ((find_message(config.database, a.adhesion.message), a.number) for a in config.axles)
         self._messages: dict[int, tuple[Cells, int]] = {m.frame_id: (Cells(m), number) for m, number in found}
 
     def write(self, o: Outgoing) -> None:

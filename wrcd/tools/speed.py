@@ -117,7 +117,7 @@ class _Input:
 
     def __init__(self, config: Config, name: str, period_us: int) -> None:
         message = find_message(config.database, name)
-        self._writer = Writer(message, ())
+        self._writer = Writer(message)
         self._cycle_us = max((cycle_ms(message) or 0) * 1000, period_us)
         self._period_us = period_us
         self._sources = [
@@ -175,7 +175,9 @@ def measure(config: Config, progress: Progress | None = None) -> Speed:
     usual = _run(config, GOOD_TRACK, 0.75 * BUDGET_S, progress)
     rough = _run(config, ROUGH_TRACK, 0.25 * BUDGET_S, progress)
     progress.end()
-    validity = {a.number: _validity(find_message(config.database, a.adhesion), usual.newest) for a in config.axles}
+    validity = {
+        a.number: _validity(find_message(config.database, a.adhesion.message), usual.newest) for a in config.axles
+    }
     return Speed(
         axles=len(config.axles),
         tick_s=config.design.tick_s,

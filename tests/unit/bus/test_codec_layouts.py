@@ -8,10 +8,11 @@ from cantools import database as cantools_database
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wrcd.bus.codec import Receiver, SignalReader, Source, Value, Writer
+from wrcd.bus.codec import Receiver, SignalReader, Value, Writer
 from wrcd.bus.dbc import Database, Message, find_message
 from wrcd.bus.frame import Frame
 from wrcd.bus.reasons import Reason
+from wrcd.bus.signals import Source
 from wrcd.bus.units import Quantity
 
 CAN_ID = 800
@@ -111,7 +112,7 @@ def test_a_written_frame_is_cantools_of_the_same_raw_values(layout: Layout, data
             drawn = data.draw(st.integers(-(1 << bits) if signal.is_signed else 0, (1 << bits) - 1))
             raw[signal.name] = drawn
             values[signal.name] = float(drawn * signal.scale + signal.offset)
-    frame = Writer(message, ()).frame(7, 0, values | {"NotThere": 1.0})
+    frame = Writer(message).frame(7, 0, values | {"NotThere": 1.0})
     assert frame == Frame(7, CAN_ID, message.encode(raw, scaling=False))
 
 
@@ -125,7 +126,7 @@ def test_any_values_are_written_as_by_cantools(layout: Layout, data: st.DataObje
     """Those beyond a field, or not available, too."""
     message = message_of(layout)
     values = {name: data.draw(WRITTEN) for name in layout.names}
-    plain, by_cantools = Writer(message, ()), Writer(message, ())
+    plain, by_cantools = Writer(message), Writer(message)
     assert plain._order is not None or not layout.names
     by_cantools._order = None
     assert plain.frame(0, 0, values) == by_cantools.frame(0, 0, values)

@@ -8,13 +8,13 @@ from typing import Any
 import can
 import pytest
 
-from tests.support.can_ids import ADHESION_A1, EXTENDED, YAW_RATE_A1
+from tests.support.can_ids import ADHESION_A1, EXTENDED, EXTENDED_KEY, YAW_RATE_A1
 from wrcd.bus.frame import Frame
 from wrcd.bus.link import MAX_FRAMES
 from wrcd.bus.pythoncan import PythonCanLink
 from wrcd.errors import BusError
 
-IDS = (YAW_RATE_A1, EXTENDED)
+KEYS = (YAW_RATE_A1, EXTENDED_KEY)
 
 
 def now_us() -> int:
@@ -34,7 +34,7 @@ class Ends:
 
 @pytest.fixture
 def ends() -> Iterator[Ends]:
-    made = Ends(PythonCanLink("virtual", "pythoncan-test", IDS), can.Bus("pythoncan-test", interface="virtual"))
+    made = Ends(PythonCanLink("virtual", "pythoncan-test", KEYS), can.Bus("pythoncan-test", interface="virtual"))
     yield made
     made.link.close()
     made.other.shutdown()
@@ -97,7 +97,7 @@ def test_receive_ends_after_max_frames_of_a_flood(
 ) -> None:
     flood = Endless(can.Message(arbitration_id=can_id, is_extended_id=False, is_error_frame=error, timestamp=1.0))
     monkeypatch.setattr(can, "Bus", lambda **_: flood)
-    link = PythonCanLink("endless", "endless", IDS)
+    link = PythonCanLink("endless", "endless", KEYS)
     for look in (1, 2):
         assert len(link.receive(now_us())) == handed_over
         assert flood.taken == look * MAX_FRAMES

@@ -51,7 +51,7 @@ def test_frames_are_taken_by_the_receiver() -> None:
         for frame in tick:
             assert not isinstance(receiver.read(frame), Reason | None)
             ids.add(frame.can_id)
-    assert ids == set(receiver.ids)
+    assert ids == set(receiver.keys)
 
 
 def test_trains_own_dbc_with_other_units_gives_estimates(tmp_path: Path) -> None:
