@@ -29,9 +29,10 @@ NAMES = {
     "interface": "bus.interface", "channel": "bus.channel", "hardware_stamps": "bus.timestamps",
     "dbc_file": "dbc.file", "design_file": "estimator.design",
     "axles": "axle", "inputs": "mapped signals", "status": "vehicle.status_message",
-    "rejects": "vehicle.rejects_message", "link": "vehicle.link_message",
+    "rejects": "vehicle.rejects_message", "link": "vehicle.link_message", "data_ids": "mapped signals",
 }  # fmt: skip
-HELD = {"file", "database", "design", "recorder"}  # the same before and after; the recorder is looked at part by part
+# the same before and after, of no effect, or looked at part by part
+HELD = {"file", "database", "design", "warnings", "recorder"}
 CYCLES = {"adhesion_cycle_us", "detail_cycle_us", "status_cycle_us"}  # follow from the messages, which are named
 
 
