@@ -23,6 +23,7 @@ from unittest.mock import patch
 
 from sim_ecu import cli as rig_cli
 from sim_ecu import resources as rig
+from sim_ecu.statuses import STATUSES as RIG
 from tests.support.bus_load import table as load_table
 from wrcd import resources
 from wrcd.bus.dbc import Message, load_dbc, timeout_ms
@@ -30,6 +31,7 @@ from wrcd.config import DEFAULT, load_config
 from wrcd.core.configuration import MAX_AXLES
 from wrcd.settings import Section
 from wrcd.tools import cli
+from wrcd.tools.statuses import STATUSES as WRCD
 
 T = TypeVar("T")
 ROOT = Path(__file__).parents[2]
@@ -254,7 +256,18 @@ def bus_load() -> list[str]:
     return load_table(load_dbc(resources.DBC), load_dbc(rig.TRUTH_DBC), MAX_AXLES)
 
 
-MAKERS: dict[str, Callable[..., list[str]]] = {"messages": messages, "options": options, "bus-load": bus_load}
+def exit_codes(program: str) -> list[str]:
+    """What each command of a program ends with."""
+    out: list[str] = []
+    for command, statuses in (WRCD if program == "wrcd" else RIG).items():
+        out += [*([""] if out else []), f"### {program} {command}", ""]
+        out += table(("status", "meaning"), [(int(s), text) for s, text in sorted(statuses.items())])
+    return out
+
+
+MAKERS: dict[str, Callable[..., list[str]]] = {
+    "messages": messages, "options": options, "bus-load": bus_load, "exit-codes": exit_codes,
+}  # fmt: skip
 
 
 def main() -> int:

@@ -9,8 +9,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from wrcd import __version__
 from wrcd.errors import InputError, NotThere, Status
+from wrcd.tools.version import Version
 
 if TYPE_CHECKING:
     from wrcd.bus.link import Link
@@ -58,7 +58,7 @@ def _parser() -> argparse.ArgumentParser:
         prog="wrcd",
         description="The wheel-rail condition daemon: adhesion from yaw rate, lateral acceleration, torque.",
     )
-    p.add_argument("--version", action="version", version=f"%(prog)s {__version__}", help="print the version and end")
+    p.add_argument("--version", action=Version, help="print versions of package, design and formats, and end")
     commands = p.add_subparsers(dest="command", required=True, metavar="COMMAND")
     config = argparse.ArgumentParser(add_help=False)
     config.add_argument(

@@ -4,7 +4,7 @@ from wrcd.errors import Status
 
 _BAD = "bad input: file, line, key, reason and what to do"
 _BUS = "the bus or a file cannot be opened: it may be there on the next try"
-_FILE = "a file cannot be opened: it may be there on the next try"
+_FILE = "a configuration, a DBC or a design cannot be opened: it may be there on the next try"
 
 STATUSES: dict[str, dict[Status, str]] = {
     "run": {
