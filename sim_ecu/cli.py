@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sim_ecu.extra import explained
+from sim_ecu.commands.extra import explained
 from sim_ecu.score.names import SUITES
 from wrcd import resources
 from wrcd.tools.cli import guarded

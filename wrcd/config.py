@@ -95,6 +95,7 @@ def _config(
     bus, dbc, estimator = top.section("bus"), top.section("dbc"), top.section("estimator")
     limits, vehicle = top.section("limits"), top.section("vehicle")
     interface, channel = bus.get("interface", str, "socketcan"), bus.get("channel", str, "can0")
+    _check_interface(bus, interface)
     dbc_file = _path(dbc, "file", folder, resources.DBC)
     database = _load(dbc, "file", dbc_file, read_dbc)
     design_file = _path(estimator, "design", folder, resources.DESIGN)
@@ -207,6 +208,17 @@ def _recorder(section: Section, folder: Path) -> RecorderConfig:
     )
     section.done()
     return config
+
+
+def _check_interface(bus: Section, name: str) -> None:
+    if name == "socketcan":
+        return  # a train's daemon does without python-can
+    from wrcd.bus.pythoncan import check_interface
+
+    try:
+        check_interface(name)
+    except InputError as e:
+        raise bus.error(e.reason, "interface", e.hint) from None
 
 
 def _path(section: Section, key: str, folder: Path, default: Path) -> Path:

@@ -23,7 +23,7 @@ from unittest.mock import patch
 
 from sim_ecu import cli as rig_cli
 from sim_ecu import resources as rig
-from sim_ecu.statuses import STATUSES as RIG
+from sim_ecu.commands.statuses import STATUSES as RIG
 from tests.support.bus_load import table as load_table
 from wrcd import resources
 from wrcd.bus.dbc import Message, load_dbc, timeout_ms

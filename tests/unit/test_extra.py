@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from sim_ecu.extra import MODULES, explained
+from sim_ecu.commands.extra import MODULES, explained
 
 ROOT = Path(__file__).parents[2]
 ON_THE_TRAIN = {"numpy", "cantools", "can", "wrcd", "sim_ecu"}

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from sim_ecu import cli as rig_cli
+from sim_ecu.commands.statuses import STATUSES as RIG
 from sim_ecu.score.contact import COLUMNS
-from sim_ecu.statuses import STATUSES as RIG
 from tests.support.scenarios import LogOf, held
 from wrcd.config import DEFAULT
 from wrcd.errors import BusError, InputError, NotThere, Status
@@ -150,7 +150,7 @@ def test_ctrl_c_is_130() -> None:
     def interrupted() -> int:
         raise KeyboardInterrupt
 
-    assert cli.guarded("wrcd", interrupted) == Status.INTERRUPTED == 130
+    assert cli.guarded("wrcd", interrupted) == int(Status.INTERRUPTED) == 130
 
 
 def test_unit_tries_again_after_every_status_but_bad_input() -> None:
