@@ -228,7 +228,9 @@ def _load(section: Section, key: Text, path: Path, load: Callable[[Path], T]) ->
             return load(path)
         except InputError as e:
             if key.name in section:
-                raise section.error(str(e), key.name) from None
+                named = section.error(str(e), key.name)
+                named.status = e.status
+                raise named from None
             raise
     return None
 
