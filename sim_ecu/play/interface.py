@@ -4,7 +4,7 @@ import os
 import subprocess
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import can
 
@@ -61,10 +61,11 @@ def check(faults: Sequence[Fault], interface: str, channel: str) -> None:
             raise InputError("needs root", key=f.kind, hint="sudo, or --fast")
 
 
-def open_bus(interface: str, channel: str) -> can.BusABC:
+def open_bus(interface: str, channel: str, fd: bool = False) -> can.BusABC:
     """A bus by python-can's names. Raises BusError."""
+    more: dict[str, Any] = {"fd": True} if fd else {}
     try:
-        return can.Bus(interface=interface, channel=channel, can_filters=[{"can_id": 0x7FF, "can_mask": 0x7FF}])
+        return can.Bus(interface=interface, channel=channel, can_filters=[{"can_id": 0x7FF, "can_mask": 0x7FF}], **more)
     except (can.CanError, OSError, ValueError, ImportError, NotImplementedError, AttributeError) as e:
         hint = f"ip link add {channel} type vcan && ip link set {channel} up" if channel.startswith("vcan") else ""
         raise BusError(f"{interface} {channel} cannot be opened: {e}", key="channel", hint=hint) from None
@@ -73,9 +74,9 @@ def open_bus(interface: str, channel: str) -> can.BusABC:
 class PythonCan:
     """A bus of python-can's; a vcan can go down, and can be deleted and made again."""
 
-    def __init__(self, interface: str, channel: str) -> None:
-        self._names = interface, channel
-        self._bus: can.BusABC | None = open_bus(interface, channel)
+    def __init__(self, interface: str, channel: str, fd: bool = False) -> None:
+        self._names = interface, channel, fd
+        self._bus: can.BusABC | None = open_bus(interface, channel, fd)
         self.channel_info = self._bus.channel_info
         self._away: Fault | None = None
         self._mtu = ""
