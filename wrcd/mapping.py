@@ -4,7 +4,7 @@ from wrcd.bus.codec import Writer
 from wrcd.bus.dbc import (
     Database,
     check_encodable,
-    check_supported,
+    check_readable,
     cycle_ms,
     data_id,
     find_message,
@@ -82,7 +82,7 @@ def inputs(
             factor(signal.unit, q)
             data_id(message)
             timeout = timeout_ms(message, signal) or DEFAULT_TIMEOUT_MS
-            check_supported(message)
+            check_readable(message)
         except KeyError as e:
             raise section.error(str(e.args[0]), q.key, _nearest(database, message_name, signal_name)) from None
         except ValueError as e:

@@ -25,8 +25,8 @@ finally:
         del sys.modules["cantools"]
 
 __all__ = [
-    "Database", "Message", "Signal", "attribute", "check_encodable", "check_supported", "cycle_ms", "data_id",
-    "find_message", "find_signal", "load_dbc", "timeout_ms",
+    "Database", "Message", "Signal", "attribute", "check_encodable", "check_readable", "check_supported", "cycle_ms",
+    "data_id", "find_message", "find_signal", "load_dbc", "timeout_ms",
 ]  # fmt: skip
 # Message lengths, signal positions, multiplexer ranges and powers of ten for which cantools would compute for hours.
 # One by one: a pattern that begins with a literal is searched for ten times as fast.
@@ -40,7 +40,7 @@ _HUGE = tuple(
         r"(?<![\w.])[\d.]+[eE]\+?\d{4}",
     )
 )
-CLASSICAL_BYTES = 8
+CLASSICAL_BYTES, FD_BYTES = 8, 64
 LONGEST_MS = 65_535  # of cycles and time-outs: the range that DBCs usually give these attributes
 
 
@@ -94,11 +94,19 @@ def find_signal(message: Message, name: str) -> Signal:
 
 
 def check_supported(message: Message) -> None:
-    """Raises ValueError for a message that is not a plain classical one, which nothing here reads or sends, and for
-    signals that no frame can hold: cantools loads them and fails on the first frame."""
+    """Raises ValueError for a message that cannot be sent: only plain classical ones are."""
     if message.is_fd or message.is_multiplexed() or message.length > CLASSICAL_BYTES:
-        raise ValueError(f"message {message.name} is CAN FD or multiplexed; only plain classical ones can be used")
+        raise ValueError(f"message {message.name} is CAN FD or multiplexed; only plain classical ones can be sent")
+    check_readable(message)
+
+
+def check_readable(message: Message) -> None:
+    """Raises ValueError for a message that no frame can hold: cantools loads it and fails on the first frame."""
+    if message.length > FD_BYTES:
+        raise ValueError(f"message {message.name} has {message.length} bytes; a frame has {FD_BYTES} at the most")
     for s in message.signals:
+        if s.is_float and s.length not in (16, 32, 64):
+            raise ValueError(f"{message.name}.{s.name} is coded as a float of {s.length} bits; there is none")
         numbers = (s.scale, s.offset, s.minimum, s.maximum, s.raw_initial)
         if s.start < 0 or s.length < 1 or not s.scale or not all(x is None or _finite(x) for x in numbers):
             raise ValueError(f"{message.name}.{s.name} has bits that no frame has, or numbers that are none")

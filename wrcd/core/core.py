@@ -118,12 +118,14 @@ class Core:
         if reader is None:
             return []
         out = self._move_to(frame.stamp_us)
-        return self._take(reader, reader.read(frame), frame.stamp_us, out)
+        return self._take(reader, reader.read(frame), frame.stamp_us, out, frame)
 
     def feed_read(self, reader: MessageReader, read: Sequence[Sample] | Frame, stamp_us: int) -> list[Outgoing]:
         """The same where goes_on_from() holds, for the frame of a reader, or what that has read in it already."""
         out = self._move_to(stamp_us)
-        return self._take(reader, reader.read(read) if isinstance(read, Frame) else read, stamp_us, out)
+        if isinstance(read, Frame):
+            return self._take(reader, reader.read(read), stamp_us, out, read)
+        return self._take(reader, read, stamp_us, out)
 
     def check_all(self, source: int, values: Sequence[float], stamps_us: Sequence[int]) -> bool:
         """Check many samples of one input at once, before they are fed with feed_checked(); False: feed_read() must."""
@@ -141,12 +143,18 @@ class Core:
         return self._stamp_us != NEVER and 0 <= stamp_us - self._stamp_us < min(SILENCE_US, FORWARD_STEP_US) // 2
 
     def _take(
-        self, reader: MessageReader, samples: Sequence[Sample] | Reason, stamp_us: int, out: list[Outgoing]
+        self,
+        reader: MessageReader,
+        samples: Sequence[Sample] | Reason,
+        stamp_us: int,
+        out: list[Outgoing],
+        frame: Frame | None = None,
     ) -> list[Outgoing]:
         reason = samples if isinstance(samples, Reason) else self._inputs.check(samples, stamp_us)
         if reason is not None:
             self.counts.reject(reader.name, reason)
-            self._inputs.reject(reader.numbers, stamp_us, reason)
+            concerned = reader.numbers if frame is None else reader.concerned(frame, reason)
+            self._inputs.reject(concerned, stamp_us, reason)
             return out
         assert not isinstance(samples, Reason)
         self._accept(samples, stamp_us)
