@@ -38,6 +38,7 @@ class Claim:
     factor: float
     low: float
     high: float
+    invalid: frozenset[int]  # of them those that the configuration names
     avoided: frozenset[int]
     timeout_us: int
 
@@ -77,12 +78,19 @@ def claim(message: Message, signal: Signal, i: Input, axles: Sequence[int]) -> C
         bits = signal.length - signal.is_signed
         ends = [raw * scale + offset for raw in (-(1 << bits) if signal.is_signed else 0, (1 << bits) - 1)]
         first, last = min(ends), max(ends)
+    invalid = frozenset(_fit(signal, raw) for raw in s.invalid)
     return Claim(
         message, signal, s, tuple(axles[place] for place in s.axles), scale, offset,
         factor(signal.unit, s.quantity) if s.factor is None else s.factor,
         first if low is None else max(first, float(low)), last if high is None else min(last, float(high)),
-        s.invalid | no_measurement(signal), i.timeout_us,
+        invalid, invalid | no_measurement(signal), i.timeout_us,
     )  # fmt: skip
+
+
+def _fit(signal: Signal, raw: int) -> int:
+    """A raw value as cantools takes it: 0x8000 of a signed signal of 16 bits is -32768."""
+    whole = 1 << signal.length
+    return raw - whole if signal.is_signed and not signal.is_float and whole // 2 <= raw < whole else raw
 
 
 def cycle_us(claims: Sequence[Claim]) -> int:

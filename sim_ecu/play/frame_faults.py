@@ -5,8 +5,19 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from cantools.database.can import Message
 
-from sim_ecu.play.encoder import SAMPLE_US, SPACING_US, Sample, Sent, protect
+from sim_ecu.play.encoder import (
+    FD_LENGTHS,
+    MAX_CLASSICAL,
+    SAMPLE_US,
+    SPACING_US,
+    Sample,
+    Sent,
+    frame_length,
+    is_fd,
+    protect,
+)
 from sim_ecu.play.faults import SILENT, Fault
 from sim_ecu.play.train import PACKAGED, Carrier, Train
 from wrcd.errors import InputError
@@ -15,7 +26,6 @@ BESIDE_US = 2_500  # by how much a second sender's frames come later than the fi
 SECOND_COUNTER = 7  # at which a second sender begins to count
 ERROR_CLASS = 0x80  # CAN_ERR_BUSERROR of linux/can/error.h
 FIRST_PAYLOAD_BIT = 16  # behind CRC, counter and status
-FD_LENGTHS = (*range(9), 12, 16, 20, 24, 32, 48, 64)
 
 
 class FrameFault:
@@ -75,7 +85,7 @@ class FrameFault:
         read = message.decode(f.data, decode_choices=False, scaling=False)
         assert isinstance(read, dict)
         changed: dict[str, Any] = {**read, **{name: raw for name, raw in values.items() if name in read}}
-        return self.resent(f, message.encode(changed, scaling=False, strict=False))
+        return self.resent(f, message.encode(changed, scaling=False, strict=False).ljust(len(f.data), b"\0"))
 
 
 class Loss(FrameFault):
@@ -141,14 +151,15 @@ class Dlc(FrameFault):
     def __init__(self, fault: Fault, seed: Sequence[int], numbers: Sequence[int], other: int, train: Train) -> None:
         super().__init__(fault, seed, numbers, other, train)
         for c in self.messages.values():
-            if self._length(c.message.length, c.message.is_fd) == c.message.length:
-                raise self.error(f"{c.message.name} cannot be longer than {c.message.length} bytes", "amount=-1")
+            length = frame_length(c.message)
+            if self._length(length, is_fd(c.message)) == length:
+                raise self.error(f"{c.message.name} cannot be longer than {length} bytes", "amount=-1")
 
     def _length(self, length: int, fd: bool) -> int:
         """The new length; that of a CAN FD frame is the next one that there is."""
         wanted = length + round(self.amount)
         if not fd:
-            return min(max(wanted, 0), 8)
+            return min(max(wanted, 0), MAX_CLASSICAL)
         steps = [n for n in FD_LENGTHS if (n >= wanted if wanted > length else n <= wanted)]
         return (min(steps, default=64) if wanted > length else max(steps, default=0)) if wanted != length else length
 
@@ -212,7 +223,7 @@ class Swap(FrameFault):
             name = self.messages[min(both)].message.name
             raise self.error(f"{name} carries axle {fault.axle} and axle {other}", "swap-wiring swaps within it")
         pairs = list(zip(self.messages.values(), theirs.values(), strict=False))
-        if len(self.messages) != len(theirs) or any(a.message.length != b.message.length for a, b in pairs):
+        if len(self.messages) != len(theirs) or any(_form(a.message) != _form(b.message) for a, b in pairs):
             raise self.error(f"the messages of axle {fault.axle} and axle {other} are not alike")
         self._others = {x.key: y.message for a, b in pairs for x, y in ((a, b), (b, a))}
         self.messages |= theirs
@@ -220,7 +231,7 @@ class Swap(FrameFault):
     def change(self, f: Sent) -> Iterable[Sent]:
         """The frame under the other's id."""
         m = self._others[f.key]
-        return (f._replace(can_id=m.frame_id, extended=m.is_extended_frame, fd=m.is_fd),)
+        return (f._replace(can_id=m.frame_id, extended=m.is_extended_frame, fd=is_fd(m)),)
 
 
 class Delay(FrameFault):
@@ -287,6 +298,11 @@ class ErrorFlood(FrameFault):
         """Error frames."""
         for _, due_us in _every(sample.due_us, self.amount):
             yield Sent(due_us, ERROR_CLASS, bytes(8), error=True)
+
+
+def _form(m: Message) -> tuple[int, bool]:
+    """Length and kind of a message's frames."""
+    return frame_length(m), is_fd(m)
 
 
 def _every(due_us: int, per_second: float) -> Iterator[tuple[int, int]]:

@@ -21,20 +21,19 @@ from sim_ecu.play.encoder import (
     Sent,
     Stretch,
     databases,
+    is_fd,
     message_key,
 )
 from sim_ecu.play.mapped_message import Messages, Plan
 from sim_ecu.play.scenario import Scenario
 from sim_ecu.play.train import Carrier, end_of_field
 from sim_ecu.play.words import usual_statuses
-from wrcd.bus.dbc import find_message, find_signal
+from wrcd.bus.dbc import data_id, find_message, find_signal
 from wrcd.bus.signals import StatusRule
 from wrcd.bus.units import Quantity
 from wrcd.config import load_config
 from wrcd.core.configuration import Config
 from wrcd.errors import InputError
-
-FD_LENGTHS = (*range(9), 12, 16, 20, 24, 32, 48, 64)
 
 
 class MappedEncoder:
@@ -101,23 +100,19 @@ class MappedTrain:
                 plan.statuses[rule.signal] = known & rule.ok
                 plan.degraded[rule.signal] = plan.degraded.get(rule.signal, frozenset()) | rule.degraded
                 plan.of_status.append(found)
-        for plan in self._plans.values():
-            if plan.message.is_fd and plan.message.length not in FD_LENGTHS:
-                raise InputError(
-                    f"{plan.message.name} has {plan.message.length} bytes, which no CAN FD frame has", file=self._file,
-                    hint=f"the next length is {min(n for n in FD_LENGTHS if n > plan.message.length)}",
-                )  # fmt: skip
         used = {message_key(m) for m in self._database.messages}
         self.idle_id = next(k for k in range(1 << 11) if k not in used)
 
     @property
     def has_fd(self) -> bool:
         """Whether any of its messages is a CAN FD one."""
-        return any(plan.message.is_fd for plan in self._plans.values())
+        return any(is_fd(plan.message) for plan in self._plans.values())
 
     def _plan(self, config: Config, name: str) -> Plan:
         if name not in self._plans:
-            self._plans[name] = Plan(find_message(config.database, name), data_id=config.data_ids.get(name))
+            message = find_message(config.database, name)
+            stated = config.data_ids[name] if name in config.data_ids else data_id(message)
+            self._plans[name] = Plan(message, data_id=stated)
         return self._plans[name]
 
     def _rules(self, c: Claim) -> Sequence[StatusRule]:
@@ -219,7 +214,7 @@ class MappedTrain:
 def not_available(c: Claim) -> float | None:
     """The raw value by which a signal says that it has none; None where no value is left for that."""
     if c.avoided:
-        return min(c.avoided, key=lambda raw: (raw not in c.source.invalid, raw))
+        return min(c.invalid or c.avoided)
     if c.signal.is_float:
         return math.nan
     end = end_of_field(c.signal)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from cantools.database.can import Message, Signal
 
 from sim_ecu.play.claims import Claim, Place, cycle_us
-from sim_ecu.play.encoder import SAMPLE_US, Sent, protect
+from sim_ecu.play.encoder import SAMPLE_US, Sent, frame_length, is_fd, protect
 from wrcd.bus.dbc import find_signal
 
 COUNTERS = 15  # of E2E Profile 11
@@ -58,16 +58,16 @@ class Messages:
 
     def frames(self, due_us: int, at_us: int, spacing_us: int, values: Mapping[Place, float]) -> Iterator[Sent]:
         """Those of a cycle that ends at due_us, from at_us on."""
-        m, several = self._message, len(self._starts)
+        m, several, length = self._message, len(self._starts), frame_length(self._message)
         number = (due_us // self.every_us - 1) * several + self._counter
         raws = {name: of[0].raw(_mean(of, values)) for name, of in self._by_signal.items()}
         for k, start in enumerate(self._starts):
-            data = m.encode({**start, **raws}, scaling=False, strict=False)
+            data = m.encode({**start, **raws}, scaling=False, strict=False).ljust(length, b"\0")
             if self._data_id is not None:
                 counted = bytearray(data)
                 counted[1] = counted[1] & 0xF0 | (number + k) % COUNTERS
                 data = protect(counted, self._data_id)
-            yield Sent(at_us + k * spacing_us, m.frame_id, data, extended=m.is_extended_frame, fd=m.is_fd)
+            yield Sent(at_us + k * spacing_us, m.frame_id, data, extended=m.is_extended_frame, fd=is_fd(m))
 
 
 def _mean(claims: Sequence[Claim], values: Mapping[Place, float]) -> float:
