@@ -39,6 +39,7 @@ _HUGE = tuple(
         r"(?<![\w.])[\d.]+[eE]\+?\d{4}",
     )
 )
+CLASSICAL_BYTES, FD_BYTES = 8, 64
 LONGEST_MS = 65_535  # of cycles and time-outs: the range that DBCs usually give these attributes
 
 

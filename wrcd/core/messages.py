@@ -108,9 +108,10 @@ def health_values(health: Health, counts: Counts, design_checksum: str) -> dict[
     }
 
 
-def reject_values(new: Mapping[Reason, int]) -> dict[str, Value]:
-    """WrcdRejects, of the rejections since the last."""
-    return {f"Rejected{r.label}": float(min(new.get(r, 0), 15)) for r in Reason}
+def reject_values(new: Mapping[Reason, int], foreign: int) -> dict[str, Value]:
+    """WrcdRejects, of the rejections since the last, and of the daemon's own messages that somebody else sent."""
+    rejected: dict[str, Value] = {f"Rejected{r.label}": float(min(new.get(r, 0), 15)) for r in Reason}
+    return {**rejected, "ForeignFrames": float(min(max(foreign, 0), 15))}
 
 
 def link_values(link: LinkHealth, counts: Counts, outliers: int) -> dict[str, Value]:
@@ -140,7 +141,7 @@ class Outgoing:
 class Outbox:
     """Turns reports and counters into frames. A message that the DBC lacks is left out."""
 
-    STATE = {"rejected_before": "_rejected_before"}
+    STATE = {"rejected_before": "_rejected_before", "foreign_before": "_foreign_before"}
 
     def __init__(self, config: Config) -> None:
         def writer(output: Output | None) -> Writer | None:
@@ -152,6 +153,7 @@ class Outbox:
         self._inputs = [writer(a.inputs) for a in config.axles]
         self._status, self._rejects, self._link = map(writer, (config.status, config.rejects, config.link))
         self._rejected_before: Counter[Reason] = Counter()  # at the newest WrcdRejects
+        self._foreign_before = 0
 
     def adhesion(self, end_us: int, reports: Sequence[Report], why: Estimate | None) -> Iterator[Outgoing]:
         """An axle's adhesion, every slot."""
@@ -170,10 +172,11 @@ class Outbox:
     def status(self, end_us: int, counts: Counts, health: Health, outliers: int) -> Iterator[Outgoing]:
         """How the daemon itself is."""
         new, self._rejected_before = counts.rejected - self._rejected_before, counts.rejected.copy()
+        foreign, self._foreign_before = health.link.foreign_frames - self._foreign_before, health.link.foreign_frames
         writers = (self._status, self._rejects, self._link)
         values = (
             health_values(health, counts, self._config.design.checksum),
-            reject_values(new),
+            reject_values(new, foreign),
             link_values(health.link, counts, outliers),
         )
         yield from _frames(writers, end_us, self._config.status_cycle_us, values)

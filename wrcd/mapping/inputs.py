@@ -2,6 +2,7 @@
 
 from wrcd import declared
 from wrcd.bus.dbc import (
+    FD_BYTES,
     Database,
     Message,
     Signal,
@@ -20,9 +21,9 @@ from wrcd.mapping.values import raw_values, usable_field
 from wrcd.section import Section, suggest
 
 DEFAULT_TIMEOUT_MS = 100
+FLOAT_BITS = (16, 32, 64)
 STALE_TICKS = 3  # of gyro and accelerometer: two may be missing
 MEASURED = (Quantity.YAW_RATE, Quantity.LAT_ACCEL)
-CLASSICAL_BYTES, FD_BYTES = 8, 64
 
 
 def resolve(
@@ -69,8 +70,10 @@ def check_readable(message: Message, signal: Signal) -> None:
     on the first frame."""
     if signal.is_multiplexer:
         raise ValueError(f"{message.name}.{signal.name} says which signals a frame carries; it measures nothing")
-    if message.length > (FD_BYTES if message.is_fd else CLASSICAL_BYTES):
-        raise ValueError(f"message {message.name} has {message.length} bytes, and no frame so many")
+    if message.length > FD_BYTES:
+        raise ValueError(f"message {message.name} has {message.length} bytes; a frame has {FD_BYTES} at the most")
+    if signal.is_float and signal.length not in FLOAT_BITS:
+        raise ValueError(f"{message.name}.{signal.name} is coded as a float of {signal.length} bits; there is none")
     if not usable_field(signal):
         raise ValueError(f"{message.name}.{signal.name} has bits that no frame has, or numbers that are none")
 

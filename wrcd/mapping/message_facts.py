@@ -8,9 +8,10 @@ import re
 from collections.abc import Iterable, Sequence
 
 from wrcd import declared
-from wrcd.bus.codec import STATUS, USABLE, normalise_label, unusable
 from wrcd.bus.dbc import Database, Message, Signal, attribute, data_id, find_message, timeout_ms
 from wrcd.bus.signals import StatusRule
+from wrcd.bus.statuses import STATUS
+from wrcd.bus.words import degraded, unusable, usable
 from wrcd.mapping.inputs import DEFAULT_TIMEOUT_MS, check_readable, find
 from wrcd.mapping.statements import Statement, StatusStatement
 from wrcd.mapping.values import raw_values, words
@@ -87,10 +88,10 @@ def _stated_rule(s: Statement, stated: StatusStatement, database: Database) -> S
 
 def usual_values(signal: Signal) -> tuple[frozenset[int], frozenset[int]]:
     """Raw values that are good and degraded by the words of the value table."""
-    table = {raw: normalise_label(word) for raw, word in words(signal).items()}
+    table = words(signal)
     return (
-        frozenset(raw for raw, word in table.items() if word in USABLE),
-        frozenset(raw for raw, word in table.items() if word == "degraded"),
+        frozenset(raw for raw, word in table.items() if usable(word)),
+        frozenset(raw for raw, word in table.items() if degraded(word)),
     )
 
 

@@ -3,12 +3,11 @@
 from collections.abc import Mapping
 
 from wrcd import declared
-from wrcd.bus.dbc import Database, Message, cycle_ms, find_message
+from wrcd.bus.dbc import CLASSICAL_BYTES, Database, Message, cycle_ms, find_message
 from wrcd.bus.signals import Output, OutputSignal
 from wrcd.core.vocabulary import MESSAGES, Numeric, snake
 from wrcd.keys import names
 from wrcd.mapping.fields import numeric_field, words_field
-from wrcd.mapping.inputs import CLASSICAL_BYTES
 from wrcd.mapping.message_facts import check_header, e2e_identity
 from wrcd.mapping.values import span, usable_field
 from wrcd.section import Section, suggest
