@@ -71,7 +71,7 @@ def test_small_configuration_is_read_and_described(tmp_path: Path) -> None:
     assert (c.channel, c.min_speed_m_s, len(c.axles)) == ("vcan7", 4.0, 1)
     lines = describe(c)
     assert lines[-1] == "ok"
-    assert any("Torque_A1.Torque (N·m), stale after 30 ms" in line for line in lines)
+    assert any("Torque_A1.Torque (N*m), stale after 30 ms" in line for line in lines)
 
 
 BAD = {

@@ -60,6 +60,8 @@ def find(table: Section, key: str, database: Database, message: str, signal: str
     try:
         found = find_message(database, message)
         return found, find_signal(found, signal)
+    except ValueError as e:
+        raise table.error(str(e), key) from None
     except KeyError as e:
         every = {f"{m.name}.{s.name}" for m in database.messages for s in m.signals}
         raise table.error(str(e.args[0]), key, suggest(f"{message}.{signal}", every)) from None
