@@ -1,5 +1,6 @@
 """Errors a person caused and can mend: one clear message, exit 2, no traceback."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TextIO
 
@@ -15,6 +16,16 @@ class InputError(Exception):
         self.reason, self.file, self.line, self.key, self.hint = reason, file, line, key, hint
         where = "" if file is None else f"{file}:{line}: " if line else f"{file}: "
         super().__init__(f"{where}{key + ': ' if key else ''}{reason}{' — ' + hint if hint else ''}")
+
+
+class InputErrors(InputError):
+    """Several mistakes of one file; its text has a line for each. What asks for one of them gets the first."""
+
+    def __init__(self, errors: Sequence[InputError]) -> None:
+        first = errors[0]
+        super().__init__(first.reason, file=first.file, line=first.line, key=first.key, hint=first.hint)
+        self.errors = tuple(errors)
+        self.args = ("\n".join(map(str, errors)),)
 
 
 class BusError(InputError):

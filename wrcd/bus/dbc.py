@@ -1,7 +1,6 @@
 """Reading a DBC: messages, signals and attributes, by cantools."""
 
 import importlib.util
-import math
 import re
 import sys
 from collections.abc import Collection, Mapping
@@ -28,10 +27,10 @@ finally:
         del sys.modules["cantools"]
 
 __all__ = [
-    "Database", "Message", "Signal", "attribute", "check_encodable", "check_supported", "cycle_ms", "data_id",
+    "Database", "Message", "Signal", "attribute", "cycle_ms", "data_id",
     "find_message", "find_signal", "load_dbc", "timeout_ms",
 ]  # fmt: skip
-CLASSICAL_BYTES = 8
+CLASSICAL_BYTES, FD_BYTES = 8, 64
 _HAS_MESSAGE = re.compile(r"^\s*BO_ ", re.MULTILINE)
 # what cantools says of value tables and value types of signals that there are not
 _ORPHANS = re.compile(r"^    (VAL_|SIG_VALTYPE_) (\d+) (\w+)$", re.MULTILINE)
@@ -141,34 +140,6 @@ def find_signal(message: Message, name: str) -> Signal:
         if s.name == name:
             return s
     raise KeyError(f"message {message.name} has no signal {name!r}")
-
-
-def check_supported(message: Message) -> None:
-    """Raises ValueError for a message that is not a plain classical one, which nothing here reads or sends, and for
-    signals that no frame can hold: cantools loads them and fails on the first frame."""
-    if message.is_fd or message.is_multiplexed() or message.length > CLASSICAL_BYTES:
-        raise ValueError(f"message {message.name} is CAN FD or multiplexed; only plain classical ones can be used")
-    for s in message.signals:
-        numbers = (s.scale, s.offset, s.minimum, s.maximum, s.raw_initial)
-        if s.start < 0 or s.length < 1 or not s.scale or not all(x is None or _finite(x) for x in numbers):
-            raise ValueError(f"{message.name}.{s.name} has bits that no frame has, or numbers that are none")
-
-
-def check_encodable(message: Message) -> None:
-    """Raises ValueError for a start value or a word of a value table that its own field cannot hold."""
-    for s in message.signals:
-        bits = s.length - s.is_signed
-        lowest = -(1 << bits) if s.is_signed else 0
-        raws = [*(s.choices or {}), int(s.raw_initial or 0)]
-        if not s.is_float and not all(lowest <= raw < 1 << bits for raw in raws):
-            raise ValueError(f"{message.name}.{s.name} has a start value or a named value beyond its {s.length} bits")
-
-
-def _finite(x: Any) -> bool:
-    try:
-        return math.isfinite(x)
-    except OverflowError:  # a whole number beyond all floats
-        return False
 
 
 def timeout_ms(message: Message, signal: Signal) -> int | None:

@@ -30,6 +30,7 @@ class PythonCanLink:
         self.name = f"{interface}:{channel}"
         self.health = LinkHealth()
         self._keys = None if keys is None else frozenset(keys)
+        self._own: set[int] = set()  # keys of the frames sent here
         try:
             self._bus = can.Bus(interface=interface, channel=channel, **options)
         except (can.CanError, OSError, ValueError, ImportError, NotImplementedError, AttributeError, TypeError) as e:
@@ -49,8 +50,13 @@ class PythonCanLink:
                 continue
             stamp_us = round(message.timestamp * 1e6)
             frame = from_message(message, stamp_us if abs(stamp_us - now_us) <= FOREIGN_CLOCK_US else now_us)
-            if self._keys is None or frame.key in self._keys:
-                frames.append(frame)
+            if frame.key in self._own and not frame.remote:
+                if not message.is_rx:  # our own, come back
+                    continue
+                self.health.foreign(frame.key)
+            elif self._keys is not None and frame.key not in self._keys:
+                continue
+            frames.append(frame)
         return frames
 
     def _get(self) -> can.Message | None:
@@ -71,6 +77,7 @@ class PythonCanLink:
         except (can.CanError, OSError):
             self.health.unsent += 1
             return False
+        self._own.add(frame.key)
         return True
 
     def close(self) -> None:

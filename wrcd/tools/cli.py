@@ -88,8 +88,14 @@ def _parser() -> argparse.ArgumentParser:
         "--csv",
         type=Path,
         metavar="OUT.csv",
-        help="write one row per Adhesion frame (default, without -o: to the screen); of several logs a folder of them",
+        help="write one row per Adhesion frame (default, without -o and --events: to the screen); of several logs a "
+        "folder of them",
     )
+    replay.add_argument(
+        "--events", type=Path, metavar="OUT.csv",
+        help="write one row per change of an axle's Validity, with its cause, input and figures (-: to the screen); of "
+        "several logs a folder of them",
+    )  # fmt: skip
     replay.add_argument(
         "--explain", action="store_true", help="rows also name the winning model and the dominant rule of the moment"
     )
@@ -205,8 +211,8 @@ def _replay(args: argparse.Namespace) -> int:
     from wrcd.tools.replays import replays
 
     if len(args.logs) == 1:
-        return replay(args.logs[0], args.config, args.output, args.csv, args.explain)
-    return replays(args.logs, args.config, args.output, args.csv, args.explain, args.jobs)
+        return replay(args.logs[0], args.config, args.output, args.csv, args.explain, args.events)
+    return replays(args.logs, args.config, args.output, args.csv, args.explain, args.jobs, args.events)
 
 
 def _init(args: argparse.Namespace) -> int:
