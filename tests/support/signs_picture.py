@@ -21,7 +21,7 @@ TORQUES = {"traction": (1, 1, 1), "braking": (-1, -1, -1)}
 def draw(file: Path) -> None:
     """Top view, curves, side view."""
     with mpl.rc_context({"font.size": 10, "svg.hashsalt": "signs"}):
-        figure = Figure(figsize=(12.0, 7.4), layout="none")
+        figure = Figure(figsize=(12.0, 7.4))
         _top(figure.add_axes((0.01, 0.42, 0.47, 0.53)))
         for place, (name, signs) in enumerate(CURVES.items()):
             _curve(figure.add_axes((0.50 + 0.25 * place, 0.42, 0.24, 0.53)), name, *signs)
