@@ -1,5 +1,6 @@
 """Errors a person caused and can mend: one clear message and an exit status, no traceback."""
 
+from collections.abc import Sequence
 from enum import IntEnum
 from pathlib import Path
 from typing import TextIO
@@ -26,6 +27,18 @@ class InputError(Exception):
         self.reason, self.file, self.line, self.key, self.hint = reason, file, line, key, hint
         where = "" if file is None else f"{file}:{line}: " if line else f"{file}: "
         super().__init__(f"{where}{key + ': ' if key else ''}{reason}{' — ' + hint if hint else ''}")
+
+
+class InputErrors(InputError):
+    """Several mistakes of one file; its text has a line for each. What asks for one of them gets the first."""
+
+    def __init__(self, errors: Sequence[InputError]) -> None:
+        first = errors[0]
+        super().__init__(first.reason, file=first.file, line=first.line, key=first.key, hint=first.hint)
+        self.errors = tuple(errors)
+        # what is tried again must not fail for another reason then
+        self.status = first.status if len({e.status for e in errors}) == 1 else Status.BAD_INPUT
+        self.args = ("\n".join(map(str, errors)),)
 
 
 class NotThere(InputError):

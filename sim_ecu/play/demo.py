@@ -21,7 +21,7 @@ from wrcd.bus.log import format_line
 from wrcd.bus.opening import open_link
 from wrcd.config import DEFAULT_AXLES, load_packaged
 from wrcd.core.core import Core
-from wrcd.core.messages import CONFIDENCES
+from wrcd.core.vocabulary import CONFIDENCES
 from wrcd.service.loop import Daemon, wall_us
 
 SHOW_EVERY_S = 0.5

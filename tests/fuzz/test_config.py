@@ -122,7 +122,7 @@ def load(path: Path) -> Config:
     """As the daemon loads it; what comes with the package is read once for all examples."""
     return load_config(
         path,
-        read_dbc=lambda p: PACKAGED_DBC if p == resources.DBC else load_dbc(p),
+        read_dbc=lambda p, encoding: PACKAGED_DBC if p == resources.DBC else load_dbc(p, None, encoding),
         read_design=lambda p: DESIGN if p == resources.DESIGN else load_design(p),
     )
 

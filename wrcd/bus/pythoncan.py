@@ -49,6 +49,7 @@ class PythonCanLink:
         self.health = LinkHealth()
         self._keys = None if keys is None else frozenset(keys)
         self._bus = open_bus(interface, channel, **options)
+        self._own: set[int] = set()  # keys of the frames sent here
 
     def receive(self, now_us: int) -> list[Frame]:
         """What is there, MAX_FRAMES at the most, those of other ids and error frames among them."""
@@ -62,8 +63,13 @@ class PythonCanLink:
                 continue
             stamp_us = round(message.timestamp * 1e6)
             frame = from_message(message, stamp_us if abs(stamp_us - now_us) <= FOREIGN_CLOCK_US else now_us)
-            if self._keys is None or frame.key in self._keys:
-                frames.append(frame)
+            if frame.key in self._own and not frame.remote:
+                if not message.is_rx:  # our own, come back
+                    continue
+                self.health.foreign(frame.key)
+            elif self._keys is not None and frame.key not in self._keys:
+                continue
+            frames.append(frame)
         return frames
 
     def _get(self) -> can.Message | None:
@@ -84,6 +90,7 @@ class PythonCanLink:
         except (can.CanError, OSError):
             self.health.unsent += 1
             return False
+        self._own.add(frame.key)
         return True
 
     def close(self) -> None:

@@ -157,6 +157,8 @@ class SocketCanLink:
                 self._confirms, self._unconfirmed = True, max(self._unconfirmed - 1, 0)
                 continue
             word, length, payload = unpack(data)
+            if word in self._own:
+                self.health.foreign(word)
             if word <= SFF_MASK and plain and len(extra) == 1 and extra[0][:2] == _KERNEL_STAMP:  # almost always
                 seconds, nanoseconds = stamp(extra[0][2])
                 self._down = self._controller.bus_off = False

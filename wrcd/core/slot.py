@@ -30,6 +30,7 @@ class Slot:
     adhesion: bool  # which frames are due
     detail: bool
     standing: Sequence[Standing]
+    details: Mapping[int, str]  # of the axles (places) whose standing has changed: how it is, in figures
     age_ms: Sequence[int]
     torque_ratio: Sequence[float]
     stale: Sequence[set[int]]  # quantities

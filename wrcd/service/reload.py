@@ -60,7 +60,7 @@ class Reload:
             if self._digests.get(file) != _digest(file):
                 changed.append(NAMES[name])
 
-        def database(file: Path) -> Database:
+        def database(file: Path, encoding: str | None = None) -> Database:  # the same file: read already
             same(file, "dbc_file")
             return running.database
 

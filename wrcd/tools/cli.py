@@ -105,15 +105,33 @@ def _parser() -> argparse.ArgumentParser:
         "--csv",
         type=Path,
         metavar="OUT.csv",
-        help="write one row per Adhesion frame (default, without -o: to the screen); of several logs a folder of them",
+        help="write one row per Adhesion frame (default, without -o and --events: to the screen); of several logs a "
+        "folder of them",
     )
+    replay.add_argument(
+        "--events", type=Path, metavar="OUT.csv",
+        help="write one row per change of an axle's Validity, with its cause, input and figures (-: to the screen); of "
+        "several logs a folder of them",
+    )  # fmt: skip
     replay.add_argument(
         "--explain", action="store_true", help="rows also name the winning model and the dominant rule of the moment"
     )
     replay.add_argument(
         "--jobs", type=int, default=1, metavar="N", help="of several logs, so many at once (default: 1)"
     )
+    _add_dbc_commands(commands)
     return p
+
+
+def _add_dbc_commands(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """`wrcd init` and `wrcd lint`: what a DBC needs before there is a configuration."""
+    init = commands.add_parser("init", help="propose a configuration for a train's DBC, with what a person must settle")
+    init.add_argument("dbc", type=Path, metavar="DBC")
+    init.add_argument("-o", "--output", type=Path, metavar="MY.toml", help="write it there (default: to the screen)")
+    init.add_argument("--force", action="store_true", help="overwrite a file that is there")
+    lint = commands.add_parser("lint", help="what a DBC says that loading lets pass and that costs frames or values")
+    lint.add_argument("dbc", type=Path, metavar="DBC")
+    lint.add_argument("--json", action="store_true", help="for a program: a record for each finding")
 
 
 def _one_thread() -> None:
@@ -232,8 +250,28 @@ def _replay(args: argparse.Namespace) -> int:
     from wrcd.tools.replays import replays
 
     if len(args.logs) == 1:
-        return replay(args.logs[0], args.config, args.output, args.csv, args.explain)
-    return replays(args.logs, args.config, args.output, args.csv, args.explain, args.jobs)
+        return replay(args.logs[0], args.config, args.output, args.csv, args.explain, args.events)
+    return replays(args.logs, args.config, args.output, args.csv, args.explain, args.jobs, args.events)
 
 
-_COMMANDS = {"run": _run, "reload": _reload, "check": _check, "dump": _dump, "replay": _replay}
+def _init(args: argparse.Namespace) -> int:
+    from wrcd.tools.init import init
+
+    return init(args.dbc, args.output, args.force)
+
+
+def _lint(args: argparse.Namespace) -> int:
+    from wrcd.tools.lint.run import lint
+
+    return lint(args.dbc, args.json)
+
+
+_COMMANDS = {
+    "run": _run,
+    "reload": _reload,
+    "init": _init,
+    "lint": _lint,
+    "check": _check,
+    "dump": _dump,
+    "replay": _replay,
+}

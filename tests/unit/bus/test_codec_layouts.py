@@ -74,7 +74,7 @@ def test_every_signal_is_decoded_as_by_cantools(layout: Layout, data: st.DataObj
     raw, physical = decoded(message, frame, scaling=False), decoded(message, frame, scaling=True)
     for number, name in enumerate(layout.names):
         source = Source("M", name, Quantity.SPEED, (0,))
-        reader = SignalReader(number, source, message.get_signal_by_name(name), layout.length)
+        reader = SignalReader(number, source, message)
         assert reader.position.raw(int.from_bytes(frame, reader.position.order)) == raw[name]
         got = Receiver(layout.database, [source]).read(Frame(0, CAN_ID, frame))
         if abs(physical[name]) <= Quantity.SPEED.limit:
