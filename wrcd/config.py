@@ -162,10 +162,8 @@ def _interface(bus: Section) -> str:
     from importlib.metadata import entry_points  # slow, and hardly ever needed
 
     if given not in entry_points(group="can.interface").names:
-        known = ", ".join(declared.INTERFACES)
-        bus.mistake(
-            bus.error(f"{given!r} is no interface of python-can", key, suggest(given, declared.INTERFACES) or known)
-        )
+        hint = suggest(given.lower(), declared.INTERFACES) or f"one of {', '.join(declared.INTERFACES)}"
+        bus.mistake(bus.error(f"{given!r} is no interface of python-can", key, hint))
     return given
 
 
