@@ -15,6 +15,7 @@ from sim_ecu.play.encoder import databases
 from sim_ecu.play.interface import open_bus
 from sim_ecu.play.play import RealTime
 from sim_ecu.play.scenario import Scenario, load_scenario
+from wrcd.bus import pythoncan
 from wrcd.bus.frame import Frame
 from wrcd.bus.log import format_line
 from wrcd.bus.opening import open_link
@@ -84,7 +85,7 @@ def run(interface: str | None, channel: str | None, scenario_name: str, folder: 
     print(f"{scenario.name}: {scenario.title}\non {interface} {channel} ({what}), {scenario.duration_s:g} s")
     with contextlib.ExitStack() as cleanup:
         core = Core(load_packaged(max(DEFAULT_AXLES, *(a.number for a in scenario.axles))))
-        observer_bus = cleanup.enter_context(can.Bus(interface=interface, channel=channel))
+        observer_bus = cleanup.enter_context(pythoncan.open_bus(interface, channel))
         observer = Observer(observer_bus, log, channel, [a.number for a in scenario.axles])
         cleanup.callback(observer.close)
         link = open_link(interface, channel, core.receiver.keys)

@@ -182,8 +182,8 @@ class Inputs:
         stamps, n = self._stamp_us, self._axles
         stale = tuple([p for p, timeout in self._deadlines if end_us - stamps[p] > timeout])
         z, present = self._jitter_buffer.take()
-        if self._reverse:
-            z = [x * self._value[DIRECTION * n + place % n] for place, x in enumerate(z)]
+        if self._reverse:  # seen in the direction of travel left is right; counter-clockwise stays so
+            z = [*z[:n], *(x * self._value[DIRECTION * n + axle] for axle, x in enumerate(z[n:]))]
         if not self._torque_ratio_known:
             v = self._value
             self._torque_ratio = [

@@ -13,11 +13,12 @@ from wrcd.bus.dbc import (
 )
 from wrcd.bus.signals import Source, StatusRule
 from wrcd.bus.units import Quantity, factor
+from wrcd.bus.words import is_reverse
 from wrcd.core.configuration import Input
 from wrcd.estimator.design import Design
 from wrcd.mapping.ranges import physical_range
 from wrcd.mapping.statements import TORQUES, Statement
-from wrcd.mapping.values import raw_values, usable_field
+from wrcd.mapping.values import raw_values, usable_field, words
 from wrcd.section import Section, suggest
 
 DEFAULT_TIMEOUT_MS = 100
@@ -50,6 +51,7 @@ def resolve(
         high=high,
         invalid=raw_values(s.table, declared.INVALID.name, signal, s.invalid),
         statuses=statuses,
+        reverse=_reverse(s, signal),
         part=s.part,
     )
     return Input(source, _timeout_us(s, message, signal, design))
@@ -60,11 +62,11 @@ def find(table: Section, key: str, database: Database, message: str, signal: str
     try:
         found = find_message(database, message)
         return found, find_signal(found, signal)
-    except ValueError as e:
-        raise table.error(str(e), key) from None
     except KeyError as e:
         every = {f"{m.name}.{s.name}" for m in database.messages for s in m.signals}
         raise table.error(str(e.args[0]), key, suggest(f"{message}.{signal}", every)) from None
+    except ValueError as e:
+        raise table.error(str(e), key, "mend the DBC, or map another message") from None
 
 
 def check_readable(message: Message, signal: Signal) -> None:
@@ -111,6 +113,22 @@ def _at_rim(s: Statement, unit: str | None) -> float:
         return factor(unit, Quantity.AXLE_LOAD)
     except ValueError as e:
         raise s.table.error(str(e), key, 'a force at the rim is in N or kN: unit = "kN"') from None
+
+
+def _reverse(s: Statement, signal: Signal) -> frozenset[int] | None:
+    """The raw values of a direction that mean reverse; None: by the DBC's words, or by the sign where it has none."""
+    if s.quantity is not Quantity.DIRECTION:
+        return None
+    if s.reverse is not None:
+        return raw_values(s.table, declared.REVERSE.name, signal, s.reverse)
+    known = words(signal).values()
+    if known and not any(is_reverse(word) for word in known):
+        raise s.table.error(
+            f"{s.message}.{s.signal} has no word that is known to mean reverse ({', '.join(known)})",
+            declared.SIGNAL.name,
+            "say which: reverse = […]",
+        )
+    return None
 
 
 def _timeout_us(s: Statement, message: Message, signal: Signal, design: Design) -> int:

@@ -78,11 +78,11 @@ def _has(database: Database, name: str) -> bool:
 def _message(table: Section, database: Database, name: str) -> Message:
     try:
         return find_message(database, name)
-    except ValueError as e:
-        raise table.error(str(e), declared.MESSAGE.name) from None
     except KeyError as e:
         hint = suggest(name, [m.name for m in database.messages]) or f'name it: {table.name} = "…"'
         raise table.error(str(e.args[0]), declared.MESSAGE.name, hint) from None
+    except ValueError as e:
+        raise table.error(str(e), declared.MESSAGE.name, "mend the DBC, or send another message") from None
 
 
 def _check_sendable(table: Section, message: Message) -> None:
