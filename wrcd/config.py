@@ -164,11 +164,10 @@ def _interface(bus: Section) -> str:
         return given or declared.INTERFACE.value(bus)
     from importlib.metadata import entry_points  # slow, and hardly ever needed
 
-    if given not in entry_points(group="can.interface").names:
-        known = ", ".join(declared.INTERFACES)
-        bus.mistake(
-            bus.error(f"{given!r} is no interface of python-can", key, suggest(given, declared.INTERFACES) or known)
-        )
+    known = {*declared.INTERFACES, *entry_points(group="can.interface").names}
+    if given not in known:
+        hint = suggest(given.lower().replace("-", "_"), known) or f"one of {', '.join(sorted(known))}"
+        bus.mistake(bus.error(f"{given!r} is no interface of python-can", key, hint))
     return given
 
 

@@ -27,9 +27,7 @@ STALE_TICKS = 3  # of gyro and accelerometer: two may be missing
 MEASURED = (Quantity.YAW_RATE, Quantity.LAT_ACCEL)
 
 
-def resolve(
-    s: Statement, database: Database, design: Design, statuses: tuple[StatusRule, ...], warnings: list[str]
-) -> Input:
+def resolve(s: Statement, database: Database, design: Design, statuses: tuple[StatusRule, ...]) -> Input:
     """One input. Raises InputError."""
     key = declared.SIGNAL.name
     message, signal = find(s.table, key, database, s.message, s.signal)
@@ -38,7 +36,7 @@ def resolve(
     except ValueError as e:
         raise s.table.error(str(e), key) from None
     to_si = _factor(s, signal, design)
-    low, high = physical_range(s, message, signal, to_si, design, warnings)
+    low, high = physical_range(s, message, signal, to_si, design)
     source = Source(
         s.message,
         s.signal,

@@ -16,12 +16,11 @@ MU = 0.5  # adhesion that a torque may use
 
 
 def physical_range(
-    s: Statement, message: Message, signal: Signal, to_si: float, design: Design, warnings: list[str]
+    s: Statement, message: Message, signal: Signal, to_si: float, design: Design
 ) -> tuple[float | None, float | None]:
     """Return the physical range where it is not the DBC's, else (None, None).
 
-    Raises InputError for one of the DBC's that shuts out most raw values and values that a train reaches. If it only
-    does the first, that is a warning.
+    Raises InputError for one of the DBC's that shuts out most raw values, and values that a train reaches.
     """
     scale = float(signal.scale if s.scale is None else s.scale)
     offset = float(signal.offset if s.offset is None else s.offset)
@@ -55,7 +54,6 @@ def physical_range(
                 declared.SIGNAL.name,
                 f"mend the DBC, or say what it measures, of {shown}: range = [low, high]",
             )
-        warnings.append(f"{text}; range = [{low:g}, {high:g}] says that it is meant so")
     return given
 
 
