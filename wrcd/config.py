@@ -62,13 +62,13 @@ def load_config_to_run(path: Path | None) -> Config:
     """The same for the daemon, sooner: attributes and comments of messages that the configuration cannot mean are not
     parsed."""
     top, folder = _source(path)
-    return _config(top, folder, None, load_design, _messages(top))
+    return _config(top, folder, partial(load_dbc, names=_messages(top)), load_design)
 
 
 def load_packaged(axles: int) -> Config:
     """The default configuration, but of so many axles."""
     top = parse_toml(packaged(axles), "default configuration", collect=True)
-    return _config(top, Path(), None, load_design)
+    return _config(top, Path(), load_dbc, load_design)
 
 
 def _messages(top: Section) -> set[str]:
