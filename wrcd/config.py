@@ -161,8 +161,9 @@ def _interface(bus: Section) -> str:
         return given or declared.INTERFACE.value(bus)
     from importlib.metadata import entry_points  # slow, and hardly ever needed
 
-    if given not in entry_points(group="can.interface").names:
-        hint = suggest(given.lower(), declared.INTERFACES) or f"one of {', '.join(declared.INTERFACES)}"
+    known = {*declared.INTERFACES, *entry_points(group="can.interface").names}
+    if given not in known:
+        hint = suggest(given.lower().replace("-", "_"), known) or f"one of {', '.join(sorted(known))}"
         bus.mistake(bus.error(f"{given!r} is no interface of python-can", key, hint))
     return given
 
