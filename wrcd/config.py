@@ -15,7 +15,6 @@ from wrcd.errors import InputError
 from wrcd.estimator.design import Design, load_design
 from wrcd.mapping import (
     AXLE_QUANTITIES,
-    DETAIL_MS,
     NEEDED,
     STATUS_MESSAGES,
     STATUS_MS,
@@ -130,9 +129,6 @@ def _config(
         min_speed_m_s=limits.number("min_speed_m_s", 3.0, 0.1, 60.0),
         constant_speed_m_s=constant,
         torque_is_total=vehicle.get("torque_is_total", bool, True),
-        adhesion_cycle_us=axles[0].adhesion.cycle_us,
-        detail_cycle_us=1000 * DETAIL_MS if axles[0].detail is None else axles[0].detail.cycle_us,
-        status_cycle_us=1000 * STATUS_MS if status is None else status.cycle_us,
         recorder=_recorder(top.section("recorder"), folder),
     )
     for section in (bus, dbc, estimator, limits, vehicle, top):

@@ -60,7 +60,7 @@ class Recorder:
         self._healths: deque[tuple[int, dict[str, Any]]] = deque()  # by position, from the oldest snapshot on: changes
         self._settings = core.config
         self._fits = identity(core.config)
-        self._triggers = Triggers(len(core.config.axles), core.config.adhesion_cycle_us)
+        self._triggers = Triggers([axle.adhesion.cycle_us for axle in core.config.axles])
         self._reports = core.reports
         self._asked = False
         self._pending: tuple[str, int] | None = None  # trigger and its time, while the aftermath is awaited
@@ -94,7 +94,7 @@ class Recorder:
         self._snapshot(now_us)
         if core.reports is not self._reports:
             self._reports = core.reports
-            found = self._triggers.look(core.reports, core.below_min_speed)
+            found = self._triggers.look(core.reports, core.below_min_speed, core.reported)
             if found and self._pending is None and self._hold_off_over(now_us):
                 self._pending, self._last_us = (found, now_us), now_us
         if self._asked and self._pending is None:

@@ -32,7 +32,6 @@ NAMES = {
     "rejects": "vehicle.rejects_message", "link": "vehicle.link_message",
 }  # fmt: skip
 HELD = {"file", "database", "design", "recorder"}  # the same before and after; the recorder is looked at part by part
-CYCLES = {"adhesion_cycle_us", "detail_cycle_us", "status_cycle_us"}  # follow from the messages, which are named
 
 
 class Reload:
@@ -91,7 +90,7 @@ def merge(running: Config, new: Config) -> tuple[Config, list[str], list[str]]:
 
 def _flat(c: Config) -> dict[str, Any]:
     """By field, those of the recorder as recorder.…"""
-    own = {f.name: getattr(c, f.name) for f in fields(c) if f.name not in HELD | CYCLES}
+    own = {f.name: getattr(c, f.name) for f in fields(c) if f.name not in HELD}
     return own | {f"recorder.{f.name}": getattr(c.recorder, f.name) for f in fields(c.recorder)}
 
 
