@@ -60,6 +60,7 @@ class SignalReader:
         self.unusable |= {fit_raw(signal, raw) for raw in source.invalid}
         self._limit = source.quantity.limit
         self._positive = source.quantity in (Quantity.AXLE_LOAD, Quantity.WHEEL_RADIUS)
+        self._reverse = source.reverse
         self._is_direction = source.quantity is Quantity.DIRECTION
         # every value within the DBC's range is one: no word of it says otherwise, nor does the quantity's own limit
         within = math.isfinite(self.low) and math.isfinite(self.high)
@@ -80,10 +81,13 @@ class SignalReader:
         return self._direction(raw, physical) if self._is_direction else si
 
     def _direction(self, raw: Any, physical: float) -> float:
-        """-1 in reverse, else 1: by the name in the value table, or by the sign where there is none. A factor below 0
-        turns it."""
+        """-1 in reverse, else 1: as the configuration says, or by the name in the value table, or by the sign where
+        there is none. A factor below 0 turns it."""
         choices = self._signal.choices
-        reverse = is_reverse(choices[raw]) if choices and raw in choices else physical < 0
+        if self._reverse is not None:
+            reverse = raw in self._reverse
+        else:
+            reverse = is_reverse(choices[raw]) if choices and raw in choices else physical < 0
         return -1.0 if reverse is (self.factor > 0) else 1.0
 
     def read_column(self, raw: "NDArray[np.int64]") -> list[float] | None:

@@ -27,7 +27,6 @@ from wrcd.bus.rawcan import (
     SOFTWARE,
     SOL_SOCKET,
     TIMESPEC,
-    advice,
     only_word,
     parse_ancillary,
 )
@@ -63,14 +62,20 @@ class SocketCanLink:
         self._confirms = False  # whether this interface tells when a frame has left
         self._early: list[Frame] = []  # received while looking for that
         if not hasattr(socket, "AF_CAN"):
-            raise BusError("this Python has no AF_CAN", key="interface", hint="use Linux, or another interface")
+            from wrcd.bus.advice import no_socketcan
+
+            raise BusError("this Python has no AF_CAN", key="interface", hint=no_socketcan())
         self._events = open_events(channel)
         try:
             self._socket: socket.socket | None = self._open()
         except OSError as e:
+            from wrcd.bus.advice import for_socketcan  # not for a start that succeeds
+
             self.close_events()
             raise BusError(
-                f"CAN interface {channel!r} cannot be opened: {e.strerror}", key="channel", hint=advice(e, channel)
+                f"CAN interface {channel!r} cannot be opened: {e.strerror or e}",
+                key="channel",
+                hint=for_socketcan(e, channel),
             ) from None
 
     def _open(self) -> socket.socket:
@@ -152,6 +157,8 @@ class SocketCanLink:
                 self._confirms, self._unconfirmed = True, max(self._unconfirmed - 1, 0)
                 continue
             word, length, payload = unpack(data)
+            if word in self._own:
+                self.health.foreign(word)
             if word <= SFF_MASK and plain and len(extra) == 1 and extra[0][:2] == _KERNEL_STAMP:  # almost always
                 seconds, nanoseconds = stamp(extra[0][2])
                 self._down = self._controller.bus_off = False

@@ -23,11 +23,13 @@ from wrcd.core.block import Block
 from wrcd.core.causes import Cause
 from wrcd.core.configuration import Config
 from wrcd.core.counts import Counts, Health
-from wrcd.core.inputs import Inputs
+from wrcd.core.events import Events
+from wrcd.core.inputs import YAW, Inputs
 from wrcd.core.jitter_buffer import NEVER
 from wrcd.core.messages import NAMES, Outbox, Outgoing, Report
 from wrcd.core.slot import Slot, frames, reports
 from wrcd.core.validity import ValidityMonitor, tick_causes
+from wrcd.estimator.design import FloatArray
 from wrcd.estimator.estimator import Estimator
 from wrcd.estimator.records import Estimate, StepResult, Ticks
 
@@ -60,7 +62,7 @@ class Core:
         "counts": "counts", "health": "health", "estimator": "estimator", "receiver": "receiver",
         "open_tick": "_open", "newest_stamp_us": "_stamp_us", "inputs": "_inputs", "validity": "_validity",
         "is_reset": "_is_reset", "outbox": "_outbox", "outlier_us": "_outlier_us", "backoff": "_backoff",
-        "block": "_block",
+        "block": "_block", "events": "events",
     }  # fmt: skip
     TRANSIENT = ("reports", "reported", "_tick", "_begin_us", "_end_us", "_held")
 
@@ -87,6 +89,7 @@ class Core:
         self._backoff = Backoff(n, config.design.tick_s)
         self.reports: list[Report] = []  # of the newest slot
         self.reported: Sequence[int] = ()  # axles (places) whose adhesion was due in it
+        self.events = Events(config)
         self.muted = False  # make no frames: nobody would send them
         self._held: list[Slot] | None = None  # slots whose frames are held back
 
@@ -244,7 +247,10 @@ class Core:
             self._reset_all()
         tick = self._tick = self._inputs.close_tick(end_us)
         fast = tick.speed_m_s >= self.config.min_speed_m_s
-        self._block.add(number, tick, tick_causes(self._inputs, tick, end_us), fast)
+        causes = tick_causes(self._inputs, tick, end_us)
+        if causes != self.events.tick_causes:
+            self.events.tick(causes, self._inputs, tick, end_us)
+        self._block.add(number, tick, causes, fast)
         due = self._dues(end_us)
         if due or self.estimator.block_end(number):
             self._run_block()
@@ -265,7 +271,7 @@ class Core:
             result = self._step(ticks, 0)
             at = len(result)
             self._begin_sound_ticks(at)
-            self._note_outliers(block.number, result)
+            self._note_outliers(block.number, result, ticks.z[0, YAW])
         while at < len(block):
             # as far as is known: a reset on the way may make an axle wait
             running = [self._running(k) for k in range(at, len(block))]
@@ -279,7 +285,7 @@ class Core:
             result = self._step(ticks, at)
             for k in range(1, len(result)):
                 self._begin_tick(at + k, running[k])
-            self._note_outliers(block.number + at, result)
+            self._note_outliers(block.number + at, result, ticks.z[at, YAW])
             at += len(result)
         block.clear()
 
@@ -305,6 +311,7 @@ class Core:
             # a confirmed speed jump means another signal source: reset every axle
             if jumped and not self._is_reset[axle]:
                 self._count_reset(axle, number)
+                self.events.restarted(axle, self.events.describe.jumped(axle, block.speed_m_s(k)))
             if running[axle]:
                 self._is_reset[axle] = False
                 self._validity.update(axle, causes[axle])
@@ -324,7 +331,7 @@ class Core:
             if self._validity.window_full[axle]:
                 self._backoff.recovered(axle)
 
-    def _note_outliers(self, number: int, result: StepResult) -> None:
+    def _note_outliers(self, number: int, result: StepResult, yaw_rate: FloatArray) -> None:
         """Remember whose measurements were left out in a tick, and reset the axles that need it. In ticks that were
         stepped at once there are none."""
         if len(result) > 1:
@@ -333,6 +340,9 @@ class Core:
             self._outlier_us[axle] = (number + 1) * self._period_us
         for axle in np.flatnonzero(result.needs_reset).tolist():
             self._count_reset(axle, number)
+            why = self.estimator.why_reset(result, yaw_rate, axle)
+            wait_s = self._backoff.wait_s(axle, number)
+            self.events.restarted(axle, self.events.describe.outliers(axle, why, wait_s))
             self._reset_axle(axle, Cause.RESTARTED)
 
     def _count_reset(self, axle: int, number: int) -> None:
@@ -368,6 +378,7 @@ class Core:
             self._observer.estimated(slot.end_us // self._period_us - 1, estimate)
         if slot.adhesion or slot.detail:
             self.reports, self.reported = reports(slot, estimate), slot.adhesion
+            self.events.slot(slot.end_us, self.reports, slot.details, estimate)
         return frames(slot, self.reports, estimate, self._outbox)
 
     def _slot(self, end_us: int, due: Dues) -> Slot:
@@ -378,13 +389,17 @@ class Core:
         said = bool(adhesion) or detail
         known = said and True in self._validity.window_full
         pairs = self.estimator.identity.doubt.tolist() if said else []
+        standing = [self._validity.standing(axle, pair) for axle, pair in enumerate(pairs)]
         return Slot(
             end_us=end_us,
             draft=self.estimator.draft() if known else None,
             due=due,
             adhesion=adhesion,
             detail=detail,
-            standing=[self._validity.standing(axle, pair) for axle, pair in enumerate(pairs)],
+            standing=standing,
+            details=self.events.standing(standing, inputs, self._validity, self.estimator.identity, end_us)
+            if said
+            else {},
             age_ms=[inputs.age_ms(axle, end_us) for axle in axles] if said else (),
             torque_ratio=tick.torque_ratio,
             stale=[inputs.quantities(tick.stale, axle) for axle in axles] if detail else (),

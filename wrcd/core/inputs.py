@@ -11,6 +11,7 @@ from wrcd.core.configuration import Config
 from wrcd.core.jitter_buffer import NEVER, JitterBuffer
 from wrcd.core.plausibility import MAX_STEP, MIN_RUN, STUCK_CHECKED, JumpCheck, StuckCheck
 from wrcd.core.reach import Reach
+from wrcd.core.refusals import Refusals
 
 QUANTITIES = tuple(Quantity)
 YAW, LAT, TORQUE, SPEED, BRAKE, LOAD, DIRECTION, RADIUS = range(len(QUANTITIES))
@@ -46,7 +47,7 @@ class Inputs:
         "value": "_value", "stamp_us": "_stamp_us", "degraded": "degraded", "contested": "contested",
         "jitter_buffer": "_jitter_buffer", "reach": "reach", "stuck_checks": "_stuck_checks",
         "jump_checks": "_jump_checks", "speed_jumped": "_speed_jumped", "reverse": "_reverse",
-        "torque_ratio": "_torque_ratio", "torque_ratio_known": "_torque_ratio_known",
+        "torque_ratio": "_torque_ratio", "torque_ratio_known": "_torque_ratio_known", "refusals": "refusals",
     }  # fmt: skip
     TRANSIENT = ("_shares_known", "_shares_ok")
 
@@ -93,6 +94,7 @@ class Inputs:
         self._jitter_buffer = JitterBuffer((LAT + 1) * n, design.recent_ticks)
         self._speed_jumped = False  # in the open tick
         self.reach = Reach(self._timeout_us)
+        self.refusals = Refusals(size)
         self._checks: list[StuckCheck | JumpCheck | None] = [
             self._stuck_checks.get(places[0]) or self._jump_checks.get(places[0]) for places in self._places
         ]
@@ -158,6 +160,7 @@ class Inputs:
         for source in sources:
             for place in self._places[source]:
                 self.reach.reject(place, stamp_us, reason)
+                self.refusals.reject(place, self._stamp_us[place], reason)
                 if reason is Reason.TWO_SENDERS:
                     self.contested[place] = True
 
@@ -191,6 +194,7 @@ class Inputs:
         self._stamp_us = [NEVER] * len(self._stamp_us)
         self._jitter_buffer.reset()
         self.reach.reset()
+        self.refusals.reset()
         for stuck in self._stuck_checks.values():
             stuck.reset()
         for jump in self._jump_checks.values():
@@ -201,8 +205,8 @@ class Inputs:
         stamps, n = self._stamp_us, self._axles
         stale = tuple([p for p, timeout in self._deadlines if end_us - stamps[p] > timeout])
         z, present = self._jitter_buffer.take()
-        if self._reverse:
-            z = [x * self._value[DIRECTION * n + place % n] for place, x in enumerate(z)]
+        if self._reverse:  # seen in the direction of travel left is right; counter-clockwise stays so
+            z = [*z[:n], *(x * self._value[DIRECTION * n + axle] for axle, x in enumerate(z[n:]))]
         if not self._torque_ratio_known:
             self._torque_ratio = [
                 self._torque_Nm(a) / (self.total(LOAD, a) * self._value[RADIUS * n + a]) for a in range(n)
@@ -320,3 +324,34 @@ class Inputs:
     def radius_share(self, axle: int) -> float:
         """The same of the wheel radius."""
         return self._value[self.place(RADIUS, axle)] / self._design.r_0
+
+    # --- what details.py tells of
+
+    def value(self, quantity: int, axle: int) -> float:
+        """The newest value of a quantity, in SI units."""
+        return self._value[self.place(quantity, axle)]
+
+    def stuck_at(self, quantity: int, axle: int) -> tuple[float, int]:
+        """The value of a sensor that stands still, and how many frames have repeated it."""
+        check = self._stuck_checks[self.place(quantity, axle)]
+        return check.value, check.run
+
+    def overdue(self, axle: int, end_us: int, silent: bool) -> list[tuple[int, int | None, int, str]]:
+        """The quantities of an axle that are past their time-out, or with silent past that for the estimate: each with
+        its age (None: it has not come), the limit, and what was refused since."""
+        limits, n, out = self._unavailable_after_us if silent else self._timeout_us, self._axles, []
+        for place in self._mapped:
+            stamp_us = self._stamp_us[place]
+            if place % n == axle and end_us - stamp_us > limits[place]:
+                age_us = None if stamp_us == NEVER else end_us - stamp_us
+                out.append((place // n, age_us, limits[place], self.refusals.since(place, stamp_us)))
+        return out
+
+    def flagged(self, flags: Sequence[bool], axle: int) -> list[tuple[int, str]]:
+        """The quantities of an axle whose places are flagged, each with what was refused since its last good frame."""
+        n = self._axles
+        return [
+            (place // n, self.refusals.since(place, self._stamp_us[place]))
+            for place in self._mapped
+            if place % n == axle and flags[place]
+        ]

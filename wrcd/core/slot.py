@@ -31,6 +31,7 @@ class Slot:
     adhesion: Sequence[int]  # axles (places) whose adhesion is due
     detail: bool  # whether a frame that explains it is
     standing: Sequence[Standing]
+    details: Mapping[int, str]  # of the axles (places) whose standing has changed: how it is, in figures
     age_ms: Sequence[int]
     torque_ratio: Sequence[float]
     stale: Sequence[set[int]]  # quantities

@@ -27,9 +27,12 @@ from wrcd.estimator.doubts import (
     STILL_SILENT_EXCESS,
     YAW,
     Doubt,
+    Evidence,
+    Figures,
     dead_alone,
     doubts,
     evidence,
+    figures,
     silent,
 )
 from wrcd.estimator.recursion import exponential, smoothed, unrolled
@@ -115,6 +118,7 @@ class Identity:
     STATE = {
         "filters": "_filters", "mean": "_mean", "offset_ticks": "_offset_ticks", "sums": "_sums", "ticks": "_ticks",
         "blocks": "_blocks", "filled": "_filled", "doubts_held": "_held", "wiring": "_wiring",
+        "figures": "_figures",
     }  # fmt: skip
 
     def __init__(self, noise_rms: tuple[float, float], tick_s: float, axles: int) -> None:
@@ -130,6 +134,7 @@ class Identity:
         self._filled: IntArray = np.zeros(axles, dtype=np.int64)  # blocks so far
         self._wiring = Wiring(tick_s, axles)
         self._held: IntArray = np.zeros((len(Doubt), axles), dtype=np.int64)  # blocks for which a doubt stays
+        self._figures: FloatArray = np.zeros((len(Doubt), len(Figures._fields), axles))  # that each was found by
         self._smoothing = exponential(1.0 / self._max_offset_ticks)
 
     @property
@@ -220,24 +225,36 @@ class Identity:
     def _judge(self, full: BoolArray) -> None:
         """A doubt is held from when its test speaks until the test has been quiet for as long as it looks back."""
         self._held = np.maximum(self._held - full, 0)
-        for axle in np.flatnonzero(full & (self._filled >= MIN_SILENT_BLOCKS)):
+        for axle in np.flatnonzero(full & (self._filled >= MIN_SILENT_BLOCKS)).tolist():
             filled = int(self._filled[axle])
             known = filled > SILENT_BLOCKS and not self._held[Doubt.SILENT, axle]
             # of the first second, in which a train sets off and filters settle, nothing is concluded
             before = self._blocks[SILENT_BLOCKS : min(filled - SECOND, BEFORE_BLOCKS), :, axle]
             newest = self._blocks[: min(filled, SILENT_BLOCKS), :, axle]
             if silent(newest, before, SILENT_EXCESS if known else STILL_SILENT_EXCESS):
-                self._held[Doubt.SILENT, axle] = max(self._held[Doubt.SILENT, axle], SILENT_BLOCKS)
+                self._hold(Doubt.SILENT, axle, SILENT_BLOCKS, evidence(newest.mean(axis=0)[None]))
             if filled >= 2 * SECOND:
-                dead = dead_alone(evidence(newest.mean(axis=0)[None]), *self._unit[:, 0])
+                second = evidence(newest.mean(axis=0)[None])
+                dead = dead_alone(second, *self._unit[:, 0])
                 if dead:
-                    self._held[dead, axle] = max(self._held[dead, axle], ALONE_BLOCKS)
+                    self._hold(dead, axle, ALONE_BLOCKS, second)
             # once a second, each axle at another tick
             if filled >= MIN_BLOCKS and (filled - axle) % SECOND == 0:
                 whole = min(filled, BLOCKS) // SECOND
-                seconds = self._blocks[: whole * SECOND, :, axle].reshape(whole, SECOND, ROWS).mean(axis=1)
-                found = doubts(evidence(seconds), *self._unit[:, 0])
-                if self._wiring.crossed()[axle]:
+                seconds = evidence(self._blocks[: whole * SECOND, :, axle].reshape(whole, SECOND, ROWS).mean(axis=1))
+                found = doubts(seconds, *self._unit[:, 0])
+                partner = int(self._wiring.partners()[axle])
+                if partner >= 0:
                     found.add(Doubt.UNRELATED)
                 for doubt in found:
-                    self._held[doubt, axle] = BLOCKS
+                    self._hold(doubt, axle, BLOCKS, seconds, partner if doubt is Doubt.UNRELATED else -1)
+
+    def _hold(self, doubt: Doubt, axle: int, blocks: int, e: Evidence, partner: int = -1) -> None:
+        """Doubt a pair for so many blocks at least, and keep what it was found by."""
+        if not self._held[doubt, axle]:
+            self._figures[doubt, :, axle] = figures(e, self._unit[0, 0], self._unit[1, 0], partner)
+        self._held[doubt, axle] = max(self._held[doubt, axle], blocks)
+
+    def figures(self, doubt: Doubt, axle: int) -> Figures:
+        """What a doubt of a pair was found by."""
+        return Figures(*self._figures[doubt, :, axle].tolist())

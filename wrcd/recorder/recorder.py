@@ -15,6 +15,7 @@ from typing import Any
 from wrcd.bus.frame import Frame
 from wrcd.core.configuration import RecorderConfig
 from wrcd.core.core import Core
+from wrcd.core.events import COLUMNS, MAX_KEPT, csv_line
 from wrcd.recorder.child import Child
 from wrcd.recorder.folder import Bound, dump_name, safe_channel_name
 from wrcd.recorder.resume import identity, settings
@@ -58,6 +59,8 @@ class Recorder:
         self._snapshots: deque[Snapshot] = deque(maxlen=SNAPSHOTS + 1)
         self._health = capture(core.health)
         self._healths: deque[tuple[int, dict[str, Any]]] = deque()  # by position, from the oldest snapshot on: changes
+        self._changes: deque[tuple[int, str]] = deque(maxlen=MAX_KEPT)  # of Validity, by position as rows
+        self._changes_told = core.events.total
         self._settings = core.config
         self._fits = identity(core.config)
         self._triggers = Triggers([axle.adhesion.cycle_us for axle in core.config.axles])
@@ -91,6 +94,8 @@ class Recorder:
         """A turn of the loop is over."""
         core = self._core
         self._note_health()
+        if core.events.total != self._changes_told:
+            self._note_changes()
         self._snapshot(now_us)
         if core.reports is not self._reports:
             self._reports = core.reports
@@ -111,6 +116,12 @@ class Recorder:
             self._health = health
             self._healths.append((self._ring.end, health))
             self._ring.put(HEALTH, 0)
+
+    def _note_changes(self) -> None:
+        """Changes of Validity, behind the record that made them."""
+        events = self._core.events
+        self._changes.extend((self._ring.end, change.csv_line) for change in events.since(self._changes_told))
+        self._changes_told = events.total
 
     def _hold_off_over(self, now_us: int) -> bool:
         # a clock that has stepped back holds nothing up
@@ -135,6 +146,8 @@ class Recorder:
             kept.popleft()
         while self._healths and self._healths[0][0] < kept[0].position:
             self._healths.popleft()
+        while self._changes and self._changes[0][0] <= kept[0].position:
+            self._changes.popleft()
 
     def _dump(self, name: str, urgent: bool = False) -> None:
         ring, self._name = self._ring, name
@@ -153,6 +166,7 @@ class Recorder:
             healths=[(position, health) for position, health in self._healths if position >= first.position],
             max_dumps=self._bound.dumps,
             max_bytes=self._bound.size,
+            changes=csv_line(COLUMNS) + "".join(row for position, row in self._changes if position > first.position),
             urgent=urgent,
         )
         try:

@@ -39,6 +39,7 @@ class Request:
     healths: list[tuple[int, dict[str, Any]]]  # by position: what the core was told of loop and link from there on
     max_dumps: int
     max_bytes: int
+    changes: str = ""  # rows of what `wrcd replay --events` gives
     urgent: bool = False  # the daemon ends: nobody is disturbed
 
 
@@ -98,7 +99,7 @@ def run(ring_fd: int, request_fd: int) -> None:
     lines, events = lines_and_events(memory, r)
     log = ("\n".join(lines) + "\n" * bool(lines)).encode()
     state = document(r.fits, r.core, events, len(lines))
-    write_dump(Path(r.folder), r.name, log, state, Bound(r.max_dumps, r.max_bytes))
+    write_dump(Path(r.folder), r.name, log, state, r.changes.encode(), Bound(r.max_dumps, r.max_bytes))
 
 
 def main() -> int:

@@ -27,6 +27,7 @@ from wrcd.errors import InputError, create
 from wrcd.estimator.design import Design
 from wrcd.estimator.records import Estimate
 from wrcd.recorder.resume import Saved, load, replay_events, state_file
+from wrcd.tools.events import SCREEN, EventRows
 from wrcd.tools.explain import sentence
 from wrcd.tools.progress import Progress
 
@@ -47,13 +48,20 @@ SIGNALS = ("Validity", "MuAvailable", "MuUsed", "ContactState", "Surface", "Conf
 
 
 def replay(
-    log: Path, config_file: Path | None, output: Path | None, table: Path | None, explained: bool = False
+    log: Path,
+    config_file: Path | None,
+    output: Path | None,
+    table: Path | None,
+    explained: bool = False,
+    changes: Path | None = None,
 ) -> int:
     """Run a log and write what was asked for; a summary goes to standard error. explained: the CSV's rows say which
     model and which rule decided."""
-    for out in (output, table):
+    for out in (output, table, changes):
         if out is not None and out.exists() and log.exists() and out.samefile(log):
             raise InputError("is the log itself; it would be lost", file=out, hint="give another file")
+    if changes == SCREEN and explained and table is None:
+        raise InputError("and the rows of --explain are both for the screen", key="--events", hint="name a file")
     config = load_config(config_file)
     core = Core(config)
     saved = resume(core, log)
@@ -62,7 +70,8 @@ def replay(
     sent = 0
     with contextlib.ExitStack() as files:
         frames_out = files.enter_context(create(output)) if output else None
-        rows = _rows(files, table, output is None or explained, config, explained)
+        events = _events(files, changes, core)
+        rows = _rows(files, table, (output is None and events is None) or explained, config, explained)
         if saved is None:
             made = outgoing_of_stretches(core, progress(read_stretches(log, damage), log))
         else:
@@ -73,6 +82,10 @@ def replay(
                 frames_out.write(format_line(o.frame, channel) + "\n")
             if rows:
                 rows.write(o)
+            if events:
+                events.look()
+        if events:
+            events.look()
     if saved is not None and damage.read != saved.lines:
         print(
             f"wrcd: warning: {log}: has {damage.read} frames, {saved.lines} when it was recorded: from where they "
@@ -255,3 +268,9 @@ def _rows(
     if table is not None:
         return Rows(files.enter_context(create(table)), config, explained)
     return Rows(sys.stdout, config, explained) if to_screen else None
+
+
+def _events(files: contextlib.ExitStack, changes: Path | None, core: Core) -> EventRows | None:
+    if changes is None:
+        return None
+    return EventRows(core, sys.stdout if changes == SCREEN else files.enter_context(create(changes)))
