@@ -60,8 +60,7 @@ class SignalReader:
         self.unusable |= {fit_raw(signal, raw) for raw in source.invalid}
         self._limit = source.quantity.limit
         self._positive = source.quantity in (Quantity.AXLE_LOAD, Quantity.WHEEL_RADIUS)
-        self._reverse = source.reverse
-        self._is_direction = source.quantity is Quantity.DIRECTION
+        self._is_direction, self._reverse = source.quantity is Quantity.DIRECTION, source.reverse
         # every value within the DBC's range is one: no word of it says otherwise, nor does the quantity's own limit
         within = math.isfinite(self.low) and math.isfinite(self.high)
         within = within and max(abs(self.low), abs(self.high)) * abs(self.factor) <= self._limit
@@ -81,8 +80,8 @@ class SignalReader:
         return self._direction(raw, physical) if self._is_direction else si
 
     def _direction(self, raw: Any, physical: float) -> float:
-        """-1 in reverse, else 1: as the configuration says, or by the name in the value table, or by the sign where
-        there is none. A factor below 0 turns it."""
+        """-1 in reverse, else 1: by the name in the value table, or by the sign where there is none. A factor below 0
+        turns it."""
         choices = self._signal.choices
         if self._reverse is not None:
             reverse = raw in self._reverse

@@ -22,8 +22,7 @@ class SignalWriter:
         self._lowest, self._highest = (
             (-(1 << s.length - 1), (1 << s.length - 1) - 1) if s.is_signed else (0, (1 << s.length) - 1)
         )
-        low = s.minimum if sent.low is None else sent.low
-        high = s.maximum if sent.high is None else sent.high
+        low, high = s.minimum if sent.low is None else sent.low, s.maximum if sent.high is None else sent.high
         self._low = -math.inf if low is None else float(low)
         self._high = math.inf if high is None else float(high)
         self._scale, self._offset = float(s.scale), float(s.offset)

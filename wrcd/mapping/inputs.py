@@ -51,7 +51,6 @@ def resolve(
         invalid=raw_values(s.table, declared.INVALID.name, signal, s.invalid),
         statuses=statuses,
         part=s.part,
-        reverse=None if s.reverse is None else raw_values(s.table, declared.REVERSE.name, signal, s.reverse),
     )
     return Input(source, _timeout_us(s, message, signal, design))
 
