@@ -11,7 +11,7 @@ from typing import IO, Any, TypeVar
 import numpy as np
 
 from wrcd.bus.codec import message_key, position
-from wrcd.bus.columns import Columns, Stretch
+from wrcd.bus.columns import MIN_ROWS, Columns, Stretch
 from wrcd.bus.dbc import Message, find_message, find_signal
 from wrcd.bus.frame import Frame
 from wrcd.bus.log import Damage, format_line, read_log, read_stretches
@@ -153,7 +153,10 @@ def outgoing_of_stretches(core: Core, items: Iterable[Stretch | tuple[Frame, str
 
 
 def _goes_on(core: Core, s: Stretch) -> bool:
-    """Whether no frame of a stretch is a step of time or the end of a silence, for mapped frames and others alike."""
+    """Whether a stretch is worth it, and no frame of it is a step of time or the end of a silence, for mapped frames
+    and others alike."""
+    if len(s) < MIN_ROWS:  # as between frames that are not plain
+        return False
     mapped = np.flatnonzero(np.isin(s.keys, core.receiver.keys))
     if not len(mapped) or not core.goes_on_from(int(s.stamps_us[mapped[0]])):
         return False
