@@ -8,9 +8,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from sim_ecu.commands.extra import explained
 from sim_ecu.score.names import SUITES
-from wrcd import __version__, resources
+from wrcd import resources
 from wrcd.tools.cli import guarded
+from wrcd.tools.version import Version
 
 if TYPE_CHECKING:
     from sim_ecu.play.scenario import Scenario
@@ -19,14 +21,14 @@ BUDGET = 600  # of `sim-ecu design --search`
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Entry point. 0 done, 1 a check failed, 2 bad input."""
+    """Entry point. Returns the exit status: see Status."""
     args = _parser().parse_args(argv)
-    return guarded("sim-ecu", lambda: _COMMANDS[args.command](args))
+    return guarded("sim-ecu", lambda: explained(lambda: _COMMANDS[args.command](args)))
 
 
 def _parser() -> argparse.ArgumentParser:
     p = argparse.ArgumentParser(prog="sim-ecu", description="The rig: nonlinear wheelsets on a CAN bus.")
-    p.add_argument("--version", action="version", version=f"%(prog)s {__version__}", help="print the version and end")
+    p.add_argument("--version", action=Version, help="print versions of package, design and formats, and end")
     commands = p.add_subparsers(dest="command", required=True, metavar="COMMAND")
 
     commands.add_parser("list", help="the packaged scenarios")

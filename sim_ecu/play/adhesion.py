@@ -7,7 +7,7 @@ from cantools.database.can import Message, Signal
 
 from wrcd.bus.dbc import find_signal
 from wrcd.bus.signals import Output, OutputSignal
-from wrcd.core.messages import UNITS
+from wrcd.core.vocabulary import MESSAGES, Numeric
 
 Said = dict[str, float | str | None]  # by the daemon's own names; a number in its unit, a word of its own, or nothing
 
@@ -21,7 +21,7 @@ class AdhesionReader:
         self._words: dict[str, tuple[str, dict[int, str]]] = {}
         for ours, sent in output.signals.items():
             signal = find_signal(message, sent.name)
-            if ours in UNITS:
+            if isinstance(MESSAGES["adhesion"].get(ours), Numeric):
                 self._numbers[ours] = (signal, sent)
             else:
                 labels = {str(label): int(raw) for raw, label in (signal.choices or {}).items()}

@@ -18,6 +18,7 @@ from sim_ecu.play.mapped import MappedTrain
 from sim_ecu.play.play import RealTime
 from sim_ecu.play.scenario import Scenario, load_scenario
 from sim_ecu.play.train import PACKAGED, Train
+from wrcd.bus import pythoncan
 from wrcd.bus.dbc import find_message
 from wrcd.bus.frame import Frame
 from wrcd.bus.log import format_line
@@ -25,7 +26,7 @@ from wrcd.bus.opening import open_link
 from wrcd.config import DEFAULT_AXLES, load_config, load_packaged
 from wrcd.core.configuration import Config
 from wrcd.core.core import Core
-from wrcd.core.messages import CONFIDENCES
+from wrcd.core.vocabulary import CONFIDENCES
 from wrcd.service.loop import Daemon, wall_us
 
 SHOW_EVERY_S = 0.5
@@ -105,7 +106,7 @@ def run(
     with contextlib.ExitStack() as cleanup:
         core = Core(config)
         fd: dict[str, Any] = {"fd": True} if train.has_fd else {}
-        observer_bus = cleanup.enter_context(can.Bus(interface=interface, channel=channel, **fd))
+        observer_bus = cleanup.enter_context(pythoncan.open_bus(interface, channel, **fd))
         observer = Observer(observer_bus, log, channel, config, numbers)
         cleanup.callback(observer.close)
         link = open_link(interface, channel, core.receiver.keys)

@@ -49,7 +49,7 @@ FLOORS = (
     {"wrcd/bus", "wrcd/estimator"},
     {"wrcd", "sim_ecu"},  # errors, resources, checksum
 )
-CONFIG = {"wrcd.config", "wrcd.mapping", "wrcd.settings"}
+CONFIG = ("wrcd.config", "wrcd.mapping", "wrcd.declared", "wrcd.keys", "wrcd.settings", "wrcd.section")
 WITH_FILES = {"wrcd.estimator.design"}  # reads the design, before the first tick
 
 
@@ -88,7 +88,7 @@ def graph() -> dict[str, set[str]]:
 
 
 def room(name: str) -> str:
-    if name in CONFIG:
+    if name.startswith(CONFIG):
         return "wrcd/config"
     if name == "sim_ecu.cli":
         return "sim_ecu/cli"

@@ -48,6 +48,8 @@ class OutputSignal:
     words: Mapping[str, int] | None = None  # our word -> raw value
     not_available: int | None = None  # raw value
     round_down: bool = False
+    low: float | None = None  # physical: what may be sent
+    high: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from wrcd.bus.codec import Value, Writer
-from wrcd.bus.dbc import Message, check_supported, find_message
+from wrcd.bus.dbc import find_message
 from wrcd.bus.frame import Frame
 from wrcd.bus.link import LinkHealth
 from wrcd.bus.reasons import Reason
@@ -18,16 +18,9 @@ from wrcd.core.causes import Cause, Validity
 from wrcd.core.configuration import Config
 from wrcd.core.counts import Counts, Health
 from wrcd.core.inputs import LAT, SPEED, TORQUE, YAW
+from wrcd.core.vocabulary import CONFIDENCES, SURFACES
 from wrcd.estimator.design import MODELS
 from wrcd.estimator.records import Estimate
-
-# MuAvailable (percent) from which a surface counts as that class.
-SURFACES = ((25.0, "Dry"), (15.0, "Wet"), (8.0, "Reduced"), (4.0, "Low"), (-math.inf, "VeryLow"))
-# Half-width of the 90 % interval (percentage points) up to which a level of Confidence holds.
-CONFIDENCES = (
-    (1.0, "Within1pp"), (2.0, "Within2pp"), (3.0, "Within3pp"), (5.0, "Within5pp"), (8.0, "Within8pp"),
-    (12.0, "Within12pp"), (math.inf, "Wider"),
-)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,30 +69,6 @@ def confidence(half_width_pp: float | None) -> str:
 def nan_to_none(x: float) -> float | None:
     """NaN as None."""
     return float(x) if math.isfinite(x) else None
-
-
-# In which unit a report's numbers are, and which words it uses.
-UNITS = {"MuAvailable": "%", "MuUsed": "%", "SampleAge": "ms"}
-WORDS = {
-    "Validity": tuple(v.value for v in Validity),
-    "Surface": ("Unknown", *(name for _, name in SURFACES)),
-    "ContactState": ("Unknown", "Adhering", "Saturated"),
-    "Confidence": ("None", *(name for _, name in CONFIDENCES)),
-    "Cause": tuple(c.label for c in Cause),
-}
-
-
-def sendable(message: Message) -> None:
-    """Raises ValueError where a value would go out in a message as something else than it is."""
-    check_supported(message)
-    for s in message.signals:
-        if s.name in (*UNITS, *WORDS) and s.is_float:
-            raise ValueError(f"{message.name}.{s.name} is coded as a float; only whole numbers can be sent")
-        if s.name in UNITS and (s.unit or "") != UNITS[s.name]:
-            raise ValueError(f"{message.name}.{s.name} is in {s.unit!r}; it is sent in {UNITS[s.name]!r}")
-        missing = [w for w in WORDS.get(s.name, ()) if w not in {str(c) for c in (s.choices or {}).values()}]
-        if missing:
-            raise ValueError(f"the value table of {message.name}.{s.name} lacks {', '.join(missing)}")
 
 
 NAMES = {YAW: "YawRate", LAT: "LatAccel", TORQUE: "Torque", SPEED: "Speed"}  # as the DBC's signals end

@@ -4,12 +4,12 @@ import itertools
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import cantools
 import e2e.p11
 import pytest
-from cantools.database.can import Database
 
 from sim_ecu.cli import main as sim_ecu
 from sim_ecu.play.encoder import SAMPLE_US, Encoder, Reading, Sample, Sent, stretch_of
@@ -18,6 +18,7 @@ from sim_ecu.play.mapped import MappedTrain
 from sim_ecu.play.player import Player
 from sim_ecu.play.scenario import Scenario, load_scenario
 from sim_ecu.play.train import PACKAGED, Train
+from wrcd.bus.dbc import load_dbc
 from wrcd.bus.frame import Frame
 from wrcd.bus.signals import Source, StatusRule
 from wrcd.bus.units import G, Quantity
@@ -76,8 +77,10 @@ Q = Quantity
 
 def mapped(**changes: Any) -> Config:
     """Two axles over the DBC above, by hand."""
-    database = cantools.database.load_string(DBC, "dbc", strict=True)
-    assert isinstance(database, Database)
+    with TemporaryDirectory() as folder:
+        file = Path(folder) / "mapped.dbc"
+        file.write_text(DBC, encoding="utf-8")
+        database = load_dbc(file)
     rad = 3.141592653589793 / 180
     health = (StatusRule("Health2", "Imu", ok=frozenset({5, 6}), degraded=frozenset({7})),)
     sources = [
