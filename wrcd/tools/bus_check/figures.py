@@ -27,7 +27,7 @@ class Figures:
     frames: int  # of its message
     per_s: float
     cycle_ms: int | None  # as the DBC says
-    usual_ms: float  # the median gap
+    usual_ms: float  # the mean gap in which nothing is missing
     jitter_ms: float  # 99 of 100 gaps lie within so much of the usual one
     longest_ms: float  # gap
     timeout_ms: float
@@ -95,11 +95,11 @@ def _figures(config: Config, gathered: Gathered, number: int, i: Input, refused:
 
 
 def _gaps(stamps_us: IntArray) -> tuple[float, float, float]:
-    """The median gap, the 99th percentile of how far gaps are from it, and the longest, in ms."""
+    """The usual gap, the 99th percentile of how far gaps are from it, and the longest, in ms."""
     if len(stamps_us) < 2:
         return math.nan, math.nan, math.nan
     gaps = np.diff(stamps_us) / 1000
-    usual = float(np.median(gaps))
+    usual = float(np.mean(gaps[gaps <= 2 * np.median(gaps)]))  # of those in which nothing is missing
     return usual, float(np.percentile(np.abs(gaps - usual), 99)), float(gaps.max())
 
 
