@@ -3,30 +3,29 @@
 import re
 from dataclasses import dataclass, field
 
-from wrcd.bus.codec import STATUS, USABLE, normalise_label
+from wrcd.bus.statuses import STATUS
 from wrcd.bus.units import Quantity
+from wrcd.bus.words import degraded as is_degraded
+from wrcd.bus.words import unusable, usable
 from wrcd.estimator.design import Design
+from wrcd.mapping.inputs import DEFAULT_TIMEOUT_MS, MEASURED
+from wrcd.mapping.message_facts import STATUS_NAMES
+from wrcd.mapping.statements import TORQUES
 from wrcd.tools.dbc.candidates import SURE_SCORE, Candidate
 from wrcd.tools.dbc.records import DbcText, Signal
 from wrcd.tools.dbc.vocabulary import (
-    DEGRADED,
-    GOOD,
     LIKELY_GOOD,
     MOTOR_WORDS,
     converts,
     is_counter,
     is_crc,
     is_force,
-    is_sentinel,
     is_status,
     letters,
     words,
 )
 from wrcd.tools.init.draft import Draft, quoted
 
-MEASURED = (Quantity.YAW_RATE, Quantity.LAT_ACCEL)
-TORQUES = (Quantity.TORQUE, Quantity.BRAKE_TORQUE)
-DEFAULT_TIMEOUT_MS = 100
 # Ours: y to the left of travel, yaw counter-clockwise seen from above, traction positive.
 OTHER_WAY = {
     Quantity.YAW_RATE: {"clockwise", "uhrzeigersinn", "right", "rechts", "rechtsherum"},
@@ -126,7 +125,7 @@ def _status(table: _Table, c: Candidate) -> None:
     beside = [s for s in c.message.signals if is_status(s)]
     own = set(words(c.signal.name))
     nearest = [s for s in beside if own & set(words(s.name))] or beside
-    told = [s for s in nearest if s.words is not None and any(is_sentinel(w) or letters(w) in GOOD for w in _told(s))]
+    told = [s for s in nearest if s.words is not None and any(unusable(w) or usable(w) for w in _told(s))]
     for s in nearest:
         if s.words is None:
             rule = "only 0 lets a value pass" if s.name == STATUS else "it is not looked at"
@@ -137,10 +136,11 @@ def _status(table: _Table, c: Candidate) -> None:
     name = f"{c.message.name}.{status.name}"
     if more:
         table.doubts.append(f"{name} is taken as its status; there is {', '.join(s.name for s in more)}, too")
-    good = [w for w in _told(status) if letters(w) in GOOD]
-    degraded = [w for w in _told(status) if letters(w) in DEGRADED]
+    good = [w for w in _told(status) if usable(w)]
+    degraded = [w for w in _told(status) if is_degraded(w)]
     likely = [w for w in _told(status) if letters(w) in LIKELY_GOOD]
-    if not good and likely:
+    likely_only = not good and bool(likely)
+    if likely_only:
         table.doubts.append(f"{name}: does {' or '.join(map(repr, likely))} mean a sound value?")
         good = likely
     if not good:
@@ -148,18 +148,13 @@ def _status(table: _Table, c: Candidate) -> None:
             f"{name}: which of {', '.join(map(repr, _told(status)))} means a sound value? Put it into ok"
         )
         good = ["?"]
-    elif status.name == STATUS and _is_understood(good, degraded) and not more:
-        return
+    elif not likely_only and (status.name == STATUS or STATUS_NAMES.search(status.name)) and not more:
+        return  # the daemon takes it by itself
     table.keys |= {"status": name, "ok": good} | ({"degraded": degraded} if degraded else {})
 
 
 def _told(s: Signal) -> list[str]:
     return [w for _, w in s.words.pairs] if s.words else []
-
-
-def _is_understood(good: list[str], degraded: list[str]) -> bool:
-    """Whether the daemon reads these words alike by itself."""
-    return {normalise_label(w) for w in good} <= USABLE and {normalise_label(w) for w in degraded} <= {"degraded"}
 
 
 def _time(table: _Table, dbc: DbcText, c: Candidate, design: Design) -> None:
