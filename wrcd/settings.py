@@ -8,7 +8,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-from wrcd.errors import InputError
+from wrcd.errors import InputError, NotThere
 from wrcd.section import Section, Source, nearest, suggest
 
 __all__ = ["Section", "nearest", "parse_toml", "read_toml", "suggest"]
@@ -22,8 +22,10 @@ def read_toml(path: Path, *, collect: bool = False) -> "Section":
     try:
         text = path.read_text(encoding="utf-8")
     except FileNotFoundError:
-        raise InputError("no such file", file=path, hint="check the path") from None
-    except (OSError, UnicodeDecodeError) as e:
+        raise NotThere("no such file", file=path, hint="check the path") from None
+    except OSError as e:
+        raise NotThere(f"cannot be read: {e.strerror}", file=path, hint="check your rights and the disk") from None
+    except UnicodeDecodeError as e:
         raise InputError(f"cannot be read: {e}", file=path) from None
     return parse_toml(text, path, collect=collect)
 

@@ -21,12 +21,14 @@ from pathlib import Path
 
 from sim_ecu import cli as rig_cli
 from sim_ecu import resources as rig
+from sim_ecu.commands.statuses import STATUSES as RIG
 from tests.support.bus_load import table as load_table
 from wrcd import declared, resources
 from wrcd.bus.dbc import Message, load_dbc, timeout_ms
 from wrcd.core.configuration import MAX_AXLES
 from wrcd.core.vocabulary import MESSAGES
 from wrcd.tools import cli
+from wrcd.tools.statuses import STATUSES as WRCD
 
 ROOT = Path(__file__).parents[2]
 EXPENSIVE = ("sim-ecu faults", "sim-ecu score")  # their output is Markdown already
@@ -198,12 +200,19 @@ def bus_load() -> list[str]:
     return load_table(load_dbc(resources.DBC), load_dbc(rig.TRUTH_DBC), MAX_AXLES)
 
 
+def exit_codes(program: str) -> list[str]:
+    """What each command of a program ends with."""
+    out: list[str] = []
+    for command, statuses in (WRCD if program == "wrcd" else RIG).items():
+        out += [*([""] if out else []), f"### {program} {command}", ""]
+        out += table(("status", "meaning"), [(int(s), text) for s, text in sorted(statuses.items())])
+    return out
+
+
 MAKERS: dict[str, Callable[..., list[str]]] = {
-    "messages": messages,
-    "options": options,
-    "configuration": configuration,
-    "bus-load": bus_load,
-}
+    "messages": messages, "options": options, "configuration": configuration, "bus-load": bus_load,
+    "exit-codes": exit_codes,
+}  # fmt: skip
 
 
 def main() -> int:

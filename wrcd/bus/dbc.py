@@ -10,7 +10,7 @@ from typing import Any
 from wrcd.bus.dbc_soundness import Orphan, add_doubles, add_orphans, warnings_about, why_unsound
 from wrcd.bus.dbc_subset import subset
 from wrcd.bus.dbc_text import huge_at, read_text, without_impossible_messages, without_statements
-from wrcd.errors import InputError
+from wrcd.errors import InputError, NotThere
 
 # cantools' package imports its tester and more, and with them python-can, asyncio and ssl, none of which the daemon
 # uses on SocketCAN. They are a third of the time from start to the first frame, and after a crash that time is time
@@ -65,7 +65,9 @@ def load_dbc(path: Path, names: Collection[str] | None = None, encoding: str | N
         database.unsound, database.warnings = {}, ()
         return database
     except FileNotFoundError:
-        raise InputError("no such DBC file", file=path, hint="check the path") from None
+        raise NotThere("no such DBC file", file=path, hint="check the path") from None
+    except OSError as e:
+        raise NotThere(f"cannot be read: {e.strerror}", file=path, hint="check your rights and the disk") from None
     except InputError:
         raise
     except Exception as e:  # cantools raises its parser's own kinds; all of them mean: this file can't be used

@@ -54,14 +54,3 @@ def only_word(word: int) -> bytes:
     """Exactly this id, in its own length: an id with its flag, as Frame.key is."""
     mask = socket.CAN_EFF_MASK if word & CAN_EFF_FLAG else socket.CAN_SFF_MASK
     return FILTER.pack(word, mask | CAN_EFF_FLAG)
-
-
-def advice(e: OSError, channel: str) -> str:
-    """What to do about an interface that cannot be opened."""
-    if e.errno in (errno.EAFNOSUPPORT, errno.EPROTONOSUPPORT):
-        return "this kernel has no CAN: load the modules can and can-raw, or use another interface"
-    if e.errno in GONE:
-        if channel.startswith("vcan"):
-            return f"make it: ip link add {channel} type vcan && ip link set {channel} up"
-        return "see `ip link` for the interfaces there are"
-    return "check the interface and your rights"

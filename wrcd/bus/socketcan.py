@@ -27,7 +27,6 @@ from wrcd.bus.rawcan import (
     SOFTWARE,
     SOL_SOCKET,
     TIMESPEC,
-    advice,
     only_word,
     parse_ancillary,
 )
@@ -63,14 +62,20 @@ class SocketCanLink:
         self._confirms = False  # whether this interface tells when a frame has left
         self._early: list[Frame] = []  # received while looking for that
         if not hasattr(socket, "AF_CAN"):
-            raise BusError("this Python has no AF_CAN", key="interface", hint="use Linux, or another interface")
+            from wrcd.bus.advice import no_socketcan
+
+            raise BusError("this Python has no AF_CAN", key="interface", hint=no_socketcan())
         self._events = open_events(channel)
         try:
             self._socket: socket.socket | None = self._open()
         except OSError as e:
+            from wrcd.bus.advice import for_socketcan  # not for a start that succeeds
+
             self.close_events()
             raise BusError(
-                f"CAN interface {channel!r} cannot be opened: {e.strerror}", key="channel", hint=advice(e, channel)
+                f"CAN interface {channel!r} cannot be opened: {e.strerror or e}",
+                key="channel",
+                hint=for_socketcan(e, channel),
             ) from None
 
     def _open(self) -> socket.socket:

@@ -9,31 +9,38 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from wrcd import __version__
-from wrcd.errors import InputError
+from wrcd.errors import InputError, NotThere, Status
+from wrcd.tools.version import Version
 
 if TYPE_CHECKING:
     from wrcd.bus.link import Link
 
 
+MAX_WAIT_S = 3600.0
+
+
 def main(argv: Sequence[str] | None = None) -> int:
-    """Entry point. 0 done, 1 stopped on the way, 2 bad input."""
+    """Entry point. Returns the exit status: see Status."""
     args = _parser().parse_args(argv)
     _one_thread()
-    return guarded("wrcd", lambda: _COMMANDS[args.command](args))
+    # nothing tries a replay again: there NOT_THERE has another meaning
+    return guarded("wrcd", lambda: _COMMANDS[args.command](args), retried=args.command != "replay")
 
 
-def guarded(name: str, command: Callable[[], int]) -> int:
-    """Run a command: bad input is one line and exit 2, Ctrl-C exit 130, a closed pipe no error."""
+def guarded(name: str, command: Callable[[], int], *, retried: bool = True) -> int:
+    """Run a command: an InputError is one line and its exit status, Ctrl-C exit 130, a closed pipe no error.
+
+    retried: whether a bus or a file that is not there has a status of its own.
+    """
     try:
         status = command()
         sys.stdout.flush()
         return status
     except InputError as e:
         print(f"{name}: error: {e}", file=sys.stderr)
-        return e.status
+        return e.status if retried or e.status != Status.NOT_THERE else Status.BAD_INPUT
     except KeyboardInterrupt:
-        return 130
+        return Status.INTERRUPTED
     except BrokenPipeError:
         # whoever reads us has enough; keep the interpreter from complaining at exit
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -51,7 +58,7 @@ def _parser() -> argparse.ArgumentParser:
         prog="wrcd",
         description="The wheel-rail condition daemon: adhesion from yaw rate, lateral acceleration, torque.",
     )
-    p.add_argument("--version", action="version", version=f"%(prog)s {__version__}", help="print the version and end")
+    p.add_argument("--version", action=Version, help="print versions of package, design and formats, and end")
     commands = p.add_subparsers(dest="command", required=True, metavar="COMMAND")
     config = argparse.ArgumentParser(add_help=False)
     config.add_argument(
@@ -60,7 +67,17 @@ def _parser() -> argparse.ArgumentParser:
 
     run = commands.add_parser("run", parents=[config], help="estimate on a bus until SIGTERM")
     add_bus(run)
+    run.add_argument(
+        "--wait", type=float, default=0.0, metavar="S",
+        help="wait up to so many seconds for a bus or a file that is not there yet (default: 0)",
+    )  # fmt: skip
     run.add_argument("--lock-memory", action="store_true", help="keep all memory in RAM (needs LimitMEMLOCK=infinity)")
+
+    reload = commands.add_parser(
+        "reload", help="have a running daemon read its configuration again, and fail if it takes nothing over"
+    )
+    reload.add_argument("pid", type=int, metavar="PID", help="process id of `wrcd run`; systemd's $MAINPID")
+    reload.add_argument("-q", "--quiet", action="store_true", help="print nothing: the daemon's log has it")
 
     check = commands.add_parser("check", parents=[config], help="say what a configuration would run; opens no bus")
     check.add_argument(
@@ -128,10 +145,16 @@ def _run(args: argparse.Namespace) -> int:
     # Started on SocketCAN by name, the bus is opened before the slow imports, and the kernel keeps what it
     # carries meanwhile: after a crash the window is full as soon as the program is there.
     early = None
+    if not 0.0 <= args.wait <= MAX_WAIT_S:
+        raise InputError(f"takes seconds from 0 to {MAX_WAIT_S:g}, not {args.wait:g}", key="--wait")
     if args.interface == "socketcan" and args.channel:
         from wrcd.bus.socketcan import SocketCanLink
 
-        early = SocketCanLink(args.channel, None)
+        try:
+            early = SocketCanLink(args.channel, None)
+        except NotThere:
+            if not args.wait:
+                raise
     link: Link
     try:
         from wrcd.bus.opening import open_link
@@ -143,10 +166,12 @@ def _run(args: argparse.Namespace) -> int:
         from wrcd.service.memory import lock
         from wrcd.service.notify import Notifier
         from wrcd.service.reload import Reload
+        from wrcd.service.waiting import Waiting
 
         # no garbage among what the imports made: the collector need not look through it while the DBC is parsed
         gc.freeze()
-        config = load_config_to_run(args.config)
+        waiting = Waiting(args.wait)
+        config = waiting.until(lambda: load_config_to_run(args.config))
         core = Core(config)
     except BaseException:
         if early is not None:
@@ -159,7 +184,7 @@ def _run(args: argparse.Namespace) -> int:
         link = early
     else:
         interface, channel = args.interface or config.interface, args.channel or config.channel
-        link = open_link(interface, channel, core.receiver.keys, config.hardware_stamps)
+        link = waiting.until(lambda: open_link(interface, channel, core.receiver.keys, config.hardware_stamps))
     log_line(
         f"{link.name}, axles {', '.join(str(a.number) for a in config.axles)}, design {config.design.name} "
         f"{config.design.checksum[:12]}"
@@ -180,6 +205,20 @@ def _run(args: argparse.Namespace) -> int:
         f"{core.health.overruns} overruns, {counts.late} late frames, {counts.time_steps} steps of time"
     )
     return 0
+
+
+def _reload(args: argparse.Namespace) -> int:
+    from wrcd.service.asking import Unanswered, ask
+
+    try:
+        line = ask(args.pid)
+    except Unanswered as e:
+        if args.quiet:
+            return e.status
+        raise
+    if not args.quiet:
+        print(line)
+    return Status.DONE
 
 
 def _check(args: argparse.Namespace) -> int:
@@ -227,4 +266,6 @@ def _lint(args: argparse.Namespace) -> int:
     return lint(args.dbc, args.json)
 
 
-_COMMANDS = {"run": _run, "init": _init, "lint": _lint, "check": _check, "dump": _dump, "replay": _replay}
+_COMMANDS = {
+    "run": _run, "reload": _reload, "init": _init, "lint": _lint, "check": _check, "dump": _dump, "replay": _replay,
+}  # fmt: skip

@@ -346,6 +346,12 @@ def test_torque_is_total_only_where_the_dbc_says_so(tmp_path: Path) -> None:
     assert tables(brake)[1][0]["brake_torque"] == "Bcu.BrakeTorque"
 
 
+def test_brake_effort_without_a_sign_is_turned(tmp_path: Path) -> None:
+    effort = TORQUE.replace("[-130", "[0")
+    brake = proposal(tmp_path, USUAL | {"Bcu": {"BrakeTorque": effort}})
+    assert tables(brake)[1][0]["brake_torque"] == {"signal": "Bcu.BrakeTorque", "sign": -1}
+
+
 ADHESION = {"Friction": '"%" [0|100] 0.5 8', "State": '"" [0|3] 1 2'}
 STATES = 'VAL_ 103 State 0 "None" 1 "Good" 2 "Poor" 3 "Err" ;'
 NO_VALUE = 'VAL_ 103 Friction 255 "not available" ;'

@@ -102,7 +102,10 @@ def _unit(table: _Table, c: Candidate) -> None:
 
 
 def _sign(table: _Table, c: Candidate) -> None:
-    """A comment that says which way is positive, where it sounds like the other way than ours."""
+    """A brake's effort without a sign; a comment that says which way is positive, the other way than ours."""
+    if c.quantity is Quantity.BRAKE_TORQUE and c.signal.low is not None and c.signal.low >= 0:
+        table.keys["sign"] = -1
+        table.doubts.append(f"{c.name} is never negative: braking counts as positive there, as negative here")
     told = set(words(c.signal.comment))
     if c.quantity in OTHER_WAY and told & OTHER_WAY[c.quantity] and not told & OUR_WAY[c.quantity]:
         table.doubts.append(f"the comment on {c.name} sounds like the other way round than ours: if so, give sign = -1")
