@@ -61,7 +61,7 @@ class Draft:
 
     def _doubts(self) -> list[str]:
         """One doubt of several keys once."""
-        return [f"{', '.join(where)}: {what}" for what, where in self.unsure.items()]
+        return [f"{'; '.join(where)}: {what}" for what, where in self.unsure.items()]
 
 
 def _numbered(points: Sequence[str], word: str = "") -> list[str]:
