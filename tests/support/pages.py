@@ -210,12 +210,9 @@ def exit_codes(program: str) -> list[str]:
 
 
 MAKERS: dict[str, Callable[..., list[str]]] = {
-    "messages": messages,
-    "options": options,
-    "configuration": configuration,
-    "bus-load": bus_load,
+    "messages": messages, "options": options, "configuration": configuration, "bus-load": bus_load,
     "exit-codes": exit_codes,
-}
+}  # fmt: skip
 
 
 def main() -> int:

@@ -48,8 +48,8 @@ class PythonCanLink:
         self.name = f"{interface}:{channel}"
         self.health = LinkHealth()
         self._keys = None if keys is None else frozenset(keys)
-        self._bus = open_bus(interface, channel, **options)
         self._own: set[int] = set()  # keys of the frames sent here
+        self._bus = open_bus(interface, channel, **options)
 
     def receive(self, now_us: int) -> list[Frame]:
         """What is there, MAX_FRAMES at the most, those of other ids and error frames among them."""

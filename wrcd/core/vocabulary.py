@@ -104,7 +104,7 @@ MESSAGES: Mapping[str, Mapping[str, Numeric | Words]] = {
         "Reopens": _count(16),
         "DesignChecksum": _count(65536),
     },
-    "rejects_message": {f"Rejected{r.label}": _count(16) for r in Reason},
+    "rejects_message": {**{f"Rejected{r.label}": _count(16) for r in Reason}, "ForeignFrames": _count(16)},
     "link_message": {
         "LinkState": Words(("Up", "Down", "Gone", "ErrorPassive", "BusOff")),
         "ErrorFrames": _count(4096),

@@ -267,11 +267,5 @@ def _lint(args: argparse.Namespace) -> int:
 
 
 _COMMANDS = {
-    "run": _run,
-    "reload": _reload,
-    "init": _init,
-    "lint": _lint,
-    "check": _check,
-    "dump": _dump,
-    "replay": _replay,
-}
+    "run": _run, "reload": _reload, "init": _init, "lint": _lint, "check": _check, "dump": _dump, "replay": _replay,
+}  # fmt: skip

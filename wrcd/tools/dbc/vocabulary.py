@@ -8,8 +8,8 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from wrcd.bus.codec import unusable
 from wrcd.bus.units import Quantity, factor
+from wrcd.bus.words import unusable
 from wrcd.tools.dbc.records import Message, Signal
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-from wrcd.core.messages import WORDS
+from wrcd.core import vocabulary
 from wrcd.tools.dbc.candidates import numbers
 from wrcd.tools.dbc.records import DbcText, Message, Signal
 from wrcd.tools.dbc.vocabulary import (
@@ -29,6 +29,7 @@ _NAMES = {
     "ContactState": ("contact", "kontakt", "slip", "schlupf"),
 }
 _AGE = ("age", "alter")
+_WORDS = {n: v.words for n, v in vocabulary.MESSAGES["adhesion"].items() if isinstance(v, vocabulary.Words)}
 
 
 def propose_adhesion(draft: Draft, dbc: DbcText, number: int, axles: int) -> None:
@@ -63,7 +64,7 @@ def propose_adhesion(draft: Draft, dbc: DbcText, number: int, axles: int) -> Non
 def _has_our_names(m: Message) -> bool:
     """Whether the short form is enough: our names, our words."""
     signals = {s.name: s for s in m.signals}
-    known = all(set(WORDS[name]) <= set(_told(signals[name])) for name in WORDS if name in signals)
+    known = all(set(_WORDS[name]) <= set(_told(signals[name])) for name in _WORDS if name in signals)
     return known and {"Validity", "MuAvailable"} <= signals.keys()
 
 
@@ -149,7 +150,7 @@ def _rest(draft: Draft, about: str, m: Message) -> None:
             continue
         s = named[0]
         theirs = {letters(w): w for w in _told(s)}
-        table = {"signal": s.name} | {_snake(w): theirs.get(letters(w), "?") for w in WORDS[name]}
+        table = {"signal": s.name} | {_snake(w): theirs.get(letters(w), "?") for w in _WORDS[name]}
         line = f"adhesion.{_snake(name)} = {quoted(table)}"
         if "?" in table.values():
             draft.doubt(about, f"{m.name}.{s.name} looks like {_snake(name)}: fill in its words, or leave it out")

@@ -3,7 +3,8 @@
 import re
 from dataclasses import dataclass, field
 
-from wrcd.bus.codec import STATUS, USABLE, normalise_label
+from wrcd.bus import words as status_words
+from wrcd.bus.statuses import STATUS
 from wrcd.bus.units import Quantity
 from wrcd.estimator.design import Design
 from wrcd.tools.dbc.candidates import SURE_SCORE, Candidate
@@ -159,7 +160,7 @@ def _told(s: Signal) -> list[str]:
 
 def _is_understood(good: list[str], degraded: list[str]) -> bool:
     """Whether the daemon reads these words alike by itself."""
-    return {normalise_label(w) for w in good} <= USABLE and {normalise_label(w) for w in degraded} <= {"degraded"}
+    return all(map(status_words.usable, good)) and all(map(status_words.degraded, degraded))
 
 
 def _time(table: _Table, dbc: DbcText, c: Candidate, design: Design) -> None:
