@@ -19,6 +19,16 @@ STATUSES: dict[str, dict[Status, str]] = {
         Status.STOPPED: "nothing was taken over: a mistake in the file, every change needs a restart, or no answer",
         Status.BAD_INPUT: "the process is no `wrcd run`, runs on a terminal, or is another user's",
     },
+    "init": {
+        Status.DONE: "a configuration is proposed; what is open in it is listed",
+        Status.BAD_INPUT: _BAD,
+        Status.NOT_THERE: _FILE,
+    },
+    "lint": {
+        Status.DONE: "nothing was found",
+        Status.STOPPED: "something was found: the lines say what",
+        Status.BAD_INPUT: f"{_BAD}; a DBC that is not there, too",
+    },
     "check": {
         Status.DONE: "the configuration can be run; with `--speed`: measured",
         Status.STOPPED: "with `--speed`: an axle gave no estimate",
