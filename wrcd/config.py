@@ -158,10 +158,13 @@ def _interface(bus: Section) -> str:
         return given or declared.INTERFACE.value(bus)
     from importlib.metadata import entry_points  # slow, and hardly ever needed
 
-    known = {*declared.INTERFACES, *entry_points(group="can.interface").names}
-    if given not in known:
-        hint = suggest(given.lower().replace("-", "_"), known) or f"one of {', '.join(sorted(known))}"
-        bus.mistake(bus.error(f"{given!r} is no interface of python-can", key, hint))
+    if given not in entry_points(group="can.interface").names:
+        from wrcd.bus.advice import check_interface
+
+        try:
+            check_interface(given, declared.INTERFACES)
+        except InputError as e:
+            bus.mistake(bus.error(e.reason, key, e.hint))
     return given
 
 
