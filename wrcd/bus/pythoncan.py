@@ -4,6 +4,7 @@ from typing import Any
 
 import can
 
+from wrcd.bus import advice
 from wrcd.bus.frame import Frame
 from wrcd.bus.link import MAX_FRAMES, LinkHealth
 from wrcd.errors import BusError
@@ -19,6 +20,23 @@ def from_message(m: can.Message, stamp_us: int) -> Frame:
     )
 
 
+def check_interface(name: str) -> None:
+    """Raises InputError for a name that is none of python-can's."""
+    advice.check_interface(name, can.VALID_INTERFACES)
+
+
+def open_bus(interface: str, channel: str, **options: Any) -> can.BusABC:
+    """A bus by python-can's names. Raises InputError for an interface that it does not know, BusError for one that
+    cannot be opened."""
+    check_interface(interface)
+    try:
+        return can.Bus(interface=interface, channel=channel, **options)
+    except (can.CanError, OSError, ValueError, ImportError, NotImplementedError, AttributeError, TypeError) as e:
+        reason = e.strerror if isinstance(e, OSError) and e.strerror else e
+        hint = advice.for_python_can(interface, channel, e)
+        raise BusError(f"{interface}:{channel} cannot be opened: {reason}", key="channel", hint=hint) from None
+
+
 class PythonCanLink:
     """A python-can bus, read without its threads.
 
@@ -31,12 +49,7 @@ class PythonCanLink:
         self.health = LinkHealth()
         self._keys = None if keys is None else frozenset(keys)
         self._own: set[int] = set()  # keys of the frames sent here
-        try:
-            self._bus = can.Bus(interface=interface, channel=channel, **options)
-        except (can.CanError, OSError, ValueError, ImportError, NotImplementedError, AttributeError, TypeError) as e:
-            raise BusError(
-                f"{self.name} cannot be opened: {e}", key="interface", hint="see python-can's list of interfaces"
-            ) from None
+        self._bus = open_bus(interface, channel, **options)
 
     def receive(self, now_us: int) -> list[Frame]:
         """What is there, MAX_FRAMES at the most, those of other ids and error frames among them."""

@@ -8,7 +8,7 @@ from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
 
-from wrcd.errors import InputError
+from wrcd.errors import InputError, Status
 from wrcd.tools.replay import replay
 
 SUFFIXES = {".log", ".gz", ".blf", ".asc", ".trc", ".mf4", ".csv", ".db"}
@@ -72,7 +72,7 @@ def _one(
             status = replay(log, config, output, table, explained, changes)
         except InputError as e:
             print(f"wrcd: error: {e}", file=said)
-            status = e.status
+            status = Status.BAD_INPUT
     return status, said.getvalue()
 
 

@@ -12,7 +12,7 @@ from tests.support.can_ids import ADHESION_A1, EXTENDED, EXTENDED_KEY, YAW_RATE_
 from wrcd.bus.frame import Frame
 from wrcd.bus.link import MAX_FRAMES
 from wrcd.bus.pythoncan import PythonCanLink
-from wrcd.errors import BusError
+from wrcd.errors import BusError, InputError
 
 KEYS = (YAW_RATE_A1, EXTENDED_KEY)
 
@@ -121,7 +121,7 @@ def test_receive_ends_after_max_frames_of_a_flood(
 ) -> None:
     flood = Endless(can.Message(arbitration_id=can_id, is_extended_id=False, is_error_frame=error, timestamp=1.0))
     monkeypatch.setattr(can, "Bus", lambda **_: flood)
-    link = PythonCanLink("endless", "endless", KEYS)
+    link = PythonCanLink("virtual", "endless", KEYS)
     for look in (1, 2):
         assert len(link.receive(now_us())) == handed_over
         assert flood.taken == look * MAX_FRAMES
@@ -129,9 +129,15 @@ def test_receive_ends_after_max_frames_of_a_flood(
     link.close()
 
 
-def test_unknown_interface_is_a_bus_error() -> None:
-    with pytest.raises(BusError, match="nosuch:can0 cannot be opened"):
-        PythonCanLink("nosuch", "can0", None)
+def test_unknown_interface_is_bad_input_with_the_nearest_one() -> None:
+    with pytest.raises(InputError, match="'socketcam' is no interface of python-can — did you mean 'socketcan'") as e:
+        PythonCanLink("socketcam", "can0", None)
+    assert e.value.status == 2
+
+
+def test_interface_whose_driver_is_missing_is_a_bus_error() -> None:
+    with pytest.raises(BusError, match=r"pcan:PCAN_USBBUS1 cannot be opened: .* install the driver of the adapter"):
+        PythonCanLink("pcan", "PCAN_USBBUS1", None)
 
 
 def test_closed_bus_is_down_and_counts_unsent_frames(ends: Ends) -> None:
