@@ -29,10 +29,10 @@ STATUSES: dict[str, dict[Status, str]] = {
         Status.BAD_INPUT: "the file cannot be read as a DBC",
     },
     "check": {
-        Status.DONE: "the configuration can be run; with `--speed`: measured",
-        Status.STOPPED: "with `--speed`: an axle gave no estimate",
+        Status.DONE: "the configuration can be run; with `--speed`: measured; of a log or a bus: nothing stops Valid",
+        Status.STOPPED: "with `--speed`: an axle gave no estimate; of a log or a bus: something would stop Valid",
         Status.BAD_INPUT: _BAD,
-        Status.NOT_THERE: _FILE,
+        Status.NOT_THERE: f"{_FILE}; with `--live` the bus, too; of a log or a bus: no frame fits the configuration",
     },
     "dump": {
         Status.DONE: "the log has ended, or `--count` is reached, or whoever read the output has closed it",
