@@ -4,10 +4,10 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from cantools import database as cantools_database
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.support.dbc_bodies import database
 from wrcd.bus.codec import Receiver, SignalReader, Value, Writer
 from wrcd.bus.dbc import Database, Message, find_message
 from wrcd.bus.frame import Frame
@@ -30,9 +30,7 @@ class Layout:
 
     @property
     def database(self) -> Database:
-        loaded = cantools_database.load_string(self.text, "dbc", strict=True)
-        assert isinstance(loaded, Database)
-        return loaded
+        return database(self.text)
 
 
 @st.composite
@@ -53,7 +51,7 @@ def layouts(draw: st.DrawFn, longest: int = 64, mixed: bool = True, unit: str = 
             scale, offset = draw(st.sampled_from(SCALES)), draw(st.sampled_from(OFFSETS))
             lines.append(f' SG_ {names[-1]} : {start}|{size}@{int(little)}{sign} ({scale},{offset}) [0|0] "{unit}" B\n')
             bit += size + draw(st.integers(0, 9))
-    text = f'VERSION ""\nNS_ :\nBS_:\nBU_: B\nBO_ {CAN_ID} M: {length} B\n{"".join(lines)}'
+    text = f"BO_ {CAN_ID} M: {length} B\n{''.join(lines)}"
     return Layout(text, length, tuple(names))
 
 
