@@ -159,10 +159,12 @@ def _interface(bus: Section) -> str:
     from importlib.metadata import entry_points  # slow, and hardly ever needed
 
     if given not in entry_points(group="can.interface").names:
-        known = ", ".join(declared.INTERFACES)
-        bus.mistake(
-            bus.error(f"{given!r} is no interface of python-can", key, suggest(given, declared.INTERFACES) or known)
-        )
+        from wrcd.bus.advice import check_interface
+
+        try:
+            check_interface(given, declared.INTERFACES)
+        except InputError as e:
+            bus.mistake(bus.error(e.reason, key, e.hint))
     return given
 
 

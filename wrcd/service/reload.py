@@ -71,7 +71,8 @@ class Reload:
             new = load_config(self._path, database, design)
         except InputError as e:
             also = f" ({' and '.join(changed)} changed too: restart for that)" if changed else ""
-            return Outcome(running, f"reload: nothing taken over: {e}{also}", took=False)
+            mistakes = "; ".join(str(e).splitlines())
+            return Outcome(running, f"reload: nothing taken over: {mistakes}{also}", took=False)
         config, taken, refused = merge(running, new)
         refused = sorted({*refused, *changed})
         said = ", ".join(taken) or ("nothing taken over" if refused else "nothing has changed")

@@ -2,14 +2,14 @@
 
 import math
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.support.dbc_bodies import database
 from wrcd.bus.codec import Receiver, SignalReader, Value, Writer
-from wrcd.bus.dbc import Database, Message, find_message
+from wrcd.bus.dbc import Database, Message, find_message, parse_dbc
 from wrcd.bus.frame import Frame
 from wrcd.bus.reasons import Reason
 from wrcd.bus.signals import Source
@@ -30,7 +30,7 @@ class Layout:
 
     @property
     def database(self) -> Database:
-        return database(self.text)
+        return parse_dbc(self.text, Path("layout.dbc"))
 
 
 @st.composite
@@ -51,7 +51,7 @@ def layouts(draw: st.DrawFn, longest: int = 64, mixed: bool = True, unit: str = 
             scale, offset = draw(st.sampled_from(SCALES)), draw(st.sampled_from(OFFSETS))
             lines.append(f' SG_ {names[-1]} : {start}|{size}@{int(little)}{sign} ({scale},{offset}) [0|0] "{unit}" B\n')
             bit += size + draw(st.integers(0, 9))
-    text = f"BO_ {CAN_ID} M: {length} B\n{''.join(lines)}"
+    text = f'VERSION ""\nNS_ :\nBS_:\nBU_: B\nBO_ {CAN_ID} M: {length} B\n{"".join(lines)}'
     return Layout(text, length, tuple(names))
 
 

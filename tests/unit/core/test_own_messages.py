@@ -1,12 +1,14 @@
 """What is sent in a train's own messages: names, words, units, ids, cycles."""
 
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 
 import cantools
 import pytest
 from cantools.database.can import Database
 
+from tests.support.dbc_bodies import database
 from tests.support.sensor_simulator import SensorSimulator
 from wrcd import resources
 from wrcd.bus.codec import SignalWriter, Value, Writer
@@ -85,7 +87,7 @@ def test_own_messages_are_sent_with_their_names_words_and_cycles(own: Path) -> N
     assert all(f.extended for f in first)
     assert not any(f.extended for f in second)
     for frames, cycle_us in ((first, 50_000), (second, 30_000)):
-        assert {b.stamp_us - a.stamp_us for a, b in zip(frames, frames[1:], strict=False)} == {cycle_us}
+        assert {b.stamp_us - a.stamp_us for a, b in pairwise(frames)} == {cycle_us}
         assert {o.cycle_us for o in sim.out if o.frame in frames} == {cycle_us}
     assert {f.data[1] & 0x0F for f in first} == set(range(15))
     assert [f.data[1] & 0x0F for f in first] == [f.stamp_us // 50_000 % 15 for f in first]
@@ -110,8 +112,6 @@ def test_shutdown_frames_have_each_messages_own_next_counter(own: Path) -> None:
 
 
 def field(sent: OutputSignal, extra: str = "") -> SignalWriter:
-    from tests.support.dbc_bodies import database
-
     dbc = database(f'BO_ 800 M: 2 B\n SG_ X : 0|8@1+ (0.5,10) [10|137] "%" B\n{extra}')
     return SignalWriter(find_signal(find_message(dbc, "M"), "X"), 2, sent)
 
@@ -146,8 +146,6 @@ def test_value_is_sent_as_its_raw_one(sent: OutputSignal, value: Value, raw: int
 def test_word_that_the_dbc_lacks_goes_out_as_not_available() -> None:
     table = 'VAL_ 800 X 1 "Good" 9 "NotAvailable" ;\n'
     assert field(OutputSignal("X"), table).raw("Better") == 9
-    from tests.support.dbc_bodies import database
-
     message = find_message(database(f'BO_ 800 M: 1 B\n SG_ X : 0|8@1+ (1,0) [0|255] "" B\n{table}'), "M")
     assert Writer(message, Output("M", 1, None, {"Ours": OutputSignal("X")})).frame(0, 0, {"Ours": "x"}).data == b"\x09"
 
