@@ -33,7 +33,6 @@ NAMES = {
 }  # fmt: skip
 # the same before and after, or of no consequence; the recorder is looked at part by part
 HELD = {"file", "database", "design", "recorder", "warnings"}
-CYCLES = {"adhesion_cycle_us", "detail_cycle_us", "status_cycle_us"}  # follow from the messages, which are named
 
 
 class Outcome(NamedTuple):
@@ -103,7 +102,7 @@ def merge(running: Config, new: Config) -> tuple[Config, list[str], list[str]]:
 
 def _flat(c: Config) -> dict[str, Any]:
     """By field, those of the recorder as recorder.…"""
-    own = {f.name: getattr(c, f.name) for f in fields(c) if f.name not in HELD | CYCLES}
+    own = {f.name: getattr(c, f.name) for f in fields(c) if f.name not in HELD}
     return own | {f"recorder.{f.name}": getattr(c.recorder, f.name) for f in fields(c.recorder)}
 
 

@@ -79,10 +79,18 @@ def _parser() -> argparse.ArgumentParser:
     reload.add_argument("pid", type=int, metavar="PID", help="process id of `wrcd run`; systemd's $MAINPID")
     reload.add_argument("-q", "--quiet", action="store_true", help="print nothing: the daemon's log has it")
 
-    check = commands.add_parser("check", parents=[config], help="say what a configuration would run; opens no bus")
+    check = commands.add_parser(
+        "check", parents=[config], help="say what a configuration would run, or what a log or a bus gives it"
+    )
     check.add_argument(
         "--speed", action="store_true", help="measure what the core costs on this computer: ten seconds, no bus"
     )
+    check.add_argument(
+        "--log", type=Path, metavar="LOG",
+        help="what a log says of each mapped signal, and what would stop Valid: exit 1 if anything, 3 if no frame fits",
+    )  # fmt: skip
+    check.add_argument("--live", type=float, metavar="S", help="the same of a bus, listened to for so many seconds")
+    add_bus(check)
 
     dump = commands.add_parser("dump", help="candump lines with the decoded values behind them")
     dump.add_argument("log", nargs="?", type=Path, help="a log instead of a bus")
@@ -178,13 +186,14 @@ def _run(args: argparse.Namespace) -> int:
             early.close()
         raise
     if early is not None:
-        early.narrow(core.receiver.keys)
+        early.narrow(core.receiver.keys, core.receiver.fd)
         if config.hardware_stamps:
             early.stamp_by_hardware()
         link = early
     else:
         interface, channel = args.interface or config.interface, args.channel or config.channel
-        link = waiting.until(lambda: open_link(interface, channel, core.receiver.keys, config.hardware_stamps))
+        receiver, stamps = core.receiver, config.hardware_stamps
+        link = waiting.until(lambda: open_link(interface, channel, receiver.keys, stamps, receiver.fd))
     log_line(
         f"{link.name}, axles {', '.join(str(a.number) for a in config.axles)}, design {config.design.name} "
         f"{config.design.checksum[:12]}"
@@ -224,11 +233,23 @@ def _reload(args: argparse.Namespace) -> int:
 def _check(args: argparse.Namespace) -> int:
     if args.speed:
         return _speed(args)
+    if args.log is not None or args.live is not None:
+        return _check_bus(args)
     from wrcd.config import load_config
     from wrcd.tools.check import describe
 
     print("\n".join(describe(load_config(args.config))))
     return 0
+
+
+def _check_bus(args: argparse.Namespace) -> int:
+    from wrcd.tools.bus_check.run import check_live, check_log
+
+    if args.log is not None and args.live is not None:
+        raise InputError("a log or a bus, not both", key="--live", hint="leave out --log or --live")
+    if args.log is not None:
+        return check_log(args.log, args.config)
+    return check_live(args.live, args.config, args.interface, args.channel)
 
 
 def _speed(args: argparse.Namespace) -> int:

@@ -19,11 +19,20 @@ STATUSES: dict[str, dict[Status, str]] = {
         Status.STOPPED: "nothing was taken over: a mistake in the file, every change needs a restart, or no answer",
         Status.BAD_INPUT: "the process is no `wrcd run`, runs on a terminal, or is another user's",
     },
+    "init": {
+        Status.DONE: "the proposal is written; standard error says what is open and unsure",
+        Status.BAD_INPUT: f"{_BAD}: no such DBC, or a file to write that is there already",
+    },
+    "lint": {
+        Status.DONE: "nothing found",
+        Status.STOPPED: "findings",
+        Status.BAD_INPUT: "the file cannot be read as a DBC",
+    },
     "check": {
-        Status.DONE: "the configuration can be run; with `--speed`: measured",
-        Status.STOPPED: "with `--speed`: an axle gave no estimate",
+        Status.DONE: "the configuration can be run; with `--speed`: measured; of a log or a bus: nothing stops Valid",
+        Status.STOPPED: "with `--speed`: an axle gave no estimate; of a log or a bus: something would stop Valid",
         Status.BAD_INPUT: _BAD,
-        Status.NOT_THERE: _FILE,
+        Status.NOT_THERE: f"{_FILE}; with `--live` the bus, too; of a log or a bus: no frame fits the configuration",
     },
     "dump": {
         Status.DONE: "the log has ended, or `--count` is reached, or whoever read the output has closed it",
