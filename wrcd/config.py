@@ -1,7 +1,7 @@
 """The configuration: a TOML file that says which signals carry what, or the default, which is the packaged DBC."""
 
 import os
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import TypeVar
@@ -47,13 +47,13 @@ DEFAULT = packaged(DEFAULT_AXLES)
 
 def load_config(
     path: Path | None,
-    read_dbc: Callable[..., Database] | None = None,
+    read_dbc: Callable[..., Database] = load_dbc,
     read_design: Callable[[Path], Design] = load_design,
 ) -> Config:
     """Read a configuration file, or the default one for None. Raises InputError with file, line, key and advice: all
     mistakes of the file at once.
 
-    Who has the DBC or the design already says so by a reader of their own; that of the DBC takes an encoding, too.
+    Who has the DBC or the design already says so by a reader of their own; that of a DBC takes its encoding, too.
     """
     return _config(*_source(path), read_dbc, read_design)
 
@@ -62,13 +62,13 @@ def load_config_to_run(path: Path | None) -> Config:
     """The same for the daemon, sooner: attributes and comments of messages that the configuration cannot mean are not
     parsed."""
     top, folder = _source(path)
-    return _config(top, folder, None, load_design, _messages(top))
+    return _config(top, folder, partial(load_dbc, names=_messages(top)), load_design)
 
 
 def load_packaged(axles: int) -> Config:
     """The default configuration, but of so many axles."""
     top = parse_toml(packaged(axles), "default configuration", collect=True)
-    return _config(top, Path(), None, load_design)
+    return _config(top, Path(), load_dbc, load_design)
 
 
 def _messages(top: Section) -> set[str]:
@@ -89,18 +89,15 @@ def _source(path: Path | None) -> tuple[Section, Path]:
 def _config(
     top: Section,
     folder: Path,
-    read_dbc: Callable[..., Database] | None,
+    read_dbc: Callable[..., Database],
     read_design: Callable[[Path], Design],
-    needed: Collection[str] | None = None,
 ) -> Config:
     """Read it all. What has a mistake is left out or has its default until the end, where mistakes are raised."""
     bus, dbc, estimator = top.section("bus"), top.section("dbc"), top.section("estimator")
     limits, vehicle = top.section("limits"), top.section("vehicle")
-    encoding = declared.ENCODING.read(dbc)
-    if read_dbc is None:
-        read_dbc = partial(load_dbc, names=needed)
+    read_dbc = partial(read_dbc, encoding=declared.ENCODING.read(dbc))
     dbc_file = _path(dbc, declared.DBC_FILE, folder, resources.DBC)
-    database = _load(dbc, declared.DBC_FILE, dbc_file, partial(read_dbc, encoding=encoding))
+    database = _load(dbc, declared.DBC_FILE, dbc_file, read_dbc)
     design_file = _path(estimator, declared.DESIGN, folder, resources.DESIGN)
     design = _load(estimator, declared.DESIGN, design_file, read_design)
     wheelset = top.section("wheelset")

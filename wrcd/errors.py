@@ -36,8 +36,8 @@ class InputErrors(InputError):
         first = errors[0]
         super().__init__(first.reason, file=first.file, line=first.line, key=first.key, hint=first.hint)
         self.errors = tuple(errors)
-        # waiting helps only if nothing but a missing file is wrong
-        self.status = min(e.status for e in errors)
+        # what is tried again must not fail for another reason then
+        self.status = first.status if len({e.status for e in errors}) == 1 else Status.BAD_INPUT
         self.args = ("\n".join(map(str, errors)),)
 
 

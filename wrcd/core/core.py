@@ -417,7 +417,7 @@ class Core:
             "Unchanged": float(bool(unchanged)),
         }
         for q, name in NAMES.items():
-            register, rejected = self._inputs.reach.read(self._inputs.place(q, axle), end_us)
+            register, rejected = self._inputs.reached(q, axle, end_us)
             values |= {f"Reach{name}": float(register), f"Refused{name}": rejected}
         return values
 

@@ -17,6 +17,10 @@ QUANTITIES = tuple(Quantity)
 YAW, LAT, TORQUE, SPEED, BRAKE, LOAD, DIRECTION, RADIUS = range(len(QUANTITIES))
 _ROW = {q: i for i, q in enumerate(QUANTITIES)}
 _OF_TORQUE_RATIO = (TORQUE, BRAKE, LOAD, RADIUS)
+# Torques against each other by more than this share of 2 N r_0 contradict each other. A motor's torque is estimated, a
+# brake's follows from its pressure: either is wrong by up to that much where it should be nothing, and where less
+# cancels, MuUsed is wrong by less than four percentage points.
+AGAINST_SHARE = 0.02
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +37,11 @@ class TickInputs:
 
 
 class Inputs:
-    """Values by place. check(), then accept() or reject() while the tick is open, close_tick() when it is over."""
+    """Values by place. check(), then accept() or reject() while the tick is open, close_tick() when it is over.
+
+    A place is row * axles + axle. The first rows are the quantities; a quantity that is the sum of several signals has a
+    row more for each but the first.
+    """
 
     STATE = {
         "value": "_value", "stamp_us": "_stamp_us", "degraded": "degraded", "contested": "contested",
@@ -46,18 +54,22 @@ class Inputs:
     def __init__(self, config: Config) -> None:
         n, design = len(config.axles), config.design
         self._axles, self._design = n, design
-        size = len(QUANTITIES) * n
+        later = dict.fromkeys((_ROW[i.source.quantity], i.source.part) for i in config.inputs if i.source.part)
+        self._quantity = [*range(len(QUANTITIES)), *(q for q, _ in later)]  # by row
+        row_of = {part: row for row, part in enumerate(later, len(QUANTITIES))}
+        size = len(self._quantity) * n
         self._timeout_us = [0] * size
         mapped: set[int] = set()
         self._places: list[tuple[int, ...]] = []  # of each of the configuration's inputs
-        self._rows: list[int] = []
+        self._quantities: list[int] = []  # likewise
         self._stuck_checks: dict[int, StuckCheck] = {}
         self._jump_checks: dict[int, JumpCheck] = {}
         for i in config.inputs:
             q = i.source.quantity
-            places = tuple(_ROW[q] * n + axle for axle in i.source.axles)
+            row = row_of.get((_ROW[q], i.source.part), _ROW[q])
+            places = tuple(row * n + axle for axle in i.source.axles)
             self._places.append(places)
-            self._rows.append(_ROW[q])
+            self._quantities.append(_ROW[q])
             mapped.update(places)
             for place in places:
                 self._timeout_us[place] = i.timeout_us
@@ -66,6 +78,10 @@ class Inputs:
             elif q in MAX_STEP:
                 self._jump_checks[places[0]] = JumpCheck(MAX_STEP[q], i.timeout_us)
         self._mapped = sorted(mapped)
+        self._parts = [
+            (place, *(p for p in self._mapped if p >= len(QUANTITIES) * n and self._of_same(p, place)))
+            for place in range(len(QUANTITIES) * n)
+        ]
         self._deadlines = [(place, self._timeout_us[place]) for place in self._mapped]
         starts = {
             SPEED: math.nan if config.constant_speed_m_s is None else config.constant_speed_m_s,
@@ -90,6 +106,7 @@ class Inputs:
         ]  # fmt: skip
         self._unavailable_after_us: list[int] = []
         self._torque_ratio, self._torque_ratio_known = [0.0] * n, False  # False: to be worked out
+        self._against_Nm = AGAINST_SHARE * 2 * design.normal_N * design.r_0
         self._shares_known = self._shares_ok = False
         self._speeds = float(design.speeds_m_s[0]), float(design.speeds_m_s[-1])
         self.apply_limits(config)
@@ -97,17 +114,23 @@ class Inputs:
     def apply_limits(self, config: Config) -> None:
         """Other limits from the next tick on."""
         # slow inputs (load, radius, direction) may take their own time-out; the measurements may not
-        after, slow = config.not_available_after_us, (SPEED + 1) * self._axles
+        after = config.not_available_after_us
         self._unavailable_after_us = [
-            after if place < slow else max(timeout, after) for place, timeout in enumerate(self._timeout_us)
+            after if self._quantity[place // self._axles] <= SPEED else max(timeout, after)
+            for place, timeout in enumerate(self._timeout_us)
         ]
         self._torque_is_total = config.torque_is_total
         self._shares_known = False
         brakes = set(range(BRAKE * self._axles, (BRAKE + 1) * self._axles))
-        self._torque_sign_counts = not (config.torque_is_total or brakes <= set(self._mapped))
+        mapped = set(self._mapped)
+        self._torque_sign_counts = (
+            not (config.torque_is_total or brakes <= mapped)
+            or bool(brakes & mapped)
+            or any(len(self._parts[self.place(TORQUE, axle)]) > 1 for axle in range(self._axles))
+        )
         self._min_speed_m_s = config.min_speed_m_s
         speeds = range(SPEED * self._axles, (SPEED + 1) * self._axles)
-        if config.constant_speed_m_s is not None and not set(speeds) & set(self._mapped):
+        if config.constant_speed_m_s is not None and not set(speeds) & mapped:
             for place in speeds:
                 self._value[place] = config.constant_speed_m_s
 
@@ -144,23 +167,23 @@ class Inputs:
     def accept(self, s: Sample, stamp_us: int) -> None:
         """A sample of an accepted frame."""
         source, value, degraded, contested = s
-        row = self._rows[source]
+        quantity = self._quantities[source]
         for place in self._places[source]:
             self._stamp_us[place] = stamp_us
             self.reach.accept(place, stamp_us)
             self.degraded[place], self.contested[place] = degraded, contested
-            if row <= LAT:
+            if quantity <= LAT:
                 self._jitter_buffer.put(place, value, stamp_us)
             else:
                 self._value[place] = value
-        if row > LAT:
+        if quantity > LAT:
             self._torque_ratio_known = False
-            if row != SPEED and (row != TORQUE or self._torque_sign_counts):
+            if quantity != SPEED and (quantity != TORQUE or self._torque_sign_counts):
                 self._shares_known = False
-            if row == DIRECTION:
+            if quantity == DIRECTION:
                 n = self._axles
                 self._reverse = min(self._value[DIRECTION * n : (DIRECTION + 1) * n]) < 0.0
-            elif row == SPEED:
+            elif quantity == SPEED:
                 check = self._jump_checks[self._places[source][0]]
                 self._speed_jumped |= check.jumped
                 check.jumped = False
@@ -185,9 +208,8 @@ class Inputs:
         if self._reverse:  # seen in the direction of travel left is right; counter-clockwise stays so
             z = [*z[:n], *(x * self._value[DIRECTION * n + axle] for axle, x in enumerate(z[n:]))]
         if not self._torque_ratio_known:
-            v = self._value
             self._torque_ratio = [
-                abs(v[TORQUE * n + a] + v[BRAKE * n + a]) / (v[LOAD * n + a] * v[RADIUS * n + a]) for a in range(n)
+                self._torque_Nm(a) / (self.total(LOAD, a) * self._value[RADIUS * n + a]) for a in range(n)
             ]
             self._torque_ratio_known = True
         ratio = self._torque_ratio
@@ -195,7 +217,7 @@ class Inputs:
         if stale:
             silent = [p for p in stale if end_us - stamps[p] > self._unavailable_after_us[p]]
             unavailable = tuple(sorted({p % n for p in silent}))
-            unknown = {p % n for p in silent if p // n in _OF_TORQUE_RATIO}
+            unknown = {p % n for p in silent if self._quantity[p // n] in _OF_TORQUE_RATIO}
             if unknown:
                 ratio = [math.nan if a in unknown else r for a, r in enumerate(ratio)]
         jumped, self._speed_jumped = self._speed_jumped, False
@@ -230,11 +252,47 @@ class Inputs:
     def quantities(self, places: Sequence[int], axle: int) -> set[int]:
         """Which quantities of an axle are among some places."""
         n = self._axles
-        return {p // n for p in places if p % n == axle}
+        return {self._quantity[p // n] for p in places if p % n == axle}
 
     def place(self, quantity: int, axle: int) -> int:
-        """Where a quantity of an axle is kept."""
+        """Where a quantity of an axle is kept: of several signals that add up, the first."""
         return quantity * self._axles + axle
+
+    def _of_same(self, one: int, other: int) -> bool:
+        """Whether two places are of the same quantity and axle."""
+        n = self._axles
+        return one % n == other % n and self._quantity[one // n] == self._quantity[other // n]
+
+    def total(self, quantity: int, axle: int) -> float:
+        """The sum of all signals that a quantity of an axle is made of."""
+        first, *others = self._parts[quantity * self._axles + axle]
+        total = self._value[first]
+        for place in others:
+            total += self._value[place]
+        return total
+
+    def reached(self, quantity: int, axle: int, end_us: int) -> tuple[int, str]:
+        """How well a quantity is reached (Reach.read): of several signals that add up, the one that is least."""
+        read = [self.reach.read(place, end_us) for place in self._parts[self.place(quantity, axle)]]
+        return min(read, key=lambda one: (one[0].bit_count(), one[1] == "None"))
+
+    def torques_contradict(self, axle: int) -> bool:
+        """Whether what brakes an axle is against what brakes it: a friction brake that drives while the torque brakes,
+        or two parts of the torque that are against each other. One of them has the wrong sign, and their sum would be
+        what is left of either. (Brakes that are still applied under traction are no contradiction.)"""
+        most = self._against_Nm
+        torques = [self._value[place] for place in self._parts[self.place(TORQUE, axle)]]
+        if len(torques) > 1 and min(torques) < -most and max(torques) > most:
+            return True
+        return self.total(TORQUE, axle) < -most and self.total(BRAKE, axle) > most
+
+    def _torque_Nm(self, axle: int) -> float:
+        """How large the torque at an axle is: where its parts contradict each other, as large as the larger side."""
+        if self._torque_sign_counts and self.torques_contradict(axle):
+            places = *self._parts[self.place(TORQUE, axle)], *self._parts[self.place(BRAKE, axle)]
+            values = [self._value[place] for place in places]
+            return max(sum(x for x in values if x > 0), -sum(x for x in values if x < 0))
+        return abs(self.total(TORQUE, axle) + self.total(BRAKE, axle))
 
     @property
     def all_trusted(self) -> bool:
@@ -256,12 +314,12 @@ class Inputs:
 
     def friction_share_unknown(self, axle: int) -> bool:
         """Whether the friction brakes may add what nobody tells of: always but in traction, torque 0 included."""
-        brake, torque = self.place(BRAKE, axle), self.place(TORQUE, axle)
-        return not (self._torque_is_total or brake in self._mapped or self._value[torque] > 0)
+        brake = self.place(BRAKE, axle)
+        return not (self._torque_is_total or brake in self._mapped or self.total(TORQUE, axle) > 0)
 
     def load_share(self, axle: int) -> float:
         """The axle load over the design's; one where the bus does not tell it."""
-        return self._value[self.place(LOAD, axle)] / (2 * self._design.normal_N)
+        return self.total(LOAD, axle) / (2 * self._design.normal_N)
 
     def radius_share(self, axle: int) -> float:
         """The same of the wheel radius."""

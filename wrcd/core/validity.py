@@ -74,6 +74,8 @@ def _cause(i: Inputs, tick: TickInputs, unchanged: Sequence[int], axle: int) -> 
 
 def _doubtful(i: Inputs, axle: int) -> Cause:
     """What speaks against the slow inputs' values."""
+    if i.torques_contradict(axle):
+        return Cause.TORQUES_CONTRADICT
     if i.friction_share_unknown(axle):
         return Cause.FRICTION_SHARE_UNKNOWN
     if not LOAD_SHARES[0] <= i.load_share(axle) <= LOAD_SHARES[1]:

@@ -129,4 +129,12 @@ def _signals(table: Section, kind: str, message: Message, said: Mapping[str, Sec
                 raise one.error(f"{message.name}.{name} carries {taken} already", declared.FIELD.name)
             make = numeric_field if isinstance(carried, Numeric) else words_field
             found[ours] = make(one, ours, carried, message, fields[name])  # type: ignore[arg-type]  # of the kind just asked for
+    if not found and not said and not NEEDS.get(kind):
+        table.mistake(
+            table.error(
+                f"message {message.name} has none of the signals {', '.join(MESSAGES[kind])}",
+                declared.MESSAGE.name,
+                "name those that carry them",
+            )
+        )
     return found

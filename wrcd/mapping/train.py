@@ -93,7 +93,7 @@ def _resolved(
     top: Section, said: Sequence[Statement], database: Database, design: Design, train: Train
 ) -> list[tuple[Statement, Input]]:
     rules: dict[str, tuple[StatusRule, ...]] = {}
-    present = {m.name for m in database.messages}
+    present = {m.name for m in database.messages} - set(database.unsound)
     for name, group in by_message(said).items():
         rules[name] = ()
         if name not in present:

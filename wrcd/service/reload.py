@@ -28,11 +28,11 @@ LIMITS = {
 NAMES = {
     "interface": "bus.interface", "channel": "bus.channel", "hardware_stamps": "bus.timestamps",
     "dbc_file": "dbc.file", "design_file": "estimator.design",
-    "axles": "axle", "inputs": "mapped signals", "status": "vehicle.status_message",
-    "rejects": "vehicle.rejects_message", "link": "vehicle.link_message", "data_ids": "mapped signals",
+    "axles": "axle", "inputs": "mapped signals", "data_ids": "mapped signals", "status": "vehicle.status_message",
+    "rejects": "vehicle.rejects_message", "link": "vehicle.link_message",
 }  # fmt: skip
-# the same before and after, of no effect, or looked at part by part
-HELD = {"file", "database", "design", "warnings", "recorder"}
+# the same before and after, or of no consequence; the recorder is looked at part by part
+HELD = {"file", "database", "design", "recorder", "warnings"}
 CYCLES = {"adhesion_cycle_us", "detail_cycle_us", "status_cycle_us"}  # follow from the messages, which are named
 
 

@@ -66,7 +66,11 @@ def test_changed_limits_are_applied_and_logged(train: Train) -> None:
     [
         ("[vehicle]", '[bus]\nchannel = "can7"\n[vehicle]', "bus.channel"),
         ("[vehicle]", '[bus]\ninterface = "virtual"\n[vehicle]', "bus.interface"),
-        ("[vehicle]", '[vehicle]\nstatus_message = "AdhesionDetail_A8"', "vehicle.status_message"),
+        (
+            "[vehicle]",
+            '[vehicle]\nstatus_message = { message = "InputHealth_A5", overruns = "ReachSpeed" }',
+            "vehicle.status_message",
+        ),
         ('"Torque_A2.Torque"', '"Torque_A1.Torque"', "mapped signals"),
         ("[vehicle]", "[recorder]\nseconds = 30\n[vehicle]", "recorder.seconds"),
         ('"train.dbc"', '"other.dbc"', "dbc.file"),

@@ -25,6 +25,7 @@ SPEED = ' SG_ VehicleSpeed : 16|16@1+ (0.01,0) [0|500] "km/h" Monitor,BCU'
 FRICTION = ' SG_ Friction : 16|8@1+ (0.5,0) [0|100] "%" BCU'
 CYCLE = 'BA_ "GenMsgCycleTime" BO_ 529 10;\n'
 FD_640 = (CYCLE, CYCLE + 'BA_ "VFrameFormat" BO_ 640 2;\n')
+CURRENT_24 = ("m0 : 8|16", "m0 : 8|24")
 E2E_641 = (CYCLE, CYCLE + 'BA_ "E2EProfile" BO_ 641 "P11";\nBA_ "E2EDataId" BO_ 641 641;\n')
 SEND_TYPE_560 = ('BA_ "GenMsgSendType" BO_ 560 0;\n', "")
 STATUS = ' SG_ Status : 12|4@1+ (1,0) [0|15] "" Monitor\n'
@@ -69,13 +70,15 @@ PLANTED = [
     Planted("duplicate-id", "BO_ 640 D", "BO_ 640 Other: 1 BCU\n\nBO_ 640 D", "Diagnosis"),
     Planted("duplicate-message", "BO_ 640 D", "BO_ 641 Diagnosis: 1 BCU\n\nBO_ 640 D", "BO_ 640"),
     Planted("duplicate-signal", CURRENT, CURRENT + "\n" + CURRENT.replace("m0", "m2"), "Current m2"),
+    Planted("impossible-id", "BO_ 640 D", "BO_ 2048 Far: 1 BCU\n\nBO_ 640 D", "Far"),
+    Planted("impossible-id", "BO_ 640 D", "BO_ 3221225471 Far: 1 BCU\n\nBO_ 640 D", "Far"),
     Planted("undeclared-sender", "BO_ 640 Diagnosis: 4 BCU", "BO_ 640 Diagnosis: 4 BCU2", "BO_ 640"),
     Planted("undeclared-receiver", *_changed(CURRENT, "TCU", "TCU,TCU2"), "Current"),
     Planted("signal-outside-message", *_changed(CURRENT, "8|16", "24|16"), "Current"),
     Planted("signal-outside-message", *_changed(CURRENT, "8|16@1", "31|16@0"), "Current"),
     Planted("signals-overlap", *_changed(ACCEL, "32|16", "31|16"), "SG_ AccY"),
     Planted("signals-overlap", *_changed(CURRENT, "m0 : 8|16", "m1 : 8|16"), "Voltage"),
-    Planted("no-bits", *_changed(CURRENT, "8|16", "8|0"), "Current", ("not-loadable",)),
+    Planted("no-bits", *_changed(CURRENT, "8|16", "8|0"), "Current"),
     Planted("too-long", "BO_ 640 Diagnosis: 4 BCU", "BO_ 640 Diagnosis: 12 BCU", "BO_ 640"),
     Planted("fd-length", "BO_ 640 Diagnosis: 4 BCU", "BO_ 640 Diagnosis: 9 BCU", "BO_ 640 D", more=FD_640),
     Planted("fd-input", CYCLE, CYCLE + 'BA_ "VFrameFormat" BO_ 529 2;\n', "SG_ Torque"),
@@ -88,6 +91,7 @@ PLANTED = [
     Planted("no-range", *_changed(GYRO, "[-160|160]", "[0|0]"), "SG_ GyroZ"),
     Planted("start-value-out-of-range", "SG_ 769 Friction 255;", "SG_ 769 Friction 201;", "SG_ 769 Friction 201"),
     Planted("start-value-out-of-range", "SG_ 769 Friction 255;", "SG_ 769 Friction 256;", "SG_ 769 Friction 256"),
+    Planted("float-width", CYCLE, CYCLE + "SIG_VALTYPE_ 640 Current : 1;\n", "SG_ Current", more=CURRENT_24),
     # words
     Planted("value-beyond-width", "VAL_ 769 State 0", 'VAL_ 769 State 4 "Off" 0', "VAL_ 769 State"),
     Planted("value-beyond-width", 'AccY -32768 "', 'AccY 32768 "', "VAL_ 513 AccY"),
@@ -180,11 +184,11 @@ def test_file_that_strict_loading_takes_is_not_sound_by_that(tmp_path: Path) -> 
 
 
 def test_dbc_that_cannot_be_loaded_is_a_finding_beside_the_others(tmp_path: Path) -> None:
-    file, _ = _plant(tmp_path, ("BO_ 560 Speed", "BO_ 4000 Speed"))
-    [first, *others] = findings(file)
-    assert (first.line, first.code) == (1, "not-loadable")
-    assert "11 bits" in first.what
-    assert {f.code for f in others} == {"unknown-reference", "no-cycle", "e2e-partly"}
+    file, _ = _plant(tmp_path, (CURRENT, CURRENT.replace("(0.1,0)", "(1e9999,0)")), _changed(ACCEL, '"g"', '""'))
+    first, second = findings(file)
+    assert (first.line, first.code, first.subject) == (19, "unit-missing", "Imu1.AccY")
+    assert (second.line, second.code, second.subject) == (35, "not-loadable", "planted.dbc")
+    assert "no message, signal or number is that large" in second.what
 
 
 @pytest.mark.parametrize(

@@ -25,7 +25,7 @@ from wrcd.tools.dbc.vocabulary import (
 
 MIN_SCORE = 3  # of a candidate; a name that says it, or a unit that only this quantity has
 SURE_SCORE = 6  # both
-MIN_BITS = 6  # of a measurement
+MIN_BITS, MAX_BITS = 6, 64  # of a measurement
 NAME, WEAK_NAME, AXIS, MESSAGE_NAME, UNIT, CONTRARY = 4, 2, 1, 2, 3, -6
 
 
@@ -39,7 +39,7 @@ def score(message: Message, s: Signal, quantity: Quantity) -> int:
         return 0
     named = NAME if contains(s.name, look.parts) else WEAK_NAME if look.words & set(own) else 0
     inside = MESSAGE_NAME if contains(message.name, look.parts) else 0
-    if quantity is Quantity.BRAKE_TORQUE and not named and contains(s.name + message.name, BRAKES):
+    if quantity is Quantity.BRAKE_TORQUE and unit and not named and contains(s.name + message.name, BRAKES):
         named = NAME if contains(s.name, BRAKES) or score(message, s, Quantity.TORQUE) > 0 else 0
     if quantity is Quantity.DIRECTION and _tells_direction(s):
         named += UNIT
@@ -89,11 +89,11 @@ def candidates(dbc: DbcText) -> Iterator[Candidate]:
     """Every signal that may be an input, once for each quantity that it looks like most; the best first."""
     ours = senders_of_adhesion(dbc)
     found: list[Candidate] = []
-    for m in dbc.messages:
+    for m in dbc.on_the_bus:
         if m.sender in ours or is_adhesion(m) or is_truth(m):
             continue
         for s in m.signals:
-            words_only = is_enumeration(s) or s.length < MIN_BITS
+            words_only = is_enumeration(s) or not MIN_BITS <= s.length <= MAX_BITS
             scores = {q: score(m, s, q) for q in LOOKS if q is Quantity.DIRECTION or not words_only}
             best = max(scores.values())
             if best >= MIN_SCORE:

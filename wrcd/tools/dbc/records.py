@@ -5,6 +5,7 @@ from pathlib import Path
 
 EXTENDED = 0x8000_0000  # in a DBC the number of an extended id carries this bit
 NO_MESSAGE = 0xC000_0000  # Vector's holder of signals that belong to no message
+NO_MESSAGE_NAME = "VECTOR__INDEPENDENT_SIG_MSG"
 NO_NODE = "Vector__XXX"
 
 
@@ -116,12 +117,17 @@ class DbcText:
     file: Path
     encoding: str
     has_bom: bool
-    lines: list[str]
+    lines: int
     nodes: dict[str, int] = field(default_factory=dict)
     messages: list[Message] = field(default_factory=list)
     definitions: dict[str, Definition] = field(default_factory=dict)
     defaults: dict[str, str] = field(default_factory=dict)
     references: list[Reference] = field(default_factory=list)
+
+    @property
+    def on_the_bus(self) -> list[Message]:
+        """The messages, without Vector's holder of signals that belong to none."""
+        return [m for m in self.messages if m.number != NO_MESSAGE and m.name != NO_MESSAGE_NAME]
 
     def attribute(self, thing: Message | Signal, name: str) -> str | None:
         """An attribute's value, else its default, else None; an ENUM's as its word."""

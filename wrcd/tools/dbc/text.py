@@ -9,6 +9,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from wrcd.bus.dbc_text import read_text
 from wrcd.errors import InputError
 from wrcd.tools.dbc.records import Attribute, DbcText, Definition, Message, Reference, Signal, Words
 
@@ -36,18 +37,23 @@ class Token(NamedTuple):
 def read(path: Path) -> DbcText:
     """Read a DBC's text. Raises InputError with the line where the text cannot be followed."""
     try:
-        data = path.read_bytes()
+        text, data = read_text(path, None), path.read_bytes()
     except FileNotFoundError:
         raise InputError("no such DBC file", file=path, hint="check the path") from None
     except OSError as e:
         raise InputError(f"cannot be read: {e.strerror}", file=path) from None
-    try:
-        text, encoding = data.decode("utf-8-sig"), "utf-8"
-    except UnicodeDecodeError:
-        text, encoding = data.decode("cp1252", "replace"), "cp1252"
-    found = DbcText(path, encoding, data.startswith(codecs.BOM_UTF8), text.split("\n"))
+    found = DbcText(path, _encoding(data), data.startswith(codecs.BOM_UTF8), text.count("\n") + 1)
     _Reader(found, list(_tokens(text))).read()
     return found
+
+
+def _encoding(data: bytes) -> str:
+    """What a file is taken for that has characters beyond ASCII."""
+    try:
+        data.decode("utf-8")
+    except UnicodeDecodeError:
+        return "cp1252"
+    return "UTF-8"
 
 
 def _tokens(text: str) -> Iterator[Token]:
@@ -99,7 +105,7 @@ class _Reader:
 
     def _next(self) -> Token:
         if self._at >= len(self._tokens):
-            raise InputError("ends within a statement", file=self._into.file, line=len(self._into.lines))
+            raise InputError("ends within a statement", file=self._into.file, line=self._into.lines)
         self._at += 1
         return self._tokens[self._at - 1]
 
@@ -197,7 +203,7 @@ def _tell(s: Signal, keyword: Token, attribute: str, rest: list[Token]) -> None:
         pairs = [(_whole(n), w.text) for n, w in zip(rest[::2], rest[1::2], strict=False) if w.kind == "string"]
         s.words = Words(keyword.line, pairs)
     elif keyword.text == "SIG_VALTYPE_":
-        s.is_float = rest[-2].text in ("1", "2", "3") if len(rest) > 1 else False
+        s.is_float = bool(rest) and rest[-1].text in ("1", "2", "3")
     elif keyword.text == "CM_" and rest:
         s.comment = rest[0].text
     elif keyword.text == "BA_" and rest:

@@ -35,17 +35,18 @@ NOT_MEASURED = _set(
     "soll set setpoint demand cmd command limit lim max min maximum minimum target ref reference request req requested "
     "desired status state valid validity quality error err fault fehler temp temperature age counter cnt crc checksum "
     "chk truth sim simtruth offset bias time timestamp stamp zeit year enable reach stale refused diag zustand guete "
-    "variance noise vorgabe consigne ok"
+    "variance noise vorgabe consigne ok accuracy"
 )
 LOOKS: dict[Quantity, Look] = {
     Quantity.YAW_RATE: Look(
         ("yaw", "gyro", "gier", "drehrate", "wendegeschw", "turnrate", "angularvel", "angularrate", "omegaz", "lacet"),
-        _set("wz psi psip omega"), _set("rad/s deg/s mrad/s"), _set("x y roll pitch nick wank wheel motor rotor shaft"),
+        _set("wz psi psip omega"), _set("rad/s deg/s mrad/s"),
+        _set("x y roll pitch nick wank wheel motor rotor shaft steer steering str lenk wiper angle ang lean"),
     ),
     Quantity.LAT_ACCEL: Look(
         ("latacc", "lateral", "acclat", "accy", "accely", "yacc", "quer", "ybeschl", "transversal"),
         _set("ay acc accel acceleration beschl beschleunigung lat"), _set("g m/s2 mg"),
-        _set("x z long longitudinal longit vert vertical laengs hoch vertikal"),
+        _set("x z lon long longitudinal longit vert vertical laengs hoch vertikal"),
     ),
     Quantity.TORQUE: Look(
         ("torque", "effort", "moment", "zugkraft", "tractive", "traction", "trq", "mdreh", "couple", "antrieb"),

@@ -60,6 +60,11 @@ CODES: dict[str, Code] = {
         "The later hides the earlier.",
         "Rename one of them.",
     ),
+    "impossible-id": Code(
+        "an id has more bits than a frame's: 11 of a standard one, 29 of an extended one",
+        "No frame has it. An extended id without the DBC's mark of one (2147483648) looks so.",
+        "Correct the id, or add the mark.",
+    ),
     "undeclared-sender": Code(
         "a message's sender is not among the nodes",
         "It is a typing error, or the node was deleted and its messages are no longer sent.",
@@ -130,6 +135,11 @@ CODES: dict[str, Code] = {
         "the start value is neither in the range nor a named value, or the bits cannot hold it",
         "What a sender puts out before its first measurement is decoded as something else.",
         "Correct GenSigStartValue: a raw value, best the one that means not available.",
+    ),
+    "float-width": Code(
+        "a floating-point signal has neither 16, 32 nor 64 bits",
+        "There is no such number: the first frame cannot be decoded.",
+        "Correct its length, or SIG_VALTYPE_.",
     ),
     # words
     "value-beyond-width": Code(

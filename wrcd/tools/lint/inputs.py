@@ -21,7 +21,6 @@ from wrcd.tools.dbc.vocabulary import (
     words,
 )
 from wrcd.tools.lint.codes import Finding
-from wrcd.tools.lint.layout import messages
 from wrcd.tools.lint.values import limits
 
 CHANNELS = (Quantity.YAW_RATE, Quantity.LAT_ACCEL)  # as the design orders the noise of its sensors
@@ -58,7 +57,7 @@ def _called(quantity: Quantity) -> str:
 def _units(dbc: DbcText) -> Iterator[Finding]:
     """Signals that are named like an input in full, in a unit that nobody can convert."""
     ours = senders_of_adhesion(dbc)
-    for m in messages(dbc):
+    for m in dbc.on_the_bus:
         if m.sender in ours or is_adhesion(m) or is_truth(m):
             continue
         for s in m.signals:

@@ -9,6 +9,7 @@ from wrcd.tools.lint.codes import Finding
 
 FD_LENGTHS = (*range(9), 12, 16, 20, 24, 32, 48, 64)
 MAX_BITS = 8 * 64  # of any frame: no signal's places are listed beyond
+MAX_STANDARD, MAX_EXTENDED = 0x7FF, 0x1FFF_FFFF
 RIG_TRUTH = range(0x7A1, 0x7A9)  # standard ids of the rig's SimTruth
 
 
@@ -18,23 +19,21 @@ def check(dbc: DbcText) -> Iterator[Finding]:
         yield Finding(1, "byte-order-mark", dbc.file.name, "EF BB BF")
     yield from _duplicates(dbc)
     yield from _references(dbc)
+    yield from _nodes(dbc)
     nested = {r.number for r in dbc.references if r.keyword == "SG_MUL_VAL_"}
-    for m in messages(dbc):
+    for m in dbc.on_the_bus:
         yield from _message(dbc, m)
-        yield from _overlaps(m, m.number in nested)
+        yield from _overlaps(
+            m, m.number in nested or any(s.mux not in ("", "M") and s.mux.endswith("M") for s in m.signals)
+        )
         for s in m.signals:
             yield from _signal(dbc, m, s)
-
-
-def messages(dbc: DbcText) -> Iterator[Message]:
-    """The messages; Vector's holder of signals that belong to none is left out."""
-    return (m for m in dbc.messages if m.number != NO_MESSAGE)
 
 
 def _duplicates(dbc: DbcText) -> Iterator[Finding]:
     ids: dict[int, Message] = {}
     names: dict[str, Message] = {}
-    for m in messages(dbc):
+    for m in dbc.on_the_bus:
         kind = "extended" if m.extended else "standard"
         if first := ids.get(m.number):
             what = f"{kind} id 0x{m.can_id:X} is {first.name}'s already (line {first.line})"
@@ -63,9 +62,28 @@ def _references(dbc: DbcText) -> Iterator[Finding]:
             yield Finding(r.line, "unknown-reference", r.keyword, f"message {r.number} has no signal {r.signal}")
 
 
+def _nodes(dbc: DbcText) -> Iterator[Finding]:
+    """Each node that is not declared once, where it first stands."""
+    senders: dict[str, list[Finding]] = {}
+    receivers: dict[str, list[Finding]] = {}
+    for m in dbc.on_the_bus:
+        found = Finding(m.line, "undeclared-sender", m.name, f"{m.sender} is not under BU_")
+        senders.setdefault(m.sender, []).append(found)
+        for s in m.signals:
+            for node in s.receivers:
+                found = Finding(s.line, "undeclared-receiver", f"{m.name}.{s.name}", f"{node} is not under BU_")
+                receivers.setdefault(node, []).append(found)
+    for by_node, things in ((senders, "messages"), (receivers, "signals")):
+        for node, found_of_it in by_node.items():
+            if node not in dbc.nodes and node != NO_NODE:
+                first, count = found_of_it[0], len(found_of_it)
+                more = f"; {count} {things} have it" if count > 1 else ""
+                yield Finding(first.line, first.code, first.subject, first.what + more)
+
+
 def _message(dbc: DbcText, m: Message) -> Iterator[Finding]:
-    if m.sender not in dbc.nodes and m.sender != NO_NODE:
-        yield Finding(m.line, "undeclared-sender", m.name, f"{m.sender} is not under BU_")
+    if m.can_id > (MAX_EXTENDED if m.extended else MAX_STANDARD):
+        yield Finding(m.line, "impossible-id", m.name, f"{'extended' if m.extended else 'standard'} id 0x{m.can_id:X}")
     if m.length > 8 and not dbc.is_fd(m):
         yield Finding(m.line, "too-long", m.name, f"{m.length} bytes")
     if dbc.is_fd(m) and m.length not in FD_LENGTHS:
@@ -78,9 +96,6 @@ def _message(dbc: DbcText, m: Message) -> Iterator[Finding]:
 
 def _signal(dbc: DbcText, m: Message, s: Signal) -> Iterator[Finding]:
     name = f"{m.name}.{s.name}"
-    for node in s.receivers:
-        if node not in dbc.nodes and node != NO_NODE:
-            yield Finding(s.line, "undeclared-receiver", name, f"{node} is not under BU_")
     if any(ord(c) > 127 for c in s.unit):
         yield Finding(s.line, "non-ascii-unit", name, f"{s.unit!r}, read as {dbc.encoding}")
     if s.length < 1:

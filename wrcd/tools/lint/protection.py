@@ -6,7 +6,7 @@ from wrcd.tools.dbc.candidates import Candidate
 from wrcd.tools.dbc.records import DbcText, Message
 from wrcd.tools.dbc.vocabulary import is_adhesion, is_counter, is_crc
 from wrcd.tools.lint.codes import Finding
-from wrcd.tools.lint.layout import fits, messages
+from wrcd.tools.lint.layout import fits
 
 PROFILE, DATA_ID = "E2EProfile", "E2EDataId"
 KNOWN = "P11"
@@ -17,7 +17,7 @@ COUNTER_BITS = frozenset(range(8, 12))
 def check(dbc: DbcText, inputs: Collection[Candidate]) -> Iterator[Finding]:
     """Every finding. inputs: what looks like one."""
     ids: dict[float, Message] = {}
-    protected = [m for m in messages(dbc) if dbc.attribute(m, PROFILE)]
+    protected = [m for m in dbc.on_the_bus if dbc.attribute(m, PROFILE)]
     for m in protected:
         profile = dbc.attribute(m, PROFILE)
         if profile != KNOWN:
@@ -38,7 +38,7 @@ def check(dbc: DbcText, inputs: Collection[Candidate]) -> Iterator[Finding]:
         yield from _overlaps(m)
     if protected:
         known = {m.line for m in protected}
-        relevant = {c.message.line: c.message for c in inputs} | {m.line: m for m in messages(dbc) if is_adhesion(m)}
+        relevant = {c.message.line: c.message for c in inputs} | {m.line: m for m in dbc.on_the_bus if is_adhesion(m)}
         for m in relevant.values():
             if m.line not in known:
                 yield Finding(m.line, "e2e-partly", m.name, f"no {PROFILE}; {len(protected)} messages have one")

@@ -1,6 +1,7 @@
 """All of lint over one DBC, for a person or as JSON."""
 
 import json
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -29,7 +30,7 @@ def findings(path: Path, design: Design | None = None) -> list[Finding]:
     except InputError as e:
         if not dbc.messages:
             raise
-        refused = [Finding(e.line or 1, "not-loadable", path.name, e.reason)]
+        refused = [Finding(e.line or _line(e.reason), "not-loadable", path.name, e.reason)]
     design = design or load_design(resources.DESIGN)
     likely = [c for c in candidates(dbc) if c.quantity in INPUTS]
     found = [
@@ -42,6 +43,12 @@ def findings(path: Path, design: Design | None = None) -> list[Finding]:
         *inputs.check(dbc, likely, design),
     ]
     return sorted(found, key=lambda f: (f.line, list(CODES).index(f.code), f.subject))
+
+
+def _line(reason: str) -> int:
+    """The line that cantools names in its own words."""
+    named = re.search(r"\bline (\d+)", reason)
+    return int(named[1]) if named else 1
 
 
 def lint(path: Path, as_json: bool = False) -> int:

@@ -8,7 +8,6 @@ from wrcd.tools.dbc.candidates import Candidate
 from wrcd.tools.dbc.records import DbcText, Message, Signal
 from wrcd.tools.dbc.vocabulary import is_adhesion
 from wrcd.tools.lint.codes import Finding
-from wrcd.tools.lint.layout import messages
 
 SEND_TYPE = "GenMsgSendType"
 MEASURED = (Quantity.YAW_RATE, Quantity.LAT_ACCEL)  # at every tick
@@ -17,7 +16,7 @@ MEASURED = (Quantity.YAW_RATE, Quantity.LAT_ACCEL)  # at every tick
 def check(dbc: DbcText, inputs: Collection[Candidate], tick_s: float) -> Iterator[Finding]:
     """Every finding. inputs: what looks like one."""
     relevant = {c.message.line for c in inputs}
-    for m in messages(dbc):
+    for m in dbc.on_the_bus:
         cycle = dbc.number(m, "GenMsgCycleTime")
         line = dbc.attribute_line(m, "GenMsgCycleTime")
         if _no_time(cycle):

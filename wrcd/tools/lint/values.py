@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Iterator
 
-from wrcd.tools.dbc.candidates import Candidate
+from wrcd.tools.dbc.candidates import MIN_BITS, Candidate
 from wrcd.tools.dbc.records import DbcText, Message, Signal
 from wrcd.tools.dbc.vocabulary import (
     GOOD,
@@ -15,12 +15,14 @@ from wrcd.tools.dbc.vocabulary import (
     says_adhesion,
 )
 from wrcd.tools.lint.codes import Finding
-from wrcd.tools.lint.layout import MAX_BITS, messages
+from wrcd.tools.lint.layout import MAX_BITS
+
+FLOAT_BITS = (16, 32, 64)
 
 
 def check(dbc: DbcText) -> Iterator[Finding]:
     """Every finding."""
-    for m in messages(dbc):
+    for m in dbc.on_the_bus:
         for s in m.signals:
             if 0 < s.length <= MAX_BITS:
                 yield from _range(m, s)
@@ -40,6 +42,8 @@ def _range(m: Message, s: Signal) -> Iterator[Finding]:
     name = f"{m.name}.{s.name}"
     if s.scale == 0:
         yield Finding(s.line, "factor-zero", name, f"({s.scale:g},{s.offset:g})")
+    if s.is_float and s.length not in FLOAT_BITS:
+        yield Finding(s.line, "float-width", name, f"{s.length} bits")
     if s.low is None or s.high is None:
         return
     stated = f"[{s.low:g}|{s.high:g}]"
@@ -107,7 +111,7 @@ def check_statuses(inputs: Collection[Candidate]) -> Iterator[Finding]:
 
 def _measures(s: Signal) -> bool:
     """Whether its values are numbers. One whose words are states has "not available" among them, rightly in range."""
-    return bool(s.unit.strip()) or s.scale != 1 or not is_enumeration(s)
+    return bool(s.unit.strip()) or s.scale != 1 or not (is_enumeration(s) or s.length < MIN_BITS)
 
 
 def _room(m: Message) -> Iterator[Finding]:
