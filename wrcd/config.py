@@ -14,7 +14,7 @@ from wrcd.errors import InputError
 from wrcd.estimator.design import Design, load_design
 from wrcd.keys import Text, names
 from wrcd.mapping.inputs import STALE_TICKS
-from wrcd.mapping.outputs import DETAIL_MS, STATUS_MESSAGES, STATUS_MS, usual_messages
+from wrcd.mapping.outputs import STATUS_MESSAGES, usual_messages
 from wrcd.mapping.statements import NEEDED
 from wrcd.mapping.train import read_train
 from wrcd.settings import Section, parse_toml, read_toml, suggest
@@ -145,9 +145,6 @@ def _config(
         min_speed_m_s=min_speed,
         constant_speed_m_s=constant,
         torque_is_total=total,
-        adhesion_cycle_us=axles[0].adhesion.cycle_us,
-        detail_cycle_us=1000 * DETAIL_MS if axles[0].detail is None else axles[0].detail.cycle_us,
-        status_cycle_us=1000 * STATUS_MS if status is None else status.cycle_us,
         recorder=recorder,
         warnings=(*database.warnings, *train.warnings),
     )
@@ -162,10 +159,12 @@ def _interface(bus: Section) -> str:
     from importlib.metadata import entry_points  # slow, and hardly ever needed
 
     if given not in entry_points(group="can.interface").names:
-        known = ", ".join(declared.INTERFACES)
-        bus.mistake(
-            bus.error(f"{given!r} is no interface of python-can", key, suggest(given, declared.INTERFACES) or known)
-        )
+        from wrcd.bus.advice import check_interface
+
+        try:
+            check_interface(given, declared.INTERFACES)
+        except InputError as e:
+            bus.mistake(bus.error(e.reason, key, e.hint))
     return given
 
 

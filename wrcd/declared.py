@@ -92,7 +92,7 @@ PLAIN_INPUT: tuple[Key, ...] = (
 )  # fmt: skip
 SIGNED_INPUT = (SIGNAL, SIGN, *PLAIN_INPUT[1:])
 TORQUE_INPUT = (*SIGNED_INPUT, AT, GEAR_RATIO, SHARE)
-DIRECTION_INPUT = (*PLAIN_INPUT, REVERSE)
+DIRECTION_INPUT = (*SIGNED_INPUT, REVERSE)
 
 # --- one message that is sent, and its signals
 MESSAGE = Text("message", "its name in the DBC")

@@ -246,7 +246,9 @@ def test_log_lines_have_every_state_and_counter() -> None:
         assert re.sub(r"\b\d+\b", "N", template.format(n="N")) in said
 
 
-@pytest.mark.parametrize("file", ["service/journal", "service/loop", "recorder/recorder", "tools/cli"])
+@pytest.mark.parametrize(
+    "file", ["service/journal", "service/loop", "service/waiting", "recorder/recorder", "tools/cli"]
+)
 def test_log_lines_have_every_line_that_is_written(file: str) -> None:
     said = text("docs/reference/log-lines.md")
     for node in ast.walk(ast.parse(text(f"wrcd/{file}.py"))):

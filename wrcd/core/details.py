@@ -129,14 +129,14 @@ class Details:
                 text = f"{self.name(quantity, axle)} has not come"
             else:
                 text = f"{self.name(quantity, axle)} {age_us / 1000:.1f} ms old, limit {limit_us / 1000:g}"
-            texts.append(text + (f" ({refused} refused)" if refused else ""))
+            texts.append(text + (f" (refused since: {refused})" if refused else ""))
         return _listed(texts)
 
     def _contested(self, axle: int, inputs: Inputs) -> str:
         texts = []
         for quantity, refused in inputs.flagged(inputs.contested, axle):
             text = f"{self.name(quantity, axle)}: two sequences of counters"
-            texts.append(text + (f" ({refused} refused)" if refused else ""))
+            texts.append(text + (f" (refused since: {refused})" if refused else ""))
         return _listed(texts)
 
     def _degraded(self, axle: int, inputs: Inputs) -> str:
@@ -187,4 +187,4 @@ def _listed(texts: Sequence[str]) -> str:
 
 
 def _times(x: float) -> str:
-    return f"{x:.1f} times" if math.isfinite(x) else "infinitely often"
+    return f"{x:.1f} times" if math.isfinite(x) else "infinite times"

@@ -39,8 +39,8 @@ class TickInputs:
 class Inputs:
     """Values by place. check(), then accept() or reject() while the tick is open, close_tick() when it is over.
 
-    A place is row * axles + axle. The first rows are the quantities; a quantity that is the sum of several signals has a
-    row more for each but the first.
+    A place is row * axles + axle. The first rows are the quantities; a quantity that is the sum of several signals has
+    a row more for each but the first.
     """
 
     STATE = {

@@ -16,12 +16,11 @@ MU = 0.5  # adhesion that a torque may use
 
 
 def physical_range(
-    s: Statement, message: Message, signal: Signal, to_si: float, design: Design, warnings: list[str]
+    s: Statement, message: Message, signal: Signal, to_si: float, design: Design
 ) -> tuple[float | None, float | None]:
     """Return the physical range where it is not the DBC's, else (None, None).
 
-    Raises InputError for one of the DBC's that shuts out most raw values and values that a train reaches. If it only
-    does the first, that is a warning.
+    Raises InputError for one of the DBC's that shuts out most raw values, and values that a train reaches.
     """
     scale = float(signal.scale if s.scale is None else s.scale)
     offset = float(signal.offset if s.offset is None else s.offset)
@@ -43,35 +42,31 @@ def physical_range(
             )
         return given
     if share < 0.5:
-        text = (
-            f"the DBC's range of {s.message}.{s.signal}, [{signal.minimum}|{signal.maximum}], "
-            f"shuts out {1 - share:.0%} of its raw values"
-        )
-        needed = _needed(s.quantity, design)
+        needed = _needed(s, signal, design)
         if not _reaches(low, high, to_si, needed):
             shown = " … ".join(f"{x / abs(to_si):.3g}" for x in needed)
             raise s.table.error(
-                f"{text}, and values that a train reaches",
+                f"the DBC's range of {s.message}.{s.signal}, [{signal.minimum}|{signal.maximum}], shuts out "
+                f"{1 - share:.0%} of its raw values, and values that a train reaches",
                 declared.SIGNAL.name,
                 f"mend the DBC, or say what it measures, of {shown}: range = [low, high]",
             )
-        warnings.append(f"{text}; range = [{low:g}, {high:g}] says that it is meant so")
     return given
 
 
-def _needed(q: Quantity, d: Design) -> tuple[float, float]:
-    """What a train reaches of a quantity, in SI units."""
-    torque = MU * 2 * d.normal_N * d.r_0
+def _needed(s: Statement, signal: Signal, d: Design) -> tuple[float, float]:
+    """What a train reaches of a quantity, in SI units. A torque that is never negative drives or brakes only."""
+    torque = MU * 2 * d.normal_N * d.r_0 * s.share
     load, radius = 2 * d.normal_N, d.r_0
     return {
         Quantity.YAW_RATE: (-YAW_RAD_S, YAW_RAD_S),
         Quantity.LAT_ACCEL: (-LAT_M_S2, LAT_M_S2),
-        Quantity.TORQUE: (-torque, torque),
+        Quantity.TORQUE: (-torque if signal.is_signed else 0.0, torque),
         Quantity.BRAKE_TORQUE: (0.0, torque),
         Quantity.SPEED: (0.0, float(d.speeds_m_s[-1])),
         Quantity.AXLE_LOAD: (load * LOAD_SHARES[0], load * LOAD_SHARES[1]),
         Quantity.WHEEL_RADIUS: (radius * RADIUS_SHARES[0], radius * RADIUS_SHARES[1]),
-    }[q]
+    }[s.quantity]
 
 
 def _reaches(low: float | None, high: float | None, to_si: float, needed: tuple[float, float]) -> bool:

@@ -108,7 +108,7 @@ def _resolved(
     mapped = []
     for s in said:
         with s.table.collected():
-            mapped.append((s, resolve(s, database, design, rules[s.message], train.warnings)))
+            mapped.append((s, resolve(s, database, design, rules[s.message])))
             if train.data_ids.get(s.message) is not None:
                 check_header(s.table, declared.SIGNAL.name, find_message(database, s.message), {s.signal})
     train.inputs = [i for _, i in mapped]

@@ -43,6 +43,6 @@ class Waiting:
                     raise
                 if str(e) != told:
                     told = str(e)
-                    log_line(f"{told}; waiting for it, {left_s:.0f} s at most")
+                    log_line(f"{told}; waiting for it, {round(left_s)} s at most")
             self._sleep(min(pause_s, left_s))
             pause_s = min(2 * pause_s, LAST_PAUSE_S)

@@ -38,7 +38,7 @@ def dump(args: argparse.Namespace) -> int:
 
 
 def _live(interface: str, channel: str) -> Iterator[tuple[Frame, str]]:
-    link = open_link(interface, channel, None)
+    link = open_link(interface, channel, None, fd=interface == "socketcan")
     try:
         while True:
             for frame in link.receive(time.time_ns() // 1000):

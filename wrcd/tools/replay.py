@@ -10,11 +10,13 @@ from typing import IO, Any, TypeVar
 
 import numpy as np
 
-from wrcd.bus.codec import position
-from wrcd.bus.columns import Columns, Stretch
-from wrcd.bus.dbc import Message, find_message
+from wrcd.bus.codec import message_key, position
+from wrcd.bus.columns import MIN_ROWS, Columns, Stretch
+from wrcd.bus.dbc import Message, find_message, find_signal
 from wrcd.bus.frame import Frame
 from wrcd.bus.log import Damage, format_line, read_log, read_stretches
+from wrcd.bus.positions import Position
+from wrcd.bus.signals import Output, OutputSignal
 from wrcd.config import load_config
 from wrcd.core.causes import Validity
 from wrcd.core.configuration import Config
@@ -151,7 +153,10 @@ def outgoing_of_stretches(core: Core, items: Iterable[Stretch | tuple[Frame, str
 
 
 def _goes_on(core: Core, s: Stretch) -> bool:
-    """Whether no frame of a stretch is a step of time or the end of a silence, for mapped frames and others alike."""
+    """Whether a stretch is worth it, and no frame of it is a step of time or the end of a silence, for mapped frames
+    and others alike."""
+    if len(s) < MIN_ROWS:  # as between frames that are not plain
+        return False
     mapped = np.flatnonzero(np.isin(s.keys, core.receiver.keys))
     if not len(mapped) or not core.goes_on_from(int(s.stamps_us[mapped[0]])):
         return False
@@ -190,13 +195,15 @@ class Rows:
         self._writer.writerow((*COLUMNS, *REASONS) if explained else COLUMNS)
         self._design = config.design if explained else None
         self._place = {a.number: place for place, a in enumerate(config.axles)}
-        found = ((find_message(config.database, a.adhesion.message), a.number) for a in config.axles)
-        self._messages: dict[int, tuple[Cells, int]] = {m.frame_id: (Cells(m), number) for m, number in found}
+        self._messages: dict[int, tuple[Cells, int]] = {}  # by Frame.key
+        for a in config.axles:
+            message = find_message(config.database, a.adhesion.message)
+            self._messages[message_key(message)] = Cells(message, a.adhesion), a.number
 
     def write(self, o: Outgoing) -> None:
         """One row for an Adhesion frame, nothing for others."""
         frame, why = o.frame, o.why
-        found = self._messages.get(frame.can_id)
+        found = self._messages.get(frame.key)
         if found is None:
             return
         cells, number = found
@@ -209,15 +216,21 @@ class Rows:
 
 
 class Cells:
-    """The text of each signal of a message: what cantools makes of a raw value is looked up from the second time on."""
+    """The text of each signal of a message: what cantools makes of a raw value is looked up from the second time on.
+    Words that the configuration gives are ours again."""
 
-    def __init__(self, message: Message) -> None:
+    def __init__(self, message: Message, output: Output) -> None:
         self._message = message
-        signals = {s.name: s for s in message.signals}
-        self._known = [s for name in SIGNALS if (s := signals.get(name)) is not None]
-        self._positions = [position(s, message.length) for s in self._known]
-        self._texts: list[dict[int, str]] = [{} for _ in self._known]
-        self._columns = [SIGNALS.index(s.name) for s in self._known]
+        self._known = [s for name in SIGNALS if (s := output.signals.get(name)) is not None]
+        self._positions = [position(find_signal(message, s.name), message.length) for s in self._known]
+        self._texts = [self._words(s, at) for s, at in zip(self._known, self._positions, strict=True)]
+        self._columns = [column for column, name in enumerate(SIGNALS) if name in output.signals]
+
+    @staticmethod
+    def _words(sent: OutputSignal, at: Position) -> dict[int, str]:
+        """What is known beforehand, by raw value as it lies in the frame."""
+        words = {raw & at.mask: word for word, raw in (sent.words or {}).items()}
+        return words if sent.not_available is None else {sent.not_available & at.mask: "", **words}
 
     def of(self, data: bytes) -> list[str]:
         """One text for each of SIGNALS, empty for those that the message lacks."""
@@ -229,17 +242,19 @@ class Cells:
             text = texts.get(raw)
             if text is None:
                 decoded = decoded or self._message.decode(data)
-                text = texts[raw] = _cell(decoded.get(signal.name))
+                text = texts[raw] = _cell(decoded.get(signal.name), signal.factor, SIGNALS[column])
             out[column] = text
         return out
 
 
-def _cell(value: Any) -> str:
+def _cell(value: Any, factor: float, of: str) -> str:
     if value is None:
         return ""
     if hasattr(value, "name"):
-        # a name beside a number (65535 of a percentage) says that there is none; a class is its name
-        return "" if value.value >= 0xFFFE else str(value.name)
+        # a name beside a percentage (65535) says that there is none; a class is its name
+        return "" if of in ("MuAvailable", "MuUsed") else str(value.name)
+    if factor != 1.0:
+        value /= factor
     return f"{value:.2f}" if isinstance(value, float) else str(value)
 
 

@@ -19,6 +19,15 @@ STATUSES: dict[str, dict[Status, str]] = {
         Status.STOPPED: "nothing was taken over: a mistake in the file, every change needs a restart, or no answer",
         Status.BAD_INPUT: "the process is no `wrcd run`, runs on a terminal, or is another user's",
     },
+    "init": {
+        Status.DONE: "the proposal is written; standard error says what is open and unsure",
+        Status.BAD_INPUT: f"{_BAD}: no such DBC, or a file to write that is there already",
+    },
+    "lint": {
+        Status.DONE: "nothing found",
+        Status.STOPPED: "findings",
+        Status.BAD_INPUT: "the file cannot be read as a DBC",
+    },
     "check": {
         Status.DONE: "the configuration can be run; with `--speed`: measured; of a log or a bus: nothing stops Valid",
         Status.STOPPED: "with `--speed`: an axle gave no estimate; of a log or a bus: something would stop Valid",

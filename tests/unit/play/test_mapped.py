@@ -4,7 +4,6 @@ import itertools
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import cantools
@@ -18,7 +17,7 @@ from sim_ecu.play.mapped import MappedTrain
 from sim_ecu.play.player import Player
 from sim_ecu.play.scenario import Scenario, load_scenario
 from sim_ecu.play.train import PACKAGED, Train
-from wrcd.bus.dbc import load_dbc
+from wrcd.bus.dbc import parse_dbc
 from wrcd.bus.frame import Frame
 from wrcd.bus.signals import Source, StatusRule
 from wrcd.bus.units import G, Quantity
@@ -77,10 +76,7 @@ Q = Quantity
 
 def mapped(**changes: Any) -> Config:
     """Two axles over the DBC above, by hand."""
-    with TemporaryDirectory() as folder:
-        file = Path(folder) / "mapped.dbc"
-        file.write_text(DBC, encoding="utf-8")
-        database = load_dbc(file)
+    database = parse_dbc(DBC, Path("mapped.dbc"))
     rad = 3.141592653589793 / 180
     health = (StatusRule("Health2", "Imu", ok=frozenset({5, 6}), degraded=frozenset({7})),)
     sources = [

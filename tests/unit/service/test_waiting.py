@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from wrcd.config import load_config_to_run
+from wrcd.config import DEFAULT, load_config_to_run
 from wrcd.errors import BusError, InputError, NotThere
 from wrcd.service.waiting import FIRST_PAUSE_S, LAST_PAUSE_S, Waiting
 
@@ -80,12 +80,14 @@ def test_bad_input_is_not_waited_for() -> None:
     assert patient.pauses == []
 
 
-@pytest.mark.parametrize("named", ["", "[dbc]\nfile = 'train.dbc'\n", "[estimator]\ndesign = 'train.json'\n"])
+@pytest.mark.parametrize(
+    "named", ["", "[dbc]\nfile = 'train.dbc'\n[wheelset]\nname = 'default'\n", "[estimator]\ndesign = 'train.json'\n"]
+)
 def test_file_on_a_mount_that_comes_later_is_waited_for(tmp_path: Path, named: str) -> None:
     """The configuration, or a file that it names."""
     file = tmp_path / "train.toml"
     if named:
-        file.write_text(named)
+        file.write_text(named + DEFAULT)
     patient = Patient(0.1)
     with pytest.raises(InputError, match=r"no such (DBC |design )?file") as caught:
         patient._waiting.until(lambda: load_config_to_run(file))

@@ -8,14 +8,17 @@ import pytest
 
 from sim_ecu import cli as rig_cli
 from sim_ecu.commands.statuses import STATUSES as RIG
+from sim_ecu.resources import TRUTH_DBC
 from sim_ecu.score.contact import COLUMNS
 from tests.support.scenarios import LogOf, held
+from wrcd import resources
 from wrcd.config import DEFAULT
 from wrcd.errors import BusError, InputError, NotThere, Status
 from wrcd.tools import cli
 from wrcd.tools.statuses import STATUSES as WRCD
 
-# by command: arguments and the status that they end with. {log}, {dir}: a recorded log, a folder to write to;
+# by command: arguments and the status that they end with. {log}, {dbc}, {dir}: a recorded log, the packaged DBC, a
+# folder to write to;
 # here.toml is a sound configuration, bad.toml is not, late.toml names a DBC that is not there.
 WRCD_CASES = [
     ("run --config bad.toml", 2),
@@ -25,6 +28,13 @@ WRCD_CASES = [
     ("run -i socketcan -c can77", 3),
     ("run -i pcan -c x", 3),
     ("reload 4194305", 2),
+    ("init {dbc}", 0),
+    ("init {dbc} -o here.toml", 2),
+    ("init never.dbc", 3),
+    ("lint {dbc}", 0),
+    ("lint {truth}", 1),
+    ("lint bad.dbc", 2),
+    ("lint never.dbc", 2),
     ("check", 0),
     ("check --config here.toml", 0),
     ("check --config bad.toml", 2),
@@ -83,6 +93,7 @@ ELSEWHERE = {
     ("sim-ecu", "demo", 0): "tests/unit/play/test_demo.py",
     ("sim-ecu", "demo", 1): "tests/unit/play/test_demo.py",
 }
+LATE = '[dbc]\nfile = "never.dbc"\n[wheelset]\nname = "default"\n' + DEFAULT
 CASES = [("wrcd", *c) for c in WRCD_CASES] + [("sim-ecu", *c) for c in RIG_CASES]
 TABLES = {"wrcd": WRCD, "sim-ecu": RIG}
 MAINS: dict[str, Callable[[list[str]], int]] = {"wrcd": cli.main, "sim-ecu": rig_cli.main}
@@ -108,7 +119,8 @@ def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     Path("here.toml").write_text(DEFAULT)
     Path("bad.toml").write_text("[axles]\n")
-    Path("late.toml").write_text('[dbc]\nfile = "never.dbc"\n')
+    Path("late.toml").write_text(LATE)
+    Path("bad.dbc").write_text("BO_ no DBC at all")
     Path("bad.json").write_text("{}")
     Path("short.toml").write_text(held("A", 0.5))
     Path("cases.csv").write_text(",".join(COLUMNS) + "\n1.2,6,5,73550,82000,0.28,0.3,0.001,0\n")
@@ -123,7 +135,7 @@ def test_command_ends_with_the_status_of_its_table(
     again = tmp_path / "again.log"
     if "{log2}" in line:
         again.write_bytes(log.read_bytes())
-    name, *arguments = line.format(log=log, log2=again, dir=tmp_path).split()
+    name, *arguments = line.format(log=log, log2=again, dbc=resources.DBC, truth=TRUTH_DBC, dir=tmp_path).split()
     assert MAINS[program]([name, *arguments]) == status
     assert Status(status) in TABLES[program][name]
     error = capsys.readouterr().err
