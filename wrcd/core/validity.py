@@ -22,6 +22,7 @@ OF_PAIR = {
     Doubt.UNRELATED: Cause.SENSORS_UNRELATED,
     Doubt.ACCEL_SMALL: Cause.ACCEL_SMALL,
     Doubt.GYRO_DEAD: Cause.GYRO_DEAD,
+    Doubt.UNLIKE: Cause.WHEELSET_UNLIKE,
 }
 OF_ESTIMATE = {
     EstimateDoubt.NO_RULE: Cause.NO_RULE,
