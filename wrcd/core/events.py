@@ -54,7 +54,7 @@ class Change:
     @property
     def csv_line(self) -> str:
         """A row of COLUMNS."""
-        stamp = f"{self.time_us // 1_000_000}.{self.time_us % 1_000_000:06d}"
+        stamp = f"{'-' * (self.time_us < 0)}{abs(self.time_us) // 1_000_000}.{abs(self.time_us) % 1_000_000:06d}"
         cause = self.cause.label if self.cause else ""
         return csv_line((stamp, self.axle, self.before.value, self.after.value, cause, self.detail))
 
