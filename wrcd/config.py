@@ -103,7 +103,7 @@ def _config(
     wheelset = top.section("wheelset")
     if design is not None:
         _same_wheelset(wheelset, design, design_file)
-        _names_the_wheelset(wheelset, dbc, estimator, design)
+        _names_the_wheelset(top, wheelset, dbc, estimator, design)
     train = read_train(top, vehicle, database, design)
     constant = declared.CONSTANT_SPEED.read(limits)
     _one_speed(limits, vehicle)
@@ -176,7 +176,9 @@ def _one_speed(limits: Section, vehicle: Section) -> None:
             limits.error("is given, and vehicle.speed names a signal", constant, "one of the two: which one holds?")
         )
     elif speed not in vehicle and constant not in limits:
-        vehicle.mistake(vehicle.absent(speed, f'name the signal ("Message.Signal") or give limits.{constant}'))
+        error = vehicle.absent(speed, f'name the signal ("Message.Signal") or give limits.{constant}')
+        vehicle.mistake(error)
+        limits.explains(constant, error)
 
 
 def _not_available_after_us(limits: Section, mapped: list[Input]) -> int:
@@ -251,19 +253,20 @@ def _same_wheelset(section: Section, design: Design, file: Path) -> None:
             )
 
 
-def _names_the_wheelset(wheelset: Section, dbc: Section, estimator: Section, design: Design) -> None:
+def _names_the_wheelset(top: Section, wheelset: Section, dbc: Section, estimator: Section, design: Design) -> None:
     """Whoever brings a train of their own says which wheelset it has: a foreign one cannot be told from its signals,
     only its estimates are wrong."""
     key = declared.DBC_FILE.name
-    if key in dbc and declared.DESIGN.name not in estimator and not list(wheelset):
-        dbc.mistake(
-            dbc.error(
-                f"is a train's own, but nothing says that it has the wheelset {_name(design)!r} of the packaged design",
-                key,
-                f'name it: [wheelset] name = "{_name(design)}" (or parameters to compare), '
-                'or [estimator] design = "FILE"',
-            )
-        )
+    if key not in dbc or declared.DESIGN.name in estimator or list(wheelset):
+        return
+    error = dbc.error(
+        f"is a train's own, but nothing says that it has the wheelset {_name(design)!r} of the packaged design",
+        key,
+        f'name it: [wheelset] name = "{_name(design)}" (or parameters to compare), or [estimator] design = "FILE"',
+    )
+    dbc.mistake(error)
+    for section, absent in ((top, "wheelset"), (top, "estimator"), (estimator, declared.DESIGN.name)):
+        section.explains(absent, error)
 
 
 def _name(design: Design) -> str:

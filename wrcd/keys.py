@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from wrcd.section import Section, suggest
+from wrcd.section import Section, shown, suggest
 
 MESSAGE_SIGNAL = r"^[^.]+\.[^.]+$"
 
@@ -263,7 +263,7 @@ class Interval(Key):
             return None
         if isinstance(value, list) and len(value) == 2 and all(_finite(x) for x in value) and value[0] < value[1]:
             return float(value[0]), float(value[1])
-        section.mistake(section.error(f"takes two numbers, the lower one first, not {value!r}", self.name))
+        section.mistake(section.error(f"takes two numbers, the lower one first, not {shown(value)}", self.name))
         return None
 
 
@@ -283,7 +283,7 @@ class RawValue(Key):
         value = section.raw(self.name)
         if value is None or type(value) in (int, str):
             return value  # type: ignore[no-any-return]  # one of these by the line above
-        section.mistake(section.error(f"takes a whole number or a word, not {value!r}", self.name))
+        section.mistake(section.error(f"takes a whole number or a word, not {shown(value)}", self.name))
         return None
 
 
@@ -305,7 +305,9 @@ class RawValues(Key):
             return None
         if isinstance(value, list) and value and all(type(x) in (int, str) for x in value):
             return tuple(value)
-        section.mistake(section.error(f"takes a list of raw values or words, not {value!r}", self.name, "write [1]"))
+        section.mistake(
+            section.error(f"takes a list of raw values or words, not {shown(value)}", self.name, "write [1]")
+        )
         return None
 
 

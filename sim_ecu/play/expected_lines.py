@@ -32,7 +32,11 @@ class Lines:
     sometimes: tuple[str, ...] = ()
 
     def __str__(self) -> str:
-        said = [f"axle {axle}: {line}" for axle, lines in enumerate(self.axles, 1) for line in lines]
+        said = [
+            f"{PERHAPS * line.startswith(PERHAPS)}axle {axle}: {line.removeprefix(PERHAPS)}"
+            for axle, lines in enumerate(self.axles, 1)
+            for line in lines
+        ]
         if self.rejected:
             said.append(f"rejected # frames in the last second: {', '.join(f'{r} #' for r in self.rejected)}")
         said += [f"any number of times: {line}" for line in self.sometimes]

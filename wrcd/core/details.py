@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 
 from wrcd.core.causes import Cause
 from wrcd.core.configuration import Config
-from wrcd.core.inputs import BRAKE, LAT, LOAD, QUANTITIES, RADIUS, SPEED, TORQUE, YAW, Inputs, TickInputs
+from wrcd.core.inputs import BRAKE, LAT, LOAD, QUANTITIES, RADIUS, SPEED, TORQUE, YAW, Inputs, TickInputs, rows_of
 from wrcd.core.validity import DOUBT_OF, LOAD_SHARES, RADIUS_SHARES, ValidityMonitor
 from wrcd.estimator.answer import HARSH_SHARE, MIN_M, SILENT, VAGUE
 from wrcd.estimator.design import MODELS
@@ -26,18 +26,23 @@ class Details:
 
     def __init__(self, config: Config) -> None:
         self._config, self._design = config, config.design
-        self._axles = len(config.axles)
-        self._signals: dict[int, list[str]] = {}  # by place
-        for i in config.inputs:
+        self._quantity, rows = rows_of(config)
+        self._signals: dict[tuple[int, int], str] = {}  # by row and axle
+        for i, row in zip(config.inputs, rows, strict=True):
             for axle in i.source.axles:
-                place = QUANTITIES.index(i.source.quantity) * self._axles + axle
-                self._signals.setdefault(place, []).append(f"{i.source.message}.{i.source.signal}")
+                self._signals[row, axle] = f"{i.source.message}.{i.source.signal}"
 
     def name(self, quantity: int, axle: int) -> str:
         """An input: its quantity in words, and its signal, or signals where several add up."""
-        words = QUANTITIES[quantity].key.replace("_", " ")
-        signals = self._signals.get(quantity * self._axles + axle)
-        return f"{words} {' + '.join(signals)}" if signals else f"{words} (not mapped)"
+        rows = [row for row, q in enumerate(self._quantity) if q == quantity and (row, axle) in self._signals]
+        if len(rows) == 1:
+            return self.signal(rows[0], axle)
+        signals = " + ".join(self._signals[row, axle] for row in rows)
+        return f"{_words(quantity)} {signals or '(not mapped)'}"
+
+    def signal(self, row: int, axle: int) -> str:
+        """The same of one of its signals."""
+        return f"{_words(self._quantity[row])} {self._signals[row, axle]}"
 
     def tick(self, cause: Cause, axle: int, inputs: Inputs, tick: TickInputs, end_us: int) -> str:
         """What speaks against a tick."""
@@ -50,6 +55,7 @@ class Details:
             Cause.FRICTION_SHARE_UNKNOWN: lambda: self._friction(axle, inputs),
             Cause.LOAD_BEYOND: lambda: self._load(axle, inputs),
             Cause.RADIUS_BEYOND: lambda: self._radius(axle, inputs),
+            Cause.TORQUES_CONTRADICT: lambda: self._against(axle, inputs),
         }
         return of[cause]()
 
@@ -124,23 +130,23 @@ class Details:
 
     def _overdue(self, axle: int, inputs: Inputs, end_us: int, silent: bool) -> str:
         texts = []
-        for quantity, age_us, limit_us, refused in inputs.overdue(axle, end_us, silent):
+        for row, age_us, limit_us, refused in inputs.overdue(axle, end_us, silent):
             if age_us is None:
-                text = f"{self.name(quantity, axle)} has not come"
+                text = f"{self.signal(row, axle)} has not come"
             else:
-                text = f"{self.name(quantity, axle)} {age_us / 1000:.1f} ms old, limit {limit_us / 1000:g}"
+                text = f"{self.signal(row, axle)} {age_us / 1000:.1f} ms old, limit {limit_us / 1000:g}"
             texts.append(text + (f" (refused since: {refused})" if refused else ""))
         return _listed(texts)
 
     def _contested(self, axle: int, inputs: Inputs) -> str:
         texts = []
-        for quantity, refused in inputs.flagged(inputs.contested, axle):
-            text = f"{self.name(quantity, axle)}: two sequences of counters"
+        for row, refused in inputs.flagged(inputs.contested, axle):
+            text = f"{self.signal(row, axle)}: two sequences of counters"
             texts.append(text + (f" (refused since: {refused})" if refused else ""))
         return _listed(texts)
 
     def _degraded(self, axle: int, inputs: Inputs) -> str:
-        named = [self.name(quantity, axle) for quantity, _ in inputs.flagged(inputs.degraded, axle)]
+        named = [self.signal(row, axle) for row, _ in inputs.flagged(inputs.degraded, axle)]
         return f"{_listed(named)}: the status says Degraded"
 
     def _unchanged(self, axle: int, inputs: Inputs, end_us: int) -> str:
@@ -158,6 +164,11 @@ class Details:
     def _friction(self, axle: int, inputs: Inputs) -> str:
         torque = inputs.value(TORQUE, axle)
         return f"{self.name(TORQUE, axle)} {torque / 1000:.2f} kN m is no traction; {self.name(BRAKE, axle)}"
+
+    def _against(self, axle: int, inputs: Inputs) -> str:
+        torques = inputs.torques(axle)
+        named = [f"{self.signal(row, axle)} {torque / 1000:.2f} kN m" for row, torque in torques.items()]
+        return "; ".join(named)
 
     def _load(self, axle: int, inputs: Inputs) -> str:
         load, design = inputs.value(LOAD, axle), 2 * self._design.normal_N
@@ -179,6 +190,10 @@ class Details:
             f"residuals unlike the design's wheelset: no. {far + 1} by {outside[far]:.2f} of its range outside, "
             f"limit {d.beyond:g}"
         )
+
+
+def _words(quantity: int) -> str:
+    return QUANTITIES[quantity].key.replace("_", " ")
 
 
 def _listed(texts: Sequence[str]) -> str:

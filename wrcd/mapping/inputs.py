@@ -27,14 +27,16 @@ STALE_TICKS = 3  # of gyro and accelerometer: two may be missing
 MEASURED = (Quantity.YAW_RATE, Quantity.LAT_ACCEL)
 
 
-def resolve(s: Statement, database: Database, design: Design, statuses: tuple[StatusRule, ...]) -> Input:
-    """One input. Raises InputError."""
+def resolve(s: Statement, database: Database, design: Design, statuses: tuple[StatusRule, ...]) -> Input | None:
+    """One input; None where a value of its table is wrong, which is said already. Raises InputError."""
     key = declared.SIGNAL.name
     message, signal = find(s.table, key, database, s.message, s.signal)
     try:
         check_readable(message, signal)
     except ValueError as e:
         raise s.table.error(str(e), key) from None
+    if s.wrong:
+        return None
     to_si = _factor(s, signal, design)
     low, high = physical_range(s, message, signal, to_si, design)
     source = Source(

@@ -44,8 +44,10 @@ def _output(table: Section, kind: str, database: Database | None, usual: str, ti
     if name is None and declared.MESSAGE.name in table:
         return None
     name = usual if name is None else name
+    before = table.mistakes
     cycle = declared.CYCLE.read(table)
     e2e, identity = declared.E2E.read(table), declared.DATA_ID.read(table)
+    wrong = table.mistakes > before
     keys = {snake(ours): ours for ours in MESSAGES[kind]}
     said = {ours: one for key, ours in keys.items() if (one := table.table_or_text(key, declared.FIELD.name))}
     table.done(names(declared.output_keys(kind)))
@@ -57,6 +59,8 @@ def _output(table: Section, kind: str, database: Database | None, usual: str, ti
     _check_sendable(table, message)
     before = table.mistakes
     signals = _signals(table, kind, message, said)
+    if wrong:
+        return None
     if cycle is None:
         try:
             cycle = cycle_ms(message) or CYCLES_MS.get(kind, STATUS_MS)

@@ -33,6 +33,12 @@ def physical_range(
     given = (low, high) if s.range or own_scale else (None, None)
     if signal.is_float or s.quantity is Quantity.DIRECTION:
         return given
+    if low is not None and high is not None and low > high:
+        raise s.table.error(
+            f"the DBC's range of {s.message}.{s.signal} is empty, [{signal.minimum}|{signal.maximum}]",
+            declared.SIGNAL.name,
+            "mend the DBC, or say what it measures: range = [low, high]",
+        )
     lowest, highest = span(signal)
     share = _inside(signal, scale, offset, low, high) / (highest - lowest + 1)
     if s.range is not None:
@@ -47,7 +53,7 @@ def physical_range(
             shown = " … ".join(f"{x / abs(to_si):.3g}" for x in needed)
             raise s.table.error(
                 f"the DBC's range of {s.message}.{s.signal}, [{signal.minimum}|{signal.maximum}], shuts out "
-                f"{1 - share:.0%} of its raw values, and values that a train reaches",
+                f"{math.floor(100 * (1 - share))} % of its raw values, and values that a train reaches",
                 declared.SIGNAL.name,
                 f"mend the DBC, or say what it measures, of {shown}: range = [low, high]",
             )
@@ -71,7 +77,7 @@ def _needed(s: Statement, signal: Signal, d: Design) -> tuple[float, float]:
 
 def _reaches(low: float | None, high: float | None, to_si: float, needed: tuple[float, float]) -> bool:
     """Whether a range holds what is needed, either way round: a brake's sign is not known here."""
-    if low is None or high is None or low > high:
+    if low is None or high is None:
         return False
     first, last = sorted((low * to_si, high * to_si))
     return any(first <= a and b <= last for a, b in (needed, (-needed[1], -needed[0])))
@@ -80,8 +86,6 @@ def _reaches(low: float | None, high: float | None, to_si: float, needed: tuple[
 def _inside(signal: Signal, scale: float, offset: float, low: float | None, high: float | None) -> int:
     """How many raw values of a field are within a physical range, or half a step beyond."""
     lowest, highest = span(signal)
-    if low is not None and high is not None and low > high:
-        return 0
     ends: list[Fraction] = [
         Fraction(end) if x is None else (Fraction(x) - Fraction(offset)) / Fraction(scale)
         for x, end in ((low, lowest if scale > 0 else highest), (high, highest if scale > 0 else lowest))

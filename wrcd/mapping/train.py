@@ -41,9 +41,10 @@ def read_train(top: Section, vehicle: Section, database: Database | None, design
     train = Train()
     tables = list(top.sections("axle"))
     if not 1 <= len(tables) <= MAX_AXLES:
-        top.mistake(
-            top.error(f"takes 1 to {MAX_AXLES} tables, found {len(tables)}", "axle", "write [[axle]] for each wheelset")
-        )
+        hint = "write [[axle]] for each wheelset"
+        error = top.error(f"takes 1 to {MAX_AXLES} tables, found {len(tables)}", "axle", hint)
+        top.mistake(error)
+        top.explains("axle", error)
         tables = tables[:MAX_AXLES]
     said: list[Statement] = []
     sent: list[tuple[Section, Output]] = []
@@ -108,7 +109,9 @@ def _resolved(
     mapped = []
     for s in said:
         with s.table.collected():
-            mapped.append((s, resolve(s, database, design, rules[s.message])))
+            found = resolve(s, database, design, rules[s.message])
+            if found is not None:
+                mapped.append((s, found))
             if train.data_ids.get(s.message) is not None:
                 check_header(s.table, declared.SIGNAL.name, find_message(database, s.message), {s.signal})
     train.inputs = [i for _, i in mapped]

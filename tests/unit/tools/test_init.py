@@ -13,12 +13,14 @@ from wrcd.bus.units import Quantity
 from wrcd.config import load_config, load_packaged
 from wrcd.core.configuration import Config, Input
 from wrcd.errors import InputError
+from wrcd.estimator.design import load_design
 from wrcd.tools import cli
 from wrcd.tools.dbc.text import read
 from wrcd.tools.init.draft import Draft
 from wrcd.tools.init.propose import propose
 
 ROOT = Path(__file__).parents[3]
+DESIGN = load_design(resources.DESIGN)
 DATA = ROOT / "tests" / "data" / "dbc"
 EXAMPLE = ROOT / "examples" / "own-dbc"
 WHEELSET = ("# wheelset = ", "wheelset = ")  # the edit that every proposal needs
@@ -155,7 +157,7 @@ def proposal(folder: Path, messages: Mapping[str, Mapping[str, str]], rest: str 
     ]
     file = folder / "own.dbc"
     file.write_text("\n".join(lines), encoding="utf-8")
-    return propose(read(file), folder)
+    return propose(read(file), folder, DESIGN)
 
 
 def tables(draft: Draft) -> tuple[dict[str, Any], list[dict[str, Any]]]:

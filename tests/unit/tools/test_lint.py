@@ -197,7 +197,7 @@ def test_dbc_that_cannot_be_loaded_is_a_finding_beside_the_others(tmp_path: Path
     ("text", "reason"),
     [
         ("", "not a usable DBC"),
-        ("hello, world", "not a usable DBC"),
+        ("hello, world", "cannot be read at 'hello'"),
         ('VERSION ""\nBO_ 1 A: 8', "ends within a statement"),
         ('VERSION ""\nBO_ 1 A: 8 B\n SG_ S : 0|8@1 (1,0) [0|0] "" B\n', "cannot be read at"),
     ],

@@ -19,9 +19,12 @@ from wrcd.tools.init.numbering import PER_AXLE, Train, arrange, near
 NEEDED = (Quantity.YAW_RATE, Quantity.LAT_ACCEL, Quantity.TORQUE)
 
 
-def propose(dbc: DbcText, folder: Path) -> Draft:
-    """Return the draft of a configuration that lies in a folder. Raises InputError where the design can't be read."""
-    design = load_design(resources.DESIGN)
+def propose(dbc: DbcText, folder: Path, design: Design | None = None) -> Draft:
+    """Return the draft of a configuration that lies in a folder.
+
+    design: default the packaged one. Raises InputError where it can't be read.
+    """
+    design = design or load_design(resources.DESIGN)
     draft = Draft(dbc.file.name)
     train = arrange(candidates(dbc))
     _head(draft, dbc, folder, design)
