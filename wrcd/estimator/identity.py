@@ -275,6 +275,11 @@ class Identity:
             self._figures[doubt, :, axle] = figures(e, self._unit[0, 0], self._unit[1, 0], partner)
         self._held[doubt, axle] = max(self._held[doubt, axle], blocks)
 
+    @property
+    def likeness(self) -> tuple[float, float, float]:
+        """Likeness.figures; of a design that says too little of its wheelset, none."""
+        return (1.0, 1.0, 0.0) if self._likeness is None else self._likeness.figures
+
     def figures(self, doubt: Doubt, axle: int) -> Figures:
         """What a doubt of a pair was found by."""
         return Figures(*self._figures[doubt, :, axle].tolist())
