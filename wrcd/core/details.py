@@ -58,7 +58,7 @@ class Details:
             Cause.RADIUS_BEYOND: lambda: self._radius(axle, inputs),
             Cause.TORQUES_CONTRADICT: lambda: self._against(axle, inputs),
         }
-        return of[cause]()
+        return of[cause]() if cause in of else cause.words
 
     def unavailable(self, cause: Cause, axle: int, inputs: Inputs, validity: ValidityMonitor, end_us: int) -> str:
         """Why there is no estimate at the end of the newest tick."""

@@ -272,7 +272,7 @@ def test_every_cause_has_a_text_of_its_own(sim: SensorSimulator) -> None:
             text = describe.tick(cause, 0, core._inputs, core._tick, sim.t)
         elif cause in events.PAIR_CAUSES:
             text = describe.pair(cause, 0, core.estimator.identity)
-        elif Cause.GYRO_DEAD < cause <= Cause.CONTRADICTION:
+        elif cause in events.ESTIMATE_CAUSES:
             text = describe.estimate(cause, 0, estimate())
         elif cause in (Cause.NONE, Cause.RESTARTED):
             continue
