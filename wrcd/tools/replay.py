@@ -5,16 +5,18 @@ import csv
 import sys
 from collections import deque
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import IO, Any, TypeVar
 
 import numpy as np
 
-from wrcd.bus.codec import position
+from wrcd.bus.codec import message_key, position
 from wrcd.bus.columns import Columns, Stretch
 from wrcd.bus.dbc import Message, find_message
 from wrcd.bus.frame import Frame
 from wrcd.bus.log import Damage, format_line, read_log, read_stretches
+from wrcd.bus.log_order import TimeOrder, on_channel
 from wrcd.config import load_config
 from wrcd.core.causes import Validity
 from wrcd.core.configuration import Config
@@ -27,12 +29,14 @@ from wrcd.estimator.records import Estimate
 from wrcd.recorder.resume import Saved, load, replay_events, state_file
 from wrcd.tools.explain import sentence
 from wrcd.tools.progress import Progress
+from wrcd.tools.selection import WHOLE, Part, Selection, Survey, survey
 
 # A log has no clock to tell a silence from a step of time by. A gap of up to so long between its lines, whoever's they
 # are, is a silence, and its slots are made; a longer one is a step. What comes after it is the same either way.
 MAX_SILENCE_US = 60_000_000
 MAX_GAP_US = 500_000  # between frames of a stretch that is read by columns: far from any silence
 
+DAMAGED, NOTHING_FITS = 1, 3  # exit statuses
 Item = TypeVar("Item", Stretch | tuple[Frame, str], tuple[Frame, str])
 
 COLUMNS = (
@@ -45,52 +49,76 @@ SIGNALS = ("Validity", "MuAvailable", "MuUsed", "ContactState", "Surface", "Conf
 
 
 def replay(
-    log: Path, config_file: Path | None, output: Path | None, table: Path | None, explained: bool = False
+    log: Path,
+    config_file: Path | None,
+    output: Path | None,
+    table: Path | None,
+    explained: bool = False,
+    *,
+    selection: Selection = WHOLE,
 ) -> int:
     """Run a log and write what was asked for; a summary goes to standard error. explained: the CSV's rows say which
-    model and which rule decided."""
+    model and which rule decided.
+
+    Returns 0, DAMAGED for a log that could not be read to its end, NOTHING_FITS where no frame is an input. Outputs of
+    a log that turns out not to be readable at all are removed again.
+    """
     for out in (output, table):
         if out is not None and out.exists() and log.exists() and out.samefile(log):
             raise InputError("is the log itself; it would be lost", file=out, hint="give another file")
     config = load_config(config_file)
+    selection.check(config)
     core = Core(config)
     saved = resume(core, log)
+    # a pipe cannot be read twice; a state may tell of an axle whose frames lie before the log
+    looked = survey(log, config, selection.channel) if log.is_file() or not log.exists() else Survey()
+    found = looked if saved is None else replace(looked, without_frame=frozenset())
+    part = Part(selection, found, config)
     before = Counts(core.counts.accepted, core.counts.rejected.copy(), ticks=core.counts.ticks)
-    damage = Damage()
+    damage, order = Damage(), TimeOrder(log)
     sent = 0
-    with contextlib.ExitStack() as files:
-        frames_out = files.enter_context(create(output)) if output else None
-        rows = _rows(files, table, output is None or explained, config, explained)
-        if saved is None:
-            made = outgoing_of_stretches(core, progress(read_stretches(log, damage), log))
-        else:
-            made = outgoing(core, progress(read_log(log, damage), log), saved)
-        for o, channel in made:
-            sent += 1
-            if frames_out:
-                frames_out.write(format_line(o.frame, channel) + "\n")
-            if rows:
-                rows.write(o)
+    try:
+        with contextlib.ExitStack() as files:
+            frames_out = files.enter_context(create(output)) if output else None
+            rows = _rows(files, table, output is None or explained, config, explained, part)
+            if saved is None:
+                items = order.put(on_channel(read_stretches(log, damage), selection.channel, log))
+                made = outgoing_of_stretches(core, progress(part.read(items), log))
+            else:
+                made = outgoing(core, progress(on_channel(read_log(log, damage), selection.channel, log), log), saved)
+            for o, channel in made:
+                if not part.wants(o):
+                    continue
+                sent += 1
+                if frames_out:
+                    frames_out.write(format_line(o.frame, channel) + "\n")
+                if rows:
+                    rows.write(o)
+    except InputError:
+        for out in (output, table):
+            if out is not None and out.is_file():
+                out.unlink()
+        raise
+    said = [*damage.warnings(log), *order.warnings()]
     if saved is not None and damage.read != saved.lines:
-        print(
-            f"wrcd: warning: {log}: has {damage.read} frames, {saved.lines} when it was recorded: from where they "
-            "differ on, so may what is made of them",
-            file=sys.stderr,
+        said.append(
+            f"{log}: has {damage.read} frames, {saved.lines} when it was recorded: from where they differ on, so may "
+            "what is made of them"
         )
-    for warning in damage.warnings(log):
-        print(f"wrcd: warning: {warning}", file=sys.stderr)
     accepted, rejected = core.counts.accepted - before.accepted, core.counts.rejected - before.rejected
     if not accepted:
-        print(
-            f"wrcd: warning: {log}: none of its {damage.read} frames is a usable input of this configuration",
-            file=sys.stderr,
-        )
+        said.append(f"{log}: none of its {damage.read} frames is a usable input of this configuration")
+    elif found.without_frame:
+        axles = ", ".join(map(str, sorted(found.without_frame)))
+        said.append(f"{log}: has no frame of axle {axles}; no rows of it")
+    for warning in said:
+        print(f"wrcd: warning: {warning}", file=sys.stderr)
     print(
         f"wrcd: {damage.read} frames read, {accepted} accepted, rejected: {Counts(rejected=rejected).rejections}; "
         f"{core.counts.ticks - before.ticks} ticks, {sent} frames made",
         file=sys.stderr,
     )
-    return 0
+    return NOTHING_FITS if not accepted else 0 if damage.whole else DAMAGED
 
 
 def resume(core: Core, log: Path) -> Saved | None:
@@ -172,27 +200,33 @@ def progress(items: Iterator[Item], log: Path) -> Iterator[Item]:
 class Rows:
     """The CSV: what the Adhesion frames say, in the words of the DBC's value tables."""
 
-    def __init__(self, file: IO[str], config: Config, explained: bool) -> None:
+    def __init__(self, file: IO[str], config: Config, explained: bool, part: Part) -> None:
         self._writer = csv.writer(file, lineterminator="\n")
         self._writer.writerow((*COLUMNS, *REASONS) if explained else COLUMNS)
         self._design = config.design if explained else None
         self._place = {a.number: place for place, a in enumerate(config.axles)}
         found = ((find_message(config.database, a.adhesion.message), a.number) for a in config.axles)
-        self._messages: dict[int, tuple[Cells, int]] = {m.frame_id: (Cells(m), number) for m, number in found}
+        self._messages = {message_key(m): (Cells(m), number) for m, number in found if number in part.axles}
+        self._origin_us = part.origin_us
 
     def write(self, o: Outgoing) -> None:
         """One row for an Adhesion frame, nothing for others."""
         frame, why = o.frame, o.why
-        found = self._messages.get(frame.can_id)
+        found = self._messages.get(frame.key)
         if found is None:
             return
         cells, number = found
-        stamp = f"{frame.stamp_us // 1_000_000}.{frame.stamp_us % 1_000_000:06d}"
+        stamp = _seconds(frame.stamp_us - self._origin_us)
         row = [stamp, number, *cells.of(frame.data), o.cause.words]
         if self._design is not None:
             warm = row[2] != Validity.NOT_AVAILABLE
             row += _reasons(self._design, why, self._place[number]) if why and warm else ["", "", ""]
         self._writer.writerow(row)
+
+
+def _seconds(us: int) -> str:
+    """Microseconds as seconds, exactly."""
+    return f"{'-' * (us < 0)}{abs(us) // 1_000_000}.{abs(us) % 1_000_000:06d}"
 
 
 class Cells:
@@ -238,8 +272,8 @@ def _reasons(design: Design, why: Estimate, place: int) -> list[str]:
 
 
 def _rows(
-    files: contextlib.ExitStack, table: Path | None, to_screen: bool, config: Config, explained: bool
+    files: contextlib.ExitStack, table: Path | None, to_screen: bool, config: Config, explained: bool, part: Part
 ) -> Rows | None:
     if table is not None:
-        return Rows(files.enter_context(create(table)), config, explained)
-    return Rows(sys.stdout, config, explained) if to_screen else None
+        return Rows(files.enter_context(create(table)), config, explained, part)
+    return Rows(sys.stdout, config, explained, part) if to_screen else None

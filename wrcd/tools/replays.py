@@ -10,12 +10,20 @@ from pathlib import Path
 
 from wrcd.errors import InputError
 from wrcd.tools.replay import replay
+from wrcd.tools.selection import WHOLE, Selection
 
 SUFFIXES = {".log", ".gz", ".blf", ".asc", ".trc", ".mf4", ".csv", ".db"}
 
 
 def replays(
-    logs: Sequence[Path], config: Path | None, output: Path | None, table: Path | None, explained: bool, jobs: int
+    logs: Sequence[Path],
+    config: Path | None,
+    output: Path | None,
+    table: Path | None,
+    explained: bool,
+    jobs: int,
+    *,
+    selection: Selection = WHOLE,
 ) -> int:
     """Replay logs into folders: NAME.log of the frames sent in `output`, NAME.csv in `table`. What is said of each log
     is printed in their order.
@@ -42,7 +50,9 @@ def replays(
     outputs = [(output / f"{name}.log" if output else None, table / f"{name}.csv" if table else None) for name in names]
     status = 0
     with ProcessPoolExecutor(min(jobs, len(logs)), mp_context=get_context("spawn")) as pool:
-        runs = [pool.submit(_one, log, config, *to, explained) for log, to in zip(logs, outputs, strict=True)]
+        runs = [
+            pool.submit(_one, log, config, *to, explained, selection) for log, to in zip(logs, outputs, strict=True)
+        ]
         for log, run in zip(logs, runs, strict=True):
             ended, said = run.result()
             print(f"{log}:\n{said.rstrip()}", file=sys.stderr)
@@ -50,12 +60,14 @@ def replays(
     return status
 
 
-def _one(log: Path, config: Path | None, output: Path | None, table: Path | None, explained: bool) -> tuple[int, str]:
+def _one(
+    log: Path, config: Path | None, output: Path | None, table: Path | None, explained: bool, selection: Selection
+) -> tuple[int, str]:
     """One log in a process of its own: its exit status, and what it says."""
     said = io.StringIO()
     with contextlib.redirect_stderr(said):
         try:
-            status = replay(log, config, output, table, explained)
+            status = replay(log, config, output, table, explained, selection=selection)
         except InputError as e:
             print(f"wrcd: error: {e}", file=said)
             status = e.status
