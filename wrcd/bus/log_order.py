@@ -82,15 +82,19 @@ class TimeOrder:
         for item in items:
             newest_us = self._look(item)
             held.append((newest_us, item))
-            while self._behind and self._behind[0] < self._number - AMONG_FRAMES:
-                self._behind.popleft()
             if len(self._behind) >= MIN_BEHIND:
                 yield from stretches(self._sort(itertools.chain((i for _, i in held), items)))
                 return
+            self._forget()
             while not self._behind and held and not 0 <= newest_us - held[0][0] <= SORTED_WITHIN_US:
                 yield self._release(held.popleft())
         while held:
             yield self._release(held.popleft())
+
+    def _forget(self) -> None:
+        """Frames behind that lie too far back are steps of the clock."""
+        while self._behind and self._behind[0] < self._number - AMONG_FRAMES:
+            self._behind.popleft()
 
     def _release(self, held: tuple[int, Item]) -> Item:
         self._released_us = held[0]
@@ -113,6 +117,9 @@ class TimeOrder:
                 self.steps += 1
                 self.largest_step_us = max(self.largest_step_us, behind_us)
                 self._behind.append(self._number)
+                self._forget()
+                if len(self._behind) >= MIN_BEHIND:
+                    break  # it is to be sorted, whatever follows
             if behind_us > BEHIND_US or self._newest_us is None or stamp_us > self._newest_us:
                 self._newest_us = stamp_us
         assert self._newest_us is not None

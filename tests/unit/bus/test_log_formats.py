@@ -112,7 +112,8 @@ def test_asc_events_that_are_no_frames_are_no_damage(tmp_path: Path) -> None:
     log.write_bytes(
         "date Mit Mär 6 10:21:44 2024\nbase hex  timestamps absolute\ninternal events logged\n// version 13.0.0\n"
         "Begin Triggerblock Mit Mär 6 10:21:44 2024\n   0.000000 Start of measurement\n"
-        "   0.001000 CAN 1 Status:chip status error active\n   0.002000 1  Statistic: D 0 R 0 XD 0 XR 0 E 0 O 0 B 0.00%\n"
+        "   0.001000 CAN 1 Status:chip status error active\n"
+        "   0.002000 1  Statistic: D 0 R 0 XD 0 XR 0 E 0 O 0 B 0.00%\n"
         "   0.003000 1  ErrorFrame\n   0.004000 1  101             Rx   d 2 0A 0B  Length = 0 BitCount = 0 ID = 257\n"
         "   0.005000 SV: 1 0 1 ::Sys::Value = 1\n   0.006000 2  18FF0102x       Rx   r\n"
         "   0.007000 log trigger event\n\nEnd TriggerBlock\n".encode("latin-1")
