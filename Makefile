@@ -96,6 +96,7 @@ score: $(READY)
 # between the markers of the pages; docs-check changes nothing
 docs: $(READY)
 	$(BIN)/python -m tests.support.pages --write
+	$(BIN)/python -m tests.support.signs_picture
 
 docs-all: $(READY)
 	$(BIN)/python -m tests.support.pages --write --all

@@ -52,11 +52,14 @@ BA_DEF_DEF_ "E2EDataId" 0;
 BA_DEF_DEF_ "GenSigTimeoutTime" 0;
 BA_DEF_DEF_ "GenSigStartValue" 0;
 BA_ "GenMsgCycleTime" BO_ 145 20;
+BA_ "GenMsgCycleTime" BO_ 2364540158 5;
 BA_ "E2EProfile" BO_ 800 "P11";
 BA_ "E2EDataId" BO_ 800 800;
 BA_ "GenSigTimeoutTime" SG_ 800 V 60;
 BA_ "GenSigStartValue" SG_ 145 MuAvailable 65535;
 VAL_ 145 Validity 0 "NotAvailable" 1 "Valid" 2 "Degraded" 14 "Error" ;
+VAL_ 145 MuAvailable 65535 "NotAvailable" ;
+VAL_ 145 MuUsed 65535 "NotAvailable" ;
 VAL_ 800 Status 0 "Ok" 1 "Degraded" 14 "Error" 15 "NotAvailable" ;
 VAL_ 800 V 65535 "SNA" ;
 VAL_ 800 Dir 0 "Forward" 1 "Reverse" 3 "SNA" ;
@@ -92,7 +95,7 @@ PACKAGED = """
 speed = "VehicleSpeed.Speed"
 status_message = "WrcdStatus"
 [limits]
-constant_speed_m_s = 20
+min_speed_m_s = 20
 [estimator]
 [[axle]]
 number = 2

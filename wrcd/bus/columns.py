@@ -200,7 +200,7 @@ class Columns:
 
 def _regular(reader: MessageReader, s: Stretch, rows: IntArray) -> list[Samples] | None:
     """The samples of one message's frames, if every one of them passes."""
-    if not reader.is_plain or (s.lengths[rows] != reader.length).any():
+    if reader.order is None or reader.fd or (s.lengths[rows] != reader.length).any():
         return None
     data = s.data[rows]
     checker = reader.checker
@@ -221,13 +221,13 @@ def _regular(reader: MessageReader, s: Stretch, rows: IntArray) -> list[Samples]
         numbers[:, 8 - reader.length :] = data[:, : reader.length]
         whole = numbers.view(">u8")[:, 0].astype(np.uint64)
     degraded = [False] * len(rows)
-    if reader.status is not None:
-        _, shift, mask, _ = reader.status
-        words = (whole >> np.uint64(shift) & np.uint64(mask)).tolist()
-        if not reader.usable_words.issuperset(words):
-            if not (reader.usable_words | reader.degraded_words).issuperset(words):
+    for status in reader.statuses:
+        mask = status.field.position.mask
+        words = (whole >> np.uint64(status.shift) & np.uint64(mask)).tolist()
+        if not status.ok.issuperset(words):
+            if not (status.ok | status.degraded).issuperset(words):
                 return None
-            degraded = [word in reader.degraded_words and word not in reader.usable_words for word in words]
+            degraded = [before or word not in status.ok for before, word in zip(degraded, words, strict=True)]
     columns = []
     for signal in reader.signals:
         if signal.mask.bit_length() > MAX_BITS:

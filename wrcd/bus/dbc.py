@@ -1,7 +1,6 @@
 """Reading a DBC: messages, signals and attributes, by cantools."""
 
 import importlib.util
-import math
 import re
 import sys
 from collections.abc import Collection, Mapping
@@ -11,7 +10,7 @@ from typing import Any
 from wrcd.bus.dbc_soundness import Orphan, add_doubles, add_orphans, warnings_about, why_unsound
 from wrcd.bus.dbc_subset import subset
 from wrcd.bus.dbc_text import huge_at, read_text, without_impossible_messages, without_statements
-from wrcd.errors import InputError
+from wrcd.errors import InputError, NotThere
 
 # cantools' package imports its tester and more, and with them python-can, asyncio and ssl, none of which the daemon
 # uses on SocketCAN. They are a third of the time from start to the first frame, and after a crash that time is time
@@ -28,10 +27,10 @@ finally:
         del sys.modules["cantools"]
 
 __all__ = [
-    "Database", "Message", "Signal", "attribute", "check_encodable", "check_supported", "cycle_ms", "data_id",
-    "find_message", "find_signal", "load_dbc", "timeout_ms",
+    "Database", "Message", "Signal", "attribute", "cycle_ms", "data_id",
+    "find_message", "find_signal", "load_dbc", "parse_dbc", "timeout_ms",
 ]  # fmt: skip
-CLASSICAL_BYTES = 8
+CLASSICAL_BYTES, FD_BYTES = 8, 64
 _HAS_MESSAGE = re.compile(r"^\s*BO_ ", re.MULTILINE)
 # what cantools says of value tables and value types of signals that there are not
 _ORPHANS = re.compile(r"^    (VAL_|SIG_VALTYPE_) (\d+) (\w+)$", re.MULTILINE)
@@ -58,7 +57,7 @@ def load_dbc(path: Path, names: Collection[str] | None = None, encoding: str | N
     """
     try:
         if path.suffix.lower() == ".dbc":
-            return _load(path, read_text(path, encoding), names)
+            return parse_dbc(read_text(path, encoding), path, names)
         found = _cantools.load_file(path, strict=True)
         if not isinstance(found, _Database):
             raise InputError("is a diagnostics database, not a DBC", file=path)
@@ -66,14 +65,17 @@ def load_dbc(path: Path, names: Collection[str] | None = None, encoding: str | N
         database.unsound, database.warnings = {}, ()
         return database
     except FileNotFoundError:
-        raise InputError("no such DBC file", file=path, hint="check the path") from None
+        raise NotThere("no such DBC file", file=path, hint="check the path") from None
+    except OSError as e:
+        raise NotThere(f"cannot be read: {e.strerror}", file=path, hint="check your rights and the disk") from None
     except InputError:
         raise
     except Exception as e:  # cantools raises its parser's own kinds; all of them mean: this file can't be used
         raise InputError(f"not a usable DBC: {e}", file=path) from None
 
 
-def _load(path: Path, text: str, names: Collection[str] | None) -> Database:
+def parse_dbc(text: str, path: Path, names: Collection[str] | None = None) -> Database:
+    """The same for a text that is already there; path is what messages call it."""
     if names is not None:
         text = subset(text, names)
     at = huge_at(text)
@@ -141,34 +143,6 @@ def find_signal(message: Message, name: str) -> Signal:
         if s.name == name:
             return s
     raise KeyError(f"message {message.name} has no signal {name!r}")
-
-
-def check_supported(message: Message) -> None:
-    """Raises ValueError for a message that is not a plain classical one, which nothing here reads or sends, and for
-    signals that no frame can hold: cantools loads them and fails on the first frame."""
-    if message.is_fd or message.is_multiplexed() or message.length > CLASSICAL_BYTES:
-        raise ValueError(f"message {message.name} is CAN FD or multiplexed; only plain classical ones can be used")
-    for s in message.signals:
-        numbers = (s.scale, s.offset, s.minimum, s.maximum, s.raw_initial)
-        if s.start < 0 or s.length < 1 or not s.scale or not all(x is None or _finite(x) for x in numbers):
-            raise ValueError(f"{message.name}.{s.name} has bits that no frame has, or numbers that are none")
-
-
-def check_encodable(message: Message) -> None:
-    """Raises ValueError for a start value or a word of a value table that its own field cannot hold."""
-    for s in message.signals:
-        bits = s.length - s.is_signed
-        lowest = -(1 << bits) if s.is_signed else 0
-        raws = [*(s.choices or {}), int(s.raw_initial or 0)]
-        if not s.is_float and not all(lowest <= raw < 1 << bits for raw in raws):
-            raise ValueError(f"{message.name}.{s.name} has a start value or a named value beyond its {s.length} bits")
-
-
-def _finite(x: Any) -> bool:
-    try:
-        return math.isfinite(x)
-    except OverflowError:  # a whole number beyond all floats
-        return False
 
 
 def timeout_ms(message: Message, signal: Signal) -> int | None:

@@ -80,7 +80,7 @@ def add_doubles(messages: Sequence["Message"], unsound: dict[str, str]) -> None:
 
 
 def add_orphans(messages: Sequence["Message"], orphans: Sequence[Orphan], unsound: dict[str, str]) -> None:
-    """Add value tables and value types of signals that a message lacks: which of its signals is meant, is not said."""
+    """Add value tables and value types of signals that a message lacks; which of its signals they mean is not said."""
     by_id = {m.frame_id | m.is_extended_frame << 31: m.name for m in messages}
     for keyword, can_id, signal in orphans:
         if can_id in by_id:

@@ -23,7 +23,7 @@ class Frame:
 
     @property
     def plain(self) -> bool:
-        """A classical data frame: what every mapped message is."""
+        """A classical data frame: what most mapped messages are."""
         return not (self.remote or self.error or self.fd)
 
     @property

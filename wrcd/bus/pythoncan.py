@@ -4,6 +4,7 @@ from typing import Any
 
 import can
 
+from wrcd.bus import advice
 from wrcd.bus.frame import Frame
 from wrcd.bus.link import MAX_FRAMES, LinkHealth
 from wrcd.errors import BusError
@@ -20,6 +21,23 @@ def from_message(m: can.Message, stamp_us: int) -> Frame:
     )
 
 
+def check_interface(name: str) -> None:
+    """Raises InputError for a name that is none of python-can's."""
+    advice.check_interface(name, can.VALID_INTERFACES)
+
+
+def open_bus(interface: str, channel: str, **options: Any) -> can.BusABC:
+    """A bus by python-can's names. Raises InputError for an interface that it does not know, BusError for one that
+    cannot be opened."""
+    check_interface(interface)
+    try:
+        return can.Bus(interface=interface, channel=channel, **options)
+    except (can.CanError, OSError, ValueError, ImportError, NotImplementedError, AttributeError, TypeError) as e:
+        reason = e.strerror if isinstance(e, OSError) and e.strerror else e
+        hint = advice.for_python_can(interface, channel, e)
+        raise BusError(f"{interface}:{channel} cannot be opened: {reason}", key="channel", hint=hint) from None
+
+
 class PythonCanLink:
     """A python-can bus, read without its threads.
 
@@ -31,12 +49,8 @@ class PythonCanLink:
         self.name = f"{interface}:{channel}"
         self.health = LinkHealth()
         self._keys = None if keys is None else frozenset(keys)
-        try:
-            self._bus = can.Bus(interface=interface, channel=channel, **options)
-        except (can.CanError, OSError, ValueError, ImportError, NotImplementedError, AttributeError, TypeError) as e:
-            raise BusError(
-                f"{self.name} cannot be opened: {e}", key="interface", hint="see python-can's list of interfaces"
-            ) from None
+        self._own: set[int] = set()  # keys of the frames sent here
+        self._bus = open_bus(interface, channel, **options)
 
     def receive(self, now_us: int) -> list[Frame]:
         """What is there, MAX_FRAMES at the most, those of other ids and error frames among them."""
@@ -50,8 +64,13 @@ class PythonCanLink:
                 continue
             stamp_us = round(message.timestamp * 1e6)
             frame = from_message(message, stamp_us if abs(stamp_us - now_us) <= FOREIGN_CLOCK_US else now_us)
-            if self._keys is None or frame.key in self._keys:
-                frames.append(frame)
+            if frame.key in self._own and not frame.remote:
+                if not message.is_rx:  # our own, come back
+                    continue
+                self.health.foreign(frame.key)
+            elif self._keys is not None and frame.key not in self._keys:
+                continue
+            frames.append(frame)
         return frames
 
     def _get(self) -> can.Message | None:
@@ -72,6 +91,7 @@ class PythonCanLink:
         except (can.CanError, OSError):
             self.health.unsent += 1
             return False
+        self._own.add(frame.key)
         return True
 
     def close(self) -> None:

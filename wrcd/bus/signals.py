@@ -36,6 +36,7 @@ class Source:
     high: float | None = None
     invalid: frozenset[int] = frozenset()  # raw values that are no measurement, besides those that the DBC names so
     statuses: tuple[StatusRule, ...] | None = None
+    reverse: frozenset[int] | None = None  # raw values of a direction that mean reverse
     part: int = 0  # 0 … of the signals that add up to the quantity
 
 
@@ -48,6 +49,8 @@ class OutputSignal:
     words: Mapping[str, int] | None = None  # our word -> raw value
     not_available: int | None = None  # raw value
     round_down: bool = False
+    low: float | None = None  # physical: what may be sent
+    high: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,13 +14,14 @@ from wrcd.bus.log import Damage, format_line, read_log
 from wrcd.bus.log_order import on_channel
 from wrcd.bus.opening import open_link
 from wrcd.config import load_config
+from wrcd.errors import Status
 
 BOLD_GREEN, BOLD_YELLOW, BOLD_RED, PLAIN = "\033[1;32m", "\033[1;33m", "\033[1;31m", "\033[0m"
 _COLOURS = {"Valid": BOLD_GREEN, "Degraded": BOLD_YELLOW, "Error": BOLD_RED, "NotAvailable": BOLD_RED}
 
 
 def dump(args: argparse.Namespace) -> int:
-    """Print frames of a log or of a bus until it ends, the count is reached or Ctrl-C. Returns 1 for a damaged log."""
+    """Print frames of a log or of a bus until it ends, the count is reached or Ctrl-C. Returns the exit status."""
     config = load_config(args.config)
     # of an id that is in several, the first one's: what was named comes before the configuration's
     databases = (*map(load_dbc, args.dbc), config.database)
@@ -39,11 +40,11 @@ def dump(args: argparse.Namespace) -> int:
             break
     for warning in damage.warnings(args.log or Path()):
         print(f"wrcd: warning: {warning}", file=sys.stderr)
-    return 0 if damage.whole else 1
+    return Status.DONE if damage.whole else Status.STOPPED
 
 
 def _live(interface: str, channel: str) -> Iterator[tuple[Frame, str]]:
-    link = open_link(interface, channel, None)
+    link = open_link(interface, channel, None, fd=interface == "socketcan")
     try:
         while True:
             for frame in link.receive(time.time_ns() // 1000):

@@ -93,12 +93,11 @@ class Part:
 
     def wants(self, o: Outgoing) -> bool:
         """Whether a frame lies within the time, and is not another axle's."""
-        stamp_us = o.frame.stamp_us
-        return (
-            (self.begin_us is None or stamp_us >= self.begin_us)
-            and (self.end_us is None or stamp_us < self.end_us)
-            and o.frame.key not in self._left_out
-        )
+        return self.wants_at(o.frame.stamp_us) and o.frame.key not in self._left_out
+
+    def wants_at(self, stamp_us: int) -> bool:
+        """Whether a stamp lies within the time."""
+        return (self.begin_us is None or stamp_us >= self.begin_us) and (self.end_us is None or stamp_us < self.end_us)
 
     def read(self, items: Iterable[Item]) -> Iterator[Item]:
         """A log's frames, as far as they are needed."""

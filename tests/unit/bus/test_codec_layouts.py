@@ -2,14 +2,14 @@
 
 import math
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
-from cantools import database as cantools_database
 from hypothesis import given
 from hypothesis import strategies as st
 
 from wrcd.bus.codec import Receiver, SignalReader, Value, Writer
-from wrcd.bus.dbc import Database, Message, find_message
+from wrcd.bus.dbc import Database, Message, find_message, parse_dbc
 from wrcd.bus.frame import Frame
 from wrcd.bus.reasons import Reason
 from wrcd.bus.signals import Source
@@ -30,9 +30,7 @@ class Layout:
 
     @property
     def database(self) -> Database:
-        loaded = cantools_database.load_string(self.text, "dbc", strict=True)
-        assert isinstance(loaded, Database)
-        return loaded
+        return parse_dbc(self.text, Path("layout.dbc"))
 
 
 @st.composite
@@ -74,7 +72,7 @@ def test_every_signal_is_decoded_as_by_cantools(layout: Layout, data: st.DataObj
     raw, physical = decoded(message, frame, scaling=False), decoded(message, frame, scaling=True)
     for number, name in enumerate(layout.names):
         source = Source("M", name, Quantity.SPEED, (0,))
-        reader = SignalReader(number, source, message.get_signal_by_name(name), layout.length)
+        reader = SignalReader(number, source, message)
         assert reader.position.raw(int.from_bytes(frame, reader.position.order)) == raw[name]
         got = Receiver(layout.database, [source]).read(Frame(0, CAN_ID, frame))
         if abs(physical[name]) <= Quantity.SPEED.limit:

@@ -22,12 +22,14 @@ Lines = list[bytes]
 def by_columns(log: Path) -> tuple[list[str], object, Damage]:
     core, damage = Core(load_config(None)), Damage()
     out = [f"{o.frame} {o.cause.name} {c}" for o, c in outgoing_of_stretches(core, read_stretches(log, damage))]
+    out += [c.csv_line for c in core.events.since(0)]
     return out, core.counts, damage
 
 
 def by_frames(log: Path) -> tuple[list[str], object, Damage]:
     core, damage = Core(load_config(None)), Damage()
     out = [f"{o.frame} {o.cause.name} {c}" for o, c in outgoing(core, read_log(log, damage), None)]
+    out += [c.csv_line for c in core.events.since(0)]
     return out, core.counts, damage
 
 
