@@ -115,13 +115,16 @@ def replay(
             "what is made of them"
         )
     accepted, rejected = core.counts.accepted - before.accepted, core.counts.rejected - before.rejected
-    if not accepted:
-        said.append(f"{log}: none of its {damage.read} frames is a usable input of this configuration")
-    elif found.without_frame:
+    if accepted and found.without_frame:
         axles = ", ".join(map(str, sorted(found.without_frame)))
         said.append(f"{log}: has no frame of axle {axles}; no rows of it")
     for warning in said:
         print(f"wrcd: warning: {warning}", file=sys.stderr)
+    if not accepted:
+        print(
+            f"wrcd: error: {log}: none of its {damage.read} frames is a usable input of this configuration",
+            file=sys.stderr,
+        )
     print(
         f"wrcd: {damage.read} frames read, {accepted} accepted, rejected: {Counts(rejected=rejected).rejections}; "
         f"{core.counts.ticks - before.ticks} ticks, {sent} frames made",
