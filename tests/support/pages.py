@@ -196,8 +196,7 @@ def configuration(which: str) -> list[str]:
         fields = declared.field_keys(MESSAGES["adhesion"]["MuAvailable"])
         named = [(key.name, key) for key in own] + [(f"….{key.name}", key) for key in fields]
     rows: list[tuple[object, ...]] = [
-        (f"`{name}`", key.takes, key.shown_default, "yes" if getattr(key, "reload", False) else "", key.what)
-        for name, key in named
+        (f"`{name}`", key.takes, key.shown_default, "yes" if key.reload else "", key.what) for name, key in named
     ]
     return table(("key", "takes", "default", "reload", "what"), rows)
 

@@ -49,15 +49,14 @@ def value(key: keys.Key) -> dict[str, Any]:
 
 def described(key: keys.Key) -> dict[str, Any]:
     """The same, with what it means and its default."""
-    default = getattr(key, "default", None)
-    shown = {} if default is None or isinstance(key, keys.Sub) else {"default": default}
+    shown = {} if key.default is None or isinstance(key, keys.Sub) else {"default": key.default}
     return {"description": key.what, **value(key), **shown}
 
 
 def table(declarations: Iterable[keys.Key]) -> dict[str, Any]:
     """A table of some keys, and of no others."""
     every = tuple(declarations)
-    needed = [k.name for k in every if getattr(k, "needed", False)]
+    needed = [k.name for k in every if k.needed]
     out = {"type": "object", "additionalProperties": False, "properties": {k.name: described(k) for k in every}}
     return {**out, "required": needed} if needed else out
 

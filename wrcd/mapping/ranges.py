@@ -1,7 +1,6 @@
 """The range of an input: the configuration's or the DBC's, and whether a train fits into it."""
 
 import math
-from fractions import Fraction
 
 from wrcd import declared
 from wrcd.bus.dbc import Message, Signal
@@ -12,6 +11,7 @@ from wrcd.mapping.statements import Statement
 from wrcd.mapping.values import span
 
 YAW_RAD_S, LAT_M_S2 = 0.35, 20.0  # what a wheelset that hunts reaches: 20 deg/s, 2 g
+EPSILON = 1e-6  # of a step: what is lost in the division
 MU = 0.5  # adhesion that a torque may use
 
 
@@ -86,10 +86,11 @@ def _reaches(low: float | None, high: float | None, to_si: float, needed: tuple[
 def _inside(signal: Signal, scale: float, offset: float, low: float | None, high: float | None) -> int:
     """How many raw values of a field are within a physical range, or half a step beyond."""
     lowest, highest = span(signal)
-    ends: list[Fraction] = [
-        Fraction(end) if x is None else (Fraction(x) - Fraction(offset)) / Fraction(scale)
-        for x, end in ((low, lowest if scale > 0 else highest), (high, highest if scale > 0 else lowest))
-    ]
-    half = Fraction(1, 2)
-    first, last = math.ceil(min(ends) - half), math.floor(max(ends) + half)
+    ends = []
+    for x, end in ((low, lowest if scale > 0 else highest), (high, highest if scale > 0 else lowest)):
+        raw = float(end) if x is None else (x - offset) / scale
+        ends.append(
+            min(max(raw, lowest - 1.0), highest + 1.0)
+        )  # a raw value beyond the field may be beyond all numbers
+    first, last = math.ceil(min(ends) - 0.5 - EPSILON), math.floor(max(ends) + 0.5 + EPSILON)
     return max(min(last, highest) - max(first, lowest) + 1, 0)

@@ -1,7 +1,7 @@
 """What the configuration says of one input, before the DBC is asked: a record for each signal."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from wrcd import declared
 from wrcd.bus.units import Quantity
@@ -28,8 +28,7 @@ KEYS = dict.fromkeys((Quantity.AXLE_LOAD, Quantity.WHEEL_RADIUS), declared.PLAIN
 Values = tuple[int | str, ...]  # raw ones, or words of a value table
 
 
-@dataclass(frozen=True, slots=True)
-class StatusStatement:
+class StatusStatement(NamedTuple):
     """Which signal says whether the sender is well, and by which values. None: by the words of its value table."""
 
     message: str
@@ -38,8 +37,7 @@ class StatusStatement:
     degraded: Values | None
 
 
-@dataclass(frozen=True, slots=True)
-class Statement:
+class Statement(NamedTuple):
     """One signal that carries a quantity, or a part of it, as the configuration says. None: as the DBC says."""
 
     table: Section  # for errors
