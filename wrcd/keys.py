@@ -22,6 +22,10 @@ class Key:
         """What a value may be, in words."""
         raise NotImplementedError
 
+    def read(self, section: Section) -> object:
+        """The value; its default or None where it is missing, or wrong, which is a mistake."""
+        raise NotImplementedError
+
     @property
     def shown_default(self) -> str:
         """The default, in words."""
@@ -48,7 +52,8 @@ class Text(Key):
 
     def read(self, section: Section) -> str | None:
         """The value, its default where there is one, or None. Raises InputError where a needed one is missing."""
-        return section.take(self.name, str) if self.needed else section.maybe(self.name, str) or self.default
+        given = section.take(self.name, str) if self.needed else section.maybe(self.name, str)
+        return self.default if given is None else given
 
 
 @dataclass(frozen=True, slots=True)

@@ -245,10 +245,16 @@ def fault_lines() -> list[str]:
 
 
 MAKERS: dict[str, Callable[..., list[str]]] = {
-    "messages": messages, "options": options, "configuration": configuration, "bus-load": bus_load,
-    "exit-codes": exit_codes, "lint-codes": lint_codes, "lint-of": lint_of, "fault-lines": fault_lines,
+    "messages": messages,
+    "options": options,
+    "configuration": configuration,
+    "bus-load": bus_load,
+    "exit-codes": exit_codes,
+    "lint-codes": lint_codes,
+    "lint-of": lint_of,
+    "fault-lines": fault_lines,
     "scenario": scenario,
-}  # fmt: skip
+}
 
 
 def main() -> int:

@@ -16,6 +16,7 @@ from wrcd.estimator.doubts import REVERSED
 from wrcd.estimator.fuzzy import MIN_FIRING
 from wrcd.estimator.gate import MAX_JUMP, Outliers
 from wrcd.estimator.identity import Identity
+from wrcd.estimator.likeness import UNLIKE
 from wrcd.estimator.records import Estimate
 
 MAX_INPUTS = 2  # that a text names; of more the number
@@ -88,6 +89,12 @@ class Details:
 
     def pair(self, cause: Cause, axle: int, identity: Identity) -> str:
         """What speaks against gyro and accelerometer."""
+        if cause is Cause.WHEELSET_UNLIKE:
+            k, m, margin = identity.likeness
+            return (
+                f"{k:.2f} times the design's yaw stiffness over inertia and {m:.2f} times its load over mass explain "
+                f"gyro and accelerometer better, by {margin:.1f}, limit {UNLIKE:g}"
+            )
         f = identity.figures(DOUBT_OF[cause], axle)
         yaw, lat = self.name(YAW, axle), self.name(LAT, axle)
         heard = f"{yaw} is {f.yaw_rms:.1f}, {lat} {f.lat_rms:.1f} times the sensor's noise"

@@ -118,7 +118,7 @@ def _no_value(table: Section, ours: str, carried: Numeric, signal: Signal, where
     )
 
 
-def words_field(table: Section, ours: str, carried: Words, message: Message, signal: Signal) -> OutputSignal:
+def words_field(table: Section, carried: Words, message: Message, signal: Signal) -> OutputSignal:
     """A field for one of some words. Raises InputError where it lacks one, or one claims what another does not."""
     where, key = f"{message.name}.{signal.name}", declared.FIELD.name
     if signal.is_float:

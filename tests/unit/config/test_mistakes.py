@@ -6,50 +6,22 @@ from pathlib import Path
 
 import pytest
 
+from tests.unit.config.support import (
+    ACC,
+    DBC,
+    SECOND,
+    SPEED,
+    TORQUE,
+    YAW,
+    Edit,
+    after,
+    of_adhesion,
+    of_torque,
+    of_yaw_rate,
+    written,
+)
 from wrcd.config import load_config
 from wrcd.errors import InputError
-
-DBC = Path(__file__).parents[2] / "data" / "dbc" / "mistakes.dbc"
-BASE = """[dbc]
-file = "mistakes.dbc"
-[wheelset]
-name = "default"
-[vehicle]
-speed = "Drive.V"
-[[axle]]
-number = 1
-yaw_rate = "Imu1.Gyro"
-lateral_acceleration = "Imu1.Acc"
-torque = "Tcu.Torque"
-"""
-SECOND = """
-[[axle]]
-number = 2
-yaw_rate = "Imu2.Gyro"
-lateral_acceleration = { signal = "Imu2.Acc", unit = "g" }
-torque = "Tcu.Torque"
-"""
-SPEED, YAW, ACC, TORQUE = (
-    'speed = "Drive.V"', 'yaw_rate = "Imu1.Gyro"', 'lateral_acceleration = "Imu1.Acc"', 'torque = "Tcu.Torque"',
-)  # fmt: skip
-Edit = tuple[str, str]
-
-
-def of_yaw_rate(keys: str) -> Edit:
-    return YAW, f'yaw_rate = {{ signal = "Imu1.Gyro", {keys} }}'
-
-
-def of_torque(keys: str) -> Edit:
-    return TORQUE, f"torque = {{ {keys} }}"
-
-
-def after(lines: str) -> Edit:
-    return TORQUE, f"{TORQUE}\n{lines}"
-
-
-def of_adhesion(keys: str) -> Edit:
-    return after(f"adhesion = {{ {keys} }}")
-
 
 # what is changed in BASE, and the messages from the line on
 CASES: dict[str, tuple[list[Edit], list[str]]] = {
@@ -589,16 +561,6 @@ CASES: dict[str, tuple[list[Edit], list[str]]] = {
 def folder(tmp_path: Path) -> Path:
     shutil.copy(DBC, tmp_path)
     return tmp_path
-
-
-def written(folder: Path, edits: list[Edit]) -> Path:
-    text = BASE
-    for old, new in edits:
-        assert old in text
-        text = text.replace(old, new, 1)
-    path = folder / "train.toml"
-    path.write_text(text)
-    return path
 
 
 @pytest.mark.parametrize("case", CASES)
