@@ -175,7 +175,7 @@ class Details:
     def _against(self, axle: int, inputs: Inputs) -> str:
         torques = inputs.torques(axle)
         named = [f"{self.signal(row, axle)} {torque / 1000:.2f} kN m" for row, torque in torques.items()]
-        return "; ".join(named)
+        return " against ".join(named)
 
     def _load(self, axle: int, inputs: Inputs) -> str:
         load, design = inputs.value(LOAD, axle), 2 * self._design.normal_N

@@ -22,7 +22,7 @@ from wrcd.estimator.records import Estimate
 COLUMNS = ("time_s", "axle", "from", "to", "cause", "detail")
 MAX_KEPT = 4096  # changes, for those who look after every turn
 MAX_DETAIL = 200  # characters: what a state file's texts may have
-TICK_CAUSES = frozenset(range(Cause.INPUT_STALE, Cause.RADIUS_BEYOND + 1))
+TICK_CAUSES = frozenset((*range(Cause.INPUT_STALE, Cause.RADIUS_BEYOND + 1), Cause.TORQUES_CONTRADICT))
 PAIR_CAUSES = frozenset(range(Cause.SENSORS_SILENT, Cause.GYRO_DEAD + 1))
 
 
