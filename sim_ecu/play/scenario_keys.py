@@ -1,7 +1,6 @@
 """Every key of a scenario, by table: the parser reads by these, and docs/reference/scenario.md is made from them."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -20,11 +19,14 @@ LARGEST = 1e6
 Rows = tuple[tuple[float, ...], tuple[float, ...]]
 
 
-@dataclass(frozen=True, slots=True)
 class Measure(Number):
     """A number with its unit."""
 
-    unit: str = ""
+    def __init__(
+        self, name: str, what: str, low: float, high: float, default: float | None = None, *, unit: str = ""
+    ) -> None:
+        super().__init__(name, what, low, high, default)
+        self.unit = unit
 
     def of(self, section: Section, default: float | None = None) -> float:
         """The number; its default may depend on what else is there."""
@@ -33,24 +35,17 @@ class Measure(Number):
         return section.number(self.name, fallback, self.low, self.high)
 
 
-@dataclass(frozen=True, slots=True)
 class Over(Key):
     """A number, or rows of time and number, between which it goes straight."""
 
-    low: float
-    high: float
-    unit: str = ""
-    default: float | None = None
+    default: float | None
 
-    @property
-    def takes(self) -> str:
-        """Either."""
-        return f"{self.low:g} … {self.high:g}, or [[s, value], …]"
-
-    @property
-    def shown_default(self) -> str:
-        """The default."""
-        return "–" if self.default is None else f"{self.default:g}"
+    def __init__(
+        self, name: str, what: str, low: float, high: float, unit: str = "", default: float | None = None
+    ) -> None:
+        super().__init__(name, what)
+        self.low, self.high, self.unit, self.default = low, high, unit, default
+        self.takes = f"{low:g} … {high:g}, or [[s, value], …]"
 
     def read(self, section: Section) -> Rows:
         """Times in s, and values. Raises InputError."""
@@ -68,23 +63,12 @@ class Over(Key):
         return tuple(table[:, 0].tolist()), tuple(table[:, 1].tolist())
 
 
-@dataclass(frozen=True, slots=True)
 class Other(Key):
     """A key with a form of its own; the parser checks it."""
 
-    form: str
-    default: str = "–"
-    unit: str = ""
-
-    @property
-    def takes(self) -> str:
-        """The form."""
-        return self.form
-
-    @property
-    def shown_default(self) -> str:
-        """The default."""
-        return self.default
+    def __init__(self, name: str, what: str, form: str, default: str = "–", unit: str = "") -> None:
+        super().__init__(name, what)
+        self.takes, self.default, self.unit = form, default, unit
 
 
 def _names(words: Mapping[str, object] | tuple[str, ...]) -> tuple[str, ...]:
