@@ -274,7 +274,7 @@ def _check_bus(args: argparse.Namespace) -> int:
     if args.log is not None and args.live is not None:
         raise InputError("a log or a bus, not both", key="--live", hint="leave out --log or --live")
     if args.log is not None:
-        return check_log(args.log, args.config)
+        return check_log(args.log, args.config, args.channel)
     return check_live(args.live, args.config, args.interface, args.channel)
 
 

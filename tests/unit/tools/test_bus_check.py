@@ -200,6 +200,29 @@ def test_bad_input_is_one_line(arguments: list[str], message: str, capsys: pytes
     assert message in capsys.readouterr().err
 
 
+def test_channels_order_and_damage_of_a_log_are_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], checked: Checked
+) -> None:
+    checked(STEADY.format(seconds=4))
+    lines = (tmp_path / "played.log").read_text().splitlines(keepends=True)
+    log = tmp_path / "changed.log"
+    command = ["check", "--config", str(tmp_path / "config.toml"), "--log", str(log)]
+
+    log.write_text("".join(lines) + "".join(line.replace("can0", "can1") for line in lines[:50]))
+    assert main(command) == 2
+    assert re.search(r"can0 \(\d+ frames\), can1 \(50 frames\)", capsys.readouterr().err)
+    assert main([*command, "-c", "can0"]) == 0
+
+    blocks = [lines[k : k + 100] for k in range(0, len(lines), 100)]  # 0.2 s each
+    log.write_text("".join(line for k in range(len(blocks) & ~1) for line in blocks[k ^ 1]))
+    assert main(command) == 0
+    assert "out of time order" in capsys.readouterr().err
+
+    log.write_text("".join(lines)[:-9])
+    assert main(command) == 1
+    assert "cut off" in capsys.readouterr().err
+
+
 def test_live_bus_is_listened_to_and_nothing_is_sent(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     scenario = read_scenario(parse_toml(STEADY.format(seconds=3), "test"), "test")
     config = tmp_path / "one.toml"

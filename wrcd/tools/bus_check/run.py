@@ -9,6 +9,7 @@ from types import FrameType
 
 from wrcd.bus.frame import Frame
 from wrcd.bus.log import Damage, read_stretches
+from wrcd.bus.log_order import TimeOrder, on_channel
 from wrcd.bus.opening import open_link
 from wrcd.config import load_config
 from wrcd.core.configuration import Config
@@ -28,15 +29,16 @@ TURN_S = 0.02
 MAX_LIVE_S = 3600.0
 
 
-def check_log(log: Path, config_file: Path | None) -> int:
-    """Print what a log gives a configuration. Returns 0 if nothing would stop Valid, 1 if something would, 3 if no
-    frame fits. Raises InputError."""
+def check_log(log: Path, config_file: Path | None, channel: str | None = None) -> int:
+    """Print what a log gives a configuration; of a log of several channels, what one of them gives. Returns 0 if
+    nothing would stop Valid, 1 if something would or the log is damaged, 3 if no frame fits. Raises InputError."""
     config = load_config(config_file)
-    damage = Damage()
-    status = _report(config, Gathered(config), progress(read_stretches(log, damage), log))
-    for warning in damage.warnings(log):
+    damage, order = Damage(), TimeOrder(log)
+    items = order.put(on_channel(read_stretches(log, damage), channel, log))
+    status = _report(config, Gathered(config), progress(items, log))
+    for warning in (*damage.warnings(log), *order.warnings()):
         print(f"wrcd: warning: {warning}", file=sys.stderr)
-    return status
+    return WOULD_STOP if status == FINE and not damage.whole else status
 
 
 def check_live(seconds: float, config_file: Path | None, interface: str | None, channel: str | None) -> int:
