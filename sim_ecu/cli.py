@@ -8,9 +8,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from sim_ecu.commands.extra import explained
 from sim_ecu.score.names import SUITES
-from wrcd import __version__, resources
+from wrcd import resources
 from wrcd.tools.cli import guarded
+from wrcd.tools.version import Version
 
 if TYPE_CHECKING:
     from sim_ecu.play.scenario import Scenario
@@ -19,14 +21,14 @@ BUDGET = 600  # of `sim-ecu design --search`
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Entry point. 0 done, 1 a check failed, 2 bad input."""
+    """Entry point. Returns the exit status: see Status."""
     args = _parser().parse_args(argv)
-    return guarded("sim-ecu", lambda: _COMMANDS[args.command](args))
+    return guarded("sim-ecu", lambda: explained(lambda: _COMMANDS[args.command](args)))
 
 
 def _parser() -> argparse.ArgumentParser:
     p = argparse.ArgumentParser(prog="sim-ecu", description="The rig: nonlinear wheelsets on a CAN bus.")
-    p.add_argument("--version", action="version", version=f"%(prog)s {__version__}", help="print the version and end")
+    p.add_argument("--version", action=Version, help="print versions of package, design and formats, and end")
     commands = p.add_subparsers(dest="command", required=True, metavar="COMMAND")
 
     commands.add_parser("list", help="the packaged scenarios")
@@ -41,6 +43,10 @@ def _parser() -> argparse.ArgumentParser:
         "--log", type=Path, metavar="OUT.log", help="write the frames to a log (the suffix is its format)"
     )
     player.add_argument("--fast", action="store_true", help="no bus: as fast as it computes, into --log")
+    player.add_argument(
+        "--config", type=Path, metavar="FILE",
+        help="speak the train's own DBC: send what this configuration of the daemon maps (default: the packaged DBC)",
+    )  # fmt: skip
     player.add_argument("--no-truth", action="store_true", help="leave the SimTruth frames out")
     player.add_argument(
         "--ahead", action="store_true", help="make all frames before the first is sent: a slow computer keeps time"
@@ -135,6 +141,7 @@ def _parser() -> argparse.ArgumentParser:
     demo = commands.add_parser("demo", help="rig and daemon on one bus, the estimate against the truth")
     demo.add_argument("-i", "--interface", help="default: socketcan on vcan0 where there is one, else virtual")
     demo.add_argument("-c", "--channel", help="its channel")
+    demo.add_argument("--config", type=Path, metavar="FILE", help="configuration of both (default: the packaged DBC)")
     demo.add_argument("--scenario", default="leaf-patch")
     demo.add_argument("-o", "--output", type=Path, default=Path("build/demo"), metavar="DIR")
     return p
@@ -183,20 +190,27 @@ def _faults(_args: argparse.Namespace) -> int:
 
 def _played(scenario: "Scenario", args: argparse.Namespace) -> int:
     from sim_ecu.play.play import play_on_bus, play_to_log
+    from sim_ecu.play.train import PACKAGED, Train
     from wrcd.errors import InputError
 
+    train: Train = PACKAGED
+    if args.config is not None:
+        from sim_ecu.play.mapped import load_train
+
+        train = load_train(args.config, scenario)
     if args.fast:
         if args.log is None:
             raise InputError("--fast needs --log OUT.log to write to")
         began = time.monotonic()
-        tally = play_to_log(scenario, args.log, not args.no_truth)
+        tally = play_to_log(scenario, args.log, not args.no_truth, train)
         ratio = scenario.duration_s / (time.monotonic() - began)
         print(
             f"sim-ecu: {args.log}: {tally.frames} frames, {scenario.duration_s:g} s at {ratio:.0f} x real time",
             file=sys.stderr,
         )
     else:
-        tally = play_on_bus(scenario, args.interface, args.channel, args.log, not args.no_truth, args.ahead)
+        truth = not args.no_truth
+        tally = play_on_bus(scenario, args.interface, args.channel, args.log, truth, args.ahead, train)
         print(f"sim-ecu: {tally.text()}", file=sys.stderr)
     return 0
 
@@ -248,7 +262,7 @@ def _verify(args: argparse.Namespace) -> int:
 def _demo(args: argparse.Namespace) -> int:
     from sim_ecu.play.demo import run
 
-    return run(args.interface, args.channel, args.scenario, args.output)
+    return run(args.interface, args.channel, args.scenario, args.output, args.config)
 
 
 _COMMANDS = {

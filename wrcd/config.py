@@ -2,32 +2,26 @@
 
 import os
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
-from wrcd import resources
+from wrcd import declared, resources
 from wrcd.bus.dbc import Database, load_dbc
 from wrcd.bus.units import Quantity
-from wrcd.core.configuration import MAX_AXLES, AxleConfig, Config, Input, RecorderConfig
+from wrcd.core.configuration import Config, Input, RecorderConfig
 from wrcd.errors import InputError
 from wrcd.estimator.design import Design, load_design
-from wrcd.mapping import (
-    AXLE_QUANTITIES,
-    NEEDED,
-    STATUS_MESSAGES,
-    VEHICLE_QUANTITIES,
-    axle,
-    cycle_us,
-    inputs,
-    optional,
-    usual_messages,
-)
+from wrcd.keys import Text, names
+from wrcd.mapping.inputs import STALE_TICKS
+from wrcd.mapping.outputs import STATUS_MESSAGES, usual_messages
+from wrcd.mapping.statements import NEEDED
+from wrcd.mapping.train import read_train
 from wrcd.settings import Section, parse_toml, read_toml, suggest
 
+__all__ = ["DEFAULT", "DEFAULT_AXLES", "STALE_TICKS", "load_config", "load_config_to_run", "load_packaged", "packaged"]
+
 T = TypeVar("T")
-STALE_TICKS = 3  # of gyro and accelerometer: two may be missing
 DEFAULT_AXLES = 4
 
 
@@ -53,12 +47,13 @@ DEFAULT = packaged(DEFAULT_AXLES)
 
 def load_config(
     path: Path | None,
-    read_dbc: Callable[[Path], Database] = load_dbc,
+    read_dbc: Callable[..., Database] = load_dbc,
     read_design: Callable[[Path], Design] = load_design,
 ) -> Config:
-    """Read a configuration file, or the default one for None. Raises InputError with file, line, key and advice.
+    """Read a configuration file, or the default one for None. Raises InputError with file, line, key and advice: all
+    mistakes of the file at once.
 
-    Who has the DBC or the design already says so by a reader of their own.
+    Who has the DBC or the design already says so by a reader of their own; that of a DBC takes its encoding, too.
     """
     return _config(*_source(path), read_dbc, read_design)
 
@@ -72,7 +67,8 @@ def load_config_to_run(path: Path | None) -> Config:
 
 def load_packaged(axles: int) -> Config:
     """The default configuration, but of so many axles."""
-    return _config(parse_toml(packaged(axles), "default configuration"), Path(), load_dbc, load_design)
+    top = parse_toml(packaged(axles), "default configuration", collect=True)
+    return _config(top, Path(), load_dbc, load_design)
 
 
 def _messages(top: Section) -> set[str]:
@@ -85,169 +81,192 @@ def _messages(top: Section) -> set[str]:
 
 def _source(path: Path | None) -> tuple[Section, Path]:
     """The configuration's top level, and the folder from which its paths go."""
-    return (parse_toml(DEFAULT, "default configuration"), Path()) if path is None else (read_toml(path), path.parent)
+    if path is None:
+        return parse_toml(DEFAULT, "default configuration", collect=True), Path()
+    return read_toml(path, collect=True), path.parent
 
 
 def _config(
-    top: Section, folder: Path, read_dbc: Callable[[Path], Database], read_design: Callable[[Path], Design]
+    top: Section,
+    folder: Path,
+    read_dbc: Callable[..., Database],
+    read_design: Callable[[Path], Design],
 ) -> Config:
+    """Read it all. What has a mistake is left out or has its default until the end, where mistakes are raised."""
     bus, dbc, estimator = top.section("bus"), top.section("dbc"), top.section("estimator")
     limits, vehicle = top.section("limits"), top.section("vehicle")
-    interface, channel = bus.get("interface", str, "socketcan"), bus.get("channel", str, "can0")
-    dbc_file = _path(dbc, "file", folder, resources.DBC)
-    database = _load(dbc, "file", dbc_file, read_dbc)
-    design_file = _path(estimator, "design", folder, resources.DESIGN)
-    design = _load(estimator, "design", design_file, read_design)
-    _same_wheelset(top.section("wheelset"), design, design_file)
-    axles, mapped = _train(top, vehicle, database)
-    mapped = [_of_tick(i, design) for i in mapped]
-    constant = _constant_speed(limits)
-    if constant is None and Quantity.SPEED not in {i.source.quantity for i in mapped}:
-        raise vehicle.error(
-            "is missing", "speed", 'name the signal ("Message.Signal") or give limits.constant_speed_m_s'
-        )
-    status, rejects, link = (
-        optional(vehicle, key, database, usual)
-        for key, usual in zip(("status_message", "rejects_message", "link_message"), STATUS_MESSAGES, strict=True)
-    )
-    config = Config(
+    read_dbc = partial(read_dbc, encoding=declared.ENCODING.read(dbc))
+    dbc_file = _path(dbc, declared.DBC_FILE, folder, resources.DBC)
+    database = _load(dbc, declared.DBC_FILE, dbc_file, read_dbc)
+    design_file = _path(estimator, declared.DESIGN, folder, resources.DESIGN)
+    design = _load(estimator, declared.DESIGN, design_file, read_design)
+    wheelset = top.section("wheelset")
+    if design is not None:
+        _same_wheelset(wheelset, design, design_file)
+        _names_the_wheelset(top, wheelset, dbc, estimator, design)
+    train = read_train(top, vehicle, database, design)
+    constant = declared.CONSTANT_SPEED.read(limits)
+    _one_speed(limits, vehicle)
+    after_us = _not_available_after_us(limits, train.inputs)
+    interface, channel = _interface(bus), declared.CHANNEL.read(bus) or ""
+    stamps = declared.TIMESTAMPS.value(bus)
+    min_speed, total = declared.MIN_SPEED.value(limits), declared.TORQUE_IS_TOTAL.read(vehicle)
+    recorder = _recorder(top.section("recorder"), folder)
+    for name, section in (
+        ("bus", bus),
+        ("dbc", dbc),
+        ("estimator", estimator),
+        ("limits", limits),
+        ("vehicle", vehicle),
+    ):
+        section.done(names(declared.TABLES[name]))
+    top.done((*declared.TABLES, "wheelset"))
+    top.finish()
+    assert database is not None
+    assert design is not None
+    status, rejects, link = train.own
+    axles = train.axles
+    return Config(
         file=str(top.file),
         interface=interface,
         channel=channel,
-        hardware_stamps=bus.choice("timestamps", ("kernel", "hardware"), "kernel") == "hardware",
+        hardware_stamps=stamps == "hardware",
         dbc_file=dbc_file,
         database=database,
         design_file=design_file,
         design=design,
         axles=tuple(axles),
-        inputs=tuple(mapped),
+        inputs=tuple(train.inputs),
+        data_ids=train.data_ids,
         status=status,
         rejects=rejects,
         link=link,
-        not_available_after_us=_not_available_after_us(limits, mapped),
-        min_speed_m_s=limits.number("min_speed_m_s", 3.0, 0.1, 60.0),
+        not_available_after_us=after_us,
+        min_speed_m_s=min_speed,
         constant_speed_m_s=constant,
-        torque_is_total=vehicle.get("torque_is_total", bool, True),
-        adhesion_cycle_us=cycle_us(database, axles[0].adhesion, 20),
-        detail_cycle_us=cycle_us(database, axles[0].detail, 100),
-        status_cycle_us=cycle_us(database, status, 1000),
-        recorder=_recorder(top.section("recorder"), folder),
+        torque_is_total=total,
+        recorder=recorder,
+        warnings=(*database.warnings, *train.warnings),
     )
-    for section in (bus, dbc, estimator, limits, vehicle, top):
-        section.done()
-    _names_the_wheelset(top, dbc, estimator, design)
-    return config
 
 
-def _train(top: Section, vehicle: Section, database: Database) -> tuple[list[AxleConfig], list[Input]]:
-    """The axles, and what is mapped for them and for the vehicle."""
-    axles: list[AxleConfig] = []
-    mapped: list[Input] = []
-    sent: set[str] = set()
-    tables = list(top.sections("axle"))
-    if not 1 <= len(tables) <= MAX_AXLES:
-        raise top.error(
-            f"takes 1 to {MAX_AXLES} tables, found {len(tables)}", "axle", "write [[axle]] for each wheelset"
+def _interface(bus: Section) -> str:
+    """The interface's name. One that a plugin of python-can brings is known, too."""
+    key = declared.INTERFACE.name
+    given = bus.maybe(key, str)
+    if given is None or given in declared.INTERFACES:
+        return given or declared.INTERFACE.value(bus)
+    from importlib.metadata import entry_points  # slow, and hardly ever needed
+
+    if given not in entry_points(group="can.interface").names:
+        from wrcd.bus.advice import check_interface
+
+        try:
+            check_interface(given, declared.INTERFACES)
+        except InputError as e:
+            bus.mistake(bus.error(e.reason, key, e.hint))
+    return given
+
+
+def _one_speed(limits: Section, vehicle: Section) -> None:
+    """The speed is mapped or constant."""
+    speed, constant = Quantity.SPEED.key, declared.CONSTANT_SPEED.name
+    if speed in vehicle and constant in limits:
+        limits.mistake(
+            limits.error("is given, and vehicle.speed names a signal", constant, "one of the two: which one holds?")
         )
-    for place, table in enumerate(tables):
-        one = axle(table, database)
-        if one.number in {a.number for a in axles}:
-            raise table.error(f"{one.number} is there twice", "number")
-        for key, name in (("adhesion", one.adhesion), ("detail", one.detail), ("inputs", one.inputs)):
-            if name in sent:
-                raise table.error(f"{name} is sent for another axle already", key)
-            if name:
-                sent.add(name)
-        axles.append(one)
-        mapped += inputs(table, database, AXLE_QUANTITIES, (place,))
-        table.done()
-    mapped += inputs(vehicle, database, VEHICLE_QUANTITIES, tuple(range(len(axles))))
-    return axles, mapped
-
-
-def _of_tick(i: Input, design: Design) -> Input:
-    """The measurements run with the ticks: past three of them they are stale, whatever the DBC says."""
-    if i.source.quantity not in (Quantity.YAW_RATE, Quantity.LAT_ACCEL):
-        return i
-    return replace(i, timeout_us=round(STALE_TICKS * design.tick_s * 1e6))
-
-
-def _constant_speed(limits: Section) -> float | None:
-    constant = limits.maybe("constant_speed_m_s", float)
-    return None if constant is None else limits.number("constant_speed_m_s", constant, 0.0, Quantity.SPEED.limit)
+    elif speed not in vehicle and constant not in limits:
+        error = vehicle.absent(speed, f'name the signal ("Message.Signal") or give limits.{constant}')
+        vehicle.mistake(error)
+        limits.explains(constant, error)
 
 
 def _not_available_after_us(limits: Section, mapped: list[Input]) -> int:
-    after_us = round(1000 * limits.number("not_available_after_ms", 100.0, 5.0, 10_000.0))
+    after_us = round(1000 * declared.NOT_AVAILABLE_AFTER.value(limits))
     for i in mapped:
         if i.source.quantity in (*NEEDED, Quantity.SPEED) and i.timeout_us > after_us:
-            raise limits.error(
-                f"{after_us / 1000:g} ms is less than the time-out of {i.source.message}.{i.source.signal}, "
-                f"{i.timeout_us / 1000:g} ms",
-                "not_available_after_ms",
-                "give a longer one: an input that is silent for so long ends the estimate",
+            limits.mistake(
+                limits.error(
+                    f"{after_us / 1000:g} ms is less than the time-out of {i.source.message}.{i.source.signal}, "
+                    f"{i.timeout_us / 1000:g} ms",
+                    declared.NOT_AVAILABLE_AFTER.name,
+                    "give a longer one: an input that is silent for so long ends the estimate",
+                )
             )
     return after_us
 
 
 def _recorder(section: Section, folder: Path) -> RecorderConfig:
     # where systemd says that a service may keep things; it may name several, by colons
-    given = section.maybe("folder", str) or os.environ.get("STATE_DIRECTORY", "").partition(":")[0]
-    max_files = section.get("max_files", int, 20)
-    if not 1 <= max_files <= 10_000:
-        raise section.error(f"takes 1 … 10000, not {max_files}", "max_files")
+    given = declared.FOLDER.read(section) or os.environ.get("STATE_DIRECTORY", "").partition(":")[0]
     config = RecorderConfig(
         folder=folder / given if given else None,
-        seconds=section.number("seconds", 60.0, 0.0, 600.0),
-        max_files=max_files,
-        max_mb=section.number("max_mb", 200.0, 1.0, 1e6),
+        seconds=declared.SECONDS.value(section),
+        max_files=declared.MAX_FILES.value(section),
+        max_mb=declared.MAX_MB.value(section),
     )
-    section.done()
+    section.done(names(declared.TABLES["recorder"]))
     return config
 
 
-def _path(section: Section, key: str, folder: Path, default: Path) -> Path:
-    given = section.maybe(key, str)
+def _path(section: Section, key: Text, folder: Path, default: Path) -> Path:
+    given = key.read(section)
     return default if given is None else folder / given
 
 
-def _load(section: Section, key: str, path: Path, load: Callable[[Path], T]) -> T:
-    """Load a file that the configuration names: the error says both where it is named and what is wrong with it."""
-    try:
-        return load(path)
-    except InputError as e:
-        if key in section:
-            raise section.error(str(e), key) from None
-        raise
+def _load(section: Section, key: Text, path: Path, load: Callable[[Path], T]) -> T | None:
+    """Load a file that the configuration names: the error says both where it is named and what is wrong with it.
+
+    None: it has a mistake, or its name has one.
+    """
+    if key.name in section and key.read(section) is None:
+        return None
+    with section.collected():
+        try:
+            return load(path)
+        except InputError as e:
+            if key.name in section:
+                named = section.error(str(e), key.name)
+                named.status = e.status
+                raise named from None
+            raise
+    return None
 
 
 def _same_wheelset(section: Section, design: Design, file: Path) -> None:
     """[wheelset] in the configuration states what the train has; a design for another one is refused."""
     for key in section:
         if key not in design.wheelset:
-            raise section.error(
-                "unknown key", key, suggest(key, design.wheelset) or "the keys of the design's wheelset"
-            )
+            hint = suggest(key, design.wheelset) or "the keys of the design's wheelset"
+            section.mistake(section.error("unknown key", key, hint))
+            continue
         stated = section.raw(key)
         has = design.wheelset[key]
         same = abs(stated - has) <= 1e-6 * abs(has) if _both_numbers(stated, has) else stated == has
         if not same:
-            raise section.error(
-                f"is {stated!r}, but the design file {file} is for a wheelset with {has!r}",
-                key,
-                "make a design for this wheelset with `sim-ecu design`, and name it under [estimator]",
+            section.mistake(
+                section.error(
+                    f"is {stated!r}, but the design file {file} is for a wheelset with {has!r}",
+                    key,
+                    "make a design for this wheelset with `sim-ecu design`, and name it under [estimator]",
+                )
             )
 
 
-def _names_the_wheelset(top: Section, dbc: Section, estimator: Section, design: Design) -> None:
+def _names_the_wheelset(top: Section, wheelset: Section, dbc: Section, estimator: Section, design: Design) -> None:
     """Whoever brings a train of their own says which wheelset it has: a foreign one cannot be told from its signals,
     only its estimates are wrong."""
-    if "file" in dbc and "design" not in estimator and not list(top.section("wheelset")):
-        raise dbc.error(
-            f"is a train's own, but nothing says that it has the wheelset {_name(design)!r} of the packaged design",
-            "file",
-            f'name it: [wheelset] name = "{_name(design)}" (or parameters to compare), or [estimator] design = "FILE"',
-        )
+    key = declared.DBC_FILE.name
+    if key not in dbc or declared.DESIGN.name in estimator or list(wheelset):
+        return
+    error = dbc.error(
+        f"is a train's own, but nothing says that it has the wheelset {_name(design)!r} of the packaged design",
+        key,
+        f'name it: [wheelset] name = "{_name(design)}" (or parameters to compare), or [estimator] design = "FILE"',
+    )
+    dbc.mistake(error)
+    for section, absent in ((top, "wheelset"), (top, "estimator"), (estimator, declared.DESIGN.name)):
+        section.explains(absent, error)
 
 
 def _name(design: Design) -> str:

@@ -1,13 +1,25 @@
-"""Errors a person caused and can mend: one clear message, exit 2, no traceback."""
+"""Errors a person caused and can mend: one clear message and an exit status, no traceback."""
 
+from collections.abc import Sequence
+from enum import IntEnum
 from pathlib import Path
 from typing import TextIO
+
+
+class Status(IntEnum):
+    """Exit statuses of both programs. What each means to a command stands in its table of exit codes."""
+
+    DONE = 0
+    STOPPED = 1  # on the way, or a check failed
+    BAD_INPUT = 2  # trying again would not mend it
+    NOT_THERE = 3  # a bus or a file that may be there on the next try
+    INTERRUPTED = 130  # Ctrl-C
 
 
 class InputError(Exception):
     """Bad input. Names the file, the line and the key where there are any, the reason, and what to do."""
 
-    status = 2  # of the process that ends with it
+    status: int = Status.BAD_INPUT  # of the process that ends with it
 
     def __init__(
         self, reason: str, *, file: Path | str | None = None, line: int | None = None, key: str = "", hint: str = ""
@@ -17,10 +29,26 @@ class InputError(Exception):
         super().__init__(f"{where}{key + ': ' if key else ''}{reason}{' — ' + hint if hint else ''}")
 
 
-class BusError(InputError):
-    """The bus cannot be opened. Another exit status than for bad input: it may be there on the next try."""
+class InputErrors(InputError):
+    """Several mistakes of one file; its text has a line for each. What asks for one of them gets the first."""
 
-    status = 3
+    def __init__(self, errors: Sequence[InputError]) -> None:
+        first = errors[0]
+        super().__init__(first.reason, file=first.file, line=first.line, key=first.key, hint=first.hint)
+        self.errors = tuple(errors)
+        # what is tried again must not fail for another reason then
+        self.status = first.status if len({e.status for e in errors}) == 1 else Status.BAD_INPUT
+        self.args = ("\n".join(map(str, errors)),)
+
+
+class NotThere(InputError):
+    """A bus or a file that cannot be opened. It may be there on the next try: a mount that comes later, an adapter."""
+
+    status = Status.NOT_THERE
+
+
+class BusError(NotThere):
+    """The bus cannot be opened."""
 
 
 def create(path: Path) -> TextIO:

@@ -11,16 +11,22 @@ from typing import Any
 import can
 from cantools.database.can import Message
 
-from sim_ecu.play.encoder import databases
+from sim_ecu.play.adhesion import AdhesionReader, Said
+from sim_ecu.play.encoder import databases, message_key
 from sim_ecu.play.interface import open_bus
+from sim_ecu.play.mapped import MappedTrain
 from sim_ecu.play.play import RealTime
 from sim_ecu.play.scenario import Scenario, load_scenario
+from sim_ecu.play.train import PACKAGED, Train
+from wrcd.bus import pythoncan
+from wrcd.bus.dbc import find_message
 from wrcd.bus.frame import Frame
 from wrcd.bus.log import format_line
 from wrcd.bus.opening import open_link
-from wrcd.config import DEFAULT_AXLES, load_packaged
+from wrcd.config import DEFAULT_AXLES, load_config, load_packaged
+from wrcd.core.configuration import Config
 from wrcd.core.core import Core
-from wrcd.core.messages import CONFIDENCES
+from wrcd.core.vocabulary import CONFIDENCES
 from wrcd.service.loop import Daemon, wall_us
 
 SHOW_EVERY_S = 0.5
@@ -31,40 +37,45 @@ HALF_WIDTHS = {name: min(half_width, WIDEST_PP) for half_width, name in CONFIDEN
 
 @dataclass(slots=True)
 class Trace:
-    """One axle as seen on the bus: rows of (time, decoded frame)."""
+    """One axle as seen on the bus: rows of (time, what a frame says)."""
 
     truth: list[tuple[float, dict[str, Any]]] = field(default_factory=list)
-    adhesion: list[tuple[float, dict[str, Any]]] = field(default_factory=list)
+    adhesion: list[tuple[float, Said]] = field(default_factory=list)
 
 
 class Observer:
     """A third party on the bus: writes the log, and decodes what anyone could decode."""
 
-    def __init__(self, bus: can.BusABC, log: Path, channel: str, numbers: list[int]) -> None:
-        production, rig = databases()
+    def __init__(self, bus: can.BusABC, log: Path, channel: str, config: Config, numbers: list[int]) -> None:
+        _, rig = databases()
         self._bus, self._channel = bus, channel
         self._file = log.open("w", encoding="ascii")
         self.traces = {n: Trace() for n in numbers}
-        self._rows: dict[int, tuple[Message, list[tuple[float, dict[str, Any]]]]] = {}
+        outputs = {a.number: a.adhesion for a in config.axles}
+        self._truth: dict[int, tuple[Message, Trace]] = {}
+        self._adhesion: dict[int, tuple[AdhesionReader, Trace]] = {}
         for n, trace in self.traces.items():
-            for message, rows in (
-                (production.get_message_by_name(f"Adhesion_A{n}"), trace.adhesion),
-                (rig.get_message_by_name(f"SimTruth_A{n}"), trace.truth),
-            ):
-                self._rows[message.frame_id] = (message, rows)
+            truth = rig.get_message_by_name(f"SimTruth_A{n}")
+            self._truth[message_key(truth)] = truth, trace
+            message = find_message(config.database, outputs[n].message)
+            self._adhesion[message_key(message)] = AdhesionReader(message, outputs[n]), trace
         self._first: float | None = None
 
     def drain(self) -> None:
         """Take all that is on the bus."""
         while (m := self._bus.recv(0.0)) is not None:
-            self._file.write(
-                format_line(Frame(round(m.timestamp * 1e6), m.arbitration_id, bytes(m.data)), self._channel) + "\n"
-            )
+            frame = Frame(
+                round(m.timestamp * 1e6), m.arbitration_id, bytes(m.data), extended=m.is_extended_id,
+                remote=m.is_remote_frame, error=m.is_error_frame, fd=m.is_fd,
+            )  # fmt: skip
+            self._file.write(format_line(frame, self._channel) + "\n")
             self._first = m.timestamp if self._first is None else self._first
-            found = self._rows.get(m.arbitration_id)
-            if found is not None:
-                values: Any = found[0].decode(bytes(m.data))
-                found[1].append((m.timestamp - self._first, values))
+            t = m.timestamp - self._first
+            if (truth := self._truth.get(frame.key)) is not None:
+                true: Any = truth[0].decode(frame.data)
+                truth[1].truth.append((t, true))
+            elif (adhesion := self._adhesion.get(frame.key)) is not None:
+                adhesion[1].adhesion.append((t, adhesion[0].read(frame.data)))
 
     def close(self) -> None:
         """Finish the log."""
@@ -72,9 +83,19 @@ class Observer:
         self._file.close()
 
 
-def run(interface: str | None, channel: str | None, scenario_name: str, folder: Path) -> int:
-    """Play a scenario in real time with the daemon beside it. Returns 1 if no valid estimate was seen."""
+def run(
+    interface: str | None, channel: str | None, scenario_name: str, folder: Path, config_file: Path | None = None
+) -> int:
+    """Play a scenario in real time with the daemon beside it, both with one configuration. Returns 1 if no valid
+    estimate was seen."""
     scenario = load_scenario(scenario_name)
+    numbers = [a.number for a in scenario.axles]
+    train: Train = PACKAGED
+    if config_file is None:
+        config = load_packaged(max(DEFAULT_AXLES, *numbers))
+    else:
+        config = load_config(config_file)
+        train = MappedTrain(config, scenario.wheelset.normal_N, scenario.wheelset.r_0)
     folder.mkdir(parents=True, exist_ok=True)
     log, picture = folder / f"{scenario.name}.log", folder / f"{scenario.name}.png"
     if interface is None:
@@ -83,15 +104,16 @@ def run(interface: str | None, channel: str | None, scenario_name: str, folder: 
     what = "a real vcan" if interface == "socketcan" else "python-can's virtual bus: this kernel has no vcan0"
     print(f"{scenario.name}: {scenario.title}\non {interface} {channel} ({what}), {scenario.duration_s:g} s")
     with contextlib.ExitStack() as cleanup:
-        core = Core(load_packaged(max(DEFAULT_AXLES, *(a.number for a in scenario.axles))))
-        observer_bus = cleanup.enter_context(can.Bus(interface=interface, channel=channel))
-        observer = Observer(observer_bus, log, channel, [a.number for a in scenario.axles])
+        core = Core(config)
+        fd: dict[str, Any] = {"fd": True} if train.has_fd else {}
+        observer_bus = cleanup.enter_context(pythoncan.open_bus(interface, channel, **fd))
+        observer = Observer(observer_bus, log, channel, config, numbers)
         cleanup.callback(observer.close)
-        link = open_link(interface, channel, core.receiver.ids)
+        link = open_link(interface, channel, core.receiver.keys, fd=core.receiver.fd)
         cleanup.callback(link.close)
-        rig_bus = cleanup.enter_context(open_bus(interface, channel))
+        rig_bus = cleanup.enter_context(open_bus(interface, channel, train.has_fd))
         daemon = Daemon(core, link)
-        rig = RealTime(scenario, rig_bus, None)
+        rig = RealTime(scenario, rig_bus, None, train=train)
         shown = time.monotonic()
         while rig.step():
             rig_s, tick_s = rig.wait_s(), daemon.wait_s()
@@ -134,13 +156,14 @@ def _show(traces: dict[int, Trace]) -> None:
             bar[i] = "="
         bar[_place(float(true["MuAvailable"]))] = "T"
         shown = "   –  "
-        if isinstance(a["MuAvailable"], float):
-            at = _place(a["MuAvailable"])
+        if isinstance(mu := a["MuAvailable"], float):
+            at = _place(mu)
             bar[at] = "*" if bar[at] == "T" else "E"
-            shown = f"{a['MuAvailable']:5.1f}%"
+            shown = f"{mu:5.1f}%"
+        classes = [str(a.get(name, "–")) for name in ("ContactState", "Surface", "Confidence")]
         print(
             f"{t:5.1f} s A{number} |{''.join(bar)}| truth {true['MuAvailable']:5.1f}%  estimate {shown}  "
-            f"{a['Validity']!s:12} {a['ContactState']!s:9} {a['Surface']!s:8} {a['Confidence']}",
+            f"{a['Validity']!s:12} {classes[0]:9} {classes[1]:8} {classes[2]}",
             flush=True,
         )
 
@@ -155,8 +178,8 @@ def _pairs(trace: Trace) -> list[tuple[float, float, float]]:
     for t, a in trace.adhesion:
         while k + 1 < len(trace.truth) and trace.truth[k + 1][0] <= t:
             k += 1
-        if str(a["Validity"]) == "Valid" and isinstance(a["MuAvailable"], float) and trace.truth:
-            out.append((t, a["MuAvailable"], float(trace.truth[k][1]["MuAvailable"])))
+        if a["Validity"] == "Valid" and isinstance(mu := a["MuAvailable"], float) and trace.truth:
+            out.append((t, mu, float(trace.truth[k][1]["MuAvailable"])))
     return out
 
 
@@ -188,8 +211,8 @@ def _draw(scenario: Scenario, traces: dict[int, Trace], picture: Path) -> None:
         ax.fill_between(t, [row[1]["MuUsed"] for row in trace.truth], color="0.85", lw=0, label="in use, truth")
         # where there is no estimate the line has a gap
         x = [s for s, _ in trace.adhesion]
-        mu = [a["MuAvailable"] if isinstance(a["MuAvailable"], float) else math.nan for _, a in trace.adhesion]
-        half = [HALF_WIDTHS.get(str(a["Confidence"]), 0.0) for _, a in trace.adhesion]
+        mu = [m if isinstance(m := a["MuAvailable"], float) else math.nan for _, a in trace.adhesion]
+        half = [HALF_WIDTHS.get(str(a.get("Confidence")), 0.0) for _, a in trace.adhesion]
         ax.fill_between(
             x, [max(m - h, 0) for m, h in zip(mu, half, strict=True)], [m + h for m, h in zip(mu, half, strict=True)],
             color="tab:blue", alpha=0.2, lw=0, label="interval that Confidence claims",

@@ -24,7 +24,8 @@ SAMPLE_US = 5_000
 # included, would last longer than the sample: with those it is that at 1 Mbit/s.
 SPACING_US, FAST_SPACING_US = 200, 100
 MAX_SLOW_AXLES = 4
-
+EXTENDED = 1 << 31  # in a key: the id has 29 bits
+MAX_CLASSICAL, FD_LENGTHS = 8, (*range(9), 12, 16, 20, 24, 32, 48, 64)
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -37,6 +38,28 @@ class Sent(NamedTuple):
     can_id: int
     data: bytes
     error: bool = False  # an error frame: can_id is its class
+    extended: bool = False
+    fd: bool = False
+
+    @property
+    def key(self) -> int:
+        """Identity of its message, as message_key()."""
+        return self.can_id | EXTENDED if self.extended else self.can_id
+
+
+def message_key(message: Message) -> int:
+    """Identity of a message: its id, and whether that has 29 bits. Two messages may share a number."""
+    return int(message.frame_id) | (EXTENDED if message.is_extended_frame else 0)
+
+
+def is_fd(message: Message) -> bool:
+    """Whether its frames are CAN FD: the DBC says so, or a classical one has no room for it."""
+    return bool(message.is_fd) or message.length > MAX_CLASSICAL
+
+
+def frame_length(message: Message) -> int:
+    """Bytes of its frames. CAN FD fills up to the next length that there is."""
+    return next(n for n in FD_LENGTHS if n >= message.length) if is_fd(message) else message.length
 
 
 def data_id(message: Message) -> int:

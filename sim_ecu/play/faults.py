@@ -51,7 +51,7 @@ KINDS = {
         Stage.SIGNAL, "one sample is off every 0.1 s", "rad/s, m/s², N·m, m/s", (0.5, 10.0, 30000.0, 20.0), -_ANY, _ANY
     ),
     "nan": Kind(Stage.FRAME, "the value's code for not available, in a good frame"),
-    "status": Kind(Stage.FRAME, "the sender says Error", "code", (14.0,), 0.0, 15.0),
+    "status": Kind(Stage.FRAME, "the sender says Error", "code", (14.0,), 0.0, 255.0),
     "swap": Kind(Stage.FRAME, "a gateway swaps the ids of two axles' frames"),
     "reverse": Kind(Stage.SIGNAL, "the sensor is mounted the other way round"),
     "dead": Kind(

@@ -7,9 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from sim_ecu.play.encoder import SAMPLE_US, Encoder, Sample, Sent, databases, stretch_of
-from sim_ecu.play.faults import SIGNALS, Fault
+from sim_ecu.play.encoder import SAMPLE_US, Sample, Sent, stretch_of
+from sim_ecu.play.fault_at_work import FrameFault
+from sim_ecu.play.faults import Fault
 from sim_ecu.play.frame_faults import frame_fault
+from sim_ecu.play.train import PACKAGED, Encodes, Train
 
 SPIKE_EVERY_US = 100_000
 _Key = tuple[str, int]  # signal and axle; the speed's axle is 0
@@ -22,17 +24,12 @@ def other_axle(axle: int, numbers: Sequence[int]) -> int:
 
 def inject(
     samples: Iterable[Sample], faults: Sequence[Fault], numbers: Sequence[int], seed: int, truth: bool = True,
-    chunk: int = 20,
+    chunk: int = 20, train: Train = PACKAGED,
 ) -> Iterator[tuple[int, list[Sent]]]:  # fmt: skip
     """The frames of every sample in the order of their due times, each sample in two halves so that a player that
     sends a half at once keeps frames beside each other that the faults put there. So many samples are taken at once."""
-    encoder = Encoder(list(numbers), truth)
-    signal_faults = [SignalFault(f, numbers, [seed, 4, k]) for k, f in enumerate(faults) if f.kind in CHANGES]
-    frame_faults = [
-        frame_fault(f, [seed, 3, k], numbers, other_axle(f.axle, numbers))
-        for k, f in enumerate(faults)
-        if f.kind not in CHANGES
-    ]
+    encoder = train.encoder(numbers, truth)
+    signal_faults, frame_faults = at_work(faults, numbers, seed, train)
     held: list[tuple[int, int, Sent]] = []  # what is due later; a number keeps the order of those due at once
     order = itertools.count()
     for measured, frames in _encoded(samples, signal_faults, encoder, chunk):
@@ -47,8 +44,22 @@ def inject(
         yield held[0][0], [heapq.heappop(held)[2] for _ in range(len(held))]
 
 
+def at_work(
+    faults: Sequence[Fault], numbers: Sequence[int], seed: int, train: Train
+) -> tuple[list["SignalFault"], list[FrameFault]]:
+    """The faults of signals and those of frames. Raises InputError for one that this train's messages leave no way
+    to."""
+    signal_faults = [SignalFault(f, numbers, [seed, 4, k], train) for k, f in enumerate(faults) if f.kind in CHANGES]
+    frame_faults = [
+        frame_fault(f, [seed, 3, k], numbers, other_axle(f.axle, numbers), train)
+        for k, f in enumerate(faults)
+        if f.kind not in CHANGES
+    ]
+    return signal_faults, frame_faults
+
+
 def _encoded(
-    samples: Iterable[Sample], faults: Sequence["SignalFault"], encoder: Encoder, chunk: int
+    samples: Iterable[Sample], faults: Sequence["SignalFault"], encoder: Encodes, chunk: int
 ) -> Iterator[tuple[Sample, list[Sent]]]:
     """The samples with the faults of their signals, and their frames."""
     left = iter(samples)
@@ -73,18 +84,14 @@ def _until(held: list[tuple[int, int, Sent]], due_us: int) -> Iterator[Sent]:
 class SignalFault:
     """A fault of what sensors say: the change of one value, for each of its signals."""
 
-    def __init__(self, fault: Fault, numbers: Sequence[int], seed: Sequence[int]) -> None:
+    def __init__(self, fault: Fault, numbers: Sequence[int], seed: Sequence[int], train: Train = PACKAGED) -> None:
         self.fault = fault
         self.rng = np.random.default_rng(list(seed))
         self.keys: list[_Key] = [(s, 0 if s == "speed" else fault.axle) for s in fault.signals]
         self.other = other_axle(fault.axle, numbers)
         self.stands: dict[_Key, float] = {}  # all values before the fault
         self.rng = np.random.default_rng([fault.begin_us, fault.axle])
-        production, _ = databases()
-        self.cycle_us = {
-            s: int(production.get_message_by_name(f"{m}_A1" if s != "speed" else m).cycle_time or 0) * 1000
-            for s, m in SIGNALS.items()
-        }
+        self.cycle_us = {s: train.cycle_us(s, fault.axle) for s in fault.signals}
 
     def change(self, sample: Sample, before: Sample) -> Sample:
         """The sample as it looks with the fault; before is the one before it."""

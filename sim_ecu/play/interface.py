@@ -4,11 +4,13 @@ import os
 import subprocess
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import can
 
 from sim_ecu.play.faults import SILENT, Fault
+from wrcd.bus import pythoncan
+from wrcd.bus.advice import bring_up, is_down
 from wrcd.errors import BusError, InputError
 
 INTERFACES = Path("/sys/class/net")
@@ -61,21 +63,21 @@ def check(faults: Sequence[Fault], interface: str, channel: str) -> None:
             raise InputError("needs root", key=f.kind, hint="sudo, or --fast")
 
 
-def open_bus(interface: str, channel: str) -> can.BusABC:
-    """A bus by python-can's names. Raises BusError."""
-    try:
-        return can.Bus(interface=interface, channel=channel, can_filters=[{"can_id": 0x7FF, "can_mask": 0x7FF}])
-    except (can.CanError, OSError, ValueError, ImportError, NotImplementedError, AttributeError) as e:
-        hint = f"ip link add {channel} type vcan && ip link set {channel} up" if channel.startswith("vcan") else ""
-        raise BusError(f"{interface} {channel} cannot be opened: {e}", key="channel", hint=hint) from None
+def open_bus(interface: str, channel: str, fd: bool = False) -> can.BusABC:
+    """A bus by python-can's names that nothing comes from. Raises InputError for an unknown name, BusError for a bus
+    that cannot be opened or that is down."""
+    if interface == "socketcan" and is_down(channel):
+        raise BusError(f"CAN interface {channel!r} is down", key="channel", hint=bring_up(channel))
+    more: dict[str, Any] = {"fd": True} if fd else {}
+    return pythoncan.open_bus(interface, channel, can_filters=[{"can_id": 0x7FF, "can_mask": 0x7FF}], **more)
 
 
 class PythonCan:
     """A bus of python-can's; a vcan can go down, and can be deleted and made again."""
 
-    def __init__(self, interface: str, channel: str) -> None:
-        self._names = interface, channel
-        self._bus: can.BusABC | None = open_bus(interface, channel)
+    def __init__(self, interface: str, channel: str, fd: bool = False) -> None:
+        self._names = interface, channel, fd
+        self._bus: can.BusABC | None = open_bus(interface, channel, fd)
         self.channel_info = self._bus.channel_info
         self._away: Fault | None = None
         self._mtu = ""

@@ -16,6 +16,9 @@ from sim_ecu.play.faults import KINDS, Fault, Stage
 from sim_ecu.play.interface import Bus, Interface, PythonCan, check
 from sim_ecu.play.player import LARGE_CHUNK, Player
 from sim_ecu.play.scenario import Scenario
+from sim_ecu.play.train import PACKAGED, Train
+from wrcd.bus.log import format_line
+from wrcd.bus.pythoncan import from_message
 from wrcd.errors import BusError, InputError
 from wrcd.tools.progress import Progress
 
@@ -43,8 +46,8 @@ class Tally:
 def message(sent: Sent, stamp_us: int, channel: str) -> can.Message:
     """A frame as python-can's message."""
     return can.Message(
-        timestamp=stamp_us * 1e-6, arbitration_id=sent.can_id, data=sent.data, is_extended_id=False, channel=channel,
-        is_error_frame=sent.error,
+        timestamp=stamp_us * 1e-6, arbitration_id=sent.can_id, data=sent.data, is_extended_id=sent.extended,
+        channel=channel, is_error_frame=sent.error, is_fd=sent.fd,
     )  # fmt: skip
 
 
@@ -54,10 +57,10 @@ def fault_line(fault: Fault, begin_us: int, end_us: int) -> str:
     return f"fault {fault.kind} {place} begin={begin_us * 1e-6:.6f} end={end_us * 1e-6:.6f}"
 
 
-def play_to_log(scenario: Scenario, log: Path, truth: bool = True) -> Tally:
+def play_to_log(scenario: Scenario, log: Path, truth: bool = True, train: Train = PACKAGED) -> Tally:
     """As fast as it computes; the suffix of the log tells its format. Faults of the interface are silence there."""
     tally, progress = Tally(), Progress()
-    player = Player(scenario, truth, LARGE_CHUNK)
+    player = Player(scenario, truth, LARGE_CHUNK, train)
     with open_logger(log) as logger:
         for due_us, frames in player:
             for f in frames:
@@ -70,11 +73,28 @@ def play_to_log(scenario: Scenario, log: Path, truth: bool = True) -> Tally:
     return tally
 
 
+class CandumpWriter(can.Listener):
+    """Writes frames as candump does. python-can's writer puts a direction behind each, which readers of the plain form
+    take for data."""
+
+    def __init__(self, log: Path) -> None:
+        self._file = log.open("w", encoding="ascii", newline="\n")
+
+    def on_message_received(self, msg: can.Message) -> None:
+        """Write a line."""
+        stamp_us = round(msg.timestamp * 1e6)
+        self._file.write(f"{format_line(from_message(msg, stamp_us), str(msg.channel))}\n")
+
+    def stop(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+
 @contextlib.contextmanager
 def open_logger(log: Path) -> Iterator[can.Listener]:
-    """python-can's writer for the suffix. Raises InputError if there is none or the file can't be made."""
+    """A writer for the suffix. Raises InputError if there is none or the file can't be made."""
     try:
-        logger = can.Logger(log)
+        logger = CandumpWriter(log) if log.suffix.lower() == ".log" else can.Logger(log)
     except (ValueError, OSError, ImportError, NotImplementedError) as e:
         raise InputError(f"cannot be written: {e}", file=log, hint="use .log for a candump log") from None
     try:
@@ -96,6 +116,7 @@ class RealTime:
         truth: bool = True,
         on_fault: Callable[[Fault, bool], None] | None = None,
         ahead: bool = False,
+        train: Train = PACKAGED,
     ) -> None:
         self.tally = Tally()
         self._on_fault = on_fault
@@ -107,7 +128,7 @@ class RealTime:
             for t, begins in ((f.begin_us, True), (f.end_us, False))
         ]
         self._moments = [(t, begins, scenario.faults[k]) for t, begins, k in sorted(moments)]
-        player = Player(scenario, truth)
+        player = Player(scenario, truth, train=train)
         self._samples = iter(list(player) if ahead else player)
         self._next = next(self._samples, None)
         self._bus, self._logger = bus, logger
@@ -164,8 +185,9 @@ class RealTime:
 
 
 def play_on_bus(
-    scenario: Scenario, interface: str, channel: str, log: Path | None, truth: bool = True, ahead: bool = False
-) -> Tally:
+    scenario: Scenario, interface: str, channel: str, log: Path | None, truth: bool = True, ahead: bool = False,
+    train: Train = PACKAGED,
+) -> Tally:  # fmt: skip
     """Until the scenario ends or SIGTERM or Ctrl-C comes."""
     stop = False
 
@@ -175,7 +197,7 @@ def play_on_bus(
 
     check(scenario.faults, interface, channel)
     with contextlib.ExitStack() as cleanup:
-        bus = _open(interface, channel)
+        bus = _open(interface, channel, train.has_fd)
         cleanup.callback(bus.shutdown)
         logger = cleanup.enter_context(open_logger(log)) if log else None
         for s in (signal.SIGTERM, signal.SIGINT):
@@ -190,15 +212,17 @@ def play_on_bus(
                 bus.end(fault)
                 print(fault_line(fault, began[fault], time.time_ns() // 1000), flush=True)
 
-        rig = RealTime(scenario, bus, logger, truth, on_fault, ahead)
+        rig = RealTime(scenario, bus, logger, truth, on_fault, ahead, train)
         while not stop and rig.step():
             time.sleep(rig.wait_s())
     return rig.tally
 
 
-def _open(interface: str, channel: str) -> Interface:
+def _open(interface: str, channel: str, fd: bool) -> Interface:
     if interface == "slcan":
         from sim_ecu.play.slcan import Slcan
 
+        if fd:
+            raise InputError("carries no CAN FD frames, which this train has", key="slcan", hint="-i socketcan")
         return Slcan(channel)
-    return PythonCan(interface, channel)
+    return PythonCan(interface, channel, fd)

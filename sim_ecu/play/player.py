@@ -8,9 +8,10 @@ from sim_ecu.physics.axlebox import AxleBoxStream
 from sim_ecu.physics.simulation import Axle, Samples, Simulation
 from sim_ecu.physics.track import Track
 from sim_ecu.physics.wheelset import LAT_ACCEL, MU_AVAILABLE, MU_USED, SLIP, TORQUE, YAW_RATE, FloatArray
-from sim_ecu.play.encoder import SAMPLE_US, Encoder, Sample, Sent, Stretch
-from sim_ecu.play.inject import inject
+from sim_ecu.play.encoder import SAMPLE_US, Sample, Sent, Stretch
+from sim_ecu.play.inject import at_work, inject
 from sim_ecu.play.scenario import AxleScenario, Scenario
+from sim_ecu.play.train import PACKAGED, Train
 
 # Samples that are simulated and encoded at once: in real time as few as leave no gap before the first; where nobody
 # waits, many.
@@ -48,10 +49,16 @@ def on_tracks(axles: Sequence[AxleScenario]) -> list[Axle]:
 
 
 class Player:
-    """Iterates over the samples of a scenario: (end of the sample in us, its frames)."""
+    """Iterates over the samples of a scenario: (end of the sample in us, its frames).
 
-    def __init__(self, scenario: Scenario, truth: bool = True, chunk: int = CHUNK) -> None:
+    Raises InputError for an axle, a fault or the truth that the train's messages have no place for.
+    """
+
+    def __init__(self, scenario: Scenario, truth: bool = True, chunk: int = CHUNK, train: Train = PACKAGED) -> None:
         self.scenario = scenario
+        numbers = [a.number for a in scenario.axles]
+        self._train, self._encoder = train, train.encoder(numbers, truth)
+        at_work(scenario.faults, numbers, scenario.axles[0].seed, train)  # whether they can be made
         self._axles = scenario.axles
         self._chunk = chunk
         start = float(scenario.speed.at(np.zeros(1))[0])
@@ -65,11 +72,11 @@ class Player:
         numbers = [a.number for a in self._axles]
         if self.scenario.faults:
             seed = self._axles[0].seed
-            yield from inject(self.measured(), self.scenario.faults, numbers, seed, self._truth, self._chunk)
+            faults = self.scenario.faults
+            yield from inject(self.measured(), faults, numbers, seed, self._truth, self._chunk, self._train)
             return
-        encoder = Encoder(numbers, self._truth)
         for stretch in self._stretches():
-            yield from zip(stretch.due_us.tolist(), encoder.stretch(stretch), strict=True)
+            yield from zip(stretch.due_us.tolist(), self._encoder.stretch(stretch), strict=True)
 
     def measured(self) -> Iterator[Sample]:
         """What the sensors say, sample by sample, before anything goes wrong with it."""

@@ -55,7 +55,8 @@ class Slcan:
         if self._sent % READ_EVERY == 0:
             self._drain()
         if not msg.is_error_frame:
-            self._write(f"t{msg.arbitration_id:03X}{len(msg.data)}{msg.data.hex().upper()}\r".encode())
+            ident = f"T{msg.arbitration_id:08X}" if msg.is_extended_id else f"t{msg.arbitration_id:03X}"
+            self._write(f"{ident}{len(msg.data)}{msg.data.hex().upper()}\r".encode())
 
     def begin(self, fault: Fault) -> None:
         """The controller says that it is off the bus."""

@@ -17,7 +17,7 @@ from sim_ecu.score.ticks import BoolArray, Ticks
 from wrcd.bus.frame import Frame
 from wrcd.core.configuration import MAX_AXLES, Config
 from wrcd.core.core import Core
-from wrcd.core.messages import CONFIDENCES
+from wrcd.core.vocabulary import CONFIDENCES
 from wrcd.estimator import records as estimator_records
 from wrcd.estimator.design import Design
 from wrcd.estimator.records import Estimate, StepResult

@@ -283,7 +283,7 @@ class OursOut:
 
     def __init__(self, end: socket.socket) -> None:
         self._link = PairLink(end)
-        self._writer = Writer(find_message(load_config(None).database, "Adhesion_A1"), ())
+        self._writer = Writer(find_message(load_config(None).database, "Adhesion_A1"))
 
     def send(self, slot: int) -> Frame:
         frame = self._writer.frame(slot * 20_000, slot, ADHESION)

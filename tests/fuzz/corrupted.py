@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from sim_ecu.play.player import Player
 from sim_ecu.play.scenario import read_scenario
 from tests.support.scenarios import FOUR_AXLES
-from wrcd.bus.codec import USABLE, normalise_label
 from wrcd.bus.dbc import Database, Message
 from wrcd.bus.e2e import COUNTER_MODULO, MAX_LOST, protect
 from wrcd.bus.frame import Frame
+from wrcd.bus.words import degraded, usable
 from wrcd.settings import parse_toml
 
 TICK_US = 5_000
@@ -98,7 +98,7 @@ def let_through(database: Database) -> float:
 
 def _usable(m: Message) -> list[int]:
     status: Mapping[int, object] = m.get_signal_by_name("Status").choices or {}
-    return [int(raw) for raw, label in status.items() if normalise_label(label) in USABLE | {"degraded"}]
+    return [int(raw) for raw, label in status.items() if usable(label) or degraded(label)]
 
 
 def _in_range(m: Message) -> float:

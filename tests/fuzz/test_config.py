@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 from tests.fuzz.strategies import NASTY, mutated
 from tests.support.dbc import told
 from wrcd import resources
+from wrcd.bus.codec import message_key
 from wrcd.bus.dbc import load_dbc
-from wrcd.bus.frame import Frame
+from wrcd.bus.frame import EXTENDED, Frame
 from wrcd.config import load_config
 from wrcd.core.configuration import Config
 from wrcd.core.core import Core
@@ -51,11 +52,14 @@ BA_DEF_DEF_ "E2EDataId" 0;
 BA_DEF_DEF_ "GenSigTimeoutTime" 0;
 BA_DEF_DEF_ "GenSigStartValue" 0;
 BA_ "GenMsgCycleTime" BO_ 145 20;
+BA_ "GenMsgCycleTime" BO_ 2364540158 5;
 BA_ "E2EProfile" BO_ 800 "P11";
 BA_ "E2EDataId" BO_ 800 800;
 BA_ "GenSigTimeoutTime" SG_ 800 V 60;
 BA_ "GenSigStartValue" SG_ 145 MuAvailable 65535;
 VAL_ 145 Validity 0 "NotAvailable" 1 "Valid" 2 "Degraded" 14 "Error" ;
+VAL_ 145 MuAvailable 65535 "NotAvailable" ;
+VAL_ 145 MuUsed 65535 "NotAvailable" ;
 VAL_ 800 Status 0 "Ok" 1 "Degraded" 14 "Error" 15 "NotAvailable" ;
 VAL_ 800 V 65535 "SNA" ;
 VAL_ 800 Dir 0 "Forward" 1 "Reverse" 3 "SNA" ;
@@ -91,7 +95,7 @@ PACKAGED = """
 speed = "VehicleSpeed.Speed"
 status_message = "WrcdStatus"
 [limits]
-constant_speed_m_s = 20
+min_speed_m_s = 20
 [estimator]
 [[axle]]
 number = 2
@@ -121,7 +125,7 @@ def load(path: Path) -> Config:
     """As the daemon loads it; what comes with the package is read once for all examples."""
     return load_config(
         path,
-        read_dbc=lambda p: PACKAGED_DBC if p == resources.DBC else load_dbc(p),
+        read_dbc=lambda p, encoding: PACKAGED_DBC if p == resources.DBC else load_dbc(p, None, encoding),
         read_design=lambda p: DESIGN if p == resources.DESIGN else load_design(p),
     )
 
@@ -142,14 +146,14 @@ def works_or_says_why(path: Path, payloads: list[bytes]) -> None:
 def survives(config: Config, payloads: list[bytes]) -> None:
     """The core made of it takes any bytes on its ids, and what it sends is as long as the DBC says."""
     core = Core(config)
-    lengths = {m.frame_id: (m.length, m.is_extended_frame) for m in config.database.messages}
+    lengths = {message_key(m): m.length for m in config.database.messages}
     fed = 0
     for k, payload in enumerate(payloads):
-        for can_id in core.receiver.ids:
-            length, extended = lengths[can_id]
-            data = (payload * 64)[:length] if payload else bytes(length)
-            for o in core.feed(Frame(START_US + 7_000 * k, can_id, data, extended=extended)):
-                assert len(o.frame.data) == lengths[o.frame.can_id][0]
+        for key in core.receiver.keys:
+            data = (payload * 64)[: lengths[key]] if payload else bytes(lengths[key])
+            frame = Frame(START_US + 7_000 * k, key & ~EXTENDED, data, extended=bool(key & EXTENDED))
+            for o in core.feed(frame):
+                assert len(o.frame.data) == lengths[o.frame.key]
             fed += 1
     core.advance(START_US + 7_000 * len(payloads) + 300_000)
     core.shutdown_frames(START_US)

@@ -28,7 +28,7 @@ CONFIG = replace(_DEFAULT, design=replace(_DEFAULT.design, window_s=WINDOW_US * 
 LENGTHS = {
     m.frame_id: m.length
     for m in CONFIG.database.messages
-    if m.frame_id in Receiver(CONFIG.database, [i.source for i in CONFIG.inputs]).ids
+    if m.frame_id in Receiver(CONFIG.database, [i.source for i in CONFIG.inputs]).keys
 }
 # of what axle 1 needs
 TIMEOUTS_US = {YAW_RATE_A1: 15_000, LAT_ACCEL_A1: 15_000, TORQUE_A1: 30_000, VEHICLE_SPEED: 60_000}

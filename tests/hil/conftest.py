@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.can_ids import EXTENDED, YAW_RATE_A1
+from tests.support.can_ids import EXTENDED_KEY, YAW_RATE_A1
 from tests.support.vcan import FaultySocket, Node, add, ip
 from wrcd.bus.socketcan import SocketCanLink
 
@@ -53,6 +53,6 @@ def sockets(monkeypatch: pytest.MonkeyPatch) -> list[FaultySocket]:
 
 @pytest.fixture
 def link(bus: str) -> Iterator[SocketCanLink]:
-    made = SocketCanLink(bus, (YAW_RATE_A1, EXTENDED))
+    made = SocketCanLink(bus, (YAW_RATE_A1, EXTENDED_KEY))
     yield made
     made.close()

@@ -35,9 +35,14 @@ def systemctl(*words: str) -> str:
     return output("systemctl", *words)
 
 
-def prop(name: str) -> str:
+def prop(name: str, unit: str = UNIT) -> str:
     """A property of the unit, as systemctl show prints it."""
-    return systemctl("show", "-p", name, "--value", UNIT)
+    return systemctl("show", "-p", name, "--value", unit)
+
+
+def reload() -> int:
+    """Exit status of systemctl reload."""
+    return subprocess.run(["systemctl", "reload", UNIT], timeout=60, check=False).returncode
 
 
 def main_pid() -> int:
@@ -190,7 +195,8 @@ def test_out_of_memory_restarts_the_daemon(train: Train) -> None:
 
 
 def test_reload_applies_a_limit_in_the_same_process(installed: Train) -> None:
-    """A limit moves and moves back; a mistake changes nothing. The same process all the time, without a gap."""
+    """A limit moves and moves back; a mistake changes nothing and fails the reload, as do changes that all need a
+    restart. The same process all the time, without a gap."""
     with configured(DEFAULT):
         systemctl("restart", UNIT)
         pid = main_pid()
@@ -198,11 +204,11 @@ def test_reload_applies_a_limit_in_the_same_process(installed: Train) -> None:
 
         began = time.time()
         CONFIG.write_text(DEFAULT + "[limits]\nmin_speed_m_s = 59\n")
-        systemctl("reload", UNIT)
+        assert reload() == 0
         installed.wait(time.time(), NOT_AVAILABLE)
         CONFIG.write_text(DEFAULT + "[limits]\nmin_speed_m_s = 3\n")
         lowered = time.time()
-        systemctl("reload", UNIT)
+        assert reload() == 0
         assert 1.0 <= installed.back_after("SIGHUP with the old limit", lowered, 1.5) <= 8.0
         said = journal(began)
         assert "wrcd: reload: limits.min_speed_m_s 3 -> 59" in said
@@ -210,9 +216,16 @@ def test_reload_applies_a_limit_in_the_same_process(installed: Train) -> None:
 
         broken = time.time()
         CONFIG.write_text(DEFAULT + "[limits]\nmin_sped_m_s = 3\n")
-        systemctl("reload", UNIT)
+        assert reload() == 1
+        CONFIG.write_text(DEFAULT + '[bus]\nchannel = "can7"\n')
+        assert reload() == 1
+        CONFIG.write_text(DEFAULT + '[bus]\nchannel = "can7"\n[limits]\nmin_speed_m_s = 3.5\n')
+        assert reload() == 0
         time.sleep(2.0)
-        assert "did you mean 'min_speed_m_s'?" in journal(broken)
+        said = journal(broken)
+        assert "did you mean 'min_speed_m_s'?" in said
+        assert "wrcd: reload: nothing taken over; needs a restart: bus.channel" in said
+        assert "wrcd: reload: limits.min_speed_m_s 3 -> 3.5; needs a restart: bus.channel" in said
         frames = installed.since(broken)
         assert len(frames) >= 80
         # a daemon that had started anew would warm up; a busy computer's stale frames are not its fault
@@ -223,6 +236,59 @@ def test_reload_applies_a_limit_in_the_same_process(installed: Train) -> None:
         assert main_pid() == pid
         assert systemctl("is-active", UNIT) == "active"
     systemctl("restart", UNIT)
+
+
+@contextmanager
+def started_later(unit: str) -> Iterator[None]:
+    """A unit whose start is not waited for."""
+    systemctl("start", "--no-block", unit)
+    try:
+        yield
+    finally:
+        systemctl("stop", unit)
+        systemctl("reset-failed")
+
+
+def active_after(unit: str, since_s: float) -> float:
+    """Seconds from a moment of time.monotonic() until a unit said READY=1, as systemd stamped it."""
+    time.sleep(2.5)  # no looking meanwhile: it would take the one processor
+    wait_for(f"{unit} to run", 20, lambda: prop("ActiveState", unit) == "active")
+    return int(prop("ActiveEnterTimestampMonotonic", unit)) * 1e-6 - since_s
+
+
+def test_missing_interface_is_waited_for_and_used_when_it_comes(installed: Train) -> None:
+    """One start in twenty seconds, not one every few hundredths of a second."""
+    unit, began, began_s = "wrcd@vcan9", time.time(), time.monotonic()
+    with started_later(unit):
+        time.sleep(21.0)
+        wait_for("the second start", 30, lambda: prop("NRestarts", unit) != "0")
+        print(f"started again after {time.monotonic() - began_s:.1f} s without the interface")
+        time.sleep(5.0)  # until it has loaded its libraries
+        assert prop("ActiveState", unit) == "activating"
+        subprocess.run(["ip", "link", "add", "vcan9", "type", "vcan"], timeout=10, check=True)
+        took = active_after(unit, time.monotonic())
+        print(f"running {took:.2f} s after the interface was made")
+        assert took <= 4.0
+        assert prop("NRestarts", unit) == "1"
+        said = output("journalctl", "-u", unit, "--no-pager", f"--since=@{began:.3f}")
+        assert "CAN interface 'vcan9' cannot be opened: No such device" in said
+        assert said.count("; waiting for it, ") == 2
+        assert "Traceback" not in said
+    subprocess.run(["ip", "link", "del", "vcan9"], timeout=10, check=True)
+
+
+def test_configuration_on_a_mount_that_comes_later_is_waited_for(installed: Train) -> None:
+    systemctl("stop", UNIT)
+    with configured(DEFAULT):
+        CONFIG.unlink()
+        with started_later(UNIT):
+            time.sleep(5.0)
+            assert prop("ActiveState") == "activating"
+            assert prop("NRestarts") == "0"
+            CONFIG.write_text(DEFAULT)
+            took = active_after(UNIT, time.monotonic())
+            print(f"running {took:.2f} s after the configuration was there")
+            assert took <= 5.0
 
 
 def test_unit_is_sandboxed(train: Train) -> None:

@@ -192,7 +192,7 @@ def soak(config: Config, hours: float, seed: int) -> tuple[Core, Faults, Balance
     core = Core(config, kept := Kept(config.design, len(config.axles)))
     faults = Faults(np.random.default_rng(seed))
     balance, slots, progress = Balance(), Slots(), Progress(steps=True)
-    adhesion = {m.frame_id for m in config.database.messages if m.name in {a.adhesion for a in config.axles}}
+    adhesion = {m.frame_id for m in config.database.messages if m.name in {a.adhesion.message for a in config.axles}}
     whole_us = round(hours * 3.6e9)
     warm_us = max(round(0.05 * whole_us), MIN_WARM_US)
     look_us = warm_us

@@ -15,23 +15,28 @@ import io
 import re
 import shlex
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar, TypeVar
-from unittest.mock import patch
 
 from sim_ecu import cli as rig_cli
 from sim_ecu import resources as rig
+from sim_ecu.commands.statuses import STATUSES as RIG
+from sim_ecu.play import scenario_keys
+from sim_ecu.play.expected import LONG_ROWS, ROWS
+from sim_ecu.play.expected_lines import expected_lines
+from sim_ecu.play.judge import which
 from tests.support.bus_load import table as load_table
-from wrcd import resources
+from wrcd import declared, resources
 from wrcd.bus.dbc import Message, load_dbc, timeout_ms
-from wrcd.config import DEFAULT, load_config
 from wrcd.core.configuration import MAX_AXLES
-from wrcd.settings import Section
+from wrcd.core.vocabulary import MESSAGES
 from wrcd.tools import cli
+from wrcd.tools.lint.codes import CODES
+from wrcd.tools.lint.run import findings
+from wrcd.tools.lint.run import lines as lint_lines
+from wrcd.tools.statuses import STATUSES as WRCD
 
-T = TypeVar("T")
 ROOT = Path(__file__).parents[2]
 EXPENSIVE = ("sim-ecu faults", "sim-ecu score")  # their output is Markdown already
 BLOCK = re.compile(r"^<!-- (command|made): (.+?) -->\n(.*?)^<!-- end -->$", re.MULTILINE | re.DOTALL)
@@ -179,74 +184,30 @@ def _sentence(text: str) -> str:
 # --- configuration
 
 
-@dataclass(frozen=True, slots=True)
-class Key:
-    """A key that the configuration takes: what it may be, and its default."""
-
-    takes: str
-    default: str
-
-
-_KINDS = {str: "text", bool: "true, false", int: "whole number", float: "number", list: "list"}
-
-
-class _Noting(Section):
-    """A table that writes down what it is asked for."""
-
-    keys: ClassVar[dict[str, Key]] = {}
-
-    def _note(self, key: str, takes: str, default: object = "–") -> None:
-        shown = str(default).lower() if isinstance(default, bool) else f"{default:g}" if _number(default) else default
-        self.keys[self._dotted(key)] = Key(takes, str(shown))
-
-    def _dotted(self, key: str) -> str:
-        return ".".join((*(p for p in self._path if isinstance(p, str)), key))
-
-    def take(self, key: str, kind: type[T]) -> T:
-        """Needed, unless get(), maybe() or the like ask for it."""
-        if self._dotted(key) not in self.keys:
-            self._note(key, _KINDS[kind], "needed")
-        return super().take(key, kind)
-
-    def get(self, key: str, kind: type[T], default: T) -> T:
-        """Noted with its default."""
-        if self._dotted(key) not in self.keys:
-            self._note(key, _KINDS[kind], default)
-        return super().get(key, kind, default)
-
-    def maybe(self, key: str, kind: type[T]) -> T | None:
-        """Noted as one that may be left out."""
-        self._note(key, _KINDS[kind])
-        return super().maybe(key, kind)
-
-    def number(self, key: str, default: float, low: float, high: float) -> float:
-        """Noted with its range."""
-        asked = self.keys.get(self._dotted(key))  # by maybe(): there is no default
-        self._note(key, f"{low:g} … {high:g}", asked.default if asked else default)
-        return super().number(key, default, low, high)
-
-    def choice(self, key: str, options: Iterable[str], default: str) -> str:
-        """Noted with its words."""
-        names = list(options)
-        self._note(key, ", ".join(names), default)
-        return super().choice(key, names, default)
+def configuration(which: str) -> list[str]:
+    """The keys of the configuration: of the file's own tables, of an input, of a message that is sent."""
+    if which == "tables":
+        named = [(f"{table}.{key.name}", key) for table, keys in declared.TABLES.items() for key in keys]
+    elif which == "input":
+        keys = {key.name: key for keys in declared.INPUTS.values() for key in keys}
+        named = [(key.name, key) for key in (*declared.TORQUE_INPUT, declared.REVERSE) if keys[key.name] is key]
+    else:
+        own = declared.output_keys("adhesion")[: -len(MESSAGES["adhesion"])]
+        fields = declared.field_keys(MESSAGES["adhesion"]["MuAvailable"])
+        named = [(key.name, key) for key in own] + [(f"….{key.name}", key) for key in fields]
+    rows: list[tuple[object, ...]] = [
+        (f"`{name}`", key.takes, key.shown_default, "yes" if key.reload else "", key.what) for name, key in named
+    ]
+    return table(("key", "takes", "default", "reload", "what"), rows)
 
 
-def _number(x: object) -> bool:
-    return isinstance(x, int | float)
-
-
-def accepted_keys(folder: Path) -> dict[str, Key]:
-    """Every key that `wrcd.config` asks for, as "table.key", in the order of asking; folder is for a file of its
-    own."""
-    lines = [line for line in DEFAULT.split("[[axle]]")[1].splitlines() if line]
-    text = "\n".join(("[limits]", "constant_speed_m_s = 20.0", "[[axle]]", *lines))
-    file = folder / "every-key.toml"
-    file.write_text(text, encoding="utf-8")
-    _Noting.keys.clear()
-    with patch("wrcd.settings.Section", _Noting):
-        load_config(file)
-    return dict(_Noting.keys)
+def scenario(which: str = "") -> list[str]:
+    """The keys of a table of a scenario; its top level without a name."""
+    rows: list[tuple[object, ...]] = [
+        (f"`{key.name}`", key.takes, key.shown_default, getattr(key, "unit", ""), key.what)
+        for key in scenario_keys.TABLES[which]
+    ]
+    return table(("key", "takes", "default", "unit", "what"), rows)
 
 
 def bus_load() -> list[str]:
@@ -254,7 +215,45 @@ def bus_load() -> list[str]:
     return load_table(load_dbc(resources.DBC), load_dbc(rig.TRUTH_DBC), MAX_AXLES)
 
 
-MAKERS: dict[str, Callable[..., list[str]]] = {"messages": messages, "options": options, "bus-load": bus_load}
+def exit_codes(program: str) -> list[str]:
+    """What each command of a program ends with."""
+    out: list[str] = []
+    for command, statuses in (WRCD if program == "wrcd" else RIG).items():
+        out += [*([""] if out else []), f"### {program} {command}", ""]
+        out += table(("status", "meaning"), [(int(s), text) for s, text in sorted(statuses.items())])
+    return out
+
+
+def lint_codes() -> list[str]:
+    """What lint can find."""
+    return table(
+        ("code", "found where", "why it matters", "how to mend it"),
+        [(f"`{word}`", code.found, code.why, code.mend) for word, code in CODES.items()],
+    )
+
+
+def lint_of(file: str) -> list[str]:
+    """What lint finds in a DBC that is not sound."""
+    return ["```text", *lint_lines(Path(file), findings(ROOT / file)), "```"]
+
+
+def fault_lines() -> list[str]:
+    """What the journal says of every row of the fault matrix."""
+    rows: list[tuple[object, ...]] = [(*which(row), expected_lines(row)) for row in (*ROWS, *LONG_ROWS)]
+    return table(("fault", "of", "s", "the journal"), rows)
+
+
+MAKERS: dict[str, Callable[..., list[str]]] = {
+    "messages": messages,
+    "options": options,
+    "configuration": configuration,
+    "bus-load": bus_load,
+    "exit-codes": exit_codes,
+    "lint-codes": lint_codes,
+    "lint-of": lint_of,
+    "fault-lines": fault_lines,
+    "scenario": scenario,
+}
 
 
 def main() -> int:

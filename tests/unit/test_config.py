@@ -38,7 +38,9 @@ def test_the_default_maps_four_axles() -> None:
         Quantity.TORQUE: 30_000,
         Quantity.SPEED: 60_000,
     }
-    assert (c.adhesion_cycle_us, c.detail_cycle_us, c.status_cycle_us) == (20_000, 100_000, 1_000_000)
+    assert {a.adhesion.cycle_us for a in c.axles} == {20_000}
+    assert {o.cycle_us for a in c.axles for o in (a.detail, a.inputs) if o} == {100_000}
+    assert {o.cycle_us for o in (c.status, c.rejects, c.link) if o} == {1_000_000}
 
 
 @pytest.mark.parametrize("axles", [1, 4, 6, 8])
@@ -47,7 +49,7 @@ def test_packaged_dbc_has_the_messages_of_eight_axles(tmp_path: Path, axles: int
     assert [a.number for a in c.axles] == list(range(1, axles + 1))
     assert all(None not in (a.detail, a.inputs) for a in c.axles)
     assert len(c.inputs) == 3 * axles + 1
-    assert len(Core(c).receiver.ids) == 3 * axles + 1
+    assert len(Core(c).receiver.keys) == 3 * axles + 1
     lines = describe(c)
     assert lines[-1] == "ok"
     assert f"axle {axles}" in lines
@@ -71,7 +73,7 @@ def test_small_configuration_is_read_and_described(tmp_path: Path) -> None:
     assert (c.channel, c.min_speed_m_s, len(c.axles)) == ("vcan7", 4.0, 1)
     lines = describe(c)
     assert lines[-1] == "ok"
-    assert any("Torque_A1.Torque (N·m), stale after 30 ms" in line for line in lines)
+    assert any("Torque_A1.Torque (N*m), stale after 30 ms" in line for line in lines)
 
 
 BAD = {
@@ -249,11 +251,14 @@ BO_ 800 Motion: 8 TCU
 CM_ """
 
 
-def test_a_multiplexed_message_cannot_be_mapped(tmp_path: Path) -> None:
+def test_a_multiplexed_signal_can_be_mapped_and_the_multiplexer_cannot(tmp_path: Path) -> None:
     text = resources.DBC.read_text("cp1252").replace("\nCM_ ", MULTIPLEXED, 1)
     (tmp_path / "own.dbc").write_text(text, "cp1252")
-    path = config(tmp_path, f'[vehicle]\nspeed = "Motion.V"\n{AXLE}[dbc]\nfile = "own.dbc"\n')
-    with pytest.raises(InputError, match=r"wrcd.toml:2: vehicle.speed: message Motion is CAN FD or multiplexed"):
+    rest = f'{AXLE}[dbc]\nfile = "own.dbc"\n[wheelset]\nname = "default"\n'
+    found = load_config(config(tmp_path, f'[vehicle]\nspeed = "Motion.V"\n{rest}'))
+    assert [i.source.signal for i in found.inputs if i.source.quantity is Quantity.SPEED] == ["V"]
+    path = config(tmp_path, f'[vehicle]\nspeed = {{ signal = "Motion.Page", unit = "m/s" }}\n{rest}')
+    with pytest.raises(InputError, match=r"wrcd.toml:2: vehicle.speed.signal: Motion.Page says which signals a frame"):
         load_config(path)
 
 

@@ -1,15 +1,16 @@
 """Reading a DBC: messages, signals and attributes, by cantools."""
 
 import importlib.util
-import math
 import re
 import sys
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
+from wrcd.bus.dbc_soundness import Orphan, add_doubles, add_orphans, warnings_about, why_unsound
 from wrcd.bus.dbc_subset import subset
-from wrcd.errors import InputError
+from wrcd.bus.dbc_text import huge_at, read_text, without_impossible_messages, without_statements
+from wrcd.errors import InputError, NotThere
 
 # cantools' package imports its tester and more, and with them python-can, asyncio and ssl, none of which the daemon
 # uses on SocketCAN. They are a third of the time from start to the first frame, and after a crash that time is time
@@ -19,56 +20,105 @@ if _spec is not None:
     sys.modules["cantools"] = importlib.util.module_from_spec(_spec)
 try:
     from cantools import database as _cantools
-    from cantools.database.can import Database, Message, Signal
+    from cantools.database.can import Database as _Database
+    from cantools.database.can import Message, Signal
 finally:
     if _spec is not None:
         del sys.modules["cantools"]
 
 __all__ = [
-    "Database", "Message", "Signal", "attribute", "check_encodable", "check_supported", "cycle_ms", "data_id",
-    "find_message", "find_signal", "load_dbc", "timeout_ms",
+    "Database", "Message", "Signal", "attribute", "cycle_ms", "data_id",
+    "find_message", "find_signal", "load_dbc", "parse_dbc", "timeout_ms",
 ]  # fmt: skip
-# Message lengths, signal positions, multiplexer ranges and powers of ten for which cantools would compute for hours.
-# One by one: a pattern that begins with a literal is searched for ten times as fast.
-_HUGE = tuple(
-    re.compile(pattern, re.ASCII)
-    for pattern in (
-        r"BO_\s+\d+\s+\w+\s*:\s*\d{5}",
-        r":\s*\d{6,}\s*\|",
-        r"\|\s*\d{6,}\s*@",
-        r"SG_MUL_VAL_\b[^;]*?-\s*\d{6}",
-        r"(?<![\w.])[\d.]+[eE]\+?\d{4}",
-    )
-)
-CLASSICAL_BYTES = 8
+CLASSICAL_BYTES, FD_BYTES = 8, 64
+_HAS_MESSAGE = re.compile(r"^\s*BO_ ", re.MULTILINE)
+# what cantools says of value tables and value types of signals that there are not
+_ORPHANS = re.compile(r"^    (VAL_|SIG_VALTYPE_) (\d+) (\w+)$", re.MULTILINE)
 LONGEST_MS = 65_535  # of cycles and time-outs: the range that DBCs usually give these attributes
 
 
-def load_dbc(path: Path, names: Collection[str] | None = None) -> Database:
-    """Read a DBC strictly. Raises InputError with what is wrong with it.
+class Database(_Database):
+    """A DBC. Only what is mapped need be sound.
 
-    names: messages that are needed; the others' attributes and comments may be missing. None: all.
+    unsound: why a message cannot be mapped, by its name; some of these are not among the messages.
+    warnings: what is odd in the file but bearable, for a person.
+    """
+
+    unsound: Mapping[str, str]
+    warnings: tuple[str, ...]
+
+
+def load_dbc(path: Path, names: Collection[str] | None = None, encoding: str | None = None) -> Database:
+    """Read a DBC. Raises InputError with what is wrong with it.
+
+    What is wrong with one message is no error: find_message tells it of a message that is looked for, `warnings` of the
+    others. names: messages that are needed; the others' attributes and comments may be missing, and they are not
+    checked. None: all. encoding: None takes UTF-8 where the file is valid UTF-8, else cp1252.
     """
     try:
-        # the suffix and the encoding by which cantools knows a DBC
-        is_dbc = path.suffix.lower() == ".dbc"
-        text = path.read_text("cp1252" if is_dbc else "utf-8", "replace")
-        if names is not None and is_dbc:
-            text = subset(text, names)
-        huge = next(filter(None, (pattern.search(text) for pattern in _HUGE)), None)
-        if huge is not None:
-            line = text.count("\n", 0, huge.start()) + 1
-            raise InputError("not a usable DBC: no message, signal or number is that large", file=path, line=line)
-        database = _cantools.load_string(text, "dbc", strict=True) if is_dbc else _cantools.load_file(path, strict=True)
+        if path.suffix.lower() == ".dbc":
+            return parse_dbc(read_text(path, encoding), path, names)
+        found = _cantools.load_file(path, strict=True)
+        if not isinstance(found, _Database):
+            raise InputError("is a diagnostics database, not a DBC", file=path)
+        database = Database(found.messages, found.nodes, found.buses, found.version, found.dbc, found.autosar)
+        database.unsound, database.warnings = {}, ()
+        return database
     except FileNotFoundError:
-        raise InputError("no such DBC file", file=path, hint="check the path") from None
+        raise NotThere("no such DBC file", file=path, hint="check the path") from None
+    except OSError as e:
+        raise NotThere(f"cannot be read: {e.strerror}", file=path, hint="check your rights and the disk") from None
     except InputError:
         raise
     except Exception as e:  # cantools raises its parser's own kinds; all of them mean: this file can't be used
         raise InputError(f"not a usable DBC: {e}", file=path) from None
-    if not isinstance(database, Database):
-        raise InputError("is a diagnostics database, not a DBC", file=path)
+
+
+def parse_dbc(text: str, path: Path, names: Collection[str] | None = None) -> Database:
+    """The same for a text that is already there; path is what messages call it."""
+    if names is not None:
+        text = subset(text, names)
+    at = huge_at(text)
+    if at is not None:
+        line = text.count("\n", 0, at) + 1
+        raise InputError("not a usable DBC: no message, signal or number is that large", file=path, line=line)
+    database, unsound, orphans = _parse(text)
+    for message in database.messages:
+        if names is None or message.name in names:
+            reason = why_unsound(message)
+            if reason:
+                unsound.setdefault(message.name, reason)
+    add_doubles(database.messages, unsound)
+    add_orphans(database.messages, orphans, unsound)
+    database.unsound = unsound
+    database.warnings = warnings_about(database.messages, unsound, orphans)
     return database
+
+
+def _parse(text: str) -> tuple[Database, dict[str, str], list[Orphan]]:
+    """Parse a DBC's text; what cantools refuses of a single message is left out. Returns the database, reasons by
+    message, and the statements about signals that there are not."""
+    unsound: dict[str, str] = {}
+    orphans: list[Orphan] = []
+    while True:
+        database = Database(strict=False)
+        try:
+            database.add_dbc_string(text)
+        except Exception as e:
+            less = text
+            found = [Orphan(k, int(i), name) for k, i, name in _ORPHANS.findall(str(e)) if str(e).startswith("unused ")]
+            if found:
+                for keyword in {k for k, _, _ in found}:
+                    less = without_statements(less, keyword, {(i, name) for k, i, name in found if k == keyword})
+                orphans += found
+            else:
+                less, reasons = without_impossible_messages(text)
+                unsound |= reasons
+            if less == text or not _HAS_MESSAGE.search(less):
+                raise
+            text = less
+        else:
+            return database, unsound, orphans
 
 
 def attribute(thing: Message | Signal, name: str) -> Any:
@@ -78,7 +128,9 @@ def attribute(thing: Message | Signal, name: str) -> Any:
 
 
 def find_message(database: Database, name: str) -> Message:
-    """A message by name. Raises KeyError whose text names it and what is there."""
+    """A message by name. Raises KeyError whose text names it and what is there; ValueError if it is not sound."""
+    if name in database.unsound:
+        raise ValueError(f"message {name} cannot be used: {database.unsound[name]}")
     for m in database.messages:
         if m.name == name:
             return m
@@ -91,34 +143,6 @@ def find_signal(message: Message, name: str) -> Signal:
         if s.name == name:
             return s
     raise KeyError(f"message {message.name} has no signal {name!r}")
-
-
-def check_supported(message: Message) -> None:
-    """Raises ValueError for a message that is not a plain classical one, which nothing here reads or sends, and for
-    signals that no frame can hold: cantools loads them and fails on the first frame."""
-    if message.is_fd or message.is_multiplexed() or message.length > CLASSICAL_BYTES:
-        raise ValueError(f"message {message.name} is CAN FD or multiplexed; only plain classical ones can be used")
-    for s in message.signals:
-        numbers = (s.scale, s.offset, s.minimum, s.maximum, s.raw_initial)
-        if s.start < 0 or s.length < 1 or not s.scale or not all(x is None or _finite(x) for x in numbers):
-            raise ValueError(f"{message.name}.{s.name} has bits that no frame has, or numbers that are none")
-
-
-def check_encodable(message: Message) -> None:
-    """Raises ValueError for a start value or a word of a value table that its own field cannot hold."""
-    for s in message.signals:
-        bits = s.length - s.is_signed
-        lowest = -(1 << bits) if s.is_signed else 0
-        raws = [*(s.choices or {}), int(s.raw_initial or 0)]
-        if not s.is_float and not all(lowest <= raw < 1 << bits for raw in raws):
-            raise ValueError(f"{message.name}.{s.name} has a start value or a named value beyond its {s.length} bits")
-
-
-def _finite(x: Any) -> bool:
-    try:
-        return math.isfinite(x)
-    except OverflowError:  # a whole number beyond all floats
-        return False
 
 
 def timeout_ms(message: Message, signal: Signal) -> int | None:

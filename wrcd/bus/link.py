@@ -1,6 +1,7 @@
 """Links to a bus: what the loop needs of one."""
 
-from dataclasses import dataclass
+from collections import Counter
+from dataclasses import dataclass, field
 from typing import Literal, Protocol
 
 from wrcd.bus.frame import Frame
@@ -16,8 +17,9 @@ class LinkHealth:
 
     STATE = {
         "state": "state", "drops": "drops", "reopens": "reopens", "unsent": "unsent", "error_frames": "error_frames",
-        "bus_offs": "bus_offs",
+        "bus_offs": "bus_offs", "foreign_frames": "foreign_frames",
     }  # fmt: skip
+    TRANSIENT = ("foreign_by_key",)
 
     state: LinkState = "Up"
     drops: int = 0  # frames lost because a buffer was full
@@ -25,6 +27,13 @@ class LinkHealth:
     unsent: int = 0  # frames that could not be sent and were dropped
     error_frames: int = 0  # that the controller reported
     bus_offs: int = 0
+    foreign_frames: int = 0  # of messages that are sent here, and that somebody else sent
+    foreign_by_key: Counter[int] = field(default_factory=Counter)  # the same by message (Frame.key), for the log
+
+    def foreign(self, key: int) -> None:
+        """Somebody else has sent a message that is sent here."""
+        self.foreign_frames += 1
+        self.foreign_by_key[key] += 1
 
     @property
     def up(self) -> bool:

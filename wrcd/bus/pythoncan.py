@@ -4,39 +4,53 @@ from typing import Any
 
 import can
 
+from wrcd.bus import advice
 from wrcd.bus.frame import Frame
 from wrcd.bus.link import MAX_FRAMES, LinkHealth
 from wrcd.errors import BusError
 
 # A stamp further than this from the wall clock is in the interface's own time: the time of reception replaces it.
 FOREIGN_CLOCK_US = 100_000
-MAX_STANDARD_ID = 0x7FF  # a larger one is an extended frame's
 
 
 def from_message(m: can.Message, stamp_us: int) -> Frame:
     """python-can's message as a frame."""
+    extra = m.bitrate_switch | m.error_state_indicator << 1 if m.is_fd else m.dlc if m.is_remote_frame else 0
     return Frame(
-        stamp_us, m.arbitration_id, bytes(m.data), m.is_extended_id, m.is_remote_frame, m.is_error_frame, m.is_fd
+        stamp_us, m.arbitration_id, bytes(m.data), m.is_extended_id, m.is_remote_frame, m.is_error_frame, m.is_fd, extra
     )
+
+
+def check_interface(name: str) -> None:
+    """Raises InputError for a name that is none of python-can's."""
+    advice.check_interface(name, can.VALID_INTERFACES)
+
+
+def open_bus(interface: str, channel: str, **options: Any) -> can.BusABC:
+    """A bus by python-can's names. Raises InputError for an interface that it does not know, BusError for one that
+    cannot be opened."""
+    check_interface(interface)
+    try:
+        return can.Bus(interface=interface, channel=channel, **options)
+    except (can.CanError, OSError, ValueError, ImportError, NotImplementedError, AttributeError, TypeError) as e:
+        reason = e.strerror if isinstance(e, OSError) and e.strerror else e
+        hint = advice.for_python_can(interface, channel, e)
+        raise BusError(f"{interface}:{channel} cannot be opened: {reason}", key="channel", hint=hint) from None
 
 
 class PythonCanLink:
     """A python-can bus, read without its threads.
 
-    Its ids are looked at here: where python-can filters by itself, a frame of another id ends a look that does not
+    Its messages are chosen here: where python-can filters by itself, a frame of another id ends a look that does not
     wait, and each look takes one such frame. Some hundred of them a second would keep the sensors' waiting for ever.
     """
 
-    def __init__(self, interface: str, channel: str, ids: tuple[int, ...] | None, **options: Any) -> None:
+    def __init__(self, interface: str, channel: str, keys: tuple[int, ...] | None, **options: Any) -> None:
         self.name = f"{interface}:{channel}"
         self.health = LinkHealth()
-        self._ids = None if ids is None else frozenset((i, i > MAX_STANDARD_ID) for i in ids)
-        try:
-            self._bus = can.Bus(interface=interface, channel=channel, **options)
-        except (can.CanError, OSError, ValueError, ImportError, NotImplementedError, AttributeError, TypeError) as e:
-            raise BusError(
-                f"{self.name} cannot be opened: {e}", key="interface", hint="see python-can's list of interfaces"
-            ) from None
+        self._keys = None if keys is None else frozenset(keys)
+        self._own: set[int] = set()  # keys of the frames sent here
+        self._bus = open_bus(interface, channel, **options)
 
     def receive(self, now_us: int) -> list[Frame]:
         """What is there, MAX_FRAMES at the most, those of other ids and error frames among them."""
@@ -47,9 +61,16 @@ class PythonCanLink:
                 break
             if message.is_error_frame:
                 self.health.error_frames += 1
-            elif self._ids is None or (message.arbitration_id, message.is_extended_id) in self._ids:
-                stamp_us = round(message.timestamp * 1e6)
-                frames.append(from_message(message, stamp_us if abs(stamp_us - now_us) <= FOREIGN_CLOCK_US else now_us))
+                continue
+            stamp_us = round(message.timestamp * 1e6)
+            frame = from_message(message, stamp_us if abs(stamp_us - now_us) <= FOREIGN_CLOCK_US else now_us)
+            if frame.key in self._own and not frame.remote:
+                if not message.is_rx:  # our own, come back
+                    continue
+                self.health.foreign(frame.key)
+            elif self._keys is not None and frame.key not in self._keys:
+                continue
+            frames.append(frame)
         return frames
 
     def _get(self) -> can.Message | None:
@@ -70,6 +91,7 @@ class PythonCanLink:
         except (can.CanError, OSError):
             self.health.unsent += 1
             return False
+        self._own.add(frame.key)
         return True
 
     def close(self) -> None:

@@ -5,6 +5,7 @@ import socket
 import struct
 
 FRAME = struct.Struct("=IB3x8s")  # struct can_frame
+FD_FRAME = struct.Struct("=IB3x64s")  # struct canfd_frame
 TIMESPEC = struct.Struct("@ll")
 U32 = struct.Struct("=I")
 FILTER = struct.Struct("=II")  # struct can_filter
@@ -15,6 +16,7 @@ RAW_HARDWARE, RX_SOFTWARE, SOFTWARE, RX_HARDWARE = 1 << 6, 1 << 3, 1 << 4, 1 << 
 SO_RXQ_OVFL = 40
 CAN_RAW_RECV_OWN_MSGS = 4
 CAN_RAW_ERR_FILTER = 2
+CAN_RAW_FD_FRAMES = 5
 CAN_EFF_FLAG, CAN_RTR_FLAG, CAN_ERR_FLAG = 0x80000000, 0x40000000, 0x20000000
 GONE = (errno.ENODEV, errno.ENXIO, errno.EBADF)  # what a socket says of a device that is not there any more
 
@@ -50,23 +52,7 @@ def parse_ancillary(ancillary: list[tuple[int, int, bytes]], now_us: int) -> tup
     return kernel_us, hardware_us, lost
 
 
-def only_id(can_id: int) -> bytes:
-    """Exactly this id, in its own length."""
-    return only_word(can_id if can_id <= socket.CAN_SFF_MASK else can_id | CAN_EFF_FLAG)
-
-
 def only_word(word: int) -> bytes:
-    """The same for an id with its flag."""
+    """Exactly this id, in its own length: an id with its flag, as Frame.key is."""
     mask = socket.CAN_EFF_MASK if word & CAN_EFF_FLAG else socket.CAN_SFF_MASK
     return FILTER.pack(word, mask | CAN_EFF_FLAG)
-
-
-def advice(e: OSError, channel: str) -> str:
-    """What to do about an interface that cannot be opened."""
-    if e.errno in (errno.EAFNOSUPPORT, errno.EPROTONOSUPPORT):
-        return "this kernel has no CAN: load the modules can and can-raw, or use another interface"
-    if e.errno in GONE:
-        if channel.startswith("vcan"):
-            return f"make it: ip link add {channel} type vcan && ip link set {channel} up"
-        return "see `ip link` for the interfaces there are"
-    return "check the interface and your rights"

@@ -6,7 +6,7 @@ from enum import StrEnum
 class Reason(StrEnum):
     """The value is the word that counters and logs use."""
 
-    KIND = "kind"  # remote, CAN FD or the other id length
+    KIND = "kind"  # remote, or CAN FD where the message is classical, or the other way round
     LENGTH = "length"  # DLC is not the message's
     CRC = "crc"  # E2E checksum: flipped bits
     DATA_ID = "data id"  # E2E checksum of another message: it came under the wrong id

@@ -11,9 +11,11 @@ from wrcd.bus.rawcan import (
     CAN_EFF_FLAG,
     CAN_ERR_FLAG,
     CAN_RAW_ERR_FILTER,
+    CAN_RAW_FD_FRAMES,
     CAN_RAW_RECV_OWN_MSGS,
     CAN_RTR_FLAG,
     EFF_MASK,
+    FD_FRAME,
     FRAME,
     GONE,
     MSG_CONFIRM,
@@ -27,8 +29,6 @@ from wrcd.bus.rawcan import (
     SOFTWARE,
     SOL_SOCKET,
     TIMESPEC,
-    advice,
-    only_id,
     only_word,
     parse_ancillary,
 )
@@ -46,12 +46,12 @@ _KERNEL_STAMP = (SOL_SOCKET, SO_TIMESTAMPNS)
 
 class SocketCanLink:
     """One raw CAN socket, and one of rtnetlink's beside it. The device may go and come back; link-down is waited out on
-    the same socket."""
+    the same socket. fd: CAN FD frames are wanted, too."""
 
-    def __init__(self, channel: str, ids: tuple[int, ...] | None) -> None:
+    def __init__(self, channel: str, keys: tuple[int, ...] | None, fd: bool = False) -> None:
         self.name = f"socketcan:{channel}"
         self.health = LinkHealth()
-        self._channel, self._ids = channel, ids
+        self._channel, self._keys, self._fd = channel, keys, fd
         self._hardware: HardwareClock | None = None
         self._controller = Controller(self.health)
         self._down = False
@@ -64,14 +64,20 @@ class SocketCanLink:
         self._confirms = False  # whether this interface tells when a frame has left
         self._early: list[Frame] = []  # received while looking for that
         if not hasattr(socket, "AF_CAN"):
-            raise BusError("this Python has no AF_CAN", key="interface", hint="use Linux, or another interface")
+            from wrcd.bus.advice import no_socketcan
+
+            raise BusError("this Python has no AF_CAN", key="interface", hint=no_socketcan())
         self._events = open_events(channel)
         try:
             self._socket: socket.socket | None = self._open()
         except OSError as e:
+            from wrcd.bus.advice import for_socketcan  # not for a start that succeeds
+
             self.close_events()
             raise BusError(
-                f"CAN interface {channel!r} cannot be opened: {e.strerror}", key="channel", hint=advice(e, channel)
+                f"CAN interface {channel!r} cannot be opened: {e.strerror or e}",
+                key="channel",
+                hint=for_socketcan(e, channel),
             ) from None
 
     def _open(self) -> socket.socket:
@@ -86,6 +92,8 @@ class SocketCanLink:
                 s.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FILTER, filters)
             s.setsockopt(socket.SOL_CAN_RAW, CAN_RAW_ERR_FILTER, ALL_ERRORS)
             s.setsockopt(socket.SOL_CAN_RAW, CAN_RAW_RECV_OWN_MSGS, 1)
+            if self._fd:
+                s.setsockopt(socket.SOL_CAN_RAW, CAN_RAW_FD_FRAMES, 1)
             s.bind((self._channel,))
         except OSError:
             s.close()
@@ -133,9 +141,10 @@ class SocketCanLink:
 
     def _read(self, frames: list[Frame], now_us: int) -> None:
         size, unpack, stamp, plain = FRAME.size, FRAME.unpack, TIMESPEC.unpack, self._hardware is None
+        most = FD_FRAME.size if self._fd else size
         while self._socket is not None and len(frames) < MAX_FRAMES:
             try:
-                data, extra, flags, _ = self._socket.recvmsg(size, 256)
+                data, extra, flags, _ = self._socket.recvmsg(most, 256)
             except BlockingIOError:
                 break
             except InterruptedError:
@@ -148,11 +157,15 @@ class SocketCanLink:
                     break
                 continue
             if len(data) != size:
+                if len(data) == FD_FRAME.size:
+                    frames.append(self._take_fd(data, extra, now_us))
                 continue
             if flags & MSG_CONFIRM:  # one of ours has left
                 self._confirms, self._unconfirmed = True, max(self._unconfirmed - 1, 0)
                 continue
             word, length, payload = unpack(data)
+            if word in self._own:
+                self.health.foreign(word)
             if word <= SFF_MASK and plain and len(extra) == 1 and extra[0][:2] == _KERNEL_STAMP:  # almost always
                 seconds, nanoseconds = stamp(extra[0][2])
                 self._down = self._controller.bus_off = False
@@ -160,16 +173,18 @@ class SocketCanLink:
             else:
                 frames.append(self._take(word, payload[:length], extra, now_us))
 
-    def narrow(self, ids: tuple[int, ...]) -> None:
-        """From now on only these ids."""
-        self._ids = ids
+    def narrow(self, keys: tuple[int, ...], fd: bool = False) -> None:
+        """From now on only these messages (Frame.key), with CAN FD ones among them."""
+        self._keys, self._fd = keys, self._fd or fd
         self._set(socket.CAN_RAW_FILTER, self._filters(), 0)
+        if fd:
+            self._set(CAN_RAW_FD_FRAMES, 1, 0)
 
     def _filters(self) -> bytes | None:
         """struct can_filter of each id that is let in; None: all are."""
-        if self._ids is None:
+        if self._keys is None:
             return None
-        return b"".join(map(only_id, self._ids)) + b"".join(map(only_word, sorted(self._own)))
+        return b"".join(map(only_word, (*self._keys, *sorted(self._own))))
 
     @property
     def is_open(self) -> bool:
@@ -207,6 +222,14 @@ class SocketCanLink:
         extended = bool(word & CAN_EFF_FLAG)
         mask = EFF_MASK if extended else SFF_MASK
         return Frame(stamp_us, word & mask, payload, extended, bool(word & CAN_RTR_FLAG))
+
+    def _take_fd(self, data: bytes, extra: list[tuple[int, int, bytes]], now_us: int) -> Frame:
+        word, length, payload = FD_FRAME.unpack(data)
+        if word in self._own:
+            self.health.foreign(word)
+        frame = self._take(word & ~CAN_RTR_FLAG, payload[:length], extra, now_us)
+        frame.fd = True
+        return frame
 
     def _trouble(self, e: OSError, now_us: int) -> None:
         self._go_down()

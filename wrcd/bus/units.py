@@ -31,7 +31,16 @@ _FACTORS: dict[str, dict[str, float]] = {
     "1": {"": 1.0, "1": 1.0},
     "m": {"m": 1.0, "mm": 1e-3, "cm": 1e-2},
 }
-_SPELLINGS = {"°/s": "deg/s", "degps": "deg/s", "kph": "km/h", "kmh": "km/h", "g0": "g", "gee": "g", "mps": "m/s"}
+_SPELLINGS = {
+    "°/s": "deg/s",
+    "degps": "deg/s",
+    "degree/s": "deg/s",
+    "kph": "km/h",
+    "kmh": "km/h",
+    "g0": "g",
+    "gee": "g",
+    "mps": "m/s",
+}
 
 
 def factor(unit: str | None, quantity: Quantity) -> float:

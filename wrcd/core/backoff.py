@@ -33,6 +33,10 @@ class Backoff:
         """Whether the axle is left alone in a tick."""
         return tick < self._until[axle]
 
+    def wait_s(self, axle: int, tick: int) -> float:
+        """For how long the axle is left alone from a tick on."""
+        return max(self._until[axle] - tick - 1, 0) * self._tick_s
+
     def any_waits(self, tick: int) -> bool:
         """Whether any axle is left alone in a tick."""
         return tick < max(self._until)

@@ -65,6 +65,10 @@ class Block:
         """Whether the speed jumped in a tick."""
         return self._speed_jumped[k]
 
+    def speed_m_s(self, k: int) -> float:
+        """The speed in a tick."""
+        return self._speeds_m_s[k]
+
     def unavailable(self, k: int, axle: int) -> bool:
         """Whether an input of an axle had been silent for too long."""
         return self._unavailable[k][axle]

@@ -1,10 +1,11 @@
 """What a daemon runs with, as records; wrcd/config.py makes them from a TOML file."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from wrcd.bus.codec import Source
 from wrcd.bus.dbc import Database
+from wrcd.bus.signals import Output, Source
 from wrcd.estimator.design import Design
 
 MAX_AXLES = 8  # a Co'Co' locomotive has six
@@ -15,9 +16,9 @@ class AxleConfig:
     """One wheelset: its number (1 … MAX_AXLES) and the messages that tell about it."""
 
     number: int
-    adhesion: str
-    detail: str | None
-    inputs: str | None
+    adhesion: Output
+    detail: Output | None
+    inputs: Output | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,14 +58,13 @@ class Config:
     design: Design
     axles: tuple[AxleConfig, ...]
     inputs: tuple[Input, ...]
-    status: str | None
-    rejects: str | None
-    link: str | None
+    data_ids: Mapping[str, int | None]  # of E2E, by message that carries inputs (None: not protected)
+    status: Output | None
+    rejects: Output | None
+    link: Output | None
     not_available_after_us: int
     min_speed_m_s: float
     constant_speed_m_s: float | None
     torque_is_total: bool
-    adhesion_cycle_us: int
-    detail_cycle_us: int
-    status_cycle_us: int
     recorder: RecorderConfig
+    warnings: tuple[str, ...] = ()  # what is odd, but bearable

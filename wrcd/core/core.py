@@ -23,11 +23,13 @@ from wrcd.core.block import Block
 from wrcd.core.causes import Cause
 from wrcd.core.configuration import Config
 from wrcd.core.counts import Counts, Health
-from wrcd.core.inputs import Inputs
+from wrcd.core.events import Events
+from wrcd.core.inputs import YAW, Inputs
 from wrcd.core.jitter_buffer import NEVER
 from wrcd.core.messages import NAMES, Outbox, Outgoing, Report
 from wrcd.core.slot import Slot, frames, reports
 from wrcd.core.validity import ValidityMonitor, tick_causes
+from wrcd.estimator.design import FloatArray
 from wrcd.estimator.estimator import Estimator
 from wrcd.estimator.records import Estimate, StepResult, Ticks
 
@@ -37,7 +39,7 @@ MAX_HELD_SLOTS = 16  # of which the frames are made at once
 SILENCE_US = 1_000_000  # without a mapped frame: longer, and nothing that was known before holds
 
 
-Dues = tuple[bool, bool, bool]  # whether Adhesion, AdhesionDetail with InputHealth, and the status are due
+Dues = tuple[int, ...]  # cycles (in µs) of the frames that are due
 
 
 class Observer(Protocol):
@@ -60,16 +62,16 @@ class Core:
         "counts": "counts", "health": "health", "estimator": "estimator", "receiver": "receiver",
         "open_tick": "_open", "newest_stamp_us": "_stamp_us", "inputs": "_inputs", "validity": "_validity",
         "is_reset": "_is_reset", "outbox": "_outbox", "outlier_us": "_outlier_us", "backoff": "_backoff",
-        "block": "_block",
+        "block": "_block", "events": "events",
     }  # fmt: skip
-    TRANSIENT = ("reports", "_tick", "_begin_us", "_end_us", "_held")
+    TRANSIENT = ("reports", "reported", "_tick", "_begin_us", "_end_us", "_held")
 
     def __init__(self, config: Config, estimator: Estimator | None = None, observer: Observer | None = None) -> None:
         self.config = config
         self.counts = Counts()
         self.health = Health()
         self.estimator = estimator or Estimator(config.design, len(config.axles))
-        self.receiver = Receiver(config.database, [i.source for i in config.inputs])
+        self.receiver = Receiver(config.database, [i.source for i in config.inputs], config.data_ids)
         n = len(config.axles)
         self._n = n
         self._observer = observer
@@ -86,6 +88,8 @@ class Core:
         self._outlier_us = [NEVER] * n
         self._backoff = Backoff(n, config.design.tick_s)
         self.reports: list[Report] = []  # of the newest slot
+        self.reported: Sequence[int] = ()  # axles (places) whose adhesion was due in it
+        self.events = Events(config)
         self.muted = False  # make no frames: nobody would send them
         self._held: list[Slot] | None = None  # slots whose frames are held back
 
@@ -118,12 +122,14 @@ class Core:
         if reader is None:
             return []
         out = self._move_to(frame.stamp_us)
-        return self._take(reader, reader.read(frame), frame.stamp_us, out)
+        return self._take(reader, reader.read(frame), frame.stamp_us, out, frame)
 
     def feed_read(self, reader: MessageReader, read: Sequence[Sample] | Frame, stamp_us: int) -> list[Outgoing]:
         """The same where goes_on_from() holds, for the frame of a reader, or what that has read in it already."""
         out = self._move_to(stamp_us)
-        return self._take(reader, reader.read(read) if isinstance(read, Frame) else read, stamp_us, out)
+        if isinstance(read, Frame):
+            return self._take(reader, reader.read(read), stamp_us, out, read)
+        return self._take(reader, read, stamp_us, out)
 
     def check_all(self, source: int, values: Sequence[float], stamps_us: Sequence[int]) -> bool:
         """Check many samples of one input at once, before they are fed with feed_checked(); False: feed_read() must."""
@@ -141,12 +147,18 @@ class Core:
         return self._stamp_us != NEVER and 0 <= stamp_us - self._stamp_us < min(SILENCE_US, FORWARD_STEP_US) // 2
 
     def _take(
-        self, reader: MessageReader, samples: Sequence[Sample] | Reason, stamp_us: int, out: list[Outgoing]
+        self,
+        reader: MessageReader,
+        samples: Sequence[Sample] | Reason,
+        stamp_us: int,
+        out: list[Outgoing],
+        frame: Frame | None = None,
     ) -> list[Outgoing]:
         reason = samples if isinstance(samples, Reason) else self._inputs.check(samples, stamp_us)
         if reason is not None:
             self.counts.reject(reader.name, reason)
-            self._inputs.reject(reader.numbers, stamp_us, reason)
+            concerned = reader.numbers if frame is None else reader.concerned(frame, reason)
+            self._inputs.reject(concerned, stamp_us, reason)
             return out
         assert not isinstance(samples, Reason)
         self._accept(samples, stamp_us)
@@ -220,7 +232,7 @@ class Core:
             number = self._open
             due = self._close_tick(number)
             self._open += 1
-            if True in due and not self.muted:
+            if due and not self.muted:
                 out += self._due(self._open * self._period_us, due)
         self._begin_us = self._open * self._period_us
         self._end_us = self._begin_us + self._period_us
@@ -235,20 +247,19 @@ class Core:
             self._reset_all()
         tick = self._tick = self._inputs.close_tick(end_us)
         fast = tick.speed_m_s >= self.config.min_speed_m_s
-        self._block.add(number, tick, tick_causes(self._inputs, tick, end_us), fast)
+        causes = tick_causes(self._inputs, tick, end_us)
+        if causes != self.events.tick_causes:
+            self.events.tick(causes, self._inputs, tick, end_us)
+        self._block.add(number, tick, causes, fast)
         due = self._dues(end_us)
-        if True in due or self.estimator.block_end(number):
+        if due or self.estimator.block_end(number):
             self._run_block()
         return due
 
     def _dues(self, end_us: int) -> Dues:
-        """Which messages' slots begin within the tick that ends, or with its end."""
-        c, period_us = self.config, self._period_us
-        return (
-            end_us % c.adhesion_cycle_us < period_us,
-            end_us % c.detail_cycle_us < period_us,
-            end_us % c.status_cycle_us < period_us,
-        )
+        """Whose slots begin within the tick that ends, or with its end."""
+        period_us = self._period_us
+        return tuple([cycle_us for cycle_us in self._outbox.cycles_us if end_us % cycle_us < period_us])
 
     def _run_block(self) -> None:
         """Run the bank on the ticks taken down, on as many at once as the estimator takes."""
@@ -260,7 +271,7 @@ class Core:
             result = self._step(ticks, 0)
             at = len(result)
             self._begin_sound_ticks(at)
-            self._note_outliers(block.number, result)
+            self._note_outliers(block.number, result, ticks.z[0, YAW])
         while at < len(block):
             # as far as is known: a reset on the way may make an axle wait
             running = [self._running(k) for k in range(at, len(block))]
@@ -274,7 +285,7 @@ class Core:
             result = self._step(ticks, at)
             for k in range(1, len(result)):
                 self._begin_tick(at + k, running[k])
-            self._note_outliers(block.number + at, result)
+            self._note_outliers(block.number + at, result, ticks.z[at, YAW])
             at += len(result)
         block.clear()
 
@@ -300,6 +311,7 @@ class Core:
             # a confirmed speed jump means another signal source: reset every axle
             if jumped and not self._is_reset[axle]:
                 self._count_reset(axle, number)
+                self.events.restarted(axle, self.events.describe.jumped(axle, block.speed_m_s(k)))
             if running[axle]:
                 self._is_reset[axle] = False
                 self._validity.update(axle, causes[axle])
@@ -319,7 +331,7 @@ class Core:
             if self._validity.window_full[axle]:
                 self._backoff.recovered(axle)
 
-    def _note_outliers(self, number: int, result: StepResult) -> None:
+    def _note_outliers(self, number: int, result: StepResult, yaw_rate: FloatArray) -> None:
         """Remember whose measurements were left out in a tick, and reset the axles that need it. In ticks that were
         stepped at once there are none."""
         if len(result) > 1:
@@ -328,6 +340,9 @@ class Core:
             self._outlier_us[axle] = (number + 1) * self._period_us
         for axle in np.flatnonzero(result.needs_reset).tolist():
             self._count_reset(axle, number)
+            why = self.estimator.why_reset(result, yaw_rate, axle)
+            wait_s = self._backoff.wait_s(axle, number)
+            self.events.restarted(axle, self.events.describe.outliers(axle, why, wait_s))
             self._reset_axle(axle, Cause.RESTARTED)
 
     def _count_reset(self, axle: int, number: int) -> None:
@@ -362,39 +377,44 @@ class Core:
         if estimate is not None and self._observer is not None:
             self._observer.estimated(slot.end_us // self._period_us - 1, estimate)
         if slot.adhesion or slot.detail:
-            self.reports = reports(slot, estimate)
+            self.reports, self.reported = reports(slot, estimate), slot.adhesion
+            self.events.slot(slot.end_us, self.reports, slot.details, estimate)
         return frames(slot, self.reports, estimate, self._outbox)
 
     def _slot(self, end_us: int, due: Dues) -> Slot:
         """Take down what the frames of a slot are made from."""
         axles, inputs, tick = range(self._n), self._inputs, self._tick
-        adhesion, detail, status = due
-        said = adhesion or detail
+        outbox = self._outbox
+        adhesion, detail = outbox.adhesion_due(due), outbox.detail_due(due)
+        said = bool(adhesion) or detail
         known = said and True in self._validity.window_full
         pairs = self.estimator.identity.doubt.tolist() if said else []
+        standing = [self._validity.standing(axle, pair) for axle, pair in enumerate(pairs)]
         return Slot(
             end_us=end_us,
             draft=self.estimator.draft() if known else None,
+            due=due,
             adhesion=adhesion,
             detail=detail,
-            standing=[self._validity.standing(axle, pair) for axle, pair in enumerate(pairs)],
+            standing=standing,
+            details=self.events.standing(standing, inputs, self._validity, self.estimator.identity, end_us)
+            if said
+            else {},
             age_ms=[inputs.age_ms(axle, end_us) for axle in axles] if said else (),
             torque_ratio=tick.torque_ratio,
             stale=[inputs.quantities(tick.stale, axle) for axle in axles] if detail else (),
             inputs=[self._input_values(axle, end_us) for axle in axles] if detail else (),
-            status=list(self._outbox.status(end_us, self.counts, self.health, self.estimator.outliers))
-            if status
-            else (),
+            status=list(outbox.status(end_us, due, self.counts, self.health, self.estimator.outliers)),
         )
 
     def _input_values(self, axle: int, end_us: int) -> dict[str, Value]:
         unchanged = self._inputs.quantities(self._inputs.unchanged(end_us), axle)
         values: dict[str, Value] = {
-            "Outlier": float(end_us - self._outlier_us[axle] <= self.config.detail_cycle_us),
+            "Outlier": float(end_us - self._outlier_us[axle] <= self._outbox.inputs_cycle_us(axle)),
             "Unchanged": float(bool(unchanged)),
         }
         for q, name in NAMES.items():
-            register, rejected = self._inputs.reach.read(self._inputs.place(q, axle), end_us)
+            register, rejected = self._inputs.reached(q, axle, end_us)
             values |= {f"Reach{name}": float(register), f"Refused{name}": rejected}
         return values
 

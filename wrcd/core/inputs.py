@@ -11,11 +11,16 @@ from wrcd.core.configuration import Config
 from wrcd.core.jitter_buffer import NEVER, JitterBuffer
 from wrcd.core.plausibility import MAX_STEP, MIN_RUN, STUCK_CHECKED, JumpCheck, StuckCheck
 from wrcd.core.reach import Reach
+from wrcd.core.refusals import Refusals
 
 QUANTITIES = tuple(Quantity)
 YAW, LAT, TORQUE, SPEED, BRAKE, LOAD, DIRECTION, RADIUS = range(len(QUANTITIES))
 _ROW = {q: i for i, q in enumerate(QUANTITIES)}
 _OF_TORQUE_RATIO = (TORQUE, BRAKE, LOAD, RADIUS)
+# Torques against each other by more than this share of 2 N r_0 contradict each other. A motor's torque is estimated, a
+# brake's follows from its pressure: either is wrong by up to that much where it should be nothing, and where less
+# cancels, MuUsed is wrong by less than four percentage points.
+AGAINST_SHARE = 0.02
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,32 +36,45 @@ class TickInputs:
     unavailable: tuple[int, ...]  # axles of which something has been silent for so long that there is no estimate
 
 
+def rows_of(config: Config) -> tuple[list[int], list[int]]:
+    """The quantity of each row, and the row of each input of a configuration. The first rows are the quantities; one
+    that is the sum of several signals has a row more for each but the first."""
+    later = dict.fromkeys((_ROW[i.source.quantity], i.source.part) for i in config.inputs if i.source.part)
+    row_of = {part: row for row, part in enumerate(later, len(QUANTITIES))}
+    rows = [row_of.get((_ROW[i.source.quantity], i.source.part), _ROW[i.source.quantity]) for i in config.inputs]
+    return [*range(len(QUANTITIES)), *(q for q, _ in later)], rows
+
+
 class Inputs:
-    """Values by place. check(), then accept() or reject() while the tick is open, close_tick() when it is over."""
+    """Values by place. check(), then accept() or reject() while the tick is open, close_tick() when it is over.
+
+    A place is row * axles + axle, with the rows of rows_of().
+    """
 
     STATE = {
         "value": "_value", "stamp_us": "_stamp_us", "degraded": "degraded", "contested": "contested",
         "jitter_buffer": "_jitter_buffer", "reach": "reach", "stuck_checks": "_stuck_checks",
         "jump_checks": "_jump_checks", "speed_jumped": "_speed_jumped", "reverse": "_reverse",
-        "torque_ratio": "_torque_ratio", "torque_ratio_known": "_torque_ratio_known",
+        "torque_ratio": "_torque_ratio", "torque_ratio_known": "_torque_ratio_known", "refusals": "refusals",
     }  # fmt: skip
     TRANSIENT = ("_shares_known", "_shares_ok")
 
     def __init__(self, config: Config) -> None:
         n, design = len(config.axles), config.design
         self._axles, self._design = n, design
-        size = len(QUANTITIES) * n
+        self._quantity, rows = rows_of(config)
+        size = len(self._quantity) * n
         self._timeout_us = [0] * size
         mapped: set[int] = set()
         self._places: list[tuple[int, ...]] = []  # of each of the configuration's inputs
-        self._rows: list[int] = []
+        self._quantities: list[int] = []  # likewise
         self._stuck_checks: dict[int, StuckCheck] = {}
         self._jump_checks: dict[int, JumpCheck] = {}
-        for i in config.inputs:
+        for i, row in zip(config.inputs, rows, strict=True):
             q = i.source.quantity
-            places = tuple(_ROW[q] * n + axle for axle in i.source.axles)
+            places = tuple(row * n + axle for axle in i.source.axles)
             self._places.append(places)
-            self._rows.append(_ROW[q])
+            self._quantities.append(_ROW[q])
             mapped.update(places)
             for place in places:
                 self._timeout_us[place] = i.timeout_us
@@ -65,6 +83,10 @@ class Inputs:
             elif q in MAX_STEP:
                 self._jump_checks[places[0]] = JumpCheck(MAX_STEP[q], i.timeout_us)
         self._mapped = sorted(mapped)
+        self._parts = [
+            (place, *(p for p in self._mapped if p >= len(QUANTITIES) * n and self._of_same(p, place)))
+            for place in range(len(QUANTITIES) * n)
+        ]
         self._deadlines = [(place, self._timeout_us[place]) for place in self._mapped]
         starts = {
             SPEED: math.nan if config.constant_speed_m_s is None else config.constant_speed_m_s,
@@ -77,6 +99,7 @@ class Inputs:
         self._jitter_buffer = JitterBuffer((LAT + 1) * n, design.recent_ticks)
         self._speed_jumped = False  # in the open tick
         self.reach = Reach(self._timeout_us)
+        self.refusals = Refusals(size)
         self._checks: list[StuckCheck | JumpCheck | None] = [
             self._stuck_checks.get(places[0]) or self._jump_checks.get(places[0]) for places in self._places
         ]
@@ -88,6 +111,7 @@ class Inputs:
         ]  # fmt: skip
         self._unavailable_after_us: list[int] = []
         self._torque_ratio, self._torque_ratio_known = [0.0] * n, False  # False: to be worked out
+        self._against_Nm = AGAINST_SHARE * 2 * design.normal_N * design.r_0
         self._shares_known = self._shares_ok = False
         self._speeds = float(design.speeds_m_s[0]), float(design.speeds_m_s[-1])
         self.apply_limits(config)
@@ -95,17 +119,23 @@ class Inputs:
     def apply_limits(self, config: Config) -> None:
         """Other limits from the next tick on."""
         # slow inputs (load, radius, direction) may take their own time-out; the measurements may not
-        after, slow = config.not_available_after_us, (SPEED + 1) * self._axles
+        after = config.not_available_after_us
         self._unavailable_after_us = [
-            after if place < slow else max(timeout, after) for place, timeout in enumerate(self._timeout_us)
+            after if self._quantity[place // self._axles] <= SPEED else max(timeout, after)
+            for place, timeout in enumerate(self._timeout_us)
         ]
         self._torque_is_total = config.torque_is_total
         self._shares_known = False
         brakes = set(range(BRAKE * self._axles, (BRAKE + 1) * self._axles))
-        self._torque_sign_counts = not (config.torque_is_total or brakes <= set(self._mapped))
+        mapped = set(self._mapped)
+        self._torque_sign_counts = (
+            not (config.torque_is_total or brakes <= mapped)
+            or bool(brakes & mapped)
+            or any(len(self._parts[self.place(TORQUE, axle)]) > 1 for axle in range(self._axles))
+        )
         self._min_speed_m_s = config.min_speed_m_s
         speeds = range(SPEED * self._axles, (SPEED + 1) * self._axles)
-        if config.constant_speed_m_s is not None and not set(speeds) & set(self._mapped):
+        if config.constant_speed_m_s is not None and not set(speeds) & mapped:
             for place in speeds:
                 self._value[place] = config.constant_speed_m_s
 
@@ -135,29 +165,30 @@ class Inputs:
         for source in sources:
             for place in self._places[source]:
                 self.reach.reject(place, stamp_us, reason)
+                self.refusals.reject(place, self._stamp_us[place], reason)
                 if reason is Reason.TWO_SENDERS:
                     self.contested[place] = True
 
     def accept(self, s: Sample, stamp_us: int) -> None:
         """A sample of an accepted frame."""
         source, value, degraded, contested = s
-        row = self._rows[source]
+        quantity = self._quantities[source]
         for place in self._places[source]:
             self._stamp_us[place] = stamp_us
             self.reach.accept(place, stamp_us)
             self.degraded[place], self.contested[place] = degraded, contested
-            if row <= LAT:
+            if quantity <= LAT:
                 self._jitter_buffer.put(place, value, stamp_us)
             else:
                 self._value[place] = value
-        if row > LAT:
+        if quantity > LAT:
             self._torque_ratio_known = False
-            if row != SPEED and (row != TORQUE or self._torque_sign_counts):
+            if quantity != SPEED and (quantity != TORQUE or self._torque_sign_counts):
                 self._shares_known = False
-            if row == DIRECTION:
+            if quantity == DIRECTION:
                 n = self._axles
                 self._reverse = min(self._value[DIRECTION * n : (DIRECTION + 1) * n]) < 0.0
-            elif row == SPEED:
+            elif quantity == SPEED:
                 check = self._jump_checks[self._places[source][0]]
                 self._speed_jumped |= check.jumped
                 check.jumped = False
@@ -168,6 +199,7 @@ class Inputs:
         self._stamp_us = [NEVER] * len(self._stamp_us)
         self._jitter_buffer.reset()
         self.reach.reset()
+        self.refusals.reset()
         for stuck in self._stuck_checks.values():
             stuck.reset()
         for jump in self._jump_checks.values():
@@ -178,12 +210,11 @@ class Inputs:
         stamps, n = self._stamp_us, self._axles
         stale = tuple([p for p, timeout in self._deadlines if end_us - stamps[p] > timeout])
         z, present = self._jitter_buffer.take()
-        if self._reverse:
-            z = [x * self._value[DIRECTION * n + place % n] for place, x in enumerate(z)]
+        if self._reverse:  # seen in the direction of travel left is right; counter-clockwise stays so
+            z = [*z[:n], *(x * self._value[DIRECTION * n + axle] for axle, x in enumerate(z[n:]))]
         if not self._torque_ratio_known:
-            v = self._value
             self._torque_ratio = [
-                abs(v[TORQUE * n + a] + v[BRAKE * n + a]) / (v[LOAD * n + a] * v[RADIUS * n + a]) for a in range(n)
+                self._torque_Nm(a) / (self.total(LOAD, a) * self._value[RADIUS * n + a]) for a in range(n)
             ]
             self._torque_ratio_known = True
         ratio = self._torque_ratio
@@ -191,7 +222,7 @@ class Inputs:
         if stale:
             silent = [p for p in stale if end_us - stamps[p] > self._unavailable_after_us[p]]
             unavailable = tuple(sorted({p % n for p in silent}))
-            unknown = {p % n for p in silent if p // n in _OF_TORQUE_RATIO}
+            unknown = {p % n for p in silent if self._quantity[p // n] in _OF_TORQUE_RATIO}
             if unknown:
                 ratio = [math.nan if a in unknown else r for a, r in enumerate(ratio)]
         jumped, self._speed_jumped = self._speed_jumped, False
@@ -226,11 +257,47 @@ class Inputs:
     def quantities(self, places: Sequence[int], axle: int) -> set[int]:
         """Which quantities of an axle are among some places."""
         n = self._axles
-        return {p // n for p in places if p % n == axle}
+        return {self._quantity[p // n] for p in places if p % n == axle}
 
     def place(self, quantity: int, axle: int) -> int:
-        """Where a quantity of an axle is kept."""
+        """Where a quantity of an axle is kept: of several signals that add up, the first."""
         return quantity * self._axles + axle
+
+    def _of_same(self, one: int, other: int) -> bool:
+        """Whether two places are of the same quantity and axle."""
+        n = self._axles
+        return one % n == other % n and self._quantity[one // n] == self._quantity[other // n]
+
+    def total(self, quantity: int, axle: int) -> float:
+        """The sum of all signals that a quantity of an axle is made of."""
+        first, *others = self._parts[quantity * self._axles + axle]
+        total = self._value[first]
+        for place in others:
+            total += self._value[place]
+        return total
+
+    def reached(self, quantity: int, axle: int, end_us: int) -> tuple[int, str]:
+        """How well a quantity is reached (Reach.read): of several signals that add up, the one that is least."""
+        read = [self.reach.read(place, end_us) for place in self._parts[self.place(quantity, axle)]]
+        return min(read, key=lambda one: (one[0].bit_count(), one[1] == "None"))
+
+    def torques_contradict(self, axle: int) -> bool:
+        """Whether what brakes an axle is against what brakes it: a friction brake that drives while the torque brakes,
+        or two parts of the torque that are against each other. One of them has the wrong sign, and their sum would be
+        what is left of either. (Brakes that are still applied under traction are no contradiction.)"""
+        most = self._against_Nm
+        torques = [self._value[place] for place in self._parts[self.place(TORQUE, axle)]]
+        if len(torques) > 1 and min(torques) < -most and max(torques) > most:
+            return True
+        return self.total(TORQUE, axle) < -most and self.total(BRAKE, axle) > most
+
+    def _torque_Nm(self, axle: int) -> float:
+        """How large the torque at an axle is: where its parts contradict each other, as large as the larger side."""
+        if self._torque_sign_counts and self.torques_contradict(axle):
+            places = *self._parts[self.place(TORQUE, axle)], *self._parts[self.place(BRAKE, axle)]
+            values = [self._value[place] for place in places]
+            return max(sum(x for x in values if x > 0), -sum(x for x in values if x < 0))
+        return abs(self.total(TORQUE, axle) + self.total(BRAKE, axle))
 
     @property
     def all_trusted(self) -> bool:
@@ -252,13 +319,49 @@ class Inputs:
 
     def friction_share_unknown(self, axle: int) -> bool:
         """Whether the friction brakes may add what nobody tells of: always but in traction, torque 0 included."""
-        brake, torque = self.place(BRAKE, axle), self.place(TORQUE, axle)
-        return not (self._torque_is_total or brake in self._mapped or self._value[torque] > 0)
+        brake = self.place(BRAKE, axle)
+        return not (self._torque_is_total or brake in self._mapped or self.total(TORQUE, axle) > 0)
 
     def load_share(self, axle: int) -> float:
         """The axle load over the design's; one where the bus does not tell it."""
-        return self._value[self.place(LOAD, axle)] / (2 * self._design.normal_N)
+        return self.total(LOAD, axle) / (2 * self._design.normal_N)
 
     def radius_share(self, axle: int) -> float:
         """The same of the wheel radius."""
         return self._value[self.place(RADIUS, axle)] / self._design.r_0
+
+    # --- what details.py tells of
+
+    def value(self, quantity: int, axle: int) -> float:
+        """The newest value of a quantity, in SI units."""
+        return self.total(quantity, axle)
+
+    def torques(self, axle: int) -> dict[int, float]:
+        """All torques of an axle that are mapped, in N m, by row."""
+        places = (*self._parts[self.place(TORQUE, axle)], *self._parts[self.place(BRAKE, axle)])
+        return {place // self._axles: self._value[place] for place in places if place in self._mapped}
+
+    def stuck_at(self, quantity: int, axle: int) -> tuple[float, int]:
+        """The value of a sensor that stands still, and how many frames have repeated it."""
+        check = self._stuck_checks[self.place(quantity, axle)]
+        return check.value, check.run
+
+    def overdue(self, axle: int, end_us: int, silent: bool) -> list[tuple[int, int | None, int, str]]:
+        """The rows of an axle that are past their time-out, or with silent past that for the estimate: each with
+        its age (None: it has not come), the limit, and what was refused since."""
+        limits, n, out = self._unavailable_after_us if silent else self._timeout_us, self._axles, []
+        for place in self._mapped:
+            stamp_us = self._stamp_us[place]
+            if place % n == axle and end_us - stamp_us > limits[place]:
+                age_us = None if stamp_us == NEVER else end_us - stamp_us
+                out.append((place // n, age_us, limits[place], self.refusals.since(place, stamp_us)))
+        return out
+
+    def flagged(self, flags: Sequence[bool], axle: int) -> list[tuple[int, str]]:
+        """The rows of an axle whose places are flagged, each with what was refused since its last good frame."""
+        n = self._axles
+        return [
+            (place // n, self.refusals.since(place, self._stamp_us[place]))
+            for place in self._mapped
+            if place % n == axle and flags[place]
+        ]

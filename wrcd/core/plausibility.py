@@ -32,7 +32,7 @@ MAX_STEP = {
 class StuckCheck:
     """Watches a sensor that must move."""
 
-    STATE = {"value": "_value", "run": "run", "changed_us": "_changed_us", "share": "_share", "frames": "_frames"}
+    STATE = {"value": "value", "run": "run", "changed_us": "_changed_us", "share": "_share", "frames": "_frames"}
 
     def __init__(self) -> None:
         self._share, self._frames = FIRST_SHARE, FIRST_FRAMES
@@ -40,30 +40,30 @@ class StuckCheck:
 
     def reset(self) -> None:
         """Nothing that came before counts; how coarse the sensor is, is remembered."""
-        self._value = math.nan
+        self.value = math.nan
         self.run = 0  # equal neighbours in a row
         self._changed_us: int | None = None
 
     def check(self, value: float, stamp_us: int, moving: bool) -> Reason | None:
         """STUCK for a value that has been the same for too long."""
-        if value == self._value and moving:
+        if value == self.value and moving:
             self.run += 1
             return Reason.STUCK if self.run >= MIN_RUN and self.run >= self._longest(STUCK) else None
         if self.run:
             self._learn(self.run)
         else:  # it moves, as it should: what was learnt otherwise fades
             self._share += (FIRST_SHARE - self._share) / FADING_FRAMES
-        self.run, self._changed_us, self._value = 0, stamp_us, value
+        self.run, self._changed_us, self.value = 0, stamp_us, value
         return None
 
     def check_all(self, values: Sequence[float], stamps_us: Sequence[int]) -> bool:
         """The same of many values at once, if no two neighbours are equal; else False, and nothing has changed."""
-        if self.run or values[0] == self._value or any(map(operator.eq, values, itertools.islice(values, 1, None))):
+        if self.run or values[0] == self.value or any(map(operator.eq, values, itertools.islice(values, 1, None))):
             return False
         share = self._share
         for _ in values:
             share += (FIRST_SHARE - share) / FADING_FRAMES
-        self._share, self._changed_us, self._value = share, stamps_us[-1], values[-1]
+        self._share, self._changed_us, self.value = share, stamps_us[-1], values[-1]
         return True
 
     def _learn(self, run: int) -> None:

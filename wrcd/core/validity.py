@@ -24,6 +24,7 @@ OF_PAIR = {
     Doubt.GYRO_DEAD: Cause.GYRO_DEAD,
     Doubt.UNLIKE: Cause.WHEELSET_UNLIKE,
 }
+DOUBT_OF = {cause: doubt for doubt, cause in OF_PAIR.items()}
 OF_ESTIMATE = {
     EstimateDoubt.NO_RULE: Cause.NO_RULE,
     EstimateDoubt.BEYOND_TRAINING: Cause.BEYOND_TRAINING,
@@ -55,7 +56,7 @@ def tick_causes(i: Inputs, tick: TickInputs, end_us: int) -> Sequence[Cause]:
     unchanged = i.unchanged(end_us)
     if not (tick.stale or unchanged) and i.speed_covered and i.all_trusted and not i.doubtful_axles(_doubtful):
         return SOUND[: len(axles)]
-    return [_cause(i, tick, unchanged, axle) for axle in axles]
+    return tuple([_cause(i, tick, unchanged, axle) for axle in axles])
 
 
 def _cause(i: Inputs, tick: TickInputs, unchanged: Sequence[int], axle: int) -> Cause:
@@ -74,6 +75,8 @@ def _cause(i: Inputs, tick: TickInputs, unchanged: Sequence[int], axle: int) -> 
 
 def _doubtful(i: Inputs, axle: int) -> Cause:
     """What speaks against the slow inputs' values."""
+    if i.torques_contradict(axle):
+        return Cause.TORQUES_CONTRADICT
     if i.friction_share_unknown(axle):
         return Cause.FRICTION_SHARE_UNKNOWN
     if not LOAD_SHARES[0] <= i.load_share(axle) <= LOAD_SHARES[1]:
@@ -139,6 +142,10 @@ class ValidityMonitor:
         if self._fresh_ticks[axle] >= self._window:
             self._window_full[axle] = True
         self._newest[axle] = cause
+
+    def fresh_ticks(self, axle: int) -> int:
+        """Ticks of the window that is not full yet."""
+        return self._fresh_ticks[axle]
 
     def standing(self, axle: int, pair: int) -> Standing:
         """Of an axle now, with the Doubt of its pair of sensors: all that there is to say without its estimate."""

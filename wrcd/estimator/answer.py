@@ -143,7 +143,7 @@ class Answers:
         answers, inference, chosen = self._answers(draft)
         if not self._wrcd:
             (best,) = answers
-            spread, doubt = best.spread, np.zeros(n, dtype=np.int64)
+            spread, doubt, loud = best.spread, np.zeros(n, dtype=np.int64), np.full(n, np.nan)
         else:
             long, short, recent = answers
             back = _back(long, short)
@@ -181,6 +181,9 @@ class Answers:
             contradicted=used > from_rules + margin,
             doubt=doubt,
             window_s=chosen.ticks * d.tick_s,
+            mu_from_rules_pct=from_rules,
+            excitation=loud,
+            live_share=chosen.live_share,
         )
 
     def inputs_of(

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrcd.checksum import checksum
-from wrcd.errors import InputError
+from wrcd.errors import InputError, NotThere
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -141,10 +141,12 @@ def load_design(path: Path) -> Design:
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
-        raise InputError("no such design file", file=path, hint="make one with `sim-ecu design -o FILE`") from None
+        raise NotThere("no such design file", file=path, hint="make one with `sim-ecu design -o FILE`") from None
     except json.JSONDecodeError as e:
         raise InputError(f"not valid JSON: {e.msg}", file=path, line=e.lineno) from None
-    except (OSError, ValueError, RecursionError) as e:
+    except OSError as e:
+        raise NotThere(f"cannot be read: {e.strerror}", file=path, hint="check your rights and the disk") from None
+    except (ValueError, RecursionError) as e:
         raise InputError(f"cannot be read: {e}", file=path) from None
     return parse_design(document, path)
 

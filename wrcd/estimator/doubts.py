@@ -7,6 +7,7 @@ The track drives both. Below 1.5 Hz the lateral acceleration is the speed times 
 import math
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import NamedTuple
 
 import numpy as np
 
@@ -159,6 +160,25 @@ def dead_alone(e: Evidence, yaw_unit: float, lat_unit: float) -> Doubt:
     return Doubt.NONE
 
 
+class Figures(NamedTuple):
+    """What a doubt was found by, for a person."""
+
+    low: float = 0.0  # correlation below 1.5 Hz
+    middle: float = 0.0  # and in 3 to 10 Hz
+    yaw_rms: float = 0.0  # of each signal's alternating part, in units of the design's sensor noise
+    lat_rms: float = 0.0
+    ratio: float = 0.0  # lateral acceleration below 1.5 Hz over speed times yaw rate
+    partner: float = -1.0  # the axle (its place) whose other sensor fits better, -1: none
+
+
+def figures(e: Evidence, yaw_unit: float, lat_unit: float, partner: int = -1) -> Figures:
+    """Of a pair over spans of time."""
+    low, middle, _ = _correlation(e).mean(axis=0).tolist()
+    yaw_rms, lat_rms = np.sqrt(e.variance.mean(axis=0)).tolist()
+    ratio = 10.0 ** float(_ratios(e, yaw_unit, lat_unit)[LOW])
+    return Figures(low, middle, yaw_rms, lat_rms, ratio, float(partner))
+
+
 def doubts(e: Evidence, yaw_unit: float, lat_unit: float) -> set[Doubt]:
     """What speaks against a pair over seconds (s,). The units are what its powers are in, rad/s and m/s².
 
@@ -174,11 +194,7 @@ def doubts(e: Evidence, yaw_unit: float, lat_unit: float) -> set[Doubt]:
         return {Doubt.SILENT}
     if white[LAT]:
         return {Doubt.ACCEL_SMALL}
-    # decades by which the lateral acceleration exceeds speed times yaw rate, by band
-    ratios = _median(
-        0.5 * np.log10(e.power[..., LAT] / e.power[..., YAW]) - np.log10(np.fmax(e.speed_m_s, SLOWEST))[:, None]
-    )
-    ratios = ratios + math.log10(lat_unit / yaw_unit)
+    ratios = _ratios(e, yaw_unit, lat_unit)
     out = set()
     low, middle, high = power[:, LAT] / noise[LAT]
     if white[YAW] and (
@@ -197,6 +213,14 @@ def doubts(e: Evidence, yaw_unit: float, lat_unit: float) -> set[Doubt]:
     if _unrelated(e.of(free), noise):
         out.add(Doubt.UNRELATED)
     return out
+
+
+def _ratios(e: Evidence, yaw_unit: float, lat_unit: float) -> FloatArray:
+    """(3,): decades by which the lateral acceleration exceeds speed times yaw rate, by band."""
+    ratios = _median(
+        0.5 * np.log10(e.power[..., LAT] / e.power[..., YAW]) - np.log10(np.fmax(e.speed_m_s, SLOWEST))[:, None]
+    )
+    return ratios + math.log10(lat_unit / yaw_unit)
 
 
 def clearly_reversed(e: Evidence) -> bool:

@@ -16,7 +16,7 @@ from wrcd.estimator.answer import Answers, Draft, joined, split
 from wrcd.estimator.bank import Bank, BoolArray
 from wrcd.estimator.changes import ChangeDetector
 from wrcd.estimator.design import MODELS, Design, FloatArray, IntArray
-from wrcd.estimator.gate import Gate
+from wrcd.estimator.gate import Gate, Outliers
 from wrcd.estimator.identity import BLOCK_S, Identity
 from wrcd.estimator.joints import HOLD_TICKS, MAX_PULSE, Joints
 from wrcd.estimator.likeness import likeness
@@ -89,6 +89,10 @@ class Estimator:
         self._settled = None
         if not self.started.any():  # the speed is all axles': it goes on while one of them does
             self._speed.reset()
+
+    def why_reset(self, result: StepResult, yaw_rate: FloatArray, axle: int) -> Outliers:
+        """Of an axle that needs it, after the step (n yaw rates) that said so and before its reset."""
+        return self._gate.why_reset(result.innovations[-1, :, :, axle], float(yaw_rate[axle]), axle)
 
     def block_end(self, tick: int) -> bool:
         """Whether a block ends with a tick: ticks up to there, and no further, may be stepped at once."""

@@ -1,6 +1,7 @@
 """Innovation gate: skip single outliers; reset the axle when outliers exceed accepted samples by more than two."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,6 +25,15 @@ MAX_NET_OUTLIERS = 2  # outliers less accepted samples
 # 3000 runs, at a drop from dry to leaf film. The sample that it is compared with may be a few ticks old, not more.
 MAX_JUMP, COMPARED_TICKS = 0.08, MAX_NET_OUTLIERS + 1
 _SQUARES = GATE_SIGMA**2
+
+
+class Outliers(NamedTuple):
+    """What an axle is reset for: by how often its usual size each channel's innovation is off, of the model that it
+    fits best, with the limits; and by how much the yaw rate differs from the newest that was used."""
+
+    times_usual: list[float]
+    limits: list[float]
+    jump_rad_s: float
 
 
 class Gate:
@@ -61,6 +71,14 @@ class Gate:
         with np.errstate(invalid="ignore"):
             out[0] |= there & (self._age <= COMPARED_TICKS) & (np.abs(yaw_rate - self._last) > MAX_JUMP)
         return out
+
+    def why_reset(self, e: FloatArray, yaw_rate: float, axle: int) -> Outliers:
+        """The figures of an axle that is to be reset, by its newest innovations (4, 2) and yaw rate."""
+        with np.errstate(all="ignore"):
+            times = np.abs(e) / np.sqrt(self._power[:, :, axle])
+        times = np.where(np.isfinite(times), times, np.inf).min(axis=0)
+        jump = abs(yaw_rate - float(self._last[axle])) if math.isfinite(self._age[axle]) else math.nan
+        return Outliers(times.tolist(), GATE_SIGMA[:, 0].tolist(), jump)
 
     def learn(self, e: FloatArray, yaw_rate: FloatArray, used: BoolArray, outliers: BoolArray) -> BoolArray:
         """Learn from the axles (n,) whose samples were accepted. Return those to reset: too many samples were outliers,

@@ -28,10 +28,12 @@ from wrcd.estimator.doubts import (
     YAW,
     Doubt,
     Evidence,
+    Figures,
     clearly_reversed,
     dead_alone,
     doubts,
     evidence,
+    figures,
     silent,
 )
 from wrcd.estimator.likeness import Likeness
@@ -117,7 +119,8 @@ class Identity:
 
     STATE = {
         "filters": "_filters", "mean": "_mean", "offset_ticks": "_offset_ticks", "sums": "_sums", "ticks": "_ticks",
-        "blocks": "_blocks", "filled": "_filled", "doubts_held": "_held", "wiring": "_wiring", "likeness": "_likeness",
+        "blocks": "_blocks", "filled": "_filled", "doubts_held": "_held", "wiring": "_wiring",
+        "figures": "_figures", "likeness": "_likeness",
     }  # fmt: skip
 
     def __init__(
@@ -136,6 +139,7 @@ class Identity:
         self._wiring = Wiring(tick_s, axles)
         self._likeness = likeness  # of the wheelsets to the design's; None: not judged
         self._held: IntArray = np.zeros((len(Doubt), axles), dtype=np.int64)  # blocks for which a doubt stays
+        self._figures: FloatArray = np.zeros((len(Doubt), len(Figures._fields), axles))  # that each was found by
         self._smoothing = exponential(1.0 / self._max_offset_ticks)
 
     @property
@@ -240,22 +244,42 @@ class Identity:
             before = self._blocks[SILENT_BLOCKS : min(filled - SECOND, BEFORE_BLOCKS), :, axle]
             newest = self._blocks[: min(filled, SILENT_BLOCKS), :, axle]
             if silent(newest, before, SILENT_EXCESS if known else STILL_SILENT_EXCESS):
-                self._held[Doubt.SILENT, axle] = max(self._held[Doubt.SILENT, axle], SILENT_BLOCKS)
+                self._hold(Doubt.SILENT, axle, SILENT_BLOCKS, evidence(newest.mean(axis=0)[None]))
             if filled >= 2 * SECOND:
-                dead = dead_alone(evidence(newest.mean(axis=0)[None]), *self._unit[:, 0])
+                second = evidence(newest.mean(axis=0)[None])
+                dead = dead_alone(second, *self._unit[:, 0])
                 if dead:
-                    self._held[dead, axle] = max(self._held[dead, axle], ALONE_BLOCKS)
-            if filled < MIN_BLOCKS and filled % SECOND == 0 and clearly_reversed(self._seconds(filled, axle)):
-                self._held[Doubt.REVERSED, axle] = 2 * SECOND  # until it is looked at again
+                    self._hold(dead, axle, ALONE_BLOCKS, second)
+            if filled < MIN_BLOCKS and filled % SECOND == 0:
+                early = self._seconds(filled, axle)
+                if clearly_reversed(early):
+                    self._hold(Doubt.REVERSED, axle, 2 * SECOND, early)  # until it is looked at again
             # once a second, each axle at another tick
             if filled >= MIN_BLOCKS and (filled - axle) % SECOND == 0:
-                found = doubts(self._seconds(min(filled, BLOCKS), axle), *self._unit[:, 0])
-                if self._wiring.crossed()[axle]:
+                seconds = self._seconds(min(filled, BLOCKS), axle)
+                found = doubts(seconds, *self._unit[:, 0])
+                partner = int(self._wiring.partners()[axle])
+                if partner >= 0:
                     found.add(Doubt.UNRELATED)
                 for doubt in found:
-                    self._held[doubt, axle] = BLOCKS
+                    self._hold(doubt, axle, BLOCKS, seconds, partner if doubt is Doubt.UNRELATED else -1)
 
     def _seconds(self, blocks: int, axle: int) -> Evidence:
         """Of an axle's newest blocks, as whole seconds."""
         whole = blocks // SECOND
         return evidence(self._blocks[: whole * SECOND, :, axle].reshape(whole, SECOND, ROWS).mean(axis=1))
+
+    def _hold(self, doubt: Doubt, axle: int, blocks: int, e: Evidence, partner: int = -1) -> None:
+        """Doubt a pair for so many blocks at least, and keep what it was found by."""
+        if not self._held[doubt, axle]:
+            self._figures[doubt, :, axle] = figures(e, self._unit[0, 0], self._unit[1, 0], partner)
+        self._held[doubt, axle] = max(self._held[doubt, axle], blocks)
+
+    @property
+    def likeness(self) -> tuple[float, float, float]:
+        """Likeness.figures; of a design that says too little of its wheelset, none."""
+        return (1.0, 1.0, 0.0) if self._likeness is None else self._likeness.figures
+
+    def figures(self, doubt: Doubt, axle: int) -> Figures:
+        """What a doubt of a pair was found by."""
+        return Figures(*self._figures[doubt, :, axle].tolist())

@@ -94,7 +94,18 @@ class Likeness:
     @property
     def unlike(self) -> bool:
         """Whether no pair near the design's explains what the axles say."""
-        return bool(self._evidence[self._near].min() - self._evidence.min() > UNLIKE)
+        return self._margin > UNLIKE
+
+    @property
+    def figures(self) -> tuple[float, float, float]:
+        """The factors on the design's k and M of the pair that explains it best, and by how much it is better than any
+        pair near the design's: half of that is a log-likelihood."""
+        k, m = divmod(int(self._evidence.argmin()), 2 * STEPS_M + 1)
+        return math.exp(STEP * (k - STEPS_K)), math.exp(STEP * (m - STEPS_M)), self._margin
+
+    @property
+    def _margin(self) -> float:
+        return float(self._evidence[self._near].min() - self._evidence.min())
 
     def add(self, x: FloatArray, used: BoolArray | None, speeds_m_s: Sequence[float], saturated: BoolArray) -> None:
         """m ticks x (m, 2, n) in units of the design's noise; used (n,) where not all axles have data; which of them

@@ -81,3 +81,6 @@ class Estimate:
     contradicted: BoolArray  # more is in use than the rules, with their interval, say there is: one of them is wrong
     doubt: IntArray  # an EstimateDoubt: what speaks against the estimate itself
     window_s: FloatArray  # length of the window that the answer is from
+    mu_from_rules_pct: FloatArray  # without what is in use
+    excitation: FloatArray  # the largest residual over what the sensors' noise leaves; NaN in the paper's form
+    live_share: FloatArray  # of the window, with data far from pulses

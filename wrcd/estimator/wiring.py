@@ -3,7 +3,7 @@
 import numpy as np
 
 from wrcd.estimator.bank import BoolArray
-from wrcd.estimator.design import CHANNELS, FloatArray
+from wrcd.estimator.design import CHANNELS, FloatArray, IntArray
 from wrcd.estimator.doubts import LAT, YAW
 
 SECONDS = 10  # that are judged
@@ -69,12 +69,14 @@ class Wiring:
         self._cross, self._power, self._used = (np.zeros_like(a) for a in (self._cross, self._power, self._used))
         self._ticks = 0
 
-    def crossed(self) -> BoolArray:
-        """(n,): whether an axle and another would go together better with each other's accelerometer."""
+    def partners(self) -> IntArray:
+        """(n,): the axle with which each would go together better if they changed accelerometers; -1 none."""
         known = np.isfinite(self._seconds)
         count = known.sum(axis=0)
         mean = np.where(known, self._seconds, 0.0).sum(axis=0) / np.maximum(count, 1)
         mean[count < MIN_SECONDS] = np.nan
         own = np.diagonal(mean)
         gain = mean + mean.T - own[:, None] - own
-        return np.asarray((gain > CROSSED).any(axis=1))
+        gain[np.isnan(gain)] = 0.0
+        best = gain.argmax(axis=1)
+        return np.where(gain[np.arange(len(best)), best] > CROSSED, best, -1)

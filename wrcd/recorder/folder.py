@@ -9,13 +9,13 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-LOG, STATE = ".log", ".state.json"
-_NAME = re.compile(r"(wrcd-.+-\d{8}T\d{6}Z-[a-z]+)(\.log|\.state\.json)")
+LOG, STATE, EVENTS = ".log", ".state.json", ".events.csv"
+_NAME = re.compile(r"(wrcd-.+-\d{8}T\d{6}Z-[a-z]+)(\.log|\.state\.json|\.events\.csv)")
 
 
 @dataclass(frozen=True, slots=True)
 class Bound:
-    """How much a folder of dumps may hold: dumps (a log with its state is one) and bytes."""
+    """How much a folder of dumps may hold: dumps (a log with its state and its events is one) and bytes."""
 
     dumps: int
     size: int
@@ -32,23 +32,24 @@ def safe_channel_name(channel: str) -> str:
     return re.sub(r"[^A-Za-z0-9_.]", "_", channel)[:40] or "can"
 
 
-def write_dump(folder: Path, name: str, log: bytes, state: bytes, bound: Bound) -> None:
-    """Write name.log and name.state.json, and remove the oldest dumps beyond the bound, before and after. Raises
-    OSError; then there is no log."""
+def write_dump(folder: Path, name: str, log: bytes, state: bytes, events: bytes, bound: Bound) -> None:
+    """Write name.log, name.state.json and name.events.csv, and remove the oldest dumps beyond the bound, before and
+    after. Raises OSError; then there is no log."""
     with suppress(FileExistsError):
         folder.mkdir(mode=0o700)
     at = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
     try:
         _remove_left_over(at, name)
-        size = len(log) + len(state)
+        size = len(log) + len(state) + len(events)
         if size > bound.size:
             raise OSError(errno.EFBIG, os.strerror(errno.EFBIG))
         _prune(at, Bound(bound.dumps - 1, bound.size - size))
-        temporaries = {suffix: f".{name}{suffix}.part" for suffix in (STATE, LOG)}
+        temporaries = {suffix: f".{name}{suffix}.part" for suffix in (STATE, EVENTS, LOG)}
         try:
             write_new(at, temporaries[STATE], state)
+            write_new(at, temporaries[EVENTS], events)
             write_new(at, temporaries[LOG], log)
-            for suffix, temporary in temporaries.items():  # the log last: where it is, its state is
+            for suffix, temporary in temporaries.items():  # the log last: where it is, the others are
                 os.rename(temporary, name + suffix, src_dir_fd=at, dst_dir_fd=at)
         except BaseException:
             for left in temporaries.values():
@@ -102,7 +103,7 @@ def _prune(at: int, bound: Bound, keep: str = "") -> None:
     for name in oldest_first:
         if (count <= bound.dumps and size <= bound.size) or name == keep:
             break
-        for suffix in (LOG, STATE):  # no log without its state
+        for suffix in (LOG, STATE, EVENTS):  # no log without its state
             with suppress(FileNotFoundError):
                 os.unlink(name + suffix, dir_fd=at)
         count, size = count - 1, size - sum(s.st_size for s in found[name])

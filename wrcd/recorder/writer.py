@@ -34,11 +34,13 @@ class Request:
     channel: str
     position: int
     end: int
+    data_bytes: int  # of each frame, that the ring keeps
     fits: dict[str, Any]
     core: Any
     healths: list[tuple[int, dict[str, Any]]]  # by position: what the core was told of loop and link from there on
     max_dumps: int
     max_bytes: int
+    changes: str = ""  # rows of what `wrcd replay --events` gives
     urgent: bool = False  # the daemon ends: nobody is disturbed
 
 
@@ -72,7 +74,7 @@ def lines_and_events(memory: bytes | mmap.mmap, r: Request) -> tuple[list[str], 
         came.clear()
         went.clear()
 
-    for at, (kind, frame) in enumerate(read_ring(memory, r.position, r.end), r.position):
+    for at, (kind, frame) in enumerate(read_ring(memory, r.position, r.end, r.data_bytes), r.position):
         if at % PAUSE_LINES == 0 and not r.urgent:
             time.sleep(PAUSE_S)
         if kind == SENT:
@@ -98,7 +100,7 @@ def run(ring_fd: int, request_fd: int) -> None:
     lines, events = lines_and_events(memory, r)
     log = ("\n".join(lines) + "\n" * bool(lines)).encode()
     state = document(r.fits, r.core, events, len(lines))
-    write_dump(Path(r.folder), r.name, log, state, Bound(r.max_dumps, r.max_bytes))
+    write_dump(Path(r.folder), r.name, log, state, r.changes.encode(), Bound(r.max_dumps, r.max_bytes))
 
 
 def main() -> int:

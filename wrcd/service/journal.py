@@ -5,14 +5,17 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from wrcd.bus.codec import message_key
+from wrcd.bus.dbc import find_message
+from wrcd.bus.frame import EXTENDED
 from wrcd.bus.link import Link, LinkState
 from wrcd.bus.reasons import Reason
-from wrcd.core.causes import Cause, Validity
+from wrcd.core.configuration import Config
 from wrcd.core.core import Core
-from wrcd.core.messages import Report
+from wrcd.service.changes import EVERY_US, ChangeLines, is_due
 
-EVERY_US = 1_000_000
 MAX_REASONS = 6  # in one line
+MAX_IDS = 3
 STATES: dict[LinkState, str] = {
     "Up": "the CAN link is up",
     "Down": "the CAN link is down: nothing comes, nothing goes",
@@ -63,38 +66,43 @@ class CounterLog:
         self._state_next_us = dict.fromkeys(STATES, 0)
         self._refused: Counter[tuple[str, Reason]] = Counter()
         self._rejected_next_us = 0
-        axles = core.config.axles
-        self._numbers = [a.number for a in axles]
-        self._valid = [False] * len(axles)  # as told
-        self._valid_next_us = [0] * len(axles)
+        self._changes = ChangeLines(core.events, write)
+        self._foreign: Counter[int] = Counter()  # as told
+        self._foreign_next_us = 0
 
     def look(self, now_us: int) -> None:
         """Write what is new. The time only spaces the lines."""
         state = self._link.health.state
-        if state != self._state and _due(self._state_next_us[state], now_us):
+        if state != self._state and is_due(self._state_next_us[state], now_us):
             self._state, self._state_next_us[state] = state, now_us + EVERY_US
             self._write(STATES[state])
         for c in self._counters:
             gained = c.total() - c.told
             if not c.always and not self._link.health.up:
                 c.told += gained
-            elif gained and _due(c.next_us, now_us):
+            elif gained and is_due(c.next_us, now_us):
                 c.told, c.next_us = c.told + gained, now_us + EVERY_US
                 if gained > 0:  # a counter set back to zero has nothing to tell
                     self._write(c.line.format(n=gained))
-        if _due(self._rejected_next_us, now_us):
+        if is_due(self._rejected_next_us, now_us):
             self._rejected_next_us = now_us + EVERY_US
             self._log_rejected()
-        for axle, report in enumerate(self._core.reports):
-            self._log_validity(axle, report, now_us)
+        if self._link.health.foreign_frames != self._foreign.total() and is_due(self._foreign_next_us, now_us):
+            self._foreign_next_us = now_us + EVERY_US
+            self._log_foreign()
+        self._changes.look(now_us)
 
-    def _log_validity(self, axle: int, report: Report, now_us: int) -> None:
-        valid = report.validity is Validity.VALID
-        by_right = report.cause in (Cause.STANDSTILL, Cause.WARMING_UP)  # a train that stops loses nothing
-        if valid != self._valid[axle] and not by_right and _due(self._valid_next_us[axle], now_us):
-            self._valid[axle], self._valid_next_us[axle] = valid, now_us + EVERY_US
-            said = "is Valid" if valid else f"is not Valid any more: {report.cause.words}"
-            self._write(f"axle {self._numbers[axle]} {said}")
+    def _log_foreign(self) -> None:
+        """What somebody else sent under this daemon's ids."""
+        by_key = self._link.health.foreign_by_key
+        new, self._foreign = by_key - self._foreign, by_key.copy()
+        names = sent_messages(self._core.config)
+        shown = [f"{names.get(key, 'an id')} (0x{key & ~EXTENDED:03X})" for key, _ in new.most_common(MAX_IDS)]
+        rest = f" and {len(new) - MAX_IDS} more" if len(new) > MAX_IDS else ""
+        self._write(
+            f"somebody else sends {', '.join(shown)}{rest}: {new.total()} frames in the last second; is another "
+            "wrcd on this bus?"
+        )
 
     def _log_rejected(self) -> None:
         rejected_by_message = self._core.counts.rejected_by_message
@@ -107,6 +115,8 @@ class CounterLog:
             )
 
 
-def _due(next_us: int, now_us: int) -> bool:
-    """Whether a second has gone by; a clock that stepped back silences nobody."""
-    return not 0 < next_us - now_us <= EVERY_US
+def sent_messages(config: Config) -> dict[int, str]:
+    """The names of the messages that a daemon sends, by Frame.key."""
+    of_axles = [o for a in config.axles for o in (a.adhesion, a.detail, a.inputs)]
+    named = [o.message for o in (*of_axles, config.status, config.rejects, config.link) if o is not None]
+    return {message_key(find_message(config.database, name)): name for name in named}

@@ -11,6 +11,7 @@ from wrcd.bus.link import Link
 from wrcd.core.core import BACKWARD_STEP_US, FORWARD_STEP_US, Core
 from wrcd.core.messages import Outgoing
 from wrcd.recorder.recorder import Recorder
+from wrcd.service.asking import answer
 from wrcd.service.journal import CounterLog, log_line
 from wrcd.service.notify import Notifier
 from wrcd.service.reload import Reload
@@ -214,10 +215,11 @@ class Daemon:
         """Between two turns: the next tick runs with the limits of the configuration as it is now."""
         self._hangup = False
         self._notifier.notify_reloading()
-        config, line = reload.read(self.core.config)
-        self.core.reconfigure(config)
-        log_line(line)
+        outcome = reload.read(self.core.config)
+        self.core.reconfigure(outcome.config)
+        log_line(outcome.line)
         self._notifier.notify("READY=1")
+        answer(outcome.took, outcome.line)
 
     def on_signal(self, number: int, _frame: FrameType | None = None) -> None:
         """Handle a signal: SIGHUP reloads where there is something to reload, SIGUSR1 asks for a dump, others stop."""

@@ -7,7 +7,7 @@ the design are not read again: that would take longer than a tick. Whether they 
 import hashlib
 from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from wrcd.bus.dbc import Database
 from wrcd.config import load_config
@@ -28,11 +28,20 @@ LIMITS = {
 NAMES = {
     "interface": "bus.interface", "channel": "bus.channel", "hardware_stamps": "bus.timestamps",
     "dbc_file": "dbc.file", "design_file": "estimator.design",
-    "axles": "axle", "inputs": "mapped signals", "status": "vehicle.status_message",
+    "axles": "axle", "inputs": "mapped signals", "data_ids": "mapped signals", "status": "vehicle.status_message",
     "rejects": "vehicle.rejects_message", "link": "vehicle.link_message",
 }  # fmt: skip
-HELD = {"file", "database", "design", "recorder"}  # the same before and after; the recorder is looked at part by part
-CYCLES = {"adhesion_cycle_us", "detail_cycle_us", "status_cycle_us"}  # follow from the messages, which are named
+# the same before and after, or of no consequence; the recorder is looked at part by part
+HELD = {"file", "database", "design", "recorder", "warnings"}
+
+
+class Outcome(NamedTuple):
+    """Of reading the configuration again: the one to go on with, what to log, and whether the file holds now, if only
+    in part. A file with a mistake, or all of whose changes need a restart, does not."""
+
+    config: Config
+    line: str
+    took: bool
 
 
 class Reload:
@@ -42,15 +51,15 @@ class Reload:
         self._path = path
         self._digests = {file: _digest(file) for file in (running.dbc_file, running.design_file)}
 
-    def read(self, running: Config) -> tuple[Config, str]:
-        """The configuration to go on with, and what to log. A mistake in the file leaves everything as it was."""
+    def read(self, running: Config) -> Outcome:
+        """What comes of the file as it is now. A mistake in it leaves everything as it was."""
         changed: list[str] = []
 
         def same(file: Path, name: str) -> None:
             if self._digests.get(file) != _digest(file):
                 changed.append(NAMES[name])
 
-        def database(file: Path) -> Database:
+        def database(file: Path, encoding: str | None = None) -> Database:  # the same file: read already
             same(file, "dbc_file")
             return running.database
 
@@ -62,11 +71,13 @@ class Reload:
             new = load_config(self._path, database, design)
         except InputError as e:
             also = f" ({' and '.join(changed)} changed too: restart for that)" if changed else ""
-            return running, f"reload: nothing taken over: {e}{also}"
+            mistakes = "; ".join(str(e).splitlines())
+            return Outcome(running, f"reload: nothing taken over: {mistakes}{also}", took=False)
         config, taken, refused = merge(running, new)
         refused = sorted({*refused, *changed})
         said = ", ".join(taken) or ("nothing taken over" if refused else "nothing has changed")
-        return config, f"reload: {said}" + (f"; needs a restart: {', '.join(refused)}" if refused else "")
+        line = f"reload: {said}" + (f"; needs a restart: {', '.join(refused)}" if refused else "")
+        return Outcome(config, line, took=bool(taken) or not refused)
 
 
 def merge(running: Config, new: Config) -> tuple[Config, list[str], list[str]]:
@@ -91,7 +102,7 @@ def merge(running: Config, new: Config) -> tuple[Config, list[str], list[str]]:
 
 def _flat(c: Config) -> dict[str, Any]:
     """By field, those of the recorder as recorder.…"""
-    own = {f.name: getattr(c, f.name) for f in fields(c) if f.name not in HELD | CYCLES}
+    own = {f.name: getattr(c, f.name) for f in fields(c) if f.name not in HELD}
     return own | {f"recorder.{f.name}": getattr(c.recorder, f.name) for f in fields(c.recorder)}
 
 

@@ -8,41 +8,56 @@ from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
 
-from wrcd.errors import InputError
+from wrcd.errors import InputError, Status
 from wrcd.tools.replay import replay
+from wrcd.tools.selection import WHOLE, Selection
 
 SUFFIXES = {".log", ".gz", ".blf", ".asc", ".trc", ".mf4", ".csv", ".db"}
 
 
 def replays(
-    logs: Sequence[Path], config: Path | None, output: Path | None, table: Path | None, explained: bool, jobs: int
+    logs: Sequence[Path],
+    config: Path | None,
+    output: Path | None,
+    table: Path | None,
+    explained: bool,
+    jobs: int,
+    changes: Path | None = None,
+    *,
+    selection: Selection = WHOLE,
 ) -> int:
-    """Replay logs into folders: NAME.log of the frames sent in `output`, NAME.csv in `table`. What is said of each log
-    is printed in their order.
+    """Replay logs into folders: NAME.log of the frames sent in `output`, NAME.csv in `table`, NAME.events.csv in
+    `changes`. What is said of each log is printed in their order.
 
     Returns the largest exit status. Raises InputError before the first log where the outputs cannot be.
     """
     if jobs < 1:
         raise InputError(f"takes 1 or more, not {jobs}", key="--jobs")
-    if output is None and table is None:
+    if output is None and table is None and changes is None:
         raise InputError(
-            "are several logs", key="LOG", hint="name a folder for what comes of them: --csv DIR or -o DIR"
+            "are several logs",
+            key="LOG",
+            hint="name a folder for what comes of them: --csv DIR, --events DIR or -o DIR",
         )
     if explained and table is None:
         raise InputError("needs a folder for the rows of several logs", key="--explain", hint="name it: --csv DIR")
     names = [_name(log) for log in logs]
     if twice := sorted({n for n in names if names.count(n) > 1}):
         raise InputError(f"two logs are called {twice[0]}", key="LOG", hint="rename one, or replay it alone")
-    for key, folder in (("-o", output), ("--csv", table)):
+    for key, folder in (("-o", output), ("--csv", table), ("--events", changes)):
         if folder is not None:
             try:
                 folder.mkdir(parents=True, exist_ok=True)
             except OSError as e:
                 raise InputError(f"is no folder: {e.strerror}", file=folder, key=key) from None
     outputs = [(output / f"{name}.log" if output else None, table / f"{name}.csv" if table else None) for name in names]
+    events = [changes / f"{name}.events.csv" if changes else None for name in names]
     status = 0
     with ProcessPoolExecutor(min(jobs, len(logs)), mp_context=get_context("spawn")) as pool:
-        runs = [pool.submit(_one, log, config, *to, explained) for log, to in zip(logs, outputs, strict=True)]
+        runs = [
+            pool.submit(_one, log, config, *to, explained, rows, selection)
+            for log, to, rows in zip(logs, outputs, events, strict=True)
+        ]
         for log, run in zip(logs, runs, strict=True):
             ended, said = run.result()
             print(f"{log}:\n{said.rstrip()}", file=sys.stderr)
@@ -50,15 +65,23 @@ def replays(
     return status
 
 
-def _one(log: Path, config: Path | None, output: Path | None, table: Path | None, explained: bool) -> tuple[int, str]:
+def _one(
+    log: Path,
+    config: Path | None,
+    output: Path | None,
+    table: Path | None,
+    explained: bool,
+    changes: Path | None,
+    selection: Selection,
+) -> tuple[int, str]:
     """One log in a process of its own: its exit status, and what it says."""
     said = io.StringIO()
     with contextlib.redirect_stderr(said):
         try:
-            status = replay(log, config, output, table, explained)
+            status = replay(log, config, output, table, explained, changes, selection=selection)
         except InputError as e:
             print(f"wrcd: error: {e}", file=said)
-            status = e.status
+            status = Status.BAD_INPUT
     return status, said.getvalue()
 
 

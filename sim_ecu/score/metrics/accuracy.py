@@ -11,7 +11,8 @@ from sim_ecu.score.metrics import bootstrap
 from sim_ecu.score.metrics.bootstrap import Figure
 from sim_ecu.score.metrics.frames import OURS, Frames
 from sim_ecu.score.play import Trace
-from wrcd.core.messages import SURFACES, surface
+from wrcd.core.messages import surface
+from wrcd.core.vocabulary import SURFACES
 
 BINS = (0.0, 0.3, 0.5, 0.7, 0.9, math.inf)  # of utilisation
 UNSURE = (0.85, 1.0)  # utilisations between which a contact may be called either

@@ -10,7 +10,7 @@ from sim_ecu.score.metrics import bootstrap
 from sim_ecu.score.metrics.bootstrap import Figure
 from sim_ecu.score.metrics.frames import OURS, VALID, Frames, valid
 from sim_ecu.score.play import Trace
-from wrcd.core.messages import CONFIDENCES
+from wrcd.core.vocabulary import CONFIDENCES
 
 FOUND_S = 0.5  # of a run's end: what is not Valid all that time has been found out
 LOW_SURFACES = ("Low", "VeryLow")

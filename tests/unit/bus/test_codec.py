@@ -9,11 +9,12 @@ import pytest
 from tests.support.can_ids import ADHESION_A1, YAW_RATE_A1, YAW_RATE_A2
 from tests.support.dbc_texts import DIRECTION_AND_LOAD_DBC, TRAIN_DBC
 from wrcd import resources
-from wrcd.bus.codec import Receiver, Sample, Source, Value, Writer
+from wrcd.bus.codec import Receiver, Sample, Value, Writer
 from wrcd.bus.dbc import Database, find_message, load_dbc
 from wrcd.bus.e2e import protect
 from wrcd.bus.frame import Frame
 from wrcd.bus.reasons import Reason
+from wrcd.bus.signals import Source
 from wrcd.bus.units import Quantity
 
 
@@ -41,13 +42,16 @@ def test_degraded_status_is_in_the_sample(production: Database) -> None:
     assert got[0].degraded
 
 
+def test_frame_of_the_other_id_length_is_another_message(production: Database) -> None:
+    assert yaw_receiver(production).read(Frame(0, YAW_RATE_A1, yaw(), extended=True)) is None
+
+
 @pytest.mark.parametrize(
     ("frame", "reason"),
     [
         (Frame(0, YAW_RATE_A1, yaw()[:4]), Reason.LENGTH),
         (Frame(0, YAW_RATE_A1, yaw() + b"\0"), Reason.LENGTH),
         (Frame(0, YAW_RATE_A1, b""), Reason.LENGTH),
-        (Frame(0, YAW_RATE_A1, yaw(), extended=True), Reason.KIND),
         (Frame(0, YAW_RATE_A1, yaw(), remote=True), Reason.KIND),
         (Frame(0, YAW_RATE_A1, yaw(), fd=True), Reason.KIND),
         (Frame(0, YAW_RATE_A1, bytes([yaw()[0] ^ 1]) + yaw()[1:]), Reason.CRC),
@@ -120,7 +124,7 @@ def test_adhesion_frame_is_encoded_and_protected(production: Database) -> None:
         "Validity": "Valid", "MuAvailable": 38.394, "MuUsed": None, "SampleAge": 9.0, "Surface": "Dry",
         "ContactState": "Saturated", "Confidence": "Within2pp",
     }  # fmt: skip
-    frame = Writer(message, ()).frame(123, 17, values)
+    frame = Writer(message).frame(123, 17, values)
     decoded = message.decode(frame.data)
     assert isinstance(decoded, dict)
     assert (frame.can_id, frame.stamp_us, decoded["Counter"]) == (ADHESION_A1, 123, 2)
@@ -138,5 +142,5 @@ def test_adhesion_frame_is_encoded_and_protected(production: Database) -> None:
 @pytest.mark.parametrize(("value", "raw"), [(-1.0, 0), (1e9, 10_000), (math.nan, 0xFFFF), (math.inf, 0xFFFF)])
 def test_value_beyond_its_field_is_limited_or_not_available(production: Database, value: float, raw: int) -> None:
     message = find_message(production, "Adhesion_A1")
-    frame = Writer(message, ()).frame(0, 0, {"MuAvailable": value})
+    frame = Writer(message).frame(0, 0, {"MuAvailable": value})
     assert struct.unpack_from("<H", frame.data, 2)[0] == raw

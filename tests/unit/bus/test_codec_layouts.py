@@ -2,16 +2,17 @@
 
 import math
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
-from cantools import database as cantools_database
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wrcd.bus.codec import Receiver, SignalReader, Source, Value, Writer
-from wrcd.bus.dbc import Database, Message, find_message
+from wrcd.bus.codec import Receiver, SignalReader, Value, Writer
+from wrcd.bus.dbc import Database, Message, find_message, parse_dbc
 from wrcd.bus.frame import Frame
 from wrcd.bus.reasons import Reason
+from wrcd.bus.signals import Source
 from wrcd.bus.units import Quantity
 
 CAN_ID = 800
@@ -29,9 +30,7 @@ class Layout:
 
     @property
     def database(self) -> Database:
-        loaded = cantools_database.load_string(self.text, "dbc", strict=True)
-        assert isinstance(loaded, Database)
-        return loaded
+        return parse_dbc(self.text, Path("layout.dbc"))
 
 
 @st.composite
@@ -73,7 +72,7 @@ def test_every_signal_is_decoded_as_by_cantools(layout: Layout, data: st.DataObj
     raw, physical = decoded(message, frame, scaling=False), decoded(message, frame, scaling=True)
     for number, name in enumerate(layout.names):
         source = Source("M", name, Quantity.SPEED, (0,))
-        reader = SignalReader(number, source, message.get_signal_by_name(name), layout.length)
+        reader = SignalReader(number, source, message)
         assert reader.position.raw(int.from_bytes(frame, reader.position.order)) == raw[name]
         got = Receiver(layout.database, [source]).read(Frame(0, CAN_ID, frame))
         if abs(physical[name]) <= Quantity.SPEED.limit:
@@ -111,7 +110,7 @@ def test_a_written_frame_is_cantools_of_the_same_raw_values(layout: Layout, data
             drawn = data.draw(st.integers(-(1 << bits) if signal.is_signed else 0, (1 << bits) - 1))
             raw[signal.name] = drawn
             values[signal.name] = float(drawn * signal.scale + signal.offset)
-    frame = Writer(message, ()).frame(7, 0, values | {"NotThere": 1.0})
+    frame = Writer(message).frame(7, 0, values | {"NotThere": 1.0})
     assert frame == Frame(7, CAN_ID, message.encode(raw, scaling=False))
 
 
@@ -125,7 +124,7 @@ def test_any_values_are_written_as_by_cantools(layout: Layout, data: st.DataObje
     """Those beyond a field, or not available, too."""
     message = message_of(layout)
     values = {name: data.draw(WRITTEN) for name in layout.names}
-    plain, by_cantools = Writer(message, ()), Writer(message, ())
+    plain, by_cantools = Writer(message), Writer(message)
     assert plain._order is not None or not layout.names
     by_cantools._order = None
     assert plain.frame(0, 0, values) == by_cantools.frame(0, 0, values)

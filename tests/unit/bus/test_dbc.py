@@ -37,8 +37,8 @@ EVERY["InputHealth_A8"] = (0x0A0, *EVERY["InputHealth_A8"][1:])
 # start, length, signed, scale, unit
 SIGNALS = {
     "YawRate_A1": {"Status": (12, 4, False, 1, None), "YawRate": (16, 24, True, 1e-6, "rad/s")},
-    "LatAccel_A1": {"Status": (12, 4, False, 1, None), "LatAccel": (16, 24, True, 1e-5, "m/s²")},
-    "Torque_A1": {"Status": (12, 4, False, 1, None), "Torque": (16, 24, True, 0.01, "N·m")},
+    "LatAccel_A1": {"Status": (12, 4, False, 1, None), "LatAccel": (16, 24, True, 1e-5, "m/s^2")},
+    "Torque_A1": {"Status": (12, 4, False, 1, None), "Torque": (16, 24, True, 0.01, "N*m")},
     "VehicleSpeed": {"Status": (12, 4, False, 1, None), "Speed": (16, 16, False, 0.0025, "m/s")},
     "Adhesion_A4": {
         "Validity": (12, 4, False, 1, None),
@@ -181,4 +181,4 @@ def test_every_reason_has_a_label_and_a_counter(production: Database) -> None:
         assert choices is not None
         assert [str(choices[i]) for i in range(len(choices))] == labels
     names = {s.name for s in production.get_message_by_name("WrcdRejects").signals}
-    assert names == {"Crc", "Counter", *(f"Rejected{r.label}" for r in Reason)}
+    assert names == {"Crc", "Counter", "ForeignFrames", *(f"Rejected{r.label}" for r in Reason)}

@@ -87,9 +87,9 @@ def test_the_daemons_configuration_is_that_of_check(axles: tuple[int, ...] | Non
     for f in fields(Config):
         if f.name not in ("database", "design"):
             assert getattr(run, f.name) == getattr(whole, f.name)
-    sent = {name for a in run.axles for name in (a.adhesion, a.detail, a.inputs)} | {run.status, run.rejects, run.link}
-    used = sent | {i.source.message for i in run.inputs}
-    assert None not in used
+    outputs = [o for a in run.axles for o in (a.adhesion, a.detail, a.inputs)] + [run.status, run.rejects, run.link]
+    assert None not in outputs
+    used = {o.message for o in outputs if o is not None} | {i.source.message for i in run.inputs}
     for a, b in zip(whole.database.messages, run.database.messages, strict=True):
         assert a.name not in used or told(a) == told(b)
 

@@ -8,13 +8,13 @@ from typing import Any
 import can
 import pytest
 
-from tests.support.can_ids import ADHESION_A1, EXTENDED, YAW_RATE_A1
+from tests.support.can_ids import ADHESION_A1, EXTENDED, EXTENDED_KEY, YAW_RATE_A1
 from wrcd.bus.frame import Frame
 from wrcd.bus.link import MAX_FRAMES
 from wrcd.bus.pythoncan import PythonCanLink
-from wrcd.errors import BusError
+from wrcd.errors import BusError, InputError
 
-IDS = (YAW_RATE_A1, EXTENDED)
+KEYS = (YAW_RATE_A1, EXTENDED_KEY)
 
 
 def now_us() -> int:
@@ -34,7 +34,7 @@ class Ends:
 
 @pytest.fixture
 def ends() -> Iterator[Ends]:
-    made = Ends(PythonCanLink("virtual", "pythoncan-test", IDS), can.Bus("pythoncan-test", interface="virtual"))
+    made = Ends(PythonCanLink("virtual", "pythoncan-test", KEYS), can.Bus("pythoncan-test", interface="virtual"))
     yield made
     made.link.close()
     made.other.shutdown()
@@ -54,6 +54,30 @@ def test_frames_pass_both_ways_with_their_time_of_reception(ends: Ends) -> None:
     got = ends.other.recv(1.0)
     assert got is not None
     assert (got.arbitration_id, bytes(got.data), got.is_extended_id) == (ADHESION_A1, b"\x07", False)
+
+
+def test_frame_of_somebody_else_under_an_own_id_is_counted(ends: Ends) -> None:
+    """From the first frame that was sent here on; it is handed over for the recorder, mapped or not."""
+    ends.send(ADHESION_A1, data=b"\x01")
+    assert ends.link.receive(now_us()) == []
+    assert ends.link.send(Frame(now_us(), ADHESION_A1, b"\x07"))
+    assert ends.link.receive(now_us()) == []  # our own is none
+    for _ in range(3):
+        ends.send(ADHESION_A1, data=b"\x01")
+    ends.send(ADHESION_A1, is_remote_frame=True)
+    ends.send(YAW_RATE_A1, data=b"\x01\x02")
+    assert [f.can_id for f in ends.link.receive(now_us())] == [ADHESION_A1] * 3 + [YAW_RATE_A1]
+    assert ends.link.health.foreign_frames == 3
+    assert ends.link.health.foreign_by_key == {ADHESION_A1: 3}
+
+
+def test_own_frame_that_comes_back_is_not_foreign() -> None:
+    """Where python-can hands over what was sent here, marked as such."""
+    link = PythonCanLink("virtual", "pythoncan-own", KEYS, receive_own_messages=True)
+    assert link.send(Frame(now_us(), ADHESION_A1, b"\x07"))
+    assert link.receive(now_us()) == []
+    assert link.health.foreign_frames == 0
+    link.close()
 
 
 def test_stamp_of_a_foreign_clock_is_replaced(ends: Ends) -> None:
@@ -97,7 +121,7 @@ def test_receive_ends_after_max_frames_of_a_flood(
 ) -> None:
     flood = Endless(can.Message(arbitration_id=can_id, is_extended_id=False, is_error_frame=error, timestamp=1.0))
     monkeypatch.setattr(can, "Bus", lambda **_: flood)
-    link = PythonCanLink("endless", "endless", IDS)
+    link = PythonCanLink("virtual", "endless", KEYS)
     for look in (1, 2):
         assert len(link.receive(now_us())) == handed_over
         assert flood.taken == look * MAX_FRAMES
@@ -105,9 +129,15 @@ def test_receive_ends_after_max_frames_of_a_flood(
     link.close()
 
 
-def test_unknown_interface_is_a_bus_error() -> None:
-    with pytest.raises(BusError, match="nosuch:can0 cannot be opened"):
-        PythonCanLink("nosuch", "can0", None)
+def test_unknown_interface_is_bad_input_with_the_nearest_one() -> None:
+    with pytest.raises(InputError, match="'socketcam' is no interface of python-can — did you mean 'socketcan'") as e:
+        PythonCanLink("socketcam", "can0", None)
+    assert e.value.status == 2
+
+
+def test_interface_whose_driver_is_missing_is_a_bus_error() -> None:
+    with pytest.raises(BusError, match=r"pcan:PCAN_USBBUS1 cannot be opened: .* install the driver of the adapter"):
+        PythonCanLink("pcan", "PCAN_USBBUS1", None)
 
 
 def test_closed_bus_is_down_and_counts_unsent_frames(ends: Ends) -> None:

@@ -14,6 +14,7 @@ from wrcd.recorder.child import Child
 from wrcd.recorder.folder import Bound, write_dump, write_new
 
 UNBOUND = Bound(1000, 1 << 30)
+SUFFIXES = (".log", ".state.json", ".events.csv")
 
 
 def names(folder: Path) -> list[str]:
@@ -24,14 +25,14 @@ def test_bound_of_the_folder_removes_the_oldest_dumps(tmp_path: Path) -> None:
     stranger = tmp_path / "notes.txt"
     stranger.write_text("mine")
     for i in range(5):
-        write_dump(tmp_path, f"wrcd-can0-2026112{9 - i}T000000Z-exit", b"l" * 600, b"s" * 400, Bound(3, 10**6))
+        write_dump(tmp_path, f"wrcd-can0-2026112{9 - i}T000000Z-exit", b"l" * 600, b"s" * 400, b"", Bound(3, 10**6))
         assert len(list(tmp_path.glob("wrcd-*.log"))) <= 3
-    kept = {f"wrcd-can0-2026112{9 - i}T000000Z-exit{s}" for i in (2, 3, 4) for s in (".log", ".state.json")}
+    kept = {f"wrcd-can0-2026112{9 - i}T000000Z-exit{s}" for i in (2, 3, 4) for s in SUFFIXES}
     assert set(names(tmp_path)) == {*kept, "notes.txt"}  # by when they were written, not by what a clock said
-    write_dump(tmp_path, "wrcd-can1-20261130T000000Z-asked", b"l" * 600, b"s" * 400, Bound(3, 2500))
+    write_dump(tmp_path, "wrcd-can1-20261130T000000Z-asked", b"l" * 600, b"s" * 400, b"", Bound(3, 2500))
     assert len(list(tmp_path.glob("wrcd-*.log"))) == 2
     with pytest.raises(OSError, match="too large"):
-        write_dump(tmp_path, "wrcd-can1-20261131T000000Z-asked", b"l" * 3000, b"", Bound(3, 2500))
+        write_dump(tmp_path, "wrcd-can1-20261131T000000Z-asked", b"l" * 3000, b"", b"", Bound(3, 2500))
     assert len(list(tmp_path.glob("wrcd-*.log"))) == 2
     assert stranger.read_text() == "mine"
 
@@ -46,12 +47,18 @@ def test_symbolic_link_is_not_followed(tmp_path: Path) -> None:
         write_new(at, "new", b"worthless")
     os.close(at)
     name = "wrcd-can0-20261121T172446Z-asked"
-    for planted in (f".{name}.log.part", f".{name}.state.json.part", f"{name}.log", f"{name}.state.json"):
+    for planted in (
+        f".{name}.log.part",
+        f".{name}.state.json.part",
+        f"{name}.log",
+        f"{name}.state.json",
+        f"{name}.events.csv",
+    ):
         (folder / planted).symlink_to(victim)
     (folder / "wrcd-can0-20251121T172446Z-asked.log").symlink_to(victim)
-    write_dump(folder, name, b"log", b"state", Bound(1, 10**6))
+    write_dump(folder, name, b"log", b"state", b"events", Bound(1, 10**6))
     assert victim.read_text() == "precious"
-    for suffix, text in ((".log", "log"), (".state.json", "state")):
+    for suffix, text in ((".log", "log"), (".state.json", "state"), (".events.csv", "events")):
         made = (folder / (name + suffix)).lstat()
         assert stat.S_ISREG(made.st_mode)
         assert stat.S_IMODE(made.st_mode) == 0o600
@@ -62,7 +69,7 @@ def test_symbolic_link_is_not_followed(tmp_path: Path) -> None:
 def test_partial_file_of_a_killed_process_is_removed(tmp_path: Path) -> None:
     (tmp_path / ".wrcd-can0-20261120T000000Z-exit.log.part").write_text("half")
     (tmp_path / ".wrcd-can1-20261120T000000Z-exit.log.part").write_text("another daemon is writing this")
-    write_dump(tmp_path, "wrcd-can0-20261121T172446Z-asked", b"log", b"state", UNBOUND)
+    write_dump(tmp_path, "wrcd-can0-20261121T172446Z-asked", b"log", b"state", b"events", UNBOUND)
     assert [n for n in names(tmp_path) if n.endswith(".part")] == [".wrcd-can1-20261120T000000Z-exit.log.part"]
 
 
@@ -96,7 +103,7 @@ def test_full_disk_leaves_no_file(tmp_path: Path) -> None:
         "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))\n"
         "try:\n"
-        "    write_dump(Path(sys.argv[1]), 'wrcd-can0-20261121T172446Z-asked', b'l' * 9999, b's', Bound(9, 99999))\n"
+        "    write_dump(Path(sys.argv[1]), 'wrcd-c-20261121T172446Z-asked', b'l' * 9999, b's', b'', Bound(9, 99999))\n"
         "except OSError as e:\n"
         "    sys.exit(e.errno)\n"
     )

@@ -1,8 +1,11 @@
 """The daemon's log lines: one per thing that happens, and of each kind at most one a second."""
 
+import re
+from itertools import pairwise
+
 import pytest
 
-from tests.support.can_ids import LAT_ACCEL_A1, YAW_RATE_A1
+from tests.support.can_ids import ADHESION, ADHESION_A1, LAT_ACCEL_A1, WRCD_STATUS, YAW_RATE_A1
 from tests.support.scripted_link import ScriptedLink
 from tests.support.sensor_simulator import MS, SensorSimulator
 from wrcd.bus.reasons import Reason
@@ -39,14 +42,17 @@ def log() -> Log:
 
 
 def test_undisturbed_core_logs_nothing(log: Log) -> None:
-    log.sim.run(100)
+    log.sim.run(1500)
+    log.look()
+    log.sim.run(3000)
     assert log.look(5000) == []
 
 
 def test_rejected_frames_are_logged_once_a_second(log: Log) -> None:
     log.look()
     log.damage(YAW_RATE_A1, 30)
-    assert log.look(1000) == ["rejected 30 frames in the last second: crc YawRate_A1 30"]
+    lines = [line for line in log.look(1000) if not line.startswith("axle ")]
+    assert lines == ["rejected 30 frames in the last second: crc YawRate_A1 30"]
     assert log.look(3000) == []
     lines, begin = [], log.sim.t
     for _ in range(30):
@@ -56,20 +62,98 @@ def test_rejected_frames_are_logged_once_a_second(log: Log) -> None:
     assert seconds - 1 <= len(lines) <= seconds + 1
 
 
-def test_loss_of_validity_is_logged_with_its_cause(log: Log) -> None:
+def test_change_of_validity_is_logged_with_its_input_and_figures(log: Log) -> None:
     sim = log.sim
     sim.run(1500)
-    assert log.look() == ["axle 1 is Valid"]
+    begin = log.look()
+    assert [line for line in begin if "axle 1" in line] == [
+        "axle 1: NotAvailable, WarmingUp: 0.02 s of the window's 1 s",
+        "axle 1: NotAvailable -> Valid",
+    ]
+    assert [line for line in begin if "axle 4" in line] == [
+        "axle 4: NotAvailable, InputSilent: yaw rate YawRate_A4.YawRate has not come; lateral acceleration "
+        "LatAccel_A4.LatAccel has not come; and 1 more"
+    ]
+    assert len(begin) == 5
     sim.yaw_status = 1
     sim.run(1500)
-    assert log.look() == ["axle 1 is not Valid any more: a sender said Degraded of itself"]
+    assert log.look() == [
+        "axle 1: Valid -> Degraded, SensorDegraded: yaw rate YawRate_A1.YawRate: the status says Degraded"
+    ]
     sim.yaw_status = 0
     sim.run(2000)
-    assert log.look() == ["axle 1 is Valid"]
-    while sim.speed > 1.0:  # a train that stops loses nothing
+    assert log.look() == ["axle 1: Degraded -> Valid"]
+    while sim.speed > 1.0:
         sim.speed -= 0.2
         sim.run(20)
-    assert log.look(2000) == []
+    standstill = "axle 1: Degraded -> NotAvailable, Standstill: speed VehicleSpeed.Speed 2.80 m/s, limit 3"
+    assert log.look(2000)[-1] == standstill
+
+
+def test_flapping_validity_is_logged_at_most_once_a_second_per_cause_with_a_count(log: Log) -> None:
+    """Five late frames in a row, three times a second."""
+    sim = log.sim
+    sim.run(1500)
+    log.look()
+    degraded: list[tuple[int, str]] = []
+    begin_us = sim.t
+    for _ in range(12):
+        for ms, silent in ((25, {YAW_RATE_A1}), (300, set())):
+            sim.silent = silent
+            for _ in range(ms // 5):
+                sim.run(5)
+                log.lines.clear()
+                log.watch.look(sim.t)
+                degraded += [(sim.t, line) for line in log.lines if "InputStale" in line]
+    assert len(degraded) == 4
+    assert all(later - earlier >= 1_000_000 for (earlier, _), (later, _) in pairwise(degraded))
+    assert sim.t - begin_us < 4_000_000
+    line = "axle 1: Valid -> Degraded, InputStale: yaw rate YawRate_A1.YawRate 20.0 ms old, limit 15"
+    assert re.sub(r"\d+\.\d", "20.0", degraded[0][1]) == line
+    assert all("more in the last second" in text for _, text in degraded[1:])
+    rest = log.look(3000)
+    told = [
+        int(n) for text in [t for _, t in degraded] + rest for n in re.findall(r"(\d+) more", text) if "Stale" in text
+    ]
+    assert 1 + sum(told) == 12
+
+
+def test_last_change_of_a_flapping_axle_is_what_it_is_now(log: Log) -> None:
+    """However the lines are spaced, the newest of an axle says its Validity."""
+    sim = log.sim
+    sim.run(1500)
+    log.look()
+    lines: list[str] = []
+    for _ in range(3):
+        sim.silent = {YAW_RATE_A1}
+        sim.run(30)
+        sim.silent = set()
+        sim.run(40)
+        log.lines.clear()
+        log.watch.look(sim.t)
+        lines += log.lines
+    lines += log.look(2000)
+    whole = [line for line in lines if "in the last second:" not in line]
+    assert whole[-1].startswith("axle 1: Degraded -> Valid (")
+    assert log.look(5000) == []
+
+
+def test_foreign_frames_under_own_ids_are_logged_once_a_second(log: Log) -> None:
+    log.look(1000)
+    health = log.link.health
+    for _ in range(50):
+        health.foreign(ADHESION_A1)
+    assert log.look() == [
+        "somebody else sends Adhesion_A1 (0x091): 50 frames in the last second; is another wrcd on this bus?"
+    ]
+    assert log.look(3000) == []
+    for can_id in (*ADHESION.values(), WRCD_STATUS):
+        health.foreign(can_id)
+    health.foreign(WRCD_STATUS)
+    assert log.look() == [
+        "somebody else sends WrcdStatus (0x0B0), Adhesion_A1 (0x091), Adhesion_A2 (0x092) and 2 more: 6 frames in the "
+        "last second; is another wrcd on this bus?"
+    ]
 
 
 def test_flapping_link_is_logged_at_most_once_a_second_per_state(log: Log) -> None:

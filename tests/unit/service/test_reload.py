@@ -32,7 +32,7 @@ class Train:
 
     def read(self) -> str:
         """Reload; returns the line for the log."""
-        self.config, line = self.reload.read(self.config)
+        self.config, line, self.took = self.reload.read(self.config)
         return line
 
 
@@ -58,6 +58,7 @@ def test_changed_limits_are_applied_and_logged(train: Train) -> None:
     train.write()
     assert "40 -> 3" in train.read()
     assert train.read() == "reload: nothing has changed"
+    assert train.took
 
 
 @pytest.mark.parametrize(
@@ -65,7 +66,11 @@ def test_changed_limits_are_applied_and_logged(train: Train) -> None:
     [
         ("[vehicle]", '[bus]\nchannel = "can7"\n[vehicle]', "bus.channel"),
         ("[vehicle]", '[bus]\ninterface = "virtual"\n[vehicle]', "bus.interface"),
-        ("[vehicle]", '[vehicle]\nstatus_message = "AdhesionDetail_A4"', "vehicle.status_message"),
+        (
+            "[vehicle]",
+            '[vehicle]\nstatus_message = { message = "InputHealth_A5", overruns = "ReachSpeed" }',
+            "vehicle.status_message",
+        ),
         ('"Torque_A2.Torque"', '"Torque_A1.Torque"', "mapped signals"),
         ("[vehicle]", "[recorder]\nseconds = 30\n[vehicle]", "recorder.seconds"),
         ('"train.dbc"', '"other.dbc"', "dbc.file"),
@@ -76,6 +81,7 @@ def test_other_changes_need_a_restart_and_are_named(train: Train, old: str, new:
     text = (OWN_FILES + DEFAULT).replace(old, new)
     train.file.write_text(text + "[limits]\nmin_speed_m_s = 5\n")
     assert train.read() == f"reload: limits.min_speed_m_s 3 -> 5; needs a restart: {name}"
+    assert train.took
     assert train.config.min_speed_m_s == 5.0
     assert (train.config.interface, train.config.channel, train.config.dbc_file) == ("socketcan", "can0", train.dbc)
 
@@ -93,12 +99,14 @@ def test_recorder_bounds_are_applied(train: Train) -> None:
 def test_added_axle_needs_a_restart(train: Train) -> None:
     train.write(text=packaged(6))
     assert train.read() == "reload: nothing taken over; needs a restart: axle, mapped signals"
+    assert not train.took
     assert len(train.config.axles) == 4
 
 
 def test_removed_axle_needs_a_restart(train: Train) -> None:
     train.write(text=DEFAULT[: DEFAULT.rindex("[[axle]]")])
     assert train.read() == "reload: nothing taken over; needs a restart: axle, mapped signals"
+    assert not train.took
     assert len(train.config.axles) == 4
 
 
@@ -125,6 +133,7 @@ def test_invalid_configuration_changes_nothing(train: Train, more: str, named: s
     assert line.startswith("reload: nothing taken over: ")
     assert named in line
     assert "train.toml:" in line
+    assert not train.took
     assert train.config is before
 
 

@@ -11,6 +11,7 @@ from wrcd.bus.reasons import Reason
 from wrcd.config import load_config, packaged
 from wrcd.tools import speed
 from wrcd.tools.cli import main
+from wrcd.tools.synthetic import Synthetic
 
 # of the packaged DBC, and what another train may have instead
 OWN_UNITS = (
@@ -44,14 +45,14 @@ def test_frames_are_taken_by_the_receiver() -> None:
     config = load_config(None)
     receiver = Receiver(config.database, [i.source for i in config.inputs])
     ids = set()
-    for tick in speed.Synthetic(config).ticks(40):
+    for tick in Synthetic(config).ticks(40):
         stamps = [f.stamp_us for f in tick]
         assert stamps == sorted(stamps)
         assert stamps[-1] // 5000 == stamps[0] // 5000
         for frame in tick:
             assert not isinstance(receiver.read(frame), Reason | None)
             ids.add(frame.can_id)
-    assert ids == set(receiver.ids)
+    assert ids == set(receiver.keys)
 
 
 def test_trains_own_dbc_with_other_units_gives_estimates(tmp_path: Path) -> None:

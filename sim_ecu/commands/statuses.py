@@ -1,0 +1,49 @@
+"""What each exit status of each command means: docs/reference/exit-codes.md is made from it."""
+
+from wrcd.errors import Status
+
+_BAD = "bad input: file, line, key, reason and what to do; or a package of the extra is missing"
+_FILE = "a configuration, a DBC or a design cannot be opened: it may be there on the next try"
+_BUS = "the bus or a file cannot be opened, or the interface has gone: the unit tries again"
+_STOPPED = {Status.INTERRUPTED: "Ctrl-C"}
+_MADE = {Status.BAD_INPUT: _BAD, Status.NOT_THERE: _FILE, **_STOPPED}
+
+STATUSES: dict[str, dict[Status, str]] = {
+    "list": {Status.DONE: "done"},
+    "play": {
+        Status.DONE: "the scenario is over, or SIGTERM or Ctrl-C came",
+        Status.BAD_INPUT: _BAD,
+        Status.NOT_THERE: _BUS,
+        Status.INTERRUPTED: "Ctrl-C before it played, or with `--fast`",
+    },
+    "inject": {
+        Status.DONE: "the scenario is over, or SIGTERM or Ctrl-C came",
+        Status.BAD_INPUT: _BAD,
+        Status.NOT_THERE: _BUS,
+        Status.INTERRUPTED: "Ctrl-C before it played, or with `--fast`",
+    },
+    "faults": {
+        Status.DONE: "every row did what it must",
+        Status.STOPPED: "a row failed: the table says which",
+        Status.BAD_INPUT: _BAD,
+        **_STOPPED,
+    },
+    "design": {Status.DONE: "the file is made", **_MADE},
+    "contact": {Status.DONE: "done", Status.BAD_INPUT: _BAD, **_STOPPED},
+    "score": {Status.DONE: "the tables are printed, whatever the goals' verdicts", **_MADE},
+    "figures": {Status.DONE: "the figures are drawn, whatever they show", **_MADE},
+    "verify": {
+        Status.DONE: "the engines agree",
+        Status.STOPPED: "they differ by more than they may",
+        Status.BAD_INPUT: f"{_BAD}; or the log has nothing to compare",
+        Status.NOT_THERE: _FILE,
+        **_STOPPED,
+    },
+    "demo": {
+        Status.DONE: "valid estimates were seen",
+        Status.STOPPED: "no valid estimate was seen",
+        Status.BAD_INPUT: _BAD,
+        Status.NOT_THERE: _BUS,
+        **_STOPPED,
+    },
+}

@@ -1,0 +1,124 @@
+"""What a train's messages are to the rig: who encodes them, and which of them carry what a fault is of."""
+
+import functools
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from cantools.database.can import Message, Signal
+
+from sim_ecu.play.encoder import Encoder, Sample, Sent, Stretch, data_id, databases, message_key
+from sim_ecu.play.faults import SIGNALS
+from sim_ecu.play.words import FAILED, says
+
+USABLE_STATUS, PACKAGED_ERROR = frozenset({0, 1}), 14  # of the packaged DBC: Ok, Degraded; Error
+
+
+class Encodes(Protocol):
+    """Makes the frames of samples."""
+
+    def frames(self, sample: Sample) -> Iterable[Sent]:
+        """Those of one sample, in the order of their due times."""
+
+    def stretch(self, s: Stretch) -> list[list[Sent]]:
+        """Those of each of many samples, as frames() makes them."""
+
+
+@dataclass(frozen=True, slots=True)
+class Carrier:
+    """A message that carries what a fault is of.
+
+    not_available: by signal, the raw value that says so, None where it has none. status: the signal that says how its
+    sender is, and the raw values of it that are usable.
+    """
+
+    message: Message
+    data_id: int | None
+    not_available: Mapping[str, float | None]
+    status: Signal | None = None
+    usable: frozenset[int] = frozenset()
+
+    @property
+    def key(self) -> int:
+        """The identity of its frames."""
+        return message_key(self.message)
+
+    @property
+    def failed(self) -> int | None:
+        """A status that says so, or one that is not usable. None: all that the field holds are."""
+        if self.status is None:
+            return None
+        named = {int(raw): label for raw, label in (self.status.choices or {}).items() if raw not in self.usable}
+        failed = sorted(raw for raw, label in named.items() if says(label, FAILED)) or sorted(named)
+        if not failed and self.status.length > 3 and PACKAGED_ERROR not in self.usable:
+            return PACKAGED_ERROR
+        free = failed or [raw for raw in range(min(1 << self.status.length, 256)) if raw not in self.usable]
+        return next(iter(free), None)
+
+
+class Train(Protocol):
+    """The messages of a train."""
+
+    @property
+    def has_fd(self) -> bool:
+        """Whether any of them is a CAN FD message."""
+
+    @property
+    def idle_id(self) -> int:
+        """The standard id of the highest priority that no message has."""
+
+    def encoder(self, numbers: Sequence[int], truth: bool = True, counter: int = 0) -> Encodes:
+        """Of so many axles. Their E2E counters begin at `counter`."""
+
+    def carriers(self, signals: Sequence[str], axle: int) -> list[Carrier]:
+        """The messages that carry signals of an axle. Raises InputError for a signal that none does."""
+
+    def statuses(self, signals: Sequence[str], axle: int) -> list[Carrier]:
+        """The messages that say how the senders of these are; most often the same."""
+
+    def cycle_us(self, signal: str, axle: int) -> int:
+        """How often a signal of an axle is sent."""
+
+
+class PackagedTrain:
+    """The train of the packaged DBC."""
+
+    has_fd = False
+    idle_id = 0x000
+
+    def encoder(self, numbers: Sequence[int], truth: bool = True, counter: int = 0) -> Encoder:
+        """By columns, too."""
+        return Encoder(list(numbers), truth, counter)
+
+    def carriers(self, signals: Sequence[str], axle: int) -> list[Carrier]:
+        """One message for each."""
+        return [_packaged(_message(signal, axle)) for signal in signals]
+
+    def statuses(self, signals: Sequence[str], axle: int) -> list[Carrier]:
+        """The same messages."""
+        return self.carriers(signals, axle)
+
+    def cycle_us(self, signal: str, axle: int) -> int:
+        """As the DBC says."""
+        return 1000 * int(_message(signal, axle).cycle_time or 0)
+
+
+PACKAGED = PackagedTrain()
+
+
+def _message(signal: str, axle: int) -> Message:
+    production, _ = databases()
+    return production.get_message_by_name(SIGNALS[signal] if signal == "speed" else f"{SIGNALS[signal]}_A{axle}")
+
+
+@functools.cache
+def _packaged(message: Message) -> Carrier:
+    (signal,) = (s for s in message.signals if s.name not in ("Crc", "Counter", "Status"))
+    status = message.get_signal_by_name("Status")
+    return Carrier(message, data_id(message), {signal.name: end_of_field(signal)}, status, USABLE_STATUS)
+
+
+def end_of_field(s: Signal) -> int:
+    """What stands for not available where nothing else is said: the lowest value of a signed field, all ones of an
+    unsigned one."""
+    return -(1 << s.length - 1) if s.is_signed else (1 << s.length) - 1

@@ -1,0 +1,118 @@
+"""The signs of docs/reference/signs.md and of its picture are those of the rig's physics."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sim_ecu.design.cases import command
+from sim_ecu.physics.contact import CURVES as RAILS
+from sim_ecu.physics.rail import RailSection, rail_at, rail_table
+from sim_ecu.physics.simulation import Axle, Simulation
+from sim_ecu.physics.track import Track
+from sim_ecu.physics.wheelset import (
+    AXLE_STATES,
+    GRAVITY,
+    LAT_ACCEL,
+    PSI,
+    PSIDOT,
+    TORQUE,
+    W_L,
+    W_R,
+    YAW_RATE,
+    YDOT,
+    FloatArray,
+    Wheelset,
+    Y,
+    axle_derivatives,
+    constants,
+)
+from tests.support.signs_picture import CURVES, PICTURE, TORQUES, draw
+
+W, TICK_S, V = Wheelset(), 0.005, 25.0
+STRAIGHT = rail_table([RailSection(0.0, RAILS["A"])])
+PAGE = Path(__file__).parents[3] / "docs" / "reference" / "signs.md"
+# curvature, as the scenarios say it: to the right
+RIGHT = {"left-hand curve": -1.0, "right-hand curve": 1.0}
+
+
+def ride(curvature: float = 0.0, cant: float = 0.0) -> FloatArray:
+    """What the sensors read at the end of eight seconds without torque."""
+    rail = rail_table([RailSection(0.0, RAILS["A"], curvature, cant)])
+    sim = Simulation(W, [Axle(rail, Track(0.0, 1))], V, TICK_S)
+    n = 1600
+    out: FloatArray = sim.advance(command(n, torque=0.0, limit_of_peak=1.0), np.full(n, V)).outputs[-1, 0]
+    return out
+
+
+def rates(torque: float = 0.0, **state: float) -> tuple[FloatArray, float]:
+    """d(state)/dt of an axle that rolls, and the force of both wheels along the track."""
+    x, out = np.zeros(AXLE_STATES), np.zeros(AXLE_STATES)
+    x[W_R] = x[W_L] = V / W.r_0
+    for name, value in state.items():
+        x[{"y": Y, "ydot": YDOT, "psi": PSI, "psidot": PSIDOT}[name]] = value
+    force, _ = axle_derivatives(x, V, 0.0, torque, rail_at(STRAIGHT, 1.0), constants(W), W.contact, out)
+    return out, force
+
+
+@pytest.mark.parametrize("name", CURVES)
+def test_curve_has_the_signs_of_the_picture(name: str) -> None:
+    out = ride(RIGHT[name] / 1000)
+    assert (np.sign(out[YAW_RATE]), np.sign(out[LAT_ACCEL])) == CURVES[name]
+    # the page's rule of thumb
+    assert out[LAT_ACCEL] == pytest.approx(V * out[YAW_RATE], rel=0.02)
+
+
+def test_cant_takes_its_share_of_the_acceleration_and_none_of_the_yaw_rate() -> None:
+    flat, canted = ride(1 / 1000), ride(1 / 1000, 0.03)
+    assert canted[YAW_RATE] == pytest.approx(flat[YAW_RATE], rel=1e-3)
+    assert canted[LAT_ACCEL] - flat[LAT_ACCEL] == pytest.approx(0.03 * GRAVITY, rel=0.05)
+
+
+@pytest.mark.parametrize("name", TORQUES)
+def test_torque_has_the_signs_of_the_picture(name: str) -> None:
+    torque, force, faster = TORQUES[name]
+    n = 800
+    rail = rail_table([RailSection(0.0, RAILS["A"])])
+    sim = Simulation(W, [Axle(rail, Track(0.0, 1))], V, TICK_S)
+    drive = command(n, torque=3000.0 * torque, limit_of_peak=1.0)
+    speed = sim.advance(drive, np.full(n, np.nan))
+    assert np.sign(speed.outputs[-1, 0, TORQUE]) == torque
+    assert np.sign(speed.speed_m_s[-1] - V) == faster
+    # a wheel that turns faster than it rolls is pushed forward by the rail
+    turned = np.zeros(AXLE_STATES)
+    turned[W_R] = turned[W_L] = V * (1 + 0.001 * torque) / W.r_0
+    along, _ = axle_derivatives(
+        turned, V, 0.0, 0.0, rail_at(STRAIGHT, 1.0), constants(W), W.contact, np.zeros(AXLE_STATES)
+    )
+    assert np.sign(along) == force
+
+
+def test_y_is_to_the_left_and_yaw_counter_clockwise() -> None:
+    """Turned counter-clockwise it runs to the left; left of the centre line gravity draws it back, and the left wheel,
+    on its larger radius, turns it clockwise."""
+    turned, _ = rates(psi=1e-4)
+    assert turned[YDOT] > 0
+    displaced, _ = rates(y=1e-3)
+    assert displaced[YDOT] < 0
+    assert displaced[PSIDOT] < 0
+
+
+def test_driven_wheel_is_turned_faster_by_a_positive_torque() -> None:
+    assert rates(1000.0)[0][W_R] > 0 > rates(-1000.0)[0][W_R]
+
+
+def test_picture_is_drawn_and_shown_by_the_page(tmp_path: Path) -> None:
+    draw(tmp_path / "signs.png")
+    made, kept = (p.read_bytes() for p in (tmp_path / "signs.png", PICTURE))
+    assert made[:24] == kept[:24]  # of the same size
+    assert f"](../{PICTURE.name})" in PAGE.read_text(encoding="utf-8")
+
+
+def test_page_states_the_signs_of_the_picture() -> None:
+    rows = re.findall(
+        r"^\| ([\w-]+ curve|traction|braking) \| (.+) \|$", PAGE.read_text(encoding="utf-8"), re.MULTILINE
+    )
+    found = {name: tuple({"> 0": 1, "< 0": -1}[cell.strip()] for cell in cells.split("|")) for name, cells in rows}
+    assert found == {**CURVES, **{name: signs[:2] for name, signs in TORQUES.items()}}

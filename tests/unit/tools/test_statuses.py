@@ -1,0 +1,194 @@
+"""Exit statuses: every command has a table, and does what it says."""
+
+import argparse
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from sim_ecu import cli as rig_cli
+from sim_ecu.commands.statuses import STATUSES as RIG
+from sim_ecu.resources import TRUTH_DBC
+from sim_ecu.score.contact import COLUMNS
+from tests.support.scenarios import LogOf, held
+from wrcd import resources
+from wrcd.config import DEFAULT
+from wrcd.errors import BusError, InputError, NotThere, Status
+from wrcd.tools import cli
+from wrcd.tools.statuses import STATUSES as WRCD
+
+# by command: arguments and the status that they end with. {log}, {dbc}, {dir}: a recorded log, the packaged DBC, a
+# folder to write to;
+# here.toml is a sound configuration, bad.toml is not, late.toml names a DBC that is not there; cut.log and {cut}
+# end in mid-line, foreign.log has nothing that is mapped.
+WRCD_CASES = [
+    ("run --config bad.toml", 2),
+    ("run --wait -1", 2),
+    ("run -i virtual -c x --config never.toml", 3),
+    ("run -i virtual -c x --config late.toml", 3),
+    ("run -i socketcan -c can77", 3),
+    ("run -i pcan -c x", 3),
+    ("reload 4194305", 2),
+    ("init {dbc}", 0),
+    ("init {dbc} -o here.toml", 2),
+    ("init never.dbc", 3),
+    ("lint {dbc}", 0),
+    ("lint {truth}", 1),
+    ("lint bad.dbc", 2),
+    ("lint never.dbc", 2),
+    ("check", 0),
+    ("check --config here.toml", 0),
+    ("check --config bad.toml", 2),
+    ("check --config never.toml", 3),
+    ("check --config late.toml", 3),
+    ("check --config .", 3),
+    ("dump {log}", 0),
+    ("dump cut.log", 1),
+    ("dump {log} --config bad.toml", 2),
+    ("dump never.log", 2),
+    ("dump -i socketcan -c can77", 3),
+    ("dump {log} --dbc never.dbc", 3),
+    ("replay {log} --csv {dir}/a.csv", 0),
+    ("replay {cut} --csv {dir}/a.csv", 1),
+    ("replay foreign.log --csv {dir}/a.csv", 3),
+    ("replay never.log", 2),
+    ("replay {log} --config bad.toml", 2),
+    ("replay {log} --config late.toml", 2),
+    ("replay {log} {log2} --csv {dir}/both --config never.toml", 2),
+]
+RIG_CASES = [
+    ("list", 0),
+    ("play short.toml --fast --log {dir}/a.log", 0),
+    ("play nowhere", 2),
+    ("play short.toml --fast", 2),
+    ("play never.toml", 3),
+    ("play short.toml -c can77", 3),
+    ("inject short.toml --fault crc:at=0.1,for=0.1,of=yaw_rate,axle=1 --fast --log {dir}/a.log", 0),
+    ("inject short.toml", 2),
+    ("inject short.toml --fault crc:at=0.1 -c can77", 3),
+    ("design --explain", 0),
+    ("design", 2),
+    ("design --explain never.json", 3),
+    ("contact cases.csv", 0),
+    ("contact never.csv", 2),
+    ("score --jobs 0", 2),
+    ("score --quick --design never.json", 3),
+    ("figures -o {dir}/f --design bad.json", 2),
+    ("figures -o {dir}/f --design never.json", 3),
+    ("verify {log}", 0),
+    ("verify never.log", 2),
+    ("verify {log} --config never.toml", 3),
+    ("demo --scenario nowhere", 2),
+    ("demo --scenario never.toml", 3),
+]
+# What takes minutes, an hour, or something to go wrong; Ctrl-C is one for all.
+ELSEWHERE = {
+    ("wrcd", "run", 0): "tests/unit/service/test_asking.py ends it",
+    ("wrcd", "run", 1): "a mistake in the program: tests/unit/service/test_loop.py",
+    ("wrcd", "reload", 0): "tests/unit/service/test_asking.py",
+    ("wrcd", "reload", 1): "tests/unit/service/test_asking.py",
+    ("wrcd", "check", 1): "tests/unit/tools/test_speed.py",
+    ("sim-ecu", "faults", 0): "sim-ecu faults",
+    ("sim-ecu", "faults", 1): "tests/unit/play/test_faults.py",
+    ("sim-ecu", "faults", 2): "tests/unit/test_extra.py",
+    ("sim-ecu", "score", 0): "make score",
+    ("sim-ecu", "figures", 0): "tests/unit/score/test_figures.py",
+    ("sim-ecu", "verify", 1): "tests/unit/estimator/test_reference.py",
+    ("sim-ecu", "demo", 0): "tests/unit/play/test_demo.py",
+    ("sim-ecu", "demo", 1): "tests/unit/play/test_demo.py",
+}
+LATE = '[dbc]\nfile = "never.dbc"\n[wheelset]\nname = "default"\n' + DEFAULT
+CASES = [("wrcd", *c) for c in WRCD_CASES] + [("sim-ecu", *c) for c in RIG_CASES]
+TABLES = {"wrcd": WRCD, "sim-ecu": RIG}
+MAINS: dict[str, Callable[[list[str]], int]] = {"wrcd": cli.main, "sim-ecu": rig_cli.main}
+
+
+def commands(parser: argparse.ArgumentParser) -> set[str]:
+    return set(next(a for a in parser._actions if isinstance(a, argparse._SubParsersAction)).choices)
+
+
+@pytest.mark.parametrize(("table", "parser"), [(WRCD, cli._parser()), (RIG, rig_cli._parser())])
+def test_every_command_has_a_table(table: dict[str, object], parser: argparse.ArgumentParser) -> None:
+    assert set(table) == commands(parser)
+
+
+def test_every_status_of_the_tables_is_tried() -> None:
+    tried = {(p, line.split()[0], status) for p, line, status in CASES} | set(ELSEWHERE)
+    listed = {(p, c, int(s)) for p, table in TABLES.items() for c, statuses in table.items() for s in statuses}
+    assert {t for t in listed if t[2] != Status.INTERRUPTED} == tried
+
+
+@pytest.fixture
+def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("here.toml").write_text(DEFAULT)
+    Path("bad.toml").write_text("[axles]\n")
+    Path("late.toml").write_text(LATE)
+    Path("foreign.log").write_text("(1700000000.000000) can0 7FF#00\n")
+    Path("cut.log").write_text("(1700000000.000000) can0 7FF#00\n(1700000000.000100) can0 7F")
+    Path("bad.dbc").write_text("BO_ no DBC at all")
+    Path("bad.json").write_text("{}")
+    Path("short.toml").write_text(held("A", 0.5))
+    Path("cases.csv").write_text(",".join(COLUMNS) + "\n1.2,6,5,73550,82000,0.28,0.3,0.001,0\n")
+
+
+@pytest.mark.usefixtures("_folder")
+@pytest.mark.parametrize(("program", "line", "status"), CASES, ids=[f"{p} {c}" for p, c, _ in CASES])
+def test_command_ends_with_the_status_of_its_table(
+    program: str, line: str, status: int, log_of: LogOf, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = log_of(held("F"))
+    again = tmp_path / "again.log"
+    if "{log2}" in line:
+        again.write_bytes(log.read_bytes())
+    if "{cut}" in line:
+        again.write_bytes(log.read_bytes()[:-9])
+    name, *arguments = line.format(
+        log=log, log2=again, cut=again, dbc=resources.DBC, truth=TRUTH_DBC, dir=tmp_path
+    ).split()
+    assert MAINS[program]([name, *arguments]) == status
+    assert Status(status) in TABLES[program][name]
+    error = capsys.readouterr().err
+    if status in (2, 3):
+        assert f"{program}: error: " in error
+        assert "Traceback" not in error
+
+
+@pytest.mark.parametrize(
+    ("kind", "status"), [(InputError, 2), (NotThere, 3), (BusError, 3)], ids=["bad input", "not there", "bus"]
+)
+def test_error_is_one_line_and_its_status(
+    kind: type[InputError], status: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def fails() -> int:
+        raise kind("is wrong", file="a.toml", line=3, key="axle", hint="mend it")
+
+    assert cli.guarded("wrcd", fails) == status
+    assert cli.guarded("wrcd", fails, retried=False) == 2
+    assert capsys.readouterr().err == "wrcd: error: a.toml:3: axle: is wrong — mend it\n" * 2
+
+
+def test_ctrl_c_is_130() -> None:
+    def interrupted() -> int:
+        raise KeyboardInterrupt
+
+    assert cli.guarded("wrcd", interrupted) == int(Status.INTERRUPTED) == 130
+
+
+def test_unit_tries_again_after_every_status_but_bad_input() -> None:
+    unit = (Path(__file__).parents[3] / "systemd/wrcd@.service").read_text().splitlines()
+    assert f"RestartPreventExitStatus={Status.BAD_INPUT:d}" in unit
+    assert "Restart=always" in unit
+
+
+def _waits() -> Iterator[float]:
+    for line in (Path(__file__).parents[3] / "systemd/wrcd@.service").read_text().splitlines():
+        if line.startswith("ExecStart="):
+            yield float(line.partition("--wait ")[2].split()[0])
+        elif line.startswith("TimeoutStartSec="):
+            yield float(line.partition("=")[2].removesuffix("s"))
+
+
+def test_unit_waits_for_less_than_the_time_that_systemd_gives_it() -> None:
+    wait_s, timeout_s = _waits()
+    assert wait_s <= timeout_s - 10.0  # the slow imports of a small computer come before, the rest of the start after

@@ -1,0 +1,234 @@
+"""Frames to samples: the reader of one mapped signal, and of one message."""
+
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from wrcd.bus.dbc import Message, find_signal
+from wrcd.bus.e2e import Checker
+from wrcd.bus.frame import Frame
+from wrcd.bus.positions import Branch, Field, Numbers, Order, common_order, fit_raw, frame_length, is_fd
+from wrcd.bus.reasons import Reason
+from wrcd.bus.signals import Source, StatusRule
+from wrcd.bus.statuses import KeptStatus, Status, rules_of
+from wrcd.bus.units import Quantity, factor
+from wrcd.bus.words import is_reverse, no_measurement
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+MAX_COMBINED = 64  # sets of good statuses of a message that are told at one look
+OF_WHOLE_FRAME = frozenset(
+    {Reason.KIND, Reason.LENGTH, Reason.CRC, Reason.DATA_ID, Reason.REPEAT, Reason.COUNTER, Reason.TWO_SENDERS}
+)
+
+
+class Sample(NamedTuple):
+    """A value in SI units. Degraded if its sender says so, contested if another seems to send it, too."""
+
+    source: int  # place among the receiver's sources
+    value: float
+    degraded: bool = False
+    contested: bool = False
+
+
+_new_tuple = tuple.__new__  # half of what a NamedTuple's own constructor takes
+
+
+class SignalReader:
+    """One mapped signal: its raw value to SI units, or why it can't be."""
+
+    def __init__(self, number: int, source: Source, message: Message) -> None:
+        signal, length = find_signal(message, source.signal), frame_length(message)
+        self.number = number
+        self.field = Field(signal, length)
+        self.branch = Branch(message, signal, length)
+        self.position = self.field.position
+        _, self.shift, self.mask, self.sign = self.position
+        self._signal = signal
+        self.scale = signal.conversion.scale if source.scale is None else source.scale
+        self.offset = signal.conversion.offset if source.offset is None else source.offset
+        self.factor = factor(signal.unit, source.quantity) if source.factor is None else source.factor
+        low = signal.minimum if source.low is None else source.low
+        high = signal.maximum if source.high is None else source.high
+        slack = 0.5 * abs(float(self.scale))
+        self.low = -math.inf if low is None else float(low) - slack
+        self.high = math.inf if high is None else float(high) + slack
+        self.unusable = {raw for raw, label in (signal.choices or {}).items() if no_measurement(label)}
+        self.unusable |= {fit_raw(signal, raw) for raw in source.invalid}
+        self._limit = source.quantity.limit
+        self._positive = source.quantity in (Quantity.AXLE_LOAD, Quantity.WHEEL_RADIUS)
+        self._is_direction, self._reverse = source.quantity is Quantity.DIRECTION, source.reverse
+        # every value within the DBC's range is one: no word of it says otherwise, nor does the quantity's own limit
+        within = math.isfinite(self.low) and math.isfinite(self.high)
+        within = within and max(abs(self.low), abs(self.high)) * abs(self.factor) <= self._limit
+        words = any(self.low <= raw * self.scale + self.offset <= self.high for raw in self.unusable)
+        self.is_simple = within and not (words or self._is_direction or self._positive)
+
+    def read(self, raw: Any) -> float | Reason:
+        """The value of a raw one."""
+        if raw in self.unusable:
+            return Reason.STATUS
+        physical = float(raw * self.scale + self.offset)
+        si = physical * self.factor
+        if not (self.low <= physical <= self.high and -self._limit <= si <= self._limit):
+            return Reason.RANGE if math.isfinite(si) else Reason.NOT_FINITE
+        if self._positive and si <= 0:
+            return Reason.RANGE
+        return self._direction(raw, physical) if self._is_direction else si
+
+    def _direction(self, raw: Any, physical: float) -> float:
+        """-1 in reverse, else 1: by the name in the value table, or by the sign where there is none. A factor below 0
+        turns it."""
+        choices = self._signal.choices
+        if self._reverse is not None:
+            reverse = raw in self._reverse
+        else:
+            reverse = is_reverse(choices[raw]) if choices and raw in choices else physical < 0
+        return -1.0 if reverse is (self.factor > 0) else 1.0
+
+    def read_column(self, raw: "NDArray[np.int64]") -> list[float] | None:
+        """The values of many raw ones, if every one of them has one and none is a direction."""
+        if self._is_direction or (self.unusable and not self.unusable.isdisjoint(raw.tolist())):
+            return None
+        physical = raw * self.scale + self.offset
+        si = physical * self.factor
+        within = (self.low <= physical) & (physical <= self.high) & (-self._limit <= si) & (si <= self._limit)
+        if not within.all() or (self._positive and (si <= 0).any()):
+            return None
+        values: list[float] = si.tolist()
+        return values
+
+
+class MessageReader:
+    """Decodes one message and checks all of it.
+
+    Most messages are plain: all that is read lies in one whole number, in every frame. Others go a slower way: with
+    multiplexers, both byte orders, floating-point numbers, or statuses that come in other frames.
+    """
+
+    STATE = {"checker": "checker"}
+
+    def __init__(
+        self,
+        message: Message,
+        sources: Sequence[tuple[int, Source]],
+        identity: int | None,
+        others: Sequence[int],
+        kept: Mapping[StatusRule, KeptStatus],
+    ) -> None:
+        """kept: the statuses that come in other frames, by their rule; those of this message are told of its frames."""
+        self.length, self.fd = frame_length(message), is_fd(message)
+        self.numbers = tuple(k for k, _ in sources)
+        self.name = message.name
+        self.signals = [SignalReader(k, s, message) for k, s in sources]
+        self.checker = None if identity is None else Checker(identity, tuple(i for i in others if i != identity))
+        self._tells = tuple(status for status in kept.values() if status.rule.message == message.name)
+        rules = [tuple(dict.fromkeys(rules_of(message, s))) for _, s in sources]
+        made: dict[StatusRule, Status] = {r: kept.get(r) or Status(message, r) for of_one in rules for r in of_one}
+        self._rules = [[made[r] for r in of_one] for of_one in rules]
+        self.statuses = tuple(made.values())
+        self.is_multiplexed = any(s.branch.conditions for s in self.signals)
+        fields = [s.field for s in self.signals] + [s.field for s in self.statuses]
+        odd = self._tells or self.is_multiplexed or any(f.is_float for f in fields)
+        odd = odd or any(isinstance(s, KeptStatus) for s in self.statuses)
+        # the byte order of a plain message; None: not plain
+        self.order: Order | None = None if odd else common_order([f.position for f in fields])
+        self._status_bits, self._all_ok = self._combined()
+
+    def _combined(self) -> tuple[int, frozenset[int]]:
+        """The bits of all statuses of a plain message, and what they are where each is good. Where there are too many
+        of these, or two statuses share bits, none: each is looked at then."""
+        bits = [s.bits for s in self.statuses]
+        ways = math.prod(len(s.ok) for s in self.statuses)
+        if self.order is None or ways > MAX_COMBINED or _overlap(bits):
+            return 0, frozenset()
+        sets = [[word << s.shift for word in s.ok] for s in self.statuses]
+        return sum(bits), frozenset(map(sum, itertools.product(*sets)))
+
+    def reset(self) -> None:
+        """Take the next counter as it comes."""
+        if self.checker is not None:
+            self.checker.reset()
+
+    def read(self, frame: Frame) -> list[Sample] | Reason:
+        """The samples of a frame, or why it is refused. A frame of a multiplexed message may carry nothing."""
+        if frame.remote or frame.error or frame.fd != self.fd:
+            return Reason.KIND
+        data = frame.data
+        if len(data) != self.length:
+            return Reason.LENGTH
+        checker = self.checker
+        if checker is not None and (reason := checker.check(data)):
+            if reason is Reason.TWO_SENDERS:
+                for told in self._tells:
+                    told.forget()
+            return reason
+        if self.order is None:
+            return self._read_odd(data, frame.stamp_us)
+        number = int.from_bytes(data, self.order)
+        degraded = False
+        if number & self._status_bits not in self._all_ok:
+            verdict = self.judge(number)
+            if verdict is None:
+                return Reason.STATUS
+            degraded = verdict
+        contested = checker is not None and checker.suspect
+        samples = []
+        for signal in self.signals:
+            raw = number >> signal.shift & signal.mask
+            if raw & signal.sign:
+                raw -= signal.sign << 1
+            physical = raw * signal.scale + signal.offset
+            if signal.is_simple and signal.low <= physical <= signal.high:
+                value: float | Reason = float(physical) * signal.factor
+            else:
+                value = signal.read(raw)
+                if value.__class__ is not float:
+                    assert isinstance(value, Reason)
+                    return value
+            samples.append(_new_tuple(Sample, (signal.number, value, degraded, contested)))
+        return samples
+
+    def judge(self, number: int) -> bool | None:
+        """Of a plain frame as a whole number: whether its sender calls itself degraded; None: not to be believed."""
+        verdicts = [s.verdict((number & s.bits) >> s.shift) for s in self.statuses]
+        return None if None in verdicts else True in verdicts
+
+    def _read_odd(self, data: bytes, stamp_us: int) -> list[Sample] | Reason:
+        """The same of a message that is not plain."""
+        numbers = Numbers(data)
+        for told in self._tells:
+            told.take(numbers, stamp_us)
+        carried = [(s, rules) for s, rules in zip(self.signals, self._rules, strict=True) if s.branch.carried(numbers)]
+        verdicts = [
+            status.judge(numbers, stamp_us) for status in dict.fromkeys(r for _, rules in carried for r in rules)
+        ]
+        if None in verdicts:
+            return Reason.STATUS
+        degraded, contested = True in verdicts, self.checker is not None and self.checker.suspect
+        samples = []
+        for signal, _ in carried:
+            value = signal.read(signal.field.raw(numbers))
+            if isinstance(value, Reason):
+                return value
+            samples.append(Sample(signal.number, value, degraded, contested))
+        return samples
+
+    def concerned(self, frame: Frame, reason: Reason) -> Sequence[int]:
+        """Of which sources a rejected frame is: those that it carries, all where even that cannot be told."""
+        if not self.is_multiplexed or reason in OF_WHOLE_FRAME:
+            return self.numbers
+        numbers = Numbers(frame.data)
+        return [s.number for s in self.signals if s.branch.carried(numbers)]
+
+
+def _overlap(bits: Sequence[int]) -> bool:
+    union = 0
+    for of_one in bits:
+        if union & of_one:
+            return True
+        union |= of_one
+    return False

@@ -1,0 +1,114 @@
+"""The whole train: its axles, what is mapped for them and for the vehicle, and what is sent."""
+
+from collections.abc import Sequence
+
+from wrcd import declared
+from wrcd.bus.dbc import Database, data_id, find_message
+from wrcd.bus.signals import Output, StatusRule
+from wrcd.core.configuration import MAX_AXLES, AxleConfig, Input
+from wrcd.estimator.design import Design
+from wrcd.keys import names
+from wrcd.mapping import contradictions
+from wrcd.mapping.inputs import resolve
+from wrcd.mapping.message_facts import by_message, check_header, protection, status_rules
+from wrcd.mapping.outputs import STATUS_KEYS, STATUS_MESSAGES, output, usual_messages
+from wrcd.mapping.statements import AXLE_QUANTITIES, VEHICLE_QUANTITIES, Statement, statements
+from wrcd.section import Section
+
+AXLE_OUTPUTS = ("adhesion", "detail", "inputs")
+
+
+class Train:
+    """What the configuration maps. Where mistakes were collected, what they are about is left out."""
+
+    def __init__(self) -> None:
+        self.axles: list[AxleConfig] = []
+        self.inputs: list[Input] = []
+        self.data_ids: dict[str, int | None] = {}
+        self.own: list[Output | None] = []  # the daemon's own: status, rejects, link
+        self.warnings: list[str] = []
+
+
+def read_train(top: Section, vehicle: Section, database: Database | None, design: Design | None) -> Train:
+    """Read [vehicle] and [[axle]]. Mistakes are collected.
+
+    Without a database or a design (they have mistakes of their own) only what the configuration says by itself is
+    looked at.
+    """
+    train = Train()
+    tables = list(top.sections("axle"))
+    if not 1 <= len(tables) <= MAX_AXLES:
+        hint = "write [[axle]] for each wheelset"
+        error = top.error(f"takes 1 to {MAX_AXLES} tables, found {len(tables)}", "axle", hint)
+        top.mistake(error)
+        top.explains("axle", error)
+        tables = tables[:MAX_AXLES]
+    said: list[Statement] = []
+    sent: list[tuple[Section, Output]] = []
+    known = None if design is None else database
+    tick_ms = 0.0 if design is None else 1000 * design.tick_s
+    numbers: set[int] = set()
+    for place, table in enumerate(tables):
+        said += statements(table, AXLE_QUANTITIES, (place,))
+        number = _number(table, numbers)
+        usual = ("", "", "") if number is None else usual_messages(number)
+        found = [output(table, kind, known, name, tick_ms) for kind, name in zip(AXLE_OUTPUTS, usual, strict=True)]
+        sent += [
+            (table.place(kind, declared.MESSAGE.name), o)
+            for kind, o in zip(AXLE_OUTPUTS, found, strict=True)
+            if o is not None
+        ]
+        if number is not None and found[0] is not None:
+            train.axles.append(AxleConfig(number, found[0], found[1], found[2]))
+        table.done(names(declared.AXLE))
+    said += statements(vehicle, VEHICLE_QUANTITIES, tuple(range(len(tables))))
+    for kind, name in zip(STATUS_KEYS, STATUS_MESSAGES, strict=True):
+        one = output(vehicle, kind, known, name, tick_ms)
+        train.own.append(one)
+        if one is not None:
+            sent.append((vehicle.place(kind, declared.MESSAGE.name), one))
+    contradictions.shared_signals(said)
+    if database is not None and design is not None:
+        mapped = _resolved(top, said, database, design, train)
+        contradictions.messages(mapped, sent, database)
+    return train
+
+
+def _number(table: Section, numbers: set[int]) -> int | None:
+    """The axle's number, which no other has; None where there is a mistake, which is collected."""
+    with table.collected():
+        number = declared.NUMBER.read(table)
+        if number in numbers:
+            raise table.error(f"{number} is there twice", declared.NUMBER.name)
+        if number is not None:
+            numbers.add(number)
+        return number
+    return None
+
+
+def _resolved(
+    top: Section, said: Sequence[Statement], database: Database, design: Design, train: Train
+) -> list[tuple[Statement, Input]]:
+    rules: dict[str, tuple[StatusRule, ...]] = {}
+    present = {m.name for m in database.messages} - set(database.unsound)
+    for name, group in by_message(said).items():
+        rules[name] = ()
+        if name not in present:
+            continue  # said of the signal, below
+        with top.collected():
+            rules[name] = status_rules(group, database, train.warnings)
+        with top.collected():
+            train.data_ids[name] = protection(group, database)
+    for rule in [r for group in rules.values() for r in group if r.message not in rules]:
+        with top.collected():
+            train.data_ids[rule.message] = data_id(find_message(database, rule.message))
+    mapped = []
+    for s in said:
+        with s.table.collected():
+            found = resolve(s, database, design, rules[s.message])
+            if found is not None:
+                mapped.append((s, found))
+            if train.data_ids.get(s.message) is not None:
+                check_header(s.table, declared.SIGNAL.name, find_message(database, s.message), {s.signal})
+    train.inputs = [i for _, i in mapped]
+    return mapped

@@ -1,0 +1,169 @@
+"""The message that tells the train its adhesion: which of its signals takes which of our values, word by word."""
+
+from collections.abc import Callable, Iterable
+
+from wrcd.bus.words import degraded, unusable, usable
+from wrcd.core.vocabulary import MESSAGES, Words, snake
+from wrcd.mapping.outputs import ADHESION_MS, NEEDS
+from wrcd.tools.dbc.candidates import numbers
+from wrcd.tools.dbc.records import DbcText, Message, Signal
+from wrcd.tools.dbc.vocabulary import (
+    ERROR,
+    NOT_AVAILABLE,
+    POOR,
+    USED_PARTS,
+    contains,
+    is_adhesion,
+    is_counter,
+    is_crc,
+    is_percent,
+    is_status,
+    letters,
+    words,
+)
+from wrcd.tools.init.draft import Draft, quoted
+from wrcd.tools.lint.values import in_range
+
+CARRIED = MESSAGES["adhesion"]
+WORDS = {name: (*carried.words, *carried.extra) for name, carried in CARRIED.items() if isinstance(carried, Words)}
+NEEDED_WORDS = {name: carried.words for name, carried in CARRIED.items() if isinstance(carried, Words)}
+# Our values with words: the signal's name in the packaged DBC, and parts of other names for it.
+_NAMES = {
+    "Confidence": ("conf", "vertrauen", "trust", "sicherheit"),
+    "Surface": ("surface", "schiene", "railcond", "railstate"),
+    "ContactState": ("contact", "kontakt", "slip", "schlupf"),
+}
+_AGE = ("age", "alter")
+
+
+def propose_adhesion(draft: Draft, dbc: DbcText, number: int, axles: int) -> None:
+    """Write what axle `number` of so many sends."""
+    found = [m for m in dbc.messages if is_adhesion(m)]
+    mine = [m for m in found if numbers(m.name, "")[0] == number] or (found if axles == 1 else [])
+    about = f"axle {number}, adhesion"
+    if not mine:
+        rest = f" ({', '.join(m.name for m in found[:5])})" if found else ""
+        draft.todo(about, f"no message looks like this axle's adhesion{rest}; the DBC needs one that nobody else sends")
+        draft.add('# adhesion = "Message"')
+        return
+    best, *others = mine
+    if others:
+        draft.doubt(about, f"{best.name} is chosen; it could be {', '.join(m.name for m in others)}")
+    draft.doubt(about, f"the daemon will send it; in the DBC {best.sender} does. Nobody else may")
+    if _has_our_names(best):
+        draft.add(f"adhesion = {quoted(best.name)}")
+        return
+    draft.add(f"adhesion.message = {quoted(best.name)}")
+    if not dbc.number(best, "GenMsgCycleTime"):
+        draft.doubt(about, f"{best.name} has no cycle in the DBC: {ADHESION_MS} ms are taken")
+        draft.add(f"adhesion.cycle_ms = {ADHESION_MS}")
+    if not dbc.attribute(best, "E2EProfile") and any(map(is_crc, best.signals)) and any(map(is_counter, best.signals)):
+        draft.doubt(about, f"{best.name} has a CRC and a counter, but no E2EProfile")
+        draft.add('# adhesion.e2e = "P11"', "# adhesion.data_id = 0")
+    _percentages(draft, about, best)
+    _validity(draft, about, best)
+    _rest(draft, about, best)
+
+
+def _has_our_names(m: Message) -> bool:
+    """Whether the short form is enough: our names, our words."""
+    signals = {s.name: s for s in m.signals}
+    known = all(set(words) <= set(_told(signals[name])) for name, words in NEEDED_WORDS.items() if name in signals)
+    return known and set(NEEDS["adhesion"]) <= signals.keys()
+
+
+def _told(s: Signal) -> list[str]:
+    return [w for _, w in s.words.pairs] if s.words else []
+
+
+def _percentages(draft: Draft, about: str, m: Message) -> None:
+    percent = [s for s in m.signals if is_percent(s)]
+    used = [s for s in percent if contains(s.name, USED_PARTS)]
+    candidates = sorted((s for s in percent if s not in used), key=_is_not_available_adhesion)
+    if not candidates:
+        draft.todo(about, f"which signal of {m.name} is the available adhesion?")
+        draft.add('# adhesion.mu_available = "Signal"')
+    else:
+        available, *others = candidates
+        if others:
+            draft.doubt(about, f"{available.name} is taken for the available adhesion; there is {_names(others)}, too")
+        _one_percentage(draft, about, "mu_available", m, available)
+    for s in used[:1]:
+        _one_percentage(draft, about, "mu_used", m, s)
+
+
+def _is_not_available_adhesion(s: Signal) -> bool:
+    return not contains(s.name, ("avail", "mu", "friction", "adhesion", "reibwert", "kraftschluss", "verfuegbar"))
+
+
+def _names(signals: Iterable[Signal]) -> str:
+    return ", ".join(s.name for s in signals)
+
+
+def _one_percentage(draft: Draft, about: str, key: str, m: Message, s: Signal) -> None:
+    pairs = s.words.pairs if s.words else []
+    none = [raw for raw, w in pairs if unusable(w) and "err" not in letters(w) and s.lowest_raw <= raw <= s.highest_raw]
+    if any(w == "NotAvailable" for _, w in pairs):
+        draft.add(f"adhesion.{key} = {quoted(s.name)}")
+    elif none:
+        draft.add(f"adhesion.{key} = {quoted({'signal': s.name, 'not_available': none[0]})}")
+    elif not in_range(s, s.highest_raw):
+        draft.todo(
+            about, f"{m.name}.{s.name} has no word for 'not available': is it {s.highest_raw}, the highest value?"
+        )
+        draft.add(f"# adhesion.{key} = {quoted({'signal': s.name, 'not_available': s.highest_raw})}")
+    else:
+        draft.todo(about, f"{m.name}.{s.name} cannot say 'not available': every value of it is an adhesion")
+        draft.add(f"# adhesion.{key} = {quoted({'signal': s.name, 'not_available': s.highest_raw})}")
+
+
+def _validity(draft: Draft, about: str, m: Message) -> None:
+    """Our four words in theirs. A word that is missing must not be made up: a person says it."""
+    states = [s for s in m.signals if (is_status(s) or contains(s.name, ("valid",))) and s.words]
+    states = [s for s in states if not any(contains(s.name, parts) for parts in _NAMES.values())]
+    if not states:
+        draft.todo(about, f"which signal of {m.name} says whether the value may be used?")
+        draft.add('# adhesion.validity = { signal = "Signal", valid = "…", degraded = "…", not_available = "…" }')
+        return
+    best = states[0]
+    table: dict[str, object] = {"signal": best.name}
+    for ours in WORDS["Validity"]:
+        word = next((w for w in _told(best) if _MEANS[ours](w)), None)
+        if word is not None or ours in NEEDED_WORDS["Validity"]:
+            table[snake(ours)] = "?" if word is None else word
+    missing = [ours for ours, word in table.items() if word == "?"]
+    line = f"adhesion.validity = {quoted(table)}"
+    if missing:
+        told = ", ".join(map(repr, _told(best)))
+        draft.todo(about, f"which word of {m.name}.{best.name} ({told}) means {', '.join(missing)}?")
+        draft.add(f"# {line}")
+    else:
+        draft.add(line)
+
+
+_MEANS: dict[str, Callable[[str], bool]] = {
+    "Valid": usable,
+    "Degraded": lambda w: degraded(w) or letters(w) in POOR,
+    "NotAvailable": lambda w: letters(w) in NOT_AVAILABLE,
+    "Error": lambda w: letters(w) in ERROR,
+}
+
+
+def _rest(draft: Draft, about: str, m: Message) -> None:
+    """Optional values: only where all of our words are known; else as a comment."""
+    for s in m.signals:
+        if s.unit.strip() == "ms" and (set(_AGE) & set(words(s.name)) or contains(s.name, ("sampleage",))):
+            draft.add(f"adhesion.sample_age = {quoted(s.name)}")
+    for name, parts in _NAMES.items():
+        named = [s for s in m.signals if contains(s.name, parts) and s.words]
+        if not named:
+            continue
+        s = named[0]
+        theirs = {letters(w): w for w in _told(s)}
+        table = {"signal": s.name} | {snake(w): theirs.get(letters(w), "?") for w in WORDS[name]}
+        line = f"adhesion.{snake(name)} = {quoted(table)}"
+        if "?" in table.values():
+            draft.doubt(about, f"{m.name}.{s.name} looks like {snake(name)}: fill in its words, or leave it out")
+            draft.add(f"# {line}")
+        else:
+            draft.add(line)

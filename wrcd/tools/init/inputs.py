@@ -1,0 +1,190 @@
+"""One input: the signal, and what the DBC does not say about it."""
+
+import re
+from dataclasses import dataclass, field
+
+from wrcd.bus.statuses import STATUS
+from wrcd.bus.units import Quantity
+from wrcd.bus.words import degraded as is_degraded
+from wrcd.bus.words import unusable, usable
+from wrcd.estimator.design import Design
+from wrcd.mapping.inputs import DEFAULT_TIMEOUT_MS, MEASURED
+from wrcd.mapping.message_facts import STATUS_NAMES
+from wrcd.mapping.statements import TORQUES
+from wrcd.tools.dbc.candidates import SURE_SCORE, Candidate
+from wrcd.tools.dbc.records import DbcText, Signal
+from wrcd.tools.dbc.vocabulary import (
+    LIKELY_GOOD,
+    MOTOR_WORDS,
+    converts,
+    is_counter,
+    is_crc,
+    is_force,
+    is_status,
+    letters,
+    words,
+)
+from wrcd.tools.init.draft import Draft, quoted
+
+# Ours: y to the left of travel, yaw counter-clockwise seen from above, traction positive.
+OTHER_WAY = {
+    Quantity.YAW_RATE: {"clockwise", "uhrzeigersinn", "right", "rechts", "rechtsherum"},
+    Quantity.LAT_ACCEL: {"right", "rechts"},
+    Quantity.TORQUE: {"braking", "bremsen"},
+}
+OUR_WAY = {
+    Quantity.YAW_RATE: {"counter", "anticlockwise", "counterclockwise", "left", "links", "gegen"},
+    Quantity.LAT_ACCEL: {"left", "links"},
+    Quantity.TORQUE: {"negative", "negativ", "traction", "total", "traktion"},
+}
+OTHER_UNITS = {
+    Quantity.YAW_RATE: "deg/s", Quantity.LAT_ACCEL: "m/s2", Quantity.TORQUE: "kNm", Quantity.BRAKE_TORQUE: "kNm",
+    Quantity.SPEED: "km/h", Quantity.AXLE_LOAD: "kN", Quantity.WHEEL_RADIUS: "mm",
+}  # fmt: skip
+
+
+@dataclass(slots=True)
+class _Table:
+    """The keys of one input; blocked: why it can't stand as it is."""
+
+    keys: dict[str, object]
+    blocked: list[str] = field(default_factory=list)
+    doubts: list[str] = field(default_factory=list)
+
+
+def propose_input(draft: Draft, dbc: DbcText, key: str, about: str, found: list[Candidate], design: Design) -> None:
+    """Write the best candidate; as a comment where a person has to say something first."""
+    best, *others = found
+    table = _Table({"signal": best.name})
+    if best.signal.comment:
+        draft.remark(f"{best.name}: {' '.join(best.signal.comment.split())}")
+    if best.score < SURE_SCORE:
+        table.doubts.append(f"{best.name} is chosen by its {'unit' if best.signal.unit.strip() else 'name'} alone")
+    rivals = [c.name for c in others if c.score >= best.score - 2][:5]
+    if rivals:
+        table.doubts.append(f"{best.name} is chosen; it could be {', '.join(rivals)}")
+    _unit(table, best)
+    _sign(table, best)
+    _place(table, best)
+    _status(table, best)
+    _time(table, dbc, best, design)
+    _protection(table, dbc, best)
+    if best.signal.low is None and best.quantity is not Quantity.DIRECTION:
+        table.doubts.append(f"{best.name} has no range; state it by range = [min, max], in the signal's unit")
+    if best.signal.mux not in ("", "M"):
+        table.doubts.append(f"{best.name} is multiplexed ({best.signal.mux}): it is there only in some frames")
+    for text in table.doubts:
+        draft.doubt(about, text)
+    for text in table.blocked:
+        draft.todo(about, text)
+    only_signal = len(table.keys) == 1
+    line = f"{key} = {quoted(best.name if only_signal else table.keys)}"
+    draft.add(f"# {line}" if table.blocked else line)
+
+
+def propose_shared(draft: Draft, key: str, about: str, found: list[Candidate], axles: int) -> None:
+    """A torque of several axles: which share of it acts at this one only a person can say."""
+    best = found[0]
+    draft.todo(about, f"{best.name} seems to be of {axles} axles together: say which share acts at this one")
+    table: dict[str, object] = {"signal": best.name, "share": round(1 / axles, 4)}
+    if is_force(best.signal.unit):
+        table["at"] = "rim"
+    draft.add(f"# {key} = {quoted(table)}")
+
+
+def _unit(table: _Table, c: Candidate) -> None:
+    if c.signal.unit.strip() or c.quantity is Quantity.DIRECTION:
+        return
+    told = set(re.split(r"[\s,;:()\[\]]+", c.signal.comment))
+    guess = next((u for u in sorted(told) if converts(u, c.quantity)), OTHER_UNITS[c.quantity])
+    table.keys["unit"] = guess
+    table.blocked.append(f"{c.name} has no unit in the DBC: is it {guess}?")
+
+
+def _sign(table: _Table, c: Candidate) -> None:
+    """A brake's effort without a sign; a comment that says which way is positive, the other way than ours."""
+    if c.quantity is Quantity.BRAKE_TORQUE and c.signal.low is not None and c.signal.low >= 0:
+        table.keys["sign"] = -1
+        table.doubts.append(f"{c.name} is never negative: braking counts as positive there, as negative here")
+    told = set(words(c.signal.comment))
+    if c.quantity in OTHER_WAY and told & OTHER_WAY[c.quantity] and not told & OUR_WAY[c.quantity]:
+        table.doubts.append(f"the comment on {c.name} sounds like the other way round than ours: if so, give sign = -1")
+
+
+def _place(table: _Table, c: Candidate) -> None:
+    """Where a torque acts."""
+    if c.quantity not in TORQUES:
+        return
+    if is_force(c.signal.unit):
+        table.keys["at"] = "rim"
+        table.doubts.append(f"{c.name} is a force: is it one axle's, at the rim?")
+    elif MOTOR_WORDS & {*words(c.signal.name), *words(c.message.name)}:
+        table.keys |= {"at": "motor", "gear_ratio": 1.0}
+        table.blocked.append(f"{c.name} looks like a motor's torque: give the gear ratio, or take `at` away")
+
+
+def _status(table: _Table, c: Candidate) -> None:
+    """The status that tells how good the signal is: by words that are known, by words that a person confirms."""
+    beside = [s for s in c.message.signals if is_status(s)]
+    own = set(words(c.signal.name))
+    nearest = [s for s in beside if own & set(words(s.name))] or beside
+    told = [s for s in nearest if s.words is not None and any(unusable(w) or usable(w) for w in _told(s))]
+    for s in nearest:
+        if s.words is None:
+            rule = "only 0 lets a value pass" if s.name == STATUS else "it is not looked at"
+            table.doubts.append(f"{c.message.name}.{s.name} has no value table: {rule} unless status and ok are given")
+    if not told:
+        return
+    status, *more = told
+    name = f"{c.message.name}.{status.name}"
+    if more:
+        table.doubts.append(f"{name} is taken as its status; there is {', '.join(s.name for s in more)}, too")
+    good = [w for w in _told(status) if usable(w)]
+    degraded = [w for w in _told(status) if is_degraded(w)]
+    likely = [w for w in _told(status) if letters(w) in LIKELY_GOOD]
+    likely_only = not good and bool(likely)
+    if likely_only:
+        table.doubts.append(f"{name}: does {' or '.join(map(repr, likely))} mean a sound value?")
+        good = likely
+    if not good:
+        table.blocked.append(
+            f"{name}: which of {', '.join(map(repr, _told(status)))} means a sound value? Put it into ok"
+        )
+        good = ["?"]
+    elif not likely_only and (status.name == STATUS or STATUS_NAMES.search(status.name)) and not more:
+        return  # the daemon takes it by itself
+    table.keys |= {"status": name, "ok": good} | ({"degraded": degraded} if degraded else {})
+
+
+def _told(s: Signal) -> list[str]:
+    return [w for _, w in s.words.pairs] if s.words else []
+
+
+def _time(table: _Table, dbc: DbcText, c: Candidate, design: Design) -> None:
+    cycle = dbc.number(c.message, "GenMsgCycleTime")
+    tick_ms = 1000 * design.tick_s
+    if c.quantity in MEASURED:
+        if cycle and cycle > tick_ms:
+            table.blocked.append(
+                f"{c.name} comes every {cycle:g} ms, the design's tick is {tick_ms:g} ms: have it sent faster, or make "
+                "a design for a longer tick"
+            )
+        elif not cycle:
+            table.doubts.append(f"{c.message.name} has no cycle in the DBC; every {tick_ms:g} ms is needed")
+    elif not cycle and not dbc.number(c.signal, "GenSigTimeoutTime"):
+        table.doubts.append(
+            f"{c.message.name} has neither cycle nor time-out: {DEFAULT_TIMEOUT_MS} ms are taken; timeout_ms states it"
+        )
+
+
+def _protection(table: _Table, dbc: DbcText, c: Candidate) -> None:
+    profile = dbc.attribute(c.message, "E2EProfile")
+    if profile and profile != "P11":
+        table.blocked.append(
+            f'{c.message.name} has E2E profile {profile!r}; only P11 is known, e2e = "none" reads unchecked'
+        )
+    signals = c.message.signals
+    if not profile and any(map(is_crc, signals)) and any(map(is_counter, signals)):
+        table.doubts.append(
+            f'{c.message.name} has a CRC and a counter, but no E2EProfile: if it is P11, give e2e = "P11" and data_id'
+        )

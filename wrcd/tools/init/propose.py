@@ -1,0 +1,133 @@
+"""The proposal, key by key: what fits best, what else might, and what the DBC does not say."""
+
+import os
+from pathlib import Path
+
+from wrcd import resources
+from wrcd.bus.units import Quantity
+from wrcd.bus.words import is_reverse
+from wrcd.estimator.design import Design, load_design
+from wrcd.tools.check import KNOWN_BY
+from wrcd.tools.dbc.candidates import Candidate, candidates
+from wrcd.tools.dbc.records import DbcText
+from wrcd.tools.dbc.vocabulary import TOTAL_WORDS, contains
+from wrcd.tools.init.adhesion import propose_adhesion
+from wrcd.tools.init.draft import Draft, quoted
+from wrcd.tools.init.inputs import propose_input, propose_shared
+from wrcd.tools.init.numbering import PER_AXLE, Train, arrange, near
+
+NEEDED = (Quantity.YAW_RATE, Quantity.LAT_ACCEL, Quantity.TORQUE)
+
+
+def propose(dbc: DbcText, folder: Path, design: Design | None = None) -> Draft:
+    """Return the draft of a configuration that lies in a folder.
+
+    design: default the packaged one. Raises InputError where it can't be read.
+    """
+    design = design or load_design(resources.DESIGN)
+    draft = Draft(dbc.file.name)
+    train = arrange(candidates(dbc))
+    _head(draft, dbc, folder, design)
+    draft.add("", "[vehicle]")
+    _vehicle(draft, dbc, train, design)
+    numbers = sorted(train.axles) or [1]
+    for number in numbers:
+        found = train.axles.get(number, {})
+        draft.add("", "[[axle]]", f"number = {number}")
+        for q in PER_AXLE:
+            _one(draft, dbc, train, q, f"axle {number}, {q.key}", found.get(q, []), number, design)
+        propose_adhesion(draft, dbc, number, len(numbers))
+    return draft
+
+
+def _head(draft: Draft, dbc: DbcText, folder: Path, design: Design) -> None:
+    draft.add(
+        'bus = { interface = "socketcan", channel = "can0" } # where the frames are',
+        f"dbc = {{ file = {quoted(Path(os.path.relpath(dbc.file, folder)).as_posix())} }}",
+        "",
+    )
+    name = str(design.wheelset.get("name", design.name))
+    draft.todo(
+        "wheelset",
+        f"is it the wheelset {name!r} of the packaged design? Nothing in the signals tells another one, only the "
+        "estimates are wrong. Compare; then take the next line as it is, or name a design for yours under [estimator].",
+    )
+    draft.add(f"# wheelset = {{ name = {quoted(name)} }}")
+    draft.add(f"#   axle load {2e-3 * design.normal_N:.4g} kN")
+    for key, what, unit in KNOWN_BY:
+        value = design.wheelset.get(key)
+        if isinstance(value, int | float):
+            draft.add(f"#   {what} {value:g} {unit}".rstrip())
+
+
+def _vehicle(draft: Draft, dbc: DbcText, train: Train, design: Design) -> None:
+    for text in train.doubts:
+        draft.doubt("axles", text)
+    if train.left_out:
+        draft.todo("axles", f"one daemon takes eight; left out: {', '.join(map(str, train.left_out))}")
+    speeds = train.vehicle[Quantity.SPEED]
+    if speeds:
+        propose_input(draft, dbc, "speed", "vehicle, speed", speeds, design)
+    else:
+        draft.todo(
+            "vehicle, speed", "nothing looks like the train's speed: name the signal, or give limits.constant_speed_m_s"
+        )
+        draft.add('# speed = "Message.Signal"')
+    for c in train.vehicle[Quantity.DIRECTION][:1]:
+        _direction(draft, c)
+    _torque_is_total(draft, train)
+
+
+def _direction(draft: Draft, c: Candidate) -> None:
+    told = [w for _, w in (c.signal.words.pairs if c.signal.words else ())]
+    reverse = any(map(is_reverse, told))
+    if reverse or (not told and c.signal.signed):
+        draft.doubt("vehicle, direction", "it turns the signs; does it tell which way the sensors' train moves?")
+        draft.add(f"direction = {quoted(c.name)}")
+    else:
+        draft.doubt(
+            "vehicle, direction",
+            f"{c.name} looks like the direction of travel, but no word of it means backwards, and it has no sign",
+        )
+        draft.add(f"# direction = {quoted(c.name)}")
+
+
+def _torque_is_total(draft: Draft, train: Train) -> None:
+    torques = [c for found in train.axles.values() for c in found.get(Quantity.TORQUE, [])[:1]]
+    brakes = any(found.get(Quantity.BRAKE_TORQUE) for found in train.axles.values())
+    total = bool(torques) and all(contains(c.signal.comment + c.signal.name, TOTAL_WORDS) for c in torques)
+    if brakes:
+        draft.add("torque_is_total = false # the friction brakes' torque comes by itself")
+    elif total:
+        draft.add("torque_is_total = true # as the DBC says")
+    else:
+        draft.doubt(
+            "vehicle, torque_is_total",
+            "do friction brakes act beside the torque on the bus? With false braking is Degraded; true only if none do",
+        )
+        draft.add("torque_is_total = false")
+
+
+def _one(
+    draft: Draft,
+    dbc: DbcText,
+    train: Train,
+    q: Quantity,
+    about: str,
+    found: list[Candidate],
+    number: int,
+    design: Design,
+) -> None:
+    if found:
+        propose_input(draft, dbc, q.key, about, found, design)
+        return
+    others = near(train, q)
+    bogies = train.by_bogie.get(q, {})
+    if q in (Quantity.TORQUE, Quantity.BRAKE_TORQUE) and others:
+        per = len(train.axles) // max(1, len(bogies)) or 1
+        mine = bogies.get((number - 1) // per + 1, others) if bogies else others
+        propose_shared(draft, q.key, about, mine, per if bogies else len(train.axles))
+    elif q in NEEDED:
+        rest = f"; of no axle in particular: {', '.join(c.name for c in others[:5])}" if others else ""
+        draft.todo(about, f"nothing fits: needed{rest}")
+        draft.add(f'# {q.key} = "Message.Signal"')

@@ -1,0 +1,51 @@
+"""What each exit status of each command means: docs/reference/exit-codes.md is made from it."""
+
+from wrcd.errors import Status
+
+_BAD = "bad input: file, line, key, reason and what to do"
+_BUS = "the bus or a file cannot be opened: it may be there on the next try"
+_FILE = "a configuration, a DBC or a design cannot be opened: it may be there on the next try"
+
+STATUSES: dict[str, dict[Status, str]] = {
+    "run": {
+        Status.DONE: "SIGTERM or Ctrl-C came: the last frames said NotAvailable, the last dump is written",
+        Status.STOPPED: "a mistake in the program: a traceback; the unit starts it again",
+        Status.BAD_INPUT: "bad configuration, DBC or design: file, line, key, reason; the unit does not try again",
+        Status.NOT_THERE: "the bus or a file cannot be opened, after `--wait` at the latest; the unit tries again",
+        Status.INTERRUPTED: "Ctrl-C before it ran",
+    },
+    "reload": {
+        Status.DONE: "the file holds: limits were taken over, or nothing has changed; what needs a restart is named",
+        Status.STOPPED: "nothing was taken over: a mistake in the file, every change needs a restart, or no answer",
+        Status.BAD_INPUT: "the process is no `wrcd run`, runs on a terminal, or is another user's",
+    },
+    "init": {
+        Status.DONE: "the proposal is written; standard error says what is open and unsure",
+        Status.BAD_INPUT: f"{_BAD}: no such DBC, or a file to write that is there already",
+    },
+    "lint": {
+        Status.DONE: "nothing found",
+        Status.STOPPED: "findings",
+        Status.BAD_INPUT: "the file cannot be read as a DBC",
+    },
+    "check": {
+        Status.DONE: "the configuration can be run; with `--speed`: measured; of a log or a bus: nothing stops Valid",
+        Status.STOPPED: "with `--speed`: an axle gave no estimate; of a log or a bus: something would stop Valid",
+        Status.BAD_INPUT: _BAD,
+        Status.NOT_THERE: f"{_FILE}; with `--live` the bus, too; of a log or a bus: no frame fits the configuration",
+    },
+    "dump": {
+        Status.DONE: "the log has ended, or `--count` is reached, or whoever read the output has closed it",
+        Status.STOPPED: "the log is cut or damaged: what could be read is shown",
+        Status.BAD_INPUT: _BAD,
+        Status.NOT_THERE: _BUS,
+        Status.INTERRUPTED: "Ctrl-C",
+    },
+    "replay": {
+        Status.DONE: "done",
+        Status.STOPPED: "the log is cut or damaged: what could be read is written",
+        Status.BAD_INPUT: f"{_BAD}; of several logs, any of them",
+        Status.NOT_THERE: "no frame of the log fits the configuration",
+        Status.INTERRUPTED: "Ctrl-C",
+    },
+}
