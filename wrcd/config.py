@@ -14,7 +14,7 @@ from wrcd.errors import InputError
 from wrcd.estimator.design import Design, load_design
 from wrcd.keys import Text, names
 from wrcd.mapping.inputs import STALE_TICKS
-from wrcd.mapping.outputs import DETAIL_MS, STATUS_MESSAGES, STATUS_MS, usual_messages
+from wrcd.mapping.outputs import STATUS_MESSAGES, usual_messages
 from wrcd.mapping.statements import NEEDED
 from wrcd.mapping.train import read_train
 from wrcd.settings import Section, parse_toml, read_toml, suggest
@@ -103,7 +103,7 @@ def _config(
     wheelset = top.section("wheelset")
     if design is not None:
         _same_wheelset(wheelset, design, design_file)
-        _names_the_wheelset(wheelset, dbc, estimator, design)
+        _names_the_wheelset(top, wheelset, dbc, estimator, design)
     train = read_train(top, vehicle, database, design)
     constant = declared.CONSTANT_SPEED.read(limits)
     _one_speed(limits, vehicle)
@@ -145,9 +145,6 @@ def _config(
         min_speed_m_s=min_speed,
         constant_speed_m_s=constant,
         torque_is_total=total,
-        adhesion_cycle_us=axles[0].adhesion.cycle_us,
-        detail_cycle_us=1000 * DETAIL_MS if axles[0].detail is None else axles[0].detail.cycle_us,
-        status_cycle_us=1000 * STATUS_MS if status is None else status.cycle_us,
         recorder=recorder,
         warnings=(*database.warnings, *train.warnings),
     )
@@ -179,7 +176,9 @@ def _one_speed(limits: Section, vehicle: Section) -> None:
             limits.error("is given, and vehicle.speed names a signal", constant, "one of the two: which one holds?")
         )
     elif speed not in vehicle and constant not in limits:
-        vehicle.mistake(vehicle.absent(speed, f'name the signal ("Message.Signal") or give limits.{constant}'))
+        error = vehicle.absent(speed, f'name the signal ("Message.Signal") or give limits.{constant}')
+        vehicle.mistake(error)
+        limits.explains(constant, error)
 
 
 def _not_available_after_us(limits: Section, mapped: list[Input]) -> int:
@@ -254,19 +253,20 @@ def _same_wheelset(section: Section, design: Design, file: Path) -> None:
             )
 
 
-def _names_the_wheelset(wheelset: Section, dbc: Section, estimator: Section, design: Design) -> None:
+def _names_the_wheelset(top: Section, wheelset: Section, dbc: Section, estimator: Section, design: Design) -> None:
     """Whoever brings a train of their own says which wheelset it has: a foreign one cannot be told from its signals,
     only its estimates are wrong."""
     key = declared.DBC_FILE.name
-    if key in dbc and declared.DESIGN.name not in estimator and not list(wheelset):
-        dbc.mistake(
-            dbc.error(
-                f"is a train's own, but nothing says that it has the wheelset {_name(design)!r} of the packaged design",
-                key,
-                f'name it: [wheelset] name = "{_name(design)}" (or parameters to compare), '
-                'or [estimator] design = "FILE"',
-            )
-        )
+    if key not in dbc or declared.DESIGN.name in estimator or list(wheelset):
+        return
+    error = dbc.error(
+        f"is a train's own, but nothing says that it has the wheelset {_name(design)!r} of the packaged design",
+        key,
+        f'name it: [wheelset] name = "{_name(design)}" (or parameters to compare), or [estimator] design = "FILE"',
+    )
+    dbc.mistake(error)
+    for section, absent in ((top, "wheelset"), (top, "estimator"), (estimator, declared.DESIGN.name)):
+        section.explains(absent, error)
 
 
 def _name(design: Design) -> str:

@@ -92,7 +92,7 @@ PLAIN_INPUT: tuple[Key, ...] = (
 )  # fmt: skip
 SIGNED_INPUT = (SIGNAL, SIGN, *PLAIN_INPUT[1:])
 TORQUE_INPUT = (*SIGNED_INPUT, AT, GEAR_RATIO, SHARE)
-DIRECTION_INPUT = (*PLAIN_INPUT, REVERSE)
+DIRECTION_INPUT = (*SIGNED_INPUT, REVERSE)
 
 # --- one message that is sent, and its signals
 MESSAGE = Text("message", "its name in the DBC")
@@ -119,10 +119,10 @@ def output_keys(kind: str) -> tuple[Key, ...]:
 
 
 def _input(key: str, what: str, table: str, *, several: bool = False, needed: bool = False) -> Sub:
-    return Sub(key, what, table, "signal", several, needed)
+    return Sub(key, what, table, "signal", several=several, needed=needed)
 
 
-def _output(key: str, what: str, default: str = "–") -> Sub:
+def _output(key: str, what: str, default: str | None = None) -> Sub:
     return Sub(key, what, key, "message", default=default)
 
 

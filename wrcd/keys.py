@@ -1,72 +1,62 @@
-"""What keys of the configuration are made of: one declaration each, for the parser, the JSON schema and the docs."""
+"""What keys of the configuration are made of: one declaration each, for the parser, the JSON schema and the docs.
+
+Plain classes: the daemon's start would wait for dataclasses of so many kinds to be made.
+"""
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import Any
 
-from wrcd.section import Section, suggest
+from wrcd.section import Section, shown, suggest
 
 MESSAGE_SIGNAL = r"^[^.]+\.[^.]+$"
 
 
-@dataclass(frozen=True, slots=True)
 class Key:
-    """A key: its name, and what it means. Kinds of keys add reload: whether SIGHUP takes it over."""
+    """A key: its name, what it means, whether it must be there, and whether SIGHUP takes it over."""
 
-    name: str
-    what: str
+    takes = "text"  # what a value may be, in words
+    default: object = None
 
-    @property
-    def takes(self) -> str:
-        """What a value may be, in words."""
+    def __init__(self, name: str, what: str, *, needed: bool = False, reload: bool = False) -> None:
+        self.name, self.what, self.needed, self.reload = name, what, needed, reload
+
+    def read(self, section: Section) -> object:
+        """The value; its default or None where it is missing, or wrong, which is a mistake. Raises InputError where a
+        needed one is missing or wrong."""
         raise NotImplementedError
 
     @property
     def shown_default(self) -> str:
         """The default, in words."""
-        return "–"
+        if self.needed:
+            return "needed"
+        if self.default is None or isinstance(self.default, bool):
+            return "–" if self.default is None else str(self.default).lower()
+        return f"{self.default:g}" if isinstance(self.default, float) else str(self.default)
 
 
-@dataclass(frozen=True, slots=True)
 class Text(Key):
     """Any text."""
 
-    default: str | None = None
-    needed: bool = False
-    reload: bool = False
+    default: str | None
 
-    @property
-    def takes(self) -> str:
-        """Text."""
-        return "text"
-
-    @property
-    def shown_default(self) -> str:
-        """The default, or that it is needed."""
-        return "needed" if self.needed else self.default or "–"
+    def __init__(
+        self, name: str, what: str, default: str | None = None, *, needed: bool = False, reload: bool = False
+    ) -> None:
+        super().__init__(name, what, needed=needed, reload=reload)
+        self.default = default
 
     def read(self, section: Section) -> str | None:
-        """The value, its default where there is one, or None. Raises InputError where a needed one is missing."""
-        return section.take(self.name, str) if self.needed else section.maybe(self.name, str) or self.default
+        """The text."""
+        given = section.take(self.name, str) if self.needed else section.maybe(self.name, str)
+        return self.default if given is None else given
 
 
-@dataclass(frozen=True, slots=True)
 class SignalName(Key):
     """Text of the form Message.Signal."""
 
-    needed: bool = False
-    reload: bool = False
-
-    @property
-    def takes(self) -> str:
-        """The form."""
-        return "`Message.Signal`"
-
-    @property
-    def shown_default(self) -> str:
-        """Whether it is needed."""
-        return "needed" if self.needed else "–"
+    takes = "`Message.Signal`"
 
 
 def message_and_signal(section: Section, key: str, named: str) -> tuple[str, str]:
@@ -77,109 +67,95 @@ def message_and_signal(section: Section, key: str, named: str) -> tuple[str, str
     return message, signal
 
 
-@dataclass(frozen=True, slots=True)
 class Choice(Key):
     """One of some words."""
 
-    options: tuple[str, ...]
-    default: str | None = None
-    reload: bool = False
+    default: str | None
 
-    @property
-    def takes(self) -> str:
-        """The words."""
-        return ", ".join(self.options)
-
-    @property
-    def shown_default(self) -> str:
-        """The default."""
-        return self.default or "–"
+    def __init__(self, name: str, what: str, options: tuple[str, ...], default: str | None = None) -> None:
+        super().__init__(name, what)
+        self.options, self.default = options, default
+        self.takes = ", ".join(options)
 
     def read(self, section: Section) -> str | None:
-        """The word, its default, or None."""
+        """The word."""
         given = section.maybe(self.name, str)
         if given is None or given in self.options:
-            return given or self.default
-        section.mistake(
-            section.error(
-                f"is {given!r}, not one of {', '.join(self.options)}", self.name, suggest(given, self.options)
-            )
-        )
+            return self.default if given is None else given
+        reason = f"is {given!r}, not one of {self.takes}"
+        section.mistake(section.error(reason, self.name, suggest(given, self.options)))
         return self.default
 
     def value(self, section: Section) -> str:
-        """The word, or its default where it has one."""
+        """The word of a key that has a default."""
         value = self.read(section)
         assert value is not None
         return value
 
 
-@dataclass(frozen=True, slots=True)
 class Number(Key):
-    """A number from low to high; of both signs but never 0 with nonzero."""
+    """A number from low to high; nonzero: of both signs but not 0."""
 
-    low: float
-    high: float
-    default: float | None = None
-    nonzero: bool = False
-    reload: bool = False
+    default: float | None
 
-    @property
-    def takes(self) -> str:
-        """Its range."""
-        if math.isinf(self.high):
-            return "number but 0" if self.nonzero else "number"
-        return f"{self.low:g} … {self.high:g}"
-
-    @property
-    def shown_default(self) -> str:
-        """The default."""
-        return "–" if self.default is None else f"{self.default:g}"
+    def __init__(
+        self,
+        name: str,
+        what: str,
+        low: float,
+        high: float,
+        default: float | None = None,
+        *,
+        nonzero: bool = False,
+        reload: bool = False,
+    ) -> None:
+        super().__init__(name, what, reload=reload)
+        self.low, self.high, self.default, self.nonzero = low, high, default, nonzero
+        self.takes = f"{low:g} … {high:g}" if math.isfinite(high) else "number but 0" if nonzero else "number"
 
     def read(self, section: Section) -> float | None:
-        """The number, its default, or None."""
+        """The number."""
         value = section.maybe(self.name, float)
         if value is None:
             return self.default
-        if math.isinf(self.high) and self.nonzero and value == 0:
+        if self.nonzero and value == 0:
             section.mistake(section.error("takes a number other than 0", self.name))
             return self.default
         if not self.low <= value <= self.high:
-            section.mistake(
-                section.error(f"takes a number from {self.low:g} to {self.high:g}, not {value:g}", self.name)
-            )
+            reason = f"takes a number from {self.low:g} to {self.high:g}, not {value:g}"
+            section.mistake(section.error(reason, self.name))
             return self.default
         return value
 
     def value(self, section: Section) -> float:
-        """The number, or its default where it has one."""
+        """The number of a key that has a default."""
         value = self.read(section)
         assert value is not None
         return value
 
 
-@dataclass(frozen=True, slots=True)
 class Whole(Key):
     """A whole number from low to high."""
 
-    low: int
-    high: int
-    default: int | None = None
-    needed: bool = False
-    reload: bool = False
+    default: int | None
 
-    @property
-    def takes(self) -> str:
-        """Its range."""
-        return f"{self.low} … {self.high}"
-
-    @property
-    def shown_default(self) -> str:
-        """The default, or that it is needed."""
-        return "needed" if self.needed else "–" if self.default is None else str(self.default)
+    def __init__(
+        self,
+        name: str,
+        what: str,
+        low: int,
+        high: int,
+        default: int | None = None,
+        *,
+        needed: bool = False,
+        reload: bool = False,
+    ) -> None:
+        super().__init__(name, what, needed=needed, reload=reload)
+        self.low, self.high, self.default = low, high, default
+        self.takes = f"{low} … {high}"
 
     def read(self, section: Section) -> int | None:
-        """The number, its default, or None. Raises InputError where a needed one is missing or wrong."""
+        """The number."""
         value = section.take(self.name, int) if self.needed else section.maybe(self.name, int)
         if value is None:
             return self.default
@@ -192,27 +168,17 @@ class Whole(Key):
         return value
 
     def value(self, section: Section) -> int:
-        """The number, or its default where it has one."""
+        """The number of a key that has a default."""
         value = self.read(section)
         assert value is not None
         return value
 
 
-@dataclass(frozen=True, slots=True)
 class Sign(Key):
     """1 or -1."""
 
-    reload: bool = False
-
-    @property
-    def takes(self) -> str:
-        """The two."""
-        return "1, -1"
-
-    @property
-    def shown_default(self) -> str:
-        """As it is."""
-        return "1"
+    takes = "1, -1"
+    default = 1
 
     def read(self, section: Section) -> int:
         """The sign."""
@@ -223,112 +189,88 @@ class Sign(Key):
         return value
 
 
-@dataclass(frozen=True, slots=True)
 class Flag(Key):
     """True or false."""
 
+    takes = "true, false"
     default: bool
-    reload: bool = False
 
-    @property
-    def takes(self) -> str:
-        """The two."""
-        return "true, false"
-
-    @property
-    def shown_default(self) -> str:
-        """The default."""
-        return str(self.default).lower()
+    def __init__(self, name: str, what: str, default: bool, *, reload: bool = False) -> None:
+        super().__init__(name, what, reload=reload)
+        self.default = default
 
     def read(self, section: Section) -> bool:
-        """The value or its default."""
+        """The value."""
         return section.get(self.name, bool, self.default)
 
 
-@dataclass(frozen=True, slots=True)
 class Interval(Key):
     """Two numbers, the lower one first."""
 
-    reload: bool = False
-
-    @property
-    def takes(self) -> str:
-        """Two numbers."""
-        return "[low, high]"
+    takes = "[low, high]"
 
     def read(self, section: Section) -> tuple[float, float] | None:
-        """The two, or None."""
+        """The two."""
         value = section.raw(self.name)
         if value is None:
             return None
         if isinstance(value, list) and len(value) == 2 and all(_finite(x) for x in value) and value[0] < value[1]:
             return float(value[0]), float(value[1])
-        section.mistake(section.error(f"takes two numbers, the lower one first, not {value!r}", self.name))
+        section.mistake(section.error(f"takes two numbers, the lower one first, not {shown(value)}", self.name))
         return None
 
 
-@dataclass(frozen=True, slots=True)
 class RawValue(Key):
     """A raw value: a whole number, or a word of the signal's value table."""
 
-    reload: bool = False
-
-    @property
-    def takes(self) -> str:
-        """Either."""
-        return "raw value or word"
+    takes = "raw value or word"
 
     def read(self, section: Section) -> int | str | None:
-        """The value, or None."""
+        """The value."""
         value = section.raw(self.name)
         if value is None or type(value) in (int, str):
             return value  # type: ignore[no-any-return]  # one of these by the line above
-        section.mistake(section.error(f"takes a whole number or a word, not {value!r}", self.name))
+        section.mistake(section.error(f"takes a whole number or a word, not {shown(value)}", self.name))
         return None
 
 
-@dataclass(frozen=True, slots=True)
 class RawValues(Key):
     """Several of them."""
 
-    reload: bool = False
-
-    @property
-    def takes(self) -> str:
-        """A list."""
-        return "list of raw values or words"
+    takes = "list of raw values or words"
 
     def read(self, section: Section) -> tuple[int | str, ...] | None:
-        """The values, or None."""
+        """The values."""
         value = section.raw(self.name)
         if value is None:
             return None
         if isinstance(value, list) and value and all(type(x) in (int, str) for x in value):
             return tuple(value)
-        section.mistake(section.error(f"takes a list of raw values or words, not {value!r}", self.name, "write [1]"))
+        reason = f"takes a list of raw values or words, not {shown(value)}"
+        section.mistake(section.error(reason, self.name, "write [1]"))
         return None
 
 
-@dataclass(frozen=True, slots=True)
 class Sub(Key):
-    """A table of its own, or text that stands for the one key `short` of it; several: or a list of them."""
+    """A table of its own, or text that stands for the one key `short` of it; several: or a list of them.
 
-    tables: str  # its declaration in configuration_keys.TABLES
-    short: str | None = None
-    several: bool = False
-    needed: bool = False
-    default: str = "–"
-    reload: bool = False
+    tables: its declaration, in declared.INPUTS or vocabulary.MESSAGES.
+    """
 
-    @property
-    def takes(self) -> str:
-        """Either."""
-        return "text, table or list of them" if self.several else "text or table" if self.short else "table"
-
-    @property
-    def shown_default(self) -> str:
-        """What holds where it is missing."""
-        return "needed" if self.needed else self.default
+    def __init__(
+        self,
+        name: str,
+        what: str,
+        tables: str,
+        short: str,
+        *,
+        several: bool = False,
+        needed: bool = False,
+        default: str | None = None,
+    ) -> None:
+        super().__init__(name, what, needed=needed)
+        self.tables, self.short, self.several, self.default = tables, short, several, default
+        self.takes = "text, table or list of them" if several else "text or table"
 
 
 def names(keys: Iterable[Key]) -> tuple[str, ...]:

@@ -107,16 +107,20 @@ class Section:
         if kind is float and type(value) is int:
             value = float(value)
         if type(value) is not kind:
-            raise self.error(f"takes {_TYPES.get(kind, kind.__name__)}, not {value!r}", key)
+            raise self.error(f"takes {_TYPES.get(kind, kind.__name__)}, not {shown(value)}", key)
         if isinstance(value, float) and not math.isfinite(value):
-            raise self.error(f"takes a finite number, not {value!r}", key)
+            raise self.error(f"takes a finite number, not {shown(value)}", key)
         return value
 
     def absent(self, key: str, hint: str) -> InputError:
         """The error of a needed key that is missing. It goes when done() finds the key mistyped."""
         error = self.error("is missing", key, hint)
-        self._source.missing[(*self._path, key)] = error
+        self.explains(key, error)
         return error
+
+    def explains(self, key: str, error: InputError) -> None:
+        """A key that is missing is the reason of an error, which goes when done() finds the key mistyped."""
+        self._source.missing[(*self._path, key)] = error
 
     def get(self, key: str, kind: type[T], default: T) -> T:
         """A value with a default."""
@@ -165,7 +169,7 @@ class Section:
         self._known.add(key)
         value = self._data.get(key, {})
         if not isinstance(value, dict):
-            self.mistake(self.error(f"takes a table, not {value!r}", key, f"write [{key}]"))
+            self.mistake(self.error(f"takes a table, not {shown(value)}", key, f"write [{key}]"))
             value = {}
         return Section(value, self._source, (*self._path, key))
 
@@ -211,7 +215,7 @@ class Section:
             return Section({short: value}, self._source, path, short)
         if isinstance(value, dict):
             return Section(value, self._source, path)
-        error = Section({}, self._source, path).error(f"takes text or a table, not {value!r}")
+        error = Section({}, self._source, path).error(f"takes text or a table, not {shown(value)}")
         self.mistake(error)
         return None
 
@@ -232,12 +236,17 @@ class Section:
         for key in self._data:
             if key in known:
                 continue
-            near = nearest(key, known - set(self._data)) or nearest(key, known)
+            near = nearest(key, known)
             missing = self._source.missing.pop((*self._path, near), None)
             if missing is not None and self._source.mistakes is not None and missing in self._source.mistakes:
                 self._source.mistakes.remove(missing)
             hint = _meant(near) if near else f"known here: {', '.join(sorted(known))}"
             self.mistake(self.error("unknown key", key, hint))
+
+
+def shown(value: object) -> str:
+    """A value as TOML writes it, more or less."""
+    return str(value).lower() if isinstance(value, bool) else repr(value)
 
 
 def nearest(word: str, options: Iterable[str]) -> str:

@@ -109,7 +109,7 @@ def run(
         observer_bus = cleanup.enter_context(pythoncan.open_bus(interface, channel, **fd))
         observer = Observer(observer_bus, log, channel, config, numbers)
         cleanup.callback(observer.close)
-        link = open_link(interface, channel, core.receiver.keys)
+        link = open_link(interface, channel, core.receiver.keys, fd=core.receiver.fd)
         cleanup.callback(link.close)
         rig_bus = cleanup.enter_context(open_bus(interface, channel, train.has_fd))
         daemon = Daemon(core, link)

@@ -99,16 +99,20 @@ HEAD = (
 )
 
 
+def which(row: Row) -> tuple[str, str, str]:
+    """A row's fault for a person: the kind, of what, for how many seconds."""
+    f = row.fault
+    of = "bus" if KINDS[f.kind].stage is Stage.BUS else {ALL: "all of the axle"}.get(f.of, f.of.replace("_", " "))
+    return f.kind if f.amount is None else f"{f.kind} {f.amount:g}", of, f"{f.duration_s:g}"
+
+
 def line(row: Row, v: Verdict) -> str:
     """A row of the table, as Markdown."""
 
     def shown(x: float | None, digits: int) -> str:
         return "–" if x is None else f"{x:.{digits}f}"
 
-    f = row.fault
-    of = "bus" if KINDS[f.kind].stage is Stage.BUS else {ALL: "all of the axle"}.get(f.of, f.of.replace("_", " "))
-    kind = f.kind if f.amount is None else f"{f.kind} {f.amount:g}"
     return (
-        f"| {kind} | {of} | {f.duration_s:g} | {row.must} | {shown(v.left_ms, 0)} | {shown(v.back_ms, 0)} "
+        f"| {' | '.join(which(row))} | {row.must} | {shown(v.left_ms, 0)} | {shown(v.back_ms, 0)} "
         f"| {shown(v.change_pp, 2)} | {shown(v.settled_pp, 2)} | {f'NO: {v.wrong}' if v.wrong else 'yes'} |"
     )

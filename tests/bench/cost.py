@@ -44,8 +44,9 @@ def received(axles: int) -> Traffic:
 def sent(axles: int) -> Traffic:
     """What the daemon sends: of each axle Adhesion, AdhesionDetail and InputHealth, and three frames of its own."""
     c = load_config(None)
-    per_axle = 1e6 / c.adhesion_cycle_us + 2e6 / c.detail_cycle_us
-    return Traffic({8: axles * per_axle + 3e6 / c.status_cycle_us})
+    first = c.axles[0]
+    per_axle = sum(1e6 / o.cycle_us for o in (first.adhesion, first.detail, first.inputs) if o)
+    return Traffic({8: axles * per_axle + sum(1e6 / o.cycle_us for o in (c.status, c.rejects, c.link) if o)})
 
 
 def table(core_us: Sequence[tuple[int, Times]]) -> Iterator[str]:

@@ -5,11 +5,12 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.can_ids import EXTENDED, YAW_RATE_A1, YAW_RATE_A2
+from tests.support.can_ids import ADHESION_A1, EXTENDED, YAW_RATE_A1, YAW_RATE_A2
 from tests.support.vcan import (
     Node,
     now_us,
 )
+from wrcd.bus.frame import Frame
 from wrcd.bus.link import MAX_FRAMES
 from wrcd.bus.socketcan import SocketCanLink
 
@@ -79,3 +80,20 @@ def test_missing_hardware_stamps_are_the_kernels(bus: str, node: Node) -> None:
     frames = link.receive(0)
     assert before <= frames[0].stamp_us <= now_us()
     link.close()
+
+
+def test_frame_of_somebody_else_under_an_own_id_is_counted(link: SocketCanLink, node: Node) -> None:
+    """From the first frame that was sent here on; it is handed over for the recorder. A node of the same computer is
+    somebody else, too: only what this socket has sent is marked."""
+    node.send(ADHESION_A1)
+    assert link.receive(0) == []
+    assert link.send(Frame(now_us(), ADHESION_A1, b"\x07"))
+    assert link.receive(0) == []
+    for word in (ADHESION_A1, ADHESION_A1, 0x80000000 | ADHESION_A1, 0x40000000 | ADHESION_A1):
+        node.send(word)
+    assert [(f.can_id, f.remote) for f in link.receive(0)] == [(ADHESION_A1, False)] * 2 + [(ADHESION_A1, True)]
+    assert link.health.foreign_frames == 2
+    assert link.health.foreign_by_key == {ADHESION_A1: 2}
+    assert link.send(Frame(now_us(), ADHESION_A1, b"\x08"))
+    assert link.receive(0) == []
+    assert link.health.foreign_frames == 2

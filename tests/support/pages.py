@@ -22,12 +22,19 @@ from pathlib import Path
 from sim_ecu import cli as rig_cli
 from sim_ecu import resources as rig
 from sim_ecu.commands.statuses import STATUSES as RIG
+from sim_ecu.play import scenario_keys
+from sim_ecu.play.expected import LONG_ROWS, ROWS
+from sim_ecu.play.expected_lines import expected_lines
+from sim_ecu.play.judge import which
 from tests.support.bus_load import table as load_table
 from wrcd import declared, resources
 from wrcd.bus.dbc import Message, load_dbc, timeout_ms
 from wrcd.core.configuration import MAX_AXLES
 from wrcd.core.vocabulary import MESSAGES
 from wrcd.tools import cli
+from wrcd.tools.lint.codes import CODES
+from wrcd.tools.lint.run import findings
+from wrcd.tools.lint.run import lines as lint_lines
 from wrcd.tools.statuses import STATUSES as WRCD
 
 ROOT = Path(__file__).parents[2]
@@ -189,10 +196,18 @@ def configuration(which: str) -> list[str]:
         fields = declared.field_keys(MESSAGES["adhesion"]["MuAvailable"])
         named = [(key.name, key) for key in own] + [(f"….{key.name}", key) for key in fields]
     rows: list[tuple[object, ...]] = [
-        (f"`{name}`", key.takes, key.shown_default, "yes" if getattr(key, "reload", False) else "", key.what)
-        for name, key in named
+        (f"`{name}`", key.takes, key.shown_default, "yes" if key.reload else "", key.what) for name, key in named
     ]
     return table(("key", "takes", "default", "reload", "what"), rows)
+
+
+def scenario(which: str = "") -> list[str]:
+    """The keys of a table of a scenario; its top level without a name."""
+    rows: list[tuple[object, ...]] = [
+        (f"`{key.name}`", key.takes, key.shown_default, getattr(key, "unit", ""), key.what)
+        for key in scenario_keys.TABLES[which]
+    ]
+    return table(("key", "takes", "default", "unit", "what"), rows)
 
 
 def bus_load() -> list[str]:
@@ -209,10 +224,36 @@ def exit_codes(program: str) -> list[str]:
     return out
 
 
+def lint_codes() -> list[str]:
+    """What lint can find."""
+    return table(
+        ("code", "found where", "why it matters", "how to mend it"),
+        [(f"`{word}`", code.found, code.why, code.mend) for word, code in CODES.items()],
+    )
+
+
+def lint_of(file: str) -> list[str]:
+    """What lint finds in a DBC that is not sound."""
+    return ["```text", *lint_lines(Path(file), findings(ROOT / file)), "```"]
+
+
+def fault_lines() -> list[str]:
+    """What the journal says of every row of the fault matrix."""
+    rows: list[tuple[object, ...]] = [(*which(row), expected_lines(row)) for row in (*ROWS, *LONG_ROWS)]
+    return table(("fault", "of", "s", "the journal"), rows)
+
+
 MAKERS: dict[str, Callable[..., list[str]]] = {
-    "messages": messages, "options": options, "configuration": configuration, "bus-load": bus_load,
+    "messages": messages,
+    "options": options,
+    "configuration": configuration,
+    "bus-load": bus_load,
     "exit-codes": exit_codes,
-}  # fmt: skip
+    "lint-codes": lint_codes,
+    "lint-of": lint_of,
+    "fault-lines": fault_lines,
+    "scenario": scenario,
+}
 
 
 def main() -> int:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from tests.support.can_ids import SENDABLE, TORQUE_A1, UNMAPPED, YAW_RATE_A1
+from tests.support.can_ids import ADHESION_A1, SENDABLE, TORQUE_A1, UNMAPPED, YAW_RATE_A1
 from tests.support.scripted_link import ScriptedLink
 from tests.support.sensor_simulator import SensorSimulator
 from wrcd.bus.e2e import protect
@@ -125,6 +125,8 @@ def exercise_all_state(train: RecordedTrain) -> None:
     sim.speed = 40.0  # a jump
     train.run(1300)
     link.health.drops += 3
+    for _ in range(5):
+        link.health.foreign(ADHESION_A1)
     link.health.state = "Down"
     train.run(300, lambda _: [])  # the clock alone closes ticks
     link.health.state = "Up"

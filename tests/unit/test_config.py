@@ -38,7 +38,9 @@ def test_the_default_maps_four_axles() -> None:
         Quantity.TORQUE: 30_000,
         Quantity.SPEED: 60_000,
     }
-    assert (c.adhesion_cycle_us, c.detail_cycle_us, c.status_cycle_us) == (20_000, 100_000, 1_000_000)
+    assert {a.adhesion.cycle_us for a in c.axles} == {20_000}
+    assert {o.cycle_us for a in c.axles for o in (a.detail, a.inputs) if o} == {100_000}
+    assert {o.cycle_us for o in (c.status, c.rejects, c.link) if o} == {1_000_000}
 
 
 @pytest.mark.parametrize("axles", [1, 4, 6, 8])

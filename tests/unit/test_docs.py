@@ -247,7 +247,8 @@ def test_log_lines_have_every_state_and_counter() -> None:
 
 
 @pytest.mark.parametrize(
-    "file", ["service/journal", "service/loop", "service/waiting", "recorder/recorder", "tools/cli"]
+    "file",
+    ["service/journal", "service/changes", "service/loop", "service/waiting", "recorder/recorder", "tools/cli"],
 )
 def test_log_lines_have_every_line_that_is_written(file: str) -> None:
     said = text("docs/reference/log-lines.md")

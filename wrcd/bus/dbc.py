@@ -28,7 +28,7 @@ finally:
 
 __all__ = [
     "Database", "Message", "Signal", "attribute", "cycle_ms", "data_id",
-    "find_message", "find_signal", "load_dbc", "timeout_ms",
+    "find_message", "find_signal", "load_dbc", "parse_dbc", "timeout_ms",
 ]  # fmt: skip
 CLASSICAL_BYTES, FD_BYTES = 8, 64
 _HAS_MESSAGE = re.compile(r"^\s*BO_ ", re.MULTILINE)
@@ -57,7 +57,7 @@ def load_dbc(path: Path, names: Collection[str] | None = None, encoding: str | N
     """
     try:
         if path.suffix.lower() == ".dbc":
-            return _load(path, read_text(path, encoding), names)
+            return parse_dbc(read_text(path, encoding), path, names)
         found = _cantools.load_file(path, strict=True)
         if not isinstance(found, _Database):
             raise InputError("is a diagnostics database, not a DBC", file=path)
@@ -74,7 +74,8 @@ def load_dbc(path: Path, names: Collection[str] | None = None, encoding: str | N
         raise InputError(f"not a usable DBC: {e}", file=path) from None
 
 
-def _load(path: Path, text: str, names: Collection[str] | None) -> Database:
+def parse_dbc(text: str, path: Path, names: Collection[str] | None = None) -> Database:
+    """The same for a text that is already there; path is what messages call it."""
     if names is not None:
         text = subset(text, names)
     at = huge_at(text)

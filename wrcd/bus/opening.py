@@ -3,20 +3,23 @@
 from wrcd.bus.link import Link
 
 
-def open_link(interface: str, channel: str, keys: tuple[int, ...] | None, hardware_stamps: bool = False) -> Link:
+def open_link(
+    interface: str, channel: str, keys: tuple[int, ...] | None, hardware_stamps: bool = False, fd: bool = False
+) -> Link:
     """Open a bus for some messages (Frame.key), or for every frame (None).
 
     SocketCAN is opened by our own socket, everything else by python-can.
+    fd: CAN FD frames are wanted, too.
     hardware_stamps: of SocketCAN's controller, where it makes any; python-can's interfaces stamp as they do.
     Raises BusError if it can't be opened.
     """
     if interface == "socketcan":
         from wrcd.bus.socketcan import SocketCanLink
 
-        link = SocketCanLink(channel, keys)
+        link = SocketCanLink(channel, keys, fd)
         if hardware_stamps:
             link.stamp_by_hardware()
         return link
     from wrcd.bus.pythoncan import PythonCanLink
 
-    return PythonCanLink(interface, channel, keys)
+    return PythonCanLink(interface, channel, keys, **({"fd": True} if fd else {}))

@@ -5,6 +5,7 @@ import socket
 import struct
 
 FRAME = struct.Struct("=IB3x8s")  # struct can_frame
+FD_FRAME = struct.Struct("=IB3x64s")  # struct canfd_frame
 TIMESPEC = struct.Struct("@ll")
 U32 = struct.Struct("=I")
 FILTER = struct.Struct("=II")  # struct can_filter
@@ -15,6 +16,7 @@ RAW_HARDWARE, RX_SOFTWARE, SOFTWARE, RX_HARDWARE = 1 << 6, 1 << 3, 1 << 4, 1 << 
 SO_RXQ_OVFL = 40
 CAN_RAW_RECV_OWN_MSGS = 4
 CAN_RAW_ERR_FILTER = 2
+CAN_RAW_FD_FRAMES = 5
 CAN_EFF_FLAG, CAN_RTR_FLAG, CAN_ERR_FLAG = 0x80000000, 0x40000000, 0x20000000
 GONE = (errno.ENODEV, errno.ENXIO, errno.EBADF)  # what a socket says of a device that is not there any more
 

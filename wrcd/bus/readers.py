@@ -60,7 +60,7 @@ class SignalReader:
         self.unusable |= {fit_raw(signal, raw) for raw in source.invalid}
         self._limit = source.quantity.limit
         self._positive = source.quantity in (Quantity.AXLE_LOAD, Quantity.WHEEL_RADIUS)
-        self._is_direction = source.quantity is Quantity.DIRECTION
+        self._is_direction, self._reverse = source.quantity is Quantity.DIRECTION, source.reverse
         # every value within the DBC's range is one: no word of it says otherwise, nor does the quantity's own limit
         within = math.isfinite(self.low) and math.isfinite(self.high)
         within = within and max(abs(self.low), abs(self.high)) * abs(self.factor) <= self._limit
@@ -83,7 +83,10 @@ class SignalReader:
         """-1 in reverse, else 1: by the name in the value table, or by the sign where there is none. A factor below 0
         turns it."""
         choices = self._signal.choices
-        reverse = is_reverse(choices[raw]) if choices and raw in choices else physical < 0
+        if self._reverse is not None:
+            reverse = raw in self._reverse
+        else:
+            reverse = is_reverse(choices[raw]) if choices and raw in choices else physical < 0
         return -1.0 if reverse is (self.factor > 0) else 1.0
 
     def read_column(self, raw: "NDArray[np.int64]") -> list[float] | None:

@@ -11,9 +11,11 @@ from wrcd.bus.rawcan import (
     CAN_EFF_FLAG,
     CAN_ERR_FLAG,
     CAN_RAW_ERR_FILTER,
+    CAN_RAW_FD_FRAMES,
     CAN_RAW_RECV_OWN_MSGS,
     CAN_RTR_FLAG,
     EFF_MASK,
+    FD_FRAME,
     FRAME,
     GONE,
     MSG_CONFIRM,
@@ -44,12 +46,12 @@ _KERNEL_STAMP = (SOL_SOCKET, SO_TIMESTAMPNS)
 
 class SocketCanLink:
     """One raw CAN socket, and one of rtnetlink's beside it. The device may go and come back; link-down is waited out on
-    the same socket."""
+    the same socket. fd: CAN FD frames are wanted, too."""
 
-    def __init__(self, channel: str, keys: tuple[int, ...] | None) -> None:
+    def __init__(self, channel: str, keys: tuple[int, ...] | None, fd: bool = False) -> None:
         self.name = f"socketcan:{channel}"
         self.health = LinkHealth()
-        self._channel, self._keys = channel, keys
+        self._channel, self._keys, self._fd = channel, keys, fd
         self._hardware: HardwareClock | None = None
         self._controller = Controller(self.health)
         self._down = False
@@ -90,6 +92,8 @@ class SocketCanLink:
                 s.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FILTER, filters)
             s.setsockopt(socket.SOL_CAN_RAW, CAN_RAW_ERR_FILTER, ALL_ERRORS)
             s.setsockopt(socket.SOL_CAN_RAW, CAN_RAW_RECV_OWN_MSGS, 1)
+            if self._fd:
+                s.setsockopt(socket.SOL_CAN_RAW, CAN_RAW_FD_FRAMES, 1)
             s.bind((self._channel,))
         except OSError:
             s.close()
@@ -137,9 +141,10 @@ class SocketCanLink:
 
     def _read(self, frames: list[Frame], now_us: int) -> None:
         size, unpack, stamp, plain = FRAME.size, FRAME.unpack, TIMESPEC.unpack, self._hardware is None
+        most = FD_FRAME.size if self._fd else size
         while self._socket is not None and len(frames) < MAX_FRAMES:
             try:
-                data, extra, flags, _ = self._socket.recvmsg(size, 256)
+                data, extra, flags, _ = self._socket.recvmsg(most, 256)
             except BlockingIOError:
                 break
             except InterruptedError:
@@ -152,6 +157,8 @@ class SocketCanLink:
                     break
                 continue
             if len(data) != size:
+                if len(data) == FD_FRAME.size:
+                    frames.append(self._take_fd(data, extra, now_us))
                 continue
             if flags & MSG_CONFIRM:  # one of ours has left
                 self._confirms, self._unconfirmed = True, max(self._unconfirmed - 1, 0)
@@ -166,10 +173,12 @@ class SocketCanLink:
             else:
                 frames.append(self._take(word, payload[:length], extra, now_us))
 
-    def narrow(self, keys: tuple[int, ...]) -> None:
-        """From now on only these messages (Frame.key)."""
-        self._keys = keys
+    def narrow(self, keys: tuple[int, ...], fd: bool = False) -> None:
+        """From now on only these messages (Frame.key), with CAN FD ones among them."""
+        self._keys, self._fd = keys, self._fd or fd
         self._set(socket.CAN_RAW_FILTER, self._filters(), 0)
+        if fd:
+            self._set(CAN_RAW_FD_FRAMES, 1, 0)
 
     def _filters(self) -> bytes | None:
         """struct can_filter of each id that is let in; None: all are."""
@@ -213,6 +222,14 @@ class SocketCanLink:
         extended = bool(word & CAN_EFF_FLAG)
         mask = EFF_MASK if extended else SFF_MASK
         return Frame(stamp_us, word & mask, payload, extended, bool(word & CAN_RTR_FLAG))
+
+    def _take_fd(self, data: bytes, extra: list[tuple[int, int, bytes]], now_us: int) -> Frame:
+        word, length, payload = FD_FRAME.unpack(data)
+        if word in self._own:
+            self.health.foreign(word)
+        frame = self._take(word & ~CAN_RTR_FLAG, payload[:length], extra, now_us)
+        frame.fd = True
+        return frame
 
     def _trouble(self, e: OSError, now_us: int) -> None:
         self._go_down()

@@ -22,8 +22,9 @@ class SignalWriter:
         self._lowest, self._highest = (
             (-(1 << s.length - 1), (1 << s.length - 1) - 1) if s.is_signed else (0, (1 << s.length) - 1)
         )
-        self._low = -math.inf if s.minimum is None else float(s.minimum)
-        self._high = math.inf if s.maximum is None else float(s.maximum)
+        low, high = s.minimum if sent.low is None else sent.low, s.maximum if sent.high is None else sent.high
+        self._low = -math.inf if low is None else float(low)
+        self._high = math.inf if high is None else float(high)
         self._scale, self._offset = float(s.scale), float(s.offset)
         self._factor = sent.factor
         self._rounds_down = sent.round_down

@@ -66,8 +66,5 @@ class Config:
     min_speed_m_s: float
     constant_speed_m_s: float | None
     torque_is_total: bool
-    adhesion_cycle_us: int
-    detail_cycle_us: int
-    status_cycle_us: int
     recorder: RecorderConfig
     warnings: tuple[str, ...] = ()  # what is odd, but bearable

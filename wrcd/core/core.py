@@ -39,7 +39,7 @@ MAX_HELD_SLOTS = 16  # of which the frames are made at once
 SILENCE_US = 1_000_000  # without a mapped frame: longer, and nothing that was known before holds
 
 
-Dues = tuple[bool, bool, bool]  # whether Adhesion, AdhesionDetail with InputHealth, and the status are due
+Dues = tuple[int, ...]  # cycles (in µs) of the frames that are due
 
 
 class Observer(Protocol):
@@ -64,7 +64,7 @@ class Core:
         "is_reset": "_is_reset", "outbox": "_outbox", "outlier_us": "_outlier_us", "backoff": "_backoff",
         "block": "_block", "events": "events",
     }  # fmt: skip
-    TRANSIENT = ("reports", "_tick", "_begin_us", "_end_us", "_held")
+    TRANSIENT = ("reports", "reported", "_tick", "_begin_us", "_end_us", "_held")
 
     def __init__(self, config: Config, estimator: Estimator | None = None, observer: Observer | None = None) -> None:
         self.config = config
@@ -88,6 +88,7 @@ class Core:
         self._outlier_us = [NEVER] * n
         self._backoff = Backoff(n, config.design.tick_s)
         self.reports: list[Report] = []  # of the newest slot
+        self.reported: Sequence[int] = ()  # axles (places) whose adhesion was due in it
         self.events = Events(config)
         self.muted = False  # make no frames: nobody would send them
         self._held: list[Slot] | None = None  # slots whose frames are held back
@@ -231,7 +232,7 @@ class Core:
             number = self._open
             due = self._close_tick(number)
             self._open += 1
-            if True in due and not self.muted:
+            if due and not self.muted:
                 out += self._due(self._open * self._period_us, due)
         self._begin_us = self._open * self._period_us
         self._end_us = self._begin_us + self._period_us
@@ -251,18 +252,14 @@ class Core:
             self.events.tick(causes, self._inputs, tick, end_us)
         self._block.add(number, tick, causes, fast)
         due = self._dues(end_us)
-        if True in due or self.estimator.block_end(number):
+        if due or self.estimator.block_end(number):
             self._run_block()
         return due
 
     def _dues(self, end_us: int) -> Dues:
-        """Which messages' slots begin within the tick that ends, or with its end."""
-        c, period_us = self.config, self._period_us
-        return (
-            end_us % c.adhesion_cycle_us < period_us,
-            end_us % c.detail_cycle_us < period_us,
-            end_us % c.status_cycle_us < period_us,
-        )
+        """Whose slots begin within the tick that ends, or with its end."""
+        period_us = self._period_us
+        return tuple([cycle_us for cycle_us in self._outbox.cycles_us if end_us % cycle_us < period_us])
 
     def _run_block(self) -> None:
         """Run the bank on the ticks taken down, on as many at once as the estimator takes."""
@@ -380,21 +377,23 @@ class Core:
         if estimate is not None and self._observer is not None:
             self._observer.estimated(slot.end_us // self._period_us - 1, estimate)
         if slot.adhesion or slot.detail:
-            self.reports = reports(slot, estimate)
+            self.reports, self.reported = reports(slot, estimate), slot.adhesion
             self.events.slot(slot.end_us, self.reports, slot.details, estimate)
         return frames(slot, self.reports, estimate, self._outbox)
 
     def _slot(self, end_us: int, due: Dues) -> Slot:
         """Take down what the frames of a slot are made from."""
         axles, inputs, tick = range(self._n), self._inputs, self._tick
-        adhesion, detail, status = due
-        said = adhesion or detail
+        outbox = self._outbox
+        adhesion, detail = outbox.adhesion_due(due), outbox.detail_due(due)
+        said = bool(adhesion) or detail
         known = said and True in self._validity.window_full
         pairs = self.estimator.identity.doubt.tolist() if said else []
         standing = [self._validity.standing(axle, pair) for axle, pair in enumerate(pairs)]
         return Slot(
             end_us=end_us,
             draft=self.estimator.draft() if known else None,
+            due=due,
             adhesion=adhesion,
             detail=detail,
             standing=standing,
@@ -405,15 +404,13 @@ class Core:
             torque_ratio=tick.torque_ratio,
             stale=[inputs.quantities(tick.stale, axle) for axle in axles] if detail else (),
             inputs=[self._input_values(axle, end_us) for axle in axles] if detail else (),
-            status=list(self._outbox.status(end_us, self.counts, self.health, self.estimator.outliers))
-            if status
-            else (),
+            status=list(outbox.status(end_us, due, self.counts, self.health, self.estimator.outliers)),
         )
 
     def _input_values(self, axle: int, end_us: int) -> dict[str, Value]:
         unchanged = self._inputs.quantities(self._inputs.unchanged(end_us), axle)
         values: dict[str, Value] = {
-            "Outlier": float(end_us - self._outlier_us[axle] <= self.config.detail_cycle_us),
+            "Outlier": float(end_us - self._outlier_us[axle] <= self._outbox.inputs_cycle_us(axle)),
             "Unchanged": float(bool(unchanged)),
         }
         for q, name in NAMES.items():

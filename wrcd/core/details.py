@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 
 from wrcd.core.causes import Cause
 from wrcd.core.configuration import Config
-from wrcd.core.inputs import BRAKE, LAT, LOAD, QUANTITIES, RADIUS, SPEED, TORQUE, YAW, Inputs, TickInputs
+from wrcd.core.inputs import BRAKE, LAT, LOAD, QUANTITIES, RADIUS, SPEED, TORQUE, YAW, Inputs, TickInputs, rows_of
 from wrcd.core.validity import DOUBT_OF, LOAD_SHARES, RADIUS_SHARES, ValidityMonitor
 from wrcd.estimator.answer import HARSH_SHARE, MIN_M, SILENT, VAGUE
 from wrcd.estimator.design import MODELS
@@ -16,6 +16,7 @@ from wrcd.estimator.doubts import REVERSED
 from wrcd.estimator.fuzzy import MIN_FIRING
 from wrcd.estimator.gate import MAX_JUMP, Outliers
 from wrcd.estimator.identity import Identity
+from wrcd.estimator.likeness import UNLIKE
 from wrcd.estimator.records import Estimate
 
 MAX_INPUTS = 2  # that a text names; of more the number
@@ -26,18 +27,23 @@ class Details:
 
     def __init__(self, config: Config) -> None:
         self._config, self._design = config, config.design
-        self._axles = len(config.axles)
-        self._signals: dict[int, list[str]] = {}  # by place
-        for i in config.inputs:
+        self._quantity, rows = rows_of(config)
+        self._signals: dict[tuple[int, int], str] = {}  # by row and axle
+        for i, row in zip(config.inputs, rows, strict=True):
             for axle in i.source.axles:
-                place = QUANTITIES.index(i.source.quantity) * self._axles + axle
-                self._signals.setdefault(place, []).append(f"{i.source.message}.{i.source.signal}")
+                self._signals[row, axle] = f"{i.source.message}.{i.source.signal}"
 
     def name(self, quantity: int, axle: int) -> str:
         """An input: its quantity in words, and its signal, or signals where several add up."""
-        words = QUANTITIES[quantity].key.replace("_", " ")
-        signals = self._signals.get(quantity * self._axles + axle)
-        return f"{words} {' + '.join(signals)}" if signals else f"{words} (not mapped)"
+        rows = [row for row, q in enumerate(self._quantity) if q == quantity and (row, axle) in self._signals]
+        if len(rows) == 1:
+            return self.signal(rows[0], axle)
+        signals = " + ".join(self._signals[row, axle] for row in rows)
+        return f"{_words(quantity)} {signals or '(not mapped)'}"
+
+    def signal(self, row: int, axle: int) -> str:
+        """The same of one of its signals."""
+        return f"{_words(self._quantity[row])} {self._signals[row, axle]}"
 
     def tick(self, cause: Cause, axle: int, inputs: Inputs, tick: TickInputs, end_us: int) -> str:
         """What speaks against a tick."""
@@ -50,8 +56,9 @@ class Details:
             Cause.FRICTION_SHARE_UNKNOWN: lambda: self._friction(axle, inputs),
             Cause.LOAD_BEYOND: lambda: self._load(axle, inputs),
             Cause.RADIUS_BEYOND: lambda: self._radius(axle, inputs),
+            Cause.TORQUES_CONTRADICT: lambda: self._against(axle, inputs),
         }
-        return of[cause]()
+        return of[cause]() if cause in of else cause.words
 
     def unavailable(self, cause: Cause, axle: int, inputs: Inputs, validity: ValidityMonitor, end_us: int) -> str:
         """Why there is no estimate at the end of the newest tick."""
@@ -82,6 +89,12 @@ class Details:
 
     def pair(self, cause: Cause, axle: int, identity: Identity) -> str:
         """What speaks against gyro and accelerometer."""
+        if cause is Cause.WHEELSET_UNLIKE:
+            k, m, margin = identity.likeness
+            return (
+                f"{k:.2f} times the design's yaw stiffness over inertia and {m:.2f} times its load over mass explain "
+                f"gyro and accelerometer better, by {margin:.1f}, limit {UNLIKE:g}"
+            )
         f = identity.figures(DOUBT_OF[cause], axle)
         yaw, lat = self.name(YAW, axle), self.name(LAT, axle)
         heard = f"{yaw} is {f.yaw_rms:.1f}, {lat} {f.lat_rms:.1f} times the sensor's noise"
@@ -124,23 +137,23 @@ class Details:
 
     def _overdue(self, axle: int, inputs: Inputs, end_us: int, silent: bool) -> str:
         texts = []
-        for quantity, age_us, limit_us, refused in inputs.overdue(axle, end_us, silent):
+        for row, age_us, limit_us, refused in inputs.overdue(axle, end_us, silent):
             if age_us is None:
-                text = f"{self.name(quantity, axle)} has not come"
+                text = f"{self.signal(row, axle)} has not come"
             else:
-                text = f"{self.name(quantity, axle)} {age_us / 1000:.1f} ms old, limit {limit_us / 1000:g}"
-            texts.append(text + (f" ({refused} refused)" if refused else ""))
+                text = f"{self.signal(row, axle)} {age_us / 1000:.1f} ms old, limit {limit_us / 1000:g}"
+            texts.append(text + (f" (refused since: {refused})" if refused else ""))
         return _listed(texts)
 
     def _contested(self, axle: int, inputs: Inputs) -> str:
         texts = []
-        for quantity, refused in inputs.flagged(inputs.contested, axle):
-            text = f"{self.name(quantity, axle)}: two sequences of counters"
-            texts.append(text + (f" ({refused} refused)" if refused else ""))
+        for row, refused in inputs.flagged(inputs.contested, axle):
+            text = f"{self.signal(row, axle)}: two sequences of counters"
+            texts.append(text + (f" (refused since: {refused})" if refused else ""))
         return _listed(texts)
 
     def _degraded(self, axle: int, inputs: Inputs) -> str:
-        named = [self.name(quantity, axle) for quantity, _ in inputs.flagged(inputs.degraded, axle)]
+        named = [self.signal(row, axle) for row, _ in inputs.flagged(inputs.degraded, axle)]
         return f"{_listed(named)}: the status says Degraded"
 
     def _unchanged(self, axle: int, inputs: Inputs, end_us: int) -> str:
@@ -158,6 +171,11 @@ class Details:
     def _friction(self, axle: int, inputs: Inputs) -> str:
         torque = inputs.value(TORQUE, axle)
         return f"{self.name(TORQUE, axle)} {torque / 1000:.2f} kN m is no traction; {self.name(BRAKE, axle)}"
+
+    def _against(self, axle: int, inputs: Inputs) -> str:
+        torques = inputs.torques(axle)
+        named = [f"{self.signal(row, axle)} {torque / 1000:.2f} kN m" for row, torque in torques.items()]
+        return " against ".join(named)
 
     def _load(self, axle: int, inputs: Inputs) -> str:
         load, design = inputs.value(LOAD, axle), 2 * self._design.normal_N
@@ -181,10 +199,14 @@ class Details:
         )
 
 
+def _words(quantity: int) -> str:
+    return QUANTITIES[quantity].key.replace("_", " ")
+
+
 def _listed(texts: Sequence[str]) -> str:
     rest = len(texts) - MAX_INPUTS
     return "; ".join(texts[:MAX_INPUTS]) + (f"; and {rest} more" if rest > 0 else "")
 
 
 def _times(x: float) -> str:
-    return f"{x:.1f} times" if math.isfinite(x) else "infinitely often"
+    return f"{x:.1f} times" if math.isfinite(x) else "infinite times"

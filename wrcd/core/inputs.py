@@ -36,11 +36,19 @@ class TickInputs:
     unavailable: tuple[int, ...]  # axles of which something has been silent for so long that there is no estimate
 
 
+def rows_of(config: Config) -> tuple[list[int], list[int]]:
+    """The quantity of each row, and the row of each input of a configuration. The first rows are the quantities; one
+    that is the sum of several signals has a row more for each but the first."""
+    later = dict.fromkeys((_ROW[i.source.quantity], i.source.part) for i in config.inputs if i.source.part)
+    row_of = {part: row for row, part in enumerate(later, len(QUANTITIES))}
+    rows = [row_of.get((_ROW[i.source.quantity], i.source.part), _ROW[i.source.quantity]) for i in config.inputs]
+    return [*range(len(QUANTITIES)), *(q for q, _ in later)], rows
+
+
 class Inputs:
     """Values by place. check(), then accept() or reject() while the tick is open, close_tick() when it is over.
 
-    A place is row * axles + axle. The first rows are the quantities; a quantity that is the sum of several signals has a
-    row more for each but the first.
+    A place is row * axles + axle, with the rows of rows_of().
     """
 
     STATE = {
@@ -54,9 +62,7 @@ class Inputs:
     def __init__(self, config: Config) -> None:
         n, design = len(config.axles), config.design
         self._axles, self._design = n, design
-        later = dict.fromkeys((_ROW[i.source.quantity], i.source.part) for i in config.inputs if i.source.part)
-        self._quantity = [*range(len(QUANTITIES)), *(q for q, _ in later)]  # by row
-        row_of = {part: row for row, part in enumerate(later, len(QUANTITIES))}
+        self._quantity, rows = rows_of(config)
         size = len(self._quantity) * n
         self._timeout_us = [0] * size
         mapped: set[int] = set()
@@ -64,9 +70,8 @@ class Inputs:
         self._quantities: list[int] = []  # likewise
         self._stuck_checks: dict[int, StuckCheck] = {}
         self._jump_checks: dict[int, JumpCheck] = {}
-        for i in config.inputs:
+        for i, row in zip(config.inputs, rows, strict=True):
             q = i.source.quantity
-            row = row_of.get((_ROW[q], i.source.part), _ROW[q])
             places = tuple(row * n + axle for axle in i.source.axles)
             self._places.append(places)
             self._quantities.append(_ROW[q])
@@ -329,7 +334,12 @@ class Inputs:
 
     def value(self, quantity: int, axle: int) -> float:
         """The newest value of a quantity, in SI units."""
-        return self._value[self.place(quantity, axle)]
+        return self.total(quantity, axle)
+
+    def torques(self, axle: int) -> dict[int, float]:
+        """All torques of an axle that are mapped, in N m, by row."""
+        places = (*self._parts[self.place(TORQUE, axle)], *self._parts[self.place(BRAKE, axle)])
+        return {place // self._axles: self._value[place] for place in places if place in self._mapped}
 
     def stuck_at(self, quantity: int, axle: int) -> tuple[float, int]:
         """The value of a sensor that stands still, and how many frames have repeated it."""
@@ -337,7 +347,7 @@ class Inputs:
         return check.value, check.run
 
     def overdue(self, axle: int, end_us: int, silent: bool) -> list[tuple[int, int | None, int, str]]:
-        """The quantities of an axle that are past their time-out, or with silent past that for the estimate: each with
+        """The rows of an axle that are past their time-out, or with silent past that for the estimate: each with
         its age (None: it has not come), the limit, and what was refused since."""
         limits, n, out = self._unavailable_after_us if silent else self._timeout_us, self._axles, []
         for place in self._mapped:
@@ -348,7 +358,7 @@ class Inputs:
         return out
 
     def flagged(self, flags: Sequence[bool], axle: int) -> list[tuple[int, str]]:
-        """The quantities of an axle whose places are flagged, each with what was refused since its last good frame."""
+        """The rows of an axle whose places are flagged, each with what was refused since its last good frame."""
         n = self._axles
         return [
             (place // n, self.refusals.since(place, self._stamp_us[place]))

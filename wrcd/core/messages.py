@@ -152,51 +152,75 @@ class Outbox:
         self._detail = [writer(a.detail) for a in config.axles]
         self._inputs = [writer(a.inputs) for a in config.axles]
         self._status, self._rejects, self._link = map(writer, (config.status, config.rejects, config.link))
+        own = (self._status, self._rejects, self._link)
+        every = (*self._adhesion, *self._detail, *self._inputs, *own)
+        self.cycles_us = tuple(sorted({w.cycle_us for w in every if w}))
         self._rejected_before: Counter[Reason] = Counter()  # at the newest WrcdRejects
         self._foreign_before = 0
 
-    def adhesion(self, end_us: int, reports: Sequence[Report], why: Estimate | None) -> Iterator[Outgoing]:
-        """An axle's adhesion, every slot."""
-        cycle_us = self._config.adhesion_cycle_us
-        for writer, r in zip(self._adhesion, reports, strict=True):
-            if writer:
-                yield Outgoing(writer.frame(end_us, end_us // cycle_us, r.values()), cycle_us, why, r.cause)
+    def adhesion_due(self, due: Sequence[int]) -> tuple[int, ...]:
+        """The axles (places) whose adhesion is due with these cycles."""
+        return tuple([axle for axle, w in enumerate(self._adhesion) if w and w.cycle_us in due])
+
+    def detail_due(self, due: Sequence[int]) -> bool:
+        """Whether any frame is that explains it."""
+        return any(w and w.cycle_us in due for w in (*self._detail, *self._inputs))
+
+    def inputs_cycle_us(self, axle: int) -> int:
+        """How often it is told what came of an axle's inputs; 0: never."""
+        writer = self._inputs[axle]
+        return writer.cycle_us if writer else 0
+
+    def adhesion(
+        self, end_us: int, due: Sequence[int], reports: Sequence[Report], why: Estimate | None
+    ) -> Iterator[Outgoing]:
+        """The adhesion of the axles whose slot it is."""
+        for w, r in zip(self._adhesion, reports, strict=True):
+            if w and w.cycle_us in due:
+                yield Outgoing(w.frame(end_us, end_us // w.cycle_us, r.values()), w.cycle_us, why, r.cause)
 
     def detail(
-        self, end_us: int, explained: Sequence[Mapping[str, Value]], inputs: Sequence[Mapping[str, Value]]
+        self,
+        end_us: int,
+        due: Sequence[int],
+        explained: Sequence[Mapping[str, Value]],
+        inputs: Sequence[Mapping[str, Value]],
     ) -> Iterator[Outgoing]:
         """Why an axle's adhesion is what it is, and what came of its inputs."""
-        yield from _frames(self._detail, end_us, self._config.detail_cycle_us, explained)
-        yield from _frames(self._inputs, end_us, self._config.detail_cycle_us, inputs)
+        yield from _frames(self._detail, end_us, due, explained)
+        yield from _frames(self._inputs, end_us, due, inputs)
 
-    def status(self, end_us: int, counts: Counts, health: Health, outliers: int) -> Iterator[Outgoing]:
+    def status(
+        self, end_us: int, due: Sequence[int], counts: Counts, health: Health, outliers: int
+    ) -> Iterator[Outgoing]:
         """How the daemon itself is."""
-        new, self._rejected_before = counts.rejected - self._rejected_before, counts.rejected.copy()
-        foreign, self._foreign_before = health.link.foreign_frames - self._foreign_before, health.link.foreign_frames
-        writers = (self._status, self._rejects, self._link)
-        values = (
-            health_values(health, counts, self._config.design.checksum),
-            reject_values(new, foreign),
-            link_values(health.link, counts, outliers),
-        )
-        yield from _frames(writers, end_us, self._config.status_cycle_us, values)
+        if self._status and self._status.cycle_us in due:
+            values = health_values(health, counts, self._config.design.checksum)
+            yield from _frames((self._status,), end_us, due, (values,))
+        if self._rejects and self._rejects.cycle_us in due:
+            rejected, foreign = counts.rejected, health.link.foreign_frames
+            values = reject_values(rejected - self._rejected_before, foreign - self._foreign_before)
+            self._rejected_before, self._foreign_before = rejected.copy(), foreign
+            yield from _frames((self._rejects,), end_us, due, (values,))
+        if self._link and self._link.cycle_us in due:
+            yield from _frames((self._link,), end_us, due, (link_values(health.link, counts, outliers),))
 
     def shutdown_frames(self, now_us: int, counts: Counts, health: Health) -> Iterator[Frame]:
         """The last frames: every axle NotAvailable, the daemon stopping."""
-        # the present slot's frames have gone out: the next counter, or a receiver takes these for repeats
-        slot = now_us // self._config.adhesion_cycle_us + 1
-        yield from (w.frame(now_us, slot, NOT_AVAILABLE_REPORT.values()) for w in self._adhesion if w)
-        if self._status:
-            values = health_values(health, counts, self._config.design.checksum)
-            yield self._status.frame(now_us, now_us // self._config.status_cycle_us + 1, values)
+        status = health_values(health, counts, self._config.design.checksum)
+        last = [(w, NOT_AVAILABLE_REPORT.values()) for w in self._adhesion]
+        for writer, values in (*last, (self._status, status)):
+            if writer:
+                # the present slot's frames have gone out: the next counter, or a receiver takes these for repeats
+                yield writer.frame(now_us, now_us // writer.cycle_us + 1, values)
 
 
 def _frames(
     writers: Sequence[Writer | None],
     end_us: int,
-    cycle_us: int,
+    due: Sequence[int],
     values: Iterable[Mapping[str, Value]],
 ) -> Iterator[Outgoing]:
-    for writer, v in zip(writers, values, strict=True):
-        if writer:
-            yield Outgoing(writer.frame(end_us, end_us // cycle_us, v), cycle_us)
+    for w, v in zip(writers, values, strict=True):
+        if w and w.cycle_us in due:
+            yield Outgoing(w.frame(end_us, end_us // w.cycle_us, v), w.cycle_us)

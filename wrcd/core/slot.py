@@ -27,8 +27,9 @@ class Slot:
 
     end_us: int
     draft: Draft | None
-    adhesion: bool  # which frames are due
-    detail: bool
+    due: Sequence[int]  # cycles of the frames that are due
+    adhesion: Sequence[int]  # axles (places) whose adhesion is due
+    detail: bool  # whether a frame that explains it is
     standing: Sequence[Standing]
     details: Mapping[int, str]  # of the axles (places) whose standing has changed: how it is, in figures
     age_ms: Sequence[int]
@@ -47,11 +48,12 @@ def frames(slot: Slot, said: Sequence[Report], estimate: Estimate | None, outbox
     """The frames of the slot."""
     out: list[Outgoing] = []
     if slot.adhesion:
-        out += outbox.adhesion(slot.end_us, said, estimate)
+        out += outbox.adhesion(slot.end_us, slot.due, said, estimate)
     if slot.detail:
         known = [estimate if standing.has_estimate else None for standing in slot.standing]
         out += outbox.detail(
             slot.end_us,
+            slot.due,
             [explanation(e, axle, slot.stale[axle], said[axle].cause) for axle, e in enumerate(known)],
             [{"Plausibility": plausibility(e, axle), **slot.inputs[axle]} for axle, e in enumerate(known)],
         )

@@ -6,7 +6,7 @@ The configuration gives them other names and words (wrcd/mapping/outputs.py); me
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from wrcd.bus.reasons import Reason
 from wrcd.core.causes import Cause, Validity
@@ -20,8 +20,7 @@ CONFIDENCES = (
 )  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True)
-class Numeric:
+class Numeric(NamedTuple):
     """A number. A field must reach from low to high in steps of at most step (all in unit); absent: it must also be
     able to say that there is none. limits: beyond what nothing is sent, where the DBC states no range."""
 
@@ -35,8 +34,7 @@ class Numeric:
     exact: bool = False  # a count, a number of something or bits: the step must divide 1
 
 
-@dataclass(frozen=True, slots=True)
-class Words:
+class Words(NamedTuple):
     """One of some words. extra: words that a field may have beside them.
 
     apart: pairs that must not have one raw value, for the first claims more than the second.

@@ -79,10 +79,11 @@ def _unit(table: Section, where: str, carried: Numeric, signal: Signal) -> float
     known = UNITS[carried.unit]
     found = known.get(unit.strip().lower())
     if found is None:
+        usable = {"%": ("%", "1"), "": ("1",)}.get(carried.unit, (carried.unit, "s"))
         raise table.error(
-            f"{where} is in {unit!r}, not in {' or '.join(known)}" if unit else f"the DBC states no unit of {where}",
+            f"{where} is in {unit!r}, not in {' or '.join(usable)}" if unit else f"the DBC states no unit of {where}",
             declared.FIELD.name if stated is None else declared.FIELD_UNIT.name,
-            "say it: " + " or ".join(f'unit = "{u}"' for u in (carried.unit, "1" if carried.unit == "%" else "") if u),
+            "say it: " + " or ".join(f'unit = "{u}"' for u in usable),
         )
     return found
 
@@ -117,7 +118,7 @@ def _no_value(table: Section, ours: str, carried: Numeric, signal: Signal, where
     )
 
 
-def words_field(table: Section, ours: str, carried: Words, message: Message, signal: Signal) -> OutputSignal:
+def words_field(table: Section, carried: Words, message: Message, signal: Signal) -> OutputSignal:
     """A field for one of some words. Raises InputError where it lacks one, or one claims what another does not."""
     where, key = f"{message.name}.{signal.name}", declared.FIELD.name
     if signal.is_float:

@@ -13,11 +13,12 @@ from wrcd.bus.dbc import (
 )
 from wrcd.bus.signals import Source, StatusRule
 from wrcd.bus.units import Quantity, factor
+from wrcd.bus.words import is_reverse
 from wrcd.core.configuration import Input
 from wrcd.estimator.design import Design
 from wrcd.mapping.ranges import physical_range
 from wrcd.mapping.statements import TORQUES, Statement
-from wrcd.mapping.values import raw_values, usable_field
+from wrcd.mapping.values import raw_values, usable_field, words
 from wrcd.section import Section, suggest
 
 DEFAULT_TIMEOUT_MS = 100
@@ -26,18 +27,18 @@ STALE_TICKS = 3  # of gyro and accelerometer: two may be missing
 MEASURED = (Quantity.YAW_RATE, Quantity.LAT_ACCEL)
 
 
-def resolve(
-    s: Statement, database: Database, design: Design, statuses: tuple[StatusRule, ...], warnings: list[str]
-) -> Input:
-    """One input. Raises InputError."""
+def resolve(s: Statement, database: Database, design: Design, statuses: tuple[StatusRule, ...]) -> Input | None:
+    """One input; None where a value of its table is wrong, which is said already. Raises InputError."""
     key = declared.SIGNAL.name
     message, signal = find(s.table, key, database, s.message, s.signal)
     try:
         check_readable(message, signal)
     except ValueError as e:
         raise s.table.error(str(e), key) from None
+    if s.wrong:
+        return None
     to_si = _factor(s, signal, design)
-    low, high = physical_range(s, message, signal, to_si, design, warnings)
+    low, high = physical_range(s, message, signal, to_si, design)
     source = Source(
         s.message,
         s.signal,
@@ -50,6 +51,7 @@ def resolve(
         high=high,
         invalid=raw_values(s.table, declared.INVALID.name, signal, s.invalid),
         statuses=statuses,
+        reverse=_reverse(s, signal),
         part=s.part,
     )
     return Input(source, _timeout_us(s, message, signal, design))
@@ -111,6 +113,22 @@ def _at_rim(s: Statement, unit: str | None) -> float:
         return factor(unit, Quantity.AXLE_LOAD)
     except ValueError as e:
         raise s.table.error(str(e), key, 'a force at the rim is in N or kN: unit = "kN"') from None
+
+
+def _reverse(s: Statement, signal: Signal) -> frozenset[int] | None:
+    """The raw values of a direction that mean reverse; None: by the DBC's words, or by the sign where it has none."""
+    if s.quantity is not Quantity.DIRECTION:
+        return None
+    if s.reverse is not None:
+        return raw_values(s.table, declared.REVERSE.name, signal, s.reverse)
+    known = words(signal).values()
+    if known and not any(is_reverse(word) for word in known):
+        raise s.table.error(
+            f"{s.message}.{s.signal} has no word that is known to mean reverse ({', '.join(known)})",
+            declared.SIGNAL.name,
+            "say which: reverse = […]",
+        )
+    return None
 
 
 def _timeout_us(s: Statement, message: Message, signal: Signal, design: Design) -> int:

@@ -33,6 +33,8 @@ def by_message(statements: Iterable[Statement]) -> dict[str, list[Statement]]:
 
 def status_rules(said: Sequence[Statement], database: Database, warnings: list[str]) -> tuple[StatusRule, ...]:
     """The rules of one message, by what its inputs say of it, else by the DBC's words. Mistakes are collected."""
+    if any(s.status_wrong for s in said):
+        return ()
     stated = [s for s in said if s.status is not None]
     off = [s for s in said if s.status_off]
     if stated and off:
@@ -129,6 +131,8 @@ def _usual_rules(said: Sequence[Statement], message: Message, warnings: list[str
 
 def protection(said: Sequence[Statement], database: Database) -> int | None:
     """The data id of one message that carries inputs, by what they say of it, else by the DBC. Raises InputError."""
+    if any(s.protection_wrong for s in said):
+        return None
     message = find_message(database, said[0].message)
     identities = {}
     for s in said:

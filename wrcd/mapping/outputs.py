@@ -1,12 +1,12 @@
 """Messages that are sent: which of their signals carry what, under which names and words."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from wrcd import declared
 from wrcd.bus.dbc import CLASSICAL_BYTES, Database, Message, cycle_ms, find_message
 from wrcd.bus.signals import Output, OutputSignal
 from wrcd.core.vocabulary import MESSAGES, Numeric, snake
-from wrcd.keys import names
+from wrcd.keys import Key, names
 from wrcd.mapping.fields import numeric_field, words_field
 from wrcd.mapping.message_facts import check_header, e2e_identity
 from wrcd.mapping.values import span, usable_field
@@ -44,19 +44,22 @@ def _output(table: Section, kind: str, database: Database | None, usual: str, ti
     if name is None and declared.MESSAGE.name in table:
         return None
     name = usual if name is None else name
+    before = table.mistakes
     cycle = declared.CYCLE.read(table)
     e2e, identity = declared.E2E.read(table), declared.DATA_ID.read(table)
+    wrong = table.mistakes > before
     keys = {snake(ours): ours for ours in MESSAGES[kind]}
     said = {ours: one for key, ours in keys.items() if (one := table.table_or_text(key, declared.FIELD.name))}
     table.done(names(declared.output_keys(kind)))
-    for ours, one in said.items():
-        one.done(names(declared.field_keys(MESSAGES[kind][ours])))
+    sound = {ours: one for ours, one in said.items() if _is_sound(one, declared.field_keys(MESSAGES[kind][ours]))}
     if database is None:
         return None
     message = _message(table, database, name)
     _check_sendable(table, message)
     before = table.mistakes
-    signals = _signals(table, kind, message, said)
+    signals = _signals(table, kind, message, said, sound)
+    if wrong:
+        return None
     if cycle is None:
         try:
             cycle = cycle_ms(message) or CYCLES_MS.get(kind, STATUS_MS)
@@ -69,6 +72,16 @@ def _output(table: Section, kind: str, database: Database | None, usual: str, ti
     if data_id is not None:
         check_header(table, declared.MESSAGE.name, message, {s.name for s in signals.values()})
     return Output(message.name, 1000 * cycle, data_id, signals) if table.mistakes == before else None
+
+
+def _is_sound(table: Section, keys: Sequence[Key]) -> bool:
+    """Whether the values of a signal's table are what its keys take. Mistakes are collected."""
+    before = table.mistakes
+    for key in keys:
+        with table.collected():
+            key.read(table)
+    table.done(names(keys))
+    return table.mistakes == before
 
 
 def _has(database: Database, name: str) -> bool:
@@ -102,22 +115,25 @@ def _check_sendable(table: Section, message: Message) -> None:
             )
 
 
-def _signals(table: Section, kind: str, message: Message, said: Mapping[str, Section]) -> dict[str, OutputSignal]:
-    """Which of the message's signals carry what, by our names. Mistakes are collected."""
+def _signals(
+    table: Section, kind: str, message: Message, said: Mapping[str, Section], sound: Mapping[str, Section]
+) -> dict[str, OutputSignal]:
+    """Which of the message's signals carry what, by our names; said: as the configuration has it, sound: where that is
+    no mistake. Mistakes are collected."""
     found: dict[str, OutputSignal] = {}
     fields = {s.name: s for s in message.signals}
     for ours, carried in MESSAGES[kind].items():
         key = snake(ours)
-        one = said.get(ours)
-        if one is None:
-            if ours not in fields:
-                if ours in NEEDS.get(kind, ()) and key not in table:
-                    hint = suggest(ours, fields) or f'name the one that carries it: {key} = "…"'
-                    table.mistake(
-                        table.error(f"message {message.name} has no signal {ours!r}", declared.MESSAGE.name, hint)
-                    )
-                continue
-            one = table.usual(key, declared.FIELD.name, ours)
+        if key in table and ours not in sound:
+            continue
+        if ours not in said and ours not in fields:
+            if ours in NEEDS.get(kind, ()):
+                hint = suggest(ours, fields) or f'name the one that carries it: {key} = "…"'
+                table.mistake(
+                    table.error(f"message {message.name} has no signal {ours!r}", declared.MESSAGE.name, hint)
+                )
+            continue
+        one = sound.get(ours) or table.usual(key, declared.FIELD.name, ours)
         with table.collected():
             name = one.take(declared.FIELD.name, str)
             if name not in fields:
@@ -127,8 +143,10 @@ def _signals(table: Section, kind: str, message: Message, said: Mapping[str, Sec
             taken = next((other for other, s in found.items() if s.name == name), None)
             if taken is not None:
                 raise one.error(f"{message.name}.{name} carries {taken} already", declared.FIELD.name)
-            make = numeric_field if isinstance(carried, Numeric) else words_field
-            found[ours] = make(one, ours, carried, message, fields[name])  # type: ignore[arg-type]  # of the kind just asked for
+            if isinstance(carried, Numeric):
+                found[ours] = numeric_field(one, ours, carried, message, fields[name])
+            else:
+                found[ours] = words_field(one, carried, message, fields[name])
     if not found and not said and not NEEDS.get(kind):
         table.mistake(
             table.error(

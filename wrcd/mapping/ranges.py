@@ -1,7 +1,6 @@
 """The range of an input: the configuration's or the DBC's, and whether a train fits into it."""
 
 import math
-from fractions import Fraction
 
 from wrcd import declared
 from wrcd.bus.dbc import Message, Signal
@@ -12,16 +11,16 @@ from wrcd.mapping.statements import Statement
 from wrcd.mapping.values import span
 
 YAW_RAD_S, LAT_M_S2 = 0.35, 20.0  # what a wheelset that hunts reaches: 20 deg/s, 2 g
+EPSILON = 1e-6  # of a step: what is lost in the division
 MU = 0.5  # adhesion that a torque may use
 
 
 def physical_range(
-    s: Statement, message: Message, signal: Signal, to_si: float, design: Design, warnings: list[str]
+    s: Statement, message: Message, signal: Signal, to_si: float, design: Design
 ) -> tuple[float | None, float | None]:
     """Return the physical range where it is not the DBC's, else (None, None).
 
-    Raises InputError for one of the DBC's that shuts out most raw values and values that a train reaches. If it only
-    does the first, that is a warning.
+    Raises InputError for one of the DBC's that shuts out most raw values, and values that a train reaches.
     """
     scale = float(signal.scale if s.scale is None else s.scale)
     offset = float(signal.offset if s.offset is None else s.offset)
@@ -34,6 +33,12 @@ def physical_range(
     given = (low, high) if s.range or own_scale else (None, None)
     if signal.is_float or s.quantity is Quantity.DIRECTION:
         return given
+    if low is not None and high is not None and low > high:
+        raise s.table.error(
+            f"the DBC's range of {s.message}.{s.signal} is empty, [{signal.minimum}|{signal.maximum}]",
+            declared.SIGNAL.name,
+            "mend the DBC, or say what it measures: range = [low, high]",
+        )
     lowest, highest = span(signal)
     share = _inside(signal, scale, offset, low, high) / (highest - lowest + 1)
     if s.range is not None:
@@ -43,40 +48,36 @@ def physical_range(
             )
         return given
     if share < 0.5:
-        text = (
-            f"the DBC's range of {s.message}.{s.signal}, [{signal.minimum}|{signal.maximum}], "
-            f"shuts out {1 - share:.0%} of its raw values"
-        )
-        needed = _needed(s.quantity, design)
+        needed = _needed(s, signal, design)
         if not _reaches(low, high, to_si, needed):
             shown = " … ".join(f"{x / abs(to_si):.3g}" for x in needed)
             raise s.table.error(
-                f"{text}, and values that a train reaches",
+                f"the DBC's range of {s.message}.{s.signal}, [{signal.minimum}|{signal.maximum}], shuts out "
+                f"{math.floor(100 * (1 - share))} % of its raw values, and values that a train reaches",
                 declared.SIGNAL.name,
                 f"mend the DBC, or say what it measures, of {shown}: range = [low, high]",
             )
-        warnings.append(f"{text}; range = [{low:g}, {high:g}] says that it is meant so")
     return given
 
 
-def _needed(q: Quantity, d: Design) -> tuple[float, float]:
-    """What a train reaches of a quantity, in SI units."""
-    torque = MU * 2 * d.normal_N * d.r_0
+def _needed(s: Statement, signal: Signal, d: Design) -> tuple[float, float]:
+    """What a train reaches of a quantity, in SI units. A torque that is never negative drives or brakes only."""
+    torque = MU * 2 * d.normal_N * d.r_0 * s.share
     load, radius = 2 * d.normal_N, d.r_0
     return {
         Quantity.YAW_RATE: (-YAW_RAD_S, YAW_RAD_S),
         Quantity.LAT_ACCEL: (-LAT_M_S2, LAT_M_S2),
-        Quantity.TORQUE: (-torque, torque),
+        Quantity.TORQUE: (-torque if signal.is_signed else 0.0, torque),
         Quantity.BRAKE_TORQUE: (0.0, torque),
         Quantity.SPEED: (0.0, float(d.speeds_m_s[-1])),
         Quantity.AXLE_LOAD: (load * LOAD_SHARES[0], load * LOAD_SHARES[1]),
         Quantity.WHEEL_RADIUS: (radius * RADIUS_SHARES[0], radius * RADIUS_SHARES[1]),
-    }[q]
+    }[s.quantity]
 
 
 def _reaches(low: float | None, high: float | None, to_si: float, needed: tuple[float, float]) -> bool:
     """Whether a range holds what is needed, either way round: a brake's sign is not known here."""
-    if low is None or high is None or low > high:
+    if low is None or high is None:
         return False
     first, last = sorted((low * to_si, high * to_si))
     return any(first <= a and b <= last for a, b in (needed, (-needed[1], -needed[0])))
@@ -85,12 +86,11 @@ def _reaches(low: float | None, high: float | None, to_si: float, needed: tuple[
 def _inside(signal: Signal, scale: float, offset: float, low: float | None, high: float | None) -> int:
     """How many raw values of a field are within a physical range, or half a step beyond."""
     lowest, highest = span(signal)
-    if low is not None and high is not None and low > high:
-        return 0
-    ends: list[Fraction] = [
-        Fraction(end) if x is None else (Fraction(x) - Fraction(offset)) / Fraction(scale)
-        for x, end in ((low, lowest if scale > 0 else highest), (high, highest if scale > 0 else lowest))
-    ]
-    half = Fraction(1, 2)
-    first, last = math.ceil(min(ends) - half), math.floor(max(ends) + half)
+    ends = []
+    for x, end in ((low, lowest if scale > 0 else highest), (high, highest if scale > 0 else lowest)):
+        raw = float(end) if x is None else (x - offset) / scale
+        ends.append(
+            min(max(raw, lowest - 1.0), highest + 1.0)
+        )  # a raw value beyond the field may be beyond all numbers
+    first, last = math.ceil(min(ends) - 0.5 - EPSILON), math.floor(max(ends) + 0.5 + EPSILON)
     return max(min(last, highest) - max(first, lowest) + 1, 0)

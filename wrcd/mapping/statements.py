@@ -1,12 +1,12 @@
 """What the configuration says of one input, before the DBC is asked: a record for each signal."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from wrcd import declared
 from wrcd.bus.units import Quantity
 from wrcd.keys import SignalName, message_and_signal, names
-from wrcd.section import Section
+from wrcd.section import Section, shown
 
 AXLE_QUANTITIES = (
     Quantity.YAW_RATE,
@@ -28,8 +28,7 @@ KEYS = dict.fromkeys((Quantity.AXLE_LOAD, Quantity.WHEEL_RADIUS), declared.PLAIN
 Values = tuple[int | str, ...]  # raw ones, or words of a value table
 
 
-@dataclass(frozen=True, slots=True)
-class StatusStatement:
+class StatusStatement(NamedTuple):
     """Which signal says whether the sender is well, and by which values. None: by the words of its value table."""
 
     message: str
@@ -38,8 +37,7 @@ class StatusStatement:
     degraded: Values | None
 
 
-@dataclass(frozen=True, slots=True)
-class Statement:
+class Statement(NamedTuple):
     """One signal that carries a quantity, or a part of it, as the configuration says. None: as the DBC says."""
 
     table: Section  # for errors
@@ -63,6 +61,9 @@ class Statement:
     gear_ratio: float | None
     share: float
     reverse: Values | None
+    wrong: bool  # a value is, and that is said already: what depends on it is not looked at
+    status_wrong: bool  # the same of those of its status
+    protection_wrong: bool
 
 
 def statements(section: Section, quantities: Sequence[Quantity], axles: tuple[int, ...]) -> list[Statement]:
@@ -85,18 +86,20 @@ def statements(section: Section, quantities: Sequence[Quantity], axles: tuple[in
 
 def _statement(table: Section, q: Quantity, axles: tuple[int, ...], part: int) -> Statement:
     message, signal = _named(table, declared.SIGNAL)
+    before = table.mistakes
+    e2e, data_id = declared.E2E.read(table), declared.DATA_ID.read(table)
+    protection_wrong, before = table.mistakes > before, table.mistakes
     status_off = table.raw(declared.STATUS.name) is False
     status = None if status_off or declared.STATUS.name not in table else _status(table)
-    if status is None:
+    if status_off or declared.STATUS.name not in table:
         for key in (declared.OK, declared.DEGRADED):
             if key.name in table:
                 table.mistake(table.error("says nothing without a status", key.name, 'add status = "Message.Signal"'))
+    status_wrong, before = table.mistakes > before, table.mistakes
     at = declared.AT.value(table)
     gear_ratio = declared.GEAR_RATIO.read(table)
-    if at == "motor" and declared.GEAR_RATIO.name not in table:
-        table.mistake(table.absent(declared.GEAR_RATIO.name, "the torque at the axle is the motor's times it"))
-    elif at != "motor" and gear_ratio is not None:
-        table.mistake(table.error(f"says nothing of a torque at the {at}", declared.GEAR_RATIO.name, 'at = "motor"?'))
+    if table.mistakes == before:
+        _check_gear(table, at, gear_ratio)
     return Statement(
         table=table,
         quantity=q,
@@ -113,13 +116,24 @@ def _statement(table: Section, q: Quantity, axles: tuple[int, ...], part: int) -
         invalid=declared.INVALID.read(table) or (),
         status=status,
         status_off=status_off,
-        e2e=declared.E2E.read(table),
-        data_id=declared.DATA_ID.read(table),
+        e2e=e2e,
+        data_id=data_id,
         at=at,
         gear_ratio=gear_ratio,
         share=declared.SHARE.value(table),
         reverse=declared.REVERSE.read(table),
+        wrong=table.mistakes > before,
+        status_wrong=status_wrong,
+        protection_wrong=protection_wrong,
     )
+
+
+def _check_gear(table: Section, at: str, gear_ratio: float | None) -> None:
+    key = declared.GEAR_RATIO.name
+    if at == "motor" and gear_ratio is None:
+        table.mistake(table.absent(key, "the torque at the axle is the motor's times it"))
+    elif at != "motor" and gear_ratio is not None:
+        table.mistake(table.error(f"says nothing of a torque at the {at}", key, 'at = "motor"?'))
 
 
 def _named(table: Section, key: SignalName) -> tuple[str, str]:
@@ -127,12 +141,9 @@ def _named(table: Section, key: SignalName) -> tuple[str, str]:
 
 
 def _status(table: Section) -> StatusStatement | None:
-    if type(table.raw(declared.STATUS.name)) is not str:
-        table.mistake(
-            table.error(
-                f'takes "Message.Signal" or false, not {table.raw(declared.STATUS.name)!r}', declared.STATUS.name
-            )
-        )
+    key, given = declared.STATUS.name, table.raw(declared.STATUS.name)
+    if type(given) is not str:
+        table.mistake(table.error(f'takes "Message.Signal" or false, not {shown(given)}', key))
         return None
     with table.collected():
         return StatusStatement(*_named(table, declared.STATUS), declared.OK.read(table), declared.DEGRADED.read(table))

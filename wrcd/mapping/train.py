@@ -1,12 +1,10 @@
 """The whole train: its axles, what is mapped for them and for the vehicle, and what is sent."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 
 from wrcd import declared
 from wrcd.bus.dbc import Database, data_id, find_message
 from wrcd.bus.signals import Output, StatusRule
-from wrcd.bus.units import Quantity
 from wrcd.core.configuration import MAX_AXLES, AxleConfig, Input
 from wrcd.estimator.design import Design
 from wrcd.keys import names
@@ -20,16 +18,15 @@ from wrcd.section import Section
 AXLE_OUTPUTS = ("adhesion", "detail", "inputs")
 
 
-@dataclass(slots=True)
 class Train:
     """What the configuration maps. Where mistakes were collected, what they are about is left out."""
 
-    axles: list[AxleConfig] = field(default_factory=list)
-    inputs: list[Input] = field(default_factory=list)
-    data_ids: dict[str, int | None] = field(default_factory=dict)
-    own: list[Output | None] = field(default_factory=list)  # the daemon's own: status, rejects, link
-    has_speed: bool = False
-    warnings: list[str] = field(default_factory=list)
+    def __init__(self) -> None:
+        self.axles: list[AxleConfig] = []
+        self.inputs: list[Input] = []
+        self.data_ids: dict[str, int | None] = {}
+        self.own: list[Output | None] = []  # the daemon's own: status, rejects, link
+        self.warnings: list[str] = []
 
 
 def read_train(top: Section, vehicle: Section, database: Database | None, design: Design | None) -> Train:
@@ -41,9 +38,10 @@ def read_train(top: Section, vehicle: Section, database: Database | None, design
     train = Train()
     tables = list(top.sections("axle"))
     if not 1 <= len(tables) <= MAX_AXLES:
-        top.mistake(
-            top.error(f"takes 1 to {MAX_AXLES} tables, found {len(tables)}", "axle", "write [[axle]] for each wheelset")
-        )
+        hint = "write [[axle]] for each wheelset"
+        error = top.error(f"takes 1 to {MAX_AXLES} tables, found {len(tables)}", "axle", hint)
+        top.mistake(error)
+        top.explains("axle", error)
         tables = tables[:MAX_AXLES]
     said: list[Statement] = []
     sent: list[tuple[Section, Output]] = []
@@ -64,7 +62,6 @@ def read_train(top: Section, vehicle: Section, database: Database | None, design
             train.axles.append(AxleConfig(number, found[0], found[1], found[2]))
         table.done(names(declared.AXLE))
     said += statements(vehicle, VEHICLE_QUANTITIES, tuple(range(len(tables))))
-    train.has_speed = Quantity.SPEED.key in vehicle
     for kind, name in zip(STATUS_KEYS, STATUS_MESSAGES, strict=True):
         one = output(vehicle, kind, known, name, tick_ms)
         train.own.append(one)
@@ -108,7 +105,9 @@ def _resolved(
     mapped = []
     for s in said:
         with s.table.collected():
-            mapped.append((s, resolve(s, database, design, rules[s.message], train.warnings)))
+            found = resolve(s, database, design, rules[s.message])
+            if found is not None:
+                mapped.append((s, found))
             if train.data_ids.get(s.message) is not None:
                 check_header(s.table, declared.SIGNAL.name, find_message(database, s.message), {s.signal})
     train.inputs = [i for _, i in mapped]

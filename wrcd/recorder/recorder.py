@@ -19,7 +19,7 @@ from wrcd.core.events import COLUMNS, MAX_KEPT, csv_line
 from wrcd.recorder.child import Child
 from wrcd.recorder.folder import Bound, dump_name, safe_channel_name
 from wrcd.recorder.resume import identity, settings
-from wrcd.recorder.ring import ADVANCED, HEALTH, RECEIVED, SENT, Ring
+from wrcd.recorder.ring import ADVANCED, CLASSICAL_BYTES, FD_BYTES, HEALTH, RECEIVED, SENT, Ring
 from wrcd.recorder.state import capture, encode
 from wrcd.recorder.triggers import Triggers
 from wrcd.recorder.writer import Request, start
@@ -55,7 +55,8 @@ class Recorder:
         self._every_us = max(1, round(config.seconds * 1e6 / SNAPSHOTS))
         # dumps are of config.seconds at least: the oldest snapshot is up to one interval older than that
         frames_per_s = max(FRAMES_PER_S, AXLE_FRAMES_PER_S * len(core.config.axles))
-        self._ring = Ring(math.ceil(config.seconds * (1 + 1 / SNAPSHOTS) * frames_per_s))
+        data_bytes = FD_BYTES if core.receiver.fd else CLASSICAL_BYTES
+        self._ring = Ring(math.ceil(config.seconds * (1 + 1 / SNAPSHOTS) * frames_per_s), data_bytes)
         self._snapshots: deque[Snapshot] = deque(maxlen=SNAPSHOTS + 1)
         self._health = capture(core.health)
         self._healths: deque[tuple[int, dict[str, Any]]] = deque()  # by position, from the oldest snapshot on: changes
@@ -63,7 +64,7 @@ class Recorder:
         self._changes_told = core.events.total
         self._settings = core.config
         self._fits = identity(core.config)
-        self._triggers = Triggers(len(core.config.axles), core.config.adhesion_cycle_us)
+        self._triggers = Triggers([axle.adhesion.cycle_us for axle in core.config.axles])
         self._reports = core.reports
         self._asked = False
         self._pending: tuple[str, int] | None = None  # trigger and its time, while the aftermath is awaited
@@ -99,7 +100,7 @@ class Recorder:
         self._snapshot(now_us)
         if core.reports is not self._reports:
             self._reports = core.reports
-            found = self._triggers.look(core.reports, core.below_min_speed)
+            found = self._triggers.look(core.reports, core.below_min_speed, core.reported)
             if found and self._pending is None and self._hold_off_over(now_us):
                 self._pending, self._last_us = (found, now_us), now_us
         if self._asked and self._pending is None:
@@ -161,6 +162,7 @@ class Recorder:
             channel=self._channel,
             position=first.position,
             end=ring.end,
+            data_bytes=ring.data_bytes,
             fits=self._fits,
             core=encode(first.core),
             healths=[(position, health) for position, health in self._healths if position >= first.position],

@@ -11,7 +11,8 @@ from wrcd.bus.frame import Frame
 RECEIVED, SENT, ADVANCED, HEALTH = range(4)
 _FD = 0x80
 _EXTENDED, _REMOTE, _ERROR = 0x80000000, 0x40000000, 0x20000000
-_RECORD = struct.Struct("<qIBBH8s")  # stamp, id and flags, length, kind, position's low bits, data
+_HEAD = "<qIBBH"  # stamp, id and flags, length, kind, position's low bits; data behind them
+CLASSICAL_BYTES, FD_BYTES = 8, 64
 _LOW = 0xFFFF
 
 
@@ -22,14 +23,16 @@ class Overwritten(Exception):
 class Ring:
     """Records of one size; the oldest is overwritten. Positions count all that there ever were.
 
-    Of a CAN FD frame the first eight bytes are kept: none is ever used.
+    Of each frame so many bytes of data are kept: all of a CAN FD frame only where one is used.
     """
 
-    def __init__(self, records: int) -> None:
+    def __init__(self, records: int, data_bytes: int = CLASSICAL_BYTES) -> None:
         """Raises OSError where there is no such memory."""
+        self.data_bytes = data_bytes
+        self._record = record_of(data_bytes)
         # a length that a turn of the low bits does not divide: what has been overwritten shows
         self.records = records + (records % (_LOW + 1) == 0)
-        size = self.records * _RECORD.size
+        size = self.records * self._record.size
         self.fd = os.memfd_create("wrcd-ring")
         os.ftruncate(self.fd, size)
         self._memory = mmap.mmap(self.fd, size)
@@ -38,8 +41,8 @@ class Ring:
     def put(self, kind: int, stamp_us: int, word: int = 0, data: bytes = b"") -> None:
         """One record."""
         end = self.end
-        at = end % self.records * _RECORD.size
-        _RECORD.pack_into(self._memory, at, stamp_us, word, min(len(data), 8), kind, end & _LOW, data)
+        at, length = end % self.records * self._record.size, min(len(data), self.data_bytes)
+        self._record.pack_into(self._memory, at, stamp_us, word, length, kind, end & _LOW, data)
         self.end = end + 1
 
     def put_frame(self, kind: int, f: Frame) -> None:
@@ -52,7 +55,7 @@ class Ring:
 
     def since(self, position: int) -> Iterator[tuple[int, Frame]]:
         """Kinds and records from a position on, oldest first; what is no frame has only a stamp. Raises Overwritten."""
-        return read_ring(self._memory, position, self.end)
+        return read_ring(self._memory, position, self.end, self.data_bytes)
 
     def holds(self, position: int, more: int = 0) -> bool:
         """Whether nothing since a position has been overwritten, nor will be by so many more."""
@@ -64,11 +67,19 @@ class Ring:
         os.close(self.fd)
 
 
-def read_ring(memory: bytes | mmap.mmap, position: int, end: int) -> Iterator[tuple[int, Frame]]:
+def record_of(data_bytes: int) -> struct.Struct:
+    """A record with so many bytes of data."""
+    return struct.Struct(f"{_HEAD}{data_bytes}s")
+
+
+def read_ring(
+    memory: bytes | mmap.mmap, position: int, end: int, data_bytes: int = CLASSICAL_BYTES
+) -> Iterator[tuple[int, Frame]]:
     """What Ring.since says, from its memory or a copy of it."""
-    records = len(memory) // _RECORD.size
+    record = record_of(data_bytes)
+    records = len(memory) // record.size
     for at in range(position, end):
-        stamp_us, word, length, kind, low, data = _RECORD.unpack_from(memory, at % records * _RECORD.size)
+        stamp_us, word, length, kind, low, data = record.unpack_from(memory, at % records * record.size)
         if low != at & _LOW:
             raise Overwritten
         remote = bool(word & _REMOTE)

@@ -13,20 +13,21 @@ REMEMBERED_US = 1_000_000
 
 
 class Triggers:
-    """Watches every axle. Give it each slot's reports once."""
+    """Watches every axle, each with a slot of its own. Give it each slot's reports once."""
 
-    def __init__(self, axles: int, slot_us: int) -> None:
-        slots = max(1, REMEMBERED_US // slot_us)
-        self._was_valid = [False] * axles
-        self._lost = [0] * axles  # slots in a row that were not Valid
+    def __init__(self, slots_us: Sequence[int]) -> None:
+        self._was_valid = [False] * len(slots_us)
+        self._lost = [0] * len(slots_us)  # slots in a row that were not Valid
         # percent, 0 where it was not Valid
-        self._mu: list[deque[float]] = [deque([0.0], slots) for _ in range(axles)]
+        self._mu: list[deque[float]] = [deque([0.0], max(1, REMEMBERED_US // slot_us)) for slot_us in slots_us]
 
-    def look(self, reports: Sequence[Report], below_min_speed: bool) -> str:
-        """ "validity" or "collapse" in the slot where it shows, else nothing. A train that stands is not Valid by
-        right; one that is about to stand, or an estimate that is too vague for other reasons, has lost nothing."""
+    def look(self, reports: Sequence[Report], below_min_speed: bool, axles: Sequence[int]) -> str:
+        """ "validity" or "collapse" in the slot where it shows, else nothing. axles: whose slot it is. A train that
+        stands is not Valid by right; one that is about to stand, or an estimate that is too vague for other reasons,
+        has lost nothing."""
         lost = collapsed = False
-        for axle, report in enumerate(reports):
+        for axle in axles:
+            report = reports[axle]
             valid = report.validity is Validity.VALID
             if report.cause is not Cause.TOO_LITTLE_DATA:
                 lost |= self._loses(axle, valid, below_min_speed)

@@ -34,6 +34,7 @@ class Request:
     channel: str
     position: int
     end: int
+    data_bytes: int  # of each frame, that the ring keeps
     fits: dict[str, Any]
     core: Any
     healths: list[tuple[int, dict[str, Any]]]  # by position: what the core was told of loop and link from there on
@@ -73,7 +74,7 @@ def lines_and_events(memory: bytes | mmap.mmap, r: Request) -> tuple[list[str], 
         came.clear()
         went.clear()
 
-    for at, (kind, frame) in enumerate(read_ring(memory, r.position, r.end), r.position):
+    for at, (kind, frame) in enumerate(read_ring(memory, r.position, r.end, r.data_bytes), r.position):
         if at % PAUSE_LINES == 0 and not r.urgent:
             time.sleep(PAUSE_S)
         if kind == SENT:

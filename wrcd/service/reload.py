@@ -33,7 +33,6 @@ NAMES = {
 }  # fmt: skip
 # the same before and after, or of no consequence; the recorder is looked at part by part
 HELD = {"file", "database", "design", "recorder", "warnings"}
-CYCLES = {"adhesion_cycle_us", "detail_cycle_us", "status_cycle_us"}  # follow from the messages, which are named
 
 
 class Outcome(NamedTuple):
@@ -72,7 +71,8 @@ class Reload:
             new = load_config(self._path, database, design)
         except InputError as e:
             also = f" ({' and '.join(changed)} changed too: restart for that)" if changed else ""
-            return Outcome(running, f"reload: nothing taken over: {e}{also}", took=False)
+            mistakes = "; ".join(str(e).splitlines())
+            return Outcome(running, f"reload: nothing taken over: {mistakes}{also}", took=False)
         config, taken, refused = merge(running, new)
         refused = sorted({*refused, *changed})
         said = ", ".join(taken) or ("nothing taken over" if refused else "nothing has changed")
@@ -102,7 +102,7 @@ def merge(running: Config, new: Config) -> tuple[Config, list[str], list[str]]:
 
 def _flat(c: Config) -> dict[str, Any]:
     """By field, those of the recorder as recorder.…"""
-    own = {f.name: getattr(c, f.name) for f in fields(c) if f.name not in HELD | CYCLES}
+    own = {f.name: getattr(c, f.name) for f in fields(c) if f.name not in HELD}
     return own | {f"recorder.{f.name}": getattr(c.recorder, f.name) for f in fields(c.recorder)}
 
 

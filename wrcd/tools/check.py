@@ -1,9 +1,9 @@
 """`wrcd check`: what a configuration would run."""
 
-from wrcd.bus.dbc import find_message, find_signal
-from wrcd.bus.signals import Output
+from wrcd.bus.dbc import Message, find_message, find_signal
+from wrcd.bus.signals import Output, OutputSignal, Source, StatusRule
 from wrcd.bus.units import Quantity
-from wrcd.core.configuration import Config
+from wrcd.core.configuration import Config, Input
 from wrcd.core.validity import LOAD_SHARES, RADIUS_SHARES
 from wrcd.estimator.design import Design
 
@@ -33,28 +33,90 @@ def describe(c: Config) -> list[str]:
     ]
     for place, axle in enumerate(c.axles):
         out.append(f"axle {axle.number}")
-        for i in c.inputs:
-            if place in i.source.axles:
-                m = find_message(c.database, i.source.message)
-                unit = find_signal(m, i.source.signal).unit or "no unit"
-                out.append(
-                    f"  {i.source.quantity.key:22} <- 0x{m.frame_id:03X} {m.name}.{i.source.signal} ({unit}), "
-                    f"stale after {i.timeout_us / 1000:g} ms{_bounds(i.source.quantity, c.design)}"
-                )
-        out += [f"  sends                  -> {_sent(c, o)}" for o in (axle.adhesion, axle.detail, axle.inputs) if o]
-    out += [f"status                   -> {_sent(c, o)}" for o in (c.status, c.rejects, c.link) if o]
+        out += [line for i in c.inputs if place in i.source.axles for line in _input(c, i)]
+        for o in (axle.adhesion, axle.detail, axle.inputs):
+            out += [] if o is None else [f"  sends                  -> {_sent(c, o)}", *_names(c, o)]
+    for o in (c.status, c.rejects, c.link):
+        out += [] if o is None else [f"status                   -> {_sent(c, o)}", *_names(c, o)]
     r = c.recorder
     out.append(
         f"recorder       the last {r.seconds:g} s, dumps in {r.folder} (at most {r.max_files}, {r.max_mb:g} MB)"
         if r.on
         else "recorder       none" + (" ([recorder] names no folder)" if r.folder is None else "")
     )
+    out += [f"warning        {warning}" for warning in c.warnings]
     out.append("ok")
     return out
 
 
+def _input(c: Config, i: Input) -> list[str]:
+    """One signal that is read, and what the configuration says of it."""
+    s = i.source
+    m = find_message(c.database, s.message)
+    data_id = c.data_ids.get(s.message)
+    facts = [
+        *_conversion(s, find_signal(m, s.signal).unit),
+        *([] if s.low is None or s.high is None else [f"{s.low:g} … {s.high:g}"]),
+        *([f"invalid {_raws(m, s.signal, s.invalid)}"] if s.invalid else []),
+        *([] if s.reverse is None else [f"reverse {_raws(m, s.signal, s.reverse)}"]),
+        f"stale after {i.timeout_us / 1000:g} ms",
+        *([] if data_id is None else [f"E2E data id 0x{data_id:X}"]),
+    ]
+    name = s.quantity.key if s.part == 0 else "+"
+    return [
+        f"  {name:22} <- {_id(m)} {s.message}.{s.signal} ({', '.join(facts[:1])}), {', '.join(facts[1:])}"
+        f"{_bounds(s.quantity, c.design)}",
+        *(f"  {'':22}    if {_rule(c, rule)}" for rule in s.statuses or ()),
+    ]
+
+
+def _conversion(s: Source, unit: str | None) -> list[str]:
+    """Unit, and what turns it into SI units at the axle where the DBC's unit does not say it."""
+    own = [] if s.scale is None else [f"scale {s.scale:g}"]
+    own += [] if s.offset is None else [f"offset {s.offset:g}"]
+    own += [] if s.factor is None else [f"times {s.factor:g} to {s.quantity.unit}"]
+    return [unit or "no unit in the DBC", *own]
+
+
+def _rule(c: Config, rule: StatusRule) -> str:
+    m = find_message(c.database, rule.message)
+    degraded = f", degraded if {_raws(m, rule.signal, rule.degraded)}" if rule.degraded else ""
+    return f"{rule.message}.{rule.signal} is {_raws(m, rule.signal, rule.ok)}{degraded}"
+
+
+def _raws(m: Message, signal: str, raws: frozenset[int]) -> str:
+    """Raw values with their words: 1 (Ok), 3."""
+    words = {int(raw): str(word) for raw, word in (find_signal(m, signal).choices or {}).items()}
+    return ", ".join(f"{raw} ({words[raw]})" if raw in words else str(raw) for raw in sorted(raws))
+
+
+def _names(c: Config, o: Output) -> list[str]:
+    """The names, units and words of what is sent, where they are not ours."""
+    m = find_message(c.database, o.message)
+    said = [text for ours, s in o.signals.items() if (text := _field(m, ours, s))]
+    return [f"  {'':22}    {text}" for text in said]
+
+
+def _field(m: Message, ours: str, s: OutputSignal) -> str:
+    known = {str(word): int(raw) for raw, word in (find_signal(m, s.name).choices or {}).items()}
+    own = [f"{word} {raw}" for word, raw in (s.words or {}).items() if known.get(word) != raw]
+    own += [] if s.factor == 1.0 else [f"times {s.factor:g}"]
+    own += [] if s.low is None else [f"{s.low:g} … {s.high:g}"]
+    if s.not_available is not None and known.get("NotAvailable") != s.not_available:
+        own.append(f"not available {s.not_available}")
+    if s.name == ours and not own:
+        return ""
+    return f"{ours} in {s.name}" + (f": {', '.join(own)}" if own else "")
+
+
+def _id(m: Message) -> str:
+    """An extended id has eight digits."""
+    return f"0x{m.frame_id:08X}" if m.is_extended_frame else f"0x{m.frame_id:03X}"
+
+
 def _sent(c: Config, o: Output) -> str:
-    return f"0x{find_message(c.database, o.message).frame_id:03X} {o.message}, every {o.cycle_us / 1000:g} ms"
+    data_id = "" if o.data_id is None else f", E2E data id 0x{o.data_id:X}"
+    return f"{_id(find_message(c.database, o.message))} {o.message}, every {o.cycle_us / 1000:g} ms{data_id}"
 
 
 def _wheelset(d: Design) -> str:

@@ -3,6 +3,7 @@
 import argparse
 import faulthandler
 import gc
+import math
 import os
 import sys
 from collections.abc import Callable, Sequence
@@ -79,17 +80,30 @@ def _parser() -> argparse.ArgumentParser:
     reload.add_argument("pid", type=int, metavar="PID", help="process id of `wrcd run`; systemd's $MAINPID")
     reload.add_argument("-q", "--quiet", action="store_true", help="print nothing: the daemon's log has it")
 
-    check = commands.add_parser("check", parents=[config], help="say what a configuration would run; opens no bus")
+    check = commands.add_parser(
+        "check", parents=[config], help="say what a configuration would run, or what a log or a bus gives it"
+    )
     check.add_argument(
         "--speed", action="store_true", help="measure what the core costs on this computer: ten seconds, no bus"
     )
+    check.add_argument(
+        "--log", type=Path, metavar="LOG",
+        help="what a log says of each mapped signal, and what would stop Valid: exit 1 if anything, 3 if no frame fits",
+    )  # fmt: skip
+    check.add_argument("--live", type=float, metavar="S", help="the same of a bus, listened to for so many seconds")
+    add_bus(check)
 
     dump = commands.add_parser("dump", help="candump lines with the decoded values behind them")
     dump.add_argument("log", nargs="?", type=Path, help="a log instead of a bus")
     add_bus(dump)
     dump.add_argument("-n", "--count", type=int, default=0, help="stop after so many frames")
     dump.add_argument(
-        "--dbc", type=Path, action="append", default=[], metavar="FILE", help="another DBC beside the configuration's"
+        "--dbc",
+        type=Path,
+        action="append",
+        default=[],
+        metavar="FILE",
+        help="another DBC, which wins over the configuration's; may be repeated",
     )
     dump.add_argument("--config", type=Path, metavar="FILE", help="configuration whose DBC decodes")
 
@@ -109,6 +123,18 @@ def _parser() -> argparse.ArgumentParser:
         "folder of them",
     )
     replay.add_argument(
+        "--from", dest="begin", type=_seconds, metavar="S",
+        help="write what comes from then on: seconds since 1970, or of the log with --relative",
+    )  # fmt: skip
+    replay.add_argument("--to", dest="end", type=_seconds, metavar="S", help="… and what comes before then")
+    replay.add_argument(
+        "--relative", action="store_true", help="times, in rows too, are seconds from the log's first frame"
+    )
+    replay.add_argument(
+        "--axle", type=int, action="append", default=[], metavar="N", help="write this axle only; may be repeated"
+    )
+    replay.add_argument("--channel", metavar="CH", help="read this channel only; of a log of several one must be named")
+    replay.add_argument(
         "--events", type=Path, metavar="OUT.csv",
         help="write one row per change of an axle's Validity, with its cause, input and figures (-: to the screen); of "
         "several logs a folder of them",
@@ -121,6 +147,14 @@ def _parser() -> argparse.ArgumentParser:
     )
     _add_dbc_commands(commands)
     return p
+
+
+def _seconds(text: str) -> float:
+    """A finite number, for argparse."""
+    seconds = float(text)
+    if not math.isfinite(seconds):
+        raise ValueError
+    return seconds
 
 
 def _add_dbc_commands(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -178,13 +212,14 @@ def _run(args: argparse.Namespace) -> int:
             early.close()
         raise
     if early is not None:
-        early.narrow(core.receiver.keys)
+        early.narrow(core.receiver.keys, core.receiver.fd)
         if config.hardware_stamps:
             early.stamp_by_hardware()
         link = early
     else:
         interface, channel = args.interface or config.interface, args.channel or config.channel
-        link = waiting.until(lambda: open_link(interface, channel, core.receiver.keys, config.hardware_stamps))
+        receiver, stamps = core.receiver, config.hardware_stamps
+        link = waiting.until(lambda: open_link(interface, channel, receiver.keys, stamps, receiver.fd))
     log_line(
         f"{link.name}, axles {', '.join(str(a.number) for a in config.axles)}, design {config.design.name} "
         f"{config.design.checksum[:12]}"
@@ -224,11 +259,23 @@ def _reload(args: argparse.Namespace) -> int:
 def _check(args: argparse.Namespace) -> int:
     if args.speed:
         return _speed(args)
+    if args.log is not None or args.live is not None:
+        return _check_bus(args)
     from wrcd.config import load_config
     from wrcd.tools.check import describe
 
     print("\n".join(describe(load_config(args.config))))
     return 0
+
+
+def _check_bus(args: argparse.Namespace) -> int:
+    from wrcd.tools.bus_check.run import check_live, check_log
+
+    if args.log is not None and args.live is not None:
+        raise InputError("a log or a bus, not both", key="--live", hint="leave out --log or --live")
+    if args.log is not None:
+        return check_log(args.log, args.config)
+    return check_live(args.live, args.config, args.interface, args.channel)
 
 
 def _speed(args: argparse.Namespace) -> int:
@@ -248,10 +295,14 @@ def _dump(args: argparse.Namespace) -> int:
 def _replay(args: argparse.Namespace) -> int:
     from wrcd.tools.replay import replay
     from wrcd.tools.replays import replays
+    from wrcd.tools.selection import Selection
 
+    selection = Selection(args.begin, args.end, args.relative, tuple(args.axle), args.channel)
     if len(args.logs) == 1:
-        return replay(args.logs[0], args.config, args.output, args.csv, args.explain, args.events)
-    return replays(args.logs, args.config, args.output, args.csv, args.explain, args.jobs, args.events)
+        return replay(args.logs[0], args.config, args.output, args.csv, args.explain, args.events, selection=selection)
+    return replays(
+        args.logs, args.config, args.output, args.csv, args.explain, args.jobs, args.events, selection=selection
+    )
 
 
 def _init(args: argparse.Namespace) -> int:

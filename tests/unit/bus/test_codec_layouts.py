@@ -2,14 +2,14 @@
 
 import math
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
-from cantools import database as cantools_database
 from hypothesis import given
 from hypothesis import strategies as st
 
 from wrcd.bus.codec import Receiver, SignalReader, Value, Writer
-from wrcd.bus.dbc import Database, Message, find_message
+from wrcd.bus.dbc import Database, Message, find_message, parse_dbc
 from wrcd.bus.frame import Frame
 from wrcd.bus.reasons import Reason
 from wrcd.bus.signals import Source
@@ -30,9 +30,7 @@ class Layout:
 
     @property
     def database(self) -> Database:
-        loaded = cantools_database.load_string(self.text, "dbc", strict=True)
-        assert isinstance(loaded, Database)
-        return loaded
+        return parse_dbc(self.text, Path("layout.dbc"))
 
 
 @st.composite

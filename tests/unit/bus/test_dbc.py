@@ -181,4 +181,4 @@ def test_every_reason_has_a_label_and_a_counter(production: Database) -> None:
         assert choices is not None
         assert [str(choices[i]) for i in range(len(choices))] == labels
     names = {s.name for s in production.get_message_by_name("WrcdRejects").signals}
-    assert names == {"Crc", "Counter", *(f"Rejected{r.label}" for r in Reason)}
+    assert names == {"Crc", "Counter", "ForeignFrames", *(f"Rejected{r.label}" for r in Reason)}

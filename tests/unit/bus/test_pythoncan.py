@@ -56,6 +56,30 @@ def test_frames_pass_both_ways_with_their_time_of_reception(ends: Ends) -> None:
     assert (got.arbitration_id, bytes(got.data), got.is_extended_id) == (ADHESION_A1, b"\x07", False)
 
 
+def test_frame_of_somebody_else_under_an_own_id_is_counted(ends: Ends) -> None:
+    """From the first frame that was sent here on; it is handed over for the recorder, mapped or not."""
+    ends.send(ADHESION_A1, data=b"\x01")
+    assert ends.link.receive(now_us()) == []
+    assert ends.link.send(Frame(now_us(), ADHESION_A1, b"\x07"))
+    assert ends.link.receive(now_us()) == []  # our own is none
+    for _ in range(3):
+        ends.send(ADHESION_A1, data=b"\x01")
+    ends.send(ADHESION_A1, is_remote_frame=True)
+    ends.send(YAW_RATE_A1, data=b"\x01\x02")
+    assert [f.can_id for f in ends.link.receive(now_us())] == [ADHESION_A1] * 3 + [YAW_RATE_A1]
+    assert ends.link.health.foreign_frames == 3
+    assert ends.link.health.foreign_by_key == {ADHESION_A1: 3}
+
+
+def test_own_frame_that_comes_back_is_not_foreign() -> None:
+    """Where python-can hands over what was sent here, marked as such."""
+    link = PythonCanLink("virtual", "pythoncan-own", KEYS, receive_own_messages=True)
+    assert link.send(Frame(now_us(), ADHESION_A1, b"\x07"))
+    assert link.receive(now_us()) == []
+    assert link.health.foreign_frames == 0
+    link.close()
+
+
 def test_stamp_of_a_foreign_clock_is_replaced(ends: Ends) -> None:
     ends.send(YAW_RATE_A1)
     assert ends.link.receive(now_us() + 3_600_000_000)[0].stamp_us > now_us() + 3_500_000_000

@@ -12,6 +12,7 @@ import pytest
 from sim_ecu.cli import main as sim_ecu
 from sim_ecu.play.encoder import Sent, data_id, databases
 from sim_ecu.play.expected import LONG_ROWS, ROWS, SETTLED_AFTER_MS, Found, Leaves, Must, Stays, Unseen, missing
+from sim_ecu.play.expected_lines import expected_lines, wrong_lines
 from sim_ecu.play.faults import KINDS, Fault, Stage, parse_fault
 from sim_ecu.play.interface import check
 from sim_ecu.play.judge import Said, judge
@@ -318,6 +319,56 @@ def test_fault_is_judged_by_what_must_be(must: Must, valid: Sequence[bool], mu: 
 def test_verdict_has_times_and_changes_of_the_estimate() -> None:
     verdict = judge(LEAVES, 100_000, 300_000, frames_said(GOOD, 20.5), MUS)
     assert (verdict.left_ms, verdict.back_ms, verdict.change_pp, verdict.settled_pp) == (40.0, 240.0, 0.5, 0.5)
+
+
+BURST = next(r for r in ROWS if r.fault.kind == "burst")
+BURST_LINES = [
+    "axle 1: Valid -> Degraded, InputStale: yaw rate YawRate_A1.YawRate 20.0 ms old, limit 15",
+    "axle 1: Degraded -> NotAvailable, InputSilent: yaw rate YawRate_A1.YawRate 105.0 ms old, limit 100",
+    "axle 1: NotAvailable, WarmingUp: 0.01 s of the window's 1 s",
+    "rejected 1 frames in the last second: counter YawRate_A1 1",
+    "axle 1: NotAvailable -> Valid",
+]
+
+
+@pytest.mark.parametrize(
+    ("changed", "wrong"),
+    [
+        pytest.param({}, "", id="as expected"),
+        pytest.param(
+            {0: "of another figure 19.0 ms"}, "does not say of axle 1: Valid -> Degraded, InputStale", id="text"
+        ),
+        pytest.param({0: BURST_LINES[0].replace("limit 15", "limit 16")}, "does not say of axle 1", id="limit"),
+        pytest.param({0: BURST_LINES[0].replace("20.0", "25.0")}, "", id="another figure"),
+        pytest.param({1: BURST_LINES[1].replace("YawRate_A1", "YawRate_A2")}, "does not say of axle 1", id="input"),
+        pytest.param({2: ""}, "does not say of axle 1: NotAvailable, WarmingUp", id="a line less"),
+        pytest.param(
+            {4: "axle 2: Valid -> Degraded, Harsh: x"}, "does not say of axle 1: NotAvailable -> Valid", id="axle"
+        ),
+        pytest.param({3: BURST_LINES[3] + ", crc YawRate_A1 1"}, "were rejected: crc YawRate_A1", id="rejected"),
+        pytest.param({3: ""}, "does not say that frames were rejected", id="no rejected"),
+        pytest.param({3: "the clock stepped: started anew"}, "the journal says 'the clock", id="another line"),
+    ],
+)
+def test_lines_of_a_journal_are_compared_with_axle_input_and_limit(changed: dict[int, str], wrong: str) -> None:
+    lines = [line for k, old in enumerate(BURST_LINES) if (line := changed.get(k, old))]
+    found = wrong_lines(BURST, lines)
+    assert wrong in found
+    assert bool(wrong) == bool(found)
+
+
+def test_line_that_is_not_expected_is_found() -> None:
+    more = "axle 2: Valid -> Degraded, Harsh: 50 % of 1.00 s are far from pulses, limit 70 %"
+    assert wrong_lines(BURST, [*BURST_LINES, more]) == f"the journal also says: {more}"
+
+
+def test_every_row_that_leaves_valid_expects_its_axle_and_input_in_the_journal() -> None:
+    for row in (*ROWS, *LONG_ROWS):
+        said = [line for lines in expected_lines(row).axles for line in lines]
+        if isinstance(row.must, Leaves | Found):
+            assert any("_A1." in line or "VehicleSpeed.Speed" in line for line in said), row
+        else:
+            assert said == []
 
 
 def test_every_fault_kind_has_a_row_in_the_matrix() -> None:

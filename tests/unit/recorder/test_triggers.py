@@ -50,10 +50,10 @@ def test_short_contradiction_is_no_loss_of_validity(config: Config) -> None:
     """An estimate that contradicts itself for a few slots."""
     valid = replace(NOT_AVAILABLE_REPORT, validity=Validity.VALID, mu_available_pct=20.0)
     hiccup = replace(valid, validity=Validity.DEGRADED, cause=Cause.CONTRADICTION)
-    triggers = Triggers(1, config.adhesion_cycle_us)
+    triggers = Triggers([config.axles[0].adhesion.cycle_us])
     for _ in range(3):
-        assert {triggers.look([r], False) for r in [valid] * 50 + [hiccup] * (LOST_SLOTS - 1)} == {""}
-    assert [triggers.look([r], False) for r in [valid] + [hiccup] * LOST_SLOTS][-2:] == ["", "validity"]
+        assert {triggers.look([r], False, [0]) for r in [valid] * 50 + [hiccup] * (LOST_SLOTS - 1)} == {""}
+    assert [triggers.look([r], False, [0]) for r in [valid] + [hiccup] * LOST_SLOTS][-2:] == ["", "validity"]
 
 
 def test_stopping_train_triggers_no_dump(config: Config, tmp_path: Path) -> None:
@@ -101,12 +101,12 @@ def test_slow_fall_of_adhesion_is_no_collapse(config: Config) -> None:
     sim = SensorSimulator(config)
     sim.run(1500)
     report = next(r for r in sim.core.reports if r.validity == "Valid")
-    triggers = Triggers(1, core.config.adhesion_cycle_us)
+    triggers = Triggers([core.config.axles[0].adhesion.cycle_us])
     mu = 40.0
     while mu > 3.0:
-        assert triggers.look([replace(report, mu_available_pct=mu)], False) == ""
+        assert triggers.look([replace(report, mu_available_pct=mu)], False, [0]) == ""
         mu *= 0.987  # a half in 1.06 s
-    assert triggers.look([replace(report, mu_available_pct=mu / 2)], False) == "collapse"
+    assert triggers.look([replace(report, mu_available_pct=mu / 2)], False, [0]) == "collapse"
 
 
 def test_sigusr1_dumps_at_once_each_time(config: Config, tmp_path: Path) -> None:

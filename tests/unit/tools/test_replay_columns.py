@@ -22,12 +22,14 @@ Lines = list[bytes]
 def by_columns(log: Path) -> tuple[list[str], object, Damage]:
     core, damage = Core(load_config(None)), Damage()
     out = [f"{o.frame} {o.cause.name} {c}" for o, c in outgoing_of_stretches(core, read_stretches(log, damage))]
+    out += [c.csv_line for c in core.events.since(0)]
     return out, core.counts, damage
 
 
 def by_frames(log: Path) -> tuple[list[str], object, Damage]:
     core, damage = Core(load_config(None)), Damage()
     out = [f"{o.frame} {o.cause.name} {c}" for o, c in outgoing(core, read_log(log, damage), None)]
+    out += [c.csv_line for c in core.events.since(0)]
     return out, core.counts, damage
 
 
@@ -124,6 +126,16 @@ def test_line_ends_of_other_systems_are_read_alike(change: bytes, lines: int, tm
     log = tmp_path / "a.log"
     log.write_bytes(b"".join((LINES * 5)[:lines]).replace(b"\n", change))
     assert by_columns(log) == by_frames(log)
+
+
+def test_stamps_of_nanoseconds_are_read_by_columns_and_truncated(tmp_path: Path) -> None:
+    log, plain = tmp_path / "a.log", tmp_path / "b.log"
+    log.write_bytes(b"".join(line[:18] + b"%03d" % (k % 1000) + line[18:] for k, line in enumerate(LINES[:6100])))
+    plain.write_bytes(b"".join(LINES[:6100]))
+    assert by_columns(log) == by_frames(log) == by_columns(plain)
+    parsed = parse_lines(log.read_bytes())
+    assert parsed is not None
+    assert parsed[1].all()
 
 
 @pytest.mark.parametrize("channel", [b"", b"c\tn"])

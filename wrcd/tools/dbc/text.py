@@ -4,6 +4,7 @@ cantools keeps no lines, and the later of two things with one name hides the ear
 """
 
 import codecs
+import contextlib
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -90,9 +91,11 @@ class _Reader:
             elif keyword == "NS_":  # a list of keywords: none of them begins a statement here
                 while self._at < len(self._tokens) and self._peek() != "BS_":
                     self._at += 1
+            elif not (keyword in _BEGIN or keyword.endswith("_")):
+                raise InputError(f"cannot be read at {token.text!r}", file=self._into.file, line=token.line)
             elif keyword not in ("VERSION", "BS_"):
                 start = self._at - 1
-                while self._at < len(self._tokens) and self._next().text != ";":
+                while self._next()[:2] != ("mark", ";"):
                     pass
                 if keyword in _ABOUT:
                     self._late.append(list(self._tokens[start : self._at - 1]))
@@ -123,18 +126,18 @@ class _Reader:
         number = self._take("number")
         name = self._take("word", "number").text
         self._take(":")
-        length = _whole(self._take("number"))
+        length = self._whole(self._take("number"))
         sender = self._take("word").text
-        self._into.messages.append(Message(number.line, _whole(number), name, length, sender))
+        self._into.messages.append(Message(number.line, self._whole(number), name, length, sender))
 
     def _signal(self) -> None:
         take = self._take
         first = take("word")
         mux = "" if self._peek() == ":" else take("word").text
         take(":")
-        start = _whole(take("number"))
+        start = self._whole(take("number"))
         take("|")
-        length = _whole(take("number"))
+        length = self._whole(take("number"))
         take("@")
         order, sign = take("number").text, take("+", "-").text
         take("(")
@@ -185,7 +188,7 @@ class _Reader:
             return
         if keyword.text in ("CM_", "BA_") and not about:
             return
-        number = _whole(rest.pop(0))
+        number = self._whole(rest.pop(0))
         signal = None if about == "BO_" or not rest else rest.pop(0).text
         self._into.references.append(Reference(keyword.line, keyword.text, number, signal))
         for message in (m for m in self._into.messages if m.number == number):
@@ -194,25 +197,27 @@ class _Reader:
                     message.attributes[attribute] = Attribute(keyword.line, rest[0].text, rest[0].kind == "string")
                 continue
             for s in (s for s in message.signals if s.name == signal):
-                _tell(s, keyword, attribute, rest)
+                self._tell(s, keyword, attribute, rest)
 
+    def _tell(self, s: Signal, keyword: Token, attribute: str, rest: list[Token]) -> None:
+        """Lay what is left of a statement on a signal."""
+        if keyword.text == "VAL_":
+            s.words = Words(
+                keyword.line, [(self._whole(n), w.text) for n, w in zip(rest[::2], rest[1::2], strict=False)]
+            )
+        elif keyword.text == "SIG_VALTYPE_":
+            s.is_float = bool(rest) and rest[-1].text in ("1", "2", "3")
+        elif keyword.text == "CM_" and rest:
+            s.comment = rest[0].text
+        elif keyword.text == "BA_" and rest:
+            s.attributes[attribute] = Attribute(keyword.line, rest[0].text, rest[0].kind == "string")
 
-def _tell(s: Signal, keyword: Token, attribute: str, rest: list[Token]) -> None:
-    """Lay what is left of a statement on a signal."""
-    if keyword.text == "VAL_":
-        pairs = [(_whole(n), w.text) for n, w in zip(rest[::2], rest[1::2], strict=False) if w.kind == "string"]
-        s.words = Words(keyword.line, pairs)
-    elif keyword.text == "SIG_VALTYPE_":
-        s.is_float = bool(rest) and rest[-1].text in ("1", "2", "3")
-    elif keyword.text == "CM_" and rest:
-        s.comment = rest[0].text
-    elif keyword.text == "BA_" and rest:
-        s.attributes[attribute] = Attribute(keyword.line, rest[0].text, rest[0].kind == "string")
-
-
-def _whole(token: Token) -> int:
-    """A whole number, also where it is written with a fraction."""
-    try:
-        return int(token.text)
-    except ValueError:
-        return int(float(token.text))
+    def _whole(self, token: Token) -> int:
+        """A whole number, also where it is written with a fraction."""
+        with contextlib.suppress(ValueError):
+            return int(token.text)
+        try:
+            return int(float(token.text))
+        except (ValueError, OverflowError):
+            reason = f"cannot be read at {token.text!r}: a whole number is needed"
+            raise InputError(reason, file=self._into.file, line=token.line) from None

@@ -87,27 +87,16 @@ USED_PARTS = ("used", "utili", "ausgen", "inuse", "genutzt")
 PERCENT = ("%", "percent", "pct", "prozent")
 TRUTH = ("truth", "groundtruth")
 
-# Words of value tables, as letters. The first are what the estimate's words are called elsewhere.
-VALIDITY_WORDS: dict[str, frozenset[str]] = {
-    "valid": _set("valid ok okay good gut gueltig normal verfuegbar available inordnung"),
-    "degraded": _set("degraded degradiert eingeschraenkt reduced limited poor schlecht reduziert estimated"),
-    "not_available": _set(
-        "notavailable na none keine kein keiner nichtverfuegbar unavailable init invalid ungueltig sna nodata unknown"
-    ),
-    "error": _set("error err fehler fault stoerung failure fail defekt"),
-}
-# What says "no measurement" beside the daemon's own list.
-SENTINEL_PARTS = (
-    "ungueltig", "fehler", "nichtverbaut", "notsupported", "nichtverfuegbar", "stoerung", "keinsignal", "keinwert",
-    "defekt", "notpresent", "notinstalled", "noteq",
-)  # fmt: skip
-SENTINEL_WORDS = {"na", "nv", "err", "none"}
-GOOD = VALIDITY_WORDS["valid"] | _set("noerror active aktiv correct")
+# What the four words of our Validity are called elsewhere, as letters, beside what wrcd.bus.words knows.
+NOT_AVAILABLE = _set(
+    "notavailable na none keine kein keiner nichtverfuegbar unavailable init invalid ungueltig sna nodata"
+)
+ERROR = _set("error err fehler fault stoerung failure fail defekt")
+POOR = _set("poor schlecht estimated geschaetzt")
 # Words that say that a sensor is at work: likely good, but a person has to say so.
 LIKELY_GOOD = _set(
-    "betrieb messbetrieb messung messen measuring measure operational operation operating running run on ein io ready"
+    "betrieb messbetrieb messung messen measuring measure operational operation operating running run on ein"
 )
-DEGRADED = VALIDITY_WORDS["degraded"]
 STATUS_PARTS = ("status", "state", "valid", "quality", "health", "zustand", "guete", "qualitaet")
 CRC_WORDS = _set("crc chk checksum pruefsumme chksum cs prf")
 COUNTER_WORDS = _set("counter cnt ctr alive sqc seq sequence bz zaehler botschaftszaehler rolling rc lebenszaehler mc")
@@ -141,15 +130,9 @@ def converts(unit: str, quantity: Quantity) -> bool:
     return bool(unit.strip()) or quantity is Quantity.DIRECTION
 
 
-def is_sentinel(word: str) -> bool:
-    """Whether a word of a value table says that there is no measurement."""
-    plain = letters(word)
-    return unusable(word) or any(part in plain for part in SENTINEL_PARTS) or plain in SENTINEL_WORDS
-
-
 def is_enumeration(s: Signal) -> bool:
     """Whether a signal's values are words: two at least that are no sentinels, and no unit."""
-    told = {w for _, w in (s.words.pairs if s.words else ()) if not is_sentinel(w)}
+    told = {w for _, w in (s.words.pairs if s.words else ()) if not unusable(w)}
     return not s.unit.strip() and s.scale == 1 and s.offset == 0 and len(told) >= 2
 
 

@@ -13,8 +13,9 @@ def init(dbc: Path, output: Path | None, force: bool) -> int:
     """Write the proposal to a file or to stdout, and to stderr what is open and unsure. Raises InputError."""
     if output is not None and output.exists() and not force:
         raise InputError("is there already", file=output, hint="name another file, or overwrite it by --force")
+    text = read(dbc)
     load_dbc(dbc)
-    draft = propose(read(dbc), Path() if output is None else output.parent)
+    draft = propose(text, Path() if output is None else output.parent)
     if output is None:
         print(draft.text(), end="")
     else:

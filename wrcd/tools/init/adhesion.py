@@ -1,19 +1,22 @@
 """The message that tells the train its adhesion: which of its signals takes which of our values, word by word."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
-from wrcd.core import vocabulary
+from wrcd.bus.words import degraded, unusable, usable
+from wrcd.core.vocabulary import MESSAGES, Words, snake
+from wrcd.mapping.outputs import ADHESION_MS, NEEDS
 from wrcd.tools.dbc.candidates import numbers
 from wrcd.tools.dbc.records import DbcText, Message, Signal
 from wrcd.tools.dbc.vocabulary import (
+    ERROR,
+    NOT_AVAILABLE,
+    POOR,
     USED_PARTS,
-    VALIDITY_WORDS,
     contains,
     is_adhesion,
     is_counter,
     is_crc,
     is_percent,
-    is_sentinel,
     is_status,
     letters,
     words,
@@ -21,7 +24,9 @@ from wrcd.tools.dbc.vocabulary import (
 from wrcd.tools.init.draft import Draft, quoted
 from wrcd.tools.lint.values import in_range
 
-CYCLE_MS = 20
+CARRIED = MESSAGES["adhesion"]
+WORDS = {name: (*carried.words, *carried.extra) for name, carried in CARRIED.items() if isinstance(carried, Words)}
+NEEDED_WORDS = {name: carried.words for name, carried in CARRIED.items() if isinstance(carried, Words)}
 # Our values with words: the signal's name in the packaged DBC, and parts of other names for it.
 _NAMES = {
     "Confidence": ("conf", "vertrauen", "trust", "sicherheit"),
@@ -29,7 +34,6 @@ _NAMES = {
     "ContactState": ("contact", "kontakt", "slip", "schlupf"),
 }
 _AGE = ("age", "alter")
-_WORDS = {n: v.words for n, v in vocabulary.MESSAGES["adhesion"].items() if isinstance(v, vocabulary.Words)}
 
 
 def propose_adhesion(draft: Draft, dbc: DbcText, number: int, axles: int) -> None:
@@ -51,8 +55,8 @@ def propose_adhesion(draft: Draft, dbc: DbcText, number: int, axles: int) -> Non
         return
     draft.add(f"adhesion.message = {quoted(best.name)}")
     if not dbc.number(best, "GenMsgCycleTime"):
-        draft.doubt(about, f"{best.name} has no cycle in the DBC: {CYCLE_MS} ms are taken")
-        draft.add(f"adhesion.cycle_ms = {CYCLE_MS}")
+        draft.doubt(about, f"{best.name} has no cycle in the DBC: {ADHESION_MS} ms are taken")
+        draft.add(f"adhesion.cycle_ms = {ADHESION_MS}")
     if not dbc.attribute(best, "E2EProfile") and any(map(is_crc, best.signals)) and any(map(is_counter, best.signals)):
         draft.doubt(about, f"{best.name} has a CRC and a counter, but no E2EProfile")
         draft.add('# adhesion.e2e = "P11"', "# adhesion.data_id = 0")
@@ -64,8 +68,8 @@ def propose_adhesion(draft: Draft, dbc: DbcText, number: int, axles: int) -> Non
 def _has_our_names(m: Message) -> bool:
     """Whether the short form is enough: our names, our words."""
     signals = {s.name: s for s in m.signals}
-    known = all(set(_WORDS[name]) <= set(_told(signals[name])) for name in _WORDS if name in signals)
-    return known and {"Validity", "MuAvailable"} <= signals.keys()
+    known = all(set(words) <= set(_told(signals[name])) for name, words in NEEDED_WORDS.items() if name in signals)
+    return known and set(NEEDS["adhesion"]) <= signals.keys()
 
 
 def _told(s: Signal) -> list[str]:
@@ -98,9 +102,7 @@ def _names(signals: Iterable[Signal]) -> str:
 
 def _one_percentage(draft: Draft, about: str, key: str, m: Message, s: Signal) -> None:
     pairs = s.words.pairs if s.words else []
-    none = [
-        raw for raw, w in pairs if is_sentinel(w) and "err" not in letters(w) and s.lowest_raw <= raw <= s.highest_raw
-    ]
+    none = [raw for raw, w in pairs if unusable(w) and "err" not in letters(w) and s.lowest_raw <= raw <= s.highest_raw]
     if any(w == "NotAvailable" for _, w in pairs):
         draft.add(f"adhesion.{key} = {quoted(s.name)}")
     elif none:
@@ -121,15 +123,15 @@ def _validity(draft: Draft, about: str, m: Message) -> None:
     states = [s for s in states if not any(contains(s.name, parts) for parts in _NAMES.values())]
     if not states:
         draft.todo(about, f"which signal of {m.name} says whether the value may be used?")
-        draft.add(
-            '# adhesion.validity = { signal = "Signal", valid = "…", degraded = "…", not_available = "…", error = "…" }'
-        )
+        draft.add('# adhesion.validity = { signal = "Signal", valid = "…", degraded = "…", not_available = "…" }')
         return
     best = states[0]
     table: dict[str, object] = {"signal": best.name}
-    for ours, theirs in VALIDITY_WORDS.items():
-        table[ours] = next((w for w in _told(best) if letters(w) in theirs), "?")
-    missing = [ours for ours in VALIDITY_WORDS if table[ours] == "?"]
+    for ours in WORDS["Validity"]:
+        word = next((w for w in _told(best) if _MEANS[ours](w)), None)
+        if word is not None or ours in NEEDED_WORDS["Validity"]:
+            table[snake(ours)] = "?" if word is None else word
+    missing = [ours for ours, word in table.items() if word == "?"]
     line = f"adhesion.validity = {quoted(table)}"
     if missing:
         told = ", ".join(map(repr, _told(best)))
@@ -137,6 +139,14 @@ def _validity(draft: Draft, about: str, m: Message) -> None:
         draft.add(f"# {line}")
     else:
         draft.add(line)
+
+
+_MEANS: dict[str, Callable[[str], bool]] = {
+    "Valid": usable,
+    "Degraded": lambda w: degraded(w) or letters(w) in POOR,
+    "NotAvailable": lambda w: letters(w) in NOT_AVAILABLE,
+    "Error": lambda w: letters(w) in ERROR,
+}
 
 
 def _rest(draft: Draft, about: str, m: Message) -> None:
@@ -150,14 +160,10 @@ def _rest(draft: Draft, about: str, m: Message) -> None:
             continue
         s = named[0]
         theirs = {letters(w): w for w in _told(s)}
-        table = {"signal": s.name} | {_snake(w): theirs.get(letters(w), "?") for w in _WORDS[name]}
-        line = f"adhesion.{_snake(name)} = {quoted(table)}"
+        table = {"signal": s.name} | {snake(w): theirs.get(letters(w), "?") for w in WORDS[name]}
+        line = f"adhesion.{snake(name)} = {quoted(table)}"
         if "?" in table.values():
-            draft.doubt(about, f"{m.name}.{s.name} looks like {_snake(name)}: fill in its words, or leave it out")
+            draft.doubt(about, f"{m.name}.{s.name} looks like {snake(name)}: fill in its words, or leave it out")
             draft.add(f"# {line}")
         else:
             draft.add(line)
-
-
-def _snake(word: str) -> str:
-    return "".join(f"_{c.lower()}" if c.isupper() else c for c in word).lstrip("_")

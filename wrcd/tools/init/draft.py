@@ -40,7 +40,7 @@ class Draft:
         """The whole file."""
         head = [
             f"# Proposed by wrcd init for {self.dbc}: by names, units and words, which is no knowledge.",
-            "# Read every line of it. A DBC does not tell how a sensor is mounted: docs/how-to/own-dbc.md has signs,",
+            "# Read every line of it. A DBC does not tell how a sensor is mounted: docs/reference/signs.md has signs,",
             "# and `wrcd check --log LOG` compares them with a run.",
             "#",
             "# Open, a person settles it:",
@@ -61,7 +61,7 @@ class Draft:
 
     def _doubts(self) -> list[str]:
         """One doubt of several keys once."""
-        return [f"{', '.join(where)}: {what}" for what, where in self.unsure.items()]
+        return [f"{'; '.join(where)}: {what}" for what, where in self.unsure.items()]
 
 
 def _numbered(points: Sequence[str], word: str = "") -> list[str]:

@@ -3,31 +3,29 @@
 import re
 from dataclasses import dataclass, field
 
-from wrcd.bus import words as status_words
 from wrcd.bus.statuses import STATUS
 from wrcd.bus.units import Quantity
+from wrcd.bus.words import degraded as is_degraded
+from wrcd.bus.words import unusable, usable
 from wrcd.estimator.design import Design
+from wrcd.mapping.inputs import DEFAULT_TIMEOUT_MS, MEASURED
+from wrcd.mapping.message_facts import STATUS_NAMES
+from wrcd.mapping.statements import TORQUES
 from wrcd.tools.dbc.candidates import SURE_SCORE, Candidate
 from wrcd.tools.dbc.records import DbcText, Signal
 from wrcd.tools.dbc.vocabulary import (
-    DEGRADED,
-    GOOD,
     LIKELY_GOOD,
     MOTOR_WORDS,
     converts,
     is_counter,
     is_crc,
     is_force,
-    is_sentinel,
     is_status,
     letters,
     words,
 )
 from wrcd.tools.init.draft import Draft, quoted
 
-MEASURED = (Quantity.YAW_RATE, Quantity.LAT_ACCEL)
-TORQUES = (Quantity.TORQUE, Quantity.BRAKE_TORQUE)
-DEFAULT_TIMEOUT_MS = 100
 # Ours: y to the left of travel, yaw counter-clockwise seen from above, traction positive.
 OTHER_WAY = {
     Quantity.YAW_RATE: {"clockwise", "uhrzeigersinn", "right", "rechts", "rechtsherum"},
@@ -104,7 +102,10 @@ def _unit(table: _Table, c: Candidate) -> None:
 
 
 def _sign(table: _Table, c: Candidate) -> None:
-    """A comment that says which way is positive, where it sounds like the other way than ours."""
+    """A brake's effort without a sign; a comment that says which way is positive, the other way than ours."""
+    if c.quantity is Quantity.BRAKE_TORQUE and c.signal.low is not None and c.signal.low >= 0:
+        table.keys["sign"] = -1
+        table.doubts.append(f"{c.name} is never negative: braking counts as positive there, as negative here")
     told = set(words(c.signal.comment))
     if c.quantity in OTHER_WAY and told & OTHER_WAY[c.quantity] and not told & OUR_WAY[c.quantity]:
         table.doubts.append(f"the comment on {c.name} sounds like the other way round than ours: if so, give sign = -1")
@@ -127,7 +128,7 @@ def _status(table: _Table, c: Candidate) -> None:
     beside = [s for s in c.message.signals if is_status(s)]
     own = set(words(c.signal.name))
     nearest = [s for s in beside if own & set(words(s.name))] or beside
-    told = [s for s in nearest if s.words is not None and any(is_sentinel(w) or letters(w) in GOOD for w in _told(s))]
+    told = [s for s in nearest if s.words is not None and any(unusable(w) or usable(w) for w in _told(s))]
     for s in nearest:
         if s.words is None:
             rule = "only 0 lets a value pass" if s.name == STATUS else "it is not looked at"
@@ -138,10 +139,11 @@ def _status(table: _Table, c: Candidate) -> None:
     name = f"{c.message.name}.{status.name}"
     if more:
         table.doubts.append(f"{name} is taken as its status; there is {', '.join(s.name for s in more)}, too")
-    good = [w for w in _told(status) if letters(w) in GOOD]
-    degraded = [w for w in _told(status) if letters(w) in DEGRADED]
+    good = [w for w in _told(status) if usable(w)]
+    degraded = [w for w in _told(status) if is_degraded(w)]
     likely = [w for w in _told(status) if letters(w) in LIKELY_GOOD]
-    if not good and likely:
+    likely_only = not good and bool(likely)
+    if likely_only:
         table.doubts.append(f"{name}: does {' or '.join(map(repr, likely))} mean a sound value?")
         good = likely
     if not good:
@@ -149,18 +151,13 @@ def _status(table: _Table, c: Candidate) -> None:
             f"{name}: which of {', '.join(map(repr, _told(status)))} means a sound value? Put it into ok"
         )
         good = ["?"]
-    elif status.name == STATUS and _is_understood(good, degraded) and not more:
-        return
+    elif not likely_only and (status.name == STATUS or STATUS_NAMES.search(status.name)) and not more:
+        return  # the daemon takes it by itself
     table.keys |= {"status": name, "ok": good} | ({"degraded": degraded} if degraded else {})
 
 
 def _told(s: Signal) -> list[str]:
     return [w for _, w in s.words.pairs] if s.words else []
-
-
-def _is_understood(good: list[str], degraded: list[str]) -> bool:
-    """Whether the daemon reads these words alike by itself."""
-    return all(map(status_words.usable, good)) and all(map(status_words.degraded, degraded))
 
 
 def _time(table: _Table, dbc: DbcText, c: Candidate, design: Design) -> None:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 from wrcd.bus.units import Quantity
 from wrcd.core.configuration import MAX_AXLES
+from wrcd.mapping.inputs import MEASURED
 from wrcd.tools.dbc.candidates import Candidate
 
 PER_AXLE = (
@@ -33,7 +34,7 @@ def arrange(found: Iterable[Candidate]) -> Train:
     train = Train()
     for q in (Quantity.SPEED, Quantity.DIRECTION):
         train.vehicle[q] = by_quantity.pop(q, [])
-    measured = [c for q in (Quantity.YAW_RATE, Quantity.LAT_ACCEL) for c in by_quantity.get(q, [])]
+    measured = [c for q in MEASURED for c in by_quantity.get(q, [])]
     of_axles = any(c.axle is not None for c in measured)
     width = _axles_of_a_bogie(measured)
     if width:
@@ -69,29 +70,38 @@ def _number(c: Candidate, width: int, of_axles: bool) -> int | None:
 
 
 def _place_the_unnumbered(train: Train) -> None:
-    """Names without numbers: one signal for a train of one axle, several in the order of their messages."""
-    numbered = sorted(train.axles)
+    """Names without numbers: signals of one name are of one axle each, in the order of their messages, where there are
+    as many of them as axles; else the best is the only axle's, and the others are its rivals."""
+    axles = sorted(train.axles) or _as_many_as_measured(train)
     for q in PER_AXLE:
         rest = train.unplaced.get(q, [])
         if not rest or any(q in quantities for quantities in train.axles.values()):
             continue
-        best = [c for c in rest if c.score >= rest[0].score - 1]
-        names = {c.signal.name for c in best}
-        if len(best) > 1 and len(names) == 1 and (not numbered or len(numbered) == len(best)):
-            for number, c in zip(
-                numbered or range(1, len(best) + 1), sorted(best, key=lambda c: c.message.number), strict=True
-            ):
+        best = _alike(rest)
+        if len(best) == len(axles) > 1:
+            for number, c in zip(axles, sorted(best, key=lambda c: c.message.number), strict=True):
                 train.axles.setdefault(number, {})[q] = [c]
             train.doubts.append(f"{q.key}: no numbers in the names; axles are taken in the order of the messages' ids")
             train.unplaced[q] = [c for c in rest if c not in best]
-        elif len(numbered) <= 1:
-            train.axles.setdefault(numbered[0] if numbered else 1, {})[q] = rest
+        elif len(axles) == 1:
+            train.axles.setdefault(axles[0], {})[q] = rest
             train.unplaced.pop(q)
+
+
+def _alike(found: Sequence[Candidate]) -> list[Candidate]:
+    """The best candidate and those of its name."""
+    return [c for c in found if c.signal.name == found[0].signal.name and c.score >= found[0].score - 1]
+
+
+def _as_many_as_measured(train: Train) -> list[int]:
+    """Axle numbers where no name has one: as many as gyros and accelerometers alike, else one."""
+    counts = {len(_alike(rest)) for q in MEASURED if (rest := train.unplaced.get(q))}
+    return list(range(1, 1 + (counts.pop() if len(counts) == 1 else 1)))
 
 
 def _keep_measured(train: Train) -> None:
     """Axles with neither gyro nor accelerometer are none of ours, unless there are no others."""
-    measured = {n for n, found in train.axles.items() if found.keys() & {Quantity.YAW_RATE, Quantity.LAT_ACCEL}}
+    measured = {n for n, found in train.axles.items() if found.keys() & {*MEASURED}}
     for number in sorted(train.axles.keys() - measured) if measured else ():
         for q, found in train.axles.pop(number).items():
             train.unplaced.setdefault(q, []).extend(found)

@@ -5,11 +5,12 @@ from pathlib import Path
 
 from wrcd import resources
 from wrcd.bus.units import Quantity
+from wrcd.bus.words import is_reverse
 from wrcd.estimator.design import Design, load_design
 from wrcd.tools.check import KNOWN_BY
 from wrcd.tools.dbc.candidates import Candidate, candidates
 from wrcd.tools.dbc.records import DbcText
-from wrcd.tools.dbc.vocabulary import TOTAL_WORDS, contains, letters
+from wrcd.tools.dbc.vocabulary import TOTAL_WORDS, contains
 from wrcd.tools.init.adhesion import propose_adhesion
 from wrcd.tools.init.draft import Draft, quoted
 from wrcd.tools.init.inputs import propose_input, propose_shared
@@ -18,9 +19,12 @@ from wrcd.tools.init.numbering import PER_AXLE, Train, arrange, near
 NEEDED = (Quantity.YAW_RATE, Quantity.LAT_ACCEL, Quantity.TORQUE)
 
 
-def propose(dbc: DbcText, folder: Path) -> Draft:
-    """Return the draft of a configuration that lies in a folder. Raises InputError where the design can't be read."""
-    design = load_design(resources.DESIGN)
+def propose(dbc: DbcText, folder: Path, design: Design | None = None) -> Draft:
+    """Return the draft of a configuration that lies in a folder.
+
+    design: default the packaged one. Raises InputError where it can't be read.
+    """
+    design = design or load_design(resources.DESIGN)
     draft = Draft(dbc.file.name)
     train = arrange(candidates(dbc))
     _head(draft, dbc, folder, design)
@@ -75,15 +79,15 @@ def _vehicle(draft: Draft, dbc: DbcText, train: Train, design: Design) -> None:
 
 
 def _direction(draft: Draft, c: Candidate) -> None:
-    told = [letters(w) for _, w in (c.signal.words.pairs if c.signal.words else ())]
-    reverse = any("rev" in w or "back" in w for w in told)
+    told = [w for _, w in (c.signal.words.pairs if c.signal.words else ())]
+    reverse = any(map(is_reverse, told))
     if reverse or (not told and c.signal.signed):
         draft.doubt("vehicle, direction", "it turns the signs; does it tell which way the sensors' train moves?")
         draft.add(f"direction = {quoted(c.name)}")
     else:
         draft.doubt(
             "vehicle, direction",
-            f"{c.name} looks like the direction of travel, but no word of it has 'rev' or 'back', and it has no sign",
+            f"{c.name} looks like the direction of travel, but no word of it means backwards, and it has no sign",
         )
         draft.add(f"# direction = {quoted(c.name)}")
 

@@ -4,6 +4,7 @@ import math
 from collections.abc import Collection, Iterator
 
 from wrcd.bus.units import Quantity, factor
+from wrcd.bus.words import unusable
 from wrcd.estimator.design import Design
 from wrcd.tools.dbc.candidates import MIN_BITS, Candidate, senders_of_adhesion
 from wrcd.tools.dbc.records import DbcText, Signal
@@ -15,7 +16,6 @@ from wrcd.tools.dbc.vocabulary import (
     is_adhesion,
     is_enumeration,
     is_force,
-    is_sentinel,
     is_status,
     is_truth,
     words,
@@ -74,7 +74,7 @@ def _units(dbc: DbcText) -> Iterator[Finding]:
 def _can_fail(c: Candidate) -> bool:
     """Whether its message has a status, or it a word for 'no measurement'; a float can be NaN."""
     own = c.signal.words.pairs if c.signal.words else []
-    return c.signal.is_float or any(is_sentinel(w) for _, w in own) or any(is_status(s) for s in c.message.signals)
+    return c.signal.is_float or any(unusable(w) for _, w in own) or any(is_status(s) for s in c.message.signals)
 
 
 def _sensor(c: Candidate, design: Design) -> Iterator[Finding]:

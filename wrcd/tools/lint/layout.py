@@ -23,9 +23,7 @@ def check(dbc: DbcText) -> Iterator[Finding]:
     nested = {r.number for r in dbc.references if r.keyword == "SG_MUL_VAL_"}
     for m in dbc.on_the_bus:
         yield from _message(dbc, m)
-        yield from _overlaps(
-            m, m.number in nested or any(s.mux not in ("", "M") and s.mux.endswith("M") for s in m.signals)
-        )
+        yield from _overlaps(m, m.number in nested or sum(s.mux.endswith("M") for s in m.signals) > 1)
         for s in m.signals:
             yield from _signal(dbc, m, s)
 
@@ -116,8 +114,8 @@ def _place(s: Signal) -> str:
 
 
 def _overlaps(m: Message, nested: bool) -> Iterator[Finding]:
-    """Pairs that share bits and can be in one frame. nested: SG_MUL_VAL_ says which multiplexed ones can, and they are
-    left out."""
+    """Pairs that share bits and can be in one frame. nested: multiplexers within multiplexers; what takes turns with
+    what is then left to loading."""
     placed = [s for s in m.signals if 0 < s.length <= MAX_BITS and s.start >= 0]
     for a, b in combinations(placed, 2):
         in_turn = _turn(a) and _turn(b) and (nested or _turn(a) != _turn(b))

@@ -3,14 +3,13 @@
 from collections.abc import Collection, Iterator
 
 from wrcd.bus.dbc import LONGEST_MS
-from wrcd.bus.units import Quantity
+from wrcd.mapping.inputs import MEASURED
 from wrcd.tools.dbc.candidates import Candidate
 from wrcd.tools.dbc.records import DbcText, Message, Signal
 from wrcd.tools.dbc.vocabulary import is_adhesion
 from wrcd.tools.lint.codes import Finding
 
 SEND_TYPE = "GenMsgSendType"
-MEASURED = (Quantity.YAW_RATE, Quantity.LAT_ACCEL)  # at every tick
 
 
 def check(dbc: DbcText, inputs: Collection[Candidate], tick_s: float) -> Iterator[Finding]:

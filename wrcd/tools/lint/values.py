@@ -2,16 +2,14 @@
 
 from collections.abc import Collection, Iterator
 
+from wrcd.bus.words import unusable, usable
 from wrcd.tools.dbc.candidates import MIN_BITS, Candidate
 from wrcd.tools.dbc.records import DbcText, Message, Signal
 from wrcd.tools.dbc.vocabulary import (
-    GOOD,
     is_adhesion,
     is_enumeration,
     is_percent,
-    is_sentinel,
     is_status,
-    letters,
     says_adhesion,
 )
 from wrcd.tools.lint.codes import Finding
@@ -94,7 +92,7 @@ def _words(m: Message, s: Signal) -> Iterator[Finding]:
         if not s.is_float and not s.lowest_raw <= raw <= s.highest_raw:
             what = f"{raw} {word!r}, {s.length} bits hold {s.lowest_raw} … {s.highest_raw}"
             yield Finding(s.words.line, "value-beyond-width", name, what)
-        elif is_sentinel(word) and _measures(s) and s.low is not None and in_range(s, raw):
+        elif unusable(word) and _measures(s) and s.low is not None and in_range(s, raw):
             what = f"{raw} {word!r} is {raw * s.scale + s.offset:g}{_unit(s)}, within [{s.low:g}|{s.high:g}]"
             yield Finding(s.words.line, "sentinel-in-range", name, what)
 
@@ -104,14 +102,14 @@ def check_statuses(inputs: Collection[Candidate]) -> Iterator[Finding]:
     for m in {c.message.line: c.message for c in inputs}.values():
         for s in (s for s in m.signals if is_status(s) and s.words):
             told = [w for _, w in s.words.pairs] if s.words else []
-            if not {letters(w) for w in told} & GOOD and any(is_sentinel(w) for w in told):
+            if not any(map(usable, told)) and any(map(unusable, told)):
                 line = s.words.line if s.words else s.line
                 yield Finding(line, "status-words-unknown", f"{m.name}.{s.name}", ", ".join(map(repr, told)))
 
 
 def _measures(s: Signal) -> bool:
     """Whether its values are numbers. One whose words are states has "not available" among them, rightly in range."""
-    return bool(s.unit.strip()) or s.scale != 1 or not (is_enumeration(s) or s.length < MIN_BITS)
+    return bool(s.unit.strip()) or s.scale != 1 or not (is_enumeration(s) or is_status(s) or s.length < MIN_BITS)
 
 
 def _room(m: Message) -> Iterator[Finding]:

@@ -1,0 +1,165 @@
+"""Statuses that the configuration names: several, with their own words, in the same message or in another one."""
+
+import itertools
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.support.dbc_bodies import database
+from wrcd.bus.codec import Receiver, Sample
+from wrcd.bus.columns import MIN_ROWS, Columns, stretches
+from wrcd.bus.dbc import Database
+from wrcd.bus.e2e import protect
+from wrcd.bus.frame import Frame
+from wrcd.bus.reasons import Reason
+from wrcd.bus.signals import Source, StatusRule
+from wrcd.bus.units import Quantity
+
+DBC = """
+BO_ 800 Gyro: 4 B
+ SG_ Rate : 0|16@1- (0.001,0) [-30|30] "rad/s" B
+ SG_ State : 16|4@1+ (1,0) [0|15] "" B
+ SG_ Health : 20|4@1- (1,0) [-8|7] "" B
+BO_ 801 Unit: 3 B
+ SG_ Crc : 0|8@1+ (1,0) [0|255] "" B
+ SG_ Counter : 8|4@1+ (1,0) [0|14] "" B
+ SG_ Imu : 16|8@1+ (1,0) [0|255] "" B
+BO_ 802 Speed: 3 B
+ SG_ V : 0|16@1+ (0.01,0) [0|100] "m/s" B
+ SG_ Status : 16|8@1+ (1,0) [0|255] "" B
+VAL_ 802 Status 0 "OK" 1 "Degraded" 2 "FAULT" ;
+"""
+KNOWN = {"Gyro": None, "Unit": 801, "Speed": None}
+LOCAL = (
+    StatusRule("Gyro", "State", frozenset({1, 3}), frozenset({2})),
+    StatusRule("Gyro", "Health", frozenset({-1}), frozenset({0})),
+)
+REMOTE = StatusRule("Unit", "Imu", frozenset({5}), frozenset({6}), timeout_us=50_000)
+GYRO_ID, UNIT_ID = 800, 801
+
+
+@pytest.fixture(scope="module")
+def dbc() -> Database:
+    return database(DBC)
+
+
+def receiver(dbc: Database, *rules: StatusRule) -> Receiver:
+    source = Source("Gyro", "Rate", Quantity.YAW_RATE, (0,), statuses=rules)
+    return Receiver(dbc, [source, Source("Speed", "V", Quantity.SPEED, (0,))], KNOWN)
+
+
+def gyro(stamp_us: int = 0, state: int = 1, health: int = -1, rate: int = 1000) -> Frame:
+    return Frame(stamp_us, GYRO_ID, rate.to_bytes(2, "little") + bytes([state | (health & 0xF) << 4, 0]))
+
+
+def unit(stamp_us: int, imu: int, counter: int) -> Frame:
+    return Frame(stamp_us, UNIT_ID, protect(bytes([0, 0, imu]), 801, counter))
+
+
+@pytest.mark.parametrize(
+    ("state", "health", "expected"),
+    [
+        (1, -1, False),
+        (3, -1, False),
+        (2, -1, True),
+        (1, 0, True),
+        (2, 0, True),
+        (0, -1, Reason.STATUS),
+        (1, 1, Reason.STATUS),
+        (2, -2, Reason.STATUS),
+    ],
+)
+def test_every_named_status_counts(dbc: Database, state: int, health: int, expected: bool | Reason) -> None:
+    got = receiver(dbc, *LOCAL).read(gyro(state=state, health=health))
+    if isinstance(expected, Reason):
+        assert got is expected
+    else:
+        assert got == [Sample(0, 1.0, degraded=expected)]
+
+
+def test_status_that_is_not_named_does_not_count(dbc: Database) -> None:
+    assert receiver(dbc).read(gyro(state=15, health=7)) == [Sample(0, 1.0)]
+
+
+@pytest.mark.parametrize(("raw", "expected"), [(0, False), (1, True), (2, Reason.STATUS), (3, Reason.STATUS)])
+def test_without_a_rule_the_signal_status_counts(dbc: Database, raw: int, expected: bool | Reason) -> None:
+    got = receiver(dbc).read(Frame(0, 802, bytes([0, 1, raw])))
+    assert got == (expected if isinstance(expected, Reason) else [Sample(1, 2.56, degraded=expected)])
+
+
+def test_many_statuses_are_each_looked_at() -> None:
+    """More ways to be good than are told at one look."""
+    lines = "".join(f' SG_ S{k} : {16 + 8 * k}|8@1+ (1,0) [0|255] "" B\n' for k in range(3))
+    dbc = database(f'BO_ 800 M: 5 B\n SG_ V : 0|16@1+ (1,0) [0|100] "m/s" B\n{lines}')
+    rules = tuple(StatusRule("M", f"S{k}", frozenset(range(9)), frozenset({9})) for k in range(3))
+    read = Receiver(dbc, [Source("M", "V", Quantity.SPEED, (0,), statuses=rules)]).read
+    for words in itertools.product((0, 8, 9, 10), repeat=3):
+        got = read(Frame(0, 800, bytes([7, 0, *words])))
+        assert got == (Reason.STATUS if 10 in words else [Sample(0, 7.0, degraded=9 in words)])
+
+
+def test_status_of_another_message_is_mapped_and_its_newest_counts(dbc: Database) -> None:
+    r = receiver(dbc, REMOTE)
+    assert r.keys == (800, 801, 802)
+    assert r.read(gyro(0)) is Reason.STATUS  # not known yet
+    assert r.read(unit(1_000, 5, 0)) == []
+    assert r.read(gyro(2_000)) == [Sample(0, 1.0)]
+    assert r.read(unit(3_000, 6, 1)) == []
+    assert r.read(gyro(4_000)) == [Sample(0, 1.0, degraded=True)]
+    assert r.read(unit(5_000, 7, 2)) == []
+    assert r.read(gyro(6_000)) is Reason.STATUS
+    assert r.read(unit(7_000, 5, 3)) == []
+    assert r.read(gyro(57_000)) == [Sample(0, 1.0)]
+    assert r.read(gyro(57_001)) is Reason.STATUS  # too old
+
+
+def test_corrupted_status_of_another_message_is_not_taken(dbc: Database) -> None:
+    r = receiver(dbc, REMOTE)
+    r.read(unit(0, 5, 0))
+    bad = unit(1_000, 7, 1)
+    assert r.read(Frame(1_000, UNIT_ID, bad.data[:2] + b"\x05")) is Reason.CRC
+    assert r.read(gyro(2_000)) == [Sample(0, 1.0)]
+
+
+def test_two_senders_of_a_status_leave_it_unknown(dbc: Database) -> None:
+    r = receiver(dbc, REMOTE)
+    found: set[Any] = set()
+    for k in range(12):
+        r.read(unit(1_000 * k, 5, k % 15))
+        if r.read(unit(1_000 * k, 5, (k + 7) % 15)) is Reason.TWO_SENDERS:
+            got = r.read(gyro(1_000 * k))
+            found.add(got if isinstance(got, Reason) else "accepted")
+    assert found == {Reason.STATUS}
+
+
+def test_reset_forgets_a_status(dbc: Database) -> None:
+    r = receiver(dbc, REMOTE)
+    r.read(unit(0, 5, 0))
+    r.reset()
+    assert r.read(gyro(1_000)) is Reason.STATUS
+
+
+@pytest.mark.parametrize("rules", [LOCAL, (REMOTE,), (*LOCAL, REMOTE)], ids=["local", "remote", "both"])
+@pytest.mark.parametrize("states", [(1, 3), (1, 2, 3), (1, 0)], ids=["good", "degraded", "bad"])
+def test_columns_read_what_one_frame_after_the_other_gives(
+    dbc: Database, rules: tuple[StatusRule, ...], states: tuple[int, ...]
+) -> None:
+    chance = np.random.default_rng(1)
+    frames = []
+    for k in range(4 * MIN_ROWS):
+        if k % 4 == 0:
+            frames.append(unit(1_000 * k, int(chance.choice([5, 5, 6, 7])), k // 4 % 15))
+        frames.append(gyro(1_000 * k, int(chance.choice(states)), int(chance.choice([-1, 0])), k + 1))
+    one_by_one, by_columns = receiver(dbc, *rules), receiver(dbc, *rules)
+    expected = [(f, one_by_one.read(f)) for f in frames if one_by_one.reader(f) is not None]
+    got, regular = [], False
+    (stretch,) = stretches((f, "can0") for f in frames)
+    assert not isinstance(stretch, tuple)
+    for row in Columns(by_columns, lambda *_: False).read(stretch):
+        frame = stretch.frame(row.place)
+        samples = row.reader.read(frame) if row.samples is None else list(row.samples)
+        got.append((frame, samples))
+        regular |= row.samples is not None
+    assert got == expected
+    assert regular is (rules == LOCAL and 0 not in states)

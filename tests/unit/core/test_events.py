@@ -1,0 +1,310 @@
+"""Changes of Validity: each names the axle, the input, the figures and the limit, and nothing is made where nothing
+changes."""
+
+import struct
+from collections.abc import Callable
+from dataclasses import fields, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.support.can_ids import LAT_ACCEL_A1, TORQUE_A2, YAW_RATE_A1
+from tests.support.config_texts import AXLE
+from tests.support.sensor_simulator import MS, SensorSimulator
+from wrcd.bus.e2e import protect
+from wrcd.bus.frame import Frame
+from wrcd.config import load_config
+from wrcd.core import events
+from wrcd.core.causes import Cause, Validity
+from wrcd.core.details import Details
+from wrcd.core.events import COLUMNS, Change, csv_line
+from wrcd.estimator.gate import Outliers
+from wrcd.estimator.records import Estimate
+from wrcd.recorder.state import MAX_WORD, capture
+
+DEFAULT = load_config(None)
+
+
+def texts(sim: SensorSimulator, since: int = 0) -> list[str]:
+    """What has been said of axle 1 after so many changes."""
+    return [c.text for c in sim.core.events.since(since) if c.axle == 1]
+
+
+def own(tmp_path: Path, more: str, vehicle: str = "", before: str = "") -> SensorSimulator:
+    (tmp_path / "wrcd.toml").write_text(f'{before}[vehicle]\nspeed = "VehicleSpeed.Speed"\n{vehicle}{AXLE}{more}')
+    return SensorSimulator(load_config(tmp_path / "wrcd.toml"))
+
+
+def run_with(sim: SensorSimulator, ms: int, raw: int) -> None:
+    """Torque_A2 says so much beside axle 1's sensors."""
+    for _ in range(ms // 5):
+        for frame in sim.frames():
+            sim.core.feed(frame)
+            if frame.can_id == YAW_RATE_A1:
+                data = protect(b"\0\0" + struct.pack("<i", raw)[:3], TORQUE_A2, frame.data[1] & 0x0F)
+                sim.core.feed(Frame(frame.stamp_us, TORQUE_A2, data))
+        sim.core.advance(sim.t)
+
+
+def test_steady_run_says_nothing_and_makes_no_text(sim: SensorSimulator, monkeypatch: pytest.MonkeyPatch) -> None:
+    sim.run(1500)
+    assert texts(sim) == ["NotAvailable, WarmingUp: 0.02 s of the window's 1 s", "NotAvailable -> Valid"]
+    total = sim.core.events.total
+
+    def never(*_: object, **__: object) -> str:
+        raise AssertionError("a text was made")
+
+    for name in ("tick", "unavailable", "pair", "estimate", "name"):
+        monkeypatch.setattr(Details, name, never)
+    sim.run(3000)
+    assert sim.core.events.total == total
+
+
+def test_change_has_time_axle_and_both_validities(sim: SensorSimulator) -> None:
+    sim.run(1500)
+    total, begin_us = sim.core.events.total, sim.t
+    sim.silent = {LAT_ACCEL_A1}
+    sim.run(60)
+    (change,) = sim.core.events.since(total)
+    detail = "lateral acceleration LatAccel_A1.LatAccel 19.0 ms old, limit 15"
+    assert change == Change(change.time_us, 1, Validity.VALID, Validity.DEGRADED, Cause.INPUT_STALE, detail)
+    assert change.time_us % 20_000 == 0
+    assert begin_us < change.time_us <= begin_us + 40 * MS
+    seconds = f"{change.time_us // 1_000_000}.{change.time_us % 1_000_000:06d}"
+    assert change.csv_line == f'{seconds},1,Valid,Degraded,InputStale,"{detail}"\n'
+
+
+def test_refused_frames_are_named_by_reason_since_the_last_good_one(sim: SensorSimulator) -> None:
+    sim.run(1500)
+    total = sim.core.events.total
+    for _ in range(40):
+        for f in sim.frames():
+            wrong = replace(f, data=f.data[:-1] if sim.counter % 2 else bytes(len(f.data)))
+            sim.core.feed(wrong if f.can_id == YAW_RATE_A1 else f)
+    stale, silent = texts(sim, total)
+    assert stale.startswith("Valid -> Degraded, InputStale: yaw rate YawRate_A1.YawRate ")
+    assert stale.endswith((" (refused since: 2 length, 1 crc)", " (refused since: 2 crc, 1 length)"))
+    assert "Degraded -> NotAvailable, InputSilent: yaw rate YawRate_A1.YawRate 10" in silent
+    total = sim.core.events.total
+    sim.run(1500)
+    sim.silent = {YAW_RATE_A1}  # what was refused before a good frame does not count
+    sim.run(60)
+    assert "refused" not in texts(sim, total)[-1]
+
+
+def test_fault_of_a_single_frame_between_two_slots_is_described(sim: SensorSimulator) -> None:
+    """At the slot it is over: what was noted when it came is said."""
+    sim.run(1500)
+    while sim.t % 20_000 != 5_000:
+        sim.run(5)
+    total = sim.core.events.total
+    sim.yaw_status = 1
+    sim.run(5)
+    sim.yaw_status = 0
+    sim.run(1500)
+    assert texts(sim, total) == [
+        "Valid -> Degraded, SensorDegraded: yaw rate YawRate_A1.YawRate: the status says Degraded",
+        "Degraded -> Valid",
+    ]
+
+
+def speed_beyond(sim: SensorSimulator) -> None:
+    while sim.speed < 60.4:
+        sim.speed += 0.5
+        sim.run(20)
+
+
+def stuck(sim: SensorSimulator) -> None:
+    sim.frozen = True
+    sim.run(60)
+
+
+def jump_of_speed(sim: SensorSimulator) -> None:
+    sim.speed = 40.0
+    sim.run(60)
+
+
+def standstill(sim: SensorSimulator) -> None:
+    while sim.speed > 2.9:
+        sim.speed -= 0.2
+        sim.run(20)
+
+
+def absurd(sim: SensorSimulator) -> None:
+    sim.spike = 1_000_000
+    sim.run(60)
+
+
+def clock_step(sim: SensorSimulator) -> None:
+    sim.t += 100_000_000
+    sim.silent = {YAW_RATE_A1}
+    sim.run(200)
+
+
+@pytest.mark.parametrize(
+    ("what", "said"),
+    [
+        (speed_beyond, "SpeedOutOfRange: speed VehicleSpeed.Speed 60.50 m/s, design 3 to 60"),
+        (stuck, "Unchanged: yaw rate YawRate_A1.YawRate has been 0.0006 rad/s in 5 frames on end"),
+        (jump_of_speed, "Restarted: speed VehicleSpeed.Speed jumped to 40.00 m/s"),
+        (standstill, "Standstill: speed VehicleSpeed.Speed 2.80 m/s, limit 3"),
+        (absurd, "Restarted: yaw rate YawRate_A1.YawRate jumped by 1."),
+        (clock_step, "InputSilent: yaw rate YawRate_A1.YawRate has not come"),
+    ],
+    ids=lambda x: x.__name__.replace("_", " ") if callable(x) else "",
+)
+def test_cause_is_said_with_input_and_figures(
+    sim: SensorSimulator, what: Callable[[SensorSimulator], None], said: str
+) -> None:
+    sim.run(1500)
+    total = sim.core.events.total
+    what(sim)
+    assert said in "\n".join(texts(sim, total))
+
+
+@pytest.mark.parametrize(
+    ("key", "form", "raw", "said"),
+    [
+        ("axle_load", '16|24@1- (1,0) [0|999999] "N"', 201_000,
+         "LoadBeyond: axle load Torque_A2.Slow 201.0 kN, design 147.1 kN (0.7 to 1.3)"),
+        ("wheel_radius", '16|24@1- (0.1,0) [0|999] "mm"', 5_720,
+         "RadiusBeyond: wheel radius Torque_A2.Slow 572 mm, design 500 mm (0.9 to 1.1)"),
+    ],
+    ids=["axle load", "wheel radius"],
+)  # fmt: skip
+def test_slow_input_beyond_the_design_is_said_with_both_figures(
+    tmp_path: Path, key: str, form: str, raw: int, said: str
+) -> None:
+    """A DBC of its own, whose Torque_A2 carries it."""
+    text = DEFAULT.dbc_file.read_text(encoding="latin-1").replace("SG_ 290 Torque", "SG_ 290 Slow")
+    begin = text.index(" SG_ Torque :", text.index("BO_ 290 "))
+    text = f"{text[:begin]} SG_ Slow : {form} WRCD{text[text.index(chr(10), begin) :]}"
+    (tmp_path / "own.dbc").write_text(text, encoding="latin-1")
+    sim = own(tmp_path, f'{key} = "Torque_A2.Slow"\n', before='[dbc]\nfile = "own.dbc"\n[wheelset]\nname = "default"\n')
+    run_with(sim, 1500, raw)
+    assert f"NotAvailable -> Degraded, {said}" in texts(sim)
+
+
+def test_torques_against_each_other_are_said_with_both_figures(tmp_path: Path) -> None:
+    sim = own(tmp_path, 'brake_torque = "Torque_A2.Torque"\n')
+    sim.torque = -8_000.0
+    run_with(sim, 1500, 700_000)
+    why = "torque Torque_A1.Torque -8.00 kN m against brake torque Torque_A2.Torque 7.00 kN m"
+    assert f"NotAvailable -> Degraded, TorquesContradict: {why}" in texts(sim)
+
+
+def test_part_of_a_torque_that_is_late_is_named(tmp_path: Path) -> None:
+    parts = 'torque = ["Torque_A1.Torque", "Torque_A2.Torque"]\n'
+    axle = AXLE.replace('torque = "Torque_A1.Torque"\n', parts)
+    (tmp_path / "wrcd.toml").write_text(f'[vehicle]\nspeed = "VehicleSpeed.Speed"\n{axle}')
+    sim = SensorSimulator(load_config(tmp_path / "wrcd.toml"))
+    run_with(sim, 1500, 0)
+    sim.run(60)
+    assert texts(sim)[-1].startswith("Valid -> Degraded, InputStale: torque Torque_A2.Torque 3")
+    assert texts(sim)[-1].endswith(" ms old, limit 30")
+
+
+def test_unknown_share_of_the_friction_brakes_is_said_with_the_torque(tmp_path: Path) -> None:
+    sim = own(tmp_path, "", "torque_is_total = false\n")
+    sim.torque = -8_000.0
+    sim.run(1500)
+    why = "torque Torque_A1.Torque -8.00 kN m is no traction; brake torque (not mapped)"
+    assert f"NotAvailable -> Degraded, FrictionShareUnknown: {why}" in texts(sim)
+
+
+def estimate(**values: float) -> Estimate:
+    """An estimate of one axle: 20 % +- 2 over a second, all well, but for what is given."""
+    usual = {
+        "mu_available_pct": 20.0, "half_width_pp": 2.0, "used_pct": 10.0, "window_s": 1.0, "firing": 1.0,
+        "excitation": 3.0, "live_share": 1.0, "mu_from_rules_pct": 20.0,
+    }  # fmt: skip
+    middle = 0.5 * (DEFAULT.design.low + DEFAULT.design.high)
+    inputs = middle.copy()
+    inputs[0] += values.pop("beyond", 0.0) * (DEFAULT.design.high[0] - DEFAULT.design.low[0])
+    made = {f.name: np.array([{**usual, **values}.get(f.name, 0.0)]) for f in fields(Estimate)}
+    return Estimate(**{**made, "inputs": inputs[None]})
+
+
+@pytest.mark.parametrize(
+    ("cause", "values", "said"),
+    [
+        (Cause.NO_RULE, {"firing": 0.031}, "the rules fire with 0.031 in all, limit 0.05"),
+        (Cause.HARSH, {"live_share": 0.55}, "55 % of 1.00 s are far from pulses, limit 70 %"),
+        (Cause.SENSORS_SILENT, {"excitation": 1.02}, "residuals are 1.02 times what the sensors' noise"),
+        (Cause.BEYOND_TRAINING, {"beyond": 2.0}, "residuals unlike the design's wheelset: no. 1 by 1.50 of its range"),
+        (Cause.TOO_LITTLE_DATA, {"half_width_pp": 14.0}, "20.00 % +- 14.00, limit +- 12.00"),
+        (Cause.TOO_LITTLE_DATA, {"window_s": 0.2}, "0.20 s of track are less than 2.9 m"),
+        (Cause.TOO_LITTLE_DATA, {"mu_available_pct": np.nan}, "1.00 s of measurements are no estimate"),
+        (Cause.CONTRADICTION, {"used_pct": 12.3, "mu_from_rules_pct": 8.0},
+         "torque Torque_A1.Torque: 12.30 % in use, the rules say 8.00 %"),
+    ],
+    ids=lambda x: x.label if isinstance(x, Cause) else "",
+)  # fmt: skip
+def test_doubt_of_an_estimate_is_said_with_the_figures_that_decided_it(
+    cause: Cause, values: dict[str, float], said: str
+) -> None:
+    assert Details(DEFAULT).estimate(cause, 0, estimate(**values)).startswith(said)
+
+
+@pytest.mark.parametrize(
+    ("outliers", "wait_s", "said"),
+    [
+        (Outliers([7.25, 3.0], [4.5, 6.0], 0.01), 0.0,
+         "yaw rate YawRate_A1.YawRate off by 7.2 times the usual innovation, limit 4.5"),
+        (Outliers([3.0, np.inf], [4.5, 6.0], 0.01), 2.0,
+         "lateral acceleration LatAccel_A1.LatAccel off by infinite times the usual innovation, limit 6; waits 2 s"),
+        (Outliers([3.0, 3.0], [4.5, 6.0], np.nan), 0.0,
+         "yaw rate YawRate_A1.YawRate or lateral acceleration LatAccel_A1.LatAccel stood out among its first samples"),
+    ],
+    ids=["innovation", "not finite, waits", "first samples"],
+)  # fmt: skip
+def test_restart_after_outliers_is_said_with_channel_and_limit(outliers: Outliers, wait_s: float, said: str) -> None:
+    assert Details(DEFAULT).outliers(0, outliers, wait_s) == said
+
+
+def test_every_cause_has_a_text_of_its_own(sim: SensorSimulator) -> None:
+    """None is left to its words alone, whose figures are known."""
+    describe, core = Details(DEFAULT), sim.core
+    sim.run(100)
+    for cause in Cause:
+        if cause in events.TICK_CAUSES:
+            text = describe.tick(cause, 0, core._inputs, core._tick, sim.t)
+        elif cause in events.PAIR_CAUSES:
+            text = describe.pair(cause, 0, core.estimator.identity)
+        elif cause in events.ESTIMATE_CAUSES:
+            text = describe.estimate(cause, 0, estimate())
+        elif cause in (Cause.NONE, Cause.RESTARTED):
+            continue
+        else:
+            text = describe.unavailable(cause, 0, core._inputs, core._validity, sim.t)
+        assert text != cause.words
+
+
+def test_long_text_is_cut_to_what_a_state_file_takes() -> None:
+    inputs = tuple(replace(i, source=replace(i.source, signal="S" * 150)) for i in DEFAULT.inputs)
+    sim = SensorSimulator(DEFAULT)
+    sim.core.events.describe = Details(replace(DEFAULT, inputs=inputs))
+    sim.run(1500)
+    sim.silent = {YAW_RATE_A1, LAT_ACCEL_A1}
+    sim.run(1000)
+    longest = max((c.detail for c in sim.core.events.since(0)), key=len)
+    assert len(longest) == events.MAX_DETAIL
+    assert longest.endswith(" ...")
+    assert max(len(text) for texts in capture(sim.core.events)["details"] for text in texts) == MAX_WORD
+
+
+def test_changes_are_kept_up_to_a_bound(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(events, "MAX_KEPT", 3)
+    sim = SensorSimulator(DEFAULT)
+    sim.run(1500)
+    assert sim.core.events.total > 3
+    kept = sim.core.events.since(0)
+    assert len(kept) == 3
+    assert sim.core.events.since(sim.core.events.total) == []
+    assert sim.core.events.since(sim.core.events.total - 1) == kept[-1:]
+
+
+def test_csv_line_quotes_what_has_a_comma() -> None:
+    assert csv_line(COLUMNS) == "time_s,axle,from,to,cause,detail\n"
+    assert csv_line(("1", 'a "b", c')) == '1,"a ""b"", c"\n'

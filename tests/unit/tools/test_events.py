@@ -1,0 +1,122 @@
+"""`wrcd replay --events`: from a log the rows that were live, beside the others, and of several logs."""
+
+import csv
+import io
+from pathlib import Path
+
+import pytest
+
+from tests.support.can_ids import YAW_RATE_A1
+from tests.support.recorded_train import RecordedTrain, exercise_all_state, second_sender, spoiler
+from wrcd.bus.frame import Frame
+from wrcd.bus.log import Damage, format_line, read_log
+from wrcd.core.configuration import Config
+from wrcd.core.core import Core
+from wrcd.core.events import COLUMNS, csv_line
+from wrcd.tools.cli import main
+from wrcd.tools.events import EventRows
+
+
+def rows(text: str) -> list[dict[str, str]]:
+    return list(csv.DictReader(io.StringIO(text)))
+
+
+def faulty(config: Config, folder: Path) -> tuple[RecordedTrain, Path]:
+    """Eight seconds with faults, and their log: what came, and what the daemon sent beside it."""
+    train, came = RecordedTrain(config, folder), list[Frame]()
+
+    def noted(frames: list[Frame]) -> list[Frame]:
+        came.extend(frames)
+        return frames
+
+    train.run(1500, noted)
+    train.sim.silent = {YAW_RATE_A1}
+    train.run(300, noted)
+    train.sim.silent = set()
+    train.run(1500, noted)
+    train.run(200, lambda frames: noted([f for frame in frames for f in (frame, second_sender(frame))]))
+    train.run(1500, noted)
+    train.sim.spike = 1_000_000
+    train.run(40, noted)
+    train.sim.spike = 0
+    train.run(1500, noted)
+    log = folder / "faulty.log"
+    log.parent.mkdir(exist_ok=True)
+    lines = sorted([*came, *train.link.sent], key=lambda f: f.stamp_us)
+    log.write_text("".join(format_line(f, "vcan0") + "\n" for f in lines))
+    return train, log
+
+
+def test_replay_of_a_log_gives_the_rows_that_were_live(config: Config, tmp_path: Path) -> None:
+    """By columns, sixteen slots at once; the daemon's own frames in the log are neither inputs nor rivals."""
+    train, log = faulty(config, tmp_path / "bus")
+    live = "".join([csv_line(COLUMNS), *(c.csv_line for c in train.sim.core.events.since(0))])
+    assert main(["replay", str(log), "-o", str(tmp_path / "out.log"), "--events", str(tmp_path / "events.csv")]) == 0
+    assert (tmp_path / "events.csv").read_text() == live
+    causes = [r["cause"] for r in rows(live) if r["axle"] == "1"]
+    assert causes == [
+        "WarmingUp", "", "InputStale", "InputSilent", "WarmingUp", "", "TwoSenders", "InputStale", "InputSilent",
+        "WarmingUp", "", "Restarted", "",
+    ]  # fmt: skip
+    assert {r["axle"] for r in rows(live)} == {"1", "2", "3", "4"}
+    assert train.link.health.foreign_frames == 0
+
+
+def test_dump_has_the_rows_that_its_replay_gives(config: Config, tmp_path: Path) -> None:
+    train = RecordedTrain(config, tmp_path / "dumps", seconds=9.0)
+    exercise_all_state(train)
+    log = train.asked(spoiler(2))
+    assert main(["replay", str(log), "-o", str(tmp_path / "out.log"), "--events", str(tmp_path / "events.csv")]) == 0
+    written = log.with_suffix(".events.csv").read_text()
+    assert written == (tmp_path / "events.csv").read_text()
+    assert len(rows(written)) > 10
+    assert {"InputSilent", "WarmingUp", "InputStale", ""} <= {r["cause"] for r in rows(written)}
+
+
+def test_rows_go_to_the_screen_in_place_of_the_others(
+    config: Config, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    _, log = faulty(config, tmp_path / "bus")
+    assert main(["replay", str(log), "--events", "-"]) == 0
+    shown = capsys.readouterr().out
+    assert shown.splitlines()[0] == ",".join(COLUMNS)
+    assert len(rows(shown)) > 12
+    assert main(["replay", str(log), "--events", str(tmp_path / "e.csv"), "--csv", str(tmp_path / "t.csv")]) == 0
+    assert capsys.readouterr().out == ""
+    assert (tmp_path / "e.csv").read_text() == shown
+    assert len((tmp_path / "t.csv").read_text().splitlines()) > 1000
+    assert main(["replay", str(log), "--events", "-", "--explain"]) == 2
+    assert "--events: and the rows of --explain are both for the screen" in capsys.readouterr().err
+
+
+def test_rows_are_of_the_axles_and_the_time_that_are_asked_for(config: Config, tmp_path: Path) -> None:
+    train, log = faulty(config, tmp_path / "bus")
+    changes = train.sim.core.events.since(0)
+    begin_us, end_us = changes[5].time_us, changes[-1].time_us
+    asked = [c for c in changes if c.axle == 1 and begin_us <= c.time_us < end_us]
+    assert 0 < len(asked) < len([c for c in changes if c.axle == 1])
+    core, file = Core(config), io.StringIO()
+    written = EventRows(core, file, {1}, begin_us, end_us, origin_us=begin_us)
+    for frame, _ in read_log(log, Damage()):
+        core.feed(frame)
+        written.look()
+    found = rows(file.getvalue())
+    assert [(r["axle"], r["to"]) for r in found] == [("1", c.after.value) for c in asked]
+    assert found[0]["time_s"] == f"{(asked[0].time_us - begin_us) / 1e6:.6f}"
+
+
+def test_rows_of_several_logs_go_to_a_folder(config: Config, tmp_path: Path) -> None:
+    _, log = faulty(config, tmp_path / "bus")
+    other = log.with_name("other.log")
+    other.write_bytes(log.read_bytes())
+    out = tmp_path / "events"
+    assert main(["replay", str(log), str(other), "--events", str(out)]) == 0
+    assert sorted(p.name for p in out.iterdir()) == ["faulty.events.csv", "other.events.csv"]
+    assert (out / "faulty.events.csv").read_bytes() == (out / "other.events.csv").read_bytes()
+
+
+def test_log_is_not_overwritten_by_its_events(config: Config, tmp_path: Path) -> None:
+    _, log = faulty(config, tmp_path / "bus")
+    before = log.read_bytes()
+    assert main(["replay", str(log), "--events", str(log)]) == 2
+    assert log.read_bytes() == before

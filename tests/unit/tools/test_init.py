@@ -1,0 +1,413 @@
+"""wrcd init: what it proposes for a DBC, what it leaves open, and that `wrcd check` takes it."""
+
+import re
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from wrcd import resources
+from wrcd.bus.units import Quantity
+from wrcd.config import load_config, load_packaged
+from wrcd.core.configuration import Config, Input
+from wrcd.errors import InputError
+from wrcd.estimator.design import load_design
+from wrcd.tools import cli
+from wrcd.tools.dbc.text import read
+from wrcd.tools.init.draft import Draft
+from wrcd.tools.init.propose import propose
+
+ROOT = Path(__file__).parents[3]
+DESIGN = load_design(resources.DESIGN)
+DATA = ROOT / "tests" / "data" / "dbc"
+EXAMPLE = ROOT / "examples" / "own-dbc"
+WHEELSET = ("# wheelset = ", "wheelset = ")  # the edit that every proposal needs
+GYRO = '"deg/s" [-160|160] 0.005 16'
+ACCEL = '"g" [-9.8|9.8] 0.0003 16'
+TORQUE = '"kNm" [-130|130] 0.004 16'
+SPEED = '"km/h" [0|500] 0.01 16'
+
+
+def written(dbc: Path, folder: Path) -> Path:
+    """The configuration that init writes."""
+    out = folder / "my.toml"
+    assert cli.main(["init", str(dbc), "-o", str(out)]) == 0
+    return out
+
+
+def edited(file: Path, *edits: tuple[str, str]) -> Path:
+    """A configuration after somebody's edits, each of one place."""
+    text = file.read_text(encoding="utf-8")
+    for old, new in edits:
+        assert text.count(old) == 1, old
+        text = text.replace(old, new)
+    file.write_text(text, encoding="utf-8")
+    return file
+
+
+def mapped(config: Config) -> dict[tuple[Quantity, tuple[int, ...]], tuple[object, ...]]:
+    """What a configuration maps, without time-outs."""
+
+    def one(i: Input) -> tuple[object, ...]:
+        s = i.source
+        return s.message, s.signal, s.factor, s.low, s.high, s.statuses
+
+    return {(i.source.quantity, i.source.axles): one(i) for i in config.inputs}
+
+
+# --- whole files
+
+
+def test_third_party_dbc_is_accepted_after_three_edits(tmp_path: Path) -> None:
+    file = written(DATA / "third-party.dbc", tmp_path)
+    with pytest.raises(InputError) as e:
+        load_config(file)
+    assert "wheelset" in str(e.value)
+    assert "axle[2].lateral_acceleration: is missing" in str(e.value)
+    edited(
+        file,
+        WHEELSET,
+        ("# lateral_acceleration = {", "lateral_acceleration = {"),
+        ('unit = "m/s2"', 'unit = "m/s2", sign = -1'),
+    )
+    assert cli.main(["check", "--config", str(file)]) == 0
+    by_hand = load_config(DATA / "third-party.toml")
+    config = load_config(file)
+    assert mapped(config) == mapped(by_hand)
+    for ours, theirs in zip(config.axles, by_hand.axles, strict=True):
+        assert ours.number == theirs.number
+        assert ours.adhesion.message == theirs.adhesion.message
+        assert {**theirs.adhesion.signals} == {**ours.adhesion.signals} | {
+            "Confidence": theirs.adhesion.signals["Confidence"]
+        }
+
+
+def test_example_is_mapped_as_by_hand(tmp_path: Path) -> None:
+    file = edited(written(EXAMPLE / "train.dbc", tmp_path), WHEELSET)
+    assert mapped(load_config(file)) == mapped(load_config(EXAMPLE / "train.toml"))
+    assert load_config(file).axles == load_config(EXAMPLE / "train.toml").axles
+
+
+def test_packaged_dbc_is_mapped_as_packaged(tmp_path: Path) -> None:
+    config = load_config(edited(written(resources.DBC, tmp_path), WHEELSET))
+    packaged = load_packaged(8)
+    assert config.inputs == packaged.inputs
+    assert config.axles == packaged.axles
+    assert config.torque_is_total
+
+
+@pytest.mark.parametrize("dbc", [DATA / "sound.dbc", DATA / "third-party.dbc", EXAMPLE / "train.dbc", resources.DBC])
+def test_open_points_are_what_check_refuses(dbc: Path, tmp_path: Path) -> None:
+    file = written(dbc, tmp_path)
+    points = re.findall(r"^#   TODO (\d+)", file.read_text(encoding="utf-8"), re.MULTILINE)
+    with pytest.raises(InputError) as e:
+        load_config(file)
+    assert points == [str(n) for n in range(1, len(str(e.value).splitlines()) + 1)]
+
+
+def test_file_that_is_there_is_kept(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "my.toml"
+    out.write_text("mine", encoding="utf-8")
+    assert cli.main(["init", str(DATA / "sound.dbc"), "-o", str(out)]) == 2
+    assert "is there already" in capsys.readouterr().err
+    assert out.read_text(encoding="utf-8") == "mine"
+    assert cli.main(["init", str(DATA / "sound.dbc"), "-o", str(out), "--force"]) == 0
+    assert out.read_text(encoding="utf-8") != "mine"
+
+
+def test_without_output_the_file_goes_to_stdout_and_open_points_to_stderr(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(DATA)
+    assert cli.main(["init", "third-party.dbc"]) == 0
+    out, err = capsys.readouterr()
+    assert tomllib.loads(out)["dbc"] == {"file": "third-party.dbc"}
+    assert [line.partition(":")[0] for line in err.splitlines()][:3] == ["TODO 1", "TODO 2", "unsure"]
+
+
+def test_no_dbc_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "my.toml"
+    assert cli.main(["init", str(tmp_path / "none.dbc"), "-o", str(out)]) == 2
+    assert "no such DBC file" in capsys.readouterr().err
+    assert not out.exists()
+
+
+# --- one thing each
+
+
+def proposal(folder: Path, messages: Mapping[str, Mapping[str, str]], rest: str = "") -> Draft:
+    """What is proposed for messages with ids from 100, {"Name": {"Signal": '"unit" [min|max] factor bits'}}."""
+    lines = ['VERSION ""', "", "BS_:", "", "BU_: TCU Monitor", ""]
+    for number, (name, signals) in enumerate(messages.items(), 100):
+        lines.append(f"BO_ {number} {name}: 8 {'Monitor' if 'Adhesion' in name else 'TCU'}")
+        start = 0
+        for signal, text in signals.items():
+            unit, limits, factor, bits = text.rsplit(" ", 3)
+            sign = "-" if "-" in limits else "+"
+            lines.append(f" SG_ {signal} : {start}|{bits}@1{sign} ({factor},0) {limits} {unit} TCU")
+            start += int(bits)
+        lines.append("")
+    lines += [
+        'BA_DEF_ BO_ "GenMsgCycleTime" INT 0 65535;',
+        'BA_DEF_DEF_ "GenMsgCycleTime" 5;',
+        *([rest] if rest else []),
+        "",
+    ]
+    file = folder / "own.dbc"
+    file.write_text("\n".join(lines), encoding="utf-8")
+    return propose(read(file), folder, DESIGN)
+
+
+def tables(draft: Draft) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+    """[vehicle] and [[axle]], as they stand."""
+    top = tomllib.loads(draft.text())
+    return top["vehicle"], top["axle"]
+
+
+USUAL = {"Imu": {"YawRate": GYRO, "LatAcc": ACCEL}, "Tcu": {"Torque": TORQUE}, "Train": {"Speed": SPEED}}
+
+
+def test_one_axle_without_numbers(tmp_path: Path) -> None:
+    vehicle, [axle] = tables(proposal(tmp_path, USUAL))
+    assert vehicle["speed"] == "Train.Speed"
+    assert axle == {
+        "number": 1,
+        "yaw_rate": "Imu.YawRate",
+        "lateral_acceleration": "Imu.LatAcc",
+        "torque": "Tcu.Torque",
+    }
+
+
+def test_nothing_that_fits_leaves_a_comment_for_every_needed_key(tmp_path: Path) -> None:
+    draft = proposal(tmp_path, {"Doors": {"Open": '"" [0|1] 1 1'}})
+    vehicle, axles = tables(draft)
+    assert (vehicle, axles) == ({"torque_is_total": False}, [{"number": 1}])
+    for line in (
+        '# speed = "Message.Signal"',
+        '# yaw_rate = "Message.Signal"',
+        '# lateral_acceleration = "Message.Signal"',
+        '# torque = "Message.Signal"',
+        '# adhesion = "Message"',
+    ):
+        assert line in draft.lines
+    assert len(draft.open) == 6
+
+
+@pytest.mark.parametrize(
+    ("names", "numbers"),
+    [
+        (("Imu_A1", "Imu_A2"), [1, 2]),
+        (("Axle1Imu", "Axle2Imu"), [1, 2]),
+        (("RS1_Sensorik", "RS2_Sensorik"), [1, 2]),
+        (("ImuWheelset3", "ImuWheelset4"), [3, 4]),
+        (("Bogie1", "Bogie2"), [1, 2]),
+        (("Imu1", "Imu2"), [1, 2]),
+        (("Bogie1_Axle1", "Bogie1_Axle2", "Bogie2_Axle1", "Bogie2_Axle2"), [1, 2, 3, 4]),
+        (("ImuFront", "ImuRear"), [1, 2]),
+        (("Imu11", "Imu12", "Imu21"), [1, 2, 3]),
+    ],
+)
+def test_axles_are_numbered_by_names(names: tuple[str, ...], numbers: list[int], tmp_path: Path) -> None:
+    draft = proposal(tmp_path, {name: {"YawRate": GYRO, "LatAcc": ACCEL} for name in names})
+    _, axles = tables(draft)
+    assert [a["number"] for a in axles] == numbers
+    assert [a["yaw_rate"] for a in axles] == [f"{name}.YawRate" for name in names]
+
+
+def test_ninth_axle_is_an_open_point(tmp_path: Path) -> None:
+    draft = proposal(tmp_path, {f"Imu_A{a}": {"YawRate": GYRO} for a in range(1, 10)})
+    assert len(tables(draft)[1]) == 8
+    assert any("left out: 9" in point for point in draft.open)
+
+
+def test_setpoints_limits_and_other_axes_are_no_measurements(tmp_path: Path) -> None:
+    others = {
+        "Other": {"SpeedSetpoint": SPEED, "v_Soll": SPEED, "MaxSpeed": SPEED},
+        "More": {"GyroX": GYRO, "AccZ": ACCEL, "TorqueDemand": TORQUE, "WheelSpeed": SPEED},
+        "SimTruth_A1": {"YawRate": GYRO},
+    }
+    vehicle, [axle] = tables(proposal(tmp_path, others | USUAL))
+    assert vehicle["speed"] == "Train.Speed"
+    assert (axle["yaw_rate"], axle["torque"]) == ("Imu.YawRate", "Tcu.Torque")
+    assert axle["lateral_acceleration"] == "Imu.LatAcc"
+
+
+def test_rival_is_named_as_a_doubt(tmp_path: Path) -> None:
+    draft = proposal(tmp_path, USUAL | {"Spare": {"YawRate": GYRO}})
+    assert "Imu.YawRate is chosen; it could be Spare.YawRate" in draft.unsure
+
+
+def test_signal_by_unit_alone_is_a_doubt(tmp_path: Path) -> None:
+    draft = proposal(tmp_path, USUAL | {"Imu": {"Channel7": GYRO, "LatAcc": ACCEL}})
+    assert tables(draft)[1][0]["yaw_rate"] == "Imu.Channel7"
+    assert "Imu.Channel7 is chosen by its unit alone" in draft.unsure
+
+
+@pytest.mark.parametrize(
+    ("signals", "line", "point"),
+    [
+        (
+            {"Tcu": {"MotorTorque": TORQUE}},
+            '# torque = { signal = "Tcu.MotorTorque", at = "motor", gear_ratio = 1 }',
+            "looks like a motor's torque: give the gear ratio",
+        ),
+        (
+            {"Tcu": {"Torque": TORQUE.replace("kNm", "")}},
+            '# torque = { signal = "Tcu.Torque", unit = "kNm" }',
+            "has no unit in the DBC: is it kNm?",
+        ),
+    ],
+)
+def test_what_only_a_person_knows_is_left_as_a_comment(
+    signals: dict[str, dict[str, str]], line: str, point: str, tmp_path: Path
+) -> None:
+    draft = proposal(tmp_path, USUAL | signals)
+    assert line in draft.lines
+    assert any(point in p for p in draft.open)
+    assert "torque" not in tables(draft)[1][0]
+
+
+def test_force_acts_at_the_rim(tmp_path: Path) -> None:
+    draft = proposal(tmp_path, USUAL | {"Tcu": {"TractiveEffort": TORQUE.replace("kNm", "kN")}})
+    assert tables(draft)[1][0]["torque"] == {"signal": "Tcu.TractiveEffort", "at": "rim"}
+    assert "Tcu.TractiveEffort is a force: is it one axle's, at the rim?" in draft.unsure
+
+
+def test_torque_of_a_bogie_is_shared_by_a_person(tmp_path: Path) -> None:
+    gyros = {f"Imu_A{a}": {"YawRate": GYRO, "LatAcc": ACCEL} for a in range(1, 5)}
+    draft = proposal(tmp_path, gyros | {f"Tcu_Bogie{b}": {"Torque": TORQUE} for b in (1, 2)})
+    shared = [line for line in draft.lines if line.startswith("# torque = ")]
+    assert shared == [f'# torque = {{ signal = "Tcu_Bogie{b}.Torque", share = 0.5 }}' for b in (1, 1, 2, 2)]
+    assert all("torque" not in axle for axle in tables(draft)[1])
+
+
+def test_status_with_known_words_is_taken_by_itself(tmp_path: Path) -> None:
+    imu = {"YawRate": GYRO, "LatAcc": ACCEL, "ImuState": '"" [0|3] 1 2'}
+    draft = proposal(tmp_path, USUAL | {"Imu": imu}, 'VAL_ 100 ImuState 0 "OK" 1 "Fault" ;')
+    assert tables(draft)[1][0]["yaw_rate"] == "Imu.YawRate"
+
+
+def test_status_with_likely_words_is_a_doubt_and_written(tmp_path: Path) -> None:
+    imu = {"YawRate": GYRO, "LatAcc": ACCEL, "Zustand": '"" [0|3] 1 2'}
+    words = 'VAL_ 100 Zustand 0 "Selbsttest" 1 "Messbetrieb" 2 "eingeschraenkt" 3 "Fehler" ;'
+    draft = proposal(tmp_path, USUAL | {"Imu": imu}, words)
+    assert tables(draft)[1][0]["yaw_rate"] == {
+        "signal": "Imu.YawRate",
+        "status": "Imu.Zustand",
+        "ok": ["Messbetrieb"],
+        "degraded": ["eingeschraenkt"],
+    }
+    assert "Imu.Zustand: does 'Messbetrieb' mean a sound value?" in draft.unsure
+
+
+def test_status_with_unknown_words_is_an_open_point(tmp_path: Path) -> None:
+    imu = {"YawRate": GYRO, "LatAcc": ACCEL, "ImuState": '"" [0|3] 1 2'}
+    draft = proposal(tmp_path, USUAL | {"Imu": imu}, 'VAL_ 100 ImuState 0 "Blau" 1 "Fehler" ;')
+    assert '# yaw_rate = { signal = "Imu.YawRate", status = "Imu.ImuState", ok = ["?"] }' in draft.lines
+    assert any("which of 'Blau', 'Fehler' means a sound value?" in p for p in draft.open)
+
+
+def test_slow_gyro_is_an_open_point(tmp_path: Path) -> None:
+    draft = proposal(tmp_path, USUAL, 'BA_ "GenMsgCycleTime" BO_ 100 20;')
+    assert sum("comes every 20 ms, the design's tick is 5 ms" in p for p in draft.open) == 2
+
+
+def test_crc_and_counter_without_a_profile_are_a_doubt(tmp_path: Path) -> None:
+    imu = {"Crc": '"" [0|255] 1 8', "AliveCounter": '"" [0|15] 1 4', "YawRate": GYRO, "LatAcc": ACCEL}
+    draft = proposal(tmp_path, USUAL | {"Imu": imu})
+    assert any(doubt.startswith("Imu has a CRC and a counter, but no E2EProfile") for doubt in draft.unsure)
+
+
+def test_comment_that_says_right_is_a_doubt_about_the_sign(tmp_path: Path) -> None:
+    draft = proposal(tmp_path, USUAL, 'CM_ SG_ 100 LatAcc "positive to the right";')
+    assert any("give sign = -1" in doubt for doubt in draft.unsure)
+    assert "# Imu.LatAcc: positive to the right" in draft.lines
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        ('0 "Forward" 1 "Reverse"', 'direction = "Tcms.Direction"'),
+        ('0 "vorwaerts" 1 "rueckwaerts"', 'direction = "Tcms.Direction"'),
+        ('0 "A" 1 "B"', '# direction = "Tcms.Direction"'),
+    ],
+)
+def test_direction_is_mapped_where_a_word_means_backwards(words: str, line: str, tmp_path: Path) -> None:
+    draft = proposal(tmp_path, USUAL | {"Tcms": {"Direction": '"" [0|1] 1 1'}}, f"VAL_ 103 Direction {words} ;")
+    assert line in draft.lines
+
+
+def test_torque_is_total_only_where_the_dbc_says_so(tmp_path: Path) -> None:
+    assert tables(proposal(tmp_path, USUAL))[0]["torque_is_total"] is False
+    draft = proposal(tmp_path, USUAL, 'CM_ SG_ 101 Torque "Total torque at the axle";')
+    assert tables(draft)[0]["torque_is_total"] is True
+    brake = proposal(tmp_path, USUAL | {"Bcu": {"BrakeTorque": TORQUE}}, 'CM_ SG_ 101 Torque "Total torque";')
+    assert tables(brake)[0]["torque_is_total"] is False
+    assert tables(brake)[1][0]["brake_torque"] == "Bcu.BrakeTorque"
+
+
+def test_brake_effort_without_a_sign_is_turned(tmp_path: Path) -> None:
+    effort = TORQUE.replace("[-130", "[0")
+    brake = proposal(tmp_path, USUAL | {"Bcu": {"BrakeTorque": effort}})
+    assert tables(brake)[1][0]["brake_torque"] == {"signal": "Bcu.BrakeTorque", "sign": -1}
+
+
+ADHESION = {"Friction": '"%" [0|100] 0.5 8', "State": '"" [0|3] 1 2'}
+STATES = 'VAL_ 103 State 0 "None" 1 "Good" 2 "Poor" 3 "Err" ;'
+NO_VALUE = 'VAL_ 103 Friction 255 "not available" ;'
+
+
+def test_adhesion_message_of_own_names_is_mapped_word_by_word(tmp_path: Path) -> None:
+    draft = proposal(tmp_path, USUAL | {"Adhesion": ADHESION}, f"{STATES}\n{NO_VALUE}")
+    assert tables(draft)[1][0]["adhesion"] == {
+        "message": "Adhesion",
+        "mu_available": {"signal": "Friction", "not_available": 255},
+        "validity": {"signal": "State", "not_available": "None", "valid": "Good", "degraded": "Poor", "error": "Err"},
+    }
+
+
+@pytest.mark.parametrize(
+    ("signals", "words", "line", "point"),
+    [
+        (
+            ADHESION,
+            STATES,
+            '# adhesion.mu_available = { signal = "Friction", not_available = 255 }',
+            "has no word for 'not available': is it 255",
+        ),
+        (
+            ADHESION | {"Friction": '"%" [0|102] 0.4 8'},
+            STATES,
+            '# adhesion.mu_available = { signal = "Friction", not_available = 255 }',
+            "every value of it is an adhesion",
+        ),
+        (
+            ADHESION,
+            NO_VALUE + '\nVAL_ 103 State 0 "None" 1 "Gruen" 2 "Poor" ;',
+            '# adhesion.validity = { signal = "State", not_available = "None", valid = "?", degraded = "Poor" }',
+            "means valid?",
+        ),
+        (
+            {"Friction": ADHESION["Friction"]},
+            NO_VALUE,
+            '# adhesion.validity = { signal = "Signal", valid = "…", degraded = "…", not_available = "…" }',
+            "says whether the value may be used?",
+        ),
+    ],
+)
+def test_adhesion_message_that_lacks_a_word_is_an_open_point(
+    signals: dict[str, str], words: str, line: str, point: str, tmp_path: Path
+) -> None:
+    draft = proposal(tmp_path, USUAL | {"Adhesion": signals}, words)
+    assert line in draft.lines
+    assert any(point in p for p in draft.open)
+
+
+def test_used_adhesion_is_not_taken_for_the_available(tmp_path: Path) -> None:
+    signals = {"FrictionUsed": '"%" [0|100] 0.5 8', "FrictionMax": '"%" [0|100] 0.5 8', "State": '"" [0|3] 1 2'}
+    words = f'{STATES}\nVAL_ 103 FrictionUsed 255 "SNA" ;\nVAL_ 103 FrictionMax 255 "SNA" ;'
+    adhesion = tables(proposal(tmp_path, USUAL | {"Adhesion": signals}, words))[1][0]["adhesion"]
+    assert adhesion["mu_available"] == {"signal": "FrictionMax", "not_available": 255}
+    assert adhesion["mu_used"] == {"signal": "FrictionUsed", "not_available": 255}

@@ -1,0 +1,1 @@
+"""`wrcd check --log` and `--live`: what a bus gives a configuration, and what would stop Valid."""

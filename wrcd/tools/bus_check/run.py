@@ -1,0 +1,91 @@
+"""A log, or a bus for some seconds, through a core that nobody listens to."""
+
+import signal
+import sys
+import time
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from types import FrameType
+
+from wrcd.bus.frame import Frame
+from wrcd.bus.log import Damage, read_stretches
+from wrcd.bus.opening import open_link
+from wrcd.config import load_config
+from wrcd.core.configuration import Config
+from wrcd.core.core import Core
+from wrcd.errors import InputError
+from wrcd.tools.bus_check.figures import figures
+from wrcd.tools.bus_check.findings import findings
+from wrcd.tools.bus_check.gather import Gathered, Item
+from wrcd.tools.bus_check.page import nothing, page
+from wrcd.tools.bus_check.signs import signs
+from wrcd.tools.bus_check.times import Clock
+from wrcd.tools.progress import Progress
+from wrcd.tools.replay import outgoing_of_stretches, progress
+
+FINE, WOULD_STOP, NO_FRAME_FITS = 0, 1, 3
+TURN_S = 0.02
+MAX_LIVE_S = 3600.0
+
+
+def check_log(log: Path, config_file: Path | None) -> int:
+    """Print what a log gives a configuration. Returns 0 if nothing would stop Valid, 1 if something would, 3 if no
+    frame fits. Raises InputError."""
+    config = load_config(config_file)
+    damage = Damage()
+    status = _report(config, Gathered(config), progress(read_stretches(log, damage), log))
+    for warning in damage.warnings(log):
+        print(f"wrcd: warning: {warning}", file=sys.stderr)
+    return status
+
+
+def check_live(seconds: float, config_file: Path | None, interface: str | None, channel: str | None) -> int:
+    """The same of a bus, to which nothing is sent. Ctrl-C ends it sooner. Raises InputError."""
+    if not 0.0 < seconds <= MAX_LIVE_S:
+        raise InputError(f"takes seconds up to {MAX_LIVE_S:g}, not {seconds:g}", key="--live")
+    config = load_config(config_file)
+    gathered = Gathered(config)
+    heard = _heard(config, seconds, interface, channel, gathered.receiver.fd)
+    return _report(config, gathered, heard)
+
+
+def _heard(
+    config: Config, seconds: float, interface: str | None, channel: str | None, fd: bool
+) -> Iterator[tuple[Frame, str]]:
+    """Every frame of a bus for so long."""
+    stopped = False
+
+    def stop(_number: int, _frame: FrameType | None) -> None:
+        nonlocal stopped
+        stopped = True
+
+    name = channel or config.channel
+    link = open_link(interface or config.interface, name, None, fd=fd)
+    shown, began = Progress(), time.monotonic()
+    before = signal.signal(signal.SIGINT, stop)
+    try:
+        while not stopped and (passed := time.monotonic() - began) < seconds:
+            for frame in link.receive(time.time_ns() // 1000):
+                yield frame, name
+            shown.at(f"{name}: listening", passed / seconds)
+            time.sleep(TURN_S)
+    finally:
+        signal.signal(signal.SIGINT, before)
+        link.close()
+        shown.end()
+
+
+def _report(config: Config, gathered: Gathered, items: Iterable[Item]) -> int:
+    core = Core(config)
+    clock = Clock(core, config)
+    for _ in outgoing_of_stretches(core, gathered.watched(items)):
+        clock.look()
+    clock.end()
+    if not gathered.mapped:
+        print("\n".join(nothing(config, gathered)))
+        return NO_FRAME_FITS
+    found = figures(config, gathered, core.counts.rejected_by_message)
+    fits = signs(config, gathered)
+    told = findings(config, gathered, found, fits, clock.axles)
+    print("\n".join(page(config, gathered, found, fits, clock.axles, told)))
+    return WOULD_STOP if any(f.stops for f in told) else FINE
