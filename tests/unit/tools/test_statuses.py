@@ -31,7 +31,7 @@ WRCD_CASES = [
     ("reload 4194305", 2),
     ("init {dbc}", 0),
     ("init {dbc} -o here.toml", 2),
-    ("init never.dbc", 3),
+    ("init never.dbc", 2),
     ("lint {dbc}", 0),
     ("lint {truth}", 1),
     ("lint bad.dbc", 2),
