@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from pathlib import Path
 
 import e2e.p11
 import pytest
@@ -11,13 +12,13 @@ from hypothesis import strategies as st
 from tests.fuzz.strategies import any_frames, damaged, near_frames
 from tests.support.can_ids import UNMAPPED, YAW_RATE_A1
 from tests.support.dbc_texts import DIRECTION_AND_LOAD_DBC, TRAIN_DBC
-from wrcd.bus.codec import Receiver
+from wrcd.bus.codec import Receiver, message_key
 from wrcd.bus.dbc import Database, load_dbc
 from wrcd.bus.e2e import COUNTER_MODULO, Checker, crc, protect
 from wrcd.bus.frame import EXTENDED, Frame
 from wrcd.bus.log import format_line, parse_line
 from wrcd.bus.reasons import Reason
-from wrcd.bus.signals import Source
+from wrcd.bus.signals import Source, StatusRule
 from wrcd.bus.units import Quantity
 from wrcd.config import load_config
 
@@ -89,6 +90,46 @@ def test_any_frame_of_an_own_dbc_is_accepted_or_rejected(
             )
         ):
             judge(receiver, sources, frame)
+
+
+THIRD_PARTY = load_config(Path(__file__).parents[1] / "data/dbc/third-party.toml")
+# CAN FD, multiplexed signals of own factors, a status in another message
+ODD_SOURCES = (
+    *(i.source for i in THIRD_PARTY.inputs),
+    Source("ASG_Diagnose", "Strom", Quantity.TORQUE, (0,), factor=3.0, part=1),
+    Source(
+        "ASG_Diagnose", "Spannung", Quantity.BRAKE_TORQUE, (0,), factor=-5.0, invalid=frozenset({7}),
+        statuses=(StatusRule("Klima_Ist", "Zustand", frozenset({0, 1}), frozenset({2}), 1_000_000),),
+    ),
+)  # fmt: skip
+ODD_LENGTHS = {message_key(m): (m.length, m.is_fd) for m in THIRD_PARTY.database.messages}
+
+
+@st.composite
+def odd_frames(draw: st.DrawFn) -> Frame:
+    key = draw(st.sampled_from(sorted(ODD_LENGTHS)))
+    length, fd = ODD_LENGTHS[key]
+    data = draw(st.binary(min_size=length, max_size=length) | st.binary(max_size=64))
+    fd = fd ^ (draw(st.integers(0, 9)) == 0)
+    return Frame(draw(st.integers(0, 5_000_000)), key & ~EXTENDED, data, bool(key & EXTENDED), False, False, fd)
+
+
+@given(st.lists(odd_frames(), max_size=30))
+def test_any_frame_of_an_odd_message_is_accepted_or_rejected(frames: list[Frame]) -> None:
+    receiver = Receiver(THIRD_PARTY.database, ODD_SOURCES)
+    for frame in frames:
+        got = receiver.read(frame)
+        reader = receiver.reader(frame)
+        assert (got is None) == (reader is None)
+        if reader is None or got is None:
+            continue
+        if isinstance(got, Reason):
+            assert set(reader.concerned(frame, got)) <= set(reader.numbers)
+            continue
+        assert (len(frame.data), frame.fd) == ODD_LENGTHS[frame.key]
+        assert {s.source for s in got} <= set(reader.numbers)
+        for s in got:
+            assert abs(s.value) <= ODD_SOURCES[s.source].quantity.limit
 
 
 @given(st.binary(min_size=2, max_size=64), st.integers(0, 0xFFFF), st.integers(0, COUNTER_MODULO - 1), st.data())

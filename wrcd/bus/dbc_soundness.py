@@ -48,7 +48,7 @@ def _used_bits(message: "Message", tree: Any, used: dict[str, int]) -> dict[str,
 def _bits(message: "Message", s: "Signal") -> int:
     """The bits of a signal, the first byte's highest. Raises ValueError for those that its message lacks."""
     whole = 8 * message.length
-    if s.start < 0:  # cantools loads that; check_supported refuses it
+    if s.start < 0:  # cantools loads that; check_readable refuses it
         return 0
     if s.byte_order == "little_endian":
         if s.start + s.length <= whole:
