@@ -27,7 +27,7 @@ unit: $(READY)
 # vcan of this kernel where it has one, else of a throw-away guest kernel
 hil: $(READY)
 	GUEST_TIMEOUT=900 tests/hil/guest/run --native-ok -- $(BIN)/python -m pytest $(HIL) -rP \
-	    tests/hil/test_vcan.py tests/hil/test_link_*.py tests/hil/test_load.py
+	    tests/hil/test_vcan.py tests/hil/test_own_dbc.py tests/hil/test_link_*.py tests/hil/test_load.py
 
 # every fault of the matrix against the real daemon; its table is printed
 faults: $(READY)
@@ -59,7 +59,7 @@ coverage: $(READY)
 	mkdir -p build/coverage/guest
 	$(BIN)/coverage run -m pytest --durations=5
 	GUEST_OUT=build/coverage/guest GUEST_TIMEOUT=900 tests/hil/guest/run -- sh -c \
-	    'COVERAGE_FILE=$$OUT/data exec $(BIN)/coverage run -m pytest $(HIL) tests/hil/test_link_*.py tests/hil/test_vcan.py'
+	    'COVERAGE_FILE=$$OUT/data exec $(BIN)/coverage run -m pytest $(HIL) tests/hil/test_link_*.py tests/hil/test_vcan.py tests/hil/test_own_dbc.py'
 	$(BIN)/coverage combine -q build/coverage build/coverage/guest
 	$(BIN)/coverage report --fail-under=95
 

@@ -1,7 +1,8 @@
 """What an axle carries, as TOML: its sensors, and what its axle box feels."""
 
-from sim_ecu.physics.axlebox import SHAPES, AxleBox
+from sim_ecu.physics.axlebox import AxleBox
 from sim_ecu.physics.sensors import SENSOR_SETS, SensorSet
+from sim_ecu.play import scenario_keys as keys
 from sim_ecu.play.encoder import SAMPLE_US
 from wrcd.settings import Section
 
@@ -14,12 +15,8 @@ def read_sensors(section: Section) -> SensorSet:
     if isinstance(value, str):
         return SENSOR_SETS[section.choice("sensors", SENSOR_SETS, "mems")]
     s = section.section("sensors")
-    base = SENSOR_SETS[s.choice("kind", SENSOR_SETS, "mems")]
-    out = base.biased(
-        s.number("yaw_rate_bias_rad_s", 0.0, -1.0, 1.0),
-        s.number("lateral_acceleration_bias_m_s2", 0.0, -10.0, 10.0),
-        s.number("torque_bias_N_m", 0.0, -1e5, 1e5),
-    )
+    base = SENSOR_SETS[keys.KIND_OF_SENSORS.value(s)]
+    out = base.biased(keys.YAW_BIAS.of(s), keys.LAT_BIAS.of(s), keys.TORQUE_BIAS.of(s))
     s.done()
     return out
 
@@ -27,15 +24,15 @@ def read_sensors(section: Section) -> SensorSet:
 def read_axlebox(section: Section, base: AxleBox) -> AxleBox:
     """[axlebox]: what differs from base."""
     out = AxleBox(
-        vibration_m_s2=section.number("vibration_m_s2", base.vibration_m_s2, 0.0, 100.0),
+        vibration_m_s2=keys.VIBRATION.of(section, base.vibration_m_s2),
         band_hz=_band(section, base.band_hz),
-        joint_m_s2=section.number("joint_m_s2", base.joint_m_s2, 0.0, 1000.0),
-        joint_every_m=section.number("joint_every_m", base.joint_every_m, 0.5, 1e6),
-        joint_s=section.number("joint_s", base.joint_s, 1e-3, 0.5),
-        joint_shape=section.choice("joint_shape", SHAPES, base.joint_shape),
-        crossing_m_s2=section.number("crossing_m_s2", base.crossing_m_s2, 0.0, 1000.0),
-        crossing_at_m=section.number("crossing_at_m", base.crossing_at_m, 0.0, 1e7),
-        gyro_per_m_s2=section.number("gyro_per_m_s2", base.gyro_per_m_s2, -1.0, 1.0),
+        joint_m_s2=keys.JOINT.of(section, base.joint_m_s2),
+        joint_every_m=keys.JOINT_EVERY.of(section, base.joint_every_m),
+        joint_s=keys.JOINT_S.of(section, base.joint_s),
+        joint_shape=section.choice(keys.JOINT_SHAPE.name, keys.JOINT_SHAPE.options, base.joint_shape),
+        crossing_m_s2=keys.CROSSING.of(section, base.crossing_m_s2),
+        crossing_at_m=keys.CROSSING_AT.of(section, base.crossing_at_m),
+        gyro_per_m_s2=keys.GYRO_FEELS.of(section, base.gyro_per_m_s2),
     )
     section.done()
     return out

@@ -17,6 +17,8 @@ from sim_ecu.play.interface import Bus, Interface, PythonCan, check
 from sim_ecu.play.player import LARGE_CHUNK, Player
 from sim_ecu.play.scenario import Scenario
 from sim_ecu.play.train import PACKAGED, Train
+from wrcd.bus.log import format_line
+from wrcd.bus.pythoncan import from_message
 from wrcd.errors import BusError, InputError
 from wrcd.tools.progress import Progress
 
@@ -71,11 +73,28 @@ def play_to_log(scenario: Scenario, log: Path, truth: bool = True, train: Train 
     return tally
 
 
+class CandumpWriter(can.Listener):
+    """Writes frames as candump does. python-can's writer puts a direction behind each, which readers of the plain form
+    take for data."""
+
+    def __init__(self, log: Path) -> None:
+        self._file = log.open("w", encoding="ascii", newline="\n")
+
+    def on_message_received(self, msg: can.Message) -> None:
+        """Write a line."""
+        stamp_us = round(msg.timestamp * 1e6)
+        self._file.write(f"{format_line(from_message(msg, stamp_us), str(msg.channel))}\n")
+
+    def stop(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+
 @contextlib.contextmanager
 def open_logger(log: Path) -> Iterator[can.Listener]:
-    """python-can's writer for the suffix. Raises InputError if there is none or the file can't be made."""
+    """A writer for the suffix. Raises InputError if there is none or the file can't be made."""
     try:
-        logger = can.Logger(log)
+        logger = CandumpWriter(log) if log.suffix.lower() == ".log" else can.Logger(log)
     except (ValueError, OSError, ImportError, NotImplementedError) as e:
         raise InputError(f"cannot be written: {e}", file=log, hint="use .log for a candump log") from None
     try:

@@ -20,15 +20,16 @@ from sim_ecu.physics.rail import rail_table as rail_table
 from sim_ecu.physics.sensors import SENSOR_SETS, SensorSet
 from sim_ecu.physics.track import OMEGA_C, QUALITY
 from sim_ecu.physics.wheelset import Command, Wheelset
+from sim_ecu.play import scenario_keys as keys
 from sim_ecu.play.equipment import read_axlebox, read_sensors
 from sim_ecu.play.faults import Fault, read_fault
 from wrcd.core.configuration import MAX_AXLES
 from wrcd.errors import InputError
+from wrcd.keys import names
 from wrcd.settings import Section, read_toml, suggest
 
 FloatArray = NDArray[np.float64]
 FOLDER = Path(__file__).parent / "scenarios"
-DEMANDS = ("torque_N_m", "utilisation", "creep", "creep_of_peak")
 # Where axles 1 … 8 stand along the train: two vehicles of two bogies each, with a wheelbase of 2.5 m, 19 m from pivot
 # to pivot; a vehicle is 26.4 m long.
 POSITIONS_M = (0.0, -2.5, -19.0, -21.5, -26.4, -28.9, -45.4, -47.9)
@@ -151,10 +152,10 @@ def read_scenario(top: Section, name: str) -> Scenario:
         own.done()
     scenario = Scenario(
         name=name,
-        title=top.get("title", str, name),
-        duration_s=top.number("duration_s", 30.0, 0.1, 1e6),
-        speed=_course(top, "speed_m_s", 25.0, 0.0, 100.0),
-        hold_speed=top.get("hold_speed", bool, True),
+        title=keys.TITLE.read(top) or name,
+        duration_s=keys.DURATION.of(top),
+        speed=Course(*keys.SPEED.read(top)),
+        hold_speed=keys.HOLD_SPEED.read(top),
         wheelset=wheelset,
         axles=tuple(axles),
         faults=tuple(read_fault(f, sorted(numbers)) for f in top.sections("fault")),
@@ -166,10 +167,10 @@ def read_scenario(top: Section, name: str) -> Scenario:
 def read_wheelset(section: Section) -> Wheelset:
     """[wheelset]: what differs from the default one."""
     standard = Wheelset()
-    given: dict[str, Any] = {k: section.number(k, v, 1e-9, 1e15) for k, v in standard.numbers().items()}
-    name = section.get("name", str, standard.name)
+    given: dict[str, Any] = {key.name: key.of(section) for key in keys.PARAMETERS}
+    name = keys.NAME.read(section)
     section.done()
-    return replace(standard, name=name, **given)
+    return replace(standard, name=name or standard.name, **given)
 
 
 class _Common:
@@ -207,7 +208,7 @@ def _axle(number: int, own: Section, common: _Common) -> AxleScenario:
         roughness=_roughness(own) if "track" in own else common.roughness,
         sensors=read_sensors(own) if "sensors" in own else common.sensors,
         seed=_seed(own, common.seed * 16 + number),
-        position_m=own.number("position_m", POSITIONS_M[number - 1] - POSITIONS_M[common.first - 1], -1000.0, 1000.0),
+        position_m=keys.POSITION.of(own, POSITIONS_M[number - 1] - POSITIONS_M[common.first - 1]),
         track_seed=None if "seed" in own else common.seed * 16 + common.first,
         axlebox=read_axlebox(own.section("axlebox"), common.axlebox),
     )
@@ -217,15 +218,15 @@ def _rail(section: Section) -> FloatArray:
     """Sections of rail, each from a distance on."""
     parts: list[RailSection] = []
     for part in section.sections("rail"):
-        start = part.number("from_m", 0.0, 0.0, 1e7)
+        start = keys.FROM.of(part)
         curve = _curve(part)
-        radius = part.number("radius_m", 0.0, -1e6, 1e6)
-        cant = part.number("cant_rad", 0.0, -0.2, 0.2)
+        radius = keys.RADIUS.of(part)
+        cant = keys.CANT.of(part)
         if not parts and "transition_m" in part:
             raise part.error(
                 "the first section has none to come from", "transition_m", "begin with a straight [[rail]]"
             )
-        transition = part.number("transition_m", BLEND_M, BLEND_M, 1000.0)
+        transition = keys.TRANSITION.of(part)
         part.done()
         if parts and start <= (parts[-1].settled_m if len(parts) > 1 else parts[0].from_m):
             raise part.error(
@@ -242,21 +243,20 @@ def _rail(section: Section) -> FloatArray:
 def _curve(part: Section) -> CreepCurve:
     """A letter of the study, or mu_0 for a curve of the family between them, or all five parameters."""
     if "curve" in part:
-        return CURVES[part.choice("curve", CURVES, "A")]
-    mu_0 = part.number("mu_0", 0.55, 0.005, 1.0)
+        return CURVES[keys.CURVE.value(part)]
+    mu_0 = keys.MU_0.of(part)
     base = curve_between(mu_0)
-    rest: dict[str, Any] = {k: part.number(k, getattr(base, k), 0.0, 10.0) for k in ("A", "B", "k_A", "k_S")}
+    rest: dict[str, Any] = {key.name: key.of(part, getattr(base, key.name)) for key in keys.LAW}
     return replace(base, **rest)
 
 
 def _drive(section: Section) -> Drive:
     d = section.section("drive")
-    given = [k for k in DEMANDS if k in d]
+    given = [key for key in keys.DEMANDS if key.name in d]
     if len(given) != 1:
-        raise d.error(f"takes exactly one of {', '.join(DEMANDS)}; found {', '.join(given) or 'none'}")
-    name = given[0]
-    most = {"torque_N_m": 2e5, "utilisation": 3.0, "creep": 1.0, "creep_of_peak": 10.0}[name]
-    drive = Drive(name, _course(d, name, 0.0, -most, most), _course(d, "creep_limit_of_peak", 1.0, 0.05, 20.0))
+        named = ", ".join(key.name for key in given)
+        raise d.error(f"takes exactly one of {', '.join(names(keys.DEMANDS))}; found {named or 'none'}")
+    drive = Drive(given[0].name, Course(*given[0].read(d)), Course(*keys.CREEP_LIMIT.read(d)))
     d.done()
     return drive
 
@@ -266,18 +266,3 @@ def _roughness(section: Section) -> float:
     if isinstance(value, str):
         return QUALITY[section.choice("track", QUALITY, "good")]
     return section.number("track", QUALITY["good"], 0.0, 1e-4)
-
-
-def _course(section: Section, key: str, default: float, low: float, high: float) -> Course:
-    value = section.raw(key)
-    if not isinstance(value, list):
-        return Course((0.0,), (section.number(key, default, low, high),))
-    try:
-        table = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        table = np.zeros(0)
-    if table.ndim != 2 or table.shape[1] != 2 or not len(table) or not np.all(np.diff(table[:, 0]) >= 0):
-        raise section.error("takes a number or [[time_s, value], …] with times that do not fall", key)
-    if not np.all((table[:, 1] >= low) & (table[:, 1] <= high)):
-        raise section.error(f"takes values from {low:g} to {high:g}", key)
-    return Course(tuple(table[:, 0].tolist()), tuple(table[:, 1].tolist()))

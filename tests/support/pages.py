@@ -22,6 +22,7 @@ from pathlib import Path
 from sim_ecu import cli as rig_cli
 from sim_ecu import resources as rig
 from sim_ecu.commands.statuses import STATUSES as RIG
+from sim_ecu.play import scenario_keys
 from sim_ecu.play.expected import LONG_ROWS, ROWS
 from sim_ecu.play.expected_lines import expected_lines
 from sim_ecu.play.judge import which
@@ -200,6 +201,15 @@ def configuration(which: str) -> list[str]:
     return table(("key", "takes", "default", "reload", "what"), rows)
 
 
+def scenario(which: str = "") -> list[str]:
+    """The keys of a table of a scenario; its top level without a name."""
+    rows: list[tuple[object, ...]] = [
+        (f"`{key.name}`", key.takes, key.shown_default, getattr(key, "unit", ""), key.what)
+        for key in scenario_keys.TABLES[which]
+    ]
+    return table(("key", "takes", "default", "unit", "what"), rows)
+
+
 def bus_load() -> list[str]:
     """What the packaged DBCs take of a bus, by axles."""
     return load_table(load_dbc(resources.DBC), load_dbc(rig.TRUTH_DBC), MAX_AXLES)
@@ -234,9 +244,16 @@ def fault_lines() -> list[str]:
 
 
 MAKERS: dict[str, Callable[..., list[str]]] = {
-    "messages": messages, "options": options, "configuration": configuration, "bus-load": bus_load,
-    "exit-codes": exit_codes, "lint-codes": lint_codes, "lint-of": lint_of, "fault-lines": fault_lines,
-}  # fmt: skip
+    "messages": messages,
+    "options": options,
+    "configuration": configuration,
+    "bus-load": bus_load,
+    "exit-codes": exit_codes,
+    "lint-codes": lint_codes,
+    "lint-of": lint_of,
+    "fault-lines": fault_lines,
+    "scenario": scenario,
+}
 
 
 def main() -> int:

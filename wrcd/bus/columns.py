@@ -1,7 +1,7 @@
 """A stretch of a log by columns: lines to arrays, frames to samples, as many at once as are regular.
 
-A line is regular if candump wrote it so: "(1700000000.123456) can0 091#0011223344556677", perhaps with " R" or " T"
-behind it. A message is regular in a
+A line is regular if candump wrote it so: "(1700000000.123456) can0 091#0011223344556677", perhaps with nine decimals
+(all lines then), and with " R" or " T" behind it. A message is regular in a
 stretch if every frame of it passes all checks and its E2E counter goes on; its samples are then the same as those that
 its reader gives for one frame after the other. Everything else goes the ordinary way.
 """
@@ -23,7 +23,7 @@ IntArray = NDArray[np.int64]
 Samples = Sequence[Sample]
 MIN_ROWS, MAX_ROWS = 32, 5000  # fewer at once are not worth it, more need memory
 MAX_BITS = 52  # of a raw value that a float holds exactly, whatever its scale does
-_STAMP = 20  # characters of "(1700000000.123456) "
+_ENDS = (18, 21)  # where the bracket behind a stamp of micro- or nanoseconds is
 _DIGITS = [*range(1, 11), *range(12, 18)]
 _POWERS = 10 ** np.arange(15, -1, -1, dtype=np.int64)
 _HEX = np.full(256, 255, dtype=np.uint8)
@@ -117,13 +117,16 @@ def parse_lines(text: bytes) -> tuple[Stretch, NDArray[np.bool_], IntArray, IntA
     last = buffer[np.maximum(ends - 1, 0)]
     directed = (buffer[np.maximum(ends - 2, 0)] == ord(" ")) & ((last == ord("R")) | (last == ord("T")))
     lengths = np.where(directed, lengths - 2, lengths)
-    space = text.find(b" ", _STAMP)
-    if len(ends) < MIN_ROWS or space < 0 or space > _STAMP + 16:
+    bracket = text.find(b")", _ENDS[0])
+    begin = bracket + 2  # of the channel
+    space = text.find(b" ", begin)
+    if len(ends) < MIN_ROWS or bracket not in _ENDS or space < 0 or space > begin + 16:
         return None
-    channel = text[_STAMP:space]
+    channel = text[begin:space]
     if channel.split() != [channel]:
         return None
-    head = _STAMP + len(channel) + 1
+    head = begin + len(channel) + 1
+    digits_at = [*_DIGITS, *range(18, bracket)]
     k = len(ends)
     regular = np.zeros(k, dtype=bool)
     stamps, ids, sizes = np.zeros(k, dtype=np.int64), np.zeros(k, dtype=np.int64), np.zeros(k, dtype=np.int64)
@@ -136,18 +139,18 @@ def parse_lines(text: bytes) -> tuple[Stretch, NDArray[np.bool_], IntArray, IntA
             continue
         rows = np.flatnonzero(lengths == length)
         lines = buffer[starts[rows][:, None] + np.arange(length)]
-        numbers = lines[:, _DIGITS] - np.uint8(ord("0"))
+        numbers = lines[:, digits_at] - np.uint8(ord("0"))
         nibbles = _HEX[lines[:, head:]]
         mark = nibbles[:, digits].copy()
         nibbles[:, digits] = 0
-        good = (lines[:, [0, 11, 18, 19]] == np.frombuffer(b"(.) ", dtype=np.uint8)).all(axis=1)
-        good &= (lines[:, _STAMP:head] == np.frombuffer(channel + b" ", dtype=np.uint8)).all(axis=1)
+        good = (lines[:, [0, 11, bracket, begin - 1]] == np.frombuffer(b"(.) ", dtype=np.uint8)).all(axis=1)
+        good &= (lines[:, begin:head] == np.frombuffer(channel + b" ", dtype=np.uint8)).all(axis=1)
         good &= (lines[:, head + digits] == ord("#")) & (mark == 255)
         good &= (numbers <= 9).all(axis=1) & (nibbles < 16).all(axis=1)
         identifier = nibbles[:, :digits].astype(np.int64) @ (16 ** np.arange(digits - 1, -1, -1, dtype=np.int64))
         good &= identifier <= (0x7FF if digits == 3 else 0x1FFFFFFF)
         regular[rows] = good
-        stamps[rows] = numbers.astype(np.int64) @ _POWERS
+        stamps[rows] = numbers[:, :16].astype(np.int64) @ _POWERS
         ids[rows] = identifier
         sizes[rows], extended[rows] = size, digits == 8
         payload = nibbles[:, digits + 1 :]

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 EXTENDED = 0x8000_0000  # in a key: the id is one of 29 bits
 
 
-# Not frozen, though nobody changes one: a frozen dataclass of seven fields takes seven times as long to make, longer
+# Not frozen, though nobody changes one: a frozen dataclass of its fields takes seven times as long to make, longer
 # than to receive the frame from the kernel.
 @dataclass(slots=True, unsafe_hash=True)
 class Frame:
@@ -18,6 +18,8 @@ class Frame:
     remote: bool = False
     error: bool = False
     fd: bool = False
+    # FD: its flags (1 bit rate switched, 2 sender error passive); remote: the length asked for; else a DLC above 8
+    extra: int = 0
 
     @property
     def plain(self) -> bool:
@@ -28,3 +30,9 @@ class Frame:
     def key(self) -> int:
         """Identity of the frame's message: the id, and EXTENDED if it has 29 bits. Two messages may share a number."""
         return self.can_id | EXTENDED if self.extended else self.can_id
+
+    @property
+    def possible(self) -> bool:
+        """Whether a bus can carry it: a damaged log names ids and lengths that there are not."""
+        longest_id = 0x1FFFFFFF if self.extended or self.error else 0x7FF
+        return 0 <= self.can_id <= longest_id and len(self.data) <= (64 if self.fd else 8)

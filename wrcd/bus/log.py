@@ -6,52 +6,27 @@ import io
 import re
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, cast
 
+from wrcd.bus.damage import Damage
 from wrcd.bus.frame import Frame
 from wrcd.errors import InputError
 
 if TYPE_CHECKING:
     from wrcd.bus.columns import Stretch
 
+__all__ = ["Damage", "format_line", "log_suffix", "parse_line", "read_log", "read_stretches"]
 CHUNK_BYTES, READ_BYTES = 1 << 18, 1 << 13  # of a log, taken at once, and asked of the file at once
 CANDUMP_SUFFIXES = {".log"}
-# (1700000000.123456) can0 091#0011223344556677 — id of 3 or 8 digits, R for remote, ## and a flag digit for CAN FD,
-# and perhaps a direction behind
+# (1700000000.123456) can0 091#0011223344556677 — with -N nine decimals; an id of 3 or 8 digits; R for remote and the
+# length asked for; ## and a flag digit for CAN FD; _ and a DLC above 8 behind 8 bytes; and perhaps a direction (-x)
 _LINE = re.compile(
-    rb"\((\d{1,11})\.(\d{6})\)\s+(\S+)\s+([0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})#(?:(#)[0-9A-Fa-f])?"
-    rb"(?:(R)[0-8]?|((?:[0-9A-Fa-f]{2})*))(?:\s+[RT])?\s*"
+    rb"\((\d{1,11})\.(\d{6})(?:\d{3})?\)\s+(\S+)\s+([0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})#(?:#([0-9A-Fa-f]))?"
+    rb"(?:([Rr])([0-8]?)|((?:[0-9A-Fa-f]{2})*))(?:_([9A-Fa-f]))?(?:\s+[RT])?\s*"
 )
+_DROPPED = re.compile(rb"DROPCOUNT: dropped (\d{1,9}) CAN frames? on .*")
 _ERROR_FLAG = 0x20000000
-
-
-@dataclass(slots=True)
-class Damage:
-    """What could not be read. lines holds the first few line numbers, bad counts them all."""
-
-    bad: int = 0
-    lines: list[int] = field(default_factory=list)
-    cut_line: int | None = None  # last line, cut off in the middle
-    read: int = 0
-
-    def note(self, line: int) -> None:
-        """Count a damaged line."""
-        self.bad += 1
-        if len(self.lines) < 10:
-            self.lines.append(line)
-
-    def warnings(self, path: Path) -> list[str]:
-        """Sentences for a person; empty if the log was whole."""
-        out = []
-        if self.bad:
-            more = ", …" if self.bad > len(self.lines) else ""
-            listed = ", ".join(map(str, self.lines)) + more
-            out.append(f"{path}: {self.bad} damaged line{'s' * (self.bad > 1)} left out (line {listed})")
-        if self.cut_line is not None:
-            out.append(f"{path}:{self.cut_line}: cut off in mid-line; processed up to there")
-        return out
 
 
 def parse_line(line: bytes) -> tuple[Frame, str] | None:
@@ -62,37 +37,46 @@ def parse_line(line: bytes) -> tuple[Frame, str] | None:
     number = int(m[4], 16)
     extended = len(m[4]) == 8
     error = extended and bool(number & _ERROR_FLAG)
-    data = bytes.fromhex(m[7].decode()) if m[7] else b""
+    data = bytes.fromhex(m[8].decode()) if m[8] else b""
+    remote, fd = m[6] is not None, m[5] is not None
+    if m[9] is not None and (fd or (len(data) if not remote else int(m[7] or b"0")) != 8):
+        return None
+    extra = int(m[9] or m[5] or m[7] or b"0", 16)
     frame = Frame(
         int(m[1]) * 1_000_000 + int(m[2]), number & 0x1FFFFFFF if extended else number, data,
-        extended=extended and not error, remote=bool(m[6]), error=error, fd=bool(m[5]),
+        extended and not error, remote, error, fd, extra,
     )  # fmt: skip
-    return (frame, m[3].decode(errors="replace")) if _possible(frame) else None
-
-
-def _possible(frame: Frame) -> bool:
-    """Whether a bus can carry such a frame: a damaged log names ids and lengths that there are not."""
-    longest_id = 0x1FFFFFFF if frame.extended or frame.error else 0x7FF
-    return 0 <= frame.can_id <= longest_id and len(frame.data) <= (64 if frame.fd else 8)
+    return (frame, m[3].decode(errors="replace")) if frame.possible and not (remote and fd) else None
 
 
 def format_line(frame: Frame, channel: str) -> str:
     """A frame as candump writes it."""
     number = frame.can_id | (_ERROR_FLAG if frame.error else 0)
     ident = f"{number:08X}" if frame.extended or frame.error else f"{number:03X}"
-    mark = "#R" if frame.remote else "##0" if frame.fd else "#"
+    extra, tail = frame.extra, ""
+    if frame.fd:
+        mark = f"##{extra:X}"
+    elif frame.remote:
+        mark = f"#R8_{extra:X}" if extra > 8 else f"#R{extra}" if extra else "#R"
+    else:
+        mark, tail = "#", f"_{extra:X}" if extra > 8 else ""
     stamp = f"({frame.stamp_us // 1_000_000:010d}.{frame.stamp_us % 1_000_000:06d})"
-    return f"{stamp} {channel} {ident}{mark}{frame.data.hex().upper()}"
+    return f"{stamp} {channel} {ident}{mark}{frame.data.hex().upper()}{tail}"
 
 
 def read_log(path: Path, damage: Damage) -> Iterator[tuple[Frame, str]]:
     """Frames and channels of a log, oldest first as written. Raises InputError if there is no such log, or not one
     frame in it; damage is filled in on the way."""
     with _errors(path, damage):
-        if set(path.suffixes[-2:]) & CANDUMP_SUFFIXES:
+        if log_suffix(path) in CANDUMP_SUFFIXES:
             yield from _read_candump(path, damage)
         else:
             yield from _read_other(path, damage)
+
+
+def log_suffix(path: Path) -> str:
+    """What tells a log's format: its last suffix, without .gz."""
+    return Path(path.name.removesuffix(".gz")).suffix.lower()
 
 
 @contextlib.contextmanager
@@ -105,7 +89,7 @@ def _errors(path: Path, damage: Damage) -> Iterator[None]:
             raise InputError("no such log", file=path, hint="check the path") from None
         if not damage.read:
             raise InputError(f"cannot be read: {e}", file=path) from None
-        damage.note(damage.read + damage.bad + 1)
+        damage.stopped = f"damaged there ({e})"
     if not damage.read:
         raise InputError("has not one readable frame", file=path, hint="a candump log (candump -l or -L) ends in .log")
 
@@ -131,6 +115,8 @@ def _read_line(line: bytes, number: int, damage: Damage) -> tuple[Frame, str] | 
     found = parse_line(line.strip()) if len(line) < 400 else None
     if found is not None:
         damage.read += 1
+    elif dropped := _DROPPED.fullmatch(line.strip()):
+        damage.lost += int(dropped[1])
     elif line.strip():
         damage.note(number)
     return found
@@ -138,7 +124,7 @@ def _read_line(line: bytes, number: int, damage: Damage) -> tuple[Frame, str] | 
 
 def read_stretches(path: Path, damage: Damage) -> Iterator["Stretch | tuple[Frame, str]"]:
     """The same log: where its lines or frames are regular, many at once; else frame by frame."""
-    if not set(path.suffixes[-2:]) & CANDUMP_SUFFIXES:
+    if log_suffix(path) not in CANDUMP_SUFFIXES:
         from wrcd.bus.columns import stretches
 
         yield from stretches(read_log(path, damage))
@@ -200,26 +186,15 @@ def _read_candump_stretches(path: Path, damage: Damage) -> Iterator["Stretch | t
 
 
 def _read_other(path: Path, damage: Damage) -> Iterator[tuple[Frame, str]]:
-    import can
+    from wrcd.bus import log_formats
 
-    from wrcd.bus.pythoncan import from_message
-
-    if not path.exists():
+    suffix = log_suffix(path)
+    takes_a_path = suffix == ".db" or (suffix not in log_formats.FROM_FILE and path.suffix != ".gz")
+    if takes_a_path and not path.exists():
         raise FileNotFoundError(path)
-    try:
-        with can.LogReader(path) as reader:
-            for message in reader:
-                frame = from_message(message, round(message.timestamp * 1e6))
-                if not _possible(frame):
-                    damage.note(damage.read + damage.bad + 1)
-                    continue
-                channel = message.channel if message.channel is not None else "can0"
-                damage.read += 1
-                yield frame, str(channel)
-    except GeneratorExit:
-        raise
-    except Exception as e:  # every reader has its own way to fail on a damaged file
-        if not damage.read:
-            hint = "the suffix tells the format; candump logs end in .log"
-            raise InputError(f"cannot be read as {path.suffix or 'a log'}: {e}", file=path, hint=hint) from None
-        damage.note(damage.read + 1)
+    if takes_a_path:
+        yield from log_formats.read_binary(None, suffix, path, damage)
+        return
+    with _open(path) as file:
+        read = log_formats.read_text if suffix in log_formats.TEXT else log_formats.read_binary
+        yield from read(file, suffix, path, damage)

@@ -15,8 +15,9 @@ FOREIGN_CLOCK_US = 100_000
 
 def from_message(m: can.Message, stamp_us: int) -> Frame:
     """python-can's message as a frame."""
+    extra = m.bitrate_switch | m.error_state_indicator << 1 if m.is_fd else m.dlc if m.is_remote_frame else 0
     return Frame(
-        stamp_us, m.arbitration_id, bytes(m.data), m.is_extended_id, m.is_remote_frame, m.is_error_frame, m.is_fd
+        stamp_us, m.arbitration_id, bytes(m.data), m.is_extended_id, m.is_remote_frame, m.is_error_frame, m.is_fd, extra
     )
 
 

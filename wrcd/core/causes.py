@@ -58,6 +58,8 @@ class Cause(IntEnum):
     CONTRADICTION = 22, "more adhesion is in use than the estimate with its interval allows"
     # Degraded: a tick within the window was not sound
     TORQUES_CONTRADICT = 23, "torques act against each other while the train brakes: one of them has the wrong sign"
+    # Degraded: the train is not the one that the design is for
+    WHEELSET_UNLIKE = 24, "gyro and accelerometer answer the track otherwise than the design's wheelset does"
 
     @property
     def label(self) -> str:

@@ -16,6 +16,7 @@ from wrcd.estimator.doubts import REVERSED
 from wrcd.estimator.fuzzy import MIN_FIRING
 from wrcd.estimator.gate import MAX_JUMP, Outliers
 from wrcd.estimator.identity import Identity
+from wrcd.estimator.likeness import UNLIKE
 from wrcd.estimator.records import Estimate
 
 MAX_INPUTS = 2  # that a text names; of more the number
@@ -57,7 +58,7 @@ class Details:
             Cause.RADIUS_BEYOND: lambda: self._radius(axle, inputs),
             Cause.TORQUES_CONTRADICT: lambda: self._against(axle, inputs),
         }
-        return of[cause]()
+        return of[cause]() if cause in of else cause.words
 
     def unavailable(self, cause: Cause, axle: int, inputs: Inputs, validity: ValidityMonitor, end_us: int) -> str:
         """Why there is no estimate at the end of the newest tick."""
@@ -88,6 +89,12 @@ class Details:
 
     def pair(self, cause: Cause, axle: int, identity: Identity) -> str:
         """What speaks against gyro and accelerometer."""
+        if cause is Cause.WHEELSET_UNLIKE:
+            k, m, margin = identity.likeness
+            return (
+                f"{k:.2f} times the design's yaw stiffness over inertia and {m:.2f} times its load over mass explain "
+                f"gyro and accelerometer better, by {margin:.1f}, limit {UNLIKE:g}"
+            )
         f = identity.figures(DOUBT_OF[cause], axle)
         yaw, lat = self.name(YAW, axle), self.name(LAT, axle)
         heard = f"{yaw} is {f.yaw_rms:.1f}, {lat} {f.lat_rms:.1f} times the sensor's noise"
@@ -168,7 +175,7 @@ class Details:
     def _against(self, axle: int, inputs: Inputs) -> str:
         torques = inputs.torques(axle)
         named = [f"{self.signal(row, axle)} {torque / 1000:.2f} kN m" for row, torque in torques.items()]
-        return "; ".join(named)
+        return " against ".join(named)
 
     def _load(self, axle: int, inputs: Inputs) -> str:
         load, design = inputs.value(LOAD, axle), 2 * self._design.normal_N

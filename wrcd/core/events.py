@@ -15,15 +15,18 @@ from wrcd.core.configuration import Config
 from wrcd.core.details import Details
 from wrcd.core.inputs import Inputs, TickInputs
 from wrcd.core.messages import Report
-from wrcd.core.validity import Standing, ValidityMonitor
+from wrcd.core.validity import OF_ESTIMATE, OF_PAIR, Standing, ValidityMonitor
 from wrcd.estimator.identity import Identity
 from wrcd.estimator.records import Estimate
 
 COLUMNS = ("time_s", "axle", "from", "to", "cause", "detail")
 MAX_KEPT = 4096  # changes, for those who look after every turn
 MAX_DETAIL = 200  # characters: what a state file's texts may have
-TICK_CAUSES = frozenset(range(Cause.INPUT_STALE, Cause.RADIUS_BEYOND + 1))
-PAIR_CAUSES = frozenset(range(Cause.SENSORS_SILENT, Cause.GYRO_DEAD + 1))
+# What a cause is described from: the axle's sensors, the estimate, what an axle lacks; else it is of a tick.
+PAIR_CAUSES = frozenset(OF_PAIR.values())
+ESTIMATE_CAUSES = frozenset((*OF_ESTIMATE.values(), Cause.CONTRADICTION))
+LACKS = frozenset((Cause.WARMING_UP, Cause.STANDSTILL, Cause.INPUT_SILENT))
+TICK_CAUSES = frozenset(Cause) - PAIR_CAUSES - ESTIMATE_CAUSES - LACKS - {Cause.NONE, Cause.RESTARTED}
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +57,7 @@ class Change:
     @property
     def csv_line(self) -> str:
         """A row of COLUMNS."""
-        stamp = f"{self.time_us // 1_000_000}.{self.time_us % 1_000_000:06d}"
+        stamp = f"{'-' * (self.time_us < 0)}{abs(self.time_us) // 1_000_000}.{abs(self.time_us) % 1_000_000:06d}"
         cause = self.cause.label if self.cause else ""
         return csv_line((stamp, self.axle, self.before.value, self.after.value, cause, self.detail))
 

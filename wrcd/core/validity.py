@@ -22,6 +22,7 @@ OF_PAIR = {
     Doubt.UNRELATED: Cause.SENSORS_UNRELATED,
     Doubt.ACCEL_SMALL: Cause.ACCEL_SMALL,
     Doubt.GYRO_DEAD: Cause.GYRO_DEAD,
+    Doubt.UNLIKE: Cause.WHEELSET_UNLIKE,
 }
 DOUBT_OF = {cause: doubt for doubt, cause in OF_PAIR.items()}
 OF_ESTIMATE = {

@@ -19,6 +19,7 @@ from wrcd.estimator.design import MODELS, Design, FloatArray, IntArray
 from wrcd.estimator.gate import Gate, Outliers
 from wrcd.estimator.identity import BLOCK_S, Identity
 from wrcd.estimator.joints import HOLD_TICKS, MAX_PULSE, Joints
+from wrcd.estimator.likeness import likeness
 from wrcd.estimator.noise import NoiseLevel
 from wrcd.estimator.offset import Offset
 from wrcd.estimator.records import Estimate, StepResult, Ticks
@@ -58,7 +59,8 @@ class Estimator:
         self._lowpass = Sections(design.lowpass, 2 * MODELS, axles)
         self._window = Window(Lengths(design).longest, axles)
         self._changes, self._answers = ChangeDetector(design), Answers(design, axles)
-        self.identity = Identity((float(design.noise_rms[0]), float(design.noise_rms[1])), design.tick_s, axles)
+        noise_rms = float(design.noise_rms[0]), float(design.noise_rms[1])
+        self.identity = Identity(noise_rms, design.tick_s, axles, likeness(design, axles))
         self._grid = float(design.speeds_m_s[0]), float(design.speeds_m_s[-1])
         self._speed_m_s = self._grid[0]
         self._wrcd = design.form == "wrcd"

@@ -3,6 +3,7 @@
 import argparse
 import faulthandler
 import gc
+import math
 import os
 import sys
 from collections.abc import Callable, Sequence
@@ -97,7 +98,12 @@ def _parser() -> argparse.ArgumentParser:
     add_bus(dump)
     dump.add_argument("-n", "--count", type=int, default=0, help="stop after so many frames")
     dump.add_argument(
-        "--dbc", type=Path, action="append", default=[], metavar="FILE", help="another DBC beside the configuration's"
+        "--dbc",
+        type=Path,
+        action="append",
+        default=[],
+        metavar="FILE",
+        help="another DBC, which wins over the configuration's; may be repeated",
     )
     dump.add_argument("--config", type=Path, metavar="FILE", help="configuration whose DBC decodes")
 
@@ -117,6 +123,18 @@ def _parser() -> argparse.ArgumentParser:
         "folder of them",
     )
     replay.add_argument(
+        "--from", dest="begin", type=_seconds, metavar="S",
+        help="write what comes from then on: seconds since 1970, or of the log with --relative",
+    )  # fmt: skip
+    replay.add_argument("--to", dest="end", type=_seconds, metavar="S", help="… and what comes before then")
+    replay.add_argument(
+        "--relative", action="store_true", help="times, in rows too, are seconds from the log's first frame"
+    )
+    replay.add_argument(
+        "--axle", type=int, action="append", default=[], metavar="N", help="write this axle only; may be repeated"
+    )
+    replay.add_argument("--channel", metavar="CH", help="read this channel only; of a log of several one must be named")
+    replay.add_argument(
         "--events", type=Path, metavar="OUT.csv",
         help="write one row per change of an axle's Validity, with its cause, input and figures (-: to the screen); of "
         "several logs a folder of them",
@@ -129,6 +147,14 @@ def _parser() -> argparse.ArgumentParser:
     )
     _add_dbc_commands(commands)
     return p
+
+
+def _seconds(text: str) -> float:
+    """A finite number, for argparse."""
+    seconds = float(text)
+    if not math.isfinite(seconds):
+        raise ValueError
+    return seconds
 
 
 def _add_dbc_commands(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -269,10 +295,14 @@ def _dump(args: argparse.Namespace) -> int:
 def _replay(args: argparse.Namespace) -> int:
     from wrcd.tools.replay import replay
     from wrcd.tools.replays import replays
+    from wrcd.tools.selection import Selection
 
+    selection = Selection(args.begin, args.end, args.relative, tuple(args.axle), args.channel)
     if len(args.logs) == 1:
-        return replay(args.logs[0], args.config, args.output, args.csv, args.explain, args.events)
-    return replays(args.logs, args.config, args.output, args.csv, args.explain, args.jobs, args.events)
+        return replay(args.logs[0], args.config, args.output, args.csv, args.explain, args.events, selection=selection)
+    return replays(
+        args.logs, args.config, args.output, args.csv, args.explain, args.jobs, args.events, selection=selection
+    )
 
 
 def _init(args: argparse.Namespace) -> int:

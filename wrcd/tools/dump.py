@@ -7,34 +7,40 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from wrcd.bus.codec import message_key
 from wrcd.bus.dbc import Message, load_dbc
 from wrcd.bus.frame import Frame
 from wrcd.bus.log import Damage, format_line, read_log
+from wrcd.bus.log_order import on_channel
 from wrcd.bus.opening import open_link
 from wrcd.config import load_config
+from wrcd.errors import Status
 
 BOLD_GREEN, BOLD_YELLOW, BOLD_RED, PLAIN = "\033[1;32m", "\033[1;33m", "\033[1;31m", "\033[0m"
 _COLOURS = {"Valid": BOLD_GREEN, "Degraded": BOLD_YELLOW, "Error": BOLD_RED, "NotAvailable": BOLD_RED}
 
 
 def dump(args: argparse.Namespace) -> int:
-    """Print frames of a log or of a bus until it ends, the count is reached or Ctrl-C."""
+    """Print frames of a log or of a bus until it ends, the count is reached or Ctrl-C. Returns the exit status."""
     config = load_config(args.config)
-    messages = {m.frame_id: m for extra in args.dbc for m in load_dbc(extra).messages}
-    messages |= {m.frame_id: m for m in config.database.messages}
+    # of an id that is in several, the first one's: what was named comes before the configuration's
+    databases = (*map(load_dbc, args.dbc), config.database)
+    messages = {message_key(m): m for database in reversed(databases) for m in reversed(database.messages)}
     damage = Damage()
     if args.log is not None:
         frames = read_log(args.log, damage)
+        if args.channel is not None:
+            frames = on_channel(frames, args.channel, args.log)
     else:
         frames = _live(args.interface or config.interface, args.channel or config.channel)
     colour = sys.stdout.isatty()
     for number, (frame, channel) in enumerate(frames, 1):
-        print(line(frame, channel, messages.get(frame.can_id), colour), flush=args.log is None)
+        print(line(frame, channel, messages.get(frame.key), colour), flush=args.log is None)
         if number == args.count:
             break
     for warning in damage.warnings(args.log or Path()):
         print(f"wrcd: warning: {warning}", file=sys.stderr)
-    return 0
+    return Status.DONE if damage.whole else Status.STOPPED
 
 
 def _live(interface: str, channel: str) -> Iterator[tuple[Frame, str]]:
@@ -55,6 +61,8 @@ def line(frame: Frame, channel: str, message: Message | None, colour: bool) -> s
         return f"{text} :: error frame"
     if message is None:
         return text
+    if frame.remote:
+        return f"{text} :: {message.name}: remote frame"
     try:
         values: Any = message.decode(frame.data)
     except Exception as e:  # too short, or raw values the DBC does not know: say so and go on

@@ -5,6 +5,7 @@ import csv
 import sys
 from collections import deque
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import IO, Any, TypeVar
 
@@ -15,6 +16,7 @@ from wrcd.bus.columns import MIN_ROWS, Columns, Stretch
 from wrcd.bus.dbc import Message, find_message, find_signal
 from wrcd.bus.frame import Frame
 from wrcd.bus.log import Damage, format_line, read_log, read_stretches
+from wrcd.bus.log_order import TimeOrder, on_channel
 from wrcd.bus.positions import Position
 from wrcd.bus.signals import Output, OutputSignal
 from wrcd.config import load_config
@@ -23,13 +25,14 @@ from wrcd.core.configuration import Config
 from wrcd.core.core import FORWARD_STEP_US, Core
 from wrcd.core.counts import Counts
 from wrcd.core.messages import Outgoing
-from wrcd.errors import InputError, create
+from wrcd.errors import InputError, Status, create
 from wrcd.estimator.design import Design
 from wrcd.estimator.records import Estimate
 from wrcd.recorder.resume import Saved, load, replay_events, state_file
 from wrcd.tools.events import SCREEN, EventRows
 from wrcd.tools.explain import sentence
 from wrcd.tools.progress import Progress
+from wrcd.tools.selection import WHOLE, Part, Selection, Survey, survey
 
 # A log has no clock to tell a silence from a step of time by. A gap of up to so long between its lines, whoever's they
 # are, is a silence, and its slots are made; a longer one is a step. What comes after it is the same either way.
@@ -54,50 +57,72 @@ def replay(
     table: Path | None,
     explained: bool = False,
     changes: Path | None = None,
+    *,
+    selection: Selection = WHOLE,
 ) -> int:
     """Run a log and write what was asked for; a summary goes to standard error. explained: the CSV's rows say which
-    model and which rule decided."""
+    model and which rule decided.
+
+    Returns the exit status: STOPPED for a log that could not be read to its end, NOT_THERE where no frame is an input.
+    Outputs of a log that turns out not to be readable at all are removed again.
+    """
     for out in (output, table, changes):
         if out is not None and out.exists() and log.exists() and out.samefile(log):
             raise InputError("is the log itself; it would be lost", file=out, hint="give another file")
     if changes == SCREEN and explained and table is None:
         raise InputError("and the rows of --explain are both for the screen", key="--events", hint="name a file")
     config = load_config(config_file)
+    selection.check(config)
     core = Core(config)
     saved = resume(core, log)
+    # a pipe cannot be read twice; a state may tell of an axle whose frames lie before the log
+    looked = survey(log, config, selection.channel) if log.is_file() or not log.exists() else Survey()
+    found = looked if saved is None else replace(looked, without_frame=frozenset())
+    part = Part(selection, found, config)
     before = Counts(core.counts.accepted, core.counts.rejected.copy(), ticks=core.counts.ticks)
-    damage = Damage()
+    damage, order = Damage(), TimeOrder(log)
     sent = 0
-    with contextlib.ExitStack() as files:
-        frames_out = files.enter_context(create(output)) if output else None
-        events = _events(files, changes, core)
-        rows = _rows(files, table, (output is None and events is None) or explained, config, explained)
-        if saved is None:
-            made = outgoing_of_stretches(core, progress(read_stretches(log, damage), log))
-        else:
-            made = outgoing(core, progress(read_log(log, damage), log), saved)
-        for o, channel in made:
-            sent += 1
-            if frames_out:
-                frames_out.write(format_line(o.frame, channel) + "\n")
-            if rows:
-                rows.write(o)
+    try:
+        with contextlib.ExitStack() as files:
+            frames_out = files.enter_context(create(output)) if output else None
+            events = _events(files, changes, core, part)
+            rows = _rows(files, table, (output is None and events is None) or explained, config, explained, part)
+            if saved is None:
+                items = order.put(on_channel(read_stretches(log, damage), selection.channel, log))
+                made = outgoing_of_stretches(core, progress(part.read(items), log))
+            else:
+                made = outgoing(core, progress(on_channel(read_log(log, damage), selection.channel, log), log), saved)
+            for o, channel in made:
+                if part.wants(o):
+                    sent += 1
+                    if frames_out:
+                        frames_out.write(format_line(o.frame, channel) + "\n")
+                    if rows:
+                        rows.write(o)
+                if events:
+                    events.look()
             if events:
                 events.look()
-        if events:
-            events.look()
+    except InputError:
+        for out in (output, table, changes):
+            if out is not None and out.is_file():
+                out.unlink()
+        raise
+    said = [*damage.warnings(log), *order.warnings()]
     if saved is not None and damage.read != saved.lines:
-        print(
-            f"wrcd: warning: {log}: has {damage.read} frames, {saved.lines} when it was recorded: from where they "
-            "differ on, so may what is made of them",
-            file=sys.stderr,
+        said.append(
+            f"{log}: has {damage.read} frames, {saved.lines} when it was recorded: from where they differ on, so may "
+            "what is made of them"
         )
-    for warning in damage.warnings(log):
-        print(f"wrcd: warning: {warning}", file=sys.stderr)
     accepted, rejected = core.counts.accepted - before.accepted, core.counts.rejected - before.rejected
+    if accepted and found.without_frame:
+        axles = ", ".join(map(str, sorted(found.without_frame)))
+        said.append(f"{log}: has no frame of axle {axles}; no rows of it")
+    for warning in said:
+        print(f"wrcd: warning: {warning}", file=sys.stderr)
     if not accepted:
         print(
-            f"wrcd: warning: {log}: none of its {damage.read} frames is a usable input of this configuration",
+            f"wrcd: error: {log}: none of its {damage.read} frames is a usable input of this configuration",
             file=sys.stderr,
         )
     print(
@@ -105,7 +130,7 @@ def replay(
         f"{core.counts.ticks - before.ticks} ticks, {sent} frames made",
         file=sys.stderr,
     )
-    return 0
+    return Status.NOT_THERE if not accepted else Status.DONE if damage.whole else Status.STOPPED
 
 
 def resume(core: Core, log: Path) -> Saved | None:
@@ -190,15 +215,17 @@ def progress(items: Iterator[Item], log: Path) -> Iterator[Item]:
 class Rows:
     """The CSV: what the Adhesion frames say, in the words of the DBC's value tables."""
 
-    def __init__(self, file: IO[str], config: Config, explained: bool) -> None:
+    def __init__(self, file: IO[str], config: Config, explained: bool, part: Part) -> None:
         self._writer = csv.writer(file, lineterminator="\n")
         self._writer.writerow((*COLUMNS, *REASONS) if explained else COLUMNS)
         self._design = config.design if explained else None
         self._place = {a.number: place for place, a in enumerate(config.axles)}
+        self._origin_us = part.origin_us
         self._messages: dict[int, tuple[Cells, int]] = {}  # by Frame.key
         for a in config.axles:
-            message = find_message(config.database, a.adhesion.message)
-            self._messages[message_key(message)] = Cells(message, a.adhesion), a.number
+            if a.number in part.axles:
+                message = find_message(config.database, a.adhesion.message)
+                self._messages[message_key(message)] = Cells(message, a.adhesion), a.number
 
     def write(self, o: Outgoing) -> None:
         """One row for an Adhesion frame, nothing for others."""
@@ -207,12 +234,17 @@ class Rows:
         if found is None:
             return
         cells, number = found
-        stamp = f"{frame.stamp_us // 1_000_000}.{frame.stamp_us % 1_000_000:06d}"
+        stamp = _seconds(frame.stamp_us - self._origin_us)
         row = [stamp, number, *cells.of(frame.data), o.cause.words]
         if self._design is not None:
             warm = row[2] != Validity.NOT_AVAILABLE
             row += _reasons(self._design, why, self._place[number]) if why and warm else ["", "", ""]
         self._writer.writerow(row)
+
+
+def _seconds(us: int) -> str:
+    """Microseconds as seconds, exactly."""
+    return f"{'-' * (us < 0)}{abs(us) // 1_000_000}.{abs(us) % 1_000_000:06d}"
 
 
 class Cells:
@@ -266,14 +298,15 @@ def _reasons(design: Design, why: Estimate, place: int) -> list[str]:
 
 
 def _rows(
-    files: contextlib.ExitStack, table: Path | None, to_screen: bool, config: Config, explained: bool
+    files: contextlib.ExitStack, table: Path | None, to_screen: bool, config: Config, explained: bool, part: Part
 ) -> Rows | None:
     if table is not None:
-        return Rows(files.enter_context(create(table)), config, explained)
-    return Rows(sys.stdout, config, explained) if to_screen else None
+        return Rows(files.enter_context(create(table)), config, explained, part)
+    return Rows(sys.stdout, config, explained, part) if to_screen else None
 
 
-def _events(files: contextlib.ExitStack, changes: Path | None, core: Core) -> EventRows | None:
+def _events(files: contextlib.ExitStack, changes: Path | None, core: Core, part: Part) -> EventRows | None:
     if changes is None:
         return None
-    return EventRows(core, sys.stdout if changes == SCREEN else files.enter_context(create(changes)))
+    file = sys.stdout if changes == SCREEN else files.enter_context(create(changes))
+    return EventRows(core, file, part.axles, part.begin_us, part.end_us, part.origin_us)

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from wrcd.errors import InputError, Status
 from wrcd.tools.replay import replay
+from wrcd.tools.selection import WHOLE, Selection
 
 SUFFIXES = {".log", ".gz", ".blf", ".asc", ".trc", ".mf4", ".csv", ".db"}
 
@@ -22,6 +23,8 @@ def replays(
     explained: bool,
     jobs: int,
     changes: Path | None = None,
+    *,
+    selection: Selection = WHOLE,
 ) -> int:
     """Replay logs into folders: NAME.log of the frames sent in `output`, NAME.csv in `table`, NAME.events.csv in
     `changes`. What is said of each log is printed in their order.
@@ -52,7 +55,7 @@ def replays(
     status = 0
     with ProcessPoolExecutor(min(jobs, len(logs)), mp_context=get_context("spawn")) as pool:
         runs = [
-            pool.submit(_one, log, config, *to, explained, rows)
+            pool.submit(_one, log, config, *to, explained, rows, selection)
             for log, to, rows in zip(logs, outputs, events, strict=True)
         ]
         for log, run in zip(logs, runs, strict=True):
@@ -63,13 +66,19 @@ def replays(
 
 
 def _one(
-    log: Path, config: Path | None, output: Path | None, table: Path | None, explained: bool, changes: Path | None
+    log: Path,
+    config: Path | None,
+    output: Path | None,
+    table: Path | None,
+    explained: bool,
+    changes: Path | None,
+    selection: Selection,
 ) -> tuple[int, str]:
     """One log in a process of its own: its exit status, and what it says."""
     said = io.StringIO()
     with contextlib.redirect_stderr(said):
         try:
-            status = replay(log, config, output, table, explained, changes)
+            status = replay(log, config, output, table, explained, changes, selection=selection)
         except InputError as e:
             print(f"wrcd: error: {e}", file=said)
             status = Status.BAD_INPUT

@@ -36,13 +36,16 @@ STATUSES: dict[str, dict[Status, str]] = {
     },
     "dump": {
         Status.DONE: "the log has ended, or `--count` is reached, or whoever read the output has closed it",
+        Status.STOPPED: "the log is cut or damaged: what could be read is shown",
         Status.BAD_INPUT: _BAD,
         Status.NOT_THERE: _BUS,
         Status.INTERRUPTED: "Ctrl-C",
     },
     "replay": {
         Status.DONE: "done",
+        Status.STOPPED: "the log is cut or damaged: what could be read is written",
         Status.BAD_INPUT: f"{_BAD}; of several logs, any of them",
+        Status.NOT_THERE: "no frame of the log fits the configuration",
         Status.INTERRUPTED: "Ctrl-C",
     },
 }

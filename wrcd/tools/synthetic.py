@@ -48,7 +48,9 @@ class Synthetic:
         }
         sources = [i.source for i in config.inputs]
         rules = [r for s in sources for r in rules_of(find_message(config.database, s.message), s)]
-        names = dict.fromkeys([s.message for s in sources] + [r.message for r in rules])
+        read = [s.message for s in sources]
+        # a status before what it is about
+        names = dict.fromkeys([r.message for r in rules if r.message not in read] + read)
         self._messages = [_Sender(config, name, self._period_us, sources, rules) for name in names]
         self._measured: dict[Quantity, FloatArray] = {}  # (n,) each, of the tick
         self._number = START_US // self._period_us

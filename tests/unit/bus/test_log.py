@@ -57,13 +57,57 @@ def test_fd_error_and_direction_lines_are_read() -> None:
     assert parse_line(b"(1700000000.000001) can0 800#00") is None
 
 
+@pytest.mark.parametrize(
+    ("line", "data", "extra"),
+    [
+        ("091#0011223344556677_9", bytes.fromhex("0011223344556677"), 9),
+        ("091#0011223344556677_F", bytes.fromhex("0011223344556677"), 15),
+        ("091#R", b"", 0),
+        ("091#R8", b"", 8),
+        ("12345678#R5", b"", 5),
+        ("091#R8_C", b"", 12),
+        ("091##0AABB", b"\xaa\xbb", 0),
+        ("091##5AABB", b"\xaa\xbb", 5),
+        ("091##7" + "11" * 64, b"\x11" * 64, 7),
+    ],
+)
+@pytest.mark.parametrize("tail", ["", " R", " T"])
+@pytest.mark.parametrize(("stamp", "us"), [("1700000000.123456", 123456), ("1700000000.123456999", 123456)])
+@pytest.mark.parametrize("channel", ["can0", "   can0"])
+def test_newer_forms_of_candump_are_read_and_written_again(
+    line: str, data: bytes, extra: int, tail: str, stamp: str, us: int, channel: str
+) -> None:
+    found = parse_line(f"({stamp}) {channel} {line}{tail}".encode())
+    assert found is not None
+    frame = found[0]
+    assert (frame.stamp_us, frame.data, frame.extra) == (1_700_000_000_000_000 + us, data, extra)
+    assert format_line(*found) == f"(1700000000.123456) can0 {line}"
+
+
+@pytest.mark.parametrize(
+    "line", ["091#0011_9", "091#R7_9", "091##000_9", "091#0011223344556677_8", "091##0R", "091#R9"]
+)
+def test_forms_that_candump_never_writes_are_no_frames(line: str) -> None:
+    assert parse_line(f"(1700000000.123456) can0 {line}".encode()) is None
+
+
+def test_frames_that_candump_itself_lost_are_told_and_no_damage(tmp_path: Path) -> None:
+    log = tmp_path / "a.log"
+    dropped = [f"DROPCOUNT: dropped {n} CAN frame{s} on 'can0' socket (total drops 9)" for n, s in ((8, "s"), (1, ""))]
+    log.write_text("\n".join([GOOD[0], *dropped, GOOD[1]]) + "\n")
+    found, damage = read(log)
+    assert len(found) == 2
+    assert damage.whole
+    assert damage.warnings(log) == [f"{log}: its recorder says that it lost 9 frames"]
+
+
 def test_cut_log_is_read_up_to_the_cut(tmp_path: Path) -> None:
     log = tmp_path / "cut.log"
     log.write_text("\n".join(GOOD) + "\n(1700000000.030000) can0 091#0011")
     found, damage = read(log)
     assert len(found) == 3
     assert damage.cut_line == 4
-    assert damage.warnings(log) == [f"{log}:4: cut off in mid-line; processed up to there"]
+    assert damage.warnings(log) == [f"{log}:4: cut off in mid-line; processed up to there, frame 3"]
 
 
 def test_damaged_lines_are_counted_and_named(tmp_path: Path) -> None:
@@ -72,7 +116,7 @@ def test_damaged_lines_are_counted_and_named(tmp_path: Path) -> None:
     found, damage = read(log)
     assert len(found) == 3
     assert damage.bad == 2
-    assert "2 damaged lines left out (line 2, 4)" in damage.warnings(log)[0]
+    assert "2 damaged lines left out (line 2, 4), after frame 1" in damage.warnings(log)[0]
 
 
 @pytest.mark.parametrize("content", [b"", b"\n\n", b"\x00\xff" * 50, b"not a log\n"])
@@ -136,4 +180,4 @@ def test_csv_row_with_an_impossible_id_is_left_out(tmp_path: Path) -> None:
     log.write_text("timestamp,arbitration_id,extended,remote,error,dlc,data\n" + "\n".join(rows) + "\n")
     found, damage = read(log)
     assert [f.can_id for f in found] == [YAW_RATE_A1]
-    assert (damage.read, damage.bad, damage.lines) == (1, 1, [1])
+    assert (damage.read, damage.bad, damage.lines) == (1, 1, [2])

@@ -186,6 +186,25 @@ def test_slow_input_beyond_the_design_is_said_with_both_figures(
     assert f"NotAvailable -> Degraded, {said}" in texts(sim)
 
 
+def test_torques_against_each_other_are_said_with_both_figures(tmp_path: Path) -> None:
+    sim = own(tmp_path, 'brake_torque = "Torque_A2.Torque"\n')
+    sim.torque = -8_000.0
+    run_with(sim, 1500, 700_000)
+    why = "torque Torque_A1.Torque -8.00 kN m against brake torque Torque_A2.Torque 7.00 kN m"
+    assert f"NotAvailable -> Degraded, TorquesContradict: {why}" in texts(sim)
+
+
+def test_part_of_a_torque_that_is_late_is_named(tmp_path: Path) -> None:
+    parts = 'torque = ["Torque_A1.Torque", "Torque_A2.Torque"]\n'
+    axle = AXLE.replace('torque = "Torque_A1.Torque"\n', parts)
+    (tmp_path / "wrcd.toml").write_text(f'[vehicle]\nspeed = "VehicleSpeed.Speed"\n{axle}')
+    sim = SensorSimulator(load_config(tmp_path / "wrcd.toml"))
+    run_with(sim, 1500, 0)
+    sim.run(60)
+    assert texts(sim)[-1].startswith("Valid -> Degraded, InputStale: torque Torque_A2.Torque 3")
+    assert texts(sim)[-1].endswith(" ms old, limit 30")
+
+
 def test_unknown_share_of_the_friction_brakes_is_said_with_the_torque(tmp_path: Path) -> None:
     sim = own(tmp_path, "", "torque_is_total = false\n")
     sim.torque = -8_000.0
@@ -253,7 +272,7 @@ def test_every_cause_has_a_text_of_its_own(sim: SensorSimulator) -> None:
             text = describe.tick(cause, 0, core._inputs, core._tick, sim.t)
         elif cause in events.PAIR_CAUSES:
             text = describe.pair(cause, 0, core.estimator.identity)
-        elif cause > Cause.GYRO_DEAD:
+        elif cause in events.ESTIMATE_CAUSES:
             text = describe.estimate(cause, 0, estimate())
         elif cause in (Cause.NONE, Cause.RESTARTED):
             continue

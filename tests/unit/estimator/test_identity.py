@@ -106,7 +106,7 @@ def test_a_wrong_pair_is_found_within_ten_seconds(sound: FloatArray, fault: str,
         z[:, 0] *= 57.3
     doubts = history(z)
     assert doubts[-1] == [expected] * AXLES
-    if fault in ("gyro dead", "accelerometer dead"):  # beside a live one: within seconds
+    if fault in ("reversed", "gyro dead", "accelerometer dead"):  # clearly so, or beside a live one: within seconds
         assert all(any(row[axle] == expected for row in doubts[:600]) for axle in range(AXLES))
     else:
         assert not np.any(doubts[:1600])

@@ -1,12 +1,15 @@
 """Scenarios as TOML, and the frames of many axles."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import pytest
 
+from sim_ecu.physics.wheelset import Wheelset
 from sim_ecu.play.encoder import SAMPLE_US
 from sim_ecu.play.player import Player
 from sim_ecu.play.scenario import Scenario, load_scenario, read_scenario
+from sim_ecu.play.scenario_keys import TABLES, Measure
 from wrcd.core.configuration import MAX_AXLES
 from wrcd.errors import InputError
 from wrcd.settings import parse_toml
@@ -49,3 +52,74 @@ def test_the_frames_of_a_sample_are_sent_before_the_next(axles: int, spacing_us:
         assert stamps[0] == due_us
         assert {b - a for a, b in pairwise(stamps)} == {spacing_us}
         assert stamps[-1] < due_us + SAMPLE_US
+
+
+RAIL, DRIVE = 'rail = [{ curve = "A" }]\n', "drive = { utilisation = 0.3 }\n"
+# by declared table: a scenario with one more line in it
+WITH = {
+    "": "@\n" + RAIL + DRIVE,
+    "rail": DRIVE + '[[rail]]\ncurve = "A"\n[[rail]]\n@\n',
+    "drive": RAIL + "[drive]\ntorque_N_m = 0\n@\n",
+    "axle.N": RAIL + DRIVE + "[axle.1]\n@\n",
+    "fault": RAIL + DRIVE + '[[fault]]\nkind = "bias"\n@\n',
+    **{name: RAIL + DRIVE + f"[{name}]\n@\n" for name in ("wheelset", "sensors", "axlebox")},
+}
+# which the parser asks for only where they are there, or beside no other
+ONLY_IF_THERE = {
+    "": {"axles", "track", "sensors"}, "rail": {"curve"}, "drive": {"utilisation", "creep", "creep_of_peak"},
+    "axle.N": {"rail", "drive", "track", "sensors"}, "fault": {"amount"},
+}  # fmt: skip
+
+
+def mistake(table: str, line: str) -> str:
+    """What is said of a line too much in a table."""
+    at = "at_s = 1\n" if table == "fault" and not line.startswith("at_s") else ""
+    with pytest.raises(InputError) as e:
+        read_scenario(parse_toml(WITH[table].replace("@", line) + at, "test"), "test")
+    return str(e.value)
+
+
+@pytest.mark.parametrize("table", TABLES)
+def test_parser_knows_the_declared_keys_and_no_other(table: str) -> None:
+    said = mistake(table, "qqqqqq = 1")
+    assert "qqqqqq: unknown key — known here: " in said
+    not_asked = ONLY_IF_THERE.get(table, set())
+    assert set(said.partition("known here: ")[2].split(", ")) == {key.name for key in TABLES[table]} - not_asked
+    for name in not_asked:
+        assert "unknown key" not in mistake(table, f"{name} = []")
+
+
+@pytest.mark.parametrize(
+    ("table", "key"), [(table, key) for table, keys in TABLES.items() for key in keys if isinstance(key, Measure)]
+)
+def test_declared_range_is_the_parsers(table: str, key: Measure) -> None:
+    for value in (key.low - 1.0, key.high * 10 + 1.0):
+        expected = f"{key.name}: takes a number from {key.low:g} to {key.high:g}, not"
+        assert expected in mistake(table, f"{key.name} = {value!r}")
+
+
+def test_wheelset_of_a_scenario_is_the_one_that_runs() -> None:
+    text = 'duration_s = 2\nrail = [{ curve = "A" }]\ndrive = { utilisation = 0.3 }\n'
+    own, foreign = (
+        read_scenario(parse_toml(text + more, "test"), "test")
+        for more in ("", '[wheelset]\nname = "metro"\nr_0 = 0.42\nM_v = 10500.0\n')
+    )
+    assert own.wheelset == Wheelset()
+    assert foreign.wheelset == replace(Wheelset(), name="metro", r_0=0.42, M_v=10500.0)
+    torques = [list(Player(s).measured())[-1].readings[0].torque for s in (own, foreign)]
+    # as much of the adhesion: by load and radius less torque, but for the sensor's noise
+    assert torques[1] / torques[0] == pytest.approx(10500 * 0.42 / (15000 * 0.5), rel=0.06)
+
+
+@pytest.mark.parametrize("held", [True, False])
+def test_held_speed_follows_its_course_and_a_free_train_its_torque(held: bool) -> None:
+    text = (
+        f"duration_s = 4\nspeed_m_s = [[0, 20], [4, 22]]\nhold_speed = {str(held).lower()}\n"
+        'rail = [{ curve = "A" }]\ndrive = { torque_N_m = -7000 }\n'
+    )
+    samples = list(Player(read_scenario(parse_toml(text, "test"), "test")).measured())
+    speeds = [s.speed_m_s for s in samples]
+    if held:
+        assert speeds[-1] == pytest.approx(22.0, abs=0.1)
+    else:  # 7 kN m at 0.5 m brake 15 t with 0.93 m/s2, and resistance a little more
+        assert speeds[-1] == pytest.approx(20.0 - 4 * (14000 + 220 + 400) / 15_000, abs=0.25)

@@ -108,7 +108,7 @@ def test_gyro_with_the_wrong_sign_is_named(checked: Checked) -> None:
 def test_failed_status_is_named_with_its_share(checked: Checked) -> None:
     status, text = checked("axles = [1, 2]" + STEADY.format(seconds=5), "status:at=2,for=10,axle=2", config=THIRD_PARTY)
     assert status == 1
-    assert re.search(r"axle 2: InputSilent in .*RS2_Gyro.Drehrate .*status refused", text)
+    assert re.search(r"axle 2: InputSilent in .*RS2_Gyro.Drehrate .*refused since: \d+ status", text)
     assert re.search(r"RS2_Gyro.Drehrate: 6\d\.\d % of its frames are refused: \d+ status", text)
     assert "axle 1:" not in text.partition("worth a look")[0]
 

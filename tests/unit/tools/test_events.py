@@ -9,10 +9,12 @@ import pytest
 from tests.support.can_ids import YAW_RATE_A1
 from tests.support.recorded_train import RecordedTrain, exercise_all_state, second_sender, spoiler
 from wrcd.bus.frame import Frame
-from wrcd.bus.log import format_line
+from wrcd.bus.log import Damage, format_line, read_log
 from wrcd.core.configuration import Config
+from wrcd.core.core import Core
 from wrcd.core.events import COLUMNS, csv_line
 from wrcd.tools.cli import main
+from wrcd.tools.events import EventRows
 
 
 def rows(text: str) -> list[dict[str, str]]:
@@ -85,6 +87,22 @@ def test_rows_go_to_the_screen_in_place_of_the_others(
     assert len((tmp_path / "t.csv").read_text().splitlines()) > 1000
     assert main(["replay", str(log), "--events", "-", "--explain"]) == 2
     assert "--events: and the rows of --explain are both for the screen" in capsys.readouterr().err
+
+
+def test_rows_are_of_the_axles_and_the_time_that_are_asked_for(config: Config, tmp_path: Path) -> None:
+    train, log = faulty(config, tmp_path / "bus")
+    changes = train.sim.core.events.since(0)
+    begin_us, end_us = changes[5].time_us, changes[-1].time_us
+    asked = [c for c in changes if c.axle == 1 and begin_us <= c.time_us < end_us]
+    assert 0 < len(asked) < len([c for c in changes if c.axle == 1])
+    core, file = Core(config), io.StringIO()
+    written = EventRows(core, file, {1}, begin_us, end_us, origin_us=begin_us)
+    for frame, _ in read_log(log, Damage()):
+        core.feed(frame)
+        written.look()
+    found = rows(file.getvalue())
+    assert [(r["axle"], r["to"]) for r in found] == [("1", c.after.value) for c in asked]
+    assert found[0]["time_s"] == f"{(asked[0].time_us - begin_us) / 1e6:.6f}"
 
 
 def test_rows_of_several_logs_go_to_a_folder(config: Config, tmp_path: Path) -> None:

@@ -128,6 +128,16 @@ def test_line_ends_of_other_systems_are_read_alike(change: bytes, lines: int, tm
     assert by_columns(log) == by_frames(log)
 
 
+def test_stamps_of_nanoseconds_are_read_by_columns_and_truncated(tmp_path: Path) -> None:
+    log, plain = tmp_path / "a.log", tmp_path / "b.log"
+    log.write_bytes(b"".join(line[:18] + b"%03d" % (k % 1000) + line[18:] for k, line in enumerate(LINES[:6100])))
+    plain.write_bytes(b"".join(LINES[:6100]))
+    assert by_columns(log) == by_frames(log) == by_columns(plain)
+    parsed = parse_lines(log.read_bytes())
+    assert parsed is not None
+    assert parsed[1].all()
+
+
 @pytest.mark.parametrize("channel", [b"", b"c\tn"])
 def test_line_without_a_channel_is_no_frame(channel: bytes, tmp_path: Path) -> None:
     log = tmp_path / "a.log"

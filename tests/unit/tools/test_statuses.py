@@ -19,7 +19,8 @@ from wrcd.tools.statuses import STATUSES as WRCD
 
 # by command: arguments and the status that they end with. {log}, {dbc}, {dir}: a recorded log, the packaged DBC, a
 # folder to write to;
-# here.toml is a sound configuration, bad.toml is not, late.toml names a DBC that is not there.
+# here.toml is a sound configuration, bad.toml is not, late.toml names a DBC that is not there; cut.log and {cut}
+# end in mid-line, foreign.log has nothing that is mapped.
 WRCD_CASES = [
     ("run --config bad.toml", 2),
     ("run --wait -1", 2),
@@ -42,11 +43,14 @@ WRCD_CASES = [
     ("check --config late.toml", 3),
     ("check --config .", 3),
     ("dump {log}", 0),
+    ("dump cut.log", 1),
     ("dump {log} --config bad.toml", 2),
     ("dump never.log", 2),
     ("dump -i socketcan -c can77", 3),
     ("dump {log} --dbc never.dbc", 3),
     ("replay {log} --csv {dir}/a.csv", 0),
+    ("replay {cut} --csv {dir}/a.csv", 1),
+    ("replay foreign.log --csv {dir}/a.csv", 3),
     ("replay never.log", 2),
     ("replay {log} --config bad.toml", 2),
     ("replay {log} --config late.toml", 2),
@@ -120,6 +124,8 @@ def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     Path("here.toml").write_text(DEFAULT)
     Path("bad.toml").write_text("[axles]\n")
     Path("late.toml").write_text(LATE)
+    Path("foreign.log").write_text("(1700000000.000000) can0 7FF#00\n")
+    Path("cut.log").write_text("(1700000000.000000) can0 7FF#00\n(1700000000.000100) can0 7F")
     Path("bad.dbc").write_text("BO_ no DBC at all")
     Path("bad.json").write_text("{}")
     Path("short.toml").write_text(held("A", 0.5))
@@ -135,7 +141,11 @@ def test_command_ends_with_the_status_of_its_table(
     again = tmp_path / "again.log"
     if "{log2}" in line:
         again.write_bytes(log.read_bytes())
-    name, *arguments = line.format(log=log, log2=again, dbc=resources.DBC, truth=TRUTH_DBC, dir=tmp_path).split()
+    if "{cut}" in line:
+        again.write_bytes(log.read_bytes()[:-9])
+    name, *arguments = line.format(
+        log=log, log2=again, cut=again, dbc=resources.DBC, truth=TRUTH_DBC, dir=tmp_path
+    ).split()
     assert MAINS[program]([name, *arguments]) == status
     assert Status(status) in TABLES[program][name]
     error = capsys.readouterr().err

@@ -14,7 +14,7 @@ from wrcd.tools.bus_check.times import Spells
 
 OF_COURSE = (Cause.WARMING_UP, Cause.STANDSTILL)  # no fault of bus or configuration
 # What a sound bus gives in places, too: a doubt of a pair of sensors or of an estimate, a start anew.
-OF_PLACES = frozenset((Cause.RESTARTED, *range(Cause.SENSORS_SILENT, max(Cause) + 1)))
+OF_PLACES = frozenset((Cause.RESTARTED, *range(Cause.SENSORS_SILENT, Cause.CONTRADICTION + 1)))
 MAX_SHARE, MAX_SHARE_OF_PLACES, MIN_SHARE = 0.01, 0.1, 0.005
 MAX_CYCLE_ERROR = 0.1
 MAX_REFUSED, MAX_AT_LIMIT = 0.001, 0.001

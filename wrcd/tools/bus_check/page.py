@@ -45,6 +45,8 @@ def page(
     out.append("time")
     for axle in (a for a in config.axles if any(f.frames and f.axles == (a.number,) for f in found)):
         out.append(f"  axle {axle.number}: {_spells(spells[axle.number])}")
+    name = config.design.wheelset.get("name", config.design.name)
+    out.append(f"wheelset  the design is for {name!r}; a foreign one is told by its signals only in part")
     return out
 
 

@@ -33,7 +33,7 @@ def check_log(log: Path, config_file: Path | None) -> int:
     frame fits. Raises InputError."""
     config = load_config(config_file)
     damage = Damage()
-    status = _report(config, progress(read_stretches(log, damage), log))
+    status = _report(config, Gathered(config), progress(read_stretches(log, damage), log))
     for warning in damage.warnings(log):
         print(f"wrcd: warning: {warning}", file=sys.stderr)
     return status
@@ -44,10 +44,14 @@ def check_live(seconds: float, config_file: Path | None, interface: str | None, 
     if not 0.0 < seconds <= MAX_LIVE_S:
         raise InputError(f"takes seconds up to {MAX_LIVE_S:g}, not {seconds:g}", key="--live")
     config = load_config(config_file)
-    return _report(config, _heard(config, seconds, interface, channel))
+    gathered = Gathered(config)
+    heard = _heard(config, seconds, interface, channel, gathered.receiver.fd)
+    return _report(config, gathered, heard)
 
 
-def _heard(config: Config, seconds: float, interface: str | None, channel: str | None) -> Iterator[tuple[Frame, str]]:
+def _heard(
+    config: Config, seconds: float, interface: str | None, channel: str | None, fd: bool
+) -> Iterator[tuple[Frame, str]]:
     """Every frame of a bus for so long."""
     stopped = False
 
@@ -56,7 +60,7 @@ def _heard(config: Config, seconds: float, interface: str | None, channel: str |
         stopped = True
 
     name = channel or config.channel
-    link = open_link(interface or config.interface, name, None)
+    link = open_link(interface or config.interface, name, None, fd=fd)
     shown, began = Progress(), time.monotonic()
     before = signal.signal(signal.SIGINT, stop)
     try:
@@ -71,8 +75,8 @@ def _heard(config: Config, seconds: float, interface: str | None, channel: str |
         shown.end()
 
 
-def _report(config: Config, items: Iterable[Item]) -> int:
-    gathered, core = Gathered(config), Core(config)
+def _report(config: Config, gathered: Gathered, items: Iterable[Item]) -> int:
+    core = Core(config)
     clock = Clock(core, config)
     for _ in outgoing_of_stretches(core, gathered.watched(items)):
         clock.look()

@@ -1,0 +1,195 @@
+"""Every key of a scenario, by table: the parser reads by these, and docs/reference/scenario.md is made from them."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from sim_ecu.physics.axlebox import QUIET, SHAPES
+from sim_ecu.physics.contact import CURVES
+from sim_ecu.physics.rail import BLEND_M
+from sim_ecu.physics.sensors import SENSOR_SETS
+from sim_ecu.physics.track import QUALITY
+from sim_ecu.physics.wheelset import Wheelset
+from sim_ecu.play.faults import ALL, DURATION_S, KINDS, SIGNALS
+from wrcd.core.configuration import MAX_AXLES
+from wrcd.keys import Choice, Flag, Key, Number, Text
+from wrcd.section import Section
+
+LARGEST = 1e6
+Rows = tuple[tuple[float, ...], tuple[float, ...]]
+
+
+class Measure(Number):
+    """A number with its unit."""
+
+    def __init__(
+        self, name: str, what: str, low: float, high: float, default: float | None = None, *, unit: str = ""
+    ) -> None:
+        super().__init__(name, what, low, high, default)
+        self.unit = unit
+
+    def of(self, section: Section, default: float | None = None) -> float:
+        """The number; its default may depend on what else is there."""
+        fallback = self.default if default is None else default
+        assert fallback is not None
+        return section.number(self.name, fallback, self.low, self.high)
+
+
+class Over(Key):
+    """A number, or rows of time and number, between which it goes straight."""
+
+    default: float | None
+
+    def __init__(
+        self, name: str, what: str, low: float, high: float, unit: str = "", default: float | None = None
+    ) -> None:
+        super().__init__(name, what)
+        self.low, self.high, self.unit, self.default = low, high, unit, default
+        self.takes = f"{low:g} … {high:g}, or [[s, value], …]"
+
+    def read(self, section: Section) -> Rows:
+        """Times in s, and values. Raises InputError."""
+        value = section.raw(self.name)
+        if not isinstance(value, list):
+            return (0.0,), (section.number(self.name, self.default or 0.0, self.low, self.high),)
+        try:
+            table = np.array(value, dtype=np.float64)
+        except (TypeError, ValueError):
+            table = np.zeros(0)
+        if table.ndim != 2 or table.shape[1] != 2 or not len(table) or not np.all(np.diff(table[:, 0]) >= 0):
+            raise section.error("takes a number or [[time_s, value], …] with times that do not fall", self.name)
+        if not np.all((table[:, 1] >= self.low) & (table[:, 1] <= self.high)):
+            raise section.error(f"takes values from {self.low:g} to {self.high:g}", self.name)
+        return tuple(table[:, 0].tolist()), tuple(table[:, 1].tolist())
+
+
+class Other(Key):
+    """A key with a form of its own; the parser checks it."""
+
+    def __init__(self, name: str, what: str, form: str, default: str = "–", unit: str = "") -> None:
+        super().__init__(name, what)
+        self.takes, self.default, self.unit = form, default, unit
+
+
+def _names(words: Mapping[str, object] | tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(words)
+
+
+TITLE = Text("title", "one line for `sim-ecu list`; default: the file's name")
+DURATION = Measure("duration_s", "how long it plays", 0.1, LARGEST, 30.0, unit="s")
+AXLES = Other("axles", "the axles that run", f"list of 1 … {MAX_AXLES}", "[1]")
+SPEED = Over("speed_m_s", "the speed; without `hold_speed` only its first value counts", 0.0, 100.0, "m/s", 25.0)
+HOLD_SPEED = Flag(
+    "hold_speed",
+    "true: the train keeps to `speed_m_s`, whatever the torques do; false: it starts with that speed and moves freely, "
+    "by its torques, its running resistance and its mass",
+    True,
+)
+SEED = Other("seed", "of track, vibration and noise; of an axle: of a track of its own", "whole number from 0 on", "1")
+TRACK = Other(
+    "track",
+    "irregularity: a class, or the spectrum's A_a",
+    f"{', '.join(QUALITY)}, or 0 … 0.0001",
+    "good",
+    "m rad",
+)
+SENSORS = Other("sensors", "a set, or a table", f"{', '.join(SENSOR_SETS)}, or table", "mems")
+RAIL = Other("rail", "sections of rail, each from a distance on", "[[rail]]", "needed")
+DRIVE = Other("drive", "what driver and traction control want", "table", "needed")
+AXLEBOX = Other("axlebox", "what the axle box feels besides the track", "table")
+WHEELSET = Other("wheelset", "what differs from the default wheelset", "table")
+OF_AXLE = Other("axle", "[axle.N]: what differs for one axle", "tables by number")
+FAULT = Other("fault", "what goes wrong, as with `sim-ecu inject`", "[[fault]]")
+POSITION = Measure(
+    "position_m", "ahead of the first axle; default: two vehicles of two bogies", -1000.0, 1000.0, unit="m"
+)
+
+NAME = Text("name", "what it is called", Wheelset().name)
+_OF_WHEELSET = {
+    "m_w": ("kg", "mass of the wheelset"),
+    "I_w": ("kg m²", "its yaw inertia"),
+    "r_0": ("m", "nominal wheel radius"),
+    "L_g": ("m", "half gauge"),
+    "gamma": ("", "conicity"),
+    "k_w": ("N m/rad", "yaw stiffness"),
+    "M_v": ("kg", "vehicle mass that it carries; the load of a wheel is half of its weight"),
+    "I_R": ("kg m²", "inertia of the driven (right) wheel with its drive"),
+    "I_L": ("kg m²", "of the other wheel"),
+    "k_s": ("N m/rad", "torsional stiffness of the shaft"),
+    "C_s": ("N m s/rad", "its damping"),
+    "a": ("m", "semi-axis of the contact ellipse along rolling"),
+    "b": ("m", "the other one"),
+    "G": ("Pa", "shear modulus"),
+    "resistance_0": ("N", "running resistance at standstill"),
+    "resistance_2": ("N s²/m²", "its part with the speed squared"),
+}
+PARAMETERS = tuple(
+    Measure(name, _OF_WHEELSET[name][1], 1e-9, 1e15, value, unit=_OF_WHEELSET[name][0])
+    for name, value in Wheelset().numbers().items()
+)
+
+FROM = Measure("from_m", "where it begins", 0.0, 1e7, 0.0, unit="m")
+CURVE = Choice("curve", "creep curve of the study; or give `mu_0`", _names(CURVES))
+MU_0 = Measure("mu_0", "friction of a curve between them", 0.005, 1.0, 0.55)
+LAW = tuple(
+    Measure(name, f"{what}; default: as `mu_0` goes", 0.0, 10.0, unit=unit)
+    for name, what, unit in (
+        ("A", "friction at large slip over that at none", ""),
+        ("B", "how fast it falls", "s/m"),
+        ("k_A", "reduction in the area of adhesion", ""),
+        ("k_S", "reduction in the area of slip", ""),
+    )
+)
+RADIUS = Measure("radius_m", "curve radius, right-hand positive; 0: straight", -LARGEST, LARGEST, 0.0, unit="m")
+CANT = Measure("cant_rad", "cant, the left rail higher positive", -0.2, 0.2, 0.0, unit="rad")
+TRANSITION = Measure(
+    "transition_m", "from the section before to this one; not in the first", BLEND_M, 1000.0, BLEND_M, unit="m"
+)
+
+_EXACTLY_ONE = "; exactly one of the first four"
+DEMANDS = (
+    Over("torque_N_m", f"torque at the axle, braking negative{_EXACTLY_ONE}", -2e5, 2e5, "N m"),
+    Over("utilisation", "share of the peak adhesion to use, braking negative", -3.0, 3.0),
+    Over("creep", "creep to hold, braking negative", -1.0, 1.0),
+    Over("creep_of_peak", "the same over the creep at the peak", -10.0, 10.0),
+)
+CREEP_LIMIT = Over(
+    "creep_limit_of_peak", "creep at which traction control holds, over the creep at the peak", 0.05, 20.0, "", 1.0
+)
+
+KIND_OF_SENSORS = Choice("kind", "the set", _names(SENSOR_SETS), "mems")
+YAW_BIAS = Measure("yaw_rate_bias_rad_s", "added to the gyro", -1.0, 1.0, 0.0, unit="rad/s")
+LAT_BIAS = Measure("lateral_acceleration_bias_m_s2", "added to the accelerometer", -10.0, 10.0, 0.0, unit="m/s²")
+TORQUE_BIAS = Measure("torque_bias_N_m", "added to the torque", -1e5, 1e5, 0.0, unit="N m")
+
+VIBRATION = Measure("vibration_m_s2", "rms at the accelerometer", 0.0, 100.0, QUIET.vibration_m_s2, unit="m/s²")
+BAND = Other("band_hz", "of the vibration", "[lowest, highest]", "[20, 100]", "Hz")
+JOINT = Measure("joint_m_s2", "peak of the pulse at a rail joint", 0.0, 1000.0, QUIET.joint_m_s2, unit="m/s²")
+JOINT_EVERY = Measure("joint_every_m", "from joint to joint", 0.5, LARGEST, QUIET.joint_every_m, unit="m")
+JOINT_S = Measure("joint_s", "how long a pulse lasts", 1e-3, 0.5, QUIET.joint_s, unit="s")
+JOINT_SHAPE = Choice("joint_shape", "one sine period, or half of one", SHAPES, QUIET.joint_shape)
+CROSSING = Measure("crossing_m_s2", "peak of a crossing's pulses", 0.0, 1000.0, QUIET.crossing_m_s2, unit="m/s²")
+CROSSING_AT = Measure("crossing_at_m", "where the crossing is", 0.0, 1e7, QUIET.crossing_at_m, unit="m")
+GYRO_FEELS = Measure(
+    "gyro_per_m_s2", "what the gyro feels of it", -1.0, 1.0, QUIET.gyro_per_m_s2, unit="rad/s per m/s²"
+)
+
+KIND = Other("kind", "see `sim-ecu inject --list`", ", ".join(KINDS), "needed")
+AT = Measure("at_s", "when it begins; needed", 0.0, LARGEST, unit="s")
+FOR = Measure("duration_s", "how long it lasts", 0.001, LARGEST, DURATION_S, unit="s")
+OF = Choice("of", "which signal; all: the axle's own three", (*SIGNALS, ALL), "yaw_rate")
+AXLE = Other("axle", "of which axle", f"1 … {MAX_AXLES}", "the first")
+AMOUNT = Other("amount", "how much", "number", "the kind's", "the kind's")
+
+SHARED: tuple[Key, ...] = (RAIL, DRIVE, TRACK, SENSORS, AXLEBOX, SEED)  # that an axle may have otherwise
+# By the table's name.
+TABLES: Mapping[str, tuple[Key, ...]] = {
+    "": (TITLE, DURATION, AXLES, SPEED, HOLD_SPEED, *SHARED, WHEELSET, OF_AXLE, FAULT),
+    "wheelset": (NAME, *PARAMETERS),
+    "rail": (FROM, CURVE, MU_0, *LAW, RADIUS, CANT, TRANSITION),
+    "drive": (*DEMANDS, CREEP_LIMIT),
+    "sensors": (KIND_OF_SENSORS, YAW_BIAS, LAT_BIAS, TORQUE_BIAS),
+    "axlebox": (VIBRATION, BAND, JOINT, JOINT_EVERY, JOINT_S, JOINT_SHAPE, CROSSING, CROSSING_AT, GYRO_FEELS),
+    "axle.N": (*SHARED, POSITION),
+    "fault": (KIND, AT, FOR, OF, AXLE, AMOUNT),
+}

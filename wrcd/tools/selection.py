@@ -1,0 +1,116 @@
+"""What of a log is replayed, and which part of what comes of it is written."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from wrcd.bus.codec import message_key
+from wrcd.bus.columns import Stretch
+from wrcd.bus.damage import Damage
+from wrcd.bus.dbc import find_message
+from wrcd.bus.log import read_stretches
+from wrcd.bus.log_order import Item, frames_of, on_channel
+from wrcd.bus.units import Quantity
+from wrcd.core.configuration import Config
+from wrcd.core.messages import Outgoing
+from wrcd.errors import InputError
+
+VEHICLE = (Quantity.SPEED, Quantity.DIRECTION)
+AFTER_US = 1_000_000  # of a log, read behind --to: until then what belongs before it has been made
+
+
+@dataclass(frozen=True, slots=True)
+class Selection:
+    """begin_s and end_s are seconds since 1970, or of the log if relative; axles are numbers, none: all."""
+
+    begin_s: float | None = None
+    end_s: float | None = None
+    relative: bool = False
+    axles: tuple[int, ...] = ()
+    channel: str | None = None
+
+    def check(self, config: Config) -> None:
+        """Raises InputError for what cannot be selected."""
+        if self.begin_s is not None and self.end_s is not None and self.begin_s >= self.end_s:
+            raise InputError(f"{self.end_s:.6f} is not behind --from {self.begin_s:.6f}", key="--to")
+        known = [a.number for a in config.axles]
+        for number in self.axles:
+            if number not in known:
+                raise InputError(
+                    f"the configuration has no axle {number}", key="--axle", hint=f"it has {', '.join(map(str, known))}"
+                )
+
+
+WHOLE = Selection()
+
+
+@dataclass(frozen=True, slots=True)
+class Survey:
+    """What a look into a log tells before it is replayed: its first stamp, and the axles without a frame in it."""
+
+    first_us: int = 0
+    without_frame: frozenset[int] = frozenset()
+
+
+def survey(log: Path, config: Config, channel: str | None) -> Survey:
+    """Look into a log as far as needed: until every axle had a frame. Raises InputError as its replay would."""
+    keys: dict[int, set[int]] = {}  # axles by mapped message
+    for i in config.inputs:
+        if i.source.quantity not in VEHICLE:
+            key = message_key(find_message(config.database, i.source.message))
+            keys.setdefault(key, set()).update(config.axles[place].number for place in i.source.axles)
+    unseen = {a.number for a in config.axles}
+    first_us = None
+    for item in on_channel(read_stretches(log, Damage()), channel, log):
+        if isinstance(item, Stretch):
+            stamp_us, found = int(item.stamps_us[0]), set(np.unique(item.keys).tolist())
+        else:
+            stamp_us, found = item[0].stamp_us, set() if item[0].error else {item[0].key}
+        first_us = stamp_us if first_us is None else first_us
+        for key in found & keys.keys():
+            unseen -= keys[key]
+        if not unseen:
+            break
+    return Survey(first_us or 0, frozenset(unseen))
+
+
+class Part:
+    """Which outgoing frames and rows are written."""
+
+    def __init__(self, selection: Selection, found: Survey, config: Config) -> None:
+        self.origin_us = found.first_us if selection.relative else 0
+        self.begin_us = _us(selection.begin_s, self.origin_us)
+        self.end_us = _us(selection.end_s, self.origin_us)
+        self.axles = frozenset(selection.axles) or frozenset(a.number for a in config.axles) - found.without_frame
+        sent = ((a.number, o) for a in config.axles for o in (a.adhesion, a.detail, a.inputs) if o is not None)
+        self._left_out = {
+            message_key(find_message(config.database, o.message))
+            for number, o in sent
+            if selection.axles and number not in selection.axles
+        }
+
+    def wants(self, o: Outgoing) -> bool:
+        """Whether a frame lies within the time, and is not another axle's."""
+        return self.wants_at(o.frame.stamp_us) and o.frame.key not in self._left_out
+
+    def wants_at(self, stamp_us: int) -> bool:
+        """Whether a stamp lies within the time."""
+        return (self.begin_us is None or stamp_us >= self.begin_us) and (self.end_us is None or stamp_us < self.end_us)
+
+    def read(self, items: Iterable[Item]) -> Iterator[Item]:
+        """A log's frames, as far as they are needed."""
+        end_us = None if self.end_us is None else self.end_us + AFTER_US
+        for item in items:
+            if end_us is None:
+                yield item
+                continue
+            for one in frames_of(item) if isinstance(item, Stretch) and item.stamps_us.max() >= end_us else (item,):
+                if not isinstance(one, Stretch) and one[0].stamp_us >= end_us:
+                    return
+                yield one
+
+
+def _us(seconds: float | None, origin_us: int) -> int | None:
+    return None if seconds is None else round(seconds * 1e6) + origin_us
