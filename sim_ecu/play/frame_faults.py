@@ -1,91 +1,16 @@
-"""Faults of frames: what happens to them between sender and receiver, or beside them."""
+"""Faults of frames: what happens to them between sender and receiver."""
 
-import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterable, Sequence
 
-import numpy as np
 from cantools.database.can import Message
 
-from sim_ecu.play.encoder import (
-    FD_LENGTHS,
-    MAX_CLASSICAL,
-    SAMPLE_US,
-    SPACING_US,
-    Sample,
-    Sent,
-    frame_length,
-    is_fd,
-    protect,
-)
+from sim_ecu.play.encoder import FD_LENGTHS, MAX_CLASSICAL, SPACING_US, Sent, frame_length, is_fd
+from sim_ecu.play.fault_at_work import FrameFault
 from sim_ecu.play.faults import SILENT, Fault
+from sim_ecu.play.frames_beside import Babble, ErrorFlood, Sender
 from sim_ecu.play.train import PACKAGED, Carrier, Train
-from wrcd.errors import InputError
 
-BESIDE_US = 2_500  # by how much a second sender's frames come later than the first's
-SECOND_COUNTER = 7  # at which a second sender begins to count
-ERROR_CLASS = 0x80  # CAN_ERR_BUSERROR of linux/can/error.h
 FIRST_PAYLOAD_BIT = 16  # behind CRC, counter and status
-
-
-class FrameFault:
-    """The frames of a fault's signals, one by one: change() says what becomes of one, beside() what else is sent.
-
-    Raises InputError where the train's messages leave no way to make it.
-    """
-
-    protected = False  # whether it acts on what E2E protection adds
-
-    def __init__(self, fault: Fault, seed: Sequence[int], numbers: Sequence[int], other: int, train: Train) -> None:
-        self.fault, self.other, self.train = fault, other, train
-        self.numbers = list(numbers)
-        self.messages = {c.key: c for c in self.carriers()}
-        self.rng = np.random.default_rng(list(seed))
-        self.amount = fault.size(fault.signals[0])
-        for c in self.messages.values():
-            if self.protected and c.data_id is None:
-                raise self.error(f"{c.message.name} has no E2E protection, so nothing in it would tell")
-
-    def carriers(self) -> list[Carrier]:
-        """The messages that it is about."""
-        return self.train.carriers(self.fault.signals, self.fault.axle)
-
-    def error(self, reason: str, hint: str = "") -> InputError:
-        """That it cannot be made."""
-        return InputError(reason, key=f"fault {self.fault.kind}", hint=hint or "sim-ecu inject --list names others")
-
-    def on(self, due_us: int) -> bool:
-        """Whether it acts at that time."""
-        return self.fault.on(due_us)
-
-    def take(self, frames: Iterable[Sent]) -> list[Sent]:
-        """What becomes of frames."""
-        return [out for f in frames for out in (self.change(f) if self.hits(f) else (f,))]
-
-    def hits(self, f: Sent) -> bool:
-        """Whether a frame is one of the fault's."""
-        return f.key in self.messages and not f.error and self.on(f.due_us)
-
-    def change(self, f: Sent) -> Iterable[Sent]:
-        """One of its frames, and what is received instead."""
-        return (f,)
-
-    def beside(self, _sample: Sample) -> Iterable[Sent]:
-        """What else is sent during a sample."""
-        return ()
-
-    def resent(self, f: Sent, data: bytes | bytearray) -> tuple[Sent]:
-        """Other contents under a right CRC."""
-        identity = self.messages[f.key].data_id
-        return (f._replace(data=bytes(data) if identity is None else protect(data, identity)),)
-
-    def written(self, f: Sent, values: Mapping[str, float]) -> tuple[Sent]:
-        """The same frame with other raw values of some signals, those of them that it has."""
-        message = self.messages[f.key].message
-        read = message.decode(f.data, decode_choices=False, scaling=False)
-        assert isinstance(read, dict)
-        changed: dict[str, Any] = {**read, **{name: raw for name, raw in values.items() if name in read}}
-        return self.resent(f, message.encode(changed, scaling=False, strict=False).ljust(len(f.data), b"\0"))
 
 
 class Loss(FrameFault):
@@ -252,64 +177,9 @@ class Delay(FrameFault):
         return (f._replace(due_us=due_us),)
 
 
-class Sender(FrameFault):
-    """Somebody else sends the same messages."""
-
-    def __init__(self, fault: Fault, seed: Sequence[int], numbers: Sequence[int], other: int, train: Train) -> None:
-        super().__init__(fault, seed, numbers, other, train)
-        self._encoder = train.encoder(self.numbers, truth=False, counter=SECOND_COUNTER)
-
-    def beside(self, sample: Sample) -> Iterator[Sent]:
-        """The other's frames."""
-        for f in self._encoder.frames(sample.scaled(self.amount)):
-            if f.key in self.messages:
-                yield f._replace(due_us=f.due_us + BESIDE_US)
-
-
-class Babble(FrameFault):
-    """A node that does not stop."""
-
-    def __init__(self, fault: Fault, seed: Sequence[int], numbers: Sequence[int], other: int, train: Train) -> None:
-        super().__init__(fault, seed, numbers, other, train)
-        self._copied: Sent | None = None
-
-    def change(self, f: Sent) -> Iterable[Sent]:
-        """The frame as it is, remembered."""
-        self._copied = f
-        return (f,)
-
-    def beside(self, sample: Sample) -> Iterator[Sent]:
-        """The unmapped id and the copy in turn."""
-        for k, due_us in _every(sample.due_us, self.amount):
-            if k % 2 == 0:
-                yield Sent(due_us, self.train.idle_id, bytes(8))
-            elif self._copied is not None:
-                yield self._copied._replace(due_us=due_us)
-
-
-class ErrorFlood(FrameFault):
-    """Error frames, as the controller reports bus errors."""
-
-    def carriers(self) -> list[Carrier]:
-        """It is of no message."""
-        return []
-
-    def beside(self, sample: Sample) -> Iterator[Sent]:
-        """Error frames."""
-        for _, due_us in _every(sample.due_us, self.amount):
-            yield Sent(due_us, ERROR_CLASS, bytes(8), error=True)
-
-
 def _form(m: Message) -> tuple[int, bool]:
     """Length and kind of a message's frames."""
     return frame_length(m), is_fd(m)
-
-
-def _every(due_us: int, per_second: float) -> Iterator[tuple[int, int]]:
-    """Number and time, within a sample, of what comes so often from the scenario's start on."""
-    first, last = (math.ceil(t * per_second / 1e6) for t in (due_us, due_us + SAMPLE_US))
-    for k in range(first, last):
-        yield k, round(k * 1e6 / per_second)
 
 
 _CLASSES: dict[str, type[FrameFault]] = {

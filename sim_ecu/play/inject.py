@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from sim_ecu.play.encoder import SAMPLE_US, Sample, Sent, stretch_of
+from sim_ecu.play.fault_at_work import FrameFault
 from sim_ecu.play.faults import Fault
-from sim_ecu.play.frame_faults import FrameFault, frame_fault
+from sim_ecu.play.frame_faults import frame_fault
 from sim_ecu.play.train import PACKAGED, Encodes, Train
 
 SPIKE_EVERY_US = 100_000

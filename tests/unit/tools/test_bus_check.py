@@ -105,6 +105,18 @@ def test_gyro_with_the_wrong_sign_is_named(checked: Checked) -> None:
     assert re.search(r"axle 1: GyroReversed in \d\d\.\d % .*YawRate_A1.YawRate", verdict)
 
 
+def test_foreign_wheelset_is_named(checked: Checked) -> None:
+    """Four times the yaw stiffness, four axles on a poor track at 40 m/s."""
+    rails = "".join(f'[axle.{k}]\nrail = [{{ curve = "{c}" }}]\n' for k, c in enumerate("BCED", 1))
+    scenario = (
+        'duration_s = 20\naxles = [1, 2, 3, 4]\nspeed_m_s = 40\ntrack = "poor"\n'
+        "drive = { utilisation = [[0, 0], [0.5, 0.45]] }\n[wheelset]\nk_w = 2.0e7\n" + rails
+    )
+    status, text = checked(scenario, config=packaged(4))
+    assert status == 1
+    assert re.search(r"axle 1: WheelsetUnlike in \d\d\.\d %", text.partition("\n\n")[0])
+
+
 def test_failed_status_is_named_with_its_share(checked: Checked) -> None:
     status, text = checked("axles = [1, 2]" + STEADY.format(seconds=5), "status:at=2,for=10,axle=2", config=THIRD_PARTY)
     assert status == 1
