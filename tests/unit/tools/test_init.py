@@ -452,6 +452,46 @@ def test_adhesion_message_that_lacks_a_word_is_an_open_point(
     assert any(point in p for p in draft.open)
 
 
+@pytest.mark.parametrize("unit", ['""', '"1"'])
+def test_adhesion_given_as_a_fraction_is_found_and_its_unit_is_said(unit: str, tmp_path: Path) -> None:
+    signals = ADHESION | {"Friction": f"{unit} [0|1] 0.005 8"}
+    draft = proposal(tmp_path, USUAL | {"AdhesionA": signals}, f"{STATES}\n{NO_VALUE}")
+    adhesion = tables(draft)[1][0]["adhesion"]
+    assert adhesion["mu_available"] == {"signal": "Friction", "unit": "1", "not_available": 255}
+
+
+def test_fraction_of_a_brake_is_no_adhesion(tmp_path: Path) -> None:
+    draft = proposal(tmp_path, USUAL | {"Bcu": {"FrictionBrakeShare": '"" [0|1] 0.005 8'}})
+    assert any("no message looks like this axle's adhesion" in p for p in draft.open)
+
+
+def test_status_in_another_message_is_proposed_by_the_signal_name_in_its_own(tmp_path: Path) -> None:
+    messages = USUAL | {"Diag": {"SpeedValid": '"" [0|3] 1 2', "DoorState": '"" [0|3] 1 2'}}
+    words = '0 "Invalid" 1 "Valid" 2 "Degraded" ;'
+    draft = proposal(tmp_path, messages, f"VAL_ 103 SpeedValid {words}\nVAL_ 103 DoorState {words}")
+    assert tables(draft)[0]["speed"] == {
+        "signal": "Train.Speed",
+        "status": "Diag.SpeedValid",
+        "ok": ["Valid"],
+        "degraded": ["Degraded"],
+    }
+    assert tables(draft)[1][0]["torque"] == "Tcu.Torque"
+
+
+def test_one_of_two_statuses_in_other_messages_is_not_guessed(tmp_path: Path) -> None:
+    messages = USUAL | {"Diag": {"SpeedValid": '"" [0|3] 1 2'}, "Diag2": {"SpeedState": '"" [0|3] 1 2'}}
+    words = '0 "Invalid" 1 "Valid" ;'
+    draft = proposal(tmp_path, messages, f"VAL_ 103 SpeedValid {words}\nVAL_ 104 SpeedState {words}")
+    assert tables(draft)[0]["speed"] == "Train.Speed"
+
+
+@pytest.mark.parametrize(("cycle", "limit"), [(30, None), (50, 150)])
+def test_limit_reaches_to_the_longest_time_out(cycle: int, limit: int | None, tmp_path: Path) -> None:
+    draft = proposal(tmp_path, USUAL, f'BA_ "GenMsgCycleTime" BO_ 102 {cycle};')
+    said = tomllib.loads(draft.text()).get("limits", {})
+    assert said.get("not_available_after_ms") == limit
+
+
 def test_used_adhesion_is_not_taken_for_the_available(tmp_path: Path) -> None:
     signals = {"FrictionUsed": '"%" [0|100] 0.5 8', "FrictionMax": '"%" [0|100] 0.5 8', "State": '"" [0|3] 1 2'}
     words = f'{STATES}\nVAL_ 103 FrictionUsed 255 "SNA" ;\nVAL_ 103 FrictionMax 255 "SNA" ;'

@@ -151,12 +151,18 @@ def is_percent(s: Signal) -> bool:
     return s.unit.strip().lower() in PERCENT
 
 
+def is_fraction(s: Signal) -> bool:
+    """Whether a signal is an adhesion of 0 … 1, by its range and its name."""
+    shares = s.unit.strip() in ("", "1") and (s.low, s.high) == (0, 1) and 0 < s.scale < 1
+    return shares and says_adhesion(s) and not contains(s.name, BRAKES)
+
+
 def is_adhesion(message: Message) -> bool:
-    """Whether a message looks like the one that tells adhesion: a percentage, and a name that says so."""
+    """Whether a message looks like the one that tells adhesion: a percentage or a fraction, and a name that says so."""
     if is_truth(message):
         return False
     named = contains(message.name, ADHESION_PARTS) or bool(ADHESION_WORDS & set(words(message.name)))
-    return any(is_percent(s) and (named or says_adhesion(s)) for s in message.signals)
+    return any(is_fraction(s) or (is_percent(s) and (named or says_adhesion(s))) for s in message.signals)
 
 
 def says_adhesion(s: Signal) -> bool:

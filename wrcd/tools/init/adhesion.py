@@ -16,6 +16,7 @@ from wrcd.tools.dbc.vocabulary import (
     is_adhesion,
     is_counter,
     is_crc,
+    is_fraction,
     is_percent,
     is_status,
     letters,
@@ -77,7 +78,7 @@ def _told(s: Signal) -> list[str]:
 
 
 def _percentages(draft: Draft, about: str, m: Message) -> None:
-    percent = [s for s in m.signals if is_percent(s)]
+    percent = [s for s in m.signals if is_percent(s) or is_fraction(s)]
     used = [s for s in percent if contains(s.name, USED_PARTS)]
     candidates = sorted((s for s in percent if s not in used), key=_is_not_available_adhesion)
     if not candidates:
@@ -103,18 +104,22 @@ def _names(signals: Iterable[Signal]) -> str:
 def _one_percentage(draft: Draft, about: str, key: str, m: Message, s: Signal) -> None:
     pairs = s.words.pairs if s.words else []
     none = [raw for raw, w in pairs if unusable(w) and "err" not in letters(w) and s.lowest_raw <= raw <= s.highest_raw]
-    if any(w == "NotAvailable" for _, w in pairs):
-        draft.add(f"adhesion.{key} = {quoted(s.name)}")
-    elif none:
-        draft.add(f"adhesion.{key} = {quoted({'signal': s.name, 'not_available': none[0]})}")
-    elif not in_range(s, s.highest_raw):
-        draft.todo(
-            about, f"{m.name}.{s.name} has no word for 'not available': is it {s.highest_raw}, the highest value?"
-        )
-        draft.add(f"# adhesion.{key} = {quoted({'signal': s.name, 'not_available': s.highest_raw})}")
+    named = any(w == "NotAvailable" for _, w in pairs)
+    table: dict[str, object] = {"signal": s.name}
+    if is_fraction(s):
+        table["unit"] = "1"
+    if not named:
+        table["not_available"] = none[0] if none else s.highest_raw
+    line = f"adhesion.{key} = {quoted(s.name if len(table) == 1 else table)}"
+    if named or none:
+        draft.add(line)
+        return
+    if not in_range(s, s.highest_raw):
+        what = f"has no word for 'not available': is it {s.highest_raw}, the highest value?"
     else:
-        draft.todo(about, f"{m.name}.{s.name} cannot say 'not available': every value of it is an adhesion")
-        draft.add(f"# adhesion.{key} = {quoted({'signal': s.name, 'not_available': s.highest_raw})}")
+        what = "cannot say 'not available': every value of it is an adhesion"
+    draft.todo(about, f"{m.name}.{s.name} {what}")
+    draft.add(f"# {line}")
 
 
 def _validity(draft: Draft, about: str, m: Message) -> None:

@@ -17,6 +17,7 @@ class Draft:
     lines: list[str] = field(default_factory=list)
     open: list[str] = field(default_factory=list)
     unsure: dict[str, list[str]] = field(default_factory=dict)  # what: where
+    timeouts_ms: dict[str, float] = field(default_factory=dict)  # of inputs without which there is no estimate
 
     def add(self, *lines: str) -> None:
         """Append lines."""

@@ -17,10 +17,12 @@ from wrcd.tools.dbc.vocabulary import (
     LIKELY_GOOD,
     MOTOR_WORDS,
     converts,
+    is_adhesion,
     is_counter,
     is_crc,
     is_force,
     is_status,
+    is_truth,
     letters,
     words,
 )
@@ -41,6 +43,7 @@ OTHER_UNITS = {
     Quantity.YAW_RATE: "deg/s", Quantity.LAT_ACCEL: "m/s2", Quantity.TORQUE: "kNm", Quantity.BRAKE_TORQUE: "kNm",
     Quantity.SPEED: "km/h", Quantity.AXLE_LOAD: "kN", Quantity.WHEEL_RADIUS: "mm",
 }  # fmt: skip
+ENDS_THE_ESTIMATE = (Quantity.TORQUE, Quantity.SPEED)  # past limits.not_available_after_ms, gyro and accelerometer too
 
 
 @dataclass(slots=True)
@@ -66,9 +69,13 @@ def propose_input(draft: Draft, dbc: DbcText, key: str, about: str, found: list[
     _unit(table, best)
     _sign(table, best)
     _place(table, best)
-    _status(table, best)
+    _status(table, dbc, best)
     _time(table, dbc, best, design)
     _protection(table, dbc, best)
+    if best.quantity in ENDS_THE_ESTIMATE:
+        cycle = dbc.number(best.message, "GenMsgCycleTime") or 0
+        stated = dbc.number(best.signal, "GenSigTimeoutTime") or 3 * cycle
+        draft.timeouts_ms[best.name] = stated or DEFAULT_TIMEOUT_MS
     if best.signal.low is None and best.quantity is not Quantity.DIRECTION:
         table.doubts.append(f"{best.name} has no range; state it by range = [min, max], in the signal's unit")
     if best.signal.mux not in ("", "M"):
@@ -123,7 +130,7 @@ def _place(table: _Table, c: Candidate) -> None:
         table.blocked.append(f"{c.name} looks like a motor's torque: give the gear ratio, or take `at` away")
 
 
-def _status(table: _Table, c: Candidate) -> None:
+def _status(table: _Table, dbc: DbcText, c: Candidate) -> None:
     """The status that tells how good the signal is: by words that are known, by words that a person confirms."""
     beside = [s for s in c.message.signals if is_status(s) and s.mux != "M" and _may_be_of(s, c)]
     own = set(words(c.signal.name))
@@ -134,6 +141,8 @@ def _status(table: _Table, c: Candidate) -> None:
         if s.words is None:
             rule = "only 0 lets a value pass" if s.name == STATUS else "it is not looked at"
             table.doubts.append(f"{c.message.name}.{s.name} has no value table: {rule} unless status and ok are given")
+    if not beside:
+        _status_elsewhere(table, dbc, c)
     if not told:
         return
     status, *more = told
@@ -155,6 +164,21 @@ def _status(table: _Table, c: Candidate) -> None:
     elif not likely_only and (status.name == STATUS or STATUS_NAMES.search(status.name)) and not more:
         return  # the daemon takes it by itself
     table.keys |= {"status": name, "ok": good} | ({"degraded": degraded} if degraded else {})
+
+
+def _status_elsewhere(table: _Table, dbc: DbcText, c: Candidate) -> None:
+    """The speed's status in another message, where just one has the speed's name and more: RefSpeedValid of
+    RefSpeed."""
+    name = words(c.signal.name)
+    others = [m for m in dbc.on_the_bus if m is not c.message and not is_adhesion(m) and not is_truth(m)]
+    found = [(m, s) for m in others for s in m.signals if is_status(s) and words(s.name)[: len(name)] == name]
+    if c.quantity is not Quantity.SPEED or len(found) != 1:
+        return
+    ((m, s),) = found
+    good, poor = [w for w in _told(s) if usable(w)], [w for w in _told(s) if is_degraded(w)]
+    if good:
+        table.doubts.append(f"{m.name}.{s.name}, in another message, is taken as the status of {c.name}")
+        table.keys |= {"status": f"{m.name}.{s.name}", "ok": good} | ({"degraded": poor} if poor else {})
 
 
 def _may_be_of(s: Signal, c: Candidate) -> bool:

@@ -3,7 +3,7 @@
 import os
 from pathlib import Path
 
-from wrcd import resources
+from wrcd import declared, resources
 from wrcd.bus.units import Quantity
 from wrcd.bus.words import is_reverse
 from wrcd.estimator.design import Design, load_design
@@ -37,7 +37,25 @@ def propose(dbc: DbcText, folder: Path, design: Design | None = None) -> Draft:
         for q in PER_AXLE:
             _one(draft, dbc, train, q, f"axle {number}, {q.key}", found.get(q, []), number, design)
         propose_adhesion(draft, dbc, number, len(numbers))
+    _limits(draft)
     return draft
+
+
+def _limits(draft: Draft) -> None:
+    """An estimate must not end before an input counts as stale."""
+    limit = declared.NOT_AVAILABLE_AFTER
+    name, longest = max(draft.timeouts_ms.items(), key=lambda one: one[1], default=("", 0.0))
+    if longest <= (limit.default or 0.0):
+        return
+    about = f"limits, {limit.name}"
+    draft.add("", "[limits]")
+    line = f"{limit.name} = {longest:g}"
+    if longest <= limit.high:
+        draft.doubt(about, f"{name} is stale after {longest:g} ms only, and an estimate lasts as long without it")
+        draft.add(line)
+    else:
+        draft.todo(about, f"{name} has a time-out of {longest:g} ms, more than {limit.high:g}: give it a timeout_ms")
+        draft.add(f"# {line}")
 
 
 def _head(draft: Draft, dbc: DbcText, folder: Path, design: Design) -> None:
