@@ -98,11 +98,11 @@ def usual_values(signal: Signal) -> tuple[frozenset[int], frozenset[int]]:
 
 
 def _usual_rules(said: Sequence[Statement], message: Message, warnings: list[str]) -> list[StatusRule]:
-    """A signal called Status; else every one whose name and words say that it is one."""
+    """A signal called Status; else every one whose name or words say that it is one."""
     measured = {s.signal for s in said}
     signals = [s for s in message.signals if s.name not in measured and not s.is_multiplexer]
     rules = []
-    for signal in [s for s in signals if s.name == STATUS] or [s for s in signals if STATUS_NAMES.search(s.name)]:
+    for signal in [s for s in signals if s.name == STATUS] or [s for s in signals if _is_status(s)]:
         table = said[0].table
         ok, degraded = usual_values(signal)
         if not ok and signal.name == STATUS and not words(signal):
@@ -124,6 +124,12 @@ def _usual_rules(said: Sequence[Statement], message: Message, warnings: list[str
                 "if it does, name it as the status of an input of that message, else say status = false"
             )
     return rules
+
+
+def _is_status(signal: Signal) -> bool:
+    """Whether a signal's name says that it is a status, or its words: a good one and one of failure."""
+    table = words(signal).values()
+    return bool(STATUS_NAMES.search(signal.name)) or (any(map(usable, table)) and any(map(unusable, table)))
 
 
 # --- E2E

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from wrcd import declared
-from wrcd.bus.dbc import Database, data_id, find_message
+from wrcd.bus.dbc import Database, Message, data_id, find_message
 from wrcd.bus.signals import Output, StatusRule
 from wrcd.core.configuration import MAX_AXLES, AxleConfig, Input
 from wrcd.estimator.design import Design
@@ -86,6 +86,15 @@ def _number(table: Section, numbers: set[int]) -> int | None:
     return None
 
 
+def _data_id_of_status(s: Statement, message: Message) -> int | None:
+    """Of a message that carries nothing but the status of an input. A mistake is collected."""
+    try:
+        return data_id(message)
+    except ValueError as e:
+        s.table.mistake(s.table.error(str(e), declared.STATUS.name, "mend the DBC"))
+        return None
+
+
 def _resolved(
     top: Section, said: Sequence[Statement], database: Database, design: Design, train: Train
 ) -> list[tuple[Statement, Input]]:
@@ -99,9 +108,10 @@ def _resolved(
             rules[name] = status_rules(group, database, train.warnings)
         with top.collected():
             train.data_ids[name] = protection(group, database)
-    for rule in [r for group in rules.values() for r in group if r.message not in rules]:
-        with top.collected():
-            train.data_ids[rule.message] = data_id(find_message(database, rule.message))
+    for s in said:
+        for rule in rules[s.message]:
+            if rule.message not in rules and rule.message not in train.data_ids:
+                train.data_ids[rule.message] = _data_id_of_status(s, find_message(database, rule.message))
     mapped = []
     for s in said:
         with s.table.collected():
