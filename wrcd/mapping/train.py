@@ -120,5 +120,7 @@ def _resolved(
                 mapped.append((s, found))
             if train.data_ids.get(s.message) is not None:
                 check_header(s.table, declared.SIGNAL.name, find_message(database, s.message), {s.signal})
+            if s.status is not None and train.data_ids.get(s.status.message) is not None:
+                check_header(s.table, declared.STATUS.name, find_message(database, s.status.message), {s.status.signal})
     train.inputs = [i for _, i in mapped]
     return mapped

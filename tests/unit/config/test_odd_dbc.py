@@ -71,3 +71,12 @@ def test_signal_with_words_of_a_status_is_one_whatever_its_name(tmp_path: Path, 
 def test_torque_shared_by_two_axles_is_taken(tmp_path: Path) -> None:
     assert TORQUE in SECOND
     loaded(tmp_path, [after(SECOND + 'adhesion = "Adhesion_A2"')])
+
+
+def test_status_where_crc_and_counter_are_is_refused(tmp_path: Path) -> None:
+    status = [of_yaw_rate('status = "Protected.Torque", ok = [1]')]
+    assert refused(tmp_path, status) == (
+        "9: axle[1].yaw_rate.status: Protected.Torque lies where the E2E CRC and counter of Protected are — "
+        'e2e = "none" if it is not protected'
+    )
+    loaded(tmp_path, [of_yaw_rate('status = "Protected.Brake", ok = [1]')])
