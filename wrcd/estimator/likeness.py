@@ -90,6 +90,11 @@ class Likeness:
         """A gap: what an axle's window has gathered does not go on; what was found out before stays."""
         self._run[axle] = 0.0
         self._segments[axle] = 0
+        self._window[:, axle] = 0.0
+        if not self._run.any():  # nobody has a sample that counts
+            self._samples[:] = 0.0
+            self._speeds[:] = 0.0
+            self._filled = self._segment - self._hop
 
     @property
     def unlike(self) -> bool:
@@ -118,6 +123,7 @@ class Likeness:
             self._run += end - first
             if used is not None:
                 self._run[~used] = 0.0
+                self._segments[~used] = 0
             self._filled += end - first
             first = end
             turn, rest = divmod(self._hop_ticks, self._turn)
