@@ -2,6 +2,7 @@
 
 from wrcd import declared
 from wrcd.bus.dbc import (
+    DEFAULT_TIMEOUT_MS,
     FD_BYTES,
     Database,
     Message,
@@ -21,7 +22,6 @@ from wrcd.mapping.statements import TORQUES, Statement
 from wrcd.mapping.values import raw_values, span, usable_field, words
 from wrcd.section import Section, suggest
 
-DEFAULT_TIMEOUT_MS = 100
 FLOAT_BITS = (16, 32, 64)
 STALE_TICKS = 3  # of gyro and accelerometer: two may be missing
 MEASURED = (Quantity.YAW_RATE, Quantity.LAT_ACCEL)

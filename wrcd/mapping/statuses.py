@@ -8,12 +8,12 @@ import re
 from collections.abc import Mapping, Sequence
 
 from wrcd import declared
-from wrcd.bus.dbc import Database, Message, Signal, find_message, timeout_ms
+from wrcd.bus.dbc import DEFAULT_TIMEOUT_MS, Database, Message, Signal, find_message, timeout_ms
 from wrcd.bus.positions import Branch, branch
 from wrcd.bus.signals import StatusRule
 from wrcd.bus.statuses import STATUS
 from wrcd.bus.words import degraded, unusable, usable
-from wrcd.mapping.inputs import DEFAULT_TIMEOUT_MS, check_readable, find
+from wrcd.mapping.inputs import check_readable, find
 from wrcd.mapping.statements import Statement, StatusStatement
 from wrcd.mapping.values import raw_values, words
 
@@ -78,11 +78,11 @@ def _check_branch(s: Statement, rule: StatusRule, message: Message, branches: Ma
 def _stated_rule(s: Statement, stated: StatusStatement, database: Database) -> StatusRule:
     key = declared.STATUS.name
     message, signal = find(s.table, key, database, stated.message, stated.signal)
-    timeout_us = 0
     try:
         check_readable(message, signal)
+        timeout_us = 1000 * (stated.timeout_ms or 0)
         if message.name != s.message:
-            timeout_us = 1000 * (timeout_ms(message, signal) or DEFAULT_TIMEOUT_MS)
+            timeout_us = timeout_us or 1000 * (timeout_ms(message, signal) or DEFAULT_TIMEOUT_MS)
     except ValueError as e:
         raise s.table.error(str(e), key) from None
     usual_ok, usual_degraded = usual_values(signal)
