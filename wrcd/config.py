@@ -237,7 +237,7 @@ def _same_wheelset(section: Section, design: Design, file: Path) -> None:
     """[wheelset] in the configuration states what the train has; a design for another one is refused."""
     for key in section:
         if key not in design.wheelset:
-            hint = suggest(key, design.wheelset) or "the keys of the design's wheelset"
+            hint = suggest(key, design.wheelset) or f"the design's wheelset has {', '.join(sorted(design.wheelset))}"
             section.mistake(section.error("unknown key", key, hint))
             continue
         stated = section.raw(key)

@@ -191,11 +191,16 @@ class MappedTrain:
             mapped = self._mapped(signal, axle)
             saying = [p for p in self._plans.values() if p.statuses and _carries(p.of_status, signal, axle)]
             for plan in saying or mapped:
-                name = next(iter(plan.statuses), None)
+                name = self._status_of(plan, signal, axle)
                 status = None if name is None else find_signal(plan.message, name)
                 usable = frozenset() if name is None else plan.statuses[name] | plan.degraded[name]
                 out[plan.message.name] = Carrier(plan.message, plan.data_id, {}, status, usable)
         return list(out.values())
+
+    def _status_of(self, plan: Plan, signal: str, axle: int) -> str | None:
+        """The status in a message that is about an axle's signal: with multiplexers another axle has another one."""
+        about = [c for c in plan.of_status if c.source.quantity.key == signal and axle in c.axles]
+        return next((r.signal for c in about for r in self._rules(c) if r.message == plan.message.name), None)
 
     def cycle_us(self, signal: str, axle: int) -> int:
         """Of the message that carries it."""

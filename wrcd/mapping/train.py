@@ -12,6 +12,7 @@ from wrcd.mapping import contradictions
 from wrcd.mapping.inputs import resolve
 from wrcd.mapping.message_facts import by_message, check_header, protection
 from wrcd.mapping.outputs import STATUS_KEYS, STATUS_MESSAGES, output, usual_messages
+from wrcd.mapping.pace import check_pace
 from wrcd.mapping.statements import AXLE_QUANTITIES, VEHICLE_QUANTITIES, Statement, statements
 from wrcd.mapping.statuses import status_rules
 from wrcd.section import Section
@@ -118,6 +119,7 @@ def _resolved(
         with s.table.collected():
             found = resolve(s, database, design, rules[s.message].get(s.signal, ()))
             if found is not None:
+                check_pace(s, database, design, train.warnings)
                 mapped.append((s, found))
             if train.data_ids.get(s.message) is not None:
                 check_header(s.table, declared.SIGNAL.name, find_message(database, s.message), {s.signal})

@@ -42,6 +42,15 @@ CASES: dict[str, tuple[list[Edit], list[str]]] = {
         [after('axle_load = { signal = "Extended.Load", sign = -1 }')],
         ["12: axle[1].axle_load.sign: unknown key — did you mean 'signal'?"],
     ),
+    "unknown key of the wheelset": (
+        [('name = "default"', 'name = "default"\nradius = 0.5')],
+        [
+            (
+                "5: wheelset.radius: unknown key — the design's wheelset has C_s, G, I_L, I_R, I_w, L_g, M_v, a, b, "
+                "gamma, k_s, k_w, m_w, name, r_0, resistance_0, resistance_2"
+            )
+        ],
+    ),
     "unknown table": ([("[wheelset]", "[wheelst]")], ["3: wheelst: unknown key — did you mean 'wheelset'?"]),
     "unknown interface": (
         [("[dbc]", '[bus]\ninterface = "socketcam"\n[dbc]')],

@@ -369,6 +369,23 @@ def test_frame_faults_act_on_their_message_alone(clean: list[Sent]) -> None:
         assert touched, kind
 
 
+def test_status_fault_of_a_multiplexed_message_is_of_the_axle_of_its_branch() -> None:
+    effort = ' SG_ Motor2 m4 : 23|16@0- (0.002,0) [-60|60] "kNm" A\n'
+    assert effort in DBC
+    healths = "".join(f' SG_ Health{n} m{2 + n} : 39|8@0+ (1,0) [0|255] "" A\n' for n in (1, 2))
+    config = replace(mapped(), database=parse_dbc(DBC.replace(effort, effort + healths), Path("mapped.dbc")))
+    guarded = []
+    for i in config.inputs:
+        rules = (StatusRule("Effort", f"Health{i.source.signal[-1]}", frozenset({1}), frozenset()),)
+        guarded.append(replace(i, source=replace(i.source, statuses=rules)) if i.source.message == "Effort" else i)
+    config = replace(config, inputs=tuple(guarded))
+    faults = (parse_fault(f"status:{AT},of=torque,axle=2,amount=3", [1, 2]),)
+    scenario = replace(load_scenario("half-wet"), duration_s=0.6, faults=faults)
+    frames = [f for _, fs in Player(scenario, truth=False, train=train(config)) for f in fs if f.can_id == 530]
+    said = {(f.data[0], f.data[4]) for f in during(frames)}
+    assert said == {(3, 1), (4, 3)}  # multiplexer and health
+
+
 def test_frame_faults_of_an_own_dbc_do_what_they_say(clean: list[Sent]) -> None:
     flipped = [f for f in during(played(f"crc:{AT}")) if f.can_id == 513]
     before = [f for f in during(clean) if f.can_id == 513]

@@ -309,6 +309,53 @@ def test_status_with_unknown_words_is_an_open_point(tmp_path: Path) -> None:
     assert any("which of 'Blau', 'Fehler' means a sound value?" in p for p in draft.open)
 
 
+MULTIPLEXED = """VERSION ""
+BS_:
+BU_: A
+BO_ 768 Bogie: 8 A
+ SG_ Wheelset M : 0|4@1+ (1,0) [0|15] "" A
+ SG_ HealthWS1 m1 : 4|4@1+ (1,0) [0|15] "" A
+ SG_ YawRateWS1 m1 : 8|16@1- (0.005,0) [-60|60] "deg/s" A
+ SG_ LatAccWS1 m1 : 24|16@1- (0.002,0) [-60|60] "m/s2" A
+ SG_ HealthWS2 m2 : 4|4@1+ (1,0) [0|15] "" A
+ SG_ YawRateWS2 m2 : 8|16@1- (0.005,0) [-60|60] "deg/s" A
+ SG_ LatAccWS2 m2 : 24|16@1- (0.002,0) [-60|60] "m/s2" A
+BA_DEF_ BO_ "GenMsgCycleTime" INT 0 65535;
+BA_DEF_DEF_ "GenMsgCycleTime" 2;
+VAL_ 768 HealthWS1 0 "Init" 1 "Measuring" 3 "Broken" ;
+VAL_ 768 HealthWS2 0 "Init" 1 "Measuring" 3 "Broken" ;
+"""
+
+
+def of_text(folder: Path, text: str) -> Draft:
+    file = folder / "own.dbc"
+    file.write_text(text, encoding="utf-8")
+    return propose(read(file), folder, DESIGN)
+
+
+@pytest.mark.parametrize("branches", ["multiplexed", "in every frame"])
+def test_status_is_the_one_of_the_signal_branch_and_number(branches: str, tmp_path: Path) -> None:
+    text = MULTIPLEXED
+    if branches == "in every frame":
+        text = re.sub(r" (M|m\d) :", " :", text)
+    for axle in tables(of_text(tmp_path, text))[1]:
+        for key in ("yaw_rate", "lateral_acceleration"):
+            assert axle[key]["status"] == f"Bogie.HealthWS{axle['number']}"
+
+
+def test_status_of_another_branch_alone_is_not_proposed(tmp_path: Path) -> None:
+    text = re.sub(r".*HealthWS2.*\n", "", MULTIPLEXED)
+    one, two = tables(of_text(tmp_path, text))[1]
+    assert one["yaw_rate"]["status"] == "Bogie.HealthWS1"
+    assert two["yaw_rate"] == "Bogie.YawRateWS2"
+
+
+def test_multiplexed_gyro_that_cannot_come_in_every_tick_is_an_open_point(tmp_path: Path) -> None:
+    slow = of_text(tmp_path, MULTIPLEXED.replace('Time" 2;', 'Time" 5;'))
+    assert sum("in one of 2 frames, every 10 ms, the design's tick is 5 ms" in p for p in slow.open) == 4
+    assert not any("in one of" in p for p in of_text(tmp_path, MULTIPLEXED).open)
+
+
 def test_slow_gyro_is_an_open_point(tmp_path: Path) -> None:
     draft = proposal(tmp_path, USUAL, 'BA_ "GenMsgCycleTime" BO_ 100 20;')
     assert sum("comes every 20 ms, the design's tick is 5 ms" in p for p in draft.open) == 2

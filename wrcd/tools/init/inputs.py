@@ -12,7 +12,7 @@ from wrcd.estimator.design import Design
 from wrcd.mapping.inputs import MEASURED
 from wrcd.mapping.statements import TORQUES
 from wrcd.mapping.statuses import STATUS_NAMES
-from wrcd.tools.dbc.candidates import SURE_SCORE, Candidate
+from wrcd.tools.dbc.candidates import SURE_SCORE, Candidate, numbers
 from wrcd.tools.dbc.records import DbcText, Signal
 from wrcd.tools.dbc.vocabulary import (
     LIKELY_GOOD,
@@ -126,8 +126,9 @@ def _place(table: _Table, c: Candidate) -> None:
 
 def _status(table: _Table, c: Candidate) -> None:
     """The status that tells how good the signal is: by words that are known, by words that a person confirms."""
-    beside = [s for s in c.message.signals if is_status(s)]
+    beside = [s for s in c.message.signals if is_status(s) and s.mux != "M" and _may_be_of(s, c)]
     own = set(words(c.signal.name))
+    beside.sort(key=lambda s: (not _branch(s), _number(s) is None))  # the closest first
     nearest = [s for s in beside if own & set(words(s.name))] or beside
     told = [s for s in nearest if s.words is not None and any(unusable(w) or usable(w) for w in _told(s))]
     for s in nearest:
@@ -157,6 +158,31 @@ def _status(table: _Table, c: Candidate) -> None:
     table.keys |= {"status": name, "ok": good} | ({"degraded": degraded} if degraded else {})
 
 
+def _may_be_of(s: Signal, c: Candidate) -> bool:
+    """Whether a status may be about a signal: no other multiplexer's branch, no other axle's number."""
+    return _branch(s) in ("", _branch(c.signal)) and (
+        _number(s) is None or _number(c.signal) is None or _number(s) == _number(c.signal)
+    )
+
+
+def _branch(s: Signal) -> str:
+    """The multiplexer's value in whose frames a signal is ("": every frame)."""
+    return s.mux.removesuffix("M")
+
+
+def _frames_for_one(c: Candidate) -> int:
+    """Of how many frames of its message one carries a signal, by simple multiplexing."""
+    signals = c.message.signals
+    if not _branch(c.signal) or any(_branch(s) != s.mux and _branch(s) for s in signals):
+        return 1
+    return len({_branch(s) for s in signals if _branch(s)})
+
+
+def _number(s: Signal) -> int | None:
+    """The axle that a signal's own name tells."""
+    return numbers("", s.name)[0]
+
+
 def _told(s: Signal) -> list[str]:
     return [w for _, w in s.words.pairs] if s.words else []
 
@@ -169,6 +195,11 @@ def _time(table: _Table, dbc: DbcText, c: Candidate, design: Design) -> None:
             table.blocked.append(
                 f"{c.name} comes every {cycle:g} ms, the design's tick is {tick_ms:g} ms: have it sent faster, or make "
                 "a design for a longer tick"
+            )
+        elif cycle and cycle * (frames := _frames_for_one(c)) > tick_ms:
+            table.blocked.append(
+                f"{c.name} comes in one of {frames} frames, every {cycle * frames:g} ms, the design's tick is "
+                f"{tick_ms:g} ms: have it sent faster, or make a design for a longer tick"
             )
         elif not cycle:
             table.doubts.append(f"{c.message.name} has no cycle in the DBC; every {tick_ms:g} ms is needed")
