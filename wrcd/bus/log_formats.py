@@ -43,6 +43,7 @@ _NO_FRAME = {
 # stamps that count from the line before, whatever it is
 _DELTA = re.compile(r"\s*base\s+(?:hex|dec)\s+timestamps\s+relative\b", re.IGNORECASE)
 _BEGIN, _END = re.compile(r"\s*begin\s+trigger", re.IGNORECASE), re.compile(r"\s*end\s+trigger", re.IGNORECASE)
+MAX_STAMP_US = 10**17  # the year 5138: a later stamp is damage
 _HEADER_BYTES, _PADDING_BYTES = 16, 3  # of an object in a .blf
 
 
@@ -224,8 +225,11 @@ def _unreadable(suffix: str, reason: str, path: Path) -> InputError:
 
 
 def _frame(m: can.Message) -> tuple[Frame, str] | None:
-    """A message as frame and channel; None if no bus can carry it, or if its data is not as long as it says."""
+    """A message as frame and channel; None if no bus can carry it, if its data is not as long as it says,
+    or if its time is none."""
     frame = from_message(m, round(m.timestamp * 1e6))
-    if not frame.possible or not (frame.remote or frame.error or len(frame.data) == m.dlc):
+    if not frame.possible or abs(frame.stamp_us) > MAX_STAMP_US:
+        return None
+    if not (frame.remote or frame.error or len(frame.data) == m.dlc):
         return None
     return frame, str(m.channel if m.channel is not None else "can0")

@@ -78,6 +78,21 @@ class Branch:
         """Whether a frame carries the signal."""
         return all(at.raw(numbers.of(at.order)) in ids for _, at, ids in self.conditions)
 
+    def covers(self, other: "Branch") -> bool:
+        """Whether every frame of the message that carries the other's signal carries this one's, too."""
+        theirs = {name: ids for name, _, ids in other.conditions}
+        return all(name in theirs and theirs[name] <= ids for name, _, ids in self.conditions)
+
+    def excludes(self, other: "Branch") -> bool:
+        """Whether no frame carries both."""
+        theirs = {name: ids for name, _, ids in other.conditions}
+        return any(name in theirs and not theirs[name] & ids for name, _, ids in self.conditions)
+
+    def __str__(self) -> str:
+        """As the configuration's reader says it: Page = 2."""
+        said = [f"{name} = {' or '.join(map(str, sorted(ids)))}" for name, _, ids in reversed(self.conditions)]
+        return ", ".join(said) or "every frame"
+
     @property
     def example(self) -> dict[str, int]:
         """Multiplexers' names and values with which it does."""
@@ -92,6 +107,11 @@ def position(signal: Signal, length: int) -> Position:
         return Position("little", signal.start, mask, sign)
     first = 8 * (signal.start // 8) + 7 - signal.start % 8  # of its highest bit, counted from the frame's first
     return Position("big", 8 * length - first - signal.length, mask, sign)
+
+
+def branch(message: Message, signal: str) -> Branch:
+    """That of a signal by its name."""
+    return Branch(message, find_signal(message, signal), frame_length(message))
 
 
 def message_key(message: Message) -> int:

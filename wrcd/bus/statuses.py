@@ -4,7 +4,7 @@ believed."""
 from collections.abc import Sequence
 
 from wrcd.bus.dbc import Message, find_signal, timeout_ms
-from wrcd.bus.positions import Branch, Field, Numbers, frame_length
+from wrcd.bus.positions import Branch, Field, Numbers, branch, frame_length
 from wrcd.bus.signals import Source, StatusRule
 from wrcd.bus.words import degraded, usable
 
@@ -28,11 +28,14 @@ def usual_rule(message: Message) -> StatusRule | None:
 
 
 def rules_of(message: Message, source: Source) -> Sequence[StatusRule]:
-    """The rules that hold for a signal of a message."""
+    """The rules that hold for a signal of a message. By itself a status counts where every frame with the signal has
+    it."""
     if source.statuses is not None:
         return source.statuses
     usual = usual_rule(message)
-    return () if usual is None else (usual,)
+    if usual is None or not branch(message, usual.signal).covers(branch(message, source.signal)):
+        return ()
+    return (usual,)
 
 
 class Status:

@@ -1,23 +1,15 @@
-"""What the inputs of one message say of it: which signals tell whether its sender is well, and its E2E protection.
+"""What the inputs of one message say of it: its E2E protection.
 
 A frame is accepted whole or not at all, so what one input says of its message holds for all of them, and two that
 contradict each other are refused.
 """
 
-import re
 from collections.abc import Iterable, Sequence
 
 from wrcd import declared
-from wrcd.bus.dbc import Database, Message, Signal, attribute, data_id, find_message, timeout_ms
-from wrcd.bus.signals import StatusRule
-from wrcd.bus.statuses import STATUS
-from wrcd.bus.words import degraded, unusable, usable
-from wrcd.mapping.inputs import DEFAULT_TIMEOUT_MS, check_readable, find
-from wrcd.mapping.statements import Statement, StatusStatement
-from wrcd.mapping.values import raw_values, words
+from wrcd.bus.dbc import Database, Message, Signal, attribute, data_id, find_message
+from wrcd.mapping.statements import Statement
 from wrcd.section import Section
-
-STATUS_NAMES = re.compile(r"status|state|valid|quality|health", re.IGNORECASE)
 
 
 def by_message(statements: Iterable[Statement]) -> dict[str, list[Statement]]:
@@ -26,107 +18,6 @@ def by_message(statements: Iterable[Statement]) -> dict[str, list[Statement]]:
     for s in statements:
         found.setdefault(s.message, []).append(s)
     return found
-
-
-# --- status
-
-
-def status_rules(said: Sequence[Statement], database: Database, warnings: list[str]) -> tuple[StatusRule, ...]:
-    """The rules of one message, by what its inputs say of it, else by the DBC's words. Mistakes are collected."""
-    if any(s.status_wrong for s in said):
-        return ()
-    stated = [s for s in said if s.status is not None]
-    off = [s for s in said if s.status_off]
-    if stated and off:
-        s = off[0]
-        raise s.table.error(
-            f"is false, but {stated[0].table.name} names the status of {s.message}", declared.STATUS.name
-        )
-    if off:
-        return ()
-    rules: dict[tuple[str, str], tuple[StatusRule, Statement]] = {}
-    for s in stated:
-        assert s.status is not None
-        rule = _stated_rule(s, s.status, database)
-        known = rules.setdefault((rule.message, rule.signal), (rule, s))
-        if known[0] != rule:
-            raise s.table.error(
-                f"takes other values of {rule.message}.{rule.signal} for good than {known[1].table.name}",
-                declared.STATUS.name,
-            )
-    if rules:
-        return tuple(rule for rule, _ in rules.values())
-    return tuple(_usual_rules(said, find_message(database, said[0].message), warnings))
-
-
-def _stated_rule(s: Statement, stated: StatusStatement, database: Database) -> StatusRule:
-    key = declared.STATUS.name
-    message, signal = find(s.table, key, database, stated.message, stated.signal)
-    timeout_us = 0
-    try:
-        check_readable(message, signal)
-        if message.name != s.message:
-            timeout_us = 1000 * (timeout_ms(message, signal) or DEFAULT_TIMEOUT_MS)
-    except ValueError as e:
-        raise s.table.error(str(e), key) from None
-    usual_ok, usual_degraded = usual_values(signal)
-    ok = usual_ok if stated.ok is None else raw_values(s.table, declared.OK.name, signal, stated.ok)
-    degraded = (
-        usual_degraded - ok
-        if stated.degraded is None
-        else raw_values(s.table, declared.DEGRADED.name, signal, stated.degraded)
-    )
-    if not ok:
-        known = ", ".join(words(signal).values())
-        raise s.table.error(
-            f"{message.name}.{signal.name} has no word that is known to be good",
-            key,
-            f"say which: ok = [{'one of ' + known if known else 'raw values'}]",
-        )
-    if both := ok & degraded:
-        raise s.table.error(f"{min(both)} is good already", declared.DEGRADED.name)
-    return StatusRule(message.name, signal.name, ok, degraded, timeout_us)
-
-
-def usual_values(signal: Signal) -> tuple[frozenset[int], frozenset[int]]:
-    """Raw values that are good and degraded by the words of the value table."""
-    table = words(signal)
-    return (
-        frozenset(raw for raw, word in table.items() if usable(word)),
-        frozenset(raw for raw, word in table.items() if degraded(word)),
-    )
-
-
-def _usual_rules(said: Sequence[Statement], message: Message, warnings: list[str]) -> list[StatusRule]:
-    """A signal called Status; else every one whose name and words say that it is one."""
-    measured = {s.signal for s in said}
-    signals = [s for s in message.signals if s.name not in measured and not s.is_multiplexer]
-    rules = []
-    for signal in [s for s in signals if s.name == STATUS] or [s for s in signals if STATUS_NAMES.search(s.name)]:
-        table = said[0].table
-        ok, degraded = usual_values(signal)
-        if not ok and signal.name == STATUS and not words(signal):
-            ok = frozenset({0})  # without a value table only 0 is taken for good
-        if ok:
-            rules.append(StatusRule(message.name, signal.name, ok, degraded))
-        elif signal.name == STATUS or any(unusable(word) for word in words(signal).values()):
-            table.mistake(
-                table.error(
-                    f"{message.name}.{signal.name} tells of failures, and none of its words is known to be good "
-                    f"({', '.join(words(signal).values())})",
-                    declared.SIGNAL.name,
-                    f'add status = "{message.name}.{signal.name}" and ok = […], or status = false',
-                )
-            )
-        else:
-            warnings.append(
-                f"{message.name}.{signal.name} may say whether its sender is well, and does not count: "
-                "if it does, name it as the status of an input of that message, else say status = false"
-            )
-    return rules
-
-
-# --- E2E
 
 
 def protection(said: Sequence[Statement], database: Database) -> int | None:

@@ -1,18 +1,19 @@
 """The whole train: its axles, what is mapped for them and for the vehicle, and what is sent."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from wrcd import declared
-from wrcd.bus.dbc import Database, data_id, find_message
+from wrcd.bus.dbc import Database, Message, data_id, find_message
 from wrcd.bus.signals import Output, StatusRule
 from wrcd.core.configuration import MAX_AXLES, AxleConfig, Input
 from wrcd.estimator.design import Design
 from wrcd.keys import names
 from wrcd.mapping import contradictions
 from wrcd.mapping.inputs import resolve
-from wrcd.mapping.message_facts import by_message, check_header, protection, status_rules
+from wrcd.mapping.message_facts import by_message, check_header, protection
 from wrcd.mapping.outputs import STATUS_KEYS, STATUS_MESSAGES, output, usual_messages
 from wrcd.mapping.statements import AXLE_QUANTITIES, VEHICLE_QUANTITIES, Statement, statements
+from wrcd.mapping.statuses import status_rules
 from wrcd.section import Section
 
 AXLE_OUTPUTS = ("adhesion", "detail", "inputs")
@@ -86,29 +87,41 @@ def _number(table: Section, numbers: set[int]) -> int | None:
     return None
 
 
+def _data_id_of_status(s: Statement, message: Message) -> int | None:
+    """Of a message that carries nothing but the status of an input. A mistake is collected."""
+    try:
+        return data_id(message)
+    except ValueError as e:
+        s.table.mistake(s.table.error(str(e), declared.STATUS.name, "mend the DBC"))
+        return None
+
+
 def _resolved(
     top: Section, said: Sequence[Statement], database: Database, design: Design, train: Train
 ) -> list[tuple[Statement, Input]]:
-    rules: dict[str, tuple[StatusRule, ...]] = {}
+    rules: dict[str, Mapping[str, tuple[StatusRule, ...]]] = {}
     present = {m.name for m in database.messages} - set(database.unsound)
     for name, group in by_message(said).items():
-        rules[name] = ()
+        rules[name] = {}
         if name not in present:
             continue  # said of the signal, below
         with top.collected():
             rules[name] = status_rules(group, database, train.warnings)
         with top.collected():
             train.data_ids[name] = protection(group, database)
-    for rule in [r for group in rules.values() for r in group if r.message not in rules]:
-        with top.collected():
-            train.data_ids[rule.message] = data_id(find_message(database, rule.message))
+    for s in said:
+        for rule in (rule for group in rules[s.message].values() for rule in group):
+            if rule.message not in rules and rule.message not in train.data_ids:
+                train.data_ids[rule.message] = _data_id_of_status(s, find_message(database, rule.message))
     mapped = []
     for s in said:
         with s.table.collected():
-            found = resolve(s, database, design, rules[s.message])
+            found = resolve(s, database, design, rules[s.message].get(s.signal, ()))
             if found is not None:
                 mapped.append((s, found))
             if train.data_ids.get(s.message) is not None:
                 check_header(s.table, declared.SIGNAL.name, find_message(database, s.message), {s.signal})
+            if s.status is not None and train.data_ids.get(s.status.message) is not None:
+                check_header(s.table, declared.STATUS.name, find_message(database, s.status.message), {s.status.signal})
     train.inputs = [i for _, i in mapped]
     return mapped

@@ -9,8 +9,8 @@ from wrcd.bus.words import degraded as is_degraded
 from wrcd.bus.words import unusable, usable
 from wrcd.estimator.design import Design
 from wrcd.mapping.inputs import DEFAULT_TIMEOUT_MS, MEASURED
-from wrcd.mapping.message_facts import STATUS_NAMES
 from wrcd.mapping.statements import TORQUES
+from wrcd.mapping.statuses import STATUS_NAMES
 from wrcd.tools.dbc.candidates import SURE_SCORE, Candidate
 from wrcd.tools.dbc.records import DbcText, Signal
 from wrcd.tools.dbc.vocabulary import (
