@@ -1,6 +1,7 @@
 """Reading a DBC: messages, signals and attributes, by cantools."""
 
 import importlib.util
+import logging
 import re
 import sys
 from collections.abc import Collection, Mapping
@@ -30,6 +31,8 @@ __all__ = [
     "DEFAULT_TIMEOUT_MS", "Database", "Message", "Signal", "attribute", "cycle_ms", "data_id",
     "find_message", "find_signal", "load_dbc", "parse_dbc", "timeout_ms",
 ]  # fmt: skip
+# What it says of a file beside our own warnings. Without a handler Python writes it to standard error.
+logging.getLogger("cantools").addHandler(logging.NullHandler())
 CLASSICAL_BYTES, FD_BYTES = 8, 64
 _HAS_MESSAGE = re.compile(r"^\s*BO_ ", re.MULTILINE)
 # what cantools says of value tables and value types of signals that there are not
