@@ -74,6 +74,12 @@ STATUS = SignalName(
 )
 OK = RawValues("ok", "its values that are good; every other one but the degraded refuses the frame")
 DEGRADED = RawValues("degraded", "its values that make the axle Degraded")
+STATUS_TIMEOUT = Whole(
+    "status_timeout_ms",
+    "how long a status that comes in other frames is believed, instead of the DBC's time-out; default: 100",
+    1,
+    MAX_MS,
+)
 E2E = Choice("e2e", "P11: the message is protected; none: it is not, whatever the DBC says", (P11, UNPROTECTED))
 DATA_ID = Whole("data_id", "its E2E data id", 0, 0xFFFF)
 AT = Choice(
@@ -88,7 +94,7 @@ SHARE = Number("share", "the part of it that acts at this axle", 0.01, 1.0, 1.0)
 REVERSE = RawValues("reverse", "its values that mean reverse, where the DBC's words do not say")
 
 PLAIN_INPUT: tuple[Key, ...] = (
-    SIGNAL, UNIT, SCALE, OFFSET, RANGE, TIMEOUT, INVALID, STATUS, OK, DEGRADED, E2E, DATA_ID,
+    SIGNAL, UNIT, SCALE, OFFSET, RANGE, TIMEOUT, INVALID, STATUS, OK, DEGRADED, STATUS_TIMEOUT, E2E, DATA_ID,
 )  # fmt: skip
 SIGNED_INPUT = (SIGNAL, SIGN, *PLAIN_INPUT[1:])
 TORQUE_INPUT = (*SIGNED_INPUT, AT, GEAR_RATIO, SHARE)

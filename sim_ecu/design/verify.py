@@ -26,7 +26,7 @@ from wrcd.core.configuration import Config
 from wrcd.core.core import Core
 from wrcd.estimator.design import Design
 from wrcd.estimator.records import Estimate, StepResult, Ticks
-from wrcd.tools.replay import progress
+from wrcd.tools.feed import progress
 
 FloatArray = NDArray[np.float64]
 MAX_INNOVATION = 1e-9  # relative to the largest innovation of the log

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from cantools.database.can import Message, Signal
 
 from sim_ecu.play.encoder import SAMPLE_US
-from sim_ecu.play.words import forward, no_measurement
+from sim_ecu.play.words import backward, forward, no_measurement
 from wrcd.bus.signals import Source
 from wrcd.bus.units import Quantity, factor
 from wrcd.core.configuration import Input
@@ -18,6 +18,7 @@ NATURAL_US = {
     Quantity.SPEED: 20_000,
 }  # fmt: skip
 SLOW_US = 100_000  # of axle load, wheel radius, direction
+MAX_WAYS = 256  # raw values of a direction that are looked at
 TORQUES = (Quantity.TORQUE, Quantity.BRAKE_TORQUE)
 Place = tuple[Quantity, int, int]  # quantity, number of the axle, part
 
@@ -55,7 +56,7 @@ class Claim:
 
     def raw(self, physical: float) -> float:
         """What it carries for a value: the end of its range for what lies beyond, as a converter would."""
-        if self.source.quantity is Quantity.DIRECTION and (word := forward(self.signal)) is not None:
+        if self.source.quantity is Quantity.DIRECTION and (word := self._ahead()) is not None:
             return word
         raw = (min(max(physical, self.low), self.high) - self.offset) / self.scale
         if self.signal.is_float:
@@ -64,6 +65,16 @@ class Claim:
         while whole in self.avoided:
             whole += -1 if whole > 0 else 1
         return whole
+
+    def _ahead(self) -> int | None:
+        """Of a direction: the raw value that means forwards, turned round where the factor is below 0; None where the
+        value's own sign says it."""
+        reverse, turned = self.source.reverse, self.factor < 0.0
+        if reverse is None:
+            return backward(self.signal) if turned else forward(self.signal)
+        raws = (*sorted(reverse), *range(min(1 << self.signal.length, MAX_WAYS)))
+        usable = (r for r in raws if r not in self.avoided and self.low <= r * self.scale + self.offset <= self.high)
+        return next((r for r in usable if (r in reverse) is turned), None)
 
 
 def claim(message: Message, signal: Signal, i: Input, axles: Sequence[int]) -> Claim:

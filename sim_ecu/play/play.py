@@ -4,7 +4,7 @@ import contextlib
 import errno
 import signal
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
@@ -14,11 +14,10 @@ import can
 from sim_ecu.play.encoder import SAMPLE_US, Sent
 from sim_ecu.play.faults import KINDS, Fault, Stage
 from sim_ecu.play.interface import Bus, Interface, PythonCan, check
+from sim_ecu.play.logs import check_format, open_logger
 from sim_ecu.play.player import LARGE_CHUNK, Player
 from sim_ecu.play.scenario import Scenario
 from sim_ecu.play.train import PACKAGED, Train
-from wrcd.bus.log import format_line
-from wrcd.bus.pythoncan import from_message
 from wrcd.errors import BusError, InputError
 from wrcd.tools.progress import Progress
 
@@ -59,6 +58,7 @@ def fault_line(fault: Fault, begin_us: int, end_us: int) -> str:
 
 def play_to_log(scenario: Scenario, log: Path, truth: bool = True, train: Train = PACKAGED) -> Tally:
     """As fast as it computes; the suffix of the log tells its format. Faults of the interface are silence there."""
+    check_format(log, scenario, train)
     tally, progress = Tally(), Progress()
     player = Player(scenario, truth, LARGE_CHUNK, train)
     with open_logger(log) as logger:
@@ -71,36 +71,6 @@ def play_to_log(scenario: Scenario, log: Path, truth: bool = True, train: Train 
     for fault in sorted(scenario.faults, key=lambda f: f.at_s):
         print(fault_line(fault, LOG_START_US + fault.begin_us, LOG_START_US + fault.end_us))
     return tally
-
-
-class CandumpWriter(can.Listener):
-    """Writes frames as candump does. python-can's writer puts a direction behind each, which readers of the plain form
-    take for data."""
-
-    def __init__(self, log: Path) -> None:
-        self._file = log.open("w", encoding="ascii", newline="\n")
-
-    def on_message_received(self, msg: can.Message) -> None:
-        """Write a line."""
-        stamp_us = round(msg.timestamp * 1e6)
-        self._file.write(f"{format_line(from_message(msg, stamp_us), str(msg.channel))}\n")
-
-    def stop(self) -> None:
-        """Close the file."""
-        self._file.close()
-
-
-@contextlib.contextmanager
-def open_logger(log: Path) -> Iterator[can.Listener]:
-    """A writer for the suffix. Raises InputError if there is none or the file can't be made."""
-    try:
-        logger = CandumpWriter(log) if log.suffix.lower() == ".log" else can.Logger(log)
-    except (ValueError, OSError, ImportError, NotImplementedError) as e:
-        raise InputError(f"cannot be written: {e}", file=log, hint="use .log for a candump log") from None
-    try:
-        yield logger
-    finally:
-        logger.stop()
 
 
 class RealTime:
@@ -196,6 +166,8 @@ def play_on_bus(
         stop = True
 
     check(scenario.faults, interface, channel)
+    if log is not None:
+        check_format(log, scenario, train)
     with contextlib.ExitStack() as cleanup:
         bus = _open(interface, channel, train.has_fd)
         cleanup.callback(bus.shutdown)

@@ -61,3 +61,8 @@ def forward(s: Signal) -> int | None:
             return raw
     unusable = no_measurement(s)
     return next((raw for raw, label in labelled.items() if raw not in unusable and not says(label, BACKWARD)), None)
+
+
+def backward(s: Signal) -> int | None:
+    """The one that says backwards; None where none does."""
+    return next((int(raw) for raw, label in (s.choices or {}).items() if says(label, BACKWARD)), None)

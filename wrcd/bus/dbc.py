@@ -1,6 +1,7 @@
 """Reading a DBC: messages, signals and attributes, by cantools."""
 
 import importlib.util
+import logging
 import re
 import sys
 from collections.abc import Collection, Mapping
@@ -27,13 +28,16 @@ finally:
         del sys.modules["cantools"]
 
 __all__ = [
-    "Database", "Message", "Signal", "attribute", "cycle_ms", "data_id",
+    "DEFAULT_TIMEOUT_MS", "Database", "Message", "Signal", "attribute", "cycle_ms", "data_id",
     "find_message", "find_signal", "load_dbc", "parse_dbc", "timeout_ms",
 ]  # fmt: skip
+# What it says of a file beside our own warnings. Without a handler Python writes it to standard error.
+logging.getLogger("cantools").addHandler(logging.NullHandler())
 CLASSICAL_BYTES, FD_BYTES = 8, 64
 _HAS_MESSAGE = re.compile(r"^\s*BO_ ", re.MULTILINE)
 # what cantools says of value tables and value types of signals that there are not
 _ORPHANS = re.compile(r"^    (VAL_|SIG_VALTYPE_) (\d+) (\w+)$", re.MULTILINE)
+DEFAULT_TIMEOUT_MS = 100  # of a signal for which nobody states a time-out or a cycle
 LONGEST_MS = 65_535  # of cycles and time-outs: the range that DBCs usually give these attributes
 
 

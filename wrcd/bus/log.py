@@ -11,6 +11,7 @@ from typing import IO, TYPE_CHECKING, Any, cast
 
 from wrcd.bus.damage import Damage
 from wrcd.bus.frame import Frame
+from wrcd.bus.log_kind import check_log, log_suffix
 from wrcd.errors import InputError
 
 if TYPE_CHECKING:
@@ -74,14 +75,10 @@ def read_log(path: Path, damage: Damage) -> Iterator[tuple[Frame, str]]:
             yield from _read_other(path, damage)
 
 
-def log_suffix(path: Path) -> str:
-    """What tells a log's format: its last suffix, without .gz."""
-    return Path(path.name.removesuffix(".gz")).suffix.lower()
-
-
 @contextlib.contextmanager
 def _errors(path: Path, damage: Damage) -> Iterator[None]:
     """What goes wrong with a log's file: an InputError, or damage where some of it was read."""
+    check_log(path)
     try:
         yield
     except (OSError, EOFError, zlib.error) as e:

@@ -1,6 +1,7 @@
 """Logs in the formats of python-can: its readers, watched, so that what they skip, lose or stumble over is told."""
 
 import io
+import logging
 import re
 import zlib
 from collections.abc import Iterator
@@ -13,6 +14,9 @@ from wrcd.bus.damage import Damage
 from wrcd.bus.frame import Frame
 from wrcd.bus.pythoncan import from_message
 from wrcd.errors import InputError
+
+# What its readers cannot take is told as damage; raw lines of theirs on the terminal say nothing more.
+logging.getLogger("can.io").addHandler(logging.NullHandler())
 
 # A reader of text begins anew behind a damaged line. It takes the line given here for the last one of the header.
 _READERS: dict[str, tuple[Any, str]] = {
@@ -36,7 +40,10 @@ _NO_FRAME = {
         r"\s*(?:$|;|\d+\)?\s+\d+(?:\.\d+)?\s+(?:\d+\s+)?(?:ST|EC|ER|EV|SG|Error|Warng|Event|FFFFFFFF)\b)", re.ASCII
     ),
 }
+# stamps that count from the line before, whatever it is
+_DELTA = re.compile(r"\s*base\s+(?:hex|dec)\s+timestamps\s+relative\b", re.IGNORECASE)
 _BEGIN, _END = re.compile(r"\s*begin\s+trigger", re.IGNORECASE), re.compile(r"\s*end\s+trigger", re.IGNORECASE)
+MAX_STAMP_US = 10**17  # the year 5138: a later stamp is damage
 _HEADER_BYTES, _PADDING_BYTES = 16, 3  # of an object in a .blf
 
 
@@ -48,8 +55,9 @@ class Lines:
         self._is_table = suffix == ".csv"
         self._again: list[str] = []
         self._line, self._used = "", True
+        self._is_asc = suffix == ".asc"
         self.number = 0
-        self.open_trigger = False
+        self.open_trigger = self.has_deltas = False
 
     def push(self, line: str) -> None:
         """Give this line next."""
@@ -94,6 +102,7 @@ class Lines:
                 self._damage.cut_line = self.number
             raise StopIteration
         self.open_trigger = not _END.match(line) and (self.open_trigger or bool(_BEGIN.match(line)))
+        self.has_deltas = self.has_deltas or (self._is_asc and bool(_DELTA.match(line)))
         # the head of a table is whatever its writer calls it
         self._line, self._used = line, self._is_table and self.number == 1
         return line
@@ -149,9 +158,13 @@ def read_text(file: IO[bytes], suffix: str, path: Path, damage: Damage) -> Itera
             lines.used()
             if found is None:
                 lines.damaged()
+        if lines.has_deltas:
+            raise _has_deltas(path)
         if found is not None:
             damage.read += 1
             yield found
+    if lines.has_deltas:
+        raise _has_deltas(path)
     lines.end_line()
     if not damage.read and first_error:
         raise _unreadable(suffix, first_error, path)
@@ -197,14 +210,26 @@ def read_binary(file: IO[bytes] | None, suffix: str, path: Path, damage: Damage)
             reader.stop()
 
 
+def _has_deltas(path: Path) -> InputError:
+    return InputError(
+        "each of its stamps counts from the line before (timestamps relative): their roundings and any line that is "
+        "missing would add up",
+        file=path,
+        hint="export it again with absolute timestamps",
+    )
+
+
 def _unreadable(suffix: str, reason: str, path: Path) -> InputError:
     hint = "the suffix tells the format; candump logs end in .log"
     return InputError(f"cannot be read as {suffix or 'a log'}: {reason}", file=path, hint=hint)
 
 
 def _frame(m: can.Message) -> tuple[Frame, str] | None:
-    """A message as frame and channel; None if no bus can carry it, or if its data is not as long as it says."""
+    """A message as frame and channel; None if no bus can carry it, if its data is not as long as it says,
+    or if its time is none."""
     frame = from_message(m, round(m.timestamp * 1e6))
-    if not frame.possible or not (frame.remote or frame.error or len(frame.data) == m.dlc):
+    if not frame.possible or abs(frame.stamp_us) > MAX_STAMP_US:
+        return None
+    if not (frame.remote or frame.error or len(frame.data) == m.dlc):
         return None
     return frame, str(m.channel if m.channel is not None else "can0")

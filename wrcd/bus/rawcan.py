@@ -5,7 +5,8 @@ import socket
 import struct
 
 FRAME = struct.Struct("=IB3x8s")  # struct can_frame
-FD_FRAME = struct.Struct("=IB3x64s")  # struct canfd_frame
+FD_FRAME = struct.Struct("=IBB2x64s")  # struct canfd_frame
+FD_BITS = 0b11  # of its flags: bit rate switched, sender error passive
 TIMESPEC = struct.Struct("@ll")
 U32 = struct.Struct("=I")
 FILTER = struct.Struct("=II")  # struct can_filter

@@ -47,7 +47,6 @@ class SignalReader:
         self.branch = Branch(message, signal, length)
         self.position = self.field.position
         _, self.shift, self.mask, self.sign = self.position
-        self._signal = signal
         self.scale = signal.conversion.scale if source.scale is None else source.scale
         self.offset = signal.conversion.offset if source.offset is None else source.offset
         self.factor = factor(signal.unit, source.quantity) if source.factor is None else source.factor
@@ -56,7 +55,9 @@ class SignalReader:
         slack = 0.5 * abs(float(self.scale))
         self.low = -math.inf if low is None else float(low) - slack
         self.high = math.inf if high is None else float(high) + slack
-        self.unusable = {raw for raw, label in (signal.choices or {}).items() if no_measurement(label)}
+        # by what a frame gives: many a value table has the bit patterns of negative values
+        self._choices = {fit_raw(signal, int(raw)): label for raw, label in (signal.choices or {}).items()}
+        self.unusable = {raw for raw, label in self._choices.items() if no_measurement(label)}
         self.unusable |= {fit_raw(signal, raw) for raw in source.invalid}
         self._limit = source.quantity.limit
         self._positive = source.quantity in (Quantity.AXLE_LOAD, Quantity.WHEEL_RADIUS)
@@ -82,11 +83,11 @@ class SignalReader:
     def _direction(self, raw: Any, physical: float) -> float:
         """-1 in reverse, else 1: by the name in the value table, or by the sign where there is none. A factor below 0
         turns it."""
-        choices = self._signal.choices
+        choices = self._choices
         if self._reverse is not None:
             reverse = raw in self._reverse
         else:
-            reverse = is_reverse(choices[raw]) if choices and raw in choices else physical < 0
+            reverse = is_reverse(choices[raw]) if raw in choices else physical < 0
         return -1.0 if reverse is (self.factor > 0) else 1.0
 
     def read_column(self, raw: "NDArray[np.int64]") -> list[float] | None:

@@ -15,6 +15,7 @@ from wrcd.bus.rawcan import (
     CAN_RAW_RECV_OWN_MSGS,
     CAN_RTR_FLAG,
     EFF_MASK,
+    FD_BITS,
     FD_FRAME,
     FRAME,
     GONE,
@@ -221,14 +222,16 @@ class SocketCanLink:
         self._controller.on_frame()
         extended = bool(word & CAN_EFF_FLAG)
         mask = EFF_MASK if extended else SFF_MASK
-        return Frame(stamp_us, word & mask, payload, extended, bool(word & CAN_RTR_FLAG))
+        if word & CAN_RTR_FLAG:  # it asks for so many bytes, and has none
+            return Frame(stamp_us, word & mask, b"", extended, remote=True, extra=len(payload))
+        return Frame(stamp_us, word & mask, payload, extended)
 
     def _take_fd(self, data: bytes, extra: list[tuple[int, int, bytes]], now_us: int) -> Frame:
-        word, length, payload = FD_FRAME.unpack(data)
+        word, length, bits, payload = FD_FRAME.unpack(data)
         if word in self._own:
             self.health.foreign(word)
         frame = self._take(word & ~CAN_RTR_FLAG, payload[:length], extra, now_us)
-        frame.fd = True
+        frame.fd, frame.extra = True, bits & FD_BITS
         return frame
 
     def _trouble(self, e: OSError, now_us: int) -> None:

@@ -3,13 +3,12 @@ believed."""
 
 from collections.abc import Sequence
 
-from wrcd.bus.dbc import Message, find_signal, timeout_ms
+from wrcd.bus.dbc import DEFAULT_TIMEOUT_MS, Message, find_signal, timeout_ms
 from wrcd.bus.positions import Branch, Field, Numbers, branch, frame_length
 from wrcd.bus.signals import Source, StatusRule
 from wrcd.bus.words import degraded, usable
 
 STATUS = "Status"
-DEFAULT_TIMEOUT_US = 1_000_000  # of a status in another frame, where neither rule nor DBC says one
 
 
 def usual_rule(message: Message) -> StatusRule | None:
@@ -80,7 +79,7 @@ class KeptStatus(Status):
     def __init__(self, message: Message, rule: StatusRule) -> None:
         super().__init__(message, rule)
         stated_ms = timeout_ms(message, find_signal(message, rule.signal))
-        self._timeout_us = rule.timeout_us or (1000 * stated_ms if stated_ms else DEFAULT_TIMEOUT_US)
+        self._timeout_us = rule.timeout_us or 1000 * (stated_ms or DEFAULT_TIMEOUT_MS)
         self.forget()
 
     def forget(self) -> None:

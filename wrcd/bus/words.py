@@ -35,7 +35,7 @@ _BAD_ANYWHERE = re.compile(
     "notavail|unavail|notvalid|invalid|notdefined|undefined|notsupp|unsupp|nodata|nosignal|novalue|notinstalled|notpresent"
     "|notconnected|disconnected|implausib|unplausib|nichtverf|nichtverbaut|nichtvorhanden|nichtunterst|nichtdefiniert"
     "|nichtbelegt|nichtbereit|nichtguelt|unguelt|keinedaten|keinsignal|keinwert|keinemess|nondispo|indispo|nonvalide"
-    "|horsservice|nonsupp"
+    "|horsservice|nonsupp|outofrange|overrange|underrange|overflow|underflow"
 )
 # What turns the part behind it into its contrary.
 _NOT = {

@@ -282,14 +282,14 @@ class Inputs:
         return min(read, key=lambda one: (one[0].bit_count(), one[1] == "None"))
 
     def torques_contradict(self, axle: int) -> bool:
-        """Whether what brakes an axle is against what brakes it: a friction brake that drives while the torque brakes,
-        or two parts of the torque that are against each other. One of them has the wrong sign, and their sum would be
-        what is left of either. (Brakes that are still applied under traction are no contradiction.)"""
+        """Whether torque and brake torque are against each other, or two parts of the torque. One of them has the wrong
+        sign, and their sum would be what is left of either."""
         most = self._against_Nm
         torques = [self._value[place] for place in self._parts[self.place(TORQUE, axle)]]
         if len(torques) > 1 and min(torques) < -most and max(torques) > most:
             return True
-        return self.total(TORQUE, axle) < -most and self.total(BRAKE, axle) > most
+        torque, brake = self.total(TORQUE, axle), self.total(BRAKE, axle)
+        return min(torque, brake) < -most and max(torque, brake) > most
 
     def _torque_Nm(self, axle: int) -> float:
         """How large the torque at an axle is: where its parts contradict each other, as large as the larger side."""

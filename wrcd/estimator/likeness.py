@@ -213,9 +213,13 @@ class Likeness:
 
 
 def likeness(design: Design, axles: int) -> Likeness | None:
-    """To a design's wheelset; None where the design says too little of it."""
-    known = all(isinstance(design.wheelset.get(name), float | int) for name in PARAMETERS)
-    return Likeness(design, axles) if known else None
+    """To a design's wheelset; None where the design says too little of it, or has ticks too long for NOISE_HZ."""
+    known = all(_is_positive(design.wheelset.get(name)) for name in PARAMETERS)
+    return Likeness(design, axles) if known and 2.0 * NOISE_HZ[1] * design.tick_s <= 1.0 else None
+
+
+def _is_positive(x: object) -> bool:
+    return isinstance(x, float | int) and 0.0 < x < math.inf
 
 
 def _transform(ticks: int, tick_s: float) -> tuple[FloatArray, FloatArray]:

@@ -17,21 +17,25 @@ OWN = (Quantity.YAW_RATE, Quantity.LAT_ACCEL)  # of one axle each: two that shar
 
 def shared_signals(statements: Sequence[Statement]) -> None:
     """A gyro or accelerometer of two axles, and a torque that would be counted twice. Mistakes are collected."""
-    first: dict[tuple[str, str], Statement] = {}
+    before: dict[tuple[str, str], list[Statement]] = {}
     for s in statements:
-        other = first.setdefault((s.message, s.signal), s)
-        if other is s:
-            continue
-        named = f"{s.message}.{s.signal}"
-        if s.quantity is not other.quantity and not {s.quantity, other.quantity} <= set(TORQUES):
-            reason = f"{named} is {other.table.name} already; one signal measures one thing"
-        elif s.axles == other.axles:
-            reason = f"{named} is counted in {other.table.name} already"
-        elif s.quantity in OWN:
-            reason = f"{named} is {other.table.name} already; each wheelset has its own {s.quantity.key}"
-        else:
-            continue
-        s.table.mistake(s.table.error(reason, declared.SIGNAL.name))
+        others = before.setdefault((s.message, s.signal), [])
+        reason = next(filter(None, (_why_not_both(s, other) for other in others)), None)
+        if reason is not None:
+            s.table.mistake(s.table.error(reason, declared.SIGNAL.name))
+        others.append(s)
+
+
+def _why_not_both(s: Statement, other: Statement) -> str | None:
+    """Why a signal that is one thing already cannot be another, too; None: it can."""
+    named = f"{s.message}.{s.signal}"
+    if s.quantity is not other.quantity and not {s.quantity, other.quantity} <= set(TORQUES):
+        return f"{named} is {other.table.name} already; one signal measures one thing"
+    if s.axles == other.axles:
+        return f"{named} is counted in {other.table.name} already"
+    if s.quantity in OWN:
+        return f"{named} is {other.table.name} already; each wheelset has its own {s.quantity.key}"
+    return None
 
 
 def messages(

@@ -2,6 +2,7 @@
 
 from wrcd import declared
 from wrcd.bus.dbc import (
+    DEFAULT_TIMEOUT_MS,
     FD_BYTES,
     Database,
     Message,
@@ -18,10 +19,9 @@ from wrcd.core.configuration import Input
 from wrcd.estimator.design import Design
 from wrcd.mapping.ranges import physical_range
 from wrcd.mapping.statements import TORQUES, Statement
-from wrcd.mapping.values import raw_values, usable_field, words
+from wrcd.mapping.values import raw_values, span, usable_field, words
 from wrcd.section import Section, suggest
 
-DEFAULT_TIMEOUT_MS = 100
 FLOAT_BITS = (16, 32, 64)
 STALE_TICKS = 3  # of gyro and accelerometer: two may be missing
 MEASURED = (Quantity.YAW_RATE, Quantity.LAT_ACCEL)
@@ -128,18 +128,34 @@ def _reverse(s: Statement, signal: Signal) -> frozenset[int] | None:
             declared.SIGNAL.name,
             "say which: reverse = […]",
         )
+    if not known and not _has_two_signs(s, signal):
+        raise s.table.error(
+            f"{s.message}.{s.signal} has neither words nor two signs to tell reverse by",
+            declared.SIGNAL.name,
+            "say which of its values mean it: reverse = […]",
+        )
     return None
+
+
+def _has_two_signs(s: Statement, signal: Signal) -> bool:
+    """Whether a signal's field reaches below 0 and above it."""
+    scale = signal.scale if s.scale is None else s.scale
+    offset = signal.offset if s.offset is None else s.offset
+    low, high = sorted(raw * scale + offset for raw in span(signal))
+    return signal.is_float or low < 0 < high
 
 
 def _timeout_us(s: Statement, message: Message, signal: Signal, design: Design) -> int:
     """After how long it is stale. Gyro and accelerometer run with the ticks: past three of them they are stale,
     whatever the DBC says."""
     key = declared.TIMEOUT.name
+    cycle, stated = None, DEFAULT_TIMEOUT_MS
     try:
         cycle = cycle_ms(message)
         stated = timeout_ms(message, signal) or DEFAULT_TIMEOUT_MS
     except ValueError as e:
-        raise s.table.error(str(e), declared.SIGNAL.name, f"give {key}, or mend the DBC") from None
+        if s.timeout_ms is None:
+            raise s.table.error(str(e), declared.SIGNAL.name, f"give {key}, or mend the DBC") from None
     tick_ms = 1000 * design.tick_s
     measured = s.quantity in MEASURED
     if measured and cycle is not None and cycle > tick_ms:

@@ -35,6 +35,7 @@ class StatusStatement(NamedTuple):
     signal: str
     ok: Values | None
     degraded: Values | None
+    timeout_ms: int | None
 
 
 class Statement(NamedTuple):
@@ -92,7 +93,7 @@ def _statement(table: Section, q: Quantity, axles: tuple[int, ...], part: int) -
     status_off = table.raw(declared.STATUS.name) is False
     status = None if status_off or declared.STATUS.name not in table else _status(table)
     if status_off or declared.STATUS.name not in table:
-        for key in (declared.OK, declared.DEGRADED):
+        for key in (declared.OK, declared.DEGRADED, declared.STATUS_TIMEOUT):
             if key.name in table:
                 table.mistake(table.error("says nothing without a status", key.name, 'add status = "Message.Signal"'))
     status_wrong, before = table.mistakes > before, table.mistakes
@@ -146,5 +147,10 @@ def _status(table: Section) -> StatusStatement | None:
         table.mistake(table.error(f'takes "Message.Signal" or false, not {shown(given)}', key))
         return None
     with table.collected():
-        return StatusStatement(*_named(table, declared.STATUS), declared.OK.read(table), declared.DEGRADED.read(table))
+        return StatusStatement(
+            *_named(table, declared.STATUS),
+            declared.OK.read(table),
+            declared.DEGRADED.read(table),
+            declared.STATUS_TIMEOUT.read(table),
+        )
     return None

@@ -8,12 +8,12 @@ import re
 from collections.abc import Mapping, Sequence
 
 from wrcd import declared
-from wrcd.bus.dbc import Database, Message, Signal, find_message, timeout_ms
+from wrcd.bus.dbc import DEFAULT_TIMEOUT_MS, Database, Message, Signal, find_message, timeout_ms
 from wrcd.bus.positions import Branch, branch
 from wrcd.bus.signals import StatusRule
 from wrcd.bus.statuses import STATUS
 from wrcd.bus.words import degraded, unusable, usable
-from wrcd.mapping.inputs import DEFAULT_TIMEOUT_MS, check_readable, find
+from wrcd.mapping.inputs import check_readable, find
 from wrcd.mapping.statements import Statement, StatusStatement
 from wrcd.mapping.values import raw_values, words
 
@@ -65,7 +65,7 @@ def _check_branch(s: Statement, rule: StatusRule, message: Message, branches: Ma
     """Raises InputError for a status of frames that never carry the signal: it tells of another sensor."""
     if rule.message != message.name or not branches[rule.signal].excludes(branches[s.signal]):
         return
-    own = [x.name for x in message.signals if STATUS_NAMES.search(x.name) and x.name != s.signal]
+    own = [x.name for x in message.signals if _is_status(x) and x.name != s.signal]
     own = [f"{message.name}.{name}" for name in own if branches[name].covers(branches[s.signal])]
     raise s.table.error(
         f"{message.name}.{rule.signal} comes in frames with {branches[rule.signal]}, and {s.signal} in those with "
@@ -78,11 +78,11 @@ def _check_branch(s: Statement, rule: StatusRule, message: Message, branches: Ma
 def _stated_rule(s: Statement, stated: StatusStatement, database: Database) -> StatusRule:
     key = declared.STATUS.name
     message, signal = find(s.table, key, database, stated.message, stated.signal)
-    timeout_us = 0
     try:
         check_readable(message, signal)
+        timeout_us = 1000 * (stated.timeout_ms or 0)
         if message.name != s.message:
-            timeout_us = 1000 * (timeout_ms(message, signal) or DEFAULT_TIMEOUT_MS)
+            timeout_us = timeout_us or 1000 * (timeout_ms(message, signal) or DEFAULT_TIMEOUT_MS)
     except ValueError as e:
         raise s.table.error(str(e), key) from None
     usual_ok, usual_degraded = usual_values(signal)
@@ -120,10 +120,10 @@ def _usual_rules(
     branches: Mapping[str, Branch],
     warnings: list[str],
 ) -> dict[str, list[StatusRule]]:
-    """By signal: its message's Status; else every signal whose name and words say that it is one. Only what is in every
+    """By signal: its message's Status; else every signal whose name or words say that it is one. Only what is in every
     frame with the signal counts by itself."""
     measured = {s.signal for s in said}
-    named = [x for x in message.signals if x.name == STATUS or STATUS_NAMES.search(x.name)]
+    named = [x for x in message.signals if _is_status(x)]
     named = [x for x in named if x.name not in measured and not x.is_multiplexer]
     judged: dict[str, list[StatusRule]] = {}
     rules: dict[str, list[StatusRule]] = {}
@@ -147,6 +147,12 @@ def _usual_rules(
                 f"with {branches[name]}, and {signal} in {_frames(branches[signal])}"
             )
     return rules
+
+
+def _is_status(signal: Signal) -> bool:
+    """Whether a signal's name says that it is a status, or its words: a good one and one of failure."""
+    table = words(signal).values()
+    return bool(STATUS_NAMES.search(signal.name)) or (any(map(usable, table)) and any(map(unusable, table)))
 
 
 def _frames(of: Branch) -> str:

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 
 from wrcd import declared
-from wrcd.bus.dbc import Database, data_id, find_message
+from wrcd.bus.dbc import Database, Message, data_id, find_message
 from wrcd.bus.signals import Output, StatusRule
 from wrcd.core.configuration import MAX_AXLES, AxleConfig, Input
 from wrcd.estimator.design import Design
@@ -88,6 +88,15 @@ def _number(table: Section, numbers: set[int]) -> int | None:
     return None
 
 
+def _data_id_of_status(s: Statement, message: Message) -> int | None:
+    """Of a message that carries nothing but the status of an input. A mistake is collected."""
+    try:
+        return data_id(message)
+    except ValueError as e:
+        s.table.mistake(s.table.error(str(e), declared.STATUS.name, "mend the DBC"))
+        return None
+
+
 def _resolved(
     top: Section, said: Sequence[Statement], database: Database, design: Design, train: Train
 ) -> list[tuple[Statement, Input]]:
@@ -101,10 +110,10 @@ def _resolved(
             rules[name] = status_rules(group, database, train.warnings)
         with top.collected():
             train.data_ids[name] = protection(group, database)
-    every = dict.fromkeys(r for of in rules.values() for group in of.values() for r in group)
-    for rule in [r for r in every if r.message not in rules]:
-        with top.collected():
-            train.data_ids[rule.message] = data_id(find_message(database, rule.message))
+    for s in said:
+        for rule in (rule for group in rules[s.message].values() for rule in group):
+            if rule.message not in rules and rule.message not in train.data_ids:
+                train.data_ids[rule.message] = _data_id_of_status(s, find_message(database, rule.message))
     mapped = []
     for s in said:
         with s.table.collected():
@@ -114,5 +123,7 @@ def _resolved(
                 mapped.append((s, found))
             if train.data_ids.get(s.message) is not None:
                 check_header(s.table, declared.SIGNAL.name, find_message(database, s.message), {s.signal})
+            if s.status is not None and train.data_ids.get(s.status.message) is not None:
+                check_header(s.table, declared.STATUS.name, find_message(database, s.status.message), {s.status.signal})
     train.inputs = [i for _, i in mapped]
     return mapped

@@ -9,6 +9,7 @@ from multiprocessing import get_context
 from pathlib import Path
 
 from wrcd.errors import InputError, Status
+from wrcd.tools.outputs import Outputs, check_outputs
 from wrcd.tools.replay import replay
 from wrcd.tools.selection import WHOLE, Selection
 
@@ -44,19 +45,26 @@ def replays(
     names = [_name(log) for log in logs]
     if twice := sorted({n for n in names if names.count(n) > 1}):
         raise InputError(f"two logs are called {twice[0]}", key="LOG", hint="rename one, or replay it alone")
+    outputs = [
+        Outputs(
+            output / f"{name}.log" if output else None,
+            table / f"{name}.csv" if table else None,
+            changes / f"{name}.events.csv" if changes else None,
+        )
+        for name in names
+    ]
+    check_outputs(outputs, logs, config)
     for key, folder in (("-o", output), ("--csv", table), ("--events", changes)):
         if folder is not None:
             try:
                 folder.mkdir(parents=True, exist_ok=True)
             except OSError as e:
                 raise InputError(f"is no folder: {e.strerror}", file=folder, key=key) from None
-    outputs = [(output / f"{name}.log" if output else None, table / f"{name}.csv" if table else None) for name in names]
-    events = [changes / f"{name}.events.csv" if changes else None for name in names]
     status = 0
     with ProcessPoolExecutor(min(jobs, len(logs)), mp_context=get_context("spawn")) as pool:
         runs = [
-            pool.submit(_one, log, config, *to, explained, rows, selection)
-            for log, to, rows in zip(logs, outputs, events, strict=True)
+            pool.submit(_one, log, config, to.frames, to.rows, explained, to.events, selection)
+            for log, to in zip(logs, outputs, strict=True)
         ]
         for log, run in zip(logs, runs, strict=True):
             ended, said = run.result()

@@ -76,6 +76,37 @@ def survey(log: Path, config: Config, channel: str | None) -> Survey:
     return Survey(first_us or 0, frozenset(unseen))
 
 
+def _span_us(log: Path, channel: str | None) -> tuple[int, int]:
+    """The first and the last time of a log."""
+    begin_us = end_us = None
+    for item in on_channel(read_stretches(log, Damage()), channel, log):
+        stamps = item.stamps_us if isinstance(item, Stretch) else np.array([item[0].stamp_us])
+        first_us, last_us = int(stamps.min()), int(stamps.max())
+        begin_us = first_us if begin_us is None else min(begin_us, first_us)
+        end_us = last_us if end_us is None else max(end_us, last_us)
+    return begin_us or 0, end_us or 0
+
+
+def check_time(log: Path, selection: Selection, part: "Part") -> None:
+    """Raises InputError, with the log's own begin and end, if all of it lies outside of the time asked for. A pipe
+    cannot be read again, and is not checked."""
+    if (part.begin_us is None and part.end_us is None) or not log.is_file():
+        return
+    begin_us, end_us = _span_us(log, selection.channel)
+    behind = part.begin_us is not None and part.begin_us > end_us
+    if not behind and (part.end_us is None or part.end_us > begin_us):
+        return
+    key, asked_s = ("--from", selection.begin_s) if behind else ("--to", selection.end_s)
+    own = " to ".join(f"{(us - part.origin_us) * 1e-6:.6f}" for us in (begin_us, end_us))
+    hint = ""
+    if not selection.relative:
+        hint = "seconds since 1970; with --relative they count from its first frame"
+    raise InputError(
+        f"{asked_s:.6f} s lies {'behind' if behind else 'before'} the whole log, which goes from {own} s",
+        file=log, key=key, hint=hint,
+    )  # fmt: skip
+
+
 class Part:
     """Which outgoing frames and rows are written."""
 

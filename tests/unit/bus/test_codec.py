@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from tests.support.can_ids import ADHESION_A1, YAW_RATE_A1, YAW_RATE_A2
+from tests.support.dbc_bodies import database
 from tests.support.dbc_texts import DIRECTION_AND_LOAD_DBC, TRAIN_DBC
 from wrcd import resources
 from wrcd.bus.codec import Receiver, Sample, Value, Writer
@@ -116,6 +117,17 @@ def test_direction_and_load_are_decoded_or_rejected(
         assert [s.value for s in got] == pytest.approx(expected)
     else:
         assert got is expected
+
+
+def test_bit_pattern_in_the_value_table_of_a_signed_signal_is_no_measurement() -> None:
+    dbc = database(
+        'BO_ 800 M: 3 B\n SG_ Rate : 0|16@1- (0.0001,0) [-4|4] "rad/s" B\n SG_ Dir : 16|2@1- (1,0) [-2|1] "" B\n'
+        'VAL_ 800 Rate 32768 "SNA" ;\nVAL_ 800 Dir 0 "Forward" 3 "Reverse" ;\n'
+    )
+    rate, way = Source("M", "Rate", Quantity.YAW_RATE, (0,)), Source("M", "Dir", Quantity.DIRECTION, (0,))
+    assert Receiver(dbc, [rate]).read(Frame(0, 800, b"\x00\x80\0")) is Reason.STATUS
+    assert isinstance(Receiver(dbc, [rate]).read(Frame(0, 800, b"\x01\x80\0")), list)
+    assert Receiver(dbc, [way]).read(Frame(0, 800, b"\0\0\x03")) == [Sample(0, -1.0)]
 
 
 def test_adhesion_frame_is_encoded_and_protected(production: Database) -> None:

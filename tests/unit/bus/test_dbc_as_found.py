@@ -1,5 +1,7 @@
 """DBCs as they are found: every form that cantools loads strictly, and faults of messages that nobody maps."""
 
+import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -140,3 +142,12 @@ def test_own_dbc_loads_alike_in_every_usual_encoding() -> None:
     assert isinstance(one, AnyDatabase)
     assert isinstance(other, AnyDatabase)
     assert [told(m) for m in one.messages] == [told(m) for m in other.messages]
+
+
+def test_cantools_writes_no_raw_lines_beside_our_warning(tmp_path: Path) -> None:
+    path = tmp_path / "a.dbc"
+    path.write_text('VERSION ""\nBU_: A\nBO_ 1 One: 8 A\n SG_ X : 0|8@1+ (1,0) [0|255] "" A\nBO_ 1 Two: 8 A\n')
+    code = f"from pathlib import Path; from wrcd.bus.dbc import load_dbc; print(load_dbc(Path({str(path)!r})).warnings)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert "same id" in done.stdout
+    assert done.stderr == ""

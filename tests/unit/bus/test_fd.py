@@ -13,6 +13,7 @@ from tests.support.dbc_bodies import database
 from wrcd.bus.codec import Receiver, Sample
 from wrcd.bus.dbc import find_message
 from wrcd.bus.frame import Frame
+from wrcd.bus.log import format_line
 from wrcd.bus.opening import open_link
 from wrcd.bus.rawcan import FD_FRAME, FRAME
 from wrcd.bus.reasons import Reason
@@ -113,14 +114,25 @@ def test_link_takes_fd_frames_among_classical_ones_where_they_are_wanted(fd: boo
     for _ in range(2):
         theirs.send(FRAME.pack(0x101, 5, b"12345\0\0\0"))
         if fd:  # else the kernel keeps them back
-            theirs.send(FD_FRAME.pack(1 << 31 | IMU_ID, len(data), data))
-            theirs.send(FD_FRAME.pack(0x321, 12, bytes(range(12))))
+            theirs.send(FD_FRAME.pack(1 << 31 | IMU_ID, len(data), 0, data))
+            theirs.send(FD_FRAME.pack(0x321, 12, 0, bytes(range(12))))
     frames = link.receive(1)
     kinds = [(f.can_id, f.data, f.extended, f.fd) for f in frames]
     classical = (0x101, b"12345", False, False)
     long = [(IMU_ID, data, True, True), (0x321, bytes(range(12)), False, True)] if fd else []
     assert kinds == 2 * [classical, *long]
     assert all(f.stamp_us > 1_600_000_000_000_000 for f in frames)
+    link.close()
+    theirs.close()
+
+
+def test_link_keeps_the_bits_of_fd_frames_and_the_length_of_remote_ones() -> None:
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
+    link = PairLink(ours, True)
+    theirs.send(FD_FRAME.pack(0x321, 12, 0b101, bytes(range(12))))
+    theirs.send(FRAME.pack(1 << 30 | 0x123, 4, bytes(8)))
+    lines = [format_line(f, "can0").split(" ", 2)[2] for f in link.receive(1)]
+    assert lines == ["321##1000102030405060708090A0B", "123#R4"]
     link.close()
     theirs.close()
 

@@ -173,3 +173,13 @@ def test_truncated_gzip_is_told_with_its_last_frame(tmp_path: Path) -> None:
     found, damage = read(log)
     assert found
     assert f"{log}: read up to frame {len(found)} only: damaged there" in damage.warnings(log)[-1]
+
+
+@pytest.mark.parametrize("stamp", ["1e300", "1e12", "-1e12"])
+def test_stamp_beyond_all_calendars_is_a_damaged_line(tmp_path: Path, stamp: str) -> None:
+    log = tmp_path / "x.csv"
+    rows = [f"{s},0x100,0,0,0,1,AA==" for s in ("1.0", stamp, "1.1")]
+    log.write_text("\n".join(["timestamp,arbitration_id,extended,remote,error,dlc,data", *rows, ""]))
+    frames, damage = read(log)
+    assert [f.stamp_us for f in frames] == [1_000_000, 1_100_000]
+    assert (damage.bad, damage.lines) == (1, [3])

@@ -19,7 +19,7 @@ from tests.support.scenarios import EIGHT_AXLES, FOUR_AXLES, SIX_AXLES, LogOf, h
 from wrcd.bus.log import Damage, read_log
 from wrcd.config import packaged as packaged_axles
 from wrcd.tools.cli import main as wrcd
-from wrcd.tools.replay import COLUMNS
+from wrcd.tools.rows import COLUMNS
 
 ROOT = Path(__file__).parents[3]
 WANTED_CREEP_REACHED_S = 1.0

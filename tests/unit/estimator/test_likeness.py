@@ -157,3 +157,9 @@ def test_blocks_and_ticks_give_the_same(phase: int) -> None:
 
 def test_a_design_that_says_too_little_of_its_wheelset_judges_nothing() -> None:
     assert likeness(replace(DESIGN, wheelset={"r_0": 0.5}), AXLES) is None
+    assert likeness(replace(DESIGN, wheelset=DESIGN.wheelset | {"I_w": 0}), AXLES) is None
+
+
+def test_a_design_of_long_ticks_judges_nothing() -> None:
+    assert likeness(replace(DESIGN, tick_s=0.005), AXLES) is not None
+    assert likeness(replace(DESIGN, tick_s=0.01), AXLES) is None  # no band of nothing but noise

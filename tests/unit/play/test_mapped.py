@@ -19,6 +19,7 @@ from sim_ecu.play.player import Player
 from sim_ecu.play.scenario import Scenario, load_scenario, read_scenario
 from sim_ecu.play.train import PACKAGED, Train
 from tests.support.scenarios import held
+from wrcd.bus.codec import Receiver
 from wrcd.bus.dbc import find_message, parse_dbc
 from wrcd.bus.frame import Frame
 from wrcd.bus.signals import Source, StatusRule
@@ -418,3 +419,23 @@ def test_faults_on_the_packaged_dbc_mapped_are_the_default_ones(kind: str) -> No
     assert list(itertools.chain(*(f for _, f in Player(scenario, train=spoken)))) == list(
         itertools.chain(*(f for _, f in Player(scenario)))
     )
+
+
+@pytest.mark.parametrize(
+    ("reverse", "factor", "expected"),
+    [(None, None, "forward"), (None, -1.0, "reverse"), ({1}, None, "none"), ({0, 1}, None, "forward"),
+     ({2}, -1.0, "forward")],
+)  # fmt: skip
+def test_direction_is_forwards_as_the_configuration_tells_it(
+    reverse: set[int] | None, factor: float | None, expected: str
+) -> None:
+    raws = None if reverse is None else frozenset(reverse)
+    way = Source("Train", "Way", Q.DIRECTION, (0, 1), factor=factor, reverse=raws)
+    config = mapped()
+    inputs = [replace(i, source=way) if i.source.quantity is Q.DIRECTION else i for i in config.inputs]
+    config = replace(config, inputs=tuple(inputs))
+    frames = [f for f in sent([sample(k) for k in range(1, 41)], config=config) if f.can_id == 532]
+    assert {row["Way"] for row in read(frames, "Train")} == {expected}
+    read_back = Receiver(config.database, [way]).read(Frame(0, 532, frames[0].data))
+    assert isinstance(read_back, list)
+    assert read_back[0].value == 1.0

@@ -165,6 +165,18 @@ def test_coarse_signal_deserves_a_look(checked: Checked, tmp_path: Path) -> None
     assert "Bogie1.GyroZ: a step of 0.0017 rad/s is 5.8 times the noise of the design's sensor" in text
 
 
+def test_wrong_unit_of_the_accelerometer_is_told_by_its_noise(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], checked: Checked
+) -> None:
+    checked(STEADY.format(seconds=4))
+    lat = '"LatAccel_A1.LatAccel"'
+    wrong = packaged(1).replace(lat, f'{{ signal = {lat}, unit = "g", range = [-20, 20] }}')
+    (tmp_path / "wrong.toml").write_text(wrong)
+    main(["check", "--config", str(tmp_path / "wrong.toml"), "--log", str(tmp_path / "played.log")])
+    said = r"LatAccel_A1.LatAccel: its noise of [\d.]+ m/s2 is (9|10)\.\d times that of the design's sensor"
+    assert re.search(said, capsys.readouterr().out)
+
+
 def test_missing_axle_and_missing_message_are_named(checked: Checked) -> None:
     status, text = checked(STEADY.format(seconds=3), config=packaged(3))
     assert status == 1

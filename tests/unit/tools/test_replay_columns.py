@@ -12,7 +12,7 @@ from wrcd.bus.columns import Columns, parse_lines
 from wrcd.bus.log import Damage, parse_line, read_log, read_stretches
 from wrcd.config import load_config
 from wrcd.core.core import Core
-from wrcd.tools.replay import outgoing, outgoing_of_stretches
+from wrcd.tools.feed import outgoing, outgoing_of_stretches
 
 GOLDEN = Path(__file__).parents[2] / "golden" / "leaf-film.log"
 LINES = GOLDEN.read_bytes().splitlines(keepends=True)[:12_000]

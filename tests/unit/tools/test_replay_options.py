@@ -14,6 +14,7 @@ from wrcd.tools.cli import main
 GOLDEN = Path(__file__).parents[2] / "golden" / "leaf-film.log"
 LINES = GOLDEN.read_text().splitlines(keepends=True)
 BEGIN_S = 1_700_000_000
+CYCLE_US = 20_000  # of Adhesion
 Row = dict[str, str]
 
 
@@ -167,3 +168,99 @@ def test_asc_keeps_the_times_between_frames(tmp_path: Path) -> None:
     status, rows = replay(asc, "--relative")
     assert status == 0
     assert sum(r["validity"] == "Valid" for r in rows) > 50
+
+
+@pytest.mark.parametrize(
+    ("options", "keys"),
+    [
+        (("--csv", "a.csv", "--events", "a.csv"), "--csv and --events"),
+        (("--csv", "b.csv", "-o", "b.csv"), "-o and --csv"),
+        (("--csv", "b.csv", "-o", "sub/../b.csv"), "-o and --csv"),
+        (("--events", "b.csv", "-o", "link.csv"), "-o and --events"),
+        (("--events", "old.csv", "--csv", "hard.csv"), "--csv and --events"),
+    ],
+)
+def test_one_file_for_two_outputs_is_refused_before_anything_is_written(
+    options: tuple[str, ...], keys: str, log: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = log.parent
+    (folder / "sub").mkdir()
+    (folder / "link.csv").symlink_to("b.csv")
+    (folder / "old.csv").write_text("kept")
+    (folder / "hard.csv").hardlink_to(folder / "old.csv")
+    named = [o if o.startswith("-") else str(folder / o) for o in options]
+    assert main(["replay", str(log), *named]) == 2
+    assert f"is one file for {keys}; one would overwrite the other" in capsys.readouterr().err
+    assert not (folder / "a.csv").exists()
+    assert not (folder / "b.csv").exists()
+    assert (folder / "old.csv").read_text() == "kept"
+
+
+def test_output_that_is_the_configuration_is_refused(
+    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    config = tmp_path / "my.toml"
+    config.write_text("")
+    assert main(["replay", str(log), "--config", str(config), "--csv", f"{tmp_path}/./my.toml"]) == 2
+    assert "is the configuration itself; it would be lost" in capsys.readouterr().err
+
+
+def test_device_takes_two_outputs(log: Path) -> None:
+    assert main(["replay", str(log), "--csv", "/dev/null", "-o", "/dev/null"]) == 0
+
+
+@pytest.mark.parametrize(
+    ("options", "reason"),
+    [
+        (
+            ("--from", "5", "--to", "5.1"),
+            "--to: 5.100000 s lies before the whole log, which goes from {begin} to {end}",
+        ),
+        (("--to", str(BEGIN_S)), f"--to: {BEGIN_S}.000000 s lies before the whole log"),
+        (("--from", str(BEGIN_S + 100)), "--from: 1700000100.000000 s lies behind the whole log"),
+        (
+            ("--from", "100", "--relative"),
+            "--from: 100.000000 s lies behind the whole log, which goes from 0.000000 to {length} s",
+        ),
+        (("--to", "0", "--relative"), "--to: 0.000000 s lies before the whole log, which goes from 0.000000 to"),
+    ],
+)
+def test_time_outside_of_the_log_is_an_error_with_the_logs_own(
+    options: tuple[str, ...], reason: str, log: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, sent = log.with_suffix(".csv"), log.with_suffix(".sent")
+    assert main(["replay", str(log), "--csv", str(out), "-o", str(sent), *options]) == 2
+    stamps = [f.stamp_us for f, _ in read_log(log, Damage())]
+    begin, end, length = (f"{t * 1e-6:.6f}" for t in (stamps[0], stamps[-1], stamps[-1] - stamps[0]))
+    said = capsys.readouterr().err
+    assert reason.format(begin=begin, end=end, length=length) in said
+    assert ("with --relative they count" in said) == ("--relative" not in options)
+    assert not out.exists()
+    assert not sent.exists()
+
+
+@pytest.mark.parametrize("folder", [".", "..", "/", "", "a.asc"])
+@pytest.mark.parametrize("command", [["replay"], ["dump"], ["check", "--log"]])
+def test_folder_is_no_log(
+    command: list[str],
+    folder: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a.asc").mkdir()
+    assert main([*command, folder]) == 2
+    assert capsys.readouterr().err == f"wrcd: error: {Path(folder)}: is a folder, not a log — name a file in it\n"
+
+
+def test_rows_of_an_asc_lie_less_than_a_cycle_beside_those_of_the_candump_log(tmp_path: Path) -> None:
+    asc, plain = tmp_path / "a.asc", tmp_path / "a.log"
+    with can.Logger(asc) as logger, can.LogReader(GOLDEN) as reader:
+        for message in reader:
+            logger.on_message_received(message)
+    plain.write_text("".join(LINES))
+    pairs = zip(replay(asc, "--relative")[1], replay(plain, "--relative")[1], strict=False)
+    apart_us = [abs(us(a) - us(b)) for a, b in pairs]
+    assert len(apart_us) > 100
+    assert 0 < max(apart_us) < CYCLE_US

@@ -65,3 +65,30 @@ def test_two_logs_of_one_name_are_an_error(logs: list[Path], tmp_path: Path) -> 
     shutil.copy(logs[0], tmp_path / "other" / "first.log")
     names = [str(logs[0]), str(tmp_path / "other" / "first.log")]
     assert main(["replay", *names, "--csv", str(tmp_path / "csv")]) == 2
+
+
+def test_two_logs_whose_outputs_are_one_file_are_an_error(
+    logs: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The changes of a.log and the rows of a.events.log."""
+    names = [logs[0].rename(tmp_path / "a.log"), logs[1].rename(tmp_path / "a.events.log")]
+    out = tmp_path / "out"
+    assert main(["replay", *map(str, names), "--csv", str(out), "--events", str(out)]) == 2
+    assert f"{out / 'a.events.csv'}: is one file for --events and --csv" in capsys.readouterr().err
+    assert not out.exists()
+
+
+def test_output_over_another_of_the_logs_is_an_error(logs: list[Path], capsys: pytest.CaptureFixture[str]) -> None:
+    before = [log.read_bytes() for log in logs]
+    assert main(["replay", *map(str, logs), "-o", str(logs[0].parent)]) == 2
+    assert "is the log itself; it would be lost" in capsys.readouterr().err
+    assert [log.read_bytes() for log in logs] == before
+
+
+def test_folder_among_several_logs_fails_alone(
+    logs: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "folder.log").mkdir()
+    assert main(["replay", str(tmp_path / "folder.log"), str(logs[1]), "--csv", str(tmp_path / "csv")]) == 2
+    assert "folder.log: is a folder, not a log" in capsys.readouterr().err
+    assert len((tmp_path / "csv" / "second.csv").read_text().splitlines()) > 100

@@ -19,6 +19,7 @@ MAX_SHARE, MAX_SHARE_OF_PLACES, MIN_SHARE = 0.01, 0.1, 0.005
 MAX_CYCLE_ERROR = 0.1
 MAX_REFUSED, MAX_AT_LIMIT = 0.001, 0.001
 MAX_STEPS = 4.0  # a converter's step over the noise that the design was made with
+MAX_NOISE = 4.0  # times that noise; a wrong unit is more
 MEASURED = (Quantity.YAW_RATE, Quantity.LAT_ACCEL)
 
 
@@ -111,5 +112,10 @@ def _odd(config: Config, f: Figures) -> list[str]:
         if f.step > MAX_STEPS * design:
             out.append(
                 f"a step of {f.step:.2g} {f.unit} is {f.step / design:.1f} times the noise of the design's sensor"
+            )
+        elif f.noise > MAX_NOISE * design:
+            out.append(
+                f"its noise of {f.noise:.2g} {f.unit} is {f.noise / design:.1f} times that of the design's sensor: "
+                "vibration, or its unit or scale is wrong"
             )
     return out

@@ -21,8 +21,8 @@ from wrcd.tools.bus_check.gather import Gathered, Item
 from wrcd.tools.bus_check.page import nothing, page
 from wrcd.tools.bus_check.signs import signs
 from wrcd.tools.bus_check.times import Clock
+from wrcd.tools.feed import outgoing_of_stretches, progress
 from wrcd.tools.progress import Progress
-from wrcd.tools.replay import outgoing_of_stretches, progress
 
 FINE, WOULD_STOP, NO_FRAME_FITS = 0, 1, 3
 TURN_S = 0.02

@@ -3,12 +3,13 @@
 import re
 from dataclasses import dataclass, field
 
+from wrcd.bus.dbc import DEFAULT_TIMEOUT_MS
 from wrcd.bus.statuses import STATUS
 from wrcd.bus.units import Quantity
 from wrcd.bus.words import degraded as is_degraded
 from wrcd.bus.words import unusable, usable
 from wrcd.estimator.design import Design
-from wrcd.mapping.inputs import DEFAULT_TIMEOUT_MS, MEASURED
+from wrcd.mapping.inputs import MEASURED
 from wrcd.mapping.statements import TORQUES
 from wrcd.mapping.statuses import STATUS_NAMES
 from wrcd.tools.dbc.candidates import SURE_SCORE, Candidate, numbers

@@ -1,0 +1,64 @@
+"""The logs that `sim-ecu play` writes: which format holds all that is to go into it."""
+
+import contextlib
+from collections.abc import Iterator
+from pathlib import Path
+
+import can
+
+from sim_ecu.play.scenario import Scenario
+from sim_ecu.play.train import Train
+from wrcd.bus.log import format_line, log_suffix
+from wrcd.bus.pythoncan import from_message
+from wrcd.errors import InputError
+
+# python-can's writers of these leave such frames out, or write them as others.
+_WITHOUT_FD = {".trc", ".csv"}
+_WITHOUT_ERRORS = {".trc"}
+_HINT = "use .log, .asc or .blf"
+
+
+class CandumpWriter(can.Listener):
+    """Writes frames as candump does. python-can's writer puts a direction behind each, which readers of the plain form
+    take for data."""
+
+    def __init__(self, log: Path) -> None:
+        self._file = log.open("w", encoding="ascii", newline="\n")
+
+    def on_message_received(self, msg: can.Message) -> None:
+        """Write a line."""
+        stamp_us = round(msg.timestamp * 1e6)
+        self._file.write(f"{format_line(from_message(msg, stamp_us), str(msg.channel))}\n")
+
+    def stop(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+
+def check_format(log: Path, scenario: Scenario, train: Train) -> None:
+    """Raises InputError if the format that the suffix tells cannot hold every frame of a scenario."""
+    suffix = log_suffix(log)
+    if suffix == ".db":
+        # python-can's writer stops with frames still in its queue, and appends to a file that is there
+        raise InputError("cannot be written: a .db loses its last frames without a word", file=log, hint=_HINT)
+    if suffix in _WITHOUT_FD and train.has_fd:
+        raise InputError(
+            f"cannot be written: a {suffix} takes no CAN FD frames, which this train has", file=log, hint=_HINT
+        )
+    if suffix in _WITHOUT_ERRORS and any(f.kind == "error-flood" for f in scenario.faults):
+        raise InputError(
+            f"cannot be written: a {suffix} takes no error frames, which error-flood sends", file=log, hint=_HINT
+        )
+
+
+@contextlib.contextmanager
+def open_logger(log: Path) -> Iterator[can.Listener]:
+    """A writer for the suffix. Raises InputError if there is none or the file can't be made. To be checked before."""
+    try:
+        logger = CandumpWriter(log) if log.suffix.lower() == ".log" else can.Logger(log)
+    except (ValueError, OSError, ImportError, NotImplementedError) as e:
+        raise InputError(f"cannot be written: {e}", file=log, hint="use .log for a candump log") from None
+    try:
+        yield logger
+    finally:
+        logger.stop()
