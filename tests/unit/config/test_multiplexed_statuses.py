@@ -48,7 +48,7 @@ BA_ "GenMsgCycleTime" BO_ 849 20;
 VAL_ 768 Health1 {words}
 VAL_ 768 Health2 {words}
 VAL_ 768 Health3 {words}
-VAL_ 768 Mode 1 "Ok" 3 "Fault" ;
+VAL_ 768 Mode 1 "Ok" 3 "Standby" ;
 VAL_ 770 Imu1 1 "Ok" 3 "Fault" ;
 VAL_ 770 Imu2 1 "Ok" 3 "Fault" ;
 VAL_ 848 MuAvailable 255 "NotAvailable" ;
