@@ -79,7 +79,7 @@ def _torque() -> dict[str, Any]:
 def _input(name: str) -> dict[str, Any]:
     """What stands beside a status is of it; one that does not count has none."""
     status = {"properties": {"status": {"type": "string"}}, "required": ["status"]}
-    alone = [{"not": {"required": [key.name]}} for key in (declared.OK, declared.DEGRADED)]
+    alone = [{"not": {"required": [key.name]}} for key in (declared.OK, declared.DEGRADED, declared.STATUS_TIMEOUT)]
     more = [{"if": status, "else": {"allOf": alone}}]
     if name == "torque input":
         more.append(_torque())

@@ -48,7 +48,7 @@ BA_ "GenMsgCycleTime" BO_ 849 20;
 VAL_ 768 Health1 {words}
 VAL_ 768 Health2 {words}
 VAL_ 768 Health3 {words}
-VAL_ 768 Mode 1 "Ok" 3 "Standby" ;
+VAL_ 768 Mode 1 "Run" 3 "Idle" ;
 VAL_ 770 Imu1 1 "Ok" 3 "Fault" ;
 VAL_ 770 Imu2 1 "Ok" 3 "Fault" ;
 VAL_ 848 MuAvailable 255 "NotAvailable" ;
@@ -165,7 +165,7 @@ def test_signal_of_every_frame_is_not_guarded_by_a_branch_and_that_is_said(tmp_p
 
 
 def test_stated_status_of_every_frame_guards_all_branches(tmp_path: Path) -> None:
-    config = load_config(train(tmp_path, ', status = "Bogie.Mode"'))
+    config = load_config(train(tmp_path, ', status = "Bogie.Mode", ok = ["Run"]'))
     every = ["Bogie.Mode"]
     assert rules(config) == {"Yaw1": every, "Acc1": every, "Yaw2": every, "Acc2": every}
 

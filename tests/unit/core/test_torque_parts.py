@@ -99,11 +99,13 @@ def test_small_torques_against_each_other_are_no_contradiction(tmp_path: Path) -
     assert sim.ratio_Nm == pytest.approx(6000.0 - 0.95 * limit, abs=0.1)
 
 
-def test_applied_brake_under_traction_is_no_contradiction(tmp_path: Path) -> None:
+def test_applied_brake_under_traction_contradicts_and_the_larger_side_is_in_use(tmp_path: Path) -> None:
     sim = train(tmp_path, BESIDE)
     sim.torque, sim.second = 9000.0, -3000.0
-    assert validities(sim.run(1500)) == ["NotAvailable", "Valid"]
-    assert sim.ratio_Nm == pytest.approx(6000.0, abs=0.1)
+    assert validities(sim.run(1500)) == ["NotAvailable", "Degraded"]
+    assert sim.ratio_Nm == pytest.approx(9000.0, abs=0.1)
+    sim.second = -100.0
+    assert validities(sim.run(1500)) == ["Degraded", "Valid"]
 
 
 def test_silent_part_makes_the_torque_stale_then_unavailable(tmp_path: Path) -> None:
