@@ -51,7 +51,9 @@ def test_replay_of_a_log_gives_the_rows_that_were_live(config: Config, tmp_path:
     """By columns, sixteen slots at once; the daemon's own frames in the log are neither inputs nor rivals."""
     train, log = faulty(config, tmp_path / "bus")
     live = "".join([csv_line(COLUMNS), *(c.csv_line for c in train.sim.core.events.since(0))])
-    assert main(["replay", str(log), "-o", str(tmp_path / "out.log"), "--events", str(tmp_path / "events.csv")]) == 0
+    every = [word for axle in "1234" for word in ("--axle", axle)]  # of which three have not one frame
+    outputs = ["-o", str(tmp_path / "out.log"), "--events", str(tmp_path / "events.csv")]
+    assert main(["replay", str(log), *every, *outputs]) == 0
     assert (tmp_path / "events.csv").read_text() == live
     causes = [r["cause"] for r in rows(live) if r["axle"] == "1"]
     assert causes == [
@@ -84,7 +86,7 @@ def test_rows_go_to_the_screen_in_place_of_the_others(
     assert main(["replay", str(log), "--events", str(tmp_path / "e.csv"), "--csv", str(tmp_path / "t.csv")]) == 0
     assert capsys.readouterr().out == ""
     assert (tmp_path / "e.csv").read_text() == shown
-    assert len((tmp_path / "t.csv").read_text().splitlines()) > 1000
+    assert len((tmp_path / "t.csv").read_text().splitlines()) > 300
     assert main(["replay", str(log), "--events", "-", "--explain"]) == 2
     assert "--events: and the rows of --explain are both for the screen" in capsys.readouterr().err
 
