@@ -24,9 +24,10 @@ def test_only_mapped_ids_are_received_with_kernel_stamps(link: SocketCanLink, no
     assert [(f.can_id, f.extended, f.remote, f.data) for f in frames] == [
         (YAW_RATE_A1, False, False, b"\x01\x02"),
         (EXTENDED, True, False, b"\x01\x02"),
-        (YAW_RATE_A1, False, True, b"\x01\x02"),
+        (YAW_RATE_A1, False, True, b""),  # it asks for two bytes, and has none
         (YAW_RATE_A1, False, False, b"\x01\x02"),
     ]
+    assert [f.extra for f in frames] == [0, 0, 2, 0]
     assert all(before <= f.stamp_us <= after for f in frames)
     assert sorted(f.stamp_us for f in frames) == [f.stamp_us for f in frames]
     assert link.receive(0) == []
