@@ -111,6 +111,9 @@ class Inputs:
         ]  # fmt: skip
         self._unavailable_after_us: list[int] = []
         self._torque_ratio, self._torque_ratio_known = [0.0] * n, False  # False: to be worked out
+        self._torque_is_one_signal = set(range(BRAKE * n, (BRAKE + 1) * n)).isdisjoint(mapped) and all(
+            len(parts) == 1 for parts in self._parts
+        )
         self._against_Nm = AGAINST_SHARE * 2 * design.normal_N * design.r_0
         self._shares_known = self._shares_ok = False
         self._speeds = float(design.speeds_m_s[0]), float(design.speeds_m_s[-1])
@@ -213,9 +216,11 @@ class Inputs:
         if self._reverse:  # seen in the direction of travel left is right; counter-clockwise stays so
             z = [*z[:n], *(x * self._value[DIRECTION * n + axle] for axle, x in enumerate(z[n:]))]
         if not self._torque_ratio_known:
-            self._torque_ratio = [
-                self._torque_Nm(a) / (self.total(LOAD, a) * self._value[RADIUS * n + a]) for a in range(n)
-            ]
+            v = self._value
+            if self._torque_is_one_signal:
+                self._torque_ratio = [abs(v[TORQUE * n + a]) / (v[LOAD * n + a] * v[RADIUS * n + a]) for a in range(n)]
+            else:
+                self._torque_ratio = [self._torque_Nm(a) / (self.total(LOAD, a) * v[RADIUS * n + a]) for a in range(n)]
             self._torque_ratio_known = True
         ratio = self._torque_ratio
         unavailable: tuple[int, ...] = ()

@@ -59,6 +59,7 @@ class Likeness:
     STATE = {
         "samples": "_samples", "filled": "_filled", "ticks_without_gap": "_run", "hop_speeds": "_speeds",
         "window": "_window", "segments": "_segments", "evidence": "_evidence",
+        "margin": "_margin",
     }  # fmt: skip
 
     def __init__(self, design: Design, axles: int) -> None:
@@ -85,6 +86,7 @@ class Likeness:
         self._window: FloatArray = np.zeros((_SPECTRA * len(frequencies) + len(_REST), axles))
         self._segments: IntArray = np.zeros(axles, dtype=np.int64)  # in it
         self._evidence: FloatArray = np.zeros(len(self._near))  # against each pair (k, M)
+        self._margin = 0.0  # by which the best pair is better than any near the design's
 
     def reset(self, axle: int) -> None:
         """A gap: what an axle's window has gathered does not go on; what was found out before stays."""
@@ -107,10 +109,6 @@ class Likeness:
         pair near the design's: half of that is a log-likelihood."""
         k, m = divmod(int(self._evidence.argmin()), 2 * STEPS_M + 1)
         return math.exp(STEP * (k - STEPS_K)), math.exp(STEP * (m - STEPS_M)), self._margin
-
-    @property
-    def _margin(self) -> float:
-        return float(self._evidence[self._near].min() - self._evidence.min())
 
     def add(self, x: FloatArray, used: BoolArray | None, speeds_m_s: Sequence[float], saturated: BoolArray) -> None:
         """m ticks x (m, 2, n) in units of the design's noise; used (n,) where not all axles have data; which of them
@@ -170,6 +168,7 @@ class Likeness:
         against = self._against(self._window[:, axle], first)
         if against is not None:
             self._evidence = (1.0 - 1.0 / (MEMORY_WINDOWS * self._axles)) * self._evidence + against
+            self._margin = float(self._evidence[self._near].min() - self._evidence.min())
 
     def _against(self, window: FloatArray, v: float) -> FloatArray | None:
         """By how much each pair (k, M) fits a window's sums worse than the best; None where it does not count."""
