@@ -27,9 +27,7 @@ from sim_ecu.play.encoder import (
 from sim_ecu.play.mapped_message import Messages, Plan
 from sim_ecu.play.scenario import Scenario
 from sim_ecu.play.train import Carrier, end_of_field
-from sim_ecu.play.words import usual_statuses
 from wrcd.bus.dbc import data_id, find_message, find_signal
-from wrcd.bus.signals import StatusRule
 from wrcd.bus.units import Quantity
 from wrcd.config import load_config
 from wrcd.core.configuration import Config
@@ -89,7 +87,7 @@ class MappedTrain:
             message = find_message(config.database, i.source.message)
             found = claim(message, find_signal(message, i.source.signal), i, self._axles)
             self._plan(config, message.name).claims.append(found)
-            for rule in self._rules(found):
+            for rule in found.source.statuses or ():
                 plan = self._plan(config, rule.message)
                 known = plan.statuses.get(rule.signal, rule.ok)
                 if not known & rule.ok:
@@ -114,11 +112,6 @@ class MappedTrain:
             stated = config.data_ids[name] if name in config.data_ids else data_id(message)
             self._plans[name] = Plan(message, data_id=stated)
         return self._plans[name]
-
-    def _rules(self, c: Claim) -> Sequence[StatusRule]:
-        if c.source.statuses is not None:
-            return c.source.statuses
-        return [StatusRule(c.message.name, s.name, ok, degraded) for s, ok, degraded in usual_statuses(c.message)]
 
     def encoder(self, numbers: Sequence[int], truth: bool = True, counter: int = 0) -> MappedEncoder:
         """Of some of the configuration's axles."""
@@ -200,7 +193,9 @@ class MappedTrain:
     def _status_of(self, plan: Plan, signal: str, axle: int) -> str | None:
         """The status in a message that is about an axle's signal: with multiplexers another axle has another one."""
         about = [c for c in plan.of_status if c.source.quantity.key == signal and axle in c.axles]
-        return next((r.signal for c in about for r in self._rules(c) if r.message == plan.message.name), None)
+        return next(
+            (r.signal for c in about for r in (c.source.statuses or ()) if r.message == plan.message.name), None
+        )
 
     def cycle_us(self, signal: str, axle: int) -> int:
         """Of the message that carries it."""

@@ -2,20 +2,15 @@
 
 from collections.abc import Iterable
 
-from cantools.database.can import Message, Signal
+from cantools.database.can import Signal
 
 # letters only, lower case
-GOOD = (
-    "ok", "okay", "valid", "normal", "good", "noerror", "nofault", "nofailure", "available", "active", "running",
-    "operational", "measuring", "gueltig", "gültig", "inordnung", "betrieb", "messbetrieb",
-)  # fmt: skip
 NO_MEASUREMENT = (
     "notavail", "unavail", "notsupported", "notinstalled", "notvalid", "invalid", "sna", "error", "fault", "fail",
     "init", "undefined", "notdefined", "nodata", "nosignal", "unknown", "reserved", "fehler", "ungueltig", "ungültig",
     "nichtverbaut", "nichtverfuegbar", "nichtverfügbar", "stoerung", "störung", "defekt", "selftest", "selbsttest",
 )  # fmt: skip
 FAILED = ("error", "fault", "fail", "fehler", "stoerung", "störung", "defekt")
-STATUS_NAMES = ("status", "state", "valid", "quality", "health")
 FORWARD, BACKWARD = ("forw", "fwd", "ahead", "vorw"), ("rev", "back", "rück", "rueck")
 
 
@@ -37,20 +32,6 @@ def no_measurement(s: Signal) -> frozenset[int]:
         for raw, label in (s.choices or {}).items()
         if letters(label) == "na" or (says(label, NO_MEASUREMENT) and letters(label) != "default")
     )
-
-
-def usual_statuses(message: Message) -> list[tuple[Signal, frozenset[int], frozenset[int]]]:
-    """The signals that say how a message's sender is where nobody says which, with their good and degraded values."""
-    out = []
-    for s in message.signals:
-        words = {int(raw): letters(label) for raw, label in (s.choices or {}).items()}
-        good = frozenset(raw for raw, word in words.items() if word in GOOD)
-        degraded = frozenset(raw for raw, word in words.items() if "degrad" in word)
-        if s.name == "Status":
-            out.append((s, good or frozenset({0}), degraded))
-        elif good and any(name in s.name.lower() for name in STATUS_NAMES):
-            out.append((s, good, degraded))
-    return out
 
 
 def forward(s: Signal) -> int | None:

@@ -83,6 +83,7 @@ def mapped(**changes: Any) -> Config:
     """Two axles over the DBC above, by hand."""
     database = parse_dbc(DBC, Path("mapped.dbc"))
     rad = 3.141592653589793 / 180
+    state = (StatusRule("Brakes", "State", ok=frozenset({1}), degraded=frozenset()),)
     health = (StatusRule("Health2", "Imu", ok=frozenset({5, 6}), degraded=frozenset({7})),)
     sources = [
         (Source("Imu1", "Turn", Q.YAW_RATE, (0,), factor=-rad, invalid=frozenset({-32768}), statuses=()), 15),
@@ -93,8 +94,8 @@ def mapped(**changes: Any) -> Config:
         # motor torque through a gear; one friction brake for both axles, half of it each, positive when it brakes
         (Source("Effort", "Motor1", Q.TORQUE, (0,), factor=4600.0), 30),
         (Source("Effort", "Motor2", Q.TORQUE, (1,), factor=4600.0), 30),
-        (Source("Brakes", "Bogie", Q.TORQUE, (0,), factor=-500.0, part=1), 120),
-        (Source("Brakes", "Bogie", Q.TORQUE, (1,), factor=-500.0, part=1), 120),
+        (Source("Brakes", "Bogie", Q.TORQUE, (0,), factor=-500.0, statuses=state, part=1), 120),
+        (Source("Brakes", "Bogie", Q.TORQUE, (1,), factor=-500.0, statuses=state, part=1), 120),
         (Source("Train", "V", Q.SPEED, (0, 1)), 60),
         (Source("Train", "Way", Q.DIRECTION, (0, 1)), 60),
         (Source("Train", "Load", Q.AXLE_LOAD, (0,)), 60),
