@@ -254,8 +254,8 @@ def _same_wheelset(section: Section, design: Design, file: Path) -> None:
 
 
 def _names_the_wheelset(top: Section, wheelset: Section, dbc: Section, estimator: Section, design: Design) -> None:
-    """Whoever brings a train of their own says which wheelset it has: a foreign one cannot be told from its signals,
-    only its estimates are wrong."""
+    """Whoever brings a train of their own says which wheelset it has: the signals of many a foreign one look
+    alike, and its estimates are wrong."""
     key = declared.DBC_FILE.name
     if key not in dbc or declared.DESIGN.name in estimator or list(wheelset):
         return
