@@ -68,7 +68,8 @@ def _head(draft: Draft, dbc: DbcText, folder: Path, design: Design) -> None:
     draft.todo(
         "wheelset",
         f"is it the wheelset {name!r} of the packaged design? The signals of many another one look alike, "
-        "and its estimates are wrong. Compare; then take the next line as it is, or name a design for yours under [estimator].",
+        "and its estimates are wrong. Compare; then take the next line as it is, or name a design for yours under "
+        "[estimator].",
     )
     draft.add(f"# wheelset = {{ name = {quoted(name)} }}")
     draft.add(f"#   axle load {2e-3 * design.normal_N:.4g} kN")
