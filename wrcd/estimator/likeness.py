@@ -227,16 +227,16 @@ def _transform(ticks: int, tick_s: float) -> tuple[FloatArray, FloatArray]:
     noise's parts one each."""
     t = np.arange(ticks) - 0.5 * (ticks - 1)
     window = np.hanning(ticks + 1)[:-1]
-    line = np.column_stack((np.ones(ticks), t))
-    straight = np.eye(ticks) - line @ np.linalg.pinv(line)
-    f = np.fft.rfftfreq(ticks, tick_s)
+    line = np.stack((np.full(ticks, 1.0 / math.sqrt(ticks)), t / math.sqrt(float((t * t).sum()))))  # orthonormal
+    f = np.arange(ticks // 2 + 1) / (ticks * tick_s)
     band = f[(f >= BAND_HZ[0]) & (f <= BAND_HZ[1])]
     noise = f[(f >= NOISE_HZ[0]) & (f <= NOISE_HZ[1])][::2]
     angle = -2.0 * math.pi * tick_s * np.arange(ticks)
     size = math.sqrt(float((window**2).sum()))
     rows = [window * turn(np.outer(band, angle)) for turn in (np.cos, np.sin)]
     rows += [math.sqrt(2.0) * window * turn(np.outer(noise, angle)) for turn in (np.cos, np.sin)]
-    out = np.concatenate(rows) @ straight / size
+    out = np.concatenate(rows)
+    out = (out - (out @ line.T) @ line) / size
     return np.concatenate((out, np.full((1, ticks), 1.0 / ticks))), np.asarray(band)
 
 
