@@ -15,6 +15,7 @@ from wrcd.tools.commands import (
     replay_command,
     run_command,
 )
+from wrcd.tools.completion import completion_of
 from wrcd.tools.guard import guarded
 from wrcd.tools.parser import asked, make_parser
 
@@ -27,6 +28,7 @@ COMMANDS: tuple[Command, ...] = (
     replay_command.COMMAND,
     init_command.COMMAND,
     lint_command.COMMAND,
+    completion_of("wrcd"),
 )
 
 

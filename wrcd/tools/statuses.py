@@ -48,4 +48,5 @@ STATUSES: dict[str, dict[Status, str]] = {
         Status.NOT_THERE: "no frame of the log fits the configuration",
         Status.INTERRUPTED: "Ctrl-C",
     },
+    "completion": {Status.DONE: "the script is printed"},
 }
