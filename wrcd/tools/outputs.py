@@ -98,7 +98,7 @@ class Writing:
             self._rows: Rows | None = None
             if outputs.rows is not None:
                 self._rows = Rows(files.enter_context(create(outputs.rows)), config, explained, part)
-            elif explained or not outputs.files:
+            elif explained or not (outputs.files or outputs.events):
                 self._rows = Rows(sys.stdout, config, explained, part)
             if gathered is not None:
                 files.callback(gathered.close)
