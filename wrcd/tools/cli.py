@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from wrcd.errors import InputError, NotThere, Status
+from wrcd.tools.install.command import COMMANDS as INSTALLING
 from wrcd.tools.version import Version
 
 if TYPE_CHECKING:
@@ -146,6 +147,8 @@ def _parser() -> argparse.ArgumentParser:
         "--jobs", type=int, default=1, metavar="N", help="of several logs, so many at once (default: 1)"
     )
     _add_dbc_commands(commands)
+    for c in INSTALLING:
+        c.add(commands.add_parser(c.name, help=c.help))
     return p
 
 
@@ -319,4 +322,5 @@ def _lint(args: argparse.Namespace) -> int:
 
 _COMMANDS = {
     "run": _run, "reload": _reload, "init": _init, "lint": _lint, "check": _check, "dump": _dump, "replay": _replay,
+    **{c.name: c.run for c in INSTALLING},
 }  # fmt: skip
