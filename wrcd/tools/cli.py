@@ -17,6 +17,7 @@ from wrcd.tools.commands import (
 )
 from wrcd.tools.completion import completion_of
 from wrcd.tools.guard import guarded
+from wrcd.tools.install import command as install_command
 from wrcd.tools.parser import asked, make_parser
 
 # in the order of the help
@@ -28,6 +29,7 @@ COMMANDS: tuple[Command, ...] = (
     replay_command.COMMAND,
     init_command.COMMAND,
     lint_command.COMMAND,
+    *install_command.COMMANDS,
     completion_of("wrcd"),
 )
 

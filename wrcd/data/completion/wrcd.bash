@@ -69,8 +69,9 @@ _wrcd() {
             dump:--channel | dump:-n | dump:--count | dump:--dbc | \
             dump:--config | replay:--config | replay:-o | replay:--output | \
             replay:--csv | replay:--from | replay:--to | replay:--axle | \
-            replay:--channel | replay:--events | replay:--jobs | init:-o | \
-            init:--output)
+            replay:--channel | replay:--events | replay:--mf4 | replay:--mcap | \
+            replay:--jobs | init:-o | init:--output | install:--prefix | \
+            install:--with | install:--without | install:--program | uninstall:--prefix)
                 [[ ${COMP_WORDS[i + 1]-} != = ]] || ((i++))
                 ((i++))
                 ;;
@@ -82,7 +83,7 @@ _wrcd() {
     case $command in
     '')
         options='-h --help --version'
-        [[ $cur == -* ]] || _wrcd_words 'run reload check dump replay init lint completion'
+        [[ $cur == -* ]] || _wrcd_words 'run reload check dump replay init lint install uninstall completion'
         ;;
     run)
         options='-h --help --config -i --interface -c --channel --wait --lock-memory'
@@ -133,7 +134,7 @@ _wrcd() {
         esac
         ;;
     replay)
-        options='-h --help --config -o --output --csv --from --to --relative --axle --channel --events --explain --jobs'
+        options='-h --help --config -o --output --csv --from --to --relative --axle --channel --events --mf4 --mcap --explain --jobs'
         case $prev in
         --config) _wrcd_files .toml; return ;;
         -o | --output) _wrcd_files .log; return ;;
@@ -143,6 +144,8 @@ _wrcd() {
         --axle) _wrcd_nothing; return ;;
         --channel) _wrcd_channels; return ;;
         --events) _wrcd_files .csv; return ;;
+        --mf4) _wrcd_files .mf4; return ;;
+        --mcap) _wrcd_files .mcap; return ;;
         --jobs) _wrcd_nothing; return ;;
         :) _wrcd_nothing; return ;;
         esac
@@ -170,6 +173,25 @@ _wrcd() {
         0) _wrcd_files .dbc ;;
         *) _wrcd_nothing ;;
         esac
+        ;;
+    install)
+        options='-h --help --prefix --dry-run --with --without --restart --force --program'
+        case $prev in
+        --prefix) _wrcd_folders; return ;;
+        --with) _wrcd_words 'can0 vcan0 realtime rig'; return ;;
+        --without) _wrcd_words 'can0 vcan0 realtime rig'; return ;;
+        --program) _wrcd_nothing; return ;;
+        :) _wrcd_nothing; return ;;
+        esac
+        [[ $cur == -* ]] || _wrcd_nothing
+        ;;
+    uninstall)
+        options='-h --help --prefix --dry-run --purge'
+        case $prev in
+        --prefix) _wrcd_folders; return ;;
+        :) _wrcd_nothing; return ;;
+        esac
+        [[ $cur == -* ]] || _wrcd_nothing
         ;;
     completion)
         options='-h --help'
