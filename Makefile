@@ -107,12 +107,13 @@ design: $(READY)
 score: $(READY)
 	$(BIN)/sim-ecu score --json build/score.json --html build/score.html
 
-# between the markers of the pages, the configuration's JSON schema, the completion; docs-check changes nothing
+# between the markers of the pages, the configuration's JSON schema, completion, manual pages; docs-check changes nothing
 docs: $(READY)
 	$(BIN)/python -m tests.support.pages --write
 	$(BIN)/python -m tests.support.signs_picture
 	$(BIN)/python -m tests.support.schema
 	$(BIN)/python -m tests.support.completion
+	$(BIN)/python -m tests.support.manual
 
 docs-all: $(READY)
 	$(BIN)/python -m tests.support.pages --write --all

@@ -57,3 +57,13 @@ def test_data_are_files_not_links(installed: Path) -> None:
     assert (installed / "wrcd" / "data" / "wrcd.dbc").read_bytes() == (ROOT / "dbc" / "wrcd.dbc").read_bytes()
     assert (installed / "sim_ecu" / "data" / "sim_ecu.dbc").read_bytes() == (ROOT / "dbc" / "sim_ecu.dbc").read_bytes()
     assert not (installed / "wrcd" / "data" / "wrcd.dbc").is_symlink()
+
+
+def test_wheel_brings_completion_and_manual_pages(installed: Path) -> None:
+    code = "import sys; from wrcd.tools.cli import main; sys.exit(main())"
+    script = (ROOT / "wrcd/data/completion/wrcd.bash").read_text(encoding="utf-8")
+    assert run(installed, code, "completion", "bash").stdout == script
+    for folder in ("completion", "man"):
+        names = {p.name for p in (ROOT / "wrcd/data" / folder).iterdir()}
+        assert len(names) == 4
+        assert {p.name for p in (installed / "wrcd/data" / folder).iterdir()} == names
