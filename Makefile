@@ -7,6 +7,7 @@
 # make fuzz   property tests with EXAMPLES (10^5) examples each, and a million corrupted frames; hours
 # make soak   HOURS (24) on the virtual clock in one core: nothing grows, drifts or is lost; an eighth of that
 # make coverage  which branches of wrcd/bus, wrcd/core, wrcd/recorder and wrcd/service the tests take, those in the guest too; fails below 95 %
+# make deb    a Debian package with its libraries inside: build/deb
 # make bench  what everything costs beside its peers, against an older checkout too (BEFORE=DIR); 6 minutes, asserts nothing
 # make mutants   whether the tests notice changed code in validity and E2E; an hour, see tests/mutants.md
 PYTHON ?= python3
@@ -28,7 +29,7 @@ vcan:
 Makefile: ;
 else
 
-.PHONY: demo test lint check unit hil faults systemd fuzz soak coverage bench mutants format design score docs docs-all docs-check lock audit clean
+.PHONY: demo test lint check deb unit hil faults systemd fuzz soak coverage bench mutants format design score docs docs-all docs-check lock audit clean
 
 demo: $(READY)
 	$(BIN)/sim-ecu demo
@@ -49,7 +50,12 @@ faults: $(READY)
 
 systemd: $(READY)
 	tests/hil/unit-env
-	GUEST_TIMEOUT=900 tests/hil/guest/run --systemd -- $(BIN)/python -m pytest $(HIL) -rP tests/hil/test_systemd.py
+	GUEST_TIMEOUT=900 tests/hil/guest/run --systemd -- $(BIN)/python -m pytest $(HIL) -rP tests/hil/test_install.py \
+	    tests/hil/test_systemd.py
+
+# build/deb/wrcd_VERSION_ARCH.deb, for the system's python3; no root
+deb: $(READY)
+	$(BIN)/python deb/build.py
 
 lint: $(READY)
 	$(BIN)/ruff format --check .
