@@ -23,6 +23,7 @@ def take(walk: Walk) -> str:
     """Rig and daemon on vcan0 by a script; then a shell, and in it a command that Ctrl-C ends."""
     (walk.folder / "both.sh").write_text(BOTH)
     (walk.folder / "wet.toml").write_text(WET)
+    walk.sim_ecu("play", "wet.toml", "--fast", "--log", "wet.log")  # compiles the wheelset: in there it takes a minute
     with Terminal(walk, "vcan") as terminal:
         terminal.type("make vcan -- sh both.sh; echo status $?")
         terminal.wait_for("the end of both.sh", lambda s: "status 0" in s, BOOT_S)

@@ -39,11 +39,6 @@ class Outputs:
         )  # fmt: skip
         return [(key, file) for key, file in named if file is not None and not (key == "--events" and file == SCREEN)]
 
-    @property
-    def any(self) -> bool:
-        """Whether anything is asked for, be it on the screen."""
-        return any(o is not None for o in (self.frames, self.rows, self.events, self.mf4, self.mcap))
-
     def remove(self) -> None:
         """Take back what was begun."""
         for _, file in self.files:
@@ -103,7 +98,7 @@ class Writing:
             self._rows: Rows | None = None
             if outputs.rows is not None:
                 self._rows = Rows(files.enter_context(create(outputs.rows)), config, explained, part)
-            elif explained or not outputs.any:
+            elif explained or not (outputs.files or outputs.events):
                 self._rows = Rows(sys.stdout, config, explained, part)
             if gathered is not None:
                 files.callback(gathered.close)
