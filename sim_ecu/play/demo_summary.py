@@ -1,5 +1,6 @@
 """What the demo came to: how far the estimate was off, how fast it followed the rail, when it was not Valid."""
 
+import itertools
 import math
 from collections.abc import Iterable, Sequence
 
@@ -8,6 +9,7 @@ from wrcd.core.causes import Validity
 from wrcd.core.events import Change
 
 RAIL_PP, RAIL_RATIO = 3.0, 1.25  # from frame to frame: more than that is another rail
+MAX_SPANS = 6  # in which it was not Valid, one by one
 HOLDS = 3  # frames that the estimate must stay on the new rail's side
 
 
@@ -23,8 +25,9 @@ def lines(number: int, trace: Trace, changes: Sequence[Change], first_s: float, 
         "(changes of rail included)"
     ]
     out += [f"  {text}" for text in _rails(trace)]
-    out += [f"  {text}" for text in _not_valid([c for c in changes if c.axle == number], first_s, end_s)]
-    return out
+    spans = [f"  {text}" for text in _not_valid([c for c in changes if c.axle == number], first_s, end_s)]
+    more = [f"  and {len(spans) - MAX_SPANS} times more"] if len(spans) > MAX_SPANS else []
+    return [*out, *spans[:MAX_SPANS], *more]
 
 
 def valid_pairs(trace: Trace) -> list[tuple[float, float, float]]:
@@ -41,7 +44,7 @@ def valid_pairs(trace: Trace) -> list[tuple[float, float, float]]:
 def _rails(trace: Trace) -> Iterable[str]:
     """Each change of rail, and how long until the estimate had crossed the geometric mean of both."""
     levels = [(t, float(true["MuAvailable"])) for t, true in trace.truth]
-    for (_, before), (t, after) in zip(levels, levels[1:], strict=False):
+    for (_, before), (t, after) in itertools.pairwise(levels):
         if abs(after - before) < RAIL_PP or max(after, before) < RAIL_RATIO * min(after, before):
             continue
         delay_s = _crossed(trace, t, before, after)
@@ -77,4 +80,4 @@ def _not_valid(changes: Sequence[Change], first_s: float, end_s: float) -> Itera
         until_s = changes[k].time_us * 1e-6 - first_s if k < len(changes) else end_s
         from_s = max(changes[first].time_us * 1e-6 - first_s, 0.0)
         why = dict.fromkeys(f"{c.after}, {c.cause.label}" for c in changes[first:k])
-        yield f"from {from_s:.1f} to {until_s:.1f} s it was not Valid: {'; '.join(why)}"
+        yield f"not Valid from {from_s:.1f} to {until_s:.1f} s: {'; '.join(why)}"
