@@ -1,6 +1,7 @@
 """vcan: `make vcan -- COMMAND`, a bus on a machine that has none, in a terminal as a user has it."""
 
 import re
+import time
 
 from tests.walk.terminal import Terminal
 from tests.walk.walk import Step, Walk, expect
@@ -39,10 +40,11 @@ def take(walk: Walk) -> str:
         terminal.wait_for("the guest's prompt", lambda s: "vcan /" in s, BOOT_S)
         terminal.type("cd /sys/class/net; echo *; cd -; stty size; wrcd dump -i socketcan -c vcan1; echo ended")
         terminal.wait_for("the buses, and the size", lambda s: "lo vcan0 vcan1" in s and "30 100" in s, 10)
+        time.sleep(1)  # dump is silent until something comes
         terminal.press("C-c")
+        terminal.wait_for("the prompt after Ctrl-C", lambda s: s.rstrip().endswith("#"), 20)
         terminal.type("exit 7")
-        terminal.type("echo status $?")
-        terminal.wait_for("the end of the guest", lambda s: "status 2" in s, 20)
+        terminal.wait_for("the end of the guest, and its status", lambda s: "Error 7\n$" in s, 20)
         terminal.keep()
     return f"{len(said)} frames on vcan0, {made} of them adhesion of axle 1 and {valid} Valid; a shell at a terminal, ended by Ctrl-C"
 
