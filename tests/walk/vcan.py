@@ -46,7 +46,10 @@ def take(walk: Walk) -> str:
         terminal.type("exit 7")
         terminal.wait_for("the end of the guest, and its status", lambda s: "Error 7\n$" in s, 20)
         terminal.keep()
-    return f"{len(said)} frames on vcan0, {made} of them adhesion of axle 1 and {valid} Valid; a shell at a terminal, ended by Ctrl-C"
+    return (
+        f"{len(said)} frames on vcan0, {made} of them adhesion of axle 1 and {valid} Valid; a shell at a terminal, "
+        "Ctrl-C ends what runs in it"
+    )
 
 
 STEP = Step("vcan", take, (("tmux", "tmux"), ("make", "make")))
