@@ -16,6 +16,7 @@ from wrcd.tools.commands import (
     run_command,
 )
 from wrcd.tools.guard import guarded
+from wrcd.tools.install import command as install_command
 from wrcd.tools.parser import asked, make_parser
 
 # in the order of the help
@@ -27,6 +28,7 @@ COMMANDS: tuple[Command, ...] = (
     replay_command.COMMAND,
     init_command.COMMAND,
     lint_command.COMMAND,
+    *install_command.COMMANDS,
 )
 
 
