@@ -1,5 +1,6 @@
 # make demo   set up, then play a wheelset onto a CAN bus and watch the estimate against the truth
 # make test   set up, then all tests: on the host, then on a real kernel's vcan and under real systemd
+# make walk   a new user's first hour in a clone of the last commit: demo, own DBC, a bus, screens and pages; 3 minutes
 # make lint   format, lint, types: seconds
 # make check  make lint, then make test
 # make docs   prints what the pages quote from the program again; make docs-all the score and the fault matrix too, twenty minutes
@@ -29,15 +30,16 @@ vcan:
 Makefile: ;
 else
 
-.PHONY: demo test lint check deb unit hil faults systemd fuzz soak coverage bench mutants format design score docs docs-all docs-check lock audit clean
+.PHONY: demo test lint check unit hil faults systemd walk fuzz soak coverage bench mutants format design score docs docs-all docs-check lock audit clean deb
 
 demo: $(READY)
 	$(BIN)/sim-ecu demo
 
-test: unit hil faults systemd
+test: unit hil faults systemd walk
 
+# a process for each core, each with a stretch of the tests: a module's fixtures are made once, or twice
 unit: $(READY)
-	$(BIN)/python -m pytest --durations=5
+	$(BIN)/python -m pytest -n auto --maxprocesses=8 --dist=worksteal --durations=5
 
 # vcan of this kernel where it has one, else of a throw-away guest kernel
 hil: $(READY)
@@ -56,6 +58,10 @@ systemd: $(READY)
 # build/deb/wrcd_VERSION_ARCH.deb, for the system's python3; no root
 deb: $(READY)
 	$(BIN)/python deb/build.py
+
+# make walk STEPS="monitor report": only these, after the clone; screens and pictures go to build/walk
+walk: $(READY)
+	$(BIN)/python -m tests.walk $(STEPS)
 
 lint: $(READY)
 	$(BIN)/ruff format --check .
