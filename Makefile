@@ -2,7 +2,7 @@
 # make test   set up, then all tests: on the host, then on a real kernel's vcan and under real systemd
 # make lint   format, lint, types: seconds
 # make check  make lint, then make test
-# make docs   prints what the pages quote from the program again; make docs-all the score and the fault matrix too, twenty minutes
+# make docs   prints what the pages quote from the program again, and builds their site into build/site; make docs-all the score and the fault matrix too, twenty minutes
 # make fuzz   property tests with EXAMPLES (10^5) examples each, and a million corrupted frames; hours
 # make soak   HOURS (24) on the virtual clock in one core: nothing grows, drifts or is lost; an eighth of that
 # make coverage  which branches of wrcd/bus, wrcd/core, wrcd/recorder and wrcd/service the tests take, those in the guest too; fails below 95 %
@@ -27,7 +27,8 @@ unit: $(READY)
 # vcan of this kernel where it has one, else of a throw-away guest kernel
 hil: $(READY)
 	GUEST_TIMEOUT=900 tests/hil/guest/run --native-ok -- $(BIN)/python -m pytest $(HIL) -rP \
-	    tests/hil/test_vcan.py tests/hil/test_own_dbc.py tests/hil/test_link_*.py tests/hil/test_load.py
+	    tests/hil/test_vcan.py tests/hil/test_own_dbc.py tests/hil/test_link_*.py tests/hil/test_load.py \
+	    tests/hil/test_docs_commands.py
 
 # every fault of the matrix against the real daemon; its table is printed
 faults: $(READY)
@@ -93,17 +94,20 @@ design: $(READY)
 score: $(READY)
 	$(BIN)/sim-ecu score --json build/score.json --html build/score.html
 
-# between the markers of the pages, and the configuration's JSON schema; docs-check changes nothing
+# what stands between the markers of the pages, the configuration's JSON schema, and the site of the pages in build/site: a
+# warning or a dead link fails. docs-check changes nothing
 docs: $(READY)
 	$(BIN)/python -m tests.support.pages --write
 	$(BIN)/python -m tests.support.signs_picture
 	$(BIN)/python -m tests.support.schema
+	$(BIN)/python -m tests.support.site build/site
 
 docs-all: $(READY)
 	$(BIN)/python -m tests.support.pages --write --all
+	$(BIN)/python -m tests.support.site build/site
 
 docs-check: $(READY)
-	$(BIN)/python -m pytest tests/unit/test_docs.py
+	$(BIN)/python -m pytest tests/unit/test_docs.py tests/unit/test_docs_site.py tests/unit/test_docs_commands.py
 
 LOCK := $(BIN)/uv pip compile -q --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-emit-find-links --no-annotate --no-header pyproject.toml
 lock: $(READY)
