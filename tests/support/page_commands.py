@@ -1,8 +1,8 @@
 """The commands of the pages, and how a test runs them.
 
 Every fence of kind `sh` is run, block by block in a page's order, in a fresh folder that looks like the repository's.
-Each block is a bash script of its own; what it leaves running in the background ends with the page. The blocks that need
-a bus are run apart from the others, in the guest: neither needs what the other leaves behind. A comment right
+Each block is a bash script of its own; what it leaves running in the background ends with the page. The blocks that
+need a bus are run apart from the others, in the guest: neither needs what the other leaves behind. A comment right
 above the fence says what is not so:
 
     <!-- given: COMMANDS -->          first, in the place of what a reader has: his log, his DBC

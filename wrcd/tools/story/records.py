@@ -1,0 +1,174 @@
+"""What a log tells, as records of columns. Times are whole microseconds as in the log; NaN is: there is none."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wrcd.core.causes import Cause, Validity
+from wrcd.core.configuration import Config
+
+Times = NDArray[np.int64]
+Numbers = NDArray[np.float32]
+Places = NDArray[np.int8]  # of a word in the vocabulary's words (wrcd/core/vocabulary.py); -1: another
+
+
+@dataclass(frozen=True, slots=True)
+class Adhesion:
+    """Adhesion frames of an axle, n of them."""
+
+    time_us: Times
+    validity: Places
+    available_pct: Numbers
+    used_pct: Numbers
+    low_pct: Numbers  # the interval that Confidence states, cut at 0; NaN without a bound
+    high_pct: Numbers
+    confidence: Places
+    contact: Places
+    surface: Places
+    age_ms: Numbers
+
+
+@dataclass(frozen=True, slots=True)
+class Detail:
+    """AdhesionDetail frames, m of them."""
+
+    time_us: Times
+    residual_db: Numbers  # (m, 4)
+    winner: Places  # 1 … 4, 0: none
+    rule: NDArray[np.int16]  # from 1, 0: none
+    cause: Places
+    stale: NDArray[np.bool_]  # (m, 4): yaw rate, lateral acceleration, torque, speed
+
+
+@dataclass(frozen=True, slots=True)
+class Health:
+    """InputHealth frames, h of them."""
+
+    time_us: Times
+    reach: NDArray[np.uint8]  # (h, 4)
+    refused: Places  # (h, 4): place of the reason
+    plausibility: Places
+    outlier: NDArray[np.bool_]
+    unchanged: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class Truth:
+    """What the rig says of an axle."""
+
+    time_us: Times
+    available_pct: Numbers
+    used_pct: Numbers
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """An axle in one state of Validity, for one cause, from begin until before end (the end of the log, perhaps)."""
+
+    axle: int
+    begin_us: int
+    end_us: int
+    validity: Validity
+    cause: Cause
+    detail: str  # an input with its figures, where it is known; else ""
+
+    @property
+    def duration_s(self) -> float:
+        """How long."""
+        return (self.end_us - self.begin_us) / 1e6
+
+
+@dataclass(frozen=True, slots=True)
+class Axle:
+    """One wheelset's log."""
+
+    number: int
+    adhesion: Adhesion
+    detail: Detail | None
+    health: Health | None
+    truth: Truth | None
+    events: tuple[Event, ...]  # without a gap between them
+
+
+@dataclass(frozen=True, slots=True)
+class Series:
+    """Values by name, each (n,), that came together: WrcdStatus, WrcdRejects, WrcdLink, an input."""
+
+    time_us: Times
+    values: Mapping[str, NDArray[np.float64]]
+
+
+@dataclass(frozen=True, slots=True)
+class MessageStatistics:
+    """The frames of one id on the bus."""
+
+    key: int  # Frame.key
+    name: str  # "" if no DBC knows it
+    role: str  # "input", "output", "truth", "other"
+    frames: int
+    mean_hz: float
+    longest_gap_ms: float
+    longest_gap_at_us: int
+    cycle_ms: float  # as the DBC or the configuration says, NaN if neither does
+    wrong_e2e: int  # frames whose CRC does not fit, of outputs and inputs under E2E; -1: not looked at
+
+
+@dataclass(frozen=True, slots=True)
+class BusStatistics:
+    """The bus over the log."""
+
+    messages: tuple[MessageStatistics, ...]
+    time_us: Times  # one a second, when it begins
+    frames_per_s: Numbers
+    load_pct: Numbers  # at bit_rate, with the mean of fewest and most stuff bits
+    bit_rate: int  # assumed, bit/s
+    error_frames: Times  # their time stamps
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """A sentence of the verdict. level: "good", "note", "warning" or "bad"."""
+
+    level: str
+    text: str
+    axle: int = 0  # 0: of all
+    begin_us: int | None = None
+    end_us: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Fall:
+    """MuAvailable fell or rose for good: what a reader asks about first."""
+
+    axle: int
+    begin_us: int
+    end_us: int
+    before_pct: float
+    after_pct: float
+
+
+@dataclass(frozen=True, slots=True)
+class Story:
+    """All of a log."""
+
+    log: Path
+    channel: str
+    source: str  # "frames of the log", "estimated here"
+    begin_us: int
+    end_us: int
+    axles: tuple[Axle, ...]
+    speed: Series | None  # "speed_m_s"
+    distance: Series | None  # "distance_m": from the speed, 0 at the beginning
+    torque: Mapping[int, Series]  # by axle: "torque_Nm"
+    status: Series | None
+    rejects: Series | None
+    link: Series | None
+    bus: BusStatistics
+    falls: tuple[Fall, ...]
+    verdict: tuple[Finding, ...]
+    warnings: tuple[str, ...]  # of the log's damage, order, …
+    config: Config
+    versions: Mapping[str, str] = field(default_factory=dict)  # wrcd, design and its checksum, Python, libraries
