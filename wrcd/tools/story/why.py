@@ -1,6 +1,7 @@
 """`wrcd why`: what an axle said at a moment, what changed around it, and what decided before and after."""
 
 import math
+import re
 import textwrap
 from collections.abc import Iterator
 from dataclasses import asdict
@@ -20,7 +21,10 @@ REJECTS_NEAR_US = 2_000_000
 WITHOUT_CHANGE_US = 1_000_000  # before and after a moment that no change is near to
 SETTLED_US = 300_000  # after a change: AdhesionDetail has told of it
 WIDTH, LABEL = 110, 10
+MIN_CHANGE = 0.5  # of torque in kN m and speed in m/s
 MAX_EVENTS = 5
+MAX_MOVES = 3  # of a rule's output: `--json` has all
+_BETWEEN_MOVES = re.compile(r", (?=[+-]\d)")
 
 
 def moment(story: Story, given_s: float) -> int:
@@ -125,7 +129,7 @@ def _said(x: Explanation) -> str:
         said = f"{percent(x.available_pct)} % available{bounds}"
     used = f", {percent(x.used_pct)} % in use" if math.isfinite(x.used_pct) else ""
     rest = [w for w in (x.contact, x.surface) if w and w != "Unknown"]
-    if x.plausibility not in ("", "Unknown", "Consistent"):
+    if x.plausibility not in ("", "Unknown", "Consistent", x.contact):
         rest.append(x.plausibility)
     age = f"; oldest input {x.age_ms:.0f} ms{' or more' * (x.age_ms >= 255)}" if math.isfinite(x.age_ms) else ""
     return f"{said}{used}{''.join(f', {w}' for w in rest)}{age}"
@@ -135,12 +139,22 @@ def _moment(story: Story, label: str, x: Explanation) -> Iterator[tuple[str, str
     yield label, f"at {_s(story, x.time_us)} s: {_said(x)}"
     model = f"model {x.winner} fits best: {x.model}; " if x.winner else "no model fits; "
     yield "", model + _numbers(x)
-    yield "", f"rule {x.rule}: {x.rule_sentence}" if x.rule else "no rule fires"
+    yield "", f"rule {x.rule}: {shortened(x.rule_sentence)}" if x.rule else "no rule fires"
+
+
+def shortened(rule: str) -> str:
+    """A rule's sentence with the MAX_MOVES largest of what moves its output."""
+    head, _, tail = rule.removesuffix(".").partition("; ")
+    moves = _BETWEEN_MOVES.split(tail) if tail else []
+    largest = sorted(moves, key=lambda move: -abs(float(move.split()[0])))[:MAX_MOVES]
+    kept = [move for move in moves if move in largest]
+    more = f" and {len(moves) - len(kept)} more" if len(moves) > len(kept) else ""
+    return head + (f"; {', '.join(kept)}{more}" if kept else "")
 
 
 def _numbers(x: Explanation) -> str:
     residuals = ", ".join(f"{r:.1f}" if math.isfinite(r) else "-" for r in x.residual_db)
-    torque = f"{x.torque_Nm / 1000:.1f} kN m" if math.isfinite(x.torque_Nm) else "not known"
+    torque = f"{x.torque_Nm / 1000:.1f} kN\u00a0m" if math.isfinite(x.torque_Nm) else "not known"
     speed = f"{x.speed_m_s:.1f} m/s" if math.isfinite(x.speed_m_s) else "not known"
     return f"residuals {residuals} dB; torque {torque}; speed {speed}"
 
@@ -158,12 +172,12 @@ def _changed(before: Explanation, after: Explanation) -> str:
         step, m = max(steps, key=lambda s: abs(s[0]))
         if abs(step) >= 1.0:
             parts.append(f"residual {m} moved most, by {step:+.1f} dB")
-    for what, a, b, least in (
-        ("torque", before.torque_Nm / 1000, after.torque_Nm / 1000, 0.5),
-        ("speed", before.speed_m_s, after.speed_m_s, 0.5),
+    for what, a, b, unit in (
+        ("torque", before.torque_Nm / 1000, after.torque_Nm / 1000, "kN\u00a0m"),
+        ("speed", before.speed_m_s, after.speed_m_s, "m/s"),
     ):
-        if math.isfinite(a) and math.isfinite(b) and abs(b - a) >= least:
-            parts.append(f"{what} went from {a:.1f} to {b:.1f} {'kN m' if what == 'torque' else 'm/s'}")
+        if math.isfinite(a) and math.isfinite(b) and abs(b - a) >= MIN_CHANGE:
+            parts.append(f"{what} went from {a:.1f} to {b:.1f} {unit}")
     return "; ".join(parts)
 
 
