@@ -89,7 +89,7 @@ def _axle(rng: np.random.Generator, number: int, seconds: float) -> Axle:
     validity = np.array([VALIDITIES.index(e.validity) for e in events], dtype=np.int8)[place]
     cause = np.array([int(e.cause) for e in events], dtype=np.int8)[place]
     available[validity == 0] = np.nan
-    confidence = np.where(validity == 1, np.where(available > 20.0, 4, 6), 0).astype(np.int8)
+    confidence = np.where(validity == 1, np.where(available > 20.0, 4, 2), 0).astype(np.int8)
     half = HALF[confidence]
     surface = np.zeros(len(t), dtype=np.int8)
     for i, (least, _) in reversed(list(enumerate(SURFACES))):

@@ -46,6 +46,7 @@ def page(story: Story, against: Story | None) -> str:
         "tables": {name: p.head for name, p in packed.items()},
         "left": plots.LEFT,
         "right": plots.RIGHT,
+        "hatches": plots.HATCHES,
     }
     data = [f'<script type="text/plain" data-table="{escape(name)}">{p.text}</script>' for name, p in packed.items()]
     data.append(f'<script type="text/plain" id="told">{_zipped(told)}</script>')

@@ -42,7 +42,7 @@ class Pane {
 
   chip(curve) {
     const chip = document.createElement("span");
-    chip.className = `chip ${curve.shape}`;
+    chip.className = curve.shape === "band" ? "chip wide" : "chip";
     chip.style.setProperty("--c", `var(--${curve.colour})`);
     const swatch = document.createElement("i");
     swatch.className = curve.dash;
@@ -120,9 +120,10 @@ class Pane {
   fill(cover, bins) {
     const { tables } = this.world;
     if (this.spec.rows.length > 0) {
-      const { blocks, words } = stripBlocks(
-        this.spec.rows, tables, cover.from, cover.to, cover.width / cover.span, this.world.end, colours);
-      this.sources.get("blocks").data_source.data = blocks;
+      const { all, words } = stripBlocks(this.spec.rows, this.world, cover.from, cover.to, cover.width / cover.span, colours);
+      for (const [name, renderer] of this.sources) {
+        if (name !== "words") renderer.data_source.data = all.get(name) ?? { left: [], right: [], top: [], bottom: [], colour: [] };
+      }
       this.sources.get("words").data_source.data = words;
       return;
     }

@@ -4,17 +4,18 @@ from typing import Any
 
 from bokeh.core.properties import value
 from bokeh.embed import json_item
-from bokeh.models import ColumnDataSource, FixedTicker, LogScale, NumeralTickFormatter, Range1d
+from bokeh.models import ColumnDataSource, FixedTicker, LogScale, NumeralTickFormatter, PrintfTickFormatter, Range1d
 from bokeh.plotting import figure
 
 from wrcd.tools.report.layout import Curve, Plot
 
-LEFT, RIGHT = 84, 14  # pixels beside the frame, the same for all: plots stand exactly below each other
+LEFT, RIGHT = 84, 24  # pixels beside the frame, the same for all: plots stand exactly below each other
+HATCHES = {"warn": "right_diagonal_line", "bad": "cross", "c3": "dot", "c4": "vertical_line"}  # by class
 AXES = {"time": "s", "distance": "km", "age": "ms"}
 
 
 def item(plot: Plot) -> dict[str, Any]:
-    """A figure as BokehJS reads it. Its renderers bear the places of curves, "blocks" and "words"."""
+    """A figure as BokehJS reads it. Its renderers bear the places of curves; those of strips patterns, and "words"."""
     logarithmic = plot.axis == "age"
     f = figure(
         height=plot.height,
@@ -27,11 +28,12 @@ def item(plot: Plot) -> dict[str, Any]:
         min_border_left=LEFT,
         min_border_right=RIGHT,
         min_border_top=6,
+        border_line_color=None,
         lod_threshold=None,
         output_backend="canvas",
     )
     f.xaxis.axis_label = None
-    f.xaxis.formatter = NumeralTickFormatter(format="0[.][000]")
+    f.xaxis.formatter = PrintfTickFormatter(format=f"%.8g {AXES[plot.axis]}")
     f.xaxis.ticker.desired_num_ticks = 8
     if not logarithmic:
         f.yaxis.ticker.desired_num_ticks = 5
@@ -67,11 +69,14 @@ def _curve(f: figure, curve: Curve, name: str) -> None:
 
 
 def _strip(f: figure, plot: Plot) -> None:
-    blocks = ColumnDataSource({"left": [], "right": [], "top": [], "bottom": [], "colour": [], "hatch": []})
-    f.quad(
-        "left", "right", "top", "bottom", source=blocks, name="blocks", fill_color="colour", line_color=None,
-        hatch_pattern="hatch", hatch_alpha=0.55, hatch_scale=7.0, hatch_weight=1.2,
-    )  # fmt: skip
+    patterns = {HATCHES.get(css, "blank") for row in plot.rows for _, css in row.words.values()} | {"blank"}
+    for pattern in sorted(patterns):
+        blocks = ColumnDataSource({"left": [], "right": [], "top": [], "bottom": [], "colour": []})
+        # one pattern for all of its blocks: Bokeh makes a canvas for each of a column of patterns
+        f.quad(
+            "left", "right", "top", "bottom", source=blocks, name=pattern, fill_color="colour", line_color=None,
+            hatch_pattern=None if pattern == "blank" else pattern, hatch_alpha=0.55, hatch_scale=7.0, hatch_weight=1.2,
+        )  # fmt: skip
     words = ColumnDataSource({"x": [], "y": [], "text": [], "colour": []})
     f.text(
         "x", "y", text="text", source=words, name="words", text_color="colour", text_font_size="11px",

@@ -1,7 +1,6 @@
 // Strips: runs of one code as blocks with their word.
 
 const RANK = { bad: 5, warn: 4, none: 3 }; // of blocks too narrow to be told apart the worst is drawn
-const HATCHES = { warn: "right_diagonal_line", bad: "cross", none: "blank", c3: "dot", c4: "vertical_line" };
 const MIN_BLOCK_PX = 1.5;
 const LETTER_PX = 6.4;
 
@@ -33,19 +32,22 @@ function wordOf(row, code) {
   return row.words[code] ?? [`${code}`, "none"];
 }
 
-// Blocks and words of all rows between from and to, at so many pixels a second.
-function stripBlocks(rows, tables, from, to, perSecond, until, colours) {
-  const blocks = { left: [], right: [], top: [], bottom: [], colour: [], hatch: [] };
+// Blocks by pattern, and words, of all rows between from and to, at so many pixels a second.
+function stripBlocks(rows, world, from, to, perSecond, colours) {
+  const { tables, hatches, end: until } = world;
+  const all = new Map(); // by pattern
   const words = { x: [], y: [], text: [], colour: [] };
   const put = (place, left, right, row, code) => {
     if (code < 0) return;
     const [word, css] = wordOf(row, code);
+    const pattern = hatches[css] ?? "blank";
+    if (!all.has(pattern)) all.set(pattern, { left: [], right: [], top: [], bottom: [], colour: [] });
+    const blocks = all.get(pattern);
     blocks.left.push(left);
     blocks.right.push(right);
     blocks.top.push(place + 0.12);
     blocks.bottom.push(place + 0.88);
     blocks.colour.push(colours(css));
-    blocks.hatch.push(HATCHES[css] ?? "blank");
     const begin = Math.max(left, from);
     const letters = Math.floor(((Math.min(right, to) - begin) * perSecond - 6) / LETTER_PX);
     if (letters < 2) return;
@@ -81,5 +83,5 @@ function stripBlocks(rows, tables, from, to, perSecond, until, colours) {
     }
     flush();
   });
-  return { blocks, words };
+  return { all, words };
 }

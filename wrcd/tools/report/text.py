@@ -183,7 +183,7 @@ def table(
     css = ["w" if i in words else "n" for i in range(len(heads))]
     head = "".join(f'<th scope="col" class="{c}">{escape(h)}</th>' for h, c in zip(heads, css, strict=True))
     body = "".join(
-        "<tr>" + "".join(f'<td class="{c}">{_cell(v, escaped)}</td>' for v, c in zip(r, css, strict=True)) + "</tr>\n"
+        "<tr>" + "".join(f'<td class="{c}{_long(v)}">{_cell(v, escaped)}</td>' for v, c in zip(r, css, strict=True)) + "</tr>\n"
         for r in rows
     )
     return (
@@ -194,6 +194,10 @@ def table(
 
 def _cell(value: object, escaped: bool) -> str:
     return str(value) if escaped else escape(str(value))
+
+
+def _long(value: object) -> str:
+    return " long" if isinstance(value, str) and "<" not in value and len(value) > 24 and " " in value else ""
 
 
 def described(axle: Axle) -> str:

@@ -14,6 +14,7 @@ class World {
     this.axles = told.story.axles;
     this.axle = this.axles[0] ?? 0;
     this.margins = told.left + told.right;
+    this.hatches = told.hatches;
     this.panes = [];
     this.listeners = [];
     this.kilometres = new Map();

@@ -5,6 +5,7 @@ class Words {
     this.told = told;
     this.world = world;
     this.element = document.getElementById("explanation");
+    this.panel = document.getElementById("cursor");
     this.moment = document.getElementById("moment");
     this.range = document.getElementById("range");
     this.said = document.getElementById("said");
@@ -23,6 +24,7 @@ class Words {
     const { world } = this;
     this.buttons.forEach((b, i) => b.setAttribute("aria-checked", `${world.axles[i] === world.axle}`));
     this.range.textContent = `${clock(world.from)} … ${clock(world.to)} of ${clock(world.end)}`;
+    this.panel.classList.toggle("pointed", world.cursor !== null);
     if (world.cursor === null) return;
     const { cursor, axle } = world;
     const short = [`${cursor.toFixed(3)} s`];
