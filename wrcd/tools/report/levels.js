@@ -57,12 +57,14 @@ function eachBin(table, x, column, upper, from, to, bins, take) {
 function linePoints(table, x, curve, from, to, bins) {
   const xs = [];
   const ys = [];
+  let binned = false;
   eachBin(table, x, curve.column, "", from, to, bins, (at, low, high, hole, half) => {
     if (half === 0) {
       xs.push(at);
       ys.push(low);
       return;
     }
+    binned = true;
     xs.push(at, at + half);
     ys.push(low, high);
     if (hole) {
@@ -70,7 +72,7 @@ function linePoints(table, x, curve, from, to, bins) {
       ys.push(NaN);
     }
   });
-  return { x: xs, y: ys };
+  return { data: { x: xs, y: ys }, binned };
 }
 
 // A band as one outline for each stretch without a hole: along its lower edge and back along the upper one.
@@ -101,5 +103,5 @@ function bandPoints(table, x, curve, from, to, bins) {
     if (hole) close();
   });
   close();
-  return { x: xs, y: ys };
+  return { data: { x: xs, y: ys }, binned: false };
 }

@@ -64,7 +64,7 @@ def _curve(f: figure, curve: Curve, name: str) -> None:
     else:
         f.line(
             "x", "y", source=source, name=name, line_width=curve.width, line_dash=curve.dash, line_alpha=curve.alpha,
-            line_join="round",
+            line_join="bevel",
         )  # fmt: skip
 
 

@@ -10,6 +10,7 @@ class Words {
     this.range = document.getElementById("range");
     this.said = document.getElementById("said");
     this.text = "";
+    this.state = "";
     this.buttons = world.axles.map((axle) => {
       const button = document.createElement("button");
       button.setAttribute("role", "radio");
@@ -27,6 +28,9 @@ class Words {
     this.panel.classList.toggle("pointed", world.cursor !== null);
     if (world.cursor === null) return;
     const { cursor, axle } = world;
+    const state = `${cursor} ${axle} ${world.kept}`;
+    if (state === this.state) return;
+    this.state = state;
     const short = [`${cursor.toFixed(3)} s`];
     const mu = this.value(`axle${axle}.adhesion`, "available", cursor);
     short.push(`axle ${axle}`, Number.isFinite(mu) ? `${mu.toFixed(1)} %` : "no estimate");
