@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from sim_ecu import cli as rig_cli
 from sim_ecu.commands.statuses import STATUSES as RIG
 from tests.support.roff import bold, escaped, italic, item, page, paragraph, verbatim
-from wrcd import __version__
 from wrcd.errors import Status
 from wrcd.tools import cli
 from wrcd.tools.command import Command
@@ -117,7 +116,7 @@ def manual(program: str) -> str:
         for name, what in rows:
             body += item(bold(name), paragraph(what))
     body += [".SH SEE ALSO", *paragraph(p.see_also)]
-    return page(p.name, 1, f"wrcd {__version__}", body)
+    return page(p.name, 1, body)
 
 
 def _synopsis(parser: argparse.ArgumentParser) -> list[str]:

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 
 from tests.support.pages import NUMBERED, _first_axle, _ids
 from tests.support.roff import bold, escaped, italic, item, page, paragraph, verbatim
-from wrcd import __version__, declared, resources
+from wrcd import declared, resources
 from wrcd.bus.dbc import Message, Signal, load_dbc, timeout_ms
 from wrcd.core.causes import Cause
 from wrcd.core.vocabulary import MESSAGES
@@ -82,7 +82,7 @@ def toml() -> str:
     body += _keys(declared.field_keys(MESSAGES["adhesion"]["MuAvailable"]))
     body += [".SH EXAMPLE", *verbatim(escaped(line) or "\\&" for line in EXAMPLE.splitlines())]
     body += [".SH SEE ALSO", *paragraph("`wrcd`(1), `wrcd-frames`(7)")]
-    return page("wrcd.toml", 5, f"wrcd {__version__}", body)
+    return page("wrcd.toml", 5, body)
 
 
 def _keys(keys: Iterable[Key]) -> list[str]:
@@ -123,7 +123,7 @@ def frames() -> str:
     for name, group in sorted(groups.items(), key=lambda g: g[1][0].frame_id):
         body += _message(name, group)
     body += [".SH SEE ALSO", *paragraph("`wrcd`(1), `wrcd.toml`(5), `candump`(1)")]
-    return page("wrcd-frames", 7, f"wrcd {__version__}", body)
+    return page("wrcd-frames", 7, body)
 
 
 def _message(name: str, group: list[Message]) -> list[str]:

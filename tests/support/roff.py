@@ -3,8 +3,12 @@
 import re
 import textwrap
 from collections.abc import Iterable
+from pathlib import Path
+
+from wrcd import __version__
 
 WIDTH = 72  # of a line of the source, before its escapes
+CHANGELOG = Path(__file__).parents[2] / "CHANGELOG.md"
 NO_BREAK = "\0"
 CODE = re.compile(r"`([^`]+)`")
 # A minus that can be copied, quotes that stay straight; … is told apart from the end of a sentence.
@@ -58,7 +62,13 @@ def verbatim(lines: Iterable[str], indent: int = 4) -> list[str]:
     return [f".RS {indent}", ".nf", *lines, ".fi", ".RE"]
 
 
-def page(name: str, section: int, source: str, body: Iterable[str]) -> str:
-    """The whole page. It has no date: the same source gives the same page."""
-    head = [f'.TH {name.upper()} {section} "" "{source}" "Manual of wrcd"', ".nh", ".ad l"]
+def released() -> str:
+    """The day of this version in the changelog; empty, as troff writes it, if there is none."""
+    found = re.search(rf"^## {re.escape(__version__)} - (\S+)$", CHANGELOG.read_text(encoding="utf-8"), re.MULTILINE)
+    return found[1] if found else '""'
+
+
+def page(name: str, section: int, body: Iterable[str]) -> str:
+    """The whole page, with the date of this version."""
+    head = [f'.TH {name.upper()} {section} {released()} "wrcd {__version__}" "Manual of wrcd"', ".nh", ".ad l"]
     return "\n".join([*head, *body]) + "\n"
