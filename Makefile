@@ -3,6 +3,7 @@
 # make lint   format, lint, types: seconds
 # make check  make lint, then make test
 # make docs   prints what the pages quote from the program again; make docs-all the score and the fault matrix too, twenty minutes
+# make vcan -- COMMAND  COMMAND where there is a vcan0: on this kernel, or in a throw-away one; without COMMAND a shell
 # make fuzz   property tests with EXAMPLES (10^5) examples each, and a million corrupted frames; hours
 # make soak   HOURS (24) on the virtual clock in one core: nothing grows, drifts or is lost; an eighth of that
 # make coverage  which branches of wrcd/bus, wrcd/core, wrcd/recorder and wrcd/service the tests take, those in the guest too; fails below 95 %
@@ -14,6 +15,19 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/ready
 HIL := -p no:cacheprovider --durations=5
+
+ifeq ($(firstword $(MAKECMDGOALS)),vcan)
+# The words after it are no targets of ours. make itself takes VAR=x, splits at blanks and drops a leading ./
+MAKEFLAGS += --silent
+TAKEN := $(filter-out PYTHON=%,$(MAKEOVERRIDES))
+.PHONY: vcan
+vcan:
+	$(if $(TAKEN),echo "make: takes $(TAKEN) for a variable of its own; call ./with-vcan COMMAND yourself" >&2; exit 2)
+	$(MAKE) --no-print-directory $(READY)
+	./with-vcan $(wordlist 2,$(words $(MAKECMDGOALS)),$(MAKECMDGOALS))
+%: vcan ;
+Makefile: ;
+else
 
 .PHONY: demo test lint check deb unit hil faults systemd fuzz soak coverage bench mutants format design score docs docs-all docs-check lock audit clean
 
@@ -99,11 +113,12 @@ design: $(READY)
 score: $(READY)
 	$(BIN)/sim-ecu score --json build/score.json --html build/score.html
 
-# between the markers of the pages, and the configuration's JSON schema; docs-check changes nothing
+# between the markers of the pages, the configuration's JSON schema, the completion; docs-check changes nothing
 docs: $(READY)
 	$(BIN)/python -m tests.support.pages --write
 	$(BIN)/python -m tests.support.signs_picture
 	$(BIN)/python -m tests.support.schema
+	$(BIN)/python -m tests.support.completion
 
 docs-all: $(READY)
 	$(BIN)/python -m tests.support.pages --write --all
@@ -137,3 +152,5 @@ $(READY): requirements.lock pyproject.toml
 
 clean:
 	rm -rf $(VENV) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+
+endif

@@ -1,1 +1,1 @@
-"""What people type that needs more than one room: sim-ecu design, sim-ecu score."""
+"""The commands of sim-ecu, a record each: arguments, examples, and what runs. Imports nothing slow."""

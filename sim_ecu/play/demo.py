@@ -30,6 +30,7 @@ from wrcd.core.vocabulary import CONFIDENCES
 from wrcd.service.loop import Daemon, wall_us
 
 SHOW_EVERY_S = 0.5
+WITHOUT_VCAN = " (python-can's virtual bus: this kernel has no vcan0)"
 FULL_SCALE_PCT, WIDTH = 50.0, 50
 WIDEST_PP = 20.0  # what is drawn of an interval without a bound
 HALF_WIDTHS = {name: min(half_width, WIDEST_PP) for half_width, name in CONFIDENCES}
@@ -83,9 +84,7 @@ class Observer:
         self._file.close()
 
 
-def run(
-    interface: str | None, channel: str | None, scenario_name: str, folder: Path, config_file: Path | None = None
-) -> int:
+def run(interface: str, channel: str, scenario_name: str, folder: Path, config_file: Path | None = None) -> int:
     """Play a scenario in real time with the daemon beside it, both with one configuration. Returns 1 if no valid
     estimate was seen."""
     scenario = load_scenario(scenario_name)
@@ -98,18 +97,15 @@ def run(
         train = MappedTrain(config, scenario.wheelset.normal_N, scenario.wheelset.r_0)
     folder.mkdir(parents=True, exist_ok=True)
     log, picture = folder / f"{scenario.name}.log", folder / f"{scenario.name}.png"
-    if interface is None:
-        interface, channel = ("socketcan", channel or "vcan0") if _vcan() else ("virtual", channel or "demo")
-    channel = channel or "vcan0"
-    what = "a real vcan" if interface == "socketcan" else "python-can's virtual bus: this kernel has no vcan0"
-    print(f"{scenario.name}: {scenario.title}\non {interface} {channel} ({what}), {scenario.duration_s:g} s")
+    told = WITHOUT_VCAN if (interface, channel) == ("virtual", "demo") else ""
+    print(f"{scenario.name}: {scenario.title}\non {interface} {channel}{told}, {scenario.duration_s:g} s")
     with contextlib.ExitStack() as cleanup:
         core = Core(config)
         fd: dict[str, Any] = {"fd": True} if train.has_fd else {}
-        observer_bus = cleanup.enter_context(pythoncan.open_bus(interface, channel, **fd))
+        observer_bus = cleanup.enter_context(pythoncan.open_bus(interface, channel, user_settings=True, **fd))
         observer = Observer(observer_bus, log, channel, config, numbers)
         cleanup.callback(observer.close)
-        link = open_link(interface, channel, core.receiver.keys, fd=core.receiver.fd)
+        link = open_link(interface, channel, core.receiver.keys, fd=core.receiver.fd, user_settings=True)
         cleanup.callback(link.close)
         rig_bus = cleanup.enter_context(open_bus(interface, channel, train.has_fd))
         daemon = Daemon(core, link)
@@ -140,8 +136,9 @@ def run(
     return 0 if good else 1
 
 
-def _vcan() -> bool:
-    return Path("/sys/class/net/vcan0").exists()
+def default_bus() -> tuple[str, str]:
+    """Interface and channel where nothing says others: vcan0 where there is one, else python-can's virtual bus."""
+    return ("socketcan", "vcan0") if Path("/sys/class/net/vcan0").exists() else ("virtual", "demo")
 
 
 def _show(traces: dict[int, Trace]) -> None:

@@ -248,7 +248,14 @@ def test_log_lines_have_every_state_and_counter() -> None:
 
 @pytest.mark.parametrize(
     "file",
-    ["service/journal", "service/changes", "service/loop", "service/waiting", "recorder/recorder", "tools/cli"],
+    [
+        "service/journal",
+        "service/changes",
+        "service/loop",
+        "service/waiting",
+        "recorder/recorder",
+        "tools/commands/run_command",
+    ],
 )
 def test_log_lines_have_every_line_that_is_written(file: str) -> None:
     said = text("docs/reference/log-lines.md")

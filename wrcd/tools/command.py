@@ -1,4 +1,4 @@
-"""A command of the program: one record, which parser, help, manual page and completion are made from."""
+"""A command of a program: one record, which parser, help, manual page and completion are made from."""
 
 from argparse import ArgumentParser, Namespace
 from collections.abc import Callable
@@ -17,3 +17,9 @@ class Command:
     examples: tuple[tuple[str, str], ...]  # command lines, and what each does
     add: Callable[[ArgumentParser], None]
     run: Callable[[Namespace], int]
+    # whether a bus or a file that is not there has a status of its own: the command is tried again by a unit
+    retried: bool = True
+
+
+def no_arguments(_p: ArgumentParser) -> None:
+    """For a command that takes none."""

@@ -15,6 +15,7 @@ from wrcd import resources
 from wrcd.config import DEFAULT
 from wrcd.errors import BusError, InputError, NotThere, Status
 from wrcd.tools import cli
+from wrcd.tools.guard import guarded
 from wrcd.tools.statuses import STATUSES as WRCD
 
 # by command: arguments and the status that they end with. {log}, {dbc}, {dir}: a recorded log, the packaged DBC, a
@@ -55,6 +56,7 @@ WRCD_CASES = [
     ("replay {log} --config bad.toml", 2),
     ("replay {log} --config late.toml", 2),
     ("replay {log} {log2} --csv {dir}/both --config never.toml", 2),
+    ("completion bash", 0),
 ]
 RIG_CASES = [
     ("list", 0),
@@ -80,6 +82,7 @@ RIG_CASES = [
     ("verify {log} --config never.toml", 3),
     ("demo --scenario nowhere", 2),
     ("demo --scenario never.toml", 3),
+    ("completion zsh", 0),
 ]
 # What takes minutes, an hour, or something to go wrong; Ctrl-C is one for all.
 ELSEWHERE = {
@@ -163,8 +166,8 @@ def test_error_is_one_line_and_its_status(
     def fails() -> int:
         raise kind("is wrong", file="a.toml", line=3, key="axle", hint="mend it")
 
-    assert cli.guarded("wrcd", fails) == status
-    assert cli.guarded("wrcd", fails, retried=False) == 2
+    assert guarded("wrcd", fails) == status
+    assert guarded("wrcd", fails, retried=False) == 2
     assert capsys.readouterr().err == "wrcd: error: a.toml:3: axle: is wrong — mend it\n" * 2
 
 
@@ -172,7 +175,7 @@ def test_ctrl_c_is_130() -> None:
     def interrupted() -> int:
         raise KeyboardInterrupt
 
-    assert cli.guarded("wrcd", interrupted) == int(Status.INTERRUPTED) == 130
+    assert guarded("wrcd", interrupted) == int(Status.INTERRUPTED) == 130
 
 
 def test_unit_tries_again_after_every_status_but_bad_input() -> None:

@@ -1,0 +1,74 @@
+"""`sim-ecu design`."""
+
+import argparse
+import os
+from pathlib import Path
+
+from wrcd import resources
+from wrcd.tools.command import Command
+
+BUDGET = 600  # of `sim-ecu design --search`
+
+
+def _add(p: argparse.ArgumentParser) -> None:
+    p.add_argument(
+        "--config", type=Path, metavar="RIG.toml",
+        help="wheelset, design, plan: a file, or metro or locomotive, which come along (default: the default wheelset)",
+    )  # fmt: skip
+    p.add_argument("-o", "--output", type=Path, metavar="FILE", help="the file to make")
+    p.add_argument(
+        "--form",
+        choices=("wrcd", "paper"),
+        help="wrcd's own form, or the paper's own, which it is compared with (default: as --config says, else wrcd)",
+    )
+    p.add_argument(
+        "--search",
+        action="store_true",
+        help="make no design, but look for the models' process noise, and write the best to FILE as TOML (hours)",
+    )
+    p.add_argument(
+        "--budget", type=int, default=BUDGET, metavar="N", help=f"candidates of a search (default: {BUDGET})"
+    )
+    p.add_argument(
+        "--jobs",
+        type=int,
+        default=os.cpu_count() or 1,
+        metavar="N",
+        help="processes of a search for the paper's form (default: all cores)",
+    )
+    p.add_argument(
+        "--baselines", type=Path, metavar="OUT.json", help="also make what `sim-ecu score` compares this design with"
+    )
+    p.add_argument(
+        "--explain", type=Path, nargs="?", const=resources.DESIGN, metavar="DESIGN.json",
+        help="make nothing: print the rules of a design (default: the packaged one) as sentences, with their data",
+    )  # fmt: skip
+
+
+def _run(args: argparse.Namespace) -> int:
+    if args.explain is not None:
+        from sim_ecu.design.explain import explain
+
+        return explain(args.explain)
+    from sim_ecu.commands.run_design import run
+    from wrcd.errors import InputError
+
+    if args.output is None:
+        raise InputError("is missing", key="-o", hint="name the file to make, or ask for --explain")
+    for key in ("budget", "jobs"):
+        if getattr(args, key) < 1:
+            raise InputError(f"takes a whole number from 1 on, not {getattr(args, key)}", key=f"--{key}")
+    budget = args.budget if args.search else None
+    return run(args.config, args.output, args.baselines, args.form, budget, args.jobs)
+
+
+COMMAND = Command(
+    "design",
+    "make the design file of a wheelset (takes minutes)",
+    (
+        ("sim-ecu design --config metro -o metro.design.json", "the design of a wheelset that comes along"),
+        ("sim-ecu design --explain", "the packaged design's rules as sentences, with their data"),
+    ),
+    _add,
+    _run,
+)

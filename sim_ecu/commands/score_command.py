@@ -1,0 +1,47 @@
+"""`sim-ecu score`."""
+
+import argparse
+import os
+from pathlib import Path
+
+from sim_ecu.score.names import SUITES
+from wrcd.tools.command import Command
+
+
+def _add(p: argparse.ArgumentParser) -> None:
+    p.add_argument("--suite", choices=SUITES, help="only this one")
+    p.add_argument(
+        "--quick", action="store_true", help="a twelfth of the runs, too few to judge most goals: one to two minutes"
+    )
+    p.add_argument("--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="processes (default: all cores)")
+    p.add_argument("--design", type=Path, metavar="DESIGN.json", help="default: the packaged one")
+    p.add_argument(
+        "--baselines", type=Path, metavar="FILE", help="what `sim-ecu design --baselines` made with the design"
+    )
+    p.add_argument(
+        "--beside", action="append", default=[], metavar="NAME=DESIGN.json",
+        help="another design for the same wheelset, run on the same frames; may be repeated",
+    )  # fmt: skip
+    p.add_argument("--json", type=Path, metavar="OUT", help="all figures")
+    p.add_argument("--html", type=Path, metavar="OUT", help="a page with tables and pictures")
+
+
+def _run(args: argparse.Namespace) -> int:
+    from sim_ecu.commands.run_score import run
+    from wrcd.errors import InputError
+
+    if args.jobs < 1:
+        raise InputError(f"takes a whole number from 1 on, not {args.jobs}", key="--jobs")
+    return run(args.suite, args.quick, args.jobs, args.design, args.baselines, args.beside, args.json, args.html)
+
+
+COMMAND = Command(
+    "score",
+    "how good a design is, with baselines beside it",
+    (
+        ("sim-ecu score --quick --html score.html", "a twelfth of the runs, as a page"),
+        ("sim-ecu score --suite transitions", "one suite, with all its runs"),
+    ),
+    _add,
+    _run,
+)

@@ -1,0 +1,44 @@
+"""The parser of a program, made from the records of its commands."""
+
+import argparse
+from collections.abc import Iterable, Sequence
+
+from wrcd.tools.command import Command
+from wrcd.tools.version import Version
+
+
+def make_parser(program: str, description: str, commands: Iterable[Command]) -> argparse.ArgumentParser:
+    """A parser with a command each."""
+    p = argparse.ArgumentParser(prog=program, description=description)
+    p.add_argument("--version", action=Version, help="print versions of package, design and formats, and end")
+    parsers = p.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    for command in commands:
+        added = parsers.add_parser(
+            command.name,
+            help=command.help,
+            description=sentence(command.help),
+            epilog=examples(command),
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+        command.add(added)
+    return p
+
+
+def asked(commands: Sequence[Command], argv: Sequence[str]) -> Sequence[Command]:
+    """The commands that a parser needs for these arguments: the one that is named first, or all.
+
+    A parser takes a third of a millisecond a command, and the daemon's bus is not open yet.
+    """
+    named = [c for c in commands if argv and c.name == argv[0]]
+    return named or commands
+
+
+def sentence(text: str) -> str:
+    """One line of help as a sentence."""
+    return f"{text[:1].upper()}{text[1:]}."
+
+
+def examples(command: Command) -> str:
+    """The examples of a command, below its help."""
+    lines = [f"  {line}\n      {what}" for line, what in command.examples]
+    return "\n".join(["examples:", *lines])
