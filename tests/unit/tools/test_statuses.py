@@ -93,6 +93,7 @@ ELSEWHERE = {
     ("wrcd", "run", 1): "a mistake in the program: tests/unit/service/test_loop.py",
     ("wrcd", "reload", 0): "tests/unit/service/test_asking.py",
     ("wrcd", "reload", 1): "tests/unit/service/test_asking.py",
+    ("wrcd", "install", 1): "tests/unit/tools/install/test_live.py",
     ("wrcd", "uninstall", 0): "tests/unit/tools/install/test_uninstall.py",
     ("wrcd", "check", 1): "tests/unit/tools/test_speed.py",
     ("sim-ecu", "faults", 0): "sim-ecu faults",
