@@ -50,6 +50,7 @@ STATUSES: dict[str, dict[Status, str]] = {
     },
     "install": {
         Status.DONE: "installed, or with `--dry-run` looked at; the output says what changed and what was kept",
+        Status.STOPPED: "installed, but with `--restart` a unit could not be restarted",
         Status.BAD_INPUT: "nothing was changed: no root, no systemd, a program that units cannot start, or a "
         "configuration that does not hold with this version",
     },
