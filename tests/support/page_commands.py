@@ -123,7 +123,9 @@ def pages_with_steps() -> list[Path]:
 
 
 def _step(page: Path, line: int, fence: re.Match[str]) -> Step:
-    given, reason, needs, stop, status = "", None, set(), None, (0,)
+    given, reason, stop = "", None, None
+    needs: set[str] = set()
+    statuses: tuple[int, ...] = (0,)
     for kind, said in MARK.findall(fence["marks"]):
         if kind == "given":
             given += said.strip() + "\n"
