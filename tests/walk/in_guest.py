@@ -1,6 +1,6 @@
 """Inside the guest, under systemd: install, run, upgrade and uninstall as docs/how-to/install-on-train.md tells it.
 
-Its program is started by the step install. It prints `seen: ` and what was seen, and ends with 1 at the first that is not.
+The step install starts it. It prints `seen: ` and what was seen, and ends with 1 at the first that is not.
 """
 
 import shutil

@@ -1,6 +1,7 @@
 """Monitor: `wrcd monitor` of the demo's log in a terminal: keys pressed, the screen read as a user reads it."""
 
 import re
+import shutil
 import xml.etree.ElementTree as ET
 
 from tests.walk.terminal import Terminal
@@ -73,7 +74,7 @@ def _saved(walk: Walk, files: list[object]) -> int:
     expect(len(logs) == len(pictures) == 1, f"saved were {names}")
     root = ET.parse(pictures[0]).getroot()
     expect(root.tag.endswith("svg"), f"{pictures[0]} is no picture")
-    (walk.out / "monitor.svg").write_bytes(open(pictures[0], "rb").read())
+    shutil.copy(pictures[0], walk.out / "monitor.svg")
     frames = len(walk.wrcd("dump", logs[0]).splitlines())
     expect(frames > 1000, f"{frames} frames were saved")
     return frames
