@@ -17,6 +17,7 @@ from wrcd.tools.commands import (
 )
 from wrcd.tools.guard import guarded
 from wrcd.tools.parser import asked, make_parser
+from wrcd.tools.story import plot_command, why_command
 
 # in the order of the help
 COMMANDS: tuple[Command, ...] = (
@@ -25,6 +26,8 @@ COMMANDS: tuple[Command, ...] = (
     check_command.COMMAND,
     dump_command.COMMAND,
     replay_command.COMMAND,
+    plot_command.COMMAND,
+    why_command.COMMAND,
     init_command.COMMAND,
     lint_command.COMMAND,
 )

@@ -56,6 +56,16 @@ WRCD_CASES = [
     ("replay {log} --config bad.toml", 2),
     ("replay {log} --config late.toml", 2),
     ("replay {log} {log2} --csv {dir}/both --config never.toml", 2),
+    ("plot {log} -o {dir}/a.png", 0),
+    ("plot {cut} -o {dir}/a.svg", 1),
+    ("plot foreign.log -o {dir}/a.png", 2),
+    ("plot {log} -o here.toml", 2),
+    ("plot {log} -o {dir}/a.png --config never.toml", 2),
+    ("why {log} 2", 0),
+    ("why {cut} 2", 1),
+    ("why {log} 2000", 2),
+    ("why {log} 2 --axle 7", 2),
+    ("why never.log 2", 2),
 ]
 RIG_CASES = [
     ("list", 0),
