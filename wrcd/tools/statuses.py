@@ -48,6 +48,12 @@ STATUSES: dict[str, dict[Status, str]] = {
         Status.NOT_THERE: "no frame of the log fits the configuration",
         Status.INTERRUPTED: "Ctrl-C",
     },
+    "report": {
+        Status.DONE: "the page is written",
+        Status.STOPPED: "the log is cut or damaged: the page is of what could be read, and says so",
+        Status.BAD_INPUT: f"{_BAD}: no usable log, a file to write that is no report, no extra report",
+        Status.INTERRUPTED: "Ctrl-C",
+    },
     "plot": {
         Status.DONE: "the picture is written",
         Status.STOPPED: "the log is cut or damaged: the picture is of what could be read",
@@ -60,4 +66,14 @@ STATUSES: dict[str, dict[Status, str]] = {
         Status.BAD_INPUT: f"{_BAD}: no usable log, a time outside of it, an axle that it has not",
         Status.INTERRUPTED: "Ctrl-C",
     },
+    "install": {
+        Status.DONE: "installed, or with `--dry-run` looked at; the output says what changed and what was kept",
+        Status.BAD_INPUT: "nothing was changed: no root, no systemd, a program that units cannot start, or a "
+        "configuration that does not hold with this version",
+    },
+    "uninstall": {
+        Status.DONE: "removed, or with `--dry-run` looked at; the output says what was kept",
+        Status.BAD_INPUT: "no root, no systemd, or nothing that `wrcd install` has installed",
+    },
+    "completion": {Status.DONE: "the script is printed"},
 }

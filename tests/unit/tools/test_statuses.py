@@ -56,6 +56,11 @@ WRCD_CASES = [
     ("replay {log} --config bad.toml", 2),
     ("replay {log} --config late.toml", 2),
     ("replay {log} {log2} --csv {dir}/both --config never.toml", 2),
+    ("report {log} -o {dir}/a.html", 0),
+    ("report {cut} -o {dir}/a.html", 1),
+    ("report never.log", 2),
+    ("report {log} -o here.toml", 2),
+    ("report {log} --against bad.json -o {dir}/a.html", 2),
     ("plot {log} -o {dir}/a.png", 0),
     ("plot {cut} -o {dir}/a.svg", 1),
     ("plot foreign.log -o {dir}/a.png", 2),
@@ -66,6 +71,7 @@ WRCD_CASES = [
     ("why {log} 2000", 2),
     ("why {log} 2 --axle 7", 2),
     ("why never.log 2", 2),
+    ("completion bash", 0),
 ]
 RIG_CASES = [
     ("list", 0),
@@ -91,6 +97,7 @@ RIG_CASES = [
     ("verify {log} --config never.toml", 3),
     ("demo --scenario nowhere", 2),
     ("demo --scenario never.toml", 3),
+    ("completion zsh", 0),
 ]
 # What takes minutes, an hour, or something to go wrong; Ctrl-C is one for all.
 ELSEWHERE = {
