@@ -105,7 +105,7 @@ def _validity_words() -> dict[int, tuple[str, str]]:
 
 def _overview(tables: Mapping[str, Table], axles: Sequence[int], there: Sequence[str], names: Mapping[str, str]) -> Plot:
     rows = tuple(
-        Row(f"axle {a}" if side == "" else f"{a} against", f"{side}axle{a}.events", "state", _validity_words(), True)
+        Row(f"axle {a}" if side == "" else f"{a}, against", f"{side}axle{a}.events", "state", _validity_words(), True)
         for a in axles
         for side in there
         if f"{side}axle{a}.events" in tables

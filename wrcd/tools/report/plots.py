@@ -75,7 +75,8 @@ def _strip(f: figure, plot: Plot) -> None:
         # one pattern for all of its blocks: Bokeh makes a canvas for each of a column of patterns
         f.quad(
             "left", "right", "top", "bottom", source=blocks, name=pattern, fill_color="colour", line_color=None,
-            hatch_pattern=None if pattern == "blank" else pattern, hatch_alpha=0.55, hatch_scale=7.0, hatch_weight=1.2,
+            hatch_pattern=None if pattern == "blank" else pattern, hatch_color="#000000",
+            hatch_alpha=0.16, hatch_scale=9.0, hatch_weight=2.0,
         )  # fmt: skip
     words = ColumnDataSource({"x": [], "y": [], "text": [], "colour": []})
     f.text(

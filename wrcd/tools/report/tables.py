@@ -167,14 +167,15 @@ def _series(story: Story, series: Series) -> Table:
 
 
 def _counts(story: Story, series: Series, key: str) -> Table:
-    """States as codes, counts as what was added since the frame before."""
+    """States as codes, counts as what was added since the frame before: WrcdRejects says so itself, others count on."""
     table = {"time": _time(story, series.time_us)}
     for name, values in series.values.items():
         kind = MESSAGES[key].get(name)
         if not isinstance(kind, Numeric):
             table[name] = Column(values, 1.0, CODE)
         elif name != "DesignChecksum":
-            added = np.diff(values, prepend=values[:1]) % (kind.high + 1.0)
+            on = key != "rejects_message" or name == "ForeignFrames"
+            added = np.diff(values, prepend=values[:1]) % (kind.high + 1.0) if on else values
             table[name] = Column(added, 1.0)
     return with_gaps(table, series.time_us)
 

@@ -3,7 +3,7 @@
 import datetime
 import math
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from html import escape
 
 import numpy as np
@@ -11,10 +11,10 @@ import numpy as np
 from wrcd.bus.frame import EXTENDED
 from wrcd.core.causes import Validity
 from wrcd.tools.report.differences import Difference
-from wrcd.tools.story.records import Axle, Event, Finding, Story
+from wrcd.tools.story.records import Axle, Event, Fall, Finding, Story
 
 LEVELS = {"good": "Good", "note": "Note", "warning": "Warning", "bad": "Bad"}
-MAX_WARNINGS = 50
+MAX_WARNINGS, MAX_FALLS = 50, 40
 
 
 def heading(story: Story, against: Story | None) -> str:
@@ -52,21 +52,17 @@ def duration(seconds: float) -> str:
 
 
 def verdict(story: Story) -> str:
-    """What happened: findings, then the falls and rises to look at, then what the log itself suffers from."""
-    out = ['<ul class="findings">', *(_finding(story, f) for f in story.verdict), "</ul>"]
-    if story.falls:
-        out.append('<h3 id="falls">Where adhesion fell or rose</h3>\n<ul class="falls">')
-        for f in story.falls:
-            begin, end = (f.begin_us - story.begin_us) / 1e6, (f.end_us - story.begin_us) / 1e6
-            fell = f.after_pct < f.before_pct
-            text = (
-                f"axle {f.axle} {'fell' if fell else 'rose'} from {f.before_pct:.1f} % to {f.after_pct:.1f} % "
-                f"at {begin:.1f} s, within {duration(max(end - begin, 0.0))}"
-            )
-            css = "fall" if fell else "rise"
-            mark = "↓" if fell else "↑"
-            out.append(f'<li><button class="{css} go" {_go(f.axle, begin, end)}>{mark} {escape(text)}</button></li>')
+    """What happened: findings, then the falls and rises that none of them is about, then what the log suffers from."""
+    falls = {(f.axle, f.begin_us): f for f in story.falls}
+    out = ['<ul class="findings">', *(_finding(story, f, falls) for f in story.verdict), "</ul>"]
+    told = {(f.axle, f.begin_us) for f in story.verdict}
+    rest = [f for key, f in falls.items() if key not in told]
+    if rest:
+        out.append('<h3>Where adhesion fell or rose</h3>\n<ul class="falls">')
+        out += [f"<li>{_fall(story, f)}</li>" for f in rest[:MAX_FALLS]]
         out.append("</ul>")
+        if len(rest) > MAX_FALLS:
+            out.append(f"<p>{len(rest) - MAX_FALLS} more are seen in the plots.</p>")
     if story.warnings:
         lines = [f"<li>{escape(w)}</li>" for w in story.warnings[:MAX_WARNINGS]]
         if len(story.warnings) > MAX_WARNINGS:
@@ -75,18 +71,32 @@ def verdict(story: Story) -> str:
     return "\n".join(out)
 
 
+def _fall(story: Story, f: Fall) -> str:
+    begin, end = (f.begin_us - story.begin_us) / 1e6, (f.end_us - story.begin_us) / 1e6
+    verb, css, mark = ("fell", "fall", "↓") if f.after_pct < f.before_pct else ("rose", "rise", "↑")
+    text = (
+        f"axle {f.axle} {verb} from {f.before_pct:.1f} % to {f.after_pct:.1f} % at {begin:.1f} s, "
+        f"within {duration(max(end - begin, 0.0))}"
+    )
+    return f'<button class="{css} go" {_go(f.axle, begin, end)}>{mark} {escape(text)}</button>'
+
+
 def _go(axle: int, begin_s: float, end_s: float) -> str:
     return f'data-axle="{axle}" data-begin="{begin_s:.6f}" data-end="{end_s:.6f}"'
 
 
-def _finding(story: Story, f: Finding) -> str:
+def _finding(story: Story, f: Finding, falls: Mapping[tuple[int, int], Fall]) -> str:
+    """A sentence; where it has a time, a button that goes there: of a fall to the fall itself."""
     level = f.level if f.level in LEVELS else "note"
     where = f"axle {f.axle}: " if f.axle and f"axle {f.axle}" not in f.text.lower() else ""
     text = f"{escape(where)}{escape(f.text)}"
     if f.begin_us is not None:
+        fall = falls.get((f.axle, f.begin_us))
         begin = (f.begin_us - story.begin_us) / 1e6
-        end = begin if f.end_us is None else (f.end_us - story.begin_us) / 1e6
-        text = f'<button class="go" {_go(f.axle, begin, end)}>{text}</button>'
+        last_us = f.end_us if fall is None else fall.end_us
+        end = begin if last_us is None else (last_us - story.begin_us) / 1e6
+        css = "" if fall is None else "fall " if fall.after_pct < fall.before_pct else "rise "
+        text = f'<button class="{css}go" {_go(f.axle, begin, end)}>{text}</button>'
     return f'<li class="{level}"><span class="level">{LEVELS[level]}</span> <span>{text}</span></li>'
 
 
