@@ -28,6 +28,7 @@ def item(plot: Plot) -> dict[str, Any]:
         min_border_left=LEFT,
         min_border_right=RIGHT,
         min_border_top=6,
+        border_fill_color=None,
         border_line_color=None,
         lod_threshold=None,
         output_backend="canvas",
