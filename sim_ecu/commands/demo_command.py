@@ -14,8 +14,17 @@ def _add(p: argparse.ArgumentParser) -> None:
     )
     p.add_argument("-c", "--channel", help="its channel")
     p.add_argument("--config", type=Path, metavar="FILE", help="configuration of both (default: the packaged DBC)")
-    p.add_argument("--scenario", default="leaf-patch")
-    p.add_argument("-o", "--output", type=Path, default=Path("build/demo"), metavar="DIR")
+    p.add_argument(
+        "--scenario", default="leaf-patch", help="name of a packaged scenario, or a .toml file (default: leaf-patch)"
+    )
+    p.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        default=Path("build/demo"),
+        metavar="DIR",
+        help="folder of log and picture (build/demo)",
+    )
 
 
 def _run(args: argparse.Namespace) -> int:

@@ -65,7 +65,8 @@ class Terminal:
     def _tmux(self, *arguments: str) -> str:
         """One command of this terminal's own tmux server."""
         done = subprocess.run(
-            [*TMUX, "-S", str(self._socket), *arguments], env=self._walk.env, capture_output=True, text=True, timeout=20,
+            [*TMUX, "-S", str(self._socket), *arguments], env=self._walk.env, capture_output=True, text=True,
+            timeout=20,
         )  # fmt: skip
         if done.returncode != 0:
             raise StepFailed(f"tmux {' '.join(arguments)}: {done.stderr.strip()}")

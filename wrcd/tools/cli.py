@@ -15,6 +15,7 @@ from wrcd.tools.commands import (
     replay_command,
     run_command,
 )
+from wrcd.tools.completion import completion_of
 from wrcd.tools.guard import guarded
 from wrcd.tools.install import command as install_command
 from wrcd.tools.parser import asked, make_parser
@@ -29,6 +30,7 @@ COMMANDS: tuple[Command, ...] = (
     init_command.COMMAND,
     lint_command.COMMAND,
     *install_command.COMMANDS,
+    completion_of("wrcd"),
 )
 
 

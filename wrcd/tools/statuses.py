@@ -57,4 +57,5 @@ STATUSES: dict[str, dict[Status, str]] = {
         Status.DONE: "removed, or with `--dry-run` looked at; the output says what was kept",
         Status.BAD_INPUT: "no root, no systemd, or nothing that `wrcd install` has installed",
     },
+    "completion": {Status.DONE: "the script is printed"},
 }

@@ -37,7 +37,7 @@ LENGTH = 88  # of a line of an example's help
 
 def arguments(program: str, line: str) -> list[str]:
     """What the program itself gets: without what is before it or behind it in a pipe, and without a redirection."""
-    (ours,) = (part for part in re.split(r"\s[|>]\s", line) if part.split()[0] == program)
+    (ours,) = (part for part in re.split(r"\s[|>]\s|[()]", line) if part.split()[:1] == [program])
     return shlex.split(ours)[1:]
 
 

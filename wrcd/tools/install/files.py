@@ -63,16 +63,22 @@ class Laid:
 
 
 def lay_out(
-    layout: Layout, program: PurePosixPath, groups: Collection[str] = (), data: Path = resources.DATA
+    layout: Layout,
+    program: PurePosixPath,
+    groups: Collection[str] = (),
+    data: Path = resources.DATA,
+    systemd: Path | None = None,
 ) -> dict[str, Laid]:
     """Return every file by its path from the root on, without the first slash.
 
-    program: the `wrcd` that units start; `sim-ecu` lies beside it. groups: names of GROUPS. data: the package's data.
+    program: the `wrcd` that units start; `sim-ecu` lies beside it. groups: names of GROUPS. data: the package's data;
+    systemd: unit files of another version instead of those in it.
     """
+    units = systemd or data / "systemd"
     laid: dict[str, Laid] = {}
     for name, group, path in _systemd(layout):
         if group in (None, *groups):
-            laid[path] = Laid(_with_program((data / "systemd" / name).read_bytes(), program))
+            laid[path] = Laid(_with_program((units / name).read_bytes(), program))
     for file in sorted((*_folder(data / "man"), *_folder(data / "completion"))):
         place = _place(layout, file)
         if place and ("rig" in groups or not file.name.lstrip("_").startswith("sim-ecu")):

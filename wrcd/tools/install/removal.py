@@ -7,7 +7,7 @@ from pathlib import Path
 from wrcd.errors import InputError, Status
 from wrcd.tools.install import manifest, system
 from wrcd.tools.install.files import CONFIGURATIONS, LOCAL
-from wrcd.tools.install.links import ENABLED, enabled_links
+from wrcd.tools.install.links import enabled_links
 from wrcd.tools.install.manifest import Manifest
 from wrcd.tools.install.plan import SAVED
 from wrcd.tools.install.said import line
@@ -36,11 +36,13 @@ def uninstall(args: Namespace) -> int:
         print("dry run: nothing is changed")
     elif live and (stopped := system.stop_all()):
         print(f"stopped: {', '.join(stopped)}")
+    emptied = _disable(tree, record, args.dry_run)
     _remove_files(tree, record, args.dry_run, args.purge)
     _state(tree, args.dry_run, args.purge)
     if not args.dry_run:
         tree.remove(manifest.PATH)
-        for folder in tree.remove_empty([*record.folders, *_folders_of_links(tree)]):
+        tree.remove_empty(emptied)
+        for folder in tree.remove_empty(record.folders):
             print(line("left", folder, "has files in it"))
         if live:
             system.forget()
@@ -48,13 +50,18 @@ def uninstall(args: Namespace) -> int:
     return Status.DONE
 
 
-def _remove_files(tree: Tree, record: Manifest, dry_run: bool, purge: bool) -> None:
-    """Remove files that are as they were installed, and the links by which units were enabled."""
-    units = {f"/{path}" for path in record.files if path.startswith(LOCAL.units)}
-    for path in enabled_links(tree, units):
+def _disable(tree: Tree, record: Manifest, dry_run: bool) -> list[str]:
+    """Remove the links by which units were enabled. Return their folders: as systemctl does, no empty one is left."""
+    links = enabled_links(tree, {f"/{path}" for path in record.files if path.startswith(LOCAL.units)})
+    for path in links:
         print(line("disabled", path))
         if not dry_run:
             tree.remove(path)
+    return sorted({path.rpartition("/")[0] for path in links})
+
+
+def _remove_files(tree: Tree, record: Manifest, dry_run: bool, purge: bool) -> None:
+    """Remove files that are as they were installed."""
     removed = 0
     for path in sorted((*record.files, *record.beside)):
         there = tree.checksum(path)
@@ -97,8 +104,3 @@ def _remove(folder: Path) -> None:
 def _has_files(folder: Path) -> bool:
     """Whether there is more in a folder than folders, and links to folders."""
     return any(not p.is_dir() for p in folder.rglob("*"))
-
-
-def _folders_of_links(tree: Tree) -> list[str]:
-    """Folders of enabled units that enabling made for a device."""
-    return [str(p.relative_to(tree.root)) for p in tree.path(ENABLED).glob("sys-subsystem-net-devices-*.device.wants")]

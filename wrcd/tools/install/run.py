@@ -121,7 +121,7 @@ def _units(now: Manifest, restart: bool) -> int:
     if not late:
         return Status.DONE
     if not restart:
-        print(f"these run what was there before, until: systemctl restart {' '.join(late)}")
+        print(system.restart_advice(late))
         return Status.DONE
     system.systemctl("restart", *late)
     print(f"restarted: {', '.join(late)}")

@@ -3,6 +3,7 @@
 import os
 import subprocess
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -66,6 +67,11 @@ def running() -> list[Running]:
 def _started(unit: str) -> int:
     value = systemctl("show", "-p", "ExecMainStartTimestampMonotonic", "--value", unit).strip()
     return int(value) if value.isdigit() else 0
+
+
+def restart_advice(units: Sequence[str]) -> str:
+    """One line: which units run what was there before an upgrade, and how that ends."""
+    return f"these run what was there before, until: systemctl restart {' '.join(units)}"
 
 
 def apply_sysctl() -> None:

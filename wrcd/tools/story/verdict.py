@@ -12,7 +12,7 @@ from wrcd.tools.story.records import Axle, Fall, Finding, Story
 from wrcd.tools.story.words import at, because, causes, lasting, name, percent, seconds, total_s
 
 LEVELS = ("bad", "warning", "note", "good")
-MAX_FALLS = 20  # that are told of an axle
+MAX_FALLS = 8  # that are told of an axle; the story has them all
 GOOD_SHARE = 0.9  # Valid: less is a warning
 
 
@@ -66,7 +66,7 @@ def _never_valid(story: Story, axle: Axle) -> Finding:
 
 def _falls(story: Story, axle: Axle) -> Iterator[Finding]:
     own = [f for f in story.falls if f.axle == axle.number]
-    for fall, following in list(zip(own, [*own[1:], None], strict=True))[:MAX_FALLS]:
+    for fall, following in list(zip(own, [*own[1:], None][: len(own)], strict=True))[:MAX_FALLS]:
         yield _fall(story, axle, fall, story.end_us if following is None else following.begin_us)
     if len(own) > MAX_FALLS:
         yield Finding(
