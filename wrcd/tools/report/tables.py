@@ -118,7 +118,9 @@ def _detail(story: Story, d: Detail) -> Table:
 def _health(story: Story, h: Health, detail: Detail | None) -> Table:
     """Of each input one code: why a frame was refused, else whether frames are missing or it is stale."""
     table = {"time": _time(story, h.time_us)}
-    place = None if detail is None or not len(detail.time_us) else np.searchsorted(detail.time_us, h.time_us, "right") - 1
+    place = (
+        None if detail is None or not len(detail.time_us) else np.searchsorted(detail.time_us, h.time_us, "right") - 1
+    )
     for i, name in enumerate(INPUTS):
         reach = h.reach[:, i]
         code = np.where(reach == 0, ALL_MISSING, np.where(reach < 255, SOME_MISSING, 0))

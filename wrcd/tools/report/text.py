@@ -115,9 +115,20 @@ def causes(story: Story) -> str:
             button = f'<button class="go" {_go(axle.number, begin, begin + longest.duration_s)}>{begin:.2f} s</button>'
             rows.append((
                 axle.number, f'<span class="state {validity.value}">{escape(validity.value)}</span>', escape(label),
-                escape(why), len(found), f"{seconds:.2f}", f"{100.0 * seconds / total:.2f}", f"{longest.duration_s:.2f}", button,
+                escape(why), len(found), f"{seconds:.2f}", f"{100.0 * seconds / total:.2f}",
+                f"{longest.duration_s:.2f}", button,
             ))  # fmt: skip
-    heads = ("axle", "Validity", "cause", "in words", "times", "s in all", "% of the time", "longest, s", "longest from")
+    heads = (
+        "axle",
+        "Validity",
+        "cause",
+        "in words",
+        "times",
+        "s in all",
+        "% of the time",
+        "longest, s",
+        "longest from",
+    )
     return table(heads, rows, escaped=True, words=(1, 2, 3))
 
 
@@ -143,32 +154,38 @@ def bus(story: Story) -> str:
         gap = "" if math.isnan(m.longest_gap_ms) else f"{m.longest_gap_ms:.1f}"
         where = f'<button class="go" {_go(0, at, at + m.longest_gap_ms / 1e3)}>{at:.2f} s</button>' if gap else ""
         rows.append((
-            f"<code>{identifier}</code>", escape(m.name) or "unknown", escape(m.role), m.frames, f"{m.mean_hz:.2f}", cycle,
-            gap, where, escape(e2e),
+            f"<code>{identifier}</code>", escape(m.name) or "unknown", escape(m.role), m.frames, f"{m.mean_hz:.2f}",
+            cycle, gap, where, escape(e2e),
         ))  # fmt: skip
     heads = ("id", "message", "role", "frames", "mean rate, 1/s", "cycle, ms", "longest gap, ms", "gap from", "E2E")
     errors = len(story.bus.error_frames)
-    line = f"Load at {story.bus.bit_rate / 1000:g} kbit/s. " + (f"{errors} error frames." if errors else "No error frame.")
+    line = f"Load at {story.bus.bit_rate / 1000:g} kbit/s. " + (
+        f"{errors} error frames." if errors else "No error frame."
+    )
     return f"<p>{escape(line)}</p>\n{table(heads, rows, escaped=True, words=(1, 2, 8))}"
 
 
 def configuration(story: Story) -> str:
     """What the values came from."""
     c = story.config
-    outputs = {a.number: a for a in c.axles}
     rows = [
         ("configuration", c.file), ("DBC", str(c.dbc_file)), ("design", f"{c.design.name}, {c.design_file}"),
         ("checksum of the design", c.design.checksum), ("form of the design", c.design.form),
         ("models", ", ".join(c.design.model_names)), ("rules", str(len(c.design.rules))),
-        ("window", f"{c.design.window_s:g} s, up to {c.design.longest_s:g} s"), ("tick", f"{1e3 * c.design.tick_s:g} ms"),
+        ("window", f"{c.design.window_s:g} s, up to {c.design.longest_s:g} s"),
+        ("tick", f"{1e3 * c.design.tick_s:g} ms"),
         ("speeds of the design", f"{c.design.speeds_m_s[0]:g} to {c.design.speeds_m_s[-1]:g} m/s"),
         ("slower than this there is no estimate", f"{c.min_speed_m_s:g} m/s"),
         ("NotAvailable after", f"{c.not_available_after_us / 1e3:g} ms"),
         ("torque is total", "yes" if c.torque_is_total else "no"),
-        *((f"axle {n}", ", ".join(o.message for o in (a.adhesion, a.detail, a.inputs) if o is not None)) for n, a in outputs.items()),
-        *((f"input: {i.source.quantity.value[0]}", f"{i.source.message}.{i.source.signal}, stale after {i.timeout_us / 1e3:g} ms") for i in c.inputs),
-        *story.versions.items(),
     ]  # fmt: skip
+    for a in c.axles:
+        messages = [o.message for o in (a.adhesion, a.detail, a.inputs) if o is not None]
+        rows.append((f"axle {a.number}", ", ".join(messages)))
+    for i in c.inputs:
+        signal = f"{i.source.message}.{i.source.signal}, stale after {i.timeout_us / 1e3:g} ms"
+        rows.append((f"input: {i.source.quantity.value[0]}", signal))
+    rows += story.versions.items()
     warnings = "".join(f"<li>{escape(w)}</li>" for w in c.warnings)
     return table(("what", "value"), rows, words=(0, 1)) + (f"<ul>{warnings}</ul>" if warnings else "")
 
@@ -176,14 +193,18 @@ def configuration(story: Story) -> str:
 def compared(rows: Sequence[Difference], sides: tuple[str, str]) -> str:
     """Two sides, line by line."""
 
-    def number(v: float, d: Difference) -> str:
-        return "" if math.isnan(v) else f"{v:.{d.digits}f}"
-
     cells = [
-        (d.axle, d.what, d.unit, number(d.here, d), number(d.there, d), "" if math.isnan(d.there - d.here) else f"{d.there - d.here:+.{d.digits}f}")
+        (
+            d.axle, d.what, d.unit, _figure(d.here, d.digits), _figure(d.there, d.digits),
+            _figure(d.there - d.here, d.digits, "+"),
+        )
         for d in rows
     ]  # fmt: skip
     return table(("axle", "what", "unit", *sides, "difference"), cells, words=(1, 2))
+
+
+def _figure(value: float, digits: int, sign: str = "") -> str:
+    return "" if math.isnan(value) else f"{value:{sign}.{digits}f}"
 
 
 def table(
@@ -193,7 +214,9 @@ def table(
     css = ["w" if i in words else "n" for i in range(len(heads))]
     head = "".join(f'<th scope="col" class="{c}">{escape(h)}</th>' for h, c in zip(heads, css, strict=True))
     body = "".join(
-        "<tr>" + "".join(f'<td class="{c}{_long(v)}">{_cell(v, escaped)}</td>' for v, c in zip(r, css, strict=True)) + "</tr>\n"
+        "<tr>"
+        + "".join(f'<td class="{c}{_long(v)}">{_cell(v, escaped)}</td>' for v, c in zip(r, css, strict=True))
+        + "</tr>\n"
         for r in rows
     )
     return (
