@@ -16,6 +16,7 @@ from wrcd.tools.commands import (
     run_command,
 )
 from wrcd.tools.guard import guarded
+from wrcd.tools.monitor import command as monitor_command
 from wrcd.tools.parser import asked, make_parser
 
 # in the order of the help
@@ -24,6 +25,7 @@ COMMANDS: tuple[Command, ...] = (
     reload_command.COMMAND,
     check_command.COMMAND,
     dump_command.COMMAND,
+    monitor_command.COMMAND,
     replay_command.COMMAND,
     init_command.COMMAND,
     lint_command.COMMAND,
