@@ -61,8 +61,8 @@ class Seen:
         return (
             f"{self.rate:.0f} frames/s, {self.size}, {self.seconds:.0f} s: {both:.1f} % of a core (screen "
             f"{100 * self.screen_share:.1f}, reader {100 * self.reader_share:.1f}), {self.updates_per_s:.1f} "
-            f"updates/s, {self.lost} of {self.sent} frames lost, {self.bytes_per_s / 1000:.1f} kB/s to the terminal; start "
-            f"{self.start_s:.2f} s, {self.resident_mb:.0f} MB"
+            f"updates/s, {self.lost} of {self.sent} frames lost, {self.bytes_per_s / 1000:.1f} kB/s to the terminal; "
+            f"start {self.start_s:.2f} s, {self.resident_mb:.0f} MB"
         )
 
 
@@ -128,7 +128,8 @@ def measure(rate: float, seconds: float, columns: int, lines: int, default_buffe
     turns = traffic(rate)
     inside, outside = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
     if not default_buffer:
-        outside.setsockopt(socket.SOL_SOCKET, SO_SNDBUFFORCE if os.geteuid() == 0 else socket.SO_SNDBUF, RECEIVE_BUFFER)
+        force = SO_SNDBUFFORCE if os.geteuid() == 0 else socket.SO_SNDBUF
+        outside.setsockopt(socket.SOL_SOCKET, force, RECEIVE_BUFFER)
     master, terminal = pty.openpty()
     fcntl.ioctl(terminal, termios.TIOCSWINSZ, struct.pack("HHHH", lines, columns, 0, 0))
     until, counted = threading.Event(), [0]

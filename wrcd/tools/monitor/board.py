@@ -42,7 +42,7 @@ from wrcd.tools.monitor.plot import (
 from wrcd.tools.monitor.view import View
 from wrcd.tools.story.records import Numbers, Times
 
-KEYS = "space pause  ←→ cursor  +- zoom  n/p event  w why  1-8 axle  e events  s save  ? help  q quit"
+KEYS = "space pause  ←→ cursor  +- zoom  n/p event  w why  1-8 axle  ? help  q quit  s save  e events  t colours"
 CARRY_US = 100_000  # a value stands for so long in the plot, where frames are further apart than its columns
 FALLS_EVERY_US = 500_000  # they are looked for so often
 
@@ -186,7 +186,7 @@ class Board:
         if math.isfinite(now.truth_pct):
             wanted.append((now.truth_pct, f"◀ {percent(now.truth_pct)} truth", "truth"))
         if math.isfinite(now.low_pct) and math.isfinite(now.high_pct):
-            wanted.append((now.available_pct - 1e-6, f"  {interval(now)}", "interval"))
+            wanted.append((now.available_pct - 1e-6, f"  {interval(now)}", "dim"))
         wanted.sort(key=lambda w: -w[0] if math.isfinite(w[0]) else math.inf)
         lines = [
             int(line_of(np.array([v]), top, rect.height)[0]) if math.isfinite(v) else rect.height - 1
