@@ -1,11 +1,14 @@
 # make demo   set up, then play a wheelset onto a CAN bus and watch the estimate against the truth
 # make test   set up, then all tests: on the host, then on a real kernel's vcan and under real systemd
+# make walk   a new user's first hour in a clone of the last commit: demo, own DBC, a bus, screens and pages; 3 minutes
 # make lint   format, lint, types: seconds
 # make check  make lint, then make test
-# make docs   prints what the pages quote from the program again; make docs-all the score and the fault matrix too, twenty minutes
+# make docs   prints what the pages quote from the program again, and builds their site into build/site; make docs-all the score and the fault matrix too, twenty minutes
+# make vcan -- COMMAND  COMMAND where there is a vcan0: on this kernel, or in a throw-away one; without COMMAND a shell
 # make fuzz   property tests with EXAMPLES (10^5) examples each, and a million corrupted frames; hours
 # make soak   HOURS (24) on the virtual clock in one core: nothing grows, drifts or is lost; an eighth of that
 # make coverage  which branches of wrcd/bus, wrcd/core, wrcd/recorder and wrcd/service the tests take, those in the guest too; fails below 95 %
+# make deb    a Debian package with its libraries inside: build/deb
 # make bench  what everything costs beside its peers, against an older checkout too (BEFORE=DIR); 6 minutes, asserts nothing
 # make mutants   whether the tests notice changed code in validity and E2E; an hour, see tests/mutants.md
 PYTHON ?= python3
@@ -14,20 +17,35 @@ BIN := $(VENV)/bin
 READY := $(VENV)/ready
 HIL := -p no:cacheprovider --durations=5
 
-.PHONY: demo test lint check unit hil faults systemd fuzz soak coverage bench mutants format design score docs docs-all docs-check lock audit clean
+ifeq ($(firstword $(MAKECMDGOALS)),vcan)
+# The words after it are no targets of ours. make itself takes VAR=x, splits at blanks and drops a leading ./
+MAKEFLAGS += --silent
+TAKEN := $(filter-out PYTHON=%,$(MAKEOVERRIDES))
+.PHONY: vcan
+vcan:
+	$(if $(TAKEN),echo "make: takes $(TAKEN) for a variable of its own; call ./with-vcan COMMAND yourself" >&2; exit 2)
+	$(MAKE) --no-print-directory $(READY)
+	./with-vcan $(wordlist 2,$(words $(MAKECMDGOALS)),$(MAKECMDGOALS))
+%: vcan ;
+Makefile: ;
+else
+
+.PHONY: demo test lint check unit hil faults systemd walk fuzz soak coverage bench mutants format design score docs docs-all docs-check lock audit clean deb
 
 demo: $(READY)
 	$(BIN)/sim-ecu demo
 
-test: unit hil faults systemd
+test: unit hil faults systemd walk
 
+# a process for each core, each with a stretch of the tests: a module's fixtures are made once, or twice
 unit: $(READY)
-	$(BIN)/python -m pytest --durations=5
+	$(BIN)/python -m pytest -n auto --maxprocesses=8 --dist=worksteal --durations=5
 
 # vcan of this kernel where it has one, else of a throw-away guest kernel
 hil: $(READY)
 	GUEST_TIMEOUT=900 tests/hil/guest/run --native-ok -- $(BIN)/python -m pytest $(HIL) -rP \
-	    tests/hil/test_vcan.py tests/hil/test_own_dbc.py tests/hil/test_link_*.py tests/hil/test_load.py
+	    tests/hil/test_vcan.py tests/hil/test_own_dbc.py tests/hil/test_link_*.py tests/hil/test_load.py \
+	    tests/hil/test_docs_commands.py
 
 # every fault of the matrix against the real daemon; its table is printed
 faults: $(READY)
@@ -35,7 +53,16 @@ faults: $(READY)
 
 systemd: $(READY)
 	tests/hil/unit-env
-	GUEST_TIMEOUT=900 tests/hil/guest/run --systemd -- $(BIN)/python -m pytest $(HIL) -rP tests/hil/test_systemd.py
+	GUEST_TIMEOUT=900 tests/hil/guest/run --systemd -- $(BIN)/python -m pytest $(HIL) -rP tests/hil/test_install.py \
+	    tests/hil/test_systemd.py
+
+# build/deb/wrcd_VERSION_ARCH.deb, for the system's python3; no root
+deb: $(READY)
+	$(BIN)/python deb/build.py
+
+# make walk STEPS="monitor report": only these, after the clone; screens and pictures go to build/walk
+walk: $(READY)
+	$(BIN)/python -m tests.walk $(STEPS)
 
 lint: $(READY)
 	$(BIN)/ruff format --check .
@@ -93,17 +120,21 @@ design: $(READY)
 score: $(READY)
 	$(BIN)/sim-ecu score --json build/score.json --html build/score.html
 
-# between the markers of the pages, and the configuration's JSON schema; docs-check changes nothing
+# what stands between the markers of the pages, the configuration's JSON schema, the completion, and the site of the pages in build/site: a
+# warning or a dead link fails. docs-check changes nothing
 docs: $(READY)
 	$(BIN)/python -m tests.support.pages --write
 	$(BIN)/python -m tests.support.signs_picture
 	$(BIN)/python -m tests.support.schema
+	$(BIN)/python -m tests.support.completion
+	$(BIN)/python -m tests.support.site build/site
 
 docs-all: $(READY)
 	$(BIN)/python -m tests.support.pages --write --all
+	$(BIN)/python -m tests.support.site build/site
 
 docs-check: $(READY)
-	$(BIN)/python -m pytest tests/unit/test_docs.py
+	$(BIN)/python -m pytest tests/unit/test_docs.py tests/unit/test_docs_site.py tests/unit/test_docs_commands.py
 
 LOCK := $(BIN)/uv pip compile -q --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-emit-find-links --no-annotate --no-header pyproject.toml
 lock: $(READY)
@@ -131,3 +162,5 @@ $(READY): requirements.lock pyproject.toml
 
 clean:
 	rm -rf $(VENV) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+
+endif

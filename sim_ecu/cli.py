@@ -18,6 +18,7 @@ from sim_ecu.commands import (
 )
 from sim_ecu.commands.extra import explained
 from wrcd.tools.command import Command
+from wrcd.tools.completion import completion_of
 from wrcd.tools.guard import guarded
 from wrcd.tools.parser import asked, make_parser
 
@@ -33,6 +34,7 @@ COMMANDS: tuple[Command, ...] = (
     figures_command.COMMAND,
     verify_command.COMMAND,
     demo_command.COMMAND,
+    completion_of("sim-ecu"),
 )
 
 

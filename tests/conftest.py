@@ -1,5 +1,6 @@
 """Logs of scenarios, made once per test run."""
 
+import hashlib
 import os
 from pathlib import Path
 
@@ -30,14 +31,20 @@ settings.load_profile("ci")
 
 @pytest.fixture(scope="session")
 def log_of(tmp_path_factory: pytest.TempPathFactory) -> LogOf:
-    """Plays the text of a scenario into a candump log; the same text gives the same file."""
-    folder = tmp_path_factory.mktemp("logs")
-    made: dict[str, Path] = {}
+    """Plays the text of a scenario into a candump log; the same text gives the same file.
+
+    The processes of one run share the files: one that is whole gets its name, so it does not matter who made it.
+    """
+    own = tmp_path_factory.getbasetemp()
+    shared = (own.parent if "PYTEST_XDIST_WORKER" in os.environ else own) / "logs"
+    shared.mkdir(exist_ok=True)
 
     def make(text: str) -> Path:
-        if text not in made:
-            made[text] = folder / f"{len(made)}.log"
-            play_to_log(read_scenario(parse_toml(text, "test"), "test"), made[text])
-        return made[text]
+        made = shared / f"{hashlib.sha256(text.encode()).hexdigest()[:16]}.log"
+        if not made.exists():
+            begun = made.with_suffix(f".{os.getpid()}.log")
+            play_to_log(read_scenario(parse_toml(text, "test"), "test"), begun)
+            begun.rename(made)
+        return made
 
     return make

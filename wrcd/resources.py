@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
-_DATA = Path(__file__).parent / "data"
-DBC = _DATA / "wrcd.dbc"
-DESIGN = _DATA / "default.design.json"
+DATA = Path(__file__).parent / "data"
+DBC = DATA / "wrcd.dbc"
+DESIGN = DATA / "default.design.json"
+COMPLETION = DATA / "completion"
+MANUAL = DATA / "man"

@@ -7,7 +7,7 @@ from wrcd.tools.command import Command
 
 
 def _add(p: argparse.ArgumentParser) -> None:
-    p.add_argument("cases", type=Path, metavar="CASES.csv")
+    p.add_argument("cases", type=Path, metavar="CASES.csv", help="a row for each case")
     p.add_argument("--k-a", type=float, default=1.0, metavar="K", help="reduction in the area of adhesion (1)")
     p.add_argument("--k-s", type=float, default=1.0, metavar="K", help="reduction in the area of slip (1)")
 

@@ -7,17 +7,32 @@ from wrcd.tools.command import Command
 
 
 def _add(p: argparse.ArgumentParser) -> None:
-    p.add_argument("-i", "--interface", help="default: socketcan on vcan0 where there is one, else virtual")
+    p.add_argument(
+        "-i",
+        "--interface",
+        help="default: python-can's settings, else socketcan on vcan0 if there is one, else virtual",
+    )
     p.add_argument("-c", "--channel", help="its channel")
     p.add_argument("--config", type=Path, metavar="FILE", help="configuration of both (default: the packaged DBC)")
-    p.add_argument("--scenario", default="leaf-patch")
-    p.add_argument("-o", "--output", type=Path, default=Path("build/demo"), metavar="DIR")
+    p.add_argument(
+        "--scenario", default="leaf-patch", help="name of a packaged scenario, or a .toml file (default: leaf-patch)"
+    )
+    p.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        default=Path("build/demo"),
+        metavar="DIR",
+        help="folder of log and picture (build/demo)",
+    )
 
 
 def _run(args: argparse.Namespace) -> int:
-    from sim_ecu.play.demo import run
+    from sim_ecu.play.demo import default_bus, run
+    from wrcd.tools.bus_of import pick_bus
 
-    return run(args.interface, args.channel, args.scenario, args.output, args.config)
+    bus = pick_bus(args.interface, args.channel, None, default_bus())
+    return run(*bus, args.scenario, args.output, args.config)
 
 
 COMMAND = Command(

@@ -7,7 +7,7 @@ from wrcd.tools.command import Command
 
 
 def _add(p: argparse.ArgumentParser) -> None:
-    p.add_argument("-o", "--output", type=Path, required=True, metavar="DIR")
+    p.add_argument("-o", "--output", type=Path, required=True, metavar="DIR", help="the folder to draw into")
     p.add_argument("--design", type=Path, metavar="DESIGN.json", help="default: the packaged one")
     p.add_argument(
         "--paper", type=Path, metavar="DESIGN.json",

@@ -9,14 +9,17 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from sim_ecu.play.scenario import Scenario
 
+DEFAULT_BUS = ("socketcan", "vcan0")  # no --config says another: the rig speaks where it is told to
+
 
 def add_player(p: argparse.ArgumentParser) -> None:
     """Where the frames go, and what they are."""
     p.add_argument(
-        "-i", "--interface", default="socketcan",
-        help="python-can interface (default: socketcan), or slcan: an interface of our own making (needs root)",
+        "-i", "--interface",
+        help="python-can interface (default: python-can's settings, socketcan), or slcan: an interface of our own "
+        "making (needs root)",
     )  # fmt: skip
-    p.add_argument("-c", "--channel", default="vcan0", help="its channel (default: vcan0)")
+    p.add_argument("-c", "--channel", help="its channel (default: python-can's settings, vcan0)")
     p.add_argument("--log", type=Path, metavar="OUT.log", help="write the frames to a log (the suffix is its format)")
     p.add_argument("--fast", action="store_true", help="no bus: as fast as it computes, into --log")
     p.add_argument(
@@ -51,7 +54,9 @@ def played(scenario: "Scenario", args: argparse.Namespace) -> int:
             file=sys.stderr,
         )
     else:
-        truth = not args.no_truth
-        tally = play_on_bus(scenario, args.interface, args.channel, args.log, truth, args.ahead, train)
+        from wrcd.tools.bus_of import pick_bus
+
+        bus = pick_bus(args.interface, args.channel, None, DEFAULT_BUS)
+        tally = play_on_bus(scenario, *bus, args.log, not args.no_truth, args.ahead, train)
         print(f"sim-ecu: {tally.text()}", file=sys.stderr)
     return 0

@@ -40,7 +40,7 @@ COMMAND = Command(
     "how good a design is, with baselines beside it",
     (
         ("sim-ecu score --quick --html score.html", "a twelfth of the runs, as a page"),
-        ("sim-ecu score --suite changes", "one suite, with all its runs"),
+        ("sim-ecu score --suite transitions", "one suite, with all its runs"),
     ),
     _add,
     _run,

@@ -46,4 +46,5 @@ STATUSES: dict[str, dict[Status, str]] = {
         Status.NOT_THERE: _BUS,
         **_STOPPED,
     },
+    "completion": {Status.DONE: "the script is printed"},
 }

@@ -7,7 +7,7 @@ from wrcd.tools.command import Command
 
 
 def _add(p: argparse.ArgumentParser) -> None:
-    p.add_argument("log", type=Path, metavar="LOG")
+    p.add_argument("log", type=Path, metavar="LOG", help="candump log, or any that python-can reads")
     p.add_argument("--config", type=Path, metavar="FILE", help="the daemon's configuration")
     p.add_argument(
         "--fuzzy-every", type=float, default=0.1, metavar="S", help="compare the fuzzy output so often (default 0.1 s)"

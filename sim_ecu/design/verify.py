@@ -2,6 +2,7 @@
 
 import sys
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -20,6 +21,7 @@ from sim_ecu.design.reference_filters import (
 )
 from sim_ecu.design.reference_rules import FuzzyReference, Row, SlidingWindow
 from sim_ecu.design.source import load_source
+from wrcd.bus.codec import Sample
 from wrcd.bus.log import Damage, read_log
 from wrcd.config import load_config
 from wrcd.core.configuration import Config
@@ -62,6 +64,9 @@ class BothEngines:
         self._tracked = TrackedSpeed(design.tick_s)
         self._every, self._compared = fuzzy_every_ticks, -fuzzy_every_ticks
         self._at_m_s = 1.0
+
+    def accepted(self, samples: Sequence[Sample], stamp_us: int) -> None:
+        """The inputs are what the core made of them."""
 
     def was_reset(self, axle: int) -> None:
         """The reference forgets, too."""

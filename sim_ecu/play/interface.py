@@ -69,7 +69,8 @@ def open_bus(interface: str, channel: str, fd: bool = False) -> can.BusABC:
     if interface == "socketcan" and is_down(channel):
         raise BusError(f"CAN interface {channel!r} is down", key="channel", hint=bring_up(channel))
     more: dict[str, Any] = {"fd": True} if fd else {}
-    return pythoncan.open_bus(interface, channel, can_filters=[{"can_id": 0x7FF, "can_mask": 0x7FF}], **more)
+    nothing = [{"can_id": 0x7FF, "can_mask": 0x7FF}]
+    return pythoncan.open_bus(interface, channel, user_settings=True, can_filters=nothing, **more)
 
 
 class PythonCan:

@@ -1,6 +1,8 @@
 """The logs that `sim-ecu play` writes: which format holds all that is to go into it."""
 
 import contextlib
+import gzip
+import math
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -35,6 +37,17 @@ class CandumpWriter(can.Listener):
         self._file.close()
 
 
+class AscWriter(can.ASCWriter):
+    """Begins the measurement at the full second before the first frame: stamps that count from 0 then lie in the ticks
+    and slots that they have since 1970, and a replay gives the same adhesion."""
+
+    def on_message_received(self, msg: can.Message) -> None:
+        """Write a line, with the first also what comes before it."""
+        if not self.header_written:
+            self.log_event("begins at the full second", math.floor(msg.timestamp))
+        super().on_message_received(msg)
+
+
 def check_format(log: Path, scenario: Scenario, train: Train) -> None:
     """Raises InputError if the format that the suffix tells cannot hold every frame of a scenario."""
     suffix = log_suffix(log)
@@ -55,10 +68,18 @@ def check_format(log: Path, scenario: Scenario, train: Train) -> None:
 def open_logger(log: Path) -> Iterator[can.Listener]:
     """A writer for the suffix. Raises InputError if there is none or the file can't be made. To be checked before."""
     try:
-        logger = CandumpWriter(log) if log.suffix.lower() == ".log" else can.Logger(log)
+        logger = _writer(log)
     except (ValueError, OSError, ImportError, NotImplementedError) as e:
         raise InputError(f"cannot be written: {e}", file=log, hint="use .log for a candump log") from None
     try:
         yield logger
     finally:
         logger.stop()
+
+
+def _writer(log: Path) -> can.Listener:
+    if log.suffix.lower() == ".log":
+        return CandumpWriter(log)
+    if log_suffix(log) != ".asc":
+        return can.Logger(log)
+    return AscWriter(gzip.open(log, "wt") if log.suffix.lower() == ".gz" else log)

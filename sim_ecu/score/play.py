@@ -14,6 +14,7 @@ from sim_ecu.score.baselines import Baseline
 from sim_ecu.score.heard import Heard
 from sim_ecu.score.suites.run import Run
 from sim_ecu.score.ticks import BoolArray, Ticks
+from wrcd.bus.codec import Sample
 from wrcd.bus.frame import Frame
 from wrcd.core.configuration import MAX_AXLES, Config
 from wrcd.core.core import Core
@@ -68,6 +69,9 @@ class Recording:
                 (ticks.number + k, ticks.z[k].copy(), ticks.present[k].copy(), ticks.torque_ratio[k].copy(),
                  ticks.speeds_m_s[k])
             )  # fmt: skip
+
+    def accepted(self, samples: Sequence[Sample], stamp_us: int) -> None:
+        """The ticks have them."""
 
     def was_reset(self, axle: int) -> None:
         """The baselines go on."""

@@ -10,43 +10,33 @@ import signal
 import subprocess
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from itertools import pairwise
 from pathlib import Path
 
 import pytest
 
-from tests.support.processes import ROOT, running, wait_for
-from wrcd.bus.frame import Frame
-from wrcd.bus.log import Damage, parse_line, read_log
+from tests.support.processes import ROOT, wait_for
+from tests.support.unit_train import (
+    NOT_AVAILABLE,
+    UNIT,
+    Train,
+    journal,
+    main_pid,
+    output,
+    prop,
+    systemctl,
+    validity,
+)
 from wrcd.config import DEFAULT
 
-UNIT = "wrcd@vcan0"
-PLAYED = ROOT / "build/unit/wet.log"
 CONFIG, ENVIRONMENT = Path("/etc/wrcd/vcan0.toml"), Path("/etc/wrcd/vcan0.env")
 DROP_INS = Path(f"/etc/systemd/system/{UNIT}.service.d")
-
-
-def output(*words: str) -> str:
-    return subprocess.run(words, timeout=60, check=True, capture_output=True, text=True).stdout.strip()
-
-
-def systemctl(*words: str) -> str:
-    return output("systemctl", *words)
-
-
-def prop(name: str, unit: str = UNIT) -> str:
-    """A property of the unit, as systemctl show prints it."""
-    return systemctl("show", "-p", name, "--value", unit)
 
 
 def reload() -> int:
     """Exit status of systemctl reload."""
     return subprocess.run(["systemctl", "reload", UNIT], timeout=60, check=False).returncode
-
-
-def main_pid() -> int:
-    return int(prop("MainPID"))
 
 
 def status() -> dict[str, str]:
@@ -55,72 +45,12 @@ def status() -> dict[str, str]:
     return {name: value.strip() for name, _, value in (line.partition(":\t") for line in lines)}
 
 
-def journal(since_s: float = 0.0) -> str:
-    return output("journalctl", "-u", UNIT, "--no-pager", f"--since=@{since_s:.3f}")
-
-
-def validity(frame: Frame) -> int:
-    return frame.data[1] >> 4
-
-
-VALID, NOT_AVAILABLE = 1, 0
-
-
-class Train:
-    """Frames of a wet rail without end (unit-env has played minutes of it), and what candump hears of Adhesion_A1."""
-
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
-        self._stack = ExitStack()
-        self._logs = 0
-
-    def connect(self) -> None:
-        """Both ends at the bus, from now on with a new log."""
-        self.disconnect()
-        self._logs += 1
-        self.log = self._folder / f"candump{self._logs}.log"
-        self._stack.enter_context(running("candump", "-L", "vcan0,091:7FF", output=self.log))
-        # a train's sensors do not wait for the daemon's processor: in the guest they share the only one
-        self._stack.enter_context(running("chrt", "-f", "10", "canplayer", "-I", PLAYED, "vcan0=can0"))
-
-    def disconnect(self) -> None:
-        self._stack.close()
-
-    def newest(self) -> Frame | None:
-        """The last Adhesion_A1 frame that candump has written."""
-        with self.log.open("rb") as f:
-            f.seek(max(0, self.log.stat().st_size - 2000))
-            lines = [parse_line(line.strip()) for line in f.read().splitlines()[1:]]
-        return next((found[0] for found in reversed(lines) if found is not None), None)
-
-    def since(self, since_s: float) -> list[Frame]:
-        """Every Adhesion_A1 frame after a moment."""
-        return [f for f, _ in read_log(self.log, Damage()) if f.stamp_us * 1e-6 > since_s]
-
-    def wait(self, since_s: float, wanted: int = VALID, seconds: float = 20.0) -> None:
-        """Until a frame after a moment has this Validity."""
-
-        def there() -> bool:
-            frame = self.newest()
-            return frame is not None and frame.stamp_us * 1e-6 > since_s and validity(frame) == wanted
-
-        wait_for(f"a frame with Validity {wanted}", seconds, there)
-
-    def back_after(self, what: str, since_s: float, unseen_s: float) -> float:
-        """Seconds from a moment to the first Valid frame that is no longer the old daemon's; printed."""
-        time.sleep(unseen_s)  # no looking meanwhile: it would take the one processor
-        self.wait(since_s + 0.1)
-        first_s = next(f.stamp_us * 1e-6 for f in self.since(since_s + 0.1) if validity(f) == VALID) - since_s
-        print(f"{what}: Valid again after {first_s:.2f} s")
-        return first_s
-
-
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Train]:
     assert Path("/run/systemd/system").is_dir(), "this test needs systemd as PID 1: run it with `make test`"
     subprocess.run([ROOT / "tests" / "hil" / "install-unit"], timeout=180, check=True)
-    # as systemd/80-wrcd.conf sets it: what arrives while the program starts must fit
-    Path("/proc/sys/net/core/rmem_max").write_text("8388608")
+    # systemd/80-wrcd.conf: what arrives while the program starts must fit
+    assert Path("/proc/sys/net/core/rmem_max").read_text() == "8388608\n"
     CONFIG.parent.mkdir(exist_ok=True)
     train = Train(tmp_path_factory.mktemp("unit"))
     train.connect()

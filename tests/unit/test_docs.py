@@ -19,6 +19,7 @@ from sim_ecu.play.judge import HEAD, Verdict, line
 from sim_ecu.score import goals
 from sim_ecu.score.names import SUITES
 from tests.support import pages
+from tests.support.page_commands import steps
 from wrcd import resources
 from wrcd.bus.dbc import load_dbc
 from wrcd.bus.reasons import Reason
@@ -111,8 +112,9 @@ def test_no_page_stands_alone() -> None:
 def commands() -> Iterator[tuple[str, str]]:
     """Every line of every page that calls one of the programs."""
     for page in PAGES:
-        for said in re.findall(r"^    (?:\.venv/bin/)?((?:wrcd|sim-ecu) [a-z].*)$", page.read_text(), re.MULTILINE):
-            yield page.name, re.sub(r"\s+#.*|\s*&$", "", said)
+        for step in steps(page):
+            for said in re.findall(r"^(?:\.venv/bin/)?((?:wrcd|sim-ecu) [a-z].*)$", step.body, re.MULTILINE):
+                yield page.name, re.sub(r"\s+#.*|\s*&$|\s+[|>] .*", "", said)
 
 
 @pytest.mark.parametrize(("page", "said"), list(commands()))
@@ -126,7 +128,7 @@ def test_make_target_in_a_page_is_there() -> None:
     targets = set(re.findall(r"^([\w-]+):", text("Makefile"), re.MULTILINE))
     for page in PAGES:
         body = page.read_text(encoding="utf-8")
-        named = re.findall(r"`make ([a-z-]+)`", body) + re.findall(r"^    make ([a-z-]+)", body, re.MULTILINE)
+        named = re.findall(r"`make ([a-z-]+)`", body) + re.findall(r"^ *make ([a-z-]+)", body, re.MULTILINE)
         assert set(named) <= targets, page
 
 
@@ -205,6 +207,54 @@ def test_validity_table_is_that_of_the_code() -> None:
     assert [r[4] for r in found] == [
         "Valid" if not c else "NotAvailable" if c < causes.Cause.INPUT_STALE else "Degraded" for c in causes.Cause
     ]
+
+
+CONTROLLER = "docs/reference/what-a-controller-does.md"
+
+
+def test_controller_page_has_every_cause() -> None:
+    found = [r for r in rows(CONTROLLER, "## Causes") if len(r) == 4]
+    assert [(r[0], r[1]) for r in found[:-1]] == [(str(int(c)), c.label) for c in causes.Cause]
+    detail = next(m for m in load_dbc(resources.DBC).messages if m.name == "AdhesionDetail_A1")
+    bits = next(s for s in detail.signals if s.name == "Cause").length
+    assert found[-1][0] == f"{len(causes.Cause)} … {2**bits - 1}"
+
+
+@pytest.mark.parametrize(
+    ("heading", "signal", "classes"),
+    [
+        ("## Validity", "Validity", ()),
+        ("## Confidence", "Confidence", vocabulary.CONFIDENCES),
+        ("## Surface", "Surface", vocabulary.SURFACES),
+        ("## ContactState", "ContactState", ()),
+    ],
+)
+def test_controller_page_has_every_value(heading: str, signal: str, classes: tuple[tuple[float, str], ...]) -> None:
+    said = vocabulary.MESSAGES["adhesion"][signal]
+    assert isinstance(said, vocabulary.Words)
+    found = {r[0]: r[1] for r in rows(CONTROLLER, heading)}
+    assert set(found) - {"any other value"} == set(said.words)
+    for bound, word in classes:
+        if math.isfinite(bound):
+            assert f"{bound:g}" in found[word]
+
+
+def test_times_of_the_controller_page_are_those_of_the_dbc() -> None:
+    named = {m.name.partition("_")[0]: m for m in load_dbc(resources.DBC).messages}
+    for names, every, timeout, _ in rows(CONTROLLER, "## Time-out"):
+        for name in names.split(", "):
+            ms = named[name].cycle_time or 0
+            assert (every, timeout) in {(f"{ms} ms", f"{3 * ms} ms"), (f"{ms // 1000} s", f"{3 * ms // 1000} s")}
+
+
+def test_delays_of_the_controller_page_are_those_of_the_score() -> None:
+    score = {r[0]: r[1] for r in rows("docs/reference/score.md", "**goals**: what the default design is held to")}
+    body = text(CONTROLLER)
+    for name, words in (("median", "0.12 s in the median"), ("95th percentile", "0.42 s at the 95th percentile")):
+        figure = float(score[f"drops: Valid with the truth below the interval, {name}, s"].split()[0])
+        assert f"{figure:g} {words.partition(' ')[2]}" == words in body
+    assert float(score["drops: settled, 95th percentile, s"].split()[0]) <= 2.0
+    assert "over at least two seconds" in body
 
 
 def test_numbers_of_the_validity_table_are_those_of_the_code() -> None:

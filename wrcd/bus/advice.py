@@ -66,8 +66,8 @@ def is_down(channel: str) -> bool:
         return False
 
 
-def for_python_can(interface: str, channel: str, e: Exception) -> str:
-    """For an error of one of python-can's interfaces."""
+def for_python_can(interface: str, channel: str, e: Exception, user_settings: bool = True) -> str:
+    """For an error of one of python-can's interfaces. user_settings: python-can's own were read, as a tool does."""
     if isinstance(e, OSError) and interface == "socketcan":
         return for_socketcan(e, channel)
     if isinstance(e, PermissionError):
@@ -75,7 +75,9 @@ def for_python_can(interface: str, channel: str, e: Exception) -> str:
     if isinstance(e, FileNotFoundError):
         return f"there is no {channel}: check -c and the adapter's plug"
     if isinstance(e, TypeError):
-        return "what it needs besides a channel goes to python-can's own configuration file, ~/.can"
+        if user_settings:
+            return "what it needs besides a channel goes to python-can's own configuration file, ~/.can"
+        return "it needs more than a channel, and the daemon reads no ~/.can: reach this bus through SocketCAN"
     if isinstance(e, ValueError):
         return f"check the channel (-c) {channel!r}: see python-can's page on {interface}"
     if isinstance(e, NotImplementedError | ImportError | AttributeError) or "not found" in str(e):

@@ -5,7 +5,7 @@ import gzip
 import io
 import re
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, cast
 
@@ -17,7 +17,7 @@ from wrcd.errors import InputError
 if TYPE_CHECKING:
     from wrcd.bus.columns import Stretch
 
-__all__ = ["Damage", "format_line", "log_suffix", "parse_line", "read_log", "read_stretches"]
+__all__ = ["Damage", "format_line", "log_suffix", "parse_line", "read_lines", "read_log", "read_stretches"]
 CHUNK_BYTES, READ_BYTES = 1 << 18, 1 << 13  # of a log, taken at once, and asked of the file at once
 CANDUMP_SUFFIXES = {".log"}
 # (1700000000.123456) can0 091#0011223344556677 — with -N nine decimals; an id of 3 or 8 digits; R for remote and the
@@ -26,6 +26,9 @@ _LINE = re.compile(
     rb"\((\d{1,11})\.(\d{6})(?:\d{3})?\)\s+(\S+)\s+([0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})#(?:#([0-9A-Fa-f]))?"
     rb"(?:([Rr])([0-8]?)|((?:[0-9A-Fa-f]{2})*))(?:_([9A-Fa-f]))?(?:\s+[RT])?\s*"
 )
+# "  vcan0  123   [8]  11 22 33": with -t a stamp before it, with -c colours between
+_SCREEN = re.compile(rb"[^#]*?\s[0-9A-Fa-f]{3,8}\b[^#]*?\[\d{1,2}\]")
+STANDARD_INPUT = Path("standard input")  # in messages
 _DROPPED = re.compile(rb"DROPCOUNT: dropped (\d{1,9}) CAN frames? on .*")
 _ERROR_FLAG = 0x20000000
 
@@ -73,6 +76,22 @@ def read_log(path: Path, damage: Damage) -> Iterator[tuple[Frame, str]]:
             yield from _read_candump(path, damage)
         else:
             yield from _read_other(path, damage)
+
+
+def read_lines(lines: Iterable[bytes], damage: Damage) -> Iterator[tuple[Frame, str]]:
+    """Frames and channels of the lines of a candump log as they come, each before the next is asked for.
+
+    Raises InputError for what candump shows on a screen, which has no stamps that could be relied on, and if there is
+    not one frame; damage is filled in on the way.
+    """
+    for number, line in enumerate(lines, 1):
+        found = _read_line(line, number, damage)
+        if found is not None:
+            yield found
+        elif not damage.read and _SCREEN.match(line[:200]):
+            raise InputError("is what candump shows on a screen", file=STANDARD_INPUT, line=number, hint="candump -L")
+    if not damage.read:
+        raise InputError("has not one readable frame", file=STANDARD_INPUT, hint="candump -L vcan0 | wrcd dump -")
 
 
 @contextlib.contextmanager

@@ -26,15 +26,21 @@ def check_interface(name: str) -> None:
     advice.check_interface(name, can.VALID_INTERFACES)
 
 
-def open_bus(interface: str, channel: str, **options: Any) -> can.BusABC:
-    """A bus by python-can's names. Raises InputError for an interface that it does not know, BusError for one that
-    cannot be opened."""
+def open_bus(interface: str, channel: str, *, user_settings: bool = False, **options: Any) -> can.BusABC:
+    """A bus by python-can's names.
+
+    user_settings: for a tool: CAN_CONFIG, CAN_BITRATE, ~/.canrc and the like add what is not given here. To the daemon
+    they say nothing: what it opens is its configuration's alone.
+    Raises InputError for an interface that python-can does not know, BusError for one that cannot be opened.
+    """
     check_interface(interface)
     try:
-        return can.Bus(interface=interface, channel=channel, **options)
+        # python-can makes a number of a channel that is one where it reads settings: its drivers count on it
+        number = int(channel) if channel.isdecimal() else channel
+        return can.Bus(interface=interface, channel=number, ignore_config=not user_settings, **options)
     except (can.CanError, OSError, ValueError, ImportError, NotImplementedError, AttributeError, TypeError) as e:
         reason = e.strerror if isinstance(e, OSError) and e.strerror else e
-        hint = advice.for_python_can(interface, channel, e)
+        hint = advice.for_python_can(interface, channel, e, user_settings)
         raise BusError(f"{interface}:{channel} cannot be opened: {reason}", key="channel", hint=hint) from None
 
 
@@ -45,12 +51,20 @@ class PythonCanLink:
     wait, and each look takes one such frame. Some hundred of them a second would keep the sensors' waiting for ever.
     """
 
-    def __init__(self, interface: str, channel: str, keys: tuple[int, ...] | None, **options: Any) -> None:
+    def __init__(
+        self,
+        interface: str,
+        channel: str,
+        keys: tuple[int, ...] | None,
+        *,
+        user_settings: bool = False,
+        **options: Any,
+    ) -> None:
         self.name = f"{interface}:{channel}"
         self.health = LinkHealth()
         self._keys = None if keys is None else frozenset(keys)
         self._own: set[int] = set()  # keys of the frames sent here
-        self._bus = open_bus(interface, channel, **options)
+        self._bus = open_bus(interface, channel, user_settings=user_settings, **options)
 
     def receive(self, now_us: int) -> list[Frame]:
         """What is there, MAX_FRAMES at the most, those of other ids and error frames among them."""

@@ -45,6 +45,9 @@ Dues = tuple[int, ...]  # cycles (in µs) of the frames that are due
 class Observer(Protocol):
     """Is shown the records that travel through a core; it changes nothing."""
 
+    def accepted(self, samples: Sequence[Sample], stamp_us: int) -> None:
+        """A frame was accepted."""
+
     def stepped(self, ticks: Ticks, first: int, result: StepResult) -> None:
         """The estimator has taken len(result) of the ticks, from `first` on."""
 
@@ -170,6 +173,8 @@ class Core:
             self.counts.late += 1
         for sample in samples:
             self._inputs.accept(sample, stamp_us)
+        if self._observer is not None:
+            self._observer.accepted(samples, stamp_us)
 
     def advance(self, now_us: int) -> list[Outgoing]:
         """Time has come to now_us and every frame stamped before it has been fed: close the ticks that are over.

@@ -42,7 +42,8 @@ def steady_us() -> int:
 class Daemon:
     """Ties a link to the core. poll() waits and turns once; run() goes on until it is told to stop.
 
-    With reload, SIGHUP reads the configuration again; without, it ends the daemon as SIGTERM does.
+    With reload, SIGHUP reads the configuration again; without, it ends the daemon as SIGTERM does. write takes a line
+    of the log.
     """
 
     def __init__(
@@ -54,12 +55,13 @@ class Daemon:
         steady: Callable[[], int] = steady_us,
         reload: Reload | None = None,
         recorder: Recorder | None = None,
+        write: Callable[[str], None] = log_line,
     ) -> None:
         self.core, self.link = core, link
         self._recorder = recorder
         core.health.link = link.health
         self._reload = reload
-        self._watch = CounterLog(core, link)
+        self._watch = CounterLog(core, link, write)
         self._notifier = notifier or Notifier({})
         self._clock, self._monotonic = clock, steady
         self._told_us = steady()  # the steady clock's time up to which the core has been told

@@ -15,7 +15,9 @@ from wrcd.tools.commands import (
     replay_command,
     run_command,
 )
+from wrcd.tools.completion import completion_of
 from wrcd.tools.guard import guarded
+from wrcd.tools.install import command as install_command
 from wrcd.tools.monitor import command as monitor_command
 from wrcd.tools.parser import asked, make_parser
 
@@ -29,6 +31,8 @@ COMMANDS: tuple[Command, ...] = (
     replay_command.COMMAND,
     init_command.COMMAND,
     lint_command.COMMAND,
+    *install_command.COMMANDS,
+    completion_of("wrcd"),
 )
 
 

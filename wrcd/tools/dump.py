@@ -10,41 +10,55 @@ from typing import Any
 from wrcd.bus.codec import message_key
 from wrcd.bus.dbc import Message, load_dbc
 from wrcd.bus.frame import Frame
-from wrcd.bus.log import Damage, format_line, read_log
+from wrcd.bus.log import STANDARD_INPUT, Damage, format_line, read_lines, read_log
 from wrcd.bus.log_order import on_channel
-from wrcd.bus.opening import open_link
 from wrcd.config import load_config
-from wrcd.errors import Status
+from wrcd.core.configuration import Config
+from wrcd.errors import InputError, Status
+from wrcd.tools.bus_of import open_bus_of
+from wrcd.tools.colour import coloured
+
+PIPE = Path("-")
 
 BOLD_GREEN, BOLD_YELLOW, BOLD_RED, PLAIN = "\033[1;32m", "\033[1;33m", "\033[1;31m", "\033[0m"
 _COLOURS = {"Valid": BOLD_GREEN, "Degraded": BOLD_YELLOW, "Error": BOLD_RED, "NotAvailable": BOLD_RED}
 
 
 def dump(args: argparse.Namespace) -> int:
-    """Print frames of a log or of a bus until it ends, the count is reached or Ctrl-C. Returns the exit status."""
+    """Print frames of a log, of standard input or of a bus. Returns the exit status."""
     config = load_config(args.config)
     # of an id that is in several, the first one's: what was named comes before the configuration's
     databases = (*map(load_dbc, args.dbc), config.database)
     messages = {message_key(m): m for database in reversed(databases) for m in reversed(database.messages)}
     damage = Damage()
-    if args.log is not None:
-        frames = read_log(args.log, damage)
-        if args.channel is not None:
-            frames = on_channel(frames, args.channel, args.log)
+    piped = args.log == PIPE
+    log = STANDARD_INPUT if piped else args.log
+    if log is None:
+        frames = _live(args, config)
     else:
-        frames = _live(args.interface or config.interface, args.channel or config.channel)
-    colour = sys.stdout.isatty()
-    for number, (frame, channel) in enumerate(frames, 1):
-        print(line(frame, channel, messages.get(frame.key), colour), flush=args.log is None)
-        if number == args.count:
-            break
-    for warning in damage.warnings(args.log or Path()):
-        print(f"wrcd: warning: {warning}", file=sys.stderr)
+        frames = _piped(damage) if piped else read_log(log, damage)
+        if args.channel is not None:
+            frames = on_channel(frames, args.channel, log)
+    colour, live = coloured(sys.stdout), piped or log is None
+    try:
+        for number, (frame, channel) in enumerate(frames, 1):
+            print(line(frame, channel, messages.get(frame.key), colour), flush=live)
+            if number == args.count:
+                break
+    finally:  # Ctrl-C, too
+        for warning in damage.warnings(log or Path()):
+            print(f"wrcd: warning: {warning}", file=sys.stderr)
     return Status.DONE if damage.whole else Status.STOPPED
 
 
-def _live(interface: str, channel: str) -> Iterator[tuple[Frame, str]]:
-    link = open_link(interface, channel, None, fd=interface == "socketcan")
+def _piped(damage: Damage) -> Iterator[tuple[Frame, str]]:
+    if sys.stdin is None:
+        raise InputError("is closed", file=STANDARD_INPUT, hint="candump -L vcan0 | wrcd dump -")
+    return read_lines(sys.stdin.buffer, damage)
+
+
+def _live(args: argparse.Namespace, config: Config) -> Iterator[tuple[Frame, str]]:
+    link, channel = open_bus_of(args, config, None)
     try:
         while True:
             for frame in link.receive(time.time_ns() // 1000):

@@ -5,7 +5,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Self
+from typing import IO, TYPE_CHECKING, Self
 
 from wrcd.bus.log import format_line
 from wrcd.core.configuration import Config
@@ -16,6 +16,9 @@ from wrcd.tools.events import SCREEN, EventRows
 from wrcd.tools.rows import Rows
 from wrcd.tools.selection import Part
 
+if TYPE_CHECKING:
+    from wrcd.tools.export.gather import Gather
+
 
 @dataclass(frozen=True, slots=True)
 class Outputs:
@@ -24,11 +27,16 @@ class Outputs:
     frames: Path | None = None  # -o
     rows: Path | None = None  # --csv
     events: Path | None = None  # --events
+    mf4: Path | None = None  # --mf4
+    mcap: Path | None = None  # --mcap
 
     @property
     def files(self) -> list[tuple[str, Path]]:
         """Options and their files."""
-        named = (("-o", self.frames), ("--csv", self.rows), ("--events", self.events))
+        named = (
+            ("-o", self.frames), ("--csv", self.rows), ("--events", self.events), ("--mf4", self.mf4),
+            ("--mcap", self.mcap),
+        )  # fmt: skip
         return [(key, file) for key, file in named if file is not None and not (key == "--events" and file == SCREEN)]
 
     def remove(self) -> None:
@@ -68,9 +76,17 @@ def _same(one: Path, other: Path) -> bool:
 class Writing:
     """Outputs as they are written. A context manager: its end closes them."""
 
-    def __init__(self, outputs: Outputs, core: Core, config: Config, explained: bool, part: Part) -> None:
+    def __init__(
+        self,
+        outputs: Outputs,
+        core: Core,
+        config: Config,
+        explained: bool,
+        part: Part,
+        gathered: "Gather | None" = None,
+    ) -> None:
         self.sent = 0  # frames within the part
-        self._part = part
+        self._part, self._gathered = part, gathered
         with contextlib.ExitStack() as files:
             self._frames = files.enter_context(create(outputs.frames)) if outputs.frames else None
             self._events: EventRows | None = None
@@ -82,8 +98,10 @@ class Writing:
             self._rows: Rows | None = None
             if outputs.rows is not None:
                 self._rows = Rows(files.enter_context(create(outputs.rows)), config, explained, part)
-            elif explained or (outputs.frames is None and outputs.events is None):
+            elif explained or not (outputs.files or outputs.events):
                 self._rows = Rows(sys.stdout, config, explained, part)
+            if gathered is not None:
+                files.callback(gathered.close)
             self._files = files.pop_all()
 
     def __enter__(self) -> Self:
@@ -101,7 +119,13 @@ class Writing:
                     self._frames.write(format_line(o.frame, channel) + "\n")
                 if self._rows:
                     self._rows.write(o)
-            if self._events:
-                self._events.look()
+                if self._gathered:
+                    self._gathered.sent(o)
+            self._look()
+        self._look()
+
+    def _look(self) -> None:
         if self._events:
             self._events.look()
+        if self._gathered:
+            self._gathered.look()

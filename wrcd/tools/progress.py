@@ -3,6 +3,8 @@
 import sys
 import time
 
+from wrcd.tools.colour import moves
+
 EVERY_S = 0.5
 
 
@@ -10,7 +12,7 @@ class Progress:
     """On a terminal one line, written anew twice a second at most. Elsewhere nothing, or each step on its own line."""
 
     def __init__(self, steps: bool = False) -> None:
-        self._terminal = sys.stderr.isatty()
+        self._terminal = moves(sys.stderr)
         self._steps = steps
         self._began = self._shown = time.monotonic()
 

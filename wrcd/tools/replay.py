@@ -15,6 +15,7 @@ from wrcd.core.messages import Outgoing
 from wrcd.errors import InputError, Status
 from wrcd.recorder.resume import Saved, load, state_file
 from wrcd.tools.events import SCREEN
+from wrcd.tools.export.opening import about, gather
 from wrcd.tools.feed import outgoing, outgoing_of_stretches, progress
 from wrcd.tools.outputs import Outputs, Writing, check_outputs
 from wrcd.tools.selection import WHOLE, Part, Selection, Survey, check_time, survey
@@ -29,6 +30,8 @@ def replay(
     changes: Path | None = None,
     *,
     selection: Selection = WHOLE,
+    mf4: Path | None = None,
+    mcap: Path | None = None,
 ) -> int:
     """Run a log and write what was asked for; a summary goes to standard error. explained: the CSV's rows say which
     model and which rule decided.
@@ -36,14 +39,15 @@ def replay(
     Returns the exit status: STOPPED for a log that could not be read to its end, NOT_THERE where no frame is an input.
     Outputs of a log that turns out not to be readable at all are removed again.
     """
-    outputs = Outputs(output, table, changes)
+    outputs = Outputs(output, table, changes, mf4, mcap)
     check_log(log)
     check_outputs([outputs], [log], config_file)
     if changes == SCREEN and explained and table is None:
         raise InputError("and the rows of --explain are both for the screen", key="--events", hint="name a file")
     config = load_config(config_file)
     selection.check(config)
-    core = Core(config)
+    gathered = gather(outputs, config)
+    core = Core(config, observer=gathered)
     saved = resume(core, log)
     # a pipe cannot be read twice; a state may tell of an axle whose frames lie before the log
     looked = survey(log, config, selection.channel) if log.is_file() or not log.exists() else Survey()
@@ -53,7 +57,9 @@ def replay(
         check_time(log, selection, part)
     run = Run(log, core, saved, selection.channel)
     try:
-        with Writing(outputs, core, config, explained, part) as writing:
+        if gathered is not None:
+            gathered.begin(core, part, about(log, config, found.first_us))
+        with Writing(outputs, core, config, explained, part, gathered) as writing:
             writing.write(run.made(part))
         if not writing.sent:
             check_time(log, selection, part)

@@ -26,19 +26,22 @@ def replays(
     changes: Path | None = None,
     *,
     selection: Selection = WHOLE,
+    mf4: Path | None = None,
+    mcap: Path | None = None,
 ) -> int:
     """Replay logs into folders: NAME.log of the frames sent in `output`, NAME.csv in `table`, NAME.events.csv in
-    `changes`. What is said of each log is printed in their order.
+    `changes`, NAME.mf4 in `mf4`, NAME.mcap in `mcap`. What is said of each log is printed in their order.
 
     Returns the largest exit status. Raises InputError before the first log where the outputs cannot be.
     """
     if jobs < 1:
         raise InputError(f"takes 1 or more, not {jobs}", key="--jobs")
-    if output is None and table is None and changes is None:
+    folders = (("-o", output), ("--csv", table), ("--events", changes), ("--mf4", mf4), ("--mcap", mcap))
+    if not any(folder is not None for _, folder in folders):
         raise InputError(
             "are several logs",
             key="LOG",
-            hint="name a folder for what comes of them: --csv DIR, --events DIR or -o DIR",
+            hint="name a folder for what comes of them: --csv DIR, --events DIR, --mf4 DIR, --mcap DIR or -o DIR",
         )
     if explained and table is None:
         raise InputError("needs a folder for the rows of several logs", key="--explain", hint="name it: --csv DIR")
@@ -50,11 +53,13 @@ def replays(
             output / f"{name}.log" if output else None,
             table / f"{name}.csv" if table else None,
             changes / f"{name}.events.csv" if changes else None,
+            mf4 / f"{name}.mf4" if mf4 else None,
+            mcap / f"{name}.mcap" if mcap else None,
         )
         for name in names
     ]
     check_outputs(outputs, logs, config)
-    for key, folder in (("-o", output), ("--csv", table), ("--events", changes)):
+    for key, folder in folders:
         if folder is not None:
             try:
                 folder.mkdir(parents=True, exist_ok=True)
@@ -62,10 +67,7 @@ def replays(
                 raise InputError(f"is no folder: {e.strerror}", file=folder, key=key) from None
     status = 0
     with ProcessPoolExecutor(min(jobs, len(logs)), mp_context=get_context("spawn")) as pool:
-        runs = [
-            pool.submit(_one, log, config, to.frames, to.rows, explained, to.events, selection)
-            for log, to in zip(logs, outputs, strict=True)
-        ]
+        runs = [pool.submit(_one, log, config, to, explained, selection) for log, to in zip(logs, outputs, strict=True)]
         for log, run in zip(logs, runs, strict=True):
             ended, said = run.result()
             print(f"{log}:\n{said.rstrip()}", file=sys.stderr)
@@ -73,20 +75,14 @@ def replays(
     return status
 
 
-def _one(
-    log: Path,
-    config: Path | None,
-    output: Path | None,
-    table: Path | None,
-    explained: bool,
-    changes: Path | None,
-    selection: Selection,
-) -> tuple[int, str]:
+def _one(log: Path, config: Path | None, to: Outputs, explained: bool, selection: Selection) -> tuple[int, str]:
     """One log in a process of its own: its exit status, and what it says."""
     said = io.StringIO()
     with contextlib.redirect_stderr(said):
         try:
-            status = replay(log, config, output, table, explained, changes, selection=selection)
+            status = replay(
+                log, config, to.frames, to.rows, explained, to.events, selection=selection, mf4=to.mf4, mcap=to.mcap
+            )
         except InputError as e:
             print(f"wrcd: error: {e}", file=said)
             status = Status.BAD_INPUT

@@ -54,4 +54,14 @@ STATUSES: dict[str, dict[Status, str]] = {
         Status.NOT_THERE: "no frame of the log fits the configuration",
         Status.INTERRUPTED: "Ctrl-C",
     },
+    "install": {
+        Status.DONE: "installed, or with `--dry-run` looked at; the output says what changed and what was kept",
+        Status.BAD_INPUT: "nothing was changed: no root, no systemd, a program that units cannot start, or a "
+        "configuration that does not hold with this version",
+    },
+    "uninstall": {
+        Status.DONE: "removed, or with `--dry-run` looked at; the output says what was kept",
+        Status.BAD_INPUT: "no root, no systemd, or nothing that `wrcd install` has installed",
+    },
+    "completion": {Status.DONE: "the script is printed"},
 }

@@ -1,6 +1,7 @@
 """The engine on the train against filterpy and scikit-fuzzy, over real logs."""
 
 import random
+from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
 
@@ -9,6 +10,7 @@ import pytest
 
 from sim_ecu.design.verify import MAX_FUZZY, MAX_INNOVATION, Findings, compare, run
 from tests.support.scenarios import FOUR_AXLES, LogOf, held
+from wrcd.bus.codec import Sample
 from wrcd.bus.log import Damage, read_log
 from wrcd.config import load_config
 from wrcd.core.core import Core
@@ -64,6 +66,9 @@ class Lengths:
     def stepped(self, ticks: Ticks, first: int, result: StepResult) -> None:
         """Keep the newest tick's."""
         self._near_pulse = bool(result.near_pulse[-1, 0])
+
+    def accepted(self, samples: Sequence[Sample], stamp_us: int) -> None:
+        """Frames tell of neither."""
 
     def was_reset(self, axle: int) -> None:
         """Nothing is kept of an axle."""

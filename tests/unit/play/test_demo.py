@@ -1,22 +1,127 @@
-"""`sim-ecu demo` in real time on python-can's virtual bus."""
+"""`sim-ecu demo` in real time on python-can's virtual bus; its screen and its summary without one."""
 
 from pathlib import Path
 
 import pytest
 
 from sim_ecu.cli import main
+from sim_ecu.play import demo_summary
+from sim_ecu.play.adhesion import Said
+from sim_ecu.play.demo_screen import Screen
+from sim_ecu.play.observer import Trace
 from tests.support.scenarios import held
+from wrcd.core.causes import Cause, Validity
+from wrcd.core.events import Change
+
+FIRST_US = 1_700_000_000_000_000
+
+
+def at(seconds: float) -> int:
+    return FIRST_US + round(seconds * 1e6)
 
 
 def test_the_demo_shows_the_estimate_and_leaves_log_and_picture(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.chdir(tmp_path)
     (tmp_path / "wet.toml").write_text(held("C", 4.0))
-    arguments = ["demo", "-i", "virtual", "-c", "test", "--scenario", str(tmp_path / "wet.toml"), "-o", str(tmp_path)]
-    assert main(arguments) == 0
+    assert main(["demo", "-i", "virtual", "-c", "test", "--scenario", "wet.toml", "-o", str(tmp_path / "out")]) == 0
     said = capsys.readouterr().out
+    lines = said.splitlines()
+    legend, first = next(k for k, x in enumerate(lines) if "the truth" in x), next(
+        k for k, x in enumerate(lines) if " s A1 |" in x
+    )  # fmt: skip
+    assert legend < first
     assert said.count(" s A1 |") >= 5
     assert " Valid " in said
+    assert "axle 1: NotAvailable: the window is not full yet" in said
+    assert "axle 1: Valid, after 1." in said
     assert "percentage points" in said
-    assert (tmp_path / "wet.log").read_text().count(" 091#") > 100
-    assert (tmp_path / "wet.png").read_bytes().startswith(b"\x89PNG")
+    assert "log      out/wet.log" in said
+    assert "picture  out/wet.png" in said
+    assert str(tmp_path) not in said
+    assert (tmp_path / "out/wet.log").read_text().count(" 091#") > 100
+    assert (tmp_path / "out/wet.png").read_bytes().startswith(b"\x89PNG")
+
+
+def truth(available: float, used: float) -> dict[str, float]:
+    return {"MuAvailable": available, "MuUsed": used}
+
+
+def test_line_has_truth_estimate_and_use_in_their_places(capsys: pytest.CaptureFixture[str]) -> None:
+    said: Said = {"MuAvailable": 30.0, "Validity": "Valid", "ContactState": "Adhering", "Surface": "Dry"}
+    trace = Trace([(2.0, truth(40.0, 10.0))], [(2.0, {**said, "Confidence": "Within5pp"})])
+    screen = Screen([1])
+    screen.begin()
+    screen.moment({1: trace})
+    *_, scale, line = capsys.readouterr().out.splitlines()
+    bar = line[line.index("|") + 1 : line.rindex("|")]
+    assert (bar.count("="), bar.index("E"), bar.index("T")) == (11, 30, 40)
+    assert [scale.index(str(pct)) - line.index("|") - 1 for pct in (30, 40)] == [30, 40]
+    assert "truth 40.0 %  wrcd  30.0 ± 5 %  Valid" in line
+    trace.adhesion[0][1]["MuAvailable"] = 40.0
+    screen.moment({1: trace})
+    assert "*" in capsys.readouterr().out
+
+
+def test_interval_without_a_bound_is_no_number(capsys: pytest.CaptureFixture[str]) -> None:
+    said: Said = {"MuAvailable": 30.0, "Validity": "Degraded", "Confidence": "None"}
+    Screen([1]).moment({1: Trace([(2.0, truth(40.0, 10.0))], [(2.0, said)])})
+    assert "30.0 ± ? %  Degraded" in capsys.readouterr().out
+
+
+def test_change_is_told_with_its_cause_in_words_and_figures(capsys: pytest.CaptureFixture[str]) -> None:
+    valid, degraded = Validity.VALID, Validity.DEGRADED
+    screen = Screen([1])
+    screen.changes(
+        [
+            Change(at(3.0), 1, valid, degraded, Cause.TOO_LITTLE_DATA, "18 % +- 19, limit +- 10"),
+            Change(at(3.1), 2, valid, degraded, Cause.HARSH, "another axle"),
+            Change(at(3.5), 1, degraded, valid, Cause.NONE, ""),
+        ],
+        FIRST_US * 1e-6,
+    )
+    assert capsys.readouterr().out.splitlines() == [
+        f"  3.0 s axle 1: Degraded: {Cause.TOO_LITTLE_DATA.words} (18 % +- 19, limit +- 10)",
+        "  3.5 s axle 1: Valid, after 0.5 s",
+    ]
+
+
+def test_change_that_comes_again_at_once_is_told_once(capsys: pytest.CaptureFixture[str]) -> None:
+    screen = Screen([1])
+    for k in range(20):
+        before, after = (Validity.VALID, Validity.DEGRADED)[:: 1 if k % 2 else -1]
+        cause = Cause.INPUT_STALE if after is Validity.DEGRADED else Cause.NONE
+        screen.changes([Change(at(k * 0.1), 1, before, after, cause, "")], FIRST_US * 1e-6)
+    assert len(capsys.readouterr().out.splitlines()) == 4
+
+
+def test_summary_says_how_fast_it_followed_and_when_it_was_not_valid() -> None:
+    rows = [k * 0.02 for k in range(200)]
+    trace = Trace(
+        [(t, truth(40.0 if t < 2.0 else 4.0, 3.0)) for t in rows],
+        [(t, {"MuAvailable": 40.0 if t < 2.12 else 4.0, "Validity": "Valid"}) for t in rows],
+    )
+    valid, none, degraded = Validity.VALID, Validity.NOT_AVAILABLE, Validity.DEGRADED
+    changes = [
+        Change(at(0.0), 1, none, none, Cause.WARMING_UP, ""),
+        Change(at(1.0), 1, none, valid, Cause.NONE, ""),
+        Change(at(2.1), 1, valid, degraded, Cause.TOO_LITTLE_DATA, ""),
+        Change(at(2.2), 1, degraded, degraded, Cause.HARSH, ""),
+    ]
+    first, *rest = demo_summary.lines(1, trace, changes, FIRST_US * 1e-6, 4.0)
+    assert first.startswith("axle 1: 200 valid frames of 200, error of the estimate: median 0.0, mean 1.1 ")
+    assert [x.strip() for x in rest] == [
+        "at 2.0 s the rail went from 40.0 to 4.0 %: wrcd followed within 0.12 s",
+        "not Valid from 0.0 to 1.0 s: NotAvailable, WarmingUp",
+        "not Valid from 2.1 to 4.0 s: Degraded, TooLittleData; Degraded, Harsh",
+    ]
+
+
+def test_estimate_that_never_follows_is_said() -> None:
+    rows = [k * 0.02 for k in range(200)]
+    trace = Trace(
+        [(t, truth(40.0 if t < 2.0 else 4.0, 3.0)) for t in rows],
+        [(t, {"MuAvailable": 40.0, "Validity": "Valid"}) for t in rows],
+    )
+    assert "wrcd has not followed" in demo_summary.lines(1, trace, [], FIRST_US * 1e-6, 4.0)[1]

@@ -161,6 +161,7 @@ def test_answer_without_anybody_to_hear_it_is_no_error() -> None:
         (2**22 + 1, f"process {2**22 + 1}: is not there"),
         (os.getpid(), f"process {os.getpid()}: is no `wrcd run`"),
     ],
+    ids=["0", "-1", "beyond the last", "this one"],
 )
 def test_other_process_is_refused_and_gets_no_signal(
     pid: int, message: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

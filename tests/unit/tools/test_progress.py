@@ -19,6 +19,7 @@ def test_terminal_gets_one_line_at_most_twice_a_second(
     clock: list[float], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    monkeypatch.setenv("TERM", "xterm")
     p = Progress()
     for share in (0.1, 0.2, 0.25, 1.0):
         clock[0] += 0.3

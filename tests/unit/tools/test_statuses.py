@@ -56,6 +56,7 @@ WRCD_CASES = [
     ("replay {log} --config bad.toml", 2),
     ("replay {log} --config late.toml", 2),
     ("replay {log} {log2} --csv {dir}/both --config never.toml", 2),
+    ("completion bash", 0),
 ]
 RIG_CASES = [
     ("list", 0),
@@ -81,6 +82,7 @@ RIG_CASES = [
     ("verify {log} --config never.toml", 3),
     ("demo --scenario nowhere", 2),
     ("demo --scenario never.toml", 3),
+    ("completion zsh", 0),
 ]
 # What takes minutes, an hour, or something to go wrong; Ctrl-C is one for all.
 ELSEWHERE = {

@@ -21,6 +21,7 @@ from wrcd.tools.bus_check.gather import Gathered, Item
 from wrcd.tools.bus_check.page import nothing, page
 from wrcd.tools.bus_check.signs import signs
 from wrcd.tools.bus_check.times import Clock
+from wrcd.tools.bus_of import pick_bus
 from wrcd.tools.feed import outgoing_of_stretches, progress
 from wrcd.tools.progress import Progress
 
@@ -47,13 +48,12 @@ def check_live(seconds: float, config_file: Path | None, interface: str | None, 
         raise InputError(f"takes seconds up to {MAX_LIVE_S:g}, not {seconds:g}", key="--live")
     config = load_config(config_file)
     gathered = Gathered(config)
-    heard = _heard(config, seconds, interface, channel, gathered.receiver.fd)
+    bus = pick_bus(interface, channel, config_file, (config.interface, config.channel))
+    heard = _heard(seconds, *bus, gathered.receiver.fd)
     return _report(config, gathered, heard)
 
 
-def _heard(
-    config: Config, seconds: float, interface: str | None, channel: str | None, fd: bool
-) -> Iterator[tuple[Frame, str]]:
+def _heard(seconds: float, interface: str, channel: str, fd: bool) -> Iterator[tuple[Frame, str]]:
     """Every frame of a bus for so long."""
     stopped = False
 
@@ -61,15 +61,14 @@ def _heard(
         nonlocal stopped
         stopped = True
 
-    name = channel or config.channel
-    link = open_link(interface or config.interface, name, None, fd=fd)
+    link = open_link(interface, channel, None, fd=fd, user_settings=True)
     shown, began = Progress(), time.monotonic()
     before = signal.signal(signal.SIGINT, stop)
     try:
         while not stopped and (passed := time.monotonic() - began) < seconds:
             for frame in link.receive(time.time_ns() // 1000):
-                yield frame, name
-            shown.at(f"{name}: listening", passed / seconds)
+                yield frame, channel
+            shown.at(f"{channel}: listening", passed / seconds)
             time.sleep(TURN_S)
     finally:
         signal.signal(signal.SIGINT, before)

@@ -8,7 +8,13 @@ from wrcd.tools.commands.arguments import add_bus
 
 
 def _add(p: argparse.ArgumentParser) -> None:
-    p.add_argument("log", nargs="?", type=Path, help="a log instead of a bus")
+    p.add_argument(
+        "log",
+        nargs="?",
+        metavar="LOG",
+        type=Path,
+        help="a log instead of a bus; -: standard input, lines of candump -L as they come",
+    )
     add_bus(p)
     p.add_argument("-n", "--count", type=int, default=0, help="stop after so many frames")
     p.add_argument(
@@ -32,7 +38,7 @@ COMMAND = Command(
     "dump",
     "candump lines with the decoded values behind them",
     (
-        ("wrcd dump -i socketcan -c vcan0", "what a bus carries, until Ctrl-C"),
+        ("candump -L vcan0 | wrcd dump -", "what a bus carries, through candump's filters, until Ctrl-C"),
         ("wrcd dump ride.log --dbc train.dbc -n 100", "the first hundred frames of a log, by the train's own DBC, too"),
     ),
     _add,

@@ -7,7 +7,7 @@ from wrcd.tools.command import Command
 
 
 def _add(p: argparse.ArgumentParser) -> None:
-    p.add_argument("dbc", type=Path, metavar="DBC")
+    p.add_argument("dbc", type=Path, metavar="DBC", help="the train's DBC")
     p.add_argument("-o", "--output", type=Path, metavar="MY.toml", help="write it there (default: to the screen)")
     p.add_argument("--force", action="store_true", help="overwrite a file that is there")
 

@@ -7,7 +7,7 @@ from wrcd.tools.command import Command
 
 
 def _add(p: argparse.ArgumentParser) -> None:
-    p.add_argument("dbc", type=Path, metavar="DBC")
+    p.add_argument("dbc", type=Path, metavar="DBC", help="the train's DBC")
     p.add_argument("--json", action="store_true", help="for a program: a record for each finding")
 
 

@@ -39,6 +39,14 @@ def _add(p: argparse.ArgumentParser) -> None:
         "several logs a folder of them",
     )  # fmt: skip
     p.add_argument(
+        "--mf4", type=Path, metavar="OUT.mf4",
+        help="write signals as ASAM MDF 4: what is sent, the inputs, the changes of Validity; needs the extra mf4; of "
+        "several logs a folder of them",
+    )  # fmt: skip
+    p.add_argument(
+        "--mcap", type=Path, metavar="OUT.mcap", help="write the same as MCAP, JSON inside; needs the extra mcap"
+    )
+    p.add_argument(
         "--explain", action="store_true", help="rows also name the winning model and the dominant rule of the moment"
     )
     p.add_argument("--jobs", type=int, default=1, metavar="N", help="of several logs, so many at once (default: 1)")
@@ -51,10 +59,14 @@ def _run(args: argparse.Namespace) -> int:
 
     selection = Selection(args.begin, args.end, args.relative, tuple(args.axle), args.channel)
     if len(args.logs) == 1:
-        return replay(args.logs[0], args.config, args.output, args.csv, args.explain, args.events, selection=selection)
+        return replay(
+            args.logs[0], args.config, args.output, args.csv, args.explain, args.events, selection=selection,
+            mf4=args.mf4, mcap=args.mcap,
+        )  # fmt: skip
     return replays(
-        args.logs, args.config, args.output, args.csv, args.explain, args.jobs, args.events, selection=selection
-    )
+        args.logs, args.config, args.output, args.csv, args.explain, args.jobs, args.events, selection=selection,
+        mf4=args.mf4, mcap=args.mcap,
+    )  # fmt: skip
 
 
 COMMAND = Command(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from wrcd.errors import InputError, NotThere
 from wrcd.tools.command import Command
-from wrcd.tools.commands.arguments import add_bus, add_config
+from wrcd.tools.commands.arguments import add_bus_of_the_daemon, add_config
 
 if TYPE_CHECKING:
     from wrcd.bus.link import Link
@@ -18,7 +18,7 @@ MAX_WAIT_S = 3600.0
 
 def _add(p: argparse.ArgumentParser) -> None:
     add_config(p)
-    add_bus(p)
+    add_bus_of_the_daemon(p)
     p.add_argument(
         "--wait", type=float, default=0.0, metavar="S",
         help="wait up to so many seconds for a bus or a file that is not there yet (default: 0)",

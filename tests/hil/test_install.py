@@ -1,0 +1,172 @@
+"""Each way of installing, under a real systemd: run, upgraded from 0.1.0, removed without a trace."""
+
+import os
+import shutil
+import subprocess
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.support.changes import changes
+from tests.support.processes import ROOT
+from tests.support.unit_train import UNIT, Train, journal, main_pid, output, prop, systemctl
+from wrcd import __version__
+from wrcd.config import DEFAULT
+
+HOME = Path("/opt/wrcd")
+WRCD = HOME / "bin/wrcd"
+BY_HAND = ROOT / "tests/data/installed-0.1.0"
+CONFIG = Path("/etc/wrcd/vcan0.toml")
+DUMP = Path("/var/lib/wrcd/vcan0/kept.log")
+SYSCTL = Path("/etc/sysctl.d/80-wrcd.conf")
+RMEM = Path("/proc/sys/net/core/rmem_max")
+OLD = "0.1.0"
+# What may be otherwise afterwards: systemd's own bookkeeping, and dpkg's.
+SYSTEMD = ("/etc/.pwd.lock", "/run/systemd", "/run/log", "/run/credentials", "/var/lib/systemd", "/var/log/journal")
+DPKG = ("/var/log/dpkg.log", "/var/log/alternatives.log", "/var/cache/debconf")
+
+
+def run(*words: str | Path, status: int = 0) -> str:
+    """What a command prints, which is shown if it ends otherwise than with a status."""
+    done = subprocess.run(words, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == status, f"{words}: {done.returncode}\n{done.stdout}{done.stderr}"
+    print(f"$ {' '.join(map(str, words))}\n{done.stdout}{done.stderr}")
+    return done.stdout + done.stderr
+
+
+@pytest.fixture(scope="module")
+def train(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Train]:
+    assert Path("/run/systemd/system").is_dir(), "this test needs systemd as PID 1: run it with `make systemd`"
+    assert not HOME.exists()
+    # The watchdog is not what is tried here, and the host may be busy with something else.
+    patient = Path("/run/systemd/system/wrcd@.service.d/patient.conf")
+    patient.parent.mkdir(parents=True)
+    patient.write_text("[Service]\nWatchdogSec=60s\nTimeoutStartSec=60s\n")
+    train = Train(tmp_path_factory.mktemp("install"))
+    train.connect()
+    yield train
+    train.disconnect()
+    shutil.rmtree(patient.parent)
+    systemctl("daemon-reload")
+
+
+@pytest.fixture
+def dpkg(tmp_path: Path) -> list[str]:
+    """dpkg with a database of what our package needs: to read this machine's takes it ten seconds in the guest."""
+    (tmp_path / "updates").mkdir()
+    (tmp_path / "info").mkdir()
+    (package,) = (ROOT / "build/unit").glob(f"wrcd_{__version__}_*.deb")
+    needed = output("dpkg-deb", "--field", str(package), "Depends")
+    names = [word.split()[0] for word in needed.split(", ")]
+    (tmp_path / "status").write_text("\n".join(output("dpkg-query", "--status", name) + "\n" for name in names))
+    return ["dpkg", "--admindir", str(tmp_path)]
+
+
+def use(train: Train) -> None:
+    """What an engineer does after the first installation: configure, enable, look; and a dump is written."""
+    CONFIG.parent.mkdir(exist_ok=True)
+    CONFIG.write_text(DEFAULT)
+    CONFIG.with_suffix(".env").write_text(f"WRCD_OPTIONS=--config {CONFIG}\n")
+    began = time.time()
+    systemctl("enable", "--now", UNIT)  # returns when READY=1 was said
+    assert prop("ActiveState") == "active", journal(began)
+    train.wait(began)
+    DUMP.write_text("a dump")
+
+
+def check_running(train: Train, version: str, unit_file: str) -> None:
+    """It runs from there, sends Valid frames, and starts with the computer."""
+    assert prop("FragmentPath") == unit_file
+    assert systemctl("is-enabled", UNIT) == "enabled"
+    train.wait(time.time() - 0.5)
+    assert run(WRCD, "--version").startswith(f"wrcd {version}\n")
+
+
+def check_kept() -> None:
+    assert CONFIG.read_text() == DEFAULT
+    assert DUMP.read_text() == "a dump"
+
+
+def be_version(version: str) -> None:
+    """What pip has unpacked is this version's."""
+    (package,) = HOME.glob("lib/python3*/site-packages/wrcd/__init__.py")
+    text = package.read_text()
+    for known in (OLD, __version__):
+        text = text.replace(f'"{known}"', f'"{version}"')
+    package.write_text(text)
+
+
+def test_wheel_is_run_upgraded_from_hand_made_files_and_removed_without_a_trace(train: Train) -> None:
+    before, rmem = changes(*SYSTEMD), RMEM.read_text()
+    run(ROOT / "tests/hil/install-program")
+    be_version(OLD)
+    shutil.copy(BY_HAND / "wrcd@.service", "/etc/systemd/system")
+    shutil.copy(BY_HAND / "80-wrcd.conf", SYSCTL)
+    systemctl("daemon-reload")
+    use(train)
+    check_running(train, OLD, "/etc/systemd/system/wrcd@.service")
+
+    be_version(__version__)
+    pid = main_pid()
+    said = run(WRCD, "install")
+    assert f"wrcd 0.1.0, laid out by hand -> {__version__}; units start {WRCD}" in said
+    assert f"holds      {CONFIG} ({UNIT})" in said
+    assert "removed    /etc/systemd/system/wrcd@.service: 0.1.0, not edited: taken over" in said
+    assert f"changed    {SYSCTL}: 0.1.0, not edited: taken over" in said
+    assert f"these run what was there before, until: systemctl restart {UNIT}\n" in said
+    assert main_pid() == pid
+    assert systemctl("cat", UNIT).startswith("# /usr/local/lib/systemd/system/wrcd@.service\n")
+    assert RMEM.read_text() == "8388608\n"
+
+    restarted = time.time()
+    said = run(WRCD, "install", "--restart")
+    assert f"restarted: {UNIT}\n" in said
+    assert main_pid() not in (0, pid)
+    assert not [line for line in said.splitlines() if line.split()[0] in ("new", "changed", "removed", "kept")]
+    train.wait(restarted + 0.1)
+    check_running(train, __version__, "/usr/local/lib/systemd/system/wrcd@.service")
+    check_kept()
+
+    said = run(WRCD, "uninstall")
+    assert f"stopped: {UNIT}\n" in said
+    assert run("systemctl", "cat", UNIT, status=1)
+    check_kept()
+    for folder in (HOME, CONFIG.parent, DUMP.parents[1], Path("/var/lib/private/wrcd")):
+        shutil.rmtree(folder)
+    assert changes(*SYSTEMD) == before
+    RMEM.write_text(rmem)
+
+
+def test_debian_package_is_run_upgraded_and_removed_without_a_trace(train: Train, dpkg: list[str]) -> None:
+    before, rmem = changes(*SYSTEMD, *DPKG), RMEM.read_text()
+    old, new = (next((ROOT / "build/unit").glob(f"wrcd_{version}_*.deb")) for version in (OLD, __version__))
+    run(*dpkg, "-i", old)
+    assert RMEM.read_text() == "8388608\n"
+    use(train)
+    check_running(train, OLD, "/lib/systemd/system/wrcd@.service")
+
+    edited = SYSCTL.read_text() + "# edited\n"
+    SYSCTL.write_text(edited)
+    pid = main_pid()
+    said = run(*dpkg, "--force-confold", "-i", new)
+    assert f"these run what was there before, until: systemctl restart {UNIT}\n" in said
+    assert main_pid() == pid
+    assert SYSCTL.read_text() == edited
+    assert SYSCTL.with_name("80-wrcd.conf.dpkg-dist").exists()
+    restarted = time.time()
+    systemctl("restart", UNIT)
+    train.wait(restarted + 0.1)
+    check_running(train, __version__, "/lib/systemd/system/wrcd@.service")
+    check_kept()
+
+    run(*dpkg, "-r", "wrcd")
+    assert run("systemctl", "cat", UNIT, status=1)
+    assert not HOME.exists()
+    check_kept()
+    assert SYSCTL.read_text() == edited
+    run(*dpkg, "-P", "wrcd")
+    assert changes(*SYSTEMD, *DPKG) == before
+    RMEM.write_text(rmem)
+    assert os.path.lexists("/usr/bin/wrcd") is False

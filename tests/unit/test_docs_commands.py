@@ -1,0 +1,48 @@
+"""Every command of the pages that needs no bus does what the page says: it runs, and ends as it should."""
+
+import re
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+from tests.support.page_commands import pages_with_steps, run_page, steps, to_run
+from tests.support.pages import ROOT, pages
+
+# Why a block is not run, and how many blocks may say so.
+REASONS = {
+    "CI runs it": 4,
+    "make design runs it: minutes": 1,
+    "tests/hil/test_install.py runs it": 6,
+    "tests/walk runs it": 4,
+    "hours": 2,
+    "minutes": 3,
+    "it needs the dump of your train": 1,
+    "it would overwrite a golden file": 1,
+}
+KINDS = {"sh", "text", "toml", "python"}
+PAGES = [p for p in pages() if p.name != "CHANGELOG.md"]
+HERE = [p for p in pages_with_steps() if to_run(p, frozenset())]
+
+
+@pytest.mark.parametrize("page", HERE, ids=lambda p: p.relative_to(ROOT).as_posix())
+def test_commands_of_a_page_run(page: Path, tmp_path: Path) -> None:
+    run_page(page, tmp_path, frozenset())
+
+
+def test_reasons_for_not_running_a_block_are_few_and_known() -> None:
+    said = Counter(s.not_run for p in pages() for s in steps(p) if s.not_run)
+    assert {r: n for r, n in said.items() if n > REASONS.get(r, 0)} == {}
+    assert set(REASONS) <= set(said), "a reason that no block gives"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.relative_to(ROOT).as_posix())
+def test_every_fence_names_its_kind(page: Path) -> None:
+    opened = re.findall(r"^ *```(.*)$", page.read_text(encoding="utf-8"), re.MULTILINE)[::2]
+    assert set(opened) <= KINDS
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.relative_to(ROOT).as_posix())
+def test_no_command_hides_in_an_indented_block(page: Path) -> None:
+    outside = re.sub(r"^( *)```.*?^\1```$", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
+    assert re.findall(r"^ {4,}(?:\.venv|wrcd|sim-ecu|make|sudo|ip|candump|python3?|pip|systemctl) .*$", outside) == []

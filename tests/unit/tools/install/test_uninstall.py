@@ -1,0 +1,115 @@
+"""`wrcd uninstall` below a folder: what it removes, and what it leaves."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.unit.tools.install.lab import MANIFEST, UNIT, Lab
+from wrcd.tools import cli
+from wrcd.tools.install import system
+from wrcd.tools.install.files import LOCAL
+from wrcd.tools.install.groups import GROUPS
+
+SYSCTL = "etc/sysctl.d/80-wrcd.conf"
+DUMP = "var/lib/private/wrcd/can0/2026.log"
+
+
+@pytest.fixture
+def lab(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Lab:
+    return Lab(tmp_path / "root", capsys)
+
+
+def test_nothing_is_left_of_what_was_installed(lab: Lab) -> None:
+    """Files, folders made for them, and enabled units; what was there before stays."""
+    lab.write("usr/local/bin/other", "")
+    lab.path("etc/sysctl.d").mkdir(parents=True)
+    before = lab.files(), lab.folders()
+    lab.install(*(word for group in GROUPS for word in ("--with", group)))
+    lab.link("etc/systemd/system/sys-subsystem-net-devices-can0.device.wants/wrcd@can0.service", f"/{UNIT}")
+    lab.uninstall()
+    lab.path("etc/systemd/system").rmdir()
+    lab.path("etc/systemd").rmdir()
+    assert (lab.files(), lab.folders()) == before
+
+
+def test_configurations_and_dumps_stay_unless_purged(lab: Lab) -> None:
+    lab.install()
+    lab.write("etc/wrcd/design.txt", "mine")
+    lab.write(DUMP, "a dump")
+    lab.link("var/lib/wrcd/can0", "../private/wrcd/can0")
+    said = lab.uninstall()
+    assert "kept       /etc/wrcd: yours; --purge removes it" in said
+    assert "kept       /var/lib/private/wrcd: yours" in said
+    assert lab.files() == ["etc/wrcd/design.txt", DUMP, "var/lib/wrcd/can0"]
+    lab.install()
+    assert "purged     /etc/wrcd" in lab.uninstall("--purge")
+    assert lab.files() == []
+
+
+def test_empty_folders_of_dumps_are_removed(lab: Lab) -> None:
+    lab.install()
+    lab.path("var/lib/private/wrcd/can0").mkdir(parents=True)
+    lab.link("var/lib/wrcd/can0", "../private/wrcd/can0")
+    lab.uninstall()
+    assert lab.files() == []
+    assert lab.folders() == ["var", "var/lib", "var/lib/private"]
+
+
+def test_edited_file_is_not_lost(lab: Lab) -> None:
+    """An edited unit would be left without its program: it is renamed to what systemd does not read."""
+    lab.install()
+    lab.edit(UNIT)
+    edited = lab.read(UNIT)
+    said = lab.uninstall()
+    assert f"saved      /{UNIT}: edited here: renamed to wrcd@.service.wrcd-saved" in said
+    assert f"left       /{LOCAL.units}: has files in it" in said
+    assert lab.read(f"{UNIT}.wrcd-saved") == edited
+    assert lab.files() == [f"{UNIT}.wrcd-saved"]
+
+
+def test_purge_removes_edited_files_and_new_ones_beside_them(lab: Lab, tmp_path: Path) -> None:
+    lab.install(data=lab.older(tmp_path))
+    lab.edit(SYSCTL)
+    lab.install()
+    assert lab.path(f"{SYSCTL}.wrcd-new").exists()
+    lab.uninstall("--purge")
+    assert (lab.files(), lab.folders()) == ([], [])
+
+
+def test_files_of_others_beside_ours_stay(lab: Lab) -> None:
+    lab.install()
+    lab.write(f"{LOCAL.examples}/mine.txt", "mine")
+    said = lab.uninstall()
+    assert f"left       /{LOCAL.examples}: has files in it" in said
+    assert lab.files() == [f"{LOCAL.examples}/mine.txt"]
+
+
+def test_dry_run_removes_nothing(lab: Lab) -> None:
+    lab.install()
+    lab.write("etc/wrcd/mine.txt", "mine")
+    before = lab.snapshot()
+    said = lab.uninstall("--dry-run", "--purge")
+    assert said.startswith("dry run: nothing is changed\n")
+    assert "purged     /etc/wrcd\n" in said
+    assert lab.snapshot() == before
+
+
+def test_without_a_record_nothing_is_removed(lab: Lab) -> None:
+    lab.by_hand()
+    before = lab.snapshot()
+    assert "nothing was installed by `wrcd install`" in lab.uninstall(status=2)
+    assert lab.snapshot() == before
+    assert not lab.path(MANIFEST).exists()
+
+
+@pytest.mark.parametrize("command", ["install", "uninstall"])
+def test_live_command_needs_systemd_and_root(
+    command: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(system, "BOOTED", tmp_path / "never")
+    assert cli.main([command]) == 2
+    assert "systemd does not run here" in capsys.readouterr().err
+    monkeypatch.setattr(system, "BOOTED", tmp_path)
+    monkeypatch.setattr(system.os, "geteuid", lambda: 1000)
+    assert cli.main([command]) == 2
+    assert "needs root — sudo, or --dry-run" in capsys.readouterr().err

@@ -1,0 +1,157 @@
+"""Completion: the packaged scripts are those of the parsers, and bash completes by them."""
+
+import argparse
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from sim_ecu import cli as rig_cli
+from sim_ecu.cli import main as sim_ecu
+from sim_ecu.play.faults import KINDS
+from sim_ecu.play.scenario import packaged
+from tests.support.completion import MAKERS
+from tests.support.completion_words import program
+from wrcd import declared, resources
+from wrcd.tools import cli
+from wrcd.tools.cli import main as wrcd
+
+# Completes the words that it is given, the last of which is being typed, and prints what readline would offer.
+SCRIPT = """
+set -u
+source "$1"
+function=$(complete -p "$2" | sed 's/.*-F \\([^ ]*\\) .*/\\1/')
+COMP_WORDS=("${@:2}")
+COMP_CWORD=$((${#COMP_WORDS[@]} - 1))
+COMPREPLY=()
+"$function" # its status says nothing: compopt has no completion to set here
+((${#COMPREPLY[@]})) && printf '%s\\n' "${COMPREPLY[@]}"
+exit 0
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    for name in ("a.toml", "b c.toml", "a.log", "a.log.gz", "x.dbc", "x.json", "notes.txt"):
+        (tmp_path / name).touch()
+    (tmp_path / "logs").mkdir()
+    return tmp_path
+
+
+def complete(*words: str, folder: Path) -> list[str]:
+    """What bash offers for the last word."""
+    done = subprocess.run(
+        ["bash", "--norc", "-c", SCRIPT, "bash", str(resources.COMPLETION / f"{words[0]}.bash"), *words],
+        cwd=folder, capture_output=True, text=True, timeout=30, check=False,
+    )  # fmt: skip
+    assert (done.returncode, done.stderr) == (0, "")
+    return done.stdout.splitlines()
+
+
+@pytest.mark.parametrize("name", MAKERS)
+def test_script_is_that_of_the_parser(name: str) -> None:
+    made = "python -m tests.support.completion"
+    assert (resources.COMPLETION / name).read_text(encoding="utf-8") == MAKERS[name](), made
+
+
+@pytest.mark.parametrize(
+    ("name", "shell", "file"),
+    [
+        ("wrcd", "bash", "wrcd.bash"),
+        ("wrcd", "zsh", "_wrcd"),
+        ("sim-ecu", "bash", "sim-ecu.bash"),
+        ("sim-ecu", "zsh", "_sim-ecu"),
+    ],
+)
+def test_command_prints_the_packaged_script(
+    name: str, shell: str, file: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert (wrcd if name == "wrcd" else sim_ecu)(["completion", shell]) == 0
+    assert capsys.readouterr().out == (resources.COMPLETION / file).read_text(encoding="utf-8")
+
+
+def test_commands_are_completed(folder: Path) -> None:
+    assert complete("wrcd", "", folder=folder) == [c.name for c in cli.COMMANDS]
+    assert complete("wrcd", "re", folder=folder) == [c.name for c in cli.COMMANDS if c.name.startswith("re")]
+    assert complete("sim-ecu", "", folder=folder) == [c.name for c in rig_cli.COMMANDS]
+    assert complete("wrcd", "--v", folder=folder) == ["--version"]
+
+
+@pytest.mark.parametrize(
+    ("name", "parser"), [("wrcd", cli._parser()), ("sim-ecu", rig_cli._parser())], ids=["wrcd", "sim-ecu"]
+)
+def test_options_of_every_command_are_completed(name: str, parser: argparse.ArgumentParser, folder: Path) -> None:
+    subs = next(a for a in parser._actions if isinstance(a, argparse._SubParsersAction))
+    for command, p in subs.choices.items():
+        every = [o for a in p._actions for o in a.option_strings]
+        assert complete(name, command, "-", folder=folder) == every
+        assert complete(name, command, "--", folder=folder) == [o for o in every if o.startswith("--")]
+
+
+LOGS = ["a.log", "a.log.gz", "logs"]
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        ("wrcd run --config ", ["a.toml", "b c.toml", "logs"]),
+        ("wrcd run --config = ", ["a.toml", "b c.toml", "logs"]),
+        ("wrcd run --config = a", ["a.toml"]),
+        ("wrcd run --config =", ["a.toml", "b c.toml", "logs"]),
+        ("wrcd run --wait ", []),
+        ("wrcd run ", []),
+        ("wrcd run -i socket", ["socketcan", "socketcand"]),
+        ("wrcd run -i virtual -c x --config a", ["a.toml"]),
+        ("wrcd dump ", LOGS),
+        ("wrcd dump -n 3 ", LOGS),
+        ("wrcd dump --dbc x.dbc --config = a.toml ", LOGS),
+        ("wrcd dump a.log ", []),
+        ("wrcd dump --dbc ", ["logs", "x.dbc"]),
+        ("wrcd replay a.log a.l", ["a.log", "a.log.gz"]),
+        ("wrcd replay a.log -o ", ["a.log", "logs"]),
+        ("wrcd lint ", ["logs", "x.dbc"]),
+        ("wrcd completion ", ["bash", "zsh"]),
+        ("wrcd nonsense ", []),
+        ("sim-ecu play le", ["leaf-patch"]),
+        ("sim-ecu play a", [*(s for s in packaged() if s.startswith("a")), "a.toml"]),
+        ("sim-ecu play dry ", []),
+        ("sim-ecu inject dry --fault c", [f"{kind}:" for kind in KINDS if kind.startswith("c")]),
+        ("sim-ecu inject dry --fault crc : ", []),
+        ("sim-ecu inject dry --fault crc : at = 3,for = 0.5 ", []),
+        ("sim-ecu inject --fault crc : at = 3,for = 0.5 le", ["leaf-patch"]),
+        ("sim-ecu design --config m", ["metro"]),
+        ("sim-ecu design --form ", ["wrcd", "paper"]),
+        ("sim-ecu design --explain x", ["x.json"]),
+        ("sim-ecu demo -o ", ["logs"]),
+        ("sim-ecu figures --output l", ["logs"]),
+    ],
+)
+def test_word_is_completed_by_what_it_may_be(line: str, expected: list[str], folder: Path) -> None:
+    assert sorted(complete(*line.split(" "), folder=folder)) == sorted(expected)
+
+
+def test_every_option_with_a_value_is_one_in_the_script(folder: Path) -> None:
+    """What follows an option with a value is never taken for a command's positional."""
+    for name in ("wrcd", "sim-ecu"):
+        for command in program(name)[1:]:
+            if not command.positionals or command.positionals[0].again:
+                continue
+            free = complete(name, command.name, "", folder=folder)
+            for option in command.options:
+                given = [option.names[-1], *(["value"] if option.takes else [])]
+                assert complete(name, command.name, *given, "", folder=folder) == free, option
+
+
+def test_interfaces_are_those_of_the_configuration(folder: Path) -> None:
+    assert tuple(complete("wrcd", "dump", "-i", "", folder=folder)) == declared.INTERFACES
+
+
+def test_channels_are_the_can_interfaces_of_the_computer(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name, kind in (("can0", 280), ("eth0", 1), ("vcan0", 280)):
+        (tmp_path / "net" / name).mkdir(parents=True)
+        (tmp_path / "net" / name / "type").write_text(f"{kind}\n")
+    monkeypatch.setenv("_wrcd_net", str(tmp_path / "net"))
+    assert complete("wrcd", "run", "-c", "", folder=folder) == ["can0", "vcan0"]
+    assert complete("wrcd", "run", "-c", "v", folder=folder) == ["vcan0"]

@@ -1,0 +1,88 @@
+"""A walk: the user's folder, what the user types there, and what a step prints."""
+
+import os
+import shutil
+import subprocess
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+OUT = ROOT / "build" / "walk"
+
+
+class StepFailed(Exception):
+    """What a user would have stumbled over."""
+
+
+def expect(met: bool, otherwise: str) -> None:
+    """Fail the step with a sentence unless the condition is met. An assert would vanish under python -O."""
+    if not met:
+        raise StepFailed(otherwise)
+
+
+@dataclass(frozen=True, slots=True)
+class Walk:
+    """folder is the clone; pictures and screens go to out, each named after its step."""
+
+    folder: Path
+    out: Path = OUT
+
+    @property
+    def env(self) -> dict[str, str]:
+        """The environment of the commands: a user's, without what this run has set for itself."""
+        left_out = ("PYTHON", "MAKE", "MFLAGS", "COVERAGE", "PYTEST", "VIRTUAL_ENV", "NO_COLOR", "CAN_")
+        return {k: v for k, v in os.environ.items() if not k.startswith(left_out)} | {"LANG": "C.UTF-8"}
+
+    def run(self, *command: str | Path, seconds: float = 120.0, status: int = 0) -> str:
+        """Run a command in the clone; return what it says. Its exit status is checked, and its time is bounded."""
+        typed = " ".join(map(str, command))
+        try:
+            done = subprocess.run(
+                [str(c) for c in command], cwd=self.folder, env=self.env, stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=seconds,
+            )  # fmt: skip
+        except subprocess.TimeoutExpired as e:
+            raise StepFailed(f"`{typed}` did not end within {seconds:g} s") from e
+        if done.returncode != status:
+            said = "\n".join(done.stdout.splitlines()[-30:])
+            raise StepFailed(f"`{typed}` ended with {done.returncode}, not {status}:\n{said}")
+        return done.stdout
+
+    def wrcd(self, *arguments: str | Path, seconds: float = 120.0, status: int = 0) -> str:
+        """Run the clone's wrcd."""
+        return self.run(".venv/bin/wrcd", *arguments, seconds=seconds, status=status)
+
+    def sim_ecu(self, *arguments: str | Path, seconds: float = 120.0, status: int = 0) -> str:
+        """Run the clone's sim-ecu."""
+        return self.run(".venv/bin/sim-ecu", *arguments, seconds=seconds, status=status)
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """A step; take returns what is seen, in one line with its figures."""
+
+    name: str
+    take: Callable[[Walk], str]
+    tools: tuple[tuple[str, str], ...] = ()  # programs that it needs, each with its Debian package
+
+
+def take(steps: list[Step], walk: Walk) -> int:
+    """Take the steps one after the other, a line each. Returns 1 at the first that fails, and names it."""
+    began = time.monotonic()
+    for step in steps:
+        at = time.monotonic()
+        try:
+            for tool, package in step.tools:
+                expect(shutil.which(tool) is not None, f"{tool} is missing; install Debian's package {package}")
+            seen = step.take(walk)
+        except StepFailed as e:
+            print(f"walk: step {step.name} failed: {e}", flush=True)
+            return 1
+        except Exception as e:
+            print(f"walk: step {step.name} failed: {type(e).__name__}: {e}", flush=True)
+            raise
+        print(f"{step.name:10} {time.monotonic() - at:5.1f} s  {seen}", flush=True)
+    print(f"walked in {time.monotonic() - began:.0f} s; pictures and screens are in {walk.out}")
+    return 0

@@ -1,0 +1,1 @@
+"""`wrcd install` and `wrcd uninstall`: units, network files, sysctl, manual pages, completion."""

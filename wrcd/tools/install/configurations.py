@@ -1,0 +1,70 @@
+"""Whether the configurations in /etc/wrcd hold with the version that is installing."""
+
+import re
+import shlex
+from dataclasses import dataclass
+from pathlib import Path
+
+from wrcd.errors import InputError
+from wrcd.tools.install.files import CONFIGURATIONS
+
+SETTING = re.compile(r"^\s*([A-Z_]+)\s*=\s*(.*?)\s*$")
+
+
+@dataclass(frozen=True, slots=True)
+class Checked:
+    """A configuration, the units that start with it, and its mistakes, if it has any."""
+
+    file: Path
+    units: tuple[str, ...]
+    mistakes: tuple[str, ...]
+
+
+def check(root: Path) -> list[Checked]:
+    """Check every TOML file in etc/wrcd that is no scenario, and every configuration that an .env file there names."""
+    folder = root / CONFIGURATIONS
+    users: dict[Path, list[str]] = {}
+    scenarios: set[Path] = set()
+    for file in sorted(folder.glob("*.env")):
+        for name, value in _settings(file):
+            if name == "WRCD_OPTIONS" and (config := _option(value, "--config")):
+                users.setdefault(_below(root, folder, config), []).append(f"wrcd@{file.stem}")
+            elif name == "SCENARIO":
+                scenarios.add(_below(root, folder, value.strip("\"'")))
+    files = sorted({*folder.glob("*.toml"), *users} - (scenarios - set(users)))
+    return [Checked(file, tuple(users.get(file, ())), _mistakes(file)) for file in files]
+
+
+def _settings(file: Path) -> list[tuple[str, str]]:
+    """Names and values of an environment file."""
+    lines = file.read_text(encoding="utf-8", errors="replace").splitlines()
+    return [(m[1], m[2]) for m in map(SETTING.match, lines) if m]
+
+
+def _option(value: str, name: str) -> str:
+    """What an option is given among a unit's options; empty if it is not there."""
+    try:
+        words = shlex.split(value.strip("\"'"))
+    except ValueError:
+        return ""
+    for at, word in enumerate(words):
+        if word == name:
+            return words[at + 1] if at + 1 < len(words) else ""
+        if word.startswith(f"{name}="):
+            return word.partition("=")[2]
+    return ""
+
+
+def _below(root: Path, folder: Path, name: str) -> Path:
+    """A file that a unit names, which it does from the root on."""
+    return root / name.lstrip("/") if name.startswith("/") else folder / name
+
+
+def _mistakes(file: Path) -> tuple[str, ...]:
+    from wrcd.config import load_config
+
+    try:
+        load_config(file)
+    except InputError as e:
+        return tuple(str(e).splitlines())
+    return ()

@@ -1,0 +1,185 @@
+"""What a story's frames say of the daemon, the link and the bus, as findings."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from wrcd.bus.codec import message_key
+from wrcd.bus.dbc import find_message
+from wrcd.bus.reasons import Reason
+from wrcd.core.vocabulary import MESSAGES, Words
+from wrcd.tools.story.records import Finding, Series, Story
+from wrcd.tools.story.words import at, seconds
+
+SILENT_MS = 60.0  # of Adhesion: what a receiver takes for a time-out, three cycles
+FULL = 15  # of a count in WrcdRejects: so many or more
+HIGH_LOAD_PCT = 80.0
+STATUS_COUNTS = (
+    ("Overruns", 256, "frames were left out because the loop came too late for their slot"),
+    ("ReceiveDrops", 64, "frames were dropped by the kernel because the receive buffer was full"),
+    ("Reopens", 16, "times the bus was opened again after its device had gone"),
+)
+LINK_COUNTS = (
+    ("ErrorFrames", 4096, "error frames were reported by the controller"),
+    ("BusOffs", 16, "times the controller went bus-off"),
+    ("Unsent", 256, "frames could not be sent and were dropped"),
+    ("TimeSteps", 16, "steps of the clock"),
+    ("LateFrames", 16, "frames came after their tick was closed"),
+    ("Outliers", 256, "measurements were left out as outliers"),
+    ("Restarts", 256, "times an axle was started anew"),
+)
+NOTES = frozenset({"Outliers", "LateFrames"})
+
+
+def daemon_findings(story: Story) -> Iterator[Finding]:
+    """Of what the daemon and the bus had to bear."""
+    yield from _design(story)
+    yield from _state(story)
+    yield from _counts(story, story.status, STATUS_COUNTS)
+    yield from _counts(story, story.link, LINK_COUNTS)
+    yield from _rejects(story)
+    yield from _gaps(story)
+    yield from _protection(story)
+    yield from _bus(story)
+
+
+def increase(series: Series, name: str, modulo: int) -> tuple[int, int]:
+    """By how much a wrapping count grew over a log, and when it first did (0: never)."""
+    values = series.values.get(name)
+    if values is None or len(values) < 2 or not np.isfinite(values).all():
+        return 0, 0
+    steps = np.diff(values) % modulo
+    grown = np.flatnonzero(steps)
+    return int(steps.sum()), int(series.time_us[grown[0] + 1]) if len(grown) else 0
+
+
+def _design(story: Story) -> Iterator[Finding]:
+    said = story.status.values.get("DesignChecksum") if story.status is not None else None
+    if said is None or not np.isfinite(said).any():
+        return
+    ours = int(story.config.design.checksum[:4], 16)
+    other = sorted({int(x) for x in said[np.isfinite(said)].tolist()} - {ours})
+    if other:
+        yield Finding(
+            "warning",
+            f"The daemon says that it ran the design {', '.join(f'{x:04x}' for x in other)}…, the configuration's is "
+            f"{ours:04x}…: rules and models here may not be those that decided. Give the --config that it ran with.",
+        )
+
+
+def _state(story: Story) -> Iterator[Finding]:
+    for series, name, good in ((story.status, "State", "Running"), (story.link, "LinkState", "Up")):
+        values = series.values.get(name) if series is not None else None
+        words = MESSAGES["status_message" if name == "State" else "link_message"][name]
+        if values is None or series is None or not isinstance(words, Words):
+            continue
+        for place, word in enumerate(words.words):
+            rows = np.flatnonzero(values == place)
+            if word == good or not len(rows):
+                continue
+            first_us = int(series.time_us[rows[0]])
+            level = "note" if word == "Stopping" else "bad"
+            what = "daemon" if name == "State" else "link"
+            yield Finding(
+                level, f"The {what} said {word} in {len(rows)} frames, first at {at(story, first_us)}.", 0, first_us
+            )
+
+
+def _counts(story: Story, series: Series | None, counts: tuple[tuple[str, int, str], ...]) -> Iterator[Finding]:
+    if series is None:
+        return
+    for name, modulo, words in counts:
+        grown, first_us = increase(series, name, modulo)
+        if grown:
+            level = "note" if name in NOTES else "warning"
+            yield Finding(level, f"{grown} {words} ({name}), first at {at(story, first_us)}.", 0, first_us)
+
+
+def rejected(story: Story) -> dict[str, tuple[int, bool, int]]:
+    """Refused frames by reason: how many, whether there may be more, and when first."""
+    out: dict[str, tuple[int, bool, int]] = {}
+    if story.rejects is None:
+        return out
+    for reason in (*(f"Rejected{r.label}" for r in Reason), "ForeignFrames"):
+        values = story.rejects.values.get(reason)
+        if values is None or not np.nansum(values):
+            continue
+        rows = np.flatnonzero(np.nan_to_num(values))
+        more = bool((values >= FULL).any())
+        out[reason.removeprefix("Rejected")] = int(np.nansum(values)), more, int(story.rejects.time_us[rows[0]])
+    return out
+
+
+def _rejects(story: Story) -> Iterator[Finding]:
+    counts = rejected(story)
+    foreign = counts.pop("ForeignFrames", None)
+    if foreign is not None:
+        yield Finding(
+            "bad",
+            f"{foreign[0]}{' or more' * foreign[1]} frames came under wrcd's own ids: perhaps another wrcd, first at "
+            f"{at(story, foreign[2])}.",
+            0, foreign[2],
+        )  # fmt: skip
+    if counts:
+        told = ", ".join(f"{count}{' or more' * more} {reason}" for reason, (count, more, _) in counts.items())
+        first_us = min(first for _, _, first in counts.values())
+        yield Finding("note", f"Input frames refused: {told}; first at {at(story, first_us)}.", 0, first_us)
+
+
+def _gaps(story: Story) -> Iterator[Finding]:
+    for axle in story.axles:
+        steps_ms = np.diff(axle.adhesion.time_us) / 1000
+        gaps = np.flatnonzero(steps_ms > SILENT_MS)
+        if len(gaps):
+            widest = int(gaps[steps_ms[gaps].argmax()])
+            at_us = int(axle.adhesion.time_us[widest])
+            yield Finding(
+                "warning",
+                f"Axle {axle.number}: {len(gaps)} gap{'s' * (len(gaps) > 1)} of more than {SILENT_MS:.0f} ms between "
+                f"wrcd's own frames, the longest {seconds(steps_ms[widest] / 1000)} at {at(story, at_us)}: a receiver "
+                "takes that for NotAvailable.",
+                axle.number, at_us, at_us + int(1000 * steps_ms[widest]),
+            )  # fmt: skip
+
+
+def _protection(story: Story) -> Iterator[Finding]:
+    wrong = [m for m in story.bus.messages if m.wrong_e2e > 0]
+    for m in sorted(wrong, key=lambda m: -m.wrong_e2e)[:5]:
+        yield Finding(
+            "warning" if m.role == "output" else "note",
+            f"{m.name}: {m.wrong_e2e} of {m.frames} frames have a length or an E2E CRC that does not fit.",
+        )
+    if len(wrong) > 5:
+        yield Finding("note", f"{len(wrong) - 5} more messages have such frames; the bus statistics name them.")
+
+
+def _bus(story: Story) -> Iterator[Finding]:
+    timeouts: dict[int, float] = {}
+    for i in story.config.inputs:
+        key = message_key(find_message(story.config.database, i.source.message))
+        timeouts[key] = min(i.timeout_us / 1000, timeouts.get(key, float("inf")))
+    late = [m for m in story.bus.messages if m.role == "input" and m.longest_gap_ms > timeouts.get(m.key, float("inf"))]
+    for m in sorted(late, key=lambda m: -m.longest_gap_ms)[:5]:
+        yield Finding(
+            "note",
+            f"{m.name}: the longest gap, {seconds(m.longest_gap_ms / 1000)} at {at(story, m.longest_gap_at_us)}, is "
+            f"past its time-out of {timeouts[m.key]:g} ms.",
+            0, m.longest_gap_at_us,
+        )  # fmt: skip
+    if len(story.bus.error_frames):
+        first_us = int(story.bus.error_frames[0])
+        yield Finding(
+            "warning",
+            f"{len(story.bus.error_frames)} error frames on the bus, first at {at(story, first_us)}.",
+            0,
+            first_us,
+        )
+    if len(story.bus.load_pct) and story.bus.load_pct.max() > HIGH_LOAD_PCT:
+        most = int(story.bus.load_pct.argmax())
+        at_us = int(story.bus.time_us[most])
+        yield Finding(
+            "warning",
+            f"Bus load up to {story.bus.load_pct[most]:.0f} % at {at(story, at_us)}, at an assumed "
+            f"{story.bus.bit_rate // 1000} kbit/s.",
+            0, at_us,
+        )  # fmt: skip

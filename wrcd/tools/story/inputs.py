@@ -1,0 +1,162 @@
+"""Speed, torque and distance as the configuration maps them, in SI units, by columns."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wrcd.bus.codec import MessageReader, Receiver, SignalReader, message_key
+from wrcd.bus.dbc import data_id, find_message
+from wrcd.bus.frame import EXTENDED, Frame
+from wrcd.bus.reasons import Reason
+from wrcd.bus.units import Quantity
+from wrcd.core.configuration import Config, Input
+from wrcd.tools.story.records import Series
+from wrcd.tools.story.scan import Frames, Scan, right_crc
+
+FloatArray = NDArray[np.float64]
+MAX_HOLD_US = 1_000_000  # a speed that nothing has followed for so long is not known any more
+
+
+class Inputs:
+    """Reads the mapped inputs of a log. Values of frames that a receiver refuses for length, CRC, status or range are
+    NaN; stuck values and jumps are shown as they are."""
+
+    def __init__(self, config: Config) -> None:
+        self._config = config
+        self._receiver = Receiver(config.database, [i.source for i in config.inputs], config.data_ids)
+        self.wrong: dict[int, int] = {}  # frames whose length or CRC does not fit, by Frame.key, of those under E2E
+
+    def count_wrong(self, scan: Scan) -> None:
+        """Look at every mapped message under E2E."""
+        for name in {i.source.message for i in self._config.inputs}:
+            message = find_message(self._config.database, name)
+            identity = self._data_id(name)
+            if identity is not None:
+                key = message_key(message)
+                frames = scan.of(key)
+                right = right_crc(frames, identity, self._receiver.readers[key].length)
+                self.wrong[key] = int(len(right) - right.sum())
+
+    def _data_id(self, name: str) -> int | None:
+        given = self._config.data_ids
+        return given[name] if name in given else data_id(find_message(self._config.database, name))
+
+    def values(self, scan: Scan, one: Input) -> tuple[NDArray[np.int64], FloatArray]:
+        """Stamps and values of a mapped signal."""
+        message = find_message(self._config.database, one.source.message)
+        key = message_key(message)
+        reader, frames = self._receiver.readers[key], scan.of(key)
+        identity = self._data_id(one.source.message)
+        good = frames.lengths == reader.length if identity is None else right_crc(frames, identity, reader.length)
+        frames = frames.only(good)
+        number = self._config.inputs.index(one)
+        if not len(frames):
+            return frames.time_us, np.zeros(0)
+        signal = next(s for s in reader.signals if s.number == number)
+        if reader.order is None or frames.data.shape[1] > 8:
+            return frames.time_us, self._one_by_one(frames, key, reader, number)
+        return frames.time_us, _column(frames, reader, signal)
+
+    def _one_by_one(self, frames: Frames, key: int, reader: MessageReader, number: int) -> FloatArray:
+        """Of a message that is not plain: multiplexed, both byte orders, floating-point."""
+        out = np.full(len(frames), np.nan)
+        for row, (stamp_us, length) in enumerate(zip(frames.time_us.tolist(), frames.lengths.tolist(), strict=True)):
+            data = frames.data[row, :length].tobytes()
+            frame = Frame(stamp_us, key & ~EXTENDED, data, bool(key & EXTENDED), fd=reader.fd)
+            reader.reset()  # its counter is another question
+            found = reader.read(frame)
+            if not isinstance(found, Reason):
+                out[row] = next((s.value for s in found if s.source == number), np.nan)
+        return out
+
+    def any_frame(self, scan: Scan, place: int) -> bool:
+        """Whether the log has a frame that is of an axle (its place) and not of the vehicle as a whole."""
+        return any(
+            message_key(find_message(self._config.database, i.source.message)) in scan.frames
+            for i in self._config.inputs
+            if place in i.source.axles and i.source.quantity not in (Quantity.SPEED, Quantity.DIRECTION)
+        )
+
+    def _all(self, quantity: Quantity, place: int | None = None) -> list[Input]:
+        return [
+            i
+            for i in self._config.inputs
+            if i.source.quantity is quantity and (place is None or place in i.source.axles)
+        ]
+
+    def speed(self, scan: Scan) -> Series | None:
+        """The vehicle's speed; None where neither a signal nor the configuration tells it."""
+        mapped = self._all(Quantity.SPEED)
+        if mapped:
+            time_us, values = self.values(scan, mapped[0])
+            return Series(time_us, {"speed_m_s": values}) if len(time_us) else None
+        constant = self._config.constant_speed_m_s
+        if constant is None:
+            return None
+        return Series(np.array([scan.begin_us, scan.end_us], np.int64), {"speed_m_s": np.full(2, constant)})
+
+    def torque(self, scan: Scan, place: int) -> Series | None:
+        """The torque at an axle (its place), all signals that add up to it and the brakes' included."""
+        parts = [
+            (time_us, values)
+            for i in (*self._all(Quantity.TORQUE, place), *self._all(Quantity.BRAKE_TORQUE, place))
+            for time_us, values in [self.values(scan, i)]
+        ]
+        if not parts or not len(parts[0][0]):
+            return None
+        time_us, total = parts[0]
+        for other_us, values in parts[1:]:
+            total = total + _newest(other_us, values, time_us)
+        return Series(time_us, {"torque_Nm": total})
+
+
+def _column(frames: Frames, reader: MessageReader, s: SignalReader) -> FloatArray:
+    """The values of a plain message's signal."""
+    n = len(frames)
+    numbers = np.zeros((n, 8), dtype=np.uint8)
+    if reader.order == "little":
+        numbers[:, : reader.length] = frames.data[:, : reader.length]
+        whole = numbers.view("<u8")[:, 0]
+    else:
+        numbers[:, 8 - reader.length :] = frames.data[:, : reader.length]
+        whole = numbers.view(">u8")[:, 0].astype(np.uint64)
+    raw = (whole >> np.uint64(s.shift) & np.uint64(s.mask)).astype(np.int64)
+    if s.sign:
+        raw -= (raw & s.sign) << 1
+    values: FloatArray = np.asarray(raw * float(s.scale) + float(s.offset), dtype=np.float64) * s.factor
+    usable = np.ones(n, dtype=bool)
+    for status in reader.statuses:
+        words = whole >> np.uint64(status.shift) & np.uint64(status.field.position.mask)
+        usable &= np.isin(words, np.array(sorted(status.ok | status.degraded), dtype=np.uint64))
+    # what the reader says of a value holds for all that are the same
+    different, places = np.unique(raw, return_inverse=True)
+    if len(different) <= 4096 or not s.is_simple:
+        known = [v if isinstance(v := s.read(x), float) else np.nan for x in different.tolist()]
+        values = np.array(known)[places]
+    else:
+        physical = raw * float(s.scale) + float(s.offset)
+        usable &= (physical >= s.low) & (physical <= s.high)
+    return np.where(usable, values, np.nan)
+
+
+def _newest(time_us: NDArray[np.int64], values: FloatArray, at_us: NDArray[np.int64]) -> FloatArray:
+    """The newest value at each time, NaN where there is none yet."""
+    if not len(time_us):
+        return np.full(len(at_us), np.nan)
+    places = np.searchsorted(time_us, at_us, side="right") - 1
+    return np.where(places >= 0, values[places.clip(0)], np.nan)
+
+
+def distance(speed: Series | None) -> Series | None:
+    """Metres since the first speed. While the speed is not known, for MAX_HOLD_US the one before goes on; then the
+    train stands still for this."""
+    if speed is None:
+        return None
+    known = np.isfinite(speed.values["speed_m_s"])
+    time_us, v = speed.time_us[known], np.abs(speed.values["speed_m_s"][known])
+    if not len(time_us):
+        return None
+    steps_s = np.diff(time_us)
+    if len(time_us) > 2:
+        steps_s = steps_s.clip(0, MAX_HOLD_US)
+    metres = np.concatenate(([0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) * steps_s * 1e-6)))
+    return Series(time_us, {"distance_m": metres})

@@ -1,0 +1,93 @@
+"""The bus over a log: rates, gaps and load."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wrcd.bus.codec import message_key
+from wrcd.bus.dbc import Database, cycle_ms, find_message
+from wrcd.bus.frame import EXTENDED
+from wrcd.core.configuration import Config
+from wrcd.tools.story.records import BusStatistics, MessageStatistics
+from wrcd.tools.story.scan import Frames, Scan
+
+BIT_RATE = 500_000  # of a bus whose log does not tell it
+SECOND_US = 1_000_000
+
+
+def bits(frames: Frames, extended: bool) -> NDArray[np.float64]:
+    """Bits of each frame, the three between two frames included, with the mean of fewest and most stuff bits."""
+    covered = (54 if extended else 34) + 8.0 * frames.lengths
+    out: NDArray[np.float64] = covered + 13 + 0.5 * ((covered - 1) // 4)
+    return out
+
+
+def bus(
+    scan: Scan, config: Config, databases: Sequence[Database], truth: frozenset[int], own: frozenset[int],
+    wrong: Mapping[int, int],
+) -> BusStatistics:  # fmt: skip
+    """Statistics of every id; truth and own are keys, wrong the frames by key whose E2E check fails."""
+    names, cycles = _known(config, databases)
+    mapped = {message_key(find_message(config.database, i.source.message)) for i in config.inputs}
+    for output in _outputs(config):
+        cycles[message_key(find_message(config.database, output[0]))] = output[1] / 1000
+    seconds = (scan.end_us - scan.begin_us) // SECOND_US + 1
+    counts, load = np.zeros(seconds), np.zeros(seconds)
+    messages = []
+    for key, frames in scan.frames.items():
+        at = (frames.time_us - scan.begin_us) // SECOND_US
+        counts += np.bincount(at, minlength=seconds)
+        load += np.bincount(at, weights=bits(frames, bool(key & EXTENDED)), minlength=seconds)
+        role = "input" if key in mapped else "output" if key in own else "truth" if key in truth else "other"
+        gaps = np.diff(frames.time_us)
+        widest = int(gaps.argmax()) if len(gaps) else 0
+        messages.append(
+            MessageStatistics(
+                key,
+                names.get(key, ""),
+                role,
+                len(frames),
+                float(1e6 * len(gaps) / max(frames.time_us[-1] - frames.time_us[0], 1)) if len(gaps) else 0.0,
+                float(gaps[widest] / 1000) if len(gaps) else float("nan"),
+                int(frames.time_us[widest]),
+                cycles.get(key, float("nan")),
+                wrong.get(key, -1),
+            )
+        )
+    # the last second is as long as the log, not a whole one
+    last_s = max((scan.end_us - scan.begin_us) / SECOND_US - (seconds - 1), 1e-6)
+    length_s = np.ones(seconds)
+    length_s[-1] = last_s if seconds > 1 and last_s > 0.1 else 1.0
+    return BusStatistics(
+        tuple(messages),
+        scan.begin_us + SECOND_US * np.arange(seconds, dtype=np.int64),
+        (counts / length_s).astype(np.float32),
+        (100 * load / length_s / BIT_RATE).astype(np.float32),
+        BIT_RATE,
+        np.array(sorted(scan.errors_us), dtype=np.int64),
+    )
+
+
+def _known(config: Config, databases: Sequence[Database]) -> tuple[dict[int, str], dict[int, float]]:
+    """Names and cycles by key; the configuration's DBC wins."""
+    names: dict[int, str] = {}
+    cycles: dict[int, float] = {}
+    for database in (*databases, config.database):
+        for m in database.messages:
+            key = message_key(m)
+            names[key] = m.name
+            try:
+                cycle = cycle_ms(m)
+            except ValueError:
+                cycle = None
+            if cycle:
+                cycles[key] = float(cycle)
+    return names, cycles
+
+
+def _outputs(config: Config) -> list[tuple[str, int]]:
+    """Messages that the daemon sends, and their cycles in microseconds."""
+    outputs = [o for a in config.axles for o in (a.adhesion, a.detail, a.inputs)]
+    outputs += [config.status, config.rejects, config.link]
+    return [(o.message, o.cycle_us) for o in outputs if o is not None]

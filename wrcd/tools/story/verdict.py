@@ -1,0 +1,158 @@
+"""What a log comes to, in sentences: the most important first."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from wrcd.core.causes import Cause, Validity
+from wrcd.tools.story.accuracy import accuracy
+from wrcd.tools.story.daemon import daemon_findings
+from wrcd.tools.story.records import Axle, Fall, Finding, Story
+from wrcd.tools.story.words import at, because, causes, lasting, name, percent, seconds, total_s
+
+LEVELS = ("bad", "warning", "note", "good")
+MAX_FALLS = 8  # that are told of an axle; the story has them all
+GOOD_SHARE = 0.9  # Valid: less is a warning
+
+
+def judged(story: Story) -> Story:
+    """The same story with its verdict. Within a level: of all axles first, then by axle and time."""
+    findings = [*_axles(story), *daemon_findings(story)]
+    if not story.axles:
+        findings.append(Finding("bad", "No axle has a frame of wrcd: nothing was estimated."))
+    order = sorted(findings, key=lambda f: LEVELS.index(f.level))
+    return replace(story, verdict=tuple(order))
+
+
+def _axles(story: Story) -> Iterator[Finding]:
+    never = [a for a in story.axles if not _valid_s(a)]
+    if never and len(never) == len(story.axles):
+        span = seconds((story.end_us - story.begin_us) * 1e-6)
+        whose = "The axle" if len(never) == 1 else "No axle"
+        was = "was never" if len(never) == 1 else "was ever"
+        yield Finding("bad", f"{whose} {was} Valid in {span} of log: not one value was to be used.")
+    for axle in story.axles:
+        if not _valid_s(axle):
+            yield _never_valid(story, axle)
+    for axle in story.axles:
+        yield from _falls(story, axle)
+        if _valid_s(axle):
+            yield _share(story, axle)
+        yield from _contradictions(story, axle)
+        yield from _truth(story, axle)
+
+
+def _valid_s(axle: Axle) -> float:
+    return total_s(e for e in axle.events if e.validity is Validity.VALID)
+
+
+def _never_valid(story: Story, axle: Axle) -> Finding:
+    """The cause that lasted longest says why."""
+    lasted: dict[tuple[Cause, str], float] = {}
+    for e in axle.events:
+        key = e.cause, "" if e.cause else e.detail
+        lasted[key] = lasted.get(key, 0.0) + e.duration_s
+    main = max(lasted, key=lambda key: lasted[key])
+    first = next(e for e in axle.events if (e.cause, "" if e.cause else e.detail) == main)
+    label = f"{first.cause.label}, " if first.cause else ""
+    return Finding(
+        "bad",
+        f"Axle {axle.number} was never Valid: {because(first)} ({label}from {at(story, first.begin_us)} on, "
+        f"{seconds(lasted[main])} in all); all causes: {causes(axle.events)}.",
+        axle.number, first.begin_us, story.end_us,
+    )  # fmt: skip
+
+
+def _falls(story: Story, axle: Axle) -> Iterator[Finding]:
+    own = [f for f in story.falls if f.axle == axle.number]
+    for fall, following in list(zip(own, [*own[1:], None][: len(own)], strict=True))[:MAX_FALLS]:
+        yield _fall(story, axle, fall, story.end_us if following is None else following.begin_us)
+    if len(own) > MAX_FALLS:
+        yield Finding(
+            "note", f"Axle {axle.number}: {len(own) - MAX_FALLS} more falls and rises of MuAvailable.", axle.number
+        )
+
+
+def _fall(story: Story, axle: Axle, fall: Fall, until_us: int) -> Finding:
+    fell = fall.after_pct < fall.before_pct
+    a = axle.adhesion
+    rows = slice(*np.searchsorted(a.time_us, (fall.end_us, until_us)))
+    half = a.high_pct[rows] - a.available_pct[rows]
+    bound = f"interval ±{np.nanmedian(half):.0f} pp" if np.isfinite(half).any() else "no interval stated"
+    rest = [
+        (validity, lasting(axle.events, validity, fall.begin_us, until_us))
+        for validity in (Validity.DEGRADED, Validity.NOT_AVAILABLE)
+    ]
+    but = " and ".join(f"{seconds(total_s(e))} of {v.value} ({causes(e)})" for v, e in rest if e)
+    end = "to the end of the log" if until_us == story.end_us else ""
+    lasted = f"for {seconds((until_us - fall.end_us) * 1e-6)}{f', {end}' if end else ''}"
+    return Finding(
+        "warning" if fell else "note",
+        f"Axle {axle.number}: available adhesion {'fell' if fell else 'rose'} from {percent(fall.before_pct)} to "
+        f"{percent(fall.after_pct)} % at {at(story, fall.begin_us)}, within "
+        f"{seconds((fall.end_us - fall.begin_us) * 1e-6)}, {lasted}; {bound}; Valid throughout"
+        + (f" but for {but}." if but else "."),
+        axle.number, fall.begin_us, until_us,
+    )  # fmt: skip
+
+
+def _share(story: Story, axle: Axle) -> Finding:
+    span_s = (story.end_us - story.begin_us) * 1e-6
+    share = _valid_s(axle) / span_s if span_s else 0.0
+    parts = []
+    for validity in (Validity.DEGRADED, Validity.NOT_AVAILABLE):
+        lasted = [e for e in axle.events if e.validity is validity]
+        if lasted:
+            parts.append(f"{validity.value} {seconds(total_s(lasted))} ({causes(lasted)})")
+    odd = [e for e in axle.events if e.validity is not Validity.VALID and e.cause is not Cause.WARMING_UP]
+    level = "warning" if share < GOOD_SHARE and odd else "note" if odd else "good"
+    return Finding(
+        level,
+        f"Axle {axle.number} was Valid for {100 * share:.1f} % of {seconds(span_s)}"
+        + (f"; {'; '.join(parts)}." if parts else "."),
+        axle.number,
+    )
+
+
+def _contradictions(story: Story, axle: Axle) -> Iterator[Finding]:
+    """More in use than the estimate allows: Detail's cause says it to the event."""
+    events = [e for e in axle.events if e.cause in (Cause.CONTRADICTION, Cause.TORQUES_CONTRADICT)]
+    for cause in dict.fromkeys(e.cause for e in events):
+        of = [e for e in events if e.cause is cause]
+        yield Finding(
+            "warning",
+            f"Axle {axle.number}: {cause.words}: {len(of)} time{'s' * (len(of) > 1)}, {seconds(total_s(of))} in all, "
+            f"first at {at(story, of[0].begin_us)} ({name(of[0])}).",
+            axle.number, of[0].begin_us, of[-1].end_us,
+        )  # fmt: skip
+
+
+def _truth(story: Story, axle: Axle) -> Iterator[Finding]:
+    if axle.truth is None:
+        return
+    found = accuracy(axle)
+    if found is None:
+        yield Finding(
+            "note", f"Axle {axle.number}: the truth is known, but no Valid frame to compare it with.", axle.number
+        )
+        return
+    held = (
+        f"the interval held the truth in {100 * found.held_share:.1f} % of {found.bounded} frames"
+        if found.bounded
+        else "no frame stated an interval"
+    )
+    yield Finding(
+        "good" if not found.lie_s else "note",
+        f"Axle {axle.number} against the truth, while Valid: mean error {found.mean_error_pp:+.1f} pp, mean absolute "
+        f"error {found.mean_absolute_pp:.1f} pp; {held}.",
+        axle.number,
+    )
+    if found.worst_pp > 0 and found.lie_s:
+        yield Finding(
+            "warning",
+            f"Axle {axle.number}: worst Valid claim {percent(found.worst_said_pct)} % where "
+            f"{percent(found.worst_truth_pct)} % was there, at {at(story, found.worst_at_us)}; the whole interval lay "
+            f"above the truth for {seconds(found.lie_s)} in all.",
+            axle.number, found.worst_at_us,
+        )  # fmt: skip
