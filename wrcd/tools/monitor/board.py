@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from wrcd.tools.monitor.axle import AxleModel
 from wrcd.tools.monitor.canvas import Canvas, Rect
-from wrcd.tools.monitor.happenings import Happening, duration, of_axle, spell_text
+from wrcd.tools.monitor.falls import Falls
+from wrcd.tools.monitor.happenings import Happening, duration, happenings, spell_text
 from wrcd.tools.monitor.layout import MIN_HEIGHT, MIN_WIDTH, Layout, layout
 from wrcd.tools.monitor.model import Model
 from wrcd.tools.monitor.panels import (
@@ -40,11 +41,11 @@ from wrcd.tools.monitor.plot import (
     top_of,
 )
 from wrcd.tools.monitor.view import View
-from wrcd.tools.story.records import Numbers, Times
+from wrcd.tools.story.records import Fall, Numbers, Times
 
 KEYS = "space pause  ←→ cursor  +- zoom  n/p event  w why  1-8 axle  ? help  q quit  s save  e events  t colours"
 CARRY_US = 100_000  # a value stands for so long in the plot, where frames are further apart than its columns
-FALLS_EVERY_US = 500_000  # they are looked for so often
+FALLS_EVERY_US = 1_000_000  # they are looked for so often
 
 
 class Board:
@@ -52,18 +53,23 @@ class Board:
 
     def __init__(self, model: Model, view: View) -> None:
         self.model, self.view = model, view
-        self._found: list[Happening] = []
-        self._found_of: tuple[int, int] | None = None  # the axle and the time that they are of
+        self._falls: dict[int, tuple[int, Falls, tuple[Fall, ...]]] = {}  # by axle: until when, and those found
         self.plot_width = 60
         self.places: Layout | None = None
 
+    def falls(self, axle: AxleModel) -> tuple[Fall, ...]:
+        """Of an axle, as far as is held. Found anew where there are new frames, once a second at most."""
+        times = axle.adhesion.time_us
+        newest_us = int(times[-1]) // FALLS_EVERY_US if len(times) else 0
+        known = self._falls.get(axle.number)
+        if known is None or known[0] != newest_us:
+            finder = Falls(axle.number) if known is None else known[1]
+            known = self._falls[axle.number] = newest_us, finder, finder.update(axle.adhesion)
+        return known[2]
+
     def happenings(self) -> list[Happening]:
-        """Of the chosen axle. Not older than half a second."""
-        now_us = self.model.now_us
-        of = (self.view.axle, now_us // FALLS_EVERY_US)
-        if of != self._found_of:
-            self._found, self._found_of = of_axle(self.axle), of
-        return self._found
+        """Of the chosen axle."""
+        return happenings(self.falls(self.axle), self.axle.spells.all())
 
     @property
     def axle(self) -> AxleModel:

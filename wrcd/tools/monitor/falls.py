@@ -1,45 +1,34 @@
-"""When the available adhesion fell or rose for good."""
+"""Falls and rises of an axle's adhesion while it grows: story/falls.py over what is new."""
 
 import numpy as np
 
-from wrcd.tools.story.records import Adhesion, Fall
+from wrcd.tools.story.falls import of_axle
+from wrcd.tools.story.records import Adhesion, Axle, Fall
 
-STEP_US = 100_000
-SIDE = 10  # steps on either side that are compared: a second
-MIN_CHANGE_PP, MIN_SHARE = 3.0, 0.25  # of adhesion before, for a fall; of that after, for a rise
+SETTLED_US = 15_000_000  # a fall that ended so long ago is not looked at again
+BACK_US = 30_000_000  # looked at each time: the level before, and what is not settled
 
 
-def falls(axle: int, adhesion: Adhesion) -> tuple[Fall, ...]:
-    """Changes of MuAvailable between the second before and the second after, the largest of each stretch of them."""
-    times, values = adhesion.time_us, adhesion.available_pct
-    known = np.isfinite(values)
-    times, values = times[known], values[known].astype(np.float64)
-    if len(times) < 2:
-        return ()
-    # a silence, however long, takes a few steps
-    steps = np.concatenate(([0], np.cumsum(np.minimum(np.diff(times // STEP_US), 3 * SIDE))))
-    n = int(steps[-1]) + 1
-    counts = np.bincount(steps, minlength=n)
-    with np.errstate(invalid="ignore"):
-        mean = np.bincount(steps, weights=values, minlength=n) / counts
-    sums = np.concatenate(([0.0], np.cumsum(np.nan_to_num(mean))))
-    there = np.concatenate(([0], np.cumsum(counts > 0)))
-    at = np.arange(1, n)
-    low, high = np.maximum(at - SIDE, 0), np.minimum(at + SIDE, n)
-    before_n, after_n = there[at] - there[low], there[high] - there[at]
-    good = (before_n >= SIDE // 2) & (after_n >= SIDE // 2)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        before, after = (sums[at] - sums[low]) / before_n, (sums[high] - sums[at]) / after_n
-    change = np.where(good, after - before, 0.0)
-    large = np.abs(change) >= np.maximum(MIN_CHANGE_PP, MIN_SHARE * np.maximum(before, after))
-    large &= good
-    out = []
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], (large * np.sign(change)).astype(np.int8), [0]))))
-    for first, end in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
-        if not large[first]:
-            continue
-        k = first + int(np.argmax(np.abs(change[first:end])))
-        row = int(np.searchsorted(steps, at[k]))
-        begin_us, end_us = int(times[max(row - 1, 0)]), int(times[row])
-        out.append(Fall(axle, begin_us, end_us, float(before[k]), float(after[k])))
-    return tuple(out)
+class Falls:
+    """Of one axle. What is settled is kept; the rest is found again from the newest columns."""
+
+    def __init__(self, axle: int) -> None:
+        self._axle = axle
+        self._settled: list[Fall] = []
+        self._looked_us: int | None = None  # up to there everything has been found
+
+    def update(self, adhesion: Adhesion) -> tuple[Fall, ...]:
+        """All of them, oldest first."""
+        times = adhesion.time_us
+        if not len(times):
+            return tuple(self._settled)
+        now_us = int(times[-1])
+        after_us = self._settled[-1].end_us if self._settled else int(times[0])
+        begin_us = after_us if self._looked_us is None else max(after_us, self._looked_us - BACK_US)
+        first = int(np.searchsorted(times, begin_us))
+        part = Adhesion(*(getattr(adhesion, name)[first:] for name in Adhesion.__slots__))
+        found = of_axle(Axle(self._axle, part, None, None, None, ()))
+        done = [f for f in found if f.end_us < now_us - SETTLED_US]
+        self._settled += done
+        self._looked_us = now_us
+        return (*self._settled, *found[len(done) :])

@@ -4,8 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from wrcd.core.causes import Validity
-from wrcd.tools.monitor.axle import AxleModel
-from wrcd.tools.monitor.falls import falls
 from wrcd.tools.monitor.spells import Spell
 from wrcd.tools.story.records import Fall
 
@@ -23,19 +21,18 @@ class Happening:
 
 def happenings(fell: Sequence[Fall], spells: Sequence[Spell]) -> list[Happening]:
     """In order of time. The first spell is no change."""
+    with_it: list[list[str]] = [[] for _ in fell]
     out = []
-    for f in fell:
+    for s in spells[1:]:
+        near = [k for k, f in enumerate(fell) if f.begin_us - NEAR_US <= s.begin_us <= f.end_us + NEAR_US]
+        if not near:
+            out.append(Happening(s.begin_us, spell_text(s), False))
+        elif s.words:
+            with_it[near[0]].append(spell_text(s))
+    for f, texts in zip(fell, with_it, strict=True):
         verb = "fell" if f.after_pct < f.before_pct else "rose"
         text = f"available {verb} from {f.before_pct:.1f} to {f.after_pct:.1f} %"
-        out.append(Happening(f.end_us, text, True))
-    for s in spells[1:]:
-        near = [k for k, h in enumerate(out) if h.is_fall and abs(h.time_us - s.begin_us) <= NEAR_US]
-        text = spell_text(s)
-        if near:
-            h = out[near[0]]
-            out[near[0]] = Happening(h.time_us, f"{h.text}; {text}", True)
-        else:
-            out.append(Happening(s.begin_us, text, False))
+        out.append(Happening((f.begin_us + f.end_us) // 2, "; ".join((text, *texts)), True))
     out.sort(key=lambda h: h.time_us)
     return out
 
@@ -65,8 +62,3 @@ def first_of_interest(found: Sequence[Happening], spells: Sequence[Spell]) -> in
     valid = next((k for k, s in enumerate(spells) if s.state == Validity.VALID.value), None)
     after = [] if valid is None else spells[valid + 1 :]
     return after[0].begin_us if after else None
-
-
-def of_axle(axle: AxleModel) -> list[Happening]:
-    """Of what is held."""
-    return happenings(falls(axle.number, axle.adhesion), axle.spells.all())

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wrcd.bus.codec import Receiver
 from wrcd.bus.dbc import find_message
@@ -77,6 +78,16 @@ class Inputs:
             if not isinstance(read, Reason):
                 for sample in read:
                     self._values[sample.source].append(time_us=times[k : k + 1], value=[sample.value])
+
+    def series(self, axle: int, quantity: Quantity) -> tuple[Times, NDArray[np.float64]] | None:
+        """The values of an axle's quantity as they were sampled, in SI units; None unless one signal carries it."""
+        found = [
+            k for k, i in enumerate(self._config.inputs) if axle in i.source.axles and i.source.quantity is quantity
+        ]
+        if len(found) != 1 or not len(self._values[found[0]]):
+            return None
+        table = self._values[found[0]]
+        return table["time_us"], table["value"].astype(np.float64)
 
     def at(self, axle: int, health: Health, row: int | None, at_us: int) -> list[InputNow]:
         """Those of an axle (its place), and of the vehicle. row: of health, at the time; None: nothing is known."""

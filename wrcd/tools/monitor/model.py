@@ -12,13 +12,11 @@ from wrcd.core.configuration import Config
 from wrcd.tools.monitor.axle import INPUTS, AxleModel, row_at
 from wrcd.tools.monitor.batch import Batch
 from wrcd.tools.monitor.bus import Bus
-from wrcd.tools.monitor.falls import falls
 from wrcd.tools.monitor.inputs import InputNow, Inputs
 from wrcd.tools.monitor.load import BIT_RATE
 from wrcd.tools.monitor.table import Table
 from wrcd.tools.monitor.watched import Judge, Watched
 from wrcd.tools.said import Said, said
-from wrcd.tools.story.records import Fall
 
 HOLD_S = 3600.0  # of columns; frames as they came are kept for MAX_FRAMES
 MAX_FRAMES = 2_000_000  # 50 MB
@@ -66,6 +64,7 @@ class Model:
         self.now_us = 0  # until when everything that came is here, in the monitor's own time
         self.begin_us: int | None = None  # of the first frame
         self.clock_steps = 0
+        self.source = "frames of the bus"  # what its axles' columns are
         self.has_truth = False
         self.held: deque[Batch] = deque()  # frames as they came
         self.held_frames = 0
@@ -180,10 +179,6 @@ class Model:
         kinds = {key: one.kind for key, one in self._said.items()}
         of = [self.watched[key] for key, kind in kinds.items() if kind is not None and kind.axle == axle.number]
         return sum(sum(w.refused_within(at_us, over_us).values()) for w in of)
-
-    def falls(self, axle: AxleModel) -> tuple[Fall, ...]:
-        """Of what is held."""
-        return falls(axle.number, axle.adhesion)
 
 
 __all__ = ["HOLD_S", "INPUTS", "Heard", "Model"]

@@ -28,6 +28,7 @@ def model_of_log(
     model, warnings = _read(log, config, databases, channel, bit_rate, None)
     if not any(len(a.adhesion.time_us) for a in model.axles):
         model, warnings = _read(log, config, databases, channel, bit_rate, Core(config))
+        model.source = "estimated here"
         warnings.insert(0, "the log has no frame of a daemon: estimated here")
     return model, warnings
 
@@ -41,6 +42,7 @@ def _read(
     for batch in _batches(progress(items, log), core):
         model.take(batch, 0)
     model.update()
+    model.source = "frames of the log"
     return model, [*damage.warnings(log), *order.warnings()]
 
 

@@ -186,7 +186,9 @@ class Monitor(App[None]):
     def action_why(self) -> None:
         """Why it is so, at the cursor or now."""
         at_us = self.view.at_us(self.model.now_us)
-        self._page(f"why, axle {self.board.axle.number}", why(self.board, at_us))
+        self._page(
+            f"why, axle {self.board.axle.number}", why(self.board, at_us, min(round(0.96 * self.size.width), 110) - 6)
+        )
 
     def action_events(self) -> None:
         """All events."""
