@@ -69,7 +69,9 @@ class Board:
 
     def happenings(self) -> list[Happening]:
         """Of the chosen axle."""
-        return happenings(self.falls(self.axle), self.axle.spells.all())
+        until_us = self.view.now_us(self.model.now_us)
+        falls = [f for f in self.falls(self.axle) if f.end_us <= until_us]
+        return happenings(falls, self.axle.spells.all(until_us))
 
     @property
     def axle(self) -> AxleModel:
@@ -89,7 +91,7 @@ class Board:
             return canvas
         self.plot_width = places.plot.width
         draw_status(canvas, places.status, model, link, self._mode(link), self.clock(at_us), at_us)
-        rows = [axle_at(model, a, at_us) for a in model.axles]
+        rows = [axle_at(model, a, at_us, view.now_us(model.now_us)) for a in model.axles]
         draw_axles(canvas, places.axles, rows, view.axle)
         self._draw_plot(canvas, places, rows[view.axle])
         self._draw_events(canvas, places.events, note)
@@ -146,10 +148,10 @@ class Board:
             canvas.put(min(max(rect.x + x - len(label) // 2, rect.x), rect.x + rect.width - len(label)),
                        places.scale_y, label, "cursor")  # fmt: skip
         strip = Rect(rect.x, places.strip_y, rect.width, 1)
-        spells = [s for s in axle.spells.all() if s.begin_us <= newest_us]
+        spells = axle.spells.all(newest_us)
         draw_strip(canvas, strip, spells, w.begin_us, w.cell_us)
         for h in self.happenings():
-            if h.is_fall and 0 <= (x := w.column(h.time_us)) < rect.width and h.time_us <= newest_us:
+            if h.is_fall and 0 <= (x := w.column(h.time_us)) < rect.width:
                 canvas.put(rect.x + x, places.strip_y, "▼" if "fell" in h.text else "▲", "title")
         canvas.put(0, places.strip_y, "state", "label", rect.x)
 
@@ -212,13 +214,13 @@ class Board:
         view, at_us = self.view, self.view.at_us(self.model.now_us)
         if note:
             lines.append((f"» {note}", "title"))
-        spell = self.axle.spells.at(at_us)
+        spell = self.axle.spells.at(at_us, view.now_us(self.model.now_us))
         if spell is not None:
             since = self.clock(spell.begin_us).split("  ")[0]
             style = "good" if spell.state == "Valid" else "warn" if spell.state == "Degraded" else "bad"
             lines.append((f"since {since}: {spell_text(spell)}", style))
         begin_us = self.model.begin_us or 0
-        for h in reversed([h for h in self.happenings() if h.time_us <= view.now_us(self.model.now_us)]):
+        for h in reversed(self.happenings()):
             mark = "▶" if view.cursor_us == h.time_us else " "
             lines.append((f"{mark}{(h.time_us - begin_us) / 1e6:9.2f} s  {h.text}", "plain" if h.is_fall else "dim"))
         draw_text(canvas, rect, lines)

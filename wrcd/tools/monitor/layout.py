@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from wrcd.tools.monitor.canvas import Rect
 
-MIN_WIDTH, MIN_HEIGHT = 60, 18
+MIN_WIDTH, MIN_HEIGHT = 60, 19
 LEFT, RIGHT = 5, 20  # of the plot: scale, and values beside the curves
 MIN_PLOT, MAX_AXLES = 5, 8
 BOTTOM = 5  # residuals beside inputs, with their heads

@@ -55,15 +55,15 @@ class AxleNow:
     damaged: int  # frames of its within a second that are refused here
 
 
-def axle_at(model: Model, axle: AxleModel, at_us: int) -> AxleNow:
-    """What an axle's frames say at a time. A frame that is too old says nothing."""
+def axle_at(model: Model, axle: AxleModel, at_us: int, until_us: int | None = None) -> AxleNow:
+    """What an axle's frames say at a time. A frame that is too old says nothing. until_us: of what is known then."""
     a = axle.adhesion
     k = row_at(a.time_us, at_us, SILENT_CYCLES * axle.cycle_us)
     truth = axle.truth
     t = row_at(truth.time_us, at_us, 200_000)
     nan = math.nan
     return AxleNow(
-        axle.number, axle.spells.at(at_us),
+        axle.number, axle.spells.at(at_us, until_us),
         nan if k is None else float(a.available_pct[k]), nan if k is None else float(a.low_pct[k]),
         nan if k is None else float(a.high_pct[k]), nan if k is None else float(a.used_pct[k]),
         "" if k is None else word(CONTACTS, int(a.contact[k])), "" if k is None else word(SURFACES, int(a.surface[k])),
@@ -199,7 +199,7 @@ def draw_residuals(canvas: Canvas, rect: Rect, axle: AxleModel, names: Sequence[
 def draw_inputs(canvas: Canvas, rect: Rect, inputs: Sequence[InputNow]) -> None:
     """A line an input: rate, age, reach, what it says, what was refused."""
     wide = rect.width >= 64
-    columns = [("input", 13), ("rate", 8), ("age", 10), ("reach", 10)]
+    columns = [("input", 12), ("rate", 7), ("age", 9), ("reach", 9)]
     columns += [("value", 15)] if wide else []
     x = rect.x
     for head, width in columns:
@@ -210,12 +210,12 @@ def draw_inputs(canvas: Canvas, rect: Rect, inputs: Sequence[InputNow]) -> None:
         y, x = rect.y + 1 + line, rect.x
         name = i.quantity.key
         style = "bad" if i.is_stale else "plain"
-        canvas.put(x, y, SHORT.get(name, name.replace("_", " ")), "plain", 12)
-        canvas.put(x + 13, y, f"{i.rate_hz:.0f}/s", "plain", 7)
+        canvas.put(x, y, SHORT.get(name, name.replace("_", " ")), "plain", 11)
+        canvas.put(x + 12, y, f"{i.rate_hz:.0f}/s", "plain", 6)
         age = "never" if i.age_ms is None else f"{i.age_ms:.0f} ms" if i.age_ms < 10_000 else f"{i.age_ms / 1000:.0f} s"
-        canvas.put(x + 21, y, age + (" late" if i.is_stale and i.age_ms is not None else ""), style, 10)
-        canvas.put(x + 31, y, reach_text(i.reach), "good" if i.reach == 255 else "warn", 9)
-        x += 41
+        canvas.put(x + 19, y, age + (" !" if i.is_stale and i.age_ms is not None else ""), style, 9)
+        canvas.put(x + 28, y, reach_text(i.reach), "good" if i.reach == 255 else "warn", 9)
+        x += 37
         if wide:
             canvas.put(x, y, NO_VALUE if i.value is None else f"{i.value:.4g} {i.unit}", "plain", 14)
             x += 15

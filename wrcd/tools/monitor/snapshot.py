@@ -7,7 +7,7 @@ from pathlib import Path
 from wrcd.bus.log import format_line
 from wrcd.tools.monitor.batch import Batch
 
-_FONTS = re.compile(r"@font-face \{.*?\}\s*", re.DOTALL)
+_ELSEWHERE = re.compile(r"@font-face \{.*?\}\s*|<!--.*?-->", re.DOTALL)
 MAX_TRIES = 1000
 
 
@@ -27,7 +27,7 @@ def plain_stem(text: str) -> str:
 
 def without_fonts(svg: str) -> str:
     """A picture that fetches nothing: in whatever fixed-width font there is."""
-    return _FONTS.sub("", svg).replace("Fira Code", "DejaVu Sans Mono, Menlo, Consolas")
+    return _ELSEWHERE.sub("", svg).replace("Fira Code", "DejaVu Sans Mono, Menlo, Consolas")
 
 
 def write_picture(path: Path, svg: str) -> None:

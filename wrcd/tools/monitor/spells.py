@@ -113,8 +113,8 @@ class Spells:
         if len(self._begins) > MAX_SPELLS:
             del self._begins[: MAX_SPELLS // 10], self._states[: MAX_SPELLS // 10]
 
-    def all(self) -> list[Spell]:
-        """Oldest first, without a gap between them."""
+    def all(self, until_us: int | None = None) -> list[Spell]:
+        """Oldest first, without a gap between them; up to a time, as if nothing had come since."""
         every = [(b, *s) for b, s in zip(self._begins, self._states, strict=True)]
         for change in self._open:
             if not every or every[-1][1:] != change[1:]:
@@ -122,13 +122,15 @@ class Spells:
         if not every:
             return []
         ends = [*(c[0] for c in every[1:]), self._end_us]
+        limit = self._end_us if until_us is None else until_us
         return [
-            Spell(self._axle, begin, end, state, cause)
+            Spell(self._axle, begin, min(end, limit), state, cause)
             for (begin, state, cause), end in zip(every, ends, strict=True)
-        ]  # fmt: skip
+            if begin <= limit
+        ]
 
-    def at(self, at_us: int) -> Spell | None:
-        """The one that a time is in."""
-        every = self.all()
+    def at(self, at_us: int, until_us: int | None = None) -> Spell | None:
+        """The one that a time is in, as far as it is known at another."""
+        every = self.all(until_us)
         k = bisect_right([s.begin_us for s in every], at_us) - 1
         return every[k] if k >= 0 else None

@@ -24,7 +24,7 @@ def why(board: Board, at_us: int, width: int) -> list[Line]:
     """Of the chosen axle."""
     model, axle = board.model, board.axle
     if not len(axle.adhesion.time_us):
-        return [("no Adhesion frame of it has come", "bad")]
+        return [("no Adhesion frame has come of it", "bad")]
     told = story(model, axle, tuple(f for f in board.falls(axle) if abs(f.end_us - at_us) < AROUND_STORY_US), at_us)
     at_us = max(told.begin_us, min(at_us, told.end_us))
     head, *rest = story_why.answer(told, axle.number, at_us, width)

@@ -59,7 +59,7 @@ class Monitor(App[None]):
         self.updates = 0  # of the screen, that had something to show
         self._folder, self._ticking = folder or Path(), ticking
         self._note, self._note_until_s = note, time.monotonic() + NOTE_S if note else 0.0
-        self._widget = CanvasWidget(palette(self.colours))
+        self._widget = CanvasWidget(palette(self.colours), self.redraw)
 
     def compose(self) -> ComposeResult:
         """One widget: its parts are told apart by what differs, which costs the terminal least."""
@@ -89,10 +89,6 @@ class Monitor(App[None]):
             view.axle = min(at)[1]
         view.go(min(at)[0] if at else begin_us, now_us, begin_us, self.board.plot_width)
 
-    def on_resize(self) -> None:
-        """Another size is another canvas."""
-        self.redraw()
-
     def tick(self) -> None:
         """Take what has come and show it."""
         for batch, until_us in self.source.take():
@@ -102,7 +98,7 @@ class Monitor(App[None]):
 
     def redraw(self) -> None:
         """Show how it is now."""
-        width, height = self.size
+        width, height = self._widget.size
         if not width or not height:
             return
         note = self._note if time.monotonic() < self._note_until_s else ""

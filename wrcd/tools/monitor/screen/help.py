@@ -22,6 +22,7 @@ SIGNS = (
     ("⠒⠒ ░░ ▄▄ ╌╌", "available, its 90 % interval, in use, the rig's truth (--dbc)"),
     ("▼ ▲", "the available adhesion fell, rose"),
     ("▮▮▮▮▯▯▮▮", "reach: the last eight time-outs of an input, filled where a good frame came"),
+    ("29 ms !", "an input past its time-out"),
     ("damaged", "frames of the daemon's with a wrong CRC or length: they are counted, not shown"),
 )
 

@@ -1,6 +1,6 @@
 """A canvas as a widget, and the pages that lie over it."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from rich.segment import Segment
 from rich.style import Style
@@ -23,10 +23,14 @@ class CanvasWidget(Widget, can_focus=True):
 
     DEFAULT_CSS = "CanvasWidget { width: 100%; height: 100%; }"
 
-    def __init__(self, styles: Mapping[int, Style]) -> None:
+    def __init__(self, styles: Mapping[int, Style], resized: Callable[[], None]) -> None:
         super().__init__()
-        self.styles_of = styles
+        self.styles_of, self._resized = styles, resized
         self.canvas: Canvas | None = None
+
+    def on_resize(self) -> None:
+        """Another size is another canvas."""
+        self._resized()
 
     def show(self, canvas: Canvas) -> bool:
         """The next canvas. Returns whether anything differs."""
