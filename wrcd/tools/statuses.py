@@ -41,6 +41,12 @@ STATUSES: dict[str, dict[Status, str]] = {
         Status.NOT_THERE: _BUS,
         Status.INTERRUPTED: "Ctrl-C",
     },
+    "monitor": {
+        Status.DONE: "a key has ended it",
+        Status.BAD_INPUT: f"{_BAD}; no terminal to draw on, or the extra `monitor` is missing",
+        Status.NOT_THERE: _BUS,
+        Status.INTERRUPTED: "Ctrl-C while a log is read",
+    },
     "replay": {
         Status.DONE: "done",
         Status.STOPPED: "the log is cut or damaged: what could be read is written",
