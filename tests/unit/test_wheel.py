@@ -67,6 +67,8 @@ def test_wheel_brings_completion_and_manual_pages(installed: Path) -> None:
         names = {p.name for p in (ROOT / "wrcd/data" / folder).iterdir()}
         assert len(names) == 4
         assert {p.name for p in (installed / "wrcd/data" / folder).iterdir()} == names
+
+
 def test_wheel_brings_what_install_lays_out(installed: Path) -> None:
     """Units, network files, sysctl: files of their own, as they are in systemd/."""
     brought = installed / "wrcd" / "data" / "systemd"
