@@ -46,7 +46,6 @@ def train(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Train]:
     patient.parent.mkdir(parents=True)
     patient.write_text("[Service]\nWatchdogSec=60s\nTimeoutStartSec=60s\n")
     train = Train(tmp_path_factory.mktemp("install"))
-    train.connect()
     yield train
     train.disconnect()
     shutil.rmtree(patient.parent)
@@ -74,6 +73,7 @@ def use(train: Train) -> None:
     CONFIG.parent.mkdir(exist_ok=True)
     CONFIG.write_text(DEFAULT)
     CONFIG.with_suffix(".env").write_text(f"WRCD_OPTIONS=--config {CONFIG}\n")
+    train.connect()  # each test has the log's minutes for itself
     began = time.time()
     systemctl("enable", "--now", UNIT)  # returns when READY=1 was said
     assert prop("ActiveState") == "active", journal(began)
