@@ -59,6 +59,16 @@ def test_data_are_files_not_links(installed: Path) -> None:
     assert not (installed / "wrcd" / "data" / "wrcd.dbc").is_symlink()
 
 
+def test_wheel_brings_completion_and_manual_pages(installed: Path) -> None:
+    code = "import sys; from wrcd.tools.cli import main; sys.exit(main())"
+    script = (ROOT / "wrcd/data/completion/wrcd.bash").read_text(encoding="utf-8")
+    assert run(installed, code, "completion", "bash").stdout == script
+    for folder in ("completion", "man"):
+        names = {p.name for p in (ROOT / "wrcd/data" / folder).iterdir()}
+        assert len(names) == 4
+        assert {p.name for p in (installed / "wrcd/data" / folder).iterdir()} == names
+
+
 def test_wheel_brings_what_install_lays_out(installed: Path) -> None:
     """Units, network files, sysctl: files of their own, as they are in systemd/."""
     brought = installed / "wrcd" / "data" / "systemd"
