@@ -14,7 +14,7 @@ REASONS = {
     "CI runs it": 2,
     "make design runs it: minutes": 1,
     "tests/hil/test_install.py runs it": 4,
-    "tests/walk runs it": 7,
+    "tests/walk runs it": 9,
     "hours": 1,
     "minutes": 1,
     "it needs the dump of your train": 1,
