@@ -16,6 +16,7 @@ REASONS = {
     "tests/hil/test_install.py runs it": 4,
     "tests/walk runs it": 9,
     "hours": 1,
+    "tests/unit/tools/test_speed.py runs it": 1,
     "minutes": 1,
     "it needs the dump of your train": 1,
     "it would overwrite a golden file": 1,
