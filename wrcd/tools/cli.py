@@ -18,6 +18,7 @@ from wrcd.tools.commands import (
 from wrcd.tools.completion import completion_of
 from wrcd.tools.guard import guarded
 from wrcd.tools.install import command as install_command
+from wrcd.tools.monitor import command as monitor_command
 from wrcd.tools.parser import asked, make_parser
 from wrcd.tools.report import command as report_command
 from wrcd.tools.story import plot_command, why_command
@@ -28,6 +29,7 @@ COMMANDS: tuple[Command, ...] = (
     reload_command.COMMAND,
     check_command.COMMAND,
     dump_command.COMMAND,
+    monitor_command.COMMAND,
     replay_command.COMMAND,
     report_command.COMMAND,
     plot_command.COMMAND,

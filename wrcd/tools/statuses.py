@@ -41,6 +41,12 @@ STATUSES: dict[str, dict[Status, str]] = {
         Status.NOT_THERE: _BUS,
         Status.INTERRUPTED: "Ctrl-C",
     },
+    "monitor": {
+        Status.DONE: "a key has ended it",
+        Status.BAD_INPUT: f"{_BAD}; no terminal to draw on, or the extra `monitor` is missing",
+        Status.NOT_THERE: _BUS,
+        Status.INTERRUPTED: "Ctrl-C while a log is read",
+    },
     "replay": {
         Status.DONE: "done",
         Status.STOPPED: "the log is cut or damaged: what could be read is written",
@@ -68,6 +74,7 @@ STATUSES: dict[str, dict[Status, str]] = {
     },
     "install": {
         Status.DONE: "installed, or with `--dry-run` looked at; the output says what changed and what was kept",
+        Status.STOPPED: "installed, but with `--restart` a unit could not be restarted",
         Status.BAD_INPUT: "nothing was changed: no root, no systemd, a program that units cannot start, or a "
         "configuration that does not hold with this version",
     },

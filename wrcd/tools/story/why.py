@@ -74,7 +74,7 @@ def around(story: Story, axle: int, time_us: int) -> tuple[Explanation, Explanat
     )
 
 
-def answer(story: Story, axle: int, time_us: int) -> list[str]:
+def answer(story: Story, axle: int, time_us: int, width: int = WIDTH) -> list[str]:
     """Lines for a person, about twenty at most."""
     now = explain(story, axle, time_us)
     before, after, fall = around(story, axle, time_us)
@@ -82,7 +82,7 @@ def answer(story: Story, axle: int, time_us: int) -> list[str]:
     for label, text in _parts(story, now, before, after, fall):
         lines += textwrap.wrap(
             text,
-            WIDTH,
+            width,
             initial_indent=f"  {label:<{LABEL}}",
             subsequent_indent=" " * (LABEL + 2),
             break_on_hyphens=False,
