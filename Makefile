@@ -37,7 +37,10 @@ demo: $(READY)
 
 test: unit hil faults systemd walk
 
-# a process for each core, each with a stretch of the tests: a module's fixtures are made once, or twice
+# a process for each core, each with a stretch of the tests: a module's fixtures are made once, or twice. Threads of the
+# linear algebra would wait for each other on cores that are taken: a fifth of the processor time.
+unit: export OPENBLAS_NUM_THREADS = 1
+unit: export OMP_NUM_THREADS = 1
 unit: $(READY)
 	$(BIN)/python -m pytest -n auto --maxprocesses=8 --dist=worksteal --durations=5
 
@@ -124,13 +127,6 @@ design: $(READY)
 score: $(READY)
 	$(BIN)/sim-ecu score --json build/score.json --html build/score.html
 
-# what stands between the markers of the pages, the configuration's JSON schema, the completion, and the site of the pages in build/site: a
-# warning or a dead link fails. docs-check changes nothing
-docs: $(READY)
-	$(BIN)/python -m tests.support.pages --write
-	$(BIN)/python -m tests.support.signs_picture
-	$(BIN)/python -m tests.support.schema
-	$(BIN)/python -m tests.support.completion
 	$(BIN)/python -m tests.support.site build/site
 
 docs-all: $(READY)

@@ -59,7 +59,11 @@ def dpkg(tmp_path: Path) -> list[str]:
     (tmp_path / "info").mkdir()
     (package,) = (ROOT / "build/unit").glob(f"wrcd_{__version__}_*.deb")
     needed = output("dpkg-deb", "--field", str(package), "Depends")
+    contents = output("dpkg-deb", "--contents", str(package))
     names = [word.split()[0] for word in needed.split(", ")]
+    # so that it knows them for folders of others: it removes its own where they are empty
+    folders = {f"/{line.split()[-1].strip('./')}" for line in contents.splitlines() if line.startswith("d")}
+    (tmp_path / "info/systemd.list").write_text("".join(f"{f}\n" for f in sorted(folders) if Path(f).is_dir()))
     (tmp_path / "status").write_text("\n".join(output("dpkg-query", "--status", name) + "\n" for name in names))
     return ["dpkg", "--admindir", str(tmp_path)]
 

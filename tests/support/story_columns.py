@@ -25,7 +25,13 @@ from wrcd.tools.story.records import (
 
 BEGIN_US = 1_700_000_000_000_000
 HALF = np.array([np.nan, *(w if np.isfinite(w) else np.nan for w, _ in CONFIDENCES)], dtype=np.float32)
-STATES = ((0, Cause.WARMING_UP), (1, Cause.NONE), (2, Cause.INPUT_STALE), (2, Cause.CONTRADICTION), (0, Cause.STANDSTILL))
+STATES = (
+    (0, Cause.WARMING_UP),
+    (1, Cause.NONE),
+    (2, Cause.INPUT_STALE),
+    (2, Cause.CONTRADICTION),
+    (0, Cause.STANDSTILL),
+)
 VALIDITIES = (Validity.NOT_AVAILABLE, Validity.VALID, Validity.DEGRADED)
 
 
@@ -63,7 +69,7 @@ def synthetic(seconds: float = 60.0, axles: int = 1, seed: int = 1, name: str = 
         verdict=(
             Finding("warning", f"Adhesion fell to 5.1 % {len(falls)} times.", 0),
             Finding("good", "Valid for 93 % of the time.", 1, BEGIN_US, end_us),
-            Finding("note", "The longest silence of an input was 41 ms.", 1, BEGIN_US + 5_000_000, BEGIN_US + 5_041_000),
+            Finding("note", "The longest silence was 41 ms.", 1, BEGIN_US + 5_000_000, BEGIN_US + 5_041_000),
         ),
         warnings=(), config=config, versions={"wrcd": "0.2.0", "Python": "3.11"},
     )  # fmt: skip
@@ -96,11 +102,11 @@ def _axle(rng: np.random.Generator, number: int, seconds: float) -> Axle:
         surface[available >= least] = i + 1
     contact = np.where(validity == 0, 0, np.where(used > 0.61 * available, 2, 1)).astype(np.int8)
     keep = ~((t > 22.0) & (t < 23.0))  # a second without frames
+    low, high = (available - half).clip(0.0), available + half
+    age = rng.integers(3, 9, len(t)).astype(np.float32)
     adhesion = Adhesion(
-        *(c[keep] for c in (
-            time_us, validity, available, used, (available - half).clip(0.0), available + half, confidence, contact, surface,
-            rng.integers(3, 9, len(t)).astype(np.float32),
-        ))
+        time_us[keep], validity[keep], available[keep], used[keep], low[keep], high[keep], confidence[keep],
+        contact[keep], surface[keep], age[keep],
     )  # fmt: skip
     every = slice(None, None, 5)
     residual = np.round((rng.normal(0.0, 0.6, (len(t[every]), 4)) + [6.0, 3.0, 0.0, -2.0]) / 0.4) * 0.4
@@ -135,7 +141,14 @@ def _events(rng: np.random.Generator, number: int, time_us: NDArray[np.int64]) -
         states.append(STATES[int(rng.integers(2, 5))] if valid else STATES[1])
     ends = [*at[1:], int(time_us[-1])]
     found = [
-        Event(number, b, min(e, int(time_us[-1])), VALIDITIES[s[0]], s[1], "yaw rate YawRate.Rate 20.9 ms old" if s[1] else "")
+        Event(
+            number,
+            b,
+            min(e, int(time_us[-1])),
+            VALIDITIES[s[0]],
+            s[1],
+            "yaw rate YawRate.Rate 20.9 ms old" if s[1] else "",
+        )
         for b, e, s in zip(at, ends, states, strict=True)
         if b < time_us[-1]
     ]
@@ -144,13 +157,19 @@ def _events(rng: np.random.Generator, number: int, time_us: NDArray[np.int64]) -
 
 def _torque(rng: np.random.Generator, seconds: float) -> Series:
     time_us = _stamps(rng, seconds, 10_000)
-    return Series(time_us, {"torque_Nm": -8000.0 + 500.0 * np.sin(np.arange(len(time_us)) / 900.0) + rng.normal(0.0, 15.0, len(time_us))})
+    return Series(
+        time_us,
+        {"torque_Nm": -8000.0 + 500.0 * np.sin(np.arange(len(time_us)) / 900.0) + rng.normal(0.0, 15.0, len(time_us))},
+    )
 
 
 def _status(seconds: float) -> Series:
     n = max(2, int(seconds))
     zero = np.zeros(n)
-    return Series(BEGIN_US + 1_000_000 * np.arange(n), {"State": zero, "Overruns": zero, "RejectedFrames": zero, "LastReason": zero})
+    return Series(
+        BEGIN_US + 1_000_000 * np.arange(n),
+        {"State": zero, "Overruns": zero, "RejectedFrames": zero, "LastReason": zero},
+    )
 
 
 def _rejects(rng: np.random.Generator, seconds: float) -> Series:

@@ -40,7 +40,7 @@ def _inserted(c: Column, at: NDArray[np.intp], usual_us: int) -> Column:
 def thin(
     values: NDArray[np.float32], codes: tuple[NDArray[np.int8], ...] = (), most: int = MAX_ROWS
 ) -> NDArray[np.intp] | None:
-    """Rows that a page keeps of more than `most`: of each run the lowest, the highest and changes of codes, else None."""
+    """Rows that a page keeps of more than `most`: lowest and highest of each run, and changes of codes; else None."""
     n = len(values)
     if n <= most:
         return None

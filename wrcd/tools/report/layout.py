@@ -96,16 +96,21 @@ def _label(text: str, side: str, names: Mapping[str, str], there: Sequence[str])
 
 def _validity_words() -> dict[int, tuple[str, str]]:
     """Codes of events: validity times 32 plus cause."""
-    words = {32 * v: (text, css) for v, text, css in ((0, "NotAvailable", "none"), (1, "Valid", "good"), (2, "Degraded", "warn"))}
+    words = {
+        32 * v: (text, css)
+        for v, text, css in ((0, "NotAvailable", "none"), (1, "Valid", "good"), (2, "Degraded", "warn"))
+    }
     for c in Cause:
         if c is not Cause.NONE:
             words |= {0 + int(c): (c.label, "none"), 64 + int(c): (c.label, "warn"), 32 + int(c): (c.label, "good")}
     return words
 
 
-def _overview(tables: Mapping[str, Table], axles: Sequence[int], there: Sequence[str], names: Mapping[str, str]) -> Plot:
+def _overview(
+    tables: Mapping[str, Table], axles: Sequence[int], there: Sequence[str], names: Mapping[str, str]
+) -> Plot:
     rows = tuple(
-        Row(f"axle {a}" if side == "" else f"{a} against", f"{side}axle{a}.events", "state", _validity_words(), True)
+        Row(f"axle {a}" if side == "" else f"{a}, against", f"{side}axle{a}.events", "state", _validity_words(), True)
         for a in axles
         for side in there
         if f"{side}axle{a}.events" in tables
@@ -148,7 +153,9 @@ def _axle(tables: Mapping[str, Table], a: int, there: Sequence[str], names: Mapp
         ]
     for side in there:
         if f"{side}axle{a}.truth" in tables:
-            curves.append(Curve(_label("truth", side, names, there), f"{side}axle{a}.truth", "available", "truth", dash="dashed"))
+            curves.append(
+                Curve(_label("truth", side, names, there), f"{side}axle{a}.truth", "available", "truth", dash="dashed")
+            )
             break
     first = Plot(f"axle{a}.time", "Adhesion against time", "%", 0, top, 260, tuple(curves), axle=a)
     yield first
@@ -156,7 +163,9 @@ def _axle(tables: Mapping[str, Table], a: int, there: Sequence[str], names: Mapp
     if residuals := _residuals(tables, a, there, names):
         yield residuals
     if "distance" in tables:
-        yield Plot(f"axle{a}.distance", "Adhesion against distance", "%", 0, top, 220, tuple(curves), axis="distance", axle=a)
+        yield Plot(
+            f"axle{a}.distance", "Adhesion against distance", "%", 0, top, 220, tuple(curves), axis="distance", axle=a
+        )
 
 
 def _states(tables: Mapping[str, Table], a: int, there: Sequence[str]) -> Plot:
@@ -165,8 +174,17 @@ def _states(tables: Mapping[str, Table], a: int, there: Sequence[str]) -> Plot:
         own = "" if side == "" else " 2"
         base = f"{side}axle{a}"
         rows.append(Row(f"validity{own}", f"{base}.events", "state", _validity_words(), True))
-        rows.append(Row(f"contact{own}", f"{base}.adhesion", "contact", _words("ContactState", ("none", "good", "warn"))))
-        rows.append(Row(f"surface{own}", f"{base}.adhesion", "surface", _words("Surface", ("none", "c0", "c1", "c2", "c3", "c4"))))
+        rows.append(
+            Row(f"contact{own}", f"{base}.adhesion", "contact", _words("ContactState", ("none", "good", "warn")))
+        )
+        rows.append(
+            Row(
+                f"surface{own}",
+                f"{base}.adhesion",
+                "surface",
+                _words("Surface", ("none", "c0", "c1", "c2", "c3", "c4")),
+            )
+        )
         if f"{base}.detail" in tables:
             rows.append(
                 Row(f"model{own}", f"{base}.detail", "winner",
@@ -174,8 +192,8 @@ def _states(tables: Mapping[str, Table], a: int, there: Sequence[str]) -> Plot:
             )  # fmt: skip
     rows = [r for r in rows if r.table in tables]
     return Plot(
-        f"axle{a}.states", "Validity with its cause, contact, surface, winning model", "", 0, len(rows), _strip_height(len(rows)),
-        rows=tuple(rows), axle=a,
+        f"axle{a}.states", "Validity with its cause, contact, surface, winning model", "", 0, len(rows),
+        _strip_height(len(rows)), rows=tuple(rows), axle=a,
     )  # fmt: skip
 
 
@@ -196,14 +214,23 @@ def _residuals(tables: Mapping[str, Table], a: int, there: Sequence[str], names:
             curves.append(Curve("winner", table, "winning", "winner", width=7.0, alpha=0.35))
         for m in range(1, 5):
             curves.append(
-                Curve(_label(f"model {m}", side, names, there), table, f"residual{m}", f"m{m}", dash=RESIDUAL_DASHES[m - 1],
-                      alpha=1.0 if side == "" else 0.45, width=1.5 if side == "" else 1.0)
+                Curve(_label(f"model {m}", side, names, there), table, f"residual{m}", f"m{m}",
+                      dash=RESIDUAL_DASHES[m - 1], alpha=1.0 if side == "" else 0.45, width=1.5 if side == "" else 1.0)
             )  # fmt: skip
             extremes.append(tables[table][f"residual{m}"].values)
     if not curves:
         return None
     low, high = _span(extremes)
-    return Plot(f"axle{a}.residuals", "Residuals of the four models, the winner's marked", "dB", low, high, 190, tuple(curves), axle=a)
+    return Plot(
+        f"axle{a}.residuals",
+        "Residuals of the four models, the winner's marked",
+        "dB",
+        low,
+        high,
+        190,
+        tuple(curves),
+        axle=a,
+    )
 
 
 def _span(columns: Sequence[NDArray[np.floating]], step: float = 5.0) -> tuple[float, float]:
@@ -229,7 +256,9 @@ def _axle_curves(
     ]
 
 
-def _train(tables: Mapping[str, Table], axles: Sequence[int], there: Sequence[str], names: Mapping[str, str]) -> Iterator[Plot]:
+def _train(
+    tables: Mapping[str, Table], axles: Sequence[int], there: Sequence[str], names: Mapping[str, str]
+) -> Iterator[Plot]:
     del there, names
     if "speed" in tables:
         top = _top([tables["speed"]["speed_m_s"].values], 5.0)
@@ -240,14 +269,25 @@ def _train(tables: Mapping[str, Table], axles: Sequence[int], there: Sequence[st
         yield Plot("torque", "Torque at the axles", "N m", low, high, 190, tuple(torques))
 
 
-def _health(tables: Mapping[str, Table], axles: Sequence[int], there: Sequence[str], names: Mapping[str, str]) -> Iterator[Plot]:
+def _health(
+    tables: Mapping[str, Table], axles: Sequence[int], there: Sequence[str], names: Mapping[str, str]
+) -> Iterator[Plot]:
     words: dict[int, tuple[str, str]] = {0: ("all came", "good")}
     words |= {i + 1: (f"refused: {r.value}", "bad") for i, r in enumerate(Reason)}
     words |= {SOME_MISSING: ("some missing", "warn"), ALL_MISSING: ("silent", "none"), STALE: ("stale", "warn")}
     for a in axles:
         if f"axle{a}.inputs" in tables:
             rows = tuple(Row(INPUT_WORDS[i], f"axle{a}.inputs", i, words) for i in INPUTS)
-            yield Plot(f"axle{a}.inputs", f"Inputs of axle {a}: reach and refusals", "", 0, 4, _strip_height(4), rows=rows, axle=a)
+            yield Plot(
+                f"axle{a}.inputs",
+                f"Inputs of axle {a}: reach and refusals",
+                "",
+                0,
+                4,
+                _strip_height(4),
+                rows=rows,
+                axle=a,
+            )
     states: list[Row] = []
     for table, column, label in (("status", "State", "daemon"), ("link", "LinkState", "link")):
         kind = MESSAGES[f"{table}_message"][column]
@@ -282,24 +322,35 @@ def _spaced(name: str) -> str:
     return "".join(f" {c.lower()}" if c.isupper() else c for c in name).strip()
 
 
-def _delays(tables: Mapping[str, Table], axles: Sequence[int], there: Sequence[str], names: Mapping[str, str]) -> Iterator[Plot]:
+def _delays(
+    tables: Mapping[str, Table], axles: Sequence[int], there: Sequence[str], names: Mapping[str, str]
+) -> Iterator[Plot]:
     del there, names
     ages = _axle_curves(tables, axles, "adhesion", "age")
     if ages:
         top = _top([tables[c.table]["age"].values for c in ages], 10.0)
         yield Plot("age", "Age of the oldest input at the tick (SampleAge)", "ms", 0, top, 170, tuple(ages))
         shares = [Curve(c.label, c.table.replace("adhesion", "ages"), "share", c.colour, "step", c.dash) for c in ages]
-        yield Plot("ages", "Distribution of SampleAge: share of frames that are older (powers of ten) against age", "%", 0.001, 100, 200, tuple(shares), axis="age")
+        yield Plot(
+            "ages",
+            "Distribution of SampleAge: share of frames that are older (powers of ten) against age",
+            "%",
+            0.001,
+            100,
+            200,
+            tuple(shares),
+            axis="age",
+        )
 
 
 def _bus(tables: Mapping[str, Table], there: Sequence[str], names: Mapping[str, str]) -> Iterator[Plot]:
     for key, title, unit, least in (("rate", "Frames a second", "1/s", 10.0), ("load", "Bus load", "%", 10.0)):
         sides = [s for s in there if f"{s}bus" in tables and len(tables[f"{s}bus"]["time"].values)]
         curves = [
-            Curve(_label(key, s, names, there), f"{s}bus", key, "available" if s == "" else "against", "step") for s in sides
+            Curve(_label(key, s, names, there), f"{s}bus", key, "available" if s == "" else "against", "step")
+            for s in sides
         ]
         if curves:
             columns = [tables[c.table][key].values for c in curves]
             top = min(_top(columns, least), 100.0) if unit == "%" else _top(columns, least, 10.0)
             yield Plot(key, title, unit, 0, top, 140, tuple(curves))
-

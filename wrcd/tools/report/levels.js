@@ -27,7 +27,7 @@ function levelsOf(table, column, upper) {
   for (let i = 0; i < low.length; i++) holes[i] = low[i] !== low[i] || high[i] !== high[i] ? 1 : 0;
   levels = [];
   let level = { low, high, holes };
-  for (let size = 2; level.low.length > 256; size *= 2) {
+  for (let size = 2; level.low.length > 64; size *= 2) {
     level = coarser(level.low, level.high, level.holes, level.low.length);
     if (size >= FIRST_BIN) levels.push({ size, ...level });
   }
@@ -39,13 +39,13 @@ function levelsOf(table, column, upper) {
 function eachBin(table, x, column, upper, from, to, bins, take) {
   const first = Math.max(0, placeAt(x, from));
   const last = Math.min(table.rows, placeAt(x, to) + 2);
-  if (last - first <= 2 * bins) {
+  const levels = last - first <= 2 * bins ? [] : levelsOf(table, column, upper);
+  if (levels.length === 0) {
     const low = table.columns[column];
     const high = table.columns[upper || column];
     for (let i = first; i < last; i++) take(x[i], low[i], high[i], low[i] !== low[i] || high[i] !== high[i], 0);
     return;
   }
-  const levels = levelsOf(table, column, upper);
   const level = levels.find((l) => (last - first) / l.size <= bins) ?? levels[levels.length - 1];
   const half = (0.5 * (to - from)) / bins;
   const end = Math.min(level.low.length, Math.ceil(last / level.size));
@@ -57,14 +57,15 @@ function eachBin(table, x, column, upper, from, to, bins, take) {
 function linePoints(table, x, curve, from, to, bins) {
   const xs = [];
   const ys = [];
-  let binned = false;
+  let travel = 0; // of the line, up and down
   eachBin(table, x, curve.column, "", from, to, bins, (at, low, high, hole, half) => {
+    const step = Math.abs(low - ys[ys.length - 1]) + high - low;
+    if (step === step) travel += step;
     if (half === 0) {
       xs.push(at);
       ys.push(low);
       return;
     }
-    binned = true;
     xs.push(at, at + half);
     ys.push(low, high);
     if (hole) {
@@ -72,7 +73,7 @@ function linePoints(table, x, curve, from, to, bins) {
       ys.push(NaN);
     }
   });
-  return { data: { x: xs, y: ys }, binned };
+  return { data: { x: xs, y: ys }, travel };
 }
 
 // A band as one outline for each stretch without a hole: along its lower edge and back along the upper one.
@@ -103,5 +104,5 @@ function bandPoints(table, x, curve, from, to, bins) {
     if (hole) close();
   });
   close();
-  return { data: { x: xs, y: ys }, binned: false };
+  return { data: { x: xs, y: ys }, travel: 0 };
 }

@@ -106,8 +106,8 @@ def _spec(plot: Plot) -> dict[str, Any]:
         "key": plot.key, "title": plot.title, "unit": plot.unit, "axis": plot.axis, "axle": plot.axle,
         "low": plot.low, "high": plot.high,
         "curves": [
-            {"label": c.label, "table": c.table, "column": c.column, "colour": c.colour, "shape": c.shape, "upper": c.upper,
-             "dash": c.dash}
+            {"label": c.label, "table": c.table, "column": c.column, "colour": c.colour, "shape": c.shape,
+             "upper": c.upper, "dash": c.dash}
             for c in plot.curves
         ],
         "rows": [
@@ -125,7 +125,9 @@ def _body(story: Story, against: Story | None, parts: list[Part], sides: tuple[s
     yield '<div class="columns">\n<main>'
     yield f'<section id="verdict" aria-label="Verdict"><h2>Verdict</h2>{text.verdict(story)}</section>'
     if against is not None:
-        yield _folded("against-verdict", f"Verdict of {sides[1]}", text.verdict(against).replace('class="go"', 'class="go other"'))
+        yield _folded(
+            "against-verdict", f"Verdict of {sides[1]}", text.verdict(against).replace('class="go"', 'class="go other"')
+        )
         yield _folded("differences", "Differences", text.compared(differences(story, against), sides))
     axles = {a.number: a for a in story.axles}
     for part in parts:
@@ -157,7 +159,9 @@ def _figure(plot: Plot) -> str:
     """A plot's place: its height is kept before it is drawn."""
     unit = f" <small>{escape(plot.unit)}</small>" if plot.unit else ""
     return (
-        f'<figure data-plot="{escape(plot.key)}"><figcaption><b>{escape(plot.title)}</b>{unit}<span class="legend"></span>'
-        f'</figcaption><div class="plot" role="img" tabindex="0" aria-label="{escape(plot.title)}. '
-        f'Arrow keys move the cursor, its values are read in the panel." style="height:{plot.height}px"></div></figure>\n'
+        f'<figure data-plot="{escape(plot.key)}"><figcaption><b>{escape(plot.title)}</b>{unit}'
+        '<span class="legend"></span></figcaption>'
+        f'<div class="plot" role="img" tabindex="0" aria-label="{escape(plot.title)}. '
+        f'Arrow keys move the cursor, its values are read in the panel." style="height:{plot.height}px"></div>'
+        "</figure>\n"
     )

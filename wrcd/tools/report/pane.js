@@ -2,6 +2,7 @@
 
 const SPARE = 0.3; // of the range in view, drawn at each side of it, so that moving needs no new data
 const PX_PER_BIN = 2;
+const MAX_TRAVEL = 25; // heights of the plot that a dashed line may go up and down
 const DASHES = { dashed: [6], dotted: [2, 4], dotdash: [2, 4, 6, 4] };
 const ZOOM_SLACK = 1.3; // a change of span by more than this takes another level of detail
 
@@ -28,8 +29,10 @@ class Pane {
     this.overlay.className = "overlay";
     this.line = document.createElement("div");
     this.line.className = "line";
+    this.line.hidden = true;
     this.mark = document.createElement("div");
     this.mark.className = "mark";
+    this.mark.hidden = true;
     this.dots = this.spec.curves.map((curve) => {
       const dot = document.createElement("div");
       dot.className = "dot";
@@ -69,7 +72,7 @@ class Pane {
     const plot = this.view.model;
     const text = colours("text");
     const faint = colours("grid");
-    plot.setv({ background_fill_color: colours("plot"), border_fill_color: colours("paper"), outline_line_color: faint });
+    plot.setv({ background_fill_color: colours("plot"), border_fill_color: null, border_line_color: null, outline_line_color: faint });
     for (const axis of [...plot.below, ...plot.left]) {
       axis.setv({ major_label_text_color: text, axis_line_color: faint, major_tick_line_color: faint });
     }
@@ -133,11 +136,12 @@ class Pane {
       if (table === undefined) return;
       const x = this.spec.axis === "distance" ? this.world.kilometresOf(curve.table) : table.time;
       const points = curve.shape === "band" ? bandPoints : linePoints;
-      const { data, binned } = points(table, x, curve, cover.from, cover.to, bins);
+      const { data, travel } = points(table, x, curve, cover.from, cover.to, bins);
       const renderer = this.sources.get(`${i}`);
       renderer.data_source.data = data;
-      // of many rows a pixel nobody sees dashes, and they cost the most
-      if (curve.dash !== "solid" && curve.shape !== "band") renderer.glyph.line_dash = binned ? [] : DASHES[curve.dash];
+      // in noise nobody sees dashes, and there they cost more than all else
+      const noise = travel > MAX_TRAVEL * (this.spec.high - this.spec.low);
+      if (curve.dash !== "solid" && curve.shape !== "band") renderer.glyph.line_dash = noise ? [] : DASHES[curve.dash];
     });
   }
 

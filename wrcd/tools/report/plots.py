@@ -4,7 +4,14 @@ from typing import Any
 
 from bokeh.core.properties import value
 from bokeh.embed import json_item
-from bokeh.models import ColumnDataSource, FixedTicker, LogScale, NumeralTickFormatter, PrintfTickFormatter, Range1d
+from bokeh.models import (
+    AdaptiveTicker,
+    ColumnDataSource,
+    FixedTicker,
+    NumeralTickFormatter,
+    PrintfTickFormatter,
+    Range1d,
+)
 from bokeh.plotting import figure
 
 from wrcd.tools.report.layout import Curve, Plot
@@ -17,28 +24,29 @@ AXES = {"time": "s", "distance": "km", "age": "ms"}
 def item(plot: Plot) -> dict[str, Any]:
     """A figure as BokehJS reads it. Its renderers bear the places of curves; those of strips patterns, and "words"."""
     logarithmic = plot.axis == "age"
+    bottom, top = (plot.high, plot.low) if plot.rows else (plot.low, plot.high)  # the first row is the highest
     f = figure(
         height=plot.height,
         sizing_mode="stretch_width",
-        x_range=Range1d(0.0, 1.0),
-        y_range=Range1d(plot.low, plot.high) if not plot.rows else Range1d(plot.high, plot.low),
+        x_range=Range1d(start=0.0, end=1.0),
+        y_range=Range1d(start=bottom, end=top),
         y_axis_type="log" if logarithmic else "linear",
         toolbar_location=None,
         tools="",
         min_border_left=LEFT,
         min_border_right=RIGHT,
         min_border_top=6,
+        border_fill_color=None,
         border_line_color=None,
         lod_threshold=None,
         output_backend="canvas",
     )
     f.xaxis.axis_label = None
     f.xaxis.formatter = PrintfTickFormatter(format=f"%.8g {AXES[plot.axis]}")
-    f.xaxis.ticker.desired_num_ticks = 8
+    f.xaxis.ticker = AdaptiveTicker(desired_num_ticks=8)
     if not logarithmic:
-        f.yaxis.ticker.desired_num_ticks = 5
+        f.yaxis.ticker = AdaptiveTicker(desired_num_ticks=5)
     else:
-        assert isinstance(f.y_scale, LogScale)
         f.yaxis.formatter = NumeralTickFormatter(format="0[.][000]")
     f.axis.minor_tick_line_color = None
     f.axis.major_label_text_font_size = "12px"
@@ -75,7 +83,8 @@ def _strip(f: figure, plot: Plot) -> None:
         # one pattern for all of its blocks: Bokeh makes a canvas for each of a column of patterns
         f.quad(
             "left", "right", "top", "bottom", source=blocks, name=pattern, fill_color="colour", line_color=None,
-            hatch_pattern=None if pattern == "blank" else pattern, hatch_alpha=0.55, hatch_scale=7.0, hatch_weight=1.2,
+            hatch_pattern=None if pattern == "blank" else pattern, hatch_color="#000000",
+            hatch_alpha=0.16, hatch_scale=9.0, hatch_weight=2.0,
         )  # fmt: skip
     words = ColumnDataSource({"x": [], "y": [], "text": [], "colour": []})
     f.text(

@@ -118,7 +118,9 @@ def _detail(story: Story, d: Detail) -> Table:
 def _health(story: Story, h: Health, detail: Detail | None) -> Table:
     """Of each input one code: why a frame was refused, else whether frames are missing or it is stale."""
     table = {"time": _time(story, h.time_us)}
-    place = None if detail is None or not len(detail.time_us) else np.searchsorted(detail.time_us, h.time_us, "right") - 1
+    place = (
+        None if detail is None or not len(detail.time_us) else np.searchsorted(detail.time_us, h.time_us, "right") - 1
+    )
     for i, name in enumerate(INPUTS):
         reach = h.reach[:, i]
         code = np.where(reach == 0, ALL_MISSING, np.where(reach < 255, SOME_MISSING, 0))
@@ -167,14 +169,15 @@ def _series(story: Story, series: Series) -> Table:
 
 
 def _counts(story: Story, series: Series, key: str) -> Table:
-    """States as codes, counts as what was added since the frame before."""
+    """States as codes, counts as what was added since the frame before: WrcdRejects says so itself, others count on."""
     table = {"time": _time(story, series.time_us)}
     for name, values in series.values.items():
         kind = MESSAGES[key].get(name)
         if not isinstance(kind, Numeric):
             table[name] = Column(values, 1.0, CODE)
         elif name != "DesignChecksum":
-            added = np.diff(values, prepend=values[:1]) % (kind.high + 1.0)
+            on = key != "rejects_message" or name == "ForeignFrames"
+            added = np.diff(values, prepend=values[:1]) % (kind.high + 1.0) if on else values
             table[name] = Column(added, 1.0)
     return with_gaps(table, series.time_us)
 

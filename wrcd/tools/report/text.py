@@ -3,7 +3,7 @@
 import datetime
 import math
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from html import escape
 
 import numpy as np
@@ -11,10 +11,10 @@ import numpy as np
 from wrcd.bus.frame import EXTENDED
 from wrcd.core.causes import Validity
 from wrcd.tools.report.differences import Difference
-from wrcd.tools.story.records import Axle, Event, Finding, Story
+from wrcd.tools.story.records import Axle, Event, Fall, Finding, Story
 
 LEVELS = {"good": "Good", "note": "Note", "warning": "Warning", "bad": "Bad"}
-MAX_WARNINGS = 50
+MAX_WARNINGS, MAX_FALLS = 50, 40
 
 
 def heading(story: Story, against: Story | None) -> str:
@@ -52,21 +52,17 @@ def duration(seconds: float) -> str:
 
 
 def verdict(story: Story) -> str:
-    """What happened: findings, then the falls and rises to look at, then what the log itself suffers from."""
-    out = ['<ul class="findings">', *(_finding(story, f) for f in story.verdict), "</ul>"]
-    if story.falls:
-        out.append('<h3 id="falls">Where adhesion fell or rose</h3>\n<ul class="falls">')
-        for f in story.falls:
-            begin, end = (f.begin_us - story.begin_us) / 1e6, (f.end_us - story.begin_us) / 1e6
-            fell = f.after_pct < f.before_pct
-            text = (
-                f"axle {f.axle} {'fell' if fell else 'rose'} from {f.before_pct:.1f} % to {f.after_pct:.1f} % "
-                f"at {begin:.1f} s, within {duration(max(end - begin, 0.0))}"
-            )
-            css = "fall" if fell else "rise"
-            mark = "↓" if fell else "↑"
-            out.append(f'<li><button class="{css} go" {_go(f.axle, begin, end)}>{mark} {escape(text)}</button></li>')
+    """What happened: findings, then the falls and rises that none of them is about, then what the log suffers from."""
+    falls = {(f.axle, f.begin_us): f for f in story.falls}
+    out = ['<ul class="findings">', *(_finding(story, f, falls) for f in story.verdict), "</ul>"]
+    told = {(f.axle, f.begin_us) for f in story.verdict}
+    rest = [f for key, f in falls.items() if key not in told]
+    if rest:
+        out.append('<h3>Where adhesion fell or rose</h3>\n<ul class="falls">')
+        out += [f"<li>{_fall(story, f)}</li>" for f in rest[:MAX_FALLS]]
         out.append("</ul>")
+        if len(rest) > MAX_FALLS:
+            out.append(f"<p>{len(rest) - MAX_FALLS} more are seen in the plots.</p>")
     if story.warnings:
         lines = [f"<li>{escape(w)}</li>" for w in story.warnings[:MAX_WARNINGS]]
         if len(story.warnings) > MAX_WARNINGS:
@@ -75,18 +71,32 @@ def verdict(story: Story) -> str:
     return "\n".join(out)
 
 
+def _fall(story: Story, f: Fall) -> str:
+    begin, end = (f.begin_us - story.begin_us) / 1e6, (f.end_us - story.begin_us) / 1e6
+    verb, css, mark = ("fell", "fall", "↓") if f.after_pct < f.before_pct else ("rose", "rise", "↑")
+    text = (
+        f"axle {f.axle} {verb} from {f.before_pct:.1f} % to {f.after_pct:.1f} % at {begin:.1f} s, "
+        f"within {duration(max(end - begin, 0.0))}"
+    )
+    return f'<button class="{css} go" {_go(f.axle, begin, end)}>{mark} {escape(text)}</button>'
+
+
 def _go(axle: int, begin_s: float, end_s: float) -> str:
     return f'data-axle="{axle}" data-begin="{begin_s:.6f}" data-end="{end_s:.6f}"'
 
 
-def _finding(story: Story, f: Finding) -> str:
+def _finding(story: Story, f: Finding, falls: Mapping[tuple[int, int], Fall]) -> str:
+    """A sentence; where it has a time, a button that goes there: of a fall to the fall itself."""
     level = f.level if f.level in LEVELS else "note"
     where = f"axle {f.axle}: " if f.axle and f"axle {f.axle}" not in f.text.lower() else ""
     text = f"{escape(where)}{escape(f.text)}"
     if f.begin_us is not None:
+        fall = falls.get((f.axle, f.begin_us))
         begin = (f.begin_us - story.begin_us) / 1e6
-        end = begin if f.end_us is None else (f.end_us - story.begin_us) / 1e6
-        text = f'<button class="go" {_go(f.axle, begin, end)}>{text}</button>'
+        last_us = f.end_us if fall is None else fall.end_us
+        end = begin if last_us is None else (last_us - story.begin_us) / 1e6
+        css = "" if fall is None else "fall " if fall.after_pct < fall.before_pct else "rise "
+        text = f'<button class="{css}go" {_go(f.axle, begin, end)}>{text}</button>'
     return f'<li class="{level}"><span class="level">{LEVELS[level]}</span> <span>{text}</span></li>'
 
 
@@ -105,9 +115,20 @@ def causes(story: Story) -> str:
             button = f'<button class="go" {_go(axle.number, begin, begin + longest.duration_s)}>{begin:.2f} s</button>'
             rows.append((
                 axle.number, f'<span class="state {validity.value}">{escape(validity.value)}</span>', escape(label),
-                escape(why), len(found), f"{seconds:.2f}", f"{100.0 * seconds / total:.2f}", f"{longest.duration_s:.2f}", button,
+                escape(why), len(found), f"{seconds:.2f}", f"{100.0 * seconds / total:.2f}",
+                f"{longest.duration_s:.2f}", button,
             ))  # fmt: skip
-    heads = ("axle", "Validity", "cause", "in words", "times", "s in all", "% of the time", "longest, s", "longest from")
+    heads = (
+        "axle",
+        "Validity",
+        "cause",
+        "in words",
+        "times",
+        "s in all",
+        "% of the time",
+        "longest, s",
+        "longest from",
+    )
     return table(heads, rows, escaped=True, words=(1, 2, 3))
 
 
@@ -133,32 +154,38 @@ def bus(story: Story) -> str:
         gap = "" if math.isnan(m.longest_gap_ms) else f"{m.longest_gap_ms:.1f}"
         where = f'<button class="go" {_go(0, at, at + m.longest_gap_ms / 1e3)}>{at:.2f} s</button>' if gap else ""
         rows.append((
-            f"<code>{identifier}</code>", escape(m.name) or "unknown", escape(m.role), m.frames, f"{m.mean_hz:.2f}", cycle,
-            gap, where, escape(e2e),
+            f"<code>{identifier}</code>", escape(m.name) or "unknown", escape(m.role), m.frames, f"{m.mean_hz:.2f}",
+            cycle, gap, where, escape(e2e),
         ))  # fmt: skip
     heads = ("id", "message", "role", "frames", "mean rate, 1/s", "cycle, ms", "longest gap, ms", "gap from", "E2E")
     errors = len(story.bus.error_frames)
-    line = f"Load at {story.bus.bit_rate / 1000:g} kbit/s. " + (f"{errors} error frames." if errors else "No error frame.")
+    line = f"Load at {story.bus.bit_rate / 1000:g} kbit/s. " + (
+        f"{errors} error frames." if errors else "No error frame."
+    )
     return f"<p>{escape(line)}</p>\n{table(heads, rows, escaped=True, words=(1, 2, 8))}"
 
 
 def configuration(story: Story) -> str:
     """What the values came from."""
     c = story.config
-    outputs = {a.number: a for a in c.axles}
     rows = [
         ("configuration", c.file), ("DBC", str(c.dbc_file)), ("design", f"{c.design.name}, {c.design_file}"),
         ("checksum of the design", c.design.checksum), ("form of the design", c.design.form),
         ("models", ", ".join(c.design.model_names)), ("rules", str(len(c.design.rules))),
-        ("window", f"{c.design.window_s:g} s, up to {c.design.longest_s:g} s"), ("tick", f"{1e3 * c.design.tick_s:g} ms"),
+        ("window", f"{c.design.window_s:g} s, up to {c.design.longest_s:g} s"),
+        ("tick", f"{1e3 * c.design.tick_s:g} ms"),
         ("speeds of the design", f"{c.design.speeds_m_s[0]:g} to {c.design.speeds_m_s[-1]:g} m/s"),
         ("slower than this there is no estimate", f"{c.min_speed_m_s:g} m/s"),
         ("NotAvailable after", f"{c.not_available_after_us / 1e3:g} ms"),
         ("torque is total", "yes" if c.torque_is_total else "no"),
-        *((f"axle {n}", ", ".join(o.message for o in (a.adhesion, a.detail, a.inputs) if o is not None)) for n, a in outputs.items()),
-        *((f"input: {i.source.quantity.value[0]}", f"{i.source.message}.{i.source.signal}, stale after {i.timeout_us / 1e3:g} ms") for i in c.inputs),
-        *story.versions.items(),
     ]  # fmt: skip
+    for a in c.axles:
+        messages = [o.message for o in (a.adhesion, a.detail, a.inputs) if o is not None]
+        rows.append((f"axle {a.number}", ", ".join(messages)))
+    for i in c.inputs:
+        signal = f"{i.source.message}.{i.source.signal}, stale after {i.timeout_us / 1e3:g} ms"
+        rows.append((f"input: {i.source.quantity.value[0]}", signal))
+    rows += story.versions.items()
     warnings = "".join(f"<li>{escape(w)}</li>" for w in c.warnings)
     return table(("what", "value"), rows, words=(0, 1)) + (f"<ul>{warnings}</ul>" if warnings else "")
 
@@ -166,14 +193,18 @@ def configuration(story: Story) -> str:
 def compared(rows: Sequence[Difference], sides: tuple[str, str]) -> str:
     """Two sides, line by line."""
 
-    def number(v: float, d: Difference) -> str:
-        return "" if math.isnan(v) else f"{v:.{d.digits}f}"
-
     cells = [
-        (d.axle, d.what, d.unit, number(d.here, d), number(d.there, d), "" if math.isnan(d.there - d.here) else f"{d.there - d.here:+.{d.digits}f}")
+        (
+            d.axle, d.what, d.unit, _figure(d.here, d.digits), _figure(d.there, d.digits),
+            _figure(d.there - d.here, d.digits, "+"),
+        )
         for d in rows
     ]  # fmt: skip
     return table(("axle", "what", "unit", *sides, "difference"), cells, words=(1, 2))
+
+
+def _figure(value: float, digits: int, sign: str = "") -> str:
+    return "" if math.isnan(value) else f"{value:{sign}.{digits}f}"
 
 
 def table(
@@ -183,7 +214,9 @@ def table(
     css = ["w" if i in words else "n" for i in range(len(heads))]
     head = "".join(f'<th scope="col" class="{c}">{escape(h)}</th>' for h, c in zip(heads, css, strict=True))
     body = "".join(
-        "<tr>" + "".join(f'<td class="{c}{_long(v)}">{_cell(v, escaped)}</td>' for v, c in zip(r, css, strict=True)) + "</tr>\n"
+        "<tr>"
+        + "".join(f'<td class="{c}{_long(v)}">{_cell(v, escaped)}</td>' for v, c in zip(r, css, strict=True))
+        + "</tr>\n"
         for r in rows
     )
     return (

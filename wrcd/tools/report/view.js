@@ -178,7 +178,8 @@ function byButtons(world) {
     const [axle, begin, end] = ["axle", "begin", "end"].map((name) => Number(button.dataset[name]));
     const fall = button.classList.contains("fall") || button.classList.contains("rise");
     world.go(axle, begin, end, fall ? end : begin);
-    const part = document.getElementById(`axle${axle}`) ?? document.getElementById("overview");
+    const part = document.getElementById(axle > 0 ? `axle${axle}` : "overview");
+    if (part === null) return;
     part.open = true;
     part.scrollIntoView({ block: "start", behavior: matchMedia("(prefers-reduced-motion: reduce)").matches ? "auto" : "smooth" });
   });

@@ -34,7 +34,7 @@ class Words {
     const short = [`${cursor.toFixed(3)} s`];
     const mu = this.value(`axle${axle}.adhesion`, "available", cursor);
     short.push(`axle ${axle}`, Number.isFinite(mu) ? `${mu.toFixed(1)} %` : "no estimate");
-    this.moment.textContent = `${short.join(" · ")}${world.kept ? " · kept" : ""}`;
+    this.moment.textContent = `${short.join(" · ")}${world.kept ? " · fixed" : ""}`;
     const sides = this.told.against === null ? [["", this.told.story]] : [["", this.told.story], ["against.", this.told.against]];
     const parts = [this.paragraph("when", [this.when(cursor)])];
     sides.forEach(([side, story], i) => {

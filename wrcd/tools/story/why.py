@@ -27,20 +27,21 @@ MAX_MOVES = 3  # of a rule's output: `--json` has all
 _BETWEEN_MOVES = re.compile(r", (?=[+-]\d)")
 
 
-def moment(story: Story, given_s: float) -> int:
-    """Seconds since the log's first frame, or since 1970 if that lies within it, in microseconds. Raises InputError for
-    a time outside of the log."""
+def moment(story: Story, given_s: float, *, key: str = "SECONDS", relative: bool = False, behind: bool = False) -> int:
+    """Seconds since the log's first frame, or, if not relative, since 1970 where that lies within the log, in
+    microseconds. Raises InputError for a time outside of the log; behind: one behind its end is none.
+    """
     absolute = round(given_s * 1e6)
-    if story.begin_us <= absolute <= story.end_us:
+    if not relative and story.begin_us <= absolute <= story.end_us:
         return absolute
     time_us = story.begin_us + absolute
-    if not story.begin_us <= time_us <= story.end_us:
-        raise InputError(
-            f"{given_s:g} s is not within the log", file=story.log, key="SECONDS",
-            hint=f"it has 0 to {(story.end_us - story.begin_us) * 1e-6:.3f} s after its first frame, or "
-            f"{story.begin_us * 1e-6:.3f} to {story.end_us * 1e-6:.3f} since 1970",
-        )  # fmt: skip
-    return time_us
+    if story.begin_us <= time_us and (behind or time_us <= story.end_us):
+        return time_us
+    raise InputError(
+        f"{given_s:g} s is not within the log", file=story.log, key=key,
+        hint=f"it has 0 to {(story.end_us - story.begin_us) * 1e-6:.3f} s after its first frame, or "
+        f"{story.begin_us * 1e-6:.3f} to {story.end_us * 1e-6:.3f} since 1970",
+    )  # fmt: skip
 
 
 def nearest_fall(story: Story, axle: int, time_us: int) -> Fall | None:

@@ -1,0 +1,49 @@
+"""Missing frames and too many of them."""
+
+import numpy as np
+
+from wrcd.tools.report.columns import CODE, TIME, Column
+from wrcd.tools.report.gaps import thin, with_gaps
+
+
+def test_row_of_nothing_stands_where_frames_are_missing() -> None:
+    time_us = np.array([0, 20_000, 40_000, 1_000_000, 1_020_000])
+    table = {
+        "time": Column(time_us / 1e6, 1e-4, TIME),
+        "mu": Column(np.arange(5.0), 0.01),
+        "code": Column(np.arange(5), 1.0, CODE),
+    }
+    found = with_gaps(table, time_us)
+    assert found["time"].values.tolist() == [0.0, 0.02, 0.04, 0.1, 1.0, 1.02]
+    assert np.array_equal(found["mu"].values, [0, 1, 2, np.nan, 3, 4], equal_nan=True)
+    assert found["code"].values.tolist() == [0, 1, 2, -1, 3, 4]
+
+
+def test_jitter_below_three_cycles_is_no_gap() -> None:
+    time_us = np.array([0, 20_000, 79_000, 99_000, 119_000])
+    table = {"time": Column(time_us / 1e6, 1e-4, TIME)}
+    assert len(with_gaps(table, time_us)["time"].values) == 5
+
+
+def test_single_row_has_no_gap() -> None:
+    time_us = np.array([5])
+    assert len(with_gaps({"time": Column(time_us / 1e6, 1e-4, TIME)}, time_us)["time"].values) == 1
+
+
+def test_thinned_column_keeps_extremes_changes_and_both_ends() -> None:
+    rng = np.random.default_rng(1)
+    values = rng.normal(20.0, 1.0, 100_000).astype(np.float32)
+    values[54_321], values[98_765], values[40_000:41_000] = 1.0, 90.0, np.nan
+    codes = np.zeros(100_000, dtype=np.int8)
+    codes[70_001:70_003] = 2
+    rows = thin(values, (codes,), 10_000)
+    assert rows is not None
+    assert len(rows) <= 10_100
+    assert {54_321, 98_765, 70_001, 70_003, 99_999} <= set(rows.tolist())
+    assert rows[0] < 20
+    assert (np.diff(rows) > 0).all()
+    assert np.isnan(values[rows]).any()
+
+
+def test_table_within_the_limit_is_kept_whole() -> None:
+    assert thin(np.zeros(100, dtype=np.float32), (), 100) is None
