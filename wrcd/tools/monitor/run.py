@@ -42,8 +42,7 @@ def monitor(
         model, warnings = model_of_log(log, config, databases, channel, rate)
         app = Monitor(model, NoMore(log.name), note="; ".join(warnings))
     else:
-        bus = pick_bus(interface, channel, config_file, (config.interface, config.channel))
-        source = open_source(config, *bus)
+        source = open_source(config, *pick_bus(interface, channel, config_file, (config.interface, config.channel)))
         app = Monitor(Model(config, databases, bit_rate=rate), source)
     try:
         app.run()
