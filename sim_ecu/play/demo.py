@@ -134,10 +134,8 @@ def _shown(path: Path) -> Path:
 def _report(log: Path, report: Path, config_file: Path | None) -> None:
     """Make the report of the demo's own log, with the truth in it. Where the extra is missing that is said, and the
     demo has been shown all the same."""
-    from wrcd.tools.cli import COMMANDS, main
+    from wrcd.tools.cli import main
 
-    if "report" not in [command.name for command in COMMANDS]:
-        return
     config = [] if config_file is None else ["--config", str(config_file)]
     if main(["report", str(log), "-o", str(report), "--dbc", str(resources.TRUTH_DBC), *config]) == Status.DONE:
         print(f"report   {_shown(report)}   open it in a browser: what happened, when, and why")
