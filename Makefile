@@ -127,6 +127,14 @@ design: $(READY)
 score: $(READY)
 	$(BIN)/sim-ecu score --json build/score.json --html build/score.html
 
+# what stands between the markers of the pages, the configuration's JSON schema, completion and manual pages, and the site of
+# the pages in build/site: a warning or a dead link fails. docs-check changes nothing
+docs: $(READY)
+	$(BIN)/python -m tests.support.pages --write
+	$(BIN)/python -m tests.support.signs_picture
+	$(BIN)/python -m tests.support.schema
+	$(BIN)/python -m tests.support.completion
+	$(BIN)/python -m tests.support.manual
 	$(BIN)/python -m tests.support.site build/site
 
 docs-all: $(READY)
