@@ -30,7 +30,7 @@ vcan:
 Makefile: ;
 else
 
-.PHONY: demo test lint check unit hil faults systemd walk fuzz soak coverage bench mutants format design score docs docs-all docs-check lock audit clean deb
+.PHONY: demo pictures test lint check unit hil faults systemd walk fuzz soak coverage bench mutants format design score docs docs-all docs-check lock audit clean deb
 
 demo: $(READY)
 	$(BIN)/sim-ecu demo
@@ -48,7 +48,7 @@ unit: $(READY)
 hil: $(READY)
 	GUEST_TIMEOUT=900 tests/hil/guest/run --native-ok -- $(BIN)/python -m pytest $(HIL) -rP \
 	    tests/hil/test_vcan.py tests/hil/test_own_dbc.py tests/hil/test_link_*.py tests/hil/test_load.py \
-	    tests/hil/test_docs_commands.py
+	    tests/hil/test_docs_commands.py tests/hil/test_monitor.py
 
 # every fault of the matrix against the real daemon; its table is printed
 faults: $(READY)
@@ -62,6 +62,10 @@ systemd: $(READY)
 # build/deb/wrcd_VERSION_ARCH.deb, for the system's python3; no root
 deb: $(READY)
 	$(BIN)/python deb/build.py
+
+# docs/monitor.svg, from a ride that is played for it
+pictures: $(READY)
+	$(BIN)/python -m tests.support.monitor_picture
 
 # make walk STEPS="monitor report": only these, after the clone; screens and pictures go to build/walk
 walk: $(READY)

@@ -9,6 +9,7 @@ from wrcd.bus.positions import is_fd
 from wrcd.config import load_config
 from wrcd.core.configuration import Config
 from wrcd.errors import InputError
+from wrcd.tools.bus_of import pick_bus
 from wrcd.tools.monitor.load import BIT_RATE
 from wrcd.tools.monitor.model import Model
 from wrcd.tools.monitor.of_log import model_of_log
@@ -41,7 +42,7 @@ def monitor(
         model, warnings = model_of_log(log, config, databases, channel, rate)
         app = Monitor(model, NoMore(log.name), note="; ".join(warnings))
     else:
-        source = open_source(config, interface or config.interface, channel or config.channel)
+        source = open_source(config, *pick_bus(interface, channel, config_file, (config.interface, config.channel)))
         app = Monitor(Model(config, databases, bit_rate=rate), source)
     try:
         app.run()
@@ -56,7 +57,7 @@ def open_source(config: Config, interface: str, channel: str) -> Source:
     if interface in IN_ONE_PROCESS:
         from wrcd.bus.opening import open_link
 
-        return OwnLink(open_link(interface, channel, None, fd=fd))
+        return OwnLink(open_link(interface, channel, None, fd=fd, user_settings=True))
     source = ReaderProcess(interface, channel, fd)
     source.wait_open()
     return source
