@@ -30,14 +30,17 @@ vcan:
 Makefile: ;
 else
 
-.PHONY: demo test lint check unit hil faults systemd walk fuzz soak coverage bench mutants format design score docs docs-all docs-check lock audit clean deb
+.PHONY: demo pictures test lint check unit hil faults systemd walk fuzz soak coverage bench mutants format design score docs docs-all docs-check lock audit clean deb
 
 demo: $(READY)
 	$(BIN)/sim-ecu demo
 
 test: unit hil faults systemd walk
 
-# a process for each core, each with a stretch of the tests: a module's fixtures are made once, or twice
+# a process for each core, each with a stretch of the tests: a module's fixtures are made once, or twice. Threads of the
+# linear algebra would wait for each other on cores that are taken: a fifth of the processor time.
+unit: export OPENBLAS_NUM_THREADS = 1
+unit: export OMP_NUM_THREADS = 1
 unit: $(READY)
 	$(BIN)/python -m pytest -n auto --maxprocesses=8 --dist=worksteal --durations=5
 
@@ -45,7 +48,7 @@ unit: $(READY)
 hil: $(READY)
 	GUEST_TIMEOUT=900 tests/hil/guest/run --native-ok -- $(BIN)/python -m pytest $(HIL) -rP \
 	    tests/hil/test_vcan.py tests/hil/test_own_dbc.py tests/hil/test_link_*.py tests/hil/test_load.py \
-	    tests/hil/test_docs_commands.py
+	    tests/hil/test_docs_commands.py tests/hil/test_monitor.py
 
 # every fault of the matrix against the real daemon; its table is printed
 faults: $(READY)
@@ -59,6 +62,10 @@ systemd: $(READY)
 # build/deb/wrcd_VERSION_ARCH.deb, for the system's python3; no root
 deb: $(READY)
 	$(BIN)/python deb/build.py
+
+# docs/monitor.svg, from a ride that is played for it
+pictures: $(READY)
+	$(BIN)/python -m tests.support.monitor_picture
 
 # make walk STEPS="monitor report": only these, after the clone; screens and pictures go to build/walk
 walk: $(READY)
@@ -120,13 +127,6 @@ design: $(READY)
 score: $(READY)
 	$(BIN)/sim-ecu score --json build/score.json --html build/score.html
 
-# what stands between the markers of the pages, the configuration's JSON schema, the completion, and the site of the pages in build/site: a
-# warning or a dead link fails. docs-check changes nothing
-docs: $(READY)
-	$(BIN)/python -m tests.support.pages --write
-	$(BIN)/python -m tests.support.signs_picture
-	$(BIN)/python -m tests.support.schema
-	$(BIN)/python -m tests.support.completion
 	$(BIN)/python -m tests.support.site build/site
 
 docs-all: $(READY)

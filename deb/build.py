@@ -171,7 +171,8 @@ def _compile(tree: Path, python: str) -> None:
 def _control(tree: Path, conffiles: list[str], version: str, python: str) -> None:
     files = sorted(p for p in tree.rglob("*") if p.is_file() and not p.is_symlink())
     control = tree / "DEBIAN"
-    control.mkdir(mode=0o755)
+    control.mkdir()
+    control.chmod(0o755)
     (control / "control").write_text(
         CONTROL.format(
             version=version, architecture=_output("dpkg", "--print-architecture"), maintainer=MAINTAINER, python=python,

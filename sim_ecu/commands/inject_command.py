@@ -8,7 +8,7 @@ from wrcd.tools.command import Command
 
 def _add(p: argparse.ArgumentParser) -> None:
     add_player(p)
-    p.add_argument("scenario", nargs="?", help="name of a packaged scenario, or a .toml file")
+    p.add_argument("scenario", metavar="SCENARIO", nargs="?", help="name of a packaged scenario, or a .toml file")
     p.add_argument(
         "--fault", action="append", default=[], metavar="SPEC",
         help="KIND:at=S,for=S,of=SIGNAL,axle=N,amount=X, e.g. crc:at=3,for=0.5,of=yaw_rate,axle=1; may be repeated",

@@ -8,7 +8,7 @@ from wrcd.tools.command import Command
 
 def _add(p: argparse.ArgumentParser) -> None:
     add_player(p)
-    p.add_argument("scenario", help="name of a packaged scenario, or a .toml file")
+    p.add_argument("scenario", metavar="SCENARIO", help="name of a packaged scenario, or a .toml file")
 
 
 def _run(args: argparse.Namespace) -> int:

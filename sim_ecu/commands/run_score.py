@@ -72,7 +72,7 @@ def run(
     _prepare(asked)  # bad files are told of here, before anything is played
     began = time.monotonic()
     traces = _play_all(list(runs(source, suite, QUICK if quick else 1.0)), jobs, asked)
-    result = {"run": {"quick": quick, "jobs": jobs}} | judge(traces, source, suite)
+    result = {"run": {"quick": quick, "jobs": jobs}} | judge(traces, source, suite, quick)
     result["run"]["seconds"] = round(time.monotonic() - began)
     print("\n".join(tables(result)))
     if json_out:

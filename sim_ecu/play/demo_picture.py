@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from sim_ecu.play.demo_screen import HALF_WIDTHS
 from sim_ecu.play.observer import Trace
@@ -13,7 +13,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 WIDEST_PP = 20.0  # what is drawn of an interval without a bound
-SHADES = {"NotAvailable": ("0.6", "NotAvailable: no estimate"), "Degraded": ("tab:orange", "Degraded: with care")}
+SHADES: dict[str, dict[str, Any]] = {
+    "NotAvailable": {"fc": "none", "ec": "0.75", "hatch": "//", "label": "NotAvailable: no estimate"},
+    "Degraded": {"fc": "tab:orange", "alpha": 0.25, "label": "Degraded: with care"},
+}
 
 
 def draw(scenario: Scenario, traces: dict[int, Trace], picture: Path) -> None:
@@ -44,8 +47,7 @@ def _axle(ax: "Axes", trace: Trace) -> None:
     ax.fill_between(t, [row[1]["MuUsed"] for row in trace.truth], color="0.85", lw=0, label="in use, truth (=)")
     for from_s, until_s, validity in _spans(trace):
         if validity in SHADES:
-            color, label = SHADES[validity]
-            ax.axvspan(from_s, until_s, color=color, alpha=0.25, lw=0, label=label)
+            ax.axvspan(from_s, until_s, lw=0, **SHADES[validity])
     ax.plot(t, [row[1]["MuAvailable"] for row in trace.truth], color="black", lw=1.5, label="available, truth (T)")
     # where there is no estimate the line has a gap
     x = [s for s, _ in trace.adhesion]

@@ -63,12 +63,12 @@ def check(faults: Sequence[Fault], interface: str, channel: str) -> None:
             raise InputError("needs root", key=f.kind, hint="sudo, or --fast")
 
 
-def open_bus(interface: str, channel: str, fd: bool = False) -> can.BusABC:
-    """A bus by python-can's names that nothing comes from. Raises InputError for an unknown name, BusError for a bus
-    that cannot be opened or that is down."""
+def open_bus(interface: str, channel: str, fd: bool = False, **options: Any) -> can.BusABC:
+    """A bus by python-can's names, with its options, that nothing comes from. Raises InputError for an unknown name,
+    BusError for a bus that cannot be opened or that is down."""
     if interface == "socketcan" and is_down(channel):
         raise BusError(f"CAN interface {channel!r} is down", key="channel", hint=bring_up(channel))
-    more: dict[str, Any] = {"fd": True} if fd else {}
+    more: dict[str, Any] = options | ({"fd": True} if fd else {})
     nothing = [{"can_id": 0x7FF, "can_mask": 0x7FF}]
     return pythoncan.open_bus(interface, channel, user_settings=True, can_filters=nothing, **more)
 

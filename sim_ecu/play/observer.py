@@ -1,5 +1,6 @@
 """A third party on the demo's bus: writes the log, and decodes what anyone could decode."""
 
+import time
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ from cantools.database.can import Message
 
 from sim_ecu.play.adhesion import AdhesionReader, Said
 from sim_ecu.play.encoder import databases, message_key
+from sim_ecu.play.pace import Clock
 from wrcd.bus.dbc import find_message
 from wrcd.bus.frame import Frame
 from wrcd.bus.log import format_line
@@ -26,7 +28,10 @@ class Trace:
 class Observer:
     """Takes every frame. Times are seconds from the first one."""
 
-    def __init__(self, bus: can.BusABC, log: Path, channel: str, config: Config, numbers: list[int]) -> None:
+    def __init__(
+        self, bus: can.BusABC, log: Path, channel: str, config: Config, numbers: list[int], clock: Clock = time
+    ) -> None:
+        self._clock = clock
         _, rig = databases()
         self._bus, self._channel = bus, channel
         self._file = log.open("w", encoding="ascii")
@@ -44,13 +49,15 @@ class Observer:
     def drain(self) -> None:
         """Take all that is on the bus."""
         while (m := self._bus.recv(0.0)) is not None:
+            # the virtual bus stamps by the computer's time what the daemon sends, which may be ahead of the demo's
+            stamp_us = min(round(m.timestamp * 1e6), self._clock.time_ns() // 1000)
             frame = Frame(
-                round(m.timestamp * 1e6), m.arbitration_id, bytes(m.data), extended=m.is_extended_id,
+                stamp_us, m.arbitration_id, bytes(m.data), extended=m.is_extended_id,
                 remote=m.is_remote_frame, error=m.is_error_frame, fd=m.is_fd,
             )  # fmt: skip
             self._file.write(format_line(frame, self._channel) + "\n")
-            self.first_s = m.timestamp if self.first_s is None else self.first_s
-            t = m.timestamp - self.first_s
+            self.first_s = stamp_us * 1e-6 if self.first_s is None else self.first_s
+            t = stamp_us * 1e-6 - self.first_s
             if (truth := self._truth.get(frame.key)) is not None:
                 true: Any = truth[0].decode(frame.data)
                 truth[1].truth.append((t, true))

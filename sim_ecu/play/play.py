@@ -15,6 +15,7 @@ from sim_ecu.play.encoder import SAMPLE_US, Sent
 from sim_ecu.play.faults import KINDS, Fault, Stage
 from sim_ecu.play.interface import Bus, Interface, PythonCan, check
 from sim_ecu.play.logs import check_format, open_logger
+from sim_ecu.play.pace import Clock
 from sim_ecu.play.player import LARGE_CHUNK, Player
 from sim_ecu.play.scenario import Scenario
 from sim_ecu.play.train import PACKAGED, Train
@@ -87,8 +88,9 @@ class RealTime:
         on_fault: Callable[[Fault, bool], None] | None = None,
         ahead: bool = False,
         train: Train = PACKAGED,
+        clock: Clock = time,
     ) -> None:
-        self.tally = Tally()
+        self.tally, self._clock = Tally(), clock
         self._on_fault = on_fault
         self._away_until_us = 0
         # an end before a beginning at the same time
@@ -103,13 +105,18 @@ class RealTime:
         self._next = next(self._samples, None)
         self._bus, self._logger = bus, logger
         self._channel = str(bus.channel_info).split("'")[1] if "'" in str(bus.channel_info) else "can0"
-        self._start_ns = time.monotonic_ns()
+        self._start_ns = clock.monotonic_ns()
+
+    @property
+    def time_s(self) -> float:
+        """Since it began."""
+        return self._now_us() * 1e-6
 
     def wait_s(self) -> float:
         """How long until the next sample is due; 0 at the end."""
         if self._next is None:
             return 0.0
-        return max(self._start_ns + self._next[0] * 1000 - time.monotonic_ns(), 0) * 1e-9
+        return max(self._start_ns + self._next[0] * 1000 - self._clock.monotonic_ns(), 0) * 1e-9
 
     def step(self) -> bool:
         """Send the samples that are due by now. False when the scenario is over. Deadlines are absolute: a late
@@ -130,7 +137,7 @@ class RealTime:
         return False
 
     def _now_us(self) -> int:
-        return (time.monotonic_ns() - self._start_ns) // 1000
+        return (self._clock.monotonic_ns() - self._start_ns) // 1000
 
     def _tell(self, due_us: int) -> None:
         while self._on_fault is not None and self._moments and self._moments[0][0] <= due_us:
@@ -142,7 +149,7 @@ class RealTime:
                 self._away_until_us = self._now_us()
 
     def _send(self, f: Sent) -> None:
-        m = message(f, time.time_ns() // 1000, self._channel)
+        m = message(f, self._clock.time_ns() // 1000, self._channel)
         try:
             self._bus.send(m, timeout=0)
             self.tally.frames += 1

@@ -1,7 +1,7 @@
 """What the default design is held to. A goal is judged by its figure and by the interval that chance leaves it."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from sim_ecu.score.metrics import bootstrap
@@ -20,9 +20,12 @@ from sim_ecu.score.suites.harsh import BEYOND, JOINTS, VIBRATION, WHITE
 from sim_ecu.score.suites.nominal import NOISE, ROUGH_JUDGED
 
 MIN_RUNS = 10  # a figure of fewer runs judges nothing
+# A quick score has up to ten runs of a suite, chosen to be spread, not to be many: a level of Confidence that held the
+# truth in every frame of ten runs was called missed, one of 400 frames met.
+MIN_QUICK_RUNS = 20
 MIN_SHARE = 0.02  # a level of Confidence that occurs less is not judged
 
-MET, MISSED, CHANCE, TOO_FEW = "met", "MISSED", "missed, within chance", "not judged: too few runs"
+MET, MISSED, CHANCE, TOO_FEW = "met", "MISSED", "missed, within chance", "too few to judge"
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,12 +36,13 @@ class Goal:
     figure: Figure
     bound: float
     at_least: bool = False
+    min_runs: int = MIN_RUNS
 
     @property
     def verdict(self) -> str:
         """Whether it is met; where it is missed, whether the interval holds the bound."""
         f = self.figure
-        if f.runs < MIN_RUNS:
+        if f.runs < self.min_runs:
             return TOO_FEW
         if f.value >= self.bound if self.at_least else f.value <= self.bound:
             return MET
@@ -47,14 +51,15 @@ class Goal:
         return CHANCE if reaches else MISSED
 
 
-def goals(suites: dict[str, Any]) -> list[Goal]:
-    """All goals of the suites that were played."""
+def goals(suites: dict[str, Any], quick: bool = False) -> list[Goal]:
+    """All goals of the suites that were played. quick: those of too few runs for a quick score are not judged."""
     makers = {
         "paper": _paper, "grid": _grid, "robust": _robust, "rough": _rough, "transitions": _transitions,
         "drops": _drops, "cycles": _cycles, "dead": _dead, "foreign": _foreign, "harsh": _harsh, "slow": _slow,
         "dry-hours": _dry,
     }  # fmt: skip
-    return [g for name, s in suites.items() for g in makers[name](s)]
+    found = [g for name, s in suites.items() for g in makers[name](s)]
+    return [replace(g, min_runs=MIN_QUICK_RUNS) for g in found] if quick else found
 
 
 def _paper(s: dict[str, Any]) -> list[Goal]:

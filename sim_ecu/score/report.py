@@ -25,7 +25,7 @@ SEEDS = (
 MEMS, TACTICAL = "mems", "tactical"
 
 
-def judge(traces: Sequence[Trace], source: Source, suite: str | None = None) -> dict[str, Any]:
+def judge(traces: Sequence[Trace], source: Source, suite: str | None = None, quick: bool = False) -> dict[str, Any]:
     """All figures of the suites that were played (or of one, whose twins in the grid were played along), by suite.
 
     Errors are in percentage points. Leaves are Figures, numbers and words.
@@ -58,7 +58,7 @@ def judge(traces: Sequence[Trace], source: Source, suite: str | None = None) -> 
         "suites": shown,
         "goals": [
             {"what": g.what, "figure": g.figure, "bound": g.bound, "at_least": g.at_least, "verdict": g.verdict}
-            for g in goals(shown)
+            for g in goals(shown, quick)
         ],
     }
 

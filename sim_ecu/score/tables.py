@@ -4,12 +4,13 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from sim_ecu.score.goals import apart
+from sim_ecu.score.goals import MIN_QUICK_RUNS, apart
 from sim_ecu.score.metrics.bootstrap import Figure
 from sim_ecu.score.metrics.frames import OURS
 
 QUICK = (
-    "QUICK: a twelfth of the runs. Figures of less than ten runs judge no goal; the intervals say how little is known."
+    f"QUICK: a twelfth of the runs, to look, not to claim. A figure of less than {MIN_QUICK_RUNS} runs judges no "
+    "goal: it is too few to judge. The intervals say how little is known."
 )
 INTERVALS = (
     "In brackets: the 90 % interval, by drawing whole runs again. Only Valid frames are judged; the others are counted."
@@ -28,15 +29,14 @@ BASELINES = (
 def tables(result: dict[str, Any]) -> list[str]:
     """Markdown, line by line."""
     d = result["design"]
-    out = [
+    out = [QUICK, ""] if result.get("run", {}).get("quick") else []
+    out += [
         f"design {d['name']} {d['checksum'][:12]}, window {d['window_s']:g} s; "
         "errors in percentage points (pp) of MuAvailable",
         result["seeds"],
         INTERVALS,
         BASELINES,
     ]
-    if result.get("run", {}).get("quick"):
-        out.append(QUICK)
     for name, s in result["suites"].items():
         head, lines = _SUITES[name](s)
         out += ["", f"**{name}**: {head}", "", *lines]

@@ -19,6 +19,7 @@ HOME = Path("/opt/wrcd")
 WRCD = HOME / "bin/wrcd"
 BY_HAND = ROOT / "tests/data/installed-0.1.0"
 CONFIG = Path("/etc/wrcd/vcan0.toml")
+PATIENCE_S = 60.0  # how soon it is Valid is for test_systemd.py to say
 DUMP = Path("/var/lib/wrcd/vcan0/kept.log")
 SYSCTL = Path("/etc/sysctl.d/80-wrcd.conf")
 RMEM = Path("/proc/sys/net/core/rmem_max")
@@ -45,7 +46,6 @@ def train(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Train]:
     patient.parent.mkdir(parents=True)
     patient.write_text("[Service]\nWatchdogSec=60s\nTimeoutStartSec=60s\n")
     train = Train(tmp_path_factory.mktemp("install"))
-    train.connect()
     yield train
     train.disconnect()
     shutil.rmtree(patient.parent)
@@ -59,7 +59,11 @@ def dpkg(tmp_path: Path) -> list[str]:
     (tmp_path / "info").mkdir()
     (package,) = (ROOT / "build/unit").glob(f"wrcd_{__version__}_*.deb")
     needed = output("dpkg-deb", "--field", str(package), "Depends")
+    contents = output("dpkg-deb", "--contents", str(package))
     names = [word.split()[0] for word in needed.split(", ")]
+    # so that it knows them for folders of others: it removes its own where they are empty
+    folders = {line.split()[-1][1:].rstrip("/") or "/." for line in contents.splitlines() if line.startswith("d")}
+    (tmp_path / "info/systemd.list").write_text("".join(f"{f}\n" for f in sorted(folders) if Path(f).is_dir()))
     (tmp_path / "status").write_text("\n".join(output("dpkg-query", "--status", name) + "\n" for name in names))
     return ["dpkg", "--admindir", str(tmp_path)]
 
@@ -69,10 +73,11 @@ def use(train: Train) -> None:
     CONFIG.parent.mkdir(exist_ok=True)
     CONFIG.write_text(DEFAULT)
     CONFIG.with_suffix(".env").write_text(f"WRCD_OPTIONS=--config {CONFIG}\n")
+    train.connect()  # each test has the log's minutes for itself
     began = time.time()
     systemctl("enable", "--now", UNIT)  # returns when READY=1 was said
     assert prop("ActiveState") == "active", journal(began)
-    train.wait(began)
+    train.wait(began, seconds=PATIENCE_S)
     DUMP.write_text("a dump")
 
 
@@ -80,7 +85,7 @@ def check_running(train: Train, version: str, unit_file: str) -> None:
     """It runs from there, sends Valid frames, and starts with the computer."""
     assert prop("FragmentPath") == unit_file
     assert systemctl("is-enabled", UNIT) == "enabled"
-    train.wait(time.time() - 0.5)
+    train.wait(time.time() - 0.5, seconds=PATIENCE_S)
     assert run(WRCD, "--version").startswith(f"wrcd {version}\n")
 
 
@@ -125,7 +130,7 @@ def test_wheel_is_run_upgraded_from_hand_made_files_and_removed_without_a_trace(
     assert f"restarted: {UNIT}\n" in said
     assert main_pid() not in (0, pid)
     assert not [line for line in said.splitlines() if line.split()[0] in ("new", "changed", "removed", "kept")]
-    train.wait(restarted + 0.1)
+    train.wait(restarted + 0.1, seconds=PATIENCE_S)
     check_running(train, __version__, "/usr/local/lib/systemd/system/wrcd@.service")
     check_kept()
 
@@ -157,7 +162,7 @@ def test_debian_package_is_run_upgraded_and_removed_without_a_trace(train: Train
     assert SYSCTL.with_name("80-wrcd.conf.dpkg-dist").exists()
     restarted = time.time()
     systemctl("restart", UNIT)
-    train.wait(restarted + 0.1)
+    train.wait(restarted + 0.1, seconds=PATIENCE_S)
     check_running(train, __version__, "/lib/systemd/system/wrcd@.service")
     check_kept()
 

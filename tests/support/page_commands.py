@@ -9,7 +9,8 @@ above the fence says what is not so:
     <!-- run: vcan -->                it needs vcan0
     <!-- run: guest -->               it needs root and a kernel to throw away
     <!-- run: stop after 3 s -->      its last command goes on until Ctrl-C, which comes then
-    <!-- run: exit 1 -->              its last command ends with that status; otherwise 0 is demanded
+    <!-- run: stop 2 s after its first line -->   the same, for one that takes its time until it says something
+    <!-- run: exit 1 -->              its last command ends with that status, or `exit 0 or 1`; otherwise 0 is demanded
     <!-- file: NAME -->              above a fence of any kind: the reader has it as that file, from the start
     <!-- not run: REASON -->          one of the reasons that tests/unit/test_docs_commands.py lists
 
@@ -40,10 +41,36 @@ FILE = re.compile(r"^<!-- file: ([\w.-]+) -->\n```\w+\n(.*?)^```$", re.MULTILINE
 MARK = re.compile(r"<!-- (given|run|not run): (.+?) -->", re.DOTALL)
 NEEDS = frozenset({"vcan", "guest"})
 TIMEOUT_S = 150  # of a block
+FIRST_LINE_S = 60
 INTERRUPTED = 130
 # What a reader has in the folder in which he works; build/ is his own.
 KEPT = ("dbc", "docs", "examples", "sim_ecu", "systemd", "tests", "wrcd", "*.md", "*.lock", "pyproject.toml")
 BACKGROUND = re.compile(r"^(.*[^&\s])\s*&\s*(?:#.*)?$")
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """When Ctrl-C comes to a last command: so long after its start, or after its first line."""
+
+    after_s: int
+    of_first_line: bool
+
+    def around(self, command: str) -> str:
+        """Return it as bash that ends with the command's status."""
+        quoted = shlex.quote(f"set -o pipefail; {command}")
+        if not self.of_first_line:
+            return f"timeout --preserve-status -s INT -k 10 {self.after_s} bash -c {quoted}"
+        # in a process group of its own, where Ctrl-C is not ignored as it is in the background
+        return "\n".join(
+            [
+                "set -m",
+                f"bash -c {quoted} >.said 2>&1 &",
+                "pid=$!; trap 'kill -KILL -- -$pid 2>/dev/null' EXIT",
+                f"for _ in {{1..{FIRST_LINE_S * 10}}}; do [ ! -s .said ] && kill -0 $pid && sleep .1 || break; done",
+                f"sleep {self.after_s}; kill -INT -- -$pid; status=0; wait $pid || status=$?; cat .said",
+                "(exit $status)",
+            ]
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,8 +82,8 @@ class Step:
     body: str
     given: str
     needs: frozenset[str]
-    stop_after_s: float | None
-    status: int
+    stop: Stop | None
+    statuses: tuple[int, ...]
     not_run: str | None
 
     @property
@@ -67,14 +94,13 @@ class Step:
     def script(self) -> str:
         """Return it as bash: each command must succeed, and the last one end as is said."""
         *before, last = _commands(self.body)
-        if self.stop_after_s is not None:
-            quoted = shlex.quote(f"set -o pipefail; {last}")
-            last = f"timeout --preserve-status -s INT -k 10 {self.stop_after_s:g} bash -c {quoted}"
-        expected = f"{self.status}" if self.stop_after_s is None else f"0 {INTERRUPTED}"
+        if self.stop is not None:
+            last = self.stop.around(last)
+        expected = " ".join(map(str, self.statuses if self.stop is None else (0, INTERRUPTED)))
         return "\n".join(
             [
                 "set -euo pipefail",
-                self.given,
+                *_commands(self.given),
                 *before,
                 "set +e",
                 last,
@@ -97,7 +123,9 @@ def pages_with_steps() -> list[Path]:
 
 
 def _step(page: Path, line: int, fence: re.Match[str]) -> Step:
-    given, reason, needs, stop, status = "", None, set(), None, 0
+    given, reason, stop = "", None, None
+    needs: set[str] = set()
+    statuses: tuple[int, ...] = (0,)
     for kind, said in MARK.findall(fence["marks"]):
         if kind == "given":
             given += said.strip() + "\n"
@@ -107,26 +135,26 @@ def _step(page: Path, line: int, fence: re.Match[str]) -> Step:
             for word in said.split(", "):
                 if word in NEEDS:
                     needs.add(word)
-                elif m := re.fullmatch(r"stop after (\d+) s", word):
-                    stop = float(m[1])
-                elif m := re.fullmatch(r"exit (\d+)", word):
-                    status = int(m[1])
+                elif m := re.fullmatch(r"stop (?:after (\d+) s|(\d+) s after its first line)", word):
+                    stop = Stop(int(m[1] or m[2]), m[2] is not None)
+                elif m := re.fullmatch(r"exit (\d+)(?: or (\d+))?", word):
+                    statuses = tuple(int(s) for s in m.groups() if s)
                 else:
                     raise ValueError(f"{page}:{line}: {word} means nothing")
     body = re.sub(rf"^{fence['indent']}", "", fence["body"], flags=re.MULTILINE)
-    return Step(page, line, body, given, frozenset(needs), stop, status, reason)
+    return Step(page, line, body, given, frozenset(needs), stop, statuses, reason)
 
 
 def _commands(body: str) -> Iterator[str]:
     """Each command of a fence; what goes to the background leaves its status, where it ends by itself."""
     joined = ""
-    for number, line in enumerate(body.splitlines()):
+    for line in body.splitlines():
         joined += line
         if line.endswith("\\"):
             joined += "\n"
             continue
         if m := BACKGROUND.match(joined):
-            joined = f"{{ status=0; {m[1]} || status=$?; echo $status >.background-{number}-$$; }} &"
+            joined = f"{{ status=0; {m[1]} || status=$?; echo $status >.background-$BASHPID; }} &"
         if joined.strip():
             yield joined
         joined = ""
@@ -181,20 +209,24 @@ def _run(step: Step, folder: Path, env: dict[str, str], groups: list[int]) -> No
         try:
             status = process.wait(TIMEOUT_S)
         except subprocess.TimeoutExpired:
-            raise AssertionError(f"{step.name}: not done in {TIMEOUT_S} s; it says\n{_end(output)}") from None
-    assert status == 0, f"{step.name}:\n{step.body}\nsays\n{_end(output)}"
+            raise AssertionError(f"{step.name}: not done in {TIMEOUT_S} s; it says\n{_said(folder)}") from None
+    assert status == 0, f"{step.name}:\n{step.body}\nsays\n{_said(folder)}"
     _judge_background(step.page, folder)
 
 
 def _judge_background(page: Path, folder: Path) -> None:
     """What went to the background and has ended by itself must have ended well."""
     for ended in folder.glob(".background-*"):
-        said = "\n".join(_end(o) for o in folder.glob(".output-*"))
-        assert ended.read_text() == "0\n", f"{page}: a command in the background failed; it says\n{said}"
+        assert ended.read_text() == "0\n", f"{page}: a command in the background failed; it says\n{_said(folder)}"
 
 
-def _end(output: Path) -> str:
-    return "\n".join(output.read_text(encoding="utf-8", errors="replace").splitlines()[-30:])
+def _said(folder: Path) -> str:
+    """The end of what each block of a page has said so far."""
+    lines = []
+    for output in sorted(folder.glob(".output-*"), key=lambda p: int(p.name.rpartition("-")[2])):
+        said = output.read_text(encoding="utf-8", errors="replace").splitlines()[-20:]
+        lines += [f"-- line {output.name.rpartition('-')[2]}", *said]
+    return "\n".join(lines)
 
 
 def _stop(groups: list[int]) -> None:

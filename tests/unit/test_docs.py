@@ -114,7 +114,7 @@ def commands() -> Iterator[tuple[str, str]]:
     for page in PAGES:
         for step in steps(page):
             for said in re.findall(r"^(?:\.venv/bin/)?((?:wrcd|sim-ecu) [a-z].*)$", step.body, re.MULTILINE):
-                yield page.name, re.sub(r"\s+#.*|\s*&$|\s+[|>] .*", "", said)
+                yield page.name, re.sub(r"\s+(?:#|\||2?>|&).*", "", said)
 
 
 @pytest.mark.parametrize(("page", "said"), list(commands()))

@@ -57,3 +57,30 @@ def test_data_are_files_not_links(installed: Path) -> None:
     assert (installed / "wrcd" / "data" / "wrcd.dbc").read_bytes() == (ROOT / "dbc" / "wrcd.dbc").read_bytes()
     assert (installed / "sim_ecu" / "data" / "sim_ecu.dbc").read_bytes() == (ROOT / "dbc" / "sim_ecu.dbc").read_bytes()
     assert not (installed / "wrcd" / "data" / "wrcd.dbc").is_symlink()
+
+
+def test_wheel_brings_completion_and_manual_pages(installed: Path) -> None:
+    code = "import sys; from wrcd.tools.cli import main; sys.exit(main())"
+    script = (ROOT / "wrcd/data/completion/wrcd.bash").read_text(encoding="utf-8")
+    assert run(installed, code, "completion", "bash").stdout == script
+    for folder in ("completion", "man"):
+        names = {p.name for p in (ROOT / "wrcd/data" / folder).iterdir()}
+        assert len(names) == 4
+        assert {p.name for p in (installed / "wrcd/data" / folder).iterdir()} == names
+
+
+def test_wheel_brings_what_install_lays_out(installed: Path) -> None:
+    """Units, network files, sysctl: files of their own, as they are in systemd/."""
+    brought = installed / "wrcd" / "data" / "systemd"
+    names = [p.relative_to(ROOT / "systemd") for p in (ROOT / "systemd").rglob("*") if p.is_file()]
+    assert len(names) >= 8
+    assert {p.relative_to(brought) for p in brought.rglob("*") if p.is_file()} == set(names)
+    assert all((brought / name).read_bytes() == (ROOT / "systemd" / name).read_bytes() for name in names)
+    assert not any(p.is_symlink() for p in brought.rglob("*"))
+
+
+def test_install_lays_the_wheels_own_files_out(installed: Path, tmp_path: Path) -> None:
+    code = "import sys; from wrcd.tools.cli import main; sys.exit(main())"
+    run(installed, code, "install", "--prefix", str(tmp_path), "--program", "/opt/wrcd/bin/wrcd")
+    unit = tmp_path / "usr/local/lib/systemd/system/wrcd@.service"
+    assert unit.read_bytes() == (ROOT / "systemd" / "wrcd@.service").read_bytes()

@@ -59,6 +59,15 @@ class Walk:
         return self.run(".venv/bin/sim-ecu", *arguments, seconds=seconds, status=status)
 
 
+def played(walk: Walk) -> Path:
+    """A log with the rig's and the daemon's frames, in the clone: the demo's, or one made now if it was not taken."""
+    demo = Path("build/demo/leaf-patch.log")
+    if not (walk.folder / demo).exists():
+        (walk.folder / demo.parent).mkdir(parents=True, exist_ok=True)
+        walk.sim_ecu("play", "leaf-patch", "--fast", "--log", demo)
+    return demo
+
+
 @dataclass(frozen=True, slots=True)
 class Step:
     """A step; take returns what is seen, in one line with its figures."""

@@ -18,7 +18,10 @@ from wrcd.tools.commands import (
 from wrcd.tools.completion import completion_of
 from wrcd.tools.guard import guarded
 from wrcd.tools.install import command as install_command
+from wrcd.tools.monitor import command as monitor_command
 from wrcd.tools.parser import asked, make_parser
+from wrcd.tools.report import command as report_command
+from wrcd.tools.story import plot_command, why_command
 
 # in the order of the help
 COMMANDS: tuple[Command, ...] = (
@@ -26,7 +29,11 @@ COMMANDS: tuple[Command, ...] = (
     reload_command.COMMAND,
     check_command.COMMAND,
     dump_command.COMMAND,
+    monitor_command.COMMAND,
     replay_command.COMMAND,
+    report_command.COMMAND,
+    plot_command.COMMAND,
+    why_command.COMMAND,
     init_command.COMMAND,
     lint_command.COMMAND,
     *install_command.COMMANDS,

@@ -6,6 +6,8 @@ from collections.abc import Iterable, Sequence
 from wrcd.tools.command import Command
 from wrcd.tools.version import Version
 
+NAMES = ("candump", "python-can", "python-can's", "sim-ecu", "systemd", "wrcd", "wrcd's")
+
 
 def make_parser(program: str, description: str, commands: Iterable[Command]) -> argparse.ArgumentParser:
     """A parser with a command each."""
@@ -34,8 +36,11 @@ def asked(commands: Sequence[Command], argv: Sequence[str]) -> Sequence[Command]
 
 
 def sentence(text: str) -> str:
-    """One line of help as a sentence."""
-    return f"{text[:1].upper()}{text[1:]}."
+    """One line of help as a sentence. A program's name stays as it is, and so does a value before a colon."""
+    first = text.partition(" ")[0]
+    begin = text[:1] if first in NAMES or first.endswith(":") or "`" in first else text[:1].upper()
+    end = "" if text.endswith((".", "!", "?", "…")) else "."
+    return f"{begin}{text[1:]}{end}" if text else ""
 
 
 def examples(command: Command) -> str:

@@ -41,6 +41,12 @@ STATUSES: dict[str, dict[Status, str]] = {
         Status.NOT_THERE: _BUS,
         Status.INTERRUPTED: "Ctrl-C",
     },
+    "monitor": {
+        Status.DONE: "a key has ended it",
+        Status.BAD_INPUT: f"{_BAD}; no terminal to draw on, or the extra `monitor` is missing",
+        Status.NOT_THERE: _BUS,
+        Status.INTERRUPTED: "Ctrl-C while a log is read",
+    },
     "replay": {
         Status.DONE: "done",
         Status.STOPPED: "the log is cut or damaged: what could be read is written",
@@ -48,8 +54,27 @@ STATUSES: dict[str, dict[Status, str]] = {
         Status.NOT_THERE: "no frame of the log fits the configuration",
         Status.INTERRUPTED: "Ctrl-C",
     },
+    "report": {
+        Status.DONE: "the page is written",
+        Status.STOPPED: "the log is cut or damaged: the page is of what could be read, and says so",
+        Status.BAD_INPUT: f"{_BAD}: no usable log, a file to write that is no report, no extra report",
+        Status.INTERRUPTED: "Ctrl-C",
+    },
+    "plot": {
+        Status.DONE: "the picture is written",
+        Status.STOPPED: "the log is cut or damaged: the picture is of what could be read",
+        Status.BAD_INPUT: f"{_BAD}: no usable log, a time outside of it, a file that is there, no extra report",
+        Status.INTERRUPTED: "Ctrl-C",
+    },
+    "why": {
+        Status.DONE: "answered",
+        Status.STOPPED: "the log is cut or damaged: answered from what could be read",
+        Status.BAD_INPUT: f"{_BAD}: no usable log, a time outside of it, an axle that it has not",
+        Status.INTERRUPTED: "Ctrl-C",
+    },
     "install": {
         Status.DONE: "installed, or with `--dry-run` looked at; the output says what changed and what was kept",
+        Status.STOPPED: "installed, but with `--restart` a unit could not be restarted",
         Status.BAD_INPUT: "nothing was changed: no root, no systemd, a program that units cannot start, or a "
         "configuration that does not hold with this version",
     },

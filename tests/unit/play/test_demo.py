@@ -1,5 +1,7 @@
 """`sim-ecu demo` in real time on python-can's virtual bus; its screen and its summary without one."""
 
+import time
+from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
@@ -9,7 +11,9 @@ from sim_ecu.play import demo_summary
 from sim_ecu.play.adhesion import Said
 from sim_ecu.play.demo_screen import Screen
 from sim_ecu.play.observer import Trace
+from sim_ecu.play.pace import Pace
 from tests.support.scenarios import held
+from wrcd.bus.log import Damage, read_log
 from wrcd.core.causes import Cause, Validity
 from wrcd.core.events import Change
 
@@ -42,6 +46,56 @@ def test_the_demo_shows_the_estimate_and_leaves_log_and_picture(
     assert str(tmp_path) not in said
     assert (tmp_path / "out/wet.log").read_text().count(" 091#") > 100
     assert (tmp_path / "out/wet.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_computer_that_stands_still_costs_no_validity_without_a_kernel(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Half of the time it does something else; the demo hurries in between, and its log is one in time."""
+    moment = Screen.moment
+
+    def slow(self: Screen, traces: Mapping[int, Trace]) -> None:
+        time.sleep(0.3)
+        moment(self, traces)
+
+    monkeypatch.setattr(Screen, "moment", slow)
+    (tmp_path / "wet.toml").write_text(held("C", 3.0))
+    assert main(["demo", "-i", "virtual", "-c", "slow", "--scenario", f"{tmp_path}/wet.toml", "-o", str(tmp_path)]) == 0
+    said = capsys.readouterr().out
+    told = [line for line in said.splitlines() if " s axle 1: " in line]
+    assert "Valid, after" in told[-1]
+    assert not any("past its time-out" in line for line in told)
+    assert "busy" not in said
+    stamps = [frame.stamp_us for frame, _ in read_log(tmp_path / "wet.log", Damage())]
+    assert stamps == sorted(stamps)
+    assert 2_900_000 < stamps[-1] - stamps[0] < 3_100_000
+
+
+def test_paced_time_goes_on_in_small_steps_and_catches_up() -> None:
+    class Computer:
+        now_ns = 5_000_000_000
+
+        def monotonic_ns(self) -> int:
+            return self.now_ns
+
+        def time_ns(self) -> int:
+            return self.now_ns + 1_700_000_000_000_000_000
+
+    real = Computer()
+    pace = Pace(real)
+    began_us = pace.wall_us()
+    real.now_ns += 400_000_000
+    pace.begin()
+    pace.turn()
+    assert pace.steady_us() == 0
+    real.now_ns += 10_400_000
+    steps = []
+    for _ in range(12):
+        before = pace.steady_us()
+        pace.turn()
+        steps.append(pace.steady_us() - before)
+    assert steps == [1000] * 10 + [400, 0]
+    assert pace.wall_us() - began_us == 10_400
 
 
 def truth(available: float, used: float) -> dict[str, float]:

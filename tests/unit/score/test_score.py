@@ -307,7 +307,7 @@ def test_the_report_has_every_figure(small: list[Trace]) -> None:
     assert f"design {source.design.name} {source.design.checksum[:12]}" in text
     ends = [line.split("|")[-2].strip() for line in text.split("**goals**")[1].splitlines()[4:]]
     assert len(goals(result["suites"])) == len(ends)
-    assert ends.count("not judged: too few runs") == len(ends)  # eight runs are not enough
+    assert ends.count("too few to judge") == len(ends)  # eight runs are not enough
     document = json.loads(json.dumps(plain(result), allow_nan=False))
     paired = document["suites"]["robust"]["groups"][ROBUST[-4].name]
     nominal = gather([t for t in small if t.suite == "grid" and t.run in {u.run for u in small if u.suite == "robust"}])
@@ -329,7 +329,7 @@ def test_score_command_writes_tables_json_and_html(tmp_path: Path, capsys: pytes
     assert compared["again"]["mean"]["value"] == pytest.approx(compared["wrcd"]["mean"]["value"], abs=0.02)
     assert "torque ratio" in compared
     headers = sum(line.startswith("|---|") for line in out.splitlines())
-    assert (tmp_path / "s.html").read_text().count("<table>") == headers
+    assert (tmp_path / "s.html").read_text().count("<table") == headers
 
 
 def test_bad_input_is_told_before_anything_is_played(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -28,6 +28,7 @@ RUN = {
     "wrcd check --config train.toml", "wrcd check --config train.toml --log ride.log",
     "wrcd dump ride.log --dbc train.dbc -n 100", "wrcd replay ride.log --csv adhesion.csv --relative",
     "wrcd replay ride.log --events -", "wrcd init train.dbc -o train.toml", "wrcd init train.dbc",
+    "wrcd report ride.log -o report.html", "wrcd plot ride.log -o ride.png", "wrcd why ride.log 2.5",
     "wrcd lint train.dbc", "wrcd lint --json train.dbc", "sim-ecu list", "sim-ecu list | grep axle-box",
     "sim-ecu inject --list", "sim-ecu design --explain", "sim-ecu verify ride.log",
     "sim-ecu verify ride.log --config train.toml",

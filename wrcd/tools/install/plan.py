@@ -31,6 +31,11 @@ class Plan:
         """Whether there is anything to do."""
         return bool(self.add or self.change or self.remove or self.save or self.beside or self.links)
 
+    def touches(self, *folders: str) -> bool:
+        """Whether a file in one of these folders, or below it, is written or removed."""
+        paths = (*self.add, *self.change, *self.remove, *self.save)
+        return any(path.startswith(f"{folder}/") for path in paths for folder in folders)
+
 
 def make_plan(tree: Tree, wanted: dict[str, Laid], old: Manifest | None) -> Plan:
     """Compare what is to lie there with what lies there. wanted: by lay_out(). old: the record, if there is one."""
@@ -68,7 +73,7 @@ def _place(plan: Plan, tree: Tree, known: Manifest, path: str, laid: Laid) -> No
         plan.keep.append(path)
         edited = path in known.files or path in previous.BY_HAND
         plan.why[path] = "edited here" if edited else "not installed by wrcd"
-        if laid.checksum not in (*known.files.get(path, ()), *known.beside.get(path + NEW, ())):
+        if not laid.target and laid.checksum not in (*known.files.get(path, ()), *known.beside.get(path + NEW, ())):
             plan.beside[path + NEW] = laid
             plan.why[path] += f"; the new one is {path.rpartition('/')[2]}{NEW}"
 

@@ -43,7 +43,8 @@ def uninstall(args: Namespace) -> int:
         tree.remove(manifest.PATH)
         tree.remove_empty(emptied)
         for folder in tree.remove_empty(record.folders):
-            print(line("left", folder, "has files in it"))
+            if folder != CONFIGURATIONS:
+                print(line("left", folder, "has files in it"))
         if live:
             system.forget()
     print(f"the program itself is left: {Path(record.program).parents[1]}")

@@ -36,7 +36,8 @@ def install(args: Namespace) -> int:
     if args.dry_run:
         return Status.DONE
     if old is None or plan.changes or not same or old.groups != groups:
-        now.boot, now.changed_us = (old.boot, old.changed_us) if old and same and not plan.changes else _moment(live)
+        unaffected = old is not None and same and not plan.touches(LOCAL.units, previous.UNITS)
+        now.boot, now.changed_us = (old.boot, old.changed_us) if old and unaffected else _moment(live)
         now.folders = tree.make_folders(f"{CONFIGURATIONS}/any")
         apply(tree, plan, now, old)
     else:
@@ -44,6 +45,8 @@ def install(args: Namespace) -> int:
     if live:
         system.forget()
         system.apply_sysctl()
+        if plan.touches(LOCAL.network):
+            print("systemd-networkd reads its files at: networkctl reload")
         return _units(now, args.restart)
     return Status.DONE
 
@@ -123,6 +126,10 @@ def _units(now: Manifest, restart: bool) -> int:
     if not restart:
         print(system.restart_advice(late))
         return Status.DONE
-    system.systemctl("restart", *late)
+    try:
+        system.systemctl("restart", *late)
+    except InputError as e:
+        print(f"wrcd: installed, but {e}", file=sys.stderr)
+        return Status.STOPPED
     print(f"restarted: {', '.join(late)}")
     return Status.DONE

@@ -4,6 +4,8 @@ from argparse import ArgumentParser, Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from wrcd.tools.commands.arguments import add_config
+
 if TYPE_CHECKING:
     from wrcd.core.configuration import Config
     from wrcd.tools.story.records import Story
@@ -12,9 +14,7 @@ if TYPE_CHECKING:
 def add_log(p: ArgumentParser, *, replay: bool = True) -> None:
     """LOG, --config, --dbc, --channel and --replay."""
     p.add_argument("log", type=Path, metavar="LOG", help="candump log, or any that python-can reads")
-    p.add_argument(
-        "--config", type=Path, metavar="FILE", help="configuration (TOML); default: the packaged DBC, four axles"
-    )
+    add_config(p)
     p.add_argument(
         "--dbc", type=Path, action="append", default=[], metavar="FILE",
         help="another DBC, for names and for a rig's truth (SimTruth_A1 …); may be repeated",

@@ -64,9 +64,19 @@ def of_axle(axle: Axle) -> list[Fall]:
         before = float(np.median(blocks.mu[near:k]))
         after = float(np.median(blocks.mu[settled : settled + 2 * SETTLED_BLOCKS]))
         begin, end = _edges(mu, int(blocks.first[near]), int(blocks.first[settled]), before, after)
-        out.append(Fall(axle.number, int(time_us[begin]), int(time_us[end]), before, after))
+        fall = Fall(axle.number, int(time_us[begin]), int(time_us[end]), before, after)
+        if out and _goes_on(out[-1], fall):
+            fall = replace(fall, begin_us=out[-1].begin_us, before_pct=out[-1].before_pct)
+            out.pop()
+        out.append(fall)
         start, k = settled, settled + SETTLED_BLOCKS
     return out
+
+
+def _goes_on(earlier: Fall, later: Fall) -> bool:
+    """Whether a change is the rest of the one before: the same way, and no level between them."""
+    same_way = (earlier.after_pct < earlier.before_pct) == (later.after_pct < later.before_pct)
+    return same_way and later.begin_us - earlier.end_us < SETTLED_BLOCKS * BLOCK_US
 
 
 def _blocks(a: Adhesion, rows: NDArray[np.int64], time_us: NDArray[np.int64], mu: FloatArray) -> _Blocks:
@@ -85,7 +95,8 @@ def _settled(mu: FloatArray, k: int, before: float) -> int:
     for j in range(k, last):
         here, next_ = np.median(mu[j : j + SETTLED_BLOCKS]), np.median(mu[j + 1 : j + 1 + SETTLED_BLOCKS])
         later = np.median(mu[j + SETTLED_BLOCKS : j + 2 * SETTLED_BLOCKS])
-        near = max(SETTLED_SHARE * abs(here - before), 0.5)
+        # near enough to be no fall of its own
+        near = max(0.5, min(SETTLED_SHARE * abs(here - before), max(0.5 * MIN_PP, 0.5 * MIN_SHARE * here)))
         if abs(here - next_) <= near and abs(here - later) <= near and abs(mu[j] - here) <= 2 * near:
             return j
     return last

@@ -172,3 +172,4 @@ class Story:
     warnings: tuple[str, ...]  # of the log's damage, order, …
     config: Config
     versions: Mapping[str, str] = field(default_factory=dict)  # wrcd, design and its checksum, Python, libraries
+    whole: bool = True  # all of the log could be read

@@ -14,6 +14,7 @@ from wrcd.errors import InputError
 from wrcd.tools.story.events import INPUT_NAMES, REASONS
 from wrcd.tools.story.explain import Explanation, explain, find_axle
 from wrcd.tools.story.records import Event, Fall, Story
+from wrcd.tools.story.verdict import not_valid_runs
 from wrcd.tools.story.words import name, percent, seconds
 
 NEAR_US = 10_000_000  # a change further away is not what was asked about
@@ -27,20 +28,21 @@ MAX_MOVES = 3  # of a rule's output: `--json` has all
 _BETWEEN_MOVES = re.compile(r", (?=[+-]\d)")
 
 
-def moment(story: Story, given_s: float) -> int:
-    """Seconds since the log's first frame, or since 1970 if that lies within it, in microseconds. Raises InputError for
-    a time outside of the log."""
+def moment(story: Story, given_s: float, *, key: str = "SECONDS", relative: bool = False, behind: bool = False) -> int:
+    """Seconds since the log's first frame, or, if not relative, since 1970 where that lies within the log, in
+    microseconds. Raises InputError for a time outside of the log; behind: one behind its end is none.
+    """
     absolute = round(given_s * 1e6)
-    if story.begin_us <= absolute <= story.end_us:
+    if not relative and story.begin_us <= absolute <= story.end_us:
         return absolute
     time_us = story.begin_us + absolute
-    if not story.begin_us <= time_us <= story.end_us:
-        raise InputError(
-            f"{given_s:g} s is not within the log", file=story.log, key="SECONDS",
-            hint=f"it has 0 to {(story.end_us - story.begin_us) * 1e-6:.3f} s after its first frame, or "
-            f"{story.begin_us * 1e-6:.3f} to {story.end_us * 1e-6:.3f} since 1970",
-        )  # fmt: skip
-    return time_us
+    if story.begin_us <= time_us and (behind or time_us <= story.end_us):
+        return time_us
+    raise InputError(
+        f"{given_s:g} s is not within the log", file=story.log, key=key,
+        hint=f"it has 0 to {(story.end_us - story.begin_us) * 1e-6:.3f} s after its first frame, or "
+        f"{story.begin_us * 1e-6:.3f} to {story.end_us * 1e-6:.3f} since 1970",
+    )  # fmt: skip
 
 
 def nearest_fall(story: Story, axle: int, time_us: int) -> Fall | None:
@@ -54,10 +56,17 @@ def _apart(f: Fall, time_us: int) -> int:
 
 
 def around(story: Story, axle: int, time_us: int) -> tuple[Explanation, Explanation, Fall | None]:
-    """How it was before and after what changed around a moment, and the change."""
+    """How it was before and after what changed around a moment, and the change: a fall near to it, else the time not
+    Valid that it lies in, else a second to either side."""
     fall = nearest_fall(story, axle, time_us)
-    before_us = time_us - WITHOUT_CHANGE_US if fall is None else fall.begin_us
-    after_us = time_us + WITHOUT_CHANGE_US if fall is None else fall.end_us + SETTLED_US
+    runs = not_valid_runs(find_axle(story, axle))
+    outage = next((run for run in runs if run[0].begin_us <= time_us <= run[-1].end_us), None)
+    if fall is not None:
+        before_us, after_us = fall.begin_us, fall.end_us + SETTLED_US
+    elif outage is not None:
+        before_us, after_us = outage[0].begin_us - 1, outage[-1].end_us + SETTLED_US
+    else:
+        before_us, after_us = time_us - WITHOUT_CHANGE_US, time_us + WITHOUT_CHANGE_US
     return (
         explain(story, axle, max(before_us, story.begin_us)),
         explain(story, axle, min(after_us, story.end_us)),
@@ -65,7 +74,7 @@ def around(story: Story, axle: int, time_us: int) -> tuple[Explanation, Explanat
     )
 
 
-def answer(story: Story, axle: int, time_us: int) -> list[str]:
+def answer(story: Story, axle: int, time_us: int, width: int = WIDTH) -> list[str]:
     """Lines for a person, about twenty at most."""
     now = explain(story, axle, time_us)
     before, after, fall = around(story, axle, time_us)
@@ -73,7 +82,7 @@ def answer(story: Story, axle: int, time_us: int) -> list[str]:
     for label, text in _parts(story, now, before, after, fall):
         lines += textwrap.wrap(
             text,
-            WIDTH,
+            width,
             initial_indent=f"  {label:<{LABEL}}",
             subsequent_indent=" " * (LABEL + 2),
             break_on_hyphens=False,
@@ -115,7 +124,7 @@ def _parts(
     if after.rule == before.rule and after.winner == before.winner:
         yield "after", f"at {_s(story, after.time_us)} s: {_numbers(after)}; the same model and rule"
     else:
-        yield from _moment(story, "after", after)
+        yield from _moment(story, "after", after, before.rule)
     yield "Validity", _validity(story, now.axle, before.time_us, after.time_us)
     yield "refused", _refused(story, now.axle, now.time_us) or f"nothing within {REJECTS_NEAR_US * 1e-6:.0f} s"
     yield "source", story.source
@@ -135,11 +144,15 @@ def _said(x: Explanation) -> str:
     return f"{said}{used}{''.join(f', {w}' for w in rest)}{age}"
 
 
-def _moment(story: Story, label: str, x: Explanation) -> Iterator[tuple[str, str]]:
+def _moment(story: Story, label: str, x: Explanation, told: int = 0) -> Iterator[tuple[str, str]]:
+    """told: the rule whose sentence stands there already."""
     yield label, f"at {_s(story, x.time_us)} s: {_said(x)}"
     model = f"model {x.winner} fits best: {x.model}; " if x.winner else "no model fits; "
     yield "", model + _numbers(x)
-    yield "", f"rule {x.rule}: {shortened(x.rule_sentence)}" if x.rule else "no rule fires"
+    if not x.rule:
+        yield "", "no rule fires"
+    else:
+        yield "", f"rule {x.rule}, as before" if x.rule == told else f"rule {x.rule}: {shortened(x.rule_sentence)}"
 
 
 def shortened(rule: str) -> str:

@@ -3,13 +3,14 @@
 from argparse import ArgumentParser, Namespace
 
 from wrcd.tools.command import Command
+from wrcd.tools.commands.arguments import seconds
 from wrcd.tools.story.arguments import add_log, read_story
 
 
 def _add(p: ArgumentParser) -> None:
     add_log(p)
     p.add_argument(
-        "seconds", type=float, metavar="SECONDS", help="after the log's first frame; or since 1970, as in the log"
+        "seconds", type=seconds, metavar="SECONDS", help="after the log's first frame; or since 1970, as in the log"
     )
     p.add_argument("--axle", type=int, action="append", default=[], metavar="N", help="this axle only; may be repeated")
     p.add_argument("--json", action="store_true", help="for a program")
@@ -17,13 +18,10 @@ def _add(p: ArgumentParser) -> None:
 
 def _run(args: Namespace) -> int:
     import json
-    import math
 
-    from wrcd.errors import InputError, Status
+    from wrcd.errors import Status
     from wrcd.tools.story.why import answer, moment, record
 
-    if not math.isfinite(args.seconds):
-        raise InputError(f"takes a number of seconds, not {args.seconds}", key="SECONDS")
     story = read_story(args)
     time_us = moment(story, args.seconds)
     numbers = args.axle or [a.number for a in story.axles]
@@ -33,16 +31,17 @@ def _run(args: Namespace) -> int:
         print(json.dumps(out, indent=2, ensure_ascii=False))
     else:
         print("\n\n".join("\n".join(answer(story, number, time_us)) for number in numbers))
-    return Status.DONE
+    return Status.DONE if story.whole else Status.STOPPED
 
 
 COMMAND = Command(
     "why",
     "why adhesion and Validity were what they were at a moment of a log",
     (
-        ("wrcd why run.log 9.3", "9.3 s after the first frame, of every axle"),
-        ("wrcd why run.log 9.3 --axle 2 --dbc dbc/sim_ecu.dbc", "axle 2 alone, and the rig's truth beside it"),
+        ("wrcd why ride.log 2.5", "2.5 s after the first frame, of every axle"),
+        ("wrcd why ride.log 9.3 --axle 2 --dbc sim_ecu.dbc", "axle 2 alone, and the rig's truth beside it"),
     ),
     _add,
     _run,
+    retried=False,
 )

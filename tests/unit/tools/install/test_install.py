@@ -197,6 +197,28 @@ def test_administrators_own_network_file_is_left_alone(lab: Lab) -> None:
     assert lab.files() == [network]
 
 
+def test_program_of_the_same_name_is_left_alone(lab: Lab) -> None:
+    lab.write("usr/local/bin/wrcd", "#!/bin/sh\n")
+    assert "kept       /usr/local/bin/wrcd: not installed by wrcd\n" in lab.install()
+    assert lab.read("usr/local/bin/wrcd") == "#!/bin/sh\n"
+    lab.uninstall()
+    assert lab.files() == ["usr/local/bin/wrcd"]
+
+
+def test_only_units_and_program_ask_for_a_restart(lab: Lab, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Their time in the record is what a running unit's start is compared with."""
+    times = iter(range(100))
+    monkeypatch.setattr("wrcd.tools.install.run._moment", lambda live: ("boot", next(times)))
+    changed = []
+    for words, program in (
+        ([], PROGRAM), ([], PROGRAM), (["--with", "can0"], PROGRAM), (["--with", "realtime"], PROGRAM),
+        (["--without", "can0"], PROGRAM), ([], "/opt/wrcd-9/bin/wrcd"),
+    ):  # fmt: skip
+        lab.install(*words, program=program)
+        changed.append(lab.manifest()["changed_us"])
+    assert changed == [0, 0, 0, 1, 1, 2]
+
+
 def test_missing_file_is_put_back(lab: Lab) -> None:
     lab.install()
     lab.path(UNIT).unlink()

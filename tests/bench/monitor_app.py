@@ -1,0 +1,77 @@
+"""`wrcd monitor` as on SocketCAN, with one end of a socket pair in the place of the raw CAN socket.
+
+Run as a module on a terminal, with the pair's end as the file descriptor that the environment's MONITOR_END tells; the
+argument that a reader gets runs that. At its end it writes, as JSON, to the file that MONITOR_BENCH names what it saw.
+"""
+
+import json
+import os
+import socket
+import sys
+import time
+from pathlib import Path
+
+END = int(os.environ.get("MONITOR_END", "3"))  # of the pair, as a file descriptor
+CHANNEL = "lo"  # rtnetlink tells of an interface that is up
+MODULE = "tests.bench.monitor_app"
+
+
+def use_pair() -> None:
+    """The kernel may have no CAN: the monitor's own link, with one end of a pair in the place of the raw CAN socket."""
+    from wrcd.bus import socketcan
+
+    def opened(link: socketcan.SocketCanLink) -> socket.socket:
+        end = socket.socket(fileno=END)
+        end.setblocking(False)
+        link._stamp(end)
+        return end
+
+    socketcan.SocketCanLink._open = opened  # type: ignore[assignment,method-assign]
+    socketcan.SocketCanLink._set = lambda *_: None  # type: ignore[method-assign]
+
+
+def read() -> int:
+    """The reader's process."""
+    use_pair()
+    from wrcd.tools.monitor import reader
+
+    return reader.main()
+
+
+def show() -> int:
+    """The screen, and at its end what it has seen."""
+    from tests.bench.daemon import resident_kb
+    from wrcd.bus.dbc import load_dbc
+    from wrcd.config import load_config
+    from wrcd.tools.monitor.model import Model
+    from wrcd.tools.monitor.screen.app import Monitor
+    from wrcd.tools.monitor.sources import ReaderProcess
+
+    class Timed(Monitor):
+        """Notes when the screen was updated."""
+
+        times: list[float] = []
+
+        def redraw(self) -> None:
+            before = self.updates
+            super().redraw()
+            if self.updates > before:
+                self.times.append(time.monotonic())
+
+    source = ReaderProcess("socketcan", CHANNEL, True, MODULE, (END,))
+    source.wait_open()
+    model = Model(load_config(None), [load_dbc(Path("dbc/sim_ecu.dbc"))])
+    app = Timed(model, source)
+    app.run()
+    seen = {
+        "frames": model.bus.frames, "lost": source.link().lost, "updates": app.times,
+        "resident_kb": resident_kb()["VmHWM"],
+    }  # fmt: skip
+    Path(os.environ["MONITOR_BENCH"]).write_text(json.dumps(seen))
+    return 0
+
+
+if __name__ == "__main__":
+    for library in ("OPENBLAS", "OMP", "MKL"):  # as the command does
+        os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+    sys.exit(show() if len(sys.argv) == 1 else read())

@@ -1,0 +1,81 @@
+"""The Debian package: what is in it, and that the same tree gives the same bytes."""
+
+import hashlib
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from wrcd import __version__
+
+ROOT = Path(__file__).parents[2]
+NEEDS_DPKG = pytest.mark.skipif(
+    shutil.which("dpkg-deb") is None or not Path("/usr/bin/python3").exists(), reason="needs Debian's dpkg-deb"
+)
+
+
+def build(folder: Path, umask: int) -> Path:
+    """The package of a small site: what is in the libraries does not matter here."""
+    site = folder / "site"
+    shutil.copytree(ROOT / "wrcd", site / "wrcd", ignore=shutil.ignore_patterns("__pycache__"))
+    subprocess.run(
+        [sys.executable, ROOT / "deb/build.py", "--site", site, "-o", folder, "--compress", "gzip"], check=True,
+        timeout=120, env={**os.environ, "SOURCE_DATE_EPOCH": "1700000000"}, umask=umask, stdout=subprocess.DEVNULL,
+    )  # fmt: skip
+    (package,) = folder.glob("*.deb")
+    return package
+
+
+@pytest.fixture(scope="module")
+def package(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return build(tmp_path_factory.mktemp("deb"), 0o022)
+
+
+def listed(package: Path) -> dict[str, list[str]]:
+    """Mode and owner of everything in it, by path."""
+    lines = subprocess.run(["dpkg-deb", "--contents", package], capture_output=True, text=True, check=True).stdout
+    return {words[5]: words[:2] for words in map(str.split, lines.splitlines())}
+
+
+def field(package: Path, name: str) -> str:
+    done = subprocess.run(["dpkg-deb", "--field", package, name], capture_output=True, text=True, check=True)
+    return done.stdout.strip()
+
+
+@NEEDS_DPKG
+def test_package_is_named_after_version_and_architecture(package: Path) -> None:
+    assert package.name == f"wrcd_{__version__}_{field(package, 'Architecture')}.deb"
+    assert field(package, "Version") == __version__
+    python = subprocess.run(
+        ["/usr/bin/python3", "-c", "import sys; print('python%d.%d' % sys.version_info[:2])"],
+        capture_output=True, text=True, check=True,
+    ).stdout.strip()  # fmt: skip
+    assert python in field(package, "Depends").split(", ")
+
+
+@NEEDS_DPKG
+def test_package_has_units_and_program_for_everybody_to_read(package: Path) -> None:
+    files = listed(package)
+    assert "./usr/lib/systemd/system/wrcd@.service" in files
+    assert "./usr/lib/systemd/system/sim-ecu@.service" not in files
+    assert files["./opt/wrcd/bin/wrcd"][0] == "-rwxr-xr-x"
+    assert files["./etc/wrcd/"][0] == "drwxr-xr-x"
+    assert {owner for _, owner in files.values()} == {"root/root"}
+    assert {mode for mode, _ in files.values()} == {"drwxr-xr-x", "-rwxr-xr-x", "-rw-r--r--", "lrwxrwxrwx"}
+    assert any("/wrcd/__pycache__/errors." in name for name in files)
+
+
+@NEEDS_DPKG
+def test_only_files_below_etc_are_configuration_files(package: Path) -> None:
+    control = subprocess.run(["dpkg-deb", "--info", package, "conffiles"], capture_output=True, text=True, check=True)
+    files = {name[1:] for name in listed(package) if name.startswith("./etc/") and not name.endswith("/")}
+    assert set(control.stdout.split()) == files == {"/etc/sysctl.d/80-wrcd.conf"}
+
+
+@NEEDS_DPKG
+def test_same_tree_gives_the_same_bytes(package: Path, tmp_path: Path) -> None:
+    again = build(tmp_path, 0o077)
+    assert hashlib.sha256(again.read_bytes()).digest() == hashlib.sha256(package.read_bytes()).digest()

@@ -1,0 +1,246 @@
+"""What the monitor makes of frames: no terminal, no clock."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.support.daemon_frames import DEGRADED, GOOD, NOTHING, REACHED, START_US, DaemonFrames
+from wrcd.bus.dbc import find_message, load_dbc
+from wrcd.bus.frame import Frame
+from wrcd.bus.writers import Writer
+from wrcd.config import load_config
+from wrcd.core.configuration import Config
+from wrcd.tools.monitor.batch import Batch
+from wrcd.tools.monitor.daemon import daemon_at
+from wrcd.tools.monitor.model import Model
+from wrcd.tools.monitor.panels import axle_at
+from wrcd.tools.monitor.watched import REASONS
+
+ROOT = Path(__file__).parents[4]
+WRCD_STATUS = 0x0B0
+THIRD_PARTY = ROOT / "tests/data/dbc/third-party.toml"
+TRUTH = ROOT / "dbc/sim_ecu.dbc"
+
+
+def fed(model: Model, frames: list[Frame], until_us: int | None = None) -> Model:
+    """All frames at once, and the time that has come."""
+    model.take(Batch.of_frames(frames), 0 if until_us is None else START_US + until_us)
+    model.update()
+    return model
+
+
+@pytest.fixture
+def made(config: Config) -> DaemonFrames:
+    return DaemonFrames(config)
+
+
+def test_axle_shows_what_its_newest_frame_says(config: Config, made: DaemonFrames) -> None:
+    model = fed(Model(config), made.stretch(0, 500_000, GOOD))
+    now = axle_at(model, model.axles[0], model.now_us)
+    assert now.spell is not None
+    assert (now.spell.state, now.contact, now.surface, now.damaged) == ("Valid", "Adhering", "Dry", 0)
+    assert (now.available_pct, now.low_pct, now.high_pct, now.used_pct) == pytest.approx((30, 27, 33, 10), abs=0.02)
+
+
+def test_frame_with_wrong_crc_is_damaged_and_shows_nothing(config: Config, made: DaemonFrames) -> None:
+    frames = made.stretch(0, 200_000, GOOD)
+    wrong = made.adhesion(200_000, {**GOOD, "MuAvailable": 1.0})
+    wrong.data = bytes([wrong.data[0] ^ 0xFF]) + wrong.data[1:]
+    model = fed(Model(config), [*frames, wrong])
+    now = axle_at(model, model.axles[0], model.now_us)
+    assert now.damaged == 1
+    assert now.available_pct == pytest.approx(30, abs=0.02)
+    assert len(model.axles[0].adhesion.time_us) == 10
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [({"data": b"\0\0\0"}, "length"), ({"remote": True, "data": b"", "extra": 8}, "kind"), ({"fd": True}, "kind")],
+)
+def test_frame_of_another_kind_or_length_is_refused(
+    config: Config, made: DaemonFrames, change: dict[str, object], reason: str
+) -> None:
+    wrong = replace(made.adhesion(0, GOOD), **change)  # type: ignore[arg-type]
+    model = fed(Model(config), [wrong])
+
+    refused = model.watched[wrong.key].refused_within(model.now_us, 1_000_000)
+    assert {REASONS[place]: n for place, n in refused.items()} == {reason: 1}
+    assert not len(model.axles[0].adhesion.time_us)
+
+
+def test_values_older_than_three_cycles_are_not_shown(config: Config, made: DaemonFrames) -> None:
+    model = fed(Model(config), made.stretch(0, 500_000, GOOD), until_us=3_680_000)
+    now = axle_at(model, model.axles[0], model.now_us)
+    assert np.isnan(now.available_pct)
+    assert now.spell is not None
+    assert now.spell.state == "Silent"
+    assert daemon_at(model, model.now_us).parts == ["no Adhesion frame for 3.2 s"]
+    assert daemon_at(model, model.now_us).level == "bad"
+
+
+def test_daemon_that_never_spoke_is_said_to(config: Config) -> None:
+    model = fed(Model(config), [Frame(START_US, 0x300, b"")], until_us=2_500_000)
+    assert daemon_at(model, model.now_us).parts == ["no Adhesion frame in 2.5 s"]
+
+
+def test_daemon_with_another_design_is_named(config: Config, made: DaemonFrames) -> None:
+    status = {"State": "Running", "DesignChecksum": 1.0}
+    model = fed(Model(config), [*made.stretch(20_000, 120_000, GOOD), made.frame(config.status, 100_000, status)])  # type: ignore[arg-type]
+    now = daemon_at(model, model.now_us)
+    assert now.level == "warn"
+    assert now.parts[0].startswith("runs another design (0001, here ")
+
+
+def test_counts_that_wrap_round_are_told_as_growth(config: Config, made: DaemonFrames) -> None:
+    frames = [f for f in made.stretch(20_000, 2_100_000, GOOD) if f.can_id != WRCD_STATUS]
+    for at_us, overruns in ((0, 254.0), (1_000_000, 255.0), (2_000_000, 3.0)):
+        frames.append(made.frame(config.status, at_us, {"State": "Running", "Overruns": overruns}))
+    model = fed(Model(config), sorted(frames, key=lambda f: f.stamp_us))
+    assert "overruns +5" in daemon_at(model, model.now_us).parts
+
+
+def test_spells_carry_causes_and_durations(config: Config, made: DaemonFrames) -> None:
+    frames = [
+        *made.stretch(0, 1_000_000, NOTHING, "WarmingUp"),
+        *made.stretch(1_000_000, 3_000_000, GOOD),
+        *made.stretch(3_000_000, 3_400_000, DEGRADED, "Harsh"),
+        *made.stretch(3_400_000, 4_000_000, GOOD),
+    ]
+    at_once = fed(Model(config), frames)
+    bit_by_bit = Model(config)
+    for k in range(0, len(frames), 5):
+        fed(bit_by_bit, frames[k : k + 5])
+    for model in (at_once, bit_by_bit):
+        told = [(s.state, s.cause.label, s.duration_s) for s in model.axles[0].spells.all()]
+        assert told == [
+            ("NotAvailable", "WarmingUp", 1.0), ("Valid", "None", 2.0), ("Degraded", "Harsh", 0.4),
+            ("Valid", "None", pytest.approx(0.58)),
+        ]  # fmt: skip
+
+
+def test_silence_between_frames_is_a_spell(config: Config, made: DaemonFrames) -> None:
+    model = fed(Model(config), [*made.stretch(0, 1_000_000, GOOD), *made.stretch(3_000_000, 4_000_000, GOOD)])
+    assert [s.state for s in model.axles[0].spells.all()] == ["Valid", "Silent", "Valid"]
+    assert model.axles[0].spells.all()[1].words == "no Adhesion frame for 2.0 s"
+
+
+def test_inputs_tell_rate_age_value_reach_and_refusals(config: Config, made: DaemonFrames) -> None:
+    frames = [made.sensor("YawRate_A1", t, Status=0, YawRate=20_000) for t in range(0, 2_000_000, 5_000)]
+    frames[350].data = bytes([frames[350].data[0] ^ 1]) + frames[350].data[1:]
+    health = {**REACHED, "RefusedYawRate": "Jump", "ReachTorque": 254.0}
+    frames.append(made.frame(config.axles[0].inputs, 1_999_000, health))
+    model = fed(Model(config), frames, until_us=2_000_000)
+    yaw, lateral, torque, _ = model.inputs_at(model.axles[0], model.now_us)
+    assert yaw.rate_hz == 198  # of a second that holds 199, and one is refused
+    assert yaw.age_ms == 5.0
+    assert yaw.value == pytest.approx(0.02)
+    assert yaw.refused == "crc 1/s, jump"
+    assert (yaw.reach, torque.reach) == (255, 254)
+    assert yaw.is_stale is False
+    assert lateral.is_stale is True
+    assert (lateral.age_ms, lateral.value) == (None, None)
+
+
+def test_inputs_at_an_earlier_time_are_those_of_then(config: Config, made: DaemonFrames) -> None:
+    frames = [made.sensor("YawRate_A1", t, Status=0, YawRate=t // 100) for t in range(0, 4_000_000, 5_000)]
+    model = fed(Model(config), frames[:400] + frames[600:])
+    then = model.inputs_at(model.axles[0], START_US + 2_500_000)[0]
+    assert then.rate_hz == 99
+    assert then.age_ms == 505.0
+    assert then.value == pytest.approx(0.01999, abs=0.0006)
+
+
+def test_truth_of_a_second_dbc_is_shown_and_checked(config: Config, made: DaemonFrames) -> None:
+    database = load_dbc(TRUTH)
+    message = find_message(database, "SimTruth_A1")
+    writer = Writer(message)
+    good = writer.raw_frame(START_US + 100_000, 5, {"MuAvailable": 2500, "MuUsed": 1000, "Status": 0})
+    wrong = writer.raw_frame(START_US + 120_000, 6, {"MuAvailable": 100, "MuUsed": 1000, "Status": 0})
+    wrong.data = bytes([wrong.data[0] ^ 1]) + wrong.data[1:]
+    model = fed(Model(config, [database]), [*made.stretch(0, 100_000, GOOD), good, wrong])
+    assert axle_at(model, model.axles[0], model.now_us).truth_pct == pytest.approx(25.0)
+    assert not Model(config, [database]).has_truth
+
+
+def test_bus_load_is_that_of_the_frames_bits(config: Config) -> None:
+    frames = [Frame(START_US + t, 0x300, bytes(8)) for t in range(0, 2_000_000, 1_000)]
+    model = fed(Model(config, bit_rate=500_000), frames, until_us=2_000_000)
+    now = model.bus.at(model.now_us)
+    # 34 + 64 bits from start to CRC, 13 behind, and half of the at most 24 stuff bits: 123 bits
+    assert [now.frames_per_s, now.load_pct] == pytest.approx([1000.0, 100 * 123 * 1000 / 500_000])
+
+
+def test_error_frames_are_counted_apart(config: Config) -> None:
+    frames = [Frame(START_US + t, 0x40, bytes(8), error=True) for t in range(0, 1_000_000, 100_000)]
+    model = fed(Model(config), frames, until_us=1_000_000)
+    assert (model.bus.frames, model.bus.errors, model.bus.at(model.now_us).errors) == (0, 10, 10)
+
+
+def test_clock_that_steps_back_does_not_turn_time_round(config: Config, made: DaemonFrames) -> None:
+    frames = made.stretch(10_000_000, 11_000_000, GOOD) + made.stretch(0, 1_000_000, GOOD)
+    model = fed(Model(config), frames, until_us=1_000_000)
+    times = model.axles[0].adhesion.time_us
+    assert (np.diff(times) >= 0).all()
+    assert len(times) == 100
+    assert model.clock_steps == 1
+    assert model.now_us - int(times[-1]) == 20_000
+    assert model.axles[0].spells.all()[-1].state == "Valid"
+
+
+def test_held_frames_are_bounded_and_the_newest(config: Config, made: DaemonFrames) -> None:
+    model = Model(config, max_frames=1000)
+    for k in range(20):
+        model.take(Batch.of_frames([Frame(START_US + 1000 * (100 * k + n), 0x300, b"") for n in range(100)]), 0)
+    assert model.held_frames == 1000
+    assert int(model.held[0].stamp_us[0]) == START_US + 1_000_000
+
+
+def test_columns_hold_a_stated_time(config: Config, made: DaemonFrames) -> None:
+    model = Model(config, hold_s=10.0)
+    for begin in range(0, 60_000_000, 1_000_000):
+        fed(model, made.stretch(begin, begin + 1_000_000, GOOD))
+    times = model.axles[0].adhesion.time_us
+    assert 10.0 <= (times[-1] - times[0]) / 1e6 <= 20.0
+
+
+def test_a_trains_own_names_and_words_are_understood() -> None:
+    config = load_config(THIRD_PARTY)
+    made = DaemonFrames(config)
+    frames = made.stretch(0, 1_000_000, GOOD, axles=range(len(config.axles)))
+    model = fed(Model(config), frames)
+    for axle in model.axles:
+        now = axle_at(model, axle, model.now_us)
+        assert now.spell is not None
+        assert now.spell.state == "Valid"
+        assert now.available_pct == pytest.approx(30.0, abs=1.0)
+    assert axle_at(model, model.axles[0], model.now_us).low_pct == pytest.approx(27.0, abs=1.0)
+
+
+def test_long_fd_frames_beside_classical_ones_lose_nothing(config: Config, made: DaemonFrames) -> None:
+    frames = made.stretch(0, 200_000, GOOD)
+    mixed = [g for f in frames for g in (f, Frame(f.stamp_us, 0x400, bytes(64), fd=True))]
+    model = fed(Model(config), mixed)
+    assert model.bus.frames == len(mixed)
+    assert len(model.axles[0].adhesion.time_us) == 10
+
+
+@pytest.mark.parametrize("axles", [1, 6, 8])
+def test_any_number_of_axles_is_shown(axles: int, tmp_path: Path) -> None:
+    text = "".join(
+        f'[[axle]]\nnumber = {n}\nyaw_rate = "YawRate_A{n}.YawRate"\nlateral_acceleration = "LatAccel_A{n}.LatAccel"\n'
+        f'torque = "Torque_A{n}.Torque"\n' for n in range(1, axles + 1)
+    )  # fmt: skip
+    file = tmp_path / "train.toml"
+    file.write_text(f'[vehicle]\nspeed = "VehicleSpeed.Speed"\n{text}')
+    config = load_config(file)
+    model = fed(Model(config), DaemonFrames(config).stretch(0, 300_000, GOOD, axles=range(axles)))
+    assert [len(a.adhesion.time_us) for a in model.axles] == [15] * axles
+
+
+def test_no_frame_at_all_is_no_error(config: Config) -> None:
+    model = Model(config)
+    model.take(Batch.of_frames([]), START_US)
+    model.update()
+    assert axle_at(model, model.axles[0], model.now_us).spell is None

@@ -1,0 +1,153 @@
+"""Where frames come from: the reader's process and its pipe, a link of one's own, a log."""
+
+import os
+import time
+from pathlib import Path
+from typing import Any
+
+import can
+import pytest
+
+from tests.support.daemon_frames import GOOD, START_US, DaemonFrames
+from wrcd.bus.frame import Frame
+from wrcd.bus.link import MAX_FRAMES
+from wrcd.bus.log import format_line
+from wrcd.bus.pythoncan import PythonCanLink
+from wrcd.core.configuration import Config
+from wrcd.errors import BusError, InputError
+from wrcd.tools.monitor import reader
+from wrcd.tools.monitor.batch import Batch
+from wrcd.tools.monitor.of_log import model_of_log
+from wrcd.tools.monitor.packing import FRAMES, HEALTH, Unpacker
+from wrcd.tools.monitor.reader import Pump
+from wrcd.tools.monitor.sources import OwnLink, ReaderProcess
+
+ROOT = Path(__file__).parents[4]
+GOLDEN = ROOT / "tests/golden/leaf-film.log"
+
+
+def unpacked(data: bytes) -> tuple[list[Frame], list[int]]:
+    """Frames, and kinds of messages."""
+    frames: list[Frame] = []
+    kinds: list[int] = []
+    for kind, width, _, body in Unpacker().take(data):
+        kinds.append(kind)
+        if kind == FRAMES:
+            frames += Batch.of_bytes(width, body).frames()
+    return frames, kinds
+
+
+def test_frames_wait_while_nobody_fetches_and_none_is_lost() -> None:
+    """The pipe takes 64 KiB; the pump keeps the rest, and hands it on in order."""
+    begin, end = os.pipe()
+    os.set_blocking(begin, False)
+    sent = [[Frame(k * MAX_FRAMES + n, 0x100, bytes(8)) for n in range(MAX_FRAMES)] for k in range(10)]
+    given = iter(sent)
+    pump = Pump(lambda now_us: next(given, []), dict, end)
+    try:
+        for _ in sent:
+            assert pump.turn() is True
+        data = b""
+        for _ in range(40):
+            try:
+                data += os.read(begin, 1 << 20)
+            except BlockingIOError:
+                pass
+            assert pump.turn() is False
+        frames, kinds = unpacked(data)
+        assert frames == [f for part in sent for f in part]
+        assert HEALTH in kinds
+    finally:
+        os.close(begin)
+        os.close(end)
+
+
+def test_frames_beyond_what_may_wait_are_counted_as_lost(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(reader, "MAX_WAITING", 100_000)
+    monkeypatch.setattr(reader, "HEALTH_S", 0.0)
+    begin, end = os.pipe()
+    try:
+        pump = Pump(lambda now_us: [Frame(0, 0x100, bytes(8))] * 3000, dict, end)
+        for _ in range(10):
+            pump.turn()
+        assert pump._lost == 7 * 3000
+    finally:
+        os.close(begin)
+        os.close(end)
+
+
+def test_pump_ends_when_the_screen_is_gone() -> None:
+    begin, end = os.pipe()
+    os.close(begin)
+    pump = Pump(lambda now_us: [], dict, end)
+    try:
+        with pytest.raises(BrokenPipeError):
+            pump.turn()
+    finally:
+        os.close(end)
+
+
+def test_bus_that_is_not_there_is_a_clear_error() -> None:
+    source = ReaderProcess("socketcan", "nosuchbus9", True)
+    with pytest.raises(BusError, match=r"nosuchbus9|AF_CAN"):
+        source.wait_open()
+
+
+def test_reader_that_cannot_start_is_a_clear_error(capfd: pytest.CaptureFixture[str]) -> None:
+    source = ReaderProcess("socketcan", "can0", True, module="wrcd.no_such_module")
+    with pytest.raises(BusError, match="its reader did not start"):
+        source.wait_open()
+    assert "no_such_module" in capfd.readouterr().err
+
+
+def test_virtual_bus_is_read_and_never_sent_to(config: Config) -> None:
+    sender = can.Bus(interface="virtual", channel="monitor-test")
+    source = OwnLink(PythonCanLink("virtual", "monitor-test", None))
+    try:
+        for n in range(50):
+            sender.send(can.Message(arbitration_id=0x100 + n, data=b"\1", is_extended_id=False))
+        got = [f for batch, _ in source.take() for f in batch.frames()]
+        assert [f.can_id for f in got] == list(range(0x100, 0x132))
+        assert sender.recv(0.0) is None
+        assert not hasattr(source, "send")
+    finally:
+        source.close()
+        sender.shutdown()
+
+
+def test_reader_process_over_a_real_bus_of_python_can(config: Config) -> None:
+    """udp_multicast goes from process to process; one that is silent still opens, tells its state and ends."""
+    source: Any = ReaderProcess("virtual", "monitor-process", False)
+    source.wait_open()
+    try:
+        end = time.monotonic() + 10
+        while not (taken := list(source.take())) and time.monotonic() < end:
+            time.sleep(0.02)
+        assert taken
+        assert source.link().state == "Up"
+    finally:
+        source.close()
+    assert source._process.returncode is not None
+
+
+def test_log_with_a_daemons_frames_is_shown_as_they_say(config: Config, tmp_path: Path) -> None:
+    log = tmp_path / "ride.log"
+    frames = DaemonFrames(config).stretch(0, 3_000_000, GOOD)
+    log.write_text("".join(f"{format_line(f, 'can0')}\n" for f in frames))
+    model, warnings = model_of_log(log, config, [], None, 500_000)
+    assert warnings == []
+    assert model.source == "frames of the log"
+    assert len(model.axles[0].adhesion.time_us) == 150
+    assert model.begin_us == START_US
+
+
+def test_log_without_a_daemon_is_estimated_as_replay_does(config: Config) -> None:
+    model, warnings = model_of_log(GOLDEN, config, [], None, 500_000)
+    assert warnings[0] == "the log has no frame of a daemon: estimated here"
+    assert len(model.axles[0].adhesion.time_us) > 100
+    assert model.inputs_at(model.axles[0], model.now_us)[0].rate_hz > 100
+
+
+def test_log_that_is_not_there_is_an_input_error(config: Config, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no such log"):
+        model_of_log(tmp_path / "none.log", config, [], None, 500_000)
