@@ -30,7 +30,7 @@ vcan:
 Makefile: ;
 else
 
-.PHONY: demo pictures test lint check unit hil faults systemd walk fuzz soak coverage bench mutants format design score docs docs-all docs-check lock audit clean deb
+.PHONY: demo pictures browser test lint check unit hil faults systemd walk fuzz soak coverage bench mutants format design score docs docs-all docs-check lock audit clean deb
 
 demo: $(READY)
 	$(BIN)/sim-ecu demo
@@ -63,9 +63,15 @@ systemd: $(READY)
 deb: $(READY)
 	$(BIN)/python deb/build.py
 
-# docs/monitor.svg, from a ride that is played for it
+# docs/monitor.svg and docs/report.png, from rides that are played for them
 pictures: $(READY)
 	$(BIN)/python -m tests.support.monitor_picture
+	$(BIN)/python -m tests.support.report_picture
+
+# the report in a headless chromium (CHROMIUM=/usr/bin/chromium); BROWSER=measure how fast it is, an hour of four axles
+browser: $(READY)
+	$(BIN)/python -m pytest -p no:cacheprovider --durations=5 tests/browser
+	$(if $(filter measure,$(BROWSER)),$(BIN)/python -m tests.browser.measure)
 
 # make walk STEPS="monitor report": only these, after the clone; screens and pictures go to build/walk
 walk: $(READY)
