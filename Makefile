@@ -35,7 +35,7 @@ else
 demo: $(READY)
 	$(BIN)/sim-ecu demo
 
-test: unit hil faults systemd walk
+test: unit browser hil faults systemd walk
 
 # a process for each core, each with a stretch of the tests: a module's fixtures are made once, or twice. Threads of the
 # linear algebra would wait for each other on cores that are taken: a fifth of the processor time.
