@@ -30,7 +30,7 @@ vcan:
 Makefile: ;
 else
 
-.PHONY: demo test lint check unit hil faults systemd walk fuzz soak coverage bench mutants format design score docs docs-all docs-check lock audit clean deb
+.PHONY: demo pictures browser test lint check unit hil faults systemd walk fuzz soak coverage bench mutants format design score docs docs-all docs-check lock audit clean deb
 
 demo: $(READY)
 	$(BIN)/sim-ecu demo
@@ -48,7 +48,7 @@ unit: $(READY)
 hil: $(READY)
 	GUEST_TIMEOUT=900 tests/hil/guest/run --native-ok -- $(BIN)/python -m pytest $(HIL) -rP \
 	    tests/hil/test_vcan.py tests/hil/test_own_dbc.py tests/hil/test_link_*.py tests/hil/test_load.py \
-	    tests/hil/test_docs_commands.py
+	    tests/hil/test_docs_commands.py tests/hil/test_monitor.py
 
 # every fault of the matrix against the real daemon; its table is printed
 faults: $(READY)
@@ -62,6 +62,16 @@ systemd: $(READY)
 # build/deb/wrcd_VERSION_ARCH.deb, for the system's python3; no root
 deb: $(READY)
 	$(BIN)/python deb/build.py
+
+# docs/monitor.svg and docs/report.png, from rides that are played for them
+pictures: $(READY)
+	$(BIN)/python -m tests.support.monitor_picture
+	$(BIN)/python -m tests.support.report_picture
+
+# the report in a headless chromium (CHROMIUM=/usr/bin/chromium); BROWSER=measure how fast it is, an hour of four axles
+browser: $(READY)
+	$(BIN)/python -m pytest -p no:cacheprovider --durations=5 tests/browser
+	$(if $(filter measure,$(BROWSER)),$(BIN)/python -m tests.browser.measure)
 
 # make walk STEPS="monitor report": only these, after the clone; screens and pictures go to build/walk
 walk: $(READY)
@@ -123,6 +133,14 @@ design: $(READY)
 score: $(READY)
 	$(BIN)/sim-ecu score --json build/score.json --html build/score.html
 
+# what stands between the markers of the pages, the configuration's JSON schema, completion and manual pages, and the site of
+# the pages in build/site: a warning or a dead link fails. docs-check changes nothing
+docs: $(READY)
+	$(BIN)/python -m tests.support.pages --write
+	$(BIN)/python -m tests.support.signs_picture
+	$(BIN)/python -m tests.support.schema
+	$(BIN)/python -m tests.support.completion
+	$(BIN)/python -m tests.support.manual
 	$(BIN)/python -m tests.support.site build/site
 
 docs-all: $(READY)

@@ -87,6 +87,12 @@ def _text() -> str:
     return str(plt.rcParams["text.color"])
 
 
+def _color(name: str, names: Sequence[str]) -> str:
+    """An estimator's, the same in every picture."""
+    others = [n for n in names if n != OURS]
+    return _text() if name == OURS else f"C{others.index(name) % 10}"
+
+
 VERDICTS = {
     MET: ("o", "tab:green", "met"), CHANCE: ("D", "tab:orange", "missed, within chance"),
     MISSED: ("X", "tab:red", "missed"), TOO_FEW: ("$?$", "0.55", "too few runs to judge"),
@@ -135,7 +141,7 @@ def _by_suite(compared: dict[str, dict[str, Any]]) -> Picture:
                 mean = s[name]["mean"] if name in s else None
                 if mean is None or not mean.count:
                     continue
-                at, color = y + 0.28 * (k / max(len(names) - 1, 1) - 0.5), _text() if ours else f"C{k}"
+                at, color = y + 0.28 * (k / max(len(names) - 1, 1) - 0.5), _color(name, names)
                 label = name if y == 0 else None
                 ax.plot([mean.low, mean.high], [at, at], color=color, lw=2.5 if ours else 1.0)
                 ax.plot(mean.value, at, "o" if ours else ".", color=color, ms=8 if ours else 5, label=label)
@@ -207,7 +213,7 @@ def _by_utilisation(f: Frames) -> Picture:
         figure, ax = plt.subplots(figsize=(look.width, 4.2), layout="constrained")
         for name, means in lines.items():
             ours = name == OURS
-            ax.plot(middles, means, marker="o", lw=2.6 if ours else 1.2, label=name, color=_text() if ours else None)
+            ax.plot(middles, means, marker="o", lw=2.6 if ours else 1.2, label=name, color=_color(name, list(lines)))
         ax.set_xlabel("utilisation: adhesion in use over available")
         ax.set_ylabel("mean error, percentage points")
         ax.set_ylim(bottom=0)

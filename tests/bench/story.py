@@ -75,8 +75,8 @@ def _stamp(line: str) -> str:
 def measured(command: Sequence[str], folder: Path) -> dict[str, float]:
     """What a command of wrcd took, in a process of its own."""
     done = subprocess.run(
-        [sys.executable, "-P", "-c", CHILD, *command], env=environment(ROOT), cwd=folder, capture_output=True, text=True,
-        check=True,
+        [sys.executable, "-P", "-c", CHILD, *command],
+        env=environment(ROOT), cwd=folder, capture_output=True, text=True, check=True,
     )  # fmt: skip
     told: dict[str, float] = json.loads(done.stdout)
     return told

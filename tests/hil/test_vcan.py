@@ -3,6 +3,7 @@
 import csv
 import os
 import re
+import select
 import signal
 import subprocess
 import time
@@ -450,3 +451,29 @@ def test_second_daemon_on_the_bus_is_said_and_counted(bus: str, tmp_path: Path) 
         assert 100 < max(seconds) < 1000  # four axles send 283 a second
     rejects = [f for f, _ in read_log(log, Damage()) if f.can_id == WRCD_REJECTS]
     assert {f.data[7] >> 4 for f in rejects} >= {15}
+
+
+def test_candump_through_a_pipe_is_decoded_as_it_comes() -> None:
+    """`candump -L vcan0 | wrcd dump -`: a frame is shown while both go on, and the count ends it."""
+    line = f"candump -L vcan0 | {BIN / 'wrcd'} dump - -n 2"
+    sent = ["cansend", "vcan0", f"{YAW_RATE_A1:03X}#0000000000000000"]
+    with subprocess.Popen(
+        ["sh", "-c", line], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        try:
+            assert process.stdout is not None
+            assert process.stderr is not None
+            end = time.monotonic() + 60
+            while not select.select([process.stdout], [], [], 0.2)[0]:
+                assert time.monotonic() < end, "nothing was shown"
+                subprocess.run(sent, check=True, timeout=10)
+            first = process.stdout.readline()
+            assert re.fullmatch(r"\(\d{10}\.\d{6}\) vcan0 101#0{16} :: YawRate_A1\(.*\)\n", first)
+            while process.poll() is None:  # candump ends at its next write after the reader has ended
+                assert time.monotonic() < end, "the count did not end it"
+                subprocess.run(sent, check=True, timeout=10)
+                time.sleep(0.1)
+            assert len(process.stdout.readlines()) == 1
+            assert process.stderr.read() == ""
+        finally:
+            process.kill()

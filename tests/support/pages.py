@@ -35,6 +35,7 @@ from wrcd.tools import cli
 from wrcd.tools.lint.codes import CODES
 from wrcd.tools.lint.run import findings
 from wrcd.tools.lint.run import lines as lint_lines
+from wrcd.tools.monitor.screen import help as monitor_help
 from wrcd.tools.statuses import STATUSES as WRCD
 
 ROOT = Path(__file__).parents[2]
@@ -181,6 +182,12 @@ def _sentence(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
+def monitor_keys() -> list[str]:
+    """The keys of `wrcd monitor`, and its signs."""
+    keys = table(("key", "does"), [(f"`{key}`", what) for key, what in monitor_help.KEYS])
+    return [*keys, "", *table(("sign", "means"), [(sign, what) for sign, what in monitor_help.SIGNS])]
+
+
 # --- configuration
 
 
@@ -253,6 +260,7 @@ MAKERS: dict[str, Callable[..., list[str]]] = {
     "lint-of": lint_of,
     "fault-lines": fault_lines,
     "scenario": scenario,
+    "monitor-keys": monitor_keys,
 }
 
 

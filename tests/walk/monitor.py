@@ -8,7 +8,7 @@ from tests.walk.terminal import Terminal
 from tests.walk.walk import Step, Walk, expect, played
 
 START_S = 30.0  # textual and numpy are loaded by a cold interpreter
-KEY_S = 5.0
+KEY_S = 20.0  # of a busy machine; how fast it is, is measured elsewhere
 KEYS, CLOSES = "q quit", "Esc closes"
 MOMENT = re.compile(r"(\d+\.\d) s +\d\d:\d\d:\d\d")
 
@@ -31,22 +31,25 @@ def take(walk: Walk) -> str:
         t.press("+")
         zoomed = _width(t.wait_for("a narrower plot by +", lambda s: _width(s) not in ("", width), KEY_S))
         t.press("w")
-        t.wait_for("why, by w", lambda s: CLOSES in s and "a second before" in s, KEY_S)
+        t.wait_for("why, by w", lambda s: CLOSES in s and "residual" in s and "rule" in s, KEY_S)
         t.keep("-why")
         t.press("Escape")
         t.wait_for("the plot again", lambda s: CLOSES not in s, KEY_S)
         t.press("s")
-        t.wait_for("what is saved, by s", lambda _: len(set(walk.folder.iterdir()) - before) == 2, START_S)
+        t.wait_for("the picture that is saved, by s", lambda s: re.search(r"saved \S+\.svg", s) is not None, KEY_S)
         t.resize(80, 24)
         small = t.wait_for("the keys in 80 × 24", lambda s: KEYS in s and _has_axle_1(s), KEY_S)
         t.keep("-80x24")
         expect(max(map(len, small.splitlines())) <= 80, "a line is longer than 80 columns")
         t.press("q")
         t.wait_for("the end by q", lambda s: "status 0" in s, KEY_S)
-    frames = _saved(walk, sorted(set(walk.folder.iterdir()) - before))
+    pictures = [path for path in set(walk.folder.iterdir()) - before if path.suffix == ".svg"]
+    expect(len(pictures) == 1, f"saved were {pictures}")
+    expect(ET.parse(pictures[0]).getroot().tag.endswith("svg"), f"{pictures[0].name} is no picture")
+    shutil.copy(pictures[0], walk.out / "monitor.svg")
     return (
-        f"axle 1 with truth at {first} s and {second} s, {width} and {zoomed} wide, why told, {frames} frames and a "
-        "picture saved, 80 × 24 too"
+        f"axle 1 with truth at {first} s and {second} s, {width} and {zoomed} wide, why told, a picture saved, "
+        "80 × 24 too"
     )
 
 
@@ -65,19 +68,6 @@ def _width(screen: str) -> str:
     """How much time the plot shows, in its own words."""
     found = re.search(r"([\d.]+ \S+) wide", screen)
     return found[1] if found else ""
-
-
-def _saved(walk: Walk, files: list[object]) -> int:
-    """Check what was saved: a log that wrcd reads, and a picture. Returns the frames of the log."""
-    names = sorted(str(f) for f in files)
-    logs, pictures = [n for n in names if n.endswith(".log")], [n for n in names if n.endswith(".svg")]
-    expect(len(logs) == len(pictures) == 1, f"saved were {names}")
-    root = ET.parse(pictures[0]).getroot()
-    expect(root.tag.endswith("svg"), f"{pictures[0]} is no picture")
-    shutil.copy(pictures[0], walk.out / "monitor.svg")
-    frames = len(walk.wrcd("dump", logs[0]).splitlines())
-    expect(frames > 1000, f"{frames} frames were saved")
-    return frames
 
 
 STEP = Step("monitor", take, (("tmux", "tmux"),))

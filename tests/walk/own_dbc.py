@@ -2,7 +2,7 @@
 
 import re
 
-from tests.walk.demo import judged
+from tests.walk.demo import MAX_S, judged
 from tests.walk.walk import Step, Walk, expect
 
 DBC = "tests/data/dbc/third-party.dbc"
@@ -35,7 +35,7 @@ def take(walk: Walk) -> str:
     checked = walk.wrcd("check", "--config", "my.toml")
     expect(checked.endswith("\nok\n"), f"check:\n{checked}")
     (walk.folder / "short.toml").write_text(SCENARIO)
-    said = walk.sim_ecu("demo", "--config", "my.toml", "--scenario", "short.toml", "-o", "build/own", seconds=60)
+    said = walk.sim_ecu("demo", "--config", "my.toml", "--scenario", "short.toml", "-o", "build/own", seconds=MAX_S)
     shown, error = judged(said, lines=12)
     return (
         f"{findings and findings[1]}, {questions} questions open; refused; settled by {len(EDITS)} lines; ok; "

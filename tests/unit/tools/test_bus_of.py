@@ -154,6 +154,19 @@ def test_dump_and_check_listen_where_the_environment_says(
     assert "YawRate_A1" in said.out
 
 
+@pytest.mark.usefixtures("canrc")
+def test_monitor_opens_what_the_environment_says(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys.stdin, "isatty", lambda: True)
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    monkeypatch.setenv("CAN_CHANNEL", "nosuchbus9")
+    assert wrcd(["monitor"]) == 3
+    said = capsys.readouterr().err
+    assert "bus socketcan:nosuchbus9, as python-can's settings say" in said
+    assert "wrcd: error: channel: CAN interface 'nosuchbus9' cannot be opened" in said
+
+
 @pytest.mark.parametrize("command", ["play", "inject", "demo"])
 def test_rig_plays_where_the_environment_says(
     canrc: Path, command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

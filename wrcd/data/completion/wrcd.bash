@@ -67,11 +67,18 @@ _wrcd() {
             check:--live | check:-i | check:--interface | check:-c | \
             check:--channel | dump:-i | dump:--interface | dump:-c | \
             dump:--channel | dump:-n | dump:--count | dump:--dbc | \
-            dump:--config | replay:--config | replay:-o | replay:--output | \
-            replay:--csv | replay:--from | replay:--to | replay:--axle | \
-            replay:--channel | replay:--events | replay:--mf4 | replay:--mcap | \
-            replay:--jobs | init:-o | init:--output | install:--prefix | \
-            install:--with | install:--without | install:--program | uninstall:--prefix)
+            dump:--config | monitor:-i | monitor:--interface | monitor:-c | \
+            monitor:--channel | monitor:--config | monitor:--dbc | monitor:--bit-rate | \
+            replay:--config | replay:-o | replay:--output | replay:--csv | \
+            replay:--from | replay:--to | replay:--axle | replay:--channel | \
+            replay:--events | replay:--mf4 | replay:--mcap | replay:--jobs | \
+            report:--config | report:--dbc | report:--channel | report:-o | \
+            report:--output | report:--against | plot:--config | plot:--dbc | \
+            plot:--channel | plot:-o | plot:--output | plot:--from | \
+            plot:--to | plot:--axle | why:--config | why:--dbc | \
+            why:--channel | why:--axle | init:-o | init:--output | \
+            install:--prefix | install:--with | install:--without | install:--program | \
+            uninstall:--prefix)
                 [[ ${COMP_WORDS[i + 1]-} != = ]] || ((i++))
                 ((i++))
                 ;;
@@ -83,7 +90,7 @@ _wrcd() {
     case $command in
     '')
         options='-h --help --version'
-        [[ $cur == -* ]] || _wrcd_words 'run reload check dump replay init lint install uninstall completion'
+        [[ $cur == -* ]] || _wrcd_words 'run reload check dump monitor replay report plot why init lint install uninstall completion'
         ;;
     run)
         options='-h --help --config -i --interface -c --channel --wait --lock-memory'
@@ -133,6 +140,21 @@ _wrcd() {
         *) _wrcd_nothing ;;
         esac
         ;;
+    monitor)
+        options='-h --help -i --interface -c --channel --config --dbc --bit-rate'
+        case $prev in
+        -i | --interface) _wrcd_words 'canalystii cantact etas gs_usb iscan ixxat kvaser neousys neovi nican nixnet pcan robotell seeedstudio serial slcan socketcan socketcand systec udp_multicast usb2can vector virtual'; return ;;
+        -c | --channel) _wrcd_channels; return ;;
+        --config) _wrcd_files .toml; return ;;
+        --dbc) _wrcd_files .dbc; return ;;
+        --bit-rate) _wrcd_nothing; return ;;
+        :) _wrcd_nothing; return ;;
+        esac
+        [[ $cur == -?* ]] || case $position in
+        0) _wrcd_files .log .gz .asc .blf .trc .csv .db .mf4 ;;
+        *) _wrcd_nothing ;;
+        esac
+        ;;
     replay)
         options='-h --help --config -o --output --csv --from --to --relative --axle --channel --events --mf4 --mcap --explain --jobs'
         case $prev in
@@ -151,6 +173,53 @@ _wrcd() {
         esac
         [[ $cur == -?* ]] || case $position in
         *) _wrcd_files .log .gz .asc .blf .trc .csv .db .mf4 ;;
+        esac
+        ;;
+    report)
+        options='-h --help --config --dbc --channel --replay -o --output --against --force'
+        case $prev in
+        --config) _wrcd_files .toml; return ;;
+        --dbc) _wrcd_files .dbc; return ;;
+        --channel) _wrcd_channels; return ;;
+        -o | --output) _wrcd_files .html; return ;;
+        --against) _wrcd_files ''; return ;;
+        :) _wrcd_nothing; return ;;
+        esac
+        [[ $cur == -?* ]] || case $position in
+        0) _wrcd_files .log .gz .asc .blf .trc .csv .db .mf4 ;;
+        *) _wrcd_nothing ;;
+        esac
+        ;;
+    plot)
+        options='-h --help --config --dbc --channel --replay -o --output --from --to --relative --axle --force'
+        case $prev in
+        --config) _wrcd_files .toml; return ;;
+        --dbc) _wrcd_files .dbc; return ;;
+        --channel) _wrcd_channels; return ;;
+        -o | --output) _wrcd_files .png; return ;;
+        --from) _wrcd_nothing; return ;;
+        --to) _wrcd_nothing; return ;;
+        --axle) _wrcd_nothing; return ;;
+        :) _wrcd_nothing; return ;;
+        esac
+        [[ $cur == -?* ]] || case $position in
+        0) _wrcd_files .log .gz .asc .blf .trc .csv .db .mf4 ;;
+        *) _wrcd_nothing ;;
+        esac
+        ;;
+    why)
+        options='-h --help --config --dbc --channel --replay --axle --json'
+        case $prev in
+        --config) _wrcd_files .toml; return ;;
+        --dbc) _wrcd_files .dbc; return ;;
+        --channel) _wrcd_channels; return ;;
+        --axle) _wrcd_nothing; return ;;
+        :) _wrcd_nothing; return ;;
+        esac
+        [[ $cur == -?* ]] || case $position in
+        0) _wrcd_files .log .gz .asc .blf .trc .csv .db .mf4 ;;
+        1) _wrcd_nothing ;;
+        *) _wrcd_nothing ;;
         esac
         ;;
     init)

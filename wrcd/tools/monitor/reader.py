@@ -85,7 +85,7 @@ def main() -> int:
     out = sys.stdout.fileno()
     asked = json.loads(sys.argv[1])
     try:
-        link = open_link(asked["interface"], asked["channel"], None, fd=asked["fd"])
+        link = open_link(asked["interface"], asked["channel"], None, fd=asked["fd"], user_settings=True)
     except InputError as e:
         record = {"reason": e.reason, "key": e.key, "hint": e.hint, "kind": type(e).__name__}
         os.write(out, told(FAILED, record))

@@ -15,18 +15,18 @@ SILENT_MS = 60.0  # of Adhesion: what a receiver takes for a time-out, three cyc
 FULL = 15  # of a count in WrcdRejects: so many or more
 HIGH_LOAD_PCT = 80.0
 STATUS_COUNTS = (
-    ("Overruns", 256, "frames were left out because the loop came too late for their slot"),
-    ("ReceiveDrops", 64, "frames were dropped by the kernel because the receive buffer was full"),
-    ("Reopens", 16, "times the bus was opened again after its device had gone"),
+    ("Overruns", 256, "frames left out because the loop came too late for their slot"),
+    ("ReceiveDrops", 64, "frames that the kernel dropped because the receive buffer was full"),
+    ("Reopens", 16, "the bus opened again after its device had gone"),
 )
 LINK_COUNTS = (
-    ("ErrorFrames", 4096, "error frames were reported by the controller"),
-    ("BusOffs", 16, "times the controller went bus-off"),
-    ("Unsent", 256, "frames could not be sent and were dropped"),
+    ("ErrorFrames", 4096, "error frames that the controller reported"),
+    ("BusOffs", 16, "the controller went bus-off"),
+    ("Unsent", 256, "frames that could not be sent and were dropped"),
     ("TimeSteps", 16, "steps of the clock"),
-    ("LateFrames", 16, "frames came after their tick was closed"),
-    ("Outliers", 256, "measurements were left out as outliers"),
-    ("Restarts", 256, "times an axle was started anew"),
+    ("LateFrames", 16, "frames that came after their tick was closed"),
+    ("Outliers", 256, "measurements left out as outliers"),
+    ("Restarts", 256, "axles started anew"),
 )
 NOTES = frozenset({"Outliers", "LateFrames"})
 
@@ -92,7 +92,7 @@ def _counts(story: Story, series: Series | None, counts: tuple[tuple[str, int, s
         grown, first_us = increase(series, name, modulo)
         if grown:
             level = "note" if name in NOTES else "warning"
-            yield Finding(level, f"{grown} {words} ({name}), first at {at(story, first_us)}.", 0, first_us)
+            yield Finding(level, f"{name}: {grown} ({words}), first at {at(story, first_us)}.", 0, first_us)
 
 
 def rejected(story: Story) -> dict[str, tuple[int, bool, int]]:

@@ -26,6 +26,7 @@ VALIDITY_COLOURS = {Validity.VALID: "#B7DFC9", Validity.DEGRADED: "#F2B05E", Val
 CONTACT_COLOURS = {"Adhering": "#CFE3F1", "Saturated": "#E58A4A", "Unknown": "#EEEEEE", "": "#EEEEEE"}
 WIDTH_IN, DPI = 12.0, 100
 HEIGHTS = (2.6, 0.32, 0.32, 1.5)  # of an axle's rows: adhesion, Validity, contact, residuals
+USUAL_PCT = 95.0  # of the interval's upper bounds that the picture has room for
 MAX_POINTS = 3000  # of a line: more than a picture has columns of dots
 CHARACTER_IN = 0.062  # of the small print
 SUFFIXES = (".png", ".svg", ".pdf")
@@ -103,8 +104,10 @@ def _adhesion(pane: Axes, axle: Axle, span: _Span) -> None:
         own = span.rows(axle.truth.time_us)
         _line(pane, span.seconds(axle.truth.time_us[own]), axle.truth.available_pct[own], color=TRUTH, linewidth=1.0,
               linestyle="--", label="truth")  # fmt: skip
-    top = np.nanmax(np.concatenate([line.get_ydata() for line in pane.get_lines()] + [np.array([5.0])]))
-    pane.set_ylim(0, 1.18 * float(top))
+    bound = high[np.isfinite(high)]
+    drawn = [np.asarray(line.get_ydata()) for line in pane.get_lines()]
+    usual = [np.percentile(bound, USUAL_PCT)] if len(bound) else []
+    pane.set_ylim(0, 1.12 * float(np.nanmax(np.concatenate([*drawn, usual, [5.0]]))))
     _falls(pane, axle, span)
     pane.set_ylabel("adhesion, %")
     pane.set_title(f"Axle {axle.number}", loc="left", fontsize=10, fontweight="bold")

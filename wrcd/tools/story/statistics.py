@@ -14,6 +14,8 @@ from wrcd.tools.story.scan import Frames, Scan
 
 BIT_RATE = 500_000  # of a bus whose log does not tell it
 SECOND_US = 1_000_000
+MIN_LAST_S = 0.1  # of a log's last second, below which a rate says nothing
+MAX_SECONDS = 200_000  # two days: of a longer log, whose clock was set perhaps, only the seconds with a frame are told
 
 
 def bits(frames: Frames, extended: bool) -> NDArray[np.float64]:
@@ -32,13 +34,13 @@ def bus(
     mapped = {message_key(find_message(config.database, i.source.message)) for i in config.inputs}
     for output in _outputs(config):
         cycles[message_key(find_message(config.database, output[0]))] = output[1] / 1000
-    seconds = (scan.end_us - scan.begin_us) // SECOND_US + 1
-    counts, load = np.zeros(seconds), np.zeros(seconds)
+    seconds = _seconds(scan)
+    counts, load = np.zeros(len(seconds)), np.zeros(len(seconds))
     messages = []
     for key, frames in scan.frames.items():
-        at = (frames.time_us - scan.begin_us) // SECOND_US
-        counts += np.bincount(at, minlength=seconds)
-        load += np.bincount(at, weights=bits(frames, bool(key & EXTENDED)), minlength=seconds)
+        at = np.searchsorted(seconds, (frames.time_us - scan.begin_us) // SECOND_US)
+        counts += np.bincount(at, minlength=len(seconds))
+        load += np.bincount(at, weights=bits(frames, bool(key & EXTENDED)), minlength=len(seconds))
         role = "input" if key in mapped else "output" if key in own else "truth" if key in truth else "other"
         gaps = np.diff(frames.time_us)
         widest = int(gaps.argmax()) if len(gaps) else 0
@@ -56,17 +58,26 @@ def bus(
             )
         )
     # the last second is as long as the log, not a whole one
-    last_s = max((scan.end_us - scan.begin_us) / SECOND_US - (seconds - 1), 1e-6)
-    length_s = np.ones(seconds)
-    length_s[-1] = last_s if seconds > 1 and last_s > 0.1 else 1.0
+    last_s = (scan.end_us - scan.begin_us) / SECOND_US - seconds[-1]
+    length_s = np.ones(len(seconds))
+    length_s[-1] = last_s if len(seconds) > 1 and last_s > MIN_LAST_S else 1.0
     return BusStatistics(
         tuple(messages),
-        scan.begin_us + SECOND_US * np.arange(seconds, dtype=np.int64),
+        scan.begin_us + SECOND_US * seconds,
         (counts / length_s).astype(np.float32),
         (100 * load / length_s / BIT_RATE).astype(np.float32),
         BIT_RATE,
         np.array(sorted(scan.errors_us), dtype=np.int64),
     )
+
+
+def _seconds(scan: Scan) -> NDArray[np.int64]:
+    """Numbers of the seconds that rates are told of."""
+    count = (scan.end_us - scan.begin_us) // SECOND_US + 1
+    if count <= MAX_SECONDS:
+        return np.arange(count, dtype=np.int64)
+    found = [np.unique((f.time_us - scan.begin_us) // SECOND_US) for f in scan.frames.values()]
+    return np.unique(np.concatenate([np.zeros(1, np.int64), *found]))
 
 
 def _known(config: Config, databases: Sequence[Database]) -> tuple[dict[int, str], dict[int, float]]:

@@ -1,5 +1,6 @@
 """What a log comes to, in sentences: the most important first."""
 
+import itertools
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -8,11 +9,12 @@ import numpy as np
 from wrcd.core.causes import Cause, Validity
 from wrcd.tools.story.accuracy import accuracy
 from wrcd.tools.story.daemon import daemon_findings
-from wrcd.tools.story.records import Axle, Fall, Finding, Story
+from wrcd.tools.story.records import Axle, Event, Fall, Finding, Story
 from wrcd.tools.story.words import at, because, causes, lasting, name, percent, seconds, total_s
 
 LEVELS = ("bad", "warning", "note", "good")
 MAX_FALLS = 8  # that are told of an axle; the story has them all
+MAX_OUTAGES, MIN_OUTAGE_S = 3, 0.5  # that are told of an axle
 GOOD_SHARE = 0.9  # Valid: less is a warning
 
 
@@ -39,6 +41,7 @@ def _axles(story: Story) -> Iterator[Finding]:
         yield from _falls(story, axle)
         if _valid_s(axle):
             yield _share(story, axle)
+        yield from _outages(story, axle)
         yield from _contradictions(story, axle)
         yield from _truth(story, axle)
 
@@ -95,6 +98,44 @@ def _fall(story: Story, axle: Axle, fall: Fall, until_us: int) -> Finding:
         + (f" but for {but}." if but else "."),
         axle.number, fall.begin_us, until_us,
     )  # fmt: skip
+
+
+def _outages(story: Story, axle: Axle) -> Iterator[Finding]:
+    """The longest times between two Valid ones, but those that a fall tells of."""
+    own = [f for f in story.falls if f.axle == axle.number]
+    runs = [
+        run
+        for run in not_valid_runs(axle)[1 if _begins_not_valid(axle) else 0 :]
+        if total_s(run) >= MIN_OUTAGE_S
+        and not any(f.begin_us <= run[-1].end_us and f.end_us >= run[0].begin_us for f in own)
+    ]
+    if not _valid_s(axle):
+        return
+    longest = sorted(runs, key=lambda run: -total_s(run))[:MAX_OUTAGES]
+    for run in sorted(longest, key=lambda run: run[0].begin_us):
+        main = max(run, key=lambda e: e.duration_s)
+        begin, end = at(story, run[0].begin_us).removesuffix(" s"), at(story, run[-1].end_us)
+        yield Finding(
+            "warning",
+            f"Axle {axle.number} was not Valid from {begin} to {end} ({seconds(total_s(run))}): {because(main)} "
+            f"({causes(run)}).",
+            axle.number, run[0].begin_us, run[-1].end_us,
+        )  # fmt: skip
+    if len(runs) > MAX_OUTAGES:
+        more = len(runs) - MAX_OUTAGES
+        yield Finding(
+            "note", f"Axle {axle.number}: {more} more times of {MIN_OUTAGE_S:g} s or longer not Valid.", axle.number
+        )
+
+
+def _begins_not_valid(axle: Axle) -> bool:
+    return bool(axle.events) and axle.events[0].validity is not Validity.VALID
+
+
+def not_valid_runs(axle: Axle) -> list[list[Event]]:
+    """Events on end that are not Valid, run by run."""
+    groups = itertools.groupby(axle.events, key=lambda e: e.validity is Validity.VALID)
+    return [list(run) for valid, run in groups if not valid]
 
 
 def _share(story: Story, axle: Axle) -> Finding:

@@ -14,6 +14,7 @@ from wrcd.errors import InputError
 from wrcd.tools.story.events import INPUT_NAMES, REASONS
 from wrcd.tools.story.explain import Explanation, explain, find_axle
 from wrcd.tools.story.records import Event, Fall, Story
+from wrcd.tools.story.verdict import not_valid_runs
 from wrcd.tools.story.words import name, percent, seconds
 
 NEAR_US = 10_000_000  # a change further away is not what was asked about
@@ -55,10 +56,17 @@ def _apart(f: Fall, time_us: int) -> int:
 
 
 def around(story: Story, axle: int, time_us: int) -> tuple[Explanation, Explanation, Fall | None]:
-    """How it was before and after what changed around a moment, and the change."""
+    """How it was before and after what changed around a moment, and the change: a fall near to it, else the time not
+    Valid that it lies in, else a second to either side."""
     fall = nearest_fall(story, axle, time_us)
-    before_us = time_us - WITHOUT_CHANGE_US if fall is None else fall.begin_us
-    after_us = time_us + WITHOUT_CHANGE_US if fall is None else fall.end_us + SETTLED_US
+    runs = not_valid_runs(find_axle(story, axle))
+    outage = next((run for run in runs if run[0].begin_us <= time_us <= run[-1].end_us), None)
+    if fall is not None:
+        before_us, after_us = fall.begin_us, fall.end_us + SETTLED_US
+    elif outage is not None:
+        before_us, after_us = outage[0].begin_us - 1, outage[-1].end_us + SETTLED_US
+    else:
+        before_us, after_us = time_us - WITHOUT_CHANGE_US, time_us + WITHOUT_CHANGE_US
     return (
         explain(story, axle, max(before_us, story.begin_us)),
         explain(story, axle, min(after_us, story.end_us)),
@@ -116,7 +124,7 @@ def _parts(
     if after.rule == before.rule and after.winner == before.winner:
         yield "after", f"at {_s(story, after.time_us)} s: {_numbers(after)}; the same model and rule"
     else:
-        yield from _moment(story, "after", after)
+        yield from _moment(story, "after", after, before.rule)
     yield "Validity", _validity(story, now.axle, before.time_us, after.time_us)
     yield "refused", _refused(story, now.axle, now.time_us) or f"nothing within {REJECTS_NEAR_US * 1e-6:.0f} s"
     yield "source", story.source
@@ -136,11 +144,15 @@ def _said(x: Explanation) -> str:
     return f"{said}{used}{''.join(f', {w}' for w in rest)}{age}"
 
 
-def _moment(story: Story, label: str, x: Explanation) -> Iterator[tuple[str, str]]:
+def _moment(story: Story, label: str, x: Explanation, told: int = 0) -> Iterator[tuple[str, str]]:
+    """told: the rule whose sentence stands there already."""
     yield label, f"at {_s(story, x.time_us)} s: {_said(x)}"
     model = f"model {x.winner} fits best: {x.model}; " if x.winner else "no model fits; "
     yield "", model + _numbers(x)
-    yield "", f"rule {x.rule}: {shortened(x.rule_sentence)}" if x.rule else "no rule fires"
+    if not x.rule:
+        yield "", "no rule fires"
+    else:
+        yield "", f"rule {x.rule}, as before" if x.rule == told else f"rule {x.rule}: {shortened(x.rule_sentence)}"
 
 
 def shortened(rule: str) -> str:

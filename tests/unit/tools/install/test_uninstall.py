@@ -1,7 +1,8 @@
 """`wrcd uninstall` below a folder: what it removes, and what it leaves."""
 
-from pathlib import Path
+from pathlib import os
 
+import Path
 import pytest
 
 from tests.unit.tools.install.lab import MANIFEST, UNIT, Lab
@@ -110,6 +111,6 @@ def test_live_command_needs_systemd_and_root(
     assert cli.main([command]) == 2
     assert "systemd does not run here" in capsys.readouterr().err
     monkeypatch.setattr(system, "BOOTED", tmp_path)
-    monkeypatch.setattr(system.os, "geteuid", lambda: 1000)
+    monkeypatch.setattr(os, "geteuid", lambda: 1000)
     assert cli.main([command]) == 2
     assert "needs root — sudo, or --dry-run" in capsys.readouterr().err

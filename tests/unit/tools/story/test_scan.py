@@ -171,6 +171,15 @@ def test_load_is_the_frames_bits_over_the_bit_rate(ride: Ride, config: Config) -
     assert b.frames_per_s[0] == len(first)
 
 
+def test_clock_that_was_set_by_years_costs_no_memory(config: Config, tmp_path: Path) -> None:
+    frames = [Frame(1_000_000 * k, 0x10, b"") for k in range(5)]
+    frames += [Frame(BEGIN_US + 1_000_000 * k, 0x10, b"") for k in range(5)]
+    b = bus(scan(written(tmp_path / "years.log", *frames), None), config, (), frozenset(), frozenset(), {})
+    assert len(b.time_us) == 10
+    assert b.time_us[5] == BEGIN_US
+    assert b.frames_per_s.tolist()[:9] == [1.0] * 9
+
+
 def test_bits_of_a_frame_lie_between_the_fewest_and_the_most() -> None:
     five = Frames(np.zeros(1, np.int64), np.array([5], np.uint8), np.zeros((1, 8), np.uint8))
     assert 87 < bits(five, extended=False)[0] < 105

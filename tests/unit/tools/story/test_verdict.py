@@ -89,6 +89,25 @@ def test_share_of_valid_is_told_with_the_causes_of_the_rest(config: Config) -> N
     assert finding.level == "warning"
 
 
+def test_outage_is_told_with_its_time_and_the_cause_that_lasted_longest(config: Config) -> None:
+    a = adhesion(np.full(500, 30.0), [VALID] * 100 + [DEGRADED] * 5 + [NOT_AVAILABLE] * 100 + [VALID] * 295)
+    causes = [0] * 20 + [Cause.INPUT_STALE] + [Cause.INPUT_SILENT] * 20 + [0] * 59
+    finding = only(story(config, axle(a, detail(500, causes))), "was not Valid")
+    assert finding.level == "warning"
+    assert finding.text == (
+        "Axle 1 was not Valid from 2.0 to 4.1 s (2.1 s): an input is silent or refused (InputSilent 2.0 s, "
+        "InputStale 0.10 s)."
+    )
+
+
+def test_outage_within_a_fall_and_a_short_one_are_not_told_again(config: Config) -> None:
+    values = np.concatenate((np.full(450, 38.0), np.full(100, 20.0), np.full(400, 5.0)))
+    validity = [VALID] * 200 + [DEGRADED] * 20 + [VALID] * 230 + [DEGRADED] * 100 + [VALID] * 400
+    told = [f.text for f in verdict(story(config, axle(adhesion(values, validity))))]
+    assert any("fell" in t for t in told)
+    assert not [t for t in told if "was not Valid" in t]
+
+
 def test_warm_up_alone_is_good(config: Config) -> None:
     a = adhesion(np.full(100, 30.0), [NOT_AVAILABLE] * 20 + [VALID] * 80)
     assert only(story(config, axle(a, detail(100, [Cause.WARMING_UP] * 4 + [0] * 16))), "was Valid").level == "good"
@@ -122,11 +141,11 @@ def test_truth_within_the_interval_is_no_lie(config: Config) -> None:
 @pytest.mark.parametrize(
     ("kind", "name", "values", "told", "level"),
     [
-        ("status", "Overruns", (250, 255, 3), "9 frames were left out because the loop came too late", "warning"),
-        ("status", "ReceiveDrops", (1, 1, 2), "1 frames were dropped by the kernel", "warning"),
-        ("link", "Restarts", (0, 2), "2 times an axle was started anew", "warning"),
-        ("link", "Outliers", (255, 1), "2 measurements were left out", "note"),
-        ("link", "Unsent", (7, 9), "2 frames could not be sent", "warning"),
+        ("status", "Overruns", (250, 255, 3), "Overruns: 9 (frames left out because the loop came too late", "warning"),
+        ("status", "ReceiveDrops", (1, 1, 2), "ReceiveDrops: 1 (frames that the kernel dropped", "warning"),
+        ("link", "Restarts", (0, 2), "Restarts: 2 (axles started anew), first at 2.0 s.", "warning"),
+        ("link", "Outliers", (255, 1), "Outliers: 2 (measurements left out", "note"),
+        ("link", "Unsent", (7, 9), "Unsent: 2 (frames that could not be sent", "warning"),
     ],
 )
 def test_counts_that_grew_are_told(

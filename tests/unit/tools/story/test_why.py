@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from sim_ecu.resources import TRUTH_DBC
-from tests.support.story import BEGIN_US, Ride, adhesion, at_s, axle, detail, story
+from tests.support.story import BEGIN_US, NOT_AVAILABLE, VALID, Ride, adhesion, at_s, axle, detail, story
 from wrcd.core.causes import Validity
 from wrcd.core.configuration import Config
 from wrcd.errors import InputError
@@ -16,7 +16,7 @@ from wrcd.tools.cli import main
 from wrcd.tools.explain import sentence
 from wrcd.tools.story.explain import event_at, explain, newest, value_at
 from wrcd.tools.story.records import Series
-from wrcd.tools.story.why import answer, moment, shortened
+from wrcd.tools.story.why import answer, around, moment, shortened
 
 
 def test_explanation_tells_what_the_frames_of_the_moment_say(ride: Ride, config: Config) -> None:
@@ -119,6 +119,15 @@ def test_answer_far_from_any_change_says_so(config: Config) -> None:
     text = "\n".join(answer(made, 1, at_s(5)))
     assert "none that lasts within 10 s" in text
     assert "the same model and rule" in " ".join(text.split())
+
+
+def test_moment_within_a_time_not_valid_is_compared_with_before_and_after_it(config: Config) -> None:
+    validity = [VALID] * 200 + [NOT_AVAILABLE] * 100 + [VALID] * 200
+    made = story(config, axle(adhesion(np.full(500, 30.0), validity), detail(500)))
+    before, after, fall = around(made, 1, at_s(5))
+    assert fall is None
+    assert (before.validity, after.validity) == (Validity.VALID, Validity.VALID)
+    assert (before.time_us, after.time_us) == (at_s(4.02) - 1, at_s(6.32))
 
 
 def test_answer_without_detail_still_answers(config: Config) -> None:

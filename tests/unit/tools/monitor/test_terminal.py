@@ -1,0 +1,145 @@
+"""The real program on a terminal: keys go in, the screen comes out."""
+
+import os
+import pty
+import re
+import select
+import shutil
+import struct
+import subprocess
+import sys
+import termios
+import time
+from collections.abc import Callable, Iterator
+from fcntl import ioctl
+from pathlib import Path
+
+import pytest
+
+from tests.support.daemon_frames import GOOD, DaemonFrames
+from wrcd.bus.log import format_line
+from wrcd.core.configuration import Config
+
+ROOT = Path(__file__).parents[4]
+COMMAND = (sys.executable, "-m", "wrcd.tools", "monitor")
+START_S, END_S = 30.0, 20.0  # of a computer that has other work
+
+
+@pytest.fixture(scope="module")
+def log(config: Config, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Dry for nine seconds, leaves for six."""
+    made = DaemonFrames(config)
+    low = {**GOOD, "MuAvailable": 5.0, "MuUsed": 4.0}
+    frames = [*made.stretch(0, 9_000_000, GOOD), *made.stretch(9_000_000, 15_000_000, low)]
+    path = tmp_path_factory.mktemp("terminal") / "ride.log"
+    path.write_text("".join(f"{format_line(f, 'can0')}\n" for f in frames))
+    return path
+
+
+def on_terminal(arguments: list[str], keys: bytes, ready: bytes) -> tuple[int, bytes]:
+    """Run it on a terminal of 80 by 24, press keys once something is seen. Returns its status and all its output."""
+    master, terminal = pty.openpty()
+    ioctl(terminal, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 80, 0, 0))
+    process = subprocess.Popen(
+        [*COMMAND, *arguments], cwd=ROOT, stdin=terminal, stdout=terminal, stderr=terminal, start_new_session=True,
+        env={**os.environ, "TERM": "xterm-256color", "PYTHONPATH": str(ROOT)},
+    )  # fmt: skip
+    os.close(terminal)
+    seen, pressed, end = b"", False, time.monotonic() + START_S
+    try:
+        while time.monotonic() < end:
+            if select.select([master], [], [], 0.1)[0]:
+                try:
+                    seen += os.read(master, 1 << 16)
+                except OSError:  # its side is closed
+                    break
+            elif process.poll() is not None:
+                break
+            if not pressed and ready in seen:
+                pressed, end = True, time.monotonic() + END_S
+                os.write(master, keys)
+        return process.wait(5.0), seen
+    finally:
+        if process.poll() is None:
+            process.kill()
+            process.wait()
+        os.close(master)
+
+
+def test_key_ends_it_with_status_0_and_the_terminal_is_as_before(log: Path) -> None:
+    status, seen = on_terminal([str(log)], b"q", b"quit")
+    assert status == 0
+    assert b"\x1b[?1049l" in seen  # the screen of before is back
+    assert b"available" in seen
+
+
+def test_bus_that_is_not_there_is_one_line_and_status_3() -> None:
+    status, seen = on_terminal(["-i", "socketcan", "-c", "nosuchbus9"], b"", b"\0never")
+    assert status == 3
+    assert seen.count(b"\n") == 1
+    assert seen.startswith(b"wrcd: error: channel: CAN interface 'nosuchbus9'") or b"AF_CAN" in seen
+    assert b"\x1b[?1049h" not in seen
+
+
+class Tmux:
+    """A session of its own."""
+
+    def __init__(self, folder: Path, columns: int, lines: int) -> None:
+        self._socket = folder / "tmux"
+        self._run("new-session", "-d", "-x", str(columns), "-y", str(lines), "-c", str(folder), "sh")
+
+    def _run(self, *words: str) -> str:
+        done = subprocess.run(
+            ["tmux", "-f", "/dev/null", "-S", str(self._socket), *words],
+            check=True, capture_output=True, text=True, timeout=20,
+        )  # fmt: skip
+        return done.stdout
+
+    def type(self, line: str) -> None:
+        self._run("send-keys", "-l", line)
+        self._run("send-keys", "Enter")
+
+    def press(self, *keys: str) -> None:
+        self._run("send-keys", *keys)
+
+    def screen(self) -> str:
+        return self._run("capture-pane", "-p")
+
+    def wait_for(self, what: str | Callable[[str], bool]) -> str:
+        """The screen once a text is on it."""
+        end = time.monotonic() + START_S
+        while True:
+            screen = self.screen()
+            if what in screen if isinstance(what, str) else what(screen):
+                return screen
+            assert time.monotonic() < end, f"{what!r} is not to be seen:\n{screen}"
+            time.sleep(0.1)
+
+    def close(self) -> None:
+        self._run("kill-server")
+
+
+@pytest.fixture
+def tmux(tmp_path: Path) -> Iterator[Tmux]:
+    if shutil.which("tmux") is None:
+        pytest.skip("needs tmux")
+    session = Tmux(tmp_path, 80, 24)
+    yield session
+    session.close()
+
+
+def test_keys_on_a_terminal_of_80_by_24_answer_why_it_fell(tmux: Tmux, log: Path) -> None:
+    command = " ".join((f"PYTHONPATH={ROOT}", "LANG=C.UTF-8", *COMMAND, str(log), "; echo status $?"))
+    tmux.type(command)
+    screen = tmux.wait_for("? help")
+    assert re.search(r"LOG +ride\.log", screen)
+    assert "9.0 s" in screen
+    assert all(len(line) <= 80 for line in screen.split("\n"))
+    tmux.press("w")
+    assert "available adhesion fell from 30 to 5.0 %" in re.sub(r"\s+│\s*│?\s*", " ", tmux.wait_for("fell from"))
+    tmux.press("Escape")
+    tmux.wait_for(lambda s: "Esc closes" not in s)
+    tmux.press("2")
+    tmux.wait_for("▶2")
+    tmux.press("q")
+    tmux.wait_for("status 0")
