@@ -1,8 +1,8 @@
 """`wrcd uninstall` below a folder: what it removes, and what it leaves."""
 
-from pathlib import os
+import os
+from pathlib import Path
 
-import Path
 import pytest
 
 from tests.unit.tools.install.lab import MANIFEST, UNIT, Lab
