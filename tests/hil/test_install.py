@@ -48,7 +48,7 @@ def train(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Train]:
     train = Train(tmp_path_factory.mktemp("install"))
     yield train
     train.disconnect()
-    print(journal())
+    print("\n".join(journal().splitlines()[-30:]))
     shutil.rmtree(patient.parent)
     systemctl("daemon-reload")
 
