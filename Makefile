@@ -61,7 +61,7 @@ systemd: $(READY)
 
 # build/deb/wrcd_VERSION_ARCH.deb, for the system's python3; no root
 deb: $(READY)
-	$(BIN)/python deb/build.py
+	$(BIN)/python systemd/deb/build.py
 
 # docs/monitor.svg and docs/report.png, from rides that are played for them
 pictures: $(READY)

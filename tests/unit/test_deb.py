@@ -22,7 +22,7 @@ def build(folder: Path, umask: int) -> Path:
     site = folder / "site"
     shutil.copytree(ROOT / "wrcd", site / "wrcd", ignore=shutil.ignore_patterns("__pycache__"))
     subprocess.run(
-        [sys.executable, ROOT / "deb/build.py", "--site", site, "-o", folder, "--compress", "gzip"], check=True,
+        [sys.executable, ROOT / "systemd/deb/build.py", "--site", site, "-o", folder, "--compress", "gzip"], check=True,
         timeout=120, env={**os.environ, "SOURCE_DATE_EPOCH": "1700000000"}, umask=umask, stdout=subprocess.DEVNULL,
     )  # fmt: skip
     (package,) = folder.glob("*.deb")

@@ -13,7 +13,7 @@ import sys
 from email.utils import formatdate
 from pathlib import Path, PurePosixPath
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT))
 from wrcd import __version__, resources  # noqa: E402
 from wrcd.tools.install.files import CONFIGURATIONS, DEBIAN, lay_out  # noqa: E402
@@ -59,7 +59,9 @@ def main() -> int:
     """Build one package and print its path."""
     parser = argparse.ArgumentParser(description="Build the Debian package of wrcd.")
     parser.add_argument("-o", "--output", type=Path, default=ROOT / "build/deb", metavar="DIR")
-    parser.add_argument("--site", type=Path, metavar="DIR", help="what deb/site has laid out before (default: anew)")
+    parser.add_argument(
+        "--site", type=Path, metavar="DIR", help="what systemd/deb/site has laid out before (default: anew)"
+    )
     parser.add_argument("--compress", default="xz", choices=("xz", "gzip", "none"))
     parser.add_argument("--version", default=__version__, help="call it so: a test's package to upgrade from")
     parser.add_argument("--systemd", type=Path, metavar="DIR", help="unit files instead of the package's: the same")
@@ -68,7 +70,7 @@ def main() -> int:
     args.output.mkdir(parents=True, exist_ok=True)
     site = args.site or args.output / "site"
     if not args.site:
-        subprocess.run([ROOT / "deb/site", site], check=True)
+        subprocess.run([ROOT / "systemd/deb/site", site], check=True)
     tree = args.output / "tree"
     shutil.rmtree(tree, ignore_errors=True)
     python = _output(PYTHON, "-c", "import sys; print('%d.%d' % sys.version_info[:2])")
@@ -102,7 +104,7 @@ def _commit_time() -> str:
 
 
 def _program(tree: Path, site: Path, python: str, version: str) -> None:
-    """A virtual environment of the system's python, with what deb/site laid out."""
+    """A virtual environment of the system's python, with what systemd/deb/site laid out."""
     home = tree / str(HOME).lstrip("/")
     packages = home / f"lib/python{python}/site-packages"
     shutil.copytree(site, packages, ignore=shutil.ignore_patterns("__pycache__", "tests"))
@@ -142,7 +144,7 @@ def _documents(tree: Path, version: str) -> None:
     (folder / "NEWS.gz").write_bytes(gzip.compress((ROOT / "CHANGELOG.md").read_bytes(), 9, mtime=0))
     overrides = tree / "usr/share/lintian/overrides"
     overrides.mkdir(parents=True)
-    shutil.copy(ROOT / "deb/lintian-overrides", overrides / "wrcd")
+    shutil.copy(ROOT / "systemd/deb/lintian-overrides", overrides / "wrcd")
 
 
 def _indented(text: str) -> str:
@@ -183,7 +185,7 @@ def _control(tree: Path, conffiles: list[str], version: str, python: str) -> Non
     sums = ((hashlib.md5(p.read_bytes()).hexdigest(), p.relative_to(tree)) for p in files)
     (control / "md5sums").write_text("".join(f"{s}  {n}\n" for s, n in sums if f"/{n}" not in conffiles))
     for name in SCRIPTS:
-        shutil.copy(ROOT / "deb" / name, control / name)
+        shutil.copy(ROOT / "systemd/deb" / name, control / name)
         (control / name).chmod(0o755)
     for name in ("control", "conffiles", "md5sums"):
         (control / name).chmod(0o644)
