@@ -30,12 +30,12 @@ vcan:
 Makefile: ;
 else
 
-.PHONY: demo pictures test lint check unit hil faults systemd walk fuzz soak coverage bench mutants format design score docs docs-all docs-check lock audit clean deb
+.PHONY: demo pictures test lint check unit browser hil faults systemd walk fuzz soak coverage bench mutants format design score docs docs-all docs-check lock audit clean deb
 
 demo: $(READY)
 	$(BIN)/sim-ecu demo
 
-test: unit hil faults systemd walk
+test: unit browser hil faults systemd walk
 
 # a process for each core, each with a stretch of the tests: a module's fixtures are made once, or twice. Threads of the
 # linear algebra would wait for each other on cores that are taken: a fifth of the processor time.
@@ -43,6 +43,10 @@ unit: export OPENBLAS_NUM_THREADS = 1
 unit: export OMP_NUM_THREADS = 1
 unit: $(READY)
 	$(BIN)/python -m pytest -n auto --maxprocesses=8 --dist=worksteal --durations=5
+
+# the pages that the tools write, in Debian's chromium: how fast they are, too, so one at a time
+browser: $(READY)
+	$(BIN)/python -m pytest --durations=5 tests/browser
 
 # vcan of this kernel where it has one, else of a throw-away guest kernel
 hil: $(READY)
