@@ -44,10 +44,6 @@ unit: export OMP_NUM_THREADS = 1
 unit: $(READY)
 	$(BIN)/python -m pytest -n auto --maxprocesses=8 --dist=worksteal --durations=5
 
-# the pages that the tools write, in Debian's chromium: how fast they are, too, so one at a time
-browser: $(READY)
-	$(BIN)/python -m pytest --durations=5 tests/browser
-
 # vcan of this kernel where it has one, else of a throw-away guest kernel
 hil: $(READY)
 	GUEST_TIMEOUT=900 tests/hil/guest/run --native-ok -- $(BIN)/python -m pytest $(HIL) -rP \
@@ -67,9 +63,15 @@ systemd: $(READY)
 deb: $(READY)
 	$(BIN)/python deb/build.py
 
-# docs/monitor.svg, from a ride that is played for it
+# docs/monitor.svg and docs/report.png, from rides that are played for them
 pictures: $(READY)
 	$(BIN)/python -m tests.support.monitor_picture
+	$(BIN)/python -m tests.support.report_picture
+
+# the report in a headless chromium (CHROMIUM=/usr/bin/chromium); BROWSER=measure how fast it is, an hour of four axles
+browser: $(READY)
+	$(BIN)/python -m pytest -p no:cacheprovider --durations=5 tests/browser
+	$(if $(filter measure,$(BROWSER)),$(BIN)/python -m tests.browser.measure)
 
 # make walk STEPS="monitor report": only these, after the clone; screens and pictures go to build/walk
 walk: $(READY)
@@ -131,6 +133,14 @@ design: $(READY)
 score: $(READY)
 	$(BIN)/sim-ecu score --json build/score.json --html build/score.html
 
+# what stands between the markers of the pages, the configuration's JSON schema, completion and manual pages, and the site of
+# the pages in build/site: a warning or a dead link fails. docs-check changes nothing
+docs: $(READY)
+	$(BIN)/python -m tests.support.pages --write
+	$(BIN)/python -m tests.support.signs_picture
+	$(BIN)/python -m tests.support.schema
+	$(BIN)/python -m tests.support.completion
+	$(BIN)/python -m tests.support.manual
 	$(BIN)/python -m tests.support.site build/site
 
 docs-all: $(READY)

@@ -1,7 +1,6 @@
 """The sim-ecu command."""
 
 import argparse
-import sys
 from collections.abc import Sequence
 
 from sim_ecu.commands import (
@@ -20,7 +19,7 @@ from sim_ecu.commands.extra import explained
 from wrcd.tools.command import Command
 from wrcd.tools.completion import completion_of
 from wrcd.tools.guard import guarded
-from wrcd.tools.parser import asked, make_parser
+from wrcd.tools.parser import make_parser
 
 # in the order of the help
 COMMANDS: tuple[Command, ...] = (
@@ -40,8 +39,7 @@ COMMANDS: tuple[Command, ...] = (
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point. Returns the exit status: see Status."""
-    argv = sys.argv[1:] if argv is None else argv
-    args = _parser(asked(COMMANDS, argv)).parse_args(argv)
+    args = _parser().parse_args(argv)
     command = next(c for c in COMMANDS if c.name == args.command)
     return guarded("sim-ecu", lambda: explained(lambda: command.run(args)), retried=command.retried)
 

@@ -19,6 +19,7 @@ from sim_ecu.play.train import PACKAGED, Train
 from wrcd.bus import pythoncan
 from wrcd.bus.opening import open_link
 from wrcd.config import DEFAULT_AXLES, load_config, load_packaged
+from wrcd.core.causes import Validity
 from wrcd.core.configuration import Config
 from wrcd.core.core import Core
 from wrcd.core.events import Change
@@ -60,6 +61,7 @@ def run(interface: str, channel: str, scenario_name: str, folder: Path, config_f
     draw(scenario, traces, picture)
     print(f"log      {_shown(log)}\npicture  {_shown(picture)}")
     _report(log, report, config_file)
+    _ask(log, [c for c in changes if c.axle in numbers], first_s)
     good = any(demo_summary.valid_pairs(trace) for trace in traces.values())
     if not good:
         print("sim-ecu: no valid estimate was seen", file=sys.stderr)
@@ -137,5 +139,15 @@ def _report(log: Path, report: Path, config_file: Path | None) -> None:
     from wrcd.tools.cli import main
 
     config = [] if config_file is None else ["--config", str(config_file)]
-    if main(["report", str(log), "-o", str(report), "--dbc", str(resources.TRUTH_DBC), *config]) == Status.DONE:
-        print(f"report   {_shown(report)}   open it in a browser: what happened, when, and why")
+    print("\nWhat the report says of it:", flush=True)
+    made = main(["report", str(_shown(log)), "-o", str(_shown(report)), "--dbc", str(resources.TRUTH_DBC), *config])
+    if made == Status.DONE:
+        print("Open it in a browser: what happened, when, and why.")
+
+
+def _ask(log: Path, changes: list[Change], first_s: float) -> None:
+    """The command that explains the first time that an estimate was Degraded."""
+    for c in changes:
+        if c.after is Validity.DEGRADED:
+            print(f"Why was it Degraded? wrcd why {_shown(log)} {c.time_us * 1e-6 - first_s:.2f} --axle {c.axle}")
+            return

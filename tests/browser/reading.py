@@ -28,15 +28,15 @@ def plot(page: Page, key: str) -> dict[str, float]:
 
 def range_of(page: Page, key: str) -> list[float]:
     """What a plot's axis shows."""
-    found: list[float] = page.evaluate(f"(key) => {{ {VIEW} const r = view.model.x_range; return [r.start, r.end]; }}", key)
+    found: list[float] = page.evaluate(
+        f"(key) => {{ {VIEW} const r = view.model.x_range; return [r.start, r.end]; }}", key
+    )
     return found
 
 
 def frame(page: Page, key: str) -> tuple[float, float]:
     """Left edge and width of a plot's frame, pixels from the plot's own left edge."""
-    left, width = page.evaluate(
-        f"(key) => {{ {VIEW} const b = view.frame.bbox; return [b.left, b.width]; }}", key
-    )
+    left, width = page.evaluate(f"(key) => {{ {VIEW} const b = view.frame.bbox; return [b.left, b.width]; }}", key)
     return left, width
 
 

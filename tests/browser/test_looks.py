@@ -10,8 +10,9 @@ from playwright.sync_api import Browser
 from tests.browser.chromium import Opened, opened
 from tests.browser.reading import corner, plot, settle
 
-COUNT_PICTURES = """addEventListener("beforeprint", () => {
-  queueMicrotask(() => { window.pictures = document.querySelectorAll("img.printed").length; });
+# before the page's own listener, which takes them away again
+COUNT_PICTURES = """addEventListener("afterprint", () => {
+  window.pictures = document.querySelectorAll("img.printed").length;
 });"""
 
 
@@ -46,9 +47,7 @@ def test_dark_is_dark_in_plots_too_and_follows_a_change(browser: Browser, file: 
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_print_has_every_plot_in_light_colours(
-    browser: Browser, file: Path, scheme: Literal["light", "dark"]
-) -> None:
+def test_print_has_every_plot_in_light_colours(browser: Browser, file: Path, scheme: Literal["light", "dark"]) -> None:
     with opened(browser, file, scheme=scheme, script=COUNT_PICTURES) as found:
         page = found.page
         plots = page.locator("figure[data-plot]").count()

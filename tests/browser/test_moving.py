@@ -28,7 +28,9 @@ def test_keys_zoom_move_and_step(shown: Opened) -> None:
     press("ArrowRight")
     assert moment(page) == pytest.approx(first + 0.3, abs=0.002)
     press("Shift+ArrowRight")
-    assert 0.015 < moment(page) - first - 0.3 < 0.045
+    frame = moment(page)
+    press("Shift+ArrowRight")
+    assert 0.015 < moment(page) - frame < 0.025
     press("2")
     assert "axle 2" in page.locator("#moment").inner_text()
     assert press("+", "Home") == (0.0, 60.0)
@@ -37,7 +39,7 @@ def test_keys_zoom_move_and_step(shown: Opened) -> None:
 def test_keys_n_and_p_go_from_event_to_event(shown: Opened, story: Story) -> None:
     page = shown.page
     begins = [(e.begin_us - BEGIN_US) / 1e6 for e in story.axles[0].events]
-    for key, place in (("n", 1), ("n", 2), ("n", 3), ("p", 2), ("p", 1)):
+    for key, place in (("n", 0), ("n", 1), ("n", 2), ("p", 1), ("p", 0)):
         page.keyboard.press(key)
         settle(page)
         assert moment(page) == pytest.approx(begins[place], abs=0.002)

@@ -109,7 +109,7 @@ def test_whole_log_is_drawn_by_bins_that_keep_extremes_and_a_zoom_by_frames(brow
         there = a.used_pct[(seconds > low) & (seconds < high)]
         drawn = np.array(curves(page, "axle1.time")[1])
         assert len(there) <= len(drawn) <= 2.0 * len(there)
-        assert np.isin(np.round(there, 2), np.round(drawn, 2)).mean() > 0.99
+        assert np.isin(np.rint(there * 100.0), np.rint(drawn * 100.0)).mean() > 0.99
         assert found.complaints == []
 
 

@@ -48,6 +48,7 @@ def train(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Train]:
     train = Train(tmp_path_factory.mktemp("install"))
     yield train
     train.disconnect()
+    print(journal())
     shutil.rmtree(patient.parent)
     systemctl("daemon-reload")
 

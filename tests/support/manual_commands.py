@@ -11,6 +11,7 @@ from tests.support.roff import bold, escaped, italic, item, page, paragraph, ver
 from wrcd.errors import Status
 from wrcd.tools import cli
 from wrcd.tools.command import Command
+from wrcd.tools.commands import listed
 from wrcd.tools.parser import sentence
 from wrcd.tools.statuses import STATUSES as WRCD
 
@@ -51,7 +52,7 @@ PROGRAMS = {
         "carries, and run the same estimator over logs. All accuracy is against simulation; nothing has run on a "
         "train.",
         cli._parser(),
-        cli.COMMANDS,
+        listed.COMMANDS,
         WRCD,
         (
             ("SIGTERM, SIGINT", "The daemon sends its last frames, which say NotAvailable, writes a last dump, ends."),

@@ -1,7 +1,7 @@
 """The parser of a program, made from the records of its commands."""
 
 import argparse
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 
 from wrcd.tools.command import Command
 from wrcd.tools.version import Version
@@ -24,15 +24,6 @@ def make_parser(program: str, description: str, commands: Iterable[Command]) -> 
         )
         command.add(added)
     return p
-
-
-def asked(commands: Sequence[Command], argv: Sequence[str]) -> Sequence[Command]:
-    """The commands that a parser needs for these arguments: the one that is named first, or all.
-
-    A parser takes a third of a millisecond a command, and the daemon's bus is not open yet.
-    """
-    named = [c for c in commands if argv and c.name == argv[0]]
-    return named or commands
 
 
 def sentence(text: str) -> str:

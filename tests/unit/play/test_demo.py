@@ -1,5 +1,6 @@
 """`sim-ecu demo` in real time on python-can's virtual bus; its screen and its summary without one."""
 
+import sys
 import time
 from collections.abc import Mapping
 from pathlib import Path
@@ -7,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from sim_ecu.cli import main
-from sim_ecu.play import demo_summary
+from sim_ecu.play import demo, demo_summary
 from sim_ecu.play.adhesion import Said
 from sim_ecu.play.demo_screen import Screen
 from sim_ecu.play.observer import Trace
@@ -24,7 +25,7 @@ def at(seconds: float) -> int:
     return FIRST_US + round(seconds * 1e6)
 
 
-def test_the_demo_shows_the_estimate_and_leaves_log_and_picture(
+def test_the_demo_shows_the_estimate_and_leaves_log_picture_and_report(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -43,7 +44,9 @@ def test_the_demo_shows_the_estimate_and_leaves_log_and_picture(
     assert "percentage points" in said
     assert "log      out/wet.log" in said
     assert "picture  out/wet.png" in said
+    assert "out/wet.html: " in said
     assert str(tmp_path) not in said
+    assert "wrcd report" in (tmp_path / "out/wet.html").read_text()
     assert (tmp_path / "out/wet.log").read_text().count(" 091#") > 100
     assert (tmp_path / "out/wet.png").read_bytes().startswith(b"\x89PNG")
 
@@ -53,6 +56,7 @@ def test_computer_that_stands_still_costs_no_validity_without_a_kernel(
 ) -> None:
     """Half of the time it does something else; the demo hurries in between, and its log is one in time."""
     moment = Screen.moment
+    monkeypatch.setattr(demo, "_report", lambda *_: None)
 
     def slow(self: Screen, traces: Mapping[int, Trace]) -> None:
         time.sleep(0.3)
@@ -69,6 +73,18 @@ def test_computer_that_stands_still_costs_no_validity_without_a_kernel(
     stamps = [frame.stamp_us for frame, _ in read_log(tmp_path / "wet.log", Damage())]
     assert stamps == sorted(stamps)
     assert 2_900_000 < stamps[-1] - stamps[0] < 3_100_000
+
+
+def test_missing_extra_of_the_report_does_not_fail_the_demo(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in [name for name in sys.modules if name.partition(".")[0] == "bokeh"]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "bokeh", None)
+    (tmp_path / "wet.toml").write_text(held("C", 2.0))
+    assert main(["demo", "-i", "virtual", "-c", "bare", "--scenario", f"{tmp_path}/wet.toml", "-o", str(tmp_path)]) == 0
+    assert "needs the extra" in capsys.readouterr().err
+    assert not (tmp_path / "wet.html").exists()
 
 
 def test_paced_time_goes_on_in_small_steps_and_catches_up() -> None:

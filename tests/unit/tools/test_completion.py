@@ -15,6 +15,7 @@ from tests.support.completion_words import program
 from wrcd import declared, resources
 from wrcd.tools import cli
 from wrcd.tools.cli import main as wrcd
+from wrcd.tools.commands import listed
 
 # Completes the words that it is given, the last of which is being typed, and prints what readline would offer.
 SCRIPT = """
@@ -71,8 +72,8 @@ def test_command_prints_the_packaged_script(
 
 
 def test_commands_are_completed(folder: Path) -> None:
-    assert complete("wrcd", "", folder=folder) == [c.name for c in cli.COMMANDS]
-    assert complete("wrcd", "re", folder=folder) == [c.name for c in cli.COMMANDS if c.name.startswith("re")]
+    assert complete("wrcd", "", folder=folder) == [c.name for c in listed.COMMANDS]
+    assert complete("wrcd", "re", folder=folder) == [c.name for c in listed.COMMANDS if c.name.startswith("re")]
     assert complete("sim-ecu", "", folder=folder) == [c.name for c in rig_cli.COMMANDS]
     assert complete("wrcd", "--v", folder=folder) == ["--version"]
 

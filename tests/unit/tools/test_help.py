@@ -16,9 +16,10 @@ from wrcd.config import DEFAULT
 from wrcd.tools import cli
 from wrcd.tools.cli import main as wrcd
 from wrcd.tools.command import Command
+from wrcd.tools.commands import listed
 
 PROGRAMS: dict[str, tuple[Callable[[list[str]], int], tuple[Command, ...], argparse.ArgumentParser]] = {
-    "wrcd": (wrcd, cli.COMMANDS, cli._parser()),
+    "wrcd": (wrcd, listed.COMMANDS, cli._parser()),
     "sim-ecu": (sim_ecu, rig_cli.COMMANDS, rig_cli._parser()),
 }
 COMMANDS = [(program, c) for program, (_, commands, _) in PROGRAMS.items() for c in commands]

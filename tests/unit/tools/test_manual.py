@@ -13,6 +13,7 @@ from wrcd import declared, resources
 from wrcd.bus.dbc import load_dbc
 from wrcd.core.causes import Cause
 from wrcd.tools import cli
+from wrcd.tools.commands import listed
 from wrcd.tools.statuses import STATUSES as WRCD
 
 # with how many arguments at most, and at least
@@ -79,7 +80,7 @@ def test_page_names_itself_and_has_its_sections_in_order(name: str) -> None:
 def test_page_of_a_program_has_every_command_option_example_and_status(program: str) -> None:
     page = shown(f"{program}.1")
     subs = next(a for a in PARSERS[program]._actions if isinstance(a, argparse._SubParsersAction))
-    commands = {c.name: c for c in (cli if program == "wrcd" else rig_cli).COMMANDS}
+    commands = {c.name: c for c in (listed if program == "wrcd" else rig_cli).COMMANDS}
     assert set(commands) == set(subs.choices)
     for name, parser in subs.choices.items():
         part = page.partition(f".SS {program} {name} ")[2].partition(" .S")[0]

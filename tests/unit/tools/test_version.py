@@ -47,3 +47,10 @@ def test_command_line_imports_nothing_slow() -> None:
     done = subprocess.run([sys.executable, "-c", code], timeout=60, check=True, capture_output=True, text=True)
     slow = {"numpy", "cantools", "can", "json", "email", "importlib.metadata", "platform", "asyncio", "socket"}
     assert slow.isdisjoint(done.stdout.split())
+
+
+def test_daemon_starts_without_the_records_of_other_commands() -> None:
+    code = "import sys, wrcd.tools.cli as c; sys.exit(c.main(['run', '--wait', '-1']) * 0 or print(*sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], timeout=60, check=True, capture_output=True, text=True)
+    named = [m for m in done.stdout.split() if m.startswith("wrcd.tools.commands.")]
+    assert named == ["wrcd.tools.commands.arguments", "wrcd.tools.commands.run_command"]

@@ -36,6 +36,7 @@ class Tree:
 
     def make_folders(self, name: str) -> list[str]:
         """Make the folders above a file. Return those that were not there, the outermost first."""
+        self._try(self.root, lambda: self.root.mkdir(parents=True, exist_ok=True))
         made: list[str] = []
         for parent in reversed(Path(name).parents[:-1]):
             path = self.path(str(parent))

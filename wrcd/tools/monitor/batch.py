@@ -48,6 +48,11 @@ class Batch:
         none = np.zeros(len(s), dtype=np.uint8)
         return cls(s.stamps_us, s.keys, none, none, s.lengths, s.data)
 
+    def within(self, begin_us: int, end_us: int) -> "Batch":
+        """The frames stamped from a time until before another."""
+        rows = (self.stamp_us >= begin_us) & (self.stamp_us < end_us)
+        return Batch(*(getattr(self, name)[rows] for name in Batch.__slots__))
+
     def frame(self, k: int) -> Frame:
         """One of them."""
         key, flags = int(self.key[k]), int(self.flags[k])

@@ -36,7 +36,7 @@ def model_of_log(
 def _read(
     log: Path, config: Config, databases: Sequence[Database], channel: str | None, bit_rate: int, core: Core | None
 ) -> tuple[Model, list[str]]:
-    model = Model(config, databases, bit_rate=bit_rate, hold_s=LONG_S, max_frames=0)
+    model = Model(config, databases, bit_rate=bit_rate, hold_s=LONG_S)
     damage, order = Damage(), TimeOrder(log)
     items = order.put(on_channel(read_stretches(log, damage), channel, log))
     for batch in _batches(progress(items, log), core):

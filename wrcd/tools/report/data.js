@@ -1,6 +1,7 @@
 // Unpacks what columns.py has packed: base64, gzip, byte planes, differences, whole steps.
 
 const ARRAYS = { time: Float64Array, number: Float32Array, code: Int16Array };
+const TIME_STEP_S = 1e-4; // to which times are kept
 const WHOLE = { 1: Uint8Array, 2: Uint16Array, 4: Uint32Array };
 
 async function inflate(text) {
@@ -69,7 +70,7 @@ function placeAt(values, x) {
 // Value of a column that holds until the next row; NaN or -1 where frames are missing.
 function valueAt(table, column, time) {
   if (table === undefined) return NaN;
-  const place = placeAt(table.time, time);
+  const place = placeAt(table.time, time + TIME_STEP_S);
   if (place < 0) return NaN;
   if (place === table.rows - 1 && table.rows > 2) {
     const usual = table.time[place] - table.time[place - 1];

@@ -32,7 +32,7 @@ async function start() {
       pane.visible = entry.isIntersecting;
       if (pane.visible) pane.build().then(() => world.ask());
     }
-  }, { rootMargin: "100px" });
+  });
   for (const pane of world.panes) watch.observe(pane.figure);
   new ResizeObserver(() => world.show(world.from, world.to)).observe(document.querySelector("main"));
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {

@@ -16,6 +16,7 @@ from wrcd.tools.report.columns import pack
 from wrcd.tools.report.differences import differences
 from wrcd.tools.report.layout import AGAINST, Part, Plot
 from wrcd.tools.report.tables import Table, tables
+from wrcd.tools.story.compare import sentences
 from wrcd.tools.story.records import Story
 
 MARK = "wrcd report"  # in the page's generator: a report may overwrite a file that has it
@@ -128,7 +129,8 @@ def _body(story: Story, against: Story | None, parts: list[Part], sides: tuple[s
         yield _folded(
             "against-verdict", f"Verdict of {sides[1]}", text.verdict(against).replace('class="go"', 'class="go other"')
         )
-        yield _folded("differences", "Differences", text.compared(differences(story, against), sides))
+        told = text.sentences(sentences(story, against), story) + text.compared(differences(story, against), sides)
+        yield _folded("differences", "Differences", told)
     axles = {a.number: a for a in story.axles}
     for part in parts:
         inner = "".join(_figure(p) for p in part.plots)

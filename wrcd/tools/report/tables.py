@@ -57,8 +57,8 @@ def _of_axle(story: Story, axle: Axle) -> dict[str, Table]:
     return out
 
 
-def _time(story: Story, time_us: Times) -> Column:
-    return Column((time_us - story.begin_us) / 1e6, TIME_STEP_S, TIME)
+def _time(story: Story, time_us: Times, step_s: float = TIME_STEP_S) -> Column:
+    return Column((time_us - story.begin_us) / 1e6, step_s, TIME)
 
 
 def _numbers(values: Mapping[str, NDArray[np.floating]]) -> dict[str, Column]:
@@ -152,7 +152,7 @@ def _events(story: Story, axle: Axle) -> Table:
     begin = np.array([e.begin_us for e in axle.events], dtype=np.int64)
     end = np.array([e.end_us for e in axle.events], dtype=np.int64)
     return {
-        "time": _time(story, begin), "end": _time(story, end),
+        "time": _time(story, begin, 1e-6), "end": _time(story, end, 1e-6),
         "validity": Column(validity, 1.0, CODE), "cause": Column(cause, 1.0, CODE),
         "state": Column(32 * validity.astype(np.int16) + cause, 1.0, CODE),
     }  # fmt: skip

@@ -71,6 +71,11 @@ def verdict(story: Story) -> str:
     return "\n".join(out)
 
 
+def sentences(findings: Iterable[Finding], story: Story) -> str:
+    """Findings alone, of two sides."""
+    return "\n".join(['<ul class="findings">', *(_finding(story, f, {}) for f in findings), "</ul>"])
+
+
 def _fall(story: Story, f: Fall) -> str:
     begin, end = (f.begin_us - story.begin_us) / 1e6, (f.end_us - story.begin_us) / 1e6
     verb, css, mark = ("fell", "fall", "↓") if f.after_pct < f.before_pct else ("rose", "rise", "↑")

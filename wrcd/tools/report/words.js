@@ -112,7 +112,7 @@ class Words {
 
   validity(base, side, story, axle, seconds) {
     const table = this.world.tables.get(`${base}.events`);
-    const place = table === undefined ? -1 : placeAt(table.time, seconds);
+    const place = table === undefined ? -1 : placeAt(table.time, seconds + 1e-6);
     if (place < 0) return [];
     const { vocabulary } = this.told;
     const [begin, end] = [table.time[place], table.columns.end[place]];

@@ -38,7 +38,7 @@ class Lab:
         """`wrcd install`; returns what it says. data: unit files of another version."""
 
         def laid_out(*given: Any, **named: Any) -> Any:
-            return lay_out(*given, **named, systemd=data)
+            return lay_out(*given, **{**named, "systemd": data})
 
         with patch("wrcd.tools.install.run.lay_out", laid_out):
             status, out, err = self._run("install", "--prefix", str(self.root), "--program", program, *words)

@@ -39,6 +39,12 @@ def test_units_start_the_program_that_is_installing(lab: Lab) -> None:
     assert str(lab.path("usr/local/bin/wrcd").readlink()) == "/srv/wrcd-9/bin/wrcd"
 
 
+def test_folder_of_a_copy_is_made(lab: Lab, tmp_path: Path) -> None:
+    lab.root = tmp_path / "images/new"
+    lab.install()
+    assert lab.path(UNIT).exists()
+
+
 def test_every_file_of_systemd_is_package_data() -> None:
     files = {p.relative_to(DATA) for p in DATA.rglob("*") if p.is_file()}
     systemd = Path(__file__).parents[4] / "systemd"

@@ -1,5 +1,6 @@
 """`wrcd uninstall` below a folder: what it removes, and what it leaves."""
 
+import os
 from pathlib import Path
 
 import pytest
@@ -110,6 +111,6 @@ def test_live_command_needs_systemd_and_root(
     assert cli.main([command]) == 2
     assert "systemd does not run here" in capsys.readouterr().err
     monkeypatch.setattr(system, "BOOTED", tmp_path)
-    monkeypatch.setattr(system.os, "geteuid", lambda: 1000)
+    monkeypatch.setattr(os, "geteuid", lambda: 1000)
     assert cli.main([command]) == 2
     assert "needs root — sudo, or --dry-run" in capsys.readouterr().err

@@ -187,6 +187,26 @@ def test_save_writes_a_log_and_a_picture_and_never_over_another(config: Config, 
     assert "available" in picture
 
 
+def test_save_of_a_log_is_the_part_that_is_seen(config: Config, fed: Fed, tmp_path: Path) -> None:
+    model = Model(config)
+    for batch, until_us in fed.take():
+        model.take(batch, until_us)
+    model.update()
+    app = Monitor(model, NoMore("ride.log"), ticking=False, folder=tmp_path)
+
+    async def steps(pilot: Pilot[Any]) -> None:
+        await pilot.press("plus", "plus", "s")
+        await app.workers.wait_for_complete()
+
+    turned(app, steps)
+    (log,) = tmp_path.glob("wrcd-monitor-ride-*.log")
+    held = [f.stamp_us for f, _ in read_log(log, Damage())]
+    w = app.view.window(model.now_us, app.board.plot_width)
+    assert START_US < w.begin_us <= min(held)
+    assert max(held) < w.end_us < START_US + 15_000_000
+    assert len(held) == sum(w.begin_us <= f.stamp_us < w.end_us for b in model.held for f in b.frames())
+
+
 def test_folder_that_takes_no_file_is_told(config: Config, fed: Fed, tmp_path: Path) -> None:
     app = live(config, fed, tmp_path / "gone")
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from textual.app import App, ComposeResult
 from textual.binding import Binding, BindingType
 
+from wrcd.tools.monitor.batch import Batch
 from wrcd.tools.monitor.board import Board
 from wrcd.tools.monitor.happenings import first_of_interest
 from wrcd.tools.monitor.model import Model
@@ -216,16 +217,16 @@ class Monitor(App[None]):
         except OSError as e:
             self.tell(f"not saved: {e.strerror or e}")
             return
-        if link.kind == "log":
-            self.tell(f"saved {stem}.svg")
-            return
         batches = tuple(self.model.held)
+        if link.kind == "log":  # there is one already: the part that is seen
+            w = self.view.window(self.model.now_us, self.board.plot_width)
+            batches = tuple(b.within(w.begin_us, w.end_us) for b in batches)
         self.tell(f"saving {stem}.log …")
         self.run_worker(lambda: self._save_log(stem, batches, name), thread=True)
 
-    def _save_log(self, stem: str, batches: tuple[object, ...], channel: str) -> None:
+    def _save_log(self, stem: str, batches: tuple[Batch, ...], channel: str) -> None:
         try:
-            n = write_log(self._folder / f"{stem}.log", batches, channel)  # type: ignore[arg-type]
+            n = write_log(self._folder / f"{stem}.log", batches, channel)
         except OSError as e:
             self.call_from_thread(self.tell, f"{stem}.svg saved, its log not: {e.strerror or e}")
             return
