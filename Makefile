@@ -30,7 +30,7 @@ vcan:
 Makefile: ;
 else
 
-.PHONY: demo pictures browser test lint check unit hil faults systemd walk fuzz soak coverage bench mutants format design score docs docs-all docs-check lock audit clean deb
+.PHONY: demo pictures test lint check unit browser hil faults systemd walk fuzz soak coverage bench mutants format design score docs docs-all docs-check lock audit clean deb
 
 demo: $(READY)
 	$(BIN)/sim-ecu demo
