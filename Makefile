@@ -23,9 +23,9 @@ MAKEFLAGS += --silent
 TAKEN := $(filter-out PYTHON=%,$(MAKEOVERRIDES))
 .PHONY: vcan
 vcan:
-	$(if $(TAKEN),echo "make: takes $(TAKEN) for a variable of its own; call ./with-vcan COMMAND yourself" >&2; exit 2)
+	$(if $(TAKEN),echo "make: takes $(TAKEN) for a variable of its own; call tests/with-vcan COMMAND yourself" >&2; exit 2)
 	$(MAKE) --no-print-directory $(READY)
-	./with-vcan $(wordlist 2,$(words $(MAKECMDGOALS)),$(MAKECMDGOALS))
+	tests/with-vcan $(wordlist 2,$(words $(MAKECMDGOALS)),$(MAKECMDGOALS))
 %: vcan ;
 Makefile: ;
 else

@@ -22,7 +22,7 @@ REASONS = {
     "it would overwrite a golden file": 1,
 }
 COMMAND = re.compile(
-    r"^ {4,}(?:\.venv|wrcd|sim-ecu|make|sudo|ip|candump|python3?|pip|systemctl|\./with-vcan)(?: .*)?$", re.MULTILINE
+    r"^ {4,}(?:\.venv|wrcd|sim-ecu|make|sudo|ip|candump|python3?|pip|systemctl|tests/with-vcan)(?: .*)?$", re.MULTILINE
 )
 KINDS = {"sh", "text", "toml", "python"}
 PAGES = [p for p in pages() if p.name != "CHANGELOG.md"]
