@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 WIDEST_PP = 20.0  # what is drawn of an interval without a bound
 SHADES: dict[str, dict[str, Any]] = {
     "NotAvailable": {"fc": "none", "ec": "0.75", "hatch": "//", "label": "NotAvailable: no estimate"},
-    "Degraded": {"fc": "tab:orange", "alpha": 0.25, "label": "Degraded: with care"},
+    "Degraded": {"fc": "tab:orange", "alpha": 0.25, "label": "Degraded: not to be acted on"},
 }
 
 

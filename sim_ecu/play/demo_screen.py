@@ -20,7 +20,7 @@ LEGEND = """\
 Each line is a moment of one axle: adhesion (force between wheel and rail over load), from 0 to {full} %.
   =  in use: how hard the wheel pulls           T  the truth: what is available; only the rig knows it
   E  wrcd's estimate of what is available       *  truth and estimate in one place
-  Valid: to be used. Degraded: to be used with care. NotAvailable: no estimate. It says why at once."""
+  Valid: may be acted on. Degraded: may not, its number is a guess. NotAvailable: no number. It says why at once."""
 
 
 class Screen:

@@ -48,7 +48,11 @@ def _rails(trace: Trace) -> Iterable[str]:
         if abs(after - before) < RAIL_PP or max(after, before) < RAIL_RATIO * min(after, before):
             continue
         delay_s = _crossed(trace, t, before, after)
-        followed = "wrcd has not followed" if delay_s is None else f"wrcd followed within {delay_s:.2f} s"
+        followed = (
+            "wrcd has not followed"
+            if delay_s is None
+            else f"wrcd crossed the middle between them after {delay_s:.2f} s"
+        )
         yield f"at {t:.1f} s the rail went from {before:.1f} to {after:.1f} %: {followed}"
 
 

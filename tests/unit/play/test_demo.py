@@ -182,7 +182,7 @@ def test_summary_says_how_fast_it_followed_and_when_it_was_not_valid() -> None:
     first, *rest = demo_summary.lines(1, trace, changes, FIRST_US * 1e-6, 4.0)
     assert first.startswith("axle 1: 200 valid frames of 200, error of the estimate: median 0.0, mean 1.1 ")
     assert [x.strip() for x in rest] == [
-        "at 2.0 s the rail went from 40.0 to 4.0 %: wrcd followed within 0.12 s",
+        "at 2.0 s the rail went from 40.0 to 4.0 %: wrcd crossed the middle between them after 0.12 s",
         "not Valid from 0.0 to 1.0 s: NotAvailable, WarmingUp",
         "not Valid from 2.1 to 4.0 s: Degraded, TooLittleData; Degraded, Harsh",
     ]
