@@ -13,7 +13,7 @@ above the fence says what is not so:
     <!-- run: q at "q quit" -->       its last command has a terminal, and q is pressed when that stands there
     <!-- run: exit 1 -->              its last command ends with that status, or `exit 0 or 1`; otherwise 0 is demanded
     <!-- file: NAME -->              above a fence of any kind: the reader has it as that file, from the start
-    <!-- run by: FILE -->             that test runs it: its text has the commands, or it takes them from the page by run_by()
+    <!-- run by: FILE -->             that test runs it: it has the commands, or takes them by run_by()
     <!-- not run: REASON -->          nobody does, for one of the reasons that tests/unit/test_docs_commands.py lists
 
 Several of a `run` are parted by commas.
@@ -144,7 +144,7 @@ def pages_with_steps() -> list[Path]:
 
 
 def run_by(file: str, page: str) -> list[Step]:
-    """The steps of a page that a test runs instead of this module, in order: of those two names below the repository."""
+    """The steps of a page that a test runs instead of this module, in order; both names are below the repository."""
     return [s for s in steps(ROOT / page) if s.run_by == file]
 
 

@@ -43,7 +43,8 @@ def test_commands_that_another_test_runs_stand_in_it() -> None:
     assert others
     missing = []
     for step in others:
-        assert step.run_by and step.run_by.startswith("tests/")
+        assert step.run_by
+        assert step.run_by.startswith("tests/")
         text = (ROOT / step.run_by).read_text(encoding="utf-8")
         if f'run_by("{step.run_by}", "{step.page.relative_to(ROOT)}")' in text:
             continue  # it takes them from the page

@@ -24,7 +24,7 @@ drive = { creep_of_peak = [[0, 0], [1, 0.8]] }
 
 
 def take(walk: Walk) -> str:
-    """A log played to the daemon by a script, with can-utils; a shell, and in it a command that Ctrl-C ends; the page."""
+    """A log played by a script, with can-utils; a shell, and in it a command that Ctrl-C ends; the page's commands."""
     (walk.folder / "play.sh").write_text(SCRIPT)
     (walk.folder / "wet.toml").write_text(WET)
     walk.sim_ecu("play", "wet.toml", "--fast", "--log", "wet.log")
