@@ -27,7 +27,7 @@ def test_expected_to_fail() -> None:
 def test_skip_fails_where_none_is_allowed_and_names_its_reason(tmp_path: Path, no_skips: str, status: int) -> None:
     (tmp_path / "test_tools.py").write_text(TESTS)
     done = subprocess.run(
-        [sys.executable, "-m", "pytest", "-p", "tests.conftest", "-p", "no:cacheprovider", "--rootdir", ".", "-rs", "."],
+        [sys.executable, "-m", "pytest", "-p", "tests.conftest", "-p", "no:cacheprovider", "--rootdir=.", "-rs"],
         cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(ROOT), "NO_SKIPS": no_skips, "PYTEST_ADDOPTS": ""},
         capture_output=True, text=True, check=False,
     )  # fmt: skip
