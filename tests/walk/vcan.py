@@ -2,6 +2,7 @@
 
 import re
 import time
+from collections.abc import Callable
 
 from tests.support.page_commands import run_by
 from tests.walk.terminal import Terminal
@@ -60,10 +61,11 @@ def take_page(terminal: Terminal) -> int:
     *single, shell = [s.commands for s in run_by("tests/walk/vcan.py", "docs/how-to/without-can.md")]
     terminal.type("PATH=.venv/bin:$PATH")
     commands = [c for block in single for c in block]
-    for command in commands:
-        terminal.type(f"clear; {command}; echo status $?")
-        terminal.wait_for(f"the end of `{command}`", lambda s: re.search(r"status \d", s) is not None, PLAY_S)
-        expect("status 0" in terminal.screen(), f"`{command}` says\n{terminal.screen()}")
+    for number, command in enumerate(commands, start=1):
+        ended = re.compile(rf"status (\d+) of {number}\b")  # not that of the one before, which may still stand there
+        terminal.type(f"clear; {command}; echo status $? of {number}")
+        screen = terminal.wait_for(f"the end of `{command}`", _has(ended), PLAY_S)
+        expect(f"status 0 of {number}" in screen, f"`{command}` says\n{screen}")
     terminal.type(f"clear; {shell[0]}")
     terminal.wait_for("the guest's prompt", lambda s: "vcan /" in s, BOOT_S)
     for command in shell[1:]:
@@ -74,6 +76,10 @@ def take_page(terminal: Terminal) -> int:
     terminal.type("exit")
     terminal.wait_for("the end of the guest", lambda s: s.endswith("\n$") or s.rstrip().endswith("\n$"), 20)
     return len(commands) + len(shell)
+
+
+def _has(pattern: re.Pattern[str]) -> Callable[[str], bool]:
+    return lambda screen: pattern.search(screen) is not None
 
 
 STEP = Step("vcan", take, (("tmux", "tmux"), ("make", "make")))
