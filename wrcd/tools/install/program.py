@@ -11,7 +11,7 @@ from wrcd.errors import InputError
 SAFE = re.compile(r"[\w./+@~-]+")  # systemd reads blanks, %, $, quotes and backslashes otherwise
 # ProtectHome=yes and PrivateTmp=yes hide these from the unit
 HIDDEN = ("/home", "/root", "/run/user", "/tmp", "/var/tmp")
-ADVICE = "install it where a dynamic user can read it: python3 -m venv /opt/wrcd"
+ADVICE = "install it where a dynamic user can read it: python3 -m venv /opt/wrcd; --program names one elsewhere"
 
 
 def own() -> PurePosixPath:
