@@ -43,6 +43,8 @@ def uninstall(args: Namespace) -> int:
     try:
         _remove_all(tree, record, live, args)
     except InputError as e:
+        if args.dry_run:
+            raise
         print(f"wrcd: error: not all of it is removed: {e}; mend it and uninstall again", file=sys.stderr)
         return Status.STOPPED
     print(f"the program itself is left: {_place(tree, record.program)}")
@@ -65,13 +67,13 @@ def _remove_all(tree: Tree, record: Manifest, live: bool, args: Namespace) -> No
     _remove_files(tree, record, args.dry_run, args.purge)
     _state(tree, args.dry_run, args.purge)
     if not args.dry_run:
-        tree.remove(manifest.PATH)
+        if live:
+            system.forget()
+        tree.remove(manifest.PATH)  # last: by it the next one completes what failed
         tree.remove_empty(emptied)
         for folder in tree.remove_empty(record.folders):
             if folder != CONFIGURATIONS:
                 print(line("left", folder, "has files in it"))
-        if live:
-            system.forget()
 
 
 def _disable(tree: Tree, record: Manifest, dry_run: bool) -> list[str]:

@@ -71,6 +71,27 @@ def test_daemon_reload_that_fails_is_said_and_ends_with_1(
     assert "not all of it is installed: systemctl daemon-reload failed: no answer" in capsys.readouterr().err
 
 
+def test_uninstallation_whose_daemon_reload_fails_is_completed_by_the_next(
+    called: list[tuple[str, ...]], copy: Lab, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    copy.install()
+    asked, fails = system.systemctl, True
+
+    def failing(*words: str) -> str:
+        if words[0] == "daemon-reload" and fails:
+            raise InputError("systemctl daemon-reload failed: no answer")
+        return asked(*words)
+
+    monkeypatch.setattr(system, "systemctl", failing)
+    monkeypatch.setattr("wrcd.tools.install.removal.Tree", lambda _: Tree(copy.root))
+    assert cli.main(["uninstall"]) == 1
+    assert "not all of it is removed: systemctl daemon-reload failed" in capsys.readouterr().err
+    fails = False
+    assert cli.main(["uninstall"]) == 0
+    assert copy.files() == []
+    assert "stop" in {words[0] for words in called}
+
+
 @pytest.mark.parametrize(
     ("changed_us", "boot", "late"),
     [
