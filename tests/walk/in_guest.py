@@ -32,7 +32,9 @@ def run(*words: str | Path) -> str:
 
 def traces() -> list[str]:
     """Files named after it, wherever an installation leaves some."""
-    return run("find", *PLACES, "-xdev", "-name", "*wrcd*", "-not", "-path", "*/tests/*").split()
+    return run(
+        "find", *PLACES, "-xdev", "-regex", r".*/[^/]*\(wrcd\|sim-ecu\)[^/]*", "-not", "-path", "*/tests/*"
+    ).split()
 
 
 def commands() -> list[list[list[str]]]:
