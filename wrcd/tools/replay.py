@@ -52,10 +52,10 @@ def replay(
     # a pipe cannot be read twice; a state may tell of an axle whose frames lie before the log
     looked = survey(log, config, selection.channel) if log.is_file() or not log.exists() else Survey()
     found = looked if saved is None else replace(looked, without_frame=frozenset())
-    check_since(log, selection, found.first_us)
     part = Part(selection, found, config)
     if part.end_us is not None and part.end_us <= found.first_us:
         check_time(log, selection, part)
+    check_since(log, selection, found.first_us)
     run = Run(log, core, saved, selection.channel)
     try:
         if gathered is not None:

@@ -1,5 +1,6 @@
 """`sim-ecu demo` in real time on python-can's virtual bus; its screen and its summary without one."""
 
+import shlex
 import sys
 import time
 from collections.abc import Mapping
@@ -17,7 +18,15 @@ from tests.support.scenarios import held
 from wrcd.bus.log import Damage, read_log
 from wrcd.core.causes import Cause, Validity
 from wrcd.core.events import Change
+from wrcd.tools.cli import main as wrcd
 
+THIRD_PARTY = Path(__file__).parents[2] / "data/dbc/third-party.toml"
+FALL = """
+duration_s = 4.0
+speed_m_s = 25.0
+rail = [{ curve = "A" }, { from_m = 62.5, curve = "F" }]
+drive = { torque_N_m = [[0.0, 0.0], [1.0, 19000.0]] }
+"""
 FIRST_US = 1_700_000_000_000_000
 
 
@@ -195,3 +204,47 @@ def test_estimate_that_never_follows_is_said() -> None:
         [(t, {"MuAvailable": 40.0, "Validity": "Valid"}) for t in rows],
     )
     assert "wrcd has not followed" in demo_summary.lines(1, trace, [], FIRST_US * 1e-6, 4.0)[1]
+
+
+@pytest.mark.parametrize("config", [None, THIRD_PARTY], ids=["default", "own DBC"])
+def test_hint_of_the_demo_is_a_command_that_explains_a_degraded_moment(
+    config: Path | None, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(demo, "_report", lambda *_: None)
+    monkeypatch.setattr(demo, "draw", lambda *_: None)
+    (tmp_path / "fall.toml").write_text(FALL)
+    more = [] if config is None else ["--config", str(config)]
+    scenario = str(tmp_path / "fall.toml")
+    assert main(["demo", "-i", "virtual", "-c", "hint", "--scenario", scenario, "-o", str(tmp_path), *more]) == 0
+    shown = capsys.readouterr()
+    before, _, after = shown.out.partition(" s A1 |")
+    assert ("This configuration sends no ContactState, Surface: not shown." in before) == (config is not None)
+    assert "This configuration" not in after
+    assert shown.err == ""
+    hint = shlex.split(shown.out.rpartition("Why was it Degraded? ")[2])
+    assert hint[:2] == ["wrcd", "why"]
+    assert ("--replay" in hint) == (config is not None)
+    assert wrcd(hint[1:]) == 0
+    told = capsys.readouterr()
+    assert told.out.splitlines()[0].startswith(f"Axle 1 at {float(hint[3]):.3f} s")
+    assert "): Degraded, " in told.out.splitlines()[0]
+    assert "NotAvailable throughout; not shown" in told.err
+
+
+def test_interval_that_is_not_sent_is_said_once_and_no_sign_stands_for_it(capsys: pytest.CaptureFixture[str]) -> None:
+    screen = Screen([1], ["Confidence", "Surface"])
+    screen.begin()
+    said: Said = {"MuAvailable": 30.0, "Validity": "Valid"}
+    for _ in range(2):
+        screen.moment({1: Trace([(2.0, truth(40.0, 10.0))], [(2.0, said)])})
+    out = capsys.readouterr().out
+    assert out.count("This configuration sends no Confidence, Surface: no interval is shown.") == 1
+    assert "±" not in out
+    assert "wrcd      30.0 %  Valid" in out
+
+
+def test_line_of_the_daemons_log_stands_among_the_rows(capsys: pytest.CaptureFixture[str]) -> None:
+    Screen([1]).daemon("rejected 2 frames in the last second: jump Torque_A1 2", 9.96)
+    shown = capsys.readouterr()
+    assert shown.out == " 10.0 s daemon: rejected 2 frames in the last second: jump Torque_A1 2\n"
+    assert shown.err == ""

@@ -214,6 +214,20 @@ def test_bad_fault_specification_is_an_error_with_its_key(spec: str) -> None:
     assert BAD[spec] in str(e.value)
 
 
+def test_fault_behind_the_scenarios_end_is_an_error() -> None:
+    assert parse_fault("dead:at=29.9", [1], 30.0).at_s == 29.9
+    for at in ("30", "60"):
+        with pytest.raises(InputError, match=f"at: {at} s is not before the scenario's end — it lasts 30 s"):
+            parse_fault(f"dead:at={at}", [1], 30.0)
+
+
+def test_inject_takes_no_fault_behind_the_scenarios_end(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    log = tmp_path / "a.log"
+    assert sim_ecu(["inject", "half-wet", "--fault", "dead:at=600", "--fast", "--log", str(log)]) == 2
+    assert "not before the scenario's end" in capsys.readouterr().err
+    assert not log.exists()
+
+
 def test_swap_of_a_single_axle_is_an_error() -> None:
     with pytest.raises(InputError, match="two axles"):
         parse_fault("swap:at=3", [1])

@@ -264,3 +264,18 @@ def test_rows_of_an_asc_lie_less_than_a_cycle_beside_those_of_the_candump_log(tm
     apart_us = [abs(us(a) - us(b)) for a, b in pairs]
     assert len(apart_us) > 100
     assert 0 < max(apart_us) < CYCLE_US
+
+
+def test_seconds_of_the_log_without_relative_are_an_error(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = log.with_suffix(".csv")
+    assert main(["replay", str(log), "--csv", str(out), "--from", "2"]) == 2
+    error = capsys.readouterr().err
+    assert "--from: 2.000000 is seconds since 1970, and lies far before the log" in error
+    assert "with --relative" in error
+    assert not out.exists()
+
+
+def test_from_a_day_before_the_log_is_all_of_it(log: Path) -> None:
+    whole = replay(log)[1]
+    assert replay(log, "--from", str(BEGIN_S - 86_400)) == (0, whole)
+    assert replay(log, "--from", "0") == (0, whole)

@@ -1,6 +1,9 @@
 """Exit statuses: every command has a table, and does what it says."""
 
 import argparse
+import errno
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -219,3 +222,37 @@ def _waits() -> Iterator[float]:
 def test_unit_waits_for_less_than_the_time_that_systemd_gives_it() -> None:
     wait_s, timeout_s = _waits()
     assert wait_s <= timeout_s - 10.0  # the slow imports of a small computer come before, the rest of the start after
+
+
+FULL = Path("/dev/full")
+FILLS = ("dump {log}", "replay {log}", "replay {log} --csv {full}", "replay {log} -o {full}", "why {log} 2", "check")
+
+
+@pytest.mark.skipif(not FULL.exists(), reason="no /dev/full")
+@pytest.mark.parametrize("line", FILLS)
+def test_full_disk_is_one_line_and_1(line: str, log_of: LogOf) -> None:
+    command = [sys.executable, "-m", "wrcd.tools", *line.format(log=log_of(held("F")), full=FULL).split()]
+    _assert_full(command, "wrcd")
+
+
+@pytest.mark.skipif(not FULL.exists(), reason="no /dev/full")
+def test_full_disk_is_one_line_and_1_of_the_rig_too() -> None:
+    rig = "import sys; from sim_ecu.cli import main; sys.exit(main(['list']))"
+    _assert_full([sys.executable, "-c", rig], "sim-ecu")
+
+
+def _assert_full(command: list[str], program: str) -> None:
+    with FULL.open("w") as full:
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, timeout=60, check=False)
+    errors = [x for x in done.stderr.splitlines() if "warning: " not in x]
+    assert done.returncode == Status.STOPPED
+    assert len(errors) == 1
+    assert errors[0].startswith(f"{program}: error: the output cannot be written to its end: No space left on device")
+
+
+def test_other_mistake_of_the_system_keeps_its_traceback() -> None:
+    def fails() -> int:
+        raise OSError(errno.EINVAL, "Invalid argument")
+
+    with pytest.raises(OSError, match="Invalid argument"):
+        guarded("wrcd", fails)

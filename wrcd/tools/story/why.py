@@ -150,7 +150,7 @@ def _moment(story: Story, label: str, x: Explanation, told: int = 0) -> Iterator
     """told: the rule whose sentence stands there already."""
     yield label, f"at {_s(story, x.time_us)} s: {_said(x)}"
     if find_axle(story, x.axle).detail is None:
-        yield "", f"model and rule are not known: {_without_detail(story, x.axle)}; {_numbers(x)}"
+        yield "", f"model and rule are not known: {_without_detail(story, x.axle)}; {_motion(x)}"
         return
     model = f"model {x.winner} fits best: {x.model}; " if x.winner else "no model fits; "
     yield "", model + _numbers(x)
@@ -181,9 +181,13 @@ def shortened(rule: str) -> str:
 
 def _numbers(x: Explanation) -> str:
     residuals = ", ".join(f"{r:.1f}" if math.isfinite(r) else "-" for r in x.residual_db)
+    return f"residuals {residuals} dB; {_motion(x)}"
+
+
+def _motion(x: Explanation) -> str:
     torque = f"{x.torque_Nm / 1000:.1f} kN\u00a0m" if math.isfinite(x.torque_Nm) else "not known"
     speed = f"{x.speed_m_s:.1f} m/s" if math.isfinite(x.speed_m_s) else "not known"
-    return f"residuals {residuals} dB; torque {torque}; speed {speed}"
+    return f"torque {torque}; speed {speed}"
 
 
 def _changed(before: Explanation, after: Explanation) -> str:

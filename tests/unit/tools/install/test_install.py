@@ -11,9 +11,11 @@ import pytest
 from tests.unit.tools.install.lab import BY_HAND, DATA, MANIFEST, PROGRAM, UNIT, Lab
 from wrcd import __version__
 from wrcd.config import DEFAULT
+from wrcd.errors import InputError
 from wrcd.tools.install import previous
 from wrcd.tools.install.files import BUILT_FOR, DEBIAN, LOCAL, Laid, Layout, lay_out
 from wrcd.tools.install.groups import GROUPS
+from wrcd.tools.install.program import readable
 from wrcd.tools.install.tree import Tree
 
 SYSCTL = "etc/sysctl.d/80-wrcd.conf"
@@ -378,6 +380,12 @@ def test_program_that_units_cannot_start_is_refused(lab: Lab, program: str, reas
 def test_computer_with_the_debian_package_is_refused(lab: Lab) -> None:
     lab.write(f"{DEBIAN.units}/wrcd@.service", "")
     assert "the Debian package wrcd is installed" in lab.refused()
+
+
+def test_own_program_that_others_cannot_read_is_refused_with_the_option_for_another(tmp_path: Path) -> None:
+    (tmp_path / "wrcd").touch(0o600)
+    with pytest.raises(InputError, match=r"other users cannot read it.*--program"):
+        readable(tmp_path / "wrcd")
 
 
 @pytest.mark.parametrize("text", ["", "[]", '{"format": "wrcd-installed/9"}', '{"format": "wrcd-installed/1", "x": 1}'])

@@ -3,18 +3,23 @@
 import csv
 import gzip
 import itertools
+import re
 from pathlib import Path
 
 import can
 import numpy as np
 import pytest
 
+from sim_ecu.cli import main as rig
+from tests.support.scenarios import held
 from tests.support.story import BEGIN_US, Ride, merged
 from wrcd.bus.damage import Damage
 from wrcd.bus.log import read_log
+from wrcd.config import load_config
 from wrcd.core.causes import Validity
 from wrcd.core.configuration import Config
 from wrcd.errors import InputError
+from wrcd.tools.cli import main
 from wrcd.tools.story.events import VALIDITIES
 from wrcd.tools.story.gather import gather
 from wrcd.tools.story.records import Event
@@ -179,3 +184,29 @@ def test_gathering_needs_no_clock(ride: Ride, config: Config) -> None:
     one, other = gather(ride.both, config, [ride.truth]), ride.sent
     assert [f.text for f in one.verdict] == [f.text for f in other.verdict]
     assert one.falls == other.falls
+
+
+def test_axle_without_a_frame_of_its_own_is_left_out_though_a_message_of_several_tells_its_torque(
+    tmp_path: Path,
+) -> None:
+    own_dbc = Path(__file__).parents[3] / "data/dbc/third-party.toml"
+    scenario, log, sent = (tmp_path / name for name in ("a.toml", "a.log", "sent.log"))
+    scenario.write_text(held("C", 2.0))
+    assert rig(["play", str(scenario), "--fast", "--config", str(own_dbc), "--log", str(log)]) == 0
+    assert main(["replay", str(log), "--config", str(own_dbc), "-o", str(sent)]) == 0
+    both = tmp_path / "both.log"
+    both.write_text(merged(log, sent))
+    config = load_config(own_dbc)
+    told = gather(both, config)
+    assert (told.source, [a.number for a in told.axles]) == ("frames of the log", [1])
+    assert any("no input frame of axle 2: NotAvailable throughout; not shown" in w for w in told.warnings)
+    # a torque at it: sensors are dead there, and that is to be seen
+    pulls, n = re.subn(r"( 18F20101#....)0000", r"\g<1>0040", both.read_text())
+    assert n > 100
+    both.write_text(pulls)
+    assert [a.number for a in gather(both, config).axles] == [1, 2]
+
+
+def test_folder_is_no_log(config: Config, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="is a folder, not a log"):
+        gather(tmp_path, config)

@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -132,8 +133,20 @@ def test_moment_within_a_time_not_valid_is_compared_with_before_and_after_it(con
 
 def test_answer_without_detail_still_answers(config: Config) -> None:
     text = "\n".join(answer(story(config, axle(adhesion(np.full(500, 30.0)))), 1, at_s(5)))
-    assert "no model fits" in text
-    assert "no rule fires" in text
+    assert "no model fits" not in text
+    assert "no rule fires" not in text
+    assert "the same model and rule" not in text
+    assert " ".join(text.split()).count("not known: the log has no AdhesionDetail; --replay estimates them") == 2
+
+
+def test_answer_says_that_the_configuration_sends_no_detail(config: Config) -> None:
+    silent = replace(config, axles=tuple(replace(a, detail=None) for a in config.axles))
+    made = story(silent, axle(adhesion(np.full(500, 30.0))))
+    text = " ".join("\n".join(answer(made, 1, at_s(5))).split())
+    assert text.count("not known: the configuration sends no AdhesionDetail; --replay estimates the causes") == 2
+    text = " ".join("\n".join(answer(replace(made, source="estimated here"), 1, at_s(5))).split())
+    assert "sends no AdhesionDetail" in text
+    assert "--replay" not in text
 
 
 def test_rule_is_shortened_to_what_moves_it_most() -> None:
