@@ -30,6 +30,12 @@ class DaemonNow:
 
 def daemon_at(model: Model, at_us: int) -> DaemonNow:
     """At a time."""
+    if model.is_estimated:
+        heard_of = any(len(h.table) for h in model.outputs.values()) or any(
+            w.refusals for w in model.watched.values() if w.name in _adhesion(model)
+        )
+        what = "no Adhesion frame that is right" if heard_of else "no daemon"
+        return DaemonNow("warn", "not heard", [f"{what} in the log: estimated here"])
     silent = silence(model, at_us)
     if silent is not None:
         return DaemonNow("bad", "silent", [silent])

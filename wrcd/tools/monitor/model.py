@@ -65,6 +65,7 @@ class Model:
         self.begin_us: int | None = None  # of the first frame
         self.clock_steps = 0
         self.source = "frames of the bus"  # what its axles' columns are
+        self.is_estimated = False  # they are no frames of the bus, but made here
         self.has_truth = False
         self.held: deque[Batch] = deque()  # frames as they came
         self.held_frames = 0
@@ -98,15 +99,26 @@ class Model:
         self.watched: Mapping[int, Watched] = watched
         self._judge = Judge(watched)
 
-    def take(self, batch: Batch, until_us: int) -> None:
-        """Frames in the order of their arrival, and until when there are no others (0: not known)."""
-        if len(batch):
-            times = self._times(batch.stamp_us)
-            if self.begin_us is None:
-                self.begin_us = int(times[0])
-            self._hold(batch)
-            self.bus.take(batch, times)
-            self._sort(batch, times)
+    def take(self, batch: Batch, until_us: int, estimated: Batch | None = None) -> None:
+        """Frames in the order of their arrival, and until when there are no others (0: not known). estimated: what a
+        core made of them; that was never on the bus, and only the axles' columns take it."""
+        both = batch
+        was_there = np.ones(len(batch), dtype=bool)
+        if estimated is not None and len(estimated):
+            both = Batch.joined([batch, estimated])
+            order = np.argsort(both.stamp_us, kind="stable")
+            both, was_there = both.only(order), order < len(batch)
+        if len(both):
+            times = self._times(both.stamp_us)
+            if len(batch):
+                seen, seen_times = both.only(was_there), times[was_there]
+                if self.begin_us is None:
+                    self.begin_us = int(seen_times[0])
+                self._hold(batch)
+                self.bus.take(seen, seen_times)
+                self._sort(seen, seen_times)
+            if len(batch) < len(both):
+                self._sort_estimated(both.only(~was_there), times[~was_there])
             self.now_us = max(self.now_us, int(times[-1]))
         until_us += self._correction_us
         if until_us > self.now_us:
@@ -152,9 +164,15 @@ class Model:
             if len(good):
                 self._take(key, times[good], batch, good)
 
+    def _sort_estimated(self, batch: Batch, times: NDArray[np.int64]) -> None:
+        for key in np.unique(batch.key).tolist():
+            one, rows = self._said.get(key), batch.key == key
+            if one is not None and one.kind is not None and one.kind.axle:
+                self._axle[one.kind.axle].take(one.kind.name, times[rows], one.read(batch.data[rows]))
+
     def _take(self, key: int, times: NDArray[np.int64], batch: Batch, rows: NDArray[np.int64]) -> None:
         one = self._said.get(key)
-        if one is not None and one.kind is not None:
+        if one is not None and one.kind is not None and not (self.is_estimated and one.kind.axle):
             values = one.read(batch.data[rows])
             if one.kind.axle:
                 self._axle[one.kind.axle].take(one.kind.name, times, values)

@@ -1,5 +1,6 @@
 """A log into a model: what its frames say, or, where no daemon's are among them, what the core makes of it."""
 
+import itertools
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -14,7 +15,8 @@ from wrcd.core.configuration import Config
 from wrcd.core.core import Core
 from wrcd.tools.feed import outgoing_of_stretches, progress
 from wrcd.tools.monitor.batch import Batch
-from wrcd.tools.monitor.model import Model
+from wrcd.tools.monitor.model import STEP_US, Model
+from wrcd.tools.story.gather import ESTIMATED, SENT
 
 LONG_S = 30 * 86_400.0  # of a log all is kept; its columns grow as they are needed
 
@@ -28,7 +30,6 @@ def model_of_log(
     model, warnings = _read(log, config, databases, channel, bit_rate, None)
     if not any(len(a.adhesion.time_us) for a in model.axles):
         model, warnings = _read(log, config, databases, channel, bit_rate, Core(config))
-        model.source = "estimated here"
         warnings.insert(0, "the log has no frame of a daemon: estimated here")
     return model, warnings
 
@@ -37,32 +38,29 @@ def _read(
     log: Path, config: Config, databases: Sequence[Database], channel: str | None, bit_rate: int, core: Core | None
 ) -> tuple[Model, list[str]]:
     model = Model(config, databases, bit_rate=bit_rate, hold_s=LONG_S)
+    model.is_estimated = core is not None
+    model.source = SENT if core is None else ESTIMATED
     damage, order = Damage(), TimeOrder(log)
     items = order.put(on_channel(read_stretches(log, damage), channel, log))
-    for batch in _batches(progress(items, log), core):
-        model.take(batch, 0)
+    for batch, estimated in _batches(progress(items, log), core):
+        model.take(batch, 0, estimated)
     model.update()
-    model.source = "frames of the log"
     return model, [*damage.warnings(log), *order.warnings()]
 
 
-def _batches(items: Iterator[Item], core: Core | None) -> Iterator[Batch]:
-    for item in items:
+def _batches(items: Iterator[Item], core: Core | None) -> Iterator[tuple[Batch, Batch | None]]:
+    for item in _cut(items):
         batch = Batch.of_stretch(item) if isinstance(item, Stretch) else Batch.of_frames([item[0]])
-        if core is not None:
-            made = [o.frame for o, _ in outgoing_of_stretches(core, (item,))]
-            batch = _merged(batch, Batch.of_frames(made)) if made else batch
-        yield batch
+        made = [] if core is None else [o.frame for o, _ in outgoing_of_stretches(core, (item,))]
+        yield batch, Batch.of_frames(made) if made else None
 
 
-def _merged(one: Batch, other: Batch) -> Batch:
-    """Both, in order of time."""
-    width = max(one.data.shape[1], other.data.shape[1])
-    columns = []
-    for name in Batch.__slots__:
-        a, b = getattr(one, name), getattr(other, name)
-        if name == "data":
-            a, b = (np.pad(d, ((0, 0), (0, width - d.shape[1]))) for d in (a, b))
-        columns.append(np.concatenate([a, b]))
-    order = np.argsort(columns[0], kind="stable")
-    return Batch(*(c[order] for c in columns))
+def _cut(items: Iterator[Item]) -> Iterator[Item]:
+    """Stretches end where the clock was set back: what is estimated of each is put in order by its stamps."""
+    for item in items:
+        if isinstance(item, Stretch):
+            steps = np.flatnonzero(np.diff(item.stamps_us) < -STEP_US) + 1
+            for first, end in itertools.pairwise([0, *steps.tolist(), len(item)]):
+                yield item.part(first, end)
+        else:
+            yield item
