@@ -55,8 +55,8 @@ class Batch:
             return parts[0]
         width = max(b.data.shape[1] for b in parts)
         columns = [np.concatenate([getattr(b, name) for b in parts]) for name in cls.__slots__[:-1]]
-        data = [np.pad(b.data, ((0, 0), (0, width - b.data.shape[1]))) for b in parts]
-        return cls(*columns, np.concatenate(data))
+        columns.append(np.concatenate([np.pad(b.data, ((0, 0), (0, width - b.data.shape[1]))) for b in parts]))
+        return cls(*columns)
 
     def only(self, rows: NDArray[np.bool_] | NDArray[np.int64]) -> "Batch":
         """Some of them, or in another order."""

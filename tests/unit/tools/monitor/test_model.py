@@ -17,6 +17,7 @@ from wrcd.tools.monitor.daemon import daemon_at
 from wrcd.tools.monitor.model import Model
 from wrcd.tools.monitor.panels import axle_at
 from wrcd.tools.monitor.watched import REASONS
+from wrcd.tools.story.events import of_frames
 
 ROOT = Path(__file__).parents[4]
 WRCD_STATUS = 0x0B0
@@ -118,6 +119,40 @@ def test_spells_carry_causes_and_durations(config: Config, made: DaemonFrames) -
             ("NotAvailable", "WarmingUp", 1.0), ("Valid", "None", 2.0), ("Degraded", "Harsh", 0.4),
             ("Valid", "None", pytest.approx(0.58)),
         ]  # fmt: skip
+
+
+@pytest.mark.parametrize("rows_at_once", [1, 3, 17, 1000])
+def test_spells_have_the_causes_of_a_story(config: Config, made: DaemonFrames, rows_at_once: int) -> None:
+    """However the frames come: those of a short state have no cause, and never that of an older one."""
+    random = np.random.default_rng(7)
+    frames, at_us = [], 0
+    while at_us < 60_000_000:
+        valid = bool(random.integers(2))
+        end_us = at_us + 20_000 * int(random.integers(1, 30))
+        cause = "None" if valid else str(random.choice(["Harsh", "InputStale", "TooLittleData"]))
+        frames += made.stretch(at_us, end_us, GOOD if valid else DEGRADED, cause)
+        at_us = end_us
+    model = Model(config)
+    for k in range(0, len(frames), rows_at_once):
+        fed(model, frames[k : k + rows_at_once])
+    axle = model.axles[0]
+    a = axle.adhesion
+    events = of_frames(1, a, axle.detail, None, axle.cycle_us, int(a.time_us[0]), int(a.time_us[-1]))
+    told = [(s.begin_us, s.state, s.cause) for s in axle.spells.all() if s.begin_us < a.time_us[-1]]
+    assert len(told) > 50
+    assert told == [(e.begin_us, e.validity.value, e.cause) for e in events]
+
+
+def test_state_without_a_cause_of_its_own_shows_no_older_one(config: Config, made: DaemonFrames) -> None:
+    frames = [
+        *made.stretch(0, 200_000, DEGRADED, "InputStale"), *made.stretch(200_000, 300_000, GOOD),
+        *(made.adhesion(t, GOOD) for t in range(300_000, 3_000_000, 20_000)),
+        *(made.adhesion(t, DEGRADED) for t in range(3_000_000, 5_000_000, 20_000)),
+    ]  # fmt: skip
+    model = fed(Model(config), frames)
+    assert [(s.state, s.cause.label) for s in model.axles[0].spells.all()] == [
+        ("Degraded", "InputStale"), ("Valid", "None"), ("Degraded", "None"),
+    ]  # fmt: skip
 
 
 def test_silence_between_frames_is_a_spell(config: Config, made: DaemonFrames) -> None:
