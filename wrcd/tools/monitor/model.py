@@ -1,8 +1,8 @@
 """What a bus has said so far. No terminal, no clock: frames and the time until which all of them are there go in."""
 
-from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,14 +12,16 @@ from wrcd.core.configuration import Config
 from wrcd.tools.monitor.axle import INPUTS, AxleModel, row_at
 from wrcd.tools.monitor.batch import Batch
 from wrcd.tools.monitor.bus import Bus
+from wrcd.tools.monitor.held import Held
 from wrcd.tools.monitor.inputs import InputNow, Inputs
 from wrcd.tools.monitor.load import BIT_RATE
 from wrcd.tools.monitor.table import Table
 from wrcd.tools.monitor.watched import Judge, Watched
 from wrcd.tools.said import Said, said
+from wrcd.tools.story.scan import Scan
 
 HOLD_S = 3600.0  # of columns; frames as they came are kept for MAX_FRAMES
-MAX_FRAMES = 2_000_000  # 50 MB
+MAX_FRAMES = 2_000_000  # 70 MB, of a bus with long FD frames 180 MB
 STEP_US = 1_000_000  # a stamp further behind the newest than this is a step of the clock
 TRUTH = "SimTruth_A{}"  # the rig's message
 STALE_CYCLES = 3  # a frame older than so many cycles tells nothing of now
@@ -67,10 +69,8 @@ class Model:
         self.source = "frames of the bus"  # what its axles' columns are
         self.is_estimated = False  # they are no frames of the bus, but made here
         self.has_truth = False
-        self.held: deque[Batch] = deque()  # frames as they came
-        self.held_frames = 0
+        self.held = Held(max_frames)  # frames as they came
         self.outputs: dict[str, Heard] = {}  # the daemon's own, by the vocabulary's name
-        self._max_frames = max_frames
         self._correction_us = 0  # what makes time of stamps: a clock that steps back must not turn time round
         self._axle = {a.number: a for a in self.axles}
         self._said: dict[int, Said] = {}
@@ -114,7 +114,7 @@ class Model:
                 seen, seen_times = both.only(was_there), times[was_there]
                 if self.begin_us is None:
                     self.begin_us = int(seen_times[0])
-                self._hold(batch)
+                self.held.add(batch)
                 self.bus.take(seen, seen_times)
                 self._sort(seen, seen_times)
             if len(batch) < len(both):
@@ -145,12 +145,6 @@ class Model:
             return np.concatenate((head, self._times(stamps[k:])))
         return newest[1:]
 
-    def _hold(self, batch: Batch) -> None:
-        self.held.append(batch)
-        self.held_frames += len(batch)
-        while self.held_frames > self._max_frames and len(self.held) > 1:
-            self.held_frames -= len(self.held.popleft())
-
     def _sort(self, batch: Batch, times: NDArray[np.int64]) -> None:
         places, reasons = self._judge.judge(batch)
         order = np.argsort(places, kind="stable")
@@ -159,7 +153,7 @@ class Model:
         for first, end in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
             key = int(self._judge.keys[ordered[first]])
             rows = order[first:end]
-            self.watched[key].take(times[rows], reasons[rows])
+            self.watched[key].take(times[rows], reasons[rows], batch.data[rows])
             good = rows[reasons[rows] == 0]
             if len(good):
                 self._take(key, times[good], batch, good)
@@ -182,8 +176,12 @@ class Model:
             axle, truth = self._truth[key]
             axle.take_truth(times, truth.read(batch.data[rows]))
             self.has_truth = True
-        if key in self.inputs.watched:
-            self.inputs.take(key, times, batch, rows)
+
+    def inputs_within(self, begin_us: int, end_us: int) -> Scan:
+        """The good frames of mapped messages of a time, as those of a log."""
+        frames = {key: w.frames(begin_us, end_us) for key, w in self.inputs.watched.items()}
+        first_us, last_us = max(begin_us, self.begin_us or 0), min(end_us, self.now_us)
+        return Scan(Path(), begin_us=first_us, end_us=last_us, frames={k: f for k, f in frames.items() if len(f)})
 
     def inputs_at(self, axle: AxleModel, at_us: int) -> list[InputNow]:
         """An axle's inputs at a time."""

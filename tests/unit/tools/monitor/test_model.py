@@ -14,6 +14,7 @@ from wrcd.config import load_config
 from wrcd.core.configuration import Config
 from wrcd.tools.monitor.batch import Batch
 from wrcd.tools.monitor.daemon import daemon_at
+from wrcd.tools.monitor.held import Held
 from wrcd.tools.monitor.model import Model
 from wrcd.tools.monitor.panels import axle_at
 from wrcd.tools.monitor.watched import REASONS
@@ -184,7 +185,7 @@ def test_inputs_at_an_earlier_time_are_those_of_then(config: Config, made: Daemo
     then = model.inputs_at(model.axles[0], START_US + 2_500_000)[0]
     assert then.rate_hz == 99
     assert then.age_ms == 505.0
-    assert then.value == pytest.approx(0.01999, abs=0.0006)
+    assert then.value == pytest.approx(0.01995)  # of its newest frame, not of one up to a tenth of a second older
 
 
 def test_truth_of_a_second_dbc_is_shown_and_checked(config: Config, made: DaemonFrames) -> None:
@@ -225,11 +226,24 @@ def test_clock_that_steps_back_does_not_turn_time_round(config: Config, made: Da
 
 
 def test_held_frames_are_bounded_and_the_newest(config: Config, made: DaemonFrames) -> None:
-    model = Model(config, max_frames=1000)
-    for k in range(20):
+    model = Model(config, max_frames=3000)
+    for k in range(60):
         model.take(Batch.of_frames([Frame(START_US + 1000 * (100 * k + n), 0x300, b"") for n in range(100)]), 0)
-    assert model.held_frames == 1000
-    assert int(model.held[0].stamp_us[0]) == START_US + 1_000_000
+    assert model.held.frames == 3000
+    assert next(iter(model.held)).stamp_us[0] == START_US + 3_000_000
+
+
+def test_frames_that_come_one_by_one_take_no_more_room_than_many_at_once(config: Config) -> None:
+    held, n = Held(100_000), 20_000
+    frames = [Batch.of_frames([Frame(START_US + k, 0x300, bytes(8))]) for k in range(n)]
+    for batch in frames:
+        held.add(batch)
+    assert held.frames == n
+    assert len(held) <= n // 1000
+    batches = list(held)
+    assert np.concatenate([b.stamp_us for b in batches]).tolist() == [START_US + k for k in range(n)]
+    size = sum(getattr(b, name).nbytes for b in batches for name in Batch.__slots__)
+    assert size < 40 * n
 
 
 def test_columns_hold_a_stated_time(config: Config, made: DaemonFrames) -> None:

@@ -158,7 +158,7 @@ def test_estimated_frames_are_none_of_the_logs(config: Config, tmp_path: Path) -
     """Neither counted on its bus nor saved, and the screen says so for as long as it is shown."""
     model, _ = model_of_log(GOLDEN, config, [], None, 500_000)
     logged = [f for f, _ in read_log(GOLDEN, Damage())]
-    assert model.bus.frames == model.held_frames == len(logged)
+    assert model.bus.frames == model.held.frames == len(logged)
     assert write_log(tmp_path / "saved.log", model.held, "can0") == len(logged)
     assert [f for f, _ in read_log(tmp_path / "saved.log", Damage())] == logged
     end_us = model.now_us
