@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wrcd.bus.reasons import Reason
+from wrcd.tools.counts import growth
 from wrcd.tools.monitor.axle import words
 from wrcd.tools.monitor.model import Heard, Model
 from wrcd.tools.monitor.spells import SILENT_CYCLES
@@ -115,4 +116,4 @@ def _grown(heard: Heard, name: str, modulo: int, at_us: int) -> int:
     k = int(np.searchsorted(heard.table["time_us"], at_us, side="right"))
     column = np.asarray(heard.table[name][:k], dtype=np.float64)
     column = column[np.isfinite(column)]
-    return int((np.diff(column) % modulo).sum())
+    return int(growth(column, modulo).sum())

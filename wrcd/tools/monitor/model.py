@@ -7,14 +7,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from wrcd.bus.dbc import Database, data_id
+from wrcd.bus.dbc import Database, Message, data_id
 from wrcd.core.configuration import Config
+from wrcd.errors import InputError
+from wrcd.tools.bus_load import BIT_RATE
 from wrcd.tools.monitor.axle import INPUTS, AxleModel, row_at
 from wrcd.tools.monitor.batch import Batch
 from wrcd.tools.monitor.bus import Bus
 from wrcd.tools.monitor.held import Held
 from wrcd.tools.monitor.inputs import InputNow, Inputs
-from wrcd.tools.monitor.load import BIT_RATE
 from wrcd.tools.monitor.table import Table
 from wrcd.tools.monitor.watched import Judge, Watched
 from wrcd.tools.said import Said, said
@@ -94,7 +95,7 @@ class Model:
                 axle = next((a for a in self.axles if message.name == TRUTH.format(a.number)), None)
                 found = Said(message)
                 if axle is not None and found.key not in watched and {"MuAvailable", "MuUsed"} <= set(found.names):
-                    watched[found.key] = Watched(message, data_id(message), hold_us)
+                    watched[found.key] = Watched(message, _identity(message), hold_us)
                     self._truth[found.key] = axle, found
         self.watched: Mapping[int, Watched] = watched
         self._judge = Judge(watched)
@@ -195,6 +196,13 @@ class Model:
         kinds = {key: one.kind for key, one in self._said.items()}
         of = [self.watched[key] for key, kind in kinds.items() if kind is not None and kind.axle == axle.number]
         return sum(sum(w.refused_within(at_us, over_us).values()) for w in of)
+
+
+def _identity(message: Message) -> int | None:
+    try:
+        return data_id(message)
+    except ValueError as e:
+        raise InputError(str(e), key="--dbc") from None
 
 
 __all__ = ["HOLD_S", "INPUTS", "Heard", "Model"]

@@ -12,6 +12,7 @@ from wrcd.bus.frame import Frame
 from wrcd.bus.writers import Writer
 from wrcd.config import load_config
 from wrcd.core.configuration import Config
+from wrcd.errors import InputError
 from wrcd.tools.monitor.batch import Batch
 from wrcd.tools.monitor.daemon import daemon_at
 from wrcd.tools.monitor.held import Held
@@ -101,6 +102,14 @@ def test_counts_that_wrap_round_are_told_as_growth(config: Config, made: DaemonF
         frames.append(made.frame(config.status, at_us, {"State": "Running", "Overruns": overruns}))
     model = fed(Model(config), sorted(frames, key=lambda f: f.stamp_us))
     assert "overruns +5" in daemon_at(model, model.now_us).parts
+
+
+def test_daemon_that_starts_anew_counts_from_0(config: Config, made: DaemonFrames) -> None:
+    frames = [f for f in made.stretch(20_000, 3_100_000, GOOD) if f.can_id != WRCD_STATUS]
+    for at_us, overruns in ((0, 1.0), (1_000_000, 3.0), (2_000_000, 0.0), (3_000_000, 1.0)):
+        frames.append(made.frame(config.status, at_us, {"State": "Running", "Overruns": overruns}))
+    model = fed(Model(config), sorted(frames, key=lambda f: f.stamp_us))
+    assert "overruns +3" in daemon_at(model, model.now_us).parts
 
 
 def test_spells_carry_causes_and_durations(config: Config, made: DaemonFrames) -> None:
@@ -198,6 +207,13 @@ def test_truth_of_a_second_dbc_is_shown_and_checked(config: Config, made: Daemon
     model = fed(Model(config, [database]), [*made.stretch(0, 100_000, GOOD), good, wrong])
     assert axle_at(model, model.axles[0], model.now_us).truth_pct == pytest.approx(25.0)
     assert not Model(config, [database]).has_truth
+
+
+def test_truth_that_is_protected_in_another_way_is_an_input_error(config: Config, tmp_path: Path) -> None:
+    file = tmp_path / "other.dbc"
+    file.write_text(TRUTH.read_text().replace('"P11"', '"P07"', 1))
+    with pytest.raises(InputError, match="--dbc"):
+        Model(config, [load_dbc(file)])
 
 
 def test_bus_load_is_that_of_the_frames_bits(config: Config) -> None:
