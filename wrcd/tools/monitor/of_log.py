@@ -43,6 +43,7 @@ def _read(
     model.is_estimated = core is not None
     model.source = SENT if core is None else ESTIMATED
     damage, order = Damage(), TimeOrder(log)
+    batches: Iterator[tuple[Batch, Batch | None]]
     if core is not None and state_file(log).exists():
         frames = on_channel(read_log(log, damage), channel, log)
         batches = _resumed(core, progress(frames, log), load(state_file(log), core))
@@ -61,7 +62,7 @@ def _batches(items: Iterator[Item], core: Core | None) -> Iterator[tuple[Batch, 
         yield batch, Batch.of_frames(made) if made else None
 
 
-def _resumed(core: Core, frames: Iterator[tuple[Frame, str]], saved: Saved) -> Iterator[tuple[Batch, Batch]]:
+def _resumed(core: Core, frames: Iterator[tuple[Frame, str]], saved: Saved) -> Iterator[tuple[Batch, Batch | None]]:
     """From the state beside a recorder's log, as the daemon's loop was when the log began."""
     drawn: list[Frame] = []
     backs: list[int] = []  # places in it where the clock was set back: batches end there

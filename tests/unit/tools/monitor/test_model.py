@@ -224,6 +224,24 @@ def test_bus_load_is_that_of_the_frames_bits(config: Config) -> None:
     assert [now.frames_per_s, now.load_pct] == pytest.approx([1000.0, 100 * 123 * 1000 / 500_000])
 
 
+@pytest.mark.parametrize(
+    ("frame", "bits"),
+    [
+        (Frame(0, 0x300, bytes(8), extended=True), 54 + 64 + 13 + 14.5),
+        (Frame(0, 0x300, b"", remote=True, extra=8), 34 + 13 + 4),
+        # 22 or 41 bits from start to DLC; stuff count, CRC and fixed stuff bits are 27, beyond 16 bytes 32
+        (Frame(0, 0x300, bytes(8), fd=True), 22 + 64 + 27 + 13 + 10.5),
+        (Frame(0, 0x300, bytes(16), fd=True), 22 + 128 + 27 + 13 + 18.5),
+        (Frame(0, 0x300, bytes(64), fd=True), 22 + 512 + 32 + 13 + 66.5),
+        (Frame(0, 0x300, bytes(64), extended=True, fd=True), 41 + 512 + 32 + 13 + 69),
+    ],
+)
+def test_bits_of_a_frame_are_those_of_its_format(config: Config, frame: Frame, bits: float) -> None:
+    frames = [replace(frame, stamp_us=START_US + t) for t in range(0, 2_000_000, 10_000)]
+    model = fed(Model(config, bit_rate=500_000), frames, until_us=2_000_000)
+    assert model.bus.at(model.now_us).load_pct == pytest.approx(100 * bits * 100 / 500_000)
+
+
 def test_error_frames_are_counted_apart(config: Config) -> None:
     frames = [Frame(START_US + t, 0x40, bytes(8), error=True) for t in range(0, 1_000_000, 100_000)]
     model = fed(Model(config), frames, until_us=1_000_000)

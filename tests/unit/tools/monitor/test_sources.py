@@ -7,9 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import can
+import numpy as np
 import pytest
 
+from tests.support.can_ids import SENDABLE, UNMAPPED
 from tests.support.daemon_frames import GOOD, START_US, DaemonFrames
+from tests.support.recorded_train import RecordedTrain
 from wrcd.bus.frame import Frame
 from wrcd.bus.link import MAX_FRAMES
 from wrcd.bus.log import Damage, format_line, read_log
@@ -26,6 +29,8 @@ from wrcd.tools.monitor.reader import Pump
 from wrcd.tools.monitor.snapshot import write_log
 from wrcd.tools.monitor.sources import OwnLink, ReaderProcess
 from wrcd.tools.monitor.view import View
+from wrcd.tools.story.estimate import estimate
+from wrcd.tools.story.own import Own
 
 ROOT = Path(__file__).parents[4]
 GOLDEN = ROOT / "tests/golden/leaf-film.log"
@@ -182,6 +187,29 @@ def test_estimate_goes_on_over_a_clock_that_was_set_back(config: Config, tmp_pat
     assert model.now_us - model.axles[0].adhesion.time_us[0] == pytest.approx(length_us, abs=200_000)
     before, _ = model_of_log(GOLDEN, config, [], None, 500_000)
     assert len(model.axles[0].adhesion.time_us) == pytest.approx(len(before.axles[0].adhesion.time_us), abs=60)
+
+
+def test_recorders_log_is_estimated_from_the_state_beside_it(config: Config, tmp_path: Path) -> None:
+    """As a story has it: a core that began with the log would be warming up."""
+    train = RecordedTrain(config, tmp_path, seconds=6.0)
+    train.run(8000)
+    log = train.asked()
+    # what the daemon sent is not in it; its lines are as many as the state says
+    frames = [replace(f, can_id=UNMAPPED) if f.can_id in SENDABLE else f for f, _ in read_log(log, Damage())]
+    log.write_text("".join(f"{format_line(f, 'can0')}\n" for f in frames))
+    begun, _ = model_of_log(log, config, [], None, 500_000)
+    assert begun.is_estimated
+    known = estimate(log, config, None)
+    says = Own(config).adhesion(known.sent, 1)
+    assert says is not None
+    a = begun.axles[0].adhesion
+    assert a.time_us.tolist() == says.time_us.tolist()
+    assert a.validity.tolist() == says.validity.tolist()
+    np.testing.assert_array_equal(a.available_pct, says.available_pct)
+    assert begun.bus.frames == sum(1 for _ in read_log(log, Damage()))
+    log.with_suffix(".state.json").unlink()
+    anew, _ = model_of_log(log, config, [], None, 500_000)
+    assert anew.axles[0].adhesion.validity.tolist() != a.validity.tolist()
 
 
 def test_log_that_is_not_there_is_an_input_error(config: Config, tmp_path: Path) -> None:
