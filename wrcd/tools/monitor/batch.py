@@ -48,10 +48,23 @@ class Batch:
         none = np.zeros(len(s), dtype=np.uint8)
         return cls(s.stamps_us, s.keys, none, none, s.lengths, s.data)
 
+    @classmethod
+    def joined(cls, parts: Sequence["Batch"]) -> "Batch":
+        """One after the other, as wide as the widest."""
+        if len(parts) == 1:
+            return parts[0]
+        width = max(b.data.shape[1] for b in parts)
+        columns = [np.concatenate([getattr(b, name) for b in parts]) for name in cls.__slots__[:-1]]
+        columns.append(np.concatenate([np.pad(b.data, ((0, 0), (0, width - b.data.shape[1]))) for b in parts]))
+        return cls(*columns)
+
+    def only(self, rows: NDArray[np.bool_] | NDArray[np.int64]) -> "Batch":
+        """Some of them, or in another order."""
+        return Batch(*(getattr(self, name)[rows] for name in Batch.__slots__))
+
     def within(self, begin_us: int, end_us: int) -> "Batch":
         """The frames stamped from a time until before another."""
-        rows = (self.stamp_us >= begin_us) & (self.stamp_us < end_us)
-        return Batch(*(getattr(self, name)[rows] for name in Batch.__slots__))
+        return self.only((self.stamp_us >= begin_us) & (self.stamp_us < end_us))
 
     def frame(self, k: int) -> Frame:
         """One of them."""

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from wrcd.tools.monitor.axle import AxleModel
 from wrcd.tools.monitor.canvas import Canvas, Rect
 from wrcd.tools.monitor.falls import Falls
-from wrcd.tools.monitor.happenings import Happening, duration, happenings, spell_text
+from wrcd.tools.monitor.happenings import Happening, duration, happenings, newest, spell_text
 from wrcd.tools.monitor.layout import MIN_HEIGHT, MIN_WIDTH, Layout, layout
 from wrcd.tools.monitor.model import Model
 from wrcd.tools.monitor.panels import (
@@ -70,8 +70,10 @@ class Board:
     def happenings(self) -> list[Happening]:
         """Of the chosen axle."""
         until_us = self.view.now_us(self.model.now_us)
-        falls = [f for f in self.falls(self.axle) if f.end_us <= until_us]
-        return happenings(falls, self.axle.spells.all(until_us))
+        return happenings(self._falls_until(until_us), self.axle.spells.all(until_us))
+
+    def _falls_until(self, until_us: int) -> list[Fall]:
+        return [f for f in self.falls(self.axle) if f.end_us <= until_us]
 
     @property
     def axle(self) -> AxleModel:
@@ -148,11 +150,11 @@ class Board:
             canvas.put(min(max(rect.x + x - len(label) // 2, rect.x), rect.x + rect.width - len(label)),
                        places.scale_y, label, "cursor")  # fmt: skip
         strip = Rect(rect.x, places.strip_y, rect.width, 1)
-        spells = axle.spells.all(newest_us)
+        spells = axle.spells.between(w.begin_us, w.end_us, newest_us)
         draw_strip(canvas, strip, spells, w.begin_us, w.cell_us)
-        for h in self.happenings():
-            if h.is_fall and 0 <= (x := w.column(h.time_us)) < rect.width:
-                canvas.put(rect.x + x, places.strip_y, "▼" if "fell" in h.text else "▲", "title")
+        for f in self._falls_until(newest_us):
+            if 0 <= (x := w.column((f.begin_us + f.end_us) // 2)) < rect.width:
+                canvas.put(rect.x + x, places.strip_y, "▼" if f.after_pct < f.before_pct else "▲", "title")
         canvas.put(0, places.strip_y, "state", "label", rect.x)
 
     def _draw_scales(self, canvas: Canvas, places: Layout, w: Window, top: float) -> None:
@@ -220,7 +222,8 @@ class Board:
             style = "good" if spell.state == "Valid" else "warn" if spell.state == "Degraded" else "bad"
             lines.append((f"since {since}: {spell_text(spell)}", style))
         begin_us = self.model.begin_us or 0
-        for h in reversed(self.happenings()):
+        now_us = view.now_us(self.model.now_us)
+        for h in reversed(newest(self._falls_until(now_us), self.axle.spells, rect.height, now_us)):
             mark = "▶" if view.cursor_us == h.time_us else " "
             lines.append((f"{mark}{(h.time_us - begin_us) / 1e6:9.2f} s  {h.text}", "plain" if h.is_fall else "dim"))
         draw_text(canvas, rect, lines)

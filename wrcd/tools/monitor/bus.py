@@ -4,8 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wrcd.tools.monitor.batch import ERROR, Batch
-from wrcd.tools.monitor.load import bits
+from wrcd.bus.frame import EXTENDED
+from wrcd.tools.bus_load import bits
+from wrcd.tools.monitor.batch import ERROR, FD, REMOTE, Batch
 from wrcd.tools.monitor.table import Table
 from wrcd.tools.story.records import Times
 
@@ -46,9 +47,11 @@ class Bus:
         n = len(put)
         self.frames += int(len(batch) - error.sum())
         self.errors += int(error.sum())
+        data_bytes = np.where(batch.flags & REMOTE, 0, batch.length)
+        taken = np.where(error, 0.0, bits(data_bytes, batch.key & EXTENDED > 0, batch.flags & FD > 0))
         self._bins.append(
             time_us=put * BIN_US, frames=np.bincount(place, weights=~error, minlength=n),
-            bits=np.bincount(place, weights=bits(batch), minlength=n),
+            bits=np.bincount(place, weights=taken, minlength=n),
             errors=np.bincount(place, weights=error, minlength=n),
         )  # fmt: skip
 

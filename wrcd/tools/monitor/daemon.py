@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wrcd.bus.reasons import Reason
+from wrcd.tools.counts import growth
 from wrcd.tools.monitor.axle import words
 from wrcd.tools.monitor.model import Heard, Model
 from wrcd.tools.monitor.spells import SILENT_CYCLES
@@ -30,6 +31,12 @@ class DaemonNow:
 
 def daemon_at(model: Model, at_us: int) -> DaemonNow:
     """At a time."""
+    if model.is_estimated:
+        heard_of = any(len(h.table) for h in model.outputs.values()) or any(
+            w.refusals for w in model.watched.values() if w.name in _adhesion(model)
+        )
+        what = "no Adhesion frame that is right" if heard_of else "no daemon"
+        return DaemonNow("warn", "not heard", [f"{what} in the log: estimated here"])
     silent = silence(model, at_us)
     if silent is not None:
         return DaemonNow("bad", "silent", [silent])
@@ -109,4 +116,4 @@ def _grown(heard: Heard, name: str, modulo: int, at_us: int) -> int:
     k = int(np.searchsorted(heard.table["time_us"], at_us, side="right"))
     column = np.asarray(heard.table[name][:k], dtype=np.float64)
     column = column[np.isfinite(column)]
-    return int((np.diff(column) % modulo).sum())
+    return int(growth(column, modulo).sum())

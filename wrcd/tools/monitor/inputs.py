@@ -4,20 +4,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrcd.bus.codec import Receiver
 from wrcd.bus.dbc import find_message
 from wrcd.bus.reasons import Reason
 from wrcd.bus.units import Quantity
 from wrcd.core.configuration import Config
-from wrcd.tools.monitor.batch import Batch
-from wrcd.tools.monitor.table import Table
 from wrcd.tools.monitor.watched import REASONS, Watched
-from wrcd.tools.story.records import Health, Times
+from wrcd.tools.story.records import Health
 
 REFUSED_OVER_US = 1_000_000
-SAMPLE_US = 100_000  # values are kept so often
+MAX_AGE_US = 1_000_000  # a value older than that is not shown
+MAX_LOOKED = 20  # frames without a usable value, as of another branch of a multiplexed message
 TOLD = (Quantity.YAW_RATE, Quantity.LAT_ACCEL, Quantity.TORQUE, Quantity.SPEED)  # that InputHealth tells of, in order
 # what a person reads: a unit and its factor from SI
 UNITS: Mapping[Quantity, tuple[str, float]] = {
@@ -58,36 +56,9 @@ class Inputs:
         self.watched: dict[int, Watched] = {}
         for key, reader in readers.items():
             message = find_message(config.database, reader.name)
-            w = self.watched[key] = Watched(message, None, hold_us)
+            w = self.watched[key] = Watched(message, None, hold_us, keeps_data=True)
             w.start = None if reader.checker is None else reader.checker.start
-        rows = hold_us // SAMPLE_US * 5 // 4 + 100
-        self._values = [Table({"time_us": (np.int64, 0), "value": (np.float32, 0)}, rows) for _ in sources]
         self._by_name = {w.name: w for w in self.watched.values()}
-        self._sampled_us: dict[int, int] = dict.fromkeys(readers, 0)
-
-    def take(self, key: int, times: Times, batch: Batch, rows: Times) -> None:
-        """Good frames of a message: rows of a batch. Some are read, the newest of each tenth of a second."""
-        reader = self._receiver.readers[key]
-        last = len(rows) - 1
-        for k in np.flatnonzero(np.diff(times // SAMPLE_US, append=-1)).tolist():
-            if k == last and times[k] - self._sampled_us[key] < SAMPLE_US:
-                continue
-            reader.reset()
-            read = reader.read(batch.frame(int(rows[k])))
-            self._sampled_us[key] = int(times[k])
-            if not isinstance(read, Reason):
-                for sample in read:
-                    self._values[sample.source].append(time_us=times[k : k + 1], value=[sample.value])
-
-    def series(self, axle: int, quantity: Quantity) -> tuple[Times, NDArray[np.float64]] | None:
-        """The values of an axle's quantity as they were sampled, in SI units; None unless one signal carries it."""
-        found = [
-            k for k, i in enumerate(self._config.inputs) if axle in i.source.axles and i.source.quantity is quantity
-        ]
-        if len(found) != 1 or not len(self._values[found[0]]):
-            return None
-        table = self._values[found[0]]
-        return table["time_us"], table["value"].astype(np.float64)
 
     def at(self, axle: int, health: Health, row: int | None, at_us: int) -> list[InputNow]:
         """Those of an axle (its place), and of the vehicle. row: of health, at the time; None: nothing is known."""
@@ -119,8 +90,17 @@ class Inputs:
         return out
 
     def _value(self, number: int, at_us: int) -> float | None:
-        times = self._values[number]["time_us"]
-        k = int(np.searchsorted(times, at_us, side="right")) - 1
-        if k < 0 or at_us - int(times[k]) > 10 * SAMPLE_US:
-            return None
-        return float(self._values[number]["value"][k])
+        """Of the newest frame at a time that carries a usable one."""
+        w = self._by_name[self._config.inputs[number].source.message]
+        reader, times = self._receiver.readers[w.key], w.arrived["time_us"]
+        newest = int(np.searchsorted(times, at_us, side="right")) - 1
+        for k in range(newest, max(newest - MAX_LOOKED, -1), -1):
+            if at_us - int(times[k]) > MAX_AGE_US:
+                break
+            reader.reset()  # its counter is another question
+            read = reader.read(w.frame(k))
+            if not isinstance(read, Reason):
+                value = next((s.value for s in read if s.source == number), None)
+                if value is not None:
+                    return value
+        return None

@@ -1,25 +1,28 @@
 """What a bus has said so far. No terminal, no clock: frames and the time until which all of them are there go in."""
 
-from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wrcd.bus.dbc import Database, data_id
+from wrcd.bus.dbc import Database, Message, data_id
 from wrcd.core.configuration import Config
+from wrcd.errors import InputError
+from wrcd.tools.bus_load import BIT_RATE
 from wrcd.tools.monitor.axle import INPUTS, AxleModel, row_at
 from wrcd.tools.monitor.batch import Batch
 from wrcd.tools.monitor.bus import Bus
+from wrcd.tools.monitor.held import Held
 from wrcd.tools.monitor.inputs import InputNow, Inputs
-from wrcd.tools.monitor.load import BIT_RATE
 from wrcd.tools.monitor.table import Table
 from wrcd.tools.monitor.watched import Judge, Watched
 from wrcd.tools.said import Said, said
+from wrcd.tools.story.scan import Scan
 
 HOLD_S = 3600.0  # of columns; frames as they came are kept for MAX_FRAMES
-MAX_FRAMES = 2_000_000  # 50 MB
+MAX_FRAMES = 2_000_000  # 70 MB, of a bus with long FD frames 180 MB
 STEP_US = 1_000_000  # a stamp further behind the newest than this is a step of the clock
 TRUTH = "SimTruth_A{}"  # the rig's message
 STALE_CYCLES = 3  # a frame older than so many cycles tells nothing of now
@@ -65,11 +68,10 @@ class Model:
         self.begin_us: int | None = None  # of the first frame
         self.clock_steps = 0
         self.source = "frames of the bus"  # what its axles' columns are
+        self.is_estimated = False  # they are no frames of the bus, but made here
         self.has_truth = False
-        self.held: deque[Batch] = deque()  # frames as they came
-        self.held_frames = 0
+        self.held = Held(max_frames)  # frames as they came
         self.outputs: dict[str, Heard] = {}  # the daemon's own, by the vocabulary's name
-        self._max_frames = max_frames
         self._correction_us = 0  # what makes time of stamps: a clock that steps back must not turn time round
         self._axle = {a.number: a for a in self.axles}
         self._said: dict[int, Said] = {}
@@ -93,20 +95,31 @@ class Model:
                 axle = next((a for a in self.axles if message.name == TRUTH.format(a.number)), None)
                 found = Said(message)
                 if axle is not None and found.key not in watched and {"MuAvailable", "MuUsed"} <= set(found.names):
-                    watched[found.key] = Watched(message, data_id(message), hold_us)
+                    watched[found.key] = Watched(message, _identity(message), hold_us)
                     self._truth[found.key] = axle, found
         self.watched: Mapping[int, Watched] = watched
         self._judge = Judge(watched)
 
-    def take(self, batch: Batch, until_us: int) -> None:
-        """Frames in the order of their arrival, and until when there are no others (0: not known)."""
-        if len(batch):
-            times = self._times(batch.stamp_us)
-            if self.begin_us is None:
-                self.begin_us = int(times[0])
-            self._hold(batch)
-            self.bus.take(batch, times)
-            self._sort(batch, times)
+    def take(self, batch: Batch, until_us: int, estimated: Batch | None = None) -> None:
+        """Frames in the order of their arrival, and until when there are no others (0: not known). estimated: what a
+        core made of them; that was never on the bus, and only the axles' columns take it."""
+        both = batch
+        was_there = np.ones(len(batch), dtype=bool)
+        if estimated is not None and len(estimated):
+            both = Batch.joined([batch, estimated])
+            order = np.argsort(both.stamp_us, kind="stable")
+            both, was_there = both.only(order), order < len(batch)
+        if len(both):
+            times = self._times(both.stamp_us)
+            if len(batch):
+                seen, seen_times = both.only(was_there), times[was_there]
+                if self.begin_us is None:
+                    self.begin_us = int(seen_times[0])
+                self.held.add(batch)
+                self.bus.take(seen, seen_times)
+                self._sort(seen, seen_times)
+            if len(batch) < len(both):
+                self._sort_estimated(both.only(~was_there), times[~was_there])
             self.now_us = max(self.now_us, int(times[-1]))
         until_us += self._correction_us
         if until_us > self.now_us:
@@ -133,12 +146,6 @@ class Model:
             return np.concatenate((head, self._times(stamps[k:])))
         return newest[1:]
 
-    def _hold(self, batch: Batch) -> None:
-        self.held.append(batch)
-        self.held_frames += len(batch)
-        while self.held_frames > self._max_frames and len(self.held) > 1:
-            self.held_frames -= len(self.held.popleft())
-
     def _sort(self, batch: Batch, times: NDArray[np.int64]) -> None:
         places, reasons = self._judge.judge(batch)
         order = np.argsort(places, kind="stable")
@@ -147,14 +154,20 @@ class Model:
         for first, end in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
             key = int(self._judge.keys[ordered[first]])
             rows = order[first:end]
-            self.watched[key].take(times[rows], reasons[rows])
+            self.watched[key].take(times[rows], reasons[rows], batch.data[rows])
             good = rows[reasons[rows] == 0]
             if len(good):
                 self._take(key, times[good], batch, good)
 
+    def _sort_estimated(self, batch: Batch, times: NDArray[np.int64]) -> None:
+        for key in np.unique(batch.key).tolist():
+            one, rows = self._said.get(key), batch.key == key
+            if one is not None and one.kind is not None and one.kind.axle:
+                self._axle[one.kind.axle].take(one.kind.name, times[rows], one.read(batch.data[rows]))
+
     def _take(self, key: int, times: NDArray[np.int64], batch: Batch, rows: NDArray[np.int64]) -> None:
         one = self._said.get(key)
-        if one is not None and one.kind is not None:
+        if one is not None and one.kind is not None and not (self.is_estimated and one.kind.axle):
             values = one.read(batch.data[rows])
             if one.kind.axle:
                 self._axle[one.kind.axle].take(one.kind.name, times, values)
@@ -164,8 +177,12 @@ class Model:
             axle, truth = self._truth[key]
             axle.take_truth(times, truth.read(batch.data[rows]))
             self.has_truth = True
-        if key in self.inputs.watched:
-            self.inputs.take(key, times, batch, rows)
+
+    def inputs_within(self, begin_us: int, end_us: int) -> Scan:
+        """The good frames of mapped messages of a time, as those of a log."""
+        frames = {key: w.frames(begin_us, end_us) for key, w in self.inputs.watched.items()}
+        first_us, last_us = max(begin_us, self.begin_us or 0), min(end_us, self.now_us)
+        return Scan(Path(), begin_us=first_us, end_us=last_us, frames={k: f for k, f in frames.items() if len(f)})
 
     def inputs_at(self, axle: AxleModel, at_us: int) -> list[InputNow]:
         """An axle's inputs at a time."""
@@ -179,6 +196,13 @@ class Model:
         kinds = {key: one.kind for key, one in self._said.items()}
         of = [self.watched[key] for key, kind in kinds.items() if kind is not None and kind.axle == axle.number]
         return sum(sum(w.refused_within(at_us, over_us).values()) for w in of)
+
+
+def _identity(message: Message) -> int | None:
+    try:
+        return data_id(message)
+    except ValueError as e:
+        raise InputError(str(e), key="--dbc") from None
 
 
 __all__ = ["HOLD_S", "INPUTS", "Heard", "Model"]

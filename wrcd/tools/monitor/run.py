@@ -10,8 +10,8 @@ from wrcd.bus.positions import is_fd
 from wrcd.config import load_config
 from wrcd.core.configuration import Config
 from wrcd.errors import InputError
+from wrcd.tools.bus_load import BIT_RATE
 from wrcd.tools.bus_of import pick_bus
-from wrcd.tools.monitor.load import BIT_RATE
 from wrcd.tools.monitor.model import Model
 from wrcd.tools.monitor.of_log import model_of_log
 from wrcd.tools.monitor.sources import NoMore, OwnLink, ReaderProcess, Source

@@ -11,8 +11,6 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from typing import Any, Protocol
 
-import numpy as np
-
 from wrcd.bus.link import MAX_FRAMES, Link
 from wrcd.errors import BusError, InputError
 from wrcd.tools.monitor.batch import Batch
@@ -179,16 +177,10 @@ def _joined(parts: Sequence[tuple[Batch, int]]) -> Iterator[tuple[Batch, int]]:
     until_us = 0
     for batch, until in parts:
         if group and batch.data.shape[1] != group[0].data.shape[1] and len(batch):
-            yield _one(group), until_us
+            yield Batch.joined(group), until_us
             group = []
         if len(batch) or not group:
             group = [b for b in group if len(b)] + [batch]
         until_us = until or until_us
     if group:
-        yield _one(group), until_us
-
-
-def _one(group: Sequence[Batch]) -> Batch:
-    if len(group) == 1:
-        return group[0]
-    return Batch(*(np.concatenate([getattr(b, name) for b in group]) for name in Batch.__slots__))
+        yield Batch.joined(group), until_us

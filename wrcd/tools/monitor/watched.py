@@ -8,10 +8,12 @@ from numpy.typing import NDArray
 from wrcd.bus.codec import message_key
 from wrcd.bus.dbc import Message, cycle_ms
 from wrcd.bus.e2e import CRC_TABLE, Checker
+from wrcd.bus.frame import EXTENDED, Frame
 from wrcd.bus.positions import frame_length, is_fd
 from wrcd.bus.reasons import Reason
 from wrcd.tools.monitor.batch import ERROR, FD, REMOTE, Batch
 from wrcd.tools.monitor.table import Table
+from wrcd.tools.story.scan import PLAIN_BYTES, Frames
 
 REASONS = ("", *(r.value for r in Reason))  # a place in them is what InputHealth's Refused says, too
 KIND, LENGTH, CRC = (REASONS.index(r.value) for r in (Reason.KIND, Reason.LENGTH, Reason.CRC))
@@ -23,24 +25,45 @@ _CRC = np.frombuffer(CRC_TABLE, dtype=np.uint8)
 class Watched:
     """One message: when its good frames came, and when and why others were refused here."""
 
-    def __init__(self, message: Message, data_id: int | None, hold_us: int, cycle_us: int = 0) -> None:
+    def __init__(
+        self, message: Message, data_id: int | None, hold_us: int, cycle_us: int = 0, *, keeps_data: bool = False
+    ) -> None:
         self.name, self.key, self.message = message.name, message_key(message), message
         self.length, self.fd = frame_length(message), is_fd(message)
         self.start = None if data_id is None else Checker(data_id).start  # of the CRC; None: not protected
         self.cycle_us = cycle_us or round(1000 * (cycle_ms(message) or 0))
         rows = hold_us // (self.cycle_us or DEFAULT_CYCLE_US) * 5 // 4 + 100
-        self.arrived = Table({"time_us": (np.int64, 0)}, rows)
+        self._keeps_data = keeps_data
+        data = {"data": (np.uint8, max(self.length, PLAIN_BYTES))} if keeps_data else {}
+        self.arrived = Table({"time_us": (np.int64, 0), **data}, rows)
         self.refused = Table({"time_us": (np.int64, 0), "reason": (np.int8, 0)}, MAX_REFUSED)
         self.refusals = 0  # all of them
 
-    def take(self, times: NDArray[np.int64], reasons: NDArray[np.int8]) -> None:
-        """Note frames: REASONS' place of why each is refused, 0 for a good one."""
+    def take(self, times: NDArray[np.int64], reasons: NDArray[np.int8], data: NDArray[np.uint8]) -> None:
+        """Note frames: REASONS' place of why each is refused, 0 for a good one; and their data."""
         bad = reasons > 0
         if bad.any():
             self.refusals += int(bad.sum())
             self.refused.append(time_us=times[bad], reason=reasons[bad])
-            times = times[~bad]
-        self.arrived.append(time_us=times)
+            times, data = times[~bad], data[~bad]
+        if self._keeps_data:
+            width = max(self.length, PLAIN_BYTES)
+            if data.shape[1] < width:
+                data = np.pad(data, ((0, 0), (0, width - data.shape[1])))
+            self.arrived.append(time_us=times, data=data[:, :width])
+        else:
+            self.arrived.append(time_us=times)
+
+    def frames(self, begin_us: int, end_us: int) -> Frames:
+        """Good frames from a time to another, of a message whose data is kept."""
+        rows = slice(*np.searchsorted(self.arrived["time_us"], (begin_us, end_us + 1)))
+        times = self.arrived["time_us"][rows]
+        return Frames(times, np.full(len(times), self.length, dtype=np.uint8), self.arrived["data"][rows])
+
+    def frame(self, k: int) -> Frame:
+        """A row of those."""
+        key, data = self.key, self.arrived["data"][k, : self.length].tobytes()
+        return Frame(int(self.arrived["time_us"][k]), key & ~EXTENDED, data, bool(key & EXTENDED), fd=self.fd)
 
     def rate_hz(self, at_us: int, over_us: int = 1_000_000) -> float:
         """Good frames a second, of the second before a time."""

@@ -5,14 +5,14 @@ from pathlib import Path
 
 import numpy as np
 
-from wrcd.bus.units import Quantity
 from wrcd.tools.monitor.axle import AxleModel, row_at
 from wrcd.tools.monitor.board import Board
 from wrcd.tools.monitor.model import Model
 from wrcd.tools.monitor.panels import NO_VALUE, percent
 from wrcd.tools.story import why as story_why
 from wrcd.tools.story.events import of_frames
-from wrcd.tools.story.records import Axle, BusStatistics, Fall, Series, Story
+from wrcd.tools.story.inputs import Inputs
+from wrcd.tools.story.records import Axle, BusStatistics, Fall, Story
 
 AROUND_US = 1_000_000  # before and after that are shown beside a moment
 DETAIL_US = 400_000  # a Detail frame older than this says nothing of a moment
@@ -49,21 +49,17 @@ def story(model: Model, axle: AxleModel, falls: tuple[Fall, ...], at_us: int) ->
     record = Axle(
         axle.number, adhesion, detail if has_detail else None, health if has_health else None, truth, events
     )  # fmt: skip
-    torque = _series(model, axle, Quantity.TORQUE, "torque_Nm")
+    held, place = model.inputs_within(at_us - AROUND_STORY_US, at_us + AROUND_STORY_US), model.axles.index(axle)
+    inputs = Inputs(model.config)
+    torque = inputs.torque(held, place)
     none = np.zeros(0)
     bus = BusStatistics(
         (), none.astype(np.int64), none.astype(np.float32), none.astype(np.float32), 0, none.astype(np.int64)
     )
     return Story(
-        Path(), "", model.source, begin_us, end_us, (record,), _series(model, axle, Quantity.SPEED, "speed_m_s"), None,
+        Path(), "", model.source, begin_us, end_us, (record,), inputs.speed(held), None,
         {} if torque is None else {axle.number: torque}, None, None, None, bus, falls, (), (), model.config,
     )  # fmt: skip
-
-
-def _series(model: Model, axle: AxleModel, quantity: Quantity, name: str) -> Series | None:
-    """An input's values, as they were sampled. Of several signals that add up to it there is none."""
-    found = model.inputs.series(model.axles.index(axle), quantity)
-    return None if found is None else Series(found[0], {name: found[1]})
 
 
 def _residuals(model: Model, axle: AxleModel, at_us: int) -> list[Line]:

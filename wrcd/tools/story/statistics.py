@@ -9,20 +9,13 @@ from wrcd.bus.codec import message_key
 from wrcd.bus.dbc import Database, cycle_ms, find_message
 from wrcd.bus.frame import EXTENDED
 from wrcd.core.configuration import Config
+from wrcd.tools.bus_load import BIT_RATE, bits
 from wrcd.tools.story.records import BusStatistics, MessageStatistics
-from wrcd.tools.story.scan import Frames, Scan
+from wrcd.tools.story.scan import PLAIN_BYTES, Scan
 
-BIT_RATE = 500_000  # of a bus whose log does not tell it
 SECOND_US = 1_000_000
 MIN_LAST_S = 0.1  # of a log's last second, below which a rate says nothing
 MAX_SECONDS = 200_000  # two days: of a longer log, whose clock was set perhaps, only the seconds with a frame are told
-
-
-def bits(frames: Frames, extended: bool) -> NDArray[np.float64]:
-    """Bits of each frame, the three between two frames included, with the mean of fewest and most stuff bits."""
-    covered = (54 if extended else 34) + 8.0 * frames.lengths
-    out: NDArray[np.float64] = covered + 13 + 0.5 * ((covered - 1) // 4)
-    return out
 
 
 def bus(
@@ -40,7 +33,9 @@ def bus(
     for key, frames in scan.frames.items():
         at = np.searchsorted(seconds, (frames.time_us - scan.begin_us) // SECOND_US)
         counts += np.bincount(at, minlength=len(seconds))
-        load += np.bincount(at, weights=bits(frames, bool(key & EXTENDED)), minlength=len(seconds))
+        load += np.bincount(
+            at, weights=bits(frames.lengths, bool(key & EXTENDED), frames.lengths > PLAIN_BYTES), minlength=len(seconds)
+        )
         role = "input" if key in mapped else "output" if key in own else "truth" if key in truth else "other"
         gaps = np.diff(frames.time_us)
         widest = int(gaps.argmax()) if len(gaps) else 0

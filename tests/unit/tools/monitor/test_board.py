@@ -3,6 +3,7 @@
 import pytest
 
 from tests.support.daemon_frames import DEGRADED, GOOD, NOTHING, START_US, DaemonFrames
+from wrcd.bus.dbc import find_message
 from wrcd.core.configuration import Config
 from wrcd.tools.monitor.batch import Batch
 from wrcd.tools.monitor.board import Board
@@ -11,7 +12,9 @@ from wrcd.tools.monitor.layout import layout
 from wrcd.tools.monitor.model import Model
 from wrcd.tools.monitor.panels import Link
 from wrcd.tools.monitor.view import View
+from wrcd.tools.monitor.why import story as story_of
 from wrcd.tools.monitor.why import why
+from wrcd.tools.story.explain import explain
 
 LIVE = Link("socketcan:can0", "live")
 FALL_S = 9.0
@@ -119,6 +122,24 @@ def test_fall_is_found_and_explained_as_by_wrcd_why(model: Model) -> None:
     for part in ("Axle 1 at 9.", "available adhesion fell from 30 to 5.0 %", "rule 7: If residual 1",
                  "a second before", "30.0 %", "-24.0 wins"):  # fmt: skip
         assert part in text, part
+
+
+def test_explanation_has_the_torque_of_the_newest_frame(config: Config) -> None:
+    """Not of one up to a tenth of a second before it."""
+    made = DaemonFrames(config)
+    frames = made.stretch(0, 12_000_000, GOOD)
+    frames += [made.sensor("Torque_A1", t, Status=0, Torque=t // 5000) for t in range(0, 12_000_000, 5_000)]
+    model = Model(config)
+    model.take(Batch.of_frames(sorted(frames, key=lambda f: f.stamp_us)), 0)
+    model.update()
+    text = "\n".join(line for line, _ in why(Board(model, View()), START_US + 9_055_000, 200))
+    signal = find_message(config.database, "Torque_A1").get_signal_by_name("Torque")
+    before, after = (float(signal.scale) * raw + float(signal.offset) for raw in (8_055 // 5, 10_055 // 5))
+    story = story_of(model, model.axles[0], (), START_US + 9_055_000)
+    now = explain(story, 1, START_US + 9_055_000)
+    assert now.torque_Nm == pytest.approx(float(signal.scale) * (9_055 // 5) + float(signal.offset))
+    assert f"torque {before / 1000:.1f} kN\u00a0m" in text
+    assert f"torque {after / 1000:.1f} kN\u00a0m" in text
 
 
 def test_explanation_of_an_axle_without_frames_says_so(config: Config) -> None:

@@ -12,11 +12,14 @@ from wrcd.bus.frame import Frame
 from wrcd.bus.writers import Writer
 from wrcd.config import load_config
 from wrcd.core.configuration import Config
+from wrcd.errors import InputError
 from wrcd.tools.monitor.batch import Batch
 from wrcd.tools.monitor.daemon import daemon_at
+from wrcd.tools.monitor.held import Held
 from wrcd.tools.monitor.model import Model
 from wrcd.tools.monitor.panels import axle_at
 from wrcd.tools.monitor.watched import REASONS
+from wrcd.tools.story.events import of_frames
 
 ROOT = Path(__file__).parents[4]
 WRCD_STATUS = 0x0B0
@@ -101,6 +104,14 @@ def test_counts_that_wrap_round_are_told_as_growth(config: Config, made: DaemonF
     assert "overruns +5" in daemon_at(model, model.now_us).parts
 
 
+def test_daemon_that_starts_anew_counts_from_0(config: Config, made: DaemonFrames) -> None:
+    frames = [f for f in made.stretch(20_000, 3_100_000, GOOD) if f.can_id != WRCD_STATUS]
+    for at_us, overruns in ((0, 1.0), (1_000_000, 3.0), (2_000_000, 0.0), (3_000_000, 1.0)):
+        frames.append(made.frame(config.status, at_us, {"State": "Running", "Overruns": overruns}))
+    model = fed(Model(config), sorted(frames, key=lambda f: f.stamp_us))
+    assert "overruns +3" in daemon_at(model, model.now_us).parts
+
+
 def test_spells_carry_causes_and_durations(config: Config, made: DaemonFrames) -> None:
     frames = [
         *made.stretch(0, 1_000_000, NOTHING, "WarmingUp"),
@@ -118,6 +129,40 @@ def test_spells_carry_causes_and_durations(config: Config, made: DaemonFrames) -
             ("NotAvailable", "WarmingUp", 1.0), ("Valid", "None", 2.0), ("Degraded", "Harsh", 0.4),
             ("Valid", "None", pytest.approx(0.58)),
         ]  # fmt: skip
+
+
+@pytest.mark.parametrize("rows_at_once", [1, 3, 17, 1000])
+def test_spells_have_the_causes_of_a_story(config: Config, made: DaemonFrames, rows_at_once: int) -> None:
+    """However the frames come: those of a short state have no cause, and never that of an older one."""
+    random = np.random.default_rng(7)
+    frames, at_us = [], 0
+    while at_us < 60_000_000:
+        valid = bool(random.integers(2))
+        end_us = at_us + 20_000 * int(random.integers(1, 30))
+        cause = "None" if valid else str(random.choice(["Harsh", "InputStale", "TooLittleData"]))
+        frames += made.stretch(at_us, end_us, GOOD if valid else DEGRADED, cause)
+        at_us = end_us
+    model = Model(config)
+    for k in range(0, len(frames), rows_at_once):
+        fed(model, frames[k : k + rows_at_once])
+    axle = model.axles[0]
+    a = axle.adhesion
+    events = of_frames(1, a, axle.detail, None, axle.cycle_us, int(a.time_us[0]), int(a.time_us[-1]))
+    told = [(s.begin_us, s.state, s.cause) for s in axle.spells.all() if s.begin_us < a.time_us[-1]]
+    assert len(told) > 50
+    assert told == [(e.begin_us, e.validity.value, e.cause) for e in events]
+
+
+def test_state_without_a_cause_of_its_own_shows_no_older_one(config: Config, made: DaemonFrames) -> None:
+    frames = [
+        *made.stretch(0, 200_000, DEGRADED, "InputStale"), *made.stretch(200_000, 300_000, GOOD),
+        *(made.adhesion(t, GOOD) for t in range(300_000, 3_000_000, 20_000)),
+        *(made.adhesion(t, DEGRADED) for t in range(3_000_000, 5_000_000, 20_000)),
+    ]  # fmt: skip
+    model = fed(Model(config), frames)
+    assert [(s.state, s.cause.label) for s in model.axles[0].spells.all()] == [
+        ("Degraded", "InputStale"), ("Valid", "None"), ("Degraded", "None"),
+    ]  # fmt: skip
 
 
 def test_silence_between_frames_is_a_spell(config: Config, made: DaemonFrames) -> None:
@@ -149,7 +194,7 @@ def test_inputs_at_an_earlier_time_are_those_of_then(config: Config, made: Daemo
     then = model.inputs_at(model.axles[0], START_US + 2_500_000)[0]
     assert then.rate_hz == 99
     assert then.age_ms == 505.0
-    assert then.value == pytest.approx(0.01999, abs=0.0006)
+    assert then.value == pytest.approx(0.01995)  # of its newest frame, not of one up to a tenth of a second older
 
 
 def test_truth_of_a_second_dbc_is_shown_and_checked(config: Config, made: DaemonFrames) -> None:
@@ -164,12 +209,37 @@ def test_truth_of_a_second_dbc_is_shown_and_checked(config: Config, made: Daemon
     assert not Model(config, [database]).has_truth
 
 
+def test_truth_that_is_protected_in_another_way_is_an_input_error(config: Config, tmp_path: Path) -> None:
+    file = tmp_path / "other.dbc"
+    file.write_text(TRUTH.read_text().replace('"P11"', '"P07"', 1))
+    with pytest.raises(InputError, match="--dbc"):
+        Model(config, [load_dbc(file)])
+
+
 def test_bus_load_is_that_of_the_frames_bits(config: Config) -> None:
     frames = [Frame(START_US + t, 0x300, bytes(8)) for t in range(0, 2_000_000, 1_000)]
     model = fed(Model(config, bit_rate=500_000), frames, until_us=2_000_000)
     now = model.bus.at(model.now_us)
     # 34 + 64 bits from start to CRC, 13 behind, and half of the at most 24 stuff bits: 123 bits
     assert [now.frames_per_s, now.load_pct] == pytest.approx([1000.0, 100 * 123 * 1000 / 500_000])
+
+
+@pytest.mark.parametrize(
+    ("frame", "bits"),
+    [
+        (Frame(0, 0x300, bytes(8), extended=True), 54 + 64 + 13 + 14.5),
+        (Frame(0, 0x300, b"", remote=True, extra=8), 34 + 13 + 4),
+        # 22 or 41 bits from start to DLC; stuff count, CRC and fixed stuff bits are 27, beyond 16 bytes 32
+        (Frame(0, 0x300, bytes(8), fd=True), 22 + 64 + 27 + 13 + 10.5),
+        (Frame(0, 0x300, bytes(16), fd=True), 22 + 128 + 27 + 13 + 18.5),
+        (Frame(0, 0x300, bytes(64), fd=True), 22 + 512 + 32 + 13 + 66.5),
+        (Frame(0, 0x300, bytes(64), extended=True, fd=True), 41 + 512 + 32 + 13 + 69),
+    ],
+)
+def test_bits_of_a_frame_are_those_of_its_format(config: Config, frame: Frame, bits: float) -> None:
+    frames = [replace(frame, stamp_us=START_US + t) for t in range(0, 2_000_000, 10_000)]
+    model = fed(Model(config, bit_rate=500_000), frames, until_us=2_000_000)
+    assert model.bus.at(model.now_us).load_pct == pytest.approx(100 * bits * 100 / 500_000)
 
 
 def test_error_frames_are_counted_apart(config: Config) -> None:
@@ -190,11 +260,24 @@ def test_clock_that_steps_back_does_not_turn_time_round(config: Config, made: Da
 
 
 def test_held_frames_are_bounded_and_the_newest(config: Config, made: DaemonFrames) -> None:
-    model = Model(config, max_frames=1000)
-    for k in range(20):
+    model = Model(config, max_frames=3000)
+    for k in range(60):
         model.take(Batch.of_frames([Frame(START_US + 1000 * (100 * k + n), 0x300, b"") for n in range(100)]), 0)
-    assert model.held_frames == 1000
-    assert int(model.held[0].stamp_us[0]) == START_US + 1_000_000
+    assert model.held.frames == 3000
+    assert next(iter(model.held)).stamp_us[0] == START_US + 3_000_000
+
+
+def test_frames_that_come_one_by_one_take_no_more_room_than_many_at_once(config: Config) -> None:
+    held, n = Held(100_000), 20_000
+    frames = [Batch.of_frames([Frame(START_US + k, 0x300, bytes(8))]) for k in range(n)]
+    for batch in frames:
+        held.add(batch)
+    assert held.frames == n
+    assert len(held) <= n // 1000
+    batches = list(held)
+    assert np.concatenate([b.stamp_us for b in batches]).tolist() == [START_US + k for k in range(n)]
+    size = sum(getattr(b, name).nbytes for b in batches for name in Batch.__slots__)
+    assert size < 40 * n
 
 
 def test_columns_hold_a_stated_time(config: Config, made: DaemonFrames) -> None:

@@ -1,6 +1,7 @@
 """Keys and sizes of the real screen, turned by hand: no clock decides what is seen."""
 
 import asyncio
+import html
 import re
 from collections.abc import Awaitable, Callable, Iterator
 from pathlib import Path
@@ -187,6 +188,25 @@ def test_save_writes_a_log_and_a_picture_and_never_over_another(config: Config, 
     picture = pictures[0].read_text()
     assert "http" not in re.sub(r'xmlns(:\w+)?="[^"]*"', "", picture)
     assert "available" in picture
+
+
+def test_picture_has_the_count_of_lost_frames_of_now(
+    config: Config, fed: Fed, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    app = live(config, fed, tmp_path)
+
+    async def steps(pilot: Pilot[Any]) -> None:
+        assert "lost 0" in seen(app)
+        monkeypatch.setattr(fed, "link", lambda: Link("socketcan:can0", "live", lost=17))
+        app.tick()
+        await pilot.pause()
+        await pilot.press("s")
+        await app.workers.wait_for_complete()
+
+    turned(app, steps)
+    (picture,) = tmp_path.glob("*.svg")
+    drawn = html.unescape(picture.read_text()).replace("\xa0", " ")
+    assert re.findall(r"lost +\d+", drawn) == ["lost 17"]
 
 
 def test_save_of_a_log_is_the_part_that_is_seen(config: Config, fed: Fed, tmp_path: Path) -> None:

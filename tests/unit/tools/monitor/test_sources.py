@@ -2,25 +2,35 @@
 
 import os
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import can
+import numpy as np
 import pytest
 
+from tests.support.can_ids import SENDABLE, UNMAPPED
 from tests.support.daemon_frames import GOOD, START_US, DaemonFrames
+from tests.support.recorded_train import RecordedTrain
 from wrcd.bus.frame import Frame
 from wrcd.bus.link import MAX_FRAMES
-from wrcd.bus.log import format_line
+from wrcd.bus.log import Damage, format_line, read_log
 from wrcd.bus.pythoncan import PythonCanLink
 from wrcd.core.configuration import Config
 from wrcd.errors import BusError, InputError
 from wrcd.tools.monitor import reader
 from wrcd.tools.monitor.batch import Batch
+from wrcd.tools.monitor.board import Board
 from wrcd.tools.monitor.of_log import model_of_log
 from wrcd.tools.monitor.packing import FRAMES, HEALTH, Unpacker
+from wrcd.tools.monitor.panels import Link
 from wrcd.tools.monitor.reader import Pump
+from wrcd.tools.monitor.snapshot import write_log
 from wrcd.tools.monitor.sources import OwnLink, ReaderProcess
+from wrcd.tools.monitor.view import View
+from wrcd.tools.story.estimate import estimate
+from wrcd.tools.story.own import Own
 
 ROOT = Path(__file__).parents[4]
 GOLDEN = ROOT / "tests/golden/leaf-film.log"
@@ -145,7 +155,61 @@ def test_log_without_a_daemon_is_estimated_as_replay_does(config: Config) -> Non
     model, warnings = model_of_log(GOLDEN, config, [], None, 500_000)
     assert warnings[0] == "the log has no frame of a daemon: estimated here"
     assert len(model.axles[0].adhesion.time_us) > 100
+    assert any(e.state == "Valid" for e in model.axles[0].spells.all())
     assert model.inputs_at(model.axles[0], model.now_us)[0].rate_hz > 100
+
+
+def test_estimated_frames_are_none_of_the_logs(config: Config, tmp_path: Path) -> None:
+    """Neither counted on its bus nor saved, and the screen says so for as long as it is shown."""
+    model, _ = model_of_log(GOLDEN, config, [], None, 500_000)
+    logged = [f for f, _ in read_log(GOLDEN, Damage())]
+    assert model.bus.frames == model.held.frames == len(logged)
+    assert write_log(tmp_path / "saved.log", model.held, "can0") == len(logged)
+    assert [f for f, _ in read_log(tmp_path / "saved.log", Damage())] == logged
+    end_us = model.now_us
+    seconds = [f for f in logged if end_us - 1_100_000 <= f.stamp_us < end_us - 100_000]
+    assert model.bus.at(end_us).frames_per_s == pytest.approx(len(seconds), rel=0.1)
+    canvas = Board(model, View()).draw(80, 24, Link("ride.log", "log")).text()
+    assert "no daemon in the log: estimated here" in canvas
+    assert "Running" not in canvas
+
+
+def test_estimate_goes_on_over_a_clock_that_was_set_back(config: Config, tmp_path: Path) -> None:
+    frames = [f for f, _ in read_log(GOLDEN, Damage())]
+    middle_us = (frames[0].stamp_us + frames[-1].stamp_us) // 2
+    moved = [replace(f, stamp_us=f.stamp_us - 6_000_000 * (f.stamp_us > middle_us)) for f in frames]
+    log = tmp_path / "back.log"
+    log.write_text("".join(f"{format_line(f, 'can0')}\n" for f in moved))
+    model, warnings = model_of_log(log, config, [], None, 500_000)
+    assert model.clock_steps == 1
+    assert any("step back" in w for w in warnings)
+    length_us = frames[-1].stamp_us - frames[0].stamp_us
+    assert model.now_us - model.axles[0].adhesion.time_us[0] == pytest.approx(length_us, abs=200_000)
+    before, _ = model_of_log(GOLDEN, config, [], None, 500_000)
+    assert len(model.axles[0].adhesion.time_us) == pytest.approx(len(before.axles[0].adhesion.time_us), abs=60)
+
+
+def test_recorders_log_is_estimated_from_the_state_beside_it(config: Config, tmp_path: Path) -> None:
+    """As a story has it: a core that began with the log would be warming up."""
+    train = RecordedTrain(config, tmp_path, seconds=6.0)
+    train.run(8000)
+    log = train.asked()
+    # what the daemon sent is not in it; its lines are as many as the state says
+    frames = [replace(f, can_id=UNMAPPED) if f.can_id in SENDABLE else f for f, _ in read_log(log, Damage())]
+    log.write_text("".join(f"{format_line(f, 'can0')}\n" for f in frames))
+    begun, _ = model_of_log(log, config, [], None, 500_000)
+    assert begun.is_estimated
+    known = estimate(log, config, None)
+    says = Own(config).adhesion(known.sent, 1)
+    assert says is not None
+    a = begun.axles[0].adhesion
+    assert a.time_us.tolist() == says.time_us.tolist()
+    assert a.validity.tolist() == says.validity.tolist()
+    np.testing.assert_array_equal(a.available_pct, says.available_pct)
+    assert begun.bus.frames == sum(1 for _ in read_log(log, Damage()))
+    log.with_suffix(".state.json").unlink()
+    anew, _ = model_of_log(log, config, [], None, 500_000)
+    assert anew.axles[0].adhesion.validity.tolist() != a.validity.tolist()
 
 
 def test_log_that_is_not_there_is_an_input_error(config: Config, tmp_path: Path) -> None:

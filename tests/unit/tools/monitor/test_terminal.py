@@ -5,6 +5,7 @@ import pty
 import re
 import select
 import shutil
+import signal
 import struct
 import subprocess
 import sys
@@ -13,6 +14,7 @@ import time
 from collections.abc import Callable, Iterator
 from fcntl import ioctl
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -36,9 +38,14 @@ def log(config: Config, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def on_terminal(arguments: list[str], keys: bytes, ready: bytes) -> tuple[int, bytes]:
-    """Run it on a terminal of 80 by 24, press keys once something is seen. Returns its status and all its output."""
+def on_terminal(
+    arguments: list[str], keys: bytes, ready: bytes, number: int = 0, modes: list[Any] | None = None
+) -> tuple[int, bytes]:
+    """Run it on a terminal of 80 by 24, press keys or send a signal once something is seen. Returns its status and all
+    its output; modes take the terminal's before and after."""
     master, terminal = pty.openpty()
+    if modes is not None:
+        modes.append(termios.tcgetattr(master))
     ioctl(terminal, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 80, 0, 0))
     process = subprocess.Popen(
         [*COMMAND, *arguments], cwd=ROOT, stdin=terminal, stdout=terminal, stderr=terminal, start_new_session=True,
@@ -57,8 +64,13 @@ def on_terminal(arguments: list[str], keys: bytes, ready: bytes) -> tuple[int, b
                 break
             if not pressed and ready in seen:
                 pressed, end = True, time.monotonic() + END_S
+                if number:
+                    process.send_signal(number)
                 os.write(master, keys)
-        return process.wait(5.0), seen
+        status = process.wait(5.0)
+        if modes is not None:
+            modes.append(termios.tcgetattr(master))
+        return status, seen
     finally:
         if process.poll() is None:
             process.kill()
@@ -71,6 +83,17 @@ def test_key_ends_it_with_status_0_and_the_terminal_is_as_before(log: Path) -> N
     assert status == 0
     assert b"\x1b[?1049l" in seen  # the screen of before is back
     assert b"available" in seen
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGINT])
+def test_signal_ends_it_and_the_terminal_is_as_before(log: Path, number: signal.Signals) -> None:
+    modes: list[Any] = []
+    status, seen = on_terminal([str(log)], b"", b"quit", number, modes)
+    assert status == 128 + number
+    for off in (b"\x1b[?1049l", b"\x1b[?25h", b"\x1b[?1000l"):  # screen of before, cursor, mouse
+        assert off in seen, off
+    before, after = modes
+    assert after[3] & (termios.ECHO | termios.ICANON) == before[3] & (termios.ECHO | termios.ICANON) != 0
 
 
 def test_bus_that_is_not_there_is_one_line_and_status_3() -> None:

@@ -17,11 +17,12 @@ from wrcd.bus.log import format_line, read_log
 from wrcd.bus.units import Quantity
 from wrcd.core.configuration import Config
 from wrcd.errors import InputError
+from wrcd.tools.bus_load import bits
 from wrcd.tools.story.inputs import Inputs, distance
 from wrcd.tools.story.own import Own
 from wrcd.tools.story.records import Series
 from wrcd.tools.story.scan import NO_FRAMES, Frames, Gathering, right_crc, scan
-from wrcd.tools.story.statistics import bits, bus
+from wrcd.tools.story.statistics import bus
 from wrcd.tools.story.truth import truth, truths
 
 YAW_RATE, SPEED = 0x101, 0x130
@@ -181,9 +182,10 @@ def test_clock_that_was_set_by_years_costs_no_memory(config: Config, tmp_path: P
 
 
 def test_bits_of_a_frame_lie_between_the_fewest_and_the_most() -> None:
-    five = Frames(np.zeros(1, np.int64), np.array([5], np.uint8), np.zeros((1, 8), np.uint8))
-    assert 87 < bits(five, extended=False)[0] < 105
-    assert bits(five, extended=True)[0] == pytest.approx(bits(five, extended=False)[0] + 20 + 2.5, abs=1)
+    assert 87 < float(bits(5, extended=False, fd=False)) < 105
+    assert float(bits(5, extended=True, fd=False)) == pytest.approx(
+        float(bits(5, extended=False, fd=False)) + 20 + 2.5, abs=1
+    )
 
 
 def test_truth_is_recognised_by_name_and_signals(config: Config, ride: Ride) -> None:

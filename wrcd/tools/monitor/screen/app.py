@@ -1,7 +1,9 @@
 """`wrcd monitor` on a terminal."""
 
+import asyncio
 import gc
 import math
+import signal
 import time
 from pathlib import Path
 
@@ -24,6 +26,7 @@ from wrcd.tools.monitor.why import Line, why
 EVERY_S = 0.1  # the screen is brought up to date so often
 NOTE_S = 6.0  # what a key has done is told for so long
 MAX_EVENTS = 500  # that the page of events lists
+ENDING = (signal.SIGTERM, signal.SIGHUP, signal.SIGINT)  # they end it as the key does: the terminal is as before
 
 
 def _keys(*keys: tuple[str, str]) -> list[BindingType]:
@@ -65,6 +68,15 @@ class Monitor(App[None]):
     def compose(self) -> ComposeResult:
         """One widget: its parts are told apart by what differs, which costs the terminal least."""
         yield self._widget
+
+    def on_load(self) -> None:
+        """Before the terminal is touched: from here on a signal leaves it as it was."""
+        loop = asyncio.get_running_loop()
+        for number in ENDING:
+            loop.add_signal_handler(number, self._end, number)
+
+    def _end(self, number: signal.Signals) -> None:
+        self.exit(return_code=128 + number)
 
     def on_mount(self) -> None:
         """Begin; of a log, where something happened."""
