@@ -122,7 +122,7 @@ def _health(story: Story, h: Health, detail: Detail | None) -> Table:
         None if detail is None or not len(detail.time_us) else np.searchsorted(detail.time_us, h.time_us, "right") - 1
     )
     for i, name in enumerate(INPUTS):
-        reach = h.reach[:, i]
+        reach = h.reach[:, i].astype(np.int16)  # -1 is a row of a gap
         code = np.where(reach == 0, ALL_MISSING, np.where(reach < 255, SOME_MISSING, 0))
         code = np.where(h.refused[:, i] > 0, h.refused[:, i], code)
         if place is not None and detail is not None:

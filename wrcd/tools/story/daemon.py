@@ -14,6 +14,7 @@ from wrcd.tools.story.words import at, seconds
 SILENT_MS = 60.0  # of Adhesion: what a receiver takes for a time-out, three cycles
 FULL = 15  # of a count in WrcdRejects: so many or more
 HIGH_LOAD_PCT = 80.0
+MAX_CLOCK_STEPS = 5  # that are told one by one
 STATUS_COUNTS = (
     ("Overruns", 256, "frames left out because the loop came too late for their slot"),
     ("ReceiveDrops", 64, "frames that the kernel dropped because the receive buffer was full"),
@@ -33,6 +34,7 @@ NOTES = frozenset({"Outliers", "LateFrames"})
 
 def daemon_findings(story: Story) -> Iterator[Finding]:
     """Of what the daemon and the bus had to bear."""
+    yield from _clock(story)
     yield from _design(story)
     yield from _state(story)
     yield from _counts(story, story.status, STATUS_COUNTS)
@@ -41,6 +43,18 @@ def daemon_findings(story: Story) -> Iterator[Finding]:
     yield from _gaps(story)
     yield from _protection(story)
     yield from _bus(story)
+
+
+def _clock(story: Story) -> Iterator[Finding]:
+    for step in story.clock_steps[:MAX_CLOCK_STEPS]:
+        yield Finding(
+            "warning",
+            f"The log's clock was set back by {seconds(step.back_us * 1e-6)} at {at(story, step.at_us)}: times here go "
+            "on from there, estimates begin anew.",
+            0, step.at_us,
+        )  # fmt: skip
+    if len(story.clock_steps) > MAX_CLOCK_STEPS:
+        yield Finding("note", f"Its clock was set back {len(story.clock_steps) - MAX_CLOCK_STEPS} more times.")
 
 
 def increase(series: Series, name: str, modulo: int) -> tuple[int, int]:

@@ -1,4 +1,5 @@
-"""What a log tells, as records of columns. Times are whole microseconds as in the log; NaN is: there is none."""
+"""What a log tells, as records of columns. Times are whole microseconds as in the log, and go on over a
+step of its clock; NaN is: there is none."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -140,6 +141,14 @@ class Finding:
 
 
 @dataclass(frozen=True, slots=True)
+class ClockStep:
+    """The log's clock was set back: when, in the time that goes on, and by how much."""
+
+    at_us: int
+    back_us: int
+
+
+@dataclass(frozen=True, slots=True)
 class Fall:
     """MuAvailable fell or rose for good: what a reader asks about first."""
 
@@ -173,3 +182,4 @@ class Story:
     config: Config
     versions: Mapping[str, str] = field(default_factory=dict)  # wrcd, design and its checksum, Python, libraries
     whole: bool = True  # all of the log could be read
+    clock_steps: tuple[ClockStep, ...] = ()

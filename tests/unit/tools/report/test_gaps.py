@@ -1,9 +1,13 @@
 """Missing frames and too many of them."""
 
+from dataclasses import replace
+
 import numpy as np
 
-from wrcd.tools.report.columns import CODE, TIME, Column
+from tests.support.story_columns import synthetic
+from wrcd.tools.report.columns import CODE, TIME, Column, pack
 from wrcd.tools.report.gaps import thin, with_gaps
+from wrcd.tools.report.tables import tables
 
 
 def test_row_of_nothing_stands_where_frames_are_missing() -> None:
@@ -47,3 +51,16 @@ def test_thinned_column_keeps_extremes_changes_and_both_ends() -> None:
 
 def test_table_within_the_limit_is_kept_whole() -> None:
     assert thin(np.zeros(100, dtype=np.float32), (), 100) is None
+
+
+def test_input_health_with_a_gap_is_packed() -> None:
+    story = synthetic(20.0, 1)
+    health = story.axles[0].health
+    assert health is not None
+    rows = (health.time_us < health.time_us[50]) | (health.time_us > health.time_us[90])
+    cut = type(health)(*(getattr(health, name)[rows] for name in health.__slots__))
+    table = tables(replace(story, axles=(replace(story.axles[0], health=cut),)))["axle1.inputs"]
+    reach = table["yaw_reach"].values
+    assert (reach == -1).any()
+    assert reach.max() == 255
+    assert pack(table).text
