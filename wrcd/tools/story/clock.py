@@ -23,7 +23,6 @@ class Onward:
 
     def __init__(self) -> None:
         self.correction_us = 0
-        self.before_us = 0  # the correction before the newest step
         self.steps: list[ClockStep] = []
         self._newest_us: int | None = None
 
@@ -61,7 +60,7 @@ class Onward:
         time_us = stamp_us + self.correction_us
         if self._newest_us is not None and self._newest_us - time_us > BEHIND_US:
             back_us = self._newest_us - time_us
-            self.steps.append(ClockStep(self._newest_us, back_us))
-            self.before_us, self.correction_us = self.correction_us, self.correction_us + back_us
+            self.steps.append(ClockStep(self._newest_us, back_us, self.correction_us))
+            self.correction_us += back_us
             time_us = self._newest_us
         self._newest_us = time_us if self._newest_us is None else max(self._newest_us, time_us)

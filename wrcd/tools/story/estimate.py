@@ -1,6 +1,6 @@
 """A log through the core: the frames that a daemon would have sent, and the changes of Validity behind them."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -15,6 +15,8 @@ from wrcd.recorder.resume import load, state_file
 from wrcd.tools.feed import outgoing, outgoing_of_stretches
 from wrcd.tools.story.clock import Onward
 from wrcd.tools.story.scan import Gathering, Scan
+
+LAST_TICK_US = 20_000  # before a step of the clock: what was not told of it yet
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,26 +36,28 @@ def estimate(
     changes: list[Change] = []
     told = core.events.total
     resumed = state_file(log).exists()  # it goes on from the state that lies beside a recorder's log
-    before = newest_us = 0
+    before = 0
     for number, o in enumerate(_made(core, log, channel, resumed, onward)):
         if number == 0:
             before = core.counts.accepted if resumed else 0
-        newest_us = o.frame.stamp_us
         gathering.put(onward.moved((o.frame, channel or "")))
         if core.events.total != told:
-            changes += _onward(core.events.since(told), newest_us, onward)
+            changes += [_onward(c, onward) for c in core.events.since(told)]
             told = core.events.total
         if number % 1024 == 0:
-            reached(newest_us + onward.correction_us)
-    changes += _onward(core.events.since(told), newest_us, onward)
+            reached(o.frame.stamp_us + onward.correction_us)
+    changes += [_onward(c, onward) for c in core.events.since(told)]
     return Estimated(gathering.done(log), tuple(changes), core.counts.accepted - before)
 
 
-def _onward(changes: Iterable[Change], newest_us: int, onward: Onward) -> Iterator[Change]:
-    """Changes in the time that goes on. One that lies behind the newest frame is of before the clock was set back."""
-    for c in changes:
-        correction_us = onward.before_us if onward.steps and c.time_us > newest_us else onward.correction_us
-        yield replace(c, time_us=c.time_us + correction_us) if correction_us else c
+def _onward(change: Change, onward: Onward) -> Change:
+    """A change in the time that goes on. Those of the tick in which the clock is set back are told after it."""
+    if not onward.steps:
+        return change
+    step = onward.steps[-1]
+    behind_us = step.at_us - (change.time_us + step.before_us)
+    correction_us = step.before_us if 0 <= behind_us < LAST_TICK_US < step.back_us else onward.correction_us
+    return replace(change, time_us=change.time_us + correction_us)
 
 
 def _made(core: Core, log: Path, channel: str | None, resumed: bool, onward: Onward) -> Iterator[Outgoing]:

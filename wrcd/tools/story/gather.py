@@ -125,6 +125,7 @@ def _axle(
         lasted = events.of_frames(number, adhesion, detail, health, cycle_us, found.begin_us, found.end_us)
     else:
         lasted = events.of_changes(number, estimated.changes, found.begin_us, found.end_us)
+        lasted = events.with_silences(lasted, adhesion.time_us, own.cycle_us("adhesion", number))
     return Axle(number, adhesion, detail, health, said, lasted)
 
 

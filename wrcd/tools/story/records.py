@@ -146,6 +146,7 @@ class ClockStep:
 
     at_us: int
     back_us: int
+    before_us: int = 0  # how far that time was ahead of the log's stamps before it
 
 
 @dataclass(frozen=True, slots=True)

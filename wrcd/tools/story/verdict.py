@@ -30,12 +30,15 @@ def judged(story: Story) -> Story:
 def _axles(story: Story) -> Iterator[Finding]:
     never = [a for a in story.axles if not _valid_s(a)]
     if never and len(never) == len(story.axles):
+        if story.end_us == story.begin_us:
+            yield Finding("bad", "All frames of the log are of one moment: there is nothing to tell of.")
+            return
         span = seconds((story.end_us - story.begin_us) * 1e-6)
         whose = "The axle" if len(never) == 1 else "No axle"
         was = "was never" if len(never) == 1 else "was ever"
         yield Finding("bad", f"{whose} {was} Valid in {span} of log: not one value was to be used.")
     for axle in story.axles:
-        if not _valid_s(axle):
+        if not _valid_s(axle) and axle.events:
             yield _never_valid(story, axle)
     for axle in story.axles:
         yield from _falls(story, axle)

@@ -16,13 +16,13 @@ from wrcd.tools.story.gather import gather
 STEP_AT_US, BACK_US = 9_000_000, 6_000_000
 
 
-def set_back(log: Path, output: Path) -> Path:
-    """The same with a clock that is set back in mid-ride."""
+def set_back(log: Path, output: Path, back_us: int = BACK_US) -> Path:
+    """The same with a clock that is set back in mid-ride; below 0: forward."""
     lines = []
     for line in log.read_text().splitlines(keepends=True):
         stamp_us = round(float(line[12:18]) + 1_000_000 * float(line[1:11]))
         if stamp_us - BEGIN_US >= STEP_AT_US:
-            stamp_us -= BACK_US
+            stamp_us -= back_us
             line = f"({stamp_us // 1_000_000}.{stamp_us % 1_000_000:06d}{line[18:]}"
         lines.append(line)
     output.write_text("".join(lines))
@@ -73,3 +73,11 @@ def test_clock_that_is_set_back_is_counted_once(ride: Ride, config: Config, tmp_
     story = gather(set_back(ride.both, tmp_path / "back.log"), config, replay=True)
     (told,) = [f for f in story.verdict if f.text.startswith("TimeSteps")]
     assert told.text.startswith("TimeSteps: 1 ")
+
+
+def test_clock_that_is_set_forward_leaves_no_state_that_holds(ride: Ride, config: Config, tmp_path: Path) -> None:
+    story = gather(set_back(ride.log, tmp_path / "forward.log", -1_000_000_000), config)
+    (silent,) = [e for e in story.axles[0].events if e.detail == "no frame of wrcd"]
+    assert silent.duration_s == pytest.approx(1000.0, abs=0.1)
+    valid_s = sum(e.duration_s for e in story.axles[0].events if e.validity is Validity.VALID)
+    assert 5.0 < valid_s < 11.0
