@@ -76,10 +76,12 @@ def newest(time_us: Times, at_us: int, max_age_us: int) -> int | None:
 
 
 def value_at(series: Series | None, name: str, at_us: int, max_age_us: int = INPUT_MAX_AGE_US) -> float:
-    """A value of a series at a time, NaN if there is none. Of a series of two constants the first holds."""
+    """A value of a series at a time, NaN if there is none. What comes of a constant holds, or grows, all along."""
     if series is None or name not in series.values:
         return math.nan
-    place = newest(series.time_us, at_us, max_age_us if len(series.time_us) > 2 else 1 << 62)
+    if series.constant:
+        return float(np.interp(at_us, series.time_us, series.values[name]))
+    place = newest(series.time_us, at_us, max_age_us)
     return math.nan if place is None else float(series.values[name][place])
 
 

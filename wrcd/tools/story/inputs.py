@@ -92,7 +92,7 @@ class Inputs:
         constant = self._config.constant_speed_m_s
         if constant is None:
             return None
-        return Series(np.array([scan.begin_us, scan.end_us], np.int64), {"speed_m_s": np.full(2, constant)})
+        return Series(np.array([scan.begin_us, scan.end_us], np.int64), {"speed_m_s": np.full(2, constant)}, True)
 
     def torque(self, scan: Scan, place: int) -> Series | None:
         """The torque at an axle (its place), all signals that add up to it and the brakes' included."""
@@ -156,7 +156,7 @@ def distance(speed: Series | None) -> Series | None:
     if not len(time_us):
         return None
     steps_s = np.diff(time_us)
-    if len(time_us) > 2:
+    if not speed.constant:
         steps_s = steps_s.clip(0, MAX_HOLD_US)
     metres = np.concatenate(([0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) * steps_s * 1e-6)))
-    return Series(time_us, {"distance_m": metres})
+    return Series(time_us, {"distance_m": metres}, speed.constant)

@@ -100,6 +100,7 @@ class Series:
 
     time_us: Times
     values: Mapping[str, NDArray[np.float64]]
+    constant: bool = False  # what the configuration says holds from the first to the last
 
 
 @dataclass(frozen=True, slots=True)
