@@ -9,6 +9,7 @@ from wrcd.core.causes import Validity
 from wrcd.core.vocabulary import MESSAGES, Numeric
 from wrcd.tools.report.columns import CODE, NUMBER, TIME, Column, step_of
 from wrcd.tools.report.gaps import thin, with_gaps
+from wrcd.tools.story.counts import NO_COUNTS, added
 from wrcd.tools.story.explain import INPUT_MAX_AGE_US
 from wrcd.tools.story.records import Adhesion, Axle, Detail, Health, Series, Story, Times, Truth
 from wrcd.tools.story.statistics import SECOND_US
@@ -178,14 +179,12 @@ def _series(story: Story, series: Series) -> Table:
 def _counts(story: Story, series: Series, key: str) -> Table:
     """States as codes, counts as what was added since the frame before: WrcdRejects says so itself, others count on."""
     table = {"time": _time(story, series.time_us)}
+    grown = added(series, key)
     for name, values in series.values.items():
-        kind = MESSAGES[key].get(name)
-        if not isinstance(kind, Numeric):
+        if not isinstance(MESSAGES[key].get(name), Numeric):
             table[name] = Column(values, 1.0, CODE)
-        elif name != "DesignChecksum":
-            on = key != "rejects_message" or name == "ForeignFrames"
-            added = np.diff(values, prepend=values[:1]) % (kind.high + 1.0) if on else values
-            table[name] = Column(added, 1.0)
+        elif name not in NO_COUNTS:
+            table[name] = Column(grown.get(name, values), 1.0)
     return with_gaps(table, series.time_us, DAEMON_US)
 
 

@@ -47,7 +47,7 @@ def of_frames(
         start = int(time_us[a]) if out or i else begin_us
         next_us = int(time_us[b + 1]) if b + 1 < len(time_us) else end_us
         silent = next_us - int(time_us[b]) > STALE_AFTER * cycle_us
-        stop = min(int(time_us[b]) + cycle_us, next_us) if silent else next_us
+        stop = int(time_us[b]) + STALE_AFTER * cycle_us if silent else next_us
         place = int(adhesion.validity[a])
         validity = VALIDITIES[place] if place >= 0 else Validity.NOT_AVAILABLE
         cause = CAUSES.get(int(causes[a]), Cause.NONE)
@@ -119,7 +119,7 @@ def with_silences(events: Iterable[Event], time_us: Times, cycle_us: int) -> tup
     """The same events; where no frame comes for longer than three cycles, as over a step of time, no state holds."""
     out = list(events)
     for k in np.flatnonzero(np.diff(time_us) > STALE_AFTER * cycle_us).tolist():
-        begin, end = int(time_us[k]) + cycle_us, int(time_us[k + 1])
+        begin, end = int(time_us[k]) + STALE_AFTER * cycle_us, int(time_us[k + 1])
         parts: list[Event] = []
         for e in out:
             parts += [replace(e, end_us=min(e.end_us, begin)), replace(e, begin_us=max(e.begin_us, end))]

@@ -10,7 +10,7 @@ from wrcd.core.vocabulary import MESSAGES, Words
 from wrcd.errors import InputError
 from wrcd.estimator.design import Design
 from wrcd.tools.explain import sentence
-from wrcd.tools.story.events import INPUT_NAMES, REASONS, STALE_AFTER, VALIDITIES
+from wrcd.tools.story.events import INPUT_NAMES, NO_FRAME, REASONS, STALE_AFTER, VALIDITIES
 from wrcd.tools.story.records import Axle, Event, Series, Story, Times
 from wrcd.tools.story.words import because
 
@@ -108,8 +108,9 @@ def explain(story: Story, axle_number: int, time_us: int) -> Explanation:
     axle, design = find_axle(story, axle_number), story.config.design
     a = axle.adhesion
     cycle_us = next(x.adhesion.cycle_us for x in story.config.axles if x.number == axle_number)
-    row = newest(a.time_us, time_us, STALE_AFTER * cycle_us)
     event = event_at(axle, time_us)
+    silent = event is not None and not event.cause and event.detail == NO_FRAME
+    row = None if silent else newest(a.time_us, time_us, STALE_AFTER * cycle_us)
     d, h, t = axle.detail, axle.health, axle.truth
     told = None if d is None else newest(d.time_us, time_us, DETAIL_MAX_AGE_US)
     heard = None if h is None else newest(h.time_us, time_us, DETAIL_MAX_AGE_US)

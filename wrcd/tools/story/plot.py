@@ -221,7 +221,7 @@ def broken(frames: SomeFrames, cycle_us: int) -> SomeFrames:
     columns = {f.name: getattr(frames, f.name) for f in fields(frames)}
     nothing = {name: np.nan if c.dtype.kind == "f" else 0 if c.dtype.kind == "b" else -1 for name, c in columns.items()}
     made = {name: np.insert(c, at, nothing[name], axis=0) for name, c in columns.items()}
-    made["time_us"] = np.insert(frames.time_us, at, frames.time_us[at - 1] + cycle_us)
+    made["time_us"] = np.insert(frames.time_us, at, frames.time_us[at - 1] + STALE_AFTER * cycle_us)
     return type(frames)(**made)
 
 

@@ -9,12 +9,16 @@ import numpy as np
 from wrcd.core.causes import Cause, Validity
 from wrcd.tools.story.accuracy import accuracy
 from wrcd.tools.story.daemon import daemon_findings
+from wrcd.tools.story.falls import UNBOUNDED_PP
 from wrcd.tools.story.records import Axle, Event, Fall, Finding, Story
 from wrcd.tools.story.words import at, because, causes, lasting, name, percent, seconds, total_s
 
 LEVELS = ("bad", "warning", "note", "good")
+GOOD_HELD = 0.85  # of frames, whose interval of nine in ten holds the truth
 MAX_FALLS = 8  # that are told of an axle; the story has them all
 MAX_OUTAGES, MIN_OUTAGE_S = 3, 0.5  # that are told of an axle
+MAX_WARM_UPS, MIN_SHARE = 2.0, 0.5  # windows that a start may take in a short log, and what it must leave
+MIN_CAUSE_S = 0.2
 GOOD_SHARE = 0.9  # Valid: less is a warning
 
 
@@ -116,11 +120,10 @@ def _outages(story: Story, axle: Axle) -> Iterator[Finding]:
         return
     longest = sorted(runs, key=lambda run: -total_s(run))[:MAX_OUTAGES]
     for run in sorted(longest, key=lambda run: run[0].begin_us):
-        main = max(run, key=lambda e: e.duration_s)
         begin, end = at(story, run[0].begin_us).removesuffix(" s"), at(story, run[-1].end_us)
         yield Finding(
             "warning",
-            f"Axle {axle.number} was not Valid from {begin} to {end} ({seconds(total_s(run))}): {because(main)} "
+            f"Axle {axle.number} was not Valid from {begin} to {end} ({seconds(total_s(run))}): {because(_began(run))} "
             f"({causes(run)}).",
             axle.number, run[0].begin_us, run[-1].end_us,
         )  # fmt: skip
@@ -129,6 +132,11 @@ def _outages(story: Story, axle: Axle) -> Iterator[Finding]:
         yield Finding(
             "note", f"Axle {axle.number}: {more} more times of {MIN_OUTAGE_S:g} s or longer not Valid.", axle.number
         )
+
+
+def _began(run: list[Event]) -> Event:
+    """What began a time not Valid: the first cause that lasted long enough for AdhesionDetail to tell of it twice."""
+    return next((e for e in run if e.duration_s >= MIN_CAUSE_S), max(run, key=lambda e: e.duration_s))
 
 
 def _begins_not_valid(axle: Axle) -> bool:
@@ -150,7 +158,10 @@ def _share(story: Story, axle: Axle) -> Finding:
         if lasted:
             parts.append(f"{validity.value} {seconds(total_s(lasted))} ({causes(lasted)})")
     odd = [e for e in axle.events if e.validity is not Validity.VALID and e.cause is not Cause.WARMING_UP]
-    level = "warning" if share < GOOD_SHARE and odd else "note" if odd else "good"
+    warm_up_s = total_s(e for e in axle.events if e.cause is Cause.WARMING_UP)
+    short = warm_up_s <= MAX_WARM_UPS * story.config.design.window_s and share >= MIN_SHARE
+    good = share >= GOOD_SHARE or (short and not odd)
+    level = "good" if good and not odd else "note" if good or not odd else "warning"
     return Finding(
         level,
         f"Axle {axle.number} was Valid for {100 * share:.1f} % of {seconds(span_s)}"
@@ -186,17 +197,19 @@ def _truth(story: Story, axle: Axle) -> Iterator[Finding]:
         if found.bounded
         else "no frame stated an interval"
     )
+    good = found.bounded and not found.lie_s and found.held_share >= GOOD_HELD
+    bare = not found.bounded and found.mean_error_pp > UNBOUNDED_PP
     yield Finding(
-        "good" if not found.lie_s else "note",
+        "good" if good else "warning" if bare else "note",
         f"Axle {axle.number} against the truth, while Valid: mean error {found.mean_error_pp:+.1f} pp, mean absolute "
         f"error {found.mean_absolute_pp:.1f} pp; {held}.",
         axle.number,
     )
-    if found.worst_pp > 0 and found.lie_s:
+    if found.worst_pp > 0 and (found.lie_s or bare):
+        lay = f"; the whole interval lay above the truth for {seconds(found.lie_s)} in all" if found.lie_s else ""
         yield Finding(
             "warning",
             f"Axle {axle.number}: worst Valid claim {percent(found.worst_said_pct)} % where "
-            f"{percent(found.worst_truth_pct)} % was there, at {at(story, found.worst_at_us)}; the whole interval lay "
-            f"above the truth for {seconds(found.lie_s)} in all.",
+            f"{percent(found.worst_truth_pct)} % was there, at {at(story, found.worst_at_us)}{lay}.",
             axle.number, found.worst_at_us,
         )  # fmt: skip

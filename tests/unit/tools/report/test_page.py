@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 
 from tests.support.story_columns import synthetic
-from wrcd.core.causes import Cause
+from wrcd.core.causes import Cause, Validity
 from wrcd.tools.report import page
 from wrcd.tools.report.differences import differences
+from wrcd.tools.report.text import causes
 from wrcd.tools.story.records import Finding, MessageStatistics
 
 MAX_BYTES = 10_000_000
@@ -159,3 +160,11 @@ def test_every_cause_has_a_word_in_the_strips(cause: Cause) -> None:
 
     assert _validity_words()[64 + int(cause)][0] == cause.label
     assert _validity_words()[int(cause)][1] == "none"
+
+
+def test_cause_table_says_where_no_frame_came() -> None:
+    story = synthetic(20.0, 1)
+    a = story.axles[0]
+    silent = replace(a.events[0], validity=Validity.NOT_AVAILABLE, cause=Cause.NONE, detail="no frame of wrcd")
+    found = Elements(causes(replace(story, axles=(replace(a, events=(silent, *a.events[1:])),))))
+    assert "no frame of wrcd" in found.words
