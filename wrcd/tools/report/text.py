@@ -171,7 +171,7 @@ def bus(story: Story) -> str:
         ))  # fmt: skip
     heads = ("id", "message", "role", "frames", "mean rate, 1/s", "cycle, ms", "longest gap, ms", "gap from", "E2E")
     errors = len(story.bus.error_frames)
-    line = f"Load at {story.bus.bit_rate / 1000:g} kbit/s. " + (
+    line = f"Load at an assumed {story.bus.bit_rate / 1000:g} kbit/s (--bit-rate). " + (
         f"{errors} error frames." if errors else "No error frame."
     )
     return f"<p>{escape(line)}</p>\n{table(heads, rows, escaped=True, words=(1, 2, 8))}"

@@ -213,6 +213,6 @@ def _bus(story: Story) -> Iterator[Finding]:
         yield Finding(
             "warning",
             f"Bus load up to {story.bus.load_pct[most]:.0f} % at {at(story, at_us)}, at an assumed "
-            f"{story.bus.bit_rate // 1000} kbit/s.",
+            f"{story.bus.bit_rate / 1000:g} kbit/s.",
             0, at_us,
         )  # fmt: skip

@@ -97,15 +97,15 @@ class Inputs:
     def torque(self, scan: Scan, place: int) -> Series | None:
         """The torque at an axle (its place), all signals that add up to it and the brakes' included."""
         parts = [
-            (time_us, values)
+            (time_us, values, i.timeout_us)
             for i in (*self._all(Quantity.TORQUE, place), *self._all(Quantity.BRAKE_TORQUE, place))
             for time_us, values in [self.values(scan, i)]
         ]
         if not parts or not len(parts[0][0]):
             return None
-        time_us, total = parts[0]
-        for other_us, values in parts[1:]:
-            total = total + _newest(other_us, values, time_us)
+        time_us, total, _ = parts[0]
+        for other_us, values, timeout_us in parts[1:]:
+            total = total + _newest(other_us, values, time_us, timeout_us)
         return Series(time_us, {"torque_Nm": total})
 
 
@@ -138,12 +138,13 @@ def _column(frames: Frames, reader: MessageReader, s: SignalReader) -> FloatArra
     return np.where(usable, values, np.nan)
 
 
-def _newest(time_us: NDArray[np.int64], values: FloatArray, at_us: NDArray[np.int64]) -> FloatArray:
-    """The newest value at each time, NaN where there is none yet."""
+def _newest(time_us: NDArray[np.int64], values: FloatArray, at_us: NDArray[np.int64], max_age_us: int) -> FloatArray:
+    """The newest value at each time, NaN where there is none yet or it is older than that."""
     if not len(time_us):
         return np.full(len(at_us), np.nan)
     places = np.searchsorted(time_us, at_us, side="right") - 1
-    return np.where(places >= 0, values[places.clip(0)], np.nan)
+    at = places.clip(0)
+    return np.where((places >= 0) & (at_us - time_us[at] <= max_age_us), values[at], np.nan)
 
 
 def distance(speed: Series | None) -> Series | None:

@@ -126,7 +126,7 @@ class BusStatistics:
     time_us: Times  # one a second, when it begins
     frames_per_s: Numbers
     load_pct: Numbers  # at bit_rate, with the mean of fewest and most stuff bits
-    bit_rate: int  # assumed, bit/s
+    bit_rate: int  # assumed or given, bit/s: no log tells it
     error_frames: Times  # their time stamps
 
 

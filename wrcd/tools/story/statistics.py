@@ -27,7 +27,7 @@ def bits(frames: Frames, extended: bool) -> NDArray[np.float64]:
 
 def bus(
     scan: Scan, config: Config, databases: Sequence[Database], truth: frozenset[int], own: frozenset[int],
-    wrong: Mapping[int, int],
+    wrong: Mapping[int, int], bit_rate: int = BIT_RATE,
 ) -> BusStatistics:  # fmt: skip
     """Statistics of every id; truth and own are keys, wrong the frames by key whose E2E check fails."""
     names, cycles = _known(config, databases)
@@ -43,7 +43,9 @@ def bus(
         load += np.bincount(at, weights=bits(frames, bool(key & EXTENDED)), minlength=len(seconds))
         role = "input" if key in mapped else "output" if key in own else "truth" if key in truth else "other"
         gaps = np.diff(frames.time_us)
-        widest = int(gaps.argmax()) if len(gaps) else 0
+        # the silence to the log's end counts: of an input that died it is the gap
+        silent = np.append(gaps, scan.end_us - frames.time_us[-1]) if len(gaps) else gaps
+        widest = int(silent.argmax()) if len(gaps) else 0
         messages.append(
             MessageStatistics(
                 key,
@@ -51,7 +53,7 @@ def bus(
                 role,
                 len(frames),
                 float(1e6 * len(gaps) / max(frames.time_us[-1] - frames.time_us[0], 1)) if len(gaps) else 0.0,
-                float(gaps[widest] / 1000) if len(gaps) else float("nan"),
+                float(silent[widest] / 1000) if len(gaps) else float("nan"),
                 int(frames.time_us[widest]),
                 cycles.get(key, float("nan")),
                 wrong.get(key, -1),
@@ -65,8 +67,8 @@ def bus(
         tuple(messages),
         scan.begin_us + SECOND_US * seconds,
         (counts / length_s).astype(np.float32),
-        (100 * load / length_s / BIT_RATE).astype(np.float32),
-        BIT_RATE,
+        (100 * load / length_s / bit_rate).astype(np.float32),
+        bit_rate,
         np.array(sorted(scan.errors_us), dtype=np.int64),
     )
 

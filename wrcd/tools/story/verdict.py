@@ -18,7 +18,6 @@ GOOD_HELD = 0.85  # of frames, whose interval of nine in ten holds the truth
 MAX_FALLS = 8  # that are told of an axle; the story has them all
 MAX_OUTAGES, MIN_OUTAGE_S = 3, 0.5  # that are told of an axle
 MAX_WARM_UPS, MIN_SHARE = 2.0, 0.5  # windows that a start may take in a short log, and what it must leave
-MIN_CAUSE_S = 0.2
 GOOD_SHARE = 0.9  # Valid: less is a warning
 
 
@@ -135,8 +134,9 @@ def _outages(story: Story, axle: Axle) -> Iterator[Finding]:
 
 
 def _began(run: list[Event]) -> Event:
-    """What began a time not Valid: the first cause that lasted long enough for AdhesionDetail to tell of it twice."""
-    return next((e for e in run if e.duration_s >= MIN_CAUSE_S), max(run, key=lambda e: e.duration_s))
+    """What a time not Valid is from: the longest cause before the window began to fill again."""
+    before = list(itertools.takewhile(lambda e: e.cause is not Cause.WARMING_UP, run))
+    return max(before or run, key=lambda e: e.duration_s)
 
 
 def _begins_not_valid(axle: Axle) -> bool:

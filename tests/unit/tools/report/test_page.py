@@ -15,6 +15,7 @@ from wrcd.core.causes import Cause, Validity
 from wrcd.tools.report import page
 from wrcd.tools.report.differences import differences
 from wrcd.tools.report.text import causes
+from wrcd.tools.story.compare import compare
 from wrcd.tools.story.records import Finding, MessageStatistics
 
 MAX_BYTES = 10_000_000
@@ -168,3 +169,11 @@ def test_cause_table_says_where_no_frame_came() -> None:
     silent = replace(a.events[0], validity=Validity.NOT_AVAILABLE, cause=Cause.NONE, detail="no frame of wrcd")
     found = Elements(causes(replace(story, axles=(replace(a, events=(silent, *a.events[1:])),))))
     assert "no frame of wrcd" in found.words
+
+
+def test_one_page_states_one_distance_of_its_two_sides() -> None:
+    story, other = synthetic(30.0, 1), synthetic(30.0, 1, 2, "other.log")
+    (compared,) = compare(story, other).axles
+    found = {d.what: d.there for d in differences(story, other)}
+    assert found["available, mean distance of the two where both are Valid"] == compared.mean_absolute_pp
+    assert abs(compared.worst_pp) in [v for name, v in found.items() if "largest distance" in name]

@@ -283,6 +283,6 @@ def test_log_that_is_mostly_warming_up_is_not_good(config: Config) -> None:
 
 def test_outage_is_told_with_the_cause_that_began_it(config: Config) -> None:
     a = adhesion(np.full(500, 30.0), [VALID] * 100 + [NOT_AVAILABLE] * 100 + [VALID] * 300)
-    causes = [0] * 20 + [Cause.INPUT_SILENT] * 4 + [Cause.WARMING_UP] * 16 + [0] * 60
+    causes = [0] * 20 + [Cause.INPUT_SILENT] + [Cause.WARMING_UP] * 19 + [0] * 60
     finding = only(story(config, axle(a, detail(500, causes))), "was not Valid")
-    assert "an input is silent or refused (WarmingUp 1.6 s, InputSilent 0.40 s)" in finding.text
+    assert "an input is silent or refused (WarmingUp 1.9 s, InputSilent 0.10 s)" in finding.text
