@@ -1,6 +1,6 @@
 # make demo   set up, then play a wheelset onto a CAN bus and watch the estimate against the truth
 # make test   set up, then all tests: on the host, then on a real kernel's vcan and under real systemd
-# make walk   a new user's first hour in a clone of the last commit: demo, own DBC, a bus, screens and pages; 3 minutes
+# make walk   a new user's first hour in a clone of the last commit: demo, own DBC, a bus, screens and pages; 4 minutes
 # make lint   format, lint, types: seconds
 # make check  make lint, then make test
 # make docs   prints what the pages quote from the program again, and builds their site into build/site; make docs-all the score and the fault matrix too, twenty minutes

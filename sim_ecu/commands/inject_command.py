@@ -30,7 +30,7 @@ def _run(args: argparse.Namespace) -> int:
         raise InputError("is missing", key="SCENARIO", hint="see sim-ecu list; --list names the faults")
     scenario = load_scenario(args.scenario)
     numbers = [a.number for a in scenario.axles]
-    faults = (*scenario.faults, *(parse_fault(spec, numbers) for spec in args.fault))
+    faults = (*scenario.faults, *(parse_fault(spec, numbers, scenario.duration_s) for spec in args.fault))
     if not faults:
         raise InputError("is missing", key="--fault", hint="--list names the kinds")
     return played(replace(scenario, faults=faults), args)

@@ -1,17 +1,20 @@
 """`sim-ecu demo`: rig and daemon on one bus, the estimate against the truth as it goes; then what came of it."""
 
 import contextlib
+import math
+import shlex
 import sys
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from sim_ecu import resources
 from sim_ecu.play import demo_summary
 from sim_ecu.play.demo_picture import draw
-from sim_ecu.play.demo_screen import Screen
+from sim_ecu.play.demo_screen import SHOWN, Screen
 from sim_ecu.play.interface import open_bus
 from sim_ecu.play.mapped import MappedTrain
-from sim_ecu.play.observer import Observer
+from sim_ecu.play.observer import Observer, Trace
 from sim_ecu.play.pace import Pace, RealPace
 from sim_ecu.play.play import RealTime, Tally
 from sim_ecu.play.scenario import Scenario, load_scenario
@@ -19,12 +22,10 @@ from sim_ecu.play.train import PACKAGED, Train
 from wrcd.bus import pythoncan
 from wrcd.bus.opening import open_link
 from wrcd.config import DEFAULT_AXLES, load_config, load_packaged
-from wrcd.core.causes import Validity
 from wrcd.core.configuration import Config
 from wrcd.core.core import Core
 from wrcd.core.events import Change
 from wrcd.errors import Status
-from wrcd.service.journal import log_line
 from wrcd.service.loop import Daemon
 
 SHOW_EVERY_S = 0.5
@@ -61,7 +62,7 @@ def run(interface: str, channel: str, scenario_name: str, folder: Path, config_f
     draw(scenario, traces, picture)
     print(f"log      {_shown(log)}\npicture  {_shown(picture)}")
     _report(log, report, config_file)
-    _ask(log, [c for c in changes if c.axle in numbers], first_s)
+    _ask(log, traces, config, config_file)
     good = any(demo_summary.valid_pairs(trace) for trace in traces.values())
     if not good:
         print("sim-ecu: no valid estimate was seen", file=sys.stderr)
@@ -85,8 +86,15 @@ def _play(
         cleanup.callback(link.close)
         own_stamps = {"preserve_timestamps": True} if interface == "virtual" else {}
         rig_bus = cleanup.enter_context(open_bus(interface, channel, train.has_fd, **own_stamps))
-        daemon = Daemon(core, link, clock=pace.wall_us, steady=pace.steady_us, write=_log)
-        screen, changes = Screen(numbers), list[Change]()
+        screen, changes = Screen(numbers, _unmapped(config, numbers)), list[Change]()
+
+        def tell(line: str) -> None:
+            """The daemon's log without the changes of Validity, which the screen tells in words."""
+            if not line.startswith("axle "):
+                now_s = pace.wall_us() * 1e-6
+                screen.daemon(line, now_s - (now_s if observer.first_s is None else observer.first_s))
+
+        daemon = Daemon(core, link, clock=pace.wall_us, steady=pace.steady_us, write=tell)
         screen.begin()
         rig = RealTime(scenario, rig_bus, None, ahead=True, train=train, clock=pace)
         shown_s = 0.0
@@ -115,10 +123,10 @@ def _play(
     return observer, changes, rig.tally, came_to
 
 
-def _log(line: str) -> None:
-    """The daemon's log without the changes of Validity, which the screen tells in words."""
-    if not line.startswith("axle "):
-        log_line(line)
+def _unmapped(config: Config, numbers: Sequence[int]) -> list[str]:
+    """What the screen would show of these axles, and some of them do not send."""
+    sent = [a.adhesion.signals for a in config.axles if a.number in numbers]
+    return [name for name in SHOWN if any(name not in signals for signals in sent)]
 
 
 def default_bus() -> tuple[str, str]:
@@ -145,9 +153,18 @@ def _report(log: Path, report: Path, config_file: Path | None) -> None:
         print("Open it in a browser: what happened, when, and why.")
 
 
-def _ask(log: Path, changes: list[Change], first_s: float) -> None:
-    """The command that explains the first time that an estimate was Degraded."""
-    for c in changes:
-        if c.after is Validity.DEGRADED:
-            print(f"Why was it Degraded? wrcd why {_shown(log)} {c.time_us * 1e-6 - first_s:.2f} --axle {c.axle}")
-            return
+def _ask(log: Path, traces: Mapping[int, Trace], config: Config, config_file: Path | None) -> None:
+    """The command that explains the first time that an estimate was Degraded: at a frame that said so, rounded up, for
+    what is before the frame was still another state. Where the frames do not tell causes it estimates them."""
+    degraded = [
+        (t, number) for number, trace in traces.items() for t, a in trace.adhesion if a["Validity"] == "Degraded"
+    ]
+    if not degraded:
+        return
+    time_s, number = min(degraded)
+    words = ["wrcd", "why", str(_shown(log)), f"{math.ceil(time_s * 100 - 1e-3) / 100:.2f}", "--axle", str(number)]
+    if config_file is not None:
+        words += ["--config", str(config_file)]
+    if any(a.number == number and a.detail is None for a in config.axles):
+        words.append("--replay")
+    print(f"Why was it Degraded? {shlex.join(words)}")

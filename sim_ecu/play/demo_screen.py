@@ -3,7 +3,7 @@
 import shutil
 import sys
 import textwrap
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 from sim_ecu.play.observer import Trace
 from wrcd.core.causes import Cause, Validity
@@ -13,6 +13,7 @@ from wrcd.core.vocabulary import CONFIDENCES
 FULL_SCALE_PCT = 50
 WIDE, NARROW = 50, 20  # columns of the bar
 FULL_LINE = 126  # columns of a line with the wide bar and every word; a narrow one fits into 80
+SHOWN = ("Confidence", "ContactState", "Surface")  # of Adhesion, what a configuration may leave out
 AGAIN_US = 1_000_000  # the same Validity for the same cause is told once in this time
 HALF_WIDTHS = {name: half_width for half_width, name in CONFIDENCES}
 
@@ -24,9 +25,10 @@ Each line is a moment of one axle: adhesion (force between wheel and rail over l
 
 
 class Screen:
-    """Prints. Of the changes those of some axles (numbers) only."""
+    """Prints. Of the changes those of some axles (numbers) only. unmapped: of SHOWN, what is not sent."""
 
-    def __init__(self, numbers: Iterable[int]) -> None:
+    def __init__(self, numbers: Iterable[int], unmapped: Sequence[str] = ()) -> None:
+        self._unmapped = unmapped
         self._numbers = set(numbers)
         self._columns = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
         self._wide = self._columns is None or self._columns >= FULL_LINE
@@ -35,8 +37,11 @@ class Screen:
         self._lost: dict[int, Change] = {}  # by axle: with what it ceased to be Valid
 
     def begin(self) -> None:
-        """What the signs mean, and the scale."""
+        """What the signs mean, what is not shown, and the scale."""
         print(f"\n{LEGEND.format(full=FULL_SCALE_PCT)}\n")
+        if self._unmapped:
+            so = ": no interval is shown" if "Confidence" in self._unmapped else ": not shown"
+            print(f"This configuration sends no {', '.join(self._unmapped)}{so}.\n")
         scale = [" "] * (self._width + 4)
         for pct in range(0, FULL_SCALE_PCT + 1, 10):
             at = self._place(pct)
@@ -60,8 +65,10 @@ class Screen:
         if isinstance(mu := a["MuAvailable"], float):
             at = self._place(mu)
             bar[at] = "*" if bar[at] == "T" else "E"
+            shown = f"{mu:.1f} %"
             half_width = HALF_WIDTHS.get(str(a.get("Confidence")), float("inf"))
-            shown = f"{mu:.1f} ± {half_width:.0f} %" if half_width < float("inf") else f"{mu:.1f} ± ? %"
+            if "Confidence" not in self._unmapped:
+                shown = f"{mu:.1f} ± {half_width:.0f} %" if half_width < float("inf") else f"{mu:.1f} ± ? %"
         line = (
             f"{t:5.1f} s A{number} |{''.join(bar)}| truth {true['MuAvailable']:4.1f} %  wrcd {shown:>11}  "
             f"{a['Validity']!s:12}"
@@ -81,10 +88,15 @@ class Screen:
             key = c.axle, c.after, c.cause
             if c.time_us - self._told.get(key, -AGAIN_US) >= AGAIN_US:
                 self._told[key] = c.time_us
-                line = f"{max(c.time_us * 1e-6 - first_s, 0.0):5.1f} s axle {c.axle}: {text}"
-                print(
-                    textwrap.fill(line, self._columns, subsequent_indent=" " * 8) if self._columns else line, flush=True
-                )
+                self._print(c.time_us * 1e-6 - first_s, f"axle {c.axle}: {text}")
+
+    def daemon(self, line: str, time_s: float) -> None:
+        """A line of the daemon's log, at a time after the first frame."""
+        self._print(time_s, f"daemon: {line}")
+
+    def _print(self, time_s: float, text: str) -> None:
+        line = f"{max(time_s, 0.0):5.1f} s {text}"
+        print(textwrap.fill(line, self._columns, subsequent_indent=" " * 8) if self._columns else line, flush=True)
 
     def _change(self, c: Change) -> str:
         if c.after is Validity.VALID:

@@ -1,5 +1,6 @@
 """What can go wrong between a sensor and the daemon, as data: kinds of fault, and how one is asked for."""
 
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -140,8 +141,9 @@ def read_fault(s: Section, numbers: Sequence[int], at: str = "at_s", duration: s
     return fault
 
 
-def parse_fault(spec: str, numbers: Sequence[int]) -> Fault:
-    """A fault as on the command line, e.g. crc:at=3,for=0.5,of=yaw_rate,axle=1. Raises InputError."""
+def parse_fault(spec: str, numbers: Sequence[int], end_s: float = math.inf) -> Fault:
+    """A fault as on the command line, e.g. crc:at=3,for=0.5,of=yaw_rate,axle=1. Raises InputError, also for one that
+    would begin at or behind the scenario's end."""
     name, _, rest = spec.partition(":")
     if name not in KINDS:
         hint = suggest(name, KINDS) or f"kinds: {', '.join(KINDS)}"
@@ -153,9 +155,15 @@ def parse_fault(spec: str, numbers: Sequence[int]) -> Fault:
             raise InputError(f"{part!r} is not KEY=VALUE", key=f"--fault {spec}", hint="e.g. crc:at=3,for=0.5,axle=1")
         lines.append(f"{key} = {value if _is_number(value) else repr(value)}")
     try:
-        return read_fault(parse_toml("\n".join(lines), "--fault"), numbers, "at", "for")
+        fault = read_fault(parse_toml("\n".join(lines), "--fault"), numbers, "at", "for")
     except InputError as e:
         raise InputError(e.reason, key=f"--fault {spec}: {e.key}".removesuffix(": "), hint=e.hint) from None
+    if fault.at_s >= end_s:
+        raise InputError(
+            f"{fault.at_s:g} s is not before the scenario's end", key=f"--fault {spec}: at",
+            hint=f"it lasts {end_s:g} s",
+        )  # fmt: skip
+    return fault
 
 
 def _is_number(text: str) -> bool:

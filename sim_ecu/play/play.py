@@ -24,6 +24,7 @@ from wrcd.tools.progress import Progress
 
 # A log made without a bus begins at this moment, so that the same scenario gives the same bytes.
 LOG_START_US = 1_700_000_000_000_000
+MAX_SAMPLES = 20  # of a step: a computer that never catches up hears Ctrl-C all the same
 
 
 @dataclass(slots=True)
@@ -119,9 +120,11 @@ class RealTime:
         return max(self._start_ns + self._next[0] * 1000 - self._clock.monotonic_ns(), 0) * 1e-9
 
     def step(self) -> bool:
-        """Send the samples that are due by now. False when the scenario is over. Deadlines are absolute: a late
-        sample does not move the next one."""
-        while self._next is not None:
+        """Send the samples that are due by now, MAX_SAMPLES of them at most. False when the scenario is over. Deadlines
+        are absolute: a late sample does not move the next one."""
+        for _ in range(MAX_SAMPLES):
+            if self._next is None:
+                break
             late_us = self._now_us() - self._next[0]
             if late_us < 0:
                 return True
@@ -132,6 +135,8 @@ class RealTime:
                 for f in self._next[1]:
                     self._send(f)
             self._next = next(self._samples, None)
+        if self._next is not None:
+            return True
         if self._moments:
             self._tell(self._moments[-1][0])
         return False

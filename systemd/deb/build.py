@@ -116,8 +116,8 @@ def _program(tree: Path, site: Path, python: str, version: str) -> None:
     (home / "bin" / f"python{python}").symlink_to(f"/usr/bin/python{python}")
     (home / "bin/python3").symlink_to(f"python{python}")
     (home / "bin/python").symlink_to(f"python{python}")
-    for name, module in (("wrcd", "wrcd.tools.cli"), ("sim-ecu", "sim_ecu.cli")):
-        (home / "bin" / name).write_text(ENTRY.format(home=HOME, module=module))
+    # no sim-ecu: the packages that it needs are no part of this one
+    (home / "bin/wrcd").write_text(ENTRY.format(home=HOME, module="wrcd.tools.cli"))
     (home / "pyvenv.cfg").write_text("home = /usr/bin\ninclude-system-site-packages = false\n")
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from tests.support.changes import changes
+from tests.support.page_commands import run_by
 from tests.support.processes import ROOT
 from tests.support.unit_train import UNIT, Train, journal, main_pid, output, prop, systemctl
 from wrcd import __version__
@@ -135,11 +136,13 @@ def test_wheel_is_run_upgraded_from_hand_made_files_and_removed_without_a_trace(
     check_running(train, __version__, "/usr/local/lib/systemd/system/wrcd@.service")
     check_kept()
 
-    said = run(WRCD, "uninstall")
+    uninstall, remove = run_by("tests/hil/test_install.py", "docs/how-to/install-on-train.md")[0].commands
+    said = run(*uninstall.split())
     assert f"stopped: {UNIT}\n" in said
     assert run("systemctl", "cat", UNIT, status=1)
     check_kept()
-    for folder in (HOME, CONFIG.parent, DUMP.parents[1], Path("/var/lib/private/wrcd")):
+    run(*remove.split())
+    for folder in (CONFIG.parent, DUMP.parents[1], Path("/var/lib/private/wrcd")):
         shutil.rmtree(folder)
     assert changes(*SYSTEMD) == before
     RMEM.write_text(rmem)

@@ -10,9 +10,11 @@ above the fence says what is not so:
     <!-- run: guest -->               it needs root and a kernel to throw away
     <!-- run: stop after 3 s -->      its last command goes on until Ctrl-C, which comes then
     <!-- run: stop 2 s after its first line -->   the same, for one that takes its time until it says something
+    <!-- run: q at "q quit" -->       its last command has a terminal, and q is pressed when that stands there
     <!-- run: exit 1 -->              its last command ends with that status, or `exit 0 or 1`; otherwise 0 is demanded
     <!-- file: NAME -->              above a fence of any kind: the reader has it as that file, from the start
-    <!-- not run: REASON -->          one of the reasons that tests/unit/test_docs_commands.py lists
+    <!-- run by: FILE -->             that test runs it: it has the commands, or takes them by run_by()
+    <!-- not run: REASON -->          nobody does, for one of the reasons that tests/unit/test_docs_commands.py lists
 
 Several of a `run` are parted by commas.
 """
@@ -33,13 +35,14 @@ from tests.support.pages import ROOT, pages
 from tests.support.processes import BIN
 
 FENCE = re.compile(
-    r"(?P<marks>(?:^ *<!-- (?:given|run|not run): (?:(?!-->).)+-->\n)*)"
+    r"(?P<marks>(?:^ *<!-- (?:given|run|run by|not run): (?:(?!-->).)+-->\n)*)"
     r"^(?P<indent> *)```sh\n(?P<body>.*?)^(?P=indent)```$",
     re.MULTILINE | re.DOTALL,
 )
 FILE = re.compile(r"^<!-- file: ([\w.-]+) -->\n```\w+\n(.*?)^```$", re.MULTILINE | re.DOTALL)
-MARK = re.compile(r"<!-- (given|run|not run): (.+?) -->", re.DOTALL)
+MARK = re.compile(r"<!-- (given|run by|run|not run): (.+?) -->", re.DOTALL)
 NEEDS = frozenset({"vcan", "guest"})
+TERMINAL = Path(__file__).with_name("at_terminal.py")
 TIMEOUT_S = 150  # of a block
 FIRST_LINE_S = 60
 INTERRUPTED = 130
@@ -74,6 +77,17 @@ class Stop:
 
 
 @dataclass(frozen=True, slots=True)
+class Press:
+    """What a last command's terminal says when `q` is pressed there."""
+
+    at: str
+
+    def around(self, command: str) -> str:
+        """Return it as bash that ends with the command's status."""
+        return shlex.join([sys.executable, str(TERMINAL), self.at, "q", command])
+
+
+@dataclass(frozen=True, slots=True)
 class Step:
     """One fence: its page and line, the commands, and what is said above it."""
 
@@ -82,8 +96,9 @@ class Step:
     body: str
     given: str
     needs: frozenset[str]
-    stop: Stop | None
+    stop: Stop | Press | None
     statuses: tuple[int, ...]
+    run_by: str | None
     not_run: str | None
 
     @property
@@ -91,12 +106,18 @@ class Step:
         """For a person."""
         return f"{self.page.relative_to(ROOT)}:{self.line}"
 
+    @property
+    def commands(self) -> list[str]:
+        """Each as one types it: without comments."""
+        joined = self.body.replace("\\\n", " ").splitlines()
+        return [words for line in joined if (words := re.sub(r"(?:^|\s+)#.*", "", line).strip())]
+
     def script(self) -> str:
         """Return it as bash: each command must succeed, and the last one end as is said."""
         *before, last = _commands(self.body)
         if self.stop is not None:
             last = self.stop.around(last)
-        expected = " ".join(map(str, self.statuses if self.stop is None else (0, INTERRUPTED)))
+        expected = " ".join(map(str, self.statuses if not isinstance(self.stop, Stop) else (0, INTERRUPTED)))
         return "\n".join(
             [
                 "set -euo pipefail",
@@ -122,8 +143,14 @@ def pages_with_steps() -> list[Path]:
     return [p for p in pages() if steps(p)]
 
 
+def run_by(file: str, page: str) -> list[Step]:
+    """The steps of a page that a test runs instead of this module, in order; both names are below the repository."""
+    return [s for s in steps(ROOT / page) if s.run_by == file]
+
+
 def _step(page: Path, line: int, fence: re.Match[str]) -> Step:
-    given, reason, stop = "", None, None
+    given, reason, by = "", None, None
+    stop: Stop | Press | None = None
     needs: set[str] = set()
     statuses: tuple[int, ...] = (0,)
     for kind, said in MARK.findall(fence["marks"]):
@@ -131,18 +158,22 @@ def _step(page: Path, line: int, fence: re.Match[str]) -> Step:
             given += said.strip() + "\n"
         elif kind == "not run":
             reason = said
+        elif kind == "run by":
+            by = said
         else:
             for word in said.split(", "):
                 if word in NEEDS:
                     needs.add(word)
                 elif m := re.fullmatch(r"stop (?:after (\d+) s|(\d+) s after its first line)", word):
                     stop = Stop(int(m[1] or m[2]), m[2] is not None)
+                elif m := re.fullmatch(r'q at "([^"]+)"', word):
+                    stop = Press(m[1])
                 elif m := re.fullmatch(r"exit (\d+)(?: or (\d+))?", word):
                     statuses = tuple(int(s) for s in m.groups() if s)
                 else:
                     raise ValueError(f"{page}:{line}: {word} means nothing")
     body = re.sub(rf"^{fence['indent']}", "", fence["body"], flags=re.MULTILINE)
-    return Step(page, line, body, given, frozenset(needs), stop, statuses, reason)
+    return Step(page, line, body, given, frozenset(needs), stop, statuses, by, reason)
 
 
 def _commands(body: str) -> Iterator[str]:
@@ -171,7 +202,7 @@ def _furnish(folder: Path) -> None:
 def to_run(page: Path, has: frozenset[str]) -> list[Step]:
     """The steps of a page for a place that has this, in order: without anything those that need nothing, else those
     that need some of it and no more."""
-    return [s for s in steps(page) if s.not_run is None and s.needs <= has and bool(s.needs) == bool(has)]
+    return [s for s in steps(page) if not (s.not_run or s.run_by) and s.needs <= has and bool(s.needs) == bool(has)]
 
 
 def run_page(page: Path, folder: Path, has: frozenset[str]) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 from wrcd import __version__
 
 WIDTH = 72  # of a line of the source, before its escapes
+MAX_BYTES = 80  # of a line, from which on mandoc's lint complains
 CHANGELOG = Path(__file__).parents[2] / "CHANGELOG.md"
 NO_BREAK = "\0"
 CODE = re.compile(r"`([^`]+)`")
@@ -40,8 +41,18 @@ def paragraph(text: str) -> list[str]:
     """Lines of a paragraph, a sentence's end at a line's end; `code` is bold, and not broken."""
     whole = CODE.sub(lambda m: m[0].replace(" ", NO_BREAK), text)
     sentences = re.split(r"(?<=[.!?]) (?=\S)", whole)
-    wrapped = (textwrap.wrap(s, WIDTH, break_long_words=False, break_on_hyphens=False) for s in sentences)
-    return [_marked(line.replace(NO_BREAK, " ")) for lines in wrapped for line in lines]
+    return [line for s in sentences for line in _wrapped(s)]
+
+
+def _wrapped(sentence: str) -> list[str]:
+    """Its lines; escapes may add to WIDTH as much as mandoc takes without a word."""
+    lines: list[str] = []
+    for width in range(WIDTH, WIDTH // 2, -2):
+        broken = textwrap.wrap(sentence, width, break_long_words=False, break_on_hyphens=False)
+        lines = [_marked(line.replace(NO_BREAK, " ")) for line in broken]
+        if max(map(len, lines), default=0) <= MAX_BYTES:
+            break
+    return lines
 
 
 def _marked(text: str) -> str:

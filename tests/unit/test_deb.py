@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from wrcd import __version__
+from wrcd.tools.install.manifest import PATH
 
 ROOT = Path(__file__).parents[2]
 NEEDS_DPKG = pytest.mark.skipif(
@@ -66,6 +67,28 @@ def test_package_has_units_and_program_for_everybody_to_read(package: Path) -> N
     assert {owner for _, owner in files.values()} == {"root/root"}
     assert {mode for mode, _ in files.values()} == {"drwxr-xr-x", "-rwxr-xr-x", "-rw-r--r--", "lrwxrwxrwx"}
     assert any("/wrcd/__pycache__/errors." in name for name in files)
+
+
+@NEEDS_DPKG
+def test_package_has_no_rig_as_it_lacks_what_that_needs(package: Path) -> None:
+    offered = [name for name in listed(package) if not name.startswith("./opt/wrcd/lib/")]
+    assert "./opt/wrcd/bin/wrcd" in offered
+    assert not [name for name in offered if "sim-ecu" in name]
+
+
+@pytest.mark.parametrize("installed_since", [False, True])
+def test_purge_of_a_removed_package_leaves_what_was_installed_since(tmp_path: Path, installed_since: bool) -> None:
+    kept = tmp_path / "etc/wrcd/can0.toml", tmp_path / "var/lib/private/wrcd/can0/2026.log"
+    record = tmp_path / PATH
+    for file in (*kept, *([record] if installed_since else [])):
+        file.parent.mkdir(parents=True)
+        file.touch()
+    done = subprocess.run(
+        ["sh", ROOT / "systemd/deb/postrm", "purge"], env={**os.environ, "DPKG_ROOT": str(tmp_path)}, check=True,
+        capture_output=True, text=True,
+    )  # fmt: skip
+    assert [file.exists() for file in kept] == [installed_since] * 2
+    assert ("run `wrcd install` again" in done.stderr) is installed_since
 
 
 @NEEDS_DPKG

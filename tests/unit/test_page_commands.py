@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from tests.support import page_commands
-from tests.support.page_commands import run_page, steps, to_run
+from tests.support.page_commands import run_by, run_page, steps, to_run
 
 HERE: frozenset[str] = frozenset()
 
@@ -89,6 +89,28 @@ def test_what_goes_to_the_background_ends_with_the_page(run: Path) -> None:
     with contextlib.suppress(FileNotFoundError):  # a zombie may be left: its parent is gone
         state = Path("/proc", (work / "pid").read_text().strip(), "stat").read_text().rpartition(")")[2].split()[0]
         assert state == "Z"
+
+
+KEYS = "stty raw; echo press q to quit; [ $(head -c 1) = q ] && stty size >size"
+
+
+def test_screen_gets_its_key_at_a_terminal(run: Path) -> None:
+    page, work = of(run, f'<!-- run: q at "q to quit" -->\n```sh\n{KEYS}')
+    run_page(page, work, HERE)
+    assert (work / "size").read_text() == "34 110\n"
+
+
+@pytest.mark.parametrize(("body", "status"), [("echo something else", 124), (f"{KEYS}; exit 3", 3)])
+def test_screen_that_does_not_come_or_ends_badly_fails_the_page(run: Path, body: str, status: int) -> None:
+    page, work = of(run, f'<!-- run: q at "q to quit" -->\n```sh\n{body}')
+    with pytest.raises(AssertionError, match=f"ended with {status}"):
+        run_page(page, work, HERE)
+
+
+def test_block_that_another_test_runs_is_left_to_it(run: Path) -> None:
+    page, _ = of(run, "<!-- run by: tests/x.py -->\n```sh\na  # why\nb \\\n    c", "```sh\nd")
+    assert [s.body for s in to_run(page, HERE)] == ["d\n"]
+    assert [s.commands for s in run_by("tests/x.py", "page.md")] == [["a", "b      c"]]
 
 
 def test_block_for_a_bus_is_left_to_the_guest(run: Path) -> None:

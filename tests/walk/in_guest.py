@@ -10,11 +10,12 @@ import tempfile
 import time
 from pathlib import Path
 
+from tests.support.page_commands import run_by
 from tests.support.unit_train import UNIT, Train, systemctl
 from tests.walk.walk import StepFailed, expect
 from wrcd import __version__
 
-HOME, NEXT_HOME = Path("/opt/wrcd"), Path("/opt/wrcd-next")
+HOME = Path("/opt/wrcd")
 NEXT = "0.99.0"
 CONFIG, DUMPS = Path("/etc/wrcd/vcan0.toml"), Path("/var/lib/private/wrcd")
 PLACES = ("/etc", "/usr/local", "/lib/systemd", "/var/lib", "/run/systemd/system")
@@ -31,17 +32,26 @@ def run(*words: str | Path) -> str:
 
 def traces() -> list[str]:
     """Files named after it, wherever an installation leaves some."""
-    return run("find", *PLACES, "-xdev", "-name", "*wrcd*", "-not", "-path", "*/tests/*").split()
+    return run(
+        "find", *PLACES, "-xdev", "-regex", r".*/[^/]*\(wrcd\|sim-ecu\)[^/]*", "-not", "-path", "*/tests/*"
+    ).split()
+
+
+def commands() -> list[list[list[str]]]:
+    """The words of the page's commands, by block, for this guest's vcan0."""
+    blocks = run_by("tests/walk/in_guest.py", "docs/how-to/install-on-train.md")
+    return [[c.replace("@can0", "@vcan0").split() for c in step.commands] for step in blocks]
 
 
 def walk(train: Train) -> None:
     """Take the steps, a line each."""
+    (dry_run, install, enable), (upgrade, restart) = commands()
+    next_home = Path(upgrade[0]).parents[1]
     before = traces()
     run("tests/hil/install-program")
-    wrcd = HOME / "bin/wrcd"
-    run(wrcd, "install", "--dry-run")
+    run(*dry_run)
     expect(traces() == before, "a dry run has changed something")
-    new = [line for line in run(wrcd, "install").splitlines() if line.split()[0] == "new"]
+    new = [line for line in run(*install).splitlines() if line.split()[0] == "new"]
     print(f"seen: installed {__version__}, {len(new)} files")
 
     began = time.time()
@@ -49,26 +59,27 @@ def walk(train: Train) -> None:
     text = run(HOME / "bin/python", "-c", "from wrcd.config import DEFAULT; print(DEFAULT)")
     CONFIG.write_text(text)
     CONFIG.with_suffix(".env").write_text(f"WRCD_OPTIONS=--config {CONFIG}\n")
-    systemctl("enable", "--now", UNIT)
+    run(*enable)
     train.wait(began)
     print(f"seen: Valid adhesion {time.time() - began:.1f} s after systemctl enable --now")
 
-    shutil.copytree(HOME, NEXT_HOME, symlinks=True)
+    shutil.copytree(HOME, next_home, symlinks=True)
     for name in ("wrcd", "sim-ecu"):
-        program = NEXT_HOME / "bin" / name
-        program.write_text(program.read_text().replace(f"{HOME}/", f"{NEXT_HOME}/"))
-    (package,) = NEXT_HOME.glob("lib/python3*/site-packages/wrcd/__init__.py")
+        program = next_home / "bin" / name
+        program.write_text(program.read_text().replace(f"{HOME}/", f"{next_home}/"))
+    (package,) = next_home.glob("lib/python3*/site-packages/wrcd/__init__.py")
     package.write_text(package.read_text().replace(f'"{__version__}"', f'"{NEXT}"'))
     began = time.time()
-    said = run(NEXT_HOME / "bin/wrcd", "install", "--restart")
-    expect(f"wrcd {__version__} -> {NEXT}" in said and "restarted:" in said, f"the upgrade says:\n{said}")
-    expect(str(NEXT_HOME) in systemctl("show", "-p", "ExecStart", UNIT), "the unit still starts the old program")
+    said = run(*upgrade)
+    expect(f"wrcd {__version__} -> {NEXT}" in said and " ".join(restart) in said, f"the upgrade says:\n{said}")
+    run(*restart)
+    expect(str(next_home) in systemctl("show", "-p", "ExecStart", UNIT), "the unit still starts the old program")
     expect(CONFIG.read_text() == text, "the upgrade has changed the configuration")
     train.wait(began + 1.0)
     print(f"seen: upgraded to {NEXT}, restarted, Valid again; the configuration is as it was")
 
-    run(NEXT_HOME / "bin/wrcd", "uninstall", "--purge")
-    for folder in (HOME, NEXT_HOME):
+    run(next_home / "bin/wrcd", "uninstall", "--purge")
+    for folder in (HOME, next_home):
         shutil.rmtree(folder)
     left = sorted(set(traces()) - set(before))
     expect(not left, f"uninstalled, but there is still {', '.join(left)}")

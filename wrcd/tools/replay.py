@@ -18,7 +18,7 @@ from wrcd.tools.events import SCREEN
 from wrcd.tools.export.opening import about, gather
 from wrcd.tools.feed import outgoing, outgoing_of_stretches, progress
 from wrcd.tools.outputs import Outputs, Writing, check_outputs
-from wrcd.tools.selection import WHOLE, Part, Selection, Survey, check_time, survey
+from wrcd.tools.selection import WHOLE, Part, Selection, Survey, check_since, check_time, survey
 
 
 def replay(
@@ -52,6 +52,7 @@ def replay(
     # a pipe cannot be read twice; a state may tell of an axle whose frames lie before the log
     looked = survey(log, config, selection.channel) if log.is_file() or not log.exists() else Survey()
     found = looked if saved is None else replace(looked, without_frame=frozenset())
+    check_since(log, selection, found.first_us)
     part = Part(selection, found, config)
     if part.end_us is not None and part.end_us <= found.first_us:
         check_time(log, selection, part)

@@ -18,6 +18,7 @@ from wrcd.core.messages import Outgoing
 from wrcd.errors import InputError
 
 VEHICLE = (Quantity.SPEED, Quantity.DIRECTION)
+FAR_US = 365 * 86_400_000_000  # so long before a log, a time that is asked for is not since 1970
 AFTER_US = 1_000_000  # of a log, read behind --to: until then what belongs before it has been made
 
 
@@ -104,6 +105,17 @@ def check_time(log: Path, selection: Selection, part: "Part") -> None:
     raise InputError(
         f"{asked_s:.6f} s lies {'behind' if behind else 'before'} the whole log, which goes from {own} s",
         file=log, key=key, hint=hint,
+    )  # fmt: skip
+
+
+def check_since(log: Path, selection: Selection, first_us: int) -> None:
+    """Raises InputError for a --from that is surely meant from the log's first frame on, and not since 1970."""
+    asked_s = selection.begin_s
+    if selection.relative or not asked_s or first_us - asked_s * 1e6 < FAR_US:
+        return
+    raise InputError(
+        f"{asked_s:.6f} is seconds since 1970, and lies far before the log, which begins at {first_us * 1e-6:.6f}",
+        file=log, key="--from", hint="with --relative it counts from the log's first frame",
     )  # fmt: skip
 
 

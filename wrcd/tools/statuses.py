@@ -74,13 +74,15 @@ STATUSES: dict[str, dict[Status, str]] = {
     },
     "install": {
         Status.DONE: "installed, or with `--dry-run` looked at; the output says what changed and what was kept",
-        Status.STOPPED: "installed, but with `--restart` a unit could not be restarted",
+        Status.STOPPED: "not all of it is installed: a file, or systemctl, failed on the way; install again; or with "
+        "`--restart` a unit could not be restarted",
         Status.BAD_INPUT: "nothing was changed: no root, no systemd, a program that units cannot start, or a "
         "configuration that does not hold with this version",
     },
     "uninstall": {
         Status.DONE: "removed, or with `--dry-run` looked at; the output says what was kept",
-        Status.BAD_INPUT: "no root, no systemd, or nothing that `wrcd install` has installed",
+        Status.STOPPED: "not all of it is removed: a file, or systemctl, failed on the way; uninstall again",
+        Status.BAD_INPUT: "nothing was removed: no root, no systemd, or nothing that `wrcd install` has installed",
     },
     "completion": {Status.DONE: "the script is printed"},
 }

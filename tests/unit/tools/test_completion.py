@@ -1,7 +1,10 @@
-"""Completion: the packaged scripts are those of the parsers, and bash completes by them."""
+"""Completion: the packaged scripts are those of the parsers, and both shells complete by them."""
 
 import argparse
+import os
+import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -12,6 +15,7 @@ from sim_ecu.play.faults import KINDS
 from sim_ecu.play.scenario import packaged
 from tests.support.completion import MAKERS
 from tests.support.completion_words import program
+from tests.support.page_commands import TERMINAL
 from wrcd import declared, resources
 from wrcd.tools import cli
 from wrcd.tools.cli import main as wrcd
@@ -156,3 +160,29 @@ def test_channels_are_the_can_interfaces_of_the_computer(
     monkeypatch.setenv("_wrcd_net", str(tmp_path / "net"))
     assert complete("wrcd", "run", "-c", "", folder=folder) == ["can0", "vcan0"]
     assert complete("wrcd", "run", "-c", "v", folder=folder) == ["vcan0"]
+
+
+@pytest.mark.skipif(shutil.which("zsh") is None, reason="needs zsh")
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        ("wrcd repl\t", "replay"),
+        ("wrcd dump --db\t", "dump --dbc"),
+        ("wrcd dump --dbc x.d\t", "dump --dbc x.dbc"),
+        ("wrcd run --config=a\t", "run --config=a.toml"),
+        ("sim-ecu play leaf-\t", "play leaf-patch"),
+        ("sim-ecu design --form pa\t", "design --form paper"),
+    ],
+)
+def test_zsh_itself_completes(line: str, expected: str, folder: Path, tmp_path: Path) -> None:
+    programs = "\n".join(f'{name}() {{ print -r -- "got <${{(j: :)@}}>" }}' for name in ("wrcd", "sim-ecu"))
+    (tmp_path / ".zshrc").write_text(
+        f"fpath=({resources.COMPLETION} $fpath)\nautoload -Uz compinit\ncompinit -u -D\n{programs}\nPS1='ready '\n"
+    )
+    done = subprocess.run(
+        [sys.executable, TERMINAL, "ready ", f"{line}\rexit\r", "exec zsh -d -i"],
+        cwd=folder, env={**os.environ, "ZDOTDIR": str(tmp_path), "TERM": "dumb"}, capture_output=True, text=True,
+        check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout
+    assert f"got <{expected}>" in done.stdout

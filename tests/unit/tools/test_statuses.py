@@ -110,6 +110,7 @@ ELSEWHERE = {
     ("wrcd", "reload", 0): "tests/unit/service/test_asking.py",
     ("wrcd", "reload", 1): "tests/unit/service/test_asking.py",
     ("wrcd", "install", 1): "tests/unit/tools/install/test_live.py",
+    ("wrcd", "uninstall", 1): "tests/unit/tools/install/test_uninstall.py",
     ("wrcd", "uninstall", 0): "tests/unit/tools/install/test_uninstall.py",
     ("wrcd", "check", 1): "tests/unit/tools/test_speed.py",
     ("wrcd", "monitor", 0): "tests/unit/tools/monitor/test_terminal.py",

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from wrcd.errors import InputError
 from wrcd.tools.install.files import CONFIGURATIONS
+from wrcd.tools.install.tree import Tree
 
 SETTING = re.compile(r"^\s*([A-Z_]+)\s*=\s*(.*?)\s*$")
 
@@ -22,21 +23,34 @@ class Checked:
 
 def check(root: Path) -> list[Checked]:
     """Check every TOML file in etc/wrcd that is no scenario, and every configuration that an .env file there names."""
-    folder = root / CONFIGURATIONS
+    tree = Tree(root)
+    folder = tree.folder(CONFIGURATIONS)
+    unread: list[Checked] = []
     users: dict[Path, list[str]] = {}
     scenarios: set[Path] = set()
     for file in sorted(folder.glob("*.env")):
-        for name, value in _settings(file):
+        try:
+            settings = _settings(file)
+        except OSError as e:
+            # its unit would start without what it sets
+            unread.append(Checked(file, (_unit(file),), (f"{file}: cannot be read: {e.strerror}",)))
+            continue
+        for name, value in settings:
             if name == "WRCD_OPTIONS" and (config := _option(value, "--config")):
-                users.setdefault(_below(root, folder, config), []).append(f"wrcd@{file.stem}")
+                users.setdefault(_below(tree, config), []).append(_unit(file))
             elif name == "SCENARIO":
-                scenarios.add(_below(root, folder, value.strip("\"'")))
+                scenarios.add(_below(tree, value.strip("\"'")))
     files = sorted({*folder.glob("*.toml"), *users} - (scenarios - set(users)))
-    return [Checked(file, tuple(users.get(file, ())), _mistakes(file)) for file in files]
+    return unread + [Checked(file, tuple(users.get(file, ())), _mistakes(file)) for file in files]
+
+
+def _unit(file: Path) -> str:
+    """The unit that an environment file is of."""
+    return file.stem.replace("sim-ecu-", "sim-ecu@", 1) if file.stem.startswith("sim-ecu-") else f"wrcd@{file.stem}"
 
 
 def _settings(file: Path) -> list[tuple[str, str]]:
-    """Names and values of an environment file."""
+    """Names and values of an environment file. Raises OSError."""
     lines = file.read_text(encoding="utf-8", errors="replace").splitlines()
     return [(m[1], m[2]) for m in map(SETTING.match, lines) if m]
 
@@ -55,9 +69,9 @@ def _option(value: str, name: str) -> str:
     return ""
 
 
-def _below(root: Path, folder: Path, name: str) -> Path:
+def _below(tree: Tree, name: str) -> Path:
     """A file that a unit names, which it does from the root on."""
-    return root / name.lstrip("/") if name.startswith("/") else folder / name
+    return tree.path(name.lstrip("/") if name.startswith("/") else f"{CONFIGURATIONS}/{name}")
 
 
 def _mistakes(file: Path) -> tuple[str, ...]:

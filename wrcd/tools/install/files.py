@@ -24,6 +24,7 @@ class Layout:
     bash: str
     zsh: str
     examples: str
+    rig: bool  # whether the program there may have the packages that the rig needs
 
 
 # For what a package manager does not look after. An administrator's own files in /etc go first.
@@ -36,6 +37,7 @@ LOCAL = Layout(
     bash="usr/local/share/bash-completion/completions",
     zsh="usr/local/share/zsh/site-functions",
     examples="usr/local/share/doc/wrcd/examples",
+    rig=True,
 )
 DEBIAN = Layout(
     programs="usr/bin",
@@ -46,6 +48,7 @@ DEBIAN = Layout(
     bash="usr/share/bash-completion/completions",
     zsh="usr/share/zsh/vendor-completions",
     examples="usr/share/doc/wrcd/examples",
+    rig=False,
 )
 
 
@@ -101,11 +104,12 @@ def _systemd(layout: Layout) -> Iterator[tuple[str, str | None, str]]:
         yield name, None, f"{layout.examples}/{name}"
     for name in ("realtime.conf", "device.conf"):
         yield f"wrcd@.service.d/{name}", None, f"{layout.examples}/wrcd@.service.d/{name}"
-    yield "sim-ecu@.service", None, f"{layout.examples}/sim-ecu@.service"
+    if layout.rig:
+        yield "sim-ecu@.service", None, f"{layout.examples}/sim-ecu@.service"
 
 
 def _with_program(text: bytes, program: PurePosixPath) -> bytes:
-    return text.replace(f"{BUILT_FOR}/".encode(), f"{program.parent}/".encode())
+    return text.replace(f"{BUILT_FOR}/".encode(), f"{program.parent}/".replace("//", "/").encode())
 
 
 def _folder(folder: Path) -> list[Path]:

@@ -6,5 +6,5 @@ GROUPS = {
     "can0": "bit rate (500 kbit/s) and recovery from bus-off of can0, for systemd-networkd",
     "vcan0": "a virtual bus vcan0, for systemd-networkd",
     "realtime": "SCHED_FIFO and locked memory for every wrcd@ unit",
-    "rig": "sim-ecu@.service, which plays simulated sensors onto a bus",
+    "rig": "sim-ecu@.service, which plays simulated sensors onto a bus (extra bench)",
 }

@@ -14,7 +14,7 @@ def enabled_links(tree: Tree, targets: Collection[str]) -> list[str]:
     names = {target.rpartition("/")[2] for target in targets}
     found: list[str] = []
     for pattern in FOLDERS:
-        for folder in sorted(tree.path(ENABLED).glob(pattern)):
+        for folder in sorted(f for f in tree.folder(ENABLED).glob(pattern) if f.is_dir()):
             links = (link for link in sorted(folder.iterdir()) if link.is_symlink())
             found += [str(link.relative_to(tree.root)) for link in links if _points_to(link, targets, names)]
     return found

@@ -11,7 +11,7 @@ from wrcd.tools.install import configurations, manifest, previous, program, syst
 from wrcd.tools.install.files import CONFIGURATIONS, DEBIAN, LOCAL, lay_out
 from wrcd.tools.install.groups import GROUPS
 from wrcd.tools.install.manifest import Manifest
-from wrcd.tools.install.plan import apply, make_plan
+from wrcd.tools.install.plan import Plan, apply, make_plan
 from wrcd.tools.install.said import describe
 from wrcd.tools.install.tree import Tree
 
@@ -24,6 +24,8 @@ def install(args: Namespace) -> int:
     started = program.stated(args.program) if args.program else program.own()
     old = manifest.read(tree)
     groups = _groups(tree, old, args.with_groups, args.without)
+    if "rig" in groups and not args.program:
+        program.require_rig()
     plan = make_plan(tree, lay_out(LOCAL, started, groups), old)
     now = Manifest(__version__, str(started), groups)
     same = old is not None and (old.version, old.program) == (now.version, now.program)
@@ -35,20 +37,29 @@ def install(args: Namespace) -> int:
     print("\n".join(describe(plan)))
     if args.dry_run:
         return Status.DONE
-    if old is None or plan.changes or not same or old.groups != groups:
-        unaffected = old is not None and same and not plan.touches(LOCAL.units, previous.UNITS)
-        now.boot, now.changed_us = (old.boot, old.changed_us) if old and unaffected else _moment(live)
-        now.folders = tree.make_folders(f"{CONFIGURATIONS}/any")
-        apply(tree, plan, now, old)
-    else:
-        now = old
-    if live:
-        system.forget()
-        system.apply_sysctl()
-        if plan.touches(LOCAL.network):
-            print("systemd-networkd reads its files at: networkctl reload")
-        return _units(now, args.restart)
-    return Status.DONE
+    try:
+        if old is None or plan.changes or not same or old.groups != groups:
+            if live and plan.stop and (stopped := system.stop(plan.stop)):
+                print(f"stopped: {', '.join(stopped)}")
+            unaffected = old is not None and same and not plan.touches(LOCAL.units, previous.UNITS)
+            now.boot, now.changed_us = (old.boot, old.changed_us) if old and unaffected else _moment(live)
+            now.folders = tree.make_folders(f"{CONFIGURATIONS}/any")
+            apply(tree, plan, now, old)
+        else:
+            now = old
+        return _tell(plan, now, args.restart) if live else Status.DONE
+    except InputError as e:
+        print(f"wrcd: error: not all of it is installed: {e}; mend it and install again", file=sys.stderr)
+        return Status.STOPPED
+
+
+def _tell(plan: Plan, now: Manifest, restart: bool) -> int:
+    """Have the running system take the files over, and say what it does not by itself."""
+    system.forget()
+    system.apply_sysctl()
+    if plan.touches(LOCAL.network):
+        print("systemd-networkd reads its files at: networkctl reload")
+    return _units(now, restart)
 
 
 def _moment(live: bool) -> tuple[str, int]:
@@ -58,6 +69,7 @@ def _moment(live: bool) -> tuple[str, int]:
 
 def _may_change(tree: Tree, live: bool, dry_run: bool) -> None:
     """Raise InputError where an installation could do harm, or could do nothing."""
+    tree.require_place()
     if live:
         system.require_systemd()
         if not dry_run:

@@ -17,6 +17,7 @@ def describe(plan: Plan) -> Iterator[str]:
         ("kept", plan.keep), ("beside", plan.beside),
     ):  # fmt: skip
         yield from (line(what, path, plan.why.get(path, "")) for path in sorted(paths))
+    yield from (line("disabled", link) for link in sorted(plan.disable))
     yield from (line("enabled", link, f"now {target}") for link, target in sorted(plan.links.items()))
     if plan.unchanged:
         yield f"  unchanged  {len(plan.unchanged)} files"

@@ -57,9 +57,9 @@ def systemctl(*words: str) -> str:
     return done.stdout
 
 
-def running() -> list[Running]:
-    """Return our units that run, or are on their way."""
-    listed = systemctl("list-units", "--plain", "--no-legend", "--state=active,activating,reloading", *UNITS)
+def running(patterns: Sequence[str] = UNITS) -> list[Running]:
+    """Return our units, or those of some patterns, that run or are on their way."""
+    listed = systemctl("list-units", "--plain", "--no-legend", "--state=active,activating,reloading", *patterns)
     units = [line.split()[0] for line in listed.splitlines() if line.strip()]
     return [Running(unit.removesuffix(".service"), _started(unit)) for unit in units]
 
@@ -82,9 +82,9 @@ def apply_sysctl() -> None:
     subprocess.run([program, "--prefix=/net/core/rmem_max"], timeout=TIMEOUT_S, check=False)
 
 
-def stop_all() -> list[str]:
-    """Stop our units. Returns which ran."""
-    units = [r.unit for r in running()]
+def stop(patterns: Sequence[str] = UNITS) -> list[str]:
+    """Stop our units, or those of some patterns. Returns which ran."""
+    units = [r.unit for r in running(patterns)]
     if units:
         systemctl("stop", *units)
     return units

@@ -9,6 +9,7 @@ import numpy as np
 from wrcd import __version__
 from wrcd.bus.codec import message_key
 from wrcd.bus.dbc import Database, find_message
+from wrcd.bus.log_kind import check_log
 from wrcd.core.causes import Validity
 from wrcd.core.configuration import Config
 from wrcd.errors import InputError
@@ -38,6 +39,7 @@ def gather(
     neither wrcd's frames nor a usable input is found.
     """
     progress = progress or Progress()
+    check_log(log)
     if log.exists() and not log.is_file():
         raise InputError("is read twice, which a pipe or a device cannot", file=log, hint="write it to a file first")
     first: list[int] = []
@@ -137,7 +139,7 @@ def _with_inputs(axles: list[Axle], inputs: Inputs, found: Scan, config: Config,
     silent = [
         a
         for a in axles
-        if not inputs.any_frame(found, places[a.number]) and all(e.validity is Validity.NOT_AVAILABLE for e in a.events)
+        if all(e.validity is Validity.NOT_AVAILABLE for e in a.events) and not inputs.any_frame(found, places[a.number])
     ]
     if not silent or len(silent) == len(axles):
         return axles

@@ -69,12 +69,18 @@ class Inputs:
         return out
 
     def any_frame(self, scan: Scan, place: int) -> bool:
-        """Whether the log has a frame that is of an axle (its place) and not of the vehicle as a whole."""
-        return any(
-            message_key(find_message(self._config.database, i.source.message)) in scan.frames
-            for i in self._config.inputs
-            if place in i.source.axles and i.source.quantity not in (Quantity.SPEED, Quantity.DIRECTION)
-        )
+        """Whether the log has a frame that is of an axle (its place) and not of the vehicle as a whole. A message that
+        carries other axles' values too is of it if a value of its own is ever another than zero."""
+        of_axles = [i for i in self._config.inputs if i.source.quantity not in (Quantity.SPEED, Quantity.DIRECTION)]
+        others = {i.source.message for i in of_axles if set(i.source.axles) - {place}}
+        own = [i for i in of_axles if place in i.source.axles]
+        if any(self._key(i.source.message) in scan.frames for i in own if i.source.message not in others):
+            return True
+        shared = [i for i in own if i.source.message in others]
+        return any(bool((np.nan_to_num(self.values(scan, i)[1]) != 0).any()) for i in shared)
+
+    def _key(self, name: str) -> int:
+        return message_key(find_message(self._config.database, name))
 
     def _all(self, quantity: Quantity, place: int | None = None) -> list[Input]:
         return [

@@ -13,6 +13,7 @@ from wrcd.core.causes import Validity
 from wrcd.errors import InputError
 from wrcd.tools.story.events import INPUT_NAMES, REASONS
 from wrcd.tools.story.explain import Explanation, explain, find_axle
+from wrcd.tools.story.gather import SENT
 from wrcd.tools.story.records import Event, Fall, Story
 from wrcd.tools.story.verdict import not_valid_runs
 from wrcd.tools.story.words import name, percent, seconds
@@ -121,7 +122,8 @@ def _parts(
     if changed:
         yield "", changed
     yield from _moment(story, "before", before)
-    if after.rule == before.rule and after.winner == before.winner:
+    told = find_axle(story, now.axle).detail is not None
+    if told and after.rule == before.rule and after.winner == before.winner:
         yield "after", f"at {_s(story, after.time_us)} s: {_numbers(after)}; the same model and rule"
     else:
         yield from _moment(story, "after", after, before.rule)
@@ -147,12 +149,24 @@ def _said(x: Explanation) -> str:
 def _moment(story: Story, label: str, x: Explanation, told: int = 0) -> Iterator[tuple[str, str]]:
     """told: the rule whose sentence stands there already."""
     yield label, f"at {_s(story, x.time_us)} s: {_said(x)}"
+    if find_axle(story, x.axle).detail is None:
+        yield "", f"model and rule are not known: {_without_detail(story, x.axle)}; {_numbers(x)}"
+        return
     model = f"model {x.winner} fits best: {x.model}; " if x.winner else "no model fits; "
     yield "", model + _numbers(x)
     if not x.rule:
         yield "", "no rule fires"
     else:
         yield "", f"rule {x.rule}, as before" if x.rule == told else f"rule {x.rule}: {shortened(x.rule_sentence)}"
+
+
+def _without_detail(story: Story, axle: int) -> str:
+    """Why there is no AdhesionDetail of an axle, and where its cause is to be had."""
+    sends = any(a.number == axle and a.detail is not None for a in story.config.axles)
+    reason = "the log has no AdhesionDetail" if sends else "the configuration sends no AdhesionDetail"
+    if story.source != SENT:
+        return reason
+    return f"{reason}; --replay estimates {'them' if sends else 'the causes'}"
 
 
 def shortened(rule: str) -> str:

@@ -52,6 +52,13 @@ class Lab:
         assert "Traceback" not in err
         return err
 
+    def failed(self) -> str:
+        """`wrcd install` that ends with 1, on the way; returns its errors."""
+        status, _, err = self._run("install", "--prefix", str(self.root), "--program", PROGRAM)
+        assert status == 1
+        assert err.startswith("wrcd: error: not all of it is installed: ")
+        return err
+
     def uninstall(self, *words: str, status: int = 0) -> str:
         """`wrcd uninstall`; returns what it says."""
         ended, out, err = self._run("uninstall", "--prefix", str(self.root), *words)

@@ -2,6 +2,7 @@
 
 import gzip
 import json
+import os
 import shutil
 from pathlib import Path, PurePosixPath
 
@@ -45,10 +46,11 @@ def test_folder_of_a_copy_is_made(lab: Lab, tmp_path: Path) -> None:
     assert lab.path(UNIT).exists()
 
 
-def test_every_file_of_systemd_is_package_data() -> None:
+def test_every_file_of_systemd_is_package_data_but_the_debian_packages_scripts() -> None:
     files = {p.relative_to(DATA) for p in DATA.rglob("*") if p.is_file()}
     systemd = Path(__file__).parents[4] / "systemd"
-    assert files == {p.relative_to(systemd) for p in systemd.rglob("*") if p.is_file()}
+    own = {p.relative_to(systemd) for p in systemd.rglob("*") if p.is_file()}
+    assert files == {p for p in own if p.parts[0] != "deb"}
     assert all((DATA / f).read_bytes() == (systemd / f).read_bytes() for f in files)
 
 
@@ -177,6 +179,72 @@ def test_edited_file_is_not_overwritten_by_an_upgrade(lab: Lab, tmp_path: Path) 
     lab.path(UNIT).write_bytes(new.read_bytes())
     lab.install()
     assert not new.exists()
+
+
+def test_others_file_of_the_name_of_a_new_one_is_not_overwritten(lab: Lab, tmp_path: Path) -> None:
+    lab.install(data=lab.older(tmp_path))
+    lab.edit(UNIT)
+    lab.write(f"{UNIT}.wrcd-new", "mine")
+    assert "the new one is wrcd@.service.wrcd-new-2" in lab.install()
+    assert lab.read(f"{UNIT}.wrcd-new") == "mine"
+    new = lab.path(f"{UNIT}.wrcd-new-2")
+    assert f"ExecStart={PROGRAM} run" in new.read_text()
+    before = lab.snapshot()
+    lab.install()
+    assert lab.snapshot() == before
+    lab.path(UNIT).write_bytes(new.read_bytes())
+    lab.install()
+    assert not new.exists()
+    lab.uninstall()
+    assert lab.files() == [f"{UNIT}.wrcd-new"]
+
+
+def test_file_that_was_saved_before_is_not_overwritten(lab: Lab) -> None:
+    network = "etc/systemd/network/80-can0.network"
+    for edit in ("first", "second"):
+        lab.install("--with", "can0")
+        lab.write(network, edit)
+        said = lab.install("--without", "can0")
+    assert "renamed to 80-can0.network.wrcd-saved-2" in said
+    assert (lab.read(f"{network}.wrcd-saved"), lab.read(f"{network}.wrcd-saved-2")) == ("first", "second")
+
+
+@pytest.mark.parametrize("edited", [False, True])
+def test_unit_that_is_no_longer_asked_for_is_disabled(lab: Lab, edited: bool) -> None:
+    rig, link = f"{LOCAL.units}/sim-ecu@.service", LINK.replace("wrcd@can0", "sim-ecu@vcan0")
+    lab.install("--with", "rig")
+    lab.link(link, f"/{rig}")
+    lab.link(LINK, f"/{UNIT}")
+    if edited:
+        lab.edit(rig)
+    said = lab.install("--without", "rig")
+    assert f"disabled   /{link}" in said
+    assert not os.path.lexists(lab.path(link))
+    assert str(lab.path(LINK).readlink()) == f"/{UNIT}"
+    assert os.path.lexists(lab.path(rig)) is False
+
+
+def test_unit_of_0_1_0_that_is_not_asked_for_is_disabled(lab: Lab) -> None:
+    lab.by_hand()
+    link = LINK.replace("wrcd@can0", "sim-ecu@vcan0")
+    lab.link(link, "/etc/systemd/system/sim-ecu@.service")
+    lab.install("--without", "rig")
+    assert not os.path.lexists(lab.path(link).parent)
+
+
+@pytest.mark.parametrize("kind", ["dangling", "folder"])
+def test_environment_file_that_cannot_be_read_is_a_mistake(lab: Lab, kind: str) -> None:
+    """Its unit would start without the configuration that somebody meant."""
+    file = lab.path("etc/wrcd/can0.env")
+    if kind == "dangling":
+        lab.link("etc/wrcd/can0.env", "nowhere")
+    else:
+        file.mkdir(parents=True)
+    error = lab.refused()
+    assert f"{file}: cannot be read: " in error
+    assert "(wrcd@can0)" in error
+    assert "nothing was changed" in error
+    lab.install("--force")
 
 
 def test_file_that_is_no_longer_shipped_is_removed_an_edited_one_is_renamed(lab: Lab) -> None:

@@ -4,11 +4,14 @@ from pathlib import Path
 
 import pytest
 
+from tests.unit.tools.install.lab import PROGRAM, UNIT, Lab
 from wrcd import __version__
 from wrcd.config import DEFAULT
 from wrcd.errors import InputError
+from wrcd.tools import cli
 from wrcd.tools.install import run, system, upgraded
 from wrcd.tools.install.manifest import Manifest
+from wrcd.tools.install.tree import Tree
 
 
 @pytest.fixture
@@ -30,6 +33,63 @@ def called(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, ...]]:
 
 def record(changed_us: int, boot: str = "this boot") -> Manifest:
     return Manifest(__version__, "/opt/wrcd/bin/wrcd", [], boot=boot, changed_us=changed_us)
+
+
+@pytest.fixture
+def copy(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Lab:
+    """A computer's files, that are worked on as if they were the running system's."""
+    lab = Lab(tmp_path / "root", capsys)
+    monkeypatch.setattr(system, "BOOTED", tmp_path)
+    monkeypatch.setattr(system, "SYSCTL", ())
+    monkeypatch.setattr(system, "require_root", lambda: None)
+    monkeypatch.setattr(run, "Tree", lambda _: Tree(lab.root))
+    return lab
+
+
+def test_running_rig_is_stopped_before_its_unit_is_removed(called: list[tuple[str, ...]], copy: Lab) -> None:
+    copy.install("--with", "rig")
+    assert cli.main(["install", "--program", PROGRAM, "--without", "rig"]) == 0
+    words = [words[0] for words in called]
+    listed = next(w for w in called if w[0] == "list-units")
+    assert listed[-1] == "sim-ecu@*.service"
+    assert words.index("stop") < words.index("daemon-reload")
+    called.clear()
+    assert cli.main(["install", "--program", PROGRAM]) == 0
+    assert "stop" not in {words[0] for words in called}
+
+
+@pytest.mark.usefixtures("called")
+def test_daemon_reload_that_fails_is_said_and_ends_with_1(
+    copy: Lab, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def failing(*words: str) -> str:
+        raise InputError(f"systemctl {words[0]} failed: no answer")
+
+    monkeypatch.setattr(system, "systemctl", failing)
+    assert cli.main(["install", "--program", PROGRAM]) == 1
+    assert copy.path(UNIT).exists()
+    assert "not all of it is installed: systemctl daemon-reload failed: no answer" in capsys.readouterr().err
+
+
+def test_uninstallation_whose_daemon_reload_fails_is_completed_by_the_next(
+    called: list[tuple[str, ...]], copy: Lab, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    copy.install()
+    asked, fails = system.systemctl, True
+
+    def failing(*words: str) -> str:
+        if words[0] == "daemon-reload" and fails:
+            raise InputError("systemctl daemon-reload failed: no answer")
+        return asked(*words)
+
+    monkeypatch.setattr(system, "systemctl", failing)
+    monkeypatch.setattr("wrcd.tools.install.removal.Tree", lambda _: Tree(copy.root))
+    assert cli.main(["uninstall"]) == 1
+    assert "not all of it is removed: systemctl daemon-reload failed" in capsys.readouterr().err
+    fails = False
+    assert cli.main(["uninstall"]) == 0
+    assert copy.files() == []
+    assert "stop" in {words[0] for words in called}
 
 
 @pytest.mark.parametrize(

@@ -1,15 +1,19 @@
 """`wrcd uninstall` below a folder: what it removes, and what it leaves."""
 
 import os
+import shlex
+import subprocess
 from pathlib import Path
 
 import pytest
 
 from tests.unit.tools.install.lab import MANIFEST, UNIT, Lab
+from wrcd.errors import InputError
 from wrcd.tools import cli
 from wrcd.tools.install import system
 from wrcd.tools.install.files import LOCAL
 from wrcd.tools.install.groups import GROUPS
+from wrcd.tools.install.tree import Tree
 
 SYSCTL = "etc/sysctl.d/80-wrcd.conf"
 DUMP = "var/lib/private/wrcd/can0/2026.log"
@@ -39,7 +43,7 @@ def test_configurations_and_dumps_stay_unless_purged(lab: Lab) -> None:
     lab.write(DUMP, "a dump")
     lab.link("var/lib/wrcd/can0", "../private/wrcd/can0")
     said = lab.uninstall()
-    assert "kept       /etc/wrcd: yours; --purge removes it" in said
+    assert "kept       /etc/wrcd: yours\n" in said
     assert "kept       /var/lib/private/wrcd: yours" in said
     assert lab.files() == ["etc/wrcd/design.txt", DUMP, "var/lib/wrcd/can0"]
     lab.install()
@@ -114,3 +118,78 @@ def test_live_command_needs_systemd_and_root(
     monkeypatch.setattr(os, "geteuid", lambda: 1000)
     assert cli.main([command]) == 2
     assert "needs root — sudo, or --dry-run" in capsys.readouterr().err
+
+
+def test_file_that_was_edited_and_saved_twice_is_there_twice(lab: Lab) -> None:
+    for edit in ("first", "second"):
+        lab.install()
+        lab.write(UNIT, edit)
+        said = lab.uninstall()
+    assert "renamed to wrcd@.service.wrcd-saved-2" in said
+    assert (lab.read(f"{UNIT}.wrcd-saved"), lab.read(f"{UNIT}.wrcd-saved-2")) == ("first", "second")
+
+
+def test_purge_removes_files_that_were_saved_before(lab: Lab) -> None:
+    network = "etc/systemd/network/80-can0.network"
+    lab.install("--with", "can0")
+    for path in (network, UNIT):
+        lab.edit(path)
+    lab.install("--without", "can0")
+    lab.uninstall()
+    assert lab.files() == [f"{network}.wrcd-saved", f"{UNIT}.wrcd-saved"]
+    lab.install()
+    said = lab.uninstall("--purge")
+    assert f"purged     /{network}.wrcd-saved\n" in said
+    assert lab.files() == []
+
+
+def test_purge_after_an_uninstallation_says_how_what_was_kept_is_removed(lab: Lab) -> None:
+    lab.install()
+    lab.edit(UNIT)
+    lab.write("etc/wrcd/design.txt", "mine")
+    lab.write(DUMP, "a dump")
+    lab.uninstall()
+    before = lab.snapshot()
+    said = lab.uninstall("--purge", status=2)
+    assert lab.snapshot() == before
+    subprocess.run(shlex.split(said.partition("removed by: ")[2]), check=True)
+    assert lab.files() == []
+
+
+def test_purge_without_a_record_names_nothing_of_the_debian_package(lab: Lab) -> None:
+    lab.write("usr/lib/systemd/system/wrcd@.service", "")
+    lab.write("etc/wrcd/can0.toml", "")
+    said = lab.uninstall("--purge", status=2)
+    assert "apt remove wrcd" in said
+    assert "rm -r" not in said
+
+
+def test_program_in_the_root_folder_is_uninstalled(lab: Lab) -> None:
+    lab.install(program="/wrcd")
+    assert "\nExecStart=/wrcd run " in lab.read(UNIT)
+    assert "the program itself is left: /wrcd\n" in lab.uninstall()
+    assert lab.files() == []
+
+
+def test_environment_of_the_program_is_named(lab: Lab) -> None:
+    lab.write("opt/wrcd/pyvenv.cfg", "")
+    lab.install()
+    assert "the program itself is left: /opt/wrcd\n" in lab.uninstall()
+
+
+def test_removal_that_fails_on_the_way_ends_with_1_and_is_completed_by_the_next(
+    lab: Lab, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lab.install()
+    remove = Tree.remove
+
+    def failing(tree: Tree, name: str) -> None:
+        if name == UNIT:
+            raise InputError("cannot be changed: Read-only file system")
+        remove(tree, name)
+
+    monkeypatch.setattr(Tree, "remove", failing)
+    assert "wrcd: error: not all of it is removed: cannot be changed: Read-only" in lab.uninstall(status=1)
+    monkeypatch.setattr(Tree, "remove", remove)
+    lab.uninstall()
+    assert lab.files() == []

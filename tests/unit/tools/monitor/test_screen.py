@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from textual.binding import Binding
 from textual.pilot import Pilot
 
 from tests.support.daemon_frames import GOOD, START_US, DaemonFrames
@@ -17,6 +18,7 @@ from wrcd.tools.monitor.batch import Batch
 from wrcd.tools.monitor.model import Model
 from wrcd.tools.monitor.panels import Link
 from wrcd.tools.monitor.screen.app import Monitor
+from wrcd.tools.monitor.screen.help import KEYS
 from wrcd.tools.monitor.screen.widgets import Page
 from wrcd.tools.monitor.sources import NoMore
 
@@ -289,3 +291,17 @@ def test_nothing_new_repaints_nothing(config: Config, fed: Fed) -> None:
         assert app.updates == before
 
     turned(app, steps)
+
+
+NAMES = {
+    "left": "←", "right": "→", "up": "↑", "down": "↓", "plus": "+", "minus": "-", "question_mark": "?", "home": "Home",
+    "end": "End", "enter": "Enter", "escape": "Esc", "pageup": "PgUp", "pagedown": "PgDn", "shift+left": "Shift",
+    "shift+right": "Shift",
+}  # fmt: skip
+UNTOLD = {"equals_sign", "z", "Z", "underscore", "N", "tab", "h", "ctrl+c"}  # second keys of what is told
+
+
+def test_keys_that_help_tells_are_those_that_are_bound() -> None:
+    bound = {key for b in Monitor.BINDINGS if isinstance(b, Binding) for key in b.key.split(",")} - UNTOLD
+    told = {word.rstrip(",") for key, what in KEYS for word in [*key.split(), *re.findall("Shift|PgUp|PgDn", what)]}
+    assert told - {"…"} | {str(n) for n in range(1, 9)} == {NAMES.get(key, key) for key in bound}

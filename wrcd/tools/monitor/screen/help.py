@@ -12,7 +12,7 @@ KEYS = (
     ("s", "save: what is held as a log, and a picture, to this folder"),
     ("Esc", "cursor away"),
     ("t", "colours: the terminal's own, on dark, on light"),
-    ("q", "quit"),
+    ("? q", "keys and signs; quit"),
 )
 SIGNS = (
     ("● Valid", "may be used"),
