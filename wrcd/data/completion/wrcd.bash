@@ -73,12 +73,12 @@ _wrcd() {
             replay:--from | replay:--to | replay:--axle | replay:--channel | \
             replay:--events | replay:--mf4 | replay:--mcap | replay:--jobs | \
             report:--config | report:--dbc | report:--channel | report:-o | \
-            report:--output | report:--against | plot:--config | plot:--dbc | \
-            plot:--channel | plot:-o | plot:--output | plot:--from | \
-            plot:--to | plot:--axle | why:--config | why:--dbc | \
-            why:--channel | why:--axle | init:-o | init:--output | \
-            install:--prefix | install:--with | install:--without | install:--program | \
-            uninstall:--prefix)
+            report:--output | report:--against | report:--bit-rate | plot:--config | \
+            plot:--dbc | plot:--channel | plot:-o | plot:--output | \
+            plot:--from | plot:--to | plot:--axle | why:--config | \
+            why:--dbc | why:--channel | why:--axle | init:-o | \
+            init:--output | install:--prefix | install:--with | install:--without | \
+            install:--program | uninstall:--prefix)
                 [[ ${COMP_WORDS[i + 1]-} != = ]] || ((i++))
                 ((i++))
                 ;;
@@ -176,13 +176,14 @@ _wrcd() {
         esac
         ;;
     report)
-        options='-h --help --config --dbc --channel --replay -o --output --against --force'
+        options='-h --help --config --dbc --channel --replay -o --output --against --bit-rate --force'
         case $prev in
         --config) _wrcd_files .toml; return ;;
         --dbc) _wrcd_files .dbc; return ;;
         --channel) _wrcd_channels; return ;;
         -o | --output) _wrcd_files .html; return ;;
         --against) _wrcd_files ''; return ;;
+        --bit-rate) _wrcd_nothing; return ;;
         :) _wrcd_nothing; return ;;
         esac
         [[ $cur == -?* ]] || case $position in

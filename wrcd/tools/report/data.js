@@ -72,9 +72,5 @@ function valueAt(table, column, time) {
   if (table === undefined) return NaN;
   const place = placeAt(table.time, time + TIME_STEP_S);
   if (place < 0) return NaN;
-  if (place === table.rows - 1 && table.rows > 2) {
-    const usual = table.time[place] - table.time[place - 1];
-    if (time - table.time[place] > 5 * Math.max(usual, 0.1)) return NaN;
-  }
   return table.columns[column][place];
 }

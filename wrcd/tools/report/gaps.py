@@ -11,23 +11,26 @@ from wrcd.tools.report.columns import CODE, TIME, Column
 MAX_ROWS = 200_000  # of a table; an hour of Adhesion has 180 000
 GAP_CYCLES = 3.5  # a consumer calls it stale after three
 MIN_GAP_US = 30_000
+MIN_ROWS = 4  # whose median tells how often they come
 
 
-def gaps(time_us: NDArray[np.int64], cycles: float = GAP_CYCLES) -> tuple[NDArray[np.intp], int]:
-    """Rows before which frames are missing, and the usual time between two, microseconds."""
+def gaps(
+    time_us: NDArray[np.int64], cycles: float = GAP_CYCLES, usual_us: int | None = None
+) -> tuple[NDArray[np.intp], int]:
+    """Rows before which frames are missing, and the time between two, microseconds: the usual one if none is given."""
     between = np.diff(time_us)
-    if not len(between):
-        return np.zeros(0, dtype=np.intp), 0
-    usual = int(np.median(between))
-    return np.flatnonzero(between > max(cycles * usual, MIN_GAP_US)) + 1, usual
+    if usual_us is None:
+        usual_us = int(np.median(between)) if len(between) else 0
+    return np.flatnonzero(between > max(cycles * usual_us, MIN_GAP_US)) + 1, usual_us
 
 
-def with_gaps(table: Mapping[str, Column], time_us: NDArray[np.int64]) -> dict[str, Column]:
-    """Columns with a row of nothing where frames are missing: a curve breaks there, and the cursor finds none."""
-    at, usual = gaps(time_us)
-    if not len(at):
+def with_gaps(table: Mapping[str, Column], time_us: NDArray[np.int64], cycle_us: int) -> dict[str, Column]:
+    """Columns with a row of nothing where frames are missing, and behind the last: a curve breaks there, and the cursor
+    finds none. cycle_us: between two rows where they are too few to tell."""
+    if not len(time_us):
         return dict(table)
-    return {name: _inserted(c, at, usual) for name, c in table.items()}
+    at, usual = gaps(time_us, usual_us=cycle_us if len(time_us) < MIN_ROWS else None)
+    return {name: _inserted(c, np.append(at, len(time_us)), usual) for name, c in table.items()}
 
 
 def _inserted(c: Column, at: NDArray[np.intp], usual_us: int) -> Column:

@@ -74,7 +74,8 @@ def parts(tables: Mapping[str, Table], axles: Sequence[int], sides: tuple[str, s
     """All sections with plots. tables holds those of both sides, the other's with AGAINST before their names."""
     there = [p for p in ("", AGAINST) if any(n.startswith(p + "axle") for n in tables)] or [""]
     names = dict(zip(("", AGAINST), sides, strict=True))
-    out = [Part("overview", "All axles", (_overview(tables, axles, there, names),))]
+    overview = _overview(tables, axles, there, names)
+    out = [Part("overview", "All axles", (overview,) if overview.rows else ())]
     out += [
         Part(f"axle{a}", f"Axle {a}", tuple(_axle(tables, a, there, names)))
         for a in axles

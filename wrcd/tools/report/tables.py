@@ -9,13 +9,18 @@ from wrcd.core.causes import Validity
 from wrcd.core.vocabulary import MESSAGES, Numeric
 from wrcd.tools.report.columns import CODE, NUMBER, TIME, Column, step_of
 from wrcd.tools.report.gaps import thin, with_gaps
+from wrcd.tools.story.counts import NO_COUNTS, added
+from wrcd.tools.story.explain import INPUT_MAX_AGE_US
 from wrcd.tools.story.records import Adhesion, Axle, Detail, Health, Series, Story, Times, Truth
+from wrcd.tools.story.statistics import SECOND_US
 
 Table = Mapping[str, Column]
 INPUTS = ("yaw", "lateral", "torque", "speed")
 VALIDITIES = (Validity.NOT_AVAILABLE, Validity.VALID, Validity.DEGRADED)  # as places in the vocabulary
 REASONS = 13  # places of a reason, 0: none was refused
 SOME_MISSING, ALL_MISSING, STALE = REASONS, REASONS + 1, REASONS + 2  # codes of an input beside the reasons
+# between two rows, where they are too few to tell: as the frames' own cycles
+FAST_US, SLOW_US, DAEMON_US = 20_000, 100_000, SECOND_US
 TIME_STEP_S = 1e-4
 MAX_SERIES_HZ = 20.0  # of speed and torque: more of their samples than this are left out
 
@@ -39,7 +44,8 @@ def tables(story: Story) -> dict[str, Table]:
         if series is not None and len(series.time_us):
             out[name] = _counts(story, series, key)
     bus = story.bus
-    out["bus"] = {"time": _time(story, bus.time_us), **_numbers({"rate": bus.frames_per_s, "load": bus.load_pct})}
+    rates = {"time": _time(story, bus.time_us), **_numbers({"rate": bus.frames_per_s, "load": bus.load_pct})}
+    out["bus"] = with_gaps(rates, bus.time_us, SECOND_US)
     return out
 
 
@@ -85,7 +91,7 @@ def _adhesion(story: Story, a: Adhesion) -> Table:
     time_us = a.time_us
     if rows is not None:
         table, time_us = _taken(table, rows), time_us[rows]
-    return with_gaps(table, time_us)
+    return with_gaps(table, time_us, FAST_US)
 
 
 def _ages(a: Adhesion) -> Table:
@@ -112,7 +118,7 @@ def _detail(story: Story, d: Detail) -> Table:
         "cause": Column(d.cause, 1.0, CODE),
         "stale": Column(stale, 1.0, CODE),
     }
-    return with_gaps(table, d.time_us)
+    return with_gaps(table, d.time_us, SLOW_US)
 
 
 def _health(story: Story, h: Health, detail: Detail | None) -> Table:
@@ -122,7 +128,7 @@ def _health(story: Story, h: Health, detail: Detail | None) -> Table:
         None if detail is None or not len(detail.time_us) else np.searchsorted(detail.time_us, h.time_us, "right") - 1
     )
     for i, name in enumerate(INPUTS):
-        reach = h.reach[:, i]
+        reach = h.reach[:, i].astype(np.int16)  # -1 is a row of a gap
         code = np.where(reach == 0, ALL_MISSING, np.where(reach < 255, SOME_MISSING, 0))
         code = np.where(h.refused[:, i] > 0, h.refused[:, i], code)
         if place is not None and detail is not None:
@@ -131,7 +137,7 @@ def _health(story: Story, h: Health, detail: Detail | None) -> Table:
         table[f"{name}_reach"] = Column(reach, 1.0, CODE)
     table["plausibility"] = Column(h.plausibility, 1.0, CODE)
     table["marks"] = Column(h.outlier + 2 * h.unchanged.astype(int), 1.0, CODE)
-    return with_gaps(table, h.time_us)
+    return with_gaps(table, h.time_us, SLOW_US)
 
 
 def _truth(story: Story, t: Truth) -> Table:
@@ -143,7 +149,7 @@ def _truth(story: Story, t: Truth) -> Table:
     rows, time_us = thin(t.available_pct), t.time_us
     if rows is not None:
         table, time_us = _taken(table, rows), time_us[rows]
-    return with_gaps(table, time_us)
+    return with_gaps(table, time_us, FAST_US)
 
 
 def _events(story: Story, axle: Axle) -> Table:
@@ -165,21 +171,21 @@ def _series(story: Story, series: Series) -> Table:
     rows = first if len(first) < len(slot) else np.arange(len(slot))
     time_us = series.time_us[rows]
     table = {"time": _time(story, time_us), **_numbers({n: v[rows] for n, v in series.values.items()})}
-    return with_gaps(table, time_us)
+    if series.constant:
+        return table
+    return with_gaps(table, time_us, INPUT_MAX_AGE_US // 3)
 
 
 def _counts(story: Story, series: Series, key: str) -> Table:
     """States as codes, counts as what was added since the frame before: WrcdRejects says so itself, others count on."""
     table = {"time": _time(story, series.time_us)}
+    grown = added(series, key)
     for name, values in series.values.items():
-        kind = MESSAGES[key].get(name)
-        if not isinstance(kind, Numeric):
+        if not isinstance(MESSAGES[key].get(name), Numeric):
             table[name] = Column(values, 1.0, CODE)
-        elif name != "DesignChecksum":
-            on = key != "rejects_message" or name == "ForeignFrames"
-            added = np.diff(values, prepend=values[:1]) % (kind.high + 1.0) if on else values
-            table[name] = Column(added, 1.0)
-    return with_gaps(table, series.time_us)
+        elif name not in NO_COUNTS:
+            table[name] = Column(grown.get(name, values), 1.0)
+    return with_gaps(table, series.time_us, DAEMON_US)
 
 
 def _taken(table: Mapping[str, Column], rows: NDArray[np.intp]) -> dict[str, Column]:

@@ -111,7 +111,7 @@ def causes(story: Story) -> str:
     for axle in story.axles:
         by: dict[tuple[Validity, str, str], list[Event]] = defaultdict(list)
         for e in axle.events:
-            by[e.validity, e.cause.label if e.cause else "", e.cause.words].append(e)
+            by[e.validity, *_why(e)].append(e)
         total = sum(e.duration_s for e in axle.events) or 1.0
         for (validity, label, why), found in sorted(by.items(), key=lambda kv: -sum(e.duration_s for e in kv[1])):
             longest = max(found, key=lambda e: e.duration_s)
@@ -135,6 +135,13 @@ def causes(story: Story) -> str:
         "longest from",
     )
     return table(heads, rows, escaped=True, words=(1, 2, 3))
+
+
+def _why(e: Event) -> tuple[str, str]:
+    """The cause as the DBC spells it and in words; where there is none, what is known of the event."""
+    if e.cause or e.validity is Validity.VALID:
+        return e.cause.label if e.cause else "", e.cause.words
+    return "", e.detail or "no cause was told"
 
 
 def ages(story: Story) -> str:
@@ -164,7 +171,7 @@ def bus(story: Story) -> str:
         ))  # fmt: skip
     heads = ("id", "message", "role", "frames", "mean rate, 1/s", "cycle, ms", "longest gap, ms", "gap from", "E2E")
     errors = len(story.bus.error_frames)
-    line = f"Load at {story.bus.bit_rate / 1000:g} kbit/s. " + (
+    line = f"Load at an assumed {story.bus.bit_rate / 1000:g} kbit/s (--bit-rate). " + (
         f"{errors} error frames." if errors else "No error frame."
     )
     return f"<p>{escape(line)}</p>\n{table(heads, rows, escaped=True, words=(1, 2, 8))}"

@@ -28,7 +28,7 @@ class World {
     const place = placeAt(table.time, seconds);
     const metres = table.columns.distance_m;
     if (place < 0) return metres[0] / 1000;
-    if (place >= last) return metres[last] / 1000;
+    if (place >= last) return this.known(last) / 1000;
     const share = (seconds - table.time[place]) / (table.time[place + 1] - table.time[place]);
     const value = metres[place] + share * (metres[place + 1] - metres[place]);
     return (Number.isFinite(value) ? value : this.known(place)) / 1000;

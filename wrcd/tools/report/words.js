@@ -125,7 +125,9 @@ class Words {
     if (why) {
       const detail = story.details[axle]?.[place] ?? "";
       out.push(this.paragraph("why", [this.strong(label), `: ${why}${detail ? `: ${detail}` : ""}.`]));
-    } else if (name === "Valid") out.push(this.paragraph("why", ["Nothing speaks against it."]));
+    } else if (name !== "Valid") {
+      out.push(this.paragraph("why", [`${story.details[axle]?.[place] || "no cause was told"}.`]));
+    } else out.push(this.paragraph("why", ["Nothing speaks against it."]));
     return out;
   }
 

@@ -33,10 +33,14 @@ def read_story(args: Namespace, config: "Config | None" = None) -> "Story":
 
     from wrcd.config import load_config
     from wrcd.tools.story.gather import gather
+    from wrcd.tools.story.statistics import BIT_RATE
     from wrcd.tools.story.truth import load
 
     config = config or load_config(args.config)
-    story = gather(args.log, config, load(args.dbc), replay=args.replay, channel=args.channel)
+    story = gather(
+        args.log, config, load(args.dbc), replay=args.replay, channel=args.channel,
+        bit_rate=getattr(args, "bit_rate", None) or BIT_RATE,
+    )  # fmt: skip
     for warning in story.warnings:
         print(f"wrcd: warning: {warning}", file=sys.stderr)
     return story

@@ -8,49 +8,80 @@ from wrcd.bus.codec import message_key
 from wrcd.bus.dbc import find_message
 from wrcd.bus.reasons import Reason
 from wrcd.core.vocabulary import MESSAGES, Words
+from wrcd.tools.story.counts import added, restarts
+from wrcd.tools.story.events import STALE_AFTER
 from wrcd.tools.story.records import Finding, Series, Story
 from wrcd.tools.story.words import at, seconds
 
-SILENT_MS = 60.0  # of Adhesion: what a receiver takes for a time-out, three cycles
 FULL = 15  # of a count in WrcdRejects: so many or more
 HIGH_LOAD_PCT = 80.0
+MAX_CLOCK_STEPS = 5  # that are told one by one
 STATUS_COUNTS = (
-    ("Overruns", 256, "frames left out because the loop came too late for their slot"),
-    ("ReceiveDrops", 64, "frames that the kernel dropped because the receive buffer was full"),
-    ("Reopens", 16, "the bus opened again after its device had gone"),
+    ("Overruns", "frames left out because the loop came too late for their slot"),
+    ("ReceiveDrops", "frames that the kernel dropped because the receive buffer was full"),
+    ("Reopens", "the bus opened again after its device had gone"),
 )
 LINK_COUNTS = (
-    ("ErrorFrames", 4096, "error frames that the controller reported"),
-    ("BusOffs", 16, "the controller went bus-off"),
-    ("Unsent", 256, "frames that could not be sent and were dropped"),
-    ("TimeSteps", 16, "steps of the clock"),
-    ("LateFrames", 16, "frames that came after their tick was closed"),
-    ("Outliers", 256, "measurements left out as outliers"),
-    ("Restarts", 256, "axles started anew"),
+    ("ErrorFrames", "error frames that the controller reported"),
+    ("BusOffs", "the controller went bus-off"),
+    ("Unsent", "frames that could not be sent and were dropped"),
+    ("TimeSteps", "steps of the clock"),
+    ("LateFrames", "frames that came after their tick was closed"),
+    ("Outliers", "measurements left out as outliers"),
+    ("Restarts", "axles started anew"),
 )
 NOTES = frozenset({"Outliers", "LateFrames"})
 
 
 def daemon_findings(story: Story) -> Iterator[Finding]:
     """Of what the daemon and the bus had to bear."""
+    yield from _clock(story)
     yield from _design(story)
     yield from _state(story)
-    yield from _counts(story, story.status, STATUS_COUNTS)
-    yield from _counts(story, story.link, LINK_COUNTS)
+    yield from _restarts(story)
+    yield from _counts(story, story.status, "status_message", STATUS_COUNTS)
+    yield from _counts(story, story.link, "link_message", LINK_COUNTS)
     yield from _rejects(story)
     yield from _gaps(story)
     yield from _protection(story)
     yield from _bus(story)
 
 
-def increase(series: Series, name: str, modulo: int) -> tuple[int, int]:
-    """By how much a wrapping count grew over a log, and when it first did (0: never)."""
-    values = series.values.get(name)
-    if values is None or len(values) < 2 or not np.isfinite(values).all():
+def _clock(story: Story) -> Iterator[Finding]:
+    for step in story.clock_steps[:MAX_CLOCK_STEPS]:
+        yield Finding(
+            "warning",
+            f"The log's clock was set back by {seconds(step.back_us * 1e-6)} at {at(story, step.at_us)}: times here go "
+            "on from there, estimates begin anew.",
+            0, step.at_us,
+        )  # fmt: skip
+    if len(story.clock_steps) > MAX_CLOCK_STEPS:
+        yield Finding("note", f"Its clock was set back {len(story.clock_steps) - MAX_CLOCK_STEPS} more times.")
+
+
+def _restarts(story: Story) -> Iterator[Finding]:
+    found = [
+        int(t)
+        for series, key in ((story.status, "status_message"), (story.link, "link_message"))
+        if series is not None
+        for t in series.time_us[restarts(series, key)]
+    ]
+    if found:
+        yield Finding(
+            "warning",
+            f"The daemon was restarted: its counts began anew, first at {at(story, min(found))}.",
+            0,
+            min(found),
+        )
+
+
+def increase(series: Series, name: str, key: str) -> tuple[int, int]:
+    """By how much a wrapping count of a message grew over a log, and when it first did (0: never)."""
+    steps = added(series, key).get(name)
+    if steps is None or len(steps) < 2 or not np.isfinite(steps).all():
         return 0, 0
-    steps = np.diff(values) % modulo
     grown = np.flatnonzero(steps)
-    return int(steps.sum()), int(series.time_us[grown[0] + 1]) if len(grown) else 0
+    return int(steps.sum()), int(series.time_us[grown[0]]) if len(grown) else 0
 
 
 def _design(story: Story) -> Iterator[Finding]:
@@ -85,11 +116,11 @@ def _state(story: Story) -> Iterator[Finding]:
             )
 
 
-def _counts(story: Story, series: Series | None, counts: tuple[tuple[str, int, str], ...]) -> Iterator[Finding]:
+def _counts(story: Story, series: Series | None, key: str, counts: tuple[tuple[str, str], ...]) -> Iterator[Finding]:
     if series is None:
         return
-    for name, modulo, words in counts:
-        grown, first_us = increase(series, name, modulo)
+    for name, words in counts:
+        grown, first_us = increase(series, name, key)
         if grown:
             level = "note" if name in NOTES else "warning"
             yield Finding(level, f"{name}: {grown} ({words}), first at {at(story, first_us)}.", 0, first_us)
@@ -127,15 +158,17 @@ def _rejects(story: Story) -> Iterator[Finding]:
 
 
 def _gaps(story: Story) -> Iterator[Finding]:
+    cycles = {a.number: a.adhesion.cycle_us for a in story.config.axles}
     for axle in story.axles:
+        silent_ms = STALE_AFTER * cycles[axle.number] / 1000  # what a receiver takes for a time-out
         steps_ms = np.diff(axle.adhesion.time_us) / 1000
-        gaps = np.flatnonzero(steps_ms > SILENT_MS)
+        gaps = np.flatnonzero(steps_ms > silent_ms)
         if len(gaps):
             widest = int(gaps[steps_ms[gaps].argmax()])
             at_us = int(axle.adhesion.time_us[widest])
             yield Finding(
                 "warning",
-                f"Axle {axle.number}: {len(gaps)} gap{'s' * (len(gaps) > 1)} of more than {SILENT_MS:.0f} ms between "
+                f"Axle {axle.number}: {len(gaps)} gap{'s' * (len(gaps) > 1)} of more than {silent_ms:.0f} ms between "
                 f"wrcd's own frames, the longest {seconds(steps_ms[widest] / 1000)} at {at(story, at_us)}: a receiver "
                 "takes that for NotAvailable.",
                 axle.number, at_us, at_us + int(1000 * steps_ms[widest]),
@@ -180,6 +213,6 @@ def _bus(story: Story) -> Iterator[Finding]:
         yield Finding(
             "warning",
             f"Bus load up to {story.bus.load_pct[most]:.0f} % at {at(story, at_us)}, at an assumed "
-            f"{story.bus.bit_rate // 1000} kbit/s.",
+            f"{story.bus.bit_rate / 1000:g} kbit/s.",
             0, at_us,
         )  # fmt: skip

@@ -1,6 +1,7 @@
 """The states of an axle over a log, each with its cause: from its frames, or from the core's own changes."""
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,7 +9,7 @@ from numpy.typing import NDArray
 from wrcd.core.causes import Cause, Validity
 from wrcd.core.events import Change
 from wrcd.core.vocabulary import MESSAGES, Words
-from wrcd.tools.story.records import Adhesion, Detail, Event, Health, Places
+from wrcd.tools.story.records import Adhesion, Detail, Event, Health, Places, Times
 
 _WORDS = MESSAGES["adhesion"]["Validity"]
 assert isinstance(_WORDS, Words)
@@ -46,7 +47,7 @@ def of_frames(
         start = int(time_us[a]) if out or i else begin_us
         next_us = int(time_us[b + 1]) if b + 1 < len(time_us) else end_us
         silent = next_us - int(time_us[b]) > STALE_AFTER * cycle_us
-        stop = min(int(time_us[b]) + cycle_us, next_us) if silent else next_us
+        stop = int(time_us[b]) + STALE_AFTER * cycle_us if silent else next_us
         place = int(adhesion.validity[a])
         validity = VALIDITIES[place] if place >= 0 else Validity.NOT_AVAILABLE
         cause = CAUSES.get(int(causes[a]), Cause.NONE)
@@ -111,4 +112,18 @@ def of_changes(axle: int, changes: Iterable[Change], begin_us: int, end_us: int)
     if len(out) > 1 and not out[0].cause and out[0].validity is out[1].validity:
         out[1] = Event(axle, out[0].begin_us, out[1].end_us, out[1].validity, out[1].cause, out[1].detail)
         del out[0]  # before the first slot
+    return tuple(out)
+
+
+def with_silences(events: Iterable[Event], time_us: Times, cycle_us: int) -> tuple[Event, ...]:
+    """The same events; where no frame comes for longer than three cycles, as over a step of time, no state holds."""
+    out = list(events)
+    for k in np.flatnonzero(np.diff(time_us) > STALE_AFTER * cycle_us).tolist():
+        begin, end = int(time_us[k]) + STALE_AFTER * cycle_us, int(time_us[k + 1])
+        parts: list[Event] = []
+        for e in out:
+            parts += [replace(e, end_us=min(e.end_us, begin)), replace(e, begin_us=max(e.begin_us, end))]
+        axle = out[0].axle if out else 0
+        parts.append(Event(axle, begin, end, Validity.NOT_AVAILABLE, Cause.NONE, NO_FRAME))
+        out = sorted((e for e in parts if e.end_us > e.begin_us), key=lambda e: e.begin_us)
     return tuple(out)

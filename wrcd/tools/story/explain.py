@@ -10,7 +10,7 @@ from wrcd.core.vocabulary import MESSAGES, Words
 from wrcd.errors import InputError
 from wrcd.estimator.design import Design
 from wrcd.tools.explain import sentence
-from wrcd.tools.story.events import INPUT_NAMES, REASONS, STALE_AFTER, VALIDITIES
+from wrcd.tools.story.events import INPUT_NAMES, NO_FRAME, REASONS, STALE_AFTER, VALIDITIES
 from wrcd.tools.story.records import Axle, Event, Series, Story, Times
 from wrcd.tools.story.words import because
 
@@ -76,10 +76,12 @@ def newest(time_us: Times, at_us: int, max_age_us: int) -> int | None:
 
 
 def value_at(series: Series | None, name: str, at_us: int, max_age_us: int = INPUT_MAX_AGE_US) -> float:
-    """A value of a series at a time, NaN if there is none. Of a series of two constants the first holds."""
+    """A value of a series at a time, NaN if there is none. What comes of a constant holds, or grows, all along."""
     if series is None or name not in series.values:
         return math.nan
-    place = newest(series.time_us, at_us, max_age_us if len(series.time_us) > 2 else 1 << 62)
+    if series.constant:
+        return float(np.interp(at_us, series.time_us, series.values[name]))
+    place = newest(series.time_us, at_us, max_age_us)
     return math.nan if place is None else float(series.values[name][place])
 
 
@@ -106,8 +108,9 @@ def explain(story: Story, axle_number: int, time_us: int) -> Explanation:
     axle, design = find_axle(story, axle_number), story.config.design
     a = axle.adhesion
     cycle_us = next(x.adhesion.cycle_us for x in story.config.axles if x.number == axle_number)
-    row = newest(a.time_us, time_us, STALE_AFTER * cycle_us)
     event = event_at(axle, time_us)
+    silent = event is not None and not event.cause and event.detail == NO_FRAME
+    row = None if silent else newest(a.time_us, time_us, STALE_AFTER * cycle_us)
     d, h, t = axle.detail, axle.health, axle.truth
     told = None if d is None else newest(d.time_us, time_us, DETAIL_MAX_AGE_US)
     heard = None if h is None else newest(h.time_us, time_us, DETAIL_MAX_AGE_US)

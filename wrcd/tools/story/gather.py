@@ -27,12 +27,13 @@ MAX_PART_MISSING = 0.01  # of a log, without wrcd's frames, before it is said
 
 def gather(
     log: Path, config: Config, databases: Sequence[Database] = (), *, replay: bool = False, channel: str | None = None,
-    progress: Progress | None = None,
+    progress: Progress | None = None, bit_rate: int = statistics.BIT_RATE,
 ) -> Story:  # fmt: skip
     """All that a log tells, as columns.
 
     A log with wrcd's own Adhesion frames is shown as those say: what the controllers saw. One without them, or with
     replay, is estimated by the core. databases are further DBCs, for the truth and for names.
+    bit_rate: for the bus's load.
 
     Raises InputError for a log that cannot be read, that has several channels where none is named, or in which
     neither wrcd's frames nor a usable input is found.
@@ -82,8 +83,8 @@ def gather(
     story = Story(
         log, found.channel, SENT if estimated is None else ESTIMATED, found.begin_us, found.end_us, tuple(axles), speed,
         distance(speed), torque, status, rejects, link,
-        statistics.bus(found, config, databases, truth_keys, own.keys, wrong), (), (), tuple(warnings), config,
-        _versions(config), found.whole,
+        statistics.bus(found, config, databases, truth_keys, own.keys, wrong, bit_rate), (), (), tuple(warnings),
+        config, _versions(config), found.whole, found.clock_steps,
     )  # fmt: skip
     return verdict.judged(falls.found(story))
 
@@ -127,6 +128,7 @@ def _axle(
         lasted = events.of_frames(number, adhesion, detail, health, cycle_us, found.begin_us, found.end_us)
     else:
         lasted = events.of_changes(number, estimated.changes, found.begin_us, found.end_us)
+        lasted = events.with_silences(lasted, adhesion.time_us, own.cycle_us("adhesion", number))
     return Axle(number, adhesion, detail, health, said, lasted)
 
 

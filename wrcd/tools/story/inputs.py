@@ -98,20 +98,20 @@ class Inputs:
         constant = self._config.constant_speed_m_s
         if constant is None:
             return None
-        return Series(np.array([scan.begin_us, scan.end_us], np.int64), {"speed_m_s": np.full(2, constant)})
+        return Series(np.array([scan.begin_us, scan.end_us], np.int64), {"speed_m_s": np.full(2, constant)}, True)
 
     def torque(self, scan: Scan, place: int) -> Series | None:
         """The torque at an axle (its place), all signals that add up to it and the brakes' included."""
         parts = [
-            (time_us, values)
+            (time_us, values, i.timeout_us)
             for i in (*self._all(Quantity.TORQUE, place), *self._all(Quantity.BRAKE_TORQUE, place))
             for time_us, values in [self.values(scan, i)]
         ]
         if not parts or not len(parts[0][0]):
             return None
-        time_us, total = parts[0]
-        for other_us, values in parts[1:]:
-            total = total + _newest(other_us, values, time_us)
+        time_us, total, _ = parts[0]
+        for other_us, values, timeout_us in parts[1:]:
+            total = total + _newest(other_us, values, time_us, timeout_us)
         return Series(time_us, {"torque_Nm": total})
 
 
@@ -144,12 +144,13 @@ def _column(frames: Frames, reader: MessageReader, s: SignalReader) -> FloatArra
     return np.where(usable, values, np.nan)
 
 
-def _newest(time_us: NDArray[np.int64], values: FloatArray, at_us: NDArray[np.int64]) -> FloatArray:
-    """The newest value at each time, NaN where there is none yet."""
+def _newest(time_us: NDArray[np.int64], values: FloatArray, at_us: NDArray[np.int64], max_age_us: int) -> FloatArray:
+    """The newest value at each time, NaN where there is none yet or it is older than that."""
     if not len(time_us):
         return np.full(len(at_us), np.nan)
     places = np.searchsorted(time_us, at_us, side="right") - 1
-    return np.where(places >= 0, values[places.clip(0)], np.nan)
+    at = places.clip(0)
+    return np.where((places >= 0) & (at_us - time_us[at] <= max_age_us), values[at], np.nan)
 
 
 def distance(speed: Series | None) -> Series | None:
@@ -162,7 +163,7 @@ def distance(speed: Series | None) -> Series | None:
     if not len(time_us):
         return None
     steps_s = np.diff(time_us)
-    if len(time_us) > 2:
+    if not speed.constant:
         steps_s = steps_s.clip(0, MAX_HOLD_US)
     metres = np.concatenate(([0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) * steps_s * 1e-6)))
-    return Series(time_us, {"distance_m": metres})
+    return Series(time_us, {"distance_m": metres}, speed.constant)

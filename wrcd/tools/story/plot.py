@@ -1,10 +1,10 @@
 """`wrcd plot`: a log in one picture, an axle below the other. Drawn with matplotlib (extra report)."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import matplotlib as mpl
 import numpy as np
@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from wrcd.core.causes import Validity
 from wrcd.estimator.design import MODELS
-from wrcd.tools.story.events import VALID_PLACE
+from wrcd.tools.story.events import STALE_AFTER, VALID_PLACE
 from wrcd.tools.story.explain import CONTACTS
-from wrcd.tools.story.records import Axle, Event, Numbers, Story, Times
+from wrcd.tools.story.records import Adhesion, Axle, Detail, Event, Numbers, Story, Times
 from wrcd.tools.story.words import name, percent
 
 # colours that differ for all eyes (Okabe and Ito), and apart in grey
@@ -25,11 +25,13 @@ MODEL_COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7")
 VALIDITY_COLOURS = {Validity.VALID: "#B7DFC9", Validity.DEGRADED: "#F2B05E", Validity.NOT_AVAILABLE: "#B5B5B5"}
 CONTACT_COLOURS = {"Adhering": "#CFE3F1", "Saturated": "#E58A4A", "Unknown": "#EEEEEE", "": "#EEEEEE"}
 WIDTH_IN, DPI = 12.0, 100
+MIN_SPAN_S = 0.1  # of the axis: a log may be a single frame
 HEIGHTS = (2.6, 0.32, 0.32, 1.5)  # of an axle's rows: adhesion, Validity, contact, residuals
 USUAL_PCT = 95.0  # of the interval's upper bounds that the picture has room for
 MAX_POINTS = 3000  # of a line: more than a picture has columns of dots
 CHARACTER_IN = 0.062  # of the small print
 SUFFIXES = (".png", ".svg", ".pdf")
+SomeFrames = TypeVar("SomeFrames", Adhesion, Detail)
 STYLE: dict[Any, Any] = {
     "font.size": 9, "axes.grid": True, "grid.alpha": 0.25, "legend.fontsize": 8, "legend.framealpha": 0.9,
     "axes.spines.top": False, "axes.spines.right": False, "svg.hashsalt": "wrcd",
@@ -75,7 +77,7 @@ def draw(story: Story, axles: Sequence[Axle], begin_us: int, end_us: int, output
             _validity(validity, axle, span)
             _contact(contact, axle, span)
             _residuals(residuals, axle, span)
-        panes[-1].set_xlim(span.begin_s, span.end_s)
+        panes[-1].set_xlim(span.begin_s, max(span.end_s, span.begin_s + MIN_SPAN_S))
         began = datetime.fromtimestamp(story.begin_us * 1e-6, UTC).strftime("%Y-%m-%d %H:%M:%S UTC")
         panes[-1].set_xlabel(f"seconds after the log's first frame ({began})")
         d = story.config.design
@@ -88,7 +90,8 @@ def draw(story: Story, axles: Sequence[Axle], begin_us: int, end_us: int, output
 
 
 def _adhesion(pane: Axes, axle: Axle, span: _Span) -> None:
-    a, rows = axle.adhesion, span.rows(axle.adhesion.time_us)
+    a = broken(axle.adhesion, _cycle_us(span.story, axle.number))
+    rows = span.rows(a.time_us)
     t = span.seconds(a.time_us[rows])
     valid = a.validity[rows] == VALID_PLACE
     low, high, said = a.low_pct[rows], a.high_pct[rows], a.available_pct[rows]
@@ -155,7 +158,8 @@ def _caption(e: Event) -> str:
 
 
 def _contact(pane: Axes, axle: Axle, span: _Span) -> None:
-    a, rows = axle.adhesion, span.rows(axle.adhesion.time_us)
+    a = broken(axle.adhesion, _cycle_us(span.story, axle.number))
+    rows = span.rows(a.time_us)
     time_us, places = a.time_us[rows], a.contact[rows]
     runs: dict[str, list[tuple[float, float]]] = {colour: [] for colour in CONTACT_COLOURS.values()}
     if len(places):
@@ -189,6 +193,7 @@ def _residuals(pane: Axes, axle: Axle, span: _Span) -> None:
     if d is None:
         pane.text(0.01, 0.5, "the log has no AdhesionDetail", transform=pane.transAxes, va="center", fontsize=8)
         return
+    d = broken(d, next(a.detail.cycle_us for a in span.story.config.axles if a.number == axle.number and a.detail))
     rows = span.rows(d.time_us)
     t = span.seconds(d.time_us[rows])
     names = span.story.config.design.model_names
@@ -204,6 +209,22 @@ def _residuals(pane: Axes, axle: Axle, span: _Span) -> None:
     pane.set_ylim(low, high + 0.45 * (high - low))
 
 
+def _cycle_us(story: Story, number: int) -> int:
+    return next(a.adhesion.cycle_us for a in story.config.axles if a.number == number)
+
+
+def broken(frames: SomeFrames, cycle_us: int) -> SomeFrames:
+    """The same frames, with one of nothing where none comes for longer than three cycles: a line ends there."""
+    at = np.flatnonzero(np.diff(frames.time_us) > STALE_AFTER * cycle_us) + 1
+    if not len(at):
+        return frames
+    columns = {f.name: getattr(frames, f.name) for f in fields(frames)}
+    nothing = {name: np.nan if c.dtype.kind == "f" else 0 if c.dtype.kind == "b" else -1 for name, c in columns.items()}
+    made = {name: np.insert(c, at, nothing[name], axis=0) for name, c in columns.items()}
+    made["time_us"] = np.insert(frames.time_us, at, frames.time_us[at - 1] + STALE_AFTER * cycle_us)
+    return type(frames)(**made)
+
+
 def _line(pane: Axes, t: NDArray[np.float64], values: Numbers, **style: Any) -> None:
     shown_t, least, most = thinned(t, values)
     if len(shown_t) == len(t):
@@ -217,4 +238,7 @@ def thinned(t: NDArray[np.float64], values: Numbers) -> tuple[NDArray[np.float64
     if len(t) <= 2 * MAX_POINTS:
         return t, values, values
     starts = np.linspace(0, len(t), MAX_POINTS, endpoint=False).astype(np.int64)
+    between = np.diff(t)
+    gaps = np.flatnonzero(between > 1.5 * np.median(between))  # rows of nothing: of their own, that the line ends
+    starts = np.unique(np.concatenate((starts, gaps, gaps + 1)))
     return t[starts], np.fmin.reduceat(values, starts), np.fmax.reduceat(values, starts)

@@ -46,6 +46,10 @@ def _run(args: Namespace) -> int:
         begin_us = moment(story, args.begin, key="--from", relative=args.relative)
     if args.end is not None:
         end_us = min(moment(story, args.end, key="--to", relative=args.relative, behind=True), story.end_us)
+    if not story.axles:
+        raise InputError(
+            "has no frame of wrcd, and too few inputs to estimate from", file=args.log, hint="give a longer log"
+        )
     axles = [find_axle(story, number) for number in args.axle] or list(story.axles)
     try:
         draw(story, axles, begin_us, end_us, args.output)

@@ -1,4 +1,5 @@
-"""What a log tells, as records of columns. Times are whole microseconds as in the log; NaN is: there is none."""
+"""What a log tells, as records of columns. Times are whole microseconds as in the log, and go on over a
+step of its clock; NaN is: there is none."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -99,6 +100,7 @@ class Series:
 
     time_us: Times
     values: Mapping[str, NDArray[np.float64]]
+    constant: bool = False  # what the configuration says holds from the first to the last
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,7 +126,7 @@ class BusStatistics:
     time_us: Times  # one a second, when it begins
     frames_per_s: Numbers
     load_pct: Numbers  # at bit_rate, with the mean of fewest and most stuff bits
-    bit_rate: int  # assumed, bit/s
+    bit_rate: int  # assumed or given, bit/s: no log tells it
     error_frames: Times  # their time stamps
 
 
@@ -137,6 +139,15 @@ class Finding:
     axle: int = 0  # 0: of all
     begin_us: int | None = None
     end_us: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ClockStep:
+    """The log's clock was set back: when, in the time that goes on, and by how much."""
+
+    at_us: int
+    back_us: int
+    before_us: int = 0  # how far that time was ahead of the log's stamps before it
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,3 +184,4 @@ class Story:
     config: Config
     versions: Mapping[str, str] = field(default_factory=dict)  # wrcd, design and its checksum, Python, libraries
     whole: bool = True  # all of the log could be read
+    clock_steps: tuple[ClockStep, ...] = ()

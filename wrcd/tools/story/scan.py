@@ -13,6 +13,8 @@ from wrcd.bus.e2e import CRC_TABLE, Checker
 from wrcd.bus.frame import Frame
 from wrcd.bus.log import read_stretches
 from wrcd.bus.log_order import Item, TimeOrder, on_channel
+from wrcd.tools.story.clock import Onward
+from wrcd.tools.story.records import ClockStep
 
 _CRC = np.frombuffer(CRC_TABLE, dtype=np.uint8)
 PLAIN_BYTES = 8
@@ -51,6 +53,7 @@ class Scan:
     remote: int = 0
     warnings: tuple[str, ...] = ()
     whole: bool = True  # whether all of the log could be read
+    clock_steps: tuple[ClockStep, ...] = ()
 
     def of(self, key: int) -> Frames:
         """The frames of an id, perhaps none."""
@@ -58,15 +61,22 @@ class Scan:
 
 
 def scan(log: Path, channel: str | None, reached: Callable[[int], None] = lambda stamp_us: None) -> Scan:
-    """Read all of a log, in the order and of the channel that a replay takes. reached is told the stamps on the way.
+    """Read all of a log, in the order and of the channel that a replay takes. reached is told the times on the way.
+    Times are the log's stamps; where its clock is set back, they go on.
 
     Raises InputError as a replay does: no such log, not one frame, several channels and none named.
     """
-    damage, order, gathering = Damage(), TimeOrder(log), Gathering()
-    for item in order.put(on_channel(read_stretches(log, damage), channel, log)):
-        reached(gathering.put(item))
+    damage, order, gathering, onward = Damage(), TimeOrder(log), Gathering(), Onward()
+    for item in onward.items(order.put(on_channel(read_stretches(log, damage), channel, log))):
+        reached(gathering.put(onward.moved(item)))
     out = gathering.done(log)
     out.warnings, out.whole = (*damage.warnings(log), *order.warnings()), damage.whole
+    out.clock_steps = tuple(onward.steps)
+    if onward.steps:
+        ahead_s = onward.correction_us * 1e-6
+        out.warnings += (
+            f"{log}: times go on over a step of its clock: at the end they are {ahead_s:.3g} s ahead of its stamps",
+        )
     return out
 
 
@@ -149,7 +159,7 @@ def _joined(parts: list[Frames]) -> Frames:
     wide = [np.pad(p.data, ((0, 0), (0, width - p.data.shape[1]))) for p in parts]
     time_us = np.concatenate([p.time_us for p in parts])
     lengths, data = np.concatenate([p.lengths for p in parts]), np.concatenate(wide)
-    if (np.diff(time_us) < 0).any():  # jitter between queues, or a clock that was set back
+    if (np.diff(time_us) < 0).any():  # jitter between queues
         order = np.argsort(time_us, kind="stable")
         time_us, lengths, data = time_us[order], lengths[order], data[order]
     return Frames(time_us, lengths, data)

@@ -20,7 +20,7 @@ MAX_SECONDS = 200_000  # two days: of a longer log, whose clock was set perhaps,
 
 def bus(
     scan: Scan, config: Config, databases: Sequence[Database], truth: frozenset[int], own: frozenset[int],
-    wrong: Mapping[int, int],
+    wrong: Mapping[int, int], bit_rate: int = BIT_RATE,
 ) -> BusStatistics:  # fmt: skip
     """Statistics of every id; truth and own are keys, wrong the frames by key whose E2E check fails."""
     names, cycles = _known(config, databases)
@@ -38,7 +38,9 @@ def bus(
         )
         role = "input" if key in mapped else "output" if key in own else "truth" if key in truth else "other"
         gaps = np.diff(frames.time_us)
-        widest = int(gaps.argmax()) if len(gaps) else 0
+        # the silence to the log's end counts: of an input that died it is the gap
+        silent = np.append(gaps, scan.end_us - frames.time_us[-1]) if len(gaps) else gaps
+        widest = int(silent.argmax()) if len(gaps) else 0
         messages.append(
             MessageStatistics(
                 key,
@@ -46,7 +48,7 @@ def bus(
                 role,
                 len(frames),
                 float(1e6 * len(gaps) / max(frames.time_us[-1] - frames.time_us[0], 1)) if len(gaps) else 0.0,
-                float(gaps[widest] / 1000) if len(gaps) else float("nan"),
+                float(silent[widest] / 1000) if len(gaps) else float("nan"),
                 int(frames.time_us[widest]),
                 cycles.get(key, float("nan")),
                 wrong.get(key, -1),
@@ -60,8 +62,8 @@ def bus(
         tuple(messages),
         scan.begin_us + SECOND_US * seconds,
         (counts / length_s).astype(np.float32),
-        (100 * load / length_s / BIT_RATE).astype(np.float32),
-        BIT_RATE,
+        (100 * load / length_s / bit_rate).astype(np.float32),
+        bit_rate,
         np.array(sorted(scan.errors_us), dtype=np.int64),
     )
 

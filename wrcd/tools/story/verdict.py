@@ -9,12 +9,15 @@ import numpy as np
 from wrcd.core.causes import Cause, Validity
 from wrcd.tools.story.accuracy import accuracy
 from wrcd.tools.story.daemon import daemon_findings
+from wrcd.tools.story.falls import UNBOUNDED_PP
 from wrcd.tools.story.records import Axle, Event, Fall, Finding, Story
 from wrcd.tools.story.words import at, because, causes, lasting, name, percent, seconds, total_s
 
 LEVELS = ("bad", "warning", "note", "good")
+GOOD_HELD = 0.85  # of frames, whose interval of nine in ten holds the truth
 MAX_FALLS = 8  # that are told of an axle; the story has them all
 MAX_OUTAGES, MIN_OUTAGE_S = 3, 0.5  # that are told of an axle
+MAX_WARM_UPS, MIN_SHARE = 2.0, 0.5  # windows that a start may take in a short log, and what it must leave
 GOOD_SHARE = 0.9  # Valid: less is a warning
 
 
@@ -30,12 +33,15 @@ def judged(story: Story) -> Story:
 def _axles(story: Story) -> Iterator[Finding]:
     never = [a for a in story.axles if not _valid_s(a)]
     if never and len(never) == len(story.axles):
+        if story.end_us == story.begin_us:
+            yield Finding("bad", "All frames of the log are of one moment: there is nothing to tell of.")
+            return
         span = seconds((story.end_us - story.begin_us) * 1e-6)
         whose = "The axle" if len(never) == 1 else "No axle"
         was = "was never" if len(never) == 1 else "was ever"
         yield Finding("bad", f"{whose} {was} Valid in {span} of log: not one value was to be used.")
     for axle in story.axles:
-        if not _valid_s(axle):
+        if not _valid_s(axle) and axle.events:
             yield _never_valid(story, axle)
     for axle in story.axles:
         yield from _falls(story, axle)
@@ -113,11 +119,10 @@ def _outages(story: Story, axle: Axle) -> Iterator[Finding]:
         return
     longest = sorted(runs, key=lambda run: -total_s(run))[:MAX_OUTAGES]
     for run in sorted(longest, key=lambda run: run[0].begin_us):
-        main = max(run, key=lambda e: e.duration_s)
         begin, end = at(story, run[0].begin_us).removesuffix(" s"), at(story, run[-1].end_us)
         yield Finding(
             "warning",
-            f"Axle {axle.number} was not Valid from {begin} to {end} ({seconds(total_s(run))}): {because(main)} "
+            f"Axle {axle.number} was not Valid from {begin} to {end} ({seconds(total_s(run))}): {because(_began(run))} "
             f"({causes(run)}).",
             axle.number, run[0].begin_us, run[-1].end_us,
         )  # fmt: skip
@@ -126,6 +131,12 @@ def _outages(story: Story, axle: Axle) -> Iterator[Finding]:
         yield Finding(
             "note", f"Axle {axle.number}: {more} more times of {MIN_OUTAGE_S:g} s or longer not Valid.", axle.number
         )
+
+
+def _began(run: list[Event]) -> Event:
+    """What a time not Valid is from: the longest cause before the window began to fill again."""
+    before = list(itertools.takewhile(lambda e: e.cause is not Cause.WARMING_UP, run))
+    return max(before or run, key=lambda e: e.duration_s)
 
 
 def _begins_not_valid(axle: Axle) -> bool:
@@ -147,7 +158,10 @@ def _share(story: Story, axle: Axle) -> Finding:
         if lasted:
             parts.append(f"{validity.value} {seconds(total_s(lasted))} ({causes(lasted)})")
     odd = [e for e in axle.events if e.validity is not Validity.VALID and e.cause is not Cause.WARMING_UP]
-    level = "warning" if share < GOOD_SHARE and odd else "note" if odd else "good"
+    warm_up_s = total_s(e for e in axle.events if e.cause is Cause.WARMING_UP)
+    short = warm_up_s <= MAX_WARM_UPS * story.config.design.window_s and share >= MIN_SHARE
+    good = share >= GOOD_SHARE or (short and not odd)
+    level = "good" if good and not odd else "note" if good or not odd else "warning"
     return Finding(
         level,
         f"Axle {axle.number} was Valid for {100 * share:.1f} % of {seconds(span_s)}"
@@ -183,17 +197,19 @@ def _truth(story: Story, axle: Axle) -> Iterator[Finding]:
         if found.bounded
         else "no frame stated an interval"
     )
+    good = found.bounded and not found.lie_s and found.held_share >= GOOD_HELD
+    bare = not found.bounded and found.mean_error_pp > UNBOUNDED_PP
     yield Finding(
-        "good" if not found.lie_s else "note",
+        "good" if good else "warning" if bare else "note",
         f"Axle {axle.number} against the truth, while Valid: mean error {found.mean_error_pp:+.1f} pp, mean absolute "
         f"error {found.mean_absolute_pp:.1f} pp; {held}.",
         axle.number,
     )
-    if found.worst_pp > 0 and found.lie_s:
+    if found.worst_pp > 0 and (found.lie_s or bare):
+        lay = f"; the whole interval lay above the truth for {seconds(found.lie_s)} in all" if found.lie_s else ""
         yield Finding(
             "warning",
             f"Axle {axle.number}: worst Valid claim {percent(found.worst_said_pct)} % where "
-            f"{percent(found.worst_truth_pct)} % was there, at {at(story, found.worst_at_us)}; the whole interval lay "
-            f"above the truth for {seconds(found.lie_s)} in all.",
+            f"{percent(found.worst_truth_pct)} % was there, at {at(story, found.worst_at_us)}{lay}.",
             axle.number, found.worst_at_us,
         )  # fmt: skip

@@ -19,11 +19,15 @@ def _add(p: ArgumentParser) -> None:
 def _run(args: Namespace) -> int:
     import json
 
-    from wrcd.errors import Status
+    from wrcd.errors import InputError, Status
     from wrcd.tools.story.why import answer, moment, record
 
     story = read_story(args)
     time_us = moment(story, args.seconds)
+    if not story.axles:
+        raise InputError(
+            "has no frame of wrcd, and too few inputs to estimate from", file=args.log, hint="give a longer log"
+        )
     numbers = args.axle or [a.number for a in story.axles]
     if args.json:
         axles = [record(story, number, time_us) for number in numbers]

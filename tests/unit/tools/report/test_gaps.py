@@ -1,9 +1,14 @@
 """Missing frames and too many of them."""
 
-import numpy as np
+from dataclasses import replace
 
-from wrcd.tools.report.columns import CODE, TIME, Column
+import numpy as np
+import pytest
+
+from tests.support.story_columns import synthetic
+from wrcd.tools.report.columns import CODE, TIME, Column, pack
 from wrcd.tools.report.gaps import thin, with_gaps
+from wrcd.tools.report.tables import tables
 
 
 def test_row_of_nothing_stands_where_frames_are_missing() -> None:
@@ -13,21 +18,27 @@ def test_row_of_nothing_stands_where_frames_are_missing() -> None:
         "mu": Column(np.arange(5.0), 0.01),
         "code": Column(np.arange(5), 1.0, CODE),
     }
-    found = with_gaps(table, time_us)
-    assert found["time"].values.tolist() == [0.0, 0.02, 0.04, 0.1, 1.0, 1.02]
-    assert np.array_equal(found["mu"].values, [0, 1, 2, np.nan, 3, 4], equal_nan=True)
-    assert found["code"].values.tolist() == [0, 1, 2, -1, 3, 4]
+    found = with_gaps(table, time_us, 20_000)
+    assert found["time"].values.tolist() == pytest.approx([0.0, 0.02, 0.04, 0.1, 1.0, 1.02, 1.08])
+    assert np.array_equal(found["mu"].values, [0, 1, 2, np.nan, 3, 4, np.nan], equal_nan=True)
+    assert found["code"].values.tolist() == [0, 1, 2, -1, 3, 4, -1]
 
 
 def test_jitter_below_three_cycles_is_no_gap() -> None:
     time_us = np.array([0, 20_000, 79_000, 99_000, 119_000])
     table = {"time": Column(time_us / 1e6, 1e-4, TIME)}
-    assert len(with_gaps(table, time_us)["time"].values) == 5
+    assert len(with_gaps(table, time_us, 20_000)["time"].values) == 5 + 1
 
 
-def test_single_row_has_no_gap() -> None:
-    time_us = np.array([5])
-    assert len(with_gaps({"time": Column(time_us / 1e6, 1e-4, TIME)}, time_us)["time"].values) == 1
+@pytest.mark.parametrize(
+    ("time_us", "expected"), [([5], [5, 60_005]), ([0, 600_000_000], [0, 60_000, 600_000_000, 600_060_000])]
+)
+def test_value_of_few_rows_is_not_held_for_ever(time_us: list[int], expected: list[int]) -> None:
+    times = np.array(time_us, np.int64)
+    table = {"time": Column(times / 1e6, 1e-6, TIME), "mu": Column(np.ones(len(times)), 0.01)}
+    found = with_gaps(table, times, 20_000)
+    assert np.rint(found["time"].values * 1e6).astype(int).tolist() == expected
+    assert np.isnan(found["mu"].values[1::2]).all()
 
 
 def test_thinned_column_keeps_extremes_changes_and_both_ends() -> None:
@@ -47,3 +58,16 @@ def test_thinned_column_keeps_extremes_changes_and_both_ends() -> None:
 
 def test_table_within_the_limit_is_kept_whole() -> None:
     assert thin(np.zeros(100, dtype=np.float32), (), 100) is None
+
+
+def test_input_health_with_a_gap_is_packed() -> None:
+    story = synthetic(20.0, 1)
+    health = story.axles[0].health
+    assert health is not None
+    rows = (health.time_us < health.time_us[50]) | (health.time_us > health.time_us[90])
+    cut = type(health)(*(getattr(health, name)[rows] for name in health.__slots__))
+    table = tables(replace(story, axles=(replace(story.axles[0], health=cut),)))["axle1.inputs"]
+    reach = table["yaw_reach"].values
+    assert (reach == -1).any()
+    assert reach.max() == 255
+    assert pack(table).text

@@ -11,9 +11,11 @@ import numpy as np
 import pytest
 
 from tests.support.story_columns import synthetic
-from wrcd.core.causes import Cause
+from wrcd.core.causes import Cause, Validity
 from wrcd.tools.report import page
 from wrcd.tools.report.differences import differences
+from wrcd.tools.report.text import causes
+from wrcd.tools.story.compare import compare
 from wrcd.tools.story.records import Finding, MessageStatistics
 
 MAX_BYTES = 10_000_000
@@ -159,3 +161,19 @@ def test_every_cause_has_a_word_in_the_strips(cause: Cause) -> None:
 
     assert _validity_words()[64 + int(cause)][0] == cause.label
     assert _validity_words()[int(cause)][1] == "none"
+
+
+def test_cause_table_says_where_no_frame_came() -> None:
+    story = synthetic(20.0, 1)
+    a = story.axles[0]
+    silent = replace(a.events[0], validity=Validity.NOT_AVAILABLE, cause=Cause.NONE, detail="no frame of wrcd")
+    found = Elements(causes(replace(story, axles=(replace(a, events=(silent, *a.events[1:])),))))
+    assert "no frame of wrcd" in found.words
+
+
+def test_one_page_states_one_distance_of_its_two_sides() -> None:
+    story, other = synthetic(30.0, 1), synthetic(30.0, 1, 2, "other.log")
+    (compared,) = compare(story, other).axles
+    found = {d.what: d.there for d in differences(story, other)}
+    assert found["available, mean distance of the two where both are Valid"] == compared.mean_absolute_pp
+    assert abs(compared.worst_pp) in [v for name, v in found.items() if "largest distance" in name]

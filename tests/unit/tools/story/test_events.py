@@ -74,7 +74,7 @@ def test_missing_frames_are_an_event_of_their_own() -> None:
     a = type(whole)(*(getattr(whole, name)[kept] for name in whole.__slots__))
     events = of_frames(1, a, None, None, SLOT_US, BEGIN_US, int(a.time_us[-1]))
     assert told(events) == [
-        (0.0, 1.62, "Valid", ""), (1.62, 0.8, "NotAvailable", ""), (2.42, 1.58, "Valid", ""),
+        (0.0, 1.66, "Valid", ""), (1.66, 0.76, "NotAvailable", ""), (2.42, 1.58, "Valid", ""),
     ]  # fmt: skip
     assert events[1].detail == "no frame of wrcd"
 

@@ -10,7 +10,7 @@ from tests.support.story import DEGRADED, VALID, Ride, adhesion, axle, detail, s
 from wrcd.core.causes import Cause
 from wrcd.core.configuration import Config
 from wrcd.tools.cli import main
-from wrcd.tools.story.plot import MAX_POINTS, draw, thinned
+from wrcd.tools.story.plot import MAX_POINTS, broken, draw, thinned
 
 SIGNATURES = {".png": b"\x89PNG", ".pdf": b"%PDF", ".svg": b"<?xml"}
 
@@ -115,3 +115,55 @@ def test_command_overwrites_when_forced(ride: Ride, tmp_path: Path) -> None:
     there.write_text("mine")
     assert main(["plot", str(ride.both), "-o", str(there), "--force"]) == 0
     assert there.read_bytes().startswith(SIGNATURES[".png"])
+
+
+def test_line_ends_where_frames_are_missing() -> None:
+    a, d = adhesion(np.full(100, 30.0)), detail(100)
+    rows = np.r_[0:40, 60:100]
+    cut = type(a)(*(getattr(a, name)[rows] for name in a.__slots__))
+    found = broken(cut, 20_000)
+    assert len(found.time_us) == 81
+    assert np.flatnonzero(np.isnan(found.available_pct)).tolist() == [40]
+    assert np.isnan(found.high_pct[40])
+    assert (found.contact[40], found.validity[40]) == (-1, -1)
+    assert found.time_us[40] == a.time_us[39] + 60_000
+    assert broken(a, 20_000) is a
+    shorter = broken(type(d)(*(getattr(d, name)[[0, 1, 15]] for name in d.__slots__)), 100_000)
+    assert np.isnan(shorter.residual_db[2]).all()
+    assert not shorter.stale[2].any()
+
+
+def test_line_of_a_long_log_ends_where_frames_are_missing() -> None:
+    a = adhesion(np.full(20_000, 30.0))
+    rows = np.r_[0:10_000, 10_004:20_000]
+    found = broken(type(a)(*(getattr(a, name)[rows] for name in a.__slots__)), 20_000)
+    t, least, most = thinned((found.time_us * 1e-6).astype(np.float64), found.available_pct)
+    assert len(t) < 2 * MAX_POINTS
+    (place,) = np.flatnonzero(np.isnan(least))
+    assert np.isnan(most[place])
+    assert t[place] == pytest.approx((a.time_us[9_999] + 60_000) * 1e-6)
+
+
+def test_log_of_a_single_input_frame_has_nothing_to_draw_or_explain(
+    ride: Ride, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = tmp_path / "one.log"
+    log.write_text(ride.log.read_text().splitlines(keepends=True)[0])
+    assert main(["plot", str(log), "-o", str(tmp_path / "one.png")]) == 2
+    assert main(["why", str(log), "0"]) == 2
+    assert capsys.readouterr().err.count("too few inputs to estimate from") == 2
+
+
+def test_log_of_a_single_frame_of_wrcd_is_drawn_explained_and_reported(
+    ride: Ride, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = tmp_path / "one.log"
+    lines = [x for x in ride.both.read_text().splitlines(keepends=True) if " 091#" in x]
+    log.write_text(lines[300])
+    assert main(["plot", str(log), "-o", str(tmp_path / "one.png")]) == 0
+    assert main(["why", str(log), "0"]) == 0
+    assert "% available" in capsys.readouterr().out
+    assert main(["report", str(log), "-o", str(tmp_path / "one.html")]) == 0
+    shown = capsys.readouterr()
+    assert "All frames of the log are of one moment" in shown.out
+    assert "MISSING_RENDERERS" not in shown.err

@@ -82,3 +82,13 @@ def test_mistake_in_what_is_compared_comes_before_the_work(
 def test_missing_extra_is_named() -> None:
     with pytest.raises(InputError, match=r"needs the extra report — pip install 'wrcd\[report\]'"):
         need(("no_such_library",), "report")
+
+
+def test_bit_rate_of_the_bus_is_taken_for_its_load(
+    ride: Ride, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "a.html"
+    assert main(["report", str(ride.both), "-o", str(out), "--bit-rate", "250000"]) == 0
+    assert "Load at an assumed 250 kbit/s" in out.read_text()
+    assert main(["report", str(ride.both), "-o", str(out), "--bit-rate", "5"]) == 2
+    assert "takes 10000 to 1000000 bit/s" in capsys.readouterr().err

@@ -18,7 +18,7 @@ from wrcd.bus.units import Quantity
 from wrcd.core.configuration import Config
 from wrcd.errors import InputError
 from wrcd.tools.bus_load import bits
-from wrcd.tools.story.inputs import Inputs, distance
+from wrcd.tools.story.inputs import Inputs, _newest, distance
 from wrcd.tools.story.own import Own
 from wrcd.tools.story.records import Series
 from wrcd.tools.story.scan import NO_FRAMES, Frames, Gathering, right_crc, scan
@@ -208,3 +208,18 @@ def test_truth_of_an_unknown_protection_is_an_error(tmp_path: Path, ride: Ride) 
 
 def test_own_frames_without_a_message_are_none(ride: Ride, config: Config) -> None:
     assert Own(config).adhesion(scan(ride.log, None), 1) is None
+
+
+def test_input_that_dies_has_its_gap_to_the_end_of_the_log(ride: Ride, config: Config, tmp_path: Path) -> None:
+    log = tmp_path / "dies.log"
+    stop = f"({(BEGIN_US + 6_000_000) * 1e-6:.6f}"
+    log.write_text("".join(x for x in ride.log.read_text().splitlines(keepends=True) if x < stop or " 101#" not in x))
+    (yaw,) = [m for m in bus(scan(log, None), config, (), frozenset(), frozenset(), {}).messages if m.key == YAW_RATE]
+    assert yaw.longest_gap_ms == pytest.approx(5000, abs=50)
+    assert yaw.longest_gap_at_us == pytest.approx(BEGIN_US + 6_000_000, abs=10_000)
+
+
+def test_old_value_of_a_part_adds_nothing() -> None:
+    at = np.array([0, 10, 100, 1_000], np.int64)
+    found = _newest(np.array([5, 90], np.int64), np.array([1.0, 2.0]), at, 50)
+    np.testing.assert_array_equal(found, [np.nan, 1.0, 2.0, np.nan])

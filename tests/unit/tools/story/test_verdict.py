@@ -22,6 +22,7 @@ from tests.support.story import (
 from wrcd.core.causes import Cause
 from wrcd.core.configuration import Config
 from wrcd.core.vocabulary import MESSAGES, Words
+from wrcd.tools.report.tables import tables
 from wrcd.tools.story.daemon import increase
 from wrcd.tools.story.falls import found
 from wrcd.tools.story.records import Fall, Finding, MessageStatistics, Story
@@ -161,7 +162,7 @@ def test_counts_that_grew_are_told(
 def test_counts_that_stand_still_are_not_told(config: Config) -> None:
     made = story(config, axle(adhesion(np.full(200, 30.0))), status=counts(config, "Overruns", 5, 5, 5))
     assert not [f for f in verdict(made) if "Overruns" in f.text]
-    assert increase(counts(config, "Overruns", 5, 5, 5), "Overruns", 256) == (0, 0)
+    assert increase(counts(config, "Overruns", 5, 5, 5), "Overruns", "status_message") == (0, 0)
 
 
 def test_link_down_and_stopping_are_told(config: Config) -> None:
@@ -235,3 +236,53 @@ def test_many_falls_are_counted(config: Config) -> None:
 
 def test_log_without_an_axle_is_bad(config: Config) -> None:
     assert verdict(story(config))[0].text == "No axle has a frame of wrcd: nothing was estimated."
+
+
+def test_restart_of_the_daemon_is_no_overrun(config: Config) -> None:
+    made = story(
+        config, axle(adhesion(np.full(200, 30.0))), status=series(Overruns=[3, 3, 0, 1], ReceiveDrops=[2, 2, 1, 1])
+    )
+    assert only(made, "Overruns").text.startswith("Overruns: 1 (")
+    assert only(made, "ReceiveDrops").text.startswith("ReceiveDrops: 1 (")
+    assert only(made, "daemon was restarted").begin_us == at_s(3)
+    page_values = tables(made)["status"]["Overruns"].values
+    assert page_values[:4].tolist() == [0, 0, 0, 1]
+
+
+def test_gap_is_what_the_configured_cycle_makes_one(config: Config) -> None:
+    slow = replace(
+        config, axles=tuple(replace(a, adhesion=replace(a.adhesion, cycle_us=100_000)) for a in config.axles)
+    )  # fmt: skip
+    whole = adhesion(np.full(200, 30.0))
+    kept = np.r_[0:200:5]
+    a = type(whole)(*(getattr(whole, name)[kept] for name in whole.__slots__))
+    assert not [f for f in verdict(story(slow, axle(a))) if "gap" in f.text]
+    assert (
+        "of more than 300 ms"
+        in only(story(slow, axle(type(a)(*(getattr(a, n)[np.r_[0:10, 14:40]] for n in a.__slots__)))), "gap").text
+    )
+
+
+@pytest.mark.parametrize(("half", "level"), [(np.nan, "warning"), (2.0, "note")])
+def test_claims_far_above_the_truth_are_not_good(config: Config, half: float, level: str) -> None:
+    made = story(config, axle(adhesion(np.full(200, 40.0), half=half), true=truth(np.full(200, 3.0))))
+    assert only(made, "against the truth").level == level
+    assert only(made, "worst Valid claim").level == "warning"
+
+
+def test_truth_without_any_interval_is_not_good(config: Config) -> None:
+    made = story(config, axle(adhesion(np.full(200, 30.0), half=np.nan), true=truth(np.full(200, 29.0))))
+    assert only(made, "no frame stated an interval").level == "note"
+
+
+def test_log_that_is_mostly_warming_up_is_not_good(config: Config) -> None:
+    a = adhesion(np.full(100, 30.0), [NOT_AVAILABLE] * 78 + [VALID] * 22)
+    finding = only(story(config, axle(a, detail(100, [Cause.WARMING_UP] * 15 + [0] * 5))), "was Valid for")
+    assert finding.level == "note"
+
+
+def test_outage_is_told_with_the_cause_that_began_it(config: Config) -> None:
+    a = adhesion(np.full(500, 30.0), [VALID] * 100 + [NOT_AVAILABLE] * 100 + [VALID] * 300)
+    causes = [0] * 20 + [Cause.INPUT_SILENT] + [Cause.WARMING_UP] * 19 + [0] * 60
+    finding = only(story(config, axle(a, detail(500, causes))), "was not Valid")
+    assert "an input is silent or refused (WarmingUp 1.9 s, InputSilent 0.10 s)" in finding.text

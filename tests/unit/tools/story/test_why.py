@@ -76,7 +76,7 @@ def test_newest_takes_no_older_one() -> None:
 
 
 def test_value_of_a_constant_is_never_old() -> None:
-    constant = Series(np.array([0, 10_000_000_000], np.int64), {"speed_m_s": np.array([7.0, 7.0])})
+    constant = Series(np.array([0, 10_000_000_000], np.int64), {"speed_m_s": np.array([7.0, 7.0])}, constant=True)
     assert value_at(constant, "speed_m_s", 5_000_000_000) == 7.0
     assert math.isnan(value_at(None, "speed_m_s", 0))
 
@@ -178,3 +178,24 @@ def test_command_says_what_is_odd_in_the_log(ride: Ride, tmp_path: Path, capsys:
     log.write_bytes(ride.both.read_bytes()[:-9])
     assert main(["why", str(log), "3"]) == 1
     assert "wrcd: warning:" in capsys.readouterr().err
+
+
+def test_moment_after_the_last_frame_does_not_contradict_itself(config: Config) -> None:
+    whole = adhesion(np.full(200, 30.0))
+    kept = np.r_[0:100, 150:200]
+    made = story(config, axle(type(whole)(*(getattr(whole, name)[kept] for name in whole.__slots__))))
+    last = int(whole.time_us[99])
+    for after_us in range(0, 120_000, 5_000):
+        x = explain(made, 1, last + after_us)
+        assert x.event is not None
+        assert x.validity is x.event.validity
+        assert math.isfinite(x.available_pct) is (x.validity is Validity.VALID)
+        assert x.validity is (Validity.VALID if after_us < 60_000 else Validity.NOT_AVAILABLE)
+
+
+def test_two_frames_far_apart_are_no_constant() -> None:
+    t = np.array([0, 600_000_000], np.int64)
+    two = Series(t, {"speed_m_s": np.array([10.0, 20.0])})
+    assert value_at(two, "speed_m_s", 500_000) == 10.0
+    assert math.isnan(value_at(two, "speed_m_s", 300_000_000))
+    assert value_at(replace(two, constant=True), "speed_m_s", 300_000_000) == pytest.approx(15.0)
