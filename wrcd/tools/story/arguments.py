@@ -32,8 +32,8 @@ def read_story(args: Namespace, config: "Config | None" = None) -> "Story":
     import sys
 
     from wrcd.config import load_config
+    from wrcd.tools.bus_load import BIT_RATE
     from wrcd.tools.story.gather import gather
-    from wrcd.tools.story.statistics import BIT_RATE
     from wrcd.tools.story.truth import load
 
     config = config or load_config(args.config)

@@ -12,10 +12,12 @@ NO_COUNTS = frozenset({"DesignChecksum"})
 
 
 def moduli(key: str) -> dict[str, float]:
-    """The counts of a message (its key in the configuration) that go on from frame to frame, and where they wrap."""
+    """The counts of a message (its key in the configuration) that go on from frame to frame, and where they wrap.
+    Those of WrcdRejects begin anew with each frame."""
+    if key == "rejects_message":
+        return {}
     named = {n: k for n, k in MESSAGES[key].items() if isinstance(k, Numeric) and n not in NO_COUNTS}
-    going_on = named if key != "rejects_message" else {"ForeignFrames": named["ForeignFrames"]}
-    return {name: kind.high + 1.0 for name, kind in going_on.items()}
+    return {name: kind.high + 1.0 for name, kind in named.items()}
 
 
 def restarts(series: Series, key: str) -> NDArray[np.bool_]:

@@ -13,6 +13,7 @@ from wrcd.bus.log_kind import check_log
 from wrcd.core.causes import Validity
 from wrcd.core.configuration import Config
 from wrcd.errors import InputError
+from wrcd.tools.bus_load import BIT_RATE
 from wrcd.tools.progress import Progress
 from wrcd.tools.story import events, falls, statistics, truth, verdict
 from wrcd.tools.story.estimate import Estimated, estimate
@@ -27,7 +28,7 @@ MAX_PART_MISSING = 0.01  # of a log, without wrcd's frames, before it is said
 
 def gather(
     log: Path, config: Config, databases: Sequence[Database] = (), *, replay: bool = False, channel: str | None = None,
-    progress: Progress | None = None, bit_rate: int = statistics.BIT_RATE,
+    progress: Progress | None = None, bit_rate: int = BIT_RATE,
 ) -> Story:  # fmt: skip
     """All that a log tells, as columns.
 
