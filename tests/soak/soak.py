@@ -125,7 +125,7 @@ def drift(kept: Kept) -> tuple[float, str]:
 
 
 def rss_kb() -> float:
-    """Resident memory of this process. What it has freed is given back first: how much of that malloc keeps is chance."""
+    """Resident memory of this process. What it has freed is given back first: how much of it malloc keeps is chance."""
     gc.collect()
     ctypes.CDLL(None).malloc_trim(0)
     return int(Path("/proc/self/statm").read_text().split()[1]) * 4.0
