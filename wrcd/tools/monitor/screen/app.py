@@ -242,7 +242,7 @@ class Monitor(App[None]):
         except OSError as e:
             self.call_from_thread(self.tell, f"{stem}.svg saved, its log not: {e.strerror or e}")
             return
-        self.call_from_thread(self.tell, f"saved {stem}.log ({n} frames) and {stem}.svg")
+        self.call_from_thread(self.tell, f"saved {stem}.log ({n} frames) and .svg")
 
     def on_unmount(self) -> None:
         """Let go of the bus."""
