@@ -36,7 +36,9 @@ def take(walk: Walk) -> str:
         t.press("Escape")
         t.wait_for("the plot again", lambda s: CLOSES not in s, KEY_S)
         t.press("s")
-        t.wait_for("the picture that is saved, by s", lambda s: re.search(r"saved \S+\.log .* and \.svg", s) is not None, KEY_S)
+        t.wait_for(
+            "the picture that is saved, by s", lambda s: re.search(r"saved \S+\.log .* and \.svg", s) is not None, KEY_S
+        )
         t.resize(80, 24)
         small = t.wait_for("the keys in 80 × 24", lambda s: KEYS in s and _has_axle_1(s), KEY_S)
         t.keep("-80x24")
