@@ -13,11 +13,10 @@ import sys
 from email.utils import formatdate
 from pathlib import Path, PurePosixPath
 
-ROOT = Path(__file__).parents[2]
-sys.path.insert(0, str(ROOT))
-from wrcd import __version__, resources  # noqa: E402
-from wrcd.tools.install.files import CONFIGURATIONS, DEBIAN, lay_out  # noqa: E402
+from wrcd import __version__, resources
+from wrcd.tools.install.files import CONFIGURATIONS, DEBIAN, lay_out
 
+ROOT = Path(__file__).parents[2]
 PYTHON = "/usr/bin/python3"
 HOME = PurePosixPath("/opt/wrcd")
 SCRIPTS = ("preinst", "postinst", "prerm", "postrm")

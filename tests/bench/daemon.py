@@ -5,12 +5,12 @@ and the most memory that it held.
 """
 
 import json
-import socket
 import sys
 from pathlib import Path
 
+from tests.bench.on_pair import CHANNEL, use_pair
+
 END = 3
-CHANNEL = "lo"  # rtnetlink tells of an interface that is up
 
 
 def resident_kb() -> dict[str, int]:
@@ -20,18 +20,9 @@ def resident_kb() -> dict[str, int]:
 
 
 def main() -> int:
-    from wrcd.bus import socketcan
     from wrcd.tools import cli
 
-    def opened(link: socketcan.SocketCanLink) -> socket.socket:
-        end = socket.socket(fileno=END)
-        end.setblocking(False)
-        link._stamp(end)
-        return end
-
-    # the kernel may have no CAN: the daemon's own link, with one end of a pair in the place of the raw CAN socket
-    socketcan.SocketCanLink._open = opened  # type: ignore[assignment,method-assign]
-    socketcan.SocketCanLink._set = lambda *_: None  # type: ignore[method-assign]
+    use_pair(END)
     status = cli.main(["run", "-i", "socketcan", "-c", CHANNEL])
     print(json.dumps({"modules": sorted(sys.modules), **resident_kb()}))
     return status

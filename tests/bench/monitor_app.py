@@ -6,33 +6,19 @@ argument that a reader gets runs that. At its end it writes, as JSON, to the fil
 
 import json
 import os
-import socket
 import sys
 import time
 from pathlib import Path
 
+from tests.bench.on_pair import CHANNEL, use_pair
+
 END = int(os.environ.get("MONITOR_END", "3"))  # of the pair, as a file descriptor
-CHANNEL = "lo"  # rtnetlink tells of an interface that is up
 MODULE = "tests.bench.monitor_app"
-
-
-def use_pair() -> None:
-    """The kernel may have no CAN: the monitor's own link, with one end of a pair in the place of the raw CAN socket."""
-    from wrcd.bus import socketcan
-
-    def opened(link: socketcan.SocketCanLink) -> socket.socket:
-        end = socket.socket(fileno=END)
-        end.setblocking(False)
-        link._stamp(end)
-        return end
-
-    socketcan.SocketCanLink._open = opened  # type: ignore[assignment,method-assign]
-    socketcan.SocketCanLink._set = lambda *_: None  # type: ignore[method-assign]
 
 
 def read() -> int:
     """The reader's process."""
-    use_pair()
+    use_pair(END)
     from wrcd.tools.monitor import reader
 
     return reader.main()

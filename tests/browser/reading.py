@@ -23,7 +23,7 @@ def plot(page: Page, key: str) -> dict[str, float]:
     settle(page)
     box = place.bounding_box()
     assert box is not None
-    return {name: float(value) for name, value in dict(box).items()}  # type: ignore[arg-type]
+    return {"x": box["x"], "y": box["y"], "width": box["width"], "height": box["height"]}
 
 
 def range_of(page: Page, key: str) -> list[float]:

@@ -4,14 +4,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-def growth(values: NDArray[np.float64], modulo: int) -> NDArray[np.float64]:
-    """By how much a count, (n,), grew from each frame to the next, (n - 1,).
-
-    A count that falls has wrapped round, or its sender has started anew and counts from 0. The lesser growth of less
-    than half the modulo is taken for the wrap; else what the count says is what has grown since the start.
-    """
+def restarted(values: NDArray[np.float64], modulo: float) -> NDArray[np.bool_]:
+    """Where a count, (n,), began anew before a frame, (n - 1,): it fell, and had it wrapped round it would have grown
+    by half the modulo or more."""
     steps = np.diff(values)
-    wrapped = steps % modulo
-    restarted = (steps < 0) & (wrapped >= modulo / 2)
-    out: NDArray[np.float64] = np.where(restarted, values[1:], wrapped)
+    out: NDArray[np.bool_] = (steps < 0) & (steps % modulo >= modulo / 2)
+    return out
+
+
+def growth(values: NDArray[np.float64], modulo: float, anew: NDArray[np.bool_] | None = None) -> NDArray[np.float64]:
+    """By how much a count, (n,), grew from each frame to the next, (n - 1,). Where it began anew (None: as it tells
+    itself) what it says has grown since."""
+    anew = restarted(values, modulo) if anew is None else anew
+    out: NDArray[np.float64] = np.where(anew, values[1:], np.diff(values) % modulo)
     return out

@@ -5,9 +5,7 @@ from pathlib import Path
 
 from wrcd.errors import InputError
 from wrcd.tools.command import Command
-from wrcd.tools.commands.arguments import add_bus
-
-MIN_BIT_RATE, MAX_BIT_RATE = 10_000, 1_000_000
+from wrcd.tools.commands.arguments import add_bit_rate, add_bus, check_bit_rate
 
 
 def _add(p: argparse.ArgumentParser) -> None:
@@ -18,20 +16,16 @@ def _add(p: argparse.ArgumentParser) -> None:
         "--dbc", type=Path, action="append", default=[], metavar="FILE",
         help="another DBC; the rig's, dbc/sim_ecu.dbc, gives the truth; may be repeated",
     )  # fmt: skip
-    p.add_argument(
-        "--bit-rate", type=int, metavar="BIT/S", help="of the bus, for its load (default: 500000)"
-    )  # fmt: skip
+    add_bit_rate(p)
 
 
 def _run(args: argparse.Namespace) -> int:
-    rate = args.bit_rate
-    if rate is not None and not MIN_BIT_RATE <= rate <= MAX_BIT_RATE:
-        raise InputError(f"takes {MIN_BIT_RATE} to {MAX_BIT_RATE} bit/s, not {rate}", key="--bit-rate")
+    check_bit_rate(args.bit_rate)
     if args.log is not None and args.interface is not None:
         raise InputError("a log or a bus, not both", key="--interface", hint="leave out LOG or -i")
     from wrcd.tools.monitor.run import monitor
 
-    return monitor(args.log, args.config, args.interface, args.channel, args.dbc, rate)
+    return monitor(args.log, args.config, args.interface, args.channel, args.dbc, args.bit_rate)
 
 
 COMMAND = Command(

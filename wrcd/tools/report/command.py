@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from wrcd.tools.command import Command
-from wrcd.tools.monitor.command import MAX_BIT_RATE, MIN_BIT_RATE
+from wrcd.tools.commands.arguments import add_bit_rate, check_bit_rate
 from wrcd.tools.story.arguments import add_log, read_story
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ def _add(p: ArgumentParser) -> None:
         "--against", type=Path, metavar="FILE",
         help="beside another log; or the same log estimated with another design (.json) or configuration (.toml)",
     )  # fmt: skip
-    p.add_argument("--bit-rate", type=int, metavar="BIT/S", help="of the bus, for its load (default: 500000)")
+    add_bit_rate(p)
     p.add_argument("--force", action="store_true", help="overwrite a file that is no report")
 
 
@@ -34,9 +34,7 @@ def _run(args: Namespace) -> int:
     from wrcd.errors import InputError, Status
     from wrcd.tools.story.outputs import check_output, check_overwrite, need
 
-    rate = args.bit_rate
-    if rate is not None and not MIN_BIT_RATE <= rate <= MAX_BIT_RATE:
-        raise InputError(f"takes {MIN_BIT_RATE} to {MAX_BIT_RATE} bit/s, not {rate}", key="--bit-rate")
+    check_bit_rate(args.bit_rate)
     need(("bokeh",), "report")
     check_output(args.output, (args.log, args.config, args.against, *args.dbc))
     if not args.force:

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrcd.core.vocabulary import MESSAGES, Numeric
+from wrcd.tools.counts import growth, restarted
 from wrcd.tools.story.records import Series
 
 NO_COUNTS = frozenset({"DesignChecksum"})
@@ -26,8 +27,7 @@ def restarts(series: Series, key: str) -> NDArray[np.bool_]:
     for name, modulo in moduli(key).items():
         values = series.values.get(name)
         if values is not None:
-            steps = np.diff(values)
-            out[1:] |= (steps < 0) & (steps + modulo > modulo / 2)
+            out[1:] |= restarted(values, modulo)
     return out
 
 
@@ -38,5 +38,5 @@ def added(series: Series, key: str) -> Mapping[str, NDArray[np.float64]]:
     for name, modulo in moduli(key).items():
         values = series.values.get(name)
         if values is not None:
-            out[name] = np.where(anew, values, np.diff(values, prepend=values[:1]) % modulo)
+            out[name] = np.concatenate((np.zeros(1), growth(values, modulo, anew[1:])))
     return out
