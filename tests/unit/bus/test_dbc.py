@@ -87,12 +87,12 @@ def test_no_two_messages_share_an_id_or_a_data_id(production: Database) -> None:
     assert len({attribute(m, "E2EDataId") for m in messages}) == len(messages)
 
 
-@pytest.mark.parametrize("name", [*MESSAGES, "SimTruth_A{a}"])
+@pytest.mark.parametrize("name", [*MESSAGES, *(f"{own}_A{{a}}" for own in ("Demand", "WheelSpeed", "BrakePressure", "SimTruth"))])
 def test_every_axle_has_the_same_messages(production: Database, name: str) -> None:
     """Down to comments, value tables and attributes; only ids and numbers differ."""
 
     def said(axle: int) -> str:
-        database = load("sim_ecu.dbc") if name.startswith("SimTruth") else production
+        database = production if name in MESSAGES else load("sim_ecu.dbc")
         m = database.get_message_by_name(name.format(a=axle))
         text = repr(told(m)).replace(f"wheelset {axle}", "wheelset 1").replace(name.format(a=axle), name)
         return text.replace(f"'{name}', 0x{m.frame_id:x}", "ID").replace(f"'E2EDataId': {m.frame_id}", "ID")
@@ -154,12 +154,39 @@ def test_labels_are_those_that_the_code_sends(production: Database) -> None:
     assert words(production, "WrcdLink", "LinkState") == set(get_args(LinkState))
 
 
+# What is in the rig's DBC for each wheelset: its base id. Controllers of the closed loop send and hear the first three
+RIGS_OWN = {"Demand": 0x140, "WheelSpeed": 0x150, "BrakePressure": 0x160, "SimTruth": 0x7A0}
+
+
 def test_truth_is_in_the_rigs_dbc_only(production: Database) -> None:
     truth = load("sim_ecu.dbc")
-    assert {m.name: m.frame_id for m in truth.messages} == {f"SimTruth_A{a}": 0x7A0 + a for a in AXLES}
+    assert {m.name: m.frame_id for m in truth.messages} == {
+        f"{name}_A{a}": base + a for name, base in RIGS_OWN.items() for a in AXLES
+    } | {"DriverDemand": 0x131}
     slip = truth.get_message_by_name("SimTruth_A1").get_signal_by_name("Slip")
     assert (slip.start, slip.length, slip.is_signed, slip.scale) == (48, 16, True, 1e-5)
-    assert not any("Truth" in m.name for m in production.messages)
+    assert not {m.name for m in truth.messages} & {m.name for m in production.messages}
+
+
+def test_the_loops_messages_have_their_layout_and_time_outs() -> None:
+    rig = load("sim_ecu.dbc")
+    layout = {
+        "Demand_A8": (6, 10, {"Torque": (16, 24, True, 0.01), "Valve": (40, 2, False, 1)}),
+        "WheelSpeed_A8": (5, 10, {"WheelSpeed": (16, 24, True, 1e-4)}),
+        "BrakePressure_A8": (4, 20, {"Pressure": (16, 16, False, 1e-3)}),
+        "DriverDemand": (5, 20, {"Mode": (16, 2, False, 1), "Share": (24, 16, False, 1e-4)}),
+    }
+    for name, (length, cycle_ms, signals) in layout.items():
+        m = rig.get_message_by_name(name)
+        assert (m.length, m.cycle_time) == (length, cycle_ms)
+        own = {s.name: s for s in m.signals if s.name not in ("Crc", "Counter", "Status")}
+        assert {n: (s.start, s.length, s.is_signed, s.scale) for n, s in own.items()} == signals
+        for s in m.signals:
+            assert s.dbc is not None
+            assert s.dbc.attributes["GenSigTimeoutTime"].value == 3 * cycle_ms
+    demand, driver = rig.get_message_by_name("Demand_A1"), rig.get_message_by_name("DriverDemand")
+    assert dict(demand.get_signal_by_name("Valve").choices or {}) == {0: "Fill", 1: "Hold", 2: "Vent"}
+    assert dict(driver.get_signal_by_name("Mode").choices or {}) == {0: "Coast", 1: "Traction", 2: "Brake"}
 
 
 def test_every_cause_has_a_label_and_residuals_keep_their_range(production: Database) -> None:
