@@ -18,7 +18,7 @@ from sim_ecu.play.train import PACKAGED, Train
 CHUNK, LARGE_CHUNK = 20, 400
 
 
-class _Sensing:
+class Sensing:
     """The sensors of one axle; each channel has its own stream of noise, and the axle box one of vibration."""
 
     def __init__(self, a: AxleScenario) -> None:
@@ -63,7 +63,7 @@ class Player:
         self._chunk = chunk
         start = float(scenario.speed.at(np.zeros(1))[0])
         self._simulation = Simulation(scenario.wheelset, on_tracks(self._axles), start, SAMPLE_US * 1e-6)
-        self._sensing = [_Sensing(a) for a in self._axles]
+        self._sensing = [Sensing(a) for a in self._axles]
         self._speed_rng = np.random.default_rng([self._axles[0].seed, 2])
         self._truth = truth
         self.samples = round(scenario.duration_s * 1e6 / SAMPLE_US)
