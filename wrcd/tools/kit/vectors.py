@@ -19,19 +19,25 @@ VALID: dict[str, Value] = {
     "Validity": "Valid", "MuAvailable": 23.45, "MuUsed": 6.78, "SampleAge": 5.0, "Surface": "Wet",
     "ContactState": "Adhering", "Confidence": "Within3pp",
 }  # fmt: skip
+
+
+def _with(ours: str, *values: Value) -> list[tuple[str, dict[str, Value]]]:
+    """A vector for each value of one signal."""
+    return [(f"{ours} {value}", {ours: value}) for value in values]
+
+
 # What each vector has otherwise.
 SAID: tuple[tuple[str, dict[str, Value]], ...] = (
     ("Valid", {}),
-    *((f"Confidence {word}", {"Confidence": word}) for word in ("Wider", *HALF_WIDTHS_PP, "None")),
-    *((f"Surface {word}", {"Surface": word}) for word in ("Unknown", "Dry", "Reduced", "Low", "VeryLow")),
-    *((f"ContactState {word}", {"ContactState": word}) for word in ("Unknown", "Saturated")),
+    *_with("Confidence", "Wider", *HALF_WIDTHS_PP, "None"),
+    *_with("Surface", "Unknown", "Dry", "Reduced", "Low", "VeryLow"),
+    *_with("ContactState", "Unknown", "Saturated"),
     ("Degraded", {"Validity": "Degraded", "Confidence": "None"}),
     ("NotAvailable", {"Validity": "NotAvailable", "MuAvailable": None, "SampleAge": 255.0, "Surface": "Unknown"}),
     ("Error", {"Validity": "Error"}),
-    ("no MuAvailable", {"MuAvailable": None}),
-    ("no MuUsed", {"MuUsed": None}),
-    *((f"MuAvailable {mu:g} %", {"MuAvailable": mu}) for mu in (0.0, 2.0, 12.34, 50.0, 100.0)),
-    *((f"SampleAge {ms:g} ms", {"SampleAge": ms}) for ms in (0.0, 60.0, 80.0, 255.0)),
+    *_with("MuAvailable", None, 0.0, 2.0, 12.34, 50.0, 100.0),
+    *_with("MuUsed", None, 0.0, 50.0),
+    *_with("SampleAge", 0.0, 60.0, 80.0, 255.0),
 )
 
 
