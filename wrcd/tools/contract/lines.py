@@ -4,7 +4,6 @@ import json
 import time
 from collections.abc import Sequence
 
-from wrcd.bus.pythoncan import from_message, open_bus
 from wrcd.tools.contract.consumer import Hearing
 
 TICK_S = 0.01  # how often the object is asked where no frame comes
@@ -15,6 +14,8 @@ def print_decisions(consumer: Hearing, axles: Sequence[int], interface: str, cha
 
     A frame's time is the bus's stamp, where that is near the clock. Raises BusError.
     """
+    from wrcd.bus.pythoncan import from_message, open_bus  # python-can: the plug-in is loaded wherever pytest runs
+
     said: dict[int, float | None] = {}
     bus = open_bus(interface, channel, user_settings=True)
     try:
