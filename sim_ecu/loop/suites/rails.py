@@ -3,7 +3,21 @@
 from collections.abc import Iterator
 
 from sim_ecu.loop.names import EVERY
-from sim_ecu.loop.suites.case import BEFORE_S, DAMP, DRY, GREASY, KNOWN_S, LEAVES, LOW, WET, Case, Plan, Rng, asks, curve
+from sim_ecu.loop.suites.case import (
+    BEFORE_S,
+    DAMP,
+    DRY,
+    GREASY,
+    KNOWN_S,
+    LEAVES,
+    LOW,
+    WET,
+    Case,
+    Plan,
+    Rng,
+    asks,
+    curve,
+)
 
 PULLS_S = 10.0  # of full effort, where the driver pulls
 BRAKE, PULL = -1.0, 1.0
