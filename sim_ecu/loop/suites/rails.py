@@ -89,7 +89,7 @@ def several_patches_stop(rng: Rng) -> Plan:
     return Plan(_patches(rng, v * BEFORE_S, WET, 3), v, asks(BRAKE, rng, False), 60.0)
 
 
-def _patches(rng: Rng, at_m: float, friction: tuple[float, float], count: int) -> tuple[tuple[float, object], ...]:
+def _patches(rng: Rng, at_m: float, friction: tuple[float, float], count: int) -> tuple[tuple[float, CreepCurve], ...]:
     base = curve(rng, friction)
     rail = [(0.0, base)]
     for _ in range(count):
