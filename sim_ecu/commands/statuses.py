@@ -46,6 +46,12 @@ STATUSES: dict[str, dict[Status, str]] = {
     "score": {Status.DONE: "the tables are printed, whatever the goals' verdicts", **_MADE},
     "loop": {Status.DONE: "the tables are printed, whatever the goals' verdicts", Status.BAD_INPUT: _BAD, **_STOPPED},
     "figures": {Status.DONE: "the figures are drawn, whatever they show", **_MADE},
+    "fmu": {
+        Status.DONE: "the FMU is made",
+        Status.BAD_INPUT: _BAD,
+        Status.NOT_THERE: "the scenario's file cannot be opened: it may be there on the next try",
+        **_STOPPED,
+    },
     "verify": {
         Status.DONE: "the engines agree",
         Status.STOPPED: "they differ by more than they may",
