@@ -8,7 +8,6 @@ from sim_ecu.loop.names import EVERY, LAWS
 from sim_ecu.loop.said import ALLOWED_S
 from sim_ecu.loop.statistics import Against, Spread
 from sim_ecu.loop.suites.case import FIRST_TEST_SEED
-from sim_ecu.score.metrics.bootstrap import Figure
 from sim_ecu.score.tables import fig, pct
 
 QUICK = "QUICK: a tenth of the runs, to look, not to claim. No goal is judged: there are too few runs."
@@ -111,15 +110,17 @@ def _beside(cases: dict[str, Any]) -> list[str]:
 
 def _ratios(what: str, a: Against, said: dict[str, Any]) -> list[str]:
     return [
-        what, fig(a.way, 3), f"{a.worst:.3f}", fig(a.energy), ratio(a.slides),
+        what, fig(a.way, 3), f"{a.worst:.3f}", fig(a.energy), ratio(a),
         f"{a.slides_before:.1f} → {a.slides_now:.1f}", pct(said["valid"]), pct(said["outside"]),
         f"{said['wrong_runs']} of {said['runs']}",
     ]  # fmt: skip
 
 
-def ratio(f: Figure) -> str:
-    """Of slides: infinite where there were none before."""
-    return "∞" if math.isinf(f.value) else fig(f)
+def ratio(a: Against) -> str:
+    """Of slides: infinite where there were none before, nothing where there are none at all."""
+    if not a.slides_before:
+        return "∞" if a.slides_now else "–"
+    return fig(a.slides)
 
 
 def _wrong(wrong: Sequence[dict[str, Any]]) -> list[str]:
