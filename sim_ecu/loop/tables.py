@@ -25,7 +25,7 @@ SUITES = {
     "braking": "stops of one axle, by rail",
     "traction": "starts of one axle, by rail: ten seconds of full effort",
     "train": "four axles that follow each other over the same rail",
-    "faults": "a fault of wrcd's inputs (sim-ecu inject) of 2 s, 2 s after the demand, in a stop from 12 to 14 m/s on "
+    "faults": "a fault of wrcd's inputs (sim-ecu inject) of 2 s, 2 s after the demand, in a stop from 15 to 17 m/s on "
     "a greasy rail known before; of two axles where it needs them",
     "worlds": "the same stops in worlds that are not as the daemon's design thinks",
     "actuators": "the same stops, and those into a leaf patch, with other actuators",
