@@ -4,7 +4,6 @@ from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sim_ecu.loop.messages import Heard, rig_message
 from sim_ecu.loop.scenario import DriveScenario
@@ -95,7 +94,8 @@ class Rig:
         self.time_us += SAMPLE_US
         y, speed = samples.outputs[0], float(samples.speed_m_s[0])
         w = self.scenario.train.wheelset
-        wheel = self._simulation.state[:, [W_R, W_L]].mean(axis=1) * w.r_0
+        state = self._simulation.state
+        wheel = (state[:, W_R] + state[:, W_L]) / 2 * w.r_0
         sliding = y[:, SLIP] * max(speed, ROLLING_START)  # m/s, mean of the sample
         energy = np.abs(y[:, MU_USED] * 2 * w.normal_N * sliding) * self._dt
         pressure = np.array([a.pressure_bar for a in self._actuators])
@@ -131,16 +131,12 @@ class Rig:
         out = []
         if self.time_us % self._driver.every_us == 0:
             mode = COAST if share == 0.0 else TRACTION if share > 0.0 else BRAKE
-            out.append(self._driver.encode(self.time_us, {"Mode": mode, "Share": abs(share)}))
+            out.append(self._driver.encode_quick(self.time_us, {"Mode": mode, "Share": abs(share)}))
         for k, rng in enumerate(self._rngs):
             if self.time_us % self._wheel[k].every_us == 0:
-                told = _measured(TACHOMETER, wheel[k : k + 1], rng)
-                out.append(self._wheel[k].encode(self.time_us, {"WheelSpeed": told}))
+                told = TACHOMETER.measure_one(float(wheel[k]), rng)
+                out.append(self._wheel[k].encode_quick(self.time_us, {"WheelSpeed": told}))
             if self.time_us % self._pressure[k].every_us == 0:
-                told = _measured(PRESSURE, pressure[k : k + 1], rng)
-                out.append(self._pressure[k].encode(self.time_us, {"Pressure": max(told, 0.0)}))
+                told = PRESSURE.measure_one(float(pressure[k]), rng)
+                out.append(self._pressure[k].encode_quick(self.time_us, {"Pressure": max(told, 0.0)}))
         return out
-
-
-def _measured(sensor: Sensor, truth: NDArray[np.float64], rng: np.random.Generator) -> float:
-    return float(sensor.measure(truth, rng)[0])
