@@ -26,8 +26,8 @@ def _add(p: argparse.ArgumentParser) -> None:
 
 def _run(args: argparse.Namespace) -> int:
     from sim_ecu.loop.control.facts import Facts
-    from sim_ecu.loop.control.make import make_controller
     from sim_ecu.loop.control.inputs import Inputs
+    from sim_ecu.loop.control.make import make_controller
     from sim_ecu.loop.control.on_bus import Watch, control_on_bus
     from sim_ecu.loop.scenario import load_drive_scenario
     from wrcd.config import DEFAULT_AXLES, load_config, load_packaged

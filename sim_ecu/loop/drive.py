@@ -156,11 +156,11 @@ def drive_on_bus(
         cleanup.callback(link.close)
         logger = None if log is None else cleanup.enter_context(open_logger(log))
         told = cleanup.enter_context(until_told())
-        drive = Drive(scenario, End(link, lines), logger, truth, channel)
         # what the start has left is not looked through again and again for garbage
         gc.collect()
         gc.freeze()
         cleanup.callback(gc.unfreeze)
+        drive = Drive(scenario, End(link, lines), logger, truth, channel)
         while not told() and drive.step():
             time.sleep(drive.wait_s())
         lines.end()

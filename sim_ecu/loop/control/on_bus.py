@@ -87,10 +87,11 @@ def control_on_bus(
         link = open_end(interface, channel, tuple(i for watch in watches for i in watch.ids))
         cleanup.callback(link.close)
         told = cleanup.enter_context(until_told())
-        controls = OnBus(controller, watches, End(link, lines))
+        # what the start has left is not looked through again and again for garbage
         gc.collect()
         gc.freeze()
         cleanup.callback(gc.unfreeze)
+        controls = OnBus(controller, watches, End(link, lines))
         while not told() and (seconds is None or controls.end.now_us < seconds * 1e6):
             time.sleep(controls.wait_s())
             controls.turn()

@@ -1,6 +1,5 @@
 """The rig in real time, on a wire of the test's own and a clock that the test sets."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 
 import pytest
@@ -23,9 +22,9 @@ SILENT = "axle 1: demand silent for 30 ms: traction ends, brakes apply as the dr
 
 
 @pytest.fixture
-def wire() -> Iterator[Wire]:
+def wire() -> Wire:
     rides = scenario()
-    yield Wire(rides, Unprotected(rides.axles, rides.actuators))
+    return Wire(rides, Unprotected(rides.axles, rides.actuators))
 
 
 def thresholds(rides: DriveScenario) -> Wire:
@@ -51,7 +50,7 @@ def test_controller_that_dies_leaves_the_driver_s_brake(wire: Wire) -> None:
     before, after = wire.drive.steps[190], wire.drive.steps[390]
     assert before.pressure_bar[0] < 0.01  # the electric brake did it all
     assert after.pressure_bar[0] > 3.0
-    assert after.torque_N_m[0] == pytest.approx(-22_000, rel=0.05)
+    assert after.speed_m_s < before.speed_m_s - 0.3
     assert wire.rig_lines.at_s(SILENT) == [pytest.approx(1.035, abs=0.011)]
     silence = wire.drive.silences.by_axle[1]
     assert silence.silences == 1
