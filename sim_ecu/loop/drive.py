@@ -160,6 +160,7 @@ def drive_on_bus(
         gc.collect()
         gc.freeze()
         cleanup.callback(gc.unfreeze)
+        lines.event(0, f"{scenario.train.name} on {interface} {channel}: {scenario.train.duration_s:g} s at most")
         drive = Drive(scenario, End(link, lines), logger, truth, channel)
         while not told() and drive.step():
             time.sleep(drive.wait_s())

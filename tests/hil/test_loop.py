@@ -65,13 +65,14 @@ class Bench:
         self.config.write_text(packaged(1))
         self.log = folder / "candump.log"
         cleanup.enter_context(running("candump", "-L", "vcan0", output=self.log))
-        self.daemon, _ = self._start("wrcd", "run", "-i", "socketcan", "-c", "vcan0", "--config", self.config)
+        self.daemon, _ = self._start(f"wrcd run -i socketcan -c vcan0 --config {self.config}")
         self.controller, self.controls = self._start(
-            "sim-ecu", "control", "thresholds", "--with-adhesion", "--config", self.config, "-c", "vcan0"
+            f"sim-ecu control thresholds --with-adhesion -c vcan0 --config {self.config}"
         )
         wait_for("frames of daemon and controller", 60, lambda: self.has(ADHESION_A1, DEMAND_A1))
 
-    def _start(self, program: str, *arguments: str | Path) -> tuple[subprocess.Popen[bytes], Told]:
+    def _start(self, command: str) -> tuple[subprocess.Popen[bytes], Told]:
+        program, *arguments = command.split()
         told = Told(self.folder / f"{program}-{arguments[0]}-{time.monotonic_ns()}.err")
         with told.file.open("wb") as err, told.out.open("wb") as out:
             process = subprocess.Popen([BIN / program, *arguments], stdout=out, stderr=err)
@@ -84,9 +85,8 @@ class Bench:
         text = self.log.read_text()
         return all(f" {can_id:03X}#" in text for can_id in ids)
 
-    def drive(self, scenario: str | Path) -> tuple[subprocess.Popen[bytes], Told]:
-        out = self.folder / "out.json"
-        return self._start("sim-ecu", "drive", scenario, "-c", "vcan0", "--no-truth", "--json", out)
+    def drive(self, command: str) -> tuple[subprocess.Popen[bytes], Told]:
+        return self._start(f"{command} --no-truth --json {self.folder / 'out.json'}")
 
     def end(self, rig: subprocess.Popen[bytes], told: Told) -> tuple[int, str, dict[str, Any]]:
         """Status, summary and document of a rig that drives to its end."""
@@ -109,7 +109,7 @@ def in_lockstep(config: Path) -> Figures:
 
 def test_stop_on_a_real_bus_has_the_figures_of_the_lockstep_run(bench: Bench) -> None:
     expected = in_lockstep(bench.config)
-    rig, told = bench.drive(STOP)
+    rig, told = bench.drive("sim-ecu drive brake-greasy -c vcan0")
     status, summary, document = bench.end(rig, told)
     print(expected)
     figures = document["figures"]
@@ -126,8 +126,8 @@ def test_stop_on_a_real_bus_has_the_figures_of_the_lockstep_run(bench: Bench) ->
 def test_train_stops_when_bus_daemon_and_controller_fail_one_after_the_other(bench: Bench) -> None:
     scenario = bench.folder / "short.toml"
     scenario.write_text(SHORT)
-    rig, told = bench.drive(scenario)
-    wait_for("the rig's first demand", 60, lambda: "demand heard" in told.text or "no demand yet" in told.text)
+    rig, told = bench.drive(f"sim-ecu drive {scenario} -c vcan0")
+    wait_for("the rig", 60, lambda: "on socketcan vcan0" in told.text)
     time.sleep(1.0)
     ip("set", "vcan0", "down")
     wait_for("the rig's word of the bus", 5, lambda: "bus down" in told.text)
