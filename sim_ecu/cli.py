@@ -12,6 +12,7 @@ from sim_ecu.commands import (
     fmu_command,
     inject_command,
     list_command,
+    loop_command,
     play_command,
     score_command,
     verify_command,
