@@ -315,6 +315,7 @@ def test_simulate_fmu_reaches_its_end(driven: dict[str, Any]) -> None:
     ("what", "why"),
     [
         ("version", rf"this FMU was made by wrcd 9\.{re.escape(__version__)}, installed is {re.escape(__version__)}"),
+        ("variables", "this FMU describes other variables than the wrcd that loads it has"),
         ("axles", r"scenario\.toml: axles: has the axles \[1, 2, 3\], the FMU describes \[1, 2\]"),
     ],
 )
