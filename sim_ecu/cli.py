@@ -5,8 +5,10 @@ from collections.abc import Sequence
 
 from sim_ecu.commands import (
     contact_command,
+    control_command,
     demo_command,
     design_command,
+    drive_command,
     faults_command,
     figures_command,
     fmu_command,
@@ -28,6 +30,8 @@ COMMANDS: tuple[Command, ...] = (
     list_command.COMMAND,
     play_command.COMMAND,
     inject_command.COMMAND,
+    drive_command.COMMAND,
+    control_command.COMMAND,
     faults_command.COMMAND,
     design_command.COMMAND,
     contact_command.COMMAND,

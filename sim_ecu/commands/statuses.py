@@ -22,6 +22,19 @@ STATUSES: dict[str, dict[Status, str]] = {
         Status.NOT_THERE: _BUS,
         Status.INTERRUPTED: "Ctrl-C before it played, or with `--fast`",
     },
+    "drive": {
+        Status.DONE: "the scenario is over",
+        Status.STOPPED: "SIGTERM or Ctrl-C came before it was over: the figures are of what was driven",
+        Status.BAD_INPUT: _BAD,
+        Status.NOT_THERE: "the bus or a file cannot be opened",
+        Status.INTERRUPTED: "Ctrl-C before it drove",
+    },
+    "control": {
+        Status.DONE: "SIGTERM or Ctrl-C came, or the time of `--for` is over",
+        Status.BAD_INPUT: _BAD,
+        Status.NOT_THERE: "the bus or a file cannot be opened",
+        Status.INTERRUPTED: "Ctrl-C before it controlled",
+    },
     "faults": {
         Status.DONE: "every row did what it must",
         Status.STOPPED: "a row failed: the table says which",

@@ -15,6 +15,7 @@ from sim_ecu.physics.simulation import Simulation
 from sim_ecu.physics.wheelset import MU_AVAILABLE, MU_USED, ROLLING_START, SLIP, W_L, W_R, Command, FloatArray
 from sim_ecu.play.encoder import SAMPLE_US, Channel, Sent
 from sim_ecu.play.player import on_tracks
+from sim_ecu.play.train import PACKAGED, Train
 
 WRCD, TRUTH, LOOP = "wrcd", "truth", "loop"  # who hears frames: they are made for nobody else
 ALL = (WRCD, TRUTH, LOOP)
@@ -42,19 +43,23 @@ class Step:
 
 
 class Rig:
-    """Steps a scenario by 5 ms. Demands come by `hear`, as frames, or by `demand`."""
+    """Steps a scenario by 5 ms. Demands come by `hear`, as frames, or by `demand`.
 
-    def __init__(self, scenario: DriveScenario, heard: Collection[str] = ALL) -> None:
+    heard: which frames are made. train: the messages of the sensors. Raises InputError for a fault or an axle that they
+    leave no way to.
+    """
+
+    def __init__(self, scenario: DriveScenario, heard: Collection[str] = ALL, train: Train = PACKAGED) -> None:
         self.scenario = scenario
-        train, axles = scenario.train, scenario.train.axles
+        played, axles = scenario.train, scenario.train.axles
         self._dt = SAMPLE_US * 1e-6
-        speed = float(train.speed.at(np.zeros(1))[0])
-        self._simulation = Simulation(train.wheelset, on_tracks(axles), speed, self._dt)
+        speed = float(played.speed.at(np.zeros(1))[0])
+        self._simulation = Simulation(played.wheelset, on_tracks(axles), speed, self._dt)
         self._actuators = [AxleActuators(scenario.actuators, self._dt) for _ in axles]
         self._heard = frozenset(heard)
         numbers = scenario.axles
         self._place = {n: k for k, n in enumerate(numbers)}
-        self._sensed = Sensed(scenario, TRUTH in self._heard)
+        self._sensed = Sensed(scenario, TRUTH in self._heard, train)
         self._rngs = [np.random.default_rng([a.seed, 5]) for a in axles]
         self._driver = Channel(rig_message("DriverDemand"))
         self._wheel = [Channel(rig_message(f"WheelSpeed_A{n}")) for n in numbers]
@@ -115,9 +120,10 @@ class Rig:
         if direct is None:
             heard = self._by_place[k]
             silent = not heard.fresh(self.time_us)
-            self.silences[k] += silent and not self._was_silent[k]
-            self.silent_us[k] += SAMPLE_US * silent
-            self._was_silent[k] = silent
+            if self.time_us >= heard.timeout_us:  # nothing is late before
+                self.silences[k] += silent and not self._was_silent[k]
+                self.silent_us[k] += SAMPLE_US * silent
+                self._was_silent[k] = silent
             if silent:
                 return self._actuators[k].step(0.0, Valve.FILL, a.asked_bar(brake, speed_m_s, electric=False), 0.0)
             direct = float(heard.values["Torque"]), Valve(int(heard.values["Valve"]))

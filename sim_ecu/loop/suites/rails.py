@@ -18,6 +18,7 @@ from sim_ecu.loop.suites.case import (
     asks,
     curve,
 )
+from sim_ecu.physics.contact import CreepCurve
 
 PULLS_S = 10.0  # of full effort, where the driver pulls
 BRAKE, PULL = -1.0, 1.0
