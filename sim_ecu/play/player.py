@@ -18,7 +18,7 @@ from sim_ecu.play.train import PACKAGED, Train
 CHUNK, LARGE_CHUNK = 20, 400
 
 
-class _Sensing:
+class Sensing:
     """The sensors of one axle; each channel has its own stream of noise, and the axle box one of vibration."""
 
     def __init__(self, a: AxleScenario) -> None:
@@ -38,6 +38,18 @@ class _Sensing:
             sensors.torque.measure(y[:, TORQUE], self._rngs[2]),
             100 * y[:, MU_AVAILABLE], np.abs(100 * y[:, MU_USED]), y[:, SLIP],
         ))  # fmt: skip
+
+    def reading(self, s: Samples, place: int) -> list[float]:
+        """The same of a single sample, (6,)."""
+        if not self._a.axlebox.quiet:
+            out: list[float] = self.readings(s, place)[0].tolist()
+            return out
+        y, sensors = s.outputs[0, place].tolist(), self._a.sensors
+        yaw, lat, torque = self._rngs
+        return [
+            sensors.yaw_rate.measure_one(y[YAW_RATE], yaw), sensors.lat_accel.measure_one(y[LAT_ACCEL], lat),
+            sensors.torque.measure_one(y[TORQUE], torque), 100 * y[MU_AVAILABLE], abs(100 * y[MU_USED]), y[SLIP],
+        ]  # fmt: skip
 
 
 def on_tracks(axles: Sequence[AxleScenario]) -> list[Axle]:
@@ -63,7 +75,7 @@ class Player:
         self._chunk = chunk
         start = float(scenario.speed.at(np.zeros(1))[0])
         self._simulation = Simulation(scenario.wheelset, on_tracks(self._axles), start, SAMPLE_US * 1e-6)
-        self._sensing = [_Sensing(a) for a in self._axles]
+        self._sensing = [Sensing(a) for a in self._axles]
         self._speed_rng = np.random.default_rng([self._axles[0].seed, 2])
         self._truth = truth
         self.samples = round(scenario.duration_s * 1e6 / SAMPLE_US)

@@ -15,13 +15,15 @@ import io
 import re
 import shlex
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from sim_ecu import cli as rig_cli
 from sim_ecu import resources as rig
 from sim_ecu.commands.statuses import STATUSES as RIG
+from sim_ecu.loop import scenario_keys as drive_scenario_keys
+from sim_ecu.loop.fmu.variables import VALID, variables
 from sim_ecu.play import scenario_keys
 from sim_ecu.play.expected import LONG_ROWS, ROWS
 from sim_ecu.play.expected_lines import expected_lines
@@ -31,6 +33,7 @@ from wrcd import declared, resources
 from wrcd.bus.dbc import Message, load_dbc, timeout_ms
 from wrcd.core.configuration import MAX_AXLES
 from wrcd.core.vocabulary import MESSAGES
+from wrcd.keys import Key
 from wrcd.tools import cli
 from wrcd.tools.lint.codes import CODES
 from wrcd.tools.lint.run import findings
@@ -210,11 +213,20 @@ def configuration(which: str) -> list[str]:
 
 def scenario(which: str = "") -> list[str]:
     """The keys of a table of a scenario; its top level without a name."""
+    return key_rows(scenario_keys.TABLES[which])
+
+
+def key_rows(keys: Iterable[Key]) -> list[str]:
+    """A table of keys with their units."""
     rows: list[tuple[object, ...]] = [
-        (f"`{key.name}`", key.takes, key.shown_default, getattr(key, "unit", ""), key.what)
-        for key in scenario_keys.TABLES[which]
+        (f"`{key.name}`", key.takes, key.shown_default, getattr(key, "unit", ""), key.what) for key in keys
     ]
     return table(("key", "takes", "default", "unit", "what"), rows)
+
+
+def drive_scenario(which: str = "") -> list[str]:
+    """The keys of a table of a scenario to drive; its top level without a name."""
+    return key_rows(drive_scenario_keys.TABLES[which])
 
 
 def bus_load() -> list[str]:
@@ -250,6 +262,14 @@ def fault_lines() -> list[str]:
     return table(("fault", "of", "s", "the journal"), rows)
 
 
+def fmu_variables() -> list[str]:
+    """Variables of the FMU, those of axle 1 for those of every axle; a sensor's validity stands with the sensor."""
+    rows: list[tuple[object, ...]] = [
+        (f"`{v.name}`", v.causality, v.kind, v.unit, v.what) for v in variables([1]) if not v.name.endswith(VALID)
+    ]
+    return table(("name", "causality", "type", "unit", "what"), rows)
+
+
 MAKERS: dict[str, Callable[..., list[str]]] = {
     "messages": messages,
     "options": options,
@@ -260,7 +280,9 @@ MAKERS: dict[str, Callable[..., list[str]]] = {
     "lint-of": lint_of,
     "fault-lines": fault_lines,
     "scenario": scenario,
+    "drive-scenario": drive_scenario,
     "monitor-keys": monitor_keys,
+    "fmu-variables": fmu_variables,
 }
 
 

@@ -33,7 +33,7 @@ RUN = {
     "wrcd kit -o receiver", "wrcd kit --config train.toml -o receiver",
     "wrcd lint train.dbc", "wrcd lint --json train.dbc", "sim-ecu list", "sim-ecu list | grep axle-box",
     "sim-ecu inject --list", "sim-ecu design --explain", "sim-ecu verify ride.log",
-    "sim-ecu verify ride.log --config train.toml",
+    "sim-ecu verify ride.log --config train.toml", "sim-ecu fmu brake-greasy -o greasy.fmu",
 }  # fmt: skip
 LENGTH = 88  # of a line of an example's help
 

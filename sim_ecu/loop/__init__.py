@@ -1,0 +1,1 @@
+"""The loop closed: rig, controllers on the bus, lockstep and its statistics."""

@@ -1,0 +1,121 @@
+"""One controller for every law: hears the bus, keeps the reference speed, applies limit and law, asks the actuators."""
+
+from collections.abc import Callable, Mapping
+
+from sim_ecu.loop.control.axle import Axle, Limit, Silence
+from sim_ecu.loop.control.controller import CYCLE_US
+from sim_ecu.loop.control.facts import Facts
+from sim_ecu.loop.control.law import Law, Seen
+from sim_ecu.loop.control.reference_speed import ReferenceSpeed
+from sim_ecu.loop.control.resync import Constants as ResyncConstants
+from sim_ecu.loop.control.resync import Resync
+from sim_ecu.loop.messages import Heard, rig_message
+from sim_ecu.play.encoder import Sent
+
+COAST, TRACTION, BRAKE = range(3)
+MAX_PERIOD_US = 100_000  # a cycle that comes later than this counts for so much
+
+
+class SlipController:
+    """Wheel-slide protection and traction control of a train.
+
+    Inputs that are silent past their time-out are counted in `silences`, by message. DriverDemand: traction ends; a
+    brake that was asked stays asked, and protected. WheelSpeed: the axle pulls no more, and brakes as the driver asks,
+    without protection. BrakePressure: the controller goes on with its own model of the cylinder.
+    """
+
+    def __init__(
+        self,
+        facts: Facts,
+        law: Callable[[], Law],
+        limits: Mapping[int, Limit] | None = None,
+        resync: ResyncConstants | None = None,
+    ) -> None:
+        self.facts = facts
+        limits = limits or {}
+        self.axles = [Axle(n, facts, law(), limits.get(n)) for n in facts.axles]
+        self._driver = Heard(rig_message("DriverDemand"))
+        inputs = [self._driver, *(h for a in self.axles for h in (a.wheel, a.pressure))]
+        self._heard = {h.message.frame_id: h for h in inputs}
+        self._pressures = {a.pressure.message.frame_id: a for a in self.axles}
+        self.silences = {h.message.name: Silence() for h in inputs}
+        self._reference = ReferenceSpeed(facts)
+        self._resync = Resync(len(self.axles), resync)
+        self._braking = True
+        self._now_us: int | None = None
+        self._period_us = CYCLE_US
+
+    @property
+    def reference_m_s(self) -> float | None:
+        """The ground speed that the controller goes by; None before a wheel was heard."""
+        return self._reference.speed_m_s
+
+    @property
+    def releases(self) -> int:
+        """How often an axle was released for the reference's sake."""
+        return self._resync.releases
+
+    def hear(self, can_id: int, data: bytes, stamp_us: int) -> None:
+        """Take a frame from the bus."""
+        heard = self._heard.get(can_id)
+        if heard is None:
+            for a in self.axles:
+                if a.limit is not None:
+                    a.limit.hear(can_id, data, stamp_us)
+        elif heard.take(data, stamp_us) and can_id in self._pressures:
+            self._pressures[can_id].blending.hear(float(heard.values["Pressure"]))
+
+    def tick(self, now_us: int) -> list[Sent]:
+        """The Demand frames of a cycle. Cycles may be left out; time does not run backwards."""
+        since_us = now_us - (now_us - CYCLE_US if self._now_us is None else self._now_us)
+        self._now_us, self._period_us = now_us, min(max(since_us, CYCLE_US), MAX_PERIOD_US)
+        share = self._asked()
+        for a in self.axles:
+            a.observe(now_us, self._braking)
+            self._note(a.wheel)
+            self._note(a.pressure)
+        wheels = [a.speed_m_s for a in self.axles if not a.wheel_silent]
+        speed = self._reference.step(wheels, [a.force_N() for a in self.axles], self._braking, self._period_us * 1e-6)
+        asked = self.facts.asked_N_m(share, self._braking)
+        out = []
+        for k, a in enumerate(self.axles):
+            if speed is None or a.wheel_silent:
+                torque = asked if self._braking else 0.0
+            else:
+                torque = self._protected(k, a, now_us, asked, speed)
+            a.given_N_m = torque
+            drive, valve = a.blending.step(torque, share, self._braking, speed or 0.0)
+            out.append(a.channel.encode_quick(now_us, {"Torque": drive, "Valve": valve}))
+        return out
+
+    def _note(self, heard: Heard) -> bool:
+        """Whether an input is silent; counted."""
+        return self.silences[heard.message.name].note(not heard.fresh(self._now_us or 0), self._period_us)
+
+    def _asked(self) -> float:
+        """The driver's share, 0 ... 1. While coasting the direction of the last effort stays."""
+        silent = self._note(self._driver)
+        share, mode = float(self._driver.values.get("Share", 0.0)), int(self._driver.values.get("Mode", COAST))
+        if mode not in (TRACTION, BRAKE) or (silent and mode == TRACTION):
+            return 0.0
+        if self._braking is not (mode == BRAKE):
+            self._braking = mode == BRAKE
+            for a in self.axles:
+                a.law.reset()
+        return share
+
+    def _protected(self, k: int, a: Axle, now_us: int, asked_N_m: float, speed_m_s: float) -> float:
+        """|torque| of an axle by limit, law, release and guard."""
+        slip = a.speed_m_s - speed_m_s
+        slip = -slip if self._braking else slip
+        most: float | None = None
+        if a.limit is not None:
+            creep = slip / max(speed_m_s, 1.0)
+            most = a.limit.limit(now_us, asked_N_m, a.given_N_m, creep, a.law.sliding, self._braking)
+        most = asked_N_m if most is None else min(max(most, 0.0), asked_N_m)
+        actual = a.blending.actual_N_m
+        torque = a.law.step(Seen(self._period_us * 1e-6, now_us, speed_m_s, slip, a.slide_m_s2, most, actual))
+        torque = self._resync.step(k, now_us, torque, most, a.law.sliding, a.slide_m_s2)
+        if self._braking:
+            torque = a.guard.step(now_us, torque, asked_N_m, self.facts.full_brake_N_m)
+        return torque

@@ -1,0 +1,79 @@
+"""The loop's frames: encoded with cantools and autosar-e2e, checked as a careful receiver does."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import e2e.p11
+from cantools.database.can import Message
+
+from sim_ecu.play.encoder import data_id, databases
+
+COUNTERS = 15
+
+
+def rig_message(name: str) -> Message:
+    """A message of the rig's own DBC."""
+    return databases()[1].get_message_by_name(name)
+
+
+@dataclass(slots=True)
+class Rejected:
+    """Frames that were not taken, by reason."""
+
+    length: int = 0
+    crc: int = 0
+    repeated: int = 0
+    counter: int = 0
+
+    def text(self) -> str:
+        """A line for a person: what there was, or nothing."""
+        return ", ".join(f"{n} {why}" for why, n in self.counts().items() if n)
+
+    def counts(self) -> dict[str, int]:
+        """By reason."""
+        return {"length": self.length, "CRC": self.crc, "repeated": self.repeated, "counter": self.counter}
+
+
+@dataclass(slots=True)
+class Heard:
+    """The newest good frame of a message. Raw values are physical; enumerations stay numbers."""
+
+    message: Message
+    values: dict[str, Any] = field(default_factory=dict)
+    stamp_us: int | None = None
+    rejected: Rejected = field(default_factory=Rejected)
+    _counter: int = -1
+    _id: int = 0
+    timeout_us: int = 0  # as the DBC says
+
+    def __post_init__(self) -> None:
+        self._id = data_id(self.message)
+        signal = self.message.signals[0]
+        assert signal.dbc is not None
+        self.timeout_us = int(signal.dbc.attributes["GenSigTimeoutTime"].value) * 1000
+
+    def take(self, data: bytes, stamp_us: int) -> bool:
+        """Whether a frame is good; a frame that is not changes nothing but its count."""
+        if len(data) != self.message.length:
+            self.rejected.length += 1
+            return False
+        if not e2e.p11.e2e_p11_check(bytearray(data), self._id):
+            self.rejected.crc += 1
+            return False
+        counter = data[1] & 0x0F
+        fresh = self.fresh(stamp_us)
+        if fresh and counter == self._counter:
+            self.rejected.repeated += 1
+            return False
+        # up to two frames may be lost within the time-out
+        if counter >= COUNTERS or (fresh and (counter - self._counter) % COUNTERS > 3):
+            self.rejected.counter += 1
+            self._counter = counter  # the sequence is taken again from the next that follows
+            return False
+        self._counter, self.stamp_us = counter, stamp_us
+        self.values = self.message.decode(data, decode_choices=False)  # type: ignore[assignment]
+        return True
+
+    def fresh(self, now_us: int) -> bool:
+        """Whether the newest good frame is within its time-out."""
+        return self.stamp_us is not None and now_us - self.stamp_us <= self.timeout_us

@@ -1,0 +1,114 @@
+"""What turns demands into torque at the wheelset: the drive (traction and electric brake) and the pneumatic brake.
+
+Constants are this project's own choice where no source is given; they are of the size of a multiple unit's.
+"""
+
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from enum import IntEnum
+
+import numpy as np
+
+
+class Valve(IntEnum):
+    """What the anti-slide valve of a brake cylinder does."""
+
+    FILL = 0  # the cylinder goes to the pressure that the brake control asks
+    HOLD = 1
+    VENT = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Drive:
+    """Traction motor and electric brake of a wheelset, torques at the wheelset."""
+
+    max_traction_N_m: float = 25_000.0
+    max_brake_N_m: float = 25_000.0  # of the electric brake; 0: there is none
+    lag_s: float = 0.05
+    rise_N_m_s: float = 60_000.0  # of the torque's amount
+    fall_N_m_s: float = 180_000.0
+    fades_m_s: float = 3.0  # the electric brake is whole above this speed, and ends at half of it
+
+
+@dataclass(frozen=True, slots=True)
+class Pneumatics:
+    """Brake cylinder, its valve and its blocks or pads, of a wheelset."""
+
+    torque_per_bar_N_m: float = 6_000.0  # friction torque at the wheelset
+    max_bar: float = 5.0
+    valve_delay_s: float = 0.03
+    fill_s: float = 0.25  # time constants of the cylinder's pressure
+    vent_s: float = 0.15
+
+
+@dataclass(frozen=True, slots=True)
+class Actuators:
+    """The actuators of every wheelset of a train, and what full service braking asks of each."""
+
+    drive: Drive = field(default_factory=Drive)
+    pneumatics: Pneumatics = field(default_factory=Pneumatics)
+    full_brake_N_m: float = 22_000.0
+
+    def electric_N_m(self, brake_share: float, speed_m_s: float) -> float:
+        """What the brake control asks of the electric brake for a share (0 … 1) of the full service brake."""
+        fade = min(max(2.0 * speed_m_s / self.drive.fades_m_s - 1.0, 0.0), 1.0)
+        return min(brake_share * self.full_brake_N_m, self.drive.max_brake_N_m) * fade
+
+    def asked_bar(self, brake_share: float, speed_m_s: float, electric: bool = True) -> float:
+        """Pressure for what the electric brake is not asked; electric False: for all."""
+        rest = brake_share * self.full_brake_N_m - (self.electric_N_m(brake_share, speed_m_s) if electric else 0.0)
+        return min(rest / self.pneumatics.torque_per_bar_N_m, self.pneumatics.max_bar)
+
+
+# Lowest and highest that a constant of the defaults may be: what `swept` draws from. This project's own choice, too.
+SWEPT: Mapping[str, tuple[float, float]] = {
+    "max_traction_N_m": (20_000.0, 30_000.0),
+    "max_brake_N_m": (0.0, 25_000.0),
+    "lag_s": (0.03, 0.10),
+    "rise_N_m_s": (30_000.0, 120_000.0),
+    "fall_N_m_s": (90_000.0, 360_000.0),
+    "fades_m_s": (2.0, 6.0),
+    "torque_per_bar_N_m": (5_000.0, 8_000.0),
+    "max_bar": (4.5, 6.0),
+    "valve_delay_s": (0.015, 0.06),
+    "fill_s": (0.15, 0.50),
+    "vent_s": (0.08, 0.30),
+    "full_brake_N_m": (16_000.0, 22_000.0),
+}
+
+
+def swept(rng: np.random.Generator) -> Actuators:
+    """Actuators whose constants are drawn from SWEPT, evenly: the defaults are one of many trains."""
+    drawn = {name: float(rng.uniform(low, high)) for name, (low, high) in SWEPT.items()}
+    drive, pneumatics = ({f.name: drawn[f.name] for f in fields(kind)} for kind in (Drive, Pneumatics))
+    return Actuators(Drive(**drive), Pneumatics(**pneumatics), drawn["full_brake_N_m"])
+
+
+class AxleActuators:
+    """The state of one wheelset's actuators."""
+
+    def __init__(self, actuators: Actuators, step_s: float) -> None:
+        self._a, self._step_s = actuators, step_s
+        self.drive_N_m = 0.0
+        self.pressure_bar = 0.0
+        self._valves = deque([Valve.FILL] * round(actuators.pneumatics.valve_delay_s / step_s))
+
+    def step(self, torque_N_m: float, valve: Valve, asked_bar: float, electric_N_m: float) -> float:
+        """One step on. torque_N_m: demand to the drive; electric_N_m: the most that its brake may take.
+
+        Returns the torque at the wheelset, braking negative.
+        """
+        d, p, dt = self._a.drive, self._a.pneumatics, self._step_s
+        wanted = min(max(torque_N_m, -electric_N_m), d.max_traction_N_m)
+        change = (wanted - self.drive_N_m) / max(d.lag_s, dt)
+        grows = self.drive_N_m * change >= 0.0
+        rate = d.rise_N_m_s if grows else d.fall_N_m_s
+        self.drive_N_m += min(max(change, -rate), rate) * dt
+        self._valves.append(valve)
+        acts = self._valves.popleft()
+        if acts is not Valve.HOLD:
+            target, constant_s = (asked_bar, p.fill_s) if acts is Valve.FILL else (0.0, p.vent_s)
+            constant_s = p.vent_s if target < self.pressure_bar else constant_s
+            self.pressure_bar += (target - self.pressure_bar) * min(dt / constant_s, 1.0)
+        return self.drive_N_m - self.pressure_bar * p.torque_per_bar_N_m
