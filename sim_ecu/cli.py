@@ -37,6 +37,7 @@ COMMANDS: tuple[Command, ...] = (
     contact_command.COMMAND,
     score_command.COMMAND,
     figures_command.COMMAND,
+    loop_command.COMMAND,
     fmu_command.COMMAND,
     verify_command.COMMAND,
     demo_command.COMMAND,

@@ -86,7 +86,7 @@ class SlipController:
                 torque = self._protected(k, a, now_us, asked, speed)
             a.given_N_m = torque
             drive, valve = a.blending.step(torque, share, self._braking, speed or 0.0)
-            out.append(a.channel.encode(now_us, {"Torque": drive, "Valve": valve}))
+            out.append(a.channel.encode_quick(now_us, {"Torque": drive, "Valve": valve}))
         return out
 
     def _note(self, heard: Heard) -> bool:
