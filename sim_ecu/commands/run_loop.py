@@ -23,16 +23,20 @@ _Job = tuple[str, str, int]
 
 
 def run(
-    suite: str | None, quick: bool, seeds: int | None, jobs: int, json_out: Path | None, html_out: Path | None
-) -> int:
+    suite: str | None, only: str, quick: bool, seeds: int | None, jobs: int, json_out: Path | None,
+    html_out: Path | None,
+) -> int:  # fmt: skip
     """Drive, judge, print; write the figures as JSON and a page where asked for."""
     for key, out in (("--json", json_out), ("--html", html_out)):
         if out is not None and not out.parent.is_dir():
             raise InputError("no such folder", file=out.parent, key=key)
         if out is not None and out.is_dir():
             raise InputError("is a folder", file=out, key=key, hint="name the file to write")
+    every = cases(suite, only)
+    if not every:
+        hint = f"rows: {'; '.join(dict.fromkeys(c.name for c in cases(suite)))}"
+        raise InputError(f"no row's name holds {only!r}", key="--only", hint=hint)
     began = time.monotonic()
-    every = cases(suite)
     n = seeds or (QUICK_SEEDS if quick else SEEDS)
     outcomes = play_all(every, n, jobs)
     result = {"run": {"quick": quick, "jobs": jobs, "seeds": n}} | judge_all(every, outcomes)
