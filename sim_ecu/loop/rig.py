@@ -11,7 +11,7 @@ from sim_ecu.loop.sensed import TACHOMETER, Sensed
 from sim_ecu.physics.actuators import AxleActuators, Valve
 from sim_ecu.physics.sensors import Sensor
 from sim_ecu.physics.simulation import Simulation
-from sim_ecu.physics.wheelset import MU_AVAILABLE, MU_USED, ROLLING_START, SLIP, W_L, W_R, Command, FloatArray
+from sim_ecu.physics.wheelset import MU_AVAILABLE, MU_USED, ROLLING_START, SLIP, TORQUE, W_L, W_R, FloatArray
 from sim_ecu.play.encoder import SAMPLE_US, Channel, Sent
 from sim_ecu.play.player import on_tracks
 from sim_ecu.play.train import PACKAGED, Train
@@ -20,7 +20,6 @@ WRCD, TRUTH, LOOP = "wrcd", "truth", "loop"  # who hears frames: they are made f
 ALL = (WRCD, TRUTH, LOOP)
 COAST, TRACTION, BRAKE = range(3)
 PRESSURE = Sensor(0.01, 10.0, 0.0)  # bar
-FREE = 1e3  # creep limit of the plant's own controller, of the peak's: none
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,10 +89,8 @@ class Rig:
         n = len(self._actuators)
         share = float(self.scenario.driver.at(np.array([self.time_us * 1e-6]))[0])
         speed = float(self._simulation.train[0])
-        torque = np.array([[self._torque(k, share, speed) for k in range(n)]])
-        nothing = np.full((1, n), np.nan)
-        command = Command(torque, nothing, nothing, nothing, np.full((1, n), FREE))
-        samples = self._simulation.advance(command, np.array([np.nan]))
+        asked = np.array([self._torque(k, share, speed) for k in range(n)])
+        samples = self._simulation.step(np.maximum(asked, 0.0), np.maximum(-asked, 0.0))
         self.time_us += SAMPLE_US
         y, speed = samples.outputs[0], float(samples.speed_m_s[0])
         w = self.scenario.train.wheelset
@@ -108,7 +105,7 @@ class Rig:
         if WRCD in self._heard or TRUTH in self._heard:
             frames += self._sensed.frames(self.time_us, samples, wheel, share)
         return Step(
-            self.time_us, speed, float(samples.distance_m[0]), share, wheel, torque[0], pressure,
+            self.time_us, speed, float(samples.distance_m[0]), share, wheel, y[:, TORQUE].copy(), pressure,
             y[:, MU_AVAILABLE].copy(), y[:, MU_USED].copy(), wheel - speed, energy, frames,
         )  # fmt: skip
 

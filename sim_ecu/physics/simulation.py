@@ -11,7 +11,8 @@ from sim_ecu.physics.rail import RAIL_COLUMNS
 from sim_ecu.physics.track import SPACING_M, Track
 from sim_ecu.physics.wheelset import AXLE_STATES, LANES, W_L, W_R, Command, FloatArray, Wheelset, constants
 
-WINDOW_SAMPLES = 100  # for so many the tracks are cut out at once
+RIDE_SAMPLES = 200  # that step() runs on one piece of track
+NO_LIMIT = 1e3  # of creep, of the peak's
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +63,12 @@ class Simulation:
         self.state[:, W_R] = self.state[:, W_L] = speed_m_s / wheelset.r_0
         self.train = np.array([speed_m_s, 0.0])
         self._integral = np.zeros(len(axles))
-        self._kept: tuple[float, float, Rides] | None = None  # from where to where (m), and the tracks there
+        # of step(): what it runs on, for how many samples of that it has run, and its command
+        self._ride: Rides
+        self._ridden = RIDE_SAMPLES
+        self._torque, nothing = np.zeros((1, len(axles))), np.full((1, len(axles)), math.nan)
+        self._brake, self._free = np.zeros((1, len(axles))), np.array([math.nan])
+        self._command = Command(self._torque, nothing, nothing, nothing, np.full((1, len(axles)), NO_LIMIT))
         # the fastest decay of the contact times speed: r0^2 dF/dcreep / I of the lighter wheel, or the lateral and
         # yaw ones where those are faster (Kalker's slope, the curve's own reduction)
         w, c = wheelset, wheelset.contact
@@ -79,24 +85,33 @@ class Simulation:
         """Run one sample interval for each row of the command; the state stays for the next call."""
         train = np.tile(self.train, (len(self._axles), 1))
         out, journey = integrate(
-            self.state, train, self._integral, self._window(held_speed_m_s), _whole(command), held_speed_m_s,
-            self._sample_s, self._step_scale, True,
+            self.state, train, self._integral, _rides([self], held_speed_m_s), _whole(command),
+            np.zeros(command.torque.shape), held_speed_m_s, self._sample_s, self._step_scale, True,
+        )  # fmt: skip
+        self.train = train[0]
+        self._ridden = RIDE_SAMPLES
+        return Samples(out, journey[:, 0, 0], journey[:, 0, 1])
+
+    def step(self, torque_N_m: FloatArray, brake_N_m: FloatArray) -> Samples:
+        """One sample interval of a train that moves freely, without limit of creep; arrays (axles,).
+
+        torque_N_m: of the drives, which turn a wheel either way. brake_N_m: what the brakes can hold, no less than 0;
+        they oppose the wheel's turning and hold one that stands.
+        """
+        n = len(self._axles)
+        if self._ridden == RIDE_SAMPLES:
+            self._ride = _rides([self], np.full(RIDE_SAMPLES, math.nan))
+            self._ridden = 0
+        self._ridden += 1
+        train = np.empty((n, 2))
+        train[:] = self.train
+        self._torque[0], self._brake[0] = torque_N_m, brake_N_m
+        out, journey = integrate(
+            self.state, train, self._integral, self._ride, self._command, self._brake, self._free, self._sample_s,
+            self._step_scale, True,
         )  # fmt: skip
         self.train = train[0]
         return Samples(out, journey[:, 0, 0], journey[:, 0, 1])
-
-    def _window(self, held_speed_m_s: FloatArray) -> Rides:
-        """`_rides` of this one. Where few samples are asked for, with tracks for many: they are cut out once for all of
-        them, and more of a track than is reached changes nothing."""
-        n = len(held_speed_m_s)
-        if n >= WINDOW_SAMPLES:
-            return _rides([self], held_speed_m_s)
-        begin = float(self.train[1])
-        end = _ahead(self, held_speed_m_s, n)
-        if self._kept is None or not (self._kept[0] <= begin and end <= self._kept[1]):
-            rides = _rides([self], held_speed_m_s, WINDOW_SAMPLES)
-            self._kept = begin, _ahead(self, held_speed_m_s, WINDOW_SAMPLES), rides
-        return self._kept[2]
 
 
 def advance_side_by_side(
@@ -114,8 +129,8 @@ def advance_side_by_side(
     train = np.array([s.train for s in simulations])
     integral = np.concatenate([s._integral for s in simulations])
     out, journey = integrate(
-        state, train, integral, _rides(simulations, held_speed_m_s), _whole(command), held_speed_m_s,
-        first._sample_s, first._step_scale, False,
+        state, train, integral, _rides(simulations, held_speed_m_s), _whole(command),
+        np.zeros(command.torque.shape), held_speed_m_s, first._sample_s, first._step_scale, False,
     )  # fmt: skip
     for i, s in enumerate(simulations):
         s.state, s.train, s._integral = state[i : i + 1], train[i], integral[i : i + 1]
@@ -127,20 +142,14 @@ def _whole(command: Command) -> Command:
     return Command(*(np.ascontiguousarray(c) for c in command))
 
 
-def _ahead(s: Simulation, held_speed_m_s: FloatArray, samples: int) -> float:
-    """How far (m) a simulation may come in so many samples, and a metre."""
-    speed, distance = s.train.tolist()
-    fastest = max(speed, float(np.fmax.reduce(held_speed_m_s, initial=0.0))) + 10.0 * samples * s._sample_s
-    return float(distance + fastest * samples * s._sample_s + 1.0)
-
-
-def _rides(simulations: Sequence[Simulation], held_speed_m_s: FloatArray, samples: int = 0) -> Rides:
-    """All axles of some simulations, with as much of their tracks as the samples of the held speeds need, or more."""
-    n = samples or len(held_speed_m_s)
+def _rides(simulations: Sequence[Simulation], held_speed_m_s: FloatArray) -> Rides:
+    """All axles of some simulations, with as much of their tracks as so many samples need."""
+    n = len(held_speed_m_s)
     rails, nodes, first_node, before, numbers = [], [], [], [], []
     for s in simulations:
-        distance = float(s.train[1])
-        ahead = _ahead(s, held_speed_m_s, n)
+        sample_s, (speed, distance) = s._sample_s, s.train.tolist()
+        fastest = max(speed, float(np.nanmax(held_speed_m_s, initial=0.0))) + 10.0 * n * sample_s
+        ahead = distance + fastest * n * sample_s + 1.0
         rails += s._rails
         for a in s._axles:
             reached = a.track.reach(ahead + a.position_m)
