@@ -1,6 +1,7 @@
 """`sim-ecu loop`: drives the suites in lockstep, judges every run, prints the tables."""
 
 import json
+import signal
 import time
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -59,7 +60,7 @@ def play_all(every: Sequence[Case], seeds: int, jobs: int) -> list[Outcome]:
     work = [(case, number) for case in every for number in range(seeds)]
     cost = [_cost(case) for case, _ in work]
     done, outcomes = 0.0, []
-    with ProcessPoolExecutor(jobs) as pool:
+    with ProcessPoolExecutor(jobs, initializer=_dies_of_ctrl_c) as pool:
         try:
             parts = pool.map(_play, [(case.suite, case.name, number) for case, number in work])
             for k, part in enumerate(parts):
@@ -71,6 +72,11 @@ def play_all(every: Sequence[Case], seeds: int, jobs: int) -> list[Outcome]:
             raise
     progress.end()
     return outcomes
+
+
+def _dies_of_ctrl_c() -> None:
+    """At a terminal it reaches every process: none goes on with what nobody waits for."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def _cost(case: Case) -> float:
