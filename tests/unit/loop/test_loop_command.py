@@ -100,7 +100,7 @@ def test_ctrl_c_ends_it_with_its_status_and_no_file(tmp_path: Path) -> None:
     out = tmp_path / "never.json"
     code = "import sys; from sim_ecu.cli import main; sys.exit(main(sys.argv[1:]))"
     process = subprocess.Popen(
-        [sys.executable, "-c", code, "loop", "--suite", "actuators", "--jobs", "1", "--json", str(out)],
+        [sys.executable, "-c", code, "loop", *ROW[:-2], "--jobs", "1", "--json", str(out)],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
     )  # fmt: skip
     try:
