@@ -10,7 +10,7 @@ from sim_ecu.loop.train_speed import TrainSpeed
 from sim_ecu.physics.sensors import Sensor
 from sim_ecu.physics.simulation import Samples
 from sim_ecu.physics.wheelset import FloatArray
-from sim_ecu.play.encoder import SAMPLE_US, Reading, Sample, Sent
+from sim_ecu.play.encoder import SAMPLE_US, Encoder, Sample, Sent
 from sim_ecu.play.faults import SILENT
 from sim_ecu.play.inject import at_work, inject
 from sim_ecu.play.player import Sensing
@@ -46,19 +46,19 @@ class Sensed:
 
     def carries(self, due_us: int) -> bool:
         """Whether the bus carries frames at a time: not while the link is down, the device gone or the bus off."""
-        return not any(f.on(due_us) for f in self._silent)
+        return not self._silent or not any(f.on(due_us) for f in self._silent)
 
     def frames(self, due_us: int, samples: Samples, wheel_m_s: FloatArray, share: float) -> list[Sent]:
         """The frames of the sample that ends at due_us (us from the start)."""
-        true = samples.speed_m_s
+        true = float(samples.speed_m_s[0])
         if self._reference is not None:
-            told = TACHOMETER.measure(wheel_m_s, self._wheel_rng)
-            true = np.array([self._reference.step(told, share)])
-        speed = float(self._speed.measure(true, self._rng)[0])
-        rows = [s.readings(samples, k)[0].tolist() for k, s in enumerate(self._sensing)]
-        sample = Sample(due_us, speed, tuple(Reading(n, *row) for n, row in zip(self._numbers, rows, strict=True)))
+            true = self._reference.step(TACHOMETER.measure(wheel_m_s, self._wheel_rng), share)
+        speed = self._speed.measure_one(true, self._rng)
+        sample = Sample(due_us, speed, tuple(s.reading(samples, k) for k, s in enumerate(self._sensing)))
         if self._faulted is None:
-            return list(self._encoder.frames(sample))
+            return list(
+                self._encoder.packed(sample) if isinstance(self._encoder, Encoder) else self._encoder.frames(sample)
+            )
         self._next.append(sample)
         return [f for _ in range(2) for f in next(self._faulted)[1]]
 

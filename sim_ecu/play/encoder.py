@@ -1,12 +1,12 @@
 """The rig's frames: cantools and the autosar-e2e package, independent of the daemon's own codec.
 
-`Encoder.frames` makes those of one sample with these libraries. `Encoder.stretch` makes the same bytes of many samples
-at once, column by column; a test compares the two.
+`Encoder.frames` makes those of one sample with these libraries. `Encoder.packed` makes the same bytes in less time, and
+`Encoder.stretch` those of many samples at once, column by column; a test compares the three.
 """
 
 import functools
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -111,6 +111,31 @@ class Channel:
         data = self._message.encode({"Crc": 0, "Counter": counter, "Status": 0, **held}, strict=False)
         return Sent(due_us, self.can_id, protect(data, self._data_id))
 
+    def pack(self, due_us: int, values: dict[str, float]) -> Sent:
+        """The same bytes, without the libraries' time."""
+        length, fields, none, changes = self._packing
+        bits = (self._first_counter + due_us // self.every_us - 1) % 15 << int(self._counter_bit)
+        for name, value in values.items():
+            start, mask, scale, offset, low, high = fields[name]
+            bits |= (round((min(max(value, low), high) - offset) / scale) & mask) << start
+        data = bytearray(bits.to_bytes(8, "little")[:length])
+        crc = none
+        for place in range(1, length):
+            crc ^= changes[place][data[place]]
+        data[0] = crc
+        return Sent(due_us, self.can_id, bytes(data))
+
+    @functools.cached_property
+    def _packing(self) -> tuple[int, dict[str, tuple[int, int, float, float, float, float]], int, list[list[int]]]:
+        """Of pack(): length, fields, the CRC of zeros and what each byte changes in it."""
+        length = self._message.length
+        none, changes = crc_tables(length, self._data_id)
+        fields = {
+            s.name: (s.start, 2**s.length - 1, float(s.scale), float(s.offset), *self._limits[s.name])
+            for s in self._message.signals
+        }
+        return length, fields, none, changes.tolist()
+
     def encode_all(self, due_us: IntArray, values: dict[str, FloatArray]) -> list[Sent]:
         """The same of frames due at increasing times (n,), from values (n,) of each signal."""
         length = self._message.length
@@ -209,6 +234,13 @@ class Encoder:
 
     def frames(self, sample: Sample) -> Iterator[Sent]:
         """The frames of a sample, each message at its own cycle."""
+        return self._frames(sample, Channel.encode)
+
+    def packed(self, sample: Sample) -> Iterator[Sent]:
+        """The same frames, sooner."""
+        return self._frames(sample, Channel.pack)
+
+    def _frames(self, sample: Sample, encode: Callable[[Channel, int, dict[str, float]], Sent]) -> Iterator[Sent]:
         at = due_us = sample.due_us
         for r in sample.readings:
             parts = [
@@ -221,10 +253,10 @@ class Encoder:
                 parts.append((self._truth[r.number], true))
             for channel, values in parts:
                 if due_us % channel.every_us == 0:
-                    yield channel.encode(at, values)
+                    yield encode(channel, at, values)
                     at += self._spacing_us
         if due_us % self._speed.every_us == 0:
-            yield self._speed.encode(at, {"Speed": sample.speed_m_s})
+            yield encode(self._speed, at, {"Speed": sample.speed_m_s})
 
     def stretch(self, s: Stretch) -> list[list[Sent]]:
         """The frames of each sample, as `frames` makes them."""
