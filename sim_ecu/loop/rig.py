@@ -144,11 +144,11 @@ class Rig:
         now, out = self.time_us, []
         if now % self._driver.every_us == 0:
             mode = COAST if share == 0.0 else TRACTION if share > 0.0 else BRAKE
-            out.append(self._driver.pack(now, {"Mode": mode, "Share": abs(share)}))
+            out.append(self._driver.encode_quick(now, {"Mode": mode, "Share": abs(share)}))
         for k, (rng, tachometer, cylinder) in enumerate(zip(self._rngs, self._wheels, self._cylinders, strict=True)):
             if now % tachometer.every_us == 0:
-                out.append(tachometer.pack(now, {"WheelSpeed": TACHOMETER.measure_one(float(wheel[k]), rng)}))
+                out.append(tachometer.encode_quick(now, {"WheelSpeed": TACHOMETER.measure_one(float(wheel[k]), rng)}))
             if now % cylinder.every_us == 0:
                 told = PRESSURE.measure_one(float(pressure[k]), rng)
-                out.append(cylinder.pack(now, {"Pressure": max(told, 0.0)}))
+                out.append(cylinder.encode_quick(now, {"Pressure": max(told, 0.0)}))
         return out

@@ -10,7 +10,7 @@ from sim_ecu.loop.train_speed import TrainSpeed
 from sim_ecu.physics.sensors import Sensor
 from sim_ecu.physics.simulation import Samples
 from sim_ecu.physics.wheelset import FloatArray
-from sim_ecu.play.encoder import SAMPLE_US, Encoder, Sample, Sent
+from sim_ecu.play.encoder import SAMPLE_US, Encoder, Reading, Sample, Sent
 from sim_ecu.play.faults import SILENT
 from sim_ecu.play.inject import at_work, inject
 from sim_ecu.play.player import Sensing
@@ -37,6 +37,8 @@ class Sensed:
             self._wheel_rng = np.random.default_rng([axles[0].seed, 6])
         self._silent = [f for f in faults if f.kind in SILENT]
         self._encoder = train.encoder(self._numbers, truth)
+        if isinstance(self._encoder, Encoder):
+            self._encoder.quick = True
         self._next: list[Sample] = []
         at_work(faults, self._numbers, axles[0].seed, train)  # whether they can be made
         # one sample at a time, each in two halves
@@ -50,15 +52,15 @@ class Sensed:
 
     def frames(self, due_us: int, samples: Samples, wheel_m_s: FloatArray, share: float) -> list[Sent]:
         """The frames of the sample that ends at due_us (us from the start)."""
-        true = float(samples.speed_m_s[0])
+        true = samples.speed_m_s
         if self._reference is not None:
-            true = self._reference.step(TACHOMETER.measure(wheel_m_s, self._wheel_rng), share)
-        speed = self._speed.measure_one(true, self._rng)
-        sample = Sample(due_us, speed, tuple(s.reading(samples, k) for k, s in enumerate(self._sensing)))
+            told = TACHOMETER.measure(wheel_m_s, self._wheel_rng)
+            true = np.array([self._reference.step(told, share)])
+        speed = self._speed.measure_one(float(true[0]), self._rng)
+        rows = [s.reading(samples, k) for k, s in enumerate(self._sensing)]
+        sample = Sample(due_us, speed, tuple(Reading(n, *row) for n, row in zip(self._numbers, rows, strict=True)))
         if self._faulted is None:
-            return list(
-                self._encoder.packed(sample) if isinstance(self._encoder, Encoder) else self._encoder.frames(sample)
-            )
+            return list(self._encoder.frames(sample))
         self._next.append(sample)
         return [f for _ in range(2) for f in next(self._faulted)[1]]
 

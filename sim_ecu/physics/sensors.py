@@ -28,7 +28,7 @@ class Sensor:
         return clipped
 
     def measure_one(self, truth: float, rng: np.random.Generator) -> float:
-        """The same of one sample, to the bit: sooner where samples come one by one."""
+        """The same of one sample: the same number, from the same draw."""
         noisy = self.gain * truth + self.bias + self.noise_rms * rng.standard_normal()
         if self.step > 0:
             noisy = round(noisy / self.step) * self.step

@@ -1,12 +1,12 @@
 """The rig's frames: cantools and the autosar-e2e package, independent of the daemon's own codec.
 
-`Encoder.frames` makes those of one sample with these libraries. `Encoder.packed` makes the same bytes in less time, and
-`Encoder.stretch` those of many samples at once, column by column; a test compares the three.
+`Encoder.frames` makes those of one sample with these libraries. `Encoder.stretch` makes the same bytes of many samples
+at once, column by column; a test compares the two.
 """
 
 import functools
 import itertools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -91,6 +91,23 @@ def crc_tables(length: int, identity: int) -> tuple[int, NDArray[np.uint8]]:
     return none, changes
 
 
+class _Quick:
+    """What `encode_quick` needs of a message, as plain numbers."""
+
+    def __init__(self, message: Message, identity: int) -> None:
+        self.length = message.length
+        self.counter_bit = message.get_signal_by_name("Counter").start
+        self.signals = {
+            s.name: (
+                float(s.minimum or 0.0), float(s.maximum or 0.0), float(s.offset), float(s.scale),
+                (1 << s.length) - 1, s.start,
+            )
+            for s in message.signals
+        }  # fmt: skip
+        self.crc, changes = crc_tables(message.length, identity)
+        self.changes: list[list[int]] = changes.tolist()  # of the CRC's own byte: none
+
+
 class Channel:
     """One cyclic message: encodes, counts its cycles (from a first counter on), protects."""
 
@@ -103,6 +120,22 @@ class Channel:
         self._limits = {s.name: (float(s.minimum or 0.0), float(s.maximum or 0.0)) for s in message.signals}
         self._counter_bit = np.uint64(message.get_signal_by_name("Counter").start)
         assert all(s.byte_order == "little_endian" and not s.conversion.is_float for s in message.signals)
+        self._quick: _Quick | None = None
+
+    def encode_quick(self, due_us: int, values: dict[str, float]) -> Sent:
+        """The bytes of `encode`, in a fifth of its time: where many frames are made one by one."""
+        if self._quick is None:
+            self._quick = _Quick(self._message, self._data_id)
+        q = self._quick
+        bits = ((self._first_counter + due_us // self.every_us - 1) % 15) << q.counter_bit
+        for name, value in values.items():
+            low, high, offset, scale, mask, start = q.signals[name]
+            bits |= (round((min(max(value, low), high) - offset) / scale) & mask) << start
+        data = bits.to_bytes(q.length, "little")
+        crc = q.crc
+        for changes, byte in zip(q.changes, data, strict=True):
+            crc ^= changes[byte]
+        return Sent(due_us, self.can_id, bytes((crc,)) + data[1:])
 
     def encode(self, due_us: int, values: dict[str, float]) -> Sent:
         """The next frame. Values beyond the signal's range are sent as its end, as a converter would."""
@@ -110,31 +143,6 @@ class Channel:
         counter = (self._first_counter + due_us // self.every_us - 1) % 15
         data = self._message.encode({"Crc": 0, "Counter": counter, "Status": 0, **held}, strict=False)
         return Sent(due_us, self.can_id, protect(data, self._data_id))
-
-    def pack(self, due_us: int, values: dict[str, float]) -> Sent:
-        """The same bytes, without the libraries' time."""
-        length, fields, none, changes = self._packing
-        bits = (self._first_counter + due_us // self.every_us - 1) % 15 << int(self._counter_bit)
-        for name, value in values.items():
-            start, mask, scale, offset, low, high = fields[name]
-            bits |= (round((min(max(value, low), high) - offset) / scale) & mask) << start
-        data = bytearray(bits.to_bytes(8, "little")[:length])
-        crc = none
-        for place in range(1, length):
-            crc ^= changes[place][data[place]]
-        data[0] = crc
-        return Sent(due_us, self.can_id, bytes(data))
-
-    @functools.cached_property
-    def _packing(self) -> tuple[int, dict[str, tuple[int, int, float, float, float, float]], int, list[list[int]]]:
-        """Of pack(): length, fields, the CRC of zeros and what each byte changes in it."""
-        length = self._message.length
-        none, changes = crc_tables(length, self._data_id)
-        fields = {
-            s.name: (s.start, 2**s.length - 1, float(s.scale), float(s.offset), *self._limits[s.name])
-            for s in self._message.signals
-        }
-        return length, fields, none, changes.tolist()
 
     def encode_all(self, due_us: IntArray, values: dict[str, FloatArray]) -> list[Sent]:
         """The same of frames due at increasing times (n,), from values (n,) of each signal."""
@@ -220,7 +228,8 @@ def stretch_of(samples: Sequence[Sample]) -> Stretch:
 
 
 class Encoder:
-    """All frames of a train of axles, sample by sample. Their counters begin at `counter`."""
+    """All frames of a train of axles, sample by sample. Their counters begin at `counter`. quick: `frames`
+    makes them without cantools, the same bytes."""
 
     def __init__(self, numbers: list[int], truth: bool = True, counter: int = 0) -> None:
         production, rig = databases()
@@ -231,17 +240,12 @@ class Encoder:
         self._truth = {n: Channel(rig.get_message_by_name(f"SimTruth_A{n}")) for n in numbers} if truth else {}
         self._speed = Channel(get("VehicleSpeed"), counter)
         self._spacing_us = SPACING_US if len(numbers) <= MAX_SLOW_AXLES else FAST_SPACING_US
+        self.quick = False
 
     def frames(self, sample: Sample) -> Iterator[Sent]:
         """The frames of a sample, each message at its own cycle."""
-        return self._frames(sample, Channel.encode)
-
-    def packed(self, sample: Sample) -> Iterator[Sent]:
-        """The same frames, sooner."""
-        return self._frames(sample, Channel.pack)
-
-    def _frames(self, sample: Sample, encode: Callable[[Channel, int, dict[str, float]], Sent]) -> Iterator[Sent]:
         at = due_us = sample.due_us
+        encode = Channel.encode_quick if self.quick else Channel.encode
         for r in sample.readings:
             parts = [
                 (self._yaw[r.number], {"YawRate": r.yaw_rate}),

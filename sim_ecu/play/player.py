@@ -8,7 +8,7 @@ from sim_ecu.physics.axlebox import AxleBoxStream
 from sim_ecu.physics.simulation import Axle, Samples, Simulation
 from sim_ecu.physics.track import Track
 from sim_ecu.physics.wheelset import LAT_ACCEL, MU_AVAILABLE, MU_USED, SLIP, TORQUE, YAW_RATE, FloatArray
-from sim_ecu.play.encoder import SAMPLE_US, Reading, Sample, Sent, Stretch
+from sim_ecu.play.encoder import SAMPLE_US, Sample, Sent, Stretch
 from sim_ecu.play.inject import at_work, inject
 from sim_ecu.play.scenario import AxleScenario, Scenario
 from sim_ecu.play.train import PACKAGED, Train
@@ -39,20 +39,17 @@ class Sensing:
             100 * y[:, MU_AVAILABLE], np.abs(100 * y[:, MU_USED]), y[:, SLIP],
         ))  # fmt: skip
 
-    def reading(self, s: Samples, place: int) -> Reading:
-        """Of one sample, the same as its row of readings()."""
-        yaw, lateral, torque, slip, used, available = s.outputs[0, place].tolist()
+    def reading(self, s: Samples, place: int) -> list[float]:
+        """The same of a single sample, (6,)."""
         if not self._a.axlebox.quiet:
-            felt = self._axlebox.next(s.distance_m + self._a.position_m, s.speed_m_s)[0].tolist()
-            yaw, lateral = yaw + felt[0], lateral + felt[1]
-        sensors, rngs = self._a.sensors, self._rngs
-        return Reading(
-            self._a.number,
-            sensors.yaw_rate.measure_one(yaw, rngs[0]),
-            sensors.lat_accel.measure_one(lateral, rngs[1]),
-            sensors.torque.measure_one(torque, rngs[2]),
-            100 * available, abs(100 * used), slip,
-        )  # fmt: skip
+            out: list[float] = self.readings(s, place)[0].tolist()
+            return out
+        y, sensors = s.outputs[0, place].tolist(), self._a.sensors
+        yaw, lat, torque = self._rngs
+        return [
+            sensors.yaw_rate.measure_one(y[YAW_RATE], yaw), sensors.lat_accel.measure_one(y[LAT_ACCEL], lat),
+            sensors.torque.measure_one(y[TORQUE], torque), 100 * y[MU_AVAILABLE], abs(100 * y[MU_USED]), y[SLIP],
+        ]  # fmt: skip
 
 
 def on_tracks(axles: Sequence[AxleScenario]) -> list[Axle]:

@@ -1,11 +1,12 @@
 """The plug-in wrcd_contract on a real kernel's vcan0, against both example consumers as processes."""
 
+import shlex
 import sys
 import time
 
 import pytest
 
-from tests.support.contract import EXAMPLES, outcomes, run_checks
+from tests.support.contract import EXAMPLES, outcomes, run_pytest
 
 pytest_plugins = ("pytester",)
 # a rule of each kind; all of them are played on virtual time, and take half a minute on a bus
@@ -27,10 +28,19 @@ RULES = {
 UNBROKEN = {"valid-is-used", "lost-frames-are-no-fault", "late-frames-are-no-fault", "drop-is-followed-at-once"}
 
 
+# as the page has it
+COMMAND = (
+    "pytest --pyargs wrcd.tools.contract.checks "
+    '--wrcd-process "python examples/careful_consumer.py -i {interface} -c {channel}"'
+)
+
+
 def played(pytester: pytest.Pytester, name: str) -> pytest.RunResult:
+    """Run the page's command with some of the rules, and with another consumer."""
     begun = time.monotonic()
-    command = f"{sys.executable} {EXAMPLES / name}_consumer.py -i {{interface}} -c {{channel}}"
-    result = run_checks(pytester, "--wrcd-process", command, "-k", " or ".join(RULES))
+    _, *words = shlex.split(COMMAND)
+    absolute = words[-1].replace("python examples/careful", f"{sys.executable} {EXAMPLES}/{name}")
+    result = run_pytest(pytester, *words[:-1], absolute, "-k", " or ".join(RULES))
     print(f"{name}: {time.monotonic() - begun:.1f} s")
     return result
 

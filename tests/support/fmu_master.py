@@ -167,6 +167,7 @@ def main(fmu: str, other: str) -> None:
     result = simulate_fmu(fmu, stop_time=0.5, output=["truth.speed", "truth.distance"], output_interval=0.01)
     out["simulated"] = [float(result["time"][-1]), float(result["truth.speed"][-1])]
     out["version"] = broken(fmu, "made.json", '"wrcd": "', '"wrcd": "9.')
+    out["variables"] = broken(fmu, "made.json", '"variables": "', '"variables": "0')
     out["axles"] = broken(fmu, "scenario.toml", "axles = [1, 2]", "axles = [1, 2, 3]")
     print("RESULT" + json.dumps(out))
 

@@ -7,6 +7,7 @@ import sys
 import tempfile
 import uuid
 import zipfile
+from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.metadata import distribution
 from pathlib import Path
@@ -15,7 +16,7 @@ from pythonfmu.builder import FmuBuilder
 
 from sim_ecu.loop.fmu.page import page
 from sim_ecu.loop.fmu.slave import MADE, SCENARIO
-from sim_ecu.loop.fmu.variables import Variable, variables
+from sim_ecu.loop.fmu.variables import Variable, digest, variables
 from sim_ecu.loop.scenario import FOLDER, DriveScenario, load_drive_scenario
 from wrcd import __version__
 from wrcd.errors import InputError
@@ -60,9 +61,9 @@ def pack(scenario: str, output: Path) -> Packed:
     text = (packaged if packaged.exists() else Path(scenario)).read_bytes()
     everything = variables(loaded.axles)
     version = distribution("pythonfmu").version
-    identity = hashlib.sha256(b"\0".join([text, repr((everything, __version__, version, LOADER)).encode()])).hexdigest()
-    guid = str(uuid.uuid5(uuid.NAMESPACE_OID, identity))
-    made: dict[str, object] = {"wrcd": __version__, "axles": loaded.axles, "guid": guid}
+    parts = [text, digest(everything).encode(), __version__.encode(), version.encode(), LOADER.encode()]
+    guid = str(uuid.uuid5(uuid.NAMESPACE_OID, hashlib.sha256(b"\0".join(parts)).hexdigest()))
+    made = {"wrcd": __version__, "axles": loaded.axles, "variables": digest(everything), "guid": guid}
     with tempfile.TemporaryDirectory(prefix="wrcd-fmu-") as folder:
         built = _build(Path(folder), text, made, page(loaded, everything))
         try:
@@ -74,7 +75,7 @@ def pack(scenario: str, output: Path) -> Packed:
     return Packed(loaded, everything)
 
 
-def _build(folder: Path, text: bytes, made: dict[str, object], about: str) -> Path:
+def _build(folder: Path, text: bytes, made: Mapping[str, object], about: str) -> Path:
     """PythonFMU's own archive in a folder. What its builder leaves in this process is taken back."""
     script, resources, docs = folder / "src" / f"{MODULE}.py", folder / "resources", folder / "docs"
     for place in (script.parent, resources, docs / "licenses"):

@@ -17,7 +17,7 @@ from pythonfmu.default_experiment import DefaultExperiment
 from pythonfmu.enums import Fmi2Status, Fmi2Variability
 
 from sim_ecu.loop.fmu.plant import SAMPLE_S, Plant
-from sim_ecu.loop.fmu.variables import OUTPUT, REFUSED, UNITS, Variable
+from sim_ecu.loop.fmu.variables import OUTPUT, REFUSED, UNITS, Variable, digest
 from sim_ecu.loop.scenario import load_drive_scenario
 from wrcd import __version__
 from wrcd.errors import InputError
@@ -44,10 +44,12 @@ class WrcdRig(Fmi2Slave):  # type: ignore[misc]  # PythonFMU has no types
                 f"has the axles {scenario.axles}, the FMU describes {made['axles']}",
                 file=resources / SCENARIO, key="axles", hint="make an FMU of this scenario with sim-ecu fmu",
             )  # fmt: skip
+        self._plant, self._start_s = Plant(scenario), 0.0
+        if digest(self._plant.variables) != made["variables"]:
+            raise InputError("this FMU describes other variables than the wrcd that loads it has", hint="make it anew")
         self.guid, self.version, self.license = made["guid"], __version__, "MIT"
         self.description = f"wrcd's rig, simulation only: {scenario.train.title}"
         self.default_experiment = DefaultExperiment(0.0, scenario.train.duration_s, SAMPLE_S)
-        self._plant, self._start_s = Plant(scenario), 0.0
         self._cannot_start: InputError | None = None
         self._told = False
         for v in self._plant.variables:

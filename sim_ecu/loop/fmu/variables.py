@@ -1,5 +1,6 @@
 """Every variable of the FMU: the model description, its page and docs/how-to/use-the-fmu.md are made from these."""
 
+import hashlib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
@@ -94,3 +95,8 @@ def of_axle(n: int) -> tuple[Variable, ...]:
 def variables(axles: Iterable[int]) -> tuple[Variable, ...]:
     """All of an FMU, in the order of their value references."""
     return (*TRAIN, *(v for n in axles for v in of_axle(n)))
+
+
+def digest(of: Iterable[Variable]) -> str:
+    """What tells variables from others: an FMU's are those of the version that made it."""
+    return hashlib.sha256(repr(tuple(of)).encode()).hexdigest()

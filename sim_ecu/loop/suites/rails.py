@@ -156,7 +156,6 @@ STARTS = {
 }  # fmt: skip
 TRAIN = {
     GREASY_STOP: greasy_stop, LEAF_STOP: leaf_stop, SEVERAL_STOP: several_patches_stop, LEAF_START: leaf_start,
-    WET_START: wet_start,
 }  # fmt: skip
 TRAIN_AXLES = 4
 
@@ -170,7 +169,7 @@ def braking() -> Iterator[Case]:
 def traction() -> Iterator[Case]:
     """One axle."""
     for name, plan in STARTS.items():
-        yield Case("traction", name, plan, controllers=EVERY, shown=name == LEAF_START)
+        yield Case("traction", name, plan, shown=name == LEAF_START)
 
 
 def train() -> Iterator[Case]:

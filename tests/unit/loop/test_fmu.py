@@ -16,6 +16,7 @@ import pytest
 from fmpy import supported_platforms
 from fmpy.validation import validate_fmu
 
+from sim_ecu.cli import main
 from sim_ecu.loop.fmu.pack import LOADER, pack
 from sim_ecu.loop.fmu.plant import Plant, reseeded, seed_of
 from sim_ecu.loop.fmu.variables import UNITS, VALID, variables
@@ -315,6 +316,7 @@ def test_simulate_fmu_reaches_its_end(driven: dict[str, Any]) -> None:
     ("what", "why"),
     [
         ("version", rf"this FMU was made by wrcd 9\.{re.escape(__version__)}, installed is {re.escape(__version__)}"),
+        ("variables", "this FMU describes other variables than the wrcd that loads it has"),
         ("axles", r"scenario\.toml: axles: has the axles \[1, 2, 3\], the FMU describes \[1, 2\]"),
     ],
 )
@@ -342,3 +344,20 @@ def test_axle_with_a_seed_of_its_own_keeps_it(folder: Path) -> None:
     (folder / "own.toml").write_text(SCENARIO + "[axle.2]\nseed = 99\n")
     again = reseeded(scenario(folder, "own.toml"), 7)
     assert [(a.seed, a.track_seed) for a in again.train.axles] == [(7 * 16 + 1, 7 * 16 + 1), (99, None)]
+
+
+@pytest.mark.parametrize(
+    ("output", "why"),
+    [
+        ("rig.zip", "-o: does not end in .fmu — write rig.fmu"),
+        ("nowhere/rig.fmu", "-o: no such folder"),
+        ("folder.fmu", "-o: is a folder — name the file to write"),
+    ],
+)
+def test_file_that_cannot_be_made_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], output: str, why: str
+) -> None:
+    (tmp_path / "folder.fmu").mkdir()
+    assert main(["fmu", "-o", str(tmp_path / output)]) == 2
+    assert why in capsys.readouterr().err
+    assert [p.name for p in tmp_path.iterdir()] == ["folder.fmu"]
