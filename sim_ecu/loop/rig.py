@@ -11,7 +11,7 @@ from sim_ecu.loop.sensed import TACHOMETER, Sensed
 from sim_ecu.physics.actuators import AxleActuators, Valve
 from sim_ecu.physics.sensors import Sensor
 from sim_ecu.physics.simulation import Simulation
-from sim_ecu.physics.wheelset import MU_AVAILABLE, MU_USED, ROLLING_START, SLIP, TORQUE, W_L, W_R, FloatArray
+from sim_ecu.physics.wheelset import MU_AVAILABLE, MU_USED, TORQUE, W_L, W_R, FloatArray
 from sim_ecu.play.encoder import SAMPLE_US, Channel, Sent
 from sim_ecu.play.player import on_tracks
 from sim_ecu.play.train import PACKAGED, Train
@@ -54,7 +54,7 @@ class Rig:
         played, axles = scenario.train, scenario.train.axles
         self._dt = SAMPLE_US * 1e-6
         speed = float(played.speed.at(np.zeros(1))[0])
-        self._simulation = Simulation(played.wheelset, on_tracks(axles), speed, self._dt)
+        self._simulation = Simulation(played.wheelset, on_tracks(axles), speed, self._dt, cleaning=scenario.cleaning)
         self._actuators = [AxleActuators(scenario.actuators, self._dt) for _ in axles]
         self._heard = frozenset(heard)
         numbers = scenario.axles
@@ -70,7 +70,7 @@ class Rig:
         self.silences = [0] * len(numbers)  # how often an axle's demand fell silent
         self.silent_us = [0] * len(numbers)
         self._was_silent = [False] * len(numbers)
-        self._radius_m, self._load_N = played.wheelset.r_0, 2 * played.wheelset.normal_N
+        self._radius_m = played.wheelset.r_0
         self._shares: list[float] = []  # what the driver asks, by sample, as far as it is made
         self._torques = np.zeros((2, len(numbers)))
         self.time_us = 0
@@ -102,8 +102,7 @@ class Rig:
         y, speed = samples.outputs[0], float(samples.speed_m_s[0])
         state = self._simulation.state
         wheel = (state[:, W_R] + state[:, W_L]) * (0.5 * self._radius_m)
-        sliding = y[:, SLIP] * max(speed, ROLLING_START)  # m/s, mean of the sample
-        energy = np.abs(y[:, MU_USED] * sliding) * (self._load_N * self._dt)
+        energy = self._simulation.slip_energy_J(samples)[0]
         pressure = np.array([a.pressure_bar for a in self._actuators])
         frames: list[Sent] = []
         if LOOP in self._heard and self.carries(self.time_us):
