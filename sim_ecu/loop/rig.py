@@ -95,8 +95,8 @@ class Rig:
         speed = float(self._simulation.train[0])
         traction, brake = self._torques[0], self._torques[1]
         for k, a in enumerate(self._actuators):
-            friction = self._actuate(k, a, max(-share, 0.0), speed)
-            traction[k], brake[k] = max(a.drive_N_m, 0.0), friction + max(-a.drive_N_m, 0.0)
+            self._actuate(k, a, max(-share, 0.0), speed)
+            traction[k], brake[k] = max(a.drive_N_m, 0.0), a.friction_N_m + max(-a.drive_N_m, 0.0)
         samples = self._simulation.step(traction, brake)
         self.time_us += SAMPLE_US
         y, speed = samples.outputs[0], float(samples.speed_m_s[0])
@@ -122,8 +122,8 @@ class Rig:
             self._shares += self.scenario.driver.at(times).tolist()
         return self._shares[k]
 
-    def _actuate(self, k: int, actuators: AxleActuators, brake: float, speed_m_s: float) -> float:
-        """One axle's actuators through the coming sample. Returns the friction torque."""
+    def _actuate(self, k: int, actuators: AxleActuators, brake: float, speed_m_s: float) -> None:
+        """One axle's actuators through the coming sample."""
         a = self.scenario.actuators
         direct = self._direct[k]
         if direct is None:
@@ -134,10 +134,11 @@ class Rig:
                 self.silent_us[k] += SAMPLE_US * silent
                 self._was_silent[k] = silent
             if silent:
-                return actuators.step(0.0, Valve.FILL, a.asked_bar(brake, speed_m_s, electric=False), 0.0)
+                actuators.step(0.0, Valve.FILL, a.asked_bar(brake, speed_m_s, electric=False), 0.0)
+                return
             direct = float(heard.values["Torque"]), VALVES.get(heard.values["Valve"], Valve.FILL)
         electric = a.electric_N_m(brake, speed_m_s)
-        return actuators.step(*direct, a.asked_bar(brake, speed_m_s), electric)
+        actuators.step(*direct, a.asked_bar(brake, speed_m_s), electric)
 
     def _loop_frames(self, share: float, wheel: FloatArray, pressure: FloatArray) -> list[Sent]:
         now, out = self.time_us, []

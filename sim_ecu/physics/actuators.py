@@ -109,7 +109,8 @@ class AxleActuators:
     def step(self, torque_N_m: float, valve: Valve, asked_bar: float, electric_N_m: float) -> float:
         """One step on. torque_N_m: demand to the drive; electric_N_m: the most that its brake may take.
 
-        Returns the friction torque that the cylinder presses for (N m); the drive's is drive_N_m, braking negative.
+        Returns the torque at a wheelset that turns forward, braking negative: drive_N_m, less what the cylinder presses
+        for.
         """
         wanted = min(max(torque_N_m, -electric_N_m), self._max_traction_N_m)
         self.drive_N_m = self._limited(self.drive_N_m + (wanted - self.drive_N_m) * self._lag)
@@ -121,6 +122,11 @@ class AxleActuators:
             self.pressure_bar += (target - self.pressure_bar) * share
             if self.pressure_bar < EMPTY_BAR:
                 self.pressure_bar = 0.0
+        return self.drive_N_m - self.friction_N_m
+
+    @property
+    def friction_N_m(self) -> float:
+        """What the brake can hold with the cylinder's pressure."""
         return self.pressure_bar * self._per_bar_N_m
 
     def _limited(self, next_N_m: float) -> float:

@@ -95,11 +95,11 @@ def test_friction_torque_is_that_of_the_pressure_and_an_empty_cylinder_has_none(
     a = Actuators(pneumatics=Pneumatics(torque_per_bar_N_m=5000.0, valve_delay_s=0.0))
     axle = AxleActuators(a, STEP_S)
     for _ in range(10):
-        friction = axle.step(0.0, Valve.FILL, 2.0, 0.0)
-    assert friction == pytest.approx(5000.0 * axle.pressure_bar)
+        torque = axle.step(0.0, Valve.FILL, 2.0, 0.0)
+    assert -torque == axle.friction_N_m == pytest.approx(5000.0 * axle.pressure_bar)
     for _ in range(1000):
-        friction = axle.step(0.0, Valve.VENT, 2.0, 0.0)
-    assert friction == 0.0
+        torque = axle.step(0.0, Valve.VENT, 2.0, 0.0)
+    assert torque == axle.friction_N_m == 0.0
 
 
 @pytest.mark.parametrize("share", [0.3, 1.0])
