@@ -1,6 +1,7 @@
 """`sim-ecu loop`: drives the suites in lockstep, judges every run, prints the tables."""
 
 import json
+import signal
 import time
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -23,16 +24,20 @@ _Job = tuple[str, str, int]
 
 
 def run(
-    suite: str | None, quick: bool, seeds: int | None, jobs: int, json_out: Path | None, html_out: Path | None
-) -> int:
+    suite: str | None, only: str, quick: bool, seeds: int | None, jobs: int, json_out: Path | None,
+    html_out: Path | None,
+) -> int:  # fmt: skip
     """Drive, judge, print; write the figures as JSON and a page where asked for."""
     for key, out in (("--json", json_out), ("--html", html_out)):
         if out is not None and not out.parent.is_dir():
             raise InputError("no such folder", file=out.parent, key=key)
         if out is not None and out.is_dir():
             raise InputError("is a folder", file=out, key=key, hint="name the file to write")
+    every = cases(suite, only)
+    if not every:
+        hint = f"rows: {'; '.join(dict.fromkeys(c.name for c in cases(suite)))}"
+        raise InputError(f"no row's name holds {only!r}", key="--only", hint=hint)
     began = time.monotonic()
-    every = cases(suite)
     n = seeds or (QUICK_SEEDS if quick else SEEDS)
     outcomes = play_all(every, n, jobs)
     result = {"run": {"quick": quick, "jobs": jobs, "seeds": n}} | judge_all(every, outcomes)
@@ -55,7 +60,7 @@ def play_all(every: Sequence[Case], seeds: int, jobs: int) -> list[Outcome]:
     work = [(case, number) for case in every for number in range(seeds)]
     cost = [_cost(case) for case, _ in work]
     done, outcomes = 0.0, []
-    with ProcessPoolExecutor(jobs) as pool:
+    with ProcessPoolExecutor(jobs, initializer=_dies_of_ctrl_c) as pool:
         try:
             parts = pool.map(_play, [(case.suite, case.name, number) for case, number in work])
             for k, part in enumerate(parts):
@@ -67,6 +72,11 @@ def play_all(every: Sequence[Case], seeds: int, jobs: int) -> list[Outcome]:
             raise
     progress.end()
     return outcomes
+
+
+def _dies_of_ctrl_c() -> None:
+    """At a terminal it reaches every process: none goes on with what nobody waits for."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def _cost(case: Case) -> float:

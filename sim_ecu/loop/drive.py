@@ -13,7 +13,7 @@ import can
 from sim_ecu.loop.end import End, Lines, open_end, until_told
 from sim_ecu.loop.rig import LOOP, TRUTH, WRCD, Rig, Step
 from sim_ecu.loop.scenario import DriveScenario
-from sim_ecu.loop.silence import Silences
+from sim_ecu.loop.silence import DemandSilences
 from sim_ecu.play.encoder import SAMPLE_US, Sent
 from sim_ecu.play.logs import check_format, open_logger
 from sim_ecu.play.play import MAX_SAMPLES, Tally, message
@@ -41,7 +41,7 @@ class Drive:
     ) -> None:  # fmt: skip
         heard = [LOOP, WRCD, *([TRUTH] if truth else [])]
         self.rig, self.steps, self.tally = Rig(scenario, heard), list[Step](), Tally()
-        self.silences = Silences(scenario.axles)
+        self.silences = DemandSilences(scenario.axles, SAMPLE_US)
         self._scenario, self.end, self._logger, self._channel = scenario, end, logger, channel
         self._samples = round(scenario.train.duration_s * 1e6) // SAMPLE_US
         self._came: deque[tuple[int, int, bytes]] = deque()  # demands that no sample has begun after yet
@@ -87,9 +87,11 @@ class Drive:
         while self._came and self._came[0][0] <= rig.time_us:
             stamp_us, can_id, data = self._came.popleft()
             rig.hear(can_id, data, stamp_us)
-        silent_us = list(rig.silent_us)
+        silent = [
+            None if h.stamp_us is None and rig.time_us < h.timeout_us else not h.fresh(rig.time_us)
+            for h in rig.demands.values()
+        ]
         step = rig.step()
-        silent = [now_us > before_us for now_us, before_us in zip(rig.silent_us, silent_us, strict=True)]
         for line in self.silences.look(step.due_us, silent):
             self.end.lines.event(step.due_us, line)
         if self.end.lines.moves and step.due_us - self._told_us >= STATUS_US:
@@ -154,11 +156,12 @@ def drive_on_bus(
         cleanup.callback(link.close)
         logger = None if log is None else cleanup.enter_context(open_logger(log))
         told = cleanup.enter_context(until_told())
-        drive = Drive(scenario, End(link, lines), logger, truth, channel)
         # what the start has left is not looked through again and again for garbage
         gc.collect()
         gc.freeze()
         cleanup.callback(gc.unfreeze)
+        lines.event(0, f"{scenario.train.name} on {interface} {channel}: {scenario.train.duration_s:g} s at most")
+        drive = Drive(scenario, End(link, lines), logger, truth, channel)
         while not told() and drive.step():
             time.sleep(drive.wait_s())
         lines.end()
@@ -168,13 +171,13 @@ def drive_on_bus(
 def counts(drive: Drive) -> dict[str, Any]:
     """What happened on the bus, for a document."""
     end, tally = drive.end, drive.tally
-    by_axle = drive.silences.counts()
+    heard = drive.rig.demands.values()
     demands = {
-        n: {**by_axle[n], "rejected": heard.rejected.counts()}
-        for n, heard in zip(drive.silences.axles, drive.rig.demands.values(), strict=True)
+        n: silence.counts() | {"rejected": h.rejected.counts()}
+        for (n, silence), h in zip(drive.silences.by_axle.items(), heard, strict=True)
     }
     return {
         "demand": demands, "frames": tally.frames, "unsent": tally.unsent, "overruns": tally.overruns,
-        "latest_ms": round(tally.latest_us / 1000, 1), "waits": drive.waits, "waited_s": round(drive.waited_us * 1e-6, 3),
-        "bus": end.counts(),
+        "latest_ms": round(tally.latest_us / 1000, 1), "waits": drive.waits,
+        "waited_s": round(drive.waited_us * 1e-6, 3), "bus": end.counts(),
     }  # fmt: skip
