@@ -31,8 +31,8 @@ class Drive:
     """Steps a rig as its samples fall due. step() does what is due, so that a loop may do other things between.
 
     Deadlines are absolute: a late sample does not move the next one, unless it is later than MAX_LATE_US. A demand acts
-    from the first sample that begins after it came, however late the computer is. The frames of a sample are made ahead
-    of their time.
+    from the sample whose beginning is nearest to when it came, however late the computer is: so it is neither early nor
+    late on the average.
     """
 
     def __init__(
@@ -48,43 +48,44 @@ class Drive:
         self._told_us, self._wait_told_us = 0, -STATUS_US
         self.waits = self.waited_us = 0
         end.begin()
-        self._listen()
-        self._next: Step | None = self._advance()
 
     @property
     def over(self) -> bool:
-        """Whether the scenario is."""
-        return self._next is None
+        """Whether the scenario is, as in lockstep."""
+        slow = bool(self.steps) and self.steps[-1].speed_m_s < self._scenario.stop_m_s
+        return slow or len(self.steps) >= self._samples
+
+    @property
+    def _due_us(self) -> int:
+        """When the next sample ends."""
+        return self.rig.time_us + SAMPLE_US
 
     def wait_s(self) -> float:
         """How long until the next sample is due; 0 at the end."""
-        return 0.0 if self._next is None else max(self._next.due_us - self.end.now_us, 0) * 1e-6
+        return 0.0 if self.over else max(self._due_us - self.end.now_us, 0) * 1e-6
 
     def step(self) -> bool:
-        """Send the samples that are due, MAX_SAMPLES at the most, and make the next. False when it is over."""
+        """Make the samples that are due, and send their frames: MAX_SAMPLES at the most. False when it is over."""
         for _ in range(MAX_SAMPLES):
-            if self._next is None:
+            if self.over:
                 return False
-            late_us = self.end.now_us - self._next.due_us
+            late_us = self.end.now_us - self._due_us
             if late_us < 0:
                 return True
             self.tally.latest_us = max(self.tally.latest_us, late_us)
             self.tally.overruns += late_us > SAMPLE_US
             if late_us > MAX_LATE_US:
                 self._wait(late_us)
-            self._send(self._next.frames)
-            self.steps.append(replace(self._next, frames=[]))
             self._listen()
-            self._next = self._advance()
-        return self._next is not None
+            step = self._advance()
+            self._send(step.frames)
+            self.steps.append(replace(step, frames=[]))
+        return not self.over
 
-    def _advance(self) -> Step | None:
-        """The sample after this one; None when the scenario is over, as in lockstep."""
+    def _advance(self) -> Step:
+        """The next sample, with the demands that came by its first half."""
         rig = self.rig
-        slow = bool(self.steps) and self.steps[-1].speed_m_s < self._scenario.stop_m_s
-        if slow or len(self.steps) >= self._samples:
-            return None
-        while self._came and self._came[0][0] <= rig.time_us:
+        while self._came and self._came[0][0] <= rig.time_us + SAMPLE_US // 2:
             stamp_us, can_id, data = self._came.popleft()
             rig.hear(can_id, data, stamp_us)
         silent = [

@@ -1,8 +1,6 @@
 """The loop on a real vcan: rig, daemon and controller as processes; a stop as in lockstep, and what breaks the loop."""
 
 import json
-import re
-import signal
 import subprocess
 import time
 from collections.abc import Iterator
@@ -24,6 +22,7 @@ from tests.support.vcan import ip
 from wrcd.config import load_config, packaged
 
 STOP = "brake-greasy"
+SILENT = "axle 1: demand silent for 30 ms: traction ends, brakes apply as the driver asked"
 DEMAND_A1 = 0x141
 # 8 s from 11 m/s on greasy rail: long enough for three misfortunes, one after the other
 SHORT = """
@@ -49,11 +48,10 @@ class Told:
     def text(self) -> str:
         return self.file.read_text(errors="replace")
 
-    def at_s(self, pattern: str) -> float:
-        """When a line was told for the first time, in seconds of its run."""
-        found = re.search(rf"^ *([\d.]+) s  .*{pattern}", self.text, re.MULTILINE)
-        assert found, f"no line with {pattern!r} in\n{self.text}"
-        return float(found[1])
+    def wait_for(self, line: str, after: int = 0, seconds: float = 10) -> int:
+        """Wait for a line with this text behind a place; return the place behind it."""
+        wait_for(f"{line!r} of {self.file.stem}", seconds, lambda: line in self.text[after:])
+        return self.text.index(line, after) + len(line)
 
 
 class Bench:
@@ -127,28 +125,29 @@ def test_train_stops_when_bus_daemon_and_controller_fail_one_after_the_other(ben
     scenario = bench.folder / "short.toml"
     scenario.write_text(SHORT)
     rig, told = bench.drive(f"sim-ecu drive {scenario} -c vcan0")
-    wait_for("the rig", 60, lambda: "on socketcan vcan0" in told.text)
+    told.wait_for("on socketcan vcan0", seconds=60)
     time.sleep(1.0)
     ip("set", "vcan0", "down")
-    wait_for("the rig's word of the bus", 5, lambda: "bus down" in told.text)
-    time.sleep(0.5)
+    down = told.wait_for("bus down: nothing comes, nothing goes")
+    silent = told.wait_for(SILENT, down)
     ip("set", "vcan0", "up")
-    wait_for("the demand of the controller that went on", 5, lambda: "demand again" in told.text)
-    time.sleep(0.5)
+    up = told.wait_for("bus again after", down)
+    again = told.wait_for("axle 1: demand again after", max(up, silent))
+    controls = bench.controls.wait_for("bus again after", bench.controls.wait_for("bus down"))
+    controls = bench.controls.wait_for("axle 1: adhesion", controls)  # the daemon's frames are back
+    assert bench.daemon.poll() is None
     bench.daemon.kill()
-    wait_for("the controller's word", 5, lambda: "not used: silent" in bench.controls.text)
-    bench.controller.send_signal(signal.SIGKILL)
+    bench.controls.wait_for("axle 1: adhesion not used: silent for 60 ms", controls)
+    assert bench.controller.poll() is None
+    bench.controller.kill()
+    told.wait_for(SILENT, again)
     status, summary, document = bench.end(rig, told)
     print(bench.controls.text)
 
     assert status == 0
     assert document["speed_m_s"] < 3.0
-    assert told.at_s("bus down") < told.at_s("bus again after")
-    assert re.search(r"bus down once, 0\.[4-9] s", summary)
+    assert "bus down once" in summary
     assert document["unsent"] > 50
     demand = document["demand"]["1"]
     assert demand["silences"] >= 2  # while the bus was down, and since the controller is dead
     assert demand["longest_s"] > 1.0
-    assert "axle 1: demand silent for 30 ms: traction ends, brakes apply as the driver asked" in told.text
-    assert bench.controls.at_s("bus down") < bench.controls.at_s("bus again after")
-    assert bench.controls.at_s("bus again after") < bench.controls.at_s("axle 1: adhesion not used: silent for 60 ms")

@@ -97,7 +97,7 @@ def test_train_goes_on_while_the_bus_is_down_and_with_it_when_it_is_back(wire: W
     for lines in (wire.rig_lines, wire.lines):
         assert lines.at_s("bus down: nothing comes, nothing goes") == [pytest.approx(0.51, abs=0.011)]
         assert lines.at_s("bus again after 1.0 s") == [pytest.approx(1.51, abs=0.011)]
-    assert wire.rig_lines.at_s("axle 1: demand again after 0.98 s")
+    assert wire.rig_lines.at_s("axle 1: demand again after 0.9")
     assert counts(wire.drive)["bus"] | {"down_s": 1.0} == {
         "downs": 1, "down_s": 1.0, "reopens": 0, "drops": 0, "foreign_frames": 0,
     }  # fmt: skip
