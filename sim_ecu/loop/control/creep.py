@@ -1,0 +1,43 @@
+"""Slip control by creepage: a PI controller holds the creep at a set point, as far as the driver asks for so much."""
+
+from dataclasses import dataclass
+
+from sim_ecu.loop.control.law import Seen
+
+
+@dataclass(frozen=True, slots=True)
+class Constants:
+    """Gains: torque per creep, as shares of the full effort asked."""
+
+    creep: float = 0.02  # set point
+    min_slip_m_s: float = 0.25  # the set point at low speed
+    kp_N_m: float = 150_000.0  # per unit of creep
+    ki_N_m_s: float = 300_000.0
+    kd_N_m_s2: float = 0.0  # per m/s2 of running away
+    room_N_m: float = 3000.0  # anti-windup: the integral is at most this above what the actuators give
+
+
+class CreepControl:
+    """The law of one axle."""
+
+    def __init__(self, constants: Constants | None = None) -> None:
+        self._c = constants or Constants()
+        self._integral_N_m: float | None = None
+        self.sliding = False
+
+    def reset(self) -> None:
+        """Give what is asked again."""
+        self._integral_N_m, self.sliding = None, False
+
+    def step(self, seen: Seen) -> float:
+        """One cycle on."""
+        c = self._c
+        target = max(c.creep, c.min_slip_m_s / max(seen.speed_m_s, 1.0))
+        error = target - seen.creep
+        if self._integral_N_m is None:
+            self._integral_N_m = seen.asked_N_m
+        integral = self._integral_N_m + c.ki_N_m_s * error * seen.period_s
+        self._integral_N_m = max(min(integral, seen.asked_N_m, seen.actual_N_m + c.room_N_m), 0.0)
+        self.sliding = error < -target
+        torque = self._integral_N_m + c.kp_N_m * min(error, 0.0) - c.kd_N_m_s2 * max(seen.slide_m_s2, 0.0)
+        return min(max(torque, 0.0), seen.asked_N_m)
