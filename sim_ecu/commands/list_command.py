@@ -1,16 +1,26 @@
 """`sim-ecu list`."""
 
 import argparse
+from typing import TYPE_CHECKING
 
 from wrcd.tools.command import Command, no_arguments
 
+if TYPE_CHECKING:
+    from sim_ecu.play.scenario import Scenario
+
 
 def _run(_args: argparse.Namespace) -> int:
+    from sim_ecu.loop.scenario import load_drive_scenario, packaged_to_drive
     from sim_ecu.play.scenario import load_scenario, packaged
 
+    def show(s: "Scenario", more: str = "") -> None:
+        axles = f"{len(s.axles)} axle{'s' * (len(s.axles) > 1)}"
+        print(f"{s.name:19} {s.duration_s:4.0f} s, {axles}{more}: {s.title}")
+
     for name in packaged():
-        s = load_scenario(name)
-        print(f"{name:14} {s.duration_s:4.0f} s, {len(s.axles)} axle{'s' * (len(s.axles) > 1)}: {s.title}")
+        show(load_scenario(name))
+    for name in packaged_to_drive():
+        show(load_drive_scenario(name).train, ", to drive")
     return 0
 
 

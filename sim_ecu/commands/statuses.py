@@ -31,6 +31,7 @@ STATUSES: dict[str, dict[Status, str]] = {
     "design": {Status.DONE: "the file is made", **_MADE},
     "contact": {Status.DONE: "done", Status.BAD_INPUT: _BAD, **_STOPPED},
     "score": {Status.DONE: "the tables are printed, whatever the goals' verdicts", **_MADE},
+    "loop": {Status.DONE: "the tables are printed, whatever the goals' verdicts", Status.BAD_INPUT: _BAD, **_STOPPED},
     "figures": {Status.DONE: "the figures are drawn, whatever they show", **_MADE},
     "verify": {
         Status.DONE: "the engines agree",

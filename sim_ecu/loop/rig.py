@@ -8,17 +8,17 @@ from numpy.typing import NDArray
 
 from sim_ecu.loop.messages import Heard, rig_message
 from sim_ecu.loop.scenario import DriveScenario
+from sim_ecu.loop.sensed import TACHOMETER, Sensed
 from sim_ecu.physics.actuators import AxleActuators, Valve
 from sim_ecu.physics.sensors import Sensor
 from sim_ecu.physics.simulation import Simulation
 from sim_ecu.physics.wheelset import MU_AVAILABLE, MU_USED, ROLLING_START, SLIP, W_L, W_R, Command, FloatArray
-from sim_ecu.play.encoder import SAMPLE_US, Channel, Encoder, Reading, Sample, Sent
-from sim_ecu.play.player import Sensing, on_tracks
+from sim_ecu.play.encoder import SAMPLE_US, Channel, Sent
+from sim_ecu.play.player import on_tracks
 
 WRCD, TRUTH, LOOP = "wrcd", "truth", "loop"  # who hears frames: they are made for nobody else
 ALL = (WRCD, TRUTH, LOOP)
 COAST, TRACTION, BRAKE = range(3)
-TACHOMETER = Sensor(0.01, 160.0, 0.0)  # m/s; this project's own choice
 PRESSURE = Sensor(0.01, 10.0, 0.0)  # bar
 FREE = 1e3  # creep limit of the plant's own controller, of the peak's: none
 
@@ -54,10 +54,8 @@ class Rig:
         self._heard = frozenset(heard)
         numbers = scenario.axles
         self._place = {n: k for k, n in enumerate(numbers)}
-        self._sensing = [Sensing(a) for a in axles]
-        self._speed_rng = np.random.default_rng([axles[0].seed, 2])
+        self._sensed = Sensed(scenario, TRUTH in self._heard)
         self._rngs = [np.random.default_rng([a.seed, 5]) for a in axles]
-        self._encoder = Encoder(numbers, TRUTH in self._heard)
         self._driver = Channel(rig_message("DriverDemand"))
         self._wheel = [Channel(rig_message(f"WheelSpeed_A{n}")) for n in numbers]
         self._pressure = [Channel(rig_message(f"BrakePressure_A{n}")) for n in numbers]
@@ -72,8 +70,12 @@ class Rig:
     def hear(self, can_id: int, data: bytes, stamp_us: int) -> None:
         """Take a frame from the bus at a time (us from the start); others than demands are not for the rig."""
         heard = self.demands.get(can_id)
-        if heard is not None:
+        if heard is not None and self.carries(stamp_us):
             heard.take(data, stamp_us)
+
+    def carries(self, due_us: int) -> bool:
+        """Whether the scenario's faults leave a bus at a time; without one nobody hears anybody."""
+        return self._sensed.carries(due_us)
 
     def demand(self, axle: int, torque_N_m: float, valve: Valve = Valve.FILL) -> None:
         """Set an axle's demand without a frame; it holds until it is set again. KeyError for an axle that is not."""
@@ -96,15 +98,10 @@ class Rig:
         energy = np.abs(y[:, MU_USED] * 2 * w.normal_N * sliding) * self._dt
         pressure = np.array([a.pressure_bar for a in self._actuators])
         frames: list[Sent] = []
-        if LOOP in self._heard:
+        if LOOP in self._heard and self.carries(self.time_us):
             frames += self._loop_frames(share, wheel, pressure)
         if WRCD in self._heard or TRUTH in self._heard:
-            readings = np.stack([s.readings(samples, k)[0] for k, s in enumerate(self._sensing)])
-            felt = self.scenario.train.axles[0].sensors.speed.measure(samples.speed_m_s, self._speed_rng)
-            rows = zip(self.scenario.axles, readings.tolist(), strict=True)
-            frames += self._encoder.frames(
-                Sample(self.time_us, float(felt[0]), tuple(Reading(number, *row) for number, row in rows))
-            )
+            frames += self._sensed.frames(self.time_us, samples, wheel, share)
         return Step(
             self.time_us, speed, float(samples.distance_m[0]), share, wheel, torque[0], pressure,
             y[:, MU_AVAILABLE].copy(), y[:, MU_USED].copy(), wheel - speed, energy, frames,

@@ -4,8 +4,11 @@ Constants are this project's own choice where no source is given; they are of th
 """
 
 from collections import deque
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
 from enum import IntEnum
+
+import numpy as np
 
 
 class Valve(IntEnum):
@@ -56,6 +59,30 @@ class Actuators:
         """Pressure for what the electric brake is not asked; electric False: for all."""
         rest = brake_share * self.full_brake_N_m - (self.electric_N_m(brake_share, speed_m_s) if electric else 0.0)
         return min(rest / self.pneumatics.torque_per_bar_N_m, self.pneumatics.max_bar)
+
+
+# Lowest and highest that a constant of the defaults may be: what `swept` draws from. This project's own choice, too.
+SWEPT: Mapping[str, tuple[float, float]] = {
+    "max_traction_N_m": (20_000.0, 30_000.0),
+    "max_brake_N_m": (0.0, 25_000.0),
+    "lag_s": (0.03, 0.10),
+    "rise_N_m_s": (30_000.0, 120_000.0),
+    "fall_N_m_s": (90_000.0, 360_000.0),
+    "fades_m_s": (2.0, 6.0),
+    "torque_per_bar_N_m": (5_000.0, 8_000.0),
+    "max_bar": (4.5, 6.0),
+    "valve_delay_s": (0.015, 0.06),
+    "fill_s": (0.15, 0.50),
+    "vent_s": (0.08, 0.30),
+    "full_brake_N_m": (16_000.0, 22_000.0),
+}
+
+
+def swept(rng: np.random.Generator) -> Actuators:
+    """Actuators whose constants are drawn from SWEPT, evenly: the defaults are one of many trains."""
+    drawn = {name: float(rng.uniform(low, high)) for name, (low, high) in SWEPT.items()}
+    drive, pneumatics = ({f.name: drawn[f.name] for f in fields(kind)} for kind in (Drive, Pneumatics))
+    return Actuators(Drive(**drive), Pneumatics(**pneumatics), drawn["full_brake_N_m"])
 
 
 class AxleActuators:

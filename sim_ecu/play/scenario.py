@@ -131,6 +131,23 @@ def load_scenario(name: str) -> Scenario:
 def read_scenario(top: Section, name: str) -> Scenario:
     """Check everything and build the scenario."""
     wheelset = read_wheelset(top.section("wheelset"))
+    axles = read_axles(top)
+    scenario = Scenario(
+        name=name,
+        title=keys.TITLE.read(top) or name,
+        duration_s=keys.DURATION.of(top),
+        speed=Course(*keys.SPEED.read(top)),
+        hold_speed=keys.HOLD_SPEED.read(top),
+        wheelset=wheelset,
+        axles=axles,
+        faults=tuple(read_fault(f, [a.number for a in axles]) for f in top.sections("fault")),
+    )
+    top.done()
+    return scenario
+
+
+def read_axles(top: Section, drive: Drive | None = None) -> tuple[AxleScenario, ...]:
+    """The axles in the order of their numbers. drive: that of each, where no table may give one."""
     numbers = top.raw("axles") if "axles" in top else [1]
     if (
         not isinstance(numbers, list)
@@ -140,7 +157,7 @@ def read_scenario(top: Section, name: str) -> Scenario:
         raise top.error(f"takes one to {MAX_AXLES} of the numbers 1 … {MAX_AXLES}, not {numbers!r}", "axles")
     if len(set(numbers)) != len(numbers):
         raise top.error(f"{numbers!r} names an axle twice", "axles")
-    common = _Common(top, min(numbers))
+    common = _Common(top, min(numbers), drive)
     overrides = top.section("axle")
     for key in overrides:
         if key not in {str(n) for n in numbers}:
@@ -150,18 +167,7 @@ def read_scenario(top: Section, name: str) -> Scenario:
         own = overrides.section(str(number))
         axles.append(_axle(number, own, common))
         own.done()
-    scenario = Scenario(
-        name=name,
-        title=keys.TITLE.read(top) or name,
-        duration_s=keys.DURATION.of(top),
-        speed=Course(*keys.SPEED.read(top)),
-        hold_speed=keys.HOLD_SPEED.read(top),
-        wheelset=wheelset,
-        axles=tuple(axles),
-        faults=tuple(read_fault(f, sorted(numbers)) for f in top.sections("fault")),
-    )
-    top.done()
-    return scenario
+    return tuple(axles)
 
 
 def read_wheelset(section: Section) -> Wheelset:
@@ -176,11 +182,12 @@ def read_wheelset(section: Section) -> Wheelset:
 class _Common:
     """The settings that an axle may override, as the top level gives them."""
 
-    def __init__(self, top: Section, first: int) -> None:
+    def __init__(self, top: Section, first: int, drive: Drive | None) -> None:
         self.first = first  # the axle that leads
+        self.drive_is_given = drive is not None
         self.seed = _seed(top, 1)
         self.rail = _rail(top) if "rail" in top else None
-        self.drive = _drive(top) if "drive" in top else None
+        self.drive = drive or (_drive(top) if "drive" in top else None)
         self.roughness = _roughness(top) if "track" in top else QUALITY["good"]
         self.sensors = read_sensors(top) if "sensors" in top else SENSOR_SETS["mems"]
         self.axlebox = read_axlebox(top.section("axlebox"), QUIET)
@@ -195,12 +202,11 @@ def _seed(section: Section, default: int) -> int:
 
 def _axle(number: int, own: Section, common: _Common) -> AxleScenario:
     rail = _rail(own) if "rail" in own else common.rail
-    drive = _drive(own) if "drive" in own else common.drive
+    drive = _drive(own) if "drive" in own and not common.drive_is_given else common.drive
     if rail is None or drive is None:
         missing = "rail" if rail is None else "drive"
-        raise own.error(
-            f"axle {number} has no {missing}", missing, 'write e.g. [[rail]] curve = "A" and [drive] utilisation = 0.3'
-        )
+        demanded = "" if common.drive_is_given else " and [drive] utilisation = 0.3"
+        raise own.error(f"axle {number} has no {missing}", missing, f'write e.g. [[rail]] curve = "A"{demanded}')
     return AxleScenario(
         number=number,
         rail=rail,

@@ -15,13 +15,14 @@ import io
 import re
 import shlex
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from sim_ecu import cli as rig_cli
 from sim_ecu import resources as rig
 from sim_ecu.commands.statuses import STATUSES as RIG
+from sim_ecu.loop import scenario_keys as drive_scenario_keys
 from sim_ecu.play import scenario_keys
 from sim_ecu.play.expected import LONG_ROWS, ROWS
 from sim_ecu.play.expected_lines import expected_lines
@@ -31,6 +32,7 @@ from wrcd import declared, resources
 from wrcd.bus.dbc import Message, load_dbc, timeout_ms
 from wrcd.core.configuration import MAX_AXLES
 from wrcd.core.vocabulary import MESSAGES
+from wrcd.keys import Key
 from wrcd.tools import cli
 from wrcd.tools.lint.codes import CODES
 from wrcd.tools.lint.run import findings
@@ -210,11 +212,20 @@ def configuration(which: str) -> list[str]:
 
 def scenario(which: str = "") -> list[str]:
     """The keys of a table of a scenario; its top level without a name."""
+    return key_rows(scenario_keys.TABLES[which])
+
+
+def key_rows(keys: Iterable[Key]) -> list[str]:
+    """A table of keys with their units."""
     rows: list[tuple[object, ...]] = [
-        (f"`{key.name}`", key.takes, key.shown_default, getattr(key, "unit", ""), key.what)
-        for key in scenario_keys.TABLES[which]
+        (f"`{key.name}`", key.takes, key.shown_default, getattr(key, "unit", ""), key.what) for key in keys
     ]
     return table(("key", "takes", "default", "unit", "what"), rows)
+
+
+def drive_scenario(which: str = "") -> list[str]:
+    """The keys of a table of a scenario to drive; its top level without a name."""
+    return key_rows(drive_scenario_keys.TABLES[which])
 
 
 def bus_load() -> list[str]:
@@ -260,6 +271,7 @@ MAKERS: dict[str, Callable[..., list[str]]] = {
     "lint-of": lint_of,
     "fault-lines": fault_lines,
     "scenario": scenario,
+    "drive-scenario": drive_scenario,
     "monitor-keys": monitor_keys,
 }
 

@@ -28,6 +28,11 @@ STATUSES: dict[str, dict[Status, str]] = {
         Status.STOPPED: "findings",
         Status.BAD_INPUT: "the file cannot be read as a DBC",
     },
+    "kit": {
+        Status.DONE: "the files are written; standard error says what the receiver cannot do",
+        Status.BAD_INPUT: f"{_BAD}; or a file in the folder that is no kit's, or was edited",
+        Status.NOT_THERE: _FILE,
+    },
     "check": {
         Status.DONE: "the configuration can be run; with `--speed`: measured; of a log or a bus: nothing stops Valid",
         Status.STOPPED: "with `--speed`: an axle gave no estimate; of a log or a bus: something would stop Valid",

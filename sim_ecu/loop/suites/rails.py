@@ -3,7 +3,21 @@
 from collections.abc import Iterator
 
 from sim_ecu.loop.names import EVERY
-from sim_ecu.loop.suites.case import BEFORE_S, DAMP, DRY, GREASY, KNOWN_S, LEAVES, LOW, WET, Case, Plan, Rng, asks, curve
+from sim_ecu.loop.suites.case import (
+    BEFORE_S,
+    DAMP,
+    DRY,
+    GREASY,
+    KNOWN_S,
+    LEAVES,
+    LOW,
+    WET,
+    Case,
+    Plan,
+    Rng,
+    asks,
+    curve,
+)
 
 PULLS_S = 10.0  # of full effort, where the driver pulls
 BRAKE, PULL = -1.0, 1.0
@@ -75,7 +89,7 @@ def several_patches_stop(rng: Rng) -> Plan:
     return Plan(_patches(rng, v * BEFORE_S, WET, 3), v, asks(BRAKE, rng, False), 60.0)
 
 
-def _patches(rng: Rng, at_m: float, friction: tuple[float, float], count: int) -> tuple[tuple[float, object], ...]:
+def _patches(rng: Rng, at_m: float, friction: tuple[float, float], count: int) -> tuple[tuple[float, CreepCurve], ...]:
     base = curve(rng, friction)
     rail = [(0.0, base)]
     for _ in range(count):

@@ -87,7 +87,9 @@ def test_no_two_messages_share_an_id_or_a_data_id(production: Database) -> None:
     assert len({attribute(m, "E2EDataId") for m in messages}) == len(messages)
 
 
-@pytest.mark.parametrize("name", [*MESSAGES, *(f"{own}_A{{a}}" for own in ("Demand", "WheelSpeed", "BrakePressure", "SimTruth"))])
+@pytest.mark.parametrize(
+    "name", [*MESSAGES, *(f"{own}_A{{a}}" for own in ("Demand", "WheelSpeed", "BrakePressure", "SimTruth"))]
+)
 def test_every_axle_has_the_same_messages(production: Database, name: str) -> None:
     """Down to comments, value tables and attributes; only ids and numbers differ."""
 

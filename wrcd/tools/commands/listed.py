@@ -5,6 +5,7 @@ from wrcd.tools.commands import (
     check_command,
     dump_command,
     init_command,
+    kit_command,
     lint_command,
     reload_command,
     replay_command,
@@ -29,6 +30,7 @@ COMMANDS: tuple[Command, ...] = (
     why_command.COMMAND,
     init_command.COMMAND,
     lint_command.COMMAND,
+    kit_command.COMMAND,
     *install_command.COMMANDS,
     completion_of("wrcd"),
 )

@@ -1,0 +1,101 @@
+"""Every key of a scenario to drive that one to play has not: the parser reads by these, docs/reference/scenario.md is
+made from them.
+
+No constant of the actuators is from a source: all are this project's own choice, of the size of a multiple unit's.
+What a figure is worth shows only where they are swept (`sim_ecu.physics.actuators.swept`).
+"""
+
+from collections.abc import Mapping
+
+from sim_ecu.physics.actuators import SWEPT, Actuators, Drive, Pneumatics
+from sim_ecu.physics.cleaning import Cleaning
+from sim_ecu.play import scenario_keys as play
+from sim_ecu.play.scenario_keys import Measure, Other, Over
+from wrcd.keys import Choice, Flag, Key
+
+GROUND, WHEELS = "ground", "wheels"
+
+SPEED = Over("speed_m_s", "the speed at the start; it moves freely from then on", 0.0, 100.0, "m/s", 25.0)
+DRIVER = Other("driver", "what the driver asks for", "table", "needed")
+ACTUATORS = Other("actuators", "drive and brakes of every wheelset, where they differ", "table")
+CLEANING = Other("cleaning", "the rail is cleaned by the energy of the slip; without the table it is not", "table")
+KNOWN_BEFORE = Flag(
+    "known_before", "the rail of the demand was under the wheels before it came: the figures are kept apart", False
+)
+STOP = Measure("stop_m_s", "slower than that, the run is over", 0.0, 100.0, 3.0, unit="m/s")
+SPEED_OF_WRCD = Choice(
+    "speed_of_wrcd",
+    "what VehicleSpeed carries. ground: the true speed and its sensor's noise, as of a radar; wheels: a reference made "
+    "from the wheels, as of a train that has no radar: it errs where all of them slip",
+    (GROUND, WHEELS),
+    GROUND,
+)
+
+DEMAND = Over("demand", "share of the full effort: traction positive, braking negative", -1.0, 1.0)
+
+
+def _swept(name: str) -> str:
+    low, high = SWEPT[name]
+    return f"; swept {low:g} … {high:g}"
+
+
+FULL_BRAKE = Measure(
+    "full_brake_N_m",
+    f"torque of the full service brake at the wheelset; our choice{_swept('full_brake_N_m')}",
+    0.0, 2e5, Actuators().full_brake_N_m, unit="N m",
+)  # fmt: skip
+OF_DRIVE = Other("drive", "traction motor and electric brake", "table")
+OF_PNEUMATICS = Other("pneumatics", "brake cylinder, its valve, its blocks or pads", "table")
+
+_OF_DRIVE: Mapping[str, tuple[str, float, float, str]] = {
+    "max_traction_N_m": ("N m", 0.0, 2e5, "full traction"),
+    "max_brake_N_m": ("N m", 0.0, 2e5, "full electric brake; 0: there is none"),
+    "lag_s": ("s", 0.0, 10.0, "time constant from demand to torque; less than 5 ms counts as 5"),
+    "rise_N_m_s": ("N m/s", 1.0, 1e9, "how fast the torque's amount may grow"),
+    "fall_N_m_s": ("N m/s", 1.0, 1e9, "how fast it may fall"),
+    "fades_m_s": ("m/s", 0.0, 100.0, "below this speed the electric brake fades; at half of it there is none"),
+}
+_OF_PNEUMATICS: Mapping[str, tuple[str, float, float, str]] = {
+    "torque_per_bar_N_m": ("N m/bar", 1.0, 1e6, "friction torque at the wheelset"),
+    "max_bar": ("bar", 0.0, 20.0, "highest pressure of the cylinder"),
+    "valve_delay_s": ("s", 0.0, 1.0, "from the demand to the valve's act, in whole samples of 5 ms"),
+    "fill_s": ("s", 0.005, 10.0, "time constant of filling"),
+    "vent_s": ("s", 0.005, 10.0, "time constant of venting"),
+}
+DRIVE_KEYS = tuple(
+    Measure(name, f"{what}; our choice{_swept(name)}", low, high, getattr(Drive(), name), unit=unit)
+    for name, (unit, low, high, what) in _OF_DRIVE.items()
+)
+PNEUMATICS_KEYS = tuple(
+    Measure(name, f"{what}; our choice{_swept(name)}", low, high, getattr(Pneumatics(), name), unit=unit)
+    for name, (unit, low, high, what) in _OF_PNEUMATICS.items()
+)
+
+CLEANING_KEYS = (
+    Measure(
+        "energy_kJ_m",
+        "energy per metre of track, both wheels, after which ln mu_0 has gone 63 % of its way to the clean rail's. The "
+        "transition is described by Voltr and Lata (Vehicle System Dynamics, 2015); this scale is our choice",
+        0.01, 1e6, Cleaning().energy_kJ_m, unit="kJ/m",
+    ),
+    Measure(
+        "clean_mu_0", "mu_0 of the rail when it is clean; our choice: that of the wet curve C", 0.005, 1.0,
+        Cleaning().clean_mu_0,
+    ),
+)  # fmt: skip
+
+# That an axle may have otherwise: all that one of a scenario to play may, but a drive of its own.
+SHARED: tuple[Key, ...] = tuple(k for k in play.SHARED if k is not play.DRIVE)
+# By the table's name. The others (rail, wheelset, sensors, axlebox, fault) are those of a scenario to play.
+TABLES: Mapping[str, tuple[Key, ...]] = {
+    "": (
+        play.TITLE, play.DURATION, play.AXLES, SPEED, *SHARED, play.WHEELSET, play.OF_AXLE, play.FAULT,
+        DRIVER, ACTUATORS, CLEANING, KNOWN_BEFORE, STOP, SPEED_OF_WRCD,
+    ),
+    "driver": (DEMAND,),
+    "actuators": (FULL_BRAKE, OF_DRIVE, OF_PNEUMATICS),
+    "actuators.drive": DRIVE_KEYS,
+    "actuators.pneumatics": PNEUMATICS_KEYS,
+    "cleaning": CLEANING_KEYS,
+    "axle.N": (*SHARED, play.POSITION),
+}  # fmt: skip

@@ -1,0 +1,144 @@
+"""The loop as tables for a person (Markdown; docs/reference/loop.md has them)."""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from sim_ecu.loop.names import EVERY, LAWS
+from sim_ecu.loop.said import ALLOWED_S
+from sim_ecu.loop.statistics import Against, Spread
+from sim_ecu.loop.suites.case import FIRST_TEST_SEED
+from sim_ecu.score.metrics.bootstrap import Figure
+from sim_ecu.score.tables import fig, pct
+
+QUICK = "QUICK: a tenth of the runs, to look, not to claim. No goal is judged: there are too few runs."
+WHAT = (
+    "Slide: slip beyond 1.5 m/s or 15 % of the ground speed, whichever is less, and 0.5 m/s at least; counted when it "
+    "begins, over below half of that. Locked: seconds of all axles below 5 % of the ground speed. Slip energy: of a "
+    "wheel, from the demand on. Utilisation: adhesion used over available while the driver asks for more than there "
+    "is. Nothing is judged below 3 m/s; distances are from the demand on to there."
+)
+IDEAL = (
+    "ideal: knows the rail at each axle's place and ahead of it, and asks the same actuators for 98 % of the lowest "
+    "peak under the wheel and where it will be in 0.45 s. A bound to compare with: no controller can be built so."
+)
+SUITES = {
+    "braking": "stops of one axle, by rail",
+    "traction": "starts of one axle, by rail: ten seconds of full effort",
+    "train": "four axles that follow each other over the same rail",
+    "faults": "a fault of wrcd's inputs (sim-ecu inject) of 2 s, 2 s after the demand, in a stop from 12 to 14 m/s on "
+    "a greasy rail known before; of two axles where it needs them",
+    "worlds": "the same stops in worlds that are not as the daemon's design thinks",
+    "actuators": "the same stops, and those into a leaf patch, with other actuators",
+}
+FULL = ("braking", "traction", "train")
+
+
+def tables(result: dict[str, Any]) -> list[str]:
+    """Markdown, line by line."""
+    run = result.get("run", {})
+    out = [QUICK, ""] if run.get("quick") else []
+    out += [
+        f"{run['seeds']} runs of every row, seeds {FIRST_TEST_SEED} … {FIRST_TEST_SEED + run['seeds'] - 1}; the "
+        "controllers were tuned on seeds below 1000.",
+        "In brackets: 5 to 95 % of the runs; of a ratio, the 90 % interval by drawing whole runs again.",
+        WHAT,
+        IDEAL,
+    ]
+    for name, cases in result["suites"].items():
+        out += ["", f"**{name}**: {SUITES[name]}", ""]
+        if name in FULL:
+            for case, c in cases.items():
+                out += _controllers(case, c)
+        out += _beside(cases)
+    out += _wrong(result["wrong"])
+    out += ["", "**goals**: what wrcd is held to; a goal that is missed stays here", ""]
+    rows = [
+        [g["what"], fig(g["figure"], 3), f"{'≥' if g['at_least'] else '≤'} {g['bound']:g}", g["verdict"]]
+        for g in result["goals"]
+    ]
+    return out + table(["goal", "value", "bound", ""], rows)
+
+
+def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    """A Markdown table."""
+    return ["| " + " | ".join(r) + " |" for r in (head, ["---"] * len(head), *rows)]
+
+
+def of(s: Spread, digits: int = 1) -> str:
+    """A median with its spread."""
+    if math.isnan(s.median):
+        return "–"
+    if s.runs < 2:
+        return f"{s.median:.{digits}f}"
+    return f"{s.median:.{digits}f} ({s.low:.{digits}f}–{s.high:.{digits}f})"
+
+
+def _controllers(name: str, c: dict[str, Any]) -> list[str]:
+    """One case: a row for each controller."""
+    way, key = ("distance, m", "stop_m") if c["braking"] else ("impulse, kN·s", "impulse_kNs")
+    head = [name, "slides", "locked, s", "largest slip, m/s", "slip energy, kJ", "utilisation", way]
+    rows = [
+        [
+            controller, of(x["slides"], 0), of(x["locked_s"]), of(x["max_slip_m_s"]), of(x["slip_energy_kJ"]),
+            of(x["utilisation"], 2), of(x[key], 0) + _standing(x),
+        ]
+        for controller in EVERY if (x := c["controllers"].get(controller)) is not None
+    ]  # fmt: skip
+    return [*table(head, rows), ""]
+
+
+def _standing(x: dict[str, Any]) -> str:
+    return f", {x['not_stopped']} not stopped" if x["not_stopped"] else ""
+
+
+def _beside(cases: dict[str, Any]) -> list[str]:
+    """With wrcd over without it, a row for each case and law; stops and starts apart."""
+    out: list[str] = []
+    for braking, way in ((True, "distance"), (False, "impulse")):
+        head = [
+            "with wrcd over without", f"{way}", "the run that loses most", "slip energy", "slides", "slides a run",
+            "Valid", "outside", "wrong for too long",
+        ]  # fmt: skip
+        rows = [
+            _ratios(f"{name}: {law}", c["against"][law], c["said"][law])
+            for name, c in cases.items() if c["braking"] is braking
+            for law in LAWS if law in c["against"]
+        ]  # fmt: skip
+        out += [*table(head, rows), ""] if rows else []
+    return out[:-1]
+
+
+def _ratios(what: str, a: Against, said: dict[str, Any]) -> list[str]:
+    return [
+        what, fig(a.way, 3), f"{a.worst:.3f}", fig(a.energy), ratio(a.slides),
+        f"{a.slides_before:.1f} → {a.slides_now:.1f}", pct(said["valid"]), pct(said["outside"]),
+        f"{said['wrong_runs']} of {said['runs']}",
+    ]  # fmt: skip
+
+
+def ratio(f: Figure) -> str:
+    """Of slides: infinite where there were none before."""
+    return "∞" if math.isinf(f.value) else fig(f)
+
+
+def _wrong(wrong: Sequence[dict[str, Any]]) -> list[str]:
+    """By name."""
+    out = [
+        "", f"**wrong**: runs with an axle that was Valid, with the truth outside the 90 % interval, for more than "
+        f"{ALLOWED_S:g} s at a stretch. After a drop of the rail an interval may be wrong for so long "
+        "(docs/reference/score.md, drops). In brackets: seconds; + where the truth was below the interval for as long",
+        "",
+    ]  # fmt: skip
+    rows: dict[tuple[str, str, str], list[str]] = {}
+    for w in wrong:
+        axle = f" axle {w['axle']}" if w["axle"] > 1 else ""
+        over = "+" if w["over_s"] > ALLOWED_S else ""
+        rows.setdefault((w["suite"], w["case"], w["controller"]), []).append(
+            f"{w['seed']}{axle} ({w['outside_s']:.2f}{over})"
+        )
+    if not rows:
+        return [*out, "None."]
+    return out + table(
+        ["suite", "case", "controller", "runs"], [[*key, ", ".join(found)] for key, found in rows.items()]
+    )

@@ -1,0 +1,210 @@
+"""Plays frames slot by slot, and judges what the consumer used meanwhile."""
+
+import itertools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+from wrcd.bus.frame import Frame
+from wrcd.core.causes import Validity
+from wrcd.tools.contract.bench import POLL_US, Bench
+from wrcd.tools.contract.frames import FrameMaker, Says
+
+TOLERANCE_PCT = 0.5
+MAX_SETTLE_US = 5_000_000  # until the consumer uses a Valid frame
+RAMP_US = 3_000_000  # until a limit that was lower has come back
+MAX_RETURN_US = 1_000_000  # from the first good frame on
+BASE = Says()
+
+
+class BrokenRule(Exception):
+    """The consumer has not done what the contract says: what was played, what it must use, what it used."""
+
+    def __init__(self, played: str, must: str, used: str) -> None:
+        super().__init__(f"{played}: the consumer must {must}, but it {used}")
+
+
+class CannotPlay(Exception):
+    """The configuration's messages cannot say what a check plays."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sent:
+    """A frame of a slot, so long after the slot's begin. foul: a consumer must not use it."""
+
+    frame: Frame
+    offset_us: int = 0
+    foul: bool = False
+
+
+Script = Callable[[int, int], Sequence[Sent]]  # number of the slot within the stretch, its counter
+
+
+@dataclass(slots=True)
+class Seen:
+    """What happened in a stretch: when its first frame left (or should have), and the limits used."""
+
+    begun_us: int
+    uses: list[tuple[int, float | None]] = field(default_factory=list)  # in time
+    foul_us: list[int] = field(default_factory=list)  # when frames left that must not be used
+
+    def after(self, us: int) -> list[tuple[int, float | None]]:
+        """The limits used later than so long after the begin."""
+        return [(t, limit) for t, limit in self.uses if t >= self.begun_us + us]
+
+
+class Player:
+    """Plays one axle's frames to a consumer. Every judging method raises BrokenRule."""
+
+    def __init__(self, bench: Bench, maker: FrameMaker, max_age_ms: int, other: FrameMaker | None = None) -> None:
+        """max_age_ms: the SampleAge that the consumer bears; other: another axle's frames."""
+        self.bench, self.maker, self.max_age_ms, self.other = bench, maker, max_age_ms, other
+        self.axle = maker.number
+        self._cycle_us = maker.cycle_us
+        self._next = bench.now_us() // self._cycle_us + 1  # slot
+        self._last_us = bench.now_us()  # when the newest frame left
+
+    # playing
+
+    def frame(self, counter: int, says: Says = BASE) -> Frame:
+        """A frame as the daemon sends it."""
+        return self.maker.frame(counter, says)
+
+    def run(self, duration_us: int, script: Script) -> Seen:
+        """Play a script for so many slots. A slot for which the player comes too late is left out, as the daemon does;
+        the stretch then takes longer."""
+        seen: Seen | None = None
+        for n in range(max(1, round(duration_us / self._cycle_us))):
+            slot = max(self._next, self.bench.now_us() // self._cycle_us)
+            for sent in script(n, slot):
+                self._until(slot * self._cycle_us + sent.offset_us, seen)
+                self.bench.send(sent.frame)
+                self._last_us = self.bench.now_us()
+                seen = seen or Seen(self._last_us)
+                if sent.foul:
+                    seen.foul_us.append(self._last_us)
+                self._look(seen)
+            self._next = slot + 1
+            seen = seen or Seen(slot * self._cycle_us)
+            self._until((slot + 1) * self._cycle_us, seen)
+        assert seen is not None
+        return seen
+
+    @property
+    def slot(self) -> int:
+        """The newest slot's number: what its frame's counter was made of."""
+        return self._next - 1
+
+    def play(self, says: Says, duration_us: int, foul: bool = False) -> Seen:
+        """Play good frames that say one thing. foul: they must change nothing."""
+        return self.run(duration_us, lambda n, slot: [Sent(self.frame(slot, says), foul=foul)])
+
+    def hold(self, says: Says, foul: bool = False) -> Seen:
+        """Play them for as long as it takes to judge."""
+        return self.play(says, self.hold_us, foul)
+
+    @property
+    def hold_us(self) -> int:
+        """A stretch that ends a moment after the guard."""
+        return self.bench.guard_us + max(3 * POLL_US, 2 * self._cycle_us)
+
+    def silence(self, duration_us: int) -> Seen:
+        """Send nothing; the stretch begins with the newest frame."""
+        seen = Seen(self._last_us)
+        self._until(self._last_us + duration_us, seen)
+        self._look(seen)
+        self._next = self.bench.now_us() // self._cycle_us + 1
+        return seen
+
+    def _until(self, end_us: int, seen: Seen | None) -> None:
+        """Let time pass and look at the consumer meanwhile, but not at the end."""
+        while (now_us := self.bench.now_us()) < end_us:
+            self.bench.wait(min(end_us, now_us + POLL_US))
+            if seen is not None and self.bench.now_us() < end_us:
+                self._look(seen)
+
+    def _look(self, seen: Seen) -> None:
+        seen.uses.append((self.bench.now_us(), self.bench.use(self.axle).limit_pct))
+
+    # judging
+
+    def settle(self, says: Says = BASE) -> float:
+        """Play good frames until the consumer uses them. Returns the limit that it uses."""
+        begun_us, lower = self.bench.now_us(), self.maker.lower_end(says)
+        used_us: int | None = None
+        limit: float | None = None
+        while True:
+            now_us = self.play(says, 2 * self._cycle_us).uses[-1][0]
+            limit = self.bench.use(self.axle).limit_pct
+            if limit is not None:
+                used_us = now_us if used_us is None else used_us
+                if limit >= lower - TOLERANCE_PCT or now_us - used_us > RAMP_US:
+                    return limit
+            elif now_us - begun_us > MAX_SETTLE_US:
+                must = f"use a Valid frame, at most {lower:.1f} %"
+                raise BrokenRule(f"{says} for {MAX_SETTLE_US / 1e6:g} s", must, "fell back")
+
+    def must_fall_back(self, seen: Seen, played: str, after_us: int = 0) -> None:
+        """Judge a stretch: from then on, and past the guard, it falls back."""
+        for t_us, limit in seen.after(after_us + self.bench.guard_us):
+            if limit is not None:
+                when = f" within {(after_us + self.bench.guard_us) / 1e6:g} s"
+                raise BrokenRule(played, f"fall back{when}", f"used {limit:.1f} % {_ms(t_us - seen.begun_us)} later")
+
+    def must_return(self, played: str, says: Says = BASE) -> None:
+        """Play good frames: they are used again within a second."""
+        lower, begun_us = self.maker.lower_end(says), self.bench.now_us()
+        while True:
+            seen = self.play(says, 2 * self._cycle_us)
+            if any(limit is not None for _, limit in seen.uses):
+                return
+            if self.bench.now_us() - begun_us > MAX_RETURN_US + self.bench.guard_us:
+                must = f"use it again, at most {lower:.1f} %"
+                raise BrokenRule(f"{says} for {MAX_RETURN_US / 1e6:g} s {played}", must, "fell back")
+
+    def must_be_at_most(self, seen: Seen, percent: float, played: str, must: str = "") -> None:
+        """Judge a stretch: past the guard it uses no more, and no less than zero."""
+        for t_us, limit in seen.after(self.bench.guard_us):
+            if limit is not None and not -TOLERANCE_PCT <= limit <= percent + TOLERANCE_PCT:
+                used = f"used {limit:.1f} % {_ms(t_us - seen.begun_us)} later"
+                raise BrokenRule(played, must or f"use at most {percent:.1f} %", used)
+
+    def must_use(self, seen: Seen, played: str) -> None:
+        """Judge a stretch: it does not fall back; on a bus only not all the time."""
+        late = [limit for _, limit in seen.after(self.bench.guard_us)]
+        if late and (None in late if self.bench.strict else not any(limit is not None for limit in late)):
+            raise BrokenRule(played, "go on using it", "fell back")
+
+    def must_ignore(self, seen: Seen, before: float, played: str, at_least: int = 1, says: Says = BASE) -> None:
+        """Judge a stretch of good frames with foul ones between: none of these changes what is used; falling back is no
+        fault. before: the limit used before.
+
+        at_least: so many of them must have been used. On a bus a consumer that was late may rightly take a frame for a
+        new sequence's: one is no proof there.
+        """
+        lower = self.maker.lower_end(says)
+        lowest, highest = min(before, lower), max(before, lower)
+        used: list[float] = []
+        for begin_us, end_us in itertools.pairwise([*seen.foul_us, seen.uses[-1][0] + 1]):
+            limits = [limit for t, limit in seen.uses if begin_us <= t < end_us and limit is not None]
+            if limits and min(limits) < lowest - TOLERANCE_PCT:
+                lowest = min(limits)
+                used.append(lowest)
+            elif limits and max(limits) > highest + TOLERANCE_PCT:
+                used.append(max(limits))
+        if len(used) >= (1 if self.bench.strict else at_least):
+            must = f"drop them and go on with at most {highest:.1f} %, or fall back"
+            raise BrokenRule(played, must, f"used {' and '.join(f'{u:.1f} %' for u in used)}")
+
+    def need(self, possible: bool, what: str) -> None:
+        """Raise CannotPlay, where the messages cannot say what is to be played."""
+        if not possible:
+            raise CannotPlay(f"{self.maker.name} {what}")
+
+
+def degraded(percent: float) -> Says:
+    """A frame that is Degraded, with a number that a careless consumer believes."""
+    return Says(percent, "None", Validity.DEGRADED)
+
+
+def _ms(us: int) -> str:
+    return f"{us / 1000:.0f} ms"
