@@ -11,9 +11,9 @@ class Constants:
 
     creep: float = 0.02  # set point
     min_slip_m_s: float = 0.25  # the set point at low speed
-    kp_N_m: float = 150_000.0  # per unit of creep
-    ki_N_m_s: float = 300_000.0
-    kd_N_m_s2: float = 0.0  # per m/s2 of running away
+    kp_N_m: float = 200_000.0  # per unit of creep
+    ki_N_m_s: float = 600_000.0
+    kd_N_m_s2: float = 100.0  # per m/s2 of running away
     room_N_m: float = 3000.0  # anti-windup: the integral is at most this above what the actuators give
 
 
@@ -34,10 +34,15 @@ class CreepControl:
         c = self._c
         target = max(c.creep, c.min_slip_m_s / max(seen.speed_m_s, 1.0))
         error = target - seen.creep
-        if self._integral_N_m is None:
-            self._integral_N_m = seen.asked_N_m
+        if self._integral_N_m is None:  # the driver has all that is asked, until the creep says otherwise
+            if error > 0.0:
+                return seen.asked_N_m
+            self._integral_N_m = min(seen.actual_N_m, seen.asked_N_m)
         integral = self._integral_N_m + c.ki_N_m_s * error * seen.period_s
-        self._integral_N_m = max(min(integral, seen.asked_N_m, seen.actual_N_m + c.room_N_m), 0.0)
+        self._integral_N_m = max(min(integral, seen.actual_N_m + c.room_N_m), 0.0)
+        if self._integral_N_m >= seen.asked_N_m and error > 0.0:
+            self._integral_N_m = None
+            return seen.asked_N_m
         self.sliding = error < -target
         torque = self._integral_N_m + c.kp_N_m * min(error, 0.0) - c.kd_N_m_s2 * max(seen.slide_m_s2, 0.0)
         return min(max(torque, 0.0), seen.asked_N_m)

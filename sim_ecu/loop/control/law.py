@@ -8,9 +8,8 @@ from typing import Protocol
 class Seen:
     """One axle in one cycle. Torques are amounts; slip and acceleration count in the direction of the slide."""
 
-    now_us: int
     period_s: float
-    braking: bool
+    now_us: int
     speed_m_s: float  # the reference speed
     slip_m_s: float  # against it: positive when the wheel slides
     slide_m_s2: float  # how fast the wheel runs away; negative: it comes back

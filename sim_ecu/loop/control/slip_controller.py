@@ -1,95 +1,44 @@
 """One controller for every law: hears the bus, keeps the reference speed, applies limit and law, asks the actuators."""
 
-from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from typing import Protocol
 
-from sim_ecu.loop.control.blending import Blending
-from sim_ecu.loop.control.controller import CYCLE_US
+from sim_ecu.loop.control.axle import PERIOD_S, Axle, Limit, Silence
 from sim_ecu.loop.control.facts import Facts
 from sim_ecu.loop.control.law import Law, Seen
 from sim_ecu.loop.control.reference_speed import ReferenceSpeed
+from sim_ecu.loop.control.resync import Constants as ResyncConstants
+from sim_ecu.loop.control.resync import Resync
 from sim_ecu.loop.messages import Heard, rig_message
-from sim_ecu.play.encoder import Channel, Sent
+from sim_ecu.play.encoder import Sent
 
-PERIOD_S = CYCLE_US * 1e-6
 COAST, TRACTION, BRAKE = range(3)
-SLOPE_CYCLES = 3  # the wheel's acceleration is taken over so many cycles
-
-
-class Limit(Protocol):
-    """An upper bound of an axle's torque from what is known of the rail."""
-
-    def hear(self, can_id: int, data: bytes, stamp_us: int) -> None:
-        """Take a frame from the bus."""
-
-    def limit(
-        self, now_us: int, asked_N_m: float, given_N_m: float, creep: float, sliding: bool, braking: bool
-    ) -> float | None:
-        """Most |torque| to ask for; None: no limit."""
-
-
-@dataclass(slots=True)
-class Silence:
-    """How often an input fell silent, and for how long in all."""
-
-    times: int = 0
-    silent_us: int = 0
-    _was: bool = field(default=False, repr=False)
-
-    def note(self, silent: bool) -> bool:
-        """Count a cycle; returns what it was told."""
-        self.times += silent and not self._was
-        self.silent_us += CYCLE_US * silent
-        self._was = silent
-        return silent
-
-
-class _Axle:
-    """What the controller keeps of one axle."""
-
-    def __init__(self, number: int, facts: Facts, law: Law, limit: Limit | None) -> None:
-        self.wheel = Heard(rig_message(f"WheelSpeed_A{number}"))
-        self.pressure = Heard(rig_message(f"BrakePressure_A{number}"))
-        self.channel = Channel(rig_message(f"Demand_A{number}"))
-        self.law, self.limit = law, limit
-        self.blending = Blending(facts, PERIOD_S)
-        self.given_N_m = 0.0
-        self._speeds: deque[float] = deque(maxlen=SLOPE_CYCLES + 1)
-
-    def observe(self, silent: bool) -> float:
-        """The wheel's acceleration (m/s2) over the last cycles; 0 while it is not known."""
-        if silent:
-            self._speeds.clear()
-            return 0.0
-        self._speeds.append(self.speed_m_s)
-        n = len(self._speeds) - 1
-        return (self._speeds[-1] - self._speeds[0]) / (n * PERIOD_S) if n else 0.0
-
-    @property
-    def speed_m_s(self) -> float:
-        return float(self.wheel.values["WheelSpeed"])
 
 
 class SlipController:
     """Wheel-slide protection and traction control of a train.
 
-    Input silent past its time-out: DriverDemand: traction ends, a brake that was asked stays asked and protected.
-    WheelSpeed: the axle pulls no more, and brakes as the driver asks, without protection. Both are counted in
-    `silences`, by message.
+    Inputs that are silent past their time-out are counted in `silences`, by message. DriverDemand: traction ends; a
+    brake that was asked stays asked, and protected. WheelSpeed: the axle pulls no more, and brakes as the driver asks,
+    without protection. BrakePressure: the controller goes on with its own model of the cylinder.
     """
 
-    def __init__(self, facts: Facts, law: Callable[[], Law], limits: Mapping[int, Limit] | None = None) -> None:
+    def __init__(
+        self,
+        facts: Facts,
+        law: Callable[[], Law],
+        limits: Mapping[int, Limit] | None = None,
+        resync: ResyncConstants | None = None,
+    ) -> None:
         self.facts = facts
         limits = limits or {}
-        self._axles = [_Axle(n, facts, law(), limits.get(n)) for n in facts.axles]
+        self.axles = [Axle(n, facts, law(), limits.get(n)) for n in facts.axles]
         self._driver = Heard(rig_message("DriverDemand"))
-        self._heard = {
-            h.message.frame_id: h for h in (self._driver, *(h for a in self._axles for h in (a.wheel, a.pressure)))
-        }
+        inputs = [self._driver, *(h for a in self.axles for h in (a.wheel, a.pressure))]
+        self._heard = {h.message.frame_id: h for h in inputs}
+        self._pressures = {a.pressure.message.frame_id: a for a in self.axles}
+        self.silences = {h.message.name: Silence() for h in inputs}
         self._reference = ReferenceSpeed(facts)
-        self.silences = {h.message.name: Silence() for h in self._heard.values()}
+        self._resync = Resync(len(self.axles), resync)
         self._braking = True
 
     @property
@@ -97,66 +46,66 @@ class SlipController:
         """The ground speed that the controller goes by; None before a wheel was heard."""
         return self._reference.speed_m_s
 
+    @property
+    def releases(self) -> int:
+        """How often an axle was released for the reference's sake."""
+        return self._resync.releases
+
     def hear(self, can_id: int, data: bytes, stamp_us: int) -> None:
         """Take a frame from the bus."""
         heard = self._heard.get(can_id)
-        if heard is not None:
-            if heard.take(data, stamp_us):
-                for a in self._axles:
-                    if heard is a.pressure:
-                        a.blending.hear(float(heard.values["Pressure"]))
-            return
-        for a in self._axles:
-            if a.limit is not None:
-                a.limit.hear(can_id, data, stamp_us)
+        if heard is None:
+            for a in self.axles:
+                if a.limit is not None:
+                    a.limit.hear(can_id, data, stamp_us)
+        elif heard.take(data, stamp_us) and can_id in self._pressures:
+            self._pressures[can_id].blending.hear(float(heard.values["Pressure"]))
 
     def tick(self, now_us: int) -> list[Sent]:
         """The Demand frames of a cycle."""
-        share, mode = self._asked(now_us)
-        braking = mode == BRAKE if mode != COAST else self._braking
-        if braking is not self._braking:
-            for a in self._axles:
-                a.law.reset()
-        self._braking = braking
-        slide = -1.0 if braking else 1.0  # a sliding wheel is slower than the train when braking
-        silent = [self.silences[a.wheel.message.name].note(not a.wheel.fresh(now_us)) for a in self._axles]
-        for a in self._axles:
+        share = self._asked(now_us)
+        for a in self.axles:
+            a.observe(now_us, self._braking)
+            self.silences[a.wheel.message.name].note(a.wheel_silent)
             self.silences[a.pressure.message.name].note(not a.pressure.fresh(now_us))
-        slopes = [slide * a.observe(s) for a, s in zip(self._axles, silent, strict=True)]
-        forces = [self._force_N(a, slope) for a, slope in zip(self._axles, slopes, strict=True)]
-        wheels = [a.speed_m_s for a, s in zip(self._axles, silent, strict=True) if not s]
-        speed = self._reference.step(wheels, forces, braking, PERIOD_S)
+        wheels = [a.speed_m_s for a in self.axles if not a.wheel_silent]
+        speed = self._reference.step(wheels, [a.force_N() for a in self.axles], self._braking, PERIOD_S)
+        asked = self.facts.asked_N_m(share, self._braking)
         out = []
-        for a, s, slope in zip(self._axles, silent, slopes, strict=True):
-            asked = self.facts.asked_N_m(share, braking)
-            if speed is None or s:
-                torque = asked if braking else 0.0
+        for k, a in enumerate(self.axles):
+            if speed is None or a.wheel_silent:
+                torque = asked if self._braking else 0.0
             else:
-                slip = slide * (a.speed_m_s - speed)
-                torque = self._law(a, now_us, asked, speed, slip, slope)
+                torque = self._protected(k, a, now_us, asked, speed)
             a.given_N_m = torque
-            drive, valve = a.blending.step(torque, share, braking, speed or 0.0)
+            drive, valve = a.blending.step(torque, share, self._braking, speed or 0.0)
             out.append(a.channel.encode(now_us, {"Torque": drive, "Valve": valve}))
         return out
 
-    def _asked(self, now_us: int) -> tuple[float, int]:
-        """The driver's share and mode."""
+    def _asked(self, now_us: int) -> float:
+        """The driver's share, 0 ... 1. While coasting the direction of the last effort stays."""
         silent = self.silences[self._driver.message.name].note(not self._driver.fresh(now_us))
         share, mode = float(self._driver.values.get("Share", 0.0)), int(self._driver.values.get("Mode", COAST))
         if mode not in (TRACTION, BRAKE) or (silent and mode == TRACTION):
-            return 0.0, COAST
-        return share, mode
+            return 0.0
+        if self._braking is not (mode == BRAKE):
+            self._braking = mode == BRAKE
+            for a in self.axles:
+                a.law.reset()
+        return share
 
-    def _force_N(self, a: _Axle, slide_m_s2: float) -> float:
-        """Force at the rail: torque less what runs into the wheelset's own rotation."""
-        f = self.facts
-        return max(a.blending.actual_N_m - f.inertia_kg_m2 * slide_m_s2 / f.radius_m, 0.0) / f.radius_m
-
-    def _law(self, a: _Axle, now_us: int, asked: float, speed: float, slip: float, slope: float) -> float:
-        limit = None
+    def _protected(self, k: int, a: Axle, now_us: int, asked_N_m: float, speed_m_s: float) -> float:
+        """|torque| of an axle by limit, law, release and guard."""
+        slip = a.speed_m_s - speed_m_s
+        slip = -slip if self._braking else slip
+        most: float | None = None
         if a.limit is not None:
-            creep = slip / max(speed, 1.0)
-            limit = a.limit.limit(now_us, asked, a.given_N_m, creep, a.law.sliding, self._braking)
-        most = asked if limit is None else min(asked, max(limit, 0.0))
-        seen = Seen(now_us, PERIOD_S, self._braking, speed, slip, slope, most, a.blending.actual_N_m)
-        return a.law.step(seen)
+            creep = slip / max(speed_m_s, 1.0)
+            most = a.limit.limit(now_us, asked_N_m, a.given_N_m, creep, a.law.sliding, self._braking)
+        most = asked_N_m if most is None else min(max(most, 0.0), asked_N_m)
+        actual = a.blending.actual_N_m
+        torque = a.law.step(Seen(PERIOD_S, now_us, speed_m_s, slip, a.slide_m_s2, most, actual))
+        torque = self._resync.step(k, now_us, torque, most, a.law.sliding, a.slide_m_s2)
+        if self._braking:
+            torque = a.guard.step(now_us, torque, asked_N_m, self.facts.full_brake_N_m)
+        return torque

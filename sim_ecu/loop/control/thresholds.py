@@ -17,8 +17,8 @@ class Constants:
     back_m_s2: float = 3.0  # a wheel that comes back faster than this has not arrived
     hold_m_s2: float = 2.0  # a wheel that comes back faster than this needs no further cut
     reapply_share: float = 0.8  # of the torque at which the slide began: given back at once
-    rise_N_m_s: float = 3000.0  # then it grows by this
-    guard_s: float = 1.5  # the longest that an axle is cut or held in one slide
+    rise_N_m_s: float = 3000.0  # then it grows by this,
+    growth_s: float = 0.3  # and the faster the longer no slide has come: e-fold in this time
 
 
 class Phase(Enum):
@@ -38,7 +38,7 @@ class Thresholds:
         self.phase = Phase.FOLLOW
         self._torque_N_m = 0.0
         self._began_N_m = 0.0
-        self._began_us = 0
+        self._rise_N_m_s = self._c.rise_N_m_s
 
     @property
     def sliding(self) -> bool:
@@ -56,9 +56,10 @@ class Thresholds:
         over = seen.slip_m_s > on or (seen.slip_m_s > 0.5 * on and seen.slide_m_s2 > c.on_m_s2)
         if self.sliding:
             back = seen.slip_m_s < c.off_share * on and -seen.slide_m_s2 < c.back_m_s2
-            if back or seen.now_us - self._began_us > c.guard_s * 1e6:
+            if back:
                 self.phase = Phase.REAPPLY
                 self._torque_N_m = c.reapply_share * self._began_N_m
+                self._rise_N_m_s = c.rise_N_m_s
             elif -seen.slide_m_s2 > c.hold_m_s2:
                 if self.phase is Phase.CUT:
                     self._torque_N_m = seen.actual_N_m
@@ -66,11 +67,12 @@ class Thresholds:
             else:
                 self.phase, self._torque_N_m = Phase.CUT, 0.0
         elif over:
-            self.phase, self._began_us = Phase.CUT, seen.now_us
+            self.phase = Phase.CUT
             self._began_N_m = min(seen.actual_N_m, seen.asked_N_m)
             self._torque_N_m = 0.0
         elif self.phase is Phase.REAPPLY:
-            self._torque_N_m += c.rise_N_m_s * seen.period_s
+            self._torque_N_m += self._rise_N_m_s * seen.period_s
+            self._rise_N_m_s *= 1.0 + seen.period_s / c.growth_s
             if self._torque_N_m >= seen.asked_N_m:
                 self.phase = Phase.FOLLOW
         if self.phase is Phase.FOLLOW:
