@@ -14,9 +14,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-import cantools
-from cantools.database.can import Database, Message
-
+from wrcd.bus.dbc import Database, Message, load_dbc
 from wrcd.tools.contract import Frame, Use, print_decisions
 
 DBC = Path(__file__).parents[1] / "dbc" / "wrcd.dbc"
@@ -105,10 +103,8 @@ def _follows(last: int | None, counter: int) -> bool:
 
 @cache
 def database() -> Database:
-    """wrcd's messages."""
-    found = cantools.database.load_file(DBC)
-    assert isinstance(found, Database)
-    return found
+    """wrcd's messages, as cantools reads them."""
+    return load_dbc(DBC)
 
 
 class Careful:

@@ -14,6 +14,7 @@ MODULES = {
     "e2e": ("bench", "autosar-e2e"),
     "matplotlib": ("bench", "matplotlib"),
     "sklearn": ("learned", "scikit-learn"),
+    "pythonfmu": ("fmi", "pythonfmu"),
 }
 
 

@@ -22,6 +22,19 @@ STATUSES: dict[str, dict[Status, str]] = {
         Status.NOT_THERE: _BUS,
         Status.INTERRUPTED: "Ctrl-C before it played, or with `--fast`",
     },
+    "drive": {
+        Status.DONE: "the scenario is over",
+        Status.STOPPED: "SIGTERM or Ctrl-C came before it was over: the figures are of what was driven",
+        Status.BAD_INPUT: _BAD,
+        Status.NOT_THERE: "the bus or a file cannot be opened",
+        Status.INTERRUPTED: "Ctrl-C before it drove",
+    },
+    "control": {
+        Status.DONE: "SIGTERM or Ctrl-C came, or the time of `--for` is over",
+        Status.BAD_INPUT: _BAD,
+        Status.NOT_THERE: "the bus or a file cannot be opened",
+        Status.INTERRUPTED: "Ctrl-C before it controlled",
+    },
     "faults": {
         Status.DONE: "every row did what it must",
         Status.STOPPED: "a row failed: the table says which",
@@ -33,6 +46,12 @@ STATUSES: dict[str, dict[Status, str]] = {
     "score": {Status.DONE: "the tables are printed, whatever the goals' verdicts", **_MADE},
     "loop": {Status.DONE: "the tables are printed, whatever the goals' verdicts", Status.BAD_INPUT: _BAD, **_STOPPED},
     "figures": {Status.DONE: "the figures are drawn, whatever they show", **_MADE},
+    "fmu": {
+        Status.DONE: "the FMU is made",
+        Status.BAD_INPUT: _BAD,
+        Status.NOT_THERE: "the scenario's file cannot be opened: it may be there on the next try",
+        **_STOPPED,
+    },
     "verify": {
         Status.DONE: "the engines agree",
         Status.STOPPED: "they differ by more than they may",

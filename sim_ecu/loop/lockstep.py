@@ -5,42 +5,74 @@ from collections.abc import Callable, Iterator
 from sim_ecu.loop.control.controller import CYCLE_US, Controller
 from sim_ecu.loop.rig import LOOP, TRUTH, WRCD, Rig, Step
 from sim_ecu.loop.scenario import DriveScenario
+from sim_ecu.play.encoder import Sent
 from sim_ecu.play.play import LOG_START_US
+from sim_ecu.play.train import PACKAGED, Train
 from wrcd.bus.frame import Frame
 from wrcd.core.configuration import Config
 from wrcd.core.core import Core
 
+Listener = Callable[[int, int, bytes], None]
+
+
+class Lockstep:
+    """One run, step by step.
+
+    controller None: nobody on the bus demands anything. config None: there is no daemon on it. frame is called with all
+    data frames on the bus: time (us from the start), id, data. sensors: the frames for wrcd are made without a daemon,
+    too. train: the messages of the sensors. Raises InputError for a fault or an axle that they leave no way to.
+    """
+
+    def __init__(
+        self, scenario: DriveScenario, controller: Controller | None, config: Config | None,
+        frame: Listener | None = None, truth: bool = False, sensors: bool = False,
+        train: Train = PACKAGED,
+    ) -> None:  # fmt: skip
+        self.core = None if config is None else Core(config)
+        wrcd = [WRCD] if sensors or config is not None else []
+        self.rig = Rig(scenario, [LOOP, *wrcd, *([TRUTH] if truth else [])], train)
+        self._controller, self._frame = controller, frame
+        self._end_us = round(scenario.train.duration_s * 1e6)
+        self._stop_m_s = scenario.stop_m_s
+        self.over = self._end_us <= 0
+
+    def step(self) -> Step:
+        """5 ms on; over says whether its time is up, or the train slower than the scenario's stop_m_s."""
+        step = self.rig.step()
+        for f in step.frames:
+            self._deliver(f)
+        carried = self.rig.carries(self.rig.time_us)
+        if self.core is not None and not carried:
+            self.core.advance(LOG_START_US + self.rig.time_us)  # what it sends reaches nobody
+        if self.rig.time_us % CYCLE_US == 0 and self._controller is not None:
+            for f in self._controller.tick(self.rig.time_us):
+                self.rig.hear(f.can_id, f.data, self.rig.time_us)
+                if self._frame is not None and carried:
+                    self._frame(f.due_us, f.can_id, f.data)
+        self.over = self.rig.time_us >= self._end_us or step.speed_m_s < self._stop_m_s
+        return step
+
+    def _deliver(self, f: Sent) -> None:
+        if not f.error:
+            self._told(f.can_id, f.data, f.due_us)
+        if self.core is None:
+            return
+        frame = Frame(LOG_START_US + f.due_us, f.can_id, f.data, f.extended, error=f.error)
+        for out in self.core.feed(frame):
+            self._told(out.frame.can_id, out.frame.data, out.frame.stamp_us - LOG_START_US)
+
+    def _told(self, can_id: int, data: bytes, stamp_us: int) -> None:
+        if self._controller is not None:
+            self._controller.hear(can_id, data, stamp_us)
+        if self._frame is not None:
+            self._frame(stamp_us, can_id, data)
+
 
 def ride(
-    scenario: DriveScenario, controller: Controller, config: Config | None,
-    frame: Callable[[int, int, bytes], None] | None = None, truth: bool = False,
+    scenario: DriveScenario, controller: Controller, config: Config | None, frame: Listener | None = None,
+    truth: bool = False,
 ) -> Iterator[Step]:  # fmt: skip
-    """The steps of a run, until its time is over or the train is slower than the scenario's stop_m_s.
-
-    config None: there is no daemon on the bus. frame is called with all that is on the bus: time (us from the start),
-    id, data.
-    """
-    core = None if config is None else Core(config)
-    rig = Rig(scenario, [LOOP, *([] if core is None else [WRCD]), *([TRUTH] if truth else [])])
-    end_us = round(scenario.train.duration_s * 1e6)
-    while rig.time_us < end_us:
-        step = rig.step()
-        for f in step.frames:
-            controller.hear(f.can_id, f.data, f.due_us)
-            if frame is not None:
-                frame(f.due_us, f.can_id, f.data)
-            if core is None:
-                continue
-            for out in core.feed(Frame(LOG_START_US + f.due_us, f.can_id, f.data)):
-                stamp_us = out.frame.stamp_us - LOG_START_US
-                controller.hear(out.frame.can_id, out.frame.data, stamp_us)
-                if frame is not None:
-                    frame(stamp_us, out.frame.can_id, out.frame.data)
-        if rig.time_us % CYCLE_US == 0:
-            for f in controller.tick(rig.time_us):
-                rig.hear(f.can_id, f.data, rig.time_us)
-                if frame is not None:
-                    frame(f.due_us, f.can_id, f.data)
-        yield step
-        if step.speed_m_s < scenario.stop_m_s:
-            return
+    """The steps of a run, until its time is over or the train is slower than the scenario's stop_m_s."""
+    run = Lockstep(scenario, controller, config, frame, truth)
+    while not run.over:
+        yield run.step()

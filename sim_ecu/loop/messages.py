@@ -44,13 +44,13 @@ class Heard:
     rejected: Rejected = field(default_factory=Rejected)
     _counter: int = -1
     _id: int = 0
-    _timeout_us: int = 0
+    timeout_us: int = 0  # as the DBC says
 
     def __post_init__(self) -> None:
         self._id = data_id(self.message)
         signal = self.message.signals[0]
         assert signal.dbc is not None
-        self._timeout_us = int(signal.dbc.attributes["GenSigTimeoutTime"].value) * 1000
+        self.timeout_us = int(signal.dbc.attributes["GenSigTimeoutTime"].value) * 1000
 
     def take(self, data: bytes, stamp_us: int) -> bool:
         """Whether a frame is good; a frame that is not changes nothing but its count."""
@@ -76,4 +76,4 @@ class Heard:
 
     def fresh(self, now_us: int) -> bool:
         """Whether the newest good frame is within its time-out."""
-        return self.stamp_us is not None and now_us - self.stamp_us <= self._timeout_us
+        return self.stamp_us is not None and now_us - self.stamp_us <= self.timeout_us

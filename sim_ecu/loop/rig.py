@@ -4,7 +4,6 @@ from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sim_ecu.loop.messages import Heard, rig_message
 from sim_ecu.loop.scenario import DriveScenario
@@ -12,15 +11,15 @@ from sim_ecu.loop.sensed import TACHOMETER, Sensed
 from sim_ecu.physics.actuators import AxleActuators, Valve
 from sim_ecu.physics.sensors import Sensor
 from sim_ecu.physics.simulation import Simulation
-from sim_ecu.physics.wheelset import MU_AVAILABLE, MU_USED, ROLLING_START, SLIP, W_L, W_R, Command, FloatArray
+from sim_ecu.physics.wheelset import MU_AVAILABLE, MU_USED, ROLLING_START, SLIP, TORQUE, W_L, W_R, FloatArray
 from sim_ecu.play.encoder import SAMPLE_US, Channel, Sent
 from sim_ecu.play.player import on_tracks
+from sim_ecu.play.train import PACKAGED, Train
 
 WRCD, TRUTH, LOOP = "wrcd", "truth", "loop"  # who hears frames: they are made for nobody else
 ALL = (WRCD, TRUTH, LOOP)
 COAST, TRACTION, BRAKE = range(3)
 PRESSURE = Sensor(0.01, 10.0, 0.0)  # bar
-FREE = 1e3  # creep limit of the plant's own controller, of the peak's: none
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,19 +41,23 @@ class Step:
 
 
 class Rig:
-    """Steps a scenario by 5 ms. Demands come by `hear`, as frames, or by `demand`."""
+    """Steps a scenario by 5 ms. Demands come by `hear`, as frames, or by `demand`.
 
-    def __init__(self, scenario: DriveScenario, heard: Collection[str] = ALL) -> None:
+    heard: which frames are made. train: the messages of the sensors. Raises InputError for a fault or an axle that they
+    leave no way to.
+    """
+
+    def __init__(self, scenario: DriveScenario, heard: Collection[str] = ALL, train: Train = PACKAGED) -> None:
         self.scenario = scenario
-        train, axles = scenario.train, scenario.train.axles
+        played, axles = scenario.train, scenario.train.axles
         self._dt = SAMPLE_US * 1e-6
-        speed = float(train.speed.at(np.zeros(1))[0])
-        self._simulation = Simulation(train.wheelset, on_tracks(axles), speed, self._dt)
+        speed = float(played.speed.at(np.zeros(1))[0])
+        self._simulation = Simulation(played.wheelset, on_tracks(axles), speed, self._dt)
         self._actuators = [AxleActuators(scenario.actuators, self._dt) for _ in axles]
         self._heard = frozenset(heard)
         numbers = scenario.axles
         self._place = {n: k for k, n in enumerate(numbers)}
-        self._sensed = Sensed(scenario, TRUTH in self._heard)
+        self._sensed = Sensed(scenario, TRUTH in self._heard, train)
         self._rngs = [np.random.default_rng([a.seed, 5]) for a in axles]
         self._driver = Channel(rig_message("DriverDemand"))
         self._wheel = [Channel(rig_message(f"WheelSpeed_A{n}")) for n in numbers]
@@ -86,14 +89,13 @@ class Rig:
         n = len(self._actuators)
         share = float(self.scenario.driver.at(np.array([self.time_us * 1e-6]))[0])
         speed = float(self._simulation.train[0])
-        torque = np.array([[self._torque(k, share, speed) for k in range(n)]])
-        nothing = np.full((1, n), np.nan)
-        command = Command(torque, nothing, nothing, nothing, np.full((1, n), FREE))
-        samples = self._simulation.advance(command, np.array([np.nan]))
+        asked = np.array([self._torque(k, share, speed) for k in range(n)])
+        samples = self._simulation.step(np.maximum(asked, 0.0), np.maximum(-asked, 0.0))
         self.time_us += SAMPLE_US
         y, speed = samples.outputs[0], float(samples.speed_m_s[0])
         w = self.scenario.train.wheelset
-        wheel = self._simulation.state[:, [W_R, W_L]].mean(axis=1) * w.r_0
+        state = self._simulation.state
+        wheel = (state[:, W_R] + state[:, W_L]) / 2 * w.r_0
         sliding = y[:, SLIP] * max(speed, ROLLING_START)  # m/s, mean of the sample
         energy = np.abs(y[:, MU_USED] * 2 * w.normal_N * sliding) * self._dt
         pressure = np.array([a.pressure_bar for a in self._actuators])
@@ -103,7 +105,7 @@ class Rig:
         if WRCD in self._heard or TRUTH in self._heard:
             frames += self._sensed.frames(self.time_us, samples, wheel, share)
         return Step(
-            self.time_us, speed, float(samples.distance_m[0]), share, wheel, torque[0], pressure,
+            self.time_us, speed, float(samples.distance_m[0]), share, wheel, y[:, TORQUE].copy(), pressure,
             y[:, MU_AVAILABLE].copy(), y[:, MU_USED].copy(), wheel - speed, energy, frames,
         )  # fmt: skip
 
@@ -115,9 +117,10 @@ class Rig:
         if direct is None:
             heard = self._by_place[k]
             silent = not heard.fresh(self.time_us)
-            self.silences[k] += silent and not self._was_silent[k]
-            self.silent_us[k] += SAMPLE_US * silent
-            self._was_silent[k] = silent
+            if self.time_us >= heard.timeout_us:  # nothing is late before
+                self.silences[k] += silent and not self._was_silent[k]
+                self.silent_us[k] += SAMPLE_US * silent
+                self._was_silent[k] = silent
             if silent:
                 return self._actuators[k].step(0.0, Valve.FILL, a.asked_bar(brake, speed_m_s, electric=False), 0.0)
             direct = float(heard.values["Torque"]), Valve(int(heard.values["Valve"]))
@@ -128,16 +131,12 @@ class Rig:
         out = []
         if self.time_us % self._driver.every_us == 0:
             mode = COAST if share == 0.0 else TRACTION if share > 0.0 else BRAKE
-            out.append(self._driver.encode(self.time_us, {"Mode": mode, "Share": abs(share)}))
+            out.append(self._driver.encode_quick(self.time_us, {"Mode": mode, "Share": abs(share)}))
         for k, rng in enumerate(self._rngs):
             if self.time_us % self._wheel[k].every_us == 0:
-                told = _measured(TACHOMETER, wheel[k : k + 1], rng)
-                out.append(self._wheel[k].encode(self.time_us, {"WheelSpeed": told}))
+                told = TACHOMETER.measure_one(float(wheel[k]), rng)
+                out.append(self._wheel[k].encode_quick(self.time_us, {"WheelSpeed": told}))
             if self.time_us % self._pressure[k].every_us == 0:
-                told = _measured(PRESSURE, pressure[k : k + 1], rng)
-                out.append(self._pressure[k].encode(self.time_us, {"Pressure": max(told, 0.0)}))
+                told = PRESSURE.measure_one(float(pressure[k]), rng)
+                out.append(self._pressure[k].encode_quick(self.time_us, {"Pressure": max(told, 0.0)}))
         return out
-
-
-def _measured(sensor: Sensor, truth: NDArray[np.float64], rng: np.random.Generator) -> float:
-    return float(sensor.measure(truth, rng)[0])

@@ -49,16 +49,23 @@ def packaged_to_drive() -> list[str]:
 
 def load_drive_scenario(name: str | Path) -> DriveScenario:
     """A packaged scenario to drive by its name, or a file by its path. Raises InputError."""
-    path = FOLDER / f"{name}.toml"
-    if not path.exists():
-        path = Path(name)
-        if path.suffix != ".toml":
-            known = packaged_to_drive()
-            hint = suggest(str(name), known) or f"packaged: {', '.join(known)}; or give a path to a .toml file"
-            if str(name) in play.packaged():
-                hint = f"{name} is one to play: its torques are fixed; packaged: {', '.join(known)}"
-            raise InputError(f"there is no scenario to drive {str(name)!r}", hint=hint)
+    path = path_of(name)
     return read_drive_scenario(read_toml(path), path.stem)
+
+
+def path_of(name: str | Path) -> Path:
+    """The file of a scenario to drive. Raises InputError for a name that is none."""
+    path = FOLDER / f"{name}.toml"
+    if path.exists():
+        return path
+    path = Path(name)
+    if path.suffix != ".toml":
+        known = packaged_to_drive()
+        hint = suggest(str(name), known) or f"packaged: {', '.join(known)}; or give a path to a .toml file"
+        if str(name) in play.packaged():
+            hint = f"{name} is one to play: its torques are fixed; packaged: {', '.join(known)}"
+        raise InputError(f"there is no scenario to drive {str(name)!r}", hint=hint)
+    return path
 
 
 def read_drive_scenario(top: Section, name: str) -> DriveScenario:

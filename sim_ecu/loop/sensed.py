@@ -14,7 +14,7 @@ from sim_ecu.play.encoder import SAMPLE_US, Encoder, Reading, Sample, Sent
 from sim_ecu.play.faults import SILENT
 from sim_ecu.play.inject import at_work, inject
 from sim_ecu.play.player import Sensing
-from sim_ecu.play.train import PACKAGED
+from sim_ecu.play.train import PACKAGED, Train
 
 TACHOMETER = Sensor(0.01, 160.0, 0.0)  # m/s; this project's own choice
 
@@ -22,10 +22,10 @@ TACHOMETER = Sensor(0.01, 160.0, 0.0)  # m/s; this project's own choice
 class Sensed:
     """The frames of a train's sensors, sample by sample, the same for the same scenario and demands.
 
-    Raises InputError for a fault that the train's messages leave no way to.
+    train: its messages. Raises InputError for a fault or an axle that they leave no way to.
     """
 
-    def __init__(self, scenario: DriveScenario, truth: bool) -> None:
+    def __init__(self, scenario: DriveScenario, truth: bool, train: Train = PACKAGED) -> None:
         axles, faults = scenario.train.axles, scenario.train.faults
         self._numbers = scenario.axles
         self._sensing = [Sensing(a) for a in axles]
@@ -36,11 +36,15 @@ class Sensed:
             self._reference = TrainSpeed(scenario, SAMPLE_US * 1e-6)
             self._wheel_rng = np.random.default_rng([axles[0].seed, 6])
         self._silent = [f for f in faults if f.kind in SILENT]
-        self._encoder = Encoder(self._numbers, truth)
+        self._encoder = train.encoder(self._numbers, truth)
+        if isinstance(self._encoder, Encoder):
+            self._encoder.quick = True
         self._next: list[Sample] = []
-        at_work(faults, self._numbers, axles[0].seed, PACKAGED)  # whether they can be made
+        at_work(faults, self._numbers, axles[0].seed, train)  # whether they can be made
         # one sample at a time, each in two halves
-        self._faulted = inject(self._one_by_one(), faults, self._numbers, axles[0].seed, truth, 1) if faults else None
+        self._faulted: Iterator[tuple[int, list[Sent]]] | None = None
+        if faults:
+            self._faulted = inject(self._one_by_one(), faults, self._numbers, axles[0].seed, truth, 1, train)
 
     def carries(self, due_us: int) -> bool:
         """Whether the bus carries frames at a time: not while the link is down, the device gone or the bus off."""
@@ -52,8 +56,8 @@ class Sensed:
         if self._reference is not None:
             told = TACHOMETER.measure(wheel_m_s, self._wheel_rng)
             true = np.array([self._reference.step(told, share)])
-        speed = float(self._speed.measure(true, self._rng)[0])
-        rows = [s.readings(samples, k)[0].tolist() for k, s in enumerate(self._sensing)]
+        speed = self._speed.measure_one(float(true[0]), self._rng)
+        rows = [s.reading(samples, k) for k, s in enumerate(self._sensing)]
         sample = Sample(due_us, speed, tuple(Reading(n, *row) for n, row in zip(self._numbers, rows, strict=True)))
         if self._faulted is None:
             return list(self._encoder.frames(sample))

@@ -85,6 +85,21 @@ def _drive_torque(b: FloatArray, j: int, demand: float, limit: float, integral: 
 
 
 @compiled
+def _brake(b: FloatArray, n: int, holds: FloatArray, drive: FloatArray, weight: float) -> None:
+    """What brakes do at a stage, beside the drive, and its share in the torque's mean.
+
+    Friction, as sure as the step resolves: it is whole unless it would stop the driven wheel within a step, and goes
+    straight through zero there. So a locked wheel turns by less than what the rail adds to it in one step.
+    """
+    for j in range(n):
+        if holds[j] > 0.0 and b[STEP + j] > 0.0:
+            share = b[X + _W_R + j] * b[_I_R + j] / (holds[j] * b[STEP + j])
+            torque = holds[j] * min(max(share, -1.0), 1.0)
+            b[DRIVE + j] = drive[j] - torque
+            b[OUT + TORQUE * LANES + j] -= torque * weight / b[STEPS + j]
+
+
+@compiled
 def _peak_at(rail: FloatArray, distance_m: float, speed_m_s: float, c: Contact, known: FloatArray) -> None:
     """The peak at a place and a speed, in known (PEAK_COLUMNS,); searched for only where it is another than before."""
     r = rail_at(rail, distance_m)
@@ -141,14 +156,16 @@ class Rides(NamedTuple):
 
 @compiled
 def integrate(
-    state: FloatArray, train: FloatArray, integral: FloatArray, rides: Rides, command: Command,
+    state: FloatArray, train: FloatArray, integral: FloatArray, rides: Rides, command: Command, brake: FloatArray,
     held_speed: FloatArray, sample_s: float, step_scale: float, one_train: bool,
 ) -> tuple[FloatArray, FloatArray]:  # fmt: skip
     """Advance n axles by len(held_speed) sample intervals, in place.
 
     state (n, 7), train (n, 2) of each one's v and distance, integral (n,) of its controller are read, and left at the
-    end of the last interval. held_speed (samples,) is the speed at the end of each interval, NaN where the vehicle
-    moves freely. one_train: the axles, LANES at most, share one vehicle; else each is a vehicle of its own.
+    end of the last interval. brake (samples, n) is what a brake can hold (N m, no less than 0), beside the command: it
+    opposes the wheel's turning, and holds a wheel that stands. held_speed (samples,) is the speed at the end of each
+    interval, NaN where the vehicle moves freely. one_train: the axles, LANES at most, share one vehicle; else each is a
+    vehicle of its own.
     Returns outputs (samples, n, OUTPUTS), means over the interval except MU_AVAILABLE (at its end), and
     (samples, n, 2) with v and distance at the end. The step follows each vehicle's speed.
     """
@@ -156,6 +173,7 @@ def integrate(
     out, journey = np.empty((samples, axles, OUTPUTS)), np.empty((samples, axles, 2))
     b = np.zeros(ROWS)
     demand, limit, left = np.empty(LANES), np.empty(LANES), np.empty(LANES, np.int64)
+    drive, holds = np.empty(LANES), np.zeros(LANES)
     weight = np.array([1.0, 2.0, 2.0, 1.0]) / 6.0
     lead = np.array([0.0, 0.5, 0.5, 1.0, 0.0])
     shortest = int(np.ceil(sample_s / MAX_STEP_S))
@@ -172,6 +190,7 @@ def integrate(
             read_rail(rides.rails, rides.first_rail[i], rides.first_rail[i + 1], 0.0, b, R + j, LANES)
         for s in range(samples):
             most = 0
+            braked = False
             for j in range(n):
                 i = first + j
                 c = Contact(b[_NORMAL + j], b[_STIFFNESS + j])
@@ -196,6 +215,8 @@ def integrate(
                 rate = rides.stiffest[i] / max(v, ROLLING_START)
                 steps = int(max(shortest, int(np.ceil(sample_s * rate / STEP_TIMES_RATE))) * step_scale)
                 left[j], most = steps, max(most, steps)
+                holds[j] = brake[s, i]
+                braked = braked or holds[j] > 0.0
                 b[HELD + j] = (held_speed[s] - v) / sample_s
                 b[STEP + j], b[STEPS + j] = sample_s / steps, steps
                 for q in range(OUTPUTS):
@@ -207,7 +228,7 @@ def integrate(
                 for j in range(busy):
                     if left[j] > step:
                         torque, integral[first + j] = _drive_torque(b, j, demand[j], limit[j], integral[first + j])
-                        b[DRIVE + j] = torque
+                        b[DRIVE + j] = drive[j] = torque
                         b[OUT + TORQUE * LANES + j] += torque / left[j]
                     else:
                         b[STEP + j], b[STEPS + j] = 0.0, np.inf
@@ -222,6 +243,8 @@ def integrate(
                         b[TRACK + j] = between_nodes(
                             rides.nodes, rides.base[i], rides.first_node[i], rides.before[i], at - rides.start[i]
                         )
+                    if braked:
+                        _brake(b, busy, holds, drive, weight[k])
                     derivatives(b, busy, one_train)
                     _outputs(b, busy, weight[k])
                     _stage(b, busy, weight[k], lead[k + 1])

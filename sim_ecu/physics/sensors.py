@@ -27,6 +27,13 @@ class Sensor:
         clipped: FloatArray = np.clip(noisy, -self.limit, self.limit)
         return clipped
 
+    def measure_one(self, truth: float, rng: np.random.Generator) -> float:
+        """The same of one sample: the same number, from the same draw."""
+        noisy = self.gain * truth + self.bias + self.noise_rms * rng.standard_normal()
+        if self.step > 0:
+            noisy = round(noisy / self.step) * self.step
+        return min(max(noisy, -self.limit), self.limit)
+
 
 @dataclass(frozen=True, slots=True)
 class SensorSet:

@@ -11,6 +11,9 @@ from sim_ecu.physics.rail import RAIL_COLUMNS
 from sim_ecu.physics.track import SPACING_M, Track
 from sim_ecu.physics.wheelset import AXLE_STATES, LANES, W_L, W_R, Command, FloatArray, Wheelset, constants
 
+RIDE_SAMPLES = 200  # that step() runs on one piece of track
+NO_LIMIT = 1e3  # of creep, of the peak's
+
 
 @dataclass(frozen=True, slots=True)
 class Axle:
@@ -60,6 +63,12 @@ class Simulation:
         self.state[:, W_R] = self.state[:, W_L] = speed_m_s / wheelset.r_0
         self.train = np.array([speed_m_s, 0.0])
         self._integral = np.zeros(len(axles))
+        # of step(): what it runs on, for how many samples of that it has run, and its command
+        self._ride: Rides
+        self._ridden = RIDE_SAMPLES
+        self._torque, nothing = np.zeros((1, len(axles))), np.full((1, len(axles)), math.nan)
+        self._brake, self._free = np.zeros((1, len(axles))), np.array([math.nan])
+        self._command = Command(self._torque, nothing, nothing, nothing, np.full((1, len(axles)), NO_LIMIT))
         # the fastest decay of the contact times speed: r0^2 dF/dcreep / I of the lighter wheel, or the lateral and
         # yaw ones where those are faster (Kalker's slope, the curve's own reduction)
         w, c = wheelset, wheelset.contact
@@ -76,8 +85,30 @@ class Simulation:
         """Run one sample interval for each row of the command; the state stays for the next call."""
         train = np.tile(self.train, (len(self._axles), 1))
         out, journey = integrate(
-            self.state, train, self._integral, _rides([self], held_speed_m_s), _whole(command), held_speed_m_s,
-            self._sample_s, self._step_scale, True,
+            self.state, train, self._integral, _rides([self], held_speed_m_s), _whole(command),
+            np.zeros(command.torque.shape), held_speed_m_s, self._sample_s, self._step_scale, True,
+        )  # fmt: skip
+        self.train = train[0]
+        self._ridden = RIDE_SAMPLES
+        return Samples(out, journey[:, 0, 0], journey[:, 0, 1])
+
+    def step(self, torque_N_m: FloatArray, brake_N_m: FloatArray) -> Samples:
+        """One sample interval of a train that moves freely, without limit of creep; arrays (axles,).
+
+        torque_N_m: of the drives, which turn a wheel either way. brake_N_m: what the brakes can hold, no less than 0;
+        they oppose the wheel's turning and hold one that stands.
+        """
+        n = len(self._axles)
+        if self._ridden == RIDE_SAMPLES:
+            self._ride = _rides([self], np.full(RIDE_SAMPLES, math.nan))
+            self._ridden = 0
+        self._ridden += 1
+        train = np.empty((n, 2))
+        train[:] = self.train
+        self._torque[0], self._brake[0] = torque_N_m, brake_N_m
+        out, journey = integrate(
+            self.state, train, self._integral, self._ride, self._command, self._brake, self._free, self._sample_s,
+            self._step_scale, True,
         )  # fmt: skip
         self.train = train[0]
         return Samples(out, journey[:, 0, 0], journey[:, 0, 1])
@@ -98,8 +129,8 @@ def advance_side_by_side(
     train = np.array([s.train for s in simulations])
     integral = np.concatenate([s._integral for s in simulations])
     out, journey = integrate(
-        state, train, integral, _rides(simulations, held_speed_m_s), _whole(command), held_speed_m_s,
-        first._sample_s, first._step_scale, False,
+        state, train, integral, _rides(simulations, held_speed_m_s), _whole(command),
+        np.zeros(command.torque.shape), held_speed_m_s, first._sample_s, first._step_scale, False,
     )  # fmt: skip
     for i, s in enumerate(simulations):
         s.state, s.train, s._integral = state[i : i + 1], train[i], integral[i : i + 1]

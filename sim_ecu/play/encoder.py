@@ -91,6 +91,23 @@ def crc_tables(length: int, identity: int) -> tuple[int, NDArray[np.uint8]]:
     return none, changes
 
 
+class _Quick:
+    """What `encode_quick` needs of a message, as plain numbers."""
+
+    def __init__(self, message: Message, identity: int) -> None:
+        self.length = message.length
+        self.counter_bit = message.get_signal_by_name("Counter").start
+        self.signals = {
+            s.name: (
+                float(s.minimum or 0.0), float(s.maximum or 0.0), float(s.offset), float(s.scale),
+                (1 << s.length) - 1, s.start,
+            )
+            for s in message.signals
+        }  # fmt: skip
+        self.crc, changes = crc_tables(message.length, identity)
+        self.changes: list[list[int]] = changes.tolist()  # of the CRC's own byte: none
+
+
 class Channel:
     """One cyclic message: encodes, counts its cycles (from a first counter on), protects."""
 
@@ -103,6 +120,22 @@ class Channel:
         self._limits = {s.name: (float(s.minimum or 0.0), float(s.maximum or 0.0)) for s in message.signals}
         self._counter_bit = np.uint64(message.get_signal_by_name("Counter").start)
         assert all(s.byte_order == "little_endian" and not s.conversion.is_float for s in message.signals)
+        self._quick: _Quick | None = None
+
+    def encode_quick(self, due_us: int, values: dict[str, float]) -> Sent:
+        """The bytes of `encode`, in a fifth of its time: where many frames are made one by one."""
+        if self._quick is None:
+            self._quick = _Quick(self._message, self._data_id)
+        q = self._quick
+        bits = ((self._first_counter + due_us // self.every_us - 1) % 15) << q.counter_bit
+        for name, value in values.items():
+            low, high, offset, scale, mask, start = q.signals[name]
+            bits |= (round((min(max(value, low), high) - offset) / scale) & mask) << start
+        data = bits.to_bytes(q.length, "little")
+        crc = q.crc
+        for changes, byte in zip(q.changes, data, strict=True):
+            crc ^= changes[byte]
+        return Sent(due_us, self.can_id, bytes((crc,)) + data[1:])
 
     def encode(self, due_us: int, values: dict[str, float]) -> Sent:
         """The next frame. Values beyond the signal's range are sent as its end, as a converter would."""
@@ -195,7 +228,8 @@ def stretch_of(samples: Sequence[Sample]) -> Stretch:
 
 
 class Encoder:
-    """All frames of a train of axles, sample by sample. Their counters begin at `counter`."""
+    """All frames of a train of axles, sample by sample. Their counters begin at `counter`. quick: `frames`
+    makes them without cantools, the same bytes."""
 
     def __init__(self, numbers: list[int], truth: bool = True, counter: int = 0) -> None:
         production, rig = databases()
@@ -206,10 +240,12 @@ class Encoder:
         self._truth = {n: Channel(rig.get_message_by_name(f"SimTruth_A{n}")) for n in numbers} if truth else {}
         self._speed = Channel(get("VehicleSpeed"), counter)
         self._spacing_us = SPACING_US if len(numbers) <= MAX_SLOW_AXLES else FAST_SPACING_US
+        self.quick = False
 
     def frames(self, sample: Sample) -> Iterator[Sent]:
         """The frames of a sample, each message at its own cycle."""
         at = due_us = sample.due_us
+        encode = Channel.encode_quick if self.quick else Channel.encode
         for r in sample.readings:
             parts = [
                 (self._yaw[r.number], {"YawRate": r.yaw_rate}),
@@ -221,10 +257,10 @@ class Encoder:
                 parts.append((self._truth[r.number], true))
             for channel, values in parts:
                 if due_us % channel.every_us == 0:
-                    yield channel.encode(at, values)
+                    yield encode(channel, at, values)
                     at += self._spacing_us
         if due_us % self._speed.every_us == 0:
-            yield self._speed.encode(at, {"Speed": sample.speed_m_s})
+            yield encode(self._speed, at, {"Speed": sample.speed_m_s})
 
     def stretch(self, s: Stretch) -> list[list[Sent]]:
         """The frames of each sample, as `frames` makes them."""

@@ -39,6 +39,18 @@ class Sensing:
             100 * y[:, MU_AVAILABLE], np.abs(100 * y[:, MU_USED]), y[:, SLIP],
         ))  # fmt: skip
 
+    def reading(self, s: Samples, place: int) -> list[float]:
+        """The same of a single sample, (6,)."""
+        if not self._a.axlebox.quiet:
+            out: list[float] = self.readings(s, place)[0].tolist()
+            return out
+        y, sensors = s.outputs[0, place].tolist(), self._a.sensors
+        yaw, lat, torque = self._rngs
+        return [
+            sensors.yaw_rate.measure_one(y[YAW_RATE], yaw), sensors.lat_accel.measure_one(y[LAT_ACCEL], lat),
+            sensors.torque.measure_one(y[TORQUE], torque), 100 * y[MU_AVAILABLE], abs(100 * y[MU_USED]), y[SLIP],
+        ]  # fmt: skip
+
 
 def on_tracks(axles: Sequence[AxleScenario]) -> list[Axle]:
     """The axles where they run; those of one seed and spectrum on the same track."""

@@ -3,7 +3,7 @@
 import base64
 import html
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 from sim_ecu.score.goals import CHANCE, MET, MISSED, TOO_FEW
@@ -23,27 +23,40 @@ MEDIA = (
 def page(result: dict[str, Any], traces: Sequence[Trace]) -> str:
     """HTML, in English, with pictures inside."""
     name, quick = html.escape(result["design"]["name"]), bool(result.get("run", {}).get("quick"))
-    first, *rest = sections([line for line in tables(result) if line != QUICK])
-    body = [f"<header><h1>How good is the design {name}?</h1>"]
+    lines = [line for line in tables(result) if line != QUICK]
+    heading = f"How good is the design {name}?"
+    return document(
+        f"sim-ecu score: {name}", heading, QUICK if quick else "", verdict(result["goals"]),
+        pictures(result, traces), lines,
+    )  # fmt: skip
+
+
+def document(
+    title: str, heading: str, quick: str, head: Sequence[str], shown: Iterable[Picture], lines: Sequence[str]
+) -> str:
+    """A page: heading, a warning where it is a quick one, head (HTML), pictures, tables (Markdown's lines). title and
+    heading are HTML already."""
+    first, *rest = sections(lines)
+    body = [f"<header><h1>{heading}</h1>"]
     if quick:
-        head, _, text = QUICK.partition(": ")
-        body.append(f'<p class="loud" role="note"><strong>{head}</strong>: {html.escape(text)}</p>')
-    body += [*_verdict(result["goals"]), "</header>", "<main>"]
-    body += [_figure(picture) for picture in pictures(result, traces)]
-    links = "".join(f'<a href="#{_anchor(heading)}">{html.escape(heading)}</a> ' for heading, _ in rest)
+        loud, _, text = quick.partition(": ")
+        body.append(f'<p class="loud" role="note"><strong>{loud}</strong>: {html.escape(text)}</p>')
+    body += [*head, "</header>", "<main>"]
+    body += [_figure(picture) for picture in shown]
+    links = "".join(f'<a href="#{_anchor(name)}">{html.escape(name)}</a> ' for name, _ in rest)
     body += [f'<nav aria-label="Tables">Tables: {links}</nav>', *first[1]]
-    for heading, lines in rest:
-        body += [f'<h2 id="{_anchor(heading)}">{html.escape(heading)}</h2>', *lines]
+    for name, part in rest:
+        body += [f'<h2 id="{_anchor(name)}">{html.escape(name)}</h2>', *part]
     return (
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
-        f"<title>{'QUICK ' * quick}sim-ecu score: {name}</title>\n"
+        f"<title>{'QUICK ' * bool(quick)}{title}</title>\n"
         f'<meta name="viewport" content="width=device-width, initial-scale=1"><style>{STYLE}</style></head>\n<body>\n'
         + "\n".join(body)
         + "\n</main></body></html>\n"
     )
 
 
-def _verdict(goals: Sequence[dict[str, Any]]) -> list[str]:
+def verdict(goals: Sequence[dict[str, Any]]) -> list[str]:
     """How many goals are met, and which are not."""
     n = Counter(g["verdict"] for g in goals)
     words = [

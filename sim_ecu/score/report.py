@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, is_dataclass
 from typing import Any
 
 import numpy as np
@@ -64,8 +64,8 @@ def judge(traces: Sequence[Trace], source: Source, suite: str | None = None, qui
 
 
 def plain(x: Any) -> Any:
-    """For JSON: figures as tables, what is no number as null."""
-    if isinstance(x, Figure):
+    """For JSON: figures and other records as tables, what is no number as null."""
+    if is_dataclass(x) and not isinstance(x, type):
         return plain(asdict(x))
     if isinstance(x, dict):
         return {str(k): plain(v) for k, v in x.items()}

@@ -23,6 +23,7 @@ from sim_ecu import cli as rig_cli
 from sim_ecu import resources as rig
 from sim_ecu.commands.statuses import STATUSES as RIG
 from sim_ecu.loop import scenario_keys as drive_scenario_keys
+from sim_ecu.loop.fmu.variables import VALID, variables
 from sim_ecu.play import scenario_keys
 from sim_ecu.play.expected import LONG_ROWS, ROWS
 from sim_ecu.play.expected_lines import expected_lines
@@ -261,6 +262,14 @@ def fault_lines() -> list[str]:
     return table(("fault", "of", "s", "the journal"), rows)
 
 
+def fmu_variables() -> list[str]:
+    """Variables of the FMU, those of axle 1 for those of every axle; a sensor's validity stands with the sensor."""
+    rows: list[tuple[object, ...]] = [
+        (f"`{v.name}`", v.causality, v.kind, v.unit, v.what) for v in variables([1]) if not v.name.endswith(VALID)
+    ]
+    return table(("name", "causality", "type", "unit", "what"), rows)
+
+
 MAKERS: dict[str, Callable[..., list[str]]] = {
     "messages": messages,
     "options": options,
@@ -273,6 +282,7 @@ MAKERS: dict[str, Callable[..., list[str]]] = {
     "scenario": scenario,
     "drive-scenario": drive_scenario,
     "monitor-keys": monitor_keys,
+    "fmu-variables": fmu_variables,
 }
 
 

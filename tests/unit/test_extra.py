@@ -77,6 +77,15 @@ def test_command_without_the_extra_is_one_line_and_status_2(arguments: tuple[str
     )
 
 
+def test_fmu_without_pythonfmu_names_its_own_extra() -> None:
+    done = run("pythonfmu", "fmu", "-o", "never.fmu")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == (
+        "sim-ecu: error: the package pythonfmu is missing: sim-ecu needs the extra 'fmi' — "
+        "pip install 'wrcd[fmi]', or in the source's folder pip install '.[fmi]'\n"
+    )
+
+
 def test_help_and_version_need_no_extra() -> None:
     assert run(",".join(MODULES), "--help").returncode == 0
     assert run(",".join(MODULES), "--version").stdout.startswith("sim-ecu ")

@@ -47,12 +47,13 @@ _KERNEL_STAMP = (SOL_SOCKET, SO_TIMESTAMPNS)
 
 class SocketCanLink:
     """One raw CAN socket, and one of rtnetlink's beside it. The device may go and come back; link-down is waited out on
-    the same socket. fd: CAN FD frames are wanted, too."""
+    the same socket. fd: CAN FD frames are wanted, too. confirm False: nothing is heard of what has left, and a frame does
+    not wait for those before it: a rig's sensors do not wait for each other."""
 
-    def __init__(self, channel: str, keys: tuple[int, ...] | None, fd: bool = False) -> None:
+    def __init__(self, channel: str, keys: tuple[int, ...] | None, fd: bool = False, confirm: bool = True) -> None:
         self.name = f"socketcan:{channel}"
         self.health = LinkHealth()
-        self._channel, self._keys, self._fd = channel, keys, fd
+        self._channel, self._keys, self._fd, self._confirm = channel, keys, fd, confirm
         self._hardware: HardwareClock | None = None
         self._controller = Controller(self.health)
         self._down = False
@@ -92,7 +93,7 @@ class SocketCanLink:
             if (filters := self._filters()) is not None:
                 s.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FILTER, filters)
             s.setsockopt(socket.SOL_CAN_RAW, CAN_RAW_ERR_FILTER, ALL_ERRORS)
-            s.setsockopt(socket.SOL_CAN_RAW, CAN_RAW_RECV_OWN_MSGS, 1)
+            s.setsockopt(socket.SOL_CAN_RAW, CAN_RAW_RECV_OWN_MSGS, int(self._confirm))
             if self._fd:
                 s.setsockopt(socket.SOL_CAN_RAW, CAN_RAW_FD_FRAMES, 1)
             s.bind((self._channel,))

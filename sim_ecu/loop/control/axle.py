@@ -30,16 +30,19 @@ class Limit(Protocol):
 
 @dataclass(slots=True)
 class Silence:
-    """How often an input fell silent, and for how long in all."""
+    """How often an input fell silent, and for how long in all. One that has not come yet is not counted."""
 
     times: int = 0
     silent_us: int = 0
+    _heard: bool = field(default=False, repr=False)
     _was: bool = field(default=False, repr=False)
 
-    def note(self, silent: bool) -> bool:
+    def note(self, silent: bool, period_us: int) -> bool:
         """Count a cycle; returns what it was told."""
-        self.times += silent and not self._was
-        self.silent_us += CYCLE_US * silent
+        self._heard = self._heard or not silent
+        if self._heard:
+            self.times += silent and not self._was
+            self.silent_us += period_us * silent
         self._was = silent
         return silent
 
@@ -58,7 +61,7 @@ class Axle:
         self.wheel_silent = True
         self.slide_m_s2 = 0.0
         self._facts = facts
-        self._speeds: deque[float] = deque(maxlen=SLOPE_CYCLES + 1)
+        self._speeds: deque[tuple[int, float]] = deque(maxlen=SLOPE_CYCLES + 1)
 
     @property
     def speed_m_s(self) -> float:
@@ -72,10 +75,10 @@ class Axle:
         if self.wheel_silent:
             self._speeds.clear()
             return
-        self._speeds.append(self.speed_m_s)
-        cycles = len(self._speeds) - 1
-        if cycles:
-            slope = (self._speeds[-1] - self._speeds[0]) / (cycles * PERIOD_S)
+        self._speeds.append((now_us, self.speed_m_s))
+        (before_us, before), (_, speed) = self._speeds[0], self._speeds[-1]
+        if now_us > before_us:
+            slope = (speed - before) / (now_us - before_us) * 1e6
             self.slide_m_s2 = -slope if braking else slope
 
     def force_N(self) -> float:

@@ -37,4 +37,4 @@ class Unprotected:
         """The same for every axle."""
         share, mode = self._driver.values.get("Share", 0.0), self._driver.values.get("Mode", 0)
         torque = {0: 0.0, 1: share * self._a.drive.max_traction_N_m}.get(mode, -share * self._a.full_brake_N_m)
-        return [c.encode(now_us, {"Torque": torque, "Valve": Valve.FILL}) for c in self._channels]
+        return [c.encode_quick(now_us, {"Torque": torque, "Valve": Valve.FILL}) for c in self._channels]

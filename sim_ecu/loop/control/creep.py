@@ -4,17 +4,19 @@ from dataclasses import dataclass
 
 from sim_ecu.loop.control.law import Seen
 
+SLIDES = 2.0  # times the set point: the wheel is said to slide; until it is back at the set point
+
 
 @dataclass(frozen=True, slots=True)
 class Constants:
     """Gains: torque per creep, as shares of the full effort asked."""
 
-    creep: float = 0.02  # set point
-    min_slip_m_s: float = 0.25  # the set point at low speed
-    kp_N_m: float = 200_000.0  # per unit of creep
-    ki_N_m_s: float = 600_000.0
-    kd_N_m_s2: float = 100.0  # per m/s2 of running away
-    room_N_m: float = 3000.0  # anti-windup: the integral is at most this above what the actuators give
+    creep: float = 0.032  # set point
+    min_slip_m_s: float = 0.156  # the set point at low speed
+    kp_N_m: float = 320_000.0  # per unit of creep
+    ki_N_m_s: float = 960_000.0
+    kd_N_m_s2: float = 160.0  # per m/s2 of running away
+    room_N_m: float = 4800.0  # anti-windup: the integral is at most this above what the actuators give
 
 
 class CreepControl:
@@ -43,6 +45,9 @@ class CreepControl:
         if self._integral_N_m >= seen.asked_N_m and error > 0.0:
             self._integral_N_m = None
             return seen.asked_N_m
-        self.sliding = error < -target
+        if seen.creep > SLIDES * target:
+            self.sliding = True
+        elif seen.creep < target:
+            self.sliding = False
         torque = self._integral_N_m + c.kp_N_m * min(error, 0.0) - c.kd_N_m_s2 * max(seen.slide_m_s2, 0.0)
         return min(max(torque, 0.0), seen.asked_N_m)

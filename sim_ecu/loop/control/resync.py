@@ -11,7 +11,7 @@ from dataclasses import dataclass
 class Constants:
     """When an axle is released, and how far."""
 
-    after_s: float = 3.0  # without any axle that proved the reference
+    after_s: float = 1.9  # without any axle that proved the reference
     share: float = 0.6  # of its torque: what it keeps
     min_s: float = 0.1  # of a release
     max_s: float = 0.4

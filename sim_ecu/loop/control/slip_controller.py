@@ -2,7 +2,8 @@
 
 from collections.abc import Callable, Mapping
 
-from sim_ecu.loop.control.axle import PERIOD_S, Axle, Limit, Silence
+from sim_ecu.loop.control.axle import Axle, Limit, Silence
+from sim_ecu.loop.control.controller import CYCLE_US
 from sim_ecu.loop.control.facts import Facts
 from sim_ecu.loop.control.law import Law, Seen
 from sim_ecu.loop.control.reference_speed import ReferenceSpeed
@@ -12,6 +13,7 @@ from sim_ecu.loop.messages import Heard, rig_message
 from sim_ecu.play.encoder import Sent
 
 COAST, TRACTION, BRAKE = range(3)
+MAX_PERIOD_US = 100_000  # a cycle that comes later than this counts for so much
 
 
 class SlipController:
@@ -40,6 +42,8 @@ class SlipController:
         self._reference = ReferenceSpeed(facts)
         self._resync = Resync(len(self.axles), resync)
         self._braking = True
+        self._now_us: int | None = None
+        self._period_us = CYCLE_US
 
     @property
     def reference_m_s(self) -> float | None:
@@ -62,14 +66,16 @@ class SlipController:
             self._pressures[can_id].blending.hear(float(heard.values["Pressure"]))
 
     def tick(self, now_us: int) -> list[Sent]:
-        """The Demand frames of a cycle."""
-        share = self._asked(now_us)
+        """The Demand frames of a cycle. Cycles may be left out; time does not run backwards."""
+        since_us = now_us - (now_us - CYCLE_US if self._now_us is None else self._now_us)
+        self._now_us, self._period_us = now_us, min(max(since_us, CYCLE_US), MAX_PERIOD_US)
+        share = self._asked()
         for a in self.axles:
             a.observe(now_us, self._braking)
-            self.silences[a.wheel.message.name].note(a.wheel_silent)
-            self.silences[a.pressure.message.name].note(not a.pressure.fresh(now_us))
+            self._note(a.wheel)
+            self._note(a.pressure)
         wheels = [a.speed_m_s for a in self.axles if not a.wheel_silent]
-        speed = self._reference.step(wheels, [a.force_N() for a in self.axles], self._braking, PERIOD_S)
+        speed = self._reference.step(wheels, [a.force_N() for a in self.axles], self._braking, self._period_us * 1e-6)
         asked = self.facts.asked_N_m(share, self._braking)
         out = []
         for k, a in enumerate(self.axles):
@@ -79,12 +85,16 @@ class SlipController:
                 torque = self._protected(k, a, now_us, asked, speed)
             a.given_N_m = torque
             drive, valve = a.blending.step(torque, share, self._braking, speed or 0.0)
-            out.append(a.channel.encode(now_us, {"Torque": drive, "Valve": valve}))
+            out.append(a.channel.encode_quick(now_us, {"Torque": drive, "Valve": valve}))
         return out
 
-    def _asked(self, now_us: int) -> float:
+    def _note(self, heard: Heard) -> bool:
+        """Whether an input is silent; counted."""
+        return self.silences[heard.message.name].note(not heard.fresh(self._now_us or 0), self._period_us)
+
+    def _asked(self) -> float:
         """The driver's share, 0 ... 1. While coasting the direction of the last effort stays."""
-        silent = self.silences[self._driver.message.name].note(not self._driver.fresh(now_us))
+        silent = self._note(self._driver)
         share, mode = float(self._driver.values.get("Share", 0.0)), int(self._driver.values.get("Mode", COAST))
         if mode not in (TRACTION, BRAKE) or (silent and mode == TRACTION):
             return 0.0
@@ -104,7 +114,7 @@ class SlipController:
             most = a.limit.limit(now_us, asked_N_m, a.blending.actual_N_m, creep, a.law.sliding, self._braking)
         most = asked_N_m if most is None else min(max(most, 0.0), asked_N_m)
         actual = a.blending.actual_N_m
-        torque = a.law.step(Seen(PERIOD_S, now_us, speed_m_s, slip, a.slide_m_s2, most, actual))
+        torque = a.law.step(Seen(self._period_us * 1e-6, now_us, speed_m_s, slip, a.slide_m_s2, most, actual))
         torque = self._resync.step(k, now_us, torque, most, a.law.sliding, a.slide_m_s2)
         if self._braking:
             torque = a.guard.step(now_us, torque, asked_N_m, self.facts.full_brake_N_m)

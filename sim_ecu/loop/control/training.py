@@ -10,8 +10,8 @@ from sim_ecu.loop.control.facts import Facts
 from sim_ecu.loop.lockstep import ride
 from sim_ecu.loop.rig import Step
 from sim_ecu.loop.scenario import DriveScenario
-from sim_ecu.physics.actuators import Actuators, Drive
-from sim_ecu.physics.contact import CURVES
+from sim_ecu.physics.actuators import Actuators, Drive, swept
+from sim_ecu.physics.contact import CURVES, curve_between
 from sim_ecu.physics.rail import RailSection
 from sim_ecu.physics.sensors import SENSOR_SETS
 from sim_ecu.physics.track import QUALITY
@@ -19,15 +19,12 @@ from sim_ecu.physics.wheelset import Wheelset
 from sim_ecu.play import scenario as play
 
 WEAR_WEIGHT = 2.0  # a kJ that slides away in the contact counts as two of effort lost
-LEARNT_S = 0.6  # after the demand came: the actuators' own rise is nobody's loss
-DEMAND_S, DURATION_S = 1.5, 11.0
+DEMAND_S, DURATION_S = 0.6, 7.0
+LEARNT_S = 0.5  # after the demand came: the actuators' own rise is nobody's loss
 MASS_ERROR = 0.1  # a controller's load weighing: uniform, our choice
-RAILS = ("A", "C", "C", "E", "E", "D", "leaf on dry", "leaf on wet", "low patches")
-ACTUATORS = (
-    Actuators(),
-    Actuators(drive=Drive(max_brake_N_m=0.0)),
-    Actuators(drive=Drive(max_brake_N_m=10_000.0)),
-)
+RAILS = ("A", "C", "E", "D", "leaf on dry", "C", "E", "leaf on wet", "low patches")
+FRICTION = 0.2  # about a curve's own: uniform
+BRAKES = (Actuators(), Actuators(drive=Drive(max_brake_N_m=0.0)), Actuators(drive=Drive(max_brake_N_m=10_000.0)), None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,13 +53,13 @@ class Cost:
 def training(seed: int) -> Training:
     """The ride of a seed: direction, rail, speed, demand, actuators and load error are drawn from it."""
     rng = np.random.default_rng([seed, 13])
-    braking = seed % 3 != 0
-    axles = 4 if seed % 8 == 0 else 1
+    braking, axles = seed % 4 != 0, 4 if seed % 8 == 5 else 1
     rail = RAILS[seed % len(RAILS)]
-    speed = float(rng.uniform(12.0, 35.0) if braking else rng.uniform(4.0, 20.0))
-    share = float(rng.uniform(0.5, 1.0))
+    speed = float(rng.uniform(6.0, 30.0) if braking else rng.uniform(4.0, 20.0))
+    share = float(rng.uniform(0.6, 1.0))
     before, sign = 0.1 * share, -1.0 if braking else 1.0
-    driver = play.Course((0.0, DEMAND_S, DEMAND_S + 0.3), (sign * before, sign * before, sign * share))
+    actuators = BRAKES[seed // 4 % 4] or swept(rng)
+    driver = play.Course((0.0, DEMAND_S, DEMAND_S + 0.1), (sign * before, sign * before, sign * share))
     table = play.rail_table(_sections(rail, speed, rng))
     none = play.Drive("torque_N_m", play.Course((0.0,), (0.0,)), play.Course((0.0,), (1.0,)))
     ground = seed * 16
@@ -75,22 +72,25 @@ def training(seed: int) -> Training:
     train = play.Scenario(
         f"training-{seed}", rail, DURATION_S, play.Course((0.0,), (speed,)), False, Wheelset(), wheels
     )
-    scenario = DriveScenario(train, driver, ACTUATORS[seed // 3 % 3] if braking else ACTUATORS[0])
+    scenario = DriveScenario(train, driver, actuators)
     facts = Facts.of(scenario)
     error = float(rng.uniform(1.0 - MASS_ERROR, 1.0 + MASS_ERROR))
     return Training(scenario, replace(facts, mass_kg=facts.mass_kg * error))
 
 
 def _sections(rail: str, speed_m_s: float, rng: np.random.Generator) -> list[RailSection]:
+    def section(at_m: float, curve: str) -> RailSection:
+        return RailSection(at_m, curve_between(CURVES[curve].mu_0 * rng.uniform(1.0 - FRICTION, 1.0 + FRICTION)))
+
     if rail in CURVES:
-        return [RailSection(0.0, CURVES[rail], 0.0, 0.0)]
+        return [section(0.0, rail)]
     base, film = {"leaf on dry": ("A", "F"), "leaf on wet": ("C", "F")}.get(rail, ("C", "D"))
-    at, sections = 0.0, [RailSection(0.0, CURVES[base], 0.0, 0.0)]
+    at, sections = speed_m_s * DEMAND_S, [section(0.0, base)]
     for _ in range(1 if "leaf" in rail else 3):
-        at += speed_m_s * float(rng.uniform(1.0, 3.0))
-        sections.append(RailSection(at, CURVES[film], 0.0, 0.0))
-        at += speed_m_s * float(rng.uniform(1.0, 4.0))
-        sections.append(RailSection(at, CURVES[base], 0.0, 0.0))
+        at += speed_m_s * float(rng.uniform(0.3, 1.0))
+        sections.append(section(at, film))
+        at += speed_m_s * float(rng.uniform(0.5, 2.0))
+        sections.append(section(at, base))
     return sections
 
 

@@ -18,6 +18,7 @@ from sim_ecu.loop.suites.case import (
     asks,
     curve,
 )
+from sim_ecu.physics.contact import CreepCurve
 
 PULLS_S = 10.0  # of full effort, where the driver pulls
 BRAKE, PULL = -1.0, 1.0
@@ -155,7 +156,6 @@ STARTS = {
 }  # fmt: skip
 TRAIN = {
     GREASY_STOP: greasy_stop, LEAF_STOP: leaf_stop, SEVERAL_STOP: several_patches_stop, LEAF_START: leaf_start,
-    WET_START: wet_start,
 }  # fmt: skip
 TRAIN_AXLES = 4
 
@@ -169,7 +169,7 @@ def braking() -> Iterator[Case]:
 def traction() -> Iterator[Case]:
     """One axle."""
     for name, plan in STARTS.items():
-        yield Case("traction", name, plan, controllers=EVERY, shown=name == LEAF_START)
+        yield Case("traction", name, plan, shown=name == LEAF_START)
 
 
 def train() -> Iterator[Case]:

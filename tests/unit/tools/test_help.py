@@ -32,7 +32,7 @@ RUN = {
     "wrcd report ride.log -o report.html", "wrcd plot ride.log -o ride.png", "wrcd why ride.log 2.5",
     "wrcd lint train.dbc", "wrcd lint --json train.dbc", "sim-ecu list", "sim-ecu list | grep axle-box",
     "sim-ecu inject --list", "sim-ecu design --explain", "sim-ecu verify ride.log",
-    "sim-ecu verify ride.log --config train.toml",
+    "sim-ecu verify ride.log --config train.toml", "sim-ecu fmu brake-greasy -o greasy.fmu",
 }  # fmt: skip
 LENGTH = 88  # of a line of an example's help
 

@@ -15,17 +15,20 @@ START_US = 1_700_000_000_000_000  # of virtual time
 # After a change the consumer is not judged for so long. On a bus it may be late, and so may who reads its decisions: on
 # a busy computer each of them by a tenth of a second.
 VIRTUAL_GUARD_US, BUS_GUARD_US = 20_000, 250_000
+PATIENCE_US, START_PATIENCE_US = 5_000_000, 30_000_000  # a process may take its time to start
 LISTEN_S = 0.2  # for another sender, before anything is sent
 
 
 class Bench(Protocol):
     """Sends frames, lets time pass and asks the consumer.
 
-    strict: nothing is late but the consumer; every moment outside the guard counts.
+    strict: nothing is late but the consumer, and every moment outside the guard counts. patience_us: for so long may
+    Valid frames come before the consumer uses one.
     """
 
     strict: bool
     guard_us: int
+    patience_us: int
 
     def start(self) -> None:
         """Before each check."""
@@ -48,6 +51,7 @@ class VirtualBench:
 
     strict = True
     guard_us = VIRTUAL_GUARD_US
+    patience_us = PATIENCE_US
 
     def __init__(self, consumer: ObjectConsumer, settings: BusSettings) -> None:
         self._consumer, self._settings = consumer, settings
@@ -85,6 +89,7 @@ class BusBench:
 
     strict = False
     guard_us = BUS_GUARD_US
+    patience_us = START_PATIENCE_US
 
     def __init__(self, consumer: Consumer, settings: BusSettings, silent: tuple[int, ...]) -> None:
         """Open the bus and start the consumer. Raises BusError: also where somebody else sends one of the messages

@@ -17,7 +17,7 @@ RAMP_US = 1_500_000  # of the two seconds in which no rise may be followed to it
 def half_width_is_taken_off(p: Player) -> None:
     """The interval's lower end is what there is at most."""
     p.need(p.maker.has("Confidence"), "has no Confidence")
-    p.settle()
+    p.settle(Says(30.0, LEVELS[0]))
     for level in LEVELS:
         _at_most(p, Says(30.0, level))
 

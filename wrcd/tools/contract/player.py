@@ -6,11 +6,10 @@ from dataclasses import dataclass, field
 
 from wrcd.bus.frame import Frame
 from wrcd.core.causes import Validity
-from wrcd.tools.contract.bench import POLL_US, Bench
+from wrcd.tools.contract.bench import PATIENCE_US, POLL_US, Bench
 from wrcd.tools.contract.frames import FrameMaker, Says
 
 TOLERANCE_PCT = 0.5
-MAX_SETTLE_US = 5_000_000  # until the consumer uses a Valid frame
 RAMP_US = 3_000_000  # until a limit that was lower has come back
 MAX_RETURN_US = 1_000_000  # from the first good frame on
 BASE = Says()
@@ -130,25 +129,25 @@ class Player:
     def settle(self, says: Says = BASE) -> float:
         """Play good frames until the consumer uses them. Returns the limit that it uses."""
         begun_us, lower = self.bench.now_us(), self.maker.lower_end(says)
-        used_us: int | None = None
-        limit: float | None = None
+        patience_us, used_us = self.bench.patience_us, 0
         while True:
-            now_us = self.play(says, 2 * self._cycle_us).uses[-1][0]
-            limit = self.bench.use(self.axle).limit_pct
+            now_us, limit = self.play(says, 2 * self._cycle_us).uses[-1]
             if limit is not None:
-                used_us = now_us if used_us is None else used_us
+                self.bench.patience_us = PATIENCE_US
+                used_us = used_us or now_us
                 if limit >= lower - TOLERANCE_PCT or now_us - used_us > RAMP_US:
                     return limit
-            elif now_us - begun_us > MAX_SETTLE_US:
+            elif now_us - begun_us > patience_us:
+                self.bench.patience_us = PATIENCE_US
                 must = f"use a Valid frame, at most {lower:.1f} %"
-                raise BrokenRule(f"{says} for {MAX_SETTLE_US / 1e6:g} s", must, "fell back")
+                raise BrokenRule(f"{says} for {patience_us / 1e6:g} s", must, "fell back")
 
     def must_fall_back(self, seen: Seen, played: str, after_us: int = 0) -> None:
         """Judge a stretch: from then on, and past the guard, it falls back."""
+        when = f"after {_time(after_us)}" if after_us else "at once"
         for t_us, limit in seen.after(after_us + self.bench.guard_us):
             if limit is not None:
-                when = f" within {(after_us + self.bench.guard_us) / 1e6:g} s"
-                raise BrokenRule(played, f"fall back{when}", f"used {limit:.1f} % {_ms(t_us - seen.begun_us)} later")
+                raise BrokenRule(played, f"fall back {when}", f"used {limit:.1f} % {_time(t_us - seen.begun_us)} later")
 
     def must_return(self, played: str, says: Says = BASE) -> None:
         """Play good frames: they are used again within a second."""
@@ -165,7 +164,7 @@ class Player:
         """Judge a stretch: past the guard it uses no more, and no less than zero."""
         for t_us, limit in seen.after(self.bench.guard_us):
             if limit is not None and not -TOLERANCE_PCT <= limit <= percent + TOLERANCE_PCT:
-                used = f"used {limit:.1f} % {_ms(t_us - seen.begun_us)} later"
+                used = f"used {limit:.1f} % {_time(t_us - seen.begun_us)} later"
                 raise BrokenRule(played, must or f"use at most {percent:.1f} %", used)
 
     def must_use(self, seen: Seen, played: str) -> None:
@@ -193,7 +192,8 @@ class Player:
                 used.append(max(limits))
         if len(used) >= (1 if self.bench.strict else at_least):
             must = f"drop them and go on with at most {highest:.1f} %, or fall back"
-            raise BrokenRule(played, must, f"used {' and '.join(f'{u:.1f} %' for u in used)}")
+            said = dict.fromkeys(f"{u:.1f} %" for u in used)
+            raise BrokenRule(played, must, f"used {' and '.join(said)}")
 
     def need(self, possible: bool, what: str) -> None:
         """Raise CannotPlay, where the messages cannot say what is to be played."""
@@ -206,5 +206,5 @@ def degraded(percent: float) -> Says:
     return Says(percent, "None", Validity.DEGRADED)
 
 
-def _ms(us: int) -> str:
-    return f"{us / 1000:.0f} ms"
+def _time(us: int) -> str:
+    return f"{us / 1000:.0f} ms" if us < 1_000_000 else f"{us / 1e6:.1f} s"

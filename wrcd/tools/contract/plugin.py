@@ -39,10 +39,9 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     """A test that asks for wrcd_check is run for every rule."""
     if "wrcd_check" in metafunc.fixturenames:
-        from wrcd.tools.contract import arriving, following, saying
+        from wrcd.tools.contract.every import CHECKS
 
-        checks = (*saying.CHECKS, *arriving.CHECKS, *following.CHECKS)
-        metafunc.parametrize("wrcd_check", checks, ids=[c.name for c in checks])
+        metafunc.parametrize("wrcd_check", CHECKS, ids=[c.name for c in CHECKS])
 
 
 @pytest.fixture(scope="session")

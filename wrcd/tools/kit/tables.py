@@ -10,7 +10,7 @@ SAYS = {
         "Error": "SAYS_OTHER", "NotAvailable": "SAYS_NOT_AVAILABLE", "Degraded": "SAYS_DEGRADED",
         "Valid": "SAYS_VALID",
     },
-    "Confidence": {word: f"{place}" for place, word in enumerate(CONFIDENCE)},
+    "Confidence": {word: f"{place}U" for place, word in enumerate(CONFIDENCE)},  # in HALF_WIDTHS
     "Surface": {
         word: f"ADHESION_SURFACE_{name}"
         for word, name in (
@@ -86,8 +86,10 @@ def _number(member: str, n: Number, lists: dict[str, str]) -> list[str]:
 
 
 def _words(ours: str, w: Words, lists: dict[str, str]) -> str:
-    items = ", ".join(f"{{{_int64(raw)}, (uint8_t){SAYS[ours][word]}}}" for raw, word in w.by_raw.items())
-    return lists.setdefault(f"word_t @[] = {{{items}}}", f"{ours.upper()}_{len(lists)}")
+    items = "".join(
+        f"\n    {{{_int64(raw)}, (uint8_t){SAYS[ours][word]}}}, /* {word} */" for raw, word in w.by_raw.items()
+    )
+    return lists.setdefault(f"word_t @[] = {{{items}\n}}", f"{ours.upper()}_{len(lists)}")
 
 
 def _int64(value: int) -> str:

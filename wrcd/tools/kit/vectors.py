@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from typing import Any
 
 from wrcd.bus.codec import Value, Writer
 from wrcd.bus.e2e import COUNTER_MODULO
@@ -60,7 +61,20 @@ def vectors(m: KitMessage) -> list[Vector]:
             continue
         frame = writer.frame(0, slot, {ours: values[ours] for ours in m.output.signals})
         found.append(Vector(what, frame.data, said(m, frame.data)))
+    valid: Any = m.message.decode(turn(m)[0], decode_choices=False, scaling=False)
+    for ours, one in m.fields:
+        for raw in _edges(one) if isinstance(one, Number) else ():
+            data = writer.raw_frame(0, len(found), {**valid, one.field.signal.name: raw}).data
+            found.append(Vector(f"{ours} raw {raw}", data, said(m, data)))
     return found
+
+
+def _edges(n: Number) -> list[int]:
+    """Raw values at the ends of what is a number, beyond them, and within them those that have a word."""
+    s = n.field.signal
+    first, last = (-(1 << s.length - 1), (1 << s.length - 1) - 1) if s.is_signed else (0, (1 << s.length) - 1)
+    edges = (first, n.lowest - 1, n.lowest, *n.none, n.highest, n.highest + 1, last)
+    return sorted({raw for raw in edges if first <= raw <= last})
 
 
 def turn(m: KitMessage) -> list[bytes]:

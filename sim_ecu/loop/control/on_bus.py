@@ -1,0 +1,88 @@
+"""`sim-ecu control`: a controller as an ordinary process on a bus."""
+
+import gc
+import time
+from collections.abc import Sequence
+from contextlib import ExitStack
+
+from sim_ecu.loop.control.adhesion_watch import AdhesionWatch
+from sim_ecu.loop.control.controller import CYCLE_US, Controller
+from sim_ecu.loop.control.inputs import Inputs
+from sim_ecu.loop.counted import down
+from sim_ecu.loop.end import End, Lines, open_end, until_told
+from wrcd.core.configuration import Config
+
+Watch = Inputs | AdhesionWatch
+
+
+class OnBus:
+    """Turns a controller every 10 ms: hears what has come, and sends its demands.
+
+    Deadlines are absolute. A cycle for which the computer came too late is left out and counted: no demand is sent
+    twice, none that is old.
+    """
+
+    def __init__(self, controller: Controller, watches: Sequence[Watch], end: End) -> None:
+        self._controller, self._watches, self.end = controller, watches, end
+        self._cycle = 0
+        self.cycles = self.skipped = self.frames = self.unsent = 0
+        end.begin()
+
+    def wait_s(self) -> float:
+        """How long until the next cycle."""
+        return max((self._cycle + 1) * CYCLE_US - self.end.now_us, 0) * 1e-6
+
+    def turn(self) -> None:
+        """One cycle; nothing if it is not time yet."""
+        cycle = self.end.now_us // CYCLE_US
+        if cycle <= self._cycle:
+            return
+        for stamp_us, f in self.end.receive():
+            self._controller.hear(f.can_id, f.data, stamp_us)
+            for watch in self._watches:
+                watch.hear(f.can_id, f.data, stamp_us)
+        self.skipped += cycle - self._cycle - 1
+        self.cycles += 1
+        self._cycle = cycle
+        due_us, wall_us = cycle * CYCLE_US, self.end.wall_us()
+        for demand in self._controller.tick(due_us):
+            sent = self.end.send(demand.can_id, demand.data, wall_us)
+            self.frames += sent
+            self.unsent += not sent
+        for line in (line for watch in self._watches for line in watch.look(due_us)):
+            self.end.lines.event(due_us, line)
+
+    def summary(self) -> list[str]:
+        """What came of it, for a person."""
+        bus = self.end.counts()
+        return [
+            f"  time      {self.end.now_us * 1e-6:.1f} s, {self.cycles} cycles of 10 ms, {self.skipped} left out",
+            f"  demand    {self.frames} frames, {self.unsent} not sent{down(bus)}",
+            *(f"  {line}" for watch in self._watches for line in watch.summary()),
+        ]
+
+
+def control_on_bus(
+    controller: Controller, axles: Sequence[int], config: Config | None, interface: str, channel: str,
+    seconds: float | None = None,
+) -> list[str]:  # fmt: skip
+    """Until SIGTERM or Ctrl-C comes, or so many seconds are over. config: whose adhesion messages it hears, None: none.
+
+    Returns what it came to, as lines. Raises InputError, BusError.
+    """
+    watches: list[Watch] = [Inputs(axles)]
+    if config is not None:
+        watches.append(AdhesionWatch(config, axles))
+    lines = Lines()
+    with ExitStack() as cleanup:
+        link = open_end(interface, channel, tuple(i for watch in watches for i in watch.ids))
+        cleanup.callback(link.close)
+        told = cleanup.enter_context(until_told())
+        controls = OnBus(controller, watches, End(link, lines))
+        gc.collect()
+        gc.freeze()
+        cleanup.callback(gc.unfreeze)
+        while not told() and (seconds is None or controls.end.now_us < seconds * 1e6):
+            time.sleep(controls.wait_s())
+            controls.turn()
+        return controls.summary()

@@ -1,0 +1,180 @@
+"""`sim-ecu drive`: the rig in real time, its loop open to whoever sends demands on the bus."""
+
+import gc
+import time
+from collections import deque
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import can
+
+from sim_ecu.loop.end import End, Lines, open_end, until_told
+from sim_ecu.loop.rig import LOOP, TRUTH, WRCD, Rig, Step
+from sim_ecu.loop.scenario import DriveScenario
+from sim_ecu.loop.silence import Silences
+from sim_ecu.play.encoder import SAMPLE_US, Sent
+from sim_ecu.play.logs import check_format, open_logger
+from sim_ecu.play.play import MAX_SAMPLES, Tally, message
+from sim_ecu.play.train import PACKAGED
+from wrcd.errors import Status
+
+STATUS_US = 1_000_000
+# So much lateness is caught up with. Of a computer that stood still for longer the controller has heard nothing, and
+# would find a train that went on without it for longer than a demand's time-out: the train's time waits.
+MAX_LATE_US = 20_000
+WAITED = "this computer was busy: the train's time waited for {ms:.0f} ms"
+
+
+class Drive:
+    """Steps a rig as its samples fall due. step() does what is due, so that a loop may do other things between.
+
+    Deadlines are absolute: a late sample does not move the next one, unless it is later than MAX_LATE_US. A demand acts
+    from the first sample that begins after it came, however late the computer is. The frames of a sample are made ahead
+    of their time.
+    """
+
+    def __init__(
+        self, scenario: DriveScenario, end: End, logger: can.Listener | None = None, truth: bool = True,
+        channel: str = "can0",
+    ) -> None:  # fmt: skip
+        heard = [LOOP, WRCD, *([TRUTH] if truth else [])]
+        self.rig, self.steps, self.tally = Rig(scenario, heard), list[Step](), Tally()
+        self.silences = Silences(scenario.axles)
+        self._scenario, self.end, self._logger, self._channel = scenario, end, logger, channel
+        self._samples = round(scenario.train.duration_s * 1e6) // SAMPLE_US
+        self._came: deque[tuple[int, int, bytes]] = deque()  # demands that no sample has begun after yet
+        self._told_us, self._wait_told_us = 0, -STATUS_US
+        self.waits = self.waited_us = 0
+        end.begin()
+        self._listen()
+        self._next: Step | None = self._advance()
+
+    @property
+    def over(self) -> bool:
+        """Whether the scenario is."""
+        return self._next is None
+
+    def wait_s(self) -> float:
+        """How long until the next sample is due; 0 at the end."""
+        return 0.0 if self._next is None else max(self._next.due_us - self.end.now_us, 0) * 1e-6
+
+    def step(self) -> bool:
+        """Send the samples that are due, MAX_SAMPLES at the most, and make the next. False when it is over."""
+        for _ in range(MAX_SAMPLES):
+            if self._next is None:
+                return False
+            late_us = self.end.now_us - self._next.due_us
+            if late_us < 0:
+                return True
+            self.tally.latest_us = max(self.tally.latest_us, late_us)
+            self.tally.overruns += late_us > SAMPLE_US
+            if late_us > MAX_LATE_US:
+                self._wait(late_us)
+            self._send(self._next.frames)
+            self.steps.append(replace(self._next, frames=[]))
+            self._listen()
+            self._next = self._advance()
+        return self._next is not None
+
+    def _advance(self) -> Step | None:
+        """The sample after this one; None when the scenario is over, as in lockstep."""
+        rig = self.rig
+        slow = bool(self.steps) and self.steps[-1].speed_m_s < self._scenario.stop_m_s
+        if slow or len(self.steps) >= self._samples:
+            return None
+        while self._came and self._came[0][0] <= rig.time_us:
+            stamp_us, can_id, data = self._came.popleft()
+            rig.hear(can_id, data, stamp_us)
+        silent_us = list(rig.silent_us)
+        step = rig.step()
+        silent = [now_us > before_us for now_us, before_us in zip(rig.silent_us, silent_us, strict=True)]
+        for line in self.silences.look(step.due_us, silent):
+            self.end.lines.event(step.due_us, line)
+        if self.end.lines.moves and step.due_us - self._told_us >= STATUS_US:
+            self._told_us = step.due_us
+            self.end.lines.status(self._status(step))
+        return step
+
+    def _wait(self, late_us: int) -> None:
+        self.end.wait(late_us)
+        self.waits += 1
+        self.waited_us += late_us
+        if self.end.now_us - self._wait_told_us >= STATUS_US:
+            self._wait_told_us = self.end.now_us
+            self.end.lines.event(self.end.now_us, WAITED.format(ms=late_us / 1000))
+
+    def _listen(self) -> None:
+        for stamp_us, f in self.end.receive():
+            if f.can_id in self.rig.demands:
+                self._came.append((stamp_us, f.can_id, f.data))
+                if self._logger is not None:
+                    self._logger.on_message_received(message(Sent(0, f.can_id, f.data), f.stamp_us, self._channel))
+
+    def _send(self, frames: list[Sent]) -> None:
+        wall_us = self.end.wall_us()
+        for f in frames:
+            sent = self.end.send(f.can_id, f.data, wall_us)
+            self.tally.frames += sent
+            self.tally.unsent += not sent
+            if self._logger is not None and sent:
+                self._logger.on_message_received(message(f, wall_us, self._channel))
+
+    def _status(self, s: Step) -> str:
+        worst = max(s.slip_m_s.tolist(), key=abs)
+        silent = self.silences.now
+        return (
+            f"{s.due_us * 1e-6:6.0f} s  {s.speed_m_s:5.1f} m/s  {s.distance_m:6.0f} m  slip {worst:+6.2f} m/s  "
+            f"torque {s.torque_N_m.sum() / 1000:+6.1f} kN m"
+            + (f"  demand silent: axle {', '.join(map(str, silent))}" if silent else "")
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Ride:
+    """What a drive came to."""
+
+    steps: list[Step]
+    counts: dict[str, Any]
+    status: Status
+
+
+def drive_on_bus(
+    scenario: DriveScenario, interface: str, channel: str, log: Path | None = None, truth: bool = True
+) -> Ride:
+    """Until the scenario is over, or SIGTERM or Ctrl-C comes."""
+    if log is not None:
+        check_format(log, scenario.train, PACKAGED)
+    lines = Lines()
+    with ExitStack() as cleanup:
+        warm_up = Rig(scenario)
+        warm_up.step()  # what is compiled or read at first use is there before the time runs, and frames come
+        link = open_end(interface, channel, tuple(warm_up.demands), confirm=False)
+        cleanup.callback(link.close)
+        logger = None if log is None else cleanup.enter_context(open_logger(log))
+        told = cleanup.enter_context(until_told())
+        drive = Drive(scenario, End(link, lines), logger, truth, channel)
+        # what the start has left is not looked through again and again for garbage
+        gc.collect()
+        gc.freeze()
+        cleanup.callback(gc.unfreeze)
+        while not told() and drive.step():
+            time.sleep(drive.wait_s())
+        lines.end()
+        return Ride(drive.steps, counts(drive), Status.DONE if drive.over else Status.STOPPED)
+
+
+def counts(drive: Drive) -> dict[str, Any]:
+    """What happened on the bus, for a document."""
+    end, tally = drive.end, drive.tally
+    by_axle = drive.silences.counts()
+    demands = {
+        n: {**by_axle[n], "rejected": heard.rejected.counts()}
+        for n, heard in zip(drive.silences.axles, drive.rig.demands.values(), strict=True)
+    }
+    return {
+        "demand": demands, "frames": tally.frames, "unsent": tally.unsent, "overruns": tally.overruns,
+        "latest_ms": round(tally.latest_us / 1000, 1), "waits": drive.waits, "waited_s": round(drive.waited_us * 1e-6, 3),
+        "bus": end.counts(),
+    }  # fmt: skip

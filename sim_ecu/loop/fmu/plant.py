@@ -1,0 +1,159 @@
+"""What the FMU does, without FMI: a rig behind named values, stepped by multiples of 5 ms."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_ecu.loop.fmu.sensors import Sensors
+from sim_ecu.loop.fmu.variables import (
+    DRIVER_INPUT,
+    DRIVER_IS_INPUT,
+    DRIVER_SHARE,
+    INPUT,
+    OUTPUT,
+    SEED,
+    START_SPEED,
+    variables,
+)
+from sim_ecu.loop.rig import LOOP, WRCD, Rig, Step
+from sim_ecu.loop.scenario import DriveScenario
+from sim_ecu.loop.scenario_keys import SPEED
+from sim_ecu.physics.actuators import Valve
+from sim_ecu.play.encoder import SAMPLE_US
+from sim_ecu.play.scenario import Course
+from wrcd.errors import InputError
+
+SAMPLE_S = SAMPLE_US * 1e-6
+TOLERANCE_S = 1e-6  # of times that a master has added up
+Value = float | int | bool | str
+NOTHING: dict[str, Value] = {"Real": 0.0, "Integer": 0, "Boolean": False, "String": ""}
+
+
+class SetFromOutside(Course):
+    """A course without rows: at all times the value that was set last."""
+
+    _value: float
+
+    def __init__(self) -> None:
+        super().__init__((0.0,), (0.0,))
+        self.set(0.0)
+
+    def set(self, value: float) -> None:
+        """Set the value. A course is frozen otherwise."""
+        object.__setattr__(self, "_value", value)
+
+    def at(self, t: NDArray[np.float64]) -> NDArray[np.float64]:
+        """That value, at times t."""
+        return np.full(len(t), self._value)
+
+
+class Plant:
+    """The values of an FMU by name. Parameters are set before start(), inputs before step()."""
+
+    def __init__(self, scenario: DriveScenario) -> None:
+        self.scenario = scenario
+        self.variables = variables(scenario.axles)
+        speed = float(scenario.train.speed.at(np.zeros(1))[0])
+        self.values: dict[str, Value] = {v.name: NOTHING[v.kind] for v in self.variables}
+        self.values |= {SEED.name: seed_of(scenario), START_SPEED.name: speed}
+        self.values |= dict.fromkeys(self._speeds(), speed)
+        self._driver = SetFromOutside()
+        self._rig: Rig | None = None
+        self._sensors = Sensors(self.variables)
+        self._start_s = 0.0
+
+    def set(self, name: str, value: Value) -> None:
+        """Set a parameter or an input. The train stands ready at its start speed as soon as that is set."""
+        self.values[name] = value
+        if name == START_SPEED.name:
+            self.values |= dict.fromkeys(self._speeds(), value)
+
+    def start(self, time_s: float) -> None:
+        """Make the rig of the parameters. Raises InputError for one that is out of its range."""
+        seed, speed = int(self.values[SEED.name]), float(self.values[START_SPEED.name])
+        if seed < 0:
+            raise InputError(f"must not be negative, is {seed}", key=SEED.name)
+        if not SPEED.low <= speed <= SPEED.high:
+            raise InputError(f"takes {SPEED.low:g} to {SPEED.high:g} m/s, not {speed:g}", key=START_SPEED.name)
+        if not math.isfinite(time_s):
+            raise InputError(f"the start time is {time_s}")
+        scenario = reseeded(self.scenario, seed)
+        scenario = replace(scenario, train=replace(scenario.train, speed=Course((0.0,), (speed,))))
+        if self.values[DRIVER_IS_INPUT.name]:
+            scenario = replace(scenario, driver=self._driver)
+        self._rig, self._start_s = Rig(scenario, [LOOP, WRCD]), time_s
+
+    def step(self, time_s: float, step_s: float) -> None:
+        """Go on by a communication step from a time. Raises InputError, and nothing has moved, if that can't be."""
+        if self._rig is None:
+            raise InputError("a step before the initialization has ended")
+        samples = self._samples(self._rig, time_s, step_s)
+        self._apply(self._rig)
+        for _ in range(samples):
+            self._take(self._rig.step())
+
+    def _samples(self, rig: Rig, time_s: float, step_s: float) -> int:
+        here = self._start_s + rig.time_us * 1e-6
+        if not abs(time_s - here) <= TOLERANCE_S:
+            raise InputError(f"a step from {time_s:.6f} s, but this FMU stands at {here:.6f} s and cannot go back")
+        whole = round(step_s / SAMPLE_S) if math.isfinite(step_s) else 0
+        if whole < 1 or abs(step_s - whole * SAMPLE_S) > TOLERANCE_S:
+            raise InputError(f"a communication step of {step_s:g} s: it must be 0.005 s or a multiple of it")
+        return whole
+
+    def _apply(self, rig: Rig) -> None:
+        """Hand the inputs to the rig, all of them or none."""
+        share, demands = float(self.values[DRIVER_INPUT.name]), []
+        if self.values[DRIVER_IS_INPUT.name] and not -1.0 <= share <= 1.0:
+            raise InputError(f"takes -1 to 1, not {share:g}", key=DRIVER_INPUT.name)
+        for n in self.scenario.axles:
+            torque, valve = float(self.values[f"axle{n}.torque"]), self.values[f"axle{n}.valve"]
+            if not math.isfinite(torque):
+                raise InputError(f"takes a number, not {torque}", key=f"axle{n}.torque")
+            if valve not in tuple(Valve):
+                raise InputError(f"takes 0 (fill), 1 (hold) or 2 (vent), not {valve}", key=f"axle{n}.valve")
+            demands.append((n, torque, Valve(int(valve))))
+        self._driver.set(share)
+        for demand in demands:
+            rig.demand(*demand)
+
+    def _take(self, step: Step) -> None:
+        v = self.values
+        v |= self._sensors.take(step.frames, step.due_us)
+        v |= {DRIVER_SHARE.name: step.share, "truth.speed": step.speed_m_s, "truth.distance": step.distance_m}
+        columns = {
+            "wheel_speed": step.wheel_m_s, "pressure": step.pressure_bar, "torque": step.torque_N_m,
+            "adhesion_available": step.mu_available, "adhesion_used": step.mu_used, "slip": step.slip_m_s,
+        }  # fmt: skip
+        for k, n in enumerate(self.scenario.axles):
+            v |= {f"axle{n}.truth.{name}": float(column[k]) for name, column in columns.items()}
+            energy = f"axle{n}.truth.slip_energy"
+            v[energy] = float(v[energy]) + float(step.slip_energy_J[k])
+
+    def _speeds(self) -> list[str]:
+        """The outputs that are known before the first step."""
+        return [v.name for v in self.variables if v.causality == OUTPUT and v.name.endswith("speed")]
+
+    @property
+    def settable(self) -> frozenset[str]:
+        """Names of parameters and inputs."""
+        return frozenset(v.name for v in self.variables if v.causality in (INPUT, "parameter"))
+
+
+def seed_of(scenario: DriveScenario) -> int:
+    """The key seed of a scenario; 1, its default, where every axle has a seed of its own."""
+    axles = scenario.train.axles
+    shared = [a.track_seed for a in axles if a.track_seed is not None]
+    return (shared[0] - axles[0].number) // 16 if shared else 1
+
+
+def reseeded(scenario: DriveScenario, seed: int) -> DriveScenario:
+    """The same scenario with another key seed. Axles with a seed of their own keep it."""
+    axles, first = scenario.train.axles, scenario.train.axles[0].number
+    new = tuple(
+        a if a.track_seed is None else replace(a, seed=seed * 16 + a.number, track_seed=seed * 16 + first)
+        for a in axles
+    )
+    return replace(scenario, train=replace(scenario.train, axles=new))

@@ -1,0 +1,45 @@
+"""Kits written, compiled and run."""
+
+import shutil
+import subprocess
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+
+from wrcd.tools.kit.run import kit
+
+HERE = Path(__file__).parent
+WARNINGS = ("-std=c11", "-Wall", "-Wextra", "-Wconversion", "-Wshadow", "-Wpedantic", "-Werror")
+COMPILERS = [name for name in ("gcc", "clang") if shutil.which(name)]
+needs_compiler = pytest.mark.skipif(not COMPILERS, reason="there is no C compiler")
+
+
+def written(folder: Path, config_file: Path | None = None) -> Path:
+    """The folder, with a kit in it."""
+    kit(folder, config_file, False)
+    return folder
+
+
+def make(folder: Path, *words: str) -> str:
+    """Run make there, and return what it says; it must say nothing on standard error."""
+    done = subprocess.run(["make", "-C", folder, *words], capture_output=True, text=True, timeout=120, check=False)
+    assert (done.returncode, done.stderr) == (0, ""), done.stdout + done.stderr
+    return done.stdout
+
+
+def build(folder: Path, program: str) -> Path:
+    """Compile one of our own programs against a kit, as strictly."""
+    out = folder / program
+    files = [HERE / f"{program}.c", *([folder / "adhesion.c"] if program != "crc" else [])]
+    command = [COMPILERS[0], *WARNINGS, "-g", "-fsanitize=undefined,address", "-I", folder, "-o", out, *files]
+    subprocess.run([str(word) for word in command], timeout=60, check=True)
+    return out
+
+
+def run(program: Path, lines: Sequence[str]) -> list[str]:
+    """What a program says to some lines, a line for each."""
+    text = "".join(f"{line}\n" for line in lines)
+    done = subprocess.run([program], input=text, capture_output=True, text=True, timeout=60, check=True)
+    assert done.stderr == ""
+    return done.stdout.splitlines()

@@ -1,0 +1,160 @@
+"""The public Python interface of the rig."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sim_ecu.bench import Bench, InputError, Valve, scenario
+from sim_ecu.loop.control.controller import Unprotected
+from sim_ecu.loop.judge import Figures
+from sim_ecu.loop.lockstep import ride
+from sim_ecu.loop.scenario import load_drive_scenario
+
+PAGE = Path(__file__).parents[3] / "docs/how-to/script-the-rig.md"
+WET = scenario(rail="C", demand=-1.0, speed_m_s=10.0, duration_s=1.0)
+
+
+def blocks() -> list[str]:
+    return re.findall(r"```python\n(.*?)```", PAGE.read_text(), re.DOTALL)
+
+
+def test_script_of_the_page_stops_the_train_without_a_slide(capsys: pytest.CaptureFixture[str]) -> None:
+    script = blocks()[0]
+    names: dict[str, object] = {}
+    exec(script, names)  # the page's own words
+    bench = names["bench"]
+    assert isinstance(bench, Bench)
+    figures = bench.figures()
+    assert (figures.stopped, figures.slides) == (True, 0)
+    locked = Bench("brake-greasy", controller="none").run()
+    assert figures.stop_m < 0.9 * locked.stop_m
+    assert capsys.readouterr().out.startswith("Figures(slides=0, ")
+
+
+def test_other_scripts_of_the_page_make_what_they_say() -> None:
+    names: dict[str, object] = {}
+    exec(blocks()[1], names)
+    bench = names["bench"]
+    assert isinstance(bench, Bench)
+    bench.run(0.1)
+    assert [f.kind for f in bench.scenario.train.faults] == ["freeze"]
+
+
+def test_bench_with_a_controller_gives_the_steps_of_the_lockstep_run() -> None:
+    s = load_drive_scenario("traction-wet-start")
+    theirs = [step for step, _ in zip(ride(s, Unprotected(s.axles, s.actuators), None), range(60), strict=False)]
+    bench = Bench("traction-wet-start", controller="none")
+    bench.run(0.3)
+    assert len(bench.steps) == 60
+    assert [s.distance_m for s in bench.steps] == [s.distance_m for s in theirs]
+    assert bench.column("torque_N_m").tolist() == [s.torque_N_m.tolist() for s in theirs]
+
+
+def test_demand_is_held_until_it_is_set_again() -> None:
+    bench = Bench(WET)
+    bench.demand(1, torque_N_m=-5000.0, valve=Valve.VENT)
+    bench.run(0.5)
+    assert bench.truth(1).torque_N_m == pytest.approx(-5000.0, rel=0.01)
+    assert bench.silences(1) == (0, 0.0)
+    bench.demand(1, torque_N_m=0.0, valve=Valve.VENT)
+    bench.run(0.4)
+    assert abs(bench.truth(1).torque_N_m) < 20.0
+
+
+def test_axle_without_a_demand_brakes_as_the_driver_asks_and_is_counted() -> None:
+    bench = Bench(scenario(rail="A", demand=-0.5, speed_m_s=20.0, duration_s=2.0))
+    bench.run()
+    asked = 0.5 * bench.full_brake_N_m
+    assert bench.truth(1).torque_N_m == pytest.approx(-asked, rel=0.01)
+    times, seconds = bench.silences(1)
+    assert (times, round(seconds, 2)) == (1, 1.97)
+    assert bench.truth(1).pressure_bar * 6000.0 == pytest.approx(asked, rel=0.01)
+
+
+def test_sensors_read_what_is_true_with_their_noise() -> None:
+    bench = Bench(WET)
+    assert bench.sensors(1).vehicle_speed_m_s is None
+    bench.run(0.5)
+    said, true = bench.sensors(1), bench.truth(1)
+    assert said.vehicle_speed_m_s == pytest.approx(true.speed_m_s, abs=0.05)
+    assert said.wheel_speed_m_s == pytest.approx(true.wheel_m_s, abs=0.1)
+    assert said.pressure_bar == pytest.approx(true.pressure_bar, abs=0.05)
+    assert said.torque_N_m == pytest.approx(true.torque_N_m, abs=300.0)
+    assert abs(said.yaw_rate_rad_s or 9.0) < 0.5
+    assert abs(said.lateral_acceleration_m_s2 or 99.0) < 10.0
+
+
+def test_adhesion_is_a_ratio_with_its_validity_and_age() -> None:
+    bench = Bench(scenario(rail="C", demand=-0.1, speed_m_s=20.0, duration_s=5.0), daemon=True)
+    assert bench.adhesion(1) is None
+    bench.demand(1, torque_N_m=-2000.0)
+    bench.run(0.2)
+    early = bench.adhesion(1)
+    assert early is not None
+    assert (early.validity, early.valid, early.mu_available) == ("NotAvailable", False, None)
+    bench.run()
+    late = bench.adhesion(1)
+    assert late is not None
+    assert late.valid
+    assert late.mu_available == pytest.approx(bench.truth(1).mu_available, abs=0.15)
+    assert late.mu_used == pytest.approx(2000.0 / bench.unit_adhesion_N_m, abs=0.005)
+
+
+def test_daemon_with_a_configuration_of_its_own_names_is_heard() -> None:
+    config = Path(__file__).parents[3] / "examples/own-dbc/train.toml"
+    bench = Bench(scenario(rail="A", demand=0.1, speed_m_s=20.0, duration_s=1.0), daemon=config)
+    bench.run()
+    assert bench.adhesion(1) is not None
+
+
+def test_frames_are_told_with_times_that_do_not_fall() -> None:
+    frames: list[tuple[int, int, bytes]] = []
+    bench = Bench(WET, daemon=True, controller="none", on_frame=lambda *f: frames.append(f))
+    bench.run(0.2)
+    ids = {can_id for _, can_id, _ in frames}
+    assert {0x101, 0x111, 0x121, 0x130, 0x131, 0x141, 0x151, 0x161, 0x091} <= ids
+    assert max(0x7A0, *ids) == 0x7A0  # the truth is nobody's
+
+
+def test_same_calls_give_the_same_numbers() -> None:
+    def once() -> tuple[Figures, list[float]]:
+        bench = Bench(WET, daemon=True, controller="thresholds")
+        return bench.run(), np.ravel(bench.column("slip_m_s")).tolist()
+
+    assert once() == once()
+
+
+def test_packaged_scenario_with_keys_keeps_the_rest() -> None:
+    s = scenario("brake-wet", seed=9, duration_s=3.0)
+    theirs = load_drive_scenario("brake-wet")
+    assert (s.train.duration_s, s.driver, s.known_before) == (3.0, theirs.driver, True)
+    assert s.train.axles[0].seed != theirs.train.axles[0].seed
+
+
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        (lambda: Bench("brake-wat"), "no scenario to drive 'brake-wat' — did you mean 'brake-wet'?"),
+        (lambda: scenario(rail="Z", demand=0.0), "keyword arguments: rail[1].curve: is 'Z', not one of A, B"),
+        (lambda: scenario(rail="A", demand=2.0), "driver.demand: takes a number from -1 to 1, not 2"),
+        (lambda: scenario(rail="A", demand=0.0, speed=3.0), "speed: unknown key"),
+        (lambda: scenario(demand=0.0), "axle 1 has no rail"),
+        (lambda: Bench(WET, controller="creap"), "there is no controller 'creap' — did you mean 'creep'?"),
+        (lambda: Bench(WET, controller="creep", with_adhesion=True), "with_adhesion needs a daemon to hear"),
+        (lambda: Bench(WET, daemon=True, with_adhesion=True), "with_adhesion is of a controller by name"),
+        (lambda: Bench(WET, daemon="nowhere.toml"), "nowhere.toml: no such file"),
+        (lambda: Bench(WET).demand(2, 0.0), "there is no axle 2 — axles: 1"),
+        (lambda: Bench(WET).demand(1, float("nan")), "torque_N_m: takes a finite torque, not nan"),
+        (lambda: Bench(WET).truth(1), "nothing is known before the first step"),
+        (lambda: Bench(WET).figures(), "there are no figures before the first step"),
+        (lambda: Bench(WET).adhesion(1), "there is no daemon — Bench(…, daemon=True)"),
+        (lambda: Bench(WET).column("torque"), "a step has no 'torque' — did you mean 'torque_N_m'?"),
+    ],
+)
+def test_mistake_is_named(call: object, said: str) -> None:
+    assert callable(call)
+    with pytest.raises(InputError) as e:
+        call()
+    assert said in str(e.value)
