@@ -31,17 +31,18 @@ class Source(Protocol):
 class Constants:
     """Our choice, found on training seeds. Rates are per second of the limit itself, creeps are ratios."""
 
-    aim: float = 0.98  # of the adhesion that is there
+    aim: float = 0.94  # of the adhesion that is there
     half_widths: float = 0.5  # of Confidence that are taken off first
     pull_aim: float = 0.85  # the same when pulling
     pull_half_widths: float = 0.5
     fall_s: float = 0.1  # time constant after which a lower estimate is believed
     rise_s: float = 2.0  # in which a higher one is followed
-    fast: float = 4.0  # growth at first, where more has been carried or nothing is known yet,
-    fast_doubles_s: float = 0.1  # and it doubles in so long
+    fast: float = 6.0  # growth at first, where more has been carried or nothing is known yet,
+    fast_doubles_s: float = 0.08  # and it doubles in so long
     slow: float = 0.2  # beyond what was found
     slow_doubles_s: float = 0.2
     rise_N_m_s: float = 60_000.0  # the most that either comes to
+    ahead_N_m: float = 3500.0  # of what the actuators give, at most, while the wheel shows no creep
     near: float = 0.8  # of what was found: fast up to it
     knee: float = 0.006  # creep at which a probe ends
     far_knee: float = 0.008  # the same where the estimate has been left far behind
@@ -55,7 +56,7 @@ class Constants:
     doubt_s: float = 0.4  # the same where the knee lies elsewhere than the estimate says:
     doubt: float = 1.15  # so many times above
     settle_s: float = 0.15  # between two steps down
-    memory_s: float = 10.0  # without a frame that may be used: from then on the limit is lifted,
+    memory_s: float = 30.0  # without a frame that may be used: from then on the limit is lifted,
     lift: float = 0.25  # by so much of the demand a second
     smooth: float = 0.5  # of a new creep, in each cycle
 
@@ -78,6 +79,7 @@ class AdhesionLimit:
         self.limit_N_m: float | None = None
         self._carried_N_m: float | None = None  # what the estimate carries, its rises followed slowly
         self._heard_us = 0  # when a frame was last used
+        self._saturated = False
         self._creep = 0.0
         self._was_sliding = False
         self._end()
@@ -101,7 +103,8 @@ class AdhesionLimit:
         if carried is None or (self.limit_N_m is None and not used):
             return None
         if used and asked_N_m <= carried and (self.limit_N_m is None or self.limit_N_m >= asked_N_m):
-            return self._end()
+            self._end()
+            return None
         now = self.limit_N_m if self.limit_N_m is not None else max(carried, given_N_m)
         if sliding:
             now = self._slide(now, now_us, given_N_m, carried, begins)
@@ -112,7 +115,8 @@ class AdhesionLimit:
         if now_us - self._heard_us > self._c.memory_s * 1e6:
             now = max(now, (self.limit_N_m or 0.0) + self._c.lift * asked_N_m * PERIOD_S)
         if now >= asked_N_m and (not used or asked_N_m <= carried):
-            return self._end()
+            self._end()
+            return None
         self.limit_N_m = min(now, asked_N_m)
         return self.limit_N_m
 
@@ -130,7 +134,7 @@ class AdhesionLimit:
         c, said = self._c, self._source.adhesion(now_us)
         if said is None:
             return False
-        self._heard_us = now_us
+        self._heard_us, self._saturated = now_us, said.saturated
         if said.half_width is None:
             return False
         aim, widths = (c.aim, c.half_widths) if braking else (c.pull_aim, c.pull_half_widths)
@@ -165,9 +169,12 @@ class AdhesionLimit:
                 return min(now, self._knee(now_us, given_N_m, carried_N_m, keep))
             return now
         follows = max(now, min(carried_N_m, now + carried_N_m * PERIOD_S / c.rise_s))
-        if now_us < self._wait_until_us or given_N_m < 0.85 * now - 300.0:
-            return follows  # what was asked for has not come yet
         fast = braking and now < c.near * self._found_N_m
+        ahead = c.ahead_N_m if fast and self._creep < 0.5 * c.knee else 0.15 * now + 300.0
+        if not braking and self._saturated:
+            return now
+        if now_us < self._wait_until_us or now - given_N_m > ahead:
+            return follows  # what was asked for has not come yet
         if self._state is Probe.WAIT:
             self._state, self._growth = Probe.CLIMB, c.fast if fast else c.slow
         else:
