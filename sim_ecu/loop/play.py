@@ -69,7 +69,8 @@ def play(case: Case, number: int, branches: Sequence[Case] = ()) -> list[Outcome
         made = make_controller(law, Facts.of(scenario), config)
         run = Lockstep(scenario, made, config, None if ear is None else ear.hear)
         steps = []
-        at_us = min((c.fault.begin_us for c in branches if c.fault is not None), default=-1) - SAMPLE_US
+        # a sample before the fault: some faults go on from what was last sensed
+        at_us = min((c.fault.begin_us for c in branches if c.fault is not None), default=-1) - 2 * SAMPLE_US
         while not run.over:
             if run.rig.time_us == at_us and name in _LAW:
                 out += [_branch(branch, number, name, scenario, (run, ear), steps) for branch in branches]
