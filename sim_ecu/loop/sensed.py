@@ -55,7 +55,7 @@ class Sensed:
 
     def carries(self, due_us: int) -> bool:
         """Whether the bus carries frames at a time: not while the link is down, the device gone or the bus off."""
-        return not any(f.on(due_us) for f in self._silent)
+        return not self._silent or not any(f.on(due_us) for f in self._silent)
 
     def frames(self, due_us: int, samples: Samples, wheel_m_s: FloatArray, share: float) -> list[Sent]:
         """The frames of the sample that ends at due_us (us from the start)."""
