@@ -3,7 +3,7 @@
 # make walk   a new user's first hour in a clone of the last commit: demo, own DBC, a bus, screens and pages; 4 minutes
 # make lint   format, lint, types: seconds
 # make check  make lint, then make test
-# make docs   prints what the pages quote from the program again, and builds their site into build/site; make docs-all the score and the fault matrix too, twenty minutes
+# make docs   prints what the pages quote from the program again, and builds their site into build/site; make docs-all score, loop and fault matrix too, an hour
 # make vcan -- COMMAND  COMMAND where there is a vcan0: on this kernel, or in a throw-away one; without COMMAND a shell
 # make fuzz   property tests with EXAMPLES (10^5) examples each, and a million corrupted frames; hours
 # make soak   HOURS (24) on the virtual clock in one core: nothing grows, drifts or is lost; an eighth of that
@@ -30,7 +30,7 @@ vcan:
 Makefile: ;
 else
 
-.PHONY: demo pictures test lint check unit browser hil faults systemd walk fuzz soak coverage bench mutants format design score docs docs-all docs-check lock audit clean deb
+.PHONY: loop demo pictures test lint check unit browser hil faults systemd walk fuzz soak coverage bench mutants format design score docs docs-all docs-check lock audit clean deb
 
 demo: $(READY)
 	$(BIN)/sim-ecu demo
@@ -48,7 +48,8 @@ unit: $(READY)
 hil: $(READY)
 	GUEST_TIMEOUT=900 tests/hil/guest/run --native-ok -- $(BIN)/python -m pytest $(HIL) -rP \
 	    tests/hil/test_vcan.py tests/hil/test_own_dbc.py tests/hil/test_link_*.py tests/hil/test_load.py \
-	    tests/hil/test_docs_commands.py tests/hil/test_monitor.py tests/hil/test_contract.py
+	    tests/hil/test_docs_commands.py tests/hil/test_monitor.py tests/hil/test_contract.py tests/hil/test_kit.py \
+	    tests/hil/test_loop.py
 
 # every fault of the matrix against the real daemon; its table is printed
 faults: $(READY)
@@ -132,6 +133,10 @@ design: $(READY)
 # the tables of docs/reference/score.md; 25 minutes of processor time, on two cores
 score: $(READY)
 	$(BIN)/sim-ecu score --json build/score.json --html build/score.html
+
+# the tables of docs/reference/loop.md; twenty minutes on two cores
+loop: $(READY)
+	$(BIN)/sim-ecu loop --json build/loop.json --html build/loop.html
 
 # what stands between the markers of the pages, the configuration's JSON schema, completion and manual pages, and the site of
 # the pages in build/site: a warning or a dead link fails. docs-check changes nothing

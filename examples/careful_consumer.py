@@ -24,6 +24,9 @@ SECOND_US = 1_000_000
 MAX_DROPPED = 10  # in a second
 MAX_LOST = 2  # frames between two that are used
 RISE_US = 2_000_000  # a higher limit is believed when it has held so long
+USABLE = {"Valid"}  # Degraded, NotAvailable and what is not known yet are not
+UNKNOWN = "Unknown"
+MAX_MU = 10_000  # 100 %; above are "error", "not available" and nonsense
 MAX_AGE_MS = 60
 HALF_WIDTHS = {
     "Within12pp": 12, "Within8pp": 8, "Within5pp": 5, "Within3pp": 3, "Within2pp": 2, "Within1pp": 1,
@@ -75,13 +78,14 @@ class Axle:
         values: Any = self._message.decode(data)
         confidence = str(values["Confidence"])
         self._usable = (
-            str(values["Validity"]) == "Valid"
-            and raw["MuAvailable"] <= 10_000  # above 100 % are "error", "not available" and nonsense
+            str(values["Validity"]) in USABLE
+            and raw["MuAvailable"] <= MAX_MU
             and values["SampleAge"] <= MAX_AGE_MS
             and confidence != "None"
+            and UNKNOWN not in (str(values["Surface"]), str(values["ContactState"]))
         )
         if self._usable and confidence in HALF_WIDTHS:  # Wider sets no limit and lifts none
-            lower = max(float(values["MuAvailable"]) - HALF_WIDTHS[confidence], 0.0)
+            lower = max(raw["MuAvailable"] / 100 - HALF_WIDTHS[confidence], 0.0)
             self._lower.append((now_us, lower))
             while self._lower[0][0] < now_us - RISE_US:
                 self._lower.popleft()

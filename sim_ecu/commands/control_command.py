@@ -26,8 +26,9 @@ def _add(p: argparse.ArgumentParser) -> None:
 
 def _run(args: argparse.Namespace) -> int:
     from sim_ecu.loop.control.facts import Facts
+    from sim_ecu.loop.control.inputs import Inputs
     from sim_ecu.loop.control.make import make_controller
-    from sim_ecu.loop.control.on_bus import control_on_bus
+    from sim_ecu.loop.control.on_bus import Watch, control_on_bus
     from sim_ecu.loop.scenario import load_drive_scenario
     from wrcd.config import DEFAULT_AXLES, load_config, load_packaged
     from wrcd.errors import InputError
@@ -40,13 +41,17 @@ def _run(args: argparse.Namespace) -> int:
     if args.with_adhesion and args.controller == "none":
         raise InputError("is nothing for a controller that gives the driver all", key="--with-adhesion")
     facts = Facts.of(load_drive_scenario(args.scenario))
+    watches: list[Watch] = [Inputs(facts.axles)]
     config = None
     if args.with_adhesion:
+        from sim_ecu.loop.control.adhesion_watch import AdhesionWatch
+
         packaged = args.config is None
         config = load_packaged(max(DEFAULT_AXLES, *facts.axles)) if packaged else load_config(args.config)
+        watches.append(AdhesionWatch(config, facts.axles))
     bus = pick_bus(args.interface, args.channel, None, DEFAULT_BUS)
     controller = make_controller(args.controller, facts, config)
-    print("\n".join(control_on_bus(controller, facts.axles, config, *bus, args.seconds)))
+    print("\n".join(control_on_bus(controller, watches, *bus, args.seconds)))
     return 0
 
 

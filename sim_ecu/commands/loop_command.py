@@ -10,6 +10,7 @@ from wrcd.tools.command import Command
 
 def _add(p: argparse.ArgumentParser) -> None:
     p.add_argument("--suite", choices=SUITES, help="only this one")
+    p.add_argument("--only", default="", metavar="TEXT", help="only the rows whose name holds this text")
     p.add_argument("--quick", action="store_true", help="two seeds, too few to judge any goal: about two minutes")
     p.add_argument("--seeds", type=int, metavar="N", help="runs of every row (default: 20)")
     p.add_argument("--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="processes (default: all cores)")
@@ -26,7 +27,7 @@ def _run(args: argparse.Namespace) -> int:
             raise InputError(f"takes a whole number from 1 on, not {value}", key=key)
     if args.quick and args.seeds is not None:
         raise InputError("says how many seeds there are", key="--quick", hint="give one of --quick and --seeds")
-    return run(args.suite, args.quick, args.seeds, args.jobs, args.json, args.html)
+    return run(args.suite, args.only, args.quick, args.seeds, args.jobs, args.json, args.html)
 
 
 COMMAND = Command(
@@ -35,6 +36,7 @@ COMMAND = Command(
     (
         ("sim-ecu loop --quick --html loop.html", "two seeds of everything, as a page"),
         ("sim-ecu loop --suite braking", "one suite, with all its seeds"),
+        ("sim-ecu loop --suite faults --only freeze --seeds 5", "some of its rows, five seeds of each"),
     ),
     _add,
     _run,

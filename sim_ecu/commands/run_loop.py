@@ -1,6 +1,7 @@
 """`sim-ecu loop`: drives the suites in lockstep, judges every run, prints the tables."""
 
 import json
+import signal
 import time
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -19,20 +20,24 @@ from wrcd.tools.progress import Progress
 QUICK_SEEDS = 2
 # Processor time of a run, about: what the time left is told from.
 COST, COST_UNPROTECTED, COST_OF_DAEMON, COST_OF_ITS_AXLE = 1.0, 1.5, 1.2, 0.8
-_Job = tuple[str, str, int]
+_Job = tuple[str, tuple[str, ...], int]
 
 
 def run(
-    suite: str | None, quick: bool, seeds: int | None, jobs: int, json_out: Path | None, html_out: Path | None
-) -> int:
+    suite: str | None, only: str, quick: bool, seeds: int | None, jobs: int, json_out: Path | None,
+    html_out: Path | None,
+) -> int:  # fmt: skip
     """Drive, judge, print; write the figures as JSON and a page where asked for."""
     for key, out in (("--json", json_out), ("--html", html_out)):
         if out is not None and not out.parent.is_dir():
             raise InputError("no such folder", file=out.parent, key=key)
         if out is not None and out.is_dir():
             raise InputError("is a folder", file=out, key=key, hint="name the file to write")
+    every = cases(suite, only)
+    if not every:
+        hint = f"rows: {'; '.join(dict.fromkeys(c.name for c in cases(suite)))}"
+        raise InputError(f"no row's name holds {only!r}", key="--only", hint=hint)
     began = time.monotonic()
-    every = cases(suite)
     n = seeds or (QUICK_SEEDS if quick else SEEDS)
     outcomes = play_all(every, n, jobs)
     result = {"run": {"quick": quick, "jobs": jobs, "seeds": n}} | judge_all(every, outcomes)
@@ -52,21 +57,36 @@ def run(
 def play_all(every: Sequence[Case], seeds: int, jobs: int) -> list[Outcome]:
     """In processes of their own; the order of the outcomes does not depend on them."""
     progress = Progress(steps=True)
-    work = [(case, number) for case in every for number in range(seeds)]
-    cost = [_cost(case) for case, _ in work]
-    done, outcomes = 0.0, []
-    with ProcessPoolExecutor(jobs) as pool:
+    groups = _groups(every)
+    work = [(group, number) for group in groups for number in range(seeds)]
+    cost = [sum(map(_cost, group)) for group, _ in work]
+    done, found = 0.0, []
+    with ProcessPoolExecutor(jobs, initializer=_dies_of_ctrl_c) as pool:
         try:
-            parts = pool.map(_play, [(case.suite, case.name, number) for case, number in work])
+            parts = pool.map(_play, [(g[0].suite, tuple(c.name for c in g), number) for g, number in work])
             for k, part in enumerate(parts):
-                outcomes += part
+                found += part
                 done += cost[k]
-                progress.at(f"{work[k][0].suite}: run {k + 1} of {len(work)}", done / sum(cost))
+                progress.at(f"{work[k][0][0].suite}: run {k + 1} of {len(work)}", done / sum(cost))
         except BaseException:
             pool.shutdown(cancel_futures=True)
             raise
     progress.end()
-    return outcomes
+    place = {(case.suite, case.name): k for k, case in enumerate(every)}
+    return sorted(found, key=lambda o: (place[o.suite, o.case], o.number))
+
+
+def _groups(every: Sequence[Case]) -> list[list[Case]]:
+    """Cases by themselves, but those that branch off another one's runs with it."""
+    return [
+        [case, *(c for c in every if c.fault is not None and (c.suite, c.bare) == (case.suite, case.name))]
+        for case in every if case.fault is None
+    ]  # fmt: skip
+
+
+def _dies_of_ctrl_c() -> None:
+    """At a terminal it reaches every process: none goes on with what nobody waits for."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def _cost(case: Case) -> float:
@@ -84,5 +104,6 @@ _cases: dict[tuple[str, str], Case] = {}
 def _play(job: _Job) -> list[Outcome]:
     if not _cases:
         _cases.update({(c.suite, c.name): c for c in cases()})
-    suite, name, number = job
-    return play(_cases[suite, name], number)
+    suite, names, number = job
+    first, *branches = (_cases[suite, name] for name in names)
+    return play(first, number, branches)

@@ -13,7 +13,7 @@ import can
 from sim_ecu.loop.end import End, Lines, open_end, until_told
 from sim_ecu.loop.rig import LOOP, TRUTH, WRCD, Rig, Step
 from sim_ecu.loop.scenario import DriveScenario
-from sim_ecu.loop.silence import Silences
+from sim_ecu.loop.silence import DemandSilences
 from sim_ecu.play.encoder import SAMPLE_US, Sent
 from sim_ecu.play.logs import check_format, open_logger
 from sim_ecu.play.play import MAX_SAMPLES, Tally, message
@@ -31,8 +31,8 @@ class Drive:
     """Steps a rig as its samples fall due. step() does what is due, so that a loop may do other things between.
 
     Deadlines are absolute: a late sample does not move the next one, unless it is later than MAX_LATE_US. A demand acts
-    from the first sample that begins after it came, however late the computer is. The frames of a sample are made ahead
-    of their time.
+    from the sample whose beginning is nearest to when it came, however late the computer is: so it is neither early nor
+    late on the average.
     """
 
     def __init__(
@@ -41,55 +41,58 @@ class Drive:
     ) -> None:  # fmt: skip
         heard = [LOOP, WRCD, *([TRUTH] if truth else [])]
         self.rig, self.steps, self.tally = Rig(scenario, heard), list[Step](), Tally()
-        self.silences = Silences(scenario.axles)
+        self.silences = DemandSilences(scenario.axles, SAMPLE_US)
         self._scenario, self.end, self._logger, self._channel = scenario, end, logger, channel
         self._samples = round(scenario.train.duration_s * 1e6) // SAMPLE_US
         self._came: deque[tuple[int, int, bytes]] = deque()  # demands that no sample has begun after yet
         self._told_us, self._wait_told_us = 0, -STATUS_US
         self.waits = self.waited_us = 0
         end.begin()
-        self._listen()
-        self._next: Step | None = self._advance()
 
     @property
     def over(self) -> bool:
-        """Whether the scenario is."""
-        return self._next is None
+        """Whether the scenario is, as in lockstep."""
+        slow = bool(self.steps) and self.steps[-1].speed_m_s < self._scenario.stop_m_s
+        return slow or len(self.steps) >= self._samples
+
+    @property
+    def _due_us(self) -> int:
+        """When the next sample ends."""
+        return self.rig.time_us + SAMPLE_US
 
     def wait_s(self) -> float:
         """How long until the next sample is due; 0 at the end."""
-        return 0.0 if self._next is None else max(self._next.due_us - self.end.now_us, 0) * 1e-6
+        return 0.0 if self.over else max(self._due_us - self.end.now_us, 0) * 1e-6
 
     def step(self) -> bool:
-        """Send the samples that are due, MAX_SAMPLES at the most, and make the next. False when it is over."""
+        """Make the samples that are due, and send their frames: MAX_SAMPLES at the most. False when it is over."""
         for _ in range(MAX_SAMPLES):
-            if self._next is None:
+            if self.over:
                 return False
-            late_us = self.end.now_us - self._next.due_us
+            late_us = self.end.now_us - self._due_us
             if late_us < 0:
                 return True
             self.tally.latest_us = max(self.tally.latest_us, late_us)
             self.tally.overruns += late_us > SAMPLE_US
             if late_us > MAX_LATE_US:
                 self._wait(late_us)
-            self._send(self._next.frames)
-            self.steps.append(replace(self._next, frames=[]))
             self._listen()
-            self._next = self._advance()
-        return self._next is not None
+            step = self._advance()
+            self._send(step.frames)
+            self.steps.append(replace(step, frames=[]))
+        return not self.over
 
-    def _advance(self) -> Step | None:
-        """The sample after this one; None when the scenario is over, as in lockstep."""
+    def _advance(self) -> Step:
+        """The next sample, with the demands that came by its first half."""
         rig = self.rig
-        slow = bool(self.steps) and self.steps[-1].speed_m_s < self._scenario.stop_m_s
-        if slow or len(self.steps) >= self._samples:
-            return None
-        while self._came and self._came[0][0] <= rig.time_us:
+        while self._came and self._came[0][0] <= rig.time_us + SAMPLE_US // 2:
             stamp_us, can_id, data = self._came.popleft()
             rig.hear(can_id, data, stamp_us)
-        silent_us = list(rig.silent_us)
+        silent = [
+            None if h.stamp_us is None and rig.time_us < h.timeout_us else not h.fresh(rig.time_us)
+            for h in rig.demands.values()
+        ]
         step = rig.step()
-        silent = [now_us > before_us for now_us, before_us in zip(rig.silent_us, silent_us, strict=True)]
         for line in self.silences.look(step.due_us, silent):
             self.end.lines.event(step.due_us, line)
         if self.end.lines.moves and step.due_us - self._told_us >= STATUS_US:
@@ -154,11 +157,12 @@ def drive_on_bus(
         cleanup.callback(link.close)
         logger = None if log is None else cleanup.enter_context(open_logger(log))
         told = cleanup.enter_context(until_told())
-        drive = Drive(scenario, End(link, lines), logger, truth, channel)
         # what the start has left is not looked through again and again for garbage
         gc.collect()
         gc.freeze()
         cleanup.callback(gc.unfreeze)
+        lines.event(0, f"{scenario.train.name} on {interface} {channel}: {scenario.train.duration_s:g} s at most")
+        drive = Drive(scenario, End(link, lines), logger, truth, channel)
         while not told() and drive.step():
             time.sleep(drive.wait_s())
         lines.end()
@@ -168,13 +172,13 @@ def drive_on_bus(
 def counts(drive: Drive) -> dict[str, Any]:
     """What happened on the bus, for a document."""
     end, tally = drive.end, drive.tally
-    by_axle = drive.silences.counts()
+    heard = drive.rig.demands.values()
     demands = {
-        n: {**by_axle[n], "rejected": heard.rejected.counts()}
-        for n, heard in zip(drive.silences.axles, drive.rig.demands.values(), strict=True)
+        n: silence.counts() | {"rejected": h.rejected.counts()}
+        for (n, silence), h in zip(drive.silences.by_axle.items(), heard, strict=True)
     }
     return {
         "demand": demands, "frames": tally.frames, "unsent": tally.unsent, "overruns": tally.overruns,
-        "latest_ms": round(tally.latest_us / 1000, 1), "waits": drive.waits, "waited_s": round(drive.waited_us * 1e-6, 3),
-        "bus": end.counts(),
+        "latest_ms": round(tally.latest_us / 1000, 1), "waits": drive.waits,
+        "waited_s": round(drive.waited_us * 1e-6, 3), "bus": end.counts(),
     }  # fmt: skip

@@ -23,6 +23,7 @@ STATES: dict[LinkState, str] = {
     "ErrorPassive": "the CAN controller is error-passive: look at wiring, termination and bit rate",
 }
 
+UP = ("Up", "ErrorPassive")
 BEFORE_US = 1_000_000  # how old a frame can be that waits for the run to begin
 
 
@@ -121,16 +122,16 @@ class End:
     def counts(self) -> dict[str, float]:
         """What has become of the bus so far."""
         health = self.link.health
-        down_us = self.down_us + (0 if health.up else self.now_us - self._left_us)
+        down_us = self.down_us + (0 if self._state in UP else self.now_us - self._left_us)
         return {
-            "downs": self.downs, "down_s": round(down_us * 1e-6, 3), "reopens": health.reopens, "drops": health.drops - self._drops,
-            "foreign_frames": health.foreign_frames,
+            "downs": self.downs, "down_s": round(down_us * 1e-6, 3), "reopens": health.reopens,
+            "drops": health.drops - self._drops, "foreign_frames": health.foreign_frames,
         }  # fmt: skip
 
     def _watch(self, now_us: int) -> None:
         """Tell what has become of the bus."""
         state = self.link.health.state
-        was_up = self._state in ("Up", "ErrorPassive")
+        was_up = self._state in UP
         if not self.link.health.up:
             if was_up:
                 self.downs += 1

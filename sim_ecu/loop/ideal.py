@@ -23,7 +23,9 @@ class Ideal:
     def __init__(self, scenario: DriveScenario) -> None:
         train = scenario.train
         self._scenario, self._contact = scenario, train.wheelset.contact
-        self._unit_N_m = 2 * train.wheelset.normal_N * train.wheelset.r_0
+        w = train.wheelset
+        # the wheelset's own rotation takes torque beside what the rail carries
+        self._unit_N_m = 2 * w.normal_N * w.r_0 * (1.0 + (w.I_R + w.I_L) / (w.r_0**2 * w.M_v))
         self._past = [False] * len(train.axles)
 
     def demands(self, step: Step | None) -> Sequence[tuple[float, Valve]]:

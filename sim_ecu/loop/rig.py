@@ -1,6 +1,6 @@
 """The rig with its loop open to the bus: plant, actuators, sensors, driver. No clock and no bus of its own."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,14 +11,17 @@ from sim_ecu.loop.sensed import TACHOMETER, Sensed
 from sim_ecu.physics.actuators import AxleActuators, Valve
 from sim_ecu.physics.sensors import Sensor
 from sim_ecu.physics.simulation import Simulation
-from sim_ecu.physics.wheelset import MU_AVAILABLE, MU_USED, ROLLING_START, SLIP, TORQUE, W_L, W_R, FloatArray
+from sim_ecu.physics.wheelset import MU_AVAILABLE, MU_USED, TORQUE, W_L, W_R, FloatArray
 from sim_ecu.play.encoder import SAMPLE_US, Channel, Sent
+from sim_ecu.play.faults import Fault
 from sim_ecu.play.player import on_tracks
 from sim_ecu.play.train import PACKAGED, Train
 
 WRCD, TRUTH, LOOP = "wrcd", "truth", "loop"  # who hears frames: they are made for nobody else
 ALL = (WRCD, TRUTH, LOOP)
 COAST, TRACTION, BRAKE = range(3)
+BLOCK = 1000  # samples of the driver's course that are made at once
+VALVES = {int(v): v for v in Valve}  # another value is none: the brakes must not be lost
 PRESSURE = Sensor(0.01, 10.0, 0.0)  # bar
 
 
@@ -52,7 +55,7 @@ class Rig:
         played, axles = scenario.train, scenario.train.axles
         self._dt = SAMPLE_US * 1e-6
         speed = float(played.speed.at(np.zeros(1))[0])
-        self._simulation = Simulation(played.wheelset, on_tracks(axles), speed, self._dt)
+        self._simulation = Simulation(played.wheelset, on_tracks(axles), speed, self._dt, cleaning=scenario.cleaning)
         self._actuators = [AxleActuators(scenario.actuators, self._dt) for _ in axles]
         self._heard = frozenset(heard)
         numbers = scenario.axles
@@ -60,14 +63,17 @@ class Rig:
         self._sensed = Sensed(scenario, TRUTH in self._heard, train)
         self._rngs = [np.random.default_rng([a.seed, 5]) for a in axles]
         self._driver = Channel(rig_message("DriverDemand"))
-        self._wheel = [Channel(rig_message(f"WheelSpeed_A{n}")) for n in numbers]
-        self._pressure = [Channel(rig_message(f"BrakePressure_A{n}")) for n in numbers]
+        self._wheels = [Channel(rig_message(f"WheelSpeed_A{n}")) for n in numbers]
+        self._cylinders = [Channel(rig_message(f"BrakePressure_A{n}")) for n in numbers]
         self.demands = {m.message.frame_id: m for m in (Heard(rig_message(f"Demand_A{n}")) for n in numbers)}
         self._by_place = list(self.demands.values())
         self._direct: list[tuple[float, Valve] | None] = [None] * len(numbers)
         self.silences = [0] * len(numbers)  # how often an axle's demand fell silent
         self.silent_us = [0] * len(numbers)
         self._was_silent = [False] * len(numbers)
+        self._radius_m = played.wheelset.r_0
+        self._shares: list[float] = []  # what the driver asks, by sample, as far as it is made
+        self._torques = np.zeros((2, len(numbers)))
         self.time_us = 0
 
     def hear(self, can_id: int, data: bytes, stamp_us: int) -> None:
@@ -80,24 +86,28 @@ class Rig:
         """Whether the scenario's faults leave a bus at a time; without one nobody hears anybody."""
         return self._sensed.carries(due_us)
 
+    def take_faults(self, faults: Sequence[Fault]) -> None:
+        """These faults of the scenario's inputs act from now on, and no others."""
+        self._sensed.take_faults(faults)
+
     def demand(self, axle: int, torque_N_m: float, valve: Valve = Valve.FILL) -> None:
         """Set an axle's demand without a frame; it holds until it is set again. KeyError for an axle that is not."""
         self._direct[self._place[axle]] = (torque_N_m, valve)
 
     def step(self) -> Step:
         """One sample of 5 ms on."""
-        n = len(self._actuators)
-        share = float(self.scenario.driver.at(np.array([self.time_us * 1e-6]))[0])
+        share = self._share()
         speed = float(self._simulation.train[0])
-        asked = np.array([self._torque(k, share, speed) for k in range(n)])
-        samples = self._simulation.step(np.maximum(asked, 0.0), np.maximum(-asked, 0.0))
+        traction, brake = self._torques[0], self._torques[1]
+        for k, a in enumerate(self._actuators):
+            self._actuate(k, a, max(-share, 0.0), speed)
+            traction[k], brake[k] = max(a.drive_N_m, 0.0), a.friction_N_m + max(-a.drive_N_m, 0.0)
+        samples = self._simulation.step(traction, brake)
         self.time_us += SAMPLE_US
         y, speed = samples.outputs[0], float(samples.speed_m_s[0])
-        w = self.scenario.train.wheelset
         state = self._simulation.state
-        wheel = (state[:, W_R] + state[:, W_L]) / 2 * w.r_0
-        sliding = y[:, SLIP] * max(speed, ROLLING_START)  # m/s, mean of the sample
-        energy = np.abs(y[:, MU_USED] * 2 * w.normal_N * sliding) * self._dt
+        wheel = (state[:, W_R] + state[:, W_L]) * (0.5 * self._radius_m)
+        energy = self._simulation.slip_energy_J(samples)[0]
         pressure = np.array([a.pressure_bar for a in self._actuators])
         frames: list[Sent] = []
         if LOOP in self._heard and self.carries(self.time_us):
@@ -109,10 +119,17 @@ class Rig:
             y[:, MU_AVAILABLE].copy(), y[:, MU_USED].copy(), wheel - speed, energy, frames,
         )  # fmt: skip
 
-    def _torque(self, k: int, share: float, speed_m_s: float) -> float:
-        """Torque of one axle's actuators in the coming sample."""
+    def _share(self) -> float:
+        """What the driver asks now, signed."""
+        k = self.time_us // SAMPLE_US
+        if k >= len(self._shares):
+            times = np.arange(len(self._shares), k + BLOCK, dtype=np.float64) * (SAMPLE_US * 1e-6)
+            self._shares += self.scenario.driver.at(times).tolist()
+        return self._shares[k]
+
+    def _actuate(self, k: int, actuators: AxleActuators, brake: float, speed_m_s: float) -> None:
+        """One axle's actuators through the coming sample."""
         a = self.scenario.actuators
-        brake = max(-share, 0.0)
         direct = self._direct[k]
         if direct is None:
             heard = self._by_place[k]
@@ -122,21 +139,21 @@ class Rig:
                 self.silent_us[k] += SAMPLE_US * silent
                 self._was_silent[k] = silent
             if silent:
-                return self._actuators[k].step(0.0, Valve.FILL, a.asked_bar(brake, speed_m_s, electric=False), 0.0)
-            direct = float(heard.values["Torque"]), Valve(int(heard.values["Valve"]))
+                actuators.step(0.0, Valve.FILL, a.asked_bar(brake, speed_m_s, electric=False), 0.0)
+                return
+            direct = float(heard.values["Torque"]), VALVES.get(heard.values["Valve"], Valve.FILL)
         electric = a.electric_N_m(brake, speed_m_s)
-        return self._actuators[k].step(*direct, a.asked_bar(brake, speed_m_s), electric)
+        actuators.step(*direct, a.asked_bar(brake, speed_m_s), electric)
 
     def _loop_frames(self, share: float, wheel: FloatArray, pressure: FloatArray) -> list[Sent]:
-        out = []
-        if self.time_us % self._driver.every_us == 0:
+        now, out = self.time_us, []
+        if now % self._driver.every_us == 0:
             mode = COAST if share == 0.0 else TRACTION if share > 0.0 else BRAKE
-            out.append(self._driver.encode_quick(self.time_us, {"Mode": mode, "Share": abs(share)}))
-        for k, rng in enumerate(self._rngs):
-            if self.time_us % self._wheel[k].every_us == 0:
-                told = TACHOMETER.measure_one(float(wheel[k]), rng)
-                out.append(self._wheel[k].encode_quick(self.time_us, {"WheelSpeed": told}))
-            if self.time_us % self._pressure[k].every_us == 0:
+            out.append(self._driver.encode_quick(now, {"Mode": mode, "Share": abs(share)}))
+        for k, (rng, tachometer, cylinder) in enumerate(zip(self._rngs, self._wheels, self._cylinders, strict=True)):
+            if now % tachometer.every_us == 0:
+                out.append(tachometer.encode_quick(now, {"WheelSpeed": TACHOMETER.measure_one(float(wheel[k]), rng)}))
+            if now % cylinder.every_us == 0:
                 told = PRESSURE.measure_one(float(pressure[k]), rng)
-                out.append(self._pressure[k].encode_quick(self.time_us, {"Pressure": max(told, 0.0)}))
+                out.append(cylinder.encode_quick(now, {"Pressure": max(told, 0.0)}))
         return out

@@ -50,7 +50,7 @@ OF_PNEUMATICS = Other("pneumatics", "brake cylinder, its valve, its blocks or pa
 _OF_DRIVE: Mapping[str, tuple[str, float, float, str]] = {
     "max_traction_N_m": ("N m", 0.0, 2e5, "full traction"),
     "max_brake_N_m": ("N m", 0.0, 2e5, "full electric brake; 0: there is none"),
-    "lag_s": ("s", 0.0, 10.0, "time constant from demand to torque; less than 5 ms counts as 5"),
+    "lag_s": ("s", 0.0, 10.0, "time constant from demand to torque"),
     "rise_N_m_s": ("N m/s", 1.0, 1e9, "how fast the torque's amount may grow"),
     "fall_N_m_s": ("N m/s", 1.0, 1e9, "how fast it may fall"),
     "fades_m_s": ("m/s", 0.0, 100.0, "below this speed the electric brake fades; at half of it there is none"),
@@ -59,8 +59,8 @@ _OF_PNEUMATICS: Mapping[str, tuple[str, float, float, str]] = {
     "torque_per_bar_N_m": ("N m/bar", 1.0, 1e6, "friction torque at the wheelset"),
     "max_bar": ("bar", 0.0, 20.0, "highest pressure of the cylinder"),
     "valve_delay_s": ("s", 0.0, 1.0, "from the demand to the valve's act, in whole samples of 5 ms"),
-    "fill_s": ("s", 0.005, 10.0, "time constant of filling"),
-    "vent_s": ("s", 0.005, 10.0, "time constant of venting"),
+    "fill_s": ("s", 0.0, 10.0, "time constant of filling"),
+    "vent_s": ("s", 0.0, 10.0, "time constant of venting"),
 }
 DRIVE_KEYS = tuple(
     Measure(name, f"{what}; our choice{_swept(name)}", low, high, getattr(Drive(), name), unit=unit)

@@ -3,12 +3,15 @@
 Constants are this project's own choice where no source is given; they are of the size of a multiple unit's.
 """
 
+import math
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from enum import IntEnum
 
 import numpy as np
+
+EMPTY_BAR = 1e-6
 
 
 class Valve(IntEnum):
@@ -52,8 +55,10 @@ class Actuators:
 
     def electric_N_m(self, brake_share: float, speed_m_s: float) -> float:
         """What the brake control asks of the electric brake for a share (0 … 1) of the full service brake."""
-        fade = min(max(2.0 * speed_m_s / self.drive.fades_m_s - 1.0, 0.0), 1.0)
-        return min(brake_share * self.full_brake_N_m, self.drive.max_brake_N_m) * fade
+        whole = min(brake_share * self.full_brake_N_m, self.drive.max_brake_N_m)
+        if speed_m_s >= self.drive.fades_m_s:
+            return whole
+        return whole * max(2.0 * speed_m_s / self.drive.fades_m_s - 1.0, 0.0)
 
     def asked_bar(self, brake_share: float, speed_m_s: float, electric: bool = True) -> float:
         """Pressure for what the electric brake is not asked; electric False: for all."""
@@ -86,29 +91,61 @@ def swept(rng: np.random.Generator) -> Actuators:
 
 
 class AxleActuators:
-    """The state of one wheelset's actuators."""
+    """The state of one wheelset's actuators, in steps of any length: lags are solved exactly, demands held within."""
 
     def __init__(self, actuators: Actuators, step_s: float) -> None:
-        self._a, self._step_s = actuators, step_s
+        d, p = actuators.drive, actuators.pneumatics
+        self._max_traction_N_m, self._rise, self._fall = (
+            d.max_traction_N_m,
+            d.rise_N_m_s * step_s,
+            d.fall_N_m_s * step_s,
+        )
+        self._lag, self._fill, self._vent = (_share(step_s, constant) for constant in (d.lag_s, p.fill_s, p.vent_s))
+        self._per_bar_N_m = p.torque_per_bar_N_m
         self.drive_N_m = 0.0
         self.pressure_bar = 0.0
-        self._valves = deque([Valve.FILL] * round(actuators.pneumatics.valve_delay_s / step_s))
+        self._valves = deque([Valve.FILL] * round(p.valve_delay_s / step_s))
 
     def step(self, torque_N_m: float, valve: Valve, asked_bar: float, electric_N_m: float) -> float:
         """One step on. torque_N_m: demand to the drive; electric_N_m: the most that its brake may take.
 
-        Returns the torque at the wheelset, braking negative.
+        Returns the torque at a wheelset that turns forward, braking negative: drive_N_m, less what the cylinder presses
+        for.
         """
-        d, p, dt = self._a.drive, self._a.pneumatics, self._step_s
-        wanted = min(max(torque_N_m, -electric_N_m), d.max_traction_N_m)
-        change = (wanted - self.drive_N_m) / max(d.lag_s, dt)
-        grows = self.drive_N_m * change >= 0.0
-        rate = d.rise_N_m_s if grows else d.fall_N_m_s
-        self.drive_N_m += min(max(change, -rate), rate) * dt
+        wanted = min(max(torque_N_m, -electric_N_m), self._max_traction_N_m)
+        self.drive_N_m = self._limited(self.drive_N_m + (wanted - self.drive_N_m) * self._lag)
         self._valves.append(valve)
         acts = self._valves.popleft()
         if acts is not Valve.HOLD:
-            target, constant_s = (asked_bar, p.fill_s) if acts is Valve.FILL else (0.0, p.vent_s)
-            constant_s = p.vent_s if target < self.pressure_bar else constant_s
-            self.pressure_bar += (target - self.pressure_bar) * min(dt / constant_s, 1.0)
-        return self.drive_N_m - self.pressure_bar * p.torque_per_bar_N_m
+            target = asked_bar if acts is Valve.FILL else 0.0
+            share = self._vent if target < self.pressure_bar else self._fill
+            self.pressure_bar += (target - self.pressure_bar) * share
+            if self.pressure_bar < EMPTY_BAR:
+                self.pressure_bar = 0.0
+        return self.drive_N_m - self.friction_N_m
+
+    @property
+    def friction_N_m(self) -> float:
+        """What the brake can hold with the cylinder's pressure."""
+        return self.pressure_bar * self._per_bar_N_m
+
+    def _limited(self, next_N_m: float) -> float:
+        """The drive's next torque, its amount growing and falling no faster than it may; through zero it does both."""
+        now = self.drive_N_m
+        if now < 0.0:
+            return -_limit(-now, -next_N_m, self._rise, self._fall)
+        return _limit(now, next_N_m, self._rise, self._fall)
+
+
+def _limit(now: float, following: float, rise: float, fall: float) -> float:
+    """The same for a torque that is not negative."""
+    if following >= now:
+        return min(following, now + rise)
+    if following >= 0.0 or now >= fall:
+        return max(following, now - fall)
+    return max(following, -rise * (1.0 - now / fall))  # what is left of the step after zero
+
+
+def _share(step_s: float, constant_s: float) -> float:
+    """Share of its way that a lag of first order goes in a step."""
+    return 1.0 if constant_s <= 0.0 else -math.expm1(-step_s / constant_s)

@@ -6,10 +6,23 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sim_ecu.physics.cleaning import CleanedRail, Cleaning
 from sim_ecu.physics.integration import Rides, integrate
 from sim_ecu.physics.rail import RAIL_COLUMNS
 from sim_ecu.physics.track import SPACING_M, Track
-from sim_ecu.physics.wheelset import AXLE_STATES, LANES, W_L, W_R, Command, FloatArray, Wheelset, constants
+from sim_ecu.physics.wheelset import (
+    AXLE_STATES,
+    LANES,
+    MU_USED,
+    ROLLING_START,
+    SLIP,
+    W_L,
+    W_R,
+    Command,
+    FloatArray,
+    Wheelset,
+    constants,
+)
 
 RIDE_SAMPLES = 200  # that step() runs on one piece of track
 NO_LIMIT = 1e3  # of creep, of the peak's
@@ -37,7 +50,8 @@ class Samples:
 
 
 class Simulation:
-    """Equations (1)-(12) in time. step_scale 2 halves the integration step (for the convergence test)."""
+    """Equations (1)-(12) in time. step_scale 2 halves the integration step (for the convergence test). cleaning: by the
+    slip of the axles, in step() alone; None for a rail that stays as it is."""
 
     def __init__(
         self,
@@ -46,6 +60,7 @@ class Simulation:
         speed_m_s: float,
         sample_s: float = 0.005,
         step_scale: float = 1.0,
+        cleaning: Cleaning | None = None,
     ) -> None:
         if not 1 <= len(axles) <= LANES:
             raise ValueError(f"a train has one to {LANES} axles here, not {len(axles)}")
@@ -73,7 +88,13 @@ class Simulation:
         # yaw ones where those are faster (Kalker's slope, the curve's own reduction)
         w, c = wheelset, wheelset.contact
         self._numbers = [*constants(w), *c]
-        slope = max(float(np.max(r[:, 4] + r[:, 5])) for r in self._rails) * 2 / np.pi * c.stiffness_N
+        steepest = [float(np.max(r[:, 4] + r[:, 5])) for r in self._rails]
+        self._cleaned: CleanedRail | None = None
+        if cleaning is not None:
+            steepest.append(cleaning.steepest)
+            self._cleaned = CleanedRail(cleaning, self._rails, [a.position_m for a in axles])
+        self._load_N = 2 * wheelset.normal_N
+        slope = max(steepest) * 2 / np.pi * c.stiffness_N
         self._stiffest = slope * max(w.r_0**2 / min(w.I_L, w.I_R), 2 / w.m_w, 2 * w.L_g**2 / w.I_w)
 
     @property
@@ -105,13 +126,28 @@ class Simulation:
         self._ridden += 1
         train = np.empty((n, 2))
         train[:] = self.train
+        before_m = float(self.train[1])
+        if self._cleaned is not None:
+            tables = self._cleaned.tables(before_m, float(self.train[0]) * self._sample_s)
+            self._ride = self._ride._replace(
+                rails=np.concatenate(tables), first_rail=np.cumsum([0, *(len(t) for t in tables)])
+            )
         self._torque[0], self._brake[0] = torque_N_m, brake_N_m
         out, journey = integrate(
             self.state, train, self._integral, self._ride, self._command, self._brake, self._free, self._sample_s,
             self._step_scale, True,
         )  # fmt: skip
         self.train = train[0]
-        return Samples(out, journey[:, 0, 0], journey[:, 0, 1])
+        samples = Samples(out, journey[:, 0, 0], journey[:, 0, 1])
+        if self._cleaned is not None:
+            self._cleaned.add(self.slip_energy_J(samples)[0], before_m, float(self.train[1]))
+        return samples
+
+    def slip_energy_J(self, s: Samples) -> FloatArray:
+        """What both wheels' slip along the rail dissipates in each sample, (samples, axles)."""
+        sliding = s.outputs[:, :, SLIP] * np.maximum(s.speed_m_s, ROLLING_START)[:, None]  # m/s, means
+        out: FloatArray = np.abs(s.outputs[:, :, MU_USED] * sliding) * (self._load_N * self._sample_s)
+        return out
 
 
 def advance_side_by_side(

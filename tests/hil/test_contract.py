@@ -18,7 +18,6 @@ RULES = {
     "wrong-length-is-dropped",
     "id-of-the-other-kind-is-dropped",
     "repeated-counter-is-dropped",
-    "second-sender-falls-back",
     "lost-frames-are-no-fault",
     "late-frames-are-no-fault",
     "silence-falls-back",

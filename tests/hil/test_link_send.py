@@ -1,7 +1,7 @@
 """The SocketCAN link on a real kernel: frames are sent within their slot, or dropped and counted."""
 
 from sim_ecu.play.slcan import Slcan
-from tests.support.can_ids import ADHESION, ADHESION_A1, AXLES
+from tests.support.can_ids import ADHESION, ADHESION_A1, AXLES, YAW_RATE_A1
 from tests.support.vcan import BUS_OFF, ERROR, FaultySocket, Node, now_us
 from wrcd.bus.frame import Frame
 from wrcd.bus.socketcan import SocketCanLink
@@ -45,6 +45,22 @@ def test_frames_wait_in_the_kernel_for_one_slot_only(
     sockets[-1].holds_frames = False
     assert link.send(Frame(stamp + 1_060_000, ADHESION_A1, b"\x06"))  # and has left
     assert [node.receive()[1] for _ in range(6)] == [b"\x03"] * 4 + [b"\x05", b"\x06"]
+
+
+def test_link_that_asks_for_no_confirmation_does_not_wait_for_earlier_frames(
+    sockets: list[FaultySocket], bus: str, node: Node
+) -> None:
+    """A rig's sensors: what an earlier sample has left in the queue holds nothing of the next one back."""
+    link = SocketCanLink(bus, (YAW_RATE_A1,), confirm=False)
+    stamp = now_us()
+    assert link.send(Frame(stamp, ADHESION_A1, b"\x01"))
+    sockets[-1].holds_frames = True
+    for sample in range(1, 4):
+        assert link.send(Frame(stamp + sample * 5_000, ADHESION_A1, b"\x02"))
+    sockets[-1].holds_frames = False
+    assert [node.receive()[1] for _ in range(4)] == [b"\x01"] + [b"\x02"] * 3
+    assert link.receive(0) == []  # nothing comes back of what is sent
+    link.close()
 
 
 def test_bus_off_tries_one_slot_a_second(link: SocketCanLink, node: Node) -> None:

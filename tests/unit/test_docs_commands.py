@@ -22,7 +22,7 @@ REASONS = {
 COMMAND = re.compile(
     r"^ {4,}(?:\.venv|wrcd|sim-ecu|make|sudo|ip|candump|python3?|pip|systemctl|tests/with-vcan)(?: .*)?$", re.MULTILINE
 )
-KINDS = {"sh", "text", "toml", "python"}
+KINDS = {"sh", "text", "toml", "python", "c"}
 PAGES = [p for p in pages() if p.name != "CHANGELOG.md"]
 HERE = [p for p in pages_with_steps() if to_run(p, frozenset())]
 

@@ -46,6 +46,12 @@ def test_replay_works_from_the_installed_wheel(installed: Path, log_of: LogOf, t
     assert table.read_text().splitlines()[-4].split(",")[2] == "Valid"
 
 
+def test_kit_is_written_from_the_installed_wheel(installed: Path, tmp_path: Path) -> None:
+    code = "import sys; from wrcd.tools.cli import main; sys.exit(main())"
+    run(installed, code, "kit", "-o", str(tmp_path / "kit"))
+    assert (tmp_path / "kit" / "adhesion.c").stat().st_size > 10_000
+
+
 def test_wheel_contains_the_rig(installed: Path) -> None:
     code = "import sys, sim_ecu; print(sim_ecu.__file__); from sim_ecu.cli import main; sys.exit(main())"
     done = run(installed, code, "list")

@@ -71,7 +71,7 @@ class AdhesionWatch:
         """Why it may not be used; "" where it may."""
         r = a.receiver
         if r.unusable is not None:
-            return r.unusable
+            return str(r.unusable)
         if r.adhesion(now_us) is not None:
             return ""
         if a.stamp_us is None:

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from sim_ecu.loop.control.law import Seen
+from sim_ecu.loop.control.resync import Constants as Release
 
 SLIDES = 2.0  # times the set point: the wheel is said to slide; until it is back at the set point
 
@@ -12,15 +13,17 @@ class Constants:
     """Gains: torque per creep, as shares of the full effort asked."""
 
     creep: float = 0.032  # set point
-    min_slip_m_s: float = 0.156  # the set point at low speed
-    kp_N_m: float = 320_000.0  # per unit of creep
-    ki_N_m_s: float = 960_000.0
-    kd_N_m_s2: float = 160.0  # per m/s2 of running away
-    room_N_m: float = 4800.0  # anti-windup: the integral is at most this above what the actuators give
+    min_slip_m_s: float = 0.233  # the set point at low speed
+    kp_N_m: float = 512_000.0  # per unit of creep
+    ki_N_m_s: float = 2_300_000.0
+    kd_N_m_s2: float = 197.0  # per m/s2 of running away
+    room_N_m: float = 3700.0  # anti-windup: the integral is at most this above what the actuators give
 
 
 class CreepControl:
     """The law of one axle."""
+
+    release: Release = Release(after_s=1.9, share=0.6)
 
     def __init__(self, constants: Constants | None = None) -> None:
         self._c = constants or Constants()

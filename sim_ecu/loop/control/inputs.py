@@ -2,8 +2,10 @@
 
 from collections.abc import Sequence
 
+from sim_ecu.loop.control.controller import CYCLE_US
 from sim_ecu.loop.counted import counted, times
 from sim_ecu.loop.messages import Heard, rig_message
+from sim_ecu.loop.silence import News, Silence, together
 
 
 class Inputs:
@@ -13,10 +15,8 @@ class Inputs:
         names = ["DriverDemand", *(f"{kind}_A{n}" for n in axles for kind in ("WheelSpeed", "BrakePressure"))]
         self._heard = {name: Heard(rig_message(name)) for name in names}
         self._by_id = {h.message.frame_id: h for h in self._heard.values()}
-        self._silent = dict.fromkeys(names, True)
-        self._since_us = dict.fromkeys(names, 0)
+        self._silences = {name: Silence(CYCLE_US) for name in names}
         self._taken = dict.fromkeys(names, 0)
-        self._silences = dict.fromkeys(names, 0)
 
     @property
     def ids(self) -> tuple[int, ...]:
@@ -30,28 +30,23 @@ class Inputs:
             self._taken[heard.message.name] += heard.take(data, stamp_us)
 
     def look(self, now_us: int) -> list[str]:
-        """The lines of what has fallen silent, or is heard again, since the last look."""
-        fallen, back = [], dict[str, list[str]]()
-        for name, heard in self._heard.items():
-            silent = not heard.fresh(now_us)
-            if silent == self._silent[name]:
-                continue
-            if silent:
-                fallen.append(name)
-                self._silences[name] += 1
-            else:
-                again = "again" if self._silences[name] else "heard"
-                back.setdefault(f"{again} after {(now_us - self._since_us[name]) * 1e-6:.1f} s", []).append(name)
-            self._silent[name], self._since_us[name] = silent, now_us
-        lines = [f"silent: {', '.join(fallen)}"] if fallen else []
-        return lines + [f"{', '.join(names)} {what}" for what, names in back.items()]
+        """The lines of what has fallen silent, or is heard again, in this cycle."""
+
+        def text(news: News, s: Silence) -> str:
+            if news in (News.SILENT, News.NONE_YET):
+                return "silent" if news is News.SILENT else "not heard yet"
+            return f"{'again' if news is News.AGAIN else 'heard'} after {s.lasted_us * 1e-6:.2f} s"
+
+        told = ((name, s, s.look(now_us, not self._heard[name].fresh(now_us))) for name, s in self._silences.items())
+        grouped = together(((name, s, news) for name, s, news in told if news is not None), text)
+        return [f"{', '.join(names)}: {what}" for what, names in grouped.items()]
 
     def summary(self) -> list[str]:
         """Lines for a person: what fell silent, frames that were not taken by reason."""
         out = []
         for name, heard in self._heard.items():
-            silences = self._silences[name]
-            what = "never came" if not self._taken[name] else f"{self._taken[name]} frames"
-            what += f", silent {times(silences)}" if silences else ""
+            s = self._silences[name]
+            what = f"{self._taken[name]} frames" if s.heard else "never came"
+            what += f", silent {times(s.silences)}, {s.longest_us * 1e-6:.2f} s the longest" if s.silences else ""
             out.append(f"{name:16} {what}{counted(heard.rejected.counts())}")
         return out

@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from typing import Protocol
 
+from sim_ecu.loop.control.resync import Constants as Release
+
 
 @dataclass(frozen=True, slots=True)
 class Seen:
@@ -23,7 +25,9 @@ class Seen:
 
 
 class Law(Protocol):
-    """Slip control of one axle."""
+    """Slip control of one axle. release: when an axle under this law is released for the reference's sake."""
+
+    release: Release
 
     @property
     def sliding(self) -> bool:

@@ -4,15 +4,28 @@ import gc
 import time
 from collections.abc import Sequence
 from contextlib import ExitStack
+from typing import Protocol
 
-from sim_ecu.loop.control.adhesion_watch import AdhesionWatch
 from sim_ecu.loop.control.controller import CYCLE_US, Controller
-from sim_ecu.loop.control.inputs import Inputs
 from sim_ecu.loop.counted import down
 from sim_ecu.loop.end import End, Lines, open_end, until_told
-from wrcd.core.configuration import Config
 
-Watch = Inputs | AdhesionWatch
+
+class Watch(Protocol):
+    """Hears what the controller hears, and tells of it."""
+
+    @property
+    def ids(self) -> tuple[int, ...]:
+        """Of the messages that it hears."""
+
+    def hear(self, can_id: int, data: bytes, stamp_us: int) -> None:
+        """Take a frame from the bus."""
+
+    def look(self, now_us: int) -> list[str]:
+        """The lines of what has changed in this cycle."""
+
+    def summary(self) -> list[str]:
+        """Lines of what came of it."""
 
 
 class OnBus:
@@ -63,25 +76,22 @@ class OnBus:
 
 
 def control_on_bus(
-    controller: Controller, axles: Sequence[int], config: Config | None, interface: str, channel: str,
-    seconds: float | None = None,
+    controller: Controller, watches: Sequence[Watch], interface: str, channel: str, seconds: float | None = None
 ) -> list[str]:  # fmt: skip
-    """Until SIGTERM or Ctrl-C comes, or so many seconds are over. config: whose adhesion messages it hears, None: none.
+    """Until SIGTERM or Ctrl-C comes, or so many seconds are over. It hears the messages of its watches.
 
     Returns what it came to, as lines. Raises InputError, BusError.
     """
-    watches: list[Watch] = [Inputs(axles)]
-    if config is not None:
-        watches.append(AdhesionWatch(config, axles))
     lines = Lines()
     with ExitStack() as cleanup:
         link = open_end(interface, channel, tuple(i for watch in watches for i in watch.ids))
         cleanup.callback(link.close)
         told = cleanup.enter_context(until_told())
-        controls = OnBus(controller, watches, End(link, lines))
+        # what the start has left is not looked through again and again for garbage
         gc.collect()
         gc.freeze()
         cleanup.callback(gc.unfreeze)
+        controls = OnBus(controller, watches, End(link, lines))
         while not told() and (seconds is None or controls.end.now_us < seconds * 1e6):
             time.sleep(controls.wait_s())
             controls.turn()

@@ -40,7 +40,7 @@ class SlipController:
         self._pressures = {a.pressure.message.frame_id: a for a in self.axles}
         self.silences = {h.message.name: Silence() for h in inputs}
         self._reference = ReferenceSpeed(facts)
-        self._resync = Resync(len(self.axles), resync)
+        self._resync = Resync(len(self.axles), resync or self.axles[0].law.release)
         self._braking = True
         self._now_us: int | None = None
         self._period_us = CYCLE_US
@@ -81,6 +81,7 @@ class SlipController:
         for k, a in enumerate(self.axles):
             if speed is None or a.wheel_silent:
                 torque = asked if self._braking else 0.0
+                self._resync.skip(k)
             else:
                 torque = self._protected(k, a, now_us, asked, speed)
             a.given_N_m = torque

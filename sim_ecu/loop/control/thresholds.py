@@ -4,21 +4,22 @@ from dataclasses import dataclass
 from enum import Enum
 
 from sim_ecu.loop.control.law import Seen
+from sim_ecu.loop.control.resync import Constants as Release
 
 
 @dataclass(frozen=True, slots=True)
 class Constants:
     """Thresholds and rates; shares are of the torque at which the slide began."""
 
-    on_m_s: float = 0.5  # slip at which a slide begins: this, or the share of the speed where that is more
-    on_share: float = 0.02
-    on_m_s2: float = 8.0  # or at half the slip, when the wheel runs away faster than this
-    off_share: float = 0.4  # of the slip at which it begins: below it, it is over
+    on_m_s: float = 0.71  # slip at which a slide begins: this, or the share of the speed where that is more
+    on_share: float = 0.048
+    on_m_s2: float = 9.2  # or at half the slip, when the wheel runs away faster than this
+    off_share: float = 0.31  # of the slip at which it begins: below it, it is over
     back_m_s2: float = 3.0  # a wheel that comes back faster than this has not arrived
-    hold_m_s2: float = 2.0  # a wheel that comes back faster than this needs no further cut
+    hold_m_s2: float = 1.54  # a wheel that comes back faster than this needs no further cut
     reapply_share: float = 0.8  # of the torque at which the slide began: given back at once
-    rise_N_m_s: float = 3000.0  # then it grows by this,
-    growth_s: float = 0.3  # and the faster the longer no slide has come: e-fold in this time
+    rise_N_m_s: float = 4800.0  # then it grows by this,
+    growth_s: float = 0.163  # and the faster the longer no slide has come: e-fold in this time
 
 
 class Phase(Enum):
@@ -32,6 +33,8 @@ class Phase(Enum):
 
 class Thresholds:
     """The law of one axle."""
+
+    release: Release = Release(after_s=3.0, share=0.6)
 
     def __init__(self, constants: Constants | None = None) -> None:
         self._c = constants or Constants()

@@ -7,6 +7,7 @@ import numpy as np
 
 from sim_ecu.loop.control.controller import Controller
 from sim_ecu.loop.control.facts import Facts
+from sim_ecu.loop.control.slip_controller import SlipController
 from sim_ecu.loop.lockstep import ride
 from sim_ecu.loop.rig import Step
 from sim_ecu.loop.scenario import DriveScenario
@@ -21,6 +22,7 @@ from sim_ecu.play import scenario as play
 WEAR_WEIGHT = 2.0  # a kJ that slides away in the contact counts as two of effort lost
 DEMAND_S, DURATION_S = 0.6, 7.0
 LEARNT_S = 0.5  # after the demand came: the actuators' own rise is nobody's loss
+SLIDES_M_S = 0.3  # slip, when the reference's error is looked at
 MASS_ERROR = 0.1  # a controller's load weighing: uniform, our choice
 RAILS = ("A", "C", "E", "D", "leaf on dry", "C", "E", "leaf on wet", "low patches")
 FRICTION = 0.2  # about a curve's own: uniform
@@ -116,3 +118,17 @@ def run(seed: int, make: Callable[[Facts], Controller]) -> Cost:
     """The cost of a seed's ride with a controller."""
     t = training(seed)
     return cost(t.scenario, ride(t.scenario, make(t.facts), None))
+
+
+def reference_errors(seed: int, make: Callable[[Facts], SlipController]) -> list[float]:
+    """Errors of the reference speed (m/s) at every sample after the demand at which an axle slides by SLIDES_M_S.
+
+    Positive: it lies towards the sliding wheel.
+    """
+    t = training(seed)
+    controller, errors = make(t.facts), []
+    for s in ride(t.scenario, controller, None):
+        if s.due_us > DEMAND_S * 1e6 and float(np.abs(s.slip_m_s).max()) > SLIDES_M_S:
+            error = (controller.reference_m_s or 0.0) - s.speed_m_s
+            errors.append(-error if s.share < 0.0 else error)
+    return errors

@@ -15,10 +15,10 @@ import numpy as np
 from sim_ecu.loop.control import creep, resync, thresholds
 from sim_ecu.loop.control.facts import Facts
 from sim_ecu.loop.control.slip_controller import SlipController
-from sim_ecu.loop.control.training import Cost, run
+from sim_ecu.loop.control.training import Cost, reference_errors, run
 
 SEEDS, CHECKS = range(1, 17), range(101, 141)
-FACTORS = (1.6, 1.3, 1.15)  # of the rounds
+FACTORS = (1.6, 1.3, 1.1)  # of the rounds
 HOPELESS = 1.05  # a candidate this much worse than the best after some rides is given up
 RELEASED = ("after_s", "share")  # constants of the release that are searched with a law
 LAWS: dict[str, tuple[Any, Any]] = {
@@ -38,7 +38,7 @@ class Place:
     @classmethod
     def in_force(cls, law: str) -> "Place":
         """The constants that the law has."""
-        return cls(law, LAWS[law][1](), resync.Constants())
+        return cls(law, LAWS[law][1](), LAWS[law][0].release)
 
     def names(self) -> list[str]:
         """The constants that are searched."""
@@ -94,6 +94,9 @@ def main(laws: Sequence[str]) -> None:
             costs = [place.cost(seed) for seed in CHECKS]
             figures = (np.mean([getattr(c, f) for c in costs]) for f in ("lost", "wear", "total"))
             print(law, name, "lost {:.4f}, wear {:.4f}, cost {:.4f}".format(*figures), flush=True)
+        errors = [e for seed in CHECKS for e in reference_errors(seed, found.controller)]
+        percentiles = "{:.2f}, {:.2f}, {:.2f}, {:.2f}, {:.2f}".format(*np.percentile(errors, [0, 5, 50, 95, 100]))
+        print(law, f"error of the reference in slides, m/s: least, 5th, median, 95th percentile, most: {percentiles}")
 
 
 if __name__ == "__main__":

@@ -15,6 +15,10 @@ _MAKERS: dict[str, Callable[[], Iterator[Case]]] = {
 }  # fmt: skip
 
 
-def cases(suite: str | None = None) -> list[Case]:
-    """Of one suite, or of all in the order of the report."""
-    return [case for name in SUITES if suite in (None, name) for case in _MAKERS[name]()]
+def cases(suite: str | None = None, only: str = "") -> list[Case]:
+    """Of one suite, or of all in the order of the report; only those whose name holds a text, and those whose bare runs
+    they share."""
+    every = [case for name in SUITES if suite in (None, name) for case in _MAKERS[name]()]
+    asked = [case for case in every if only in case.name]
+    shared = {(case.suite, case.bare) for case in asked}
+    return [case for case in every if case in asked or (case.suite, case.name) in shared]

@@ -41,8 +41,8 @@ class Verdict(IntEnum):
 class Why(IntEnum):
     NO_REASON = 0
     NOTHING_YET = 3
-    TIMED_OUT = 4
-    SENDERS = 5
+    SENDERS = 4
+    TIMED_OUT = 5
     MANY_DROPS = 6
     DEGRADED = 7
     NOT_AVAILABLE = 8
@@ -68,6 +68,7 @@ class _Axle:
     newest_us: int | None = None
     heard_us: int | None = None
     counter: int | None = None
+    doubted: bool = False
     drops: list[int] = field(default_factory=list)
     says: dict[str, Any] = field(default_factory=dict)
 
@@ -92,7 +93,8 @@ class Reading:
                 if verdict > Verdict.ANEW:
                     axle.drops.append(f.stamp_us)
                 else:
-                    axle.newest_us, axle.says = f.stamp_us, _says(axle, f.data)
+                    axle.newest_us, axle.says, axle.doubted = f.stamp_us, _says(axle, f.data), False
+                axle.doubted |= verdict == Verdict.TWO_SENDERS
                 return verdict
         return Verdict.NOT_MINE
 
@@ -125,15 +127,16 @@ class Reading:
         """State, reason, limit, MuAvailable, half-width, lower end, MuUsed, shown, age, surface, contact."""
         axle = self._axles[number]
         out = [0, 0, 0, *[NO_VALUE] * 6, 0, 0]
+        if axle.doubted and axle.heard_us is not None and now_us - axle.heard_us <= axle.timeout_us:
+            out[1] = Why.SENDERS
+            return out
         if axle.newest_us is None or now_us - axle.newest_us > axle.timeout_us:
             out[1] = Why.NOTHING_YET if axle.newest_us is None else Why.TIMED_OUT
             return out
         says = axle.says
         out[6:9] = [NO_VALUE if says.get(k) is None else says[k] for k in ("MuUsed", "MuAvailable", "SampleAge")]
         recent = sum(now_us - at < SECOND_US for at in axle.drops)
-        if axle.checker is not None and axle.checker._quarantine_frames:
-            out[1] = Why.SENDERS
-        elif recent > MAX_DROPS:
+        if recent > MAX_DROPS:
             out[1] = Why.MANY_DROPS
         else:
             out[1] = _why(says)

@@ -20,17 +20,18 @@ def blocks() -> list[str]:
     return re.findall(r"```python\n(.*?)```", PAGE.read_text(), re.DOTALL)
 
 
-def test_script_of_the_page_stops_the_train_without_a_slide(capsys: pytest.CaptureFixture[str]) -> None:
+def test_script_of_the_page_stops_the_train_before_a_locked_wheel_does(capsys: pytest.CaptureFixture[str]) -> None:
     script = blocks()[0]
     names: dict[str, object] = {}
     exec(script, names)  # the page's own words
     bench = names["bench"]
     assert isinstance(bench, Bench)
     figures = bench.figures()
-    assert (figures.stopped, figures.slides) == (True, 0)
+    assert figures.stopped
+    assert figures.max_slip_m_s < 1.0
     locked = Bench("brake-greasy", controller="none").run()
     assert figures.stop_m < 0.9 * locked.stop_m
-    assert capsys.readouterr().out.startswith("Figures(slides=0, ")
+    assert capsys.readouterr().out.startswith("Figures(slides=")
 
 
 def test_other_scripts_of_the_page_make_what_they_say() -> None:

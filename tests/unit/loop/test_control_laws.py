@@ -118,3 +118,11 @@ def test_axle_that_carries_all_that_is_asked_is_never_released() -> None:
     turns = Resync(1)
     assert all(turns.step(0, k * 10_000, FULL_N_m, FULL_N_m, False, 0.0) == FULL_N_m for k in range(2000))
     assert turns.releases == 0
+
+
+def test_axle_without_wheel_speed_passes_its_turn_on() -> None:
+    turns = Resync(2)
+    for k in range(2000):
+        turns.skip(0)
+        turns.step(1, k * 10_000, 9000.0, FULL_N_m, False, 0.0)
+    assert turns.releases > 1

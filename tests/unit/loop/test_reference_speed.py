@@ -42,6 +42,16 @@ def test_wheels_silent_reference_goes_on_and_stops_at_zero() -> None:
     assert [reference.step([], [10_000.0] * 4, True, PERIOD_S) for _ in range(3)][-1] == 0.0
 
 
+@pytest.mark.parametrize(("before", "left"), [(False, 26.0), (True, 14.0)])
+def test_wheel_that_still_spins_or_slides_from_the_other_effort_is_not_believed(before: bool, left: float) -> None:
+    reference = ReferenceSpeed(FOUR)
+    for k in range(50):  # one axle tells the speed, the others leave it
+        reference.step([20.0, *[20.0 + (left - 20.0) * k / 50] * 3], NO_FORCE, before, PERIOD_S)
+    for k in range(50):
+        speed = reference.step([left + (20.0 - left) * k / 50] * 4, NO_FORCE, not before, PERIOD_S)
+    assert speed == pytest.approx(20.0, abs=0.3)
+
+
 # seeds: a greasy rail, one axle; a wet one, four; traction on a low one
 @pytest.mark.parametrize("seed", [11, 5, 12])
 @pytest.mark.parametrize(("law", "bound"), [("thresholds", 0.8), ("creep", 1.0)])

@@ -30,6 +30,7 @@ RUN = {
     "wrcd dump ride.log --dbc train.dbc -n 100", "wrcd replay ride.log --csv adhesion.csv --relative",
     "wrcd replay ride.log --events -", "wrcd init train.dbc -o train.toml", "wrcd init train.dbc",
     "wrcd report ride.log -o report.html", "wrcd plot ride.log -o ride.png", "wrcd why ride.log 2.5",
+    "wrcd kit -o receiver", "wrcd kit --config train.toml -o receiver",
     "wrcd lint train.dbc", "wrcd lint --json train.dbc", "sim-ecu list", "sim-ecu list | grep axle-box",
     "sim-ecu inject --list", "sim-ecu design --explain", "sim-ecu verify ride.log",
     "sim-ecu verify ride.log --config train.toml", "sim-ecu fmu brake-greasy -o greasy.fmu",

@@ -40,6 +40,10 @@ WRCD_CASES = [
     ("lint {truth}", 1),
     ("lint bad.dbc", 2),
     ("lint never.dbc", 2),
+    ("kit -o {dir}/kit", 0),
+    ("kit -o {dir}/kit --config bad.toml", 2),
+    ("kit -o here.toml", 2),
+    ("kit -o {dir}/kit --config never.toml", 3),
     ("check", 0),
     ("check --config here.toml", 0),
     ("check --config bad.toml", 2),
@@ -90,6 +94,13 @@ RIG_CASES = [
     ("inject short.toml --fault crc:at=0.1,for=0.1,of=yaw_rate,axle=1 --fast --log {dir}/a.log", 0),
     ("inject short.toml", 2),
     ("inject short.toml --fault crc:at=0.1 -c can77", 3),
+    ("drive stop.toml -i virtual -c drive-status", 0),
+    ("drive nowhere", 2),
+    ("drive never.toml", 3),
+    ("drive stop.toml -c can77", 3),
+    ("control none -i virtual -c control-status --for 0.1", 0),
+    ("control none --for -1", 2),
+    ("control none -c can77", 3),
     ("design --explain", 0),
     ("design", 2),
     ("design --explain never.json", 3),
@@ -97,6 +108,7 @@ RIG_CASES = [
     ("contact never.csv", 2),
     ("score --jobs 0", 2),
     ("score --quick --design never.json", 3),
+    ("loop --jobs 0", 2),
     ("figures -o {dir}/f --design bad.json", 2),
     ("figures -o {dir}/f --design never.json", 3),
     ("fmu -o {dir}/rig.fmu", 0),
@@ -122,15 +134,18 @@ ELSEWHERE = {
     ("wrcd", "check", 1): "tests/unit/tools/test_speed.py",
     ("wrcd", "monitor", 0): "tests/unit/tools/monitor/test_terminal.py",
     ("wrcd", "monitor", 3): "tests/unit/tools/monitor/test_terminal.py",
+    ("sim-ecu", "drive", 1): "tests/unit/loop/test_drive_command.py ends it",
     ("sim-ecu", "faults", 0): "sim-ecu faults",
     ("sim-ecu", "faults", 1): "tests/unit/play/test_faults.py",
     ("sim-ecu", "faults", 2): "tests/unit/test_extra.py",
     ("sim-ecu", "score", 0): "make score",
+    ("sim-ecu", "loop", 0): "tests/unit/loop/test_loop_command.py",
     ("sim-ecu", "figures", 0): "tests/unit/score/test_figures.py",
     ("sim-ecu", "verify", 1): "tests/unit/estimator/test_reference.py",
     ("sim-ecu", "demo", 0): "tests/unit/play/test_demo.py",
     ("sim-ecu", "demo", 1): "tests/unit/play/test_demo.py",
 }
+STOP = 'title = "t"\nduration_s = 0.2\nspeed_m_s = 12\nrail = [{ curve = "A" }]\ndriver = { demand = -1.0 }\n'
 LATE = '[dbc]\nfile = "never.dbc"\n[wheelset]\nname = "default"\n' + DEFAULT
 CASES = [("wrcd", *c) for c in WRCD_CASES] + [("sim-ecu", *c) for c in RIG_CASES]
 TABLES = {"wrcd": WRCD, "sim-ecu": RIG}
@@ -163,6 +178,7 @@ def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     Path("bad.dbc").write_text("BO_ no DBC at all")
     Path("bad.json").write_text("{}")
     Path("short.toml").write_text(held("A", 0.5))
+    Path("stop.toml").write_text(STOP)
     Path("cases.csv").write_text(",".join(COLUMNS) + "\n1.2,6,5,73550,82000,0.28,0.3,0.001,0\n")
 
 

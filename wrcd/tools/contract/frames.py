@@ -40,6 +40,8 @@ class Says:
         )
 
 
+# as the daemon sends them
+DEGRADED = Says(20.0, "None", Validity.DEGRADED)
 NOTHING = Says(None, "None", Validity.NOT_AVAILABLE, 255)
 
 
@@ -92,6 +94,10 @@ class FrameMaker:
         at = position(find_signal(self._message, self._output.signals[signal].name), frame_length(self._message))
         number = int.from_bytes(frame.data, at.order) & ~(at.mask << at.shift) | (raw & at.mask) << at.shift
         return self.again(replace(frame, data=number.to_bytes(len(frame.data), at.order)))
+
+    def word(self, signal: str, word: str) -> int:
+        """The raw value of a word of ours."""
+        return (self._output.signals[signal].words or {})[word]
 
     def again(self, frame: Frame, other_message: bool = False) -> Frame:
         """The frame with a right CRC over its present bytes; other_message: with that of another data id."""

@@ -5,7 +5,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from wrcd.bus.frame import Frame
-from wrcd.core.causes import Validity
 from wrcd.tools.contract.bench import PATIENCE_US, POLL_US, Bench
 from wrcd.tools.contract.frames import FrameMaker, Says
 
@@ -199,11 +198,6 @@ class Player:
         """Raise CannotPlay, where the messages cannot say what is to be played."""
         if not possible:
             raise CannotPlay(f"{self.maker.name} {what}")
-
-
-def degraded(percent: float) -> Says:
-    """A frame that is Degraded, with a number that a careless consumer believes."""
-    return Says(percent, "None", Validity.DEGRADED)
 
 
 def _time(us: int) -> str:

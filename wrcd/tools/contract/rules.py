@@ -8,6 +8,7 @@ from wrcd.tools.contract.player import Player
 PAGE = "docs/reference/what-a-controller-does.md"
 ORDER, TIMEOUT, E2E, VALIDITY = "In this order", "Time-out", "E2E", "Validity"
 VALUES, CONFIDENCE = "MuAvailable, MuUsed, SampleAge", "Confidence"
+SURFACE, CONTACT = "Surface", "ContactState"
 FIRST, AXLES = "The first rule", "One axle, or the train"
 
 

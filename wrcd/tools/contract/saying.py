@@ -1,11 +1,12 @@
-"""Checks of what a good frame says: Validity, numbers that are none, SampleAge, Confidence."""
+"""Checks of what a good frame says: Validity, numbers and classes that are none, SampleAge, Confidence."""
 
 import itertools
 from dataclasses import replace
 
-from wrcd.tools.contract.frames import NOTHING, Says
-from wrcd.tools.contract.player import BASE, Player, Seen, Sent, degraded
-from wrcd.tools.contract.rules import CONFIDENCE, ORDER, VALIDITY, VALUES, Check, rule
+from wrcd.core.causes import Validity
+from wrcd.tools.contract.frames import DEGRADED, NOTHING, Says
+from wrcd.tools.contract.player import BASE, Player, Seen, Sent
+from wrcd.tools.contract.rules import CONFIDENCE, CONTACT, ORDER, SURFACE, VALIDITY, VALUES, Check, rule
 
 State = Says | tuple[str, int]  # or a raw value of Validity with its name
 CHECKS: list[Check] = []
@@ -20,14 +21,16 @@ def valid_is_used(p: Player) -> None:
 
 @rule(CHECKS, VALIDITY)
 def degraded_falls_back(p: Player) -> None:
-    """The number of a Degraded frame is for people."""
-    _falls_back(p, degraded(20.0))
+    """Its number is for people. Played as the daemon sends it, and with an interval, which it never has."""
+    _falls_back(p, DEGRADED)
+    _falls_back(p, replace(BASE, validity=Validity.DEGRADED))
 
 
 @rule(CHECKS, VALIDITY)
 def not_available_falls_back(p: Player) -> None:
-    """There is no estimate."""
+    """There is no estimate; nor is there one where a damaged daemon sends a number with it."""
     _falls_back(p, NOTHING)
+    _falls_back(p, replace(BASE, validity=Validity.NOT_AVAILABLE))
 
 
 @rule(CHECKS, VALIDITY)
@@ -43,7 +46,7 @@ def unknown_validity_falls_back(p: Player) -> None:
 def every_transition_of_validity(p: Player) -> None:
     """Each state after each other one."""
     unknown = p.maker.unknown_validities()
-    states: list[State] = [BASE, degraded(20.0), NOTHING, *unknown[-1:]]
+    states: list[State] = [BASE, DEGRADED, NOTHING, *unknown[-1:]]
     p.settle()
     for before, after in _round_trip(len(states)):
         if after == 0:
@@ -86,6 +89,18 @@ def high_sample_age_falls_back(p: Player) -> None:
     _falls_back(p, replace(BASE, age_ms=min(p.max_age_ms + 40, 254)))
 
 
+@rule(CHECKS, SURFACE)
+def unknown_surface_falls_back(p: Player) -> None:
+    """Valid without a class does not occur."""
+    _unknown(p, "Surface")
+
+
+@rule(CHECKS, CONTACT)
+def unknown_contact_state_falls_back(p: Player) -> None:
+    """Valid without an estimate does not occur."""
+    _unknown(p, "ContactState")
+
+
 @rule(CHECKS, CONFIDENCE)
 def confidence_none_falls_back(p: Player) -> None:
     """Valid without an interval does not occur."""
@@ -115,6 +130,11 @@ def _falls_back_raw(p: Player, signal: str, raw: int, played: str) -> None:
     seen = p.run(p.hold_us, lambda n, slot: [Sent(p.maker.with_raw(p.frame(slot), signal, raw))])
     p.must_fall_back(seen, f"{played} after {BASE}")
     p.must_return(f"after {played}")
+
+
+def _unknown(p: Player, signal: str) -> None:
+    p.need(p.maker.has(signal), f"has no {signal}")
+    _falls_back_raw(p, signal, p.maker.word(signal, "Unknown"), f"Valid with {signal} Unknown")
 
 
 def _no_number(p: Player, kind: str) -> None:

@@ -10,9 +10,8 @@ from tests.support.contract import EXAMPLES
 from tests.support.processes import ROOT
 from wrcd.bus.dbc import find_message
 from wrcd.config import load_config
-from wrcd.core.causes import Validity
 from wrcd.core.configuration import Config
-from wrcd.tools.contract.frames import NOTHING, FrameMaker, Says
+from wrcd.tools.contract.frames import DEGRADED, NOTHING, FrameMaker, Says
 from wrcd.tools.contract.player import BASE
 
 THIRD = ROOT / "tests" / "data" / "dbc" / "third-party.toml"
@@ -85,4 +84,4 @@ def test_values_that_mean_no_number_are_known(config: Config) -> None:
 def test_says_reads_as_a_person_would_say_it() -> None:
     assert str(Says(20.0, "Within3pp")) == "Valid 20 % Within3pp"
     assert str(NOTHING) == "NotAvailable MuAvailable not available None, SampleAge 255 ms"
-    assert str(Says(20.0, "None", Validity.DEGRADED)) == "Degraded 20 % None"
+    assert str(DEGRADED) == "Degraded 20 % None"

@@ -52,6 +52,11 @@ FAULTS: list[tuple[str, Any, set[str]]] = [
     ("MAX_LOST", 0, {"lost-frames-are-no-fault"}),
     ("MAX_AGE_MS", 255, AGE_RULES),
     ("MAX_AGE_MS", 254, {"high-sample-age-falls-back"}),
+    ("USABLE", {"Valid", "Degraded"}, {"degraded-falls-back"}),
+    ("USABLE", {"Valid", "15"}, {"unknown-validity-falls-back", "every-transition-of-validity"}),
+    ("UNKNOWN", "", {"unknown-surface-falls-back", "unknown-contact-state-falls-back"}),
+    ("MAX_MU", 65533, {"number-beyond-100-percent-falls-back"}),
+    ("MAX_MU", 65534, {"number-beyond-100-percent-falls-back", "error-number-falls-back"}),
     ("RISE_US", 0, {"rise-is-followed-slowly"}),
     ("RISE_US", 600_000, {"rise-is-followed-slowly"}),
     (

@@ -1,0 +1,153 @@
+"""The loop on a real vcan: rig, daemon and controller as processes; a stop as in lockstep, and what breaks the loop."""
+
+import json
+import subprocess
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from sim_ecu.loop.control.facts import Facts
+from sim_ecu.loop.control.make import make_controller
+from sim_ecu.loop.judge import Figures, judge
+from sim_ecu.loop.lockstep import ride
+from sim_ecu.loop.scenario import load_drive_scenario
+from tests.support.can_ids import ADHESION_A1
+from tests.support.processes import BIN, running, wait_for
+from tests.support.vcan import ip
+from wrcd.config import load_config, packaged
+
+STOP = "brake-greasy"
+SILENT = "axle 1: demand silent for 30 ms: traction ends, brakes apply as the driver asked"
+DEMAND_A1 = 0x141
+# 8 s from 11 m/s on greasy rail: long enough for three misfortunes, one after the other
+SHORT = """
+title = "full braking from 11 m/s on greasy rail"
+duration_s = 40
+speed_m_s = 11
+rail = [{ curve = "E" }]
+driver = { demand = -1.0 }
+"""
+
+
+@dataclass
+class Told:
+    """What a process says: on standard error, in a file, and on standard output, in another."""
+
+    file: Path
+
+    @property
+    def out(self) -> Path:
+        return self.file.with_suffix(".out")
+
+    @property
+    def text(self) -> str:
+        return self.file.read_text(errors="replace")
+
+    def wait_for(self, line: str, after: int = 0, seconds: float = 10) -> int:
+        """Wait for a line with this text behind a place; return the place behind it."""
+        wait_for(f"{line!r} of {self.file.stem}", seconds, lambda: line in self.text[after:])
+        return self.text.index(line, after) + len(line)
+
+
+class Bench:
+    """Daemon and controller on vcan0, candump beside them, and rigs that are driven one after the other."""
+
+    def __init__(self, folder: Path, cleanup: ExitStack) -> None:
+        self.folder, self._cleanup = folder, cleanup
+        self.config = folder / "one.toml"
+        self.config.write_text(packaged(1))
+        self.log = folder / "candump.log"
+        cleanup.enter_context(running("candump", "-L", "vcan0", output=self.log))
+        self.daemon, _ = self._start(f"wrcd run -i socketcan -c vcan0 --config {self.config}")
+        self.controller, self.controls = self._start(
+            f"sim-ecu control thresholds --with-adhesion -c vcan0 --config {self.config}"
+        )
+        wait_for("frames of daemon and controller", 60, lambda: self.has(ADHESION_A1, DEMAND_A1))
+
+    def _start(self, command: str) -> tuple[subprocess.Popen[bytes], Told]:
+        program, *arguments = command.split()
+        told = Told(self.folder / f"{program}-{arguments[0]}-{time.monotonic_ns()}.err")
+        with told.file.open("wb") as err, told.out.open("wb") as out:
+            process = subprocess.Popen([BIN / program, *arguments], stdout=out, stderr=err)
+        self._cleanup.callback(process.wait, 10)
+        self._cleanup.callback(process.kill)
+        return process, told
+
+    def has(self, *ids: int) -> bool:
+        """Whether candump has seen frames of all these ids."""
+        text = self.log.read_text()
+        return all(f" {can_id:03X}#" in text for can_id in ids)
+
+    def drive(self, command: str) -> tuple[subprocess.Popen[bytes], Told]:
+        return self._start(f"{command} --no-truth --json {self.folder / 'out.json'}")
+
+    def end(self, rig: subprocess.Popen[bytes], told: Told) -> tuple[int, str, dict[str, Any]]:
+        """Status, summary and document of a rig that drives to its end."""
+        status = rig.wait(90)
+        summary = told.out.read_text()
+        print(told.text, summary)
+        return status, summary, json.loads((self.folder / "out.json").read_text())
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
+    with ExitStack() as cleanup:
+        yield Bench(tmp_path_factory.mktemp("bench"), cleanup)
+
+
+def in_lockstep(config: Path) -> Figures:
+    scenario, daemon = load_drive_scenario(STOP), load_config(config)
+    return judge(ride(scenario, make_controller("thresholds", Facts.of(scenario), daemon), daemon), scenario)
+
+
+def test_stop_on_a_real_bus_has_the_figures_of_the_lockstep_run(bench: Bench) -> None:
+    expected = in_lockstep(bench.config)
+    rig, told = bench.drive("sim-ecu drive brake-greasy -c vcan0")
+    status, summary, document = bench.end(rig, told)
+    print(expected)
+    figures = document["figures"]
+    assert status == 0
+    assert document["over"]
+    assert document["unsent"] == 0
+    assert "bus down" not in summary
+    assert figures["stop_m"] == pytest.approx(expected.stop_m, rel=0.1)
+    assert figures["slip_energy_kJ"] == pytest.approx(expected.slip_energy_kJ, rel=0.1)
+    assert figures["max_slip_m_s"] == pytest.approx(expected.max_slip_m_s, rel=0.1)
+    assert abs(figures["slides"] - expected.slides) <= 1
+
+
+def test_train_stops_when_bus_daemon_and_controller_fail_one_after_the_other(bench: Bench) -> None:
+    scenario = bench.folder / "short.toml"
+    scenario.write_text(SHORT)
+    rig, told = bench.drive(f"sim-ecu drive {scenario} -c vcan0")
+    told.wait_for("on socketcan vcan0", seconds=60)
+    time.sleep(1.0)
+    ip("set", "vcan0", "down")
+    down = told.wait_for("bus down: nothing comes, nothing goes")
+    silent = told.wait_for(SILENT, down)
+    ip("set", "vcan0", "up")
+    up = told.wait_for("bus again after", down)
+    again = told.wait_for("axle 1: demand again after", max(up, silent))
+    controls = bench.controls.wait_for("bus again after", bench.controls.wait_for("bus down"))
+    controls = bench.controls.wait_for("axle 1: adhesion", controls)  # the daemon's frames are back
+    assert bench.daemon.poll() is None
+    bench.daemon.kill()
+    bench.controls.wait_for("axle 1: adhesion not used: silent for 60 ms", controls)
+    assert bench.controller.poll() is None
+    bench.controller.kill()
+    told.wait_for(SILENT, again)
+    status, summary, document = bench.end(rig, told)
+    print(bench.controls.text)
+
+    assert status == 0
+    assert document["speed_m_s"] < 3.0
+    assert "bus down once" in summary
+    assert document["unsent"] > 50
+    demand = document["demand"]["1"]
+    assert demand["silences"] >= 2  # while the bus was down, and since the controller is dead
+    assert demand["longest_s"] > 1.0

@@ -1,0 +1,125 @@
+"""`sim-ecu drive` and `sim-ecu control` as commands: in real time on python-can's virtual bus."""
+
+import json
+import signal
+import subprocess
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from sim_ecu.cli import main
+from sim_ecu.loop.control.controller import Unprotected
+from sim_ecu.loop.control.inputs import Inputs
+from sim_ecu.loop.control.on_bus import OnBus
+from sim_ecu.loop.end import End, open_end
+from sim_ecu.loop.scenario import load_drive_scenario
+from tests.support.loop_wire import KeptLines
+from tests.support.processes import BIN
+from wrcd.bus.log import Damage, read_log
+
+SHORT = """
+title = "full braking from 12 m/s on greasy rail"
+duration_s = 2.0
+speed_m_s = 12
+rail = [{ curve = "E" }]
+driver = { demand = -1.0 }
+"""
+
+
+@pytest.fixture
+def short(tmp_path: Path) -> Path:
+    path = tmp_path / "short.toml"
+    path.write_text(SHORT)
+    return path
+
+
+@contextmanager
+def controlled(scenario: Path, channel: str) -> Iterator[OnBus]:
+    """A controller in a thread of its own for the length of a block."""
+    rides = load_drive_scenario(scenario)
+    inputs, ended = Inputs(rides.axles), threading.Event()
+    link = open_end("virtual", channel, inputs.ids)
+    controls = OnBus(Unprotected(rides.axles, rides.actuators), [inputs], End(link, KeptLines()))
+
+    def turn() -> None:
+        while not ended.wait(controls.wait_s()):
+            controls.turn()
+
+    thread = threading.Thread(target=turn)
+    thread.start()
+    try:
+        yield controls
+    finally:
+        ended.set()
+        thread.join(10)
+        link.close()
+
+
+def test_drive_on_a_bus_with_a_controller_ends_with_its_figures(
+    short: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log, out = tmp_path / "a.log", tmp_path / "a.json"
+    with controlled(short, "drive-command") as controls:
+        status = main(
+            ["drive", str(short), "-i", "virtual", "-c", "drive-command", "--log", str(log), "--json", str(out)]
+        )
+    said, document = capsys.readouterr().out, json.loads(out.read_text())
+    assert status == 0
+    assert "short: full braking from 12 m/s on greasy rail" in said
+    assert "slides, largest" in said
+    assert document["over"]
+    assert document["seconds"] == pytest.approx(2.0)
+    assert document["demand"]["1"]["heard"]
+    assert controls.frames > 150
+    frames = [f for f, _ in read_log(log, Damage())]
+    assert len([f for f in frames if f.can_id == 0x151]) == 200
+    assert len([f for f in frames if f.can_id == 0x7A1]) == 100
+    assert len([f for f in frames if f.can_id == 0x141]) > 150  # the demands that it heard
+
+
+def test_ctrl_c_ends_a_drive_with_its_summary(short: Path) -> None:
+    short.write_text(SHORT.replace("duration_s = 2.0", "duration_s = 60.0").replace("demand = -1.0", "demand = 0.0"))
+    with subprocess.Popen(
+        [BIN / "sim-ecu", "drive", short, "-i", "virtual", "-c", "x"],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    ) as rig:  # fmt: skip
+        try:
+            assert rig.stderr is not None
+            while "no demand yet" not in (line := rig.stderr.readline()):
+                assert line, "it has ended"
+            rig.send_signal(signal.SIGINT)
+            out, _ = rig.communicate(timeout=20)
+        finally:
+            rig.kill()
+    assert rig.returncode == 1
+    assert "stopped early, of 60 s" in out
+    assert "demand never came" in out
+
+
+def test_control_ends_after_its_time_with_its_counts(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["control", "thresholds", "-i", "virtual", "-c", "control-command", "--for", "0.3"]) == 0
+    said = capsys.readouterr()
+    assert "DriverDemand, WheelSpeed_A1, BrakePressure_A1: not heard yet" in said.err
+    assert "cycles of 10 ms" in said.out
+    assert "WheelSpeed_A1    never came" in said.out
+
+
+@pytest.mark.parametrize(
+    ("line", "reason"),
+    [
+        ("control none --with-adhesion", "--with-adhesion: is nothing for"),
+        ("control creep --config here.toml", "--config: is for --with-adhesion"),
+        ("control creep --for 0", "--for: takes seconds above 0, not 0"),
+        ("control creep --scenario leaf-patch", "'leaf-patch'"),
+        ("drive leaf-patch", "'leaf-patch'"),
+        ("drive brake-wet --json nowhere/a.json", "no such folder"),
+        ("drive brake-wet -i virtual -c x --log a.db", "cannot be written"),
+        ("drive brake-wet -i nothing -c x", "nothing"),
+    ],
+)
+def test_bad_input_is_one_line_and_status_2(line: str, reason: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(line.split()) == 2
+    assert reason in capsys.readouterr().err

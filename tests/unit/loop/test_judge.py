@@ -1,0 +1,139 @@
+"""The loop's judge on steps made by hand, and what the daemon said against the truth."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from sim_ecu.loop.judge import Figures, demand_at, judge, slides
+from sim_ecu.loop.rig import Step
+from sim_ecu.loop.said import Told, honesty, longest_s
+from sim_ecu.physics.wheelset import Wheelset
+
+FULL_AS_ADHESION = 22_000.0 / (2 * Wheelset().normal_N * Wheelset().r_0)  # of the default brake
+
+
+def step(
+    number: int, speed: float, slip: Sequence[float], share: float = -1.0, available: float = 0.1, used: float = -0.05,
+    energy: float = 0.0,
+) -> Step:  # fmt: skip
+    """The step that ends sample `number`, of as many axles as there are slips; it goes 5 ms at its speed."""
+    s = np.array(slip)
+    ones = np.ones(len(s))
+    return Step(
+        5000 * number, speed, 0.005 * number * speed, share, speed + s, 0 * ones, 0 * ones, available * ones,
+        used * ones, s, energy * ones, [],
+    )  # fmt: skip
+
+
+def figures(slips: Sequence[float], speed: float = 20.0) -> Figures:
+    return judge([step(k + 1, speed, [s]) for k, s in enumerate(slips)])
+
+
+@pytest.mark.parametrize(
+    ("speed", "slip", "expected"),
+    [
+        (20.0, -1.49, 0),
+        (20.0, -1.51, 1),  # 1.5 m/s
+        (20.0, 1.51, 1),
+        (6.0, -0.89, 0),
+        (6.0, -0.91, 1),  # 15 %
+        (3.1, -0.49, 0),
+        (3.1, -0.51, 1),  # half a metre a second
+        (2.9, -2.9, 0),  # too slow to be judged
+    ],
+)
+def test_slide_begins_beyond_the_least_of_its_bounds(speed: float, slip: float, expected: int) -> None:
+    assert figures([0.0, slip, slip, 0.0], speed).slides == expected
+
+
+def test_slide_that_has_not_recovered_is_counted_once() -> None:
+    assert figures([0.0, -2.0, -1.0, -2.0, -0.7, -2.0]).slides == 2  # over below 0.75 m/s only
+
+
+def test_slides_of_all_axles_are_summed() -> None:
+    slip = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]])
+    assert slides(slip, np.full(4, 20.0)) == 2
+
+
+def test_slide_from_the_first_sample_on_is_counted() -> None:
+    assert figures([-3.0, -3.0]).slides == 1
+
+
+def test_locked_time_is_that_of_wheels_below_a_twentieth_of_the_speed() -> None:
+    f = judge([step(k + 1, 20.0, [-19.5, -10.0]) for k in range(10)])
+    assert f.locked_s == pytest.approx(0.05)
+
+
+def test_energy_is_the_mean_of_a_wheel_and_distance_counts_from_the_demand() -> None:
+    before = [step(k + 1, 20.0, [0.0, 0.0], share=-0.05, energy=1000.0) for k in range(4)]
+    after = [step(k + 5, 20.0, [0.0, 0.0], energy=1000.0) for k in range(6)]
+    f = judge(before + after)
+    assert f.slip_energy_kJ == pytest.approx(6 * 2 * 1.0 / 4)
+    assert [f.stop_m, f.seconds] == pytest.approx([0.6, 0.03])
+    assert not f.stopped
+
+
+def test_utilisation_is_judged_only_where_the_driver_asks_for_more_than_there_is() -> None:
+    short = [step(1, 20.0, [0.0], used=-0.05), step(2, 20.0, [0.0], used=-0.09)]
+    enough = [step(3, 20.0, [0.0], available=FULL_AS_ADHESION + 0.01, used=-0.2)]
+    assert judge(short + enough).utilisation == pytest.approx(0.7)
+    assert math.isnan(judge(enough).utilisation)
+
+
+def test_adhesion_against_the_demand_uses_nothing_and_takes_impulse_away() -> None:
+    f = judge([step(1, 20.0, [0.0], share=-1.0, used=0.04)])
+    assert f.utilisation == 0.0
+    assert f.impulse_kNs == pytest.approx(-0.04 * 2 * Wheelset().normal_N * 0.005 / 1e3)
+
+
+def test_run_has_stopped_when_its_last_speed_is_below_three_metres_a_second() -> None:
+    assert figures([0.0], 2.99).stopped
+    assert not figures([0.0], 3.01).stopped
+
+
+def test_demand_is_the_first_half_of_the_largest_effort() -> None:
+    assert demand_at(np.array([-0.05, -0.05, -0.3, -0.6, -1.0])) == 3
+    assert demand_at(np.zeros(3)) == 0
+
+
+# --- what was said
+
+
+def told(mu_pct: Sequence[float], valid: Sequence[bool], half_pp: float = 2.0, every_us: int = 20_000) -> Told:
+    n = len(mu_pct)
+    return Told(np.arange(1, n + 1) * every_us, np.array(mu_pct), np.full(n, half_pp), np.array(valid))
+
+
+def running(n: int, speed: float = 20.0) -> list[Step]:
+    return [step(k + 1, speed, [0.0], available=0.1) for k in range(4 * n)]
+
+
+def test_frames_outside_the_interval_count_only_while_valid() -> None:
+    (h,) = honesty({1: told([10.0, 13.0, 13.0, 13.0], [True, True, False, True])}, running(4))
+    assert [h.axle, h.valid, h.outside] == pytest.approx([1, 0.75, 2 / 3])
+    assert (h.outside_s, h.over_s, h.wrong) == (0.0, 0.0, False)
+
+
+def test_axle_outside_for_longer_than_half_a_second_is_wrong() -> None:
+    for frames, wrong in ((26, False), (27, True)):  # from the first frame to the last
+        (h,) = honesty({1: told([13.0] * frames, [True] * frames)}, running(frames))
+        assert h.wrong is wrong
+
+
+def test_too_low_is_outside_and_not_over() -> None:
+    (h,) = honesty({1: told([7.0] * 10, [True] * 10)}, running(10))
+    assert (h.outside, h.over_s) == (1.0, 0.0)
+    assert h.outside_s == pytest.approx(0.18)
+
+
+def test_nothing_is_judged_at_walking_pace() -> None:
+    (h,) = honesty({1: told([13.0] * 10, [True] * 10)}, running(10, speed=2.0))
+    assert (h.valid, h.outside, h.outside_s) == (0.0, 0.0, 0.0)
+
+
+def test_silence_ends_a_stretch() -> None:
+    stamps = np.array([0, 20_000, 40_000, 101_000, 121_000])
+    assert longest_s(np.ones(5, bool), stamps) == pytest.approx(0.04)
+    assert longest_s(np.ones(5, bool), stamps - np.array([0, 0, 0, 1000, 1000])) == pytest.approx(0.12)

@@ -1,0 +1,131 @@
+"""sim-ecu loop: its suites, its rows, and a small one of it from end to end."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sim_ecu.cli import main
+from sim_ecu.loop.names import BARE_AND_WITH, SUITES
+from sim_ecu.loop.play import play
+from sim_ecu.loop.suites import cases
+from sim_ecu.loop.suites.case import FIRST_TEST_SEED, Plan
+from sim_ecu.loop.suites.faults import AT_S, AWAY, short_stop
+from sim_ecu.play.faults import KINDS, Stage
+
+ROW = ("--suite", "actuators", "--only", "dry, leaf patch: fast", "--seeds", "1")
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], Path]:
+    folder = tmp_path_factory.mktemp("loop")
+    out, page = folder / "one.json", folder / "one.html"
+    assert main(["loop", *ROW, "--jobs", "1", "--json", str(out), "--html", str(page)]) == 0
+    return json.loads(out.read_text()), page
+
+
+def test_figures_do_not_depend_on_the_number_of_processes(made: tuple[dict[str, Any], Path], tmp_path: Path) -> None:
+    assert main(["loop", *ROW, "--jobs", "2", "--json", str(tmp_path / "two.json")]) == 0
+    two, one = json.loads((tmp_path / "two.json").read_text()), dict(made[0])
+    assert two.pop("run") | {"jobs": 1, "seconds": 0} == one.pop("run") | {"jobs": 1, "seconds": 0}
+    assert two == one
+
+
+def test_every_controller_of_a_row_stops_the_train(made: tuple[dict[str, Any], Path]) -> None:
+    rows = made[0]["runs"]
+    assert [r["controller"] for r in rows] == list(BARE_AND_WITH)
+    assert {r["seed"] for r in rows} == {FIRST_TEST_SEED}
+    assert all(r["stopped"] and 30.0 < r["stop_m"] < 300.0 for r in rows)
+    assert [bool(r["said"]) for r in rows] == [False, True, False, True]
+
+
+def test_goals_of_one_seed_are_not_judged(made: tuple[dict[str, Any], Path]) -> None:
+    assert {g["verdict"] for g in made[0]["goals"]} == {"too few to judge"}
+
+
+def test_page_has_its_tables_pictures_and_nothing_from_outside(made: tuple[dict[str, Any], Path]) -> None:
+    text = made[1].read_text()
+    assert "What wrcd does to the distance: actuators" in text
+    assert '<h2 id="goals">' in text
+    assert "http" not in text.replace("http-equiv", "")
+
+
+def test_every_suite_has_rows_and_every_fault_that_frames_carry_has_one() -> None:
+    every = cases()
+    assert list(dict.fromkeys(c.suite for c in every)) == list(SUITES)
+    assert len({(c.suite, c.name) for c in every}) == len(every)
+    kinds = {c.name.partition(",")[0] for c in every if c.suite == "faults" and c.name != AWAY}
+    assert {name for name, k in KINDS.items() if k.stage is not Stage.BUS} == kinds - {"no fault"}
+
+
+def test_row_whose_bare_runs_are_another_ones_brings_that_along() -> None:
+    assert [c.name for c in cases("faults", "swap, ")] == ["no fault, two axles", "swap, all signals"]
+
+
+def test_run_that_branches_off_is_the_run_with_the_fault_from_the_start() -> None:
+    base, case = cases("faults", "freeze, all")
+    base, case = (replace(c, plan=briefly, controllers=("thresholds with wrcd",)) for c in (base, case))
+    branched = [o for o in play(base, 0, [case]) if o.case == case.name]
+    assert branched == play(case, 0)
+    assert branched[0].said != play(base, 0)[0].said
+
+
+def briefly(rng: np.random.Generator) -> Plan:
+    """A stop that is cut off in the middle of its fault."""
+    return replace(short_stop(rng), duration_s=AT_S + 0.5)
+
+
+def test_scenario_follows_from_its_number_alone() -> None:
+    case = next(iter(cases("braking")))
+    one, same, other = case.scenario(0), case.scenario(0), case.scenario(1)
+    assert (one.driver, one.train.speed) == (same.driver, same.train.speed)
+    assert np.array_equal(one.train.axles[0].rail, same.train.axles[0].rail)
+    assert one.train.speed != other.train.speed
+    assert one.train.axles[0].seed != other.train.axles[0].seed
+
+
+def test_worlds_are_driven_like_the_world_as_designed() -> None:
+    first, *others = cases("worlds")
+    for case in others:
+        assert case.scenario(3).train.speed == first.scenario(3).train.speed, case.name
+        assert case.scenario(3).driver == first.scenario(3).driver, case.name
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--only", "never"), "no row's name holds 'never'"),
+        (("--seeds", "0"), "--seeds"),
+        (("--quick", "--seeds", "3"), "give one of --quick and --seeds"),
+        (("--json", "never/there.json"), "no such folder"),
+    ],
+)
+def test_bad_argument_is_named(arguments: tuple[str, ...], words: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["loop", *arguments]) == 2
+    assert words in capsys.readouterr().err
+
+
+def test_ctrl_c_ends_it_with_its_status_and_no_file(tmp_path: Path) -> None:
+    out = tmp_path / "never.json"
+    code = "import sys; from sim_ecu.cli import main; sys.exit(main(sys.argv[1:]))"
+    process = subprocess.Popen(
+        [sys.executable, "-c", code, "loop", *ROW[:-2], "--jobs", "1", "--json", str(out)],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
+    )  # fmt: skip
+    try:
+        assert process.stderr is not None
+        assert "run 1 of" in process.stderr.readline()  # it drives
+        os.killpg(process.pid, signal.SIGINT)  # as a terminal does it: to every process
+        stdout, stderr = process.communicate(timeout=60)
+    finally:
+        process.kill()
+    assert (process.returncode, stdout) == (130, "")
+    assert "Traceback" not in stderr
+    assert not out.exists()

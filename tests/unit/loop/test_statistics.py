@@ -1,0 +1,93 @@
+"""The loop's statistics on runs made by hand."""
+
+import math
+
+import pytest
+
+from sim_ecu.loop.judge import Figures
+from sim_ecu.loop.statistics import Runs, against, front, spread
+from sim_ecu.score.goals import CHANCE, MET, MISSED, Goal
+
+
+def run(stop_m: float, energy_kJ: float = 100.0, slides: int = 5, impulse_kNs: float = 100.0) -> Figures:
+    return Figures(slides, 0.0, 1.0, energy_kJ, 0.9, impulse_kNs, stop_m, 10.0, True)
+
+
+def runs(stop_m: float, energy_kJ: float = 100.0, slides: int = 5, n: int = 20) -> Runs:
+    """n runs, the k-th k % longer and wearier than the first."""
+    return {k: run(stop_m * (1 + k / 100), energy_kJ * (1 + k / 100), slides, 1e4 / stop_m) for k in range(n)}
+
+
+def test_spread_leaves_out_what_is_no_number() -> None:
+    s = spread([1.0, math.nan, 3.0, 2.0])
+    assert (s.median, s.runs) == (2.0, 3)
+    assert [s.low, s.high] == pytest.approx([1.1, 2.9])
+    assert spread([math.nan]).runs == 0
+
+
+def test_ratio_of_paired_runs_has_no_chance_where_all_shrink_alike() -> None:
+    a = against(runs(90.0, 50.0, 1), runs(100.0, 100.0, 5), braking=True)
+    assert (a.way.value, a.way.low, a.way.high) == pytest.approx((0.9, 0.9, 0.9))
+    assert (a.energy.value, a.slides.value, a.slides_before, a.slides_now) == pytest.approx((0.5, 0.2, 5.0, 1.0))
+
+
+def test_run_that_loses_most_is_the_longest_stop_and_the_least_impulse() -> None:
+    bare = {k: run(100.0, impulse_kNs=100.0) for k in range(3)}
+    other = {0: run(90.0, impulse_kNs=110.0), 1: run(104.0, impulse_kNs=95.0), 2: run(95.0, impulse_kNs=100.0)}
+    for braking, worst in ((True, 1.04), (False, 0.95)):
+        found = against(other, bare, braking)
+        assert found.worst == pytest.approx(worst)
+        assert found.worst_number == 1
+
+
+def test_slides_where_there_were_none_are_infinitely_more() -> None:
+    assert math.isinf(against(runs(90.0, slides=1), runs(90.0, slides=0), True).slides.value)
+    assert against(runs(90.0, slides=0), runs(90.0, slides=0), True).slides.value == 0.0
+
+
+def test_interval_of_scattered_ratios_holds_the_median() -> None:
+    bare = {k: run(100.0) for k in range(20)}
+    new = {k: run(90.0 + (k * 7) % 20) for k in range(20)}
+    way = against(new, bare, True).way
+    assert way.value == pytest.approx(0.995)
+    assert way.low < 0.99 < 1.0 < way.high
+
+
+@pytest.mark.parametrize(
+    ("with_thresholds", "with_creep", "expected"),
+    [
+        ((100.0, 50.0), (90.0, 150.0), 1.0),  # as they are
+        ((100.0, 25.0), (90.0, 75.0), 1.077),  # half the wear: a mix of the bare ones is 8 % longer or wearier
+        ((110.0, 55.0), (99.0, 165.0), 0.9091),  # a tenth worse in both
+        ((96.0, 110.0), (90.0, 150.0), 0.99),  # above the line between them
+    ],
+)
+def test_front_is_the_factor_by_which_bare_controllers_are_no_better(
+    with_thresholds: tuple[float, float], with_creep: tuple[float, float], expected: float
+) -> None:
+    found = front(
+        {
+            "thresholds": runs(100.0, 50.0), "creep": runs(90.0, 150.0),
+            "thresholds with wrcd": runs(*with_thresholds), "creep with wrcd": runs(*with_creep),
+        },
+        braking=True,
+    )  # fmt: skip
+    assert found.value == pytest.approx(expected, abs=0.01)
+
+
+def test_front_of_starts_takes_more_impulse_for_better() -> None:
+    bare = {k: run(0.0, 50.0, impulse_kNs=100.0) for k in range(10)}
+    better = {k: run(0.0, 50.0, impulse_kNs=120.0) for k in range(10)}
+    same = {"thresholds": bare, "creep": bare}
+    found = front({**same, "thresholds with wrcd": better, "creep with wrcd": better}, braking=False)
+    assert found.value == pytest.approx(1.2)
+    worse = front({"thresholds": better, "creep": better, "thresholds with wrcd": bare, "creep with wrcd": bare}, False)
+    assert worse.value == pytest.approx(1.0)  # no better in wear
+
+
+def test_goal_is_judged_with_its_spread() -> None:
+    longer = {k: run(100.0 * (1.02 + 0.002 * k)) for k in range(20)}
+    way = against(longer, {k: run(100.0) for k in range(20)}, True).way
+    assert Goal("", way, 1.05).verdict == MET
+    assert Goal("", way, way.value - 1e-4).verdict == CHANCE
+    assert Goal("", way, 1.0).verdict == MISSED
