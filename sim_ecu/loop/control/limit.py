@@ -34,7 +34,7 @@ class Constants:
     aim: float = 0.94  # of the adhesion that is there
     half_widths: float = 0.5  # of Confidence that are taken off first
     pull_aim: float = 0.85  # the same when pulling
-    pull_half_widths: float = 0.5
+    pull_half_widths: float = 1.0
     fall_s: float = 0.1  # time constant after which a lower estimate is believed
     rise_s: float = 2.0  # in which a higher one is followed
     fast: float = 6.0  # growth at first, where more has been carried or nothing is known yet,
@@ -49,12 +49,14 @@ class Constants:
     far: float = 1.5  # times what the estimate carries
     over: float = 0.022  # creep at which effort is taken off
     keep: tuple[float, float] = (0.9, 0.98)  # of the torque at the knee: what is kept of it,
-    keep_alone: tuple[float, float] = (0.96, 0.98)  # the same while no frame may be used
+    pull_keep: tuple[float, float] = (0.88, 0.97)  # the same when pulling,
+    keep_alone: tuple[float, float] = (0.96, 0.98)  # the same where no frame may be used, or the knee is in doubt
     take: tuple[float, float] = (0.8, 0.95)  # the same where effort is taken off
     after_slide: float = 0.85  # of the torque at which a slide began: what is asked for at most
     hold_s: float = 2.0  # between probes,
+    pull_hold_s: float = 3.5  # the same when pulling,
     doubt_s: float = 0.4  # the same where the knee lies elsewhere than the estimate says:
-    doubt: float = 1.15  # so many times above
+    doubt: float = 1.25  # so many times above
     settle_s: float = 0.15  # between two steps down
     memory_s: float = 30.0  # without a frame that may be used: from then on the limit is lifted,
     lift: float = 0.25  # by so much of the demand a second
@@ -80,6 +82,7 @@ class AdhesionLimit:
         self._carried_N_m: float | None = None  # what the estimate carries, its rises followed slowly
         self._heard_us = 0  # when a frame was last used
         self._saturated = False
+        self._hold_s = self._c.hold_s
         self._creep = 0.0
         self._was_sliding = False
         self._end()
@@ -137,6 +140,7 @@ class AdhesionLimit:
         self._heard_us, self._saturated = now_us, said.saturated
         if said.half_width is None:
             return False
+        self._hold_s = c.hold_s if braking else c.pull_hold_s
         aim, widths = (c.aim, c.half_widths) if braking else (c.pull_aim, c.pull_half_widths)
         carries = self._unit_N_m * aim * max(said.mu - widths * said.half_width, 0.5 * said.mu)
         if self._carried_N_m is None or (self.limit_N_m is None and asked_N_m < carries):
@@ -165,7 +169,8 @@ class AdhesionLimit:
         c = self._c
         if self._creep > (c.far_knee if given_N_m > c.far * carried_N_m else c.knee):
             if self._state is Probe.CLIMB:
-                keep = c.keep if self._heard_us == now_us else c.keep_alone
+                agrees = self._heard_us == now_us and given_N_m <= c.doubt * carried_N_m
+                keep = (c.keep if braking else c.pull_keep) if agrees else c.keep_alone
                 return min(now, self._knee(now_us, given_N_m, carried_N_m, keep))
             return now
         follows = max(now, min(carried_N_m, now + carried_N_m * PERIOD_S / c.rise_s))
@@ -193,5 +198,5 @@ class AdhesionLimit:
     def _wait(self, now_us: int, carried_N_m: float) -> None:
         self._state = Probe.WAIT
         doubtful = self._found_N_m > self._c.doubt * carried_N_m
-        self._wait_until_us = now_us + round((self._c.doubt_s if doubtful else self._c.hold_s) * 1e6)
+        self._wait_until_us = now_us + round((self._c.doubt_s if doubtful else self._hold_s) * 1e6)
         self._settled_us = now_us + round(self._c.settle_s * 1e6)

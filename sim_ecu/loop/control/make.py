@@ -16,7 +16,7 @@ from wrcd.errors import InputError
 LAWS: dict[str, Callable[[], Law]] = {"thresholds": Thresholds, "creep": CreepControl}
 NAMES = ("none", *LAWS)
 # Thresholds brake longer than they need to, creep control wears more: so each has its own aim.
-LIMITS = {"thresholds": Constants(), "creep": Constants(aim=0.97, half_widths=1.0)}
+LIMITS = {"thresholds": Constants(), "creep": Constants(aim=0.955, half_widths=1.0, hold_s=3.5, keep=(0.88, 0.97))}
 
 
 def make_controller(name: str, facts: Facts, config: Config | None = None) -> Controller:

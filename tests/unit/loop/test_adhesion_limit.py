@@ -153,7 +153,7 @@ def test_slide_under_a_false_low_costs_less_than_a_second() -> None:
     a.run(0.1, sliding=True)
     a.given.clear()
     a.run(4.0)
-    assert seconds_until(a.given, 0.75 * 0.2 * UNIT_N_m) <= C.hold_s + 0.5
+    assert seconds_until(a.given, 0.75 * 0.2 * UNIT_N_m) <= C.doubt_s + 0.6
 
 
 @pytest.mark.parametrize("says", [None, Adhesion(0.05, None, False)])
