@@ -20,7 +20,7 @@ from wrcd.tools.progress import Progress
 QUICK_SEEDS = 2
 # Processor time of a run, about: what the time left is told from.
 COST, COST_UNPROTECTED, COST_OF_DAEMON, COST_OF_ITS_AXLE = 1.0, 1.5, 1.2, 0.8
-_Job = tuple[str, str, int]
+_Job = tuple[str, tuple[str, ...], int]
 
 
 def run(
@@ -57,21 +57,31 @@ def run(
 def play_all(every: Sequence[Case], seeds: int, jobs: int) -> list[Outcome]:
     """In processes of their own; the order of the outcomes does not depend on them."""
     progress = Progress(steps=True)
-    work = [(case, number) for case in every for number in range(seeds)]
-    cost = [_cost(case) for case, _ in work]
-    done, outcomes = 0.0, []
+    groups = _groups(every)
+    work = [(group, number) for group in groups for number in range(seeds)]
+    cost = [sum(map(_cost, group)) for group, _ in work]
+    done, found = 0.0, []
     with ProcessPoolExecutor(jobs, initializer=_dies_of_ctrl_c) as pool:
         try:
-            parts = pool.map(_play, [(case.suite, case.name, number) for case, number in work])
+            parts = pool.map(_play, [(g[0].suite, tuple(c.name for c in g), number) for g, number in work])
             for k, part in enumerate(parts):
-                outcomes += part
+                found += part
                 done += cost[k]
-                progress.at(f"{work[k][0].suite}: run {k + 1} of {len(work)}", done / sum(cost))
+                progress.at(f"{work[k][0][0].suite}: run {k + 1} of {len(work)}", done / sum(cost))
         except BaseException:
             pool.shutdown(cancel_futures=True)
             raise
     progress.end()
-    return outcomes
+    place = {(case.suite, case.name): k for k, case in enumerate(every)}
+    return sorted(found, key=lambda o: (place[o.suite, o.case], o.number))
+
+
+def _groups(every: Sequence[Case]) -> list[list[Case]]:
+    """Cases by themselves, but those that branch off another one's runs with it."""
+    return [
+        [case, *(c for c in every if c.fault is not None and (c.suite, c.bare) == (case.suite, case.name))]
+        for case in every if case.fault is None
+    ]  # fmt: skip
 
 
 def _dies_of_ctrl_c() -> None:
@@ -94,5 +104,6 @@ _cases: dict[tuple[str, str], Case] = {}
 def _play(job: _Job) -> list[Outcome]:
     if not _cases:
         _cases.update({(c.suite, c.name): c for c in cases()})
-    suite, name, number = job
-    return play(_cases[suite, name], number)
+    suite, names, number = job
+    first, *branches = (_cases[suite, name] for name in names)
+    return play(first, number, branches)

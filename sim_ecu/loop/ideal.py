@@ -1,4 +1,8 @@
-"""A bound: what the same actuators reach when somebody knows the rail. No controller can be built so."""
+"""What the same actuators reach when somebody knows the rail. No controller can be built so.
+
+It is no bound in the strict sense: it never uses a wheel that slips beyond the peak, and lets a patch end before it asks
+for more.
+"""
 
 from collections.abc import Iterator, Sequence
 
@@ -11,7 +15,8 @@ from sim_ecu.physics.contact import peak
 from sim_ecu.physics.rail import rail_at
 
 HELD = 0.98  # of the lowest peak under the wheel and as far ahead as the actuators need to follow
-AHEAD_S = (0.15, 0.3, 0.45)
+# How far: of an electric drive, and where the friction brake takes part.
+AHEAD_S, AHEAD_OF_FRICTION_S = (0.1, 0.2), (0.15, 0.3, 0.45)
 CUT = 0.5  # of the torque in use, beyond the peak's creep, until the wheel is back below it
 PAST_PEAK = 1.5  # of the peak's creep
 BAND_BAR = 0.05  # about the wanted pressure: held
@@ -26,6 +31,9 @@ class Ideal:
         w = train.wheelset
         # the wheelset's own rotation takes torque beside what the rail carries
         self._unit_N_m = 2 * w.normal_N * w.r_0 * (1.0 + (w.I_R + w.I_L) / (w.r_0**2 * w.M_v))
+        a = scenario.actuators
+        friction = float(scenario.driver.at(np.array([np.inf]))[0]) < 0.0 and a.full_brake_N_m > a.drive.max_brake_N_m
+        self._ahead_s = AHEAD_OF_FRICTION_S if friction else AHEAD_S
         self._past = [False] * len(train.axles)
 
     def demands(self, step: Step | None) -> Sequence[tuple[float, Valve]]:
@@ -48,7 +56,7 @@ class Ideal:
         axle, speed = self._scenario.train.axles[k], max(step.speed_m_s, 1.0)
         at = step.distance_m + axle.position_m
         creep, here = peak(speed, self._contact, *rail_at(axle.rail, at)[:5])
-        ahead = [peak(speed, self._contact, *rail_at(axle.rail, at + speed * t)[:5])[1] for t in AHEAD_S]
+        ahead = [peak(speed, self._contact, *rail_at(axle.rail, at + speed * t)[:5])[1] for t in self._ahead_s]
         # what is under the wheel may be better than the rail was: those before have cleaned it
         better = float(step.mu_available[k]) / here
         slip = abs(float(step.slip_m_s[k])) / speed

@@ -1,6 +1,7 @@
 """The pictures of the loop's page: distance against slip energy, and a run over time."""
 
 import math
+import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -19,6 +20,7 @@ COLOURS = {THRESHOLDS: "tab:blue", CREEP: "tab:orange", IDEAL: "tab:green"}
 LAW = {**{law: law for law in LAWS}, **{WITH[law]: law for law in LAWS}, IDEAL: IDEAL}
 MARKERS = {THRESHOLDS: "o", CREEP: "s", IDEAL: "*"}
 NEWTON = 1e3
+NARROW = 20  # characters of a row's name on a narrow page
 
 
 def pictures(result: dict[str, Any], outcomes: Sequence[Outcome]) -> Iterator[Picture]:
@@ -118,7 +120,9 @@ def _changes(suite: str, cases: Mapping[str, Any]) -> Picture:
     shown = {name: c["against"] for name, c in cases.items() if c["against"]}
 
     def make(look: Look) -> Figure:
-        figure, ax = plt.subplots(figsize=(look.width, 1.4 + 0.34 * len(shown)), layout="constrained")
+        figure, ax = plt.subplots(
+            figsize=(look.width, 1.4 + (0.34 if look.wide else 0.45) * len(shown)), layout="constrained"
+        )
         for k, law in enumerate(LAWS):
             for y, a in enumerate(shown.values()):
                 at, way = y + (k - 0.5) * 0.3, a[law].way
@@ -127,9 +131,10 @@ def _changes(suite: str, cases: Mapping[str, Any]) -> Picture:
                 ax.plot(way.value, at, MARKERS[law], color=COLOURS[law], ms=6, label=law if y == 0 else None)
         ax.axvline(1.0, color=_text(), lw=0.8)
         ax.axvline(1.03, color=_text(), lw=0.8, ls=":")
-        ax.set_yticks(range(len(shown)), list(shown), fontsize=8)
+        names = list(shown) if look.wide else [textwrap.fill(name, NARROW) for name in shown]
+        ax.set_yticks(range(len(shown)), names, fontsize=8)
         ax.set_ylim(len(shown) - 0.5, -0.5)
-        ax.set_xlabel("stopping distance with wrcd over that without")
+        ax.set_xlabel("distance with wrcd over that without")
         ax.grid(alpha=0.3, axis="x")
         figure.legend(loc="outside lower center", ncols=2, frameon=False)
         return figure

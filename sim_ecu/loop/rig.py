@@ -1,6 +1,6 @@
 """The rig with its loop open to the bus: plant, actuators, sensors, driver. No clock and no bus of its own."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +13,7 @@ from sim_ecu.physics.sensors import Sensor
 from sim_ecu.physics.simulation import Simulation
 from sim_ecu.physics.wheelset import MU_AVAILABLE, MU_USED, TORQUE, W_L, W_R, FloatArray
 from sim_ecu.play.encoder import SAMPLE_US, Channel, Sent
+from sim_ecu.play.faults import Fault
 from sim_ecu.play.player import on_tracks
 from sim_ecu.play.train import PACKAGED, Train
 
@@ -84,6 +85,10 @@ class Rig:
     def carries(self, due_us: int) -> bool:
         """Whether the scenario's faults leave a bus at a time; without one nobody hears anybody."""
         return self._sensed.carries(due_us)
+
+    def take_faults(self, faults: Sequence[Fault]) -> None:
+        """These faults of the scenario's inputs act from now on, and no others."""
+        self._sensed.take_faults(faults)
 
     def demand(self, axle: int, torque_N_m: float, valve: Valve = Valve.FILL) -> None:
         """Set an axle's demand without a frame; it holds until it is set again. KeyError for an axle that is not."""

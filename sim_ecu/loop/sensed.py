@@ -1,6 +1,6 @@
 """What the rig's sensors tell wrcd: measured, made frames, and with the scenario's faults on the way."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from sim_ecu.physics.sensors import Sensor
 from sim_ecu.physics.simulation import Samples
 from sim_ecu.physics.wheelset import FloatArray
 from sim_ecu.play.encoder import SAMPLE_US, Encoder, Reading, Sample, Sent
-from sim_ecu.play.faults import SILENT
+from sim_ecu.play.faults import SILENT, Fault
 from sim_ecu.play.inject import at_work, inject
 from sim_ecu.play.player import Sensing
 from sim_ecu.play.train import PACKAGED, Train
@@ -26,7 +26,7 @@ class Sensed:
     """
 
     def __init__(self, scenario: DriveScenario, truth: bool, train: Train = PACKAGED) -> None:
-        axles, faults = scenario.train.axles, scenario.train.faults
+        axles = scenario.train.axles
         self._numbers = scenario.axles
         self._sensing = [Sensing(a) for a in axles]
         self._speed = axles[0].sensors.speed
@@ -35,16 +35,23 @@ class Sensed:
         if scenario.speed_of_wrcd == WHEELS:
             self._reference = TrainSpeed(scenario, SAMPLE_US * 1e-6)
             self._wheel_rng = np.random.default_rng([axles[0].seed, 6])
-        self._silent = [f for f in faults if f.kind in SILENT]
         self._encoder = train.encoder(self._numbers, truth)
         if isinstance(self._encoder, Encoder):
             self._encoder.quick = True
         self._next: list[Sample] = []
-        at_work(faults, self._numbers, axles[0].seed, train)  # whether they can be made
-        # one sample at a time, each in two halves
+        self._seed, self._truth, self._train = axles[0].seed, truth, train
         self._faulted: Iterator[tuple[int, list[Sent]]] | None = None
-        if faults:
-            self._faulted = inject(self._one_by_one(), faults, self._numbers, axles[0].seed, truth, 1, train)
+        self.take_faults(scenario.train.faults)
+
+    def take_faults(self, faults: Sequence[Fault]) -> None:
+        """These faults act from now on, and no others. What was before the sample that comes is not known to them."""
+        at_work(faults, self._numbers, self._seed, self._train)  # whether they can be made
+        self._silent = [f for f in faults if f.kind in SILENT]
+        # one sample at a time, each in two halves
+        self._faulted = (
+            inject(self._one_by_one(), faults, self._numbers, self._seed, self._truth, 1, self._train)
+            if faults else None
+        )  # fmt: skip
 
     def carries(self, due_us: int) -> bool:
         """Whether the bus carries frames at a time: not while the link is down, the device gone or the bus off."""

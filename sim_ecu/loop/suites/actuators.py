@@ -25,7 +25,7 @@ def actuators() -> Iterator[Case]:
     for rail, plan in STOPS.items():
         for name, a in SWEEP.items():
             shown = name == "pneumatic alone" and plan is short_stop
-            yield Case("actuators", f"{rail}: {name}", plan, 1, _with(a), rail, "", BARE_AND_WITH, shown)
+            yield Case("actuators", f"{rail}: {name}", plan, 1, _with(a), rail, "", BARE_AND_WITH, shown=shown)
 
 
 def _with(a: Actuators) -> Callable[[DriveScenario, Rng], DriveScenario]:

@@ -13,6 +13,7 @@ from sim_ecu.physics.contact import CreepCurve, curve_between
 from sim_ecu.physics.sensors import SensorSet
 from sim_ecu.physics.track import QUALITY
 from sim_ecu.physics.wheelset import Wheelset
+from sim_ecu.play.faults import Fault
 from sim_ecu.play.scenario import POSITIONS_M, AxleScenario, Course, Drive, Scenario, rail_table
 from sim_ecu.score.suites.nominal import noisier
 
@@ -61,6 +62,7 @@ class Case:
     key: str = ""
     bare: str = ""
     controllers: tuple[str, ...] = CONTROLLERS
+    fault: Fault | None = None  # of the inputs: until it begins the run is that of `bare`, which is driven once
     shown: bool = False  # its first run is drawn over time
 
     def scenario(self, number: int) -> DriveScenario:
@@ -68,7 +70,8 @@ class Case:
         seed = FIRST_TEST_SEED + number
         key = zlib.crc32((self.key or self.name).encode())
         rng, own = np.random.default_rng([seed, key]), np.random.default_rng([seed, key, 1])
-        return self.world(drive(self.plan(rng), seed, rng, self.axles), own)
+        found = self.world(drive(self.plan(rng), seed, rng, self.axles), own)
+        return found if self.fault is None else replace(found, train=replace(found.train, faults=(self.fault,)))
 
     @property
     def braking(self) -> bool:

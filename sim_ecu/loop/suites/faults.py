@@ -10,6 +10,7 @@ from sim_ecu.play.faults import ALL, KINDS, Fault, Stage
 
 AT_S, FOR_S = KNOWN_S + 2.0, 2.0
 NONE, NONE_OF_TWO = "no fault", "no fault, two axles"
+AWAY = "bus away (link-down, device-gone, bus-off)"
 # Beside the default amounts, of all signals of axle 1: faults of one signal that a controller's limit depends on.
 MORE = (
     Fault("bias", AT_S, FOR_S, "torque", amount=-3000.0), Fault("bias", AT_S, FOR_S, "speed"),
@@ -36,9 +37,12 @@ def faults() -> Iterator[Case]:
     for fault in sorted((*every, *MORE), key=lambda f: list(KINDS).index(f.kind)):
         two = fault.kind.startswith("swap")
         yield Case(
-            "faults", name_of(fault), short_stop, 2 if two else 1, _with(fault), "faults", NONE_OF_TWO if two else NONE,
-            tuple(WITH[law] for law in LAWS),
+            "faults", name_of(fault), short_stop, 2 if two else 1, key="faults", bare=NONE_OF_TWO if two else NONE,
+            controllers=tuple(WITH[law] for law in LAWS), fault=fault,
         )  # fmt: skip
+    # who demands falls silent, too: the bare runs have it as well
+    away = Fault("link-down", AT_S, FOR_S)
+    yield Case("faults", AWAY, short_stop, world=_away(away), key="faults", controllers=BARE_AND_WITH)
 
 
 def name_of(fault: Fault) -> str:
@@ -46,5 +50,5 @@ def name_of(fault: Fault) -> str:
     return f"{fault.kind}, {'all signals' if fault.of == ALL else fault.of.replace('_', ' ')}"
 
 
-def _with(fault: Fault) -> Callable[[DriveScenario, Rng], DriveScenario]:
+def _away(fault: Fault) -> Callable[[DriveScenario, Rng], DriveScenario]:
     return lambda s, _: replace(s, train=replace(s.train, faults=(fault,)))

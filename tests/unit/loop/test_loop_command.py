@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +14,10 @@ import pytest
 
 from sim_ecu.cli import main
 from sim_ecu.loop.names import BARE_AND_WITH, SUITES
+from sim_ecu.loop.play import play
 from sim_ecu.loop.suites import cases
-from sim_ecu.loop.suites.case import FIRST_TEST_SEED
+from sim_ecu.loop.suites.case import FIRST_TEST_SEED, Plan
+from sim_ecu.loop.suites.faults import AT_S, AWAY, short_stop
 from sim_ecu.play.faults import KINDS, Stage
 
 ROW = ("--suite", "actuators", "--only", "dry, leaf patch: fast", "--seeds", "1")
@@ -58,12 +61,25 @@ def test_every_suite_has_rows_and_every_fault_that_frames_carry_has_one() -> Non
     every = cases()
     assert list(dict.fromkeys(c.suite for c in every)) == list(SUITES)
     assert len({(c.suite, c.name) for c in every}) == len(every)
-    kinds = {c.name.partition(",")[0] for c in every if c.suite == "faults"}
+    kinds = {c.name.partition(",")[0] for c in every if c.suite == "faults" and c.name != AWAY}
     assert {name for name, k in KINDS.items() if k.stage is not Stage.BUS} == kinds - {"no fault"}
 
 
 def test_row_whose_bare_runs_are_another_ones_brings_that_along() -> None:
     assert [c.name for c in cases("faults", "swap, ")] == ["no fault, two axles", "swap, all signals"]
+
+
+def test_run_that_branches_off_is_the_run_with_the_fault_from_the_start() -> None:
+    base, case = cases("faults", "freeze, all")
+    base, case = (replace(c, plan=briefly, controllers=("thresholds with wrcd",)) for c in (base, case))
+    branched = [o for o in play(base, 0, [case]) if o.case == case.name]
+    assert branched == play(case, 0)
+    assert branched[0].said != play(base, 0)[0].said
+
+
+def briefly(rng: np.random.Generator) -> Plan:
+    """A stop that is cut off in the middle of its fault."""
+    return replace(short_stop(rng), duration_s=AT_S + 0.5)
 
 
 def test_scenario_follows_from_its_number_alone() -> None:
