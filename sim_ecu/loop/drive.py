@@ -31,8 +31,7 @@ class Drive:
     """Steps a rig as its samples fall due. step() does what is due, so that a loop may do other things between.
 
     Deadlines are absolute: a late sample does not move the next one, unless it is later than MAX_LATE_US. A demand acts
-    from the sample whose beginning is nearest to when it came, however late the computer is: so it is neither early nor
-    late on the average.
+    in the whole of the sample in which it came, however late the computer is: as in lockstep, where it comes at once.
     """
 
     def __init__(
@@ -83,9 +82,9 @@ class Drive:
         return not self.over
 
     def _advance(self) -> Step:
-        """The next sample, with the demands that came by its first half."""
+        """The next sample, with the demands that came by its end."""
         rig = self.rig
-        while self._came and self._came[0][0] <= rig.time_us + SAMPLE_US // 2:
+        while self._came and self._came[0][0] <= self._due_us:
             stamp_us, can_id, data = self._came.popleft()
             rig.hear(can_id, data, stamp_us)
         silent = [

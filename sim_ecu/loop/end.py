@@ -87,7 +87,7 @@ class End:
         self._drops = self.link.health.drops
 
     def wait(self, us: int) -> None:
-        """Take so much of the time that has gone by for none of the run's."""
+        """Let the run's time stand still for so long; below zero: let it go on by so much."""
         self._start_ns += us * 1000
         self._looked_us = min(self._looked_us, self.now_us)
 

@@ -10,11 +10,11 @@ SLIDES = 2.0  # times the set point: the wheel is said to slide; until it is bac
 
 @dataclass(frozen=True, slots=True)
 class Constants:
-    """Gains: torque per creep, as shares of the full effort asked."""
+    """Found by `tune`; see docs/explanation/slip-control.md."""
 
-    creep: float = 0.032  # set point
+    creep: float = 0.029  # set point
     min_slip_m_s: float = 0.233  # the set point at low speed
-    kp_N_m: float = 512_000.0  # per unit of creep
+    kp_N_m: float = 560_000.0  # per unit of creep
     ki_N_m_s: float = 2_300_000.0
     kd_N_m_s2: float = 197.0  # per m/s2 of running away
     room_N_m: float = 3700.0  # anti-windup: the integral is at most this above what the actuators give

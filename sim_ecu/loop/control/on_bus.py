@@ -7,6 +7,7 @@ from contextlib import ExitStack
 from typing import Protocol
 
 from sim_ecu.loop.control.controller import CYCLE_US, Controller
+from sim_ecu.loop.control.pacer import Pacer
 from sim_ecu.loop.counted import down
 from sim_ecu.loop.end import End, Lines, open_end, until_told
 
@@ -32,11 +33,15 @@ class OnBus:
     """Turns a controller every 10 ms: hears what has come, and sends its demands.
 
     Deadlines are absolute. A cycle for which the computer came too late is left out and counted: no demand is sent
-    twice, none that is old.
+    twice, none that is old. paced_by: the message that the cycles follow, so that each has the newest.
     """
 
-    def __init__(self, controller: Controller, watches: Sequence[Watch], end: End) -> None:
+    def __init__(
+        self, controller: Controller, watches: Sequence[Watch], end: End, paced_by: int | None = None
+    ) -> None:  # fmt: skip
         self._controller, self._watches, self.end = controller, watches, end
+        self._pacer = Pacer()
+        self._paced_by = paced_by
         self._cycle = 0
         self.cycles = self.skipped = self.frames = self.unsent = 0
         end.begin()
@@ -50,7 +55,10 @@ class OnBus:
         cycle = self.end.now_us // CYCLE_US
         if cycle <= self._cycle:
             return
+        late_us = None
         for stamp_us, f in self.end.receive():
+            if f.can_id == self._paced_by:
+                late_us = self._pacer.hear(stamp_us)
             self._controller.hear(f.can_id, f.data, stamp_us)
             for watch in self._watches:
                 watch.hear(f.can_id, f.data, stamp_us)
@@ -64,6 +72,8 @@ class OnBus:
             self.unsent += not sent
         for line in (line for watch in self._watches for line in watch.look(due_us)):
             self.end.lines.event(due_us, line)
+        if late_us:
+            self.end.wait(late_us)  # the cycles that come
 
     def summary(self) -> list[str]:
         """What came of it, for a person."""
@@ -76,9 +86,11 @@ class OnBus:
 
 
 def control_on_bus(
-    controller: Controller, watches: Sequence[Watch], interface: str, channel: str, seconds: float | None = None
+    controller: Controller, watches: Sequence[Watch], interface: str, channel: str, seconds: float | None = None,
+    paced_by: int | None = None,
 ) -> list[str]:  # fmt: skip
-    """Until SIGTERM or Ctrl-C comes, or so many seconds are over. It hears the messages of its watches.
+    """Until SIGTERM or Ctrl-C comes, or so many seconds are over. It hears the messages of its watches, and its cycles
+    follow one of them.
 
     Returns what it came to, as lines. Raises InputError, BusError.
     """
@@ -91,7 +103,7 @@ def control_on_bus(
         gc.collect()
         gc.freeze()
         cleanup.callback(gc.unfreeze)
-        controls = OnBus(controller, watches, End(link, lines))
+        controls = OnBus(controller, watches, End(link, lines), paced_by)
         while not told() and (seconds is None or controls.end.now_us < seconds * 1e6):
             time.sleep(controls.wait_s())
             controls.turn()

@@ -112,7 +112,7 @@ class SlipController:
         most: float | None = None
         if a.limit is not None:
             creep = slip / max(speed_m_s, 1.0)
-            most = a.limit.limit(now_us, asked_N_m, a.given_N_m, creep, a.law.sliding, self._braking)
+            most = a.limit.limit(now_us, asked_N_m, a.blending.actual_N_m, creep, a.law.sliding, self._braking)
         most = asked_N_m if most is None else min(max(most, 0.0), asked_N_m)
         actual = a.blending.actual_N_m
         torque = a.law.step(Seen(self._period_us * 1e-6, now_us, speed_m_s, slip, a.slide_m_s2, most, actual))

@@ -9,17 +9,17 @@ from sim_ecu.loop.control.resync import Constants as Release
 
 @dataclass(frozen=True, slots=True)
 class Constants:
-    """Thresholds and rates; shares are of the torque at which the slide began."""
+    """Found by `tune`; see docs/explanation/slip-control.md."""
 
     on_m_s: float = 0.71  # slip at which a slide begins: this, or the share of the speed where that is more
     on_share: float = 0.048
     on_m_s2: float = 9.2  # or at half the slip, when the wheel runs away faster than this
-    off_share: float = 0.31  # of the slip at which it begins: below it, it is over
+    off_share: float = 0.50  # of the slip at which it begins: below it, it is over
     back_m_s2: float = 3.0  # a wheel that comes back faster than this has not arrived
     hold_m_s2: float = 1.54  # a wheel that comes back faster than this needs no further cut
     reapply_share: float = 0.8  # of the torque at which the slide began: given back at once
     rise_N_m_s: float = 4800.0  # then it grows by this,
-    growth_s: float = 0.163  # and the faster the longer no slide has come: e-fold in this time
+    growth_s: float = 0.10  # and the faster the longer no slide has come: e-fold in this time
 
 
 class Phase(Enum):

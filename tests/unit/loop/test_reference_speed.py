@@ -54,8 +54,8 @@ def test_wheel_that_still_spins_or_slides_from_the_other_effort_is_not_believed(
 
 # seeds: a greasy rail, one axle; a wet one, four; traction on a low one
 @pytest.mark.parametrize("seed", [11, 5, 12])
-@pytest.mark.parametrize(("law", "bound"), [("thresholds", 0.8), ("creep", 1.0)])
-def test_reference_in_slides_stays_near_the_train(seed: int, law: str, bound: float) -> None:
+@pytest.mark.parametrize("law", ["thresholds", "creep"])
+def test_reference_in_slides_stays_within_1_m_s_of_the_train(seed: int, law: str) -> None:
     t = training(seed)
     controller = make_controller(law, t.facts)
     assert isinstance(controller, SlipController)
@@ -68,5 +68,5 @@ def test_reference_in_slides_stays_near_the_train(seed: int, law: str, bound: fl
     errors = [sign * e for e in errors]  # positive: towards the sliding wheel
     assert max(slips) > 0.4  # there are slides
     assert min(errors) > -0.15
-    assert max(errors) < bound
-    assert float(np.mean(np.abs(errors))) < 0.4 * bound
+    assert max(errors) < 1.0
+    assert float(np.mean(np.abs(errors))) < 0.5
