@@ -1,7 +1,7 @@
 """What the same actuators reach when somebody knows the rail. No controller can be built so.
 
-It is no bound in the strict sense: it never uses a wheel that slips beyond the peak, and lets a patch end before it asks
-for more.
+It is no bound in the strict sense: it never uses a wheel that slips beyond the peak, and lets a patch end before it
+asks for more.
 """
 
 from collections.abc import Iterator, Sequence

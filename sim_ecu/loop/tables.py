@@ -19,9 +19,9 @@ WHAT = (
 )
 IDEAL = (
     "ideal: knows the rail at each axle's place and ahead of it, and asks the same actuators for 98 % of the lowest "
-    "peak under the wheel and where it will be in 0.2 s (0.45 s where the friction brake takes part). A mark to compare "
-    "with: no controller can be built so. One that slips beyond the peak, or asks for more before a patch ends, may be "
-    "a little better."
+    "peak under the wheel and where it will be in 0.2 s (0.45 s where the friction brake takes part). A mark to "
+    "compare with: no controller can be built so. One that slips beyond the peak, or asks for more before "
+    "a patch ends, may be a little better."
 )
 SUITES = {
     "braking": "stops of one axle, by rail",
@@ -40,8 +40,8 @@ def tables(result: dict[str, Any]) -> list[str]:
     run = result.get("run", {})
     out = [QUICK, ""] if run.get("quick") else []
     out += [
-        f"Runs of every row: {run['seeds']}, seeds from {FIRST_TEST_SEED} on; the controllers were tuned on seeds below "
-        "1000.",
+        f"Runs of every row: {run['seeds']}, seeds from {FIRST_TEST_SEED} on; the controllers were tuned on seeds "
+        "below 1000.",
         "In brackets: 5 to 95 % of the runs; of a ratio, the 90 % interval by drawing whole runs again.",
         WHAT,
         IDEAL,

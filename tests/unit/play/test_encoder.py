@@ -24,6 +24,26 @@ def test_a_stretch_is_the_bytes_of_its_samples(truth: bool, counter: int) -> Non
     assert encoder.stretch(s) == [list(encoder.frames(sample)) for sample in s.samples()]
 
 
+def test_quick_frames_are_the_bytes_of_cantools() -> None:
+    s, slow, quick = stretch(4, 200), Encoder(list(NUMBERS)), Encoder(list(NUMBERS))
+    quick.quick = True
+    for sample in s.samples():
+        assert list(quick.frames(sample)) == list(slow.frames(sample))
+
+
+@pytest.mark.parametrize("name", ["Demand_A1", "DriverDemand", "WheelSpeed_A2", "BrakePressure_A1"])
+def test_quick_frames_of_the_loop_are_the_bytes_of_cantools(name: str) -> None:
+    message = databases()[1].get_message_by_name(name)
+    assert isinstance(message, cantools.database.can.Message)
+    slow, quick, rng = Channel(message), Channel(message), np.random.default_rng(5)
+    own = [s for s in message.signals if s.name not in ("Crc", "Counter", "Status")]
+    for k in range(1, 200):
+        values = {s.name: float(rng.uniform(-1.2, 1.2) * (s.maximum or 1.0)) for s in own if s.choices is None}
+        values |= {s.name: int(rng.choice(list(s.choices))) for s in own if s.choices is not None}
+        due_us = k * slow.every_us
+        assert quick.encode_quick(due_us, values) == slow.encode(due_us, values)
+
+
 def test_stretches_may_be_cut_anywhere() -> None:
     whole, encoder = stretch(2, 61), Encoder(list(NUMBERS))
     frames = encoder.stretch(whole)
@@ -47,3 +67,4 @@ def test_halves_and_ends_are_rounded_as_cantools_does(raw: float) -> None:
     value = raw * float(message.get_signal_by_name("YawRate").scale)
     (frame,) = channel.encode_all(np.array([due_us]), {"YawRate": np.array([value])})
     assert frame == channel.encode(due_us, {"YawRate": value})
+    assert frame == channel.encode_quick(due_us, {"YawRate": value})
