@@ -111,6 +111,8 @@ class AdhesionReceiver:
         mu, level, age_ms = said.get("MuAvailable"), said.get("Confidence"), said.get("SampleAge", 0.0)
         if said.get("Validity") != "Valid" or not isinstance(mu, float) or not 0.0 <= mu <= 100.0:
             return None
+        if "Unknown" in (said.get("Surface"), said.get("ContactState")):
+            return None
         if not isinstance(age_ms, float) or age_ms > MAX_AGE_MS:
             return None
         if level != WIDER and level not in HALF_WIDTHS:

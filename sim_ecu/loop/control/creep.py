@@ -39,6 +39,10 @@ class CreepControl:
         c = self._c
         target = max(c.creep, c.min_slip_m_s / max(seen.speed_m_s, 1.0))
         error = target - seen.creep
+        if seen.creep > SLIDES * target:
+            self.sliding = True
+        elif seen.creep < target:
+            self.sliding = False
         if self._integral_N_m is None:  # the driver has all that is asked, until the creep says otherwise
             if error > 0.0:
                 return seen.asked_N_m
@@ -48,9 +52,5 @@ class CreepControl:
         if self._integral_N_m >= seen.asked_N_m and error > 0.0:
             self._integral_N_m = None
             return seen.asked_N_m
-        if seen.creep > SLIDES * target:
-            self.sliding = True
-        elif seen.creep < target:
-            self.sliding = False
         torque = self._integral_N_m + c.kp_N_m * min(error, 0.0) - c.kd_N_m_s2 * max(seen.slide_m_s2, 0.0)
         return min(max(torque, 0.0), seen.asked_N_m)

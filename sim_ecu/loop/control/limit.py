@@ -58,6 +58,11 @@ class Constants:
     doubt_s: float = 0.4  # the same where the knee lies elsewhere than the estimate says:
     doubt: float = 1.25  # so many times above
     settle_s: float = 0.15  # between two steps down
+    surprise: float = 0.06  # creep of a slide that nothing foretold: the rail is another
+    free_s: float = 1.2  # without a slide of the law, before the estimate may limit a brake again
+    steady: float = 0.25  # share by which the estimate may differ from its mean of
+    steady_s: float = 0.6  # so long, and be told of a rail that stays
+    brake_rise_s: float = 0.4  # in which a higher estimate is followed when braking: a slide costs less than a longer stop
     memory_s: float = 30.0  # without a frame that may be used: from then on the limit is lifted,
     lift: float = 0.25  # by so much of the demand a second
     smooth: float = 0.5  # of a new creep, in each cycle
@@ -68,6 +73,7 @@ class Probe(Enum):
 
     WAIT = 0
     CLIMB = 1
+    FREE = 2  # the rail has changed under the wheel: a brake is the law's alone
 
 
 class AdhesionLimit:
@@ -82,6 +88,7 @@ class AdhesionLimit:
         self._carried_N_m: float | None = None  # what the estimate carries, its rises followed slowly
         self._heard_us = 0  # when a frame was last used
         self._saturated = False
+        self._steady, self._mean_N_m, self._rise_s = False, 0.0, self._c.rise_s
         self._hold_s = self._c.hold_s
         self._creep = 0.0
         self._was_sliding = False
@@ -103,12 +110,18 @@ class AdhesionLimit:
         begins, self._was_sliding = sliding and not self._was_sliding, sliding
         used = self._follow(now_us, asked_N_m, braking)
         carried = self._carried_N_m
+        if self._state is Probe.FREE:
+            self._return(now_us, asked_N_m, given_N_m, sliding, used and braking)
+            return self.limit_N_m
         if carried is None or (self.limit_N_m is None and not used):
             return None
         if used and asked_N_m <= carried and (self.limit_N_m is None or self.limit_N_m >= asked_N_m):
             self._end()
             return None
         now = self.limit_N_m if self.limit_N_m is not None else max(carried, given_N_m)
+        if sliding and braking and self._creep > self._c.surprise:
+            self._state, self._free_us, self.limit_N_m = Probe.FREE, now_us, None
+            return None
         if sliding:
             now = self._slide(now, now_us, given_N_m, carried, begins)
         elif self._creep > self._c.over:
@@ -130,7 +143,19 @@ class AdhesionLimit:
         self._base_N_m = 0.0
         self._growth = 0.0
         self._state = Probe.WAIT
-        self._wait_until_us = self._settled_us = 0
+        self._hold_s = self._c.doubt_s
+        self._wait_until_us = self._settled_us = self._free_us = 0
+
+    def _return(self, now_us: int, asked_N_m: float, given_N_m: float, sliding: bool, used: bool) -> None:
+        """Limit a brake again that is the law's alone, from what it carries now: where it has not slid for some time, and
+        the estimate tells of a rail that stays."""
+        if sliding:
+            self._free_us = now_us
+        if not used or not self._steady or now_us - self._free_us < self._c.free_s * 1e6:
+            return
+        self._end()
+        if given_N_m < asked_N_m:
+            self.limit_N_m = self._knee(now_us, given_N_m, given_N_m, self._c.keep)
 
     def _follow(self, now_us: int, asked_N_m: float, braking: bool) -> bool:
         """Follow the estimate: down at once, up slowly. False where there is none to be used."""
@@ -141,14 +166,17 @@ class AdhesionLimit:
         if said.half_width is None:
             return False
         self._hold_s = c.hold_s if braking else c.pull_hold_s
+        self._rise_s = c.brake_rise_s if braking else c.rise_s
         aim, widths = (c.aim, c.half_widths) if braking else (c.pull_aim, c.pull_half_widths)
         carries = self._unit_N_m * aim * max(said.mu - widths * said.half_width, 0.5 * said.mu)
+        self._mean_N_m += (carries - self._mean_N_m) * PERIOD_S / c.steady_s
+        self._steady = abs(carries - self._mean_N_m) <= c.steady * self._mean_N_m
         if self._carried_N_m is None or (self.limit_N_m is None and asked_N_m < carries):
             self._carried_N_m = carries
         elif carries < self._carried_N_m:
             self._carried_N_m += (carries - self._carried_N_m) * PERIOD_S / c.fall_s
         else:
-            self._carried_N_m += min(carries - self._carried_N_m, carries * PERIOD_S / c.rise_s)
+            self._carried_N_m += min(carries - self._carried_N_m, carries * PERIOD_S / self._rise_s)
         return True
 
     def _slide(self, now: float, now_us: int, given_N_m: float, carried_N_m: float, begins: bool) -> float:
@@ -173,7 +201,7 @@ class AdhesionLimit:
                 keep = (c.keep if braking else c.pull_keep) if agrees else c.keep_alone
                 return min(now, self._knee(now_us, given_N_m, carried_N_m, keep))
             return now
-        follows = max(now, min(carried_N_m, now + carried_N_m * PERIOD_S / c.rise_s))
+        follows = max(now, min(carried_N_m, now + carried_N_m * PERIOD_S / self._rise_s))
         fast = braking and now < c.near * self._found_N_m
         ahead = c.ahead_N_m if fast and self._creep < 0.5 * c.knee else 0.15 * now + 300.0
         if not braking and self._saturated:
@@ -191,6 +219,8 @@ class AdhesionLimit:
 
     def _knee(self, now_us: int, given_N_m: float, carried_N_m: float, keep: tuple[float, float]) -> float:
         """Where to stay, after the torque at which the creep rises was found."""
+        same = given_N_m < self._c.doubt * self._found_N_m and self._found_N_m < self._c.doubt * given_N_m
+        self._hold_s = min(2.0 * self._hold_s, self._c.hold_s) if same else self._c.doubt_s
         self._found_N_m = given_N_m
         self._wait(now_us, carried_N_m)
         return min(max(carried_N_m, keep[0] * given_N_m), keep[1] * given_N_m)
