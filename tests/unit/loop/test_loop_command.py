@@ -72,14 +72,15 @@ def test_row_whose_bare_runs_are_another_ones_brings_that_along() -> None:
 def test_run_that_branches_off_is_the_run_with_the_fault_from_the_start() -> None:
     base, case = cases("faults", "freeze, all")
     base, case = (replace(c, plan=briefly, controllers=("thresholds with wrcd",)) for c in (base, case))
-    branched = [o for o in play(base, 0, [case]) if o.case == case.name]
-    assert branched == play(case, 0)
-    assert branched[0].said != play(base, 0)[0].said
+    at_once, whole = play(base, 1, [case]), play(case, 1)
+    assert [o.case for o in at_once] == [case.name, base.name]
+    assert at_once[0] == whole[0]
+    assert at_once[0].said != at_once[1].said
 
 
 def briefly(rng: np.random.Generator) -> Plan:
-    """A stop that is cut off in the middle of its fault."""
-    return replace(short_stop(rng), duration_s=AT_S + 0.5)
+    """A stop that is cut off some seconds after its fault."""
+    return replace(short_stop(rng), duration_s=AT_S + 4.0)
 
 
 def test_scenario_follows_from_its_number_alone() -> None:
