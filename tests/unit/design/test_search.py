@@ -101,6 +101,7 @@ def test_the_command_writes_what_a_design_is_made_with(
 ) -> None:
     monkeypatch.setattr(search, "HELD_SPEEDS", (25.0,))
     monkeypatch.setattr(search, "HELD_TRACKS", 1)
+    monkeypatch.setattr(search, "GRID", 6)  # the file is looked at here, not how good its noise is
     tiny, out, again = (tmp_path / name for name in ("tiny.toml", "noise.toml", "again.toml"))
     tiny.write_text(TINY)
     command = ["design", "--search", "--form", form, "--config", str(tiny), "--budget", "4", "--jobs", "1", "-o"]
