@@ -29,6 +29,8 @@ def _run(args: argparse.Namespace) -> int:
     from sim_ecu.loop.control.inputs import Inputs
     from sim_ecu.loop.control.make import make_controller
     from sim_ecu.loop.control.on_bus import Watch, control_on_bus
+    from sim_ecu.loop.control.protection_watch import ProtectionWatch
+    from sim_ecu.loop.control.slip_controller import SlipController
     from sim_ecu.loop.messages import rig_message
     from sim_ecu.loop.scenario import load_drive_scenario
     from wrcd.config import DEFAULT_AXLES, load_config, load_packaged
@@ -53,6 +55,8 @@ def _run(args: argparse.Namespace) -> int:
     bus = pick_bus(args.interface, args.channel, None, DEFAULT_BUS)
     paced_by = rig_message(f"WheelSpeed_A{facts.axles[-1]}").frame_id
     controller = make_controller(args.controller, facts, config)
+    if isinstance(controller, SlipController):
+        watches.append(ProtectionWatch(controller))
     print("\n".join(control_on_bus(controller, watches, *bus, args.seconds, paced_by)))
     return 0
 

@@ -3,9 +3,10 @@
 from collections.abc import Callable, Iterator
 
 from sim_ecu.loop.control.controller import CYCLE_US, Controller
+from sim_ecu.loop.messages import COAST, rig_message
 from sim_ecu.loop.rig import LOOP, TRUTH, WRCD, Rig, Step
 from sim_ecu.loop.scenario import DriveScenario
-from sim_ecu.play.encoder import Sent
+from sim_ecu.play.encoder import Channel, Sent
 from sim_ecu.play.play import LOG_START_US
 from sim_ecu.play.train import PACKAGED, Train
 from wrcd.bus.frame import Frame
@@ -35,6 +36,9 @@ class Lockstep:
         self._end_us = round(scenario.train.duration_s * 1e6)
         self._stop_m_s = scenario.stop_m_s
         self.over = self._end_us <= 0
+        if controller is not None:  # it runs already, and the driver coasts: a controller that never heard one is mute
+            first = Channel(rig_message("DriverDemand")).encode_quick(0, {"Mode": COAST, "Share": 0.0})
+            controller.hear(first.can_id, first.data, 0)
 
     def step(self) -> Step:
         """5 ms on; over says whether its time is up, or the train slower than the scenario's stop_m_s."""

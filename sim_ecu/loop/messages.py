@@ -1,5 +1,6 @@
 """The loop's frames: laid out as cantools reads the DBC, checked as a careful receiver does."""
 
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -9,6 +10,12 @@ from cantools.database.can import Message
 from sim_ecu.play.encoder import data_id, databases
 
 COUNTERS = 15
+COAST, TRACTION, BRAKE = MODES = range(3)  # DriverDemand's Mode; another one is none
+
+
+def driver_demand() -> "Heard":
+    """DriverDemand; a frame of an unknown Mode is not taken."""
+    return Heard(rig_message("DriverDemand"), known={"Mode": MODES})
 
 
 def rig_message(name: str) -> Message:
@@ -24,24 +31,31 @@ class Rejected:
     crc: int = 0
     repeated: int = 0
     counter: int = 0
-
-    def text(self) -> str:
-        """A line for a person: what there was, or nothing."""
-        return ", ".join(f"{n} {why}" for why, n in self.counts().items() if n)
+    value: int = 0
 
     def counts(self) -> dict[str, int]:
         """By reason."""
-        return {"length": self.length, "CRC": self.crc, "repeated": self.repeated, "counter": self.counter}
+        return {
+            "length": self.length,
+            "CRC": self.crc,
+            "repeated": self.repeated,
+            "counter": self.counter,
+            "value": self.value,
+        }
 
 
 @dataclass(slots=True)
 class Heard:
-    """The newest good frame of a message. Raw values are physical; enumerations stay numbers."""
+    """The newest good frame of a message. Raw values are physical; enumerations stay numbers.
+
+    known: the values that signals may have; a frame with another one is not taken.
+    """
 
     message: Message
     values: dict[str, Any] = field(default_factory=dict)
     stamp_us: int | None = None
     rejected: Rejected = field(default_factory=Rejected)
+    known: Mapping[str, Collection[float]] = field(default_factory=dict)
     _counter: int = -1
     _id: int = 0
     timeout_us: int = 0  # as the DBC says
@@ -60,7 +74,7 @@ class Heard:
             self._fields.append((s.name, s.start, (1 << s.length) - 1, sign, s.scale, s.offset))
 
     def take(self, data: bytes, stamp_us: int) -> bool:
-        """Whether a frame is good; a frame that is not changes nothing but its count."""
+        """Whether a frame is good. One that is not changes counts and, if E2E passes, the counter that is expected next."""
         if len(data) != self.message.length:
             self.rejected.length += 1
             return False
@@ -73,16 +87,20 @@ class Heard:
             self.rejected.repeated += 1
             return False
         # up to two frames may be lost within the time-out
-        if counter >= COUNTERS or (fresh and (counter - self._counter) % COUNTERS > 3):
+        if fresh and (counter - self._counter) % COUNTERS > 3:
             self.rejected.counter += 1
             self._counter = counter  # the sequence is taken again from the next that follows
             return False
-        self._counter, self.stamp_us = counter, stamp_us
+        self._counter = counter
         bits = int.from_bytes(data, "little")
-        self.values = {
+        values = {
             name: (((bits >> start & mask) ^ sign) - sign) * scale + offset
             for name, start, mask, sign, scale, offset in self._fields
         }
+        if any(values[name] not in known for name, known in self.known.items()):
+            self.rejected.value += 1
+            return False
+        self.values, self.stamp_us = values, stamp_us
         return True
 
     def fresh(self, now_us: int) -> bool:

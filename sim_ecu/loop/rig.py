@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim_ecu.loop.messages import Heard, rig_message
+from sim_ecu.loop.messages import BRAKE, COAST, TRACTION, Heard, rig_message
 from sim_ecu.loop.scenario import DriveScenario
 from sim_ecu.loop.sensed import TACHOMETER, Sensed
 from sim_ecu.physics.actuators import AxleActuators, Valve
@@ -19,7 +19,6 @@ from sim_ecu.play.train import PACKAGED, Train
 
 WRCD, TRUTH, LOOP = "wrcd", "truth", "loop"  # who hears frames: they are made for nobody else
 ALL = (WRCD, TRUTH, LOOP)
-COAST, TRACTION, BRAKE = range(3)
 BLOCK = 1000  # samples of the driver's course that are made at once
 VALVES = {int(v): v for v in Valve}  # another value is none: the brakes must not be lost
 PRESSURE = Sensor(0.01, 10.0, 0.0)  # bar

@@ -1,7 +1,6 @@
 """What a controller keeps of one axle: what was heard, its law, its actuators."""
 
 from collections import deque
-from dataclasses import dataclass, field
 from typing import Protocol
 
 from sim_ecu.loop.control.blending import Blending
@@ -26,25 +25,6 @@ class Limit(Protocol):
         self, now_us: int, asked_N_m: float, given_N_m: float, creep: float, sliding: bool, braking: bool
     ) -> float | None:
         """Most |torque| to ask for; None: no limit."""
-
-
-@dataclass(slots=True)
-class Silence:
-    """How often an input fell silent, and for how long in all. One that has not come yet is not counted."""
-
-    times: int = 0
-    silent_us: int = 0
-    _heard: bool = field(default=False, repr=False)
-    _was: bool = field(default=False, repr=False)
-
-    def note(self, silent: bool, period_us: int) -> bool:
-        """Count a cycle; returns what it was told."""
-        self._heard = self._heard or not silent
-        if self._heard:
-            self.times += silent and not self._was
-            self.silent_us += period_us * silent
-        self._was = silent
-        return silent
 
 
 class Axle:

@@ -30,14 +30,19 @@ class Blending:
         """Take a measured pressure."""
         self.pressure_bar = pressure_bar
 
-    def step(self, torque_N_m: float, share: float, braking: bool, speed_m_s: float) -> tuple[float, Valve]:
-        """Drive torque (signed) and valve for a wanted amount of torque; share is the driver's."""
+    def step(self, torque_N_m: float, share: float, braking: bool, speed_m_s: float | None) -> tuple[float, Valve]:
+        """Drive torque (signed) and valve for a wanted amount of torque; share is the driver's.
+
+        speed None: not known; the drive is asked for all, and what it is not allowed the actuators keep from it.
+        """
         if not braking:
             self._follow(torque_N_m)
             return torque_N_m, self._set(Valve.FILL, 0.0)
         facts, pneumatics = self._facts, self._facts.actuators.pneumatics
-        electric = facts.electric_N_m(share, speed_m_s)
-        asked_bar = facts.actuators.asked_bar(share, speed_m_s)
+        if speed_m_s is None:
+            electric, asked_bar = torque_N_m, facts.actuators.asked_bar(share, 0.0)
+        else:
+            electric, asked_bar = facts.electric_N_m(share, speed_m_s), facts.actuators.asked_bar(share, speed_m_s)
         target_bar = max(torque_N_m - electric, 0.0) / pneumatics.torque_per_bar_N_m
         coming_bar = self._coming_bar(asked_bar)
         if torque_N_m >= facts.asked_N_m(share, True):

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Protocol
 
-from sim_ecu.loop.messages import Heard, rig_message
+from sim_ecu.loop.messages import BRAKE, TRACTION, driver_demand, rig_message
 from sim_ecu.physics.actuators import Actuators, Valve
 from sim_ecu.play.encoder import Channel, Sent
 
@@ -21,11 +21,15 @@ class Controller(Protocol):
 
 
 class Unprotected:
-    """Gives the driver what the driver asks: no wheel-slide protection at all."""
+    """Gives the driver what the driver asks: no wheel-slide protection at all.
+
+    Says nothing before it has heard the driver, so that the rig brakes by itself. When the driver falls silent, traction
+    ends and a brake stays.
+    """
 
     def __init__(self, axles: Sequence[int], actuators: Actuators) -> None:
         self._a = actuators
-        self._driver = Heard(rig_message("DriverDemand"))
+        self._driver = driver_demand()
         self._channels = [Channel(rig_message(f"Demand_A{n}")) for n in axles]
 
     def hear(self, can_id: int, data: bytes, stamp_us: int) -> None:
@@ -35,6 +39,11 @@ class Unprotected:
 
     def tick(self, now_us: int) -> list[Sent]:
         """The same for every axle."""
-        share, mode = self._driver.values.get("Share", 0.0), self._driver.values.get("Mode", 0)
-        torque = {0: 0.0, 1: share * self._a.drive.max_traction_N_m}.get(mode, -share * self._a.full_brake_N_m)
+        if self._driver.stamp_us is None:
+            return []
+        share, mode, torque = self._driver.values["Share"], self._driver.values["Mode"], 0.0
+        if mode == BRAKE:
+            torque = -share * self._a.full_brake_N_m
+        elif mode == TRACTION and self._driver.fresh(now_us):
+            torque = share * self._a.drive.max_traction_N_m
         return [c.encode_quick(now_us, {"Torque": torque, "Valve": Valve.FILL}) for c in self._channels]

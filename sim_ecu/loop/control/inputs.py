@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from sim_ecu.loop.control.controller import CYCLE_US
 from sim_ecu.loop.counted import counted, times
-from sim_ecu.loop.messages import Heard, rig_message
+from sim_ecu.loop.messages import Heard, driver_demand, rig_message
 from sim_ecu.loop.silence import News, Silence, together
 
 
@@ -13,7 +13,8 @@ class Inputs:
 
     def __init__(self, axles: Sequence[int]) -> None:
         names = ["DriverDemand", *(f"{kind}_A{n}" for n in axles for kind in ("WheelSpeed", "BrakePressure"))]
-        self._heard = {name: Heard(rig_message(name)) for name in names}
+        self._heard = {name: Heard(rig_message(name)) for name in names[1:]}
+        self._heard = {names[0]: driver_demand(), **self._heard}
         self._by_id = {h.message.frame_id: h for h in self._heard.values()}
         self._silences = {name: Silence(CYCLE_US) for name in names}
         self._taken = dict.fromkeys(names, 0)

@@ -2,26 +2,29 @@
 
 from collections.abc import Callable, Mapping
 
-from sim_ecu.loop.control.axle import Axle, Limit, Silence
+from sim_ecu.loop.control.axle import Axle, Limit
 from sim_ecu.loop.control.controller import CYCLE_US
 from sim_ecu.loop.control.facts import Facts
 from sim_ecu.loop.control.law import Law, Seen
+from sim_ecu.loop.control.proof import TURNS_M_S, Proof
 from sim_ecu.loop.control.reference_speed import ReferenceSpeed
 from sim_ecu.loop.control.resync import Constants as ResyncConstants
 from sim_ecu.loop.control.resync import Resync
-from sim_ecu.loop.messages import Heard, rig_message
+from sim_ecu.loop.messages import BRAKE, COAST, TRACTION, driver_demand
 from sim_ecu.play.encoder import Sent
 
-COAST, TRACTION, BRAKE = range(3)
 MAX_PERIOD_US = 100_000  # a cycle that comes later than this counts for so much
+LOST_US = 200_000  # a silence of all wheels, or of the controller itself, after which no wheel is believed unproved
 
 
 class SlipController:
     """Wheel-slide protection and traction control of a train.
 
-    Inputs that are silent past their time-out are counted in `silences`, by message. DriverDemand: traction ends; a
-    brake that was asked stays asked, and protected. WheelSpeed: the axle pulls no more, and brakes as the driver asks,
-    without protection. BrakePressure: the controller goes on with its own model of the cylinder.
+    Before the driver was heard it says nothing: without a Demand the rig brakes by itself. Inputs that are silent past
+    their time-out: DriverDemand: traction ends; a brake that was asked stays asked, and protected. WheelSpeed: the axle
+    pulls no more, and brakes as the driver asks, without protection. BrakePressure: the controller goes on with its own
+    model of the cylinder. After its start, and after it has heard no wheel while braking, a wheel has to prove the
+    reference first: see `proof`.
     """
 
     def __init__(
@@ -34,13 +37,14 @@ class SlipController:
         self.facts = facts
         limits = limits or {}
         self.axles = [Axle(n, facts, law(), limits.get(n)) for n in facts.axles]
-        self._driver = Heard(rig_message("DriverDemand"))
+        self._driver = driver_demand()
         inputs = [self._driver, *(h for a in self.axles for h in (a.wheel, a.pressure))]
         self._heard = {h.message.frame_id: h for h in inputs}
         self._pressures = {a.pressure.message.frame_id: a for a in self.axles}
-        self.silences = {h.message.name: Silence() for h in inputs}
         self._reference = ReferenceSpeed(facts)
         self._resync = Resync(len(self.axles), resync or self.axles[0].law.release)
+        self.proof = Proof(facts)
+        self._blind_us = 0
         self._braking = True
         self._now_us: int | None = None
         self._period_us = CYCLE_US
@@ -72,30 +76,35 @@ class SlipController:
         share = self._asked()
         for a in self.axles:
             a.observe(now_us, self._braking)
-            self._note(a.wheel)
-            self._note(a.pressure)
         wheels = [a.speed_m_s for a in self.axles if not a.wheel_silent]
         speed = self._reference.step(wheels, [a.force_N() for a in self.axles], self._braking, self._period_us * 1e-6)
         asked = self.facts.asked_N_m(share, self._braking)
+        self._blind_us = 0 if wheels else self._blind_us + self._period_us
+        if self._blind_us > LOST_US or since_us > LOST_US:
+            self.proof.lose()
+        freed = self.proof.step(now_us, self.axles, asked, self._braking)
         out = []
         for k, a in enumerate(self.axles):
             if speed is None or a.wheel_silent:
                 torque = asked if self._braking else 0.0
                 self._resync.skip(k)
             else:
-                torque = self._protected(k, a, now_us, asked, speed)
+                torque = self._protected(k, a, now_us, asked, speed, k == freed)
             a.given_N_m = torque
-            drive, valve = a.blending.step(torque, share, self._braking, speed or 0.0)
-            out.append(a.channel.encode_quick(now_us, {"Torque": drive, "Valve": valve}))
+            drive, valve = a.blending.step(torque, share, self._braking, self._known(a, speed, torque, asked))
+            if self._driver.stamp_us is not None:
+                out.append(a.channel.encode_quick(now_us, {"Torque": drive, "Valve": valve}))
         return out
 
-    def _note(self, heard: Heard) -> bool:
-        """Whether an input is silent; counted."""
-        return self.silences[heard.message.name].note(not heard.fresh(self._now_us or 0), self._period_us)
+    def _known(self, a: Axle, speed_m_s: float | None, torque_N_m: float, asked_N_m: float) -> float | None:
+        """The speed that the drive's share may follow; None where a locked wheel could pass for a train that stands."""
+        if speed_m_s is None or torque_N_m < asked_N_m:
+            return speed_m_s
+        return None if a.wheel_silent or a.guard.off or speed_m_s < TURNS_M_S else speed_m_s
 
     def _asked(self) -> float:
         """The driver's share, 0 ... 1. While coasting the direction of the last effort stays."""
-        silent = self._note(self._driver)
+        silent = not self._driver.fresh(self._now_us or 0)
         share, mode = float(self._driver.values.get("Share", 0.0)), int(self._driver.values.get("Mode", COAST))
         if mode not in (TRACTION, BRAKE) or (silent and mode == TRACTION):
             return 0.0
@@ -103,10 +112,11 @@ class SlipController:
             self._braking = mode == BRAKE
             for a in self.axles:
                 a.law.reset()
+                a.guard.reset()
         return share
 
-    def _protected(self, k: int, a: Axle, now_us: int, asked_N_m: float, speed_m_s: float) -> float:
-        """|torque| of an axle by limit, law, release and guard."""
+    def _protected(self, k: int, a: Axle, now_us: int, asked_N_m: float, speed_m_s: float, freed: bool) -> float:
+        """|torque| of an axle by limit, law, release and guard; freed: it has none, to prove the reference."""
         slip = a.speed_m_s - speed_m_s
         slip = -slip if self._braking else slip
         most: float | None = None
@@ -117,6 +127,10 @@ class SlipController:
         actual = a.blending.actual_N_m
         torque = a.law.step(Seen(self._period_us * 1e-6, now_us, speed_m_s, slip, a.slide_m_s2, most, actual))
         torque = self._resync.step(k, now_us, torque, most, a.law.sliding, a.slide_m_s2)
+        if freed:
+            a.law.reset()
+            a.guard.begin(now_us)
+            return 0.0
         if self._braking:
-            torque = a.guard.step(now_us, torque, asked_N_m, self.facts.full_brake_N_m)
+            torque = a.guard.step(now_us, a.speed_m_s, torque, asked_N_m, self.facts.full_brake_N_m)
         return torque

@@ -87,18 +87,32 @@ def test_creep_settles_at_its_set_point_and_does_not_wind_up() -> None:
 
 def test_guard_ends_a_brake_kept_off_for_too_long() -> None:
     guard, cycles = Guard(), round((MAX_WITHOUT_S + APPLIED_S) * 2 / PERIOD_S)
-    given = [guard.step(k * 10_000, 0.0, FULL_N_m, FULL_N_m) for k in range(cycles)]
+    wheel = [0.002 * k for k in range(cycles)]  # a locked wheel that rolls up, slowly
+    given = [guard.step(k * 10_000, v, 0.0, FULL_N_m, FULL_N_m) for k, v in enumerate(wheel)]
     assert given[: round(MAX_WITHOUT_S / PERIOD_S)] == [0.0] * round(MAX_WITHOUT_S / PERIOD_S)
     assert sum(t == FULL_N_m for t in given) == pytest.approx(2 * APPLIED_S / PERIOD_S, abs=3)
     assert guard.interventions == 2
+    assert not guard.off
+
+
+def test_guard_wheel_that_never_rolls_protection_is_off_after_two_interventions() -> None:
+    guard, cycles = Guard(), round((MAX_WITHOUT_S + APPLIED_S) * 2 / PERIOD_S)
+    given = [guard.step(k * 10_000, 0.0, 0.0, FULL_N_m, FULL_N_m) for k in range(3 * cycles)]
+    assert given[cycles:] == [FULL_N_m] * (2 * cycles)
+    assert (guard.interventions, guard.off) == (2, True)
+    now_us = 3 * cycles * 10_000
+    assert guard.step(now_us, 1.0, 0.0, FULL_N_m, FULL_N_m) == 0.0  # it rolls: protected again
+    guard.off = True
+    guard.reset()
+    assert guard.step(now_us, 1.0, 0.0, FULL_N_m, FULL_N_m) == 0.0  # another effort
 
 
 def test_guard_leaves_an_axle_that_brakes_or_is_not_asked_alone() -> None:
     guard = Guard()
     for k in range(1000):
-        assert guard.step(k * 10_000, 1000.0, FULL_N_m, FULL_N_m) == 1000.0
+        assert guard.step(k * 10_000, 9.0, 1000.0, FULL_N_m, FULL_N_m) == 1000.0
     for k in range(1000, 2000):
-        assert guard.step(k * 10_000, 0.0, 0.0, FULL_N_m) == 0.0
+        assert guard.step(k * 10_000, 9.0, 0.0, 0.0, FULL_N_m) == 0.0
     assert guard.interventions == 0
 
 
