@@ -62,8 +62,8 @@ class Constants:
     surprise: float = 0.06  # creep of a slide that nothing foretold: the rail is another
     pull_surprise: float = 0.06  # the same when pulling
     free_s: float = 1.2  # without a slide of the law, before the estimate may limit a brake again
-    steady: float = 0.25  # share by which the estimate may differ from its mean of
-    steady_s: float = 0.6  # so long, and be told of a rail that stays
+    steady: float = 0.25  # share by which the estimate may differ from its own mean of the last
+    steady_s: float = 0.4  # for so long: then it tells of a rail that stays
     memory_s: float = 30.0  # without a frame that may be used: from then on the limit is lifted,
     lift: float = 0.25  # by so much of the demand a second
     smooth: float = 0.5  # of a new creep, in each cycle
@@ -89,7 +89,7 @@ class AdhesionLimit:
         self._carried_N_m: float | None = None  # what the estimate carries, its rises followed slowly
         self._heard_us = 0  # when a frame was last used
         self._saturated = False
-        self._steady, self._mean_N_m, self._rise_s = False, 0.0, self._c.rise_s
+        self._unsteady_us, self._mean_N_m, self._rise_s = 0, 0.0, self._c.rise_s
         self._hold_s = self._c.hold_s
         self._creep = 0.0
         self._was_sliding = False
@@ -153,7 +153,8 @@ class AdhesionLimit:
         and the estimate tells of a rail that stays."""
         if sliding:
             self._free_us = now_us
-        if not used or not self._steady or now_us - self._free_us < self._c.free_s * 1e6:
+        steady_us = now_us - self._unsteady_us
+        if not used or steady_us < self._c.steady_s * 1e6 or now_us - self._free_us < self._c.free_s * 1e6:
             return
         self._end()
         if given_N_m < asked_N_m:
@@ -172,7 +173,8 @@ class AdhesionLimit:
         aim, widths = (c.aim, c.half_widths) if braking else (c.pull_aim, c.pull_half_widths)
         carries = self._unit_N_m * aim * max(said.mu - widths * said.half_width, 0.5 * said.mu)
         self._mean_N_m += (carries - self._mean_N_m) * PERIOD_S / c.steady_s
-        self._steady = abs(carries - self._mean_N_m) <= c.steady * self._mean_N_m
+        if abs(carries - self._mean_N_m) > c.steady * self._mean_N_m:
+            self._unsteady_us = now_us
         if self._carried_N_m is None or (self.limit_N_m is None and asked_N_m < carries):
             self._carried_N_m = carries
         elif carries < self._carried_N_m:
