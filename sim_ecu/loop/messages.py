@@ -74,7 +74,7 @@ class Heard:
             self._fields.append((s.name, s.start, (1 << s.length) - 1, sign, s.scale, s.offset))
 
     def take(self, data: bytes, stamp_us: int) -> bool:
-        """Whether a frame is good. One that is not changes counts and, if E2E passes, the counter that is expected next."""
+        """Whether a frame is good. One that is not changes counts and, if its E2E passes, the counter expected next."""
         if len(data) != self.message.length:
             self.rejected.length += 1
             return False

@@ -23,8 +23,8 @@ class Controller(Protocol):
 class Unprotected:
     """Gives the driver what the driver asks: no wheel-slide protection at all.
 
-    Says nothing before it has heard the driver, so that the rig brakes by itself. When the driver falls silent, traction
-    ends and a brake stays.
+    Says nothing before it has heard the driver, so that the rig brakes by itself. When the driver falls silent,
+    traction ends and a brake stays.
     """
 
     def __init__(self, axles: Sequence[int], actuators: Actuators) -> None:

@@ -64,7 +64,7 @@ def test_locked_wheel_at_start_or_after_silence_rolls_again(
 
 
 def watched(speeds: Sequence[float], seconds: float) -> tuple[ProtectionWatch, list[list[float]], list[str]]:
-    """A controller that starts while the brake is on, and hears wheels of such speeds: what tells of it, demands, lines."""
+    """A controller that starts while the brake is on and hears such wheels: what tells of it, demands, lines."""
     controller = make_controller("thresholds", FACTS)
     assert isinstance(controller, SlipController)
     watch, lines, torques = ProtectionWatch(controller), list[str](), list[list[float]]()

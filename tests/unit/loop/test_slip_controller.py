@@ -9,9 +9,9 @@ from sim_ecu.loop.control.facts import Facts
 from sim_ecu.loop.control.make import make_controller
 from sim_ecu.loop.lockstep import ride
 from sim_ecu.loop.messages import BRAKE, TRACTION, Heard, rig_message
-from sim_ecu.loop.rig import LOOP, Rig, Step
+from sim_ecu.loop.rig import Step
 from sim_ecu.loop.scenario import DriveScenario, load_drive_scenario
-from sim_ecu.physics.actuators import Actuators, Drive, Valve
+from sim_ecu.physics.actuators import Actuators, Drive
 from sim_ecu.physics.wheelset import Wheelset
 from sim_ecu.play.encoder import Channel, Sent
 from sim_ecu.play.scenario import Course
