@@ -34,14 +34,9 @@ class Rejected:
     value: int = 0
 
     def counts(self) -> dict[str, int]:
-        """By reason."""
-        return {
-            "length": self.length,
-            "CRC": self.crc,
-            "repeated": self.repeated,
-            "counter": self.counter,
-            "value": self.value,
-        }
+        """By reason; values only where there were some: few messages have any that are not known."""
+        counts = {"length": self.length, "CRC": self.crc, "repeated": self.repeated, "counter": self.counter}
+        return counts | ({"unknown value": self.value} if self.value else {})
 
 
 @dataclass(slots=True)
