@@ -63,6 +63,7 @@ class Case:
     bare: str = ""
     controllers: tuple[str, ...] = CONTROLLERS
     fault: Fault | None = None  # of the inputs: until it begins the run is that of `bare`, which is driven once
+    told_pct: float | None = None  # adhesion that somebody says all along, in the daemon's place
     shown: bool = False  # its first run is drawn over time
 
     def scenario(self, number: int) -> DriveScenario:
