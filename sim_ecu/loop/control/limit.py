@@ -62,7 +62,7 @@ class Constants:
     free_s: float = 1.2  # without a slide of the law, before the estimate may limit a brake again
     steady: float = 0.25  # share by which the estimate may differ from its mean of
     steady_s: float = 0.6  # so long, and be told of a rail that stays
-    brake_rise_s: float = 0.4  # in which a higher estimate is followed when braking: a slide costs less than a longer stop
+    brake_rise_s: float = 0.4  # the same when braking: a slide costs less than a longer stop
     memory_s: float = 30.0  # without a frame that may be used: from then on the limit is lifted,
     lift: float = 0.25  # by so much of the demand a second
     smooth: float = 0.5  # of a new creep, in each cycle
@@ -92,6 +92,7 @@ class AdhesionLimit:
         self._hold_s = self._c.hold_s
         self._creep = 0.0
         self._was_sliding = False
+        self._state = Probe.WAIT
         self._end()
 
     def hear(self, can_id: int, data: bytes, stamp_us: int) -> None:
@@ -147,8 +148,8 @@ class AdhesionLimit:
         self._wait_until_us = self._settled_us = self._free_us = 0
 
     def _return(self, now_us: int, asked_N_m: float, given_N_m: float, sliding: bool, used: bool) -> None:
-        """Limit a brake again that is the law's alone, from what it carries now: where it has not slid for some time, and
-        the estimate tells of a rail that stays."""
+        """Limit a brake again that is the law's alone, from what it carries now: where it has not slid for some time,
+        and the estimate tells of a rail that stays."""
         if sliding:
             self._free_us = now_us
         if not used or not self._steady or now_us - self._free_us < self._c.free_s * 1e6:
