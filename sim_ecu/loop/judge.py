@@ -58,7 +58,8 @@ def judge(steps: Iterable[Step], scenario: DriveScenario | None = None) -> Figur
     )
     sample_s = SAMPLE_US * 1e-6
     judged = speed >= MIN_JUDGED_M_S
-    full_N_m = np.where(share < 0.0, actuators.full_brake_N_m, actuators.drive.max_traction_N_m)
+    traction_N_m = [actuators.drive.traction_N_m(float(v), wheelset.r_0) for v in speed]
+    full_N_m = np.where(share < 0.0, actuators.full_brake_N_m, traction_N_m)
     asked = np.abs(share) * full_N_m / (2 * wheelset.normal_N * wheelset.r_0)  # as adhesion
     short = judged[:, None] & (asked[:, None] > available)
     towards = np.sign(share)[:, None] * used

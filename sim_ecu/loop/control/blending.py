@@ -33,7 +33,8 @@ class Blending:
     def step(self, torque_N_m: float, share: float, braking: bool, speed_m_s: float) -> tuple[float, Valve]:
         """Drive torque (signed) and valve for a wanted amount of torque; share is the driver's."""
         if not braking:
-            self._follow(torque_N_m)
+            most = self._facts.actuators.drive.traction_N_m(speed_m_s, self._facts.radius_m)
+            self._follow(min(torque_N_m, most))
             return torque_N_m, self._set(Valve.FILL, 0.0)
         facts, pneumatics = self._facts, self._facts.actuators.pneumatics
         electric = facts.electric_N_m(share, speed_m_s)

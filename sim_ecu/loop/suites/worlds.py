@@ -77,6 +77,7 @@ def _wheelset(name: str) -> World:
         k = other.M_v * other.r_0 / (own.M_v * own.r_0)
         drive = replace(
             a.drive, max_traction_N_m=k * a.drive.max_traction_N_m, max_brake_N_m=k * a.drive.max_brake_N_m,
+            max_power_kW=other.M_v / own.M_v * a.drive.max_power_kW,
             rise_N_m_s=k * a.drive.rise_N_m_s, fall_N_m_s=k * a.drive.fall_N_m_s,
         )  # fmt: skip
         air = replace(a.pneumatics, torque_per_bar_N_m=k * a.pneumatics.torque_per_bar_N_m)

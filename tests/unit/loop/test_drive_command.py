@@ -116,6 +116,7 @@ def test_control_ends_after_its_time_with_its_counts(capsys: pytest.CaptureFixtu
         ("control creep --scenario leaf-patch", "'leaf-patch'"),
         ("drive leaf-patch", "'leaf-patch'"),
         ("drive brake-wet --json nowhere/a.json", "no such folder"),
+        ("drive brake-wet --json .", "--json: is a folder"),
         ("drive brake-wet -i virtual -c x --log a.db", "cannot be written"),
         ("drive brake-wet -i nothing -c x", "nothing"),
     ],
