@@ -9,7 +9,7 @@ import pytest
 from tests.support.contract import EXAMPLES, outcomes, run_pytest
 
 pytest_plugins = ("pytester",)
-# a rule of each kind; all of them are played on virtual time, and take half a minute on a bus
+# a rule of each kind; all of them are played on virtual time, and take most of a minute on a bus
 RULES = {
     "valid-is-used",
     "degraded-falls-back",

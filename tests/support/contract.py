@@ -45,10 +45,12 @@ def judged(bench: Bench, config: Config, names: set[str] = NAMES) -> tuple[dict[
     return broken, left
 
 
-def on_virtual_time(make: Callable[[], Hearing], config: Config) -> tuple[dict[str, str], dict[str, str]]:
+def on_virtual_time(
+    make: Callable[[], Hearing], config: Config, names: set[str] = NAMES
+) -> tuple[dict[str, str], dict[str, str]]:
     """The same of a Python object."""
     settings = BusSettings("virtual", "", None, tuple(a.number for a in config.axles))
-    return judged(VirtualBench(ObjectConsumer(make), settings), config)
+    return judged(VirtualBench(ObjectConsumer(make), settings), config, names)
 
 
 def run_checks(pytester: pytest.Pytester, *options: str | Path) -> pytest.RunResult:

@@ -33,10 +33,11 @@ class Constants:
 
     aim: float = 0.94  # of the adhesion that is there
     half_widths: float = 0.5  # of Confidence that are taken off first
-    pull_aim: float = 0.85  # the same when pulling
+    pull_aim: float = 0.92  # the same when pulling
     pull_half_widths: float = 1.0
     fall_s: float = 0.1  # time constant after which a lower estimate is believed
-    rise_s: float = 2.0  # in which a higher one is followed
+    rise_s: float = 0.4  # in which a higher one is followed: the law's own slide costs less than a longer stop
+    pull_rise_s: float = 0.6  # the same when pulling
     fast: float = 6.0  # growth at first, where more has been carried or nothing is known yet,
     fast_doubles_s: float = 0.08  # and it doubles in so long
     slow: float = 0.2  # beyond what was found
@@ -44,7 +45,7 @@ class Constants:
     rise_N_m_s: float = 60_000.0  # the most that either comes to
     ahead_N_m: float = 3500.0  # of what the actuators give, at most, while the wheel shows no creep
     near: float = 0.8  # of what was found: fast up to it
-    knee: float = 0.006  # creep at which a probe ends
+    knee: float = 0.008  # creep at which a probe ends
     far_knee: float = 0.008  # the same where the estimate has been left far behind
     far: float = 1.5  # times what the estimate carries
     over: float = 0.022  # creep at which effort is taken off
@@ -59,10 +60,10 @@ class Constants:
     doubt: float = 1.25  # so many times above
     settle_s: float = 0.15  # between two steps down
     surprise: float = 0.06  # creep of a slide that nothing foretold: the rail is another
+    pull_surprise: float = 0.06  # the same when pulling
     free_s: float = 1.2  # without a slide of the law, before the estimate may limit a brake again
-    steady: float = 0.25  # share by which the estimate may differ from its mean of
-    steady_s: float = 0.6  # so long, and be told of a rail that stays
-    brake_rise_s: float = 0.4  # the same when braking: a slide costs less than a longer stop
+    steady: float = 0.25  # share by which the estimate may differ from its own mean of the last
+    steady_s: float = 0.4  # for so long: then it tells of a rail that stays
     memory_s: float = 30.0  # without a frame that may be used: from then on the limit is lifted,
     lift: float = 0.25  # by so much of the demand a second
     smooth: float = 0.5  # of a new creep, in each cycle
@@ -88,7 +89,7 @@ class AdhesionLimit:
         self._carried_N_m: float | None = None  # what the estimate carries, its rises followed slowly
         self._heard_us = 0  # when a frame was last used
         self._saturated = False
-        self._steady, self._mean_N_m, self._rise_s = False, 0.0, self._c.rise_s
+        self._unsteady_us, self._mean_N_m, self._rise_s = 0, 0.0, self._c.rise_s
         self._hold_s = self._c.hold_s
         self._creep = 0.0
         self._was_sliding = False
@@ -112,7 +113,7 @@ class AdhesionLimit:
         used = self._follow(now_us, asked_N_m, braking)
         carried = self._carried_N_m
         if self._state is Probe.FREE:
-            self._return(now_us, asked_N_m, given_N_m, sliding, used and braking)
+            self._return(now_us, asked_N_m, given_N_m, sliding, used)
             return self.limit_N_m
         if carried is None or (self.limit_N_m is None and not used):
             return None
@@ -120,7 +121,7 @@ class AdhesionLimit:
             self._end()
             return None
         now = self.limit_N_m if self.limit_N_m is not None else max(carried, given_N_m)
-        if sliding and braking and self._creep > self._c.surprise:
+        if sliding and self._creep > (self._c.surprise if braking else self._c.pull_surprise):
             self._state, self._free_us, self.limit_N_m = Probe.FREE, now_us, None
             return None
         if sliding:
@@ -152,7 +153,8 @@ class AdhesionLimit:
         and the estimate tells of a rail that stays."""
         if sliding:
             self._free_us = now_us
-        if not used or not self._steady or now_us - self._free_us < self._c.free_s * 1e6:
+        steady_us = now_us - self._unsteady_us
+        if not used or steady_us < self._c.steady_s * 1e6 or now_us - self._free_us < self._c.free_s * 1e6:
             return
         self._end()
         if given_N_m < asked_N_m:
@@ -167,11 +169,12 @@ class AdhesionLimit:
         if said.half_width is None:
             return False
         self._hold_s = c.hold_s if braking else c.pull_hold_s
-        self._rise_s = c.brake_rise_s if braking else c.rise_s
+        self._rise_s = c.rise_s if braking else c.pull_rise_s
         aim, widths = (c.aim, c.half_widths) if braking else (c.pull_aim, c.pull_half_widths)
         carries = self._unit_N_m * aim * max(said.mu - widths * said.half_width, 0.5 * said.mu)
         self._mean_N_m += (carries - self._mean_N_m) * PERIOD_S / c.steady_s
-        self._steady = abs(carries - self._mean_N_m) <= c.steady * self._mean_N_m
+        if abs(carries - self._mean_N_m) > c.steady * self._mean_N_m:
+            self._unsteady_us = now_us
         if self._carried_N_m is None or (self.limit_N_m is None and asked_N_m < carries):
             self._carried_N_m = carries
         elif carries < self._carried_N_m:

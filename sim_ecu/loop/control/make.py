@@ -15,8 +15,15 @@ from wrcd.errors import InputError
 
 LAWS: dict[str, Callable[[], Law]] = {"thresholds": Thresholds, "creep": CreepControl}
 NAMES = ("none", *LAWS)
-# Thresholds brake longer than they need to, creep control wears more: so each has its own aim.
-LIMITS = {"thresholds": Constants(), "creep": Constants(aim=0.955, half_widths=1.0, hold_s=3.5, keep=(0.88, 0.97))}
+# Thresholds slide often: the estimate spares slides, and is followed up to the knee. Creep control wears more and stops
+# as short as the rail allows: the estimate takes wear off, at some distance.
+LIMITS = {
+    "thresholds": Constants(),
+    "creep": Constants(
+        aim=0.955, half_widths=1.0, pull_aim=0.85, pull_rise_s=2.0, knee=0.006, keep=(0.93, 0.985), hold_s=1.6,
+        surprise=0.045, free_s=3.0,
+    ),
+}  # fmt: skip
 
 
 def make_controller(name: str, facts: Facts, config: Config | None = None) -> Controller:

@@ -68,7 +68,8 @@ def hear(r: AdhesionReceiver, heard: Sequence[Frame], late_us: int = 0) -> list[
     [
         ({}, GOOD_ONE),
         ({"ContactState": "Saturated"}, Adhesion(0.3, 0.03, True)),
-        ({"ContactState": "Unknown"}, GOOD_ONE),
+        ({"ContactState": "Unknown"}, None),
+        ({"Surface": "Unknown"}, None),
         ({"MuAvailable": 0.0}, Adhesion(0.0, 0.03, False)),
         ({"Confidence": "Within1pp"}, Adhesion(0.3, 0.01, False)),
         ({"Confidence": "Within12pp"}, Adhesion(0.3, 0.12, False)),

@@ -148,6 +148,37 @@ def test_slide_resumes_at_what_the_estimate_carries() -> None:
     assert a.limits[-1] <= 0.03 * UNIT_N_m
 
 
+def surprised(braking: bool = True) -> Axle:
+    """Of a rail said to carry 30 %: a deep slide, as where leaves begin."""
+    a = Axle(narrow(0.3), 0.25, braking=braking).run(3.0)
+    a.creep = 0.2
+    a.run(0.1, sliding=True)
+    return a
+
+
+@pytest.mark.parametrize("braking", [True, False])
+def test_deep_slide_leaves_the_axle_to_the_law_until_the_estimate_is_steady(braking: bool) -> None:
+    a = surprised(braking)
+    assert a.limits[-1] is None
+    a.limits.clear()
+    a.mu, a.told.says = 0.12, narrow(0.03)
+    for k in range(round((C.free_s + 1.0) / CYCLE_S)):  # 3 % and 12 % in turn: not a rail that stays
+        a.told.says = narrow(0.03 if k // 20 % 2 else 0.12)
+        a.run(CYCLE_S, asked_N_m=7000.0)
+    assert set(a.limits) == {None}
+    a.told.says = narrow(0.12)
+    a.run(3.0, asked_N_m=9500.0)
+    assert a.limits[-1] is not None
+    assert a.limits[-1] <= max(a.given)
+
+
+def test_shallow_slide_keeps_the_limit() -> None:
+    a = Axle(narrow(0.12), 0.12).run(3.0)
+    a.creep = 0.5 * C.surprise
+    a.run(0.1, sliding=True)
+    assert a.limits[-1] is not None
+
+
 def test_slide_under_a_false_low_costs_less_than_a_second() -> None:
     a = Axle(narrow(0.03), 0.2).run(3.0)
     a.run(0.1, sliding=True)

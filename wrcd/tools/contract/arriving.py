@@ -11,9 +11,11 @@ from wrcd.tools.contract.rules import AXLES, E2E, ORDER, TIMEOUT, Check, rule
 CHECKS: list[Check] = []
 # What foul frames say: one that is above what is used, then less and less, so that one that is used can be told.
 FOUL = (Says(60.0, "Within1pp"), Says(14.0, "Within1pp"), Says(11.0, "Within1pp"), Says(8.0, "Within1pp"))
-EVERY = 4  # of so many slots one has a foul frame: four in 0.3 s are a few
+# Foul frames come so far apart: not more than five in a second, or a consumer may fall back before it is judged.
+APART_US, MIN_APART = 200_000, 4  # slots
 JUMP = 7  # counts: far from what follows, before and behind
-MANY_US = 1_500_000  # of more than a few dropped frames in a second
+MANY_US = 1_500_000  # of dropped frames, one after the other
+MAX_DROPPED, SECOND_US = 5, 1_000_000  # with more dropped frames in a second a consumer falls back
 Tamper = Callable[[Frame], Frame]  # of a frame that says something foul
 
 
@@ -58,6 +60,13 @@ def remote_frame_is_dropped(p: Player) -> None:
 
 
 @rule(CHECKS, ORDER)
+def fd_frame_is_dropped(p: Player) -> None:
+    """A message of wrcd is a classical frame: the same bytes in CAN FD are another sender's."""
+    p.need(p.bench.fd, "comes in classical frames alone on this bus: virtual time plays CAN FD")
+    _ignores(p, lambda f: replace(f, fd=True), "{} CAN FD frames")
+
+
+@rule(CHECKS, ORDER)
 def id_of_the_other_kind_is_dropped(p: Player) -> None:
     """The same number as an id of 29 bits, not 11, or the other way round, is another message."""
     p.need(p.frame(0).can_id <= 0x7FF, "has an id that no frame with 11 bits can have")
@@ -99,8 +108,35 @@ def stray_counter_is_dropped(p: Player) -> None:
 
 
 @rule(CHECKS, E2E)
+def counter_four_or_five_on_is_dropped(p: Player) -> None:
+    """Three on is the most that lost frames explain within the time-out."""
+    _protected(p)
+    for on in (4, 5):
+        _ignores(p, _whole, f"{{}} frames whose counter is {on} on", ahead=on - 1, at_least=2)
+
+
+@rule(CHECKS, E2E)
+def more_than_five_dropped_frames_fall_back(p: Player) -> None:
+    """In a second, however many good ones come between."""
+    _protected(p)
+    many, apart = MAX_DROPPED + 1, 3
+    judged_us = 9 * SECOND_US // 10  # before the first of them is a second old
+    over_us = many * apart * p.maker.cycle_us
+    p.need(over_us + p.hold_us < judged_us, f"comes too seldom for {many} dropped frames in a second")
+    p.settle()
+
+    def script(n: int, slot: int) -> list[Sent]:
+        bad = n % apart == 0 and n < many * apart
+        return [Sent(_damaged(p.frame(slot)) if bad else p.frame(slot), foul=bad)]
+
+    seen = p.run(over_us, script)
+    rest = p.play(BASE, judged_us - (p.bench.now_us() - seen.begun_us))
+    p.must_fall_back(rest, f"good frames ({BASE}) after {many} with a wrong CRC within {over_us / 1e6:g} s")
+
+
+@rule(CHECKS, E2E)
 def counter_that_stands_still_falls_back(p: Player) -> None:
-    """A sender that hangs: more than a few dropped frames in a second."""
+    """A sender that hangs: more than five dropped frames in a second."""
     _protected(p)
     p.settle()
     newest = p.slot
@@ -110,7 +146,7 @@ def counter_that_stands_still_falls_back(p: Player) -> None:
 
 @rule(CHECKS, E2E)
 def second_sender_falls_back(p: Player) -> None:
-    """Two daemons, or a tester: more than a few dropped frames in a second."""
+    """Two daemons, or a tester: more than five dropped frames in a second."""
     _protected(p)
     p.settle()
     other, half_us = Says(40.0, "Within1pp"), p.maker.cycle_us // 2
@@ -135,6 +171,21 @@ def lost_frames_are_no_fault(p: Player) -> None:
     p.must_use(seen, f"{BASE}, every second frame lost")
 
 
+@rule(CHECKS, E2E)
+def counter_three_on_is_used(p: Player) -> None:
+    """Two frames were lost. The one before was late, so that the next comes within a time-out of three cycles."""
+    late_us = p.maker.cycle_us // 4
+    p.need(3 * p.maker.cycle_us - late_us <= p.maker.timeout_us, "has a time-out below three cycles")
+    p.settle()
+
+    def script(n: int, slot: int) -> list[Sent]:
+        at = n % 6  # late, lost, lost, three good ones
+        return [] if at in (1, 2) else [Sent(p.frame(slot), late_us if at == 0 else 0)]
+
+    seen = p.run(p.hold_us + 12 * p.maker.cycle_us, script)
+    p.must_use(seen, f"{BASE}, two frames lost now and then")
+
+
 @rule(CHECKS, TIMEOUT)
 def late_frames_are_no_fault(p: Player) -> None:
     """Within the time-out."""
@@ -151,6 +202,8 @@ def silence_falls_back(p: Player) -> None:
     seen = p.silence(p.maker.timeout_us + p.hold_us)
     p.must_fall_back(seen, f"silence after {BASE}", p.maker.timeout_us)
     p.must_return("after silence")
+    if p.bench.strict:
+        p.must_hold_until_the_time_out()
 
 
 @rule(CHECKS, TIMEOUT)
@@ -194,21 +247,22 @@ def _ignores(
     at_least: int = 1,
     of: FrameMaker | None = None,
 ) -> None:
-    """Good frames, and a foul one in the place of every fourth, its counter so many ahead of its slot's.
+    """Good frames, and now and then a foul one in a good one's place, its counter so many ahead of its slot's.
 
     of: whose frames the foul ones are; then the good ones come all.
     """
     before = p.settle()
     maker = of or p.maker
+    every = max(MIN_APART, -(-APART_US // p.maker.cycle_us))
 
     def script(n: int, slot: int) -> list[Sent]:
         good = [Sent(p.frame(slot))]
-        which, at = divmod(n, EVERY)
+        which, at = divmod(n, every)
         if at != 1 or which >= len(FOUL):
             return good
         foul = Sent(tamper(maker.frame(slot + ahead, FOUL[which])), foul=True)
         return [*good, foul] if of else [foul]
 
-    seen = p.run(EVERY * len(FOUL) * p.maker.cycle_us, script)
+    seen = p.run(every * len(FOUL) * p.maker.cycle_us, script)
     said = ", ".join(f"{f.mu_pct:g} %" for f in FOUL)
     p.must_ignore(seen, before, f"{played.format(len(seen.foul_us))} ({said}) between frames of {BASE}", at_least)

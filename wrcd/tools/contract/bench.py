@@ -23,10 +23,11 @@ class Bench(Protocol):
     """Sends frames, lets time pass and asks the consumer.
 
     strict: nothing is late but the consumer, and every moment outside the guard counts. patience_us: for so long may
-    Valid frames come before the consumer uses one.
+    Valid frames come before the consumer uses one. fd: whether it sends CAN FD frames.
     """
 
     strict: bool
+    fd: bool
     guard_us: int
     patience_us: int
 
@@ -49,7 +50,7 @@ class Bench(Protocol):
 class VirtualBench:
     """A Python object on virtual time: nothing waits, nothing is late. A new object for every check."""
 
-    strict = True
+    strict = fd = True
     guard_us = VIRTUAL_GUARD_US
     patience_us = PATIENCE_US
 
@@ -87,7 +88,7 @@ class VirtualBench:
 class BusBench:
     """A consumer that reads a bus, in real time. It is started once: in each check it knows what it heard before."""
 
-    strict = False
+    strict = fd = False
     guard_us = BUS_GUARD_US
     patience_us = START_PATIENCE_US
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from wrcd.bus.codec import Writer
-from wrcd.bus.dbc import Message, find_message, find_signal, timeout_ms
+from wrcd.bus.dbc import Message, attribute, find_message, find_signal, timeout_ms
 from wrcd.bus.e2e import protect
 from wrcd.bus.frame import Frame
 from wrcd.bus.positions import Numbers, frame_length, position
@@ -54,10 +54,14 @@ class FrameMaker:
         self._writer = Writer(self._message, axle.adhesion)
         self.cycle_us = axle.adhesion.cycle_us
         self.name = self._message.name
-        first = find_signal(self._message, axle.adhesion.signals["Validity"].name)
-        stated_ms = timeout_ms(self._message, first)
-        self.timeout_us = 3 * self.cycle_us if stated_ms is None else 1000 * stated_ms
+        self.timeout_us = self._timeout_us()
         self.protected = axle.adhesion.data_id is not None
+
+    def _timeout_us(self) -> int:
+        """The shortest time-out that the DBC states of a signal that is sent, else three cycles."""
+        signals = [find_signal(self._message, sent.name) for sent in self._output.signals.values()]
+        stated = [timeout_ms(self._message, s) for s in signals if attribute(s, "GenSigTimeoutTime")]
+        return min((1000 * ms for ms in stated if ms is not None), default=3 * self.cycle_us)
 
     def has(self, signal: str) -> bool:
         """Whether the configuration sends a signal, by our name."""
@@ -67,15 +71,16 @@ class FrameMaker:
         """The frame that the daemon would send."""
         return self._writer.frame(0, counter, says.report.values())
 
-    def lower_end(self, says: Says) -> float:
-        """The lower end of the interval that a frame claims, in percent, as a receiver reads it; at least 0.
+    def lower_end(self, says: Says, whole: bool = False) -> float:
+        """The lower end of the interval that a frame claims, in percent, as a receiver reads it; at least 0. whole:
+        MuAvailable itself.
 
         Where several levels of Confidence have one raw value the widest is meant.
         """
         signal = self._output.signals["MuAvailable"]
         field = find_signal(self._message, signal.name)
         mu = (self.raw(self.frame(0, says), "MuAvailable") * float(field.scale) + float(field.offset)) / signal.factor
-        return max(mu - self._half_width(says.confidence), 0.0)
+        return mu if whole else max(mu - self._half_width(says.confidence), 0.0)
 
     def _half_width(self, confidence: str) -> float:
         if not self.has("Confidence"):

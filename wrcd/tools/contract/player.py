@@ -1,16 +1,18 @@
 """Plays frames slot by slot, and judges what the consumer used meanwhile."""
 
 import itertools
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from wrcd.bus.frame import Frame
 from wrcd.tools.contract.bench import PATIENCE_US, POLL_US, Bench
+from wrcd.tools.contract.consumer import ConsumerError
 from wrcd.tools.contract.frames import FrameMaker, Says
 
 TOLERANCE_PCT = 0.5
-RAMP_US = 3_000_000  # until a limit that was lower has come back
-MAX_RETURN_US = 1_000_000  # from the first good frame on
+RAMP_US = 3_000_000  # from the first good frame on: until it is used again, and until a limit has risen to its end
+TICK_US = 100  # before the time-out and after it
 BASE = Says()
 
 
@@ -121,7 +123,10 @@ class Player:
                 self._look(seen)
 
     def _look(self, seen: Seen) -> None:
-        seen.uses.append((self.bench.now_us(), self.bench.use(self.axle).limit_pct))
+        limit = self.bench.use(self.axle).limit_pct
+        if limit is not None and not math.isfinite(limit):
+            raise ConsumerError(f"the consumer used {limit} %, which is no number")
+        seen.uses.append((self.bench.now_us(), limit))
 
     # judging
 
@@ -134,12 +139,34 @@ class Player:
             if limit is not None:
                 self.bench.patience_us = PATIENCE_US
                 used_us = used_us or now_us
-                if limit >= lower - TOLERANCE_PCT or now_us - used_us > RAMP_US:
+                if limit >= lower - TOLERANCE_PCT or now_us - used_us > RAMP_US + self.bench.guard_us:
                     return limit
             elif now_us - begun_us > patience_us:
                 self.bench.patience_us = PATIENCE_US
                 must = f"use a Valid frame, at most {lower:.1f} %"
                 raise BrokenRule(f"{says} for {patience_us / 1e6:g} s", must, "fell back")
+
+    def must_reach(self, says: Says) -> None:
+        """Play good frames: what is used comes to the interval's lower end within three seconds. Without it every "at
+        most" would be kept by a consumer that counts in another unit. Whether the half-width is taken off is another
+        rule: up to MuAvailable passes."""
+        lower, limit = self.maker.lower_end(says), self.settle(says)
+        highest = self.maker.lower_end(says, whole=True)
+        if not lower - TOLERANCE_PCT <= limit <= highest + TOLERANCE_PCT:
+            played = f"{says} for {RAMP_US / 1e6:g} s"
+            raise BrokenRule(played, f"come to {lower:.1f} %", f"used {limit:.4g} %: is the unit percent?")
+
+    def must_hold_until_the_time_out(self) -> None:
+        """Judge the silence after a good frame to a tenth of a millisecond, where nothing is late but the consumer."""
+        played, timeout_us = "silence after a good frame", self.maker.timeout_us
+        for t_us, limit in self.silence(timeout_us - TICK_US).uses:
+            if limit is None:
+                when = _time(t_us - self._last_us)
+                raise BrokenRule(played, f"go on using it for {_time(timeout_us)}", f"fell back {when} later")
+        limit = self.silence(timeout_us + TICK_US).uses[-1][1]
+        if limit is not None:
+            used = f"used {limit:.1f} % {TICK_US / 1000:g} ms after that"
+            raise BrokenRule(played, f"fall back after {_time(timeout_us)}", used)
 
     def must_fall_back(self, seen: Seen, played: str, after_us: int = 0) -> None:
         """Judge a stretch: from then on, and past the guard, it falls back."""
@@ -149,15 +176,15 @@ class Player:
                 raise BrokenRule(played, f"fall back {when}", f"used {limit:.1f} % {_time(t_us - seen.begun_us)} later")
 
     def must_return(self, played: str, says: Says = BASE) -> None:
-        """Play good frames: they are used again within a second."""
+        """Play good frames: they are used again within three seconds."""
         lower, begun_us = self.maker.lower_end(says), self.bench.now_us()
         while True:
             seen = self.play(says, 2 * self._cycle_us)
             if any(limit is not None for _, limit in seen.uses):
                 return
-            if self.bench.now_us() - begun_us > MAX_RETURN_US + self.bench.guard_us:
+            if self.bench.now_us() - begun_us > RAMP_US + self.bench.guard_us:
                 must = f"use it again, at most {lower:.1f} %"
-                raise BrokenRule(f"{says} for {MAX_RETURN_US / 1e6:g} s {played}", must, "fell back")
+                raise BrokenRule(f"{says} for {RAMP_US / 1e6:g} s {played}", must, "fell back")
 
     def must_be_at_most(self, seen: Seen, percent: float, played: str, must: str = "") -> None:
         """Judge a stretch: past the guard it uses no more, and no less than zero."""

@@ -7,6 +7,7 @@ limit is in percent; null: it falls back. A line holds until the axle's next one
 """
 
 import json
+import math
 import shlex
 import subprocess
 import threading
@@ -111,6 +112,7 @@ def _decision(line: str) -> Use | None:
     try:
         said = json.loads(line)
         limit, axle = said["limit"], said["axle"]
-        return Use(None if limit is None else float(limit), int(axle))
-    except (ValueError, TypeError, KeyError):
+        use = Use(None if limit is None else float(limit), int(axle))
+    except (ValueError, TypeError, KeyError, OverflowError):
         return None
+    return use if use.limit_pct is None or math.isfinite(use.limit_pct) else None  # Python's JSON has NaN and Infinity

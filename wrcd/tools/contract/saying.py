@@ -14,9 +14,10 @@ CHECKS: list[Check] = []
 
 @rule(CHECKS, ORDER)
 def valid_is_used(p: Player) -> None:
-    """A consumer that falls back for ever needs no wrcd."""
-    p.settle()
+    """A consumer that falls back for ever needs no wrcd; nor does one whose limit follows nothing."""
+    p.must_reach(BASE)
     p.must_use(p.hold(BASE), f"{BASE}, frame after frame")
+    p.must_reach(replace(BASE, mu_pct=40.0))
 
 
 @rule(CHECKS, VALIDITY)

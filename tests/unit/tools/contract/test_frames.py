@@ -7,6 +7,7 @@ import pytest
 
 from sim_ecu.play.adhesion import AdhesionReader
 from tests.support.contract import EXAMPLES
+from tests.support.kit.trains import odd_train
 from tests.support.processes import ROOT
 from wrcd.bus.dbc import find_message
 from wrcd.config import load_config
@@ -69,6 +70,10 @@ def test_lower_end_is_what_a_receiver_can_know() -> None:
 @pytest.mark.parametrize(("path", "timeout_us"), [(None, 60_000), (THIRD, 60_000), (OWN, 60_000)])
 def test_time_out_is_the_dbcs_or_three_cycles(path: Path | None, timeout_us: int) -> None:
     assert made(path)[1].timeout_us == timeout_us
+
+
+def test_shortest_time_out_that_the_dbc_states_counts(tmp_path: Path) -> None:
+    assert made(odd_train(tmp_path))[1].timeout_us == 90_000  # of MuAvailable: Validity states none, the cycle is 40 ms
 
 
 def test_values_that_mean_no_number_are_known(config: Config) -> None:

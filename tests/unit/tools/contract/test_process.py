@@ -65,7 +65,10 @@ def test_process_that_ends_is_told_with_what_it_said(started: Started) -> None:
         consumer.use(1)
 
 
-@pytest.mark.parametrize("line", ["hello", '{"axle": 1}', '{"axle": 1, "limit": "much"}', "17", "[1, 2]"])
+NO_NUMBERS = [f'{{"axle": 1, "limit": {number}}}' for number in ("NaN", "Infinity", "-1e999", "1" + 400 * "0")]
+
+
+@pytest.mark.parametrize("line", ["hello", '{"axle": 1}', '{"axle": 1, "limit": "much"}', "17", "[1, 2]", *NO_NUMBERS])
 def test_line_that_is_no_decision_is_told(started: Started, line: str) -> None:
     consumer = started(process(SAY, line))
     wait_for("the line", 10, lambda: fails(consumer))

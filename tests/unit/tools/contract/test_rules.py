@@ -44,12 +44,27 @@ def test_careless_consumer_breaks_rules_of_every_section(config: Config) -> None
     assert sections >= {"In this order", "Time-out", "E2E", "Validity", "MuAvailable, MuUsed, SampleAge", "Confidence"}
 
 
+COUNTING = {"more-than-five-dropped-frames-fall-back"}
 # what is changed of the careful one, and all rules that it then breaks
 FAULTS: list[tuple[str, Any, set[str]]] = [
-    ("crc", lambda data_id, data: data[0], CRC_RULES),
-    ("MAX_DROPPED", 10**6, {"second-sender-falls-back", "counter-that-stands-still-falls-back"}),
-    ("MAX_LOST", 14, {"stray-counter-is-dropped", "frame-out-of-order-is-dropped", "second-sender-falls-back"}),
-    ("MAX_LOST", 0, {"lost-frames-are-no-fault"}),
+    ("crc", lambda data_id, data: data[0], CRC_RULES | COUNTING),
+    ("MAX_DROPPED", 10**6, {"second-sender-falls-back", "counter-that-stands-still-falls-back"} | COUNTING),
+    ("MAX_DROPPED", 10, COUNTING),
+    ("MAX_DROPPED", 6, COUNTING),
+    (
+        "MAX_LOST",
+        14,
+        {
+            "stray-counter-is-dropped",
+            "frame-out-of-order-is-dropped",
+            "second-sender-falls-back",
+            "counter-four-or-five-on-is-dropped",
+        },
+    ),
+    ("MAX_LOST", 5, {"counter-four-or-five-on-is-dropped"}),
+    ("MAX_LOST", 3, {"counter-four-or-five-on-is-dropped"}),
+    ("MAX_LOST", 1, {"counter-three-on-is-used"}),
+    ("MAX_LOST", 0, {"lost-frames-are-no-fault", "counter-three-on-is-used"}),
     ("MAX_AGE_MS", 255, AGE_RULES),
     ("MAX_AGE_MS", 254, {"high-sample-age-falls-back"}),
     ("USABLE", {"Valid", "Degraded"}, {"degraded-falls-back"}),
@@ -64,6 +79,10 @@ FAULTS: list[tuple[str, Any, set[str]]] = [
         100_000,
         {"silence-falls-back", "nothing-but-wrong-crcs-falls-back", "restart-falls-back-until-valid"},
     ),
+    ("TIMEOUT_US", 79_000, {"silence-falls-back"}),
+    ("TIMEOUT_US", 60_200, {"silence-falls-back"}),
+    ("TIMEOUT_US", 59_800, {"silence-falls-back"}),
+    ("TIMEOUT_US", 41_000, {"silence-falls-back", "counter-three-on-is-used"}),
 ]
 
 
