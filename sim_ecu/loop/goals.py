@@ -10,7 +10,7 @@ from sim_ecu.loop.statistics import Against
 from sim_ecu.loop.suites.case import FIRST_TEST_SEED
 from sim_ecu.loop.suites.rails import GREASY_STOP, WET_STOP
 from sim_ecu.score.goals import Goal
-from sim_ecu.score.metrics import bootstrap
+from sim_ecu.score.metrics.bootstrap import Figure
 
 MAX_SLIDES = 0.2
 MAX_DISTANCE = {THRESHOLDS: 0.9, CREEP: 1.08}
@@ -93,5 +93,5 @@ def _longest(suite: str, stops: dict[str, dict[str, Any]]) -> Iterator[LoopGoal]
             seed = FIRST_TEST_SEED + (a.worst_number or 0)
             what = f"{suite}: {law}, distance over that without, the worst of all runs ({name}, seed {seed})"
             # too few to judge where its own case is
-            figure = bootstrap.exact(a.worst, a.way.runs, runs)
+            figure = Figure(a.worst, math.nan, math.nan, a.way.runs, runs)
             yield LoopGoal(suite, LONGEST, Goal(what, figure, MAX_LONGER), {}, None)
