@@ -28,7 +28,8 @@ class Figures:
     """From the demand on. Sums are over all axles, energy is the mean of a wheel.
 
     utilisation: mean of adhesion used over available while the driver asks for more than there is; NaN if never.
-    impulse_kNs: of the forces in the demand's direction. stopped: the run ended because the train was slow enough.
+    impulse_kNs: of the forces in the demand's direction. stopped: the run ended because the train was slow enough;
+    where it did not, stop_m is how far it came, and no stopping distance.
     """
 
     slides: int

@@ -30,8 +30,10 @@ def test_script_of_the_page_stops_the_train_before_a_locked_wheel_does(capsys: p
     figures = bench.figures()
     assert figures.stopped
     assert figures.max_slip_m_s < 1.0
-    locked = Bench("brake-greasy", controller="none").run()
-    assert figures.stop_m < 0.9 * locked.stop_m
+    before_m = bench.steps[-1].distance_m - figures.stop_m
+    locked = Bench("brake-greasy", controller="none")
+    enough = (step for step in locked if step.distance_m > before_m + figures.stop_m / 0.9 + 1.0)
+    assert next(enough).speed_m_s > locked.scenario.stop_m_s  # it is that far, and still rolls
     assert capsys.readouterr().out.startswith("Figures(slides=")
 
 
