@@ -13,21 +13,23 @@ configuration or a call is an `InputError` that names it.
 """
 
 import math
+import numbers
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from cantools.database.can import Message
 
+from sim_ecu.loop.control.consumer import HALF_WIDTHS, TIMEOUT_CYCLES
 from sim_ecu.loop.control.controller import Controller
 from sim_ecu.loop.control.facts import Facts
 from sim_ecu.loop.control.make import NAMES, make_controller
 from sim_ecu.loop.judge import Figures, judge
 from sim_ecu.loop.lockstep import Listener, Lockstep
 from sim_ecu.loop.messages import rig_message
+from sim_ecu.loop.readings import Adhesion, Sensors, Truth
 from sim_ecu.loop.rig import Step
 from sim_ecu.loop.scenario import DriveScenario, load_drive_scenario, path_of, read_drive_scenario
 from sim_ecu.physics.actuators import Valve
@@ -38,7 +40,6 @@ from sim_ecu.play.train import PACKAGED, Train
 from wrcd.bus.dbc import find_message
 from wrcd.config import load_config, load_packaged
 from wrcd.core.configuration import Config
-from wrcd.core.vocabulary import CONFIDENCES
 from wrcd.errors import InputError
 from wrcd.section import Section, Source
 from wrcd.settings import read_toml, suggest
@@ -49,55 +50,7 @@ __all__ = [
 ]  # fmt: skip
 
 STEP_S = 0.005
-HALF_WIDTHS = {name: width / 100.0 for width, name in CONFIDENCES[:-1]}  # of each stated Confidence, as a ratio
 KEYWORDS = "keyword arguments"  # what errors call them
-
-
-@dataclass(frozen=True, slots=True)
-class Truth:
-    """What is true of an axle after a step. Torque and adhesion in use are means of the step, signed as driven."""
-
-    mu_available: float
-    mu_used: float
-    slip_m_s: float  # wheel less ground
-    wheel_m_s: float
-    speed_m_s: float  # of the train over ground
-    torque_N_m: float  # all together: traction, electric and friction brake
-    pressure_bar: float
-
-
-@dataclass(frozen=True, slots=True)
-class Sensors:
-    """What the newest frames of an axle and its train say, with noise and faults; None: none has come yet."""
-
-    yaw_rate_rad_s: float | None
-    lateral_acceleration_m_s2: float | None
-    torque_N_m: float | None
-    vehicle_speed_m_s: float | None
-    wheel_speed_m_s: float | None
-    pressure_bar: float | None
-
-
-@dataclass(frozen=True, slots=True)
-class Adhesion:
-    """The newest Adhesion frame of an axle. Words and numbers are None where the configuration does not send them.
-
-    validity: "Valid", "Degraded", "NotAvailable" or "Error". half_width: of the 90 % interval around mu_available; None
-    if it is wider than any that the frame can state. age_s: since the frame, not of its inputs.
-    """
-
-    validity: str | None
-    mu_available: float | None
-    mu_used: float | None
-    half_width: float | None
-    surface: str | None
-    contact_state: str | None
-    age_s: float
-
-    @property
-    def valid(self) -> bool:
-        """Whether it may be used: Valid, with a number, and no older than its time-out of 60 ms."""
-        return self.validity == "Valid" and self.mu_available is not None and self.age_s <= 0.06
 
 
 def scenario(
@@ -150,16 +103,17 @@ class Bench:
             controller = make_controller(controller, Facts.of(self.scenario), config if with_adhesion else None)
         elif with_adhesion:
             raise InputError("with_adhesion is of a controller by name", hint='controller="thresholds"')
-        self._on_frame = on_frame
+        self._on_frame, self._controlled = on_frame, controller is not None
         self._newest: dict[int, tuple[int, bytes]] = {}  # by id: when, and its data
         w = self.scenario.train.wheelset
         train: Train = PACKAGED if config is None or daemon is True else MappedTrain(config, w.normal_N, w.r_0)
         self._run = Lockstep(self.scenario, controller, config, self._take, sensors=True, train=train)
-        self._readers: dict[int, tuple[Message, AdhesionReader]] = {}
+        self._readers: dict[int, tuple[Message, AdhesionReader, float]] = {}  # and the time-out, s
         if config is not None:
             for axle in config.axles:
                 message = find_message(config.database, axle.adhesion.message)
-                self._readers[axle.number] = message, AdhesionReader(message, axle.adhesion)
+                timeout_s = TIMEOUT_CYCLES * axle.adhesion.cycle_us * 1e-6
+                self._readers[axle.number] = message, AdhesionReader(message, axle.adhesion), timeout_s
 
     @property
     def axles(self) -> list[int]:
@@ -203,7 +157,9 @@ class Bench:
             yield self.step()
 
     def run(self, seconds: float = math.inf) -> Figures:
-        """Steps for so long, or until the run is over. Returns the figures so far."""
+        """Steps for so long, or until the run is over. Returns the figures so far. Raises InputError for no number."""
+        if not _is_number(seconds) or math.isnan(seconds):
+            raise InputError(f"takes seconds, not {seconds}", key="seconds")
         end_s = self.time_s + seconds - 0.5 * STEP_S
         while not self.over and self.time_s < end_s:
             self.step()
@@ -211,11 +167,16 @@ class Bench:
 
     def demand(self, axle: int, torque_N_m: float, valve: Valve = Valve.FILL) -> None:
         """What an axle is asked for, held until it is set again: drive torque (traction positive, electric brake
-        negative), and what its brake valve does. Raises InputError for an axle that is not there, or no number."""
-        if not math.isfinite(torque_N_m):
+        negative), and what its brake valve does. A driver who brakes gets no traction. Raises InputError for an axle or
+        a valve that is not there, no number, or where a controller demands."""
+        if self._controlled:
+            raise InputError("the attached controller demands here", hint="Bench(…) without controller=")
+        if not _is_number(torque_N_m) or not math.isfinite(torque_N_m):
             raise InputError(f"takes a finite torque, not {torque_N_m}", key="torque_N_m")
+        if valve not in list(Valve):
+            raise InputError(f"takes {', '.join(f'Valve.{v.name}' for v in Valve)}, not {valve!r}", key="valve")
         self._place(axle)
-        self._run.rig.demand(axle, torque_N_m, valve)
+        self._run.rig.demand(axle, float(torque_N_m), Valve(valve))
 
     def truth(self, axle: int) -> Truth:
         """What is true of an axle after the newest step. Raises InputError before the first."""
@@ -247,7 +208,7 @@ class Bench:
         if axle not in self._readers:
             without = "there is no daemon" if not self._readers else f"the daemon's configuration has no axle {axle}"
             raise InputError(without, hint="Bench(…, daemon=True)" if not self._readers else "")
-        message, reader = self._readers[axle]
+        message, reader, timeout_s = self._readers[axle]
         if message.frame_id not in self._newest:
             return None
         stamp_us, data = self._newest[message.frame_id]
@@ -258,6 +219,7 @@ class Bench:
         return Adhesion(
             words.get("Validity"), ratio.get("MuAvailable"), ratio.get("MuUsed"), HALF_WIDTHS.get(confidence),
             words.get("Surface"), words.get("ContactState"), max(self.time_s - stamp_us * 1e-6, 0.0),
+            timeout_s,
         )  # fmt: skip
 
     def silences(self, axle: int) -> tuple[int, float]:
@@ -303,3 +265,7 @@ def _configuration(daemon: bool | str | Path, axles: int) -> Config | None:
     if isinstance(daemon, bool):
         return load_packaged(axles) if daemon else None
     return load_config(Path(daemon))
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, numbers.Real) and not isinstance(value, bool)

@@ -21,15 +21,15 @@ def _add(p: argparse.ArgumentParser) -> None:
 
 
 def _run(args: argparse.Namespace) -> int:
+    from sim_ecu.commands.outputs import check_output
     from sim_ecu.loop.drive import drive_on_bus
     from sim_ecu.loop.drive_summary import document, summary
     from sim_ecu.loop.scenario import load_drive_scenario
-    from wrcd.errors import InputError, create
+    from wrcd.errors import create
     from wrcd.tools.bus_of import pick_bus
 
     scenario = load_drive_scenario(args.scenario)
-    if args.json is not None and not args.json.parent.is_dir():
-        raise InputError("no such folder", file=args.json.parent, key="--json")
+    check_output("--json", args.json)
     bus = pick_bus(args.interface, args.channel, None, DEFAULT_BUS)
     ride = drive_on_bus(scenario, *bus, args.log, not args.no_truth)
     print("\n".join(summary(scenario, ride)))

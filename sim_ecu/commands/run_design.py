@@ -2,11 +2,11 @@
 
 from pathlib import Path
 
+from sim_ecu.commands.outputs import check_output
 from sim_ecu.design.brief import find, read_brief
 from sim_ecu.design.make import design, write
 from sim_ecu.design.search import search
 from sim_ecu.score.learned import learn
-from wrcd.errors import InputError
 from wrcd.estimator.design import load_design
 from wrcd.settings import parse_toml, read_toml
 from wrcd.tools.progress import Progress
@@ -21,11 +21,8 @@ def run(
     With a budget (candidates) make none, but search for the process noise, in so many processes.
     """
     brief = read_brief(parse_toml("", "") if config is None else read_toml(find(config)), form)
-    for key, file in (("-o", output), ("--baselines", baselines)):
-        if file is not None and not file.parent.is_dir():
-            raise InputError("no such folder", file=file.parent, key=key)
-        if file is not None and file.is_dir():
-            raise InputError("is a folder", file=file, key=key, hint="name the file to write")
+    check_output("-o", output)
+    check_output("--baselines", baselines)
     if budget is not None:
         return search(brief, output, budget, jobs)
     progress = Progress(steps=True)

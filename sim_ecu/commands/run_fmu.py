@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from sim_ecu.commands.outputs import check_output
 from sim_ecu.loop.fmu.pack import pack
 from wrcd import __version__
 from wrcd.errors import InputError
@@ -11,10 +12,7 @@ def run(scenario: str, output: Path) -> int:
     """Make the FMU. Raises InputError."""
     if output.suffix != ".fmu":
         raise InputError("does not end in .fmu", file=output, key="-o", hint=f"write {output.stem or 'rig'}.fmu")
-    if not output.parent.is_dir():
-        raise InputError("no such folder", file=output.parent, key="-o")
-    if output.is_dir():
-        raise InputError("is a folder", file=output, key="-o", hint="name the file to write")
+    check_output("-o", output)
     made = pack(scenario, output)
     axles = len(made.scenario.axles)
     print(

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
+from sim_ecu.commands.outputs import check_output
 from sim_ecu.loop.names import UNPROTECTED, WITH
 from sim_ecu.loop.play import Outcome, play
 from sim_ecu.loop.report import judge_all
@@ -28,11 +29,8 @@ def run(
     html_out: Path | None,
 ) -> int:  # fmt: skip
     """Drive, judge, print; write the figures as JSON and a page where asked for."""
-    for key, out in (("--json", json_out), ("--html", html_out)):
-        if out is not None and not out.parent.is_dir():
-            raise InputError("no such folder", file=out.parent, key=key)
-        if out is not None and out.is_dir():
-            raise InputError("is a folder", file=out, key=key, hint="name the file to write")
+    check_output("--json", json_out)
+    check_output("--html", html_out)
     every = cases(suite, only)
     if not every:
         hint = f"rows: {'; '.join(dict.fromkeys(c.name for c in cases(suite)))}"

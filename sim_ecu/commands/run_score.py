@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from sim_ecu import resources as rig
+from sim_ecu.commands.outputs import check_output
 from sim_ecu.design.source import Source, load_source
 from sim_ecu.score import learned
 from sim_ecu.score.baselines import PAPER, Baseline, Beside, Offsetless, TorqueRatio, fitting
@@ -56,12 +57,8 @@ def run(
     beside: Sequence[str], json_out: Path | None, html_out: Path | None,
 ) -> int:  # fmt: skip
     """Play, judge, print; write the figures as JSON and a page where asked for."""
-    for out in (json_out, html_out):
-        key = "--json" if out is json_out else "--html"
-        if out is not None and not out.parent.is_dir():
-            raise InputError("no such folder", file=out.parent, key=key)
-        if out is not None and out.is_dir():
-            raise InputError("is a folder", file=out, key=key, hint="name the file to write")
+    check_output("--json", json_out)
+    check_output("--html", html_out)
     others = [_named(b) for b in beside]
     if baselines_file is None and design_file is None:
         baselines_file = rig.BASELINES

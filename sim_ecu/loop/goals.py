@@ -1,12 +1,16 @@
 """What wrcd is held to in a loop: the same controller with it against without it. What is missed stays in the table."""
 
+import math
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
 from sim_ecu.loop.names import CREEP, LAWS, THRESHOLDS
 from sim_ecu.loop.statistics import Against
+from sim_ecu.loop.suites.case import FIRST_TEST_SEED
 from sim_ecu.loop.suites.rails import GREASY_STOP, WET_STOP
 from sim_ecu.score.goals import Goal
+from sim_ecu.score.metrics.bootstrap import Figure
 
 MAX_SLIDES = 0.2
 MAX_DISTANCE = {THRESHOLDS: 0.9, CREEP: 1.08}
@@ -14,37 +18,80 @@ MAX_ENERGY = 0.5
 MAX_LONGER = 1.03
 RAILS = ("braking", "traction", "train")  # suites that differ in nothing but the rail
 
+SLIDES, SHORTER, ENERGY, AT_DISTANCE = "slides", "shorter", "energy", "at distance"
+LONGER, LONGEST, FRONT = "longer", "longest run", "front"
 
-def goals(suites: dict[str, Any]) -> list[Goal]:
+
+@dataclass(frozen=True, slots=True)
+class LoopGoal:
+    """A goal of a kind, and beside it what the ideal reaches against the same bare controller.
+
+    ideal: its figures by their names, empty where no ideal was driven. ideal_is: whether it meets the bound itself;
+    None where that is not known.
+    """
+
+    suite: str
+    kind: str
+    goal: Goal
+    ideal: dict[str, float]
+    ideal_is: bool | None
+
+
+def goals(suites: dict[str, Any]) -> list[LoopGoal]:
     """All goals of the suites that were played."""
-    out: list[Goal] = []
+    out: list[LoopGoal] = []
     for suite, cases in suites.items():
-        for name, case in cases.items():
-            if suite in RAILS and case["against"]:
-                out += _of_rail(f"{suite}: {name}", case, name)
-        out += _longest(suite, cases)
+        compared = {name: case for name, case in cases.items() if case["against"]}
+        for name, case in compared.items():
+            out += _of_case(suite, name, case)
+        out += _longest(suite, {name: case for name, case in compared.items() if case["braking"]})
     return out
 
 
-def _of_rail(what: str, case: dict[str, Any], name: str) -> Iterator[Goal]:
-    if case["known_before"]:
+def _of_case(suite: str, name: str, case: dict[str, Any]) -> Iterator[LoopGoal]:
+    what, known = f"{suite}: {name}", case["known_before"]
+    new, ideal = case["against"], case["ideal"]
+    if known:
         for law in LAWS:
-            yield Goal(f"{what}: {law}, slides over those without wrcd", case["against"][law].slides, MAX_SLIDES)
-    if case["known_before"] and case["braking"]:
+            goal = Goal(f"{what}: {law}, slides over those without wrcd", new[law].slides, MAX_SLIDES)
+            yield _beside(suite, SLIDES, goal, ideal.get(law), "slides")
+    if known and case["braking"] and suite in RAILS:
         if name in (WET_STOP, GREASY_STOP):
-            distance = case["against"][THRESHOLDS].way
-            yield Goal(f"{what}: thresholds, distance over that without", distance, MAX_DISTANCE[THRESHOLDS])
-        yield Goal(f"{what}: creep, slip energy over that without", case["against"][CREEP].energy, MAX_ENERGY)
-        yield Goal(f"{what}: creep, distance over that without", case["against"][CREEP].way, MAX_DISTANCE[CREEP])
-    yield Goal(f"{what}: front, factor by which the bare ones are no better", case["front"], 1.0, True)
-
-
-def _longest(suite: str, cases: dict[str, Any]) -> Iterator[Goal]:
-    """Of every controller the case whose stops grow most."""
-    for law in LAWS:
-        stops: dict[str, Against] = {n: c["against"][law] for n, c in cases.items() if c["braking"] and c["against"]}
-        if stops:
-            worst = max(stops, key=lambda n: stops[n].way.value)
-            yield Goal(
-                f"{suite}: {law}, distance over that without, the longest case ({worst})", stops[worst].way, MAX_LONGER
+            goal = Goal(
+                f"{what}: thresholds, distance over that without", new[THRESHOLDS].way, MAX_DISTANCE[THRESHOLDS]
             )
+            yield _beside(suite, SHORTER, goal, ideal.get(THRESHOLDS), "way")
+        goal = Goal(f"{what}: creep, slip energy over that without", new[CREEP].energy, MAX_ENERGY)
+        yield _beside(suite, ENERGY, goal, ideal.get(CREEP), "energy", "way")
+        goal = Goal(f"{what}: creep, distance over that without", new[CREEP].way, MAX_DISTANCE[CREEP])
+        yield _beside(suite, AT_DISTANCE, goal, ideal.get(CREEP), "way", "energy")
+    if case["braking"]:
+        for law in LAWS:
+            goal = Goal(f"{what}: {law}, distance over that without, median", new[law].way, MAX_LONGER)
+            yield _beside(suite, LONGER, goal, ideal.get(law), "way", "energy")
+    if suite in RAILS:
+        whole = "front, least factor by which it is better than each bare controller"
+        yield LoopGoal(suite, FRONT, Goal(f"{what}: {whole}", case["front"], 1.0, True), {}, None)
+
+
+def _beside(suite: str, kind: str, goal: Goal, ideal: Against | None, *keys: str) -> LoopGoal:
+    """The ideal's figures; the first of the keys is the goal's."""
+    if ideal is None:
+        return LoopGoal(suite, kind, goal, {}, None)
+    found = {key: float(getattr(ideal, key).value) for key in keys}
+    return LoopGoal(suite, kind, goal, found, found[keys[0]] <= goal.bound)
+
+
+def _longest(suite: str, stops: dict[str, dict[str, Any]]) -> Iterator[LoopGoal]:
+    """Of every controller the single run whose stop grows most. It happened: no interval excuses it."""
+    for law in LAWS:
+        known = {name: c["against"][law] for name, c in stops.items() if not math.isnan(c["against"][law].worst)}
+        if known:
+            name = max(known, key=lambda n: known[n].worst)
+            a: Against = known[name]
+            runs = sum(x.way.runs for x in known.values())
+            seed = FIRST_TEST_SEED + (a.worst_number or 0)
+            what = f"{suite}: {law}, distance over that without, the worst of all runs ({name}, seed {seed})"
+            # too few to judge where its own case is
+            figure = Figure(a.worst, math.nan, math.nan, a.way.runs, runs)
+            yield LoopGoal(suite, LONGEST, Goal(what, figure, MAX_LONGER), {}, None)

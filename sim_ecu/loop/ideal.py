@@ -31,6 +31,7 @@ class Ideal:
         w = train.wheelset
         # the wheelset's own rotation takes torque beside what the rail carries
         self._unit_N_m = 2 * w.normal_N * w.r_0 * (1.0 + (w.I_R + w.I_L) / (w.r_0**2 * w.M_v))
+        self._radius_m = w.r_0
         a = scenario.actuators
         friction = float(scenario.driver.at(np.array([np.inf]))[0]) < 0.0 and a.full_brake_N_m > a.drive.max_brake_N_m
         self._ahead_s = AHEAD_OF_FRICTION_S if friction else AHEAD_S
@@ -41,7 +42,7 @@ class Ideal:
         if step is None:
             return [(0.0, Valve.FILL)] * len(self._past)
         a = self._scenario.actuators
-        full_N_m = a.full_brake_N_m if step.share < 0.0 else a.drive.max_traction_N_m
+        full_N_m = a.full_brake_N_m if step.share < 0.0 else a.drive.traction_N_m(step.speed_m_s, self._radius_m)
         out = []
         for k in range(len(self._past)):
             most = min(abs(step.share) * full_N_m, self._carried(k, step))

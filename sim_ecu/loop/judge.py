@@ -28,7 +28,8 @@ class Figures:
     """From the demand on. Sums are over all axles, energy is the mean of a wheel.
 
     utilisation: mean of adhesion used over available while the driver asks for more than there is; NaN if never.
-    impulse_kNs: of the forces in the demand's direction. stopped: the run ended because the train was slow enough.
+    impulse_kNs: of the forces in the demand's direction. stopped: the run ended because the train was slow enough;
+    where it did not, stop_m is how far it came, and no stopping distance.
     """
 
     slides: int
@@ -58,7 +59,8 @@ def judge(steps: Iterable[Step], scenario: DriveScenario | None = None) -> Figur
     )
     sample_s = SAMPLE_US * 1e-6
     judged = speed >= MIN_JUDGED_M_S
-    full_N_m = np.where(share < 0.0, actuators.full_brake_N_m, actuators.drive.max_traction_N_m)
+    traction_N_m = [actuators.drive.traction_N_m(float(v), wheelset.r_0) for v in speed]
+    full_N_m = np.where(share < 0.0, actuators.full_brake_N_m, traction_N_m)
     asked = np.abs(share) * full_N_m / (2 * wheelset.normal_N * wheelset.r_0)  # as adhesion
     short = judged[:, None] & (asked[:, None] > available)
     towards = np.sign(share)[:, None] * used

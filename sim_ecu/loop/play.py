@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sim_ecu.loop.always_told import AlwaysTold
 from sim_ecu.loop.control.facts import Facts
 from sim_ecu.loop.control.make import make_controller
 from sim_ecu.loop.ideal import ride_ideal
@@ -67,6 +68,8 @@ def play(case: Case, number: int, branches: Sequence[Case] = ()) -> list[Outcome
         ear = Ear(scenario.axles) if config is not None else None
         law = "none" if name == UNPROTECTED else _LAW.get(name, name)
         made = make_controller(law, Facts.of(scenario), config)
+        if case.told_pct is not None and config is not None:
+            made, config, ear = AlwaysTold(made, scenario.axles, case.told_pct), None, None
         run = Lockstep(scenario, made, config, None if ear is None else ear.hear)
         steps = []
         # a sample before the fault: some faults go on from what was last sensed

@@ -8,7 +8,7 @@ import numpy as np
 
 from sim_ecu.loop.goals import goals
 from sim_ecu.loop.judge import Figures
-from sim_ecu.loop.names import BARE_AND_WITH, LAWS, WITH
+from sim_ecu.loop.names import BARE_AND_WITH, IDEAL, LAWS, WITH
 from sim_ecu.loop.play import Outcome
 from sim_ecu.loop.statistics import against, front, spreads
 from sim_ecu.loop.suites.case import FIRST_TEST_SEED, Case
@@ -29,7 +29,17 @@ def judge_all(cases: Sequence[Case], outcomes: Sequence[Outcome]) -> dict[str, A
     return {
         "suites": suites,
         "goals": [
-            {"what": g.what, "figure": g.figure, "bound": g.bound, "at_least": g.at_least, "verdict": g.verdict}
+            {
+                "suite": g.suite,
+                "kind": g.kind,
+                "what": g.goal.what,
+                "figure": g.goal.figure,
+                "bound": g.goal.bound,
+                "at_least": g.goal.at_least,
+                "verdict": g.goal.verdict,
+                "ideal": g.ideal,
+                "ideal_is": g.ideal_is,
+            }
             for g in goals(suites)
         ],
         "wrong": [_wrong(o, h.axle, h.outside_s, h.over_s) for o in outcomes for h in o.said if h.wrong],
@@ -52,6 +62,7 @@ def _case(case: Case, found: Found) -> dict[str, Any]:
             for name, r in runs.items()
         },
         "against": {law: against(runs[WITH[law]], runs[law], braking) for law in LAWS if whole},
+        "ideal": {law: against(runs[IDEAL], runs[law], braking) for law in LAWS if whole and IDEAL in runs},
         "front": front({name: runs[name] for name in BARE_AND_WITH}, braking) if whole else None,
         "said": {law: _said(list(found[WITH[law]].values())) for law in LAWS if WITH[law] in found},
     }

@@ -8,6 +8,7 @@ import numpy as np
 from sim_ecu.loop.messages import BRAKE, COAST, TRACTION, Heard, rig_message
 from sim_ecu.loop.scenario import DriveScenario
 from sim_ecu.loop.sensed import TACHOMETER, Sensed
+from sim_ecu.loop.silence import Silence
 from sim_ecu.physics.actuators import AxleActuators, Valve
 from sim_ecu.physics.sensors import Sensor
 from sim_ecu.physics.simulation import Simulation
@@ -67,9 +68,7 @@ class Rig:
         self.demands = {m.message.frame_id: m for m in (Heard(rig_message(f"Demand_A{n}")) for n in numbers)}
         self._by_place = list(self.demands.values())
         self._direct: list[tuple[float, Valve] | None] = [None] * len(numbers)
-        self.silences = [0] * len(numbers)  # how often an axle's demand fell silent
-        self.silent_us = [0] * len(numbers)
-        self._was_silent = [False] * len(numbers)
+        self._silences = [Silence(SAMPLE_US, heard=True) for _ in numbers]  # one that never comes is a silence, too
         self._radius_m = played.wheelset.r_0
         self._shares: list[float] = []  # what the driver asks, by sample, as far as it is made
         self._torques = np.zeros((2, len(numbers)))
@@ -97,15 +96,14 @@ class Rig:
         """One sample of 5 ms on."""
         share = self._share()
         speed = float(self._simulation.train[0])
-        traction, brake = self._torques[0], self._torques[1]
+        traction, brake, wheel = self._torques[0], self._torques[1], self._wheel_m_s()
         for k, a in enumerate(self._actuators):
-            self._actuate(k, a, max(-share, 0.0), speed)
+            self._actuate(k, a, max(-share, 0.0), speed, float(wheel[k]))
             traction[k], brake[k] = max(a.drive_N_m, 0.0), a.friction_N_m + max(-a.drive_N_m, 0.0)
         samples = self._simulation.step(traction, brake)
         self.time_us += SAMPLE_US
         y, speed = samples.outputs[0], float(samples.speed_m_s[0])
-        state = self._simulation.state
-        wheel = (state[:, W_R] + state[:, W_L]) * (0.5 * self._radius_m)
+        wheel = self._wheel_m_s()
         energy = self._simulation.slip_energy_J(samples)[0]
         pressure = np.array([a.pressure_bar for a in self._actuators])
         frames: list[Sent] = []
@@ -118,6 +116,21 @@ class Rig:
             y[:, MU_AVAILABLE].copy(), y[:, MU_USED].copy(), wheel - speed, energy, frames,
         )  # fmt: skip
 
+    @property
+    def silences(self) -> list[int]:
+        """How often each axle's demand fell silent."""
+        return [s.silences for s in self._silences]
+
+    @property
+    def silent_us(self) -> list[int]:
+        """For how long in all."""
+        return [s.silent_us for s in self._silences]
+
+    def _wheel_m_s(self) -> FloatArray:
+        """Each axle's circumferential speed, mean of its wheels."""
+        state = self._simulation.state
+        return (state[:, W_R] + state[:, W_L]) * (0.5 * self._radius_m)
+
     def _share(self) -> float:
         """What the driver asks now, signed."""
         k = self.time_us // SAMPLE_US
@@ -126,23 +139,22 @@ class Rig:
             self._shares += self.scenario.driver.at(times).tolist()
         return self._shares[k]
 
-    def _actuate(self, k: int, actuators: AxleActuators, brake: float, speed_m_s: float) -> None:
-        """One axle's actuators through the coming sample."""
+    def _actuate(self, k: int, actuators: AxleActuators, brake: float, speed_m_s: float, wheel_m_s: float) -> None:
+        """One axle's actuators through the coming sample. A driver who brakes gets no traction, whoever demands it."""
         a = self.scenario.actuators
         direct = self._direct[k]
         if direct is None:
             heard = self._by_place[k]
             silent = not heard.fresh(self.time_us)
             if self.time_us >= heard.timeout_us:  # nothing is late before
-                self.silences[k] += silent and not self._was_silent[k]
-                self.silent_us[k] += SAMPLE_US * silent
-                self._was_silent[k] = silent
+                self._silences[k].look(self.time_us, silent)
             if silent:
                 actuators.step(0.0, Valve.FILL, a.asked_bar(brake, speed_m_s, electric=False), 0.0)
                 return
             direct = float(heard.values["Torque"]), VALVES.get(heard.values["Valve"], Valve.FILL)
         electric = a.electric_N_m(brake, speed_m_s)
-        actuators.step(*direct, a.asked_bar(brake, speed_m_s), electric)
+        traction = 0.0 if brake > 0.0 else a.drive.traction_N_m(wheel_m_s, self._radius_m)
+        actuators.step(*direct, a.asked_bar(brake, speed_m_s), electric, traction)
 
     def _loop_frames(self, share: float, wheel: FloatArray, pressure: FloatArray) -> list[Sent]:
         now, out = self.time_us, []

@@ -2,7 +2,8 @@
 made from them.
 
 No constant of the actuators is from a source: all are this project's own choice, of the size of a multiple unit's.
-What a figure is worth shows only where they are swept (`sim_ecu.physics.actuators.swept`).
+What a figure is worth shows only with others, too: those that the training rides draw
+(`sim_ecu.physics.actuators.swept`), and the fixed sets of the suite *actuators*.
 """
 
 from collections.abc import Mapping
@@ -36,7 +37,7 @@ DEMAND = Over("demand", "share of the full effort: traction positive, braking ne
 
 def _swept(name: str) -> str:
     low, high = SWEPT[name]
-    return f"; swept {low:g} … {high:g}"
+    return f"; the training draws {low:g} … {high:g}"
 
 
 FULL_BRAKE = Measure(
@@ -54,6 +55,8 @@ _OF_DRIVE: Mapping[str, tuple[str, float, float, str]] = {
     "rise_N_m_s": ("N m/s", 1.0, 1e9, "how fast the torque's amount may grow"),
     "fall_N_m_s": ("N m/s", 1.0, 1e9, "how fast it may fall"),
     "fades_m_s": ("m/s", 0.0, 100.0, "below this speed the electric brake fades; at half of it there is none"),
+    "max_power_kW": ("kW", 1.0, 1e5, "traction at the wheel: above the speed at which full traction has it, no more"),
+    "cut_out_m_s": ("m/s", 1.0, 1000.0, "wheel speed above which there is no traction: the cut-out of overspeed"),
 }
 _OF_PNEUMATICS: Mapping[str, tuple[str, float, float, str]] = {
     "torque_per_bar_N_m": ("N m/bar", 1.0, 1e6, "friction torque at the wheelset"),

@@ -15,7 +15,8 @@ from sim_ecu.score.metrics.bootstrap import Figure
 FloatArray = NDArray[np.float64]
 KEYS = ("slides", "locked_s", "max_slip_m_s", "slip_energy_kJ", "utilisation", "stop_m", "impulse_kNs")
 ENDS = (0.05, 0.95)
-MIXES = np.linspace(0.0, 1.0, 101)  # of two bare controllers, along the line between them
+MIXES = np.linspace(0.0, 1.0, 101)  # of the two controllers with wrcd, along the line between them
+MIN_ENERGY_KJ = 1e-9  # so that a ratio is a number
 Runs = Mapping[int, Figures]  # by number
 
 
@@ -31,19 +32,26 @@ class Spread:
 
 @dataclass(frozen=True, slots=True)
 class Against:
-    """A controller with wrcd over the same one without, on the same runs.
+    """A controller over another one on the same runs: with wrcd over without, or the ideal over without.
+
+    A stop that did not end is infinitely long and wears without end. Where the other one's did not end there is nothing
+    to compare with: `left_out` counts these runs, and nothing but slides is of them. endless: of the rest, the stops
+    that the first did not end.
 
     way: stopping distance, or impulse where the train pulls: median of the runs' ratios; worst: the run's that loses
-    most. energy: median of the ratios of slip energy. slides: all slides over all slides; before, now: a run's mean.
+    most, NaN and no number where all are left out. energy: median of the ratios of slip energy. slides: all slides over
+    all slides; before, now: a run's mean.
     """
 
     way: Figure
     worst: float
-    worst_number: int
+    worst_number: int | None
     energy: Figure
     slides: Figure
     slides_before: float
     slides_now: float
+    endless: int
+    left_out: int
 
 
 def spread(values: Sequence[float]) -> Spread:
@@ -56,41 +64,61 @@ def spread(values: Sequence[float]) -> Spread:
 
 
 def spreads(runs: Runs) -> dict[str, Spread]:
-    """By the figure's name."""
-    return {key: spread([float(getattr(f, key)) for f in runs.values()]) for key in KEYS}
+    """By the figure's name. A stop's distance is of the runs that stopped: the others have none."""
+    found = {key: [float(getattr(f, key)) for f in runs.values()] for key in KEYS}
+    found["stop_m"] = [f.stop_m for f in runs.values() if f.stopped]
+    return {key: spread(values) for key, values in found.items()}
 
 
 def ways(runs: Runs, braking: bool) -> FloatArray:
-    """Stopping distances (m), or impulses (kN s)."""
-    return np.array([f.stop_m if braking else f.impulse_kNs for f in runs.values()], np.float64)
+    """Stopping distances (m), infinite of a stop that did not end; or impulses (kN s)."""
+    return np.array(
+        [(f.stop_m if f.stopped else math.inf) if braking else f.impulse_kNs for f in runs.values()], np.float64
+    )
 
 
-def against(with_wrcd: Runs, bare: Runs, braking: bool) -> Against:
+def energies(runs: Runs, braking: bool) -> FloatArray:
+    """Slip energies (kJ), infinite of a stop that did not end: it is not all spent."""
+    return np.array([math.inf if braking and not f.stopped else f.slip_energy_kJ for f in runs.values()], np.float64)
+
+
+def against(new: Runs, old: Runs, braking: bool) -> Against:
     """Pair the runs by their numbers."""
-    numbers = [n for n in bare if n in with_wrcd]
-    new, old = {n: with_wrcd[n] for n in numbers}, {n: bare[n] for n in numbers}
-    at = np.array(numbers, np.int64)
+    both = [n for n in old if n in new]
+    slid_new, slid_old = (np.array([float(x[n].slides) for n in both]) for x in (new, old))
+    numbers = [n for n in both if old[n].stopped or not braking]
+    new, old, at = {n: new[n] for n in numbers}, {n: old[n] for n in numbers}, np.array(numbers, np.int64)
     ratio = ways(new, braking) / ways(old, braking)
     loss = ratio if braking else 1.0 / ratio
-    worst = int(np.argmax(loss))
-    energy = np.array([new[n].slip_energy_kJ / max(old[n].slip_energy_kJ, 1e-9) for n in numbers])
-    slid_new, slid_old = (np.array([float(f.slides) for f in x.values()]) for x in (new, old))
+    worst = int(np.argmax(loss)) if numbers else None
     return Against(
         way=median(ratio, at),
-        worst=float(ratio[worst]),
-        worst_number=numbers[worst],
-        energy=median(energy, at),
-        slides=of_slides(slid_new, slid_old, at),
+        worst=math.nan if worst is None else float(ratio[worst]),
+        worst_number=None if worst is None else numbers[worst],
+        energy=median(energies(new, braking) / np.maximum(energies(old, braking), MIN_ENERGY_KJ), at),
+        slides=of_slides(slid_new, slid_old, np.array(both, np.int64)),
         slides_before=float(slid_old.mean()),
         slides_now=float(slid_new.mean()),
+        endless=sum(braking and not f.stopped for f in new.values()),
+        left_out=len(both) - len(numbers),
     )
 
 
 def median(values: FloatArray, runs: NDArray[np.int64]) -> Figure:
-    """With the 90 % interval from drawing runs again; the mean of the two in the middle of an even number."""
-    drawn = values[again(len(values))]
-    draws = bootstrap.Draws(runs)
-    return draws.figure(float(np.median(values)), np.median(drawn, axis=1), len(values))
+    """With the 90 % interval from drawing runs again; the mean of the two in the middle of an even number. Values may
+    be infinite."""
+    if not len(values):
+        return bootstrap.NOTHING
+    return _interval(float(np.median(values)), np.median(values[again(len(values))], axis=1), len(runs))
+
+
+def _interval(value: float, replicates: FloatArray, runs: int) -> Figure:
+    """The replicates' ends, each one of them: between an infinite one and another there is nothing."""
+    if runs < 2:
+        return Figure(value, math.nan, math.nan, runs, runs)
+    ordered = np.sort(replicates)
+    low, high = (float(ordered[math.ceil(q * len(ordered)) - 1]) for q in ENDS)
+    return Figure(value, low, high, runs, runs)
 
 
 def of_slides(new: FloatArray, old: FloatArray, runs: NDArray[np.int64]) -> Figure:
@@ -106,13 +134,14 @@ def again(n: int) -> NDArray[np.int64]:
 
 
 def front(runs: Mapping[str, Runs], braking: bool) -> Figure:
-    """How far the controllers with wrcd lie on or below the front of the bare ones, in the plane of slip energy and
+    """Whether the front of the controllers with wrcd lies on or below both bare ones, in the plane of slip energy and
     distance (where the train pulls: one over impulse), each by the medians of its runs.
 
-    For each with wrcd: the least factor by which some mix of the bare ones is worse in one of the two. Below 1, that
-    mix is better in both. The figure is the smaller one's.
+    For each bare one: the largest factor by which some mix of the two with wrcd is better in both, below 1 where each
+    is worse in one of them. The figure is the lesser of the two. Runs that a bare one does not stop are left out.
     """
-    numbers = sorted(set.intersection(*(set(r) for r in runs.values())))
+    every = set.intersection(*(set(r) for r in runs.values()))
+    numbers = sorted(n for n in every if not braking or all(runs[law][n].stopped for law in LAWS))
     if not numbers:
         return bootstrap.NOTHING
     places = np.vstack((np.arange(len(numbers)), again(len(numbers))))
@@ -120,15 +149,17 @@ def front(runs: Mapping[str, Runs], braking: bool) -> Figure:
     for name, r in runs.items():
         part = {n: r[n] for n in numbers}
         way = ways(part, braking)
-        energy[name] = np.median(np.array([f.slip_energy_kJ for f in part.values()])[places], axis=1)
+        energy[name] = np.maximum(np.median(energies(part, braking)[places], axis=1), MIN_ENERGY_KJ)
         cost[name] = np.median((way if braking else 1.0 / way)[places], axis=1)
-    mixed = [
-        np.outer(of[LAWS[0]], 1 - MIXES) + np.outer(of[LAWS[1]], MIXES) for of in (energy, cost)
-    ]  # (replicates, mixes) of slip energy and of cost
-    factors = [
-        np.maximum(mixed[0] / energy[WITH[law]][:, None], mixed[1] / cost[WITH[law]][:, None]).min(axis=1)
-        for law in LAWS
-    ]
+    mixed = [_mixes(*(of[WITH[law]] for law in LAWS)) for of in (energy, cost)]
+    factors = [np.minimum(energy[law][:, None] / mixed[0], cost[law][:, None] / mixed[1]).max(axis=1) for law in LAWS]
     least = np.minimum(*factors)
-    draws = bootstrap.Draws(np.array(numbers, np.int64))
-    return draws.figure(float(least[0]), least[1:], len(numbers))
+    return _interval(float(least[0]), least[1:], len(numbers))
+
+
+def _mixes(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Along the line from one to the other: (replicates, mixes). What is infinite is so in every mix."""
+    with np.errstate(invalid="ignore"):
+        out = np.outer(one, 1 - MIXES) + np.outer(other, MIXES)
+    out[:, 0], out[:, -1] = one, other
+    return np.asarray(out, np.float64)

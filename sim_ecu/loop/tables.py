@@ -4,10 +4,12 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+from sim_ecu.loop.goals import LONGEST
 from sim_ecu.loop.names import EVERY, LAWS
 from sim_ecu.loop.said import ALLOWED_S
 from sim_ecu.loop.statistics import Against, Spread
 from sim_ecu.loop.suites.case import FIRST_TEST_SEED
+from sim_ecu.score.goals import CHANCE, MET, MISSED
 from sim_ecu.score.tables import fig, pct
 
 QUICK = "QUICK: a tenth of the runs, to look, not to claim. No goal is judged: there are too few runs."
@@ -15,7 +17,9 @@ WHAT = (
     "Slide: slip beyond 1.5 m/s or 15 % of the ground speed, whichever is less, and 0.5 m/s at least; counted when it "
     "begins, over below half of that. Locked: seconds of all axles below 5 % of the ground speed. Slip energy: of a "
     "wheel, from the demand on. Utilisation: adhesion used over available while the driver asks for more than there "
-    "is. Nothing is judged below 3 m/s; distances are from the demand on to there."
+    "is. Nothing is judged below 3 m/s; distances are from the demand on to there. Endless: with wrcd the train did "
+    "not stop; such a stop is infinitely long. A run that does not stop without wrcd has no ratio: it is left out and "
+    "counted."
 )
 IDEAL = (
     "ideal: knows the rail at each axle's place and ahead of it, and asks the same actuators for 98 % of the lowest "
@@ -33,6 +37,11 @@ SUITES = {
     "actuators": "the same stops, and those into a leaf patch, with other actuators",
 }
 FULL = ("braking", "traction", "train")
+WORDS = {"way": "distance", "energy": "slip energy"}
+GOALS = (
+    "what wrcd is held to; a goal that is missed stays here. Beside it what the ideal reaches against the same "
+    "controller without wrcd. Out of reach: the ideal, which knows the rail, misses it too"
+)
 
 
 def tables(result: dict[str, Any]) -> list[str]:
@@ -53,12 +62,7 @@ def tables(result: dict[str, Any]) -> list[str]:
                 out += _controllers(case, c)
         out += _beside(cases)
     out += _wrong(result["wrong"])
-    out += ["", "**goals**: what wrcd is held to; a goal that is missed stays here", ""]
-    rows = [
-        [g["what"], fig(g["figure"], 3), f"{'≥' if g['at_least'] else '≤'} {g['bound']:g}", g["verdict"]]
-        for g in result["goals"]
-    ]
-    return out + table(["goal", "value", "bound", ""], rows)
+    return out + _goals(result["goals"])
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
@@ -99,7 +103,7 @@ def _beside(cases: dict[str, Any]) -> list[str]:
     for braking, way in ((True, "distance"), (False, "impulse")):
         head = [
             "with wrcd over without", f"{way}", "the run that loses most", "slip energy", "slides", "slides a run",
-            "Valid", "outside", "wrong for too long",
+            "endless", "Valid", "outside", "wrong for too long",
         ]  # fmt: skip
         rows = [
             _ratios(f"{name}: {law}", c["against"][law], c["said"][law])
@@ -110,12 +114,48 @@ def _beside(cases: dict[str, Any]) -> list[str]:
     return out[:-1]
 
 
+def _goals(goals: Sequence[dict[str, Any]]) -> list[str]:
+    """A row each; in the suites that do not differ in the rail, those of a kind that are met are one row."""
+    out = ["", f"**goals**: {GOALS}", ""]
+    rows: list[list[str]] = []
+    met: dict[tuple[str, str, str], list[dict[str, Any]]] = {}
+    for g in goals:
+        if g["verdict"] == MET and g["suite"] not in FULL and g["kind"] != LONGEST:
+            met.setdefault((g["suite"], g["kind"], g["what"].rpartition(": ")[2]), []).append(g)
+            continue
+        rows.append([g["what"], fig(g["figure"], 3), _bound(g), _ideal(g), g["verdict"]])
+    for (suite, _, what), some in met.items():
+        best, worst = (f(g["figure"].value for g in some) for f in (min, max))
+        cases = f"{len(some)} case{'s' * (len(some) > 1)}"
+        rows.append([f"{suite}: {cases}: {what}", f"{best:.3f} to {worst:.3f}", _bound(some[0]), "", MET])
+    return out + table(["goal", "value", "bound", "ideal over the same", ""], rows)
+
+
+def _bound(g: dict[str, Any]) -> str:
+    return f"{'≥' if g['at_least'] else '≤'} {g['bound']:g}"
+
+
+def _ideal(g: dict[str, Any]) -> str:
+    """What it reaches; and where the goal is missed, whether it would miss it too."""
+    if not g["ideal"]:
+        return ""
+    (_, first), *others = g["ideal"].items()
+    text = "–" if math.isnan(first) else f"{first:.3f}"
+    text += "".join(f" at {WORDS[key]} {value:.2f}" for key, value in others)
+    return text + (", out of reach" if g["verdict"] in (MISSED, CHANCE) and g["ideal_is"] is False else "")
+
+
 def _ratios(what: str, a: Against, said: dict[str, Any]) -> list[str]:
     return [
-        what, fig(a.way, 3), f"{a.worst:.3f}", fig(a.energy), ratio(a),
-        f"{a.slides_before:.1f} → {a.slides_now:.1f}", pct(said["valid"]), pct(said["outside"]),
+        what, fig(a.way, 3), "–" if math.isnan(a.worst) else f"{a.worst:.3f}", fig(a.energy), ratio(a),
+        f"{a.slides_before:.1f} → {a.slides_now:.1f}", endless(a), pct(said["valid"]), pct(said["outside"]),
         f"{said['wrong_runs']} of {said['runs']}",
     ]  # fmt: skip
+
+
+def endless(a: Against) -> str:
+    """Stops that did not end, with wrcd; and those left out because they did not without it."""
+    return f"{a.endless}" + (f", {a.left_out} left out" if a.left_out else "")
 
 
 def ratio(a: Against) -> str:

@@ -32,6 +32,16 @@ class Drive:
     rise_N_m_s: float = 60_000.0  # of the torque's amount
     fall_N_m_s: float = 180_000.0
     fades_m_s: float = 3.0  # the electric brake is whole above this speed, and ends at half of it
+    max_power_kW: float = 1_800.0  # of traction, at the wheel; the electric brake has none but its torque
+    cut_out_m_s: float = 70.0  # wheel speed above which there is no traction
+
+    def traction_N_m(self, wheel_m_s: float, radius_m: float) -> float:
+        """The most that it may pull with, at a wheel's circumferential speed."""
+        if wheel_m_s > self.cut_out_m_s:
+            return 0.0
+        if wheel_m_s * self.max_traction_N_m <= 1e3 * self.max_power_kW * radius_m:
+            return self.max_traction_N_m
+        return 1e3 * self.max_power_kW * radius_m / wheel_m_s
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,12 +90,19 @@ SWEPT: Mapping[str, tuple[float, float]] = {
     "fill_s": (0.15, 0.50),
     "vent_s": (0.08, 0.30),
     "full_brake_N_m": (16_000.0, 22_000.0),
+    "max_power_kW": (1_200.0, 2_400.0),
+    "cut_out_m_s": (60.0, 80.0),
 }
+ASIDE = ("max_power_kW", "cut_out_m_s")
 
 
 def swept(rng: np.random.Generator) -> Actuators:
-    """Actuators whose constants are drawn from SWEPT, evenly: the defaults are one of many trains."""
-    drawn = {name: float(rng.uniform(low, high)) for name, (low, high) in SWEPT.items()}
+    """Actuators whose constants are drawn from SWEPT, evenly: the defaults are one of many trains.
+
+    Traction's limits are drawn aside: they leave all else that a seed draws as it is without them.
+    """
+    aside = rng.spawn(1)[0]
+    drawn = {name: float((aside if name in ASIDE else rng).uniform(*between)) for name, between in SWEPT.items()}
     drive, pneumatics = ({f.name: drawn[f.name] for f in fields(kind)} for kind in (Drive, Pneumatics))
     return Actuators(Drive(**drive), Pneumatics(**pneumatics), drawn["full_brake_N_m"])
 
@@ -95,24 +112,23 @@ class AxleActuators:
 
     def __init__(self, actuators: Actuators, step_s: float) -> None:
         d, p = actuators.drive, actuators.pneumatics
-        self._max_traction_N_m, self._rise, self._fall = (
-            d.max_traction_N_m,
-            d.rise_N_m_s * step_s,
-            d.fall_N_m_s * step_s,
-        )
+        self._max_traction_N_m = d.max_traction_N_m
+        self._rise, self._fall = d.rise_N_m_s * step_s, d.fall_N_m_s * step_s
         self._lag, self._fill, self._vent = (_share(step_s, constant) for constant in (d.lag_s, p.fill_s, p.vent_s))
         self._per_bar_N_m = p.torque_per_bar_N_m
         self.drive_N_m = 0.0
         self.pressure_bar = 0.0
         self._valves = deque([Valve.FILL] * round(p.valve_delay_s / step_s))
 
-    def step(self, torque_N_m: float, valve: Valve, asked_bar: float, electric_N_m: float) -> float:
-        """One step on. torque_N_m: demand to the drive; electric_N_m: the most that its brake may take.
+    def step(
+        self, torque_N_m: float, valve: Valve, asked_bar: float, electric_N_m: float, traction_N_m: float = math.inf
+    ) -> float:
+        """One step on. torque_N_m: demand to the drive; electric_N_m, traction_N_m: the most that it may brake or pull.
 
         Returns the torque at a wheelset that turns forward, braking negative: drive_N_m, less what the cylinder presses
         for.
         """
-        wanted = min(max(torque_N_m, -electric_N_m), self._max_traction_N_m)
+        wanted = min(max(torque_N_m, -electric_N_m), self._max_traction_N_m, traction_N_m)
         self.drive_N_m = self._limited(self.drive_N_m + (wanted - self.drive_N_m) * self._lag)
         self._valves.append(valve)
         acts = self._valves.popleft()

@@ -20,7 +20,7 @@ COUNTERS = 15
 MAX_STEP = 3  # of the counter from frame to frame within the time-out: two slots may be missing
 TIMEOUT_CYCLES = 3
 MAX_AGE_MS = 60.0  # SampleAge that is borne
-MAX_DROPPED, DROPS_WITHIN_US = 3, 1_000_000  # more dropped frames than this in so long: two senders, or a bad line
+MAX_DROPPED, DROPS_WITHIN_US = 5, 1_000_000  # more dropped frames than this in so long: two senders, or a bad line
 NEEDED = ("Validity", "MuAvailable", "Confidence")
 HALF_WIDTHS = {name: width / 100.0 for width, name in CONFIDENCES[:-1]}
 WIDER = CONFIDENCES[-1][1]
@@ -61,6 +61,8 @@ class AdhesionReceiver:
         self._can_id, self._length, self._data_id = message.frame_id, frame_length(message), output.data_id
         self._timeout_us = TIMEOUT_CYCLES * output.cycle_us
         self._counter: int | None = None
+        self._jumped_us: int | None = None  # when the counter jumped, if none has continued it since
+        self._half_cycle_us = output.cycle_us // 2
         self._stamp_us: int | None = None
         self._adhesion: Adhesion | None = None
         self._drops_us: deque[int] = deque(maxlen=MAX_DROPPED + 1)
@@ -80,10 +82,12 @@ class AdhesionReceiver:
             step = (counter - self._counter) % COUNTERS
             if step == 0:
                 return self._drop("repeated", stamp_us)
-            if step > MAX_STEP:
-                self._counter = counter  # a frame that continues this one is taken again
+            at_once = self._jumped_us is not None and stamp_us - self._jumped_us < self._half_cycle_us
+            if step > MAX_STEP or at_once:
+                # a frame that continues this one is taken again; one that comes at once is an old one, out of a queue
+                self._counter, self._jumped_us = counter, stamp_us
                 return self._drop("counter", stamp_us)
-        self._counter, self._stamp_us = counter, stamp_us
+        self._counter, self._stamp_us, self._jumped_us = counter, stamp_us, None
         self._adhesion = self._read(data)
         return True
 

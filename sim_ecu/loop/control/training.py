@@ -10,7 +10,7 @@ from sim_ecu.loop.control.facts import Facts
 from sim_ecu.loop.control.slip_controller import SlipController
 from sim_ecu.loop.lockstep import ride
 from sim_ecu.loop.rig import Step
-from sim_ecu.loop.scenario import DriveScenario
+from sim_ecu.loop.scenario import NO_DRIVE, DriveScenario
 from sim_ecu.physics.actuators import Actuators, Drive, swept
 from sim_ecu.physics.contact import CURVES, curve_between
 from sim_ecu.physics.rail import RailSection
@@ -63,11 +63,10 @@ def training(seed: int) -> Training:
     actuators = BRAKES[seed // 4 % 4] or swept(rng)
     driver = play.Course((0.0, DEMAND_S, DEMAND_S + 0.1), (sign * before, sign * before, sign * share))
     table = play.rail_table(_sections(rail, speed, rng))
-    none = play.Drive("torque_N_m", play.Course((0.0,), (0.0,)), play.Course((0.0,), (1.0,)))
     ground = seed * 16
     wheels = tuple(
         play.AxleScenario(
-            n, table, none, QUALITY["good"], SENSOR_SETS["mems"], ground + n, play.POSITIONS_M[n - 1], ground
+            n, table, NO_DRIVE, QUALITY["good"], SENSOR_SETS["mems"], ground + n, play.POSITIONS_M[n - 1], ground
         )
         for n in range(1, axles + 1)
     )
@@ -104,7 +103,8 @@ def cost(scenario: DriveScenario, steps: Iterable[Step]) -> Cost:
     for s in steps:
         if s.due_us < (DEMAND_S + LEARNT_S) * 1e6:
             continue
-        full = actuators.full_brake_N_m if s.share < 0.0 else actuators.drive.max_traction_N_m
+        traction = actuators.drive.traction_N_m(s.speed_m_s, w.r_0)
+        full = actuators.full_brake_N_m if s.share < 0.0 else traction
         ideal = np.minimum(s.mu_available, abs(s.share) * full / unit)
         could += float(ideal.sum())
         did += float(np.minimum(np.sign(s.share) * s.mu_used, ideal).sum())

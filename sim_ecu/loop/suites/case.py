@@ -7,14 +7,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sim_ecu.loop.names import CONTROLLERS
-from sim_ecu.loop.scenario import DriveScenario
+from sim_ecu.loop.scenario import NO_DRIVE, DriveScenario
 from sim_ecu.physics.actuators import Actuators
 from sim_ecu.physics.contact import CreepCurve, curve_between
 from sim_ecu.physics.sensors import SensorSet
 from sim_ecu.physics.track import QUALITY
 from sim_ecu.physics.wheelset import Wheelset
 from sim_ecu.play.faults import Fault
-from sim_ecu.play.scenario import POSITIONS_M, AxleScenario, Course, Drive, Scenario, rail_table
+from sim_ecu.play.scenario import POSITIONS_M, AxleScenario, Course, Scenario, rail_table
 from sim_ecu.score.suites.nominal import noisier
 
 FIRST_TEST_SEED = 1_000_000  # controllers are tuned on seeds below 1000
@@ -32,7 +32,6 @@ KNOWN_S = 3.5  # of a little effort, before the demand: what is known before
 BEFORE_S = 1.5  # of coasting, where nothing is known before
 LITTLE = 0.05  # of the full effort
 ONSET_S = 0.1  # in which the demand comes
-NO_DRIVE = Drive("torque_N_m", Course((0.0,), (0.0,)), Course((0.0,), (1.0,)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +62,7 @@ class Case:
     bare: str = ""
     controllers: tuple[str, ...] = CONTROLLERS
     fault: Fault | None = None  # of the inputs: until it begins the run is that of `bare`, which is driven once
+    told_pct: float | None = None  # adhesion that somebody says all along, in the daemon's place
     shown: bool = False  # its first run is drawn over time
 
     def scenario(self, number: int) -> DriveScenario:

@@ -23,6 +23,7 @@ from sim_ecu.physics.contact import CreepCurve
 PULLS_S = 10.0  # of full effort, where the driver pulls
 BRAKE, PULL = -1.0, 1.0
 WET_STOP, GREASY_STOP, LOW_STOP = "stop, wet, known before", "stop, greasy, known before", "stop, low, known before"
+PATCH_STOP = "stop, wet, leaf patch on the way"
 LEAF_STOP = "stop, dry, leaf patch"
 SEVERAL_STOP = "stop, wet, several patches"
 LEAF_START = "start, dry, leaf patch"
@@ -77,11 +78,13 @@ def dry_wet_dry_stop(rng: Rng) -> Plan:
 
 
 def patch_while_stopping(rng: Rng) -> Plan:
-    """A stop on a wet rail known before meets 15 to 30 m of leaf film, when half of the way is done."""
+    """A stop on a wet rail meets 15 to 30 m of leaf film, when half of the way is done.
+
+    The rail has been met before the demand, the patch has not."""
     v, begin, length = rng.uniform(18.0, 22.0), rng.uniform(30.0, 60.0), rng.uniform(15.0, 30.0)
     at, wet = v * KNOWN_S + begin, curve(rng, WET)
     rail = ((0.0, wet), (at, curve(rng, LEAVES)), (at + length, wet))
-    return Plan(rail, float(v), asks(BRAKE, rng, True), 60.0, True)
+    return Plan(rail, float(v), asks(BRAKE, rng, True), 60.0)
 
 
 def several_patches_stop(rng: Rng) -> Plan:
@@ -145,7 +148,7 @@ def several_patches_start(rng: Rng) -> Plan:
 
 STOPS = {
     WET_STOP: wet_stop, GREASY_STOP: greasy_stop, LOW_STOP: low_stop,
-    "stop, wet patch with leaves, known before": patch_while_stopping,
+    PATCH_STOP: patch_while_stopping,
     "stop, wet from the beginning": wet_surprise, "stop, greasy from the beginning": greasy_surprise,
     LEAF_STOP: leaf_stop, "stop, dry, wet, dry": dry_wet_dry_stop, SEVERAL_STOP: several_patches_stop,
 }  # fmt: skip

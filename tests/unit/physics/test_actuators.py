@@ -72,6 +72,15 @@ def test_drive_gives_no_more_than_it_has_or_may(wanted: float, electric: float, 
     assert drive(Actuators(), [wanted] * 400, electric)[-1] == pytest.approx(held, rel=1e-3, abs=1e-6)
 
 
+def test_traction_is_full_up_to_its_power_then_falls_and_ends_at_the_cut_out() -> None:
+    d = Drive(max_traction_N_m=20e3, max_power_kW=500.0, cut_out_m_s=40.0)
+    told = [d.traction_N_m(v, 0.5) for v in (-3.0, 0.0, 12.5, 25.0, 40.0, 40.1)]
+    assert told == pytest.approx([20e3, 20e3, 20e3, 10e3, 6250.0, 0.0])
+    axle = AxleActuators(Actuators(replace(d, lag_s=0.0, rise_N_m_s=ANY)), STEP_S)
+    axle.step(9e9, Valve.FILL, 0.0, MOST, 10e3)
+    assert axle.drive_N_m == 10e3
+
+
 def test_cylinder_fills_and_vents_with_its_time_constants_after_the_delay() -> None:
     p = Pneumatics(valve_delay_s=0.03, fill_s=0.25, vent_s=0.15)
     a = Actuators(pneumatics=p)

@@ -2,6 +2,8 @@
 
 import hashlib
 import re
+import resource
+import shlex
 from pathlib import Path
 
 import pytest
@@ -91,6 +93,30 @@ def test_folder_in_the_place_of_a_file_is_bad_input(tmp_path: Path) -> None:
         kit(tmp_path, None, True)
 
 
+@pytest.mark.parametrize("has_old", [False, True])
+def test_disk_that_is_full_leaves_the_folder_as_it_was(tmp_path: Path, has_old: bool) -> None:
+    if has_old:
+        kit(tmp_path, ROOT / "examples/own-dbc/train.toml", False)
+    before = contents(tmp_path)
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (15_000, hard))  # adhesion.h fits, adhesion.c does not
+    try:
+        with pytest.raises(InputError, match=r"adhesion\.c: cannot be written: File too large"):
+            kit(tmp_path, None, False)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert contents(tmp_path) == before
+
+
+def test_command_that_is_told_can_be_pasted_whatever_the_folder_is_called(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "odd dir" / "ü $x"
+    kit(folder, None, False)
+    command = shlex.split(capsys.readouterr().out.partition("; ")[2])
+    assert command == ["make", "-C", str(folder), "tests", "it"]
+
+
 def test_what_a_receiver_cannot_do_is_said_on_standard_error_and_in_the_readme(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -115,7 +141,7 @@ def test_fields_say_layout_scale_words_and_times_of_a_message(tmp_path: Path) ->
         "| beyond the range: none |",
         "| Zustand | Validity | 15, 4 | Motorola | unsigned | 1, 0 |  | 3 Error (“gestoert”), 7 Valid (“gut”), "
         "9 Degraded (“maessig”), 14 NotAvailable (“nichts”); any other: fall back |",
-        "| Mu | MuAvailable | 5, 14 | Intel | signed | 0.00012207, 0 | 0 … 99.9878 % (raw 0 … 8191) "
+        "| Mu | MuAvailable | 5, 14 | Intel | signed | 0.0001220703125, 0 | 0 … 99.98779296875 % (raw 0 … 8191) "
         "| -8192 not available, 5000 being calibrated; beyond the range: none |",
         "| Within8pp | 8 | `ADHESION_LIMIT_ABOVE`: only a demand above it | MuAvailable less 8, at least 0 |",
         "| Within5pp | 5 | `ADHESION_LIMIT_FOLLOW` | MuAvailable less 5, at least 0 |",

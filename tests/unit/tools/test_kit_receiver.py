@@ -10,18 +10,21 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.can_ids import ADHESION_A1
 from tests.support.kit.building import COMPILERS, WARNINGS, build, make, needs_compiler, run, written
 from tests.support.kit.reading import Reading, Verdict, Why
 from tests.support.kit.streams import counted, disturbed, lines, made
-from tests.support.kit.trains import fd_message, odd_train
+from tests.support.kit.trains import fd_message, odd_train, twin_train
 from tests.support.pages import ROOT
 from wrcd.bus.frame import Frame
 from wrcd.bus.log import Damage, read_log
 from wrcd.config import load_config
 from wrcd.core.configuration import Config
 from wrcd.tools.cli import main
-from wrcd.tools.kit.model import kit_message
+from wrcd.tools.kit.model import kit_message, messages
 from wrcd.tools.kit.run import files_of
+from wrcd.tools.kit.tables import byte_list
+from wrcd.tools.kit.vectors import turn, vectors
 
 pytestmark = needs_compiler
 VECTORS = ROOT / "tests/data/e2e_profile11_vectors.csv"
@@ -79,6 +82,11 @@ def test_kit_of_extended_motorola_messages_passes_its_tests(tmp_path: Path) -> N
     assert known_frames(make(folder, "FRAMES=20000")) >= 2 * 20
 
 
+def test_kit_of_ids_that_differ_in_one_bit_or_in_their_kind_passes_its_tests(tmp_path: Path) -> None:
+    folder = written(tmp_path / "kit", twin_train(tmp_path))
+    assert known_frames(make(folder, "FRAMES=200000")) >= 4 * 10
+
+
 def test_kit_of_a_message_of_64_bytes_passes_its_tests_under_the_sanitizers(tmp_path: Path) -> None:
     message, output = fd_message()
     found = kit_message(message, output, 3, "odd.toml")
@@ -88,23 +96,70 @@ def test_kit_of_a_message_of_64_bytes_passes_its_tests_under_the_sanitizers(tmp_
     assert known_frames(make(tmp_path, "sanitize", "FRAMES=20000")) >= 20
 
 
-def test_example_for_socketcan_compiles_without_a_warning(default: Path) -> None:
+def test_example_for_socketcan_takes_a_number_of_seconds_and_nothing_else(default: Path) -> None:
     make(default, "example")
+    for words in (["-1"], ["nan"], ["inf"], ["1e30"], ["1s"], [""], ["1", "2"]):
+        done = subprocess.run(
+            [default / "example_socketcan", "no-such-bus", *words],
+            capture_output=True,
+            text=True,
+            timeout=10,
+            check=False,
+        )
+        assert (done.returncode, done.stderr.partition(":")[0]) == (2, "usage"), words
+    for words in ([], ["0"], ["2.5"], ["1e9"]):
+        assert (
+            subprocess.run([default / "example_socketcan", "no-such-bus", *words], timeout=10, check=False).returncode
+            != 2
+        )
 
 
-def test_ten_lines_of_the_readme_compile_and_stand_in_the_docs(default: Path, tmp_path: Path) -> None:
+def test_frame_that_waited_in_the_examples_queue_is_as_old_as_it_is(default: Path, config: Config) -> None:
+    frame = turn(messages(config)[0])[0].hex()
+    said = run(build(default, "queue"), [f"{ms} {ADHESION_A1:x} {frame}" for ms in (61, 200)])
+    assert [Why(int(reason)) for reason in said] == [Why.TIMED_OUT, Why.TIMED_OUT]
+
+
+def test_frame_that_is_read_at_once_is_used(default: Path, config: Config) -> None:
+    frame = turn(messages(config)[0])[0].hex()
+    said = run(build(default, "queue"), [f"0 {ADHESION_A1:x} {frame}"] * 20)  # a busy computer takes one of them away
+    assert str(Why.NO_REASON.value) in said
+
+
+def test_call_of_the_readme_does_what_the_page_says_and_stands_in_the_docs(
+    default: Path, config: Config, tmp_path: Path
+) -> None:
     fence = re.search(r"^```c\n(.*?)^```$", (default / "README.md").read_text(), re.MULTILINE | re.DOTALL)
     assert fence
     assert fence[1] in (ROOT / "docs/how-to/write-a-receiver.md").read_text()
-    program = tmp_path / "ten.c"
+    cases = {
+        "Valid": ["limit 2045"], "Confidence Wider": ["keep"], "Degraded": ["fall back"], "NotAvailable": ["fall back"],
+        "ContactState Saturated": ["limit 2045", "no more"],
+    }  # fmt: skip
+    frames = {v.what: v.data for v in vectors(messages(config)[0])}
+    rows = "".join(f"    {{{byte_list(frames[what])}}},\n" for what in cases)
+    program = tmp_path / "call.c"
     program.write_text(
-        '#include "adhesion.h"\n#include <stddef.h>\n'
-        "uint64_t now_us(void);\nvoid limit_demand_to(uint16_t lower_end);\n"
-        "void fall_back(void);\nvoid step(uint32_t id, uint8_t flags, uint8_t length, const uint8_t *data);\n"
-        f"void step(uint32_t id, uint8_t flags, uint8_t length, const uint8_t *data)\n{{\n{fence[1]}}}\n"
+        '#include "adhesion.h"\n#include <stdio.h>\n'
+        f"static const uint8_t FRAMES[][8] = {{\n{rows}}};\n"
+        "static uint64_t time_us = 0U;\nstatic uint64_t now_us(void) { return time_us; }\n"
+        'static void limit_demand_to(uint16_t lower_end) { printf("limit %u,", lower_end); }\n'
+        'static void keep_limit(void) { printf("keep,"); }\nstatic void fall_back(void) { printf("fall back,"); }\n'
+        'static void ask_for_no_more(void) { printf("no more,"); }\n'
+        "static void step(uint32_t id, uint8_t flags, uint8_t length, const uint8_t *data)\n{\n"
+        f"{fence[1]}}}\n"
+        "int main(void)\n{\n    for (unsigned at = 0U; at < sizeof FRAMES / 8U; at++) {\n"
+        f"        time_us += 1000000U;\n        step({ADHESION_A1}U, 0U, 8U, FRAMES[at]);\n"
+        '        printf("\\n");\n    }\n    return 0;\n}\n'
     )
-    command = [COMPILERS[0], *WARNINGS, "-I", default, "-c", "-o", tmp_path / "ten.o", program]
+    command = [COMPILERS[0], *WARNINGS, "-I", default, "-o", tmp_path / "call", program, default / "adhesion.c"]
     subprocess.run([str(word) for word in command], timeout=60, check=True)
+    assert [line.split(",")[:-1] for line in run(tmp_path / "call", [])] == list(cases.values())
+
+
+def test_fields_say_how_long_a_second_sender_just_ahead_is_used(default: Path) -> None:
+    """test_adhesion.c counts them."""
+    assert "up to three of its frames are used" in (default / "fields.md").read_text()
 
 
 @pytest.mark.parametrize("train", ["default", "odd"])

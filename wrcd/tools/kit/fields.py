@@ -1,12 +1,15 @@
 """fields.md: what is where in each Adhesion message, and what to do with it."""
 
 from collections.abc import Iterator, Sequence
+from decimal import Context, Decimal
 from fractions import Fraction
 
 from wrcd.tools.kit.model import CONFIDENCE, Field, KitMessage, Number, Words
 from wrcd.tools.kit.vectors import FOLLOWS_FROM_PP, HALF_WIDTHS_PP
+from wrcd.tools.kit.weights import exact
 
 UNITS = {"MuAvailable": "%", "MuUsed": "%", "SampleAge": "ms"}
+DIGITS = 40
 OF_MESSAGE = (
     ("SampleAge", "SampleAge", "step 7 is left out: nobody says how old the inputs are"),
     ("Confidence", "Confidence", "no interval: `limit` is always `ADHESION_LIMIT_NONE`, and nothing may be limited"),
@@ -38,7 +41,7 @@ def _message(m: KitMessage) -> Iterator[str]:
     yield "| id | kind | bytes | cycle | time-out | E2E data id |"
     yield "|---|---|---|---|---|---|"
     data_id = "none: not protected" if m.output.data_id is None else f"0x{m.output.data_id:04X}"
-    times = f"{m.output.cycle_us / 1000:g} ms | {m.timeout_us / 1000:g} ms"
+    times = f"{_number(Fraction(m.output.cycle_us, 1000))} ms | {_number(Fraction(m.timeout_us, 1000))} ms"
     yield f"| {m.id_text} | {kind} | {m.length} | {times} | {data_id} |"
     yield ""
     yield "| signal | is | start, bits | byte order | sign | scale, offset | numbers | raw values |"
@@ -55,7 +58,7 @@ def _field(ours: str, one: Number | Words) -> str:
     s = one.field.signal
     numbers, raws = ("", _words(one)) if isinstance(one, Words) else (_range(ours, one), _none(one))
     sign = "signed" if s.is_signed else "unsigned"
-    scale = f"{s.scale:g}, {s.offset:g}"
+    scale = f"{_number(exact(s.scale))}, {_number(exact(s.offset))}"
     return (
         f"| {s.name} | {ours} | {s.start}, {s.length} | {_order(one.field)} | {sign} | {scale} | {numbers} | {raws} |"
     )
@@ -94,7 +97,9 @@ def _labels(field: Field) -> dict[int, str]:
 
 
 def _number(value: Fraction) -> str:
-    return f"{float(value):g}"
+    """All its digits; DIGITS of them where it has no end."""
+    digits = Context(prec=DIGITS)
+    return f"{digits.divide(Decimal(value.numerator), Decimal(value.denominator)).normalize(digits):f}"
 
 
 def levels() -> str:

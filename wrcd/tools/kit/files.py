@@ -4,6 +4,7 @@ import hashlib
 import re
 from collections.abc import Mapping
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from wrcd.errors import InputError, InputErrors
 
@@ -27,8 +28,8 @@ def is_untouched(content: bytes) -> bool:
 
 
 def write(folder: Path, files: Mapping[str, bytes], force: bool) -> None:
-    """Write them all, or none: raises InputError for a folder that cannot be made, and for files in it that are not a
-    kit's, or were edited; force: overwrite those."""
+    """Write them all, or none: raises InputError for a folder that cannot be made or written, a full disk, and files in
+    it that are not a kit's, or were edited; force: overwrite those."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as e:
@@ -36,14 +37,19 @@ def write(folder: Path, files: Mapping[str, bytes], force: bool) -> None:
     errors = [error for name in files if (error := _refusal(folder / name, force))]
     if errors:
         raise errors[0] if len(errors) == 1 else InputErrors(errors)
-    for name, content in files.items():
-        path = folder / name
-        try:
-            path.write_bytes(content)
-        except OSError as e:
-            raise InputError(
-                f"cannot be written: {e.strerror}", file=path, hint="check the folder and your rights"
-            ) from None
+    path = folder
+    try:
+        with TemporaryDirectory(prefix=".kit-", dir=folder) as beside:
+            for name, content in files.items():
+                path = folder / name
+                (Path(beside) / name).write_bytes(content)
+            for name in files:
+                path = folder / name
+                (Path(beside) / name).replace(path)
+    except OSError as e:
+        raise InputError(
+            f"cannot be written: {e.strerror}", file=path, hint="check the folder, its disk and your rights"
+        ) from None
 
 
 def _refusal(path: Path, force: bool) -> InputError | None:

@@ -2,6 +2,7 @@
 
 import hashlib
 import re
+import shlex
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -30,7 +31,7 @@ def kit(folder: Path, config_file: Path | None, force: bool) -> int:
     config = load_config(config_file)
     found = messages(config)
     write(folder, files_of(found, checksum(config, config_file), _source(config, config_file)), force)
-    print(f"{folder}: receiver of {', '.join(m.name for m in found)}; make -C {folder} tests it")
+    print(f"{folder}: receiver of {', '.join(m.name for m in found)}; make -C {shlex.quote(str(folder))} tests it")
     for line in warnings(found):
         print(f"warning: {line}", file=sys.stderr)
     return Status.DONE

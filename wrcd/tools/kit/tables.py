@@ -51,6 +51,7 @@ def _row(m: KitMessage, lists: dict[str, str]) -> str:
         f"    {{ /* {m.name} */",
         f"        .id = 0x{m.message.frame_id:X}U,",
         f"        .timeout_us = {m.timeout_us}U,",
+        f"        .cycle_us = {m.output.cycle_us}U,",
         f"        .data_id = 0x{data_id or 0:X}U,",
         f"        .axle = {m.axle}U,",
         f"        .length = {m.length}U,",
