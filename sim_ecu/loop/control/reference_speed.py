@@ -26,6 +26,10 @@ class ReferenceSpeed:
         self._braking: bool | None = None
         self._settles_s = 0.0
 
+    def forget(self) -> None:
+        """Start anew: time has passed that nobody counted."""
+        self.speed_m_s = None
+
     def step(
         self, wheels_m_s: Sequence[float], forces_N: Sequence[float], braking: bool, period_s: float
     ) -> float | None:

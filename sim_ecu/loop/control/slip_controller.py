@@ -77,6 +77,8 @@ class SlipController:
         for a in self.axles:
             a.observe(now_us, self._braking)
         wheels = [a.speed_m_s for a in self.axles if not a.wheel_silent]
+        if since_us > LOST_US:
+            self._reference.forget()
         speed = self._reference.step(wheels, [a.force_N() for a in self.axles], self._braking, self._period_us * 1e-6)
         asked = self.facts.asked_N_m(share, self._braking)
         self._blind_us = 0 if wheels else self._blind_us + self._period_us
