@@ -36,7 +36,7 @@ class Blending:
         speed None: not known; the drive is asked for all, and what it is not allowed the actuators keep from it.
         """
         if not braking:
-            most = self._facts.actuators.drive.traction_N_m(speed_m_s, self._facts.radius_m)
+            most = self._facts.actuators.drive.traction_N_m(speed_m_s or 0.0, self._facts.radius_m)
             self._follow(min(torque_N_m, most))
             return torque_N_m, self._set(Valve.FILL, 0.0)
         facts, pneumatics = self._facts, self._facts.actuators.pneumatics
