@@ -11,8 +11,10 @@ from wrcd.tools.command import Command
 def _add(p: argparse.ArgumentParser) -> None:
     p.add_argument("--suite", choices=SUITES, help="only this one")
     p.add_argument("--only", default="", metavar="TEXT", help="only the rows whose name holds this text")
-    p.add_argument("--quick", action="store_true", help="two seeds, too few to judge any goal: about two minutes")
-    p.add_argument("--seeds", type=int, metavar="N", help="runs of every row (default: 20)")
+    p.add_argument("--quick", action="store_true", help="one seed, too few to judge any goal: about two minutes")
+    p.add_argument(
+        "--seeds", type=int, metavar="N", help="runs of every row (default: 20; 8 of faults, worlds and actuators)"
+    )
     p.add_argument("--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="processes (default: all cores)")
     p.add_argument("--json", type=Path, metavar="OUT", help="all figures, and those of every run")
     p.add_argument("--html", type=Path, metavar="OUT", help="a page with tables and pictures")
@@ -34,7 +36,7 @@ COMMAND = Command(
     "loop",
     "what controllers make of wrcd: stops and starts in lockstep, with it and without",
     (
-        ("sim-ecu loop --quick --html loop.html", "two seeds of everything, as a page"),
+        ("sim-ecu loop --quick --html loop.html", "one seed of everything, as a page"),
         ("sim-ecu loop --suite braking", "one suite, with all its seeds"),
         ("sim-ecu loop --suite faults --only freeze --seeds 5", "some of its rows, five seeds of each"),
     ),

@@ -8,17 +8,17 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 from sim_ecu.commands.outputs import check_output
-from sim_ecu.loop.names import UNPROTECTED, WITH
+from sim_ecu.loop.names import BROAD, UNPROTECTED, WITH
 from sim_ecu.loop.play import Outcome, play
 from sim_ecu.loop.report import judge_all
 from sim_ecu.loop.suites import cases
-from sim_ecu.loop.suites.case import SEEDS, Case
+from sim_ecu.loop.suites.case import FEW_SEEDS, SEEDS, Case
 from sim_ecu.loop.tables import tables
 from sim_ecu.score.report import plain
 from wrcd.errors import InputError, create
 from wrcd.tools.progress import Progress
 
-QUICK_SEEDS = 2
+QUICK_SEEDS = 1
 # Processor time of a run, about: what the time left is told from.
 COST, COST_UNPROTECTED, COST_OF_DAEMON, COST_OF_ITS_AXLE = 1.0, 1.5, 1.2, 0.8
 _Job = tuple[str, tuple[str, ...], int]
@@ -36,9 +36,10 @@ def run(
         hint = f"rows: {'; '.join(dict.fromkeys(c.name for c in cases(suite)))}"
         raise InputError(f"no row's name holds {only!r}", key="--only", hint=hint)
     began = time.monotonic()
-    n = seeds or (QUICK_SEEDS if quick else SEEDS)
-    outcomes = play_all(every, n, jobs)
-    result = {"run": {"quick": quick, "jobs": jobs, "seeds": n}} | judge_all(every, outcomes)
+    asked = seeds or (QUICK_SEEDS if quick else None)
+    outcomes = play_all(every, asked, jobs)
+    counts = {"seeds": asked or SEEDS, "seeds_of_broad": asked or FEW_SEEDS}
+    result = {"run": {"quick": quick, "jobs": jobs} | counts} | judge_all(every, outcomes)
     result["run"]["seconds"] = round(time.monotonic() - began)
     print("\n".join(tables(result)))
     if json_out:
@@ -52,11 +53,11 @@ def run(
     return 0
 
 
-def play_all(every: Sequence[Case], seeds: int, jobs: int) -> list[Outcome]:
-    """In processes of their own; the order of the outcomes does not depend on them."""
+def play_all(every: Sequence[Case], seeds: int | None, jobs: int) -> list[Outcome]:
+    """In processes of their own; the order of the outcomes does not depend on them. seeds None: each suite's own."""
     progress = Progress(steps=True)
     groups = _groups(every)
-    work = [(group, number) for group in groups for number in range(seeds)]
+    work = [(group, number) for group in groups for number in range(seeds or _seeds(group[0]))]
     cost = [sum(map(_cost, group)) for group, _ in work]
     done, found = 0.0, []
     with ProcessPoolExecutor(jobs, initializer=_dies_of_ctrl_c) as pool:
@@ -80,6 +81,10 @@ def _groups(every: Sequence[Case]) -> list[list[Case]]:
         [case, *(c for c in every if c.fault is not None and (c.suite, c.bare) == (case.suite, case.name))]
         for case in every if case.fault is None
     ]  # fmt: skip
+
+
+def _seeds(case: Case) -> int:
+    return FEW_SEEDS if case.suite in BROAD else SEEDS
 
 
 def _dies_of_ctrl_c() -> None:

@@ -2,6 +2,7 @@
 controllers that the tables compare."""
 
 SUITES = ("braking", "traction", "train", "faults", "worlds", "actuators")
+BROAD = ("faults", "worlds", "actuators")
 
 THRESHOLDS, CREEP = "thresholds", "creep"
 LAWS = (THRESHOLDS, CREEP)

@@ -1,5 +1,6 @@
 """What the runs of all suites come to: figures by suite and case, goals, runs whose daemon was wrong."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
@@ -69,7 +70,10 @@ def _case(case: Case, found: Found) -> dict[str, Any]:
 
 
 def _said(outcomes: Sequence[Outcome]) -> dict[str, float]:
+    """What a daemon said; of rows without one, that it said nothing."""
     every = [h for o in outcomes for h in o.said]
+    if not every:
+        return {"valid": math.nan, "outside": math.nan, "outside_s": 0.0, "wrong_runs": 0, "runs": len(outcomes)}
     return {
         "valid": float(np.mean([h.valid for h in every])),
         "outside": float(np.mean([h.outside for h in every])),

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from sim_ecu.loop.goals import LONGEST
-from sim_ecu.loop.names import EVERY, LAWS
+from sim_ecu.loop.names import BROAD, EVERY, LAWS
 from sim_ecu.loop.said import ALLOWED_S
 from sim_ecu.loop.statistics import Against, Spread
 from sim_ecu.loop.suites.case import FIRST_TEST_SEED
@@ -49,8 +49,8 @@ def tables(result: dict[str, Any]) -> list[str]:
     run = result.get("run", {})
     out = [QUICK, ""] if run.get("quick") else []
     out += [
-        f"Runs of every row: {run['seeds']}, seeds from {FIRST_TEST_SEED} on; the controllers were tuned on seeds "
-        "below 1000.",
+        f"Runs of every row: {_runs(run)}, seeds from {FIRST_TEST_SEED} on; the controllers were tuned on seeds below "
+        "1000.",
         "In brackets: 5 to 95 % of the runs; of a ratio, the 90 % interval by drawing whole runs again.",
         WHAT,
         IDEAL,
@@ -91,6 +91,11 @@ def _controllers(name: str, c: dict[str, Any]) -> list[str]:
         for controller in EVERY if (x := c["controllers"].get(controller)) is not None
     ]  # fmt: skip
     return [*table(head, rows), ""]
+
+
+def _runs(run: dict[str, Any]) -> str:
+    broad = run["seeds_of_broad"]
+    return f"{run['seeds']}" + (f", of {', '.join(BROAD)} {broad}" if broad != run["seeds"] else "")
 
 
 def _standing(x: dict[str, Any]) -> str:

@@ -19,6 +19,7 @@ from sim_ecu.score.suites.nominal import noisier
 
 FIRST_TEST_SEED = 1_000_000  # controllers are tuned on seeds below 1000
 SEEDS = 20
+FEW_SEEDS = 8  # of the broad suites, whose rows are many variants of one stop
 Rng = np.random.Generator
 
 # What differs from run to run of a case: all drawn evenly, the track's roughness by its logarithm.
