@@ -3,7 +3,8 @@
 The estimate may be wrong either way, so it is never the last word. Effort starts at what the estimate carries, and goes
 on from there as fast as the wheel shows no creep: a false low is passed within tenths of a second. Where the creep
 rises (the knee of the creep curve) the estimate says where to stay, within a tenth of what was just found. From there
-it probes again and again, for the rail gets better too. docs/reference/what-a-controller-does.md has the rules.
+it probes again and again, for the rail gets better too. A deep slide says that the rail is another: then the slip
+control is alone until the estimate is steady. docs/reference/what-a-controller-does.md has the rules.
 """
 
 import math
@@ -56,8 +57,8 @@ class Constants:
     after_slide: float = 0.85  # of the torque at which a slide began: what is asked for at most
     hold_s: float = 2.0  # between probes,
     pull_hold_s: float = 3.5  # the same when pulling,
-    doubt_s: float = 0.4  # the same where the knee lies elsewhere than the estimate says:
-    doubt: float = 1.25  # so many times above
+    doubt_s: float = 0.4  # the same where the knee lies so many times above what the estimate carries:
+    doubt: float = 1.25  # and, without a frame, where it lies elsewhere than before; then it doubles up to hold_s
     settle_s: float = 0.15  # between two steps down
     surprise: float = 0.06  # creep of a slide that nothing foretold: the rail is another
     pull_surprise: float = 0.06  # the same when pulling
