@@ -65,14 +65,20 @@ _sim_ecu() {
             play:-i | play:--interface | play:-c | play:--channel | \
             play:--log | play:--config | inject:-i | inject:--interface | \
             inject:-c | inject:--channel | inject:--log | inject:--config | \
-            inject:--fault | design:--config | design:-o | design:--output | \
-            design:--form | design:--budget | design:--jobs | design:--baselines | \
-            design:--explain | contact:--k-a | contact:--k-s | score:--suite | \
-            score:--jobs | score:--design | score:--baselines | score:--beside | \
-            score:--json | score:--html | figures:-o | figures:--output | \
-            figures:--design | figures:--paper | verify:--config | verify:--fuzzy-every | \
-            demo:-i | demo:--interface | demo:-c | demo:--channel | \
-            demo:--config | demo:--scenario | demo:-o | demo:--output)
+            inject:--fault | drive:-i | drive:--interface | drive:-c | \
+            drive:--channel | drive:--log | drive:--json | control:-i | \
+            control:--interface | control:-c | control:--channel | control:--config | \
+            control:--scenario | control:--for | design:--config | design:-o | \
+            design:--output | design:--form | design:--budget | design:--jobs | \
+            design:--baselines | design:--explain | contact:--k-a | contact:--k-s | \
+            score:--suite | score:--jobs | score:--design | score:--baselines | \
+            score:--beside | score:--json | score:--html | figures:-o | \
+            figures:--output | figures:--design | figures:--paper | loop:--suite | \
+            loop:--only | loop:--seeds | loop:--jobs | loop:--json | \
+            loop:--html | fmu:-o | fmu:--output | verify:--config | \
+            verify:--fuzzy-every | demo:-i | demo:--interface | demo:-c | \
+            demo:--channel | demo:--config | demo:--scenario | demo:-o | \
+            demo:--output)
                 [[ ${COMP_WORDS[i + 1]-} != = ]] || ((i++))
                 ((i++))
                 ;;
@@ -84,7 +90,7 @@ _sim_ecu() {
     case $command in
     '')
         options='-h --help --version'
-        [[ $cur == -* ]] || _sim_ecu_words 'list play inject faults design contact score figures verify demo completion'
+        [[ $cur == -* ]] || _sim_ecu_words 'list play inject drive control faults design contact score figures loop fmu verify demo completion'
         ;;
     list)
         options='-h --help'
@@ -119,6 +125,35 @@ _sim_ecu() {
         esac
         [[ $cur == -?* ]] || case $position in
         0) _sim_ecu_words 'all-curves axle-box curves damp dry four-axles greasy half-wet leaf-patch low six-axles stop-and-go very-low wet'; _sim_ecu_files .toml ;;
+        *) _sim_ecu_nothing ;;
+        esac
+        ;;
+    drive)
+        options='-h --help -i --interface -c --channel --log --no-truth --json'
+        case $prev in
+        -i | --interface) _sim_ecu_words 'canalystii cantact etas gs_usb iscan ixxat kvaser neousys neovi nican nixnet pcan robotell seeedstudio serial slcan socketcan socketcand systec udp_multicast usb2can vector virtual'; return ;;
+        -c | --channel) _sim_ecu_channels; return ;;
+        --log) _sim_ecu_files .log; return ;;
+        --json) _sim_ecu_files ''; return ;;
+        :) _sim_ecu_nothing; return ;;
+        esac
+        [[ $cur == -?* ]] || case $position in
+        0) _sim_ecu_words 'all-curves axle-box curves damp dry four-axles greasy half-wet leaf-patch low six-axles stop-and-go very-low wet'; _sim_ecu_files .toml ;;
+        *) _sim_ecu_nothing ;;
+        esac
+        ;;
+    control)
+        options='-h --help -i --interface -c --channel --with-adhesion --config --scenario --for'
+        case $prev in
+        -i | --interface) _sim_ecu_words 'canalystii cantact etas gs_usb iscan ixxat kvaser neousys neovi nican nixnet pcan robotell seeedstudio serial slcan socketcan socketcand systec udp_multicast usb2can vector virtual'; return ;;
+        -c | --channel) _sim_ecu_channels; return ;;
+        --config) _sim_ecu_files .toml; return ;;
+        --scenario) _sim_ecu_words 'all-curves axle-box curves damp dry four-axles greasy half-wet leaf-patch low six-axles stop-and-go very-low wet'; _sim_ecu_files .toml; return ;;
+        --for) _sim_ecu_nothing; return ;;
+        :) _sim_ecu_nothing; return ;;
+        esac
+        [[ $cur == -?* ]] || case $position in
+        0) _sim_ecu_words 'none thresholds creep' ;;
         *) _sim_ecu_nothing ;;
         esac
         ;;
@@ -178,6 +213,30 @@ _sim_ecu() {
         :) _sim_ecu_nothing; return ;;
         esac
         [[ $cur == -* ]] || _sim_ecu_nothing
+        ;;
+    loop)
+        options='-h --help --suite --only --quick --seeds --jobs --json --html'
+        case $prev in
+        --suite) _sim_ecu_words 'braking traction train faults worlds actuators'; return ;;
+        --only) _sim_ecu_nothing; return ;;
+        --seeds) _sim_ecu_nothing; return ;;
+        --jobs) _sim_ecu_nothing; return ;;
+        --json) _sim_ecu_files ''; return ;;
+        --html) _sim_ecu_files ''; return ;;
+        :) _sim_ecu_nothing; return ;;
+        esac
+        [[ $cur == -* ]] || _sim_ecu_nothing
+        ;;
+    fmu)
+        options='-h --help -o --output'
+        case $prev in
+        -o | --output) _sim_ecu_files .fmu; return ;;
+        :) _sim_ecu_nothing; return ;;
+        esac
+        [[ $cur == -?* ]] || case $position in
+        0) _sim_ecu_words 'all-curves axle-box curves damp dry four-axles greasy half-wet leaf-patch low six-axles stop-and-go very-low wet'; _sim_ecu_files .toml ;;
+        *) _sim_ecu_nothing ;;
+        esac
         ;;
     verify)
         options='-h --help --config --fuzzy-every'

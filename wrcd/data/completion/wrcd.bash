@@ -77,8 +77,9 @@ _wrcd() {
             plot:--dbc | plot:--channel | plot:-o | plot:--output | \
             plot:--from | plot:--to | plot:--axle | why:--config | \
             why:--dbc | why:--channel | why:--axle | init:-o | \
-            init:--output | install:--prefix | install:--with | install:--without | \
-            install:--program | uninstall:--prefix)
+            init:--output | kit:-o | kit:--output | kit:--config | \
+            install:--prefix | install:--with | install:--without | install:--program | \
+            uninstall:--prefix)
                 [[ ${COMP_WORDS[i + 1]-} != = ]] || ((i++))
                 ((i++))
                 ;;
@@ -90,7 +91,7 @@ _wrcd() {
     case $command in
     '')
         options='-h --help --version'
-        [[ $cur == -* ]] || _wrcd_words 'run reload check dump monitor replay report plot why init lint install uninstall completion'
+        [[ $cur == -* ]] || _wrcd_words 'run reload check dump monitor replay report plot why init lint kit install uninstall completion'
         ;;
     run)
         options='-h --help --config -i --interface -c --channel --wait --lock-memory'
@@ -243,6 +244,15 @@ _wrcd() {
         0) _wrcd_files .dbc ;;
         *) _wrcd_nothing ;;
         esac
+        ;;
+    kit)
+        options='-h --help -o --output --config --force'
+        case $prev in
+        -o | --output) _wrcd_folders; return ;;
+        --config) _wrcd_files .toml; return ;;
+        :) _wrcd_nothing; return ;;
+        esac
+        [[ $cur == -* ]] || _wrcd_nothing
         ;;
     install)
         options='-h --help --prefix --dry-run --with --without --restart --force --program'
