@@ -44,7 +44,7 @@ def figures(stop_m: float, energy_kJ: float, slides: int) -> Figures:
 
 def judged(suite: str, name: str, found: list[Outcome]) -> dict[str, Any]:
     case = next(c for c in cases(suite) if c.name == name)
-    return {"run": {"seeds": 20}} | judge_all([case], found)
+    return {"run": {"seeds": 20, "seeds_of_broad": 20}} | judge_all([case], found)
 
 
 def verdicts(result: dict[str, Any], kind: str) -> list[str]:
