@@ -37,7 +37,6 @@ COMMAND = Command(
     "what controllers make of wrcd: stops and starts in lockstep, with it and without",
     (
         ("sim-ecu loop --quick --html loop.html", "one seed of everything, as a page"),
-        ("sim-ecu loop --suite braking", "one suite, with all its seeds"),
         ("sim-ecu loop --suite faults --only freeze --seeds 5", "some of its rows, five seeds of each"),
     ),
     _add,
