@@ -1,21 +1,20 @@
 """`sim-ecu loop`: drives the suites in lockstep, judges every run, prints the tables."""
 
-import json
 import signal
 import time
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
+from typing import Any
 
-from sim_ecu.commands.outputs import check_output
+from sim_ecu.commands.outputs import check_output, write_results
 from sim_ecu.loop.names import BROAD, UNPROTECTED, WITH
 from sim_ecu.loop.play import Outcome, play
 from sim_ecu.loop.report import judge_all
 from sim_ecu.loop.suites import cases
 from sim_ecu.loop.suites.case import FEW_SEEDS, SEEDS, Case
 from sim_ecu.loop.tables import tables
-from sim_ecu.score.report import plain
-from wrcd.errors import InputError, create
+from wrcd.errors import InputError
 from wrcd.tools.progress import Progress
 
 QUICK_SEEDS = 1
@@ -42,15 +41,14 @@ def run(
     result = {"run": {"quick": quick, "jobs": jobs} | counts} | judge_all(every, outcomes)
     result["run"]["seconds"] = round(time.monotonic() - began)
     print("\n".join(tables(result)))
-    if json_out:
-        with create(json_out) as file:
-            file.write(json.dumps(plain(result), indent=1, ensure_ascii=False, allow_nan=False) + "\n")
-    if html_out:
-        from sim_ecu.loop.page import page
-
-        with create(html_out) as file:
-            file.write(page(result, outcomes))
+    write_results(result, json_out, html_out, lambda: _page(result, outcomes))
     return 0
+
+
+def _page(result: dict[str, Any], outcomes: list[Outcome]) -> str:
+    from sim_ecu.loop.page import page
+
+    return page(result, outcomes)
 
 
 def play_all(every: Sequence[Case], seeds: int | None, jobs: int) -> list[Outcome]:

@@ -1,29 +1,29 @@
 """`sim-ecu score`: plays the suites, judges the estimator and its baselines on the same frames, prints the tables."""
 
-import json
 import time
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from sim_ecu import resources as rig
-from sim_ecu.commands.outputs import check_output
+from sim_ecu.commands.outputs import check_output, write_results
 from sim_ecu.design.source import Source, load_source
 from sim_ecu.score import learned
 from sim_ecu.score.baselines import PAPER, Baseline, Beside, Offsetless, TorqueRatio, fitting
 from sim_ecu.score.ekf import SINGLE, Ekf
 from sim_ecu.score.play import Trace, play
-from sim_ecu.score.report import judge, plain
+from sim_ecu.score.report import judge
 from sim_ecu.score.suites import runs
 from sim_ecu.score.suites.run import Run
 from sim_ecu.score.tables import tables
 from wrcd import resources
 from wrcd.config import load_config
 from wrcd.core.configuration import Config
-from wrcd.errors import InputError, create
+from wrcd.errors import InputError
 from wrcd.estimator.design import Design, load_design
 from wrcd.tools.progress import Progress
 
@@ -72,15 +72,14 @@ def run(
     result = {"run": {"quick": quick, "jobs": jobs}} | judge(traces, source, suite, quick)
     result["run"]["seconds"] = round(time.monotonic() - began)
     print("\n".join(tables(result)))
-    if json_out:
-        with create(json_out) as file:
-            file.write(json.dumps(plain(result), indent=1, ensure_ascii=False, allow_nan=False) + "\n")
-    if html_out:
-        from sim_ecu.score.page import page
-
-        with create(html_out) as file:
-            file.write(page(result, traces))
+    write_results(result, json_out, html_out, lambda: _page(result, traces))
     return 0
+
+
+def _page(result: dict[str, Any], traces: list[Trace]) -> str:
+    from sim_ecu.score.page import page
+
+    return page(result, traces)
 
 
 def _named(text: str) -> tuple[str, Path]:

@@ -1,10 +1,8 @@
 """The examples run: on the virtual bus, or on files alone."""
 
 import csv
-import importlib.util
 import math
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import can
@@ -12,6 +10,7 @@ import cantools
 import pytest
 from cantools.database.can import Database
 
+from tests.support.contract import example
 from wrcd.bus.log import Damage, format_line, read_log
 from wrcd.bus.units import G
 from wrcd.config import load_config
@@ -21,16 +20,6 @@ ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples"
 GOLDEN = ROOT / "tests" / "golden" / "leaf-film.log"
 CHANNEL = "examples"
-
-
-def example(name: str) -> ModuleType:
-    """A program of the folder as a module."""
-    spec = importlib.util.spec_from_file_location(name, EXAMPLES / f"{name}.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 def database(path: Path) -> Database:
