@@ -98,6 +98,17 @@ def test_packaged_dbc_is_mapped_as_packaged(tmp_path: Path) -> None:
     assert config.torque_is_total
 
 
+def test_of_two_signals_that_could_be_the_sample_age_the_first_is_taken(tmp_path: Path) -> None:
+    text = (DATA / "third-party.dbc").read_text(encoding="cp1252")
+    age = ' SG_ Age : 23|8@0+ (1,0) [0|255] "ms" WSPU\n'
+    assert text.count(age) == 2
+    file = tmp_path / "two-ages.dbc"
+    file.write_text(text.replace(age, age + age.replace("Age : 23", "Age2 : 47")), encoding="cp1252")
+    proposed = propose(read(file), tmp_path, DESIGN).text()
+    assert [axle["adhesion"]["sample_age"] for axle in tomllib.loads(proposed)["axle"]] == ["Age", "Age"]
+    assert "Age is taken for the sample age; there is Age2, too" in proposed
+
+
 @pytest.mark.parametrize("dbc", [DATA / "sound.dbc", DATA / "third-party.dbc", EXAMPLE / "train.dbc", resources.DBC])
 def test_open_points_are_what_check_refuses(dbc: Path, tmp_path: Path) -> None:
     file = written(dbc, tmp_path)

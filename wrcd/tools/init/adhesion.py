@@ -156,9 +156,14 @@ _MEANS: dict[str, Callable[[str], bool]] = {
 
 def _rest(draft: Draft, about: str, m: Message) -> None:
     """Optional values: only where all of our words are known; else as a comment."""
-    for s in m.signals:
-        if s.unit.strip() == "ms" and (set(_AGE) & set(words(s.name)) or contains(s.name, ("sampleage",))):
-            draft.add(f"adhesion.sample_age = {quoted(s.name)}")
+    ages = [
+        s for s in m.signals
+        if s.unit.strip() == "ms" and (set(_AGE) & set(words(s.name)) or contains(s.name, ("sampleage",)))
+    ]  # fmt: skip
+    if ages:
+        if len(ages) > 1:
+            draft.doubt(about, f"{ages[0].name} is taken for the sample age; there is {_names(ages[1:])}, too")
+        draft.add(f"adhesion.sample_age = {quoted(ages[0].name)}")
     for name, parts in _NAMES.items():
         named = [s for s in m.signals if contains(s.name, parts) and s.words]
         if not named:

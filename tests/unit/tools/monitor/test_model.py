@@ -211,7 +211,7 @@ def test_truth_of_a_second_dbc_is_shown_and_checked(config: Config, made: Daemon
 
 def test_truth_that_is_protected_in_another_way_is_an_input_error(config: Config, tmp_path: Path) -> None:
     file = tmp_path / "other.dbc"
-    file.write_text(TRUTH.read_text().replace('"P11"', '"P07"', 1))
+    file.write_text(TRUTH.read_text().replace('BO_ 1953 "P11"', 'BO_ 1953 "P07"'))
     with pytest.raises(InputError, match="--dbc"):
         Model(config, [load_dbc(file)])
 
