@@ -7,7 +7,7 @@ from typing import Any
 
 from sim_ecu.loop.names import CREEP, LAWS, THRESHOLDS
 from sim_ecu.loop.statistics import Against
-from sim_ecu.loop.suites.case import FIRST_TEST_SEED
+from sim_ecu.loop.suites.case import FEW_SEEDS, FIRST_TEST_SEED
 from sim_ecu.loop.suites.rails import GREASY_STOP, WET_STOP
 from sim_ecu.score.goals import Goal
 from sim_ecu.score.metrics.bootstrap import Figure
@@ -16,6 +16,7 @@ MAX_SLIDES = 0.2
 MAX_DISTANCE = {THRESHOLDS: 0.9, CREEP: 1.08}
 MAX_ENERGY = 0.5
 MAX_LONGER = 1.03
+MIN_RUNS = FEW_SEEDS  # a figure of fewer pairs judges nothing
 RAILS = ("braking", "traction", "train")  # suites that differ in nothing but the rail
 
 SLIDES, SHORTER, ENERGY, AT_DISTANCE = "slides", "shorter", "energy", "at distance"
@@ -53,25 +54,29 @@ def _of_case(suite: str, name: str, case: dict[str, Any]) -> Iterator[LoopGoal]:
     new, ideal = case["against"], case["ideal"]
     if known:
         for law in LAWS:
-            goal = Goal(f"{what}: {law}, slides over those without wrcd", new[law].slides, MAX_SLIDES)
+            goal = _goal(f"{what}: {law}, slides over those without wrcd", new[law].slides, MAX_SLIDES)
             yield _beside(suite, SLIDES, goal, ideal.get(law), "slides")
     if known and case["braking"] and suite in RAILS:
         if name in (WET_STOP, GREASY_STOP):
-            goal = Goal(
+            goal = _goal(
                 f"{what}: thresholds, distance over that without", new[THRESHOLDS].way, MAX_DISTANCE[THRESHOLDS]
             )
             yield _beside(suite, SHORTER, goal, ideal.get(THRESHOLDS), "way")
-        goal = Goal(f"{what}: creep, slip energy over that without", new[CREEP].energy, MAX_ENERGY)
+        goal = _goal(f"{what}: creep, slip energy over that without", new[CREEP].energy, MAX_ENERGY)
         yield _beside(suite, ENERGY, goal, ideal.get(CREEP), "energy", "way")
-        goal = Goal(f"{what}: creep, distance over that without", new[CREEP].way, MAX_DISTANCE[CREEP])
+        goal = _goal(f"{what}: creep, distance over that without", new[CREEP].way, MAX_DISTANCE[CREEP])
         yield _beside(suite, AT_DISTANCE, goal, ideal.get(CREEP), "way", "energy")
     if case["braking"]:
         for law in LAWS:
-            goal = Goal(f"{what}: {law}, distance over that without, median", new[law].way, MAX_LONGER)
+            goal = _goal(f"{what}: {law}, distance over that without, median", new[law].way, MAX_LONGER)
             yield _beside(suite, LONGER, goal, ideal.get(law), "way", "energy")
     if suite in RAILS:
         whole = "front, least factor by which it is better than each bare controller"
-        yield LoopGoal(suite, FRONT, Goal(f"{what}: {whole}", case["front"], 1.0, True), {}, None)
+        yield LoopGoal(suite, FRONT, _goal(f"{what}: {whole}", case["front"], 1.0, True), {}, None)
+
+
+def _goal(what: str, figure: Figure, bound: float, at_least: bool = False) -> Goal:
+    return Goal(what, figure, bound, at_least, min_runs=MIN_RUNS)
 
 
 def _beside(suite: str, kind: str, goal: Goal, ideal: Against | None, *keys: str) -> LoopGoal:
@@ -94,4 +99,4 @@ def _longest(suite: str, stops: dict[str, dict[str, Any]]) -> Iterator[LoopGoal]
             what = f"{suite}: {law}, distance over that without, the worst of all runs ({name}, seed {seed})"
             # too few to judge where its own case is
             figure = Figure(a.worst, math.nan, math.nan, a.way.runs, runs)
-            yield LoopGoal(suite, LONGEST, Goal(what, figure, MAX_LONGER), {}, None)
+            yield LoopGoal(suite, LONGEST, _goal(what, figure, MAX_LONGER), {}, None)
