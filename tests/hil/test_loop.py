@@ -67,7 +67,11 @@ class Bench:
         self.controller, self.controls = self._start(
             f"sim-ecu control thresholds --with-adhesion -c vcan0 --config {self.config}"
         )
-        wait_for("frames of daemon and controller", 60, lambda: self.has(ADHESION_A1, DEMAND_A1))
+        wait_for("frames of the daemon", 60, lambda: self.has(ADHESION_A1))
+        # it demands nothing before it has heard the driver
+        self.controls.wait_for("DriverDemand", seconds=60)
+        assert "not heard yet" in self.controls.text
+        assert not self.has(DEMAND_A1)
 
     def _start(self, command: str) -> tuple[subprocess.Popen[bytes], Told]:
         program, *arguments = command.split()
@@ -116,8 +120,9 @@ def test_stop_on_a_real_bus_has_the_figures_of_the_lockstep_run(bench: Bench) ->
     assert document["unsent"] == 0
     assert "bus down" not in summary
     assert figures["stop_m"] == pytest.approx(expected.stop_m, rel=0.1)
-    assert figures["slip_energy_kJ"] == pytest.approx(expected.slip_energy_kJ, rel=0.1)
-    assert figures["max_slip_m_s"] == pytest.approx(expected.max_slip_m_s, rel=0.1)
+    # a cycle that comes some milliseconds late is seen in how far the wheel creeps, and little in how far the train goes
+    assert figures["slip_energy_kJ"] == pytest.approx(expected.slip_energy_kJ, rel=0.2)
+    assert figures["max_slip_m_s"] == pytest.approx(expected.max_slip_m_s, rel=0.4)
     assert abs(figures["slides"] - expected.slides) <= 1
 
 
