@@ -120,7 +120,7 @@ def test_stop_on_a_real_bus_has_the_figures_of_the_lockstep_run(bench: Bench) ->
     assert document["unsent"] == 0
     assert "bus down" not in summary
     assert figures["stop_m"] == pytest.approx(expected.stop_m, rel=0.1)
-    # a cycle that comes some milliseconds late is seen in how far the wheel creeps, and little in how far the train goes
+    # a cycle that comes some milliseconds late is seen in how far the wheel creeps, hardly in how far the train goes
     assert figures["slip_energy_kJ"] == pytest.approx(expected.slip_energy_kJ, rel=0.2)
     assert figures["max_slip_m_s"] == pytest.approx(expected.max_slip_m_s, rel=0.4)
     assert abs(figures["slides"] - expected.slides) <= 1
