@@ -257,7 +257,9 @@ class Bench:
             return None
         values = message.decode(newest[1], decode_choices=False)
         assert isinstance(values, dict)
-        return float(values[signal])  # type: ignore[arg-type]  # a number: its choices are not decoded
+        value = values[signal]
+        assert isinstance(value, int | float)  # its choices are not decoded
+        return float(value)
 
 
 def _configuration(daemon: bool | str | Path, axles: int) -> Config | None:

@@ -3,10 +3,8 @@
 from collections.abc import Sequence
 
 from sim_ecu.loop.control.controller import Controller
-from sim_ecu.play.encoder import Sent, data_id, databases, protect
-
-CLASSES = ((25.0, "Dry"), (15.0, "Wet"), (8.0, "Reduced"), (4.0, "Low"), (0.0, "VeryLow"))  # from so many percent on
-COUNTERS = 15
+from sim_ecu.play.encoder import COUNTERS, Sent, data_id, databases, protect
+from wrcd.core.messages import surface
 
 
 class AlwaysTold:
@@ -17,7 +15,7 @@ class AlwaysTold:
         self._messages = [databases()[0].get_message_by_name(f"Adhesion_A{n}") for n in axles]
         self._values: dict[str, int | float | str] = {
             "Crc": 0, "Validity": "Valid", "MuAvailable": mu_pct, "MuUsed": 0.0, "SampleAge": 5,
-            "Surface": next(name for least, name in CLASSES if mu_pct >= least), "ContactState": "Adhering",
+            "Surface": surface(mu_pct), "ContactState": "Adhering",
             "Confidence": "Within1pp",
         }  # fmt: skip
 

@@ -7,9 +7,8 @@ from typing import Any
 import e2e.p11
 from cantools.database.can import Message
 
-from sim_ecu.play.encoder import data_id, databases
+from sim_ecu.play.encoder import COUNTERS, data_id, databases
 
-COUNTERS = 15
 COAST, TRACTION, BRAKE = MODES = range(3)  # DriverDemand's Mode; another one is none
 
 

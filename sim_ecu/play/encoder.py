@@ -20,6 +20,7 @@ from sim_ecu.resources import TRUTH_DBC
 from wrcd import resources
 
 SAMPLE_US = 5_000
+COUNTERS = 15  # of E2E Profile 11: 0 to 14
 # Between the frames of one sample: about the length of a frame at 500 kbit/s. The frames of more than four axles, truth
 # included, would last longer than the sample: with those it is that at 1 Mbit/s.
 SPACING_US, FAST_SPACING_US = 200, 100
@@ -127,7 +128,7 @@ class Channel:
         if self._quick is None:
             self._quick = _Quick(self._message, self._data_id)
         q = self._quick
-        bits = ((self._first_counter + due_us // self.every_us - 1) % 15) << q.counter_bit
+        bits = ((self._first_counter + due_us // self.every_us - 1) % COUNTERS) << q.counter_bit
         for name, value in values.items():
             low, high, offset, scale, mask, start = q.signals[name]
             bits |= (round((min(max(value, low), high) - offset) / scale) & mask) << start
@@ -140,14 +141,14 @@ class Channel:
     def encode(self, due_us: int, values: dict[str, float]) -> Sent:
         """The next frame. Values beyond the signal's range are sent as its end, as a converter would."""
         held = {k: min(max(v, self._limits[k][0]), self._limits[k][1]) for k, v in values.items()}
-        counter = (self._first_counter + due_us // self.every_us - 1) % 15
+        counter = (self._first_counter + due_us // self.every_us - 1) % COUNTERS
         data = self._message.encode({"Crc": 0, "Counter": counter, "Status": 0, **held}, strict=False)
         return Sent(due_us, self.can_id, protect(data, self._data_id))
 
     def encode_all(self, due_us: IntArray, values: dict[str, FloatArray]) -> list[Sent]:
         """The same of frames due at increasing times (n,), from values (n,) of each signal."""
         length = self._message.length
-        bits = ((self._first_counter + due_us // self.every_us - 1) % 15).astype(np.uint64) << self._counter_bit
+        bits = ((self._first_counter + due_us // self.every_us - 1) % COUNTERS).astype(np.uint64) << self._counter_bit
         for s in self._message.signals:
             if s.name in values:
                 held = np.minimum(np.maximum(values[s.name], self._limits[s.name][0]), self._limits[s.name][1])

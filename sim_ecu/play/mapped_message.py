@@ -6,10 +6,9 @@ from dataclasses import dataclass, field
 from cantools.database.can import Message, Signal
 
 from sim_ecu.play.claims import Claim, Place, cycle_us
-from sim_ecu.play.encoder import SAMPLE_US, Sent, frame_length, is_fd, protect
+from sim_ecu.play.encoder import COUNTERS, SAMPLE_US, Sent, frame_length, is_fd, protect
 from wrcd.bus.dbc import find_signal
 
-COUNTERS = 15  # of E2E Profile 11
 Raws = frozenset[int]
 
 

@@ -10,13 +10,12 @@ import e2e.p11
 from cantools.database.can import Message
 
 from sim_ecu.play.adhesion import AdhesionReader
-from sim_ecu.play.encoder import frame_length
+from sim_ecu.play.encoder import COUNTERS, frame_length
 from wrcd.bus.dbc import find_message
 from wrcd.bus.signals import Output
 from wrcd.core.configuration import AxleConfig, Config
 from wrcd.core.vocabulary import CONFIDENCES
 
-COUNTERS = 15
 MAX_STEP = 3  # of the counter from frame to frame within the time-out: two slots may be missing
 TIMEOUT_CYCLES = 3
 MAX_AGE_MS = 60.0  # SampleAge that is borne
@@ -76,8 +75,6 @@ class AdhesionReceiver:
         if not e2e.p11.e2e_p11_check(bytearray(data), self._data_id):
             return self._drop("crc", stamp_us)
         counter = data[1] & 0x0F
-        if counter >= COUNTERS:
-            return self._drop("counter", stamp_us)
         if self._fresh(stamp_us) and self._counter is not None:
             step = (counter - self._counter) % COUNTERS
             if step == 0:

@@ -143,7 +143,6 @@ class AdhesionLimit:
         """No limit, and nothing found."""
         self.limit_N_m = None
         self._found_N_m = math.inf  # the torque at the last knee or slide: nothing is known yet
-        self._base_N_m = 0.0
         self._growth = 0.0
         self._state = Probe.WAIT
         self._hold_s = self._c.doubt_s

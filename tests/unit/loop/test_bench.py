@@ -3,6 +3,7 @@
 import re
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from sim_ecu.loop.scenario import load_drive_scenario
 
 PAGE = Path(__file__).parents[3] / "docs/how-to/script-the-rig.md"
 WET = scenario(rail="C", demand=-1.0, speed_m_s=10.0, duration_s=1.0)
+WRONG: list[Any] = [None, 7]  # a torque and a valve that are none
 
 
 def blocks() -> list[str]:
@@ -70,11 +72,12 @@ def test_demand_is_held_until_it_is_set_again() -> None:
 @pytest.mark.parametrize(("number", "valve"), [(0, Valve.FILL), (1, Valve.HOLD), (2, Valve.VENT)])
 def test_valve_as_a_number_is_the_valve(number: int, valve: Valve) -> None:
     pressures = []
+    given: Any  # as a script in a hurry writes it
     for given in (number, valve):
         bench = Bench(scenario("brake-wet", demand=-1.0, actuators={"drive": {"max_brake_N_m": 0.0}}))
         bench.demand(1, 0.0, Valve.FILL)
         bench.run(0.2)
-        bench.demand(1, 0.0, given)  # type: ignore[arg-type]  # as a script in a hurry writes it
+        bench.demand(1, 0.0, given)
         bench.run(0.3)
         pressures.append(bench.truth(1).pressure_bar)
     assert pressures[0] == pressures[1]
@@ -187,8 +190,8 @@ def test_packaged_scenario_with_keys_keeps_the_rest() -> None:
         (lambda: Bench(WET, daemon="nowhere.toml"), "nowhere.toml: no such file"),
         (lambda: Bench(WET).demand(2, 0.0), "there is no axle 2 — axles: 1"),
         (lambda: Bench(WET).demand(1, float("nan")), "torque_N_m: takes a finite torque, not nan"),
-        (lambda: Bench(WET).demand(1, None), "torque_N_m: takes a finite torque, not None"),  # type: ignore[arg-type]
-        (lambda: Bench(WET).demand(1, 0.0, 7), "valve: takes Valve.FILL, Valve.HOLD, Valve.VENT, not 7"),  # type: ignore[arg-type]
+        (lambda: Bench(WET).demand(1, WRONG[0]), "torque_N_m: takes a finite torque, not None"),
+        (lambda: Bench(WET).demand(1, 0.0, WRONG[1]), "valve: takes Valve.FILL, Valve.HOLD, Valve.VENT, not 7"),
         (lambda: Bench(WET, controller="none").demand(1, 0.0), "the attached controller demands here"),
         (lambda: Bench(WET).run(float("nan")), "seconds: takes seconds, not nan"),
         (lambda: Bench(WET).truth(1), "nothing is known before the first step"),

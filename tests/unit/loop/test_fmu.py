@@ -23,7 +23,7 @@ from sim_ecu.loop.fmu.variables import UNITS, VALID, variables
 from sim_ecu.loop.rig import LOOP, WRCD, Rig
 from sim_ecu.loop.scenario import DriveScenario, load_drive_scenario, packaged_to_drive
 from sim_ecu.physics.actuators import Valve
-from sim_ecu.play.encoder import databases
+from sim_ecu.play.encoder import data_id, databases
 from sim_ecu.play.scenario import Course
 from tests.support.fmu_master import STEPS, demand
 from wrcd import __version__
@@ -116,7 +116,7 @@ def ride(s: DriveScenario, outputs: list[str], steps: int) -> list[list[float]]:
         told = {}
         for f in step.frames:
             message = by_id[f.can_id]
-            identity = int(message.dbc.attributes["E2EDataId"].value)  # type: ignore[union-attr]
+            identity = data_id(message)
             if e2e.p11.e2e_p11_check(bytearray(f.data), identity):
                 decoded: Any = message.decode(f.data, decode_choices=False)
                 its = message.signals[-1]
