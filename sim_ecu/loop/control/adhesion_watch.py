@@ -86,9 +86,7 @@ class AdhesionWatch:
         """Lines for a person: the share of cycles in which it might be used, frames that were not taken by reason."""
         out = []
         for a in self._axles:
-            d = a.receiver.dropped
-            counts = {"length": d.length, "CRC": d.crc, "repeated": d.repeated, "counter": d.counter}
-            rejected = counted(counts)
+            rejected = counted(a.receiver.dropped.counts())
             share = a.used_cycles / max(self._cycles, 1)
             out.append(f"adhesion, axle {a.number}: usable in {share:.0%} of the cycles{rejected}")
         return out

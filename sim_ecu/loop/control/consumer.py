@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import e2e.p11
 from cantools.database.can import Message
 
+from sim_ecu.loop.messages import Rejected
 from sim_ecu.play.adhesion import AdhesionReader
 from sim_ecu.play.encoder import COUNTERS, frame_length
 from wrcd.bus.dbc import find_message
@@ -34,16 +35,6 @@ class Adhesion:
     saturated: bool
 
 
-@dataclass(slots=True)
-class Dropped:
-    """Frames that were not taken, by reason; a dropped frame is as if it had not come."""
-
-    length: int = 0
-    crc: int = 0
-    repeated: int = 0
-    counter: int = 0
-
-
 class AdhesionReceiver:
     """Follows the adhesion message of one axle. Times are microseconds of any one clock.
 
@@ -55,7 +46,7 @@ class AdhesionReceiver:
         if output.data_id is None:
             missing.insert(0, "E2E")
         self.unusable = f"{message.name} carries no {', no '.join(missing)}" if missing else None
-        self.dropped = Dropped()
+        self.dropped = Rejected()  # a dropped frame is as if it had not come
         self._reader = AdhesionReader(message, output)
         self._can_id, self._length, self._data_id = message.frame_id, frame_length(message), output.data_id
         self._timeout_us = TIMEOUT_CYCLES * output.cycle_us
