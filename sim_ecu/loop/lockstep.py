@@ -1,6 +1,8 @@
 """Rig, daemon's core and controller on virtual time, in one process: the same code, the same frames."""
 
+from collections import deque
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 
 from sim_ecu.loop.control.controller import CYCLE_US, Controller
 from sim_ecu.loop.messages import COAST, rig_message
@@ -16,18 +18,34 @@ from wrcd.core.core import Core
 Listener = Callable[[int, int, bytes], None]
 
 
+@dataclass(frozen=True, slots=True)
+class Timing:
+    """How a controller's cycle lies to the rig's messages. On a bus that is chance, and a stop's wear depends on it.
+
+    phase_us: it acts so long after the rig's 10 ms messages: 0 or 5000. delay_us: its demands are on their way for so
+    long, in whole samples of 5 ms.
+    """
+
+    phase_us: int = 0
+    delay_us: int = 0
+
+
+ON_TIME = Timing()
+
+
 class Lockstep:
     """One run, step by step.
 
     controller None: nobody on the bus demands anything. config None: there is no daemon on it. frame is called with all
     data frames on the bus: time (us from the start), id, data. sensors: the frames for wrcd are made without a daemon,
-    too. train: the messages of the sensors. Raises InputError for a fault or an axle that they leave no way to.
+    too. train: the messages of the sensors. timing: when the controller acts. Raises InputError for a fault or an axle
+    that they leave no way to.
     """
 
     def __init__(
         self, scenario: DriveScenario, controller: Controller | None, config: Config | None,
         frame: Listener | None = None, truth: bool = False, sensors: bool = False,
-        train: Train = PACKAGED,
+        train: Train = PACKAGED, timing: Timing = ON_TIME,
     ) -> None:  # fmt: skip
         self.core = None if config is None else Core(config)
         wrcd = [WRCD] if sensors or config is not None else []
@@ -35,6 +53,8 @@ class Lockstep:
         self._controller, self._frame = controller, frame
         self._end_us = round(scenario.train.duration_s * 1e6)
         self._stop_m_s = scenario.stop_m_s
+        self._timing = timing
+        self._on_the_way: deque[tuple[int, Sent]] = deque()
         self.over = self._end_us <= 0
         if controller is not None:  # it runs already, and the driver coasts: a controller that never heard one is mute
             first = Channel(rig_message("DriverDemand")).encode_quick(0, {"Mode": COAST, "Share": 0.0})
@@ -48,11 +68,14 @@ class Lockstep:
         carried = self.rig.carries(self.rig.time_us)
         if self.core is not None and not carried:
             self.core.advance(LOG_START_US + self.rig.time_us)  # what it sends reaches nobody
-        if self.rig.time_us % CYCLE_US == 0 and self._controller is not None:
+        if self.rig.time_us % CYCLE_US == self._timing.phase_us and self._controller is not None:
             for f in self._controller.tick(self.rig.time_us):
-                self.rig.hear(f.can_id, f.data, self.rig.time_us)
+                self._on_the_way.append((self.rig.time_us + self._timing.delay_us, f))
                 if self._frame is not None and carried:
                     self._frame(f.due_us, f.can_id, f.data)
+        while self._on_the_way and self._on_the_way[0][0] <= self.rig.time_us:
+            f = self._on_the_way.popleft()[1]
+            self.rig.hear(f.can_id, f.data, self.rig.time_us)
         self.over = self.rig.time_us >= self._end_us or step.speed_m_s < self._stop_m_s
         return step
 
@@ -74,9 +97,9 @@ class Lockstep:
 
 def ride(
     scenario: DriveScenario, controller: Controller, config: Config | None, frame: Listener | None = None,
-    truth: bool = False,
+    truth: bool = False, timing: Timing = ON_TIME,
 ) -> Iterator[Step]:  # fmt: skip
     """The steps of a run, until its time is over or the train is slower than the scenario's stop_m_s."""
-    run = Lockstep(scenario, controller, config, frame, truth)
+    run = Lockstep(scenario, controller, config, frame, truth, timing=timing)
     while not run.over:
         yield run.step()

@@ -14,7 +14,7 @@ import pytest
 from sim_ecu.loop.control.facts import Facts
 from sim_ecu.loop.control.make import make_controller
 from sim_ecu.loop.judge import Figures, judge
-from sim_ecu.loop.lockstep import ride
+from sim_ecu.loop.lockstep import Timing, ride
 from sim_ecu.loop.scenario import load_drive_scenario
 from tests.support.can_ids import ADHESION_A1
 from tests.support.processes import BIN, running, wait_for
@@ -104,26 +104,32 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
         yield Bench(tmp_path_factory.mktemp("bench"), cleanup)
 
 
-def in_lockstep(config: Path) -> Figures:
-    scenario, daemon = load_drive_scenario(STOP), load_config(config)
-    return judge(ride(scenario, make_controller("thresholds", Facts.of(scenario), daemon), daemon), scenario)
+def in_lockstep(config: Path) -> list[Figures]:
+    """What chance may make of it on a bus: demands that act at once, a sample late, half a cycle and a sample late."""
+    scenario, daemon, out = load_drive_scenario(STOP), load_config(config), []
+    for timing in (Timing(), Timing(delay_us=5000), Timing(phase_us=5000, delay_us=5000)):
+        controller = make_controller("thresholds", Facts.of(scenario), daemon)
+        out.append(judge(ride(scenario, controller, daemon, timing=timing), scenario))
+    return out
 
 
 def test_stop_on_a_real_bus_has_the_figures_of_the_lockstep_run(bench: Bench) -> None:
     expected = in_lockstep(bench.config)
+    print(*expected, sep="\n")
     rig, told = bench.drive("sim-ecu drive brake-greasy -c vcan0")
     status, summary, document = bench.end(rig, told)
-    print(expected)
     figures = document["figures"]
     assert status == 0
     assert document["over"]
     assert document["unsent"] == 0
     assert "bus down" not in summary
-    assert figures["stop_m"] == pytest.approx(expected.stop_m, rel=0.1)
-    # a cycle that comes some milliseconds late is seen in how far the wheel creeps, hardly in how far the train goes
-    assert figures["slip_energy_kJ"] == pytest.approx(expected.slip_energy_kJ, rel=0.2)
-    assert figures["max_slip_m_s"] == pytest.approx(expected.max_slip_m_s, rel=0.4)
-    assert abs(figures["slides"] - expected.slides) <= 1
+    for figure in ("stop_m", "slip_energy_kJ"):
+        every = [getattr(f, figure) for f in expected]
+        assert min(every) * 0.9 <= figures[figure] <= max(every) * 1.1, figure
+    # the largest of some hundred reversals of the limit cycle
+    every = [f.max_slip_m_s for f in expected]
+    assert min(every) * 0.8 <= figures["max_slip_m_s"] <= max(every) * 1.25
+    assert figures["slides"] <= max(f.slides for f in expected) + 1
 
 
 def test_train_stops_when_bus_daemon_and_controller_fail_one_after_the_other(bench: Bench) -> None:
