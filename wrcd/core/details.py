@@ -12,7 +12,7 @@ from wrcd.core.inputs import BRAKE, LAT, LOAD, QUANTITIES, RADIUS, SPEED, TORQUE
 from wrcd.core.validity import DOUBT_OF, LOAD_SHARES, RADIUS_SHARES, ValidityMonitor
 from wrcd.estimator.answer import HARSH_SHARE, MIN_M, SILENT, VAGUE
 from wrcd.estimator.design import MODELS
-from wrcd.estimator.doubts import REVERSED
+from wrcd.estimator.doubts import REVERSED, REVERSED_SLOW, REVERSED_SPEEDS
 from wrcd.estimator.fuzzy import MIN_FIRING
 from wrcd.estimator.gate import MAX_JUMP, Outliers
 from wrcd.estimator.identity import Identity
@@ -101,7 +101,7 @@ class Details:
         if cause is Cause.GYRO_REVERSED:
             return (
                 f"correlation of {yaw} and {lat} {f.low:.2f} below 1.5 Hz, {f.middle:.2f} in 3 to 10 Hz, "
-                f"limit {REVERSED:g}"
+                f"limit {REVERSED:g}, below {REVERSED_SPEEDS[1]:g} m/s down to {REVERSED_SLOW:g}"
             )
         if cause is Cause.SENSORS_UNRELATED:
             text = f"correlation of {yaw} and {lat} {f.low:.2f} below 1.5 Hz, {f.middle:.2f} in 3 to 10 Hz"

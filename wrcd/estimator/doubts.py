@@ -52,6 +52,11 @@ LOUDEST = 5.5  # times the power of the design's noise: more than that is no sil
 HEARD = 4.0  # times the noise's power: what correlations are judged on
 HEARD_SHARE = 0.7  # of the seconds
 REVERSED = -0.10  # correlation below 1.5 Hz, and half of that in 3 to 10 Hz. Sound pairs: above 0 in 99.5 %
+# Braked to a stop on slippery rail a sound pair goes together less and less: of 10 seconds at a mean of 12 to 15 m/s
+# the lowest of 223 is -0.10, at 10 to 12 m/s -0.09, at 8 to 10 -0.37, at 6 to 8 -0.34, where the middle is near 0.
+# So the bound falls to REVERSED_SLOW between these speeds.
+REVERSED_SLOW = -0.5
+REVERSED_SPEEDS = (10.0, 15.0)  # m/s
 # The same after one second, two, …: the fewer, the clearer it must be. Of 3700 sound pairs, from their start or from
 # the middle of a run, slow, saturated, in slip cycles, the lowest are -0.96, -0.76, -0.59, -0.59, -0.54 … -0.47; of
 # reversed ones above 8 m/s three of four are found after two seconds.
@@ -203,7 +208,8 @@ def doubts(e: Evidence, yaw_unit: float, lat_unit: float) -> set[Doubt]:
         or (low > GYRO_MISSES_LOW and ratios[MIDDLE] > GYRO_MISSES_RATIO)
     ):
         out.add(Doubt.GYRO_DEAD)
-    if _together(e) < REVERSED:  # saturated or not: nothing swings so by itself
+    bound = np.interp(e.speed_m_s.mean(), REVERSED_SPEEDS, (REVERSED_SLOW, REVERSED))
+    if _together(e) < bound:  # saturated or not: nothing swings so by itself
         out.add(Doubt.REVERSED)
     free = e.saturated < FREE
     if free.sum() < MIN_FREE:

@@ -12,7 +12,7 @@ from sim_ecu.physics.track import QUALITY, Track
 from sim_ecu.physics.wheelset import LAT_ACCEL, YAW_RATE, Wheelset
 from sim_ecu.play.scenario import rail_table
 from wrcd.estimator.design import FloatArray
-from wrcd.estimator.doubts import BANDS_HZ, Doubt
+from wrcd.estimator.doubts import BANDS_HZ, Doubt, Evidence, doubts
 from wrcd.estimator.identity import FOURTH_DIFFERENCE, Filters, Identity
 
 TICK_S = 0.005
@@ -230,3 +230,14 @@ def test_identity_takes_any_number() -> None:
             z = np.array([[0.0, 1e300 * (-1) ** k], [0.0, -1e300]])
             identity.step(z, used, 0.0, np.zeros_like(used))
     assert identity.doubt[0] in list(Doubt)
+
+
+@pytest.mark.parametrize(("speed_m_s", "expected"), [(8.0, set()), (11.0, set()), (20.0, {Doubt.REVERSED})])
+def test_slow_pair_must_go_more_clearly_against_each_other(speed_m_s: float, expected: set[Doubt]) -> None:
+    seconds, bands = 10, len(BANDS_HZ)
+    e = Evidence(
+        power=np.full((seconds, bands, 2), 20.0), cross=np.full((seconds, bands), -0.2 * 20.0),
+        variance=np.full((seconds, 2), 20.0), noise=np.ones((seconds, 2)),
+        speed_m_s=np.full(seconds, speed_m_s), saturated=np.ones(seconds),
+    )  # fmt: skip
+    assert doubts(e, 1.0, 1.0) == expected
