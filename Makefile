@@ -30,17 +30,13 @@ vcan:
 Makefile: ;
 else
 
-.PHONY: loop demo pictures test lint check unit browser side-by-side hil faults systemd walk fuzz soak coverage bench mutants format design score docs docs-all docs-check lock audit clean deb
+.PHONY: loop demo pictures test lint check unit browser hil faults systemd walk fuzz soak coverage bench mutants format design score docs docs-all docs-check lock audit clean deb
 
 demo: $(READY)
 	$(BIN)/sim-ecu demo
 
-test: unit browser side-by-side systemd walk
-
-# a guest on each of two processors; a guest takes one, and waits for a third of the time
-side-by-side: $(READY)
-	@echo "hil and faults side by side: what they print comes when they end, in 5 and in 6 minutes"
-	$(MAKE) --no-print-directory --output-sync=target -j$$([ $$(nproc) -gt 1 ] && echo 2 || echo 1) hil faults
+test: unit hil
+	tests/side-by-side "faults systemd" "browser walk"
 
 # a process for each core, each with a stretch of the tests: a module's fixtures are made once, or twice. Threads of the
 # linear algebra would wait for each other on cores that are taken: a fifth of the processor time.
@@ -58,7 +54,7 @@ hil: $(READY)
 
 # every fault of the matrix against the real daemon; its table is printed
 faults: $(READY)
-	GUEST_CPU=first GUEST_TIMEOUT=900 tests/hil/guest/run -- $(BIN)/python -m pytest $(HIL) -rP tests/hil/test_faults.py
+	GUEST_TIMEOUT=900 tests/hil/guest/run -- $(BIN)/python -m pytest $(HIL) -rP tests/hil/test_faults.py
 
 systemd: $(READY)
 	tests/hil/unit-env
