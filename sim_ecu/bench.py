@@ -27,14 +27,14 @@ from sim_ecu.loop.control.controller import Controller
 from sim_ecu.loop.control.facts import Facts
 from sim_ecu.loop.control.make import NAMES, make_controller
 from sim_ecu.loop.judge import Figures, judge
-from sim_ecu.loop.lockstep import Listener, Lockstep
+from sim_ecu.loop.lockstep import ON_TIME, Listener, Lockstep, Timing
 from sim_ecu.loop.messages import rig_message
 from sim_ecu.loop.readings import Adhesion, Sensors, Truth
 from sim_ecu.loop.rig import Step
 from sim_ecu.loop.scenario import DriveScenario, load_drive_scenario, path_of, read_drive_scenario
 from sim_ecu.physics.actuators import Valve
 from sim_ecu.play.adhesion import AdhesionReader
-from sim_ecu.play.encoder import databases
+from sim_ecu.play.encoder import SAMPLE_US, databases
 from sim_ecu.play.mapped import MappedTrain
 from sim_ecu.play.train import PACKAGED, Train
 from wrcd.bus.dbc import find_message
@@ -45,11 +45,11 @@ from wrcd.section import Section, Source
 from wrcd.settings import read_toml, suggest
 
 __all__ = [
-    "Adhesion", "Bench", "Controller", "DriveScenario", "Figures", "InputError", "Sensors", "Step", "Truth", "Valve",
-    "scenario",
+    "Adhesion", "Bench", "Controller", "DriveScenario", "Figures", "InputError", "Sensors", "Step", "Timing", "Truth",
+    "Valve", "scenario",
 ]  # fmt: skip
 
-STEP_S = 0.005
+STEP_S = SAMPLE_US * 1e-6
 KEYWORDS = "keyword arguments"  # what errors call them
 
 
@@ -84,12 +84,13 @@ class Bench:
     the two methods of `Controller`, or None: then `demand` sets what each axle is asked for; an axle whose demand is
     not set has no traction and brakes as the driver asks, as without a controller on a bus. with_adhesion: the named
     controller hears the daemon. on_frame: called with (us from the start, id, data) of every data frame on the bus.
-    Raises InputError.
+    timing: when in its cycle the controller acts, and how late its demands come. Raises InputError.
     """
 
     def __init__(
         self, what: str | Path | DriveScenario, *, daemon: bool | str | Path = False,
         controller: str | Controller | None = None, with_adhesion: bool = False, on_frame: Listener | None = None,
+        timing: Timing = ON_TIME,
     ) -> None:  # fmt: skip
         self.scenario = what if isinstance(what, DriveScenario) else load_drive_scenario(what)
         self.steps: list[Step] = []  # so far
@@ -107,7 +108,7 @@ class Bench:
         self._newest: dict[int, tuple[int, bytes]] = {}  # by id: when, and its data
         w = self.scenario.train.wheelset
         train: Train = PACKAGED if config is None or daemon is True else MappedTrain(config, w.normal_N, w.r_0)
-        self._run = Lockstep(self.scenario, controller, config, self._take, sensors=True, train=train)
+        self._run = Lockstep(self.scenario, controller, config, self._take, sensors=True, train=train, timing=timing)
         self._readers: dict[int, tuple[Message, AdhesionReader, float]] = {}  # and the time-out, s
         if config is not None:
             for axle in config.axles:

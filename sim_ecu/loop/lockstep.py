@@ -8,12 +8,13 @@ from sim_ecu.loop.control.controller import CYCLE_US, Controller
 from sim_ecu.loop.messages import COAST, rig_message
 from sim_ecu.loop.rig import LOOP, TRUTH, WRCD, Rig, Step
 from sim_ecu.loop.scenario import DriveScenario
-from sim_ecu.play.encoder import Channel, Sent
+from sim_ecu.play.encoder import SAMPLE_US, Channel, Sent
 from sim_ecu.play.play import LOG_START_US
 from sim_ecu.play.train import PACKAGED, Train
 from wrcd.bus.frame import Frame
 from wrcd.core.configuration import Config
 from wrcd.core.core import Core
+from wrcd.errors import InputError
 
 Listener = Callable[[int, int, bytes], None]
 
@@ -23,11 +24,17 @@ class Timing:
     """How a controller's cycle lies to the rig's messages. On a bus that is chance, and a stop's wear depends on it.
 
     phase_us: it acts so long after the rig's 10 ms messages: 0 or 5000. delay_us: its demands are on their way for so
-    long, in whole samples of 5 ms.
+    long, in whole samples of 5 ms. Raises InputError for another number.
     """
 
     phase_us: int = 0
     delay_us: int = 0
+
+    def __post_init__(self) -> None:
+        if self.phase_us not in range(0, CYCLE_US, SAMPLE_US):
+            raise InputError(f"takes 0 or {SAMPLE_US}, not {self.phase_us}", key="phase_us")
+        if self.delay_us < 0 or self.delay_us % SAMPLE_US:
+            raise InputError(f"takes whole samples of {SAMPLE_US} us, not {self.delay_us}", key="delay_us")
 
 
 ON_TIME = Timing()
@@ -97,9 +104,9 @@ class Lockstep:
 
 def ride(
     scenario: DriveScenario, controller: Controller, config: Config | None, frame: Listener | None = None,
-    truth: bool = False, timing: Timing = ON_TIME,
+    truth: bool = False,
 ) -> Iterator[Step]:  # fmt: skip
     """The steps of a run, until its time is over or the train is slower than the scenario's stop_m_s."""
-    run = Lockstep(scenario, controller, config, frame, truth, timing=timing)
+    run = Lockstep(scenario, controller, config, frame, truth)
     while not run.over:
         yield run.step()

@@ -11,17 +11,12 @@ from typing import Any
 
 import pytest
 
-from sim_ecu.loop.control.facts import Facts
-from sim_ecu.loop.control.make import make_controller
-from sim_ecu.loop.judge import Figures, judge
-from sim_ecu.loop.lockstep import Timing, ride
-from sim_ecu.loop.scenario import load_drive_scenario
 from tests.support.can_ids import ADHESION_A1
+from tests.support.loop_wire import STOP, TIMINGS, stop_in_lockstep
 from tests.support.processes import BIN, running, wait_for
 from tests.support.vcan import ip
-from wrcd.config import load_config, packaged
+from wrcd.config import packaged
 
-STOP = "brake-greasy"
 SILENT = "axle 1: demand silent for 30 ms: traction ends, brakes apply as the driver asked"
 DEMAND_A1 = 0x141
 # 8 s from 11 m/s on greasy rail: long enough for three misfortunes, one after the other
@@ -104,19 +99,10 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
         yield Bench(tmp_path_factory.mktemp("bench"), cleanup)
 
 
-def in_lockstep(config: Path) -> list[Figures]:
-    """What chance may make of it on a bus: demands that act at once, a sample late, half a cycle and a sample late."""
-    scenario, daemon, out = load_drive_scenario(STOP), load_config(config), []
-    for timing in (Timing(), Timing(delay_us=5000), Timing(phase_us=5000, delay_us=5000)):
-        controller = make_controller("thresholds", Facts.of(scenario), daemon)
-        out.append(judge(ride(scenario, controller, daemon, timing=timing), scenario))
-    return out
-
-
 def test_stop_on_a_real_bus_has_the_figures_of_the_lockstep_run(bench: Bench) -> None:
-    expected = in_lockstep(bench.config)
+    expected = [stop_in_lockstep(timing) for timing in TIMINGS]
     print(*expected, sep="\n")
-    rig, told = bench.drive("sim-ecu drive brake-greasy -c vcan0")
+    rig, told = bench.drive(f"sim-ecu drive {STOP} -c vcan0")
     status, summary, document = bench.end(rig, told)
     figures = document["figures"]
     assert status == 0

@@ -1,7 +1,9 @@
-"""A bus without a kernel, on a time that a test sets: rig and controller of the real-time loop, in one process."""
+"""A bus without a kernel, on a time that a test sets: rig and controller of the real-time loop, in one process; and a
+stop of the loop in lockstep, with what a bus may make of its timing."""
 
 from collections.abc import Callable, Sequence
 
+from sim_ecu.bench import Bench, Figures, Timing
 from sim_ecu.loop.control.controller import Controller
 from sim_ecu.loop.control.inputs import Inputs
 from sim_ecu.loop.control.on_bus import OnBus, Watch
@@ -12,6 +14,9 @@ from wrcd.bus.frame import Frame
 from wrcd.bus.link import LinkHealth
 from wrcd.settings import parse_toml
 
+STOP = "brake-greasy"
+# Demands that act at once, a sample late, and half a cycle and a sample late.
+TIMINGS = (Timing(), Timing(delay_us=5000), Timing(phase_us=5000, delay_us=5000))
 EPOCH_US = 1_700_000_000_000_000
 TURN_US = 5_000
 
@@ -20,6 +25,11 @@ def scenario(text: str = "", seconds: float = 3.0) -> DriveScenario:
     """One axle on greasy rail, braked in full from 12 m/s, for so long; with more TOML before its driver."""
     rail = f'title = "t"\nduration_s = {seconds}\nspeed_m_s = 12\nrail = [{{ curve = "E" }}]\n'
     return read_drive_scenario(parse_toml(f"{rail}{text}\n[driver]\ndemand = -1.0\n", "test"), "test")
+
+
+def stop_in_lockstep(timing: Timing) -> Figures:
+    """Thresholds with adhesion, to the end of STOP."""
+    return Bench(STOP, daemon=True, controller="thresholds", with_adhesion=True, timing=timing).run()
 
 
 class SetClock:

@@ -1,28 +1,32 @@
 """Lockstep: what a controller's timing does to a stop, and what the daemon says of a sound train in it."""
 
+import re
+from pathlib import Path
+
 import pytest
 
+from sim_ecu.bench import InputError, Timing
 from sim_ecu.loop.control.facts import Facts
 from sim_ecu.loop.control.make import make_controller
-from sim_ecu.loop.judge import Figures, judge
-from sim_ecu.loop.lockstep import ON_TIME, Lockstep, Timing, ride
-from sim_ecu.loop.scenario import load_drive_scenario
+from sim_ecu.loop.lockstep import Lockstep
 from sim_ecu.loop.suites import cases
+from tests.support.loop_wire import TIMINGS, stop_in_lockstep
 from wrcd.config import load_packaged
 from wrcd.estimator.doubts import Doubt
 
-
-def stop(timing: Timing = ON_TIME) -> Figures:
-    scenario, daemon = load_drive_scenario("brake-greasy"), load_packaged(1)
-    controller = make_controller("thresholds", Facts.of(scenario), daemon)
-    return judge(ride(scenario, controller, daemon, timing=timing), scenario)
+PAGE = Path(__file__).parents[3] / "docs/how-to/close-the-loop.md"
 
 
-def test_demands_that_come_later_wear_more_and_stop_as_short() -> None:
-    at_once, late = stop(), stop(Timing(phase_us=5000, delay_us=5000))
-    assert late.slip_energy_kJ > 1.2 * at_once.slip_energy_kJ
-    assert late.max_slip_m_s > at_once.max_slip_m_s
-    assert late.stop_m == pytest.approx(at_once.stop_m, rel=0.05)
+def test_page_says_what_timing_makes_of_a_stop() -> None:
+    said = re.findall(r"(\d+) kJ(?: slip energy)? and (\d+) m", PAGE.read_text())
+    found = [stop_in_lockstep(timing) for timing in TIMINGS]
+    assert said == [(f"{f.slip_energy_kJ:.0f}", f"{f.stop_m:.0f}") for f in found]
+
+
+@pytest.mark.parametrize(("key", "us"), [("phase_us", 10_000), ("phase_us", 2_500), ("delay_us", -5_000)])
+def test_timing_between_samples_or_beyond_the_cycle_is_refused(key: str, us: int) -> None:
+    with pytest.raises(InputError, match=key):
+        Timing(**{key: us})
 
 
 def test_sound_pair_of_a_slow_stop_on_low_rail_is_not_called_reversed() -> None:
