@@ -197,7 +197,8 @@ def test_speed_from_the_wheels_errs_where_all_slip_and_no_faster_than_full_effor
             if f.can_id == message.frame_id:
                 values = message.decode(f.data)
                 assert isinstance(values, dict)
-                told.append(float(values["Speed"]))  # type: ignore[arg-type]
+                assert isinstance(values["Speed"], float)
+                told.append(values["Speed"])
                 true.append(step.speed_m_s)
     assert told[0] == pytest.approx(15.0, abs=0.1)
     errors = np.sign(demand) * (np.array(told) - true)

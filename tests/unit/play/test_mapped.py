@@ -75,7 +75,7 @@ BA_ "VFrameFormat" BO_ 2147484162 15;
 BA_ "GenSigStartValue" SG_ 2147484161 Heat 60;
 VAL_ 531 State 0 "Init" 1 "Good" 2 "Fault" 3 "SNA" ;
 VAL_ 532 Way 0 "none" 1 "reverse" 2 "forward" 3 "SNA" ;
-"""  # noqa: E501
+"""  # noqa: E501  # a DBC has a line for each definition
 Q = Quantity
 
 

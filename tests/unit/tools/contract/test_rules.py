@@ -117,7 +117,7 @@ def test_consumer_that_never_uses_a_frame_is_told_apart(config: Config) -> None:
 
 
 def test_consumer_that_takes_every_axle_for_its_own_is_found(config: Config, careful: ModuleType) -> None:
-    class Mixed(careful.Careful):  # type: ignore[misc, name-defined]
+    class Mixed(careful.Careful):  # type: ignore[misc, name-defined]  # a module read from its file has no types
         def hear(self, frame: Frame) -> None:
             for axle in self._axles.values():
                 axle.hear(frame.data, frame.stamp_us)
@@ -128,7 +128,7 @@ def test_consumer_that_takes_every_axle_for_its_own_is_found(config: Config, car
 
 
 def test_consumer_that_takes_remote_frames_for_data_is_found(config: Config, careful: ModuleType) -> None:
-    class Remote(careful.Careful):  # type: ignore[misc, name-defined]
+    class Remote(careful.Careful):  # type: ignore[misc, name-defined]  # a module read from its file has no types
         def hear(self, frame: Frame) -> None:
             if frame.remote:
                 self._axles[1]._limit = 0.0
@@ -138,7 +138,7 @@ def test_consumer_that_takes_remote_frames_for_data_is_found(config: Config, car
 
 
 def test_consumer_that_waits_for_a_person_after_a_fault_is_found(config: Config, careful: ModuleType) -> None:
-    class Latched(careful.Careful):  # type: ignore[misc, name-defined]
+    class Latched(careful.Careful):  # type: ignore[misc, name-defined]  # a module read from its file has no types
         def __init__(self) -> None:
             super().__init__()
             self._used = self._latched = False

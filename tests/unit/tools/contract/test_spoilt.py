@@ -22,7 +22,7 @@ def careful() -> ModuleType:
 
 @pytest.mark.parametrize("factor", [0.01, 0.0, 0.5, 0.9, 100.0])
 def test_consumer_that_counts_in_another_unit_is_found(config: Config, careful: ModuleType, factor: float) -> None:
-    class Scaled(careful.Careful):  # type: ignore[misc, name-defined]
+    class Scaled(careful.Careful):  # type: ignore[misc, name-defined]  # a module read from its file has no types
         def use(self, axle: int, now_us: int) -> Use:
             limit = super().use(axle, now_us).limit_pct
             return Use(None if limit is None else factor * limit, axle)
@@ -54,7 +54,7 @@ def test_careless_fraction_without_crc_and_ramp_is_found(config: Config, careful
 
 @pytest.mark.parametrize("constant", [17.0, 20.0])
 def test_limit_that_follows_no_rise_is_found(config: Config, careful: ModuleType, constant: float) -> None:
-    class Constant(careful.Careful):  # type: ignore[misc, name-defined]
+    class Constant(careful.Careful):  # type: ignore[misc, name-defined]  # a module read from its file has no types
         def use(self, axle: int, now_us: int) -> Use:
             limit = super().use(axle, now_us).limit_pct
             return Use(None if limit is None else min(limit, constant), axle)
@@ -64,7 +64,7 @@ def test_limit_that_follows_no_rise_is_found(config: Config, careful: ModuleType
 
 
 def test_consumer_that_takes_fd_frames_for_classical_ones_is_found(config: Config, careful: ModuleType) -> None:
-    class Fd(careful.Careful):  # type: ignore[misc, name-defined]
+    class Fd(careful.Careful):  # type: ignore[misc, name-defined]  # a module read from its file has no types
         def hear(self, frame: Frame) -> None:
             super().hear(Frame(frame.stamp_us, frame.can_id, frame.data, frame.extended, frame.remote))
 
@@ -103,7 +103,7 @@ def test_consumer_that_returns_after_more_than_three_seconds_is_found(config: Co
 
 @pytest.mark.parametrize("limit", [math.nan, math.inf, -math.inf])
 def test_limit_that_is_no_number_cannot_be_judged(config: Config, careful: ModuleType, limit: float) -> None:
-    class Nonsense(careful.Careful):  # type: ignore[misc, name-defined]
+    class Nonsense(careful.Careful):  # type: ignore[misc, name-defined]  # a module read from its file has no types
         def use(self, axle: int, now_us: int) -> Use:
             return Use(None if super().use(axle, now_us).limit_pct is None else limit, axle)
 
