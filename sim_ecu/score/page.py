@@ -19,6 +19,8 @@ MEDIA = (
     "screen and (max-width: 40rem)",
 )  # fmt: skip
 
+MAX_LISTED = 15  # missed goals above the pictures; more are folded
+
 
 def page(result: dict[str, Any], traces: Sequence[Trace]) -> str:
     """HTML, in English, with pictures inside."""
@@ -65,7 +67,11 @@ def verdict(goals: Sequence[dict[str, Any]]) -> list[str]:
     counted = ", ".join(f"<strong>{n[verdict]}</strong> {text}" for verdict, text in words if n[verdict])
     out = [f"<p>Of {len(goals)} goal{'s' * (len(goals) != 1)} {counted}.</p>"]
     if missed := [g["what"] for g in goals if g["verdict"] == MISSED]:
-        out += ["<p>Missed:</p><ul>", *(f"<li>{html.escape(what)}</li>" for what in missed), "</ul>"]
+        named = ["<ul>", *(f"<li>{html.escape(what)}</li>" for what in missed), "</ul>"]
+        if len(missed) <= MAX_LISTED:
+            out += ["<p>Missed:</p>", *named]
+        else:
+            out += [f"<details><summary>The {len(missed)} missed, by name</summary>", *named, "</details>"]
     return out
 
 

@@ -11,7 +11,7 @@ import pytest
 
 from sim_ecu.score.goals import MET, MIN_QUICK_RUNS, MISSED, TOO_FEW, Goal, goals
 from sim_ecu.score.metrics.bootstrap import Figure
-from sim_ecu.score.page import page
+from sim_ecu.score.page import MAX_LISTED, page, verdict
 from sim_ecu.score.page_pictures import LOOKS, pictures
 from sim_ecu.score.page_tables import sections
 from sim_ecu.score.play import Trace
@@ -115,6 +115,13 @@ def test_verdict_is_counted_and_what_is_missed_is_named() -> None:
     assert said in text
     assert "<li>dry-hours: goal 2</li>" in text
     assert text.index("<li>dry-hours: goal 2</li>") < text.index("<table")
+
+
+@pytest.mark.parametrize(("missed", "folded"), [(MAX_LISTED, False), (MAX_LISTED + 1, True)])
+def test_many_missed_goals_are_folded_and_all_there(missed: int, folded: bool) -> None:
+    text = "".join(verdict([{"what": f"goal {k} &", "verdict": MISSED} for k in range(missed)]))
+    assert all(f"<li>goal {k} &amp;</li>" in text for k in range(missed))
+    assert ("<details>" in text) == folded
 
 
 @pytest.mark.parametrize("quick", [True, False])
