@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from tests.support.can_ids import ADHESION_A1
-from tests.support.loop_wire import STOP, TIMINGS, stop_in_lockstep
+from tests.support.loop_wire import TIMINGS, stop_in_lockstep
 from tests.support.processes import BIN, running, wait_for
 from tests.support.vcan import ip
 from wrcd.config import packaged
@@ -102,7 +102,7 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
 def test_stop_on_a_real_bus_has_the_figures_of_the_lockstep_run(bench: Bench) -> None:
     expected = [stop_in_lockstep(timing) for timing in TIMINGS]
     print(*expected, sep="\n")
-    rig, told = bench.drive(f"sim-ecu drive {STOP} -c vcan0")
+    rig, told = bench.drive("sim-ecu drive brake-greasy -c vcan0")
     status, summary, document = bench.end(rig, told)
     figures = document["figures"]
     assert status == 0
