@@ -1,6 +1,6 @@
 """What can be asked: a kind of job, the factors it takes and the figures it gives."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
@@ -83,7 +83,8 @@ class Kind:
     open_factors: prefixes, "scenario." for one, under which a campaign may name keys that are not listed.
     check: raises InputError for inputs that are wrong together, before anything runs. cost: of a job, about, in any
     unit: what the time left is told from. suite: the factor that tells a comparison what belongs together. named: the
-    files that an input's file names in turn, by a name of their own.
+    files that an input's file names in turn, by a name of their own. seeded: whether `seed` is an input of its jobs.
+    points: the inputs of the jobs that inputs stand for, where they leave optional factors out that a job needs.
     """
 
     name: str
@@ -96,6 +97,8 @@ class Kind:
     cost: Callable[[Mapping[str, Any]], float] = lambda inputs: 1.0
     suite: str = ""
     named: Callable[[Mapping[str, Any]], Mapping[str, Path]] = lambda inputs: {}
+    seeded: bool = True
+    points: Callable[[Mapping[str, Any]], Iterable[Mapping[str, Any]]] = lambda inputs: (inputs,)
 
     def factor(self, name: str) -> Factor | None:
         """By name; None for one that is not listed."""

@@ -3,10 +3,11 @@
 from sim_ecu.campaign.kind import Kind
 from sim_ecu.campaign.kinds.drive import DRIVE
 from sim_ecu.campaign.kinds.play import PLAY
+from sim_ecu.campaign.kinds.score import SCORE
 from wrcd.errors import InputError
 from wrcd.section import suggest
 
-KINDS: tuple[Kind, ...] = (DRIVE, PLAY)
+KINDS: tuple[Kind, ...] = (DRIVE, PLAY, SCORE)
 
 
 def kind_of(name: str) -> Kind:
