@@ -6,7 +6,7 @@ from enum import Enum
 from pathlib import Path
 from typing import Any
 
-from sim_ecu.campaign.job import Job, Scalar, contents
+from sim_ecu.campaign.job import Job, Scalar
 from wrcd.errors import InputError
 from wrcd.section import suggest
 
@@ -81,10 +81,11 @@ class Kind:
 
     function: of a module's top level, the figures of a job by name; pure: the same job gives the same figures anywhere.
     open_factors: prefixes, "scenario." for one, under which a campaign may name keys that are not listed.
+    seeded: whether a job has an input `seed`, of which a campaign gives several to each point.
     check: raises InputError for inputs that are wrong together, before anything runs. cost: of a job, about, in any
     unit: what the time left is told from. suite: the factor that tells a comparison what belongs together. named: the
-    files that an input's file names in turn, by a name of their own. seeded: whether `seed` is an input of its jobs.
-    points: the inputs of the jobs that inputs stand for, where they leave optional factors out that a job needs.
+    files that an input's file names in turn, by a name of their own. points: the inputs of the jobs that inputs stand
+    for, where they leave out optional factors that a job needs.
     """
 
     name: str
@@ -93,11 +94,11 @@ class Kind:
     figures: tuple[Figure, ...]
     function: Callable[[Job], Mapping[str, Scalar]]
     open_factors: tuple[str, ...] = ()
+    seeded: bool = True
     check: Callable[[Mapping[str, Any]], None] = lambda inputs: None
     cost: Callable[[Mapping[str, Any]], float] = lambda inputs: 1.0
     suite: str = ""
     named: Callable[[Mapping[str, Any]], Mapping[str, Path]] = lambda inputs: {}
-    seeded: bool = True
     points: Callable[[Mapping[str, Any]], Iterable[Mapping[str, Any]]] = lambda inputs: (inputs,)
 
     def factor(self, name: str) -> Factor | None:
@@ -109,9 +110,3 @@ class Kind:
         gives: what Job.files has the contents of. Raises InputError for one that cannot be read."""
         own = {f.name: f.path(inputs.get(f.name)) for f in self.factors}
         return {name: path for name, path in own.items() if path is not None} | dict(self.named(inputs))
-
-    def unchanged(self, job: Job) -> None:
-        """Raises InputError for a file that is not as it was when the job was made."""
-        for name, path in self.files(job.inputs).items():
-            if name in job.files and contents(path) != job.files[name]:
-                raise InputError("has changed since the campaign began", file=path, hint="begin the campaign again")

@@ -61,7 +61,7 @@ def scenario(inputs: Mapping[str, Any], path: Path, read: Callable[[Section, str
     try:
         return read(Section(data, Source(path, {}, None), ()), path.stem)
     except InputError as e:
-        raise InputError(e.reason, file=path, key=f"{PREFIX}{e.key}", hint=e.hint) from None
+        raise InputError(e.reason, key=f"{PREFIX}{e.key}", hint=e.hint) from None
 
 
 @lru_cache(KEPT)
