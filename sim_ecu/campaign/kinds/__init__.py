@@ -1,10 +1,13 @@
 """The kinds of job that there are."""
 
 from sim_ecu.campaign.kind import Kind
+from sim_ecu.campaign.kinds.drive import DRIVE
+from sim_ecu.campaign.kinds.play import PLAY
+from sim_ecu.campaign.kinds.score import SCORE
 from wrcd.errors import InputError
 from wrcd.section import suggest
 
-KINDS: tuple[Kind, ...] = ()
+KINDS: tuple[Kind, ...] = (DRIVE, PLAY, SCORE)
 
 
 def kind_of(name: str) -> Kind:
