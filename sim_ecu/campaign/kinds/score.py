@@ -17,7 +17,6 @@ from sim_ecu.score.metrics import accuracy, changes, honesty
 from sim_ecu.score.names import SUITES
 from sim_ecu.score.play import Trace, play
 from sim_ecu.score.suites import runs, training_runs
-from sim_ecu.score.suites.broken import DIES_S
 from sim_ecu.score.suites.run import AXLES, TRAINING_LOTS, Run
 from wrcd import resources
 from wrcd.errors import InputError
@@ -127,7 +126,7 @@ def figures_of(traces: Sequence[Trace]) -> dict[str, Scalar]:
     if suite in _BROKEN:
         more["found"] = honesty.found_out(traces).value
     if suite == "dead":
-        more["valid_after_s"] = honesty.valid_after(traces, DIES_S)["most"].value
+        more["valid_after_s"] = honesty.valid_after(traces, traces[0].judged_from_s)["most"].value
     return out | more
 
 
