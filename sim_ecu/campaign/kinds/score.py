@@ -11,7 +11,9 @@ import numpy as np
 
 from sim_ecu.campaign.job import Job, Scalar, contents
 from sim_ecu.campaign.kind import Factor, Figure, Kind, Type
-from sim_ecu.campaign.kinds import estimates, given
+from sim_ecu.campaign.kinds.estimates import FIGURES as OF_ESTIMATES
+from sim_ecu.campaign.kinds.estimates import figures_of as figures_of_estimates
+from sim_ecu.campaign.kinds.given import configuration_of
 from sim_ecu.design.source import Source, load_source
 from sim_ecu.score.metrics import accuracy, changes, honesty
 from sim_ecu.score.names import SUITES
@@ -22,7 +24,7 @@ from wrcd import resources
 from wrcd.errors import InputError
 from wrcd.section import suggest
 
-KEPT = 2 * len(SUITES)  # suites that a process keeps: two designs or lots side by side
+KEPT, DESIGNS = 2 * len(SUITES), 16  # that a process keeps: all suites of two designs or lots
 
 FACTORS = (
     Factor("suite", Type.TEXT, "the suite", choices=SUITES),
@@ -33,7 +35,7 @@ FACTORS = (
            f"other seeds; -1 to -{TRAINING_LOTS} those that designs are tuned on", 0),
 )  # fmt: skip
 FIGURES = (
-    *estimates.FIGURES,
+    *OF_ESTIMATES,
     Figure("delay_s", Type.NUMBER, "time until a change of rail has shown, mean of the changes; NaN without one", "s",
            "less"),
     Figure("drop_lie_s", Type.NUMBER, "time Valid with the truth below the interval after a drop, mean of the drops; "
@@ -74,7 +76,7 @@ def _suite(file: Path, digest: str, suite: str, lot: int) -> dict[str, list[Run]
     return out
 
 
-@lru_cache(given.KEPT)
+@lru_cache(DESIGNS)
 def _source(file: Path, _digest: str) -> Source:
     return load_source(file)
 
@@ -102,7 +104,7 @@ def points(inputs: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
 def figures(job: Job) -> Mapping[str, Scalar]:
     """Play the run of a job, and judge it."""
     run = _run(job.inputs)
-    traces = play(run, given.configuration(job.inputs, (AXLES,)), {})
+    traces = play(run, configuration_of(job.inputs, (AXLES,)), {})
     if run.suite == "paper":
         traces = [replace(t, judged_from_s=accuracy.judged_from_reached(t)) for t in traces]
     return figures_of(traces)
@@ -111,8 +113,8 @@ def figures(job: Job) -> Mapping[str, Scalar]:
 def figures_of(traces: Sequence[Trace]) -> dict[str, Scalar]:
     """Of a run's traces."""
     suite = traces[0].suite
-    out = estimates.figures_of(traces)
-    more: dict[str, Scalar] = {f.name: math.nan for f in FIGURES if f not in estimates.FIGURES}
+    out = figures_of_estimates(traces)
+    more: dict[str, Scalar] = {f.name: math.nan for f in FIGURES if f not in OF_ESTIMATES}
     if suite in _CHANGING:
         drops = changes.drops(traces)
         more |= {

@@ -12,6 +12,8 @@ from sim_ecu.cli import main
 from sim_ecu.commands import run_loop, run_score
 from sim_ecu.commands.run_score import Asked, Work
 from sim_ecu.design.source import load_source
+from sim_ecu.loop.play import play
+from sim_ecu.loop.suites import cases
 from sim_ecu.loop.suites.actuators import STOPS
 from sim_ecu.score.play import Trace
 from sim_ecu.score.suites import runs
@@ -33,14 +35,12 @@ def test_killed_worker_loses_nothing(
     brief: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     brief.setenv(short_row.MARK, str(tmp_path / "killed"))
-    figures = []
-    for name in ("play_briefly", "killed_once"):
-        brief.setattr(run_loop, "play_one", getattr(short_row, name))
-        assert main([*ROW, "--seeds", "1", "--json", str(tmp_path / "out.json")]) == Status.DONE
-        figures.append(json.loads((tmp_path / "out.json").read_text()))
-        figures[-1]["run"].pop("seconds")
+    brief.setattr(run_loop, "play_one", short_row.killed_once)
+    (case,) = cases("actuators", f"{short_row.RAIL}: fast")
+    found, missing = run_loop.play_all([case], 1, 1)
     assert (tmp_path / "killed").exists()
-    assert figures[0] == figures[1]
+    assert not missing
+    assert repr(found) == repr(play(case, 0))
     assert "run 1 of 1" in capsys.readouterr().err
 
 
@@ -88,7 +88,7 @@ def test_suites_of_a_score_that_are_whole_are_printed_and_the_others_named(
 
 
 def test_figures_of_a_child_process_are_those_of_this_one_to_the_bit() -> None:
-    run = short(next(iter(runs(load_source(resources.DESIGN), "drops", 0.01))))
+    run = short(next(iter(runs(load_source(resources.DESIGN), "dry-hours", 0.01))))
     work = Work(run, Asked(resources.DESIGN, None, ()))
     child = Child()
     try:
