@@ -7,7 +7,6 @@ from typing import Any
 from sim_ecu.campaign.definition import Campaign, placed
 from sim_ecu.campaign.fleet.find import Fleet, Log
 from sim_ecu.campaign.job import Job
-from sim_ecu.campaign.kind import Type
 from sim_ecu.campaign.kinds.log import KIND
 from sim_ecu.campaign.store import Asked
 from sim_ecu.campaign.task import digest

@@ -3,7 +3,7 @@
 import json
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,6 +14,7 @@ from sim_ecu.campaign.job import Ending, Job, Row, Scalar
 from sim_ecu.campaign.kinds.log import CAUSES, cause_column, class_column
 from wrcd.core.causes import Cause
 
+NO_FRAME = "NoFrame"
 EARLIEST_S = 946_684_800.0  # 2000: a stamp before it counts from somewhere else
 
 
@@ -108,6 +109,12 @@ class Group:
         every = self.axle_hours
         return [(c, h / every) for c, h in hours.most_common() if h]
 
+    @property
+    def without_frame(self) -> list[int]:
+        """Axles of the configuration that no log has a frame of."""
+        found = [set(p.detail["without_frame"]) for p in self.done]
+        return sorted(set.intersection(*found)) if found else []
+
     def by_axle(self) -> dict[int, float]:
         """Share Valid of each axle."""
         seconds: Counter[int] = Counter()
@@ -138,7 +145,7 @@ class Summary:
     title: str
     every: Group
     trains: Sequence[Group]
-    suspicions: Sequence[Suspicion]  # the longest first
+    suspicions: Sequence[Suspicion]  # the longest first, but axles without a frame last
 
     @property
     def failed(self) -> list[Played]:
@@ -155,7 +162,9 @@ def summary(title: str, pairs: Sequence[tuple[Job, Row]]) -> Summary:
     for p in logs:
         trains.setdefault(p.inputs["train"], []).append(p)
     groups = [Group(name, found) for name, found in trains.items()]
-    return Summary(title, Group("all", logs), groups, _suspicions(logs))
+    suspicions = [s for g in groups for s in _suspicions(g)]
+    suspicions.sort(key=lambda s: (s.what == NO_FRAME, -s.seconds, s.train, s.axle, s.what))
+    return Summary(title, Group("all", logs), groups, suspicions)
 
 
 def _played(job: Job, row: Row) -> Played:
@@ -163,14 +172,23 @@ def _played(job: Job, row: Row) -> Played:
     return Played(0, job.inputs, row.ending, row.error, row.figures, json.loads(str(detail)) if detail else {})
 
 
-def _suspicions(logs: Sequence[Played]) -> list[Suspicion]:
-    found: dict[tuple[str, int, str], list[tuple[Played, Mapping[str, Any]]]] = {}
-    for p in logs:
-        for s in p.suspects:
-            found.setdefault((p.inputs["train"], s["axle"], s["what"]), []).append((p, s))
+def _suspicions(train: Group) -> list[Suspicion]:
+    found: dict[tuple[int, str], list[tuple[Played, Mapping[str, Any]]]] = {}
+    missing = train.without_frame  # of every log: the configuration's matter
+    for p in train.done:
+        for s in (*p.suspects, *_missing(p, missing)):
+            found.setdefault((s["axle"], s["what"]), []).append((p, s))
     out = []
-    for (train, axle, what), named in found.items():
+    for (axle, what), named in found.items():
         text = max(named, key=lambda one: float(one[1]["seconds"]))[1]["text"]
         seconds = sum(float(s["seconds"]) for _, s in named)
-        out.append(Suspicion(train, axle, what, text, seconds, [p for p, _ in named]))
-    return sorted(out, key=lambda s: (-s.seconds, s.train, s.axle, s.what))
+        out.append(Suspicion(train.name, axle, what, text, seconds, [p for p, _ in named]))
+    return out
+
+
+def _missing(p: Played, everywhere: Sequence[int]) -> Iterator[Mapping[str, Any]]:
+    """Axles that a log has no frame of, and another log of its train has."""
+    for axle in p.detail["without_frame"]:
+        if axle not in everywhere:
+            text = "the log has no frame of this axle, others of this train have"
+            yield {"what": NO_FRAME, "axle": axle, "text": text, "seconds": 3600 * p.number_of("hours")}

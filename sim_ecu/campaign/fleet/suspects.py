@@ -16,9 +16,9 @@ SENSORS = (
     Cause.WHEELSET_UNLIKE, Cause.SENSOR_DEGRADED, Cause.TWO_SENDERS, Cause.UNCHANGED,
 )  # fmt: skip
 INPUTS = (Cause.INPUT_SILENT, Cause.INPUT_STALE)
+_CAUSES = {int(c): c for c in Cause}
 MIN_SILENT_S = 1.0  # in all: a frame that came late once makes no sensor suspicious
 MIN_REFUSED_SHARE = 0.01  # of a message's frames
-NO_FRAME = "NoFrame"
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +59,7 @@ class Spells:
         """Some frames (n,), in their order."""
         begins = np.diff(causes.astype(np.int64), prepend=self._last) != 0
         for number in np.unique(causes).tolist():
-            rows, cause = causes == number, Cause(number)
+            rows, cause = causes == number, _CAUSES[number]
             self.first_us.setdefault(cause, int(stamps_us[rows][0]))
             self.frames[cause] += int(rows.sum())
             self.times[cause] += int((rows & begins).sum())

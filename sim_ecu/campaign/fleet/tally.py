@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_ecu.campaign.fleet.classes import Bins, FloatArray, classes
-from sim_ecu.campaign.fleet.suspects import NO_FRAME, Refusals, Spells, Suspect
+from sim_ecu.campaign.fleet.suspects import Refusals, Spells, Suspect
 from wrcd.bus.codec import Sample, message_key
 from wrcd.bus.dbc import find_message
 from wrcd.bus.frame import Frame
@@ -80,12 +80,14 @@ class Axle:
         self._stamps_us, self._data, self._causes = array("q"), bytearray(), bytearray()
         validity = values["Validity"].astype(np.int64).clip(0)
         of = classes(validity == VALIDITIES.index(Validity.VALID), values["MuAvailable"].astype(np.float64))
-        seconds = np.full(n, self.cycle_s)
-        metres = speed.at(stamps_us) * seconds
+        seconds: FloatArray = np.full(n, self.cycle_s)
+        metres: FloatArray = speed.at(stamps_us) * seconds
         self.by_validity += np.bincount(validity, minlength=len(VALIDITIES))
         self.spells.add(stamps_us, causes)
-        self.way.add(self.metres + np.cumsum(metres) - metres, of, metres)
-        self.time.add((self.frames + np.arange(n)) * self.cycle_s, of, seconds)
+        way: FloatArray = self.metres + np.cumsum(metres) - metres
+        time: FloatArray = (self.frames + np.arange(n)) * self.cycle_s
+        self.way.add(way, of, metres)
+        self.time.add(time, of, seconds)
         self.metres += float(metres.sum())
         self.frames += n
 
@@ -201,15 +203,11 @@ class Tally:
         return [a for a in self.axles.values() if own[a.number] & came] or list(self.axles.values())
 
     def suspects(self, begin_us: int) -> Iterator[Suspect]:
-        """What was named: sensors, then refused frames, then axles without a frame."""
-        heard = self.heard()
-        for axle in heard:
+        """What was named: sensors, then refused frames."""
+        for axle in self.heard():
             yield from axle.spells.suspects(axle.number, begin_us, axle.cycle_s)
         axles: dict[str, int] = {}
         for i in self._config.inputs:
             one = self._config.axles[i.source.axles[0]].number if len(i.source.axles) == 1 else 0
             axles[i.source.message] = one if axles.get(i.source.message, one) == one else 0
         yield from self.refusals.suspects(axles, begin_us)
-        for axle in self.axles.values():
-            if axle not in heard:
-                yield Suspect(NO_FRAME, axle.number, "the log has no frame of this axle", 0.0, axle.seconds, 1)

@@ -1,10 +1,11 @@
 """The kinds of job that there are."""
 
 from sim_ecu.campaign.kind import Kind
+from sim_ecu.campaign.kinds import log
 from wrcd.errors import InputError
 from wrcd.section import suggest
 
-KINDS: tuple[Kind, ...] = ()
+KINDS: tuple[Kind, ...] = (log.KIND,)
 
 
 def kind_of(name: str) -> Kind:

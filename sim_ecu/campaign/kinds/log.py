@@ -98,9 +98,7 @@ def _config(file: str, contents: tuple[tuple[str, str], ...]) -> Config:
     return load_config(Path(file) if file else None)
 
 
-def _figures(
-    tally: Tally, begin_us: int, damage: Damage, steps: int, warnings: Sequence[str]
-) -> Mapping[str, Scalar]:
+def _figures(tally: Tally, begin_us: int, damage: Damage, steps: int, warnings: Sequence[str]) -> Mapping[str, Scalar]:
     heard = tally.heard()
     seconds = sum(a.seconds for a in heard)
     suspects = list(tally.suspects(begin_us))
@@ -127,6 +125,7 @@ def _figures(
     out |= {cause_column(c): _share(sum(a.spells.frames[c] * a.cycle_s for a in heard), seconds) for c in CAUSES}
     detail = {
         "axles": [_axle(a) for a in heard],
+        "without_frame": [a.number for a in tally.axles.values() if a not in heard],
         "suspects": [s.document() for s in suspects],
         "refused": tally.refusals.document(begin_us),
         "warnings": list(warnings),
@@ -168,7 +167,7 @@ def _cost(inputs: Mapping[str, Any]) -> float:
 
 def _named(inputs: Mapping[str, Any]) -> dict[str, Path]:
     """The configuration's DBC and design, and the state beside a recorder's log."""
-    out = {}
+    out: dict[str, Path] = {}
     if inputs.get("configuration"):
         config = _beside(inputs["configuration"])
         out |= {"dbc": config.dbc_file, "design": config.design_file}
