@@ -78,7 +78,7 @@ def load_campaign(file: Path, code: str, checked: Checked = lambda _done, _of: N
     points = list({tuple(p.items()): stays | p for p in every}.values())
     types = {name: g.type for name, g in (fixed | varied).items()} | ({SEED: Type.WHOLE} if head.seeds else {})
     folder = file.parent
-    jobs, paths = _jobs(head, points, folder, file, checked)
+    jobs, paths = _jobs(head, points, folder, top, checked)
     asked = Asked(head.title, head.kind, types, code)
     return Campaign(asked, jobs, varied, len(every) - len(points), head.limit_s, folder.resolve(), paths)
 
@@ -147,7 +147,7 @@ def _points(head: _Head, varied: Mapping[str, Given], top: Section) -> list[Poin
 
 
 def _jobs(
-    head: _Head, points: Sequence[Point], folder: Path, file: Path, checked: Checked
+    head: _Head, points: Sequence[Point], folder: Path, top: Section, checked: Checked
 ) -> tuple[tuple[Job, ...], dict[tuple[Any, ...], dict[str, str]]]:
     """Jobs of all points, and what they read. Every point is checked with its first seed: the others are like it."""
     kind = head.kind
@@ -168,7 +168,7 @@ def _jobs(
             kind.check(inputs)
         except InputError as e:
             for mistake in e.errors if isinstance(e, InputErrors) else (e,):
-                mistakes.setdefault(str(mistake), _of_job(mistake, point, file))
+                mistakes.setdefault(str(mistake), _of_job(mistake, point, top))
             if len(mistakes) >= MOST_TOLD:
                 break
             continue
@@ -187,11 +187,15 @@ def _with_seeds(point: Point, seeds: Iterable[int] | None) -> Iterator[Point]:
         yield from ({**point, SEED: seed} for seed in seeds)
 
 
-def _of_job(e: InputError, point: Point, file: Path) -> InputError:
+def _of_job(e: InputError, point: Point, top: Section) -> InputError:
     """A mistake in a file stands there; one in the inputs is the campaign's, at the first point that has it."""
     if e.file is not None:
         return e
-    return InputError(f"{e.reason} (at {told(point)})", file=file, key=e.key, hint=e.hint)
+    reason = f"{e.reason} (at {told(point)})"
+    table = next((t for t in (top.section("factor"), top.section("fixed")) if e.key in t), None)
+    if table is not None:
+        return table.error(reason, e.key, e.hint)
+    return InputError(reason, file=top.file, key=e.key, hint=e.hint)
 
 
 def _files(kind: Kind, inputs: Mapping[str, Any]) -> tuple[Any, ...]:
