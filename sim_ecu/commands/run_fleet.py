@@ -1,7 +1,6 @@
 """`sim-ecu campaign --logs`: a fleet's logs through the core, a table and a page of what they came to."""
 
 import sys
-from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,8 +10,9 @@ from sim_ecu.campaign.fleet.find import Fleet, find
 from sim_ecu.campaign.fleet.jobs import campaign
 from sim_ecu.campaign.fleet.page import page, tables
 from sim_ecu.campaign.fleet.summary import Summary, summary
-from sim_ecu.campaign.go import Workers, go
+from sim_ecu.campaign.go import RESUMES, Workers, go
 from sim_ecu.campaign.job import Ending, code
+from sim_ecu.commands.run_campaign import terminated_like_ctrl_c, workers_for
 from wrcd.errors import Status, create
 from wrcd.tools.progress import Progress
 from wrcd.tools.story.outputs import need
@@ -42,21 +42,25 @@ def plan(asked: Logs) -> int:
     return Status.DONE
 
 
-def run(asked: Logs, folder: Path, workers: AbstractContextManager[Workers], again: bool) -> int:
+def run(asked: Logs, folder: Path, jobs: int, scheduler: str | None, again: bool) -> int:
     """Replay, tell, write the page; reports where they are asked for. 1 where a log could not be judged."""
     if asked.reports:
         need(("bokeh",), "report")
     fleet = find(asked.where, asked.train, asked.configuration)
     print(_found(fleet), file=sys.stderr)
     made = _campaign(asked, fleet)
-    with workers as at_work:
-        finished = go(made, folder, at_work, again=again)
-        found = summary(made.asked.title, finished.pairs)
-        there = _reports(made, found, folder, at_work) if asked.reports else {}
+    try:
+        with terminated_like_ctrl_c(), workers_for(jobs, scheduler) as workers:
+            finished = go(made, folder, workers, again=again)
+            found = summary(made.asked.title, finished.pairs)
+            there = _reports(made, found, folder, workers) if asked.reports else {}
+    except KeyboardInterrupt:
+        print(f"stopped; what is finished is in {folder}, {RESUMES}", file=sys.stderr)
+        return Status.INTERRUPTED
     with create(folder / PAGE) as file:
         file.write(page(found, str(made.folder), there))
     print("\n".join(tables(found)))
-    print(f"\n{folder / PAGE}; results: {finished.results}")
+    print(f"\npage: {folder / PAGE}\nresults: {finished.results}")
     return Status.DONE if finished.count(Ending.DONE) == len(finished.pairs) else Status.STOPPED
 
 

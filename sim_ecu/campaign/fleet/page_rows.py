@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import PurePosixPath
+from urllib.parse import quote
 
 from sim_ecu.campaign.fleet.drawing import columns
 from sim_ecu.campaign.fleet.summary import Group, Played
@@ -100,7 +101,7 @@ def causes(group: Group) -> str:
 def log_line(p: Played, command: str, report: str | None) -> Line:
     """A log. command: what makes its report; report: where that lies, if it does."""
     name = html.escape(p.name)
-    link = name if report is None else f'<a href="{html.escape(report)}">{name}</a>'
+    link = name if report is None else f'<a href="{html.escape(quote(report))}">{name}</a>'
     if not p.done:
         error = html.escape(said(p))
         cells = [Cell(link), Cell(""), *[Cell("")] * 3, Cell(f"{p.ending.value}: {error}", "text"), *[Cell("")] * 2]

@@ -13,6 +13,7 @@ from wrcd.tools.report.page import write
 from wrcd.tools.story.gather import gather
 
 FOLDER = "reports"
+LINES = 20  # about, of progress where there is no terminal
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,9 +47,11 @@ def make(wanted: Wanted) -> None:
 def make_all(every: Sequence[Wanted], workers: Workers, limit_s: float | None) -> list[str]:
     """Those that are not there yet. Returns a sentence for each that could not be made."""
     left = [w for w in every if not w.is_there]
-    progress, failed = Progress(steps=True), []
-    for done, o in enumerate(run(make, left, workers.executor, workers.count, limit_s, idle=workers.idle), 1):
-        progress.at(f"{done} of {len(left)} reports", done / len(left))
+    progress, failed, part = Progress(steps=True), [], max(1, len(left) // LINES)
+    outcomes = run(make, left, workers.executor, workers.count, limit_s, ahead=workers.ahead, idle=workers.idle)
+    for done, o in enumerate(outcomes, 1):
+        if done % part == 0:
+            progress.at(f"{done} of {len(left)} reports", done / len(left))
         if o.ending is not Ending.DONE:
             failed.append(f"{left[o.place].output}: {o.error or o.ending.value}")
     progress.end()

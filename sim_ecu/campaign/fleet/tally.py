@@ -84,8 +84,8 @@ class Axle:
         metres: FloatArray = speed.at(stamps_us) * seconds
         self.by_validity += np.bincount(validity, minlength=len(VALIDITIES))
         self.spells.add(stamps_us, causes)
-        way: FloatArray = self.metres + np.cumsum(metres) - metres
-        time: FloatArray = (self.frames + np.arange(n)) * self.cycle_s
+        way = self.metres + np.concatenate(([0.0], np.cumsum(metres)[:-1]))
+        time = (self.frames + np.arange(n)) * self.cycle_s
         self.way.add(way, of, metres)
         self.time.add(time, of, seconds)
         self.metres += float(metres.sum())
