@@ -4,6 +4,7 @@ import argparse
 from collections.abc import Sequence
 
 from sim_ecu.commands import (
+    compare_command,
     contact_command,
     control_command,
     demo_command,
@@ -38,6 +39,7 @@ COMMANDS: tuple[Command, ...] = (
     score_command.COMMAND,
     figures_command.COMMAND,
     loop_command.COMMAND,
+    compare_command.COMMAND,
     fmu_command.COMMAND,
     verify_command.COMMAND,
     demo_command.COMMAND,

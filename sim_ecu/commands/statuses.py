@@ -45,6 +45,12 @@ STATUSES: dict[str, dict[Status, str]] = {
     "contact": {Status.DONE: "done", Status.BAD_INPUT: _BAD, **_STOPPED},
     "score": {Status.DONE: "the tables are printed, whatever the goals' verdicts", **_MADE},
     "loop": {Status.DONE: "the tables are printed, whatever the goals' verdicts", Status.BAD_INPUT: _BAD, **_STOPPED},
+    "compare": {
+        Status.DONE: "the tables are printed, whatever the verdicts",
+        Status.STOPPED: "with `--fail-on`: a figure is worse, or differs",
+        Status.BAD_INPUT: _BAD,
+        **_STOPPED,
+    },
     "figures": {Status.DONE: "the figures are drawn, whatever they show", **_MADE},
     "fmu": {
         Status.DONE: "the FMU is made",
