@@ -66,7 +66,9 @@ def of_pairs(
     exact = 2**count <= EXACT
     flipped, weight = _of_subsets(_subsets(count) if exact else _random_subsets(count, drawn), sums, weights)
     return [
-        _pair_figure(*(x[both[:, f], f] for x in (first, second)), sums[:, f], flipped[:, f], weight[:, f], exact, alpha)
+        _pair_figure(
+            *(x[both[:, f], f] for x in (first, second)), sums[:, f], flipped[:, f], weight[:, f], exact, alpha
+        )
         for f in range(both.shape[1])
     ]
 
@@ -166,9 +168,7 @@ def _ends(typical: FloatArray, tries: int, alpha: float) -> tuple[float, float]:
     return float(ordered[beyond - 1]), float(ordered[-beyond])
 
 
-def _of_subsets(
-    subsets: Iterator[FloatArray], sums: FloatArray, weights: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+def _of_subsets(subsets: Iterator[FloatArray], sums: FloatArray, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Sums and weights (subsets, figures) of each subset."""
     parts = [(s @ sums, s @ weights) for s in subsets]
     return np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])

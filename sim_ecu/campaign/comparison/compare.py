@@ -77,9 +77,7 @@ def compare(
     return Result(first, second, matched, tuple(made), alpha, len(judged), left_out)
 
 
-def _figures(
-    first: Campaign, second: Campaign, names: Sequence[str] | None
-) -> tuple[list[Figure], tuple[str, ...]]:
+def _figures(first: Campaign, second: Campaign, names: Sequence[str] | None) -> tuple[list[Figure], tuple[str, ...]]:
     theirs = {f.name: f for f in second.figures}
     both = [f for f in first.figures if f.name in theirs and Type.TEXT not in (f.type, theirs[f.name].type)]
     known = [f.name for f in both]

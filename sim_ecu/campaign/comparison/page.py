@@ -17,7 +17,9 @@ def page(result: Result, ways: tuple[Sequence[Worst], Sequence[Worst]]) -> str:
     for way, who in zip(ways, (SECOND, FIRST), strict=True):
         if way:
             head += [f"<details><summary>The {len(way)} worst jobs of the {who}, each as a CAMPAIGN.toml</summary>"]
-            head += [f"<p>{html.escape(w.suite)}, {html.escape(w.figure)}</p><pre>{html.escape(w.toml)}</pre>" for w in way]
+            head += [
+                f"<p>{html.escape(w.suite)}, {html.escape(w.figure)}</p><pre>{html.escape(w.toml)}</pre>" for w in way
+            ]
             head += ["</details>"]
     lines = [line.replace("**", "") if line.startswith("|") else line for line in tables(result, ways) if line != told]
     names = " and ".join(html.escape(c.title or str(c.folder)) for c in (result.first, result.second))

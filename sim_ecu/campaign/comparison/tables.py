@@ -37,7 +37,11 @@ def tables(result: Result, ways: tuple[Sequence[Worst], Sequence[Worst]]) -> lis
     ]
     for suite in result.matched.suites:
         own = [c for c in result.comparisons if c.suite == suite.name]
-        n = f"{len(suite.pairs)} pairs" if suite.pairs else f"{len(suite.first)} and {len(suite.second)} worlds, no pairs"
+        n = (
+            f"{len(suite.pairs)} pairs"
+            if suite.pairs
+            else f"{len(suite.first)} and {len(suite.second)} worlds, no pairs"
+        )
         out += ["", f"**{suite.name}**: {n}; a world: {suite.by}", "", *of_suite(own)]
     out += _alone(result)
     for way, who, other in zip(ways, (SECOND, FIRST), (FIRST, SECOND), strict=True):
@@ -65,7 +69,19 @@ def verdict(result: Result) -> str:
 
 def of_suite(comparisons: Sequence[Comparison]) -> list[str]:
     """A row for each figure; the verdict last."""
-    head = ["figure", "unit", FIRST, SECOND, "median", "median of second", "difference", "n", "p", "p corrected", "verdict"]
+    head = [
+        "figure",
+        "unit",
+        FIRST,
+        SECOND,
+        "median",
+        "median of second",
+        "difference",
+        "n",
+        "p",
+        "p corrected",
+        "verdict",
+    ]
     return table(head, [_row(c) for c in comparisons])
 
 

@@ -121,7 +121,9 @@ def toml(kind: str, inputs: Mapping[str, Scalar], other: Mapping[str, Scalar]) -
     for name in dict.fromkeys((*inputs, *other)):
         if name == SEED:
             continue
-        beside = "" if name not in other else f"  # the other: {_text(other[name]) if other[name] is not None else 'none'}"
+        beside = (
+            "" if name not in other else f"  # the other: {_text(other[name]) if other[name] is not None else 'none'}"
+        )
         if name in inputs:
             lines.append(f"{_key(name)} = {_text(inputs[name])}{beside}")
         else:
