@@ -1,10 +1,10 @@
 """Whether a difference is more than chance: permutation tests, the intervals that they leave, Holm's correction. Pure.
 
-Where both campaigns ran in the same worlds, a pair's difference has no sign of its own if nothing differs: the signs of
-whole clusters (a seed's pairs) are flipped at random. Where they ran in worlds of their own, the labels of the worlds are
-exchanged. Both hold at any number of rows, for heavy tails, ties and zeros. A bootstrap's interval is too narrow for
-few rows; these are the differences that the same test does not refuse (J. Hartigan, Using subsample values as typical
-values, J. Am. Stat. Assoc. 64, 1969; for two samples the shifts, E. Lehmann, Nonparametrics, 1975).
+Where both campaigns ran in the same worlds, the difference of a pair has no sign of its own if nothing differs: the
+signs of whole clusters (a seed's pairs) are flipped at random. Where they ran in worlds of their own, the labels of
+the worlds are exchanged. Both hold at any number of rows, for heavy tails, ties and zeros. A bootstrap's interval is
+too narrow for few rows; these hold the differences that the same test does not refuse: random subsets' means
+(J. Hartigan, Using subsample values as typical values, J. Am. Stat. Assoc. 64, 1969), and for two samples the shifts.
 """
 
 import itertools
@@ -66,10 +66,8 @@ def of_pairs(
     exact = 2**count <= EXACT
     flipped, weight = _of_subsets(_subsets(count) if exact else _random_subsets(count, drawn), sums, weights)
     return [
-        _pair_figure(
-            *(x[both[:, f], f] for x in (first, second)), sums[:, f], flipped[:, f], weight[:, f], exact, alpha
-        )
-        for f in range(both.shape[1])
+        _pair_figure(first[at, f], second[at, f], sums[:, f], flipped[:, f], weight[:, f], exact, alpha)
+        for f, at in enumerate(both.T)
     ]
 
 
@@ -96,8 +94,8 @@ def of_samples(
 
 
 def holm(p: Sequence[float]) -> list[float]:
-    """p corrected so that of all claims at alpha together, one is false in alpha of the cases at most (S. Holm, A simple
-    sequentially rejective multiple test procedure, Scand. J. Stat. 6, 1979)."""
+    """p corrected for how many there are: a claim at alpha among them is false in alpha of the cases at most (S. Holm,
+    A simple sequentially rejective multiple test procedure, Scand. J. Stat. 6, 1979)."""
     out, so_far = [1.0] * len(p), 0.0
     for rank, at in enumerate(np.argsort(np.asarray(p), kind="stable").tolist()):
         so_far = max(so_far, min((len(p) - rank) * p[at], 1.0))

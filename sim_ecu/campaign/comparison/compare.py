@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -90,42 +91,60 @@ def _figures(first: Campaign, second: Campaign, names: Sequence[str] | None) -> 
     return [f for f in both if f.name in names], ()
 
 
+@dataclass(frozen=True, slots=True)
+class _Column:
+    """A figure of all pairs, or of the worlds of each side."""
+
+    figure: Figure
+    first: FloatArray
+    second: FloatArray
+
+    @property
+    def known(self) -> FloatArray:
+        """The numbers of both sides."""
+        every = np.concatenate((self.first, self.second))
+        return every[np.isfinite(every)]
+
+
 def _of_suite(suite: Suite, figures: Sequence[Figure], alpha: float, drawn: int) -> list[Comparison]:
-    """Figures, where a side has any number; then who has none, where that differs; then how the jobs ended."""
-    if suite.pairs:
-        sides = [[getattr(p, side) for p in suite.pairs] for side in ("first", "second")]
-    else:
-        sides = [list(suite.first), list(suite.second)]
-    columns: list[tuple[Figure, FloatArray, FloatArray]] = []
+    """Figures, where a side has any number; after each who has none, where not all have or lack it; how jobs ended."""
+    sides = (
+        ([p.first for p in suite.pairs], [p.second for p in suite.pairs])
+        if suite.pairs
+        else (list(suite.first), list(suite.second))
+    )
+
+    def column(figure: Figure, of: Callable[[Rows], float]) -> _Column:
+        first, second = (np.array([of(rows) for rows in side], np.float64) for side in sides)
+        return _Column(figure, first, second)
+
+    columns: list[_Column] = []
     for f in figures:
-        a, b = (np.array([_mean(rows, f.name) for rows in side]) for side in sides)
-        if np.isfinite(a).any() or np.isfinite(b).any():
-            columns.append((f, a, b))
-        lacks = [np.array([_lacking(rows, f.name) for rows in side]) for side in sides]
-        if len(np.unique(both := np.concatenate(lacks)[np.isfinite(np.concatenate(lacks))])) > 1 and both.any():
-            columns.append((Figure(LACKS + f.name, Type.FLAG, f"share without {f.words}"), *lacks))
-    columns.append((ENDING, *(np.array([_not_done(rows) for rows in side]) for side in sides)))
-    table = [np.stack([c[k] for c in columns], axis=1) for k in (1, 2)]
+        values = column(f, partial(_mean, name=f.name))
+        lacks = column(Figure(LACKS + f.name, Type.FLAG, f"share without {f.words}"), partial(_lacking, name=f.name))
+        columns += [values] * bool(len(values.known)) + [lacks] * (len(np.unique(lacks.known)) > 1)
+    columns.append(column(ENDING, _not_done))
+    first, second = np.stack([c.first for c in columns], axis=1), np.stack([c.second for c in columns], axis=1)
     if suite.pairs:
-        found = of_pairs(table[0], table[1], suite.clusters, alpha, drawn)
+        found = of_pairs(first, second, suite.clusters, alpha, drawn)
     else:
-        found = of_samples(table[0], table[1], alpha, drawn)
-    return [_comparison(suite, f, a, b, of, alpha) for (f, a, b), of in zip(columns, found, strict=True)]
+        found = of_samples(first, second, alpha, drawn)
+    return [_comparison(suite, c.figure, c.first, c.second, of) for c, of in zip(columns, found, strict=True)]
 
 
-def _comparison(suite: Suite, f: Figure, a: FloatArray, b: FloatArray, found: Found, alpha: float) -> Comparison:
-    paired = bool(suite.pairs)
-    known = (np.isfinite(a) & np.isfinite(b),) * 2 if paired else (np.isfinite(a), np.isfinite(b))
+def _comparison(suite: Suite, f: Figure, a: FloatArray, b: FloatArray, found: Found) -> Comparison:
+    """Without a verdict by chance."""
+    known = np.isfinite(a), np.isfinite(b)
+    if suite.pairs:
+        known = (known[0] & known[1],) * 2
     values = a[known[0]], b[known[1]]
-    medians = tuple(float(np.median(v)) if len(v) else math.nan for v in values)
-    if paired:
-        clusters = len(set(np.asarray(suite.clusters)[known[0]].tolist()))
-    else:
-        clusters = len(values[0]) + len(values[1])
-    made = Comparison(suite.name, f, paired, (len(values[0]), len(values[1])), clusters, (medians[0], medians[1]), found,
-                      math.nan, TOO_FEW, values)  # fmt: skip
-    same = all(map(len, values)) and (np.array_equal(*values) if paired else np.ptp(np.concatenate(values)) == 0.0)
-    return replace(made, verdict=SAME) if same else made
+    clusters = len(np.unique(np.asarray(suite.clusters)[known[0]])) if suite.pairs else sum(map(len, values))
+    equal = np.array_equal(*values) if suite.pairs else len(np.unique(np.concatenate(values))) == 1
+    first, second = (float(np.median(v)) if len(v) else math.nan for v in values)
+    return Comparison(
+        suite.name, f, bool(suite.pairs), (len(values[0]), len(values[1])), clusters, (first, second), found,
+        math.nan, SAME if equal and all(map(len, values)) else TOO_FEW, values,
+    )  # fmt: skip
 
 
 def _verdict(c: Comparison, corrected: float, alpha: float) -> str:
@@ -145,7 +164,8 @@ def _mean(rows: Rows, name: str) -> float:
 def _lacking(rows: Rows, name: str) -> float:
     """Share of the rows that are done and have no number."""
     done = [row for row in rows if row["ending"] == Ending.DONE]
-    return sum(row[name] is None or not math.isfinite(row[name]) for row in done) / len(done) if done else math.nan
+    without = sum(row[name] is None or not math.isfinite(row[name]) for row in done)
+    return without / len(done) if done else math.nan
 
 
 def _not_done(rows: Rows) -> float:

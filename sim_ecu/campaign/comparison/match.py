@@ -1,4 +1,4 @@
-"""Which rows of two campaigns belong to each other: the inputs that differ as wholes, pairs, and what shares a world."""
+"""Which rows of two campaigns belong to each other: inputs that differ as wholes, pairs, and what shares a world."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass

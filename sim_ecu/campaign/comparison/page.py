@@ -21,7 +21,11 @@ def page(result: Result, ways: tuple[Sequence[Worst], Sequence[Worst]]) -> str:
                 f"<p>{html.escape(w.suite)}, {html.escape(w.figure)}</p><pre>{html.escape(w.toml)}</pre>" for w in way
             ]
             head += ["</details>"]
-    lines = [line.replace("**", "") if line.startswith("|") else line for line in tables(result, ways) if line != told]
+    lines = [
+        line.replace("**", "").replace("`", "") if line.startswith("|") else line
+        for line in tables(result, ways)
+        if line != told
+    ]
     names = " and ".join(html.escape(c.title or str(c.folder)) for c in (result.first, result.second))
     return document(
         f"sim-ecu compare: {names}", "What differs, and is it more than chance?", "", head, pictures(result), lines

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from sim_ecu.campaign.comparison.compare import BETTER, CHANCE, DIFFERS, SAME, TOO_FEW, WORSE, Comparison, Result
+from sim_ecu.campaign.kind import Type
 from sim_ecu.score.page_pictures import Look, Picture
 
 # colours that the colour-blind tell apart; shapes say it too
@@ -30,12 +31,17 @@ def pictures(result: Result) -> Iterator[Picture]:
     if names:
         yield _differences(result, names)
     ranked = sorted(names, key=lambda name: min(c.found.p for c in result.comparisons if c.figure.name == name))
-    if drawn := [n for n in ranked if any(len(c.values[0]) for c in _of(result, n))][:MAX_SCATTERS]:
+    if drawn := [n for n in ranked if any(_drawn(c) for c in _of(result, n))][:MAX_SCATTERS]:
         yield _beside(result, drawn)
 
 
 def _of(result: Result, name: str) -> list[Comparison]:
     return [c for c in result.comparisons if c.figure.name == name]
+
+
+def _drawn(c: Comparison) -> bool:
+    """Whether dots show anything: a flag's lie on four places."""
+    return c.figure.type is not Type.FLAG and all(map(len, c.values))
 
 
 def _differences(result: Result, names: Sequence[str]) -> Picture:
@@ -54,7 +60,7 @@ def _differences(result: Result, names: Sequence[str]) -> Picture:
             _forest(ax, {c.suite: c for c in _of(result, name)}, suites, look)
         for ax in axes.flat[len(names) :]:
             ax.set_visible(False)
-        shown = {c.verdict for c in result.comparisons}
+        shown = {c.verdict for c in result.comparisons if c.figure.name in names}
         figure.legend(handles=[_handle(v) for v in LEGEND if v in shown], loc="outside lower center",
                       ncols=6 if look.wide else 3, frameon=False)  # fmt: skip
         return figure
@@ -125,7 +131,7 @@ def _beside(result: Result, names: Sequence[str]) -> Picture:
 def _dots(ax: Axes, comparisons: Sequence[Comparison], suites: Sequence[str]) -> None:
     low, high = math.inf, -math.inf
     for c in comparisons:
-        if not all(map(len, c.values)):
+        if not _drawn(c):
             continue
         a, b = c.values if c.paired else _quantiles(c)
         if len(a) > MAX_DOTS:

@@ -13,7 +13,6 @@ from sim_ecu.campaign.kind import Figure, Type
 from sim_ecu.campaign.store import CAMPAIGN, FORMAT, RESULTS
 from wrcd.errors import InputError
 
-DEFAULT_CLUSTER = ("seed",)
 _AGAIN = "name the folder of `sim-ecu campaign … -o`"
 
 
@@ -45,7 +44,7 @@ def read(folder: Path) -> Campaign:
         figures = tuple(
             Figure(f["name"], Type[f["type"].upper()], f["words"], f["unit"], f["better"]) for f in told["figures"]
         )
-        cluster = tuple(n for n in told.get("cluster", DEFAULT_CLUSTER) if n in told["inputs"])
+        cluster = tuple(n for n in told["cluster"] if n in told["inputs"])
         rows = _rows(folder, [*told["inputs"], "ending", *(f.name for f in figures)])
         return Campaign(
             folder, told["title"], told["kind"], told["suite"], cluster, told["code"], told["inputs"], figures, rows

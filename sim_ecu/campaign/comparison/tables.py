@@ -18,10 +18,11 @@ VERDICTS = (
     "comparisons together at {alpha:g} (Holm's correction of {judged}). within chance: no claim, which is no proof of "
     "equality. the same: no job differs. too few: no number of these rows could be a claim, so they are not counted."
 )
+SPREADS = "in standard deviations of the figure over its suite"
 METHODS = (
-    "p: pairs by flipping the signs of whole worlds, samples by exchanging worlds between the sides; n counts pairs, or "
-    "the worlds of each side. In brackets: the {share:g} % interval of that one difference of means, by the same test, "
-    "not corrected."
+    "p: pairs by flipping the signs of whole worlds, samples by exchanging worlds between the sides. n: pairs, or the "
+    "worlds of each side. In brackets: the {share:g} % interval of that one difference of means, by the same test, not "
+    "corrected."
 )
 
 
@@ -46,8 +47,8 @@ def tables(result: Result, ways: tuple[Sequence[Worst], Sequence[Worst]]) -> lis
     out += _alone(result)
     for way, who, other in zip(ways, (SECOND, FIRST), (FIRST, SECOND), strict=True):
         if way:
-            out += ["", f"**worst jobs of the {who}**: beside the {other}; each by what it is worst in, in spreads of its "
-                    "suite", "", *of_worst(way)]  # fmt: skip
+            out += ["", f"**worst jobs of the {who}**: beside the {other}; each by what it is worst in, {SPREADS}", ""]
+            out += of_worst(way)
     return out
 
 
