@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 from sim_ecu.commands import (
     campaign_command,
+    compare_command,
     contact_command,
     control_command,
     demo_command,
@@ -40,6 +41,7 @@ COMMANDS: tuple[Command, ...] = (
     figures_command.COMMAND,
     loop_command.COMMAND,
     campaign_command.COMMAND,
+    compare_command.COMMAND,
     fmu_command.COMMAND,
     verify_command.COMMAND,
     demo_command.COMMAND,
