@@ -4,6 +4,7 @@ import argparse
 from collections.abc import Sequence
 
 from sim_ecu.commands import (
+    campaign_command,
     contact_command,
     control_command,
     demo_command,
@@ -40,6 +41,7 @@ COMMANDS: tuple[Command, ...] = (
     score_command.COMMAND,
     figures_command.COMMAND,
     loop_command.COMMAND,
+    campaign_command.COMMAND,
     fmu_command.COMMAND,
     verify_command.COMMAND,
     demo_command.COMMAND,

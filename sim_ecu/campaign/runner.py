@@ -9,9 +9,10 @@ import itertools
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
+from concurrent.futures import CancelledError, Executor, Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
+from queue import Empty, SimpleQueue
 from typing import Any, Generic, TypeVar
 
 from sim_ecu.campaign.child import Child, Died, Failed, TookTooLong
@@ -20,9 +21,15 @@ from sim_ecu.campaign.job import Ending
 T = TypeVar("T")
 R = TypeVar("R")
 ATTEMPTS = 2
+AGAIN = (Ending.FAILED, Ending.DIED)  # too long is too long
 AHEAD = 4  # jobs handed out for each worker: none waits for the next
+IDLE_S = 1.0
 _ENDINGS = {TookTooLong: Ending.TOO_LONG, Died: Ending.DIED, Failed: Ending.FAILED}
 _children = threading.local()
+
+
+class Lost(Exception):
+    """The executor does not take or finish jobs any more."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,38 +68,59 @@ def local(workers: int) -> Iterator[Executor]:
 
 
 def run(
-    function: Callable[[T], R], jobs: Sequence[T], executor: Executor, workers: int, limit_s: float | None = None
-) -> Iterator[Outcome[R]]:
+    function: Callable[[T], R], jobs: Sequence[T], executor: Executor, workers: int | Callable[[], int],
+    limit_s: float | None = None, *, idle: Callable[[], None] = lambda: None,
+) -> Iterator[Outcome[R]]:  # fmt: skip
     """function(job) of all, each outcome as soon as it is there: in no order, and at most one for each job.
 
-    function is found by its module and name, and a job is pickled. What fails is tried once more; what then fails, dies
-    or takes longer than limit_s is an outcome, no error. What is lost with a worker counts as died.
+    function is found by its module and name, and a job is pickled. What fails or dies is tried once more; what then
+    fails or dies, or takes longer than limit_s, is an outcome, no error. What is lost with a worker counts as died.
+    workers: how many jobs are handed out, in units of AHEAD; a function where they come and go. idle: called about
+    every second; what it raises ends the run. Raises Lost where the executor is.
     """
     left = iter(range(len(jobs)))
     running: dict[Future[Any], tuple[int, int]] = {}
+    ended: SimpleQueue[Future[Any]] = SimpleQueue()
 
     def hand_out(place: int, attempt: int) -> None:
-        running[executor.submit(attempt_at, function, jobs[place], limit_s)] = place, attempt
+        try:
+            future = executor.submit(attempt_at, function, jobs[place], limit_s)
+        except RuntimeError as e:
+            raise Lost(str(e)) from None
+        running[future] = place, attempt
+        future.add_done_callback(ended.put)
 
-    for place in itertools.islice(left, workers * AHEAD):
-        hand_out(place, 1)
+    def fill() -> None:
+        width = AHEAD * (workers if isinstance(workers, int) else workers())
+        for place in itertools.islice(left, max(width - len(running), 0)):
+            hand_out(place, 1)
+
+    looked = time.monotonic()
+    fill()
     while running:
-        ended, _ = wait(running, return_when=FIRST_COMPLETED)
-        for future in ended:
-            place, attempt = running.pop(future)
-            ending, value, error, seconds = _result(future)
-            if ending is not Ending.DONE and attempt < ATTEMPTS:
-                hand_out(place, attempt + 1)
-                continue
-            following = next(left, None)
-            if following is not None:
-                hand_out(following, 1)
-            yield Outcome(place, ending, value, error, attempt, seconds)
+        now = time.monotonic()
+        if now - looked >= IDLE_S:
+            idle()
+            looked = now
+        try:
+            future = ended.get(timeout=IDLE_S)
+        except Empty:
+            fill()
+            continue
+        place, attempt = running.pop(future)
+        ending, value, error, seconds = _result(future)
+        if ending in AGAIN and attempt < ATTEMPTS:
+            hand_out(place, attempt + 1)
+            continue
+        fill()
+        yield Outcome(place, ending, value, error, attempt, seconds)
 
 
 def _result(future: Future[Any]) -> tuple[Ending, Any, str, float]:
     try:
         ending, value, error, seconds = future.result()
+    except CancelledError:
+        raise Lost("it gave up what it was handed") from None
     except Exception as e:  # the worker was lost with the job, or what it returned cannot be sent
         return Ending.DIED, None, f"{type(e).__name__}: {e}", 0.0
     return Ending(ending), value, error, seconds

@@ -45,6 +45,13 @@ STATUSES: dict[str, dict[Status, str]] = {
     "contact": {Status.DONE: "done", Status.BAD_INPUT: _BAD, **_STOPPED},
     "score": {Status.DONE: "the tables are printed, whatever the goals' verdicts", **_MADE},
     "loop": {Status.DONE: "the tables are printed, whatever the goals' verdicts", Status.BAD_INPUT: _BAD, **_STOPPED},
+    "campaign": {
+        Status.DONE: "every job is done",
+        Status.STOPPED: "jobs failed, took too long or died: their rows say why; or the workers are lost or have other "
+        "code, or the disk is full: the same command goes on from there",
+        Status.BAD_INPUT: _BAD,
+        Status.INTERRUPTED: "Ctrl-C or SIGTERM: the same command goes on from there",
+    },
     "figures": {Status.DONE: "the figures are drawn, whatever they show", **_MADE},
     "fmu": {
         Status.DONE: "the FMU is made",
