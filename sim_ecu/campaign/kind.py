@@ -83,7 +83,8 @@ class Kind:
     open_factors: prefixes, "scenario." for one, under which a campaign may name keys that are not listed.
     seeded: whether a job has an input `seed`, of which a campaign gives several to each point.
     check: raises InputError for inputs that are wrong together, before anything runs. cost: of a job, about, in any
-    unit: what the time left is told from. suite: the factor that tells a comparison what belongs together. named: the
+    unit: what the time left is told from. suite: the factor that tells a comparison what belongs together. cluster: the
+    inputs that make a job's world, its track and noise: jobs in which all are equal resemble each other. named: the
     files that an input's file names in turn, by a name of their own. points: the inputs of the jobs that inputs stand
     for, where they leave out optional factors that a job needs.
     """
@@ -98,6 +99,7 @@ class Kind:
     check: Callable[[Mapping[str, Any]], None] = lambda inputs: None
     cost: Callable[[Mapping[str, Any]], float] = lambda inputs: 1.0
     suite: str = ""
+    cluster: tuple[str, ...] = ("seed",)
     named: Callable[[Mapping[str, Any]], Mapping[str, Path]] = lambda inputs: {}
     points: Callable[[Mapping[str, Any]], Iterable[Mapping[str, Any]]] = lambda inputs: (inputs,)
 

@@ -62,6 +62,12 @@ STATUSES: dict[str, dict[Status, str]] = {
         Status.BAD_INPUT: _BAD,
         Status.INTERRUPTED: "Ctrl-C or SIGTERM: the same command goes on from there",
     },
+    "compare": {
+        Status.DONE: "the tables are printed, whatever the verdicts",
+        Status.STOPPED: "with `--fail-on`: a figure is worse, or differs",
+        Status.BAD_INPUT: _BAD,
+        **_STOPPED,
+    },
     "figures": {Status.DONE: "the figures are drawn, whatever they show", **_MADE},
     "fmu": {
         Status.DONE: "the FMU is made",

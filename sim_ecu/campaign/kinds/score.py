@@ -156,6 +156,7 @@ SCORE = Kind(
     check=_check,
     cost=_cost,
     suite="suite",
+    cluster=("lot", "run"),
     seeded=False,
     points=points,
 )
