@@ -75,12 +75,15 @@ def load_campaign(file: Path, code: str, checked: Checked = lambda _done, _of: N
     top.finish()
     stays: Point = {name: g.spread.every()[0] for name, g in fixed.items()}
     every = _points(head, varied, top)
-    points = list({tuple(p.items()): stays | p for p in every}.values())
-    types = {name: g.type for name, g in (fixed | varied).items()} | ({SEED: Type.WHOLE} if head.seeds else {})
+    drawn_once = list({tuple(p.items()): stays | p for p in every}.values())
     folder = file.parent
+    points = [p for point in drawn_once for p in _meant(head.kind, point, folder, top)]
+    types = {name: g.type for name, g in (fixed | varied).items()}
+    types |= {f.name: f.type for f in head.kind.factors if f.name in points[0] and f.name not in types}
+    types |= {SEED: Type.WHOLE} if head.seeds else {}
     jobs, paths = _jobs(head, points, folder, top, checked)
     asked = Asked(head.title, head.kind, types, code)
-    return Campaign(asked, jobs, varied, len(every) - len(points), head.limit_s, folder.resolve(), paths)
+    return Campaign(asked, jobs, varied, len(every) - len(drawn_once), head.limit_s, folder.resolve(), paths)
 
 
 def placed(kind: Kind, inputs: Mapping[str, Any], folder: Path) -> dict[str, Any]:
@@ -90,6 +93,15 @@ def placed(kind: Kind, inputs: Mapping[str, Any], folder: Path) -> dict[str, Any
         if (path := factor.path(out.get(factor.name))) is not None:
             out[factor.name] = str(folder / path)
     return out
+
+
+def _meant(kind: Kind, point: Point, folder: Path, top: Section) -> Iterator[Point]:
+    """The points that one stands for, file names as they are written. Raises InputError."""
+    try:
+        for inputs in kind.points(placed(kind, point, folder)):
+            yield {**inputs, **point}
+    except InputError as e:
+        raise _of_job(e, point, top) from None
 
 
 def _head(top: Section, file: Path) -> _Head:

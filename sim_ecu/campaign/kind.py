@@ -1,12 +1,12 @@
 """What can be asked: a kind of job, the factors it takes and the figures it gives."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
 from typing import Any
 
-from sim_ecu.campaign.job import Job, Scalar, contents
+from sim_ecu.campaign.job import Job, Scalar
 from wrcd.errors import InputError
 from wrcd.section import suggest
 
@@ -83,8 +83,10 @@ class Kind:
     open_factors: prefixes, "scenario." for one, under which a campaign may name keys that are not listed.
     seeded: whether a job has an input `seed`, of which a campaign gives several to each point.
     check: raises InputError for inputs that are wrong together, before anything runs. cost: of a job, about, in any
-    unit: what the time left is told from. suite: the factor that tells a comparison what belongs together. named: the
-    files that an input's file names in turn, by a name of their own.
+    unit: what the time left is told from. suite: the factor that tells a comparison what belongs together. cluster: the
+    inputs that make a job's world, its track and noise: jobs in which all are equal resemble each other. named: the
+    files that an input's file names in turn, by a name of their own. points: the inputs of the jobs that inputs stand
+    for, where they leave out optional factors that a job needs.
     """
 
     name: str
@@ -97,7 +99,9 @@ class Kind:
     check: Callable[[Mapping[str, Any]], None] = lambda inputs: None
     cost: Callable[[Mapping[str, Any]], float] = lambda inputs: 1.0
     suite: str = ""
+    cluster: tuple[str, ...] = ("seed",)
     named: Callable[[Mapping[str, Any]], Mapping[str, Path]] = lambda inputs: {}
+    points: Callable[[Mapping[str, Any]], Iterable[Mapping[str, Any]]] = lambda inputs: (inputs,)
 
     def factor(self, name: str) -> Factor | None:
         """By name; None for one that is not listed."""
@@ -108,9 +112,3 @@ class Kind:
         gives: what Job.files has the contents of. Raises InputError for one that cannot be read."""
         own = {f.name: f.path(inputs.get(f.name)) for f in self.factors}
         return {name: path for name, path in own.items() if path is not None} | dict(self.named(inputs))
-
-    def unchanged(self, job: Job) -> None:
-        """Raises InputError for a file that is not as it was when the job was made."""
-        for name, path in self.files(job.inputs).items():
-            if name in job.files and contents(path) != job.files[name]:
-                raise InputError("has changed since the campaign began", file=path, hint="begin the campaign again")

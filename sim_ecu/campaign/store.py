@@ -47,6 +47,7 @@ class Asked:
             "title": self.title,
             "kind": self.kind.name,
             "suite": self.kind.suite,
+            "cluster": [name for name in self.kind.cluster if name in self.columns],
             "inputs": {name: t.name.lower() for name, t in self.columns.items()},
             "figures": [{k: v for k, v in asdict(f).items() if k != "type"} | {"type": f.type.name.lower()}
                         for f in self.kind.figures],
