@@ -2,6 +2,7 @@
 
 import gzip
 import os
+import shutil
 from pathlib import Path
 
 import pyarrow.parquet as pq
@@ -62,6 +63,17 @@ def test_second_go_replays_nothing(fleet: Path, out: Path, capsys: pytest.Captur
     assert "| 7401 | 2 |" in said
     assert "suspicious: 7401 axle 2: GyroReversed" in said
     assert f"failed: {BROKEN}: has not one readable frame" in said
+
+
+def test_other_trains_need_no_replay(fleet: Path, out: Path, tmp_path: Path) -> None:
+    again = tmp_path / "again"
+    shutil.copytree(out, again)
+    assert campaign("--logs", fleet, "-o", again, "--train", r"(?P<train>\w+)\.log") == 1
+    rows = {r["log"]: r["train"] for r in pq.read_table(again / "results.parquet").to_pylist()}
+    assert rows == {"7401/a.log": "a", "7402/a.log.gz": "a", "7401/b.log": "b", BROKEN: "broken"}
+    assert sorted(pq.read_table(again / "times.parquet")["seconds"].to_pylist()) == sorted(
+        pq.read_table(out / "times.parquet")["seconds"].to_pylist()
+    )
 
 
 def test_page_has_what_is_suspicious_before_all_else(out: Path) -> None:

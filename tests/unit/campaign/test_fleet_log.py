@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from sim_ecu.campaign.fleet import tally
 from sim_ecu.campaign.fleet.classes import CLASSES
 from sim_ecu.campaign.job import Job, Scalar
 from sim_ecu.campaign.kinds.log import CAUSES, FIGURES, cause_column, class_column, replayed
@@ -133,6 +134,22 @@ def test_own_configuration_is_used(sound: Path, tmp_path: Path) -> None:
     own.write_text(ONE_AXLE)
     found, detail = figures(sound, own)
     assert (found["axles"], detail["without_frame"]) == (1, [])
+
+
+def test_figures_do_not_hang_on_how_many_frames_are_held(
+    sound: Path, judged: Judged, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tally, "BLOCK", 7)
+    found, detail = figures(sound)
+    assert detail == judged[1]
+    assert {name: value for name, value in found.items() if name != "detail"} == pytest.approx(
+        {name: value for name, value in judged[0].items() if name != "detail"}
+    )
+
+
+def test_log_that_changed_meanwhile_is_an_error(sound: Path) -> None:
+    with pytest.raises(InputError, match="has changed since"):
+        replayed(Job("log", {"log": str(sound)}, {"log": "of another time"}))
 
 
 @pytest.mark.parametrize(
