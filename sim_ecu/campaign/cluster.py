@@ -15,16 +15,19 @@ from sim_ecu.campaign.runner import Lost
 from wrcd.errors import InputError
 
 CONNECT_S = 10.0
+AHEAD = 16  # jobs handed out for each thread: a worker that is far away has its next ones, too
 COUNT_S = 2.0  # how often the workers are counted
 WAIT_S = 0.5
 RUNNING = "running"
+GONE = "no scheduler answers any more"
 
 
 @contextmanager
 def cluster(address: str) -> Iterator[Workers]:
     """The workers at a scheduler, one at least. Raises InputError for an address without one, Stopped for workers with
     other code."""
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what is lost is said here
+    for name in ("distributed", "distributed.client"):  # what is lost is said by who runs
+        logging.getLogger(name).setLevel(logging.CRITICAL)
     make: Any = distributed.Client  # it has no types
     try:
         client: Any = make(address, timeout=CONNECT_S, set_as_default=False)
@@ -34,7 +37,7 @@ def cluster(address: str) -> Iterator[Workers]:
     try:
         crew = _Crew(client, address)
         crew.gather()
-        yield Workers(client.get_executor(pure=False), crew.count, crew.look)
+        yield Workers(client.get_executor(pure=False), crew.count, AHEAD, crew.look)
     finally:
         client.close(timeout=WAIT_S)
 
@@ -74,4 +77,4 @@ class _Crew:
     def look(self) -> None:
         """Raises Lost where the scheduler has gone."""
         if self._client.status != RUNNING:
-            raise Lost(f"no scheduler answers at {self._address} any more")
+            raise Lost(GONE)

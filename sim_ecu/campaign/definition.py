@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -76,16 +75,15 @@ def load_campaign(file: Path, code: str, checked: Checked = lambda _done, _of: N
     top.finish()
     stays: Point = {name: g.spread.every()[0] for name, g in fixed.items()}
     every = _points(head, varied, top)
-    points = list({tuple(p.items()): stays | p for p in every}.values())
+    drawn_once = list({tuple(p.items()): stays | p for p in every}.values())
     folder = file.parent
-    with _told_of(file):
-        points = [p for point in points for p in _meant(head.kind, point, folder)]
+    points = [p for point in drawn_once for p in _meant(head.kind, point, folder, top)]
     types = {name: g.type for name, g in (fixed | varied).items()}
     types |= {f.name: f.type for f in head.kind.factors if f.name in points[0] and f.name not in types}
     types |= {SEED: Type.WHOLE} if head.seeds else {}
-    jobs, paths = _jobs(head, points, folder, file, checked)
+    jobs, paths = _jobs(head, points, folder, top, checked)
     asked = Asked(head.title, head.kind, types, code)
-    return Campaign(asked, jobs, varied, len(every) - len(points), head.limit_s, folder.resolve(), paths)
+    return Campaign(asked, jobs, varied, len(every) - len(drawn_once), head.limit_s, folder.resolve(), paths)
 
 
 def placed(kind: Kind, inputs: Mapping[str, Any], folder: Path) -> dict[str, Any]:
@@ -97,21 +95,13 @@ def placed(kind: Kind, inputs: Mapping[str, Any], folder: Path) -> dict[str, Any
     return out
 
 
-def _meant(kind: Kind, point: Point, folder: Path) -> Iterator[Point]:
-    """The points that one stands for, file names as they are written."""
-    for inputs in kind.points(placed(kind, point, folder)):
-        yield {**inputs, **point}
-
-
-@contextmanager
-def _told_of(file: Path) -> Iterator[None]:
-    """A mistake in the inputs stands in the file."""
+def _meant(kind: Kind, point: Point, folder: Path, top: Section) -> Iterator[Point]:
+    """The points that one stands for, file names as they are written. Raises InputError."""
     try:
-        yield
+        for inputs in kind.points(placed(kind, point, folder)):
+            yield {**inputs, **point}
     except InputError as e:
-        if e.file is not None:
-            raise
-        raise InputError(e.reason, file=file, key=e.key, hint=e.hint) from None
+        raise _of_job(e, point, top) from None
 
 
 def _head(top: Section, file: Path) -> _Head:
@@ -169,7 +159,7 @@ def _points(head: _Head, varied: Mapping[str, Given], top: Section) -> list[Poin
 
 
 def _jobs(
-    head: _Head, points: Sequence[Point], folder: Path, file: Path, checked: Checked
+    head: _Head, points: Sequence[Point], folder: Path, top: Section, checked: Checked
 ) -> tuple[tuple[Job, ...], dict[tuple[Any, ...], dict[str, str]]]:
     """Jobs of all points, and what they read. Every point is checked with its first seed: the others are like it."""
     kind = head.kind
@@ -190,7 +180,7 @@ def _jobs(
             kind.check(inputs)
         except InputError as e:
             for mistake in e.errors if isinstance(e, InputErrors) else (e,):
-                mistakes.setdefault(str(mistake), _of_job(mistake, point, file))
+                mistakes.setdefault(str(mistake), _of_job(mistake, point, top))
             if len(mistakes) >= MOST_TOLD:
                 break
             continue
@@ -209,11 +199,15 @@ def _with_seeds(point: Point, seeds: Iterable[int] | None) -> Iterator[Point]:
         yield from ({**point, SEED: seed} for seed in seeds)
 
 
-def _of_job(e: InputError, point: Point, file: Path) -> InputError:
+def _of_job(e: InputError, point: Point, top: Section) -> InputError:
     """A mistake in a file stands there; one in the inputs is the campaign's, at the first point that has it."""
     if e.file is not None:
         return e
-    return InputError(f"{e.reason} (at {told(point)})", file=file, key=e.key, hint=e.hint)
+    reason = f"{e.reason} (at {told(point)})"
+    table = next((t for t in (top.section("factor"), top.section("fixed")) if e.key in t), None)
+    if table is not None:
+        return table.error(reason, e.key, e.hint)
+    return InputError(reason, file=top.file, key=e.key, hint=e.hint)
 
 
 def _files(kind: Kind, inputs: Mapping[str, Any]) -> tuple[Any, ...]:

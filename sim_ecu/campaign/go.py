@@ -9,10 +9,11 @@ from sim_ecu.campaign.definition import Campaign
 from sim_ecu.campaign.job import Ending, Job, Row, Scalar
 from sim_ecu.campaign.kind import Figure, Type
 from sim_ecu.campaign.progress import Shown
-from sim_ecu.campaign.runner import Lost, Outcome, run
+from sim_ecu.campaign.runner import AHEAD, Lost, Outcome, run
 from sim_ecu.campaign.store import Store
 from sim_ecu.campaign.task import Refusal, Task, answer, plain_error
 from wrcd.errors import InputError, Status
+from wrcd.tools.guard import NOT_WRITTEN
 
 RESUMES = "the same command goes on from there"
 
@@ -25,10 +26,12 @@ class Stopped(InputError):
 
 @dataclass(frozen=True, slots=True)
 class Workers:
-    """Who does it: an executor, how many jobs it works on at once, and what is called every second or so."""
+    """Who does it: an executor, how many jobs it works on at once, how many are handed out for each of those, and what
+    is called every second or so."""
 
     executor: Executor
     count: int | Callable[[], int]
+    ahead: int = AHEAD
     idle: Callable[[], None] = lambda: None
 
 
@@ -52,6 +55,7 @@ def go(campaign: Campaign, folder: Path, workers: Workers, *, again: bool = Fals
     """
     keys = [job.key(campaign.asked.code) for job in campaign.jobs]
     with Store(folder, campaign.asked) as store:
+        store.claim(keys)
         if again:
             store.forget([k for k in keys if k in store.rows and store.rows[k].ending is not Ending.DONE])
         left = [k for k, key in enumerate(keys) if key not in store.rows]
@@ -59,19 +63,21 @@ def go(campaign: Campaign, folder: Path, workers: Workers, *, again: bool = Fals
         shown = Shown(len(keys), before, [campaign.cost(campaign.jobs[k]) for k in left])
         tasks = Tasks(campaign, left)
         try:
-            for outcome in run(answer, tasks, workers.executor, workers.count, campaign.limit_s, idle=workers.idle):
+            for outcome in run(
+                answer, tasks, workers.executor, workers.count, campaign.limit_s, ahead=workers.ahead, idle=workers.idle
+            ):
                 row = _row(keys[left[outcome.place]], outcome, campaign)
                 store.add(row)
                 shown.row(outcome.place, row)
         except Lost as e:
+            kept = f"{len(store.rows)} rows are in {folder}"
+            raise Stopped(f"the workers are lost: {e.reason}", hint=f"{kept}, {RESUMES}") from None
+        except OSError as e:
+            if e.errno not in NOT_WRITTEN:
+                raise
+            raise Stopped(f"a row cannot be written: {e.strerror}", file=folder, hint=f"make room; {RESUMES}") from None
+        finally:
             shown.end()
-            raise Stopped(
-                f"the workers are lost: {e}; {len(store.rows)} rows are kept", file=folder, hint=RESUMES
-            ) from None
-        except BaseException:
-            shown.end()
-            raise
-        shown.end()
         results = store.merge(campaign.jobs)
         return Finished([(job, store.rows[key]) for job, key in zip(campaign.jobs, keys, strict=True)], before, results)
 

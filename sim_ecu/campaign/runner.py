@@ -17,6 +17,7 @@ from typing import Any, Generic, TypeVar
 
 from sim_ecu.campaign.child import Child, Died, Failed, TookTooLong
 from sim_ecu.campaign.job import Ending
+from wrcd.errors import InputError, Status
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -24,12 +25,15 @@ ATTEMPTS = 2
 AGAIN = (Ending.FAILED, Ending.DIED)  # too long is too long
 AHEAD = 4  # jobs handed out for each worker: none waits for the next
 IDLE_S = 1.0
+KILLED_WORKER = "KilledWorker"  # Dask's, after it gave a job to so many
 _ENDINGS = {TookTooLong: Ending.TOO_LONG, Died: Ending.DIED, Failed: Ending.FAILED}
 _children = threading.local()
 
 
-class Lost(Exception):
+class Lost(InputError):
     """The executor does not take or finish jobs any more."""
+
+    status = Status.STOPPED
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,14 +73,14 @@ def local(workers: int) -> Iterator[Executor]:
 
 def run(
     function: Callable[[T], R], jobs: Sequence[T], executor: Executor, workers: int | Callable[[], int],
-    limit_s: float | None = None, *, idle: Callable[[], None] = lambda: None,
+    limit_s: float | None = None, *, ahead: int = AHEAD, idle: Callable[[], None] = lambda: None,
 ) -> Iterator[Outcome[R]]:  # fmt: skip
     """function(job) of all, each outcome as soon as it is there: in no order, and at most one for each job.
 
     function is found by its module and name, and a job is pickled. What fails or dies is tried once more; what then
     fails or dies, or takes longer than limit_s, is an outcome, no error. What is lost with a worker counts as died.
-    workers: how many jobs are handed out, in units of AHEAD; a function where they come and go. idle: called about
-    every second; what it raises ends the run. Raises Lost where the executor is.
+    workers: how many jobs run at once; a function where they come and go. ahead: jobs handed out for each of them.
+    idle: called about every second; what it raises ends the run. Raises Lost where the executor is.
     """
     left = iter(range(len(jobs)))
     running: dict[Future[Any], tuple[int, int]] = {}
@@ -91,7 +95,7 @@ def run(
         future.add_done_callback(ended.put)
 
     def fill() -> None:
-        width = AHEAD * (workers if isinstance(workers, int) else workers())
+        width = ahead * (workers if isinstance(workers, int) else workers())
         for place in itertools.islice(left, max(width - len(running), 0)):
             hand_out(place, 1)
 
@@ -120,9 +124,11 @@ def _result(future: Future[Any]) -> tuple[Ending, Any, str, float]:
     try:
         ending, value, error, seconds = future.result()
     except CancelledError:
-        raise Lost("it gave up what it was handed") from None
-    except Exception as e:  # the worker was lost with the job, or what it returned cannot be sent
-        return Ending.DIED, None, f"{type(e).__name__}: {e}", 0.0
+        raise Lost("what they were handed is given up") from None
+    except Exception as e:
+        if type(e).__name__ == KILLED_WORKER:
+            return Ending.DIED, None, "every worker that it was given to died", 0.0
+        raise Lost(f"one cannot run a job: {type(e).__name__}: {e}") from None
     return Ending(ending), value, error, seconds
 
 

@@ -120,7 +120,9 @@ def _range(table: Section, key: str, around: Section, factor: Factor | None, ste
     low, high = table.take("from", float), table.take("to", float)
     whole = table.get("whole", bool, factor is not None and factor.type is Type.WHOLE)
     log = table.get("log", bool, False)
-    steps = table.whole("steps", 0, 1, MAX_STEPS) if "steps" in table else 0
+    steps = table.whole("steps", 2, 2, MAX_STEPS) if "steps" in table else 0
+    if stepped and not steps:
+        table.mistake(table.absent("steps", "how many values from end to end: 2 or more"))
     table.done(RANGE_KEYS)
     if factor is not None and factor.type not in (Type.NUMBER, Type.WHOLE):
         raise around.error(f"takes {factor.type.value}, and no range", key, "list the values")
@@ -134,12 +136,6 @@ def _range(table: Section, key: str, around: Section, factor: Factor | None, ste
         raise around.error("takes whole ends, being whole", key)
     if whole and log:
         raise table.error("goes not with whole", "log", "list the values")
-    if stepped and steps < 2:
-        raise (
-            table.absent("steps", "how many values from end to end: 2 or more")
-            if not steps
-            else table.error("takes 2 or more", "steps")
-        )
     return Given(Type.WHOLE if whole else Type.NUMBER, Range(low, high, steps, log, whole))
 
 

@@ -7,6 +7,7 @@ results.parquet   all rows of the campaign in its order: equal bytes, however an
 times.parquet     seconds and attempts of each: what differs from one go to the next
 """
 
+import contextlib
 import fcntl
 import json
 import os
@@ -61,6 +62,7 @@ class Store:
         self._folder, self._asked = folder, asked
         self._rows: dict[str, Row] = {}
         self._fresh: list[Row] = []  # in the journal, in no batch yet
+        self._former = ""  # the title that was there
 
     def __enter__(self) -> Self:
         """Make or open the folder, take its lock, read what is finished. Raises InputError where that cannot be."""
@@ -84,19 +86,30 @@ class Store:
         except BaseException:
             self._lock.close()
             raise
-        _replace(self._folder / CAMPAIGN, (json.dumps(self._asked.document(), indent=1) + "\n").encode())
+        if not (self._folder / CAMPAIGN).exists():
+            self._describe()
         self._journal = (self._folder / JOURNAL).open("ab")
         return self
 
     def __exit__(self, kind: type[BaseException] | None, e: BaseException | None, tb: TracebackType | None) -> None:
         """Leave the folder to the next."""
-        self._journal.close()
+        with contextlib.suppress(OSError):  # the row that a full disk did not take is said already, and runs again
+            self._journal.close()
         self._lock.close()
 
     @property
     def rows(self) -> Mapping[str, Row]:
         """What is finished, by key."""
         return self._rows
+
+    def claim(self, keys: Iterable[str]) -> None:
+        """Raises InputError where the folder's rows are another campaign's: none of them is of these jobs, and it has
+        another title."""
+        if self._rows and self._former != self._asked.title and self._rows.keys().isdisjoint(keys):
+            raise InputError(
+                f"holds another campaign: {self._former!r}, with {len(self._rows)} rows", file=self._folder,
+                hint="name another folder; with the same title, rows are added to those that are there",
+            )  # fmt: skip
 
     def forget(self, keys: Iterable[str]) -> None:
         """Rows that are to be made again: a later row of the same key takes their place."""
@@ -115,6 +128,7 @@ class Store:
     def merge(self, jobs: Sequence[Job]) -> Path:
         """Write results.parquet and times.parquet of the jobs, in their order; what is not finished is not in it."""
         self._flush()
+        self._describe()
         pairs = [(job, self._rows[key]) for job in jobs if (key := job.key(self._asked.code)) in self._rows]
         _write(self._folder / RESULTS, self._table(pairs))
         times = {
@@ -134,6 +148,10 @@ class Store:
         for f in self._asked.kind.figures:
             columns[f.name] = pa.array([r.figures.get(f.name) for _, r in pairs], _ARROW[f.type])
         return pa.table(columns)
+
+    def _describe(self) -> None:
+        document = json.dumps(self._asked.document(), indent=1, ensure_ascii=False)
+        _replace(self._folder / CAMPAIGN, f"{document}\n".encode())
 
     def _flush(self) -> None:
         if not self._fresh:
@@ -155,6 +173,9 @@ class Store:
             there = json.loads(file.read_text(encoding="utf-8"))
         except ValueError as e:
             raise InputError(f"cannot be read: {e}", file=file, hint="name another folder") from None
+        if not isinstance(there, dict):
+            raise InputError("describes no campaign", file=file, hint="name another folder")
+        self._former = there.get("title", "")
         if there.get("format") != FORMAT or there.get("kind") != self._asked.kind.name:
             raise InputError(f"holds a campaign of another kind: {there.get('kind')}", file=self._folder,
                              hint="name another folder")  # fmt: skip
@@ -175,11 +196,20 @@ class Store:
         lines = journal.read_bytes().splitlines(keepends=True) if journal.exists() else []
         if lines and not lines[-1].endswith(b"\n"):  # the process ended within it: the job was not finished
             lines.pop()
-        fresh = [_row(json.loads(line), self._asked.kind.figures) for line in lines]
+        fresh = [self._journaled(number, line) for number, line in enumerate(lines, 1)]
         if journal.exists():
             os.truncate(journal, sum(map(len, lines)))
         self._rows |= {r.key: r for r in fresh}
         self._fresh = fresh
+
+    def _journaled(self, number: int, line: bytes) -> Row:
+        try:
+            return _row(json.loads(line), self._asked.kind.figures)
+        except (ValueError, KeyError, TypeError) as e:
+            raise InputError(
+                f"is no row: {type(e).__name__}: {e}", file=self._folder / JOURNAL, line=number,
+                hint="remove the line: its job runs again",
+            ) from None  # fmt: skip
 
 
 def _line(row: Row) -> bytes:
@@ -223,3 +253,8 @@ def _settle(beside: Path, file: Path) -> None:
     with beside.open("rb") as opened:
         os.fsync(opened.fileno())
     beside.replace(file)
+    folder = os.open(file.parent, os.O_RDONLY)
+    try:
+        os.fsync(folder)  # its name, too, before what it replaces goes
+    finally:
+        os.close(folder)

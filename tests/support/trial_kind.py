@@ -7,15 +7,15 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
-from sim_ecu.campaign import kinds
 from sim_ecu.campaign.job import Job, Scalar
 from sim_ecu.campaign.kind import Factor, Figure, Kind, Type
 from wrcd.errors import InputError
 
+Write: TypeAlias = Callable[..., Path]  # the fixture that writes a campaign's file
 HANGS_S = 600.0
 
 
@@ -80,6 +80,7 @@ TRIAL = Kind(
 
 def main() -> int:
     """sim-ecu with this kind."""
+    from sim_ecu.campaign import kinds
     from sim_ecu.cli import main as sim_ecu
     from tests.support.trial_kind import TRIAL as importable  # children find its function by this module's name
 

@@ -7,7 +7,17 @@ from typing import Any
 
 from sim_ecu.campaign.job import Job, Scalar
 from sim_ecu.campaign.kind import Factor, Figure, Kind, Type
-from sim_ecu.campaign.kinds import given
+from sim_ecu.campaign.kinds.given import (
+    CONFIGURATION,
+    DESIGN,
+    FAULT,
+    PREFIX,
+    SCENARIO,
+    configuration_of,
+    fault_of,
+    named_by,
+    scenario_of,
+)
 from sim_ecu.loop.control.facts import Facts
 from sim_ecu.loop.control.make import NAMES, make_controller
 from sim_ecu.loop.ideal import ride_ideal
@@ -28,14 +38,14 @@ from wrcd.errors import InputError
 COST, COST_OF_AXLE, COST_OF_DAEMON, COST_OF_ITS_AXLE = 1.0, 0.5, 1.2, 0.8
 
 FACTORS = (
-    given.SCENARIO,
+    SCENARIO,
     Factor("controller", Type.TEXT, "who demands torque; ideal sees the rail, as no controller can", "thresholds",
            choices=(*NAMES, IDEAL)),
     Factor("with_adhesion", Type.FLAG, "the controller hears wrcd", False),
     Factor("daemon", Type.FLAG, "wrcd runs, also where the controller does not hear it; always with_adhesion", False),
-    given.DESIGN,
-    given.CONFIGURATION,
-    *given.FAULT,
+    DESIGN,
+    CONFIGURATION,
+    *FAULT,
     Factor("phase_us", Type.WHOLE, "how long after the rig's 10 ms messages the controller acts: 0 or 5000", 0, "us"),
     Factor("delay_us", Type.WHOLE, "how long its demands are on their way, in whole samples of 5000", 0, "us"),
 )  # fmt: skip
@@ -85,15 +95,15 @@ def _asked(inputs: Mapping[str, Any]) -> _Asked:
     runs = hears or bool(inputs.get("daemon", False))
     if runs and controller == IDEAL:
         raise InputError("runs without a bus, where no daemon hears anything", key="controller", hint="daemon = false")
-    scenario = given.scenario(inputs, path_of(inputs["scenario"]), read_drive_scenario)
-    faults = given.fault(inputs, scenario.axles, scenario.train.duration_s)
+    scenario = scenario_of(inputs, path_of(inputs["scenario"]), read_drive_scenario)
+    faults = fault_of(inputs, scenario.axles, scenario.train.duration_s)
     for f in faults:
         if controller == IDEAL or not (runs or f.kind in SILENT):
             raise InputError(f"nobody hears the inputs that {f.kind} spoils", key="fault", hint="daemon = true")
     for name in ("design", "configuration"):
         if inputs.get(name) and not runs:
             raise InputError("is of a daemon, and none runs", key=name, hint="daemon = true")
-    config = given.configuration(inputs, scenario.axles) if runs else None
+    config = configuration_of(inputs, scenario.axles) if runs else None
     wheelset = scenario.train.wheelset
     own = config is not None and inputs.get("configuration")
     train: Train = MappedTrain(config, wheelset.normal_N, wheelset.r_0) if config is not None and own else PACKAGED
@@ -159,7 +169,7 @@ def _honest(said: list[Honesty]) -> dict[str, Scalar]:
 
 
 def _cost(inputs: Mapping[str, Any]) -> float:
-    scenario = given.scenario(inputs, path_of(inputs["scenario"]), read_drive_scenario)
+    scenario = scenario_of(inputs, path_of(inputs["scenario"]), read_drive_scenario)
     more = len(scenario.axles) - 1
     daemon = bool(inputs.get("with_adhesion") or inputs.get("daemon"))
     return scenario.train.duration_s * (
@@ -173,9 +183,9 @@ DRIVE = Kind(
     FACTORS,
     FIGURES,
     figures,
-    open_factors=(given.PREFIX,),
+    open_factors=(PREFIX,),
     check=_check,
     cost=_cost,
     suite="scenario",
-    named=given.named,
+    named=named_by,
 )

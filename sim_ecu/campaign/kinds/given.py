@@ -47,7 +47,7 @@ _KEYS = {"fault": "kind", "fault_at_s": "at_s", "fault_for_s": "duration_s", "fa
          "fault_amount": "amount"}  # fmt: skip
 
 
-def scenario(inputs: Mapping[str, Any], path: Path, read: Callable[[Section, str], T]) -> T:
+def scenario_of(inputs: Mapping[str, Any], path: Path, read: Callable[[Section, str], T]) -> T:
     """A scenario's file, with what `scenario.KEY` says otherwise and the job's seed, read by its own reader.
 
     KEY goes into tables and lists by dots, places of a list from 1 on: `scenario.rail.2.mu_0`. Raises InputError.
@@ -96,7 +96,7 @@ def _place(rows: list[Any], part: str, name: str) -> Any:
     return rows[int(part) - 1]
 
 
-def fault(inputs: Mapping[str, Any], axles: Sequence[int], end_s: float) -> tuple[Fault, ...]:
+def fault_of(inputs: Mapping[str, Any], axles: Sequence[int], end_s: float) -> tuple[Fault, ...]:
     """The fault that the inputs ask for; none or one. Raises InputError that names the input."""
     if inputs.get("fault", NO_FAULT) == NO_FAULT:
         return ()
@@ -115,11 +115,11 @@ def fault(inputs: Mapping[str, Any], axles: Sequence[int], end_s: float) -> tupl
     return (found,)
 
 
-def configuration(inputs: Mapping[str, Any], axles: Sequence[int]) -> Config:
+def configuration_of(inputs: Mapping[str, Any], axles: Sequence[int]) -> Config:
     """The daemon's: the file's, or the packaged one of so many axles; with the design, where one is given. Raises
     InputError, also for a design of another wheelset than the configuration names."""
     files = (CONFIGURATION.path(inputs.get("configuration")), DESIGN.path(inputs.get("design")))
-    digests = [contents(f) for f in (*files, *named(inputs).values()) if f is not None]
+    digests = [contents(f) for f in (*files, *named_by(inputs).values()) if f is not None]
     return _configuration(*files, max(axles), tuple(digests))
 
 
@@ -136,7 +136,7 @@ def _configuration(file: Path | None, design_file: Path | None, axles: int, _dig
     return replace(config, design=design, design_file=design_file)
 
 
-def named(inputs: Mapping[str, Any]) -> dict[str, Path]:
+def named_by(inputs: Mapping[str, Any]) -> dict[str, Path]:
     """The DBC and the design that the configuration names, packaged ones left out."""
     file = CONFIGURATION.path(inputs.get("configuration"))
     return {} if file is None else _named(file, contents(file))

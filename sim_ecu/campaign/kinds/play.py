@@ -6,8 +6,18 @@ from typing import Any
 
 from sim_ecu.campaign.job import Job, Scalar
 from sim_ecu.campaign.kind import Factor, Kind, Type
-from sim_ecu.campaign.kinds import given
 from sim_ecu.campaign.kinds.estimates import FIGURES, figures_of
+from sim_ecu.campaign.kinds.given import (
+    CONFIGURATION,
+    DESIGN,
+    FAULT,
+    PREFIX,
+    SCENARIO,
+    configuration_of,
+    fault_of,
+    named_by,
+    scenario_of,
+)
 from sim_ecu.play.inject import at_work
 from sim_ecu.play.mapped import MappedTrain
 from sim_ecu.play.scenario import Scenario, path_of, read_scenario
@@ -18,7 +28,7 @@ from wrcd.core.configuration import Config
 from wrcd.errors import InputError
 
 JUDGED_FROM = Factor("judged_from_s", Type.NUMBER, "frames before are not judged", NOMINAL_FROM_S, "s")
-FACTORS = (given.SCENARIO, given.DESIGN, given.CONFIGURATION, *given.FAULT, JUDGED_FROM)
+FACTORS = (SCENARIO, DESIGN, CONFIGURATION, *FAULT, JUDGED_FROM)
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,8 +45,8 @@ def _asked(inputs: Mapping[str, Any]) -> _Asked:
     """Raises InputError for inputs that make no sense."""
     scenario = _scenario(inputs)
     numbers = [a.number for a in scenario.axles]
-    faults = (*scenario.faults, *given.fault(inputs, numbers, scenario.duration_s))
-    config = given.configuration(inputs, numbers)
+    faults = (*scenario.faults, *fault_of(inputs, numbers, scenario.duration_s))
+    config = configuration_of(inputs, numbers)
     w = scenario.wheelset
     train: Train = MappedTrain(config, w.normal_N, w.r_0) if inputs.get("configuration") else PACKAGED
     at_work(faults, numbers, scenario.axles[0].seed, train)
@@ -51,7 +61,7 @@ def _asked(inputs: Mapping[str, Any]) -> _Asked:
 
 
 def _scenario(inputs: Mapping[str, Any]) -> Scenario:
-    return given.scenario(inputs, path_of(inputs["scenario"]), read_scenario)
+    return scenario_of(inputs, path_of(inputs["scenario"]), read_scenario)
 
 
 def _check(inputs: Mapping[str, Any]) -> None:
@@ -76,9 +86,9 @@ PLAY = Kind(
     FACTORS,
     FIGURES,
     figures,
-    open_factors=(given.PREFIX,),
+    open_factors=(PREFIX,),
     check=_check,
     cost=_cost,
     suite="scenario",
-    named=given.named,
+    named=named_by,
 )

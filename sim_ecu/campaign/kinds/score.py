@@ -11,19 +11,20 @@ import numpy as np
 
 from sim_ecu.campaign.job import Job, Scalar, contents
 from sim_ecu.campaign.kind import Factor, Figure, Kind, Type
-from sim_ecu.campaign.kinds import estimates, given
+from sim_ecu.campaign.kinds.estimates import FIGURES as OF_ESTIMATES
+from sim_ecu.campaign.kinds.estimates import figures_of as figures_of_estimates
+from sim_ecu.campaign.kinds.given import configuration_of
 from sim_ecu.design.source import Source, load_source
 from sim_ecu.score.metrics import accuracy, changes, honesty
 from sim_ecu.score.names import SUITES
 from sim_ecu.score.play import Trace, play
 from sim_ecu.score.suites import runs, training_runs
-from sim_ecu.score.suites.broken import DIES_S
 from sim_ecu.score.suites.run import AXLES, TRAINING_LOTS, Run
 from wrcd import resources
 from wrcd.errors import InputError
 from wrcd.section import suggest
 
-KEPT = 2 * len(SUITES)  # suites that a process keeps: two designs or lots side by side
+KEPT, DESIGNS = 2 * len(SUITES), 16  # that a process keeps: all suites of two designs or lots
 
 FACTORS = (
     Factor("suite", Type.TEXT, "the suite", choices=SUITES),
@@ -34,7 +35,7 @@ FACTORS = (
            f"other seeds; -1 to -{TRAINING_LOTS} those that designs are tuned on", 0),
 )  # fmt: skip
 FIGURES = (
-    *estimates.FIGURES,
+    *OF_ESTIMATES,
     Figure("delay_s", Type.NUMBER, "time until a change of rail has shown, mean of the changes; NaN without one", "s",
            "less"),
     Figure("drop_lie_s", Type.NUMBER, "time Valid with the truth below the interval after a drop, mean of the drops; "
@@ -75,7 +76,7 @@ def _suite(file: Path, digest: str, suite: str, lot: int) -> dict[str, list[Run]
     return out
 
 
-@lru_cache(given.KEPT)
+@lru_cache(DESIGNS)
 def _source(file: Path, _digest: str) -> Source:
     return load_source(file)
 
@@ -103,7 +104,7 @@ def points(inputs: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
 def figures(job: Job) -> Mapping[str, Scalar]:
     """Play the run of a job, and judge it."""
     run = _run(job.inputs)
-    traces = play(run, given.configuration(job.inputs, (AXLES,)), {})
+    traces = play(run, configuration_of(job.inputs, (AXLES,)), {})
     if run.suite == "paper":
         traces = [replace(t, judged_from_s=accuracy.judged_from_reached(t)) for t in traces]
     return figures_of(traces)
@@ -112,8 +113,8 @@ def figures(job: Job) -> Mapping[str, Scalar]:
 def figures_of(traces: Sequence[Trace]) -> dict[str, Scalar]:
     """Of a run's traces."""
     suite = traces[0].suite
-    out = estimates.figures_of(traces)
-    more: dict[str, Scalar] = {f.name: math.nan for f in FIGURES if f not in estimates.FIGURES}
+    out = figures_of_estimates(traces)
+    more: dict[str, Scalar] = {f.name: math.nan for f in FIGURES if f not in OF_ESTIMATES}
     if suite in _CHANGING:
         drops = changes.drops(traces)
         more |= {
@@ -127,7 +128,7 @@ def figures_of(traces: Sequence[Trace]) -> dict[str, Scalar]:
     if suite in _BROKEN:
         more["found"] = honesty.found_out(traces).value
     if suite == "dead":
-        more["valid_after_s"] = honesty.valid_after(traces, DIES_S)["most"].value
+        more["valid_after_s"] = honesty.valid_after(traces, traces[0].judged_from_s)["most"].value
     return out | more
 
 
