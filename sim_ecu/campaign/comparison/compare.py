@@ -164,8 +164,8 @@ def _mean(rows: Rows, name: str) -> float:
 def _lacking(rows: Rows, name: str) -> float:
     """Share of the rows that are done and have no number."""
     done = [row for row in rows if row["ending"] == Ending.DONE]
-    without = sum(row[name] is None or not math.isfinite(float(row[name])) for row in done)
-    return without / len(done) if done else math.nan
+    without = [row[name] is None or not math.isfinite(row[name]) for row in done]
+    return float(np.mean(without)) if done else math.nan
 
 
 def _not_done(rows: Rows) -> float:

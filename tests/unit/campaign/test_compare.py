@@ -113,11 +113,12 @@ def test_versions_of_the_code_are_paired_and_told(tmp_path: Path) -> None:
 
 def test_few_seeds_with_many_points_hold_for_these_seeds_alone(tmp_path: Path) -> None:
     every = [{"rail": "leaf", "design": "x", "speed": float(v), "seed": 1} for v in range(30)]
-    made = [
-        folder(tmp_path / n, [i | {"design": n} for i in every], lambda i, k=k: {"error": i["speed"] % 7 + k * 0.1})
-        for k, n in enumerate("ab")
-    ]
-    result = compared(*made)
+    a, b = (
+        folder(tmp_path / name, [i | {"design": name} for i in every],
+               lambda i: {"error": i["speed"] % 7 + 0.1 * (i["design"] == "b")})
+        for name in "ab"
+    )  # fmt: skip
+    result = compared(a, b)
     assert (of(result, "leaf", "error").clusters, of(result, "leaf", "error").verdict) == (30, WORSE)
     assert "pair: for seed as it was (1 in all)" in said(result)
 
@@ -184,8 +185,8 @@ def test_worst_jobs_are_those_that_differ_most_each_way(tmp_path: Path) -> None:
         by = {3: 5.0, 7: 2.0, 9: -4.0}.get(job["seed"], 0.0) if job["design"] == "b.json" else 0.0
         return {"error": 10.0 + by + job["seed"] % 4, "valid": 1.0}
 
-    made = [folder(tmp_path / n, inputs(("leaf",), design=f"{n}.json"), told) for n in "ab"]
-    second, first = worst(compared(*made))
+    a, b = (folder(tmp_path / n, inputs(("leaf",), design=f"{n}.json"), told) for n in "ab")
+    second, first = worst(compared(a, b))
     assert [w.inputs["seed"] for w in second] == [3, 7]
     assert [(w.inputs["seed"], w.inputs["design"]) for w in first] == [(9, "a.json")]
     assert '# the other: "a.json"' in second[0].toml
@@ -194,7 +195,7 @@ def test_worst_jobs_are_those_that_differ_most_each_way(tmp_path: Path) -> None:
 
 
 def test_worst_job_as_toml_is_a_campaign_of_that_job(tmp_path: Path) -> None:
-    asked = {"suite": "paper", "group": "held at the peak", "run": 3, "lot": 1}
+    asked: dict[str, Scalar] = {"suite": "paper", "group": "held at the peak", "run": 3, "lot": 1}
     file = tmp_path / "worst.toml"
     file.write_text(toml("score", asked, {"design": "b.json"}))
     assert [job.inputs for job in load_campaign(file, "code").jobs] == [asked]

@@ -75,10 +75,12 @@ _sim_ecu() {
             score:--beside | score:--json | score:--html | figures:-o | \
             figures:--output | figures:--design | figures:--paper | loop:--suite | \
             loop:--only | loop:--seeds | loop:--jobs | loop:--json | \
-            loop:--html | fmu:-o | fmu:--output | verify:--config | \
-            verify:--fuzzy-every | demo:-i | demo:--interface | demo:-c | \
-            demo:--channel | demo:--config | demo:--scenario | demo:-o | \
-            demo:--output)
+            loop:--html | campaign:-o | campaign:--out | campaign:--jobs | \
+            campaign:--scheduler | compare:--figures | compare:--alpha | compare:--fail-on | \
+            compare:--json | compare:--html | fmu:-o | fmu:--output | \
+            verify:--config | verify:--fuzzy-every | demo:-i | demo:--interface | \
+            demo:-c | demo:--channel | demo:--config | demo:--scenario | \
+            demo:-o | demo:--output)
                 [[ ${COMP_WORDS[i + 1]-} != = ]] || ((i++))
                 ((i++))
                 ;;
@@ -90,7 +92,7 @@ _sim_ecu() {
     case $command in
     '')
         options='-h --help --version'
-        [[ $cur == -* ]] || _sim_ecu_words 'list play inject drive control faults design contact score figures loop fmu verify demo completion'
+        [[ $cur == -* ]] || _sim_ecu_words 'list play inject drive control faults design contact score figures loop campaign compare fmu verify demo completion'
         ;;
     list)
         options='-h --help'
@@ -226,6 +228,35 @@ _sim_ecu() {
         :) _sim_ecu_nothing; return ;;
         esac
         [[ $cur == -* ]] || _sim_ecu_nothing
+        ;;
+    campaign)
+        options='-h --help -o --out --jobs --scheduler --again --dry-run'
+        case $prev in
+        -o | --out) _sim_ecu_folders; return ;;
+        --jobs) _sim_ecu_nothing; return ;;
+        --scheduler) _sim_ecu_nothing; return ;;
+        :) _sim_ecu_nothing; return ;;
+        esac
+        [[ $cur == -?* ]] || case $position in
+        0) _sim_ecu_files .toml ;;
+        *) _sim_ecu_nothing ;;
+        esac
+        ;;
+    compare)
+        options='-h --help --figures --alpha --fail-on --json --html'
+        case $prev in
+        --figures) _sim_ecu_nothing; return ;;
+        --alpha) _sim_ecu_nothing; return ;;
+        --fail-on) _sim_ecu_words 'worse any'; return ;;
+        --json) _sim_ecu_files ''; return ;;
+        --html) _sim_ecu_files ''; return ;;
+        :) _sim_ecu_nothing; return ;;
+        esac
+        [[ $cur == -?* ]] || case $position in
+        0) _sim_ecu_folders ;;
+        1) _sim_ecu_folders ;;
+        *) _sim_ecu_nothing ;;
+        esac
         ;;
     fmu)
         options='-h --help -o --output'
