@@ -4,6 +4,8 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from sim_ecu.campaign.job import Ending, Job, Row, Scalar
 from sim_ecu.campaign.kind import Figure, Kind, Type
 from sim_ecu.campaign.store import Asked, Store
@@ -47,3 +49,21 @@ def inputs(
 ) -> list[dict[str, Any]]:
     """Every rail with every seed; more are the same in all jobs."""
     return [{"rail": rail, **more, "seed": seed} for rail in rails for seed in seeds]
+
+
+def steps(shift: float = 0.0, *, own: int = 0, rail: str = "leaf") -> Told:
+    """Figures of a world (by rail and seed), a little noise of the campaign's own, and a shift on one rail."""
+
+    def told(job: Mapping[str, Any]) -> dict[str, Scalar]:
+        key = [len(job["rail"]), job["seed"]]
+        world = np.random.default_rng(key).exponential(size=3)
+        noise = np.random.default_rng([own, *key]).normal(size=3)
+        by = shift if job["rail"] == rail else 0.0
+        return {
+            "error": float(world[0] + 0.05 * noise[0] + by),
+            "valid": float(0.9 - 0.1 * world[1] + 0.005 * noise[1] - by / 10),
+            "slip": int(20 * world[2] + noise[2] + 10 * by),
+            "cause": "None",
+        }
+
+    return told

@@ -7,7 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from sim_ecu.campaign.comparison.compare import (
@@ -28,26 +27,8 @@ from sim_ecu.campaign.definition import load_campaign
 from sim_ecu.campaign.job import Scalar
 from sim_ecu.campaign.kind import Figure, Type
 from sim_ecu.campaign.store import CAMPAIGN, RESULTS
-from tests.support.compared import FIGURES, Told, folder, inputs, kind
+from tests.support.compared import FIGURES, folder, inputs, kind, steps
 from wrcd.errors import InputError
-
-
-def steps(shift: float = 0.0, *, own: int = 0, rail: str = "leaf") -> Told:
-    """Figures of a world (by rail and seed), a little noise of the campaign's own, and a shift on one rail."""
-
-    def told(job: Mapping[str, Any]) -> dict[str, Scalar]:
-        key = [len(job["rail"]), job["seed"]]
-        world = np.random.default_rng(key).exponential(size=3)
-        noise = np.random.default_rng([own, *key]).normal(size=3)
-        by = shift if job["rail"] == rail else 0.0
-        return {
-            "error": float(world[0] + 0.05 * noise[0] + by),
-            "valid": float(0.9 - 0.1 * world[1] + 0.005 * noise[1] - by / 10),
-            "slip": int(20 * world[2] + noise[2] + 10 * by),
-            "cause": "None",
-        }
-
-    return told
 
 
 def compared(first: Path, second: Path, names: list[str] | None = None, alpha: float = 0.05) -> Result:

@@ -6,9 +6,8 @@ from pathlib import Path
 import pytest
 
 from sim_ecu.cli import main
-from tests.support.compared import folder, inputs
+from tests.support.compared import folder, inputs, steps
 from tests.support.page_commands import run_by
-from tests.unit.campaign.test_compare import steps
 
 
 @pytest.fixture
