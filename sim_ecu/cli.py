@@ -19,6 +19,7 @@ from sim_ecu.commands import (
     loop_command,
     play_command,
     score_command,
+    tune_command,
     verify_command,
 )
 from sim_ecu.commands.extra import explained
@@ -37,6 +38,7 @@ COMMANDS: tuple[Command, ...] = (
     faults_command.COMMAND,
     design_command.COMMAND,
     contact_command.COMMAND,
+    tune_command.COMMAND,
     score_command.COMMAND,
     figures_command.COMMAND,
     loop_command.COMMAND,

@@ -22,7 +22,7 @@ def run(file: Path, folder: Path, jobs: int, scheduler: str | None, again: bool)
     """Run, merge, tell. 1 where a job did not end well."""
     campaign = _checked(file)
     try:
-        with _terminated_like_ctrl_c(), _workers(jobs, scheduler) as workers:
+        with terminated_like_ctrl_c(), workers_for(jobs, scheduler) as workers:
             finished = go(campaign, folder, workers, again=again)
     except KeyboardInterrupt:
         print(f"stopped; what is finished is in {folder}, {RESUMES}", file=sys.stderr)
@@ -53,7 +53,8 @@ def _checked(file: Path) -> Campaign:
         progress.end()
 
 
-def _workers(jobs: int, scheduler: str | None) -> AbstractContextManager[Workers]:
+def workers_for(jobs: int, scheduler: str | None) -> AbstractContextManager[Workers]:
+    """Processes here, or the workers of a scheduler."""
     if scheduler is None:
         return _local(jobs)
     from sim_ecu.campaign.cluster import cluster
@@ -68,7 +69,7 @@ def _local(jobs: int) -> Iterator[Workers]:
 
 
 @contextmanager
-def _terminated_like_ctrl_c() -> Iterator[None]:
+def terminated_like_ctrl_c() -> Iterator[None]:
     """SIGTERM ends it as Ctrl-C does: nothing is left behind."""
 
     def end(_signal: int, _frame: FrameType | None) -> None:

@@ -2,12 +2,13 @@
 
 from sim_ecu.campaign.kind import Kind
 from sim_ecu.campaign.kinds.drive import DRIVE
+from sim_ecu.campaign.kinds.log import KIND as LOG
 from sim_ecu.campaign.kinds.play import PLAY
 from sim_ecu.campaign.kinds.score import SCORE
 from wrcd.errors import InputError
 from wrcd.section import suggest
 
-KINDS: tuple[Kind, ...] = (DRIVE, PLAY, SCORE)
+KINDS: tuple[Kind, ...] = (DRIVE, PLAY, SCORE, LOG)
 
 
 def kind_of(name: str) -> Kind:
