@@ -11,7 +11,7 @@ from sim_ecu.campaign.kind import Figure, Kind, Type
 from sim_ecu.campaign.store import Asked, Store
 
 FIGURES = (
-    Figure("error", Type.NUMBER, "mean error", "pp", "less"),
+    Figure("mean_error_pp", Type.NUMBER, "mean error", "pp", "less"),
     Figure("valid", Type.NUMBER, "share Valid", "", "more"),
     Figure("slip", Type.WHOLE, "neither way is better"),
     Figure("cause", Type.TEXT, "main cause"),
@@ -60,7 +60,7 @@ def steps(shift: float = 0.0, *, own: int = 0, rail: str = "leaf") -> Told:
         noise = np.random.default_rng([own, *key]).normal(size=3)
         by = shift if job["rail"] == rail else 0.0
         return {
-            "error": float(world[0] + 0.05 * noise[0] + by),
+            "mean_error_pp": float(world[0] + 0.05 * noise[0] + by),
             "valid": float(0.9 - 0.1 * world[1] + 0.005 * noise[1] - by / 10),
             "slip": int(20 * world[2] + noise[2] + 10 * by),
             "cause": "None",

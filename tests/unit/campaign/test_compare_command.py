@@ -61,10 +61,10 @@ def test_commands_of_the_page_give_tables_page_and_json(capsys: pytest.CaptureFi
             words = command.split()
             assert words[:2] == ["sim-ecu", "compare"]
             assert main(words[1:]) == (1 if "--fail-on" in words else 0)
-    assert "| error | pp |" in capsys.readouterr().out
+    assert "| mean_error_pp | pp |" in capsys.readouterr().out
     found = json.loads(Path("compare.json").read_text(encoding="utf-8"))
     worse = [c for c in found["comparisons"] if c["verdict"] == "worse"]
-    assert {(c["suite"], c["figure"]) for c in worse} == {("leaf", "error"), ("leaf", "valid")}
+    assert {(c["suite"], c["figure"]) for c in worse} == {("leaf", "mean_error_pp"), ("leaf", "valid")}
     assert len(found["worst_of_second"]) == 10
     page = Path("compare.html").read_text(encoding="utf-8")
     assert page.count("<img ") == 2
