@@ -19,6 +19,7 @@ ROOT = Path(__file__).parents[3]
 MESSAGES = {
     "Adhesion_A{a}": (0x090, "WRCD", 20, 60, 8),
     "AdhesionDetail_A{a}": (0x0A0, "WRCD", 100, 300, 8),
+    "AdhesionAhead_A{a}": (0x0C0, "WRCD", 20, 60, 8),
     "InputHealth_A{a}": (0x0A8, "WRCD", 100, 300, 8),
     "YawRate_A{a}": (0x100, "IMU", 5, 15, 5),
     "LatAccel_A{a}": (0x110, "IMU", 5, 15, 5),
