@@ -7,9 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from sim_ecu.commands.outputs import check_output, write_results
-from sim_ecu.score.fusion.patches import PLACES_M, Drive, patches, steady
-from sim_ecu.score.fusion.play import Played, play
-from sim_ecu.score.fusion.report import judge, tables
+from sim_ecu.loop.fusion.patches import PLACES_M, Drive, patches, steady
+from sim_ecu.loop.fusion.play import Played, play
+from sim_ecu.loop.fusion.report import judge, tables
 from sim_ecu.score.report import SEEDS
 from sim_ecu.score.suites.run import FIRST_TEST_SEED
 from wrcd import resources

@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from sim_ecu.score.fusion.patches import PLACES_M, SPEEDS_M_S
-from sim_ecu.score.fusion.play import Played
+from sim_ecu.loop.fusion.patches import PLACES_M, SPEEDS_M_S
+from sim_ecu.loop.fusion.play import Played
 from sim_ecu.score.goals import MIN_QUICK_RUNS, MIN_RUNS, Goal
 from sim_ecu.score.metrics import bootstrap
 from sim_ecu.score.metrics.bootstrap import Figure
@@ -140,10 +140,11 @@ def _figures(of: Sequence[Entry]) -> dict[str, Figure]:
 
 def tables(result: dict[str, Any]) -> list[str]:
     """Markdown, line by line."""
-    axles, false, low = result["axles"], result["false_warnings"], result["false_lows"]
+    patches, axles = result["patches"], result["axles"]
+    false, low = result["false_warnings"], result["false_lows"]
     out = [
-        f"**fusion**: {result['patches']['asked']} patches of low rail, passed by four axles; what axles 2 to 4 were told "
-        f"before they were on it. {result['patches']['held']} patches more, on which nothing slips, count apart.",
+        f"**fusion**: {patches['asked']} patches of low rail, passed by four axles; what axles 2 to 4 were told before "
+        f"they were on it. {patches['held']} patches more, on which nothing slips, count apart.",
         "",
         "| axle | warned before | by (median), s | confirmed | adhesion told | its error, pp | bias, pp |",
         "|---|---|---|---|---|---|---|",

@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 
 from sim_ecu.loop.control.facts import Facts
 from sim_ecu.loop.control.make import make_controller
+from sim_ecu.loop.fusion.patches import PLACES_M, Drive
 from sim_ecu.loop.lockstep import Lockstep
 from sim_ecu.play.encoder import SAMPLE_US, databases
 from sim_ecu.play.play import LOG_START_US
-from sim_ecu.score.fusion.patches import PLACES_M, Drive
 from sim_ecu.score.heard import Heard
 from wrcd.bus.frame import Frame
 from wrcd.core.causes import Validity
