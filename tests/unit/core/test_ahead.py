@@ -18,7 +18,7 @@ SLOT_S = 0.02
 def estimate(mu: np.ndarray, window_s: np.ndarray) -> Estimate:
     n = len(mu)
     values = {f.name: np.zeros(n) for f in fields(Estimate)}
-    return Estimate(**values | {  # type: ignore[arg-type]  # what is not read here is zero
+    return Estimate(**values | {  # what is not read here is zero
         "mu_available_pct": mu, "half_width_pp": np.full(n, 1.0), "window_s": window_s, "used_pct": np.full(n, 5.0),
     })  # fmt: skip
 

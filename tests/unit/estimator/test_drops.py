@@ -9,7 +9,7 @@ from wrcd.estimator.drops import PAUSE, REFERENCE, DropWatch
 from wrcd.estimator.window import BLOCK_TICKS
 
 AXLES = 3
-BEHIND = ([1, 2], [2], [])
+BEHIND: tuple[list[int], ...] = ([1, 2], [2], [])
 BLOCK_M = 0.4
 LINEAR = 3  # the model that a worse rail leaves
 

@@ -3,6 +3,7 @@
 import json
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from sim_ecu.loop.fusion.play import Played, play
 from sim_ecu.loop.fusion.report import entries, judge, tables
 from sim_ecu.loop.lockstep import Lockstep
 from sim_ecu.play.play import LOG_START_US
+from wrcd.bus.dbc import find_message
 from wrcd.bus.frame import Frame
 from wrcd.config import load_packaged
 from wrcd.core.core import Core
@@ -80,10 +82,14 @@ def test_detail_of_a_valid_axle_says_drop_ahead(frames: list[Frame]) -> None:
     causes: dict[str, set[str]] = {}
     for out in (o for f in frames for o in core.feed(f)):
         if out.frame.can_id == DETAIL[2]:
-            said = FUSING.database.decode_message(out.frame.can_id, out.frame.data)
-            causes.setdefault(str(said["Cause"]), set()).add(core.reports[2].validity.value)
+            causes.setdefault(word(out, "AdhesionDetail_A3", "Cause"), set()).add(core.reports[2].validity.value)
     assert causes["DropAhead"] == {"Valid"}
     assert "None" in causes
+
+
+def word(out: Outgoing, message: str, signal: str) -> str:
+    said: Any = find_message(FUSING.database, message).decode(out.frame.data)
+    return str(said[signal])
 
 
 def sent(core: Core, frames: list[Frame]) -> list[Frame]:
@@ -121,8 +127,7 @@ def test_silence_of_the_speed_forgets_the_drop(frames: list[Frame]) -> None:
     states = {}
     for out in (o for f in heard for o in core.feed(f)):
         if out.frame.can_id == AHEAD[2]:
-            said = FUSING.database.decode_message(out.frame.can_id, out.frame.data)
-            states[out.frame.stamp_us - LOG_START_US] = str(said["State"])
+            states[out.frame.stamp_us - LOG_START_US] = word(out, "AdhesionAhead_A3", "State")
     assert states[4_300_000] in ("Ahead", "Entering")
     assert states[4_480_000] == states[4_600_000] == "NotAvailable"
 
