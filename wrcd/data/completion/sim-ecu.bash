@@ -78,11 +78,12 @@ _sim_ecu() {
             figures:--output | figures:--design | figures:--paper | loop:--suite | \
             loop:--only | loop:--seeds | loop:--jobs | loop:--json | \
             loop:--html | campaign:-o | campaign:--out | campaign:--jobs | \
-            campaign:--scheduler | compare:--figures | compare:--alpha | compare:--fail-on | \
-            compare:--json | compare:--html | fmu:-o | fmu:--output | \
-            verify:--config | verify:--fuzzy-every | demo:-i | demo:--interface | \
-            demo:-c | demo:--channel | demo:--config | demo:--scenario | \
-            demo:-o | demo:--output)
+            campaign:--scheduler | campaign:--logs | campaign:--train | campaign:--config | \
+            campaign:--channel | campaign:--limit | compare:--figures | compare:--alpha | \
+            compare:--fail-on | compare:--json | compare:--html | fmu:-o | \
+            fmu:--output | verify:--config | verify:--fuzzy-every | demo:-i | \
+            demo:--interface | demo:-c | demo:--channel | demo:--config | \
+            demo:--scenario | demo:-o | demo:--output)
                 [[ ${COMP_WORDS[i + 1]-} != = ]] || ((i++))
                 ((i++))
                 ;;
@@ -94,7 +95,7 @@ _sim_ecu() {
     case $command in
     '')
         options='-h --help --version'
-        [[ $cur == -* ]] || _sim_ecu_words 'list play inject drive control faults design contact score figures loop campaign compare fmu verify demo completion'
+        [[ $cur == -* ]] || _sim_ecu_words 'list play inject drive control faults design contact tune score figures loop campaign compare fmu verify demo completion'
         ;;
     list)
         options='-h --help'
@@ -246,11 +247,16 @@ _sim_ecu() {
         [[ $cur == -* ]] || _sim_ecu_nothing
         ;;
     campaign)
-        options='-h --help -o --out --jobs --scheduler --again --dry-run'
+        options='-h --help -o --out --jobs --scheduler --again --dry-run --logs --train --config --channel --limit --reports'
         case $prev in
         -o | --out) _sim_ecu_folders; return ;;
         --jobs) _sim_ecu_nothing; return ;;
         --scheduler) _sim_ecu_nothing; return ;;
+        --logs) _sim_ecu_nothing; return ;;
+        --train) _sim_ecu_nothing; return ;;
+        --config) _sim_ecu_files .toml; return ;;
+        --channel) _sim_ecu_channels; return ;;
+        --limit) _sim_ecu_nothing; return ;;
         :) _sim_ecu_nothing; return ;;
         esac
         [[ $cur == -?* ]] || case $position in
