@@ -25,8 +25,8 @@ FIRST_SEED = Whole(
 LIMIT = Number("limit_s", "a job that takes longer, in seconds, is ended and said", MIN_LIMIT_S, MAX_LIMIT_S)
 HEAD: tuple[Key, ...] = (TITLE, KIND, METHOD, POINTS, SEEDS, FIRST_SEED, LIMIT)
 
-LOW = Number("from", "needed: the first value", -math.inf, math.inf)
-HIGH = Number("to", "needed: the last value", -math.inf, math.inf)
+LOW = Number("from", "the first value", -math.inf, math.inf)
+HIGH = Number("to", "the last value", -math.inf, math.inf)
 STEPS = Whole("steps", "needed with `full`: how many values, both ends among them", 2, MAX_STEPS)
 LOG = Flag("log", "evenly by their logarithm", False)
 WHOLE = Flag("whole", "whole numbers; a factor that takes whole numbers has no others", False)

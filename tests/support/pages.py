@@ -279,17 +279,13 @@ def campaign_kinds() -> list[str]:
     for kind in KINDS:
         out += [*([""] if out else []), f"### {kind.name}", "", f"{_sentence(kind.words)}.", ""]
         out += [*_factors(kind), "", *_figures(kind)]
-        if kind.suite:
-            out += ["", f"Rows are grouped by `{kind.suite}`. " + _seeded(kind)]
+        grouped = f"Rows are compared by `{kind.suite}`." if kind.suite else ""
+        out += ["", " ".join(filter(None, (grouped, _seeded(kind))))]
     return out
 
 
 def _seeded(kind: Kind) -> str:
-    return (
-        "Each point has `seeds` runs."
-        if kind.seeded
-        else "It has no seed of its own: `seeds` and `first_seed` are not of it."
-    )
+    return "" if kind.seeded else "It has no `seed`: `seeds` and `first_seed` are not of it."
 
 
 def _factors(kind: Kind) -> list[str]:
