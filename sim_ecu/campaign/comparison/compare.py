@@ -169,7 +169,7 @@ def _lacking(rows: Rows, name: str) -> float:
 
 
 def _not_done(rows: Rows) -> float:
-    return sum(row["ending"] != Ending.DONE for row in rows) / len(rows)
+    return float(np.mean([row["ending"] != Ending.DONE for row in rows]))
 
 
 def document(result: Result) -> dict[str, Any]:
