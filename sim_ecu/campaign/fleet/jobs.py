@@ -32,7 +32,7 @@ def campaign(fleet: Fleet, channel: str, limit_s: float | None, code: str, progr
     progress.end()
     types = {f.name: f.type for f in KIND.factors}
     asked = Asked(f"Logs of {fleet.folder.absolute().name}", KIND, types, code)
-    return Campaign(asked, tuple(jobs), {}, 0, limit_s, fleet.folder.resolve(), paths)
+    return Campaign(asked, tuple(jobs), {}, None, 0, limit_s, fleet.folder.resolve(), paths)
 
 
 def _inputs(one: Log, folder: Path, channel: str) -> dict[str, Any]:
