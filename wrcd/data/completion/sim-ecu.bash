@@ -69,16 +69,21 @@ _sim_ecu() {
             drive:--channel | drive:--log | drive:--json | control:-i | \
             control:--interface | control:-c | control:--channel | control:--config | \
             control:--scenario | control:--for | design:--config | design:-o | \
-            design:--output | design:--form | design:--budget | design:--jobs | \
-            design:--baselines | design:--explain | contact:--k-a | contact:--k-s | \
+            design:--output | design:--form | design:--baselines | design:--explain | \
+            contact:--k-a | contact:--k-s | tune:--config | tune:-o | \
+            tune:--output | tune:--form | tune:--over | tune:--budget | \
+            tune:--played | tune:--seed | tune:--jobs | tune:--against | \
             score:--suite | score:--jobs | score:--design | score:--baselines | \
             score:--beside | score:--json | score:--html | figures:-o | \
             figures:--output | figures:--design | figures:--paper | loop:--suite | \
             loop:--only | loop:--seeds | loop:--jobs | loop:--json | \
-            loop:--html | fmu:-o | fmu:--output | verify:--config | \
-            verify:--fuzzy-every | demo:-i | demo:--interface | demo:-c | \
-            demo:--channel | demo:--config | demo:--scenario | demo:-o | \
-            demo:--output)
+            loop:--html | campaign:-o | campaign:--out | campaign:--jobs | \
+            campaign:--scheduler | campaign:--logs | campaign:--train | campaign:--config | \
+            campaign:--channel | campaign:--limit | compare:--figures | compare:--alpha | \
+            compare:--fail-on | compare:--json | compare:--html | fmu:-o | \
+            fmu:--output | verify:--config | verify:--fuzzy-every | demo:-i | \
+            demo:--interface | demo:-c | demo:--channel | demo:--config | \
+            demo:--scenario | demo:-o | demo:--output)
                 [[ ${COMP_WORDS[i + 1]-} != = ]] || ((i++))
                 ((i++))
                 ;;
@@ -90,7 +95,7 @@ _sim_ecu() {
     case $command in
     '')
         options='-h --help --version'
-        [[ $cur == -* ]] || _sim_ecu_words 'list play inject drive control faults design contact score figures loop fmu verify demo completion'
+        [[ $cur == -* ]] || _sim_ecu_words 'list play inject drive control faults design contact tune score figures loop campaign compare fmu verify demo completion'
         ;;
     list)
         options='-h --help'
@@ -165,13 +170,11 @@ _sim_ecu() {
         [[ $cur == -* ]] || _sim_ecu_nothing
         ;;
     design)
-        options='-h --help --config -o --output --form --search --budget --jobs --baselines --explain'
+        options='-h --help --config -o --output --form --search --baselines --explain'
         case $prev in
         --config) _sim_ecu_words 'locomotive metro'; _sim_ecu_files .toml; return ;;
         -o | --output) _sim_ecu_files ''; return ;;
         --form) _sim_ecu_words 'wrcd paper'; return ;;
-        --budget) _sim_ecu_nothing; return ;;
-        --jobs) _sim_ecu_nothing; return ;;
         --baselines) _sim_ecu_files .json; return ;;
         --explain) _sim_ecu_files .json; return ;;
         :) _sim_ecu_nothing; return ;;
@@ -189,6 +192,22 @@ _sim_ecu() {
         0) _sim_ecu_files .csv ;;
         *) _sim_ecu_nothing ;;
         esac
+        ;;
+    tune)
+        options='-h --help --config -o --output --form --over --budget --played --seed --jobs --against'
+        case $prev in
+        --config) _sim_ecu_words 'locomotive metro'; _sim_ecu_files .toml; return ;;
+        -o | --output) _sim_ecu_folders; return ;;
+        --form) _sim_ecu_words 'wrcd paper'; return ;;
+        --over) _sim_ecu_nothing; return ;;
+        --budget) _sim_ecu_nothing; return ;;
+        --played) _sim_ecu_nothing; return ;;
+        --seed) _sim_ecu_nothing; return ;;
+        --jobs) _sim_ecu_nothing; return ;;
+        --against) _sim_ecu_files .json; return ;;
+        :) _sim_ecu_nothing; return ;;
+        esac
+        [[ $cur == -* ]] || _sim_ecu_nothing
         ;;
     score)
         options='-h --help --suite --quick --jobs --design --baselines --beside --json --html'
@@ -226,6 +245,40 @@ _sim_ecu() {
         :) _sim_ecu_nothing; return ;;
         esac
         [[ $cur == -* ]] || _sim_ecu_nothing
+        ;;
+    campaign)
+        options='-h --help -o --out --jobs --scheduler --again --dry-run --logs --train --config --channel --limit --reports'
+        case $prev in
+        -o | --out) _sim_ecu_folders; return ;;
+        --jobs) _sim_ecu_nothing; return ;;
+        --scheduler) _sim_ecu_nothing; return ;;
+        --logs) _sim_ecu_nothing; return ;;
+        --train) _sim_ecu_nothing; return ;;
+        --config) _sim_ecu_files .toml; return ;;
+        --channel) _sim_ecu_channels; return ;;
+        --limit) _sim_ecu_nothing; return ;;
+        :) _sim_ecu_nothing; return ;;
+        esac
+        [[ $cur == -?* ]] || case $position in
+        0) _sim_ecu_files .toml ;;
+        *) _sim_ecu_nothing ;;
+        esac
+        ;;
+    compare)
+        options='-h --help --figures --alpha --fail-on --json --html'
+        case $prev in
+        --figures) _sim_ecu_nothing; return ;;
+        --alpha) _sim_ecu_nothing; return ;;
+        --fail-on) _sim_ecu_words 'worse any'; return ;;
+        --json) _sim_ecu_files ''; return ;;
+        --html) _sim_ecu_files ''; return ;;
+        :) _sim_ecu_nothing; return ;;
+        esac
+        [[ $cur == -?* ]] || case $position in
+        0) _sim_ecu_folders ;;
+        1) _sim_ecu_folders ;;
+        *) _sim_ecu_nothing ;;
+        esac
         ;;
     fmu)
         options='-h --help -o --output'
