@@ -1,7 +1,7 @@
 """The configuration: a TOML file that says which signals carry what, or the default, which is the packaged DBC."""
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TypeVar
@@ -65,9 +65,10 @@ def load_config_to_run(path: Path | None) -> Config:
     return _config(top, folder, partial(load_dbc, names=_messages(top)), load_design)
 
 
-def load_packaged(axles: int) -> Config:
-    """The default configuration, but of so many axles."""
-    top = parse_toml(packaged(axles), "default configuration", collect=True)
+def load_packaged(axles: int, positions_m: Sequence[float] | None = None) -> Config:
+    """The default configuration, but of so many axles; with their positions (m), with fusion along the vehicle."""
+    fusion = "" if positions_m is None else f"[fusion]\npositions_m = {list(positions_m)}\n"
+    top = parse_toml(packaged(axles) + fusion, "default configuration", collect=True)
     return _config(top, Path(), load_dbc, load_design)
 
 
@@ -112,6 +113,7 @@ def _config(
     stamps = declared.TIMESTAMPS.value(bus)
     min_speed, total = declared.MIN_SPEED.value(limits), declared.TORQUE_IS_TOTAL.read(vehicle)
     recorder = _recorder(top.section("recorder"), folder)
+    positions = _positions(top, len(list(top.sections("axle"))))
     for name, section in (
         ("bus", bus),
         ("dbc", dbc),
@@ -146,6 +148,7 @@ def _config(
         constant_speed_m_s=constant,
         torque_is_total=total,
         recorder=recorder,
+        positions_m=positions,
         warnings=(*database.warnings, *train.warnings),
     )
 
@@ -194,6 +197,23 @@ def _not_available_after_us(limits: Section, mapped: list[Input]) -> int:
                 )
             )
     return after_us
+
+
+def _positions(top: Section, axles: int) -> tuple[float, ...] | None:
+    """Where the axles stand; None: there is no [fusion], or it has a mistake, which is collected."""
+    if "fusion" not in top:
+        return None
+    section, key = top.section("fusion"), declared.POSITIONS
+    given = None
+    with section.collected():
+        given = key.read(section)
+        if given is not None and len(given) != axles:
+            hint = "one for each [[axle]], in their order"
+            raise section.error(f"has {len(given)} numbers for {axles} axles", key.name, hint)
+        if given is not None and len(set(given)) != len(given):
+            raise section.error("has two axles at one place", key.name, "m along the train, forward positive")
+    section.done(names(declared.TABLES["fusion"]))
+    return given
 
 
 def _recorder(section: Section, folder: Path) -> RecorderConfig:

@@ -220,6 +220,24 @@ class Interval(Key):
         return None
 
 
+class Numbers(Key):
+    """Finite numbers, one for each of several things."""
+
+    takes = "list of numbers"
+
+    def read(self, section: Section) -> tuple[float, ...] | None:
+        """The numbers. Raises InputError where they are needed and missing."""
+        if self.needed and self.name not in section:
+            raise section.absent(self.name, f"it takes a {self.takes}")
+        value = section.raw(self.name)
+        if value is None:
+            return None
+        if isinstance(value, list) and all(_finite(x) for x in value):
+            return tuple(float(x) for x in value)
+        section.mistake(section.error(f"takes a {self.takes}, not {shown(value)}", self.name))
+        return None
+
+
 class RawValue(Key):
     """A raw value: a whole number, or a word of the signal's value table."""
 

@@ -1,6 +1,7 @@
 """Workers of a Dask scheduler: they come and go; one with other code is told of, and nothing runs there."""
 
 import logging
+import re
 import sys
 import time
 from collections.abc import Iterator
@@ -14,7 +15,8 @@ from sim_ecu.campaign.job import code
 from sim_ecu.campaign.runner import Lost
 from wrcd.errors import InputError
 
-CONNECT_S = 10.0
+CONNECT_S = 5.0
+ADDRESS = re.compile(r"(tcp|tls|ucx)://.+:\d+")
 AHEAD = 16  # jobs handed out for each thread: a worker that is far away has its next ones, too
 COUNT_S = 2.0  # how often the workers are counted
 WAIT_S = 0.5
@@ -28,12 +30,14 @@ def cluster(address: str) -> Iterator[Workers]:
     other code."""
     for name in ("distributed", "distributed.client"):  # what is lost is said by who runs
         logging.getLogger(name).setLevel(logging.CRITICAL)
+    if not ADDRESS.fullmatch(address):
+        raise InputError(f"{address}: takes tcp://HOST:PORT", key="--scheduler", hint="`dask scheduler` prints it")
     make: Any = distributed.Client  # it has no types
     try:
         client: Any = make(address, timeout=CONNECT_S, set_as_default=False)
-    except (OSError, ValueError) as e:
-        reason = "no scheduler answers there" if isinstance(e, OSError) else f"is no scheduler's address: {e}"
-        raise InputError(f"{address}: {reason}", key="--scheduler", hint="e.g. tcp://127.0.0.1:8786") from None
+    except (OSError, ValueError):
+        reason = f"{address}: no scheduler answers there"
+        raise InputError(reason, key="--scheduler", hint="start one with `dask scheduler`") from None
     try:
         crew = _Crew(client, address)
         crew.gather()
@@ -55,9 +59,11 @@ class _Crew:
             print(f"waiting for workers at {self._address}", file=sys.stderr, flush=True)
         while not self._client.ncores():
             time.sleep(WAIT_S)
-        self.look()
+            self.look()
         found = self._client.run(code, on_error="return")
         for worker, digest in sorted(found.items()):
+            if isinstance(digest, OSError):
+                continue  # it has gone
             if isinstance(digest, BaseException):
                 raise Stopped(f"the worker {worker} cannot run wrcd: {digest}", hint="install the same version there")
             if digest != code():

@@ -30,13 +30,15 @@ Checked = Callable[[int, int], None]
 class Campaign:
     """What a file asks. jobs: each once, file names as they are written. folder: what those are relative to.
 
-    factors: those that vary, with their values. twice: points that were drawn more than once. limit_s: None for none.
+    factors: those that vary, with their values. seeds: of every point; None for a kind without. twice: points that were
+    drawn more than once. limit_s: None for none.
     paths: by the values of the factors that are files: contents of what is read, by absolute path.
     """
 
     asked: Asked
     jobs: tuple[Job, ...]
     factors: Mapping[str, Given]
+    seeds: range | None
     twice: int
     limit_s: float | None
     folder: Path
@@ -83,7 +85,9 @@ def load_campaign(file: Path, code: str, checked: Checked = lambda _done, _of: N
     types |= {SEED: Type.WHOLE} if head.seeds else {}
     jobs, paths = _jobs(head, points, folder, top, checked)
     asked = Asked(head.title, head.kind, types, code)
-    return Campaign(asked, jobs, varied, len(every) - len(drawn_once), head.limit_s, folder.resolve(), paths)
+    return Campaign(
+        asked, jobs, varied, head.seeds, len(every) - len(drawn_once), head.limit_s, folder.resolve(), paths
+    )
 
 
 def placed(kind: Kind, inputs: Mapping[str, Any], folder: Path) -> dict[str, Any]:

@@ -51,8 +51,10 @@ class NotWhole(InputError):
 
 
 def every(function: Callable[[T], R], jobs: Sequence[T], pieces: Sequence[Piece], workers: int) -> Whole[R]:
-    """function(job) of all in processes of their own, with progress by the pieces' cost. function is of a module's top
-    level, and remembers what jobs share. A run that fails or dies is tried once more."""
+    """function(job) of all, one at least, in processes of their own, with progress by the pieces' cost.
+
+    function is of a module's top level, and remembers what jobs share. A run that fails or dies is tried once more.
+    """
     progress = Progress(steps=True)
     whole, done = sum(p.cost for p in pieces), 0.0
     results: list[R | None] = [None] * len(jobs)

@@ -12,7 +12,7 @@ from sim_ecu.campaign.go import RESUMES, Workers, go
 from sim_ecu.campaign.job import Ending, code
 from sim_ecu.campaign.points import Range
 from sim_ecu.campaign.runner import local
-from sim_ecu.campaign.spreads import Given
+from sim_ecu.campaign.spreads import SEED, Given
 from sim_ecu.campaign.summary import summary
 from wrcd.errors import Status
 from wrcd.tools.progress import Progress
@@ -37,6 +37,8 @@ def plan(file: Path) -> int:
     kind = campaign.asked.kind
     print(f"{campaign.asked.title}: {len(campaign.jobs)} jobs of kind {kind.name}: {kind.words}")
     rows = [(name, _values(given)) for name, given in campaign.factors.items()]
+    if campaign.seeds:
+        rows.append((SEED, f"{campaign.seeds[0]} … {campaign.seeds[-1]}"))
     width = max((len(name) for name, _ in rows), default=0)
     print("\n".join(f"  {name:{width}}  {values}" for name, values in rows))
     print(

@@ -4,12 +4,12 @@ import argparse
 import os
 from pathlib import Path
 
-from sim_ecu.score.names import SUITES
+from sim_ecu.score.names import FUSION, SUITES
 from wrcd.tools.command import Command
 
 
 def _add(p: argparse.ArgumentParser) -> None:
-    p.add_argument("--suite", choices=SUITES, help="only this one")
+    p.add_argument("--suite", choices=(*SUITES, FUSION), help="only this one; fusion is played so alone")
     p.add_argument(
         "--quick", action="store_true", help="a twelfth of the runs, too few to judge most goals: one to two minutes"
     )
@@ -32,6 +32,13 @@ def _run(args: argparse.Namespace) -> int:
 
     if args.jobs < 1:
         raise InputError(f"takes a whole number from 1 on, not {args.jobs}", key="--jobs")
+    if args.suite == FUSION:
+        from sim_ecu.commands.run_score_fusion import run as run_fusion
+
+        for key, given in (("--baselines", args.baselines), ("--beside", args.beside), ("--html", args.html)):
+            if given:
+                raise InputError("is not of the suite fusion", key=key, hint="leave it out: it compares no estimates")
+        return run_fusion(args.quick, args.jobs, args.design, args.json)
     return run(args.suite, args.quick, args.jobs, args.design, args.baselines, args.beside, args.json, args.html)
 
 

@@ -1,6 +1,9 @@
-"""The suites of `sim-ecu score`, in the order of the report: known to its command line without what plays them."""
+"""The suites of `sim-ecu score`, in the order of the report: known to its command line without what plays them.
+
+FUSION is of what the daemon does beside the estimate, and off by default: it is played where it is asked for alone."""
 
 SUITES = (
     "paper", "grid", "robust", "rough", "harsh", "slow", "transitions", "drops", "cycles", "dead", "foreign",
     "dry-hours",
 )  # fmt: skip
+FUSION = "fusion"

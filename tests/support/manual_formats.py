@@ -18,6 +18,7 @@ TABLES = {
     "vehicle": "What all axles share, and the messages of the daemon itself.",
     "limits": "From when on there is an estimate.",
     "axle": "Once for each wheelset.",
+    "fusion": "A drop of adhesion that a leading axle meets is told for those behind it. Off unless it is given.",
     "recorder": "What is kept of the bus, and written when something happens.",
 }
 EXAMPLE = """[bus]

@@ -39,6 +39,8 @@ def value(key: keys.Key) -> dict[str, Any]:
             return {"type": "boolean"}
         case keys.Interval():
             return {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2}
+        case keys.Numbers():
+            return {"type": "array", "items": {"type": "number"}, "minItems": 1, "uniqueItems": True}
         case keys.RawValue():
             return dict(RAW)
         case keys.RawValues():

@@ -6,8 +6,10 @@
 import os
 import signal
 import sys
+import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -76,6 +78,31 @@ TRIAL = Kind(
     check=check,
     suite="mode",
 )
+
+
+def lines(file: Path) -> list[str]:
+    """Those of a file that are whole."""
+    return file.read_text().split("\n")[:-1] if file.exists() else []
+
+
+@contextmanager
+def meanwhile(work: Callable[[], None]) -> Iterator[None]:
+    """Beside a block, in a thread; what it raises fails the test."""
+    failed: list[BaseException] = []
+
+    def body() -> None:
+        try:
+            work()
+        except BaseException as e:
+            failed.append(e)
+
+    thread = threading.Thread(target=body)
+    thread.start()
+    try:
+        yield
+    finally:
+        thread.join()
+    assert failed == []
 
 
 def main() -> int:

@@ -18,12 +18,14 @@ import numpy as np
 from wrcd.bus.codec import MessageReader, Receiver, Sample, Value
 from wrcd.bus.frame import Frame
 from wrcd.bus.reasons import Reason
+from wrcd.core.ahead import Ahead
 from wrcd.core.backoff import Backoff
 from wrcd.core.block import Block
 from wrcd.core.causes import Cause
 from wrcd.core.configuration import Config
 from wrcd.core.counts import Counts, Health
 from wrcd.core.events import Events
+from wrcd.core.front import Front
 from wrcd.core.inputs import YAW, Inputs
 from wrcd.core.jitter_buffer import NEVER
 from wrcd.core.messages import NAMES, Outbox, Outgoing, Report
@@ -65,7 +67,7 @@ class Core:
         "counts": "counts", "health": "health", "estimator": "estimator", "receiver": "receiver",
         "open_tick": "_open", "newest_stamp_us": "_stamp_us", "inputs": "_inputs", "validity": "_validity",
         "is_reset": "_is_reset", "outbox": "_outbox", "outlier_us": "_outlier_us", "backoff": "_backoff",
-        "block": "_block", "events": "events",
+        "block": "_block", "events": "events", "front": "_front", "ahead": "_ahead",
     }  # fmt: skip
     TRANSIENT = ("reports", "reported", "_tick", "_begin_us", "_end_us", "_held")
 
@@ -93,6 +95,9 @@ class Core:
         self.reports: list[Report] = []  # of the newest slot
         self.reported: Sequence[int] = ()  # axles (places) whose adhesion was due in it
         self.events = Events(config)
+        positions_m = config.positions_m  # of a train without fusion None
+        self._front = None if positions_m is None else Front(positions_m, config.design.tick_s)
+        self._ahead = None if positions_m is None else Ahead([a.number for a in config.axles])
         self.muted = False  # make no frames: nobody would send them
         self._held: list[Slot] | None = None  # slots whose frames are held back
 
@@ -219,12 +224,16 @@ class Core:
         self._inputs.reset()
         self.receiver.reset()
         self._backoff.reset()
+        if self._front is not None:
+            self._front.clear()
         for axle in range(self._n):
             self._reset_axle(axle, Cause.WARMING_UP)
 
     def _reset_axle(self, axle: int, why: Cause) -> None:
         if not self._is_reset[axle]:
             self.estimator.reset(axle)
+            if self._front is not None:
+                self._front.reset(axle)
             if self._observer is not None:
                 self._observer.was_reset(axle)
         self._is_reset[axle] = True
@@ -251,6 +260,8 @@ class Core:
             self._run_block()
             self._reset_all()
         tick = self._tick = self._inputs.close_tick(end_us)
+        if self._front is not None:
+            self._front.move(tick, self._inputs.reverse)
         fast = tick.speed_m_s >= self.config.min_speed_m_s
         causes = tick_causes(self._inputs, tick, end_us)
         if causes != self.events.tick_causes:
@@ -297,6 +308,8 @@ class Core:
     def _step(self, ticks: Ticks, at: int) -> StepResult:
         """Run the bank from a tick of the block on, as far as it goes at once."""
         result = self.estimator.step(ticks, at)
+        if self._front is not None:
+            self._front.step(ticks, at, result)
         if self._observer is not None:
             self._observer.stepped(ticks, at, result)
         return result
@@ -381,17 +394,21 @@ class Core:
     def _frames(self, slot: Slot, estimate: Estimate | None) -> list[Outgoing]:
         if estimate is not None and self._observer is not None:
             self._observer.estimated(slot.end_us // self._period_us - 1, estimate)
-        if slot.adhesion or slot.detail:
+        if slot.adhesion or slot.detail or slot.view is not None:
             self.reports, self.reported = reports(slot, estimate), slot.adhesion
             self.events.slot(slot.end_us, self.reports, slot.details, estimate)
-        return frames(slot, self.reports, estimate, self._outbox)
+        told = None
+        if self._ahead is not None and slot.view is not None:
+            told = self._ahead.update(slot.end_us * 1e-6, slot.view, self.reports, estimate)
+        return frames(slot, self.reports, estimate, self._outbox, told)
 
     def _slot(self, end_us: int, due: Dues) -> Slot:
         """Take down what the frames of a slot are made from."""
         axles, inputs, tick = range(self._n), self._inputs, self._tick
         outbox = self._outbox
         adhesion, detail = outbox.adhesion_due(due), outbox.detail_due(due)
-        said = bool(adhesion) or detail
+        front = self._front if detail or outbox.ahead_due(due) else None
+        said = bool(adhesion) or detail or front is not None
         known = said and True in self._validity.window_full
         pairs = self.estimator.identity.doubt.tolist() if said else []
         standing = [self._validity.standing(axle, pair) for axle, pair in enumerate(pairs)]
@@ -409,6 +426,7 @@ class Core:
             torque_ratio=tick.torque_ratio,
             stale=[inputs.quantities(tick.stale, axle) for axle in axles] if detail else (),
             inputs=[self._input_values(axle, end_us) for axle in axles] if detail else (),
+            view=None if front is None else front.view(),
             status=list(outbox.status(end_us, due, self.counts, self.health, self.estimator.outliers)),
         )
 

@@ -248,6 +248,11 @@ class Inputs:
         """The vehicle's speed; NaN before it is known."""
         return self._value[SPEED * self._axles]
 
+    @property
+    def reverse(self) -> bool:
+        """Whether an axle runs backwards."""
+        return self._reverse
+
     def age_ms(self, axle: int, end_us: int) -> int:
         """Age of the oldest input in use, 255 if it is that old or older."""
         used_us, stamps = self._jitter_buffer.used_us, self._stamp_us

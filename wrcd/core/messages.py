@@ -74,10 +74,10 @@ def nan_to_none(x: float) -> float | None:
 NAMES = {YAW: "YawRate", LAT: "LatAccel", TORQUE: "Torque", SPEED: "Speed"}  # as the DBC's signals end
 
 
-def explanation(estimate: Estimate | None, axle: int, stale: Iterable[int], cause: Cause) -> dict[str, Value]:
+def explanation(estimate: Estimate | None, axle: int, stale: Iterable[int], cause: str) -> dict[str, Value]:
     """AdhesionDetail of an axle; without an estimate only the cause and which inputs (quantities) are stale."""
     values: dict[str, Value] = {f"Stale{name}": float(q in stale) for q, name in NAMES.items()}
-    values["Cause"] = cause.label
+    values["Cause"] = cause
     values["WinningModel"] = float(estimate.winner[axle]) if estimate else 0.0
     values["DominantRule"] = float(estimate.rule[axle]) if estimate else None
     for m in range(MODELS):
@@ -151,9 +151,10 @@ class Outbox:
         self._adhesion = [writer(a.adhesion) for a in config.axles]
         self._detail = [writer(a.detail) for a in config.axles]
         self._inputs = [writer(a.inputs) for a in config.axles]
+        self._ahead = [writer(a.ahead) for a in config.axles]
         self._status, self._rejects, self._link = map(writer, (config.status, config.rejects, config.link))
         own = (self._status, self._rejects, self._link)
-        every = (*self._adhesion, *self._detail, *self._inputs, *own)
+        every = (*self._adhesion, *self._detail, *self._inputs, *self._ahead, *own)
         self.cycles_us = tuple(sorted({w.cycle_us for w in every if w}))
         self._rejected_before: Counter[Reason] = Counter()  # at the newest WrcdRejects
         self._foreign_before = 0
@@ -165,6 +166,10 @@ class Outbox:
     def detail_due(self, due: Sequence[int]) -> bool:
         """Whether any frame is that explains it."""
         return any(w and w.cycle_us in due for w in (*self._detail, *self._inputs))
+
+    def ahead_due(self, due: Sequence[int]) -> bool:
+        """Whether any frame is that tells what lies ahead."""
+        return any(w and w.cycle_us in due for w in self._ahead)
 
     def inputs_cycle_us(self, axle: int) -> int:
         """How often it is told what came of an axle's inputs; 0: never."""
@@ -189,6 +194,10 @@ class Outbox:
         """Why an axle's adhesion is what it is, and what came of its inputs."""
         yield from _frames(self._detail, end_us, due, explained)
         yield from _frames(self._inputs, end_us, due, inputs)
+
+    def ahead(self, end_us: int, due: Sequence[int], told: Sequence[Mapping[str, Value]]) -> Iterator[Outgoing]:
+        """What lies ahead of each axle."""
+        yield from _frames(self._ahead, end_us, due, told)
 
     def status(
         self, end_us: int, due: Sequence[int], counts: Counts, health: Health, outliers: int

@@ -5,7 +5,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from wrcd.bus.codec import Value
-from wrcd.core.causes import Validity
+from wrcd.core.ahead import Told
+from wrcd.core.causes import Cause, Validity
+from wrcd.core.front import View
 from wrcd.core.messages import (
     Outbox,
     Outgoing,
@@ -17,6 +19,7 @@ from wrcd.core.messages import (
     surface,
 )
 from wrcd.core.validity import Standing, verdict
+from wrcd.core.vocabulary import DROP_AHEAD
 from wrcd.estimator.answer import Draft
 from wrcd.estimator.records import Estimate
 
@@ -36,6 +39,7 @@ class Slot:
     torque_ratio: Sequence[float]
     stale: Sequence[set[int]]  # quantities
     inputs: Sequence[Mapping[str, Value]]  # values of the frames about the inputs, where they are due
+    view: View | None  # of the train's way, with fusion and where it is told
     status: Sequence[Outgoing]
 
 
@@ -44,8 +48,10 @@ def reports(slot: Slot, estimate: Estimate | None) -> list[Report]:
     return [_report(slot, axle, estimate) for axle in range(len(slot.standing))]
 
 
-def frames(slot: Slot, said: Sequence[Report], estimate: Estimate | None, outbox: Outbox) -> list[Outgoing]:
-    """The frames of the slot."""
+def frames(
+    slot: Slot, said: Sequence[Report], estimate: Estimate | None, outbox: Outbox, told: Sequence[Told] | None
+) -> list[Outgoing]:
+    """The frames of the slot; told: what lies ahead of each axle, with fusion."""
     out: list[Outgoing] = []
     if slot.adhesion:
         out += outbox.adhesion(slot.end_us, slot.due, said, estimate)
@@ -54,11 +60,20 @@ def frames(slot: Slot, said: Sequence[Report], estimate: Estimate | None, outbox
         out += outbox.detail(
             slot.end_us,
             slot.due,
-            [explanation(e, axle, slot.stale[axle], said[axle].cause) for axle, e in enumerate(known)],
+            [explanation(e, axle, slot.stale[axle], _cause(said, told, axle)) for axle, e in enumerate(known)],
             [{"Plausibility": plausibility(e, axle), **slot.inputs[axle]} for axle, e in enumerate(known)],
         )
+    if told is not None:
+        out += outbox.ahead(slot.end_us, slot.due, [t.values() for t in told])
     out += slot.status
     return out
+
+
+def _cause(said: Sequence[Report], told: Sequence[Told] | None, axle: int) -> str:
+    """Of not being Valid; of a Valid axle, that a drop lies ahead."""
+    report = said[axle]
+    warns = told is not None and told[axle].warns and report.validity is Validity.VALID
+    return DROP_AHEAD if warns and report.cause is Cause.NONE else report.cause.label
 
 
 def _report(slot: Slot, axle: int, estimate: Estimate | None) -> Report:

@@ -145,7 +145,7 @@ class Estimator:
             for axle in np.flatnonzero(idle).tolist():  # their running powers fade on nothing
                 self._joints.reset(axle)
                 self._noise.reset(axle)
-        return StepResult(e, yes, no, no, in_window, live, calm, no[0])
+        return StepResult(e, w, yes, no, no, in_window, live, calm, no[0])
 
     def _stepped_at_once(self, ticks: Ticks, first: int) -> tuple[BoolArray | None, BoolArray | None]:
         """Which axles (n,) run, if all that do are settled and have all measurements, else None; and which, if any,
@@ -203,7 +203,9 @@ class Estimator:
         in_window = accepted & self._complete & np.isfinite(ticks.torque_ratio[at]) & ~needs_reset
         self._complete = accepted.copy()  # reset() changes it, and not the record
         live, calm = self._put(ticks, at, w[None], in_window[None], pulse[None], near[None])
-        return StepResult(e[None], accepted[None], left_out[None], near[None], in_window[None], live, calm, needs_reset)
+        return StepResult(
+            e[None], w[None], accepted[None], left_out[None], near[None], in_window[None], live, calm, needs_reset
+        )
 
     def _filter(
         self, z: FloatArray, axles: BoolArray, near: BoolArray, speed_m_s: float

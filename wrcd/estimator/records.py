@@ -39,6 +39,7 @@ class StepResult:
     """What the newest m ticks brought; masks are (m, n)."""
 
     innovations: FloatArray  # (m, 4, 2, n)
+    whitened: FloatArray  # the same in units of their expected size
     accepted: BoolArray  # both measurements were used
     outliers: BoolArray  # a measurement was left out by the gate
     near_pulse: BoolArray  # at a pulse of the axle box, or just after it

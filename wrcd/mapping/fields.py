@@ -13,6 +13,7 @@ UNITS = {
     "%": {"%": 1.0, "percent": 1.0, "pct": 1.0, "1": 100.0},
     "ms": {"ms": 1.0, "s": 1000.0},
     "dB": {"db": 1.0},
+    "m": {"m": 1.0},
     "": {"": 1.0, "1": 1.0},
 }
 # A word of a value table that says that there is no value; letters and digits only.

@@ -17,7 +17,8 @@ from wrcd.mapping.statements import AXLE_QUANTITIES, VEHICLE_QUANTITIES, Stateme
 from wrcd.mapping.statuses import status_rules
 from wrcd.section import Section
 
-AXLE_OUTPUTS = ("adhesion", "detail", "inputs")
+AHEAD = "ahead"
+AXLE_OUTPUTS = ("adhesion", "detail", "inputs", AHEAD)
 
 
 class Train:
@@ -53,7 +54,10 @@ def read_train(top: Section, vehicle: Section, database: Database | None, design
     for place, table in enumerate(tables):
         said += statements(table, AXLE_QUANTITIES, (place,))
         number = _number(table, numbers)
-        usual = ("", "", "") if number is None else usual_messages(number)
+        usual = ("",) * len(AXLE_OUTPUTS) if number is None else usual_messages(number)
+        if "fusion" not in top:
+            usual = (*usual[:-1], "")  # nobody asks what lies ahead
+            _check_no_ahead(table)
         found = [output(table, kind, known, name, tick_ms) for kind, name in zip(AXLE_OUTPUTS, usual, strict=True)]
         sent += [
             (table.place(kind, declared.MESSAGE.name), o)
@@ -61,7 +65,7 @@ def read_train(top: Section, vehicle: Section, database: Database | None, design
             if o is not None
         ]
         if number is not None and found[0] is not None:
-            train.axles.append(AxleConfig(number, found[0], found[1], found[2]))
+            train.axles.append(AxleConfig(number, found[0], *found[1:]))
         table.done(names(declared.AXLE))
     said += statements(vehicle, VEHICLE_QUANTITIES, tuple(range(len(tables))))
     for kind, name in zip(STATUS_KEYS, STATUS_MESSAGES, strict=True):
@@ -74,6 +78,13 @@ def read_train(top: Section, vehicle: Section, database: Database | None, design
         mapped = _resolved(top, said, database, design, train)
         contradictions.messages(mapped, sent, database)
     return train
+
+
+def _check_no_ahead(table: Section) -> None:
+    """What lies ahead is told with fusion alone. A mistake is collected."""
+    if AHEAD in table:
+        hint = "give [fusion] positions_m, or leave the message out"
+        table.mistake(table.error("needs [fusion]: nothing would be told in it", AHEAD, hint))
 
 
 def _number(table: Section, numbers: set[int]) -> int | None:

@@ -34,7 +34,7 @@ def describe(c: Config) -> list[str]:
     for place, axle in enumerate(c.axles):
         out.append(f"axle {axle.number}")
         out += [line for i in c.inputs if place in i.source.axles for line in _input(c, i)]
-        for o in (axle.adhesion, axle.detail, axle.inputs):
+        for o in (axle.adhesion, axle.detail, axle.inputs, axle.ahead):
             out += [] if o is None else [f"  sends                  -> {_sent(c, o)}", *_names(c, o)]
     for o in (c.status, c.rejects, c.link):
         out += [] if o is None else [f"status                   -> {_sent(c, o)}", *_names(c, o)]

@@ -93,6 +93,16 @@ def of_samples(
     ]
 
 
+def judged(least: Sequence[float], alpha: float) -> list[int]:
+    """Places of the comparisons that could be a claim among so many; the others never could, and are not counted
+    (R. Tarone, A modified Bonferroni method for discrete data, Biometrics 46, 1990)."""
+    for count in itertools.count(1):
+        found = [k for k, p in enumerate(least) if p <= alpha / count]
+        if len(found) <= count:
+            return found
+    raise AssertionError
+
+
 def holm(p: Sequence[float]) -> list[float]:
     """p corrected for how many there are: a claim at alpha among them is false in alpha of the cases at most (S. Holm,
     A simple sequentially rejective multiple test procedure, Scand. J. Stat. 6, 1979)."""

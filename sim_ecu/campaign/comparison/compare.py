@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_ecu.campaign.comparison.chance import Found, draws, holm, of_pairs, of_samples
+from sim_ecu.campaign.comparison.chance import Found, draws, holm, judged, of_pairs, of_samples
 from sim_ecu.campaign.comparison.match import Match, Rows, Suite, match
 from sim_ecu.campaign.comparison.read import Campaign
 from sim_ecu.campaign.job import Ending
@@ -72,10 +72,10 @@ def compare(
     for k, suite in enumerate(matched.suites):
         progress(f"suite {suite.name}", k / len(matched.suites))
         made += _of_suite(suite, figures, alpha, drawn)
-    judged = [k for k, c in enumerate(made) if c.found.least <= alpha]
-    for k, corrected in zip(judged, holm([made[k].found.p for k in judged]), strict=True):
+    counted = judged([c.found.least for c in made], alpha)
+    for k, corrected in zip(counted, holm([made[k].found.p for k in counted]), strict=True):
         made[k] = replace(made[k], corrected=corrected, verdict=_verdict(made[k], corrected, alpha))
-    return Result(first, second, matched, tuple(made), alpha, len(judged), left_out)
+    return Result(first, second, matched, tuple(made), alpha, len(counted), left_out)
 
 
 def _figures(first: Campaign, second: Campaign, names: Sequence[str] | None) -> tuple[list[Figure], tuple[str, ...]]:
@@ -164,12 +164,12 @@ def _mean(rows: Rows, name: str) -> float:
 def _lacking(rows: Rows, name: str) -> float:
     """Share of the rows that are done and have no number."""
     done = [row for row in rows if row["ending"] == Ending.DONE]
-    without = sum(row[name] is None or not math.isfinite(row[name]) for row in done)
-    return without / len(done) if done else math.nan
+    without = [row[name] is None or not math.isfinite(row[name]) for row in done]
+    return float(np.mean(without)) if done else math.nan
 
 
 def _not_done(rows: Rows) -> float:
-    return sum(row["ending"] != Ending.DONE for row in rows) / len(rows)
+    return float(np.mean([row["ending"] != Ending.DONE for row in rows]))
 
 
 def document(result: Result) -> dict[str, Any]:

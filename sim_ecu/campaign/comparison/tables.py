@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from sim_ecu.campaign.comparison.compare import BETTER, CLAIMS, DIFFERS, SAME, TOO_FEW, WORSE, Comparison, Result
+from sim_ecu.campaign.comparison.match import Suite
 from sim_ecu.campaign.comparison.read import Campaign
 from sim_ecu.campaign.comparison.worst import Worst, inline
 from sim_ecu.loop.tables import table
@@ -38,18 +39,19 @@ def tables(result: Result, ways: tuple[Sequence[Worst], Sequence[Worst]]) -> lis
     ]
     for suite in result.matched.suites:
         own = [c for c in result.comparisons if c.suite == suite.name]
-        n = (
-            f"{len(suite.pairs)} pairs"
-            if suite.pairs
-            else f"{len(suite.first)} and {len(suite.second)} worlds, no pairs"
-        )
-        out += ["", f"**{suite.name}**: {n}; a world: {suite.by}", "", *of_suite(own)]
+        out += ["", f"**{suite.name}**: {_counted(suite)}", "", *of_suite(own)]
     out += _alone(result)
     for way, who, other in zip(ways, (SECOND, FIRST), (FIRST, SECOND), strict=True):
         if way:
             out += ["", f"**worst jobs of the {who}**: beside the {other}; each by what it is worst in, {SPREADS}", ""]
             out += of_worst(way)
     return out
+
+
+def _counted(suite: Suite) -> str:
+    if suite.pairs:
+        return f"pairs: {len(suite.pairs)}; a world: {suite.by}"
+    return f"no pairs; worlds: {len(suite.first)} and {len(suite.second)}, each a {suite.by}"
 
 
 def verdict(result: Result) -> str:

@@ -97,7 +97,9 @@ def _of_row(
                 yield _worst(suite, c.figure.name, values, away if side else -away, campaign, row, {})
 
 
-def _worse(result: Result, first: Mapping[str, Any], second: Mapping[str, Any], size: float) -> Any:
+def _worse(
+    result: Result, first: Mapping[str, Any], second: Mapping[str, Any], size: float
+) -> tuple[Campaign, Mapping[str, Any], dict[str, Scalar]]:
     """Campaign and row of the worse side, and what the other one differs in."""
     sides = (result.second, second, first) if size > 0 else (result.first, first, second)
     return sides[0], sides[1], {name: sides[2][name] for name in result.matched.differ}

@@ -7,11 +7,13 @@ from typing import Any
 from sim_ecu.campaign.definition import Campaign, placed
 from sim_ecu.campaign.fleet.find import Fleet, Log
 from sim_ecu.campaign.job import Job
-from sim_ecu.campaign.kinds.log import KIND
+from sim_ecu.campaign.kinds.log import KIND, OWN
 from sim_ecu.campaign.store import Asked
 from sim_ecu.campaign.task import digest
 from wrcd.errors import InputError
 from wrcd.tools.progress import Progress
+
+LABELS = ("train",)  # the same log of another train is the same question
 
 
 def campaign(fleet: Fleet, channel: str, limit_s: float | None, code: str, progress: Progress) -> Campaign:
@@ -22,14 +24,15 @@ def campaign(fleet: Fleet, channel: str, limit_s: float | None, code: str, progr
         inputs = _inputs(one, fleet.folder, channel)
         files = _digests(placed(KIND, inputs, fleet.folder))
         absolute = placed(KIND, inputs, fleet.folder.resolve())
+        # a log that changes meanwhile, for it is still being written, is its job's matter and ends nobody else's
         paths[tuple(absolute[f.name] for f in KIND.factors if f.is_file)] = {
-            str(path.resolve()): found for path, found in files.values()
+            str(path.resolve()): found for name, (path, found) in files.items() if name not in OWN
         }
-        jobs.append(Job(KIND.name, inputs, {name: found for name, (_, found) in files.items()}))
+        jobs.append(Job(KIND.name, inputs, {name: found for name, (_, found) in files.items()}, LABELS))
     progress.end()
     types = {f.name: f.type for f in KIND.factors}
     asked = Asked(f"Logs of {fleet.folder.absolute().name}", KIND, types, code)
-    return Campaign(asked, tuple(jobs), {}, 0, limit_s, fleet.folder.resolve(), paths)
+    return Campaign(asked, tuple(jobs), {}, None, 0, limit_s, fleet.folder.resolve(), paths)
 
 
 def _inputs(one: Log, folder: Path, channel: str) -> dict[str, Any]:
@@ -46,6 +49,6 @@ def _digests(inputs: dict[str, Any]) -> dict[str, tuple[Path, str]]:
         try:
             out[name] = path, digest(path)
         except InputError:
-            if name not in ("log", "state"):
+            if name not in OWN:
                 raise
     return out

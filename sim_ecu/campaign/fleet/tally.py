@@ -84,8 +84,8 @@ class Axle:
         metres: FloatArray = speed.at(stamps_us) * seconds
         self.by_validity += np.bincount(validity, minlength=len(VALIDITIES))
         self.spells.add(stamps_us, causes)
-        way = self.metres + np.concatenate(([0.0], np.cumsum(metres)[:-1]))
-        time = (self.frames + np.arange(n)) * self.cycle_s
+        way: FloatArray = np.concatenate(([self.metres], self.metres + np.cumsum(metres)[:-1]), dtype=np.float64)
+        time: FloatArray = np.arange(self.frames, self.frames + n, dtype=np.float64) * self.cycle_s
         self.way.add(way, of, metres)
         self.time.add(time, of, seconds)
         self.metres += float(metres.sum())

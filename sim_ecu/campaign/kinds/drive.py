@@ -30,6 +30,7 @@ from sim_ecu.loop.scenario import DriveScenario, path_of, read_drive_scenario
 from sim_ecu.play.faults import SILENT
 from sim_ecu.play.inject import at_work
 from sim_ecu.play.mapped import MappedTrain
+from sim_ecu.play.scenario import Scenario
 from sim_ecu.play.train import PACKAGED, Train
 from wrcd.core.configuration import Config
 from wrcd.errors import InputError
@@ -86,34 +87,37 @@ class _Asked:
 
 def _asked(inputs: Mapping[str, Any]) -> _Asked:
     """Raises InputError for inputs that make no sense."""
-    controller = str(inputs.get("controller", "thresholds"))
-    hears = bool(inputs.get("with_adhesion", False))
-    if hears and controller not in NAMES[1:]:
-        raise InputError(
-            f"{controller!r} hears no adhesion", key="with_adhesion", hint=f"of {', '.join(NAMES[1:])} only"
-        )
+    controller, hears = str(inputs.get("controller", "thresholds")), bool(inputs.get("with_adhesion", False))
     runs = hears or bool(inputs.get("daemon", False))
-    if runs and controller == IDEAL:
+    timing = Timing(int(inputs.get("phase_us", 0)), int(inputs.get("delay_us", 0)))
+    if hears and controller not in NAMES[1:]:
+        hint = f"of {', '.join(NAMES[1:])} only"
+        raise InputError(f"{controller!r} hears no adhesion", key="with_adhesion", hint=hint)
+    if controller == IDEAL and runs:
         raise InputError("runs without a bus, where no daemon hears anything", key="controller", hint="daemon = false")
+    if controller == IDEAL and timing != Timing():
+        raise InputError("acts at once, on what it sees", key="controller", hint="phase_us and delay_us are of others")
+    for name in ("design", "configuration"):
+        if inputs.get(name) and not runs:
+            raise InputError("is of a daemon, and none runs", key=name, hint="daemon = true")
     scenario = scenario_of(inputs, path_of(inputs["scenario"]), read_drive_scenario)
     faults = fault_of(inputs, scenario.axles, scenario.train.duration_s)
     for f in faults:
         if controller == IDEAL or not (runs or f.kind in SILENT):
             raise InputError(f"nobody hears the inputs that {f.kind} spoils", key="fault", hint="daemon = true")
-    for name in ("design", "configuration"):
-        if inputs.get(name) and not runs:
-            raise InputError("is of a daemon, and none runs", key=name, hint="daemon = true")
-    config = configuration_of(inputs, scenario.axles) if runs else None
-    wheelset = scenario.train.wheelset
-    own = config is not None and inputs.get("configuration")
-    train: Train = MappedTrain(config, wheelset.normal_N, wheelset.r_0) if config is not None and own else PACKAGED
     played = replace(scenario.train, faults=(*scenario.train.faults, *faults))
-    at_work(played.faults, scenario.axles, played.axles[0].seed, train)
-    train.encoder(scenario.axles, truth=False)
-    return _Asked(
-        replace(scenario, train=played), controller, hears, config, train,
-        Timing(int(inputs.get("phase_us", 0)), int(inputs.get("delay_us", 0))),
-    )  # fmt: skip
+    config, train = _daemon(inputs, played) if runs else (None, PACKAGED)
+    numbers = [a.number for a in played.axles]
+    at_work(played.faults, numbers, played.axles[0].seed, train)
+    train.encoder(numbers, truth=False)
+    return _Asked(replace(scenario, train=played), controller, hears, config, train, timing)
+
+
+def _daemon(inputs: Mapping[str, Any], played: Scenario) -> tuple[Config, Train]:
+    """Its configuration, and the train that this maps."""
+    config = configuration_of(inputs, [a.number for a in played.axles])
+    w = played.wheelset
+    return config, MappedTrain(config, w.normal_N, w.r_0) if inputs.get("configuration") else PACKAGED
 
 
 def _check(inputs: Mapping[str, Any]) -> None:

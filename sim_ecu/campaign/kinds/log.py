@@ -13,6 +13,7 @@ from sim_ecu.campaign.fleet.classes import CLASSES, Bins, FloatArray
 from sim_ecu.campaign.fleet.tally import STEP_M, STEP_S, VALIDITIES, Axle, Tally
 from sim_ecu.campaign.job import Job, Scalar
 from sim_ecu.campaign.kind import Factor, Figure, Kind, Type
+from sim_ecu.campaign.task import digest
 from wrcd.bus.damage import Damage
 from wrcd.bus.log_kind import check_log
 from wrcd.bus.log_order import TimeOrder
@@ -27,6 +28,7 @@ from wrcd.tools.story.clock import Onward
 from wrcd.tools.story.estimate import made
 
 CAUSES = tuple(c for c in Cause if c is not Cause.NONE)
+OWN = ("log", "state")  # among Job.files: what the job itself looks at
 MAX_FINE = 50  # steps of 100 m or 10 s that are kept as they are; of a longer log they are kilometres and minutes
 KILOMETRE, MINUTE = 1000.0, 60.0
 
@@ -68,8 +70,10 @@ def replayed(job: Job) -> Mapping[str, Scalar]:
     """The figures of a log. Raises InputError for one that cannot be read, or has no usable input."""
     inputs = job.inputs
     log, channel = Path(inputs["log"]), inputs.get("channel") or None
+    _unchanged(job, log)
     check_log(log)
-    config = _config(inputs.get("configuration") or "", tuple(sorted(job.files.items())))
+    shared = tuple(sorted((name, found) for name, found in job.files.items() if name not in OWN))
+    config = _config(inputs.get("configuration") or "", shared)
     tally, damage, order, onward = Tally(config), Damage(), TimeOrder(log), Onward()
     core = Core(config, observer=tally)
     begin_us = newest_us = None
@@ -89,6 +93,13 @@ def replayed(job: Job) -> Mapping[str, Scalar]:
     tally.end(core, newest_us)
     warnings = [*damage.warnings(log), *order.warnings()]
     return _figures(tally, begin_us, damage, len(onward.steps), warnings)
+
+
+def _unchanged(job: Job, log: Path) -> None:
+    """Raises InputError for a log that is not as it was when it was asked for."""
+    for name, file in zip(OWN, (log, state_file(log)), strict=True):
+        if name in job.files and digest(file) != job.files[name]:
+            raise InputError("has changed since the campaign began", file=file, hint="begin it again")
 
 
 @lru_cache(maxsize=8)

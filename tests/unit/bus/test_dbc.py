@@ -14,11 +14,13 @@ from wrcd.bus.reasons import Reason
 from wrcd.core.causes import Cause, Validity
 from wrcd.core.configuration import MAX_AXLES
 from wrcd.core.counts import State
+from wrcd.core.vocabulary import DROP_AHEAD
 
 ROOT = Path(__file__).parents[3]
 MESSAGES = {
     "Adhesion_A{a}": (0x090, "WRCD", 20, 60, 8),
     "AdhesionDetail_A{a}": (0x0A0, "WRCD", 100, 300, 8),
+    "AdhesionAhead_A{a}": (0x0C0, "WRCD", 20, 60, 8),
     "InputHealth_A{a}": (0x0A8, "WRCD", 100, 300, 8),
     "YawRate_A{a}": (0x100, "IMU", 5, 15, 5),
     "LatAccel_A{a}": (0x110, "IMU", 5, 15, 5),
@@ -195,8 +197,9 @@ def test_every_cause_has_a_label_and_residuals_keep_their_range(production: Data
     for a in AXLES:
         m = production.get_message_by_name(f"AdhesionDetail_A{a}")
         cause = m.get_signal_by_name("Cause")
-        assert {int(k): str(v) for k, v in (cause.choices or {}).items()} == {int(c): c.label for c in Cause}
-        assert max(Cause) < 1 << cause.length
+        labels = {int(c): c.label for c in Cause} | {max(Cause) + 1: DROP_AHEAD}
+        assert {int(k): str(v) for k, v in (cause.choices or {}).items()} == labels
+        assert max(labels) < 1 << cause.length
         for k in range(1, 5):
             s = m.get_signal_by_name(f"Residual{k}")
             assert (s.length, s.scale, s.minimum, s.maximum) == (8, 0.4, -70, 31.6)

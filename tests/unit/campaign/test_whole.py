@@ -6,11 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from sim_ecu.campaign.child import Child
 from sim_ecu.campaign.whole import MOST_TOLD, Missing, Piece, not_whole
 from sim_ecu.cli import main
 from sim_ecu.commands import run_loop, run_score
-from sim_ecu.commands.run_score import Asked, Work
+from sim_ecu.commands.run_score import Work
 from sim_ecu.design.source import load_source
 from sim_ecu.loop.play import play
 from sim_ecu.loop.suites import cases
@@ -85,17 +84,6 @@ def test_suites_of_a_score_that_are_whole_are_printed_and_the_others_named(
     assert "**dead**" not in told.out
     assert "dead, both die, run 0: ValueError: no wheel" in told.err
     assert set(json.loads(out.read_text())["suites"]) == {"dry-hours"}
-
-
-def test_figures_of_a_child_process_are_those_of_this_one_to_the_bit() -> None:
-    run = short(next(iter(runs(load_source(resources.DESIGN), "dry-hours", 0.01))))
-    work = Work(run, Asked(resources.DESIGN, None, ()))
-    child = Child()
-    try:
-        there = child.run(run_score.play_one, work)
-    finally:
-        child.close()
-    assert [repr(t) for t in there] == [repr(t) for t in run_score.play_one(work)]
 
 
 def test_grid_with_a_hole_takes_the_suites_along_that_are_compared_with_it() -> None:

@@ -28,6 +28,7 @@ from wrcd.core.configuration import Config, Input
 from wrcd.core.vocabulary import MESSAGES
 from wrcd.errors import InputError
 from wrcd.mapping.outputs import STATUS_KEYS, STATUS_MESSAGES, usual_messages
+from wrcd.mapping.train import AXLE_OUTPUTS
 from wrcd.tools.check import describe
 
 THIRD_PARTY = DBC.parent / "third-party.toml"
@@ -219,7 +220,7 @@ def test_interfaces_are_python_cans_own() -> None:
 
 def test_what_is_told_is_what_the_packaged_dbc_has() -> None:
     packaged = load_dbc(resources.DBC)
-    usual = dict(zip(("adhesion", "detail", "inputs"), usual_messages(3), strict=True))
+    usual = dict(zip(AXLE_OUTPUTS, usual_messages(3), strict=True))
     for kind, name in {**usual, **dict(zip(STATUS_KEYS, STATUS_MESSAGES, strict=True))}.items():
         signals = {s.name for s in packaged.get_message_by_name(name).signals} - {"Crc", "Counter"}
         assert signals == set(MESSAGES[kind]), name

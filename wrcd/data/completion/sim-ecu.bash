@@ -212,7 +212,7 @@ _sim_ecu() {
     score)
         options='-h --help --suite --quick --jobs --design --baselines --beside --json --html'
         case $prev in
-        --suite) _sim_ecu_words 'paper grid robust rough harsh slow transitions drops cycles dead foreign dry-hours'; return ;;
+        --suite) _sim_ecu_words 'paper grid robust rough harsh slow transitions drops cycles dead foreign dry-hours fusion'; return ;;
         --jobs) _sim_ecu_nothing; return ;;
         --design) _sim_ecu_files .json; return ;;
         --baselines) _sim_ecu_files .json; return ;;

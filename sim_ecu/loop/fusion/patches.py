@@ -1,0 +1,128 @@
+"""What is driven: four axles, one behind the other, over a patch of low rail, or over a rail that does not change.
+
+The train moves freely. A slip controller that knows nothing of wrcd takes the torque back where a wheel slips.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim_ecu.loop.names import LAWS
+from sim_ecu.loop.scenario import NO_DRIVE, DriveScenario
+from sim_ecu.physics.cleaning import Cleaning
+from sim_ecu.physics.contact import CreepCurve, curve_between, peak
+from sim_ecu.physics.sensors import SENSOR_SETS
+from sim_ecu.physics.track import QUALITY
+from sim_ecu.physics.wheelset import Wheelset
+from sim_ecu.play.scenario import POSITIONS_M, AxleScenario, Course, FloatArray, Scenario, rail_table
+from sim_ecu.score.suites.run import AXLES, FIRST_TEST_SEED
+
+PLACES_M = POSITIONS_M[:AXLES]
+SPEEDS_M_S = (5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 40.0)
+PER_SPEED = 10  # patches, half of them cleaned by the axles that slip on them
+HELD_PER_SPEED = 2  # patches more, on which the driver asks for less than they carry
+HELD_SHARES = (0.3, 0.9)  # of the patch's peak
+STEADY_RUNS = 16
+# Friction mu_0, drawn evenly from one of the ranges: dry, damp, wet; greasy, low, leaf film.
+HIGH = ((0.45, 0.55), (0.38, 0.45), (0.27, 0.33))
+LOW = ((0.13, 0.17), (0.05, 0.07), (0.03, 0.06))
+LENGTHS_M = (30.0, 120.0)
+IN_USE = (0.05, 0.32)  # adhesion that the driver asks for, MOST_OF_HIGH of the good rail's peak at most
+MOST_OF_HIGH = 0.85
+FULL = 0.34  # adhesion of the full effort
+CLEANING = Cleaning(energy_kJ_m=4.0)
+DEMAND_S, ONSET_S, ENTER_S = 2.5, 0.1, 4.0  # a little effort until then; the first axle is on the patch at the last
+LITTLE = 0.05  # of the full effort
+AFTER_S, LONGEST_S = 1.0, 11.0
+ALWAYS_PULLS_M_S = 10.0  # up to here the driver pulls: a train that brakes would stand before its last axle is there
+STEADY_S, STEP_S = 25.0, 3.0
+STEADY_SPEEDS_M_S = (12.0, 40.0)
+G = 9.80665
+Rng = np.random.Generator
+
+
+@dataclass(frozen=True, slots=True)
+class Drive:
+    """A run. start_m: where the patch begins for axle 1's place; None where the rail does not change. slides: whether
+    the driver asks for more than the patch carries. held: one more, so that he asks for less."""
+
+    number: int
+    scenario: DriveScenario
+    law: str
+    speed_m_s: float
+    start_m: float | None = None
+    slides: bool = False
+    held: bool = False
+
+    @property
+    def cleaned(self) -> bool:
+        """Whether the axles clean the rail."""
+        return self.scenario.cleaning is not None
+
+
+def patches(scale: float = 1.0, first_seed: int = FIRST_TEST_SEED) -> Iterator[Drive]:
+    """Patches at every speed, with and without cleaning in turn; scale is the share of them. First those on which the
+    driver asks for what he likes, then those that hold."""
+    number = 0
+    for per_speed, held in ((PER_SPEED, False), (HELD_PER_SPEED, True)):
+        for speed in SPEEDS_M_S:
+            for k in range(max(2, round(per_speed * scale))):
+                yield _patch(number, first_seed + number, speed, CLEANING if k % 2 else None, held)
+                number += 1
+
+
+def steady(scale: float = 1.0, first_seed: int = FIRST_TEST_SEED) -> Iterator[Drive]:
+    """Rails that do not change, under a driver who does."""
+    for number in range(max(2, round(STEADY_RUNS * scale))):
+        seed = first_seed + 100_000 + number
+        rng = np.random.default_rng([seed, 12])
+        speed = float(rng.uniform(*STEADY_SPEEDS_M_S))
+        curve = _drawn(rng, HIGH)
+        most = min(IN_USE[1], MOST_OF_HIGH * _peak(speed, curve)) / FULL
+        times, shares = [0.0], [LITTLE]
+        for t in np.arange(DEMAND_S, STEADY_S, STEP_S):
+            way = 1.0 if len(times) % 4 < 2 else -1.0  # there and back: the speed stays about where it was
+            times += [float(t), float(t) + ONSET_S]
+            shares += [shares[-1], way * float(rng.uniform(0.0, most))]
+        driver = Course(tuple(times), tuple(shares))
+        yield Drive(number, _scenario(rng, seed, rail_table([(0.0, curve, 0.0, 0.0)]), speed, driver, STEADY_S),
+                    str(rng.choice(LAWS)), speed)  # fmt: skip
+
+
+def _patch(number: int, seed: int, speed: float, cleaning: Cleaning | None, held: bool) -> Drive:
+    rng = np.random.default_rng([seed, 11])
+    good, bad = _drawn(rng, HIGH), _drawn(rng, LOW)
+    way = 1.0 if speed <= ALWAYS_PULLS_M_S or rng.random() < 0.5 else -1.0
+    used = min(float(rng.uniform(*IN_USE)), MOST_OF_HIGH * _peak(speed, good))
+    if held:
+        used = float(rng.uniform(*HELD_SHARES)) * _peak(speed, bad)
+    start_m = speed * ENTER_S + way * 0.5 * used * G * (ENTER_S - DEMAND_S) ** 2
+    end_m = start_m + float(rng.uniform(*LENGTHS_M))
+    rail = rail_table([(0.0, good, 0.0, 0.0), (start_m, bad, 0.0, 0.0), (end_m, good, 0.0, 0.0)])
+    way_s = (PLACES_M[0] - PLACES_M[-1]) / max(speed - 2.0, 2.0)
+    seconds = min(ENTER_S + way_s + AFTER_S, LONGEST_S)
+    driver = Course((0.0, DEMAND_S, DEMAND_S + ONSET_S), (way * LITTLE, way * LITTLE, way * used / FULL))
+    drive = _scenario(rng, seed, rail, speed, driver, seconds, cleaning)
+    return Drive(number, drive, str(rng.choice(LAWS)), speed, start_m, used > _peak(speed, bad), held)
+
+
+def _scenario(
+    rng: Rng, seed: int, rail: FloatArray, speed: float, driver: Course, seconds: float,
+    cleaning: Cleaning | None = None,
+) -> DriveScenario:  # fmt: skip
+    roughness = float(np.exp(rng.uniform(*np.log((QUALITY["good"], QUALITY["poor"])))))
+    axles = tuple(
+        AxleScenario(n, rail, NO_DRIVE, roughness, SENSOR_SETS["mems"], seed * 16 + n, place, seed * 16)
+        for n, place in enumerate(PLACES_M, 1)
+    )
+    train = Scenario("score", "", seconds, Course((0.0,), (speed,)), False, Wheelset(), axles)
+    return DriveScenario(train, driver, known_before=True, cleaning=cleaning)
+
+
+def _drawn(rng: Rng, frictions: tuple[tuple[float, float], ...]) -> CreepCurve:
+    return curve_between(float(rng.uniform(*frictions[int(rng.integers(len(frictions)))])))
+
+
+def _peak(speed: float, curve: CreepCurve) -> float:
+    return float(peak(speed, Wheelset().contact, *curve.row())[1])

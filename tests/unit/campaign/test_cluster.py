@@ -1,0 +1,145 @@
+"""`sim-ecu campaign --scheduler`: a scheduler and workers of Dask as real processes."""
+
+import json
+import shutil
+import signal
+import subprocess
+import sys
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, ExitStack
+from pathlib import Path
+
+import pytest
+
+from sim_ecu.campaign import cluster, store
+from sim_ecu.cli import main
+from tests.support.processes import ROOT, running, wait_for
+from tests.support.trial_kind import Write, lines, meanwhile
+
+WAIT_S = 60
+SCHEDULER = ("scheduler", "--host", "127.0.0.1", "--port", "0", "--dashboard-address", "127.0.0.1:0")
+WORKER = ("worker", "--no-nanny", "--nthreads", "1", "--no-dashboard", "--local-directory")
+
+
+class Dask:
+    """A scheduler, and workers beside it. Files go to folder."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder, self._count = folder, 0
+        self._workers = ExitStack()
+        self._file = folder / "scheduler.json"
+        with ExitStack() as starting:
+            self.scheduler = starting.enter_context(_dask(ROOT, *SCHEDULER, "--scheduler-file", self._file))
+            wait_for("the scheduler", WAIT_S, self._file.exists)
+            self._scheduler = starting.pop_all()
+        self.address = str(json.loads(self._file.read_text())["address"])
+
+    def worker(self, sources: Path = ROOT) -> subprocess.Popen[bytes]:
+        """One more."""
+        self._count += 1
+        folder = self._folder / f"worker{self._count}"
+        return self._workers.enter_context(_dask(sources, *WORKER, folder, "--scheduler-file", self._file))
+
+    def dismiss(self) -> None:
+        """Stop the workers."""
+        self._workers.close()
+
+    def close(self) -> None:
+        """Stop everything."""
+        self.dismiss()
+        self._scheduler.close()
+
+
+def _dask(sources: Path, *arguments: str | Path) -> AbstractContextManager[subprocess.Popen[bytes]]:
+    code = f"import sys; sys.path[:0] = [{str(sources)!r}, {str(ROOT)!r}]; from dask.__main__ import main; main()"
+    return running(sys.executable, "-c", code, *arguments, stop=signal.SIGKILL)
+
+
+@pytest.fixture(scope="module")
+def started() -> Iterator[list[Dask]]:
+    """Schedulers; the last one may be alive."""
+    every: list[Dask] = []
+    yield every
+    for one in every:
+        one.close()
+
+
+@pytest.fixture
+def dask(started: list[Dask], tmp_path_factory: pytest.TempPathFactory) -> Iterator[Dask]:
+    """A scheduler without workers: starting one takes a second or two, so a test leaves it to the next."""
+    if not started or started[-1].scheduler.poll() is not None:
+        started.append(Dask(tmp_path_factory.mktemp("dask")))
+    yield started[-1]
+    started[-1].dismiss()
+
+
+def run(file: Path, folder: Path, *more: str) -> int:
+    return main(["campaign", str(file), "-o", str(folder), *more])
+
+
+def test_workers_that_come_and_die_give_what_the_pool_gives(
+    write: Write, tmp_path: Path, dask: Dask, capfd: pytest.CaptureFixture[str]
+) -> None:
+    record, out = tmp_path / "record", tmp_path / "out"
+    file = write("seeds = 60", f'record = "{record}"\ntakes_s = 0.02', "x = [1]")
+
+    def come_and_die() -> None:
+        wait_for("that it waits", WAIT_S, lambda: out.exists() or "waiting for workers" in capfd.readouterr().err)
+        first, _ = dask.worker(), dask.worker()
+        wait_for("some rows", WAIT_S, lambda: len(lines(out / store.JOURNAL)) >= 10)
+        first.kill()
+
+    with meanwhile(come_and_die):
+        assert run(file, out, "--scheduler", dask.address) == 0
+    counts = Counter(line.rpartition(" ")[0] for line in lines(record))
+    assert set(counts) == {f"1 {seed}" for seed in range(1, 61)}
+    assert run(file, tmp_path / "pool", "--jobs", "2") == 0
+    assert (out / store.RESULTS).read_bytes() == (tmp_path / "pool" / store.RESULTS).read_bytes()
+
+
+def test_worker_with_other_code_is_refused(
+    write: Write, tmp_path: Path, dask: Dask, capsys: pytest.CaptureFixture[str]
+) -> None:
+    other = tmp_path / "other"
+    for package in ("sim_ecu", "wrcd"):
+        shutil.copytree(ROOT / package, other / package, ignore=shutil.ignore_patterns("__pycache__"))
+    with (other / "sim_ecu" / "resources.py").open("a") as file:
+        file.write("# another version\n")
+    out = tmp_path / "out"
+    asked = write("seeds = 4", factor="x = [1]")
+    dask.worker(other)
+    assert run(asked, out, "--scheduler", dask.address) == 1
+    assert "has other sources of wrcd than are here" in capsys.readouterr().err
+    assert not out.exists()
+
+
+def test_scheduler_that_goes_away_is_said_and_the_pool_goes_on(
+    write: Write, tmp_path: Path, dask: Dask, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    file = write("seeds = 60", "takes_s = 0.02", "x = [1]")
+    dask.worker()
+
+    def go() -> None:
+        wait_for("some rows", WAIT_S, lambda: len(lines(out / store.JOURNAL)) >= 5)
+        dask.scheduler.kill()
+        dask.scheduler.wait(WAIT_S)
+
+    with meanwhile(go):
+        assert run(file, out, "--scheduler", dask.address) == 1
+    said = capsys.readouterr().err
+    assert "the workers are lost: " in said
+    assert f" rows are in {out}, the same command goes on from there" in said
+    kept = len(lines(out / store.JOURNAL))
+    assert 5 <= kept < 60
+    assert run(file, out) == 0
+    assert f"60 of 60 jobs done ({kept} were there)" in capsys.readouterr().out
+
+
+def test_address_without_a_scheduler_is_told(
+    write: Write, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(cluster, "CONNECT_S", 0.2)
+    assert run(write(), tmp_path / "out", "--scheduler", "tcp://127.0.0.1:1") == 2
+    assert "--scheduler: tcp://127.0.0.1:1: no scheduler answers there" in capsys.readouterr().err

@@ -1,0 +1,86 @@
+"""How far the train has come, and where its axles met a worse rail: the tick's side of fusion along the vehicle."""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from wrcd.core.inputs import TickInputs
+from wrcd.estimator.bank import BoolArray
+from wrcd.estimator.design import FloatArray
+from wrcd.estimator.drops import DropWatch
+from wrcd.estimator.records import StepResult, Ticks
+from wrcd.estimator.window import BLOCK_TICKS
+
+
+class View(NamedTuple):
+    """What a slot is told. Arrays are by axle (n,)."""
+
+    epoch: int  # another one: nothing that was known of places before holds
+    way_m: float  # of the train; NaN where its speed is not known
+    speed_m_s: float
+    x_m: FloatArray  # where the axles stand in the direction of travel, ahead of the train's way
+    met_m: FloatArray  # the train's way when an axle met a worse rail, NaN where none did
+    ready: BoolArray  # whose signals would show it
+
+
+class Front:
+    """Integrates the speed that is heard, and watches the axles. Positions in m, forward positive."""
+
+    STATE = {
+        "way_m": "_way_m", "epoch": "_epoch", "known": "_known", "speed_m_s": "_speed_m_s", "reverse": "_reverse",
+        "watch": "_watch",
+    }  # fmt: skip
+
+    def __init__(self, positions_m: Sequence[float], tick_s: float) -> None:
+        self._positions_m = np.array(positions_m)
+        self._tick_s = tick_s
+        self._way_m = 0.0
+        self._epoch = 0
+        self._known = False  # whether the speed is
+        self._speed_m_s = 0.0
+        self._reverse = False
+        self._watch = DropWatch(len(positions_m))
+
+    def move(self, tick: TickInputs, reverse: bool) -> None:
+        """A tick is over. Speed that is unknown, silent or jumps, and another direction, start anew."""
+        known = math.isfinite(tick.speed_m_s) and len(tick.unavailable) < len(self._positions_m)
+        if known != self._known or reverse != self._reverse or (known and tick.speed_jumped):
+            self.clear()
+        self._known, self._reverse = known, reverse
+        self._speed_m_s = abs(tick.speed_m_s) if known else 0.0
+        self._way_m += self._speed_m_s * self._tick_s
+
+    def step(self, ticks: Ticks, first: int, result: StepResult) -> None:
+        """The estimator has taken len(result) ticks, from `first` on."""
+        if not self._known:
+            return
+        usable = result.in_window & ~result.near_pulse
+        ratio = ticks.torque_ratio[first : first + len(result)]
+        block_m = self._speed_m_s * self._tick_s * BLOCK_TICKS
+        self._watch.add(ticks.number + first, result.whitened, usable, ratio, self._way_m, block_m, self._behind)
+
+    def reset(self, axle: int) -> None:
+        """An axle starts anew."""
+        self._watch.reset(axle)
+
+    def clear(self) -> None:
+        """Nothing that was known of places holds."""
+        self._epoch += 1
+        self._way_m = 0.0
+        self._watch.clear()
+
+    def view(self) -> View:
+        """Take down how it is now."""
+        way_m = self._way_m if self._known else math.nan
+        return View(self._epoch, way_m, self._speed_m_s, self._x_m, self._watch.take(), self._watch.ready)
+
+    @property
+    def _x_m(self) -> FloatArray:
+        return -self._positions_m if self._reverse else self._positions_m
+
+    @property
+    def _behind(self) -> list[list[int]]:
+        x = self._x_m
+        return [np.flatnonzero(x < own).tolist() for own in x]

@@ -1,0 +1,139 @@
+"""Where a wheelset meets a rail with less adhesion: the first signs of it, long before the estimate follows.
+
+Two signs. The residuals: onto a worse rail, the linear model's innovations grow within a few ticks, those of the wet
+peak's model do not, while the torque is as it was. The torque: the drive or the brake of one wheelset is taken back by
+its slip control, those of the wheelsets behind it are not.
+
+A sign is a suspicion, no estimate: nothing here changes one.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from wrcd.estimator.bank import BoolArray
+from wrcd.estimator.design import FloatArray
+from wrcd.estimator.window import BLOCK_TICKS, quiet
+
+# Whitened innovations that count, as 2 * model + channel, and how. With these weights a track that becomes rougher
+# under all models alike raises the sum by 0.9 of its own decades instead of more.
+CHANNELS = (1, 3, 5, 6, 7)
+WEIGHTS = np.array((0.3, -1.0, 0.3, 0.3, 1.0))
+MOST = 1.5  # decades that one channel may say
+# Newest blocks, compared with REFERENCE blocks before them, and decades beyond which they are a sign. Set on 1.3 hours
+# of unchanging rails (one false sign an hour) and 140 rides onto low rail, all of training seeds.
+NEWEST = (1, 2, 4, 8, 12)
+LIMITS = (1.1, 0.75, 0.55, 0.5, 0.46)
+REFERENCE = 50
+LENGTH = NEWEST[-1] + REFERENCE
+MIN_NEW, MIN_REFERENCE = 0.5, 0.9  # of the ticks that must have data
+STEADY_BLOCKS, STEADY, STEADY_RATIO = 20, 0.1, 0.004  # before the newest: torque that changes less is steady
+# Torque of the newest two blocks over that of ten blocks before the newest eight; and over what it must have been.
+FALLEN, HELD, MIN_RATIO = 0.85, 0.93, 0.02
+TORQUE_NOW, TORQUE_FROM, TORQUE_TO = 2, 8, 18
+TORQUE_LATE = 5  # blocks that a slip control takes from the rail's change to that fall
+PAUSE = REFERENCE  # blocks after a sign without another of the same wheelset: the reference is of two rails
+_POWERS = len(CHANNELS)
+_COUNT, _TORQUE, _TORQUE_COUNT = _POWERS, _POWERS + 1, _POWERS + 2
+_COLUMNS = _POWERS + 3
+
+
+class DropWatch:
+    """Takes the innovations of all axles tick by tick and looks for signs at the end of every block."""
+
+    STATE = {"blocks": "_blocks", "block": "_block", "pause": "_pause", "met_m": "met_m"}
+
+    def __init__(self, axles: int) -> None:
+        self._blocks: FloatArray = np.zeros((LENGTH, _COLUMNS, axles))  # oldest first; the last is being filled
+        self._block = -1  # its number
+        self._pause: FloatArray = np.zeros(axles)  # blocks to go
+        self.met_m: FloatArray = np.full(axles, np.nan)  # way of the train when an axle met a worse rail: not taken yet
+
+    def reset(self, axle: int) -> None:
+        """Start an axle anew."""
+        self._blocks[:, :, axle] = 0.0
+        self._pause[axle] = 0.0
+        self.met_m[axle] = np.nan
+
+    def clear(self) -> None:
+        """Start all of them anew."""
+        for axle in range(self._blocks.shape[2]):
+            self.reset(axle)
+
+    def take(self) -> FloatArray:
+        """(n,): where the train was (m) when each axle met a worse rail, NaN where none did since the last call."""
+        met_m, self.met_m = self.met_m, np.full_like(self.met_m, np.nan)
+        return met_m
+
+    @property
+    def ready(self) -> BoolArray:
+        """(n,): which axles have been seen for long enough to show a sign."""
+        ticks: FloatArray = self._blocks[:-1, _COUNT].sum(axis=0)
+        return np.asarray(ticks >= MIN_REFERENCE * REFERENCE * BLOCK_TICKS)
+
+    def add(
+        self, number: int, w: FloatArray, usable: BoolArray, ratio: FloatArray, way_m: float, block_m: float,
+        behind: Sequence[Sequence[int]],
+    ) -> None:  # fmt: skip
+        """m ticks of one block, the first with a number: whitened innovations (m, 4, 2, n), where they can be used
+        (m, n), torque ratios (m, n). The train has come way_m far, block_m in each block; behind: by axle, those that
+        run behind it."""
+        self._open(number // BLOCK_TICKS)
+        m, n = usable.shape
+        new = self._blocks[-1]
+        powers = np.square(w.reshape(m, -1, n)[:, CHANNELS])
+        new[:_POWERS] += np.where(usable[:, None], powers, 0.0).sum(axis=0)
+        new[_COUNT] += usable.sum(axis=0)
+        known = np.isfinite(ratio)
+        new[_TORQUE] += np.where(known, ratio, 0.0).sum(axis=0)
+        new[_TORQUE_COUNT] += known.sum(axis=0)
+        if (number + m) % BLOCK_TICKS == 0:
+            with quiet():
+                self._look(way_m, block_m, behind)
+
+    def _open(self, block: int) -> None:
+        """Begin a block, if it is another one. A gap between two empties them all."""
+        if block == self._block:
+            return
+        if block != self._block + 1:
+            self._blocks[:] = 0.0
+        self._blocks[:-1] = self._blocks[1:]
+        self._blocks[-1] = 0.0
+        self._block = block
+
+    def _look(self, way_m: float, block_m: float, behind: Sequence[Sequence[int]]) -> None:
+        """Look for signs at a block's end."""
+        sums = np.cumsum(self._blocks[::-1], axis=0)  # of so many newest blocks
+        torque = self._blocks[::-1, _TORQUE] / self._blocks[::-1, _TORQUE_COUNT]
+        late = np.where(self._fallen(sums, behind), float(TORQUE_LATE), np.nan)
+        highest, lowest = np.maximum.accumulate(torque), np.minimum.accumulate(torque)
+        for blocks, limit in zip(NEWEST, LIMITS, strict=True):
+            at = blocks + STEADY_BLOCKS - 1
+            steady = highest[at] - lowest[at] <= STEADY * highest[at] + STEADY_RATIO
+            seen = steady & (_risen(sums, blocks) > limit)
+            late = np.where(seen, np.fmin(late, float(blocks)), late)
+        self._pause = np.maximum(self._pause - 1.0, 0.0)
+        new = np.isfinite(late) & (self._pause == 0.0)
+        self.met_m = np.where(new, way_m - late * block_m, self.met_m)
+        self._pause[new] = PAUSE
+
+    def _fallen(self, sums: FloatArray, behind: Sequence[Sequence[int]]) -> BoolArray:
+        """(n,): whose torque has fallen while that of the axles behind it has not."""
+        was = _ratio(sums[TORQUE_TO - 1] - sums[TORQUE_FROM - 1])
+        share = _ratio(sums[TORQUE_NOW - 1]) / was
+        held = np.array([bool(b) and bool((share[list(b)] >= HELD).all()) for b in behind])
+        return held & (share < FALLEN) & (was > MIN_RATIO)
+
+
+def _risen(sums: FloatArray, blocks: int) -> FloatArray:
+    """(n,): decades by which the newest blocks stand out of those before; NaN where either holds too little."""
+    new, old = sums[blocks - 1], sums[blocks + REFERENCE - 1] - sums[blocks - 1]
+    decades = 0.5 * np.log10((new[:_POWERS] / new[_COUNT]) / (old[:_POWERS] / old[_COUNT]))
+    risen: FloatArray = WEIGHTS @ np.clip(decades, -MOST, MOST)
+    few = new[_COUNT] < MIN_NEW * blocks * BLOCK_TICKS
+    risen[few | (old[_COUNT] < MIN_REFERENCE * REFERENCE * BLOCK_TICKS)] = np.nan
+    return risen
+
+
+def _ratio(sums: FloatArray) -> FloatArray:
+    return np.asarray(sums[_TORQUE] / sums[_TORQUE_COUNT])
