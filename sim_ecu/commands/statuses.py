@@ -43,6 +43,12 @@ STATUSES: dict[str, dict[Status, str]] = {
         **_STOPPED,
     },
     "design": {Status.DONE: "the file is made", **_MADE},
+    "tune": {
+        Status.DONE: "the design beats or equals the one to reach; or with `--played 0`, the brief is written",
+        Status.STOPPED: "it does not reach it: it is written all the same, and the table says by how much",
+        **_MADE,
+        Status.INTERRUPTED: "Ctrl-C: the same command goes on from there",
+    },
     "contact": {Status.DONE: "done", Status.BAD_INPUT: _BAD, **_STOPPED},
     "score": {
         Status.DONE: "the tables are printed, whatever the goals' verdicts",

@@ -24,7 +24,7 @@ class Journal:
                 self._answers = dict(map(_entry, whole.splitlines()))
             file.write_bytes(whole)
             self._file = file.open("a", encoding="utf-8")
-        except (OSError, ValueError, KeyError) as e:
+        except (OSError, ValueError, KeyError, TypeError) as e:
             raise InputError(
                 f"cannot be used: {e}", file=file, hint="name another folder, or delete the file"
             ) from None

@@ -2,6 +2,7 @@
 
 import json
 import math
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import pytest
 
 from sim_ecu.cli import main
 from sim_ecu.design.cases import SEEDS_PER_PLAN, Plan, draw
+from sim_ecu.design.search import FIRST_SEARCH_SEED, HELD_SEED, SEARCH_SEEDS
 from sim_ecu.design.source import load_source
 from sim_ecu.physics.contact import peak
 from sim_ecu.physics.track import OMEGA_C, QUALITY, Track
@@ -30,7 +32,7 @@ from sim_ecu.score.suites.changes import ORDER, cycles, drops
 from sim_ecu.score.suites.dry import dry_hours
 from sim_ecu.score.suites.harsh import HARSH, slow
 from sim_ecu.score.suites.nominal import GRID, NOISE, ROBUST, condition, grid, robust, spread
-from sim_ecu.score.suites.run import FIRST_TEST_SEED, Run
+from sim_ecu.score.suites.run import FIRST_TEST_SEED, TRAINING_LOTS, Run
 from sim_ecu.score.tables import tables
 from tests.support.can_ids import LAT_ACCEL, YAW_RATE, YAW_RATE_A2
 from wrcd.config import load_config
@@ -62,6 +64,23 @@ def test_scored_runs_are_not_those_of_training(every: dict[str, list[Run]]) -> N
                 # the same again only for the same conditions in another world
                 condition_of = suite if suite in own else "grid", run.number, place
                 assert seeds.setdefault(a.seed, condition_of) == condition_of
+
+
+def test_lots_have_seeds_of_their_own_and_the_training_those_below_all_of_them() -> None:
+    source = load_source(DESIGN)
+
+    def seeds(runs: Iterable[Run]) -> set[int]:
+        return {a.seed for r in runs for a in r.scenario.axles}
+
+    lots = [seeds(suites.runs(source, "drops", 0.2, lot)) for lot in range(3)]
+    tuned = [seeds(suites.training_runs(source, "drops", 0.2, lot)) for lot in (0, 1, TRAINING_LOTS - 1)]
+    every = [*lots, *tuned]
+    assert sum(map(len, every)) == len(set().union(*every))
+    assert [min(s) // 1_000_000_000 for s in lots] == [2, 3, 4]
+    plans = (FIRST_SEARCH_SEED + SEARCH_SEEDS) * SEEDS_PER_PLAN  # of what candidates are judged by
+    assert all(plans < min(s) <= max(s) < HELD_SEED for s in tuned)
+    same = next(iter(suites.runs(source, "drops", 0.2))).scenario
+    assert same.axles[0].seed == next(drops(W, 0.2)).scenario.axles[0].seed
 
 
 def test_runs_that_are_judged_over_seconds_are_long_enough(every: dict[str, list[Run]]) -> None:

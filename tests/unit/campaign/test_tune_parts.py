@@ -1,0 +1,151 @@
+"""`sim-ecu tune` in parts: the journal, the goals and who is ahead in them, what a run adds, verdicts."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sim_ecu.campaign.job import Job
+from sim_ecu.campaign.runner import local
+from sim_ecu.campaign.tune.goals import GOALS, Figures, differences, figures, front, operations, verdict
+from sim_ecu.campaign.tune.journal import Journal
+from sim_ecu.campaign.tune.played import Seen, play_all
+from sim_ecu.design.source import load_source
+from sim_ecu.resources import PAPER_DESIGN
+from sim_ecu.score.suites import training_runs
+from wrcd.errors import InputError
+from wrcd.estimator.design import load_design
+from wrcd.resources import DESIGN
+
+
+def job(number: int) -> Job:
+    return Job("candidate", {"number": number})
+
+
+def test_journal_knows_its_answers_after_a_kill_in_the_middle_of_a_line(tmp_path: Path) -> None:
+    file = tmp_path / "journal.jsonl"
+    journal = Journal(file)
+    assert journal.answer(job(1)) is None
+    journal.add(job(1), 0.1 + 0.2)
+    journal.add(job(2), "inf")
+    journal.close()
+    whole = file.read_bytes()
+    file.write_bytes(whole + whole[:30])
+    again = Journal(file)
+    assert len(again) == 2
+    assert again.answer(job(1)) == 0.1 + 0.2  # to the bit: a search goes on as it went
+    assert float(again.answer(job(2))) == np.inf
+    again.add(job(3), 1.0)
+    again.close()
+    assert [json.loads(line)["answer"] for line in file.read_text().splitlines()] == [0.1 + 0.2, "inf", 1.0]
+
+
+@pytest.mark.parametrize("text", [b"what\n", b"[1]\n", b'{"answer": 1}\n'])
+def test_file_that_is_no_journal_is_an_error_and_stays(tmp_path: Path, text: bytes) -> None:
+    file = tmp_path / "journal.jsonl"
+    file.write_bytes(text)
+    with pytest.raises(InputError, match="another folder"):
+        Journal(file)
+    assert file.read_bytes() == text
+
+
+def drives(error_pp: float, lie_s: float, low_s: float, silent: float, seed: int = 1) -> list[Seen]:
+    """Twenty runs of each suite, scattered about the given values."""
+    rng = np.random.default_rng(seed)
+    out = []
+    for n in range(20):
+        more = float(rng.uniform(0.8, 1.2))
+        out.append(Seen("grid", n, error_pp * more * 100, 100, round(silent * 100), 100))
+        out.append(Seen("drops", n, lie_s=4 * lie_s * more, drops=4))
+        out.append(Seen("dry-hours", n, low_s=low_s * more, dry_s=100.0))
+    return out
+
+
+def test_front_holds_whom_nobody_is_ahead_of() -> None:
+    best, cheap = Figures((1.0, 0.2, 0.0, 0.01), 3000), Figures((1.5, 0.3, 0.0, 0.01), 1000)
+    quick, behind = Figures((1.2, 0.1, 0.0, 0.01), 3000), Figures((1.5, 0.3, 0.0, 0.01), 1001)
+    assert front([best, behind, cheap, quick]) == [0, 2, 3]
+    assert front([best, best]) == [0, 1]  # alike: neither is ahead
+    assert behind.behind(cheap)
+    assert not cheap.behind(behind)
+
+
+def test_one_number_is_below_zero_for_the_better_and_silence_wins_nothing() -> None:
+    start = Figures((1.0, 0.2, 0.0, 0.02), 3000)
+    assert start.against(start) == 0.0
+    for better in ((0.9, 0.2, 0.0, 0.02), (1.0, 0.1, 0.0, 0.02), (1.0, 0.2, 0.0, 0.0)):
+        assert Figures(better, 3000).against(start) < 0.0
+    assert Figures(start.values, 2000).against(start) < 0.0
+    assert Figures((0.1, 0.0, 0.0, 0.99), 3000).against(start) > 0.0  # hardly ever Valid
+    assert Figures((float("nan"), 0.2, 0.0, 1.0), 3000).against(start) > 0.0  # never
+    assert Figures((1.0, float("nan"), 0.0, 0.02), 3000).against(start) == np.inf
+
+
+def test_goals_are_sums_over_sums() -> None:
+    seen = [Seen("grid", 1, 30.0, 10, 5, 20), Seen("grid", 2, 10.0, 30, 0, 30), Seen("drops", 1, lie_s=3.0, drops=4),
+            Seen("dry-hours", 1, low_s=1.0, dry_s=100.0)]  # fmt: skip
+    found = figures(load_design(DESIGN), seen)
+    assert found.values == pytest.approx((1.0, 0.75, 36.0, 0.1))
+    assert found.cost == operations(load_design(DESIGN)) > 1000
+
+
+def test_cost_goes_with_the_rules() -> None:
+    design = load_design(DESIGN)
+    fewer = replace(design, rules=design.rules[::2])
+    assert operations(design) > operations(fewer) > operations(design) / 2
+
+
+@pytest.mark.parametrize(
+    ("ours", "words"),
+    [
+        ((1.0, 0.2, 0.0, 0.02), "equals"),
+        ((0.8, 0.2, 0.0, 0.02), "beats"),
+        ((0.8, 0.4, 0.0, 0.02), "does not reach"),
+        ((1.0, 0.2, 0.0, 0.05), "does not reach"),
+    ],
+)
+def test_verdict_says_whether_the_design_is_reached(ours: tuple[float, float, float, float], words: str) -> None:
+    found = differences(drives(*ours), drives(1.0, 0.2, 0.0, 0.02))
+    assert verdict(found) == words
+    for d in found:
+        assert d.low <= d.ours - d.theirs <= d.high
+
+
+def test_difference_is_within_chance_where_runs_disagree() -> None:
+    found = differences(drives(1.0, 0.2, 1.0, 0.02, seed=1), drives(1.0, 0.2, 1.0, 0.02, seed=2))
+    assert verdict(found) == "equals"
+    assert all(d.low < 0.0 < d.high for d in found if d.goal is not GOALS[3])
+
+
+def test_designs_are_played_on_the_same_runs_once(tmp_path: Path) -> None:
+    source = load_source(DESIGN)
+    (first, *_), (drop, *_) = (list(training_runs(source, suite, 0.01, 3)) for suite in ("grid", "drops"))
+    every = [
+        replace(first, scenario=replace(first.scenario, duration_s=3.0)),
+        replace(drop, scenario=replace(drop.scenario, duration_s=6.0)),
+    ]
+    journal = Journal(tmp_path / "journal.jsonl")
+    told: list[str] = []
+    with local(1) as executor:
+
+        def play() -> list[list[Seen]]:
+            return play_all([DESIGN, PAPER_DESIGN], every, journal, executor, 1, lambda what, _: told.append(what))
+
+        ours, papers = play()
+        assert len(told) == 4
+        assert [ours, papers] == play()
+        assert len(told) == 4  # nothing again
+    journal.close()
+    assert [s.suite for s in ours] == ["grid", "drops"]
+    assert ours[0].frames == papers[0].frames > 4 * 45
+    assert 0 < ours[0].valid <= ours[0].frames
+    assert ours[0].error_pp != papers[0].error_pp
+    assert 1 <= ours[1].drops <= 4
+    bad = tmp_path / "bad.json"
+    bad.write_text("{}")
+    other = Journal(tmp_path / "other.jsonl")
+    with local(1) as executor, pytest.raises(InputError, match=r"bad\.json: cannot be played in grid: InputError"):
+        play_all([bad], every[:1], other, executor, 1, lambda *_: None)
+    other.close()
