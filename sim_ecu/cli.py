@@ -4,6 +4,8 @@ import argparse
 from collections.abc import Sequence
 
 from sim_ecu.commands import (
+    campaign_command,
+    compare_command,
     contact_command,
     control_command,
     demo_command,
@@ -17,6 +19,7 @@ from sim_ecu.commands import (
     loop_command,
     play_command,
     score_command,
+    tune_command,
     verify_command,
 )
 from sim_ecu.commands.extra import explained
@@ -35,9 +38,12 @@ COMMANDS: tuple[Command, ...] = (
     faults_command.COMMAND,
     design_command.COMMAND,
     contact_command.COMMAND,
+    tune_command.COMMAND,
     score_command.COMMAND,
     figures_command.COMMAND,
     loop_command.COMMAND,
+    campaign_command.COMMAND,
+    compare_command.COMMAND,
     fmu_command.COMMAND,
     verify_command.COMMAND,
     demo_command.COMMAND,

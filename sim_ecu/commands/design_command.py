@@ -1,13 +1,10 @@
 """`sim-ecu design`."""
 
 import argparse
-import os
 from pathlib import Path
 
 from wrcd import resources
 from wrcd.tools.command import Command
-
-BUDGET = 600  # of `sim-ecu design --search`
 
 
 def _add(p: argparse.ArgumentParser) -> None:
@@ -21,21 +18,7 @@ def _add(p: argparse.ArgumentParser) -> None:
         choices=("wrcd", "paper"),
         help="wrcd's own form, or the paper's own, which it is compared with (default: as --config says, else wrcd)",
     )
-    p.add_argument(
-        "--search",
-        action="store_true",
-        help="make no design, but look for the models' process noise, and write the best to FILE as TOML (hours)",
-    )
-    p.add_argument(
-        "--budget", type=int, default=BUDGET, metavar="N", help=f"candidates of a search (default: {BUDGET})"
-    )
-    p.add_argument(
-        "--jobs",
-        type=int,
-        default=os.cpu_count() or 1,
-        metavar="N",
-        help="processes of a search for the paper's form (default: all cores)",
-    )
+    p.add_argument("--search", action="store_true", help="has moved: `sim-ecu tune --over noise,weights --played 0`")
     p.add_argument(
         "--baselines", type=Path, metavar="OUT.json", help="also make what `sim-ecu score` compares this design with"
     )
@@ -53,13 +36,12 @@ def _run(args: argparse.Namespace) -> int:
     from sim_ecu.commands.run_design import run
     from wrcd.errors import InputError
 
+    if args.search:
+        hint = "`sim-ecu tune --over noise,weights --played 0 -o DIR` writes DIR/brief.toml for --config"
+        raise InputError("has moved to a command of its own", key="--search", hint=hint)
     if args.output is None:
         raise InputError("is missing", key="-o", hint="name the file to make, or ask for --explain")
-    for key in ("budget", "jobs"):
-        if getattr(args, key) < 1:
-            raise InputError(f"takes a whole number from 1 on, not {getattr(args, key)}", key=f"--{key}")
-    budget = args.budget if args.search else None
-    return run(args.config, args.output, args.baselines, args.form, budget, args.jobs)
+    return run(args.config, args.output, args.baselines, args.form)
 
 
 COMMAND = Command(

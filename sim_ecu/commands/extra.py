@@ -15,6 +15,8 @@ MODULES = {
     "matplotlib": ("bench", "matplotlib"),
     "sklearn": ("learned", "scikit-learn"),
     "pythonfmu": ("fmi", "pythonfmu"),
+    "pyarrow": ("campaign", "pyarrow"),
+    "distributed": ("cluster", "distributed"),
 }
 
 

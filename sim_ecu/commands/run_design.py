@@ -5,7 +5,6 @@ from pathlib import Path
 from sim_ecu.commands.outputs import check_output
 from sim_ecu.design.brief import find, read_brief
 from sim_ecu.design.make import design, write
-from sim_ecu.design.search import search
 from sim_ecu.score.learned import learn
 from wrcd.estimator.design import load_design
 from wrcd.settings import parse_toml, read_toml
@@ -13,18 +12,12 @@ from wrcd.tools.progress import Progress
 
 
 def run(
-    config: Path | None, output: Path, baselines: Path | None = None, form: str | None = None,
-    budget: int | None = None, jobs: int = 1,
+    config: Path | None, output: Path, baselines: Path | None = None, form: str | None = None
 ) -> int:  # fmt: skip
-    """Make a design file, and what a score compares it with. Deterministic for one set of library versions.
-
-    With a budget (candidates) make none, but search for the process noise, in so many processes.
-    """
+    """Make a design file, and what a score compares it with. Deterministic for one set of library versions."""
     brief = read_brief(parse_toml("", "") if config is None else read_toml(find(config)), form)
     check_output("-o", output)
     check_output("--baselines", baselines)
-    if budget is not None:
-        return search(brief, output, budget, jobs)
     progress = Progress(steps=True)
     document, recordings = design(brief, progress.at)
     write(document, output)

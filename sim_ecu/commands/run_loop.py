@@ -1,26 +1,34 @@
 """`sim-ecu loop`: drives the suites in lockstep, judges every run, prints the tables."""
 
-import signal
 import time
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
+from sim_ecu.campaign.whole import Missing, Piece, every, head, not_whole
 from sim_ecu.commands.outputs import check_output, write_results
 from sim_ecu.loop.names import BROAD, UNPROTECTED, WITH
 from sim_ecu.loop.play import Outcome, play
 from sim_ecu.loop.report import judge_all
 from sim_ecu.loop.suites import cases
-from sim_ecu.loop.suites.case import FEW_SEEDS, SEEDS, Case
+from sim_ecu.loop.suites.case import FEW_SEEDS, FIRST_TEST_SEED, SEEDS, Case
 from sim_ecu.loop.tables import tables
 from wrcd.errors import InputError
-from wrcd.tools.progress import Progress
 
 QUICK_SEEDS = 1
 # Processor time of a run, about: what the time left is told from.
 COST, COST_UNPROTECTED, COST_OF_DAEMON, COST_OF_ITS_AXLE = 1.0, 1.5, 1.2, 0.8
-_Job = tuple[str, tuple[str, ...], int]
+
+
+@dataclass(frozen=True, slots=True)
+class Work:
+    """A run of a case, and of those that branch off it."""
+
+    suite: str
+    names: tuple[str, ...]
+    number: int
 
 
 def run(
@@ -30,18 +38,24 @@ def run(
     """Drive, judge, print; write the figures as JSON and a page where asked for."""
     check_output("--json", json_out)
     check_output("--html", html_out)
-    every = cases(suite, only)
-    if not every:
+    asked = cases(suite, only)
+    if not asked:
         hint = f"rows: {'; '.join(dict.fromkeys(c.name for c in cases(suite)))}"
         raise InputError(f"no row's name holds {only!r}", key="--only", hint=hint)
     began = time.monotonic()
-    asked = seeds or (QUICK_SEEDS if quick else None)
-    outcomes = play_all(every, asked, jobs)
-    counts = {"seeds": asked or SEEDS, "seeds_of_broad": asked or FEW_SEEDS}
-    result = {"run": {"quick": quick, "jobs": jobs} | counts} | judge_all(every, outcomes)
+    count = seeds or (QUICK_SEEDS if quick else None)
+    outcomes, missing = play_all(asked, count, jobs)
+    holed = dict.fromkeys(m.piece.suite for m in missing)
+    shown = [case for case in asked if case.suite not in holed]
+    outcomes = [o for o in outcomes if o.suite not in holed]
+    counts = {"seeds": count or SEEDS, "seeds_of_broad": count or FEW_SEEDS}
+    result = {"run": {"quick": quick, "jobs": jobs} | counts} | judge_all(shown, outcomes)
     result["run"]["seconds"] = round(time.monotonic() - began)
-    print("\n".join(tables(result)))
-    write_results(result, json_out, html_out, lambda: _page(result, outcomes))
+    if shown:
+        print("\n".join([*(head(holed) if holed else ()), *tables(result)]))
+        write_results(result, json_out, html_out, lambda: _page(result, outcomes))
+    if missing:
+        raise not_whole(missing)
     return 0
 
 
@@ -51,43 +65,30 @@ def _page(result: dict[str, Any], outcomes: list[Outcome]) -> str:
     return page(result, outcomes)
 
 
-def play_all(every: Sequence[Case], seeds: int | None, jobs: int) -> list[Outcome]:
-    """In processes of their own; the order of the outcomes does not depend on them. seeds None: each suite's own."""
-    progress = Progress(steps=True)
-    groups = _groups(every)
-    work = [(group, number) for group in groups for number in range(seeds or _seeds(group[0]))]
-    cost = [sum(map(_cost, group)) for group, _ in work]
-    done, found = 0.0, []
-    with ProcessPoolExecutor(jobs, initializer=_dies_of_ctrl_c) as pool:
-        try:
-            parts = pool.map(_play, [(g[0].suite, tuple(c.name for c in g), number) for g, number in work])
-            for k, part in enumerate(parts):
-                found += part
-                done += cost[k]
-                progress.at(f"{work[k][0][0].suite}: run {k + 1} of {len(work)}", done / sum(cost))
-        except BaseException:
-            pool.shutdown(cancel_futures=True)
-            raise
-    progress.end()
-    place = {(case.suite, case.name): k for k, case in enumerate(every)}
-    return sorted(found, key=lambda o: (place[o.suite, o.case], o.number))
+def play_all(asked: Sequence[Case], seeds: int | None, jobs: int) -> tuple[list[Outcome], Sequence[Missing]]:
+    """In processes of their own; the order of the outcomes does not depend on them. seeds None: each suite's own. And
+    the runs that failed."""
+    groups = _groups(asked)
+    every_run = [(group, number) for group in groups for number in range(seeds or _seeds(group[0]))]
+    work = [Work(group[0].suite, tuple(c.name for c in group), number) for group, number in every_run]
+    pieces = [Piece(w.suite, f"{w.names[0]}, seed {FIRST_TEST_SEED + w.number}", sum(map(_cost, group)))
+              for w, (group, _) in zip(work, every_run, strict=True)]  # fmt: skip
+    whole = every(play_one, work, pieces, jobs)
+    found = [o for part in whole.results if part is not None for o in part]
+    place = {(case.suite, case.name): k for k, case in enumerate(asked)}
+    return sorted(found, key=lambda o: (place[o.suite, o.case], o.number)), whole.missing
 
 
-def _groups(every: Sequence[Case]) -> list[list[Case]]:
+def _groups(asked: Sequence[Case]) -> list[list[Case]]:
     """Cases by themselves, but those that branch off another one's runs with it."""
     return [
-        [case, *(c for c in every if c.fault is not None and (c.suite, c.bare) == (case.suite, case.name))]
-        for case in every if case.fault is None
+        [case, *(c for c in asked if c.fault is not None and (c.suite, c.bare) == (case.suite, case.name))]
+        for case in asked if case.fault is None
     ]  # fmt: skip
 
 
 def _seeds(case: Case) -> int:
     return FEW_SEEDS if case.suite in BROAD else SEEDS
-
-
-def _dies_of_ctrl_c() -> None:
-    """At a terminal it reaches every process: none goes on with what nobody waits for."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def _cost(case: Case) -> float:
@@ -99,12 +100,13 @@ def _cost(case: Case) -> float:
     return out
 
 
-_cases: dict[tuple[str, str], Case] = {}
+@cache
+def _cases() -> dict[tuple[str, str], Case]:
+    """All; made once in a process."""
+    return {(c.suite, c.name): c for c in cases()}
 
 
-def _play(job: _Job) -> list[Outcome]:
-    if not _cases:
-        _cases.update({(c.suite, c.name): c for c in cases()})
-    suite, names, number = job
-    first, *branches = (_cases[suite, name] for name in names)
-    return play(first, number, branches)
+def play_one(work: Work) -> list[Outcome]:
+    """What a process does with each piece of work."""
+    first, *branches = (_cases()[work.suite, name] for name in work.names)
+    return play(first, work.number, branches)

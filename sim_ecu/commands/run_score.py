@@ -2,22 +2,22 @@
 
 import time
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from sim_ecu import resources as rig
+from sim_ecu.campaign.whole import Missing, Piece, every, head, not_whole
 from sim_ecu.commands.outputs import check_output, write_results
 from sim_ecu.design.source import Source, load_source
 from sim_ecu.score import learned
 from sim_ecu.score.baselines import PAPER, Baseline, Beside, Offsetless, TorqueRatio, fitting
 from sim_ecu.score.ekf import SINGLE, Ekf
+from sim_ecu.score.names import SUITES
 from sim_ecu.score.play import Trace, play
 from sim_ecu.score.report import judge
-from sim_ecu.score.suites import runs
+from sim_ecu.score.suites import PAIRED, runs
 from sim_ecu.score.suites.run import Run
 from sim_ecu.score.tables import tables
 from wrcd import resources
@@ -25,7 +25,6 @@ from wrcd.config import load_config
 from wrcd.core.configuration import Config
 from wrcd.errors import InputError
 from wrcd.estimator.design import Design, load_design
-from wrcd.tools.progress import Progress
 
 QUICK = 0.08  # share of the runs in a quick score, at least one of each variant
 # suites in which baselines run beside
@@ -49,7 +48,12 @@ class _World:
     baselines: dict[str, Baseline]
 
 
-_world: _World | None = None
+@dataclass(frozen=True, slots=True)
+class Work:
+    """A run, and what plays it."""
+
+    run: Run
+    asked: Asked
 
 
 def run(
@@ -66,14 +70,27 @@ def run(
         others.insert(0, (PAPER, rig.PAPER_DESIGN))
     asked = Asked(design_file or resources.DESIGN, baselines_file, tuple(others))
     source = load_source(asked.design)
-    _prepare(asked)  # bad files are told of here, before anything is played
+    _world(asked)  # bad files are told of here, before anything is played
     began = time.monotonic()
-    traces = _play_all(list(runs(source, suite, QUICK if quick else 1.0)), jobs, asked)
+    traces, missing = _play_all(list(runs(source, suite, QUICK if quick else 1.0)), jobs, asked)
+    holed = _holed(missing, suite)
+    traces = [t for t in traces if t.suite not in holed]
     result = {"run": {"quick": quick, "jobs": jobs}} | judge(traces, source, suite, quick)
     result["run"]["seconds"] = round(time.monotonic() - began)
-    print("\n".join(tables(result)))
-    write_results(result, json_out, html_out, lambda: _page(result, traces))
+    if result["suites"]:
+        print("\n".join([*(head(holed) if holed else ()), *tables(result)]))
+        write_results(result, json_out, html_out, lambda: _page(result, traces))
+    if missing:
+        raise not_whole(missing)
     return 0
+
+
+def _holed(missing: Sequence[Missing], suite: str | None) -> tuple[str, ...]:
+    """The suites that lack a run, and those whose twins in the grid do."""
+    found = {m.piece.suite for m in missing}
+    if "grid" in found:
+        found |= set(PAIRED) if suite is None else {suite}
+    return tuple(name for name in SUITES if name in found)
 
 
 def _page(result: dict[str, Any], traces: list[Trace]) -> str:
@@ -89,26 +106,18 @@ def _named(text: str) -> tuple[str, Path]:
     return name, Path(path)
 
 
-def _play_all(every: list[Run], jobs: int, asked: Asked) -> list[Trace]:
-    """In processes of their own; the order of the traces does not depend on them."""
-    progress = Progress(steps=True)
-    cost = np.array([r.scenario.duration_s * len(r.scenario.axles) for r in every])
-    done = 0.0
-    traces: list[Trace] = []
-    with ProcessPoolExecutor(jobs, initializer=_prepare, initargs=(asked,)) as pool:
-        for number, part in enumerate(pool.map(_play, every, chunksize=1)):
-            traces += part
-            done += cost[number]
-            progress.at(f"{every[number].suite}: run {number + 1} of {len(every)}", done / cost.sum())
-    progress.end()
-    return traces
+def _play_all(runs: Sequence[Run], jobs: int, asked: Asked) -> tuple[list[Trace], Sequence[Missing]]:
+    """In processes of their own; the order of the traces does not depend on them. And the runs that failed."""
+    pieces = [Piece(r.suite, f"{r.group}, run {r.number}", r.scenario.duration_s * len(r.scenario.axles)) for r in runs]
+    whole = every(play_one, [Work(r, asked) for r in runs], pieces, jobs)
+    return [t for part in whole.results if part is not None for t in part], whole.missing
 
 
-def _prepare(asked: Asked) -> None:
-    global _world
+@lru_cache(1)
+def _world(asked: Asked) -> _World:
     source = load_source(asked.design)
     config = replace(load_config(None), design=source.design, design_file=asked.design)
-    _world = _World(config, make_baselines(source, asked))
+    return _World(config, make_baselines(source, asked))
 
 
 def make_baselines(source: Source, asked: Asked) -> dict[str, Baseline]:
@@ -130,6 +139,7 @@ def make_baselines(source: Source, asked: Asked) -> dict[str, Baseline]:
     return out
 
 
-def _play(run: Run) -> list[Trace]:
-    assert _world is not None
-    return play(run, _world.config, _world.baselines if run.suite in COMPARED else {})
+def play_one(work: Work) -> list[Trace]:
+    """What a process does with each piece of work."""
+    world = _world(work.asked)
+    return play(work.run, world.config, world.baselines if work.run.suite in COMPARED else {})

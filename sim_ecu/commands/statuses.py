@@ -5,6 +5,7 @@ from wrcd.errors import Status
 _BAD = "bad input: file, line, key, reason and what to do; or a package of the extra is missing"
 _FILE = "a configuration, a DBC or a design cannot be opened: it may be there on the next try"
 _BUS = "the bus or a file cannot be opened, or the interface has gone: the unit tries again"
+_HOLES = "runs failed twice: the error names them; their suites are left out of the tables"
 _STOPPED = {Status.INTERRUPTED: "Ctrl-C"}
 _MADE = {Status.BAD_INPUT: _BAD, Status.NOT_THERE: _FILE, **_STOPPED}
 
@@ -43,8 +44,30 @@ STATUSES: dict[str, dict[Status, str]] = {
     },
     "design": {Status.DONE: "the file is made", **_MADE},
     "contact": {Status.DONE: "done", Status.BAD_INPUT: _BAD, **_STOPPED},
-    "score": {Status.DONE: "the tables are printed, whatever the goals' verdicts", **_MADE},
-    "loop": {Status.DONE: "the tables are printed, whatever the goals' verdicts", Status.BAD_INPUT: _BAD, **_STOPPED},
+    "score": {
+        Status.DONE: "the tables are printed, whatever the goals' verdicts",
+        Status.STOPPED: _HOLES,
+        **_MADE,
+    },
+    "loop": {
+        Status.DONE: "the tables are printed, whatever the goals' verdicts",
+        Status.STOPPED: _HOLES,
+        Status.BAD_INPUT: _BAD,
+        **_STOPPED,
+    },
+    "campaign": {
+        Status.DONE: "every job is done",
+        Status.STOPPED: "jobs failed, took too long or died: their rows say why; or the workers are lost or have other "
+        "code, or the disk is full: the same command goes on from there",
+        Status.BAD_INPUT: _BAD,
+        Status.INTERRUPTED: "Ctrl-C or SIGTERM: the same command goes on from there",
+    },
+    "compare": {
+        Status.DONE: "the tables are printed, whatever the verdicts",
+        Status.STOPPED: "with `--fail-on`: a figure is worse, or differs",
+        Status.BAD_INPUT: _BAD,
+        **_STOPPED,
+    },
     "figures": {Status.DONE: "the figures are drawn, whatever they show", **_MADE},
     "fmu": {
         Status.DONE: "the FMU is made",

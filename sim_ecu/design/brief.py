@@ -1,5 +1,8 @@
 """What is to be designed, from a rig's TOML file."""
 
+import json
+from collections.abc import Sequence
+from dataclasses import fields as dataclass_fields
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -9,6 +12,7 @@ import numpy as np
 from sim_ecu.design.cases import KINDS
 from sim_ecu.design.linear import Point
 from sim_ecu.design.make import Brief, in_papers_form
+from sim_ecu.physics.contact import CURVES, CreepCurve
 from sim_ecu.physics.sensors import SENSOR_SETS
 from sim_ecu.play.scenario import read_wheelset
 from wrcd.errors import InputError
@@ -16,6 +20,11 @@ from wrcd.estimator.design import FORMS
 from wrcd.settings import Section, suggest
 
 POLYNOMIALS = ("fitted", "paper")
+LINEAR = 0.02  # of the peak's creep: up to here a curve is straight
+DESIGN_KEYS = (
+    "form", "tick_s", "window_s", "longest_s", "recent_s", "band_hz", "grid", "torque_sets", "max_rules", "polynomial",
+    "saturated_share",
+)  # fmt: skip
 WHEELSETS = Path(__file__).parent / "wheelsets"
 
 
@@ -51,6 +60,7 @@ def read_brief(top: Section, form: str | None = None) -> Brief:
         window_s=window_s,
         longest_s=d.number("longest_s", longest_s, 0.1, 20.0),
         recent_s=d.number("recent_s", base.recent_s, 0.02, 10.0),
+        band_hz=d.number("band_hz", base.band_hz, 2.0, 40.0),
         grid=d.get("grid", int, base.grid),
         torque_sets=d.get("torque_sets", int, base.torque_sets),
         max_rules=d.get("max_rules", int, base.max_rules),
@@ -88,7 +98,17 @@ def read_brief(top: Section, form: str | None = None) -> Brief:
 
 
 def _points(d: Section, points: tuple[Point, ...]) -> tuple[Point, ...]:
-    """The four models with the noise that the file gives them, as `--search` writes it: three and a weight each."""
+    """The four models with what the file gives them: curves by their letters, creep as a share of the peak's, and the
+    noise as `sim-ecu tune` writes it, three and a weight each."""
+    letters, creeps = d.raw("curves"), d.raw("creep_of_peak")
+    if letters is not None:
+        if not isinstance(letters, list) or len(letters) != len(points) or not set(map(str, letters)) <= set(CURVES):
+            raise d.error(f"takes {len(points)} letters of {', '.join(CURVES)}", "curves", 'e.g. ["A", "C", "D", "B"]')
+        points = tuple(moved(p, CURVES[c], p.creep_of_peak) for p, c in zip(points, letters, strict=True))
+    if creeps is not None:
+        if not isinstance(creeps, list) or len(creeps) != len(points) or not all(map(_is_creep, creeps)):
+            raise d.error(f"takes {len(points)} numbers above 0 and up to 5", "creep_of_peak", "1 is the peak")
+        points = tuple(moved(p, p.curve, float(c)) for p, c in zip(points, creeps, strict=True))
     rows = d.raw("noise")
     if rows is None:
         return points
@@ -99,9 +119,46 @@ def _points(d: Section, points: tuple[Point, ...]) -> tuple[Point, ...]:
     if table.shape != (len(points), 4) or not np.all((table > 0) & (table < 1e6)) or np.any(table[:, 3] >= 2):
         raise d.error(
             f"takes {len(points)} rows of four positive numbers, the last of each below 2", "noise",
-            "of each model: three noises per root Hz and the yaw rate's weight; `sim-ecu design --search` writes it",
+            "of each model: three noises per root Hz and the yaw rate's weight; `sim-ecu tune` writes it",
         )  # fmt: skip
     return tuple(
         replace(p, noise=(row[0], row[1], row[2]), yaw_rate_weight=row[3])
         for p, row in zip(points, table.tolist(), strict=True)
     )
+
+
+def _is_creep(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and 0.0 < value <= 5.0
+
+
+def moved(p: Point, curve: CreepCurve, creep_of_peak: float) -> Point:
+    """A point elsewhere, with the name of where it is."""
+    if (curve, creep_of_peak) == (p.curve, p.creep_of_peak):
+        return p
+    where = " at its peak" if creep_of_peak == 1.0 else f" at {creep_of_peak:g} of its peak's creep"
+    where = ", linear region" if creep_of_peak <= LINEAR else where
+    return replace(p, name=f"curve {curve.name}{where}", curve=curve, creep_of_peak=creep_of_peak)
+
+
+def written(brief: Brief, comments: Sequence[str] = ()) -> str:
+    """The brief as a file for `--config`. Raises no error: what read_brief does not read keeps its default there."""
+    w, plan, points = brief.wheelset, brief.plan, brief.points
+    shares = {f"{kind}_share": getattr(plan, f"{kind}_share") for kind in KINDS}
+    fields = {f.name: getattr(w, f.name) for f in dataclass_fields(w)}
+    lines = [*(f"# {c}" for c in comments), "[wheelset]"]
+    lines += [f"{name} = {_toml(value)}" for name, value in fields.items()]
+    lines += ["", "[design]"]
+    lines += [f"{name} = {_toml(getattr(brief, name))}" for name in DESIGN_KEYS]
+    lines += [
+        f"curves = {_toml([p.curve.name for p in points])}",
+        f"creep_of_peak = {_toml([p.creep_of_peak for p in points])}",
+        "# of each model: y_t' (m/s), yaw and lateral acceleration (rad/s2, m/s2), per root Hz; the yaw rate's weight",
+        "noise = [", *(f"    {_toml([*p.noise, p.yaw_rate_weight])},  # {p.name}" for p in points), "]",
+        "", "[plan]", *(f"{name} = {_toml(getattr(plan, name))}" for name in ("seed", "speeds", "per_speed")),
+        *(f"{name} = {_toml(value)}" for name, value in shares.items()), f"sensors = {_toml(plan.sensors)}",
+    ]  # fmt: skip
+    return "\n".join(lines) + "\n"
+
+
+def _toml(value: object) -> str:
+    return json.dumps(value)

@@ -24,10 +24,7 @@ FloatArray = NDArray[np.float64]
 WORKERS = 2
 OWN_WORLD = 2.0  # importance of an undisturbed window in the design's own world: it is the likeliest
 EDGE = 0.3  # importance of a window outside the plan's core
-# Windows end at these shares of the recording after it has settled, and are so many seconds long: the newest part
-# alone, the usual window, and what it grows to.
-ENDS = (0.25, 0.5, 0.75, 1.0)
-LENGTHS_S = (0.16, 0.25, 0.5, 1.0, 1.0, 1.5, 2.0)
+ENDS = (0.25, 0.5, 0.75, 1.0)  # windows end at these shares of the recording after it has settled
 DISTURBED_ENDS = (0.5, 1.0)
 # Of all training windows so many are to lie inside the interval: half of them are of other worlds or disturbed, and
 # many are short; of whole windows in the design's own world it is then more than 0.9. More where the torque has moved
@@ -113,23 +110,37 @@ def run(design: Design, z: NDArray[np.float32], r: Recording, at: Sequence[int])
         yield k, estimator
 
 
+def lengths_of(design: Design) -> tuple[float, ...]:
+    """Seconds that windows are long: the newest part alone, the usual window, what it grows to, and between them."""
+    usual, longest = design.window_s, design.longest_s
+    return design.recent_s, 0.25 * usual, 0.5 * usual, usual, usual, 0.5 * (usual + longest), longest
+
+
 def features(
-    design: Design, recordings: Sequence[Recording], plan: Plan, progress: Progress = quietly, seed: int = 0
-) -> tuple[Features, Steps]:
+    design: Design, recordings: Sequence[Recording], plan: Plan, progress: Progress = quietly, seed: int = 0,
+    workers: int = WORKERS,
+) -> tuple[Features, Steps]:  # fmt: skip
     """Windows of random length out of every recording, undisturbed and disturbed. Of the design only the bank is used.
     In the paper's form they are all of the one length that it has, and undisturbed.
 
     The steps are those of undisturbed windows in the design's own world, on a rail that does not change.
+    workers: processes; with 1 there is none but the caller's.
     """
     first = np.cumsum([0, *(r.z.shape[2] for r in recordings)])
     jobs = [(design, plan, r, [plan.seed, 2, seed, k], int(first[k])) for k, r in enumerate(recordings)]
+    if workers == 1:
+        return _joined([_windows(job) for job in jobs])
     parts: list[_Part] = []
     # products of small matrices: threads of BLAS in every worker would only wait for each other
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    with ProcessPoolExecutor(WORKERS, mp_context=get_context("forkserver")) as pool:
+    with ProcessPoolExecutor(workers, mp_context=get_context("forkserver")) as pool:
         for k, part in enumerate(pool.map(_windows, jobs)):
             parts.append(part)
             progress("residuals", (k + 1) / len(jobs))
+    return _joined(parts)
+
+
+def _joined(parts: "Sequence[_Part]") -> tuple[Features, Steps]:
     inputs, mu, condition, own, decades, speeds = (
         np.concatenate([getattr(p, name) for p in parts]) for name in _Part.__dataclass_fields__
     )
@@ -154,7 +165,7 @@ def _windows(job: tuple[Design, Plan, Recording, list[int], int]) -> _Part:
     rng = np.random.default_rng(seed)
     n = r.z.shape[2]
     inputs, truth, nominal, decades, speeds = [], [], [], [np.zeros((0, MODELS))], [np.zeros(0)]
-    lengths_s, copies = (LENGTHS_S, 2) if design.form == "wrcd" else ((design.window_s,), 1)
+    lengths_s, copies = (lengths_of(design), 2) if design.form == "wrcd" else ((design.window_s,), 1)
     for z, ends in ((r.z, ENDS), (r.felt, DISTURBED_ENDS))[:copies]:
         settled = round(plan.settle_s / plan.seconds * len(z))
         at = [settled + round(share * (len(z) - settled)) - 1 for share in ends]

@@ -1,36 +1,36 @@
-"""`sim-ecu design --search`: the process noise and the channels' weights of the four models, by what they lead to."""
+"""What the candidates of `sim-ecu tune` are judged by first: recorded conditions, and what a bank makes of them."""
 
-from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_ecu.design.cases import FloatArray, Group, Plan, Progress, held_at
-from sim_ecu.design.cmaes import minimise
-from sim_ecu.design.features import features, run
+from sim_ecu.design.cases import FloatArray, Group, Progress, held_at
+from sim_ecu.design.features import Features, features, quietly, run
 from sim_ecu.design.linear import Point
 from sim_ecu.design.make import Brief, bank, rule_base, with_placeholder_rules
 from sim_ecu.design.recordings import Recording, record, record_groups
 from sim_ecu.physics.contact import CURVES
-from wrcd.errors import InputError, create
+from wrcd.errors import InputError
 from wrcd.estimator.design import MODELS
 from wrcd.estimator.window import BLOCK_TICKS
-from wrcd.tools.progress import Progress as Shown
 
 IntArray = NDArray[np.int64]
 GRID = 24  # speeds of a candidate's bank
-SPEEDS, PER_SPEED = 8, 60  # conditions that a candidate is judged by, at most
-STEP = 0.3  # of the search at its start: decades of noise, and of weight over what is left of it
-NOISES, WEIGHTS = (-6.0, 2.0), (-3.0, 3.0)  # log10 of a process noise, of one channel's weight over the other's
+# Conditions that a candidate is judged by, at most; half of them in worlds that differ. With fewer, the rules of any
+# bank learn them by heart, and the bank hardly matters. From one in VALIDATED of them no rules are made.
+SPEEDS, PER_SPEED, VALIDATED = 3, 300, 3
+MAX_RULES = 40  # of a candidate: a sixth of the time of a hundred
 # Plans have seeds up to 1000; a score's seeds begin at two thousand million: what lies between belongs to the search.
-FIRST_VALIDATION_SEED, VALIDATION_SEEDS, HELD_SEED = 1001, 900, 1_950_000_000
+FIRST_SEARCH_SEED, SEARCH_SEEDS, HELD_SEED = 1001, 900, 1_950_000_000
 HELD_SPEEDS = (15.0, 25.0, 40.0)
 HELD_OFF_PEAK = (0.004, 0.05, 0.15, 0.3)  # of the peak's creep: there model 4 matches, on every curve
 HELD_TRACKS, HELD_SECONDS, HELD_SETTLED_S = 10, 4.0, 1.0
+ACCURACY = "mean error (pp) on conditions that the rules were not made from:"
+MATCHING = "1 less the share of windows in which the matching residual is the lowest by a margin:"
 MARGIN = 0.01  # decades by which a residual is the lowest: half a point at 0, nearly a whole one from here on
 
 
@@ -42,37 +42,33 @@ class Objective(Protocol):
         """What the models are for."""
         ...
 
-    def error(self, points: Sequence[Point]) -> float:
-        """Of a bank of four models."""
-        ...
-
-    def words(self, error: float) -> str:
-        """What such an error is."""
+    def error(self, brief: Brief) -> float:
+        """Of a candidate."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class Accuracy:
-    """Mean error (percentage points) of the rules that train's conditions give, on validation's, by importance."""
+    """Mean error (percentage points, by importance) of rules on conditions that they were not made from."""
 
     brief: Brief
-    train: list[Recording]
-    validation: list[Recording]
-    validation_plan: Plan
+    recordings: list[Recording]
 
-    def error(self, points: Sequence[Point]) -> float:
+    def error(self, brief: Brief) -> float:
         """See above. What is in use is available: no estimate lies below it."""
-        brief = replace(self.brief, points=tuple(points), grid=GRID)
-        design = with_placeholder_rules(bank(brief))
-        rules = rule_base(brief, features(design, self.train, brief.plan)[0])
-        fresh, _ = features(design, self.validation, self.validation_plan)
-        guess = np.maximum(rules.mu_pct(fresh.inputs), 100.0 * 10.0 ** fresh.inputs[:, MODELS])
-        weights = fresh.importance(self.validation_plan)
-        return float(np.average(np.abs(guess - fresh.mu_pct), weights=weights))
+        brief = replace(brief, grid=GRID, max_rules=min(brief.max_rules, MAX_RULES))
+        plan = self.brief.plan
+        data, _ = features(with_placeholder_rules(bank(brief)), self.recordings, plan, workers=1)
+        fresh = data.condition % VALIDATED == 0
+        rules, others = rule_base(brief, _some(data, ~fresh)), _some(data, fresh)
+        guess = np.maximum(rules.mu_pct(others.inputs), 100.0 * 10.0 ** others.inputs[:, MODELS])
+        return float(np.average(np.abs(guess - others.mu_pct), weights=others.importance(plan)))
 
-    def words(self, error: float) -> str:
-        """In words."""
-        return f"mean error {error:.3f} pp on conditions that the rules were not made from"
+
+def _some(data: Features, rows: NDArray[np.bool_]) -> Features:
+    # conditions are numbered on: a fit halves them by their numbers
+    numbers = np.unique(data.condition[rows], return_inverse=True)[1]
+    return Features(data.inputs[rows], data.mu_pct[rows], numbers, data.nominal[rows])
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,25 +99,22 @@ class Matching:
                 row[m] = np.mean(0.5 + 0.5 * np.tanh(lead / margin) if margin else lead > 0)
         return out
 
-    def error(self, points: Sequence[Point]) -> float:
+    def error(self, brief: Brief) -> float:
         """See above, smoothly; the worst of a model and a speed counts as much as the mean of all."""
-        shares = self.shares(points, MARGIN)
+        shares = self.shares(brief.points, MARGIN)
         return 1.0 - 0.5 * float(shares.mean() + shares.min())
 
-    def words(self, error: float) -> str:
-        """In words."""
-        return f"the matching residual is the lowest by a margin: {1.0 - error:.3f} (1: always)"
 
-
-def objective(brief: Brief, progress: Progress) -> Objective:
-    """What the brief's form is searched for; simulates its conditions (a minute or so)."""
-    plan = replace(brief.plan, speeds=min(brief.plan.speeds, SPEEDS), per_speed=min(brief.plan.per_speed, PER_SPEED))
+def objective(brief: Brief, seed: int, progress: Progress = quietly) -> Objective:
+    """What the brief's form is searched for; simulates its conditions (seconds). Deterministic for a brief and seed."""
+    plan = replace(
+        brief.plan, speeds=min(brief.plan.speeds, SPEEDS), per_speed=min(brief.plan.per_speed, PER_SPEED),
+        speed_range=brief.plan.core_speeds, seed=FIRST_SEARCH_SEED + seed % SEARCH_SEEDS,
+    )  # fmt: skip
     brief = replace(brief, plan=plan)
     if brief.form == "paper":
         return matching(brief, min(HELD_TRACKS, plan.per_speed), progress)
-    fresh = replace(plan, seed=FIRST_VALIDATION_SEED + plan.seed % VALIDATION_SEEDS)
-    train, validation = (record(brief.wheelset, p, brief.tick_s, progress) for p in (plan, fresh))
-    return Accuracy(brief, train, validation, fresh)
+    return Accuracy(brief, record(brief.wheelset, plan, brief.tick_s, progress, jobs=1))
 
 
 def matching(brief: Brief, tracks: int, progress: Progress) -> Matching:
@@ -137,90 +130,14 @@ def matching(brief: Brief, tracks: int, progress: Progress) -> Matching:
     return Matching(brief, record_groups(brief.wheelset, groups, plan, brief.tick_s, progress), matches)
 
 
-def vector(brief: Brief) -> FloatArray:
-    """What a search moves: log10 of the three noises of each model and, not in the paper's form, of the yaw rate's
-    weight over the other's."""
-    rows = [[*np.log10(p.noise), np.log10(p.yaw_rate_weight / (2.0 - p.yaw_rate_weight))] for p in brief.points]
-    return np.array(rows)[:, : _columns(brief)].ravel()
-
-
-def points_of(brief: Brief, x: FloatArray) -> tuple[Point, ...]:
-    """The reverse, rounded as a person writes it."""
-    out = []
-    for p, row in zip(brief.points, x.reshape(MODELS, _columns(brief)), strict=True):
-        track, yaw, lateral = (float(f"{10.0**e:.3g}") for e in np.clip(row[:3], *NOISES))
-        found = replace(p, noise=(track, yaw, lateral))
-        for e in np.clip(row[3:], *WEIGHTS):
-            found = replace(found, yaw_rate_weight=float(f"{2.0 / (1.0 + 10.0**-e):.4g}"))
-        out.append(found)
-    return tuple(out)
-
-
-def _columns(brief: Brief) -> int:
-    return 3 if brief.form == "paper" else 4
-
-
-def error_of(aim: Objective, x: FloatArray) -> float:
-    """Of a vector; infinite where there is no steady gain, or one that is not stable between two speeds."""
+def error_of(aim: Objective, brief: Brief) -> float:
+    """Of a candidate; infinite where there is no steady gain, or one that is not stable between two speeds."""
     try:
-        return aim.error(points_of(aim.brief, x))
+        return aim.error(brief)
     except (np.linalg.LinAlgError, InputError):
-        return float("inf")
+        return math.inf
 
 
-_objective: Objective | None = None  # of a process that scores candidates
-
-
-def _begin(given: Objective) -> None:
-    global _objective
-    _objective = given
-
-
-def _error(x: FloatArray) -> float:
-    assert _objective is not None
-    return error_of(_objective, x)
-
-
-def best_of(aim: Objective, budget: int, jobs: int, told: Callable[[int, float], None]) -> tuple[FloatArray, float]:
-    """The best vector of so many candidates, and its error."""
-    start, seed = vector(aim.brief), aim.brief.plan.seed
-    if aim.brief.form != "paper":  # each of its candidates keeps processes of its own busy
-        return minimise(lambda xs: [error_of(aim, x) for x in xs], start, STEP, budget, seed, told)
-    with ProcessPoolExecutor(jobs, initializer=_begin, initargs=(aim,)) as pool:
-        return minimise(lambda xs: list(pool.map(_error, xs)), start, STEP, budget, seed, told)
-
-
-def search(brief: Brief, output: Path, budget: int, jobs: int) -> int:
-    """Search from the brief's points on, and write the best found as TOML for `--config`. Deterministic for a brief.
-
-    budget: candidates; one takes seconds. Nothing that is designed or scored with has the conditions' seeds.
-    """
-    shown = Shown(steps=True)
-    aim = objective(brief, shown.at)
-    errors: list[float] = []  # the least so far; the first is that of the brief's own points
-
-    def told(done: int, least: float) -> None:
-        errors.append(least)
-        shown.at(f"candidate {done} of {budget}, best: {aim.words(least)}", done / budget)
-
-    best, least = best_of(aim, budget, jobs, told)
-    before = errors[0]
-    shown.end()
-    points = points_of(brief, best)
-    with create(output) as file:
-        file.write(_toml(brief, points, [
-            f"Found by `sim-ecu design --search` (seed {brief.plan.seed}, {budget} candidates) from the design's own.",
-            f"Before: {aim.words(before)}.", f"Now: {aim.words(least)}.",
-            "Look whether you believe it, then make a design with it: `sim-ecu design --config`.",
-        ]))  # fmt: skip
-    print(f"{output}: {aim.words(least)}; before: {aim.words(before)}")
-    return 0
-
-
-def _toml(brief: Brief, points: Sequence[Point], comments: Sequence[str]) -> str:
-    lines = [*(f"# {c}" for c in comments), "[design]", f'form = "{brief.form}"']
-    lines += [
-        "# of each model: y_t' (m/s), yaw and lateral acceleration (rad/s2, m/s2), per root Hz; the yaw rate's weight"
-    ]
-    lines += ["noise = [", *(f"    {[*p.noise, p.yaw_rate_weight]},  # {p.name}" for p in points), "]"]
-    return "\n".join(lines) + "\n"
+def objective_words(form: str) -> str:
+    """What the objective of a form is, for a person."""
+    return MATCHING if form == "paper" else ACCURACY

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from sim_ecu.loop.judge import MIN_JUDGED_M_S
 from sim_ecu.loop.rig import Step
 from sim_ecu.play.encoder import databases
-from sim_ecu.score.heard import Heard
+from sim_ecu.score.heard import Heard, Hears, heard_own
 from sim_ecu.score.play import HALF_WIDTHS
+from wrcd.core.configuration import Config
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -52,11 +53,15 @@ class Honesty:
 
 
 class Ear:
-    """Hears the adhesion frames of a run. Times are microseconds from its start."""
+    """Hears the adhesion frames of a run. Times are microseconds from its start. own: the configuration of a train
+    whose messages are not the packaged ones."""
 
-    def __init__(self, axles: Sequence[int]) -> None:
+    def __init__(self, axles: Sequence[int], own: Config | None = None) -> None:
         production = databases()[0]
-        self._of = {n: Heard(production.get_message_by_name(f"Adhesion_A{n}")) for n in axles}
+        self._of: dict[int, Hears] = {
+            n: Heard(production.get_message_by_name(f"Adhesion_A{n}")) if own is None else heard_own(own, n)[0]
+            for n in axles
+        }
         self._by_id = {h.message.frame_id: h for h in self._of.values()}
 
     def hear(self, stamp_us: int, can_id: int, data: bytes) -> None:

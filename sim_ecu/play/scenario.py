@@ -119,13 +119,20 @@ def packaged() -> list[str]:
 
 def load_scenario(name: str) -> Scenario:
     """A packaged scenario by its name, or a file by its path. Raises InputError."""
-    path = FOLDER / f"{name}.toml"
-    if not path.exists():
-        path = Path(name)
-        if path.suffix != ".toml":
-            hint = suggest(name, packaged()) or f"packaged: {', '.join(packaged())}; or give a path to a .toml file"
-            raise InputError(f"there is no scenario {name!r}", hint=hint)
+    path = path_of(name)
     return read_scenario(read_toml(path), path.stem)
+
+
+def path_of(name: str) -> Path:
+    """The file of a scenario. Raises InputError for a name that is none."""
+    path = FOLDER / f"{name}.toml"
+    if path.exists():
+        return path
+    path = Path(name)
+    if path.suffix != ".toml":
+        hint = suggest(name, packaged()) or f"packaged: {', '.join(packaged())}; or give a path to a .toml file"
+        raise InputError(f"there is no scenario {name!r}", hint=hint)
+    return path
 
 
 def read_scenario(top: Section, name: str) -> Scenario:

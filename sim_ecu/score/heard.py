@@ -1,12 +1,34 @@
 """Many frames of one message, decoded at once: cantools takes a tenth of a score for it, frame by frame."""
 
+import math
 from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 from cantools.database.can import Message
 from numpy.typing import NDArray
 
+from sim_ecu.play.adhesion import AdhesionReader, Said
+from wrcd.bus.dbc import find_message
+from wrcd.bus.signals import Output
+from wrcd.core.configuration import Config
+
 FloatArray = NDArray[np.float64]
+
+
+class Hears(Protocol):
+    """The frames of a message, whoever has laid it out."""
+
+    message: Message
+    stamps_us: list[int]
+    data: list[bytes]
+
+    def numbers(self, signal: str) -> FloatArray:
+        """Values (frames,) of a signal by the daemon's own name, NaN where there is none."""
+
+    def words(self, signal: str) -> NDArray[np.str_]:
+        """Words (frames,) of a signal; empty for no such signal."""
 
 
 @dataclass(slots=True)
@@ -39,3 +61,36 @@ class Heard:
         bits = np.frombuffer(b"".join(self.data), "<u8") >> np.uint64(s.start)
         raw = (bits & np.uint64(2**s.length - 1)).astype(np.int64)
         return np.where(s.is_signed & (raw >= 2 ** (s.length - 1)), raw - 2**s.length, raw)
+
+
+class HeardOwn:
+    """The frames of an output that a train's own DBC lays out, by the daemon's names. To be read when all are there."""
+
+    def __init__(self, message: Message, output: Output) -> None:
+        self.message, self.stamps_us, self.data = message, list[int](), list[bytes]()
+        self._reader = AdhesionReader(message, output)
+
+    def numbers(self, signal: str) -> FloatArray:
+        """As of Heard."""
+        values = [said.get(signal) for said in self._said]
+        return np.array([v if isinstance(v, float) else math.nan for v in values], np.float64)
+
+    def words(self, signal: str) -> NDArray[np.str_]:
+        """As of Heard."""
+        values = [said.get(signal) for said in self._said]
+        return np.array([v if isinstance(v, str) else "" for v in values], np.str_)
+
+    @cached_property
+    def _said(self) -> list[Said]:
+        return [self._reader.read(data) for data in self.data]
+
+
+def heard_own(config: Config, axle: int) -> tuple[HeardOwn, HeardOwn | None]:
+    """Adhesion and, where it is mapped, AdhesionDetail of an axle, as a configuration lays them out."""
+    outputs = next(a for a in config.axles if a.number == axle)
+    said, detail = (
+        None if output is None else HeardOwn(find_message(config.database, output.message), output)
+        for output in (outputs.adhesion, outputs.detail)
+    )
+    assert said is not None
+    return said, detail

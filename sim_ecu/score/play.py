@@ -10,8 +10,9 @@ from sim_ecu.physics.contact import peak
 from sim_ecu.play.encoder import databases
 from sim_ecu.play.play import LOG_START_US
 from sim_ecu.play.player import LARGE_CHUNK, Player
+from sim_ecu.play.train import PACKAGED, Train
 from sim_ecu.score.baselines import Baseline
-from sim_ecu.score.heard import Heard
+from sim_ecu.score.heard import Heard, Hears, heard_own
 from sim_ecu.score.suites.run import Run
 from sim_ecu.score.ticks import BoolArray, Ticks
 from wrcd.bus.codec import Sample
@@ -100,13 +101,24 @@ class Recording:
 
 
 class Ear:
-    """Listens on the bus as a controller does, and as someone who knows the truth."""
+    """Listens on the bus as a controller does, and as someone who knows the truth.
 
-    def __init__(self, numbers: Sequence[int]) -> None:
+    own: the configuration of a train whose messages are not the packaged ones.
+    """
+
+    def __init__(self, numbers: Sequence[int], own: Config | None = None) -> None:
         production, rig = databases()
-        self.said = {n: Heard(production.get_message_by_name(f"Adhesion_A{n}")) for n in numbers}
         self.truth = {n: Heard(rig.get_message_by_name(f"SimTruth_A{n}")) for n in numbers}
-        self.detail = {n: Heard(production.get_message_by_name(f"AdhesionDetail_A{n}")) for n in numbers}
+        self.said: dict[int, Hears] = {}
+        self.detail: dict[int, Hears] = {}  # of the axles that have one
+        for n in numbers:
+            if own is None:
+                self.said[n] = Heard(production.get_message_by_name(f"Adhesion_A{n}"))
+                self.detail[n] = Heard(production.get_message_by_name(f"AdhesionDetail_A{n}"))
+                continue
+            self.said[n], detail = heard_own(own, n)
+            if detail is not None:
+                self.detail[n] = detail
         every = (*self.said.values(), *self.truth.values(), *self.detail.values())
         self._by_id = {h.message.frame_id: h for h in every}
 
@@ -118,18 +130,20 @@ class Ear:
             found.data.append(data)
 
 
-def play(run: Run, config: Config, baselines: dict[str, Baseline]) -> list[Trace]:
-    """Play a run and gather what the bus said, an entry for each axle."""
+def play(run: Run, config: Config, baselines: dict[str, Baseline], train: Train = PACKAGED) -> list[Trace]:
+    """Play a run and gather what the bus said, an entry for each axle. train: whose messages the configuration maps.
+    Raises InputError for a fault or an axle that they leave no way to."""
     recording = Recording(config.design, len(config.axles))
     core = Core(config, observer=recording)
     axles = run.scenario.axles
-    ear = Ear([a.number for a in axles])
+    ear = Ear([a.number for a in axles], None if train is PACKAGED else config)
     half_widths: dict[int, FloatArray] = {}
-    for _, frames in Player(run.scenario, chunk=LARGE_CHUNK):
+    for _, frames in Player(run.scenario, chunk=LARGE_CHUNK, train=train):
         for f in frames:
             stamp_us = LOG_START_US + f.due_us
-            ear.hear(stamp_us, f.can_id, f.data)
-            for out in core.feed(Frame(stamp_us, f.can_id, f.data)):
+            if not f.error:
+                ear.hear(stamp_us, f.can_id, f.data)
+            for out in core.feed(Frame(stamp_us, f.can_id, f.data, f.extended, error=f.error, fd=f.fd)):
                 ear.hear(out.frame.stamp_us, out.frame.can_id, out.frame.data)
                 if out.why is not None:
                     half_widths[out.frame.stamp_us - LOG_START_US] = out.why.half_width_pp
@@ -149,10 +163,14 @@ def _beside(traces: Sequence[Trace], ticks: Ticks, baselines: dict[str, Baseline
         trace.baselines = {name: np.where(at >= 0, mu[np.maximum(at, 0), place], np.nan) for name, mu in others.items()}
 
 
-def newest(heard: Heard, signal: str, at_us: NDArray[np.int64]) -> NDArray[np.str_]:
+def newest(heard: Hears, signal: str, at_us: NDArray[np.int64]) -> NDArray[np.str_]:
     """What the newest frame said at each time; empty before the first."""
     place = np.searchsorted(np.array(heard.stamps_us), at_us, side="right")
     return np.concatenate(([""], heard.words(signal)))[place]
+
+
+def _cause(detail: Hears | None, at_us: NDArray[np.int64]) -> NDArray[np.str_]:
+    return np.full(len(at_us), "") if detail is None else newest(detail, "Cause", at_us)
 
 
 def _trace(run: Run, place: int, ear: Ear, half_widths: dict[int, FloatArray]) -> Trace:
@@ -177,7 +195,7 @@ def _trace(run: Run, place: int, ear: Ear, half_widths: dict[int, FloatArray]) -
         time_s=said_us[use] * 1e-6,
         mu_pct=said.numbers("MuAvailable")[use],
         validity=said.words("Validity")[use],
-        cause=newest(ear.detail[axle.number], "Cause", said_us[use]),
+        cause=_cause(ear.detail.get(axle.number), said_us[use]),
         half_width_pp=np.array([HALF_WIDTHS.get(word, np.nan) for word in level.tolist()]),
         own_half_width_pp=np.array([half_widths.get(t, unknown)[axle.number - 1] for t in said_us[use].tolist()]),
         contact=said.words("ContactState")[use],

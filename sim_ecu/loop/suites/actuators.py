@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from sim_ecu.loop.names import BARE_AND_WITH
 from sim_ecu.loop.scenario import DriveScenario
-from sim_ecu.loop.suites.case import Case, Rng, with_train
+from sim_ecu.loop.suites.case import Case, Plan, Rng, with_train
 from sim_ecu.loop.suites.faults import short_stop
 from sim_ecu.loop.suites.rails import leaf_stop
 from sim_ecu.physics.actuators import Actuators, Drive
@@ -17,7 +17,7 @@ SWEEP = {
     "pneumatic alone": Actuators(Drive(max_brake_N_m=0.0)),
     "half electric, half pneumatic": Actuators(Drive(max_brake_N_m=11_000.0)),
 }
-STOPS = {"greasy, known before": short_stop, "dry, leaf patch": leaf_stop}
+STOPS: dict[str, Callable[[Rng], Plan]] = {"greasy, known before": short_stop, "dry, leaf patch": leaf_stop}
 
 
 def actuators() -> Iterator[Case]:

@@ -9,7 +9,7 @@ from sim_ecu.physics.sensors import SensorSet
 from sim_ecu.physics.wheelset import Wheelset
 from sim_ecu.play.faults import Fault
 from sim_ecu.score.suites.nominal import MEMS, RUN_S, Variant, condition, spread
-from sim_ecu.score.suites.run import AXLES, Run
+from sim_ecu.score.suites.run import AXLES, TEST, Lot, Run
 from wrcd.settings import read_toml
 
 DIES_S = 5.0
@@ -56,23 +56,23 @@ FOREIGN = (
 )
 
 
-def dead(w: Wheelset, scale: float) -> Iterator[Run]:
+def dead(w: Wheelset, scale: float, lot: Lot = TEST) -> Iterator[Run]:
     """Cables that come off, sensors that freeze inside: noise goes on."""
     for k, variant in enumerate(DEAD):
         dies = variant.name != BOTH_DEAD
         for n in spread(scale, DEAD_RUNS, 60 + k):
-            run = condition("dead", w, n, variant, DEAD_S)
+            run = condition("dead", w, n, variant, DEAD_S, lot)
             yield replace(run, judged_from_s=DIES_S, changes_s=(DIES_S,)) if dies else replace(run, judged_from_s=0.0)
 
 
-def foreign(w: Wheelset, scale: float) -> Iterator[Run]:
+def foreign(w: Wheelset, scale: float, lot: Lot = TEST) -> Iterator[Run]:
     """What is wrong from the first day on; and other wheelsets under the design, which nothing on the bus tells of."""
     for k, variant in enumerate(FOREIGN):
-        yield from (condition("foreign", w, n, variant, FOREIGN_S) for n in spread(scale, FOREIGN_RUNS, 70 + k))
+        yield from (condition("foreign", w, n, variant, FOREIGN_S, lot) for n in spread(scale, FOREIGN_RUNS, 70 + k))
     for k, name in enumerate(OTHER_WHEELSETS):
         other = read_brief(read_toml(find(Path(name)))).wheelset
         for n in spread(scale, OTHERS_RUNS, 80 + k):
-            yield condition("foreign", other, n, Variant(wheelset_of(name)), RUN_S)
+            yield condition("foreign", other, n, Variant(wheelset_of(name)), RUN_S, lot)
 
 
 def wheelset_of(name: str) -> str:

@@ -13,12 +13,13 @@ from sim_ecu.score.suites.nominal import RUN_S
 from sim_ecu.score.suites.run import (
     AXLES,
     ROUGHNESS,
+    TEST,
+    Lot,
     Rng,
     Run,
     axle,
     by_four,
     drive,
-    generator,
     one_rail,
     rails,
     scenario,
@@ -42,20 +43,20 @@ RISE = 0.7  # share of a cycle in which the creep grows; then the torque is take
 ORDER = sorted(CURVES, key=lambda c: -CURVES[c].mu_0)
 
 
-def paper(w: Wheelset, scale: float) -> Iterator[Run]:
+def paper(w: Wheelset, scale: float, lot: Lot = TEST) -> Iterator[Run]:
     """Each curve held at its peak at 25 m/s: where the paper shows its results."""
-    rng = generator(1)
+    rng = lot.generator(1)
     letters = list(CURVES) * max(2, round(PAPER_RUNS * AXLES / len(CURVES) * scale))
     for number, part in enumerate(by_four(letters, rng)):
         held = drive("creep_of_peak", (0.0, 0.0), (0.5, 1.0))
-        axles = [axle(i, one_rail(CURVES[c]), held, QUALITY["good"], rng) for i, c in part]
+        axles = [axle(lot, i, one_rail(CURVES[c]), held, QUALITY["good"], rng) for i, c in part]
         played = scenario(w, RUN_S, PAPER_M_S, axles)
         yield Run("paper", "held at the peak", number, played, tuple(c for _, c in part))
 
 
-def transitions(w: Wheelset, scale: float) -> Iterator[Run]:
+def transitions(w: Wheelset, scale: float, lot: Lot = TEST) -> Iterator[Run]:
     """Dry to each other curve and back, in traction and braking, at torques that a dry rail carries easily."""
-    rng = generator(4)
+    rng = lot.generator(4)
     cases = [(c, u, s) for u in (0.15, 0.3, 0.6) for s in (1.0, -1.0) for c in ORDER[1:]]
     there_s, back_s, end_s = TRANSITIONS_S
     for number, part in enumerate(by_four(cases * max(1, round(TRANSITIONS_TIMES * scale)), rng)):
@@ -64,15 +65,15 @@ def transitions(w: Wheelset, scale: float) -> Iterator[Run]:
         for i, (letter, share, sign) in part:
             rail = rails([(0.0, "A"), (there_s * v, letter), (back_s * v, "A")])
             torque = sign * share * _carried(w, v, "A")
-            axles.append(_pulled(i, rail, torque, rng))
+            axles.append(_pulled(lot, i, rail, torque, rng))
         curves = tuple(letter for _, (letter, _, _) in part)
         played = scenario(w, end_s, v, axles)
         yield Run("transitions", "dry, another, dry", number, played, curves, changes_s=(there_s, back_s))
 
 
-def drops(w: Wheelset, scale: float) -> Iterator[Run]:
+def drops(w: Wheelset, scale: float, lot: Lot = TEST) -> Iterator[Run]:
     """Down to every curve from dry and from every higher one, in traction and braking; half of them end unsaturated."""
-    rng = generator(5)
+    rng = lot.generator(5)
     pairs = [*itertools.combinations(ORDER, 2)]
     cases = [(high, low, sign, slides) for high, low in pairs for sign in (1.0, -1.0) for slides in (False, True)]
     down_s, end_s = DROP_S
@@ -86,14 +87,14 @@ def drops(w: Wheelset, scale: float) -> Iterator[Run]:
                 (SLIDE_SHARES[0] * new, SLIDE_SHARES[1] * old) if slides else (END_SHARES[0] * new, END_SHARES[1] * new)
             )
             torque = sign * float(rng.uniform(min(ends), max(ends)))
-            axles.append(_pulled(i, rails([(0.0, high), (down_s * v, low)]), torque, rng))
+            axles.append(_pulled(lot, i, rails([(0.0, high), (down_s * v, low)]), torque, rng))
         curves = tuple(f"{high} to {low}" for _, (high, low, _, _) in part)
         yield Run("drops", "down", number, scenario(w, end_s, v, axles), curves, changes_s=(down_s,))
 
 
-def cycles(w: Wheelset, scale: float) -> Iterator[Run]:
+def cycles(w: Wheelset, scale: float, lot: Lot = TEST) -> Iterator[Run]:
     """Torque that goes through the peak and is taken back, again and again, as a wheel-slide protection does it."""
-    rng = generator(6)
+    rng = lot.generator(6)
     cases = [(c, s, hertz, cycle) for c in ORDER for s in (1.0, -1.0) for hertz in CYCLES_HZ for cycle in CYCLES]
     every = list(by_four(cases * CYCLES_TIMES, rng))
     for number, part in enumerate(every[: max(2, round(len(every) * scale))]):
@@ -102,7 +103,7 @@ def cycles(w: Wheelset, scale: float) -> Iterator[Run]:
         for i, (letter, sign, hertz, (demand, low, high)) in part:
             points = sawtooth(hertz, RUN_S, sign * low, sign * high)
             slips = drive(demand, *points, limit=CYCLE_CREEP)
-            axles.append(axle(i, one_rail(CURVES[letter]), slips, float(rng.choice(ROUGHNESS)), rng))
+            axles.append(axle(lot, i, one_rail(CURVES[letter]), slips, float(rng.choice(ROUGHNESS)), rng))
         curves = tuple(letter for _, (letter, *_) in part)
         yield Run("cycles", "slip cycles", number, scenario(w, RUN_S, v, axles), curves)
 
@@ -120,6 +121,6 @@ def _carried(w: Wheelset, speed_m_s: float, letter: str) -> float:
     return float(peak(speed_m_s, w.contact, *CURVES[letter].row())[1] * 2 * w.normal_N * w.r_0)
 
 
-def _pulled(place: int, rail: FloatArray, torque: float, rng: Rng) -> AxleScenario:
+def _pulled(lot: Lot, place: int, rail: FloatArray, torque: float, rng: Rng) -> AxleScenario:
     held = drive("torque_N_m", (0.0, 0.0), (0.5, torque), limit=1.2)
-    return axle(place, rail, held, float(rng.choice(ROUGHNESS)), rng)
+    return axle(lot, place, rail, held, float(rng.choice(ROUGHNESS)), rng)

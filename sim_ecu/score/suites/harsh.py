@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from sim_ecu.physics.axlebox import AxleBox
 from sim_ecu.physics.wheelset import Wheelset
 from sim_ecu.score.suites.nominal import Variant, condition, spread
-from sim_ecu.score.suites.run import Run
+from sim_ecu.score.suites.run import TEST, Lot, Run
 
 WHITE_HZ = (0.0, 100.0)
 # What is judged: against the nominal error (within the bound that the band and the pulses leave), or by points.
@@ -39,13 +39,13 @@ SLOW = (
 SLOW_RUNS = 14
 
 
-def harsh(w: Wheelset, scale: float) -> Iterator[Run]:
+def harsh(w: Wheelset, scale: float, lot: Lot = TEST) -> Iterator[Run]:
     """Some of the grid, with vibration, joints every 25 m and a crossing."""
     for k, variant in enumerate(HARSH):
-        yield from (condition("harsh", w, n, variant) for n in spread(scale, HARSH_RUNS, 30 + k))
+        yield from (condition("harsh", w, n, variant, lot=lot) for n in spread(scale, HARSH_RUNS, 30 + k))
 
 
-def slow(w: Wheelset, scale: float) -> Iterator[Run]:
+def slow(w: Wheelset, scale: float, lot: Lot = TEST) -> Iterator[Run]:
     """Without torque, and below the grid's speeds."""
     for k, variant in enumerate(SLOW):
-        yield from (condition("slow", w, n, variant) for n in spread(scale, SLOW_RUNS, 50 + k))
+        yield from (condition("slow", w, n, variant, lot=lot) for n in spread(scale, SLOW_RUNS, 50 + k))

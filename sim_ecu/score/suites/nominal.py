@@ -17,12 +17,13 @@ from sim_ecu.score.suites.run import (
     AXLES,
     ROUGHNESS,
     SPEEDS,
+    TEST,
     UTILISATIONS,
+    Lot,
     Rng,
     Run,
     axle,
     drive,
-    generator,
     one_rail,
     scenario,
 )  # fmt: skip
@@ -53,12 +54,14 @@ class Variant:
     one_track: bool = False  # and one rail for all axles, as under a train
 
 
-def condition(suite: str, w: Wheelset, number: int, variant: Variant, seconds: float = RUN_S) -> Run:
+def condition(
+    suite: str, w: Wheelset, number: int, variant: Variant, seconds: float = RUN_S, lot: Lot = TEST
+) -> Run:  # fmt: skip
     """One of the grid's: half of the curves are A to F, half lie between; held torque, three tenths of it braking.
 
     Everything but the variant follows from the number. Speeds of successive numbers cover their range evenly.
     """
-    rng, own = generator(2, number), generator(3, number)
+    rng, own = lot.generator(2, number), lot.generator(3, number)
     letters = list(CURVES)
     low, high = variant.speeds
     v = low + (high - low) * ((0.5 + number * GOLDEN) % 1.0)
@@ -71,7 +74,7 @@ def condition(suite: str, w: Wheelset, number: int, variant: Variant, seconds: f
         roughness = float(rng.choice(ROUGHNESS))
         axles.append(
             axle(
-                i, one_rail(curve, variant.curvature), drive("utilisation", (0.0, 0.0), (0.5, share)),
+                lot, i, one_rail(curve, variant.curvature), drive("utilisation", (0.0, 0.0), (0.5, share)),
                 roughness if variant.roughness is None else variant.roughness, rng, variant.sensors,
                 variant.corner_rad_m, variant.box,
             )
@@ -102,11 +105,11 @@ def spread(scale: float, count: int, first: int) -> list[int]:
     return [(first * count + j) % total for j in range(count)]
 
 
-def grid(w: Wheelset, scale: float) -> Iterator[Run]:
+def grid(w: Wheelset, scale: float, lot: Lot = TEST) -> Iterator[Run]:
     """Curves A to F and between x utilisation x speed x track; some of it with the better sensors, too."""
-    yield from (condition("grid", w, k, Variant("mems")) for k in range(size(scale)))
+    yield from (condition("grid", w, k, Variant("mems"), lot=lot) for k in range(size(scale)))
     tactical = Variant("tactical", sensors=SENSOR_SETS["tactical"])
-    yield from (condition("grid", w, k, tactical) for k in spread(scale, GRID // 3, 0))
+    yield from (condition("grid", w, k, tactical, lot=lot) for k in spread(scale, GRID // 3, 0))
 
 
 def _either(rng: Rng, share: float) -> float:
@@ -147,10 +150,10 @@ ROBUST = (
 ROBUST_RUNS = 12  # of each
 
 
-def robust(w: Wheelset, scale: float) -> Iterator[Run]:
+def robust(w: Wheelset, scale: float, lot: Lot = TEST) -> Iterator[Run]:
     """Some of the grid, with a world that differs from the design's."""
     for k, variant in enumerate(ROBUST):
-        yield from (condition("robust", w, n, variant) for n in spread(scale, ROBUST_RUNS, k))
+        yield from (condition("robust", w, n, variant, lot=lot) for n in spread(scale, ROBUST_RUNS, k))
 
 
 # Roughness is the spectral density A_a of the irregularity; the amplitude goes with its root. The first two are judged.
@@ -164,8 +167,8 @@ ROUGH_JUDGED = tuple(name for name, _, _ in ROUGH[:2])
 ROUGH_RUNS = 12
 
 
-def rough(w: Wheelset, scale: float, trained: tuple[float, float]) -> Iterator[Run]:
+def rough(w: Wheelset, scale: float, trained: tuple[float, float], lot: Lot = TEST) -> Iterator[Run]:
     """Tracks smoother and rougher than any in the training (whose ends are given times the good track's A_a)."""
     for k, (name, end, factor) in enumerate(ROUGH):
         variant = Variant(name, roughness=QUALITY["good"] * trained[end] * factor)
-        yield from (condition("rough", w, n, variant) for n in spread(scale, ROUGH_RUNS, 20 + k))
+        yield from (condition("rough", w, n, variant, lot=lot) for n in spread(scale, ROUGH_RUNS, 20 + k))

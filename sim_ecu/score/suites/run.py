@@ -15,6 +15,9 @@ from sim_ecu.play.faults import Fault
 from sim_ecu.play.scenario import AxleScenario, Course, Drive, FloatArray, Scenario, rail_table
 
 FIRST_TEST_SEED = 2_000_000_000  # training seeds stay far below
+# Runs that designs are tuned on: above the seeds of all plans, below those of conditions that are held for a search.
+FIRST_TRAINING_SEED, TRAINING_SEEDS, TRAINING_LOTS = 1_905_000_000, 1_000_000, 40
+TEST_SEEDS = 1_000_000_000  # of a lot
 AXLES = 4
 NOMINAL_FROM_S = 2.0  # frames before are not judged
 SPEEDS = (10.0, 50.0)
@@ -42,24 +45,47 @@ class Run:
     changes_s: tuple[float, ...] = ()
 
 
-def generator(*key: int) -> Rng:
-    """Random numbers of the score's own."""
-    return np.random.default_rng([FIRST_TEST_SEED, *key])
+@dataclass(frozen=True, slots=True)
+class Lot:
+    """Where the seeds of a suite's runs come from: `seeds` of them from first_seed on. No two lots share one."""
+
+    first_seed: int = FIRST_TEST_SEED
+    seeds: int = TEST_SEEDS
+
+    def generator(self, *key: int) -> Rng:
+        """Random numbers of the lot's own."""
+        return np.random.default_rng([self.first_seed, *key])
+
+    def seed(self, rng: Rng) -> int:
+        """Of an axle."""
+        return self.first_seed + int(rng.integers(self.seeds))
+
+
+TEST = Lot()  # what `sim-ecu score` plays
+
+
+def test_lot(number: int) -> Lot:
+    """The score's own for 0; further ones to score on other seeds."""
+    return Lot(FIRST_TEST_SEED + number * TEST_SEEDS)
+
+
+def training_lot(number: int) -> Lot:
+    """To tune with: a number below TRAINING_LOTS."""
+    return Lot(FIRST_TRAINING_SEED + number * TRAINING_SEEDS, TRAINING_SEEDS)
 
 
 def axle(
-    place: int, rail: FloatArray, drive: Drive, roughness: float, rng: Rng,
+    lot: Lot, place: int, rail: FloatArray, drive: Drive, roughness: float, rng: Rng,
     sensors: SensorSet = SENSOR_SETS["mems"], corner_rad_m: float = OMEGA_C, box: AxleBox = QUIET,
 ) -> AxleScenario:  # fmt: skip
     """One wheelset on a track of its own."""
-    seed = FIRST_TEST_SEED + int(rng.integers(1_000_000_000))
     return AxleScenario(
         number=place % AXLES + 1,
         rail=rail,
         drive=drive,
         roughness=roughness,
         sensors=sensors,
-        seed=seed,
+        seed=lot.seed(rng),
         position_m=0.0,
         corner_rad_m=corner_rad_m,
         axlebox=box,

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from sim_ecu.cli import main
+from sim_ecu.commands import run_loop
 from sim_ecu.loop.names import BARE_AND_WITH, SUITES
 from sim_ecu.loop.play import play
 from sim_ecu.loop.suites import cases
@@ -23,30 +24,26 @@ from sim_ecu.loop.suites.faults import AWAY
 from sim_ecu.loop.suites.worlds import AS_DESIGNED, dry_stop
 from sim_ecu.physics.contact import CURVES
 from sim_ecu.play.faults import KINDS, Stage
+from tests.support.short_row import RAIL, play_slowly, slowly
 
-RAIL = "dry, leaf patch"
 ROW = ("--suite", "actuators", "--only", f"{RAIL}: fast", "--seeds", "1")
-ARGUMENTS = "import sys; from sim_ecu.cli import main; sys.exit(main(sys.argv[1:]))"
-# the row's rail in a process of its own, that no test waits for: some tenths of a second
-SHORT = f"""
-from sim_ecu.loop.suites.actuators import STOPS
-from sim_ecu.loop.suites.case import Plan
-from sim_ecu.loop.suites.worlds import AS_DESIGNED, dry_stop
-from sim_ecu.physics.contact import CURVES
-rail = ((0.0, CURVES["C"]),)
-STOPS[{RAIL!r}] = lambda rng: Plan(rail, 5.0, ((0.0, 0.0), (0.2, 0.0), (0.3, -1.0)), 0.5)
+# the row in a process of its own, that no test waits for
+SHORT = """
+import sys
+from sim_ecu.cli import main
+from sim_ecu.commands import run_loop
+from sim_ecu.commands import run_loop
+from tests.support import short_row
+run_loop.play_one = short_row.play_briefly
+sys.exit(main(sys.argv[1:]))
 """
 
 
-def slowly(rng: np.random.Generator) -> Plan:
-    """A stop on a wet rail from 6 to 7 m/s."""
-    return Plan(((0.0, CURVES["C"]),), float(rng.uniform(6.0, 7.0)), ((0.0, 0.0), (0.2, 0.0), (0.3, -1.0)), 10.0)
-
-
 @pytest.fixture(scope="module", autouse=True)
-def short_row() -> Iterator[None]:
+def short() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(STOPS, RAIL, slowly)
+        patch.setattr(run_loop, "play_one", play_slowly)
         yield
 
 
@@ -149,16 +146,32 @@ def test_bad_argument_is_named(arguments: tuple[str, ...], words: str, capsys: p
 def test_ctrl_c_ends_it_with_its_status_and_no_file(tmp_path: Path) -> None:
     out = tmp_path / "never.json"
     process = subprocess.Popen(
-        [sys.executable, "-c", SHORT + ARGUMENTS, "loop", *ROW[:-2], "--jobs", "1", "--json", str(out)],
+        [sys.executable, "-c", SHORT, "loop", *ROW[:-2], "--jobs", "1", "--json", str(out)],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
     )  # fmt: skip
     try:
         assert process.stderr is not None
         assert "run 1 of" in process.stderr.readline()  # it drives
-        os.killpg(process.pid, signal.SIGINT)  # as a terminal does it: to every process
+        workers = children(process.pid)
+        os.killpg(process.pid, signal.SIGINT)  # as a terminal does it
         stdout, stderr = process.communicate(timeout=60)
     finally:
         process.kill()
     assert (process.returncode, stdout) == (130, "")
     assert "Traceback" not in stderr
     assert not out.exists()
+    assert workers
+    assert not any(Path(f"/proc/{pid}").exists() for pid in workers)
+
+
+def children(pid: int) -> list[int]:
+    """The processes that one has started."""
+    return [int(p.parent.name) for p in Path("/proc").glob("[0-9]*/stat") if parent(p) == pid]
+
+
+def parent(stat: Path) -> int:
+    """0 for a process that has just ended."""
+    try:
+        return int(stat.read_text().rpartition(")")[2].split()[1])
+    except OSError:
+        return 0

@@ -139,6 +139,8 @@ ELSEWHERE = {
     ("sim-ecu", "faults", 1): "tests/unit/play/test_faults.py",
     ("sim-ecu", "faults", 2): "tests/unit/test_extra.py",
     ("sim-ecu", "score", 0): "make score",
+    ("sim-ecu", "score", 1): "tests/unit/campaign/test_whole.py",
+    ("sim-ecu", "loop", 1): "tests/unit/campaign/test_whole.py",
     ("sim-ecu", "loop", 0): "tests/unit/loop/test_loop_command.py",
     ("sim-ecu", "figures", 0): "tests/unit/score/test_figures.py",
     ("sim-ecu", "verify", 1): "tests/unit/estimator/test_reference.py",

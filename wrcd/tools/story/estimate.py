@@ -37,7 +37,7 @@ def estimate(
     told = core.events.total
     resumed = state_file(log).exists()  # it goes on from the state that lies beside a recorder's log
     before = 0
-    for number, o in enumerate(_made(core, log, channel, resumed, onward)):
+    for number, o in enumerate(made(core, log, channel, onward, Damage(), TimeOrder(log))):
         if number == 0:
             before = core.counts.accepted if resumed else 0
         gathering.put(onward.moved((o.frame, channel or "")))
@@ -60,13 +60,15 @@ def _onward(change: Change, onward: Onward) -> Change:
     return replace(change, time_us=change.time_us + correction_us)
 
 
-def _made(core: Core, log: Path, channel: str | None, resumed: bool, onward: Onward) -> Iterator[Outgoing]:
-    """What `wrcd replay` makes of the log."""
-    if resumed:
+def made(
+    core: Core, log: Path, channel: str | None, onward: Onward, damage: Damage, order: TimeOrder
+) -> Iterator[Outgoing]:
+    """What `wrcd replay` makes of the log. onward, damage and order are filled in on the way."""
+    if state_file(log).exists():
         saved = load(state_file(log), core)
-        made = outgoing(core, onward.items(on_channel(read_log(log, Damage()), channel, log)), saved)
+        frames = outgoing(core, onward.items(on_channel(read_log(log, damage), channel, log)), saved)
     else:
-        stretches = TimeOrder(log).put(on_channel(read_stretches(log, Damage()), channel, log))
-        made = outgoing_of_stretches(core, onward.items(stretches))
-    for o, _ in made:
+        stretches = order.put(on_channel(read_stretches(log, damage), channel, log))
+        frames = outgoing_of_stretches(core, onward.items(stretches))
+    for o, _ in frames:
         yield o

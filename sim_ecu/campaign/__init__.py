@@ -1,0 +1,1 @@
+"""Many runs: jobs, what works on them, what they came to."""

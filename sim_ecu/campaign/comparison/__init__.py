@@ -1,0 +1,1 @@
+"""Two campaigns beside each other: what differs, and whether it is more than chance."""

@@ -1,0 +1,203 @@
+"""Whether a difference is more than chance: permutation tests, the intervals that they leave, Holm's correction. Pure.
+
+Where both campaigns ran in the same worlds, the difference of a pair has no sign of its own if nothing differs: the
+signs of whole clusters (a seed's pairs) are flipped at random. Where they ran in worlds of their own, the labels of
+the worlds are exchanged. Both hold at any number of rows, for heavy tails, ties and zeros. A bootstrap's interval is
+too narrow for few rows; these hold the differences that the same test does not refuse: random subsets' means
+(J. Hartigan, Using subsample values as typical values, J. Am. Stat. Assoc. 64, 1969), and for two samples the shifts.
+"""
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+SEED = 9
+EXACT = 1 << 14  # so many ways to flip or to exchange are all tried; of more, some are drawn
+MIN_DRAWS = 9_999
+MAX_DRAWS = 99_999
+DRAWS_A_CLAIM = 20  # how many draws lie beyond the bound of the claim that is hardest to make
+CHUNK = 4_000_000  # numbers held at once
+ROUNDING = 1e-9  # what two sums of the same numbers may differ by, as a share
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """The second's mean less the first's with its interval (NaN: too few to tell), both means, and p, two-sided.
+
+    least: the smallest p that these rows could give, whichever way each points; 1 where none differs.
+    """
+
+    first: float
+    second: float
+    difference: float
+    low: float
+    high: float
+    p: float
+    least: float
+
+
+NOTHING = Found(math.nan, math.nan, math.nan, math.nan, math.nan, 1.0, 1.0)
+
+
+def draws(comparisons: int, alpha: float) -> int:
+    """How many draws tell p at the strictest bound that Holm's correction of so many comparisons has."""
+    return min(max(MIN_DRAWS, math.ceil(DRAWS_A_CLAIM * comparisons / alpha)), MAX_DRAWS)
+
+
+def of_pairs(
+    first: FloatArray, second: FloatArray, clusters: Sequence[int], alpha: float, drawn: int = MIN_DRAWS
+) -> list[Found]:
+    """Every figure of pairs: first, second (pairs, figures), NaN where there is none. clusters: which pairs flip
+    together."""
+    both = np.isfinite(first) & np.isfinite(second)
+    differences = np.where(both, np.where(both, second, 0.0) - np.where(both, first, 0.0), 0.0)
+    _, place = np.unique(np.asarray(clusters), return_inverse=True)
+    count = int(place.max()) + 1
+    sums, weights = (np.zeros((count, both.shape[1])) for _ in range(2))
+    np.add.at(sums, place, differences)
+    np.add.at(weights, place, both.astype(np.float64))
+    exact = 2**count <= EXACT
+    flipped, weight = _of_subsets(_subsets(count) if exact else _random_subsets(count, drawn), sums, weights)
+    return [
+        _pair_figure(first[at, f], second[at, f], sums[:, f], flipped[:, f], weight[:, f], exact, alpha)
+        for f, at in enumerate(both.T)
+    ]
+
+
+def of_samples(
+    first: FloatArray, second: FloatArray, alpha: float, drawn: int = MIN_DRAWS
+) -> list[Found]:  # fmt: skip
+    """Every figure of two samples that share nothing: first (units, figures), second (units, figures), NaN where there
+    is none."""
+    n, m = len(first), len(second)
+    if not n or not m:
+        return [NOTHING] * first.shape[1]
+    both = np.concatenate((first, second))
+    known, own = np.isfinite(both), np.arange(n + m) >= n
+    values = np.where(known, both, 0.0)
+    values = np.where(known, values - values.sum(axis=0) / np.maximum(known.sum(axis=0), 1), 0.0)
+    exact = math.comb(n + m, m) <= EXACT
+    exchanges = _exchanges(n + m, m) if exact else _random_exchanges(n + m, m, drawn)
+    parts = [_exchanged(labels.astype(np.float64), values, known.astype(np.float64), own) for labels in exchanges]
+    others, moved = (np.concatenate([p[k] for p in parts]) for k in range(2))
+    return [
+        _sample_figure(first[known[:n, f], f], second[known[n:, f], f], others[:, f], moved[:, f], exact, alpha)
+        for f in range(both.shape[1])
+    ]
+
+
+def holm(p: Sequence[float]) -> list[float]:
+    """p corrected for how many there are: a claim at alpha among them is false in alpha of the cases at most (S. Holm,
+    A simple sequentially rejective multiple test procedure, Scand. J. Stat. 6, 1979)."""
+    out, so_far = [1.0] * len(p), 0.0
+    for rank, at in enumerate(np.argsort(np.asarray(p), kind="stable").tolist()):
+        so_far = max(so_far, min((len(p) - rank) * p[at], 1.0))
+        out[at] = so_far
+    return out
+
+
+def _pair_figure(
+    first: FloatArray, second: FloatArray, sums: FloatArray, flipped: FloatArray, weight: FloatArray, exact: bool,
+    alpha: float,
+) -> Found:  # fmt: skip
+    """Flipping the signs of a subset takes twice its sum off the whole; the whole less δ a pair is not beyond what
+    that gives while the subset's mean lies on δ's other side."""
+    if not len(first):
+        return NOTHING
+    whole = float(sums.sum())
+    rounding = ROUNDING * float(np.abs(sums).sum())
+    beyond = int((np.abs(whole - 2.0 * flipped) >= abs(whole) - rounding).sum())
+    tries = len(flipped) if exact else len(flipped) + 1
+    least = max(2.0 ** (1 - int((sums != 0.0).sum())), (2.0 if exact else 1.0) / tries)
+    some = weight > 0
+    low, high = _ends(flipped[some] / weight[some], tries, alpha)
+    return Found(
+        float(first.mean()), float(second.mean()), whole / len(first), low, high,
+        min((beyond + (not exact)) / tries, 1.0), min(least, 1.0),
+    )  # fmt: skip
+
+
+def _exchanged(
+    labels: FloatArray, values: FloatArray, known: FloatArray, own: BoolArray
+) -> tuple[FloatArray, FloatArray]:
+    """The differences (draws, figures) of means with these labels (draws, units), 1 for the second's; and how far they
+    move with the second's own values, as a share. NaN where a side has none."""
+    ones = [known, known * own[:, None], values]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        count, moving, total = (labels @ x for x in ones)
+        rest, staying, left = (x.sum(axis=0) - y for x, y in zip(ones, (count, moving, total), strict=True))
+        return total / count - left / rest, moving / count - staying / rest
+
+
+def _sample_figure(
+    a: FloatArray, b: FloatArray, others: FloatArray, moved: FloatArray, exact: bool, alpha: float
+) -> Found:
+    """Of one figure. A draw's difference is beyond the observed one, both less a shift δ, from one δ on."""
+    if not len(a) or not len(b):
+        return NOTHING
+    observed = float(b.mean() - a.mean())
+    spread = float(max(a.max(), b.max()) - min(a.min(), b.min()))
+    rounding = ROUNDING * spread
+    beyond = int((~(np.abs(others) < abs(observed) - rounding)).sum())
+    tries = len(others) if exact else len(others) + 1
+    size = float(max(np.abs(a).max(), np.abs(b).max()))
+    fewest = (1.0 + (len(a) == len(b))) / math.comb(len(a) + len(b), len(b))
+    least = 1.0 if spread <= ROUNDING * size else max(fewest, 1.0 / tries)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        shifts = (observed - others) / (1.0 - moved)
+    low, high = _ends(shifts[np.isfinite(shifts) & (moved < 1.0 - ROUNDING)], tries, alpha)
+    p = min((beyond + (not exact)) / tries, 1.0)
+    return Found(float(a.mean()), float(b.mean()), observed, low, high, p, min(least, 1.0))
+
+
+def _ends(typical: FloatArray, tries: int, alpha: float) -> tuple[float, float]:
+    """Of the interval: beyond each lie alpha / 2 of the tries at most, those among them that have no typical value."""
+    beyond = math.floor(alpha / 2 * tries * (1 + ROUNDING)) - (tries - len(typical)) + 1
+    if beyond < 1:
+        return math.nan, math.nan
+    ordered = np.sort(typical)
+    return float(ordered[beyond - 1]), float(ordered[-beyond])
+
+
+def _of_subsets(subsets: Iterator[FloatArray], sums: FloatArray, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Sums and weights (subsets, figures) of each subset."""
+    parts = [(s @ sums, s @ weights) for s in subsets]
+    return np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
+
+
+def _subsets(count: int) -> Iterator[FloatArray]:
+    """All: (2**count, count), 1 for what is in it."""
+    yield ((np.arange(2**count)[:, None] >> np.arange(count)) & 1).astype(np.float64)
+
+
+def _random_subsets(count: int, drawn: int) -> Iterator[FloatArray]:
+    rng = np.random.default_rng(SEED)
+    for part in _parts(drawn, count):
+        yield rng.integers(0, 2, (part, count)).astype(np.float64)
+
+
+def _exchanges(count: int, second: int) -> Iterator[BoolArray]:
+    """All: (ways, count), True for what is taken for the second's."""
+    places = np.array(list(itertools.combinations(range(count), second)))
+    out = np.zeros((len(places), count), np.bool_)
+    np.put_along_axis(out, places, True, axis=1)
+    yield out
+
+
+def _random_exchanges(count: int, second: int, drawn: int) -> Iterator[BoolArray]:
+    rng = np.random.default_rng(SEED)
+    for part in _parts(drawn, count):
+        yield rng.permuted(np.tile(np.arange(count) < second, (part, 1)), axis=1)
+
+
+def _parts(drawn: int, count: int) -> Iterator[int]:
+    size = max(CHUNK // count, 1)
+    for done in range(0, drawn, size):
+        yield min(size, drawn - done)

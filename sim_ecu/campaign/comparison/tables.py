@@ -1,0 +1,163 @@
+"""A comparison as tables for a person (Markdown)."""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from sim_ecu.campaign.comparison.compare import BETTER, CLAIMS, DIFFERS, SAME, TOO_FEW, WORSE, Comparison, Result
+from sim_ecu.campaign.comparison.read import Campaign
+from sim_ecu.campaign.comparison.worst import Worst, inline
+from sim_ecu.loop.tables import table
+
+NONE = "–"
+FIRST, SECOND = "first", "second"
+MAX_VALUES = 4  # of an input, named
+MAX_ALONE = 10  # rows that only one side has, named
+VERDICTS = (
+    "Verdicts are of the second against the first. better, worse, differs (no way is better): more than chance, of all "
+    "comparisons together at {alpha:g} (Holm's correction of {judged}). within chance: no claim, which is no proof of "
+    "equality. the same: no job differs. too few: no number of these rows could be a claim, so they are not counted."
+)
+SPREADS = "in standard deviations of the figure over its suite"
+METHODS = (
+    "p: pairs by flipping the signs of whole worlds, samples by exchanging worlds between the sides. n: pairs, or the "
+    "worlds of each side. In brackets: the {share:g} % interval of that one difference of means, by the same test, not "
+    "corrected."
+)
+
+
+def tables(result: Result, ways: tuple[Sequence[Worst], Sequence[Worst]]) -> list[str]:
+    """Markdown, line by line."""
+    alpha = result.alpha
+    out = [
+        *_sides(result),
+        *_differ(result),
+        VERDICTS.format(alpha=alpha, judged=result.judged),
+        METHODS.format(share=100 * (1 - alpha)),
+        verdict(result),
+    ]
+    for suite in result.matched.suites:
+        own = [c for c in result.comparisons if c.suite == suite.name]
+        n = (
+            f"{len(suite.pairs)} pairs"
+            if suite.pairs
+            else f"{len(suite.first)} and {len(suite.second)} worlds, no pairs"
+        )
+        out += ["", f"**{suite.name}**: {n}; a world: {suite.by}", "", *of_suite(own)]
+    out += _alone(result)
+    for way, who, other in zip(ways, (SECOND, FIRST), (FIRST, SECOND), strict=True):
+        if way:
+            out += ["", f"**worst jobs of the {who}**: beside the {other}; each by what it is worst in, {SPREADS}", ""]
+            out += of_worst(way)
+    return out
+
+
+def verdict(result: Result) -> str:
+    """In a sentence or two, by suite."""
+    claims = result.claims
+    if not claims:
+        return f"Nothing differs by more than chance, of {result.judged} comparisons."
+    parts = []
+    for word in (WORSE, BETTER, DIFFERS):
+        suites: dict[str, list[str]] = {}
+        for c in claims:
+            if c.verdict == word:
+                suites.setdefault(c.suite, []).append(c.figure.name)
+        if suites:
+            parts.append(f"{word.capitalize()}: " + "; ".join(f"{s} ({', '.join(f)})" for s, f in suites.items()) + ".")
+    return f"{len(claims)} of {result.judged} comparisons differ by more than chance. {' '.join(parts)}"
+
+
+def of_suite(comparisons: Sequence[Comparison]) -> list[str]:
+    """A row for each figure; the verdict last."""
+    head = [
+        "figure",
+        "unit",
+        FIRST,
+        SECOND,
+        "median",
+        "median of second",
+        "difference",
+        "n",
+        "p",
+        "p corrected",
+        "verdict",
+    ]
+    return table(head, [_row(c) for c in comparisons])
+
+
+def _row(c: Comparison) -> list[str]:
+    f = c.found
+    ends = "" if math.isnan(f.low) else f" ({number(f.low)} … {number(f.high)})"
+    n = str(c.count[0]) if c.paired else f"{c.count[0]} and {c.count[1]}"
+    told = c.verdict not in (SAME, TOO_FEW)
+    return [
+        c.figure.name, c.figure.unit, number(f.first), number(f.second), *map(number, c.medians),
+        f"{number(f.difference)}{ends}", n, f"{f.p:.2g}" if told else NONE, f"{c.corrected:.2g}" if told else NONE,
+        f"**{c.verdict}**" if c.verdict in CLAIMS else c.verdict,
+    ]  # fmt: skip
+
+
+def number(value: float) -> str:
+    """Four digits, or a dash for none."""
+    return NONE if math.isnan(value) else f"{value:.4g}"
+
+
+def of_worst(jobs: Sequence[Worst]) -> list[str]:
+    """A row for each job, with its inputs as TOML."""
+    rows = [
+        [w.suite, w.figure, _told(w.first), _told(w.second), NONE if math.isinf(w.size) else f"{abs(w.size):.1f}",
+         f"`{inline(w.inputs)}`"]
+        for w in jobs
+    ]  # fmt: skip
+    return table(["suite", "figure", FIRST, SECOND, "spreads", "inputs"], rows)
+
+
+def _told(value: float | str) -> str:
+    return value if isinstance(value, str) else number(value)
+
+
+def _sides(result: Result) -> list[str]:
+    a, b = result.first, result.second
+    out = [f"Kind {a.kind}. The {who}: {_side(c)}." for who, c in ((FIRST, a), (SECOND, b))]
+    if a.code != b.code:
+        out.append(f"Their code differs: {a.code[:12]} and {b.code[:12]}.")
+    return out
+
+
+def _side(c: Campaign) -> str:
+    return f"{c.folder} ({c.title}), {len(c.rows)} jobs"
+
+
+def _differ(result: Result) -> list[str]:
+    m = result.matched
+    parts = [f"{n} ({_some(a)} and {_some(b)})" for n, (a, b) in m.differ.items()]
+    out = [f"Inputs that differ as a whole: {', '.join(parts)}." if parts else "No input differs as a whole."]
+    for who, names in zip((FIRST, SECOND), m.only, strict=True):
+        if names:
+            out.append(f"Inputs that only the {who} has: {', '.join(names)}.")
+    if result.left_out:
+        out.append(f"Not compared, for they are no numbers or only one side has them: {', '.join(result.left_out)}.")
+    return out
+
+
+def _some(values: Sequence[Any]) -> str:
+    named = [NONE if v is None or v == "" else str(v) for v in values[:MAX_VALUES]]
+    more = len(values) - len(named)
+    return "/".join(named) + (f" and {more} more" if more else "")
+
+
+def _alone(result: Result) -> list[str]:
+    if not any(result.matched.alone):
+        return []
+    out = ["", "**only on one side**: jobs that nothing is beside; they are in no comparison", ""]
+    rows = []
+    for who, side, c in zip((FIRST, SECOND), result.matched.alone, (result.first, result.second), strict=True):
+        rows += [[who, f"`{inline(_inputs(row, c))}`"] for row in side[:MAX_ALONE]]
+        if len(side) > MAX_ALONE:
+            rows.append([who, f"and {len(side) - MAX_ALONE} more"])
+    return out + table(["side", "inputs"], rows)
+
+
+def _inputs(row: Mapping[str, Any], c: Campaign) -> dict[str, Any]:
+    return {name: row[name] for name in c.inputs if row[name] is not None}

@@ -1,0 +1,215 @@
+"""CAMPAIGN.toml: what is asked, as a list of jobs whose inputs are checked."""
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+from sim_ecu.campaign import kinds
+from sim_ecu.campaign.job import Job
+from sim_ecu.campaign.kind import Kind, Type
+from sim_ecu.campaign.points import Point, drawn, full, latin
+from sim_ecu.campaign.spreads import SEED, Given, read_factors, spreads
+from sim_ecu.campaign.store import Asked
+from sim_ecu.campaign.task import Task, digest, told
+from wrcd.errors import InputError, InputErrors
+from wrcd.section import Section, suggest
+from wrcd.settings import read_toml
+
+FULL, RANDOM, LATIN = "full", "random", "latin"
+METHODS = (FULL, RANDOM, LATIN)
+MAX_POINTS, MAX_SEEDS, MAX_JOBS = 1_000_000, 1_000_000, 1_000_000
+MAX_SEED = 4_000_000_000  # what a seed may be anywhere in the rig
+MOST_TOLD = 20  # mistakes in jobs: more would say the same
+Checked = Callable[[int, int], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Campaign:
+    """What a file asks. jobs: each once, file names as they are written. folder: what those are relative to.
+
+    factors: those that vary, with their values. twice: points that were drawn more than once. limit_s: None for none.
+    paths: by the values of the factors that are files: contents of what is read, by absolute path.
+    """
+
+    asked: Asked
+    jobs: tuple[Job, ...]
+    factors: Mapping[str, Given]
+    twice: int
+    limit_s: float | None
+    folder: Path
+    paths: Mapping[tuple[Any, ...], Mapping[str, str]]
+
+    def task(self, job: Job) -> Task:
+        """The job as it goes to a worker."""
+        kind = self.asked.kind
+        inputs = placed(kind, job.inputs, self.folder)
+        return Task(kind.function, Job(job.kind, inputs, job.files), self.paths[_files(kind, inputs)], self.asked.code)
+
+    def cost(self, job: Job) -> float:
+        """Of the job, about, in the kind's unit."""
+        return self.asked.kind.cost(placed(self.asked.kind, job.inputs, self.folder))
+
+
+@dataclass(frozen=True, slots=True)
+class _Head:
+    """The keys above the tables."""
+
+    title: str
+    kind: Kind
+    method: str
+    points: int
+    seeds: range | None
+    limit_s: float | None
+
+
+def load_campaign(file: Path, code: str, checked: Checked = lambda _done, _of: None) -> Campaign:
+    """Read and check everything: the file, then every job's inputs as its kind can. Raises InputError, or InputErrors
+    with all mistakes. code: a digest of what will answer. checked: called with how many of how many are checked."""
+    top = read_toml(file, collect=True)
+    head = _head(top, file)
+    fixed, varied = read_factors(top, head.kind, head.method == FULL)
+    top.done()
+    top.finish()
+    stays: Point = {name: g.spread.every()[0] for name, g in fixed.items()}
+    every = _points(head, varied, top)
+    drawn_once = list({tuple(p.items()): stays | p for p in every}.values())
+    folder = file.parent
+    points = [p for point in drawn_once for p in _meant(head.kind, point, folder, top)]
+    types = {name: g.type for name, g in (fixed | varied).items()}
+    types |= {f.name: f.type for f in head.kind.factors if f.name in points[0] and f.name not in types}
+    types |= {SEED: Type.WHOLE} if head.seeds else {}
+    jobs, paths = _jobs(head, points, folder, top, checked)
+    asked = Asked(head.title, head.kind, types, code)
+    return Campaign(asked, jobs, varied, len(every) - len(drawn_once), head.limit_s, folder.resolve(), paths)
+
+
+def placed(kind: Kind, inputs: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """The inputs with file names that can be opened from here; folder is what they were relative to."""
+    out = dict(inputs)
+    for factor in kind.factors:
+        if (path := factor.path(out.get(factor.name))) is not None:
+            out[factor.name] = str(folder / path)
+    return out
+
+
+def _meant(kind: Kind, point: Point, folder: Path, top: Section) -> Iterator[Point]:
+    """The points that one stands for, file names as they are written. Raises InputError."""
+    try:
+        for inputs in kind.points(placed(kind, point, folder)):
+            yield {**inputs, **point}
+    except InputError as e:
+        raise _of_job(e, point, top) from None
+
+
+def _head(top: Section, file: Path) -> _Head:
+    """Raises InputError without a kind, for nothing else can be read then."""
+    title = top.get("title", str, file.stem)
+    method = top.choice("method", METHODS, FULL)
+    points = 0
+    with top.collected():
+        points = _drawn_points(top, method)
+    names = [k.name for k in kinds.KINDS]
+    name = top.get("kind", str, "")
+    kind = next((k for k in kinds.KINDS if k.name == name), None)
+    if kind is None:
+        reason = "is missing" if "kind" not in top else f"is {name!r}, which is no kind"
+        top.mistake(top.error(reason, "kind", suggest(name, names) or f"kinds: {', '.join(names)}"))
+        top.finish()
+        raise AssertionError
+    seeds = _seeds(top, kind)
+    limit_s = top.maybe("limit_s", float)
+    if limit_s is not None and limit_s <= 0:
+        top.mistake(top.error(f"takes more than 0 s, not {limit_s:g}", "limit_s"))
+    return _Head(title, kind, method, points, seeds, limit_s)
+
+
+def _drawn_points(top: Section, method: str) -> int:
+    if method == FULL and "points" in top:
+        top.raw("points")
+        raise top.error("is of method random or latin", "points", f"a {FULL} factorial takes all combinations")
+    if method != FULL and "points" not in top:
+        raise top.absent("points", "how many points to draw")
+    return top.whole("points", 1, 1, MAX_POINTS)
+
+
+def _seeds(top: Section, kind: Kind) -> range | None:
+    if not kind.seeded:
+        for key in ("seeds", "first_seed"):
+            if top.raw(key) is not None:
+                top.mistake(top.error(f"is not of {kind.name}, which has no seed", key, "leave it out"))
+        return None
+    first = top.whole("first_seed", 1, 0, MAX_SEED)
+    return range(first, first + top.whole("seeds", 1, 1, MAX_SEEDS))
+
+
+def _points(head: _Head, varied: Mapping[str, Given], top: Section) -> list[Point]:
+    """Of the factors that vary. Raises InputError where they are too many."""
+    factors = spreads(varied)
+    seed = head.seeds.start if head.seeds else 1
+    runs = len(head.seeds) if head.seeds else 1
+    count = math.prod(len(s.every()) for s in factors.values()) if head.method == FULL else head.points
+    if count * runs > MAX_JOBS:
+        raise top.error(f"there are {count * runs} jobs, more than {MAX_JOBS}", hint="fewer values, or method latin")
+    if not factors or head.method == FULL:
+        return list(full(factors))
+    return list((drawn if head.method == RANDOM else latin)(factors, head.points, seed))
+
+
+def _jobs(
+    head: _Head, points: Sequence[Point], folder: Path, top: Section, checked: Checked
+) -> tuple[tuple[Job, ...], dict[tuple[Any, ...], dict[str, str]]]:
+    """Jobs of all points, and what they read. Every point is checked with its first seed: the others are like it."""
+    kind = head.kind
+    named: dict[tuple[Any, ...], dict[str, str]] = {}
+    paths: dict[tuple[Any, ...], dict[str, str]] = {}
+    jobs: list[Job] = []
+    mistakes: dict[str, InputError] = {}
+    for k, point in enumerate(points):
+        first = {**point, SEED: head.seeds.start} if head.seeds else point
+        inputs = placed(kind, first, folder)
+        try:
+            own = _files(kind, inputs)
+            if own not in named:
+                found = {name: (path, digest(path)) for name, path in kind.files(inputs).items()}
+                named[own] = {name: d for name, (_, d) in found.items()}
+                absolute = _files(kind, placed(kind, point, folder.resolve()))
+                paths[absolute] = {str(path.resolve()): d for path, d in found.values()}
+            kind.check(inputs)
+        except InputError as e:
+            for mistake in e.errors if isinstance(e, InputErrors) else (e,):
+                mistakes.setdefault(str(mistake), _of_job(mistake, point, top))
+            if len(mistakes) >= MOST_TOLD:
+                break
+            continue
+        checked(k + 1, len(points))
+        jobs += (Job(kind.name, i, named[own]) for i in _with_seeds(point, head.seeds))
+    if mistakes:
+        few = list(islice(mistakes.values(), MOST_TOLD))
+        raise few[0] if len(few) == 1 else InputErrors(few)
+    return tuple(jobs), paths
+
+
+def _with_seeds(point: Point, seeds: Iterable[int] | None) -> Iterator[Point]:
+    if seeds is None:
+        yield point
+    else:
+        yield from ({**point, SEED: seed} for seed in seeds)
+
+
+def _of_job(e: InputError, point: Point, top: Section) -> InputError:
+    """A mistake in a file stands there; one in the inputs is the campaign's, at the first point that has it."""
+    if e.file is not None:
+        return e
+    reason = f"{e.reason} (at {told(point)})"
+    table = next((t for t in (top.section("factor"), top.section("fixed")) if e.key in t), None)
+    if table is not None:
+        return table.error(reason, e.key, e.hint)
+    return InputError(reason, file=top.file, key=e.key, hint=e.hint)
+
+
+def _files(kind: Kind, inputs: Mapping[str, Any]) -> tuple[Any, ...]:
+    """The values of the factors that are files."""
+    return tuple(inputs.get(f.name) for f in kind.factors if f.is_file)

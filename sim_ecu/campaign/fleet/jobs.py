@@ -1,0 +1,51 @@
+"""A fleet's logs as a campaign: a job for each."""
+
+import os
+from pathlib import Path
+from typing import Any
+
+from sim_ecu.campaign.definition import Campaign, placed
+from sim_ecu.campaign.fleet.find import Fleet, Log
+from sim_ecu.campaign.job import Job
+from sim_ecu.campaign.kinds.log import KIND
+from sim_ecu.campaign.store import Asked
+from sim_ecu.campaign.task import digest
+from wrcd.errors import InputError
+from wrcd.tools.progress import Progress
+
+
+def campaign(fleet: Fleet, channel: str, limit_s: float | None, code: str, progress: Progress) -> Campaign:
+    """Raises InputError for a configuration that has a mistake. A log that cannot be read fails in its own job."""
+    jobs, paths = [], {}
+    for number, one in enumerate(fleet.logs):
+        progress.at(f"looked at {number} of {len(fleet.logs)} logs", number / len(fleet.logs))
+        inputs = _inputs(one, fleet.folder, channel)
+        files = _digests(placed(KIND, inputs, fleet.folder))
+        absolute = placed(KIND, inputs, fleet.folder.resolve())
+        paths[tuple(absolute[f.name] for f in KIND.factors if f.is_file)] = {
+            str(path.resolve()): found for path, found in files.values()
+        }
+        jobs.append(Job(KIND.name, inputs, {name: found for name, (_, found) in files.items()}))
+    progress.end()
+    types = {f.name: f.type for f in KIND.factors}
+    asked = Asked(f"Logs of {fleet.folder.absolute().name}", KIND, types, code)
+    return Campaign(asked, tuple(jobs), {}, 0, limit_s, fleet.folder.resolve(), paths)
+
+
+def _inputs(one: Log, folder: Path, channel: str) -> dict[str, Any]:
+    """File names are relative to the folder: a fleet that is moved asks the same."""
+    configuration = "" if one.configuration is None else os.path.relpath(one.configuration, folder)
+    if configuration and "/" not in configuration and not Path(configuration).suffix:
+        configuration = f"./{configuration}"
+    return {"train": one.train, "log": one.name, "configuration": configuration, "channel": channel}
+
+
+def _digests(inputs: dict[str, Any]) -> dict[str, tuple[Path, str]]:
+    out = {}
+    for name, path in KIND.files(inputs).items():
+        try:
+            out[name] = path, digest(path)
+        except InputError:
+            if name not in ("log", "state"):
+                raise
+    return out

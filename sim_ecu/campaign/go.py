@@ -1,0 +1,122 @@
+"""A campaign as it runs: the jobs that are left, their rows into the folder, all of them merged at the end."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from pathlib import Path
+
+from sim_ecu.campaign.definition import Campaign
+from sim_ecu.campaign.job import Ending, Job, Row, Scalar
+from sim_ecu.campaign.kind import Figure, Type
+from sim_ecu.campaign.progress import Shown
+from sim_ecu.campaign.runner import AHEAD, Lost, Outcome, run
+from sim_ecu.campaign.store import Store
+from sim_ecu.campaign.task import Refusal, Task, answer, plain_error
+from wrcd.errors import InputError, Status
+from wrcd.tools.guard import NOT_WRITTEN
+
+RESUMES = "the same command goes on from there"
+
+
+class Stopped(InputError):
+    """The campaign ended before its end; what is finished is kept."""
+
+    status = Status.STOPPED
+
+
+@dataclass(frozen=True, slots=True)
+class Workers:
+    """Who does it: an executor, how many jobs it works on at once, how many are handed out for each of those, and what
+    is called every second or so."""
+
+    executor: Executor
+    count: int | Callable[[], int]
+    ahead: int = AHEAD
+    idle: Callable[[], None] = lambda: None
+
+
+@dataclass(frozen=True, slots=True)
+class Finished:
+    """All rows of a campaign in its order. before: how many of them were there when it began."""
+
+    pairs: Sequence[tuple[Job, Row]]
+    before: int
+    results: Path
+
+    def count(self, ending: Ending) -> int:
+        """Rows that ended so."""
+        return sum(row.ending is ending for _, row in self.pairs)
+
+
+def go(campaign: Campaign, folder: Path, workers: Workers, *, again: bool = False) -> Finished:
+    """Run what the folder has no row of, and merge. again: what failed, took too long or died, too.
+
+    Raises InputError for a folder that cannot be used, and Stopped where it cannot go on.
+    """
+    keys = [job.key(campaign.asked.code) for job in campaign.jobs]
+    with Store(folder, campaign.asked) as store:
+        store.claim(keys)
+        if again:
+            store.forget([k for k in keys if k in store.rows and store.rows[k].ending is not Ending.DONE])
+        left = [k for k, key in enumerate(keys) if key not in store.rows]
+        before = len(keys) - len(left)
+        shown = Shown(len(keys), before, [campaign.cost(campaign.jobs[k]) for k in left])
+        tasks = Tasks(campaign, left)
+        try:
+            for outcome in run(
+                answer, tasks, workers.executor, workers.count, campaign.limit_s, ahead=workers.ahead, idle=workers.idle
+            ):
+                row = _row(keys[left[outcome.place]], outcome, campaign)
+                store.add(row)
+                shown.row(outcome.place, row)
+        except Lost as e:
+            kept = f"{len(store.rows)} rows are in {folder}"
+            raise Stopped(f"the workers are lost: {e.reason}", hint=f"{kept}, {RESUMES}") from None
+        except OSError as e:
+            if e.errno not in NOT_WRITTEN:
+                raise
+            raise Stopped(f"a row cannot be written: {e.strerror}", file=folder, hint=f"make room; {RESUMES}") from None
+        finally:
+            shown.end()
+        results = store.merge(campaign.jobs)
+        return Finished([(job, store.rows[key]) for job, key in zip(campaign.jobs, keys, strict=True)], before, results)
+
+
+class Tasks(Sequence[Task]):
+    """The jobs at some places of a campaign as they go to workers, each made when it goes."""
+
+    def __init__(self, campaign: Campaign, places: Sequence[int]) -> None:
+        self._campaign, self._places = campaign, places
+
+    def __len__(self) -> int:
+        return len(self._places)
+
+    def __getitem__(self, k: int) -> Task:  # type: ignore[override]  # no slices
+        return self._campaign.task(self._campaign.jobs[self._places[k]])
+
+
+def _row(key: str, outcome: Outcome[dict[str, Scalar] | Refusal], campaign: Campaign) -> Row:
+    ending, error, figures = outcome.ending, outcome.error, outcome.value
+    if isinstance(figures, Refusal):
+        raise Stopped(figures.text, hint=f"{figures.hint}; {RESUMES}")
+    out: Mapping[str, Scalar] = {}
+    if figures is not None:
+        try:
+            out = typed(figures, campaign.asked.kind.figures)
+        except (TypeError, ValueError) as e:
+            ending, error = Ending.FAILED, f"{type(e).__name__}: {e}"
+    return Row(key, ending, out, plain_error(error, str(campaign.folder)), outcome.attempts, outcome.seconds)
+
+
+def typed(found: Mapping[str, Scalar], figures: Iterable[Figure]) -> dict[str, Scalar]:
+    """What a function gave, in the types that its kind says. Raises ValueError for a figure that is not there or that
+    nobody declared, and TypeError for one of another type."""
+    declared = {f.name: f.type for f in figures}
+    if set(found) != set(declared):
+        raise ValueError(f"the kind's figures are others: {', '.join(sorted(set(found) ^ set(declared)))}")
+    plain = {Type.NUMBER: float, Type.WHOLE: int, Type.FLAG: bool, Type.TEXT: str}
+    out: dict[str, Scalar] = {}
+    for name, of in declared.items():
+        value = found[name]
+        out[name] = None if value is None else plain[of](value)
+    return out

@@ -1,0 +1,191 @@
+"""A stop or a start in lockstep: rig, controller and, where it is asked for, wrcd's core."""
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from sim_ecu.campaign.job import Job, Scalar
+from sim_ecu.campaign.kind import Factor, Figure, Kind, Type
+from sim_ecu.campaign.kinds.given import (
+    CONFIGURATION,
+    DESIGN,
+    FAULT,
+    PREFIX,
+    SCENARIO,
+    configuration_of,
+    fault_of,
+    named_by,
+    scenario_of,
+)
+from sim_ecu.loop.control.facts import Facts
+from sim_ecu.loop.control.make import NAMES, make_controller
+from sim_ecu.loop.ideal import ride_ideal
+from sim_ecu.loop.judge import judge
+from sim_ecu.loop.lockstep import Lockstep, Timing
+from sim_ecu.loop.names import IDEAL
+from sim_ecu.loop.rig import Step
+from sim_ecu.loop.said import Ear, Honesty, honesty
+from sim_ecu.loop.scenario import DriveScenario, path_of, read_drive_scenario
+from sim_ecu.play.faults import SILENT
+from sim_ecu.play.inject import at_work
+from sim_ecu.play.mapped import MappedTrain
+from sim_ecu.play.train import PACKAGED, Train
+from wrcd.core.configuration import Config
+from wrcd.errors import InputError
+
+# Processor time of a second that is driven, about: with one axle, for each more, and with the daemon.
+COST, COST_OF_AXLE, COST_OF_DAEMON, COST_OF_ITS_AXLE = 1.0, 0.5, 1.2, 0.8
+
+FACTORS = (
+    SCENARIO,
+    Factor("controller", Type.TEXT, "who demands torque; ideal sees the rail, as no controller can", "thresholds",
+           choices=(*NAMES, IDEAL)),
+    Factor("with_adhesion", Type.FLAG, "the controller hears wrcd", False),
+    Factor("daemon", Type.FLAG, "wrcd runs, also where the controller does not hear it; always with_adhesion", False),
+    DESIGN,
+    CONFIGURATION,
+    *FAULT,
+    Factor("phase_us", Type.WHOLE, "how long after the rig's 10 ms messages the controller acts: 0 or 5000", 0, "us"),
+    Factor("delay_us", Type.WHOLE, "how long its demands are on their way, in whole samples of 5000", 0, "us"),
+)  # fmt: skip
+_OF_DAEMON = "NaN without wrcd"
+FIGURES = (
+    Figure("slides", Type.WHOLE, "slides that begin, of all axles", better="less"),
+    Figure("locked_s", Type.NUMBER, "time locked, sum of all axles", "s", "less"),
+    Figure("max_slip_m_s", Type.NUMBER, "largest slip, worst axle", "m/s", "less"),
+    Figure("slip_energy_kJ", Type.NUMBER, "energy of the slip, mean of a wheel", "kJ", "less"),
+    Figure("utilisation", Type.NUMBER, "adhesion in use over available while the driver asks for more than there is, "
+           "mean of all axles; NaN if never", better="more"),
+    Figure("impulse_kNs", Type.NUMBER, "impulse in the demand's direction, sum of all axles", "kN s", "more"),
+    Figure("stop_m", Type.NUMBER, "stopping distance from the demand on; NaN where it did not stop", "m", "less"),
+    Figure("distance_m", Type.NUMBER, "how far it came from the demand on", "m"),
+    Figure("time_s", Type.NUMBER, "time from the demand to the end", "s"),
+    Figure("stopped", Type.FLAG, "the train was slow enough before the time was up"),
+    Figure("valid", Type.NUMBER, f"share of wrcd's frames that are Valid, mean of the axles; {_OF_DAEMON}",
+           better="more"),
+    Figure("outside", Type.NUMBER, "share of its Valid frames with the truth outside the interval, mean of the axles; "
+           f"{_OF_DAEMON}", better="less"),
+    Figure("outside_s", Type.NUMBER, f"the longest stretch of that, worst axle; {_OF_DAEMON}", "s", "less"),
+    Figure("over_s", Type.NUMBER, f"the longest stretch Valid with the truth below the interval, worst axle; "
+           f"{_OF_DAEMON}", "s", "less"),
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class _Asked:
+    """What the inputs come to. config: None without a daemon."""
+
+    scenario: DriveScenario
+    controller: str
+    with_adhesion: bool
+    config: Config | None
+    train: Train
+    timing: Timing
+
+
+def _asked(inputs: Mapping[str, Any]) -> _Asked:
+    """Raises InputError for inputs that make no sense."""
+    controller = str(inputs.get("controller", "thresholds"))
+    hears = bool(inputs.get("with_adhesion", False))
+    if hears and controller not in NAMES[1:]:
+        raise InputError(
+            f"{controller!r} hears no adhesion", key="with_adhesion", hint=f"of {', '.join(NAMES[1:])} only"
+        )
+    runs = hears or bool(inputs.get("daemon", False))
+    if runs and controller == IDEAL:
+        raise InputError("runs without a bus, where no daemon hears anything", key="controller", hint="daemon = false")
+    scenario = scenario_of(inputs, path_of(inputs["scenario"]), read_drive_scenario)
+    faults = fault_of(inputs, scenario.axles, scenario.train.duration_s)
+    for f in faults:
+        if controller == IDEAL or not (runs or f.kind in SILENT):
+            raise InputError(f"nobody hears the inputs that {f.kind} spoils", key="fault", hint="daemon = true")
+    for name in ("design", "configuration"):
+        if inputs.get(name) and not runs:
+            raise InputError("is of a daemon, and none runs", key=name, hint="daemon = true")
+    config = configuration_of(inputs, scenario.axles) if runs else None
+    wheelset = scenario.train.wheelset
+    own = config is not None and inputs.get("configuration")
+    train: Train = MappedTrain(config, wheelset.normal_N, wheelset.r_0) if config is not None and own else PACKAGED
+    played = replace(scenario.train, faults=(*scenario.train.faults, *faults))
+    at_work(played.faults, scenario.axles, played.axles[0].seed, train)
+    train.encoder(scenario.axles, truth=False)
+    return _Asked(
+        replace(scenario, train=played), controller, hears, config, train,
+        Timing(int(inputs.get("phase_us", 0)), int(inputs.get("delay_us", 0))),
+    )  # fmt: skip
+
+
+def _check(inputs: Mapping[str, Any]) -> None:
+    asked = _asked(inputs)
+    if asked.with_adhesion:
+        make_controller(asked.controller, Facts.of(asked.scenario), asked.config)
+
+
+def figures(job: Job) -> Mapping[str, Scalar]:
+    """Drive the run of a job, and judge it."""
+    asked = _asked(job.inputs)
+    own = None if asked.train is PACKAGED else asked.config
+    ear = None if asked.config is None else Ear(asked.scenario.axles, own)
+    steps = list(_steps(asked, ear))
+    f = judge(steps, asked.scenario)
+    said = [] if ear is None else honesty(ear.told(), steps)
+    return {
+        "slides": f.slides,
+        "locked_s": f.locked_s,
+        "max_slip_m_s": f.max_slip_m_s,
+        "slip_energy_kJ": f.slip_energy_kJ,
+        "utilisation": f.utilisation,
+        "impulse_kNs": f.impulse_kNs,
+        "stop_m": f.stop_m if f.stopped else math.nan,
+        "distance_m": f.stop_m,
+        "time_s": f.seconds,
+        "stopped": f.stopped,
+        **_honest(said),
+    }
+
+
+def _steps(asked: _Asked, ear: Ear | None) -> Iterator[Step]:
+    if asked.controller == IDEAL:
+        yield from ride_ideal(asked.scenario)
+        return
+    heard = asked.config if asked.with_adhesion else None
+    controller = make_controller(asked.controller, Facts.of(asked.scenario), heard)
+    listener = None if ear is None else ear.hear
+    run = Lockstep(asked.scenario, controller, asked.config, listener, train=asked.train, timing=asked.timing)
+    while not run.over:
+        yield run.step()
+
+
+def _honest(said: list[Honesty]) -> dict[str, Scalar]:
+    if not said:
+        return dict.fromkeys(("valid", "outside", "outside_s", "over_s"), math.nan)
+    return {
+        "valid": sum(h.valid for h in said) / len(said),
+        "outside": sum(h.outside for h in said) / len(said),
+        "outside_s": max(h.outside_s for h in said),
+        "over_s": max(h.over_s for h in said),
+    }
+
+
+def _cost(inputs: Mapping[str, Any]) -> float:
+    scenario = scenario_of(inputs, path_of(inputs["scenario"]), read_drive_scenario)
+    more = len(scenario.axles) - 1
+    daemon = bool(inputs.get("with_adhesion") or inputs.get("daemon"))
+    return scenario.train.duration_s * (
+        COST + COST_OF_AXLE * more + daemon * (COST_OF_DAEMON + COST_OF_ITS_AXLE * more)
+    )
+
+
+DRIVE = Kind(
+    "drive",
+    "a stop or a start in lockstep with a controller, as `sim-ecu loop` drives them",
+    FACTORS,
+    FIGURES,
+    figures,
+    open_factors=(PREFIX,),
+    check=_check,
+    cost=_cost,
+    suite="scenario",
+    named=named_by,
+)

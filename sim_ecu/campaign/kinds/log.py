@@ -1,0 +1,200 @@
+"""The kind `log`: a recorded log through the daemon's core."""
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from functools import cache, lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sim_ecu.campaign.fleet.classes import CLASSES, Bins, FloatArray
+from sim_ecu.campaign.fleet.tally import STEP_M, STEP_S, VALIDITIES, Axle, Tally
+from sim_ecu.campaign.job import Job, Scalar
+from sim_ecu.campaign.kind import Factor, Figure, Kind, Type
+from wrcd.bus.damage import Damage
+from wrcd.bus.log_kind import check_log
+from wrcd.bus.log_order import TimeOrder
+from wrcd.config import load_config
+from wrcd.core.causes import Cause, Validity
+from wrcd.core.configuration import Config
+from wrcd.core.core import Core
+from wrcd.core.vocabulary import snake
+from wrcd.errors import InputError
+from wrcd.recorder.resume import state_file
+from wrcd.tools.story.clock import Onward
+from wrcd.tools.story.estimate import made
+
+CAUSES = tuple(c for c in Cause if c is not Cause.NONE)
+MAX_FINE = 50  # steps of 100 m or 10 s that are kept as they are; of a longer log they are kilometres and minutes
+KILOMETRE, MINUTE = 1000.0, 60.0
+
+
+def cause_column(cause: Cause) -> str:
+    """The figure's name: cause_gyro_dead."""
+    return f"cause_{snake(cause.label)}"
+
+
+def class_column(prefix: str, name: str) -> str:
+    """The figure's name: km_very_low, hours_not_valid."""
+    return f"{prefix}_{snake(name.replace(' ', '').replace('notV', 'NotV'))}"
+
+
+FIGURES = (
+    Figure("begin_s", Type.NUMBER, "the log's first stamp, since 1970", "s"),
+    Figure("hours", Type.NUMBER, "what the daemon had something to say of", "h"),
+    Figure("km", Type.NUMBER, "way in that time", "km"),
+    Figure("axles", Type.WHOLE, "axles that the log has frames of"),
+    Figure("valid", Type.NUMBER, "share of the axles' time that is Valid", better="more"),
+    Figure("degraded", Type.NUMBER, "share that is Degraded", better="less"),
+    Figure("not_available", Type.NUMBER, "share that is NotAvailable", better="less"),
+    Figure("read", Type.WHOLE, "frames read"),
+    Figure("accepted", Type.WHOLE, "frames accepted"),
+    Figure("refused", Type.WHOLE, "mapped frames refused", better="less"),
+    Figure("restarts", Type.WHOLE, "how often an axle was started anew", better="less"),
+    Figure("clock_steps", Type.WHOLE, "how often the log's clock was set back"),
+    Figure("whole", Type.FLAG, "all of the log could be read"),
+    Figure("suspects", Type.WHOLE, "suspicious sensors and messages", better="less"),
+    Figure("worst_s", Type.NUMBER, "the longest time that one of them was named", "s", "less"),
+    *(Figure(class_column("km", c), Type.NUMBER, f"axle-kilometres, {c}", "km") for c in CLASSES),
+    *(Figure(class_column("hours", c), Type.NUMBER, f"axle-hours, {c}", "h") for c in CLASSES),
+    *(Figure(cause_column(c), Type.NUMBER, f"share of the axles' time: {c.words}", better="less") for c in CAUSES),
+    Figure("detail", Type.TEXT, "by axle, kilometre and minute, and what is suspicious, as JSON"),
+)
+
+
+def replayed(job: Job) -> Mapping[str, Scalar]:
+    """The figures of a log. Raises InputError for one that cannot be read, or has no usable input."""
+    inputs = job.inputs
+    log, channel = Path(inputs["log"]), inputs.get("channel") or None
+    check_log(log)
+    config = _config(inputs.get("configuration") or "", tuple(sorted(job.files.items())))
+    tally, damage, order, onward = Tally(config), Damage(), TimeOrder(log), Onward()
+    core = Core(config, observer=tally)
+    begin_us = newest_us = None
+    for o in made(core, log, channel, onward, damage, order):
+        tally.correction_us = onward.correction_us
+        frame, _ = onward.moved((o.frame, ""))
+        begin_us = frame.stamp_us if begin_us is None else begin_us
+        newest_us = frame.stamp_us
+        tally.sent(core, frame, o.cause)
+    if not tally.taken:
+        raise InputError(
+            f"none of its {damage.read} frames is a usable input of this configuration", file=log,
+            hint="wrcd check --log tells why",
+        )  # fmt: skip
+    if begin_us is None or newest_us is None:
+        raise InputError("is too short: not one slot ends in it", file=log, hint="leave it out")
+    tally.end(core, newest_us)
+    warnings = [*damage.warnings(log), *order.warnings()]
+    return _figures(tally, begin_us, damage, len(onward.steps), warnings)
+
+
+@lru_cache(maxsize=8)
+def _config(file: str, contents: tuple[tuple[str, str], ...]) -> Config:
+    """A configuration, read once by a process for all logs of it. contents: an edited one is another."""
+    del contents
+    return load_config(Path(file) if file else None)
+
+
+def _figures(tally: Tally, begin_us: int, damage: Damage, steps: int, warnings: Sequence[str]) -> Mapping[str, Scalar]:
+    heard = tally.heard()
+    seconds = sum(a.seconds for a in heard)
+    suspects = list(tally.suspects(begin_us))
+    out: dict[str, Scalar] = {
+        "begin_s": begin_us * 1e-6,
+        "hours": max(a.seconds for a in heard) / 3600,
+        "km": max(a.metres for a in heard) / 1000,
+        "axles": len(heard),
+        **{snake(v): _share(sum(a.by_validity[k] * a.cycle_s for a in heard), seconds)
+           for k, v in enumerate(VALIDITIES) if v in set(Validity)},
+        "read": damage.read,
+        "accepted": tally.taken,
+        "refused": tally.refusals.total,
+        "restarts": sum(a.spells.times[Cause.RESTARTED] for a in heard),
+        "clock_steps": steps,
+        "whole": damage.whole,
+        "suspects": len(suspects),
+        "worst_s": max((s.seconds for s in suspects), default=0.0),
+    }  # fmt: skip
+    way, time = (sum((bins.total for bins in of), np.zeros(len(CLASSES)))
+                 for of in ([a.way for a in heard], [a.time for a in heard]))  # fmt: skip
+    out |= {class_column("km", c): float(way[k]) / 1000 for k, c in enumerate(CLASSES)}
+    out |= {class_column("hours", c): float(time[k]) / 3600 for k, c in enumerate(CLASSES)}
+    out |= {cause_column(c): _share(sum(a.spells.frames[c] * a.cycle_s for a in heard), seconds) for c in CAUSES}
+    detail = {
+        "axles": [_axle(a) for a in heard],
+        "without_frame": [a.number for a in tally.axles.values() if a not in heard],
+        "suspects": [s.document() for s in suspects],
+        "refused": tally.refusals.document(begin_us),
+        "warnings": list(warnings),
+    }
+    return out | {"detail": json.dumps(detail, separators=(",", ":"))}
+
+
+def _share(part: float, of: float) -> float:
+    return float(part) / of if of else math.nan
+
+
+def _axle(a: Axle) -> dict[str, Any]:
+    """An axle's part of the detail. way: metres of each class, time: seconds, by step."""
+    step_m, way = _steps(a.way, a.metres, STEP_M, KILOMETRE)
+    step_s, time = _steps(a.time, a.seconds, STEP_S, MINUTE)
+    return {
+        "axle": a.number,
+        "seconds": round(a.seconds, 3),
+        "metres": round(a.metres, 1),
+        "valid": _share(int(a.by_validity[VALIDITIES.index(Validity.VALID)]), a.frames),
+        "causes": {c.label: round(a.spells.frames[c] * a.cycle_s, 3) for c in CAUSES if a.spells.frames[c]},
+        "step_m": step_m,
+        "way": np.round(way).astype(int).tolist() if a.metres else [],
+        "step_s": step_s,
+        "time": np.round(time, 1).tolist(),
+    }
+
+
+def _steps(bins: Bins, length: float, fine: float, coarse: float) -> tuple[float, FloatArray]:
+    step = fine if length <= MAX_FINE * fine else coarse
+    return step, bins.merged(step)
+
+
+def _cost(inputs: Mapping[str, Any]) -> float:
+    """The log's size, in bytes."""
+    log = Path(inputs["log"])
+    return float(log.stat().st_size) if log.is_file() else 1.0
+
+
+def _named(inputs: Mapping[str, Any]) -> dict[str, Path]:
+    """The configuration's DBC and design, and the state beside a recorder's log."""
+    out: dict[str, Path] = {}
+    if inputs.get("configuration"):
+        config = _beside(inputs["configuration"])
+        out |= {"dbc": config.dbc_file, "design": config.design_file}
+    if state_file(Path(inputs["log"])).exists():
+        out["state"] = state_file(Path(inputs["log"]))
+    return out
+
+
+@cache
+def _beside(file: str) -> Config:
+    """A configuration, read once for all logs of it when the jobs are made."""
+    return load_config(Path(file))
+
+
+KIND = Kind(
+    "log",
+    "a recorded log through the daemon's core",
+    (
+        Factor("train", Type.TEXT, "whose log it is", default=""),
+        Factor("log", Type.TEXT, "the log", is_file=True),
+        Factor("configuration", Type.TEXT, "the daemon's; empty: the packaged one", default="", is_file=True),
+        Factor("channel", Type.TEXT, "of a log that has several; empty: the only one", default=""),
+    ),
+    FIGURES,
+    replayed,
+    seeded=False,
+    cost=_cost,
+    suite="train",
+    named=_named,
+)

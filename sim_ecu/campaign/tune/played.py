@@ -1,0 +1,129 @@
+"""A design on whole runs: what each run adds to the goals, so that any runs can be summed up and drawn again."""
+
+from collections.abc import Iterable, Sequence
+from concurrent.futures import Executor
+from dataclasses import asdict, dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from sim_ecu.campaign.job import Ending, Job, contents
+from sim_ecu.campaign.runner import run
+from sim_ecu.campaign.tune.journal import Journal
+from sim_ecu.design.cases import Progress
+from sim_ecu.design.source import Source
+from sim_ecu.score.metrics import changes
+from sim_ecu.score.metrics.accuracy import judged
+from sim_ecu.score.metrics.frames import OURS, gather, period_s, valid
+from sim_ecu.score.metrics.honesty import LOW_SURFACES
+from sim_ecu.score.play import Trace, play
+from sim_ecu.score.suites import runs, training_runs
+from sim_ecu.score.suites.nominal import MEMS
+from sim_ecu.score.suites.run import Run
+from wrcd.config import load_config
+from wrcd.core.configuration import Config
+from wrcd.errors import InputError
+from wrcd.estimator.design import load_design
+
+GRID, DROPS, DRY = "grid", "drops", "dry-hours"
+TRAINING = ((GRID, 0.15), (DROPS, 0.15), (DRY, 0.06))  # suites and shares of their runs
+TEST = ((GRID, 0.3), (DROPS, 0.35), (DRY, 0.1))
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """What a run adds. error_pp over so many Valid frames; of frames from when they are judged on those that are not
+    Valid; over drops, seconds Valid with the truth below the interval; seconds that axles on dry rail are called Low or
+    worse in Valid frames."""
+
+    suite: str
+    number: int
+    error_pp: float = 0.0
+    valid: int = 0
+    silent: int = 0
+    frames: int = 0
+    lie_s: float = 0.0
+    drops: int = 0
+    low_s: float = 0.0
+    dry_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """A design and a run."""
+
+    design: Path
+    run: Run
+
+
+def training(source: Source, seed: int) -> list[Run]:
+    """What designs are tuned on."""
+    return _kept(r for suite, share in TRAINING for r in training_runs(source, suite, share, seed))
+
+
+def test(source: Source) -> list[Run]:
+    """Some of what `sim-ecu score` plays."""
+    return _kept(r for suite, share in TEST for r in runs(source, suite, share))
+
+
+def _kept(every: Iterable[Run]) -> list[Run]:
+    return [r for r in every if r.suite != GRID or r.group == MEMS.name]
+
+
+def seen(asked: Asked) -> Seen:
+    """Play a run, in a process of its own."""
+    return summed_up(asked.run, play(asked.run, _config(asked.design), {}))
+
+
+@lru_cache(maxsize=2)
+def _config(design: Path) -> Config:
+    return replace(load_config(None), design=load_design(design), design_file=design)
+
+
+def summed_up(of: Run, traces: Sequence[Trace]) -> Seen:
+    """What a run's traces add."""
+    out = Seen(of.suite, of.number)
+    if of.suite == DROPS:
+        every = changes.drops(traces)
+        return replace(out, lie_s=sum(d.lie_s for d in every), drops=len(every))
+    if of.suite == DRY:
+        low = [float(np.sum(np.isin(t.surface, LOW_SURFACES) & valid(t))) * period_s(t) for t in traces]
+        return replace(out, low_s=sum(low), dry_s=sum(len(t.time_s) * period_s(t) for t in traces))
+    frames = gather(traces)
+    use = judged(frames, OURS)
+    return replace(
+        out, error_pp=float(frames.errors(OURS)[use].sum()), valid=int(use.sum()), silent=int((~frames.valid).sum()),
+        frames=len(frames.true),
+    )  # fmt: skip
+
+
+def play_all(
+    designs: Sequence[Path],
+    every: Sequence[Run],
+    journal: Journal,
+    executor: Executor,
+    workers: int,
+    progress: Progress,
+) -> list[list[Seen]]:
+    """Of each design what it does in each run, in order; what the journal has is not played again. All designs hear
+    the same frames. Raises InputError where a run cannot be played."""
+    asked = [Asked(d, r) for d in designs for r in every]
+    checksums = {d: contents(d) for d in designs}
+    jobs = [
+        Job("played", {"suite": a.run.suite, "number": a.run.number, "seed": a.run.scenario.axles[0].seed},
+            {"design": checksums[a.design]})
+        for a in asked
+    ]  # fmt: skip
+    answers = [journal.answer(j) for j in jobs]
+    found: list[Seen | None] = [None if a is None else Seen(**a) for a in answers]
+    left = [k for k, s in enumerate(found) if s is None]
+    for done, outcome in enumerate(run(seen, [asked[k] for k in left], executor, workers), 1):
+        k = left[outcome.place]
+        if outcome.ending is not Ending.DONE or outcome.value is None:
+            raise InputError(f"cannot be played in {asked[k].run.suite}: {outcome.error}", file=asked[k].design)
+        found[k] = outcome.value
+        journal.add(jobs[k], asdict(outcome.value))
+        progress(f"run {len(asked) - len(left) + done} of {len(asked)}", done / len(left))
+    whole = [s for s in found if s is not None]
+    return [whole[i : i + len(every)] for i in range(0, len(whole), max(len(every), 1))]

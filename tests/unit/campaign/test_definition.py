@@ -1,0 +1,147 @@
+"""CAMPAIGN.toml: which jobs it asks for, and what is said of a mistake."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from sim_ecu.campaign.definition import Campaign, load_campaign
+from sim_ecu.campaign.kind import Type
+from tests.support.trial_kind import Write
+from wrcd.errors import InputError, InputErrors
+
+CODE = "code"
+
+
+def inputs(campaign: Campaign) -> list[dict[str, Any]]:
+    return [dict(job.inputs) for job in campaign.jobs]
+
+
+def test_full_factorial_has_every_combination_with_every_seed(write: Write) -> None:
+    file = write("seeds = 2\nfirst_seed = 7", "level = 3", 'x = [1, 2.5]\nmode = ["plain", "fancy"]')
+    found = load_campaign(file, CODE)
+    assert [(i["x"], i["mode"], i["seed"]) for i in inputs(found)] == [
+        (x, mode, seed) for x in (1.0, 2.5) for mode in ("plain", "fancy") for seed in (7, 8)
+    ]
+    assert {i["level"] for i in inputs(found)} == {3}
+    assert list(found.asked.columns.items()) == [
+        ("level", Type.WHOLE), ("x", Type.NUMBER), ("mode", Type.TEXT), ("seed", Type.WHOLE),
+    ]  # fmt: skip
+    assert found.asked.title == "c"
+
+
+def test_range_has_its_steps_from_end_to_end(write: Write) -> None:
+    factor = "x = { from = 1, to = 100, steps = 3, log = true }\nlevel = { from = 0, to = 4, steps = 3 }"
+    found = inputs(load_campaign(write(factor=factor), CODE))
+    assert [i["x"] for i in found][::3] == [1.0, 10.0, 100.0]
+    assert [i["level"] for i in found][:3] == [0, 2, 4]
+
+
+@pytest.mark.parametrize("method", ["random", "latin"])
+def test_drawn_points_lie_in_their_ranges_and_follow_from_the_seed(write: Write, method: str) -> None:
+    factor = (
+        'x = { from = 2, to = 4 }\n"scenario.speed" = { from = 10, to = 1000, log = true }\nmode = ["plain", "fancy"]'
+    )
+    head = f'method = "{method}"\npoints = 40'
+    found = load_campaign(write(head, factor=factor), CODE)
+    assert len(found.jobs) == 40
+    assert all(2 <= i["x"] <= 4 and 10 <= i["scenario.speed"] <= 1000 for i in inputs(found))
+    assert {i["mode"] for i in inputs(found)} == {"plain", "fancy"}
+    assert load_campaign(write(head, factor=factor), CODE).jobs == found.jobs
+    other = load_campaign(write(f"{head}\nfirst_seed = 2", factor=factor), CODE)
+    assert [i["x"] for i in inputs(other)] != [i["x"] for i in inputs(found)]
+
+
+def test_latin_hypercube_has_one_point_in_each_stretch_of_a_range(write: Write) -> None:
+    found = load_campaign(write('method = "latin"\npoints = 20', factor="x = { from = 0, to = 20 }"), CODE)
+    assert sorted(int(i["x"]) for i in inputs(found)) == list(range(20))
+
+
+def test_points_that_are_drawn_twice_run_once_and_are_counted(write: Write) -> None:
+    found = load_campaign(write('method = "random"\npoints = 50', factor="x = [1, 2, 3]"), CODE)
+    assert (len(found.jobs), found.twice) == (3, 47)
+
+
+def test_key_of_a_job_is_of_its_files_contents_and_the_code(write: Write, tmp_path: Path) -> None:
+    (tmp_path / "own").mkdir()
+    (tmp_path / "own" / "a.txt").write_text("one")
+    file = write(fixed='file = "own/a.txt"', factor="x = [1]")
+    first = load_campaign(file, CODE).jobs[0]
+    assert first.inputs["file"] == "own/a.txt"  # as it is written, wherever the campaign lies
+    assert load_campaign(file, CODE).jobs[0].key(CODE) == first.key(CODE) != first.key("other")
+    (tmp_path / "own" / "a.txt").write_text("another")
+    assert load_campaign(file, CODE).jobs[0].key(CODE) != first.key(CODE)
+
+
+def test_keys_of_a_table_may_be_written_without_quotes(write: Write) -> None:
+    file = write(fixed="scenario.speed = 20.0", factor="x = [1]\nscenario.on = [true, false]")
+    found = inputs(load_campaign(file, CODE))
+    assert [(i["scenario.speed"], i["scenario.on"]) for i in found] == [(20.0, True), (20.0, False)]
+
+
+@pytest.mark.parametrize(
+    ("head", "fixed", "factor", "words"),
+    [
+        ("seed = 3", "", "x = [1]", "c.toml:2: seed: unknown key — did you mean 'seeds'?"),
+        ("points = 3", "", "x = [1]", "c.toml:2: points: is of method random or latin"),
+        (
+            'method = "latn"',
+            "",
+            "x = [1]",
+            "c.toml:2: method: is 'latn', not one of full, random, latin — did you mean",
+        ),
+        ('method = "latin"', "", "x = { from = 1, to = 2 }", "c.toml: points: is missing — how many points to draw"),
+        ("seeds = 0", "", "x = [1]", "c.toml:2: seeds: takes 1 …"),
+        ("limit_s = 0", "", "x = [1]", "c.toml:2: limit_s: takes more than 0 s"),
+        ("", "modus = 1", "x = [1]", "c.toml:4: fixed.modus: is no factor of trial — did you mean 'mode'?"),
+        ("", "seed = 1", "x = [1]", "c.toml:4: fixed.seed: is the campaign's own — write seeds and first_seed"),
+        ("", 'mode = "fany"', "x = [1]", "takes one of plain, fancy, not 'fany' — did you mean 'fancy'?"),
+        ("", "level = 1.5", "x = [1]", "c.toml:4: fixed.level: takes a whole number, not 1.5"),
+        ("", "x = 1", "x = [1]", "c.toml:6: factor.x: stands in [fixed], too"),
+        ("", "", "level = [1]", "factor.x: is missing — it takes a number: a number"),
+        ("", "", "x = 1", "c.toml:6: factor.x: takes a list of values, or { from, to, steps }"),
+        ("", "", "x = []", "c.toml:6: factor.x: takes one value at least"),
+        ("", "", "x = [1, 2, 1.0]", "c.toml:6: factor.x: has 1.0 twice"),
+        ("", "", "x = [nan]", "c.toml:6: factor.x: takes a finite number"),
+        ("", "", 'x = ["a"]', "c.toml:6: factor.x: takes a number, not 'a'"),
+        ("", "", "x = { from = 1, to = 2 }", "c.toml:6: factor.x.steps: is missing"),
+        ("", "", "x = { from = 1, to = 2, step = 3 }", "c.toml:6: factor.x.step: unknown key — did you mean 'steps'?"),
+        ("", "", "x = { from = 2, to = 1, steps = 2 }", "c.toml:6: factor.x.to: takes more than from (2), not 1"),
+        ("", "", "x = { from = 0, to = 1, steps = 2, log = true }", "factor.x.from: of a logarithm takes more than 0"),
+        ("", "", 'x = [1]\n"scenario.a" = [1, "b"]', "c.toml:7: factor.scenario.a: takes numbers, strings or true and"),
+        ("", "", "x = [1]\non = { from = 1, to = 2, steps = 2 }", "factor.on: takes true or false, and no range"),
+        ("", "", "x = [1, 200]", "c.toml:6: factor.x: takes 100 at most, not 200 (at x = 200)"),
+        ("", 'file = "never.txt"', "x = [1]", "never.txt: cannot be read: No such file or directory"),
+        ("seeds = 1000000", "", "x = [1, 2]", "c.toml: there are 2000000 jobs, more than 1000000"),
+    ],
+)
+def test_mistake_is_told_with_its_place(write: Write, head: str, fixed: str, factor: str, words: str) -> None:
+    with pytest.raises(InputError) as e:
+        load_campaign(write(head, fixed, factor), CODE)
+    assert words in str(e.value)
+    assert not isinstance(e.value, InputErrors)
+
+
+def test_all_mistakes_are_told_at_once(write: Write) -> None:
+    with pytest.raises(InputErrors) as e:
+        load_campaign(write("seeds = 0\npoint = 3", "modus = 1\nlevel = true", "x = []"), CODE)
+    assert [error.line for error in e.value.errors] == [2, 3, 5, 6, 8]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [('kind = "trail"', "c.toml:1: kind: is 'trail', which is no kind — did you mean 'trial'?"),
+     ("", "c.toml: kind: is missing — kinds: ")],
+)  # fmt: skip
+def test_kind_that_is_none_is_told(tmp_path: Path, trial: None, text: str, words: str) -> None:
+    file = tmp_path / "c.toml"
+    file.write_text(text)
+    with pytest.raises(InputError) as e:
+        load_campaign(file, CODE)
+    assert words in str(e.value)
+
+
+def test_every_mistake_of_the_jobs_is_told_once(write: Write) -> None:
+    with pytest.raises(InputErrors) as e:
+        load_campaign(write("seeds = 50", factor='x = [200, 300, 1]\nmode = ["plain", "fancy"]'), CODE)
+    assert len(e.value.errors) == 2

@@ -1,0 +1,197 @@
+"""The kinds of job: what they declare is what they give, the same anywhere, and nonsense is refused before it runs."""
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from sim_ecu.campaign.child import Child
+from sim_ecu.campaign.go import typed
+from sim_ecu.campaign.job import Job
+from sim_ecu.campaign.kind import Kind
+from sim_ecu.campaign.kinds import KINDS, kind_of
+from sim_ecu.campaign.kinds.score import figures_of, suite_of
+from sim_ecu.design.source import load_source
+from sim_ecu.loop.control.facts import Facts
+from sim_ecu.loop.control.make import make_controller
+from sim_ecu.loop.judge import judge
+from sim_ecu.loop.lockstep import ride
+from sim_ecu.loop.scenario import load_drive_scenario
+from sim_ecu.score.play import play
+from sim_ecu.score.report import judge as report
+from sim_ecu.score.suites import runs
+from wrcd import resources
+from wrcd.config import load_config
+from wrcd.errors import InputError
+
+ROOT = Path(__file__).parents[3]
+SHORT = {"scenario.duration_s": 2.6}
+DRIVE = {"scenario": "brake-greasy", "controller": "thresholds", "with_adhesion": True, "seed": 7,
+         "scenario.driver.demand": -1.0, **SHORT}  # fmt: skip
+PLAY = {"scenario": "greasy", "seed": 7, "judged_from_s": 1.5, **SHORT}
+SCORE = {"suite": "drops", "group": "down", "run": 0, "lot": 0}
+EXAMPLES = {"drive": DRIVE, "play": PLAY, "score": SCORE}
+# what a row of results has beside a kind's figures
+TAKEN = {"key", "ending", "error", "attempts", "seconds", "seed"}
+
+
+def figures(kind: str, inputs: Mapping[str, Any]) -> dict[str, Any]:
+    return dict(kind_of(kind).function(Job(kind, inputs)))
+
+
+@pytest.fixture(scope="module")
+def found() -> dict[str, dict[str, Any]]:
+    """The figures of the examples."""
+    return {kind: figures(kind, inputs) for kind, inputs in EXAMPLES.items()}
+
+
+@pytest.mark.parametrize("kind", EXAMPLES)
+def test_figures_are_those_that_are_declared(kind: str, found: dict[str, dict[str, Any]]) -> None:
+    assert repr(typed(found[kind], kind_of(kind).figures)) == repr(
+        {f.name: found[kind][f.name] for f in kind_of(kind).figures}
+    )
+
+
+def test_job_gives_the_same_in_another_process_and_again(found: dict[str, dict[str, Any]]) -> None:
+    child = Child()
+    try:
+        for kind in ("drive", "play"):
+            job = Job(kind, EXAMPLES[kind])
+            there = [child.run(kind_of(kind).function, job) for _ in range(2)]
+            assert [repr(dict(t)) for t in there] == [repr(found[kind])] * 2
+    finally:
+        child.close()
+
+
+def test_another_seed_gives_other_figures(found: dict[str, dict[str, Any]]) -> None:
+    assert figures("play", PLAY | {"seed": 8})["mean_error_pp"] != found["play"]["mean_error_pp"]
+
+
+def test_drive_is_a_ride_in_lockstep(found: dict[str, dict[str, Any]]) -> None:
+    file = {"scenario": "brake-greasy", "controller": "creep", "seed": 1, **SHORT}
+    scenario = load_drive_scenario("brake-greasy")  # its seed is 1
+    controller = make_controller("creep", Facts.of(scenario))
+    steps = [s for s in ride(scenario, controller, None) if s.due_us <= SHORT["scenario.duration_s"] * 1e6]
+    ours, ridden = figures("drive", file), judge(steps, scenario)
+    assert (ours["slip_energy_kJ"], ours["impulse_kNs"]) == (ridden.slip_energy_kJ, ridden.impulse_kNs)
+    assert (ours["distance_m"], ours["stopped"]) == (ridden.stop_m, False)
+    assert math.isnan(ours["stop_m"])  # it did not stop
+    assert math.isnan(ours["valid"])  # without a daemon nothing is said
+    assert 0.0 <= found["drive"]["valid"] <= 1.0
+
+
+def test_score_has_the_figures_of_the_score(found: dict[str, dict[str, Any]]) -> None:
+    source = load_source(resources.DESIGN)
+    first = next(iter(runs(source, "drops", 1.0)))
+    traces = play(first, load_config(None), {})
+    assert repr(figures_of(traces)) == repr(found["score"])
+    said, ours = report(traces, source, "drops")["suites"]["drops"], found["score"]
+    assert ours["max_over_pp"] == said["over"]["most"].value
+    assert ours["far_s"] == said["far"]["most"].value
+    assert 1.0 - ours["valid"] == pytest.approx(said["not_valid"]["share"].value)
+    assert ours["cause"] == next(iter(said["not_valid"]["causes"]))
+
+
+def test_inputs_that_leave_out_group_and_run_stand_for_all_of_a_suite() -> None:
+    score = kind_of("score")
+    every = list(score.points({"suite": "dead"}))
+    numbers = {g: [p["run"] for p in every if p["group"] == g] for g in {p["group"] for p in every}}
+    assert len(numbers) == 4
+    assert all(found == list(range(len(found))) for found in numbers.values())
+    assert len(list(score.points({"suite": "dead", "group": "both die", "run": 3}))) == 1
+    assert list(kind_of("play").points(PLAY)) == [PLAY]
+
+
+def test_every_lot_has_tracks_of_its_own() -> None:
+    seeds = [{a.seed for r in suite_of({"suite": "paper", "lot": lot})["held at the peak"] for a in r.scenario.axles}
+             for lot in (0, 1, -1)]  # fmt: skip
+    assert not seeds[0] & seeds[1]
+    assert not (seeds[0] | seeds[1]) & seeds[2]
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=lambda k: k.name)
+def test_declaration_is_sound(kind: Kind) -> None:
+    factors, given = [f.name for f in kind.factors], [f.name for f in kind.figures]
+    assert len({*factors, *given}) == len(factors) + len(given)
+    assert not TAKEN & {*factors, *given}
+    assert kind.suite in factors
+    for f in kind.factors:
+        assert f.needed or f.default is None or f.check(f.default) == f.default
+    assert {f.better for f in kind.figures} <= {"", "less", "more"}
+    assert all([*(f.words for f in kind.factors), *(f.words for f in kind.figures)])
+
+
+@pytest.mark.parametrize("kind", EXAMPLES)
+def test_longer_run_costs_more(kind: str) -> None:
+    longer: dict[str, dict[str, Any]] = {
+        "drive": {"scenario.duration_s": 9.0},
+        "play": {"scenario.duration_s": 9.0},
+        "score": {"suite": "dry-hours", "group": "dry, poor track"},
+    }
+    cost = kind_of(kind).cost
+    assert 0.0 < cost(EXAMPLES[kind]) < cost({**EXAMPLES[kind], **longer[kind]})
+
+
+WRONG = [
+    ("drive", {"scenario": "brake-gresy"}, "no scenario to drive 'brake-gresy' — did you mean 'brake-greasy'?"),
+    ("drive", {"scenario": "never.toml"}, "never.toml: cannot be read: No such file or directory"),
+    ("drive", {"controller": "ideal"}, "with_adhesion: 'ideal' hears no adhesion"),
+    ("drive", {"with_adhesion": False, "fault": "bias", "fault_at_s": 1.0}, "fault: nobody hears the inputs"),
+    ("drive", {"with_adhesion": False, "design": "d.json"}, "design: is of a daemon, and none runs"),
+    ("drive", {"phase_us": 3}, "phase_us: takes 0 or 5000, not 3"),
+    ("drive", {"fault": "bias"}, "fault_at_s: 5 s is not before the scenario's end — it lasts 2.6 s"),
+    ("drive", {"fault": "swap", "fault_at_s": 1.0}, "fault: swap needs a scenario with two axles"),
+    ("play", {"scenario": "brake-greasy"}, "there is no scenario 'brake-greasy'"),
+    ("play", {"scenario.durration_s": 3.0}, "scenario.durration_s: unknown key — did you mean 'duration_s'?"),
+    ("play", {"scenario.rail.2.curve": "A"}, "scenario.rail.2.curve: takes a place of 1 … 1 there, not '2'"),
+    ("play", {"scenario.title.x": 1}, "scenario.title.x: leads into a value, no table"),
+    ("play", {"scenario.seed": 1}, "scenario.seed: is the campaign's own — give first_seed"),
+    ("play", {"fault": "crc", "fault_at_s": 1.0, "fault_amount": 2.0}, "fault_amount: a fault of kind crc takes none"),
+    ("play", {"fault": "loss", "fault_at_s": 1.0, "fault_amount": 2.0}, "fault_amount: takes a number from 0 to 1"),
+    ("play", {"fault": "bias", "fault_at_s": 1.0, "fault_axle": 3}, "fault_axle: axle 3 is not among the scenario's"),
+    ("play", {"judged_from_s": 3.0}, "judged_from_s: takes 0 … 2.6, the scenario's end, not 3"),
+    ("play", {"design": "never.json"}, "never.json"),
+    ("score", {"group": "up"}, "group: the suite drops has no group 'up' — groups: down"),
+    ("score", {"run": 45}, "run: takes 0 … 44, not 45"),
+    ("score", {"lot": -41}, "lot: takes -40 and more, not -41"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("kind", "inputs", "words"), WRONG)
+def test_nonsense_is_refused_before_anything_runs(kind: str, inputs: dict[str, Any], words: str) -> None:
+    kind_of(kind).check(EXAMPLES[kind])
+    with pytest.raises(InputError) as caught:
+        kind_of(kind).check({**EXAMPLES[kind], **inputs})
+    assert words in str(caught.value)
+
+
+def test_wrong_word_is_answered_by_the_nearest() -> None:
+    with pytest.raises(InputError, match="did you mean 'freeze'"):
+        next(f for f in kind_of("play").factors if f.name == "fault").check("frezze")
+    with pytest.raises(InputError, match="did you mean 'drive'"):
+        kind_of("drives")
+
+
+def test_value_within_a_list_of_tables_is_reached_by_its_place() -> None:
+    better = figures("play", PLAY | {"scenario.rail.1.curve": "A"})
+    assert better["valid"] >= 0.0
+    assert better != figures("play", PLAY)
+
+
+def test_configuration_of_its_own_is_heard_and_what_it_names_are_its_files() -> None:
+    own = {**PLAY, "configuration": str(ROOT / "examples/own-dbc/train.toml")}
+    kind_of("play").check(own)
+    assert figures("play", own)["valid"] > 0.5
+    assert {name: path.name for name, path in kind_of("play").files(own).items()} == {
+        "configuration": "train.toml", "configuration's DBC": "train.dbc",
+    }  # fmt: skip
+    with pytest.raises(InputError, match="maps no axle 2"):
+        kind_of("play").check({**own, "scenario": "half-wet"})
+
+
+def test_fault_acts_on_what_the_daemon_hears() -> None:
+    silent = figures("play", PLAY | {"fault": "burst", "fault_at_s": 1.6, "fault_for_s": 0.9, "fault_of": "all"})
+    assert silent["valid"] < figures("play", PLAY)["valid"]
+    assert silent["cause"] != ""

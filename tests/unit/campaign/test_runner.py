@@ -1,0 +1,101 @@
+"""Jobs on an executor: each outcome once, whatever its job and its process do."""
+
+import os
+import time
+from collections.abc import Iterator
+from concurrent.futures import Executor
+from pathlib import Path
+
+import pytest
+
+from sim_ecu.campaign.job import Ending, Job
+from sim_ecu.campaign.runner import Lost, local, run
+from tests.support.trial_kind import HANGS_S, figures
+
+HANG_S = 0.5
+
+
+@pytest.fixture(scope="module")
+def two() -> Iterator[Executor]:
+    with local(2) as executor:
+        yield executor
+
+
+def jobs(count: int, **inputs: object) -> list[Job]:
+    return [Job("trial", {"x": 1.0, "seed": seed, **inputs}) for seed in range(1, count + 1)]
+
+
+def test_every_job_has_one_outcome(two: Executor) -> None:
+    found = sorted(run(figures, jobs(50), two, 2), key=lambda o: o.place)
+    assert [o.place for o in found] == list(range(50))
+    assert [o.value and o.value["sum"] for o in found] == [2.0 + k for k in range(50)]
+    assert {(o.ending, o.attempts, o.error) for o in found} == {(Ending.DONE, 1, "")}
+
+
+@pytest.mark.parametrize(
+    ("act", "ending", "attempts", "words"),
+    [("fail", Ending.FAILED, 2, "ValueError: seed 3 at"), ("die", Ending.DIED, 2, "its process was ended by SIGKILL"),
+     ("hang", Ending.TOO_LONG, 1, f"not done within {HANG_S:g} s")],
+)  # fmt: skip
+def test_job_that_does_not_end_well_is_an_outcome(
+    two: Executor, act: str, ending: Ending, attempts: int, words: str
+) -> None:
+    began = time.monotonic()
+    found = sorted(run(figures, jobs(4, act=act), two, 2, HANG_S), key=lambda o: o.place)
+    assert [o.ending for o in found] == [Ending.DONE, Ending.DONE, ending, Ending.DONE]
+    assert found[2].value is None
+    assert (found[2].attempts, found[2].error.startswith(words)) == (attempts, True)
+    assert time.monotonic() - began < HANGS_S
+
+
+def test_what_a_job_prints_is_no_outcome(two: Executor) -> None:
+    (found,) = run(loud, ["here"], two, 2)
+    assert found.value == "here"
+
+
+def loud(text: str) -> str:
+    print(text)
+    os.write(1, b"and past Python\n")
+    return text
+
+
+def test_outcome_that_cannot_be_sent_is_a_failed_one(two: Executor) -> None:
+    (found,) = run(unsendable, [0], two, 2)
+    assert found.ending is Ending.FAILED
+    assert "pickle" in found.error.lower()
+
+
+def unsendable(_: int) -> object:
+    return lambda: None
+
+
+def test_no_process_is_left_when_the_executor_ends(tmp_path: Path) -> None:
+    record = tmp_path / "record"
+    with local(2) as executor:
+        list(run(figures, jobs(8, record=str(record)), executor, 2))
+    for pid in {int(line.split()[2]) for line in record.read_text().splitlines()}:
+        assert not Path(f"/proc/{pid}").exists()
+
+
+def test_no_process_is_left_when_a_run_is_broken_off(tmp_path: Path) -> None:
+    record = tmp_path / "record"
+    with pytest.raises(ZeroDivisionError), local(2) as executor:  # noqa: PT012  # the executor ends by it
+        for _ in run(figures, [*jobs(1, record=str(record)), *jobs(9, act="hang", record=str(record))], executor, 2):
+            raise ZeroDivisionError
+    for pid in {int(line.split()[2]) for line in record.read_text().splitlines()}:
+        assert not Path(f"/proc/{pid}").exists()
+
+
+def test_executor_that_takes_no_jobs_any_more_is_lost() -> None:
+    with local(1) as executor:
+        pass
+    with pytest.raises(Lost):
+        list(run(figures, jobs(1), executor, 1))
+
+
+def test_idle_ends_a_run_by_what_it_raises(tmp_path: Path) -> None:
+    def gone() -> None:
+        raise Lost("gone")
+
+    with pytest.raises(Lost, match="gone"), local(1) as executor:
+        list(run(figures, jobs(1, waits_for=str(tmp_path / "never")), executor, 1, idle=gone))

@@ -1,0 +1,111 @@
+"""Score and loop on the campaigns' machinery: a worker that dies, a run that fails, and what is then printed."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from sim_ecu.campaign.child import Child
+from sim_ecu.campaign.whole import MOST_TOLD, Missing, Piece, not_whole
+from sim_ecu.cli import main
+from sim_ecu.commands import run_loop, run_score
+from sim_ecu.commands.run_score import Asked, Work
+from sim_ecu.design.source import load_source
+from sim_ecu.loop.play import play
+from sim_ecu.loop.suites import cases
+from sim_ecu.loop.suites.actuators import STOPS
+from sim_ecu.score.play import Trace
+from sim_ecu.score.suites import runs
+from sim_ecu.score.suites.run import Run
+from tests.support import short_row
+from wrcd import resources
+from wrcd.errors import Status
+
+ROW = ("loop", "--suite", "actuators", "--only", f"{short_row.RAIL}: fast", "--jobs", "1")
+
+
+@pytest.fixture
+def brief(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
+    monkeypatch.setitem(STOPS, short_row.RAIL, short_row.briefly)
+    return monkeypatch
+
+
+def test_killed_worker_loses_nothing(
+    brief: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    brief.setenv(short_row.MARK, str(tmp_path / "killed"))
+    brief.setattr(run_loop, "play_one", short_row.killed_once)
+    (case,) = cases("actuators", f"{short_row.RAIL}: fast")
+    found, missing = run_loop.play_all([case], 1, 1)
+    assert (tmp_path / "killed").exists()
+    assert not missing
+    assert repr(found) == repr(play(case, 0))
+    assert "run 1 of 1" in capsys.readouterr().err
+
+
+def test_run_of_the_loop_that_fails_twice_is_named_and_nothing_looks_whole(
+    brief: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    brief.setattr(run_loop, "play_one", short_row.first_fails)
+    out = tmp_path / "out.json"
+    assert main([*ROW, "--seeds", "2", "--json", str(out)]) == Status.STOPPED
+    told = capsys.readouterr()
+    assert told.out == ""
+    assert not out.exists()
+    assert "run 2 of 2" in told.err  # the other one went on
+    assert "1 run failed twice" in told.err
+    assert f"actuators, {short_row.RAIL}: fast" in told.err
+    assert "seed 1000000: ValueError: no wheel" in told.err
+
+
+def short(run: Run) -> Run:
+    return replace(run, scenario=replace(run.scenario, duration_s=3.0), judged_from_s=1.0)
+
+
+def dead_fail(work: Work) -> list[Trace]:
+    """In place of `run_score.play_one`."""
+    if work.run.suite == "dead":
+        raise ValueError("no wheel")
+    return run_score.play_one(work)
+
+
+def test_suites_of_a_score_that_are_whole_are_printed_and_the_others_named(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source = load_source(resources.DESIGN)
+    played = [short(next(iter(runs(source, suite, 0.01)))) for suite in ("dead", "dry-hours")]
+    monkeypatch.setattr(run_score, "runs", lambda *_: iter(played))
+    monkeypatch.setattr(run_score, "play_one", dead_fail)
+    out = tmp_path / "out.json"
+    assert main(["score", "--jobs", "1", "--json", str(out)]) == Status.STOPPED
+    told = capsys.readouterr()
+    assert told.out.startswith("**Not whole**: dead left out")
+    assert "**dry-hours**" in told.out
+    assert "**dead**" not in told.out
+    assert "dead, both die, run 0: ValueError: no wheel" in told.err
+    assert set(json.loads(out.read_text())["suites"]) == {"dry-hours"}
+
+
+def test_figures_of_a_child_process_are_those_of_this_one_to_the_bit() -> None:
+    run = short(next(iter(runs(load_source(resources.DESIGN), "dry-hours", 0.01))))
+    work = Work(run, Asked(resources.DESIGN, None, ()))
+    child = Child()
+    try:
+        there = child.run(run_score.play_one, work)
+    finally:
+        child.close()
+    assert [repr(t) for t in there] == [repr(t) for t in run_score.play_one(work)]
+
+
+def test_grid_with_a_hole_takes_the_suites_along_that_are_compared_with_it() -> None:
+    missing = [Missing(Piece("grid", "mems, run 3", 1.0), "it failed")]
+    assert run_score._holed(missing, None) == ("grid", "robust", "rough", "harsh")
+    assert run_score._holed(missing, "rough") == ("grid", "rough")
+
+
+def test_error_names_so_many_runs_and_counts_the_others() -> None:
+    text = str(not_whole([Missing(Piece("drops", f"down, run {k}", 1.0), "it died") for k in range(MOST_TOLD + 2)]))
+    assert text.startswith(f"{MOST_TOLD + 2} runs failed twice")
+    assert text.count("it died") == MOST_TOLD
+    assert text.endswith("and 2 more")
