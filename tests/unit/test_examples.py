@@ -10,6 +10,7 @@ import cantools
 import pytest
 from cantools.database.can import Database
 
+from sim_ecu.cli import main as rig
 from tests.support.contract import example
 from wrcd.bus.log import Damage, format_line, read_log
 from wrcd.bus.units import G
@@ -115,3 +116,8 @@ def test_every_example_is_in_the_index_and_begins_with_its_use() -> None:
     for path in EXAMPLES.glob("*.py"):
         assert f"({path.name})" in index
         assert f"examples/{path.name}" in path.read_text().split('"""')[1]
+
+
+def test_campaign_asks_for_every_combination(capsys: pytest.CaptureFixture[str]) -> None:
+    assert rig(["campaign", str(EXAMPLES / "stops.toml"), "--dry-run"]) == 0
+    assert capsys.readouterr().out.startswith("Stops with wrcd and without: 80 jobs of kind drive: ")
