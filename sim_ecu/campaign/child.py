@@ -41,6 +41,7 @@ class Child:
 
     def __init__(self) -> None:
         self._process: subprocess.Popen[bytes] | None = None
+        self._stopped = False
 
     @property
     def pid(self) -> int | None:
@@ -70,6 +71,11 @@ class Child:
             raise Failed(value)
         return value
 
+    def stop(self) -> None:
+        """Kill the process, and start no other: from another thread than that which runs jobs."""
+        self._stopped = True
+        self.end()
+
     def end(self) -> None:
         """Kill the process, if there is one."""
         process, self._process = self._process, None
@@ -84,6 +90,8 @@ class Child:
             _reap(process)
 
     def _started(self) -> subprocess.Popen[bytes]:
+        if self._stopped:
+            raise Died("it was stopped")
         if self._process is None:
             command = [sys.executable, "-c", "from sim_ecu.campaign.child import work; work()", str(os.getpid())]
             paths = os.pathsep.join(p or os.getcwd() for p in sys.path)
@@ -96,7 +104,8 @@ class Child:
 
     def _how_it_ended(self) -> str:
         process, self._process = self._process, None
-        assert process is not None
+        if process is None:
+            return "it was stopped"
         _reap(process)
         status = process.returncode
         if status < 0:

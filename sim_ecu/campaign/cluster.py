@@ -1,6 +1,7 @@
 """Workers of a Dask scheduler: they come and go; one with other code is told of, and nothing runs there."""
 
 import logging
+import math
 import re
 import sys
 import time
@@ -18,7 +19,7 @@ from wrcd.errors import InputError
 CONNECT_S = 5.0
 ADDRESS = re.compile(r"(tcp|tls|ucx)://.+:\d+")
 AHEAD = 16  # jobs handed out for each thread: a worker that is far away has its next ones, too
-COUNT_S = 2.0  # how often the workers are counted
+COUNT_S = 1.0  # how often the workers are counted
 WAIT_S = 0.5
 RUNNING = "running"
 GONE = "no scheduler answers any more"
@@ -51,16 +52,18 @@ class _Crew:
 
     def __init__(self, client: Any, address: str) -> None:
         self._client, self._address = client, address
-        self._counted_s, self._count = 0.0, 0
+        self._counted_s, self._count = -math.inf, 0
+        self._waits = False  # and it is said
 
     def gather(self) -> None:
         """Wait for the first worker, then look at the code of all."""
-        if not self._client.ncores():
-            print(f"waiting for workers at {self._address}", file=sys.stderr, flush=True)
-        while not self._client.ncores():
-            time.sleep(WAIT_S)
+        while True:
             self.look()
-        found = self._client.run(code, on_error="return")
+            if self._count:
+                break
+            time.sleep(WAIT_S)
+        with _there():
+            found = self._client.run(code, on_error="return")
         for worker, digest in sorted(found.items()):
             if isinstance(digest, OSError):
                 continue  # it has gone
@@ -74,13 +77,26 @@ class _Crew:
 
     def count(self) -> int:
         """Threads of all workers; 1 while none is there: what is handed out waits."""
-        now = time.monotonic()
-        if now - self._counted_s > COUNT_S and self._client.status == RUNNING:
-            self._count = sum(self._client.ncores().values())
-            self._counted_s = now
+        if time.monotonic() - self._counted_s > COUNT_S:
+            with _there():
+                self._count = sum(self._client.ncores().values())
+            self._counted_s = time.monotonic()
         return max(self._count, 1)
 
     def look(self) -> None:
-        """Raises Lost where the scheduler has gone."""
+        """Say it when nobody is there. Raises Lost where the scheduler has gone."""
         if self._client.status != RUNNING:
             raise Lost(GONE)
+        self.count()
+        if self._count == 0 and not self._waits:
+            print(f"waiting for workers at {self._address}", file=sys.stderr, flush=True)
+        self._waits = self._count == 0
+
+
+@contextmanager
+def _there() -> Iterator[None]:
+    """Raises Lost for what a scheduler does not answer."""
+    try:
+        yield
+    except OSError:
+        raise Lost(GONE) from None

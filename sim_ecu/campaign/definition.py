@@ -7,7 +7,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from sim_ecu.campaign import kinds
+from sim_ecu.campaign import keys, kinds
 from sim_ecu.campaign.job import Job
 from sim_ecu.campaign.kind import Kind, Type
 from sim_ecu.campaign.points import Point, drawn, full, latin
@@ -18,10 +18,7 @@ from wrcd.errors import InputError, InputErrors
 from wrcd.section import Section, suggest
 from wrcd.settings import read_toml
 
-FULL, RANDOM, LATIN = "full", "random", "latin"
-METHODS = (FULL, RANDOM, LATIN)
-MAX_POINTS, MAX_SEEDS, MAX_JOBS = 1_000_000, 1_000_000, 1_000_000
-MAX_SEED = 4_000_000_000  # what a seed may be anywhere in the rig
+MAX_JOBS = 1_000_000
 MOST_TOLD = 20  # mistakes in jobs: more would say the same
 Checked = Callable[[int, int], None]
 
@@ -72,7 +69,7 @@ def load_campaign(file: Path, code: str, checked: Checked = lambda _done, _of: N
     with all mistakes. code: a digest of what will answer. checked: called with how many of how many are checked."""
     top = read_toml(file, collect=True)
     head = _head(top, file)
-    fixed, varied = read_factors(top, head.kind, head.method == FULL)
+    fixed, varied = read_factors(top, head.kind, head.method == keys.FULL)
     top.done()
     top.finish()
     stays: Point = {name: g.spread.every()[0] for name, g in fixed.items()}
@@ -110,13 +107,11 @@ def _meant(kind: Kind, point: Point, folder: Path, top: Section) -> Iterator[Poi
 
 def _head(top: Section, file: Path) -> _Head:
     """Raises InputError without a kind, for nothing else can be read then."""
-    title = top.get("title", str, file.stem)
-    method = top.choice("method", METHODS, FULL)
-    points = 0
-    with top.collected():
-        points = _drawn_points(top, method)
+    title = keys.TITLE.read(top) or file.stem
+    method = keys.METHOD.value(top)
+    points = _drawn_points(top, method)
     names = [k.name for k in kinds.KINDS]
-    name = top.get("kind", str, "")
+    name = top.get(keys.KIND.name, str, "")
     kind = next((k for k in kinds.KINDS if k.name == name), None)
     if kind is None:
         reason = "is missing" if "kind" not in top else f"is {name!r}, which is no kind"
@@ -124,29 +119,27 @@ def _head(top: Section, file: Path) -> _Head:
         top.finish()
         raise AssertionError
     seeds = _seeds(top, kind)
-    limit_s = top.maybe("limit_s", float)
-    if limit_s is not None and limit_s <= 0:
-        top.mistake(top.error(f"takes more than 0 s, not {limit_s:g}", "limit_s"))
-    return _Head(title, kind, method, points, seeds, limit_s)
+    return _Head(title, kind, method, points, seeds, keys.LIMIT.read(top))
 
 
 def _drawn_points(top: Section, method: str) -> int:
-    if method == FULL and "points" in top:
-        top.raw("points")
-        raise top.error("is of method random or latin", "points", f"a {FULL} factorial takes all combinations")
-    if method != FULL and "points" not in top:
-        raise top.absent("points", "how many points to draw")
-    return top.whole("points", 1, 1, MAX_POINTS)
+    """0 of a full factorial."""
+    points, key = keys.POINTS.read(top), keys.POINTS.name
+    if method == keys.FULL and key in top:
+        top.mistake(top.error("is of method random or latin", key, "a full factorial takes all combinations"))
+    if method != keys.FULL and key not in top:
+        top.mistake(top.absent(key, "how many points to draw"))
+    return points or 0
 
 
 def _seeds(top: Section, kind: Kind) -> range | None:
     if not kind.seeded:
-        for key in ("seeds", "first_seed"):
+        for key in (keys.SEEDS.name, keys.FIRST_SEED.name):
             if top.raw(key) is not None:
                 top.mistake(top.error(f"is not of {kind.name}, which has no seed", key, "leave it out"))
         return None
-    first = top.whole("first_seed", 1, 0, MAX_SEED)
-    return range(first, first + top.whole("seeds", 1, 1, MAX_SEEDS))
+    first = keys.FIRST_SEED.value(top)
+    return range(first, first + keys.SEEDS.value(top))
 
 
 def _points(head: _Head, varied: Mapping[str, Given], top: Section) -> list[Point]:
@@ -154,12 +147,12 @@ def _points(head: _Head, varied: Mapping[str, Given], top: Section) -> list[Poin
     factors = spreads(varied)
     seed = head.seeds.start if head.seeds else 1
     runs = len(head.seeds) if head.seeds else 1
-    count = math.prod(len(s.every()) for s in factors.values()) if head.method == FULL else head.points
+    count = math.prod(len(s.every()) for s in factors.values()) if head.method == keys.FULL else head.points
     if count * runs > MAX_JOBS:
         raise top.error(f"there are {count * runs} jobs, more than {MAX_JOBS}", hint="fewer values, or method latin")
-    if not factors or head.method == FULL:
+    if not factors or head.method == keys.FULL:
         return list(full(factors))
-    return list((drawn if head.method == RANDOM else latin)(factors, head.points, seed))
+    return list((drawn if head.method == keys.RANDOM else latin)(factors, head.points, seed))
 
 
 def _jobs(

@@ -10,6 +10,7 @@ from sim_ecu.campaign.job import Ending, Job, Row, Scalar
 from sim_ecu.campaign.kind import Figure, Type
 from sim_ecu.campaign.progress import Shown
 from sim_ecu.campaign.runner import AHEAD, Lost, Outcome, run
+from sim_ecu.campaign.spreads import SEED
 from sim_ecu.campaign.store import Store
 from sim_ecu.campaign.task import Refusal, Task, answer, plain_error
 from wrcd.errors import InputError, Status
@@ -60,7 +61,7 @@ def go(campaign: Campaign, folder: Path, workers: Workers, *, again: bool = Fals
             store.forget([k for k in keys if k in store.rows and store.rows[k].ending is not Ending.DONE])
         left = [k for k, key in enumerate(keys) if key not in store.rows]
         before = len(keys) - len(left)
-        shown = Shown(len(keys), before, [campaign.cost(campaign.jobs[k]) for k in left])
+        shown = Shown(len(keys), before, _costs(campaign, left))
         tasks = Tasks(campaign, left)
         try:
             for outcome in run(
@@ -80,6 +81,18 @@ def go(campaign: Campaign, folder: Path, workers: Workers, *, again: bool = Fals
             shown.end()
         results = store.merge(campaign.jobs)
         return Finished([(job, store.rows[key]) for job, key in zip(campaign.jobs, keys, strict=True)], before, results)
+
+
+def _costs(campaign: Campaign, places: Sequence[int]) -> list[float]:
+    """Of the jobs at some places; seeds of a point cost the same."""
+    known: dict[tuple[tuple[str, Scalar], ...], float] = {}
+    out = []
+    for job in (campaign.jobs[k] for k in places):
+        point = tuple((name, value) for name, value in job.inputs.items() if name != SEED)
+        if point not in known:
+            known[point] = campaign.cost(job)
+        out.append(known[point])
+    return out
 
 
 class Tasks(Sequence[Task]):

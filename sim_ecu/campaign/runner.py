@@ -63,7 +63,7 @@ def local(workers: int) -> Iterator[Executor]:
     except BaseException:
         pool.shutdown(wait=False, cancel_futures=True)
         for child in every:
-            child.end()
+            child.stop()
         raise
     finally:
         pool.shutdown(cancel_futures=True)
@@ -89,8 +89,8 @@ def run(
     def hand_out(place: int, attempt: int) -> None:
         try:
             future = executor.submit(attempt_at, function, jobs[place], limit_s)
-        except RuntimeError as e:
-            raise Lost(str(e)) from None
+        except Exception as e:
+            raise Lost(f"they take nothing any more: {type(e).__name__}: {e}") from None
         running[future] = place, attempt
         future.add_done_callback(ended.put)
 

@@ -5,15 +5,16 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from sim_ecu.campaign import keys
 from sim_ecu.campaign.job import Scalar
 from sim_ecu.campaign.kind import Factor, Kind, Type
 from sim_ecu.campaign.points import Range, Spread, Values
 from wrcd.errors import InputError
+from wrcd.keys import names
 from wrcd.section import Section, nearest
 
 SEED = "seed"
-RANGE_KEYS = ("from", "to", "steps", "log", "whole")
-MAX_STEPS = 1_000_000
+RANGE_KEYS = names(keys.RANGE)
 _OF = {bool: Type.FLAG, int: Type.WHOLE, float: Type.NUMBER, str: Type.TEXT}
 
 
@@ -117,12 +118,12 @@ def _finite(value: Scalar) -> Scalar:
 
 
 def _range(table: Section, key: str, around: Section, factor: Factor | None, stepped: bool) -> Given:
-    low, high = table.take("from", float), table.take("to", float)
-    whole = table.get("whole", bool, factor is not None and factor.type is Type.WHOLE)
-    log = table.get("log", bool, False)
-    steps = table.whole("steps", 2, 2, MAX_STEPS) if "steps" in table else 0
-    if stepped and not steps:
-        table.mistake(table.absent("steps", "how many values from end to end: 2 or more"))
+    low, high = table.take(keys.LOW.name, float), table.take(keys.HIGH.name, float)
+    whole = table.get(keys.WHOLE.name, bool, factor is not None and factor.type is Type.WHOLE)
+    log = table.get(keys.LOG.name, bool, False)
+    steps = keys.STEPS.read(table)
+    if stepped and keys.STEPS.name not in table:
+        table.mistake(table.absent(keys.STEPS.name, "how many values from end to end: 2 or more"))
     table.done(RANGE_KEYS)
     if factor is not None and factor.type not in (Type.NUMBER, Type.WHOLE):
         raise around.error(f"takes {factor.type.value}, and no range", key, "list the values")
@@ -136,7 +137,7 @@ def _range(table: Section, key: str, around: Section, factor: Factor | None, ste
         raise around.error("takes whole ends, being whole", key)
     if whole and log:
         raise table.error("goes not with whole", "log", "list the values")
-    return Given(Type.WHOLE if whole else Type.NUMBER, Range(low, high, steps, log, whole))
+    return Given(Type.WHOLE if whole else Type.NUMBER, Range(low, high, steps or 0, log, whole))
 
 
 def spreads(given: Mapping[str, Given]) -> dict[str, Spread]:

@@ -21,6 +21,9 @@ from pathlib import Path
 
 from sim_ecu import cli as rig_cli
 from sim_ecu import resources as rig
+from sim_ecu.campaign import keys as campaign_keys
+from sim_ecu.campaign.kind import Factor, Kind
+from sim_ecu.campaign.kinds import KINDS
 from sim_ecu.commands.statuses import STATUSES as RIG
 from sim_ecu.loop import scenario_keys as drive_scenario_keys
 from sim_ecu.loop.fmu.variables import VALID, variables
@@ -270,6 +273,42 @@ def fmu_variables() -> list[str]:
     return table(("name", "causality", "type", "unit", "what"), rows)
 
 
+def campaign_kinds() -> list[str]:
+    """Every kind of job with its factors and figures."""
+    out: list[str] = []
+    for kind in KINDS:
+        out += [*([""] if out else []), f"### {kind.name}", "", f"{_sentence(kind.words)}.", ""]
+        out += [*_factors(kind), "", *_figures(kind)]
+        grouped = f"Rows are compared by `{kind.suite}`." if kind.suite else ""
+        out += ["", " ".join(filter(None, (grouped, _seeded(kind))))]
+    return out
+
+
+def _seeded(kind: Kind) -> str:
+    return "" if kind.seeded else "It has no `seed`: `seeds` and `first_seed` are not of it."
+
+
+def _factors(kind: Kind) -> list[str]:
+    rows: list[tuple[object, ...]] = [
+        (f"`{f.name}`", ", ".join(f.choices) or f.type.value, _default(f), f.unit, f.words) for f in kind.factors
+    ]
+    rows += [(f"`{prefix}KEY`", "the key's own", "–", "", "any key, see above") for prefix in kind.open_factors]
+    return table(("factor", "takes", "default", "unit", "what"), rows)
+
+
+def _default(factor: Factor) -> str:
+    if factor.needed:
+        return "needed"
+    if isinstance(factor.default, bool):
+        return str(factor.default).lower()
+    return "–" if factor.default in (None, "") else str(factor.default)
+
+
+def _figures(kind: Kind) -> list[str]:
+    rows: list[tuple[object, ...]] = [(f"`{f.name}`", f.unit, f.better or "–", f.words) for f in kind.figures]
+    return table(("figure", "unit", "better", "what"), rows)
+
+
 MAKERS: dict[str, Callable[..., list[str]]] = {
     "messages": messages,
     "options": options,
@@ -283,6 +322,9 @@ MAKERS: dict[str, Callable[..., list[str]]] = {
     "drive-scenario": drive_scenario,
     "monitor-keys": monitor_keys,
     "fmu-variables": fmu_variables,
+    "campaign-keys": lambda: key_rows(campaign_keys.HEAD),
+    "campaign-range": lambda: key_rows(campaign_keys.RANGE),
+    "campaign-kinds": campaign_kinds,
 }
 
 

@@ -40,7 +40,7 @@ def value(key: keys.Key) -> dict[str, Any]:
         case keys.Interval():
             return {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2}
         case keys.Numbers():
-            return {"type": "array", "items": {"type": "number"}, "minItems": 1, "uniqueItems": True}
+            return {"type": "array", "items": {"type": "number"}, "minItems": 1}
         case keys.RawValue():
             return dict(RAW)
         case keys.RawValues():

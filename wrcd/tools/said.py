@@ -124,7 +124,9 @@ def _nothing(s: Signal, sent: OutputSignal) -> list[float]:
 def said(config: Config) -> Iterator[Said]:
     """A decoder for each message that a daemon of this configuration sends."""
     for axle in config.axles:
-        for name, output in (("adhesion", axle.adhesion), ("detail", axle.detail), ("inputs", axle.inputs)):
+        for name, output in (
+            ("adhesion", axle.adhesion), ("detail", axle.detail), ("inputs", axle.inputs), ("ahead", axle.ahead),
+        ):  # fmt: skip
             if output is not None:
                 yield Said(find_message(config.database, output.message), output, Kind(name, axle.number))
     for name, output in (

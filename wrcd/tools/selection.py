@@ -127,7 +127,7 @@ class Part:
         self.begin_us = _us(selection.begin_s, self.origin_us)
         self.end_us = _us(selection.end_s, self.origin_us)
         self.axles = frozenset(selection.axles) or frozenset(a.number for a in config.axles) - found.without_frame
-        sent = ((a.number, o) for a in config.axles for o in (a.adhesion, a.detail, a.inputs) if o is not None)
+        sent = ((a.number, o) for a in config.axles for o in (a.adhesion, a.detail, a.inputs, a.ahead) if o is not None)
         self._left_out = {
             message_key(find_message(config.database, o.message))
             for number, o in sent

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from sim_ecu.campaign.comparison.compare import Comparison, Result
-from sim_ecu.campaign.comparison.match import Pair, Suite
+from sim_ecu.campaign.comparison.match import Suite
 from sim_ecu.campaign.comparison.read import Campaign
 from sim_ecu.campaign.job import Ending, Scalar
 
@@ -19,10 +19,11 @@ SEED = "seed"
 
 @dataclass(frozen=True, slots=True)
 class Worst:
-    """A job that is worse on one side. figure: by which; "ending" where only one side is done. size: the difference,
-    in the figure's spread over the suite. first, second: NaN, or "" of endings, where there is no row of that side.
+    """A job that is worse on one side. figure: by which; "ending" where it is not done. size: the difference, in the
+    figure's spread over the suite, above 0 where the second is worse. first, second: the figure, or how it ended; of
+    samples the other side's median, or "".
 
-    inputs: of the worse side; others: those of the other side that differ. toml: a CAMPAIGN.toml of this job alone.
+    inputs: of the worse side. toml: a CAMPAIGN.toml of this job alone.
     """
 
     suite: str
@@ -34,32 +35,36 @@ class Worst:
     toml: str
 
 
+@dataclass(frozen=True, slots=True)
+class _Away:
+    """How far a job is from what is beside it, in its worst figure; size > 0: the second is worse. other: the row
+    beside it, None of samples."""
+
+    suite: str
+    figure: str
+    values: tuple[float | str, float | str]
+    size: float
+    row: Mapping[str, Any]
+    other: Mapping[str, Any] | None
+
+
 def worst(result: Result) -> tuple[list[Worst], list[Worst]]:
     """Those that the second has worse, and those that the first has worse; the worst first, each job once."""
-    every = [w for suite in result.matched.suites for w in _of_suite(result, suite)]
-    ways = [[w for w in every if w.size > 0], [w for w in every if w.size < 0]]
-    second, first = (_ten(way) for way in ways)
-    return second, first
+    every = [away for suite in result.matched.suites for away in _of_suite(result, suite)]
+    second = sorted((a for a in every if a.size > 0), key=lambda a: -a.size)[:MAX_JOBS]
+    first = sorted((a for a in every if a.size < 0), key=lambda a: a.size)[:MAX_JOBS]
+    return [_told(a, result.second, result) for a in second], [_told(a, result.first, result) for a in first]
 
 
-def _ten(every: Sequence[Worst]) -> list[Worst]:
-    """Each job by what it is worst in."""
-    out: dict[str, Worst] = {}
-    for w in sorted(every, key=lambda w: -abs(w.size)):
-        out.setdefault(w.toml, w)
-    return list(out.values())[:MAX_JOBS]
-
-
-def _of_suite(result: Result, suite: Suite) -> Iterator[Worst]:
+def _of_suite(result: Result, suite: Suite) -> Iterator[_Away]:
+    """Of each job what it is worst in, each way."""
     directed = [c for c in result.comparisons if c.suite == suite.name and c.figure.better]
     figures = [(c, scale) for c in directed if (scale := _scale(c)) > 0]
-    if suite.pairs:
-        for pair in suite.pairs:
-            yield from _of_pair(result, suite, pair, figures)
-        return
-    for k, (worlds, campaign) in enumerate(((suite.first, result.first), (suite.second, result.second))):
+    for pair in suite.pairs:
+        yield from _of_pair(pair.first[0], pair.second[0], figures, suite.name)
+    for side, worlds in enumerate((suite.first, suite.second)):
         for row in (row for rows in worlds for row in rows):
-            yield from _of_row(suite, campaign, row, k, figures)
+            yield from _of_row(row, side, figures, suite.name)
 
 
 def _scale(c: Comparison) -> float:
@@ -69,67 +74,67 @@ def _scale(c: Comparison) -> float:
 
 
 def _of_pair(
-    result: Result, suite: Suite, pair: Pair, figures: Sequence[tuple[Comparison, float]]
-) -> Iterator[Worst]:  # fmt: skip
-    first, second = pair.first[0], pair.second[0]
+    first: Mapping[str, Any], second: Mapping[str, Any], figures: Sequence[tuple[Comparison, float]], suite: str
+) -> Iterator[_Away]:
     endings = first["ending"], second["ending"]
     if (endings[0] == Ending.DONE) != (endings[1] == Ending.DONE):
-        size = math.inf if endings[0] == Ending.DONE else -math.inf
-        yield _worst(suite, "ending", endings, size, *_worse(result, first, second, size))
+        if endings[0] == Ending.DONE:
+            yield _Away(suite, "ending", endings, math.inf, second, first)
+        else:
+            yield _Away(suite, "ending", endings, -math.inf, first, second)
         return
+    found = []
     for c, scale in figures:
         values = _value(first, c), _value(second, c)
         if all(map(math.isfinite, values)):
-            size = (values[1] - values[0]) / scale * (1 if c.figure.better == "less" else -1)
-            yield _worst(suite, c.figure.name, values, size, *_worse(result, first, second, size))
+            found.append((_size(c, values[1] - values[0], scale), c.figure.name, values))
+    if found and (most := max(found))[0] > 0:
+        yield _Away(suite, most[1], most[2], most[0], second, first)
+    if found and (least := min(found))[0] < 0:
+        yield _Away(suite, least[1], least[2], least[0], first, second)
 
 
 def _of_row(
-    suite: Suite, campaign: Campaign, row: Mapping[str, Any], side: int, figures: Sequence[tuple[Comparison, float]]
-) -> Iterator[Worst]:  # fmt: skip
-    """Beside the median of the other side: nothing else belongs to it."""
-    for c, scale in figures:
+    row: Mapping[str, Any], side: int, figures: Sequence[tuple[Comparison, float]], suite: str
+) -> Iterator[_Away]:
+    """Beside the median of the other side, for no job of it belongs to this one."""
+    sign = 1 if side else -1
+    if row["ending"] != Ending.DONE:
+        yield _Away(suite, "ending", ("", row["ending"]) if side else (row["ending"], ""), sign * math.inf, row, None)
+        return
+    found = [(_size(c, _value(row, c) - c.medians[1 - side], scale), c) for c, scale in figures]
+    known = [(size, c) for size, c in found if size > 0]
+    if known:
+        size, c = max(known, key=lambda sized: sized[0])
         value, beside = _value(row, c), c.medians[1 - side]
-        if math.isfinite(value) and math.isfinite(beside):
-            away = (value - beside) / scale * (1 if c.figure.better == "less" else -1)
-            if away > 0:
-                values = (value, math.nan) if side == 0 else (math.nan, value)
-                yield _worst(suite, c.figure.name, values, away if side else -away, campaign, row, {})
+        yield _Away(suite, c.figure.name, (beside, value) if side else (value, beside), sign * size, row, None)
 
 
-def _worse(
-    result: Result, first: Mapping[str, Any], second: Mapping[str, Any], size: float
-) -> tuple[Campaign, Mapping[str, Any], dict[str, Scalar]]:
-    """Campaign and row of the worse side, and what the other one differs in."""
-    sides = (result.second, second, first) if size > 0 else (result.first, first, second)
-    return sides[0], sides[1], {name: sides[2][name] for name in result.matched.differ}
+def _size(c: Comparison, more: float, scale: float) -> float:
+    """In spreads, above 0 where it is worse to have so much more."""
+    return more / scale * (1 if c.figure.better == "less" else -1)
 
 
-def _worst(
-    suite: Suite, figure: str, values: tuple[Any, Any], size: float, campaign: Campaign, row: Mapping[str, Any],
-    other: Mapping[str, Scalar],
-) -> Worst:  # fmt: skip
-    inputs = {name: row[name] for name in campaign.inputs if row[name] is not None}
-    return Worst(suite.name, figure, *values, size, inputs, toml(campaign.kind, inputs, other))
+def _told(away: _Away, campaign: Campaign, result: Result) -> Worst:
+    inputs = {name: away.row[name] for name in campaign.inputs if away.row[name] is not None}
+    beside = {} if away.other is None else {name: away.other[name] for name in result.matched.differ}
+    return Worst(
+        away.suite, away.figure, *away.values, away.size, inputs, toml(campaign.kind, inputs, beside)
+    )  # fmt: skip
 
 
 def toml(kind: str, inputs: Mapping[str, Scalar], other: Mapping[str, Scalar]) -> str:
     """A CAMPAIGN.toml of one job; what another job differs in stands beside its keys."""
+    beside = {name: f"  # the other: {'none' if v is None else _text(v)}" for name, v in other.items()}
     lines = [f"kind = {_text(kind)}"]
     if SEED in inputs:
-        beside = f"  # the other: {other[SEED]}" if SEED in other else ""
-        lines.append(f"first_seed = {inputs[SEED]}{beside}")
+        lines.append(f"first_seed = {_text(inputs[SEED])}{beside.get(SEED, '')}")
     lines += ["", "[fixed]"]
     for name in dict.fromkeys((*inputs, *other)):
-        if name == SEED:
-            continue
-        beside = (
-            "" if name not in other else f"  # the other: {_text(other[name]) if other[name] is not None else 'none'}"
-        )
-        if name in inputs:
-            lines.append(f"{_key(name)} = {_text(inputs[name])}{beside}")
-        else:
-            lines.append(f"# {_key(name)}: none{beside}")
+        if name in inputs and name != SEED:
+            lines.append(f"{_key(name)} = {_text(inputs[name])}{beside.get(name, '')}")
+        elif name != SEED:
+            lines.append(f"# {_key(name)}: none{beside[name]}")
     return "\n".join(lines) + "\n"
 
 

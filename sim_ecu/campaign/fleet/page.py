@@ -10,6 +10,7 @@ from sim_ecu.campaign.fleet.page_rows import (
     Line,
     causes,
     command,
+    date,
     duration,
     hours,
     log_line,
@@ -23,7 +24,7 @@ from sim_ecu.campaign.fleet.page_style import STYLE
 from sim_ecu.campaign.fleet.summary import Group, Played, Summary, Suspicion
 
 MARK = "sim-ecu campaign --logs"  # in the page's generator
-MAX_LINKS = 8  # to logs of one suspicious sensor
+MAX_LINKS = 4  # to logs of one suspicious sensor
 MAX_NAMES = 6  # of trains in a sentence
 
 
@@ -104,7 +105,7 @@ def _suspicious(found: Summary) -> Iterator[str]:
         "<p>What the daemon named, by train and axle, the longest first. A short time in one log may be chance: "
         "look into its report.</p>"
     )
-    head = ("train", "axle", "what", "in all, s", "logs", "as the daemon said it", "in")
+    head = ("train", "axle", "what", "first seen, UTC", "in all", "logs", "as the daemon said it", "in")
     yield from table(head, [_suspicion(s) for s in found.suspicions], "suspicious sensors")
 
 
@@ -112,8 +113,8 @@ def _suspicion(s: Suspicion) -> Line:
     links = ", ".join(_link(p) for p in s.logs[:MAX_LINKS])
     more = f" and {len(s.logs) - MAX_LINKS} more" if len(s.logs) > MAX_LINKS else ""
     cells = [
-        text(s.train), Cell(str(s.axle or "")), text(s.what), number(s.seconds), Cell(str(len(s.logs))), text(s.text),
-        Cell(links + more, "text"),
+        text(s.train), Cell(str(s.axle or "")), text(s.what), Cell(date(s.first_s)), Cell(duration(s.seconds / 3600)),
+        Cell(str(len(s.logs))), text(s.text), Cell(links + more, "text"),
     ]  # fmt: skip
     return Line(cells)
 
@@ -174,4 +175,4 @@ def _listed(word: str, lines: Sequence[str]) -> list[str]:
 
 def _spoken(s: Suspicion) -> str:
     axle = f" axle {s.axle}" if s.axle else ""
-    return f"{s.train}{axle}: {s.what}, {s.seconds:.1f} s in {_many(len(s.logs), 'log')}: {s.text}"
+    return f"{s.train}{axle}: {s.what}, {duration(s.seconds / 3600)} in {_many(len(s.logs), 'log')}: {s.text}"

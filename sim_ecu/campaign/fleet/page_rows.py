@@ -52,7 +52,14 @@ def hours(value: float) -> Cell:
 
 def duration(value: float) -> str:
     """Hours for a person."""
-    return f"{value:.1f} h" if value >= 1 else f"{60 * value:.1f} min"
+    if value >= 1:
+        return f"{value:.1f} h"
+    return f"{60 * value:.1f} min" if value >= 1 / 30 else f"{3600 * value:.1f} s"
+
+
+def date(stamp_s: float) -> str:
+    """A time since 1970 for a person; nothing for none."""
+    return "" if math.isnan(stamp_s) else datetime.fromtimestamp(stamp_s, UTC).strftime("%Y-%m-%d %H:%M")
 
 
 def share(value: float) -> Cell:
@@ -106,13 +113,10 @@ def log_line(p: Played, command: str, report: str | None) -> Line:
         error = html.escape(said(p))
         cells = [Cell(link), Cell(""), *[Cell("")] * 3, Cell(f"{p.ending.value}: {error}", "text"), *[Cell("")] * 2]
         return Line(cells, f"log{p.number}", "bad")
-    begin = ""
-    if not math.isnan(p.begin_s):
-        begin = datetime.fromtimestamp(p.begin_s, UTC).strftime("%Y-%m-%d %H:%M")
     suspects = ", ".join(dict.fromkeys(f"{s['what']} {_axle(s['axle'])}".strip() for s in p.suspects))
-    more = f"<details><summary>axles, frames</summary>{_details(p, command, report)}</details>"
+    more = f"<details><summary>more</summary>{_details(p, command, report)}</details>"
     cells = [
-        Cell(link + more), Cell(begin), number(p.number_of("km"), ".2f"), hours(p.number_of("hours")),
+        Cell(link + more), Cell(date(p.begin_s)), number(p.number_of("km"), ".2f"), hours(p.number_of("hours")),
         share(p.number_of("valid")), text(causes(Group("", [p]))), Cell(columns(p.detail), "picture"), text(suspects),
     ]  # fmt: skip
     return Line(cells, f"log{p.number}")

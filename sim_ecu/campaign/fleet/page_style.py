@@ -18,7 +18,7 @@ svg.columns { height: 2.2rem } svg.bar { height: .9rem }
 .key { display: inline-block; width: 1rem; height: 1rem; margin-right: .35rem; border: 1px solid var(--line);
   vertical-align: -.15rem }
 table { width: 100% } td.text, th.text, th.picture { text-align: left }
-td:not([class]) { white-space: nowrap } td.picture { width: 16rem }
+td:not([class]) { white-space: nowrap } td.picture { width: 14rem } .train th[scope=row] { min-width: 11rem }
 summary { cursor: pointer; padding: .25rem 0 } .train > summary { border-top: 1px solid var(--line); padding: .5rem 0 }
 .train > summary strong { font-size: 1.05rem } .more > summary { color: var(--loud) }
 code { font: .85em/1.4 ui-monospace, monospace; background: var(--soft); padding: .1rem .3rem; user-select: all }

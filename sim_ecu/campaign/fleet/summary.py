@@ -15,7 +15,7 @@ from sim_ecu.campaign.kinds.log import CAUSES, cause_column, class_column
 from wrcd.core.causes import Cause
 
 NO_FRAME = "NoFrame"
-EARLIEST_S = 946_684_800.0  # 2000: a stamp before it counts from somewhere else
+EARLIEST_S, LATEST_S = 946_684_800.0, 4_102_444_800.0  # 2000 to 2100: other stamps count from somewhere else
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +43,7 @@ class Played:
     def begin_s(self) -> float:
         """Since 1970; NaN where its stamps count from somewhere else."""
         found = self.number_of("begin_s")
-        return found if found >= EARLIEST_S else math.nan
+        return found if EARLIEST_S <= found < LATEST_S else math.nan
 
     @property
     def suspects(self) -> Sequence[Mapping[str, Any]]:
@@ -134,6 +134,7 @@ class Suspicion:
     axle: int
     what: str
     text: str
+    first_s: float  # since 1970, in the first log; NaN where that has no date
     seconds: float
     logs: Sequence[Played]  # in their order
 
@@ -182,7 +183,8 @@ def _suspicions(train: Group) -> list[Suspicion]:
     for (axle, what), named in found.items():
         text = max(named, key=lambda one: float(one[1]["seconds"]))[1]["text"]
         seconds = sum(float(s["seconds"]) for _, s in named)
-        out.append(Suspicion(train.name, axle, what, text, seconds, [p for p, _ in named]))
+        first_s = named[0][0].begin_s + float(named[0][1]["first_s"])
+        out.append(Suspicion(train.name, axle, what, text, first_s, seconds, [p for p, _ in named]))
     return out
 
 
@@ -191,4 +193,4 @@ def _missing(p: Played, everywhere: Sequence[int]) -> Iterator[Mapping[str, Any]
     for axle in p.detail["without_frame"]:
         if axle not in everywhere:
             text = "the log has no frame of this axle, others of this train have"
-            yield {"what": NO_FRAME, "axle": axle, "text": text, "seconds": 3600 * p.number_of("hours")}
+            yield {"what": NO_FRAME, "axle": axle, "text": text, "first_s": 0.0, "seconds": 3600 * p.number_of("hours")}

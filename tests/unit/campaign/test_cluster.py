@@ -1,6 +1,7 @@
 """`sim-ecu campaign --scheduler`: a scheduler and workers of Dask as real processes."""
 
 import json
+import shlex
 import shutil
 import signal
 import subprocess
@@ -14,12 +15,15 @@ import pytest
 
 from sim_ecu.campaign import cluster, store
 from sim_ecu.cli import main
+from tests.support.page_commands import run_by
 from tests.support.processes import ROOT, running, wait_for
 from tests.support.trial_kind import Write, lines, meanwhile
 
 WAIT_S = 60
-SCHEDULER = ("scheduler", "--host", "127.0.0.1", "--port", "0", "--dashboard-address", "127.0.0.1:0")
-WORKER = ("worker", "--no-nanny", "--nthreads", "1", "--no-dashboard", "--local-directory")
+# How the page starts them; here with a free port, and each worker by itself and mortal.
+(PAGE,) = run_by("tests/unit/campaign/test_cluster.py", "docs/how-to/run-a-campaign.md")
+ADDRESS, PORT = "tcp://127.0.0.1:8786", "8786"
+SCHEDULER, WORKER = (shlex.split(c.removesuffix("&"))[1:] for c in PAGE.commands[:2])
 
 
 class Dask:
@@ -29,8 +33,11 @@ class Dask:
         self._folder, self._count = folder, 0
         self._workers = ExitStack()
         self._file = folder / "scheduler.json"
+        at_any = ["0" if word == PORT else word for word in SCHEDULER]
         with ExitStack() as starting:
-            self.scheduler = starting.enter_context(_dask(ROOT, *SCHEDULER, "--scheduler-file", self._file))
+            self.scheduler = starting.enter_context(
+                _dask(ROOT, *at_any, "--dashboard-address", "127.0.0.1:0", "--scheduler-file", self._file)
+            )
             wait_for("the scheduler", WAIT_S, self._file.exists)
             self._scheduler = starting.pop_all()
         self.address = str(json.loads(self._file.read_text())["address"])
@@ -39,7 +46,10 @@ class Dask:
         """One more."""
         self._count += 1
         folder = self._folder / f"worker{self._count}"
-        return self._workers.enter_context(_dask(sources, *WORKER, folder, "--scheduler-file", self._file))
+        here = [self.address if word == ADDRESS else word for word in WORKER]
+        return self._workers.enter_context(
+            _dask(sources, *here, "--nworkers", "1", "--no-nanny", "--local-directory", folder)
+        )
 
     def dismiss(self) -> None:
         """Stop the workers."""

@@ -179,6 +179,16 @@ def test_worst_jobs_are_those_that_differ_most_each_way(tmp_path: Path) -> None:
     assert read_back == {"kind": "drive", "first_seed": 3, "fixed": {"rail": "leaf", "design": "b.json"}}
 
 
+def test_worst_jobs_without_pairs_are_beside_the_other_sides_median(tmp_path: Path) -> None:
+    def told(job: Mapping[str, Any]) -> dict[str, Scalar]:
+        return {} if job["seed"] == 105 else {"mean_error_pp": {7: 9.0, 103: 8.0}.get(job["seed"], 1.0)}
+
+    a, b = (folder(tmp_path / str(k), inputs(("leaf",), range(k, k + 20)), told) for k in (1, 101))
+    second, first = worst(compared(a, b))
+    assert [(w.inputs["seed"], w.first, w.second) for w in second] == [(105, "", "failed"), (103, 1.0, 8.0)]
+    assert [(w.inputs["seed"], w.first, w.second) for w in first] == [(7, 9.0, 1.0)]
+
+
 def test_worst_job_as_toml_is_a_campaign_of_that_job(tmp_path: Path) -> None:
     asked: dict[str, Scalar] = {"suite": "paper", "group": "held at the peak", "run": 3, "lot": 1}
     file = tmp_path / "worst.toml"

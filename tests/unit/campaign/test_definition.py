@@ -92,7 +92,7 @@ def test_keys_of_a_table_may_be_written_without_quotes(write: Write) -> None:
         ),
         ('method = "latin"', "", "x = { from = 1, to = 2 }", "c.toml: points: is missing — how many points to draw"),
         ("seeds = 0", "", "x = [1]", "c.toml:2: seeds: takes 1 …"),
-        ("limit_s = 0", "", "x = [1]", "c.toml:2: limit_s: takes more than 0 s"),
+        ("limit_s = 0", "", "x = [1]", "c.toml:2: limit_s: takes a number from 0.1 to 1e+06, not 0"),
         ("", "modus = 1", "x = [1]", "c.toml:4: fixed.modus: is no factor of trial — did you mean 'mode'?"),
         ("", "seed = 1", "x = [1]", "c.toml:4: fixed.seed: is the campaign's own — write seeds and first_seed"),
         ("", 'mode = "fany"', "x = [1]", "takes one of plain, fancy, not 'fany' — did you mean 'fancy'?"),

@@ -42,6 +42,16 @@ def test_sensor_of_several_logs_is_one_suspicion() -> None:
     ]  # fmt: skip
 
 
+def test_suspicion_begins_where_its_first_log_says() -> None:
+    named = (("GyroDead", 2, 5.0),)
+    found = fleet(
+        ("7401", "a", row(suspects=named, begin_s=1.79e9)), ("7401", "b", row(suspects=named, begin_s=1.78e9))
+    )
+    (one,) = found.suspicions
+    assert one.first_s == 1.78e9 + 1.0
+    assert "2026-05-28 20:26" in page(found, "/logs", {})
+
+
 def test_axle_that_only_some_logs_have_is_suspicious_one_that_none_has_is_not() -> None:
     found = fleet(("7401", "a", row(without_frame=(3, 4))), ("7401", "b", row(without_frame=(4,))))
     assert [(s.what, s.axle, len(s.logs)) for s in found.suspicions] == [("NoFrame", 3, 1)]

@@ -5,7 +5,10 @@ from pathlib import Path
 import pytest
 
 from wrcd.config import DEFAULT, load_config, load_packaged
+from wrcd.core.vocabulary import MESSAGES
 from wrcd.errors import InputError
+from wrcd.tools.export.groups import sent_groups
+from wrcd.tools.said import said
 
 POSITIONS = "[fusion]\npositions_m = [0.0, -2.5, -19, -21.5]\n"
 
@@ -43,6 +46,13 @@ def test_positions_bring_a_message_for_every_axle(tmp_path: Path) -> None:
 def test_mistake_is_told_with_its_key(tmp_path: Path, own: str, said: str) -> None:
     with pytest.raises(InputError, match=said):
         load(tmp_path, DEFAULT + own)
+
+
+def test_message_is_read_and_exported_as_the_others_are() -> None:
+    config = load_packaged(2, (0.0, -2.5))
+    groups = {group.name: group for _, group in sent_groups(config)}
+    assert [c.name for c in groups["AdhesionAhead_A2"].channels] == list(MESSAGES["ahead"])
+    assert "AdhesionAhead_A1" in {message.name for message in said(config)}
 
 
 def test_message_without_positions_is_refused(tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ from tests.support.recorded_train import RecordedTrain, exercise_all_state
 from tests.support.scenarios import FOUR_AXLES, LogOf
 from wrcd.bus.log import Damage, read_log
 from wrcd.checksum import checksum
-from wrcd.config import load_config
+from wrcd.config import load_config, load_packaged
 from wrcd.core.configuration import Config
 from wrcd.core.core import Core
 from wrcd.errors import InputError
@@ -25,6 +25,8 @@ from wrcd.recorder.resume import load
 from wrcd.recorder.state import StateMismatch, capture, encode, restore
 from wrcd.tools.cli import main
 
+# what changes where several axles meet a worse rail: tests/unit/loop/test_fusion.py restores it
+OF_SEVERAL_AXLES = {"Ahead._drops", "Ahead._low_s", "DropWatch.met_m", "DropWatch._pause", "Front._reverse"}
 PACKAGES = ("wrcd.estimator.", "wrcd.bus.", "wrcd.core.", "wrcd.recorder.")
 
 
@@ -78,10 +80,16 @@ def snapshot(core: Core) -> dict[tuple[str, type, str], Any]:
     return {(path, type(o), name): shown(getattr(o, name)) for path, o in objects(core) for name in attributes(o)}
 
 
+@pytest.fixture
+def fusing() -> Config:
+    """The default configuration with all that has a state."""
+    return load_packaged(4, (0.0, -2.5, -19.0, -21.5))
+
+
 def test_every_changing_attribute_is_named_in_state_or_transient(
-    config: Config, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    fusing: Config, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    train = RecordedTrain(config, tmp_path)
+    train = RecordedTrain(fusing, tmp_path)
     before = snapshot(train.sim.core)
     changed: set[tuple[type, str]] = set()
     turn = train.recorder.turn
@@ -104,7 +112,7 @@ def test_every_changing_attribute_is_named_in_state_or_transient(
     # what is named and never seen to change would mean that this test sees too little
     named = {(type(o), name) for _, o in objects(train.sim.core) for name in getattr(type(o), "STATE", {}).values()}
     still = {f"{c.__name__}.{n}" for c, n in named - changed if not holds_objects(train.sim.core, c, n)}
-    assert len(still) <= 0.15 * len(named), still
+    assert len(still - OF_SEVERAL_AXLES) <= 0.15 * len(named), still
 
 
 def holds_objects(core: Core, kind: type, name: str) -> bool:
@@ -113,10 +121,10 @@ def holds_objects(core: Core, kind: type, name: str) -> bool:
     )
 
 
-def test_restored_core_equals_the_captured_one(config: Config, tmp_path: Path) -> None:
-    train = RecordedTrain(config, tmp_path)
+def test_restored_core_equals_the_captured_one(fusing: Config, tmp_path: Path) -> None:
+    train = RecordedTrain(fusing, tmp_path)
     exercise_all_state(train)
-    core, again = train.sim.core, Core(config)
+    core, again = train.sim.core, Core(fusing)
     restore(again, json.loads(json.dumps(encode(capture(core)), allow_nan=False)))
     passing = {(type(o), n) for _, o in objects(core) for n in getattr(type(o), "TRANSIENT", ())}
     ours_now, theirs = snapshot(core), snapshot(again)

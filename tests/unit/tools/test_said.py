@@ -35,7 +35,7 @@ def drawn(kind: str) -> dict[str, Value]:
 
 
 def writer_of(config: Config, decoder: Said) -> Writer:
-    outputs = [o for a in config.axles for o in (a.adhesion, a.detail, a.inputs)]
+    outputs = [o for a in config.axles for o in (a.adhesion, a.detail, a.inputs, a.ahead)]
     every = [o for o in (*outputs, config.status, config.rejects, config.link) if o is not None]
     (output,) = [o for o in every if o.message == decoder.name]
     return Writer(find_message(config.database, output.message), output)

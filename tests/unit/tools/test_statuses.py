@@ -111,6 +111,9 @@ RIG_CASES = [
     ("score --jobs 0", 2),
     ("score --quick --design never.json", 3),
     ("loop --jobs 0", 2),
+    ("campaign asked.toml --dry-run", 0),
+    ("campaign asked.toml", 2),
+    ("campaign never.toml -o {dir}/c", 2),
     ("compare never here", 2),
     ("figures -o {dir}/f --design bad.json", 2),
     ("figures -o {dir}/f --design never.json", 3),
@@ -147,6 +150,7 @@ ELSEWHERE = {
     ("sim-ecu", "score", 1): "tests/unit/campaign/test_whole.py",
     ("sim-ecu", "loop", 1): "tests/unit/campaign/test_whole.py",
     ("sim-ecu", "loop", 0): "tests/unit/loop/test_loop_command.py",
+    ("sim-ecu", "campaign", 1): "tests/unit/campaign/test_campaign_command.py",
     ("sim-ecu", "compare", 0): "tests/unit/campaign/test_compare_command.py",
     ("sim-ecu", "compare", 1): "tests/unit/campaign/test_compare_command.py",
     ("sim-ecu", "figures", 0): "tests/unit/score/test_figures.py",
@@ -188,6 +192,7 @@ def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     Path("bad.json").write_text("{}")
     Path("short.toml").write_text(held("A", 0.5))
     Path("stop.toml").write_text(STOP)
+    Path("asked.toml").write_text('kind = "play"\n[factor]\nscenario = ["dry"]\n')
     Path("cases.csv").write_text(",".join(COLUMNS) + "\n1.2,6,5,73550,82000,0.28,0.3,0.001,0\n")
 
 

@@ -13,8 +13,8 @@ from wrcd.tools.said import Said, said
 
 # by key of the vocabulary: the name of the packaged DBC's message
 NAMES = {
-    "adhesion": "Adhesion", "detail": "AdhesionDetail", "inputs": "InputHealth", "status_message": "WrcdStatus",
-    "rejects_message": "WrcdRejects", "link_message": "WrcdLink",
+    "adhesion": "Adhesion", "detail": "AdhesionDetail", "inputs": "InputHealth", "ahead": "AdhesionAhead",
+    "status_message": "WrcdStatus", "rejects_message": "WrcdRejects", "link_message": "WrcdLink",
 }  # fmt: skip
 INPUTS = {
     Quantity.YAW_RATE: "YawRate", Quantity.LAT_ACCEL: "LatAccel", Quantity.TORQUE: "Torque", Quantity.SPEED: "Speed",
@@ -38,7 +38,7 @@ def sent_groups(config: Config) -> Iterator[tuple[Said, Group]]:
 
 
 def _outputs(config: Config) -> Iterator[Output]:
-    of_axles = (o for a in config.axles for o in (a.adhesion, a.detail, a.inputs))
+    of_axles = (o for a in config.axles for o in (a.adhesion, a.detail, a.inputs, a.ahead))
     yield from (o for o in (*of_axles, config.status, config.rejects, config.link) if o is not None)
 
 

@@ -79,7 +79,7 @@ class Model:
         watched: dict[int, Watched] = dict(self.inputs.watched)
         ids = {
             o.message: o.data_id
-            for o in (*(o for a in config.axles for o in (a.adhesion, a.detail, a.inputs)), config.status,
+            for o in (*(o for a in config.axles for o in (a.adhesion, a.detail, a.inputs, a.ahead)), config.status,
                       config.rejects, config.link)
             if o is not None
         }  # fmt: skip

@@ -28,7 +28,7 @@ class Own:
         for s in said(config):
             assert s.kind is not None
             self._said[s.kind.name, s.kind.axle] = s
-        outputs = [o for a in config.axles for o in (a.adhesion, a.detail, a.inputs)]
+        outputs = [o for a in config.axles for o in (a.adhesion, a.detail, a.inputs, a.ahead)]
         for o in (*outputs, config.status, config.rejects, config.link):
             if o is not None:
                 self._data_ids[_key(config, o.message)] = o.data_id

@@ -96,6 +96,6 @@ def _known(config: Config, databases: Sequence[Database]) -> tuple[dict[int, str
 
 def _outputs(config: Config) -> list[tuple[str, int]]:
     """Messages that the daemon sends, and their cycles in microseconds."""
-    outputs = [o for a in config.axles for o in (a.adhesion, a.detail, a.inputs)]
+    outputs = [o for a in config.axles for o in (a.adhesion, a.detail, a.inputs, a.ahead)]
     outputs += [config.status, config.rejects, config.link]
     return [(o.message, o.cycle_us) for o in outputs if o is not None]
