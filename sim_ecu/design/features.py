@@ -22,6 +22,7 @@ from wrcd.estimator.window import BLOCK_TICKS
 
 FloatArray = NDArray[np.float64]
 WORKERS = 2
+FEW = 4  # recordings that are not worth the start of processes
 OWN_WORLD = 2.0  # importance of an undisturbed window in the design's own world: it is the likeliest
 EDGE = 0.3  # importance of a window outside the plan's core
 ENDS = (0.25, 0.5, 0.75, 1.0)  # windows end at these shares of the recording after it has settled
@@ -124,11 +125,11 @@ def features(
     In the paper's form they are all of the one length that it has, and undisturbed.
 
     The steps are those of undisturbed windows in the design's own world, on a rail that does not change.
-    workers: processes; with 1 there is none but the caller's.
+    workers: processes; with 1, or for few recordings, there is none but the caller's.
     """
     first = np.cumsum([0, *(r.z.shape[2] for r in recordings)])
     jobs = [(design, plan, r, [plan.seed, 2, seed, k], int(first[k])) for k, r in enumerate(recordings)]
-    if workers == 1:
+    if workers == 1 or len(jobs) <= FEW:
         return _joined([_windows(job) for job in jobs])
     parts: list[_Part] = []
     # products of small matrices: threads of BLAS in every worker would only wait for each other
@@ -140,7 +141,7 @@ def features(
     return _joined(parts)
 
 
-def _joined(parts: "Sequence[_Part]") -> tuple[Features, Steps]:
+def _joined(parts: Sequence["_Part"]) -> tuple[Features, Steps]:
     inputs, mu, condition, own, decades, speeds = (
         np.concatenate([getattr(p, name) for p in parts]) for name in _Part.__dataclass_fields__
     )

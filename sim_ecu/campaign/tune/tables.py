@@ -21,7 +21,8 @@ def said(words: str, first: float, best: float, budget: int, judging: Judging) -
     """The first stage."""
     rate = f", {60.0 * judging.computed / judging.seconds:.1f} a minute" if judging.seconds else ""
     lost = f"; {len(judging.failed)} failed: {judging.failed[0]}" if judging.failed else ""
-    return f"{budget} candidates{rate}: {words} {best:.4f}; of the start {first:.4f}{lost}"
+    count = "1 candidate" if budget == 1 else f"{budget} candidates"
+    return f"{count}{rate}: {words} {best:.4f}; of the start {first:.4f}{lost}"
 
 
 def front_table(every: Sequence[Finalist], front: Sequence[Finalist], chosen: Finalist) -> list[str]:

@@ -69,7 +69,7 @@ def test_search_alone_writes_a_brief_of_the_papers_form(tmp_path: Path, capsys: 
     command = ["tune", "--form", "paper", "--config", str(tiny), "--over", "noise", "--budget", "1", "--played", "0"]
     assert main([*command, "--jobs", "1", "-o", str(out)]) == 0
     said = capsys.readouterr().out
-    assert "1 candidate" in said
+    assert "1 candidate," in said
     assert "the matching residual" in said
     assert read_brief(read_toml(out / "brief.toml")).points == in_papers_form(Brief()).points  # the start itself
     assert not (out / "tuned.design.json").exists()
