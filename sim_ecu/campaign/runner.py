@@ -137,7 +137,7 @@ def attempt_at(function: Callable[[T], R], job: T, limit_s: float | None) -> tup
     child: Child | None = getattr(_children, "own", None)
     if child is None:  # a worker that is not ours: Dask's
         child = _children.own = Child()
-        atexit.register(child.end)
+        atexit.register(child.stop)
     began = time.monotonic()
     try:
         value = child.run(function, job, limit_s)

@@ -146,8 +146,8 @@ def _details(p: Played, command: str, report: str | None) -> str:
 
 
 def said(p: Played) -> str:
-    """A log's error without the names of its kind and of the log."""
-    return p.error.removeprefix("InputError: ").removeprefix(f"{p.name}: ")
+    """A log's error without the log's name."""
+    return p.error.removeprefix(f"{p.name}: ")
 
 
 def command(p: Played, folder: str) -> str:
