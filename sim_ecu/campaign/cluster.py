@@ -12,7 +12,7 @@ from typing import Any
 import distributed
 
 from sim_ecu.campaign.go import Stopped, Workers
-from sim_ecu.campaign.job import code
+from sim_ecu.campaign.job import LIBRARIES, code
 from sim_ecu.campaign.runner import Lost
 from wrcd.errors import InputError
 
@@ -71,8 +71,8 @@ class _Crew:
                 raise Stopped(f"the worker {worker} cannot run wrcd: {digest}", hint="install the same version there")
             if digest != code():
                 raise Stopped(
-                    f"the worker {worker} has other sources of wrcd than are here",
-                    hint="have the same version everywhere, and start the workers anew",
+                    f"the worker {worker} has other sources of wrcd, or other libraries, than are here",
+                    hint=f"have the same versions everywhere, of {', '.join(LIBRARIES)} too, and start the workers anew",
                 )
 
     def count(self) -> int:

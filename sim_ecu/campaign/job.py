@@ -3,10 +3,12 @@
 import hashlib
 import json
 import math
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cache
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -15,6 +17,7 @@ from wrcd.errors import InputError
 Scalar: TypeAlias = str | int | float | bool | None
 PACKAGES = ("sim_ecu", "wrcd")
 CODE = {".py", ".json", ".toml", ".dbc"}  # what a run depends on: sources, designs, scenarios, databases
+LIBRARIES = ("numpy", "scipy", "cantools", "numba")  # another version of one may give another last digit
 KEY_LENGTH = 32
 
 
@@ -62,13 +65,27 @@ class Row:
 
 @cache
 def code() -> str:
-    """A digest of both packages' sources and data: rows of other code are never taken for this one's."""
-    digest = hashlib.sha256()
+    """A digest of both packages' sources and data, of Python's version and the libraries' that figures depend on: rows
+    of other code are never taken for this one's."""
+    digest = hashlib.sha256(f"{versions()}\0".encode())
     root = Path(__file__).parents[2]
     for file in sorted(f for package in PACKAGES for f in (root / package).rglob("*") if f.suffix in CODE):
         digest.update(f"{file.relative_to(root).as_posix()}\0".encode())
         digest.update(hashlib.sha256(file.read_bytes()).digest())
     return digest.hexdigest()[:KEY_LENGTH]
+
+
+def versions() -> dict[str, str]:
+    """Of Python, without its last number, and of the libraries that figures depend on; empty for one that is not there."""
+    python = f"{sys.version_info.major}.{sys.version_info.minor}"
+    return {"python": python} | {name: _version(name) for name in LIBRARIES}
+
+
+def _version(library: str) -> str:
+    try:
+        return version(library)
+    except PackageNotFoundError:
+        return ""
 
 
 def contents(file: Path) -> str:

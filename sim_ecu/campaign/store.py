@@ -181,7 +181,7 @@ class Store:
                              hint="name another folder")  # fmt: skip
         if there.get("code") != self._asked.code:
             raise InputError(
-                "holds rows of another version of the code", file=self._folder,
+                "holds rows of another version of the code or its libraries", file=self._folder,
                 hint="name another folder; `sim-ecu compare` tells what differs",
             )  # fmt: skip
 

@@ -40,8 +40,8 @@ def answer(task: Task) -> dict[str, Scalar] | Refusal:
     """The job's figures, worked out in this process. Raises what its function raises."""
     where = f"on {socket.gethostname()}"
     if code() != task.code:
-        text = f"the sources of wrcd {where} are others than those that the campaign began with"
-        return Refusal(text, "have the same version everywhere, and start what works on it anew")
+        text = f"the sources of wrcd {where}, or its libraries, are others than those that the campaign began with"
+        return Refusal(text, "have the same versions everywhere, and start what works on it anew")
     for name, expected in task.files.items():
         try:
             if digest(Path(name)) != expected:

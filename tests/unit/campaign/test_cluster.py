@@ -120,7 +120,7 @@ def test_worker_with_other_code_is_refused(
     asked = write("seeds = 4", factor="x = [1]")
     dask.worker(other)
     assert run(asked, out, "--scheduler", dask.address) == 1
-    assert "has other sources of wrcd than are here" in capsys.readouterr().err
+    assert "has other sources of wrcd, or other libraries, than are here" in capsys.readouterr().err
     assert not out.exists()
 
 
