@@ -72,7 +72,7 @@ class _Crew:
             if digest != code():
                 raise Stopped(
                     f"the worker {worker} has other sources of wrcd, or other libraries, than are here",
-                    hint=f"have the same versions everywhere, of {', '.join(LIBRARIES)} too, and start the workers anew",
+                    hint=f"have the same versions everywhere, with {', '.join(LIBRARIES)}, and start the workers anew",
                 )
 
     def count(self) -> int:

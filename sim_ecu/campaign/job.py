@@ -76,7 +76,7 @@ def code() -> str:
 
 
 def versions() -> dict[str, str]:
-    """Of Python, without its last number, and of the libraries that figures depend on; empty for one that is not there."""
+    """Of Python, without its last number, and of the libraries that figures depend on; empty for none."""
     python = f"{sys.version_info.major}.{sys.version_info.minor}"
     return {"python": python} | {name: _version(name) for name in LIBRARIES}
 
