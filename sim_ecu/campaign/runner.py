@@ -8,7 +8,7 @@ import atexit
 import itertools
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import CancelledError, Executor, Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -75,7 +75,7 @@ def local(workers: int) -> Iterator[Executor]:
 def run(
     function: Callable[[T], R], jobs: Sequence[T], executor: Executor, workers: int | Callable[[], int],
     limit_s: float | None = None, *, ahead: int = AHEAD, idle: Callable[[], None] = lambda: None,
-) -> Iterator[Outcome[R]]:  # fmt: skip
+) -> Generator[Outcome[R], None, None]:  # fmt: skip
     """function(job) of all, each outcome as soon as it is there: in no order, and at most one for each job.
 
     function is found by its module and name, and a job is pickled. What fails or dies is tried once more; what then

@@ -125,21 +125,3 @@ def test_jobs_that_nobody_has_begun_are_taken_back() -> None:
     with pytest.raises(Lost, match="gone"):
         list(run(figures, jobs(3), silent, 1, idle=gone))
     assert [f.cancelled() for f in silent.taken] == [True] * 3
-
-
-class KilledWorker(Exception):
-    """Of that name is Dask's, too."""
-
-
-class Deadly(Executor):
-    """Every job kills its workers."""
-
-    def submit(self, *_: Any, **__: Any) -> Future[Any]:
-        future: Future[Any] = Future()
-        future.set_exception(KilledWorker())
-        return future
-
-
-def test_job_that_killed_many_workers_is_given_to_no_more() -> None:
-    (found,) = run(figures, jobs(1), Deadly(), 1)
-    assert (found.ending, found.attempts, found.error) == (Ending.DIED, 1, "every worker that it was given to died")
