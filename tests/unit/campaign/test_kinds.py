@@ -79,7 +79,7 @@ def test_drive_is_a_ride_in_lockstep(found: dict[str, dict[str, Any]]) -> None:
     assert (ours["distance_m"], ours["stopped"]) == (ridden.stop_m, False)
     assert math.isnan(ours["stop_m"])  # it did not stop
     assert math.isnan(ours["valid"])  # without a daemon nothing is said
-    assert 0.0 <= found["drive"]["valid"] <= 1.0
+    assert 0.5 < found["drive"]["valid"] < 1.0  # after it is warm, which is part of the ride
 
 
 def test_score_has_the_figures_of_the_score(found: dict[str, dict[str, Any]]) -> None:
@@ -176,9 +176,8 @@ def test_wrong_word_is_answered_by_the_nearest() -> None:
 
 
 def test_value_within_a_list_of_tables_is_reached_by_its_place() -> None:
-    better = figures("play", PLAY | {"scenario.rail.1.curve": "A"})
-    assert better["valid"] >= 0.0
-    assert better != figures("play", PLAY)
+    other = figures("play", PLAY | {"scenario.rail.1.curve": "A"})
+    assert other["mean_error_pp"] != figures("play", PLAY)["mean_error_pp"]
 
 
 def test_configuration_of_its_own_is_heard_and_what_it_names_are_its_files() -> None:
