@@ -26,7 +26,7 @@ PREFIX = "scenario."
 NO_FAULT = "none"
 KEPT = 16  # files of a kind that a process keeps
 
-SCENARIO = Factor("scenario", Type.TEXT, "a packaged scenario's name, or a .toml file", is_file=True)
+SCENARIO = Factor("scenario", Type.TEXT, "a packaged scenario's name, or a .toml file", is_file=True, packaged=True)
 DESIGN = Factor("design", Type.TEXT, "the daemon's design file; empty: the configuration's", "", is_file=True)
 CONFIGURATION = Factor(
     "configuration", Type.TEXT, "the daemon's configuration file; empty: the packaged one, of the scenario's axles", "",

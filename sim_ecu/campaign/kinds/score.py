@@ -26,11 +26,12 @@ from wrcd.section import suggest
 
 KEPT, DESIGNS = 2 * len(SUITES), 16  # that a process keeps: all suites of two designs or lots
 
+DESIGN = Factor("design", Type.TEXT, "the design file; empty: the packaged one", "", is_file=True)
 FACTORS = (
     Factor("suite", Type.TEXT, "the suite", choices=SUITES),
     Factor("group", Type.TEXT, "its variant; left out: all of them", optional=True),
     Factor("run", Type.WHOLE, "the run within the group, from 0 on; left out: all of them", optional=True),
-    Factor("design", Type.TEXT, "the design file; empty: the packaged one", "", is_file=True),
+    DESIGN,
     Factor("lot", Type.WHOLE, "which seeds: 0 is what `sim-ecu score` plays, 1 and more the same kinds of runs with "
            f"other seeds; -1 to -{TRAINING_LOTS} those that designs are tuned on", 0),
 )  # fmt: skip
@@ -54,7 +55,7 @@ _CHANGING, _BROKEN = ("transitions", "drops"), ("dead", "foreign")  # suites
 
 
 def _design(inputs: Mapping[str, Any]) -> Path:
-    return Path(inputs.get("design") or resources.DESIGN)
+    return DESIGN.path(inputs.get("design")) or resources.DESIGN
 
 
 def suite_of(inputs: Mapping[str, Any]) -> Mapping[str, Sequence[Run]]:

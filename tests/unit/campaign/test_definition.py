@@ -1,13 +1,16 @@
 """CAMPAIGN.toml: which jobs it asks for, and what is said of a mistake."""
 
+import shutil
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from sim_ecu.campaign.definition import Campaign, load_campaign
+from sim_ecu.campaign.job import Job
 from sim_ecu.campaign.kind import Type
 from tests.support.trial_kind import Write
+from wrcd import resources
 from wrcd.errors import InputError, InputErrors
 
 CODE = "code"
@@ -71,6 +74,41 @@ def test_key_of_a_job_is_of_its_files_contents_and_the_code(write: Write, tmp_pa
     assert load_campaign(file, CODE).jobs[0].key(CODE) == first.key(CODE) != first.key("other")
     (tmp_path / "own" / "a.txt").write_text("another")
     assert load_campaign(file, CODE).jobs[0].key(CODE) != first.key(CODE)
+
+
+OF_KINDS = {
+    "play": 'kind = "play"\n[fixed]\nscenario = "dry"\n',
+    "drive": 'kind = "drive"\n[fixed]\nscenario = "brake-greasy"\ndaemon = true\n',
+    "score": 'kind = "score"\n[fixed]\nsuite = "drops"\ngroup = "down"\nrun = 0\n',
+}
+
+
+@pytest.mark.parametrize("kind", OF_KINDS)
+def test_file_without_a_suffix_is_a_file_beside_the_campaign(kind: str, tmp_path: Path) -> None:
+    file = tmp_path / "c.toml"
+    file.write_text(f'{OF_KINDS[kind]}design = "mine"\n')
+    with pytest.raises(InputError, match="mine: cannot be read: No such file or directory"):
+        load_campaign(file, CODE)
+    shutil.copy(resources.DESIGN, tmp_path / "mine")
+    (job,) = load_campaign(file, CODE).jobs
+    assert "design" in job.files
+    (tmp_path / "mine").write_text("{}")
+    with pytest.raises(InputError, match="mine: "):  # it is this one that is read
+        load_campaign(file, CODE)
+
+
+def test_packaged_scenario_is_no_file_of_a_job(tmp_path: Path) -> None:
+    file = tmp_path / "c.toml"
+    file.write_text(OF_KINDS["play"])
+    (job,) = load_campaign(file, CODE).jobs
+    assert not job.files
+
+
+def test_files_that_change_places_are_another_question() -> None:
+    inputs, files = {"design": "a", "configuration": "b"}, {"design": "1", "configuration": "2"}
+    swapped = Job("play", inputs, {"design": "2", "configuration": "1"})
+    assert swapped.key(CODE) != Job("play", inputs, files).key(CODE)
+    assert Job("play", inputs, dict(reversed(files.items()))).key(CODE) == Job("play", inputs, files).key(CODE)
 
 
 def test_keys_of_a_table_may_be_written_without_quotes(write: Write) -> None:
