@@ -61,7 +61,7 @@ def scenario_of(inputs: Mapping[str, Any], path: Path, read: Callable[[Section, 
     try:
         return read(Section(data, Source(path, {}, None), ()), path.stem)
     except InputError as e:
-        raise InputError(e.reason, key=f"{PREFIX}{e.key}", hint=e.hint) from None
+        raise InputError(e.reason, key=e.key and f"{PREFIX}{e.key}", hint=e.hint) from None
 
 
 @lru_cache(KEPT)
