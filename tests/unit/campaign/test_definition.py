@@ -9,6 +9,7 @@ import pytest
 from sim_ecu.campaign.definition import Campaign, load_campaign
 from sim_ecu.campaign.job import Job
 from sim_ecu.campaign.kind import Type
+from sim_ecu.campaign.points import Range
 from tests.support.trial_kind import Write
 from wrcd import resources
 from wrcd.errors import InputError, InputErrors
@@ -38,6 +39,13 @@ def test_range_has_its_steps_from_end_to_end(write: Write) -> None:
     found = inputs(load_campaign(write(factor=factor), CODE))
     assert [i["x"] for i in found][::3] == [1.0, 10.0, 100.0]
     assert [i["level"] for i in found][:3] == [0, 2, 4]
+
+
+@pytest.mark.parametrize("log", [False, True])
+def test_range_ends_where_it_is_said_to_however_many_digits_that_has(log: bool) -> None:
+    low, high = 0.100000000049, 0.99999999999
+    ends = Range(low, high, 2, log).every()
+    assert low <= min(ends) <= max(ends) <= high  # type: ignore[type-var]
 
 
 @pytest.mark.parametrize("method", ["random", "latin"])
@@ -136,6 +144,8 @@ def test_keys_of_a_table_may_be_written_without_quotes(write: Write) -> None:
         ("", 'mode = "fany"', "x = [1]", "takes one of plain, fancy, not 'fany' — did you mean 'fancy'?"),
         ("", "level = 1.5", "x = [1]", "c.toml:4: fixed.level: takes a whole number, not 1.5"),
         ("", "x = 1", "x = [1]", "c.toml:6: factor.x: stands in [fixed], too"),
+        ("", '"scenario.a" = 1\nscenario.a = 2', "x = [1]", "c.toml:5: fixed.scenario.a: stands in this table twice"),
+        ("", "", 'x = [1]\n"scenario.a" = [1]\nscenario.a = [2]', "factor.scenario.a: stands in this table twice"),
         ("", "", "level = [1]", "factor.x: is missing — it takes a number: a number"),
         ("", "", "x = 1", "c.toml:6: factor.x: takes a list of values, or { from, to, steps }"),
         ("", "", "x = []", "c.toml:6: factor.x: takes one value at least"),
