@@ -31,9 +31,9 @@ class Ending(StrEnum):
 class Job:
     """What a kind's function is given. Plain data, so that it goes to another process or computer as it is.
 
-    inputs: all that the figures depend on, by name. files: the contents (SHA-256) of the files that inputs name, by what
-    each is to the job: an edited file is another question. labels: inputs that only say where a row belongs: no part
-    of the question.
+    inputs: all that the figures depend on, by name. files: the contents (SHA-256) of the files that inputs name, by
+    what each is to the job: an edited file is another question. labels: inputs that only say where a row belongs: no
+    part of the question.
     """
 
     kind: str

@@ -7,7 +7,7 @@ from wrcd.keys import Choice, Flag, Key, Number, Text, Whole
 FULL, RANDOM, LATIN = "full", "random", "latin"
 METHODS = (FULL, RANDOM, LATIN)
 MAX_POINTS, MAX_SEEDS, MAX_STEPS = 1_000_000, 1_000_000, 1_000_000
-MAX_SEED = 4_000_000_000  # what a seed may be anywhere in the rig
+MAX_SEED = 4_000_000_000  # beyond any that a run is given by hand; the rig takes all from 0 on
 MIN_LIMIT_S, MAX_LIMIT_S = 0.1, 1e6
 
 TITLE = Text("title", "one line, for summary and comparison; default: the file's name")

@@ -24,8 +24,8 @@ class Type(Enum):
 class Factor:
     """What a campaign may vary. default: None where it must be given, unless it is optional: then it is left out.
 
-    choices: the values it takes; empty for any. is_file: it takes a file's path, empty for none, and what the file holds
-    is part of the question. packaged: what has neither suffix nor slash is the name of a file that comes along.
+    choices: the values it takes; empty for any. is_file: it takes a file's path, empty for none, and what the file
+    holds is part of the question. packaged: what has neither suffix nor slash is the name of a file that comes along.
     """
 
     name: str

@@ -19,7 +19,7 @@ from sim_ecu.score.metrics import accuracy, changes, honesty
 from sim_ecu.score.names import SUITES
 from sim_ecu.score.play import Trace, play
 from sim_ecu.score.suites import runs, training_runs
-from sim_ecu.score.suites.run import AXLES, TRAINING_LOTS, Run
+from sim_ecu.score.suites.run import AXLES, TEST_LOTS, TRAINING_LOTS, Run
 from wrcd import resources
 from wrcd.errors import InputError
 from wrcd.section import suggest
@@ -32,8 +32,8 @@ FACTORS = (
     Factor("group", Type.TEXT, "its variant; left out: all of them", optional=True),
     Factor("run", Type.WHOLE, "the run within the group, from 0 on; left out: all of them", optional=True),
     DESIGN,
-    Factor("lot", Type.WHOLE, "which seeds: 0 is what `sim-ecu score` plays, 1 and more the same kinds of runs with "
-           f"other seeds; -1 to -{TRAINING_LOTS} those that designs are tuned on", 0),
+    Factor("lot", Type.WHOLE, f"which seeds: 0 is what `sim-ecu score` plays, 1 to {TEST_LOTS - 1} the same kinds of "
+           f"runs with other seeds; -1 to -{TRAINING_LOTS} those that designs are tuned on", 0),
 )  # fmt: skip
 FIGURES = (
     *OF_ESTIMATES,
@@ -61,8 +61,8 @@ def _design(inputs: Mapping[str, Any]) -> Path:
 def suite_of(inputs: Mapping[str, Any]) -> Mapping[str, Sequence[Run]]:
     """The runs of the inputs' suite by group, in its order. Made once in a process. Raises InputError."""
     lot, file = int(inputs.get("lot", 0)), _design(inputs)
-    if lot < -TRAINING_LOTS:
-        raise InputError(f"takes -{TRAINING_LOTS} and more, not {lot}", key="lot")
+    if not -TRAINING_LOTS <= lot < TEST_LOTS:
+        raise InputError(f"takes -{TRAINING_LOTS} … {TEST_LOTS - 1}, not {lot}", key="lot")
     return _suite(file, contents(file), str(inputs["suite"]), lot)
 
 

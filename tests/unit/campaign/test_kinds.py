@@ -159,7 +159,8 @@ WRONG = [
     ("play", {"design": "never.json"}, "never.json"),
     ("score", {"group": "up"}, "group: the suite drops has no group 'up' — groups: down"),
     ("score", {"run": 45}, "run: takes 0 … 44, not 45"),
-    ("score", {"lot": -41}, "lot: takes -40 and more, not -41"),
+    ("score", {"lot": -41}, "lot: takes -40 … 39, not -41"),
+    ("score", {"lot": 40}, "lot: takes -40 … 39, not 40"),
 ]  # fmt: skip
 
 
