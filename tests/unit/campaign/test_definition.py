@@ -49,7 +49,7 @@ def test_range_ends_where_it_is_said_to_however_many_digits_that_has(log: bool) 
 
 
 @pytest.mark.parametrize("method", ["random", "latin"])
-def test_drawn_points_lie_in_their_ranges_and_follow_from_the_seed(write: Write, method: str) -> None:
+def test_drawn_points_lie_in_their_ranges_and_follow_from_draw_alone(write: Write, method: str) -> None:
     factor = (
         'x = { from = 2, to = 4 }\n"scenario.speed" = { from = 10, to = 1000, log = true }\nmode = ["plain", "fancy"]'
     )
@@ -59,8 +59,10 @@ def test_drawn_points_lie_in_their_ranges_and_follow_from_the_seed(write: Write,
     assert all(2 <= i["x"] <= 4 and 10 <= i["scenario.speed"] <= 1000 for i in inputs(found))
     assert {i["mode"] for i in inputs(found)} == {"plain", "fancy"}
     assert load_campaign(write(head, factor=factor), CODE).jobs == found.jobs
-    other = load_campaign(write(f"{head}\nfirst_seed = 2", factor=factor), CODE)
+    other = load_campaign(write(f"{head}\ndraw = 2", factor=factor), CODE)
     assert [i["x"] for i in inputs(other)] != [i["x"] for i in inputs(found)]
+    again = load_campaign(write(f"{head}\nfirst_seed = 2", factor=factor), CODE)
+    assert inputs(again) == [i | {"seed": 2} for i in inputs(found)]
 
 
 def test_latin_hypercube_has_one_point_in_each_stretch_of_a_range(write: Write) -> None:
@@ -130,6 +132,7 @@ def test_keys_of_a_table_may_be_written_without_quotes(write: Write) -> None:
     [
         ("seed = 3", "", "x = [1]", "c.toml:2: seed: unknown key — did you mean 'seeds'?"),
         ("points = 3", "", "x = [1]", "c.toml:2: points: is of method random or latin"),
+        ("draw = 3", "", "x = [1]", "c.toml:2: draw: is of method random or latin"),
         (
             'method = "latn"',
             "",
