@@ -7,7 +7,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from sim_ecu.campaign.whole import Missing, Piece, every, head, not_whole
+from sim_ecu.campaign.whole import Missing, Piece, every, left_out, not_whole
 from sim_ecu.commands.outputs import check_output, write_results
 from sim_ecu.loop.names import BROAD, UNPROTECTED, WITH
 from sim_ecu.loop.play import Outcome, play
@@ -49,10 +49,11 @@ def run(
     shown = [case for case in asked if case.suite not in holed]
     outcomes = [o for o in outcomes if o.suite not in holed]
     counts = {"seeds": count or SEEDS, "seeds_of_broad": count or FEW_SEEDS}
-    result = {"run": {"quick": quick, "jobs": jobs} | counts} | judge_all(shown, outcomes)
+    about = {"quick": quick, "jobs": jobs, "left_out": left_out(missing, holed)} | counts
+    result: dict[str, Any] = {"run": about} | judge_all(shown, outcomes)
     result["run"]["seconds"] = round(time.monotonic() - began)
     if shown:
-        print("\n".join([*(head(holed) if holed else ()), *tables(result)]))
+        print("\n".join(tables(result)))
         write_results(result, json_out, html_out, lambda: _page(result, outcomes))
     if missing:
         raise not_whole(missing)
