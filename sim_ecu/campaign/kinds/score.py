@@ -9,11 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from sim_ecu.campaign.job import Job, Scalar, contents
+from sim_ecu.campaign.job import Job, Scalar
 from sim_ecu.campaign.kind import Factor, Figure, Kind, Type
 from sim_ecu.campaign.kinds.estimates import FIGURES as OF_ESTIMATES
 from sim_ecu.campaign.kinds.estimates import figures_of as figures_of_estimates
 from sim_ecu.campaign.kinds.given import configuration_of
+from sim_ecu.campaign.task import digest
 from sim_ecu.design.source import Source, load_source
 from sim_ecu.score.metrics import accuracy, changes, honesty
 from sim_ecu.score.names import SUITES
@@ -63,12 +64,12 @@ def suite_of(inputs: Mapping[str, Any]) -> Mapping[str, Sequence[Run]]:
     lot, file = int(inputs.get("lot", 0)), _design(inputs)
     if not -TRAINING_LOTS <= lot < TEST_LOTS:
         raise InputError(f"takes -{TRAINING_LOTS} … {TEST_LOTS - 1}, not {lot}", key="lot")
-    return _suite(file, contents(file), str(inputs["suite"]), lot)
+    return _suite(file, digest(file), str(inputs["suite"]), lot)
 
 
 @lru_cache(KEPT)
-def _suite(file: Path, digest: str, suite: str, lot: int) -> dict[str, list[Run]]:
-    source = _source(file, digest)
+def _suite(file: Path, contents: str, suite: str, lot: int) -> dict[str, list[Run]]:
+    source = _source(file, contents)
     every = runs(source, suite, 1.0, lot) if lot >= 0 else training_runs(source, suite, 1.0, -1 - lot)
     out: dict[str, list[Run]] = {}
     for run in every:
@@ -78,7 +79,7 @@ def _suite(file: Path, digest: str, suite: str, lot: int) -> dict[str, list[Run]
 
 
 @lru_cache(DESIGNS)
-def _source(file: Path, _digest: str) -> Source:
+def _source(file: Path, _contents: str) -> Source:
     return load_source(file)
 
 
