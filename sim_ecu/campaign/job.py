@@ -34,8 +34,9 @@ class Ending(StrEnum):
 class Job:
     """What a kind's function is given. Plain data, so that it goes to another process or computer as it is.
 
-    inputs: all that the figures depend on, by name. files: the contents (SHA-256) of the files that inputs name: an
-    edited file is another question. labels: inputs that only say where a row belongs: no part of the question.
+    inputs: all that the figures depend on, by name. files: the contents (SHA-256) of the files that inputs name, by
+    what each is to the job: an edited file is another question. labels: inputs that only say where a row belongs: no
+    part of the question.
     """
 
     kind: str
@@ -46,7 +47,7 @@ class Job:
     def key(self, code: str) -> str:
         """Of the inputs, the files' contents and the code's version: the same question has the same key anywhere."""
         inputs = {name: value for name, value in self.inputs.items() if name not in self.labels}
-        asked = {"kind": self.kind, "inputs": inputs, "files": sorted(self.files.values()), "code": code}
+        asked = {"kind": self.kind, "inputs": inputs, "files": dict(self.files), "code": code}
         text = json.dumps(asked, sort_keys=True, separators=(",", ":"), default=_plain)
         return hashlib.sha256(text.encode()).hexdigest()[:KEY_LENGTH]
 

@@ -38,8 +38,6 @@ def campaign(fleet: Fleet, channel: str, limit_s: float | None, code: str, progr
 def _inputs(one: Log, folder: Path, channel: str) -> dict[str, Any]:
     """File names are relative to the folder: a fleet that is moved asks the same."""
     configuration = "" if one.configuration is None else os.path.relpath(one.configuration, folder)
-    if configuration and "/" not in configuration and not Path(configuration).suffix:
-        configuration = f"./{configuration}"
     return {"train": one.train, "log": one.name, "configuration": configuration, "channel": channel}
 
 
