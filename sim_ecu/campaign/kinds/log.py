@@ -30,6 +30,7 @@ from wrcd.tools.story.estimate import made
 CAUSES = tuple(c for c in Cause if c is not Cause.NONE)
 OWN = ("log", "state")  # among Job.files: what the job itself looks at
 MAX_FINE = 50  # steps of 100 m or 10 s that are kept as they are; of a longer log they are kilometres and minutes
+ESCAPED = "\\x"  # in a name instead of a byte that is no text
 KILOMETRE, MINUTE = 1000.0, 60.0
 
 
@@ -71,6 +72,8 @@ def replayed(job: Job) -> Mapping[str, Scalar]:
     inputs = job.inputs
     log, channel = Path(inputs["log"]), inputs.get("channel") or None
     _unchanged(job, log)
+    if ESCAPED in str(log) and not log.exists():
+        raise InputError("has a name that is no UTF-8, and is not read", file=log, hint="rename the file or its folder")
     check_log(log)
     shared = tuple(sorted((name, found) for name, found in job.files.items() if name not in OWN))
     config = _config(inputs.get("configuration") or "", shared)
