@@ -6,7 +6,7 @@ from pathlib import Path
 
 from sim_ecu.campaign.definition import Campaign, placed
 from sim_ecu.campaign.fleet import reports
-from sim_ecu.campaign.fleet.find import Fleet, find
+from sim_ecu.campaign.fleet.find import Fleet, find, printable
 from sim_ecu.campaign.fleet.jobs import campaign
 from sim_ecu.campaign.fleet.page import page, tables
 from sim_ecu.campaign.fleet.summary import Summary, summary
@@ -58,7 +58,7 @@ def run(asked: Logs, folder: Path, jobs: int, scheduler: str | None, again: bool
         print(f"stopped; what is finished is in {folder}, {RESUMES}", file=sys.stderr)
         return Status.INTERRUPTED
     with create(folder / PAGE) as file:
-        file.write(page(found, str(made.folder), there))
+        file.write(page(found, printable(str(made.folder)), there))
     print("\n".join(tables(found)))
     print(f"\npage: {folder / PAGE}\nresults: {finished.results}")
     return Status.DONE if finished.count(Ending.DONE) == len(finished.pairs) else Status.STOPPED
