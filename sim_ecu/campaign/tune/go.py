@@ -12,7 +12,7 @@ from sim_ecu.campaign.runner import local
 from sim_ecu.campaign.tune.candidates import Candidate, Judging, search
 from sim_ecu.campaign.tune.designs import Designs
 from sim_ecu.campaign.tune.finalists import Final, Finalist, play_off
-from sim_ecu.campaign.tune.goals import Difference, differences, verdict
+from sim_ecu.campaign.tune.goals import Difference, Outcome, differences, operations, outcome
 from sim_ecu.campaign.tune.journal import Journal
 from sim_ecu.campaign.tune.played import Seen, play_all, test
 from sim_ecu.campaign.tune.tables import front_table, pace, said, test_table
@@ -23,10 +23,17 @@ from sim_ecu.design.source import load_source
 from sim_ecu.score.report import plain
 from wrcd import resources
 from wrcd.errors import Status, create
+from wrcd.estimator.design import load_design
 from wrcd.tools.progress import Progress
 
 JOURNAL, BRIEF, DESIGN, FIGURES = "journal.jsonl", "brief.toml", "tuned.design.json", "tune.json"
 DESIGNS = "designs"
+SAID = {
+    Outcome.BEATS: "beats {}",
+    Outcome.EQUALS: "equals {}: every difference lies within its margin",
+    Outcome.FAILS: "does not reach {}",
+    Outcome.OPEN: "cannot tell from {}: these runs leave a difference beyond its margin open, either way",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,17 +123,18 @@ class _Go:
         progress.end()
         seen: dict[str, list[Seen]] = dict(zip(every, played, strict=True))
         reference = next(iter(every))
-        found: dict[str, list[Difference]] = {n: differences(s, seen[reference]) for n, s in seen.items()
-                                              if n != reference}  # fmt: skip
-        what = verdict(found["tuned"])
-        print("\n".join(test_table(reference, seen, found, what, len(runs))))
-        print(f"{design}: {what} {every[reference]}" + (" (differences within chance)" if what == "equals" else ""))
+        costs = {name: operations(load_design(file)) for name, file in every.items()}
+        found = {n: differences(s, seen[reference], (costs[n], costs[reference]))
+                 for n, s in seen.items() if n != reference}  # fmt: skip
+        what = outcome(found["tuned"])
+        print("\n".join(test_table(reference, found, len(runs))))
+        print(f"{design}: {SAID[what].format(every[reference])}")
         self._result["test"] = {
             "reference": reference, "verdict": what, "runs": len(runs),
             "designs": {name: str(file) for name, file in every.items()},
             "differences": {name: [_difference(d) for d in of] for name, of in found.items()},
         }  # fmt: skip
-        return Status.STOPPED if what == "does not reach" else Status.DONE
+        return Status.DONE if what in (Outcome.BEATS, Outcome.EQUALS) else Status.STOPPED
 
     def _to_reach(self) -> Path | None:
         """What the tuned design is to reach: as asked for, or the packaged one of its form; None for another wheelset
@@ -159,6 +167,6 @@ def _row(f: Finalist) -> dict[str, Any]:
 
 def _difference(d: Difference) -> dict[str, Any]:
     return {
-        "goal": d.goal.words, "unit": d.goal.unit, "value": d.ours, "reference": d.theirs,
-        "difference": d.ours - d.theirs, "low": d.low, "high": d.high, "verdict": d.verdict,
+        "goal": d.words, "unit": d.unit, "value": d.ours, "reference": d.theirs, "difference": d.ours - d.theirs,
+        "low": d.low, "high": d.high, "margin": d.margin, "verdict": d.verdict,
     }  # fmt: skip
