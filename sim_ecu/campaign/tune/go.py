@@ -10,7 +10,7 @@ from typing import Any
 from sim_ecu import resources as rig
 from sim_ecu.campaign.runner import local
 from sim_ecu.campaign.tune.candidates import Candidate, Judging, search
-from sim_ecu.campaign.tune.designs import Designs
+from sim_ecu.campaign.tune.designs import Designs, save
 from sim_ecu.campaign.tune.finalists import Final, Finalist, play_off
 from sim_ecu.campaign.tune.goals import Difference, Outcome, differences, operations, outcome
 from sim_ecu.campaign.tune.journal import Journal
@@ -22,7 +22,7 @@ from sim_ecu.design.search import objective_words
 from sim_ecu.design.source import load_source
 from sim_ecu.score.report import plain
 from wrcd import resources
-from wrcd.errors import Status, create
+from wrcd.errors import InputError, Status
 from wrcd.estimator.design import load_design
 from wrcd.tools.progress import Progress
 
@@ -82,9 +82,15 @@ class _Go:
         play_off(asked.start, candidates, asked.groups, asked.played, asked.seed, final)
         progress.end()
         chosen = final.best
+        if final.lost:
+            print(
+                f"no design came of {final.lost} that were to be played: a filter has no steady gain or is not stable"
+            )
         print("\n".join(front_table(final.every, final.front, chosen)))
-        self._result |= {"played": [_row(f) for f in final.every], "front": [f.name for f in final.front],
-                         "chosen": chosen.name}  # fmt: skip
+        self._result |= {
+            "played": [_row(f) for f in final.every], "no_design": final.lost,
+            "front": [f.name for f in final.front], "chosen": chosen.name,
+        }  # fmt: skip
         self._write_brief(chosen.brief, [f"Chosen: {chosen.name}."])
         status = self._on_test(final, designs)
         self._result["seconds"] = round(time.monotonic() - began)
@@ -97,7 +103,8 @@ class _Go:
         first = judging.errors([asked.start])[0]
         if judging.computed:
             print(pace(judging.seconds, asked.budget - 1, asked.jobs))
-        found = search(asked.start, asked.groups, asked.budget, asked.seed, judging, progress.at)
+        start = Candidate(asked.start, first)
+        found = search(start, asked.groups, asked.budget, asked.seed, judging, progress.at)
         progress.end()
         words = objective_words(asked.start.form)
         print(said(words, first, found[0].error, asked.budget, judging))
@@ -112,9 +119,13 @@ class _Go:
         same frames."""
         asked, progress = self._asked, Progress(steps=True)
         made = designs.of(final.best.brief)
-        assert made is not None  # its draft was
+        if made is None:
+            raise InputError(
+                "gives a draft, but no design from all its conditions", file=self._folder / BRIEF,
+                hint="search on from it with another --seed",
+            )  # fmt: skip
         design = self._folder / DESIGN
-        design.write_bytes(made.read_bytes())
+        save(design, lambda partly: partly.write_bytes(made.read_bytes()))
         start, shipped = final.every[0].design, self._to_reach()
         every = {} if shipped is None else {"to reach": shipped}
         every |= {"start": start, "tuned": design}
@@ -152,13 +163,13 @@ class _Go:
         file = self._folder / BRIEF
         over = ", ".join(asked.groups)
         how = f"Found by `sim-ecu tune` over {over}: {asked.budget} candidates, seed {asked.seed}."
-        with create(file) as out:
-            out.write(written(brief, [how, *comments, "Makes a design: `sim-ecu design --config`."]))
+        text = written(brief, [how, *comments, "Makes a design: `sim-ecu design --config`."])
+        save(file, lambda partly: partly.write_text(text, encoding="utf-8"))
         print(f"{file}: the brief of it")
 
     def _write(self) -> None:
-        with create(self._folder / FIGURES) as out:
-            out.write(json.dumps(plain(self._result), indent=1, ensure_ascii=False, allow_nan=False) + "\n")
+        text = json.dumps(plain(self._result), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+        save(self._folder / FIGURES, lambda partly: partly.write_text(text, encoding="utf-8"))
 
 
 def _row(f: Finalist) -> dict[str, Any]:
