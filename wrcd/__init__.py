@@ -1,3 +1,3 @@
 """The wheel-rail condition daemon: what runs on the train."""
 
-__version__ = "0.3.0"
+__version__ = "0.4.0"
