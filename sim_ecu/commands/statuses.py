@@ -71,7 +71,7 @@ STATUSES: dict[str, dict[Status, str]] = {
     "compare": {
         Status.DONE: "the tables are printed, whatever the verdicts",
         Status.STOPPED: "with `--fail-on`: a figure is worse, or differs",
-        Status.BAD_INPUT: _BAD,
+        Status.BAD_INPUT: f"{_BAD}; or, with `--fail-on`, nothing that differs could be judged",
         **_STOPPED,
     },
     "figures": {Status.DONE: "the figures are drawn, whatever they show", **_MADE},

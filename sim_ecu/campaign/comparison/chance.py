@@ -23,8 +23,8 @@ BoolArray = NDArray[np.bool_]
 SEED = 9
 EXACT = 1 << 14  # so many ways to flip or to exchange are all tried; of more, some are drawn
 MIN_DRAWS = 9_999
-MAX_DRAWS = 4_000_000
-KEPT_DRAWS = 99_999  # about, that an interval is made of
+MAX_DRAWS = 1_000_000
+KEPT_DRAWS = 20_000  # at once, and that an interval is made of
 ENOUGH = 200  # draws that go as far as what was seen: p is told by so many
 DRAWS_A_CLAIM = 20  # how many draws lie beyond the bound of the claim that is hardest to make
 CHUNK = 4_000_000  # numbers held at once
@@ -51,8 +51,8 @@ NOTHING = Found(math.nan, math.nan, math.nan, math.nan, math.nan, 1.0, 1.0)
 
 
 def draws(comparisons: int, alpha: float) -> int:
-    """How many draws tell p at the strictest bound that Holm's correction of so many comparisons has, if so many are
-    enough: see MAX_DRAWS."""
+    """How many draws tell p at the strictest bound that Holm's correction of so many comparisons has; MAX_DRAWS may be
+    too few where comparisons / alpha is more."""
     return min(max(MIN_DRAWS, math.ceil(DRAWS_A_CLAIM * comparisons / alpha)), MAX_DRAWS)
 
 
@@ -248,6 +248,6 @@ def _random_exchanges(count: int, second: int, drawn: int) -> Iterator[BoolArray
 
 
 def _parts(drawn: int, count: int) -> Iterator[int]:
-    size = max(CHUNK // count, 1)
+    size = min(max(CHUNK // count, 1), KEPT_DRAWS)
     for done in range(0, drawn, size):
         yield min(size, drawn - done)
