@@ -102,7 +102,7 @@ class _Go:
         judging = Judging(asked.start, asked.seed, self._journal, self._executor, asked.jobs)
         first = judging.errors([asked.start])[0]
         if judging.computed:
-            print(pace(judging.seconds, asked.budget - 1, asked.jobs))
+            print(pace(judging.seconds, asked.budget - 1, asked.jobs, asked.played))
         start = Candidate(asked.start, first)
         found = search(start, asked.groups, asked.budget, asked.seed, judging, progress.at)
         progress.end()
@@ -163,7 +163,9 @@ class _Go:
         file = self._folder / BRIEF
         over = ", ".join(asked.groups)
         how = f"Found by `sim-ecu tune` over {over}: {asked.budget} candidates, seed {asked.seed}."
-        text = written(brief, [how, *comments, "Makes a design: `sim-ecu design --config`."])
+        found = self._result["candidates"]
+        errors = f"{found['what']} start {found['start']:.4f}, best candidate {found['best']:.4f}."
+        text = written(brief, [how, errors, *comments, "Makes a design: `sim-ecu design --config`."])
         save(file, lambda partly: partly.write_text(text, encoding="utf-8"))
         print(f"{file}: the brief of it")
 

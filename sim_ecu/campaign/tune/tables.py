@@ -7,12 +7,18 @@ from sim_ecu.campaign.tune.finalists import Finalist
 from sim_ecu.campaign.tune.goals import GOALS, Difference
 
 
-def pace(seconds: float, left: int, jobs: int) -> str:
+# what takes as long as so many candidates: to play a design on training runs; the whole design and the test
+PLAYED_AS, TESTED_AS = 5, 60
+
+
+def pace(seconds: float, left: int, jobs: int, played: int) -> str:
     """What the budget comes to on this computer, from the time that the start took."""
     minutes = seconds * left / jobs / 60.0
+    after = seconds * (PLAYED_AS * played + TESTED_AS) / jobs / 60.0
+    rest = f", the play-off and the test some {after:.0f} more" if played else ""
     return (
         f"the start took {seconds:.0f} s, its conditions included: {left} further candidates on {jobs} "
-        f"{'process' if jobs == 1 else 'processes'} take {minutes:.0f} minutes at most"
+        f"{'process' if jobs == 1 else 'processes'} take {minutes:.0f} minutes at most{rest}"
     )
 
 
