@@ -15,6 +15,7 @@ from wrcd.estimator.bank import BoolArray
 from wrcd.estimator.design import FloatArray
 from wrcd.estimator.window import BLOCK_TICKS, quiet
 
+TICK_S = 0.005  # of the designs that all limits here are set for
 # Whitened innovations that count, as 2 * model + channel, and how. With these weights a track that becomes rougher
 # under all models alike raises the sum by 0.9 of its own decades instead of more.
 CHANNELS = (1, 3, 5, 6, 7)
