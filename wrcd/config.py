@@ -13,6 +13,7 @@ from wrcd.core.configuration import Config, Input, RecorderConfig
 from wrcd.errors import InputError
 from wrcd.estimator.design import Design, load_design
 from wrcd.keys import Text, names
+from wrcd.mapping.fusion import read_positions, untold
 from wrcd.mapping.inputs import STALE_TICKS
 from wrcd.mapping.outputs import STATUS_MESSAGES, usual_messages
 from wrcd.mapping.statements import NEEDED
@@ -66,8 +67,9 @@ def load_config_to_run(path: Path | None) -> Config:
 
 
 def load_packaged(axles: int, positions_m: Sequence[float] | None = None) -> Config:
-    """The default configuration, but of so many axles; with their positions (m), with fusion along the vehicle."""
-    fusion = "" if positions_m is None else f"[fusion]\npositions_m = {list(positions_m)}\n"
+    """The default configuration, but of so many axles; with their positions (m), with fusion along the vehicle,
+    which then runs one way."""
+    fusion = "" if positions_m is None else f"[fusion]\npositions_m = {list(positions_m)}\none_way = true\n"
     top = parse_toml(packaged(axles) + fusion, "default configuration", collect=True)
     return _config(top, Path(), load_dbc, load_design)
 
@@ -113,7 +115,7 @@ def _config(
     stamps = declared.TIMESTAMPS.value(bus)
     min_speed, total = declared.MIN_SPEED.value(limits), declared.TORQUE_IS_TOTAL.read(vehicle)
     recorder = _recorder(top.section("recorder"), folder)
-    positions = _positions(top, len(list(top.sections("axle"))))
+    positions = read_positions(top, train.axles, design)
     for name, section in (
         ("bus", bus),
         ("dbc", dbc),
@@ -149,7 +151,7 @@ def _config(
         torque_is_total=total,
         recorder=recorder,
         positions_m=positions,
-        warnings=(*database.warnings, *train.warnings),
+        warnings=(*database.warnings, *train.warnings, *untold(positions, train.axles)),
     )
 
 
@@ -197,23 +199,6 @@ def _not_available_after_us(limits: Section, mapped: list[Input]) -> int:
                 )
             )
     return after_us
-
-
-def _positions(top: Section, axles: int) -> tuple[float, ...] | None:
-    """Where the axles stand; None: there is no [fusion], or it has a mistake, which is collected."""
-    if "fusion" not in top:
-        return None
-    section, key = top.section("fusion"), declared.POSITIONS
-    given = None
-    with section.collected():
-        given = key.read(section)
-        if given is not None and len(given) != axles:
-            hint = "one for each [[axle]], in their order"
-            raise section.error(f"has {len(given)} numbers for {axles} axles", key.name, hint)
-        if given is not None and len(set(given)) != len(given):
-            raise section.error("has two axles at one place", key.name, "m along the train, forward positive")
-    section.done(names(declared.TABLES["fusion"]))
-    return given
 
 
 def _recorder(section: Section, folder: Path) -> RecorderConfig:

@@ -70,6 +70,12 @@ POSITIONS = Numbers(
     "a drop that a leading axle meets is told for those behind",
     needed=True,
 )
+ONE_WAY = Flag(
+    "one_way",
+    "true: the train never runs in reverse, the foremost axle always leads; needed unless `vehicle.direction` is "
+    "mapped, which then decides",
+    False,
+)
 FOLDER = Text("folder", "where dumps go; default: systemd's `$STATE_DIRECTORY`, else none")
 SECONDS = Number("seconds", "how much is kept in memory; 0 is off", 0.0, 600.0, 60.0)
 MAX_FILES = Whole("max_files", "dumps in the folder", 1, 10_000, 20, reload=True)
@@ -181,7 +187,7 @@ TABLES: Mapping[str, tuple[Key, ...]] = {
     "vehicle": VEHICLE,
     "limits": (MIN_SPEED, NOT_AVAILABLE_AFTER, CONSTANT_SPEED),
     "axle": AXLE,
-    "fusion": (POSITIONS,),
+    "fusion": (POSITIONS, ONE_WAY),
     "recorder": (FOLDER, SECONDS, MAX_FILES, MAX_MB),
 }
 INPUTS: Mapping[str, tuple[Key, ...]] = {

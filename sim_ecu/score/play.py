@@ -17,9 +17,10 @@ from sim_ecu.score.suites.run import Run
 from sim_ecu.score.ticks import BoolArray, Ticks
 from wrcd.bus.codec import Sample
 from wrcd.bus.frame import Frame
+from wrcd.core.causes import Cause
 from wrcd.core.configuration import MAX_AXLES, Config
 from wrcd.core.core import Core
-from wrcd.core.vocabulary import CONFIDENCES
+from wrcd.core.vocabulary import CONFIDENCES, DROP_AHEAD
 from wrcd.estimator import records as estimator_records
 from wrcd.estimator.design import Design
 from wrcd.estimator.records import Estimate, StepResult
@@ -170,7 +171,11 @@ def newest(heard: Hears, signal: str, at_us: NDArray[np.int64]) -> NDArray[np.st
 
 
 def _cause(detail: Hears | None, at_us: NDArray[np.int64]) -> NDArray[np.str_]:
-    return np.full(len(at_us), "") if detail is None else newest(detail, "Cause", at_us)
+    """Why each adhesion frame is not Valid. A drop ahead is no reason: it is of a Valid frame that came before."""
+    if detail is None:
+        return np.full(len(at_us), "")
+    said = newest(detail, "Cause", at_us)
+    return np.where(said == DROP_AHEAD, Cause.NONE.label, said)
 
 
 def _trace(run: Run, place: int, ear: Ear, half_widths: dict[int, FloatArray]) -> Trace:

@@ -16,15 +16,15 @@ import numpy as np
 from wrcd.bus.codec import Value
 from wrcd.core.causes import Validity
 from wrcd.core.front import View
-from wrcd.core.messages import Report, nan_to_none
+from wrcd.core.messages import Report
 from wrcd.core.vocabulary import NOT_AVAILABLE
+from wrcd.estimator.bank import BoolArray
 from wrcd.estimator.design import FloatArray
 from wrcd.estimator.records import Estimate
 
-MAX_DROPS = 8  # that are known at once; of more the newest
-MAX_AGE_S = 30.0  # a train that stands forgets where it was
+# Set by hand: from a bogie, the lengths of the windows, and rides onto low rail of training seeds.
+MAX_DROPS = 8  # that are known at once
 ON_M = 5.0  # so far behind its begin a drop is still told: the axle's own signals then tell of it
-MAX_AHEAD_M = 100.0
 ENTERING_S = 0.5  # before an axle is there
 SAME_M, SAME_S = 3.0, 0.1  # two signs so close together, in way or time, are of one drop
 FALLEN_TO = 0.75  # of the estimate before: what is less is a drop
@@ -32,10 +32,11 @@ CLEAN_S = 0.04  # by which a window may reach back before the drop and still cou
 BORNE_OUT_S = 0.6  # after which an estimate that has not fallen takes a suspicion back
 FOLLOW_M = 40.0  # of a drop: its adhesion is learned from the first so much
 FALLS_S, RISES_S = 3.0, 0.5  # time constants of the adhesion that an axle had before
+SEES_US, LAPSES_US = 1_000_000.0, 5_000_000.0  # not Valid for longer: an axle sees nothing; what it had says nothing
 # An estimate alone makes a drop where it is far below that for a while, and torque enough is in use to tell by.
-FAR_FALLEN_TO, FAR_FALLEN_S, MIN_USED_PCT = 0.6, 0.2, 3.0
+FAR_FALLEN_TO, FAR_FALLEN_US, MIN_USED_PCT = 0.6, 200_000.0, 3.0
 AGE_LIMIT_MS = 4000
-_PLACE, _SEEN_S, _BY, _EVIDENCE, _MU, _BEFORE = range(6)
+_PLACE, _SEEN_US, _BY, _EVIDENCE, _MU, _BEFORE = range(6)
 _SUSPECTED, _CONFIRMED = 1.0, 2.0
 _EVIDENCES = {_SUSPECTED: "Suspected", _CONFIRMED: "Confirmed"}
 
@@ -75,72 +76,101 @@ NOTHING_SEEN = Told("NothingSeen")
 class Ahead:
     """Keeps the drops of a train and tells them, slot by slot. numbers: of the axles."""
 
-    STATE = {"epoch": "_epoch", "drops": "_drops", "before_pct": "_before", "low_s": "_low_s", "slot_s": "_slot_s"}
+    STATE = {
+        "epoch": "_epoch", "drops": "_drops", "before_pct": "_before", "valid_us": "_valid_us", "low_us": "_low_us",
+        "slot_us": "_slot_us", "blind_to_m": "_blind_to_m",
+    }  # fmt: skip
 
     def __init__(self, numbers: Sequence[int]) -> None:
         n = len(numbers)
         self._numbers = tuple(numbers)
         self._epoch = -1
-        self._drops: FloatArray = np.full((MAX_DROPS, 6), np.nan)  # rows are empty where the place is NaN
+        self._drops: FloatArray = np.full((MAX_DROPS, 6), np.nan)  # empty rows are NaN
         self._before: FloatArray = np.full(n, np.nan)  # adhesion (%) that each axle had
-        self._low_s: FloatArray = np.full(n, np.nan)  # since when its estimate has been far below that
-        self._slot_s = math.nan  # of the newest slot
+        self._valid_us: FloatArray = np.full(n, np.nan)  # when it was Valid last; floats hold a date's microseconds
+        self._low_us: FloatArray = np.full(n, np.nan)  # since when its estimate has been far below that
+        self._slot_us = math.nan  # of the newest slot
+        self._blind_to_m: FloatArray = np.full(n, np.nan)  # the place up to which an axle may have missed a drop
 
-    def update(self, now_s: float, view: View, reports: Sequence[Report], estimate: Estimate | None) -> list[Told]:
+    @property
+    def is_sound(self) -> bool:
+        """Whether the drops are such as this class makes: a state from a file may hold others."""
+        empty = np.isnan(self._drops).all(axis=1)
+        place, seen_us, by, evidence, mu, _ = self._drops[~empty].T
+        known = np.isfinite(place) & np.isfinite(seen_us) & np.isin(by, np.arange(len(self._numbers)))
+        suspected = (evidence == _SUSPECTED) & ~np.isinf(mu)
+        return bool((known & (suspected | ((evidence == _CONFIRMED) & np.isfinite(mu)))).all())
+
+    def update(self, now_us: int, view: View, reports: Sequence[Report], estimate: Estimate | None) -> list[Told]:
         """A slot: what is told to each axle."""
         if view.epoch != self._epoch:
             self._epoch = view.epoch
-            self._drops[:] = np.nan
-            self._before[:] = np.nan
-            self._low_s[:] = np.nan
+            for known in (self._drops, self._before, self._low_us, self._blind_to_m):
+                known[:] = np.nan
         if math.isnan(view.way_m):
             return [NOBODY_AHEAD] * len(self._numbers)
+        now, own = float(now_us), view.way_m + view.x_m
         mu, most, window_s = _estimates(reports, estimate)
-        self._note_signs(now_s, view)
-        self._note_falls(now_s, view, most, window_s)
+        self._note_restarts(view)
+        self._note_signs(now, view)
+        self._note_falls(now, view, most, window_s)
         self._learn(view, mu, window_s)
-        self._forget(now_s, view)
-        self._remember(now_s, mu)
-        leader = float(np.max(view.x_m, where=view.ready, initial=-math.inf))
-        silent = [NOTHING_SEEN if leader > x else NOBODY_AHEAD for x in view.x_m.tolist()]
+        self._drops[self._drops[:, _PLACE] < own.min() - ON_M] = np.nan  # the last axle has passed them
+        self._remember(now, mu)
+        sees = view.ready & np.isfinite(self._before) & (now - self._valid_us <= SEES_US)
+        missed = ~sees | np.isnan(self._blind_to_m)
+        self._blind_to_m = np.where(missed, np.fmax(self._blind_to_m, own), self._blind_to_m)
+        silent = [NOTHING_SEEN if self._is_seen(axle, view, own) else NOBODY_AHEAD for axle in range(len(own))]
         if not np.isfinite(self._drops[:, _PLACE]).any():
             return silent
-        return [self._told(axle, now_s, view, mu) or silent[axle] for axle in range(len(self._numbers))]
+        return [self._told(axle, now, view, mu) or silent[axle] for axle in range(len(self._numbers))]
 
-    def _note_signs(self, now_s: float, view: View) -> None:
-        """A sign of a leading axle that had an estimate is a drop, or another axle's sight of one."""
+    def _is_seen(self, axle: int, view: View, own: FloatArray) -> bool:
+        """Whether an axle ahead has watched all the way from an axle's place to its own."""
+        return bool(((view.x_m > view.x_m[axle]) & (self._blind_to_m <= own[axle])).any())
+
+    def _note_restarts(self, view: View) -> None:
+        """What an axle suspected, and what it had, does not hold where its sensors or their estimate broke."""
+        for axle in np.flatnonzero(view.lost).tolist():
+            self._before[axle] = self._low_us[axle] = np.nan
+            self._lose((self._drops[:, _BY] == axle) & (self._drops[:, _EVIDENCE] == _SUSPECTED))
+
+    def _note_signs(self, now: float, view: View) -> None:
+        """A sign of an axle that had an estimate is a drop, unless one is known there. Another axle's sign at the same
+        place proves none: a joint, a switch or a jolt of the whole train shows as much."""
         for axle in np.flatnonzero(np.isfinite(view.met_m) & np.isfinite(self._before)).tolist():
             place = float(view.met_m[axle] + view.x_m[axle])
-            same = self._near(place, view.speed_m_s)
-            if same is None:
-                self._add(place, now_s, axle)
-            elif self._drops[same, _BY] != axle:
-                self._drops[same, _EVIDENCE] = _CONFIRMED
+            if not (np.abs(self._drops[:, _PLACE] - place) <= max(SAME_M, SAME_S * view.speed_m_s)).any():
+                self._add(place, now, axle)
 
-    def _note_falls(self, now_s: float, view: View, most: FloatArray, window_s: FloatArray) -> None:
+    def _note_falls(self, now: float, view: View, most: FloatArray, window_s: FloatArray) -> None:
         """An estimate that has fallen for good without a sign is a drop, too: it began where its window does."""
         low = most < FAR_FALLEN_TO * self._before
-        since_s = np.where(low, np.fmin(self._low_s, now_s), np.nan)
-        fallen = (now_s - since_s >= FAR_FALLEN_S) & ~(self._slot_s - self._low_s >= FAR_FALLEN_S)
-        self._low_s = since_s
+        since_us = np.where(low, np.fmin(self._low_us, now), np.nan)
+        fallen = (now - since_us >= FAR_FALLEN_US) & ~(self._slot_us - self._low_us >= FAR_FALLEN_US)
+        self._low_us = since_us
         own = view.way_m + view.x_m
         for axle in np.flatnonzero(fallen).tolist():
             begun = float(own[axle] - view.speed_m_s * window_s[axle])
             places = self._drops[:, _PLACE]
             known = (places <= own[axle]) & (places >= begun - SAME_M - SAME_S * view.speed_m_s)
             if not known.any():
-                self._add(begun, now_s, axle)
+                self._add(begun, now, axle)
 
-    def _add(self, place: float, now_s: float, axle: int) -> None:
+    def _add(self, place: float, now: float, axle: int) -> None:
+        """A new drop. Where there are too many, the oldest that is only suspected is lost, else the oldest."""
         empty = np.isnan(self._drops[:, _PLACE])
-        row = int(empty.argmax()) if empty.any() else int(self._drops[:, _SEEN_S].argmin())
-        self._drops[row] = place, now_s, axle, _SUSPECTED, np.nan, self._before[axle]
+        if not empty.any():
+            empty[np.lexsort((self._drops[:, _SEEN_US], self._drops[:, _EVIDENCE]))[0]] = True
+            self._lose(empty)
+        self._drops[int(empty.argmax())] = place, now, axle, _SUSPECTED, np.nan, self._before[axle]
 
-    def _near(self, place: float, speed_m_s: float) -> int | None:
-        """The drop that begins at a place, or so close to it that it is the same."""
-        apart = np.abs(self._drops[:, _PLACE] - place)
-        near = np.flatnonzero(apart <= max(SAME_M, SAME_S * speed_m_s))
-        return int(near[apart[near].argmin()]) if len(near) else None
+    def _lose(self, rows: BoolArray) -> None:
+        """Forget drops that nobody has disproved: up to there, nobody has seen nothing."""
+        places = self._drops[rows, _PLACE]
+        if len(places):
+            self._blind_to_m = np.fmax(self._blind_to_m, places.max() + ON_M)
+            self._drops[rows] = np.nan
 
     def _learn(self, view: View, mu: FloatArray, window_s: FloatArray) -> None:
         """How much adhesion there is behind a drop, from the axles on it whose windows hold nothing else."""
@@ -151,48 +181,59 @@ class Ahead:
             clean = (way > 0.0) & (way <= FOLLOW_M) & (window_s <= way / speed + CLEAN_S) & np.isfinite(mu)
             if clean.any():
                 drop[_MU] = np.fmin(drop[_MU], mu[clean].min())
-            before = drop[_BEFORE]
-            if drop[_MU] < FALLEN_TO * before:
+            if drop[_MU] < FALLEN_TO * drop[_BEFORE]:
                 drop[_EVIDENCE] = _CONFIRMED
             elif (
                 drop[_EVIDENCE] == _SUSPECTED and math.isfinite(drop[_MU]) and way[int(drop[_BY])] > BORNE_OUT_S * speed
             ):
                 drop[:] = np.nan
 
-    def _forget(self, now_s: float, view: View) -> None:
-        """Drops that the last axle has passed, and old ones."""
-        last = view.way_m + float(view.x_m.min())
-        over = (self._drops[:, _PLACE] < last - ON_M) | (now_s - self._drops[:, _SEEN_S] > MAX_AGE_S)
-        self._drops[over] = np.nan
-
-    def _remember(self, now_s: float, mu: FloatArray) -> None:
-        """The adhesion that an axle had follows its estimate: upwards soon, downwards slowly."""
-        elapsed = now_s - self._slot_s if now_s > self._slot_s else 0.0
-        self._slot_s = now_s
-        share = np.where(mu > self._before, elapsed / RISES_S, elapsed / FALLS_S)
+    def _remember(self, now: float, mu: FloatArray) -> None:
+        """The adhesion that an axle had follows its estimate: upwards soon, downwards slowly, and not for ever."""
+        elapsed_s = 1e-6 * (now - self._slot_us) if now > self._slot_us else 0.0
+        self._slot_us = now
+        self._valid_us = np.where(np.isnan(mu), self._valid_us, now)
+        self._before[now - self._valid_us > LAPSES_US] = np.nan
+        share = np.where(mu > self._before, elapsed_s / RISES_S, elapsed_s / FALLS_S)
         moved = self._before + np.minimum(share, 1.0) * (mu - self._before)
         self._before = np.where(np.isnan(self._before), mu, np.where(np.isnan(mu), self._before, moved))
 
-    def _told(self, axle: int, now_s: float, view: View, mu: FloatArray) -> Told | None:
-        """The nearest drop that an axle goes towards or has just reached, and that is less than what it has, if any."""
-        x = view.x_m
-        place = self._drops[:, _PLACE] - (view.way_m + x[axle])
-        by = np.nan_to_num(self._drops[:, _BY]).astype(np.int64)
-        here = (place >= -ON_M) & (place <= MAX_AHEAD_M) & (x[by] > x[axle])
-        here &= ~(self._drops[:, _MU] >= FALLEN_TO * mu[axle])
+    def _told(self, axle: int, now: float, view: View, mu: FloatArray) -> Told | None:
+        """The drop that an axle goes towards or has just reached, and that is less than what it has, if any."""
+        x, drops = view.x_m, self._drops
+        place = drops[:, _PLACE] - (view.way_m + x[axle])
+        by = np.nan_to_num(drops[:, _BY]).astype(np.int64)
+        here = (place >= -ON_M) & (x[by] > x[axle]) & ~(drops[:, _MU] >= FALLEN_TO * mu[axle])
         if not here.any():
             return None
-        row = int(np.where(here, place, np.inf).argmin())
-        drop, distance = self._drops[row], float(place[row])
-        entering = distance <= ENTERING_S * view.speed_m_s
+        sure, soon_m = drops[:, _EVIDENCE] == _CONFIRMED, ENTERING_S * view.speed_m_s
+        row = _foremost(place, here, sure, soon_m)
+        distance = float(place[row])
+        least = float(drops[row, _MU])
+        if distance > 0.0:  # it may be followed at once by a worse one
+            near = here & sure & (place > 0.0) & (place <= max(distance, soon_m))
+            least = float(np.min(drops[:, _MU], where=near, initial=math.inf))
         return Told(
-            state="OnIt" if distance <= 0.0 else "Entering" if entering else "Ahead",
-            evidence=_EVIDENCES[float(drop[_EVIDENCE])],
-            seen_by=self._numbers[int(drop[_BY])],
-            mu_pct=nan_to_none(float(drop[_MU])),
+            state="OnIt" if distance <= 0.0 else "Entering" if distance <= soon_m else "Ahead",
+            evidence=_EVIDENCES[float(drops[row, _EVIDENCE])],
+            seen_by=self._numbers[int(by[row])],
+            mu_pct=least if sure[row] else None,
             distance_m=max(distance, 0.0),
-            age_ms=min(1000.0 * (now_s - float(drop[_SEEN_S])), AGE_LIMIT_MS),
+            age_ms=min(1e-3 * (now - float(drops[row, _SEEN_US])), AGE_LIMIT_MS),
         )
+
+
+def _foremost(place: FloatArray, here: BoolArray, sure: BoolArray, soon_m: float) -> int:
+    """Which drop is told. One that lies ahead goes before one that is reached. The nearest, but a confirmed one before
+    a suspected one, where that is not the only one of both within reach soon."""
+    ahead = here & (place > 0.0)
+    if not ahead.any():
+        return int(np.where(here, place, -np.inf).argmax())
+    nearest = int(np.where(ahead, place, np.inf).argmin())
+    confirmed = int(np.where(ahead & sure, place, np.inf).argmin())
+    if (ahead & sure).any() and (place[nearest] > soon_m or place[confirmed] <= soon_m):
+        return confirmed
+    return nearest
 
 
 def _estimates(reports: Sequence[Report], estimate: Estimate | None) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -233,7 +233,7 @@ class Core:
         if not self._is_reset[axle]:
             self.estimator.reset(axle)
             if self._front is not None:
-                self._front.reset(axle)
+                self._front.reset(axle, lost=why in (Cause.RESTARTED, Cause.INPUT_SILENT))
             if self._observer is not None:
                 self._observer.was_reset(axle)
         self._is_reset[axle] = True
@@ -248,6 +248,8 @@ class Core:
             self._open += 1
             if due and not self.muted:
                 out += self._due(self._open * self._period_us, due)
+            elif due and self._front is not None:
+                self._front.view()  # what is met while nobody is told is no news later
         self._begin_us = self._open * self._period_us
         self._end_us = self._begin_us + self._period_us
         return out
@@ -399,7 +401,7 @@ class Core:
             self.events.slot(slot.end_us, self.reports, slot.details, estimate)
         told = None
         if self._ahead is not None and slot.view is not None:
-            told = self._ahead.update(slot.end_us * 1e-6, slot.view, self.reports, estimate)
+            told = self._ahead.update(slot.end_us, slot.view, self.reports, estimate)
         return frames(slot, self.reports, estimate, self._outbox, told)
 
     def _slot(self, end_us: int, due: Dues) -> Slot:

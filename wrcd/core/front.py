@@ -13,6 +13,8 @@ from wrcd.estimator.drops import DropWatch
 from wrcd.estimator.records import StepResult, Ticks
 from wrcd.estimator.window import BLOCK_TICKS
 
+BACKWARDS_M_S = 0.5  # a speed further below zero is of a train in reverse, whatever the direction says
+
 
 class View(NamedTuple):
     """What a slot is told. Arrays are by axle (n,)."""
@@ -23,6 +25,7 @@ class View(NamedTuple):
     x_m: FloatArray  # where the axles stand in the direction of travel, ahead of the train's way
     met_m: FloatArray  # the train's way when an axle met a worse rail, NaN where none did
     ready: BoolArray  # whose signals would show it
+    lost: BoolArray  # whose sensors or estimator broke since the view before
 
 
 class Front:
@@ -30,7 +33,7 @@ class Front:
 
     STATE = {
         "way_m": "_way_m", "epoch": "_epoch", "known": "_known", "speed_m_s": "_speed_m_s", "reverse": "_reverse",
-        "watch": "_watch",
+        "watch": "_watch", "lost": "_lost",
     }  # fmt: skip
 
     def __init__(self, positions_m: Sequence[float], tick_s: float) -> None:
@@ -43,14 +46,15 @@ class Front:
         self._speed_m_s = 0.0
         self._reverse = False
         self._watch = DropWatch(len(positions_m))
+        self._lost: BoolArray = np.zeros(len(positions_m), dtype=bool)
 
     def move(self, tick: TickInputs, reverse: bool) -> None:
-        """A tick is over. Speed that is unknown, silent or jumps, and another direction, start anew."""
-        known = math.isfinite(tick.speed_m_s) and len(tick.unavailable) < len(self._x_m)
+        """A tick is over. Speed that is unknown, silent, backwards or jumps, and another direction, start anew."""
+        known = tick.speed_m_s > -BACKWARDS_M_S and len(tick.unavailable) < len(self._x_m)  # no: also NaN
         if known != self._known or reverse != self._reverse or (known and tick.speed_jumped):
             self.clear()
         self._known, self._reverse = known, reverse
-        self._speed_m_s = abs(tick.speed_m_s) if known else 0.0
+        self._speed_m_s = max(tick.speed_m_s, 0.0) if known else 0.0
         self._way_m += self._speed_m_s * self._tick_s
 
     def step(self, ticks: Ticks, first: int, result: StepResult) -> None:
@@ -62,20 +66,23 @@ class Front:
         block_m = self._speed_m_s * self._tick_s * BLOCK_TICKS
         self._watch.add(ticks.number + first, result.whitened, usable, ratio, self._way_m, block_m, self._behind)
 
-    def reset(self, axle: int) -> None:
-        """An axle starts anew."""
+    def reset(self, axle: int, lost: bool) -> None:
+        """An axle starts anew; lost: since its sensors or its estimator broke."""
         self._watch.reset(axle)
+        self._lost[axle] |= lost
 
     def clear(self) -> None:
         """Nothing that was known of places holds."""
         self._epoch += 1
         self._way_m = 0.0
         self._watch.clear()
+        self._lost[:] = False
 
     def view(self) -> View:
         """Take down how it is now."""
         way_m = self._way_m if self._known else math.nan
-        return View(self._epoch, way_m, self._speed_m_s, self._x_m, self._watch.take(), self._watch.ready)
+        lost, self._lost = self._lost, np.zeros_like(self._lost)
+        return View(self._epoch, way_m, self._speed_m_s, self._x_m, self._watch.take(), self._watch.ready, lost)
 
     @property
     def _x_m(self) -> FloatArray:

@@ -15,6 +15,7 @@ from wrcd.estimator.bank import BoolArray
 from wrcd.estimator.design import FloatArray
 from wrcd.estimator.window import BLOCK_TICKS, quiet
 
+TICK_S = 0.005  # of the designs that all limits here are set for
 # Whitened innovations that count, as 2 * model + channel, and how. With these weights a track that becomes rougher
 # under all models alike raises the sum by 0.9 of its own decades instead of more.
 CHANNELS = (1, 3, 5, 6, 7)
@@ -41,18 +42,20 @@ _COLUMNS = _POWERS + 3
 class DropWatch:
     """Takes the innovations of all axles tick by tick and looks for signs at the end of every block."""
 
-    STATE = {"blocks": "_blocks", "block": "_block", "pause": "_pause", "met_m": "met_m"}
+    STATE = {"blocks": "_blocks", "block": "_block", "pause": "_pause", "steady": "_steady", "met_m": "met_m"}
 
     def __init__(self, axles: int) -> None:
         self._blocks: FloatArray = np.zeros((LENGTH, _COLUMNS, axles))  # oldest first; the last is being filled
         self._block = -1  # its number
         self._pause: FloatArray = np.zeros(axles)  # blocks to go
+        self._steady: BoolArray = np.zeros(axles, dtype=bool)  # torque, at the newest block's end
         self.met_m: FloatArray = np.full(axles, np.nan)  # way of the train when an axle met a worse rail: not taken yet
 
     def reset(self, axle: int) -> None:
         """Start an axle anew."""
         self._blocks[:, :, axle] = 0.0
         self._pause[axle] = 0.0
+        self._steady[axle] = False
         self.met_m[axle] = np.nan
 
     def clear(self) -> None:
@@ -67,9 +70,10 @@ class DropWatch:
 
     @property
     def ready(self) -> BoolArray:
-        """(n,): which axles have been seen for long enough to show a sign."""
+        """(n,): which axles would show a sign now: seen for long enough, their torque steady, the last sign gone by."""
         ticks: FloatArray = self._blocks[:-1, _COUNT].sum(axis=0)
-        return np.asarray(ticks >= MIN_REFERENCE * REFERENCE * BLOCK_TICKS)
+        enough = ticks >= MIN_REFERENCE * REFERENCE * BLOCK_TICKS
+        return np.asarray(enough & self._steady & (self._pause == 0.0))
 
     def add(
         self, number: int, w: FloatArray, usable: BoolArray, ratio: FloatArray, way_m: float, block_m: float,
@@ -112,17 +116,21 @@ class DropWatch:
             steady = highest[at] - lowest[at] <= STEADY * highest[at] + STEADY_RATIO
             seen = steady & (_risen(sums, blocks) > limit)
             late = np.where(seen, np.fmin(late, float(blocks)), late)
+            if blocks == NEWEST[0]:
+                self._steady = steady
         self._pause = np.maximum(self._pause - 1.0, 0.0)
         new = np.isfinite(late) & (self._pause == 0.0)
         self.met_m = np.where(new, way_m - late * block_m, self.met_m)
         self._pause[new] = PAUSE
 
     def _fallen(self, sums: FloatArray, behind: Sequence[Sequence[int]]) -> BoolArray:
-        """(n,): whose torque has fallen while that of the axles behind it has not."""
+        """(n,): whose torque has fallen while that of the axles behind it that have any has not."""
         was = _ratio(sums[TORQUE_TO - 1] - sums[TORQUE_FROM - 1])
         share = _ratio(sums[TORQUE_NOW - 1]) / was
-        held = np.array([bool(b) and bool((share[list(b)] >= HELD).all()) for b in behind])
-        return held & (share < FALLEN) & (was > MIN_RATIO)
+        drives = was > MIN_RATIO
+        beside = [[a for a in b if drives[a]] for b in behind]
+        held = np.array([bool(b) and bool((share[b] >= HELD).all()) for b in beside])
+        return held & (share < FALLEN) & drives
 
 
 def _risen(sums: FloatArray, blocks: int) -> FloatArray:

@@ -66,6 +66,8 @@ def restore(thing: Any, node: Any, where: str = "core") -> None:
         raise StateMismatch(f"{where} is not what this version keeps of it")
     for key, name in type(thing).STATE.items():
         setattr(thing, name, _restored(getattr(thing, name), node[key], f"{where}.{key}"))
+    if not getattr(thing, "is_sound", True):
+        raise StateMismatch(f"{where} holds what cannot be")
 
 
 def _restored(now: Any, node: Any, where: str) -> Any:

@@ -32,13 +32,17 @@ class Kind:
 class Said:
     """Decodes frames of one message. Damaged ones too: whether a frame may be believed is another question."""
 
-    def __init__(self, message: Message, output: Output | None = None, kind: Kind | None = None) -> None:
+    def __init__(
+        self, message: Message, output: Output | None = None, kind: Kind | None = None, *, extra: bool = False
+    ) -> None:
         self.name, self.key, self.length = message.name, message_key(message), frame_length(message)
         self.kind = kind
         self.cycle_us = 0 if output is None else output.cycle_us
         vocabulary: Mapping[str, Numeric | Words] = {} if kind is None else MESSAGES[kind.name]
         sent = {s.name: OutputSignal(s.name) for s in message.signals} if output is None else output.signals
-        self._columns = {name: _Column(message, self.length, s, vocabulary.get(name)) for name, s in sent.items()}
+        self._columns = {
+            name: _Column(message, self.length, s, vocabulary.get(name), extra) for name, s in sent.items()
+        }
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -49,7 +53,7 @@ class Said:
         """Values of frames, data (n, at least the message's length), by name, each (n,).
 
         A number is in our unit (without a kind in the DBC's), NaN where there is none. A word is its place in the
-        vocabulary's words, UNKNOWN for another.
+        vocabulary's words (with extra, those that a field may have beside them come after), UNKNOWN for another.
         """
         data = np.ascontiguousarray(data[:, : self.length])
         whole: dict[str, NDArray[np.uint64]] = {}
@@ -66,11 +70,14 @@ class Said:
 class _Column:
     """One signal of a message."""
 
-    def __init__(self, message: Message, length: int, sent: OutputSignal, ours: Numeric | Words | None) -> None:
+    def __init__(
+        self, message: Message, length: int, sent: OutputSignal, ours: Numeric | Words | None, extra: bool
+    ) -> None:
         s = find_signal(message, sent.name)
         self._field, self._branch = Field(s, length), Branch(message, s, length)
         self._scale, self._offset = float(s.scale) / sent.factor, float(s.offset) / sent.factor
-        self._words = _places(s, sent, ours.words) if isinstance(ours, Words) else None
+        words = (*ours.words, *(ours.extra if extra else ())) if isinstance(ours, Words) else None
+        self._words = None if words is None else _places(s, sent, words)
         self._nothing = _nothing(s, sent) if isinstance(ours, Numeric) and ours.absent else []
         low, high = s.minimum, s.maximum
         self._low = -math.inf if low is None else float(low) / sent.factor
@@ -121,16 +128,16 @@ def _nothing(s: Signal, sent: OutputSignal) -> list[float]:
     return named or [float((1 << s.length - s.is_signed) - 1)]
 
 
-def said(config: Config) -> Iterator[Said]:
-    """A decoder for each message that a daemon of this configuration sends."""
+def said(config: Config, *, extra: bool = False) -> Iterator[Said]:
+    """A decoder for each message that a daemon of this configuration sends; with the vocabulary's extra words, too."""
     for axle in config.axles:
         for name, output in (
             ("adhesion", axle.adhesion), ("detail", axle.detail), ("inputs", axle.inputs), ("ahead", axle.ahead),
         ):  # fmt: skip
             if output is not None:
-                yield Said(find_message(config.database, output.message), output, Kind(name, axle.number))
+                yield Said(find_message(config.database, output.message), output, Kind(name, axle.number), extra=extra)
     for name, output in (
         ("status_message", config.status), ("rejects_message", config.rejects), ("link_message", config.link),
     ):  # fmt: skip
         if output is not None:
-            yield Said(find_message(config.database, output.message), output, Kind(name, 0))
+            yield Said(find_message(config.database, output.message), output, Kind(name, 0), extra=extra)

@@ -1,16 +1,21 @@
 """[fusion]: where the axles stand, and the message that it brings."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from wrcd import resources
 from wrcd.config import DEFAULT, load_config, load_packaged
 from wrcd.core.vocabulary import MESSAGES
 from wrcd.errors import InputError
+from wrcd.estimator.design import load_design
+from wrcd.tools.check import describe
 from wrcd.tools.export.groups import sent_groups
 from wrcd.tools.said import said
 
-POSITIONS = "[fusion]\npositions_m = [0.0, -2.5, -19, -21.5]\n"
+POSITIONS = "[fusion]\npositions_m = [0.0, -2.5, -19, -21.5]\none_way = true\n"
+ONE = "one_way = true\n"
 
 
 def load(folder: Path, text: str) -> list[str | None]:
@@ -36,11 +41,14 @@ def test_positions_bring_a_message_for_every_axle(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("own", "said"),
     [
-        ("[fusion]\npositions_m = [0.0, -2.5]\n", "fusion.positions_m: has 2 numbers for 4 axles"),
-        ("[fusion]\npositions_m = [0, 1, 2, 1.0]\n", "fusion.positions_m: has two axles at one place"),
-        ("[fusion]\npositions_m = 3\n", "fusion.positions_m: takes a list of numbers, not 3"),
-        ("[fusion]\n", "fusion.positions_m: is missing"),
+        ("[fusion]\npositions_m = [0.0, -2.5]\n" + ONE, "fusion.positions_m: has 2 numbers for 4 axles"),
+        ("[fusion]\npositions_m = [0, 1, 2, 1.0]\n" + ONE, "fusion.positions_m: has two axles at one place"),
+        ("[fusion]\npositions_m = [0, -1, -2, -401]\n" + ONE, "fusion.positions_m: has axles more than 400 m apart"),
+        ("[fusion]\npositions_m = [0, -1, -2, -2.4]\n" + ONE, "fusion.positions_m: has axles less than 0.5 m apart"),
+        ("[fusion]\npositions_m = 3\n" + ONE, "fusion.positions_m: takes a list of numbers, not 3"),
+        ("[fusion]\n" + ONE, "fusion.positions_m: is missing"),
         (POSITIONS + "place = 1\n", "fusion.place: unknown key"),
+        (POSITIONS.replace(ONE, ""), "fusion.one_way: is not true, and vehicle.direction names no signal"),
     ],
 )
 def test_mistake_is_told_with_its_key(tmp_path: Path, own: str, said: str) -> None:
@@ -59,3 +67,46 @@ def test_message_without_positions_is_refused(tmp_path: Path) -> None:
     text = DEFAULT.replace("number = 2\n", 'number = 2\nahead = "AdhesionAhead_A2"\n')
     with pytest.raises(InputError, match=r"axle\[2\].ahead: needs \[fusion\]"):
         load(tmp_path, text)
+
+
+def test_constant_speed_is_refused(tmp_path: Path) -> None:
+    text = DEFAULT.replace('speed = "VehicleSpeed.Speed"\n', "") + "[limits]\nconstant_speed_m_s = 20\n"
+    load(tmp_path, text)
+    with pytest.raises(InputError, match=r"fusion.positions_m: needs a speed that is heard"):
+        load(tmp_path, text + POSITIONS)
+
+
+def test_design_of_another_tick_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "train.toml"
+    file.write_text(DEFAULT + POSITIONS)
+    with pytest.raises(InputError, match="takes a design with a tick of 5 ms, not 10 ms"):
+        load_config(file, read_design=lambda path: replace(load_design(path), tick_s=0.01))
+
+
+def own_dbc(folder: Path, *without: str) -> str:
+    """A configuration of a train's own DBC: the packaged one, whose messages or words of these names are others."""
+    text = resources.DBC.read_text(encoding="utf-8")
+    for name in without:
+        text = text.replace(name, "X" + name[1:])
+    (folder / "own.dbc").write_text(text, encoding="utf-8")
+    return DEFAULT + '[dbc]\nfile = "own.dbc"\n[wheelset]\nname = "default"\n'
+
+
+def test_dbc_that_can_tell_nothing_is_refused(tmp_path: Path) -> None:
+    text = own_dbc(tmp_path, "AdhesionAhead_A", "DropAhead")
+    load(tmp_path, text)
+    with pytest.raises(InputError, match=r"fusion.positions_m: would be told by nothing"):
+        load(tmp_path, text + POSITIONS)
+
+
+def test_axle_that_nothing_tells_is_a_warning(tmp_path: Path) -> None:
+    file = tmp_path / "train.toml"
+    file.write_text(own_dbc(tmp_path, "AdhesionAhead_A3", "DropAhead") + POSITIONS)
+    assert [w for w in load_config(file).warnings if "fusion" in w] == [
+        "fusion: axle 3 sends neither AdhesionAhead nor DropAhead: it is never warned"
+    ]
+
+
+def test_check_says_who_leads() -> None:
+    lines = describe(load_packaged(3, (-21.5, 0.0, -2.5)))
+    assert "fusion         axle 2 leads, axle 3 2.5 m behind, axle 1 21.5 m behind; one way alone" in lines

@@ -78,6 +78,26 @@ def test_torque_that_one_axle_gives_up_is_a_sign(train: Train) -> None:
     assert np.isfinite(met_m).tolist() == [True, False, False]
 
 
+def test_axle_without_torque_hides_no_sign_of_others(train: Train) -> None:
+    train.torque[1] = 0.0
+    train.run(2 * REFERENCE)
+    train.torque[0] = 0.1
+    assert np.isfinite(train.run(4)).tolist() == [True, False, False]
+    train.torque[2] = 0.0
+    train.run(2 * REFERENCE)
+    train.torque[0] = 0.05
+    assert np.isnan(train.run(30)).all()  # nobody is left to compare with
+
+
+def test_axle_whose_torque_changes_or_that_just_gave_a_sign_is_not_ready(train: Train) -> None:
+    train.torque[1] = 0.3
+    train.louder[0] = 10.0
+    train.run(3)
+    assert train.watch.ready.tolist() == [False, False, True]
+    train.run(PAUSE)
+    assert train.watch.ready.all()
+
+
 def test_torque_that_all_axles_give_up_is_none(train: Train) -> None:
     train.torque[:] = 0.1
     assert np.isnan(train.run(30)).all()

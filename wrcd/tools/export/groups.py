@@ -29,7 +29,7 @@ CAUSES = tuple(c.label for c in Cause)
 def sent_groups(config: Config) -> Iterator[tuple[Said, Group]]:
     """Each message that the daemon sends, and its group."""
     outputs = {o.message: o for o in _outputs(config)}
-    for message in said(config):
+    for message in said(config, extra=True):
         kind = message.kind
         assert kind is not None
         name = NAMES[kind.name] + (f"_A{kind.axle}" if kind.axle else "")
@@ -47,7 +47,7 @@ def _channel(config: Config, output: Output, message: str, ours: str) -> Channel
     signal = find_signal(find_message(config.database, output.message), output.signals[ours].name)
     comment = signal.comment or ""
     if isinstance(what, Words):
-        return Channel(ours, words=what.words, comment=comment)
+        return Channel(ours, words=(*what.words, *what.extra), comment=comment)
     assert isinstance(what, Numeric)
     return Channel(ours, what.unit, comment=comment)
 

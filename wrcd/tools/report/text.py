@@ -10,6 +10,7 @@ import numpy as np
 
 from wrcd.bus.frame import EXTENDED
 from wrcd.core.causes import Validity
+from wrcd.tools.check import order
 from wrcd.tools.report.differences import Difference
 from wrcd.tools.story.records import Axle, Event, Fall, Finding, Story
 
@@ -191,6 +192,8 @@ def configuration(story: Story) -> str:
         ("NotAvailable after", f"{c.not_available_after_us / 1e3:g} ms"),
         ("torque is total", "yes" if c.torque_is_total else "no"),
     ]  # fmt: skip
+    if c.positions_m is not None:
+        rows.append(("fusion", order(c)))
     for a in c.axles:
         messages = [o.message for o in (a.adhesion, a.detail, a.inputs, a.ahead) if o is not None]
         rows.append((f"axle {a.number}", ", ".join(messages)))
