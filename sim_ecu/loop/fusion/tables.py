@@ -10,9 +10,9 @@ def tables(result: dict[str, Any]) -> list[str]:
     patches, axles = result["patches"], result["axles"]
     never = ", ".join(str(f["never_there"]) for f in axles.values())
     out = [
-        f"**fusion**: {patches['asked'] + patches['held']} patches of low rail, passed by four axles; what axles 2 to "
-        f"4 were told in the last frame before they were on it. On {patches['held']} of them the driver always asks for "
-        f"less than they carry. Patches that an axle never came to: {never}.",
+        f"**fusion**: {patches['asked'] + patches['held']} patches of low rail, passed by four axles; what axles 2 "
+        f"to 4 were told in the last frame before they were on it. On {patches['held']} of them the driver always asks "
+        f"for less than they carry. Patches that an axle never came to: {never}.",
         "",
         "| axle | warned before | by (median), s | confirmed | adhesion told | its error, pp | bias, pp "
         "| error of Distance (median), m | 95 % of it, m |",

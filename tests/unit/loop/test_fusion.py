@@ -171,7 +171,7 @@ def test_suite_has_rails_on_which_nobody_is_to_be_warned() -> None:
 
 
 def run_of(drive: Drive, warns: Any, distance_m: Any, mu_pct: float = 5.0) -> Played:
-    """10 m/s for 9 s, 4 % on the drive's patch and 20 % elsewhere. warns is of the time and of the way that is left to the
+    """10 m/s for 9 s, 4 % on the drive's patch and 20 % elsewhere. warns is of the time and of the way left to the
     patch, distance_m of the latter."""
     time_s = 0.005 * np.arange(1, 1801)
     at_m = 10.0 * time_s[:, None] + np.array(PLACES_M)
