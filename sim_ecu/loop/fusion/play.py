@@ -40,9 +40,9 @@ class Seen:
 class Played:
     """A run as it came out.
 
-    way_m (steps,), mu_pct (steps, axles): after each step of 5 ms, how far the train has come and the adhesion that each
-    axle finds there. false_lows: Valid frames that call a rail low that is not. same: whether the adhesion frames with
-    fusion are those without, byte for byte; true where none were made without.
+    way_m (steps,), mu_pct (steps, axles): after each step of 5 ms, how far the train has come and the adhesion that
+    each axle finds there. false_lows: Valid frames that call a rail low that is not. same: whether the adhesion frames
+    with fusion are those without, byte for byte; true where none were made without.
     """
 
     drive: Drive

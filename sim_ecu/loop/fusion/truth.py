@@ -110,7 +110,7 @@ def _start_m(p: Played) -> float:
 
 
 def _time_s(p: Played) -> FloatArray:
-    return SAMPLE_S * np.arange(1, len(p.way_m) + 1)
+    return SAMPLE_S * np.arange(1, len(p.way_m) + 1, dtype=np.float64)
 
 
 def _axle_m(p: Played, axle: int) -> FloatArray:

@@ -173,11 +173,11 @@ def test_suite_has_rails_on_which_nobody_is_to_be_warned() -> None:
 def run_of(drive: Drive, warns: Any, distance_m: Any, mu_pct: float = 5.0) -> Played:
     """10 m/s for 9 s, 4 % on the drive's patch and 20 % elsewhere. warns is of the time and of the way left to the
     patch, distance_m of the latter."""
-    time_s = 0.005 * np.arange(1, 1801)
+    time_s = 0.005 * np.arange(1, 1801, dtype=np.float64)
     at_m = 10.0 * time_s[:, None] + np.array(PLACES_M)
     start_m, end_m = drive.start_m, drive.end_m
     on = np.zeros(at_m.shape, bool) if start_m is None else (at_m >= start_m) & (at_m < end_m)
-    frames_s = FRAME_S * np.arange(1, 450)
+    frames_s = FRAME_S * np.arange(1, 450, dtype=np.float64)
     seen = []
     for k, place in enumerate(PLACES_M):
         left_m = (start_m or 0.0) - (10.0 * frames_s + place)
@@ -232,7 +232,9 @@ def test_daemon_that_always_warns_warns_nobody(patch: Drive, told_m: float) -> N
 
 def test_warning_after_the_patch_is_false(patch: Drive) -> None:
     late = run_of(patch, lambda t, left: (t >= 6.59) & (t < 6.69), lambda left: np.full(len(left), 20.0))
-    assert false_warnings(late) == (1, pytest.approx(0.1))
+    count, seconds = false_warnings(late)
+    assert count == 1
+    assert seconds == pytest.approx(0.1)
 
 
 def test_low_adhesion_told_of_a_good_rail_is_counted(patch: Drive) -> None:
