@@ -18,7 +18,6 @@ def _add(p: argparse.ArgumentParser) -> None:
         choices=("wrcd", "paper"),
         help="wrcd's own form, or the paper's own, which it is compared with (default: as --config says, else wrcd)",
     )
-    p.add_argument("--search", action="store_true", help="has moved: `sim-ecu tune --over noise,weights --played 0`")
     p.add_argument(
         "--baselines", type=Path, metavar="OUT.json", help="also make what `sim-ecu score` compares this design with"
     )
@@ -36,9 +35,6 @@ def _run(args: argparse.Namespace) -> int:
     from sim_ecu.commands.run_design import run
     from wrcd.errors import InputError
 
-    if args.search:
-        hint = "`sim-ecu tune --over noise,weights --played 0 -o DIR` writes DIR/brief.toml for --config"
-        raise InputError("has moved to a command of its own", key="--search", hint=hint)
     if args.output is None:
         raise InputError("is missing", key="-o", hint="name the file to make, or ask for --explain")
     return run(args.config, args.output, args.baselines, args.form)

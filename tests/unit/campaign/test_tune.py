@@ -103,8 +103,3 @@ def test_folder_that_is_a_file_is_an_error(tmp_path: Path, capsys: pytest.Captur
     file.write_text("")
     assert main(["tune", "-o", str(file)]) == 2
     assert "-o: cannot be made" in capsys.readouterr().err
-
-
-def test_design_says_where_its_search_is_now(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["design", "--search"]) == 2
-    assert "sim-ecu tune --over noise,weights --played 0" in capsys.readouterr().err

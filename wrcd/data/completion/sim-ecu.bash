@@ -170,7 +170,7 @@ _sim_ecu() {
         [[ $cur == -* ]] || _sim_ecu_nothing
         ;;
     design)
-        options='-h --help --config -o --output --form --search --baselines --explain'
+        options='-h --help --config -o --output --form --baselines --explain'
         case $prev in
         --config) _sim_ecu_words 'locomotive metro'; _sim_ecu_files .toml; return ;;
         -o | --output) _sim_ecu_files ''; return ;;
