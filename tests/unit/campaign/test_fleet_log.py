@@ -170,7 +170,7 @@ def test_axles_astride_five_kilometres_are_drawn_in_the_same_steps_and_none_is_l
     axles = list(tally.Tally(load_config(None)).axles.values())[:2]
     for axle, metres in zip(axles, (5_100, 5_000), strict=True):
         parts = metres // 50
-        axle.way.add(50.0 * np.arange(parts), np.zeros(parts, np.int64), np.full(parts, 50.0))
+        axle.way.add(50.0 * np.arange(parts, dtype=np.float64), np.zeros(parts, np.int64), np.full(parts, 50.0))
         axle.metres = float(metres)
     width, sums = steps_of({"axles": by_axle(axles)})
     assert width == "1 km"
