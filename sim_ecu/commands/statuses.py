@@ -45,7 +45,8 @@ STATUSES: dict[str, dict[Status, str]] = {
     "design": {Status.DONE: "the file is made", **_MADE},
     "tune": {
         Status.DONE: "the design beats or equals the one to reach; or with `--played 0`, the brief is written",
-        Status.STOPPED: "it does not reach it, or the runs cannot tell: it is written all the same, and the table says what differs",
+        Status.STOPPED: "it does not reach it, or the runs cannot tell: it is written all the same, and the table says "
+        "what differs",
         **_MADE,
         Status.INTERRUPTED: "Ctrl-C: the same command goes on from there",
     },

@@ -6,7 +6,6 @@ from sim_ecu.campaign.tune.candidates import Judging
 from sim_ecu.campaign.tune.finalists import Finalist
 from sim_ecu.campaign.tune.goals import GOALS, Difference
 
-
 # what takes as long as so many candidates: to play a design on training runs; the whole design and the test
 PLAYED_AS, TESTED_AS = 5, 60
 
