@@ -33,7 +33,8 @@ def run(
 def _fits(against: Path, start: Brief) -> None:
     source = load_source(against)
     pairs = {"tick_s": (source.design.tick_s, start.tick_s)}
-    pairs |= {f.name: (getattr(source.wheelset, f.name), getattr(start.wheelset, f.name)) for f in fields(Wheelset)}
+    numbers = [f.name for f in fields(Wheelset) if f.name != "name"]
+    pairs |= {n: (getattr(source.wheelset, n), getattr(start.wheelset, n)) for n in numbers}
     for key, (theirs, wanted) in pairs.items():
         if theirs != wanted:
             raise InputError(

@@ -1,6 +1,7 @@
 """A design on whole runs: what each run adds to the goals, so that any runs can be summed up and drawn again."""
 
 import hashlib
+import itertools
 import json
 from collections.abc import Iterable, Sequence
 from concurrent.futures import Executor
@@ -11,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from sim_ecu.campaign.job import Ending, Job, contents
+from sim_ecu.campaign.job import Ending, Job, code, contents
 from sim_ecu.campaign.runner import run
 from sim_ecu.campaign.tune.journal import Journal
 from sim_ecu.design.cases import Progress
@@ -120,21 +121,18 @@ def play_all(
     workers: int,
     progress: Progress,
 ) -> list[list[Seen]]:
-    """Of each design what it does in each run, in order; what the journal has is not played again. All designs hear
-    the same frames. Raises InputError where a run cannot be played."""
-    asked = [Asked(d, r) for d in designs for r in every]
+    """Of each design what it does in each run, in order; what the journal has is not played again, nor a design
+    that is there twice. All designs hear the same frames. Raises InputError where a run cannot be played."""
     checksums = {d: contents(d) for d in designs}
     digests = [digest(r) for r in every]
     jobs = [Job("played", {"run": d}, {"design": checksums[design]}) for design in designs for d in digests]
-    answers = [journal.answer(j) for j in jobs]
-    found: list[Seen | None] = [None if a is None else Seen(**a) for a in answers]
-    left = [k for k, s in enumerate(found) if s is None]
-    for done, outcome in enumerate(run(seen, [asked[k] for k in left], executor, workers), 1):
-        k = left[outcome.place]
+    asked = {j.key(code()): (j, Asked(d, r)) for j, (d, r) in zip(jobs, itertools.product(designs, every), strict=True)}
+    left = [pair for pair in asked.values() if journal.answer(pair[0]) is None]
+    for done, outcome in enumerate(run(seen, [a for _, a in left], executor, workers), 1):
+        job, of = left[outcome.place]
         if outcome.ending is not Ending.DONE or outcome.value is None:
-            raise InputError(f"cannot be played in {asked[k].run.suite}: {outcome.error}", file=asked[k].design)
-        found[k] = outcome.value
-        journal.add(jobs[k], asdict(outcome.value))
+            raise InputError(f"cannot be played in {of.run.suite}: {outcome.error}", file=of.design)
+        journal.add(job, asdict(outcome.value))
         progress(f"run {len(asked) - len(left) + done} of {len(asked)}", done / len(left))
-    whole = [s for s in found if s is not None]
+    whole = [Seen(**journal.answer(j)) for j in jobs]
     return [whole[i : i + len(every)] for i in range(0, len(whole), max(len(every), 1))]
