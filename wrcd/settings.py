@@ -89,5 +89,5 @@ def _lines(text: str) -> dict[tuple[str | int, ...], int]:
 
 
 def _split(dotted: str) -> tuple[str, ...]:
-    """The parts of a key: a dot within quotes parts nothing."""
+    """The parts of a key: a dot within quotes parts nothing. Escapes are not read: such a key has no line."""
     return tuple(part.strip().strip("\"'") for part in re.findall(r"""\s*(?:"[^"]*"|'[^']*'|[^."']+)\s*""", dotted))

@@ -4,7 +4,7 @@ It is started as a command of its own, not forked: a thread of any program may o
 processes may have no children of the kind that Python's own pools make.
 """
 
-import io
+import math
 import os
 import pickle
 import select
@@ -15,11 +15,15 @@ import sys
 import threading
 import time
 from collections.abc import Callable
-from typing import Any, BinaryIO
+from typing import IO, Any
 
+from wrcd.errors import InputError
+
+STOPPED = "it was stopped"
 LENGTH = struct.Struct("<Q")
 ORPHAN_S = 0.5  # how often it looks whether who started it is still there
 ENDS_S = 5.0  # after its input ended, before it is killed
+BEGINS_S = 600.0  # from handing a job out to its begin: a process that is new imports what the job needs
 # Threads of the linear algebra would wait for each other: there is a process for each core.
 ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
 
@@ -33,15 +37,19 @@ class Died(Exception):
 
 
 class Failed(Exception):
-    """The job raised an error: its text, and whether it says what a person can mend."""
+    """The job raised an error: its text, after its class where it is none that is written for a person."""
 
 
 class Child:
-    """A process. `run` one job at a time; after TookTooLong or Died the next `run` starts another one."""
+    """A process. `run` one job at a time; after TookTooLong or Died the next `run` starts another one.
+
+    One thread runs jobs; another one may only `stop` it. What a job writes on standard error stands where ours does.
+    """
 
     def __init__(self) -> None:
         self._process: subprocess.Popen[bytes] | None = None
         self._stopped = False
+        self._starting = threading.Lock()  # none is started that nobody stops
 
     @property
     def pid(self) -> int | None:
@@ -49,22 +57,21 @@ class Child:
         return None if self._process is None else self._process.pid
 
     def run(self, function: Callable[[Any], Any], argument: Any, limit_s: float | None = None) -> Any:
-        """What function(argument) returns there. Both are pickled. Raises TookTooLong, Died, Failed."""
+        """What function(argument) returns there. Both are pickled. Raises TookTooLong, Died, Failed.
+
+        limit_s: of wall time, from the call of the function on, which is imported by then.
+        """
         request = pickle.dumps((function, argument), pickle.HIGHEST_PROTOCOL)
         process = self._started()
         assert process.stdin is not None
         assert process.stdout is not None
-        ends = None if limit_s is None else time.monotonic() + limit_s
         try:
             _send(process.stdin, request)
-            answer = _receive(process.stdout.fileno(), ends)
-        except TimeoutError:
-            self.end()
-            raise TookTooLong(f"not done within {limit_s:g} s") from None
+            answer = self._answer(process.stdout.fileno(), limit_s)
         except (BrokenPipeError, EOFError):
             raise Died(self._how_it_ended()) from None
         except BaseException:
-            self.end()  # Ctrl-C: what it works on is nobody's any more
+            self._end()  # too late, or the pipe is in an unknown state: what it works on is nobody's any more
             raise
         done, value = pickle.loads(answer)
         if not done:
@@ -72,45 +79,79 @@ class Child:
         return value
 
     def stop(self) -> None:
-        """Kill the process, and start no other: from another thread than that which runs jobs."""
-        self._stopped = True
-        self.end()
+        """Kill the process, and start no other: from another thread than that which runs jobs, or at the very end."""
+        with self._starting:
+            self._stopped = True
+            if self._process is not None:
+                self._process.kill()  # who runs a job in it sees its end
 
-    def end(self) -> None:
-        """Kill the process, if there is one."""
-        process, self._process = self._process, None
+    def close(self) -> None:
+        """Let an idle process end by itself."""
+        process = self._taken()
+        if process is not None:
+            _reap(process)
+
+    def _end(self) -> None:
+        process = self._taken()
         if process is not None:
             process.kill()
             _reap(process)
 
-    def close(self) -> None:
-        """Let an idle process end by itself."""
-        process, self._process = self._process, None
-        if process is not None:
-            _reap(process)
+    def _taken(self) -> subprocess.Popen[bytes] | None:
+        with self._starting:
+            process, self._process = self._process, None
+        return process
 
     def _started(self) -> subprocess.Popen[bytes]:
-        if self._stopped:
-            raise Died("it was stopped")
-        if self._process is None:
-            command = [sys.executable, "-c", "from sim_ecu.campaign.child import work; work()", str(os.getpid())]
-            paths = os.pathsep.join(p or os.getcwd() for p in sys.path)
-            # a session of its own: Ctrl-C at a terminal is for who started it
-            self._process = subprocess.Popen(
-                command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True,
-                env=os.environ | ONE_THREAD | {"PYTHONPATH": paths},
-            )  # fmt: skip
-        return self._process
+        with self._starting:
+            if self._stopped:
+                raise Died(STOPPED)
+            if self._process is None:
+                self._process = _process()
+            return self._process
+
+    def _answer(self, fd: int, limit_s: float | None) -> bytes:
+        """Its answer to a job, after the empty one that says that the job begins."""
+        try:
+            told = _receive(fd, time.monotonic() + BEGINS_S)
+        except TimeoutError:
+            raise Died(f"its process did not begin within {BEGINS_S:g} s") from None
+        if told:
+            return told
+        try:
+            return _receive(fd, None if limit_s is None else time.monotonic() + limit_s)
+        except TimeoutError:
+            raise TookTooLong(f"not done within {limit_s:g} s") from None
 
     def _how_it_ended(self) -> str:
-        process, self._process = self._process, None
-        if process is None:
-            return "it was stopped"
+        process = self._taken()
+        assert process is not None  # nobody else takes it while a job runs
         _reap(process)
+        if self._stopped:
+            return STOPPED
         status = process.returncode
         if status < 0:
-            return f"its process was ended by {signal.Signals(-status).name}"
+            return f"its process was ended by {_signal(-status)}"
         return f"its process ended with status {status}"
+
+
+def _process() -> subprocess.Popen[bytes]:
+    """One that runs `work`: it finds modules where this one does, and in no other folder."""
+    paths = os.pathsep.join(p or os.getcwd() for p in sys.path)
+    # a session of its own: Ctrl-C at a terminal is for who started it
+    return subprocess.Popen(
+        [sys.executable, "-P", "-c", "from sim_ecu.campaign.child import work; work()", str(os.getpid())],
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True,
+        env=os.environ | ONE_THREAD | {"PYTHONPATH": paths},
+    )  # fmt: skip
+
+
+def _signal(number: int) -> str:
+    """Its name; real-time signals have none."""
+    try:
+        return signal.Signals(number).name
+    except ValueError:
+        return f"signal {number}"
 
 
 def _reap(process: subprocess.Popen[bytes]) -> None:
@@ -127,7 +168,7 @@ def _reap(process: subprocess.Popen[bytes]) -> None:
         process.wait()
 
 
-def _send(pipe: BinaryIO | io.BufferedWriter | Any, data: bytes) -> None:
+def _send(pipe: IO[bytes], data: bytes) -> None:
     pipe.write(LENGTH.pack(len(data)))
     pipe.write(data)
     pipe.flush()
@@ -141,9 +182,10 @@ def _receive(fd: int, ends: float | None) -> bytes:
 
 def _exactly(fd: int, count: int, ends: float | None) -> bytes:
     found = bytearray()
+    waiting = select.poll()  # unlike select, of any descriptor
+    waiting.register(fd, select.POLLIN)
     while len(found) < count:
-        left = None if ends is None else max(ends - time.monotonic(), 0.0)
-        if not select.select([fd], [], [], left)[0]:
+        if not waiting.poll(None if ends is None else math.ceil(1e3 * max(ends - time.monotonic(), 0.0))):
             raise TimeoutError
         part = os.read(fd, min(count - len(found), 1 << 20))
         if not part:
@@ -165,17 +207,26 @@ def work() -> None:
         except EOFError:
             return
         try:
-            _send(answers, _answer(request))
+            _send(answers, _answer(request, answers))
         except BrokenPipeError:
             return
 
 
-def _answer(request: bytes) -> bytes:
+def _answer(request: bytes, answers: IO[bytes]) -> bytes:
     try:
         function, argument = pickle.loads(request)
+    except Exception as e:
+        return pickle.dumps((False, _told(e)))
+    _send(answers, b"")  # from now on it is the job that takes time
+    try:
         return pickle.dumps((True, function(argument)), pickle.HIGHEST_PROTOCOL)
     except Exception as e:
-        return pickle.dumps((False, f"{type(e).__name__}: {e}"))
+        return pickle.dumps((False, _told(e)))
+
+
+def _told(e: Exception) -> str:
+    """An error that is written for a person stands for itself."""
+    return str(e) if isinstance(e, InputError) else f"{type(e).__name__}: {e}"
 
 
 def _ends_with(parent: int) -> None:

@@ -6,13 +6,13 @@ import re
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 
 import distributed
 
 from sim_ecu.campaign.go import Stopped, Workers
-from sim_ecu.campaign.job import code
+from sim_ecu.campaign.job import LIBRARIES, code
 from sim_ecu.campaign.runner import Lost
 from wrcd.errors import InputError
 
@@ -27,8 +27,7 @@ GONE = "no scheduler answers any more"
 
 @contextmanager
 def cluster(address: str) -> Iterator[Workers]:
-    """The workers at a scheduler, one at least. Raises InputError for an address without one, Stopped for workers with
-    other code."""
+    """The workers at a scheduler; `gather` waits for the first. Raises InputError for an address without one."""
     for name in ("distributed", "distributed.client"):  # what is lost is said by who runs
         logging.getLogger(name).setLevel(logging.CRITICAL)
     if not ADDRESS.fullmatch(address):
@@ -41,10 +40,10 @@ def cluster(address: str) -> Iterator[Workers]:
         raise InputError(reason, key="--scheduler", hint="start one with `dask scheduler`") from None
     try:
         crew = _Crew(client, address)
-        crew.gather()
-        yield Workers(client.get_executor(pure=False), crew.count, AHEAD, crew.look)
+        yield Workers(client.get_executor(pure=False), crew.count, AHEAD, crew.gather, crew.look)
     finally:
-        client.close(timeout=WAIT_S)
+        with suppress(OSError):  # nobody answers: what ended it is said by who raised it
+            client.close(timeout=WAIT_S)
 
 
 class _Crew:
@@ -56,30 +55,30 @@ class _Crew:
         self._waits = False  # and it is said
 
     def gather(self) -> None:
-        """Wait for the first worker, then look at the code of all."""
-        while True:
+        """Wait for the first worker, then look at the code of all that are there. Raises Stopped for other code."""
+        found: dict[str, Any] = {}
+        while not found:
             self.look()
             if self._count:
-                break
-            time.sleep(WAIT_S)
-        with _there():
-            found = self._client.run(code, on_error="return")
+                with _there():
+                    answers = self._client.run(code, on_error="return")
+                found = {worker: a for worker, a in answers.items() if not isinstance(a, OSError)}  # it has gone
+            if not found:
+                time.sleep(WAIT_S)
         for worker, digest in sorted(found.items()):
-            if isinstance(digest, OSError):
-                continue  # it has gone
             if isinstance(digest, BaseException):
                 raise Stopped(f"the worker {worker} cannot run wrcd: {digest}", hint="install the same version there")
             if digest != code():
                 raise Stopped(
-                    f"the worker {worker} has other sources of wrcd than are here",
-                    hint="have the same version everywhere, and start the workers anew",
+                    f"the worker {worker} has other sources of wrcd, or other libraries, than are here",
+                    hint=f"have the same versions everywhere, with {', '.join(LIBRARIES)}, and start the workers anew",
                 )
 
     def count(self) -> int:
         """Threads of all workers; 1 while none is there: what is handed out waits."""
         if time.monotonic() - self._counted_s > COUNT_S:
             with _there():
-                self._count = sum(self._client.ncores().values())
+                self._count = sum(self._client.ncores(callback_timeout=CONNECT_S).values())
             self._counted_s = time.monotonic()
         return max(self._count, 1)
 

@@ -60,6 +60,7 @@ class _Head:
     kind: Kind
     method: str
     points: int
+    draw: int
     seeds: range | None
     limit_s: float | None
 
@@ -109,7 +110,7 @@ def _head(top: Section, file: Path) -> _Head:
     """Raises InputError without a kind, for nothing else can be read then."""
     title = keys.TITLE.read(top) or file.stem
     method = keys.METHOD.value(top)
-    points = _drawn_points(top, method)
+    points, draw = _drawn_points(top, method), keys.DRAW.value(top)
     names = [k.name for k in kinds.KINDS]
     name = top.get(keys.KIND.name, str, "")
     kind = next((k for k in kinds.KINDS if k.name == name), None)
@@ -119,16 +120,17 @@ def _head(top: Section, file: Path) -> _Head:
         top.finish()
         raise AssertionError
     seeds = _seeds(top, kind)
-    return _Head(title, kind, method, points, seeds, keys.LIMIT.read(top))
+    return _Head(title, kind, method, points, draw, seeds, keys.LIMIT.read(top))
 
 
 def _drawn_points(top: Section, method: str) -> int:
     """0 of a full factorial."""
-    points, key = keys.POINTS.read(top), keys.POINTS.name
-    if method == keys.FULL and key in top:
-        top.mistake(top.error("is of method random or latin", key, "a full factorial takes all combinations"))
-    if method != keys.FULL and key not in top:
-        top.mistake(top.absent(key, "how many points to draw"))
+    points = keys.POINTS.read(top)
+    for key in (keys.POINTS.name, keys.DRAW.name):
+        if method == keys.FULL and key in top:
+            top.mistake(top.error("is of method random or latin", key, "a full factorial takes all combinations"))
+    if method != keys.FULL and keys.POINTS.name not in top:
+        top.mistake(top.absent(keys.POINTS.name, "how many points to draw"))
     return points or 0
 
 
@@ -145,14 +147,13 @@ def _seeds(top: Section, kind: Kind) -> range | None:
 def _points(head: _Head, varied: Mapping[str, Given], top: Section) -> list[Point]:
     """Of the factors that vary. Raises InputError where they are too many."""
     factors = spreads(varied)
-    seed = head.seeds.start if head.seeds else 1
     runs = len(head.seeds) if head.seeds else 1
     count = math.prod(len(s.every()) for s in factors.values()) if head.method == keys.FULL else head.points
     if count * runs > MAX_JOBS:
         raise top.error(f"there are {count * runs} jobs, more than {MAX_JOBS}", hint="fewer values, or method latin")
     if not factors or head.method == keys.FULL:
         return list(full(factors))
-    return list((drawn if head.method == keys.RANDOM else latin)(factors, head.points, seed))
+    return list((drawn if head.method == keys.RANDOM else latin)(factors, head.points, head.draw))
 
 
 def _jobs(

@@ -1,7 +1,8 @@
 """A campaign as it runs: the jobs that are left, their rows into the folder, all of them merged at the end."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -27,12 +28,15 @@ class Stopped(InputError):
 
 @dataclass(frozen=True, slots=True)
 class Workers:
-    """Who does it: an executor, how many jobs it works on at once, how many are handed out for each of those, and what
-    is called every second or so."""
+    """Who does it: an executor, how many jobs it works on at once, how many are handed out for each of those.
+
+    gather: waits until somebody is there. idle: is called every second or so.
+    """
 
     executor: Executor
     count: int | Callable[[], int]
     ahead: int = AHEAD
+    gather: Callable[[], None] = lambda: None
     idle: Callable[[], None] = lambda: None
 
 
@@ -49,38 +53,63 @@ class Finished:
         return sum(row.ending is ending for _, row in self.pairs)
 
 
-def go(campaign: Campaign, folder: Path, workers: Workers, *, again: bool = False) -> Finished:
-    """Run what the folder has no row of, and merge. again: what failed, took too long or died, too.
+@dataclass(frozen=True, slots=True)
+class Opened:
+    """A campaign with its folder, which nobody else has meanwhile. keys: of the jobs, in their order."""
 
-    Raises InputError for a folder that cannot be used, and Stopped where it cannot go on.
-    """
+    campaign: Campaign
+    folder: Path
+    store: Store
+    keys: Sequence[str]
+
+
+@contextmanager
+def opened(campaign: Campaign, folder: Path) -> Iterator[Opened]:
+    """Its folder, before anybody is waited for. Raises InputError for one that cannot be used."""
     keys = [job.key(campaign.asked.code) for job in campaign.jobs]
     with Store(folder, campaign.asked) as store:
         store.claim(keys)
-        if again:
-            store.forget([k for k in keys if k in store.rows and store.rows[k].ending is not Ending.DONE])
-        left = [k for k, key in enumerate(keys) if key not in store.rows]
-        before = len(keys) - len(left)
-        shown = Shown(len(keys), before, _costs(campaign, left))
-        tasks = Tasks(campaign, left)
-        try:
-            for outcome in run(
-                answer, tasks, workers.executor, workers.count, campaign.limit_s, ahead=workers.ahead, idle=workers.idle
-            ):
+        yield Opened(campaign, folder, store, keys)
+
+
+def go(opened: Opened, workers: Workers, *, again: bool = False) -> Finished:
+    """Run what the folder has no row of, and merge. again: what failed, took too long or died, too.
+
+    Raises Stopped where it cannot go on.
+    """
+    campaign, store, keys = opened.campaign, opened.store, opened.keys
+    if again:
+        store.forget([k for k in keys if k in store.rows and store.rows[k].ending is not Ending.DONE])
+    left = [k for k, key in enumerate(keys) if key not in store.rows]
+    before = len(keys) - len(left)
+    shown = Shown(len(keys), before, _costs(campaign, left))
+    tasks, limit_s = Tasks(campaign, left), campaign.limit_s
+    try:
+        workers.gather()
+        ends = run(answer, tasks, workers.executor, workers.count, limit_s, ahead=workers.ahead, idle=workers.idle)
+        with closing(ends):
+            for outcome in ends:
                 row = _row(keys[left[outcome.place]], outcome, campaign)
-                store.add(row)
+                _keep(opened, row)
                 shown.row(outcome.place, row)
-        except Lost as e:
-            kept = f"{len(store.rows)} rows are in {folder}"
-            raise Stopped(f"the workers are lost: {e.reason}", hint=f"{kept}, {RESUMES}") from None
-        except OSError as e:
-            if e.errno not in NOT_WRITTEN:
-                raise
-            raise Stopped(f"a row cannot be written: {e.strerror}", file=folder, hint=f"make room; {RESUMES}") from None
-        finally:
-            shown.end()
-        results = store.merge(campaign.jobs)
-        return Finished([(job, store.rows[key]) for job, key in zip(campaign.jobs, keys, strict=True)], before, results)
+    except Lost as e:
+        kept = f"{len(store.rows)} rows are in {opened.folder}"
+        raise Stopped(f"the workers are lost: {e.reason}", hint=f"{kept}, {RESUMES}") from None
+    finally:
+        shown.end()
+    results = store.merge(campaign.jobs)
+    return Finished([(job, store.rows[key]) for job, key in zip(campaign.jobs, keys, strict=True)], before, results)
+
+
+def _keep(opened: Opened, row: Row) -> None:
+    """Raises Stopped for a full disk."""
+    try:
+        opened.store.add(row)
+    except OSError as e:
+        if e.errno not in NOT_WRITTEN:
+            raise
+        hint = f"make room; {RESUMES}"
+        raise Stopped(f"a row cannot be written: {e.strerror}", file=opened.folder, hint=hint) from None
 
 
 def _costs(campaign: Campaign, places: Sequence[int]) -> list[float]:

@@ -24,8 +24,8 @@ class Type(Enum):
 class Factor:
     """What a campaign may vary. default: None where it must be given, unless it is optional: then it is left out.
 
-    choices: the values it takes; empty for any. is_file: its contents are part of the question. A file is named by a
-    path with a suffix or a slash; what has neither is the name of a packaged one, or empty for none.
+    choices: the values it takes; empty for any. is_file: it takes a file's path, empty for none, and what the file
+    holds is part of the question. packaged: what has neither suffix nor slash is the name of a file that comes along.
     """
 
     name: str
@@ -35,6 +35,7 @@ class Factor:
     unit: str = ""
     choices: tuple[str, ...] = ()
     is_file: bool = False
+    packaged: bool = False
     optional: bool = False
 
     @property
@@ -44,9 +45,9 @@ class Factor:
 
     def path(self, value: Any) -> Path | None:
         """The file that a value names; None for a packaged one, and for a factor that is none."""
-        if not self.is_file or not isinstance(value, str) or not (Path(value).suffix or "/" in value):
+        if not self.is_file or not isinstance(value, str) or not value:
             return None
-        return Path(value)
+        return None if self.packaged and not Path(value).suffix and "/" not in value else Path(value)
 
     def check(self, value: Any) -> Scalar:
         """The value in the factor's type. Raises InputError (without place) for one of another type or choice."""

@@ -44,9 +44,9 @@ class Range:
         """The value of a share (0 to 1) of the way."""
         if self.whole:
             return int(min(np.floor(self.low + share * (self.high - self.low + 1)), self.high))
-        if self.log:
-            return float(f"{self.low * (self.high / self.low) ** share:.{DIGITS}g}")
-        return float(f"{self.low + share * (self.high - self.low):.{DIGITS}g}")
+        way = self.high - self.low
+        exact = self.low * (self.high / self.low) ** share if self.log else self.low + share * way
+        return min(max(float(f"{exact:.{DIGITS}g}"), self.low), self.high)
 
     def every(self) -> tuple[Scalar, ...]:
         """The steps, both ends among them."""

@@ -8,7 +8,7 @@ import atexit
 import itertools
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import CancelledError, Executor, Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -25,7 +25,8 @@ ATTEMPTS = 2
 AGAIN = (Ending.FAILED, Ending.DIED)  # too long is too long
 AHEAD = 4  # jobs handed out for each worker: none waits for the next
 IDLE_S = 1.0
-KILLED_WORKER = "KilledWorker"  # Dask's, after it gave a job to so many
+KILLED_WORKER = "KilledWorker"  # Dask's, after it gave a job to so many: no more of them are to die
+GIVEN_UP = "every worker that it was given to died"
 _ENDINGS = {TookTooLong: Ending.TOO_LONG, Died: Ending.DIED, Failed: Ending.FAILED}
 _children = threading.local()
 
@@ -74,13 +75,14 @@ def local(workers: int) -> Iterator[Executor]:
 def run(
     function: Callable[[T], R], jobs: Sequence[T], executor: Executor, workers: int | Callable[[], int],
     limit_s: float | None = None, *, ahead: int = AHEAD, idle: Callable[[], None] = lambda: None,
-) -> Iterator[Outcome[R]]:  # fmt: skip
+) -> Generator[Outcome[R], None, None]:  # fmt: skip
     """function(job) of all, each outcome as soon as it is there: in no order, and at most one for each job.
 
     function is found by its module and name, and a job is pickled. What fails or dies is tried once more; what then
     fails or dies, or takes longer than limit_s, is an outcome, no error. What is lost with a worker counts as died.
-    workers: how many jobs run at once; a function where they come and go. ahead: jobs handed out for each of them.
-    idle: called about every second; what it raises ends the run. Raises Lost where the executor is.
+    workers: how many jobs run at once; a function where they come and go: while there are none, one job waits for them.
+    ahead: jobs handed out for each of them. idle: called about every second; what it raises ends the run. Raises Lost
+    where the executor is. Whatever ends it, and when it is closed, what no worker has begun is taken back.
     """
     left = iter(range(len(jobs)))
     running: dict[Future[Any], tuple[int, int]] = {}
@@ -95,29 +97,33 @@ def run(
         future.add_done_callback(ended.put)
 
     def fill() -> None:
-        width = ahead * (workers if isinstance(workers, int) else workers())
+        width = max(ahead * (workers if isinstance(workers, int) else workers()), 1)
         for place in itertools.islice(left, max(width - len(running), 0)):
             hand_out(place, 1)
 
     looked = time.monotonic()
-    fill()
-    while running:
-        now = time.monotonic()
-        if now - looked >= IDLE_S:
-            idle()
-            looked = now
-        try:
-            future = ended.get(timeout=IDLE_S)
-        except Empty:
-            fill()
-            continue
-        place, attempt = running.pop(future)
-        ending, value, error, seconds = _result(future)
-        if ending in AGAIN and attempt < ATTEMPTS:
-            hand_out(place, attempt + 1)
-            continue
+    try:
         fill()
-        yield Outcome(place, ending, value, error, attempt, seconds)
+        while running:
+            now = time.monotonic()
+            if now - looked >= IDLE_S:
+                idle()
+                looked = now
+            try:
+                future = ended.get(timeout=IDLE_S)
+            except Empty:
+                fill()
+                continue
+            place, attempt = running.pop(future)
+            ending, value, error, seconds = _result(future)
+            if ending in AGAIN and error != GIVEN_UP and attempt < ATTEMPTS:
+                hand_out(place, attempt + 1)
+                continue
+            fill()
+            yield Outcome(place, ending, value, error, attempt, seconds)
+    finally:
+        for future in list(running):
+            future.cancel()
 
 
 def _result(future: Future[Any]) -> tuple[Ending, Any, str, float]:
@@ -127,7 +133,7 @@ def _result(future: Future[Any]) -> tuple[Ending, Any, str, float]:
         raise Lost("what they were handed is given up") from None
     except Exception as e:
         if type(e).__name__ == KILLED_WORKER:
-            return Ending.DIED, None, "every worker that it was given to died", 0.0
+            return Ending.DIED, None, GIVEN_UP, 0.0
         raise Lost(f"one cannot run a job: {type(e).__name__}: {e}") from None
     return Ending(ending), value, error, seconds
 
@@ -137,7 +143,7 @@ def attempt_at(function: Callable[[T], R], job: T, limit_s: float | None) -> tup
     child: Child | None = getattr(_children, "own", None)
     if child is None:  # a worker that is not ours: Dask's
         child = _children.own = Child()
-        atexit.register(child.end)
+        atexit.register(child.stop)
     began = time.monotonic()
     try:
         value = child.run(function, job, limit_s)

@@ -35,12 +35,16 @@ def read_factors(top: Section, kind: Kind, stepped: bool) -> tuple[dict[str, Giv
     fixed: dict[str, Given] = {}
     for section, key, name in _keys(fixed_table, kind):
         with section.collected():
+            if name in fixed:
+                raise _twice(section, key, name)
             fixed[name] = _values(section, key, _factor(section, key, name, kind), [section.raw(key)])
     varied: dict[str, Given] = {}
     for section, key, name in _keys(varied_table, kind):
         with section.collected():
             if name in fixed:
                 raise section.error("stands in [fixed], too", key, "keep one of them")
+            if name in varied:
+                raise _twice(section, key, name)
             varied[name] = _varied(section, key, _factor(section, key, name, kind), stepped)
     given = {name for t in (fixed_table, varied_table) for _, _, name in _keys(t, kind)}
     for factor in kind.factors:
@@ -49,6 +53,10 @@ def read_factors(top: Section, kind: Kind, stepped: bool) -> tuple[dict[str, Giv
                 top.error("is missing", f"factor.{factor.name}", f"it takes {factor.type.value}: {factor.words}")
             )
     return fixed, varied
+
+
+def _twice(section: Section, key: str, name: str) -> InputError:
+    return section.error(f"stands in this table twice, as {name} and with quotes", key, "keep one of them")
 
 
 def _keys(table: Section, kind: Kind) -> Iterator[tuple[Section, str, str]]:

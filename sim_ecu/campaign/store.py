@@ -20,15 +20,17 @@ from typing import Any, Self
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from sim_ecu.campaign.job import Ending, Job, Row, Scalar
-from sim_ecu.campaign.kind import Figure, Kind, Type
+from sim_ecu.campaign import rows
+from sim_ecu.campaign.job import Job, Row
+from sim_ecu.campaign.kind import Kind, Type
+from sim_ecu.campaign.rows import ARROW
 from wrcd.errors import InputError
 
 BATCH = 500  # rows
 FORMAT = "wrcd-campaign/1"
 CAMPAIGN, JOURNAL, BATCHES = "campaign.json", "journal.jsonl", "batches"
 RESULTS, TIMES, LOCK = "results.parquet", "times.parquet", "lock"
-_ARROW = {Type.NUMBER: pa.float64(), Type.WHOLE: pa.int64(), Type.TEXT: pa.string(), Type.FLAG: pa.bool_()}
+NO_ROW = (ValueError, KeyError, TypeError)
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,7 +122,7 @@ class Store:
         """Keep a row: from the end of this call on it outlives the process."""
         self._rows[row.key] = row
         self._fresh.append(row)
-        self._journal.write(_line(row))
+        self._journal.write(rows.line(row))
         self._journal.flush()
         if len(self._fresh) >= BATCH:
             self._flush()
@@ -130,41 +132,45 @@ class Store:
         self._flush()
         self._describe()
         pairs = [(job, self._rows[key]) for job in jobs if (key := job.key(self._asked.code)) in self._rows]
-        _write(self._folder / RESULTS, self._table(pairs))
+        rows.write(self._folder / RESULTS, self._table(pairs))
         times = {
             "key": [row.key for _, row in pairs],
             "attempts": pa.array([row.attempts for _, row in pairs], pa.int64()),
             "seconds": pa.array([row.seconds for _, row in pairs], pa.float64()),
         }
-        _write(self._folder / TIMES, pa.table(times))
+        rows.write(self._folder / TIMES, pa.table(times))
         return self._folder / RESULTS
 
     def _table(self, pairs: Sequence[tuple[Job, Row]]) -> pa.Table:
         columns: dict[str, pa.Array] = {"key": pa.array([r.key for _, r in pairs], pa.string())}
         for name, kind in self._asked.columns.items():
-            columns[name] = pa.array([j.inputs.get(name) for j, _ in pairs], _ARROW[kind])
+            columns[name] = pa.array([j.inputs.get(name) for j, _ in pairs], ARROW[kind])
         columns["ending"] = pa.array([r.ending.value for _, r in pairs], pa.string())
         columns["error"] = pa.array([r.error for _, r in pairs], pa.string())
         for f in self._asked.kind.figures:
-            columns[f.name] = pa.array([r.figures.get(f.name) for _, r in pairs], _ARROW[f.type])
+            columns[f.name] = pa.array([r.figures.get(f.name) for _, r in pairs], ARROW[f.type])
         return pa.table(columns)
 
     def _describe(self) -> None:
         document = json.dumps(self._asked.document(), indent=1, ensure_ascii=False)
-        _replace(self._folder / CAMPAIGN, f"{document}\n".encode())
+        rows.replace(self._folder / CAMPAIGN, f"{document}\n".encode())
 
     def _flush(self) -> None:
         if not self._fresh:
             return
-        number = 1 + max((int(p.stem) for p in (self._folder / BATCHES).glob("*.parquet")), default=0)
-        _write(self._folder / BATCHES / f"{number:06d}.parquet", _batch(self._fresh, self._asked.kind.figures))
+        number = 1 + max((int(p.stem) for p in self._batches()), default=0)
+        rows.write(self._folder / BATCHES / f"{number:06d}.parquet", rows.batch(self._fresh, self._asked.kind.figures))
         self._journal.truncate(0)  # a process that ends before this has its rows twice: the key tells
         self._fresh.clear()
+
+    def _batches(self) -> list[Path]:
+        """In their order; they are numbered, and what has another name is none."""
+        return sorted(p for p in (self._folder / BATCHES).glob("*.parquet") if p.stem.isdecimal())
 
     def _check(self) -> None:
         """Raises InputError for a folder with something else in it."""
         file = self._folder / CAMPAIGN
-        known = {JOURNAL, BATCHES, LOCK}
+        known = {JOURNAL, BATCHES, LOCK, rows.beside(file).name}  # the last of a process that was killed at its begin
         if not file.exists():
             if any(self._folder.glob(f"{BATCHES}/*")) or any(p.name not in known for p in self._folder.iterdir()):
                 raise InputError("is no campaign's folder, and not empty", file=self._folder, hint="name a new one")
@@ -181,17 +187,18 @@ class Store:
                              hint="name another folder")  # fmt: skip
         if there.get("code") != self._asked.code:
             raise InputError(
-                "holds rows of another version of the code", file=self._folder,
+                "holds rows of another version of the code or its libraries", file=self._folder,
                 hint="name another folder; `sim-ecu compare` tells what differs",
             )  # fmt: skip
 
     def _read(self) -> None:
-        for file in sorted((self._folder / BATCHES).glob("*.parquet")):
+        for file in self._batches():
             try:
-                table = pq.read_table(file).to_pylist()
-            except (pa.ArrowException, OSError) as e:
-                raise InputError(f"cannot be read: {e}", file=file, hint="remove it: its jobs run again") from None
-            self._rows |= {r["key"]: _row(r, self._asked.kind.figures) for r in table}
+                batch = [rows.row(r, self._asked.kind.figures) for r in pq.read_table(file).to_pylist()]
+            except (pa.ArrowException, OSError, *NO_ROW) as e:
+                reason = f"cannot be read: {type(e).__name__}: {e}"
+                raise InputError(reason, file=file, hint="remove it: its jobs run again") from None
+            self._rows |= {r.key: r for r in batch}
         journal = self._folder / JOURNAL
         lines = journal.read_bytes().splitlines(keepends=True) if journal.exists() else []
         if lines and not lines[-1].endswith(b"\n"):  # the process ended within it: the job was not finished
@@ -204,57 +211,9 @@ class Store:
 
     def _journaled(self, number: int, line: bytes) -> Row:
         try:
-            return _row(json.loads(line), self._asked.kind.figures)
-        except (ValueError, KeyError, TypeError) as e:
+            return rows.row(json.loads(line), self._asked.kind.figures)
+        except NO_ROW as e:
             raise InputError(
                 f"is no row: {type(e).__name__}: {e}", file=self._folder / JOURNAL, line=number,
                 hint="remove the line: its job runs again",
             ) from None  # fmt: skip
-
-
-def _line(row: Row) -> bytes:
-    flat = {"key": row.key, "ending": row.ending.value, "error": row.error, "attempts": row.attempts,
-            "seconds": row.seconds, **row.figures}  # fmt: skip
-    return (json.dumps(flat) + "\n").encode()
-
-
-def _row(flat: Mapping[str, Any], figures: Sequence[Figure]) -> Row:
-    found: dict[str, Scalar] = {f.name: flat[f.name] for f in figures if flat.get(f.name) is not None}
-    return Row(flat["key"], Ending(flat["ending"]), found, flat["error"], flat["attempts"], flat["seconds"])
-
-
-def _batch(rows: Sequence[Row], figures: Sequence[Figure]) -> pa.Table:
-    columns = {
-        "key": pa.array([r.key for r in rows], pa.string()),
-        "ending": pa.array([r.ending.value for r in rows], pa.string()),
-        "error": pa.array([r.error for r in rows], pa.string()),
-        "attempts": pa.array([r.attempts for r in rows], pa.int64()),
-        "seconds": pa.array([r.seconds for r in rows], pa.float64()),
-    }
-    for f in figures:
-        columns[f.name] = pa.array([r.figures.get(f.name) for r in rows], _ARROW[f.type])
-    return pa.table(columns)
-
-
-def _write(file: Path, table: pa.Table) -> None:
-    beside = file.with_suffix(".new")
-    pq.write_table(table, beside, compression="zstd")
-    _settle(beside, file)
-
-
-def _replace(file: Path, data: bytes) -> None:
-    beside = file.with_suffix(".new")
-    beside.write_bytes(data)
-    _settle(beside, file)
-
-
-def _settle(beside: Path, file: Path) -> None:
-    """The whole file or the one before, whatever happens."""
-    with beside.open("rb") as opened:
-        os.fsync(opened.fileno())
-    beside.replace(file)
-    folder = os.open(file.parent, os.O_RDONLY)
-    try:
-        os.fsync(folder)  # its name, too, before what it replaces goes
-    finally:
-        os.close(folder)

@@ -40,15 +40,22 @@ def answer(task: Task) -> dict[str, Scalar] | Refusal:
     """The job's figures, worked out in this process. Raises what its function raises."""
     where = f"on {socket.gethostname()}"
     if code() != task.code:
-        text = f"the sources of wrcd {where} are others than those that the campaign began with"
-        return Refusal(text, "have the same version everywhere, and start what works on it anew")
+        text = f"the sources of wrcd {where}, or its libraries, are others than those that the campaign began with"
+        return Refusal(text, "have the same versions everywhere, and start what works on it anew")
+    if refusal := _of_files(task, where):
+        return refusal
+    figures = dict(task.function(task.job))
+    return _of_files(task, where) or figures  # nobody knows which of both it has read
+
+
+def _of_files(task: Task, where: str) -> Refusal | None:
     for name, expected in task.files.items():
         try:
             if digest(Path(name)) != expected:
                 return Refusal(f"{name} {where} is not as it was here when the campaign began", "begin it again")
         except InputError as e:
             return Refusal(f"{name} {where} {e.reason}", "every worker needs the files at the same paths")
-    return dict(task.function(task.job))
+    return None
 
 
 def digest(file: Path) -> str:

@@ -38,11 +38,6 @@ class Whole(Generic[R]):
     results: Sequence[R | None]
     missing: Sequence[Missing]
 
-    @property
-    def holed(self) -> tuple[str, ...]:
-        """The suites that are not whole."""
-        return tuple(dict.fromkeys(m.piece.suite for m in self.missing))
-
 
 class NotWhole(InputError):
     """Runs failed, and what is printed lacks them."""
@@ -59,21 +54,24 @@ def every(function: Callable[[T], R], jobs: Sequence[T], pieces: Sequence[Piece]
     whole, done = sum(p.cost for p in pieces), 0.0
     results: list[R | None] = [None] * len(jobs)
     missing: dict[int, Missing] = {}
-    with local(min(workers, len(jobs))) as executor:
-        for number, o in enumerate(run(function, jobs, executor, workers), 1):
-            piece = pieces[o.place]
-            results[o.place] = o.value
-            if o.ending is not Ending.DONE:
-                missing[o.place] = Missing(piece, o.error)
-            done += piece.cost
-            progress.at(f"{piece.suite}: run {number} of {len(jobs)}", done / whole)
-    progress.end()
+    try:
+        with local(min(workers, len(jobs))) as executor:
+            for number, o in enumerate(run(function, jobs, executor, workers), 1):
+                piece = pieces[o.place]
+                results[o.place] = o.value
+                if o.ending is not Ending.DONE:
+                    missing[o.place] = Missing(piece, o.error)
+                done += piece.cost
+                progress.at(f"{piece.suite}: run {number} of {len(jobs)}", done / whole)
+    finally:
+        progress.end()
     return Whole(results, [missing[place] for place in sorted(missing)])
 
 
-def head(left_out: Iterable[str]) -> list[str]:
-    """What stands above tables from which suites are left out."""
-    return [f"**Not whole**: {', '.join(left_out)} left out, because runs of it failed; see the error at the end.", ""]
+def left_out(missing: Sequence[Missing], suites: Iterable[str]) -> dict[str, list[str]]:
+    """What a report says of suites that it leaves out: the runs that each lacks, and why; of one that is left out for
+    another's runs, none."""
+    return {s: [f"{m.piece.name}: {m.why}" for m in missing if m.piece.suite == s] for s in suites}
 
 
 def not_whole(missing: Sequence[Missing]) -> NotWhole:

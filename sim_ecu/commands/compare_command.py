@@ -28,6 +28,8 @@ def _run(args: argparse.Namespace) -> int:
     if not 0 < args.alpha < 1:
         raise InputError(f"takes a number between 0 and 1, not {args.alpha:g}", key="--alpha")
     names = None if args.figures is None else [n for n in args.figures.split(",") if n]
+    if names == []:
+        raise InputError("names no figure", key="--figures", hint="leave it out for all")
     return run(args.first, args.second, names, args.alpha, args.fail_on, args.json, args.html)
 
 

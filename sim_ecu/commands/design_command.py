@@ -19,6 +19,8 @@ def _add(p: argparse.ArgumentParser) -> None:
         help="wrcd's own form, or the paper's own, which it is compared with (default: as --config says, else wrcd)",
     )
     p.add_argument("--search", action="store_true", help="has moved: `sim-ecu tune --over noise,weights --played 0`")
+    for gone in ("--budget", "--jobs"):  # whoever has them in a script is told where the search is now
+        p.add_argument(gone, metavar="N", help="of the search: has moved with it")
     p.add_argument(
         "--baselines", type=Path, metavar="OUT.json", help="also make what `sim-ecu score` compares this design with"
     )
@@ -36,8 +38,8 @@ def _run(args: argparse.Namespace) -> int:
     from sim_ecu.commands.run_design import run
     from wrcd.errors import InputError
 
-    if args.search:
-        hint = "`sim-ecu tune --over noise,weights --played 0 -o DIR` writes DIR/brief.toml for --config"
+    if args.search or args.budget is not None or args.jobs is not None:
+        hint = "`sim-ecu tune --over noise,weights --budget 600 --played 0 -o DIR` writes DIR/brief.toml for --config"
         raise InputError("has moved to a command of its own", key="--search", hint=hint)
     if args.output is None:
         raise InputError("is missing", key="-o", hint="name the file to make, or ask for --explain")

@@ -8,7 +8,7 @@ from pathlib import Path
 from types import FrameType
 
 from sim_ecu.campaign.definition import Campaign, load_campaign
-from sim_ecu.campaign.go import RESUMES, Workers, go
+from sim_ecu.campaign.go import RESUMES, Workers, go, opened
 from sim_ecu.campaign.job import Ending, code
 from sim_ecu.campaign.points import Range
 from sim_ecu.campaign.runner import local
@@ -22,8 +22,8 @@ def run(file: Path, folder: Path, jobs: int, scheduler: str | None, again: bool)
     """Run, merge, tell. 1 where a job did not end well."""
     campaign = _checked(file)
     try:
-        with terminated_like_ctrl_c(), workers_for(jobs, scheduler) as workers:
-            finished = go(campaign, folder, workers, again=again)
+        with terminated_like_ctrl_c(), workers_for(jobs, scheduler) as workers, opened(campaign, folder) as ready:
+            finished = go(ready, workers, again=again)
     except KeyboardInterrupt:
         print(f"stopped; what is finished is in {folder}, {RESUMES}", file=sys.stderr)
         return Status.INTERRUPTED

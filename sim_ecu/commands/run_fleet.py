@@ -6,11 +6,11 @@ from pathlib import Path
 
 from sim_ecu.campaign.definition import Campaign, placed
 from sim_ecu.campaign.fleet import reports
-from sim_ecu.campaign.fleet.find import Fleet, find
+from sim_ecu.campaign.fleet.find import Fleet, find, printable
 from sim_ecu.campaign.fleet.jobs import campaign
 from sim_ecu.campaign.fleet.page import page, tables
 from sim_ecu.campaign.fleet.summary import Summary, summary
-from sim_ecu.campaign.go import RESUMES, Workers, go
+from sim_ecu.campaign.go import RESUMES, Workers, go, opened
 from sim_ecu.campaign.job import Ending, code
 from sim_ecu.commands.run_campaign import terminated_like_ctrl_c, workers_for
 from wrcd.errors import Status, create
@@ -50,15 +50,15 @@ def run(asked: Logs, folder: Path, jobs: int, scheduler: str | None, again: bool
     print(_found(fleet), file=sys.stderr)
     made = _campaign(asked, fleet)
     try:
-        with terminated_like_ctrl_c(), workers_for(jobs, scheduler) as workers:
-            finished = go(made, folder, workers, again=again)
+        with terminated_like_ctrl_c(), workers_for(jobs, scheduler) as workers, opened(made, folder) as ready:
+            finished = go(ready, workers, again=again)
             found = summary(made.asked.title, finished.pairs)
             there = _reports(made, found, folder, workers) if asked.reports else {}
     except KeyboardInterrupt:
         print(f"stopped; what is finished is in {folder}, {RESUMES}", file=sys.stderr)
         return Status.INTERRUPTED
     with create(folder / PAGE) as file:
-        file.write(page(found, str(made.folder), there))
+        file.write(page(found, printable(str(made.folder)), there))
     print("\n".join(tables(found)))
     print(f"\npage: {folder / PAGE}\nresults: {finished.results}")
     return Status.DONE if finished.count(Ending.DONE) == len(finished.pairs) else Status.STOPPED

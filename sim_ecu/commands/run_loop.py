@@ -7,8 +7,9 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from sim_ecu.campaign.whole import Missing, Piece, every, head, not_whole
+from sim_ecu.campaign.whole import Missing, Piece, every, left_out, not_whole
 from sim_ecu.commands.outputs import check_output, write_results
+from sim_ecu.loop.cost import cost_of_driving
 from sim_ecu.loop.names import BROAD, UNPROTECTED, WITH
 from sim_ecu.loop.play import Outcome, play
 from sim_ecu.loop.report import judge_all
@@ -18,8 +19,7 @@ from sim_ecu.loop.tables import tables
 from wrcd.errors import InputError
 
 QUICK_SEEDS = 1
-# Processor time of a run, about: what the time left is told from.
-COST, COST_UNPROTECTED, COST_OF_DAEMON, COST_OF_ITS_AXLE = 1.0, 1.5, 1.2, 0.8
+UNPROTECTED_TAKES = 1.5  # times as long to stop, about
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,10 +49,11 @@ def run(
     shown = [case for case in asked if case.suite not in holed]
     outcomes = [o for o in outcomes if o.suite not in holed]
     counts = {"seeds": count or SEEDS, "seeds_of_broad": count or FEW_SEEDS}
-    result = {"run": {"quick": quick, "jobs": jobs} | counts} | judge_all(shown, outcomes)
+    about = {"quick": quick, "jobs": jobs, "left_out": left_out(missing, holed)} | counts
+    result: dict[str, Any] = {"run": about} | judge_all(shown, outcomes)
     result["run"]["seconds"] = round(time.monotonic() - began)
     if shown:
-        print("\n".join([*(head(holed) if holed else ()), *tables(result)]))
+        print("\n".join(tables(result)))
         write_results(result, json_out, html_out, lambda: _page(result, outcomes))
     if missing:
         raise not_whole(missing)
@@ -94,9 +95,8 @@ def _seeds(case: Case) -> int:
 def _cost(case: Case) -> float:
     out = 0.0
     for name in case.controllers:
-        out += COST_UNPROTECTED if name == UNPROTECTED else COST
-        if name in WITH.values():
-            out += COST_OF_DAEMON + COST_OF_ITS_AXLE * (case.axles - 1)
+        takes = UNPROTECTED_TAKES if name == UNPROTECTED else 1.0
+        out += takes * cost_of_driving(case.axles, name in WITH.values())
     return out
 
 

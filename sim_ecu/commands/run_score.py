@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from sim_ecu import resources as rig
-from sim_ecu.campaign.whole import Missing, Piece, every, head, not_whole
+from sim_ecu.campaign.whole import Missing, Piece, every, left_out, not_whole
 from sim_ecu.commands.outputs import check_output, write_results
 from sim_ecu.design.source import Source, load_source
 from sim_ecu.score import learned
@@ -75,10 +75,11 @@ def run(
     traces, missing = _play_all(list(runs(source, suite, QUICK if quick else 1.0)), jobs, asked)
     holed = _holed(missing, suite)
     traces = [t for t in traces if t.suite not in holed]
-    result = {"run": {"quick": quick, "jobs": jobs}} | judge(traces, source, suite, quick)
+    about = {"quick": quick, "jobs": jobs, "left_out": left_out(missing, holed)}
+    result: dict[str, Any] = {"run": about} | judge(traces, source, suite, quick)
     result["run"]["seconds"] = round(time.monotonic() - began)
     if result["suites"]:
-        print("\n".join([*(head(holed) if holed else ()), *tables(result)]))
+        print("\n".join(tables(result)))
         write_results(result, json_out, html_out, lambda: _page(result, traces))
     if missing:
         raise not_whole(missing)

@@ -1,11 +1,14 @@
 """`sim-ecu tune`: reads where the search starts, makes the folder, and lets the stages go."""
 
+from dataclasses import fields
 from pathlib import Path
 
 from sim_ecu.campaign.tune.go import Asked, tune
 from sim_ecu.design.brief import find, read_brief
+from sim_ecu.design.make import Brief
 from sim_ecu.design.source import load_source
 from sim_ecu.design.space import groups_of, parameters
+from sim_ecu.physics.wheelset import Wheelset
 from wrcd.errors import InputError
 from wrcd.settings import parse_toml, read_toml
 
@@ -19,7 +22,7 @@ def run(
     groups = groups_of(start.form) if over is None else tuple(name.strip() for name in over.split(","))
     parameters(start, groups)
     if against is not None:
-        _fits(against, start.tick_s, start.wheelset.normal_N, start.wheelset.r_0)
+        _fits(against, start)
     try:
         output.mkdir(parents=True, exist_ok=True)
     except OSError as e:
@@ -27,10 +30,11 @@ def run(
     return tune(Asked(start, groups, budget, played, seed, jobs, against), output)
 
 
-def _fits(against: Path, tick_s: float, normal_N: float, r_0: float) -> None:
-    design = load_source(against).design
-    for key, wanted in (("tick_s", tick_s), ("normal_N", normal_N), ("r_0", r_0)):
-        theirs = getattr(design, key)
+def _fits(against: Path, start: Brief) -> None:
+    source = load_source(against)
+    pairs = {"tick_s": (source.design.tick_s, start.tick_s)}
+    pairs |= {f.name: (getattr(source.wheelset, f.name), getattr(start.wheelset, f.name)) for f in fields(Wheelset)}
+    for key, (theirs, wanted) in pairs.items():
         if theirs != wanted:
             raise InputError(
                 f"has {key} = {theirs:g}, what is tuned {wanted:g}", file=against, key="--against",

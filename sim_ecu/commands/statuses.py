@@ -45,7 +45,8 @@ STATUSES: dict[str, dict[Status, str]] = {
     "design": {Status.DONE: "the file is made", **_MADE},
     "tune": {
         Status.DONE: "the design beats or equals the one to reach; or with `--played 0`, the brief is written",
-        Status.STOPPED: "it does not reach it: it is written all the same, and the table says by how much",
+        Status.STOPPED: "it does not reach it, or the runs cannot tell: it is written all the same, and the table says "
+        "what differs",
         **_MADE,
         Status.INTERRUPTED: "Ctrl-C: the same command goes on from there",
     },
@@ -71,7 +72,7 @@ STATUSES: dict[str, dict[Status, str]] = {
     "compare": {
         Status.DONE: "the tables are printed, whatever the verdicts",
         Status.STOPPED: "with `--fail-on`: a figure is worse, or differs",
-        Status.BAD_INPUT: _BAD,
+        Status.BAD_INPUT: f"{_BAD}; or, with `--fail-on`, nothing that differs could be judged",
         **_STOPPED,
     },
     "figures": {Status.DONE: "the figures are drawn, whatever they show", **_MADE},

@@ -24,12 +24,13 @@ def _add(p: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     p.add_argument(
         "--budget", type=int, default=BUDGET, metavar="N",
-        help=f"candidates that are judged by recorded conditions, the start among them (default: {BUDGET})",
+        help="candidates that are judged by recorded conditions, the start among them; each takes some ten seconds of "
+        f"a core (default: {BUDGET}: 20 minutes of a core)",
     )  # fmt: skip
     p.add_argument(
         "--played", type=int, default=PLAYED, metavar="N",
-        help=f"designs that are played on whole runs, the start among them; 0: make none, write the best candidate "
-        f"(default: {PLAYED})",
+        help="designs that are played on whole runs, the start among them, each a minute of a core; 0: make none, "
+        f"write the best candidate (default: {PLAYED})",
     )  # fmt: skip
     p.add_argument("--seed", type=int, default=SEED, metavar="N", help=f"of the search and its runs (default: {SEED})")
     p.add_argument("--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="processes (default: all cores)")

@@ -68,14 +68,16 @@ class Cmaes:
 
 
 def minimise(
-    scores: Scores, start: FloatArray, step: float, budget: int, seed: int, told: Callable[[int, float], None]
-) -> tuple[FloatArray, float]:
+    scores: Scores, start: FloatArray, known: float, step: float, budget: int, seed: int,
+    told: Callable[[int, float], None],
+) -> tuple[FloatArray, float]:  # fmt: skip
     """The best of `budget` candidates and its score, the start among them. Deterministic for a seed.
 
-    scores takes a generation at once, so that its candidates may be scored side by side. told(done, best) after each.
+    known: the start's score. scores takes a generation at once, so that its candidates may be scored side by side.
+    told(done, best) after each.
     """
     search = Cmaes(start, step, np.random.default_rng(seed))
-    best, least = start, float(scores([start])[0])
+    best, least = start, known
     done = 1
     told(done, least)
     while done < budget:

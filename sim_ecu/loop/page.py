@@ -6,20 +6,20 @@ from typing import Any
 from sim_ecu.loop.picture import pictures
 from sim_ecu.loop.play import Outcome
 from sim_ecu.loop.tables import QUICK, tables
-from sim_ecu.score.page import document, verdict
+from sim_ecu.score.page import document, loud_lines, verdict
 
 
 def page(result: dict[str, Any], outcomes: Sequence[Outcome]) -> str:
     """HTML, in English, with pictures inside."""
-    quick = bool(result["run"]["quick"])
-    lines = [line for line in tables(result) if line != QUICK]
+    loud = loud_lines(result, QUICK)
+    lines = [line for line in tables(result) if line not in loud]
     head = [
         *verdict(result["goals"]),
         f"<p>{_runs(result['wrong'])} of {_played(result)} runs had a daemon that was wrong for longer than its "
         "interval allows: they are named below.</p>",
     ]
     return document(
-        "sim-ecu loop", "What is wrcd worth to a controller?", QUICK if quick else "", head,
+        "sim-ecu loop", "What is wrcd worth to a controller?", loud, head,
         pictures(result, outcomes), lines,
     )  # fmt: skip
 

@@ -10,7 +10,7 @@ from sim_ecu.loop.said import ALLOWED_S
 from sim_ecu.loop.statistics import Against, Spread
 from sim_ecu.loop.suites.case import FIRST_TEST_SEED
 from sim_ecu.score.goals import CHANCE, MET, MISSED
-from sim_ecu.score.tables import fig, pct
+from sim_ecu.score.tables import fig, holes, pct
 
 QUICK = "QUICK: a tenth of the runs, to look, not to claim. No goal is judged: there are too few runs."
 WHAT = (
@@ -47,7 +47,8 @@ GOALS = (
 def tables(result: dict[str, Any]) -> list[str]:
     """Markdown, line by line."""
     run = result.get("run", {})
-    out = [QUICK, ""] if run.get("quick") else []
+    out = holes(result)
+    out += [QUICK, ""] if run.get("quick") else []
     out += [
         f"Runs of every row: {_runs(run)}, seeds from {FIRST_TEST_SEED} on; the controllers were tuned on seeds below "
         "1000.",

@@ -11,7 +11,7 @@ from sim_ecu.score.page_pictures import LOOKS, Picture, pictures
 from sim_ecu.score.page_style import STYLE
 from sim_ecu.score.page_tables import sections
 from sim_ecu.score.play import Trace
-from sim_ecu.score.tables import QUICK, tables
+from sim_ecu.score.tables import QUICK, holes, tables
 
 # the media of LOOKS, in the order in which a browser tries them; the last is for all others and for paper
 MEDIA = (
@@ -24,25 +24,30 @@ MAX_LISTED = 15  # missed goals above the pictures; more are folded
 
 def page(result: dict[str, Any], traces: Sequence[Trace]) -> str:
     """HTML, in English, with pictures inside."""
-    name, quick = html.escape(result["design"]["name"]), bool(result.get("run", {}).get("quick"))
-    lines = [line for line in tables(result) if line != QUICK]
+    name = html.escape(result["design"]["name"])
+    loud = loud_lines(result, QUICK)
+    lines = [line for line in tables(result) if line not in loud]
     heading = f"How good is the design {name}?"
     return document(
-        f"sim-ecu score: {name}", heading, QUICK if quick else "", verdict(result["goals"]),
+        f"sim-ecu score: {name}", heading, loud, verdict(result["goals"]),
         pictures(result, traces), lines,
     )  # fmt: skip
 
 
+def loud_lines(result: dict[str, Any], quick: str) -> list[str]:
+    """What a page says first: that suites are left out, and that it is a quick one, in the words of `quick`."""
+    return [*filter(None, holes(result)), *([quick] if result.get("run", {}).get("quick") else ())]
+
+
 def document(
-    title: str, heading: str, quick: str, head: Sequence[str], shown: Iterable[Picture], lines: Sequence[str]
+    title: str, heading: str, loud: Sequence[str], head: Sequence[str], shown: Iterable[Picture], lines: Sequence[str]
 ) -> str:
-    """A page: heading, a warning where it is a quick one, head (HTML), pictures, tables (Markdown's lines). title and
-    heading are HTML already."""
+    """A page: heading, warnings (WORD: text), whose words begin the title, too, head (HTML), pictures, tables
+    (Markdown's lines). title and heading are HTML already."""
     first, *rest = sections(lines)
     body = [f"<header><h1>{heading}</h1>"]
-    if quick:
-        loud, _, text = quick.partition(": ")
-        body.append(f'<p class="loud" role="note"><strong>{loud}</strong>: {html.escape(text)}</p>')
+    for word, _, text in (line.partition(": ") for line in loud):
+        body.append(f'<p class="loud" role="note"><strong>{word}</strong>: {html.escape(text)}</p>')
     body += [*head, "</header>", "<main>"]
     body += [_figure(picture) for picture in shown]
     links = "".join(f'<a href="#{_anchor(name)}">{html.escape(name)}</a> ' for name, _ in rest)
@@ -51,7 +56,7 @@ def document(
         body += [f'<h2 id="{_anchor(name)}">{html.escape(name)}</h2>', *part]
     return (
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
-        f"<title>{'QUICK ' * bool(quick)}{title}</title>\n"
+        f"<title>{''.join(line.partition(':')[0] + ' ' for line in loud)}{title}</title>\n"
         f'<meta name="viewport" content="width=device-width, initial-scale=1"><style>{STYLE}</style></head>\n<body>\n'
         + "\n".join(body)
         + "\n</main></body></html>\n"

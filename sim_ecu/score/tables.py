@@ -12,6 +12,7 @@ QUICK = (
     f"QUICK: a twelfth of the runs, to look, not to claim. A figure of less than {MIN_QUICK_RUNS} runs judges no "
     "goal: it is too few to judge. The intervals say how little is known."
 )
+HOLES = "NOT WHOLE"
 INTERVALS = (
     "In brackets: the 90 % interval, by drawing whole runs again. Only Valid frames are judged; the others are counted."
 )
@@ -29,7 +30,8 @@ BASELINES = (
 def tables(result: dict[str, Any]) -> list[str]:
     """Markdown, line by line."""
     d = result["design"]
-    out = [QUICK, ""] if result.get("run", {}).get("quick") else []
+    out = holes(result)
+    out += [QUICK, ""] if result.get("run", {}).get("quick") else []
     out += [
         f"design {d['name']} {d['checksum'][:12]}, window {d['window_s']:g} s; "
         "errors in percentage points (pp) of MuAvailable",
@@ -54,6 +56,12 @@ def tables(result: dict[str, Any]) -> list[str]:
         sign = "≥" if goal["at_least"] else "≤"
         out.append(f"| {goal['what']} | {fig(goal['figure'], 3)} | {sign} {goal['bound']:g} | {goal['verdict']} |")
     return out
+
+
+def holes(result: dict[str, Any]) -> list[str]:
+    """What stands above tables from which suites are left out; nothing where none is."""
+    left_out = result.get("run", {}).get("left_out")
+    return [f"{HOLES}: {', '.join(left_out)} left out, because runs failed.", ""] if left_out else []
 
 
 def fig(f: Figure, digits: int = 2) -> str:

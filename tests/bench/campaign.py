@@ -16,7 +16,7 @@ from typing import Any
 
 from sim_ecu.campaign import store
 from sim_ecu.campaign.definition import Campaign
-from sim_ecu.campaign.go import Workers, go
+from sim_ecu.campaign.go import Workers, go, opened
 from sim_ecu.campaign.job import Job, Scalar, code
 from sim_ecu.campaign.kind import Factor, Figure, Kind, Type
 from sim_ecu.campaign.runner import local, run
@@ -49,7 +49,8 @@ def main() -> int:
 
         def whole() -> None:
             campaign = Campaign(asked, tuple(jobs), {}, None, 0, None, folder, {(): {}})
-            go(campaign, folder / str(next(folders)), Workers(pool, WORKERS))
+            with opened(campaign, folder / str(next(folders))) as ready:
+                go(ready, Workers(pool, WORKERS))
 
         ways: dict[str, Callable[[], Any]] = {
             "called in a loop": lambda: [answer(task) for task in tasks],

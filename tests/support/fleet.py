@@ -72,4 +72,4 @@ def row(
 
 def broken(key: str = "") -> Row:
     """One that could not be read."""
-    return Row(key, Ending.FAILED, {}, "InputError: 7401/broken.log: has not one readable frame", 2)
+    return Row(key, Ending.FAILED, {}, "7401/broken.log: has not one readable frame", 2)

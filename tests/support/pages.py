@@ -6,7 +6,7 @@
 
 python -m tests.support.pages           prints the names of the blocks that differ; exit 1 if there are any
 python -m tests.support.pages --write   makes them again
-python -m tests.support.pages --all     the expensive ones too: `sim-ecu faults`, `score` and `loop`, an hour
+python -m tests.support.pages --all     the expensive ones too: `sim-ecu faults`, both of `score`, and `loop`, an hour
 """
 
 import argparse
@@ -45,7 +45,8 @@ from wrcd.tools.monitor.screen import help as monitor_help
 from wrcd.tools.statuses import STATUSES as WRCD
 
 ROOT = Path(__file__).parents[2]
-EXPENSIVE = ("sim-ecu faults", "sim-ecu loop", "sim-ecu score")  # their output is Markdown already
+# Their output is Markdown already.
+EXPENSIVE = ("sim-ecu faults", "sim-ecu loop", "sim-ecu score", "sim-ecu score --suite fusion")
 BLOCK = re.compile(r"^<!-- (command|made): (.+?) -->\n(.*?)^<!-- end -->$", re.MULTILINE | re.DOTALL)
 NUMBERED = re.compile(r"_A\d+$")
 _MAINS: dict[str, Callable[[list[str]], int]] = {"wrcd": cli.main, "sim-ecu": rig_cli.main}

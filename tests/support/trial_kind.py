@@ -28,7 +28,7 @@ def figures(job: Job) -> Mapping[str, Scalar]:
         fd = os.open(str(inputs["record"]), os.O_WRONLY | os.O_APPEND | os.O_CREAT)
         os.write(fd, f"{inputs['x']:g} {inputs['seed']} {os.getpid()}\n".encode())
         os.close(fd)
-    if inputs.get("waits_for"):
+    if inputs.get("waits_for") and inputs["seed"] >= inputs.get("waits_from", 0):
         while not Path(str(inputs["waits_for"])).exists():
             time.sleep(0.01)
     time.sleep(float(inputs.get("takes_s", 0.0)))
@@ -65,6 +65,7 @@ TRIAL = Kind(
         Factor("takes_s", Type.NUMBER, "how long it takes", 0.0, "s"),
         Factor("record", Type.TEXT, "where each execution leaves a line", ""),
         Factor("waits_for", Type.TEXT, "a file that it waits for", ""),
+        Factor("waits_from", Type.WHOLE, "the first seed that does", 0),
         Factor("level", Type.WHOLE, "a whole number", 0),
         Factor("on", Type.FLAG, "a flag", False),
     ),

@@ -2,15 +2,17 @@
 
 Where both campaigns ran in the same worlds, the difference of a pair has no sign of its own if nothing differs: the
 signs of whole clusters (a seed's pairs) are flipped at random. Where they ran in worlds of their own, the labels of
-the worlds are exchanged. Both hold at any number of rows, for heavy tails, ties and zeros. A bootstrap's interval is
-too narrow for few rows; these hold the differences that the same test does not refuse: random subsets' means
+the worlds are exchanged. Both hold at any number of rows, for heavy tails, ties and zeros, where nothing differs: where
+only the means agree, differences must be symmetric, too, and two samples of one spread. A bootstrap's interval is too
+narrow for few rows; these hold the differences that the same test does not refuse: random subsets' means
 (J. Hartigan, Using subsample values as typical values, J. Am. Stat. Assoc. 64, 1969), and for two samples the shifts.
 """
 
 import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +23,9 @@ BoolArray = NDArray[np.bool_]
 SEED = 9
 EXACT = 1 << 14  # so many ways to flip or to exchange are all tried; of more, some are drawn
 MIN_DRAWS = 9_999
-MAX_DRAWS = 99_999
+MAX_DRAWS = 1_000_000
+KEPT_DRAWS = 20_000  # at once, and that an interval is made of
+ENOUGH = 200  # draws that go as far as what was seen: p is told by so many
 DRAWS_A_CLAIM = 20  # how many draws lie beyond the bound of the claim that is hardest to make
 CHUNK = 4_000_000  # numbers held at once
 ROUNDING = 1e-9  # what two sums of the same numbers may differ by, as a share
@@ -47,7 +51,8 @@ NOTHING = Found(math.nan, math.nan, math.nan, math.nan, math.nan, 1.0, 1.0)
 
 
 def draws(comparisons: int, alpha: float) -> int:
-    """How many draws tell p at the strictest bound that Holm's correction of so many comparisons has."""
+    """How many draws tell p at the strictest bound that Holm's correction of so many comparisons has; MAX_DRAWS may be
+    too few where comparisons / alpha is more."""
     return min(max(MIN_DRAWS, math.ceil(DRAWS_A_CLAIM * comparisons / alpha)), MAX_DRAWS)
 
 
@@ -63,10 +68,18 @@ def of_pairs(
     sums, weights = (np.zeros((count, both.shape[1])) for _ in range(2))
     np.add.at(sums, place, differences)
     np.add.at(weights, place, both.astype(np.float64))
+    whole, rounding = sums.sum(axis=0), ROUNDING * np.abs(sums).sum(axis=0)
+
+    def flip(subsets: FloatArray, of: BoolArray) -> _Tried:
+        flipped = subsets @ sums[:, of]
+        beyond = np.abs(whole[of] - 2.0 * flipped) >= np.abs(whole[of]) - rounding[of]
+        return beyond, flipped, subsets @ weights[:, of]
+
     exact = 2**count <= EXACT
-    flipped, weight = _of_subsets(_subsets(count) if exact else _random_subsets(count, drawn), sums, weights)
+    p, flipped, weight = _try(_subsets(count) if exact else _random_subsets(count, drawn), flip, both.shape[1], exact)
+    few = 0.0 if exact else 1.0 / (drawn + 1)
     return [
-        _pair_figure(first[at, f], second[at, f], sums[:, f], flipped[:, f], weight[:, f], exact, alpha)
+        _pair_figure(first[at, f], second[at, f], sums[:, f], flipped[:, f], weight[:, f], float(p[f]), few, alpha)
         for f, at in enumerate(both.T)
     ]
 
@@ -83,13 +96,19 @@ def of_samples(
     known, own = np.isfinite(both), np.arange(n + m) >= n
     values = np.where(known, both, 0.0)
     values = np.where(known, values - values.sum(axis=0) / np.maximum(known.sum(axis=0), 1), 0.0)
+    numbers = [(first[known[:n, f], f], second[known[n:, f], f]) for f in range(both.shape[1])]
+    least_far = np.array([_least_far(a, b) for a, b in numbers])
+
+    def exchange(labels: BoolArray, of: BoolArray) -> _Tried:
+        others, moved = _exchanged(labels.astype(np.float64), values[:, of], known[:, of].astype(np.float64), own)
+        return ~(np.abs(others) < least_far[of]), others, moved
+
     exact = math.comb(n + m, m) <= EXACT
-    exchanges = _exchanges(n + m, m) if exact else _random_exchanges(n + m, m, drawn)
-    parts = [_exchanged(labels.astype(np.float64), values, known.astype(np.float64), own) for labels in exchanges]
-    others, moved = (np.concatenate([p[k] for p in parts]) for k in range(2))
+    ways = _exchanges(n + m, m) if exact else _random_exchanges(n + m, m, drawn)
+    p, others, moved = _try(ways, exchange, both.shape[1], exact)
+    few = 0.0 if exact else 1.0 / (drawn + 1)
     return [
-        _sample_figure(first[known[:n, f], f], second[known[n:, f], f], others[:, f], moved[:, f], exact, alpha)
-        for f in range(both.shape[1])
+        _sample_figure(a, b, others[:, f], moved[:, f], float(p[f]), few, alpha) for f, (a, b) in enumerate(numbers)
     ]
 
 
@@ -113,25 +132,57 @@ def holm(p: Sequence[float]) -> list[float]:
     return out
 
 
+_Tried: TypeAlias = tuple[BoolArray, FloatArray, FloatArray]  # (ways, figures): goes as far; of these its interval is
+
+
+def _try(
+    ways: Iterator[Any], way: Callable[[Any, BoolArray], _Tried], figures: int, exact: bool
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """p of each figure, and what its interval is made of. Draws end for a figure when enough of them go as far: p is
+    their share until then (J. Besag, P. Clifford, Sequential Monte Carlo p-values, Biometrika 78, 1991)."""
+    far, tries = np.zeros(figures, np.int64), np.zeros(figures, np.int64)
+    kept: list[list[FloatArray]] = []
+    enough = np.iinfo(np.int64).max if exact else ENOUGH
+    for some in ways:
+        keeps, open_ = sum(len(first) for first, _ in kept) < KEPT_DRAWS, far < enough
+        of = open_ | keeps
+        if not of.any():
+            break
+        beyond, *typical = way(some, of)
+        if keeps:
+            kept.append(typical)
+        for column, f in zip(beyond.T, np.flatnonzero(of).tolist(), strict=True):
+            if open_[f]:
+                at = np.flatnonzero(column)[: enough - far[f]]
+                far[f] += len(at)
+                tries[f] += len(column) if far[f] < enough else at[-1] + 1
+    more = 0 if exact else (far < enough).astype(np.int64)
+    first, second = (np.concatenate([k[n] for k in kept]) for n in range(2))
+    return np.minimum((far + more) / (tries + more), 1.0), first, second
+
+
 def _pair_figure(
-    first: FloatArray, second: FloatArray, sums: FloatArray, flipped: FloatArray, weight: FloatArray, exact: bool,
-    alpha: float,
+    first: FloatArray, second: FloatArray, sums: FloatArray, flipped: FloatArray, weight: FloatArray, p: float,
+    few: float, alpha: float,
 ) -> Found:  # fmt: skip
     """Flipping the signs of a subset takes twice its sum off the whole; the whole less δ a pair is not beyond what
-    that gives while the subset's mean lies on δ's other side."""
+    that gives while the subset's mean lies on δ's other side. few: the least p that the draws have, 0 of all ways."""
     if not len(first):
         return NOTHING
-    whole = float(sums.sum())
-    rounding = ROUNDING * float(np.abs(sums).sum())
-    beyond = int((np.abs(whole - 2.0 * flipped) >= abs(whole) - rounding).sum())
-    tries = len(flipped) if exact else len(flipped) + 1
-    least = max(2.0 ** (1 - int((sums != 0.0).sum())), (2.0 if exact else 1.0) / tries)
+    least = max(2.0 ** (1 - int((sums != 0.0).sum())), few)
     some = weight > 0
-    low, high = _ends(flipped[some] / weight[some], tries, alpha)
-    return Found(
-        float(first.mean()), float(second.mean()), whole / len(first), low, high,
-        min((beyond + (not exact)) / tries, 1.0), min(least, 1.0),
-    )  # fmt: skip
+    low, high = _ends(flipped[some] / weight[some], len(flipped) + (few > 0), alpha)
+    difference = float(sums.sum()) / len(first)
+    return Found(float(first.mean()), float(second.mean()), difference, low, high, p, min(least, 1.0))
+
+
+def _spread(a: FloatArray, b: FloatArray) -> float:
+    return float(max(a.max(), b.max()) - min(a.min(), b.min()))
+
+
+def _least_far(a: FloatArray, b: FloatArray) -> float:
+    """From which difference on an exchange of two samples' labels goes as far as what was seen."""
+    return abs(float(b.mean() - a.mean())) - ROUNDING * _spread(a, b) if len(a) and len(b) else 0.0
 
 
 def _exchanged(
@@ -147,23 +198,18 @@ def _exchanged(
 
 
 def _sample_figure(
-    a: FloatArray, b: FloatArray, others: FloatArray, moved: FloatArray, exact: bool, alpha: float
+    a: FloatArray, b: FloatArray, others: FloatArray, moved: FloatArray, p: float, few: float, alpha: float
 ) -> Found:
     """Of one figure. A draw's difference is beyond the observed one, both less a shift δ, from one δ on."""
     if not len(a) or not len(b):
         return NOTHING
     observed = float(b.mean() - a.mean())
-    spread = float(max(a.max(), b.max()) - min(a.min(), b.min()))
-    rounding = ROUNDING * spread
-    beyond = int((~(np.abs(others) < abs(observed) - rounding)).sum())
-    tries = len(others) if exact else len(others) + 1
     size = float(max(np.abs(a).max(), np.abs(b).max()))
     fewest = (1.0 + (len(a) == len(b))) / math.comb(len(a) + len(b), len(b))
-    least = 1.0 if spread <= ROUNDING * size else max(fewest, 1.0 / tries)
+    least = 1.0 if _spread(a, b) <= ROUNDING * size else max(fewest, few)
     with np.errstate(invalid="ignore", divide="ignore"):
         shifts = (observed - others) / (1.0 - moved)
-    low, high = _ends(shifts[np.isfinite(shifts) & (moved < 1.0 - ROUNDING)], tries, alpha)
-    p = min((beyond + (not exact)) / tries, 1.0)
+    low, high = _ends(shifts[np.isfinite(shifts) & (moved < 1.0 - ROUNDING)], len(others) + (few > 0), alpha)
     return Found(float(a.mean()), float(b.mean()), observed, low, high, p, min(least, 1.0))
 
 
@@ -174,12 +220,6 @@ def _ends(typical: FloatArray, tries: int, alpha: float) -> tuple[float, float]:
         return math.nan, math.nan
     ordered = np.sort(typical)
     return float(ordered[beyond - 1]), float(ordered[-beyond])
-
-
-def _of_subsets(subsets: Iterator[FloatArray], sums: FloatArray, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Sums and weights (subsets, figures) of each subset."""
-    parts = [(s @ sums, s @ weights) for s in subsets]
-    return np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
 
 
 def _subsets(count: int) -> Iterator[FloatArray]:
@@ -208,6 +248,6 @@ def _random_exchanges(count: int, second: int, drawn: int) -> Iterator[BoolArray
 
 
 def _parts(drawn: int, count: int) -> Iterator[int]:
-    size = max(CHUNK // count, 1)
+    size = min(max(CHUNK // count, 1), KEPT_DRAWS)
     for done in range(0, drawn, size):
         yield min(size, drawn - done)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_ecu.campaign.comparison.chance import Found, draws, holm, judged, of_pairs, of_samples
+from sim_ecu.campaign.comparison.chance import MAX_DRAWS, Found, draws, holm, judged, of_pairs, of_samples
 from sim_ecu.campaign.comparison.match import Match, Rows, Suite, match
 from sim_ecu.campaign.comparison.read import Campaign
 from sim_ecu.campaign.job import Ending
@@ -18,9 +18,14 @@ from wrcd.errors import InputError
 
 FloatArray = NDArray[np.float64]
 BETTER, WORSE, DIFFERS = "better", "worse", "differs"
-CHANCE, SAME, TOO_FEW = "within chance", "the same", "too few"
+CHANCE, SAME, TOO_FEW = "within chance", "the same", "too few worlds"
 CLAIMS = (WORSE, BETTER, DIFFERS)
 ENDING = Figure("not done", Type.FLAG, "share of the jobs that failed, died or took too long", "", "less")
+INTERVALS = (
+    "Intervals hold the differences of means that the permutation test does not refuse, not a percentile bootstrap's, "
+    "which is too narrow for few worlds"
+)
+TOGETHER = 50  # figures whose draws are held at once
 LACKS = "without "  # a number: the name of the comparison of how many have none
 
 
@@ -60,14 +65,24 @@ class Result:
         """What is more than chance."""
         return [c for c in self.comparisons if c.verdict in CLAIMS]
 
+    @property
+    def unjudged(self) -> list[Comparison]:
+        """What differs in too few worlds for any claim."""
+        return [c for c in self.comparisons if c.verdict == TOO_FEW and all(c.count)]
+
 
 def compare(
     first: Campaign, second: Campaign, names: Sequence[str] | None, alpha: float, progress: Callable[[str, float], None]
 ) -> Result:
-    """names: of the figures, None for all. Raises InputError for campaigns or names that do not fit."""
+    """names: of the figures, None for all. Raises InputError for campaigns or names that do not fit, and for an alpha
+    that is too small for so many comparisons."""
     matched = match(first, second)
     figures, left_out = _figures(first, second, names)
-    drawn = draws(len(matched.suites) * (len(figures) + 1), alpha)
+    most = len(matched.suites) * (2 * len(figures) + 1)
+    if most / alpha > MAX_DRAWS:
+        raise InputError(f"{alpha:g} among up to {most} comparisons is stricter than {MAX_DRAWS} draws can tell",
+                         key="--alpha", hint="take a larger one, or fewer --figures")  # fmt: skip
+    drawn = draws(most, alpha)
     made: list[Comparison] = []
     for k, suite in enumerate(matched.suites):
         progress(f"suite {suite.name}", k / len(matched.suites))
@@ -75,6 +90,7 @@ def compare(
     counted = judged([c.found.least for c in made], alpha)
     for k, corrected in zip(counted, holm([made[k].found.p for k in counted]), strict=True):
         made[k] = replace(made[k], corrected=corrected, verdict=_verdict(made[k], corrected, alpha))
+    made = _without_survivors(made)
     return Result(first, second, matched, tuple(made), alpha, len(counted), left_out)
 
 
@@ -125,10 +141,10 @@ def _of_suite(suite: Suite, figures: Sequence[Figure], alpha: float, drawn: int)
         columns += [values] * bool(len(values.known)) + [lacks] * (len(np.unique(lacks.known)) > 1)
     columns.append(column(ENDING, _not_done))
     first, second = np.stack([c.first for c in columns], axis=1), np.stack([c.second for c in columns], axis=1)
-    if suite.pairs:
-        found = of_pairs(first, second, suite.clusters, alpha, drawn)
-    else:
-        found = of_samples(first, second, alpha, drawn)
+    found: list[Found] = []
+    for k in range(0, len(columns), TOGETHER):
+        a, b = first[:, k : k + TOGETHER], second[:, k : k + TOGETHER]
+        found += of_pairs(a, b, suite.clusters, alpha, drawn) if suite.pairs else of_samples(a, b, alpha, drawn)
     return [_comparison(suite, c.figure, c.first, c.second, of) for c, of in zip(columns, found, strict=True)]
 
 
@@ -153,6 +169,15 @@ def _verdict(c: Comparison, corrected: float, alpha: float) -> str:
     if not c.figure.better:
         return DIFFERS
     return WORSE if (c.found.difference > 0) == (c.figure.better == "less") else BETTER
+
+
+def _without_survivors(made: Sequence[Comparison]) -> list[Comparison]:
+    """Nothing is better in the jobs that still have a number of it while more of the second have none."""
+    fewer = {(c.suite, c.figure.name) for c in made if c.figure.name.startswith(LACKS) and c.found.difference > 0}
+    return [
+        replace(c, verdict=DIFFERS) if c.verdict == BETTER and (c.suite, LACKS + c.figure.name) in fewer else c
+        for c in made
+    ]
 
 
 def _mean(rows: Rows, name: str) -> float:
@@ -191,6 +216,7 @@ def document(result: Result) -> dict[str, Any]:
         "alone": {"first": [_inputs(r, result.first) for r in m.alone[0]],
                   "second": [_inputs(r, result.second) for r in m.alone[1]]},
         "judged": result.judged,
+        "intervals": INTERVALS,
         "comparisons": [_plain(c) for c in result.comparisons],
     }  # fmt: skip
 

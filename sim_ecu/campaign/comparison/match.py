@@ -8,7 +8,6 @@ from sim_ecu.campaign.comparison.read import Campaign
 from wrcd.errors import InputError
 
 Rows: TypeAlias = Sequence[Mapping[str, Any]]
-MIN_CLUSTERS = 12  # of fewer worlds no correction leaves a claim: 2 of 2 ** 11 ways to flip is 0.001
 _Made: TypeAlias = "tuple[Suite, list[list[Mapping[str, Any]]]]"
 WHOLE = "all"  # the suite of a kind that has none
 
@@ -85,9 +84,8 @@ def _pairs(name: str, first: Rows, second: Rows, shared: Sequence[str], worlds: 
     place: dict[Any, int] = {}
     clusters = [place.setdefault(tuple(p.first[0][n] for n in kept), len(place)) for p in pairs]
     by = ", ".join(kept)
-    if len(kept) == len(worlds) and len(place) < min(MIN_CLUSTERS, len(pairs)):
-        clusters = list(range(len(pairs)))
-        by = f"pair: for {', '.join(kept)} as it was ({len(place)} in all)" if kept else "pair"
+    if not worlds:
+        clusters, by = list(range(len(pairs))), "pair"
     left = [[r for k, rows in side.items() if k not in set(keys) for r in rows] for side in sides]
     return Suite(name, pairs, clusters, (), (), by), left
 

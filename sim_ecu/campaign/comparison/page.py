@@ -28,5 +28,5 @@ def page(result: Result, ways: tuple[Sequence[Worst], Sequence[Worst]]) -> str:
     ]
     names = " and ".join(html.escape(c.title or str(c.folder)) for c in (result.first, result.second))
     return document(
-        f"sim-ecu compare: {names}", "What differs, and is it more than chance?", "", head, pictures(result), lines
+        f"sim-ecu compare: {names}", "What differs, and is it more than chance?", (), head, pictures(result), lines
     )

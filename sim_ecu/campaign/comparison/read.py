@@ -49,7 +49,7 @@ def read(folder: Path) -> Campaign:
         return Campaign(
             folder, told["title"], told["kind"], told["suite"], cluster, told["code"], told["inputs"], figures, rows
         )
-    except (OSError, ValueError, KeyError, TypeError) as e:
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as e:
         raise InputError(f"cannot be read: {type(e).__name__} {e}", file=file, hint="run the campaign again") from None
 
 

@@ -1,10 +1,21 @@
 """A comparison as tables for a person (Markdown)."""
 
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from sim_ecu.campaign.comparison.compare import BETTER, CLAIMS, DIFFERS, SAME, TOO_FEW, WORSE, Comparison, Result
+from sim_ecu.campaign.comparison.compare import (
+    BETTER,
+    CLAIMS,
+    DIFFERS,
+    INTERVALS,
+    SAME,
+    TOO_FEW,
+    WORSE,
+    Comparison,
+    Result,
+)
 from sim_ecu.campaign.comparison.match import Suite
 from sim_ecu.campaign.comparison.read import Campaign
 from sim_ecu.campaign.comparison.worst import Worst, inline
@@ -17,13 +28,14 @@ MAX_ALONE = 10  # rows that only one side has, named
 VERDICTS = (
     "Verdicts are of the second against the first. better, worse, differs (no way is better): more than chance, of all "
     "comparisons together at {alpha:g} (Holm's correction of {judged}). within chance: no claim, which is no proof of "
-    "equality. the same: no job differs. too few: no number of these rows could be a claim, so they are not counted."
+    "equality. the same: no job differs. too few worlds: nothing that so few could say would be a claim: not "
+    "counted."
 )
 SPREADS = "in standard deviations of the figure over its suite"
 METHODS = (
     "p: pairs by flipping the signs of whole worlds, samples by exchanging worlds between the sides. n: pairs, or the "
     "worlds of each side. In brackets: the {share:g} % interval of that one difference of means, by the same test, not "
-    "corrected."
+    "corrected. {intervals}."
 )
 
 
@@ -34,7 +46,7 @@ def tables(result: Result, ways: tuple[Sequence[Worst], Sequence[Worst]]) -> lis
         *_sides(result),
         *_differ(result),
         VERDICTS.format(alpha=alpha, judged=result.judged),
-        METHODS.format(share=100 * (1 - alpha)),
+        METHODS.format(share=100 * (1 - alpha), intervals=INTERVALS),
         verdict(result),
     ]
     for suite in result.matched.suites:
@@ -57,8 +69,10 @@ def _counted(suite: Suite) -> str:
 def verdict(result: Result) -> str:
     """In a sentence or two, by suite."""
     claims = result.claims
+    if not claims and not result.judged:
+        return _unjudged(result) or "Nothing differs: every figure is the same."
     if not claims:
-        return f"Nothing differs by more than chance, of {result.judged} comparisons."
+        return f"Nothing differs by more than chance, of {result.judged} comparisons. {_unjudged(result)}".strip()
     parts = []
     for word in (WORSE, BETTER, DIFFERS):
         suites: dict[str, list[str]] = {}
@@ -67,7 +81,27 @@ def verdict(result: Result) -> str:
                 suites.setdefault(c.suite, []).append(c.figure.name)
         if suites:
             parts.append(f"{word.capitalize()}: " + "; ".join(f"{s} ({', '.join(f)})" for s, f in suites.items()) + ".")
-    return f"{len(claims)} of {result.judged} comparisons differ by more than chance. {' '.join(parts)}"
+    told = f"{len(claims)} of {result.judged} comparisons differ by more than chance."
+    return " ".join((told, *parts, _unjudged(result))).strip()
+
+
+def _unjudged(result: Result) -> str:
+    """What differs and could be no claim, by suite; nothing without any."""
+    found = result.unjudged
+    if not found:
+        return ""
+    suites = Counter(c.suite for c in found)
+    named = ", ".join(f"{suite} ({n})" for suite, n in suites.items())
+    every = result.judged + len(found)
+    return (
+        f"Not judged, for too few worlds: {len(found)} that differ, in {named}. A claim among {every} takes "
+        f"{worlds(every, result.alpha)} worlds of pairs: run more seeds or lots, or choose fewer figures."
+    )
+
+
+def worlds(comparisons: int, alpha: float) -> int:
+    """How many worlds of pairs can make a claim among so many comparisons: 2 of all ways to flip go as far."""
+    return 1 + math.ceil(math.log2(comparisons / alpha))
 
 
 def of_suite(comparisons: Sequence[Comparison]) -> list[str]:

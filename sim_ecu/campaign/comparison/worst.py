@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -15,6 +16,7 @@ from sim_ecu.campaign.job import Ending, Scalar
 
 MAX_JOBS = 10
 SEED = "seed"
+BARE = re.compile("[A-Za-z0-9_-]+")  # a key of TOML without quotes
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,12 +141,12 @@ def toml(kind: str, inputs: Mapping[str, Scalar], other: Mapping[str, Scalar]) -
 
 
 def _key(name: str) -> str:
-    return name if name.replace("_", "").isalnum() else json.dumps(name)
+    return name if BARE.fullmatch(name) else json.dumps(name)
 
 
 def _text(value: Scalar) -> str:
     """TOML's strings are JSON's, its numbers and flags too; a campaign has no infinite input."""
-    return json.dumps(value, ensure_ascii=False)
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def _value(row: Mapping[str, Any], c: Comparison) -> float:

@@ -23,12 +23,11 @@ def steps_of(detail: Mapping[str, Any]) -> tuple[str, FloatArray]:
     rows = [a for a in axles if a[of]]
     if not rows:
         return "", np.zeros((0, N))
-    width = max(float(a[step]) for a in rows)
+    width = float(rows[0][step])  # that of all axles of a log
     n = max(len(a[of]) for a in rows)
     sums = np.zeros((n, N))
     for a in rows:
-        if float(a[step]) == width:
-            sums[: len(a[of])] += np.array(a[of], dtype=np.float64)
+        sums[: len(a[of])] += np.array(a[of], dtype=np.float64)
     many = -(-n // MAX_COLUMNS)
     return _words(width * many, unit), merged(sums, many)
 

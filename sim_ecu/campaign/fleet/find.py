@@ -14,12 +14,13 @@ from wrcd.errors import InputError
 
 SUFFIXES = (".log", ".blf", ".asc", ".mf4", ".trc", ".csv", ".db")
 CONFIGURATION = "wrcd.toml"
-_FRAMES = b"timestamp,arbitration_id,"  # a .csv of python-can begins with it; others are tables
+# what a log of python-can begins with, where other files have the same suffix: tables, the thumbnails of a folder
+_HEADS = {".csv": b"timestamp,arbitration_id,", ".db": b"SQLite format 3\0"}
 
 
 @dataclass(frozen=True, slots=True)
 class Log:
-    """A log. name: its path below the folder that was asked for. configuration: None for the packaged one."""
+    """A log. name: its path below the folder that was asked for, as text. configuration: None for the packaged one."""
 
     file: Path
     name: str
@@ -52,13 +53,20 @@ def find(asked: str, pattern: str | None, configuration: Path | None) -> Fleet:
     expression = None if pattern is None else _compiled(pattern)
     found = []
     for file in files:
-        name = file.relative_to(root).as_posix()
-        found.append(Log(file, name, _train(name, root, expression), _nearest(file.parent, root) or configuration))
+        path = file.relative_to(root).as_posix()
+        name = printable(path)  # a name that is no text cannot be opened by it: the job says so, and nothing is read
+        own = _nearest(file.parent, root) if name == path else None
+        found.append(Log(file, name, _train(name, root, expression), own or configuration))
     if not found:
         raise InputError(
             "has no log", file=asked, key="--logs", hint=f"a log's name ends in {', '.join(SUFFIXES)}, or that and .gz"
         )
     return Fleet(root, tuple(sorted(found, key=lambda one: (one.train, one.name))))
+
+
+def printable(name: str) -> str:
+    """A file's name as text that can be written anywhere: bytes that are no UTF-8 as \\xff."""
+    return os.fsencode(name).decode("utf-8", "backslashreplace")
 
 
 def _files(asked: str) -> tuple[Path, list[Path]]:
@@ -72,7 +80,8 @@ def _files(asked: str) -> tuple[Path, list[Path]]:
         raise InputError("no such folder", file=asked, key="--logs", hint="name a folder, or a glob in quotes")
     parts = Path(asked).parts
     fixed = next(k for k, part in enumerate(parts) if glob.has_magic(part))
-    return Path(*parts[:fixed]), [p for p in map(Path, glob.glob(asked, recursive=True)) if _is_log(p)]
+    matched = dict.fromkeys(map(Path, glob.glob(asked, recursive=True)))  # two ** find a file more than once
+    return Path(*parts[:fixed]), [p for p in matched if _is_log(p)]
 
 
 def _walked(folder: Path) -> Iterator[Path]:
@@ -85,11 +94,10 @@ def _is_log(file: Path) -> bool:
     suffix = log_suffix(file)
     if suffix not in SUFFIXES or not file.is_file():
         return False
-    if file.suffix != ".csv":
-        return True
+    head = _HEADS.get(file.suffix.lower(), b"")  # one that is packed is looked at when it is read
     try:
         with file.open("rb") as opened:
-            return opened.read(len(_FRAMES)) == _FRAMES
+            return opened.read(len(head)) == head
     except OSError:
         return True
 
@@ -107,7 +115,7 @@ def _compiled(pattern: str) -> re.Pattern[str]:
 def _train(name: str, root: Path, expression: re.Pattern[str] | None) -> str:
     if expression is None:
         first, slash, _ = name.partition("/")
-        return first if slash else root.absolute().name or "logs"
+        return first if slash else printable(root.absolute().name) or "logs"
     matched = expression.search(name)
     if matched is None or not matched["train"]:
         raise InputError(f"finds no train in {name}", key="--train", hint="it is looked for in the path below --logs")

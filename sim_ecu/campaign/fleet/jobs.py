@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from sim_ecu.campaign.definition import Campaign, placed
-from sim_ecu.campaign.fleet.find import Fleet, Log
+from sim_ecu.campaign.fleet.find import Fleet, Log, printable
 from sim_ecu.campaign.job import Job
 from sim_ecu.campaign.kinds.log import KIND, OWN
 from sim_ecu.campaign.store import Asked
@@ -31,15 +31,13 @@ def campaign(fleet: Fleet, channel: str, limit_s: float | None, code: str, progr
         jobs.append(Job(KIND.name, inputs, {name: found for name, (_, found) in files.items()}, LABELS))
     progress.end()
     types = {f.name: f.type for f in KIND.factors}
-    asked = Asked(f"Logs of {fleet.folder.absolute().name}", KIND, types, code)
+    asked = Asked(f"Logs of {printable(fleet.folder.absolute().name)}", KIND, types, code)
     return Campaign(asked, tuple(jobs), {}, None, 0, limit_s, fleet.folder.resolve(), paths)
 
 
 def _inputs(one: Log, folder: Path, channel: str) -> dict[str, Any]:
     """File names are relative to the folder: a fleet that is moved asks the same."""
     configuration = "" if one.configuration is None else os.path.relpath(one.configuration, folder)
-    if configuration and "/" not in configuration and not Path(configuration).suffix:
-        configuration = f"./{configuration}"
     return {"train": one.train, "log": one.name, "configuration": configuration, "channel": channel}
 
 

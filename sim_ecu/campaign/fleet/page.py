@@ -151,12 +151,17 @@ def _logs(g: Group, k: int, is_open: bool, folder: str, reports: Mapping[str, st
     yield "</details>"
 
 
+def _in_cell(name: str) -> str:
+    """A name that neither ends a Markdown table's cell nor its row."""
+    return " ".join(name.split()).replace("|", "\\|")
+
+
 def tables(found: Summary) -> list[str]:
     """The same for a terminal: trains, then what is suspicious."""
     out = [html.unescape(line) for line in head(found)]
     out += ["", "| train | logs | km | time | Valid | not Valid because of |", "| --- | --- | --- | --- | --- | --- |"]
     out += [
-        f"| {g.name} | {len(g.logs)} | {g.sum('km'):.1f} | {duration(g.sum('hours'))} | "
+        f"| {_in_cell(g.name)} | {len(g.logs)} | {g.sum('km'):.1f} | {duration(g.sum('hours'))} | "
         f"{share(g.share('valid')).html} | {causes(g)} |"
         for g in found.trains
     ]

@@ -127,15 +127,15 @@ def _axle(number: int) -> str:
 
 
 def _details(p: Played, command: str, report: str | None) -> str:
-    axles = ", ".join(f"axle {a['axle']}: {100 * a['valid']:.1f} %" for a in p.detail["axles"])
-    refused = ", ".join(f"{r['frames']} {html.escape(r['message'])} ({r['reason']})" for r in p.detail["refused"])
+    axles = ", ".join(f"axle {a['axle']}: {100 * a['valid']:.1f} %" for a in p.detail["axles"] if a["seconds"])
+    refused = html.escape(", ".join(f"{r['frames']} {r['message']} ({r['reason']})" for r in p.detail["refused"]))
     lines = [
         f"Valid: {axles}",
         f"{p.figures['read']} frames read, {p.figures['accepted']} accepted, {p.figures['refused']} refused"
         + f": {refused}" * bool(refused),
         *(html.escape(w) for w in p.detail["warnings"]),
         *(
-            f"{s['what']} {_axle(s['axle'])}: first at {s['first_s']:.1f} s, {s['seconds']:.1f} s in all: "
+            f"{html.escape(s['what'])} {_axle(s['axle'])}: first at {s['first_s']:.1f} s, {s['seconds']:.1f} s in all: "
             f"{html.escape(s['text'])}"
             for s in p.suspects
         ),
@@ -146,8 +146,8 @@ def _details(p: Played, command: str, report: str | None) -> str:
 
 
 def said(p: Played) -> str:
-    """A log's error without the names of its kind and of the log."""
-    return p.error.removeprefix("InputError: ").removeprefix(f"{p.name}: ")
+    """A log's error without the log's name."""
+    return p.error.removeprefix(f"{p.name}: ")
 
 
 def command(p: Played, folder: str) -> str:

@@ -120,7 +120,7 @@ class Group:
         seconds: Counter[int] = Counter()
         valid: Counter[int] = Counter()
         for p in self.done:
-            for a in p.detail["axles"]:
+            for a in (a for a in p.detail["axles"] if a["seconds"]):
                 seconds[a["axle"]] += a["seconds"]
                 valid[a["axle"]] += a["valid"] * a["seconds"]
         return {axle: valid[axle] / s for axle, s in sorted(seconds.items()) if s}

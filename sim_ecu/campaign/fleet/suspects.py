@@ -23,7 +23,8 @@ MIN_REFUSED_SHARE = 0.01  # of a message's frames
 
 @dataclass(frozen=True, slots=True)
 class Suspect:
-    """A suspicious sensor. axle 0: of several or of the vehicle. first_s: of the log. times: how often it began."""
+    """A suspicious sensor. axle 0: of several or of the vehicle. first_s: of the log. seconds: in all; of refused
+    frames their share of the message's, of the log's time. times: how often it began."""
 
     what: str
     axle: int
@@ -130,14 +131,14 @@ class Refusals:
         ]
         return sorted(rows, key=lambda row: (-int(str(row["frames"])), str(row["message"]), str(row["reason"])))
 
-    def suspects(self, axles: dict[str, int], begin_us: int) -> list[Suspect]:
-        """Messages of which many frames were refused. axles: by message."""
+    def suspects(self, axles: dict[str, int], begin_us: int, end_us: int) -> list[Suspect]:
+        """Messages of which many frames were refused. axles: by message. begin_us, end_us: of the log."""
         out = []
         for (message, reason), r in self._of.items():
             every = self.accepted[message] + sum(o.frames for (m, _), o in self._of.items() if m == message)
             if r.frames < MIN_REFUSED_SHARE * every:
                 continue
             text = f"{message}: {r.frames} of {every} frames refused for {reason.value}"
-            first_s, seconds = (r.first_us - begin_us) * 1e-6, (r.last_us - r.first_us) * 1e-6
+            first_s, seconds = (r.first_us - begin_us) * 1e-6, r.frames / every * (end_us - begin_us) * 1e-6
             out.append(Suspect(f"Refused{reason.label}", axles.get(message, 0), text, first_s, seconds, r.frames))
         return sorted(out, key=lambda s: (-s.times, s.text))

@@ -202,12 +202,12 @@ class Tally:
                     own[self._config.axles[place].number].add(i.source.message)
         return [a for a in self.axles.values() if own[a.number] & came] or list(self.axles.values())
 
-    def suspects(self, begin_us: int) -> Iterator[Suspect]:
-        """What was named: sensors, then refused frames."""
+    def suspects(self, begin_us: int, end_us: int) -> Iterator[Suspect]:
+        """What was named in the log, from its begin to its end: sensors, then refused frames."""
         for axle in self.heard():
             yield from axle.spells.suspects(axle.number, begin_us, axle.cycle_s)
         axles: dict[str, int] = {}
         for i in self._config.inputs:
             one = self._config.axles[i.source.axles[0]].number if len(i.source.axles) == 1 else 0
             axles[i.source.message] = one if axles.get(i.source.message, one) == one else 0
-        yield from self.refusals.suspects(axles, begin_us)
+        yield from self.refusals.suspects(axles, begin_us, end_us)

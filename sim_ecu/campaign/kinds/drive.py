@@ -20,6 +20,7 @@ from sim_ecu.campaign.kinds.given import (
 )
 from sim_ecu.loop.control.facts import Facts
 from sim_ecu.loop.control.make import NAMES, make_controller
+from sim_ecu.loop.cost import cost_of_driving
 from sim_ecu.loop.ideal import ride_ideal
 from sim_ecu.loop.judge import judge
 from sim_ecu.loop.lockstep import Lockstep, Timing
@@ -34,9 +35,6 @@ from sim_ecu.play.scenario import Scenario
 from sim_ecu.play.train import PACKAGED, Train
 from wrcd.core.configuration import Config
 from wrcd.errors import InputError
-
-# Processor time of a second that is driven, about: with one axle, for each more, and with the daemon.
-COST, COST_OF_AXLE, COST_OF_DAEMON, COST_OF_ITS_AXLE = 1.0, 0.5, 1.2, 0.8
 
 FACTORS = (
     SCENARIO,
@@ -174,11 +172,8 @@ def _honest(said: list[Honesty]) -> dict[str, Scalar]:
 
 def _cost(inputs: Mapping[str, Any]) -> float:
     scenario = scenario_of(inputs, path_of(inputs["scenario"]), read_drive_scenario)
-    more = len(scenario.axles) - 1
     daemon = bool(inputs.get("with_adhesion") or inputs.get("daemon"))
-    return scenario.train.duration_s * (
-        COST + COST_OF_AXLE * more + daemon * (COST_OF_DAEMON + COST_OF_ITS_AXLE * more)
-    )
+    return scenario.train.duration_s * cost_of_driving(len(scenario.axles), daemon)
 
 
 DRIVE = Kind(

@@ -10,8 +10,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeVar
 
-from sim_ecu.campaign.job import contents
 from sim_ecu.campaign.kind import Factor, Type
+from sim_ecu.campaign.task import digest
 from sim_ecu.play.faults import ALL, DURATION_S, KINDS, SIGNALS, Fault, read_fault
 from wrcd import resources
 from wrcd.config import load_config, load_packaged
@@ -26,7 +26,7 @@ PREFIX = "scenario."
 NO_FAULT = "none"
 KEPT = 16  # files of a kind that a process keeps
 
-SCENARIO = Factor("scenario", Type.TEXT, "a packaged scenario's name, or a .toml file", is_file=True)
+SCENARIO = Factor("scenario", Type.TEXT, "a packaged scenario's name, or a .toml file", is_file=True, packaged=True)
 DESIGN = Factor("design", Type.TEXT, "the daemon's design file; empty: the configuration's", "", is_file=True)
 CONFIGURATION = Factor(
     "configuration", Type.TEXT, "the daemon's configuration file; empty: the packaged one, of the scenario's axles", "",
@@ -52,7 +52,7 @@ def scenario_of(inputs: Mapping[str, Any], path: Path, read: Callable[[Section, 
 
     KEY goes into tables and lists by dots, places of a list from 1 on: `scenario.rail.2.mu_0`. Raises InputError.
     """
-    text = _sound(path, contents(path), read)
+    text = _sound(path, digest(path), read)
     data = tomllib.loads(text)
     for name, value in inputs.items():
         if name.startswith(PREFIX):
@@ -61,7 +61,7 @@ def scenario_of(inputs: Mapping[str, Any], path: Path, read: Callable[[Section, 
     try:
         return read(Section(data, Source(path, {}, None), ()), path.stem)
     except InputError as e:
-        raise InputError(e.reason, key=f"{PREFIX}{e.key}", hint=e.hint) from None
+        raise InputError(e.reason, key=e.key and f"{PREFIX}{e.key}", hint=e.hint) from None
 
 
 @lru_cache(KEPT)
@@ -119,7 +119,7 @@ def configuration_of(inputs: Mapping[str, Any], axles: Sequence[int]) -> Config:
     """The daemon's: the file's, or the packaged one of so many axles; with the design, where one is given. Raises
     InputError, also for a design of another wheelset than the configuration names."""
     files = (CONFIGURATION.path(inputs.get("configuration")), DESIGN.path(inputs.get("design")))
-    digests = [contents(f) for f in (*files, *named_by(inputs).values()) if f is not None]
+    digests = [digest(f) for f in (*files, *named_by(inputs).values()) if f is not None]
     return _configuration(*files, max(axles), tuple(digests))
 
 
@@ -139,7 +139,7 @@ def _configuration(file: Path | None, design_file: Path | None, axles: int, _dig
 def named_by(inputs: Mapping[str, Any]) -> dict[str, Path]:
     """The DBC and the design that the configuration names, packaged ones left out."""
     file = CONFIGURATION.path(inputs.get("configuration"))
-    return {} if file is None else _named(file, contents(file))
+    return {} if file is None else _named(file, digest(file))
 
 
 @lru_cache(KEPT)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from sim_ecu.campaign.fleet.classes import CLASSES, Bins, FloatArray
+from sim_ecu.campaign.fleet.classes import CLASSES
 from sim_ecu.campaign.fleet.tally import STEP_M, STEP_S, VALIDITIES, Axle, Tally
 from sim_ecu.campaign.job import Job, Scalar
 from sim_ecu.campaign.kind import Factor, Figure, Kind, Type
@@ -21,6 +21,7 @@ from wrcd.config import load_config
 from wrcd.core.causes import Cause, Validity
 from wrcd.core.configuration import Config
 from wrcd.core.core import Core
+from wrcd.core.messages import nan_to_none
 from wrcd.core.vocabulary import snake
 from wrcd.errors import InputError
 from wrcd.recorder.resume import state_file
@@ -30,6 +31,7 @@ from wrcd.tools.story.estimate import made
 CAUSES = tuple(c for c in Cause if c is not Cause.NONE)
 OWN = ("log", "state")  # among Job.files: what the job itself looks at
 MAX_FINE = 50  # steps of 100 m or 10 s that are kept as they are; of a longer log they are kilometres and minutes
+ESCAPED = "\\x"  # in a name instead of a byte that is no text
 KILOMETRE, MINUTE = 1000.0, 60.0
 
 
@@ -71,6 +73,8 @@ def replayed(job: Job) -> Mapping[str, Scalar]:
     inputs = job.inputs
     log, channel = Path(inputs["log"]), inputs.get("channel") or None
     _unchanged(job, log)
+    if ESCAPED in str(log) and not log.exists():
+        raise InputError("has a name that is no UTF-8, and is not read", file=log, hint="rename the file or its folder")
     check_log(log)
     shared = tuple(sorted((name, found) for name, found in job.files.items() if name not in OWN))
     config = _config(inputs.get("configuration") or "", shared)
@@ -92,7 +96,7 @@ def replayed(job: Job) -> Mapping[str, Scalar]:
         raise InputError("is too short: not one slot ends in it", file=log, hint="leave it out")
     tally.end(core, newest_us)
     warnings = [*damage.warnings(log), *order.warnings()]
-    return _figures(tally, begin_us, damage, len(onward.steps), warnings)
+    return _figures(tally, (begin_us, newest_us), damage, len(onward.steps), warnings)
 
 
 def _unchanged(job: Job, log: Path) -> None:
@@ -109,10 +113,14 @@ def _config(file: str, contents: tuple[tuple[str, str], ...]) -> Config:
     return load_config(Path(file) if file else None)
 
 
-def _figures(tally: Tally, begin_us: int, damage: Damage, steps: int, warnings: Sequence[str]) -> Mapping[str, Scalar]:
+def _figures(
+    tally: Tally, span_us: tuple[int, int], damage: Damage, steps: int, warnings: Sequence[str]
+) -> Mapping[str, Scalar]:
+    """span_us: the log's begin and end."""
     heard = tally.heard()
     seconds = sum(a.seconds for a in heard)
-    suspects = list(tally.suspects(begin_us))
+    begin_us = span_us[0]
+    suspects = list(tally.suspects(*span_us))
     out: dict[str, Scalar] = {
         "begin_s": begin_us * 1e-6,
         "hours": max(a.seconds for a in heard) / 3600,
@@ -135,7 +143,7 @@ def _figures(tally: Tally, begin_us: int, damage: Damage, steps: int, warnings: 
     out |= {class_column("hours", c): float(time[k]) / 3600 for k, c in enumerate(CLASSES)}
     out |= {cause_column(c): _share(sum(a.spells.frames[c] * a.cycle_s for a in heard), seconds) for c in CAUSES}
     detail = {
-        "axles": [_axle(a) for a in heard],
+        "axles": by_axle(heard),
         "without_frame": [a.number for a in tally.axles.values() if a not in heard],
         "suspects": [s.document() for s in suspects],
         "refused": tally.refusals.document(begin_us),
@@ -148,26 +156,31 @@ def _share(part: float, of: float) -> float:
     return float(part) / of if of else math.nan
 
 
-def _axle(a: Axle) -> dict[str, Any]:
+def by_axle(heard: Sequence[Axle]) -> list[dict[str, Any]]:
+    """The detail of each. All have the steps that the longest needs, so that they can be added up."""
+    step_m = _step(max(a.metres for a in heard), STEP_M, KILOMETRE)
+    step_s = _step(max(a.seconds for a in heard), STEP_S, MINUTE)
+    return [_axle(a, step_m, step_s) for a in heard]
+
+
+def _axle(a: Axle, step_m: float, step_s: float) -> dict[str, Any]:
     """An axle's part of the detail. way: metres of each class, time: seconds, by step."""
-    step_m, way = _steps(a.way, a.metres, STEP_M, KILOMETRE)
-    step_s, time = _steps(a.time, a.seconds, STEP_S, MINUTE)
+    share = _share(int(a.by_validity[VALIDITIES.index(Validity.VALID)]), a.frames)
     return {
         "axle": a.number,
         "seconds": round(a.seconds, 3),
         "metres": round(a.metres, 1),
-        "valid": _share(int(a.by_validity[VALIDITIES.index(Validity.VALID)]), a.frames),
+        "valid": nan_to_none(share),
         "causes": {c.label: round(a.spells.frames[c] * a.cycle_s, 3) for c in CAUSES if a.spells.frames[c]},
         "step_m": step_m,
-        "way": np.round(way).astype(int).tolist() if a.metres else [],
+        "way": np.round(a.way.merged(step_m)).astype(int).tolist() if a.metres else [],
         "step_s": step_s,
-        "time": np.round(time, 1).tolist(),
+        "time": np.round(a.time.merged(step_s), 1).tolist(),
     }
 
 
-def _steps(bins: Bins, length: float, fine: float, coarse: float) -> tuple[float, FloatArray]:
-    step = fine if length <= MAX_FINE * fine else coarse
-    return step, bins.merged(step)
+def _step(length: float, fine: float, coarse: float) -> float:
+    return fine if length <= MAX_FINE * fine else coarse
 
 
 def _cost(inputs: Mapping[str, Any]) -> float:

@@ -9,30 +9,32 @@ from typing import Any
 
 import numpy as np
 
-from sim_ecu.campaign.job import Job, Scalar, contents
+from sim_ecu.campaign.job import Job, Scalar
 from sim_ecu.campaign.kind import Factor, Figure, Kind, Type
 from sim_ecu.campaign.kinds.estimates import FIGURES as OF_ESTIMATES
 from sim_ecu.campaign.kinds.estimates import figures_of as figures_of_estimates
 from sim_ecu.campaign.kinds.given import configuration_of
+from sim_ecu.campaign.task import digest
 from sim_ecu.design.source import Source, load_source
 from sim_ecu.score.metrics import accuracy, changes, honesty
 from sim_ecu.score.names import SUITES
 from sim_ecu.score.play import Trace, play
 from sim_ecu.score.suites import runs, training_runs
-from sim_ecu.score.suites.run import AXLES, TRAINING_LOTS, Run
+from sim_ecu.score.suites.run import AXLES, TEST_LOTS, TRAINING_LOTS, Run
 from wrcd import resources
 from wrcd.errors import InputError
 from wrcd.section import suggest
 
 KEPT, DESIGNS = 2 * len(SUITES), 16  # that a process keeps: all suites of two designs or lots
 
+DESIGN = Factor("design", Type.TEXT, "the design file; empty: the packaged one", "", is_file=True)
 FACTORS = (
     Factor("suite", Type.TEXT, "the suite", choices=SUITES),
     Factor("group", Type.TEXT, "its variant; left out: all of them", optional=True),
     Factor("run", Type.WHOLE, "the run within the group, from 0 on; left out: all of them", optional=True),
-    Factor("design", Type.TEXT, "the design file; empty: the packaged one", "", is_file=True),
-    Factor("lot", Type.WHOLE, "which seeds: 0 is what `sim-ecu score` plays, 1 and more the same kinds of runs with "
-           f"other seeds; -1 to -{TRAINING_LOTS} those that designs are tuned on", 0),
+    DESIGN,
+    Factor("lot", Type.WHOLE, f"which seeds: 0 is what `sim-ecu score` plays, 1 to {TEST_LOTS - 1} the same kinds of "
+           f"runs with other seeds; -1 to -{TRAINING_LOTS} those that designs are tuned on", 0),
 )  # fmt: skip
 FIGURES = (
     *OF_ESTIMATES,
@@ -54,20 +56,20 @@ _CHANGING, _BROKEN = ("transitions", "drops"), ("dead", "foreign")  # suites
 
 
 def _design(inputs: Mapping[str, Any]) -> Path:
-    return Path(inputs.get("design") or resources.DESIGN)
+    return DESIGN.path(inputs.get("design")) or resources.DESIGN
 
 
 def suite_of(inputs: Mapping[str, Any]) -> Mapping[str, Sequence[Run]]:
     """The runs of the inputs' suite by group, in its order. Made once in a process. Raises InputError."""
     lot, file = int(inputs.get("lot", 0)), _design(inputs)
-    if lot < -TRAINING_LOTS:
-        raise InputError(f"takes -{TRAINING_LOTS} and more, not {lot}", key="lot")
-    return _suite(file, contents(file), str(inputs["suite"]), lot)
+    if not -TRAINING_LOTS <= lot < TEST_LOTS:
+        raise InputError(f"takes -{TRAINING_LOTS} … {TEST_LOTS - 1}, not {lot}", key="lot")
+    return _suite(file, digest(file), str(inputs["suite"]), lot)
 
 
 @lru_cache(KEPT)
-def _suite(file: Path, digest: str, suite: str, lot: int) -> dict[str, list[Run]]:
-    source = _source(file, digest)
+def _suite(file: Path, contents: str, suite: str, lot: int) -> dict[str, list[Run]]:
+    source = _source(file, contents)
     every = runs(source, suite, 1.0, lot) if lot >= 0 else training_runs(source, suite, 1.0, -1 - lot)
     out: dict[str, list[Run]] = {}
     for run in every:
@@ -77,7 +79,7 @@ def _suite(file: Path, digest: str, suite: str, lot: int) -> dict[str, list[Run]
 
 
 @lru_cache(DESIGNS)
-def _source(file: Path, _digest: str) -> Source:
+def _source(file: Path, _contents: str) -> Source:
     return load_source(file)
 
 

@@ -84,13 +84,14 @@ class Judging:
 
 
 def search(
-    start: Brief, groups: Sequence[str], budget: int, seed: int, judging: Judging, progress: Progress
+    start: Candidate, groups: Sequence[str], budget: int, seed: int, judging: Judging, progress: Progress
 ) -> list[Candidate]:
-    """The candidates without doubles, the best first. Deterministic for its arguments."""
-    over = parameters(start, [g for g in groups if g in BY_RECORDINGS])
+    """The candidates without doubles, the best first: `budget` of them, the start among them, which is judged already.
+    Deterministic for its arguments."""
+    over = parameters(start.brief, [g for g in groups if g in BY_RECORDINGS])
 
     def scores(xs: Sequence[FloatArray]) -> list[float]:
-        return judging.errors([brief_at(start, over, x) for x in xs])
+        return judging.errors([brief_at(start.brief, over, x) for x in xs])
 
     def told(done: int, least: float) -> None:
         rate = 60.0 * judging.computed / judging.seconds if judging.seconds else 0.0
@@ -100,8 +101,6 @@ def search(
         progress(f"candidate {done} of {budget}, least error {least:.4f}{pace}", share)
 
     if over:
-        minimise(scores, vector(start, over), STEP, budget, seed, told)
-    else:
-        judging.errors([start])
+        minimise(scores, vector(start.brief, over), start.error, STEP, budget, seed, told)
     unique = {written(c.brief): c for c in reversed(judging.every)}
     return sorted(unique.values(), key=lambda c: c.error)

@@ -1,7 +1,7 @@
 """Designs of the candidates that are played, as files: made once, found again by the next go."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -26,13 +26,31 @@ def draft(brief: Brief) -> Brief:
     return replace(brief, plan=replace(plan, speeds=speeds, per_speed=per_speed))
 
 
+def save(file: Path, put: Callable[[Path], object]) -> None:
+    """Put a file beside it, then in its place: whole or not at all. Raises InputError where it cannot be written."""
+    partly = file.with_suffix(".part")
+    try:
+        put(partly)
+        os.replace(partly, file)
+    except OSError as e:
+        raise InputError(
+            f"cannot be written: {e.strerror}", file=file, hint="check the folder, its room and your rights"
+        ) from None
+
+
 class Designs:
-    """Makes designs of one plan's conditions, which are simulated when the first one is missing."""
+    """Makes designs of one plan's conditions, which are simulated when the first one is missing.
+
+    Raises InputError where the folder or a file cannot be written.
+    """
 
     def __init__(self, folder: Path, progress: Progress) -> None:
         self._folder, self._progress = folder, progress
         self._recordings: tuple[Brief, list[Recording]] | None = None
-        folder.mkdir(exist_ok=True)
+        try:
+            folder.mkdir(exist_ok=True)
+        except OSError as e:
+            raise InputError(f"cannot be made: {e.strerror}", file=folder, hint="name another folder") from None
 
     def of(self, brief: Brief) -> Path | None:
         """The file; None where there is no such design: a filter that has no steady gain, or is not stable."""
@@ -43,14 +61,8 @@ class Designs:
             document = fitted(brief, bank(brief), self._recorded(brief), self._progress)
         except (np.linalg.LinAlgError, InputError):
             return None
-        partly = file.with_suffix(".part")
-        write(document, partly)
-        os.replace(partly, file)
+        save(file, lambda partly: write(document, partly))
         return file
-
-    def every(self, briefs: Sequence[Brief]) -> list[Path | None]:
-        """Of several."""
-        return [self.of(b) for b in briefs]
 
     def _recorded(self, brief: Brief) -> list[Recording]:
         if self._recordings is None or self._recordings[0].plan != brief.plan:

@@ -44,14 +44,17 @@ class Final:
         self._designs, self._seed, self._journal = designs, seed, journal
         self._executor, self._workers, self._progress = executor, workers, progress
         self.every: list[Finalist] = []
+        self.lost = 0  # briefs that gave no design
 
     def play(self, name: str, brief: Brief) -> float:
-        """The one number against the first that was played; inf for a brief that gives no design, nan for none."""
+        """The one number against the first that was played; inf for a brief that gives no design. What was played
+        already is not played again."""
         known = [f for f in self.every if written(f.brief) == written(brief)]
         if known:
             return known[0].against_start
         design = self._designs.of(draft(brief))
         if design is None:
+            self.lost += 1
             return math.inf
         every = training(load_source(design), self._seed)
         (seen,) = play_all([design], every, self._journal, self._executor, self._workers, self._progress)
@@ -74,7 +77,8 @@ class Final:
 def play_off(
     start: Brief, candidates: Sequence[Candidate], groups: Sequence[str], played: int, seed: int, final: Final
 ) -> None:
-    """Play the start, the best candidates, and then windows and rules of the best, `played` in all.
+    """Play the start, the best candidates, and then windows and rules of the best: `played` in all, or less where some
+    of the windows give no design.
 
     Raises InputError where the start gives no design: there is nothing to compare with.
     """
@@ -82,15 +86,17 @@ def play_off(
         raise InputError("gives no design: a filter has no steady gain, or is not stable", key="--config")
     over = parameters(start, [g for g in groups if g in BY_RUNS])
     wanted = [c for c in candidates if math.isfinite(c.error) and written(c.brief) != written(start)]
-    for k, c in enumerate(wanted[: (min(FINALISTS, played - 1) if over else played - 1)], 1):
+    most = min(1 + FINALISTS, played) if over else played
+    for k, c in enumerate(wanted, 1):
+        if len(final.every) >= most:
+            break
         final.play(f"candidate {k}", c.brief)
     left = played - len(final.every)
     if not over or left < 1:
         return
-    base = final.best.brief
+    base = final.best
 
     def scores(xs: Sequence[FloatArray]) -> list[float]:
-        return [final.play(f"windows {len(final.every)}", brief_at(base, over, x)) for x in xs]
+        return [final.play(f"windows {len(final.every)}", brief_at(base.brief, over, x)) for x in xs]
 
-    # the first that it asks for is the base itself, which is known
-    minimise(scores, vector(base, over), STEP, left + 1, seed, lambda done, least: None)
+    minimise(scores, vector(base.brief, over), base.against_start, STEP, left + 1, seed, lambda _done, _least: None)

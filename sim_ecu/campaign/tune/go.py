@@ -10,9 +10,9 @@ from typing import Any
 from sim_ecu import resources as rig
 from sim_ecu.campaign.runner import local
 from sim_ecu.campaign.tune.candidates import Candidate, Judging, search
-from sim_ecu.campaign.tune.designs import Designs
+from sim_ecu.campaign.tune.designs import Designs, save
 from sim_ecu.campaign.tune.finalists import Final, Finalist, play_off
-from sim_ecu.campaign.tune.goals import Difference, differences, verdict
+from sim_ecu.campaign.tune.goals import Difference, Outcome, differences, operations, outcome
 from sim_ecu.campaign.tune.journal import Journal
 from sim_ecu.campaign.tune.played import Seen, play_all, test
 from sim_ecu.campaign.tune.tables import front_table, pace, said, test_table
@@ -22,11 +22,18 @@ from sim_ecu.design.search import objective_words
 from sim_ecu.design.source import load_source
 from sim_ecu.score.report import plain
 from wrcd import resources
-from wrcd.errors import Status, create
+from wrcd.errors import InputError, Status
+from wrcd.estimator.design import load_design
 from wrcd.tools.progress import Progress
 
 JOURNAL, BRIEF, DESIGN, FIGURES = "journal.jsonl", "brief.toml", "tuned.design.json", "tune.json"
 DESIGNS = "designs"
+SAID = {
+    Outcome.BEATS: "beats {}",
+    Outcome.EQUALS: "equals {}: every difference lies within its margin",
+    Outcome.FAILS: "does not reach {}",
+    Outcome.OPEN: "cannot tell from {}: these runs leave a difference beyond its margin open, either way",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,9 +82,15 @@ class _Go:
         play_off(asked.start, candidates, asked.groups, asked.played, asked.seed, final)
         progress.end()
         chosen = final.best
+        if final.lost:
+            print(
+                f"no design came of {final.lost} that were to be played: a filter has no steady gain or is not stable"
+            )
         print("\n".join(front_table(final.every, final.front, chosen)))
-        self._result |= {"played": [_row(f) for f in final.every], "front": [f.name for f in final.front],
-                         "chosen": chosen.name}  # fmt: skip
+        self._result |= {
+            "played": [_row(f) for f in final.every], "no_design": final.lost,
+            "front": [f.name for f in final.front], "chosen": chosen.name,
+        }  # fmt: skip
         self._write_brief(chosen.brief, [f"Chosen: {chosen.name}."])
         status = self._on_test(final, designs)
         self._result["seconds"] = round(time.monotonic() - began)
@@ -89,8 +102,9 @@ class _Go:
         judging = Judging(asked.start, asked.seed, self._journal, self._executor, asked.jobs)
         first = judging.errors([asked.start])[0]
         if judging.computed:
-            print(pace(judging.seconds, asked.budget - 1, asked.jobs))
-        found = search(asked.start, asked.groups, asked.budget, asked.seed, judging, progress.at)
+            print(pace(judging.seconds, asked.budget - 1, asked.jobs, asked.played))
+        start = Candidate(asked.start, first)
+        found = search(start, asked.groups, asked.budget, asked.seed, judging, progress.at)
         progress.end()
         words = objective_words(asked.start.form)
         print(said(words, first, found[0].error, asked.budget, judging))
@@ -105,9 +119,13 @@ class _Go:
         same frames."""
         asked, progress = self._asked, Progress(steps=True)
         made = designs.of(final.best.brief)
-        assert made is not None  # its draft was
+        if made is None:
+            raise InputError(
+                "gives a draft, but no design from all its conditions", file=self._folder / BRIEF,
+                hint="search on from it with another --seed",
+            )  # fmt: skip
         design = self._folder / DESIGN
-        design.write_bytes(made.read_bytes())
+        save(design, lambda partly: partly.write_bytes(made.read_bytes()))
         start, shipped = final.every[0].design, self._to_reach()
         every = {} if shipped is None else {"to reach": shipped}
         every |= {"start": start, "tuned": design}
@@ -116,17 +134,18 @@ class _Go:
         progress.end()
         seen: dict[str, list[Seen]] = dict(zip(every, played, strict=True))
         reference = next(iter(every))
-        found: dict[str, list[Difference]] = {n: differences(s, seen[reference]) for n, s in seen.items()
-                                              if n != reference}  # fmt: skip
-        what = verdict(found["tuned"])
-        print("\n".join(test_table(reference, seen, found, what, len(runs))))
-        print(f"{design}: {what} {every[reference]}" + (" (differences within chance)" if what == "equals" else ""))
+        costs = {name: operations(load_design(file)) for name, file in every.items()}
+        found = {n: differences(s, seen[reference], (costs[n], costs[reference]))
+                 for n, s in seen.items() if n != reference}  # fmt: skip
+        what = outcome(found["tuned"])
+        print("\n".join(test_table(reference, found, len(runs))))
+        print(f"{design}: {SAID[what].format(every[reference])}")
         self._result["test"] = {
             "reference": reference, "verdict": what, "runs": len(runs),
             "designs": {name: str(file) for name, file in every.items()},
             "differences": {name: [_difference(d) for d in of] for name, of in found.items()},
         }  # fmt: skip
-        return Status.STOPPED if what == "does not reach" else Status.DONE
+        return Status.DONE if what in (Outcome.BEATS, Outcome.EQUALS) else Status.STOPPED
 
     def _to_reach(self) -> Path | None:
         """What the tuned design is to reach: as asked for, or the packaged one of its form; None for another wheelset
@@ -144,13 +163,15 @@ class _Go:
         file = self._folder / BRIEF
         over = ", ".join(asked.groups)
         how = f"Found by `sim-ecu tune` over {over}: {asked.budget} candidates, seed {asked.seed}."
-        with create(file) as out:
-            out.write(written(brief, [how, *comments, "Makes a design: `sim-ecu design --config`."]))
+        found = self._result["candidates"]
+        errors = f"{found['what']} start {found['start']:.4f}, best candidate {found['best']:.4f}."
+        text = written(brief, [how, errors, *comments, "Makes a design: `sim-ecu design --config`."])
+        save(file, lambda partly: partly.write_text(text, encoding="utf-8"))
         print(f"{file}: the brief of it")
 
     def _write(self) -> None:
-        with create(self._folder / FIGURES) as out:
-            out.write(json.dumps(plain(self._result), indent=1, ensure_ascii=False, allow_nan=False) + "\n")
+        text = json.dumps(plain(self._result), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+        save(self._folder / FIGURES, lambda partly: partly.write_text(text, encoding="utf-8"))
 
 
 def _row(f: Finalist) -> dict[str, Any]:
@@ -159,6 +180,6 @@ def _row(f: Finalist) -> dict[str, Any]:
 
 def _difference(d: Difference) -> dict[str, Any]:
     return {
-        "goal": d.goal.words, "unit": d.goal.unit, "value": d.ours, "reference": d.theirs,
-        "difference": d.ours - d.theirs, "low": d.low, "high": d.high, "verdict": d.verdict,
+        "goal": d.words, "unit": d.unit, "value": d.ours, "reference": d.theirs, "difference": d.ours - d.theirs,
+        "low": d.low, "high": d.high, "margin": d.margin, "verdict": d.verdict,
     }  # fmt: skip

@@ -3,14 +3,17 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 
 import numpy as np
+from numpy.typing import NDArray
 
+from sim_ecu.campaign.comparison.chance import of_pairs
 from sim_ecu.campaign.tune.played import DROPS, DRY, GRID, Seen
-from sim_ecu.score.metrics.bootstrap import Draws, FloatArray
 from wrcd.estimator.design import CHANNELS, COLUMNS, INPUTS, MODELS, Design
 from wrcd.estimator.window import BLOCK_TICKS
 
+FloatArray = NDArray[np.float64]
 STATES, SECTION = 5, 9  # of a model; operations of a second-order section
 WINDOWS = 3  # that every answer is made of: the longest, the usual, the newest part
 
@@ -18,7 +21,8 @@ WINDOWS = 3  # that every answer is made of: the longest, the usual, the newest 
 @dataclass(frozen=True, slots=True)
 class Goal:
     """What is to be small: a sum over runs by another. weight: in the one number. floor: what no difference is made
-    below: a design that does half of next to nothing is not twice as good."""
+    below: a design that does half of next to nothing is not twice as good. margin: two designs that are surely no
+    further apart are equal; docs/how-to/tune-a-design.md gives the reason of each."""
 
     words: str
     unit: str
@@ -28,6 +32,7 @@ class Goal:
     factor: float
     weight: float
     floor: float
+    margin: float
 
     def sums(self, seen: Sequence[Seen]) -> tuple[FloatArray, FloatArray]:
         """(n,) of every run of the suite."""
@@ -42,14 +47,14 @@ class Goal:
 
 
 GOALS = (
-    Goal("mean error", "pp", GRID, "error_pp", "valid", 1.0, 1.0, 0.05),
-    Goal("lie after a drop", "s", DROPS, "lie_s", "drops", 1.0, 1.0, 0.2),
-    Goal("dry rail called low", "s/h", DRY, "low_s", "dry_s", 3600.0, 0.25, 10.0),
-    Goal("not Valid", "share", GRID, "silent", "frames", 1.0, 0.25, 0.02),
+    Goal("mean error", "pp", GRID, "error_pp", "valid", 1.0, 1.0, 0.05, 0.1),
+    Goal("lie after a drop", "s", DROPS, "lie_s", "drops", 1.0, 1.0, 0.2, 0.04),
+    Goal("dry rail called low", "s/h", DRY, "low_s", "dry_s", 3600.0, 0.25, 10.0, 2.0),
+    Goal("not Valid", "share", GRID, "silent", "frames", 1.0, 0.25, 0.02, 0.01),
 )
 ERROR, SILENT = 0, 3
 SILENT_PP = 5.0  # what a frame that is not Valid counts as in the one number: silence is no way to a small error
-COST_WEIGHT = 0.1
+COST_WEIGHT, COST_MARGIN = 0.1, 0.1  # the margin as a share
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,8 +72,9 @@ class Figures:
         return tuple(out)
 
     def behind(self, other: "Figures") -> bool:
-        """Whether the other is nowhere worse, and better somewhere."""
-        pairs = [*zip(self.values, other.values, strict=True), (float(self.cost), float(other.cost))]
+        """Whether the other is nowhere worse, and better somewhere. No figure is worse than any."""
+        mine, theirs = ([math.inf if math.isnan(v) else v for v in (*f.values, float(f.cost))] for f in (self, other))
+        pairs = list(zip(mine, theirs, strict=True))
         return all(b <= a for a, b in pairs) and any(b < a for a, b in pairs)
 
     def against(self, other: "Figures") -> float:
@@ -101,45 +107,80 @@ def operations(design: Design) -> int:
     return MODELS * (step + band) + round(WINDOWS * len(design.rules) * rule / BLOCK_TICKS)
 
 
+class Verdict(StrEnum):
+    """Of a goal: one design against another."""
+
+    BETTER = "better"
+    EQUAL = "equal"
+    WORSE = "worse"
+    OPEN = "cannot tell"
+
+
+class Outcome(StrEnum):
+    """Of all goals together."""
+
+    BEATS = "beats"
+    EQUALS = "equals"
+    FAILS = "does not reach"
+    OPEN = "cannot tell"
+
+
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """One design's goal less another's on the same runs, and the ends of its interval."""
+    """One design's goal less another's on the same runs, and the ends of its interval (NaN: too few runs to tell)."""
 
-    goal: Goal
+    words: str
+    unit: str
+    margin: float
     ours: float
     theirs: float
     low: float
     high: float
 
     @property
-    def verdict(self) -> str:
-        """In words."""
+    def verdict(self) -> Verdict:
+        """Equal: the whole interval lies within the margin. Better or worse: nought is outside of it. Otherwise, and
+        without an interval, the runs cannot tell."""
+        if max(-self.low, self.high) <= self.margin:
+            return Verdict.EQUAL
         if self.high < 0.0:
-            return "better"
-        return "worse" if self.low > 0.0 else "within chance"
+            return Verdict.BETTER
+        return Verdict.WORSE if self.low > 0.0 else Verdict.OPEN
 
 
-TAILS = 0.05  # on each side, of all goals together
+ALPHA = 0.1  # chance that any interval of a design does not hold its difference (Bonferroni)
 
 
-def differences(ours: Sequence[Seen], theirs: Sequence[Seen]) -> list[Difference]:
-    """Runs are paired and drawn together. The intervals hold all differences at once with 90 % (Bonferroni)."""
-    tail = TAILS / len(GOALS)
-    out = []
-    for g in GOALS:
-        (above, below), (above_2, below_2) = g.sums(ours), g.sums(theirs)
-        times = Draws(np.arange(len(below))).times
-        with np.errstate(invalid="ignore", divide="ignore"):
-            apart = (times @ above) / (times @ below) - (times @ above_2) / (times @ below_2)
-        apart = apart[np.isfinite(apart)]
-        low, high = np.quantile(apart, (tail, 1.0 - tail)) if len(apart) else (math.nan, math.nan)
-        out.append(Difference(g, g.value(ours), g.value(theirs), float(low), float(high)))
-    return out
+def differences(ours: Sequence[Seen], theirs: Sequence[Seen], costs: tuple[int, int]) -> list[Difference]:
+    """Of every goal, and of the operations (ours, theirs), which chance does not touch. The runs are paired."""
+    out = [_difference(g, ours, theirs) for g in GOALS]
+    mine, other = map(float, costs)
+    return [*out, Difference("operations", "", COST_MARGIN * other, mine, other, mine - other, mine - other)]
 
 
-def verdict(every: Sequence[Difference]) -> str:
+def _difference(goal: Goal, ours: Sequence[Seen], theirs: Sequence[Seen]) -> Difference:
+    terms = [_terms(*goal.sums(seen)) for seen in (theirs, ours)]
+    low = high = math.nan
+    if np.isfinite(terms).all() and len(terms[0]):
+        first, second = (t[:, None] for t in terms)
+        (found,) = of_pairs(first, second, range(len(first)), ALPHA / len(GOALS))
+        low, high = found.low, found.high
+    return Difference(goal.words, goal.unit, goal.margin, goal.value(ours), goal.value(theirs), low, high)
+
+
+def _terms(above: FloatArray, below: FloatArray) -> FloatArray:
+    """What each run adds to a sum over a sum, to first order; their mean is the goal's value. NaN without any."""
+    if not below.any():
+        return np.full(len(below), math.nan)
+    value = above.sum() / below.sum()
+    return np.asarray(value + (above - value * below) / below.mean(), np.float64)
+
+
+def outcome(every: Sequence[Difference]) -> Outcome:
     """What the differences come to."""
     found = {d.verdict for d in every}
-    if "worse" in found:
-        return "does not reach"
-    return "beats" if "better" in found else "equals"
+    if Verdict.WORSE in found:
+        return Outcome.FAILS
+    if Verdict.OPEN in found:
+        return Outcome.OPEN
+    return Outcome.BEATS if Verdict.BETTER in found else Outcome.EQUALS

@@ -5,15 +5,19 @@ from collections.abc import Mapping, Sequence
 from sim_ecu.campaign.tune.candidates import Judging
 from sim_ecu.campaign.tune.finalists import Finalist
 from sim_ecu.campaign.tune.goals import GOALS, Difference
-from sim_ecu.campaign.tune.played import Seen
+
+# what takes as long as so many candidates: to play a design on training runs; the whole design and the test
+PLAYED_AS, TESTED_AS = 5, 60
 
 
-def pace(seconds: float, left: int, jobs: int) -> str:
+def pace(seconds: float, left: int, jobs: int, played: int) -> str:
     """What the budget comes to on this computer, from the time that the start took."""
     minutes = seconds * left / jobs / 60.0
+    after = seconds * (PLAYED_AS * played + TESTED_AS) / jobs / 60.0
+    rest = f", the play-off and the test some {after:.0f} more" if played else ""
     return (
         f"the start took {seconds:.0f} s, its conditions included: {left} further candidates on {jobs} "
-        f"{'process' if jobs == 1 else 'processes'} take {minutes:.0f} minutes at most"
+        f"{'process' if jobs == 1 else 'processes'} take {minutes:.0f} minutes at most{rest}"
     )
 
 
@@ -39,20 +43,20 @@ def front_table(every: Sequence[Finalist], front: Sequence[Finalist], chosen: Fi
     return ["", head, "", *_table(rows)]
 
 
-def test_table(
-    reference: str, seen: Mapping[str, Sequence[Seen]], found: Mapping[str, Sequence[Difference]], what: str, runs: int
-) -> list[str]:
+def test_table(reference: str, found: Mapping[str, Sequence[Difference]], runs: int) -> list[str]:
     """On test seeds, each against the one to reach."""
-    rows = [["on test seeds", reference, *(column for name in found for column in (name, "difference", ""))]]
-    for k, g in enumerate(GOALS):
-        row = [f"{g.words}, {g.unit}", f"{g.value(seen[reference]):.3f}"]
-        for of in found.values():
-            d = of[k]
-            row += [f"{d.ours:.3f}", f"{d.ours - d.theirs:+.3f} ({d.low:+.3f} … {d.high:+.3f})", d.verdict]
+    rows = [["on test seeds", "margin", reference, *(column for name in found for column in (name, "difference", ""))]]
+    for goal in zip(*found.values(), strict=True):
+        first = goal[0]
+        row = [f"{first.words}{first.unit and ', '}{first.unit}", f"{first.margin:.3g}", f"{first.theirs:.3f}"]
+        for d in goal:
+            ends = f" ({d.low:+.3f} … {d.high:+.3f})" if d.low != d.high else ""
+            row += [f"{d.ours:.3f}", f"{d.ours - d.theirs:+.3f}{ends}", d.verdict]
         rows.append(row)
     head = (
         f"{runs} runs, each design on the same frames. In brackets: intervals that hold all differences of a design at "
-        "once with 90 %, by drawing whole runs again."
+        "once with 90 %, if these lie about their mean as much to one side as to the other. Equal: the whole interval "
+        "lies within the margin."
     )
     return ["", head, "", *_table(rows), ""]
 

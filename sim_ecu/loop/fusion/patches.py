@@ -1,4 +1,4 @@
-"""What is driven: four axles, one behind the other, over a patch of low rail, or over a rail that does not change.
+"""What is driven: four axles, one behind the other, over a patch of low rail, or over a rail with none.
 
 The train moves freely. A slip controller that knows nothing of wrcd takes the torque back where a wheel slips.
 """
@@ -10,6 +10,7 @@ import numpy as np
 
 from sim_ecu.loop.names import LAWS
 from sim_ecu.loop.scenario import NO_DRIVE, DriveScenario
+from sim_ecu.physics.axlebox import QUIET, AxleBox
 from sim_ecu.physics.cleaning import Cleaning
 from sim_ecu.physics.contact import CreepCurve, curve_between, peak
 from sim_ecu.physics.sensors import SENSOR_SETS
@@ -23,7 +24,7 @@ SPEEDS_M_S = (5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 40.0)
 PER_SPEED = 10  # patches, half of them cleaned by the axles that slip on them
 HELD_PER_SPEED = 2  # patches more, on which the driver asks for less than they carry
 HELD_SHARES = (0.3, 0.9)  # of the patch's peak
-STEADY_RUNS = 16
+STEADY_RUNS, JOINTS_RUNS, RISE_RUNS = 12, 8, 8
 # Friction mu_0, drawn evenly from one of the ranges: dry, damp, wet; greasy, low, leaf film.
 HIGH = ((0.45, 0.55), (0.38, 0.45), (0.27, 0.33))
 LOW = ((0.13, 0.17), (0.05, 0.07), (0.03, 0.06))
@@ -36,22 +37,30 @@ DEMAND_S, ONSET_S, ENTER_S = 2.5, 0.1, 4.0  # a little effort until then; the fi
 LITTLE = 0.05  # of the full effort
 AFTER_S, LONGEST_S = 1.0, 11.0
 ALWAYS_PULLS_M_S = 10.0  # up to here the driver pulls: a train that brakes would stand before its last axle is there
-STEADY_S, STEP_S = 25.0, 3.0
+STEADY_S, STEP_S = 20.0, 3.0
 STEADY_SPEEDS_M_S = (12.0, 40.0)
+RISE_AT_S, RISE_S = 7.0, 12.0
+# Joints of one rail, and every other of these a crossing: what the suite harsh plays.
+JOINTS_M_S2, CROSSING_M_S2, CROSSING_AT_M = (0.3, 2.0, 5.0), 2.0, 100.0
+CURVATURES = (0.0, 1 / 1500)  # 1/m
+PATCH, STEADY, JOINTS, RISE = "patch", "unchanging", "unchanging, with joints", "rise"
+KINDS = (PATCH, STEADY, JOINTS, RISE)
 G = 9.80665
 Rng = np.random.Generator
 
 
 @dataclass(frozen=True, slots=True)
 class Drive:
-    """A run. start_m: where the patch begins for axle 1's place; None where the rail does not change. slides: whether
-    the driver asks for more than the patch carries. held: one more, so that he asks for less."""
+    """A run, of one of KINDS. start_m, end_m: where the patch lies for axle 1's place; None where there is none.
+    slides: whether the driver asks for more than the patch carries. held: one more, so that he asks for less."""
 
     number: int
     scenario: DriveScenario
     law: str
     speed_m_s: float
+    kind: str
     start_m: float | None = None
+    end_m: float | None = None
     slides: bool = False
     held: bool = False
 
@@ -72,22 +81,40 @@ def patches(scale: float = 1.0, first_seed: int = FIRST_TEST_SEED) -> Iterator[D
                 number += 1
 
 
-def steady(scale: float = 1.0, first_seed: int = FIRST_TEST_SEED) -> Iterator[Drive]:
-    """Rails that do not change, under a driver who does."""
-    for number in range(max(2, round(STEADY_RUNS * scale))):
-        seed = first_seed + 100_000 + number
-        rng = np.random.default_rng([seed, 12])
-        speed = float(rng.uniform(*STEADY_SPEEDS_M_S))
-        curve = _drawn(rng, HIGH)
-        most = min(IN_USE[1], MOST_OF_HIGH * _peak(speed, curve)) / FULL
-        times, shares = [0.0], [LITTLE]
-        for t in np.arange(DEMAND_S, STEADY_S, STEP_S):
-            way = 1.0 if len(times) % 4 < 2 else -1.0  # there and back: the speed stays about where it was
-            times += [float(t), float(t) + ONSET_S]
-            shares += [shares[-1], way * float(rng.uniform(0.0, most))]
-        driver = Course(tuple(times), tuple(shares))
-        yield Drive(number, _scenario(rng, seed, rail_table([(0.0, curve, 0.0, 0.0)]), speed, driver, STEADY_S),
-                    str(rng.choice(LAWS)), speed)  # fmt: skip
+def rails(scale: float = 1.0, first_seed: int = FIRST_TEST_SEED) -> Iterator[Drive]:
+    """Rails on which nobody is to be warned, under a driver who changes: unchanging ones, those with joints, crossings
+    and curves, and rises from low rail to good."""
+    for place, (kind, count) in enumerate(((STEADY, STEADY_RUNS), (JOINTS, JOINTS_RUNS), (RISE, RISE_RUNS)), 1):
+        for number in range(max(2, round(count * scale))):
+            yield _rail(number, first_seed + place * 100_000 + number, kind)
+
+
+def _rail(number: int, seed: int, kind: str) -> Drive:
+    rng = np.random.default_rng([seed, 12])
+    speed = float(rng.uniform(*STEADY_SPEEDS_M_S))
+    curve = _drawn(rng, HIGH)
+    first = _drawn(rng, LOW) if kind == RISE else curve
+    seconds = RISE_S if kind == RISE else STEADY_S
+    driver = _driver(rng, min(IN_USE[1], MOST_OF_HIGH * _peak(speed, first)) / FULL, seconds)
+    box, curvature = QUIET, 0.0
+    if kind == JOINTS:
+        crossing = CROSSING_M_S2 * (number % 2)
+        box = AxleBox(joint_m_s2=float(rng.choice(JOINTS_M_S2)), crossing_m_s2=crossing, crossing_at_m=CROSSING_AT_M)
+        curvature = float(rng.choice(CURVATURES))
+    parts = [(0.0, first, curvature, 0.0)]
+    if kind == RISE:
+        parts.append((speed * RISE_AT_S, curve, 0.0, 0.0))
+    drive = _scenario(rng, seed, rail_table(parts), speed, driver, seconds, box=box)
+    return Drive(number, drive, str(rng.choice(LAWS)), speed, kind)
+
+
+def _driver(rng: Rng, most: float, seconds: float) -> Course:
+    times, shares = [0.0], [LITTLE]
+    for t in np.arange(DEMAND_S, seconds, STEP_S):
+        way = 1.0 if len(times) % 4 < 2 else -1.0  # there and back: the speed stays about where it was
+        times += [float(t), float(t) + ONSET_S]
+        shares += [shares[-1], way * float(rng.uniform(0.0, most))]
+    return Course(tuple(times), tuple(shares))
 
 
 def _patch(number: int, seed: int, speed: float, cleaning: Cleaning | None, held: bool) -> Drive:
@@ -104,16 +131,17 @@ def _patch(number: int, seed: int, speed: float, cleaning: Cleaning | None, held
     seconds = min(ENTER_S + way_s + AFTER_S, LONGEST_S)
     driver = Course((0.0, DEMAND_S, DEMAND_S + ONSET_S), (way * LITTLE, way * LITTLE, way * used / FULL))
     drive = _scenario(rng, seed, rail, speed, driver, seconds, cleaning)
-    return Drive(number, drive, str(rng.choice(LAWS)), speed, start_m, used > _peak(speed, bad), held)
+    slides = used > _peak(speed, bad)
+    return Drive(number, drive, str(rng.choice(LAWS)), speed, PATCH, start_m, end_m, slides, held)
 
 
 def _scenario(
     rng: Rng, seed: int, rail: FloatArray, speed: float, driver: Course, seconds: float,
-    cleaning: Cleaning | None = None,
+    cleaning: Cleaning | None = None, box: AxleBox = QUIET,
 ) -> DriveScenario:  # fmt: skip
     roughness = float(np.exp(rng.uniform(*np.log((QUALITY["good"], QUALITY["poor"])))))
     axles = tuple(
-        AxleScenario(n, rail, NO_DRIVE, roughness, SENSOR_SETS["mems"], seed * 16 + n, place, seed * 16)
+        AxleScenario(n, rail, NO_DRIVE, roughness, SENSOR_SETS["mems"], seed * 16 + n, place, seed * 16, axlebox=box)
         for n, place in enumerate(PLACES_M, 1)
     )
     train = Scenario("score", "", seconds, Course((0.0,), (speed,)), False, Wheelset(), axles)

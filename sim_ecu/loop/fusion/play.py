@@ -21,7 +21,6 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 AXLES = range(1, len(PLACES_M) + 1)
 SAMPLE_S = SAMPLE_US * 1e-6
-SETTLED_M = 1.0  # behind a patch's begin its rail is its own
 LOW = ("Low", "VeryLow")
 TRULY_LOW_PCT = 8.0
 
@@ -41,17 +40,16 @@ class Seen:
 class Played:
     """A run as it came out.
 
-    enters_s, true_pct: when each axle comes to the patch, and what it finds there; NaN where it never does. false_lows:
-    Valid frames that call a rail low that is not, with fusion and without. same: whether the adhesion frames of both
-    are the same, byte for byte.
+    way_m (steps,), mu_pct (steps, axles): after each step of 5 ms, how far the train has come and the adhesion that
+    each axle finds there. false_lows: Valid frames that call a rail low that is not. same: whether the adhesion frames
+    with fusion are those without, byte for byte; true where none were made without.
     """
 
     drive: Drive
-    seconds: float
     seen: tuple[Seen, ...]
-    enters_s: FloatArray
-    true_pct: FloatArray
-    false_lows: tuple[int, int]
+    way_m: FloatArray
+    mu_pct: FloatArray
+    false_lows: int
     same: bool
 
 
@@ -74,10 +72,11 @@ class _Ear:
                 found.data.append(out.frame.data)
 
 
-def play(drive: Drive, fusing: Config, plain: Config) -> Played:
-    """Drive a run and gather what both cores said: one whose configuration has fusion, one without."""
+def play(drive: Drive, fusing: Config, plain: Config | None) -> Played:
+    """Drive a run and gather what a core said whose configuration has fusion, and one without where there is such."""
     scenario = drive.scenario
-    ears = _Ear(fusing), _Ear(plain)
+    fused, alone = _Ear(fusing), None if plain is None else _Ear(plain)
+    ears = [ear for ear in (fused, alone) if ear is not None]
 
     def frame(stamp_us: int, can_id: int, data: bytes) -> None:
         for ear in ears:
@@ -89,29 +88,15 @@ def play(drive: Drive, fusing: Config, plain: Config) -> Played:
     while not run.over:
         step = run.step()
         steps.append((step.distance_m, step.mu_available))
-    way_m, mu_pct = np.array([d for d, _ in steps]), 100.0 * np.array([mu for _, mu in steps])
-    enters_s, true_pct = _entries(drive, way_m, mu_pct)
-    fused, alone = ears
+    mu_pct = 100.0 * np.array([mu for _, mu in steps])
     return Played(
         drive=drive,
-        seconds=len(steps) * SAMPLE_S,
         seen=tuple(_seen(fused.ahead[a]) for a in AXLES),
-        enters_s=enters_s,
-        true_pct=true_pct,
-        false_lows=(_false_lows(fused, mu_pct), _false_lows(alone, mu_pct)),
-        same=all(fused.said[a].data == alone.said[a].data for a in AXLES),
+        way_m=np.array([d for d, _ in steps]),
+        mu_pct=mu_pct,
+        false_lows=_false_lows(fused, mu_pct),
+        same=alone is None or all(fused.said[a].data == alone.said[a].data for a in AXLES),
     )
-
-
-def _entries(drive: Drive, way_m: FloatArray, mu_pct: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """When each axle comes to the patch (s), and the adhesion (%) that it finds there; NaN where it never does."""
-    enters_s, found = np.full(len(PLACES_M), np.nan), np.full(len(PLACES_M), np.nan)
-    if drive.start_m is not None:
-        for k, place in enumerate(PLACES_M):
-            at, settled = np.searchsorted(way_m + place, (drive.start_m, drive.start_m + SETTLED_M)).tolist()
-            if settled < len(way_m):
-                enters_s[k], found[k] = (at + 1) * SAMPLE_S, mu_pct[settled, k]
-    return enters_s, found
 
 
 def _seen(heard: Heard) -> Seen:

@@ -19,7 +19,7 @@ LOW_SURFACES = ("Low", "VeryLow")
 def not_valid(f: Frames) -> dict[str, Any]:
     """Share of the frames that are not Valid, and for what causes (shares of all frames)."""
     causes, count = np.unique(f.cause[~f.valid], return_counts=True)
-    order = np.argsort(-count)
+    order = np.argsort(-count, kind="stable")  # of equal ones the first by name, on any processor
     return {
         "share": bootstrap.mean(~f.valid, f.run),
         "causes": {str(causes[k]): float(count[k] / len(f.true)) for k in order if causes[k] not in ("", "None")},

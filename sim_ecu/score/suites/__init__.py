@@ -9,7 +9,7 @@ from sim_ecu.score.suites.changes import cycles, drops, paper, transitions
 from sim_ecu.score.suites.dry import dry_hours
 from sim_ecu.score.suites.harsh import harsh, slow
 from sim_ecu.score.suites.nominal import grid, robust, rough
-from sim_ecu.score.suites.run import Lot, Run, test_lot, training_lot
+from sim_ecu.score.suites.run import Lot, Run, scored_lot, training_lot
 
 # suites whose runs are compared with those of the grid that have the same conditions
 PAIRED = ("robust", "rough", "harsh")
@@ -18,9 +18,10 @@ PAIRED = ("robust", "rough", "harsh")
 def runs(source: Source, suite: str | None, scale: float, lot: int = 0) -> Iterator[Run]:
     """One suite or all of them; scale is the share of the runs. A paired suite brings its part of the grid along.
 
-    lot: 0 is what `sim-ecu score` plays; each other number gives the same kinds of runs with seeds of its own.
+    lot: 0 is what `sim-ecu score` plays; each other number below TEST_LOTS gives the same kinds of runs with seeds of
+    its own.
     """
-    yield from _runs(source, suite, scale, test_lot(lot))
+    yield from _runs(source, suite, scale, scored_lot(lot))
 
 
 def training_runs(source: Source, suite: str, scale: float, lot: int = 0) -> Iterator[Run]:

@@ -17,7 +17,7 @@ from sim_ecu.play.scenario import AxleScenario, Course, Drive, FloatArray, Scena
 FIRST_TEST_SEED = 2_000_000_000  # training seeds stay far below
 # Runs that designs are tuned on: above the seeds of all plans, below those of conditions that are held for a search.
 FIRST_TRAINING_SEED, TRAINING_SEEDS, TRAINING_LOTS = 1_905_000_000, 1_000_000, 40
-TEST_SEEDS = 1_000_000_000  # of a lot
+TEST_SEEDS, TEST_LOTS = 1_000_000_000, 40
 AXLES = 4
 NOMINAL_FROM_S = 2.0  # frames before are not judged
 SPEEDS = (10.0, 50.0)
@@ -64,8 +64,8 @@ class Lot:
 TEST = Lot()  # what `sim-ecu score` plays
 
 
-def test_lot(number: int) -> Lot:
-    """The score's own for 0; further ones to score on other seeds."""
+def scored_lot(number: int) -> Lot:
+    """The score's own for 0; further ones, below TEST_LOTS, to score on other seeds."""
     return Lot(FIRST_TEST_SEED + number * TEST_SEEDS)
 
 

@@ -1,6 +1,7 @@
 """`sim-ecu campaign --scheduler`: a scheduler and workers of Dask as real processes."""
 
 import json
+import os
 import shlex
 import shutil
 import signal
@@ -8,12 +9,17 @@ import subprocess
 import sys
 from collections import Counter
 from collections.abc import Iterator
+from concurrent.futures import Executor, Future
 from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
+from typing import Any, cast
 
+import pyarrow.parquet as pq
 import pytest
+from distributed.scheduler import KilledWorker, WorkerState
 
-from sim_ecu.campaign import cluster, store
+from sim_ecu.campaign import cluster, runner, store
+from sim_ecu.campaign.job import Ending
 from sim_ecu.cli import main
 from tests.support.page_commands import run_by
 from tests.support.processes import ROOT, running, wait_for
@@ -91,21 +97,66 @@ def run(file: Path, folder: Path, *more: str) -> int:
 def test_workers_that_come_and_die_give_what_the_pool_gives(
     write: Write, tmp_path: Path, dask: Dask, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    record, out = tmp_path / "record", tmp_path / "out"
-    file = write("seeds = 60", f'record = "{record}"\ntakes_s = 0.02', "x = [1]")
+    gate, record, out = tmp_path / "gate", tmp_path / "record", tmp_path / "out"
+    file = write("seeds = 60", f'record = "{record}"\nwaits_for = "{gate}"\nwaits_from = 31', "x = [1]")
 
     def come_and_die() -> None:
-        wait_for("that it waits", WAIT_S, lambda: out.exists() or "waiting for workers" in capfd.readouterr().err)
+        wait_for("that it waits", WAIT_S, lambda: "waiting for workers" in capfd.readouterr().err)
         first, _ = dask.worker(), dask.worker()
-        wait_for("some rows", WAIT_S, lambda: len(lines(out / store.JOURNAL)) >= 10)
+        wait_for("a job in each", WAIT_S, lambda: (len(lines(out / store.JOURNAL)), len(lines(record))) == (30, 32))
         first.kill()
+        gate.touch()
 
     with meanwhile(come_and_die):
         assert run(file, out, "--scheduler", dask.address) == 0
     counts = Counter(line.rpartition(" ")[0] for line in lines(record))
     assert set(counts) == {f"1 {seed}" for seed in range(1, 61)}
+    assert {counts[f"1 {seed}"] for seed in range(1, 31)} == {1}
     assert run(file, tmp_path / "pool", "--jobs", "2") == 0
     assert (out / store.RESULTS).read_bytes() == (tmp_path / "pool" / store.RESULTS).read_bytes()
+
+
+def test_jobs_that_end_badly_on_two_workers_are_the_rows_of_the_pool(write: Write, tmp_path: Path, dask: Dask) -> None:
+    out, pool = tmp_path / "out", tmp_path / "pool"
+    file = write("seeds = 3\nlimit_s = 1.5", factor='x = [1]\nact = ["fail", "die", "hang"]')
+    dask.worker(), dask.worker()
+    assert run(file, out, "--scheduler", dask.address) == run(file, pool, "--jobs", "2") == 1
+    assert (out / store.RESULTS).read_bytes() == (pool / store.RESULTS).read_bytes()
+    endings = Counter(pq.read_table(out / store.RESULTS)["ending"].to_pylist())
+    assert endings == {"done": 6, "failed": 1, "died": 1, "too long": 1}
+
+
+def test_ctrl_c_leaves_the_workers_to_the_same_command(
+    write: Write, tmp_path: Path, dask: Dask, capsys: pytest.CaptureFixture[str]
+) -> None:
+    gate, record, out = tmp_path / "gate", tmp_path / "record", tmp_path / "out"
+    file = write("seeds = 4", f'record = "{record}"\nwaits_for = "{gate}"', "x = [1]")
+    dask.worker()
+
+    def end() -> None:
+        wait_for("a job at work", WAIT_S, lambda: len(lines(record)) == 1)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    with meanwhile(end):
+        assert run(file, out, "--scheduler", dask.address) == 130
+    assert f"stopped; what is finished is in {out}" in capsys.readouterr().err
+    gate.touch()  # the one at work ends by itself
+    assert run(file, out, "--scheduler", dask.address) == 0
+    assert pq.read_table(out / store.RESULTS)["ending"].to_pylist() == ["done"] * 4
+
+
+def test_job_that_killed_workers_is_given_to_no_more_of_them() -> None:
+    (found,) = runner.run(abs, [1], Deadly(), 1)
+    assert (found.ending, found.attempts, found.error) == (Ending.DIED, 1, runner.GIVEN_UP)
+
+
+class Deadly(Executor):
+    """Every job kills its workers, as Dask says it."""
+
+    def submit(self, *_: Any, **__: Any) -> Future[Any]:
+        future: Future[Any] = Future()
+        future.set_exception(KilledWorker("a job", cast("WorkerState", None), 3))
+        return future
 
 
 def test_worker_with_other_code_is_refused(
@@ -120,19 +171,20 @@ def test_worker_with_other_code_is_refused(
     asked = write("seeds = 4", factor="x = [1]")
     dask.worker(other)
     assert run(asked, out, "--scheduler", dask.address) == 1
-    assert "has other sources of wrcd than are here" in capsys.readouterr().err
-    assert not out.exists()
+    assert "has other sources of wrcd, or other libraries, than are here" in capsys.readouterr().err
+    assert not (out / store.RESULTS).exists()
+    assert lines(out / store.JOURNAL) == []
 
 
 def test_scheduler_that_goes_away_is_said_and_the_pool_goes_on(
     write: Write, tmp_path: Path, dask: Dask, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    out = tmp_path / "out"
-    file = write("seeds = 60", "takes_s = 0.02", "x = [1]")
+    gate, out = tmp_path / "gate", tmp_path / "out"
+    file = write("seeds = 20", f'waits_for = "{gate}"\nwaits_from = 6', "x = [1]")
     dask.worker()
 
     def go() -> None:
-        wait_for("some rows", WAIT_S, lambda: len(lines(out / store.JOURNAL)) >= 5)
+        wait_for("the rows before it waits", WAIT_S, lambda: len(lines(out / store.JOURNAL)) == 5)
         dask.scheduler.kill()
         dask.scheduler.wait(WAIT_S)
 
@@ -140,11 +192,10 @@ def test_scheduler_that_goes_away_is_said_and_the_pool_goes_on(
         assert run(file, out, "--scheduler", dask.address) == 1
     said = capsys.readouterr().err
     assert "the workers are lost: " in said
-    assert f" rows are in {out}, the same command goes on from there" in said
-    kept = len(lines(out / store.JOURNAL))
-    assert 5 <= kept < 60
+    assert f"5 rows are in {out}, the same command goes on from there" in said
+    gate.touch()
     assert run(file, out) == 0
-    assert f"60 of 60 jobs done ({kept} were there)" in capsys.readouterr().out
+    assert "20 of 20 jobs done (5 were there)" in capsys.readouterr().out
 
 
 def test_address_without_a_scheduler_is_told(

@@ -92,7 +92,7 @@ def test_versions_of_the_code_are_paired_and_told(tmp_path: Path) -> None:
     assert "Their code differs: aaaaaaaaaaaa and bbbbbbbbbbbb." in said(result)
 
 
-def test_few_seeds_with_many_points_hold_for_these_seeds_alone(tmp_path: Path) -> None:
+def test_few_seeds_are_too_few_worlds_however_many_points_they_have(tmp_path: Path) -> None:
     every = [{"rail": "leaf", "design": "x", "speed": float(v), "seed": 1} for v in range(30)]
     a, b = (
         folder(tmp_path / name, [i | {"design": name} for i in every],
@@ -100,8 +100,44 @@ def test_few_seeds_with_many_points_hold_for_these_seeds_alone(tmp_path: Path) -
         for name in "ab"
     )  # fmt: skip
     result = compared(a, b)
-    assert (of(result, "leaf", "mean_error_pp").clusters, of(result, "leaf", "mean_error_pp").verdict) == (30, WORSE)
-    assert "pair: for seed as it was (1 in all)" in said(result)
+    assert (of(result, "leaf", "mean_error_pp").clusters, of(result, "leaf", "mean_error_pp").verdict) == (1, TOO_FEW)
+    assert result.judged == 0
+    assert "Not judged, for too few worlds: 1 that differ, in leaf (1). A claim among 1 takes 6 worlds" in said(result)
+    assert "Nothing differs" not in said(result)
+
+
+def test_suite_of_too_few_worlds_is_named_beside_what_is_claimed(tmp_path: Path) -> None:
+    few = [*inputs(("leaf",), design="a"), *inputs(("dry",), range(1, 4), design="a")]
+    a = folder(tmp_path / "a", few, steps(own=1))
+    b = folder(tmp_path / "b", [i | {"design": "b"} for i in few], lambda i: steps(0.3, own=2, rail=i["rail"])(i))
+    text = said(compared(a, b))
+    assert "Worse: leaf (mean_error_pp, valid). Differs: leaf (slip)." in text
+    assert "Not judged, for too few worlds: 3 that differ, in dry (3)." in text
+
+
+def test_better_of_the_jobs_that_are_left_is_no_better(tmp_path: Path) -> None:
+    def told(job: Mapping[str, Any]) -> dict[str, Scalar]:
+        if job["design"] == "b" and job["seed"] > 16:
+            return {"mean_error_pp": math.nan}
+        return {"mean_error_pp": 5.0 + job["seed"] % 3 - (job["design"] == "b")}
+
+    a, b = (folder(tmp_path / name, inputs(("leaf",), design=name), told) for name in "ab")
+    result = compared(a, b)
+    assert of(result, "leaf", "without mean_error_pp").found.difference == pytest.approx(4 / 20)
+    assert of(result, "leaf", "mean_error_pp").verdict == DIFFERS
+
+
+def test_bound_of_many_comparisons_hides_no_large_difference(tmp_path: Path) -> None:
+    """As strict as ten thousand comparisons make it."""
+    a = folder(tmp_path / "a", inputs(("leaf",), range(1, 31), design="a"), steps(own=1))
+    b = folder(tmp_path / "b", inputs(("leaf",), range(1, 31), design="b"), steps(9.0, own=2))
+    assert of(compared(a, b, alpha=1e-5), "leaf", "mean_error_pp").verdict == WORSE
+
+
+def test_alpha_that_no_draws_can_tell_is_refused(tmp_path: Path) -> None:
+    a, b = (folder(tmp_path / name, inputs(), steps()) for name in "ab")
+    with pytest.raises(InputError, match=r"--alpha: 1e-09 among up to 14 comparisons .* fewer --figures"):
+        compared(a, b, alpha=1e-9)
 
 
 def test_one_world_each_is_too_few(tmp_path: Path) -> None:
@@ -246,6 +282,7 @@ def test_kind_without_suites_or_seeds_is_compared_as_one(tmp_path: Path) -> None
         (lambda f: (f / CAMPAIGN).write_text("{"), r"campaign.json: cannot be read: JSONDecodeError"),
         (lambda f: (f / CAMPAIGN).write_text('{"format": "x"}'), r"has the format x, not wrcd-campaign/1"),
         (lambda f: (f / CAMPAIGN).write_text('{"format": "wrcd-campaign/1"}'), r"json: cannot be read: KeyError"),
+        (lambda f: (f / CAMPAIGN).write_text((f / CAMPAIGN).read_text().replace('"number"', "1")), r"AttributeError"),
         (lambda f: (f / RESULTS).unlink(), r"results.parquet: is not there: the campaign has not come to its end"),
         (lambda f: (f / RESULTS).write_bytes(b"PAR1"), r"results.parquet: cannot be read"),
     ],

@@ -28,12 +28,23 @@ def _folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         ("after before --fail-on any", 1),
         ("before again --fail-on any", 0),
         ("before after --figures slip --fail-on worse", 0),
-        ("before after --alpha 1e-9 --fail-on any", 0),
+        ("before after --alpha 1e-4 --fail-on any", 1),
     ],
 )
 def test_exit_status_says_what_was_asked(line: str, status: int, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["compare", *line.split()]) == status
-    assert ("Nothing differs" in capsys.readouterr().out) == ("again" in line or "1e-9" in line)
+    assert ("Nothing differs" in capsys.readouterr().out) == ("again" in line)
+
+
+@pytest.mark.usefixtures("_folders")
+def test_gate_that_could_judge_nothing_does_not_pass(capsys: pytest.CaptureFixture[str]) -> None:
+    for design in ("old", "new"):
+        folder(Path(design), inputs(seeds=range(1, 4), design=design), steps(9.0 * (design == "new")))
+    assert main(["compare", "old", "new"]) == 0
+    assert main(["compare", "old", "new", "--fail-on", "worse"]) == 2
+    captured = capsys.readouterr()
+    assert "Nothing differs" not in captured.out
+    assert "--fail-on: no comparison could be judged, for too few worlds" in captured.err
 
 
 @pytest.mark.usefixtures("_folders")
@@ -43,6 +54,7 @@ def test_exit_status_says_what_was_asked(line: str, status: int, capsys: pytest.
         ("before never", "never: is no campaign's folder"),
         ("before after --alpha 1", "--alpha: takes a number between 0 and 1, not 1"),
         ("before after --figures eror", "--figures: 'eror' is no figure"),
+        ("before after --figures ,", "--figures: names no figure"),
         ("before after --json never/a.json", "--json: no such folder"),
         ("before after --html .", "--html: is a folder"),
     ],

@@ -1,13 +1,17 @@
 """CAMPAIGN.toml: which jobs it asks for, and what is said of a mistake."""
 
+import shutil
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from sim_ecu.campaign.definition import Campaign, load_campaign
+from sim_ecu.campaign.job import Job
 from sim_ecu.campaign.kind import Type
+from sim_ecu.campaign.points import Range
 from tests.support.trial_kind import Write
+from wrcd import resources
 from wrcd.errors import InputError, InputErrors
 
 CODE = "code"
@@ -37,8 +41,16 @@ def test_range_has_its_steps_from_end_to_end(write: Write) -> None:
     assert [i["level"] for i in found][:3] == [0, 2, 4]
 
 
+@pytest.mark.parametrize("log", [False, True])
+def test_range_ends_where_it_is_said_to_however_many_digits_that_has(log: bool) -> None:
+    low, high = 0.100000000049, 0.99999999999
+    ends = [v for v in Range(low, high, 2, log).every() if isinstance(v, float)]
+    assert len(ends) == 2
+    assert low <= min(ends) <= max(ends) <= high
+
+
 @pytest.mark.parametrize("method", ["random", "latin"])
-def test_drawn_points_lie_in_their_ranges_and_follow_from_the_seed(write: Write, method: str) -> None:
+def test_drawn_points_lie_in_their_ranges_and_follow_from_draw_alone(write: Write, method: str) -> None:
     factor = (
         'x = { from = 2, to = 4 }\n"scenario.speed" = { from = 10, to = 1000, log = true }\nmode = ["plain", "fancy"]'
     )
@@ -48,8 +60,10 @@ def test_drawn_points_lie_in_their_ranges_and_follow_from_the_seed(write: Write,
     assert all(2 <= i["x"] <= 4 and 10 <= i["scenario.speed"] <= 1000 for i in inputs(found))
     assert {i["mode"] for i in inputs(found)} == {"plain", "fancy"}
     assert load_campaign(write(head, factor=factor), CODE).jobs == found.jobs
-    other = load_campaign(write(f"{head}\nfirst_seed = 2", factor=factor), CODE)
+    other = load_campaign(write(f"{head}\ndraw = 2", factor=factor), CODE)
     assert [i["x"] for i in inputs(other)] != [i["x"] for i in inputs(found)]
+    again = load_campaign(write(f"{head}\nfirst_seed = 2", factor=factor), CODE)
+    assert inputs(again) == [i | {"seed": 2} for i in inputs(found)]
 
 
 def test_latin_hypercube_has_one_point_in_each_stretch_of_a_range(write: Write) -> None:
@@ -73,6 +87,41 @@ def test_key_of_a_job_is_of_its_files_contents_and_the_code(write: Write, tmp_pa
     assert load_campaign(file, CODE).jobs[0].key(CODE) != first.key(CODE)
 
 
+OF_KINDS = {
+    "play": 'kind = "play"\n[fixed]\nscenario = "dry"\n',
+    "drive": 'kind = "drive"\n[fixed]\nscenario = "brake-greasy"\ndaemon = true\n',
+    "score": 'kind = "score"\n[fixed]\nsuite = "drops"\ngroup = "down"\nrun = 0\n',
+}
+
+
+@pytest.mark.parametrize("kind", OF_KINDS)
+def test_file_without_a_suffix_is_a_file_beside_the_campaign(kind: str, tmp_path: Path) -> None:
+    file = tmp_path / "c.toml"
+    file.write_text(f'{OF_KINDS[kind]}design = "mine"\n')
+    with pytest.raises(InputError, match="mine: cannot be read: No such file or directory"):
+        load_campaign(file, CODE)
+    shutil.copy(resources.DESIGN, tmp_path / "mine")
+    (job,) = load_campaign(file, CODE).jobs
+    assert "design" in job.files
+    (tmp_path / "mine").write_text("{}")
+    with pytest.raises(InputError, match="mine: "):  # it is this one that is read
+        load_campaign(file, CODE)
+
+
+def test_packaged_scenario_is_no_file_of_a_job(tmp_path: Path) -> None:
+    file = tmp_path / "c.toml"
+    file.write_text(OF_KINDS["play"])
+    (job,) = load_campaign(file, CODE).jobs
+    assert not job.files
+
+
+def test_files_that_change_places_are_another_question() -> None:
+    inputs, files = {"design": "a", "configuration": "b"}, {"design": "1", "configuration": "2"}
+    swapped = Job("play", inputs, {"design": "2", "configuration": "1"})
+    assert swapped.key(CODE) != Job("play", inputs, files).key(CODE)
+    assert Job("play", inputs, dict(reversed(files.items()))).key(CODE) == Job("play", inputs, files).key(CODE)
+
+
 def test_keys_of_a_table_may_be_written_without_quotes(write: Write) -> None:
     file = write(fixed="scenario.speed = 20.0", factor="x = [1]\nscenario.on = [true, false]")
     found = inputs(load_campaign(file, CODE))
@@ -84,6 +133,7 @@ def test_keys_of_a_table_may_be_written_without_quotes(write: Write) -> None:
     [
         ("seed = 3", "", "x = [1]", "c.toml:2: seed: unknown key — did you mean 'seeds'?"),
         ("points = 3", "", "x = [1]", "c.toml:2: points: is of method random or latin"),
+        ("draw = 3", "", "x = [1]", "c.toml:2: draw: is of method random or latin"),
         (
             'method = "latn"',
             "",
@@ -98,6 +148,8 @@ def test_keys_of_a_table_may_be_written_without_quotes(write: Write) -> None:
         ("", 'mode = "fany"', "x = [1]", "takes one of plain, fancy, not 'fany' — did you mean 'fancy'?"),
         ("", "level = 1.5", "x = [1]", "c.toml:4: fixed.level: takes a whole number, not 1.5"),
         ("", "x = 1", "x = [1]", "c.toml:6: factor.x: stands in [fixed], too"),
+        ("", '"scenario.a" = 1\nscenario.a = 2', "x = [1]", "c.toml:5: fixed.scenario.a: stands in this table twice"),
+        ("", "", 'x = [1]\n"scenario.a" = [1]\nscenario.a = [2]', "factor.scenario.a: stands in this table twice"),
         ("", "", "level = [1]", "factor.x: is missing — it takes a number: a number"),
         ("", "", "x = 1", "c.toml:6: factor.x: takes a list of values, or { from, to, steps }"),
         ("", "", "x = []", "c.toml:6: factor.x: takes one value at least"),

@@ -76,6 +76,20 @@ def test_other_trains_need_no_replay(fleet: Path, out: Path, tmp_path: Path) -> 
     )
 
 
+def test_log_whose_name_is_no_text_is_a_row_with_its_error(
+    log_of: LogOf, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for train in (b"a", b"b\xff"):
+        folder = Path(os.fsdecode(os.fsencode(tmp_path) + b"/logs/" + train))
+        folder.mkdir(parents=True)
+        (folder / "x.log").write_bytes(log_of(SOUND).read_bytes())
+        (folder / "wrcd.toml").write_text(ONE_AXLE)
+    assert campaign("--logs", tmp_path / "logs", "-o", tmp_path / "out", "--jobs", "1") == 1
+    rows = pq.read_table(tmp_path / "out/results.parquet").to_pylist()
+    assert [(r["train"], r["ending"]) for r in rows] == [("a", "done"), ("b\\xff", "failed")]
+    assert "failed: b\\xff/x.log: has a name that is no UTF-8" in capsys.readouterr().out
+
+
 def test_page_has_what_is_suspicious_before_all_else(out: Path) -> None:
     text = (out / "summary.html").read_text()
     places = [text.index(word) for word in ("<h1>", "GyroReversed", "not one readable frame", 'id="train1"')]

@@ -1,5 +1,6 @@
 """Which logs a fleet has, whose each is, with which configuration."""
 
+import os
 from pathlib import Path
 
 import pytest
@@ -22,6 +23,19 @@ def test_folder_gives_every_log_below_it_and_nothing_else(tmp_path: Path) -> Non
     made(tmp_path, "7402/a.events.csv", text="time_s,axle,from\n")
     made(tmp_path, "7402/frames.csv", text="timestamp,arbitration_id,extended,remote,error,dlc,data\n")
     assert {one.name for one in find(str(tmp_path), None, None).logs} == {*logs, "7402/frames.csv"}
+
+
+def test_database_that_is_no_log_is_left_out(tmp_path: Path) -> None:
+    made(tmp_path, "7401/Thumbs.db")
+    made(tmp_path, "7401/a.db", text="SQLite format 3\0")
+    assert [one.name for one in find(str(tmp_path), None, None).logs] == ["7401/a.db"]
+
+
+def test_name_that_is_no_text_is_told_as_text(tmp_path: Path) -> None:
+    folder = made(tmp_path, "7401/wrcd.toml", "7401/a.log")
+    Path(os.fsdecode(os.fsencode(folder) + b"/7401/b\xff.log")).touch()
+    found = {one.name: one.configuration for one in find(str(folder), None, None).logs}
+    assert found == {"7401/a.log": folder / "7401/wrcd.toml", "7401/b\\xff.log": None}
 
 
 def test_train_is_the_first_folder_below(tmp_path: Path) -> None:
@@ -55,6 +69,11 @@ def test_glob_gives_what_it_matches_by_the_folder_before_it(tmp_path: Path) -> N
     found = find(f"{tmp_path}/*/ride-*.log", None, None)
     assert found.folder == tmp_path
     assert [(one.train, one.name) for one in found.logs] == [("7401", "7401/ride-1.log"), ("7402", "7402/ride-2.log")]
+
+
+def test_glob_that_meets_a_log_twice_gives_it_once(tmp_path: Path) -> None:
+    made(tmp_path, "7401/2026/a.log")
+    assert len(find(f"{tmp_path}/**/**/*.log", None, None).logs) == 1
 
 
 def test_nearest_configuration_above_a_log_is_its_own(tmp_path: Path) -> None:

@@ -5,15 +5,18 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from sim_ecu.campaign.fleet import tally
 from sim_ecu.campaign.fleet.classes import CLASSES
+from sim_ecu.campaign.fleet.drawing import steps_of
 from sim_ecu.campaign.job import Job, Scalar
-from sim_ecu.campaign.kinds.log import CAUSES, FIGURES, cause_column, class_column, replayed
+from sim_ecu.campaign.kinds.log import CAUSES, FIGURES, by_axle, cause_column, class_column, replayed
 from tests.support.can_ids import VEHICLE_SPEED
 from tests.support.fleet import ONE_AXLE, SECONDS, SOUND, SPEED_M_S, with_fault
 from tests.support.scenarios import LogOf
+from wrcd.config import load_config
 from wrcd.errors import InputError
 from wrcd.tools.cli import main
 
@@ -161,3 +164,14 @@ def test_log_that_tells_nothing_is_an_error(tmp_path: Path, text: str, said: str
     log.write_text(text)
     with pytest.raises(InputError, match=said):
         figures(log)
+
+
+def test_axles_astride_five_kilometres_are_drawn_in_the_same_steps_and_none_is_lost() -> None:
+    axles = list(tally.Tally(load_config(None)).axles.values())[:2]
+    for axle, metres in zip(axles, (5_100, 5_000), strict=True):
+        parts = metres // 50
+        axle.way.add(50.0 * np.arange(parts, dtype=np.float64), np.zeros(parts, np.int64), np.full(parts, 50.0))
+        axle.metres = float(metres)
+    width, sums = steps_of({"axles": by_axle(axles)})
+    assert width == "1 km"
+    assert sums.sum() == 10_100

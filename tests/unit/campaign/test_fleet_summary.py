@@ -79,6 +79,10 @@ def test_log_has_a_column_for_each_kilometre_until_they_are_too_narrow() -> None
         assert label == words
 
 
+def test_train_whose_name_has_a_bar_is_one_cell() -> None:
+    assert "| a\\|b | 1 |" in "\n".join(tables(fleet(("a|b", "a", row()))))
+
+
 def test_logs_beyond_the_first_are_folded() -> None:
     many = page(fleet(*(("7401", f"{k}.log", row(begin_s=1.79e9 + k)) for k in range(ROWS + 5))), "/", {})
     assert f"{ROWS + 1} to {ROWS + 5} of {ROWS + 5} logs" in many

@@ -93,10 +93,20 @@ def test_message_is_suspicious_from_one_refused_frame_in_a_hundred_on(refused: i
     refusals.accepted["YawRate_A1"] = 1000 - refused
     refusals.look(Counter({("YawRate_A1", Reason.CRC): 1}), 5_000_000)
     refusals.look(Counter({("YawRate_A1", Reason.CRC): refused}), 7_000_000)
-    found = refusals.suspects({"YawRate_A1": 1}, 1_000_000)
+    found = refusals.suspects({"YawRate_A1": 1}, 1_000_000, 101_000_000)
     assert len(found) == suspects
     assert refusals.document(1_000_000) == [
         {"message": "YawRate_A1", "reason": "crc", "frames": refused, "first_s": 4.0, "last_s": 6.0}
     ]
-    for one in found:
-        assert (one.what, one.axle, one.first_s, one.seconds) == ("RefusedCrc", 1, 4.0, 2.0)
+    for one in found:  # 11 of 1000 frames in 100 s
+        assert (one.what, one.axle, one.first_s) == ("RefusedCrc", 1, 4.0)
+        assert one.seconds == pytest.approx(1.1)
+
+
+def test_two_refused_frames_far_apart_are_not_all_the_time_between() -> None:
+    refusals = Refusals()
+    refusals.accepted["YawRate_A1"] = 98
+    for frames, stamp_us in ((1, 0), (2, 7_200_000_000)):
+        refusals.look(Counter({("YawRate_A1", Reason.CRC): frames}), stamp_us)
+    (one,) = refusals.suspects({}, 0, 7_200_000_000)
+    assert one.seconds == pytest.approx(144.0)

@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
@@ -149,6 +150,30 @@ def test_folder_with_something_else_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="is no campaign's folder, and not empty"), Store(tmp_path, ASKED):
         pass
     with pytest.raises(InputError, match="cannot be written"), Store(tmp_path / "mine.txt" / "x", ASKED):
+        pass
+
+
+def test_folder_of_a_process_that_was_killed_at_its_begin_is_one(tmp_path: Path) -> None:
+    with Store(tmp_path, ASKED):
+        pass
+    (tmp_path / store.CAMPAIGN).rename(tmp_path / "campaign.new")  # as if it had not taken its place
+    with Store(tmp_path, ASKED) as one:
+        one.add(row(JOBS[0]))
+    assert (tmp_path / store.CAMPAIGN).exists()
+
+
+def test_copy_of_a_batch_is_none_and_a_table_of_something_else_is_refused(tmp_path: Path) -> None:
+    with Store(tmp_path, ASKED) as one:
+        one.add(row(JOBS[0]))
+        one.merge(JOBS)
+    first = tmp_path / store.BATCHES / "000001.parquet"
+    first.with_name("copy.parquet").write_bytes(first.read_bytes())
+    with Store(tmp_path, ASKED) as one:
+        one.add(row(JOBS[1]))
+        one.merge(JOBS)
+        assert len(one.rows) == 2
+    pq.write_table(pa.table({"x": [1.0]}), first)
+    with pytest.raises(InputError, match=r"000001\.parquet: cannot be read: KeyError: 'key'"), Store(tmp_path, ASKED):
         pass
 
 

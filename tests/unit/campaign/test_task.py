@@ -2,7 +2,11 @@
 
 from pathlib import Path
 
-from sim_ecu.campaign.job import Job, code, contents
+import numpy as np
+import pytest
+
+from sim_ecu.campaign import job
+from sim_ecu.campaign.job import Job, code, contents, versions
 from sim_ecu.campaign.task import Refusal, Task, answer, plain_error
 from tests.support.trial_kind import figures
 
@@ -21,6 +25,15 @@ def test_job_is_answered() -> None:
 
 def test_job_of_other_code_is_refused() -> None:
     assert "the sources of wrcd on " in refusal(Task(figures, JOB, {}, "other"))
+
+
+def test_other_libraries_are_other_code(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert versions()["numpy"] == np.__version__
+    here = code()
+    assert code.__wrapped__() == here
+    monkeypatch.setattr(job, "LIBRARIES", (*job.LIBRARIES, "a-library-that-nobody-has"))
+    assert versions()["a-library-that-nobody-has"] == ""
+    assert code.__wrapped__() != here
 
 
 def test_job_whose_file_is_another_or_not_there_is_refused(tmp_path: Path) -> None:

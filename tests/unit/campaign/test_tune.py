@@ -8,59 +8,75 @@ from pathlib import Path
 import pytest
 
 from sim_ecu.campaign.tune import finalists, go, played
+from sim_ecu.campaign.tune.designs import Designs, save
 from sim_ecu.cli import main
 from sim_ecu.design.brief import read_brief
 from sim_ecu.design.make import Brief, in_papers_form
 from sim_ecu.design.source import Source
 from sim_ecu.score.suites.run import Run
+from wrcd.errors import InputError
 from wrcd.settings import read_toml
 
 TINY = "[design]\ngrid = 24\nmax_rules = 6\n[plan]\nspeeds = 2\nper_speed = 6\n"
 SECONDS = {"grid": 3.0, "drops": 6.0, "dry-hours": 3.0}
+ENOUGH = 7  # runs of a suite that an interval needs
 
 
-def short(make: Callable[..., list[Run]]) -> Callable[..., list[Run]]:
-    """One run of each suite, and not to its end."""
+def short(make: Callable[..., list[Run]], runs: int) -> Callable[..., list[Run]]:
+    """So many runs of each suite, of one axle, and not to their ends."""
 
     def made(*given: Source | int) -> list[Run]:
-        first = {r.suite: r for r in reversed(make(*given))}
-        return [replace(first[s], scenario=replace(first[s].scenario, duration_s=SECONDS[s])) for s in SECONDS]
+        every = make(*given)
+        return [_cut(r, seconds) for s, seconds in SECONDS.items() for r in [r for r in every if r.suite == s][:runs]]
 
     return made
 
 
-def test_command_searches_plays_and_says_whether_it_reaches_the_shipped_design(
+def _cut(r: Run, seconds: float) -> Run:
+    return replace(r, scenario=replace(r.scenario, duration_s=seconds, axles=r.scenario.axles[:1]), curves=r.curves[:1])
+
+
+def test_command_searches_plays_and_says_whether_it_reaches_a_design(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(finalists, "training", short(played.training))
-    monkeypatch.setattr(go, "test", short(played.test))
+    monkeypatch.setattr(finalists, "training", short(played.training, 1))
+    monkeypatch.setattr(go, "test", short(played.test, ENOUGH))
     tiny, out = tmp_path / "tiny.toml", tmp_path / "out"
     tiny.write_text(TINY)
     command = ["tune", "--config", str(tiny), "-o", str(out), "--over", "points", "--budget", "2", "--played", "2"]
     command += ["--jobs", "1"]
-    status = main(command)
+    assert main(command) == 1
     said = capsys.readouterr().out
     result = json.loads((out / "tune.json").read_text())
     assert result["played"][0]["name"] == "start"
     assert result["chosen"] in result["front"]
     assert len(result["played"]) == 2
     assert result["candidates"]["best"] <= result["candidates"]["start"]
-    test = result["test"]
-    assert test["verdict"] in ("beats", "equals", "does not reach")
-    assert status == (1 if test["verdict"] == "does not reach" else 0)
-    assert f"{out / 'tuned.design.json'}: {test['verdict']}" in said
-    assert set(test["differences"]) == {"start", "tuned"}
+    assert set(result["test"]["differences"]) == {"start", "tuned"}
+    assert result["test"]["verdict"] == "does not reach"  # six rules of twelve conditions
+    assert f"{out / 'tuned.design.json'}: does not reach" in said
     brief = read_brief(read_toml(out / "brief.toml"))
     assert (brief.max_rules, brief.plan.speeds) == (6, 2)
+    assert "mean error (pp)" in (out / "brief.toml").read_text()
     # the same question: only what a kill would have lost is worked out again, and the answer is the same
     kept = [out / name for name in ("journal.jsonl", "brief.toml", "tuned.design.json")]
     journal, *files = (f.read_bytes() for f in kept)
     kept[0].write_bytes(journal[: journal.index(b"\n", journal.index(b"\n") + 1) - 5])  # half of the second candidate
-    assert main(command) == status
+    assert main(command) == 1
     assert sorted(kept[0].read_bytes().splitlines()) == sorted(journal.splitlines())
     assert [f.read_bytes() for f in kept[1:]] == files
     again = json.loads((out / "tune.json").read_text())
     assert again | {"seconds": 0} == result | {"seconds": 0}
+    # against itself: nothing is played anew
+    itself = tmp_path / "itself.json"
+    itself.write_bytes(kept[2].read_bytes())
+    capsys.readouterr()
+    assert main([*command, "--against", str(itself)]) == 0
+    assert "tuned.design.json: equals" in capsys.readouterr().out
+    # too few runs
+    monkeypatch.setattr(go, "test", short(played.test, ENOUGH - 1))
+    assert main([*command, "--against", str(itself)]) == 1
+    assert "tuned.design.json: cannot tell" in capsys.readouterr().out
 
 
 def test_search_alone_writes_a_brief_of_the_papers_form(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -84,7 +100,7 @@ def test_search_alone_writes_a_brief_of_the_papers_form(tmp_path: Path, capsys: 
         (["--played", "-1"], "--played: takes a whole number from 0 on"),
         (["--seed", "40"], "--seed: takes a whole number from 0 to 39"),
         (["--config", "tramway"], "--config: there is no wheelset 'tramway'"),
-        (["--config", "metro", "--against", "{design}"], "--against: has normal_N"),
+        (["--config", "metro", "--against", "{design}"], "--against: has m_w"),
     ],
 )
 def test_what_cannot_be_searched_is_said_before_any_work(
@@ -105,6 +121,18 @@ def test_folder_that_is_a_file_is_an_error(tmp_path: Path, capsys: pytest.Captur
     assert "-o: cannot be made" in capsys.readouterr().err
 
 
-def test_design_says_where_its_search_is_now(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["design", "--search"]) == 2
-    assert "sim-ecu tune --over noise,weights --played 0" in capsys.readouterr().err
+def test_designs_that_cannot_be_kept_are_an_error(tmp_path: Path) -> None:
+    (tmp_path / "designs").write_text("")
+    with pytest.raises(InputError, match="designs: cannot be made: File exists"):
+        Designs(tmp_path / "designs", lambda *_: None)
+    (tmp_path / "tune.json").mkdir()
+    with pytest.raises(InputError, match=r"tune\.json: cannot be written"):
+        save(tmp_path / "tune.json", lambda partly: partly.write_text(""))
+
+
+@pytest.mark.parametrize(
+    "arguments", [["--search"], ["--search", "--budget", "600", "-o", "noise.toml"], ["--jobs", "2", "-o", "a.json"]]
+)
+def test_design_says_where_its_search_is_now(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["design", *arguments]) == 2
+    assert "sim-ecu tune --over noise,weights --budget 600 --played 0" in capsys.readouterr().err

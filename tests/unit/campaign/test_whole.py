@@ -11,7 +11,7 @@ from sim_ecu.cli import main
 from sim_ecu.commands import run_loop, run_score
 from sim_ecu.commands.run_score import Work
 from sim_ecu.design.source import load_source
-from sim_ecu.loop.play import play
+from sim_ecu.loop.play import Outcome, play
 from sim_ecu.loop.suites import cases
 from sim_ecu.loop.suites.actuators import STOPS
 from sim_ecu.score.play import Trace
@@ -76,14 +76,40 @@ def test_suites_of_a_score_that_are_whole_are_printed_and_the_others_named(
     played = [short(next(iter(runs(source, suite, 0.01)))) for suite in ("dead", "dry-hours")]
     monkeypatch.setattr(run_score, "runs", lambda *_: iter(played))
     monkeypatch.setattr(run_score, "play_one", dead_fail)
-    out = tmp_path / "out.json"
-    assert main(["score", "--jobs", "1", "--json", str(out)]) == Status.STOPPED
+    out, page = tmp_path / "out.json", tmp_path / "out.html"
+    assert main(["score", "--jobs", "1", "--json", str(out), "--html", str(page)]) == Status.STOPPED
     told = capsys.readouterr()
-    assert told.out.startswith("**Not whole**: dead left out")
+    assert told.out.startswith("NOT WHOLE: dead left out, because runs failed.")
     assert "**dry-hours**" in told.out
     assert "**dead**" not in told.out
     assert "dead, both die, run 0: ValueError: no wheel" in told.err
-    assert set(json.loads(out.read_text())["suites"]) == {"dry-hours"}
+    written = json.loads(out.read_text())
+    assert set(written["suites"]) == {"dry-hours"}
+    assert written["run"]["left_out"] == {"dead": ["both die, run 0: ValueError: no wheel"]}
+    assert "<title>NOT WHOLE sim-ecu score" in page.read_text()
+    assert page.read_text().count("dead left out, because runs failed.") == 1
+
+
+def second_case_fails(work: run_loop.Work) -> list[Outcome]:
+    """In place of `run_loop.play_one`."""
+    if work.suite == "worlds":
+        raise ValueError("no wheel")
+    return short_row.play_briefly(work)
+
+
+def test_suites_of_the_loop_that_are_whole_are_printed_and_the_others_named(
+    brief: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (whole,), (holed, *_) = cases("actuators", f"{short_row.RAIL}: fast"), cases("worlds")
+    brief.setattr(run_loop, "cases", lambda *_: [whole, holed])
+    brief.setattr(run_loop, "play_one", second_case_fails)
+    out, page = tmp_path / "out.json", tmp_path / "out.html"
+    asked = ["loop", "--jobs", "1", "--seeds", "1", "--json", str(out), "--html", str(page)]
+    assert main(asked) == Status.STOPPED
+    assert capsys.readouterr().out.startswith("NOT WHOLE: worlds left out, because runs failed.")
+    (why,) = json.loads(out.read_text())["run"]["left_out"]["worlds"]
+    assert why.endswith("seed 1000000: ValueError: no wheel")
+    assert "<title>NOT WHOLE sim-ecu loop" in page.read_text()
 
 
 def test_grid_with_a_hole_takes_the_suites_along_that_are_compared_with_it() -> None:

@@ -34,7 +34,7 @@ def long_valley(xs: Sequence[FloatArray]) -> list[float]:
 
 def test_the_search_finds_the_end_of_a_long_valley() -> None:
     start = np.zeros(8)
-    best, least = minimise(long_valley, start, 0.5, 3000, 1, nothing)
+    best, least = minimise(long_valley, start, long_valley([start])[0], 0.5, 3000, 1, nothing)
     assert best == pytest.approx(np.ones(8), abs=1e-3)
     assert least < 1e-5 < long_valley([start])[0]
 
@@ -47,13 +47,13 @@ def test_the_search_keeps_to_its_budget_and_its_seed() -> None:
         return [float("nan") if x[0] > 0.4 else float(x @ x) for x in xs]  # some have no answer
 
     told: list[tuple[int, float]] = []
-    best, least = minimise(scores, np.full(3, 0.3), 0.3, 25, 5, lambda *a: told.append(a))
-    assert len(seen) == 25
+    best, least = minimise(scores, np.full(3, 0.3), 0.27, 0.3, 25, 5, lambda *a: told.append(a))
+    assert len(seen) == 24  # and the start, which is known
     assert least == min(float(x @ x) for x in seen if x[0] <= 0.4)
     assert told[0][1] == pytest.approx(0.27)
     assert [d for d, _ in told][-1] == 25
     assert all(a >= b for (_, a), (_, b) in pairwise(told))
-    assert np.array_equal(minimise(scores, np.full(3, 0.3), 0.3, 25, 5, nothing)[0], best)
+    assert np.array_equal(minimise(scores, np.full(3, 0.3), 0.27, 0.3, 25, 5, nothing)[0], best)
 
 
 @pytest.fixture(scope="module")

@@ -3,17 +3,33 @@
 import json
 import math
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from sim_ecu.cli import main
+from sim_ecu.commands.run_score_fusion import play_all
 from sim_ecu.loop.control.facts import Facts
 from sim_ecu.loop.control.make import make_controller
-from sim_ecu.loop.fusion.patches import HELD_PER_SPEED, PER_SPEED, PLACES_M, SPEEDS_M_S, Drive, patches, steady
-from sim_ecu.loop.fusion.play import Played, play
-from sim_ecu.loop.fusion.report import entries, judge, tables
+from sim_ecu.loop.fusion.patches import (
+    HELD_PER_SPEED,
+    JOINTS,
+    KINDS,
+    PER_SPEED,
+    PLACES_M,
+    RISE,
+    SPEEDS_M_S,
+    STEADY,
+    Drive,
+    patches,
+    rails,
+)
+from sim_ecu.loop.fusion.play import Played, Seen, play
+from sim_ecu.loop.fusion.report import judge
+from sim_ecu.loop.fusion.tables import tables
+from sim_ecu.loop.fusion.truth import BEHIND, FRAME_S, Entry, enters_s, entry, false_lows, false_warnings
 from sim_ecu.loop.lockstep import Lockstep
 from sim_ecu.play.play import LOG_START_US
 from wrcd.bus.dbc import find_message
@@ -58,23 +74,28 @@ def frames(drive: Drive) -> list[Frame]:
     return out
 
 
+def entries(p: Played) -> list[Entry]:
+    return [e for axle in BEHIND if (e := entry(p, axle)) is not None]
+
+
 def test_axles_behind_are_warned_before_they_are_on_the_patch(played: Played) -> None:
-    found = entries([played])
+    found = entries(played)
     assert [e.axle for e in found] == [2, 3, 4]
     assert all(e.lead_s > 0.0 for e in found)
     assert [e.confirmed for e in found[1:]] == [True, True]
-    assert all(abs(e.distance_m) < 3.0 for e in found)
+    assert all(np.abs(e.errors_m).max() < 3.0 for e in found)
+    assert false_warnings(played) == (0, 0.0)
 
 
 def test_estimate_is_the_same_with_fusion_and_without(played: Played) -> None:
     assert played.same
-    assert played.false_lows[0] == played.false_lows[1]
 
 
 def test_rail_that_does_not_change_is_not_told() -> None:
-    still = play(shortened(next(steady(1.0, TRAINING_SEED - 100_000 + 5)), 6.0), FUSING, PLAIN)
-    assert not any(s.warns.any() for s in still.seen)
-    assert np.isnan(still.enters_s).all()
+    still = next(d for d in rails(1.0, TRAINING_SEED) if d.kind == STEADY and d.number == 5)
+    found = play(shortened(still, 6.0), FUSING, PLAIN)
+    assert not any(s.warns.any() for s in found.seen)
+    assert entries(found) == []
 
 
 def test_detail_of_a_valid_axle_says_drop_ahead(frames: list[Frame]) -> None:
@@ -138,19 +159,119 @@ def test_suite_has_every_speed_with_and_without_cleaning() -> None:
     assert {(d.speed_m_s, d.cleaned, d.held) for d in every} == {
         (v, cleaned, held) for v in SPEEDS_M_S for cleaned in (False, True) for held in (False, True)
     }
-    assert len({d.scenario.train.axles[0].seed for d in (*every, *steady())}) == len(every) + len(list(steady()))
     assert not any(d.slides for d in every if d.held)
+
+
+def test_suite_has_rails_on_which_nobody_is_to_be_warned() -> None:
+    every = [*patches(), *rails()]
+    assert {d.kind for d in every} == set(KINDS)
+    assert len({d.scenario.train.axles[0].seed for d in every}) == len(every)
+    boxes = {d.kind: d.scenario.train.axles[3].axlebox for d in every}
+    assert {kind for kind, box in boxes.items() if box.joint_m_s2 > 0.0} == {JOINTS}
+
+
+def run_of(drive: Drive, warns: Any, distance_m: Any, mu_pct: float = 5.0) -> Played:
+    """10 m/s for 9 s, 4 % on the drive's patch and 20 % elsewhere. warns is of the time and of the way left to the
+    patch, distance_m of the latter."""
+    time_s = 0.005 * np.arange(1, 1801, dtype=np.float64)
+    at_m = 10.0 * time_s[:, None] + np.array(PLACES_M)
+    start_m, end_m = drive.start_m, drive.end_m
+    on = np.zeros(at_m.shape, bool) if start_m is None else (at_m >= start_m) & (at_m < end_m)
+    frames_s = FRAME_S * np.arange(1, 450, dtype=np.float64)
+    seen = []
+    for k, place in enumerate(PLACES_M):
+        left_m = (start_m or 0.0) - (10.0 * frames_s + place)
+        told = np.asarray(warns(frames_s, left_m), bool) & (k > 0)
+        number = np.where(told, distance_m(left_m), np.nan)
+        seen.append(Seen(frames_s, told, told, np.where(told, mu_pct, np.nan), number))
+    return Played(drive, tuple(seen), 10.0 * time_s, np.where(on, 4.0, 20.0), 0, True)
+
+
+@pytest.fixture(scope="module")
+def patch() -> Drive:
+    """From 40 to 60 m: axle 1 is on it after 4 s, axle 4 after 6.15 s."""
+    return replace(next(patches()), start_m=40.0, end_m=60.0)
+
+
+def ahead(left_m: Any) -> Any:
+    return np.maximum(left_m, 0.0)
+
+
+def test_lead_is_counted_from_the_frame_that_warned(patch: Drive) -> None:
+    found = entries(run_of(patch, lambda t, left: (t > 4.1) & (left > -5.0), ahead))
+    assert [e.lead_s for e in found] == pytest.approx([0.13, 1.78, 2.03], abs=1e-6)
+    assert [e.told_pct - e.true_pct for e in found] == [1.0] * 3
+    assert max(np.abs(e.errors_m).max() for e in found) < 1e-9
+
+
+def test_frame_at_the_entry_is_too_late(patch: Drive) -> None:
+    found = entries(run_of(patch, lambda t, left: left <= 1e-6, ahead))
+    assert [math.isnan(e.lead_s) for e in found] == [True] * 3
+
+
+def test_warning_that_was_withdrawn_is_none(patch: Drive) -> None:
+    found = entries(run_of(patch, lambda t, left: (t > 4.1) & (left > 0.5), ahead))
+    assert [math.isnan(e.lead_s) for e in found] == [True] * 3
+
+
+def test_warning_of_another_place_is_none(patch: Drive) -> None:
+    other = run_of(patch, lambda t, left: t > 4.1, lambda left: np.maximum(left, 0.0) + 3.5)
+    found = entries(other)
+    assert [math.isnan(e.lead_s) for e in found] == [True] * 3
+    assert all(np.allclose(e.errors_m, 3.5) for e in found)
+
+
+@pytest.mark.parametrize("told_m", [0.0, 2.0, 15.0])
+def test_daemon_that_always_warns_warns_nobody(patch: Drive, told_m: float) -> None:
+    always = run_of(patch, lambda t, left: np.ones(len(t), bool), lambda left: np.full(len(left), told_m))
+    assert [math.isnan(e.lead_s) for e in entries(always)] == [True] * 3
+    count, seconds = false_warnings(always)
+    assert count >= 1
+    assert seconds > 2.0
+
+
+def test_warning_after_the_patch_is_false(patch: Drive) -> None:
+    late = run_of(patch, lambda t, left: (t >= 6.59) & (t < 6.69), lambda left: np.full(len(left), 20.0))
+    count, seconds = false_warnings(late)
+    assert count == 1
+    assert seconds == pytest.approx(0.1)
+
+
+def test_low_adhesion_told_of_a_good_rail_is_counted(patch: Drive) -> None:
+    told, false = false_lows(run_of(patch, lambda t, left: (t > 4.1) & (left > -5.0), ahead))
+    assert (told > 100, false) == (True, 0)
+    rise = replace(next(d for d in rails() if d.kind == RISE), speed_m_s=10.0)
+    told, false = false_lows(run_of(rise, lambda t, left: (t > 1.0) & (t < 2.0), lambda left: np.full(len(left), 30.0)))
+    assert told == false > 100
+    assert false_lows(run_of(rise, lambda t, left: t > 1.0, lambda left: np.full(len(left), 30.0), 9.0)) == (0, 0)
+
+
+def test_axle_that_never_comes_is_counted_apart(patch: Drive) -> None:
+    short = run_of(patch, lambda t, left: t > 4.1, ahead)
+    short = replace(short, way_m=short.way_m[:1000], mu_pct=short.mu_pct[:1000])  # 50 m
+    assert math.isnan(enters_s(short, 3))
+    result = judge([short])
+    assert [f["never_there"] for f in result["axles"].values()] == [0, 1, 1]
+    assert result["false_warnings"]["all"]["hours"] == pytest.approx(5.0 / 3600)
+    assert "never came to: 0, 1, 1." in tables(result)[0]
 
 
 def test_report_counts_what_was_told(played: Played) -> None:
     nothing = replace(played.seen[1], warns=np.zeros_like(played.seen[1].warns))
     missed = replace(played, drive=replace(played.drive, number=1), seen=(played.seen[0], nothing, *played.seen[2:]))
-    result = judge([played, missed], [])
-    assert (result["axles"]["2"]["warned"].value, result["axles"]["3"]["warned"].value) == (0.5, 1.0)
+    result = judge([played, missed])
+    assert [result["axles"][a]["all"]["warned"].value for a in ("2", "3")] == [0.5, 1.0]
     assert math.isnan(result["axles"]["2"]["speeds"]["5"]["warned"].value)
-    assert [g["verdict"] for g in result["goals"][:3]] == ["too few to judge"] * 3
-    lines = tables(result)
-    assert any(line.startswith("| 2 | 50.0") for line in lines)
+    assert [g["verdict"] for g in result["goals"][:6]] == ["too few to judge"] * 6
+    assert result["false_warnings"]["all"]["per_hour"].high > 100.0  # none in two runs of 5 s shows little
+    assert any(line.startswith("| 2 | 50.0") for line in tables(result))
+
+
+def test_run_that_fails_is_missing_by_name(tmp_path: Path) -> None:
+    played, missing = play_all([next(rails())], 1, tmp_path / "none.json")
+    assert played == []
+    assert [(m.piece.suite, m.piece.name) for m in missing] == [("fusion", "unchanging, run 0")]
+    assert "none.json" in missing[0].why
 
 
 @pytest.mark.parametrize("option", [["--html", "x.html"], ["--beside", "a=b"], ["--baselines", "c"]])

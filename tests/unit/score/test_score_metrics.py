@@ -1,6 +1,7 @@
 """The score's figures, on traces whose answer is known, and the intervals around them."""
 
 import math
+from collections import Counter
 from typing import Any
 
 import numpy as np
@@ -62,6 +63,14 @@ def test_only_valid_frames_are_judged_and_the_others_counted() -> None:
     lost = honesty.not_valid(f)
     assert lost["share"].value == pytest.approx(0.1)
     assert lost["causes"] == pytest.approx({"Identity": 0.06, "Timeout": 0.04})
+
+
+def test_causes_that_are_as_frequent_stand_by_name() -> None:
+    causes = np.array([f"cause {(k * 7) % 60:02d}" for k in range(90)])  # half of them twice
+    true = np.full(90, 20.0)
+    t = trace(true, true, validity=np.full(90, "Degraded"), cause=causes[::-1])
+    often = Counter(causes.tolist())
+    assert list(honesty.not_valid(gather([t]))["causes"]) == sorted(often, key=lambda c: (-often[c], c))
 
 
 def test_frames_before_they_are_judged_do_not_count() -> None:

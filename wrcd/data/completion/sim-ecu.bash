@@ -69,21 +69,22 @@ _sim_ecu() {
             drive:--channel | drive:--log | drive:--json | control:-i | \
             control:--interface | control:-c | control:--channel | control:--config | \
             control:--scenario | control:--for | design:--config | design:-o | \
-            design:--output | design:--form | design:--baselines | design:--explain | \
-            contact:--k-a | contact:--k-s | tune:--config | tune:-o | \
-            tune:--output | tune:--form | tune:--over | tune:--budget | \
-            tune:--played | tune:--seed | tune:--jobs | tune:--against | \
-            score:--suite | score:--jobs | score:--design | score:--baselines | \
-            score:--beside | score:--json | score:--html | figures:-o | \
-            figures:--output | figures:--design | figures:--paper | loop:--suite | \
-            loop:--only | loop:--seeds | loop:--jobs | loop:--json | \
-            loop:--html | campaign:-o | campaign:--out | campaign:--jobs | \
-            campaign:--scheduler | campaign:--logs | campaign:--train | campaign:--config | \
-            campaign:--channel | campaign:--limit | compare:--figures | compare:--alpha | \
-            compare:--fail-on | compare:--json | compare:--html | fmu:-o | \
-            fmu:--output | verify:--config | verify:--fuzzy-every | demo:-i | \
-            demo:--interface | demo:-c | demo:--channel | demo:--config | \
-            demo:--scenario | demo:-o | demo:--output)
+            design:--output | design:--form | design:--budget | design:--jobs | \
+            design:--baselines | design:--explain | contact:--k-a | contact:--k-s | \
+            tune:--config | tune:-o | tune:--output | tune:--form | \
+            tune:--over | tune:--budget | tune:--played | tune:--seed | \
+            tune:--jobs | tune:--against | score:--suite | score:--jobs | \
+            score:--design | score:--baselines | score:--beside | score:--json | \
+            score:--html | figures:-o | figures:--output | figures:--design | \
+            figures:--paper | loop:--suite | loop:--only | loop:--seeds | \
+            loop:--jobs | loop:--json | loop:--html | campaign:-o | \
+            campaign:--out | campaign:--jobs | campaign:--scheduler | campaign:--logs | \
+            campaign:--train | campaign:--config | campaign:--channel | campaign:--limit | \
+            compare:--figures | compare:--alpha | compare:--fail-on | compare:--json | \
+            compare:--html | fmu:-o | fmu:--output | verify:--config | \
+            verify:--fuzzy-every | demo:-i | demo:--interface | demo:-c | \
+            demo:--channel | demo:--config | demo:--scenario | demo:-o | \
+            demo:--output)
                 [[ ${COMP_WORDS[i + 1]-} != = ]] || ((i++))
                 ((i++))
                 ;;
@@ -170,11 +171,13 @@ _sim_ecu() {
         [[ $cur == -* ]] || _sim_ecu_nothing
         ;;
     design)
-        options='-h --help --config -o --output --form --search --baselines --explain'
+        options='-h --help --config -o --output --form --search --budget --jobs --baselines --explain'
         case $prev in
         --config) _sim_ecu_words 'locomotive metro'; _sim_ecu_files .toml; return ;;
         -o | --output) _sim_ecu_files ''; return ;;
         --form) _sim_ecu_words 'wrcd paper'; return ;;
+        --budget) _sim_ecu_nothing; return ;;
+        --jobs) _sim_ecu_nothing; return ;;
         --baselines) _sim_ecu_files .json; return ;;
         --explain) _sim_ecu_files .json; return ;;
         :) _sim_ecu_nothing; return ;;
