@@ -93,7 +93,7 @@ class Ahead:
         self._blind_to_m: FloatArray = np.full(n, np.nan)  # the place up to which an axle may have missed a drop
 
     @property
-    def is_sound(self) -> bool:
+    def is_possible(self) -> bool:
         """Whether the drops are such as this class makes: a state from a file may hold others."""
         empty = np.isnan(self._drops).all(axis=1)
         place, seen_us, by, evidence, mu, _ = self._drops[~empty].T

@@ -2,6 +2,7 @@
 
 A class says in STATE what it carries from one frame to the next, by the key that the file has for it; and in TRANSIENT
 what it changes on the way but nothing later hangs on (caches, results made anew).
+A class whose arrays may hold only some values says in is_possible whether they do.
 tests/unit/recorder/test_state.py finds what is in neither.
 """
 
@@ -66,7 +67,7 @@ def restore(thing: Any, node: Any, where: str = "core") -> None:
         raise StateMismatch(f"{where} is not what this version keeps of it")
     for key, name in type(thing).STATE.items():
         setattr(thing, name, _restored(getattr(thing, name), node[key], f"{where}.{key}"))
-    if not getattr(thing, "is_sound", True):
+    if not getattr(thing, "is_possible", True):
         raise StateMismatch(f"{where} holds what cannot be")
 
 

@@ -29,7 +29,8 @@ def move(front: Front, tick: TickInputs, ticks: int, reverse: bool = False) -> N
 
 def test_way_is_the_integral_of_the_speed(front: Front) -> None:
     view = front.view()
-    assert (view.way_m, view.speed_m_s, view.x_m.tolist()) == (pytest.approx(10.0), 20.0, list(X_M))
+    assert view.way_m == pytest.approx(10.0)
+    assert (view.speed_m_s, view.x_m.tolist()) == (20.0, list(X_M))
     move(front, replace(TICK, speed_m_s=0.0), 500)
     assert front.view().way_m == pytest.approx(10.0)
 
@@ -62,7 +63,8 @@ def test_speed_that_jumps_forgets_places(front: Front) -> None:
     before = front.view()
     move(front, replace(TICK, speed_jumped=True), 1)
     view = front.view()
-    assert (view.epoch, view.way_m) == (before.epoch + 1, pytest.approx(0.1))
+    assert view.epoch == before.epoch + 1
+    assert view.way_m == pytest.approx(0.1)
 
 
 def test_one_silent_axle_stops_no_way_but_all_of_them_do(front: Front) -> None:
