@@ -123,7 +123,8 @@ def beyond_a_schema(document: dict[str, Any]) -> bool:
         return True
     if isinstance(fusion, dict) and not fusion.get("one_way") and "direction" not in document.get("vehicle", {}):
         return True
-    if isinstance(fusion, dict) and "constant_speed_m_s" in document.get("limits", {}):
+    limits = document.get("limits")
+    if isinstance(fusion, dict) and isinstance(limits, dict) and "constant_speed_m_s" in limits:
         return True
     return bool(signals) or any(
         isinstance(r, list) and len(r) == 2 and all(type(x) in (int, float) for x in r) and r[0] >= r[1] for r in ranges
