@@ -33,6 +33,10 @@ STEADY_BLOCKS, STEADY, STEADY_RATIO = 20, 0.1, 0.004  # before the newest: torqu
 FALLEN, HELD, MIN_RATIO = 0.85, 0.93, 0.02
 TORQUE_NOW, TORQUE_FROM, TORQUE_TO = 2, 8, 18
 TORQUE_LATE = 5  # blocks that a slip control takes from the rail's change to that fall
+# A joint or a crossing that is too small to be flagged as a pulse drives all models, a worse rail not the wet peak's.
+# Where any of the newest innovations of that one stand out by more decades, no sign is believed until they are gone.
+WET, JOLT = 1, 0.35  # its place among CHANNELS
+JOLT_BLOCKS = NEWEST[-1] + 1
 PAUSE = REFERENCE  # blocks after a sign without another of the same wheelset: the reference is of two rails
 _POWERS = len(CHANNELS)
 _COUNT, _TORQUE, _TORQUE_COUNT = _POWERS, _POWERS + 1, _POWERS + 2
@@ -42,19 +46,23 @@ _COLUMNS = _POWERS + 3
 class DropWatch:
     """Takes the innovations of all axles tick by tick and looks for signs at the end of every block."""
 
-    STATE = {"blocks": "_blocks", "block": "_block", "pause": "_pause", "steady": "_steady", "met_m": "met_m"}
+    STATE = {
+        "blocks": "_blocks", "block": "_block", "pause": "_pause", "jolt": "_jolt", "steady": "_steady",
+        "met_m": "met_m",
+    }  # fmt: skip
 
     def __init__(self, axles: int) -> None:
         self._blocks: FloatArray = np.zeros((LENGTH, _COLUMNS, axles))  # oldest first; the last is being filled
         self._block = -1  # its number
         self._pause: FloatArray = np.zeros(axles)  # blocks to go
+        self._jolt: FloatArray = np.zeros(axles)  # blocks until a jolt is out of the newest
         self._steady: BoolArray = np.zeros(axles, dtype=bool)  # torque, at the newest block's end
         self.met_m: FloatArray = np.full(axles, np.nan)  # way of the train when an axle met a worse rail: not taken yet
 
     def reset(self, axle: int) -> None:
         """Start an axle anew."""
         self._blocks[:, :, axle] = 0.0
-        self._pause[axle] = 0.0
+        self._pause[axle] = self._jolt[axle] = 0.0
         self._steady[axle] = False
         self.met_m[axle] = np.nan
 
@@ -111,10 +119,12 @@ class DropWatch:
         torque = self._blocks[::-1, _TORQUE] / self._blocks[::-1, _TORQUE_COUNT]
         late = np.where(self._fallen(sums, behind), float(TORQUE_LATE), np.nan)
         highest, lowest = np.maximum.accumulate(torque), np.minimum.accumulate(torque)
+        jolted = np.logical_or.reduce([_decades(sums, blocks)[WET] > JOLT for blocks in NEWEST])
+        self._jolt = np.where(jolted, JOLT_BLOCKS, np.maximum(self._jolt - 1.0, 0.0))
         for blocks, limit in zip(NEWEST, LIMITS, strict=True):
             at = blocks + STEADY_BLOCKS - 1
             steady = highest[at] - lowest[at] <= STEADY * highest[at] + STEADY_RATIO
-            seen = steady & (_risen(sums, blocks) > limit)
+            seen = steady & (self._jolt == 0.0) & (_risen(sums, blocks) > limit)
             late = np.where(seen, np.fmin(late, float(blocks)), late)
             if blocks == NEWEST[0]:
                 self._steady = steady
@@ -134,13 +144,18 @@ class DropWatch:
 
 
 def _risen(sums: FloatArray, blocks: int) -> FloatArray:
-    """(n,): decades by which the newest blocks stand out of those before; NaN where either holds too little."""
-    new, old = sums[blocks - 1], sums[blocks + REFERENCE - 1] - sums[blocks - 1]
-    decades = 0.5 * np.log10((new[:_POWERS] / new[_COUNT]) / (old[:_POWERS] / old[_COUNT]))
-    risen: FloatArray = WEIGHTS @ np.clip(decades, -MOST, MOST)
-    few = new[_COUNT] < MIN_NEW * blocks * BLOCK_TICKS
-    risen[few | (old[_COUNT] < MIN_REFERENCE * REFERENCE * BLOCK_TICKS)] = np.nan
+    """(n,): by how much the newest blocks stand out of those before; NaN where either holds too little."""
+    risen: FloatArray = WEIGHTS @ np.clip(_decades(sums, blocks), -MOST, MOST)
     return risen
+
+
+def _decades(sums: FloatArray, blocks: int) -> FloatArray:
+    """(CHANNELS, n): the same of each channel, in decades."""
+    new, old = sums[blocks - 1], sums[blocks + REFERENCE - 1] - sums[blocks - 1]
+    decades: FloatArray = 0.5 * np.log10((new[:_POWERS] / new[_COUNT]) / (old[:_POWERS] / old[_COUNT]))
+    few = new[_COUNT] < MIN_NEW * blocks * BLOCK_TICKS
+    decades[:, few | (old[_COUNT] < MIN_REFERENCE * REFERENCE * BLOCK_TICKS)] = np.nan
+    return decades
 
 
 def _ratio(sums: FloatArray) -> FloatArray:

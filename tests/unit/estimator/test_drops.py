@@ -5,7 +5,7 @@ import pytest
 
 from wrcd.estimator.design import CHANNELS as SENSORS
 from wrcd.estimator.design import MODELS, FloatArray
-from wrcd.estimator.drops import PAUSE, REFERENCE, DropWatch
+from wrcd.estimator.drops import JOLT_BLOCKS, PAUSE, REFERENCE, DropWatch
 from wrcd.estimator.window import BLOCK_TICKS
 
 AXLES = 3
@@ -63,6 +63,22 @@ def test_innovations_of_one_axle_are_a_sign_within_three_blocks(train: Train) ->
 def test_rougher_track_under_all_models_is_no_sign(train: Train) -> None:
     train.all_louder = 2.0
     assert np.isnan(train.run(20)).all()
+
+
+def test_joint_that_drives_all_models_is_no_sign(train: Train) -> None:
+    train.all_louder, train.louder[1] = 10.0, 1.5
+    train.run(2)
+    train.all_louder, train.louder[1] = 1.0, 1.0
+    assert np.isnan(train.run(2 * JOLT_BLOCKS)).all()
+
+
+def test_worse_rail_is_seen_again_once_a_joint_is_gone(train: Train) -> None:
+    train.all_louder = 4.0
+    train.run(1)
+    train.all_louder = 1.0
+    train.run(REFERENCE + JOLT_BLOCKS)
+    train.louder[1] = 10.0
+    assert np.isfinite(train.run(3)).tolist() == [False, True, False]
 
 
 def test_innovations_that_come_with_a_change_of_torque_are_no_sign(train: Train) -> None:

@@ -23,6 +23,7 @@ from sim_ecu.loop.fusion.patches import (
     SPEEDS_M_S,
     STEADY,
     Drive,
+    _rail,
     patches,
     rails,
 )
@@ -40,6 +41,7 @@ from wrcd.core.messages import Outgoing
 from wrcd.recorder.state import capture, encode, restore
 
 TRAINING_SEED = 500
+JOINTED_NUMBER, JOINTED_SEED = 14, 314
 AHEAD, DETAIL = range(0xC1, 0xC5), range(0xA1, 0xA5)
 FUSING, PLAIN = load_packaged(4, PLACES_M), load_packaged(4)
 
@@ -96,6 +98,16 @@ def test_rail_that_does_not_change_is_not_told() -> None:
     found = play(shortened(still, 6.0), FUSING, PLAIN)
     assert not any(s.warns.any() for s in found.seen)
     assert entries(found) == []
+
+
+def test_small_joints_are_not_told() -> None:
+    """Of 0.3 m/s²: too small to be flagged as pulses."""
+    seconds = 6.0
+    jointed = shortened(_rail(JOINTED_NUMBER, JOINTED_SEED, JOINTS), seconds)
+    assert jointed.scenario.train.axles[0].axlebox.joint_m_s2 == 0.3
+    p = play(jointed, FUSING, None)
+    assert len(p.seen[0].time_s) > 0.9 * seconds / FRAME_S
+    assert false_warnings(p) == (0, 0.0)
 
 
 def test_detail_of_a_valid_axle_says_drop_ahead(frames: list[Frame]) -> None:
