@@ -116,6 +116,7 @@ def run(
                 continue
             place, attempt = running.pop(future)
             ending, value, error, seconds = _result(future)
+            del future  # Dask works a result out again that is lost with its worker while anybody holds on to it
             if ending in AGAIN and error != GIVEN_UP and attempt < ATTEMPTS:
                 hand_out(place, attempt + 1)
                 continue

@@ -17,6 +17,8 @@ from wrcd.recorder.recorder import Recorder
 from wrcd.service.loop import Daemon
 from wrcd.tools.cli import main
 
+HANGS_S = 120.0  # the process that writes a dump gives way to everything else on a computer
+
 
 class RecordedTrain:
     """Simulator, daemon and recorder on a clock of the test's own; the dumps are written by real processes."""
@@ -52,7 +54,7 @@ class RecordedTrain:
         return next(self.folder.glob("*-asked.log"))
 
     def go_on(self, done: Callable[[], bool]) -> None:
-        end = time.monotonic() + 30
+        end = time.monotonic() + HANGS_S
         while not done():
             assert time.monotonic() < end, self.said
             if not self.recorder.is_writing:
