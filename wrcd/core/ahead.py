@@ -101,7 +101,11 @@ class Ahead:
         self._learn(view, mu, window_s)
         self._forget(now_s, view)
         self._remember(now_s, mu)
-        return [self._told(axle, now_s, view, mu) for axle in range(len(self._numbers))]
+        leader = float(np.max(view.x_m, where=view.ready, initial=-math.inf))
+        silent = [NOTHING_SEEN if leader > x else NOBODY_AHEAD for x in view.x_m.tolist()]
+        if not np.isfinite(self._drops[:, _PLACE]).any():
+            return silent
+        return [self._told(axle, now_s, view, mu) or silent[axle] for axle in range(len(self._numbers))]
 
     def _note_signs(self, now_s: float, view: View) -> None:
         """A sign of a leading axle that had an estimate is a drop, or another axle's sight of one."""
@@ -169,15 +173,15 @@ class Ahead:
         moved = self._before + np.minimum(share, 1.0) * (mu - self._before)
         self._before = np.where(np.isnan(self._before), mu, np.where(np.isnan(mu), self._before, moved))
 
-    def _told(self, axle: int, now_s: float, view: View, mu: FloatArray) -> Told:
-        """The nearest drop that an axle goes towards or has just reached, and that is less than what it has."""
+    def _told(self, axle: int, now_s: float, view: View, mu: FloatArray) -> Told | None:
+        """The nearest drop that an axle goes towards or has just reached, and that is less than what it has, if any."""
         x = view.x_m
         place = self._drops[:, _PLACE] - (view.way_m + x[axle])
         by = np.nan_to_num(self._drops[:, _BY]).astype(np.int64)
         here = (place >= -ON_M) & (place <= MAX_AHEAD_M) & (x[by] > x[axle])
         here &= ~(self._drops[:, _MU] >= FALLEN_TO * mu[axle])
         if not here.any():
-            return NOTHING_SEEN if (view.ready & (x > x[axle])).any() else NOBODY_AHEAD
+            return None
         row = int(np.where(here, place, np.inf).argmin())
         drop, distance = self._drops[row], float(place[row])
         entering = distance <= ENTERING_S * view.speed_m_s

@@ -34,7 +34,8 @@ class Front:
     }  # fmt: skip
 
     def __init__(self, positions_m: Sequence[float], tick_s: float) -> None:
-        self._positions_m = np.array(positions_m)
+        forward = np.array(positions_m, np.float64)
+        self._places = _order(forward), _order(-forward)  # by whether it runs in reverse
         self._tick_s = tick_s
         self._way_m = 0.0
         self._epoch = 0
@@ -45,7 +46,7 @@ class Front:
 
     def move(self, tick: TickInputs, reverse: bool) -> None:
         """A tick is over. Speed that is unknown, silent or jumps, and another direction, start anew."""
-        known = math.isfinite(tick.speed_m_s) and len(tick.unavailable) < len(self._positions_m)
+        known = math.isfinite(tick.speed_m_s) and len(tick.unavailable) < len(self._x_m)
         if known != self._known or reverse != self._reverse or (known and tick.speed_jumped):
             self.clear()
         self._known, self._reverse = known, reverse
@@ -78,9 +79,13 @@ class Front:
 
     @property
     def _x_m(self) -> FloatArray:
-        return -self._positions_m if self._reverse else self._positions_m
+        return self._places[self._reverse][0]
 
     @property
-    def _behind(self) -> list[list[int]]:
-        x = self._x_m
-        return [np.flatnonzero(x < own).tolist() for own in x]
+    def _behind(self) -> Sequence[Sequence[int]]:
+        return self._places[self._reverse][1]
+
+
+def _order(x: FloatArray) -> tuple[FloatArray, list[list[int]]]:
+    """Where axles stand in the direction of travel, and which of them run behind each."""
+    return x, [np.flatnonzero(x < own).tolist() for own in x]
