@@ -11,6 +11,7 @@ from sim_ecu.campaign.job import Job
 from sim_ecu.campaign.runner import local
 from sim_ecu.campaign.tune.goals import GOALS, Figures, differences, figures, front, operations, verdict
 from sim_ecu.campaign.tune.journal import Journal
+from sim_ecu.campaign.tune.pieces import Pieces
 from sim_ecu.campaign.tune.played import Seen, play_all
 from sim_ecu.design.source import load_source
 from sim_ecu.resources import PAPER_DESIGN
@@ -149,3 +150,16 @@ def test_designs_are_played_on_the_same_runs_once(tmp_path: Path) -> None:
     with local(1) as executor, pytest.raises(InputError, match=r"bad\.json: cannot be played in grid: InputError"):
         play_all([bad], every[:1], other, executor, 1, lambda *_: None)
     other.close()
+
+
+def test_time_left_is_that_of_the_piece_that_goes_on(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    now = [0.0]
+    monkeypatch.setattr("time.monotonic", lambda: now[0])
+    pieces = Pieces()
+    for now[0], what, share in ((50.0, "a", 0.5), (100.0, "a", 1.0), (101.0, "b", 0.1), (102.0, "b", 0.2)):
+        pieces.at(what, share)
+    pieces.end()
+    left = [line.rpartition(", about ")[2] for line in capsys.readouterr().err.splitlines() if "about" in line]
+    assert left == ["50 s left", "9 s left", "8 s left"]
