@@ -60,13 +60,13 @@ class Accuracy:
         plan = self.brief.plan
         data, _ = features(with_placeholder_rules(bank(brief)), self.recordings, plan, workers=1)
         fresh = data.condition % VALIDATED == 0
-        rules, others = rule_base(brief, _some(data, ~fresh)), _some(data, fresh)
+        rules, others = rule_base(brief, some(data, ~fresh)), some(data, fresh)
         guess = np.maximum(rules.mu_pct(others.inputs), 100.0 * 10.0 ** others.inputs[:, MODELS])
         return float(np.average(np.abs(guess - others.mu_pct), weights=others.importance(plan)))
 
 
-def _some(data: Features, rows: NDArray[np.bool_]) -> Features:
-    # conditions are numbered on: a fit halves them by their numbers
+def some(data: Features, rows: NDArray[np.bool_]) -> Features:
+    """Some of the windows (n,), their conditions numbered from 0 on: a fit halves them by their numbers."""
     numbers = np.unique(data.condition[rows], return_inverse=True)[1]
     return Features(data.inputs[rows], data.mu_pct[rows], numbers, data.nominal[rows])
 

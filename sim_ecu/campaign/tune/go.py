@@ -14,6 +14,7 @@ from sim_ecu.campaign.tune.designs import Designs, save
 from sim_ecu.campaign.tune.finalists import Final, Finalist, play_off
 from sim_ecu.campaign.tune.goals import Difference, Outcome, differences, operations, outcome
 from sim_ecu.campaign.tune.journal import Journal
+from sim_ecu.campaign.tune.pieces import Pieces
 from sim_ecu.campaign.tune.played import Seen, play_all, test
 from sim_ecu.campaign.tune.tables import front_table, pace, said, test_table
 from sim_ecu.design.brief import written
@@ -76,7 +77,7 @@ class _Go:
             self._write_brief(candidates[0].brief, ["No design was played (--played 0)."])
             self._write()
             return Status.DONE
-        progress = Progress(steps=True)
+        progress = Pieces()
         designs = Designs(self._folder / DESIGNS, progress.at)
         final = Final(designs, asked.seed, self._journal, self._executor, asked.jobs, progress.at)
         play_off(asked.start, candidates, asked.groups, asked.played, asked.seed, final)
@@ -117,7 +118,7 @@ class _Go:
     def _on_test(self, final: Final, designs: Designs) -> int:
         """The whole design of the chosen brief, the start as it was played, and the one to reach, on the test seeds'
         same frames."""
-        asked, progress = self._asked, Progress(steps=True)
+        asked, progress = self._asked, Pieces()
         made = designs.of(final.best.brief)
         if made is None:
             raise InputError(

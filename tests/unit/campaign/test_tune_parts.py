@@ -13,6 +13,7 @@ from sim_ecu.campaign.runner import local
 from sim_ecu.campaign.tune.candidates import Candidate, Judging, search
 from sim_ecu.campaign.tune.goals import Difference, Figures, Verdict, differences, figures, front, operations, outcome
 from sim_ecu.campaign.tune.journal import Journal
+from sim_ecu.campaign.tune.pieces import Pieces
 from sim_ecu.campaign.tune.played import Seen, digest, play_all
 from sim_ecu.design.make import POINTS, Brief
 from sim_ecu.design.source import load_source
@@ -238,3 +239,16 @@ def test_budget_holds_for_a_start_that_a_search_would_round(tmp_path: Path) -> N
     journal.close()
     assert len(journal) == judging.computed == len(found) == 2
     assert known in found
+
+
+def test_time_left_is_that_of_the_piece_that_goes_on(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    now = [0.0]
+    monkeypatch.setattr("time.monotonic", lambda: now[0])
+    pieces = Pieces()
+    for now[0], what, share in ((50.0, "a", 0.5), (100.0, "a", 1.0), (101.0, "b", 0.1), (102.0, "b", 0.2)):
+        pieces.at(what, share)
+    pieces.end()
+    left = [line.rpartition(", about ")[2] for line in capsys.readouterr().err.splitlines() if "about" in line]
+    assert left == ["50 s left", "9 s left", "8 s left"]

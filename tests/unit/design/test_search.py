@@ -11,9 +11,11 @@ from sim_ecu.design import search
 from sim_ecu.design.brief import read_brief
 from sim_ecu.design.cases import FloatArray
 from sim_ecu.design.cmaes import minimise
+from sim_ecu.design.features import Features
 from sim_ecu.design.make import POINTS, Brief, in_papers_form
 from sim_ecu.design.search import Accuracy, Matching, error_of, matching, objective
 from wrcd.errors import InputError
+from wrcd.estimator.design import COLUMNS
 from wrcd.settings import parse_toml
 
 
@@ -82,14 +84,27 @@ def test_a_residual_counts_where_its_model_matches(held: Matching) -> None:
     assert swapped[2:] == pytest.approx(mine[2:])
 
 
-def test_accuracy_is_of_conditions_that_no_rule_was_made_from(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_accuracy_is_of_conditions_of_the_search_and_infinite_without_a_stable_filter(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     brief = replace(Brief(), max_rules=6, plan=replace(Brief().plan, speeds=2, per_speed=6))
     aim = objective(brief, 1)
     assert isinstance(aim, Accuracy)
     assert aim.brief.plan.seed != brief.plan.seed  # those of the design that is made in the end
-    assert error_of(aim, brief) < error_of(aim, replace(brief, points=(brief.points[0],) * 4))  # four that are one
+    errors = error_of(aim, brief), error_of(objective(brief, 2), brief)
+    assert errors[0] != errors[1]
+    assert all(map(np.isfinite, errors))
     monkeypatch.setattr(search, "GRID", 2)
     assert error_of(aim, brief) == float("inf")  # gains of 3 and 60 m/s make no stable filter between them
+
+
+def test_parts_of_the_windows_are_numbered_by_conditions_of_their_own() -> None:
+    """A fit halves its conditions by their numbers: none of its halves may be empty."""
+    condition = np.repeat(np.arange(6), 2)
+    every = Features(np.zeros((12, COLUMNS)), np.arange(12.0), condition, np.ones(12, dtype=bool))
+    rest = search.some(every, condition % search.VALIDATED != 0)
+    assert rest.mu_pct.tolist() == [2, 3, 4, 5, 8, 9, 10, 11]
+    assert rest.condition.tolist() == [0, 0, 1, 1, 2, 2, 3, 3]
 
 
 @pytest.mark.parametrize(
