@@ -2,7 +2,7 @@
 # make test   set up, then all tests: on the host, then on a real kernel's vcan and under real systemd
 # make walk   a new user's first hour in a clone of the last commit: demo, own DBC, a bus, screens and pages; 4 minutes
 # make lint   format, lint, types: seconds
-# make check  make lint, then make test
+# make check  make lint, then make test; both, whatever fails
 # make docs   prints what the pages quote from the program again, and builds their site into build/site; make docs-all score, loop and fault matrix too, an hour
 # make vcan -- COMMAND  COMMAND where there is a vcan0: on this kernel, or in a throw-away one; without COMMAND a shell
 # make fuzz   property tests with EXAMPLES (10^5) examples each, and a million corrupted frames; hours
@@ -35,8 +35,8 @@ else
 demo: $(READY)
 	$(BIN)/sim-ecu demo
 
-test: unit hil
-	tests/side-by-side "faults systemd" "browser walk"
+test: $(READY)
+	tests/all-stages
 
 # a process for each core, each with a stretch of the tests: a module's fixtures are made once, or twice. Threads of the
 # linear algebra would wait for each other on cores that are taken: a fifth of the processor time.
@@ -65,8 +65,9 @@ systemd: $(READY)
 deb: $(READY)
 	$(BIN)/python systemd/deb/build.py
 
-# docs/monitor.svg and docs/report.png, from rides that are played for them
+# docs/leaf-patch.png, docs/monitor.svg and docs/report.png, from rides that are played for them
 pictures: $(READY)
+	$(BIN)/python -m tests.support.demo_picture
 	$(BIN)/python -m tests.support.monitor_picture
 	$(BIN)/python -m tests.support.report_picture
 
@@ -84,8 +85,8 @@ lint: $(READY)
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 
-check: lint
-	$(MAKE) test
+check: $(READY)
+	$(MAKE) lint; linted=$$?; $(MAKE) test; tested=$$?; [ $$linted = 0 ] || echo "make lint FAILED"; exit $$((linted | tested))
 
 EXAMPLES ?= 100000
 fuzz: $(READY)
@@ -131,7 +132,7 @@ design: $(READY)
 	$(BIN)/sim-ecu design -o wrcd/data/default.design.json --baselines sim_ecu/data/default.baselines.json
 	$(BIN)/sim-ecu design --form paper -o sim_ecu/data/paper.design.json
 
-# the tables of docs/reference/score.md; 25 minutes of processor time, on two cores
+# the tables of docs/reference/score.md; 30 minutes of processor time, on two cores
 score: $(READY)
 	$(BIN)/sim-ecu score --json build/score.json --html build/score.html
 

@@ -1,4 +1,4 @@
-"""Draw the CSV of a replay: adhesion, the interval that Confidence claims, adhesion in use, and why it is not Valid.
+"""Draw the CSV of a replay: adhesion with its 90 % interval, adhesion in use, and why it is not Valid.
 
     .venv/bin/wrcd replay tests/golden/leaf-film.log --csv leaf-film.csv
     .venv/bin/python examples/plot_replay.py leaf-film.csv leaf-film.png
@@ -22,14 +22,6 @@ matplotlib.use("Agg")
 from matplotlib import pyplot as plt
 
 SLOT_S = 0.02
-WIDER_PP = 20.0  # drawn for a half-width without a bound
-
-
-def half_width(level: str) -> float:
-    """Percentage points of a level of Confidence: 3 for Within3pp; NaN for None."""
-    if level == "None":
-        return math.nan
-    return WIDER_PP if level == "Wider" else float(level.removeprefix("Within").removesuffix("pp"))
 
 
 def plot(table: Path, picture: Path, axle: int = 1) -> dict[str, float]:
@@ -38,15 +30,14 @@ def plot(table: Path, picture: Path, axle: int = 1) -> dict[str, float]:
         rows = [r for r in csv.DictReader(file) if int(r["axle"]) == axle]
     start = float(rows[0]["time_s"])
     time = [float(r["time_s"]) - start for r in rows]
-    mu, used, width = (
-        [float(r["mu_available_pct"] or math.nan) if r["validity"] == "Valid" else math.nan for r in rows],
-        [float(r["mu_used_pct"] or math.nan) for r in rows],
-        [half_width(r["confidence"]) for r in rows],
+    used = [float(r["mu_used_pct"] or math.nan) for r in rows]
+    mu, low, high = (
+        [float(r[column] or math.nan) if r["validity"] == "Valid" else math.nan for r in rows]
+        for column in ("mu_available_pct", "low_pct", "high_pct")
     )
-    low, high = ([m + sign * w for m, w in zip(mu, width, strict=True)] for sign in (-1, 1))
     figure, axes = plt.subplots(figsize=(10, 4.5))
     axes.fill_between(time, used, color="0.85", label="in use")
-    axes.fill_between(time, low, high, alpha=0.25, label="interval that Confidence claims")
+    axes.fill_between(time, low, high, alpha=0.25, label="its 90 % interval")
     axes.plot(time, mu, label="available, where Valid")
     axes.set(xlabel="time, s", ylabel=f"axle {axle}: adhesion, %", ylim=(0, 55))
     axes.grid(alpha=0.3)

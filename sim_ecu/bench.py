@@ -229,8 +229,8 @@ class Bench:
         return self._run.rig.silences[k], self._run.rig.silent_us[k] * 1e-6
 
     def figures(self) -> Figures:
-        """Slides, slip energy, utilisation, stopping distance of the steps so far. Raises InputError before the
-        first."""
+        """Time beyond the peak's creep, slides, slip energy, utilisation, stopping distance of the steps so far. Raises
+        InputError before the first."""
         if not self.steps:
             raise InputError("there are no figures before the first step", hint="call step() or run()")
         return judge(self.steps, self.scenario)

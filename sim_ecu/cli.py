@@ -55,7 +55,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Entry point. Returns the exit status: see Status."""
     args = _parser().parse_args(argv)
     command = next(c for c in COMMANDS if c.name == args.command)
-    return guarded("sim-ecu", lambda: explained(lambda: command.run(args)), retried=command.retried)
+    own_signals = command.own_signals(args)
+    return guarded(
+        "sim-ecu", lambda: explained(lambda: command.run(args)), retried=command.retried, own_signals=own_signals
+    )
 
 
 def _parser(commands: Sequence[Command] = COMMANDS) -> argparse.ArgumentParser:

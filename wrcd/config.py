@@ -10,14 +10,15 @@ from wrcd import declared, resources
 from wrcd.bus.dbc import Database, load_dbc
 from wrcd.bus.units import Quantity
 from wrcd.core.configuration import Config, Input, RecorderConfig
-from wrcd.errors import InputError
+from wrcd.errors import InputError, InputErrors
 from wrcd.estimator.design import Design, load_design
 from wrcd.keys import Text, names
 from wrcd.mapping.fusion import read_positions, untold
 from wrcd.mapping.inputs import STALE_TICKS
 from wrcd.mapping.outputs import STATUS_MESSAGES, usual_messages
-from wrcd.mapping.statements import NEEDED
-from wrcd.mapping.train import read_train
+from wrcd.mapping.statements import NEEDED, Statement
+from wrcd.mapping.train import all_statements, read_train
+from wrcd.section import TO_FILL_IN
 from wrcd.settings import Section, parse_toml, read_toml, suggest
 
 __all__ = ["DEFAULT", "DEFAULT_AXLES", "STALE_TICKS", "load_config", "load_config_to_run", "load_packaged", "packaged"]
@@ -59,11 +60,29 @@ def load_config(
     return _config(*_source(path), read_dbc, read_design)
 
 
+def mistakes(text: str, file: Path, folder: Path, design: Design) -> Sequence[InputError]:
+    """What load_config refuses of a configuration's text, of a design; file: what messages call it, folder: from which
+    its paths go."""
+    try:
+        _config(parse_toml(text, file, collect=True), folder, load_dbc, lambda _: design)
+    except InputErrors as e:
+        return e.errors
+    except InputError as e:
+        return (e,)
+    return ()
+
+
 def load_config_to_run(path: Path | None) -> Config:
     """The same for the daemon, sooner: attributes and comments of messages that the configuration cannot mean are not
     parsed."""
     top, folder = _source(path)
     return _config(top, folder, partial(load_dbc, names=_messages(top)), load_design)
+
+
+def input_mappings(path: Path | None) -> list[Statement]:
+    """What a configuration that load_config takes says of its inputs, for a line that changes one."""
+    top, _ = _source(path)
+    return all_statements(list(top.sections("axle")), top.section("vehicle"))
 
 
 def load_packaged(axles: int, positions_m: Sequence[float] | None = None) -> Config:
@@ -181,7 +200,8 @@ def _one_speed(limits: Section, vehicle: Section) -> None:
             limits.error("is given, and vehicle.speed names a signal", constant, "one of the two: which one holds?")
         )
     elif speed not in vehicle and constant not in limits:
-        error = vehicle.absent(speed, f'name the signal ("Message.Signal") or give limits.{constant}')
+        hint = f"{limits.line(**{constant: TO_FILL_IN})}, or name the signal"
+        error = vehicle.absent(speed, hint, "Message.Signal")
         vehicle.mistake(error)
         limits.explains(constant, error)
 
@@ -195,7 +215,8 @@ def _not_available_after_us(limits: Section, mapped: list[Input]) -> int:
                     f"{after_us / 1000:g} ms is less than the time-out of {i.source.message}.{i.source.signal}, "
                     f"{i.timeout_us / 1000:g} ms",
                     declared.NOT_AVAILABLE_AFTER.name,
-                    "give a longer one: an input that is silent for so long ends the estimate",
+                    "an input that is silent for so long ends the estimate: "
+                    + limits.line(**{declared.NOT_AVAILABLE_AFTER.name: i.timeout_us / 1000}),
                 )
             )
     return after_us
@@ -267,7 +288,7 @@ def _names_the_wheelset(top: Section, wheelset: Section, dbc: Section, estimator
     error = dbc.error(
         f"is a train's own, but nothing says that it has the wheelset {_name(design)!r} of the packaged design",
         key,
-        f'name it: [wheelset] name = "{_name(design)}" (or parameters to compare), or [estimator] design = "FILE"',
+        f"{wheelset.line(name=_name(design))} (or parameters to compare), or {estimator.line(design='FILE')}",
     )
     dbc.mistake(error)
     for section, absent in ((top, "wheelset"), (top, "estimator"), (estimator, declared.DESIGN.name)):

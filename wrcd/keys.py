@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterable
 from typing import Any
 
-from wrcd.section import Section, shown, suggest
+from wrcd.section import TO_FILL_IN, Section, shown, suggest
 
 MESSAGE_SIGNAL = r"^[^.]+\.[^.]+$"
 
@@ -228,7 +228,7 @@ class Numbers(Key):
     def read(self, section: Section) -> tuple[float, ...] | None:
         """The numbers. Raises InputError where they are needed and missing."""
         if self.needed and self.name not in section:
-            raise section.absent(self.name, f"it takes a {self.takes}")
+            raise section.absent(self.name, f"it takes a {self.takes}", [TO_FILL_IN])
         value = section.raw(self.name)
         if value is None:
             return None

@@ -1,7 +1,9 @@
 """One table of a TOML file, and where in the file its keys stand."""
 
+import json
 import math
-from collections.abc import Iterable, Iterator
+import re
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
@@ -10,6 +12,7 @@ from wrcd.errors import InputError, InputErrors
 
 T = TypeVar("T")
 _TYPES = {str: "a string", bool: "true or false", int: "a whole number", float: "a number", list: "a list"}
+TO_FILL_IN = "…"  # stands for a value that only a person knows
 
 
 class Source:
@@ -37,10 +40,16 @@ class Section:
     """
 
     def __init__(
-        self, data: dict[str, Any], source: Source, path: tuple[str | int, ...], short: str | None = None
+        self,
+        data: dict[str, Any],
+        source: Source,
+        path: tuple[str | int, ...],
+        short: str | None = None,
+        parent: "Section | None" = None,
     ) -> None:
         self._data, self._source, self._path = data, source, path
         self._short = short  # the key whose value stands in place of the table
+        self._parent = parent
         self._known: set[str] = set()
 
     @property
@@ -68,6 +77,30 @@ class Section:
         """An error at a key of this table, or at the table itself."""
         path = self._path if key is None or key == self._short else (*self._path, key)
         return InputError(reason, file=self.file, line=self._source.line(path), key=self._dotted(path), hint=hint)
+
+    def line(self, **keys: object) -> str:
+        """What to write for this table to have some keys, too, or not (None): the line, and where it stands."""
+        value: object = {key: one for key, one in {**self._data, **keys}.items() if one is not None}
+        table = self
+        while table._parent is not None and not table._has_header:
+            parent, key = table._parent, str(table._path[-1])
+            if isinstance(place := table._path[-1], int):  # one of several in a list
+                key = str(table._path[-2])
+                value = [value if k == place else part for k, part in enumerate(parent._data[key])]
+            if parent._has_header:
+                return f"write in {parent._header}: {key} = {toml(value)}"
+            value, table = {**parent._data, key: value}, parent
+        lines = ", ".join(f"{key} = {toml(one)}" for key, one in keys.items())
+        return f"write in {self._header}: {lines}" if self._path else f"write {lines}"
+
+    @property
+    def _has_header(self) -> bool:
+        """Whether it stands in the file by itself, as [limits] or [[axle]]."""
+        return len(self._path) < 2 or (len(self._path) == 2 and isinstance(self._path[1], int))
+
+    @property
+    def _header(self) -> str:
+        return f"[{self._path[0]}]" if len(self._path) == 1 else f"[[{self._path[0]}]]"
 
     def mistake(self, error: InputError) -> None:
         """Collect an error, or raise it."""
@@ -102,7 +135,7 @@ class Section:
         """A value that must be there. Whole numbers pass as float; true and false never pass as numbers."""
         self._known.add(key)
         if key not in self._data:
-            raise self.absent(key, f"it takes {_TYPES.get(kind, kind.__name__)}")
+            raise self.absent(key, f"it takes {_TYPES.get(kind, kind.__name__)}", TO_FILL_IN)
         value = self._data[key]
         if kind is float and type(value) is int:
             value = float(value)
@@ -112,9 +145,10 @@ class Section:
             raise self.error(f"takes a finite number, not {shown(value)}", key)
         return value
 
-    def absent(self, key: str, hint: str) -> InputError:
-        """The error of a needed key that is missing. It goes when done() finds the key mistyped."""
-        error = self.error("is missing", key, hint)
+    def absent(self, key: str, hint: str, example: object = None) -> InputError:
+        """The error of a needed key that is missing; example: the value in the line that it shows, if any. It goes
+        when done() finds the key mistyped."""
+        error = self.error("is missing", key, hint if example is None else f"{hint}: {self.line(**{key: example})}")
         self.explains(key, error)
         return error
 
@@ -171,7 +205,7 @@ class Section:
         if not isinstance(value, dict):
             self.mistake(self.error(f"takes a table, not {shown(value)}", key, f"write [{key}]"))
             value = {}
-        return Section(value, self._source, (*self._path, key))
+        return Section(value, self._source, (*self._path, key), parent=self)
 
     def sections(self, key: str) -> Iterator["Section"]:
         """An array of tables, [[key]]."""
@@ -181,7 +215,7 @@ class Section:
             self.mistake(self.error("takes tables", key, f"write [[{key}]]"))
             value = []
         for i, v in enumerate(value):
-            yield Section(v, self._source, (*self._path, key, i))
+            yield Section(v, self._source, (*self._path, key, i), parent=self)
 
     def table_or_text(self, key: str, short: str) -> "Section | None":
         """A sub-table, or a text that stands for one whose key `short` has it. None where it is missing or neither."""
@@ -190,7 +224,7 @@ class Section:
 
     def usual(self, key: str, short: str, text: str) -> "Section":
         """The table that holds where the key is missing."""
-        return Section({short: text}, self._source, (*self._path, key), short)
+        return Section({short: text}, self._source, (*self._path, key), short, self)
 
     def place(self, key: str, short: str) -> "Section":
         """Where a sub-table stands, for errors; text may stand for it."""
@@ -212,9 +246,9 @@ class Section:
 
     def _shortened(self, value: Any, path: tuple[str | int, ...], short: str) -> "Section | None":
         if isinstance(value, str):
-            return Section({short: value}, self._source, path, short)
+            return Section({short: value}, self._source, path, short, self)
         if isinstance(value, dict):
-            return Section(value, self._source, path)
+            return Section(value, self._source, path, parent=self)
         error = Section({}, self._source, path).error(f"takes text or a table, not {shown(value)}")
         self.mistake(error)
         return None
@@ -242,6 +276,23 @@ class Section:
                 self._source.mistakes.remove(missing)
             hint = _meant(near) if near else f"known here: {', '.join(sorted(known))}"
             self.mistake(self.error("unknown key", key, hint))
+
+
+def toml(value: object) -> str:
+    """A value as TOML writes it."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False)
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{_key(key)} = {toml(v)}" for key, v in value.items()) + " }"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(toml, value)) + "]"
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _key(key: str) -> str:
+    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else json.dumps(key, ensure_ascii=False)
 
 
 def shown(value: object) -> str:

@@ -82,7 +82,8 @@ def go(opened: Opened, workers: Workers, *, again: bool = False) -> Finished:
         store.forget([k for k in keys if k in store.rows and store.rows[k].ending is not Ending.DONE])
     left = [k for k, key in enumerate(keys) if key not in store.rows]
     before = len(keys) - len(left)
-    shown = Shown(len(keys), before, _costs(campaign, left))
+    there = [k for k, key in enumerate(keys) if key in store.rows]
+    shown = Shown(len(keys), before, _costs(campaign, left), sum(_costs(campaign, there)))
     tasks, limit_s = Tasks(campaign, left), campaign.limit_s
     try:
         workers.gather()

@@ -12,11 +12,15 @@ LINES = 20  # where there is no terminal: a line for each twentieth of the work
 
 
 class Shown:
-    """Jobs done of all, how many failed, jobs a second, time left. costs: of the jobs that are left, in their order."""
+    """Jobs done of all, how many failed, jobs a second, time left.
 
-    def __init__(self, jobs: int, before: int, costs: Sequence[float]) -> None:
+    costs: of the jobs that are left, in their order; cost_before: of those that were there.
+    """
+
+    def __init__(self, jobs: int, before: int, costs: Sequence[float], cost_before: float) -> None:
         self._jobs, self._done, self._before = jobs, before, before
-        self._costs, self._whole, self._cost = costs, sum(costs) or 1.0, 0.0
+        self._costs, self._whole, self._cost = costs, cost_before + sum(costs) or 1.0, cost_before
+        self._share_before = cost_before / self._whole
         self._failed = 0
         self._began = time.monotonic()
         self._progress = Progress(steps=True)
@@ -34,7 +38,9 @@ class Shown:
             seconds = max(time.monotonic() - self._began, 1e-3)
             failed = f", {self._failed} failed" if self._failed else ""
             rate = (self._done - self._before) / seconds
-            self._progress.at(f"{self._done} of {self._jobs} jobs{failed}, {_rate(rate)} jobs/s", share)
+            self._progress.at(
+                f"{self._done} of {self._jobs} jobs{failed}, {_rate(rate)} jobs/s", share, self._share_before
+            )
 
     def end(self) -> None:
         """Leave the line."""

@@ -48,4 +48,5 @@ COMMAND = Command(
     ),
     _add,
     _run,
+    own_signals=lambda _: True,
 )

@@ -5,6 +5,7 @@ import os
 from pathlib import Path
 
 from sim_ecu.loop.names import SUITES
+from sim_ecu.score.names import MISSED
 from wrcd.tools.command import Command
 
 
@@ -16,6 +17,7 @@ def _add(p: argparse.ArgumentParser) -> None:
         "--seeds", type=int, metavar="N", help="runs of every row (default: 20; 8 of faults, worlds and actuators)"
     )
     p.add_argument("--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="processes (default: all cores)")
+    p.add_argument("--fail-on", choices=(MISSED,), help="exit 1 where a goal is missed, beyond chance")
     p.add_argument("--json", type=Path, metavar="OUT", help="all figures, and those of every run")
     p.add_argument("--html", type=Path, metavar="OUT", help="a page with tables and pictures")
 
@@ -29,7 +31,7 @@ def _run(args: argparse.Namespace) -> int:
             raise InputError(f"takes a whole number from 1 on, not {value}", key=key)
     if args.quick and args.seeds is not None:
         raise InputError("says how many seeds there are", key="--quick", hint="give one of --quick and --seeds")
-    return run(args.suite, args.only, args.quick, args.seeds, args.jobs, args.json, args.html)
+    return run(args.suite, args.only, args.quick, args.seeds, args.jobs, args.json, args.html, args.fail_on)
 
 
 COMMAND = Command(

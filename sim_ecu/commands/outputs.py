@@ -1,12 +1,14 @@
-"""Files that a command is to write: looked at before the work, which may be long, and written after it."""
+"""Files that a command is to write: looked at before the work, which may be long, and written after it. Its status."""
 
 import json
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from sim_ecu.score.goals import MISSED, TOO_FEW
 from sim_ecu.score.report import plain
-from wrcd.errors import InputError, create
+from wrcd.errors import InputError, Status, create
 
 
 def check_output(key: str, file: Path | None) -> None:
@@ -29,3 +31,19 @@ def write_results(
     if html_out:
         with create(html_out) as file:
             file.write(page())
+
+
+def status_by_goals(fail_on: str | None, goals: Sequence[Mapping[str, Any]]) -> Status:
+    """What a command ends with whose goals have these verdicts; where it is to fail, the standard error says why.
+    Raises InputError where it was asked to and no goal could be judged."""
+    if not fail_on:
+        return Status.DONE
+    verdicts = [g["verdict"] for g in goals]
+    if set(verdicts) <= {TOO_FEW}:
+        raise InputError("no goal could be judged, for too few runs", key="--fail-on",
+                         hint="leave out --quick, or play more suites or seeds")  # fmt: skip
+    missed = verdicts.count(MISSED)
+    if missed:
+        print(f"--fail-on {fail_on}: {missed} of {len(verdicts)} goals {'is' if missed == 1 else 'are'} missed",
+              file=sys.stderr)  # fmt: skip
+    return Status.STOPPED if missed else Status.DONE

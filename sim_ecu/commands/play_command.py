@@ -26,4 +26,5 @@ COMMAND = Command(
     ),
     _add,
     _run,
+    own_signals=lambda args: not args.fast,
 )

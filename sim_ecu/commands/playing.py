@@ -59,4 +59,6 @@ def played(scenario: "Scenario", args: argparse.Namespace) -> int:
         bus = pick_bus(args.interface, args.channel, None, DEFAULT_BUS)
         tally = play_on_bus(scenario, *bus, args.log, not args.no_truth, args.ahead, train)
         print(f"sim-ecu: {tally.text()}", file=sys.stderr)
+        if tally.too_slow:
+            print(f"sim-ecu: {tally.too_slow}; --ahead makes all frames before the first is sent", file=sys.stderr)
     return 0

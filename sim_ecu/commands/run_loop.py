@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from sim_ecu.campaign.whole import Missing, Piece, every, left_out, not_whole
-from sim_ecu.commands.outputs import check_output, write_results
+from sim_ecu.commands.outputs import check_output, status_by_goals, write_results
 from sim_ecu.loop.cost import cost_of_driving
 from sim_ecu.loop.names import BROAD, UNPROTECTED, WITH
 from sim_ecu.loop.play import Outcome, play
@@ -33,7 +33,7 @@ class Work:
 
 def run(
     suite: str | None, only: str, quick: bool, seeds: int | None, jobs: int, json_out: Path | None,
-    html_out: Path | None,
+    html_out: Path | None, fail_on: str | None,
 ) -> int:  # fmt: skip
     """Drive, judge, print; write the figures as JSON and a page where asked for."""
     check_output("--json", json_out)
@@ -57,7 +57,7 @@ def run(
         write_results(result, json_out, html_out, lambda: _page(result, outcomes))
     if missing:
         raise not_whole(missing)
-    return 0
+    return status_by_goals(fail_on, result["goals"])
 
 
 def _page(result: dict[str, Any], outcomes: list[Outcome]) -> str:

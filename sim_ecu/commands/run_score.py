@@ -9,7 +9,7 @@ from typing import Any
 
 from sim_ecu import resources as rig
 from sim_ecu.campaign.whole import Missing, Piece, every, left_out, not_whole
-from sim_ecu.commands.outputs import check_output, write_results
+from sim_ecu.commands.outputs import check_output, status_by_goals, write_results
 from sim_ecu.design.source import Source, load_source
 from sim_ecu.score import learned
 from sim_ecu.score.baselines import PAPER, Baseline, Beside, Offsetless, TorqueRatio, fitting
@@ -58,7 +58,7 @@ class Work:
 
 def run(
     suite: str | None, quick: bool, jobs: int, design_file: Path | None, baselines_file: Path | None,
-    beside: Sequence[str], json_out: Path | None, html_out: Path | None,
+    beside: Sequence[str], json_out: Path | None, html_out: Path | None, fail_on: str | None,
 ) -> int:  # fmt: skip
     """Play, judge, print; write the figures as JSON and a page where asked for."""
     check_output("--json", json_out)
@@ -83,7 +83,7 @@ def run(
         write_results(result, json_out, html_out, lambda: _page(result, traces))
     if missing:
         raise not_whole(missing)
-    return 0
+    return status_by_goals(fail_on, result["goals"])
 
 
 def _holed(missing: Sequence[Missing], suite: str | None) -> tuple[str, ...]:

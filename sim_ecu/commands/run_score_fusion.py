@@ -7,7 +7,7 @@ from functools import lru_cache
 from pathlib import Path
 
 from sim_ecu.campaign.whole import Missing, Piece, every, not_whole
-from sim_ecu.commands.outputs import check_output, write_results
+from sim_ecu.commands.outputs import check_output, status_by_goals, write_results
 from sim_ecu.loop.fusion.patches import PLACES_M, Drive, patches, rails
 from sim_ecu.loop.fusion.play import Played, play
 from sim_ecu.loop.fusion.report import judge
@@ -33,7 +33,7 @@ class Work:
     design: Path
 
 
-def run(quick: bool, jobs: int, design_file: Path | None, json_out: Path | None) -> int:
+def run(quick: bool, jobs: int, design_file: Path | None, json_out: Path | None, fail_on: str | None) -> int:
     """Drive, judge, print; write the figures as JSON where asked for."""
     check_output("--json", json_out)
     design = design_file or resources.DESIGN
@@ -48,7 +48,7 @@ def run(quick: bool, jobs: int, design_file: Path | None, json_out: Path | None)
     print(SEEDS.format(first=FIRST_TEST_SEED, last=TRAINING))
     print("\n".join(("", *tables(result))))
     write_results(result, json_out, None, lambda: "")
-    return 0
+    return status_by_goals(fail_on, result["goals"])
 
 
 @lru_cache(1)

@@ -4,7 +4,7 @@ import argparse
 import os
 from pathlib import Path
 
-from sim_ecu.score.names import FUSION, SUITES
+from sim_ecu.score.names import FUSION, MISSED, SUITES
 from wrcd.tools.command import Command
 
 
@@ -22,6 +22,7 @@ def _add(p: argparse.ArgumentParser) -> None:
         "--beside", action="append", default=[], metavar="NAME=DESIGN.json",
         help="another design for the same wheelset, run on the same frames; may be repeated",
     )  # fmt: skip
+    p.add_argument("--fail-on", choices=(MISSED,), help="exit 1 where a goal is missed, beyond chance")
     p.add_argument("--json", type=Path, metavar="OUT", help="all figures")
     p.add_argument("--html", type=Path, metavar="OUT", help="a page with tables and pictures")
 
@@ -38,8 +39,10 @@ def _run(args: argparse.Namespace) -> int:
         for key, given in (("--baselines", args.baselines), ("--beside", args.beside), ("--html", args.html)):
             if given:
                 raise InputError("is not of the suite fusion", key=key, hint="leave it out: it compares no estimates")
-        return run_fusion(args.quick, args.jobs, args.design, args.json)
-    return run(args.suite, args.quick, args.jobs, args.design, args.baselines, args.beside, args.json, args.html)
+        return run_fusion(args.quick, args.jobs, args.design, args.json, args.fail_on)
+    return run(
+        args.suite, args.quick, args.jobs, args.design, args.baselines, args.beside, args.json, args.html, args.fail_on
+    )  # fmt: skip
 
 
 COMMAND = Command(
@@ -47,7 +50,10 @@ COMMAND = Command(
     "how good a design is, with baselines beside it",
     (
         ("sim-ecu score --quick --html score.html", "a twelfth of the runs, as a page"),
-        ("sim-ecu score --suite transitions", "one suite, with all its runs"),
+        (
+            "sim-ecu score --suite transitions --fail-on missed",
+            "one suite, with all its runs; exit 1 where a goal is missed",
+        ),
     ),
     _add,
     _run,

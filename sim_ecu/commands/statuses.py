@@ -5,7 +5,12 @@ from wrcd.errors import Status
 _BAD = "bad input: file, line, key, reason and what to do; or a package of the extra is missing"
 _FILE = "a configuration, a DBC or a design cannot be opened: it may be there on the next try"
 _BUS = "the bus or a file cannot be opened, or the interface has gone: the unit tries again"
-_HOLES = "runs failed twice: the error names them; their suites are left out of the tables"
+_HOLES = (
+    "runs failed twice: the error names them; their suites are left out of the tables; or with "
+    "`--fail-on missed`, a goal is missed"
+)
+_UNJUDGED = "or, with `--fail-on`, no goal could be judged"
+_PRINTED = "the tables are printed, whatever the goals' verdicts; with `--fail-on missed`, no goal is missed"
 _STOPPED = {Status.INTERRUPTED: "Ctrl-C"}
 _MADE = {Status.BAD_INPUT: _BAD, Status.NOT_THERE: _FILE, **_STOPPED}
 
@@ -52,14 +57,15 @@ STATUSES: dict[str, dict[Status, str]] = {
     },
     "contact": {Status.DONE: "done", Status.BAD_INPUT: _BAD, **_STOPPED},
     "score": {
-        Status.DONE: "the tables are printed, whatever the goals' verdicts",
+        Status.DONE: _PRINTED,
         Status.STOPPED: _HOLES,
         **_MADE,
+        Status.BAD_INPUT: f"{_BAD}; {_UNJUDGED}",
     },
     "loop": {
-        Status.DONE: "the tables are printed, whatever the goals' verdicts",
+        Status.DONE: _PRINTED,
         Status.STOPPED: _HOLES,
-        Status.BAD_INPUT: _BAD,
+        Status.BAD_INPUT: f"{_BAD}; {_UNJUDGED}",
         **_STOPPED,
     },
     "campaign": {

@@ -155,12 +155,14 @@ def fit(
     importance: FloatArray,
     group: IntArray,
     covers: FloatArray,
+    lowest: FloatArray | float = -math.inf,
 ) -> RuleBase:
     """Sets evenly spaced between the 1 % and 99 % quantiles, the rules that speak for most, outputs by least squares.
 
     The first len(sets) columns of the inputs have sets; all of them move the outputs. importance (n,) of the windows.
     group (n,): windows of one condition belong together when errors are judged on windows that the fit has not seen,
     from which the spreads come. covers (n,): which quantile of the error a window's spread is to be.
+    lowest (c,): what a column without sets is never held below.
     """
     k = len(sets)
     ends = np.quantile(inputs[:, :k], [0.01, 0.99], axis=0)
@@ -168,11 +170,12 @@ def fit(
     every = np.stack(np.meshgrid(*(np.arange(m) for m in sets), indexing="ij"), axis=-1).reshape(-1, k)
     rules = every[choose(weights(centres, every, inputs[::CHOOSE_EVERY]), max_rules)]
     mean, reach = inputs.mean(axis=0), HELD * inputs.std(axis=0)
-    low, high = mean - reach, mean + reach
+    low, high = np.maximum(mean - reach, lowest), mean + reach
     low[:k], high[:k] = ends
-    local = _Local(centres, rules, inputs, low, high, mean)
+    middle = np.clip(mean, low, high)
+    local = _Local(centres, rules, inputs, low, high, middle)
     none = np.ones(len(rules)), np.zeros((len(rules), inputs.shape[1])), np.zeros(len(rules))
-    rest = np.zeros((len(rules), 2)), low, high, mean
+    rest = np.zeros((len(rules), 2)), low, high, middle
     error = np.empty(len(mu_pct))
     for fold in range(FOLDS):
         left_out = group % FOLDS == fold
@@ -184,7 +187,7 @@ def fit(
     share = local.share
     typical = np.array([quantiles(mu_pct, share[:, r], (0.05, 0.95)) for r in range(len(rules))])
     support = share.sum(axis=0)
-    return RuleBase(centres, rules, bases, slopes, spreads, spread_slopes, support, typical, low, high, mean)
+    return RuleBase(centres, rules, bases, slopes, spreads, spread_slopes, support, typical, low, high, middle)
 
 
 @compiled

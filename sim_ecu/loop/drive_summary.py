@@ -6,7 +6,7 @@ from typing import Any
 
 from sim_ecu.loop.counted import counted, down, times
 from sim_ecu.loop.drive import Ride
-from sim_ecu.loop.judge import Figures, judge
+from sim_ecu.loop.judge import MIN_SLIDE_SPEED_M_S, Figures, judge
 from sim_ecu.loop.scenario import DriveScenario
 from wrcd.errors import Status
 
@@ -27,6 +27,7 @@ def summary(scenario: DriveScenario, ride: Ride) -> list[str]:
         *_figures(judge(ride.steps, scenario)),
         *_demands(ride.counts["demand"]),
         *_bus(ride.counts),
+        *_too_slow(ride.counts),
     ]
 
 
@@ -44,8 +45,9 @@ def document(scenario: DriveScenario, ride: Ride) -> dict[str, Any]:
 def _figures(f: Figures) -> list[str]:
     return [
         f"  demand    {f.seconds:.1f} s and {f.stop_m:.0f} m from when it came, impulse {f.impulse_kNs:.0f} kNs",
-        f"  slip      {f.slides} slides, largest {f.max_slip_m_s:.2f} m/s, wheels locked for {f.locked_s:.2f} s",
-        f"  wear      {f.slip_energy_kJ:.1f} kJ slip energy a wheel"
+        f"  slip      {f.slides} slides above {MIN_SLIDE_SPEED_M_S:g} m/s, largest {f.max_slip_m_s:.2f} m/s, "
+        f"beyond the rail's peak for {f.beyond_s:.2f} s, wheels locked for {f.locked_s:.2f} s",
+        f"  wear      {f.slip_energy_kJ:.1f} kJ slip energy a wheel, {f.beyond_kJ:.1f} of them beyond the peak"
         + ("" if math.isnan(f.utilisation) else f"; {f.utilisation:.0%} of the available adhesion used"),
     ]
 
@@ -60,6 +62,16 @@ def _demands(demands: dict[int, dict[str, Any]]) -> list[str]:
         )  # fmt: skip
         lines.append(f"  axle {n}    demand {what}{counted(d['rejected'])}")
     return lines
+
+
+def _too_slow(counts: dict[str, Any]) -> list[str]:
+    """That the computer did not keep real time: a controller on the bus has lived through another stop."""
+    if not counts["waits"]:
+        return []
+    return [
+        f"  computer  too slow, or busy: up to {counts['latest_ms'] / 1000:.2f} s behind real time, "
+        f"{counts['waited_s']:.2f} s in all; repeat the run on an idle one before it is judged"
+    ]
 
 
 def _bus(counts: dict[str, Any]) -> list[str]:

@@ -12,14 +12,14 @@ from sim_ecu.loop.suites.rails import GREASY_STOP, WET_STOP
 from sim_ecu.score.goals import Goal
 from sim_ecu.score.metrics.bootstrap import Figure
 
-MAX_SLIDES = 0.2
+MAX_BEYOND = 0.2
 MAX_DISTANCE = {THRESHOLDS: 0.9, CREEP: 1.08}
 MAX_ENERGY = 0.5
 MAX_LONGER = 1.03
 MIN_RUNS = FEW_SEEDS  # a figure of fewer pairs judges nothing
 RAILS = ("braking", "traction", "train")  # suites that differ in nothing but the rail
 
-SLIDES, SHORTER, ENERGY, AT_DISTANCE = "slides", "shorter", "energy", "at distance"
+BEYOND, SHORTER, ENERGY, AT_DISTANCE = "beyond", "shorter", "energy", "at distance"
 LONGER, LONGEST, FRONT = "longer", "longest run", "front"
 
 
@@ -54,8 +54,11 @@ def _of_case(suite: str, name: str, case: dict[str, Any]) -> Iterator[LoopGoal]:
     new, ideal = case["against"], case["ideal"]
     if known:
         for law in LAWS:
-            goal = _goal(f"{what}: {law}, slides over those without wrcd", new[law].slides, MAX_SLIDES)
-            yield _beside(suite, SLIDES, goal, ideal.get(law), "slides")
+            goal = _goal(f"{what}: {law}, time beyond the peak over that without", new[law].beyond_time, MAX_BEYOND)
+            yield _beside(suite, BEYOND, goal, ideal.get(law), "beyond_time")
+            figure = new[law].beyond_energy
+            goal = _goal(f"{what}: {law}, slip energy beyond the peak over that without", figure, MAX_BEYOND)
+            yield _beside(suite, BEYOND, goal, ideal.get(law), "beyond_energy")
     if known and case["braking"] and suite in RAILS:
         if name in (WET_STOP, GREASY_STOP):
             goal = _goal(
@@ -75,8 +78,8 @@ def _of_case(suite: str, name: str, case: dict[str, Any]) -> Iterator[LoopGoal]:
         yield LoopGoal(suite, FRONT, _goal(f"{what}: {whole}", case["front"], 1.0, True), {}, None)
 
 
-def _goal(what: str, figure: Figure, bound: float, at_least: bool = False) -> Goal:
-    return Goal(what, figure, bound, at_least, min_runs=MIN_RUNS)
+def _goal(what: str, figure: Figure, bound: float, at_least: bool = False, never: bool = False) -> Goal:
+    return Goal(what, figure, bound, at_least, MIN_RUNS, never)
 
 
 def _beside(suite: str, kind: str, goal: Goal, ideal: Against | None, *keys: str) -> LoopGoal:
@@ -99,4 +102,4 @@ def _longest(suite: str, stops: dict[str, dict[str, Any]]) -> Iterator[LoopGoal]
             what = f"{suite}: {law}, distance over that without, the worst of all runs ({name}, seed {seed})"
             # too few to judge where its own case is
             figure = Figure(a.worst, math.nan, math.nan, a.way.runs, runs)
-            yield LoopGoal(suite, LONGEST, _goal(what, figure, MAX_LONGER), {}, None)
+            yield LoopGoal(suite, LONGEST, _goal(what, figure, MAX_LONGER, never=True), {}, None)

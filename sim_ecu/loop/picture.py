@@ -177,7 +177,7 @@ def _over_time(suite: str, runs: Mapping[str, Outcome]) -> Picture:
         return figure
 
     told = ", ".join(
-        f"{n}: {r.figures.slides} slides, {r.figures.stop_m:.0f} m, {r.figures.slip_energy_kJ:.0f} kJ"
+        f"{n}: {r.figures.beyond_s:.2f} s beyond the peak, {r.figures.stop_m:.0f} m, {r.figures.slip_energy_kJ:.0f} kJ"
         for n, r in runs.items() if n in EVERY
     )  # fmt: skip
     return Picture(

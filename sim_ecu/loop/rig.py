@@ -12,7 +12,7 @@ from sim_ecu.loop.silence import Silence
 from sim_ecu.physics.actuators import AxleActuators, Valve
 from sim_ecu.physics.sensors import Sensor
 from sim_ecu.physics.simulation import Simulation
-from sim_ecu.physics.wheelset import MU_AVAILABLE, MU_USED, TORQUE, W_L, W_R, FloatArray
+from sim_ecu.physics.wheelset import CREEP_AT_PEAK, MU_AVAILABLE, MU_USED, TORQUE, W_L, W_R, FloatArray
 from sim_ecu.play.encoder import SAMPLE_US, Channel, Sent
 from sim_ecu.play.faults import Fault
 from sim_ecu.play.player import on_tracks
@@ -37,6 +37,7 @@ class Step:
     torque_N_m: FloatArray
     pressure_bar: FloatArray
     mu_available: FloatArray
+    creep_at_peak: FloatArray  # slip over speed at which the rail gives mu_available
     mu_used: FloatArray
     slip_m_s: FloatArray
     slip_energy_J: FloatArray  # dissipated in this sample, both wheels
@@ -113,7 +114,7 @@ class Rig:
             frames += self._sensed.frames(self.time_us, samples, wheel, share)
         return Step(
             self.time_us, speed, float(samples.distance_m[0]), share, wheel, y[:, TORQUE].copy(), pressure,
-            y[:, MU_AVAILABLE].copy(), y[:, MU_USED].copy(), wheel - speed, energy, frames,
+            y[:, MU_AVAILABLE].copy(), y[:, CREEP_AT_PEAK].copy(), y[:, MU_USED].copy(), wheel - speed, energy, frames,
         )  # fmt: skip
 
     @property

@@ -13,7 +13,7 @@ from sim_ecu.play.scenario import Course, Scenario, read_axles, read_wheelset
 from wrcd.errors import InputError
 from wrcd.settings import Section, read_toml, suggest
 
-FOLDER = Path(__file__).parent / "scenarios"
+FOLDER = play.TO_DRIVE
 # Nobody demands anything here but a controller.
 NO_DRIVE = play.Drive("torque_N_m", Course((0.0,), (0.0,)), Course((0.0,), (1.0,)))
 

@@ -13,10 +13,15 @@ from sim_ecu.score.metrics import bootstrap
 from sim_ecu.score.metrics.bootstrap import Figure
 
 FloatArray = NDArray[np.float64]
-KEYS = ("slides", "locked_s", "max_slip_m_s", "slip_energy_kJ", "utilisation", "stop_m", "impulse_kNs")
+KEYS = (
+    "slides", "beyond_s", "locked_s", "max_slip_m_s", "slip_energy_kJ", "beyond_kJ", "utilisation", "stop_m",
+    "impulse_kNs",
+)  # fmt: skip
 ENDS = (0.05, 0.95)
 MIXES = np.linspace(0.0, 1.0, 101)  # of the two controllers with wrcd, along the line between them
 MIN_ENERGY_KJ = 1e-9  # so that a ratio is a number
+# Of a run, beyond the peak, without wrcd: less is taken for so much, for a ratio to next to nothing tells nothing.
+MIN_BEYOND_S, MIN_BEYOND_KJ = 0.1, 0.1
 Runs = Mapping[int, Figures]  # by number
 
 
@@ -35,21 +40,22 @@ class Against:
     """A controller over another one on the same runs: with wrcd over without, or the ideal over without.
 
     A stop that did not end is infinitely long and wears without end. Where the other one's did not end there is nothing
-    to compare with: `left_out` counts these runs, and nothing but slides is of them. endless: of the rest, the stops
-    that the first did not end.
+    to compare with: `left_out` counts these runs, and nothing but what lies beyond the peak is of them. endless: of the
+    rest, the stops that the first did not end.
 
     way: stopping distance, or impulse where the train pulls: median of the runs' ratios; worst: the run's that loses
-    most, NaN and no number where all are left out. energy: median of the ratios of slip energy. slides: all slides over
-    all slides; before, now: a run's mean.
+    most, NaN and no number where all are left out. energy: median of the ratios of slip energy. beyond_time,
+    beyond_energy: what all runs have beyond the peak's creep over what they had; before, now: a run's mean.
     """
 
     way: Figure
     worst: float
     worst_number: int | None
     energy: Figure
-    slides: Figure
-    slides_before: float
-    slides_now: float
+    beyond_time: Figure
+    beyond_energy: Figure
+    beyond_s_before: float
+    beyond_s_now: float
     endless: int
     left_out: int
 
@@ -85,47 +91,27 @@ def energies(runs: Runs, braking: bool) -> FloatArray:
 def against(new: Runs, old: Runs, braking: bool) -> Against:
     """Pair the runs by their numbers."""
     both = [n for n in old if n in new]
-    slid_new, slid_old = (np.array([float(x[n].slides) for n in both]) for x in (new, old))
+    s_new, s_old, kJ_new, kJ_old = (
+        np.array([getattr(x[n], key) for n in both]) for key in ("beyond_s", "beyond_kJ") for x in (new, old)
+    )
+    every = np.array(both, np.int64)
     numbers = [n for n in both if old[n].stopped or not braking]
-    new, old, at = {n: new[n] for n in numbers}, {n: old[n] for n in numbers}, np.array(numbers, np.int64)
+    new, old = {n: new[n] for n in numbers}, {n: old[n] for n in numbers}
     ratio = ways(new, braking) / ways(old, braking)
     loss = ratio if braking else 1.0 / ratio
     worst = int(np.argmax(loss)) if numbers else None
     return Against(
-        way=median(ratio, at),
+        way=bootstrap.median(ratio),
         worst=math.nan if worst is None else float(ratio[worst]),
         worst_number=None if worst is None else numbers[worst],
-        energy=median(energies(new, braking) / np.maximum(energies(old, braking), MIN_ENERGY_KJ), at),
-        slides=of_slides(slid_new, slid_old, np.array(both, np.int64)),
-        slides_before=float(slid_old.mean()),
-        slides_now=float(slid_new.mean()),
+        energy=bootstrap.median(energies(new, braking) / np.maximum(energies(old, braking), MIN_ENERGY_KJ)),
+        beyond_time=bootstrap.ratio(s_new, every, np.maximum(s_old, MIN_BEYOND_S), every),
+        beyond_energy=bootstrap.ratio(kJ_new, every, np.maximum(kJ_old, MIN_BEYOND_KJ), every),
+        beyond_s_before=float(s_old.mean()),
+        beyond_s_now=float(s_new.mean()),
         endless=sum(braking and not f.stopped for f in new.values()),
         left_out=len(both) - len(numbers),
     )
-
-
-def median(values: FloatArray, runs: NDArray[np.int64]) -> Figure:
-    """With the 90 % interval from drawing runs again; the mean of the two in the middle of an even number. Values may
-    be infinite."""
-    if not len(values):
-        return bootstrap.NOTHING
-    return _interval(float(np.median(values)), np.median(values[again(len(values))], axis=1), len(runs))
-
-
-def _interval(value: float, replicates: FloatArray, runs: int) -> Figure:
-    """The replicates' ends, each one of them: between an infinite one and another there is nothing."""
-    if runs < 2:
-        return Figure(value, math.nan, math.nan, runs, runs)
-    ordered = np.sort(replicates)
-    low, high = (float(ordered[math.ceil(q * len(ordered)) - 1]) for q in ENDS)
-    return Figure(value, low, high, runs, runs)
-
-
-def of_slides(new: FloatArray, old: FloatArray, runs: NDArray[np.int64]) -> Figure:
-    """Slides over slides. Where there were none before, one is too many: infinite; none is 0."""
-    if not old.any():
-        return bootstrap.exact(math.inf if new.any() else 0.0, len(runs), len(runs))
-    return bootstrap.ratio(new, runs, old, runs)
 
 
 def again(n: int) -> NDArray[np.int64]:
@@ -155,6 +141,15 @@ def front(runs: Mapping[str, Runs], braking: bool) -> Figure:
     factors = [np.minimum(energy[law][:, None] / mixed[0], cost[law][:, None] / mixed[1]).max(axis=1) for law in LAWS]
     least = np.minimum(*factors)
     return _interval(float(least[0]), least[1:], len(numbers))
+
+
+def _interval(value: float, replicates: FloatArray, runs: int) -> Figure:
+    """The replicates' ends, each one of them: between an infinite one and another there is nothing."""
+    if runs < 2:
+        return Figure(value, math.nan, math.nan, runs, runs)
+    ordered = np.sort(replicates)
+    low, high = (float(ordered[max(math.ceil(q * len(ordered)), 1) - 1]) for q in bootstrap.further_out(runs))
+    return Figure(value, low, high, runs, runs)
 
 
 def _mixes(one: FloatArray, other: FloatArray) -> FloatArray:

@@ -13,6 +13,7 @@ from sim_ecu.physics.wheelset import (
     AXLE_STATES,
     BLOCK,
     CONSTANTS,
+    CREEP_AT_PEAK,
     DRIVE,
     FORCE,
     HELD,
@@ -166,8 +167,8 @@ def integrate(
     opposes the wheel's turning, and holds a wheel that stands. held_speed (samples,) is the speed at the end of each
     interval, NaN where the vehicle moves freely. one_train: the axles, LANES at most, share one vehicle; else each is a
     vehicle of its own.
-    Returns outputs (samples, n, OUTPUTS), means over the interval except MU_AVAILABLE (at its end), and
-    (samples, n, 2) with v and distance at the end. The step follows each vehicle's speed.
+    Returns outputs (samples, n, OUTPUTS), means over the interval except MU_AVAILABLE and CREEP_AT_PEAK (at its end),
+    and (samples, n, 2) with v and distance at the end. The step follows each vehicle's speed.
     """
     samples, axles = held_speed.shape[0], state.shape[0]
     out, journey = np.empty((samples, axles, OUTPUTS)), np.empty((samples, axles, 2))
@@ -260,7 +261,7 @@ def integrate(
                 _peak_at(rail, distance + rides.position[i], max(v, ROLLING_START), c, peaks[j])
                 for q in range(OUTPUTS):
                     out[s, i, q] = b[OUT + q * LANES + j]
-                out[s, i, MU_AVAILABLE] = peaks[j, PEAK_MU]
+                out[s, i, MU_AVAILABLE], out[s, i, CREEP_AT_PEAK] = peaks[j, PEAK_MU], peaks[j, PEAK_CREEP]
                 journey[s, i, 0], journey[s, i, 1] = v, distance
         for j in range(n):
             for q in range(AXLE_STATES):

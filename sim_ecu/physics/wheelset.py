@@ -104,8 +104,8 @@ def constants(w: Wheelset) -> Constants:
 Y, YDOT, PSI, PSIDOT, W_R, W_L, THETA = range(7)
 AXLE_STATES, STATES = 7, 9
 # What one sample interval gives for an axle.
-YAW_RATE, LAT_ACCEL, TORQUE, SLIP, MU_USED, MU_AVAILABLE = range(6)
-OUTPUTS = 6
+YAW_RATE, LAT_ACCEL, TORQUE, SLIP, MU_USED, MU_AVAILABLE, CREEP_AT_PEAK = range(7)
+OUTPUTS = 7
 
 
 class Command(NamedTuple):

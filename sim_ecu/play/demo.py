@@ -30,7 +30,6 @@ from wrcd.service.loop import Daemon
 
 SHOW_EVERY_S = 0.5
 WITHOUT_VCAN = " (python-can's virtual bus: this kernel has no vcan0)"
-BUSY_US = 50_000  # so late, frames cost Validity: the time-out of a sensor and its cycle
 
 
 def run(interface: str, channel: str, scenario_name: str, folder: Path, config_file: Path | None = None) -> int:
@@ -53,11 +52,8 @@ def run(interface: str, channel: str, scenario_name: str, folder: Path, config_f
     print()
     for number, trace in traces.items():
         print("\n".join(demo_summary.lines(number, trace, changes, first_s, scenario.duration_s)))
-    if tally.latest_us > BUSY_US:
-        print(
-            f"\nThis computer was busy with something else: the rig's frames came up to {tally.latest_us / 1e6:.2f} s "
-            "late,\nwhich the daemon takes for sensors that fall silent. Try again when it is idle."
-        )
+    if tally.too_slow:
+        print(f"\n{tally.too_slow[0].upper()}{tally.too_slow[1:]}. Try again when it is idle.")
     print(f"\n{came_to}")
     draw(scenario, traces, picture)
     print(f"log      {_shown(log)}\npicture  {_shown(picture)}")

@@ -217,9 +217,7 @@ def _of_signals(row: Row) -> Lines:
     heard = f"{yaw} is #, {lat} # times the sensor's noise"
     together = "correlation of {} and {} # below 1.5 Hz, # in 3 to 10 Hz"
     if f.kind == "reverse":
-        return Lines(
-            ((f"Valid -> Degraded, GyroReversed: {together.format(yaw, lat)}, limit -0.1, below 15 m/s down to -0.5",),)
-        )
+        return Lines(((f"Valid -> Degraded, GyroReversed: {together.format(yaw, lat)}",),))
     if f.kind == "swap-wiring":
         pairs = [(named("yaw_rate", a), named("lateral_acceleration", a), 3 - a) for a in (1, 2)]
         return Lines(

@@ -24,6 +24,7 @@ from wrcd.tools.progress import Progress
 
 # A log made without a bus begins at this moment, so that the same scenario gives the same bytes.
 LOG_START_US = 1_700_000_000_000_000
+BUSY_US = 50_000  # so late, frames cost Validity: the time-out of a sensor and its cycle
 MAX_SAMPLES = 20  # of a step: a computer that never catches up hears Ctrl-C all the same
 
 
@@ -41,6 +42,16 @@ class Tally:
         return (
             f"{self.frames} frames, {self.unsent} not sent, {self.overruns} overruns, "
             f"latest {self.latest_us / 1000:.1f} ms behind its deadline"
+        )
+
+    @property
+    def too_slow(self) -> str:
+        """That the computer did not keep real time, and by how much; "" where it did."""
+        if self.latest_us <= BUSY_US:
+            return ""
+        return (
+            f"this computer was too slow, or busy: frames came up to {self.latest_us / 1e6:.2f} s late, which a daemon "
+            "takes for sensors that fall silent"
         )
 
 

@@ -30,6 +30,7 @@ from wrcd.settings import Section, read_toml, suggest
 
 FloatArray = NDArray[np.float64]
 FOLDER = Path(__file__).parent / "scenarios"
+TO_DRIVE = Path(__file__).parents[1] / "loop" / "scenarios"  # those that are no course of torques
 # Where axles 1 … 8 stand along the train: two vehicles of two bogies each, with a wheelbase of 2.5 m, 19 m from pivot
 # to pivot; a vehicle is 26.4 m long.
 POSITIONS_M = (0.0, -2.5, -19.0, -21.5, -26.4, -28.9, -45.4, -47.9)
@@ -131,6 +132,8 @@ def path_of(name: str) -> Path:
     path = Path(name)
     if path.suffix != ".toml":
         hint = suggest(name, packaged()) or f"packaged: {', '.join(packaged())}; or give a path to a .toml file"
+        if (TO_DRIVE / f"{name}.toml").exists():
+            hint = f"{name} is one to drive: a controller decides its torques; sim-ecu drive {name}"
         raise InputError(f"there is no scenario {name!r}", hint=hint)
     return path
 

@@ -3,7 +3,8 @@
 FUSION is of what the daemon does beside the estimate, and off by default: it is played where it is asked for alone."""
 
 SUITES = (
-    "paper", "grid", "robust", "rough", "harsh", "slow", "transitions", "drops", "cycles", "dead", "foreign",
-    "dry-hours",
+    "paper", "grid", "robust", "rough", "harsh", "slow", "long", "canted", "peak", "transitions", "drops", "cycles",
+    "dead", "foreign", "dry-hours",
 )  # fmt: skip
 FUSION = "fusion"
+MISSED = "missed"  # what --fail-on may name

@@ -2,11 +2,10 @@
 
 import base64
 import html
-from collections import Counter
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from sim_ecu.score.goals import CHANCE, MET, MISSED, TOO_FEW
+from sim_ecu.score.goals import MISSED, counted
 from sim_ecu.score.page_pictures import LOOKS, Picture, pictures
 from sim_ecu.score.page_style import STYLE
 from sim_ecu.score.page_tables import sections
@@ -65,12 +64,7 @@ def document(
 
 def verdict(goals: Sequence[dict[str, Any]]) -> list[str]:
     """How many goals are met, and which are not."""
-    n = Counter(g["verdict"] for g in goals)
-    words = [
-        (MET, "met"), (CHANCE, "missed within chance"), (MISSED, "missed"), (TOO_FEW, "with too few runs to judge"),
-    ]  # fmt: skip
-    counted = ", ".join(f"<strong>{n[verdict]}</strong> {text}" for verdict, text in words if n[verdict])
-    out = [f"<p>Of {len(goals)} goal{'s' * (len(goals) != 1)} {counted}.</p>"]
+    out = [f"<p>{counted([g['verdict'] for g in goals], '<strong>{}</strong>')}</p>"]
     if missed := [g["what"] for g in goals if g["verdict"] == MISSED]:
         named = ["<ul>", *(f"<li>{html.escape(what)}</li>" for what in missed), "</ul>"]
         if len(missed) <= MAX_LISTED:

@@ -15,7 +15,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
 
-from sim_ecu.score.goals import CHANCE, MET, MISSED, TOO_FEW
+from sim_ecu.score.goals import CHANCE, MET, MET_CHANCE, MISSED, TOO_FEW
 from sim_ecu.score.metrics.accuracy import BINS, judged
 from sim_ecu.score.metrics.frames import OURS, Frames, gather
 from sim_ecu.score.play import Trace
@@ -94,7 +94,8 @@ def _color(name: str, names: Sequence[str]) -> str:
 
 
 VERDICTS = {
-    MET: ("o", "tab:green", "met"), CHANCE: ("D", "tab:orange", "missed, within chance"),
+    MET: ("o", "tab:green", "met"), MET_CHANCE: ("P", "tab:olive", "met, within chance"),
+    CHANCE: ("D", "tab:orange", "missed, within chance"),
     MISSED: ("X", "tab:red", "missed"), TOO_FEW: ("$?$", "0.55", "too few runs to judge"),
 }  # fmt: skip
 

@@ -22,6 +22,8 @@ SEEDS = (
     "The seeds of what is played here begin at {first}; the design was trained on seeds below {last}. "
     "No track and no noise is in both."
 )
+PACKAGED_SEEDS = " The packaged scenarios have their own seeds, 1 to 6, which no training has."
+PLAY_PACKAGED = {"canted", "peak"}
 MEMS, TACTICAL = "mems", "tactical"
 
 
@@ -41,6 +43,7 @@ def judge(traces: Sequence[Trace], source: Source, suite: str | None = None, qui
     makers = {
         "paper": _paper, "grid": _grid, "transitions": _transitions, "drops": _drops, "cycles": _cycles,
         "dead": _dead, "foreign": _foreign, "slow": _worlds, "dry-hours": honesty.false_lows,
+        "long": _sound, "canted": _sound, "peak": _sound,
     }  # fmt: skip
     shown = {
         name: _worlds(part, twins) if name in PAIRED else makers[name](part)
@@ -54,7 +57,8 @@ def judge(traces: Sequence[Trace], source: Source, suite: str | None = None, qui
             }
     return {
         "design": {"name": design.name, "checksum": design.checksum, "window_s": design.window_s},
-        "seeds": SEEDS.format(first=FIRST_TEST_SEED, last=(source.seed + 1) * SEEDS_PER_PLAN),
+        "seeds": SEEDS.format(first=FIRST_TEST_SEED, last=(source.seed + 1) * SEEDS_PER_PLAN)
+        + PACKAGED_SEEDS * (not PLAY_PACKAGED.isdisjoint(shown)),
         "suites": shown,
         "goals": [
             {"what": g.what, "figure": g.figure, "bound": g.bound, "at_least": g.at_least, "verdict": g.verdict}
@@ -145,6 +149,22 @@ def _worlds(traces: list[Trace], twins: dict[int, list[Trace]] | None = None) ->
             nominal = gather([t for run in dict.fromkeys(t.run for t in part) for t in twins.get(run, [])])
             groups[name] |= accuracy.over(f, nominal)
     return _whole(gather(traces)) | {"groups": groups}
+
+
+def _sound(traces: list[Trace]) -> dict[str, Any]:
+    """By group, and by the rail of all groups."""
+    rails = {f"rail {c}": [t for t in traces if t.curve == c] for c in sorted({t.curve for t in traces})}
+    rows = {}
+    for name, part in (_groups(traces) | rails).items():
+        f = gather(part)
+        rows[name] = {
+            "accuracy": accuracy.accuracy(f, OURS),
+            "covers": honesty.coverage(f),
+            "valid": bootstrap.mean(f.valid, f.run),
+            "not_valid": honesty.not_valid(f),
+        }
+    seconds = [round(float(t.time_s[-1])) for t in traces]
+    return {"rows": rows, "seconds": [min(seconds), max(seconds)]}
 
 
 def _estimators(traces: Sequence[Trace]) -> list[str]:

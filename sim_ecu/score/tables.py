@@ -13,9 +13,7 @@ QUICK = (
     "goal: it is too few to judge. The intervals say how little is known."
 )
 HOLES = "NOT WHOLE"
-INTERVALS = (
-    "In brackets: the 90 % interval, by drawing whole runs again. Only Valid frames are judged; the others are counted."
-)
+INTERVALS = "In brackets: the 90 % interval, of whole runs. Only Valid frames are judged; the others are counted."
 
 
 # What stands beside wrcd in the tables.
@@ -43,12 +41,10 @@ def tables(result: dict[str, Any]) -> list[str]:
         head, lines = _SUITES[name](s)
         out += ["", f"**{name}**: {head}", "", *lines]
     out += ["", "**not Valid**: share of the frames from when they are judged on", ""]
+    every = {name: s["not_valid_of"]["all"] for name, s in result["suites"].items()}
     out += _table(
-        ["suite", "not Valid", "causes"],
-        [
-            [name, pct(s["not_valid_of"]["all"]["share"]), _causes(s["not_valid_of"]["all"])]
-            for name, s in result["suites"].items()
-        ],
+        ["suite", "not Valid", "a sensor accused", "causes"],
+        [[name, pct(n["share"]), pct(n["accused"]), _causes(n)] for name, n in every.items()],
     )
     out += ["", "**goals**: what the default design is held to", ""]
     out += ["| goal | value | bound | |", "|---|---|---|---|"]
@@ -173,6 +169,20 @@ def _paper(s: dict[str, Any]) -> tuple[str, list[str]]:
     return "held at the peak at 25 m/s, from 1.0 s after the creep is there", _table(head, rows)
 
 
+def _sound(head: str) -> Any:
+    def lines(s: dict[str, Any]) -> tuple[str, list[str]]:
+        top = ["", "a sensor accused", "Valid", "mean error", "p95", "interval holds", "why not Valid"]
+        rows = [
+            [name, pct(v["not_valid"]["accused"]), pct(v["valid"]), fig(v["accuracy"]["mean"]),
+             fig(v["accuracy"]["p95"], 1), pct(v["covers"]), _causes(v["not_valid"])]
+            for name, v in s["rows"].items()
+        ]  # fmt: skip
+        seconds = " to ".join(map(str, sorted(set(s["seconds"]))))
+        return f"{head}, sound sensors, runs of {seconds} s", _table(top, rows)
+
+    return lines
+
+
 def _transitions(s: dict[str, Any]) -> tuple[str, list[str]]:
     rows = [[n, v] for n, v in s["compared"].items()] + [
         [f"{OURS}, dry to {c}" if way == "from dry" else f"{OURS}, {c} to dry", v]
@@ -257,5 +267,8 @@ _SUITES = {
     "robust": _worlds("the same conditions in a world that is not as the design thinks, mems sensors"),
     "rough": _worlds("tracks smoother and rougher than any in the training, mems sensors"),
     "harsh": _worlds("what a real axle box feels and the track's spectrum lacks, mems sensors"),
+    "long": _sound("some of the grid's conditions for longer"),
+    "canted": _sound("through curves each way with what the cant does not balance"),
+    "peak": _sound("all of the rail in use throughout"),
     "slow": _worlds("coasting, and below the grid's speeds, mems sensors"),
 }  # fmt: skip

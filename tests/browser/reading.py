@@ -61,6 +61,47 @@ def corner(page: Page, key: str) -> list[int]:
     return found
 
 
+def tick_labels(page: Page, key: str) -> list[tuple[float, float]]:
+    """Left and right edge of each label of a plot's horizontal axis, in pixels."""
+    found: list[tuple[float, float]] = page.evaluate(
+        f"""(key) => {{ {VIEW} const axis = view.model.below[0], {{ start, end }} = view.model.x_range;
+        const context = document.createElement("canvas").getContext("2d");
+        context.font = `${{axis.major_label_text_font_size}} ${{axis.major_label_text_font}}`;
+        const {{ left, width }} = view.frame.bbox;
+        const every = axis.ticker.get_ticks(start, end, view.model.x_range, NaN).major;
+        const ticks = every.filter((t) => t >= start && t <= end);
+        return axis.formatter.doFormat(ticks, {{ loc: 0 }}).map((text, i) => {{
+          const middle = left + (width * (ticks[i] - start)) / (end - start);
+          const half = context.measureText(text).width / 2;
+          return [middle - half, middle + half];
+        }}); }}""",
+        key,
+    )
+    return found
+
+
+def colours_above_words(page: Page, key: str) -> dict[str, list[int]]:
+    """By word of a strip, how many colours each of the lines of pixels just above its letters has."""
+    found: dict[str, list[int]] = page.evaluate(
+        f"""(key) => {{ {VIEW} const words = view.model.renderers.find((r) => r.name === "words").data_source.data;
+        const {{ bbox }} = view.frame, {{ start, end }} = view.model.x_range, rows = view.model.y_range.start;
+        const context = view.export("png").canvas.getContext("2d"), out = {{}};
+        words.text.forEach((text, i) => {{
+          const x = Math.round(bbox.left + (bbox.width * (words.x[i] - start)) / (end - start));
+          const y = Math.round(bbox.top + (bbox.height * words.y[i]) / rows);
+          if (x < bbox.left || x + 6 * text.length > bbox.right) return;
+          out[text] = [-8, -7, -6, -5].map((dy) => {{
+            const line = context.getImageData(x, y + dy, 5 * text.length, 1).data;
+            const pixels = Array.from({{ length: line.length / 4 }}, (_, k) => line.slice(4 * k, 4 * k + 3).join());
+            return new Set(pixels).size;
+          }});
+        }});
+        return out; }}""",
+        key,
+    )
+    return found
+
+
 def shown_range(page: Page) -> tuple[float, float]:
     """Seconds in view, as the panel says them."""
     found = re.findall(r"([\d.]+) s", page.locator("#range").inner_text())

@@ -1,14 +1,20 @@
 """How the report looks: complete, narrow, dark, printed; and what it says to a browser that is too old."""
 
+import itertools
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
 import pytest
 from playwright.sync_api import Browser
 
 from tests.browser.chromium import Opened, opened
-from tests.browser.reading import corner, plot, settle
+from tests.browser.reading import colours_above_words, corner, plot, settle, tick_labels
+from wrcd.tools.report import page as report
+from wrcd.tools.story.explain import CONTACTS
+from wrcd.tools.story.records import Story
 
 # before the page's own listener, which takes them away again
 COUNT_PICTURES = """addEventListener("afterprint", () => {
@@ -33,6 +39,39 @@ def test_page_never_scrolls_sideways(browser: Browser, file: Path, width: int) -
         assert page.evaluate("document.documentElement.scrollWidth") <= width
         assert plot(page, "axle1.residuals")["width"] > 0.6 * width
         assert found.complaints == []
+
+
+@pytest.mark.parametrize("width", [400, 1200])
+def test_labels_of_ticks_do_not_touch(browser: Browser, file: Path, width: int) -> None:
+    with opened(browser, file, width) as found:
+        page = found.page
+        for key in ("overview", "axle1.time", "axle1.distance", "ages"):
+            plot(page, key)
+            for zoom in range(3):
+                labels = tick_labels(page, key)
+                assert len(labels) >= 2
+                for (_, end), (begin, _) in itertools.pairwise(labels):
+                    assert begin - end > 8, (key, zoom, labels)
+                page.keyboard.press("+")
+                settle(page)
+            page.keyboard.press("Home")
+            settle(page)
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_no_pattern_goes_through_a_word(
+    browser: Browser, story: Story, tmp_path: Path, scheme: Literal["light", "dark"]
+) -> None:
+    axle = story.axles[0]
+    saturated = np.full_like(axle.adhesion.contact, CONTACTS.index("Saturated"))
+    axle = replace(axle, adhesion=replace(axle.adhesion, contact=saturated))
+    report.write(replace(story, axles=(axle,)), None, tmp_path / "report.html")
+    with opened(browser, tmp_path / "report.html", scheme=scheme) as found:
+        plot(found.page, "axle1.states")
+        words = colours_above_words(found.page, "axle1.states")
+        assert "Saturated" in words
+        for word, lines in words.items():
+            assert min(lines) < 4, word  # its block's, and of an edge
 
 
 def test_dark_is_dark_in_plots_too_and_follows_a_change(browser: Browser, file: Path) -> None:

@@ -13,17 +13,19 @@ import pytest
 
 from tests.support.can_ids import ADHESION_A1
 from tests.support.loop_wire import TIMINGS, stop_in_lockstep
+from tests.support.metronome import SLOT_US, metronome
 from tests.support.processes import BIN, running, wait_for
-from tests.support.vcan import ip
+from tests.support.vcan import ip, now_us
 from wrcd.config import packaged
 
 SILENT = "axle 1: demand silent for 30 ms: traction ends, brakes apply as the driver asked"
 DEMAND_A1 = 0x141
-# 8 s from 11 m/s on greasy rail: long enough for three misfortunes, one after the other
+RIG, CONTROLLER, DAEMON = 10, 10, 5  # real-time priorities: train and controller do not wait for the daemon's processor
+# 13 s from 18 m/s on greasy rail: long enough for three misfortunes, one after the other, where the host is busy, too
 SHORT = """
-title = "full braking from 11 m/s on greasy rail"
+title = "full braking from 18 m/s on greasy rail"
 duration_s = 40
-speed_m_s = 11
+speed_m_s = 18
 rail = [{ curve = "E" }]
 driver = { demand = -1.0 }
 """
@@ -45,7 +47,10 @@ class Told:
 
     def wait_for(self, line: str, after: int = 0, seconds: float = 10) -> int:
         """Wait for a line with this text behind a place; return the place behind it."""
-        wait_for(f"{line!r} of {self.file.stem}", seconds, lambda: line in self.text[after:])
+        try:
+            wait_for(f"{line!r} of {self.file.stem}", seconds, lambda: line in self.text[after:])
+        except AssertionError as e:
+            raise AssertionError(f"{e}; it says\n{self.text}") from None
         return self.text.index(line, after) + len(line)
 
 
@@ -58,9 +63,9 @@ class Bench:
         self.config.write_text(packaged(1))
         self.log = folder / "candump.log"
         cleanup.enter_context(running("candump", "-L", "vcan0", output=self.log))
-        self.daemon, _ = self._start(f"wrcd run -i socketcan -c vcan0 --config {self.config}")
+        self.daemon, _ = self._start(DAEMON, f"wrcd run -i socketcan -c vcan0 --config {self.config}")
         self.controller, self.controls = self._start(
-            f"sim-ecu control thresholds --with-adhesion -c vcan0 --config {self.config}"
+            CONTROLLER, f"sim-ecu control thresholds --with-adhesion -c vcan0 --config {self.config}"
         )
         wait_for("frames of the daemon", 60, lambda: self.has(ADHESION_A1))
         # it demands nothing before it has heard the driver
@@ -68,11 +73,11 @@ class Bench:
         assert "not heard yet" in self.controls.text
         assert not self.has(DEMAND_A1)
 
-    def _start(self, command: str) -> tuple[subprocess.Popen[bytes], Told]:
+    def _start(self, priority: int, command: str) -> tuple[subprocess.Popen[bytes], Told]:
         program, *arguments = command.split()
         told = Told(self.folder / f"{program}-{arguments[0]}-{time.monotonic_ns()}.err")
         with told.file.open("wb") as err, told.out.open("wb") as out:
-            process = subprocess.Popen([BIN / program, *arguments], stdout=out, stderr=err)
+            process = subprocess.Popen(["chrt", "-f", str(priority), BIN / program, *arguments], stdout=out, stderr=err)
         self._cleanup.callback(process.wait, 10)
         self._cleanup.callback(process.kill)
         return process, told
@@ -83,7 +88,7 @@ class Bench:
         return all(f" {can_id:03X}#" in text for can_id in ids)
 
     def drive(self, command: str) -> tuple[subprocess.Popen[bytes], Told]:
-        return self._start(f"{command} --no-truth --json {self.folder / 'out.json'}")
+        return self._start(RIG, f"{command} --no-truth --json {self.folder / 'out.json'}")
 
     def end(self, rig: subprocess.Popen[bytes], told: Told) -> tuple[int, str, dict[str, Any]]:
         """Status, summary and document of a rig that drives to its end."""
@@ -100,21 +105,30 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
 
 
 def test_stop_on_a_real_bus_has_the_figures_of_the_lockstep_run(bench: Bench) -> None:
-    expected = [stop_in_lockstep(timing) for timing in TIMINGS]
+    # Its wear hangs on chance reversals of the slip control. Over seeds 1 to 8 and four timings in lockstep: distance
+    # 155 to 160 m, slip energy 38 to 56 kJ, largest slip 0.50 to 1.05 m/s. Demands 100 ms late: 217 m, 164 kJ, 3.7 m/s.
+    expected = [stop_in_lockstep(timing, seed) for timing in TIMINGS for seed in (1, 2)]
     print(*expected, sep="\n")
-    rig, told = bench.drive("sim-ecu drive brake-greasy -c vcan0")
-    status, summary, document = bench.end(rig, told)
+    with metronome(RIG) as machine:
+        begin_us = now_us()
+        rig, told = bench.drive("sim-ecu drive brake-greasy -c vcan0")
+        status, summary, document = bench.end(rig, told)
+        end_us = now_us()
     figures = document["figures"]
     assert status == 0
     assert document["over"]
     assert document["unsent"] == 0
     assert "bus down" not in summary
-    for figure, share in (("stop_m", 0.05), ("slip_energy_kJ", 0.1)):
+    silences, waits = document["demand"]["1"]["silences"], document["waits"]
+    if silences or waits:
+        # another stop than any in lockstep: the brakes acted without the controller, or the train without its time
+        print(f"FIGURES NOT JUDGED: {silences} silences of the demand, the train's time waited {waits} times")
+        assert any(map(machine.excuses, range(begin_us // SLOT_US, end_us // SLOT_US))), "the machine is no reason"
+        return
+    for figure, factor in (("stop_m", 1.05), ("slip_energy_kJ", 1.3)):
         every = [getattr(f, figure) for f in expected]
-        assert min(every) * (1 - share) <= figures[figure] <= max(every) * (1 + share), figure
-    # the largest of some hundred reversals of the limit cycle
-    every = [f.max_slip_m_s for f in expected]
-    assert min(every) * 0.8 <= figures["max_slip_m_s"] <= max(every) * 1.25
+        assert min(every) / factor <= figures[figure] <= max(every) * factor, figure
+    assert figures["max_slip_m_s"] <= 1.3 * max(f.max_slip_m_s for f in expected)
     assert figures["slides"] <= max(f.slides for f in expected) + 1
 
 
@@ -127,6 +141,7 @@ def test_train_stops_when_bus_daemon_and_controller_fail_one_after_the_other(ben
     ip("set", "vcan0", "down")
     down = told.wait_for("bus down: nothing comes, nothing goes")
     silent = told.wait_for(SILENT, down)
+    time.sleep(0.3)  # so that frames stay unsent
     ip("set", "vcan0", "up")
     up = told.wait_for("bus again after", down)
     again = told.wait_for("axle 1: demand again after", max(up, silent))

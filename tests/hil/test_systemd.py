@@ -26,7 +26,6 @@ from tests.support.unit_train import (
     output,
     prop,
     systemctl,
-    validity,
 )
 from wrcd.config import DEFAULT
 
@@ -158,8 +157,9 @@ def test_reload_applies_a_limit_in_the_same_process(installed: Train) -> None:
         assert "wrcd: reload: limits.min_speed_m_s 3 -> 3.5; needs a restart: bus.channel" in said
         frames = installed.since(broken)
         assert len(frames) >= 80
-        # a daemon that had started anew would warm up; a busy computer's stale frames are not its fault
-        assert NOT_AVAILABLE not in {validity(f) for f in frames}
+        assert (
+            "wrcd: socketcan:" not in said
+        )  # what a daemon says that starts; stale and silent inputs are a busy guest's
         installed.wait(time.time())
         gaps_s = [(b.stamp_us - a.stamp_us) * 1e-6 for a, b in pairwise(frames)]
         print(f"longest gap between two frames around a reload: {1000 * max(gaps_s):.0f} ms")
@@ -279,7 +279,7 @@ def test_drop_ins_give_realtime_priority_and_locked_memory(train: Train) -> None
 
 def test_device_deleted_and_made_again_is_used_by_the_same_process(train: Train) -> None:
     """The daemon stays and opens it again; candump and canplayer have to be started anew."""
-    pid, gone = main_pid(), time.time()
+    gone = time.time()
     subprocess.run(["ip", "link", "del", "vcan0"], timeout=10, check=True)
     train.disconnect()
     time.sleep(1.0)
@@ -288,18 +288,17 @@ def test_device_deleted_and_made_again_is_used_by_the_same_process(train: Train)
     made = time.time()
     train.connect()
     assert train.back_after("vcan0 made again", made, 1.5) <= 8.0
-    assert main_pid() == pid
     said = journal(gone)
-    assert "wrcd: the CAN device is gone" in said
-    assert "wrcd: the CAN device was opened again" in said
+    found = [re.findall(rf"\[(\d+)\]: wrcd: the CAN device {what}", said) for what in ("is gone", "was opened again")]
+    assert found[0] == found[1], said  # one process; on a busy computer the watchdog may have started another one since
+    assert len(found[0]) == 1
 
 
 def test_stopped_unit_sends_not_available(train: Train) -> None:
-    systemctl("stop", UNIT)
-    time.sleep(0.5)
-    frame = train.newest()
-    assert frame is not None
-    assert validity(frame) == NOT_AVAILABLE
+    train.wait(time.time())
+    stopped = time.time()
+    systemctl("stop", UNIT)  # which waits for its end; candump may be behind
+    train.wait(stopped, NOT_AVAILABLE, 10)
     said = journal()
     assert "wrcd: stopped;" in said
     assert "Traceback" not in said

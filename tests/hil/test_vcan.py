@@ -1,7 +1,6 @@
 """Rig, daemon and can-utils on a real kernel's vcan."""
 
 import csv
-import os
 import re
 import select
 import signal
@@ -26,13 +25,18 @@ from tests.support.can_ids import (
     YAW_RATE_A1,
     id_of,
 )
+from tests.support.metronome import SLOT_US, WINDOW_US, Cycle, Machine, all_kept, calm, cycle, metronome, mostly, within
 from tests.support.processes import BIN, ROOT, running, wait_for
 from tests.support.scenarios import FOUR_AXLES, SIX_AXLES, held
+from tests.support.vcan import allow_large_buffers, overruns_at, slot_of
 from wrcd.bus.frame import Frame
 from wrcd.bus.log import Damage, format_line, read_log
 from wrcd.config import DEFAULT
 
-MAX_STALLED = 0.02  # of the slots, that a guest may skip because its host stood still
+YAW_RATE_TIMEOUT_US = 15_000  # as the DBC says
+# a train's sensors do not wait for the daemon's processor: in the guest they share the only one
+SENSORS = ("chrt", "-f", "10")
+CANPLAYER = (*SENSORS, "canplayer")
 
 
 @dataclass
@@ -44,30 +48,55 @@ class Recorded:
     daemon_status: int
     daemon_says: str
     rig_says: str
+    machine: Machine
 
     def of(self, can_id: int) -> list[Frame]:
         return [f for f in self.frames if f.can_id == can_id]
+
+    def calm(self, axle: int) -> list[tuple[int, int]]:
+        """Return the times in which the axle's sensors were not held up."""
+        return calm([f.stamp_us for f in self.of(id_of(f"YawRate_A{axle}"))], YAW_RATE_TIMEOUT_US)
+
+    @property
+    def cycle(self) -> Cycle:
+        """Axle 1's slots while its sensors send: a program that starts takes the guest's processor before."""
+        yaw = self.of(YAW_RATE_A1)
+        slots = [slot_of(f) for f in self.of(ADHESION_A1)[:-1]]  # without the one of the stop
+        return cycle(slots, yaw[0].stamp_us, yaw[-1].stamp_us, self.machine)
 
 
 def sizes(path: Path) -> int:
     return path.stat().st_size if path.exists() else 0
 
 
+def wait_for_adhesion(log: Path, since_us: int) -> None:
+    """Until there is a frame of half a second later: a daemon that was held up has taken what came before it."""
+
+    def there() -> bool:
+        with log.open("rb") as f:
+            f.seek(max(0, sizes(log) - 20_000))
+            lines = [line for line in f.read().splitlines()[1:] if b" 091#" in line]
+        return bool(lines) and float(lines[-1][1:18]) * 1e6 > since_us + 500_000
+
+    wait_for("an Adhesion frame after the play", 60, there)
+
+
 def record(folder: Path, play: Callable[[], str]) -> Recorded:
     """candump, then the daemon, then what plays; the daemon is stopped by SIGTERM."""
     folder.mkdir(exist_ok=True)
     log = folder / "candump.log"
-    with running("candump", "-L", "vcan0", output=log):
+    allow_large_buffers()
+    with metronome(0) as machine, running("candump", "-L", "vcan0", output=log):
         with running(BIN / "wrcd", "run", "-i", "socketcan", "-c", "vcan0") as daemon:
             wait_for("the daemon's first frame", 30, lambda: sizes(log) > 0)
             says = play()
-            time.sleep(0.5)
+            wait_for_adhesion(log, time.time_ns() // 1000)
             daemon.send_signal(signal.SIGTERM)
             status = daemon.wait(10)
             assert daemon.stderr is not None
             daemon_says = daemon.stderr.read().decode()
         time.sleep(0.5)
-    return Recorded(log, [f for f, _ in read_log(log, Damage())], status, daemon_says, says)
+    return Recorded(log, [f for f, _ in read_log(log, Damage())], status, daemon_says, says, machine)
 
 
 @pytest.fixture(scope="module")
@@ -79,8 +108,9 @@ def one_axle(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
 
     def play() -> str:
         done = subprocess.run(
-            [BIN / "sim-ecu", "play", scenario, "-c", "vcan0"], timeout=90, check=True, capture_output=True, text=True
-        )
+            [*SENSORS, BIN / "sim-ecu", "play", scenario, "-c", "vcan0"],
+            timeout=240, check=True, capture_output=True, text=True,
+        )  # fmt: skip
         return done.stderr
 
     return record(folder, play)
@@ -99,38 +129,29 @@ def four_axles(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
 
     def play() -> str:
         done = subprocess.run(
-            ["canplayer", "-I", log, "vcan0=can0"], timeout=60, check=True, capture_output=True, text=True
+            [*CANPLAYER, "-I", log, "vcan0=can0"], timeout=60, check=True, capture_output=True, text=True
         )
         return done.stderr
 
-    # a guest whose host is busy stalls the train's frames for longer than their time-out: such a play shows little
-    for attempt in range(3):
-        recorded = record(folder / str(attempt), play)
-        if longest_gap_s(recorded) < 0.015:
-            break
-    return recorded
-
-
-def longest_gap_s(recorded: Recorded) -> float:
-    """Between two yaw-rate frames, while the play was under way."""
-    stamps = [f.stamp_us for f in recorded.of(YAW_RATE_A1)]
-    late = [b - a for a, b in pairwise(stamps) if a > stamps[0] + 2_000_000]
-    print(f"longest gap {max(late) / 1000:.1f} ms")
-    return max(late) * 1e-6
+    return record(folder / "bus", play)
 
 
 def test_adhesion_is_sent_at_50_hz(one_axle: Recorded) -> None:
-    frames = one_axle.of(ADHESION_A1)
-    seconds = (frames[-1].stamp_us - frames[0].stamp_us) * 1e-6
-    assert seconds > 11
-    assert (len(frames) - 1) / seconds == pytest.approx(50.0, rel=0.05)
+    kept = one_axle.cycle
+    print(kept)
+    assert kept.wanted > 11 * 50
+    assert kept.kept, kept.unexcused
 
 
 def test_rig_keeps_time_and_sends_every_frame(one_axle: Recorded) -> None:
     assert " 0 not sent" in one_axle.rig_says
     yaw = one_axle.of(YAW_RATE_A1)
     assert len(yaw) == 2400
-    assert (yaw[-1].stamp_us - yaw[0].stamp_us) * 1e-6 == pytest.approx(12.0, abs=0.1)
+    begin_us, end_us = yaw[0].stamp_us, yaw[-1].stamp_us
+    at_ends_us = one_axle.machine.taken_us(begin_us, begin_us + 100_000) + one_axle.machine.taken_us(
+        end_us - 100_000, end_us
+    )
+    assert end_us - begin_us == pytest.approx(12_000_000, abs=100_000 + at_ends_us)
 
 
 def test_cantools_decodes_every_frame(one_axle: Recorded) -> None:
@@ -149,19 +170,21 @@ def test_cantools_decodes_every_frame(one_axle: Recorded) -> None:
 
 
 def test_valid_estimate_meets_the_truth(one_axle: Recorded) -> None:
-    """Whatever is called Valid, from a window after the wanted creep is held; a stalled guest may be Degraded."""
+    """Whatever is called Valid, from a window after the wanted creep is held, and Valid unless the guest stalled."""
     database = cantools.database.load_file(ROOT / "dbc" / "wrcd.dbc")
     assert isinstance(database, Database)
     message = database.get_message_by_name("Adhesion_A1")
-    stamps = [f.stamp_us for f in one_axle.frames if f.can_id in INPUTS]
-    late = [
-        message.decode(f.data) for f in one_axle.of(ADHESION_A1) if min(stamps) + 3_000_000 < f.stamp_us <= max(stamps)
-    ]
-    assert len(late) > 400
-    valid = [v for v in late if isinstance(v, dict) and str(v["Validity"]) == "Valid"]
-    print(f"{len(valid)} of {len(late)} Valid")
-    assert len(valid) > 100
-    for values in valid:
+    yaw = one_axle.of(YAW_RATE_A1)
+    since_us, until_us = yaw[0].stamp_us + 3_000_000, yaw[-1].stamp_us
+    late = [f for f in one_axle.of(ADHESION_A1) if since_us < f.stamp_us <= until_us]
+    valid = [f for f in late if f.data[1] >> 4 == 1]
+    sound = one_axle.calm(1)
+    judged = [f.data[1] >> 4 == 1 for f in late if within(f.stamp_us, sound)]
+    print(f"{len(valid)} of {len(late)} Valid, {sum(judged)} of {len(judged)} undisturbed ones")
+    assert mostly(judged, 0.8, since_us - WINDOW_US, until_us, one_axle.machine)
+    for f in valid:
+        values = message.decode(f.data)
+        assert isinstance(values, dict)
         assert abs(float(str(values["MuAvailable"])) - 38.4) < 3.0
 
 
@@ -170,13 +193,6 @@ def test_sigterm_sends_not_available_for_every_axle(one_axle: Recorded) -> None:
     for can_id in ADHESION.values():
         assert one_axle.of(can_id)[-1].data[1] >> 4 == 0
     assert one_axle.frames[-1].data[1] >> 4 == 3  # WrcdStatus: Stopping
-
-
-def slot(f: Frame) -> int:
-    """The slot that a frame was made for: its counter tells, should it have left in the slot's last moment."""
-    last = f.stamp_us // 20_000
-    # (the last frame carries the next one)
-    return next(s for s in (last, last - 1, last - 2, last + 1) if s % 15 == f.data[1] & 0x0F)
 
 
 def replayed(recorded: Recorded, folder: Path) -> list[Frame]:
@@ -189,19 +205,33 @@ def replayed(recorded: Recorded, folder: Path) -> list[Frame]:
 def test_live_frames_equal_those_of_a_replay(which: str, request: pytest.FixtureRequest, tmp_path: Path) -> None:
     """The adhesion frames that the daemon sent are, byte for byte, those that a replay of candump's log computes."""
     axles = 1 if which == "one_axle" else 4
-    # slots that a loaded guest skipped do not count
-    assert compared(request.getfixturevalue(which), axles, tmp_path) > 100 * axles
+    recorded: Recorded = request.getfixturevalue(which)
+    kept = recorded.cycle
+    print(kept)
+    assert kept.kept, kept.unexcused
+    assert_enough(compared(recorded, axles, tmp_path), 100, axles, kept)
+
+
+def assert_enough(compared: int, slots: int, axles: int, kept: Cycle) -> None:
+    """So many slots of so many axles were compared, less those that are missing; none only where the machine left no
+    cycle to judge, and that is skipped."""
+    if not compared and not kept.judged:
+        pytest.skip(f"nothing to compare: {kept}")
+    assert compared > max(0, slots - len(kept.missing)) * axles
 
 
 def compared(recorded: Recorded, axles: int, tmp_path: Path) -> int:
-    """How many adhesion frames of the first axles are, from the first Valid one on, those of a replay: all must be."""
+    """How many adhesion frames of the first axles are, from the first Valid one on, or from where it would be in a
+    guest that is not held up, those of a replay: all must be."""
     computed = {(f.can_id, f.stamp_us // 20_000): f.data for f in replayed(recorded, tmp_path)}
     last = max(f.stamp_us for f in recorded.frames if f.can_id in INPUTS) // 20_000
+    settled = min(f.stamp_us for f in recorded.frames if f.can_id in INPUTS) // 20_000 + 125
     print(recorded.daemon_says)
+    assert "lost" not in recorded.daemon_says
     compared = 0
     for can_id in list(ADHESION.values())[:axles]:
-        sent = {slot(f): f.data for f in recorded.of(can_id)}
-        first = min(s for s, data in sent.items() if data[1] >> 4 == 1)
+        sent = {slot_of(f): f.data for f in recorded.of(can_id)}
+        first = min([settled, *(s for s, data in sent.items() if data[1] >> 4 == 1)])
         judged = {s: data for s, data in sent.items() if first <= s <= last}
         different = [s for s, data in judged.items() if computed[can_id, s] != data]
         print([(s, sent[s].hex(), computed[can_id, s].hex()) for s in different[:5]])
@@ -221,18 +251,22 @@ def test_silence_of_the_sensors_is_no_time_step(tmp_path: Path) -> None:
     log.write_text("".join(format_line(f, "can0") + "\n" for f in later))
 
     def play() -> str:
-        subprocess.run(["canplayer", "-I", log, "vcan0=can0"], timeout=60, check=True, capture_output=True)
+        subprocess.run([*CANPLAYER, "-I", log, "vcan0=can0"], timeout=60, check=True, capture_output=True)
         return ""
 
     recorded = record(tmp_path / "bus", play)
     assert "the clock stepped" not in recorded.daemon_says
     assert ", 0 steps of time" in recorded.daemon_says
-    assert compared(recorded, 1, tmp_path) > 300
+    kept = recorded.cycle
+    print(kept)
+    assert kept.kept, kept.unexcused
+    assert_enough(compared(recorded, 1, tmp_path), 250, 1, kept)  # 275 from 2.5 s on
     yaw = [f.stamp_us for f in recorded.of(YAW_RATE_A1)]
     gap_us, back_us = max((b - a, b) for a, b in pairwise(yaw))
-    assert gap_us == pytest.approx(3_000_000, abs=200_000)
+    taken_us = recorded.machine.taken_us(back_us - gap_us - 200_000, back_us + 200_000)
+    assert gap_us == pytest.approx(3_000_000, abs=200_000 + taken_us)
     silent = [f for f in recorded.of(ADHESION_A1) if back_us - gap_us + 200_000 < f.stamp_us < back_us]
-    assert len(silent) > 120
+    assert len(silent) > max(0, 120 - len(kept.missing))
     assert {f.data[1] >> 4 for f in silent} == {0}
 
 
@@ -244,12 +278,14 @@ def test_sigusr1_dump_replays_to_what_was_sent(tmp_path: Path) -> None:
     log.write_text(log.read_text().replace(" R\n", "\n"))
     config.write_text(DEFAULT + '[recorder]\nfolder = "dumps"\nseconds = 6.0\n')
     bus = tmp_path / "candump.log"
+    allow_large_buffers()
     with (
+        metronome(0) as machine,
         running("candump", "-L", "vcan0", output=bus),
         running(BIN / "wrcd", "run", "-i", "socketcan", "-c", "vcan0", "--config", config) as daemon,
     ):
         wait_for("the daemon's first frame", 30, lambda: sizes(bus) > 0)
-        subprocess.run(["canplayer", "-I", log, "vcan0=can0"], timeout=60, check=True)
+        subprocess.run([*CANPLAYER, "-I", log, "vcan0=can0"], timeout=60, check=True)
         daemon.send_signal(signal.SIGUSR1)
         wait_for("the dump", 30, lambda: bool(list(tmp_path.glob("dumps/wrcd-vcan0-*-asked.log"))))
         daemon.send_signal(signal.SIGTERM)
@@ -262,14 +298,26 @@ def test_sigusr1_dump_replays_to_what_was_sent(tmp_path: Path) -> None:
     subprocess.run([BIN / "wrcd", "replay", dump, "--config", config, "-o", out], timeout=300, check=True)
     computed = {(f.can_id, f.stamp_us // 20_000): f.data for f, _ in read_log(out, Damage())}
     # what candump saw from the dump's first slot to its last, the tail that only the clock closed too
-    sent = {(f.can_id, slot(f)): f.data for f, _ in read_log(bus, Damage()) if f.can_id in ADHESION.values()}
+    frames = [f for f, _ in read_log(bus, Damage())]
+    sent = {(f.can_id, slot_of(f)): f.data for f in frames if f.can_id in ADHESION.values()}
     judged = {key: data for key, data in sent.items() if key in computed}
     different = {key: (data.hex(), computed[key].hex()) for key, data in judged.items() if computed[key] != data}
     assert different == {}
-    assert len(judged) > 4 * 200
-    assert sum(data[1] >> 4 == 1 for data in judged.values()) > 20
+    recorded = Recorded(bus, frames, 0, "", "", machine)
+    kept = recorded.cycle
+    print(kept)
+    assert kept.kept, kept.unexcused
+    assert_enough(len(judged), 200, 4, kept)
+    yaw, sound = [f.stamp_us for f in recorded.of(YAW_RATE_A1)], recorded.calm(1)
+    valid = [
+        data[1] >> 4 == 1
+        for (can_id, slot), data in judged.items()
+        if can_id == ADHESION_A1 and within(slot * SLOT_US, sound)
+    ]
+    print(f"{sum(valid)} of {len(valid)} Valid")
+    assert mostly(valid, 0.8, yaw[0], yaw[-1], machine)
     # and the dump, like any log, has what was sent: every frame of it that the bus carried
-    noted = {(f.can_id, slot(f)): f.data for f, _ in read_log(dump, Damage()) if f.can_id in ADHESION.values()}
+    noted = {(f.can_id, slot_of(f)): f.data for f, _ in read_log(dump, Damage()) if f.can_id in ADHESION.values()}
     assert noted.items() <= sent.items()
     assert noted.items() <= computed.items()
 
@@ -285,60 +333,67 @@ def test_four_axles_estimate_their_own_rails(four_axles: Recorded, tmp_path: Pat
         mine = [r for r in rows if r["axle"] == str(axle)]
         valid = [float(r["mu_available_pct"]) for r in mine if r["validity"] == "Valid"]
         print(f"axle {axle}: {len(valid)} of {len(mine)} Valid")
-        assert len(mine) == pytest.approx(175, abs=2)
-        assert len(valid) >= 50
-        assert sum(valid) / len(valid) == pytest.approx(true, abs=3.0)
+        sound = four_axles.calm(axle)
+        judged = [r["validity"] == "Valid" for r in mine if within(round(float(r["time_s"]) * 1e6), sound)]
+        assert len(mine) == pytest.approx((max(stamps) - min(stamps) - 2.5) * 50, abs=2)
+        since_us, until_us = round((min(stamps) + 2.5) * 1e6), round(max(stamps) * 1e6)
+        assert mostly(judged, 0.8, since_us - WINDOW_US, until_us, four_axles.machine)
+        assert not valid or sum(valid) / len(valid) == pytest.approx(true, abs=3.0)
 
 
 def test_six_axles_are_sent_at_fifty_hertz_and_nothing_is_lost(tmp_path: Path) -> None:
-    """Every sensor's frame is accepted, every slot of the play has six frames, and the daemon counts no loss."""
-    guest = os.environ.get("GUEST") == "uml"
-    if guest:  # as systemd/80-wrcd.conf has it on a train computer
-        Path("/proc/sys/net/core/rmem_max").write_text("8388608")
+    """Every sensor's frame is accepted, every slot that the processor was there for has six frames, and the daemon
+    counts those that it skipped, and no other loss."""
+    allow_large_buffers()
     scenario, log, seen = tmp_path / "six.toml", tmp_path / "six.log", tmp_path / "candump.log"
     scenario.write_text(SIX_AXLES)
     subprocess.run([BIN / "sim-ecu", "play", scenario, "--fast", "--no-truth", "--log", log], timeout=240, check=True)
     log.write_text(log.read_text().replace(" R\n", "\n"))
     played = len(log.read_text().splitlines())
     assert played == 6 * (1200 + 1200 + 600) + 300
-    # a guest whose host is busy stands still for longer than a slot: the best of three plays
-    plays: list[tuple[dict[str, int], int, int, str, list[Frame]]] = []
-    while len(plays) < 3 and not (plays and not any(plays[-1][0].values())):
+    with metronome(0) as machine:
         begin_us, end_us, said = play_six_axles(log, seen)
-        sent = [f for f, _ in read_log(seen, Damage())]
-        plays.append((losses(sent, begin_us), begin_us, end_us, said, sent))
-        print(f"{said}{plays[-1][0]}")
-    counted, begin_us, end_us, said, sent = min(plays, key=lambda play: sum(play[0].values()))
-    overruns = counted.pop("Overruns")
+    sent = [f for f, _ in read_log(seen, Damage())]
+    counted = losses(sent, begin_us)
+    print(said, counted)
+    told = re.search(r"(\d+) overruns", said)
+    assert told is not None
+    # since the play began; what the bus tells wraps at 256
+    overruns = int(told[1]) - overruns_at(sent, begin_us)
+    assert counted.pop("Overruns") <= overruns
     assert not any(counted.values()), counted
     assert f"{played} frames accepted, rejected: none;" in said
     assert "lost" not in said
     assert "could not send" not in said
-    skipped = 0
-    for can_id in (id_of(f"Adhesion_A{a}") for a in range(1, 7)):
-        slots = [slot(f) for f in sent if f.can_id == can_id and begin_us <= f.stamp_us <= end_us]
-        valid = sum(f.data[1] >> 4 == 1 for f in sent if f.can_id == can_id)
-        print(f"0x{can_id:03X}: {len(slots)} frames in {(end_us - begin_us) * 1e-6:.2f} s, {valid} Valid")
-        assert slots == sorted(set(slots))
-        assert slots[-1] - slots[0] + 1 == pytest.approx((end_us - begin_us) / 20_000, abs=2.5)
-        assert valid > 100
-        skipped += slots[-1] - slots[0] + 1 - len(slots)
-    assert skipped <= overruns <= (MAX_STALLED * 6 * len(slots) if guest else 0)
+    cycles = []
+    for axle in range(1, 7):
+        # a frame of the last slots may be late
+        every = [f for f in sent if f.can_id == id_of(f"Adhesion_A{axle}") and begin_us <= f.stamp_us]
+        cycles.append(cycle([slot_of(f) for f in every[:-1]], begin_us, end_us, machine))
+        mine = [f for f in every if f.stamp_us <= end_us]
+        yaw = [f.stamp_us for f in sent if f.can_id == id_of(f"YawRate_A{axle}")]
+        sound = calm(yaw, YAW_RATE_TIMEOUT_US)
+        judged = [f.data[1] >> 4 == 1 for f in mine if within(f.stamp_us, sound)]
+        print(f"axle {axle}: {cycles[-1]}; {sum(judged)} of {len(judged)} Valid")
+        # axle 4's rail gives less to see: 72 to 86 %
+        assert mostly(judged, 0.4, yaw[0], yaw[-1], machine)
+    assert all_kept(cycles), [c.unexcused for c in cycles]
+    assert sum(len(c.missing) for c in cycles) <= overruns
 
 
 def play_six_axles(log: Path, seen: Path) -> tuple[int, int, str]:
     """Play a log of six axles to a daemon; seen gets what it sends. Returns when, in us, and what the daemon logged."""
     six = ROOT / "examples" / "six-axles.toml"
     with (
-        running("candump", "-L", "vcan0,080:7C0", output=seen),
+        running("candump", "-L", "vcan0,080:7C0,101:7FF,102:7FF,103:7FF,104:7FF,105:7FF,106:7FF", output=seen),
         # not at a real-time priority: vcan carries frames in a thread of the kernel's that has none
         running(BIN / "wrcd", "run", "-i", "socketcan", "-c", "vcan0", "--config", six) as daemon,
     ):
         wait_for("the daemon's first WrcdLink", 30, lambda: seen.exists() and " 0B2#" in seen.read_text())
         begin_us = time.time_ns() // 1000
-        subprocess.run(["canplayer", "-I", log, "vcan0=can0"], timeout=60, check=True)
+        subprocess.run([*CANPLAYER, "-I", log, "vcan0=can0"], timeout=60, check=True)
         end_us = time.time_ns() // 1000
-        time.sleep(0.5)
+        wait_for_adhesion(seen, end_us)
         daemon.send_signal(signal.SIGTERM)
         assert daemon.wait(10) == 0
         assert daemon.stderr is not None

@@ -30,9 +30,10 @@ torque = "Torque_A1.Torque"
 
 
 def with_fault(kind: str, axle: int, seconds: float) -> str:
-    """The same for so long, with a fault of a gyro throughout."""
+    """The same for so long, with a fault of a gyro throughout, and far from the peak: there a sound gyro is quiet."""
     fault = f'kind = "{kind}"\nof = "yaw_rate"\naxle = {axle}\nat_s = 0.0\nduration_s = {seconds}\n'
-    return f"{_RIDE.format(seconds, SPEED_M_S)}[[fault]]\n{fault}"
+    ride = _RIDE.format(seconds, SPEED_M_S).replace("[1.0, 1.0]", "[1.0, 0.2]")
+    return f"{ride}[[fault]]\n{fault}"
 
 
 def job(train: str, name: str) -> Job:

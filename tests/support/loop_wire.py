@@ -3,6 +3,7 @@ stop of the loop in lockstep, with what a bus may make of its timing."""
 
 from collections.abc import Callable, Sequence
 
+from sim_ecu import bench
 from sim_ecu.bench import Bench, Figures, Timing
 from sim_ecu.loop.control.controller import Controller
 from sim_ecu.loop.control.inputs import Inputs
@@ -27,9 +28,10 @@ def scenario(text: str = "", seconds: float = 3.0) -> DriveScenario:
     return read_drive_scenario(parse_toml(f"{rail}{text}\n[driver]\ndemand = -1.0\n", "test"), "test")
 
 
-def stop_in_lockstep(timing: Timing) -> Figures:
+def stop_in_lockstep(timing: Timing, seed: int = 1) -> Figures:
     """Thresholds with adhesion, to the end of STOP."""
-    return Bench(STOP, daemon=True, controller="thresholds", with_adhesion=True, timing=timing).run()
+    stop = bench.scenario(STOP, seed=seed)
+    return Bench(stop, daemon=True, controller="thresholds", with_adhesion=True, timing=timing).run()
 
 
 class SetClock:

@@ -6,7 +6,8 @@
 
 python -m tests.support.pages           prints the names of the blocks that differ; exit 1 if there are any
 python -m tests.support.pages --write   makes them again
-python -m tests.support.pages --all     the expensive ones too: `sim-ecu faults`, both of `score`, and `loop`, an hour
+python -m tests.support.pages --all     the expensive ones too: `sim-ecu faults`, both of `score`, and `loop`, an hour;
+                                        with --write first, for others quote them
 """
 
 import argparse
@@ -31,7 +32,9 @@ from sim_ecu.play import scenario_keys
 from sim_ecu.play.expected import LONG_ROWS, ROWS
 from sim_ecu.play.expected_lines import expected_lines
 from sim_ecu.play.judge import which
+from sim_ecu.score.goals import MISSED, counted
 from tests.support.bus_load import table as load_table
+from tests.support.interval_coverage import rows as coverage_rows
 from wrcd import declared, resources
 from wrcd.bus.dbc import Message, load_dbc, timeout_ms
 from wrcd.core.configuration import MAX_AXLES
@@ -310,6 +313,37 @@ def _figures(kind: Kind) -> list[str]:
     return table(("figure", "unit", "better", "what"), rows)
 
 
+HEADLINES = (
+    "grid: mean error", "robust: mean error", "robust: the interval holds the truth",
+    "grid: error over that of the paper's own form", "transitions: median delay, s",
+)  # fmt: skip
+
+
+def accuracy() -> list[str]:
+    """A few goals of the score's page, how many of all are met, and every one that is missed, by suite."""
+    found = goals_of((ROOT / "docs/reference/score.md").read_text(encoding="utf-8"))
+    out = table(("goal", "value", "bound", ""), [g for name in HEADLINES for g in found if g[0] == name])
+    out += ["", counted([g[3] for g in found])]
+    missed: dict[str, list[str]] = {}
+    for name, value, bound, verdict in found:
+        if verdict == MISSED:
+            suite, _, what = name.partition(": ")
+            missed.setdefault(suite, []).append(f"{what} {value}, not {bound}")
+    return [*out, *(["Missed:", ""] if missed else []), *(f"- {s}: {'; '.join(m)}" for s, m in missed.items())]
+
+
+def goals_of(page: str) -> list[tuple[str, str, str, str]]:
+    """The rows of a score's goals: name, value, bound, verdict."""
+    lines = page.partition("\n**goals**")[2].split("\n<!-- end -->")[0].splitlines()
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines if line.startswith("| ")]
+    return [(name, value, bound, verdict) for name, value, bound, verdict in rows[1:]]
+
+
+def interval_coverage() -> list[str]:
+    """How often the intervals of few runs hold the truth, by simulation."""
+    return table(("values of runs", "runs", "mean, percentiles", "mean", "median"), coverage_rows())
+
+
 MAKERS: dict[str, Callable[..., list[str]]] = {
     "messages": messages,
     "options": options,
@@ -323,6 +357,8 @@ MAKERS: dict[str, Callable[..., list[str]]] = {
     "drive-scenario": drive_scenario,
     "monitor-keys": monitor_keys,
     "fmu-variables": fmu_variables,
+    "accuracy": accuracy,
+    "interval-coverage": interval_coverage,
     "campaign-keys": lambda: key_rows(campaign_keys.HEAD),
     "campaign-range": lambda: key_rows(campaign_keys.RANGE),
     "campaign-kinds": campaign_kinds,
@@ -336,7 +372,7 @@ def main() -> int:
     p.add_argument("--all", action="store_true", help="the expensive ones too")
     args = p.parse_args()
     differ = 0
-    for block in blocks():
+    for block in sorted(blocks(), key=lambda b: not b.expensive):  # others quote what the expensive ones print
         if block.expensive and not args.all:
             continue
         text = make(block)

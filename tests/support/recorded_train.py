@@ -113,6 +113,8 @@ def exercise_all_state(train: RecordedTrain) -> None:
     sim.yaw_status = 1
     train.run(100)
     sim.yaw_status = 0
+    sim.counter += 6  # the senders start anew
+    train.run(100)
     late = [sim.frames(), sim.frames(), sim.frames()]  # the loop, and with it what the kernel holds
     train.daemon.turn()
     train.daemon.turn()

@@ -2,8 +2,6 @@
 
 import io
 import os
-import sys
-import tempfile
 from pathlib import Path
 
 from PIL import Image
@@ -12,6 +10,7 @@ from sim_ecu import resources as rig
 from sim_ecu.cli import main as sim_ecu
 from tests.browser.chromium import chromium, opened
 from tests.browser.reading import settle
+from tests.support.demo_picture import write
 from wrcd.bus.dbc import load_dbc
 from wrcd.config import load_packaged
 from wrcd.tools.report import page
@@ -51,8 +50,4 @@ def picture(folder: Path) -> bytes:
 
 
 if __name__ == "__main__":
-    with tempfile.TemporaryDirectory() as made:
-        data = picture(Path(made))
-    output = Path(sys.argv[1]) if len(sys.argv) > 1 else PICTURE
-    output.write_bytes(data)
-    print(f"{output}: {len(data)} bytes")
+    write(picture, PICTURE)

@@ -56,7 +56,7 @@ class Train:
         self.log = self._folder / f"candump{self._logs}.log"
         self._stack.enter_context(running("candump", "-L", "vcan0,091:7FF", output=self.log))
         # a train's sensors do not wait for the daemon's processor: in the guest they share the only one
-        self._stack.enter_context(running("chrt", "-f", "10", "canplayer", "-I", PLAYED, "vcan0=can0"))
+        self._stack.enter_context(running("chrt", "-f", "10", "canplayer", "-l", "i", "-I", PLAYED, "vcan0=can0"))
 
     def disconnect(self) -> None:
         self._stack.close()

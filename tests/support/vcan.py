@@ -1,14 +1,21 @@
 """A virtual CAN interface of the running kernel, and another node on it. Only for tests on a real kernel."""
 
 import errno
+import os
 import socket
 import struct
 import subprocess
 import time
+from collections.abc import Iterable
+from pathlib import Path
 from socket import socket as RealSocket  # whatever a test puts in its place
 from typing import Any
 
-from tests.support.can_ids import ADHESION_A1, YAW_RATE_A1
+import cantools
+from cantools.database.can import Database
+
+from tests.support.can_ids import ADHESION_A1, WRCD_STATUS, YAW_RATE_A1
+from tests.support.processes import ROOT
 from wrcd.bus.frame import Frame
 from wrcd.bus.socketcan import SocketCanLink
 
@@ -30,6 +37,31 @@ def ip(*words: str) -> None:
 def add(bus: str) -> None:
     """Make a vcan interface; it is down."""
     ip("add", bus, "mtu", "72", "type", "vcan")
+
+
+def allow_large_buffers() -> None:
+    """Let the daemon have the buffer that systemd/80-wrcd.conf gives it on a train computer. Only in the guest."""
+    if os.environ.get("GUEST") == "uml":
+        Path("/proc/sys/net/core/rmem_max").write_text("8388608")
+
+
+def slot_of(f: Frame) -> int:
+    """Return the slot that an Adhesion frame was made for: its counter tells, should it have left late.
+
+    The last frame of a daemon that stops carries the next one.
+    """
+    ahead = f.stamp_us // 20_000 + 1
+    return ahead - (ahead - (f.data[1] & 0x0F)) % 15
+
+
+def overruns_at(frames: Iterable[Frame], until_us: int) -> int:
+    """Return the overruns that the last WrcdStatus before a time tells of."""
+    database = cantools.database.load_file(ROOT / "dbc" / "wrcd.dbc")
+    assert isinstance(database, Database)
+    *_, last = (f for f in frames if f.can_id == WRCD_STATUS and f.stamp_us < until_us)
+    values = database.decode_message(WRCD_STATUS, last.data)
+    assert isinstance(values, dict)
+    return int(str(values["Overruns"]))
 
 
 class Node:

@@ -129,7 +129,7 @@ OWN_DBC = '[dbc]\nfile = "own.dbc"\n'
 def test_own_dbc_without_a_named_wheelset_is_an_error(tmp_path: Path, more: str) -> None:
     (tmp_path / "own.dbc").write_bytes(resources.DBC.read_bytes())
     path = config(tmp_path, f"{VEHICLE}{AXLE}{OWN_DBC}{more}")
-    with pytest.raises(InputError, match=r'wrcd.toml:10: dbc.file: is a train.s own.*\[wheelset\] name = "default"'):
+    with pytest.raises(InputError, match=r'wrcd.toml:10: dbc.file: is a train.s own.*\[wheelset\]: name = "default"'):
         load_config(path)
 
 

@@ -240,7 +240,7 @@ def _regular(reader: MessageReader, s: Stretch, rows: IntArray) -> list[Samples]
             return None
         columns.append([(Sample(signal.number, v, d),) for v, d in zip(values, degraded, strict=True)])
     if checker is not None:
-        checker.follow(int(counters[-1]), data[-1, : reader.length].tobytes(), len(rows))
+        checker.follow(int(counters[-1]), data[-1, : reader.length].tobytes(), int(s.stamps_us[rows[-1]]), len(rows))
     if len(columns) == 1:
         return list(columns[0])
     return [tuple(sample for part in parts for sample in part) for parts in zip(*columns, strict=True)]

@@ -63,12 +63,15 @@ class Checker:
     both go on beside each other, there are two senders, and neither is believed until one has been silent for a whole
     turn of the counter. So a stray frame costs at most one good one; a second sender is suspected at its second frame
     and found at its third.
+
+    Two senders leave no silence: a rival that comes after one of more than 1 + MAX_LOST of its own cycles is the
+    chain's sender, of which many frames were lost.
     """
 
     STATE = {
         "last": "_last", "payload": "_payload", "candidate": "_candidate", "candidate_frames": "_candidate_frames",
         "frames_since_candidate": "_frames_since_candidate", "moves": "_moves",
-        "quarantine_frames": "_quarantine_frames",
+        "quarantine_frames": "_quarantine_frames", "last_us": "_last_us", "candidate_us": "_candidate_us",
     }  # fmt: skip
 
     def __init__(self, data_id: int, others: tuple[int, ...] = ()) -> None:
@@ -78,8 +81,10 @@ class Checker:
     def reset(self) -> None:
         """Start anew: the next frame's counter is taken as it comes."""
         self._last: int | None = None  # counter of the newest frame of the chain
+        self._last_us = 0  # when that came
         self._payload = b""  # that frame
         self._candidate: int | None = None  # counter of the newest frame beside the chain
+        self._candidate_us = 0  # when that came
         self._candidate_frames = 0  # how many of them continue each other
         self._frames_since_candidate = 0  # frames of the chain since then
         self._moves = 0  # grows as the chain moves to the rival, falls as it goes on
@@ -102,13 +107,14 @@ class Checker:
         before = counters if self._last is None else [self._last, *counters]
         return all(_continues(a, b) for a, b in itertools.pairwise(before))
 
-    def follow(self, counter: int, data: bytes, frames: int) -> None:
-        """Take frames on end that go on, the last of them with this counter and data."""
-        self._last, self._payload = counter, data
+    def follow(self, counter: int, data: bytes, stamp_us: int, frames: int) -> None:
+        """Take frames on end that go on, the last of them with this counter, data and stamp."""
+        self._last, self._payload, self._last_us = counter, data, stamp_us
         self._frames_since_candidate += frames
 
-    def check(self, data: bytes) -> Reason | None:
-        """None if the frame may be used, else why not. The length has been checked."""
+    def check(self, data: bytes, stamp_us: int = 0) -> Reason | None:
+        """None if the frame may be used, else why not. The length has been checked. Without stamps no silence is
+        seen."""
         if len(data) < 2 or data[0] != _crc_after(self.start, data):
             return Reason.DATA_ID if any(data[:1] == bytes((crc(data, i),)) for i in self._others) else Reason.CRC
         counter = data[1] & 0x0F
@@ -117,13 +123,13 @@ class Checker:
         last = self._last
         if last is None or _continues(last, counter):
             if self._is_suspicious:
-                return self._go_on(counter, data)
-            self.follow(counter, data, 1)
+                return self._go_on(counter, data, stamp_us)
+            self.follow(counter, data, stamp_us, 1)
             return None
         repeated = counter == self._last
         goes_on = self._candidate is not None and _continues(self._candidate, counter)
         if goes_on and self._frames_since_candidate == 0:
-            return self._move(counter, data)
+            return self._move(counter, data, stamp_us)
         if repeated and data == self._payload:
             return Reason.REPEAT  # a copy says nothing of a second sender
         if not goes_on:
@@ -133,23 +139,29 @@ class Checker:
             self._candidate_frames += 1
             if self._candidate_frames >= CANDIDATE_FRAMES:
                 self._quarantine_frames = COUNTER_MODULO
+        self._candidate_us = stamp_us
         return Reason.TWO_SENDERS if self._quarantine_frames else Reason.REPEAT if repeated else Reason.COUNTER
 
-    def _go_on(self, counter: int, data: bytes) -> Reason | None:
-        self._last, self._payload = counter, data
-        self._frames_since_candidate += 1
+    def _go_on(self, counter: int, data: bytes, stamp_us: int) -> Reason | None:
+        self.follow(counter, data, stamp_us, 1)
         self._moves = max(self._moves - 1, 0)
         if self._frames_since_candidate > CANDIDATE_FORGOTTEN:
             self._candidate = None
         return self._believed()
 
-    def _move(self, counter: int, data: bytes) -> Reason | None:
+    def _move(self, counter: int, data: bytes, stamp_us: int) -> Reason | None:
         """The rival goes on and the chain does not: they change places."""
-        self._candidate, self._candidate_frames, self._frames_since_candidate = self._last, 1, 0
-        self._last, self._payload = counter, data
-        self._moves += MOVE
-        if self._moves > MAX_MOVES * MOVE:
-            self._quarantine_frames = COUNTER_MODULO
+        assert self._candidate is not None
+        silence_us, since_us = self._candidate_us - self._last_us, stamp_us - self._candidate_us
+        if silence_us * ((counter - self._candidate) % COUNTER_MODULO) > (1 + MAX_LOST) * since_us:
+            self._candidate = None
+        else:
+            self._candidate, self._candidate_us = self._last, self._last_us
+            self._moves += MOVE
+            if self._moves > MAX_MOVES * MOVE:
+                self._quarantine_frames = COUNTER_MODULO
+        self._candidate_frames, self._frames_since_candidate = 1, 0
+        self._last, self._payload, self._last_us = counter, data, stamp_us
         return self._believed()
 
     def _believed(self) -> Reason | None:

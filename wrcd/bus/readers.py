@@ -162,7 +162,7 @@ class MessageReader:
         if len(data) != self.length:
             return Reason.LENGTH
         checker = self.checker
-        if checker is not None and (reason := checker.check(data)):
+        if checker is not None and (reason := checker.check(data, frame.stamp_us)):
             if reason is Reason.TWO_SENDERS:
                 for told in self._tells:
                     told.forget()

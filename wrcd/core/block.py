@@ -49,7 +49,8 @@ class Block:
         self._z[k] = tick.z
         self._present[k] = True if tick.present is None else tick.present
         self._torque_ratio[k] = tick.torque_ratio
-        self._speeds_m_s[k], self._speed_jumped[k], self._fast[k] = tick.speed_m_s, tick.speed_jumped, fast_enough
+        self._speeds_m_s[k], self._speed_jumped[k] = abs(tick.speed_m_s), tick.speed_jumped
+        self._fast[k] = fast_enough
         self._causes[k] = list(causes)
         self._unavailable[k] = [axle in tick.unavailable for axle in range(len(causes))]
 

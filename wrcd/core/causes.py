@@ -58,10 +58,13 @@ class Cause(IntEnum):
     CONTRADICTION = 22, "more adhesion is in use than the estimate with its interval allows"
     # Degraded: a tick within the window was not sound
     TORQUES_CONTRADICT = 23, "torques act against each other while the train brakes: one of them has the wrong sign"
-    # Degraded: the train is not the one that the design is for
-    WHEELSET_UNLIKE = 24, "gyro and accelerometer answer the track otherwise than the design's wheelset does"
+    # Reserved: sent by wrcd up to 0.4. What it told is a finding of `wrcd check --log` now
+    WHEELSET_UNLIKE = 24, "reserved, not sent: the wheelset is judged by wrcd check --log"
 
     @property
     def label(self) -> str:
         """The name as the DBC spells it: GyroDead for GYRO_DEAD."""
         return "".join(word.capitalize() for word in self.name.split("_"))
+
+
+RESERVED = frozenset((Cause.WHEELSET_UNLIKE,))  # numbers and names that others know, and that nothing gives any more

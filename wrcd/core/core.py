@@ -24,12 +24,13 @@ from wrcd.core.block import Block
 from wrcd.core.causes import Cause
 from wrcd.core.configuration import Config
 from wrcd.core.counts import Counts, Health
+from wrcd.core.details import Details
 from wrcd.core.events import Events
 from wrcd.core.front import Front
 from wrcd.core.inputs import YAW, Inputs
 from wrcd.core.jitter_buffer import NEVER
 from wrcd.core.messages import NAMES, Outbox, Outgoing, Report
-from wrcd.core.slot import Slot, frames, reports
+from wrcd.core.slot import Said, Slot, frames, reports
 from wrcd.core.validity import ValidityMonitor, tick_causes
 from wrcd.estimator.design import FloatArray
 from wrcd.estimator.estimator import Estimator
@@ -69,7 +70,7 @@ class Core:
         "is_reset": "_is_reset", "outbox": "_outbox", "outlier_us": "_outlier_us", "backoff": "_backoff",
         "block": "_block", "events": "events", "front": "_front", "ahead": "_ahead",
     }  # fmt: skip
-    TRANSIENT = ("reports", "reported", "_tick", "_begin_us", "_end_us", "_held")
+    TRANSIENT = ("reports", "_said", "_tick", "_begin_us", "_end_us", "_held")
 
     def __init__(self, config: Config, estimator: Estimator | None = None, observer: Observer | None = None) -> None:
         self.config = config
@@ -93,7 +94,7 @@ class Core:
         self._outlier_us = [NEVER] * n
         self._backoff = Backoff(n, config.design.tick_s)
         self.reports: list[Report] = []  # of the newest slot
-        self.reported: Sequence[int] = ()  # axles (places) whose adhesion was due in it
+        self._said: list[Said] | None = None  # slot by slot, since it was taken last; None: nobody takes it
         self.events = Events(config)
         positions_m = config.positions_m  # of a train without fusion None
         self._front = None if positions_m is None else Front(positions_m, config.design.tick_s)
@@ -104,12 +105,17 @@ class Core:
     @property
     def below_min_speed(self) -> bool:
         """Whether the train is known to be slower than an estimate needs."""
-        return self._inputs.speed_m_s < self.config.min_speed_m_s
+        return abs(self._inputs.speed_m_s) < self.config.min_speed_m_s
 
     @property
     def time_us(self) -> int | None:
         """Begin of the open tick: every tick before it is closed. None before the first frame."""
         return None if self._open is None else self._open * self._period_us
+
+    def take_said(self) -> list[Said]:
+        """What was said in each slot since the last call; from the first call on it is kept."""
+        said, self._said = self._said or [], []
+        return said
 
     @property
     def waits(self) -> int:
@@ -120,6 +126,7 @@ class Core:
         """Go on with other limits from the next tick on; everything else in config must be as it was."""
         self.config = config
         self._inputs.apply_limits(config)
+        self.events.describe = Details(config)
 
     def feed(self, frame: Frame) -> list[Outgoing]:
         """Take a received frame. Returns what was due before its stamp. Frames that are not mapped change nothing.
@@ -264,7 +271,7 @@ class Core:
         tick = self._tick = self._inputs.close_tick(end_us)
         if self._front is not None:
             self._front.move(tick, self._inputs.reverse)
-        fast = tick.speed_m_s >= self.config.min_speed_m_s
+        fast = abs(tick.speed_m_s) >= self.config.min_speed_m_s
         causes = tick_causes(self._inputs, tick, end_us)
         if causes != self.events.tick_causes:
             self.events.tick(causes, self._inputs, tick, end_us)
@@ -397,7 +404,9 @@ class Core:
         if estimate is not None and self._observer is not None:
             self._observer.estimated(slot.end_us // self._period_us - 1, estimate)
         if slot.adhesion or slot.detail or slot.view is not None:
-            self.reports, self.reported = reports(slot, estimate), slot.adhesion
+            self.reports = reports(slot, estimate, self.events.validities)
+            if self._said is not None:
+                self._said.append(Said(self.reports, slot.adhesion, slot.below_min_speed))
             self.events.slot(slot.end_us, self.reports, slot.details, estimate)
         told = None
         if self._ahead is not None and slot.view is not None:
@@ -424,6 +433,7 @@ class Core:
             details=self.events.standing(standing, inputs, self._validity, self.estimator.identity, end_us)
             if said
             else {},
+            below_min_speed=self.below_min_speed,
             age_ms=[inputs.age_ms(axle, end_us) for axle in axles] if said else (),
             torque_ratio=tick.torque_ratio,
             stale=[inputs.quantities(tick.stale, axle) for axle in axles] if detail else (),

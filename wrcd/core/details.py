@@ -10,14 +10,12 @@ from wrcd.core.causes import Cause
 from wrcd.core.configuration import Config
 from wrcd.core.inputs import BRAKE, LAT, LOAD, QUANTITIES, RADIUS, SPEED, TORQUE, YAW, Inputs, TickInputs, rows_of
 from wrcd.core.validity import DOUBT_OF, LOAD_SHARES, RADIUS_SHARES, ValidityMonitor
-from wrcd.estimator.answer import HARSH_SHARE, MIN_M, SILENT, VAGUE
+from wrcd.estimator.answer import HARSH_SHARE, MIN_M, SILENT, VAGUE, WIDE
 from wrcd.estimator.design import MODELS
-from wrcd.estimator.doubts import REVERSED, REVERSED_SLOW, REVERSED_SPEEDS
 from wrcd.estimator.fuzzy import MIN_FIRING
 from wrcd.estimator.gate import MAX_JUMP, Outliers
 from wrcd.estimator.identity import Identity
-from wrcd.estimator.likeness import UNLIKE
-from wrcd.estimator.records import Estimate
+from wrcd.estimator.records import Estimate, EstimateDoubt
 
 MAX_INPUTS = 2  # that a text names; of more the number
 
@@ -89,21 +87,10 @@ class Details:
 
     def pair(self, cause: Cause, axle: int, identity: Identity) -> str:
         """What speaks against gyro and accelerometer."""
-        if cause is Cause.WHEELSET_UNLIKE:
-            k, m, margin = identity.likeness
-            return (
-                f"{k:.2f} times the design's yaw stiffness over inertia and {m:.2f} times its load over mass explain "
-                f"gyro and accelerometer better, by {margin:.1f}, limit {UNLIKE:g}"
-            )
         f = identity.figures(DOUBT_OF[cause], axle)
         yaw, lat = self.name(YAW, axle), self.name(LAT, axle)
         heard = f"{yaw} is {f.yaw_rms:.1f}, {lat} {f.lat_rms:.1f} times the sensor's noise"
-        if cause is Cause.GYRO_REVERSED:
-            return (
-                f"correlation of {yaw} and {lat} {f.low:.2f} below 1.5 Hz, {f.middle:.2f} in 3 to 10 Hz, "
-                f"limit {REVERSED:g}, below {REVERSED_SPEEDS[1]:g} m/s down to {REVERSED_SLOW:g}"
-            )
-        if cause is Cause.SENSORS_UNRELATED:
+        if cause in (Cause.GYRO_REVERSED, Cause.SENSORS_UNRELATED):
             text = f"correlation of {yaw} and {lat} {f.low:.2f} below 1.5 Hz, {f.middle:.2f} in 3 to 10 Hz"
             partner = int(f.partner)
             return text + (f"; goes with axle {self._config.axles[partner].number}'s" if partner >= 0 else "")
@@ -128,11 +115,15 @@ class Details:
                 f"{self.name(TORQUE, axle)}: {e.used_pct[axle]:.2f} % in use, the rules say "
                 f"{e.mu_from_rules_pct[axle]:.2f} %"
             )
+        if e.doubt[axle] == EstimateDoubt.GAPS:
+            share = 100 * float(e.live_share[axle])
+            return f"{share:.0f} % of {window_s:.2f} s hold measurements on end, limit {100 * HARSH_SHARE:g} %"
         if not math.isfinite(mu):
             return f"{window_s:.2f} s of measurements are no estimate"
         share = float(e.half_width_pp[axle]) / mu if mu > 0.0 else math.inf
-        if share > VAGUE:
-            return f"{mu:.2f} % +- {e.half_width_pp[axle]:.2f}, limit +- {VAGUE * mu:.2f}"
+        if (wide := e.doubt[axle] == EstimateDoubt.WIDE) or share > VAGUE:  # wide alone, it was not Valid
+            limit = WIDE if wide else VAGUE
+            return f"{mu:.2f} % +- {e.half_width_pp[axle]:.2f}, limit +- {limit * mu:.2f}"
         return f"{window_s:.2f} s of track are less than {MIN_M:g} m"
 
     def _overdue(self, axle: int, inputs: Inputs, end_us: int, silent: bool) -> str:

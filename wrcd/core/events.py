@@ -10,7 +10,7 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from wrcd.core.causes import Cause, Validity
+from wrcd.core.causes import RESERVED, Cause, Validity
 from wrcd.core.configuration import Config
 from wrcd.core.details import Details
 from wrcd.core.inputs import Inputs, TickInputs
@@ -26,7 +26,7 @@ MAX_DETAIL = 200  # characters: what a state file's texts may have
 PAIR_CAUSES = frozenset(OF_PAIR.values())
 ESTIMATE_CAUSES = frozenset((*OF_ESTIMATE.values(), Cause.CONTRADICTION))
 LACKS = frozenset((Cause.WARMING_UP, Cause.STANDSTILL, Cause.INPUT_SILENT))
-TICK_CAUSES = frozenset(Cause) - PAIR_CAUSES - ESTIMATE_CAUSES - LACKS - {Cause.NONE, Cause.RESTARTED}
+TICK_CAUSES = frozenset(Cause) - PAIR_CAUSES - ESTIMATE_CAUSES - LACKS - RESERVED - {Cause.NONE, Cause.RESTARTED}
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +73,7 @@ class Events:
     """Compares each slot with the one before."""
 
     STATE = {
-        "validities": "_validities", "causes": "_causes", "standing": "_standing", "tick_causes": "tick_causes",
+        "validities": "validities", "causes": "_causes", "standing": "_standing", "tick_causes": "tick_causes",
         "details": "_details",
     }  # fmt: skip
     TRANSIENT = ("total", "_kept")
@@ -81,7 +81,7 @@ class Events:
     def __init__(self, config: Config) -> None:
         n = len(config.axles)
         self._numbers = [a.number for a in config.axles]
-        self._validities = [Validity.NOT_AVAILABLE] * n  # as at the newest slot
+        self.validities = [Validity.NOT_AVAILABLE] * n  # as at the newest slot
         self._causes = [Cause.NONE] * n
         self._standing: list[tuple[bool, Cause]] = [(False, Cause.NONE)] * n
         self.tick_causes: Sequence[Cause] = (Cause.NONE,) * n  # what spoke against the newest tick
@@ -135,10 +135,10 @@ class Events:
     ) -> None:
         """Note what differs from the slot before; standing is what was said at the slot of the axles' standing."""
         for axle, r in enumerate(reports):
-            validity, cause, before = r.validity, r.cause, self._validities[axle]
+            validity, cause, before = r.validity, r.cause, self.validities[axle]
             if cause is self._causes[axle] and validity is before:
                 continue
-            self._validities[axle], self._causes[axle] = validity, cause
+            self.validities[axle], self._causes[axle] = validity, cause
             detail = standing.get(axle, "")
             if cause and not detail and estimate is not None and validity is Validity.DEGRADED:
                 detail = self.describe.estimate(cause, axle, estimate)

@@ -6,14 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wrcd.core.inputs import TickInputs
+from wrcd.core.inputs import BACKWARDS_M_S, TickInputs
 from wrcd.estimator.bank import BoolArray
 from wrcd.estimator.design import FloatArray
 from wrcd.estimator.drops import DropWatch
 from wrcd.estimator.records import StepResult, Ticks
 from wrcd.estimator.window import BLOCK_TICKS
-
-BACKWARDS_M_S = 0.5  # a speed further below zero is of a train in reverse, whatever the direction says
 
 
 class View(NamedTuple):

@@ -17,17 +17,23 @@ QUANTITIES = tuple(Quantity)
 YAW, LAT, TORQUE, SPEED, BRAKE, LOAD, DIRECTION, RADIUS = range(len(QUANTITIES))
 _ROW = {q: i for i, q in enumerate(QUANTITIES)}
 _OF_TORQUE_RATIO = (TORQUE, BRAKE, LOAD, RADIUS)
+_OF_AGE = (YAW, LAT, TORQUE, BRAKE, SPEED)  # the measurements: load, radius and direction may be told once a second
 # Torques against each other by more than this share of 2 N r_0 contradict each other. A motor's torque is estimated, a
 # brake's follows from its pressure: either is wrong by up to that much where it should be nothing, and where less
 # cancels, MuUsed is wrong by less than four percentage points.
 AGAINST_SHARE = 0.02
+# Of 2 N r_0: so far below zero a torque may be its signal's noise, or the swing of a controller that lets go of a
+# slipping wheel. Where leaf film begins it is 0.002 for 30 ms; the noise's standard deviation is 0.0007. A torque that
+# was larger than this up to TRACTION_HELD_US ago is still taken for traction: no friction brake bites sooner.
+DEAD_SHARE, TRACTION_HELD_US = 0.005, 60_000
+BACKWARDS_M_S = 0.5  # a speed further below zero is of a train in reverse
 
 
 @dataclass(frozen=True, slots=True)
 class TickInputs:
     """What a tick brought. Lists by axle; places are quantity * axles + axle."""
 
-    speed_m_s: float  # NaN before it is known
+    speed_m_s: float  # NaN before it is known, negative backwards
     speed_jumped: bool
     z: list[float]  # by place: yaw rates, lateral accelerations, in the direction of travel
     present: list[bool] | None  # by place, which of them there are; None: all
@@ -56,6 +62,7 @@ class Inputs:
         "jitter_buffer": "_jitter_buffer", "reach": "reach", "stuck_checks": "_stuck_checks",
         "jump_checks": "_jump_checks", "speed_jumped": "_speed_jumped", "reverse": "_reverse",
         "torque_ratio": "_torque_ratio", "torque_ratio_known": "_torque_ratio_known", "refusals": "refusals",
+        "traction_us": "_traction_us",
     }  # fmt: skip
     TRANSIENT = ("_shares_known", "_shares_ok")
 
@@ -104,10 +111,11 @@ class Inputs:
             self._stuck_checks.get(places[0]) or self._jump_checks.get(places[0]) for places in self._places
         ]
         self._reverse = False  # whether an axle runs backwards
+        self._speed_tells_direction = set(range(DIRECTION * n, (DIRECTION + 1) * n)).isdisjoint(mapped)
         self._speed_place = SPEED * n
         self._of_axle = [
             ([p for p in self._mapped if p % n == a and p < (LAT + 1) * n],
-             [p for p in self._mapped if p % n == a and p >= (LAT + 1) * n]) for a in range(n)
+             [p for p in self._mapped if p % n == a and LAT < self._quantity[p // n] in _OF_AGE]) for a in range(n)
         ]  # fmt: skip
         self._unavailable_after_us: list[int] = []
         self._torque_ratio, self._torque_ratio_known = [0.0] * n, False  # False: to be worked out
@@ -115,6 +123,8 @@ class Inputs:
             len(parts) == 1 for parts in self._parts
         )
         self._against_Nm = AGAINST_SHARE * 2 * design.normal_N * design.r_0
+        self._dead_Nm = DEAD_SHARE * 2 * design.normal_N * design.r_0
+        self._traction_us = [NEVER] * n  # when the torque was larger than that last, where its sign counts
         self._shares_known = self._shares_ok = False
         self._speeds = float(design.speeds_m_s[0]), float(design.speeds_m_s[-1])
         self.apply_limits(config)
@@ -148,7 +158,7 @@ class Inputs:
         for source, value, _, _ in samples:
             check = self._checks[source]
             if isinstance(check, StuckCheck):
-                reason = check.check(value, stamp_us, self._value[self._speed_place] >= self._min_speed_m_s)
+                reason = check.check(value, stamp_us, abs(self._value[self._speed_place]) >= self._min_speed_m_s)
             elif check is not None:
                 reason = check.check(value, stamp_us)
             else:
@@ -188,17 +198,33 @@ class Inputs:
             self._torque_ratio_known = False
             if quantity != SPEED and (quantity != TORQUE or self._torque_sign_counts):
                 self._shares_known = False
+            check = self._checks[source]
+            if isinstance(check, JumpCheck) and check.jumped:
+                check.jumped = False
+                self._speed_jumped |= quantity == SPEED
             if quantity == DIRECTION:
                 n = self._axles
                 self._reverse = min(self._value[DIRECTION * n : (DIRECTION + 1) * n]) < 0.0
             elif quantity == SPEED:
-                check = self._jump_checks[self._places[source][0]]
-                self._speed_jumped |= check.jumped
-                check.jumped = False
+                if self._speed_tells_direction and abs(value) > BACKWARDS_M_S:
+                    self._turn(value < 0.0)
+            elif quantity == TORQUE and self._torque_sign_counts:
+                for place in self._places[source]:
+                    axle = place % self._axles
+                    if self.total(TORQUE, axle) > self._dead_Nm:
+                        self._traction_us[axle] = stamp_us
+
+    def _turn(self, reverse: bool) -> None:
+        """Note which way the train runs, where only its speed's sign says so."""
+        if reverse != self._reverse:
+            n = self._axles
+            self._reverse = reverse
+            self._value[DIRECTION * n : (DIRECTION + 1) * n] = [-1.0 if reverse else 1.0] * n
 
     def reset(self) -> None:
         """A step of time, or a long silence: nothing that came before counts."""
         self._speed_jumped = False
+        self._traction_us = [NEVER] * self._axles
         self._stamp_us = [NEVER] * len(self._stamp_us)
         self._jitter_buffer.reset()
         self.reach.reset()
@@ -245,7 +271,7 @@ class Inputs:
 
     @property
     def speed_m_s(self) -> float:
-        """The vehicle's speed; NaN before it is known."""
+        """The vehicle's speed; NaN before it is known, negative backwards."""
         return self._value[SPEED * self._axles]
 
     @property
@@ -254,7 +280,7 @@ class Inputs:
         return self._reverse
 
     def age_ms(self, axle: int, end_us: int) -> int:
-        """Age of the oldest input in use, 255 if it is that old or older."""
+        """Age of the oldest of gyro, acceleration, torque (the friction brakes' is part of it) and speed, up to 255."""
         used_us, stamps = self._jitter_buffer.used_us, self._stamp_us
         measured, others = self._of_axle[axle]
         oldest = min([used_us[p] for p in measured] + [stamps[p] for p in others])
@@ -325,12 +351,16 @@ class Inputs:
     def speed_covered(self) -> bool:
         """Whether the design is for this speed."""
         low, high = self._speeds
-        return low <= self.speed_m_s <= high
+        return low <= abs(self.speed_m_s) <= high
 
     def friction_share_unknown(self, axle: int) -> bool:
-        """Whether the friction brakes may add what nobody tells of: always but in traction, torque 0 included."""
-        brake = self.place(BRAKE, axle)
-        return not (self._torque_is_total or brake in self._mapped or self.total(TORQUE, axle) > 0)
+        """Whether the friction brakes may add what nobody tells of: always but in traction, torque 0 included. What
+        is as good as 0 just after traction is still traction."""
+        torque = self.total(TORQUE, axle)
+        if self._torque_is_total or self.place(BRAKE, axle) in self._mapped or torque > 0:
+            return False
+        newest_us = max(self._stamp_us[place] for place in self._parts[self.place(TORQUE, axle)])
+        return torque < -self._dead_Nm or newest_us - self._traction_us[axle] > TRACTION_HELD_US
 
     def load_share(self, axle: int) -> float:
         """The axle load over the design's; one where the bus does not tell it."""

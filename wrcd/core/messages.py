@@ -35,6 +35,7 @@ class Report:
     contact_state: str
     confidence: str
     cause: Cause  # of not being Valid
+    vague: bool = False  # for an interval too wide, or a window too short, to say anything: nothing was lost
 
     def values(self) -> dict[str, Value]:
         """By signal name of the DBC."""
@@ -134,7 +135,7 @@ class Outgoing:
 
     frame: Frame
     cycle_us: int
-    why: Estimate | None = None  # what the frame was made from
+    why: Estimate | None = None  # what an axle's adhesion was estimated as; None while it has no estimate
     cause: Cause = Cause.NONE  # of an axle's adhesion not being Valid
 
 
@@ -182,7 +183,8 @@ class Outbox:
         """The adhesion of the axles whose slot it is."""
         for w, r in zip(self._adhesion, reports, strict=True):
             if w and w.cycle_us in due:
-                yield Outgoing(w.frame(end_us, end_us // w.cycle_us, r.values()), w.cycle_us, why, r.cause)
+                estimate = None if r.validity is Validity.NOT_AVAILABLE else why
+                yield Outgoing(w.frame(end_us, end_us // w.cycle_us, r.values()), w.cycle_us, estimate, r.cause)
 
     def detail(
         self,

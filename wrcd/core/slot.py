@@ -3,6 +3,7 @@ where nobody waits for them, as in a replay."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from wrcd.bus.codec import Value
 from wrcd.core.ahead import Told
@@ -21,7 +22,7 @@ from wrcd.core.messages import (
 from wrcd.core.validity import Standing, verdict
 from wrcd.core.vocabulary import DROP_AHEAD
 from wrcd.estimator.answer import Draft
-from wrcd.estimator.records import Estimate
+from wrcd.estimator.records import Estimate, EstimateDoubt
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +36,7 @@ class Slot:
     detail: bool  # whether a frame that explains it is
     standing: Sequence[Standing]
     details: Mapping[int, str]  # of the axles (places) whose standing has changed: how it is, in figures
+    below_min_speed: bool
     age_ms: Sequence[int]
     torque_ratio: Sequence[float]
     stale: Sequence[set[int]]  # quantities
@@ -43,9 +45,17 @@ class Slot:
     status: Sequence[Outgoing]
 
 
-def reports(slot: Slot, estimate: Estimate | None) -> list[Report]:
-    """What is said of every axle."""
-    return [_report(slot, axle, estimate) for axle in range(len(slot.standing))]
+class Said(NamedTuple):
+    """What was said of every axle in a slot."""
+
+    reports: Sequence[Report]
+    adhesion: Sequence[int]  # axles (places) whose adhesion was due
+    below_min_speed: bool  # whether the train is known to be slower than an estimate needs
+
+
+def reports(slot: Slot, estimate: Estimate | None, before: Sequence[Validity]) -> list[Report]:
+    """What is said of every axle. before: their Validity at the slot before."""
+    return [_report(slot, axle, estimate, validity) for axle, validity in enumerate(before)]
 
 
 def frames(
@@ -76,9 +86,9 @@ def _cause(said: Sequence[Report], told: Sequence[Told] | None, axle: int) -> st
     return DROP_AHEAD if warns and report.cause is Cause.NONE else report.cause.label
 
 
-def _report(slot: Slot, axle: int, estimate: Estimate | None) -> Report:
+def _report(slot: Slot, axle: int, estimate: Estimate | None, before: Validity) -> Report:
     age_ms, used = slot.age_ms[axle], nan_to_none(min(100.0 * slot.torque_ratio[axle], 100.0))
-    validity, cause = verdict(slot.standing[axle], axle, estimate)
+    validity, cause = verdict(slot.standing[axle], axle, estimate, before)
     if validity is Validity.NOT_AVAILABLE or estimate is None:
         return Report(validity, None, used, age_ms, "Unknown", "Unknown", "None", cause)
     mu = nan_to_none(float(estimate.mu_available_pct[axle]))
@@ -88,4 +98,5 @@ def _report(slot: Slot, axle: int, estimate: Estimate | None) -> Report:
         used = min(used, mu)
     contact = "Unknown" if mu is None else "Saturated" if estimate.saturated[axle] else "Adhering"
     width = nan_to_none(float(estimate.half_width_pp[axle])) if sure else None
-    return Report(validity, mu, used, age_ms, surface(mu), contact, confidence(width), cause)
+    vague = cause is Cause.TOO_LITTLE_DATA and estimate.doubt[axle] != EstimateDoubt.GAPS
+    return Report(validity, mu, used, age_ms, surface(mu), contact, confidence(width), cause, vague)

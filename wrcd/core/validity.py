@@ -1,7 +1,8 @@
 """Whether an axle is Valid, and if not, why: decided here and nowhere else.
 
 A tick is sound if nothing speaks against what it brought. An estimate is as old as its window: it is Valid only after
-a full window of sound ticks, from a pair of sensors that nothing speaks against, and if it does not doubt itself.
+a full window of sound ticks, from a pair of sensors that nothing speaks against, and if it does not doubt itself. An
+interval that is wide keeps no axle from staying Valid, only from becoming so.
 A short silence of an input is not unsound: it brings nothing, and the bank predicts over it. While it lasts the axle
 is Degraded; the window goes on after it.
 """
@@ -22,7 +23,6 @@ OF_PAIR = {
     Doubt.UNRELATED: Cause.SENSORS_UNRELATED,
     Doubt.ACCEL_SMALL: Cause.ACCEL_SMALL,
     Doubt.GYRO_DEAD: Cause.GYRO_DEAD,
-    Doubt.UNLIKE: Cause.WHEELSET_UNLIKE,
 }
 DOUBT_OF = {cause: doubt for doubt, cause in OF_PAIR.items()}
 OF_ESTIMATE = {
@@ -31,6 +31,8 @@ OF_ESTIMATE = {
     EstimateDoubt.HARSH: Cause.HARSH,
     EstimateDoubt.SILENT: Cause.SENSORS_SILENT,
     EstimateDoubt.VAGUE: Cause.TOO_LITTLE_DATA,
+    EstimateDoubt.GAPS: Cause.TOO_LITTLE_DATA,
+    EstimateDoubt.WIDE: Cause.TOO_LITTLE_DATA,
 }
 # Of the design's. With the true load told by the bus, the interval of nominal conditions still holds the truth in 77 %
 # of the frames at 0.7 and 1.3 (89 % at 1.0, 67 % at 0.6): beyond, a design for that load is needed.
@@ -158,17 +160,18 @@ class ValidityMonitor:
         return Standing(True, OF_PAIR[Doubt(pair)] if pair else Cause.NONE)
 
 
-def verdict(standing: Standing, axle: int, estimate: Estimate | None) -> tuple[Validity, Cause]:
-    """Valid or not, and why not: decided here."""
+def verdict(standing: Standing, axle: int, estimate: Estimate | None, before: Validity) -> tuple[Validity, Cause]:
+    """Valid or not, and why not: decided here. before: at the slot before."""
     if not standing.has_estimate or estimate is None:
         return Validity.NOT_AVAILABLE, standing.cause
-    cause = standing.cause or _of_estimate(axle, estimate)
+    cause = standing.cause or _of_estimate(axle, estimate, before)
     return (Validity.DEGRADED if cause else Validity.VALID), cause
 
 
-def _of_estimate(axle: int, estimate: Estimate) -> Cause:
+def _of_estimate(axle: int, estimate: Estimate, before: Validity) -> Cause:
     """What an estimate says against itself."""
-    if doubt := int(estimate.doubt[axle]):
+    doubt = int(estimate.doubt[axle])
+    if doubt and not (doubt == EstimateDoubt.WIDE and before is Validity.VALID):
         return OF_ESTIMATE[EstimateDoubt(doubt)]
     if not math.isfinite(estimate.mu_available_pct[axle]):
         return Cause.TOO_LITTLE_DATA

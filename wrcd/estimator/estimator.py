@@ -19,7 +19,6 @@ from wrcd.estimator.design import MODELS, Design, FloatArray, IntArray
 from wrcd.estimator.gate import Gate, Outliers
 from wrcd.estimator.identity import BLOCK_S, Identity
 from wrcd.estimator.joints import HOLD_TICKS, MAX_PULSE, Joints
-from wrcd.estimator.likeness import likeness
 from wrcd.estimator.noise import NoiseLevel
 from wrcd.estimator.offset import Offset
 from wrcd.estimator.records import Estimate, StepResult, Ticks
@@ -60,7 +59,7 @@ class Estimator:
         self._window = Window(Lengths(design).longest, axles)
         self._changes, self._answers = ChangeDetector(design), Answers(design, axles)
         noise_rms = float(design.noise_rms[0]), float(design.noise_rms[1])
-        self.identity = Identity(noise_rms, design.tick_s, axles, likeness(design, axles))
+        self.identity = Identity(noise_rms, design.tick_s, axles)
         self._grid = float(design.speeds_m_s[0]), float(design.speeds_m_s[-1])
         self._speed_m_s = self._grid[0]
         self._wrcd = design.form == "wrcd"
@@ -181,10 +180,11 @@ class Estimator:
         # one channel alone is not enough: with its part of a gain made for two, a filter would be unstable
         whole = np.logical_and.reduce(present)
         bank, offset = self._bank.x, self._offset.checkpoint()
-        small = np.logical_and.reduce(np.abs(self._offset.deviation(z)) <= MAX_PULSE[:, None])
-        pulse, near = self._joints.step(z[1], whole & small)
+        small = np.abs(self._offset.deviation(z)) <= MAX_PULSE[:, None]
+        # the acceleration alone: held while a wheelset hunts, it would have steps, and those are pulses
+        pulse, near = self._joints.step(z[1], whole & small[1])
         e, w = self._filter(z, whole, near, speed)
-        swings = self._joints.recovering & small
+        swings = self._joints.recovering & np.logical_and.reduce(small)
         outliers = self._gate.outliers(e, z[0], whole & ~swings)
         left_out = np.logical_or.reduce(outliers)
         accepted = whole & ~left_out
@@ -236,7 +236,7 @@ class Estimator:
         w = self._lowpass.step(raw.reshape(m, -1, self.axles)).reshape(raw.shape) if self._wrcd else raw
         calm: BoolArray = live & ~self._joints.recovering
         ratio = ticks.torque_ratio[first : first + m]
-        self._window.put(ticks.number + first, w, raw, self.started, live, calm, ratio)
+        self._window.put(ticks.number + first, w, raw, self.started, delayed_live, live, calm, ratio)
         return live, calm
 
     def estimate(self) -> Estimate:

@@ -20,6 +20,7 @@ from wrcd.estimator.doubts import (
     POWER,
     PRECEDENCE,
     RAW,
+    REVERSED,
     ROWS,
     SATURATED,
     SILENT_EXCESS,
@@ -29,14 +30,14 @@ from wrcd.estimator.doubts import (
     Doubt,
     Evidence,
     Figures,
-    clearly_reversed,
     dead_alone,
     doubts,
     evidence,
     figures,
+    in_curve,
+    reversed_odds,
     silent,
 )
-from wrcd.estimator.likeness import Likeness
 from wrcd.estimator.recursion import exponential, smoothed, unrolled
 from wrcd.estimator.wiring import Wiring
 
@@ -120,13 +121,12 @@ class Identity:
     STATE = {
         "filters": "_filters", "mean": "_mean", "offset_ticks": "_offset_ticks", "sums": "_sums", "ticks": "_ticks",
         "blocks": "_blocks", "filled": "_filled", "doubts_held": "_held", "wiring": "_wiring",
-        "figures": "_figures", "likeness": "_likeness",
+        "figures": "_figures",
     }  # fmt: skip
 
-    def __init__(
-        self, noise_rms: tuple[float, float], tick_s: float, axles: int, likeness: Likeness | None = None
-    ) -> None:
+    def __init__(self, noise_rms: tuple[float, float], tick_s: float, axles: int) -> None:
         self._unit: FloatArray = np.array(noise_rms)[:, None]
+        self._scale = (*noise_rms, tick_s)  # what the pairs' sums are in
         self._block_ticks = max(2, round(BLOCK_S / tick_s))
         self._max_offset_ticks = OFFSET_S / tick_s
         self._filters = Filters(tick_s, axles)
@@ -137,7 +137,6 @@ class Identity:
         self._blocks: FloatArray = np.zeros((BLOCKS, ROWS, axles))  # the newest first
         self._filled: IntArray = np.zeros(axles, dtype=np.int64)  # blocks so far
         self._wiring = Wiring(tick_s, axles)
-        self._likeness = likeness  # of the wheelsets to the design's; None: not judged
         self._held: IntArray = np.zeros((len(Doubt), axles), dtype=np.int64)  # blocks for which a doubt stays
         self._figures: FloatArray = np.zeros((len(Doubt), len(Figures._fields), axles))  # that each was found by
         self._smoothing = exponential(1.0 / self._max_offset_ticks)
@@ -145,11 +144,10 @@ class Identity:
     @property
     def doubt(self) -> IntArray:
         """What speaks against each pair (n,): a Doubt."""
-        unlike = Doubt.UNLIKE if self._likeness is not None and self._likeness.unlike else Doubt.NONE
         if not self._held.any():
-            return np.full(self._held.shape[1], unlike, dtype=np.int64)
+            return np.full(self._held.shape[1], Doubt.NONE, dtype=np.int64)
         held = self._held[list(PRECEDENCE)] > 0
-        out: IntArray = np.where(held.any(axis=0), np.array(PRECEDENCE)[held.argmax(axis=0)], unlike)
+        out: IntArray = np.where(held.any(axis=0), np.array(PRECEDENCE)[held.argmax(axis=0)], Doubt.NONE)
         return out
 
     def reset(self, axle: int) -> None:
@@ -159,8 +157,6 @@ class Identity:
         self._sums[:, axle] = 0.0
         self._ticks[axle] = 0.0
         self._wiring.reset(axle)
-        if self._likeness is not None:
-            self._likeness.reset(axle)
 
     def step(self, z: FloatArray, used: BoolArray, speed_m_s: float, saturated: BoolArray) -> None:
         """One tick of raw measurements z (2, n), of the axles (n,) whose measurements are used; which are saturated."""
@@ -168,8 +164,6 @@ class Identity:
         self._offset_ticks = np.minimum(self._offset_ticks + used, self._max_offset_ticks)
         self._mean = self._mean + np.where(used, (x - self._mean) / np.maximum(self._offset_ticks, 1.0), 0.0)
         mask = None if used.all() else used
-        if self._likeness is not None:
-            self._likeness.add(x[None], mask, (speed_m_s,), saturated)
         x = x - self._mean
         self._add(x[None], self._filters.step(x[None], mask), mask, (speed_m_s,), saturated)
 
@@ -186,8 +180,6 @@ class Identity:
         x = np.minimum(np.maximum(z / self._unit, -MAX_NOISE_RATIO), MAX_NOISE_RATIO)
         mean = smoothed(self._smoothing, self._mean, x)
         self._mean = mean[-1].copy()
-        if self._likeness is not None:
-            self._likeness.add(x, used, speeds_m_s, saturated)
         x -= mean[1:]
         y = self._filters.step(x)
         first = 0
@@ -252,12 +244,12 @@ class Identity:
                     self._hold(dead, axle, ALONE_BLOCKS, second)
             if filled < MIN_BLOCKS and filled % SECOND == 0:
                 early = self._seconds(filled, axle)
-                if clearly_reversed(early):
+                if reversed_odds(early, in_curve(early, *self._scale)) > REVERSED:
                     self._hold(Doubt.REVERSED, axle, 2 * SECOND, early)  # until it is looked at again
             # once a second, each axle at another tick
             if filled >= MIN_BLOCKS and (filled - axle) % SECOND == 0:
                 seconds = self._seconds(min(filled, BLOCKS), axle)
-                found = doubts(seconds, *self._unit[:, 0])
+                found = doubts(seconds, *self._scale)
                 partner = int(self._wiring.partners()[axle])
                 if partner >= 0:
                     found.add(Doubt.UNRELATED)
@@ -274,11 +266,6 @@ class Identity:
         if not self._held[doubt, axle]:
             self._figures[doubt, :, axle] = figures(e, self._unit[0, 0], self._unit[1, 0], partner)
         self._held[doubt, axle] = max(self._held[doubt, axle], blocks)
-
-    @property
-    def likeness(self) -> tuple[float, float, float]:
-        """Likeness.figures; of a design that says too little of its wheelset, none."""
-        return (1.0, 1.0, 0.0) if self._likeness is None else self._likeness.figures
 
     def figures(self, doubt: Doubt, axle: int) -> Figures:
         """What a doubt of a pair was found by."""

@@ -56,12 +56,6 @@ _PRODUCTS = tuple(itertools.combinations_with_replacement(range(4), 2))
 class Likeness:
     """Takes spectra of both signals of all axles and judges one axle after another."""
 
-    STATE = {
-        "samples": "_samples", "filled": "_filled", "ticks_without_gap": "_run", "hop_speeds": "_speeds",
-        "window": "_window", "segments": "_segments", "evidence": "_evidence",
-        "margin": "_margin",
-    }  # fmt: skip
-
     def __init__(self, design: Design, axles: int) -> None:
         w, tick_s = design.wheelset, design.tick_s
         self._axles = axles

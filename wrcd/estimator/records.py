@@ -61,6 +61,8 @@ class EstimateDoubt(IntEnum):
     HARSH = 3  # so many pulses that little of the window is left
     SILENT = 4  # the sensors give their noise alone
     VAGUE = 5  # the interval is too wide to say anything, or the window too short
+    GAPS = 6  # so many lost measurements that little of the window is left
+    WIDE = 7  # the interval is too wide to become Valid with, not to stay so
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,11 +16,12 @@ LAG = 4  # ticks between the two innovations of an autocorrelation: a quarter of
 SMALLEST = 1e-12  # a power this far below what the model expects is as good as zero
 _W = MODELS * CHANNELS
 
-# Columns of a block: ticks N, of them live ones, sums of t and t^2; of the whitened innovations w, filtered: w, t w,
-# w^2, w(k) w(k - LAG) for each of the eight, and yaw times lateral for each model. Then plain sums: of the torque ratio
-# and its ticks; of the unfiltered innovations, which show a change sooner, over the ticks RAW_N that are calm: w, w^2.
-N, LIVE, T, TT = range(4)
-_AT = np.cumsum([4, _W, _W, _W, _W, MODELS, 3, _W, _W])
+# Columns of a block: ticks N, of them with data, of those live ones, sums of t and t^2; of the whitened innovations w,
+# filtered: w, t w, w^2, w(k) w(k - LAG) for each of the eight, and yaw times lateral for each model. Then plain sums:
+# of the torque ratio and its ticks; of the unfiltered innovations, which show a change sooner, over the ticks RAW_N
+# that are calm: w, w^2.
+N, HEARD, LIVE, T, TT = range(5)
+_AT = np.cumsum([5, _W, _W, _W, _W, MODELS, 3, _W, _W])
 SUM_W, SUM_TW, SUM_WW, SUM_LAG, SUM_CROSS, _SCALARS, SUM_RAW, SUM_RAW2 = (
     slice(int(a), int(b)) for a, b in itertools.pairwise(_AT)
 )
@@ -59,7 +60,8 @@ class Statistics:
     power (n, 4, 2): mean square of the whitened innovations about a straight line, per model and channel; mean_square
     (n, 4): of both channels.
     lag (n, 8), cross (n, 4): their correlations with themselves LAG ticks before, and of yaw rate with lateral
-    acceleration. ratio (n,): mean torque ratio. ticks (n,): length. live_share (n,): of them with data far from pulses.
+    acceleration. ratio (n,): mean torque ratio. ticks (n,): length. heard_share (n,): of them with data; live_share
+    (n,): with data far from pulses.
     """
 
     power: FloatArray
@@ -68,6 +70,7 @@ class Statistics:
     cross: FloatArray
     ratio: FloatArray
     ticks: FloatArray
+    heard_share: FloatArray
     live_share: FloatArray
 
     @property
@@ -79,7 +82,7 @@ class Statistics:
         """Of some of the windows."""
         return Statistics(
             self.power[rows], self.mean_square[rows], self.lag[rows], self.cross[rows], self.ratio[rows],
-            self.ticks[rows], self.live_share[rows],
+            self.ticks[rows], self.heard_share[rows], self.live_share[rows],
         )  # fmt: skip
 
 
@@ -115,6 +118,7 @@ def statistics(sums: FloatArray, min_ticks: float) -> Statistics:
         cross=np.minimum(np.maximum(cross, -1.0), 1.0).T,
         ratio=ratio,
         ticks=n,
+        heard_share=sums[HEARD] / np.maximum(n, 1.0),
         live_share=live / np.maximum(n, 1.0),
     )
 
@@ -168,12 +172,12 @@ class Window:
         self._new: FloatArray = np.zeros((BLOCK_TICKS, COLUMNS, axles))
 
     def put(
-        self, tick: int, w: FloatArray, raw: FloatArray, running: BoolArray, live: BoolArray, calm: BoolArray,
-        ratio: FloatArray,
+        self, tick: int, w: FloatArray, raw: FloatArray, running: BoolArray, heard: BoolArray, live: BoolArray,
+        calm: BoolArray, ratio: FloatArray,
     ) -> None:  # fmt: skip
         """Add m ticks of one block, the first numbered `tick`: whitened innovations (m, 4, 2, n) filtered and
-        unfiltered, which axles run (n,), which of them had data, which of those are far from any pulse, torque ratios
-        (m, n)."""
+        unfiltered, which axles run (n,); which of them had data, which of those are not about a pulse, and which are
+        far from any (m, n); torque ratios (m, n)."""
         block, t = divmod(tick, BLOCK_TICKS)
         if block != self._newest:
             self._move_to(block)
@@ -186,9 +190,11 @@ class Window:
         flat, plain = w.reshape(m, _W, n), raw.reshape(m, _W, n)
         known = np.isfinite(ratio)
         if not running.all():
-            flat, live, calm, known = np.where(running, flat, 0.0), live & running, calm & running, known & running
+            flat, known = np.where(running, flat, 0.0), known & running
+            heard, live, calm = heard & running, live & running, calm & running
         new = self._new[:m]
         new[:, N] = running
+        new[:, HEARD] = heard
         new[:, LIVE] = live
         np.multiply(times, running, out=new[:, T])
         np.multiply(times, new[:, T], out=new[:, TT])

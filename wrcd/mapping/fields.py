@@ -6,7 +6,7 @@ from wrcd.bus.signals import OutputSignal
 from wrcd.core.vocabulary import Numeric, Words, snake
 from wrcd.keys import RawValue
 from wrcd.mapping.values import plain, raw_value, span, words
-from wrcd.section import Section
+from wrcd.section import TO_FILL_IN, Section
 
 # Units of what is sent: theirs in ours.
 UNITS = {
@@ -47,7 +47,7 @@ def numeric_field(table: Section, ours: str, carried: Numeric, message: Message,
                 f"{no_value} is {no_value * scale + offset:g}{_blank(signal.unit)} to {where}, a value within its "
                 f"range {low:g} … {high:g}, and can't say that there is none",
                 declared.NO_VALUE.name if declared.NO_VALUE.name in table else key,
-                "another raw value, or a range without it: range = [low, high]",
+                f"another raw value, or a range without it: {table.line(range=[TO_FILL_IN, TO_FILL_IN])}",
             )
     # what the field itself can hold
     low, high = max(low, lowest * scale + offset), min(high, highest * scale + offset)
@@ -84,7 +84,7 @@ def _unit(table: Section, where: str, carried: Numeric, signal: Signal) -> float
         raise table.error(
             f"{where} is in {unit!r}, not in {' or '.join(usable)}" if unit else f"the DBC states no unit of {where}",
             declared.FIELD.name if stated is None else declared.FIELD_UNIT.name,
-            "say it: " + " or ".join(f'unit = "{u}"' for u in usable),
+            table.line(unit=usable[0]) + "".join(f', or unit = "{u}"' for u in usable[1:]),
         )
     return found
 
@@ -115,7 +115,7 @@ def _no_value(table: Section, ours: str, carried: Numeric, signal: Signal, where
     raise table.error(
         f'{where} has no word for "not available", and {ours} is not always there',
         declared.FIELD.name,
-        f"say which raw value means it: not_available = {highest}",
+        f"say which raw value means it: {table.line(not_available=highest)}",
     )
 
 
@@ -139,7 +139,7 @@ def words_field(table: Section, carried: Words, message: Message, signal: Signal
         raise table.error(
             f"the value table of {where} lacks {', '.join(missing)}",
             key,
-            f'say by which of its words or raw values: {snake(missing[0])} = "…"',
+            f"say by which of its words or raw values: {table.line(**{snake(w): TO_FILL_IN for w in missing})}",
         )
     for claim, other in carried.apart:
         if claim in found and other in found and found[claim] == found[other]:

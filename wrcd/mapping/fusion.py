@@ -74,7 +74,10 @@ def _check_order(section: Section, top: Section) -> None:
     if not declared.ONE_WAY.read(section) and direction not in vehicle:
         reason = "is not true, and vehicle.direction names no signal: which axle leads in reverse?"
         error = section.error(
-            reason, key, f"map vehicle.{direction}, or state that it never runs in reverse: {key} = true"
+            reason,
+            key,
+            f"{vehicle.line(direction='Message.Signal')}; of a train that never runs in reverse, "
+            f"{section.line(one_way=True)}",
         )
         section.mistake(error)
         section.explains(key, error)

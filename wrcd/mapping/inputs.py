@@ -20,7 +20,7 @@ from wrcd.estimator.design import Design
 from wrcd.mapping.ranges import physical_range
 from wrcd.mapping.statements import TORQUES, Statement
 from wrcd.mapping.values import raw_values, span, usable_field, words
-from wrcd.section import Section, suggest
+from wrcd.section import TO_FILL_IN, Section, suggest
 
 FLOAT_BITS = (16, 32, 64)
 STALE_TICKS = 3  # of gyro and accelerometer: two may be missing
@@ -103,7 +103,7 @@ def _to_si(s: Statement, unit: str | None) -> float:
         hint = "" if s.quantity not in TORQUES else ', or at = "rim" for a force'
         what = "the DBC states no unit" if not unit else str(e)
         raise s.table.error(
-            f"{s.message}.{s.signal}: {what}", declared.SIGNAL.name, f'say it: unit = "{s.quantity.unit}"{hint}'
+            f"{s.message}.{s.signal}: {what}", declared.SIGNAL.name, f"{s.table.line(unit=s.quantity.unit)}{hint}"
         ) from None
 
 
@@ -112,7 +112,7 @@ def _at_rim(s: Statement, unit: str | None) -> float:
     try:
         return factor(unit, Quantity.AXLE_LOAD)
     except ValueError as e:
-        raise s.table.error(str(e), key, 'a force at the rim is in N or kN: unit = "kN"') from None
+        raise s.table.error(str(e), key, f"a force at the rim is in N or kN: {s.table.line(unit='kN')}") from None
 
 
 def _reverse(s: Statement, signal: Signal) -> frozenset[int] | None:
@@ -126,13 +126,13 @@ def _reverse(s: Statement, signal: Signal) -> frozenset[int] | None:
         raise s.table.error(
             f"{s.message}.{s.signal} has no word that is known to mean reverse ({', '.join(known)})",
             declared.SIGNAL.name,
-            "say which: reverse = […]",
+            f"say which: {s.table.line(reverse=[TO_FILL_IN])}",
         )
     if not known and not _has_two_signs(s, signal):
         raise s.table.error(
             f"{s.message}.{s.signal} has neither words nor two signs to tell reverse by",
             declared.SIGNAL.name,
-            "say which of its values mean it: reverse = […]",
+            f"say which of its values mean it: {s.table.line(reverse=[TO_FILL_IN])}",
         )
     return None
 
@@ -155,7 +155,9 @@ def _timeout_us(s: Statement, message: Message, signal: Signal, design: Design) 
         stated = timeout_ms(message, signal) or DEFAULT_TIMEOUT_MS
     except ValueError as e:
         if s.timeout_ms is None:
-            raise s.table.error(str(e), declared.SIGNAL.name, f"give {key}, or mend the DBC") from None
+            raise s.table.error(
+                str(e), declared.SIGNAL.name, f"mend the DBC, or {s.table.line(**{key: TO_FILL_IN})}"
+            ) from None
     tick_ms = 1000 * design.tick_s
     measured = s.quantity in MEASURED
     if measured and cycle is not None and cycle > tick_ms:

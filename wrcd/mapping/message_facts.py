@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 from wrcd import declared
 from wrcd.bus.dbc import Database, Message, Signal, attribute, data_id, find_message
 from wrcd.mapping.statements import Statement
-from wrcd.section import Section
+from wrcd.section import TO_FILL_IN, Section
 
 
 def by_message(statements: Iterable[Statement]) -> dict[str, list[Statement]]:
@@ -51,10 +51,10 @@ def e2e_identity(table: Section, message: Message, e2e: str | None, stated: int 
         try:
             known = data_id(message)
         except ValueError as e:
-            raise table.error(str(e), None, 'say e2e = "none", or e2e = "P11" and its data_id') from None
+            raise table.error(str(e), None, f'{table.line(e2e="none")}, or e2e = "P11" and its data_id') from None
         if stated is not None and known is None:
             raise table.error(
-                f"message {message.name} is not protected", declared.DATA_ID.name, 'add e2e = "P11" if it is'
+                f"message {message.name} is not protected", declared.DATA_ID.name, f"if it is, {table.line(e2e='P11')}"
             )
         return known if stated is None else stated
     if message.length < 2:
@@ -66,7 +66,11 @@ def e2e_identity(table: Section, message: Message, e2e: str | None, stated: int 
             or not 0 <= known <= declared.DATA_ID.high
             or not attribute(message, "E2EProfile")
         ):
-            raise table.error("is missing", declared.DATA_ID.name, f"the DBC states none for {message.name}")
+            raise table.error(
+                "is missing",
+                declared.DATA_ID.name,
+                f"the DBC states none for {message.name}: {table.line(data_id=TO_FILL_IN)}",
+            )
         return known
     return stated
 
@@ -78,7 +82,7 @@ def check_header(table: Section, key: str, message: Message, names: Iterable[str
             raise table.error(
                 f"{message.name}.{signal.name} lies where the E2E CRC and counter of {message.name} are",
                 key,
-                'e2e = "none" if it is not protected',
+                f"if it is not protected, {table.line(e2e='none', data_id=None)}",
             )
 
 

@@ -10,7 +10,7 @@ from wrcd.keys import Key, names
 from wrcd.mapping.fields import numeric_field, words_field
 from wrcd.mapping.message_facts import check_header, e2e_identity
 from wrcd.mapping.values import span, usable_field
-from wrcd.section import Section, suggest
+from wrcd.section import TO_FILL_IN, Section, nearest, suggest
 
 NEEDS: Mapping[str, tuple[str, ...]] = {"adhesion": ("Validity", "MuAvailable")}
 ADHESION_MS, DETAIL_MS, STATUS_MS = 20, 100, 1000  # cycles where nobody says one
@@ -65,7 +65,9 @@ def _output(table: Section, kind: str, database: Database | None, usual: str, ti
         try:
             cycle = cycle_ms(message) or CYCLES_MS.get(kind, STATUS_MS)
         except ValueError as e:
-            raise table.error(str(e), declared.MESSAGE.name, "give cycle_ms, or mend the DBC") from None
+            raise table.error(
+                str(e), declared.MESSAGE.name, f"mend the DBC, or {table.line(cycle_ms=TO_FILL_IN)}"
+            ) from None
     if cycle < tick_ms:
         key = declared.CYCLE.name if declared.CYCLE.name in table else declared.MESSAGE.name
         table.mistake(table.error(f"{cycle} ms is shorter than the design's tick of {tick_ms:g} ms", key))
@@ -93,7 +95,7 @@ def _message(table: Section, database: Database, name: str) -> Message:
     try:
         return find_message(database, name)
     except KeyError as e:
-        hint = suggest(name, [m.name for m in database.messages]) or f'name it: {table.name} = "…"'
+        hint = suggest(name, [m.name for m in database.messages]) or table.line(message=TO_FILL_IN)
         raise table.error(str(e.args[0]), declared.MESSAGE.name, hint) from None
     except ValueError as e:
         raise table.error(str(e), declared.MESSAGE.name, "mend the DBC, or send another message") from None
@@ -129,10 +131,9 @@ def _signals(
             continue
         if ours not in said and ours not in fields:
             if ours in NEEDS.get(kind, ()):
-                hint = suggest(ours, fields) or f'name the one that carries it: {key} = "…"'
-                table.mistake(
-                    table.error(f"message {message.name} has no signal {ours!r}", declared.MESSAGE.name, hint)
-                )
+                near = nearest(ours, fields) or TO_FILL_IN
+                hint = f"name the one that carries it: {table.line(**{key: near})}"
+                table.mistake(table.error(f"message {message.name} has no signal {ours!r}", key, hint))
             continue
         one = sound.get(ours) or table.usual(key, declared.FIELD.name, ours)
         with table.collected():
@@ -153,7 +154,7 @@ def _signals(
             table.error(
                 f"message {message.name} has none of the signals {', '.join(MESSAGES[kind])}",
                 declared.MESSAGE.name,
-                "name those that carry them",
+                f"name those that carry them: {table.line(**{snake(next(iter(MESSAGES[kind]))): TO_FILL_IN})}",
             )
         )
     return found

@@ -9,6 +9,7 @@ from wrcd.core.validity import LOAD_SHARES, RADIUS_SHARES
 from wrcd.estimator.design import Design
 from wrcd.mapping.statements import Statement
 from wrcd.mapping.values import span
+from wrcd.section import TO_FILL_IN
 
 YAW_RAD_S, LAT_M_S2 = 0.35, 20.0  # what a wheelset that hunts reaches: 20 deg/s, 2 g
 EPSILON = 1e-6  # of a step: what is lost in the division
@@ -37,7 +38,7 @@ def physical_range(
         raise s.table.error(
             f"the DBC's range of {s.message}.{s.signal} is empty, [{signal.minimum}|{signal.maximum}]",
             declared.SIGNAL.name,
-            "mend the DBC, or say what it measures: range = [low, high]",
+            f"mend the DBC, or say what it measures: {s.table.line(range=[TO_FILL_IN, TO_FILL_IN])}",
         )
     lowest, highest = span(signal)
     share = _inside(signal, scale, offset, low, high) / (highest - lowest + 1)
@@ -50,12 +51,12 @@ def physical_range(
     if share < 0.5:
         needed = _needed(s, signal, design)
         if not _reaches(low, high, to_si, needed):
-            shown = " … ".join(f"{x / abs(to_si):.3g}" for x in needed)
+            reached = [float(f"{x / abs(to_si):.3g}") for x in needed]
             raise s.table.error(
                 f"the DBC's range of {s.message}.{s.signal}, [{signal.minimum}|{signal.maximum}], shuts out "
                 f"{math.floor(100 * (1 - share))} % of its raw values, and values that a train reaches",
                 declared.SIGNAL.name,
-                f"mend the DBC, or say what it measures, of {shown}: range = [low, high]",
+                f"mend the DBC, or say what it measures, at least this: {s.table.line(range=reached)}",
             )
     return given
 

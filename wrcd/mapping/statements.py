@@ -6,7 +6,7 @@ from typing import NamedTuple
 from wrcd import declared
 from wrcd.bus.units import Quantity
 from wrcd.keys import SignalName, message_and_signal, names
-from wrcd.section import Section, shown
+from wrcd.section import TO_FILL_IN, Section, shown
 
 AXLE_QUANTITIES = (
     Quantity.YAW_RATE,
@@ -77,7 +77,7 @@ def statements(section: Section, quantities: Sequence[Quantity], axles: tuple[in
             one = section.table_or_text(q.key, declared.SIGNAL.name)
             tables = [] if one is None else [one]
         if q in NEEDED and q.key not in section:
-            section.mistake(section.absent(q.key, 'name the signal that carries it: "Message.Signal"'))
+            section.mistake(section.absent(q.key, "name the signal that carries it", "Message.Signal"))
         for part, table in enumerate(tables):
             with table.collected():
                 found.append(_statement(table, q, axles, part))
@@ -95,7 +95,9 @@ def _statement(table: Section, q: Quantity, axles: tuple[int, ...], part: int) -
     if status_off or declared.STATUS.name not in table:
         for key in (declared.OK, declared.DEGRADED, declared.STATUS_TIMEOUT):
             if key.name in table:
-                table.mistake(table.error("says nothing without a status", key.name, 'add status = "Message.Signal"'))
+                table.mistake(
+                    table.error("says nothing without a status", key.name, table.line(status="Message.Signal"))
+                )
     status_wrong, before = table.mistakes > before, table.mistakes
     at = declared.AT.value(table)
     gear_ratio = declared.GEAR_RATIO.read(table)
@@ -132,9 +134,11 @@ def _statement(table: Section, q: Quantity, axles: tuple[int, ...], part: int) -
 def _check_gear(table: Section, at: str, gear_ratio: float | None) -> None:
     key = declared.GEAR_RATIO.name
     if at == "motor" and gear_ratio is None:
-        table.mistake(table.absent(key, "the torque at the axle is the motor's times it"))
+        table.mistake(table.absent(key, "the torque at the axle is the motor's times it", TO_FILL_IN))
     elif at != "motor" and gear_ratio is not None:
-        table.mistake(table.error(f"says nothing of a torque at the {at}", key, 'at = "motor"?'))
+        table.mistake(
+            table.error(f"says nothing of a torque at the {at}", key, f"of a motor's: {table.line(at='motor')}")
+        )
 
 
 def _named(table: Section, key: SignalName) -> tuple[str, str]:

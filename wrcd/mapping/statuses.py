@@ -16,6 +16,7 @@ from wrcd.bus.words import degraded, unusable, usable
 from wrcd.mapping.inputs import check_readable, find
 from wrcd.mapping.statements import Statement, StatusStatement
 from wrcd.mapping.values import raw_values, words
+from wrcd.section import TO_FILL_IN
 
 STATUS_NAMES = re.compile(r"status|state|valid|quality|health", re.IGNORECASE)
 
@@ -97,7 +98,7 @@ def _stated_rule(s: Statement, stated: StatusStatement, database: Database) -> S
         raise s.table.error(
             f"{message.name}.{signal.name} has no word that is known to be good",
             key,
-            f"say which: ok = [{'one of ' + known if known else 'raw values'}]",
+            f"say which{' of ' + known if known else ' raw values'}: {s.table.line(ok=[TO_FILL_IN])}",
         )
     if both := ok & degraded:
         raise s.table.error(f"{min(both)} is good already", declared.DEGRADED.name)
@@ -173,7 +174,7 @@ def _usual_rule(s: Statement, signal: Signal, warnings: list[str]) -> list[Statu
                 f"{name} tells of failures, and none of its words is known to be good "
                 f"({', '.join(words(signal).values())})",
                 declared.SIGNAL.name,
-                f'add status = "{name}" and ok = […], or status = false',
+                f"{s.table.line(status=name, ok=[TO_FILL_IN])}, or status = false",
             )
         )
     else:

@@ -15,7 +15,7 @@ from wrcd.mapping.outputs import STATUS_KEYS, STATUS_MESSAGES, output, usual_mes
 from wrcd.mapping.pace import check_pace
 from wrcd.mapping.statements import AXLE_QUANTITIES, VEHICLE_QUANTITIES, Statement, statements
 from wrcd.mapping.statuses import status_rules
-from wrcd.section import Section
+from wrcd.section import TO_FILL_IN, Section
 
 AHEAD = "ahead"
 AXLE_OUTPUTS = ("adhesion", "detail", "inputs", AHEAD)
@@ -32,6 +32,12 @@ class Train:
         self.warnings: list[str] = []
 
 
+def all_statements(tables: Sequence[Section], vehicle: Section) -> list[Statement]:
+    """What the tables of [[axle]] and [vehicle] say of the inputs. Mistakes are collected."""
+    said = [s for place, table in enumerate(tables) for s in statements(table, AXLE_QUANTITIES, (place,))]
+    return said + statements(vehicle, VEHICLE_QUANTITIES, tuple(range(len(tables))))
+
+
 def read_train(top: Section, vehicle: Section, database: Database | None, design: Design | None) -> Train:
     """Read [vehicle] and [[axle]]. Mistakes are collected.
 
@@ -46,18 +52,17 @@ def read_train(top: Section, vehicle: Section, database: Database | None, design
         top.mistake(error)
         top.explains("axle", error)
         tables = tables[:MAX_AXLES]
-    said: list[Statement] = []
+    said = all_statements(tables, vehicle)
     sent: list[tuple[Section, Output]] = []
     known = None if design is None else database
     tick_ms = 0.0 if design is None else 1000 * design.tick_s
     numbers: set[int] = set()
-    for place, table in enumerate(tables):
-        said += statements(table, AXLE_QUANTITIES, (place,))
+    for table in tables:
         number = _number(table, numbers)
         usual = ("",) * len(AXLE_OUTPUTS) if number is None else usual_messages(number)
         if "fusion" not in top:
             usual = (*usual[:-1], "")  # nobody asks what lies ahead
-            _check_no_ahead(table)
+            _check_no_ahead(top, table)
         found = [output(table, kind, known, name, tick_ms) for kind, name in zip(AXLE_OUTPUTS, usual, strict=True)]
         sent += [
             (table.place(kind, declared.MESSAGE.name), o)
@@ -67,7 +72,6 @@ def read_train(top: Section, vehicle: Section, database: Database | None, design
         if number is not None and found[0] is not None:
             train.axles.append(AxleConfig(number, found[0], *found[1:]))
         table.done(names(declared.AXLE))
-    said += statements(vehicle, VEHICLE_QUANTITIES, tuple(range(len(tables))))
     for kind, name in zip(STATUS_KEYS, STATUS_MESSAGES, strict=True):
         one = output(vehicle, kind, known, name, tick_ms)
         train.own.append(one)
@@ -80,10 +84,10 @@ def read_train(top: Section, vehicle: Section, database: Database | None, design
     return train
 
 
-def _check_no_ahead(table: Section) -> None:
+def _check_no_ahead(top: Section, table: Section) -> None:
     """What lies ahead is told with fusion alone. A mistake is collected."""
     if AHEAD in table:
-        hint = "give [fusion] positions_m, or leave the message out"
+        hint = f"leave the message out, or {top.section('fusion').line(positions_m=[TO_FILL_IN])}"
         table.mistake(table.error("needs [fusion]: nothing would be told in it", AHEAD, hint))
 
 

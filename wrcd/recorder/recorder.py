@@ -65,7 +65,7 @@ class Recorder:
         self._settings = core.config
         self._fits = identity(core.config)
         self._triggers = Triggers([axle.adhesion.cycle_us for axle in core.config.axles])
-        self._reports = core.reports
+        core.take_said()  # from now on it is kept
         self._asked = False
         self._pending: tuple[str, int] | None = None  # trigger and its time, while the aftermath is awaited
         self._last_us: int | None = None  # of the newest dump that nobody asked for
@@ -98,9 +98,8 @@ class Recorder:
         if core.events.total != self._changes_told:
             self._note_changes()
         self._snapshot(now_us)
-        if core.reports is not self._reports:
-            self._reports = core.reports
-            found = self._triggers.look(core.reports, core.below_min_speed, core.reported)
+        for said in core.take_said():
+            found = self._triggers.look(said.reports, said.below_min_speed, said.adhesion)
             if found and self._pending is None and self._hold_off_over(now_us):
                 self._pending, self._last_us = (found, now_us), now_us
         if self._asked and self._pending is None:

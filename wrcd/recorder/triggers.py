@@ -3,7 +3,7 @@
 from collections import deque
 from collections.abc import Sequence
 
-from wrcd.core.causes import Cause, Validity
+from wrcd.core.causes import Validity
 from wrcd.core.messages import Report
 
 LOST_SLOTS = 5  # in a row without Valid: less is a hiccup
@@ -29,7 +29,7 @@ class Triggers:
         for axle in axles:
             report = reports[axle]
             valid = report.validity is Validity.VALID
-            if report.cause is not Cause.TOO_LITTLE_DATA:
+            if not report.vague:
                 lost |= self._loses(axle, valid, below_min_speed)
             mu = (report.mu_available_pct or 0.0) if valid else 0.0
             before = self._mu[axle]

@@ -87,12 +87,12 @@ class Daemon:
 
     def turn(self) -> None:
         """Take all frames there are, close the ticks that are over, send what is due."""
-        now = self._clock()
+        # both at once: what lies between them while frames are read on a busy computer would look like a step
+        now, steady_us = self._clock(), self._monotonic()
         out: list[Outgoing] = []
         counts = self.core.counts
         before, ticks = counts.seen, counts.ticks
         frames = self.link.receive(now)
-        steady_us = self._monotonic()
         stood_us = steady_us - self._told_us
         if stood_us <= FORWARD_STEP_US:
             out += self._feed(frames)

@@ -131,7 +131,7 @@ def _sent(c: Config, o: Output) -> str:
 
 
 def _wheelset(d: Design) -> str:
-    """What the design is for: nothing in the signals tells a foreign wheelset."""
+    """What the design is for: a foreign wheelset gives no error, and `check --log` tells only some."""
     known = [
         f"{what} {d.wheelset[key]:g} {unit}".rstrip()
         for key, what, unit in KNOWN_BY

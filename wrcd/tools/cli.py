@@ -19,7 +19,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     args = _parser(commands).parse_args(argv)
     command = next(c for c in commands if c.name == args.command)
     _one_thread()
-    return guarded("wrcd", lambda: command.run(args), retried=command.retried)
+    own_signals = command.own_signals(args)
+    return guarded("wrcd", lambda: command.run(args), retried=command.retried, own_signals=own_signals)
 
 
 def _every() -> tuple[Command, ...]:

@@ -19,6 +19,8 @@ class Command:
     run: Callable[[Namespace], int]
     # whether a bus or a file that is not there has a status of its own: the command is tried again by a unit
     retried: bool = True
+    # whether it has a handler of SIGINT of its own, with these arguments
+    own_signals: Callable[[Namespace], bool] = lambda _: False
 
 
 def no_arguments(_p: ArgumentParser) -> None:

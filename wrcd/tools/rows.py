@@ -1,13 +1,13 @@
 """The CSV of `wrcd replay`: a row for each Adhesion frame."""
 
 import csv
+import math
 from typing import IO, Any
 
 from wrcd.bus.codec import message_key, position
 from wrcd.bus.dbc import Message, find_message, find_signal
 from wrcd.bus.positions import Position
 from wrcd.bus.signals import Output, OutputSignal
-from wrcd.core.causes import Validity
 from wrcd.core.configuration import Config
 from wrcd.core.messages import Outgoing
 from wrcd.estimator.design import Design
@@ -17,10 +17,10 @@ from wrcd.tools.selection import Part
 
 COLUMNS = (
     "time_s", "axle", "validity", "mu_available_pct", "mu_used_pct", "contact_state", "surface", "confidence",
-    "sample_age_ms", "cause",
+    "sample_age_ms", "cause", "half_width_pp", "low_pct", "high_pct",
 )  # fmt: skip
 REASONS = ("winning_model", "dominant_rule", "rule_share")  # with --explain
-# the signals of the columns behind the axle; the last column, the cause of not being Valid, is in words
+# the signals of the columns behind the axle; the columns after them are the core's, whatever a frame carries
 SIGNALS = ("Validity", "MuAvailable", "MuUsed", "ContactState", "Surface", "Confidence", "SampleAge")
 
 
@@ -30,7 +30,7 @@ class Rows:
     def __init__(self, file: IO[str], config: Config, explained: bool, part: Part) -> None:
         self._writer = csv.writer(file, lineterminator="\n")
         self._writer.writerow((*COLUMNS, *REASONS) if explained else COLUMNS)
-        self._design = config.design if explained else None
+        self._design, self._explained = config.design, explained
         self._place = {a.number: place for place, a in enumerate(config.axles)}
         self._origin_us = part.origin_us
         self._messages: dict[int, tuple[Cells, int]] = {}  # by Frame.key
@@ -47,10 +47,10 @@ class Rows:
             return
         cells, number = found
         stamp = _seconds(frame.stamp_us - self._origin_us)
-        row = [stamp, number, *cells.of(frame.data), o.cause.words]
-        if self._design is not None:
-            warm = row[2] != Validity.NOT_AVAILABLE
-            row += _reasons(self._design, why, self._place[number]) if why and warm else ["", "", ""]
+        place = self._place[number]
+        row = [stamp, number, *cells.of(frame.data), o.cause.words, *_interval(why, place)]
+        if self._explained:
+            row += _reasons(self._design, why, place)
         self._writer.writerow(row)
 
 
@@ -102,8 +102,18 @@ def _cell(value: Any, factor: float, of: str) -> str:
     return f"{value:.2f}" if isinstance(value, float) else str(value)
 
 
-def _reasons(design: Design, why: Estimate, place: int) -> list[str]:
+def _interval(why: Estimate | None, place: int) -> list[str]:
+    """The 90 % interval that was estimated: its half-width in percentage points, its ends in percent."""
+    if why is None or not math.isfinite(why.half_width_pp[place]):
+        return ["", "", ""]
+    mu, half = float(why.mu_available_pct[place]), float(why.half_width_pp[place])
+    return [f"{half:.2f}", f"{max(mu - half, 0.0):.2f}", f"{mu + half:.2f}"]
+
+
+def _reasons(design: Design, why: Estimate | None, place: int) -> list[str]:
     """The model that fits best against its own range, the rule that weighs most, and its share."""
+    if why is None:
+        return ["", "", ""]
     winner, rule = int(why.winner[place]), int(why.rule[place])
     model = f"{winner}: {design.model_names[winner - 1]}" if winner else ""
     return [model, f"{rule}: {sentence(design, rule - 1)}" if rule else "", f"{why.rule_share[place]:.2f}"]

@@ -35,7 +35,8 @@ ROUNDING = 1e-9  # what two sums of the same numbers may differ by, as a share
 class Found:
     """The second's mean less the first's with its interval (NaN: too few to tell), both means, and p, two-sided.
 
-    least: the smallest p that these rows could give, whichever way each points; 1 where none differs.
+    least: the smallest p that these rows could give, whichever way each points; 1 where none differs. worlds: that
+    tell anything: of pairs those that differ, of samples the fewer of both sides.
     """
 
     first: float
@@ -45,9 +46,10 @@ class Found:
     high: float
     p: float
     least: float
+    worlds: int
 
 
-NOTHING = Found(math.nan, math.nan, math.nan, math.nan, math.nan, 1.0, 1.0)
+NOTHING = Found(math.nan, math.nan, math.nan, math.nan, math.nan, 1.0, 1.0, 0)
 
 
 def draws(comparisons: int, alpha: float) -> int:
@@ -169,11 +171,12 @@ def _pair_figure(
     that gives while the subset's mean lies on δ's other side. few: the least p that the draws have, 0 of all ways."""
     if not len(first):
         return NOTHING
-    least = max(2.0 ** (1 - int((sums != 0.0).sum())), few)
+    worlds = int((sums != 0.0).sum())
+    least = max(2.0 ** (1 - worlds), few)
     some = weight > 0
     low, high = _ends(flipped[some] / weight[some], len(flipped) + (few > 0), alpha)
     difference = float(sums.sum()) / len(first)
-    return Found(float(first.mean()), float(second.mean()), difference, low, high, p, min(least, 1.0))
+    return Found(float(first.mean()), float(second.mean()), difference, low, high, p, min(least, 1.0), worlds)
 
 
 def _spread(a: FloatArray, b: FloatArray) -> float:
@@ -210,7 +213,8 @@ def _sample_figure(
     with np.errstate(invalid="ignore", divide="ignore"):
         shifts = (observed - others) / (1.0 - moved)
     low, high = _ends(shifts[np.isfinite(shifts) & (moved < 1.0 - ROUNDING)], len(others) + (few > 0), alpha)
-    return Found(float(a.mean()), float(b.mean()), observed, low, high, p, min(least, 1.0))
+    worlds = min(len(a), len(b))
+    return Found(float(a.mean()), float(b.mean()), observed, low, high, p, min(least, 1.0), worlds)
 
 
 def _ends(typical: FloatArray, tries: int, alpha: float) -> tuple[float, float]:

@@ -1,8 +1,9 @@
 """A comparison as tables for a person (Markdown)."""
 
+import itertools
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from sim_ecu.campaign.comparison.compare import (
@@ -93,15 +94,33 @@ def _unjudged(result: Result) -> str:
     suites = Counter(c.suite for c in found)
     named = ", ".join(f"{suite} ({n})" for suite, n in suites.items())
     every = result.judged + len(found)
+    takes = []
+    for paired, ways, of in (
+        (True, pair_ways, "worlds in which a pair differs"),
+        (False, sample_ways, "worlds a side"),
+    ):
+        most = max((c.found.worlds for c in found if c.paired is paired), default=None)
+        if most is not None:
+            takes.append(f"takes {worlds(every, result.alpha, ways)} {of}, of which these have {most} at most")
     return (
-        f"Not judged, for too few worlds: {len(found)} that differ, in {named}. A claim among {every} takes "
-        f"{worlds(every, result.alpha)} worlds of pairs: run more seeds or lots, or choose fewer figures."
+        f"Not judged, for too few worlds: {len(found)} that differ, in {named}. A claim among {every} "
+        f"{', and '.join(takes)}: run more seeds or lots, or choose fewer figures."
     )
 
 
-def worlds(comparisons: int, alpha: float) -> int:
-    """How many worlds of pairs can make a claim among so many comparisons: 2 of all ways to flip go as far."""
-    return 1 + math.ceil(math.log2(comparisons / alpha))
+def worlds(comparisons: int, alpha: float, ways: Callable[[int], int]) -> int:
+    """How many can make a claim among so many comparisons, if 2 of so many ways go as far."""
+    return next(n for n in itertools.count(1) if 2 * comparisons <= alpha * ways(n))
+
+
+def pair_ways(count: int) -> int:
+    """To flip the signs of worlds."""
+    return 1 << count
+
+
+def sample_ways(count: int) -> int:
+    """To exchange as many worlds of each side."""
+    return math.comb(2 * count, count)
 
 
 def of_suite(comparisons: Sequence[Comparison]) -> list[str]:

@@ -13,7 +13,7 @@ from wrcd.core.causes import Cause
 # Causes that name a sensor, its wiring or its sender; the rest are of the ride or of the estimate.
 SENSORS = (
     Cause.GYRO_REVERSED, Cause.GYRO_DEAD, Cause.SENSORS_UNRELATED, Cause.ACCEL_SMALL, Cause.TORQUES_CONTRADICT,
-    Cause.WHEELSET_UNLIKE, Cause.SENSOR_DEGRADED, Cause.TWO_SENDERS, Cause.UNCHANGED,
+    Cause.SENSOR_DEGRADED, Cause.TWO_SENDERS, Cause.UNCHANGED,
 )  # fmt: skip
 INPUTS = (Cause.INPUT_SILENT, Cause.INPUT_STALE)
 _CAUSES = {int(c): c for c in Cause}

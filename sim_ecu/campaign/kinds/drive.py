@@ -22,7 +22,7 @@ from sim_ecu.loop.control.facts import Facts
 from sim_ecu.loop.control.make import NAMES, make_controller
 from sim_ecu.loop.cost import cost_of_driving
 from sim_ecu.loop.ideal import ride_ideal
-from sim_ecu.loop.judge import judge
+from sim_ecu.loop.judge import MIN_SLIDE_SPEED_M_S, judge
 from sim_ecu.loop.lockstep import Lockstep, Timing
 from sim_ecu.loop.names import IDEAL
 from sim_ecu.loop.rig import Step
@@ -50,13 +50,16 @@ FACTORS = (
 )  # fmt: skip
 _OF_DAEMON = "NaN without wrcd"
 FIGURES = (
-    Figure("slides", Type.WHOLE, "slides that begin, of all axles", better="less"),
+    Figure("beyond_s", Type.NUMBER, "time beyond the creep of the rail's peak, sum of all axles", "s", "less"),
+    Figure("slides", Type.WHOLE, f"slides that begin above {MIN_SLIDE_SPEED_M_S:g} m/s, of all axles", better="less"),
     Figure("locked_s", Type.NUMBER, "time locked, sum of all axles", "s", "less"),
     Figure("max_slip_m_s", Type.NUMBER, "largest slip, worst axle", "m/s", "less"),
     Figure("slip_energy_kJ", Type.NUMBER, "energy of the slip, mean of a wheel", "kJ", "less"),
+    Figure("beyond_kJ", Type.NUMBER, "the part of slip_energy_kJ beyond the creep of the rail's peak", "kJ", "less"),
     Figure("utilisation", Type.NUMBER, "adhesion in use over available while the driver asks for more than there is, "
            "mean of all axles; NaN if never", better="more"),
-    Figure("impulse_kNs", Type.NUMBER, "impulse in the demand's direction, sum of all axles", "kN s", "more"),
+    Figure("impulse_kNs", Type.NUMBER, "impulse of a start, sum of all axles; NaN where the demand brakes: a stop "
+           "needs what it needs, and is told by stop_m", "kN s", "more"),
     Figure("stop_m", Type.NUMBER, "stopping distance from the demand on; NaN where it did not stop", "m", "less"),
     Figure("distance_m", Type.NUMBER, "how far it came from the demand on", "m"),
     Figure("time_s", Type.NUMBER, "time from the demand to the end", "s"),
@@ -133,18 +136,25 @@ def figures(job: Job) -> Mapping[str, Scalar]:
     f = judge(steps, asked.scenario)
     said = [] if ear is None else honesty(ear.told(), steps)
     return {
+        "beyond_s": f.beyond_s,
         "slides": f.slides,
         "locked_s": f.locked_s,
         "max_slip_m_s": f.max_slip_m_s,
         "slip_energy_kJ": f.slip_energy_kJ,
+        "beyond_kJ": f.beyond_kJ,
         "utilisation": f.utilisation,
-        "impulse_kNs": f.impulse_kNs,
+        "impulse_kNs": math.nan if _brakes(asked.scenario) else f.impulse_kNs,
         "stop_m": f.stop_m if f.stopped else math.nan,
         "distance_m": f.stop_m,
         "time_s": f.seconds,
         "stopped": f.stopped,
         **_honest(said),
     }
+
+
+def _brakes(scenario: DriveScenario) -> bool:
+    """Whether the largest demand brakes."""
+    return max(scenario.driver.values, key=abs) < 0.0
 
 
 def _steps(asked: _Asked, ear: Ear | None) -> Iterator[Step]:

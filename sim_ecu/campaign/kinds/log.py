@@ -18,7 +18,7 @@ from wrcd.bus.damage import Damage
 from wrcd.bus.log_kind import check_log
 from wrcd.bus.log_order import TimeOrder
 from wrcd.config import load_config
-from wrcd.core.causes import Cause, Validity
+from wrcd.core.causes import RESERVED, Cause, Validity
 from wrcd.core.configuration import Config
 from wrcd.core.core import Core
 from wrcd.core.messages import nan_to_none
@@ -28,7 +28,7 @@ from wrcd.recorder.resume import state_file
 from wrcd.tools.story.clock import Onward
 from wrcd.tools.story.estimate import made
 
-CAUSES = tuple(c for c in Cause if c is not Cause.NONE)
+CAUSES = tuple(c for c in Cause if c is not Cause.NONE and c not in RESERVED)
 OWN = ("log", "state")  # among Job.files: what the job itself looks at
 MAX_FINE = 50  # steps of 100 m or 10 s that are kept as they are; of a longer log they are kilometres and minutes
 ESCAPED = "\\x"  # in a name instead of a byte that is no text

@@ -24,7 +24,7 @@ from sim_ecu.score.metrics.honesty import LOW_SURFACES
 from sim_ecu.score.play import Trace, play
 from sim_ecu.score.suites import runs, training_runs
 from sim_ecu.score.suites.nominal import MEMS
-from sim_ecu.score.suites.run import Run
+from sim_ecu.score.suites.run import TUNED_LOT, Run
 from wrcd.config import load_config
 from wrcd.core.configuration import Config
 from wrcd.errors import InputError
@@ -67,8 +67,9 @@ def training(source: Source, seed: int) -> list[Run]:
 
 
 def test(source: Source) -> list[Run]:
-    """Some of what `sim-ecu score` plays."""
-    return _kept(r for suite, share in TEST for r in runs(source, suite, share))
+    """What the chosen design is tested on: as much of the score's suites, with seeds that neither the score nor the
+    training has."""
+    return _kept(r for suite, share in TEST for r in runs(source, suite, share, TUNED_LOT))
 
 
 def _kept(every: Iterable[Run]) -> list[Run]:

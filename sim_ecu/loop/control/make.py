@@ -20,8 +20,8 @@ NAMES = ("none", *LAWS)
 LIMITS = {
     "thresholds": Constants(),
     "creep": Constants(
-        aim=0.955, half_widths=1.0, pull_aim=0.85, pull_rise_s=2.0, knee=0.006, keep=(0.93, 0.985), hold_s=1.6,
-        surprise=0.045, free_s=3.0,
+        aim=0.955, half_widths=1.0, pull_aim=0.85, pull_rise_s=2.0, keep=(0.93, 0.985), take=(0.9, 0.97),
+        hold_s=1.6, surprise=0.045, free_s=3.0,
     ),
 }  # fmt: skip
 

@@ -128,7 +128,8 @@ class SlipController:
         most = asked_N_m if most is None else min(max(most, 0.0), asked_N_m)
         actual = a.blending.actual_N_m
         torque = a.law.step(Seen(self._period_us * 1e-6, now_us, speed_m_s, slip, a.slide_m_s2, most, actual))
-        torque = self._resync.step(k, now_us, torque, most, a.law.sliding, a.slide_m_s2)
+        limited = most <= torque < asked_N_m  # by the limit alone: the law leaves the wheel what it is asked for
+        torque = self._resync.step(k, now_us, torque, asked_N_m, a.law.sliding, a.slide_m_s2, limited)
         if freed:
             a.law.reset()
             a.guard.begin(now_us)

@@ -14,14 +14,19 @@ from wrcd.core.vocabulary import CONFIDENCES
 
 FOUND_S = 0.5  # of a run's end: what is not Valid all that time has been found out
 LOW_SURFACES = ("Low", "VeryLow")
+# Causes that blame a sensor. SensorsSilent does not: there may be too little track.
+ACCUSING = (
+    "Unchanged", "GyroReversed", "SensorsUnrelated", "AccelSmall", "GyroDead", "TorquesContradict",
+)  # fmt: skip
 
 
 def not_valid(f: Frames) -> dict[str, Any]:
-    """Share of the frames that are not Valid, and for what causes (shares of all frames)."""
+    """Share of the frames that are not Valid, of those that accuse a sensor, and of each cause (of all frames)."""
     causes, count = np.unique(f.cause[~f.valid], return_counts=True)
     order = np.argsort(-count, kind="stable")  # of equal ones the first by name, on any processor
     return {
         "share": bootstrap.mean(~f.valid, f.run),
+        "accused": bootstrap.mean(~f.valid & np.isin(f.cause, ACCUSING), f.run),
         "causes": {str(causes[k]): float(count[k] / len(f.true)) for k in order if causes[k] not in ("", "None")},
     }
 

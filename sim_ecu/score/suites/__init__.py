@@ -10,6 +10,7 @@ from sim_ecu.score.suites.dry import dry_hours
 from sim_ecu.score.suites.harsh import harsh, slow
 from sim_ecu.score.suites.nominal import grid, robust, rough
 from sim_ecu.score.suites.run import Lot, Run, scored_lot, training_lot
+from sim_ecu.score.suites.sound import canted, long, peak
 
 # suites whose runs are compared with those of the grid that have the same conditions
 PAIRED = ("robust", "rough", "harsh")
@@ -18,8 +19,8 @@ PAIRED = ("robust", "rough", "harsh")
 def runs(source: Source, suite: str | None, scale: float, lot: int = 0) -> Iterator[Run]:
     """One suite or all of them; scale is the share of the runs. A paired suite brings its part of the grid along.
 
-    lot: 0 is what `sim-ecu score` plays; each other number below TEST_LOTS gives the same kinds of runs with seeds of
-    its own.
+    lot: 0 is what `sim-ecu score` plays; each other number below TEST_LOTS, and TUNED_LOT, gives the same kinds of
+    runs with seeds of its own.
     """
     yield from _runs(source, suite, scale, scored_lot(lot))
 
@@ -37,6 +38,9 @@ def _runs(source: Source, suite: str | None, scale: float, lot: Lot) -> Iterator
         "robust": lambda: robust(w, scale, lot),
         "rough": lambda: rough(w, scale, source.roughness, lot),
         "harsh": lambda: harsh(w, scale, lot),
+        "long": lambda: long(w, scale, lot),
+        "canted": lambda: canted(w, scale, lot),
+        "peak": lambda: peak(w, scale, lot),
         "transitions": lambda: transitions(w, scale, lot),
         "drops": lambda: drops(w, scale, lot),
         "cycles": lambda: cycles(w, scale, lot),

@@ -18,6 +18,7 @@ FIRST_TEST_SEED = 2_000_000_000  # training seeds stay far below
 # Runs that designs are tuned on: above the seeds of all plans, below those of conditions that are held for a search.
 FIRST_TRAINING_SEED, TRAINING_SEEDS, TRAINING_LOTS = 1_905_000_000, 1_000_000, 40
 TEST_SEEDS, TEST_LOTS = 1_000_000_000, 40
+TUNED_LOT = TEST_LOTS  # what tuned designs are tested on: behind all that a score can have
 AXLES = 4
 NOMINAL_FROM_S = 2.0  # frames before are not judged
 SPEEDS = (10.0, 50.0)
@@ -65,7 +66,7 @@ TEST = Lot()  # what `sim-ecu score` plays
 
 
 def scored_lot(number: int) -> Lot:
-    """The score's own for 0; further ones, below TEST_LOTS, to score on other seeds."""
+    """The score's own for 0; further ones, below TEST_LOTS, to score on other seeds; TUNED_LOT."""
     return Lot(FIRST_TEST_SEED + number * TEST_SEEDS)
 
 

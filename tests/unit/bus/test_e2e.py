@@ -1,4 +1,6 @@
 import csv
+import itertools
+import random
 from pathlib import Path
 
 import e2e.p11
@@ -107,9 +109,33 @@ def test_two_senders_in_uneven_order_are_rejected() -> None:
     """Two frames of one, two of the other: the chain would move back and forth for ever."""
     checker = Checker(ADHESION_A1)
     a, b = iter(range(100)), iter(range(8, 100))
-    verdicts = [checker.check(sent(next(a if k // 2 % 2 else b), k)) for k in range(60)]
+    verdicts = [checker.check(sent(next(a if k // 2 % 2 else b), k), 2500 * k) for k in range(60)]
     assert Reason.TWO_SENDERS in verdicts[:12]
     assert None not in verdicts[12:]
+
+
+@pytest.mark.parametrize("come", [2, 3, 5])
+@pytest.mark.parametrize("lost", range(1, 2 * COUNTER_MODULO))
+def test_sender_that_loses_frames_in_bursts_is_one(come: int, lost: int) -> None:
+    checker, rng = Checker(ADHESION_A1), random.Random(lost)
+    there = [k for k in range(2000) if k % (come + lost) < come]
+    verdicts = [checker.check(sent(k, 1), 5000 * k + rng.randrange(1000)) for k in there]
+    assert Reason.TWO_SENDERS not in verdicts
+    assert verdicts.count(None) >= len(there) * (come - 1) / come  # the first after a burst
+
+
+@pytest.mark.parametrize("lost", [0, 3, 4])
+@pytest.mark.parametrize("apart", range(COUNTER_MODULO))
+def test_two_senders_are_told_by_their_stamps_too(apart: int, lost: int) -> None:
+    """Even where the receiver loses frames of both."""
+    checker = Checker(ADHESION_A1)
+    there = [k for k in range(400) if k % (4 + lost) < 4]
+    pairs = [(sent(k, 1), 5000 * k) for k in there] + [(sent(k + apart, 2), 5000 * k + 1700) for k in there]
+    verdicts = [checker.check(frame, stamp_us) for frame, stamp_us in sorted(pairs, key=lambda pair: pair[1])]
+    believed = [first is None and then is None for first, then in itertools.pairwise(verdicts[20:])]
+    assert not any(believed)
+    if not lost:
+        assert None not in verdicts[8:]
 
 
 def test_repeated_frame_is_no_second_sender() -> None:

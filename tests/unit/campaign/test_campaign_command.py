@@ -51,6 +51,18 @@ def test_every_job_is_a_row_in_the_order_of_the_file(
     assert "12 of 12 jobs, " in said.err
 
 
+def test_percentage_of_a_resumed_campaign_counts_the_jobs_that_were_there(
+    write: Write, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(write("seeds = 3"), tmp_path / "out") == 0
+    capsys.readouterr()
+    assert run(write("seeds = 4"), tmp_path / "out") == 0
+    said = [line for line in capsys.readouterr().err.splitlines() if " jobs, " in line]
+    assert [(line.split(" jobs")[0], line.split(": ")[1].split(",")[0]) for line in said] == [
+        ("7 of 8", "88 %"), ("8 of 8", "100 %"),
+    ]  # fmt: skip
+
+
 def test_campaign_that_is_extended_runs_the_new_jobs_only(write: Write, tmp_path: Path) -> None:
     record, out = tmp_path / "record", tmp_path / "out"
     assert run(write("seeds = 2", f'record = "{record}"'), out) == 0

@@ -38,7 +38,7 @@ def test_limit_is_of_the_job_and_not_of_its_imports(
 ) -> None:
     (tmp_path / "slow_to_import.py").write_text(SLOW)
     monkeypatch.syspath_prepend(tmp_path)
-    from slow_to_import import quick  # type: ignore[import-not-found]
+    from slow_to_import import quick  # type: ignore[import-not-found]  # made just now
 
     assert child.run(quick, 1, limit_s=1.5) == -1
 

@@ -106,6 +106,25 @@ def test_few_seeds_are_too_few_worlds_however_many_points_they_have(tmp_path: Pa
     assert "Nothing differs" not in said(result)
 
 
+@pytest.mark.parametrize("paired", [True, False])
+def test_worlds_that_a_claim_takes_are_more_than_those_that_tell(tmp_path: Path, paired: bool) -> None:
+    """Ten pairs of which four differ are four; of two samples the fewer worlds count."""
+    seeds = range(1, 11 if paired else 4)
+    every = inputs(("leaf",), seeds, design="x")
+    other = inputs(("leaf",), seeds if paired else range(101, 104), design="b")
+
+    def value(i: Mapping[str, Any]) -> dict[str, Scalar]:
+        return {"mean_error_pp": 0.1 * i["seed"] + (i["design"] == "b") * (i["seed"] <= 4 or not paired)}
+
+    result = compared(folder(tmp_path / "a", every, value), folder(tmp_path / "b", other, value))
+    found = of(result, "leaf", "mean_error_pp")
+    assert (found.verdict, found.count[0]) == (TOO_FEW, len(seeds))
+    took, have = (4, 6) if paired else (3, 4)
+    assert found.found.worlds == took
+    words = "worlds in which a pair differs" if paired else "worlds a side"
+    assert f"A claim among 1 takes {have} {words}, of which these have {took} at most: run more" in said(result)
+
+
 def test_suite_of_too_few_worlds_is_named_beside_what_is_claimed(tmp_path: Path) -> None:
     few = [*inputs(("leaf",), design="a"), *inputs(("dry",), range(1, 4), design="a")]
     a = folder(tmp_path / "a", few, steps(own=1))

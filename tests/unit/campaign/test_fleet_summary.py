@@ -1,6 +1,7 @@
 """Rows of logs to trains, suspicious sensors, and the page of them."""
 
 import re
+from typing import Any
 
 import pytest
 
@@ -10,9 +11,9 @@ from sim_ecu.campaign.fleet.summary import Summary, summary
 from tests.support.fleet import broken, job, row
 
 
-def fleet(*named: tuple[str, str, object]) -> Summary:
+def fleet(*named: tuple[str, str, Any]) -> Summary:
     """Logs by train, name and row."""
-    return summary("Logs of a fleet", [(job(train, name), r) for train, name, r in named])  # type: ignore[misc]
+    return summary("Logs of a fleet", [(job(train, name), r) for train, name, r in named])
 
 
 def test_train_is_weighed_by_the_time_of_its_logs_and_the_broken_are_named() -> None:

@@ -17,7 +17,7 @@ from sim_ecu.score.suites.run import Run
 from wrcd.errors import InputError
 from wrcd.settings import read_toml
 
-TINY = "[design]\ngrid = 24\nmax_rules = 6\n[plan]\nspeeds = 2\nper_speed = 6\n"
+TINY = "[design]\ngrid = 48\nmax_rules = 16\n[plan]\nspeeds = 2\nper_speed = 12\n"
 SECONDS = {"grid": 2.5, "drops": 5.6, "dry-hours": 1.0}
 ENOUGH = 7  # runs of a suite that an interval needs
 
@@ -56,7 +56,7 @@ def test_command_searches_plays_and_says_whether_it_reaches_a_design(
     assert result["test"]["verdict"] == "cannot tell"  # by one run of a suite
     assert f"{out / 'tuned.design.json'}: cannot tell" in said
     brief = read_brief(read_toml(out / "brief.toml"))
-    assert (brief.max_rules, brief.plan.speeds) == (6, 2)
+    assert (brief.max_rules, brief.plan.speeds) == (16, 2)
     assert "mean error (pp)" in (out / "brief.toml").read_text()
     # the same question: only what a kill would have lost is worked out again, and the answer is the same
     kept = [out / name for name in ("journal.jsonl", "brief.toml", "tuned.design.json")]

@@ -2,6 +2,7 @@
 
 import itertools
 import json
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import pytest
 
 from sim_ecu.campaign.job import Job
 from sim_ecu.campaign.runner import local
+from sim_ecu.campaign.tune import played
 from sim_ecu.campaign.tune.candidates import Candidate, Judging, search
 from sim_ecu.campaign.tune.goals import Difference, Figures, Verdict, differences, figures, front, operations, outcome
 from sim_ecu.campaign.tune.journal import Journal
@@ -18,7 +20,8 @@ from sim_ecu.campaign.tune.played import Seen, digest, play_all
 from sim_ecu.design.make import POINTS, Brief
 from sim_ecu.design.source import load_source
 from sim_ecu.resources import PAPER_DESIGN
-from sim_ecu.score.suites import training_runs
+from sim_ecu.score.suites import runs, training_runs
+from sim_ecu.score.suites.run import FIRST_TEST_SEED, TEST_LOTS, TEST_SEEDS, TRAINING_LOTS, Run
 from wrcd.errors import InputError
 from wrcd.estimator.design import load_design
 from wrcd.resources import DESIGN
@@ -215,6 +218,21 @@ def test_designs_are_played_on_the_same_runs_once(tmp_path: Path) -> None:
     assert 0 < ours[0].valid <= ours[0].frames
     assert ours[0].error_pp != papers[0].error_pp
     assert 1 <= ours[1].drops <= 2
+
+
+def test_designs_are_tuned_and_tested_on_seeds_that_the_score_has_not() -> None:
+    source = load_source(DESIGN)
+
+    def seeds(every: Iterable[Run]) -> set[int]:
+        return {a.seed for r in every for a in r.scenario.axles}
+
+    tested, scored = seeds(played.test(source)), seeds(runs(source, None, 1.0))
+    tuned = [seeds(played.training(source, seed)) for seed in (0, TRAINING_LOTS - 1)]
+    assert tested.isdisjoint(scored)
+    for some in tuned:
+        assert some.isdisjoint(scored | tested)
+    assert min(tested) >= FIRST_TEST_SEED + TEST_LOTS * TEST_SEEDS  # behind every lot that a campaign may score
+    assert {r.suite for r in played.test(source)} == {suite for suite, _ in played.TEST}
 
 
 def test_run_of_another_wheelset_or_length_is_another_question() -> None:

@@ -2,6 +2,7 @@
 
 import re
 import shutil
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -23,6 +24,11 @@ from tests.unit.config.support import (
 from wrcd.config import load_config
 from wrcd.errors import InputError
 
+# a message that asks for a key, in words
+ASKS = re.compile(
+    r"is missing|states no|has no word (for|that is known)|tells of failures|no signal '(Validity|Mu)|lacks "
+    r"|without a status"
+)
 # what is changed in BASE, and the messages from the line on
 CASES: dict[str, tuple[list[Edit], list[str]]] = {
     # tables and keys
@@ -32,7 +38,12 @@ CASES: dict[str, tuple[list[Edit], list[str]]] = {
     ),
     "needed key missing": (
         [(YAW, "")],
-        ['7: axle[1].yaw_rate: is missing — name the signal that carries it: "Message.Signal"'],
+        [
+            (
+                "7: axle[1].yaw_rate: is missing — name the signal that carries it: write in [[axle]]: yaw_rate "
+                '= "Message.Signal"'
+            )
+        ],
     ),
     "unknown key of an input": (
         [of_yaw_rate("singal = 1")],
@@ -103,7 +114,12 @@ CASES: dict[str, tuple[list[Edit], list[str]]] = {
     ),
     "no unit in the DBC": (
         [(ACC, 'lateral_acceleration = "Imu2.Acc"')],
-        ['10: axle[1].lateral_acceleration: Imu2.Acc: the DBC states no unit — say it: unit = "m/s2"'],
+        [
+            (
+                "10: axle[1].lateral_acceleration: Imu2.Acc: the DBC states no unit — write in [[axle]]: "
+                'lateral_acceleration = { signal = "Imu2.Acc", unit = "m/s2" }'
+            )
+        ],
     ),
     "another unit in the DBC": (
         [(ACC, 'lateral_acceleration = "Drive.V"')],
@@ -111,7 +127,8 @@ CASES: dict[str, tuple[list[Edit], list[str]]] = {
             ("6: vehicle.speed: Drive.V is axle[1].lateral_acceleration already; one signal measures one thing"),
             (
                 "10: axle[1].lateral_acceleration: Drive.V: unit 'km/h' cannot be converted to m/s2 (known: "
-                'm/s2, g, mg, mm/s2, cm/s2) — say it: unit = "m/s2"'
+                'm/s2, g, mg, mm/s2, cm/s2) — write in [[axle]]: lateral_acceleration = { signal = "Drive.V", '
+                'unit = "m/s2" }'
             ),
         ],
     ),
@@ -132,9 +149,9 @@ CASES: dict[str, tuple[list[Edit], list[str]]] = {
         [(YAW, 'yaw_rate = "Imu1.Narrow"')],
         [
             (
-                "9: axle[1].yaw_rate: the DBC's range of Imu1.Narrow, [-1|1], shuts out 99 % of its raw "
-                "values, and values that a train reaches — mend the DBC, or say what it measures, of -20.1 … "
-                "20.1: range = [low, high]"
+                "9: axle[1].yaw_rate: the DBC's range of Imu1.Narrow, [-1|1], shuts out 99 % of its raw values, "
+                "and values that a train reaches — mend the DBC, or say what it measures, at least this: write "
+                'in [[axle]]: yaw_rate = { signal = "Imu1.Narrow", range = [-20.1, 20.1] }'
             )
         ],
     ),
@@ -142,8 +159,9 @@ CASES: dict[str, tuple[list[Edit], list[str]]] = {
         [(YAW, 'yaw_rate = "Imu2.Backwards"')],
         [
             (
-                "9: axle[1].yaw_rate: the DBC's range of Imu2.Backwards is empty, [300|-300] — mend the DBC, "
-                "or say what it measures: range = [low, high]"
+                "9: axle[1].yaw_rate: the DBC's range of Imu2.Backwards is empty, [300|-300] — mend the DBC, or "
+                'say what it measures: write in [[axle]]: yaw_rate = { signal = "Imu2.Backwards", range = ["…", '
+                '"…"] }'
             )
         ],
     ),
@@ -189,8 +207,8 @@ CASES: dict[str, tuple[list[Edit], list[str]]] = {
         [(SPEED, SPEED + '\ndirection = "Drive.Dir"')],
         [
             (
-                "7: vehicle.direction: Drive.Dir has no word that is known to mean reverse (Cab A, Cab B) — "
-                "say which: reverse = […]"
+                "7: vehicle.direction: Drive.Dir has no word that is known to mean reverse (Cab A, Cab B) — say "
+                'which: write in [vehicle]: direction = { signal = "Drive.Dir", reverse = ["…"] }'
             )
         ],
     ),
@@ -221,14 +239,20 @@ CASES: dict[str, tuple[list[Edit], list[str]]] = {
     ),
     "ok without a status": (
         [of_yaw_rate('ok = ["On"]')],
-        ['9: axle[1].yaw_rate.ok: says nothing without a status — add status = "Message.Signal"'],
+        [
+            (
+                "9: axle[1].yaw_rate.ok: says nothing without a status — write in [[axle]]: yaw_rate = { signal "
+                '= "Imu1.Gyro", ok = ["On"], status = "Message.Signal" }'
+            )
+        ],
     ),
     "status with no word that is good": (
         [of_yaw_rate('status = "StatusImu.SensorState"')],
         [
             (
-                "9: axle[1].yaw_rate.status: StatusImu.SensorState has no word that is known to be good — "
-                "say which: ok = [one of Run, Fault]"
+                "9: axle[1].yaw_rate.status: StatusImu.SensorState has no word that is known to be good — say "
+                'which of Run, Fault: write in [[axle]]: yaw_rate = { signal = "Imu1.Gyro", status = '
+                '"StatusImu.SensorState", ok = ["…"] }'
             )
         ],
     ),
@@ -236,9 +260,9 @@ CASES: dict[str, tuple[list[Edit], list[str]]] = {
         [(YAW, 'yaw_rate = "StatusImu.Gyro"')],
         [
             (
-                "9: axle[1].yaw_rate: StatusImu.SensorState tells of failures, and none of its words is "
-                'known to be good (Run, Fault) — add status = "StatusImu.SensorState" and ok = […], or '
-                "status = false"
+                "9: axle[1].yaw_rate: StatusImu.SensorState tells of failures, and none of its words is known to"
+                ' be good (Run, Fault) — write in [[axle]]: yaw_rate = { signal = "StatusImu.Gyro", status = '
+                '"StatusImu.SensorState", ok = ["…"] }, or status = false'
             )
         ],
     ),
@@ -265,14 +289,20 @@ CASES: dict[str, tuple[list[Edit], list[str]]] = {
         [(TORQUE, 'torque = "OtherProfile.Torque"')],
         [
             (
-                "11: axle[1].torque: message OtherProfile asks for E2E profile 'P5'; only P11 is known — say "
-                'e2e = "none", or e2e = "P11" and its data_id'
+                "11: axle[1].torque: message OtherProfile asks for E2E profile 'P5'; only P11 is known — write "
+                'in [[axle]]: torque = { signal = "OtherProfile.Torque", e2e = "none" }, or e2e = "P11" and its '
+                "data_id"
             )
         ],
     ),
     "data id missing": (
         [of_torque('signal = "Tcu.Torque", e2e = "P11"')],
-        ["11: axle[1].torque.data_id: is missing — the DBC states none for Tcu"],
+        [
+            (
+                "11: axle[1].torque.data_id: is missing — the DBC states none for Tcu: write in [[axle]]: torque"
+                ' = { signal = "Tcu.Torque", e2e = "P11", data_id = "…" }'
+            )
+        ],
     ),
     "data id beyond its range": (
         [of_torque('signal = "Tcu.Torque", e2e = "P11", data_id = 65536')],
@@ -280,7 +310,12 @@ CASES: dict[str, tuple[list[Edit], list[str]]] = {
     ),
     "data id of a message without protection": (
         [of_torque('signal = "Tcu.Torque", data_id = 3')],
-        ['11: axle[1].torque.data_id: message Tcu is not protected — add e2e = "P11" if it is'],
+        [
+            (
+                "11: axle[1].torque.data_id: message Tcu is not protected — if it is, write in [[axle]]: torque "
+                '= { signal = "Tcu.Torque", data_id = 3, e2e = "P11" }'
+            )
+        ],
     ),
     "data id beside none": (
         [of_torque('signal = "Protected.Brake", e2e = "none", data_id = 3')],
@@ -290,8 +325,8 @@ CASES: dict[str, tuple[list[Edit], list[str]]] = {
         [(TORQUE, 'torque = "Protected.Torque"')],
         [
             (
-                "11: axle[1].torque: Protected.Torque lies where the E2E CRC and counter of Protected are — "
-                'e2e = "none" if it is not protected'
+                "11: axle[1].torque: Protected.Torque lies where the E2E CRC and counter of Protected are — if "
+                'it is not protected, write in [[axle]]: torque = { signal = "Protected.Torque", e2e = "none" }'
             )
         ],
     ),
@@ -311,11 +346,21 @@ CASES: dict[str, tuple[list[Edit], list[str]]] = {
     ),
     "motor without a gear ratio": (
         [of_torque('signal = "Tcu.Motor", at = "motor"')],
-        ["11: axle[1].torque.gear_ratio: is missing — the torque at the axle is the motor's times it"],
+        [
+            (
+                "11: axle[1].torque.gear_ratio: is missing — the torque at the axle is the motor's times it: "
+                'write in [[axle]]: torque = { signal = "Tcu.Motor", at = "motor", gear_ratio = "…" }'
+            )
+        ],
     ),
     "gear ratio without a motor": (
         [of_torque('signal = "Tcu.Motor", gear_ratio = 4.6')],
-        ['11: axle[1].torque.gear_ratio: says nothing of a torque at the axle — at = "motor"?'],
+        [
+            (
+                "11: axle[1].torque.gear_ratio: says nothing of a torque at the axle — of a motor's: write in "
+                '[[axle]]: torque = { signal = "Tcu.Motor", gear_ratio = 4.6, at = "motor" }'
+            )
+        ],
     ),
     "gear ratio of 0": (
         [of_torque('signal = "Tcu.Motor", at = "motor", gear_ratio = 0')],
@@ -329,8 +374,9 @@ CASES: dict[str, tuple[list[Edit], list[str]]] = {
         [of_torque('signal = "Tcu.Torque", at = "rim"')],
         [
             (
-                "11: axle[1].torque.signal: unit 'kNm' cannot be converted to N (known: n, kn, kg, t) — a "
-                'force at the rim is in N or kN: unit = "kN"'
+                "11: axle[1].torque.signal: unit 'kNm' cannot be converted to N (known: n, kn, kg, t) — a force "
+                'at the rim is in N or kN: write in [[axle]]: torque = { signal = "Tcu.Torque", at = "rim", unit'
+                ' = "kN" }'
             )
         ],
     ),
@@ -338,8 +384,8 @@ CASES: dict[str, tuple[list[Edit], list[str]]] = {
         [of_torque('signal = "Tcu.Force"')],
         [
             (
-                "11: axle[1].torque.signal: Tcu.Force: unit 'kN' cannot be converted to N m (known: nm, knm) "
-                '— say it: unit = "N m", or at = "rim" for a force'
+                "11: axle[1].torque.signal: Tcu.Force: unit 'kN' cannot be converted to N m (known: nm, knm) — "
+                'write in [[axle]]: torque = { signal = "Tcu.Force", unit = "N m" }, or at = "rim" for a force'
             )
         ],
     ),
@@ -367,7 +413,12 @@ CASES: dict[str, tuple[list[Edit], list[str]]] = {
     ),
     "no speed": (
         [(SPEED, "")],
-        [('5: vehicle.speed: is missing — name the signal ("Message.Signal") or give limits.constant_speed_m_s')],
+        [
+            (
+                '5: vehicle.speed: is missing — write in [limits]: constant_speed_m_s = "…", or name the signal:'
+                ' write in [vehicle]: speed = "Message.Signal"'
+            )
+        ],
     ),
     "message of two axles": (
         [after('adhesion = "Adhesion_A1"' + SECOND + 'adhesion = "Adhesion_A1"')],
@@ -379,7 +430,12 @@ CASES: dict[str, tuple[list[Edit], list[str]]] = {
     ),
     "field of something that has no unit": (
         [after('detail = { message = "Tcu", winning_model = "Motor" }')],
-        ["12: axle[1].detail.winning_model: Tcu.Motor is in 'Nm', not in 1 — say it: unit = \"1\""],
+        [
+            (
+                "12: axle[1].detail.winning_model: Tcu.Motor is in 'Nm', not in 1 — write in [[axle]]: detail = "
+                '{ message = "Tcu", winning_model = { signal = "Motor", unit = "1" } }'
+            )
+        ],
     ),
     # outputs
     "no such message to send": (
@@ -390,12 +446,12 @@ CASES: dict[str, tuple[list[Edit], list[str]]] = {
         [after('adhesion = "Empty"')],
         [
             (
-                "12: axle[1].adhesion: message Empty has no signal 'Validity' — name the one that carries "
-                'it: validity = "…"'
+                "12: axle[1].adhesion.validity: message Empty has no signal 'Validity' — name the one that "
+                'carries it: write in [[axle]]: adhesion = { message = "Empty", validity = "…" }'
             ),
             (
-                "12: axle[1].adhesion: message Empty has no signal 'MuAvailable' — name the one that carries "
-                'it: mu_available = "…"'
+                "12: axle[1].adhesion.mu_available: message Empty has no signal 'MuAvailable' — name the one "
+                'that carries it: write in [[axle]]: adhesion = { message = "Empty", mu_available = "…" }'
             ),
         ],
     ),
@@ -405,7 +461,8 @@ CASES: dict[str, tuple[list[Edit], list[str]]] = {
             (
                 "12: axle[1].detail: message Empty has none of the signals WinningModel, StaleYawRate, "
                 "StaleLatAccel, StaleTorque, StaleSpeed, DominantRule, Residual1, Residual2, Residual3, "
-                "Residual4, Cause — name those that carry them"
+                'Residual4, Cause — name those that carry them: write in [[axle]]: detail = { message = "Empty",'
+                ' winning_model = "…" }'
             )
         ],
     ),
@@ -433,9 +490,9 @@ CASES: dict[str, tuple[list[Edit], list[str]]] = {
         [of_adhesion('mu_available = "Share"')],
         [
             (
-                "12: axle[1].adhesion.mu_available: 255 is 102 % to Adhesion_A1.Share, a value within its "
-                "range 0 … 102, and can't say that there is none — another raw value, or a range without it: "
-                "range = [low, high]"
+                "12: axle[1].adhesion.mu_available: 255 is 102 % to Adhesion_A1.Share, a value within its range "
+                "0 … 102, and can't say that there is none — another raw value, or a range without it: write in "
+                '[[axle]]: adhesion = { mu_available = { signal = "Share", range = ["…", "…"] } }'
             )
         ],
     ),
@@ -444,7 +501,8 @@ CASES: dict[str, tuple[list[Edit], list[str]]] = {
         [
             (
                 '12: axle[1].adhesion.mu_available: Adhesion_A1.Unnamed has no word for "not available", and '
-                "MuAvailable is not always there — say which raw value means it: not_available = 65535"
+                "MuAvailable is not always there — say which raw value means it: write in [[axle]]: adhesion = {"
+                ' mu_available = { signal = "Unnamed", not_available = 65535 } }'
             )
         ],
     ),
@@ -464,8 +522,8 @@ CASES: dict[str, tuple[list[Edit], list[str]]] = {
         [of_adhesion('mu_available = "Bare"')],
         [
             (
-                "12: axle[1].adhesion.mu_available: the DBC states no unit of Adhesion_A1.Bare — say it: "
-                'unit = "%" or unit = "1"'
+                "12: axle[1].adhesion.mu_available: the DBC states no unit of Adhesion_A1.Bare — write in "
+                '[[axle]]: adhesion = { mu_available = { signal = "Bare", unit = "%" } }, or unit = "1"'
             )
         ],
     ),
@@ -473,8 +531,9 @@ CASES: dict[str, tuple[list[Edit], list[str]]] = {
         [of_adhesion('message = "Adhesion_A2", mu_available = "Kelvin"')],
         [
             (
-                "12: axle[1].adhesion.mu_available: Adhesion_A2.Kelvin is in 'K', not in % or 1 — say it: "
-                'unit = "%" or unit = "1"'
+                "12: axle[1].adhesion.mu_available: Adhesion_A2.Kelvin is in 'K', not in % or 1 — write in "
+                '[[axle]]: adhesion = { message = "Adhesion_A2", mu_available = { signal = "Kelvin", unit = "%" '
+                '} }, or unit = "1"'
             )
         ],
     ),
@@ -491,8 +550,10 @@ CASES: dict[str, tuple[list[Edit], list[str]]] = {
         [
             (
                 "12: axle[1].adhesion.confidence: the value table of Adhesion_A2.Level lacks Within1pp, "
-                "Within2pp, Within3pp, Within5pp, Within8pp, Within12pp, Wider — say by which of its words "
-                'or raw values: within1pp = "…"'
+                "Within2pp, Within3pp, Within5pp, Within8pp, Within12pp, Wider — say by which of its words or "
+                'raw values: write in [[axle]]: adhesion = { message = "Adhesion_A2", confidence = { signal = '
+                '"Level", within1pp = "…", within2pp = "…", within3pp = "…", within5pp = "…", within8pp = "…", '
+                'within12pp = "…", wider = "…" } }'
             )
         ],
     ),
@@ -535,7 +596,7 @@ CASES: dict[str, tuple[list[Edit], list[str]]] = {
         [
             (
                 "12: axle[1].adhesion.message: Adhesion_A1.Validity lies where the E2E CRC and counter of "
-                'Adhesion_A1 are — e2e = "none" if it is not protected'
+                'Adhesion_A1 are — if it is not protected, write in [[axle]]: adhesion = { e2e = "none" }'
             )
         ],
     ),
@@ -584,6 +645,38 @@ def test_mistake_is_said_whole(folder: Path, case: str) -> None:
     ]
     # each says file, line and key
     assert all(re.match(r"\d+: [a-z0-9_.\[\]]+: ", message) for message in messages)
+
+
+@pytest.mark.parametrize("case", [case for case in CASES if any(ASKS.search(said) for said in CASES[case][1])])
+def test_mistake_that_asks_for_a_key_shows_the_line_to_write(folder: Path, case: str) -> None:
+    edits, messages = CASES[case]
+    text = written(folder, edits).read_text()
+    for message in filter(ASKS.search, messages):
+        shown = re.search(r"write in (\[+)([a-z]+)\]+: (.*)", message)
+        assert shown, message
+        assert shown[1] == "[" * (1 + isinstance(tomllib.loads(text).get(shown[2]), list))
+        # what follows the line in the message is another way out
+        ends = [k for k, c in enumerate(shown[3], 1) if c in '"}]' or k == len(shown[3])]
+        assert any(_is_toml(shown[3][:end]) for end in ends), message
+
+
+def _is_toml(text: str) -> bool:
+    try:
+        return bool(tomllib.loads(text))
+    except tomllib.TOMLDecodeError:
+        return False
+
+
+def test_line_that_is_shown_mends_the_mistake(folder: Path) -> None:
+    """Copied as it is, where nothing in it has to be filled in."""
+    for case, old in (
+        ("no unit in the DBC", 'lateral_acceleration = "Imu2.Acc"'),
+        ("range of the DBC that shuts out", 'yaw_rate = "Imu1.Narrow"'),
+        ("no word for not available", 'adhesion = { mu_available = "Unnamed" }'),
+    ):
+        edits, (message,) = CASES[case]
+        line = message.partition("write in [[axle]]: ")[2]
+        load_config(written(folder, [*edits, (old, line)]))
 
 
 def test_texts_of_the_cases_are_good_without_their_mistake(folder: Path) -> None:

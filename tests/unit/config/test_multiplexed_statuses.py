@@ -195,8 +195,8 @@ def test_words_that_nobody_explains_are_asked_for_in_each_branch(tmp_path: Path)
     said = str(e.value).splitlines()
     assert len(said) == 2
     assert "axle[1].yaw_rate" in said[0]
-    assert 'add status = "Bogie.Health1"' in said[0]
-    assert 'add status = "Bogie.Health2"' in said[1]
+    assert 'status = "Bogie.Health1", ok = ["…"]' in said[0]
+    assert 'status = "Bogie.Health2", ok = ["…"]' in said[1]
 
 
 # a cycle of 0: the DBC states none

@@ -44,7 +44,7 @@ def test_torque_of_two_axles_is_not_counted_twice_at_the_second(tmp_path: Path) 
 
 def test_time_out_of_the_configuration_stands_for_an_odd_cycle(tmp_path: Path) -> None:
     odd = [("BO_ 288 20;", "BO_ 288 100000;")]
-    assert "give timeout_ms" in refused(tmp_path, [], odd)
+    assert 'timeout_ms = "…"' in refused(tmp_path, [], odd)
     stated = (SPEED, 'speed = { signal = "Drive.V", timeout_ms = 80 }')
     (speed,) = [i for i in loaded(tmp_path, [stated], odd).inputs if i.source.quantity is Quantity.SPEED]
     assert speed.timeout_us == 80_000
@@ -54,7 +54,8 @@ def test_direction_without_words_or_signs_needs_its_values(tmp_path: Path) -> No
     wordless = ('VAL_ 288 Dir 0 "Cab A" 1 "Cab B" ;\n', "")
     assert refused(tmp_path, [DIRECTION], [wordless]) == (
         "7: vehicle.direction: Drive.Dir has neither words nor two signs to tell reverse by — "
-        "say which of its values mean it: reverse = […]"
+        "say which of its values mean it: "
+        'write in [vehicle]: direction = { signal = "Drive.Dir", reverse = ["…"] }'
     )
     loaded(tmp_path, [DIRECTION], [wordless, ("Dir : 16|2@1+", "Dir : 16|2@1-")])
     loaded(tmp_path, [(SPEED, SPEED + '\ndirection = { signal = "Drive.Dir", reverse = [1] }')], [wordless])
@@ -77,6 +78,7 @@ def test_status_where_crc_and_counter_are_is_refused(tmp_path: Path) -> None:
     status = [of_yaw_rate('status = "Protected.Torque", ok = [1]')]
     assert refused(tmp_path, status) == (
         "9: axle[1].yaw_rate.status: Protected.Torque lies where the E2E CRC and counter of Protected are — "
-        'e2e = "none" if it is not protected'
+        'if it is not protected, write in [[axle]]: yaw_rate = { signal = "Imu1.Gyro", status = "Protected.Torque", '
+        'ok = [1], e2e = "none" }'
     )
     loaded(tmp_path, [of_yaw_rate('status = "Protected.Brake", ok = [1]')])

@@ -20,9 +20,12 @@ from sim_ecu.physics.wheelset import (
 from tests.support.dbc_texts import DIRECTION_AND_LOAD_DBC
 from tests.support.sensor_simulator import SensorSimulator, validities
 from wrcd import resources
+from wrcd.bus.codec import Sample
 from wrcd.bus.frame import Frame
+from wrcd.bus.units import Quantity
 from wrcd.config import DEFAULT, load_config
 from wrcd.core.configuration import Config
+from wrcd.core.inputs import Inputs
 
 STATE_ID = 800
 FORWARD, REVERSE = bytes(4), bytes([1, 0, 0, 0])
@@ -41,12 +44,12 @@ def with_direction(tmp_path: Path) -> Config:
     return load_config(file)
 
 
-class Train(SensorSimulator):
-    """What its sensors say, in the vehicle's own axes: x is its front, whichever way it runs."""
+class Turned(SensorSimulator):
+    """What its gyro and accelerometer say, each times its sign."""
 
-    def __init__(self, config: Config, state: bytes, signs: tuple[int, int]) -> None:
+    def __init__(self, config: Config, signs: tuple[int, int]) -> None:
         super().__init__(config)
-        self._state, self._signs = state, signs
+        self._signs = signs
 
     def frame(self, can_id: int, payload: bytes, status: int = 0) -> Frame:
         for first, sign in zip((0x100, 0x110), self._signs, strict=True):
@@ -54,6 +57,14 @@ class Train(SensorSimulator):
                 value = -int.from_bytes(payload, "little", signed=True)
                 payload = value.to_bytes(3, "little", signed=True)
         return super().frame(can_id, payload, status)
+
+
+class Train(Turned):
+    """The same, in the vehicle's own axes: x is its front, whichever way it runs."""
+
+    def __init__(self, config: Config, state: bytes, signs: tuple[int, int]) -> None:
+        super().__init__(config, signs)
+        self._state = state
 
     def frames(self) -> list[Frame]:
         return [Frame(self.t + 500, STATE_ID, self._state), *super().frames()]
@@ -68,6 +79,29 @@ def test_train_in_reverse_gives_what_it_gives_forwards(with_direction: Config) -
     assert validities(backwards) == validities(forwards)
     wrong = Train(with_direction, REVERSE, (-1, -1)).run(2000)
     assert [f["MuAvailable"] for f in wrong] != [f["MuAvailable"] for f in forwards]
+
+
+def test_speed_below_zero_is_a_train_in_reverse_where_no_direction_is_mapped(tmp_path: Path) -> None:
+    file = tmp_path / "train.toml"
+    file.write_text(
+        DEFAULT.replace('speed = "VehicleSpeed.Speed"', 'speed = { signal = "VehicleSpeed.Speed", sign = -1 }')
+    )
+    config = load_config(file)
+    forwards = Turned(load_config(None), (1, 1)).run(2000)
+    backwards = Turned(config, (1, -1)).run(2000)
+    assert validities(backwards) == ["NotAvailable", "Valid"]
+    assert [f["MuAvailable"] for f in backwards] == [f["MuAvailable"] for f in forwards]
+
+
+def test_mapped_direction_counts_more_than_the_sign_of_the_speed(with_direction: Config) -> None:
+    inputs = Inputs(with_direction)
+    speed, direction = (
+        next(k for k, i in enumerate(with_direction.inputs) if i.source.quantity is q)
+        for q in (Quantity.SPEED, Quantity.DIRECTION)
+    )
+    inputs.accept(Sample(direction, 1.0, False, False), 0)
+    inputs.accept(Sample(speed, -25.0, False, False), 0)
+    assert not inputs.reverse
 
 
 def test_wheelset_left_of_the_track_turns_clockwise() -> None:

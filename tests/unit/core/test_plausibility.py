@@ -5,7 +5,9 @@ import random
 
 import pytest
 
+from tests.support.sensor_simulator import SensorSimulator
 from wrcd.bus.reasons import Reason
+from wrcd.bus.units import Quantity
 from wrcd.core.plausibility import MAX_SHARE, STUCK, JumpCheck, StuckCheck
 from wrcd.core.reach import Reach
 
@@ -81,6 +83,16 @@ def test_jump_check_accepts_a_step_at_its_second_frame() -> None:
     assert s.check(50.0, 180 * MS) is Reason.JUMP
     assert s.check(90.0, 200 * MS) is Reason.JUMP  # another one confirms nothing
     assert s.check(11.0, 220 * MS) is None
+
+
+def test_step_of_the_torque_leaves_no_jump_behind(sim: SensorSimulator) -> None:
+    sim.torque = 1_000.0
+    sim.run(100)
+    sim.torque = 9_000.0
+    sim.run(100)
+    torque = next(k for k, i in enumerate(sim.config.inputs) if i.source.quantity is Quantity.TORQUE)
+    assert sim.core.counts.rejected[Reason.JUMP] == 1
+    assert sim.core.check_all(torque, [9_000.0, 9_100.0], [sim.t, sim.t + 10 * MS])
 
 
 def test_jump_check_allows_a_slow_message_more() -> None:

@@ -1,6 +1,7 @@
 """Validity and its cause."""
 
 import struct
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import groupby
 from pathlib import Path
@@ -9,8 +10,10 @@ import numpy as np
 import pytest
 
 from tests.support.can_ids import (
+    LAT_ACCEL_A1,
     TORQUE_A1,
     TORQUE_A2,
+    YAW_RATE_A1,
 )
 from tests.support.config_texts import AXLE
 from tests.support.sensor_simulator import SensorSimulator, validities
@@ -20,9 +23,11 @@ from wrcd.bus.frame import Frame
 from wrcd.config import load_config
 from wrcd.core.causes import Cause, Validity
 from wrcd.core.configuration import Config
+from wrcd.core.inputs import DEAD_SHARE, TRACTION_HELD_US
 from wrcd.core.validity import OF_ESTIMATE, OF_PAIR, ValidityMonitor, verdict
+from wrcd.estimator.answer import Draft
 from wrcd.estimator.doubts import Doubt
-from wrcd.estimator.records import EstimateDoubt
+from wrcd.estimator.records import Estimate, EstimateDoubt
 
 DEFAULT = load_config(None)
 
@@ -191,6 +196,59 @@ def test_load_or_radius_beyond_the_design_is_degraded(
     assert causes(sim)[-1] == cause
 
 
+def test_age_of_a_load_told_once_a_second_is_no_sample_age(tmp_path: Path) -> None:
+    message = '\nBO_ 800 Body: 8 TCU\n SG_ V : 0|16@1+ (0.01,0) [0|600] "kN" WRCD\n\nCM_ '
+    text = resources.DBC.read_text("cp1252").replace("\nCM_ ", message, 1)
+    (tmp_path / "own.dbc").write_text(text, "cp1252")
+    load = (
+        'axle_load = { signal = "Body.V", timeout_ms = 3000 }\n[dbc]\nfile = "own.dbc"\n[wheelset]\nname = "default"\n'
+    )
+    sim = SensorSimulator(own(tmp_path, load, ""))
+    raw = struct.pack("<H", round(2e-3 * DEFAULT.design.normal_N / 0.01)) + bytes(6)
+    for _ in range(3):
+        sim.out += sim.core.feed(Frame(sim.t, 800, raw))
+        sim.run(1000)
+    valid = [f for f in sim.adhesion(sim.out) if f["Validity"] == "Valid"]
+    assert len(valid) > 90
+    assert {f["SampleAge"] for f in valid} == {4}
+    sim.silent = {TORQUE_A1}
+    assert sim.run(40)[-1]["SampleAge"] > 40
+
+
+def test_dip_of_the_torque_within_its_noise_is_no_braking(tmp_path: Path) -> None:
+    """As where a controller lets go of a wheel that slips."""
+    sim = SensorSimulator(own(tmp_path, "", "torque_is_total = false\n"))
+    sim.torque = 3_000.0
+    sim.run(1500)
+    carried = 2 * DEFAULT.design.normal_N * DEFAULT.design.r_0
+    for dip, ms, brakes in (
+        (-135.0, 30, False),
+        (-0.9 * DEAD_SHARE * carried, TRACTION_HELD_US // 1000, False),
+        (-1.1 * DEAD_SHARE * carried, 10, True),  # braking
+        (0.0, TRACTION_HELD_US // 1000 + 20, True),  # the friction brakes may act alone
+    ):
+        sim.torque = dip
+        before = sim.core.events.total
+        sim.run(ms)
+        sim.torque = 3_000.0
+        sim.run(1500)
+        told = {change.cause for change in sim.core.events.since(before)}
+        assert (Cause.FRICTION_SHARE_UNKNOWN in told) == brakes, dip
+
+
+@pytest.mark.parametrize("lost", [lambda k: k % 5 == 0, lambda k: k % 6 < 2, lambda k: k % 6 < 3])
+def test_lost_frames_are_too_little_data_or_stale_and_not_harsh(
+    lost: Callable[[int], bool], sim: SensorSimulator
+) -> None:
+    for k in range(600):
+        sim.silent = {YAW_RATE_A1, LAT_ACCEL_A1} if lost(k) else set()
+        sim.run(5)
+    late = sim.decoded("AdhesionDetail_A1")[15:]  # the window is full
+    assert {str(row["Cause"]) for row in late} <= {"TooLittleData", "InputStale"}
+    (change,) = [c for c in sim.core.events.since(0) if c.cause is Cause.TOO_LITTLE_DATA][:1]
+    assert "hold measurements on end, limit 70 %" in change.detail
+
+
 def test_start_and_stop_have_a_cause_for_each_state(sim: SensorSimulator) -> None:
     sim.out += sim.core.advance(sim.t)
     sim.out += sim.core.advance(sim.t + 500_000)
@@ -229,14 +287,36 @@ def test_doubtful_estimate_is_degraded_with_its_cause(doubt: EstimateDoubt, caus
     judge = ValidityMonitor(200, 4)
     for _ in range(200):
         judge.update(0, Cause.NONE)
-    assert verdict(judge.standing(0, Doubt.NONE), 0, estimate)[1] is cause
+    before = Validity.DEGRADED
+    assert verdict(judge.standing(0, Doubt.NONE), 0, estimate, before)[1] is cause
     # what is wrong with the sensors comes first
     for pair, of_pair in OF_PAIR.items():
-        assert verdict(judge.standing(0, pair), 0, estimate) == (Validity.DEGRADED, of_pair)
+        assert verdict(judge.standing(0, pair), 0, estimate, before) == (Validity.DEGRADED, of_pair)
     judge.update(0, Cause.UNCHANGED)
-    assert verdict(judge.standing(0, Doubt.SILENT), 0, estimate) == (Validity.DEGRADED, Cause.UNCHANGED)
+    assert verdict(judge.standing(0, Doubt.SILENT), 0, estimate, before) == (Validity.DEGRADED, Cause.UNCHANGED)
     assert set(OF_PAIR) == set(Doubt) - {Doubt.NONE}
     assert set(OF_ESTIMATE) == set(EstimateDoubt) - {EstimateDoubt.NONE}
+
+
+@pytest.mark.parametrize("held", [False, True], ids=["at once", "held back"])
+def test_wide_interval_keeps_what_is_valid_and_makes_nothing_so(
+    held: bool, sim: SensorSimulator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    none, wide, vague = EstimateDoubt.NONE, EstimateDoubt.WIDE, EstimateDoubt.VAGUE
+    doubts = iter([wide] * 3 + [none, wide, wide, none, wide] + [vague, wide, wide, none])
+    estimates = sim.core.estimator.estimates
+
+    def doubtful(drafts: Sequence[Draft]) -> list[Estimate]:
+        return [replace(e, doubt=np.full(4, int(next(doubts, none)))) for e in estimates(drafts)]
+
+    monkeypatch.setattr(sim.core.estimator, "estimates", doubtful)
+    if held:
+        sim.core.hold()
+    sim.run(2000)
+    if held:
+        sim.out += sim.core.release()
+    said = [f["Validity"] for f in sim.adhesion(sim.out) if f["Validity"] != "NotAvailable"]
+    assert said[:12] == ["Degraded"] * 3 + ["Valid"] * 5 + ["Degraded"] * 3 + ["Valid"]
 
 
 def test_residuals_beyond_training_are_never_valid(config: Config) -> None:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from sim_ecu.design.gains import steady_state
+from sim_ecu.design.make import LOWEST
 from sim_ecu.design.rules import COVERS, RuleBase, adhesion_of, fit, output_of, polynomial
 from sim_ecu.design.source import load_source
 from sim_ecu.physics.wheelset import Wheelset
@@ -49,6 +50,24 @@ def test_spreads_cover_what_they_claim_on_fresh_data(covers: float) -> None:
     for part in (x[:, 0] < -0.5, x[:, 0] > 0.5):  # where the noise is small, and where it is large
         assert inside[part].mean() == pytest.approx(covers, abs=0.08)
     assert base.spread(x[x[:, 0] > 0.5]).mean() > 2 * base.spread(x[x[:, 0] < -0.5]).mean()
+
+
+def test_column_without_sets_is_held_above_its_lowest() -> None:
+    """In the fit as in its answers; a column with sets is not."""
+    n = 3000
+    x, mu = data(n, 1)
+    x = np.column_stack((x, np.where(np.arange(n) % 5, 0.1 * np.abs(x[:, 0]), -2.0)))  # few windows, far below
+    base = fit(x, mu, SETS, 18, np.ones(n), np.arange(n), np.full(n, COVERS), np.array([0.0] * 4))
+    assert base.low[3] == 0.0
+    assert (base.low[:3] < -0.9).all()
+    at_0, below = x.copy(), x.copy()
+    at_0[:, 3], below[:, 3] = 0.0, -2.0
+    np.testing.assert_array_equal(base.mu_pct(below), base.mu_pct(at_0))
+    np.testing.assert_array_equal(base.spread(below), base.spread(at_0))
+
+
+def test_packaged_designs_bounds_are_those_of_the_fit() -> None:
+    assert (load_design(DESIGN).low >= LOWEST).all()
 
 
 def test_few_rules_are_those_that_speak_for_most() -> None:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.support.signals import measured
+from tests.support.signals import hunting, measured
 from wrcd.estimator.bank import Bank
 from wrcd.estimator.design import Design, FloatArray, load_design
 from wrcd.estimator.estimator import Estimator, step_through
@@ -184,6 +184,15 @@ def test_blocks_and_ticks_give_the_same_step_results(design: Design, axles: int)
         assert any(getattr(r, name).any() for r in runs[0])
     assert max(map(len, runs[0])) == BLOCK_TICKS
     assert max(map(len, runs[1])) == 1
+
+
+def test_blocks_and_ticks_give_the_same_for_a_hunting_wheelset(design: Design) -> None:
+    fast, slow = Counting(design, 1), TickByTick(design, 1)
+    stops = range(BLOCK_TICKS - 1, len(hunting()), 25 * BLOCK_TICKS)
+    for _ in zip(*(step_through(estimator, hunting(), stops) for estimator in (fast, slow)), strict=True):
+        assert_close(state(fast), state(slow))
+        assert_same_estimate(fast.estimate(), slow.estimate())
+    assert fast.at_once > 0
 
 
 @pytest.mark.parametrize("axles", [1, 4])
@@ -454,7 +463,8 @@ def test_window_takes_blocks(phase: int) -> None:
     rng = np.random.default_rng(4)
     n, blocks, start = 900, 40, 1000 + phase
     w, raw = rng.standard_normal((2, n, 4, 2, 2))
-    live, ratio = rng.random((n, 2)) > 0.05, rng.uniform(0.1, 0.2, (n, 2))
+    heard, ratio = rng.random((n, 2)) > 0.05, rng.uniform(0.1, 0.2, (n, 2))
+    live = heard & (rng.random((n, 2)) > 0.05)
     calm = live & (rng.random((n, 2)) > 0.05)
     ratio[rng.random((n, 2)) < 0.02] = np.nan
     fast, slow = Window(blocks, 2), Window(blocks, 2)
@@ -465,7 +475,7 @@ def test_window_takes_blocks(phase: int) -> None:
         for window, each in ((fast, end - at), (slow, 1)):
             for k in range(at, end, each):
                 now = slice(k, k + each)
-                window.put(start + k, w[now], raw[now], running, live[now], calm[now], ratio[now])
+                window.put(start + k, w[now], raw[now], running, heard[now], live[now], calm[now], ratio[now])
         assert_close(capture(fast), capture(slow))
         at = end
     assert fast.filled().tolist() == [blocks, blocks]
@@ -479,6 +489,6 @@ def test_window_of_an_axle_that_begins_within_a_block_holds_that_block(ticks: in
     w = np.ones((1, 4, 2, 2))
     for k in range(24):
         running = np.array([True, k >= 24 - ticks])
-        window.put(k, w, w, running, yes & running, yes & running, np.full((1, 2), 0.1))
+        window.put(k, w, w, running, yes & running, yes & running, yes & running, np.full((1, 2), 0.1))
     assert window.filled().tolist() == [6, -(-ticks // BLOCK_TICKS)]
     assert window.sums(window.filled()[None])[0].tolist() == [[24.0, ticks]]

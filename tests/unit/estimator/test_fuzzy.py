@@ -7,9 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sim_ecu.design.reference_rules import FuzzyReference
 from wrcd.estimator.design import COLUMNS, INPUTS, MODELS, Design, FloatArray, Sets, load_design
 from wrcd.estimator.fuzzy import LOG_SPREADS, MIN_FIRING, Fuzzy
-from wrcd.estimator.rule_inputs import MAX_STEP, SWING, Past, RuleInputs
+from wrcd.estimator.rule_inputs import MAX_STEP, NOISE, SWING, Past, RuleInputs
 from wrcd.estimator.window import Statistics
 from wrcd.resources import DESIGN
 
@@ -37,6 +38,7 @@ def test_the_sets_of_an_input_add_up_to_one(x: float, gaps: list[float]) -> None
 
 def test_rules_are_local_lines(design: Design) -> None:
     """In the middle of its sets one rule speaks alone, and says its base; a little away, its slopes count."""
+    design = replace(design, low=np.minimum(design.low, design.middle))  # quieter sensors are held above the middle
     rule = int(np.argmax((design.bases > 10) & (design.bases < 90)))
     middle = middle_of(design, rule)
     found = Fuzzy(design).infer(middle[None, :])
@@ -61,6 +63,20 @@ def test_beyond_their_range_columns_count_as_at_its_end(design: Design) -> None:
         x = np.where(np.arange(COLUMNS) < INPUTS, middle_of(design, 0), end)
         y = np.where(np.arange(COLUMNS) < INPUTS, x, beyond)
         assert fuzzy.infer(y[None, :]).output[0] == fuzzy.infer(x[None, :]).output[0]
+
+
+def test_sensors_quieter_than_the_designs_count_as_they_do(design: Design) -> None:
+    """Tactical ones are a sixth and half as noisy: the rules' lines do not go on to there. In both engines."""
+    fast, reference = Fuzzy(design), FuzzyReference(design)
+    inputs = np.array([middle_of(design, rule) for rule in range(len(design.rules))])
+    as_designed, quiet, noisy = inputs.copy(), inputs.copy(), inputs.copy()
+    as_designed[:, NOISE], quiet[:, NOISE], noisy[:, NOISE] = 0.0, np.log10([1 / 6, 1 / 2]), 0.3
+    expected = fast.infer(as_designed)
+    found = fast.infer(quiet)
+    np.testing.assert_array_equal(found.output, expected.output)
+    np.testing.assert_array_equal(found.spread, expected.spread)
+    np.testing.assert_allclose(reference.outputs(quiet), expected.output, rtol=1e-9, atol=1e-9)
+    assert (fast.infer(noisy).output != expected.output).mean() > 0.5
 
 
 def test_between_sets_the_rules_lines_are_mixed(design: Design) -> None:
@@ -102,7 +118,7 @@ def seen(power: FloatArray, ticks: float = 200.0) -> Statistics:
     """Statistics of one axle with a given power (4, 2)."""
     return Statistics(
         power[None], power.mean(axis=1)[None], np.zeros((1, 8)), np.zeros((1, 4)), np.array([0.1]), np.array([ticks]),
-        np.ones(1),
+        np.ones(1), np.ones(1),
     )  # fmt: skip
 
 

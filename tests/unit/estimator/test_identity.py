@@ -12,7 +12,18 @@ from sim_ecu.physics.track import QUALITY, Track
 from sim_ecu.physics.wheelset import LAT_ACCEL, YAW_RATE, Wheelset
 from sim_ecu.play.scenario import rail_table
 from wrcd.estimator.design import FloatArray
-from wrcd.estimator.doubts import BANDS_HZ, Doubt, Evidence, doubts
+from wrcd.estimator.doubts import (
+    BANDS_HZ,
+    LAT,
+    LOW,
+    MIDDLE,
+    REVERSED,
+    Doubt,
+    Evidence,
+    dead_alone,
+    doubts,
+    reversed_odds,
+)
 from wrcd.estimator.identity import FOURTH_DIFFERENCE, Filters, Identity
 
 TICK_S = 0.005
@@ -232,12 +243,50 @@ def test_identity_takes_any_number() -> None:
     assert identity.doubt[0] in list(Doubt)
 
 
-@pytest.mark.parametrize(("speed_m_s", "expected"), [(8.0, set()), (11.0, set()), (20.0, {Doubt.REVERSED})])
-def test_slow_pair_must_go_more_clearly_against_each_other(speed_m_s: float, expected: set[Doubt]) -> None:
-    seconds, bands = 10, len(BANDS_HZ)
-    e = Evidence(
-        power=np.full((seconds, bands, 2), 20.0), cross=np.full((seconds, bands), -0.2 * 20.0),
+STRAIGHT = np.zeros(10, dtype=bool)  # seconds of a pair without a curve
+
+
+def at_correlations(low: FloatArray, middle: FloatArray) -> Evidence:
+    """Seconds in which both sensors are loud, and go together so much."""
+    seconds, bands = len(low), len(BANDS_HZ)
+    return Evidence(
+        power=np.full((seconds, bands, 2), 20.0), cross=20.0 * np.stack((low, middle, 0.0 * low), axis=1),
         variance=np.full((seconds, 2), 20.0), noise=np.ones((seconds, 2)),
-        speed_m_s=np.full(seconds, speed_m_s), saturated=np.ones(seconds),
+        speed_m_s=np.full(seconds, 25.0), saturated=np.ones(seconds),
     )  # fmt: skip
-    assert doubts(e, 1.0, 1.0) == expected
+
+
+@pytest.mark.parametrize("seconds", [1, 2, 4, 10])
+def test_chance_correlations_of_a_saturated_pair_tell_no_sign(seconds: int) -> None:
+    """The track drives it no more: what is left is noise about zero, whose mean is below -0.1 in every fourth case."""
+    rng = np.random.default_rng(11)
+    pairs = [at_correlations(*rng.normal(0.0, [[0.4], [0.2]], (2, seconds)).clip(-0.95, 0.95)) for _ in range(1000)]
+    assert np.mean([reversed_odds(e, STRAIGHT[: len(e.cross)]) > REVERSED for e in pairs]) < 0.003
+
+
+def test_few_coherent_seconds_among_saturated_ones_tell_the_sign() -> None:
+    low, middle = np.array([0.6, -0.5] * 4 + [0.9, 0.8]), np.array([0.1, -0.2] * 4 + [0.8, 0.7])
+    assert reversed_odds(at_correlations(low, middle), STRAIGHT) < 0.0
+    low[8:], middle[8:] = -low[8:], -middle[8:]
+    assert (
+        reversed_odds(at_correlations(low, middle), STRAIGHT) < REVERSED
+    )  # eight seconds say that nothing can be told
+    assert reversed_odds(at_correlations(low[8:], middle[8:]), STRAIGHT[8:]) > REVERSED
+
+
+@pytest.mark.parametrize(("low_power", "found"), [(20.0, {Doubt.REVERSED}), (2000.0, set())], ids=["track", "curve"])
+def test_where_a_canted_curve_begins_the_slow_band_tells_nothing(low_power: float, found: set[Doubt]) -> None:
+    """On a low rail the two hardly go together; gravity alone may set them against each other below 1.5 Hz."""
+    e = at_correlations(np.full(10, -0.8), np.zeros(10))
+    e.power[:, LOW], e.cross[:, LOW] = low_power, -0.8 * low_power
+    assert doubts(e, *NOISE, TICK_S) == found
+
+
+@pytest.mark.parametrize(("saturated", "found"), [(0.5, {Doubt.GYRO_DEAD}), (1.0, set())])
+def test_quiet_gyro_of_a_saturated_wheelset_is_not_called_dead(saturated: float, found: set[Doubt]) -> None:
+    """Held at the peak it yaws no more, and its acceleration in 3 to 10 Hz is as large as a free one's."""
+    e = at_correlations(np.zeros(10), np.zeros(10))
+    e.power[:], e.variance[:], e.saturated[:] = 1.0, 1.0, saturated
+    e.power[:, MIDDLE, LAT], e.variance[:, LAT] = 20.0, 3.0
+    assert doubts(e, *NOISE, TICK_S) == found
+    assert dead_alone(e.of(np.arange(10) == 0), *NOISE) == (Doubt.GYRO_DEAD if found else Doubt.NONE)

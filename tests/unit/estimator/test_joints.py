@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from tests.support.signals import measured
+from tests.support.signals import HUNTS_FROM_S, hunting, measured
 from wrcd.estimator.bank import BoolArray
 from wrcd.estimator.design import Design, FloatArray, load_design
-from wrcd.estimator.estimator import Estimator
+from wrcd.estimator.estimator import Estimator, step_through
 from wrcd.estimator.joints import HOLD_TICKS, MAX_PULSE, MAX_TICKS, RECOVERY_TICKS, Joints
-from wrcd.estimator.records import one_tick
+from wrcd.estimator.records import EstimateDoubt, one_tick
 from wrcd.resources import DESIGN
 
 AT = 1500  # a pulse's first tick
@@ -154,3 +154,16 @@ def test_sample_beyond_any_joint_is_an_outlier(design: Design, channel: int) -> 
     assert np.flatnonzero(seen.outliers).tolist() == [AT]
     assert not seen.live[AT]
     assert seen.live[AT - HOLD_TICKS : AT].all()
+
+
+def test_hunting_wheelset_is_not_harsh(design: Design) -> None:
+    """Its yaw rate is beyond any joint's in most ticks; its acceleration, which is judged, is not and has no pulse."""
+    ticks = hunting()
+    begins = round(HUNTS_FROM_S / design.tick_s)
+    yaw_rate, lat_accel = np.abs(ticks.z[begins:, :, 0]).T
+    assert (yaw_rate > MAX_PULSE[0]).mean() > 0.7
+    assert (lat_accel < MAX_PULSE[1]).all()
+    estimator = Estimator(design, 1)
+    doubts = [estimator.estimate().doubt[0] for _ in step_through(estimator, ticks, range(begins, len(ticks), 4))]
+    assert EstimateDoubt.HARSH not in doubts
+    assert doubts.count(EstimateDoubt.NONE) > 0.9 * len(doubts)

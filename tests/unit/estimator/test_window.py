@@ -50,6 +50,7 @@ class Played:
         self.w += 0.02 * np.arange(ticks)[:, None, None] * rng.standard_normal((4, 2))
         self.raw = rng.standard_normal((ticks, 4, 2)) + 3.0
         self.live = rng.random(ticks) > 0.1
+        self.heard = self.live | (np.arange(ticks) % 3 == 0)
         self.calm = self.live & (rng.random(ticks) > 0.1)
         self.ratio = rng.uniform(0.1, 0.2, ticks)
         self.window = Window(blocks, 1)
@@ -60,7 +61,8 @@ class Played:
         """The k-th tick."""
         self.window.put(
             self.start + k, self.w[k : k + 1, :, :, None], self.raw[k : k + 1, :, :, None], np.array([running]),
-            self.live[k : k + 1, None], self.calm[k : k + 1, None], self.ratio[k : k + 1, None],
+            self.heard[k : k + 1, None], self.live[k : k + 1, None], self.calm[k : k + 1, None],
+            self.ratio[k : k + 1, None],
         )  # fmt: skip
 
     def statistics(self, blocks: int, least: float = 10.0) -> Statistics:
@@ -89,6 +91,7 @@ def test_power_is_about_a_line_and_of_live_ticks(ticks: int, blocks: int) -> Non
     assert s.power[0] == pytest.approx(np.square(rest).sum(axis=0) / p.live[held].sum())
     assert s.residuals[0] == pytest.approx(np.sqrt(s.power[0].mean(axis=1)))
     assert s.live_share[0] == pytest.approx(p.live[held].mean())
+    assert s.heard_share[0] == pytest.approx(p.heard[held].mean())
     assert s.ratio[0] == pytest.approx(p.ratio[held].mean())
     assert s.ticks[0] == held.sum()
 
@@ -158,7 +161,7 @@ def test_too_little_data_is_unknown_and_no_perfect_fit() -> None:
     both, one = np.array([True, True]), np.array([True, False])
     for k in range(40):
         w = np.full((1, 4, 2, 2), float(k % 2))
-        window.put(k, w, w, both, one[None], one[None], np.array([[0.1, 0.2]]))
+        window.put(k, w, w, both, one[None], one[None], one[None], np.array([[0.1, 0.2]]))
         s = statistics(sums(window, np.full(2, BLOCKS)), 16.0)
         assert np.isnan(s.power[0]).all() == (k + 1 < 16)
         assert np.isnan(s.power[1]).all()
@@ -192,7 +195,9 @@ def test_ticks_that_never_came_leave_a_gap() -> None:
     assert p.window.filled() == [(400 - 340) // BLOCK_TICKS]
     yes = np.array([True])
     last = START + 400 + BLOCKS * BLOCK_TICKS
-    p.window.put(last, p.w[:1, :, :, None], p.raw[:1, :, :, None], yes, yes[None], yes[None], np.array([[0.5]]))
+    p.window.put(
+        last, p.w[:1, :, :, None], p.raw[:1, :, :, None], yes, yes[None], yes[None], yes[None], np.array([[0.5]])
+    )
     assert p.statistics(BLOCKS).ticks[0] == 1
     assert p.statistics(BLOCKS).ratio[0] == 0.5
 
@@ -222,8 +227,8 @@ def test_dropping_and_emptying_one_axle_leaves_the_other() -> None:
     yes = np.ones(2, dtype=bool)
     for k in range(300):
         w, raw = rng.standard_normal((2, 1, 4, 2, 2))
-        window.put(k, w, raw, yes, yes[None], yes[None], np.array([[0.1, 0.2]]))
-        alone.put(k, w[..., 1:], raw[..., 1:], yes[1:], yes[None, 1:], yes[None, 1:], np.array([[0.2]]))
+        window.put(k, w, raw, yes, yes[None], yes[None], yes[None], np.array([[0.1, 0.2]]))
+        alone.put(k, w[..., 1:], raw[..., 1:], yes[1:], yes[None, 1:], yes[None, 1:], yes[None, 1:], np.array([[0.2]]))
         if k == 200:
             window.truncate(5, np.array([True, False]))
         if k == 280:

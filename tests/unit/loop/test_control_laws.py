@@ -122,7 +122,7 @@ def test_release_comes_in_turn_when_no_axle_proved_the_reference() -> None:
     released: list[int] = []
     for k in range(round(3 * (c.after_s + c.max_s) / PERIOD_S)):
         for axle in range(2):
-            if turns.step(axle, k * 10_000, 9000.0, FULL_N_m, False, 0.0) < 9000.0 and axle not in released[-1:]:
+            if turns.step(axle, k * 10_000, 9000.0, FULL_N_m, False, 0.0, False) < 9000.0 and axle not in released[-1:]:
                 released.append(axle)
     assert released[:2] == [0, 1]
     assert turns.releases == len(released)
@@ -130,13 +130,23 @@ def test_release_comes_in_turn_when_no_axle_proved_the_reference() -> None:
 
 def test_axle_that_carries_all_that_is_asked_is_never_released() -> None:
     turns = Resync(1)
-    assert all(turns.step(0, k * 10_000, FULL_N_m, FULL_N_m, False, 0.0) == FULL_N_m for k in range(2000))
+    assert all(turns.step(0, k * 10_000, FULL_N_m, FULL_N_m, False, 0.0, False) == FULL_N_m for k in range(2000))
     assert turns.releases == 0
+
+
+def test_axle_that_carries_what_a_limit_leaves_has_proved_nothing_and_is_released_less_deep() -> None:
+    c = resync.Constants()
+    given: dict[bool, float] = {}
+    for limited in (True, False):
+        turns = Resync(1, c)
+        given[limited] = min(turns.step(0, k * 10_000, 9000.0, FULL_N_m, False, 0.0, limited) for k in range(300))
+    assert [given[True], given[False]] == pytest.approx([9000.0 * c.limited_share, 9000.0 * c.share])
+    assert given[True] > given[False]
 
 
 def test_axle_without_wheel_speed_passes_its_turn_on() -> None:
     turns = Resync(2)
     for k in range(2000):
         turns.skip(0)
-        turns.step(1, k * 10_000, 9000.0, FULL_N_m, False, 0.0)
+        turns.step(1, k * 10_000, 9000.0, FULL_N_m, False, 0.0, False)
     assert turns.releases > 1

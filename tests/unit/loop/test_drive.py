@@ -1,5 +1,6 @@
 """The rig in real time, on a wire of the test's own and a clock that the test sets."""
 
+import re
 from dataclasses import replace
 
 import pytest
@@ -140,6 +141,8 @@ def test_rig_that_is_a_little_late_catches_up_and_counts_it(wire: Wire) -> None:
     assert wire.drive.tally.overruns == 2
     assert wire.drive.tally.latest_us == 15_000
     assert wire.drive.waits == 0
+    ended = summary(wire.drive._scenario, Ride(wire.drive.steps, counts(wire.drive), Status.STOPPED))
+    assert not any("too slow" in line for line in ended)
 
 
 def test_train_s_time_waits_for_a_computer_that_stood_still(wire: Wire) -> None:
@@ -151,6 +154,8 @@ def test_train_s_time_waits_for_a_computer_that_stood_still(wire: Wire) -> None:
     assert len(wire.drive.steps) == pytest.approx(200, abs=2)
     assert wire.drive.silences.by_axle[1].silences == 0
     assert wire.rig_lines.at_s("this computer was busy: the train's time waited for 5")
+    ended = summary(wire.drive._scenario, Ride(wire.drive.steps, counts(wire.drive), Status.STOPPED))[-1]
+    assert re.search(r"computer  too slow, or busy: up to 0\.5\d s behind real time, 0\.5\d s in all", ended)
 
 
 def test_step_of_a_computer_that_never_catches_up_returns(wire: Wire) -> None:

@@ -70,7 +70,7 @@ def test_drive_on_a_bus_with_a_controller_ends_with_its_figures(
     said, document = capsys.readouterr().out, json.loads(out.read_text())
     assert status == 0
     assert "short: full braking from 12 m/s on greasy rail" in said
-    assert "slides, largest" in said
+    assert "slides above 8 m/s, largest" in said
     assert document["over"]
     assert document["seconds"] == pytest.approx(1.0)
     assert document["demand"]["1"]["heard"]

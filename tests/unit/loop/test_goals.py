@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from sim_ecu.loop.goals import LONGER, LONGEST, SLIDES, goals
+from sim_ecu.loop.goals import BEYOND, LONGER, LONGEST, goals
 from sim_ecu.loop.judge import Figures
 from sim_ecu.loop.names import BARE_AND_WITH, CREEP, IDEAL, LAWS, THRESHOLDS, WITH
 from sim_ecu.loop.play import Outcome
@@ -16,30 +16,30 @@ from sim_ecu.loop.suites.rails import WET_STOP
 from sim_ecu.loop.tables import tables
 from sim_ecu.score.goals import MET, MISSED
 
-SHAPE = {"thresholds": (100.0, 60.0, 10), "creep": (90.0, 150.0, 10)}  # distance, slip energy, slides
+SHAPE = {"thresholds": (100.0, 60.0, 10.0), "creep": (90.0, 150.0, 10.0)}  # distance, slip energy, s beyond the peak
 
 SAID = (Honesty(1, 0.9, 0.1, 0.2, 0.1),)
 
 
 def outcomes(
-    suite: str, name: str, ways: Mapping[int, float], ideal: float | None = None, slides: int = 1
+    suite: str, name: str, ways: Mapping[int, float], ideal: float | None = None, beyond: float = 1.0
 ) -> list[Outcome]:  # fmt: skip
     """Twenty runs; with wrcd 0.8 of the distance and 0.4 of the energy, but for the runs of other ratios."""
     out = []
     for n in range(20):
         for law in LAWS:
-            way, energy, slid = SHAPE[law]
+            way, energy, before = SHAPE[law]
             new = way * ways.get(n, 0.8)
-            out.append(Outcome(suite, name, law, n, figures(way, energy, slid)))
-            out.append(Outcome(suite, name, WITH[law], n, figures(new, 0.4 * energy, slides), SAID))
+            out.append(Outcome(suite, name, law, n, figures(way, energy, before)))
+            out.append(Outcome(suite, name, WITH[law], n, figures(new, 0.4 * energy, beyond), SAID))
         if ideal is not None:
-            out.append(Outcome(suite, name, IDEAL, n, figures(ideal, 30.0, 0)))
+            out.append(Outcome(suite, name, IDEAL, n, figures(ideal, 30.0, 0.0)))
     order = [*BARE_AND_WITH, IDEAL]
     return sorted(out, key=lambda o: (o.number, order.index(o.controller)))
 
 
-def figures(stop_m: float, energy_kJ: float, slides: int) -> Figures:
-    return Figures(slides, 0.0, 1.0, energy_kJ, 0.9, 100.0, stop_m, 10.0, True)
+def figures(stop_m: float, energy_kJ: float, beyond_s: float) -> Figures:
+    return Figures(0, beyond_s, 0.0, 1.0, energy_kJ, beyond_s, 0.9, 100.0, stop_m, 10.0, True)
 
 
 def judged(suite: str, name: str, found: list[Outcome]) -> dict[str, Any]:
@@ -58,9 +58,9 @@ def test_three_runs_twice_as_long_meet_the_median_and_miss_the_worst() -> None:
     assert f"({WET_STOP}, seed 1000007)" in next(g["what"] for g in result["goals"] if g["kind"] == LONGEST)
 
 
-def test_slides_are_judged_in_every_suite_whose_rail_was_known_before() -> None:
-    result = judged("faults", "no fault", outcomes("faults", "no fault", {}, slides=5))
-    assert verdicts(result, SLIDES) == [MISSED, MISSED]
+def test_time_and_energy_beyond_the_peak_are_judged_in_every_suite_whose_rail_was_known_before() -> None:
+    result = judged("faults", "no fault", outcomes("faults", "no fault", {}, beyond=5.0))
+    assert verdicts(result, BEYOND) == [MISSED] * 4
     known = {c.suite for c in cases() if c.known_before}
     assert known == {"braking", "traction", "train", "faults", "worlds", "actuators"}
 
@@ -89,7 +89,7 @@ def test_goals_that_are_met_are_one_row_where_the_rail_is_always_the_same() -> N
     name = "no fault"
     lines = tables(judged("faults", name, outcomes("faults", name, {})))
     found = [line for line in lines if line.startswith("| faults: ") and "≤" in line]
-    assert len([line for line in found if line.startswith("| faults: 1 case: thresholds, ")]) == 2
+    assert len([line for line in found if line.startswith("| faults: 1 case: thresholds, ")]) == 3
     assert len([line for line in found if "the worst of all runs" in line]) == len(LAWS)
 
 

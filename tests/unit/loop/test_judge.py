@@ -16,14 +16,14 @@ FULL_AS_ADHESION = 22_000.0 / (2 * Wheelset().normal_N * Wheelset().r_0)  # of t
 
 def step(
     number: int, speed: float, slip: Sequence[float], share: float = -1.0, available: float = 0.1, used: float = -0.05,
-    energy: float = 0.0,
+    energy: float = 0.0, at_peak: float = 0.05,
 ) -> Step:  # fmt: skip
     """The step that ends sample `number`, of as many axles as there are slips; it goes 5 ms at its speed."""
     s = np.array(slip)
     ones = np.ones(len(s))
     return Step(
         5000 * number, speed, 0.005 * number * speed, share, speed + s, 0 * ones, 0 * ones, available * ones,
-        used * ones, s, energy * ones, [],
+        at_peak * ones, used * ones, s, energy * ones, [],
     )  # fmt: skip
 
 
@@ -37,11 +37,10 @@ def figures(slips: Sequence[float], speed: float = 20.0) -> Figures:
         (20.0, -1.49, 0),
         (20.0, -1.51, 1),  # 1.5 m/s
         (20.0, 1.51, 1),
-        (6.0, -0.89, 0),
-        (6.0, -0.91, 1),  # 15 %
-        (3.1, -0.49, 0),
-        (3.1, -0.51, 1),  # half a metre a second
-        (2.9, -2.9, 0),  # too slow to be judged
+        (9.0, -1.34, 0),
+        (9.0, -1.36, 1),  # 15 %
+        (8.1, -8.1, 1),
+        (7.9, -7.9, 0),  # so slow that controllers act at no less
     ],
 )
 def test_slide_begins_beyond_the_least_of_its_bounds(speed: float, slip: float, expected: int) -> None:
@@ -50,6 +49,20 @@ def test_slide_begins_beyond_the_least_of_its_bounds(speed: float, slip: float, 
 
 def test_slide_that_has_not_recovered_is_counted_once() -> None:
     assert figures([0.0, -2.0, -1.0, -2.0, -0.7, -2.0]).slides == 2  # over below 0.75 m/s only
+
+
+def test_slide_that_began_fast_or_slow_is_counted_by_where_it_began() -> None:
+    slip = np.array([[0.0], [2.0], [2.0], [0.0], [2.0], [2.0]])
+    assert slides(slip, np.array([8.2, 8.1, 7.9, 7.8, 7.7, 7.6])) == 1
+    assert slides(slip[:3], np.array([7.7, 7.8, 8.1])) == 0
+
+
+def test_time_and_energy_beyond_the_peak_are_of_the_wheels_beyond_its_creep() -> None:
+    every = [step(k + 1, 10.0, [-0.49, -slip], energy=1000.0) for k, slip in enumerate([0.49, 0.51, 0.6, 0.5])]
+    f = judge(every)  # the peak lies at 0.5 m/s
+    assert f.beyond_s == pytest.approx(0.01)
+    assert [f.beyond_kJ, f.slip_energy_kJ] == pytest.approx([2 / 4, 8 / 4])
+    assert judge([step(1, 2.9, [-2.9], energy=1000.0)]).beyond_s == 0.0  # too slow to be judged
 
 
 def test_slides_of_all_axles_are_summed() -> None:

@@ -10,14 +10,15 @@ from sim_ecu.score.goals import CHANCE, MET, MISSED, Goal
 
 
 def run(
-    stop_m: float, energy_kJ: float = 100.0, slides: int = 5, impulse_kNs: float = 100.0, stopped: bool = True
+    stop_m: float, energy_kJ: float = 100.0, beyond: float = 5.0, impulse_kNs: float = 100.0, stopped: bool = True
 ) -> Figures:  # fmt: skip
-    return Figures(slides, 0.0, 1.0, energy_kJ, 0.9, impulse_kNs, stop_m, 10.0, stopped)
+    """beyond: seconds beyond the peak, and twice that in kJ."""
+    return Figures(0, beyond, 0.0, 1.0, energy_kJ, 2.0 * beyond, 0.9, impulse_kNs, stop_m, 10.0, stopped)
 
 
-def runs(stop_m: float, energy_kJ: float = 100.0, slides: int = 5, n: int = 20) -> Runs:
+def runs(stop_m: float, energy_kJ: float = 100.0, beyond: float = 5.0, n: int = 20) -> Runs:
     """n runs, the k-th k % longer and wearier than the first."""
-    return {k: run(stop_m * (1 + k / 100), energy_kJ * (1 + k / 100), slides, 1e4 / stop_m) for k in range(n)}
+    return {k: run(stop_m * (1 + k / 100), energy_kJ * (1 + k / 100), beyond, 1e4 / stop_m) for k in range(n)}
 
 
 def test_spread_leaves_out_what_is_no_number() -> None:
@@ -30,7 +31,9 @@ def test_spread_leaves_out_what_is_no_number() -> None:
 def test_ratio_of_paired_runs_has_no_chance_where_all_shrink_alike() -> None:
     a = against(runs(90.0, 50.0, 1), runs(100.0, 100.0, 5), braking=True)
     assert (a.way.value, a.way.low, a.way.high) == pytest.approx((0.9, 0.9, 0.9))
-    assert (a.energy.value, a.slides.value, a.slides_before, a.slides_now) == pytest.approx((0.5, 0.2, 5.0, 1.0))
+    assert a.energy.value == pytest.approx(0.5)
+    assert (a.beyond_time.value, a.beyond_energy.value) == pytest.approx((0.2, 0.2))
+    assert (a.beyond_s_before, a.beyond_s_now) == pytest.approx((5.0, 1.0))
 
 
 def test_run_that_loses_most_is_the_longest_stop_and_the_least_impulse() -> None:
@@ -42,9 +45,9 @@ def test_run_that_loses_most_is_the_longest_stop_and_the_least_impulse() -> None
         assert found.worst_number == 1
 
 
-def test_slides_where_there_were_none_are_infinitely_more() -> None:
-    assert math.isinf(against(runs(90.0, slides=1), runs(90.0, slides=0), True).slides.value)
-    assert against(runs(90.0, slides=0), runs(90.0, slides=0), True).slides.value == 0.0
+def test_time_beyond_the_peak_where_there_was_none_is_over_a_tenth_of_a_second() -> None:
+    assert against(runs(90.0, beyond=0.5), runs(90.0, beyond=0.0), True).beyond_time.value == pytest.approx(5.0)
+    assert against(runs(90.0, beyond=0.0), runs(90.0, beyond=0.0), True).beyond_energy.value == 0.0
 
 
 def test_interval_of_scattered_ratios_holds_the_median() -> None:
@@ -63,7 +66,6 @@ def test_stop_that_does_not_end_is_infinitely_long_and_not_short() -> None:
     assert a.way.value == pytest.approx(0.9)
     most = against({k: run(300.0, stopped=False) for k in range(3)} | {3: run(360.0)}, bare, braking=True)
     assert (most.way.value, most.energy.value, most.endless) == (math.inf, math.inf, 3)
-    assert not math.isnan(most.way.low)
     assert Goal("", most.way, 1.03, min_runs=1).verdict != MET
 
 

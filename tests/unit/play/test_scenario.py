@@ -123,3 +123,10 @@ def test_held_speed_follows_its_course_and_a_free_train_its_torque(held: bool) -
         assert speeds[-1] == pytest.approx(22.0, abs=0.1)
     else:  # 7 kN m at 0.5 m brake 15 t with 0.93 m/s2, and resistance a little more
         assert speeds[-1] == pytest.approx(20.0 - 4 * (14000 + 220 + 400) / 15_000, abs=0.25)
+
+
+def test_scenario_to_drive_is_said_to_be_one() -> None:
+    with pytest.raises(InputError, match=r"brake-wet is one to drive: .* sim-ecu drive brake-wet"):
+        load_scenario("brake-wet")
+    with pytest.raises(InputError, match="did you mean 'wet'"):
+        load_scenario("wett")

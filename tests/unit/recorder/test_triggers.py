@@ -2,19 +2,22 @@
 
 import os
 import signal
+from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import pytest
 
-from tests.support.can_ids import ADHESION_A1, YAW_RATE_A1
+from tests.support.can_ids import ADHESION_A1, LAT_ACCEL_A1, YAW_RATE_A1
 from tests.support.recorded_train import RecordedTrain, sent_and_replayed
 from tests.support.sensor_simulator import SensorSimulator
 from wrcd.bus.log import Damage, read_log
 from wrcd.core.causes import Cause, Validity
 from wrcd.core.configuration import Config
 from wrcd.core.core import Core
-from wrcd.core.messages import NOT_AVAILABLE_REPORT
+from wrcd.core.messages import NOT_AVAILABLE_REPORT, Report
+from wrcd.core.slot import Said
 from wrcd.recorder.folder import dump_name
 from wrcd.recorder.triggers import LOST_SLOTS, Triggers
 
@@ -56,6 +59,22 @@ def test_short_contradiction_is_no_loss_of_validity(config: Config) -> None:
     assert [triggers.look([r], False, [0]) for r in [valid] + [hiccup] * LOST_SLOTS][-2:] == ["", "validity"]
 
 
+def test_lost_frames_are_a_loss_of_validity_and_a_vague_estimate_is_none(config: Config, tmp_path: Path) -> None:
+    """Two frames of six of both sensors are lost, never for as long as their time-out."""
+    train = RecordedTrain(config, tmp_path)
+    train.run(2500)
+    for k in range(600):
+        train.sim.silent = {YAW_RATE_A1, LAT_ACCEL_A1} if k % 6 < 2 else set()
+        train.run(5)
+    assert {c.cause for c in train.sim.core.events.since(0) if c.after is Validity.DEGRADED} == {Cause.TOO_LITTLE_DATA}
+    assert "-validity.log" in train.dumps(1)[0].name
+
+    vague = replace(NOT_AVAILABLE_REPORT, cause=Cause.TOO_LITTLE_DATA, vague=True)
+    valid = replace(NOT_AVAILABLE_REPORT, validity=Validity.VALID, mu_available_pct=20.0)
+    triggers = Triggers([config.axles[0].adhesion.cycle_us])
+    assert {triggers.look([r], False, [0]) for r in [valid] * 50 + [vague] * 3 * LOST_SLOTS} == {""}
+
+
 def test_stopping_train_triggers_no_dump(config: Config, tmp_path: Path) -> None:
     train = RecordedTrain(config, tmp_path)
     train.run(2000)
@@ -71,7 +90,28 @@ def test_stopping_train_triggers_no_dump(config: Config, tmp_path: Path) -> None
     assert list(tmp_path.iterdir()) == []
 
 
-def test_collapse_of_adhesion_is_dumped(config: Config, tmp_path: Path) -> None:
+def test_each_slot_of_a_turn_is_looked_at(config: Config, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    train = RecordedTrain(config, tmp_path)
+    train.run(2000)
+    looked: list[Sequence[Report]] = []
+
+    def look(reports: Sequence[Report], below_min_speed: bool, axles: Sequence[int]) -> str:
+        assert (below_min_speed, tuple(axles)) == (False, tuple(range(len(config.axles))))
+        looked.append(reports)
+        return "collapse" if len(looked) == 1 else ""
+
+    monkeypatch.setattr(train.recorder._triggers, "look", look)
+    for _ in range(20):
+        train.link.waiting += train.sim.frames()
+    train.daemon.turn()  # a late one: 100 ms
+    assert len(looked) >= 4
+    assert looked[-1] is train.sim.core.reports
+    assert train.recorder.pending_trigger == "collapse"
+    train.daemon.turn()
+    assert len({id(reports) for reports in looked}) == len(looked)
+
+
+def test_collapse_of_adhesion_is_dumped(config: Config, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     train = RecordedTrain(config, tmp_path)
     train.run(2000)
     core = train.sim.core
@@ -81,8 +121,10 @@ def test_collapse_of_adhesion_is_dumped(config: Config, tmp_path: Path) -> None:
     def says(mu: float, ms: int) -> None:
         for _ in range(ms // 20):
             train.run(20)
-            core.reports = [replace(report, mu_available_pct=mu), *core.reports[1:]]
-            train.recorder.turn(train.now())
+            reports = [replace(report, mu_available_pct=mu), *core.reports[1:]]
+            with monkeypatch.context() as m:
+                m.setattr(core, "take_said", partial(list, [Said(reports, (0,), False)]))
+                train.recorder.turn(train.now())
 
     says(30.0, 1200)
     says(16.0, 200)  # a good half

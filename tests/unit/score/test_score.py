@@ -15,10 +15,10 @@ from sim_ecu.design.search import FIRST_SEARCH_SEED, HELD_SEED, SEARCH_SEEDS
 from sim_ecu.design.source import load_source
 from sim_ecu.physics.contact import peak
 from sim_ecu.physics.track import OMEGA_C, QUALITY, Track
-from sim_ecu.physics.wheelset import Wheelset
+from sim_ecu.physics.wheelset import GRAVITY, Wheelset
 from sim_ecu.play.encoder import databases
 from sim_ecu.play.player import Player
-from sim_ecu.play.scenario import Scenario
+from sim_ecu.play.scenario import Scenario, load_scenario
 from sim_ecu.score import suites
 from sim_ecu.score.goals import goals
 from sim_ecu.score.heard import Heard
@@ -33,6 +33,7 @@ from sim_ecu.score.suites.dry import dry_hours
 from sim_ecu.score.suites.harsh import HARSH, slow
 from sim_ecu.score.suites.nominal import GRID, NOISE, ROBUST, condition, grid, robust, spread
 from sim_ecu.score.suites.run import FIRST_TEST_SEED, TRAINING_LOTS, Run
+from sim_ecu.score.suites.sound import PACKAGED, PACKAGED_CURVES, PACKAGED_GREASY, SOUND_RUNS
 from sim_ecu.score.tables import tables
 from tests.support.can_ids import LAT_ACCEL, YAW_RATE, YAW_RATE_A2
 from wrcd.config import load_config
@@ -55,10 +56,13 @@ def test_scored_runs_are_not_those_of_training(every: dict[str, list[Run]]) -> N
     trained = {c.seed for group in draw(Plan(), W) for c in group.conditions}
     assert max(trained) < SEEDS_PER_PLAN * 1_001 < FIRST_TEST_SEED  # the largest plan seed that is taken is 1000
     assert set(every) == set(SUITES)
-    own = ("paper", "transitions", "drops", "cycles", "dry-hours")  # suites whose conditions are not the grid's
+    own = ("paper", "peak", "transitions", "drops", "cycles", "dry-hours")  # suites of other conditions than the grid's
     seeds: dict[int, tuple[str, int, int]] = {}
     for suite, runs in every.items():
         for run in runs:
+            if run.group in PACKAGED:
+                assert trained.isdisjoint(a.seed for a in run.scenario.axles)
+                continue
             for place, a in enumerate(run.scenario.axles):
                 assert a.seed >= FIRST_TEST_SEED
                 # the same again only for the same conditions in another world
@@ -88,6 +92,53 @@ def test_runs_that_are_judged_over_seconds_are_long_enough(every: dict[str, list
         assert {r.scenario.duration_s for r in every[suite]} == {10.0}
     assert {r.scenario.duration_s for r in every["foreign"] if "wheelset" not in r.group} == {13.0}
     assert all(len(r.scenario.axles) == 4 for runs in every.values() for r in runs if len(r.curves) == 4)
+
+
+def test_sound_sensors_are_played_for_as_long_as_a_pair_is_judged() -> None:
+    source = load_source(DESIGN)
+    played = {name: list(suites.runs(source, name, 1.0)) for name in ("long", "canted", "peak")}
+    drawn = {name: [r for r in some if r.group not in PACKAGED] for name, some in played.items()}
+    assert {name: len(some) for name, some in drawn.items()} == dict.fromkeys(played, SOUND_RUNS)
+    assert {r.scenario.duration_s for r in drawn["long"]} == {120.0}
+    assert {r.scenario.duration_s for name in ("canted", "peak") for r in drawn[name]} == {60.0}
+    assert all(r.scenario.faults == () for some in played.values() for r in some)
+    assert {c for r in drawn["peak"] for c in r.curves} == {"A", "C", "D", "E", "F"}
+    for a in (a for r in drawn["peak"] for a in r.scenario.axles):
+        assert (a.drive.demand, a.drive.course.values[1:]) == ("utilisation", (1.0,))
+    # what the new suites take of the score's time: they have no baselines
+    seconds = {n: sum(r.scenario.duration_s * len(r.curves) for r in some) for n, some in played.items()}
+    every = sum(r.scenario.duration_s * len(r.curves) for r in suites.runs(source, None, 1.0))
+    assert sum(seconds.values()) <= 0.25 * (every - sum(seconds.values()))
+
+
+def test_canted_curves_turn_both_ways_and_are_not_balanced() -> None:
+    source = load_source(DESIGN)
+    runs = [r for r in suites.runs(source, "canted", 1.0) if r.group not in PACKAGED]
+    left = []
+    for r in runs:
+        v = float(r.scenario.speed.values[0])
+        for a in r.scenario.axles:
+            curvature, cant = a.rail[:, 6], a.rail[:, 7]
+            assert min(curvature) < 0 < max(curvature)
+            assert np.abs(cant).max() <= 0.1
+            assert (curvature * cant >= 0).all()
+            assert 1 / np.abs(curvature).max() >= 300
+            assert a.rail[-1, 0] < v * r.scenario.duration_s
+            left += (v**2 * curvature - GRAVITY * cant)[np.abs(curvature) > 0].tolist()
+    assert -0.66 < min(left) < -0.3
+    assert 0.3 < max(left) < 0.66
+
+
+def test_packaged_scenarios_are_played_with_their_own_first_seeds() -> None:
+    source = load_source(DESIGN)
+    for suite, group, name in (("canted", PACKAGED_CURVES, "curves"), ("peak", PACKAGED_GREASY, "greasy")):
+        first, *others = [r for r in suites.runs(source, suite, 1.0) if r.group == group]
+        packaged = load_scenario(name)
+        assert len(others) == 5
+        assert first.scenario.duration_s == packaged.duration_s
+        assert [a.seed for a in first.scenario.axles] == [a.seed for a in packaged.axles]
+        assert len({r.scenario.axles[0].runs_on for r in (first, *others)}) == 6
+        assert not [r for r in suites.runs(source, suite, 0.1, 1) if r.group == group]  # no other lot's
 
 
 def test_the_grid_covers_speeds_curves_and_sensors() -> None:

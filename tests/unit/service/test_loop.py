@@ -65,6 +65,32 @@ def test_late_loop_skips_its_slots_and_counts_overruns(setup: Setup) -> None:
     assert 110 <= setup.sim.core.health.overruns <= 145
 
 
+def test_slow_reading_of_a_backlog_is_no_step_of_time(setup: Setup, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A daemon that is starved reads for as long as the frames were on the bus, and then there are none."""
+    setup.daemon = Daemon(setup.sim.core, setup.link, clock=lambda: setup.now, steady=lambda: setup.now)
+    for _ in range(4):
+        setup.daemon.poll()
+    setup.sim.t = setup.now
+    backlog = [f for _ in range(600) for f in setup.sim.frames()]
+
+    def receive(now_us: int) -> list[Frame]:
+        if not backlog:
+            return []
+        setup.now += 300_000
+        taken = backlog[:200]
+        del backlog[:200]
+        return taken
+
+    monkeypatch.setattr(setup.link, "receive", receive)
+    setup.now += 3_000_000
+    while backlog:
+        setup.daemon.poll()
+    for _ in range(10):
+        setup.daemon.poll()
+    counts = setup.sim.core.counts
+    assert (counts.accepted, counts.time_steps) == (2400, 0)
+
+
 def test_frames_received_during_the_start_fill_the_window(setup: Setup) -> None:
     frames = [f for _ in range(300) for f in setup.sim.frames()]
     setup.link.waiting = list(frames)

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -38,12 +39,18 @@ def groups_of(mdf: MDF) -> dict[str, Any]:
     return out
 
 
+def plain(signal: str) -> str:
+    """A signal's name without whose it is."""
+    return re.sub(r"(_A\d)+(_\d)?$", "", signal)
+
+
 def read_mf4(path: Path) -> dict[str, Group]:
+    """Groups by name, with the plain names of their channels."""
     out: dict[str, Group] = {}
     with MDF(path) as mdf:
         header: Any = mdf.header
         for name, (number, of_group) in groups_of(mdf).items():
-            channels: Group = {c.name: mdf.get(c.name, group=number).samples for c in of_group}
+            channels: Group = {plain(c.name): mdf.get(c.name, group=number).samples for c in of_group}
             channels["time"] = np.round(channels["time"] * 1e6).astype(np.int64) + header.abs_time // 1000
             out[name] = {k: v.astype(str) if v.dtype.kind == "S" else v for k, v in channels.items()}
     return out
@@ -105,7 +112,7 @@ def test_mcap_says_what_the_mf4_says(exported: Path) -> None:
 def test_words_of_an_mf4_are_conversions_of_their_numbers(exported: Path) -> None:
     with MDF(exported / "a.mf4") as mdf:
         place = groups_of(mdf)["Adhesion_A1"][0]
-        raw, words = mdf.get("Validity", group=place, raw=True), mdf.get("Validity", group=place)
+        raw, words = mdf.get("Validity_A1", group=place, raw=True), mdf.get("Validity_A1", group=place)
     assert raw.samples.dtype.kind == "i"
     assert set(zip(raw.samples.tolist(), words.samples.tolist(), strict=True)) == {
         (0, b"NotAvailable"), (1, b"Valid"), (2, b"Degraded"),
@@ -137,7 +144,7 @@ def test_refused_frame_is_no_value(tmp_path: Path) -> None:
 
 def test_units_are_those_of_the_field(exported: Path) -> None:
     with MDF(exported / "a.mf4") as mdf:
-        units = {name: {c.name: c.unit for c in channels} for name, (_, channels) in groups_of(mdf).items()}
+        units = {name: {plain(c.name): c.unit for c in channels} for name, (_, channels) in groups_of(mdf).items()}
     assert units["YawRate_A1"]["YawRate"] == "rad/s"
     assert units["LatAccel_A1"]["LatAccel"] == "m/s²"
     assert units["Torque_A1"]["Torque"] == "Nm"
@@ -221,6 +228,27 @@ def test_groups_of_another_trains_dbc_have_our_names(tmp_path: Path) -> None:
     of_first = [r for r in table if r["axle"] == "1"]
     assert groups["Adhesion_A1"]["Validity"].tolist() == [r["validity"] for r in of_first]
     assert "Valid" in groups["Adhesion_A1"]["Validity"]
+
+
+def test_signals_of_two_axles_in_an_mf4_differ_by_name(tmp_path: Path) -> None:
+    (tmp_path / "s.toml").write_text(SCENARIO)
+    assert rig(["play", str(tmp_path / "s.toml"), "--fast", "--log", str(tmp_path / "two.log")]) == 0
+    assert replay(tmp_path / "two.log", "--mf4", tmp_path / "a.mf4", "--axle", 1, "--axle", 2) == 0
+    with MDF(tmp_path / "a.mf4") as mdf:
+        of_group = {
+            name: [c.name for c in channels if c.name != "time"] for name, (_, channels) in groups_of(mdf).items()
+        }
+        for axle in (1, 2):
+            place = groups_of(mdf)[f"Adhesion_A{axle}"][0]
+            found = mdf.get(f"MuAvailable_A{axle}").samples
+            assert np.array_equal(found, mdf.get(f"MuAvailable_A{axle}", group=place).samples, equal_nan=True)
+    assert {"Torque_A1", "Torque_A2", "Cause_A2", "Speed"} < {name for names in of_group.values() for name in names}
+    for axle, other in ((1, 2), (2, 1)):
+        own = {name for group, names in of_group.items() if group.endswith(f"_A{axle}") for name in names}
+        others = {name for group, names in of_group.items() if not group.endswith(f"_A{axle}") for name in names}
+        assert own
+        assert not own & others
+        assert not any(name.endswith(f"_A{other}") for name in own)
 
 
 def test_several_logs_go_into_a_folder(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from wrcd import resources
 from wrcd.bus.units import Quantity
 from wrcd.config import load_config, load_packaged
 from wrcd.core.configuration import Config, Input
-from wrcd.errors import InputError
+from wrcd.errors import InputError, InputErrors
 from wrcd.estimator.design import load_design
 from wrcd.tools import cli
 from wrcd.tools.dbc.text import read
@@ -116,6 +116,62 @@ def test_open_points_are_what_check_refuses(dbc: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError) as e:
         load_config(file)
     assert points == [str(n) for n in range(1, len(str(e.value).splitlines()) + 1)]
+
+
+MESSAGE_OF_OURS = """BO_ 200 Adhesion_A1: 8 Monitor
+ SG_ Validity : 0|4@1+ (1,0) [0|3] "" TCU
+ SG_ MuAvailable : 8|8@1+ (0.4,0) [0|102] "%" TCU
+
+"""
+WORDS_OF_OURS = 'VAL_ 200 Validity 0 "NotAvailable" 1 "Valid" 2 "Degraded" 3 "Error" ;\nVAL_ 103 State'
+OURS = (("BO_ 103", MESSAGE_OF_OURS + "BO_ 103"), ("VAL_ 103 State", WORDS_OF_OURS))
+# What is odd in a DBC, and what `wrcd check` then refuses besides its wheelset.
+ODD = {
+    "no word for not available": (OURS, 'has no word for "not available"'),
+    "too coarse": ((("(0.5,0) [0|100]", "(5,0) [0|100]"),), "has steps of 5 %"),
+    "range that shuts out": ((("[-160|160]", "[-1|1]"),), "shuts out 99 %"),
+    "empty range": ((("[-160|160]", "[160|-160]"),), "is empty"),
+    "cycle that there is not": ((("Time\" 5;", 'Time" 5;\nBA_ "GenMsgCycleTime" BO_ 102 70000;'),), "must lie within"),
+    "unknown protection": (
+        (("BA_DEF_ BO_", 'BA_DEF_ BO_ "E2EProfile" STRING ;\nBA_DEF_DEF_ "E2EProfile" "P5";\nBA_DEF_ BO_'),),
+        "axle[1].yaw_rate: is missing",
+    ),
+    "start value beyond its field": ((("BA_DEF_ BO_", 'BA_DEF_ SG_ "GenSigStartValue" INT 0 9999;\nBA_DEF_ BO_'),
+        ("Time\" 5;", 'Time" 5;\nBA_ "GenSigStartValue" SG_ 103 State 9;')), "has a start value"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("dbc", sorted(DATA.glob("*.dbc")), ids=lambda file: file.stem)
+def test_each_refusal_of_a_proposal_is_an_open_point(dbc: Path, tmp_path: Path) -> None:
+    assert_refusals_are_open(dbc, tmp_path)
+
+
+@pytest.mark.parametrize("odd", ODD)
+def test_each_refusal_of_an_odd_dbc_is_an_open_point(odd: str, tmp_path: Path) -> None:
+    edits, refused = ODD[odd]
+    proposal(tmp_path, USUAL | {"Adhesion": ADHESION}, f"{STATES}\n{NO_VALUE}")
+    dbc = edited(tmp_path / "own.dbc", *edits)
+    assert refused in assert_refusals_are_open(dbc, tmp_path)
+
+
+def assert_refusals_are_open(dbc: Path, folder: Path) -> str:
+    """Each refusal of what is proposed for a DBC has its open point, in the list and beside its key. Returns them."""
+    file = written(dbc, folder)
+    text = file.read_text(encoding="utf-8")
+    with pytest.raises(InputError) as e:  # its wheelset is always open
+        load_config(file)
+    points = re.findall(r"(?m)^#   TODO (\d+): ((?:.*\n#      )*.*)", text)
+    said = [" ".join(point.replace("\n#", " ").split()) for _, point in points]
+    for error in e.value.errors if isinstance(e.value, InputErrors) else (e.value,):
+        table, _, key = error.key.partition(".")
+        place = re.fullmatch(r"axle\[(\d+)\]", table)
+        number = tomllib.loads(text)["axle"][int(place[1]) - 1]["number"] if place else None
+        spoken = table if number is None else f"axle {number}"
+        about = (f"{error.key}: ", f"{spoken}, {key.partition('.')[0]}: ", *["wheelset: "][: error.key == "dbc.file"])
+        assert any(point.startswith(about) for point in said), error
+    for number, _ in points:
+        assert len(re.findall(rf"(?m)^# TODO {number}: ", text)) == 1
+    return str(e.value)
 
 
 def test_file_that_is_there_is_kept(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -39,3 +39,10 @@ def test_file_gets_one_line_a_step_or_nothing(
     p.at("rules")
     p.end()
     assert capsys.readouterr().err == said
+
+
+def test_time_left_is_of_what_this_run_has_done(clock: list[float], capsys: pytest.CaptureFixture[str]) -> None:
+    p = Progress(steps=True)
+    clock[0] += 3.0
+    p.at("jobs", 0.8, 0.7)
+    assert capsys.readouterr().err == "jobs: 80 %, about 6 s left\n"

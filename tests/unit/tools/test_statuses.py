@@ -2,6 +2,7 @@
 
 import argparse
 import errno
+import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -237,6 +238,45 @@ def test_ctrl_c_is_130() -> None:
         raise KeyboardInterrupt
 
     assert guarded("wrcd", interrupted) == int(Status.INTERRUPTED) == 130
+
+
+# an import, as it is now and then: the exception is lost, and the command goes on
+LOSES_CTRL_C = """
+import os, signal, sys
+from wrcd.tools.guard import guarded
+
+def command():
+    try:
+        os.kill(os.getpid(), signal.SIGINT)
+    except KeyboardInterrupt:
+        pass
+    return 5
+
+sys.exit(guarded("wrcd", command, own_signals=bool(int(sys.argv[1]))))
+"""
+
+
+@pytest.mark.parametrize(("own", "status"), [(1, -signal.SIGINT), (0, 5)])
+def test_ctrl_c_during_the_start_of_a_command_with_its_own_handler_is_not_lost(own: int, status: int) -> None:
+    assert subprocess.run([sys.executable, "-c", LOSES_CTRL_C, str(own)], timeout=60).returncode == status
+
+
+def test_own_signals_leave_the_handler_as_it_was() -> None:
+    seen = []
+
+    def command() -> int:
+        seen.append(signal.getsignal(signal.SIGINT))
+        return 0
+
+    before = signal.getsignal(signal.SIGINT)
+    try:
+        for handler in (signal.default_int_handler, signal.SIG_IGN):
+            signal.signal(signal.SIGINT, handler)
+            assert guarded("wrcd", command, own_signals=True) == 0
+            assert signal.getsignal(signal.SIGINT) is handler
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert seen == [signal.SIG_DFL, signal.SIG_IGN]
 
 
 def test_unit_tries_again_after_every_status_but_bad_input() -> None:

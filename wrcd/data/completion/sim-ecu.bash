@@ -74,17 +74,17 @@ _sim_ecu() {
             tune:--config | tune:-o | tune:--output | tune:--form | \
             tune:--over | tune:--budget | tune:--played | tune:--seed | \
             tune:--jobs | tune:--against | score:--suite | score:--jobs | \
-            score:--design | score:--baselines | score:--beside | score:--json | \
-            score:--html | figures:-o | figures:--output | figures:--design | \
-            figures:--paper | loop:--suite | loop:--only | loop:--seeds | \
-            loop:--jobs | loop:--json | loop:--html | campaign:-o | \
-            campaign:--out | campaign:--jobs | campaign:--scheduler | campaign:--logs | \
-            campaign:--train | campaign:--config | campaign:--channel | campaign:--limit | \
-            compare:--figures | compare:--alpha | compare:--fail-on | compare:--json | \
-            compare:--html | fmu:-o | fmu:--output | verify:--config | \
-            verify:--fuzzy-every | demo:-i | demo:--interface | demo:-c | \
-            demo:--channel | demo:--config | demo:--scenario | demo:-o | \
-            demo:--output)
+            score:--design | score:--baselines | score:--beside | score:--fail-on | \
+            score:--json | score:--html | figures:-o | figures:--output | \
+            figures:--design | figures:--paper | loop:--suite | loop:--only | \
+            loop:--seeds | loop:--jobs | loop:--fail-on | loop:--json | \
+            loop:--html | campaign:-o | campaign:--out | campaign:--jobs | \
+            campaign:--scheduler | campaign:--logs | campaign:--train | campaign:--config | \
+            campaign:--channel | campaign:--limit | compare:--figures | compare:--alpha | \
+            compare:--fail-on | compare:--json | compare:--html | fmu:-o | \
+            fmu:--output | verify:--config | verify:--fuzzy-every | demo:-i | \
+            demo:--interface | demo:-c | demo:--channel | demo:--config | \
+            demo:--scenario | demo:-o | demo:--output)
                 [[ ${COMP_WORDS[i + 1]-} != = ]] || ((i++))
                 ((i++))
                 ;;
@@ -213,13 +213,14 @@ _sim_ecu() {
         [[ $cur == -* ]] || _sim_ecu_nothing
         ;;
     score)
-        options='-h --help --suite --quick --jobs --design --baselines --beside --json --html'
+        options='-h --help --suite --quick --jobs --design --baselines --beside --fail-on --json --html'
         case $prev in
-        --suite) _sim_ecu_words 'paper grid robust rough harsh slow transitions drops cycles dead foreign dry-hours fusion'; return ;;
+        --suite) _sim_ecu_words 'paper grid robust rough harsh slow long canted peak transitions drops cycles dead foreign dry-hours fusion'; return ;;
         --jobs) _sim_ecu_nothing; return ;;
         --design) _sim_ecu_files .json; return ;;
         --baselines) _sim_ecu_files .json; return ;;
         --beside) _sim_ecu_nothing; return ;;
+        --fail-on) _sim_ecu_words 'missed'; return ;;
         --json) _sim_ecu_files ''; return ;;
         --html) _sim_ecu_files ''; return ;;
         :) _sim_ecu_nothing; return ;;
@@ -237,12 +238,13 @@ _sim_ecu() {
         [[ $cur == -* ]] || _sim_ecu_nothing
         ;;
     loop)
-        options='-h --help --suite --only --quick --seeds --jobs --json --html'
+        options='-h --help --suite --only --quick --seeds --jobs --fail-on --json --html'
         case $prev in
         --suite) _sim_ecu_words 'braking traction train faults worlds actuators'; return ;;
         --only) _sim_ecu_nothing; return ;;
         --seeds) _sim_ecu_nothing; return ;;
         --jobs) _sim_ecu_nothing; return ;;
+        --fail-on) _sim_ecu_words 'missed'; return ;;
         --json) _sim_ecu_files ''; return ;;
         --html) _sim_ecu_files ''; return ;;
         :) _sim_ecu_nothing; return ;;

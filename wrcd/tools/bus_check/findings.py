@@ -33,13 +33,16 @@ class Finding:
 
 
 def findings(
-    config: Config, gathered: Gathered, found: Sequence[Figures], fits: Sequence[Fit], spells: Mapping[int, Spells]
-) -> list[Finding]:
-    """The gravest first."""
+    config: Config, gathered: Gathered, found: Sequence[Figures], fits: Sequence[Fit], spells: Mapping[int, Spells],
+    wheelset: str | None,
+) -> list[Finding]:  # fmt: skip
+    """The gravest first. wheelset: what is said against the design's."""
     out = [*_silent(config, gathered), *_spells(config, gathered, spells)]
     out += [Finding(True, f.what, f.text) for f in fits if f.fits is False]
     for f in found:
         out += [Finding(False, f.name, text) for text in _odd(config, f)]
+    if wheelset is not None:
+        out.append(Finding(False, "wheelset", wheelset))
     if gathered.errors:
         out.append(Finding(False, "bus", f"{gathered.errors} error frames"))
     return sorted(out, key=lambda f: not f.stops)

@@ -33,7 +33,11 @@ def page(
     """Lines."""
     stops = [f for f in findings if f.stops]
     number = len(stops)
-    out = ["fine: nothing would stop Valid" if not stops else f"{number} finding{'s' * (number > 1)} would stop Valid"]
+    out = [
+        "fine: nothing would stop Valid"
+        if not stops
+        else f"{number} finding{'s' * (number > 1)} would stop Valid or make it wrong"
+    ]
     out += [f"  {f.where}: {f.text}" for f in stops]
     looks = [f for f in findings if not f.stops]
     if looks:

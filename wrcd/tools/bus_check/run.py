@@ -3,7 +3,7 @@
 import signal
 import sys
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from types import FrameType
 
@@ -11,16 +11,19 @@ from wrcd.bus.frame import Frame
 from wrcd.bus.log import Damage, read_stretches
 from wrcd.bus.log_order import TimeOrder, on_channel
 from wrcd.bus.opening import open_link
-from wrcd.config import load_config
+from wrcd.config import input_mappings, load_config
 from wrcd.core.configuration import Config
 from wrcd.core.core import Core
 from wrcd.errors import InputError
+from wrcd.mapping.statements import Statement
 from wrcd.tools.bus_check.figures import figures
 from wrcd.tools.bus_check.findings import findings
 from wrcd.tools.bus_check.gather import Gathered, Item
 from wrcd.tools.bus_check.page import nothing, page
 from wrcd.tools.bus_check.signs import signs
 from wrcd.tools.bus_check.times import Clock
+from wrcd.tools.bus_check.units import wrong_units
+from wrcd.tools.bus_check.wheelsets import Wheelsets
 from wrcd.tools.bus_of import pick_bus
 from wrcd.tools.feed import outgoing_of_stretches, progress
 from wrcd.tools.progress import Progress
@@ -36,7 +39,7 @@ def check_log(log: Path, config_file: Path | None, channel: str | None = None) -
     config = load_config(config_file)
     damage, order = Damage(), TimeOrder(log)
     items = order.put(on_channel(read_stretches(log, damage), channel, log))
-    status = _report(config, Gathered(config), progress(items, log))
+    status = _report(config, input_mappings(config_file), Gathered(config), progress(items, log))
     for warning in (*damage.warnings(log), *order.warnings()):
         print(f"wrcd: warning: {warning}", file=sys.stderr)
     return WOULD_STOP if status == FINE and not damage.whole else status
@@ -50,7 +53,7 @@ def check_live(seconds: float, config_file: Path | None, interface: str | None, 
     gathered = Gathered(config)
     bus = pick_bus(interface, channel, config_file, (config.interface, config.channel))
     heard = _heard(seconds, *bus, gathered.receiver.fd)
-    return _report(config, gathered, heard)
+    return _report(config, input_mappings(config_file), gathered, heard)
 
 
 def _heard(seconds: float, interface: str, channel: str, fd: bool) -> Iterator[tuple[Frame, str]]:
@@ -76,8 +79,9 @@ def _heard(seconds: float, interface: str, channel: str, fd: bool) -> Iterator[t
         shown.end()
 
 
-def _report(config: Config, gathered: Gathered, items: Iterable[Item]) -> int:
-    core = Core(config)
+def _report(config: Config, mappings: Sequence[Statement], gathered: Gathered, items: Iterable[Item]) -> int:
+    wheelsets = Wheelsets(config)
+    core = Core(config, observer=wheelsets)
     clock = Clock(core, config)
     for _ in outgoing_of_stretches(core, gathered.watched(items)):
         clock.look()
@@ -87,6 +91,9 @@ def _report(config: Config, gathered: Gathered, items: Iterable[Item]) -> int:
         return NO_FRAME_FITS
     found = figures(config, gathered, core.counts.rejected_by_message)
     fits = signs(config, gathered)
-    told = findings(config, gathered, found, fits, clock.axles)
+    told = [
+        *wrong_units(config, mappings, gathered, found),
+        *findings(config, gathered, found, fits, clock.axles, wheelsets.finding),
+    ]
     print("\n".join(page(config, gathered, found, fits, clock.axles, told)))
     return WOULD_STOP if any(f.stops for f in told) else FINE

@@ -34,7 +34,7 @@ class Fit:
 
 def signs(config: Config, gathered: Gathered) -> list[Fit]:
     """All that a log has to tell of."""
-    speed = _of(config, gathered, Quantity.SPEED)
+    speed = series_of(config, gathered, Quantity.SPEED)
     out = list(_curves(config, gathered, speed))
     return out + list(_torques(config, gathered, speed))
 
@@ -42,20 +42,20 @@ def signs(config: Config, gathered: Gathered) -> list[Fit]:
 def _curves(config: Config, gathered: Gathered, speed: Sequence[Series]) -> Iterator[Fit]:
     """Speed times yaw rate is the lateral acceleration, less what the cant takes: the signs are alike."""
     for place, axle in enumerate(config.axles):
-        yaw, lat = (_of(config, gathered, q, place) for q in (Quantity.YAW_RATE, Quantity.LAT_ACCEL))
+        yaw, lat = (series_of(config, gathered, q, place) for q in (Quantity.YAW_RATE, Quantity.LAT_ACCEL))
         what = f"speed times yaw rate against lateral acceleration, axle {axle.number}"
         if not (yaw and lat and gathered.seconds):
             continue
-        columns = _means(gathered, CURVE_BIN_S, [yaw[0], lat[0], *speed[:1]])
+        columns = means(gathered, CURVE_BIN_S, [yaw[0], lat[0], *speed[:1]])
         v = columns[2] if len(columns) > 2 else np.full(len(columns[0]), config.constant_speed_m_s or math.nan)
         product, sideways = v * columns[0], columns[1]
-        there = np.isfinite(product) & np.isfinite(sideways) & (v >= MIN_SPEED_M_S)
+        there = np.isfinite(product) & np.isfinite(sideways) & (np.abs(v) >= MIN_SPEED_M_S)
         product, sideways = product[there], sideways[there]
         product, sideways = product - _median(product), sideways - _median(sideways)
         if len(product) < MIN_BINS or _rms(product) < MIN_CURVE_M_S2:
             yield Fit(what, None, "no curve to tell by", (axle.number,))
             continue
-        r = _correlation(product, sideways)
+        r = correlation(product, sideways)
         text = f"correlation {r:.2f} in curves of {_rms(product):.2f} m/s2 rms"
         if r < AGAINST:
             text += f": against each other; one of them needs sign = -1: {_name(config, Quantity.YAW_RATE, place)} or "
@@ -76,8 +76,8 @@ def _torques(config: Config, gathered: Gathered, speed: Sequence[Series]) -> Ite
         done.add(name)
         axles = tuple(config.axles[place].number for place in i.source.axles)
         what = f"{i.source.quantity.key.replace('_', ' ')} {name} against the change of speed"
-        torque, v = _means(gathered, SPEED_BIN_S, [gathered.inputs[number], speed[0]])
-        acceleration = np.diff(v) / SPEED_BIN_S
+        torque, v = means(gathered, SPEED_BIN_S, [gathered.inputs[number], speed[0]])
+        acceleration = np.diff(np.abs(v)) / SPEED_BIN_S
         mean = (torque[1:] + torque[:-1]) / 2
         there = np.isfinite(acceleration) & np.isfinite(mean)
         acceleration, mean = acceleration[there], mean[there]
@@ -87,14 +87,14 @@ def _torques(config: Config, gathered: Gathered, speed: Sequence[Series]) -> Ite
         if _rms(mean - mean.mean()) < MIN_TORQUE_NM:
             yield Fit(what, None, "the torque hardly changes", axles)
             continue
-        r = _correlation(acceleration - acceleration.mean(), mean - mean.mean())
+        r = correlation(acceleration - acceleration.mean(), mean - mean.mean())
         text = f"correlation {r:.2f}"
         if r < AGAINST:
             text += ": against each other; it needs sign = -1 (traction is positive, braking negative)"
         yield Fit(what, False if r < AGAINST else True if r > FITS else None, text, axles)
 
 
-def _of(config: Config, gathered: Gathered, quantity: Quantity, place: int = 0) -> list[Series]:
+def series_of(config: Config, gathered: Gathered, quantity: Quantity, place: int = 0) -> list[Series]:
     """What came of a quantity of an axle, if anything did."""
     return [
         series
@@ -108,7 +108,7 @@ def _name(config: Config, quantity: Quantity, place: int) -> str:
     return f"{s.message}.{s.signal}"
 
 
-def _means(gathered: Gathered, bin_s: float, series: Sequence[Series]) -> list[FloatArray]:
+def means(gathered: Gathered, bin_s: float, series: Sequence[Series]) -> list[FloatArray]:
     """Mean values over bins of time, NaN where there are none."""
     assert gathered.first_us is not None
     bins = max(1, math.ceil(gathered.seconds / bin_s))
@@ -129,6 +129,7 @@ def _rms(x: FloatArray) -> float:
     return float(np.sqrt(np.mean(x * x))) if len(x) else 0.0
 
 
-def _correlation(x: FloatArray, y: FloatArray) -> float:
+def correlation(x: FloatArray, y: FloatArray) -> float:
+    """Of two (n,) whose means are zero; 0 where one is nothing but zero."""
     both = float(np.sqrt(np.sum(x * x) * np.sum(y * y)))
     return float(np.sum(x * y)) / both if both > 0 else 0.0

@@ -103,4 +103,5 @@ COMMAND = Command(
     ),
     _add,
     _run,
+    own_signals=lambda _: True,
 )

@@ -28,7 +28,11 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     group.addoption("--wrcd-config", metavar="TOML", type=Path, help="the daemon's configuration: names, DBC, cycle")
     group.addoption("--wrcd-axle", metavar="N", type=int, help="axle to play (the configuration's first)")
     group.addoption(
-        "--wrcd-sample-age", metavar="MS", type=int, default=MAX_AGE_MS, help="oldest input it bears (%(default)s)"
+        "--wrcd-sample-age",
+        metavar="MS",
+        type=int,
+        default=MAX_AGE_MS,
+        help="oldest measurement that it accepts, in ms (%(default)s)",
     )
     group.addoption("--wrcd-object", metavar="FILE:NAME", help="a Python class with hear(frame) and use(axle, now_us)")
     group.addoption(

@@ -32,9 +32,10 @@ def sent_groups(config: Config) -> Iterator[tuple[Said, Group]]:
     for message in said(config, extra=True):
         kind = message.kind
         assert kind is not None
-        name = NAMES[kind.name] + (f"_A{kind.axle}" if kind.axle else "")
+        of = f"_A{kind.axle}" if kind.axle else ""
         channels = tuple(_channel(config, outputs[message.name], kind.name, ours) for ours in message.names)
-        yield message, Group(name, channels, f"frames of {message.name}, every {message.cycle_us / 1000:g} ms")
+        about = f"frames of {message.name}, every {message.cycle_us / 1000:g} ms"
+        yield message, Group(NAMES[kind.name] + of, channels, about, of)
 
 
 def _outputs(config: Config) -> Iterator[Output]:
@@ -58,12 +59,12 @@ def input_groups(config: Config) -> list[Group]:
     parts = {(s.quantity, s.axles) for s in sources if s.part}
     out = []
     for s in sources:
-        name = INPUTS[s.quantity] + _whose(s, len(config.axles), config)
+        of = _whose(s, len(config.axles), config)
         if (s.quantity, s.axles) in parts:
-            name += f"_{s.part + 1}"
+            of += f"_{s.part + 1}"
         unit = UNITS.get(s.quantity.unit, s.quantity.unit)
         about = f"accepted frames of {s.message}.{s.signal}, at the axle: sign and gear ratio applied"
-        out.append(Group(name, (Channel(INPUTS[s.quantity], unit),), about))
+        out.append(Group(INPUTS[s.quantity] + of, (Channel(INPUTS[s.quantity], unit),), about, of))
     return out
 
 
@@ -81,4 +82,5 @@ def change_group(axle: int) -> Group:
         Channel("Cause", words=CAUSES, comment="of not being Valid"),
         Channel("Detail", is_text=True, comment="the input and its figures against their limits"),
     )
-    return Group(f"Changes_A{axle}", channels, "a row for each change of Validity or of its cause")
+    of = f"_A{axle}"
+    return Group(f"Changes{of}", channels, "a row for each change of Validity or of its cause", of)

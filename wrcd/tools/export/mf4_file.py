@@ -57,7 +57,9 @@ class Mf4File:
     def _append(self, r: Rows) -> None:
         assert self._mdf is not None
         seconds = self._seconds(r)
-        signals = [_signal(c, column, seconds) for c, column in zip(r.group.channels, r.columns, strict=True)]
+        signals = [
+            _signal(c, r.group.of, column, seconds) for c, column in zip(r.group.channels, r.columns, strict=True)
+        ]
         self._places[r.group.name] = len(self._mdf.groups)
         self._mdf.append(signals, acq_name=r.group.name, comment=r.group.comment, common_timebase=True)
 
@@ -86,8 +88,9 @@ def _joined(parts: Sequence[Rows]) -> Rows:
     return Rows(parts[0].group, np.concatenate([p.time_us for p in parts]), columns)
 
 
-def _signal(c: Channel, column: Column, seconds: NDArray[np.float64]) -> "Signal":
-    """A channel with its unit, or with its words as a conversion from value to text."""
+def _signal(c: Channel, of: str, column: Column, seconds: NDArray[np.float64]) -> "Signal":
+    """A channel with its unit, or with its words as a conversion from value to text. of: ends its name, by which tools
+    pick a signal whatever its group."""
     from asammdf import Signal
 
     conversion: dict[str, object] | None = None
@@ -97,7 +100,13 @@ def _signal(c: Channel, column: Column, seconds: NDArray[np.float64]) -> "Signal
             conversion |= {f"val_{place + 1}": place, f"text_{place + 1}": word.encode()}
     encoding = "utf-8" if c.is_text else None
     return Signal(
-        _array(column), seconds, unit=c.unit, name=c.name, conversion=conversion, comment=c.comment, encoding=encoding
+        _array(column),
+        seconds,
+        unit=c.unit,
+        name=c.name + of,
+        conversion=conversion,
+        comment=c.comment,
+        encoding=encoding,
     )
 
 

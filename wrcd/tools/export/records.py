@@ -30,6 +30,7 @@ class Group:
     name: str
     channels: tuple[Channel, ...]
     comment: str = ""
+    of: str = ""  # whose: "_A1"; it ends the name, and each signal's where names must differ over a whole file
 
 
 @dataclass(frozen=True, slots=True)

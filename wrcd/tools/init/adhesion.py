@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterable
 from wrcd.bus.words import degraded, unusable, usable
 from wrcd.core.vocabulary import MESSAGES, Words, snake
 from wrcd.mapping.outputs import ADHESION_MS, NEEDS
+from wrcd.section import toml
 from wrcd.tools.dbc.candidates import numbers
 from wrcd.tools.dbc.records import DbcText, Message, Signal
 from wrcd.tools.dbc.vocabulary import (
@@ -22,7 +23,7 @@ from wrcd.tools.dbc.vocabulary import (
     letters,
     words,
 )
-from wrcd.tools.init.draft import Draft, quoted
+from wrcd.tools.init.draft import Draft
 from wrcd.tools.lint.values import in_range
 
 CARRIED = MESSAGES["adhesion"]
@@ -44,7 +45,11 @@ def propose_adhesion(draft: Draft, dbc: DbcText, number: int, axles: int) -> Non
     about = f"axle {number}, adhesion"
     if not mine:
         rest = f" ({', '.join(m.name for m in found[:5])})" if found else ""
-        draft.todo(about, f"no message looks like this axle's adhesion{rest}; the DBC needs one that nobody else sends")
+        draft.todo(
+            about,
+            f"no message looks like this axle's adhesion{rest}; the DBC needs one that nobody else sends",
+            f"{draft.axle}.adhesion",
+        )
         draft.add('# adhesion = "Message"')
         return
     best, *others = mine
@@ -52,9 +57,9 @@ def propose_adhesion(draft: Draft, dbc: DbcText, number: int, axles: int) -> Non
         draft.doubt(about, f"{best.name} is chosen; it could be {', '.join(m.name for m in others)}")
     draft.doubt(about, f"the daemon will send it; in the DBC {best.sender} does. Nobody else may")
     if _has_our_names(best):
-        draft.add(f"adhesion = {quoted(best.name)}")
+        draft.add(f"adhesion = {toml(best.name)}")
         return
-    draft.add(f"adhesion.message = {quoted(best.name)}")
+    draft.add(f"adhesion.message = {toml(best.name)}")
     if not dbc.number(best, "GenMsgCycleTime"):
         draft.doubt(about, f"{best.name} has no cycle in the DBC: {ADHESION_MS} ms are taken")
         draft.add(f"adhesion.cycle_ms = {ADHESION_MS}")
@@ -82,7 +87,7 @@ def _percentages(draft: Draft, about: str, m: Message) -> None:
     used = [s for s in percent if contains(s.name, USED_PARTS)]
     candidates = sorted((s for s in percent if s not in used), key=_is_not_available_adhesion)
     if not candidates:
-        draft.todo(about, f"which signal of {m.name} is the available adhesion?")
+        draft.todo(about, f"which signal of {m.name} is the available adhesion?", f"{draft.axle}.adhesion.mu_available")
         draft.add('# adhesion.mu_available = "Signal"')
     else:
         available, *others = candidates
@@ -110,7 +115,7 @@ def _one_percentage(draft: Draft, about: str, key: str, m: Message, s: Signal) -
         table["unit"] = "1"
     if not named:
         table["not_available"] = none[0] if none else s.highest_raw
-    line = f"adhesion.{key} = {quoted(s.name if len(table) == 1 else table)}"
+    line = f"adhesion.{key} = {toml(s.name if len(table) == 1 else table)}"
     if named or none:
         draft.add(line)
         return
@@ -118,7 +123,7 @@ def _one_percentage(draft: Draft, about: str, key: str, m: Message, s: Signal) -
         what = f"has no word for 'not available': is it {s.highest_raw}, the highest value?"
     else:
         what = "cannot say 'not available': every value of it is an adhesion"
-    draft.todo(about, f"{m.name}.{s.name} {what}")
+    draft.todo(about, f"{m.name}.{s.name} {what}", f"{draft.axle}.adhesion.{key}")
     draft.add(f"# {line}")
 
 
@@ -127,7 +132,9 @@ def _validity(draft: Draft, about: str, m: Message) -> None:
     states = [s for s in m.signals if (is_status(s) or contains(s.name, ("valid",))) and s.words]
     states = [s for s in states if not any(contains(s.name, parts) for parts in _NAMES.values())]
     if not states:
-        draft.todo(about, f"which signal of {m.name} says whether the value may be used?")
+        draft.todo(
+            about, f"which signal of {m.name} says whether the value may be used?", f"{draft.axle}.adhesion.validity"
+        )
         draft.add('# adhesion.validity = { signal = "Signal", valid = "…", degraded = "…", not_available = "…" }')
         return
     best = states[0]
@@ -137,10 +144,14 @@ def _validity(draft: Draft, about: str, m: Message) -> None:
         if word is not None or ours in NEEDED_WORDS["Validity"]:
             table[snake(ours)] = "?" if word is None else word
     missing = [ours for ours, word in table.items() if word == "?"]
-    line = f"adhesion.validity = {quoted(table)}"
+    line = f"adhesion.validity = {toml(table)}"
     if missing:
         told = ", ".join(map(repr, _told(best)))
-        draft.todo(about, f"which word of {m.name}.{best.name} ({told}) means {', '.join(missing)}?")
+        draft.todo(
+            about,
+            f"which word of {m.name}.{best.name} ({told}) means {', '.join(missing)}?",
+            f"{draft.axle}.adhesion.validity",
+        )
         draft.add(f"# {line}")
     else:
         draft.add(line)
@@ -163,7 +174,7 @@ def _rest(draft: Draft, about: str, m: Message) -> None:
     if ages:
         if len(ages) > 1:
             draft.doubt(about, f"{ages[0].name} is taken for the sample age; there is {_names(ages[1:])}, too")
-        draft.add(f"adhesion.sample_age = {quoted(ages[0].name)}")
+        draft.add(f"adhesion.sample_age = {toml(ages[0].name)}")
     for name, parts in _NAMES.items():
         named = [s for s in m.signals if contains(s.name, parts) and s.words]
         if not named:
@@ -171,7 +182,7 @@ def _rest(draft: Draft, about: str, m: Message) -> None:
         s = named[0]
         theirs = {letters(w): w for w in _told(s)}
         table = {"signal": s.name} | {snake(w): theirs.get(letters(w), "?") for w in WORDS[name]}
-        line = f"adhesion.{snake(name)} = {quoted(table)}"
+        line = f"adhesion.{snake(name)} = {toml(table)}"
         if "?" in table.values():
             draft.doubt(about, f"{m.name}.{s.name} looks like {snake(name)}: fill in its words, or leave it out")
             draft.add(f"# {line}")

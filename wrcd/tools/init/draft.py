@@ -1,10 +1,11 @@
 """A configuration in the making: its lines, and what is open or unsure about them."""
 
-import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from textwrap import wrap
+
+from wrcd.errors import InputError
 
 WIDTH = 118
 
@@ -14,9 +15,11 @@ class Draft:
     """Lines of TOML. Open points are numbered; each stands beside its key, and in a list at the head."""
 
     dbc: str
+    axle: str = "axle[0]"  # the one in the making, as `wrcd check` names it
     lines: list[str] = field(default_factory=list)
     open: list[str] = field(default_factory=list)
     unsure: dict[str, list[str]] = field(default_factory=dict)  # what: where
+    settled: set[str] = field(default_factory=set)  # keys, as `wrcd check` names them, that an open point is about
     timeouts_ms: dict[str, float] = field(default_factory=dict)  # of inputs without which there is no estimate
 
     def add(self, *lines: str) -> None:
@@ -27,10 +30,21 @@ class Draft:
         """Append a comment."""
         self.lines += _wrap(text, "# ", "#   ")
 
-    def todo(self, about: str, text: str) -> None:
-        """Append an open point: the configuration is refused, or wrong, until a person has settled it."""
+    def todo(self, about: str, text: str, key: str) -> None:
+        """Append an open point: the configuration is refused, or wrong, until a person has settled it. key: that
+        `wrcd check` refuses for it."""
         self.open.append(f"{about}: {text}")
+        self.settled.add(key)
         self.remark(f"TODO {len(self.open)}: {text}")
+
+    def refused(self, errors: Sequence[InputError]) -> None:
+        """Add open points for what `wrcd check` refuses of these lines and no open point is about yet."""
+        left = [e for e in errors if e.key not in self.settled]
+        first = len(self.open) + 1
+        self.open += [f"{e.key}: {e.reason}{' — ' * bool(e.hint)}{e.hint}" for e in left]
+        for number, e in sorted(enumerate(left, first), key=lambda one: one[1].line or 0, reverse=True):
+            at = max(0, (e.line or 1) - 1)
+            self.lines[at:at] = _wrap(f"TODO {number}: {e.reason}", "# ", "#   ")
 
     def doubt(self, about: str, text: str) -> None:
         """Append what was taken for the likeliest."""
@@ -76,16 +90,3 @@ def _wrap(text: str, first: str, then: str) -> list[str]:
     return wrap(
         text, WIDTH, initial_indent=first, subsequent_indent=then, break_on_hyphens=False, break_long_words=False
     )
-
-
-def quoted(value: object) -> str:
-    """A value as TOML writes it."""
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, str):
-        return json.dumps(value, ensure_ascii=False)
-    if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{key} = {quoted(v)}" for key, v in value.items()) + " }"
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(map(quoted, value)) + "]"
-    return f"{value:g}" if isinstance(value, float) else str(value)

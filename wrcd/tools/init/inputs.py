@@ -10,8 +10,9 @@ from wrcd.bus.words import degraded as is_degraded
 from wrcd.bus.words import unusable, usable
 from wrcd.estimator.design import Design
 from wrcd.mapping.inputs import MEASURED
-from wrcd.mapping.statements import TORQUES
+from wrcd.mapping.statements import TORQUES, VEHICLE_QUANTITIES
 from wrcd.mapping.statuses import STATUS_NAMES
+from wrcd.section import toml
 from wrcd.tools.dbc.candidates import SURE_SCORE, Candidate, numbers
 from wrcd.tools.dbc.records import DbcText, Signal
 from wrcd.tools.dbc.vocabulary import (
@@ -27,7 +28,7 @@ from wrcd.tools.dbc.vocabulary import (
     letters,
     words,
 )
-from wrcd.tools.init.draft import Draft, quoted
+from wrcd.tools.init.draft import Draft
 
 # Ours: y to the left of travel, yaw counter-clockwise seen from above, traction positive.
 OTHER_WAY = {
@@ -84,20 +85,24 @@ def propose_input(draft: Draft, dbc: DbcText, key: str, about: str, found: list[
     for text in table.doubts:
         draft.doubt(about, text)
     for text in table.blocked:
-        draft.todo(about, text)
+        draft.todo(about, text, f"vehicle.{key}" if best.quantity in VEHICLE_QUANTITIES else f"{draft.axle}.{key}")
     only_signal = len(table.keys) == 1
-    line = f"{key} = {quoted(best.name if only_signal else table.keys)}"
+    line = f"{key} = {toml(best.name if only_signal else table.keys)}"
     draft.add(f"# {line}" if table.blocked else line)
 
 
 def propose_shared(draft: Draft, key: str, about: str, found: list[Candidate], axles: int) -> None:
     """A torque of several axles: which share of it acts at this one only a person can say."""
     best = found[0]
-    draft.todo(about, f"{best.name} seems to be of {axles} axles together: say which share acts at this one")
+    draft.todo(
+        about,
+        f"{best.name} seems to be of {axles} axles together: say which share acts at this one",
+        f"{draft.axle}.{key}",
+    )
     table: dict[str, object] = {"signal": best.name, "share": round(1 / axles, 4)}
     if is_force(best.signal.unit):
         table["at"] = "rim"
-    draft.add(f"# {key} = {quoted(table)}")
+    draft.add(f"# {key} = {toml(table)}")
 
 
 def _unit(table: _Table, c: Candidate) -> None:

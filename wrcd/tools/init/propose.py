@@ -6,13 +6,15 @@ from pathlib import Path
 from wrcd import declared, resources
 from wrcd.bus.units import Quantity
 from wrcd.bus.words import is_reverse
+from wrcd.config import mistakes
 from wrcd.estimator.design import Design, load_design
+from wrcd.section import toml
 from wrcd.tools.check import KNOWN_BY
 from wrcd.tools.dbc.candidates import Candidate, candidates
 from wrcd.tools.dbc.records import DbcText
 from wrcd.tools.dbc.vocabulary import TOTAL_WORDS, contains
 from wrcd.tools.init.adhesion import propose_adhesion
-from wrcd.tools.init.draft import Draft, quoted
+from wrcd.tools.init.draft import Draft
 from wrcd.tools.init.inputs import propose_input, propose_shared
 from wrcd.tools.init.numbering import PER_AXLE, Train, arrange, near
 
@@ -31,13 +33,15 @@ def propose(dbc: DbcText, folder: Path, design: Design | None = None) -> Draft:
     draft.add("", "[vehicle]")
     _vehicle(draft, dbc, train, design)
     numbers = sorted(train.axles) or [1]
-    for number in numbers:
+    for place, number in enumerate(numbers, 1):
+        draft.axle = f"axle[{place}]"
         found = train.axles.get(number, {})
         draft.add("", "[[axle]]", f"number = {number}")
         for q in PER_AXLE:
             _one(draft, dbc, train, q, f"axle {number}, {q.key}", found.get(q, []), number, design)
         propose_adhesion(draft, dbc, number, len(numbers))
     _limits(draft)
+    draft.refused(mistakes("\n".join(draft.lines), dbc.file, folder, design))
     return draft
 
 
@@ -54,14 +58,18 @@ def _limits(draft: Draft) -> None:
         draft.doubt(about, f"{name} is stale after {longest:g} ms only, and an estimate lasts as long without it")
         draft.add(line)
     else:
-        draft.todo(about, f"{name} has a time-out of {longest:g} ms, more than {limit.high:g}: give it a timeout_ms")
+        draft.todo(
+            about,
+            f"{name} has a time-out of {longest:g} ms, more than {limit.high:g}: give it a timeout_ms",
+            f"limits.{limit.name}",
+        )
         draft.add(f"# {line}")
 
 
 def _head(draft: Draft, dbc: DbcText, folder: Path, design: Design) -> None:
     draft.add(
         'bus = { interface = "socketcan", channel = "can0" } # where the frames are',
-        f"dbc = {{ file = {quoted(Path(os.path.relpath(dbc.file, folder)).as_posix())} }}",
+        f"dbc = {{ file = {toml(Path(os.path.relpath(dbc.file, folder)).as_posix())} }}",
         "",
     )
     name = str(design.wheelset.get("name", design.name))
@@ -70,8 +78,9 @@ def _head(draft: Draft, dbc: DbcText, folder: Path, design: Design) -> None:
         f"is it the wheelset {name!r} of the packaged design? The signals of many another one look alike, "
         "and its estimates are wrong. Compare; then take the next line as it is, or name a design for yours under "
         "[estimator].",
+        "dbc.file",
     )
-    draft.add(f"# wheelset = {{ name = {quoted(name)} }}")
+    draft.add(f"# wheelset = {{ name = {toml(name)} }}")
     draft.add(f"#   axle load {2e-3 * design.normal_N:.4g} kN")
     for key, what, unit in KNOWN_BY:
         value = design.wheelset.get(key)
@@ -83,13 +92,15 @@ def _vehicle(draft: Draft, dbc: DbcText, train: Train, design: Design) -> None:
     for text in train.doubts:
         draft.doubt("axles", text)
     if train.left_out:
-        draft.todo("axles", f"one daemon takes eight; left out: {', '.join(map(str, train.left_out))}")
+        draft.todo("axles", f"one daemon takes eight; left out: {', '.join(map(str, train.left_out))}", "axle")
     speeds = train.vehicle[Quantity.SPEED]
     if speeds:
         propose_input(draft, dbc, "speed", "vehicle, speed", speeds, design)
     else:
         draft.todo(
-            "vehicle, speed", "nothing looks like the train's speed: name the signal, or give limits.constant_speed_m_s"
+            "vehicle, speed",
+            "nothing looks like the train's speed: name the signal, or give limits.constant_speed_m_s",
+            "vehicle.speed",
         )
         draft.add('# speed = "Message.Signal"')
     for c in train.vehicle[Quantity.DIRECTION][:1]:
@@ -102,13 +113,13 @@ def _direction(draft: Draft, c: Candidate) -> None:
     reverse = any(map(is_reverse, told))
     if reverse or (not told and c.signal.signed):
         draft.doubt("vehicle, direction", "it turns the signs; does it tell which way the sensors' train moves?")
-        draft.add(f"direction = {quoted(c.name)}")
+        draft.add(f"direction = {toml(c.name)}")
     else:
         draft.doubt(
             "vehicle, direction",
             f"{c.name} looks like the direction of travel, but no word of it means backwards, and it has no sign",
         )
-        draft.add(f"# direction = {quoted(c.name)}")
+        draft.add(f"# direction = {toml(c.name)}")
 
 
 def _torque_is_total(draft: Draft, train: Train) -> None:
@@ -148,5 +159,5 @@ def _one(
         propose_shared(draft, q.key, about, mine, per if bogies else len(train.axles))
     elif q in NEEDED:
         rest = f"; of no axle in particular: {', '.join(c.name for c in others[:5])}" if others else ""
-        draft.todo(about, f"nothing fits: needed{rest}")
+        draft.todo(about, f"nothing fits: needed{rest}", f"{draft.axle}.{q.key}")
         draft.add(f'# {q.key} = "Message.Signal"')

@@ -33,6 +33,7 @@ _WIDTH = np.array(
     [*(_HALF_WIDTHS.get(w, math.nan) for w in words("adhesion", "Confidence")), math.nan], dtype=np.float32
 )
 VALIDITIES = words("adhesion", "Validity")
+NOT_AVAILABLE = VALIDITIES.index("NotAvailable")
 _F, _P = (np.float32, 0), (np.int8, 0)
 
 
@@ -68,6 +69,7 @@ class AxleModel:
             {"time_us": (np.int64, 0), "available_pct": _F, "used_pct": _F}, _rows(hold_us, TRUTH_CYCLE_US)
         )
         self.spells = Spells(self.number, self.cycle_us)
+        self.has_come = False  # an input of its own, or an Adhesion frame that is not NotAvailable
 
     def take(self, kind: str, times: NDArray[np.int64], values: Mapping[str, Values]) -> None:
         """Frames of one message, decoded. What a train's DBC does not carry is not there: NaN, UNKNOWN, none."""
@@ -84,6 +86,7 @@ class AxleModel:
 
         if kind == "adhesion":
             confidence, available = place("Confidence"), number("MuAvailable")
+            self.has_come |= bool((place("Validity") != NOT_AVAILABLE).any())
             width = _WIDTH[confidence]
             self._adhesion.append(
                 time_us=times, validity=place("Validity"), available_pct=available, used_pct=number("MuUsed"),

@@ -77,8 +77,9 @@ class Board:
 
     @property
     def axle(self) -> AxleModel:
-        """The chosen one."""
-        return self.model.axles[self.view.axle]
+        """The chosen one; before it has come the first of those that have."""
+        chosen, shown = self.model.axles[self.view.axle], self.model.axles_that_came
+        return chosen if chosen in shown else shown[0]
 
     def draw(self, width: int, height: int, link: Link, note: str = "") -> Canvas:
         """The screen of a size. note: what a key has just done."""
@@ -86,16 +87,19 @@ class Board:
         model, view, axle = self.model, self.view, self.axle
         at_us = view.at_us(model.now_us)
         inputs = model.inputs_at(axle, at_us)
-        places = self.places = layout(width, height, len(model.axles), len(inputs))
+        shown = model.axles_that_came
+        hidden = len(model.axles) - len(shown)
+        places = self.places = layout(width, height, len(shown) + (hidden > 0), len(inputs))
         if places is None:
             text = f"needs {MIN_WIDTH} columns and {MIN_HEIGHT} lines; this is {width} by {height}"
             canvas.put(0, 0, text, "warn")
             return canvas
         self.plot_width = places.plot.width
         draw_status(canvas, places.status, model, link, self._mode(link), self.clock(at_us), at_us)
-        rows = [axle_at(model, a, at_us, view.now_us(model.now_us)) for a in model.axles]
-        draw_axles(canvas, places.axles, rows, view.axle)
-        self._draw_plot(canvas, places, rows[view.axle])
+        rows = [axle_at(model, a, at_us, view.now_us(model.now_us)) for a in shown]
+        chosen = shown.index(axle)
+        draw_axles(canvas, places.axles, rows, chosen, hidden)
+        self._draw_plot(canvas, places, rows[chosen])
         self._draw_events(canvas, places.events, note)
         draw_residuals(canvas, places.residuals, axle, model.config.design.model_names, at_us)
         draw_inputs(canvas, places.inputs, inputs)

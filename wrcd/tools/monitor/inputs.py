@@ -16,6 +16,7 @@ from wrcd.tools.story.records import Health
 REFUSED_OVER_US = 1_000_000
 MAX_AGE_US = 1_000_000  # a value older than that is not shown
 MAX_LOOKED = 20  # frames without a usable value, as of another branch of a multiplexed message
+OF_VEHICLE = (Quantity.SPEED, Quantity.DIRECTION)
 TOLD = (Quantity.YAW_RATE, Quantity.LAT_ACCEL, Quantity.TORQUE, Quantity.SPEED)  # that InputHealth tells of, in order
 # what a person reads: a unit and its factor from SI
 UNITS: Mapping[Quantity, tuple[str, float]] = {
@@ -88,6 +89,13 @@ class Inputs:
                 )
             )  # fmt: skip
         return out
+
+    def any_frame(self, axle: int) -> bool:
+        """Whether a frame has come of a message that is of this axle (its place) alone."""
+        of_axles = [s for i in self._config.inputs if (s := i.source).quantity not in OF_VEHICLE]
+        others = {s.message for s in of_axles if set(s.axles) != {axle}}
+        own = {s.message for s in of_axles if axle in s.axles} - others
+        return any(len(self._by_name[name].arrived["time_us"]) for name in own)
 
     def _value(self, number: int, at_us: int) -> float | None:
         """Of the newest frame at a time that carries a usable one."""

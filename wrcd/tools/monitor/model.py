@@ -125,9 +125,15 @@ class Model:
         if until_us > self.now_us:
             self.now_us = until_us
 
+    @property
+    def axles_that_came(self) -> list[AxleModel]:
+        """Those that an input or an estimate has come of; where there is none yet, all that are configured."""
+        return [a for a in self.axles if a.has_come] or self.axles
+
     def update(self) -> None:
         """Bring what is made of many frames up to date."""
-        for axle in self.axles:
+        for place, axle in enumerate(self.axles):
+            axle.has_come = axle.has_come or self.inputs.any_frame(place)
             axle.update(self.now_us)
 
     def _times(self, stamps: NDArray[np.int64]) -> NDArray[np.int64]:

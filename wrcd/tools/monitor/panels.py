@@ -126,8 +126,8 @@ def draw_status(
     canvas.put(x, rect.y + 1, " · ".join(daemon.parts), daemon.level if daemon.level != "good" else "dim")
 
 
-def draw_axles(canvas: Canvas, rect: Rect, rows: Sequence[AxleNow], chosen: int) -> None:
-    """A table of all axles; where they are too many, those around the chosen one."""
+def draw_axles(canvas: Canvas, rect: Rect, rows: Sequence[AxleNow], chosen: int, hidden: int = 0) -> None:
+    """A table of axles; where they are too many, those around the chosen one. hidden: how many never came."""
     wide = rect.width >= 100
     widths = (3, 16, 10, 12, 9, 11, 9)
     heads = ("", "axle state", "available", "interval", "in use", "contact", "surface")
@@ -141,6 +141,10 @@ def draw_axles(canvas: Canvas, rect: Rect, rows: Sequence[AxleNow], chosen: int)
         x += 9
     canvas.put(x, rect.y, "why", "label")
     lines = rect.height - 1
+    if hidden and lines > 1:
+        lines -= 1
+        told = f"{hidden} more {'is' if hidden == 1 else 'are'} configured, of which nothing came: hidden"
+        canvas.put(rect.x + 3, rect.y + 1 + min(lines, len(rows)), told, "dim", rect.width - 3)
     first = max(0, min(chosen - lines // 2, len(rows) - lines))
     for line, now in enumerate(rows[first : first + lines]):
         y, is_chosen = rect.y + 1 + line, first + line == chosen

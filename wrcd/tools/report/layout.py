@@ -13,6 +13,7 @@ from wrcd.tools.report.tables import ALL_MISSING, INPUTS, SOME_MISSING, STALE, T
 
 AGAINST = "against."  # before the names of the other side's tables
 INPUT_WORDS = {"yaw": "yaw rate", "lateral": "lateral acc.", "torque": "torque", "speed": "speed"}
+MAX_PCT = 100.0  # of adhesion: no plot goes beyond
 RESIDUAL_DASHES = ("solid", "dashed", "dotted", "dotdash")
 
 
@@ -133,6 +134,13 @@ def _top(columns: Sequence[NDArray[np.floating]], least: float = 10.0, step: flo
     return float(np.ceil(high / step) * step)
 
 
+def _top_of_interval(tables: Mapping[str, Table], names: Sequence[str], step: float = 5.0) -> float:
+    """The highest end of an interval: a band that the plot's edge cuts looks narrower than it is."""
+    there = [tables[n] for n in names if n in tables]
+    ends = [float(np.nanmax(t["available"].values + t["high"].values, initial=0.0)) for t in there]
+    return float(np.ceil(max(ends, default=0.0) / step) * step)
+
+
 def _values(tables: Mapping[str, Table], names: Sequence[str], column: str) -> list[NDArray[np.floating]]:
     return [tables[n][column].values for n in names if n in tables and column in tables[n]]
 
@@ -141,6 +149,7 @@ def _axle(tables: Mapping[str, Table], a: int, there: Sequence[str], names: Mapp
     adhesion = [f"{side}axle{a}.adhesion" for side in there]
     truth = [f"{side}axle{a}.truth" for side in there]
     top = _top([*_values(tables, adhesion, "available"), *_values(tables, truth, "available")])
+    top = max(top, min(_top_of_interval(tables, adhesion), MAX_PCT))
     curves: list[Curve] = []
     for side in reversed(there):
         table = f"{side}axle{a}.adhesion"
@@ -330,7 +339,7 @@ def _delays(
     ages = _axle_curves(tables, axles, "adhesion", "age")
     if ages:
         top = _top([tables[c.table]["age"].values for c in ages], 10.0)
-        yield Plot("age", "Age of the oldest input at the tick (SampleAge)", "ms", 0, top, 170, tuple(ages))
+        yield Plot("age", "Age of the oldest measurement at the tick (SampleAge)", "ms", 0, top, 170, tuple(ages))
         shares = [Curve(c.label, c.table.replace("adhesion", "ages"), "share", c.colour, "step", c.dash) for c in ages]
         yield Plot(
             "ages",

@@ -4,6 +4,8 @@ const SPARE = 0.3; // of the range in view, drawn at each side of it, so that mo
 const PX_PER_BIN = 2;
 const MAX_TRAVEL = 25; // heights of the plot that a dashed line may go up and down
 const DASHES = { dashed: [6], dotted: [2, 4], dotdash: [2, 4, 6, 4] };
+const PX_PER_TICK = 90; // along an axis, of time and distance: a label takes up to 65
+const MAX_TICKS = 8;
 const ZOOM_SLACK = 1.3; // a change of span by more than this takes another level of detail
 
 function colours(name) {
@@ -36,6 +38,7 @@ class Pane {
     this.dots = this.spec.curves.map((curve) => {
       const dot = document.createElement("div");
       dot.className = "dot";
+      dot.hidden = true;
       dot.style.setProperty("--c", `var(--${curve.colour})`);
       dot.append(document.createElement("span"));
       return dot;
@@ -104,6 +107,7 @@ class Pane {
     let to = fixed ? this.lastAge() : this.toAxis(this.world.to);
     if (!(to - from > 1e-6)) [from, to] = [from - 0.005, from + 0.005]; // the train stands
     const width = Math.max(50, this.view.frame.bbox.width || this.place.clientWidth - this.world.margins);
+    this.view.model.below[0].ticker.desired_num_ticks = Math.max(2, Math.min(MAX_TICKS, Math.round(width / PX_PER_TICK)));
     const { cover } = this;
     const span = to - from;
     const covered = cover !== null && cover.width === width && from >= cover.from && to <= cover.to

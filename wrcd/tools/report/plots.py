@@ -11,6 +11,7 @@ from bokeh.models import (
     NumeralTickFormatter,
     PrintfTickFormatter,
     Range1d,
+    Text,
 )
 from bokeh.plotting import figure
 
@@ -43,7 +44,7 @@ def item(plot: Plot) -> dict[str, Any]:
     )
     f.xaxis.axis_label = None
     f.xaxis.formatter = PrintfTickFormatter(format=f"%.8g {AXES[plot.axis]}")
-    f.xaxis.ticker = AdaptiveTicker(desired_num_ticks=8)
+    f.xaxis.ticker = AdaptiveTicker()  # as many ticks as the browser has room for
     if not logarithmic:
         f.yaxis.ticker = AdaptiveTicker(desired_num_ticks=5)
     else:
@@ -86,11 +87,13 @@ def _strip(f: figure, plot: Plot) -> None:
             hatch_pattern=None if pattern == "blank" else pattern, hatch_color="#000000",
             hatch_alpha=0.16, hatch_scale=9.0, hatch_weight=2.0,
         )  # fmt: skip
-    words = ColumnDataSource({"x": [], "y": [], "text": [], "colour": []})
-    f.text(
-        "x", "y", text="text", source=words, name="words", text_color="colour", text_font_size="11px",
-        text_baseline="middle", text_font=value("system-ui, sans-serif"),
+    # each word on its block's plain colour: a pattern's lines go through the letters
+    words = ColumnDataSource({"x": [], "y": [], "text": [], "colour": [], "ground": []})
+    glyph = Text(
+        x="x", y="y", text="text", text_color="colour", text_font_size="11px", text_baseline="middle",
+        text_font=value("system-ui, sans-serif"), background_fill_color="ground",
     )  # fmt: skip
+    f.add_glyph(words, glyph, name="words")
     f.yaxis.ticker = FixedTicker(ticks=[i + 0.5 for i in range(len(plot.rows))])
     f.yaxis.major_label_overrides = {i + 0.5: r.label for i, r in enumerate(plot.rows)}
     f.yaxis.major_tick_line_color = None

@@ -36,7 +36,7 @@ function wordOf(row, code) {
 function stripBlocks(rows, world, from, to, perSecond, colours) {
   const { tables, hatches, end: until } = world;
   const all = new Map(); // by pattern
-  const words = { x: [], y: [], text: [], colour: [] };
+  const words = { x: [], y: [], text: [], colour: [], ground: [] };
   const put = (place, left, right, row, code) => {
     if (code < 0) return;
     const [word, css] = wordOf(row, code);
@@ -56,6 +56,7 @@ function stripBlocks(rows, world, from, to, perSecond, colours) {
     words.y.push(place + 0.52);
     words.text.push(word.length <= letters ? word : `${word.slice(0, letters - 1)}…`);
     words.colour.push(colours(`${css}-text`));
+    words.ground.push(colours(css));
   };
   rows.forEach((row, place) => {
     const table = tables.get(row.table);

@@ -152,7 +152,7 @@ class Words {
     const age = this.value(`${base}.adhesion`, "age", seconds);
     if (Number.isFinite(torque)) texts.push(`torque ${number(torque / 1000, "", 2)} kN m`);
     if (Number.isFinite(speed)) texts.push(`speed ${number(speed, "", 2)} m/s (${number(speed * 3.6, "", 1)} km/h)`);
-    if (Number.isFinite(age)) texts.push(`oldest input ${age.toFixed(0)} ms`);
+    if (Number.isFinite(age)) texts.push(`oldest measurement ${age.toFixed(0)} ms`);
     const out = texts.length > 0 ? [this.paragraph("", [`Inputs: ${texts.join(", ")}.`])] : [];
     const stale = this.value(`${base}.detail`, "stale", seconds);
     const troubles = vocabulary.inputs.filter((_, i) => stale > 0 && (stale >> i) & 1).map((name) => `${name} is stale`);

@@ -130,6 +130,8 @@ def _axle(
     else:
         lasted = events.of_changes(number, estimated.changes, found.begin_us, found.end_us)
         lasted = events.with_silences(lasted, adhesion.time_us, own.cycle_us("adhesion", number))
+        answers = estimated.answers[number]
+        adhesion, detail = answers.bound(adhesion), detail or answers.detail()
     return Axle(number, adhesion, detail, health, said, lasted)
 
 

@@ -193,7 +193,8 @@ def _residuals(pane: Axes, axle: Axle, span: _Span) -> None:
     if d is None:
         pane.text(0.01, 0.5, "the log has no AdhesionDetail", transform=pane.transAxes, va="center", fontsize=8)
         return
-    d = broken(d, next(a.detail.cycle_us for a in span.story.config.axles if a.number == axle.number and a.detail))
+    own = next(a for a in span.story.config.axles if a.number == axle.number)
+    d = broken(d, (own.detail or own.adhesion).cycle_us)
     rows = span.rows(d.time_us)
     t = span.seconds(d.time_us[rows])
     names = span.story.config.design.model_names

@@ -24,7 +24,7 @@ class Adhesion:
     validity: Places
     available_pct: Numbers
     used_pct: Numbers
-    low_pct: Numbers  # the interval that Confidence states, cut at 0; NaN without a bound
+    low_pct: Numbers  # the interval that was estimated, or of sent frames Confidence's; cut at 0; NaN: no bound
     high_pct: Numbers
     confidence: Places
     contact: Places

@@ -13,7 +13,7 @@ from wrcd.core.causes import Validity
 from wrcd.errors import InputError
 from wrcd.tools.story.events import INPUT_NAMES, REASONS
 from wrcd.tools.story.explain import Explanation, explain, find_axle
-from wrcd.tools.story.gather import SENT
+from wrcd.tools.story.gather import ESTIMATED
 from wrcd.tools.story.records import Event, Fall, Story
 from wrcd.tools.story.verdict import not_valid_runs
 from wrcd.tools.story.words import name, percent, seconds
@@ -142,7 +142,7 @@ def _said(x: Explanation) -> str:
     rest = [w for w in (x.contact, x.surface) if w and w != "Unknown"]
     if x.plausibility not in ("", "Unknown", "Consistent", x.contact):
         rest.append(x.plausibility)
-    age = f"; oldest input {x.age_ms:.0f} ms{' or more' * (x.age_ms >= 255)}" if math.isfinite(x.age_ms) else ""
+    age = f"; oldest measurement {x.age_ms:.0f} ms{' or more' * (x.age_ms >= 255)}" if math.isfinite(x.age_ms) else ""
     return f"{said}{used}{''.join(f', {w}' for w in rest)}{age}"
 
 
@@ -161,12 +161,10 @@ def _moment(story: Story, label: str, x: Explanation, told: int = 0) -> Iterator
 
 
 def _without_detail(story: Story, axle: int) -> str:
-    """Why there is no AdhesionDetail of an axle, and where its cause is to be had."""
+    """Why frames of the log have no AdhesionDetail of an axle, and where its causes are to be had."""
     sends = any(a.number == axle and a.detail is not None for a in story.config.axles)
     reason = "the log has no AdhesionDetail" if sends else "the configuration sends no AdhesionDetail"
-    if story.source != SENT:
-        return reason
-    return f"{reason}; --replay estimates {'them' if sends else 'the causes'}"
+    return reason if story.source == ESTIMATED else f"{reason}; --replay estimates them"
 
 
 def shortened(rule: str) -> str:

@@ -152,3 +152,27 @@ def test_only_changed_cells_are_told(model: Model) -> None:
     assert before.changes(before.copy()) == []
     changed = after.changes(before)
     assert 1 <= sum(rect.width for rect in changed) <= 8
+
+
+def test_axles_of_which_nothing_came_are_hidden_and_counted(config: Config) -> None:
+    made, every = DaemonFrames(config), range(len(config.axles))
+    out = Model(config)
+    out.take(Batch.of_frames(made.stretch(0, 1_000_000, NOTHING, "InputSilent", every)), START_US + 1_000_000)
+    out.update()
+    assert shown(out, 80, 24).count("NotAvailable") >= len(every)  # nothing came of any
+    assert "hidden" not in shown(out, 80, 24)
+    third = [
+        *made.stretch(1_000_000, 2_000_000, NOTHING, "InputSilent", [0, 1, 3]),
+        *made.stretch(1_000_000, 2_000_000, GOOD, axles=[2]),
+    ]
+    out.take(Batch.of_frames(sorted(third, key=lambda f: f.stamp_us)), START_US + 2_000_000)
+    out.update()
+    text = shown(out, 80, 24)
+    assert "3 more are configured, of which nothing came: hidden" in text
+    assert "NotAvailable" not in text
+    assert "▶3" in text
+    out.take(Batch.of_frames([made.sensor("YawRate_A2", 2_000_000, YawRate=1.0)]), START_US + 2_010_000)
+    out.update()
+    text = shown(out, 80, 24)
+    assert "2 more are configured" in text
+    assert "NotAvailable" in text

@@ -155,7 +155,9 @@ def test_cursor_zoom_and_ends_move_through_time(config: Config, fed: Fed) -> Non
     turned(app, steps)
 
 
-def test_axles_are_chosen_by_number_and_arrow(config: Config, fed: Fed) -> None:
+def test_axles_are_chosen_by_number_and_arrow(config: Config, fed: Fed, made: DaemonFrames) -> None:
+    every = made.stretch(15_000_000, 15_100_000, GOOD, axles=range(len(config.axles)))
+    fed.put(every, 15_100_000)
     app = live(config, fed)
 
     async def steps(pilot: Pilot[Any]) -> None:
@@ -165,6 +167,18 @@ def test_axles_are_chosen_by_number_and_arrow(config: Config, fed: Fed) -> None:
         assert app.board.axle.number == 1
         await pilot.press("8")
         assert "there is no axle 8" in seen(app)
+
+    turned(app, steps)
+
+
+def test_axle_of_which_nothing_came_is_not_chosen(config: Config, fed: Fed) -> None:
+    app = live(config, fed)
+
+    async def steps(pilot: Pilot[Any]) -> None:
+        await pilot.press("3")
+        assert "nothing came of axle 3" in seen(app)
+        await pilot.press("down")
+        assert app.board.axle.number == 1
 
     turned(app, steps)
 

@@ -10,10 +10,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.support.story import adhesion, axle, story
 from tests.support.story_columns import synthetic
+from wrcd.config import load_packaged
 from wrcd.core.causes import Cause, Validity
 from wrcd.tools.report import page
 from wrcd.tools.report.differences import differences
+from wrcd.tools.report.layout import parts
+from wrcd.tools.report.tables import tables
 from wrcd.tools.report.text import causes
 from wrcd.tools.story.compare import compare
 from wrcd.tools.story.records import Finding, MessageStatistics
@@ -177,3 +181,10 @@ def test_one_page_states_one_distance_of_its_two_sides() -> None:
     found = {d.what: d.there for d in differences(story, other)}
     assert found["available, mean distance of the two where both are Valid"] == compared.mean_absolute_pp
     assert abs(compared.worst_pp) in [v for name, v in found.items() if "largest distance" in name]
+
+
+def test_plot_holds_the_whole_interval() -> None:
+    made = story(load_packaged(1), axle(adhesion(np.full(500, 38.0), half=12.0)))
+    plots = [p for part in parts(tables(made), [1], ("a", "b")) for p in part.plots if p.title.startswith("Adhesion")]
+    assert plots
+    assert [p.high for p in plots] == [50.0] * len(plots)

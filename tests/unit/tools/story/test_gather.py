@@ -3,6 +3,7 @@
 import csv
 import gzip
 import itertools
+import json
 import re
 from pathlib import Path
 
@@ -20,6 +21,7 @@ from wrcd.core.causes import Validity
 from wrcd.core.configuration import Config
 from wrcd.errors import InputError
 from wrcd.tools.cli import main
+from wrcd.tools.report.tables import tables
 from wrcd.tools.story.events import VALIDITIES
 from wrcd.tools.story.gather import gather
 from wrcd.tools.story.records import Event
@@ -31,9 +33,13 @@ def test_log_without_frames_of_wrcd_is_estimated(ride: Ride) -> None:
 
 
 def test_estimated_adhesion_is_that_of_the_frames_sent(ride: Ride) -> None:
-    for name in ("time_us", "validity", "available_pct", "used_pct", "low_pct", "high_pct", "contact", "surface"):
-        one, other = (getattr(s.axles[0].adhesion, name) for s in (ride.estimated, ride.sent))
-        np.testing.assert_array_equal(one, other, err_msg=name)
+    ours, theirs = (s.axles[0].adhesion for s in (ride.estimated, ride.sent))
+    for name in ("time_us", "validity", "available_pct", "used_pct", "contact", "surface"):
+        np.testing.assert_array_equal(getattr(ours, name), getattr(theirs, name), err_msg=name)
+    bound = np.isfinite(theirs.low_pct)
+    assert 0 < bound.sum() < np.isfinite(ours.low_pct).sum()  # Confidence ends at 4 points, and is of Valid frames
+    assert (ours.low_pct[bound] >= theirs.low_pct[bound] - 0.01).all()
+    assert (ours.high_pct[bound] <= theirs.high_pct[bound] + 0.01).all()
     a, b = ride.estimated.axles[0].detail, ride.sent.axles[0].detail
     assert a is not None
     assert b is not None
@@ -205,6 +211,56 @@ def test_axle_without_a_frame_of_its_own_is_left_out_though_a_message_of_several
     assert n > 100
     both.write_text(pulls)
     assert [a.number for a in gather(both, config).axles] == [1, 2]
+
+
+@pytest.fixture(scope="module")
+def own(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """A log of a train whose message carries Validity and MuAvailable alone, and its configuration."""
+    folder, example = tmp_path_factory.mktemp("own"), Path(__file__).parents[4] / "examples/own-dbc"
+    dbc = re.sub(r"( SG_ |VAL_ \d+ )(Confidence|SampleAge) .*\n", "", (example / "train.dbc").read_text())
+    (folder / "train.dbc").write_text(dbc)
+    config, log = folder / "train.toml", folder / "own.log"
+    config.write_text((example / "train.toml").read_text())
+    (folder / "s.toml").write_text(held("C", 2.5))
+    assert rig(["play", str(folder / "s.toml"), "--fast", "--config", str(config), "--log", str(log)]) == 0
+    return log, config
+
+
+def test_estimated_interval_model_and_rule_need_no_signal_of_the_trains_message(own: tuple[Path, Path]) -> None:
+    log, file = own
+    assert main(["replay", str(log), "--config", str(file), "--explain", "--csv", str(log.with_suffix(".csv"))]) == 0
+    rows = list(csv.DictReader(log.with_suffix(".csv").read_text().splitlines()))
+    a, d = (told := gather(log, load_config(file)).axles[0]).adhesion, told.detail
+    assert d is not None
+    assert a.time_us.tolist() == d.time_us.tolist() == [round(float(r["time_s"]) * 1e6) for r in rows]
+    for name, column in (("low_pct", a.low_pct), ("high_pct", a.high_pct)):
+        np.testing.assert_allclose(column, [float(r[name] or "nan") for r in rows], atol=0.0051)
+    assert d.winner.tolist() == [int((r["winning_model"] or "0").split(":")[0]) for r in rows]
+    assert d.rule.tolist() == [int((r["dominant_rule"] or "0").split(":")[0]) for r in rows]
+    valid = [r for r in rows if r["validity"] == "Valid"]
+    assert len(valid) > 50
+    for r in valid:
+        assert float(r["low_pct"]) < float(r["mu_available_pct"]) < float(r["high_pct"])
+        assert float(r["high_pct"]) - float(r["mu_available_pct"]) == pytest.approx(float(r["half_width_pp"]), abs=0.02)
+        assert r["winning_model"]
+        assert r["dominant_rule"]
+    cold = [r for r in rows if r["validity"] == "NotAvailable"]
+    assert {r[c] for r in cold for c in ("half_width_pp", "low_pct", "high_pct", "dominant_rule")} == {""}
+
+
+def test_why_and_report_of_an_own_dbc_have_interval_model_and_rule(
+    own: tuple[Path, Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    log, file = own
+    told = gather(log, load_config(file))
+    assert main(["why", str(log), "2", "--config", str(file), "--json"]) == 0
+    now = json.loads(capsys.readouterr().out)["axles"][0]["now"]
+    assert now["low_pct"] < now["available_pct"] < now["high_pct"]
+    assert now["model"]
+    assert now["rule_sentence"].startswith("If ")
+    page = tables(told)
+    assert np.isfinite(page["axle1.adhesion"]["low"].values).sum() > 50
+    assert (page["axle1.detail"]["rule"].values > 0).sum() > 50
 
 
 def test_folder_is_no_log(config: Config, tmp_path: Path) -> None:

@@ -96,7 +96,8 @@ class Monitor(App[None]):
         at = [
             (first, k)
             for k, axle in enumerate(model.axles)
-            if (first := first_of_interest(Board(model, View(k)).happenings(), axle.spells.all())) is not None
+            if axle in model.axles_that_came
+            and (first := first_of_interest(Board(model, View(k)).happenings(), axle.spells.all())) is not None
         ]
         if at:
             view.axle = min(at)[1]
@@ -166,15 +167,19 @@ class Monitor(App[None]):
     def action_axle(self, number: int) -> None:
         """Choose by number."""
         places = [k for k, a in enumerate(self.model.axles) if a.number == number]
-        if places:
-            self.view.axle = places[0]
-        else:
+        if not places:
             self.tell(f"there is no axle {number}")
+        elif self.model.axles[places[0]] not in self.model.axles_that_came:
+            self.tell(f"nothing came of axle {number}")
+        else:
+            self.view.axle = places[0]
         self.redraw()
 
     def action_next_axle(self, by: int) -> None:
         """Choose the next one."""
-        self.view.axle = (self.view.axle + by) % len(self.model.axles)
+        shown = self.model.axles_that_came
+        following = shown[(shown.index(self.board.axle) + by) % len(shown)]
+        self.view.axle = self.model.axles.index(following)
         self.redraw()
 
     def action_leave_cursor(self) -> None:

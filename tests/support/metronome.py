@@ -1,0 +1,199 @@
+"""What the machine gave in a run: a bare process beside the daemon that wakes every 5 ms and notes how late it came.
+
+It has a real-time priority just above the daemon's. A daemon that is busy for 40 ms in a slot of 20 holds up what has
+its own priority or less, and would excuse itself; from above nothing is seen of it. What is seen is what takes the
+processor from both: a host that runs something else than the guest. It does nothing but sleep and look at the clock, a
+fiftieth of the guest's processor.
+"""
+
+import signal
+import sys
+import tempfile
+import time
+from bisect import bisect_right
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from itertools import pairwise, takewhile
+from pathlib import Path
+
+from tests.support.processes import running, wait_for
+
+PERIOD_NS = 5_000_000
+# Later than that is a stall. 3 % of the wake-ups are in an idle guest: nobody interrupts its kernel in a system call.
+NOTED_NS = 500_000
+SLOT_US = 20_000
+# A slot is skipped when the work of some ticks has piled up. Of 25 slots that six axles skipped in a guest beside other
+# work, the machine had taken at least 8 ms of the 100 ms up to the end of each; in an idle guest it takes 2.5.
+BEFORE_US, TAKEN_US = 100_000, 6_000
+SEEN = 0.5  # of what is taken: a host hands out 3 to 4 ms at a time, and much of that lies between two wake-ups
+WINDOW_US = 2_000_000
+# Of the slots of all axles together: a stall that begins just after a wake-up and ends before the next one is not seen.
+# Six axles take most of a guest: in one of six plays on a quiet host 4 of 313 slots of the axle that is sent last were
+# so. A daemon that is slow for itself misses 60 %.
+ALLOWED = 0.02
+# Of a second beside a slot, as it is seen: at least twice that is taken. A daemon that has less than it needs is behind
+# all the time, and misses far more slots than were taken: all of four axles in a guest where 15 % were seen. Such slots
+# are not judged. In an idle guest 2.5 % are seen.
+MAX_TAKEN, SECOND_US = 0.10, 1_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class Stall:
+    """A wake-up that was due at begin_us and came at end_us, of the clock that stamps frames."""
+
+    begin_us: int
+    end_us: int
+
+
+@dataclass
+class Machine:
+    """The stalls of a run by their ends, known when the metronome has stopped."""
+
+    stalls: list[Stall] = field(default_factory=list)
+
+    def _touching(self, begin_us: int, end_us: int) -> Iterator[Stall]:
+        # there are thousands, of thousands of slots
+        first = bisect_right(self.stalls, begin_us, key=lambda s: s.end_us)
+        return takewhile(lambda s: s.begin_us < end_us, (self.stalls[k] for k in range(first, len(self.stalls))))
+
+    def taken_us(self, begin_us: int, end_us: int) -> int:
+        """Return how much of a time was taken."""
+        touching = self._touching(begin_us, end_us)
+        return sum(min(s.end_us, end_us) - max(s.begin_us, begin_us) for s in touching)
+
+    def longest_us(self, begin_us: int, end_us: int) -> int:
+        """Return the longest stall that touches a time, 0 if none does."""
+        return max((s.end_us - s.begin_us for s in self._touching(begin_us, end_us)), default=0)
+
+    def excuses(self, slot: int, slot_us: int = SLOT_US) -> bool:
+        """Tell whether the machine took so much up to a slot's end that it could not be kept."""
+        end_us = (slot + 1) * slot_us
+        return self.taken_us(end_us - BEFORE_US, end_us) >= TAKEN_US
+
+    def overloads(self, slot: int, slot_us: int = SLOT_US) -> bool:
+        """Tell whether the machine took so much of the second before or after a slot's end that no cycle could be kept.
+        Before a play begins the guest asks for little, and little is seen to be taken."""
+        end_us = (slot + 1) * slot_us
+        return any(self.taken_us(t, t + SECOND_US) > MAX_TAKEN * SECOND_US for t in (end_us - SECOND_US, end_us))
+
+    def explains_no_calm(self, begin_us: int, end_us: int) -> bool:
+        """Tell whether the machine stood still so often that no moment of a time was calm: in each whole window of it
+        there is a slot that is excused."""
+        begins = range(begin_us, end_us - WINDOW_US + 1, WINDOW_US)
+        return all(any(map(self.excuses, range(b // SLOT_US, (b + WINDOW_US) // SLOT_US))) for b in begins)
+
+
+def calm(stamps_us: Sequence[int], timeout_us: int) -> list[tuple[int, int]]:
+    """Return the times in which a sensor's frames on the bus leave no reason not to be Valid: without silences that
+    reach its time-out, and without the longest window after the first frame and after each silence.
+    """
+    out, begin_us = [], stamps_us[0] + WINDOW_US
+    for before_us, stamp_us in pairwise(stamps_us):
+        if stamp_us - before_us > timeout_us - 1000:  # a frame may be read by a tick before it is stamped
+            out.append((begin_us, before_us))
+            begin_us = stamp_us + WINDOW_US
+    return [(a, b) for a, b in (*out, (begin_us, stamps_us[-1])) if a < b]
+
+
+def within(stamp_us: int, times: Sequence[tuple[int, int]]) -> bool:
+    """Tell whether a moment lies in one of these times."""
+    return any(begin_us <= stamp_us <= end_us for begin_us, end_us in times)
+
+
+def mostly(judged: Sequence[bool], share: float, begin_us: int, end_us: int, machine: Machine) -> bool:
+    """Tell whether a share of what was judged, in the calm moments of a time, is as it must be. Where no moment was
+    calm nothing was judged: that is said, and is right only where the machine explains it."""
+    if judged:
+        return sum(judged) >= share * len(judged)
+    explained = machine.explains_no_calm(begin_us, end_us)
+    print(f"NOTHING JUDGED: no calm moment in {(end_us - begin_us) * 1e-6:.1f} s; explained by stalls: {explained}")
+    return explained
+
+
+@dataclass(frozen=True, slots=True)
+class Cycle:
+    """The slots of a time that were not sent, and those among them that the machine does not excuse; and the number of
+    slots that it left too little to judge."""
+
+    wanted: int
+    missing: list[int]
+    unexcused: list[int]
+    unjudged: int
+    taken_us: int
+    slot_us: int
+
+    @property
+    def judged(self) -> bool:
+        """Tell whether the machine left enough to judge half of the slots."""
+        return self.unjudged <= 0.5 * self.wanted
+
+    @property
+    def kept(self) -> bool:
+        """Tell whether the cycle was kept as far as the processor was there."""
+        return all_kept([self])
+
+    def __str__(self) -> str:
+        return (f"{self.unjudged} SLOTS NOT JUDGED: " if self.unjudged else "") + (
+            f"{len(self.missing)} of {self.wanted} slots missing, {len(self.unexcused)} of them unexcused; "
+            f"the machine took {self.taken_us / 1000:.0f} ms of {self.wanted * self.slot_us / 1000:.0f}"
+        )
+
+
+def cycle(slots: Sequence[int], begin_us: int, end_us: int, machine: Machine, slot_us: int = SLOT_US) -> Cycle:
+    """Judge the slots that were sent, in their order, by those that lie in a time. All together they are excused by no
+    more than what was taken of the judged ones: a slot's length for each. Raises AssertionError where they do not rise.
+    """
+    assert list(slots) == sorted(set(slots)), "slots were sent twice or out of their order"
+    wanted, sent = range(begin_us // slot_us + 1, end_us // slot_us), set(slots)
+    missing = [s for s in wanted if s not in sent]
+    judged = {s for s in wanted if not machine.overloads(s, slot_us)}
+    taken_us = sum(machine.taken_us(s * slot_us, (s + 1) * slot_us) for s in judged)
+    failed = [s for s in missing if s in judged]
+    excused = set([s for s in failed if machine.excuses(s, slot_us)][: round(taken_us / SEEN / slot_us)])
+    unexcused = [s for s in failed if s not in excused]
+    unjudged, taken_us = len(wanted) - len(judged), machine.taken_us(begin_us, end_us)
+    return Cycle(len(wanted), missing, unexcused, unjudged, taken_us, slot_us)
+
+
+def all_kept(cycles: Sequence[Cycle]) -> bool:
+    """Tell whether the cycles of all axles, judged together, were kept as far as the processor was there. Where most of
+    the slots are not judged the daemon is behind in the others, too."""
+    judged = [c for c in cycles if c.judged]
+    return sum(len(c.unexcused) for c in judged) <= ALLOWED * sum(c.wanted for c in judged)
+
+
+@contextmanager
+def metronome(above: int) -> Iterator[Machine]:
+    """Run it for the length of a block, above the daemon's real-time priority (0: it has none). The stalls are in the
+    machine when the block is over."""
+    machine = Machine()
+    with tempfile.TemporaryDirectory() as folder:
+        noted = Path(folder) / "stalls"
+        with running("chrt", "-f", str(above + 1), sys.executable, "-m", "tests.support.metronome", noted):
+            wait_for("the metronome", 30, noted.exists)
+            yield machine
+        lines = [line.split() for line in noted.read_text().splitlines()]
+    # not in their order where a test has stepped the clock
+    machine.stalls += sorted((Stall(int(end) - int(late), int(end)) for end, late in lines), key=lambda s: s.end_us)
+
+
+def note(path: Path) -> None:
+    """Wake until SIGTERM, then write a line for each stall: when it ended, and how late that was, in µs."""
+    stop: list[int] = []
+    signal.signal(signal.SIGTERM, lambda number, _frame: stop.append(number))
+    late: list[tuple[int, int]] = []
+    path.touch()
+    due_ns = time.monotonic_ns()
+    while not stop:
+        due_ns += PERIOD_NS
+        time.sleep(max(0, due_ns - time.monotonic_ns()) * 1e-9)
+        behind_ns = time.monotonic_ns() - due_ns
+        if behind_ns > NOTED_NS:
+            late.append((time.time_ns() // 1000, behind_ns // 1000))
+            due_ns += behind_ns
+    path.write_text("".join(f"{end} {behind}\n" for end, behind in late))
+
+
+if __name__ == "__main__":
+    note(Path(sys.argv[1]))

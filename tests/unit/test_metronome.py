@@ -1,0 +1,85 @@
+"""What the metronome excuses, and what it does not."""
+
+import pytest
+
+from tests.support.metronome import SLOT_US, Machine, Stall, calm, cycle, mostly, within
+
+BEGIN = 85_000_000_000  # a slot
+SLOTS = list(range(BEGIN + 1, BEGIN + 500))
+BEGIN_US, END_US = BEGIN * SLOT_US, (BEGIN + 500) * SLOT_US
+
+
+def test_a_slot_is_excused_where_the_machine_stood_still_and_nowhere_else() -> None:
+    stalled, skipped = BEGIN + 100, BEGIN + 300
+    machine = Machine([Stall(stalled * SLOT_US, (stalled + 5) * SLOT_US)])
+    gap = range(stalled, stalled + 5)
+    kept = cycle([s for s in SLOTS if s not in gap], BEGIN_US, END_US, machine)
+    assert kept.kept
+    assert (len(kept.missing), kept.unexcused) == (5, [])
+    fault = range(skipped, skipped + 11)
+    lost = cycle([s for s in SLOTS if s not in gap and s not in fault], BEGIN_US, END_US, machine)
+    assert lost.unexcused == list(fault)
+    assert not lost.kept
+
+
+def test_a_daemon_that_needs_two_slots_for_each_is_not_excused() -> None:
+    """Not by an idle guest's late wake-ups, nor by a machine that takes a twelfth of every slot from everybody."""
+    idle = Machine([Stall(t, t + 2500) for t in range(BEGIN_US, END_US, 100_000)])
+    assert len(cycle(SLOTS[::2], BEGIN_US, END_US, idle).unexcused) == 249
+    busy = Machine([Stall(t, t + 1700) for t in range(BEGIN_US, END_US, SLOT_US)])
+    assert not cycle(SLOTS[::2], BEGIN_US, END_US, busy).kept
+
+
+def test_silence_at_either_end_is_missing() -> None:
+    assert len(cycle(SLOTS[20:-30], BEGIN_US, END_US, Machine()).unexcused) == 50
+
+
+@pytest.mark.parametrize("slots", [[7, 7], [8, 7]])
+def test_a_slot_twice_or_out_of_order_raises(slots: list[int]) -> None:
+    with pytest.raises(AssertionError, match="twice or out of their order"):
+        cycle(slots, 0, 10 * SLOT_US, Machine())
+
+
+def test_taken_is_what_overlaps() -> None:
+    machine = Machine([Stall(10, 30), Stall(50, 60)])
+    assert (machine.taken_us(0, 100), machine.taken_us(20, 55), machine.taken_us(30, 50)) == (30, 15, 0)
+    assert (machine.longest_us(0, 100), machine.longest_us(40, 70), machine.longest_us(30, 50)) == (20, 10, 0)
+
+
+def test_calm_leaves_out_a_window_after_each_silence() -> None:
+    stamps = [t for t in range(0, 20_000_000, 5000) if not 8_000_000 < t < 8_020_000]
+    times = calm(stamps, 15_000)
+    assert times == [(2_000_000, 8_000_000), (10_020_000, 19_995_000)]
+    assert [within(t, times) for t in (1_000_000, 8_000_000, 9_000_000, 15_000_000)] == [False, True, False, True]
+
+
+def test_nothing_judged_is_right_only_where_the_machine_explains_it(capsys: pytest.CaptureFixture[str]) -> None:
+    every_second = Machine([Stall(t, t + 10_000) for t in range(BEGIN_US, END_US, 1_000_000)])
+    once = Machine(every_second.stalls[:1])
+    assert mostly([], 0.8, BEGIN_US, END_US, every_second)
+    assert not mostly([], 0.8, BEGIN_US, END_US, once)
+    assert not mostly([], 0.8, BEGIN_US, END_US, Machine())
+    assert capsys.readouterr().out.count("NOTHING JUDGED") == 3
+
+
+def test_what_is_judged_is_held_to_its_share_whatever_the_machine_did() -> None:
+    stalled = Machine([Stall(BEGIN_US, END_US)])
+    assert mostly([True] * 8 + [False] * 2, 0.8, BEGIN_US, END_US, Machine())
+    assert not mostly([True] * 7 + [False] * 3, 0.8, BEGIN_US, END_US, stalled)
+
+
+def test_slots_of_which_the_machine_took_a_third_are_not_judged_and_counted() -> None:
+    # what is seen is half of what is taken
+    machine = Machine([Stall(t, t + 4_000) for t in range(BEGIN_US, BEGIN_US + 200 * SLOT_US, SLOT_US)])
+    kept = cycle(SLOTS[200:], BEGIN_US, END_US, machine)
+    assert (kept.kept, kept.judged, kept.unexcused) == (True, True, [])
+    assert 199 < kept.unjudged < 249
+    assert str(kept).startswith(f"{kept.unjudged} SLOTS NOT JUDGED: 200 of 499 slots missing, 0 of them unexcused")
+    assert not cycle(SLOTS[:200:2] + SLOTS[200::2], BEGIN_US, END_US, machine).kept
+
+
+def test_cycle_of_which_most_is_not_judged_is_not() -> None:
+    machine = Machine([Stall(t, t + 4_000) for t in range(BEGIN_US, BEGIN_US + 300 * SLOT_US, SLOT_US)])
+    kept = cycle(SLOTS[400:], BEGIN_US, END_US, machine)
+    assert (kept.kept, kept.judged) == (True, False)
+    assert len(kept.unexcused) > 50
