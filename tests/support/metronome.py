@@ -28,10 +28,10 @@ SLOT_US = 20_000
 BEFORE_US, TAKEN_US = 100_000, 6_000
 SEEN = 0.5  # of what is taken: a host hands out 3 to 4 ms at a time, and much of that lies between two wake-ups
 WINDOW_US = 2_000_000
-# Of the slots of all axles together: a stall that begins just after a wake-up and ends before the next one is not seen.
-# Six axles take most of a guest: in one of six plays on a quiet host 4 of 313 slots of the axle that is sent last were
-# so. A daemon that is slow for itself misses 60 %.
-ALLOWED = 0.02
+# Of the slots of all axles together, beyond those that what was taken explains. A stall that begins just after a
+# wake-up and ends before the next one is not seen, and six axles take most of a guest: what they do late in one slot
+# they catch up with in the next ones. A daemon that is slow for itself misses 60 %.
+ALLOWED = 0.05
 # Of a second beside a slot, as it is seen: at least twice that is taken. A daemon that has less than it needs is behind
 # all the time, and misses far more slots than were taken: all of four axles in a guest where 15 % were seen. Such slots
 # are not judged. In an idle guest 2.5 % are seen.
@@ -113,12 +113,12 @@ def mostly(judged: Sequence[bool], share: float, begin_us: int, end_us: int, mac
 
 @dataclass(frozen=True, slots=True)
 class Cycle:
-    """The slots of a time that were not sent, and those among them that the machine does not excuse; and the number of
-    slots that it left too little to judge."""
+    """The slots of a time that were not sent, and how many of them the machine does not excuse; and the number of slots
+    that it left too little to judge."""
 
     wanted: int
     missing: list[int]
-    unexcused: list[int]
+    unexcused: int
     unjudged: int
     taken_us: int
     slot_us: int
@@ -135,23 +135,22 @@ class Cycle:
 
     def __str__(self) -> str:
         return (f"{self.unjudged} SLOTS NOT JUDGED: " if self.unjudged else "") + (
-            f"{len(self.missing)} of {self.wanted} slots missing, {len(self.unexcused)} of them unexcused; "
+            f"{len(self.missing)} of {self.wanted} slots missing, {self.unexcused} of them unexcused; "
             f"the machine took {self.taken_us / 1000:.0f} ms of {self.wanted * self.slot_us / 1000:.0f}"
         )
 
 
 def cycle(slots: Sequence[int], begin_us: int, end_us: int, machine: Machine, slot_us: int = SLOT_US) -> Cycle:
-    """Judge the slots that were sent, in their order, by those that lie in a time. All together they are excused by no
-    more than what was taken of the judged ones: a slot's length for each. Raises AssertionError where they do not rise.
+    """Judge the slots that were sent, in their order, by those that lie in a time. What was taken of the judged ones
+    excuses as many as it is slots long. Which ones it does not tell: six axles skip a slot up to 300 ms after a stall.
+    Raises AssertionError where they do not rise.
     """
     assert list(slots) == sorted(set(slots)), "slots were sent twice or out of their order"
     wanted, sent = range(begin_us // slot_us + 1, end_us // slot_us), set(slots)
     missing = [s for s in wanted if s not in sent]
     judged = {s for s in wanted if not machine.overloads(s, slot_us)}
     taken_us = sum(machine.taken_us(s * slot_us, (s + 1) * slot_us) for s in judged)
-    failed = [s for s in missing if s in judged]
-    excused = set([s for s in failed if machine.excuses(s, slot_us)][: round(taken_us / SEEN / slot_us)])
-    unexcused = [s for s in failed if s not in excused]
+    unexcused = max(0, sum(s in judged for s in missing) - round(taken_us / SEEN / slot_us))
     unjudged, taken_us = len(wanted) - len(judged), machine.taken_us(begin_us, end_us)
     return Cycle(len(wanted), missing, unexcused, unjudged, taken_us, slot_us)
 
@@ -160,7 +159,7 @@ def all_kept(cycles: Sequence[Cycle]) -> bool:
     """Tell whether the cycles of all axles, judged together, were kept as far as the processor was there. Where most of
     the slots are not judged the daemon is behind in the others, too."""
     judged = [c for c in cycles if c.judged]
-    return sum(len(c.unexcused) for c in judged) <= ALLOWED * sum(c.wanted for c in judged)
+    return sum(c.unexcused for c in judged) <= ALLOWED * sum(c.wanted for c in judged)
 
 
 @contextmanager
