@@ -18,7 +18,7 @@ from sim_ecu.play.judge import HEAD, Said, Verdict, judge, line
 from tests.support.can_ids import ADHESION, ADHESION_A1, YAW_RATE_A2
 from tests.support.metronome import SLOT_US, Machine, metronome, within
 from tests.support.processes import BIN, running, wait_for
-from tests.support.vcan import slot_of
+from tests.support.vcan import CANDUMP, slot_of
 from wrcd.bus.frame import Frame
 from wrcd.bus.log import Damage, read_log
 
@@ -221,7 +221,7 @@ def play(folder: Path, rows: Sequence[Row], interface: str, channel: str) -> lis
     # as systemd/wrcd@.service.d/realtime.conf has it, but below the sensors
     daemon = ("chrt", "-f", str(DAEMON), BIN / "wrcd", "run", "-i", "socketcan", "-c", channel)
     # any: a socket on all interfaces outlives each of them
-    dump = ("candump", "-L", "any,090:7F0,102:7FF")
+    dump = (*CANDUMP, "any,090:7F0,102:7FF")
     with metronome(RIG) as machine, running(*dump, output=log):
         if interface == "slcan":
             with running(*rig, output=told) as playing:

@@ -20,7 +20,7 @@ from tests.support.can_ids import ADHESION_A1
 from tests.support.kit.building import make, needs_compiler, written
 from tests.support.kit.reading import Reading, Verdict
 from tests.support.processes import BIN, running, wait_for
-from tests.support.vcan import FRAME
+from tests.support.vcan import CANDUMP, FRAME
 from wrcd.bus.e2e import COUNTER_MODULO, protect
 from wrcd.bus.log import Damage, format_line, read_log
 from wrcd.config import load_config, packaged
@@ -137,7 +137,7 @@ def heard(tmp_path_factory: pytest.TempPathFactory) -> Heard:
             make(kit, "example")
             with (
                 running(*REAL_TIME, kit / "example_socketcan", "vcan8", output=told) as receiver,
-                running("candump", "-L", "vcan8", output=log),
+                running(*CANDUMP, "vcan8", output=log),
             ):
                 wait_for("the receiver's first line", 10, lambda: "nothing yet" in told.read_text())
                 with running(*REAL_TIME, "canplayer", "-I", ride, "vcan0=can0"):

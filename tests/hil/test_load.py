@@ -18,7 +18,7 @@ from tests.support.can_ids import ADHESION_A1, WRCD_STATUS, YAW_RATE_A1
 from tests.support.metronome import ALLOWED, calm, cycle, metronome, mostly, within
 from tests.support.processes import BIN, running, wait_for
 from tests.support.scenarios import held
-from tests.support.vcan import overruns_at, slot_of
+from tests.support.vcan import CANDUMP, overruns_at, slot_of
 from wrcd.bus.e2e import crc
 from wrcd.bus.frame import Frame
 from wrcd.bus.log import Damage, read_log
@@ -47,7 +47,7 @@ def sensors(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, int]:
 def daemon(log: Path) -> Iterator["subprocess.Popen[bytes]"]:
     """The daemon on vcan0, with candump's log of what it says of axle 1, and of that axle's yaw rate."""
     with (
-        running("candump", "-L", "vcan0,091:7FF,0B0:7FF,101:7FF", output=log),
+        running(*CANDUMP, "vcan0,091:7FF,0B0:7FF,101:7FF", output=log),
         running("chrt", "-f", str(PRIORITY), BIN / "wrcd", "run", "-i", "socketcan", "-c", "vcan0") as process,
     ):
         wait_for("the daemon's first WrcdStatus", 30, lambda: log.exists() and " 0B0#" in log.read_text())

@@ -15,7 +15,7 @@ from tests.support.can_ids import ADHESION_A1
 from tests.support.loop_wire import TIMINGS, stop_in_lockstep
 from tests.support.metronome import SLOT_US, metronome
 from tests.support.processes import BIN, running, wait_for
-from tests.support.vcan import ip, now_us
+from tests.support.vcan import CANDUMP, ip, now_us
 from wrcd.config import packaged
 
 SILENT = "axle 1: demand silent for 30 ms: traction ends, brakes apply as the driver asked"
@@ -62,7 +62,7 @@ class Bench:
         self.config = folder / "one.toml"
         self.config.write_text(packaged(1))
         self.log = folder / "candump.log"
-        cleanup.enter_context(running("candump", "-L", "vcan0", output=self.log))
+        cleanup.enter_context(running(*CANDUMP, "vcan0", output=self.log))
         self.daemon, _ = self._start(DAEMON, f"wrcd run -i socketcan -c vcan0 --config {self.config}")
         self.controller, self.controls = self._start(
             CONTROLLER, f"sim-ecu control thresholds --with-adhesion -c vcan0 --config {self.config}"

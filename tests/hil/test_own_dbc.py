@@ -18,7 +18,7 @@ from cantools.database.can import Database
 
 from tests.support.metronome import BEFORE_US, SLOT_US, Machine, calm, cycle, metronome, mostly, within
 from tests.support.processes import BIN, ROOT, running, wait_for
-from tests.support.vcan import Node, allow_large_buffers, now_us
+from tests.support.vcan import CANDUMP, Node, allow_large_buffers, now_us
 from wrcd.bus.frame import Frame
 from wrcd.bus.log import Damage, read_log
 from wrcd.bus.socketcan import SocketCanLink
@@ -76,7 +76,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
     sent = [[*map(packed, tick), climate] for tick in ticks]
     bus = Bus("vcan0")
     allow_large_buffers()
-    with metronome(0) as machine, running("candump", "-L", "vcan0", output=log):
+    with metronome(0) as machine, running(*CANDUMP, "vcan0", output=log):
         command = (BIN / "wrcd", "run", "--config", CONFIG, "-i", "socketcan", "-c", "vcan0")
         with running(*command) as daemon:
             wait_for("the daemon's first frame", 30, lambda: log.exists() and log.stat().st_size > 0)

@@ -28,7 +28,7 @@ from tests.support.can_ids import (
 from tests.support.metronome import SLOT_US, WINDOW_US, Cycle, Machine, all_kept, calm, cycle, metronome, mostly, within
 from tests.support.processes import BIN, ROOT, running, wait_for
 from tests.support.scenarios import FOUR_AXLES, SIX_AXLES, held
-from tests.support.vcan import allow_large_buffers, overruns_at, slot_of
+from tests.support.vcan import CANDUMP, allow_large_buffers, overruns_at, slot_of
 from wrcd.bus.frame import Frame
 from wrcd.bus.log import Damage, format_line, read_log
 from wrcd.config import DEFAULT
@@ -86,7 +86,7 @@ def record(folder: Path, play: Callable[[], str]) -> Recorded:
     folder.mkdir(exist_ok=True)
     log = folder / "candump.log"
     allow_large_buffers()
-    with metronome(0) as machine, running("candump", "-L", "vcan0", output=log):
+    with metronome(0) as machine, running(*CANDUMP, "vcan0", output=log):
         with running(BIN / "wrcd", "run", "-i", "socketcan", "-c", "vcan0") as daemon:
             wait_for("the daemon's first frame", 30, lambda: sizes(log) > 0)
             says = play()
@@ -281,7 +281,7 @@ def test_sigusr1_dump_replays_to_what_was_sent(tmp_path: Path) -> None:
     allow_large_buffers()
     with (
         metronome(0) as machine,
-        running("candump", "-L", "vcan0", output=bus),
+        running(*CANDUMP, "vcan0", output=bus),
         running(BIN / "wrcd", "run", "-i", "socketcan", "-c", "vcan0", "--config", config) as daemon,
     ):
         wait_for("the daemon's first frame", 30, lambda: sizes(bus) > 0)
@@ -385,7 +385,7 @@ def play_six_axles(log: Path, seen: Path) -> tuple[int, int, str]:
     """Play a log of six axles to a daemon; seen gets what it sends. Returns when, in us, and what the daemon logged."""
     six = ROOT / "examples" / "six-axles.toml"
     with (
-        running("candump", "-L", "vcan0,080:7C0,101:7FF,102:7FF,103:7FF,104:7FF,105:7FF,106:7FF", output=seen),
+        running(*CANDUMP, "vcan0,080:7C0,101:7FF,102:7FF,103:7FF,104:7FF,105:7FF,106:7FF", output=seen),
         # not at a real-time priority: vcan carries frames in a thread of the kernel's that has none
         running(BIN / "wrcd", "run", "-i", "socketcan", "-c", "vcan0", "--config", six) as daemon,
     ):
@@ -426,7 +426,7 @@ def losses(sent: list[Frame], begin_us: int) -> dict[str, int]:
 def test_garbage_frames_do_not_stop_the_daemon(tmp_path: Path) -> None:
     log = tmp_path / "candump.log"
     with (
-        running("candump", "-L", "vcan0,090:7F0", output=log),
+        running(*CANDUMP, "vcan0,090:7F0", output=log),
         running(BIN / "wrcd", "run", "-i", "socketcan", "-c", "vcan0") as daemon,
     ):
         wait_for("the daemon's first frame", 30, lambda: sizes(log) > 0)
@@ -454,7 +454,7 @@ def test_daemon_survives_link_down_and_device_gone(tmp_path: Path) -> None:
         subprocess.run(["ip", "link", *words], timeout=10, check=True)
 
     def frames_come(seconds: float) -> None:
-        with running("candump", "-L", "vcan1,091:7FF", output=log):
+        with running(*CANDUMP, "vcan1,091:7FF", output=log):
             wait_for("a frame on vcan1", seconds, lambda: sizes(log) > 0)
 
     with running(BIN / "wrcd", "run", "-i", "socketcan", "-c", "vcan1") as daemon:
@@ -488,7 +488,7 @@ def test_second_daemon_on_the_bus_is_said_and_counted(bus: str, tmp_path: Path) 
     """Each of two says that somebody else sends its messages, about as many a second as it sends itself."""
     log = tmp_path / "candump.log"
     says = []
-    with running("candump", "-L", bus, output=log):
+    with running(*CANDUMP, bus, output=log):
         daemon = BIN / "wrcd", "run", "-i", "socketcan", "-c", bus
         with running(*daemon) as first, running(*daemon) as second:
             wait_for("some seconds of both", 60, lambda: log.exists() and log.read_text().count(" 0B1#") >= 8)

@@ -6,6 +6,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from tests.support.processes import ROOT, running, wait_for
+from tests.support.vcan import CANDUMP
 from wrcd.bus.frame import Frame
 from wrcd.bus.log import Damage, parse_line, read_log
 
@@ -54,7 +55,7 @@ class Train:
         self.disconnect()
         self._logs += 1
         self.log = self._folder / f"candump{self._logs}.log"
-        self._stack.enter_context(running("candump", "-L", "vcan0,091:7FF", output=self.log))
+        self._stack.enter_context(running(*CANDUMP, "vcan0,091:7FF", output=self.log))
         # a train's sensors do not wait for the daemon's processor: in the guest they share the only one
         self._stack.enter_context(running("chrt", "-f", "10", "canplayer", "-l", "i", "-I", PLAYED, "vcan0=can0"))
 
