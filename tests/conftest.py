@@ -2,6 +2,7 @@
 
 import hashlib
 import os
+import signal
 from collections.abc import Generator
 from pathlib import Path
 
@@ -28,6 +29,11 @@ settings.register_profile(
     suppress_health_check=SLOW,
 )
 settings.load_profile("ci")
+
+# In the background of a script SIGINT is ignored, here and in every process that a test starts: one that waits for the
+# end by Ctrl-C would wait for ever.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 # What needs a tool that this computer lacks is skipped; with NO_SKIPS=1, as in CI, it fails. On a native bus tests are
