@@ -24,14 +24,15 @@ PERIOD_NS = 5_000_000
 NOTED_NS = 500_000
 SLOT_US = 20_000
 # A slot is skipped when the work of some ticks has piled up. Of 25 slots that six axles skipped in a guest beside other
-# work, the machine had taken at least 8 ms of the 100 ms up to the end of each; in an idle guest it takes 2.5.
+# work, the machine had taken at least 8 ms of the 100 ms up to the end of each; in an idle guest it takes 2.5. It holds
+# for most slots and not for all, so it says what a single slot may be, and does not judge a cycle.
 BEFORE_US, TAKEN_US = 100_000, 6_000
 SEEN = 0.5  # of what is taken: a host hands out 3 to 4 ms at a time, and much of that lies between two wake-ups
 WINDOW_US = 2_000_000
-# Of the slots of all axles together, beyond those that what was taken explains. A stall that begins just after a
-# wake-up and ends before the next one is not seen, and six axles take most of a guest: what they do late in one slot
-# they catch up with in the next ones. A daemon that is slow for itself misses 60 %.
-ALLOWED = 0.05
+# Of the slots of all axles together, beyond those that what was taken explains: a stall that begins just after a
+# wake-up and ends before the next one is not seen. One to four axles used none of it in five runs, idle and beside
+# other work. A daemon that is slow for itself misses 60 %.
+ALLOWED = 0.02
 # Of a second beside a slot, as it is seen: at least twice that is taken. A daemon that has less than it needs is behind
 # all the time, and misses far more slots than were taken: all of four axles in a guest where 15 % were seen. Such slots
 # are not judged. In an idle guest 2.5 % are seen.
@@ -66,9 +67,9 @@ class Machine:
         """Return the longest stall that touches a time, 0 if none does."""
         return max((s.end_us - s.begin_us for s in self._touching(begin_us, end_us)), default=0)
 
-    def excuses(self, slot: int, slot_us: int = SLOT_US) -> bool:
+    def excuses(self, slot: int) -> bool:
         """Tell whether the machine took so much up to a slot's end that it could not be kept."""
-        end_us = (slot + 1) * slot_us
+        end_us = (slot + 1) * SLOT_US
         return self.taken_us(end_us - BEFORE_US, end_us) >= TAKEN_US
 
     def overloads(self, slot: int, slot_us: int = SLOT_US) -> bool:
@@ -142,8 +143,8 @@ class Cycle:
 
 def cycle(slots: Sequence[int], begin_us: int, end_us: int, machine: Machine, slot_us: int = SLOT_US) -> Cycle:
     """Judge the slots that were sent, in their order, by those that lie in a time. What was taken of the judged ones
-    excuses as many as it is slots long. Which ones it does not tell: six axles skip a slot up to 300 ms after a stall.
-    Raises AssertionError where they do not rise.
+    excuses as many as it is slots long. Which ones it does not tell: a daemon that nearly fills its processor catches
+    up with a stall over the next slots. Raises AssertionError where they do not rise.
     """
     assert list(slots) == sorted(set(slots)), "slots were sent twice or out of their order"
     wanted, sent = range(begin_us // slot_us + 1, end_us // slot_us), set(slots)
@@ -155,11 +156,11 @@ def cycle(slots: Sequence[int], begin_us: int, end_us: int, machine: Machine, sl
     return Cycle(len(wanted), missing, unexcused, unjudged, taken_us, slot_us)
 
 
-def all_kept(cycles: Sequence[Cycle]) -> bool:
+def all_kept(cycles: Sequence[Cycle], allowed: float = ALLOWED) -> bool:
     """Tell whether the cycles of all axles, judged together, were kept as far as the processor was there. Where most of
     the slots are not judged the daemon is behind in the others, too."""
     judged = [c for c in cycles if c.judged]
-    return sum(c.unexcused for c in judged) <= ALLOWED * sum(c.wanted for c in judged)
+    return sum(c.unexcused for c in judged) <= allowed * sum(c.wanted for c in judged)
 
 
 @contextmanager
