@@ -288,7 +288,7 @@ def toml(value: object) -> str:
         return "{ " + ", ".join(f"{_key(key)} = {toml(v)}" for key, v in value.items()) + " }"
     if isinstance(value, list | tuple):
         return "[" + ", ".join(map(toml, value)) + "]"
-    return f"{value:g}" if isinstance(value, float) else str(value)
+    return str(value).removesuffix(".0")  # of a float every digit: a line that is shown holds what the file has, too
 
 
 def _key(key: str) -> str:

@@ -679,6 +679,13 @@ def test_line_that_is_shown_mends_the_mistake(folder: Path) -> None:
         load_config(written(folder, [*edits, (old, line)]))
 
 
+def test_line_that_is_shown_keeps_every_digit_of_the_file(folder: Path) -> None:
+    scale = "scale = 0.017453292519943295"
+    path = written(folder, [(YAW, f'yaw_rate = {{ signal = "Imu1.Gyro", {scale}, ok = [2] }}')])
+    with pytest.raises(InputError, match=rf"write in \[\[axle\]\]: yaw_rate = .* {scale}, "):
+        load_config(path)
+
+
 def test_texts_of_the_cases_are_good_without_their_mistake(folder: Path) -> None:
     second = SECOND + 'adhesion = "Adhesion_A2"'
     extended = 'axle_load = "Extended.Load"\nwheel_radius = "Extended.Radius"\nbrake_torque = "Extended.Brake"'
