@@ -2,7 +2,8 @@
 # make test   set up, then all tests: on the host, then on a real kernel's vcan and under real systemd
 # make walk   a new user's first hour in a clone of the last commit: demo, own DBC, a bus, screens and pages; 4 minutes
 # make lint   format, lint, types: seconds
-# make check  make lint, then make test; both, whatever fails
+# make night  the slowest tests, minutes of processor time, which make test leaves out
+# make check  make lint, make test and make night; all, whatever fails
 # make docs   prints what the pages quote from the program again, and builds their site into build/site; make docs-all score, loop and fault matrix too, an hour
 # make vcan -- COMMAND  COMMAND where there is a vcan0: on this kernel, or in a throw-away one; without COMMAND a shell
 # make fuzz   property tests with EXAMPLES (10^5) examples each, and a million corrupted frames; hours
@@ -30,7 +31,7 @@ vcan:
 Makefile: ;
 else
 
-.PHONY: loop demo pictures test lint check unit browser hil faults systemd walk fuzz soak coverage bench mutants format design score docs docs-all docs-check lock audit clean deb
+.PHONY: loop demo pictures test lint check night unit browser hil faults systemd walk fuzz soak coverage bench mutants format design score docs docs-all docs-check lock audit clean deb
 
 demo: $(READY)
 	$(BIN)/sim-ecu demo
@@ -67,9 +68,7 @@ deb: $(READY)
 
 # docs/leaf-patch.png, docs/monitor.svg and docs/report.png, from rides that are played for them
 pictures: $(READY)
-	$(BIN)/python -m tests.support.demo_picture
-	$(BIN)/python -m tests.support.monitor_picture
-	$(BIN)/python -m tests.support.report_picture
+	$(BIN)/python -m tests.support.pictures
 
 # the report in a headless chromium (CHROMIUM=/usr/bin/chromium); BROWSER=measure how fast it is, an hour of four axles
 browser: $(READY)
@@ -85,8 +84,14 @@ lint: $(READY)
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 
+night: export OPENBLAS_NUM_THREADS = 1
+night: export OMP_NUM_THREADS = 1
+night: $(READY)
+	$(BIN)/python -m pytest -n auto --dist=worksteal --durations=5 -m night
+
 check: $(READY)
-	$(MAKE) lint; linted=$$?; $(MAKE) test; tested=$$?; [ $$linted = 0 ] || echo "make lint FAILED"; exit $$((linted | tested))
+	@failed=0; for stage in lint test night; do $(MAKE) $$stage || { failed=2; bad="$$bad $$stage"; }; done; \
+	    for stage in $$bad; do echo "make $$stage FAILED"; done; exit $$failed
 
 EXAMPLES ?= 100000
 fuzz: $(READY)
@@ -142,17 +147,18 @@ loop: $(READY)
 
 # what stands between the markers of the pages, the configuration's JSON schema, completion and manual pages, and the site of
 # the pages in build/site: a warning or a dead link fails. docs-check changes nothing
+SITE := -m sphinx -q -W --keep-going -n -E -c docs . build/site
 docs: $(READY)
 	$(BIN)/python -m tests.support.pages --write
 	$(BIN)/python -m tests.support.signs_picture
 	$(BIN)/python -m tests.support.schema
 	$(BIN)/python -m tests.support.completion
 	$(BIN)/python -m tests.support.manual
-	$(BIN)/python -m tests.support.site build/site
+	$(BIN)/python $(SITE)
 
 docs-all: $(READY)
 	$(BIN)/python -m tests.support.pages --write --all
-	$(BIN)/python -m tests.support.site build/site
+	$(BIN)/python $(SITE)
 
 docs-check: $(READY)
 	$(BIN)/python -m pytest tests/unit/test_docs.py tests/unit/test_docs_site.py tests/unit/test_docs_commands.py

@@ -45,7 +45,8 @@ def sections() -> list[tuple[str, list[str]]]:
     text = (ROOT / f"{INDEX}.md").read_text(encoding="utf-8")
     found = []
     for part in re.split(r"^## ", text, flags=re.MULTILINE)[1:]:
-        links = re.findall(r"^- \[[^\]]+\]\(([^)#]+)\.md\)", part, re.MULTILINE)
+        lines = re.findall(r"^- .+", part, re.MULTILINE)
+        links = [link for line in lines for link in re.findall(r"\]\(([^)#]+)\.md\)", line)]
         pages = [(ROOT / INDEX).parent.joinpath(link).resolve().relative_to(ROOT).as_posix() for link in links]
         found.append((part.partition("\n")[0].strip(), pages))
     return found

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from wrcd.bus.dbc import Database, Message, load_dbc
-from wrcd.tools.contract import Frame, Use, print_decisions
+from wrcd.contract import Frame, Use, print_decisions
 
 DBC = Path(__file__).parents[1] / "dbc" / "wrcd.dbc"
 AXLES = (1, 2, 3, 4)

@@ -7,7 +7,7 @@ Do not copy: no E2E, no time-out, every number is believed.
 
 import argparse
 
-from wrcd.tools.contract import Frame, Use, print_decisions
+from wrcd.contract import Frame, Use, print_decisions
 
 AXLES = (1, 2, 3, 4)
 

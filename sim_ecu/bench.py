@@ -16,33 +16,31 @@ import math
 import numbers
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from cantools.database.can import Message
 
-from sim_ecu.loop.control.consumer import HALF_WIDTHS, TIMEOUT_CYCLES
-from sim_ecu.loop.control.controller import Controller
-from sim_ecu.loop.control.facts import Facts
-from sim_ecu.loop.control.make import NAMES, make_controller
-from sim_ecu.loop.judge import Figures, judge
+from sim_ecu.loop.control.adhesion_consumer import HALF_WIDTHS, TIMEOUT_CYCLES, Facts
+from sim_ecu.loop.control.adhesion_consumer import TrainController as Controller
+from sim_ecu.loop.control.slip_controller import NAMES, make_controller
+from sim_ecu.loop.drive_scenario import DriveScenario, load_drive_scenario, path_of, read_drive_scenario
 from sim_ecu.loop.lockstep import ON_TIME, Listener, Lockstep, Timing
-from sim_ecu.loop.messages import rig_message
-from sim_ecu.loop.readings import Adhesion, Sensors, Truth
+from sim_ecu.loop.ride_figures import Figures, judge
 from sim_ecu.loop.rig import Step
-from sim_ecu.loop.scenario import DriveScenario, load_drive_scenario, path_of, read_drive_scenario
+from sim_ecu.loop.rig_messages import rig_message
 from sim_ecu.physics.actuators import Valve
-from sim_ecu.play.adhesion import AdhesionReader
 from sim_ecu.play.encoder import SAMPLE_US, databases
 from sim_ecu.play.mapped import MappedTrain
-from sim_ecu.play.train import PACKAGED, Train
+from sim_ecu.play.train import PACKAGED, AdhesionReader, Train
 from wrcd.bus.dbc import find_message
-from wrcd.config import load_config, load_packaged
+from wrcd.config.config import load_config, load_packaged
+from wrcd.config.section import Section, TomlSource
+from wrcd.config.settings import read_toml, suggest
 from wrcd.core.configuration import Config
 from wrcd.errors import InputError
-from wrcd.section import Section, Source
-from wrcd.settings import read_toml, suggest
 
 __all__ = [
     "Adhesion", "Bench", "Controller", "DriveScenario", "Figures", "InputError", "Sensors", "Step", "Timing", "Truth",
@@ -51,6 +49,54 @@ __all__ = [
 
 STEP_S = SAMPLE_US * 1e-6
 KEYWORDS = "keyword arguments"  # what errors call them
+
+
+@dataclass(frozen=True, slots=True)
+class Truth:
+    """What is true of an axle after a step. Torque and adhesion in use are means of the step, signed as driven."""
+
+    mu_available: float
+    mu_used: float
+    slip_m_s: float  # wheel less ground
+    wheel_m_s: float
+    speed_m_s: float  # of the train over ground
+    torque_N_m: float  # all together: traction, electric and friction brake
+    pressure_bar: float
+
+
+@dataclass(frozen=True, slots=True)
+class Sensors:
+    """What the newest frames of an axle and its train say, with noise and faults; None: none has come yet."""
+
+    yaw_rate_rad_s: float | None
+    lateral_acceleration_m_s2: float | None
+    torque_N_m: float | None
+    vehicle_speed_m_s: float | None
+    wheel_speed_m_s: float | None
+    pressure_bar: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Adhesion:
+    """The newest Adhesion frame of an axle. Words and numbers are None where the configuration does not send them.
+
+    validity: "Valid", "Degraded", "NotAvailable" or "Error". half_width: of the 90 % interval around mu_available; None
+    if it is wider than any that the frame can state. age_s: since the frame, not of its inputs.
+    """
+
+    validity: str | None
+    mu_available: float | None
+    mu_used: float | None
+    half_width: float | None
+    surface: str | None
+    contact_state: str | None
+    age_s: float
+    max_age_s: float
+
+    @property
+    def valid(self) -> bool:
+        """Whether it may be used: Valid, with a number, and no older than its time-out."""
+        return self.validity == "Valid" and self.mu_available is not None and self.age_s <= self.max_age_s
 
 
 def scenario(
@@ -73,7 +119,9 @@ def scenario(
         data["rail"] = [{"curve": rail}] if isinstance(rail, str) else [dict(part) for part in rail]
     if demand is not None:
         data["driver"] = {"demand": demand if isinstance(demand, int | float) else [list(row) for row in demand]}
-    return read_drive_scenario(Section(data, Source(KEYWORDS, {}, None), ()), "bench" if name is None else path.stem)
+    return read_drive_scenario(
+        Section(data, TomlSource(KEYWORDS, {}, None), ()), "bench" if name is None else path.stem
+    )
 
 
 class Bench:
@@ -225,8 +273,8 @@ class Bench:
 
     def silences(self, axle: int) -> tuple[int, float]:
         """How often an axle's demand fell silent, and for how long in all (s). A demand that is set is never silent."""
-        k = self._place(axle)
-        return self._run.rig.silences[k], self._run.rig.silent_us[k] * 1e-6
+        record = self._run.rig.silences[self._place(axle)]
+        return record.silences, record.silent_us * 1e-6
 
     def figures(self) -> Figures:
         """Time beyond the peak's creep, slides, slip energy, utilisation, stopping distance of the steps so far. Raises

@@ -7,19 +7,22 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from sim_ecu.campaign import keys, kinds
-from sim_ecu.campaign.job import Job
+from sim_ecu.campaign import factors
+from sim_ecu.campaign.campaign_folder import CampaignRequest
+from sim_ecu.campaign.factors import SEED, Given, Point, drawn, full, latin, read_factors
 from sim_ecu.campaign.kind import Kind, Type
-from sim_ecu.campaign.points import Point, drawn, full, latin
-from sim_ecu.campaign.spreads import SEED, Given, read_factors, spreads
-from sim_ecu.campaign.store import Asked
-from sim_ecu.campaign.task import Task, digest, told
+from sim_ecu.campaign.kinds.drive import DRIVE
+from sim_ecu.campaign.kinds.log import KIND as LOG
+from sim_ecu.campaign.kinds.play_kind import PLAY
+from sim_ecu.campaign.kinds.score import SCORE
+from sim_ecu.jobs.job import Job, Task, code, digest
+from wrcd.config.section import Section, suggest
+from wrcd.config.settings import read_toml
 from wrcd.errors import InputError, InputErrors
-from wrcd.section import Section, suggest
-from wrcd.settings import read_toml
 
+KINDS: tuple[Kind, ...] = (DRIVE, PLAY, SCORE, LOG)
 MAX_JOBS = 1_000_000
-MOST_TOLD = 20  # mistakes in jobs: more would say the same
+MOST_NAMED = 20  # mistakes in jobs: more would say the same
 Checked = Callable[[int, int], None]
 
 
@@ -32,7 +35,7 @@ class Campaign:
     paths: by the values of the factors that are files: contents of what is read, by absolute path.
     """
 
-    asked: Asked
+    asked: CampaignRequest
     jobs: tuple[Job, ...]
     factors: Mapping[str, Given]
     seeds: range | None
@@ -65,12 +68,12 @@ class _Head:
     limit_s: float | None
 
 
-def load_campaign(file: Path, code: str, checked: Checked = lambda _done, _of: None) -> Campaign:
+def load_campaign(file: Path, checked: Checked = lambda _done, _of: None) -> Campaign:
     """Read and check everything: the file, then every job's inputs as its kind can. Raises InputError, or InputErrors
-    with all mistakes. code: a digest of what will answer. checked: called with how many of how many are checked."""
+    with all mistakes. checked: called with how many of how many are checked."""
     top = read_toml(file, collect=True)
     head = _head(top, file)
-    fixed, varied = read_factors(top, head.kind, head.method == keys.FULL)
+    fixed, varied = read_factors(top, head.kind, head.method == factors.FULL)
     top.done()
     top.finish()
     stays: Point = {name: g.spread.every()[0] for name, g in fixed.items()}
@@ -82,7 +85,7 @@ def load_campaign(file: Path, code: str, checked: Checked = lambda _done, _of: N
     types |= {f.name: f.type for f in head.kind.factors if f.name in points[0] and f.name not in types}
     types |= {SEED: Type.WHOLE} if head.seeds else {}
     jobs, paths = _jobs(head, points, folder, top, checked)
-    asked = Asked(head.title, head.kind, types, code)
+    asked = CampaignRequest(head.title, head.kind, types, code(head.kind.function.__module__))
     return Campaign(
         asked, jobs, varied, head.seeds, len(every) - len(drawn_once), head.limit_s, folder.resolve(), paths
     )
@@ -108,52 +111,52 @@ def _meant(kind: Kind, point: Point, folder: Path, top: Section) -> Iterator[Poi
 
 def _head(top: Section, file: Path) -> _Head:
     """Raises InputError without a kind, for nothing else can be read then."""
-    title = keys.TITLE.read(top) or file.stem
-    method = keys.METHOD.value(top)
-    points, draw = _drawn_points(top, method), keys.DRAW.value(top)
-    names = [k.name for k in kinds.KINDS]
-    name = top.get(keys.KIND.name, str, "")
-    kind = next((k for k in kinds.KINDS if k.name == name), None)
+    title = factors.TITLE.read(top) or file.stem
+    method = factors.METHOD.value(top)
+    points, draw = _drawn_points(top, method), factors.DRAW.value(top)
+    names = [k.name for k in KINDS]
+    name = top.get(factors.KIND.name, str, "")
+    kind = next((k for k in KINDS if k.name == name), None)
     if kind is None:
         reason = "is missing" if "kind" not in top else f"is {name!r}, which is no kind"
         top.mistake(top.error(reason, "kind", suggest(name, names) or f"kinds: {', '.join(names)}"))
         top.finish()
         raise AssertionError
     seeds = _seeds(top, kind)
-    return _Head(title, kind, method, points, draw, seeds, keys.LIMIT.read(top))
+    return _Head(title, kind, method, points, draw, seeds, factors.LIMIT.read(top))
 
 
 def _drawn_points(top: Section, method: str) -> int:
     """0 of a full factorial."""
-    points = keys.POINTS.read(top)
-    for key in (keys.POINTS.name, keys.DRAW.name):
-        if method == keys.FULL and key in top:
+    points = factors.POINTS.read(top)
+    for key in (factors.POINTS.name, factors.DRAW.name):
+        if method == factors.FULL and key in top:
             top.mistake(top.error("is of method random or latin", key, "a full factorial takes all combinations"))
-    if method != keys.FULL and keys.POINTS.name not in top:
-        top.mistake(top.absent(keys.POINTS.name, "how many points to draw"))
+    if method != factors.FULL and factors.POINTS.name not in top:
+        top.mistake(top.absent(factors.POINTS.name, "how many points to draw"))
     return points or 0
 
 
 def _seeds(top: Section, kind: Kind) -> range | None:
     if not kind.seeded:
-        for key in (keys.SEEDS.name, keys.FIRST_SEED.name):
+        for key in (factors.SEEDS.name, factors.FIRST_SEED.name):
             if top.raw(key) is not None:
                 top.mistake(top.error(f"is not of {kind.name}, which has no seed", key, "leave it out"))
         return None
-    first = keys.FIRST_SEED.value(top)
-    return range(first, first + keys.SEEDS.value(top))
+    first = factors.FIRST_SEED.value(top)
+    return range(first, first + factors.SEEDS.value(top))
 
 
 def _points(head: _Head, varied: Mapping[str, Given], top: Section) -> list[Point]:
     """Of the factors that vary. Raises InputError where they are too many."""
-    factors = spreads(varied)
+    spreads = {name: g.spread for name, g in varied.items()}
     runs = len(head.seeds) if head.seeds else 1
-    count = math.prod(len(s.every()) for s in factors.values()) if head.method == keys.FULL else head.points
+    count = math.prod(len(s.every()) for s in spreads.values()) if head.method == factors.FULL else head.points
     if count * runs > MAX_JOBS:
         raise top.error(f"there are {count * runs} jobs, more than {MAX_JOBS}", hint="fewer values, or method latin")
-    if not factors or head.method == keys.FULL:
-        return list(full(factors))
-    return list((drawn if head.method == keys.RANDOM else latin)(factors, head.points, head.draw))
+    if not spreads or head.method == factors.FULL:
+        return list(full(spreads))
+    return list((drawn if head.method == factors.RANDOM else latin)(spreads, head.points, head.draw))
 
 
 def _jobs(
@@ -179,13 +182,13 @@ def _jobs(
         except InputError as e:
             for mistake in e.errors if isinstance(e, InputErrors) else (e,):
                 mistakes.setdefault(str(mistake), _of_job(mistake, point, top))
-            if len(mistakes) >= MOST_TOLD:
+            if len(mistakes) >= MOST_NAMED:
                 break
             continue
         checked(k + 1, len(points))
         jobs += (Job(kind.name, i, named[own]) for i in _with_seeds(point, head.seeds))
     if mistakes:
-        few = list(islice(mistakes.values(), MOST_TOLD))
+        few = list(islice(mistakes.values(), MOST_NAMED))
         raise few[0] if len(few) == 1 else InputErrors(few)
     return tuple(jobs), paths
 
@@ -201,7 +204,7 @@ def _of_job(e: InputError, point: Point, top: Section) -> InputError:
     """A mistake in a file stands there; one in the inputs is the campaign's, at the first point that has it."""
     if e.file is not None:
         return e
-    reason = f"{e.reason} (at {told(point)})"
+    reason = f"{e.reason} (at {as_words(point)})"
     table = next((t for t in (top.section("factor"), top.section("fixed")) if e.key in t), None)
     if table is not None:
         return table.error(reason, e.key, e.hint)
@@ -211,3 +214,14 @@ def _of_job(e: InputError, point: Point, top: Section) -> InputError:
 def _files(kind: Kind, inputs: Mapping[str, Any]) -> tuple[Any, ...]:
     """The values of the factors that are files."""
     return tuple(inputs.get(f.name) for f in kind.factors if f.is_file)
+
+
+def as_words(inputs: Mapping[str, Any]) -> str:
+    """Return a job's inputs in a line, for a person."""
+    return ", ".join(f"{name} = {_shown(value)}" for name, value in inputs.items())
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f"{value:.6g}" if isinstance(value, float) else str(value)

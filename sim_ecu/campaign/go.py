@@ -1,55 +1,35 @@
 """A campaign as it runs: the jobs that are left, their rows into the folder, all of them merged at the end."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor
-from contextlib import closing, contextmanager
-from dataclasses import dataclass
+import sys
+import time
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+from sim_ecu.campaign.campaign_folder import merge, opened_store
 from sim_ecu.campaign.definition import Campaign
-from sim_ecu.campaign.job import Ending, Job, Row, Scalar
-from sim_ecu.campaign.kind import Figure, Type
-from sim_ecu.campaign.progress import Shown
-from sim_ecu.campaign.runner import AHEAD, Lost, Outcome, run
-from sim_ecu.campaign.spreads import SEED
-from sim_ecu.campaign.store import Store
-from sim_ecu.campaign.task import Refusal, Task, answer, plain_error
-from wrcd.errors import InputError, Status
-from wrcd.tools.guard import NOT_WRITTEN
+from sim_ecu.campaign.factors import SEED
+from sim_ecu.campaign.kind import Metric, Type
+from sim_ecu.jobs.job import Ending, Job, JobRow, Refusal, Scalar, Task, answer, plain_error
+from sim_ecu.jobs.pool import RESUMES, Lost, Stopped, Workers
+from sim_ecu.jobs.store import Store
+from wrcd.colour import moves
+from wrcd.progress import Progress
 
-RESUMES = "the same command goes on from there"
-
-
-class Stopped(InputError):
-    """The campaign ended before its end; what is finished is kept."""
-
-    status = Status.STOPPED
-
-
-@dataclass(frozen=True, slots=True)
-class Workers:
-    """Who does it: an executor, how many jobs it works on at once, how many are handed out for each of those.
-
-    gather: waits until somebody is there. idle: is called every second or so.
-    """
-
-    executor: Executor
-    count: int | Callable[[], int]
-    ahead: int = AHEAD
-    gather: Callable[[], None] = lambda: None
-    idle: Callable[[], None] = lambda: None
+LINES = 20  # where there is no terminal: a line for each twentieth of the work
 
 
 @dataclass(frozen=True, slots=True)
 class Finished:
     """All rows of a campaign in its order. before: how many of them were there when it began."""
 
-    pairs: Sequence[tuple[Job, Row]]
+    pairs: Sequence[tuple[Job, JobRow]]
     before: int
     results: Path
 
     def count(self, ending: Ending) -> int:
-        """Rows that ended so."""
+        """Return how many rows ended so."""
         return sum(row.ending is ending for _, row in self.pairs)
 
 
@@ -65,10 +45,9 @@ class Opened:
 
 @contextmanager
 def opened(campaign: Campaign, folder: Path) -> Iterator[Opened]:
-    """Its folder, before anybody is waited for. Raises InputError for one that cannot be used."""
+    """Open its folder, before anybody is waited for. Raises InputError for one that cannot be used."""
     keys = [job.key(campaign.asked.code) for job in campaign.jobs]
-    with Store(folder, campaign.asked) as store:
-        store.claim(keys)
+    with opened_store(folder, campaign.asked, keys) as store:
         yield Opened(campaign, folder, store, keys)
 
 
@@ -82,42 +61,37 @@ def go(opened: Opened, workers: Workers, *, again: bool = False) -> Finished:
         store.forget([k for k in keys if k in store.rows and store.rows[k].ending is not Ending.DONE])
     left = [k for k, key in enumerate(keys) if key not in store.rows]
     before = len(keys) - len(left)
-    there = [k for k, key in enumerate(keys) if key in store.rows]
-    shown = Shown(len(keys), before, _costs(campaign, left), sum(_costs(campaign, there)))
-    tasks, limit_s = Tasks(campaign, left), campaign.limit_s
+    shown = _Shown(_costs(campaign), left)
+
+    def row(row: JobRow, value: dict[str, Scalar] | Refusal | None) -> JobRow:
+        if isinstance(value, Refusal):
+            raise Stopped(value.text, hint=f"{value.hint}; {RESUMES}")
+        if value is not None:
+            try:
+                row = replace(row, figures=typed(value, campaign.asked.kind.figures))
+            except (TypeError, ValueError) as e:
+                row = replace(row, ending=Ending.FAILED, error=f"{type(e).__name__}: {e}")
+        return replace(row, error=plain_error(row.error, str(campaign.folder)))
+
     try:
-        workers.gather()
-        ends = run(answer, tasks, workers.executor, workers.count, limit_s, ahead=workers.ahead, idle=workers.idle)
-        with closing(ends):
-            for outcome in ends:
-                row = _row(keys[left[outcome.place]], outcome, campaign)
-                _keep(opened, row)
-                shown.row(outcome.place, row)
+        tasks = Tasks(campaign, left)
+        named = [keys[k] for k in left]
+        for place, ended in store.finish(answer, named, tasks, workers, campaign.limit_s, row=row):
+            shown.row(left[place], ended)
     except Lost as e:
         kept = f"{len(store.rows)} rows are in {opened.folder}"
         raise Stopped(f"the workers are lost: {e.reason}", hint=f"{kept}, {RESUMES}") from None
     finally:
         shown.end()
-    results = store.merge(campaign.jobs)
-    return Finished([(job, store.rows[key]) for job, key in zip(campaign.jobs, keys, strict=True)], before, results)
+    pairs = [(job, store.rows[key]) for job, key in zip(campaign.jobs, keys, strict=True)]
+    return Finished(pairs, before, merge(opened.folder, campaign.asked, pairs))
 
 
-def _keep(opened: Opened, row: Row) -> None:
-    """Raises Stopped for a full disk."""
-    try:
-        opened.store.add(row)
-    except OSError as e:
-        if e.errno not in NOT_WRITTEN:
-            raise
-        hint = f"make room; {RESUMES}"
-        raise Stopped(f"a row cannot be written: {e.strerror}", file=opened.folder, hint=hint) from None
-
-
-def _costs(campaign: Campaign, places: Sequence[int]) -> list[float]:
-    """Of the jobs at some places; seeds of a point cost the same."""
+def _costs(campaign: Campaign) -> list[float]:
+    """Of every job; seeds of a point cost the same."""
     known: dict[tuple[tuple[str, Scalar], ...], float] = {}
     out = []
-    for job in (campaign.jobs[k] for k in places):
+    for job in campaign.jobs:
         point = tuple((name, value) for name, value in job.inputs.items() if name != SEED)
         if point not in known:
             known[point] = campaign.cost(job)
@@ -138,22 +112,43 @@ class Tasks(Sequence[Task]):
         return self._campaign.task(self._campaign.jobs[self._places[k]])
 
 
-def _row(key: str, outcome: Outcome[dict[str, Scalar] | Refusal], campaign: Campaign) -> Row:
-    ending, error, figures = outcome.ending, outcome.error, outcome.value
-    if isinstance(figures, Refusal):
-        raise Stopped(figures.text, hint=f"{figures.hint}; {RESUMES}")
-    out: Mapping[str, Scalar] = {}
-    if figures is not None:
-        try:
-            out = typed(figures, campaign.asked.kind.figures)
-        except (TypeError, ValueError) as e:
-            ending, error = Ending.FAILED, f"{type(e).__name__}: {e}"
-    return Row(key, ending, out, plain_error(error, str(campaign.folder)), outcome.attempts, outcome.seconds)
+class _Shown:
+    """Progress on standard error: jobs done of all, how many failed, jobs a second, time left by the jobs' costs."""
+
+    def __init__(self, costs: Sequence[float], left: Sequence[int]) -> None:
+        self._costs, self._jobs = costs, len(costs)
+        self._done = self._before = len(costs) - len(left)
+        self._whole = sum(costs) or 1.0
+        self._cost = self._whole - sum(costs[k] for k in left)
+        self._share_before = self._cost / self._whole
+        self._failed = 0
+        self._began = time.monotonic()
+        self._progress = Progress(steps=True)
+        self._every_share = moves(sys.stderr)
+        self._next = 0.0
+
+    def row(self, place: int, row: JobRow) -> None:
+        """Count one more."""
+        self._done += 1
+        self._failed += row.ending is not Ending.DONE
+        self._cost += self._costs[place]
+        share = self._cost / self._whole
+        if self._every_share or share >= self._next or self._done == self._jobs:
+            self._next = share + 1 / LINES
+            rate = (self._done - self._before) / max(time.monotonic() - self._began, 1e-3)
+            failed = f", {self._failed} failed" if self._failed else ""
+            form = ".0f" if rate >= 100 else ".3g"
+            text = f"{self._done} of {self._jobs} jobs{failed}, {rate:{form}} jobs/s"
+            self._progress.at(text, share, self._share_before)
+
+    def end(self) -> None:
+        """Leave the line."""
+        self._progress.end()
 
 
-def typed(found: Mapping[str, Scalar], figures: Iterable[Figure]) -> dict[str, Scalar]:
-    """What a function gave, in the types that its kind says. Raises ValueError for a figure that is not there or that
-    nobody declared, and TypeError for one of another type."""
+def typed(found: Mapping[str, Scalar], figures: Iterable[Metric]) -> dict[str, Scalar]:
+    """Return what a function gave, in the types that its kind says. Raises ValueError for a figure that is not there or
+    that nobody declared, and TypeError for one of another type."""
     declared = {f.name: f.type for f in figures}
     if set(found) != set(declared):
         raise ValueError(f"the kind's figures are others: {', '.join(sorted(set(found) ^ set(declared)))}")

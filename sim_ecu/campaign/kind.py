@@ -6,9 +6,9 @@ from enum import Enum
 from pathlib import Path
 from typing import Any
 
-from sim_ecu.campaign.job import Job, Scalar
+from sim_ecu.jobs.job import Job, Scalar
+from wrcd.config.section import suggest
 from wrcd.errors import InputError
-from wrcd.section import suggest
 
 
 class Type(Enum):
@@ -66,7 +66,7 @@ class Factor:
 
 
 @dataclass(frozen=True, slots=True)
-class Figure:
+class Metric:
     """What a job gives. better: "less", "more", or "" where neither is. A NUMBER may be NaN: there is none."""
 
     name: str
@@ -93,11 +93,11 @@ class Kind:
     name: str
     words: str
     factors: tuple[Factor, ...]
-    figures: tuple[Figure, ...]
+    figures: tuple[Metric, ...]
     function: Callable[[Job], Mapping[str, Scalar]]
     open_factors: tuple[str, ...] = ()
     seeded: bool = True
-    check: Callable[[Mapping[str, Any]], None] = lambda inputs: None
+    check: Callable[[Mapping[str, Any]], object] = lambda inputs: None
     cost: Callable[[Mapping[str, Any]], float] = lambda inputs: 1.0
     suite: str = ""
     cluster: tuple[str, ...] = ("seed",)

@@ -2,8 +2,8 @@
 
 import json
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from dataclasses import fields as dataclass_fields
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +13,97 @@ from sim_ecu.design.cases import KINDS
 from sim_ecu.design.linear import Point
 from sim_ecu.design.make import Brief, in_papers_form
 from sim_ecu.physics.contact import CURVES, CreepCurve
-from sim_ecu.physics.sensors import SENSOR_SETS
+from sim_ecu.physics.sensors import SENSOR_SETS, SensorSet
+from sim_ecu.physics.wheelset import Wheelset
 from sim_ecu.play.scenario import read_wheelset
+from wrcd.config.settings import Section, suggest
 from wrcd.errors import InputError
-from wrcd.estimator.design import FORMS
-from wrcd.settings import Section, suggest
+from wrcd.estimator.design import FORMS, Design, load_design
+from wrcd.logs.explanation import GLOSSARY, bounds, sentence
+
+
+@dataclass(frozen=True, slots=True)
+class Recipe:
+    """A loaded design with the inputs it was made from, and how well its rules describe their own training data.
+
+    seed and roughness (times the good track's spectral density, from … to) are of the training conditions; support is
+    how many windows speak for each rule; windows and mean_error_pp are of the fit.
+    """
+
+    file: Path
+    design: Design
+    wheelset: Wheelset
+    sensors: SensorSet
+    points: tuple[Point, ...]
+    seed: int
+    roughness: tuple[float, float]
+    support: tuple[float, ...]
+    windows: int
+    mean_error_pp: float
+
+
+def load_source(file: Path) -> Recipe:
+    """Read a design file for the rig. Raises InputError where it lacks what the rig needs."""
+    design = load_design(file)
+    document: Any = json.loads(file.read_text(encoding="utf-8"))
+    try:
+        inputs, plan, fit = document["inputs"], document["inputs"]["plan"], document["fit"]
+        low, high = plan["roughness_range"]
+        return Recipe(
+            file=file,
+            design=design,
+            wheelset=Wheelset(**design.wheelset),
+            sensors=SENSOR_SETS[inputs["sensors"]["name"]],
+            points=tuple(_point(m) for m in document["bank"]["models"]),
+            seed=int(plan["seed"]),
+            roughness=(float(low), float(high)),
+            support=tuple(float(s) for s in document["fuzzy"]["support"]),
+            windows=int(fit["windows"]),
+            mean_error_pp=float(fit["mean_error_pp"]),
+        )
+    except (KeyError, TypeError, ValueError) as e:
+        raise InputError(
+            f"lacks what the rig needs of it: {e!r}",
+            file=file,
+            key="inputs",
+            hint="make the design again with `sim-ecu design`",
+        ) from None
+
+
+def _point(m: dict[str, Any]) -> Point:
+    track, yaw, lateral = (float(q) for q in m["noise"])
+    return Point(
+        str(m["name"]), CreepCurve(**m["curve"]), float(m["creep_of_peak"]), (track, yaw, lateral),
+        float(m["yaw_rate_weight"]),
+    )  # fmt: skip
+
+
+def explain(file: Path) -> int:
+    """Print the models, the sets, and the rules: those that most of the training data speaks for first."""
+    source = load_source(file)
+    design, support = source.design, source.support
+    whole = sum(support)
+    print(f"{design.name}, checksum {design.checksum[:12]}: {len(design.rules)} rules over {source.windows} windows of "
+          f"{design.window_s:g} s (seed {source.seed}), mean error on them {source.mean_error_pp} pp")  # fmt: skip
+    print("\nModels, and where each is linearised:")
+    for k, p in enumerate(source.points):
+        print(f"  {k + 1}: {p.name} (curve {p.curve.name}, mu_0 {p.curve.mu_0:.3g}, {p.creep_of_peak:.3g} of the creep "
+              f"at its peak)")  # fmt: skip
+    print("\nThe middles of the sets; between two of them an input belongs to both:")
+    for line in bounds(design):
+        print(f"  {line}")
+    if design.slopes.any():
+        print("\nWhat the outputs move with, besides:")
+        for line in GLOSSARY:
+            print(f"  {line}")
+    print("\nRules. The outcome is their mean by weight; output 0 … 100 is converted to adhesion by the polynomial.")
+    for r in sorted(range(len(support)), key=lambda r: -support[r]):
+        low, high = design.typical_pct[r]
+        print(f"{r + 1:3}. {sentence(design, r)}\n"
+              f"     {support[r]:.0f} windows' worth ({100 * support[r] / whole:.1f} %), nine tenths of them at "
+              f"{low:.3g} … {high:.3g} %; 90 % interval ± {100 * design.spreads[r]:.0f} % of the estimate")  # fmt: skip
+    return 0
+
 
 POLYNOMIALS = ("fitted", "paper")
 LINEAR = 0.02  # of the peak's creep: up to here a curve is straight

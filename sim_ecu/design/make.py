@@ -13,8 +13,7 @@ from scipy.signal import butter, ellip
 
 from sim_ecu.design.cases import Plan, Progress
 from sim_ecu.design.features import Features, Steps, features
-from sim_ecu.design.gains import Gains, steady_state
-from sim_ecu.design.linear import Point
+from sim_ecu.design.linear import Gains, Point, steady_state
 from sim_ecu.design.paper import PAPER_GRID, PAPER_POINTS, PASS, TORQUE_SETS, PaperRules, fit_paper, output_sets
 from sim_ecu.design.recordings import Recording, record
 from sim_ecu.design.rules import PAPER_POLYNOMIAL, RuleBase, fit, polynomial

@@ -1,20 +1,62 @@
-"""Rig, daemon's core and controller on virtual time, in one process: the same code, the same frames."""
+"""Rig, daemon's core and controller on virtual time, in one process; and stand-ins for daemon and controller."""
 
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
-from sim_ecu.loop.control.controller import CYCLE_US, Controller
-from sim_ecu.loop.messages import COAST, rig_message
+import numpy as np
+
+from sim_ecu.loop.control.adhesion_consumer import CYCLE_US, TrainController
+from sim_ecu.loop.drive_scenario import DriveScenario
 from sim_ecu.loop.rig import LOOP, TRUTH, WRCD, Rig, Step
-from sim_ecu.loop.scenario import DriveScenario
-from sim_ecu.play.encoder import SAMPLE_US, Channel, Sent
+from sim_ecu.loop.rig_messages import COAST, rig_message
+from sim_ecu.physics.actuators import Valve
+from sim_ecu.physics.contact import peak
+from sim_ecu.physics.rail import rail_at
+from sim_ecu.play.encoder import COUNTERS, SAMPLE_US, Channel, Sent, data_id, databases, protect
 from sim_ecu.play.play import LOG_START_US
 from sim_ecu.play.train import PACKAGED, Train
 from wrcd.bus.frame import Frame
 from wrcd.core.configuration import Config
 from wrcd.core.core import Core
+from wrcd.core.messages import surface
 from wrcd.errors import InputError
+
+# Processor time of a second that is driven, about: with one axle, for each more, and with the daemon.
+COST, COST_OF_AXLE, COST_OF_DAEMON, COST_OF_ITS_AXLE = 1.0, 0.5, 1.2, 0.8
+
+
+def cost_of_driving(axles: int, daemon: bool) -> float:
+    """Of a second, in any unit."""
+    more = axles - 1
+    return COST + COST_OF_AXLE * more + daemon * (COST_OF_DAEMON + COST_OF_ITS_AXLE * more)
+
+
+class ConstantAdhesion:
+    """Hears for a controller what is on the bus, and the lie: Valid, and sure of it to a point."""
+
+    def __init__(self, controller: TrainController, axles: Sequence[int], mu_pct: float) -> None:
+        self._controller = controller
+        self._messages = [databases()[0].get_message_by_name(f"Adhesion_A{n}") for n in axles]
+        self._values: dict[str, int | float | str] = {
+            "Crc": 0, "Validity": "Valid", "MuAvailable": mu_pct, "MuUsed": 0.0, "SampleAge": 5,
+            "Surface": surface(mu_pct), "ContactState": "Adhering",
+            "Confidence": "Within1pp",
+        }  # fmt: skip
+
+    def hear(self, can_id: int, data: bytes, stamp_us: int) -> None:
+        """Pass a frame on."""
+        self._controller.hear(can_id, data, stamp_us)
+
+    def tick(self, now_us: int) -> list[Sent]:
+        """Say it where a frame is due, then let the controller act."""
+        for m in self._messages:
+            cycle_us = int(m.cycle_time or 0) * 1000
+            if now_us % cycle_us == 0:
+                data = m.encode({**self._values, "Counter": now_us // cycle_us % COUNTERS})
+                self._controller.hear(m.frame_id, protect(data, data_id(m)), now_us)
+        return self._controller.tick(now_us)
+
 
 Listener = Callable[[int, int, bytes], None]
 
@@ -41,7 +83,7 @@ ON_TIME = Timing()
 
 
 class Lockstep:
-    """One run, step by step.
+    """One run, step by step: `step`, or all of them until it is over.
 
     controller None: nobody on the bus demands anything. config None: there is no daemon on it. frame is called with all
     data frames on the bus: time (us from the start), id, data. sensors: the frames for wrcd are made without a daemon,
@@ -50,7 +92,7 @@ class Lockstep:
     """
 
     def __init__(
-        self, scenario: DriveScenario, controller: Controller | None, config: Config | None,
+        self, scenario: DriveScenario, controller: TrainController | None, config: Config | None,
         frame: Listener | None = None, truth: bool = False, sensors: bool = False,
         train: Train = PACKAGED, timing: Timing = ON_TIME,
     ) -> None:  # fmt: skip
@@ -64,7 +106,7 @@ class Lockstep:
         self._on_the_way: deque[tuple[int, Sent]] = deque()
         self.over = self._end_us <= 0
         if controller is not None:  # it runs already, and the driver coasts: a controller that never heard one is mute
-            first = Channel(rig_message("DriverDemand")).encode_quick(0, {"Mode": COAST, "Share": 0.0})
+            first = Channel(rig_message("DriverDemand")).encode(0, {"Mode": COAST, "Share": 0.0})
             controller.hear(first.can_id, first.data, 0)
 
     def step(self) -> Step:
@@ -86,27 +128,105 @@ class Lockstep:
         self.over = self.rig.time_us >= self._end_us or step.speed_m_s < self._stop_m_s
         return step
 
+    def __iter__(self) -> Iterator[Step]:
+        while not self.over:
+            yield self.step()
+
     def _deliver(self, f: Sent) -> None:
         if not f.error:
-            self._told(f.can_id, f.data, f.due_us)
+            self._send(f.can_id, f.data, f.due_us)
         if self.core is None:
             return
         frame = Frame(LOG_START_US + f.due_us, f.can_id, f.data, f.extended, error=f.error)
         for out in self.core.feed(frame):
-            self._told(out.frame.can_id, out.frame.data, out.frame.stamp_us - LOG_START_US)
+            self._send(out.frame.can_id, out.frame.data, out.frame.stamp_us - LOG_START_US)
 
-    def _told(self, can_id: int, data: bytes, stamp_us: int) -> None:
+    def _send(self, can_id: int, data: bytes, stamp_us: int) -> None:
         if self._controller is not None:
             self._controller.hear(can_id, data, stamp_us)
         if self._frame is not None:
             self._frame(stamp_us, can_id, data)
 
 
-def ride(
-    scenario: DriveScenario, controller: Controller, config: Config | None, frame: Listener | None = None,
-    truth: bool = False,
-) -> Iterator[Step]:  # fmt: skip
-    """The steps of a run, until its time is over or the train is slower than the scenario's stop_m_s."""
-    run = Lockstep(scenario, controller, config, frame, truth)
-    while not run.over:
-        yield run.step()
+HELD = 0.98  # of the lowest peak under the wheel and as far ahead as the actuators need to follow
+# How far: of an electric drive, and where the friction brake takes part.
+AHEAD_S, AHEAD_OF_FRICTION_S = (0.1, 0.2), (0.15, 0.3, 0.45)
+CUT = 0.5  # of the torque in use, beyond the peak's creep, until the wheel is back below it
+PAST_PEAK = 1.5  # of the peak's creep
+BAND_BAR = 0.05  # about the wanted pressure: held
+
+
+class Ideal:
+    """Sees the truth and the rail ahead, and asks each axle for HELD of what it will carry."""
+
+    def __init__(self, scenario: DriveScenario) -> None:
+        train = scenario.train
+        self._scenario, self._contact = scenario, train.wheelset.contact
+        w = train.wheelset
+        # the wheelset's own rotation takes torque beside what the rail carries
+        self._unit_N_m = 2 * w.normal_N * w.r_0 * (1.0 + (w.I_R + w.I_L) / (w.r_0**2 * w.M_v))
+        self._radius_m = w.r_0
+        a = scenario.actuators
+        friction = float(scenario.driver.at(np.array([np.inf]))[0]) < 0.0 and a.full_brake_N_m > a.drive.max_brake_N_m
+        self._ahead_s = AHEAD_OF_FRICTION_S if friction else AHEAD_S
+        self._past = [False] * len(train.axles)
+
+    def demands(self, step: Step | None) -> Sequence[tuple[float, Valve]]:
+        """Torque and valve of every axle, from the newest step."""
+        if step is None:
+            return [(0.0, Valve.FILL)] * len(self._past)
+        a = self._scenario.actuators
+        full_N_m = a.full_brake_N_m if step.share < 0.0 else a.drive.traction_N_m(step.speed_m_s, self._radius_m)
+        out = []
+        for k in range(len(self._past)):
+            most = min(abs(step.share) * full_N_m, self._carried(k, step))
+            if step.share >= 0.0:
+                out.append((most, Valve.VENT if step.pressure_bar[k] > 0.0 else Valve.FILL))
+            else:
+                out.append(self._brakes(k, step, most))
+        return out
+
+    def _carried(self, k: int, step: Step) -> float:
+        """Torque that the axle may have."""
+        axle, speed = self._scenario.train.axles[k], max(step.speed_m_s, 1.0)
+        at = step.distance_m + axle.position_m
+        creep, here = peak(speed, self._contact, *rail_at(axle.rail, at)[:5])
+        ahead = [peak(speed, self._contact, *rail_at(axle.rail, at + speed * t)[:5])[1] for t in self._ahead_s]
+        # what is under the wheel may be better than the rail was: those before have cleaned it
+        better = float(step.mu_available[k]) / here
+        slip = abs(float(step.slip_m_s[k])) / speed
+        self._past[k] = slip > (1.0 if self._past[k] else PAST_PEAK) * creep
+        if self._past[k]:
+            return CUT * abs(float(step.mu_used[k])) * self._unit_N_m
+        return HELD * better * min(here, *ahead) * self._unit_N_m
+
+    def _brakes(self, k: int, step: Step, most_N_m: float) -> tuple[float, Valve]:
+        """Friction brake to what the electric one leaves; the electric one to what the friction brake leaves."""
+        a = self._scenario.actuators
+        electric = a.electric_N_m(-step.share, step.speed_m_s)
+        wanted = max(most_N_m - electric, 0.0) / a.pneumatics.torque_per_bar_N_m
+        bar = float(step.pressure_bar[k])
+        lead = a.pneumatics.valve_delay_s
+        rate = (a.asked_bar(-step.share, step.speed_m_s) - bar) / a.pneumatics.fill_s
+        if bar + max(rate, 0.0) * lead < wanted - BAND_BAR:
+            valve = Valve.FILL
+        elif bar * (1.0 - lead / a.pneumatics.vent_s) > wanted + BAND_BAR:
+            valve = Valve.VENT
+        else:
+            valve = Valve.HOLD
+        friction = bar * a.pneumatics.torque_per_bar_N_m
+        return -float(np.clip(most_N_m - friction, 0.0, electric)), valve
+
+
+def ride_ideal(scenario: DriveScenario) -> Iterator[Step]:
+    """The steps of a run whose demands come from the ideal; nothing is on the bus."""
+    rig, ideal = Rig(scenario, []), Ideal(scenario)
+    end_us = round(scenario.train.duration_s * 1e6)
+    step: Step | None = None
+    while rig.time_us < end_us:
+        for axle, (torque, valve) in zip(scenario.axles, ideal.demands(step), strict=True):
+            rig.demand(axle, torque, valve)
+        step = rig.step()
+        yield step
+        if step.speed_m_s < scenario.stop_m_s:
+            return

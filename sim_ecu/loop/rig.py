@@ -1,22 +1,112 @@
 """The rig with its loop open to the bus: plant, actuators, sensors, driver. No clock and no bus of its own."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from sim_ecu.loop.messages import BRAKE, COAST, TRACTION, Heard, rig_message
-from sim_ecu.loop.scenario import DriveScenario
-from sim_ecu.loop.sensed import TACHOMETER, Sensed
-from sim_ecu.loop.silence import Silence
+from sim_ecu.loop.drive_scenario import WHEELS, DriveScenario
+from sim_ecu.loop.rig_messages import BRAKE, COAST, TRACTION, NewestFrame, SilenceRecord, rig_message
 from sim_ecu.physics.actuators import AxleActuators, Valve
 from sim_ecu.physics.sensors import Sensor
-from sim_ecu.physics.simulation import Simulation
+from sim_ecu.physics.simulation import Samples, Simulation
 from sim_ecu.physics.wheelset import CREEP_AT_PEAK, MU_AVAILABLE, MU_USED, TORQUE, W_L, W_R, FloatArray
-from sim_ecu.play.encoder import SAMPLE_US, Channel, Sent
-from sim_ecu.play.faults import Fault
-from sim_ecu.play.player import on_tracks
+from sim_ecu.play.encoder import SAMPLE_US, Channel, Reading, SensorSample, Sent
+from sim_ecu.play.faults import SILENT, Fault
+from sim_ecu.play.inject import at_work, inject
+from sim_ecu.play.player import Sensing, on_tracks
 from sim_ecu.play.train import PACKAGED, Train
+
+MARGIN = 1.2  # over what full effort gives on a rail that carries it; our choice
+MORE_M_S2 = 0.3  # beside it: resistance, slope; our choice
+
+
+class TrainSpeed:
+    """Braked wheels are no faster than the train, driven ones no slower: the fastest or the slowest is believed.
+
+    Where all of them slip, the reference follows no faster than the train can brake or accelerate on a good rail. It
+    errs then, as such a reference does.
+    """
+
+    def __init__(self, scenario: DriveScenario, step_s: float) -> None:
+        w, a = scenario.train.wheelset, scenario.actuators
+        per_torque = MARGIN / (w.r_0 * w.M_v)
+        self._fall = step_s * (a.full_brake_N_m * per_torque + MORE_M_S2)
+        self._rise = step_s * (a.drive.max_traction_N_m * per_torque + MORE_M_S2)
+        self._m_s: float | None = None
+
+    def step(self, wheel_m_s: FloatArray, share: float) -> float:
+        """The reference (m/s) after one step, from the wheels (axles,) and what the driver asks (signed share)."""
+        if share < 0.0:
+            told = float(wheel_m_s.max())
+            self._m_s = told if self._m_s is None else max(told, self._m_s - self._fall)
+        elif share > 0.0:
+            told = float(wheel_m_s.min())
+            self._m_s = told if self._m_s is None else min(told, self._m_s + self._rise)
+        else:
+            self._m_s = float(wheel_m_s.mean())
+        return max(self._m_s, 0.0)
+
+
+TACHOMETER = Sensor(0.01, 160.0, 0.0)  # m/s; this project's own choice
+
+
+class Sensed:
+    """The frames of a train's sensors, sample by sample, the same for the same scenario and demands.
+
+    train: its messages. Raises InputError for a fault or an axle that they leave no way to.
+    """
+
+    def __init__(self, scenario: DriveScenario, truth: bool, train: Train = PACKAGED) -> None:
+        axles = scenario.train.axles
+        self._numbers = scenario.axles
+        self._sensing = [Sensing(a) for a in axles]
+        self._speed = axles[0].sensors.speed
+        self._rng = np.random.default_rng([axles[0].seed, 2])
+        self._reference: TrainSpeed | None = None
+        if scenario.speed_of_wrcd == WHEELS:
+            self._reference = TrainSpeed(scenario, SAMPLE_US * 1e-6)
+            self._wheel_rng = np.random.default_rng([axles[0].seed, 6])
+        self._encoder = train.encoder(self._numbers, truth)
+        self._next: list[SensorSample] = []
+        self._seed, self._truth, self._train = axles[0].seed, truth, train
+        self._faulted: Iterator[tuple[int, list[Sent]]] | None = None
+        self.take_faults(scenario.train.faults)
+
+    def take_faults(self, faults: Sequence[Fault]) -> None:
+        """These faults act from now on, and no others. What was before the sample that comes is not known to them."""
+        at_work(faults, self._numbers, self._seed, self._train)  # whether they can be made
+        self._silent = [f for f in faults if f.kind in SILENT]
+        # one sample at a time, each in two halves
+        self._faulted = (
+            inject(self._one_by_one(), faults, self._numbers, self._seed, self._truth, 1, self._train)
+            if faults else None
+        )  # fmt: skip
+
+    def carries(self, due_us: int) -> bool:
+        """Whether the bus carries frames at a time: not while the link is down, the device gone or the bus off."""
+        return not self._silent or not any(f.on(due_us) for f in self._silent)
+
+    def frames(self, due_us: int, samples: Samples, wheel_m_s: FloatArray, share: float) -> list[Sent]:
+        """The frames of the sample that ends at due_us (us from the start)."""
+        true = samples.speed_m_s
+        if self._reference is not None:
+            told = TACHOMETER.measure(wheel_m_s, self._wheel_rng)
+            true = np.array([self._reference.step(told, share)])
+        speed = self._speed.measure_one(float(true[0]), self._rng)
+        rows = [s.reading(samples, k) for k, s in enumerate(self._sensing)]
+        sample = SensorSample(
+            due_us, speed, tuple(Reading(n, *row) for n, row in zip(self._numbers, rows, strict=True))
+        )
+        if self._faulted is None:
+            return list(self._encoder.frames(sample))
+        self._next.append(sample)
+        return [f for _ in range(2) for f in next(self._faulted)[1]]
+
+    def _one_by_one(self) -> Iterator[SensorSample]:
+        while self._next:
+            yield self._next.pop()
+
 
 WRCD, TRUTH, LOOP = "wrcd", "truth", "loop"  # who hears frames: they are made for nobody else
 ALL = (WRCD, TRUTH, LOOP)
@@ -66,10 +156,12 @@ class Rig:
         self._driver = Channel(rig_message("DriverDemand"))
         self._wheels = [Channel(rig_message(f"WheelSpeed_A{n}")) for n in numbers]
         self._cylinders = [Channel(rig_message(f"BrakePressure_A{n}")) for n in numbers]
-        self.demands = {m.message.frame_id: m for m in (Heard(rig_message(f"Demand_A{n}")) for n in numbers)}
+        self.demands = {m.message.frame_id: m for m in (NewestFrame(rig_message(f"Demand_A{n}")) for n in numbers)}
         self._by_place = list(self.demands.values())
         self._direct: list[tuple[float, Valve] | None] = [None] * len(numbers)
-        self._silences = [Silence(SAMPLE_US, heard=True) for _ in numbers]  # one that never comes is a silence, too
+        self.silences = [
+            SilenceRecord(SAMPLE_US, heard=True) for _ in numbers
+        ]  # one that never comes is a silence, too
         self._radius_m = played.wheelset.r_0
         self._shares: list[float] = []  # what the driver asks, by sample, as far as it is made
         self._torques = np.zeros((2, len(numbers)))
@@ -117,16 +209,6 @@ class Rig:
             y[:, MU_AVAILABLE].copy(), y[:, CREEP_AT_PEAK].copy(), y[:, MU_USED].copy(), wheel - speed, energy, frames,
         )  # fmt: skip
 
-    @property
-    def silences(self) -> list[int]:
-        """How often each axle's demand fell silent."""
-        return [s.silences for s in self._silences]
-
-    @property
-    def silent_us(self) -> list[int]:
-        """For how long in all."""
-        return [s.silent_us for s in self._silences]
-
     def _wheel_m_s(self) -> FloatArray:
         """Each axle's circumferential speed, mean of its wheels."""
         state = self._simulation.state
@@ -148,7 +230,7 @@ class Rig:
             heard = self._by_place[k]
             silent = not heard.fresh(self.time_us)
             if self.time_us >= heard.timeout_us:  # nothing is late before
-                self._silences[k].look(self.time_us, silent)
+                self.silences[k].look(self.time_us, silent)
             if silent:
                 actuators.step(0.0, Valve.FILL, a.asked_bar(brake, speed_m_s, electric=False), 0.0)
                 return
@@ -161,11 +243,11 @@ class Rig:
         now, out = self.time_us, []
         if now % self._driver.every_us == 0:
             mode = COAST if share == 0.0 else TRACTION if share > 0.0 else BRAKE
-            out.append(self._driver.encode_quick(now, {"Mode": mode, "Share": abs(share)}))
+            out.append(self._driver.encode(now, {"Mode": mode, "Share": abs(share)}))
         for k, (rng, tachometer, cylinder) in enumerate(zip(self._rngs, self._wheels, self._cylinders, strict=True)):
             if now % tachometer.every_us == 0:
-                out.append(tachometer.encode_quick(now, {"WheelSpeed": TACHOMETER.measure_one(float(wheel[k]), rng)}))
+                out.append(tachometer.encode(now, {"WheelSpeed": TACHOMETER.measure_one(float(wheel[k]), rng)}))
             if now % cylinder.every_us == 0:
                 told = PRESSURE.measure_one(float(pressure[k]), rng)
-                out.append(cylinder.encode_quick(now, {"Pressure": max(told, 0.0)}))
+                out.append(cylinder.encode(now, {"Pressure": max(told, 0.0)}))
         return out

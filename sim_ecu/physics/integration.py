@@ -157,8 +157,8 @@ class Rides(NamedTuple):
 
 @compiled
 def integrate(
-    state: FloatArray, train: FloatArray, integral: FloatArray, rides: Rides, command: Command, brake: FloatArray,
-    held_speed: FloatArray, sample_s: float, step_scale: float, one_train: bool,
+    state: FloatArray, train: FloatArray, integral: FloatArray, rides: Rides, command: Command,
+    brake: FloatArray, held_speed: FloatArray, sample_s: float, step_scale: float, one_train: bool,
 ) -> tuple[FloatArray, FloatArray]:  # fmt: skip
     """Advance n axles by len(held_speed) sample intervals, in place.
 

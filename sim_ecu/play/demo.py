@@ -1,4 +1,4 @@
-"""`sim-ecu demo`: rig and daemon on one bus, the estimate against the truth as it goes; then what came of it."""
+"""`sim-ecu demo`: rig and daemon on one bus, the estimate against the truth as it goes; then the report of its log."""
 
 import contextlib
 import math
@@ -9,22 +9,20 @@ from pathlib import Path
 from typing import Any
 
 from sim_ecu import resources
-from sim_ecu.play import demo_summary
 from sim_ecu.play.demo_picture import draw
 from sim_ecu.play.demo_screen import SHOWN, Screen
 from sim_ecu.play.interface import open_bus
 from sim_ecu.play.mapped import MappedTrain
-from sim_ecu.play.observer import Observer, Trace
+from sim_ecu.play.observer import BusObserver, ObservedTrace
 from sim_ecu.play.pace import Pace, RealPace
-from sim_ecu.play.play import RealTime, Tally
+from sim_ecu.play.play import PlayTally, RealTime
 from sim_ecu.play.scenario import Scenario, load_scenario
 from sim_ecu.play.train import PACKAGED, Train
 from wrcd.bus import pythoncan
 from wrcd.bus.opening import open_link
-from wrcd.config import DEFAULT_AXLES, load_config, load_packaged
+from wrcd.config.config import DEFAULT_AXLES, load_config, load_packaged
 from wrcd.core.configuration import Config
 from wrcd.core.core import Core
-from wrcd.core.events import Change
 from wrcd.errors import Status
 from wrcd.service.loop import Daemon
 
@@ -47,11 +45,7 @@ def run(interface: str, channel: str, scenario_name: str, folder: Path, config_f
     log, picture, report = (folder / f"{scenario.name}.{suffix}" for suffix in ("log", "png", "html"))
     told = WITHOUT_VCAN if (interface, channel) == ("virtual", "demo") else ""
     print(f"{scenario.name}: {scenario.title}\non {interface} {channel}{told}, {scenario.duration_s:g} s")
-    observer, changes, tally, came_to = _play(scenario, interface, channel, log, config, train)
-    traces, first_s = observer.traces, observer.first_s or 0.0
-    print()
-    for number, trace in traces.items():
-        print("\n".join(demo_summary.lines(number, trace, changes, first_s, scenario.duration_s)))
+    traces, tally, came_to = _play(scenario, interface, channel, log, config, train)
     if tally.too_slow:
         print(f"\n{tally.too_slow[0].upper()}{tally.too_slow[1:]}. Try again when it is idle.")
     print(f"\n{came_to}")
@@ -59,7 +53,7 @@ def run(interface: str, channel: str, scenario_name: str, folder: Path, config_f
     print(f"log      {_shown(log)}\npicture  {_shown(picture)}")
     _report(log, report, config_file)
     _ask(log, traces, config, config_file)
-    good = any(demo_summary.valid_pairs(trace) for trace in traces.values())
+    good = any(a["Validity"] == "Valid" for trace in traces.values() for _, a in trace.adhesion)
     if not good:
         print("sim-ecu: no valid estimate was seen", file=sys.stderr)
     return 0 if good else 1
@@ -67,8 +61,8 @@ def run(interface: str, channel: str, scenario_name: str, folder: Path, config_f
 
 def _play(
     scenario: Scenario, interface: str, channel: str, log: Path, config: Config, train: Train
-) -> tuple[Observer, list[Change], Tally, str]:
-    """In real time. Returns who saw it, the changes of Validity, and what playing came to."""
+) -> tuple[dict[int, ObservedTrace], PlayTally, str]:
+    """Play in real time. Returns what was seen of each axle, and what playing came to, as figures and as text."""
     numbers = [a.number for a in scenario.axles]
     # without a kernel that stamps frames, time may wait for a busy computer
     pace = Pace() if interface == "virtual" else RealPace()
@@ -76,13 +70,13 @@ def _play(
         core = Core(config)
         fd: dict[str, Any] = {"fd": True} if train.has_fd else {}
         observer_bus = cleanup.enter_context(pythoncan.open_bus(interface, channel, user_settings=True, **fd))
-        observer = Observer(observer_bus, log, channel, config, numbers, pace)
+        observer = BusObserver(observer_bus, log, channel, config, numbers, pace)
         cleanup.callback(observer.close)
         link = open_link(interface, channel, core.receiver.keys, fd=core.receiver.fd, user_settings=True)
         cleanup.callback(link.close)
         own_stamps = {"preserve_timestamps": True} if interface == "virtual" else {}
         rig_bus = cleanup.enter_context(open_bus(interface, channel, train.has_fd, **own_stamps))
-        screen, changes = Screen(numbers, _unmapped(config, numbers)), list[Change]()
+        screen, shown = Screen(numbers, _unmapped(config, numbers)), 0
 
         def tell(line: str) -> None:
             """The daemon's log without the changes of Validity, which the screen tells in words."""
@@ -103,9 +97,9 @@ def _play(
                 continue
             daemon.turn()
             observer.drain()
-            if (new := core.events.since(len(changes))) and observer.first_s is not None:
+            if (new := core.events.since(shown)) and observer.first_s is not None:
                 screen.changes(new, observer.first_s)
-                changes += new
+                shown += len(new)
             if rig.time_s - shown_s >= SHOW_EVERY_S:
                 shown_s += SHOW_EVERY_S
                 screen.moment(observer.traces)
@@ -116,7 +110,7 @@ def _play(
         f"rig      {rig.tally.text()}\ndaemon   {core.counts.accepted} frames accepted, {daemon.sent} sent, "
         f"{core.health.overruns} overruns"
     )
-    return observer, changes, rig.tally, came_to
+    return observer.traces, rig.tally, came_to
 
 
 def _unmapped(config: Config, numbers: Sequence[int]) -> list[str]:
@@ -140,7 +134,7 @@ def _shown(path: Path) -> Path:
 def _report(log: Path, report: Path, config_file: Path | None) -> None:
     """Make the report of the demo's own log, with the truth in it. Where the extra is missing that is said, and the
     demo has been shown all the same."""
-    from wrcd.tools.cli import main
+    from wrcd.cli.main import main
 
     config = [] if config_file is None else ["--config", str(config_file)]
     print("\nWhat the report says of it:", flush=True)
@@ -149,7 +143,7 @@ def _report(log: Path, report: Path, config_file: Path | None) -> None:
         print("Open it in a browser: what happened, when, and why.")
 
 
-def _ask(log: Path, traces: Mapping[int, Trace], config: Config, config_file: Path | None) -> None:
+def _ask(log: Path, traces: Mapping[int, ObservedTrace], config: Config, config_file: Path | None) -> None:
     """The command that explains the first time that an estimate was Degraded: at a frame that said so, rounded up, for
     what is before the frame was still another state. Where the frames do not tell causes it estimates them."""
     degraded = [

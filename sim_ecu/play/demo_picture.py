@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sim_ecu.play.demo_screen import HALF_WIDTHS
-from sim_ecu.play.observer import Trace
+from sim_ecu.play.observer import ObservedTrace
 from sim_ecu.play.scenario import Scenario
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ SHADES: dict[str, dict[str, Any]] = {
 }
 
 
-def draw(scenario: Scenario, traces: dict[int, Trace], picture: Path) -> None:
+def draw(scenario: Scenario, traces: dict[int, ObservedTrace], picture: Path) -> None:
     """Write it as PNG."""
     import matplotlib
 
@@ -42,7 +42,7 @@ def draw(scenario: Scenario, traces: dict[int, Trace], picture: Path) -> None:
     plt.close(figure)
 
 
-def _axle(ax: "Axes", trace: Trace) -> None:
+def _axle(ax: "Axes", trace: ObservedTrace) -> None:
     t = [row[0] for row in trace.truth]
     ax.fill_between(t, [row[1]["MuUsed"] for row in trace.truth], color="0.85", lw=0, label="in use, truth (=)")
     for from_s, until_s, validity in _spans(trace):
@@ -60,7 +60,7 @@ def _axle(ax: "Axes", trace: Trace) -> None:
     ax.plot(x, mu, color="tab:blue", lw=1.2, label="available, wrcd's estimate (E)")
 
 
-def _spans(trace: Trace) -> Iterator[tuple[float, float, str]]:
+def _spans(trace: ObservedTrace) -> Iterator[tuple[float, float, str]]:
     """From when to when it said the same Validity."""
     if not trace.adhesion:
         return

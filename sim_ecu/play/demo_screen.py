@@ -5,7 +5,7 @@ import sys
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 
-from sim_ecu.play.observer import Trace
+from sim_ecu.play.observer import ObservedTrace
 from wrcd.core.causes import Cause, Validity
 from wrcd.core.events import Change
 from wrcd.core.vocabulary import CONFIDENCES
@@ -48,13 +48,13 @@ class Screen:
             scale[at : at + len(str(pct))] = str(pct)
         print(" " * 12 + "".join(scale).rstrip() + " %", flush=True)
 
-    def moment(self, traces: Mapping[int, Trace]) -> None:
+    def moment(self, traces: Mapping[int, ObservedTrace]) -> None:
         """A line for each axle."""
         for number, trace in traces.items():
             if trace.truth and trace.adhesion:
                 print(self._line(number, trace), flush=True)
 
-    def _line(self, number: int, trace: Trace) -> str:
+    def _line(self, number: int, trace: ObservedTrace) -> str:
         t, true = trace.truth[-1]
         a = trace.adhesion[-1][1]
         bar = ["·"] * (self._width + 1)

@@ -1,8 +1,15 @@
-"""The fault matrix as data: for every kind of fault, what Adhesion of the axle must do."""
+"""The fault matrix as data: for every kind of fault, what Adhesion of the axle must do, and what the daemon's journal
+must say of it: axle, input, figure and limit.
 
+In a line's template # is a number, and [what is in brackets] may be missing, as may a line after "perhaps": slots and
+limits meet a fault at different points.
+"""
+
+import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-from sim_ecu.play.faults import ALL, KINDS, SILENT, Fault
+from sim_ecu.play.faults import ALL, OF_AXLE, SIGNALS, SILENT, Fault
 
 SLOT_MS = 20  # an adhesion frame tells of the time up to its slot's beginning
 TIMEOUT_MS = {"yaw_rate": 15, "lateral_acceleration": 15, "torque": 30, "speed": 60, ALL: 15}
@@ -58,15 +65,15 @@ Must = Leaves | Stays | Found | Unseen
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class MatrixRow:
     """A fault (its at_s is the player's) and what must come of it."""
 
     fault: Fault
     must: Must
 
 
-def _row(kind: str, of: str, must: Must, duration_s: float = 0.5, amount: float | None = None) -> Row:
-    return Row(Fault(kind, 0.0, duration_s, of, 1, amount), must)
+def _row(kind: str, of: str, must: Must, duration_s: float = 0.5, amount: float | None = None) -> MatrixRow:
+    return MatrixRow(Fault(kind, 0.0, duration_s, of, 1, amount), must)
 
 
 def _leaves(of: str, noticed_ms: float = 0.0, forgotten_ms: float = 0.0) -> Leaves:
@@ -121,6 +128,228 @@ LONG_ROWS = (
 )
 
 
-def missing() -> set[str]:
-    """Kinds of fault that no row is about."""
-    return set(KINDS) - {r.fault.kind for r in (*ROWS, *LONG_ROWS)}
+SILENT_MS = 100
+PERHAPS = "perhaps "  # before a line that comes only if a slot falls within it
+NUMBER = r"-?\d+(?:\.\d+)?"
+REFUSED_AS = {"crc": "crc", "counter": "repeat", "dlc": "length", "nan": "range", "status": "status", "swap": "data id"}
+PAIR = ("yaw_rate", "lateral_acceleration")  # first past their time-outs, and named first
+# What a pair that is not what it should be may say until it is found out, and an estimate that is hardly Valid.
+VAGUE = "Valid -> Degraded, TooLittleData: # % +- #, limit +- #"
+NOISE = "Valid -> Degraded, SensorsSilent: residuals are # times what the sensors' noise leaves, limit 1.07"
+
+
+@dataclass(frozen=True, slots=True)
+class ExpectedLines:
+    """Templates: of each axle its lines in their order; reason and message of the frames that are rejected, in
+    brackets where there may be none; and what may come any number of times beside them, with a return to Valid."""
+
+    axles: tuple[tuple[str, ...], ...] = ()
+    rejected: tuple[str, ...] = ()
+    sometimes: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        said = [
+            f"{PERHAPS * line.startswith(PERHAPS)}axle {axle}: {line.removeprefix(PERHAPS)}"
+            for axle, lines in enumerate(self.axles, 1)
+            for line in lines
+        ]
+        if self.rejected:
+            said.append(f"rejected # frames in the last second: {', '.join(f'{r} #' for r in self.rejected)}")
+        said += [f"any number of times: {line}" for line in self.sometimes]
+        return "<br>".join(f"`{line}`" for line in said) or "nothing"
+
+
+def expected_lines(row: MatrixRow) -> ExpectedLines:
+    """Of a row."""
+    f = row.fault
+    kind, signals = f.kind, f.signals
+    axles = (1, 2) if kind in ("swap", *SILENT) or f.of == "speed" else (1,)
+    if kind in SILENT:
+        counters = [f"counter {message(s, a)}" for a in axles for s in OF_AXLE]
+        return ExpectedLines(
+            tuple(_silent(a, (*OF_AXLE, "speed"), "") for a in axles), (*counters, "counter VehicleSpeed")
+        )
+    if isinstance(row.must, Stays):
+        return _unmoved(kind, signals)
+    if isinstance(row.must, Unseen | Found):
+        return _of_signals(row)
+    if kind == "status" and f.amount == 1.0:
+        return ExpectedLines(tuple(_degraded(a, signals) for a in axles))
+    if kind == "bias":
+        return _jumped(f.of, axles)
+    if kind == "freeze":
+        return ExpectedLines(
+            tuple(_frozen(a, signals) for a in axles), tuple(f"stuck {message(s, 1)}" for s in _pair(signals))
+        )
+    if kind == "sender":
+        rejected = tuple(f"{why} {message(s, 1)}" for why in ("two senders", "counter") for s in signals)
+        return ExpectedLines((_two_senders_lines(signals),), rejected)
+    refused = REFUSED_AS.get(kind, "")
+    rejected = tuple(f"{refused} {message(s, a)}" for a in axles for s in signals) if refused else ()
+    if kind == "crc":  # of one frame in 256 the flipped CRC is another message's
+        rejected += tuple(f"[data id {message(s, 1)}]" for s in signals)
+    if kind not in ("nan", "status"):  # the counter is not what it was before
+        rejected += tuple(f"counter {message(s, a)}" for a in axles for s in signals)
+    refused = "# crc[, # data id]" if kind == "crc" else f"# {refused}" if refused else ""
+    return ExpectedLines(tuple(_silent(a, signals, refused) for a in axles), rejected)
+
+
+def wrong_lines(row: MatrixRow, journal: Sequence[str]) -> str:
+    """What is wrong with the lines of a journal from a fault's begin on; nothing: they are those that are expected."""
+    must = expected_lines(row)
+    # what is summed up later has no figures
+    sometimes = [*must.sometimes, "Degraded -> Valid", *(s.partition(": ")[0] for s in must.sometimes)]
+    for axle in (1, 2, 3, 4):
+        lines = [line for line in journal if line.startswith(f"axle {axle}: ")]
+        if must.sometimes:
+            lines = [line for line in lines if not any(_is(line, axle, s) for s in sometimes)]
+        expected = list(must.axles[axle - 1]) if axle <= len(must.axles) else []
+        while expected:
+            template, *expected = expected
+            if lines and _is(lines[0], axle, template.removeprefix(PERHAPS)):
+                lines = lines[1:]
+            elif not template.startswith(PERHAPS):
+                return f"the journal does not say of axle {axle}: {template}; but: {'; '.join(lines) or 'nothing'}"
+        if lines:
+            return f"the journal also says: {'; '.join(lines)}"
+    return _wrong_rejections(must.rejected, [line for line in journal if not line.startswith("axle ")])
+
+
+def _wrong_rejections(expected: Sequence[str], lines: Sequence[str]) -> str:
+    if strange := [line for line in lines if not line.startswith("rejected ")]:
+        return f"the journal says {strange[0]!r}"
+    told = {re.sub(r" \d+$", "", part) for line in lines for part in line.partition(": ")[2].split(", ")}
+    needed = {r for r in expected if not r.startswith("[")}
+    if strange := sorted(told - {r.strip("[]") for r in expected} - {"others"}):
+        return f"the journal says that frames were rejected: {strange[0]}"
+    if "others" not in told and (missing := sorted(needed - told)):
+        return f"the journal does not say that frames were rejected: {missing[0]}"
+    return ""
+
+
+def _is(line: str, axle: int, template: str) -> bool:
+    pattern = re.escape(template).replace(r"\[", "(?:").replace(r"\]", ")?").replace(r"\#", NUMBER)
+    more = r"\d+ more in the last second"
+    return re.fullmatch(rf"axle {axle}: (?:{more}: )?{pattern}(?: \({more}\))?", line) is not None
+
+
+def message(signal: str, axle: int) -> str:
+    """The message of a signal in the packaged DBC."""
+    return "VehicleSpeed" if signal == "speed" else f"{SIGNALS[signal]}_A{axle}"
+
+
+def named(signal: str, axle: int) -> str:
+    """The input as the daemon names it."""
+    name = "Speed" if signal == "speed" else SIGNALS[signal]
+    return f"{signal.replace('_', ' ')} {message(signal, axle)}.{name}"
+
+
+def _pair(signals: Sequence[str]) -> list[str]:
+    return [s for s in signals if s in PAIR]
+
+
+def _old(axle: int, signals: Sequence[str], limits_ms: Sequence[int], refused: str) -> str:
+    since = f" (refused since: {refused})" if refused else ""
+    return "; ".join(
+        f"{named(s, axle)} # ms old, limit {limit}{since}" for s, limit in zip(signals, limits_ms, strict=True)
+    )
+
+
+def _silent(axle: int, signals: Sequence[str], refused: str) -> tuple[str, ...]:
+    """An input does not come, or is refused, for half a second."""
+    first = _pair(signals) or list(signals)
+    more = "[; and # more]" if len(signals) > len(first) else ""
+    return (
+        f"Valid -> Degraded, InputStale: {_old(axle, first, [TIMEOUT_MS[s] for s in first], refused)}",
+        f"Degraded -> NotAvailable, InputSilent: {_old(axle, first, [SILENT_MS] * len(first), refused)}{more}",
+        *_back(),
+    )
+
+
+def _back() -> tuple[str, str]:
+    return "NotAvailable, WarmingUp: # s of the window's 1 s", "NotAvailable -> Valid"
+
+
+def _degraded(axle: int, signals: Sequence[str]) -> tuple[str, ...]:
+    first = _pair(signals) or list(signals)
+    more = "[; and # more]" if len(signals) > len(first) else ""
+    inputs = "; ".join(named(s, axle) for s in first)
+    return f"Valid -> Degraded, SensorDegraded: {inputs}{more}: the status says Degraded", "Degraded -> Valid"
+
+
+def _frozen(axle: int, signals: Sequence[str]) -> tuple[str, ...]:
+    """The sensor that moves oftener is refused first."""
+    first = _pair(signals)
+    units = {"yaw_rate": "rad/s", "lateral_acceleration": "m/s2"}
+    same = "; ".join(f"{named(s, axle)} has been # {units[s]} in # frames on end" for s in first)
+    stale, silent = (_old(axle, first[-1:], [limit], "# stuck") for limit in (TIMEOUT_MS[first[-1]], SILENT_MS))
+    other = f"[{_old(axle, first[:-1], [SILENT_MS] * (len(first) - 1), '# stuck')}; ]" if first[:-1] else ""
+    return (
+        f"Valid -> Degraded, Unchanged: {same}",
+        f"Degraded, InputStale: {stale}",
+        f"Degraded -> NotAvailable, InputSilent: {other}{silent}",
+        *_back(),
+    )
+
+
+def _two_senders_lines(signals: Sequence[str]) -> tuple[str, ...]:
+    first = _pair(signals)
+    counters = "; ".join(f"{named(s, 1)}: two sequences of counters[ (refused since: # two senders)]" for s in first)
+    more = "[; and # more]" if len(signals) > len(first) else ""
+    stale, silent = (_old(1, first, [limit] * len(first), "# two senders") for limit in (15, SILENT_MS))
+    return (
+        f"{PERHAPS}Valid -> Degraded, TwoSenders: {counters}",
+        f"[Valid -> ]Degraded, InputStale: {stale}",
+        f"Degraded -> NotAvailable, InputSilent: {silent}{more}",
+        *_back(),
+    )
+
+
+def _jumped(of: str, axles: Sequence[int]) -> ExpectedLines:
+    if of == "speed":
+        why = "speed VehicleSpeed.Speed jumped to # m/s"
+        return ExpectedLines(
+            ((f"Valid -> NotAvailable, Restarted: {why}", "NotAvailable -> Valid"),) * 2, ("jump VehicleSpeed",)
+        )
+    why = f"{named('yaw_rate', 1)} jumped by # rad/s, limit 0.08"
+    return ExpectedLines(((f"Valid -> NotAvailable, Restarted: {why}", "NotAvailable -> Valid"),) * len(axles))
+
+
+def _unmoved(kind: str, signals: Sequence[str]) -> ExpectedLines:
+    """The axle stays Valid."""
+    if kind == "spike" and "torque" in signals:
+        return ExpectedLines(rejected=("jump Torque_A1",))
+    if kind == "babble":
+        copied = signals if len(signals) == 1 else ("lateral_acceleration", "torque")
+        return ExpectedLines(rejected=tuple(f"repeat {message(s, 1)}" for s in copied))
+    return ExpectedLines()
+
+
+def _of_signals(row: MatrixRow) -> ExpectedLines:
+    """What only the sensors' signals show, if anything does."""
+    f = row.fault
+    rejected = ("jump Torque_A1", "jump Torque_A2") if f.kind == "swap-wiring" and f.of == ALL else ()
+    if f.kind not in ("dead", "reverse", "swap-wiring"):
+        return ExpectedLines()
+    if row not in LONG_ROWS:
+        return ExpectedLines(rejected=rejected, sometimes=(VAGUE, NOISE))
+    yaw, lat = named("yaw_rate", 1), named("lateral_acceleration", 1)
+    heard = f"{yaw} is #, {lat} # times the sensor's noise"
+    together = "correlation of {} and {} # below 1.5 Hz, # in 3 to 10 Hz"
+    if f.kind == "reverse":
+        return ExpectedLines(((f"Valid -> Degraded, GyroReversed: {together.format(yaw, lat)}",),))
+    if f.kind == "swap-wiring":
+        pairs = [(named("yaw_rate", a), named("lateral_acceleration", a), 3 - a) for a in (1, 2)]
+        return ExpectedLines(
+            tuple(
+                (f"Valid -> Degraded, SensorsUnrelated: {together.format(y, z)}[; goes with axle {other}'s]",)
+                for y, z, other in pairs
+            ),
+            sometimes=(VAGUE,),
+        )
+    if f.of == ALL:
+        return ExpectedLines(((f"Valid -> Degraded, SensorsSilent: {heard}",),), sometimes=(VAGUE, NOISE))
+    if f.of == "yaw_rate":
+        return ExpectedLines(((f"Valid -> Degraded, GyroDead: {heard}",),), sometimes=(VAGUE,))
+    small = f"{heard}; below 1.5 Hz {lat} is # of speed times yaw rate"
+    return ExpectedLines(((f"Valid -> Degraded, AccelSmall: {small}",),))

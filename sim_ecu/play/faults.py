@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum, auto
 
+from wrcd.config.settings import Section, parse_toml, suggest
 from wrcd.errors import InputError
-from wrcd.settings import Section, parse_toml, suggest
 
 # Signals that a fault can be of; all stands for the axle's own three. The second word is the message, without the axle.
 SIGNALS = {
@@ -27,7 +27,7 @@ class Stage(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Kind:
+class FaultKind:
     """One kind. amounts are the defaults: one for all, or one for each of SIGNALS; none if it takes no amount."""
 
     stage: Stage
@@ -40,39 +40,41 @@ class Kind:
 
 _ANY = 1e6
 KINDS = {
-    "loss": Kind(Stage.FRAME, "every frame is lost with a probability", "probability", (0.02,), 0.0, 1.0),
-    "burst": Kind(Stage.FRAME, "all frames are lost"),
-    "crc": Kind(Stage.FRAME, "a bit is flipped on the way; the CRC tells"),
-    "counter": Kind(Stage.FRAME, "the E2E counter stands still; the CRC is right"),
-    "dlc": Kind(Stage.FRAME, "frames are too short or too long", "bytes", (-1.0,), -4.0, 3.0),
-    "bias": Kind(Stage.SIGNAL, "the value is off", "rad/s, m/s², N·m, m/s", (0.1, 0.5, 3000.0, 2.0), -_ANY, _ANY),
-    "drift": Kind(Stage.SIGNAL, "the value goes off more and more", "… per s", (0.02, 0.2, 1000.0, 1.0), -_ANY, _ANY),
-    "freeze": Kind(Stage.SIGNAL, "the value stands still in fresh frames"),
-    "spike": Kind(
+    "loss": FaultKind(Stage.FRAME, "every frame is lost with a probability", "probability", (0.02,), 0.0, 1.0),
+    "burst": FaultKind(Stage.FRAME, "all frames are lost"),
+    "crc": FaultKind(Stage.FRAME, "a bit is flipped on the way; the CRC tells"),
+    "counter": FaultKind(Stage.FRAME, "the E2E counter stands still; the CRC is right"),
+    "dlc": FaultKind(Stage.FRAME, "frames are too short or too long", "bytes", (-1.0,), -4.0, 3.0),
+    "bias": FaultKind(Stage.SIGNAL, "the value is off", "rad/s, m/s², N·m, m/s", (0.1, 0.5, 3000.0, 2.0), -_ANY, _ANY),
+    "drift": FaultKind(
+        Stage.SIGNAL, "the value goes off more and more", "… per s", (0.02, 0.2, 1000.0, 1.0), -_ANY, _ANY
+    ),
+    "freeze": FaultKind(Stage.SIGNAL, "the value stands still in fresh frames"),
+    "spike": FaultKind(
         Stage.SIGNAL, "one sample is off every 0.1 s", "rad/s, m/s², N·m, m/s", (0.5, 10.0, 30000.0, 20.0), -_ANY, _ANY
     ),
-    "nan": Kind(Stage.FRAME, "the value's code for not available, in a good frame"),
-    "status": Kind(Stage.FRAME, "the sender says Error", "code", (14.0,), 0.0, 255.0),
-    "swap": Kind(Stage.FRAME, "a gateway swaps the ids of two axles' frames"),
-    "reverse": Kind(Stage.SIGNAL, "the sensor is mounted the other way round"),
-    "dead": Kind(
+    "nan": FaultKind(Stage.FRAME, "the value's code for not available, in a good frame"),
+    "status": FaultKind(Stage.FRAME, "the sender says Error", "code", (14.0,), 0.0, 255.0),
+    "swap": FaultKind(Stage.FRAME, "a gateway swaps the ids of two axles' frames"),
+    "reverse": FaultKind(Stage.SIGNAL, "the sensor is mounted the other way round"),
+    "dead": FaultKind(
         Stage.SIGNAL, "the sensor gives its own noise alone (a torque or a speed has none, and stays)",
         "rad/s, m/s², N·m, m/s rms", (3e-4, 0.01, 0.0, 0.0), 0.0, _ANY,
     ),
-    "swap-wiring": Kind(Stage.SIGNAL, "the sensors of two axles are swapped, their frames are right"),
-    "delay": Kind(Stage.FRAME, "frames are held back", "ms", (8.0,), 0.0, 10_000.0),
-    "sender": Kind(
+    "swap-wiring": FaultKind(Stage.SIGNAL, "the sensors of two axles are swapped, their frames are right"),
+    "delay": FaultKind(Stage.FRAME, "frames are held back", "ms", (8.0,), 0.0, 10_000.0),
+    "sender": FaultKind(
         Stage.FRAME, "a second sender of the same ids, its own counter, right CRCs, a factor on the values",
         "factor", (0.5,), -100.0, 100.0,
     ),
-    "babble": Kind(
+    "babble": FaultKind(
         Stage.FRAME, "an unmapped id of the highest priority, and copies of a mapped frame, in turn", "frames/s",
         (2000.0,), 1.0, 20_000.0,
     ),
-    "error-flood": Kind(Stage.BUS, "CAN error frames", "frames/s", (1000.0,), 1.0, 20_000.0),
-    "link-down": Kind(Stage.BUS, "the interface goes down and up again (vcan; needs root)"),
-    "device-gone": Kind(Stage.BUS, "the interface is deleted and made again (vcan; needs root)"),
-    "bus-off": Kind(Stage.BUS, "the controller goes bus-off (slcan; needs root)"),
+    "error-flood": FaultKind(Stage.BUS, "CAN error frames", "frames/s", (1000.0,), 1.0, 20_000.0),
+    "link-down": FaultKind(Stage.BUS, "the interface goes down and up again (vcan; needs root)"),
+    "device-gone": FaultKind(Stage.BUS, "the interface is deleted and made again (vcan; needs root)"),
+    "bus-off": FaultKind(Stage.BUS, "the controller goes bus-off (slcan; needs root)"),
 }  # fmt: skip
 SILENT = ("link-down", "device-gone", "bus-off")  # no frame gets through
 

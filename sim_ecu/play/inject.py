@@ -2,15 +2,14 @@
 
 import heapq
 import itertools
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from sim_ecu.play.encoder import SAMPLE_US, Sample, Sent, stretch_of
-from sim_ecu.play.fault_at_work import FrameFault
+from sim_ecu.play.encoder import SAMPLE_US, SensorSample, Sent, stretch_of
 from sim_ecu.play.faults import Fault
-from sim_ecu.play.frame_faults import frame_fault
+from sim_ecu.play.frame_faults import FrameFault, frame_fault
 from sim_ecu.play.train import PACKAGED, Encodes, Train
 
 SPIKE_EVERY_US = 100_000
@@ -23,7 +22,7 @@ def other_axle(axle: int, numbers: Sequence[int]) -> int:
 
 
 def inject(
-    samples: Iterable[Sample], faults: Sequence[Fault], numbers: Sequence[int], seed: int, truth: bool = True,
+    samples: Iterable[SensorSample], faults: Sequence[Fault], numbers: Sequence[int], seed: int, truth: bool = True,
     chunk: int = 20, train: Train = PACKAGED,
 ) -> Iterator[tuple[int, list[Sent]]]:  # fmt: skip
     """The frames of every sample in the order of their due times, each sample in two halves so that a player that
@@ -49,7 +48,7 @@ def at_work(
 ) -> tuple[list["SignalFault"], list[FrameFault]]:
     """The faults of signals and those of frames. Raises InputError for one that this train's messages leave no way
     to."""
-    signal_faults = [SignalFault(f, numbers, [seed, 4, k], train) for k, f in enumerate(faults) if f.kind in CHANGES]
+    signal_faults = [SignalFault(f, numbers, train) for f in faults if f.kind in CHANGES]
     frame_faults = [
         frame_fault(f, [seed, 3, k], numbers, other_axle(f.axle, numbers), train)
         for k, f in enumerate(faults)
@@ -59,11 +58,11 @@ def at_work(
 
 
 def _encoded(
-    samples: Iterable[Sample], faults: Sequence["SignalFault"], encoder: Encodes, chunk: int
-) -> Iterator[tuple[Sample, list[Sent]]]:
+    samples: Iterable[SensorSample], faults: Sequence["SignalFault"], encoder: Encodes, chunk: int
+) -> Iterator[tuple[SensorSample, list[Sent]]]:
     """The samples with the faults of their signals, and their frames."""
     left = iter(samples)
-    before: Sample | None = None
+    before: SensorSample | None = None
     while taken := list(itertools.islice(left, chunk)):
         changed = []
         for sample in taken:
@@ -84,16 +83,15 @@ def _until(held: list[tuple[int, int, Sent]], due_us: int) -> Iterator[Sent]:
 class SignalFault:
     """A fault of what sensors say: the change of one value, for each of its signals."""
 
-    def __init__(self, fault: Fault, numbers: Sequence[int], seed: Sequence[int], train: Train = PACKAGED) -> None:
+    def __init__(self, fault: Fault, numbers: Sequence[int], train: Train) -> None:
         self.fault = fault
-        self.rng = np.random.default_rng(list(seed))
         self.keys: list[_Key] = [(s, 0 if s == "speed" else fault.axle) for s in fault.signals]
         self.other = other_axle(fault.axle, numbers)
         self.stands: dict[_Key, float] = {}  # all values before the fault
         self.rng = np.random.default_rng([fault.begin_us, fault.axle])
         self.cycle_us = {s: train.cycle_us(s, fault.axle) for s in fault.signals}
 
-    def change(self, sample: Sample, before: Sample) -> Sample:
+    def change(self, sample: SensorSample, before: SensorSample) -> SensorSample:
         """The sample as it looks with the fault; before is the one before it."""
         self.stands = self.stands or _values(before)
         values = _values(sample)
@@ -108,7 +106,7 @@ class SignalFault:
             )
             for r in sample.readings
         )
-        return Sample(sample.due_us, values["speed", 0], readings)
+        return SensorSample(sample.due_us, values["speed", 0], readings)
 
     def _keys_changed(self) -> list[_Key]:
         if self.fault.kind != "swap-wiring":
@@ -116,7 +114,7 @@ class SignalFault:
         return [(s, a) for s, _ in self.keys for a in (self.fault.axle, self.other)]
 
 
-def _values(sample: Sample) -> dict[_Key, float]:
+def _values(sample: SensorSample) -> dict[_Key, float]:
     values: dict[_Key, float] = {("speed", 0): sample.speed_m_s}
     for r in sample.readings:
         values["yaw_rate", r.number] = r.yaw_rate
@@ -125,42 +123,18 @@ def _values(sample: Sample) -> dict[_Key, float]:
     return values
 
 
-def _bias(f: SignalFault, key: _Key, values: dict[_Key, float], _since_us: int) -> float:
-    return values[key] + f.fault.size(key[0])
-
-
-def _drift(f: SignalFault, key: _Key, values: dict[_Key, float], since_us: int) -> float:
-    return values[key] + f.fault.size(key[0]) * since_us * 1e-6
-
-
-def _freeze(f: SignalFault, key: _Key, _values: dict[_Key, float], _since_us: int) -> float:
-    return f.stands[key]
-
-
 def _dead(f: SignalFault, key: _Key, values: dict[_Key, float], _since_us: int) -> float:
     noise = f.fault.size(key[0])
     return noise * float(f.rng.standard_normal()) if noise > 0.0 else values[key]
 
 
-def _spike(f: SignalFault, key: _Key, values: dict[_Key, float], since_us: int) -> float:
-    hit = since_us % SPIKE_EVERY_US < f.cycle_us[key[0]]
-    return values[key] + hit * f.fault.size(key[0])
-
-
-def _swap_wiring(f: SignalFault, key: _Key, values: dict[_Key, float], _since_us: int) -> float:
-    return values[key[0], f.other if key[1] == f.fault.axle else f.fault.axle]
-
-
-def _reverse(_f: SignalFault, key: _Key, values: dict[_Key, float], _since_us: int) -> float:
-    return -values[key]
-
-
-CHANGES = {
-    "reverse": _reverse,
+# What a sensor says instead, by the fault, whose value it is, all values, and the time since its begin in us
+CHANGES: dict[str, Callable[[SignalFault, _Key, dict[_Key, float], int], float]] = {
+    "reverse": lambda _f, key, values, _t: -values[key],
     "dead": _dead,
-    "bias": _bias,
-    "drift": _drift,
-    "freeze": _freeze,
-    "spike": _spike,
-    "swap-wiring": _swap_wiring,
+    "bias": lambda f, key, values, _t: values[key] + f.fault.size(key[0]),
+    "drift": lambda f, key, values, t: values[key] + f.fault.size(key[0]) * t * 1e-6,
+    "freeze": lambda f, key, _values, _t: f.stands[key],
+    "spike": lambda f, key, values, t: values[key] + (t % SPIKE_EVERY_US < f.cycle_us[key[0]]) * f.fault.size(key[0]),
+    "swap-wiring": lambda f, key, values, _t: values[key[0], f.other if key[1] == f.fault.axle else f.fault.axle],
 }

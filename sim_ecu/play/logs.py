@@ -10,9 +10,10 @@ import can
 
 from sim_ecu.play.scenario import Scenario
 from sim_ecu.play.train import Train
-from wrcd.bus.log import format_line, log_suffix
+from wrcd.bus.candump import format_line
 from wrcd.bus.pythoncan import from_message
 from wrcd.errors import InputError
+from wrcd.logs.reader import log_suffix
 
 # python-can's writers of these leave such frames out, or write them as others.
 _WITHOUT_FD = {".trc", ".csv"}

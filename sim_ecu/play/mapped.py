@@ -10,26 +10,25 @@ from pathlib import Path
 
 from cantools.database.can import Message
 
-from sim_ecu.play.claims import Claim, Place, Split, claim
 from sim_ecu.play.encoder import (
     FAST_SPACING_US,
     MAX_SLOW_AXLES,
     SAMPLE_US,
     SPACING_US,
     Channel,
-    Sample,
+    EncodedStretch,
+    SensorSample,
     Sent,
-    Stretch,
     databases,
     is_fd,
     message_key,
 )
-from sim_ecu.play.mapped_message import Messages, Plan
+from sim_ecu.play.mapped_message import Claim, MessagePlan, Messages, Place, Split, claim
 from sim_ecu.play.scenario import Scenario
 from sim_ecu.play.train import Carrier, end_of_field
 from wrcd.bus.dbc import data_id, find_message, find_signal
 from wrcd.bus.units import Quantity
-from wrcd.config import load_config
+from wrcd.config.config import load_config
 from wrcd.core.configuration import Config
 from wrcd.errors import InputError
 
@@ -44,7 +43,7 @@ class MappedEncoder:
         self._messages, self._truth_of = messages, truth_of
         self._split, self._constants, self._spacing_us = split, constants, spacing_us
 
-    def frames(self, sample: Sample) -> Iterator[Sent]:
+    def frames(self, sample: SensorSample) -> Iterator[Sent]:
         """The frames of a sample, each message at its own cycle, or at the first sample after it."""
         at = due_us = sample.due_us
         values: dict[Place, float] = {}
@@ -62,11 +61,11 @@ class MappedEncoder:
                 yield frame
                 at += self._spacing_us
 
-    def stretch(self, s: Stretch) -> list[list[Sent]]:
+    def stretch(self, s: EncodedStretch) -> list[list[Sent]]:
         """The frames of each sample."""
         return [list(self.frames(sample)) for sample in s.samples()]
 
-    def _values(self, sample: Sample) -> dict[Place, float]:
+    def _values(self, sample: SensorSample) -> dict[Place, float]:
         values = dict(self._constants)
         for r in sample.readings:
             values[Quantity.YAW_RATE, r.number, 0] = r.yaw_rate
@@ -82,7 +81,7 @@ class MappedTrain:
         self._file, self._database = config.file, config.database
         self._constant = {Quantity.AXLE_LOAD: 2 * normal_N, Quantity.WHEEL_RADIUS: r_0, Quantity.DIRECTION: 1.0}
         self._axles = [a.number for a in config.axles]
-        self._plans: dict[str, Plan] = {}
+        self._plans: dict[str, MessagePlan] = {}
         for i in config.inputs:
             message = find_message(config.database, i.source.message)
             found = claim(message, find_signal(message, i.source.signal), i, self._axles)
@@ -106,11 +105,11 @@ class MappedTrain:
         """Whether any of its messages is a CAN FD one."""
         return any(is_fd(plan.message) for plan in self._plans.values())
 
-    def _plan(self, config: Config, name: str) -> Plan:
+    def _plan(self, config: Config, name: str) -> MessagePlan:
         if name not in self._plans:
             message = find_message(config.database, name)
             stated = config.data_ids[name] if name in config.data_ids else data_id(message)
-            self._plans[name] = Plan(message, data_id=stated)
+            self._plans[name] = MessagePlan(message, data_id=stated)
         return self._plans[name]
 
     def encoder(self, numbers: Sequence[int], truth: bool = True, counter: int = 0) -> MappedEncoder:
@@ -125,7 +124,7 @@ class MappedTrain:
         truth_of: dict[Channel, int] = {}
         begun: set[str] = set()
 
-        def begin(plans: Sequence[Plan]) -> None:
+        def begin(plans: Sequence[MessagePlan]) -> None:
             for plan in plans:
                 if plan.message.name not in begun:
                     begun.add(plan.message.name)
@@ -147,13 +146,13 @@ class MappedTrain:
         together = sum(m.at_once if isinstance(m, Messages) else 1 for m in messages)
         return MappedEncoder(messages, truth_of, split, constants, min(most, SAMPLE_US // (together + 1)))
 
-    def _of(self, signal: str, axle: int) -> list[Plan]:
+    def _of(self, signal: str, axle: int) -> list[MessagePlan]:
         """The messages of a quantity of an axle, and behind them those of its statuses."""
         carrying = [p for p in self._plans.values() if _carries(p.claims, signal, axle)]
         return carrying + [p for p in self._plans.values() if _carries(p.of_status, signal, axle)]
 
     @staticmethod
-    def _only(plan: Plan, numbers: Sequence[int]) -> Plan:
+    def _only(plan: MessagePlan, numbers: Sequence[int]) -> MessagePlan:
         """Without the signals of axles that do not run: they stay at their start value."""
         running = [c for c in plan.claims if any(n in numbers for n in c.axles)]
         return replace(plan, claims=running)
@@ -190,7 +189,7 @@ class MappedTrain:
                 out[plan.message.name] = Carrier(plan.message, plan.data_id, {}, status, usable)
         return list(out.values())
 
-    def _status_of(self, plan: Plan, signal: str, axle: int) -> str | None:
+    def _status_of(self, plan: MessagePlan, signal: str, axle: int) -> str | None:
         """The status in a message that is about an axle's signal: with multiplexers another axle has another one."""
         about = [c for c in plan.of_status if c.source.quantity.key == signal and axle in c.axles]
         return next(
@@ -201,7 +200,7 @@ class MappedTrain:
         """Of the message that carries it."""
         return min(plan.every_us for plan in self._mapped(signal, axle))
 
-    def _mapped(self, signal: str, axle: int) -> list[Plan]:
+    def _mapped(self, signal: str, axle: int) -> list[MessagePlan]:
         """The messages of a fault's signal."""
         found = [p for p in self._plans.values() if _carries(p.claims, signal, axle)]
         if not found:

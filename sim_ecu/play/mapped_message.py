@@ -1,19 +1,226 @@
-"""A message that a configuration maps, as the rig sends it: by cantools and the autosar-e2e package."""
+"""The messages that a configuration maps, as the rig sends them: which value stands in which signal, in which unit,
+within what limits, and what the words of value tables mean, which is the rig's own opinion beside the daemon's.
 
-from collections.abc import Iterator, Mapping, Sequence
+Frames are made by cantools and the autosar-e2e package.
+"""
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from cantools.database.can import Message, Signal
 
-from sim_ecu.play.claims import Claim, Place, cycle_us
 from sim_ecu.play.encoder import COUNTERS, SAMPLE_US, Sent, frame_length, is_fd, protect
 from wrcd.bus.dbc import find_signal
+from wrcd.bus.signals import Source
+from wrcd.bus.units import Quantity, factor
+from wrcd.core.configuration import Input
+
+# letters only, lower case
+NO_MEASUREMENT = (
+    "notavail", "unavail", "notsupported", "notinstalled", "notvalid", "invalid", "sna", "error", "fault", "fail",
+    "init", "undefined", "notdefined", "nodata", "nosignal", "unknown", "reserved", "fehler", "ungueltig", "ungültig",
+    "nichtverbaut", "nichtverfuegbar", "nichtverfügbar", "stoerung", "störung", "defekt", "selftest", "selbsttest",
+)  # fmt: skip
+FAILED = ("error", "fault", "fail", "fehler", "stoerung", "störung", "defekt")
+FORWARD, BACKWARD = ("forw", "fwd", "ahead", "vorw"), ("rev", "back", "rück", "rueck")
+
+
+def letters(label: object) -> str:
+    """A word of a value table as lower-case letters."""
+    return "".join(c for c in str(label).lower() if c.isalpha())
+
+
+def says(label: object, words: Iterable[str]) -> bool:
+    """Whether a label has one of some words in it."""
+    text = letters(label)
+    return any(word in text for word in words)
+
+
+def no_measurement(s: Signal) -> frozenset[int]:
+    """The raw values whose label says that there is no measurement."""
+    return frozenset(
+        int(raw)
+        for raw, label in (s.choices or {}).items()
+        if letters(label) == "na" or (says(label, NO_MEASUREMENT) and letters(label) != "default")
+    )
+
+
+def forward(s: Signal) -> int | None:
+    """The raw value of a direction signal that says forwards; None where it has no value table."""
+    labelled = {int(raw): label for raw, label in (s.choices or {}).items()}
+    for raw, label in labelled.items():
+        if says(label, FORWARD):
+            return raw
+    unusable = no_measurement(s)
+    return next((raw for raw, label in labelled.items() if raw not in unusable and not says(label, BACKWARD)), None)
+
+
+def backward(s: Signal) -> int | None:
+    """The one that says backwards; None where none does."""
+    return next((int(raw) for raw, label in (s.choices or {}).items() if says(label, BACKWARD)), None)
+
+
+# How often a sensor sends where its DBC does not say.
+NATURAL_US = {
+    Quantity.YAW_RATE: 5_000, Quantity.LAT_ACCEL: 5_000, Quantity.TORQUE: 10_000, Quantity.BRAKE_TORQUE: 10_000,
+    Quantity.SPEED: 20_000,
+}  # fmt: skip
+SLOW_US = 100_000  # of axle load, wheel radius, direction
+MAX_WAYS = 256  # raw values of a direction that are looked at
+TORQUES = (Quantity.TORQUE, Quantity.BRAKE_TORQUE)
+Place = tuple[Quantity, int, int]  # quantity, number of the axle, part
+
+
+@dataclass(frozen=True, slots=True)
+class Claim:
+    """What is mapped to a signal: raw = (value / factor - offset) / scale, value being that of a place in SI units.
+
+    low and high are physical, avoided the raw values that are no measurement.
+    """
+
+    message: Message
+    signal: Signal
+    source: Source
+    axles: tuple[int, ...]  # numbers
+    scale: float
+    offset: float
+    factor: float
+    low: float
+    high: float
+    invalid: frozenset[int]  # of them those that the configuration names
+    avoided: frozenset[int]
+    timeout_us: int
+
+    @property
+    def places(self) -> tuple[Place, ...]:
+        """Whose values it carries."""
+        return tuple((self.source.quantity, n, self.source.part) for n in self.axles)
+
+    @property
+    def reach(self) -> tuple[float, float]:
+        """The least and the largest value that it can carry, in SI units."""
+        ends = self.low * self.factor, self.high * self.factor
+        return min(ends), max(ends)
+
+    def raw(self, physical: float) -> float:
+        """What it carries for a value: the end of its range for what lies beyond, as a converter would."""
+        if self.source.quantity is Quantity.DIRECTION and (word := self._ahead()) is not None:
+            return word
+        raw = (min(max(physical, self.low), self.high) - self.offset) / self.scale
+        if self.signal.is_float:
+            return raw
+        whole = round(raw)
+        while whole in self.avoided:
+            whole += -1 if whole > 0 else 1
+        return whole
+
+    def _ahead(self) -> int | None:
+        """Of a direction: the raw value that means forwards, turned round where the factor is below 0; None where the
+        value's own sign says it."""
+        reverse, turned = self.source.reverse, self.factor < 0.0
+        if reverse is None:
+            return backward(self.signal) if turned else forward(self.signal)
+        raws = (*sorted(reverse), *range(min(1 << self.signal.length, MAX_WAYS)))
+        usable = (r for r in raws if r not in self.avoided and self.low <= r * self.scale + self.offset <= self.high)
+        return next((r for r in usable if (r in reverse) is turned), None)
+
+
+def claim(message: Message, signal: Signal, i: Input, axles: Sequence[int]) -> Claim:
+    """Of an input of the configuration; axles: the numbers of all that the configuration has."""
+    s = i.source
+    scale = float(signal.scale) if s.scale is None else s.scale
+    offset = float(signal.offset) if s.offset is None else s.offset
+    low = signal.minimum if s.low is None else s.low
+    high = signal.maximum if s.high is None else s.high
+    first, last = -math.inf, math.inf
+    if not signal.is_float:
+        bits = signal.length - signal.is_signed
+        ends = [raw * scale + offset for raw in (-(1 << bits) if signal.is_signed else 0, (1 << bits) - 1)]
+        first, last = min(ends), max(ends)
+    invalid = frozenset(_fit(signal, raw) for raw in s.invalid)
+    return Claim(
+        message, signal, s, tuple(axles[place] for place in s.axles), scale, offset,
+        factor(signal.unit, s.quantity) if s.factor is None else s.factor,
+        first if low is None else max(first, float(low)), last if high is None else min(last, float(high)),
+        invalid, invalid | no_measurement(signal), i.timeout_us,
+    )  # fmt: skip
+
+
+def _fit(signal: Signal, raw: int) -> int:
+    """A raw value as cantools takes it: 0x8000 of a signed signal of 16 bits is -32768."""
+    whole = 1 << signal.length
+    return raw - whole if signal.is_signed and not signal.is_float and whole // 2 <= raw < whole else raw
+
+
+def cycle_us(claims: Sequence[Claim]) -> int:
+    """How often the message of some claims is sent: as its DBC says, else as often as its fastest sensor. Not oftener
+    than the rig's samples."""
+    stated = claims[0].message.cycle_time
+    if stated:
+        return max(int(stated) * 1000, SAMPLE_US)
+    natural = min(min(NATURAL_US.get(c.source.quantity, SLOW_US), c.timeout_us // 3) for c in claims)
+    return max(natural // SAMPLE_US * SAMPLE_US, SAMPLE_US)
+
+
+class Split:
+    """The parts that the torques of some axles are told by: traction by the first that can say it, braking by all that
+    can, each its equal share; what one has no room for goes to the next.
+
+    A signal of several axles carries their mean, and the axles' own signals the rest.
+    """
+
+    def __init__(self, claims: Sequence[Claim], axles: Sequence[int]) -> None:
+        order = {q: k for k, q in enumerate(TORQUES)}
+        of_torque = sorted(
+            (c for c in claims if c.source.quantity in TORQUES), key=lambda c: (order[c.source.quantity], c.source.part)
+        )
+        self._reach: dict[int, dict[Place, tuple[float, float]]] = {n: {} for n in axles}
+        by_signal: dict[tuple[str, str], list[tuple[Place, float]]] = {}
+        for c in of_torque:
+            for place in (p for p in c.places if p[1] in self._reach):
+                self._reach[place[1]][place] = c.reach
+                by_signal.setdefault((c.message.name, c.signal.name), []).append((place, c.factor))
+        self._shared = [group for group in by_signal.values() if len(group) > 1]
+        common = {place for group in self._shared for place, _ in group}
+        self._own = {
+            n: {place: reach for place, reach in of_axle.items() if place not in common}
+            for n, of_axle in self._reach.items()
+        }
+
+    def parts(self, torques_Nm: Mapping[int, float]) -> dict[Place, float]:
+        """The torque of each part, of torques by axle."""
+        out: dict[Place, float] = {}
+        for n, torque in torques_Nm.items():
+            self._give(out, self._reach[n], torque)
+        for group in self._shared:
+            physical = sum(out[place] / factor for place, factor in group) / len(group)
+            out.update({place: physical * factor for place, factor in group})
+        for n, torque in torques_Nm.items() if self._shared else ():
+            told = sum(out[place] for place in self._reach[n] if place not in self._own[n])
+            self._give(out, self._own[n], torque - told)
+        return out
+
+    @staticmethod
+    def _give(out: dict[Place, float], reach: Mapping[Place, tuple[float, float]], torque_Nm: float) -> None:
+        """Share a torque out between parts."""
+        out.update(dict.fromkeys(reach, 0.0))
+        able = [p for p, (low, high) in reach.items() if (low < 0.0 if torque_Nm < 0.0 else high > 0.0)]
+        left = torque_Nm
+        rounds = (torque_Nm / len(able), None) if able and torque_Nm < 0.0 else (None,)
+        for share in rounds:  # each its share, then what is left
+            for place in able:
+                low, high = reach[place]
+                given = min(max(out[place] + (left if share is None else share), low), high)
+                left -= given - out[place]
+                out[place] = given
+
 
 Raws = frozenset[int]
 
 
 @dataclass(slots=True)
-class Plan:
+class MessagePlan:
     """A message to send: what is mapped in it, what stands in the rest of it, and the values of its multiplexers, one
     frame for each."""
 
@@ -35,7 +242,7 @@ class Plan:
 class Messages:
     """Encodes one message."""
 
-    def __init__(self, plan: Plan, counter: int = 0) -> None:
+    def __init__(self, plan: MessagePlan, counter: int = 0) -> None:
         self.every_us = plan.every_us
         self._message, self._data_id = plan.message, plan.data_id
         self._by_signal: dict[str, list[Claim]] = {}

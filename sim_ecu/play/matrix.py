@@ -1,33 +1,153 @@
-"""`sim-ecu faults`: every row of the fault matrix, played into the daemon's own core on a virtual clock."""
+"""`sim-ecu faults`: every row of the fault matrix, played into the daemon's own core on a virtual clock, and judged."""
 
 import copy
 import functools
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
-from sim_ecu.play.encoder import SAMPLE_US, Sample, databases
-from sim_ecu.play.expected import LONG_ROWS, ROWS, Row
-from sim_ecu.play.expected_lines import wrong_lines
-from sim_ecu.play.faults import Fault
+from sim_ecu.play.encoder import SAMPLE_US, SensorSample, databases
+from sim_ecu.play.expected import (
+    LONG_ROWS,
+    ROWS,
+    SETTLED_AFTER_MS,
+    SETTLED_PP,
+    Found,
+    Leaves,
+    MatrixRow,
+    Must,
+    Stays,
+    wrong_lines,
+)
+from sim_ecu.play.faults import ALL, KINDS, Fault, Stage
 from sim_ecu.play.inject import inject
-from sim_ecu.play.judge import HEAD, Said, Verdict, judge, line
 from sim_ecu.play.play import LOG_START_US
 from sim_ecu.play.player import Player
 from sim_ecu.play.scenario import load_scenario
 from wrcd.bus.frame import Frame
 from wrcd.bus.link import LinkHealth
-from wrcd.config import load_config
+from wrcd.config.config import load_config
 from wrcd.core.core import Core
+from wrcd.progress import Progress
 from wrcd.service.journal import CounterLog
-from wrcd.tools.progress import Progress
 
 # When the fault begins: the axle has been Valid for a while, and slots and cycles are met at different points.
 BEGINS_S = (2.5, 2.813, 3.207)
 AFTER_S = 2.35  # judged so long after the fault's end
 SLOT_US = 20_000
 SCENARIO = "half-wet"
+
+
+@dataclass(frozen=True, slots=True)
+class Said:
+    """One adhesion frame. slot numbers it, mu_pct is None where it says not available."""
+
+    stamp_us: int
+    slot: int
+    valid: bool
+    mu_pct: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What was measured, None where it never happened, and what is wrong with it (empty: nothing)."""
+
+    left_ms: float | None  # Valid, after the fault's begin
+    back_ms: float | None  # to Valid, after its end
+    change_pp: float | None  # of MuAvailable, at most, while Valid
+    settled_pp: float | None  # the same, the longest window after the fault
+    wrong: str
+
+    def worst(self, other: "Verdict") -> "Verdict":
+        """Of two plays of a row, the larger figures and what is wrong with either."""
+
+        def larger(a: float | None, b: float | None) -> float | None:
+            return max((x for x in (a, b) if x is not None), default=None)
+
+        return Verdict(
+            larger(self.left_ms, other.left_ms), larger(self.back_ms, other.back_ms),
+            larger(self.change_pp, other.change_pp), larger(self.settled_pp, other.settled_pp),
+            self.wrong or other.wrong,
+        )  # fmt: skip
+
+
+def judge(
+    must: Must, begin_us: int, end_us: int, said: Sequence[Said], without: Mapping[int, float],
+    slack_ms: float = 0.0, slack_pp: float = 0.0,
+) -> Verdict:  # fmt: skip
+    """Judge the frames of an axle from a fault's begin on, beside MuAvailable without the fault, by slot. The slacks
+    are for a bus whose clock is not virtual."""
+    said = [s for s in said if s.stamp_us > begin_us]
+    left = next((s.stamp_us for s in said if not s.valid), None)
+    back = next((s.stamp_us for s in said if s.valid and left is not None and s.stamp_us > max(end_us, left)), None)
+    changes = [
+        (s.stamp_us, abs(s.mu_pct - without[s.slot]))
+        for s in said
+        if s.valid and s.mu_pct is not None and s.slot in without
+    ]
+    settled_us = end_us + round(SETTLED_AFTER_MS * 1000)
+    verdict = Verdict(
+        left_ms=None if left is None else (left - begin_us) / 1000,
+        back_ms=None if back is None else (back - end_us) / 1000,
+        change_pp=max((pp for _, pp in changes), default=None),
+        settled_pp=max((pp for t, pp in changes if t > settled_us), default=None),
+        wrong="",
+    )
+    wrong = ""
+    if isinstance(must, Leaves):
+        wrong = _left(must, verdict, slack_ms)
+        if any(s.valid for s in said if left is not None and left < s.stamp_us <= end_us):
+            wrong = wrong or "Valid during the fault"
+        if any(not s.valid for s in said if back is not None and s.stamp_us > back):
+            wrong = wrong or "not Valid for good afterwards"
+    elif isinstance(must, Stays):
+        wrong = _stayed(must, verdict, slack_pp)
+    elif isinstance(must, Found):
+        until_us = begin_us + round((must.within_ms + slack_ms) * 1000)
+        late = any(s.valid for s in said if until_us < s.stamp_us <= end_us)
+        return replace(verdict, back_ms=None, settled_pp=None, wrong="not found out" if late else "")
+    if verdict.settled_pp is None or verdict.settled_pp > SETTLED_PP + slack_pp:
+        wrong = wrong or "not itself again"
+    return replace(verdict, wrong=wrong)
+
+
+def _left(must: Leaves, v: Verdict, slack_ms: float) -> str:
+    if v.left_ms is None or v.left_ms > must.within_ms + slack_ms:
+        return "Valid for too long"
+    return "not Valid again in time" if v.back_ms is None or v.back_ms > must.back_ms + slack_ms else ""
+
+
+def _stayed(must: Stays, v: Verdict, slack_pp: float) -> str:
+    if v.left_ms is not None:
+        return "not Valid throughout"
+    return "changed too much" if v.change_pp is None or v.change_pp > must.within_pp + slack_pp else ""
+
+
+HEAD = (
+    "| fault | of | s | must | left Valid after, ms | Valid again after, ms | largest change while Valid, pp "
+    "| the longest window later, pp | passed |\n"
+    "|---|---|---|---|---|---|---|---|---|"
+)
+
+
+def which(row: MatrixRow) -> tuple[str, str, str]:
+    """A row's fault for a person: the kind, of what, for how many seconds."""
+    f = row.fault
+    of = "bus" if KINDS[f.kind].stage is Stage.BUS else {ALL: "all of the axle"}.get(f.of, f.of.replace("_", " "))
+    return f.kind if f.amount is None else f"{f.kind} {f.amount:g}", of, f"{f.duration_s:g}"
+
+
+def line(row: MatrixRow, v: Verdict) -> str:
+    """A row of the table, as Markdown."""
+
+    def shown(x: float | None, digits: int) -> str:
+        return "–" if x is None else f"{x:.{digits}f}"
+
+    return (
+        f"| {' | '.join(which(row))} | {row.must} | {shown(v.left_ms, 0)} | {shown(v.back_ms, 0)} "
+        f"| {shown(v.change_pp, 2)} | {shown(v.settled_pp, 2)} | {f'NO: {v.wrong}' if v.wrong else 'yes'} |"
+    )
 
 
 class NoLink:
@@ -53,12 +173,12 @@ class NoLink:
 class Matrix:
     """One simulation, played for every row from the state that the core is in when the fault begins."""
 
-    def __init__(self, rows: Sequence[Row] = (*ROWS, *LONG_ROWS), begins_s: Sequence[float] = BEGINS_S) -> None:
+    def __init__(self, rows: Sequence[MatrixRow] = (*ROWS, *LONG_ROWS), begins_s: Sequence[float] = BEGINS_S) -> None:
         longest_s = max(r.fault.duration_s for r in rows)
         scenario = replace(load_scenario(SCENARIO), duration_s=max(begins_s) + longest_s + AFTER_S)
         self._numbers = [a.number for a in scenario.axles]
         self._seed = scenario.axles[0].seed
-        self._samples: list[Sample] = list(Player(scenario).measured())
+        self._samples: list[SensorSample] = list(Player(scenario).measured())
         core = Core(load_config(None))
         # what all copies of the core share
         self._shared = {id(x): x for x in (core.config, *core.config.database.messages)}
@@ -87,7 +207,7 @@ class Matrix:
         the time after every half sample, as the loop does after every turn."""
         first, last = (math.ceil(round(t * 1e6) / SAMPLE_US) - 1 for t in (since_s, until_s))
         samples, out = self._samples[max(first, 0) : last], []
-        for due_us, frames in inject(samples, faults, self._numbers, self._seed, truth=False):
+        for due_us, frames in inject(samples, faults, self._numbers, self._seed, truth=False, chunk=len(samples)):
             for f in frames:
                 out += core.feed(Frame(LOG_START_US + f.due_us, f.can_id, f.data, error=f.error))
             look(LOG_START_US + due_us)
@@ -101,13 +221,14 @@ class Matrix:
         mu = values["MuAvailable"] if isinstance(values["MuAvailable"], float) else None
         return Said(frame.stamp_us, frame.stamp_us // SLOT_US, str(values["Validity"]) == "Valid", mu)
 
-    def play(self, row: Row) -> Verdict:
+    def play(self, row: MatrixRow) -> Verdict:
         """What comes of a row's fault, at the worst of its moments."""
         return functools.reduce(Verdict.worst, [self._play(row, begin_s) for begin_s in self._before])
 
-    def _play(self, row: Row, begin_s: float) -> Verdict:
+    def _play(self, row: MatrixRow, begin_s: float) -> Verdict:
         fault = replace(row.fault, at_s=begin_s)
-        until_s = begin_s + fault.duration_s + AFTER_S
+        # what is found out in the sensors' signals is not judged afterwards
+        until_s = begin_s + fault.duration_s + (0.0 if isinstance(row.must, Found) else AFTER_S)
         core, lines = self._copy(self._before[begin_s]), list[str]()
         journal = CounterLog(core, NoLink(core.health.link), lines.append)
         journal.look(LOG_START_US + fault.begin_us - 2_000_000)  # what has been told before

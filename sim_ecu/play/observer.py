@@ -1,4 +1,4 @@
-"""A third party on the demo's bus: writes the log, and decodes what anyone could decode."""
+"""A third party on the demo's bus: writes the log, and decodes what anyone could decode, by cantools alone."""
 
 import time
 from dataclasses import dataclass, field
@@ -8,24 +8,24 @@ from typing import Any
 import can
 from cantools.database.can import Message
 
-from sim_ecu.play.adhesion import AdhesionReader, Said
 from sim_ecu.play.encoder import databases, message_key
 from sim_ecu.play.pace import Clock
+from sim_ecu.play.train import AdhesionReader, Said
+from wrcd.bus.candump import format_line
 from wrcd.bus.dbc import find_message
 from wrcd.bus.frame import Frame
-from wrcd.bus.log import format_line
 from wrcd.core.configuration import Config
 
 
 @dataclass(slots=True)
-class Trace:
+class ObservedTrace:
     """One axle as seen on the bus: rows of (time, what a frame says)."""
 
     truth: list[tuple[float, dict[str, Any]]] = field(default_factory=list)
     adhesion: list[tuple[float, Said]] = field(default_factory=list)
 
 
-class Observer:
+class BusObserver:
     """Takes every frame. Times are seconds from the first one."""
 
     def __init__(
@@ -35,10 +35,10 @@ class Observer:
         _, rig = databases()
         self._bus, self._channel = bus, channel
         self._file = log.open("w", encoding="ascii")
-        self.traces = {n: Trace() for n in numbers}
+        self.traces = {n: ObservedTrace() for n in numbers}
         outputs = {a.number: a.adhesion for a in config.axles}
-        self._truth: dict[int, tuple[Message, Trace]] = {}
-        self._adhesion: dict[int, tuple[AdhesionReader, Trace]] = {}
+        self._truth: dict[int, tuple[Message, ObservedTrace]] = {}
+        self._adhesion: dict[int, tuple[AdhesionReader, ObservedTrace]] = {}
         for n, trace in self.traces.items():
             truth = rig.get_message_by_name(f"SimTruth_A{n}")
             self._truth[message_key(truth)] = truth, trace

@@ -20,7 +20,7 @@ from sim_ecu.play.player import LARGE_CHUNK, Player
 from sim_ecu.play.scenario import Scenario
 from sim_ecu.play.train import PACKAGED, Train
 from wrcd.errors import BusError, InputError
-from wrcd.tools.progress import Progress
+from wrcd.progress import Progress
 
 # A log made without a bus begins at this moment, so that the same scenario gives the same bytes.
 LOG_START_US = 1_700_000_000_000_000
@@ -29,7 +29,7 @@ MAX_SAMPLES = 20  # of a step: a computer that never catches up hears Ctrl-C all
 
 
 @dataclass(slots=True)
-class Tally:
+class PlayTally:
     """What playing came to."""
 
     frames: int = 0
@@ -69,10 +69,10 @@ def fault_line(fault: Fault, begin_us: int, end_us: int) -> str:
     return f"fault {fault.kind} {place} begin={begin_us * 1e-6:.6f} end={end_us * 1e-6:.6f}"
 
 
-def play_to_log(scenario: Scenario, log: Path, truth: bool = True, train: Train = PACKAGED) -> Tally:
+def play_to_log(scenario: Scenario, log: Path, truth: bool = True, train: Train = PACKAGED) -> PlayTally:
     """As fast as it computes; the suffix of the log tells its format. Faults of the interface are silence there."""
     check_format(log, scenario, train)
-    tally, progress = Tally(), Progress()
+    tally, progress = PlayTally(), Progress()
     player = Player(scenario, truth, LARGE_CHUNK, train)
     with open_logger(log) as logger:
         for due_us, frames in player:
@@ -102,7 +102,7 @@ class RealTime:
         train: Train = PACKAGED,
         clock: Clock = time,
     ) -> None:
-        self.tally, self._clock = Tally(), clock
+        self.tally, self._clock = PlayTally(), clock
         self._on_fault = on_fault
         self._away_until_us = 0
         # an end before a beginning at the same time
@@ -180,7 +180,7 @@ class RealTime:
 def play_on_bus(
     scenario: Scenario, interface: str, channel: str, log: Path | None, truth: bool = True, ahead: bool = False,
     train: Train = PACKAGED,
-) -> Tally:  # fmt: skip
+) -> PlayTally:  # fmt: skip
     """Until the scenario ends or SIGTERM or Ctrl-C comes."""
     stop = False
 

@@ -8,7 +8,7 @@ from sim_ecu.physics.axlebox import AxleBoxStream
 from sim_ecu.physics.simulation import Axle, Samples, Simulation
 from sim_ecu.physics.track import Track
 from sim_ecu.physics.wheelset import LAT_ACCEL, MU_AVAILABLE, MU_USED, SLIP, TORQUE, YAW_RATE, FloatArray
-from sim_ecu.play.encoder import SAMPLE_US, Sample, Sent, Stretch
+from sim_ecu.play.encoder import SAMPLE_US, EncodedStretch, SensorSample, Sent
 from sim_ecu.play.inject import at_work, inject
 from sim_ecu.play.scenario import AxleScenario, Scenario
 from sim_ecu.play.train import PACKAGED, Train
@@ -90,12 +90,12 @@ class Player:
         for stretch in self._stretches():
             yield from zip(stretch.due_us.tolist(), self._encoder.stretch(stretch), strict=True)
 
-    def measured(self) -> Iterator[Sample]:
+    def measured(self) -> Iterator[SensorSample]:
         """What the sensors say, sample by sample, before anything goes wrong with it."""
         for stretch in self._stretches():
             yield from stretch.samples()
 
-    def _stretches(self) -> Iterator[Stretch]:
+    def _stretches(self) -> Iterator[EncodedStretch]:
         axles = tuple(a.number for a in self._axles)
         for first in range(0, self.samples, self._chunk):
             numbers = np.arange(first + 1, min(first + self._chunk, self.samples) + 1)
@@ -103,4 +103,4 @@ class Player:
             s = self._simulation.advance(self.scenario.commands(t), self.scenario.held_speed(t))
             speed = self._axles[0].sensors.speed.measure(s.speed_m_s, self._speed_rng)
             readings = [sensing.readings(s, place) for place, sensing in enumerate(self._sensing)]
-            yield Stretch(axles, numbers * SAMPLE_US, speed, np.stack(readings, axis=1))
+            yield EncodedStretch(axles, numbers * SAMPLE_US, speed, np.stack(readings, axis=1))

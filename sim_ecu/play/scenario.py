@@ -21,14 +21,15 @@ from sim_ecu.physics.sensors import SENSOR_SETS, SensorSet
 from sim_ecu.physics.track import OMEGA_C, QUALITY
 from sim_ecu.physics.wheelset import Command, Wheelset
 from sim_ecu.play import scenario_keys as keys
-from sim_ecu.play.equipment import read_axlebox, read_sensors
+from sim_ecu.play.encoder import SAMPLE_US
 from sim_ecu.play.faults import Fault, read_fault
+from wrcd.config.keys import names
+from wrcd.config.settings import Section, read_toml, suggest
 from wrcd.core.configuration import MAX_AXLES
 from wrcd.errors import InputError
-from wrcd.keys import names
-from wrcd.settings import Section, read_toml, suggest
 
 FloatArray = NDArray[np.float64]
+NYQUIST_HZ = 0.5e6 / SAMPLE_US
 FOLDER = Path(__file__).parent / "scenarios"
 TO_DRIVE = Path(__file__).parents[1] / "loop" / "scenarios"  # those that are no course of torques
 # Where axles 1 … 8 stand along the train: two vehicles of two bogies each, with a wheelbase of 2.5 m, 19 m from pivot
@@ -50,7 +51,7 @@ class Course:
 
 
 @dataclass(frozen=True, slots=True)
-class Drive:
+class DriveCourse:
     """What the driver and the traction controller want; exactly one demand. Negative values brake."""
 
     demand: str
@@ -74,7 +75,7 @@ class AxleScenario:
 
     number: int
     rail: FloatArray
-    drive: Drive
+    drive: DriveCourse
     roughness: float
     sensors: SensorSet
     seed: int
@@ -156,7 +157,7 @@ def read_scenario(top: Section, name: str) -> Scenario:
     return scenario
 
 
-def read_axles(top: Section, drive: Drive | None = None) -> tuple[AxleScenario, ...]:
+def read_axles(top: Section, drive: DriveCourse | None = None) -> tuple[AxleScenario, ...]:
     """The axles in the order of their numbers. drive: that of each, where no table may give one."""
     numbers = top.raw("axles") if "axles" in top else [1]
     if (
@@ -192,15 +193,15 @@ def read_wheelset(section: Section) -> Wheelset:
 class _Common:
     """The settings that an axle may override, as the top level gives them."""
 
-    def __init__(self, top: Section, first: int, drive: Drive | None) -> None:
+    def __init__(self, top: Section, first: int, drive: DriveCourse | None) -> None:
         self.first = first  # the axle that leads
         self.drive_is_given = drive is not None
         self.seed = _seed(top, 1)
         self.rail = _rail(top) if "rail" in top else None
         self.drive = drive or (_drive(top) if "drive" in top else None)
         self.roughness = _roughness(top) if "track" in top else QUALITY["good"]
-        self.sensors = read_sensors(top) if "sensors" in top else SENSOR_SETS["mems"]
-        self.axlebox = read_axlebox(top.section("axlebox"), QUIET)
+        self.sensors = _sensors(top) if "sensors" in top else SENSOR_SETS["mems"]
+        self.axlebox = _axlebox(top.section("axlebox"), QUIET)
 
 
 def _seed(section: Section, default: int) -> int:
@@ -222,11 +223,11 @@ def _axle(number: int, own: Section, common: _Common) -> AxleScenario:
         rail=rail,
         drive=drive,
         roughness=_roughness(own) if "track" in own else common.roughness,
-        sensors=read_sensors(own) if "sensors" in own else common.sensors,
+        sensors=_sensors(own) if "sensors" in own else common.sensors,
         seed=_seed(own, common.seed * 16 + number),
         position_m=keys.POSITION.of(own, POSITIONS_M[number - 1] - POSITIONS_M[common.first - 1]),
         track_seed=None if "seed" in own else common.seed * 16 + common.first,
-        axlebox=read_axlebox(own.section("axlebox"), common.axlebox),
+        axlebox=_axlebox(own.section("axlebox"), common.axlebox),
     )
 
 
@@ -266,13 +267,13 @@ def _curve(part: Section) -> CreepCurve:
     return replace(base, **rest)
 
 
-def _drive(section: Section) -> Drive:
+def _drive(section: Section) -> DriveCourse:
     d = section.section("drive")
     given = [key for key in keys.DEMANDS if key.name in d]
     if len(given) != 1:
         named = ", ".join(key.name for key in given)
         raise d.error(f"takes exactly one of {', '.join(names(keys.DEMANDS))}; found {named or 'none'}")
-    drive = Drive(given[0].name, Course(*given[0].read(d)), Course(*keys.CREEP_LIMIT.read(d)))
+    drive = DriveCourse(given[0].name, Course(*given[0].read(d)), Course(*keys.CREEP_LIMIT.read(d)))
     d.done()
     return drive
 
@@ -282,3 +283,49 @@ def _roughness(section: Section) -> float:
     if isinstance(value, str):
         return QUALITY[section.choice("track", QUALITY, "good")]
     return section.number("track", QUALITY["good"], 0.0, 1e-4)
+
+
+def _sensors(section: Section) -> SensorSet:
+    """sensors: the name of a set, or a table of its kind and biases."""
+    value = section.raw("sensors")
+    if isinstance(value, str):
+        return SENSOR_SETS[section.choice("sensors", SENSOR_SETS, "mems")]
+    s = section.section("sensors")
+    base = SENSOR_SETS[keys.KIND_OF_SENSORS.value(s)]
+    out = base.biased(keys.YAW_BIAS.of(s), keys.LAT_BIAS.of(s), keys.TORQUE_BIAS.of(s))
+    s.done()
+    return out
+
+
+def _axlebox(section: Section, base: AxleBox) -> AxleBox:
+    """[axlebox]: what differs from base."""
+    out = AxleBox(
+        vibration_m_s2=keys.VIBRATION.of(section, base.vibration_m_s2),
+        band_hz=_band(section, base.band_hz),
+        joint_m_s2=keys.JOINT.of(section, base.joint_m_s2),
+        joint_every_m=keys.JOINT_EVERY.of(section, base.joint_every_m),
+        joint_s=keys.JOINT_S.of(section, base.joint_s),
+        joint_shape=section.choice(keys.JOINT_SHAPE.name, keys.JOINT_SHAPE.options, base.joint_shape),
+        crossing_m_s2=keys.CROSSING.of(section, base.crossing_m_s2),
+        crossing_at_m=keys.CROSSING_AT.of(section, base.crossing_at_m),
+        gyro_per_m_s2=keys.GYRO_FEELS.of(section, base.gyro_per_m_s2),
+    )
+    section.done()
+    return out
+
+
+def _band(section: Section, default: tuple[float, float]) -> tuple[float, float]:
+    value = section.raw("band_hz")
+    if value is None:
+        return default
+    if not isinstance(value, list) or len(value) != 2 or not all(type(f) in (int, float) for f in value):
+        raise section.error(f"takes [lowest, highest], not {value!r}", "band_hz", "e.g. [20, 100]")
+    low, high = float(value[0]), float(value[1])
+    # not narrower than a piece of vibration resolves
+    if not 0 <= low <= min(high, NYQUIST_HZ) - 0.1:
+        raise section.error(
+            f"takes a band that rises by 0.1 Hz at least, from 0 or more to {NYQUIST_HZ:g} Hz, not {value!r}",
+            "band_hz",
+            "what lies above the sampling's own limit is left out",
+        )
+    return low, high

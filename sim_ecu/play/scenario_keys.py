@@ -11,9 +11,9 @@ from sim_ecu.physics.sensors import SENSOR_SETS
 from sim_ecu.physics.track import QUALITY
 from sim_ecu.physics.wheelset import Wheelset
 from sim_ecu.play.faults import ALL, DURATION_S, KINDS, SIGNALS
+from wrcd.config.keys import Choice, Flag, Key, Number, Text
+from wrcd.config.section import Section
 from wrcd.core.configuration import MAX_AXLES
-from wrcd.keys import Choice, Flag, Key, Number, Text
-from wrcd.section import Section
 
 LARGEST = 1e6
 Rows = tuple[tuple[float, ...], tuple[float, ...]]

@@ -1,15 +1,19 @@
-"""What a train's messages are to the rig: who encodes them, and which of them carry what a fault is of."""
+"""A train's messages: who encodes them, which of them carry what a fault is of, and how its adhesion is read."""
 
 import functools
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 from cantools.database.can import Message, Signal
 
-from sim_ecu.play.encoder import Encoder, Sample, Sent, Stretch, data_id, databases, message_key
+from sim_ecu.play.encoder import EncodedStretch, Encoder, SensorSample, Sent, data_id, databases, message_key
 from sim_ecu.play.faults import SIGNALS
-from sim_ecu.play.words import FAILED, says
+from sim_ecu.play.mapped_message import FAILED, says
+from wrcd.bus.dbc import find_signal
+from wrcd.bus.signals import Output, OutputSignal
+from wrcd.core.vocabulary import MESSAGES, Numeric
 
 USABLE_STATUS, PACKAGED_ERROR = frozenset({0, 1}), 14  # of the packaged DBC: Ok, Degraded; Error
 
@@ -17,10 +21,10 @@ USABLE_STATUS, PACKAGED_ERROR = frozenset({0, 1}), 14  # of the packaged DBC: Ok
 class Encodes(Protocol):
     """Makes the frames of samples."""
 
-    def frames(self, sample: Sample) -> Iterable[Sent]:
+    def frames(self, sample: SensorSample) -> Iterable[Sent]:
         """Those of one sample, in the order of their due times."""
 
-    def stretch(self, s: Stretch) -> list[list[Sent]]:
+    def stretch(self, s: EncodedStretch) -> list[list[Sent]]:
         """Those of each of many samples, as frames() makes them."""
 
 
@@ -122,3 +126,38 @@ def end_of_field(s: Signal) -> int:
     """What stands for not available where nothing else is said: the lowest value of a signed field, all ones of an
     unsigned one."""
     return -(1 << s.length - 1) if s.is_signed else (1 << s.length) - 1
+
+
+Said = dict[str, float | str | None]  # by the daemon's own names; a number in its unit, a word of its own, or nothing
+
+
+class AdhesionReader:
+    """Reads frames of an output."""
+
+    def __init__(self, message: Message, output: Output) -> None:
+        self._message = message
+        self._numbers: dict[str, tuple[Signal, OutputSignal]] = {}
+        self._words: dict[str, tuple[str, dict[int, str]]] = {}
+        for ours, sent in output.signals.items():
+            signal = find_signal(message, sent.name)
+            if isinstance(MESSAGES["adhesion"].get(ours), Numeric):
+                self._numbers[ours] = (signal, sent)
+            else:
+                labels = {str(label): int(raw) for raw, label in (signal.choices or {}).items()}
+                words = labels if sent.words is None else sent.words
+                self._words[ours] = (signal.name, {raw: word for word, raw in words.items()})
+
+    def read(self, data: bytes) -> Said:
+        """What a frame says, of the signals that are mapped."""
+        raw: Any = self._message.decode(data, decode_choices=False, scaling=False)
+        numbers = {ours: _number(signal, sent, raw[signal.name]) for ours, (signal, sent) in self._numbers.items()}
+        return numbers | {ours: words.get(raw[name], str(raw[name])) for ours, (name, words) in self._words.items()}
+
+
+def _number(s: Signal, sent: OutputSignal, raw: int) -> float | None:
+    """The value in the daemon's unit; None where the raw value says that there is none, or no signal can mean it."""
+    physical = raw * float(s.scale) + float(s.offset)
+    low = -math.inf if s.minimum is None else float(s.minimum)
+    high = math.inf if s.maximum is None else float(s.maximum)
+    named = raw in (s.choices or {})
+    return None if raw == sent.not_available or named or not low <= physical <= high else physical / sent.factor

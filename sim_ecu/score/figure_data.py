@@ -3,14 +3,14 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sim_ecu.design.brief import Recipe
 from sim_ecu.design.cases import Condition, Progress, held_at, simulate
 from sim_ecu.design.linear import Point
-from sim_ecu.design.source import Source
 from sim_ecu.physics.contact import CURVES, CreepCurve, curve_between
 from sim_ecu.physics.wheelset import LAT_ACCEL, MU_AVAILABLE, MU_USED, SLIP, TORQUE, YAW_RATE, Wheelset
 from wrcd.estimator.design import MODELS, Sets
@@ -24,12 +24,13 @@ SPEED = 25.0  # m/s, of all figures
 SETTLED_S = 2.0  # the paper's "after 2 seconds"
 SATURATED, LINEAR = 1.0, 0.05  # creep as a share of the one at the peak; on curve A 0.05 is still a straight line
 OFF_PEAK = (LINEAR, 0.15, 0.3)  # between model 4's design point and the peak, where the curves bend
+OVER_TIME = ("A", "C", "F")  # curves at whose peaks runs are drawn: Figs. 3 and 11, 4 and 12 show the same
 EVERY_S = 0.02  # an estimate so often, as on the bus
 FRICTION_ENDS = (0.022, 0.65)  # mu_0 of the family's slipperiest and driest rail in Fig. 6
 
 
 @dataclass(frozen=True, slots=True)
-class Trace:
+class HeldTrace:
     """n runs over k moments: t_s (k,), residuals, seen and own_range (k, n, 4), the others (k, n); NaN if unknown.
 
     seen is what the rules are given of the residuals: log10 of 1 to 3 over residual 4, and of residual 4, the sensors'
@@ -50,22 +51,21 @@ class Trace:
     used_pct: FloatArray
     creep: FloatArray
 
-    def runs(self, which: slice) -> "Trace":
+    def runs(self, which: slice) -> "HeldTrace":
         """Some of the runs."""
         rest = (getattr(self, name)[:, which] for name in list(self.__dataclass_fields__)[1:])
-        return Trace(self.t_s, *rest)
+        return HeldTrace(self.t_s, *rest)
 
-    def since(self, start_s: float) -> "Trace":
+    def since(self, start_s: float) -> "HeldTrace":
         """What was estimated from a time on."""
         late = self.t_s >= start_s - 1e-9
-        return Trace(*(getattr(self, name)[late] for name in self.__dataclass_fields__))
+        return HeldTrace(*(getattr(self, name)[late] for name in self.__dataclass_fields__))
 
 
 def own_range(sets: Sequence[Sets], seen: FloatArray) -> FloatArray:
     """Place of what the rules see (…, 4) between the centres of its own lowest (0) and highest (1) set."""
     low, high = (np.array([s.centres[i] for s in sets]) for i in (0, -1))
-    out: FloatArray = (seen - low) / (high - low)
-    return out
+    return np.asarray((seen - low) / (high - low))
 
 
 def held(w: Wheelset, curve: CreepCurve, creep_of_peak: float, tracks: int) -> list[Condition]:
@@ -73,42 +73,37 @@ def held(w: Wheelset, curve: CreepCurve, creep_of_peak: float, tracks: int) -> l
     return [held_at(w, curve, creep_of_peak, SPEED, 1000 + k) for k in range(tracks)]
 
 
-class HeldRuns:
-    """What the sensors say in held conditions. Each set of them is simulated once, however many designs look at it."""
+Measured: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
+Known: TypeAlias = dict[tuple[Any, ...], Measured]  # what was simulated: each condition once, for all designs
 
-    def __init__(self) -> None:
-        self._known: dict[tuple[Any, ...], tuple[FloatArray, FloatArray, FloatArray]] = {}
 
-    def measured(
-        self, s: Source, conditions: Sequence[Condition], seconds: float, progress: Progress
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """The simulation's outputs (ticks, outputs, n), z (ticks, 2, n) and the torque ratio (ticks, n)."""
-        d = s.design
-        key = (s.wheelset, s.sensors, d.tick_s, seconds, tuple(conditions))
-        if key not in self._known:
-            runs = []
-            for i, c in enumerate(conditions):
-                runs.append(simulate(s.wheelset, c, seconds, d.tick_s).outputs[:, 0])
-                progress("simulating", (i + 1) / len(conditions))
-            y = np.stack(runs, axis=-1)
-            rng = np.random.default_rng(1)
-            yaw, lat, torque = (
-                sensor.measure(y[:, column], rng)
-                for sensor, column in (
-                    (s.sensors.yaw_rate, YAW_RATE), (s.sensors.lat_accel, LAT_ACCEL), (s.sensors.torque, TORQUE)
-                )
-            )  # fmt: skip
-            self._known[key] = y, np.stack((yaw, lat), axis=1), np.abs(torque) / (2 * d.normal_N * d.r_0)
-        return self._known[key]
+def measured(s: Recipe, conditions: Sequence[Condition], seconds: float, progress: Progress, known: Known) -> Measured:
+    """Return the simulation's outputs (ticks, outputs, n), z (ticks, 2, n) and the torque ratio (ticks, n)."""
+    d = s.design
+    key = (s.wheelset, s.sensors, d.tick_s, seconds, tuple(conditions))
+    if key not in known:
+        runs = []
+        for i, c in enumerate(conditions):
+            runs.append(simulate(s.wheelset, c, seconds, d.tick_s).outputs[:, 0])
+            progress("simulating", (i + 1) / len(conditions))
+        y, rng = np.stack(runs, axis=-1), np.random.default_rng(1)
+        felt = ((s.sensors.yaw_rate, YAW_RATE), (s.sensors.lat_accel, LAT_ACCEL), (s.sensors.torque, TORQUE))
+        yaw, lat, torque = (sensor.measure(y[:, column], rng) for sensor, column in felt)
+        known[key] = y, np.stack((yaw, lat), axis=1), np.abs(torque) / (2 * d.normal_N * d.r_0)
+    return known[key]
 
 
 def observe(
-    s: Source, conditions: list[Condition], seconds: float, progress: Progress, runs: HeldRuns | None = None,
+    s: Recipe,
+    conditions: list[Condition],
+    seconds: float,
+    progress: Progress,
+    known: Known,
     every_s: float = EVERY_S,
-) -> Trace:  # fmt: skip
+) -> HeldTrace:
     """Simulate the conditions, measure, and estimate from the filters' standstill on."""
     d = s.design
-    y, z, ratio = (runs or HeldRuns()).measured(s, conditions, seconds, progress)
+    y, z, ratio = measured(s, conditions, seconds, progress, known)
     n = len(conditions)
     estimator = Estimator(d, n)
     every = max(1, round(every_s / d.tick_s))
@@ -117,7 +112,7 @@ def observe(
     estimates = [estimator.estimate() for _, _ in zip(step_through(estimator, played, ticks), ticks, strict=False)]
     seen = np.array([e.inputs[:, :MODELS] for e in estimates])
     fuzzy = np.array([e.fuzzy for e in estimates])
-    return Trace(
+    return HeldTrace(
         t_s=(np.array(ticks) + 1) * d.tick_s,
         residuals=np.array([e.residuals for e in estimates]),
         seen=seen,
@@ -147,24 +142,11 @@ class Levels:
 
     def at(self, adhesion_pct: float) -> FloatArray:
         """Residuals (4,) at an adhesion: geometric mean of the windows, linear in the logarithms between the levels."""
-        out: FloatArray = 10.0 ** self._between(np.log10(self.windows), adhesion_pct)
-        return out
+        return np.asarray(10.0 ** self._between(np.log10(self.windows), adhesion_pct))
 
     def seen_at(self, adhesion_pct: float) -> FloatArray:
         """What the rules see (4,) at an adhesion, in the same way."""
         return self._between(self.seen, adhesion_pct)
-
-    @property
-    def mean(self) -> FloatArray:
-        """Residuals (levels, 4) at the levels."""
-        out: FloatArray = np.exp(np.log(self.windows).mean(axis=0))
-        return out
-
-    @property
-    def seen_mean(self) -> FloatArray:
-        """What the rules see (levels, 4) at the levels."""
-        out: FloatArray = self.seen.mean(axis=0)
-        return out
 
     def _between(self, logs: FloatArray, adhesion_pct: float) -> FloatArray:
         x, mean = np.log(self.adhesion_pct), logs.mean(axis=0)
@@ -183,21 +165,42 @@ def level_curves(between: int) -> list[CreepCurve]:
     return [curve_between(float(np.exp(x))) for x in every]
 
 
-def survey(s: Source, creep_of_peak: float, between: int, tracks: int, progress: Progress, runs: HeldRuns) -> Levels:
+def survey(s: Recipe, creep_of_peak: float, between: int, tracks: int, progress: Progress, known: Known) -> Levels:
     """The residuals of whole windows, taken half a window apart once the wheelset has settled."""
     curves = level_curves(between)
     conditions = [c for curve in curves for c in held(s.wheelset, curve, creep_of_peak, tracks)]
     seconds = SETTLED_S + 1.5 * s.design.window_s
-    trace = observe(s, conditions, seconds, progress, runs, s.design.window_s / 2)
+    trace = observe(s, conditions, seconds, progress, known, s.design.window_s / 2)
     trace = trace.since(SETTLED_S + s.design.window_s - s.design.tick_s)
     shape = (len(trace.t_s), len(curves), tracks, MODELS)
     windows, seen = (
         np.moveaxis(values.reshape(shape), 2, 1).reshape(-1, len(curves), MODELS)
         for values in (trace.residuals, trace.seen)
     )
-    return Levels(
-        creep_of_peak=creep_of_peak,
-        adhesion_pct=trace.truth_pct[-1].reshape(len(curves), tracks)[:, 0],
-        windows=windows,
-        seen=seen,
+    return Levels(creep_of_peak, trace.truth_pct[-1].reshape(len(curves), tracks)[:, 0], windows, seen)
+
+
+@dataclass(frozen=True, slots=True)
+class Data:
+    """All that is drawn. below is what is held at the share of the peak's creep that model 4 is designed at."""
+
+    subject: Recipe
+    at_peak: dict[str, HeldTrace]  # by curve
+    linear: HeldTrace  # curve A
+    below: HeldTrace  # curve A
+    regions: tuple[Levels, Levels]  # at the peak, and where model 4 is designed
+    off_peak: tuple[Levels, ...]  # between both; not drawn
+
+
+def gather(s: Recipe, tracks: int, seconds: float, between: int, at: Progress, known: Known) -> Data:
+    """Simulate and estimate: most of the time goes here."""
+    below = s.points[-1].creep_of_peak
+    wanted = [*((c, SATURATED) for c in OVER_TIME), ("A", LINEAR), ("A", below)]
+    conditions = [c for curve, share in wanted for c in held(s.wheelset, CURVES[curve], share, tracks)]
+    trace = observe(s, conditions, seconds, lambda _, share: at("runs over time", share), known)
+    runs = [trace.runs(slice(i * tracks, (i + 1) * tracks)) for i in range(len(wanted))]
+    peak, least, *off_peak = (
+        survey(s, share, between, tracks, lambda _, done: at("residuals over adhesion", done), known)
+        for share in (SATURATED, below, *OFF_PEAK)
     )
+    return Data(s, dict(zip(OVER_TIME, runs, strict=False)), runs[-2], runs[-1], (peak, least), tuple(off_peak))

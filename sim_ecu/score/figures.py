@@ -4,53 +4,35 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import matplotlib.pyplot as plt
 import numpy as np
-from matplotlib.figure import Figure
 
-from sim_ecu.design.cases import Progress as At
+from sim_ecu.design.brief import Recipe, load_source
 from sim_ecu.design.linear import slope_and_secant
 from sim_ecu.design.rules import PAPER_POLYNOMIAL
-from sim_ecu.design.source import Source, load_source
 from sim_ecu.physics.contact import CURVES, peak
+from sim_ecu.reporting.table import Table
 from sim_ecu.resources import PAPER_DESIGN
-from sim_ecu.score import statements as say
-from sim_ecu.score.drawing import Drawing
+from sim_ecu.score import paper_claims as say
+from sim_ecu.score.drawing import draw
 from sim_ecu.score.figure_data import (
     LINEAR,
     OFF_PEAK,
+    OVER_TIME,
     SATURATED,
     SETTLED_S,
     SPEED,
-    HeldRuns,
-    Levels,
-    Trace,
-    held,
+    Data,
+    Known,
+    gather,
     nearest,
-    observe,
-    survey,
-)  # fmt: skip
-from sim_ecu.score.statements import Statement
+)
+from sim_ecu.score.paper_claims import PaperClaim
 from wrcd.errors import InputError, create
+from wrcd.progress import Progress
 from wrcd.resources import DESIGN
-from wrcd.tools.progress import Progress
 
-# Figs. 3 and 11, 4 and 12 show the same runs.
-OVER_TIME = ("A", "C", "F")
-NUMBERS = (1, 3, 4, 5, 6, 8, 9, 10, 11, 12, 13)
 FORM_NAMES = {"wrcd": "wrcd's form", "paper": "the paper's own form"}
-
-
-@dataclass(frozen=True, slots=True)
-class Data:
-    """All that is drawn. below is what is held at the share of the peak's creep that model 4 is designed at."""
-
-    subject: Source
-    at_peak: dict[str, Trace]  # by curve
-    linear: Trace  # curve A
-    below: Trace  # curve A
-    saturated_levels: Levels
-    below_levels: Levels
-    off_peak: tuple[Levels, ...]  # between both; not drawn
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +41,7 @@ class Judged:
 
     name: str
     data: Data
-    found: list[Statement]
+    found: list[PaperClaim]
 
     @property
     def holding(self) -> str:
@@ -82,21 +64,22 @@ def run(
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as e:
         raise InputError(f"cannot be made: {e.strerror}", file=folder, key="-o", hint="give another folder") from None
-    progress = Progress()
-    runs, every = HeldRuns(), []
+    progress, known, every = Progress(), Known(), []
     for name, subject in subjects.items():
-        data = gather(subject, tracks, seconds, between, progress.at, runs)
+        data = gather(subject, tracks, seconds, between, progress.at, known)
         every.append(Judged(name, data, check(data)))
-    captions: list[dict[int, str]] = []
-    for judged in every:
-        drawing = Drawing(judged.data.subject, judged.found)
-        for number, picture in draw(judged.data, drawing).items():
-            progress.at(f"drawing {judged.name}", number / max(NUMBERS))
+    captions: dict[int, str] = {}
+    for judged in reversed(every):  # the captions are the first one's
+        progress.at(f"drawing {judged.name}", 0.0)
+        for number, caption, picture in draw(judged.data):
+            captions[number] = caption
+            verdicts = [f"  {c.verdict}: {c.says}" for c in judged.found if c.figure == number]
+            picture.suptitle("\n".join((f"Fig. {number}: {caption}", *verdicts)), fontsize=8.5, x=0.01, ha="left")
             picture.savefig(folder / file_name(number, judged.data.subject), dpi=110)
-        captions.append(drawing.captions)
+            plt.close(picture)
     progress.end()
     with create(folder / "figures.md") as file:
-        file.write(report(every, captions[0], tracks))
+        file.write(report(every, captions, tracks))
     for rows in zip(*(j.found for j in every), strict=True):
         print(rows[0].line())
         for other, row in zip(every[1:], rows[1:], strict=True):
@@ -105,7 +88,7 @@ def run(
     return 0
 
 
-def sources(design_file: Path | None, paper_file: Path | None) -> dict[str, Source]:
+def sources(design_file: Path | None, paper_file: Path | None) -> dict[str, Recipe]:
     """The designs that are judged, by their names."""
     first = load_source(design_file or DESIGN)
     subjects = {FORM_NAMES[first.design.form]: first}
@@ -118,88 +101,50 @@ def sources(design_file: Path | None, paper_file: Path | None) -> dict[str, Sour
     return subjects
 
 
-def file_name(number: int, s: Source) -> str:
+def file_name(number: int, s: Recipe) -> str:
     """Of a picture."""
     return f"fig{number:02d}{'-paper' if s.design.form == 'paper' else ''}.png"
 
 
-def gather(s: Source, tracks: int, seconds: float, between: int, at: At, known: HeldRuns | None = None) -> Data:
-    """Simulate and estimate: most of the time goes here. known: what has been simulated for another design."""
-    known = known or HeldRuns()
-    below = s.points[-1].creep_of_peak
-    wanted = [*((c, SATURATED) for c in OVER_TIME), ("A", LINEAR), ("A", below)]
-    conditions = [c for curve, share in wanted for c in held(s.wheelset, CURVES[curve], share, tracks)]
-    trace = observe(s, conditions, seconds, lambda _, share: at("runs over time", share), known)
-    runs = [trace.runs(slice(i * tracks, (i + 1) * tracks)) for i in range(len(wanted))]
-    saturated_levels, below_levels, *off_peak = (
-        survey(s, share, between, tracks, lambda _, done: at("residuals over adhesion", done), known)
-        for share in (SATURATED, below, *OFF_PEAK)
-    )
-    at_peak = dict(zip(OVER_TIME, runs, strict=False))
-    return Data(s, at_peak, runs[-2], runs[-1], saturated_levels, below_levels, tuple(off_peak))
-
-
-def check(d: Data) -> list[Statement]:
+def check(d: Data) -> list[PaperClaim]:
     """Every statement on the data, in the figures' order."""
     s, sets = d.subject, d.subject.design.residual_sets
     settled = {name: trace.since(SETTLED_S) for name, trace in d.at_peak.items()}
-    regions = (d.saturated_levels, d.below_levels)
-    contact = s.wheelset.contact
-    peaks = {name: peak(SPEED, contact, *c.row())[1] for name, c in CURVES.items()}
-    slopes = {name: slope_and_secant(s.wheelset, c, SATURATED, SPEED) for name, c in CURVES.items()}
-    last, dry = s.points[-1], CURVES["A"]
-    design_points = [(nearest(p, *regions), 100 * peak(SPEED, contact, *p.curve.row())[1]) for p in s.points]
-    out = say.creep_curves(slopes, peaks, s.points)
-    out.append(
-        say.straight(
-            1,
-            "model 4's design point lies in the linear region",
-            *slope_and_secant(s.wheelset, last.curve, last.creep_of_peak, SPEED),
-        )
-    )
-    out += say.lowest(3, "at the peak of curve A", 1, settled["A"])
-    out += say.lowest(4, "at the peak of curve C", 2, settled["C"])
-    out.append(say.increased(4, 1, settled["C"], settled["A"]))
-    slope = slope_and_secant(s.wheelset, dry, LINEAR, SPEED)
-    out.append(say.straight(5, f"(ours) {LINEAR:g} of the peak's creep is in the linear region of curve A", *slope))
-    out += say.lowest(5, "in the linear region of curve A", 4, d.linear.since(SETTLED_S))
-    out += say.lowest(5, f"(ours) at model 4's {last.creep_of_peak:g} of the peak's creep", 4, d.below.since(SETTLED_S))
-    out += (
-        say.matched(design_points, sets)
-        + say.unsaturated((d.below_levels, *d.off_peak), sets)
-        + say.paper_rules(*regions, sets)
-    )
-    for model in (1, 2):
-        seen = np.concatenate([levels.seen[..., model - 1].ravel() for levels in regions])
-        out.append(say.divided(7 + model, model, sets[model - 1], seen))
-    out += say.output_map(s.design.bases, s.design.polynomial, np.array(PAPER_POLYNOMIAL))
-    for figure, curve in zip((11, 12, 13), OVER_TIME, strict=True):
-        out += say.right(figure, curve, d.at_peak[curve], settled[curve])
-    return out
+    contact, last = s.wheelset.contact, s.points[-1]
 
+    def mu(curve: Sequence[float]) -> float:
+        return peak(SPEED, contact, *curve)[1]
 
-def draw(d: Data, drawing: Drawing) -> dict[int, Figure]:
-    """The pictures by their numbers."""
-    regions = (d.saturated_levels, d.below_levels)
-    below = d.subject.points[-1].creep_of_peak
-    pictures = {
-        1: drawing.creep_curves(),
-        3: drawing.residuals(3, "at the peak of curve A", {"": d.at_peak["A"]}),
-        4: drawing.residuals(4, "at the peak of curve C", {"": d.at_peak["C"]}),
-        5: drawing.residuals(
-            5,
-            "below the peak of curve A",
-            {
-                f"linear region: {LINEAR:g} of the peak's creep": d.linear,
-                f"as model 4 is designed: {below:g} of the peak's creep": d.below,
-            },
+    def slope(curve: str, creep_of_peak: float) -> tuple[float, float]:
+        return slope_and_secant(s.wheelset, CURVES[curve], creep_of_peak, SPEED)
+
+    design_points = [(nearest(p, *d.regions), 100 * mu(p.curve.row())) for p in s.points]
+    slopes = {name: slope(name, SATURATED) for name in CURVES}
+    at_last = slope_and_secant(s.wheelset, last.curve, last.creep_of_peak, SPEED)
+    share = f"(ours) {LINEAR:g} of the peak's creep is in the linear region of curve A"
+    return [
+        *say.creep_curves(slopes, {name: mu(c.row()) for name, c in CURVES.items()}, s.points),
+        say.straight(1, "model 4's design point lies in the linear region", *at_last),
+        *say.lowest(3, "at the peak of curve A", 1, settled["A"]),
+        *say.lowest(4, "at the peak of curve C", 2, settled["C"]),
+        say.increased(4, 1, settled["C"], settled["A"]),
+        say.straight(5, share, *slope("A", LINEAR)),
+        *say.lowest(5, "in the linear region of curve A", 4, d.linear.since(SETTLED_S)),
+        *say.lowest(5, f"(ours) at model 4's {last.creep_of_peak:g} of the peak's creep", 4, d.below.since(SETTLED_S)),
+        *say.matched(design_points, sets),
+        *say.unsaturated((d.regions[1], *d.off_peak), sets),
+        *say.paper_rules(*d.regions, sets),
+        *(
+            say.divided(7 + m, m, sets[m - 1], np.concatenate([r.seen[..., m - 1].ravel() for r in d.regions]))
+            for m in (1, 2)
         ),
-        6: drawing.levels(*regions),
-        8: drawing.sets(8, 1, *regions),
-        9: drawing.sets(9, 2, *regions),
-        10: drawing.output(PAPER_POLYNOMIAL),
-    }
-    return pictures | {n: drawing.estimate(n, c, d.at_peak[c]) for n, c in zip((11, 12, 13), OVER_TIME, strict=True)}
+        *say.output_map(s.design.bases, s.design.polynomial, np.array(PAPER_POLYNOMIAL)),
+        *(
+            claim
+            for figure, c in zip((11, 12, 13), OVER_TIME, strict=True)
+            for claim in say.right(figure, c, d.at_peak[c], settled[c])
+        ),
+    ]
 
 
 def report(every: Sequence[Judged], captions: dict[int, str], tracks: int) -> str:
@@ -226,19 +171,10 @@ def report(every: Sequence[Judged], captions: dict[int, str], tracks: int) -> st
         lines += ["", f"## Fig. {number}", ""]
         for j in every:
             lines += [f"![Fig. {number}, {j.name}]({file_name(number, j.data.subject)})", ""]
-        lines += [
-            caption,
-            "",
-            f"| the paper says | {' | '.join(j.name for j in every)} |",
-            "|---" * (1 + len(every)) + "|",
-        ]
-        for rows in zip(*(j.found for j in every), strict=True):
-            if rows[0].figure == number:
-                cells = " | ".join(f"**{f.verdict}**: {_cell(f.numbers)}" for f in rows)
-                lines.append(f"| {_cell(rows[0].says)} | {cells} |")
+        lines += [caption, ""]
+        claims = [rows for rows in zip(*(j.found for j in every), strict=True) if rows[0].figure == number]
+        lines += Table(
+            ["the paper says", *(j.name for j in every)],
+            [[rows[0].says, *(f"**{f.verdict}**: {f.numbers}" for f in rows)] for rows in claims],
+        ).markdown()
     return "\n".join(lines) + "\n"
-
-
-def _cell(text: str) -> str:
-    """Text as a cell of a Markdown table: a bar within would end it."""
-    return text.replace("|", "\\|")

@@ -1,22 +1,79 @@
 """The score as figures: what the traces of each suite come to."""
 
 import math
-from collections.abc import Sequence
-from dataclasses import asdict, is_dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from sim_ecu.design.brief import Recipe
 from sim_ecu.design.cases import SEEDS_PER_PLAN
-from sim_ecu.design.source import Source
-from sim_ecu.score.goals import goals
-from sim_ecu.score.metrics import accuracy, bootstrap, changes, honesty
-from sim_ecu.score.metrics.bootstrap import Figure
-from sim_ecu.score.metrics.frames import OURS, Frames, gather
-from sim_ecu.score.play import Trace
+from sim_ecu.reporting.values import Figure
+from sim_ecu.reporting.verdicts import MIN_QUICK_RUNS, MIN_RUNS, Goal
+from sim_ecu.score.metrics import accuracy, bootstrap, change_metrics, honesty
+from sim_ecu.score.metrics.accuracy import OURS, JudgedFrames, gather
+from sim_ecu.score.score_play import Trace
 from sim_ecu.score.suites import PAIRED
-from sim_ecu.score.suites.broken import DIES_S
+from sim_ecu.score.suites.broken import BOTH_DIE, DEAD_GYRO, DIES_S, REVERSED
+from sim_ecu.score.suites.nominal import ROUGH_JUDGED
 from sim_ecu.score.suites.run import FIRST_TEST_SEED, SPEEDS, UTILISATIONS
+from sim_ecu.score.suites.sound import LONG
+
+
+@dataclass(frozen=True, slots=True)
+class Aim:
+    """A goal, and where its figure stands in the result."""
+
+    what: str
+    path: tuple[str, ...]
+    bound: float
+    at_least: bool = False
+    never: bool = False
+
+
+AIMS = (
+    Aim("paper: worst error over its bound (1 pp, or 10 % if larger)", ("paper", "within", "worst"), 1.0, never=True),
+    Aim("grid: mean error", ("grid", "compared", OURS, "mean"), 0.88),
+    Aim("grid: the interval holds the truth", ("grid", "confidence", "covers"), 0.85, True),
+    Aim("robust: mean error", ("robust", "compared", OURS, "mean"), 1.25),
+    Aim("robust: the interval holds the truth", ("robust", "confidence", "covers"), 0.85, True),
+    *(Aim(f"rough: mean error, {n}", ("rough", "groups", n, "accuracy", "mean"), 1.3) for n in ROUGH_JUDGED),
+    Aim("transitions: 95th percentile, s", ("transitions", "compared", OURS, "p95"), 1.0),
+    Aim("drops: Valid with the truth below the interval, 95th percentile, s", ("drops", "lie", "p95"), 0.4),
+    Aim("drops: settled, 95th percentile, s", ("drops", "settled", "p95"), 1.2),
+    Aim("long: Valid, share of frames", ("long", "rows", LONG.name, "valid"), 0.95, True),
+    Aim("dead: Valid after both die, longest, s", ("dead", "groups", BOTH_DIE, "valid_s", "most"), 1.5, never=True),
+    *(
+        Aim(f"foreign: {n}, not Valid after 10 s, share of axles", ("foreign", "groups", n, "found"), bound, True)
+        for n, bound in ((REVERSED, 0.98), (DEAD_GYRO, 0.85))
+    ),
+    Aim("dry-hours: seconds called Low or worse", ("dry-hours", "seconds"), 0.0, never=True),
+)
+ACCUSED, MAX_ACCUSED = "sound sensors: accused, share of frames", 0.01
+
+
+def goals(suites: Mapping[str, Any], accused: Figure | None, quick: bool = False) -> list[Goal]:
+    """Return the goals of the suites that were played. accused: share of the frames of sound sensors in which one is
+    accused; None where none are sound. quick: those of too few runs for a quick score are not judged."""
+    least = MIN_QUICK_RUNS if quick else MIN_RUNS
+    found = [
+        Goal(aim.what, figure, aim.bound, aim.at_least, least, aim.never)
+        for aim in AIMS
+        if (figure := _figure(suites, aim.path)) is not None
+    ]
+    if accused is not None:
+        found.append(Goal(ACCUSED, accused, MAX_ACCUSED, min_runs=least))
+    return found
+
+
+def _figure(suites: Any, path: tuple[str, ...]) -> Figure | None:
+    for key in path:
+        if (suites := suites.get(key)) is None:
+            return None
+    assert isinstance(suites, Figure)
+    return suites
+
 
 SEEDS = (
     "The seeds of what is played here begin at {first}; the design was trained on seeds below {last}. "
@@ -24,10 +81,11 @@ SEEDS = (
 )
 PACKAGED_SEEDS = " The packaged scenarios have their own seeds, 1 to 6, which no training has."
 PLAY_PACKAGED = {"canted", "peak"}
+BROKEN = ("dead", "foreign")  # suites in which an accusation is right
 MEMS, TACTICAL = "mems", "tactical"
 
 
-def judge(traces: Sequence[Trace], source: Source, suite: str | None = None, quick: bool = False) -> dict[str, Any]:
+def judge(traces: Sequence[Trace], source: Recipe, suite: str | None = None, quick: bool = False) -> dict[str, Any]:
     """All figures of the suites that were played (or of one, whose twins in the grid were played along), by suite.
 
     Errors are in percentage points. Leaves are Figures, numbers and words.
@@ -42,8 +100,8 @@ def judge(traces: Sequence[Trace], source: Source, suite: str | None = None, qui
             twins.setdefault(t.run, []).append(t)
     makers = {
         "paper": _paper, "grid": _grid, "transitions": _transitions, "drops": _drops, "cycles": _cycles,
-        "dead": _dead, "foreign": _foreign, "slow": _worlds, "dry-hours": honesty.false_lows,
-        "long": _sound, "canted": _sound, "peak": _sound,
+        "dead": lambda part: _foreign(part, after=True), "foreign": _foreign, "slow": _worlds,
+        "dry-hours": honesty.false_lows, "long": _sound, "canted": _sound, "peak": _sound,
     }  # fmt: skip
     shown = {
         name: _worlds(part, twins) if name in PAIRED else makers[name](part)
@@ -55,29 +113,16 @@ def judge(traces: Sequence[Trace], source: Source, suite: str | None = None, qui
             shown[name]["not_valid_of"] = {"all": honesty.not_valid(gather(part))} | {
                 group: honesty.not_valid(gather(of_group)) for group, of_group in _groups(part).items()
             }
+    sound = [t for name, part in by_suite.items() if name in shown and name not in BROKEN for t in part]
+    accused = honesty.accused(sound) if sound else None
     return {
         "design": {"name": design.name, "checksum": design.checksum, "window_s": design.window_s},
         "seeds": SEEDS.format(first=FIRST_TEST_SEED, last=(source.seed + 1) * SEEDS_PER_PLAN)
         + PACKAGED_SEEDS * (not PLAY_PACKAGED.isdisjoint(shown)),
         "suites": shown,
-        "goals": [
-            {"what": g.what, "figure": g.figure, "bound": g.bound, "at_least": g.at_least, "verdict": g.verdict}
-            for g in goals(shown, quick)
-        ],
+        "accused": accused,
+        "goals": [g.record() for g in goals(shown, accused, quick)],
     }
-
-
-def plain(x: Any) -> Any:
-    """For JSON: figures and other records as tables, what is no number as null."""
-    if is_dataclass(x) and not isinstance(x, type):
-        return plain(asdict(x))
-    if isinstance(x, dict):
-        return {str(k): plain(v) for k, v in x.items()}
-    if isinstance(x, (list, tuple)):
-        return [plain(v) for v in x]
-    if isinstance(x, float) and not math.isfinite(x):
-        return None
-    return x
 
 
 def _groups(traces: Sequence[Trace]) -> dict[str, list[Trace]]:
@@ -87,7 +132,7 @@ def _groups(traces: Sequence[Trace]) -> dict[str, list[Trace]]:
     return out
 
 
-def _compared(f: Frames) -> dict[str, Any]:
+def _compared(f: JudgedFrames) -> dict[str, Any]:
     """Every estimator on the same frames, and wrcd's error over that of each other."""
     out: dict[str, Any] = {name: accuracy.accuracy(f, name) for name in f.mu}
     for name in out:
@@ -96,7 +141,7 @@ def _compared(f: Frames) -> dict[str, Any]:
     return out
 
 
-def _whole(f: Frames) -> dict[str, Any]:
+def _whole(f: JudgedFrames) -> dict[str, Any]:
     return {
         "compared": _compared(f),
         "confidence": honesty.confidence(f),
@@ -174,9 +219,9 @@ def _estimators(traces: Sequence[Trace]) -> list[str]:
 def _transitions(traces: list[Trace]) -> dict[str, Any]:
     out: dict[str, Any] = {"compared": {}, "curves": {}}
     for name in _estimators(traces):
-        out["compared"][name] = _delay(*changes.delays(traces, name))
+        out["compared"][name] = _delay(*change_metrics.delays(traces, name))
     for curve in sorted({t.curve for t in traces}):
-        d, runs = changes.delays([t for t in traces if t.curve == curve])
+        d, runs = change_metrics.delays([t for t in traces if t.curve == curve])
         out["curves"][curve] = {
             way: _delay(d[k::2], runs[k::2]) for k, way in enumerate(("from dry", "to dry"))
         }  # fmt: skip
@@ -185,36 +230,36 @@ def _transitions(traces: list[Trace]) -> dict[str, Any]:
 
 def _delay(d: np.ndarray, runs: np.ndarray) -> dict[str, Any]:
     crossed = int(np.isfinite(d).sum())
-    return changes.median_and_p95(d, runs) | {"changes": crossed, "already_there": len(d) - crossed}
+    return change_metrics.median_and_p95(d, runs) | {"changes": crossed, "already_there": len(d) - crossed}
 
 
 def _drops(traces: list[Trace]) -> dict[str, Any]:
-    every = changes.drops(traces)
+    every = change_metrics.drops(traces)
     runs = np.array([d.run for d in every], np.int64)
 
     def column(name: str) -> np.ndarray:
         return np.array([getattr(d, name) for d in every])
 
     def spread(name: str) -> dict[str, Figure]:
-        return changes.median_and_p95(column(name), runs) | {"most": bootstrap.largest(column(name), runs)}
+        return change_metrics.median_and_p95(column(name), runs) | {"most": bootstrap.largest(column(name), runs)}
 
     to = np.array([d.curve.split()[-1] for d in every])
     return {
         "drops": len(every),
-        "lie": changes.median_and_p95(column("lie_s"), runs),
-        "settled": changes.median_and_p95(column("settled_s"), runs),
+        "lie": change_metrics.median_and_p95(column("lie_s"), runs),
+        "settled": change_metrics.median_and_p95(column("settled_s"), runs),
         "over": spread("max_over_pp"),
         "far": spread("far_s"),
         "others": {
-            name: changes.median_and_p95(*changes.settlings(traces, name))
+            name: change_metrics.median_and_p95(*change_metrics.settlings(traces, name))
             for name in _estimators(traces)
             if name != OURS
         },
         "curves": {
             c: {
                 "drops": int(np.sum(to == c)),
-                "lie": changes.median_and_p95(column("lie_s")[to == c], runs[to == c]),
-                "settled": changes.median_and_p95(column("settled_s")[to == c], runs[to == c]),
+                "lie": change_metrics.median_and_p95(column("lie_s")[to == c], runs[to == c]),
+                "settled": change_metrics.median_and_p95(column("settled_s")[to == c], runs[to == c]),
                 "over": float(column("max_over_pp")[to == c].max()),
             }
             for c in sorted(set(to.tolist()))
@@ -235,28 +280,15 @@ def _cycles(traces: list[Trace]) -> dict[str, Any]:
     }
 
 
-def _dead(traces: list[Trace]) -> dict[str, Any]:
+def _foreign(traces: list[Trace], after: bool = False) -> dict[str, Any]:
+    """Return how often each group is found out, and what it says until then. after: how long it is Valid, too."""
     groups = {}
     for name, part in _groups(traces).items():
         f = gather(part)
-        groups[name] = {
-            "valid_s": honesty.valid_after(part, part[0].judged_from_s),
+        groups[name] = ({"valid_s": honesty.valid_after(part, part[0].judged_from_s)} if after else {}) | {
             "found": honesty.found_out(part),
             "covers": honesty.coverage(f),
             "mean": accuracy.accuracy(f, OURS)["mean"],
             "not_valid": honesty.not_valid(f),
         }
-    return {"groups": groups, "dies_s": DIES_S}
-
-
-def _foreign(traces: list[Trace]) -> dict[str, Any]:
-    groups = {}
-    for name, part in _groups(traces).items():
-        f = gather(part)
-        groups[name] = {
-            "found": honesty.found_out(part),
-            "covers": honesty.coverage(f),
-            "mean": accuracy.accuracy(f, OURS)["mean"],
-            "not_valid": honesty.not_valid(f),
-        }
-    return {"groups": groups}
+    return {"groups": groups} | ({"dies_s": DIES_S} if after else {})

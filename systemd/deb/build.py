@@ -14,7 +14,7 @@ from email.utils import formatdate
 from pathlib import Path, PurePosixPath
 
 from wrcd import __version__, resources
-from wrcd.tools.install.files import CONFIGURATIONS, DEBIAN, lay_out
+from wrcd.cli.installation.lay_out import CONFIGURATIONS, DEBIAN, lay_out
 
 ROOT = Path(__file__).parents[2]
 PYTHON = "/usr/bin/python3"
@@ -116,7 +116,7 @@ def _program(tree: Path, site: Path, python: str, version: str) -> None:
     (home / "bin/python3").symlink_to(f"python{python}")
     (home / "bin/python").symlink_to(f"python{python}")
     # no sim-ecu: the packages that it needs are no part of this one
-    (home / "bin/wrcd").write_text(ENTRY.format(home=HOME, module="wrcd.tools.cli"))
+    (home / "bin/wrcd").write_text(ENTRY.format(home=HOME, module="wrcd.cli.main"))
     (home / "pyvenv.cfg").write_text("home = /usr/bin\ninclude-system-site-packages = false\n")
 
 

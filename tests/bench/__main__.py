@@ -17,7 +17,7 @@ MARKER, END = (
     "<!-- measured: make bench -->\n",
     "<!-- end of what was measured -->\n",
 )  # of a page's part that is measured
-PARTS = ("bank", "fuzzy", "frames", "core", "start", "replay")
+PARTS = ("bank", "frames", "core", "start", "replay")
 
 
 def main() -> int:
@@ -54,11 +54,10 @@ def main() -> int:
 
 
 def _parts(before: Path | None) -> "dict[str, Callable[[], Iterator[Row]]]":
-    from tests.bench import bank, core, frames, fuzzy, replay, start
+    from tests.bench import bank, core, frames, replay, start
 
     return {
         "bank": bank.rows,
-        "fuzzy": fuzzy.rows,
         "frames": frames.rows,
         "core": lambda: core.rows(before),
         "start": start.rows,

@@ -6,11 +6,11 @@ from functools import partial
 import numpy as np
 from filterpy.kalman import KalmanFilter
 
-from sim_ecu.design.gains import Gains
-from sim_ecu.design.reference_filters import Models
-from sim_ecu.design.source import load_source
+from sim_ecu.design.brief import load_source
+from sim_ecu.design.linear import Gains
 from tests.bench.native import BankLoop, library
 from tests.bench.timing import Case, Goal, Row, in_turn, show
+from tests.reference.filters import Models
 from wrcd import resources
 from wrcd.estimator.bank import Bank
 from wrcd.estimator.design import MODELS, Design, FloatArray, load_design

@@ -14,14 +14,12 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-from sim_ecu.campaign import store
+from sim_ecu.campaign.campaign_folder import CampaignRequest
 from sim_ecu.campaign.definition import Campaign
-from sim_ecu.campaign.go import Workers, go, opened
-from sim_ecu.campaign.job import Job, Scalar, code
-from sim_ecu.campaign.kind import Factor, Figure, Kind, Type
-from sim_ecu.campaign.runner import local, run
-from sim_ecu.campaign.store import Asked
-from sim_ecu.campaign.task import Task, answer
+from sim_ecu.campaign.go import go, opened
+from sim_ecu.campaign.kind import Factor, Kind, Metric, Type
+from sim_ecu.jobs.job import Job, Scalar, Task, answer, code
+from sim_ecu.jobs.pool import Workers, local, run
 
 WORKERS = 2
 
@@ -31,7 +29,7 @@ def nothing(job: Job) -> Mapping[str, Scalar]:
     return {"y": float(job.inputs["seed"])}
 
 
-KIND = Kind("nothing", "", (Factor("x", Type.NUMBER, ""),), (Figure("y", Type.NUMBER, ""),), nothing)
+KIND = Kind("nothing", "", (Factor("x", Type.NUMBER, ""),), (Metric("y", Type.NUMBER, ""),), nothing)
 
 
 def main() -> int:
@@ -41,8 +39,8 @@ def main() -> int:
     p.add_argument("--blocks", type=int, default=5)
     args = p.parse_args()
     jobs = [Job(KIND.name, {"x": 1.0, "seed": seed}) for seed in range(args.count)]
-    tasks = [Task(nothing, job, {}, code()) for job in jobs]
-    asked = Asked("nothing", KIND, {"x": Type.NUMBER, "seed": Type.WHOLE}, code())
+    tasks = [Task(nothing, job, {}, code(nothing.__module__)) for job in jobs]
+    asked = CampaignRequest("nothing", KIND, {"x": Type.NUMBER, "seed": Type.WHOLE}, code(nothing.__module__))
     with ExitStack() as open_:
         pool, cluster, folder = _executors(open_)
         folders = iter(range(args.blocks))
@@ -50,13 +48,13 @@ def main() -> int:
         def whole() -> None:
             campaign = Campaign(asked, tuple(jobs), {}, None, 0, None, folder, {(): {}})
             with opened(campaign, folder / str(next(folders))) as ready:
-                go(ready, Workers(pool, WORKERS))
+                go(ready, pool)
 
         ways: dict[str, Callable[[], Any]] = {
             "called in a loop": lambda: [answer(task) for task in tasks],
-            f"pool of {WORKERS} processes": lambda: list(run(answer, tasks, pool, WORKERS)),
-            f"the same, rows kept and merged ({store.BATCH} a file)": whole,
-            f"Dask, {WORKERS} workers here": lambda: list(run(answer, tasks, cluster, WORKERS, ahead=16)),
+            f"pool of {WORKERS} processes": lambda: list(run(answer, tasks, pool)),
+            "the same, rows kept and merged": whole,
+            f"Dask, {WORKERS} workers here": lambda: list(run(answer, tasks, cluster)),
         }
         times: dict[str, list[float]] = {name: [] for name in ways}
         for _ in range(args.blocks):
@@ -70,7 +68,7 @@ def main() -> int:
     return 0
 
 
-def _executors(open_: ExitStack) -> tuple[Any, Any, Path]:
+def _executors(open_: ExitStack) -> tuple[Workers, Workers, Path]:
     """The pool, Dask's, and a folder; all are warm."""
     import distributed
 
@@ -87,11 +85,11 @@ def _executors(open_: ExitStack) -> tuple[Any, Any, Path]:
     client = open_.enter_context(here.get_client())
     pool = open_.enter_context(local(WORKERS))
     folder = Path(open_.enter_context(tempfile.TemporaryDirectory()))
-    task = Task(nothing, Job(KIND.name, {"x": 1.0, "seed": 0}), {}, code())
-    executor = client.get_executor(pure=False)
-    for warmed in (pool, executor):
-        list(run(answer, [task] * 50, warmed, WORKERS))
-    return pool, executor, folder
+    task = Task(nothing, Job(KIND.name, {"x": 1.0, "seed": 0}), {}, code(nothing.__module__))
+    cluster = Workers(client.get_executor(pure=False), WORKERS, 16)
+    for warmed in (pool, cluster):
+        list(run(answer, [task] * 50, warmed))
+    return pool, cluster, folder
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ from types import TracebackType
 
 from tests.bench.timing import Case, Figure, Goal, Row, in_turn, show
 from tests.bench.workload import LENGTH_US, TICK_US, write_stretch
-from wrcd.config import packaged
+from wrcd.config.config import packaged
 
 ROOT = Path(__file__).parents[2]
 WORKER = Path(__file__).with_name("worker.py")

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from tests.bench.timing import Times
 from tests.bench.workload import LENGTH_US, TICK_US, stretch
-from wrcd.config import load_config
+from wrcd.config.config import load_config
 
 TICKS_S = 1e6 / TICK_US
 RATES = (200, 1000)  # ticks a second

@@ -20,7 +20,7 @@ def resident_kb() -> dict[str, int]:
 
 
 def main() -> int:
-    from wrcd.tools import cli
+    from wrcd.cli import main as cli
 
     use_pair(END)
     status = cli.main(["run", "-i", "socketcan", "-c", CHANNEL])

@@ -4,7 +4,6 @@ The kernel's part of a raw CAN socket is left out; what remains is the same syst
 """
 
 import socket
-import threading
 import time
 from collections.abc import Iterator, Sequence
 from functools import partial
@@ -25,12 +24,11 @@ from wrcd.bus.frame import Frame
 from wrcd.bus.rawcan import FRAME
 from wrcd.bus.reasons import Reason
 from wrcd.bus.socketcan import SocketCanLink
-from wrcd.config import load_config
+from wrcd.config.config import load_config
 from wrcd.core.inputs import Inputs
 
 BATCH = 8  # frames of a turn: yaw rates and lateral accelerations of four axles; a datagram pair holds ten
 BATCHES = 40  # of a block
-WAIT_S = 10.0
 SPEED_ID = 0x130
 ADHESION: dict[str, Value] = {
     "Validity": "Valid", "MuAvailable": 23.4, "MuUsed": 5.67, "SampleAge": 5.0, "Surface": "Dry",
@@ -123,34 +121,6 @@ class Peer:
         self._bus.shutdown()
 
 
-class NotifierPeer:
-    """python-can's Notifier: its thread reads, its listener decodes."""
-
-    def __init__(self, end: socket.socket, database: Database) -> None:
-        self._bus, self._database = PairBus(end), database
-        self.out: list[Any] = []
-        self._wanted, self._there = 0, threading.Event()
-        self._notifier = can.Notifier(self._bus, [self._on_message])
-
-    def _on_message(self, m: can.Message) -> None:
-        # a bytearray, see Peer
-        self.out.append(self._database.decode_message(m.arbitration_id, m.data, decode_choices=False))  # type: ignore[arg-type]
-        if len(self.out) >= self._wanted:
-            self._there.set()
-
-    def expect(self, count: int) -> None:
-        self.out = []
-        self._wanted = count
-        self._there.clear()
-
-    def wait(self) -> None:
-        assert self._there.wait(WAIT_S)
-
-    def close(self) -> None:
-        self._notifier.stop()
-        self._bus.shutdown()
-
-
 def packed(frame: Frame) -> bytes:
     """struct can_frame."""
     return FRAME.pack(frame.can_id, len(frame.data), frame.data.ljust(8, b"\0"))
@@ -186,10 +156,9 @@ def _frame_in() -> Row:
     show("frames in")
     batches = sensor_batches()
     bytes_of = [[packed(f) for f in b] for b in batches]
-    ours, peer, notified, bare = (pair() for _ in range(4))
+    ours, peer, bare = (pair() for _ in range(3))
     link = Ours(ours[0])
     reader = Peer(peer[0], database())
-    listener = NotifierPeer(notified[0], database())
     bare[0].setblocking(False)
     place = {"ours": 0}
 
@@ -212,22 +181,6 @@ def _frame_in() -> Row:
             spent += time.process_time_ns() - begin
         return spent
 
-    def run_notifier(count: int) -> int:
-        """Its thread reads while the batch is sent: what sending alone takes is taken off."""
-        spent = 0
-        for i in range(max(1, count // BATCH)):
-            batch = bytes_of[i % len(bytes_of)]
-            begin = time.process_time_ns()
-            _send(bare[1], batch)
-            sending = time.process_time_ns() - begin
-            _read_all(bare[0])
-            listener.expect(BATCH)
-            begin = time.process_time_ns()
-            _send(notified[1], batch)
-            listener.wait()
-            spent += time.process_time_ns() - begin - sending
-        return spent
-
     def run_bare(count: int) -> int:
         spent = 0
         for i in range(max(1, count // BATCH)):
@@ -243,15 +196,14 @@ def _frame_in() -> Row:
             {
                 "ours": Case(run_ours, count),
                 "python-can recv + cantools": Case(run_peer, count),
-                "Notifier + cantools": Case(run_notifier, count),
                 "recv_into alone": Case(run_bare, count),
             },
             6.0,
         )
     finally:
-        for reads in (link, reader, listener):
+        for reads in (link, reader):
             reads.close()
-        for ends in (ours, peer, notified, bare):
+        for ends in (ours, peer, bare):
             for end in ends:
                 end.close()
     row = Row("frame in: bytes on a socket to a checked quantity, µs", f"{BATCH} frames a turn", times=times)
@@ -259,7 +211,6 @@ def _frame_in() -> Row:
     if link.rejected:
         row.note += f"; WRONG: {link.rejected} frames rejected"
     row.compare("ours", "python-can recv + cantools", Goal("≤", 0.5))
-    row.compare("ours", "Notifier + cantools")
     row.compare("ours", "recv_into alone")
     return row
 

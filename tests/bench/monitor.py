@@ -30,7 +30,7 @@ from tests.bench.monitor_app import MODULE
 from tests.bench.workload import LENGTH_US, frames
 from wrcd.bus.frame import Frame
 from wrcd.bus.socketcan import RECEIVE_BUFFER
-from wrcd.config import load_config
+from wrcd.config.config import load_config
 from wrcd.core.core import Core
 
 SO_SNDBUFFORCE = 32

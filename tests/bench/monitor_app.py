@@ -19,19 +19,19 @@ MODULE = "tests.bench.monitor_app"
 def read() -> int:
     """The reader's process."""
     use_pair(END)
-    from wrcd.tools.monitor import reader
+    from wrcd.monitor import bus_reader
 
-    return reader.main()
+    return bus_reader.main()
 
 
 def show() -> int:
     """The screen, and at its end what it has seen."""
     from tests.bench.daemon import resident_kb
     from wrcd.bus.dbc import load_dbc
-    from wrcd.config import load_config
-    from wrcd.tools.monitor.model import Model
-    from wrcd.tools.monitor.screen.app import Monitor
-    from wrcd.tools.monitor.sources import ReaderProcess
+    from wrcd.config.config import load_config
+    from wrcd.monitor.bus_model import BusModel
+    from wrcd.monitor.screen import Monitor
+    from wrcd.monitor.sources import ReaderProcess
 
     class Timed(Monitor):
         """Notes when the screen was updated."""
@@ -46,11 +46,11 @@ def show() -> int:
 
     source = ReaderProcess("socketcan", CHANNEL, True, MODULE, (END,))
     source.wait_open()
-    model = Model(load_config(None), [load_dbc(Path("dbc/sim_ecu.dbc"))])
+    model = BusModel(load_config(None), [load_dbc(Path("dbc/sim_ecu.dbc"))])
     app = Timed(model, source)
     app.run()
     seen = {
-        "frames": model.bus.frames, "lost": source.link().lost, "updates": app.times,
+        "frames": model.load.frames, "lost": source.state().lost, "updates": app.times,
         "resident_kb": resident_kb()["VmHWM"],
     }  # fmt: skip
     Path(os.environ["MONITOR_BENCH"]).write_text(json.dumps(seen))

@@ -1,4 +1,4 @@
-"""The arithmetic of bank and rules as C, compiled when it is measured. The limit, not something to ship."""
+"""The arithmetic of the bank as C, compiled when it is measured. The limit, not something to ship."""
 
 import ctypes
 import shutil
@@ -9,13 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from wrcd.estimator.bank import SPEED_STEP
-from wrcd.estimator.design import CHANNELS, COLUMNS, MODELS, STATES, Design, FloatArray, closed_loop
-from wrcd.estimator.fuzzy import LOG_SPREADS, MIN_FIRING
-from wrcd.estimator.tables import SpeedTable
+from wrcd.estimator.bank import SPEED_STEP, SpeedTable
+from wrcd.estimator.design import CHANNELS, MODELS, STATES, Design, FloatArray, closed_loop
 
 SOURCE = r"""
-#include <math.h>
 #include <string.h>
 
 enum { MODELS = 4, STATES = 5, CHANNELS = 2, ROWS = STATES + 2 * CHANNELS, COLS = STATES + CHANNELS };
@@ -50,53 +47,6 @@ void bank(const double *nodes, int first, double step, const double *speeds, int
                 memcpy(to, out[r], n * sizeof *to);
             }
         }
-    }
-}
-
-static double held(double x, double low, double high)
-{
-    return x < low ? low : x > high ? high : x;
-}
-
-/* rows of inputs -> output, firing, spread; centres (inputs, widest) hold sizes[i] each */
-void fuzzy(const double *inputs, int n, int columns, int rules, int sets, int widest, const double *centres,
-           const int *sizes, const int *chosen, const double *offset, const double *slopes, const double *spread_offset,
-           const double *spread_slopes, const double *low, const double *high, double min_firing, double min_log,
-           double max_log, double *output, double *firing, double *spread)
-{
-    for (int a = 0; a < n; a++) {
-        const double *x = inputs + a * columns;
-        double degree[16][16], in[64];
-        for (int i = 0; i < sets; i++) {
-            const double *c = centres + i * widest;
-            const double v = held(x[i], c[0], c[sizes[i] - 1]);
-            for (int j = 0; j < sizes[i]; j++) {
-                const double rise = j > 0 ? (v - c[j - 1]) / (c[j] - c[j - 1]) : 1.0;
-                const double fall = j < sizes[i] - 1 ? (c[j + 1] - v) / (c[j + 1] - c[j]) : 1.0;
-                degree[i][j] = held(rise < fall ? rise : fall, 0.0, 1.0);
-            }
-        }
-        for (int i = 0; i < columns; i++)
-            in[i] = held(x[i], low[i], high[i]);
-        double total = 0.0, sum = 0.0, logs = 0.0;
-        for (int r = 0; r < rules; r++) {
-            double weight = 1.0;
-            for (int i = 0; i < sets; i++)
-                weight *= degree[i][chosen[r * sets + i]];
-            if (weight == 0.0)
-                continue;
-            double says = offset[r], wide = spread_offset[r];
-            for (int i = 0; i < columns; i++) {
-                says += slopes[r * columns + i] * in[i];
-                wide += spread_slopes[r * columns + i] * in[i];
-            }
-            total += weight;
-            sum += weight * says;
-            logs += weight * wide;
-        }
-        firing[a] = total;
-        output[a] = total >= min_firing ? held(sum / total, 0.0, 100.0) : NAN;
-        spread[a] = total >= min_firing ? pow(10.0, held(logs / total, min_log, max_log)) : NAN;
     }
 }
 """
@@ -141,37 +91,6 @@ class BankLoop:
         self._call(
             _pointer(self._nodes), self._first, ctypes.c_double(SPEED_STEP), _pointer(self._speeds), len(z), self._n,
             _pointer(z), _pointer(self.x), _pointer(e), _pointer(w),
-        )  # fmt: skip
-
-
-class RulesLoop:
-    """The inference over rows of inputs in one call."""
-
-    def __init__(self, c: ctypes.CDLL, design: Design) -> None:
-        sets = design.sets
-        self._call = c.fuzzy
-        widest = max(len(s.centres) for s in sets)
-        self._centres = np.zeros((len(sets), widest))
-        for i, s in enumerate(sets):
-            self._centres[i, : len(s.centres)] = s.centres
-        self._sizes = np.array([len(s.centres) for s in sets], dtype=np.int32)
-        self._rules = np.ascontiguousarray(design.rules, dtype=np.int32)
-        middle = np.tile(design.middle, (len(design.rules), 1))
-        for i, s in enumerate(sets):
-            middle[:, i] = s.centres[design.rules[:, i]]
-        self._offset = design.bases - (design.slopes * middle).sum(axis=1)
-        self._spread_offset = np.log10(design.spreads) - (design.spread_slopes * middle).sum(axis=1)
-        self._design = design
-
-    def run(self, inputs: FloatArray, output: FloatArray, firing: FloatArray, spread: FloatArray) -> None:
-        """inputs (n, COLUMNS) to output, firing and spread (n,), which are written into."""
-        d = self._design
-        self._call(
-            _pointer(inputs), len(inputs), COLUMNS, len(d.rules), *self._centres.shape, _pointer(self._centres),
-            _pointer(self._sizes), _pointer(self._rules), _pointer(self._offset), _pointer(d.slopes),
-            _pointer(self._spread_offset), _pointer(d.spread_slopes), _pointer(d.low), _pointer(d.high),
-            ctypes.c_double(MIN_FIRING), *map(ctypes.c_double, LOG_SPREADS), _pointer(output), _pointer(firing),
-            _pointer(spread),
         )  # fmt: skip
 
 

@@ -5,7 +5,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import count
 from pathlib import Path
 
@@ -15,31 +15,43 @@ from sim_ecu.play.player import Player
 from tests.bench.core import ROOT, environment
 from tests.bench.timing import Figure, Goal, Row, Times, show
 from tests.bench.workload import scenario, write_log
-from wrcd.bus.log import Damage, read_log
+from wrcd.logs.damage import Damage
+from wrcd.logs.reader import read_log
 
 SHORT_S, BLF_S, LONG_S = 60.0, 120.0, 600.0
-# what one replay took, imports included, and the most memory it held
+# what a command of wrcd took, imports included, and the most memory it held; of an older tree, too
 CHILD = """
-import json, sys, time
+import contextlib, io, json, sys, time
 begin = time.perf_counter()
-from wrcd.tools.cli import main
-status = main(sys.argv[1:])
-took = time.perf_counter() - begin
+with contextlib.redirect_stdout(io.StringIO()):
+    try:
+        from wrcd.cli.main import main
+    except ModuleNotFoundError:
+        from wrcd.tools.cli import main
+    status = main(sys.argv[1:])
+took, cpu = time.perf_counter() - begin, time.process_time()
 lines = open("/proc/self/status").read().splitlines()
-print(json.dumps({"took_s": took, "most_kb": next(int(x.split()[1]) for x in lines if x.startswith("VmHWM:"))}))
+most_kb = next(int(x.split()[1]) for x in lines if x.startswith("VmHWM:"))
+print(json.dumps({"wall_s": took, "cpu_s": cpu, "most_mb": most_kb / 1024}))
 sys.exit(status)
 """
+
+
+def measured(command: Sequence[str], folder: Path, tree: Path = ROOT) -> dict[str, float]:
+    """What a command of wrcd took in a process of its own: wall_s, cpu_s, most_mb."""
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", CHILD, *command], env=environment(tree), cwd=folder,
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    out: dict[str, float] = json.loads(done.stdout)
+    return out
 
 
 def replayed(log: Path, tree: Path = ROOT) -> tuple[float, float, Path]:
     """Seconds and megabytes that a replay took, and the frames it made."""
     out = next(p for i in count() if not (p := log.with_name(f"sent-{i}.log")).exists())
-    done = subprocess.run(
-        [sys.executable, "-P", "-c", CHILD, "replay", str(log), "-o", str(out)], env=environment(tree), cwd=log.parent,
-        capture_output=True, text=True, check=True,
-    )  # fmt: skip
-    told = json.loads(done.stdout)
-    return told["took_s"], told["most_kb"] / 1024, out
+    took = measured(["replay", str(log), "-o", str(out)], log.parent, tree)
+    return took["wall_s"], took["most_mb"], out
 
 
 def write_blf(log: Path, blf: Path) -> None:

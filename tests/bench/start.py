@@ -24,7 +24,7 @@ STARTS = 7
 WARM_UP_S, TRAFFIC_S = 3.0, 5.0  # the window fills and the estimator settles first
 WAIT_S = 20.0
 FORBIDDEN = ("scipy", "matplotlib", "skfuzzy", "filterpy", "numba", "sim_ecu")
-VIRTUAL = ("-m", "wrcd.tools", "run", "-i", "virtual", "-c", "bench")
+VIRTUAL = ("-m", "wrcd.cli", "run", "-i", "virtual", "-c", "bench")
 
 
 @dataclass(frozen=True, slots=True)

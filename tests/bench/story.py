@@ -5,19 +5,17 @@ wrcd's own. E2E counters jump at the seams, as they do where an axle is switched
 """
 
 import argparse
-import json
 import statistics
-import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
 from pathlib import Path
 
 from sim_ecu.play.play import play_to_log
 from sim_ecu.play.scenario import read_scenario
-from tests.bench.core import ROOT, environment
-from wrcd.settings import parse_toml
-from wrcd.tools.cli import main as wrcd
+from tests.bench.core import ROOT
+from tests.bench.replay import measured
+from wrcd.cli.main import main as wrcd
+from wrcd.config.settings import parse_toml
 
 SCENARIO = """
 duration_s = 60.0
@@ -39,19 +37,6 @@ rail = [{ curve = "C" }]
 rail = [{ curve = "E" }]
 drive = { utilisation = [[0.0, 0.0], [1.0, 0.6]] }
 """
-# seconds of wall and of processor that a command took, imports included, and the most memory it held
-CHILD = """
-import json, sys, time, contextlib, io
-begin = time.perf_counter()
-with contextlib.redirect_stdout(io.StringIO()):
-    from wrcd.tools.cli import main
-    status = main(sys.argv[1:])
-took, cpu = time.perf_counter() - begin, time.process_time()
-lines = open("/proc/self/status").read().splitlines()
-most_kb = next(int(x.split()[1]) for x in lines if x.startswith("VmHWM:"))
-print(json.dumps({"wall_s": took, "cpu_s": cpu, "most_mb": most_kb / 1024}))
-sys.exit(status)
-"""
 
 
 def write_log(log: Path, minutes: int) -> int:
@@ -70,16 +55,6 @@ def write_log(log: Path, minutes: int) -> int:
 
 def _stamp(line: str) -> str:
     return line[1:18]
-
-
-def measured(command: Sequence[str], folder: Path) -> dict[str, float]:
-    """What a command of wrcd took, in a process of its own."""
-    done = subprocess.run(
-        [sys.executable, "-P", "-c", CHILD, *command],
-        env=environment(ROOT), cwd=folder, capture_output=True, text=True, check=True,
-    )  # fmt: skip
-    told: dict[str, float] = json.loads(done.stdout)
-    return told
 
 
 def main() -> int:

@@ -6,7 +6,7 @@ import sys
 import time
 import timeit
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -158,18 +158,15 @@ def text(rows: Iterable[Row]) -> str:
 
 
 def markdown(rows: Iterable[Row]) -> str:
-    """The same as a table for docs/."""
-    out = ["| | minimum / median | ratios and goals |", "|---|---|---|"]
+    """The ratios and goals as a table for docs/."""
+    out = ["| | ratios and goals |", "|---|---|"]
     group = ""
     for row in rows:
         if row.group != group:
             group = row.group
-            out.append(f"| **{group}** | | |")
-        times = ", ".join(
-            f"{name} {_number(t.minimum)} / {_number(t.median)} {row.unit}" for name, t in row.times.items()
-        )
-        said = "; ".join(_said(f) for f in row.figures)
-        out.append(f"| {row.name} | {times} | {said}{f' ({row.note})' if row.note else ''} |")
+            out.append(f"| **{group}** | |")
+        said = "; ".join(_said(replace(f, minima=None)) for f in row.figures)
+        out.append(f"| {row.name} | {said}{f' ({row.note})' if row.note else ''} |")
     return "\n".join(out)
 
 

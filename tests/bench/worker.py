@@ -42,8 +42,8 @@ def ticks(stretch: list[tuple[int, int, bytes]], length_us: int) -> Iterator[lis
 
 
 def main(stretch_file: str, config_file: str, length_us: str) -> None:
-    load_config = any_of("wrcd.config", "wrcd.daemon.config").load_config
-    core_of = any_of("wrcd.core.core", "wrcd.daemon.core").Core
+    load_config = any_of("wrcd.config.config", "wrcd.config").load_config
+    core_of = any_of("wrcd.core.core").Core
     try:
         config = load_config(Path(config_file))
     except InputError as e:

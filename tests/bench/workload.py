@@ -8,10 +8,10 @@ from pathlib import Path
 from sim_ecu.play.player import Player
 from sim_ecu.play.scenario import Scenario, read_scenario
 from tests.support.scenarios import FOUR_AXLES
+from wrcd.bus.candump import format_line
 from wrcd.bus.e2e import protect
 from wrcd.bus.frame import Frame
-from wrcd.bus.log import format_line
-from wrcd.settings import parse_toml
+from wrcd.config.settings import parse_toml
 
 RECORDED = 4  # axles
 TICK_US = 5_000

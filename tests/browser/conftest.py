@@ -8,8 +8,8 @@ from playwright.sync_api import Browser
 
 from tests.browser.chromium import Opened, chromium, opened
 from tests.support.story_columns import synthetic
-from wrcd.tools.report import page as report
-from wrcd.tools.story.records import Story
+from wrcd.logs.story_records import Story
+from wrcd.report import report_page as report
 
 
 @pytest.fixture(scope="module")

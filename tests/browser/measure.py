@@ -14,7 +14,7 @@ from playwright.sync_api import CDPSession, Page
 from tests.browser.chromium import chromium, opened
 from tests.browser.reading import plot
 from tests.support.story_columns import synthetic
-from wrcd.tools.report import page as report
+from wrcd.report import report_page as report
 
 RECORD = """() => { window.frames_ms = []; let before = 0;
   const next = (now) => { if (before) window.frames_ms.push(now - before); before = now;

@@ -6,7 +6,7 @@ from typing import Literal
 import pytest
 from playwright.sync_api import Browser
 
-from sim_ecu.campaign.fleet.page import page
+from sim_ecu.campaign.fleet.fleet_page import page
 from sim_ecu.campaign.fleet.summary import summary
 from tests.browser.chromium import opened
 from tests.support.fleet import broken, job, row
@@ -40,7 +40,7 @@ def test_page_needs_no_sideways_scrolling(
 
 def test_link_of_a_suspicious_sensor_opens_the_log(browser: Browser, fleet: Path) -> None:
     with opened(browser, fleet, 1200, until="") as found:
-        link = found.page.locator("#suspicious ~ table a").first
+        link = found.page.locator("#suspicious-sensors ~ table a").first
         row = found.page.locator(str(link.get_attribute("href")))
         assert not row.is_visible()
         link.click()

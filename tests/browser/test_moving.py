@@ -6,7 +6,7 @@ import pytest
 from tests.browser.chromium import Opened
 from tests.browser.reading import moment, plot, range_of, settle, shown_range
 from tests.support.story_columns import BEGIN_US
-from wrcd.tools.story.records import Story
+from wrcd.logs.story_records import Story
 
 
 def test_keys_zoom_move_and_step(shown: Opened) -> None:

@@ -12,9 +12,9 @@ from tests.browser.chromium import Opened, opened
 from tests.browser.reading import chips, curves, frame, moment, plot, settle, shown_range
 from tests.support.story_columns import BEGIN_US, synthetic
 from wrcd.core.causes import Validity
-from wrcd.tools import explain
-from wrcd.tools.report import page as report
-from wrcd.tools.story.records import Story, Times
+from wrcd.logs import explanation as explain
+from wrcd.logs.story_records import Story, Times
+from wrcd.report import report_page as report
 
 MAX_POINTS_PER_PX = 6  # of a curve: two a bin, a bin each two pixels, and what is drawn beyond both sides
 

@@ -6,7 +6,7 @@ from typing import Literal
 import pytest
 from playwright.sync_api import Browser
 
-from sim_ecu.cli import main
+from sim_ecu.cli.main import main
 from tests.browser.chromium import opened
 
 WIDEST = "Math.max(...[...document.querySelectorAll('table, img, p, h2')].map(e => e.getBoundingClientRect().right))"
@@ -20,8 +20,7 @@ def score(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return file
 
 
-@pytest.mark.parametrize("width", [320, 400, 700, 1200])
-@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize(("width", "scheme"), [(320, "dark"), (400, "light"), (700, "dark"), (1200, "light")])
 def test_page_needs_no_sideways_scrolling(
     browser: Browser, score: Path, width: int, scheme: Literal["light", "dark"]
 ) -> None:

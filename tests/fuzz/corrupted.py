@@ -14,7 +14,7 @@ from wrcd.bus.dbc import Database, Message
 from wrcd.bus.e2e import COUNTER_MODULO, MAX_LOST, protect
 from wrcd.bus.frame import Frame
 from wrcd.bus.words import degraded, usable
-from wrcd.settings import parse_toml
+from wrcd.config.settings import parse_toml
 
 TICK_US = 5_000
 START_US = 1_700_000_000_000_000

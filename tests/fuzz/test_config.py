@@ -13,7 +13,7 @@ from wrcd import resources
 from wrcd.bus.codec import message_key
 from wrcd.bus.dbc import load_dbc
 from wrcd.bus.frame import EXTENDED, Frame
-from wrcd.config import load_config
+from wrcd.config.config import load_config
 from wrcd.core.configuration import Config
 from wrcd.core.core import Core
 from wrcd.errors import InputError

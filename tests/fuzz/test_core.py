@@ -18,7 +18,7 @@ from tests.support.sensor_simulator import SensorSimulator
 from wrcd.bus.codec import Receiver
 from wrcd.bus.e2e import protect
 from wrcd.bus.frame import Frame
-from wrcd.config import load_config
+from wrcd.config.config import load_config
 from wrcd.core.messages import Outgoing
 from wrcd.core.validity import BRIDGED_TICKS
 
@@ -176,4 +176,4 @@ class Day(RuleBasedStateMachine):
 
 TestDay = Day.TestCase
 # A tenth of the examples of a plain property, each of up to 25 steps.
-TestDay.settings = settings(max_examples=max(settings().max_examples // 10, 300), stateful_step_count=25)
+TestDay.settings = settings(max_examples=max(settings().max_examples // 10, 50), stateful_step_count=25)

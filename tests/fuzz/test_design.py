@@ -17,7 +17,7 @@ from tests.fuzz.strategies import mutated
 from tests.support.sensor_simulator import SensorSimulator
 from wrcd import resources
 from wrcd.checksum import checksum
-from wrcd.config import load_config
+from wrcd.config.config import load_config
 from wrcd.core.causes import Validity
 from wrcd.errors import InputError
 from wrcd.estimator.design import load_design, parse_design

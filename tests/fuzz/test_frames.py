@@ -12,15 +12,15 @@ from hypothesis import strategies as st
 from tests.fuzz.strategies import any_frames, damaged, near_frames
 from tests.support.can_ids import UNMAPPED, YAW_RATE_A1
 from tests.support.dbc_texts import DIRECTION_AND_LOAD_DBC, TRAIN_DBC
+from wrcd.bus.candump import format_line, parse_line
 from wrcd.bus.codec import Receiver, message_key
 from wrcd.bus.dbc import Database, load_dbc
 from wrcd.bus.e2e import COUNTER_MODULO, Checker, crc, protect
 from wrcd.bus.frame import EXTENDED, Frame
-from wrcd.bus.log import format_line, parse_line
 from wrcd.bus.reasons import Reason
 from wrcd.bus.signals import Source, StatusRule
 from wrcd.bus.units import Quantity
-from wrcd.config import load_config
+from wrcd.config.config import load_config
 
 CONFIG = load_config(None)
 SOURCES = [i.source for i in CONFIG.inputs]

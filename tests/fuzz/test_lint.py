@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 
 from tests.fuzz.strategies import mutated
 from wrcd import resources
+from wrcd.dbc.dbc_lines import read
+from wrcd.dbc.init.propose import propose
+from wrcd.dbc.lint.lint_file import as_records, findings, lines
 from wrcd.errors import InputError
 from wrcd.estimator.design import load_design
-from wrcd.tools.dbc.text import read
-from wrcd.tools.init.propose import propose
-from wrcd.tools.lint.run import as_records, findings, lines
 
 DATA = Path(__file__).parents[1] / "data" / "dbc"
 DESIGN = load_design(resources.DESIGN)

@@ -11,9 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.fuzz.strategies import EDITS_OF_BYTES, damage, damaged
+from wrcd.bus.candump import format_line
 from wrcd.bus.frame import Frame
-from wrcd.bus.log import Damage, format_line, read_log
 from wrcd.errors import InputError
+from wrcd.logs.damage import Damage
+from wrcd.logs.reader import read_log
 
 # python-can's readers leave a file that they cannot read to the garbage collector
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")

@@ -17,7 +17,7 @@ import pytest
 
 from tests.fuzz.corrupted import START_US, bus, let_through
 from wrcd.bus.frame import Frame
-from wrcd.config import load_config
+from wrcd.config.config import load_config
 from wrcd.core.configuration import Config
 from wrcd.core.core import Core
 from wrcd.core.messages import Outgoing
@@ -112,6 +112,7 @@ def _read(frame: Frame) -> tuple[int, int]:
     return frame.data[1] >> 4, int(struct.unpack_from("<H", frame.data, 2)[0])
 
 
+@pytest.mark.night
 def test_million_corrupted_frames_let_through_no_more_than_expected(capsys: pytest.CaptureFixture[str]) -> None:
     config = load_config(None)
     watch = CounterLog(config)

@@ -9,8 +9,8 @@ from sim_ecu.play.player import Player
 from sim_ecu.play.scenario import read_scenario
 from tests.fuzz.strategies import mutated
 from tests.support.scenarios import CHANGING_SPEED, FOUR_AXLES
+from wrcd.config.settings import parse_toml
 from wrcd.errors import InputError
-from wrcd.settings import parse_toml
 
 EVERYTHING = """
 title = "everything"

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from wrcd.tools.cli import main
+from wrcd.cli.main import main
 
 FOLDER = Path(__file__).parent
 # last digits may differ between processors: hundredths of a percentage point

@@ -29,7 +29,7 @@ UNBROKEN = {"valid-is-used", "lost-frames-are-no-fault", "late-frames-are-no-fau
 
 # as the page has it
 COMMAND = (
-    "pytest --pyargs wrcd.tools.contract.checks "
+    "pytest --pyargs wrcd.contract.checks "
     '--wrcd-process "python examples/careful_consumer.py -i {interface} -c {channel}"'
 )
 

@@ -12,15 +12,16 @@ from pathlib import Path
 import pytest
 
 from sim_ecu.play.encoder import databases
-from sim_ecu.play.expected import ROWS, SETTLED_AFTER_MS, WINDOW_MS, Leaves, Row, Unseen
+from sim_ecu.play.expected import ROWS, SETTLED_AFTER_MS, WINDOW_MS, Leaves, MatrixRow, Unseen
 from sim_ecu.play.faults import KINDS, SILENT, Stage
-from sim_ecu.play.judge import HEAD, Said, Verdict, judge, line
+from sim_ecu.play.matrix import HEAD, Said, Verdict, judge, line
 from tests.support.can_ids import ADHESION, ADHESION_A1, YAW_RATE_A2
 from tests.support.metronome import SLOT_US, Machine, metronome, within
 from tests.support.processes import BIN, running, wait_for
 from tests.support.vcan import CANDUMP, slot_of
 from wrcd.bus.frame import Frame
-from wrcd.bus.log import Damage, read_log
+from wrcd.logs.damage import Damage
+from wrcd.logs.reader import read_log
 
 ROUNDS = 3  # a row that goes wrong while the machine stalls, or leaves too little to judge, is measured again
 ROUNDS_S = 600.0  # no round begins that would end later: the guest has GUEST_TIMEOUT = 900 s
@@ -56,7 +57,7 @@ SUMMARY = re.compile(r"fault (\S+) of=\S+(?: axle=\d)? begin=(\d+\.\d+) end=(\d+
 class Played:
     """A row on the bus."""
 
-    row: Row
+    row: MatrixRow
     verdict: Verdict
     undisturbed: tuple[float, float, float]  # shares of the slots before the fault, after it, and of all
     stalled: bool
@@ -77,7 +78,7 @@ class Played:
         return f"{line(self.row, self.verdict)} {shares}{': NOT JUDGED' if self.disturbed else ''}"
 
 
-def scenario(rows: Sequence[Row], first_s: float) -> str:
+def scenario(rows: Sequence[MatrixRow], first_s: float) -> str:
     """The faults one after another while the twins run."""
     at_s, tables = first_s, []
     for f in (r.fault for r in rows):
@@ -116,7 +117,7 @@ def heard(frames: Sequence[Said], excused: Callable[[Said, Said], bool]) -> list
     return out
 
 
-def judged(rows: Sequence[Row], frames: Sequence[Frame], told: str, machine: Machine) -> list[Played]:
+def judged(rows: Sequence[MatrixRow], frames: Sequence[Frame], told: str, machine: Machine) -> list[Played]:
     """Each row by the rig's line on it; the twin, whom no fault befalls, is how it would be without one."""
     found = SUMMARY.findall(told)
     assert [kind for kind, _, _ in found] == [r.fault.kind for r in rows], told
@@ -127,7 +128,7 @@ def judged(rows: Sequence[Row], frames: Sequence[Frame], told: str, machine: Mac
 
 
 def judged_row(
-    row: Row, begin_us: int, end_us: int, axle: Sequence[Said], twin: Sequence[Said], yaw: Sequence[int],
+    row: MatrixRow, begin_us: int, end_us: int, axle: Sequence[Said], twin: Sequence[Said], yaw: Sequence[int],
     machine: Machine,
 ) -> Played:  # fmt: skip
     """A row between its fault's begin and end. Where the machine held up the twin's yaw rate on the bus or took the
@@ -198,7 +199,7 @@ def judged_row(
     return Played(row, verdict, shares, bool(stalled))
 
 
-def play(folder: Path, rows: Sequence[Row], interface: str, channel: str) -> list[Played]:
+def play(folder: Path, rows: Sequence[MatrixRow], interface: str, channel: str) -> list[Played]:
     """Rig, daemon and candump; a slcan interface is there only while the rig runs."""
     folder.mkdir()
     first_s = FIRST_S if interface != "slcan" else FIRST_S + 4.0
@@ -247,14 +248,14 @@ def finish(rig: subprocess.Popen[bytes], daemon: subprocess.Popen[bytes]) -> Non
     assert daemon.poll() is None, "the daemon did not stay up"
 
 
-def on(row: Row) -> tuple[str, str]:
+def on(row: MatrixRow) -> tuple[str, str]:
     """The bus that a row needs."""
     if row.fault.kind == "bus-off":
         return "slcan", "can7"
     return "socketcan", "vcan1" if row.fault.kind in SILENT else "vcan0"
 
 
-def name(row: Row) -> str:
+def name(row: MatrixRow) -> str:
     """Return what tells a row from the others."""
     return f"{row.fault.kind} of {row.fault.of}, {row.fault.duration_s:g} s"
 
@@ -263,14 +264,14 @@ JUDGED = [r for r in ROWS if not isinstance(r.must, Unseen)]
 
 
 @pytest.fixture(scope="module")
-def played(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> dict[Row, Played]:
+def played(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> dict[MatrixRow, Played]:
     """Every row that is asked for, once. One that goes wrong while the machine stalls, or leaves too little to judge,
     shows nothing of the daemon: it is measured again, that is printed, and the last measurement counts."""
     test = test_daemon_under_a_fault_is_as_its_row_says.__name__
     items = [i for i in request.session.items if isinstance(i, pytest.Function) and i.originalname == test]
     asked = [i.callspec.params["row"] for i in items]
     wanted = [r for r in JUDGED if r in asked]
-    done: dict[Row, Played] = {}
+    done: dict[MatrixRow, Played] = {}
     folder = tmp_path_factory.mktemp("faults")
     began_s, row_s = time.monotonic(), 0.0
     for attempt in range(ROUNDS):
@@ -289,7 +290,7 @@ def played(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
 
 
 @pytest.mark.parametrize("row", JUDGED, ids=name)
-def test_daemon_under_a_fault_is_as_its_row_says(played: dict[Row, Played], row: Row) -> None:
+def test_daemon_under_a_fault_is_as_its_row_says(played: dict[MatrixRow, Played], row: MatrixRow) -> None:
     """What must be, is, with some tens of milliseconds for the guest, and what its machine took from it."""
     found = played[row]
     if found.verdict.wrong and not found.enough:

@@ -1,7 +1,9 @@
 """Each way of installing, under a real systemd: run, upgraded from 0.1.0, removed without a trace."""
 
+import hashlib
 import os
 import shutil
+import stat
 import subprocess
 import time
 from collections.abc import Iterator
@@ -9,25 +11,75 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.changes import changes
 from tests.support.page_commands import run_by
 from tests.support.processes import ROOT
 from tests.support.unit_train import UNIT, Train, journal, main_pid, output, prop, systemctl
 from wrcd import __version__
-from wrcd.config import DEFAULT
+from wrcd.config.config import DEFAULT
 
 HOME = Path("/opt/wrcd")
 WRCD = HOME / "bin/wrcd"
-BY_HAND = ROOT / "tests/data/installed-0.1.0"
 CONFIG = Path("/etc/wrcd/vcan0.toml")
 PATIENCE_S = 60.0  # how soon it is Valid is for test_systemd.py to say
 DUMP = Path("/var/lib/wrcd/vcan0/kept.log")
 SYSCTL = Path("/etc/sysctl.d/80-wrcd.conf")
 RMEM = Path("/proc/sys/net/core/rmem_max")
 OLD = "0.1.0"
+LOCAL_UNIT = "/usr/local/lib/systemd/system/wrcd@.service"
 # What may be otherwise afterwards: systemd's own bookkeeping, and dpkg's.
 SYSTEMD = ("/etc/.pwd.lock", "/run/systemd", "/run/log", "/run/credentials", "/var/lib/systemd", "/var/log/journal")
 DPKG = ("/var/log/dpkg.log", "/var/log/alternatives.log", "/var/cache/debconf")
+
+
+# tests/hil/guest/init: everything that was written since the guest was booted, and what lies below
+UPPER, LOWER = Path("/run/guest/upper"), Path("/run/guest/lower")
+LOOKED_AT = ("etc", "usr", "opt", "var", "srv", "boot", "lib", "bin", "sbin")
+OWN = ("/run", "/etc/systemd/system", "/var/lib/private")  # file systems of the guest's
+
+
+def changes(*but: str) -> dict[str, str]:
+    """Return kind, mode and content of all that is otherwise, by path. Left out: what lies at or below one of `but`."""
+    assert UPPER.is_dir(), "this test needs the guest: run it with `make systemd`"
+    found: dict[str, str] = {}
+    for top in LOOKED_AT:
+        for path in _walk(UPPER / top, ""):
+            name = path.relative_to(UPPER)
+            here, below = _state(path), _state(LOWER / name)
+            if here == "removed" and below == "nothing":
+                continue
+            if here != below:
+                found[f"/{name}"] = here
+    for own in OWN:
+        found |= {str(path): _state(path) for path in _walk(Path(own), str(UPPER.parent)) if path != Path(own)}
+    return {name: state for name, state in found.items() if not _is_at(name, but)}
+
+
+def _is_at(name: str, places: tuple[str, ...]) -> bool:
+    return any(name == place or name.startswith(f"{place}/") for place in places)
+
+
+def _walk(top: Path, but: str) -> Iterator[Path]:
+    """A path and all below it, links not followed."""
+    if not os.path.lexists(top) or str(top) == but:
+        return
+    yield top
+    if top.is_dir() and not top.is_symlink():
+        for path in sorted(top.iterdir()):
+            yield from _walk(path, but)
+
+
+def _state(path: Path) -> str:
+    try:
+        status = path.lstat()
+    except (FileNotFoundError, NotADirectoryError):
+        return "nothing"
+    mode = status.st_mode
+    if stat.S_ISCHR(mode) and status.st_rdev == 0:
+        return "removed"  # as the overlay says it
+    if stat.S_ISLNK(mode):
+        return f"link to {path.readlink()}"
+    what = hashlib.sha256(path.read_bytes()).hexdigest() if stat.S_ISREG(mode) else ""
+    return f"{stat.filemode(mode)} {what}".rstrip()
 
 
 def run(*words: str | Path, status: int = 0) -> str:
@@ -105,27 +157,31 @@ def be_version(version: str) -> None:
     package.write_text(text)
 
 
-def test_wheel_is_run_upgraded_from_hand_made_files_and_removed_without_a_trace(train: Train) -> None:
+def test_wheel_is_run_upgraded_and_removed_without_a_trace(train: Train) -> None:
+    blocks = run_by("tests/hil/test_install.py", "docs/how-to/install-on-train.md")
+    (dry_run, install, enable), (upgrade, restart), (uninstall, remove) = (
+        [c.replace("@can0", "@vcan0").split() for c in step.commands] for step in blocks
+    )
+    assert enable == ["systemctl", "enable", "--now", UNIT]  # in use()
     before, rmem = changes(*SYSTEMD), RMEM.read_text()
     run(ROOT / "tests/hil/install-program")
     be_version(OLD)
-    shutil.copy(BY_HAND / "wrcd@.service", "/etc/systemd/system")
-    shutil.copy(BY_HAND / "80-wrcd.conf", SYSCTL)
-    systemctl("daemon-reload")
+    laid_out = changes(*SYSTEMD, str(HOME))
+    run(*dry_run)
+    assert changes(*SYSTEMD, str(HOME)) == laid_out
+    assert f"wrcd {OLD}; units start {WRCD}" in run(*install)
+    assert RMEM.read_text() == "8388608\n"
     use(train)
-    check_running(train, OLD, "/etc/systemd/system/wrcd@.service")
+    check_running(train, OLD, LOCAL_UNIT)
 
     be_version(__version__)
     pid = main_pid()
-    said = run(WRCD, "install")
-    assert f"wrcd 0.1.0, laid out by hand -> {__version__}; units start {WRCD}" in said
+    said = run(WRCD, *upgrade[1:])  # which the page has in another folder, as before
+    assert f"wrcd {OLD} -> {__version__}; units start {WRCD}" in said
     assert f"holds      {CONFIG} ({UNIT})" in said
-    assert "removed    /etc/systemd/system/wrcd@.service: 0.1.0, not edited: taken over" in said
-    assert f"changed    {SYSCTL}: 0.1.0, not edited: taken over" in said
-    assert f"these run what was there before, until: systemctl restart {UNIT}\n" in said
+    assert f"these run what was there before, until: {' '.join(restart)}\n" in said
     assert main_pid() == pid
-    assert systemctl("cat", UNIT).startswith("# /usr/local/lib/systemd/system/wrcd@.service\n")
-    assert RMEM.read_text() == "8388608\n"
+    assert systemctl("cat", UNIT).startswith(f"# {LOCAL_UNIT}\n")
 
     restarted = time.time()
     said = run(WRCD, "install", "--restart")
@@ -133,15 +189,14 @@ def test_wheel_is_run_upgraded_from_hand_made_files_and_removed_without_a_trace(
     assert main_pid() not in (0, pid)
     assert not [line for line in said.splitlines() if line.split()[0] in ("new", "changed", "removed", "kept")]
     train.wait(restarted + 0.1, seconds=PATIENCE_S)
-    check_running(train, __version__, "/usr/local/lib/systemd/system/wrcd@.service")
+    check_running(train, __version__, LOCAL_UNIT)
     check_kept()
 
-    uninstall, remove = run_by("tests/hil/test_install.py", "docs/how-to/install-on-train.md")[0].commands
-    said = run(*uninstall.split())
+    said = run(*uninstall)
     assert f"stopped: {UNIT}\n" in said
     assert run("systemctl", "cat", UNIT, status=1)
     check_kept()
-    run(*remove.split())
+    run(*remove)
     for folder in (CONFIG.parent, DUMP.parents[1], Path("/var/lib/private/wrcd")):
         shutil.rmtree(folder)
     assert changes(*SYSTEMD) == before

@@ -20,11 +20,13 @@ from tests.support.can_ids import ADHESION_A1
 from tests.support.kit.building import make, needs_compiler, written
 from tests.support.kit.reading import Reading, Verdict
 from tests.support.processes import BIN, running, wait_for
+from tests.support.synthetic import Synthetic
 from tests.support.vcan import CANDUMP, FRAME
+from wrcd.bus.candump import format_line
 from wrcd.bus.e2e import COUNTER_MODULO, protect
-from wrcd.bus.log import Damage, format_line, read_log
-from wrcd.config import load_config, packaged
-from wrcd.tools.synthetic import Synthetic
+from wrcd.config.config import load_config, packaged
+from wrcd.logs.damage import Damage
+from wrcd.logs.reader import read_log
 
 pytestmark = needs_compiler
 SECONDS = 20.0

@@ -23,8 +23,8 @@ from tests.support.vcan import (
     now_us,
 )
 from wrcd.bus import advice
-from wrcd.bus.controller import MAX_ERRORS
 from wrcd.bus.frame import Frame
+from wrcd.bus.rawcan import MAX_ERRORS
 from wrcd.bus.socketcan import REOPEN_US, SocketCanLink
 from wrcd.errors import BusError
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from sim_ecu.cli import main as sim_ecu
+from sim_ecu.cli.main import main as sim_ecu
 from tests.support.can_ids import ADHESION_A1, WRCD_STATUS, YAW_RATE_A1
 from tests.support.metronome import ALLOWED, calm, cycle, metronome, mostly, within
 from tests.support.processes import BIN, running, wait_for
@@ -21,7 +21,8 @@ from tests.support.scenarios import held
 from tests.support.vcan import CANDUMP, overruns_at, slot_of
 from wrcd.bus.e2e import crc
 from wrcd.bus.frame import Frame
-from wrcd.bus.log import Damage, read_log
+from wrcd.logs.damage import Damage
+from wrcd.logs.reader import read_log
 
 VALID = 1
 LOG_S = 10.0

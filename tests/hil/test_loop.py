@@ -16,7 +16,7 @@ from tests.support.loop_wire import TIMINGS, stop_in_lockstep
 from tests.support.metronome import SLOT_US, metronome
 from tests.support.processes import BIN, running, wait_for
 from tests.support.vcan import CANDUMP, ip, now_us
-from wrcd.config import packaged
+from wrcd.config.config import packaged
 
 SILENT = "axle 1: demand silent for 30 ms: traction ends, brakes apply as the driver asked"
 DEMAND_A1 = 0x141

@@ -20,10 +20,11 @@ import pytest
 from tests.support.daemon_frames import GOOD, START_US, DaemonFrames
 from tests.support.processes import ROOT
 from wrcd.bus.frame import Frame
-from wrcd.bus.log import Damage, read_log
 from wrcd.bus.rawcan import FRAME
-from wrcd.config import load_config
+from wrcd.config.config import load_config
 from wrcd.core.configuration import Config
+from wrcd.logs.damage import Damage
+from wrcd.logs.reader import read_log
 
 SECONDS = 6
 RATE = 2000  # frames a second: a bus of 500 kbit/s that is half full; with more the guest itself cannot keep time
@@ -79,7 +80,7 @@ class OnTerminal:
         self.master, terminal = pty.openpty()
         ioctl(terminal, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 80, 0, 0))
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "wrcd.tools", "monitor", *arguments], cwd=folder, stdin=terminal, stdout=terminal,
+            [sys.executable, "-m", "wrcd.cli", "monitor", *arguments], cwd=folder, stdin=terminal, stdout=terminal,
             stderr=terminal, start_new_session=True,
             env={**os.environ, "TERM": "xterm-256color", "PYTHONPATH": str(ROOT)},
         )  # fmt: skip

@@ -27,7 +27,7 @@ from tests.support.unit_train import (
     prop,
     systemctl,
 )
-from wrcd.config import DEFAULT
+from wrcd.config.config import DEFAULT
 
 CONFIG, ENVIRONMENT = Path("/etc/wrcd/vcan0.toml"), Path("/etc/wrcd/vcan0.env")
 DROP_INS = Path(f"/etc/systemd/system/{UNIT}.service.d")
@@ -77,17 +77,10 @@ def configured(text: str) -> Iterator[None]:
         ENVIRONMENT.unlink()
 
 
-def test_unit_starts_and_sends_valid_frames(installed: Train) -> None:
-    began = time.time()
-    systemctl("start", UNIT)  # returns when READY=1 was said
-    assert systemctl("is-active", UNIT) == "active"
-    installed.wait(began, seconds=10)
-
-
 def test_killed_daemon_is_back_with_valid_frames(train: Train) -> None:
-    """Five times; starting a program takes this guest several times as long as its host."""
+    """Three times; starting a program takes this guest several times as long as its host."""
     times = []
-    for _ in range(5):
+    for _ in range(3):
         train.wait(time.time() - 0.5)
         pid = main_pid()
         assert pid > 1

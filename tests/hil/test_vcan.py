@@ -2,7 +2,6 @@
 
 import csv
 import re
-import select
 import signal
 import subprocess
 import time
@@ -29,9 +28,11 @@ from tests.support.metronome import SLOT_US, WINDOW_US, Cycle, Machine, all_kept
 from tests.support.processes import BIN, ROOT, running, wait_for
 from tests.support.scenarios import FOUR_AXLES, SIX_AXLES, held
 from tests.support.vcan import CANDUMP, allow_large_buffers, overruns_at, slot_of
+from wrcd.bus.candump import format_line
 from wrcd.bus.frame import Frame
-from wrcd.bus.log import Damage, format_line, read_log
-from wrcd.config import DEFAULT
+from wrcd.config.config import DEFAULT
+from wrcd.logs.damage import Damage
+from wrcd.logs.reader import read_log
 
 YAW_RATE_TIMEOUT_US = 15_000  # as the DBC says
 # a train's sensors do not wait for the daemon's processor: in the guest they share the only one
@@ -104,7 +105,7 @@ def one_axle(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
     """The real rig plays a dry rail."""
     folder = tmp_path_factory.mktemp("one")
     scenario = folder / "dry.toml"
-    scenario.write_text(held("A", 12.0))
+    scenario.write_text(held("A", 8.0))
 
     def play() -> str:
         done = subprocess.run(
@@ -139,34 +140,19 @@ def four_axles(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
 def test_adhesion_is_sent_at_50_hz(one_axle: Recorded) -> None:
     kept = one_axle.cycle
     print(kept)
-    assert kept.wanted > 11 * 50
+    assert kept.wanted > 7 * 50
     assert kept.kept, kept.unexcused
 
 
 def test_rig_keeps_time_and_sends_every_frame(one_axle: Recorded) -> None:
     assert " 0 not sent" in one_axle.rig_says
     yaw = one_axle.of(YAW_RATE_A1)
-    assert len(yaw) == 2400
+    assert len(yaw) == 1600
     begin_us, end_us = yaw[0].stamp_us, yaw[-1].stamp_us
     at_ends_us = one_axle.machine.taken_us(begin_us, begin_us + 100_000) + one_axle.machine.taken_us(
         end_us - 100_000, end_us
     )
-    assert end_us - begin_us == pytest.approx(12_000_000, abs=100_000 + at_ends_us)
-
-
-def test_cantools_decodes_every_frame(one_axle: Recorded) -> None:
-    """As a person would: candump's lines into `cantools decode` with our DBC."""
-    with one_axle.log.open("rb") as lines_in:
-        done = subprocess.run(
-            [BIN / "cantools", "decode", ROOT / "dbc" / "wrcd.dbc"],
-            stdin=lines_in, timeout=300, check=True, capture_output=True, text=True,
-        )  # fmt: skip
-    lines = done.stdout.splitlines()
-    known = [f for f in one_axle.frames if f.can_id < 0x7A0]
-    assert sum(" :: Unknown frame id" in line for line in lines) == len(one_axle.frames) - len(known)
-    assert sum(" ::" in line for line in lines) == len(one_axle.frames)
-    said = [line.lower().replace("errorframes", "") for line in lines]
-    assert not any("failed" in line or "error" in line for line in said)
+    assert end_us - begin_us == pytest.approx(8_000_000, abs=100_000 + at_ends_us)
 
 
 def test_valid_estimate_meets_the_truth(one_axle: Recorded) -> None:
@@ -472,19 +458,6 @@ def test_daemon_survives_link_down_and_device_gone(tmp_path: Path) -> None:
         assert daemon.poll() is None
 
 
-def test_dump_command_decodes_a_live_bus(tmp_path: Path) -> None:
-    out = tmp_path / "dump.txt"
-    with running(BIN / "wrcd", "dump", "-i", "socketcan", "-c", "vcan0", "-n", "1", output=out) as dump:
-        end = time.monotonic() + 30
-        while dump.poll() is None and time.monotonic() < end:
-            subprocess.run(["cansend", "vcan0", "130#9E001127"], timeout=10, check=True)
-            time.sleep(0.2)
-        assert dump.poll() == 0
-    assert (
-        " vcan0 130#9E001127 :: VehicleSpeed(Crc: 158, Counter: 0, Status: Ok, Speed: 25.0025 m/s)" in out.read_text()
-    )
-
-
 def test_second_daemon_on_the_bus_is_said_and_counted(bus: str, tmp_path: Path) -> None:
     """Each of two says that somebody else sends its messages, about as many a second as it sends itself."""
     log = tmp_path / "candump.log"
@@ -507,29 +480,3 @@ def test_second_daemon_on_the_bus_is_said_and_counted(bus: str, tmp_path: Path) 
         assert 100 < max(seconds) < 1000  # four axles send 283 a second
     rejects = [f for f, _ in read_log(log, Damage()) if f.can_id == WRCD_REJECTS]
     assert {f.data[7] >> 4 for f in rejects} >= {15}
-
-
-def test_candump_through_a_pipe_is_decoded_as_it_comes() -> None:
-    """`candump -L vcan0 | wrcd dump -`: a frame is shown while both go on, and the count ends it."""
-    line = f"candump -L vcan0 | {BIN / 'wrcd'} dump - -n 2"
-    sent = ["cansend", "vcan0", f"{YAW_RATE_A1:03X}#0000000000000000"]
-    with subprocess.Popen(
-        ["sh", "-c", line], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    ) as process:
-        try:
-            assert process.stdout is not None
-            assert process.stderr is not None
-            end = time.monotonic() + 60
-            while not select.select([process.stdout], [], [], 0.2)[0]:
-                assert time.monotonic() < end, "nothing was shown"
-                subprocess.run(sent, check=True, timeout=10)
-            first = process.stdout.readline()
-            assert re.fullmatch(r"\(\d{10}\.\d{6}\) vcan0 101#0{16} :: YawRate_A1\(.*\)\n", first)
-            while process.poll() is None:  # candump ends at its next write after the reader has ended
-                assert time.monotonic() < end, "the count did not end it"
-                subprocess.run(sent, check=True, timeout=10)
-                time.sleep(0.1)
-            assert len(process.stdout.readlines()) == 1
-            assert process.stderr.read() == ""
-        finally:
-            process.kill()

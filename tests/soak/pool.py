@@ -8,7 +8,7 @@ import numpy as np
 from sim_ecu.play.player import Player
 from sim_ecu.play.scenario import read_scenario
 from wrcd.bus.e2e import COUNTER_MODULO, protect
-from wrcd.settings import parse_toml
+from wrcd.config.settings import parse_toml
 
 TICK_US = 5_000
 # Counters count to 15 and the slowest message comes every 20 ms: a loop of a multiple of 300 ms ends where it begins.

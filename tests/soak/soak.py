@@ -18,14 +18,15 @@ import numpy as np
 
 from tests.soak.pool import LOOP_US, TICK_US, Faults, endless, pool
 from wrcd.bus.frame import Frame
-from wrcd.config import load_config
+from wrcd.config.config import load_config
 from wrcd.core.configuration import Config
 from wrcd.core.core import BACKWARD_STEP_US, FORWARD_STEP_US, Core
 from wrcd.estimator.design import CHANNELS, Design, FloatArray
 from wrcd.estimator.estimator import Estimator
 from wrcd.estimator.identity import Identity
 from wrcd.estimator.records import Estimate, StepResult, Ticks, one_tick
-from wrcd.tools.progress import Progress
+from wrcd.progress import Progress
+from wrcd.recorder.state import state_of
 
 START_US = 1_700_000_000_000_000
 MAX_GROWTH_KB = 1024.0
@@ -100,7 +101,7 @@ def numbers(thing: object, name: str = "") -> dict[str, FloatArray]:
     if isinstance(thing, np.ndarray):
         return {name: thing} if thing.dtype.kind == "f" else {}
     out: dict[str, FloatArray] = {}
-    for part in getattr(type(thing), "STATE", {}).values():
+    for part in state_of(type(thing)).values():
         out |= numbers(getattr(thing, part), f"{name}.{part}")
     return out
 

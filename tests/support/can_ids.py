@@ -36,6 +36,5 @@ WRCD_STATUS, WRCD_REJECTS, WRCD_LINK = _ID["WrcdStatus"], _ID["WrcdRejects"], _I
 INPUTS = {VEHICLE_SPEED, *YAW_RATE.values(), *LAT_ACCEL.values(), *TORQUE.values()}
 ESTIMATES = {*ADHESION.values(), *ADHESION_DETAIL.values(), *INPUT_HEALTH.values()}
 SENDABLE = {m.frame_id for m in _PRODUCTION.messages if "WRCD" in m.senders}  # for any number of axles
-SENT_BY_DAEMON = ESTIMATES | {WRCD_STATUS, WRCD_REJECTS, WRCD_LINK}
 UNMAPPED, EXTENDED = 0x7FF, 0x18FF0001  # of no message; EXTENDED has 29 bits
 EXTENDED_KEY = 1 << 31 | EXTENDED  # as Frame.key

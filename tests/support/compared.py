@@ -6,15 +6,15 @@ from typing import Any
 
 import numpy as np
 
-from sim_ecu.campaign.job import Ending, Job, Row, Scalar
-from sim_ecu.campaign.kind import Figure, Kind, Type
-from sim_ecu.campaign.store import Asked, Store
+from sim_ecu.campaign.campaign_folder import CampaignRequest, merge, opened_store
+from sim_ecu.campaign.kind import Kind, Metric, Type
+from sim_ecu.jobs.job import Ending, Job, JobRow, Scalar
 
 FIGURES = (
-    Figure("mean_error_pp", Type.NUMBER, "mean error", "pp", "less"),
-    Figure("valid", Type.NUMBER, "share Valid", "", "more"),
-    Figure("slip", Type.WHOLE, "neither way is better"),
-    Figure("cause", Type.TEXT, "main cause"),
+    Metric("mean_error_pp", Type.NUMBER, "mean error", "pp", "less"),
+    Metric("valid", Type.NUMBER, "share Valid", "", "more"),
+    Metric("slip", Type.WHOLE, "neither way is better"),
+    Metric("cause", Type.TEXT, "main cause"),
 )
 TYPES = {"rail": Type.TEXT, "design": Type.TEXT, "speed": Type.NUMBER, "lot": Type.WHOLE, "seed": Type.WHOLE}
 Told = Callable[[Mapping[str, Any]], Mapping[str, Scalar]]  # a job's figures; empty: it failed
@@ -24,7 +24,7 @@ def _none(job: Job) -> Mapping[str, Scalar]:
     return {}
 
 
-def kind(name: str = "drive", figures: tuple[Figure, ...] = FIGURES, cluster: tuple[str, ...] = ("seed",)) -> Kind:
+def kind(name: str = "drive", figures: tuple[Metric, ...] = FIGURES, cluster: tuple[str, ...] = ("seed",)) -> Kind:
     """One whose rows are told."""
     return Kind(name, "a run", (), figures, _none, suite="rail", cluster=cluster)
 
@@ -35,12 +35,14 @@ def folder(
     """A finished campaign of these inputs."""
     jobs = [Job((of or kind()).name, dict(inputs)) for inputs in every]
     columns = {name: TYPES[name] for name in jobs[0].inputs}
-    with Store(path, Asked(f"campaign {path.name}", of or kind(), columns, code)) as store:
-        for job in jobs:
-            figures = told(job.inputs)
-            ending = Ending.DONE if figures else Ending.FAILED
-            store.add(Row(job.key(code), ending, figures, "" if figures else "it failed"))
-        store.merge(jobs)
+    pairs = []
+    for job in jobs:
+        figures = told(job.inputs)
+        ending = Ending.DONE if figures else Ending.FAILED
+        pairs.append((job, JobRow(job.key(code), ending, figures, "" if figures else "it failed")))
+    asked = CampaignRequest(f"campaign {path.name}", of or kind(), columns, code)
+    with opened_store(path, asked, ()):
+        merge(path, asked, pairs)
     return path
 
 

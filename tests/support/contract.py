@@ -8,12 +8,12 @@ from types import ModuleType
 import pytest
 
 from tests.support.processes import ROOT
+from wrcd.contract import Hearing, ObjectConsumer
+from wrcd.contract.benches import Bench, VirtualBench
+from wrcd.contract.contract_player import BrokenRule, CannotPlay, ContractPlayer
+from wrcd.contract.contract_rules import CHECKS
+from wrcd.contract.frames import FrameMaker
 from wrcd.core.configuration import Config
-from wrcd.tools.contract import BusSettings, Hearing, ObjectConsumer
-from wrcd.tools.contract.bench import Bench, VirtualBench
-from wrcd.tools.contract.every import CHECKS
-from wrcd.tools.contract.frames import FrameMaker
-from wrcd.tools.contract.player import BrokenRule, CannotPlay, Player
 
 EXAMPLES = ROOT / "examples"
 NAMES = {c.name for c in CHECKS}
@@ -37,7 +37,7 @@ def judged(bench: Bench, config: Config, names: set[str] = NAMES) -> tuple[dict[
         if check.name in names:
             bench.start()
             try:
-                check.run(Player(bench, makers[0], 60, *makers[1:2]))
+                check.run(ContractPlayer(bench, makers[0], 60, *makers[1:2]))
             except BrokenRule as e:
                 broken[check.name] = str(e)
             except CannotPlay as e:
@@ -49,13 +49,12 @@ def on_virtual_time(
     make: Callable[[], Hearing], config: Config, names: set[str] = NAMES
 ) -> tuple[dict[str, str], dict[str, str]]:
     """The same of a Python object."""
-    settings = BusSettings("virtual", "", None, tuple(a.number for a in config.axles))
-    return judged(VirtualBench(ObjectConsumer(make), settings), config, names)
+    return judged(VirtualBench(ObjectConsumer(make)), config, names)
 
 
 def run_checks(pytester: pytest.Pytester, *options: str | Path) -> pytest.RunResult:
     """Run pytest with the ready-made checks, in this process."""
-    return run_pytest(pytester, "--pyargs", "wrcd.tools.contract.checks", *options)
+    return run_pytest(pytester, "--pyargs", "wrcd.contract.checks", *options)
 
 
 def run_pytest(pytester: pytest.Pytester, *options: str | Path) -> pytest.RunResult:
@@ -64,7 +63,7 @@ def run_pytest(pytester: pytest.Pytester, *options: str | Path) -> pytest.RunRes
         patch.setenv("PYTEST_DISABLE_PLUGIN_AUTOLOAD", "1")
         patch.delenv("PYTEST_ADDOPTS", raising=False)
         patch.delenv("PYTEST_PLUGINS", raising=False)
-        plugin = ("-p", "wrcd.tools.contract.plugin", "-p", "no:cacheprovider", "-rA")
+        plugin = ("-p", "wrcd.contract.plugin", "-p", "no:cacheprovider", "-rA")
         return pytester.runpytest_inprocess(*plugin, *map(str, options))
 
 

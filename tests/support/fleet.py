@@ -3,9 +3,9 @@
 import json
 from typing import Any
 
-from sim_ecu.campaign.fleet.classes import CLASSES
-from sim_ecu.campaign.job import Ending, Job, Row, Scalar
+from sim_ecu.campaign.fleet.tally import CLASSES
 from sim_ecu.campaign.kinds.log import CAUSES, cause_column, class_column
+from sim_ecu.jobs.job import Ending, Job, JobRow, Scalar
 
 SPEED_M_S, SECONDS = 25.0, 6.0
 _RIDE = """
@@ -44,7 +44,7 @@ def job(train: str, name: str) -> Job:
 def row(
     key: str = "", valid: float = 0.8, km: float = 2.0, suspects: tuple[tuple[str, int, float], ...] = (),
     without_frame: tuple[int, ...] = (), begin_s: float = 1.79e9, steps: int = 20,
-) -> Row:  # fmt: skip
+) -> JobRow:  # fmt: skip
     """Two axles for two hours: Valid on Dry for a share of it, else warming up. suspects: what, axle, seconds."""
     amounts = {"Dry": valid, "not Valid": 1 - valid}
     way = [[round(1000 * amounts.get(c, 0.0)) for c in CLASSES] for _ in range(steps)]
@@ -68,9 +68,9 @@ def row(
         **{cause_column(c): (1 - valid) * (c is CAUSES[0]) for c in CAUSES},
         "detail": json.dumps(detail),
     }  # fmt: skip
-    return Row(key, Ending.DONE, figures)
+    return JobRow(key, Ending.DONE, figures)
 
 
-def broken(key: str = "") -> Row:
+def broken(key: str = "") -> JobRow:
     """One that could not be read."""
-    return Row(key, Ending.FAILED, {}, "7401/broken.log: has not one readable frame", 2)
+    return JobRow(key, Ending.FAILED, {}, "7401/broken.log: has not one readable frame", 2)

@@ -55,14 +55,3 @@ def coverage(name: str, runs: int, trials: int = TRIALS) -> Coverage:
         )
     share = held.mean(axis=0)
     return Coverage(float(share[0]), float(share[1]), math.nan if math.isnan(median) else float(share[2]))
-
-
-def rows() -> list[tuple[object, ...]]:
-    """Of a table: a row for each kind of values and number of runs."""
-    out: list[tuple[object, ...]] = []
-    for name in SAMPLES:
-        for runs in RUNS:
-            c = coverage(name, runs)
-            median = "–" if math.isnan(c.median) else f"{100 * c.median:.0f} %"
-            out.append((name, runs, f"{100 * c.percentile:.0f} %", f"{100 * c.mean:.0f} %", median))
-    return out

@@ -5,15 +5,14 @@ from collections.abc import Callable, Sequence
 
 from sim_ecu import bench
 from sim_ecu.bench import Bench, Figures, Timing
-from sim_ecu.loop.control.controller import Controller
-from sim_ecu.loop.control.inputs import Inputs
-from sim_ecu.loop.control.on_bus import OnBus, Watch
-from sim_ecu.loop.drive import Drive
-from sim_ecu.loop.end import End, Lines
-from sim_ecu.loop.scenario import DriveScenario, read_drive_scenario
+from sim_ecu.loop.bus_end import End, StatusLines
+from sim_ecu.loop.control.adhesion_consumer import TrainController
+from sim_ecu.loop.control.control_on_bus import InputWatch, OnBus, Watch
+from sim_ecu.loop.drive_scenario import DriveScenario, read_drive_scenario
+from sim_ecu.loop.drive_session import DriveSession
 from wrcd.bus.frame import Frame
 from wrcd.bus.link import LinkHealth
-from wrcd.settings import parse_toml
+from wrcd.config.settings import parse_toml
 
 STOP = "brake-greasy"  # the stop of docs/how-to/close-the-loop.md
 # Demands that act at once, a sample late, and half a cycle and a sample late.
@@ -78,7 +77,7 @@ class WireLink:
         """Nothing is held."""
 
 
-class KeptLines(Lines):
+class KeptLines(StatusLines):
     """Lines for a test to read, by the time that they tell."""
 
     def __init__(self) -> None:
@@ -100,7 +99,7 @@ class KeptLines(Lines):
 class Wire:
     """Rig and controller on one wire. A test may take either's turn away, the wire, or frames on it."""
 
-    def __init__(self, rides: DriveScenario, controller: Controller, more: Sequence[Watch] = ()) -> None:
+    def __init__(self, rides: DriveScenario, controller: TrainController, more: Sequence[Watch] = ()) -> None:
         self.up = True
         self.touch: Callable[[Frame], Frame] = lambda frame: frame
         self.links: list[WireLink] = []
@@ -108,8 +107,8 @@ class Wire:
         self.rig_lines, self.lines = KeptLines(), KeptLines()
         self.rig_link, self.link = WireLink(self), WireLink(self)
         self.links += [self.rig_link, self.link]
-        self.controls = OnBus(controller, [Inputs(rides.axles), *more], End(self.link, self.lines, self.clock))
-        self.drive = Drive(rides, End(self.rig_link, self.rig_lines, self.clock))
+        self.controls = OnBus(controller, [InputWatch(rides.axles), *more], End(self.link, self.lines, self.clock))
+        self.drive = DriveSession(rides, End(self.rig_link, self.rig_lines, self.clock))
 
     def turn(self, rig: bool = True, controller: bool = True) -> bool:
         """5 ms on. False when the scenario is over."""

@@ -1,9 +1,7 @@
-"""What the machine gave in a run: a bare process beside the daemon that wakes every 5 ms and notes how late it came.
+"""What the machine gave in a run: a bare process beside the daemon wakes every 5 ms and notes how late it came.
 
-It has a real-time priority just above the daemon's. A daemon that is busy for 40 ms in a slot of 20 holds up what has
-its own priority or less, and would excuse itself; from above nothing is seen of it. What is seen is what takes the
-processor from both: a host that runs something else than the guest. It does nothing but sleep and look at the clock, a
-fiftieth of the guest's processor.
+Its real-time priority is just above the daemon's: a busy daemon cannot excuse itself by it. What is seen is what takes
+the processor from both: a host that runs something else than the guest.
 """
 
 import signal
@@ -20,22 +18,17 @@ from pathlib import Path
 from tests.support.processes import running, wait_for
 
 PERIOD_NS = 5_000_000
-# Later than that is a stall. 3 % of the wake-ups are in an idle guest: nobody interrupts its kernel in a system call.
-NOTED_NS = 500_000
+NOTED_NS = 500_000  # later than that is a stall: 3 % of the wake-ups in an idle guest
 SLOT_US = 20_000
-# A slot is skipped when the work of some ticks has piled up. Of 25 slots that six axles skipped in a guest beside other
-# work, the machine had taken at least 8 ms of the 100 ms up to the end of each; in an idle guest it takes 2.5. It holds
-# for most slots and not for all, so it says what a single slot may be, and does not judge a cycle.
+# A single slot may be excused where so much of the time up to its end was taken: 2.5 ms are in an idle guest, 8 ms at
+# least before 25 slots that six axles skipped beside other work. It judges no cycle.
 BEFORE_US, TAKEN_US = 100_000, 6_000
-SEEN = 0.5  # of what is taken: a host hands out 3 to 4 ms at a time, and much of that lies between two wake-ups
+SEEN = 0.5  # of what is taken: much of what a host hands out lies between two wake-ups
 WINDOW_US = 2_000_000
-# Of the slots of all axles together, beyond those that what was taken explains: a stall that begins just after a
-# wake-up and ends before the next one is not seen. One to four axles used none of it in five runs, idle and beside
-# other work. A daemon that is slow for itself misses 60 %.
+# Of the slots, beyond those that what was taken explains. One to four axles used none of it; a slow daemon misses 60 %.
 ALLOWED = 0.02
-# Of a second beside a slot, as it is seen: at least twice that is taken. A daemon that has less than it needs is behind
-# all the time, and misses far more slots than were taken: all of four axles in a guest where 15 % were seen. Such slots
-# are not judged. In an idle guest 2.5 % are seen.
+# Of a second beside a slot, as it is seen: who has less than that is behind all the time, and is not judged. An idle
+# guest has 2.5 %.
 MAX_TAKEN, SECOND_US = 0.10, 1_000_000
 
 
@@ -54,41 +47,32 @@ class Machine:
     stalls: list[Stall] = field(default_factory=list)
 
     def _touching(self, begin_us: int, end_us: int) -> Iterator[Stall]:
-        # there are thousands, of thousands of slots
-        first = bisect_right(self.stalls, begin_us, key=lambda s: s.end_us)
+        first = bisect_right(self.stalls, begin_us, key=lambda s: s.end_us)  # of thousands, for thousands of slots
         return takewhile(lambda s: s.begin_us < end_us, (self.stalls[k] for k in range(first, len(self.stalls))))
 
     def taken_us(self, begin_us: int, end_us: int) -> int:
-        """Return how much of a time was taken."""
+        """How much of a time was taken."""
         touching = self._touching(begin_us, end_us)
         return sum(min(s.end_us, end_us) - max(s.begin_us, begin_us) for s in touching)
 
     def longest_us(self, begin_us: int, end_us: int) -> int:
-        """Return the longest stall that touches a time, 0 if none does."""
+        """The longest stall that touches a time, 0 if none does."""
         return max((s.end_us - s.begin_us for s in self._touching(begin_us, end_us)), default=0)
 
     def excuses(self, slot: int) -> bool:
-        """Tell whether the machine took so much up to a slot's end that it could not be kept."""
+        """Whether the machine took so much up to a slot's end that it could not be kept."""
         end_us = (slot + 1) * SLOT_US
         return self.taken_us(end_us - BEFORE_US, end_us) >= TAKEN_US
 
     def overloads(self, slot: int, slot_us: int = SLOT_US) -> bool:
-        """Tell whether the machine took so much of the second before or after a slot's end that no cycle could be kept.
-        Before a play begins the guest asks for little, and little is seen to be taken."""
+        """Whether the machine took so much of the second before or after a slot's end that no cycle could be kept."""
         end_us = (slot + 1) * slot_us
         return any(self.taken_us(t, t + SECOND_US) > MAX_TAKEN * SECOND_US for t in (end_us - SECOND_US, end_us))
 
-    def explains_no_calm(self, begin_us: int, end_us: int) -> bool:
-        """Tell whether the machine stood still so often that no moment of a time was calm: in each whole window of it
-        there is a slot that is excused."""
-        begins = range(begin_us, end_us - WINDOW_US + 1, WINDOW_US)
-        return all(any(map(self.excuses, range(b // SLOT_US, (b + WINDOW_US) // SLOT_US))) for b in begins)
-
 
 def calm(stamps_us: Sequence[int], timeout_us: int) -> list[tuple[int, int]]:
-    """Return the times in which a sensor's frames on the bus leave no reason not to be Valid: without silences that
-    reach its time-out, and without the longest window after the first frame and after each silence.
-    """
+    """The times in which a sensor's frames leave no reason not to be Valid: without silences that reach its time-out,
+    and without the longest window after the first frame and after each silence."""
     out, begin_us = [], stamps_us[0] + WINDOW_US
     for before_us, stamp_us in pairwise(stamps_us):
         if stamp_us - before_us > timeout_us - 1000:  # a frame may be read by a tick before it is stamped
@@ -98,24 +82,24 @@ def calm(stamps_us: Sequence[int], timeout_us: int) -> list[tuple[int, int]]:
 
 
 def within(stamp_us: int, times: Sequence[tuple[int, int]]) -> bool:
-    """Tell whether a moment lies in one of these times."""
+    """Whether a moment lies in one of these times."""
     return any(begin_us <= stamp_us <= end_us for begin_us, end_us in times)
 
 
 def mostly(judged: Sequence[bool], share: float, begin_us: int, end_us: int, machine: Machine) -> bool:
-    """Tell whether a share of what was judged, in the calm moments of a time, is as it must be. Where no moment was
-    calm nothing was judged: that is said, and is right only where the machine explains it."""
+    """Whether a share of what was judged, in the calm moments of a time, is as it must be. Nothing judged is right only
+    where each whole window of the time has a slot that the machine excuses, and is said."""
     if judged:
         return sum(judged) >= share * len(judged)
-    explained = machine.explains_no_calm(begin_us, end_us)
+    begins = range(begin_us, end_us - WINDOW_US + 1, WINDOW_US)
+    explained = all(any(map(machine.excuses, range(b // SLOT_US, (b + WINDOW_US) // SLOT_US))) for b in begins)
     print(f"NOTHING JUDGED: no calm moment in {(end_us - begin_us) * 1e-6:.1f} s; explained by stalls: {explained}")
     return explained
 
 
 @dataclass(frozen=True, slots=True)
 class Cycle:
-    """The slots of a time that were not sent, and how many of them the machine does not excuse; and the number of slots
-    that it left too little to judge."""
+    """The slots of a time that were not sent, how many the machine does not excuse, and how many cannot be judged."""
 
     wanted: int
     missing: list[int]
@@ -126,12 +110,12 @@ class Cycle:
 
     @property
     def judged(self) -> bool:
-        """Tell whether the machine left enough to judge half of the slots."""
+        """Whether the machine left enough to judge half of the slots."""
         return self.unjudged <= 0.5 * self.wanted
 
     @property
     def kept(self) -> bool:
-        """Tell whether the cycle was kept as far as the processor was there."""
+        """Whether the cycle was kept as far as the processor was there."""
         return all_kept([self])
 
     def __str__(self) -> str:
@@ -142,10 +126,9 @@ class Cycle:
 
 
 def cycle(slots: Sequence[int], begin_us: int, end_us: int, machine: Machine, slot_us: int = SLOT_US) -> Cycle:
-    """Judge the slots that were sent, in their order, by those that lie in a time. What was taken of the judged ones
-    excuses as many as it is slots long. Which ones it does not tell: a daemon that nearly fills its processor catches
-    up with a stall over the next slots. Raises AssertionError where they do not rise.
-    """
+    """Judge the slots that were sent by those that lie in a time. What was taken of the judged ones excuses as many as
+    it is slots long, whichever: a daemon catches up with a stall over the next slots. Raises AssertionError where they
+    do not rise."""
     assert list(slots) == sorted(set(slots)), "slots were sent twice or out of their order"
     wanted, sent = range(begin_us // slot_us + 1, end_us // slot_us), set(slots)
     missing = [s for s in wanted if s not in sent]
@@ -157,7 +140,7 @@ def cycle(slots: Sequence[int], begin_us: int, end_us: int, machine: Machine, sl
 
 
 def all_kept(cycles: Sequence[Cycle], allowed: float = ALLOWED) -> bool:
-    """Tell whether the cycles of all axles, judged together, were kept as far as the processor was there. Where most of
+    """Whether the cycles of all axles, judged together, were kept as far as the processor was there. Where most of
     the slots are not judged the daemon is behind in the others, too."""
     judged = [c for c in cycles if c.judged]
     return sum(c.unexcused for c in judged) <= allowed * sum(c.wanted for c in judged)
@@ -165,8 +148,7 @@ def all_kept(cycles: Sequence[Cycle], allowed: float = ALLOWED) -> bool:
 
 @contextmanager
 def metronome(above: int) -> Iterator[Machine]:
-    """Run it for the length of a block, above the daemon's real-time priority (0: it has none). The stalls are in the
-    machine when the block is over."""
+    """Run it above the daemon's real-time priority (0: it has none); the machine has the stalls after the block."""
     machine = Machine()
     with tempfile.TemporaryDirectory() as folder:
         noted = Path(folder) / "stalls"

@@ -13,46 +13,61 @@ python -m tests.support.pages --all     the expensive ones too: `sim-ecu faults`
 import argparse
 import contextlib
 import io
+import itertools
 import re
 import shlex
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from sim_ecu import cli as rig_cli
 from sim_ecu import resources as rig
-from sim_ecu.campaign import keys as campaign_keys
-from sim_ecu.campaign.kind import Factor, Kind
-from sim_ecu.campaign.kinds import KINDS
-from sim_ecu.commands.statuses import STATUSES as RIG
-from sim_ecu.loop import scenario_keys as drive_scenario_keys
-from sim_ecu.loop.fmu.variables import VALID, variables
+from sim_ecu.campaign import factors
+from sim_ecu.campaign.definition import KINDS
+from sim_ecu.campaign.kind import Factor, Kind, Metric
+from sim_ecu.cli import main as rig_cli
+from sim_ecu.loop import drive_scenario as drive_keys
+from sim_ecu.loop.fmu.plant import VALID, variables
 from sim_ecu.play import scenario_keys
-from sim_ecu.play.expected import LONG_ROWS, ROWS
-from sim_ecu.play.expected_lines import expected_lines
-from sim_ecu.play.judge import which
-from sim_ecu.score.goals import MISSED, counted
+from sim_ecu.reporting.verdicts import MISSED, counted
 from tests.support.bus_load import table as load_table
-from tests.support.interval_coverage import rows as coverage_rows
-from wrcd import declared, resources
+from tests.support.statuses import STATUSES
+from wrcd import resources
 from wrcd.bus.dbc import Message, load_dbc, timeout_ms
+from wrcd.cli import main as cli
+from wrcd.config import declared
+from wrcd.config.keys import Key
 from wrcd.core.configuration import MAX_AXLES
 from wrcd.core.vocabulary import MESSAGES
-from wrcd.keys import Key
-from wrcd.tools import cli
-from wrcd.tools.lint.codes import CODES
-from wrcd.tools.lint.run import findings
-from wrcd.tools.lint.run import lines as lint_lines
-from wrcd.tools.monitor.screen import help as monitor_help
-from wrcd.tools.statuses import STATUSES as WRCD
+from wrcd.dbc.lint.codes import CODES
+from wrcd.dbc.lint.lint_file import findings
+from wrcd.dbc.lint.lint_file import lines as lint_lines
 
 ROOT = Path(__file__).parents[2]
-# Their output is Markdown already.
-EXPENSIVE = ("sim-ecu faults", "sim-ecu loop", "sim-ecu score", "sim-ecu score --suite fusion")
+# Their output is Markdown already. Of those with sections a page keeps the head and these; --html has the others.
+SECTIONS: dict[str, tuple[str, ...]] = {
+    "sim-ecu faults": (),
+    "sim-ecu loop": ("goals",),
+    "sim-ecu score": ("grid", "goals"),
+    "sim-ecu score --suite fusion": ("fusion",),
+}
+# Rows of the fault matrix that do as those of the yaw rate alone do.
+WHOLE_AXLE = re.compile(r"\| [^|]+ \| all of the axle \|")
+LONG_TABLE = re.compile(
+    r"^\| (?:warned before, of|false warnings of a train) \|(?:.*\n)+?\n", re.MULTILINE
+)  # of fusion
+SECTION = re.compile(r"^\*\*([\w -]+)\*\*: ", re.MULTILINE)
 BLOCK = re.compile(r"^<!-- (command|made): (.+?) -->\n(.*?)^<!-- end -->$", re.MULTILINE | re.DOTALL)
+MAX_OF_A_FAMILY = 4  # figures of a kind whose names begin alike: more of them are one row
 NUMBERED = re.compile(r"_A\d+$")
+# What a comment of the DBC says of one input or of another; messages() has such signals in one row.
+OF_AN_INPUT = re.compile(r"(Whether|of) the (?:yaw rate|lateral acceleration|torque|vehicle speed)( is past|:| within)")
+WORD_BITS = 8  # a shorter signal with a value table takes no other values
+MANY_WORDS = 10  # of a value table: it is printed once
+Row = tuple[object, ...]
 _MAINS: dict[str, Callable[[list[str]], int]] = {"wrcd": cli.main, "sim-ecu": rig_cli.main}
+PROGRAMS = {p.name: p for p in (cli.WRCD, rig_cli.SIM_ECU)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +83,7 @@ class Block:
     @property
     def expensive(self) -> bool:
         """Whether making it takes minutes."""
-        return self.what in EXPENSIVE
+        return self.what in SECTIONS
 
     @property
     def name(self) -> str:
@@ -94,7 +109,19 @@ def make(block: Block) -> str:
         maker, _, argument = block.what.partition(" ")
         return "\n" + "\n".join(MAKERS[maker](*([argument] if argument else []))) + "\n\n"
     output = run(block.what)
-    return f"\n{output}\n" if block.expensive else f"\n```text\n{output}```\n\n"
+    return f"\n{short(block.what, output)}\n" if block.expensive else f"\n```text\n{output}```\n\n"
+
+
+def short(command: str, output: str) -> str:
+    """Return what a page keeps of an expensive command's output: its head and the sections of SECTIONS; of the fault
+    matrix the rows of single signals."""
+    if command == "sim-ecu faults":
+        return "".join(line for line in output.splitlines(keepends=True) if not WHOLE_AXLE.match(line))
+    output = LONG_TABLE.sub("", output)
+    begins = [m.start() for m in SECTION.finditer(output)]
+    parts = [output[a:b] for a, b in zip([0, *begins], [*begins, len(output)], strict=True)]
+    kept = (part for part in parts[1:] if SECTION.match(part)[1] in SECTIONS[command])  # type: ignore[index]
+    return "".join((parts[0], *kept))
 
 
 def run(command: str) -> str:
@@ -112,10 +139,10 @@ def run(command: str) -> str:
     return "".join(text.splitlines(keepends=True)[: int(head)]) if head else text
 
 
-def table(head: tuple[str, ...], rows: list[tuple[object, ...]]) -> list[str]:
+def table(head: tuple[str, ...], rows: Sequence[Row]) -> list[str]:
     """A Markdown table, line by line."""
-    lines = [head, tuple("---" for _ in head), *rows]
-    return ["| " + " | ".join(str(cell).replace("|", "\\|") for cell in row) + " |" for row in lines]
+    lines = ["| " + " | ".join(str(cell).replace("|", "\\|") for cell in row) + " |" for row in (head, *rows)]
+    return [lines[0], "|" + "---|" * len(head), *lines[1:]]
 
 
 # --- the interface, from the DBCs
@@ -134,18 +161,30 @@ def messages(which: str = "wrcd") -> list[str]:
         ids = _ids([m.frame_id for m in group]) + (f" (a = 1…{len(group)})" if several else "")
         of = _first_axle(first.comment or "") if several else first.comment
         out += [*([""] if out else []), f"### {name}", "", f"{of}.", ""]
-        out += [f"- id {ids}, {first.length} bytes, sender {', '.join(first.senders)}"]
-        out += [f"- every {first.cycle_time} ms"]
         timeouts = {timeout_ms(first, s) for s in first.signals if not s.name.startswith(("Crc", "Counter"))}
-        out += [f"- stale after {', '.join(f'{t} ms' for t in sorted(t for t in timeouts if t))}", ""]
-        rows: list[tuple[object, ...]] = []
+        stale = ", ".join(f"{t} ms" for t in sorted(t for t in timeouts if t))
+        facts = f"{first.length} bytes from {', '.join(first.senders)} every {first.cycle_time} ms, stale after {stale}"
+        out += [f"Id {ids}: {facts}.", ""]
+        named: dict[str, str] = {}  # the first signal that has these words
+        rows: dict[tuple[str, str, str, str], list[tuple[str, int]]] = {}
         for s in sorted(first.signals, key=lambda s: s.start):
+            if s.name in ("Crc", "Counter"):
+                continue  # the same in every message: the page has them once
             step = f"{s.scale:g}" + (f" {s.unit}" if s.unit else "")
-            text = _first_axle(s.comment or "") if several else s.comment
+            text = _first_axle(s.comment or "") if several else s.comment or ""
+            text = re.sub(r"^Refused since the last WrcdRejects: ", "", text)
+            text = OF_AN_INPUT.sub(r"\1 an input\2", re.sub(r"of model \d", "of a model", text))
             words = ", ".join(f"{raw} {word}" for raw, word in sorted((s.choices or {}).items()))
             sign = " signed" if s.is_signed else ""
-            rows.append((s.name, f"{s.start}, {s.length}{sign}", step, f"{s.minimum} … {s.maximum}", text, words))
-        out += table(("signal", "start, length", "step", "range", "what", "values"), rows)
+            span = "" if words and step == "1" and s.length < WORD_BITS else f"{step}, {s.minimum} … {s.maximum}"
+            row = (f"{s.length}{sign}", span, text, words)
+            rows.setdefault(row, []).append((s.name, s.start))
+            named.setdefault(words, s.name)
+        out += table(("signal", "start; length", "step, range", "what", "values"), [
+            (", ".join(n for n, _ in of), f"{', '.join(str(at) for _, at in of)}; {length}", span, text,
+             words if len(words.split()) <= MANY_WORDS or named[words] == of[0][0] else f"as {named[words]}")
+            for (length, span, text, words), of in rows.items()
+        ])  # fmt: skip
     return out
 
 
@@ -168,19 +207,30 @@ def _first_axle(comment: str) -> str:
 
 
 def options(program: str) -> list[str]:
-    """Every command of a program with its arguments, defaults and help."""
-    parser = (cli._parser if program == "wrcd" else rig_cli._parser)()
-    out = table(("option", "what"), [_row(a) for a in parser._actions if a.option_strings and a.dest != "help"])
+    """Every command of a program with its arguments, defaults and help; those of several commands once."""
+    parser = PROGRAMS[program].parser()
     choices = next(a for a in parser._actions if isinstance(a, argparse._SubParsersAction))
-    said = {c.dest: c.help for c in choices._choices_actions}
-    for name, command in choices.choices.items():
-        out += ["", f"### {program} {name}", "", f"{_sentence(said[name] or '')}.", ""]
-        rows = [_row(a) for a in command._actions if a.dest != "help"]
-        out += table(("argument", "what"), rows) if rows else ["It takes no arguments."]
+    helps = {c.dest: c.help for c in choices._choices_actions}
+    rows = {name: [_row(a) for a in c._actions if a.dest != "help"] for name, c in choices.choices.items()}
+    count = Counter(row for found in rows.values() for row in found)
+    shared = [row for row in count if count[row] > 1]
+    top = [_row(a) for a in parser._actions if a.option_strings and a.dest != "help"]
+    out = [f"- {name}: {what}" for name, what in top]
+    out += ["", f"### {program}: of several commands", "", *(f"- {name}: {what}" for name, what in shared)]
+    for name, found in rows.items():
+        out += ["", f"### {program} {name}", "", f"{_sentence(helps[name] or '')}."]
+        out += [f"Also: {', '.join(_bare(row) for row in found if row in shared)}."] if set(found) & set(shared) else []
+        own = [row for row in found if row not in shared]
+        out += ["", *(f"- {name}: {what}" for name, what in own)] if own else []
     return out
 
 
-def _row(a: argparse.Action) -> tuple[object, ...]:
+def _bare(row: tuple[str, str]) -> str:
+    """An argument without its value."""
+    return re.sub(r"(`-[^ ,`]+(?:, --[^ `]+)?).*", r"\1`", row[0])
+
+
+def _row(a: argparse.Action) -> tuple[str, str]:
     metavar = a.metavar or ("{" + ", ".join(map(str, a.choices)) + "}" if a.choices else a.dest.upper())
     takes = "" if a.nargs == 0 else f" {metavar}" if a.nargs != "?" else f" [{metavar}]"
     names = ", ".join(a.option_strings) + takes if a.option_strings else str(a.metavar or a.dest)
@@ -190,12 +240,6 @@ def _row(a: argparse.Action) -> tuple[object, ...]:
 
 def _sentence(text: str) -> str:
     return text[:1].upper() + text[1:]
-
-
-def monitor_keys() -> list[str]:
-    """The keys of `wrcd monitor`, and its signs."""
-    keys = table(("key", "does"), [(f"`{key}`", what) for key, what in monitor_help.KEYS])
-    return [*keys, "", *table(("sign", "means"), [(sign, what) for sign, what in monitor_help.SIGNS])]
 
 
 # --- configuration
@@ -212,28 +256,36 @@ def configuration(which: str) -> list[str]:
         own = declared.output_keys("adhesion")[: -len(MESSAGES["adhesion"])]
         fields = declared.field_keys(MESSAGES["adhesion"]["MuAvailable"])
         named = [(key.name, key) for key in own] + [(f"….{key.name}", key) for key in fields]
-    rows: list[tuple[object, ...]] = [
+    rows: list[Row] = [
         (f"`{name}`", key.takes, key.shown_default, "yes" if key.reload else "", key.what) for name, key in named
     ]
     return table(("key", "takes", "default", "reload", "what"), rows)
 
 
 def scenario(which: str = "") -> list[str]:
-    """The keys of a table of a scenario; its top level without a name."""
-    return key_rows(scenario_keys.TABLES[which])
+    """The keys of a table of a scenario; its top level without a name. An axle's are those that the top level lacks."""
+    top = scenario_keys.TABLES[""] if which == "axle.N" else ()
+    return key_rows(key for key in scenario_keys.TABLES[which] if key not in top)
 
 
 def key_rows(keys: Iterable[Key]) -> list[str]:
-    """A table of keys with their units."""
-    rows: list[tuple[object, ...]] = [
-        (f"`{key.name}`", key.takes, key.shown_default, getattr(key, "unit", ""), key.what) for key in keys
+    """A table of keys; units stand behind what they take."""
+    rows: list[Row] = [
+        (f"`{key.name}`", f"{_takes(key.takes)} {getattr(key, 'unit', '')}".rstrip(", "), key.shown_default, key.what)
+        for key in keys
     ]
-    return table(("key", "takes", "default", "unit", "what"), rows)
+    return table(("key", "takes", "default", "what"), rows)
+
+
+def _takes(text: str) -> str:
+    """Any positive number is no range that one reads."""
+    return "> 0," if text == "1e-09 … 1e+15" else f"{text},"
 
 
 def drive_scenario(which: str = "") -> list[str]:
-    """The keys of a table of a scenario to drive; its top level without a name."""
-    return key_rows(drive_scenario_keys.TABLES[which])
+    """The keys of a table of a scenario to drive that are not those of a scenario; its top level without a name."""
+    others = scenario_keys.TABLES.get(which, ())
+    return key_rows(key for key in drive_keys.TABLES[which] if key not in others)
 
 
 def bus_load() -> list[str]:
@@ -241,50 +293,68 @@ def bus_load() -> list[str]:
     return load_table(load_dbc(resources.DBC), load_dbc(rig.TRUTH_DBC), MAX_AXLES)
 
 
+COMMON = re.compile(  # what the page says of all commands
+    r"^(?:bad input: file, line, key, reason and what to do(?:; or a package of the extra is missing)?|Ctrl-C|done|"
+    r"(?:the bus|a configuration, a DBC|the scenario's file)[\w ]* cannot be opened"
+    r"(?:: it may be there on the next try)?)(?:$|[:;] (?:or,? )?)"
+)
+
+
 def exit_codes(program: str) -> list[str]:
-    """What each command of a program ends with."""
-    out: list[str] = []
-    for command, statuses in (WRCD if program == "wrcd" else RIG).items():
-        out += [*([""] if out else []), f"### {program} {command}", ""]
-        out += table(("status", "meaning"), [(int(s), text) for s, text in sorted(statuses.items())])
-    return out
+    """What each command of a program ends with: its statuses, and those that mean something of their own."""
+    rows: list[Row] = []
+    for command, statuses in STATUSES[program].items():
+        own = [(int(s), COMMON.sub("", text)) for s, text in statuses.items()]
+        found = " ".join(str(s) for s, _ in sorted(own))
+        told = (f"{s}: {text}" for s, text in sorted(own) if text and s)
+        rows.append((f"`{command}`", found, "<br>".join(told)))
+    return table(("command", "ends with", "meaning, where it is not the common one"), rows)
 
 
 def lint_codes() -> list[str]:
     """What lint can find."""
     return table(
-        ("code", "found where", "why it matters", "how to mend it"),
-        [(f"`{word}`", code.found, code.why, code.mend) for word, code in CODES.items()],
+        ("code", "found where"),
+        [(f"`{word}`", code.found) for word, code in CODES.items()],
     )
 
 
 def lint_of(file: str) -> list[str]:
-    """What lint finds in a DBC that is not sound."""
-    return ["```text", *lint_lines(Path(file), findings(ROOT / file)), "```"]
-
-
-def fault_lines() -> list[str]:
-    """What the journal says of every row of the fault matrix."""
-    rows: list[tuple[object, ...]] = [(*which(row), expected_lines(row)) for row in (*ROWS, *LONG_ROWS)]
-    return table(("fault", "of", "s", "the journal"), rows)
+    """The first findings of lint in a DBC that is not sound, and their count."""
+    first, last = 7, -1
+    lines = lint_lines(Path(file), findings(ROOT / file))
+    return ["```text", *lines[:first], "...", lines[last], "```"]
 
 
 def fmu_variables() -> list[str]:
     """Variables of the FMU, those of axle 1 for those of every axle; a sensor's validity stands with the sensor."""
-    rows: list[tuple[object, ...]] = [
+    rows: list[Row] = [
         (f"`{v.name}`", v.causality, v.kind, v.unit, v.what) for v in variables([1]) if not v.name.endswith(VALID)
     ]
     return table(("name", "causality", "type", "unit", "what"), rows)
 
 
 def campaign_kinds() -> list[str]:
-    """Every kind of job with its factors and figures."""
+    """Every kind of job with its factors and figures; what an earlier kind has, too, by its name."""
     out: list[str] = []
-    for kind in KINDS:
+    for at, kind in enumerate(KINDS):
+        before = KINDS[:at]
         out += [*([""] if out else []), f"### {kind.name}", "", f"{_sentence(kind.words)}.", ""]
-        out += [*_factors(kind), "", *_figures(kind)]
+        head = ("factor", "takes", "default", "what")
+        out += _new(head, _factors(kind), [(k.name, _factors(k)) for k in before])
+        out += _new(("figure", "unit, better", "what"), _figures(kind), [(k.name, _figures(k)) for k in before])
         grouped = f"Rows are compared by `{kind.suite}`." if kind.suite else ""
-        out += ["", " ".join(filter(None, (grouped, _seeded(kind))))]
+        out += [" ".join(filter(None, (grouped, _seeded(kind))))]
+    return out
+
+
+def _new(head: tuple[str, ...], rows: list[Row], before: list[tuple[str, list[Row]]]) -> list[str]:
+    """A table of the rows that no earlier kind has, and a sentence that names the others."""
+    known = {row: name for name, found in reversed(before) for row in found}
+    out = [*table(head, [row for row in rows if row not in known]), ""]
+    for name, _ in before:
+        if same := [str(row[0]) for row in rows if known.get(row) == name]:
+            out += [f"As of {name}: {', '.join(same)}.", ""]
     return out
 
 
@@ -292,12 +362,12 @@ def _seeded(kind: Kind) -> str:
     return "" if kind.seeded else "It has no `seed`: `seeds` and `first_seed` are not of it."
 
 
-def _factors(kind: Kind) -> list[str]:
-    rows: list[tuple[object, ...]] = [
-        (f"`{f.name}`", ", ".join(f.choices) or f.type.value, _default(f), f.unit, f.words) for f in kind.factors
-    ]
-    rows += [(f"`{prefix}KEY`", "the key's own", "–", "", "any key, see above") for prefix in kind.open_factors]
-    return table(("factor", "takes", "default", "unit", "what"), rows)
+def _factors(kind: Kind) -> list[Row]:
+    rows: list[Row] = []
+    for f in kind.factors:
+        takes = ", ".join(f.choices) or f.type.value
+        rows.append((f"`{f.name}`", f"{takes}{f.unit and f', {f.unit}'}", _default(f), f.words))
+    return [*rows, *((f"`{prefix}KEY`", "the key's own", "–", "any key, see above") for prefix in kind.open_factors)]
 
 
 def _default(factor: Factor) -> str:
@@ -308,14 +378,31 @@ def _default(factor: Factor) -> str:
     return "–" if factor.default in (None, "") else str(factor.default)
 
 
-def _figures(kind: Kind) -> list[str]:
-    rows: list[tuple[object, ...]] = [(f"`{f.name}`", f.unit, f.better or "–", f.words) for f in kind.figures]
-    return table(("figure", "unit", "better", "what"), rows)
+def _family(figure: Metric) -> tuple[str, str]:
+    """What the names and the words of figures that belong together begin with."""
+    return figure.name.partition("_")[0], re.split("[,:] ", figure.words)[0]
+
+
+def _unit(figure: Metric) -> str:
+    return ", ".join(filter(None, (figure.unit, figure.better)))
+
+
+def _figures(kind: Kind) -> list[Row]:
+    """Its figures; those of a row in a family, such as cause_…, as one."""
+    rows: list[Row] = []
+    for family, of in itertools.groupby(kind.figures, _family):
+        figures = list(of)
+        if len(figures) > MAX_OF_A_FAMILY:
+            names = f"`{figures[0].name}` … `{figures[-1].name}`"
+            rows.append((names, _unit(figures[0]), f"{family[1]}, of each"))
+        else:
+            rows += [(f"`{f.name}`", _unit(f), f.words) for f in figures]
+    return rows
 
 
 HEADLINES = (
-    "grid: mean error", "robust: mean error", "robust: the interval holds the truth",
-    "grid: error over that of the paper's own form", "transitions: median delay, s",
+    "grid: mean error", "robust: mean error", "robust: the interval holds the truth", "transitions: 95th percentile, s",
+    "drops: settled, 95th percentile, s",
 )  # fmt: skip
 
 
@@ -339,11 +426,6 @@ def goals_of(page: str) -> list[tuple[str, str, str, str]]:
     return [(name, value, bound, verdict) for name, value, bound, verdict in rows[1:]]
 
 
-def interval_coverage() -> list[str]:
-    """How often the intervals of few runs hold the truth, by simulation."""
-    return table(("values of runs", "runs", "mean, percentiles", "mean", "median"), coverage_rows())
-
-
 MAKERS: dict[str, Callable[..., list[str]]] = {
     "messages": messages,
     "options": options,
@@ -352,15 +434,12 @@ MAKERS: dict[str, Callable[..., list[str]]] = {
     "exit-codes": exit_codes,
     "lint-codes": lint_codes,
     "lint-of": lint_of,
-    "fault-lines": fault_lines,
     "scenario": scenario,
     "drive-scenario": drive_scenario,
-    "monitor-keys": monitor_keys,
     "fmu-variables": fmu_variables,
     "accuracy": accuracy,
-    "interval-coverage": interval_coverage,
-    "campaign-keys": lambda: key_rows(campaign_keys.HEAD),
-    "campaign-range": lambda: key_rows(campaign_keys.RANGE),
+    "campaign-keys": lambda: key_rows(factors.HEAD),
+    "campaign-range": lambda: key_rows(factors.RANGE),
     "campaign-kinds": campaign_kinds,
 }
 

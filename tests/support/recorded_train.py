@@ -11,11 +11,12 @@ from tests.support.scripted_link import ScriptedLink
 from tests.support.sensor_simulator import SensorSimulator
 from wrcd.bus.e2e import protect
 from wrcd.bus.frame import Frame
-from wrcd.bus.log import Damage, read_log
+from wrcd.cli.main import main
 from wrcd.core.configuration import Config, RecorderConfig
+from wrcd.logs.damage import Damage
+from wrcd.logs.reader import read_log
 from wrcd.recorder.recorder import Recorder
 from wrcd.service.loop import Daemon
-from wrcd.tools.cli import main
 
 HANGS_S = 120.0  # the process that writes a dump gives way to everything else on a computer
 

@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from wrcd import declared, keys
+from wrcd.config import declared, keys
 from wrcd.core.configuration import MAX_AXLES
 from wrcd.core.vocabulary import MESSAGES
 
@@ -39,7 +39,7 @@ def value(key: keys.Key) -> dict[str, Any]:
             return {"type": "boolean"}
         case keys.Interval():
             return {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2}
-        case keys.Numbers():
+        case keys.NumberList():
             return {"type": "array", "items": {"type": "number"}, "minItems": 1}
         case keys.RawValue():
             return dict(RAW)

@@ -7,38 +7,38 @@ from pathlib import Path
 
 import numpy as np
 
-from sim_ecu.commands import run_loop
-from sim_ecu.commands.run_loop import Work
-from sim_ecu.loop.play import Outcome
-from sim_ecu.loop.suites.actuators import STOPS
-from sim_ecu.loop.suites.case import Plan
+from sim_ecu.loop import run_loop
+from sim_ecu.loop.loop_rides import RideResult
+from sim_ecu.loop.run_loop import Work
+from sim_ecu.loop.suites.rides import RidePlan
+from sim_ecu.loop.suites.variants import STOPS
 from sim_ecu.physics.contact import CURVES
 
 RAIL = "dry, leaf patch"
 MARK = "SHORT_ROW_MARK"  # a file that says that something has happened once
 
 
-def slowly(rng: np.random.Generator) -> Plan:
+def slowly(rng: np.random.Generator) -> RidePlan:
     """A stop on a wet rail from 6 to 7 m/s."""
-    return Plan(((0.0, CURVES["C"]),), float(rng.uniform(6.0, 7.0)), ((0.0, 0.0), (0.2, 0.0), (0.3, -1.0)), 10.0)
+    return RidePlan(((0.0, CURVES["C"]),), float(rng.uniform(6.0, 7.0)), ((0.0, 0.0), (0.2, 0.0), (0.3, -1.0)), 10.0)
 
 
-def briefly(_rng: np.random.Generator) -> Plan:
+def briefly(_rng: np.random.Generator) -> RidePlan:
     """The beginning of one."""
-    return Plan(((0.0, CURVES["C"]),), 5.0, ((0.0, 0.0), (0.2, 0.0), (0.3, -1.0)), 0.5)
+    return RidePlan(((0.0, CURVES["C"]),), 5.0, ((0.0, 0.0), (0.2, 0.0), (0.3, -1.0)), 0.5)
 
 
-def play_slowly(work: Work) -> list[Outcome]:
+def play_slowly(work: Work) -> list[RideResult]:
     """In place of `run_loop.play_one`."""
     return _with(slowly, work)
 
 
-def play_briefly(work: Work) -> list[Outcome]:
+def play_briefly(work: Work) -> list[RideResult]:
     """The same."""
     return _with(briefly, work)
 
 
-def killed_once(work: Work) -> list[Outcome]:
+def killed_once(work: Work) -> list[RideResult]:
     """The same, but the first process that is asked is killed."""
     mark = Path(os.environ[MARK])
     if not mark.exists():
@@ -47,13 +47,13 @@ def killed_once(work: Work) -> list[Outcome]:
     return _with(briefly, work)
 
 
-def first_fails(work: Work) -> list[Outcome]:
+def first_fails(work: Work) -> list[RideResult]:
     """The same, but the first seed fails."""
     if work.number == 0:
         raise ValueError("no wheel")
     return _with(briefly, work)
 
 
-def _with(plan: Callable[[np.random.Generator], Plan], work: Work) -> list[Outcome]:
+def _with(plan: Callable[[np.random.Generator], RidePlan], work: Work) -> list[RideResult]:
     STOPS[RAIL] = plan  # before the cases are made
     return run_loop.play_one(work)

@@ -11,18 +11,18 @@ from numpy.typing import ArrayLike, NDArray
 from wrcd.bus.dbc import Database
 from wrcd.core.causes import Cause, Validity
 from wrcd.core.configuration import Config
-from wrcd.tools.story.events import VALIDITIES, of_frames
-from wrcd.tools.story.records import (
-    Adhesion,
-    Axle,
+from wrcd.logs.story_events import VALIDITIES, of_frames
+from wrcd.logs.story_records import (
+    AdhesionRecord,
     BusStatistics,
     Detail,
     Event,
-    Health,
+    HealthRecord,
     MessageStatistics,
     Series,
     Story,
-    Truth,
+    StoryAxle,
+    TruthRecord,
 )
 
 BEGIN_US = 1_700_000_000_000_000
@@ -47,7 +47,9 @@ torque_N_m = [[0.0, 0.0], [1.0, 19000.0]]
 """
 
 
-def adhesion(mu: ArrayLike, validity: ArrayLike = VALID, half: ArrayLike = 1.0, used: ArrayLike = 2.0) -> Adhesion:
+def adhesion(
+    mu: ArrayLike, validity: ArrayLike = VALID, half: ArrayLike = 1.0, used: ArrayLike = 2.0
+) -> AdhesionRecord:
     """One frame a slot; arrays (n,) or single numbers."""
     values = np.asarray(mu, dtype=np.float32)
     n = len(values)
@@ -56,11 +58,16 @@ def adhesion(mu: ArrayLike, validity: ArrayLike = VALID, half: ArrayLike = 1.0, 
         return np.broadcast_to(np.asarray(x), (n,)).astype(kind)
 
     width = column(half, np.float32)
-    return Adhesion(
+    return AdhesionRecord(
         BEGIN_US + SLOT_US * np.arange(1, n + 1, dtype=np.int64), column(validity, np.int8), values,
         column(used, np.float32), (values - width).clip(0), values + width, column(6, np.int8), column(1, np.int8),
         column(1, np.int8), column(19, np.float32),
     )  # fmt: skip
+
+
+def kept(a: AdhesionRecord, *rows: int | slice) -> AdhesionRecord:
+    """Some of the frames, as np.r_ takes them."""
+    return AdhesionRecord(*(getattr(a, name)[np.r_[rows]] for name in a.__slots__))
 
 
 def detail(slots: int, cause: ArrayLike = 0, winner: ArrayLike = 1, rule: ArrayLike = 1) -> Detail:
@@ -77,26 +84,26 @@ def detail(slots: int, cause: ArrayLike = 0, winner: ArrayLike = 1, rule: ArrayL
     )  # fmt: skip
 
 
-def truth(mu: ArrayLike) -> Truth:
+def truth(mu: ArrayLike) -> TruthRecord:
     """One frame a slot."""
     values = np.asarray(mu, dtype=np.float32)
-    return Truth(
+    return TruthRecord(
         BEGIN_US + SLOT_US * np.arange(1, len(values) + 1, dtype=np.int64), values, (values / 2).astype(np.float32)
     )
 
 
 def axle(
-    a: Adhesion, d: Detail | None = None, health: Health | None = None, true: Truth | None = None, number: int = 1,
-    events: Sequence[Event] | None = None,
-) -> Axle:  # fmt: skip
+    a: AdhesionRecord, d: Detail | None = None, health: HealthRecord | None = None, true: TruthRecord | None = None,
+    number: int = 1, events: Sequence[Event] | None = None,
+) -> StoryAxle:  # fmt: skip
     """An axle with the events that its frames tell."""
     end_us = int(a.time_us[-1])
     found = of_frames(number, a, d, health, SLOT_US, BEGIN_US, end_us) if events is None else tuple(events)
-    return Axle(number, a, d, health, true, found)
+    return StoryAxle(number, a, d, health, true, found)
 
 
 def story(
-    config: Config, *axles: Axle, status: Series | None = None, rejects: Series | None = None,
+    config: Config, *axles: StoryAxle, status: Series | None = None, rejects: Series | None = None,
     link: Series | None = None, messages: Sequence[MessageStatistics] = (), errors_us: Sequence[int] = (),
 ) -> Story:  # fmt: skip
     """A story of these axles, without falls and verdict."""

@@ -5,22 +5,22 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from wrcd.config import load_packaged
+from wrcd.config.config import load_packaged
 from wrcd.core.causes import Cause, Validity
 from wrcd.core.vocabulary import CONFIDENCES, SURFACES
-from wrcd.tools.story.records import (
-    Adhesion,
-    Axle,
+from wrcd.logs.story_records import (
+    AdhesionRecord,
     BusStatistics,
     Detail,
     Event,
     Fall,
     Finding,
-    Health,
+    HealthRecord,
     MessageStatistics,
     Series,
     Story,
-    Truth,
+    StoryAxle,
+    TruthRecord,
 )
 
 BEGIN_US = 1_700_000_000_000_000
@@ -81,7 +81,7 @@ def _stamps(rng: np.random.Generator, seconds: float, cycle_us: int) -> NDArray[
     return stamps
 
 
-def _axle(rng: np.random.Generator, number: int, seconds: float) -> Axle:
+def _axle(rng: np.random.Generator, number: int, seconds: float) -> StoryAxle:
     time_us = _stamps(rng, seconds, 20_000)
     t = (time_us - BEGIN_US) / 1e6
     # a fall of 0.4 s at 9.3 s of every minute, for 6 s
@@ -104,7 +104,7 @@ def _axle(rng: np.random.Generator, number: int, seconds: float) -> Axle:
     keep = ~((t > 22.0) & (t < 23.0))  # a second without frames
     low, high = (available - half).clip(0.0), available + half
     age = rng.integers(3, 9, len(t)).astype(np.float32)
-    adhesion = Adhesion(
+    adhesion = AdhesionRecord(
         time_us[keep], validity[keep], available[keep], used[keep], low[keep], high[keep], confidence[keep],
         contact[keep], surface[keep], age[keep],
     )  # fmt: skip
@@ -123,11 +123,11 @@ def _axle(rng: np.random.Generator, number: int, seconds: float) -> Axle:
     refused = np.zeros((len(winner), 4), dtype=np.int8)
     refused[stale, 0] = 3
     nothing = np.zeros(len(winner), dtype=bool)
-    health = Health(time_us[every] + 400, reach, refused, np.ones(len(winner), dtype=np.int8), nothing, nothing)
+    health = HealthRecord(time_us[every] + 400, reach, refused, np.ones(len(winner), dtype=np.int8), nothing, nothing)
     truth_us = time_us + 150
-    return Axle(
+    return StoryAxle(
         number, adhesion, detail, health,
-        Truth(truth_us, truth.astype(np.float32), (used * 1.01).astype(np.float32)), events,
+        TruthRecord(truth_us, truth.astype(np.float32), (used * 1.01).astype(np.float32)), events,
     )  # fmt: skip
 
 

@@ -3,18 +3,22 @@
 `python -m tests.support.trial_kind campaign …` is `sim-ecu campaign …` with this kind.
 """
 
+import json
 import os
+import shutil
 import signal
+import sqlite3
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, TypeAlias
 
-from sim_ecu.campaign.job import Job, Scalar
-from sim_ecu.campaign.kind import Factor, Figure, Kind, Type
+from sim_ecu.campaign.kind import Factor, Kind, Metric, Type
+from sim_ecu.jobs.job import Job, Scalar
 from wrcd.errors import InputError
 
 Write: TypeAlias = Callable[..., Path]  # the fixture that writes a campaign's file
@@ -70,9 +74,9 @@ TRIAL = Kind(
         Factor("on", Type.FLAG, "a flag", False),
     ),
     (
-        Figure("sum", Type.NUMBER, "x and seed", "m", "less"),
-        Figure("letters", Type.WHOLE, "of the file"),
-        Figure("even", Type.FLAG, "whether the seed is"),
+        Metric("sum", Type.NUMBER, "x and seed", "m", "less"),
+        Metric("letters", Type.WHOLE, "of the file"),
+        Metric("even", Type.FLAG, "whether the seed is"),
     ),
     figures,
     open_factors=("scenario.",),
@@ -84,6 +88,19 @@ TRIAL = Kind(
 def lines(file: Path) -> list[str]:
     """Those of a file that are whole."""
     return file.read_text().split("\n")[:-1] if file.exists() else []
+
+
+def rows(file: Path) -> list[dict[str, Any]]:
+    """The figures of the rows that are in a store's file, whoever writes it; none where it is not readable yet."""
+    with TemporaryDirectory() as copy:
+        for part in (file, file.with_name(f"{file.name}-wal")):  # it is open for one process: a copy is looked at
+            if part.exists():
+                shutil.copy(part, copy)
+        with closing(sqlite3.connect(f"{copy}/{file.name}")) as database:
+            try:
+                return [json.loads(figures) for (figures,) in database.execute("SELECT figures FROM rows")]
+            except sqlite3.DatabaseError:
+                return []
 
 
 @contextmanager
@@ -108,11 +125,11 @@ def meanwhile(work: Callable[[], None]) -> Iterator[None]:
 
 def main() -> int:
     """sim-ecu with this kind."""
-    from sim_ecu.campaign import kinds
-    from sim_ecu.cli import main as sim_ecu
+    from sim_ecu.campaign import definition
+    from sim_ecu.cli.main import main as sim_ecu
     from tests.support.trial_kind import TRIAL as importable  # children find its function by this module's name
 
-    kinds.KINDS = (*kinds.KINDS, importable)
+    definition.KINDS = (*definition.KINDS, importable)
     return sim_ecu(sys.argv[1:])
 
 

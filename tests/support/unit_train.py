@@ -7,8 +7,10 @@ from pathlib import Path
 
 from tests.support.processes import ROOT, running, wait_for
 from tests.support.vcan import CANDUMP
+from wrcd.bus.candump import parse_line
 from wrcd.bus.frame import Frame
-from wrcd.bus.log import Damage, parse_line, read_log
+from wrcd.logs.damage import Damage
+from wrcd.logs.reader import read_log
 
 UNIT = "wrcd@vcan0"
 PLAYED = ROOT / "build/unit/wet.log"

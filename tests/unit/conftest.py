@@ -3,7 +3,7 @@
 import pytest
 
 from tests.support.sensor_simulator import SensorSimulator
-from wrcd.config import load_config
+from wrcd.config.config import load_config
 from wrcd.core.configuration import Config
 
 

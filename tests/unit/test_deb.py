@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from wrcd import __version__
-from wrcd.tools.install.manifest import PATH
+from wrcd.cli.installation.tree import RECORD
 
 ROOT = Path(__file__).parents[2]
 NEEDS_DPKG = pytest.mark.skipif(
@@ -79,7 +79,7 @@ def test_package_has_no_rig_as_it_lacks_what_that_needs(package: Path) -> None:
 @pytest.mark.parametrize("installed_since", [False, True])
 def test_purge_of_a_removed_package_leaves_what_was_installed_since(tmp_path: Path, installed_since: bool) -> None:
     kept = tmp_path / "etc/wrcd/can0.toml", tmp_path / "var/lib/private/wrcd/can0/2026.log"
-    record = tmp_path / PATH
+    record = tmp_path / RECORD
     for file in (*kept, *([record] if installed_since else [])):
         file.parent.mkdir(parents=True)
         file.touch()

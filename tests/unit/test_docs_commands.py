@@ -27,6 +27,7 @@ PAGES = [p for p in pages() if p.name != "CHANGELOG.md"]
 HERE = [p for p in pages_with_steps() if to_run(p, frozenset())]
 
 
+@pytest.mark.night
 @pytest.mark.parametrize("page", HERE, ids=lambda p: p.relative_to(ROOT).as_posix())
 def test_commands_of_a_page_run(page: Path, tmp_path: Path) -> None:
     run_page(page, tmp_path, frozenset())

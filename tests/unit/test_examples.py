@@ -10,12 +10,14 @@ import cantools
 import pytest
 from cantools.database.can import Database
 
-from sim_ecu.cli import main as rig
+from sim_ecu.cli.main import main as rig
 from tests.support.contract import example
-from wrcd.bus.log import Damage, format_line, read_log
+from wrcd.bus.candump import format_line
 from wrcd.bus.units import G
-from wrcd.config import load_config
-from wrcd.tools.cli import main
+from wrcd.cli.main import main
+from wrcd.config.config import load_config
+from wrcd.logs.damage import Damage
+from wrcd.logs.reader import read_log
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples"

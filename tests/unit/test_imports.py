@@ -1,6 +1,8 @@
-"""The house's import rules, read from the source: what no room may import, which arrows there are, and no circle."""
+"""The house's rules, read from the source: rooms and their lines, what none may import, which arrows there are, no
+circle, and one name for one thing. `pytest -s` prints rooms, lines and arrows."""
 
 import ast
+from collections import Counter
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -21,7 +23,7 @@ OPERATING_SYSTEM = {
     "mmap",
 }
 DAEMONS_OWN_CODEC = {
-    f"wrcd.bus.{name}" for name in ("codec", "columns", "e2e", "positions", "readers", "statuses", "words", "writers")
+    f"wrcd.bus.{name}" for name in ("codec", "e2e", "positions", "readers", "statuses", "words", "writers")
 }
 # by folder or file: packages and modules that nothing in it imports
 FORBIDDEN = {
@@ -32,32 +34,34 @@ FORBIDDEN = {
     "sim_ecu/physics": {"wrcd", "can", "cantools", "sim_ecu.play", "sim_ecu.design"},
     "sim_ecu/play/encoder.py": {"wrcd.bus"},
     # the loop's rig and controllers hear and speak by libraries, as anyone on the bus; none of them reads a clock
-    "sim_ecu/loop/messages.py": {"wrcd.bus", *OPERATING_SYSTEM},
+    "sim_ecu/loop/rig_messages.py": {"wrcd.bus", *OPERATING_SYSTEM},
     "sim_ecu/loop/rig.py": {"wrcd.bus", *OPERATING_SYSTEM},
     # the rig encodes with libraries, and reads what is mapped: never what the daemon encodes and decodes with
-    **{f"sim_ecu/play/{name}.py": DAEMONS_OWN_CODEC for name in ("claims", "mapped", "mapped_message", "words")},
+    **{f"sim_ecu/play/{name}.py": DAEMONS_OWN_CODEC for name in ("mapped", "mapped_message")},
 }
 # What a room forbids and one module of it needs: it draws, on a computer that is no train's, and only when it is asked;
 # or pytest loads it.
-ALLOWED = {"wrcd/tools/story/plot.py": {"matplotlib"}, "wrcd/tools/contract/plugin.py": {"pytest"}}
+ALLOWED = {"wrcd/report/picture.py": {"matplotlib"}, "wrcd/contract/plugin.py": {"pytest"}}
 # A room imports from itself and from rooms further down.
 FLOORS = (
     {"sim_ecu/cli"},
-    {"sim_ecu/commands"},
     {"sim_ecu/campaign"},
     {"sim_ecu/loop"},
     {"sim_ecu/score"},
     {"sim_ecu/design"},
     {"sim_ecu/play"},
-    {"sim_ecu/physics", "wrcd/tools"},
+    {"sim_ecu/physics", "sim_ecu/reporting", "sim_ecu/jobs", "wrcd/cli"},
+    {"wrcd/contract", "wrcd/kit", "wrcd/monitor", "wrcd/report"},
+    {"wrcd/dbc"},
+    {"wrcd/logs"},
     {"wrcd/service"},
     {"wrcd/recorder"},
-    {"wrcd/config"},  # wrcd/config.py and what it is made of
+    {"wrcd/config"},
     {"wrcd/core"},
     {"wrcd/bus", "wrcd/estimator"},
-    {"wrcd", "sim_ecu"},  # errors, resources, checksum
+    {"wrcd", "sim_ecu"},  # errors, resources, checksum, progress
 )
-CONFIG = ("wrcd.config", "wrcd.mapping", "wrcd.declared", "wrcd.keys", "wrcd.settings", "wrcd.section")
+SAME = {"sim_ecu.resources"}
 WITH_FILES = {"wrcd.estimator.design"}  # reads the design, before the first tick
 
 
@@ -102,10 +106,6 @@ def graph() -> dict[str, set[str]]:
 
 
 def room(name: str) -> str:
-    if name.startswith(CONFIG):
-        return "wrcd/config"
-    if name == "sim_ecu.cli":
-        return "sim_ecu/cli"
     if name == "sim_ecu.bench":
         return "sim_ecu/loop"  # its public side
     parts = name.split(".")
@@ -166,6 +166,36 @@ def test_no_arrow_points_upwards() -> None:
     assert wrong == []
 
 
+def test_rooms_have_floors_and_lines() -> None:
+    lines: Counter[str] = Counter()
+    for name in graph():
+        source = ROOT / Path(*name.split("."))
+        source = source / "__init__.py" if source.is_dir() else source.with_suffix(".py")
+        lines[room(name)] += len(source.read_text().splitlines())
+    for number, rooms in enumerate(FLOORS):
+        for place in sorted(rooms & set(lines)):
+            print(f"floor {len(FLOORS) - number:2}  {place:20} {lines[place]:6} lines")
+    print(f"wrcd and sim_ecu: {lines.total()} lines")
+    assert set(lines) <= set().union(*FLOORS)
+
+
+def test_name_means_one_thing() -> None:
+    """A command's module has the command's name; what both programs have is named alike in both."""
+    modules = Counter(
+        name.rpartition(".")[2] for name in graph() if "." in name and ".cli." not in name and name not in SAME
+    )
+    packages = {n.rpartition(".")[2] for n in graph() if (ROOT / Path(*n.split("."))).is_dir()}
+    classes = Counter(
+        node.name
+        for package in ("wrcd", "sim_ecu")
+        for source in sources(package)
+        for node in ast.walk(ast.parse(source.read_text()))
+        if isinstance(node, ast.ClassDef)
+    )
+    assert [m for m, count in modules.items() if count > 1 and m not in packages] == []
+    assert [c for c, count in classes.items() if count > 1] == []
+
+
 def test_import_graph_has_no_circle() -> None:
     state: dict[str, int] = {}
 
@@ -194,5 +224,5 @@ def test_test_module_imports_no_other_test_module() -> None:
 
 @pytest.mark.parametrize("part", ["filters", "rules"])
 def test_reference_engine_shares_no_arithmetic_with_the_fast_one(part: str) -> None:
-    names = set(imported(ROOT / f"sim_ecu/design/reference_{part}.py"))
+    names = set(imported(ROOT / f"tests/reference/{part}.py"))
     assert {n for n in names if n.startswith("wrcd")} == {"wrcd.estimator.design", "wrcd.estimator.design.Design"}

@@ -38,32 +38,35 @@ def test_blocks_run_in_order_in_one_folder_with_the_files_of_the_page(run: Path)
     assert (work / "again").read_text() == "x = 1\n2\n"
 
 
-@pytest.mark.parametrize("body", ["false\ntrue", "true\nfalse", "false | true", "echo $UNSET"])
-def test_failing_command_fails_the_page(run: Path, body: str) -> None:
-    page, work = of(run, f"```sh\n{body}")
-    with pytest.raises(AssertionError, match=r"page\.md:3:"):
+KEYS = "stty raw; echo press q to quit; [ $(head -c 1) = q ] && stty size >size"
+
+
+@pytest.mark.parametrize(
+    ("block", "reason"),
+    [
+        ("```sh\nfalse\ntrue", r"page\.md:3:"),
+        ("```sh\ntrue\nfalse", r"page\.md:3:"),
+        ("```sh\nfalse | true", r"page\.md:3:"),
+        ("```sh\necho $UNSET", r"page\.md:3:"),
+        ("<!-- given: false -->\n<!-- run: exit 1 -->\n```sh\nfalse", r"page\.md:"),
+        ("```sh\nfalse &\nsleep 0.5", "in the background failed"),
+        ("<!-- run: exit 1 -->\n```sh\ntrue", "ended with 0, not with 1"),
+        ("<!-- run: stop 1 s after its first line -->\n```sh\nsh -c 'echo 1; exit 3'", "ended with 3"),
+        ('<!-- run: q at "q to quit" -->\n```sh\necho something else', "ended with 124"),
+        (f'<!-- run: q at "q to quit" -->\n```sh\n{KEYS}; exit 3', "ended with 3"),
+    ],
+)
+def test_block_that_fails_fails_the_page(run: Path, block: str, reason: str) -> None:
+    page, work = of(run, block)
+    with pytest.raises(AssertionError, match=reason):
         run_page(page, work, HERE)
 
 
-def test_failing_given_fails_the_page(run: Path) -> None:
-    page, work = of(run, "<!-- given: false -->\n<!-- run: exit 1 -->\n```sh\nfalse")
-    with pytest.raises(AssertionError):
-        run_page(page, work, HERE)
-
-
-def test_command_that_fails_in_the_background_fails_the_page(run: Path) -> None:
-    page, work = of(run, "```sh\nfalse &\nsleep 0.5")
-    with pytest.raises(AssertionError, match="in the background failed"):
-        run_page(page, work, HERE)
-
-
-def test_stated_status_is_demanded(run: Path) -> None:
-    page, work = of(run, "<!-- run: exit 1 -->\n```sh\nfalse", "<!-- run: exit 0 or 1 -->\n```sh\nfalse")
+def test_stated_status_and_key_at_a_terminal_are_taken(run: Path) -> None:
+    keys = f'<!-- run: q at "q to quit" -->\n```sh\n{KEYS}'
+    page, work = of(run, "<!-- run: exit 1 -->\n```sh\nfalse", "<!-- run: exit 0 or 1 -->\n```sh\nfalse", keys)
     run_page(page, work, HERE)
-    page.write_text("<!-- run: exit 1 -->\n```sh\ntrue\n```\n")
-    (work / ".venv").unlink()
-    with pytest.raises(AssertionError, match="ended with 0, not with 1"):
-        run_page(page, work, HERE)
+    assert (work / "size").read_text() == "34 110\n"
 
 
 @pytest.mark.parametrize("when", ["stop after 1 s", "stop 1 s after its first line"])
@@ -77,12 +80,6 @@ def test_endless_command_gets_ctrl_c(run: Path, when: str) -> None:
     assert (work / "ended").exists()
 
 
-def test_command_that_fails_before_it_is_stopped_fails_the_page(run: Path) -> None:
-    page, work = of(run, "<!-- run: stop 1 s after its first line -->\n```sh\nsh -c 'echo 1; exit 3'")
-    with pytest.raises(AssertionError, match="ended with 3"):
-        run_page(page, work, HERE)
-
-
 def test_what_goes_to_the_background_ends_with_the_page(run: Path) -> None:
     page, work = of(run, "```sh\nsleep 99 &\necho $! >pid", "```sh\nkill -0 $(cat pid)")
     run_page(page, work, HERE)
@@ -91,32 +88,12 @@ def test_what_goes_to_the_background_ends_with_the_page(run: Path) -> None:
         assert state == "Z"
 
 
-KEYS = "stty raw; echo press q to quit; [ $(head -c 1) = q ] && stty size >size"
-
-
-def test_screen_gets_its_key_at_a_terminal(run: Path) -> None:
-    page, work = of(run, f'<!-- run: q at "q to quit" -->\n```sh\n{KEYS}')
-    run_page(page, work, HERE)
-    assert (work / "size").read_text() == "34 110\n"
-
-
-@pytest.mark.parametrize(("body", "status"), [("echo something else", 124), (f"{KEYS}; exit 3", 3)])
-def test_screen_that_does_not_come_or_ends_badly_fails_the_page(run: Path, body: str, status: int) -> None:
-    page, work = of(run, f'<!-- run: q at "q to quit" -->\n```sh\n{body}')
-    with pytest.raises(AssertionError, match=f"ended with {status}"):
-        run_page(page, work, HERE)
-
-
-def test_block_that_another_test_runs_is_left_to_it(run: Path) -> None:
-    page, _ = of(run, "<!-- run by: tests/x.py -->\n```sh\na  # why\nb \\\n    c", "```sh\nd")
+def test_block_is_left_to_another_test_to_the_guest_or_to_nobody(run: Path) -> None:
+    others = "<!-- run by: tests/x.py -->\n```sh\na  # why\nb \\\n    c"
+    page, _ = of(run, others, "```sh\nd", "<!-- run: vcan -->\n```sh\ne", "<!-- not run: hours -->\n```sh\nf")
     assert [s.body for s in to_run(page, HERE)] == ["d\n"]
+    assert [s.body for s in to_run(page, frozenset({"vcan"}))] == ["e\n"]
     assert [s.commands for s in run_by("tests/x.py", "page.md")] == [["a", "b      c"]]
-
-
-def test_block_for_a_bus_is_left_to_the_guest(run: Path) -> None:
-    page, _ = of(run, "<!-- run: vcan -->\n```sh\na", "```sh\nb", "<!-- not run: hours -->\n```sh\nc")
-    assert [s.body for s in to_run(page, HERE)] == ["b\n"]
-    assert [s.body for s in to_run(page, frozenset({"vcan"}))] == ["a\n"]
 
 
 def test_mark_that_means_nothing_is_refused(run: Path) -> None:

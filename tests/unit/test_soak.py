@@ -4,13 +4,15 @@ import subprocess
 import sys
 
 import numpy as np
+import pytest
 
 from tests.soak.pool import Faults
 from tests.soak.soak import Balance
-from wrcd.config import load_config
+from wrcd.config.config import load_config
 from wrcd.core.core import Core
 
 
+@pytest.mark.night
 def test_a_short_soak_balances() -> None:
     done = subprocess.run(
         [sys.executable, "-m", "tests.soak.soak", "--hours", "0.02"], capture_output=True, text=True, check=False

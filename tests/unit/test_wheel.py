@@ -40,33 +40,27 @@ def run(installed: Path, code: str, *arguments: str) -> subprocess.CompletedProc
 
 def test_replay_works_from_the_installed_wheel(installed: Path, log_of: LogOf, tmp_path: Path) -> None:
     table = tmp_path / "a.csv"
-    code = "import sys, wrcd; print(wrcd.__file__); from wrcd.tools.cli import main; sys.exit(main())"
+    code = "import sys, wrcd; print(wrcd.__file__); from wrcd.cli.main import main; sys.exit(main())"
     done = run(installed, code, "replay", str(log_of(held("F"))), "--csv", str(table))
     assert str(installed) in done.stdout
     assert table.read_text().splitlines()[-4].split(",")[2] == "Valid"
 
 
 def test_kit_is_written_from_the_installed_wheel(installed: Path, tmp_path: Path) -> None:
-    code = "import sys; from wrcd.tools.cli import main; sys.exit(main())"
+    code = "import sys; from wrcd.cli.main import main; sys.exit(main())"
     run(installed, code, "kit", "-o", str(tmp_path / "kit"))
     assert (tmp_path / "kit" / "adhesion.c").stat().st_size > 10_000
 
 
 def test_wheel_contains_the_rig(installed: Path) -> None:
-    code = "import sys, sim_ecu; print(sim_ecu.__file__); from sim_ecu.cli import main; sys.exit(main())"
+    code = "import sys, sim_ecu; print(sim_ecu.__file__); from sim_ecu.cli.main import main; sys.exit(main())"
     done = run(installed, code, "list")
     assert str(installed) in done.stdout
     assert "leaf-patch" in done.stdout
 
 
-def test_data_are_files_not_links(installed: Path) -> None:
-    assert (installed / "wrcd" / "data" / "wrcd.dbc").read_bytes() == (ROOT / "dbc" / "wrcd.dbc").read_bytes()
-    assert (installed / "sim_ecu" / "data" / "sim_ecu.dbc").read_bytes() == (ROOT / "dbc" / "sim_ecu.dbc").read_bytes()
-    assert not (installed / "wrcd" / "data" / "wrcd.dbc").is_symlink()
-
-
 def test_wheel_brings_completion_and_manual_pages(installed: Path) -> None:
-    code = "import sys; from wrcd.tools.cli import main; sys.exit(main())"
+    code = "import sys; from wrcd.cli.main import main; sys.exit(main())"
     script = (ROOT / "wrcd/data/completion/wrcd.bash").read_text(encoding="utf-8")
     assert run(installed, code, "completion", "bash").stdout == script
     for folder in ("completion", "man"):
@@ -75,20 +69,19 @@ def test_wheel_brings_completion_and_manual_pages(installed: Path) -> None:
         assert {p.name for p in (installed / "wrcd/data" / folder).iterdir()} == names
 
 
-def test_wheel_brings_what_install_lays_out(installed: Path) -> None:
-    """Units, network files, sysctl: files of their own, as they are in systemd/."""
-    brought = installed / "wrcd" / "data" / "systemd"
-    names = [
-        p.relative_to(ROOT / "systemd") for p in (ROOT / "systemd").rglob("*") if p.is_file() and "deb" not in p.parts
-    ]
-    assert len(names) >= 8
-    assert {p.relative_to(brought) for p in brought.rglob("*") if p.is_file()} == set(names)
-    assert all((brought / name).read_bytes() == (ROOT / "systemd" / name).read_bytes() for name in names)
-    assert not any(p.is_symlink() for p in brought.rglob("*"))
+def test_wheel_brings_data_as_files_not_links(installed: Path) -> None:
+    """The DBCs; units, network files, sysctl as they are in systemd/."""
+    systemd = [p for p in (ROOT / "systemd").rglob("*") if p.is_file() and "deb" not in p.parts]
+    assert len(systemd) >= 8
+    pairs = {installed / "wrcd/data/systemd" / p.relative_to(ROOT / "systemd"): p for p in systemd}
+    brought = {p for p in (installed / "wrcd/data/systemd").rglob("*") if p.is_file()}
+    assert brought == set(pairs)
+    pairs |= {installed / f"{of}/data/{of}.dbc": ROOT / f"dbc/{of}.dbc" for of in ("wrcd", "sim_ecu")}
+    assert all(p.read_bytes() == ours.read_bytes() and not p.is_symlink() for p, ours in pairs.items())
 
 
 def test_install_lays_the_wheels_own_files_out(installed: Path, tmp_path: Path) -> None:
-    code = "import sys; from wrcd.tools.cli import main; sys.exit(main())"
+    code = "import sys; from wrcd.cli.main import main; sys.exit(main())"
     run(installed, code, "install", "--prefix", str(tmp_path), "--program", "/opt/wrcd/bin/wrcd")
     unit = tmp_path / "usr/local/lib/systemd/system/wrcd@.service"
     assert unit.read_bytes() == (ROOT / "systemd" / "wrcd@.service").read_bytes()

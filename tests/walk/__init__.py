@@ -1,1 +1,1 @@
-"""The new user's walk: from `git clone` to the removal of what was installed, as the pages tell it."""
+"""The new user's walk: from `git clone` to the report of a log, as the pages tell it."""

@@ -5,10 +5,10 @@ import sys
 import tempfile
 from pathlib import Path
 
-from tests.walk import clone, demo, install, monitor, own_dbc, report, vcan, why
+from tests.walk import clone, demo, demo_log, own_dbc, vcan
 from tests.walk.walk import OUT, Step, Walk, take
 
-STEPS = [clone.STEP, demo.STEP, monitor.STEP, why.STEP, report.STEP, own_dbc.STEP, vcan.STEP, install.STEP]
+STEPS = [clone.STEP, demo.STEP, *demo_log.STEPS, own_dbc.STEP, vcan.STEP]
 
 
 def chosen(names: list[str]) -> list[Step]:

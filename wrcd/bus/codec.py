@@ -1,6 +1,7 @@
 """Any DBC to quantities and back. A frame is accepted whole or not at all, and every rejection has its reason."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 from wrcd.bus.dbc import Database, data_id, find_message
 from wrcd.bus.frame import EXTENDED, Frame
@@ -8,7 +9,7 @@ from wrcd.bus.positions import message_key, position
 from wrcd.bus.readers import MessageReader, Sample, SignalReader
 from wrcd.bus.reasons import Reason
 from wrcd.bus.signals import Source, StatusRule
-from wrcd.bus.statuses import KeptStatus, Status, rules_of
+from wrcd.bus.statuses import KeptStatus, SenderStatus, rules_of
 from wrcd.bus.writers import SignalWriter, Value, Writer
 
 __all__ = [
@@ -16,13 +17,15 @@ __all__ = [
 ]  # fmt: skip
 
 
+@dataclass(init=False, repr=False, eq=False)
 class Receiver:
     """All mapped messages by their identity, those that carry nothing but a status of others among them.
 
     data_ids: of E2E, by message (None: not protected); of a message that is not among them, the DBC's.
     """
 
-    STATE = {"readers": "readers", "statuses": "_kept"}
+    readers: dict[int, MessageReader]
+    _kept: tuple[KeptStatus, ...]
 
     def __init__(
         self, database: Database, sources: Sequence[Source], data_ids: Mapping[str, int | None] | None = None
@@ -39,7 +42,7 @@ class Receiver:
         self._kept = tuple(kept.values())
         for status in self._kept:
             by_message.setdefault(status.rule.message, [])
-        self.readers: dict[int, MessageReader] = {}
+        self.readers = {}
         messages = {name: find_message(database, name) for name in by_message}
         given = {} if data_ids is None else data_ids
         known = {name: given[name] if name in given else data_id(m) for name, m in messages.items()}
@@ -77,4 +80,4 @@ class Receiver:
 
 def comes_in_other_frames(database: Database, rule: StatusRule, message: str) -> bool:
     """Whether a status may come in other frames of a message, or of another one, than what it is about."""
-    return rule.message != message or bool(Status(find_message(database, rule.message), rule).branch.conditions)
+    return rule.message != message or bool(SenderStatus(find_message(database, rule.message), rule).branch.conditions)

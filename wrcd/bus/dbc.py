@@ -4,13 +4,12 @@ import importlib.util
 import logging
 import re
 import sys
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 from wrcd.bus.dbc_soundness import Orphan, add_doubles, add_orphans, warnings_about, why_unsound
-from wrcd.bus.dbc_subset import subset
-from wrcd.bus.dbc_text import huge_at, read_text, without_impossible_messages, without_statements
+from wrcd.bus.dbc_text import huge_at, read_text, subset, without_impossible_messages, without_statements
 from wrcd.errors import InputError, NotThere
 
 # cantools' package imports its tester and more, and with them python-can, asyncio and ssl, none of which the daemon
@@ -29,7 +28,7 @@ finally:
 
 __all__ = [
     "DEFAULT_TIMEOUT_MS", "Database", "Message", "Signal", "attribute", "cycle_ms", "data_id",
-    "find_message", "find_signal", "load_dbc", "parse_dbc", "timeout_ms",
+    "find_message", "find_signal", "load_dbc", "parse_dbc", "shortest_timeout_us", "timeout_ms",
 ]  # fmt: skip
 # What it says of a file beside our own warnings. Without a handler Python writes it to standard error.
 logging.getLogger("cantools").addHandler(logging.NullHandler())
@@ -157,6 +156,12 @@ def timeout_ms(message: Message, signal: Signal) -> int | None:
     stated = _milliseconds(attribute(signal, "GenSigTimeoutTime"), f"the time-out of {message.name}.{signal.name}")
     cycle = cycle_ms(message)
     return stated or (3 * cycle if cycle else None)
+
+
+def shortest_timeout_us(message: Message, signals: Iterable[Signal], cycle_us: int) -> int:
+    """Return the shortest time-out that the DBC states of one of some signals, else three cycles. Raises ValueError."""
+    stated = [timeout_ms(message, s) for s in signals if attribute(s, "GenSigTimeoutTime")]
+    return min((1000 * ms for ms in stated if ms is not None), default=3 * cycle_us)
 
 
 def cycle_ms(message: Message) -> int | None:

@@ -1,7 +1,7 @@
 """A DBC's text before it is parsed: its encoding, sizes that would keep the parser busy, what to leave out."""
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from pathlib import Path
 
 from wrcd.errors import InputError
@@ -151,3 +151,31 @@ def _lines(text: str) -> list[str]:
 
 def _gap(lines: list[str]) -> str:
     return "\n" * sum(line.count("\n") for line in lines)
+
+
+# Attributes and comments of messages that nobody needs take half of the time to parse: with eight axles in the packaged
+# DBC a twentieth of the time from start to READY. Left out is one usual statement, alone on its line.
+# A line, or several where a string goes over them.
+_LINE = re.compile(r'(?:[^"\n]++|"[^"]*+")++\n?|\n')
+_MESSAGE = re.compile(r"\bBO_\s+(\d+)\s+(\w+)\s*:")
+_ABOUT = re.compile(
+    r'(?:CM_|BA_ +"[^"]*") +(?:BO_|SG_) +(\d+)\b(?:[^";]++|"[^"]*+")*+;\s*',
+)
+# A comment may hide a quotation mark, a string hold one, and a message may be known by its long name.
+_UNUSUAL = re.compile(r'//|\\"|SystemMessageLongSymbol')
+
+
+def subset(text: str, names: Collection[str]) -> str:
+    """Return a DBC's text with what is said about the messages in names, and with every message; lines keep their
+    numbers. A text that cannot be cut for certain is returned whole."""
+    # a string without an end: no line of it is certain. (Python 3.11.2 finds lines there that are none.)
+    if text.count('"') % 2:
+        return text
+    lines: list[str] = _LINE.findall(text)
+    if _UNUSUAL.search(text) or sum(map(len, lines)) != len(text):
+        return text
+    found = _MESSAGE.findall(text)
+    needless = {can_id for can_id, _ in found} - {can_id for can_id, name in found if name in names}
+    return "".join(
+        "\n" * line.count("\n") if (m := _ABOUT.fullmatch(line)) and m[1] in needless else line for line in lines
+    )

@@ -2,6 +2,10 @@
 
 import itertools
 from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
 
 from wrcd.bus.reasons import Reason
 
@@ -28,6 +32,7 @@ def _table() -> bytes:
 
 
 CRC_TABLE = _table()
+_TABLE = np.frombuffer(CRC_TABLE, dtype=np.uint8)
 
 
 def crc(data: bytes | bytearray, data_id: int) -> int:
@@ -47,6 +52,14 @@ def _crc_after(start: int, data: bytes | bytearray) -> int:
     return c
 
 
+def crcs(data: NDArray[np.uint8], start: NDArray[np.uint8] | int, length: NDArray[np.int64] | int) -> NDArray[np.uint8]:
+    """CRCs of many frames, (n,), with data (n, m). start: the CRC of their data ids (Checker.start)."""
+    out = np.broadcast_to(np.asarray(start, dtype=np.uint8), len(data))
+    for k in range(1, min(int(np.max(length, initial=0)), data.shape[1])):
+        out = np.where(length > k, _TABLE[out ^ data[:, k]], out)
+    return out
+
+
 def protect(data: bytes | bytearray, data_id: int, counter: int) -> bytes:
     """The frame with counter and CRC written into it."""
     out = bytearray(data)
@@ -55,6 +68,7 @@ def protect(data: bytes | bytearray, data_id: int, counter: int) -> bytes:
     return bytes(out)
 
 
+@dataclass(init=False, repr=False, eq=False)
 class Checker:
     """Watches one protected message and follows its sender's chain of counters.
 
@@ -68,11 +82,15 @@ class Checker:
     chain's sender, of which many frames were lost.
     """
 
-    STATE = {
-        "last": "_last", "payload": "_payload", "candidate": "_candidate", "candidate_frames": "_candidate_frames",
-        "frames_since_candidate": "_frames_since_candidate", "moves": "_moves",
-        "quarantine_frames": "_quarantine_frames", "last_us": "_last_us", "candidate_us": "_candidate_us",
-    }  # fmt: skip
+    _last: int | None  # counter of the newest frame of the chain
+    _payload: bytes  # that frame
+    _candidate: int | None  # counter of the newest frame beside the chain
+    _candidate_frames: int  # how many of them continue each other
+    _frames_since_candidate: int  # frames of the chain since then
+    _moves: int  # grows as the chain moves to the rival, falls as it goes on
+    _quarantine_frames: int  # frames for which nobody is believed
+    _last_us: int  # when that came
+    _candidate_us: int  # when that came
 
     def __init__(self, data_id: int, others: tuple[int, ...] = ()) -> None:
         self.start, self._others = _of_data_id(data_id), others
@@ -80,15 +98,15 @@ class Checker:
 
     def reset(self) -> None:
         """Start anew: the next frame's counter is taken as it comes."""
-        self._last: int | None = None  # counter of the newest frame of the chain
-        self._last_us = 0  # when that came
-        self._payload = b""  # that frame
-        self._candidate: int | None = None  # counter of the newest frame beside the chain
-        self._candidate_us = 0  # when that came
-        self._candidate_frames = 0  # how many of them continue each other
-        self._frames_since_candidate = 0  # frames of the chain since then
-        self._moves = 0  # grows as the chain moves to the rival, falls as it goes on
-        self._quarantine_frames = 0  # frames for which nobody is believed
+        self._last = None
+        self._last_us = 0
+        self._payload = b""
+        self._candidate = None
+        self._candidate_us = 0
+        self._candidate_frames = 0
+        self._frames_since_candidate = 0
+        self._moves = 0
+        self._quarantine_frames = 0
 
     @property
     def suspect(self) -> bool:

@@ -15,12 +15,6 @@ LinkState = Literal["Up", "Down", "Gone", "ErrorPassive", "BusOff"]
 class LinkHealth:
     """What a link has seen so far."""
 
-    STATE = {
-        "state": "state", "drops": "drops", "reopens": "reopens", "unsent": "unsent", "error_frames": "error_frames",
-        "bus_offs": "bus_offs", "foreign_frames": "foreign_frames",
-    }  # fmt: skip
-    TRANSIENT = ("foreign_by_key",)
-
     state: LinkState = "Up"
     drops: int = 0  # frames lost because a buffer was full
     reopens: int = 0  # how often the device had to be opened again
@@ -28,7 +22,8 @@ class LinkHealth:
     error_frames: int = 0  # that the controller reported
     bus_offs: int = 0
     foreign_frames: int = 0  # of messages that are sent here, and that somebody else sent
-    foreign_by_key: Counter[int] = field(default_factory=Counter)  # the same by message (Frame.key), for the log
+    # the same by message (Frame.key), for the log
+    foreign_by_key: Counter[int] = field(default_factory=Counter, compare=False)
 
     def foreign(self, key: int) -> None:
         """Somebody else has sent a message that is sent here."""

@@ -3,7 +3,11 @@
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from wrcd.bus.dbc import Message, find_signal
 from wrcd.bus.e2e import Checker
@@ -11,14 +15,11 @@ from wrcd.bus.frame import Frame
 from wrcd.bus.positions import Branch, Field, Numbers, Order, common_order, fit_raw, frame_length, is_fd
 from wrcd.bus.reasons import Reason
 from wrcd.bus.signals import Source, StatusRule
-from wrcd.bus.statuses import KeptStatus, Status, rules_of
+from wrcd.bus.statuses import KeptStatus, SenderStatus, rules_of
 from wrcd.bus.units import Quantity, factor
 from wrcd.bus.words import is_reverse, no_measurement
 
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
+MAX_BITS = 52  # of a raw value that a float holds exactly, whatever its scale does
 MAX_COMBINED = 64  # sets of good statuses of a message that are told at one look
 OF_WHOLE_FRAME = frozenset(
     {Reason.KIND, Reason.LENGTH, Reason.CRC, Reason.DATA_ID, Reason.REPEAT, Reason.COUNTER, Reason.TWO_SENDERS}
@@ -90,19 +91,26 @@ class SignalReader:
             reverse = is_reverse(choices[raw]) if raw in choices else physical < 0
         return -1.0 if reverse is (self.factor > 0) else 1.0
 
-    def read_column(self, raw: "NDArray[np.int64]") -> list[float] | None:
-        """The values of many raw ones, if every one of them has one and none is a direction."""
-        if self._is_direction or (self.unusable and not self.unusable.isdisjoint(raw.tolist())):
-            return None
+    def read_column(self, whole: NDArray[np.uint64]) -> NDArray[np.float64]:
+        """The values in plain frames as whole numbers, (n,); NaN where read gives a reason."""
+        raw = (whole >> np.uint64(self.shift) & np.uint64(self.mask)).astype(np.int64)
+        if self.mask.bit_length() > MAX_BITS or self._is_direction:
+            ones = (number >> self.shift & self.mask for number in whole.tolist())
+            values = (self.read(one - (one & self.sign) * 2) for one in ones)
+            return np.array([v if isinstance(v, float) else np.nan for v in values], dtype=np.float64)
+        if self.sign:
+            raw -= (raw & self.sign) << 1
         physical = raw * self.scale + self.offset
         si = physical * self.factor
-        within = (self.low <= physical) & (physical <= self.high) & (-self._limit <= si) & (si <= self._limit)
-        if not within.all() or (self._positive and (si <= 0).any()):
-            return None
-        values: list[float] = si.tolist()
-        return values
+        good = (self.low <= physical) & (physical <= self.high) & (-self._limit <= si) & (si <= self._limit)
+        if self._positive:
+            good &= si > 0
+        if self.unusable:
+            good &= ~np.isin(raw, list(self.unusable))
+        return np.where(good, si, np.nan)
 
 
+@dataclass(init=False, repr=False, eq=False)
 class MessageReader:
     """Decodes one message and checks all of it.
 
@@ -110,7 +118,7 @@ class MessageReader:
     multiplexers, both byte orders, floating-point numbers, or statuses that come in other frames.
     """
 
-    STATE = {"checker": "checker"}
+    checker: Checker | None
 
     def __init__(
         self,
@@ -128,7 +136,9 @@ class MessageReader:
         self.checker = None if identity is None else Checker(identity, tuple(i for i in others if i != identity))
         self._tells = tuple(status for status in kept.values() if status.rule.message == message.name)
         rules = [tuple(dict.fromkeys(rules_of(message, s))) for _, s in sources]
-        made: dict[StatusRule, Status] = {r: kept.get(r) or Status(message, r) for of_one in rules for r in of_one}
+        made: dict[StatusRule, SenderStatus] = {
+            r: kept.get(r) or SenderStatus(message, r) for of_one in rules for r in of_one
+        }
         self._rules = [[made[r] for r in of_one] for of_one in rules]
         self.statuses = tuple(made.values())
         self.is_multiplexed = any(s.branch.conditions for s in self.signals)
@@ -193,6 +203,19 @@ class MessageReader:
             samples.append(_new_tuple(Sample, (signal.number, value, degraded, contested)))
         return samples
 
+    def read_columns(self, data: NDArray[np.uint8]) -> tuple[list[NDArray[np.float64]], NDArray[np.bool_]]:
+        """Values of each signal in frames of a plain message, data (n, its length or more), and which frames call
+        themselves degraded. NaN where a frame is to be refused for its statuses or the value; E2E is not looked at."""
+        assert self.order is not None
+        whole = whole_numbers(data, self.length, self.order)
+        usable, degraded = np.ones(len(data), dtype=bool), np.zeros(len(data), dtype=bool)
+        for status in self.statuses:
+            words = whole >> np.uint64(status.shift) & np.uint64(status.field.position.mask)
+            ok, less = (np.isin(words, np.array(sorted(x), dtype=np.uint64)) for x in (status.ok, status.degraded))
+            usable &= ok | less
+            degraded |= ~ok
+        return [np.where(usable, s.read_column(whole), np.nan) for s in self.signals], degraded
+
     def judge(self, number: int) -> bool | None:
         """Of a plain frame as a whole number: whether its sender calls itself degraded; None: not to be believed."""
         verdicts = [s.verdict((number & s.bits) >> s.shift) for s in self.statuses]
@@ -224,6 +247,14 @@ class MessageReader:
             return self.numbers
         numbers = Numbers(frame.data)
         return [s.number for s in self.signals if s.branch.carried(numbers)]
+
+
+def whole_numbers(data: NDArray[np.uint8], length: int, order: Order) -> NDArray[np.uint64]:
+    """Frames of up to eight bytes, data (n, length or more), as whole numbers, (n,)."""
+    padded = np.zeros((len(data), 8), dtype=np.uint8)
+    first = 0 if order == "little" else 8 - length
+    padded[:, first : first + length] = data[:, :length]
+    return padded.view("<u8" if order == "little" else ">u8")[:, 0].astype(np.uint64)
 
 
 def _overlap(bits: Sequence[int]) -> bool:

@@ -3,11 +3,10 @@
 import errno
 import socket
 
-from wrcd.bus.controller import ALL_ERRORS, Controller
 from wrcd.bus.frame import Frame
-from wrcd.bus.hardwareclock import HardwareClock
 from wrcd.bus.link import MAX_FRAMES, LinkHealth
 from wrcd.bus.rawcan import (
+    ALL_ERRORS,
     CAN_EFF_FLAG,
     CAN_ERR_FLAG,
     CAN_RAW_ERR_FILTER,
@@ -30,6 +29,8 @@ from wrcd.bus.rawcan import (
     SOFTWARE,
     SOL_SOCKET,
     TIMESPEC,
+    Controller,
+    HardwareClock,
     only_word,
     parse_ancillary,
 )

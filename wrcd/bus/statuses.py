@@ -2,6 +2,7 @@
 believed."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from wrcd.bus.dbc import DEFAULT_TIMEOUT_MS, Message, find_signal, timeout_ms
 from wrcd.bus.positions import Branch, Field, Numbers, branch, frame_length
@@ -37,7 +38,7 @@ def rules_of(message: Message, source: Source) -> Sequence[StatusRule]:
     return (usual,)
 
 
-class Status:
+class SenderStatus:
     """A rule, and where its signal lies."""
 
     def __init__(self, message: Message, rule: StatusRule) -> None:
@@ -71,10 +72,12 @@ class Status:
         return False if word in self.ok else True if word in self.degraded else None
 
 
-class KeptStatus(Status):
+@dataclass(init=False, repr=False, eq=False)
+class KeptStatus(SenderStatus):
     """One that comes in other frames than what it is about: the newest counts until it is too old."""
 
-    STATE = {"word": "_word", "stamp_us": "_stamp_us"}
+    _word: int | float | None
+    _stamp_us: int
 
     def __init__(self, message: Message, rule: StatusRule) -> None:
         super().__init__(message, rule)
@@ -84,7 +87,7 @@ class KeptStatus(Status):
 
     def forget(self) -> None:
         """Nothing is known."""
-        self._word: int | float | None = None
+        self._word = None
         self._stamp_us = 0
 
     def take(self, numbers: Numbers, stamp_us: int) -> None:

@@ -72,8 +72,6 @@ class SignalWriter:
 class Writer:
     """Encodes one outgoing message. Without an Output its signals have our names, and the DBC says the rest."""
 
-    TRANSIENT = ("_start",)
-
     def __init__(self, message: Message, output: Output | None = None) -> None:
         self._message = message
         self._data_id = data_id(message) if output is None else output.data_id

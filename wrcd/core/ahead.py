@@ -42,8 +42,8 @@ _EVIDENCES = {_SUSPECTED: "Suspected", _CONFIRMED: "Confirmed"}
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
-    """What is told to one axle; None is not available."""
+class RailAhead:
+    """The drop that one axle goes towards, if any; None is not available."""
 
     state: str
     evidence: str = "None"
@@ -69,28 +69,30 @@ class Told:
         }
 
 
-NOBODY_AHEAD = Told(NOT_AVAILABLE)
-NOTHING_SEEN = Told("NothingSeen")
+NOBODY_AHEAD = RailAhead(NOT_AVAILABLE)
+NOTHING_SEEN = RailAhead("NothingSeen")
 
 
+@dataclass(init=False, repr=False, eq=False)
 class Ahead:
     """Keeps the drops of a train and tells them, slot by slot. numbers: of the axles."""
 
-    STATE = {
-        "epoch": "_epoch", "drops": "_drops", "before_pct": "_before", "valid_us": "_valid_us", "low_us": "_low_us",
-        "slot_us": "_slot_us", "blind_to_m": "_blind_to_m",
-    }  # fmt: skip
+    _drops: FloatArray  # empty rows are NaN
+    _before: FloatArray  # adhesion (%) that each axle had
+    _valid_us: FloatArray  # when it was Valid last; floats hold a date's microseconds
+    _low_us: FloatArray  # since when its estimate has been far below that
+    _blind_to_m: FloatArray  # the place up to which an axle may have missed a drop
+    _epoch: int = -1
+    _slot_us: float = math.nan  # of the newest slot
 
     def __init__(self, numbers: Sequence[int]) -> None:
         n = len(numbers)
         self._numbers = tuple(numbers)
-        self._epoch = -1
-        self._drops: FloatArray = np.full((MAX_DROPS, 6), np.nan)  # empty rows are NaN
-        self._before: FloatArray = np.full(n, np.nan)  # adhesion (%) that each axle had
-        self._valid_us: FloatArray = np.full(n, np.nan)  # when it was Valid last; floats hold a date's microseconds
-        self._low_us: FloatArray = np.full(n, np.nan)  # since when its estimate has been far below that
-        self._slot_us = math.nan  # of the newest slot
-        self._blind_to_m: FloatArray = np.full(n, np.nan)  # the place up to which an axle may have missed a drop
+        self._drops = np.full((MAX_DROPS, 6), np.nan)
+        self._before = np.full(n, np.nan)
+        self._valid_us = np.full(n, np.nan)
+        self._low_us = np.full(n, np.nan)
+        self._blind_to_m = np.full(n, np.nan)
 
     @property
     def is_possible(self) -> bool:
@@ -101,8 +103,8 @@ class Ahead:
         suspected = (evidence == _SUSPECTED) & ~np.isinf(mu)
         return bool((known & (suspected | ((evidence == _CONFIRMED) & np.isfinite(mu)))).all())
 
-    def update(self, now_us: int, view: View, reports: Sequence[Report], estimate: Estimate | None) -> list[Told]:
-        """A slot: what is told to each axle."""
+    def update(self, now_us: int, view: View, reports: Sequence[Report], estimate: Estimate | None) -> list[RailAhead]:
+        """Take a slot's view and reports; return what lies ahead of each axle."""
         if view.epoch != self._epoch:
             self._epoch = view.epoch
             for known in (self._drops, self._before, self._low_us, self._blind_to_m):
@@ -123,7 +125,7 @@ class Ahead:
         silent = [NOTHING_SEEN if self._is_seen(axle, view, own) else NOBODY_AHEAD for axle in range(len(own))]
         if not np.isfinite(self._drops[:, _PLACE]).any():
             return silent
-        return [self._told(axle, now, view, mu) or silent[axle] for axle in range(len(self._numbers))]
+        return [self._warning(axle, now, view, mu) or silent[axle] for axle in range(len(self._numbers))]
 
     def _is_seen(self, axle: int, view: View, own: FloatArray) -> bool:
         """Whether an axle ahead has watched all the way from an axle's place to its own."""
@@ -198,7 +200,7 @@ class Ahead:
         moved = self._before + np.minimum(share, 1.0) * (mu - self._before)
         self._before = np.where(np.isnan(self._before), mu, np.where(np.isnan(mu), self._before, moved))
 
-    def _told(self, axle: int, now: float, view: View, mu: FloatArray) -> Told | None:
+    def _warning(self, axle: int, now: float, view: View, mu: FloatArray) -> RailAhead | None:
         """The drop that an axle goes towards or has just reached, and that is less than what it has, if any."""
         x, drops = view.x_m, self._drops
         place = drops[:, _PLACE] - (view.way_m + x[axle])
@@ -213,7 +215,7 @@ class Ahead:
         if distance > 0.0:  # it may be followed at once by a worse one
             near = here & sure & (place > 0.0) & (place <= max(distance, soon_m))
             least = float(np.min(drops[:, _MU], where=near, initial=math.inf))
-        return Told(
+        return RailAhead(
             state="OnIt" if distance <= 0.0 else "Entering" if distance <= soon_m else "Ahead",
             evidence=_EVIDENCES[float(drops[row, _EVIDENCE])],
             seen_by=self._numbers[int(by[row])],

@@ -1,6 +1,7 @@
 """Ticks that are over and wait for their block's end: the bank then runs on all of them at once."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,26 +13,30 @@ from wrcd.estimator.records import Ticks
 from wrcd.estimator.window import BLOCK_TICKS
 
 
+@dataclass(init=False, repr=False, eq=False)
 class Block:
     """Up to BLOCK_TICKS ticks on end, and what speaks against each of them."""
 
-    STATE = {
-        "first_tick": "number", "ticks": "_count", "measurements": "_z", "present": "_present",
-        "torque_ratio": "_torque_ratio", "speeds_m_s": "_speeds_m_s", "speed_jumped": "_speed_jumped",
-        "fast_enough": "_fast", "unavailable": "_unavailable", "causes": "_causes",
-    }  # fmt: skip
+    _z: FloatArray
+    _present: BoolArray
+    _torque_ratio: FloatArray
+    speeds_m_s: list[float]
+    speed_jumped: list[bool]  # by tick
+    _fast: list[bool]
+    unavailable: list[list[bool]]  # by tick and axle: an input had been silent for too long
+    causes: list[list[Cause]]  # likewise: what speaks against it
+    number: int = 0  # of the first tick
+    _count: int = 0
 
     def __init__(self, axles: int) -> None:
-        self.number = 0  # of the first tick
-        self._count = 0
-        self._z: FloatArray = np.zeros((BLOCK_TICKS, CHANNELS * axles))
-        self._present: BoolArray = np.zeros((BLOCK_TICKS, CHANNELS * axles), dtype=bool)
-        self._torque_ratio: FloatArray = np.zeros((BLOCK_TICKS, axles))
-        self._speeds_m_s = [0.0] * BLOCK_TICKS
-        self._speed_jumped = [False] * BLOCK_TICKS
+        self._z = np.zeros((BLOCK_TICKS, CHANNELS * axles))
+        self._present = np.zeros((BLOCK_TICKS, CHANNELS * axles), dtype=bool)
+        self._torque_ratio = np.zeros((BLOCK_TICKS, axles))
+        self.speeds_m_s = [0.0] * BLOCK_TICKS
+        self.speed_jumped = [False] * BLOCK_TICKS
         self._fast = [False] * BLOCK_TICKS
-        self._unavailable = [[False] * axles for _ in range(BLOCK_TICKS)]
-        self._causes = [[Cause.NONE] * axles for _ in range(BLOCK_TICKS)]
+        self.unavailable = [[False] * axles for _ in range(BLOCK_TICKS)]
+        self.causes = [[Cause.NONE] * axles for _ in range(BLOCK_TICKS)]
 
     def __len__(self) -> int:
         return self._count
@@ -49,48 +54,29 @@ class Block:
         self._z[k] = tick.z
         self._present[k] = True if tick.present is None else tick.present
         self._torque_ratio[k] = tick.torque_ratio
-        self._speeds_m_s[k], self._speed_jumped[k] = abs(tick.speed_m_s), tick.speed_jumped
+        self.speeds_m_s[k], self.speed_jumped[k] = abs(tick.speed_m_s), tick.speed_jumped
         self._fast[k] = fast_enough
-        self._causes[k] = list(causes)
-        self._unavailable[k] = [axle in tick.unavailable for axle in range(len(causes))]
+        self.causes[k] = list(causes)
+        self.unavailable[k] = [axle in tick.unavailable for axle in range(len(causes))]
 
     def ticks(self) -> Ticks:
         """All of them, for the estimator; what is present may still be masked."""
         m, shape = self._count, (self._count, CHANNELS, -1)
         return Ticks(
             self.number, self._z[:m].reshape(shape), self._present[:m].reshape(shape), self._torque_ratio[:m],
-            self._speeds_m_s[:m],
+            self.speeds_m_s[:m],
         )  # fmt: skip
-
-    def jumped(self, k: int) -> bool:
-        """Whether the speed jumped in a tick."""
-        return self._speed_jumped[k]
-
-    def speed_m_s(self, k: int) -> float:
-        """The speed in a tick."""
-        return self._speeds_m_s[k]
-
-    def unavailable(self, k: int, axle: int) -> bool:
-        """Whether an input of an axle had been silent for too long."""
-        return self._unavailable[k][axle]
-
-    def causes(self, k: int) -> Sequence[Cause]:
-        """What speaks against a tick, by axle."""
-        return self._causes[k]
 
     def running(self, k: int) -> list[bool]:
         """Which axles have what an estimate needs."""
-        if not self._fast[k] or self._speed_jumped[k]:
-            return [False] * len(self._unavailable[k])
-        return [not silent for silent in self._unavailable[k]]
+        if not self._fast[k] or self.speed_jumped[k]:
+            return [False] * len(self.unavailable[k])
+        return [not silent for silent in self.unavailable[k]]
 
     @property
     def is_sound(self) -> bool:
         """Whether every axle has what an estimate needs in every tick, and nothing speaks against them."""
         return all(
-            self._fast[j]
-            and not self._speed_jumped[j]
-            and True not in self._unavailable[j]
-            and not any(self._causes[j])
+            self._fast[j] and not self.speed_jumped[j] and True not in self.unavailable[j] and not any(self.causes[j])
             for j in range(self._count)
         )

@@ -1,4 +1,4 @@
-"""What a daemon runs with, as records; wrcd/config.py makes them from a TOML file."""
+"""What a daemon runs with, as records; wrcd/config/config.py makes them from a TOML file."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -11,7 +11,8 @@ silence and step leave the same behind them, and whoever cannot tell them apart,
 """
 
 from collections.abc import Sequence
-from typing import Protocol
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from wrcd.bus.codec import MessageReader, Receiver, Sample, Value
 from wrcd.bus.frame import Frame
 from wrcd.bus.reasons import Reason
 from wrcd.core.ahead import Ahead
-from wrcd.core.backoff import Backoff
+from wrcd.core.arrivals import NEVER
 from wrcd.core.block import Block
 from wrcd.core.causes import Cause
 from wrcd.core.configuration import Config
@@ -28,10 +29,9 @@ from wrcd.core.details import Details
 from wrcd.core.events import Events
 from wrcd.core.front import Front
 from wrcd.core.inputs import YAW, Inputs
-from wrcd.core.jitter_buffer import NEVER
 from wrcd.core.messages import NAMES, Outbox, Outgoing, Report
-from wrcd.core.slot import Said, Slot, frames, reports
-from wrcd.core.validity import ValidityMonitor, tick_causes
+from wrcd.core.slot import Slot, SlotReports, frames, reports
+from wrcd.core.validity import Backoff, ValidityMonitor, tick_causes
 from wrcd.estimator.design import FloatArray
 from wrcd.estimator.estimator import Estimator
 from wrcd.estimator.records import Estimate, StepResult, Ticks
@@ -43,6 +43,15 @@ SILENCE_US = 1_000_000  # without a mapped frame: longer, and nothing that was k
 
 
 Dues = tuple[int, ...]  # cycles (in µs) of the frames that are due
+
+
+class Decoded(NamedTuple):
+    """The samples of a mapped frame, read ahead of their turn: only where Core.goes_on_from() holds."""
+
+    stamp_us: int
+    reader: MessageReader
+    samples: Sequence[Sample]
+    is_checked: bool  # by Core.check_all()
 
 
 class Observer(Protocol):
@@ -61,16 +70,26 @@ class Observer(Protocol):
         """What a slot's frames are made from, after a tick."""
 
 
+@dataclass(init=False, repr=False, eq=False)
 class Core:
     """One bus, all its axles."""
 
-    STATE = {
-        "counts": "counts", "health": "health", "estimator": "estimator", "receiver": "receiver",
-        "open_tick": "_open", "newest_stamp_us": "_stamp_us", "inputs": "_inputs", "validity": "_validity",
-        "is_reset": "_is_reset", "outbox": "_outbox", "outlier_us": "_outlier_us", "backoff": "_backoff",
-        "block": "_block", "events": "events", "front": "_front", "ahead": "_ahead",
-    }  # fmt: skip
-    TRANSIENT = ("reports", "_said", "_tick", "_begin_us", "_end_us", "_held")
+    counts: Counts
+    health: Health
+    estimator: Estimator
+    receiver: Receiver
+    _open: int | None  # number of the tick that gathers frames
+    _inputs: Inputs
+    _validity: ValidityMonitor
+    _is_reset: list[bool]
+    _outbox: Outbox
+    _outlier_us: list[int]
+    _backoff: Backoff
+    _block: Block
+    events: Events
+    _front: Front | None
+    _ahead: Ahead | None
+    _stamp_us: int = NEVER  # newest stamp taken
 
     def __init__(self, config: Config, estimator: Estimator | None = None, observer: Observer | None = None) -> None:
         self.config = config
@@ -82,8 +101,7 @@ class Core:
         self._n = n
         self._observer = observer
         self._period_us = round(config.design.tick_s * 1e6)
-        self._open: int | None = None  # number of the tick that gathers frames
-        self._stamp_us = NEVER  # newest stamp taken
+        self._open = None
         self._begin_us = self._end_us = NEVER  # of the open tick
         self._inputs = Inputs(config)
         self._tick = self._inputs.close_tick(0)  # the newest that was closed
@@ -94,7 +112,9 @@ class Core:
         self._outlier_us = [NEVER] * n
         self._backoff = Backoff(n, config.design.tick_s)
         self.reports: list[Report] = []  # of the newest slot
-        self._said: list[Said] | None = None  # slot by slot, since it was taken last; None: nobody takes it
+        self._slot_reports: list[SlotReports] | None = (
+            None  # slot by slot, since it was taken last; None: nobody takes it
+        )
         self.events = Events(config)
         positions_m = config.positions_m  # of a train without fusion None
         self._front = None if positions_m is None else Front(positions_m, config.design.tick_s)
@@ -112,10 +132,10 @@ class Core:
         """Begin of the open tick: every tick before it is closed. None before the first frame."""
         return None if self._open is None else self._open * self._period_us
 
-    def take_said(self) -> list[Said]:
-        """What was said in each slot since the last call; from the first call on it is kept."""
-        said, self._said = self._said or [], []
-        return said
+    def take_reports(self) -> list[SlotReports]:
+        """The reports of each slot since the last call; from the first call on they are kept."""
+        reports, self._slot_reports = self._slot_reports or [], []
+        return reports
 
     @property
     def waits(self) -> int:
@@ -128,56 +148,42 @@ class Core:
         self._inputs.apply_limits(config)
         self.events.describe = Details(config)
 
-    def feed(self, frame: Frame) -> list[Outgoing]:
-        """Take a received frame. Returns what was due before its stamp. Frames that are not mapped change nothing.
+    def feed(self, received: Frame | Decoded) -> list[Outgoing]:
+        """Take a frame, or its samples; return what was due before its stamp. What is not mapped changes nothing.
 
-        A frame is rejected here, whole, for what its reader or the plausibility checks find.
+        It is accepted or rejected here, whole, for what its reader or the plausibility checks find.
         """
-        reader = self.receiver.reader(frame)
-        if reader is None:
-            return []
-        out = self._move_to(frame.stamp_us)
-        return self._take(reader, reader.read(frame), frame.stamp_us, out, frame)
-
-    def feed_read(self, reader: MessageReader, read: Sequence[Sample] | Frame, stamp_us: int) -> list[Outgoing]:
-        """The same where goes_on_from() holds, for the frame of a reader, or what that has read in it already."""
-        out = self._move_to(stamp_us)
-        if isinstance(read, Frame):
-            return self._take(reader, reader.read(read), stamp_us, out, read)
-        return self._take(reader, read, stamp_us, out)
-
-    def check_all(self, source: int, values: Sequence[float], stamps_us: Sequence[int]) -> bool:
-        """Check many samples of one input at once, before they are fed with feed_checked(); False: feed_read() must."""
-        return self._inputs.check_all(source, values, stamps_us)
-
-    def feed_checked(self, samples: Sequence[Sample], stamp_us: int) -> list[Outgoing]:
-        """The same for a frame whose samples are also checked already."""
-        out = self._move_to(stamp_us)
-        self._accept(samples, stamp_us)
-        return out
-
-    def goes_on_from(self, stamp_us: int) -> bool:
-        """Whether a frame with this stamp is neither a step of time nor the end of a silence: none that comes before it
-        can reset what the readers know."""
-        return self._stamp_us != NEVER and 0 <= stamp_us - self._stamp_us < min(SILENCE_US, FORWARD_STEP_US) // 2
-
-    def _take(
-        self,
-        reader: MessageReader,
-        samples: Sequence[Sample] | Reason,
-        stamp_us: int,
-        out: list[Outgoing],
-        frame: Frame | None = None,
-    ) -> list[Outgoing]:
-        reason = samples if isinstance(samples, Reason) else self._inputs.check(samples, stamp_us)
+        stamp_us = received.stamp_us
+        if isinstance(received, Decoded):
+            reader, out = received.reader, self._move_to(stamp_us)
+            samples: Sequence[Sample] | Reason = received.samples
+        else:
+            found = self.receiver.reader(received)
+            if found is None:
+                return []
+            reader, out = found, self._move_to(stamp_us)
+            samples = reader.read(received)
+        if isinstance(samples, Reason):
+            reason: Reason | None = samples
+        else:
+            is_checked = isinstance(received, Decoded) and received.is_checked
+            reason = None if is_checked else self._inputs.check(samples, stamp_us)
+            if reason is None:
+                self._accept(samples, stamp_us)
         if reason is not None:
             self.counts.reject(reader.name, reason)
-            concerned = reader.numbers if frame is None else reader.concerned(frame, reason)
+            concerned = reader.numbers if isinstance(received, Decoded) else reader.concerned(received, reason)
             self._inputs.reject(concerned, stamp_us, reason)
-            return out
-        assert not isinstance(samples, Reason)
-        self._accept(samples, stamp_us)
         return out
+
+    def check_all(self, source: int, values: Sequence[float], stamps_us: Sequence[int]) -> bool:
+        """Check many samples of one input at once, before they are fed as checked; False: feed() has to check each."""
+        return self._inputs.check_all(source, values, stamps_us)
+
+    def goes_on_from(self, stamp_us: int) -> bool:
+        """Whether a frame with this stamp is neither a step of time nor the end of a silence: what comes before it
+        resets no reader, and its samples may be decoded ahead of their turn."""
+        return self._stamp_us != NEVER and 0 <= stamp_us - self._stamp_us < min(SILENCE_US, FORWARD_STEP_US) // 2
 
     def _accept(self, samples: Sequence[Sample], stamp_us: int) -> None:
         self.counts.accepted += 1
@@ -256,7 +262,7 @@ class Core:
             if due and not self.muted:
                 out += self._due(self._open * self._period_us, due)
             elif due and self._front is not None:
-                self._front.view()  # what is met while nobody is told is no news later
+                self._front.forget_news()  # what is met while nobody is told is no news later
         self._begin_us = self._open * self._period_us
         self._end_us = self._begin_us + self._period_us
         return out
@@ -333,18 +339,18 @@ class Core:
     def _begin_tick(self, k: int, running: Sequence[bool]) -> None:
         """Tell each axle's Validity of a tick; reset the axles that do not run in it."""
         block = self._block
-        number, jumped, causes = block.number + k, block.jumped(k), block.causes(k)
+        number, jumped, causes = block.number + k, block.speed_jumped[k], block.causes[k]
         for axle in range(self._n):
             # a confirmed speed jump means another signal source: reset every axle
             if jumped and not self._is_reset[axle]:
                 self._count_reset(axle, number)
-                self.events.restarted(axle, self.events.describe.jumped(axle, block.speed_m_s(k)))
+                self.events.restarted(axle, self.events.describe.jumped(axle, block.speeds_m_s[k]))
             if running[axle]:
                 self._is_reset[axle] = False
                 self._validity.update(axle, causes[axle])
                 if self._validity.window_full[axle]:
                     self._backoff.recovered(axle)
-            elif block.unavailable(k, axle):
+            elif block.unavailable[k][axle]:
                 self._reset_axle(axle, Cause.INPUT_SILENT)
             else:
                 again = jumped or self._backoff.waiting(axle, number)
@@ -405,13 +411,13 @@ class Core:
             self._observer.estimated(slot.end_us // self._period_us - 1, estimate)
         if slot.adhesion or slot.detail or slot.view is not None:
             self.reports = reports(slot, estimate, self.events.validities)
-            if self._said is not None:
-                self._said.append(Said(self.reports, slot.adhesion, slot.below_min_speed))
+            if self._slot_reports is not None:
+                self._slot_reports.append(SlotReports(self.reports, slot.adhesion, slot.below_min_speed))
             self.events.slot(slot.end_us, self.reports, slot.details, estimate)
-        told = None
+        rail_ahead = None
         if self._ahead is not None and slot.view is not None:
-            told = self._ahead.update(slot.end_us, slot.view, self.reports, estimate)
-        return frames(slot, self.reports, estimate, self._outbox, told)
+            rail_ahead = self._ahead.update(slot.end_us, slot.view, self.reports, estimate)
+        return frames(slot, self.reports, estimate, self._outbox, rail_ahead)
 
     def _slot(self, end_us: int, due: Dues) -> Slot:
         """Take down what the frames of a slot are made from."""
@@ -419,10 +425,13 @@ class Core:
         outbox = self._outbox
         adhesion, detail = outbox.adhesion_due(due), outbox.detail_due(due)
         front = self._front if detail or outbox.ahead_due(due) else None
-        said = bool(adhesion) or detail or front is not None
-        known = said and True in self._validity.window_full
-        pairs = self.estimator.identity.doubt.tolist() if said else []
+        reports_due = bool(adhesion) or detail or front is not None
+        known = reports_due and True in self._validity.window_full
+        pairs = self.estimator.identity.doubt.tolist() if reports_due else []
         standing = [self._validity.standing(axle, pair) for axle, pair in enumerate(pairs)]
+        view = None if front is None else front.view()
+        if front is not None:
+            front.forget_news()
         return Slot(
             end_us=end_us,
             draft=self.estimator.draft() if known else None,
@@ -431,14 +440,14 @@ class Core:
             detail=detail,
             standing=standing,
             details=self.events.standing(standing, inputs, self._validity, self.estimator.identity, end_us)
-            if said
+            if reports_due
             else {},
             below_min_speed=self.below_min_speed,
-            age_ms=[inputs.age_ms(axle, end_us) for axle in axles] if said else (),
+            age_ms=[inputs.age_ms(axle, end_us) for axle in axles] if reports_due else (),
             torque_ratio=tick.torque_ratio,
             stale=[inputs.quantities(tick.stale, axle) for axle in axles] if detail else (),
             inputs=[self._input_values(axle, end_us) for axle in axles] if detail else (),
-            view=None if front is None else front.view(),
+            view=view,
             status=list(outbox.status(end_us, due, self.counts, self.health, self.estimator.outliers)),
         )
 

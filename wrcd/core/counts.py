@@ -14,17 +14,10 @@ State = Literal["Running", "LinkDown", "Stopping"]
 class Counts:
     """What happened so far. Every mapped frame is in accepted or in rejected under its reason."""
 
-    STATE = {
-        "accepted": "accepted", "rejected": "rejected", "late": "late", "time_steps": "time_steps",
-        "restarts": "restarts", "ticks": "ticks", "last_reason": "last_reason",
-    }  # fmt: skip
-    TRANSIENT = ("rejected_by_message",)
-
     accepted: int = 0
     rejected: Counter[Reason] = field(default_factory=Counter)
-    rejected_by_message: Counter[tuple[str, Reason]] = field(
-        default_factory=Counter
-    )  # the same by message, for the log
+    # the same by message, for the log
+    rejected_by_message: Counter[tuple[str, Reason]] = field(default_factory=Counter, compare=False)
     late: int = 0  # arrived after their tick was closed: used in the tick that was open
     time_steps: int = 0
     restarts: int = 0  # axles started anew: absurd measurements that went on, a speed that jumped
@@ -51,8 +44,6 @@ class Counts:
 @dataclass(slots=True)
 class Health:
     """What the loop knows and the core sends in WrcdStatus and WrcdLink."""
-
-    STATE = {"state": "state", "overruns": "overruns", "link": "link"}
 
     state: State = "Running"
     overruns: int = 0

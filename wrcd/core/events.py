@@ -69,22 +69,23 @@ def csv_line(cells: Sequence[object]) -> str:
     return line.getvalue()
 
 
+@dataclass(init=False, repr=False, eq=False)
 class Events:
     """Compares each slot with the one before."""
 
-    STATE = {
-        "validities": "validities", "causes": "_causes", "standing": "_standing", "tick_causes": "tick_causes",
-        "details": "_details",
-    }  # fmt: skip
-    TRANSIENT = ("total", "_kept")
+    validities: list[Validity]  # as at the newest slot
+    _causes: list[Cause]
+    _standing: list[tuple[bool, Cause]]
+    tick_causes: Sequence[Cause]  # what spoke against the newest tick
+    _details: list[list[str]]
 
     def __init__(self, config: Config) -> None:
         n = len(config.axles)
         self._numbers = [a.number for a in config.axles]
-        self.validities = [Validity.NOT_AVAILABLE] * n  # as at the newest slot
+        self.validities = [Validity.NOT_AVAILABLE] * n
         self._causes = [Cause.NONE] * n
-        self._standing: list[tuple[bool, Cause]] = [(False, Cause.NONE)] * n
-        self.tick_causes: Sequence[Cause] = (Cause.NONE,) * n  # what spoke against the newest tick
+        self._standing = [(False, Cause.NONE)] * n
+        self.tick_causes = (Cause.NONE,) * n
         # by axle and cause: how that was when it began, of the causes that a slot may be too late to describe
         self._details = [[""] * len(Cause) for _ in range(n)]
         self.describe = Details(config)

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -23,28 +24,27 @@ class View(NamedTuple):
     x_m: FloatArray  # where the axles stand in the direction of travel, ahead of the train's way
     met_m: FloatArray  # the train's way when an axle met a worse rail, NaN where none did
     ready: BoolArray  # whose signals would show it
-    lost: BoolArray  # whose sensors or estimator broke since the view before
+    lost: BoolArray  # whose sensors or estimator broke since the slot before
 
 
+@dataclass(init=False, repr=False, eq=False)
 class Front:
     """Integrates the speed that is heard, and watches the axles. Positions in m, forward positive."""
 
-    STATE = {
-        "way_m": "_way_m", "epoch": "_epoch", "known": "_known", "speed_m_s": "_speed_m_s", "reverse": "_reverse",
-        "watch": "_watch", "lost": "_lost",
-    }  # fmt: skip
+    _watch: DropWatch
+    _lost: BoolArray
+    _way_m: float = 0.0
+    _epoch: int = 0
+    _known: bool = False  # whether the speed is
+    _speed_m_s: float = 0.0
+    _reverse: bool = False
 
     def __init__(self, positions_m: Sequence[float], tick_s: float) -> None:
         forward = np.array(positions_m, np.float64)
         self._places = _order(forward), _order(-forward)  # by whether it runs in reverse
         self._tick_s = tick_s
-        self._way_m = 0.0
-        self._epoch = 0
-        self._known = False  # whether the speed is
-        self._speed_m_s = 0.0
-        self._reverse = False
         self._watch = DropWatch(len(positions_m))
-        self._lost: BoolArray = np.zeros(len(positions_m), dtype=bool)
+        self._lost = np.zeros(len(positions_m), dtype=bool)
 
     def move(self, tick: TickInputs, reverse: bool) -> None:
         """A tick is over. Speed that is unknown, silent, backwards or jumps, and another direction, start anew."""
@@ -77,10 +77,15 @@ class Front:
         self._lost[:] = False
 
     def view(self) -> View:
-        """Take down how it is now."""
-        way_m = self._way_m if self._known else math.nan
-        lost, self._lost = self._lost, np.zeros_like(self._lost)
-        return View(self._epoch, way_m, self._speed_m_s, self._x_m, self._watch.take(), self._watch.ready, lost)
+        """How it is now, and what is new since the newest forget_news()."""
+        way_m, watch = self._way_m if self._known else math.nan, self._watch
+        met_m, lost = watch.met_m.copy(), self._lost.copy()
+        return View(self._epoch, way_m, self._speed_m_s, self._x_m, met_m, watch.ready, lost)
+
+    def forget_news(self) -> None:
+        """A slot is over: what an axle met, or lost, is no news to the next."""
+        self._lost[:] = False
+        self._watch.met_m[:] = np.nan
 
     @property
     def _x_m(self) -> FloatArray:

@@ -7,11 +7,9 @@ from dataclasses import dataclass
 from wrcd.bus.codec import Sample
 from wrcd.bus.reasons import Reason
 from wrcd.bus.units import Quantity
+from wrcd.core.arrivals import NEVER, JitterBuffer, Reach, Refusals
 from wrcd.core.configuration import Config
-from wrcd.core.jitter_buffer import NEVER, JitterBuffer
 from wrcd.core.plausibility import MAX_STEP, MIN_RUN, STUCK_CHECKED, JumpCheck, StuckCheck
-from wrcd.core.reach import Reach
-from wrcd.core.refusals import Refusals
 
 QUANTITIES = tuple(Quantity)
 YAW, LAT, TORQUE, SPEED, BRAKE, LOAD, DIRECTION, RADIUS = range(len(QUANTITIES))
@@ -51,20 +49,27 @@ def rows_of(config: Config) -> tuple[list[int], list[int]]:
     return [*range(len(QUANTITIES)), *(q for q, _ in later)], rows
 
 
+@dataclass(init=False, repr=False, eq=False)
 class Inputs:
     """Values by place. check(), then accept() or reject() while the tick is open, close_tick() when it is over.
 
     A place is row * axles + axle, with the rows of rows_of().
     """
 
-    STATE = {
-        "value": "_value", "stamp_us": "_stamp_us", "degraded": "degraded", "contested": "contested",
-        "jitter_buffer": "_jitter_buffer", "reach": "reach", "stuck_checks": "_stuck_checks",
-        "jump_checks": "_jump_checks", "speed_jumped": "_speed_jumped", "reverse": "_reverse",
-        "torque_ratio": "_torque_ratio", "torque_ratio_known": "_torque_ratio_known", "refusals": "refusals",
-        "traction_us": "_traction_us",
-    }  # fmt: skip
-    TRANSIENT = ("_shares_known", "_shares_ok")
+    _value: list[float]  # in SI units
+    _stamp_us: list[int]
+    degraded: list[bool]  # by what its sender says of itself
+    contested: list[bool]  # by another sender of the same message
+    _jitter_buffer: JitterBuffer
+    reach: Reach
+    _stuck_checks: dict[int, StuckCheck]
+    _jump_checks: dict[int, JumpCheck]
+    _torque_ratio: list[float]
+    _torque_ratio_known: bool
+    refusals: Refusals
+    _traction_us: list[int]  # when the torque was larger than that last, where its sign counts
+    _speed_jumped: bool = False  # in the open tick
+    _reverse: bool = False  # whether an axle runs backwards
 
     def __init__(self, config: Config) -> None:
         n, design = len(config.axles), config.design
@@ -75,8 +80,8 @@ class Inputs:
         mapped: set[int] = set()
         self._places: list[tuple[int, ...]] = []  # of each of the configuration's inputs
         self._quantities: list[int] = []  # likewise
-        self._stuck_checks: dict[int, StuckCheck] = {}
-        self._jump_checks: dict[int, JumpCheck] = {}
+        self._stuck_checks = {}
+        self._jump_checks = {}
         for i, row in zip(config.inputs, rows, strict=True):
             q = i.source.quantity
             places = tuple(row * n + axle for axle in i.source.axles)
@@ -101,16 +106,14 @@ class Inputs:
         }  # fmt: skip
         self._value = [starts.get(place // n, 0.0) for place in range(size)]
         self._stamp_us = [NEVER] * size
-        self.degraded = [False] * size  # by what its sender says of itself
-        self.contested = [False] * size  # by another sender of the same message
+        self.degraded = [False] * size
+        self.contested = [False] * size
         self._jitter_buffer = JitterBuffer((LAT + 1) * n, design.recent_ticks)
-        self._speed_jumped = False  # in the open tick
         self.reach = Reach(self._timeout_us)
         self.refusals = Refusals(size)
         self._checks: list[StuckCheck | JumpCheck | None] = [
             self._stuck_checks.get(places[0]) or self._jump_checks.get(places[0]) for places in self._places
         ]
-        self._reverse = False  # whether an axle runs backwards
         self._speed_tells_direction = set(range(DIRECTION * n, (DIRECTION + 1) * n)).isdisjoint(mapped)
         self._speed_place = SPEED * n
         self._of_axle = [
@@ -124,7 +127,7 @@ class Inputs:
         )
         self._against_Nm = AGAINST_SHARE * 2 * design.normal_N * design.r_0
         self._dead_Nm = DEAD_SHARE * 2 * design.normal_N * design.r_0
-        self._traction_us = [NEVER] * n  # when the torque was larger than that last, where its sign counts
+        self._traction_us = [NEVER] * n
         self._shares_known = self._shares_ok = False
         self._speeds = float(design.speeds_m_s[0]), float(design.speeds_m_s[-1])
         self.apply_limits(config)
@@ -161,6 +164,8 @@ class Inputs:
                 reason = check.check(value, stamp_us, abs(self._value[self._speed_place]) >= self._min_speed_m_s)
             elif check is not None:
                 reason = check.check(value, stamp_us)
+                if check.jumped and self._quantities[source] == SPEED:
+                    self._speed_jumped = True
             else:
                 continue
             if reason is not None and rejected is None:
@@ -198,10 +203,6 @@ class Inputs:
             self._torque_ratio_known = False
             if quantity != SPEED and (quantity != TORQUE or self._torque_sign_counts):
                 self._shares_known = False
-            check = self._checks[source]
-            if isinstance(check, JumpCheck) and check.jumped:
-                check.jumped = False
-                self._speed_jumped |= quantity == SPEED
             if quantity == DIRECTION:
                 n = self._axles
                 self._reverse = min(self._value[DIRECTION * n : (DIRECTION + 1) * n]) < 0.0

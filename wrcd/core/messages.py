@@ -139,10 +139,12 @@ class Outgoing:
     cause: Cause = Cause.NONE  # of an axle's adhesion not being Valid
 
 
+@dataclass(init=False, repr=False, eq=False)
 class Outbox:
     """Turns reports and counters into frames. A message that the DBC lacks is left out."""
 
-    STATE = {"rejected_before": "_rejected_before", "foreign_before": "_foreign_before"}
+    _rejected_before: Counter[Reason]  # at the newest WrcdRejects
+    _foreign_before: int = 0
 
     def __init__(self, config: Config) -> None:
         def writer(output: Output | None) -> Writer | None:
@@ -157,8 +159,7 @@ class Outbox:
         own = (self._status, self._rejects, self._link)
         every = (*self._adhesion, *self._detail, *self._inputs, *self._ahead, *own)
         self.cycles_us = tuple(sorted({w.cycle_us for w in every if w}))
-        self._rejected_before: Counter[Reason] = Counter()  # at the newest WrcdRejects
-        self._foreign_before = 0
+        self._rejected_before = Counter()
 
     def adhesion_due(self, due: Sequence[int]) -> tuple[int, ...]:
         """The axles (places) whose adhesion is due with these cycles."""

@@ -4,6 +4,7 @@ import itertools
 import math
 import operator
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from wrcd.bus.reasons import Reason
 from wrcd.bus.units import Quantity
@@ -29,10 +30,15 @@ MAX_STEP = {
 }
 
 
+@dataclass(init=False, repr=False, eq=False)
 class StuckCheck:
     """Watches a sensor that must move."""
 
-    STATE = {"value": "value", "run": "run", "changed_us": "_changed_us", "share": "_share", "frames": "_frames"}
+    value: float
+    run: int  # equal neighbours in a row
+    _changed_us: int | None
+    _share: float
+    _frames: float
 
     def __init__(self) -> None:
         self._share, self._frames = FIRST_SHARE, FIRST_FRAMES
@@ -41,8 +47,8 @@ class StuckCheck:
     def reset(self) -> None:
         """Nothing that came before counts; how coarse the sensor is, is remembered."""
         self.value = math.nan
-        self.run = 0  # equal neighbours in a row
-        self._changed_us: int | None = None
+        self.run = 0
+        self._changed_us = None
 
     def check(self, value: float, stamp_us: int, moving: bool) -> Reason | None:
         """STUCK for a value that has been the same for too long."""
@@ -86,10 +92,13 @@ class StuckCheck:
         return max(MIN_RUN, math.ceil(chance / math.log(min(max(self._share, 1e-6), MAX_SHARE))))
 
 
+@dataclass(init=False, repr=False, eq=False)
 class JumpCheck:
     """Watches a quantity that cannot jump."""
 
-    STATE = {"value": "_value", "stamp_us": "_stamp_us", "doubted": "_doubted", "jumped": "jumped"}
+    _value: float
+    _stamp_us: int
+    _doubted: float  # the value that was refused last
 
     def __init__(self, max_step: float, timeout_us: int) -> None:
         self._max_step, self._timeout_us = max_step, timeout_us
@@ -99,13 +108,13 @@ class JumpCheck:
         """Nothing that came before counts."""
         self._value = math.nan
         self._stamp_us = 0
-        self._doubted = math.nan  # the value that was refused last
-        self.jumped = False  # what is believed is far from what was; who takes notice of it sets it back
+        self._doubted = math.nan
+        self.jumped = False  # whether the newest value is believed, and far from the one before
 
     def check(self, value: float, stamp_us: int) -> Reason | None:
         """JUMP for a value too far from the one before; believed is what a second frame confirms, or comes after a
         gap."""
-        age_us = stamp_us - self._stamp_us
+        age_us, self.jumped = stamp_us - self._stamp_us, False
         most = self._max_step * max(1.0, age_us / 100_000)
         if age_us <= self._timeout_us and abs(value - self._value) > most:
             if not abs(value - self._doubted) <= most:
@@ -119,7 +128,8 @@ class JumpCheck:
         """The same of many values at once, if none is further from the one before than anything moves in no time; else
         False, and nothing has changed."""
         steps = map(abs, map(operator.sub, values, (self._value, *values)))
-        if self.jumped or not max(steps) <= self._max_step:
+        if not max(steps) <= self._max_step:
             return False
+        self.jumped = False
         self._value, self._stamp_us, self._doubted = values[-1], stamps_us[-1], math.nan
         return True

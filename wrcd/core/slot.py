@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from wrcd.bus.codec import Value
-from wrcd.core.ahead import Told
+from wrcd.core.ahead import RailAhead
 from wrcd.core.causes import Cause, Validity
 from wrcd.core.front import View
 from wrcd.core.messages import (
@@ -45,8 +45,8 @@ class Slot:
     status: Sequence[Outgoing]
 
 
-class Said(NamedTuple):
-    """What was said of every axle in a slot."""
+class SlotReports(NamedTuple):
+    """The reports of every axle in a slot."""
 
     reports: Sequence[Report]
     adhesion: Sequence[int]  # axles (places) whose adhesion was due
@@ -54,35 +54,42 @@ class Said(NamedTuple):
 
 
 def reports(slot: Slot, estimate: Estimate | None, before: Sequence[Validity]) -> list[Report]:
-    """What is said of every axle. before: their Validity at the slot before."""
+    """The reports of every axle. before: their Validity at the slot before."""
     return [_report(slot, axle, estimate, validity) for axle, validity in enumerate(before)]
 
 
 def frames(
-    slot: Slot, said: Sequence[Report], estimate: Estimate | None, outbox: Outbox, told: Sequence[Told] | None
+    slot: Slot,
+    reported: Sequence[Report],
+    estimate: Estimate | None,
+    outbox: Outbox,
+    rail_ahead: Sequence[RailAhead] | None,
 ) -> list[Outgoing]:
-    """The frames of the slot; told: what lies ahead of each axle, with fusion."""
+    """The frames of the slot; rail_ahead: of each axle, with fusion."""
     out: list[Outgoing] = []
     if slot.adhesion:
-        out += outbox.adhesion(slot.end_us, slot.due, said, estimate)
+        out += outbox.adhesion(slot.end_us, slot.due, reported, estimate)
     if slot.detail:
         known = [estimate if standing.has_estimate else None for standing in slot.standing]
         out += outbox.detail(
             slot.end_us,
             slot.due,
-            [explanation(e, axle, slot.stale[axle], _cause(said, told, axle)) for axle, e in enumerate(known)],
+            [
+                explanation(e, axle, slot.stale[axle], _cause(reported, rail_ahead, axle))
+                for axle, e in enumerate(known)
+            ],
             [{"Plausibility": plausibility(e, axle), **slot.inputs[axle]} for axle, e in enumerate(known)],
         )
-    if told is not None:
-        out += outbox.ahead(slot.end_us, slot.due, [t.values() for t in told])
+    if rail_ahead is not None:
+        out += outbox.ahead(slot.end_us, slot.due, [t.values() for t in rail_ahead])
     out += slot.status
     return out
 
 
-def _cause(said: Sequence[Report], told: Sequence[Told] | None, axle: int) -> str:
+def _cause(reported: Sequence[Report], rail_ahead: Sequence[RailAhead] | None, axle: int) -> str:
     """Of not being Valid; of a Valid axle, that a drop lies ahead."""
-    report = said[axle]
-    warns = told is not None and told[axle].warns and report.validity is Validity.VALID
+    report = reported[axle]
+    warns = rail_ahead is not None and rail_ahead[axle].warns and report.validity is Validity.VALID
     return DROP_AHEAD if warns and report.cause is Cause.NONE else report.cause.label
 
 

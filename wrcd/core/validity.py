@@ -9,6 +9,7 @@ is Degraded; the window goes on after it.
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 from wrcd.core.causes import Cause, Validity
@@ -88,24 +89,28 @@ def _doubtful(i: Inputs, axle: int) -> Cause:
     return Cause.NONE
 
 
+@dataclass(init=False, repr=False, eq=False)
 class ValidityMonitor:
     """Counts the sound ticks of every axle, and says what follows."""
 
-    STATE = {
-        "window": "_window", "stale_ticks": "_stale_ticks", "fresh_ticks": "_fresh_ticks",
-        "sound_ticks": "_sound_ticks", "window_full": "_window_full", "newest": "_newest", "unsound": "_unsound",
-        "begun": "_begun",
-    }  # fmt: skip
+    _window: int
+    _stale_ticks: list[int]  # in a row, with a stale input
+    _fresh_ticks: list[int]  # without a stale input since the last silence that was too long to be bridged
+    _sound_ticks: list[int]  # in a row, but for bridged ones
+    _window_full: list[bool]  # whether a full window of fresh ticks has been seen since it began
+    _newest: list[Cause]  # what spoke against the newest tick
+    _unsound: list[Cause]  # against the newest that something spoke against
+    _begun: list[Cause]  # why it began, or has not
 
     def __init__(self, window_ticks: int, axles: int) -> None:
         self._window = window_ticks
-        self._stale_ticks = [0] * axles  # in a row, with a stale input
-        self._fresh_ticks = [0] * axles  # without a stale input since the last silence that was too long to be bridged
-        self._sound_ticks = [0] * axles  # in a row, but for bridged ones
-        self._window_full = [False] * axles  # whether a full window of fresh ticks has been seen since it began
-        self._newest = [Cause.NONE] * axles  # what spoke against the newest tick
-        self._unsound = [Cause.NONE] * axles  # against the newest that something spoke against
-        self._begun = [Cause.WARMING_UP] * axles  # why it began, or has not
+        self._stale_ticks = [0] * axles
+        self._fresh_ticks = [0] * axles
+        self._sound_ticks = [0] * axles
+        self._window_full = [False] * axles
+        self._newest = [Cause.NONE] * axles
+        self._unsound = [Cause.NONE] * axles
+        self._begun = [Cause.WARMING_UP] * axles
 
     @property
     def window_full(self) -> list[bool]:
@@ -176,3 +181,52 @@ def _of_estimate(axle: int, estimate: Estimate, before: Validity) -> Cause:
     if not math.isfinite(estimate.mu_available_pct[axle]):
         return Cause.TOO_LITTLE_DATA
     return Cause.CONTRADICTION if estimate.contradicted[axle] else Cause.NONE
+
+
+# So many resets in a row are for nothing: a signal that steps resets the axle twice, when the step comes and when it
+# goes, and a second signal beside it may do so again.
+FREE_RESETS = 4
+FIRST_WAIT_S, LAST_WAIT_S = 1.0, 8.0  # twice as long each time
+
+
+@dataclass(init=False, repr=False, eq=False)
+class Backoff:
+    """Counts each axle's resets that no full window of good ticks came between."""
+
+    _in_a_row: list[int]
+    _until: list[int]  # number of the tick with which the axle is tried again
+    waits: int = 0  # of all axles so far
+
+    def __init__(self, axles: int, tick_s: float) -> None:
+        self._tick_s = tick_s
+        self._in_a_row = [0] * axles
+        self._until = [0] * axles
+
+    def was_reset(self, axle: int, tick: int) -> None:
+        """An axle was reset in a tick."""
+        self._in_a_row[axle] = min(self._in_a_row[axle] + 1, FREE_RESETS + 10)
+        doublings = self._in_a_row[axle] - FREE_RESETS - 1
+        if doublings >= 0:
+            self.waits += 1
+            self._until[axle] = tick + 1 + round(min(FIRST_WAIT_S * 2**doublings, LAST_WAIT_S) / self._tick_s)
+
+    def recovered(self, axle: int) -> None:
+        """A full window of good ticks has come."""
+        self._in_a_row[axle] = 0
+
+    def waiting(self, axle: int, tick: int) -> bool:
+        """Whether the axle is left alone in a tick."""
+        return tick < self._until[axle]
+
+    def wait_s(self, axle: int, tick: int) -> float:
+        """For how long the axle is left alone from a tick on."""
+        return max(self._until[axle] - tick - 1, 0) * self._tick_s
+
+    def any_waits(self, tick: int) -> bool:
+        """Whether any axle is left alone in a tick."""
+        return tick < max(self._until)
+
+    def reset(self) -> None:
+        """A step of time, or a silence: a tick's number tells nothing of what came before."""
+        self._in_a_row = [0] * len(self._in_a_row)
+        self._until = [0] * len(self._until)

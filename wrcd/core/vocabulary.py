@@ -1,7 +1,7 @@
 """What the daemon tells: every signal by our name, with its words, or with unit, range and resolution that a field must
 have to carry it.
 
-The configuration gives them other names and words (wrcd/mapping/outputs.py); messages.py fills them.
+The configuration gives them other names and words (wrcd/config/outputs.py); messages.py fills them.
 """
 
 import re
@@ -132,3 +132,9 @@ MESSAGES: Mapping[str, Mapping[str, Numeric | Words]] = {
 def snake(name: str) -> str:
     """A name or word of ours as the configuration's keys spell it: mu_available for MuAvailable."""
     return re.sub(r"(?<!^)(?=[A-Z])", "_", name).lower()
+
+
+def words_of(message: str, signal: str) -> tuple[str, ...]:
+    """Return the words of a signal of ours, by their places; a number has none."""
+    found = MESSAGES[message][signal]
+    return found.words if isinstance(found, Words) else ()

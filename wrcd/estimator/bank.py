@@ -1,17 +1,86 @@
 """The bank: four Kalman filters with steady-state gains for every axle, as one matrix product per tick."""
 
+import math
+from bisect import bisect_left
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wrcd.estimator.design import CHANNELS, MODELS, STATES, Design, FloatArray, closed_loop
-from wrcd.estimator.tables import SpeedTable
+
+MEMORY_S = 0.3  # time constant: long against a cycle of the speed signal, short against a braking
+RATE_AFTER_TICKS = 20  # before, the rate of change is not known from the noise
+MAX_ERROR_M_S = 1.5  # a signal further away than this is another one: start with it
+
+
+@dataclass(init=False, repr=False, eq=False)
+class SpeedFilter:
+    """Alpha-beta filter: tracks the speed and its rate, so that a steady acceleration leaves no lag.
+
+    The signal comes every few ticks, with noise and in steps. Gains and noise tables that followed it would toggle.
+    """
+
+    _speed: float = math.nan
+    _rate: float = 0.0  # per tick
+    _ticks: int = 0  # of this signal, as far as they count
+
+    def __init__(self, tick_s: float) -> None:
+        self._alpha = 1.0 - math.exp(-tick_s / MEMORY_S)
+        self._beta = 0.5 * self._alpha**2
+        self._max_ticks = max(RATE_AFTER_TICKS + 1, math.ceil(1.0 / self._alpha))
+
+    def checkpoint(self) -> tuple[float, float, int]:
+        """The state, for rollback()."""
+        return self._speed, self._rate, self._ticks
+
+    def rollback(self, to: tuple[float, float, int]) -> None:
+        """Undo everything since a checkpoint."""
+        self._speed, self._rate, self._ticks = to
+
+    def reset(self) -> None:
+        """Start with the next signal."""
+        self._speed, self._rate, self._ticks = math.nan, 0.0, 0
+
+    def step(self, speed_m_s: float) -> float:
+        """The filtered speed (m/s) at a tick whose newest signal is speed_m_s; NaN if that is not finite."""
+        if not math.isfinite(speed_m_s):
+            self.reset()
+            return math.nan
+        if not self._ticks or abs(speed_m_s - self._speed) > MAX_ERROR_M_S:
+            self._speed, self._rate, self._ticks = speed_m_s, 0.0, 1
+            return speed_m_s
+        predicted = self._speed + self._rate
+        error = speed_m_s - predicted
+        self._ticks = min(self._ticks + 1, self._max_ticks)
+        self._speed = predicted + max(self._alpha, 1.0 / self._ticks) * error
+        if self._ticks > RATE_AFTER_TICKS:
+            self._rate += self._beta * error
+        return self._speed
+
+
+class SpeedTable:
+    """A table (v, …), linear between the speeds (v,), held at its ends."""
+
+    def __init__(self, table: FloatArray, speeds_m_s: FloatArray) -> None:
+        self._table, self._speeds = table, [float(v) for v in speeds_m_s]
+
+    def at(self, speed_m_s: float) -> FloatArray:
+        """The row at a speed."""
+        speeds = self._speeds
+        v = min(max(speed_m_s, speeds[0]), speeds[-1])
+        i = min(max(bisect_left(speeds, v) - 1, 0), len(speeds) - 2)
+        t = (v - speeds[i]) / (speeds[i + 1] - speeds[i])
+        out: FloatArray = (1.0 - t) * self._table[i] + t * self._table[i + 1]
+        return out
+
 
 BoolArray = NDArray[np.bool_]
 SPEED_STEP = 0.1  # m/s: matrices are made at multiples of this, and are linear between them
 
 
+@dataclass(init=False, repr=False, eq=False)
 class Bank:
     """Innovations of 4 models x n axles.
 
@@ -28,8 +97,7 @@ class Bank:
     filter that is stable at both ends was not so between them, and its residual grew within a minute.
     """
 
-    STATE = {"states": "x"}
-    TRANSIENT = ("_fused", "_between", "_in")
+    x: FloatArray
 
     def __init__(self, design: Design, axles: int) -> None:
         self._range = float(design.speeds_m_s[0]), float(design.speeds_m_s[-1])
@@ -37,7 +105,7 @@ class Bank:
         self._tables = [SpeedTable(table, design.speeds_m_s) for table in tables]
         self._fused: dict[int, FloatArray] = {}
         self._between: dict[int, tuple[FloatArray, FloatArray]] = {}
-        self.x: FloatArray = np.zeros((MODELS, STATES, axles))
+        self.x = np.zeros((MODELS, STATES, axles))
         self._in: FloatArray = np.zeros((MODELS, STATES + CHANNELS, axles))
 
     def reset(self, axle: int) -> None:

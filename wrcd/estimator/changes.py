@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from wrcd.estimator.bank import BoolArray
+from wrcd.estimator.bank import BoolArray, SpeedTable
 from wrcd.estimator.design import Design, FloatArray
-from wrcd.estimator.tables import SpeedTable
 from wrcd.estimator.window import Lengths, Window, mean_ratio, raw_power
 
 # A torque of the moment that differs by this share and this ratio from what it was is a change, of the drive or of the

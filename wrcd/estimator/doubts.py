@@ -168,7 +168,7 @@ def dead_alone(e: Evidence, yaw_unit: float, lat_unit: float) -> Doubt:
     return Doubt.NONE
 
 
-class Figures(NamedTuple):
+class DoubtFigures(NamedTuple):
     """What a doubt was found by, for a person."""
 
     low: float = 0.0  # correlation below 1.5 Hz
@@ -179,12 +179,12 @@ class Figures(NamedTuple):
     partner: float = -1.0  # the axle (its place) whose other sensor fits better, -1: none
 
 
-def figures(e: Evidence, yaw_unit: float, lat_unit: float, partner: int = -1) -> Figures:
+def figures(e: Evidence, yaw_unit: float, lat_unit: float, partner: int = -1) -> DoubtFigures:
     """Of a pair over spans of time."""
     low, middle, _ = _correlation(e).mean(axis=0).tolist()
     yaw_rms, lat_rms = np.sqrt(e.variance.mean(axis=0)).tolist()
     ratio = 10.0 ** float(_median(_ratios(e, yaw_unit, lat_unit))[LOW])
-    return Figures(low, middle, yaw_rms, lat_rms, ratio, float(partner))
+    return DoubtFigures(low, middle, yaw_rms, lat_rms, ratio, float(partner))
 
 
 def doubts(e: Evidence, yaw_unit: float, lat_unit: float, tick_s: float) -> set[Doubt]:

@@ -8,6 +8,7 @@ A sign is a suspicion, no estimate: nothing here changes one.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -43,21 +44,23 @@ _COUNT, _TORQUE, _TORQUE_COUNT = _POWERS, _POWERS + 1, _POWERS + 2
 _COLUMNS = _POWERS + 3
 
 
+@dataclass(init=False, repr=False, eq=False)
 class DropWatch:
     """Takes the innovations of all axles tick by tick and looks for signs at the end of every block."""
 
-    STATE = {
-        "blocks": "_blocks", "block": "_block", "pause": "_pause", "jolt": "_jolt", "steady": "_steady",
-        "met_m": "met_m",
-    }  # fmt: skip
+    _blocks: FloatArray  # oldest first; the last is being filled
+    _pause: FloatArray  # blocks to go
+    _jolt: FloatArray  # blocks until a jolt is out of the newest
+    _steady: BoolArray  # torque, at the newest block's end
+    met_m: FloatArray  # way of the train when an axle met a worse rail, NaN where none did
+    _block: int = -1  # its number
 
     def __init__(self, axles: int) -> None:
-        self._blocks: FloatArray = np.zeros((LENGTH, _COLUMNS, axles))  # oldest first; the last is being filled
-        self._block = -1  # its number
-        self._pause: FloatArray = np.zeros(axles)  # blocks to go
-        self._jolt: FloatArray = np.zeros(axles)  # blocks until a jolt is out of the newest
-        self._steady: BoolArray = np.zeros(axles, dtype=bool)  # torque, at the newest block's end
-        self.met_m: FloatArray = np.full(axles, np.nan)  # way of the train when an axle met a worse rail: not taken yet
+        self._blocks = np.zeros((LENGTH, _COLUMNS, axles))
+        self._pause = np.zeros(axles)
+        self._jolt = np.zeros(axles)
+        self._steady = np.zeros(axles, dtype=bool)
+        self.met_m = np.full(axles, np.nan)
 
     def reset(self, axle: int) -> None:
         """Start an axle anew."""
@@ -70,11 +73,6 @@ class DropWatch:
         """Start all of them anew."""
         for axle in range(self._blocks.shape[2]):
             self.reset(axle)
-
-    def take(self) -> FloatArray:
-        """(n,): where the train was (m) when each axle met a worse rail, NaN where none did since the last call."""
-        met_m, self.met_m = self.met_m, np.full_like(self.met_m, np.nan)
-        return met_m
 
     @property
     def ready(self) -> BoolArray:

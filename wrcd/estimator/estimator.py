@@ -7,28 +7,28 @@ stepped tick by tick, which can do all. Both give the same numbers but for round
 """
 
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wrcd.estimator.answer import Answers, Draft, joined, split
-from wrcd.estimator.bank import Bank, BoolArray
+from wrcd.estimator.bank import Bank, BoolArray, SpeedFilter
 from wrcd.estimator.changes import ChangeDetector
 from wrcd.estimator.design import MODELS, Design, FloatArray, IntArray
 from wrcd.estimator.gate import Gate, Outliers
 from wrcd.estimator.identity import BLOCK_S, Identity
 from wrcd.estimator.joints import HOLD_TICKS, MAX_PULSE, Joints
-from wrcd.estimator.noise import NoiseLevel
-from wrcd.estimator.offset import Offset
+from wrcd.estimator.noise import NoiseLevel, Offset
 from wrcd.estimator.records import Estimate, StepResult, Ticks
-from wrcd.estimator.sections import Sections
-from wrcd.estimator.speed import SpeedFilter
+from wrcd.estimator.recursion import Sections
 from wrcd.estimator.window import BLOCK_TICKS, Lengths, Statistics, Window, quiet
 
 OFFSET_WINDOWS = 2  # memory of the sensors' offsets, in windows
 
 
+@dataclass(init=False, repr=False, eq=False)
 class Estimator:
     """Steps the bank and answers. Never raises on data: what is unknown comes out as NaN.
 
@@ -37,14 +37,23 @@ class Estimator:
     wider interval. While nothing changes the window grows to twice its usual length.
     """
 
-    STATE = {
-        "bank": "_bank", "offset": "_offset", "gate": "_gate", "window": "_window", "speed": "_speed",
-        "lowpass": "_lowpass", "joints": "_joints", "noise": "_noise", "speed_m_s": "_speed_m_s",
-        "complete": "_complete", "delayed": "_delayed", "delayed_live": "_delayed_live",
-        "delayed_clear": "_delayed_clear", "started": "started", "outliers": "outliers", "identity": "identity",
-        "saturated": "_saturated",
-    }  # fmt: skip
-    TRANSIENT = ("_settled", "_all")
+    _bank: Bank
+    _offset: Offset
+    _gate: Gate
+    _window: Window
+    _speed: SpeedFilter
+    _lowpass: Sections
+    _joints: Joints
+    _noise: NoiseLevel
+    _speed_m_s: float
+    _complete: BoolArray  # whether the newest tick's measurements were used
+    _delayed: FloatArray
+    _delayed_live: BoolArray
+    _delayed_clear: BoolArray
+    started: BoolArray  # whether a measurement was used since the last reset
+    identity: Identity
+    _saturated: BoolArray  # a while ago
+    outliers: int = 0  # samples left out so far
 
     def __init__(self, design: Design, axles: int) -> None:
         self.design = design
@@ -63,14 +72,13 @@ class Estimator:
         self._grid = float(design.speeds_m_s[0]), float(design.speeds_m_s[-1])
         self._speed_m_s = self._grid[0]
         self._wrcd = design.form == "wrcd"
-        self._complete: BoolArray = np.zeros(axles, dtype=bool)  # whether the newest tick's measurements were used
-        self.outliers = 0  # samples left out so far
+        self._complete = np.zeros(axles, dtype=bool)
         # innovations wait HOLD_TICKS, oldest first, until it is known whether a pulse follows
-        self._delayed: FloatArray = np.zeros((HOLD_TICKS, MODELS, 2, axles))
-        self._delayed_live: BoolArray = np.zeros((HOLD_TICKS, axles), dtype=bool)
-        self._delayed_clear: BoolArray = np.zeros((HOLD_TICKS, axles), dtype=bool)
-        self._saturated: BoolArray = np.zeros(axles, dtype=bool)  # a while ago
-        self.started: BoolArray = np.zeros(axles, dtype=bool)  # whether a measurement was used since the last reset
+        self._delayed = np.zeros((HOLD_TICKS, MODELS, 2, axles))
+        self._delayed_live = np.zeros((HOLD_TICKS, axles), dtype=bool)
+        self._delayed_clear = np.zeros((HOLD_TICKS, axles), dtype=bool)
+        self._saturated = np.zeros(axles, dtype=bool)
+        self.started = np.zeros(axles, dtype=bool)
         self._saturated_ticks = round(BLOCK_S / design.tick_s)  # between two looks at it
         self._small = (self._offset.newest_share * MAX_PULSE)[:, None]
         self._settled: BoolArray | None = None  # (n,): which axles a whole block can be stepped of; None: look

@@ -1,6 +1,7 @@
 """Innovation gate: skip single outliers; reset the axle when outliers exceed accepted samples by more than two."""
 
 import math
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -36,21 +37,24 @@ class Outliers(NamedTuple):
     jump_rad_s: float
 
 
+@dataclass(init=False, repr=False, eq=False)
 class Gate:
     """Judges innovations by their running mean square, per model, channel and axle."""
 
-    STATE = {
-        "power": "_power", "peak": "_peak", "count": "_count", "net_outliers": "_net_outliers",
-        "last_yaw_rate": "_last", "last_yaw_rate_age": "_age",
-    }  # fmt: skip
+    _power: FloatArray
+    _peak: FloatArray  # of the first MIN_TICKS
+    _count: FloatArray
+    _net_outliers: FloatArray  # outliers less the accepted samples after them
+    _last: FloatArray  # yaw rate that was used last
+    _age: FloatArray  # ticks since
 
     def __init__(self, axles: int) -> None:
-        self._power: FloatArray = np.zeros((MODELS, CHANNELS, axles))
-        self._peak: FloatArray = np.zeros((MODELS, CHANNELS, axles))  # of the first MIN_TICKS
-        self._count: FloatArray = np.zeros((CHANNELS, axles))
-        self._net_outliers: FloatArray = np.zeros((CHANNELS, axles))  # outliers less the accepted samples after them
-        self._last: FloatArray = np.zeros(axles)  # yaw rate that was used last
-        self._age: FloatArray = np.full(axles, math.inf)  # ticks since
+        self._power = np.zeros((MODELS, CHANNELS, axles))
+        self._peak = np.zeros((MODELS, CHANNELS, axles))
+        self._count = np.zeros((CHANNELS, axles))
+        self._net_outliers = np.zeros((CHANNELS, axles))
+        self._last = np.zeros(axles)
+        self._age = np.full(axles, math.inf)
         self._block = exponential(1.0 / MEMORY_TICKS)
 
     def reset(self, axle: int) -> None:

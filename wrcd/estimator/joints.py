@@ -1,11 +1,12 @@
 """Rail joints and crossings: short pulses of the axle box that tell nothing of the contact."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from wrcd.estimator.bank import BoolArray
 from wrcd.estimator.design import FloatArray
-from wrcd.estimator.recursion import exponential, smoothed
-from wrcd.estimator.sections import Sections
+from wrcd.estimator.recursion import Sections, exponential, smoothed
 
 # A pulse is so many times the running rms of the accelerometer above the band; the rms is never taken as less than
 # FLOOR of the design's sensor noise, and forgets within 1 / GAIN ticks. A square counts as no more than CLIP of it.
@@ -23,26 +24,31 @@ MAX_TICKS = 24
 MAX_PULSE = np.array([0.02, 6.0])
 
 
+@dataclass(init=False, repr=False, eq=False)
 class Joints:
     """Flags the ticks of pulses, HOLD_TICKS late, so that those before a pulse are flagged, too."""
 
-    STATE = {
-        "highpass": "_highpass", "power": "_power", "ticks": "_ticks", "ticks_left": "_left",
-        "large_ticks": "_length", "ticks_since_pulse": "_since", "first_sample": "_first", "newest_sample": "_newest",
-    }  # fmt: skip
+    _highpass: Sections
+    _power: FloatArray
+    _ticks: FloatArray  # with a measurement, up to MEMORY_TICKS
+    _left: FloatArray  # ticks for which the newest large one still counts
+    _length: FloatArray  # large ticks since it was quiet for HOLD_TICKS
+    _since: FloatArray  # ticks since the newest pulse
+    _first: FloatArray
+    _newest: FloatArray
 
     def __init__(self, highpass: FloatArray, noise_rms: float, axles: int) -> None:
         self._highpass = Sections(highpass, 1, axles)
         self._floor = (FLOOR * noise_rms) ** 2
-        self._power: FloatArray = np.full(axles, noise_rms**2)
-        self._ticks: FloatArray = np.zeros(axles)  # with a measurement, up to MEMORY_TICKS
-        self._left: FloatArray = np.zeros(axles)  # ticks for which the newest large one still counts
-        self._length: FloatArray = np.zeros(axles)  # large ticks since it was quiet for HOLD_TICKS
-        self._since: FloatArray = np.full(axles, LONG_AGO)  # ticks since the newest pulse
+        self._power = np.full(axles, noise_rms**2)
+        self._ticks = np.zeros(axles)
+        self._left = np.zeros(axles)
+        self._length = np.zeros(axles)
+        self._since = np.full(axles, LONG_AGO)
         # An offset is no step, neither when it comes nor when a measurement is missing: the high-pass is given
         # differences to the first sample, and the newest again where there is none.
-        self._first: FloatArray = np.zeros(axles)
-        self._newest: FloatArray = np.zeros(axles)
+        self._first = np.zeros(axles)
+        self._newest = np.zeros(axles)
         self._block = exponential(GAIN)
 
     def checkpoint(self) -> tuple[FloatArray, ...]:

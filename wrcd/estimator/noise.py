@@ -1,12 +1,71 @@
-"""How noisy the sensors are just now, measured from their own signals."""
+"""The sensors' offset, which a running mean takes off, and their noise, which fourth differences measure."""
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
 from wrcd.estimator.bank import BoolArray
 from wrcd.estimator.design import CHANNELS, FloatArray
 from wrcd.estimator.recursion import MAX_TICKS, exponential, smoothed
+
+Checkpoint = tuple[FloatArray, FloatArray]
+
+
+@dataclass(init=False, repr=False, eq=False)
+class Offset:
+    """Subtracts a running mean from every channel of every axle, before the filters.
+
+    Left to the Kalman filters, a sensor's bias takes seconds to converge and until then looks like another contact
+    condition. The mean of all that came so far, then of the last `ticks` (exponentially), is there from the first tick
+    on.
+    """
+
+    _mean: FloatArray
+    _count: FloatArray
+
+    def __init__(self, ticks: int, axles: int) -> None:
+        self._ticks = float(ticks)
+        self._mean = np.zeros((CHANNELS, axles))
+        self._count = np.zeros((CHANNELS, axles))
+        self._block = exponential(1.0 / self._ticks)
+        self.newest_share = 1.0 - 1.0 / self._ticks  # what is left of a settled axle's deviation after its own tick
+
+    def checkpoint(self) -> Checkpoint:
+        """What has been learnt, for rollback()."""
+        return self._mean, self._count
+
+    def rollback(self, to: Checkpoint) -> None:
+        """Undo everything since a checkpoint."""
+        self._mean, self._count = to
+
+    def reset(self, axle: int) -> None:
+        """Start an axle anew."""
+        self._mean[:, axle] = 0.0
+        self._count[:, axle] = 0.0
+
+    @property
+    def settled(self) -> BoolArray:
+        """(n,): which axles' mean is of the last ticks only."""
+        return np.asarray((self._count >= self._ticks).all(axis=0))
+
+    def deviation(self, z: FloatArray) -> FloatArray:
+        """z (2, n) less its offset as known so far."""
+        return z - self._mean
+
+    def step(self, z: FloatArray, present: BoolArray) -> FloatArray:
+        """Return z (2, n) less its offset. A channel that is not present teaches nothing."""
+        self._count = np.minimum(self._count + present, self._ticks)
+        gain = np.where(present, 1.0 / np.maximum(self._count, 1.0), 0.0)
+        self._mean = self._mean + gain * np.where(present, z - self._mean, 0.0)
+        return z - self._mean
+
+    def step_settled(self, z: FloatArray) -> FloatArray:
+        """The same for m ticks z (m, 2, n) that are all present, of axles that are settled."""
+        mean = smoothed(self._block, self._mean, z)
+        self._mean = mean[-1].copy()
+        return z - mean[1:]
+
 
 # Fourth differences: what the track does is slow against a tick and leaves next to nothing (1e-4 of its power at
 # 10 Hz); white noise of variance 1 leaves 1 + 16 + 36 + 16 + 1.
@@ -20,17 +79,21 @@ MAX_POWER_RATIO = 9.0  # one difference counts as no more than this many times t
 MIN_FACTOR, MAX_FACTOR, VIBRATION = 0.1, 2.2, 3.0
 
 
+@dataclass(init=False, repr=False, eq=False)
 class NoiseLevel:
     """Running noise power of every channel of every axle, relative to the design's."""
 
-    STATE = {"past_samples": "_past", "ticks_without_gap": "_run", "power": "_power", "count": "_count"}
+    _past: FloatArray  # oldest first
+    _run: FloatArray  # samples without a gap, as far as they count
+    _power: FloatArray
+    _count: FloatArray
 
     def __init__(self, design_rms: FloatArray, axles: int) -> None:
         self._scale = (1.0 / design_rms)[:, None]
-        self._past: FloatArray = np.zeros((len(WEIGHTS) - 1, CHANNELS, axles))  # oldest first
-        self._run: FloatArray = np.zeros(axles)  # samples without a gap, as far as they count
-        self._power: FloatArray = np.ones((CHANNELS, axles))
-        self._count: FloatArray = np.full((CHANNELS, axles), FIRST_TICKS)
+        self._past = np.zeros((len(WEIGHTS) - 1, CHANNELS, axles))
+        self._run = np.zeros(axles)
+        self._power = np.ones((CHANNELS, axles))
+        self._count = np.full((CHANNELS, axles), FIRST_TICKS)
         self._block = exponential(1.0 / MEMORY_TICKS)
         # rows: the differences of m ticks; columns: the past, then the ticks
         past = len(WEIGHTS) - 1

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from wrcd.estimator.bank import SpeedTable
 from wrcd.estimator.design import CHANNELS, COLUMNS, CROSSES, INPUTS, LAGS, MODELS, STEPS, Design, FloatArray
-from wrcd.estimator.tables import SpeedTable
 from wrcd.estimator.window import Statistics
 
 # Columns: the six that choose the rules, then

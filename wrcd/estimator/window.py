@@ -142,6 +142,7 @@ def mean_ratio(plain: FloatArray) -> FloatArray:
     return out
 
 
+@dataclass(init=False, repr=False, eq=False)
 class Window:
     """Running sums at the end of each of the last `blocks` blocks of every axle, and of as many before them.
 
@@ -152,23 +153,22 @@ class Window:
     Where the rail has changed, what is older is dropped, and the window grows again; kept() still knows of it.
     """
 
-    STATE = {
-        "running_sums": "_rows", "first_block_kept": "_since", "latest_change": "_latest_change",
-        "first_block_without_gap": "_first", "newest_block_with_ticks": "_last", "past_innovations": "_past",
-        "newest_block": "_newest",
-    }  # fmt: skip
-    TRANSIENT = ("_new",)
+    _rows: FloatArray
+    _since: IntArray  # number of the first block after the newest change
+    _first: IntArray  # and of the first since when there is no gap
+    _last: IntArray  # newest block with ticks
+    _past: FloatArray  # w of the last LAG ticks, oldest first
+    _latest_change: int = 0  # of all axles
+    _newest: int = -1  # number of the newest block
 
     def __init__(self, blocks: int, axles: int) -> None:
         self._blocks = blocks
         self._axle = np.arange(axles)
-        self._rows: FloatArray = np.zeros((2 * blocks, COLUMNS, axles))
-        self._since: IntArray = np.zeros(axles, dtype=np.int64)  # number of the first block after the newest change
-        self._latest_change = 0  # of all axles
-        self._first: IntArray = np.zeros(axles, dtype=np.int64)  # and of the first since when there is no gap
-        self._last: IntArray = np.full(axles, -2, dtype=np.int64)  # newest block with ticks
-        self._past: FloatArray = np.zeros((LAG, _W, axles))  # w of the last LAG ticks, oldest first
-        self._newest = -1  # number of the newest block
+        self._rows = np.zeros((2 * blocks, COLUMNS, axles))
+        self._since = np.zeros(axles, dtype=np.int64)
+        self._first = np.zeros(axles, dtype=np.int64)
+        self._last = np.full(axles, -2, dtype=np.int64)
+        self._past = np.zeros((LAG, _W, axles))
         self._new: FloatArray = np.zeros((BLOCK_TICKS, COLUMNS, axles))
 
     def put(

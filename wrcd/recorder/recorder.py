@@ -13,16 +13,58 @@ from dataclasses import dataclass
 from typing import Any
 
 from wrcd.bus.frame import Frame
+from wrcd.core.causes import Validity
 from wrcd.core.configuration import RecorderConfig
 from wrcd.core.core import Core
 from wrcd.core.events import COLUMNS, MAX_KEPT, csv_line
-from wrcd.recorder.child import Child
+from wrcd.core.messages import Report
 from wrcd.recorder.folder import Bound, dump_name, safe_channel_name
 from wrcd.recorder.resume import identity, settings
 from wrcd.recorder.ring import ADVANCED, CLASSICAL_BYTES, FD_BYTES, HEALTH, RECEIVED, SENT, Ring
 from wrcd.recorder.state import capture, encode
-from wrcd.recorder.triggers import Triggers
-from wrcd.recorder.writer import Request, start
+from wrcd.recorder.writer import Child, Request, start
+
+LOST_SLOTS = 5  # in a row without Valid: less is a hiccup
+COLLAPSED_PCT = 15.0
+COLLAPSED_SHARE = 0.5  # of what it was
+REMEMBERED_US = 1_000_000
+
+
+class Triggers:
+    """Watches every axle, each with a slot of its own. Give it each slot's reports once."""
+
+    def __init__(self, slots_us: Sequence[int]) -> None:
+        self._was_valid = [False] * len(slots_us)
+        self._lost = [0] * len(slots_us)  # slots in a row that were not Valid
+        # percent, 0 where it was not Valid
+        self._mu: list[deque[float]] = [deque([0.0], max(1, REMEMBERED_US // slot_us)) for slot_us in slots_us]
+
+    def look(self, reports: Sequence[Report], below_min_speed: bool, axles: Sequence[int]) -> str:
+        """ "validity" or "collapse" in the slot where it shows, else nothing. axles: whose slot it is. A train that
+        stands is not Valid by right; one that is about to stand, or an estimate that is too vague for other reasons,
+        has lost nothing."""
+        lost = collapsed = False
+        for axle in axles:
+            report = reports[axle]
+            valid = report.validity is Validity.VALID
+            if not report.vague:
+                lost |= self._loses(axle, valid, below_min_speed)
+            mu = (report.mu_available_pct or 0.0) if valid else 0.0
+            before = self._mu[axle]
+            collapsed |= valid and mu < min(COLLAPSED_PCT, COLLAPSED_SHARE * max(before))
+            before.append(mu)
+        return "validity" if lost else "collapse" if collapsed else ""
+
+    def _loses(self, axle: int, valid: bool, below_min_speed: bool) -> bool:
+        if valid or below_min_speed:
+            self._was_valid[axle], self._lost[axle] = valid, 0
+            return False
+        self._lost[axle] += self._was_valid[axle]
+        if self._lost[axle] < LOST_SLOTS:
+            return False
+        self._was_valid[axle], self._lost[axle] = False, 0
+        return True
+
 
 # That the ring has room for. An axle of the packaged DBC makes 570 of them; a full bus of 500 kbit/s carries about 4000
 # of eight bytes, one of 1 Mbit/s twice as many.
@@ -65,7 +107,7 @@ class Recorder:
         self._settings = core.config
         self._fits = identity(core.config)
         self._triggers = Triggers([axle.adhesion.cycle_us for axle in core.config.axles])
-        core.take_said()  # from now on it is kept
+        core.take_reports()  # from now on it is kept
         self._asked = False
         self._pending: tuple[str, int] | None = None  # trigger and its time, while the aftermath is awaited
         self._last_us: int | None = None  # of the newest dump that nobody asked for
@@ -98,8 +140,8 @@ class Recorder:
         if core.events.total != self._changes_told:
             self._note_changes()
         self._snapshot(now_us)
-        for said in core.take_said():
-            found = self._triggers.look(said.reports, said.below_min_speed, said.adhesion)
+        for slot in core.take_reports():
+            found = self._triggers.look(slot.reports, slot.below_min_speed, slot.adhesion)
             if found and self._pending is None and self._hold_off_over(now_us):
                 self._pending, self._last_us = (found, now_us), now_us
         if self._asked and self._pending is None:

@@ -11,7 +11,7 @@ from wrcd.core.core import Core
 from wrcd.core.messages import Outgoing
 from wrcd.errors import InputError
 from wrcd.recorder.state import StateMismatch, as_list, restore, whole
-from wrcd.recorder.state_file import Event, read
+from wrcd.recorder.state_file import StateEvent, read
 
 # Fields of the configuration that say where things lie and come from, not what is computed.
 PLACES = {
@@ -31,7 +31,7 @@ PLACES = {
 class Saved:
     """A state file beside the core: what happened between the log's lines, of which there are so many."""
 
-    events: tuple[Event, ...]
+    events: tuple[StateEvent, ...]
     lines: int
 
 
@@ -87,7 +87,7 @@ def load(path: Path, core: Core) -> Saved:
         raise InputError(f"is not a usable state: {e}", file=path) from None
 
 
-def replay_events(core: Core, events: deque[Event], lines: int) -> list[Outgoing]:
+def replay_events(core: Core, events: deque[StateEvent], lines: int) -> list[Outgoing]:
     """Do again what was done before the line after so many; events lose it. Returns what the core made of it."""
     out: list[Outgoing] = []
     while events and events[0].lines <= lines:
@@ -99,8 +99,8 @@ def replay_events(core: Core, events: deque[Event], lines: int) -> list[Outgoing
     return out
 
 
-def _event(node: Any) -> Event:
+def _event(node: Any) -> StateEvent:
     lines, advance_us, health = as_list(node, "events", 3)
-    return Event(
+    return StateEvent(
         whole(lines, "events"), None if advance_us is None else whole(advance_us, "events"), health
     )  # fmt: skip

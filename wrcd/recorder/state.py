@@ -1,15 +1,15 @@
 """The state of a core as plain values: copied from a running one, written to a file, put back into a fresh one.
 
-A class says in STATE what it carries from one frame to the next, by the key that the file has for it; and in TRANSIENT
-what it changes on the way but nothing later hangs on (caches, results made anew).
-A class whose arrays may hold only some values says in is_possible whether they do.
-tests/unit/recorder/test_state.py finds what is in neither.
+An object's state is the fields of its dataclass, but for those that take no part in a comparison. What else it changes
+on the way (caches, results made anew) is no field: tests/unit/recorder/test_state.py names these, and finds what is
+forgotten. A class whose arrays may hold only some values says in is_possible whether they do.
 """
 
 import base64
 import binascii
 import math
 from collections import Counter, deque
+from dataclasses import fields, is_dataclass
 from enum import Enum
 from typing import Any
 
@@ -19,9 +19,21 @@ MAX_ITEMS = 10_000  # of a list whose length the configuration does not settle
 MAX_WORD = 200  # characters or bytes
 
 
+_STATES: dict[type, dict[str, str]] = {}  # by class, as far as they have been looked up
+
+
+def state_of(kind: type) -> dict[str, str]:
+    """The attributes that are the state of a class, by their keys in a file; none: it has no state."""
+    found = _STATES.get(kind)
+    if found is None:
+        own = fields(kind) if is_dataclass(kind) else ()
+        found = _STATES[kind] = {f.name.lstrip("_"): f.name for f in own if f.compare}
+    return found
+
+
 def capture(thing: Any) -> dict[str, Any]:
     """A copy of the state of an object and of all that it is made of. Raises TypeError for what cannot be copied."""
-    return {key: _copy(getattr(thing, name)) for key, name in type(thing).STATE.items()}
+    return {key: _copy(getattr(thing, name)) for key, name in state_of(type(thing)).items()}
 
 
 def _copy(value: Any) -> Any:
@@ -29,7 +41,7 @@ def _copy(value: Any) -> Any:
         return value
     if isinstance(value, np.ndarray):
         return value.copy()
-    if hasattr(type(value), "STATE"):
+    if state_of(type(value)):
         return capture(value)
     if isinstance(value, dict):
         return {str(key): _copy(v) for key, v in value.items()}
@@ -63,16 +75,16 @@ class StateMismatch(Exception):
 def restore(thing: Any, node: Any, where: str = "core") -> None:
     """Put an encoded state into an object made with the same configuration. Types, shapes and lengths are those that
     it has: nothing in the file can ask for more. Raises StateMismatch; the object is then not to be used."""
-    if not isinstance(node, dict) or set(node) != set(type(thing).STATE):
+    if not isinstance(node, dict) or set(node) != set(state_of(type(thing))):
         raise StateMismatch(f"{where} is not what this version keeps of it")
-    for key, name in type(thing).STATE.items():
+    for key, name in state_of(type(thing)).items():
         setattr(thing, name, _restored(getattr(thing, name), node[key], f"{where}.{key}"))
     if not getattr(thing, "is_possible", True):
         raise StateMismatch(f"{where} holds what cannot be")
 
 
 def _restored(now: Any, node: Any, where: str) -> Any:
-    if hasattr(type(now), "STATE"):
+    if state_of(type(now)):
         restore(now, node, where)
         return now
     if isinstance(now, np.ndarray):

@@ -14,12 +14,12 @@ from wrcd import __version__
 from wrcd.checksum import checksum
 from wrcd.errors import InputError
 
-FORMAT = "wrcd-state/6"
+FORMAT = "wrcd-state/7"
 MAX_BYTES = 64 << 20
 
 
 @dataclass(frozen=True, slots=True)
-class Event:
+class StateEvent:
     """What the loop did between frames: behind so many lines of the log, time came to advance_us, or what the core
     is told of the loop and the link (health, encoded) changed."""
 
@@ -28,7 +28,7 @@ class Event:
     health: Any = None
 
 
-def document(fits: dict[str, Any], core: Any, events: Iterable[Event], lines: int) -> bytes:
+def document(fits: dict[str, Any], core: Any, events: Iterable[StateEvent], lines: int) -> bytes:
     """A state file's contents."""
     listed = [[e.lines, e.advance_us, e.health] for e in events]
     body = {"format": FORMAT, "version": __version__, **fits, "lines": lines, "events": listed, "core": core}

@@ -1,5 +1,6 @@
-"""systemd's notification protocol: READY, RELOADING, WATCHDOG, STOPPING over a datagram socket."""
+"""What the daemon asks of the system: memory that stays in RAM, and systemd's READY, RELOADING, WATCHDOG, STOPPING."""
 
+import ctypes
 import os
 import socket
 import time
@@ -37,3 +38,14 @@ class Notifier:
         if self._socket is not None:
             self._socket.close()
             self._socket = None
+
+
+MCL_CURRENT, MCL_FUTURE = 1, 2  # <sys/mman.h>
+
+
+def lock() -> str:
+    """Lock all pages there are and all to come. Returns why that failed, or nothing."""
+    libc = ctypes.CDLL(None, use_errno=True)
+    if libc.mlockall(MCL_CURRENT | MCL_FUTURE) == 0:
+        return ""
+    return os.strerror(ctypes.get_errno())

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from wrcd.bus.dbc import Database
-from wrcd.config import load_config
+from wrcd.config.config import load_config
 from wrcd.core.configuration import Config
 from wrcd.errors import InputError
 from wrcd.estimator.design import Design
@@ -35,7 +35,7 @@ NAMES = {
 HELD = {"file", "database", "design", "recorder", "warnings"}
 
 
-class Outcome(NamedTuple):
+class ReloadOutcome(NamedTuple):
     """Of reading the configuration again: the one to go on with, what to log, and whether the file holds now, if only
     in part. A file with a mistake, or all of whose changes need a restart, does not."""
 
@@ -51,7 +51,7 @@ class Reload:
         self._path = path
         self._digests = {file: _digest(file) for file in (running.dbc_file, running.design_file)}
 
-    def read(self, running: Config) -> Outcome:
+    def read(self, running: Config) -> ReloadOutcome:
         """What comes of the file as it is now. A mistake in it leaves everything as it was."""
         changed: list[str] = []
 
@@ -72,12 +72,12 @@ class Reload:
         except InputError as e:
             also = f" ({' and '.join(changed)} changed too: restart for that)" if changed else ""
             mistakes = "; ".join(str(e).splitlines())
-            return Outcome(running, f"reload: nothing taken over: {mistakes}{also}", took=False)
+            return ReloadOutcome(running, f"reload: nothing taken over: {mistakes}{also}", took=False)
         config, taken, refused = merge(running, new)
         refused = sorted({*refused, *changed})
         said = ", ".join(taken) or ("nothing taken over" if refused else "nothing has changed")
         line = f"reload: {said}" + (f"; needs a restart: {', '.join(refused)}" if refused else "")
-        return Outcome(config, line, took=bool(taken) or not refused)
+        return ReloadOutcome(config, line, took=bool(taken) or not refused)
 
 
 def merge(running: Config, new: Config) -> tuple[Config, list[str], list[str]]:

@@ -32,7 +32,7 @@ ROUNDING = 1e-9  # what two sums of the same numbers may differ by, as a share
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class ChanceOf:
     """The second's mean less the first's with its interval (NaN: too few to tell), both means, and p, two-sided.
 
     least: the smallest p that these rows could give, whichever way each points; 1 where none differs. worlds: that
@@ -49,7 +49,7 @@ class Found:
     worlds: int
 
 
-NOTHING = Found(math.nan, math.nan, math.nan, math.nan, math.nan, 1.0, 1.0, 0)
+NOTHING = ChanceOf(math.nan, math.nan, math.nan, math.nan, math.nan, 1.0, 1.0, 0)
 
 
 def draws(comparisons: int, alpha: float) -> int:
@@ -60,7 +60,7 @@ def draws(comparisons: int, alpha: float) -> int:
 
 def of_pairs(
     first: FloatArray, second: FloatArray, clusters: Sequence[int], alpha: float, drawn: int = MIN_DRAWS
-) -> list[Found]:
+) -> list[ChanceOf]:
     """Every figure of pairs: first, second (pairs, figures), NaN where there is none. clusters: which pairs flip
     together."""
     both = np.isfinite(first) & np.isfinite(second)
@@ -88,7 +88,7 @@ def of_pairs(
 
 def of_samples(
     first: FloatArray, second: FloatArray, alpha: float, drawn: int = MIN_DRAWS
-) -> list[Found]:  # fmt: skip
+) -> list[ChanceOf]:  # fmt: skip
     """Every figure of two samples that share nothing: first (units, figures), second (units, figures), NaN where there
     is none."""
     n, m = len(first), len(second)
@@ -166,7 +166,7 @@ def _try(
 def _pair_figure(
     first: FloatArray, second: FloatArray, sums: FloatArray, flipped: FloatArray, weight: FloatArray, p: float,
     few: float, alpha: float,
-) -> Found:  # fmt: skip
+) -> ChanceOf:  # fmt: skip
     """Flipping the signs of a subset takes twice its sum off the whole; the whole less δ a pair is not beyond what
     that gives while the subset's mean lies on δ's other side. few: the least p that the draws have, 0 of all ways."""
     if not len(first):
@@ -176,7 +176,7 @@ def _pair_figure(
     some = weight > 0
     low, high = _ends(flipped[some] / weight[some], len(flipped) + (few > 0), alpha)
     difference = float(sums.sum()) / len(first)
-    return Found(float(first.mean()), float(second.mean()), difference, low, high, p, min(least, 1.0), worlds)
+    return ChanceOf(float(first.mean()), float(second.mean()), difference, low, high, p, min(least, 1.0), worlds)
 
 
 def _spread(a: FloatArray, b: FloatArray) -> float:
@@ -202,7 +202,7 @@ def _exchanged(
 
 def _sample_figure(
     a: FloatArray, b: FloatArray, others: FloatArray, moved: FloatArray, p: float, few: float, alpha: float
-) -> Found:
+) -> ChanceOf:
     """Of one figure. A draw's difference is beyond the observed one, both less a shift δ, from one δ on."""
     if not len(a) or not len(b):
         return NOTHING
@@ -214,7 +214,7 @@ def _sample_figure(
         shifts = (observed - others) / (1.0 - moved)
     low, high = _ends(shifts[np.isfinite(shifts) & (moved < 1.0 - ROUNDING)], len(others) + (few > 0), alpha)
     worlds = min(len(a), len(b))
-    return Found(float(a.mean()), float(b.mean()), observed, low, high, p, min(least, 1.0), worlds)
+    return ChanceOf(float(a.mean()), float(b.mean()), observed, low, high, p, min(least, 1.0), worlds)
 
 
 def _ends(typical: FloatArray, tries: int, alpha: float) -> tuple[float, float]:

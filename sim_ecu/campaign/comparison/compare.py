@@ -1,26 +1,133 @@
 """Two campaigns compared: every figure of every suite, and what of it is more than chance."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_ecu.campaign.comparison.chance import MAX_DRAWS, Found, draws, holm, judged, of_pairs, of_samples
-from sim_ecu.campaign.comparison.match import Match, Rows, Suite, match
-from sim_ecu.campaign.comparison.read import Campaign
-from sim_ecu.campaign.job import Ending
-from sim_ecu.campaign.kind import Figure, Type
+from sim_ecu.campaign.campaign_folder import Results
+from sim_ecu.campaign.comparison.chance import MAX_DRAWS, ChanceOf, draws, holm, judged, of_pairs, of_samples
+from sim_ecu.campaign.kind import Metric, Type
+from sim_ecu.jobs.job import Ending
 from wrcd.errors import InputError
+
+Rows: TypeAlias = Sequence[Mapping[str, Any]]
+_Made: TypeAlias = "tuple[Suite, list[list[Mapping[str, Any]]]]"
+WHOLE = "all"  # the suite of a kind that has none
+
+
+@dataclass(frozen=True, slots=True)
+class Pair:
+    """Rows of the same inputs, nearly always one of each side; of several the means are compared."""
+
+    first: Rows
+    second: Rows
+
+
+@dataclass(frozen=True, slots=True)
+class Suite:
+    """What is compared together. pairs: empty where the sides share no world; then first and second are the worlds of
+    each, with their rows. clusters: of each pair, which pairs share a world. by: what a world is, in words."""
+
+    name: str
+    pairs: Sequence[Pair]
+    clusters: Sequence[int]
+    first: Sequence[Rows]
+    second: Sequence[Rows]
+    by: str
+
+
+@dataclass(frozen=True, slots=True)
+class Match:
+    """differ: inputs of which no value is on both sides, with the values of each. only: inputs that one side has.
+    suites: those that both have. alone: rows of each side without any of the other beside them."""
+
+    differ: Mapping[str, tuple[tuple[Any, ...], tuple[Any, ...]]]
+    only: tuple[tuple[str, ...], tuple[str, ...]]
+    suites: tuple[Suite, ...]
+    alone: tuple[Rows, Rows]
+
+
+def match(first: Results, second: Results) -> Match:
+    """Raises InputError for campaigns that cannot be compared."""
+    if first.kind != second.kind:
+        raise InputError(f"is of the kind {second.kind}, and {first.folder} of {first.kind}", file=second.folder,
+                         hint="compare two of one kind")  # fmt: skip
+    both = [name for name in first.inputs if name in second.inputs]
+    values = {n: (_values(first, n), _values(second, n)) for n in both if n != first.suite}
+    differ = {n: v for n, v in values.items() if not set(v[0]) & set(v[1])}
+    shared = [n for n in both if n not in differ]
+    sides = [_by_suite(c.rows, first.suite) for c in (first, second)]
+    names = [name for name in sides[0] if name in sides[1]]
+    if not names:
+        raise InputError(f"shares no {first.suite} with {first.folder}", file=second.folder,
+                         hint=f"compare campaigns that have some {first.suite} in common")  # fmt: skip
+    worlds = [n for n in first.cluster if n in both]
+    maker = _samples if _separate(worlds, shared, first.suite) else _pairs
+    made = [maker(name, sides[0][name], sides[1][name], shared, worlds) for name in names]
+    alone = [[r for n, rows in side.items() if n not in names for r in rows] for side in sides]
+    for _, left in made:
+        for k in range(2):
+            alone[k] += left[k]
+    only = tuple(tuple(n for n in c.inputs if n not in both) for c in (first, second))
+    return Match(differ, (only[0], only[1]), tuple(s for s, _ in made), (alone[0], alone[1]))
+
+
+def _separate(worlds: Sequence[str], shared: Sequence[str], suite: str) -> bool:
+    """Whether no world of one side is beside one of the other."""
+    if worlds:
+        return not any(n in shared for n in worlds)
+    return not any(n != suite for n in shared)
+
+
+def _pairs(name: str, first: Rows, second: Rows, shared: Sequence[str], worlds: Sequence[str]) -> _Made:
+    sides = [_by(rows, shared) for rows in (first, second)]
+    keys = [k for k in sides[0] if k in sides[1]]
+    pairs = [Pair(sides[0][k], sides[1][k]) for k in keys]
+    kept = [n for n in worlds if n in shared]
+    place: dict[Any, int] = {}
+    clusters = [place.setdefault(tuple(p.first[0][n] for n in kept), len(place)) for p in pairs]
+    by = ", ".join(kept)
+    if not worlds:
+        clusters, by = list(range(len(pairs))), "pair"
+    left = [[r for k, rows in side.items() if k not in set(keys) for r in rows] for side in sides]
+    return Suite(name, pairs, clusters, (), (), by), left
+
+
+def _samples(name: str, first: Rows, second: Rows, shared: Sequence[str], worlds: Sequence[str]) -> _Made:
+    """Only points that both sides have; of a kind without worlds every row is one."""
+    sides = [_by(rows, shared) for rows in (first, second)]
+    kept = [[r for k, rows in sides[i].items() if k in sides[1 - i] for r in rows] for i in range(2)]
+    left = [[r for k, rows in sides[i].items() if k not in sides[1 - i] for r in rows] for i in range(2)]
+    units = [list(_by(rows, worlds).values()) if worlds else [[r] for r in rows] for rows in kept]
+    return Suite(name, (), (), units[0], units[1], ", ".join(worlds) or "row"), left
+
+
+def _values(c: Results, name: str) -> tuple[Any, ...]:
+    return tuple(dict.fromkeys(r[name] for r in c.rows))
+
+
+def _by_suite(rows: Rows, suite: str) -> dict[str, Rows]:
+    return {WHOLE: rows} if not suite else {str(k[0]): v for k, v in _by(rows, [suite]).items()}
+
+
+def _by(rows: Rows, names: Iterable[str]) -> dict[tuple[Any, ...], Rows]:
+    out: dict[tuple[Any, ...], list[Mapping[str, Any]]] = {}
+    names = list(names)
+    for row in rows:
+        out.setdefault(tuple(row[n] for n in names), []).append(row)
+    return dict(out)
+
 
 FloatArray = NDArray[np.float64]
 BETTER, WORSE, DIFFERS = "better", "worse", "differs"
 CHANCE, SAME, TOO_FEW = "within chance", "the same", "too few worlds"
 CLAIMS = (WORSE, BETTER, DIFFERS)
-ENDING = Figure("not done", Type.FLAG, "share of the jobs that failed, died or took too long", "", "less")
+ENDING = Metric("not done", Type.FLAG, "share of the jobs that failed, died or took too long", "", "less")
 INTERVALS = (
     "Intervals hold the differences of means that the permutation test does not refuse, not a percentile bootstrap's, "
     "which is too narrow for few worlds"
@@ -37,12 +144,12 @@ class Comparison:
     """
 
     suite: str
-    figure: Figure
+    figure: Metric
     paired: bool
     count: tuple[int, int]
     clusters: int
     medians: tuple[float, float]
-    found: Found
+    found: ChanceOf
     corrected: float
     verdict: str
     values: tuple[FloatArray, FloatArray]
@@ -52,8 +159,8 @@ class Comparison:
 class Result:
     """All of it. left_out: figures that are texts or only one side has."""
 
-    first: Campaign
-    second: Campaign
+    first: Results
+    second: Results
     matched: Match
     comparisons: tuple[Comparison, ...]
     alpha: float
@@ -72,7 +179,7 @@ class Result:
 
 
 def compare(
-    first: Campaign, second: Campaign, names: Sequence[str] | None, alpha: float, progress: Callable[[str, float], None]
+    first: Results, second: Results, names: Sequence[str] | None, alpha: float, progress: Callable[[str, float], None]
 ) -> Result:
     """names: of the figures, None for all. Raises InputError for campaigns or names that do not fit, and for an alpha
     that is too small for so many comparisons."""
@@ -94,7 +201,7 @@ def compare(
     return Result(first, second, matched, tuple(made), alpha, len(counted), left_out)
 
 
-def _figures(first: Campaign, second: Campaign, names: Sequence[str] | None) -> tuple[list[Figure], tuple[str, ...]]:
+def _figures(first: Results, second: Results, names: Sequence[str] | None) -> tuple[list[Metric], tuple[str, ...]]:
     theirs = {f.name: f for f in second.figures}
     both = [f for f in first.figures if f.name in theirs and Type.TEXT not in (f.type, theirs[f.name].type)]
     known = [f.name for f in both]
@@ -108,10 +215,10 @@ def _figures(first: Campaign, second: Campaign, names: Sequence[str] | None) -> 
 
 
 @dataclass(frozen=True, slots=True)
-class _Column:
+class _FigureColumn:
     """A figure of all pairs, or of the worlds of each side."""
 
-    figure: Figure
+    figure: Metric
     first: FloatArray
     second: FloatArray
 
@@ -122,7 +229,7 @@ class _Column:
         return every[np.isfinite(every)]
 
 
-def _of_suite(suite: Suite, figures: Sequence[Figure], alpha: float, drawn: int) -> list[Comparison]:
+def _of_suite(suite: Suite, figures: Sequence[Metric], alpha: float, drawn: int) -> list[Comparison]:
     """Figures, where a side has any number; after each who has none, where not all have or lack it; how jobs ended."""
     sides = (
         ([p.first for p in suite.pairs], [p.second for p in suite.pairs])
@@ -130,25 +237,25 @@ def _of_suite(suite: Suite, figures: Sequence[Figure], alpha: float, drawn: int)
         else (list(suite.first), list(suite.second))
     )
 
-    def column(figure: Figure, of: Callable[[Rows], float]) -> _Column:
+    def column(figure: Metric, of: Callable[[Rows], float]) -> _FigureColumn:
         first, second = (np.array([of(rows) for rows in side], np.float64) for side in sides)
-        return _Column(figure, first, second)
+        return _FigureColumn(figure, first, second)
 
-    columns: list[_Column] = []
+    columns: list[_FigureColumn] = []
     for f in figures:
         values = column(f, partial(_mean, name=f.name))
-        lacks = column(Figure(LACKS + f.name, Type.FLAG, f"share without {f.words}"), partial(_lacking, name=f.name))
+        lacks = column(Metric(LACKS + f.name, Type.FLAG, f"share without {f.words}"), partial(_lacking, name=f.name))
         columns += [values] * bool(len(values.known)) + [lacks] * (len(np.unique(lacks.known)) > 1)
     columns.append(column(ENDING, _not_done))
     first, second = np.stack([c.first for c in columns], axis=1), np.stack([c.second for c in columns], axis=1)
-    found: list[Found] = []
+    found: list[ChanceOf] = []
     for k in range(0, len(columns), TOGETHER):
         a, b = first[:, k : k + TOGETHER], second[:, k : k + TOGETHER]
         found += of_pairs(a, b, suite.clusters, alpha, drawn) if suite.pairs else of_samples(a, b, alpha, drawn)
     return [_comparison(suite, c.figure, c.first, c.second, of) for c, of in zip(columns, found, strict=True)]
 
 
-def _comparison(suite: Suite, f: Figure, a: FloatArray, b: FloatArray, found: Found) -> Comparison:
+def _comparison(suite: Suite, f: Metric, a: FloatArray, b: FloatArray, found: ChanceOf) -> Comparison:
     """Without a verdict by chance."""
     known = np.isfinite(a), np.isfinite(b)
     if suite.pairs:
@@ -201,7 +308,7 @@ def document(result: Result) -> dict[str, Any]:
     """For JSON."""
     m = result.matched
 
-    def side(c: Campaign) -> dict[str, Any]:
+    def side(c: Results) -> dict[str, Any]:
         return {"folder": str(c.folder), "title": c.title, "code": c.code, "rows": len(c.rows)}
 
     return {
@@ -221,7 +328,7 @@ def document(result: Result) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _inputs(row: Mapping[str, Any], c: Campaign) -> dict[str, Any]:
+def _inputs(row: Mapping[str, Any], c: Results) -> dict[str, Any]:
     return {name: row[name] for name in c.inputs}
 
 

@@ -9,10 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from sim_ecu.campaign.comparison.compare import Comparison, Result
-from sim_ecu.campaign.comparison.match import Suite
-from sim_ecu.campaign.comparison.read import Campaign
-from sim_ecu.campaign.job import Ending, Scalar
+from sim_ecu.campaign.campaign_folder import Results
+from sim_ecu.campaign.comparison.compare import Comparison, Result, Suite
+from sim_ecu.jobs.job import Ending, Scalar
 
 MAX_JOBS = 10
 SEED = "seed"
@@ -117,7 +116,7 @@ def _size(c: Comparison, more: float, scale: float) -> float:
     return more / scale * (1 if c.figure.better == "less" else -1)
 
 
-def _told(away: _Away, campaign: Campaign, result: Result) -> Worst:
+def _told(away: _Away, campaign: Results, result: Result) -> Worst:
     inputs = {name: away.row[name] for name in campaign.inputs if away.row[name] is not None}
     beside = {} if away.other is None else {name: away.other[name] for name in result.matched.differ}
     return Worst(

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from sim_ecu.campaign.fleet.classes import CLASSES, FloatArray
-from sim_ecu.campaign.job import Ending, Job, Row, Scalar
+from sim_ecu.campaign.fleet.tally import CLASSES, FloatArray
 from sim_ecu.campaign.kinds.log import CAUSES, cause_column, class_column
+from sim_ecu.jobs.job import Ending, Job, JobRow, Scalar
 from wrcd.core.causes import Cause
 
 NO_FRAME = "NoFrame"
@@ -72,7 +72,7 @@ class Played:
 
 
 @dataclass(frozen=True, slots=True)
-class Group:
+class LogGroup:
     """Logs of a train, or of all. Those without figures are among them."""
 
     name: str
@@ -144,8 +144,8 @@ class Summary:
     """A fleet."""
 
     title: str
-    every: Group
-    trains: Sequence[Group]
+    every: LogGroup
+    trains: Sequence[LogGroup]
     suspicions: Sequence[Suspicion]  # the longest first, but axles without a frame last
 
     @property
@@ -154,7 +154,7 @@ class Summary:
         return [p for p in self.every.logs if not p.done]
 
 
-def summary(title: str, pairs: Sequence[tuple[Job, Row]]) -> Summary:
+def summary(title: str, pairs: Sequence[tuple[Job, JobRow]]) -> Summary:
     """Of a campaign's jobs and rows. The logs of a train come in the order of their time, those without one by name."""
     read = [_played(job, row) for job, row in pairs]
     read.sort(key=lambda p: (p.inputs["train"], not p.begin_s > 0, p.begin_s if p.begin_s > 0 else 0.0, p.name))
@@ -162,18 +162,18 @@ def summary(title: str, pairs: Sequence[tuple[Job, Row]]) -> Summary:
     trains: dict[str, list[Played]] = {}
     for p in logs:
         trains.setdefault(p.inputs["train"], []).append(p)
-    groups = [Group(name, found) for name, found in trains.items()]
+    groups = [LogGroup(name, found) for name, found in trains.items()]
     suspicions = [s for g in groups for s in _suspicions(g)]
     suspicions.sort(key=lambda s: (s.what == NO_FRAME, -s.seconds, s.train, s.axle, s.what))
-    return Summary(title, Group("all", logs), groups, suspicions)
+    return Summary(title, LogGroup("all", logs), groups, suspicions)
 
 
-def _played(job: Job, row: Row) -> Played:
+def _played(job: Job, row: JobRow) -> Played:
     detail = row.figures.get("detail")
     return Played(0, job.inputs, row.ending, row.error, row.figures, json.loads(str(detail)) if detail else {})
 
 
-def _suspicions(train: Group) -> list[Suspicion]:
+def _suspicions(train: LogGroup) -> list[Suspicion]:
     found: dict[tuple[int, str], list[tuple[Played, Mapping[str, Any]]]] = {}
     missing = train.without_frame  # of every log: the configuration's matter
     for p in train.done:

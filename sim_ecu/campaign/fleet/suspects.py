@@ -1,11 +1,8 @@
-"""What the daemon itself named of a log's sensors: when first, for how long; and frames that it refused."""
+"""What the daemon itself named of a log's sensors, when first and for how long; and frames that it refused."""
 
 from collections import Counter
 from dataclasses import asdict, dataclass
 from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
 
 from wrcd.bus.reasons import Reason
 from wrcd.core.causes import Cause
@@ -16,7 +13,6 @@ SENSORS = (
     Cause.SENSOR_DEGRADED, Cause.TWO_SENDERS, Cause.UNCHANGED,
 )  # fmt: skip
 INPUTS = (Cause.INPUT_SILENT, Cause.INPUT_STALE)
-_CAUSES = {int(c): c for c in Cause}
 MIN_SILENT_S = 1.0  # in all: a frame that came late once makes no sensor suspicious
 MIN_REFUSED_SHARE = 0.01  # of a message's frames
 
@@ -38,44 +34,41 @@ class Suspect:
         return asdict(self)
 
 
-class Spells:
-    """An axle's causes of not being Valid, frame by frame: when each first, how many frames, how often it began."""
+class SuspectSpells:
+    """An axle's causes of not being Valid, as the core reports their changes."""
 
     def __init__(self) -> None:
         self.first_us: dict[Cause, int] = {}
-        self.frames: Counter[Cause] = Counter()
         self.times: Counter[Cause] = Counter()
+        self._spent_us: Counter[Cause] = Counter()
         self._texts: dict[Cause, tuple[int, str]] = {}  # of the longest spell, and how long (us)
-        self._now: tuple[int, Cause, str] = (0, Cause.NONE, "")  # what the core said last, and when
-        self._last = 0
+        self._now: tuple[int, Cause, str] = (0, Cause.NONE, "")  # what the core reported last, and when
 
-    def told(self, stamp_us: int, cause: Cause, text: str) -> None:
-        """The core tells of a change, or (NONE) that the log ends."""
-        since_us, before, said = self._now
-        if before and stamp_us - since_us > self._texts.get(before, (-1, ""))[0]:
-            self._texts[before] = stamp_us - since_us, said
+    def change(self, stamp_us: int, cause: Cause, text: str) -> None:
+        """Take a change, or (NONE) the log's end."""
+        since_us, before, words = self._now
+        if cause is before:
+            return
+        if before:
+            length_us = stamp_us - since_us
+            self._spent_us[before] += length_us
+            if length_us > self._texts.get(before, (-1, ""))[0]:
+                self._texts[before] = length_us, words
+        if cause:
+            self.first_us.setdefault(cause, stamp_us)
+            self.times[cause] += 1
         self._now = stamp_us, cause, text
 
-    def add(self, stamps_us: NDArray[np.int64], causes: NDArray[np.uint8]) -> None:
-        """Some frames (n,), in their order."""
-        begins = np.diff(causes.astype(np.int64), prepend=self._last) != 0
-        for number in np.unique(causes).tolist():
-            rows, cause = causes == number, _CAUSES[number]
-            self.first_us.setdefault(cause, int(stamps_us[rows][0]))
-            self.frames[cause] += int(rows.sum())
-            self.times[cause] += int((rows & begins).sum())
-        self._last = int(causes[-1])
-
-    def suspects(self, axle: int, begin_us: int, cycle_s: float) -> list[Suspect]:
-        """Those that name a sensor, the longest first."""
+    def suspects(self, axle: int, begin_us: int) -> list[Suspect]:
+        """Return those that name a sensor, the longest first."""
         out = []
         for cause in (*SENSORS, *INPUTS):
-            seconds = self.frames[cause] * cycle_s
+            seconds = self._spent_us[cause] * 1e-6
             if not seconds or (cause in INPUTS and seconds < MIN_SILENT_S):
                 continue
             first_s = (self.first_us[cause] - begin_us) * 1e-6
-            _, text = self._texts.get(cause, (0, cause.words))
-            out.append(Suspect(cause.label, axle, text, first_s, seconds, self.times[cause]))
+            _, text = self._texts[cause]
+            out.append(Suspect(cause.label, axle, text or cause.words, first_s, seconds, self.times[cause]))
         return sorted(out, key=lambda s: -s.seconds)
 
 
@@ -88,7 +81,7 @@ class _Refused:
     frames: int = 0
 
 
-class Refusals:
+class RefusalTally:
     """Frames that were refused, by message and reason, and those that were accepted, by message."""
 
     def __init__(self) -> None:

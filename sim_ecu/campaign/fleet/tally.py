@@ -9,8 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_ecu.campaign.fleet.classes import Bins, FloatArray, classes
-from sim_ecu.campaign.fleet.suspects import Refusals, Spells, Suspect
+from sim_ecu.campaign.fleet.suspects import RefusalTally, Suspect, SuspectSpells
 from wrcd.bus.codec import Sample, message_key
 from wrcd.bus.dbc import find_message
 from wrcd.bus.frame import Frame
@@ -18,9 +17,9 @@ from wrcd.bus.units import Quantity
 from wrcd.core.causes import Cause, Validity
 from wrcd.core.configuration import Config
 from wrcd.core.core import Core
-from wrcd.core.vocabulary import MESSAGES, Words
+from wrcd.core.vocabulary import MESSAGES, SURFACES, Words
 from wrcd.estimator.records import Estimate, StepResult, Ticks
-from wrcd.tools.said import Kind, Said
+from wrcd.logs.decoder import MessageDecoder
 
 STEP_M, STEP_S = 100.0, 10.0
 BLOCK = 20_000  # frames of an axle that are held before they are added up
@@ -30,16 +29,64 @@ _WORDS = MESSAGES["adhesion"]["Validity"]
 assert isinstance(_WORDS, Words)
 VALIDITIES = _WORDS.words
 
+NOT_VALID = "not Valid"
+CLASSES = (*(name for _, name in SURFACES), NOT_VALID)  # the most slippery last but one
+_LOWS = np.array(sorted(low for low, _ in SURFACES))[1:]  # from which the next better one begins
+N = len(CLASSES)
+
+FloatArray = NDArray[np.float64]
+
+
+def classes(valid: NDArray[np.bool_], mu_pct: FloatArray) -> NDArray[np.int64]:
+    """The place in CLASSES of each frame (n,): what is not Valid, or says no adhesion, is of none of the surfaces."""
+    better = np.searchsorted(_LOWS, mu_pct, side="right")
+    return np.where(valid & np.isfinite(mu_pct), N - 2 - better, N - 1)
+
+
+class Bins:
+    """What falls into equal steps (of way or time), by class. It grows as the log goes on."""
+
+    def __init__(self, step: float) -> None:
+        self.step = step
+        self._sums = np.zeros((0, N))
+
+    def add(self, at: FloatArray, of: NDArray[np.int64], amounts: FloatArray) -> None:
+        """Amounts (n,) of classes at places of the way or time (n,), from 0 on."""
+        if not len(at):
+            return
+        steps = (at / self.step).astype(np.int64)
+        missing = int(steps.max()) + 1 - len(self._sums)
+        if missing > 0:
+            self._sums = np.concatenate((self._sums, np.zeros((missing, N))))
+        self._sums += np.bincount(steps * N + of, amounts, self._sums.size).reshape(-1, N)
+
+    @property
+    def total(self) -> FloatArray:
+        """(N,), of all steps."""
+        return np.asarray(self._sums.sum(axis=0), dtype=np.float64)
+
+    def merged(self, step: float) -> FloatArray:
+        """(n, N) by a step that is a multiple of the own one."""
+        return merged(self._sums, round(step / self.step))
+
+
+def merged(sums: FloatArray, many: int) -> FloatArray:
+    """(ceil(n / many), N): so many steps as one; the last may be shorter."""
+    if many == 1 or not len(sums):
+        return sums
+    return np.add.reduceat(sums, np.arange(0, len(sums), many), axis=0)
+
 
 @dataclass(slots=True)
-class Axle:
+class AxleTally:
     """One axle's Adhesion frames, added up by blocks."""
 
     number: int
-    said: Said
+    said: MessageDecoder
     frames: int = 0
     by_validity: NDArray[np.int64] = field(default_factory=lambda: np.zeros(len(VALIDITIES), np.int64))
-    spells: Spells = field(default_factory=Spells)
+    by_cause: NDArray[np.int64] = field(default_factory=lambda: np.zeros(len(Cause), np.int64))
+    spells: SuspectSpells = field(default_factory=SuspectSpells)
     way: Bins = field(default_factory=lambda: Bins(STEP_M))
     time: Bins = field(default_factory=lambda: Bins(STEP_S))
     metres: float = 0.0
@@ -83,7 +130,7 @@ class Axle:
         seconds: FloatArray = np.full(n, self.cycle_s)
         metres: FloatArray = speed.at(stamps_us) * seconds
         self.by_validity += np.bincount(validity, minlength=len(VALIDITIES))
-        self.spells.add(stamps_us, causes)
+        self.by_cause += np.bincount(causes, minlength=len(self.by_cause))
         way: FloatArray = np.concatenate(([self.metres], self.metres + np.cumsum(metres)[:-1]), dtype=np.float64)
         time: FloatArray = np.arange(self.frames, self.frames + n, dtype=np.float64) * self.cycle_s
         self.way.add(way, of, metres)
@@ -128,18 +175,18 @@ class Tally:
 
     def __init__(self, config: Config) -> None:
         self._config = config
-        self.axles: dict[int, Axle] = {}  # by Frame.key
+        self.axles: dict[int, AxleTally] = {}  # by Frame.key
         for a in config.axles:
             message = find_message(config.database, a.adhesion.message)
-            said = Said(message, a.adhesion, Kind("adhesion", a.number))
-            self.axles[message_key(message)] = Axle(a.number, said)
+            said = MessageDecoder(message, a.adhesion, "adhesion", a.number)
+            self.axles[message_key(message)] = AxleTally(a.number, said)
         self.speed = Speed(config.constant_speed_m_s)
         self._messages = [i.source.message for i in config.inputs]
         quantities = [i.source.quantity for i in config.inputs]
         self._speed_source = quantities.index(Quantity.SPEED) if Quantity.SPEED in quantities else -1
         self._of = {a.number: a for a in self.axles.values()}
         self._told = self.taken = 0  # changes, accepted frames
-        self.refusals = Refusals()
+        self.refusals = RefusalTally()
         self.correction_us = 0  # to what stamps are in the time that goes on
 
     def accepted(self, samples: Sequence[Sample], stamp_us: int) -> None:
@@ -175,7 +222,7 @@ class Tally:
         events = core.events
         if events.total != self._told:
             for change in events.since(self._told):
-                self._of[change.axle].spells.told(change.time_us + self.correction_us, change.cause, change.detail)
+                self._of[change.axle].spells.change(change.time_us + self.correction_us, change.cause, change.detail)
             self._told = events.total
 
     def end(self, core: Core, stamp_us: int) -> None:
@@ -183,7 +230,7 @@ class Tally:
         self.add_up()
         self.look(core, stamp_us)
         for axle in self.axles.values():
-            axle.spells.told(stamp_us, Cause.NONE, "")
+            axle.spells.change(stamp_us, Cause.NONE, "")
 
     def add_up(self) -> None:
         """Add up what is held of every axle."""
@@ -192,7 +239,7 @@ class Tally:
             axle.add_up(self.speed)
         self.speed.forget(newest_us)
 
-    def heard(self) -> list[Axle]:
+    def heard(self) -> list[AxleTally]:
         """The axles of which a frame came, good or not. Where there is none of any, all."""
         came = self.refusals.messages
         own: dict[int, set[str]] = {a.number: set() for a in self._config.axles}
@@ -205,7 +252,7 @@ class Tally:
     def suspects(self, begin_us: int, end_us: int) -> Iterator[Suspect]:
         """What was named in the log, from its begin to its end: sensors, then refused frames."""
         for axle in self.heard():
-            yield from axle.spells.suspects(axle.number, begin_us, axle.cycle_s)
+            yield from axle.spells.suspects(axle.number, begin_us)
         axles: dict[str, int] = {}
         for i in self._config.inputs:
             one = self._config.axles[i.source.axles[0]].number if len(i.source.axles) == 1 else 0

@@ -2,11 +2,10 @@
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-from sim_ecu.campaign.job import Job, Scalar
-from sim_ecu.campaign.kind import Factor, Figure, Kind, Type
+from sim_ecu.campaign.kind import Factor, Kind, Metric, Type
 from sim_ecu.campaign.kinds.given import (
     CONFIGURATION,
     DESIGN,
@@ -18,16 +17,14 @@ from sim_ecu.campaign.kinds.given import (
     named_by,
     scenario_of,
 )
-from sim_ecu.loop.control.facts import Facts
-from sim_ecu.loop.control.make import NAMES, make_controller
-from sim_ecu.loop.cost import cost_of_driving
-from sim_ecu.loop.ideal import ride_ideal
-from sim_ecu.loop.judge import MIN_SLIDE_SPEED_M_S, judge
-from sim_ecu.loop.lockstep import Lockstep, Timing
-from sim_ecu.loop.names import IDEAL
+from sim_ecu.jobs.job import Job, Scalar
+from sim_ecu.loop import IDEAL
+from sim_ecu.loop.control.adhesion_consumer import Facts
+from sim_ecu.loop.control.slip_controller import NAMES, make_controller
+from sim_ecu.loop.drive_scenario import DriveScenario, path_of, read_drive_scenario
+from sim_ecu.loop.lockstep import Lockstep, Timing, cost_of_driving, ride_ideal
+from sim_ecu.loop.ride_figures import MIN_SLIDE_SPEED_M_S, AdhesionRecorder, Honesty, honesty, judge
 from sim_ecu.loop.rig import Step
-from sim_ecu.loop.said import Ear, Honesty, honesty
-from sim_ecu.loop.scenario import DriveScenario, path_of, read_drive_scenario
 from sim_ecu.play.faults import SILENT
 from sim_ecu.play.inject import at_work
 from sim_ecu.play.mapped import MappedTrain
@@ -50,26 +47,26 @@ FACTORS = (
 )  # fmt: skip
 _OF_DAEMON = "NaN without wrcd"
 FIGURES = (
-    Figure("beyond_s", Type.NUMBER, "time beyond the creep of the rail's peak, sum of all axles", "s", "less"),
-    Figure("slides", Type.WHOLE, f"slides that begin above {MIN_SLIDE_SPEED_M_S:g} m/s, of all axles", better="less"),
-    Figure("locked_s", Type.NUMBER, "time locked, sum of all axles", "s", "less"),
-    Figure("max_slip_m_s", Type.NUMBER, "largest slip, worst axle", "m/s", "less"),
-    Figure("slip_energy_kJ", Type.NUMBER, "energy of the slip, mean of a wheel", "kJ", "less"),
-    Figure("beyond_kJ", Type.NUMBER, "the part of slip_energy_kJ beyond the creep of the rail's peak", "kJ", "less"),
-    Figure("utilisation", Type.NUMBER, "adhesion in use over available while the driver asks for more than there is, "
+    Metric("beyond_s", Type.NUMBER, "time beyond the creep of the rail's peak, sum of all axles", "s", "less"),
+    Metric("slides", Type.WHOLE, f"slides that begin above {MIN_SLIDE_SPEED_M_S:g} m/s, of all axles", better="less"),
+    Metric("locked_s", Type.NUMBER, "time locked, sum of all axles", "s", "less"),
+    Metric("max_slip_m_s", Type.NUMBER, "largest slip, worst axle", "m/s", "less"),
+    Metric("slip_energy_kJ", Type.NUMBER, "energy of the slip, mean of a wheel", "kJ", "less"),
+    Metric("beyond_kJ", Type.NUMBER, "the part of slip_energy_kJ beyond the creep of the rail's peak", "kJ", "less"),
+    Metric("utilisation", Type.NUMBER, "adhesion in use over available while the driver asks for more than there is, "
            "mean of all axles; NaN if never", better="more"),
-    Figure("impulse_kNs", Type.NUMBER, "impulse of a start, sum of all axles; NaN where the demand brakes: a stop "
+    Metric("impulse_kNs", Type.NUMBER, "impulse of a start, sum of all axles; NaN where the demand brakes: a stop "
            "needs what it needs, and is told by stop_m", "kN s", "more"),
-    Figure("stop_m", Type.NUMBER, "stopping distance from the demand on; NaN where it did not stop", "m", "less"),
-    Figure("distance_m", Type.NUMBER, "how far it came from the demand on", "m"),
-    Figure("time_s", Type.NUMBER, "time from the demand to the end", "s"),
-    Figure("stopped", Type.FLAG, "the train was slow enough before the time was up"),
-    Figure("valid", Type.NUMBER, f"share of wrcd's frames that are Valid, mean of the axles; {_OF_DAEMON}",
+    Metric("stop_m", Type.NUMBER, "stopping distance from the demand on; NaN where it did not stop", "m", "less"),
+    Metric("distance_m", Type.NUMBER, "how far it came from the demand on", "m"),
+    Metric("time_s", Type.NUMBER, "time from the demand to the end", "s"),
+    Metric("stopped", Type.FLAG, "the train was slow enough before the time was up"),
+    Metric("valid", Type.NUMBER, f"share of wrcd's frames that are Valid, mean of the axles; {_OF_DAEMON}",
            better="more"),
-    Figure("outside", Type.NUMBER, "share of its Valid frames with the truth outside the interval, mean of the axles; "
+    Metric("outside", Type.NUMBER, "share of its Valid frames with the truth outside the interval, mean of the axles; "
            f"{_OF_DAEMON}", better="less"),
-    Figure("outside_s", Type.NUMBER, f"the longest stretch of that, worst axle; {_OF_DAEMON}", "s", "less"),
-    Figure("over_s", Type.NUMBER, f"the longest stretch Valid with the truth below the interval, worst axle; "
+    Metric("outside_s", Type.NUMBER, f"the longest stretch of that, worst axle; {_OF_DAEMON}", "s", "less"),
+    Metric("over_s", Type.NUMBER, f"the longest stretch Valid with the truth below the interval, worst axle; "
            f"{_OF_DAEMON}", "s", "less"),
 )  # fmt: skip
 
@@ -131,42 +128,25 @@ def figures(job: Job) -> Mapping[str, Scalar]:
     """Drive the run of a job, and judge it."""
     asked = _asked(job.inputs)
     own = None if asked.train is PACKAGED else asked.config
-    ear = None if asked.config is None else Ear(asked.scenario.axles, own)
-    steps = list(_steps(asked, ear))
+    recorder = None if asked.config is None else AdhesionRecorder(asked.scenario.axles, own)
+    steps = list(_steps(asked, recorder))
     f = judge(steps, asked.scenario)
-    said = [] if ear is None else honesty(ear.told(), steps)
-    return {
-        "beyond_s": f.beyond_s,
-        "slides": f.slides,
-        "locked_s": f.locked_s,
-        "max_slip_m_s": f.max_slip_m_s,
-        "slip_energy_kJ": f.slip_energy_kJ,
-        "beyond_kJ": f.beyond_kJ,
-        "utilisation": f.utilisation,
-        "impulse_kNs": math.nan if _brakes(asked.scenario) else f.impulse_kNs,
-        "stop_m": f.stop_m if f.stopped else math.nan,
-        "distance_m": f.stop_m,
-        "time_s": f.seconds,
-        "stopped": f.stopped,
-        **_honest(said),
-    }
+    said = [] if recorder is None else honesty(recorder.series(), steps)
+    out = asdict(f) | {"distance_m": f.stop_m, "stop_m": f.stop_m if f.stopped else math.nan, **_honest(said)}
+    if max(asked.scenario.driver.values, key=abs) < 0.0:  # the largest demand brakes
+        out["impulse_kNs"] = math.nan
+    return out | {"time_s": out.pop("seconds")}
 
 
-def _brakes(scenario: DriveScenario) -> bool:
-    """Whether the largest demand brakes."""
-    return max(scenario.driver.values, key=abs) < 0.0
-
-
-def _steps(asked: _Asked, ear: Ear | None) -> Iterator[Step]:
+def _steps(asked: _Asked, recorder: AdhesionRecorder | None) -> Iterator[Step]:
     if asked.controller == IDEAL:
         yield from ride_ideal(asked.scenario)
         return
     heard = asked.config if asked.with_adhesion else None
     controller = make_controller(asked.controller, Facts.of(asked.scenario), heard)
-    listener = None if ear is None else ear.hear
+    listener = None if recorder is None else recorder.hear
     run = Lockstep(asked.scenario, controller, asked.config, listener, train=asked.train, timing=asked.timing)
-    while not run.over:
-        yield run.step()
+    yield from run
 
 
 def _honest(said: list[Honesty]) -> dict[str, Scalar]:

@@ -10,16 +10,79 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeVar
 
-from sim_ecu.campaign.kind import Factor, Type
-from sim_ecu.campaign.task import digest
+import numpy as np
+
+from sim_ecu.campaign.kind import Factor, Metric, Type
+from sim_ecu.jobs.job import Scalar, digest
 from sim_ecu.play.faults import ALL, DURATION_S, KINDS, SIGNALS, Fault, read_fault
+from sim_ecu.score.metrics import accuracy, honesty
+from sim_ecu.score.metrics.accuracy import OURS, gather, period_s, valid
+from sim_ecu.score.score_play import Trace
 from wrcd import resources
-from wrcd.config import load_config, load_packaged
+from wrcd.config.config import load_config, load_packaged
+from wrcd.config.section import Section, TomlSource
+from wrcd.config.settings import read_toml
 from wrcd.core.configuration import Config
+from wrcd.core.vocabulary import SURFACES
 from wrcd.errors import InputError
 from wrcd.estimator.design import Design, load_design
-from wrcd.section import Section, Source
-from wrcd.settings import read_toml
+
+NOT_LOW_PCT = min(low for low, name in SURFACES if name not in honesty.LOW_SURFACES)
+
+FIGURES = (
+    Metric("mean_error_pp", Type.NUMBER, "mean error of MuAvailable in Valid frames; NaN if none is", "pp", "less"),
+    Metric("p95_error_pp", Type.NUMBER, "its 95th percentile", "pp", "less"),
+    Metric("worst_axle_pp", Type.NUMBER, "mean error of the axle where it is largest", "pp", "less"),
+    Metric("valid", Type.NUMBER, "share of the frames that are Valid", better="more"),
+    Metric("coverage", Type.NUMBER, "share of the Valid frames whose interval holds the truth; 0.9 is claimed"),
+    Metric("half_width_pp", Type.NUMBER, "mean half-width of the estimator's interval in Valid frames", "pp", "less"),
+    Metric("lie_s", Type.NUMBER, "time Valid with the truth below the interval, mean of the axles", "s", "less"),
+    Metric("lie_worst_s", Type.NUMBER, "the same, worst axle", "s", "less"),
+    Metric("false_low_s", Type.NUMBER, "time Valid and called Low or worse on a rail that is not, from the start on, "
+           "sum of all axles", "s", "less"),
+    Metric("false_lows", Type.WHOLE, "how often that began", better="less"),
+    Metric("cause", Type.TEXT, "the most frequent cause of not being Valid; empty for none"),
+)  # fmt: skip
+
+
+def figures_of(traces: Sequence[Trace]) -> dict[str, Scalar]:
+    """Of a run's traces, an axle each, one at least."""
+    f = gather(traces)
+    of_all = accuracy.accuracy(f, OURS)
+    confidence = honesty.confidence(f)
+    means = [accuracy.accuracy(gather([t]), OURS)["mean"].value for t in traces]
+    known = [m for m in means if np.isfinite(m)]
+    lies = [_lie_s(t) for t in traces]
+    low_s, lows = zip(*map(_false_low, traces), strict=True)
+    causes = honesty.not_valid(f)["causes"]
+    return {
+        "mean_error_pp": of_all["mean"].value,
+        "p95_error_pp": of_all["p95"].value,
+        "worst_axle_pp": max(known, default=float("nan")),
+        "valid": float(np.mean(f.valid)),
+        "coverage": confidence["covers"].value,
+        "half_width_pp": confidence["mean_half_width"].value,
+        "lie_s": sum(lies) / len(lies),
+        "lie_worst_s": max(lies),
+        "false_low_s": sum(low_s),
+        "false_lows": sum(lows),
+        "cause": next(iter(causes), ""),
+    }
+
+
+def _lie_s(t: Trace) -> float:
+    over = t.mu_pct - t.true_mu_pct
+    with np.errstate(invalid="ignore"):
+        lies = valid(t) & (over > np.nan_to_num(t.half_width_pp, nan=0.0, posinf=np.inf))
+    return float(np.sum(lies & (t.time_s >= t.judged_from_s))) * period_s(t)
+
+
+def _false_low(t: Trace) -> tuple[float, int]:
+    """Seconds, and how often it began."""
+    low = np.isin(t.surface, honesty.LOW_SURFACES) & valid(t) & (t.true_mu_pct >= NOT_LOW_PCT)
+    begins = low & ~np.concatenate(([False], low[:-1]))
+    return float(low.sum()) * period_s(t), int(begins.sum())
+
 
 T = TypeVar("T")
 PREFIX = "scenario."
@@ -59,7 +122,7 @@ def scenario_of(inputs: Mapping[str, Any], path: Path, read: Callable[[Section, 
             _put(data, name, value)
     data["seed"] = inputs["seed"]
     try:
-        return read(Section(data, Source(path, {}, None), ()), path.stem)
+        return read(Section(data, TomlSource(path, {}, None), ()), path.stem)
     except InputError as e:
         raise InputError(e.reason, key=e.key and f"{PREFIX}{e.key}", hint=e.hint) from None
 
@@ -103,7 +166,7 @@ def fault_of(inputs: Mapping[str, Any], axles: Sequence[int], end_s: float) -> t
     named = {f.name: inputs.get(f.name, f.default) for f in FAULT}
     data = {_KEYS[name]: value for name, value in named.items() if value is not None}
     try:
-        found = read_fault(Section(data, Source("", {}, None), ()), axles)
+        found = read_fault(Section(data, TomlSource("", {}, None), ()), axles)
     except InputError as e:
         name = next((n for n, key in _KEYS.items() if key == e.key), e.key)
         reason = f"a fault of kind {inputs['fault']} takes none" if e.reason == "unknown key" else e.reason

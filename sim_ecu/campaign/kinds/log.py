@@ -9,24 +9,20 @@ from typing import Any
 
 import numpy as np
 
-from sim_ecu.campaign.fleet.classes import CLASSES
-from sim_ecu.campaign.fleet.tally import STEP_M, STEP_S, VALIDITIES, Axle, Tally
-from sim_ecu.campaign.job import Job, Scalar
-from sim_ecu.campaign.kind import Factor, Figure, Kind, Type
-from sim_ecu.campaign.task import digest
-from wrcd.bus.damage import Damage
-from wrcd.bus.log_kind import check_log
-from wrcd.bus.log_order import TimeOrder
-from wrcd.config import load_config
+from sim_ecu.campaign.fleet.tally import CLASSES, STEP_M, STEP_S, VALIDITIES, AxleTally, Tally
+from sim_ecu.campaign.kind import Factor, Kind, Metric, Type
+from sim_ecu.jobs.job import Job, Scalar, digest
+from wrcd.config.config import load_config
 from wrcd.core.causes import RESERVED, Cause, Validity
 from wrcd.core.configuration import Config
 from wrcd.core.core import Core
 from wrcd.core.messages import nan_to_none
 from wrcd.core.vocabulary import snake
 from wrcd.errors import InputError
-from wrcd.recorder.resume import state_file
-from wrcd.tools.story.clock import Onward
-from wrcd.tools.story.estimate import made
+from wrcd.logs.damage import Damage
+from wrcd.logs.feed import outgoing_of_log
+from wrcd.logs.reader import LogReader, check_log
+from wrcd.recorder.resume import load, state_file
 
 CAUSES = tuple(c for c in Cause if c is not Cause.NONE and c not in RESERVED)
 OWN = ("log", "state")  # among Job.files: what the job itself looks at
@@ -46,25 +42,25 @@ def class_column(prefix: str, name: str) -> str:
 
 
 FIGURES = (
-    Figure("begin_s", Type.NUMBER, "the log's first stamp, since 1970", "s"),
-    Figure("hours", Type.NUMBER, "what the daemon had something to say of", "h"),
-    Figure("km", Type.NUMBER, "way in that time", "km"),
-    Figure("axles", Type.WHOLE, "axles that the log has frames of"),
-    Figure("valid", Type.NUMBER, "share of the axles' time that is Valid", better="more"),
-    Figure("degraded", Type.NUMBER, "share that is Degraded", better="less"),
-    Figure("not_available", Type.NUMBER, "share that is NotAvailable", better="less"),
-    Figure("read", Type.WHOLE, "frames read"),
-    Figure("accepted", Type.WHOLE, "frames accepted"),
-    Figure("refused", Type.WHOLE, "mapped frames refused", better="less"),
-    Figure("restarts", Type.WHOLE, "how often an axle was started anew", better="less"),
-    Figure("clock_steps", Type.WHOLE, "how often the log's clock was set back"),
-    Figure("whole", Type.FLAG, "all of the log could be read"),
-    Figure("suspects", Type.WHOLE, "suspicious sensors and messages", better="less"),
-    Figure("worst_s", Type.NUMBER, "the longest time that one of them was named", "s", "less"),
-    *(Figure(class_column("km", c), Type.NUMBER, f"axle-kilometres, {c}", "km") for c in CLASSES),
-    *(Figure(class_column("hours", c), Type.NUMBER, f"axle-hours, {c}", "h") for c in CLASSES),
-    *(Figure(cause_column(c), Type.NUMBER, f"share of the axles' time: {c.words}", better="less") for c in CAUSES),
-    Figure("detail", Type.TEXT, "by axle, kilometre and minute, and what is suspicious, as JSON"),
+    Metric("begin_s", Type.NUMBER, "the log's first stamp, since 1970", "s"),
+    Metric("hours", Type.NUMBER, "what the daemon had something to say of", "h"),
+    Metric("km", Type.NUMBER, "way in that time", "km"),
+    Metric("axles", Type.WHOLE, "axles that the log has frames of"),
+    Metric("valid", Type.NUMBER, "share of the axles' time that is Valid", better="more"),
+    Metric("degraded", Type.NUMBER, "share that is Degraded", better="less"),
+    Metric("not_available", Type.NUMBER, "share that is NotAvailable", better="less"),
+    Metric("read", Type.WHOLE, "frames read"),
+    Metric("accepted", Type.WHOLE, "frames accepted"),
+    Metric("refused", Type.WHOLE, "mapped frames refused", better="less"),
+    Metric("restarts", Type.WHOLE, "how often an axle was started anew", better="less"),
+    Metric("clock_steps", Type.WHOLE, "how often the log's clock was set back"),
+    Metric("whole", Type.FLAG, "all of the log could be read"),
+    Metric("suspects", Type.WHOLE, "suspicious sensors and messages", better="less"),
+    Metric("worst_s", Type.NUMBER, "the longest time that one of them was named", "s", "less"),
+    *(Metric(class_column("km", c), Type.NUMBER, f"axle-kilometres, {c}", "km") for c in CLASSES),
+    *(Metric(class_column("hours", c), Type.NUMBER, f"axle-hours, {c}", "h") for c in CLASSES),
+    *(Metric(cause_column(c), Type.NUMBER, f"share of the axles' time: {c.words}", better="less") for c in CAUSES),
+    Metric("detail", Type.TEXT, "by axle, kilometre and minute, and what is suspicious, as JSON"),
 )
 
 
@@ -78,10 +74,11 @@ def replayed(job: Job) -> Mapping[str, Scalar]:
     check_log(log)
     shared = tuple(sorted((name, found) for name, found in job.files.items() if name not in OWN))
     config = _config(inputs.get("configuration") or "", shared)
-    tally, damage, order, onward = Tally(config), Damage(), TimeOrder(log), Onward()
-    core = Core(config, observer=tally)
+    tally, reader = Tally(config), LogReader(log, channel)
+    core, onward, damage = Core(config, observer=tally), reader.clock, reader.damage
+    saved = load(state_file(log), core) if state_file(log).exists() else None
     begin_us = newest_us = None
-    for o in made(core, log, channel, onward, damage, order):
+    for o, _ in outgoing_of_log(core, reader, saved):
         tally.correction_us = onward.correction_us
         frame, _ = onward.moved((o.frame, ""))
         begin_us = frame.stamp_us if begin_us is None else begin_us
@@ -95,8 +92,7 @@ def replayed(job: Job) -> Mapping[str, Scalar]:
     if begin_us is None or newest_us is None:
         raise InputError("is too short: not one slot ends in it", file=log, hint="leave it out")
     tally.end(core, newest_us)
-    warnings = [*damage.warnings(log), *order.warnings()]
-    return _figures(tally, (begin_us, newest_us), damage, len(onward.steps), warnings)
+    return _figures(tally, (begin_us, newest_us), damage, len(onward.steps), reader.warnings)
 
 
 def _unchanged(job: Job, log: Path) -> None:
@@ -141,7 +137,7 @@ def _figures(
                  for of in ([a.way for a in heard], [a.time for a in heard]))  # fmt: skip
     out |= {class_column("km", c): float(way[k]) / 1000 for k, c in enumerate(CLASSES)}
     out |= {class_column("hours", c): float(time[k]) / 3600 for k, c in enumerate(CLASSES)}
-    out |= {cause_column(c): _share(sum(a.spells.frames[c] * a.cycle_s for a in heard), seconds) for c in CAUSES}
+    out |= {cause_column(c): _share(sum(a.by_cause[c] * a.cycle_s for a in heard), seconds) for c in CAUSES}
     detail = {
         "axles": by_axle(heard),
         "without_frame": [a.number for a in tally.axles.values() if a not in heard],
@@ -156,14 +152,14 @@ def _share(part: float, of: float) -> float:
     return float(part) / of if of else math.nan
 
 
-def by_axle(heard: Sequence[Axle]) -> list[dict[str, Any]]:
+def by_axle(heard: Sequence[AxleTally]) -> list[dict[str, Any]]:
     """The detail of each. All have the steps that the longest needs, so that they can be added up."""
     step_m = _step(max(a.metres for a in heard), STEP_M, KILOMETRE)
     step_s = _step(max(a.seconds for a in heard), STEP_S, MINUTE)
     return [_axle(a, step_m, step_s) for a in heard]
 
 
-def _axle(a: Axle, step_m: float, step_s: float) -> dict[str, Any]:
+def _axle(a: AxleTally, step_m: float, step_s: float) -> dict[str, Any]:
     """An axle's part of the detail. way: metres of each class, time: seconds, by step."""
     share = _share(int(a.by_validity[VALIDITIES.index(Validity.VALID)]), a.frames)
     return {
@@ -171,7 +167,7 @@ def _axle(a: Axle, step_m: float, step_s: float) -> dict[str, Any]:
         "seconds": round(a.seconds, 3),
         "metres": round(a.metres, 1),
         "valid": nan_to_none(share),
-        "causes": {c.label: round(a.spells.frames[c] * a.cycle_s, 3) for c in CAUSES if a.spells.frames[c]},
+        "causes": {c.label: round(int(a.by_cause[c]) * a.cycle_s, 3) for c in CAUSES if a.by_cause[c]},
         "step_m": step_m,
         "way": np.round(a.way.merged(step_m)).astype(int).tolist() if a.metres else [],
         "step_s": step_s,

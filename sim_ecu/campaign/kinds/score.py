@@ -9,21 +9,20 @@ from typing import Any
 
 import numpy as np
 
-from sim_ecu.campaign.job import Job, Scalar
-from sim_ecu.campaign.kind import Factor, Figure, Kind, Type
-from sim_ecu.campaign.kinds.estimates import FIGURES as OF_ESTIMATES
-from sim_ecu.campaign.kinds.estimates import figures_of as figures_of_estimates
+from sim_ecu.campaign.kind import Factor, Kind, Metric, Type
+from sim_ecu.campaign.kinds.given import FIGURES as OF_ESTIMATES
 from sim_ecu.campaign.kinds.given import configuration_of
-from sim_ecu.campaign.task import digest
-from sim_ecu.design.source import Source, load_source
-from sim_ecu.score.metrics import accuracy, changes, honesty
+from sim_ecu.campaign.kinds.given import figures_of as figures_of_estimates
+from sim_ecu.design.brief import Recipe, load_source
+from sim_ecu.jobs.job import Job, Scalar, digest
+from sim_ecu.score.metrics import accuracy, change_metrics, honesty
 from sim_ecu.score.names import SUITES
-from sim_ecu.score.play import Trace, play
+from sim_ecu.score.score_play import Trace, play
 from sim_ecu.score.suites import runs, training_runs
-from sim_ecu.score.suites.run import AXLES, TEST_LOTS, TRAINING_LOTS, Run
+from sim_ecu.score.suites.run import AXLES, TEST_LOTS, TRAINING_LOTS, TUNED_LOT, Run
 from wrcd import resources
+from wrcd.config.section import suggest
 from wrcd.errors import InputError
-from wrcd.section import suggest
 
 KEPT, DESIGNS = 2 * len(SUITES), 16  # that a process keeps: all suites of two designs or lots
 
@@ -38,18 +37,18 @@ FACTORS = (
 )  # fmt: skip
 FIGURES = (
     *OF_ESTIMATES,
-    Figure("delay_s", Type.NUMBER, "time until a change of rail has shown, mean of the changes; NaN without one", "s",
+    Metric("delay_s", Type.NUMBER, "time until a change of rail has shown, mean of the changes; NaN without one", "s",
            "less"),
-    Figure("drop_lie_s", Type.NUMBER, "time Valid with the truth below the interval after a drop, mean of the drops; "
+    Metric("drop_lie_s", Type.NUMBER, "time Valid with the truth below the interval after a drop, mean of the drops; "
            "NaN without one", "s", "less"),
-    Figure("settled_s", Type.NUMBER, "time until it has settled after a drop, mean of the drops", "s", "less"),
-    Figure("settled_worst_s", Type.NUMBER, "the same, worst drop", "s", "less"),
-    Figure("max_over_pp", Type.NUMBER, "largest over-estimate in a Valid frame after a drop, worst drop", "pp", "less"),
-    Figure("far_s", Type.NUMBER, "longest time that a Valid frame says far too much after a drop, worst drop", "s",
+    Metric("settled_s", Type.NUMBER, "time until it has settled after a drop, mean of the drops", "s", "less"),
+    Metric("settled_worst_s", Type.NUMBER, "the same, worst drop", "s", "less"),
+    Metric("max_over_pp", Type.NUMBER, "largest over-estimate in a Valid frame after a drop, worst drop", "pp", "less"),
+    Metric("far_s", Type.NUMBER, "longest time that a Valid frame says far too much after a drop, worst drop", "s",
            "less"),
-    Figure("found", Type.NUMBER, "share of the axles that are not Valid at the end of a run with something broken or "
+    Metric("found", Type.NUMBER, "share of the axles that are not Valid at the end of a run with something broken or "
            "foreign; NaN for others", better="more"),
-    Figure("valid_after_s", Type.NUMBER, "time Valid after sensors died, worst axle; NaN for other suites", "s",
+    Metric("valid_after_s", Type.NUMBER, "time Valid after sensors died, worst axle; NaN for other suites", "s",
            "less"),
 )  # fmt: skip
 _CHANGING, _BROKEN = ("transitions", "drops"), ("dead", "foreign")  # suites
@@ -62,9 +61,13 @@ def _design(inputs: Mapping[str, Any]) -> Path:
 def suite_of(inputs: Mapping[str, Any]) -> Mapping[str, Sequence[Run]]:
     """The runs of the inputs' suite by group, in its order. Made once in a process. Raises InputError."""
     lot, file = int(inputs.get("lot", 0)), _design(inputs)
-    if not -TRAINING_LOTS <= lot < TEST_LOTS:
-        raise InputError(f"takes -{TRAINING_LOTS} … {TEST_LOTS - 1}, not {lot}", key="lot")
+    if not -TRAINING_LOTS <= lot <= TUNED_LOT:
+        raise _no_lot(lot)
     return _suite(file, digest(file), str(inputs["suite"]), lot)
+
+
+def _no_lot(lot: int) -> InputError:
+    return InputError(f"takes -{TRAINING_LOTS} … {TEST_LOTS - 1}, not {lot}", key="lot")
 
 
 @lru_cache(KEPT)
@@ -79,7 +82,7 @@ def _suite(file: Path, contents: str, suite: str, lot: int) -> dict[str, list[Ru
 
 
 @lru_cache(DESIGNS)
-def _source(file: Path, _contents: str) -> Source:
+def _source(file: Path, _contents: str) -> Recipe:
     return load_source(file)
 
 
@@ -118,9 +121,9 @@ def figures_of(traces: Sequence[Trace]) -> dict[str, Scalar]:
     out = figures_of_estimates(traces)
     more: dict[str, Scalar] = {f.name: math.nan for f in FIGURES if f not in OF_ESTIMATES}
     if suite in _CHANGING:
-        drops = changes.drops(traces)
+        drops = change_metrics.drops(traces)
         more |= {
-            "delay_s": _of(np.mean, changes.delays(traces)[0].tolist()),
+            "delay_s": _of(np.mean, change_metrics.delays(traces)[0].tolist()),
             "drop_lie_s": _of(np.mean, [d.lie_s for d in drops]),
             "settled_s": _of(np.mean, [d.settled_s for d in drops]),
             "settled_worst_s": _of(np.max, [d.settled_s for d in drops]),
@@ -141,6 +144,9 @@ def _of(how: Callable[[list[float]], Any], values: list[float]) -> float:
 
 
 def _check(inputs: Mapping[str, Any]) -> None:
+    """No campaign is asked for what tuned designs are tested on: only the tuning itself plays it."""
+    if inputs.get("lot", 0) == TUNED_LOT:
+        raise _no_lot(TUNED_LOT)
     _run(inputs)
 
 

@@ -1,139 +1,136 @@
-"""A design on whole runs: what each run adds to the goals, so that any runs can be summed up and drawn again."""
+"""A design on whole runs, as a campaign of the score's; what it is tuned for: several goals, and one number of them."""
 
-import hashlib
-import itertools
-import json
-from collections.abc import Iterable, Sequence
-from concurrent.futures import Executor
-from dataclasses import asdict, dataclass, replace
-from functools import lru_cache
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from sim_ecu.campaign.job import Ending, Job, code, contents
-from sim_ecu.campaign.runner import run
-from sim_ecu.campaign.tune.journal import Journal
-from sim_ecu.design.cases import Progress
-from sim_ecu.design.source import Source
-from sim_ecu.score.metrics import changes
-from sim_ecu.score.metrics.accuracy import judged
-from sim_ecu.score.metrics.frames import OURS, gather, period_s, valid
-from sim_ecu.score.metrics.honesty import LOW_SURFACES
-from sim_ecu.score.play import Trace, play
-from sim_ecu.score.suites import runs, training_runs
+from sim_ecu.campaign.campaign_folder import CampaignRequest
+from sim_ecu.campaign.definition import Campaign
+from sim_ecu.campaign.go import Finished, go, opened
+from sim_ecu.campaign.kinds.score import SCORE, suite_of
+from sim_ecu.jobs.job import Ending, Job, code, digest
+from sim_ecu.jobs.pool import Workers
 from sim_ecu.score.suites.nominal import MEMS
-from sim_ecu.score.suites.run import TUNED_LOT, Run
-from wrcd.config import load_config
-from wrcd.core.configuration import Config
+from sim_ecu.score.suites.run import AXLES, TUNED_LOT
+from sim_ecu.score.suites.sound import DRY_RUN_S
 from wrcd.errors import InputError
-from wrcd.estimator.design import load_design
+from wrcd.estimator.design import CHANNELS, COLUMNS, INPUTS, MODELS, Design, load_design
+from wrcd.estimator.window import BLOCK_TICKS
 
 GRID, DROPS, DRY = "grid", "drops", "dry-hours"
-TRAINING = ((GRID, 0.15), (DROPS, 0.15), (DRY, 0.06))  # suites and shares of their runs
-TEST = ((GRID, 0.4), (DROPS, 0.6), (DRY, 0.2))  # so many that equal designs can be told to be equal
+# suites and shares of their runs: the first of each
+TRAINING = ((GRID, 0.15), (DROPS, 0.15), (DRY, 0.06))
+TEST = ((GRID, 0.4), (DROPS, 0.6), (DRY, 0.2))
+STATES, SECTION = 5, 9  # of a model; operations of a second-order section
+WINDOWS = 3  # that every answer is made of: the longest, the usual, the newest part
 
 
 @dataclass(frozen=True, slots=True)
-class Seen:
-    """What a run adds. error_pp over so many Valid frames; of frames from when they are judged on those that are not
-    Valid; over drops, seconds Valid with the truth below the interval; seconds that axles on dry rail are called Low or
-    worse in Valid frames."""
+class TuningGoal:
+    """A figure of a suite that is to be small, mean of the runs. factor: from the figure. weight: in the one number.
+    floor: what no difference is made below: a design that does half of next to nothing is not twice as good."""
 
+    words: str
+    unit: str
     suite: str
-    number: int
-    error_pp: float = 0.0
-    valid: int = 0
-    silent: int = 0
-    frames: int = 0
-    lie_s: float = 0.0
-    drops: int = 0
-    low_s: float = 0.0
-    dry_s: float = 0.0
+    figure: str
+    weight: float
+    floor: float
+    factor: float = 1.0
+    offset: float = 0.0
+
+    def value(self, rows: Sequence[Mapping[str, Any]]) -> float:
+        """Return the mean over the suite's runs that have a number; NaN without any."""
+        found = [float(r[self.figure]) for r in rows if r["suite"] == self.suite and r[self.figure] is not None]
+        known = [v for v in found if math.isfinite(v)]
+        return self.offset + self.factor * sum(known) / len(known) if known else math.nan
+
+
+GOALS = (
+    TuningGoal("mean error", "pp", GRID, "mean_error_pp", 1.0, 0.05),
+    TuningGoal("lie after a drop", "s", DROPS, "drop_lie_s", 1.0, 0.2),
+    TuningGoal("dry rail called low", "s/h", DRY, "false_low_s", 0.25, 10.0, 3600.0 / (DRY_RUN_S * AXLES)),
+    TuningGoal("not Valid", "share", GRID, "valid", 0.25, 0.02, -1.0, 1.0),
+)
+ERROR, SILENT = 0, 3
+SILENT_PP = 5.0  # what a frame that is not Valid counts as in the one number: silence is no way to a small error
+COST_WEIGHT = 0.1
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
-    """A design and a run."""
+class PlayedFigures:
+    """A design's goals, and its cost: operations an axle and tick, counted and not measured."""
 
-    design: Path
-    run: Run
+    values: tuple[float, ...]
+    cost: int
 
+    @property
+    def _with_silence(self) -> tuple[float, ...]:
+        """The goals with the frames that are not Valid in the error."""
+        out, silent = [*self.values], self.values[SILENT]
+        out[ERROR] = (1.0 - silent) * out[ERROR] + silent * SILENT_PP if silent < 1.0 else SILENT_PP
+        return tuple(out)
 
-def training(source: Source, seed: int) -> list[Run]:
-    """What designs are tuned on."""
-    return _kept(r for suite, share in TRAINING for r in training_runs(source, suite, share, seed))
+    def behind(self, other: "PlayedFigures") -> bool:
+        """Whether the other is nowhere worse, and better somewhere. No figure is worse than any."""
+        mine, theirs = ([math.inf if math.isnan(v) else v for v in (*f.values, float(f.cost))] for f in (self, other))
+        pairs = list(zip(mine, theirs, strict=True))
+        return all(b <= a for a, b in pairs) and any(b < a for a, b in pairs)
 
-
-def test(source: Source) -> list[Run]:
-    """What the chosen design is tested on: as much of the score's suites, with seeds that neither the score nor the
-    training has."""
-    return _kept(r for suite, share in TEST for r in runs(source, suite, share, TUNED_LOT))
-
-
-def _kept(every: Iterable[Run]) -> list[Run]:
-    return [r for r in every if r.suite != GRID or r.group == MEMS.name]
-
-
-def seen(asked: Asked) -> Seen:
-    """Play a run, in a process of its own."""
-    return summed_up(asked.run, play(asked.run, _config(asked.design), {}))
-
-
-@lru_cache(maxsize=2)
-def _config(design: Path) -> Config:
-    return replace(load_config(None), design=load_design(design), design_file=design)
+    def against(self, other: "PlayedFigures") -> float:
+        """One number: the goals' logarithms over another design's, by weight. Below 0: better. inf without a figure."""
+        if not all(map(math.isfinite, (*self._with_silence, *other._with_silence))):
+            return math.inf
+        parts = [
+            g.weight * math.log((mine + g.floor) / (theirs + g.floor))
+            for g, mine, theirs in zip(GOALS, self._with_silence, other._with_silence, strict=True)
+        ]
+        return sum(parts) + COST_WEIGHT * math.log(self.cost / other.cost)
 
 
-def summed_up(of: Run, traces: Sequence[Trace]) -> Seen:
-    """What a run's traces add."""
-    out = Seen(of.suite, of.number)
-    if of.suite == DROPS:
-        every = changes.drops(traces)
-        return replace(out, lie_s=sum(d.lie_s for d in every), drops=len(every))
-    if of.suite == DRY:
-        low = [float(np.sum(np.isin(t.surface, LOW_SURFACES) & valid(t))) * period_s(t) for t in traces]
-        return replace(out, low_s=sum(low), dry_s=sum(len(t.time_s) * period_s(t) for t in traces))
-    frames = gather(traces)
-    use = judged(frames, OURS)
-    return replace(
-        out, error_pp=float(frames.errors(OURS)[use].sum()), valid=int(use.sum()), silent=int((~frames.valid).sum()),
-        frames=len(frames.true),
-    )  # fmt: skip
+def operations(design: Design) -> int:
+    """Count multiplications and additions of an axle's tick: four filters, the band, and an answer every fourth tick,
+    over all rules and their slopes."""
+    step = 2 * (STATES * STATES + 2 * STATES * CHANNELS + CHANNELS * CHANNELS)
+    band = SECTION * CHANNELS * len(design.lowpass)
+    rule = INPUTS + 2 * 2 * COLUMNS
+    return MODELS * (step + band) + round(WINDOWS * len(design.rules) * rule / BLOCK_TICKS)
 
 
-def digest(of: Run) -> str:
-    """Of all that a run is: its wheelset, rails, courses and seeds."""
-    return hashlib.sha256(json.dumps(asdict(of), default=_plain, sort_keys=True).encode()).hexdigest()
+def play_training(design: Path, seed: int, folder: Path, workers: Workers) -> PlayedFigures:
+    """Play a design on the runs that designs are tuned on; rows that are in the folder are not played again. Raises
+    InputError where a run fails."""
+    finished = play(design, TRAINING, -1 - seed, folder, workers)
+    rows = [{**job.inputs, **row.figures} for job, row in finished.pairs]
+    return PlayedFigures(tuple(g.value(rows) for g in GOALS), operations(load_design(design)))
 
 
-def _plain(value: Any) -> Any:
-    if isinstance(value, np.ndarray):
-        return value.tolist()
-    raise TypeError(f"a run is plain data, not {type(value).__name__}")
+def play_test(design: Path, folder: Path, workers: Workers) -> Finished:
+    """Play it on as much of the score's suites with seeds that neither the score nor the training has."""
+    return play(design, TEST, TUNED_LOT, folder, workers)
 
 
-def play_all(
-    designs: Sequence[Path],
-    every: Sequence[Run],
-    journal: Journal,
-    executor: Executor,
-    workers: int,
-    progress: Progress,
-) -> list[list[Seen]]:
-    """Of each design what it does in each run, in order; what the journal has is not played again, nor a design
-    that is there twice. All designs hear the same frames. Raises InputError where a run cannot be played."""
-    checksums = {d: contents(d) for d in designs}
-    digests = [digest(r) for r in every]
-    jobs = [Job("played", {"run": d}, {"design": checksums[design]}) for design in designs for d in digests]
-    asked = {j.key(code()): (j, Asked(d, r)) for j, (d, r) in zip(jobs, itertools.product(designs, every), strict=True)}
-    left = [pair for pair in asked.values() if journal.answer(pair[0]) is None]
-    for done, outcome in enumerate(run(seen, [a for _, a in left], executor, workers), 1):
-        job, of = left[outcome.place]
-        if outcome.ending is not Ending.DONE or outcome.value is None:
-            raise InputError(f"cannot be played in {of.run.suite}: {outcome.error}", file=of.design)
-        journal.add(job, asdict(outcome.value))
-        progress(f"run {len(asked) - len(left) + done} of {len(asked)}", done / len(left))
-    whole = [Seen(**journal.answer(j)) for j in jobs]
-    return [whole[i : i + len(every)] for i in range(0, len(whole), max(len(every), 1))]
+def play(design: Path, shares: Sequence[tuple[str, float]], lot: int, folder: Path, workers: Workers) -> Finished:
+    """Run the campaign of a design in a folder. Raises InputError where a run fails."""
+    file, contents = str(design.resolve()), digest(design)
+    jobs = tuple(
+        Job(SCORE.name, inputs, {"design": contents}) for s, share in shares for inputs in _runs(s, share, file, lot)
+    )
+    types = {f.name: f.type for f in SCORE.factors}
+    asked = CampaignRequest(folder.name, SCORE, types, code(SCORE.function.__module__))
+    campaign = Campaign(asked, jobs, {}, None, 0, None, folder, {(file,): {file: contents}})
+    with opened(campaign, folder) as ready:
+        finished = go(ready, workers, again=True)
+    for job, row in finished.pairs:
+        if row.ending is not Ending.DONE:
+            raise InputError(f"cannot be played in {job.inputs['suite']}: {row.error or row.ending}", file=design)
+    return finished
+
+
+def _runs(suite: str, share: float, design: str, lot: int) -> Iterator[dict[str, Any]]:
+    inputs = {"suite": suite, "design": design, "lot": lot}
+    for group, runs in suite_of(inputs).items():
+        if suite != GRID or group == MEMS.name:
+            yield from ({**inputs, "group": group, "run": k} for k in range(max(1, round(share * len(runs)))))

@@ -1,17 +1,15 @@
-"""One controller for every law: hears the bus, keeps the reference speed, applies limit and law, asks the actuators."""
+"""One controller for every law: keeps the reference speed, applies limit and law, asks the actuators."""
 
 from collections.abc import Callable, Mapping
 
-from sim_ecu.loop.control.axle import Axle, Limit
-from sim_ecu.loop.control.controller import CYCLE_US
-from sim_ecu.loop.control.facts import Facts
-from sim_ecu.loop.control.law import Law, Seen
-from sim_ecu.loop.control.proof import TURNS_M_S, Proof
-from sim_ecu.loop.control.reference_speed import ReferenceSpeed
-from sim_ecu.loop.control.resync import Constants as ResyncConstants
-from sim_ecu.loop.control.resync import Resync
-from sim_ecu.loop.messages import BRAKE, COAST, TRACTION, driver_demand
+from sim_ecu.loop.control.adhesion_consumer import CYCLE_US, Facts, TrainController, Unprotected, receiver
+from sim_ecu.loop.control.adhesion_limit import AdhesionLimit, LimitConstants
+from sim_ecu.loop.control.controlled_axle import AxleCycle, ControlledAxle, CreepControl, Law, Thresholds
+from sim_ecu.loop.control.reference_speed import TURNS_M_S, Proof, ReferenceSpeed, Resync
+from sim_ecu.loop.rig_messages import BRAKE, COAST, TRACTION, driver_demand
 from sim_ecu.play.encoder import Sent
+from wrcd.core.configuration import AxleConfig, Config
+from wrcd.errors import InputError
 
 MAX_PERIOD_US = 100_000  # a cycle that comes later than this counts for so much
 LOST_US = 200_000  # a silence of all wheels, or of the controller itself, after which no wheel is believed unproved
@@ -31,18 +29,17 @@ class SlipController:
         self,
         facts: Facts,
         law: Callable[[], Law],
-        limits: Mapping[int, Limit] | None = None,
-        resync: ResyncConstants | None = None,
+        limits: Mapping[int, AdhesionLimit] | None = None,
     ) -> None:
         self.facts = facts
         limits = limits or {}
-        self.axles = [Axle(n, facts, law(), limits.get(n)) for n in facts.axles]
+        self.axles = [ControlledAxle(n, facts, law(), limits.get(n)) for n in facts.axles]
         self._driver = driver_demand()
         inputs = [self._driver, *(h for a in self.axles for h in (a.wheel, a.pressure))]
         self._heard = {h.message.frame_id: h for h in inputs}
         self._pressures = {a.pressure.message.frame_id: a for a in self.axles}
         self._reference = ReferenceSpeed(facts)
-        self._resync = Resync(len(self.axles), resync or self.axles[0].law.release)
+        self._resync = Resync(len(self.axles), self.axles[0].law.release)
         self.proof = Proof(facts)
         self._blind_us = 0
         self._braking = True
@@ -95,10 +92,10 @@ class SlipController:
             a.given_N_m = torque
             drive, valve = a.blending.step(torque, share, self._braking, self._known(a, speed, torque, asked))
             if self._driver.stamp_us is not None:
-                out.append(a.channel.encode_quick(now_us, {"Torque": drive, "Valve": valve}))
+                out.append(a.channel.encode(now_us, {"Torque": drive, "Valve": valve}))
         return out
 
-    def _known(self, a: Axle, speed_m_s: float | None, torque_N_m: float, asked_N_m: float) -> float | None:
+    def _known(self, a: ControlledAxle, speed_m_s: float | None, torque_N_m: float, asked_N_m: float) -> float | None:
         """The speed that the drive's share may follow; None where a locked wheel could pass for a train that stands."""
         if speed_m_s is None or torque_N_m < asked_N_m:
             return speed_m_s
@@ -117,7 +114,9 @@ class SlipController:
                 a.guard.reset()
         return share
 
-    def _protected(self, k: int, a: Axle, now_us: int, asked_N_m: float, speed_m_s: float, freed: bool) -> float:
+    def _protected(
+        self, k: int, a: ControlledAxle, now_us: int, asked_N_m: float, speed_m_s: float, freed: bool
+    ) -> float:
         """|torque| of an axle by limit, law, release and guard; freed: it has none, to prove the reference."""
         slip = a.speed_m_s - speed_m_s
         slip = -slip if self._braking else slip
@@ -127,7 +126,7 @@ class SlipController:
             most = a.limit.limit(now_us, asked_N_m, a.blending.actual_N_m, creep, a.law.sliding, self._braking)
         most = asked_N_m if most is None else min(max(most, 0.0), asked_N_m)
         actual = a.blending.actual_N_m
-        torque = a.law.step(Seen(self._period_us * 1e-6, now_us, speed_m_s, slip, a.slide_m_s2, most, actual))
+        torque = a.law.step(AxleCycle(self._period_us * 1e-6, now_us, speed_m_s, slip, a.slide_m_s2, most, actual))
         limited = most <= torque < asked_N_m  # by the limit alone: the law leaves the wheel what it is asked for
         torque = self._resync.step(k, now_us, torque, asked_N_m, a.law.sliding, a.slide_m_s2, limited)
         if freed:
@@ -137,3 +136,41 @@ class SlipController:
         if self._braking:
             torque = a.guard.step(now_us, a.speed_m_s, torque, asked_N_m, self.facts.full_brake_N_m)
         return torque
+
+
+LAWS: dict[str, Callable[[], Law]] = {"thresholds": Thresholds, "creep": CreepControl}
+NAMES = ("none", *LAWS)
+# Thresholds slide often: the estimate spares slides, and is followed up to the knee. Creep control wears more and stops
+# as short as the rail allows: the estimate takes wear off, at some distance.
+LIMITS = {
+    "thresholds": LimitConstants(),
+    "creep": LimitConstants(
+        aim=0.955, half_widths=1.0, pull_aim=0.85, pull_rise_s=2.0, keep=(0.93, 0.985), take=(0.9, 0.97),
+        hold_s=1.6, surprise=0.045, free_s=3.0,
+    ),
+}  # fmt: skip
+
+
+def make_controller(name: str, facts: Facts, config: Config | None = None) -> TrainController:
+    """A controller by its name, one of NAMES; with a daemon's configuration, one that uses its adhesion.
+
+    KeyError for another name; "none" has no use for adhesion. InputError where the configuration's adhesion message
+    lacks what a controller needs of it.
+    """
+    if name == "none":
+        return Unprotected(facts.axles, facts.actuators)
+    if config is None:
+        return SlipController(facts, LAWS[name])
+    limits = {a.number: _limit(name, facts, config, a) for a in config.axles if a.number in facts.axles}
+    return SlipController(facts, LAWS[name], limits)
+
+
+def _limit(name: str, facts: Facts, config: Config, axle: AxleConfig) -> AdhesionLimit:
+    heard = receiver(config, axle)
+    if heard.unusable is not None:
+        raise InputError(
+            f"{heard.unusable}: no base for a controller",
+            hint="map them in the configuration, or run the controller without adhesion",
+        )
+    rotation = facts.inertia_kg_m2 / facts.radius_m**2 / facts.mass_kg  # takes torque beside what the rail carries
+    return AdhesionLimit(heard, facts.unit_adhesion_N_m * (1.0 + rotation), LIMITS[name])

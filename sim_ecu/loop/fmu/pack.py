@@ -1,4 +1,4 @@
-"""Makes the FMU: the scenario, a loader and PythonFMU's binary in one zip archive."""
+"""Makes the FMU: the scenario, a loader, a page and PythonFMU's binary in one zip archive."""
 
 import hashlib
 import json
@@ -7,19 +7,38 @@ import sys
 import tempfile
 import uuid
 import zipfile
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from html import escape
 from importlib.metadata import distribution
 from pathlib import Path
 
 from pythonfmu.builder import FmuBuilder
 
-from sim_ecu.loop.fmu.page import page
+from sim_ecu.loop.drive_scenario import FOLDER, DriveScenario, load_drive_scenario
+from sim_ecu.loop.fmu.plant import Variable, digest, variables
 from sim_ecu.loop.fmu.slave import MADE, SCENARIO
-from sim_ecu.loop.fmu.variables import Variable, digest, variables
-from sim_ecu.loop.scenario import FOLDER, DriveScenario, load_drive_scenario
 from wrcd import __version__
 from wrcd.errors import InputError
+
+HEAD = ("name", "type", "causality", "unit", "what")
+
+
+def page(scenario: DriveScenario, variables: Iterable[Variable]) -> str:
+    """The page as HTML."""
+    rows = [(v.name, v.kind, v.causality, v.unit, v.what) for v in variables]
+    table = "\n".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows)
+    head = "".join(f"<th>{cell}</th>" for cell in HEAD)
+    return f"""<!DOCTYPE html>
+<html lang="en"><head><meta charset="utf-8"><title>wrcd's rig</title></head><body>
+<h1>wrcd's rig: {escape(scenario.train.title)}</h1>
+<p>Simulation only. FMI 2.0 co-simulation; communication step 0.005 s or a multiple of it.</p>
+<p>It holds no Python: the importing side needs Linux on x86-64 and Python 3.11 or newer with wrcd[bench] {__version__}.
+The scenario is resources/scenario.toml.</p>
+<table><tr>{head}</tr>
+{table}
+</table></body></html>
+"""
+
 
 MODULE = "wrcd_rig_fmu"
 # For each instance, PythonFMU's binary imports this module, runs its source again, and takes the class that is deepest
@@ -43,18 +62,10 @@ PLATFORMS = ("linux64",)  # wrcd is for Linux: a binary for another system would
 OLDEST = (1980, 1, 1, 0, 0, 0)  # the date of a zip archive's entries
 
 
-@dataclass(frozen=True, slots=True)
-class Packed:
-    """What was made."""
+def pack(scenario: str, output: Path) -> tuple[DriveScenario, tuple[Variable, ...]]:
+    """Write the FMU of a packaged scenario to drive, or of a file: the same bytes for the same scenario and versions.
 
-    scenario: DriveScenario
-    variables: tuple[Variable, ...]
-
-
-def pack(scenario: str, output: Path) -> Packed:
-    """Write the FMU of a packaged scenario to drive, or of a file. The same scenario and versions give the same bytes.
-
-    Raises InputError.
+    Returns the scenario and the variables. Raises InputError.
     """
     loaded = load_drive_scenario(scenario)
     packaged = FOLDER / f"{scenario}.toml"
@@ -72,7 +83,7 @@ def pack(scenario: str, output: Path) -> Packed:
             raise InputError(
                 f"cannot be written: {e.strerror}", file=output, hint="check the folder, your rights and the disk"
             ) from None
-    return Packed(loaded, everything)
+    return loaded, everything
 
 
 def _build(folder: Path, text: bytes, made: Mapping[str, object], about: str) -> Path:

@@ -16,9 +16,8 @@ from pythonfmu import Boolean, Fmi2Causality, Fmi2Slave, Integer, Real, String
 from pythonfmu.default_experiment import DefaultExperiment
 from pythonfmu.enums import Fmi2Status, Fmi2Variability
 
-from sim_ecu.loop.fmu.plant import SAMPLE_S, Plant
-from sim_ecu.loop.fmu.variables import OUTPUT, REFUSED, UNITS, Variable, digest
-from sim_ecu.loop.scenario import load_drive_scenario
+from sim_ecu.loop.drive_scenario import load_drive_scenario
+from sim_ecu.loop.fmu.plant import OUTPUT, REFUSED, SAMPLE_S, UNITS, Plant, Variable, digest
 from wrcd import __version__
 from wrcd.errors import InputError
 

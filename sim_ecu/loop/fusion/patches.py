@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim_ecu.loop.names import LAWS
-from sim_ecu.loop.scenario import NO_DRIVE, DriveScenario
+from sim_ecu.loop import LAWS
+from sim_ecu.loop.drive_scenario import NO_DRIVE, DriveScenario
 from sim_ecu.physics.axlebox import QUIET, AxleBox
 from sim_ecu.physics.cleaning import Cleaning
 from sim_ecu.physics.contact import CreepCurve, curve_between, peak
@@ -50,7 +50,7 @@ Rng = np.random.Generator
 
 
 @dataclass(frozen=True, slots=True)
-class Drive:
+class PatchRide:
     """A run, of one of KINDS. start_m, end_m: where the patch lies for axle 1's place; None where there is none.
     slides: whether the driver asks for more than the patch carries. held: one more, so that he asks for less."""
 
@@ -70,7 +70,7 @@ class Drive:
         return self.scenario.cleaning is not None
 
 
-def patches(scale: float = 1.0, first_seed: int = FIRST_TEST_SEED) -> Iterator[Drive]:
+def patches(scale: float = 1.0, first_seed: int = FIRST_TEST_SEED) -> Iterator[PatchRide]:
     """Patches at every speed, with and without cleaning in turn; scale is the share of them. First those on which the
     driver asks for what he likes, then those that hold."""
     number = 0
@@ -81,7 +81,7 @@ def patches(scale: float = 1.0, first_seed: int = FIRST_TEST_SEED) -> Iterator[D
                 number += 1
 
 
-def rails(scale: float = 1.0, first_seed: int = FIRST_TEST_SEED) -> Iterator[Drive]:
+def rails(scale: float = 1.0, first_seed: int = FIRST_TEST_SEED) -> Iterator[PatchRide]:
     """Rails on which nobody is to be warned, under a driver who changes: unchanging ones, those with joints, crossings
     and curves, and rises from low rail to good."""
     for place, (kind, count) in enumerate(((STEADY, STEADY_RUNS), (JOINTS, JOINTS_RUNS), (RISE, RISE_RUNS)), 1):
@@ -89,7 +89,7 @@ def rails(scale: float = 1.0, first_seed: int = FIRST_TEST_SEED) -> Iterator[Dri
             yield _rail(number, first_seed + place * 100_000 + number, kind)
 
 
-def _rail(number: int, seed: int, kind: str) -> Drive:
+def _rail(number: int, seed: int, kind: str) -> PatchRide:
     rng = np.random.default_rng([seed, 12])
     speed = float(rng.uniform(*STEADY_SPEEDS_M_S))
     curve = _drawn(rng, HIGH)
@@ -105,7 +105,7 @@ def _rail(number: int, seed: int, kind: str) -> Drive:
     if kind == RISE:
         parts.append((speed * RISE_AT_S, curve, 0.0, 0.0))
     drive = _scenario(rng, seed, rail_table(parts), speed, driver, seconds, box=box)
-    return Drive(number, drive, str(rng.choice(LAWS)), speed, kind)
+    return PatchRide(number, drive, str(rng.choice(LAWS)), speed, kind)
 
 
 def _driver(rng: Rng, most: float, seconds: float) -> Course:
@@ -117,7 +117,7 @@ def _driver(rng: Rng, most: float, seconds: float) -> Course:
     return Course(tuple(times), tuple(shares))
 
 
-def _patch(number: int, seed: int, speed: float, cleaning: Cleaning | None, held: bool) -> Drive:
+def _patch(number: int, seed: int, speed: float, cleaning: Cleaning | None, held: bool) -> PatchRide:
     rng = np.random.default_rng([seed, 11])
     good, bad = _drawn(rng, HIGH), _drawn(rng, LOW)
     way = 1.0 if speed <= ALWAYS_PULLS_M_S or rng.random() < 0.5 else -1.0
@@ -132,7 +132,7 @@ def _patch(number: int, seed: int, speed: float, cleaning: Cleaning | None, held
     driver = Course((0.0, DEMAND_S, DEMAND_S + ONSET_S), (way * LITTLE, way * LITTLE, way * used / FULL))
     drive = _scenario(rng, seed, rail, speed, driver, seconds, cleaning)
     slides = used > _peak(speed, bad)
-    return Drive(number, drive, str(rng.choice(LAWS)), speed, PATCH, start_m, end_m, slides, held)
+    return PatchRide(number, drive, str(rng.choice(LAWS)), speed, PATCH, start_m, end_m, slides, held)
 
 
 def _scenario(

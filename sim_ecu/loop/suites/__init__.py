@@ -2,20 +2,18 @@
 
 from collections.abc import Callable, Iterator
 
-from sim_ecu.loop.names import SUITES
-from sim_ecu.loop.suites.actuators import actuators
-from sim_ecu.loop.suites.case import Case
-from sim_ecu.loop.suites.faults import faults
+from sim_ecu.loop import SUITES
 from sim_ecu.loop.suites.rails import braking, traction, train
-from sim_ecu.loop.suites.worlds import worlds
+from sim_ecu.loop.suites.rides import LoopCase
+from sim_ecu.loop.suites.variants import actuators, faults, worlds
 
-_MAKERS: dict[str, Callable[[], Iterator[Case]]] = {
+_MAKERS: dict[str, Callable[[], Iterator[LoopCase]]] = {
     "braking": braking, "traction": traction, "train": train, "faults": faults, "worlds": worlds,
     "actuators": actuators,
 }  # fmt: skip
 
 
-def cases(suite: str | None = None, only: str = "") -> list[Case]:
+def cases(suite: str | None = None, only: str = "") -> list[LoopCase]:
     """Of one suite, or of all in the order of the report; only those whose name holds a text, and those whose bare runs
     they share."""
     every = [case for name in SUITES if suite in (None, name) for case in _MAKERS[name]()]

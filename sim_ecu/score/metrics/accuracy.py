@@ -2,17 +2,98 @@
 
 import itertools
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sim_ecu.reporting.values import Figure
 from sim_ecu.score.metrics import bootstrap
-from sim_ecu.score.metrics.bootstrap import Figure
-from sim_ecu.score.metrics.frames import OURS, Frames
-from sim_ecu.score.play import Trace
+from sim_ecu.score.score_play import FloatArray, Trace
 from wrcd.core.messages import surface
 from wrcd.core.vocabulary import SURFACES
+
+OURS = "wrcd"
+VALID = "Valid"
+
+
+@dataclass(frozen=True, slots=True)
+class JudgedFrames:
+    """Arrays (frames,) of the frames from when they are judged on, those that are not Valid included."""
+
+    mu: dict[str, FloatArray]  # of wrcd and of every baseline; NaN where nothing was said
+    true: FloatArray
+    used: FloatArray
+    past_peak: NDArray[np.bool_]
+    half_width: FloatArray  # of the level on the bus; inf for none claimed
+    own_half_width: FloatArray  # before the bus made it a level
+    validity: NDArray[np.str_]
+    cause: NDArray[np.str_]
+    contact: NDArray[np.str_]
+    surface: NDArray[np.str_]
+    curve: NDArray[np.str_]
+    run: NDArray[np.int64]
+
+    @property
+    def utilisation(self) -> FloatArray:
+        """Adhesion in use over adhesion available."""
+        return np.asarray(self.used / self.true)
+
+    @property
+    def valid(self) -> NDArray[np.bool_]:
+        """Where a controller may go by what wrcd says."""
+        return np.asarray(self.validity == VALID)
+
+    def errors(self, name: str) -> FloatArray:
+        """Absolute errors in percentage points, NaN where nothing was said."""
+        return np.asarray(np.abs(self.mu[name] - self.true))
+
+    @property
+    def outside(self) -> NDArray[np.bool_]:
+        """Where the truth lies outside wrcd's interval. A Valid frame without a number lies outside any."""
+        return np.asarray(~(self.errors(OURS) <= self.half_width))
+
+
+def gather(traces: Sequence[Trace]) -> JudgedFrames:
+    """All frames from when they are judged on."""
+    names = list(dict.fromkeys([OURS, *(n for t in traces for n in t.baselines)]))
+    keep = [t.time_s >= t.judged_from_s for t in traces]
+
+    def join(parts: list[NDArray[Any]]) -> NDArray[Any]:
+        return np.concatenate([p[k] for p, k in zip(parts, keep, strict=True)]) if parts else np.zeros(0)
+
+    return JudgedFrames(
+        mu={n: join([said(t, n) for t in traces]) for n in names},
+        true=join([t.true_mu_pct for t in traces]),
+        used=join([t.true_used_pct for t in traces]),
+        past_peak=join([np.abs(t.true_slip) > t.peak_slip for t in traces]).astype(bool),
+        half_width=join([t.half_width_pp for t in traces]),
+        own_half_width=join([t.own_half_width_pp for t in traces]),
+        validity=join([t.validity for t in traces]).astype(np.str_),
+        cause=join([t.cause for t in traces]).astype(np.str_),
+        contact=join([t.contact for t in traces]),
+        surface=join([t.surface for t in traces]),
+        curve=join([np.full(len(t.time_s), t.curve) for t in traces]),
+        run=join([np.full(len(t.time_s), t.run) for t in traces]).astype(np.int64),
+    )
+
+
+def said(t: Trace, name: str) -> FloatArray:
+    """What an estimator said throughout; NaN where a baseline did not run."""
+    return t.mu_pct if name == OURS else t.baselines.get(name, np.full(len(t.time_s), np.nan))
+
+
+def valid(t: Trace) -> NDArray[np.bool_]:
+    """Which frames of a trace are Valid."""
+    return np.asarray(t.validity == VALID)
+
+
+def period_s(t: Trace) -> float:
+    """Time from frame to frame."""
+    return float(np.median(np.diff(t.time_s)))
+
 
 BINS = (0.0, 0.3, 0.5, 0.7, 0.9, math.inf)  # of utilisation
 UNSURE = (0.85, 1.0)  # utilisations between which a contact may be called either
@@ -21,12 +102,12 @@ REACHED = 0.95  # of the wanted creep
 SETTLED_S = 1.0
 
 
-def judged(f: Frames, name: str) -> NDArray[np.bool_]:
+def judged(f: JudgedFrames, name: str) -> NDArray[np.bool_]:
     """The frames that an estimator is judged on: wrcd's Valid ones, the same for every baseline."""
     return np.asarray(f.valid & np.isfinite(f.errors(name)))
 
 
-def accuracy(f: Frames, name: str) -> dict[str, Figure]:
+def accuracy(f: JudgedFrames, name: str) -> dict[str, Figure]:
     """Mean and 95th percentile of the error, its mean below half and above 0.9 of the available adhesion."""
     error, u, use = f.errors(name), f.utilisation, judged(f, name)
 
@@ -41,20 +122,20 @@ def accuracy(f: Frames, name: str) -> dict[str, Figure]:
     }
 
 
-def over(f: Frames, of: Frames, name: str = OURS) -> dict[str, Figure]:
+def over(f: JudgedFrames, of: JudgedFrames, name: str = OURS) -> dict[str, Figure]:
     """The mean error as a multiple of that in other frames, and less it; runs of the same number are paired."""
     a, b = judged(f, name), judged(of, name)
     parts = f.errors(name)[a], f.run[a], of.errors(name)[b], of.run[b]
     return {"ratio": bootstrap.ratio(*parts), "difference": bootstrap.difference(*parts)}
 
 
-def over_baseline(f: Frames, name: str) -> Figure:
+def over_baseline(f: JudgedFrames, name: str) -> Figure:
     """wrcd's mean error over that of a baseline on the same frames."""
     use = judged(f, OURS) & judged(f, name)
     return bootstrap.ratio(f.errors(OURS)[use], f.run[use], f.errors(name)[use], f.run[use])
 
 
-def by_class(f: Frames) -> dict[str, dict[str, Figure]]:
+def by_class(f: JudgedFrames) -> dict[str, dict[str, Figure]]:
     """Mean error of wrcd by utilisation and by curve."""
     error, u, use = f.errors(OURS), f.utilisation, judged(f, OURS)
     classes: dict[str, dict[str, NDArray[np.bool_]]] = {"utilisation": {}, "curve": {}}
@@ -68,7 +149,7 @@ def by_class(f: Frames) -> dict[str, dict[str, Figure]]:
     }
 
 
-def contact_right(f: Frames) -> dict[str, Figure]:
+def contact_right(f: JudgedFrames) -> dict[str, Figure]:
     """ContactState where it can be told: adhering well below the peak, saturated beyond it."""
     u = f.utilisation
     adhering = f.valid & (u < UNSURE[0]) & ~f.past_peak
@@ -87,7 +168,7 @@ def contact_right(f: Frames) -> dict[str, Figure]:
     }
 
 
-def surfaces(f: Frames) -> dict[str, dict[str, float]]:
+def surfaces(f: JudgedFrames) -> dict[str, dict[str, float]]:
     """Share of each true surface's Valid frames that was called what: {true: {said: share}}."""
     true = np.array([surface(float(m)) for m in f.true])
     names = [name for _, name in SURFACES]
@@ -104,7 +185,7 @@ def judged_from_reached(t: Trace) -> float:
     return float(t.time_s[reached[0]]) + SETTLED_S if len(reached) else math.inf
 
 
-def within(f: Frames) -> dict[str, Any]:
+def within(f: JudgedFrames) -> dict[str, Any]:
     """Share of frames within 1 percentage point, or 10 % of the value if larger, and the worst error over that."""
     error, allowed = f.errors(OURS), np.maximum(1.0, 0.1 * f.true)
     ratio = np.where(f.valid & np.isfinite(error), error / allowed, np.inf)

@@ -13,12 +13,13 @@ theirs is.
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import binom, norm, t
+
+from sim_ecu.reporting.values import Figure
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -33,21 +34,6 @@ BINS = 2000  # of equal content, in which replicates look for a quantile
 FEWEST = 5  # of fewer runs no interval is told: the median's would not hold 90 %, and a spread of so few says little
 FEWEST_DRAWN = 3  # of fewer different runs, which may be nearly alike, a standard error says nothing
 NO_SPREAD = 1e-9  # of a standard error: what rounding leaves where all runs that were drawn are alike
-
-
-@dataclass(frozen=True, slots=True)
-class Figure:
-    """A figure, the ends of its 90 % interval (NaN: too few runs to tell), and how much it is made of."""
-
-    value: float
-    low: float
-    high: float
-    runs: int
-    count: int  # frames, or drops, or axles
-
-    def below(self, other: "Figure") -> bool:
-        """Whether it lies below another one, and the intervals do not overlap."""
-        return self.high < other.low
 
 
 NOTHING = Figure(math.nan, math.nan, math.nan, 0, 0)

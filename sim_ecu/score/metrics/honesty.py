@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from sim_ecu.reporting.values import Figure
 from sim_ecu.score.metrics import bootstrap
-from sim_ecu.score.metrics.bootstrap import Figure
-from sim_ecu.score.metrics.frames import OURS, VALID, Frames, valid
-from sim_ecu.score.play import Trace
+from sim_ecu.score.metrics.accuracy import OURS, VALID, JudgedFrames, valid
+from sim_ecu.score.score_play import Trace
 from wrcd.core.vocabulary import CONFIDENCES
 
 FOUND_S = 0.5  # of a run's end: what is not Valid all that time has been found out
@@ -20,7 +20,7 @@ ACCUSING = (
 )  # fmt: skip
 
 
-def not_valid(f: Frames) -> dict[str, Any]:
+def not_valid(f: JudgedFrames) -> dict[str, Any]:
     """Share of the frames that are not Valid, of those that accuse a sensor, and of each cause (of all frames)."""
     causes, count = np.unique(f.cause[~f.valid], return_counts=True)
     order = np.argsort(-count, kind="stable")  # of equal ones the first by name, on any processor
@@ -31,12 +31,20 @@ def not_valid(f: Frames) -> dict[str, Any]:
     }
 
 
-def coverage(f: Frames) -> Figure:
+def accused(traces: Sequence[Trace]) -> Figure:
+    """Return the share of all judged frames, of any suites, in which a sensor is accused."""
+    keep = [t.time_s >= t.judged_from_s for t in traces]
+    hits = [(~valid(t) & np.isin(t.cause, ACCUSING))[k] for t, k in zip(traces, keep, strict=True)]
+    runs = [np.full(int(k.sum()), t.run, np.int64) for t, k in zip(traces, keep, strict=True)]
+    return bootstrap.mean(np.concatenate(hits), np.concatenate(runs))
+
+
+def coverage(f: JudgedFrames) -> Figure:
     """Share of the Valid frames whose interval holds the truth. One that claims no bound holds it, at no use."""
     return bootstrap.mean(~f.outside[f.valid], f.run[f.valid])
 
 
-def confidence(f: Frames) -> dict[str, Any]:
+def confidence(f: JudgedFrames) -> dict[str, Any]:
     """How often the interval that Confidence claims holds the truth, by level; its width against a constant one."""
     inside = ~f.outside
     levels = {}

@@ -10,7 +10,7 @@ from sim_ecu.physics.wheelset import Wheelset
 from sim_ecu.play.faults import Fault
 from sim_ecu.score.suites.nominal import MEMS, RUN_S, Variant, condition, spread
 from sim_ecu.score.suites.run import AXLES, TEST, Lot, Run
-from wrcd.settings import read_toml
+from wrcd.config.settings import read_toml
 
 DIES_S = 5.0
 DEAD_S = 12.0  # length of a run

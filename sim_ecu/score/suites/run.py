@@ -12,7 +12,7 @@ from sim_ecu.physics.sensors import SENSOR_SETS, SensorSet
 from sim_ecu.physics.track import OMEGA_C, QUALITY
 from sim_ecu.physics.wheelset import Wheelset
 from sim_ecu.play.faults import Fault
-from sim_ecu.play.scenario import AxleScenario, Course, Drive, FloatArray, Scenario, rail_table
+from sim_ecu.play.scenario import AxleScenario, Course, DriveCourse, FloatArray, Scenario, rail_table
 
 FIRST_TEST_SEED = 2_000_000_000  # training seeds stay far below
 # Runs that designs are tuned on: above the seeds of all plans, below those of conditions that are held for a search.
@@ -76,7 +76,7 @@ def training_lot(number: int) -> Lot:
 
 
 def axle(
-    lot: Lot, place: int, rail: FloatArray, drive: Drive, roughness: float, rng: Rng,
+    lot: Lot, place: int, rail: FloatArray, drive: DriveCourse, roughness: float, rng: Rng,
     sensors: SensorSet = SENSOR_SETS["mems"], corner_rad_m: float = OMEGA_C, box: AxleBox = QUIET,
 ) -> AxleScenario:  # fmt: skip
     """One wheelset on a track of its own."""
@@ -111,10 +111,10 @@ def rails(parts: Sequence[tuple[float, str]]) -> FloatArray:
     return rail_table([(d, CURVES[c], 0.0, 0.0) for d, c in parts])
 
 
-def drive(demand: str, *points: tuple[float, float], limit: float = CREEP_LIMIT) -> Drive:
+def drive(demand: str, *points: tuple[float, float], limit: float = CREEP_LIMIT) -> DriveCourse:
     """A demand over time: (s, value) …, linear between them."""
     times, values = zip(*points, strict=True)
-    return Drive(demand, Course(times, values), Course((0.0,), (limit,)))
+    return DriveCourse(demand, Course(times, values), Course((0.0,), (limit,)))
 
 
 def by_four(cases: Sequence[T], rng: Rng) -> Iterator[list[tuple[int, T]]]:

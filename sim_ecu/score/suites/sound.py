@@ -1,4 +1,5 @@
-"""Sound sensors for minutes: on the grid's conditions, through canted curves, and where the rail is held at its peak.
+"""Sound sensors for minutes: on the grid's conditions, through canted curves, where the rail is held at its peak, and
+hours of dry rail: how often, and for how long, is it called low?
 
 What judges a pair of sensors takes nine seconds and more, and the runs of the other suites end after ten.
 """
@@ -11,13 +12,16 @@ import numpy as np
 
 from sim_ecu.physics.contact import CURVES, CreepCurve
 from sim_ecu.physics.rail import RailSection, rail_table
+from sim_ecu.physics.track import QUALITY
 from sim_ecu.physics.wheelset import GRAVITY, Wheelset
 from sim_ecu.play.scenario import FloatArray, path_of, read_scenario
 from sim_ecu.score.suites.nominal import GOLDEN, Variant, condition, spread
 from sim_ecu.score.suites.run import (
+    AXLES,
     ROUGHNESS,
     SPEEDS,
     TEST,
+    UTILISATIONS,
     Lot,
     Rng,
     Run,
@@ -26,7 +30,7 @@ from sim_ecu.score.suites.run import (
     one_rail,
     scenario,
 )  # fmt: skip
-from wrcd.section import Section, Source
+from wrcd.config.section import Section, TomlSource
 
 SOUND_RUNS = 10  # of each suite
 LONG_S, CANTED_S, PEAK_S = 120.0, 60.0, 60.0
@@ -98,7 +102,29 @@ def _packaged(suite: str, group: str, w: Wheelset, scale: float, lot: Lot) -> It
     path = path_of(PACKAGED[group])
     data = tomllib.loads(path.read_text(encoding="utf-8"))
     for seed in range(1, 1 + max(1, round(PACKAGED_SEEDS * scale)) * (lot == TEST)):
-        top = Section(data | {"seed": seed}, Source(path, {}, None), ())
+        top = Section(data | {"seed": seed}, TomlSource(path, {}, None), ())
         played = replace(read_scenario(top, path.stem), wheelset=w)
         letters = (str(data["rail"][0]["curve"]),) * len(played.axles)
         yield Run(suite, group, PACKAGED_FROM + seed, played, letters)
+
+
+DRY_HOURS = 3.0  # of all axles together
+DRY_RUN_S = 25.0
+DRY_STEP_S = 5.0  # between the torques of a course
+DRY_COASTING = 0.25  # of the axles, in the middle of their run
+
+
+def dry_hours(w: Wheelset, scale: float, lot: Lot = TEST) -> Iterator[Run]:
+    """Many short, poor tracks, each with another seed, at all utilisations and speeds, coasting included."""
+    rng = lot.generator(7)
+    for number in range(max(2, round(DRY_HOURS * 3600 / (DRY_RUN_S * AXLES) * scale))):
+        v = float(rng.uniform(*SPEEDS))
+        axles = []
+        for i in range(AXLES):
+            t = np.arange(0.0, DRY_RUN_S + 1.0, DRY_STEP_S)
+            wanted = rng.uniform(*UTILISATIONS, len(t)) * float(rng.choice([1.0, 1.0, -1.0]))
+            if rng.random() < DRY_COASTING:
+                wanted[1:-1] = 0.0
+            pulled = drive("utilisation", *zip(t.tolist(), wanted.tolist(), strict=True))
+            axles.append(axle(lot, i, one_rail(CURVES["A"]), pulled, QUALITY["poor"], rng))
+        yield Run("dry-hours", "dry, poor track", number, scenario(w, DRY_RUN_S, v, axles), ("A",) * AXLES)

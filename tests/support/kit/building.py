@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from wrcd.tools.kit.run import kit
+from wrcd.kit.write_kit import kit
 
 HERE = Path(__file__).parent
 WARNINGS = ("-std=c11", "-Wall", "-Wextra", "-Wconversion", "-Wshadow", "-Wpedantic", "-Werror")

@@ -10,7 +10,7 @@ from wrcd.bus.codec import Value, Writer
 from wrcd.bus.dbc import find_message, find_signal
 from wrcd.bus.frame import Frame
 from wrcd.core.configuration import Config
-from wrcd.tools.kit.vectors import SAID
+from wrcd.kit.vectors import SAID
 
 
 def made(config: Config, seconds: float, seed: int) -> list[Frame]:

@@ -14,7 +14,7 @@ from tests.support.config_texts import AXLE, VEHICLE
 from wrcd.bus import advice
 from wrcd.bus.pythoncan import open_bus
 from wrcd.bus.socketcan import SocketCanLink
-from wrcd.config import load_config
+from wrcd.config.config import load_config
 from wrcd.errors import BusError, InputError
 
 UP, DOWN = "0xc1", "0x80"

@@ -8,8 +8,8 @@ import pytest
 from tests.support.dbc import told
 from wrcd import resources
 from wrcd.bus.dbc import load_dbc
-from wrcd.bus.dbc_subset import subset
-from wrcd.config import load_config, load_config_to_run
+from wrcd.bus.dbc_text import subset
+from wrcd.config.config import load_config, load_config_to_run
 from wrcd.core.configuration import Config
 
 TEXT = """VERSION ""

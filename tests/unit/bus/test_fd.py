@@ -10,10 +10,10 @@ import e2e.p11
 import pytest
 
 from tests.support.dbc_bodies import database
+from wrcd.bus.candump import format_line
 from wrcd.bus.codec import Receiver, Sample
 from wrcd.bus.dbc import find_message
 from wrcd.bus.frame import Frame
-from wrcd.bus.log import format_line
 from wrcd.bus.opening import open_link
 from wrcd.bus.rawcan import FD_FRAME, FRAME
 from wrcd.bus.reasons import Reason

@@ -6,8 +6,7 @@ import struct
 
 import pytest
 
-from wrcd.bus.hardwareclock import HardwareClock
-from wrcd.bus.rawcan import SO_RXQ_OVFL, SO_TIMESTAMPING, SO_TIMESTAMPNS, parse_ancillary
+from wrcd.bus.rawcan import SO_RXQ_OVFL, SO_TIMESTAMPING, SO_TIMESTAMPNS, HardwareClock, parse_ancillary
 
 START = 1_700_000_000_000_000
 

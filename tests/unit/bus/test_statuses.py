@@ -8,13 +8,13 @@ import pytest
 
 from tests.support.dbc_bodies import database
 from wrcd.bus.codec import Receiver, Sample
-from wrcd.bus.columns import MIN_ROWS, Columns, stretches
 from wrcd.bus.dbc import Database
 from wrcd.bus.e2e import protect
 from wrcd.bus.frame import Frame
 from wrcd.bus.reasons import Reason
 from wrcd.bus.signals import Source, StatusRule
 from wrcd.bus.units import Quantity
+from wrcd.logs.columns import MIN_ROWS, Columns, stretches
 
 DBC = """
 BO_ 800 Gyro: 4 B

@@ -4,14 +4,14 @@ from pathlib import Path
 
 import pytest
 
-from sim_ecu.campaign import kinds
+from sim_ecu.campaign import definition
 from tests.support.trial_kind import TRIAL, Write
 
 
 @pytest.fixture
 def trial(monkeypatch: pytest.MonkeyPatch) -> None:
     """The kind `trial` is there."""
-    monkeypatch.setattr(kinds, "KINDS", (*kinds.KINDS, TRIAL))
+    monkeypatch.setattr(definition, "KINDS", (*definition.KINDS, TRIAL))
 
 
 @pytest.fixture

@@ -18,12 +18,13 @@ import pyarrow.parquet as pq
 import pytest
 from distributed.scheduler import KilledWorker, WorkerState
 
-from sim_ecu.campaign import cluster, runner, store
-from sim_ecu.campaign.job import Ending
-from sim_ecu.cli import main
+from sim_ecu.campaign.campaign_folder import RESULTS, ROWS
+from sim_ecu.cli.main import main
+from sim_ecu.jobs import cluster, pool
+from sim_ecu.jobs.job import Ending
 from tests.support.page_commands import run_by
 from tests.support.processes import ROOT, running, wait_for
-from tests.support.trial_kind import Write, lines, meanwhile
+from tests.support.trial_kind import Write, lines, meanwhile, rows
 
 WAIT_S = 60
 # How the page starts them; here with a free port, and each worker by itself and mortal.
@@ -103,7 +104,7 @@ def test_workers_that_come_and_die_give_what_the_pool_gives(
     def come_and_die() -> None:
         wait_for("that it waits", WAIT_S, lambda: "waiting for workers" in capfd.readouterr().err)
         first, _ = dask.worker(), dask.worker()
-        wait_for("a job in each", WAIT_S, lambda: (len(lines(out / store.JOURNAL)), len(lines(record))) == (30, 32))
+        wait_for("a job in each", WAIT_S, lambda: (len(rows(out / ROWS)), len(lines(record))) == (30, 32))
         first.kill()
         gate.touch()
 
@@ -113,7 +114,7 @@ def test_workers_that_come_and_die_give_what_the_pool_gives(
     assert set(counts) == {f"1 {seed}" for seed in range(1, 61)}
     assert {counts[f"1 {seed}"] for seed in range(1, 31)} == {1}
     assert run(file, tmp_path / "pool", "--jobs", "2") == 0
-    assert (out / store.RESULTS).read_bytes() == (tmp_path / "pool" / store.RESULTS).read_bytes()
+    assert (out / RESULTS).read_bytes() == (tmp_path / "pool" / RESULTS).read_bytes()
 
 
 def test_jobs_that_end_badly_on_two_workers_are_the_rows_of_the_pool(write: Write, tmp_path: Path, dask: Dask) -> None:
@@ -121,8 +122,8 @@ def test_jobs_that_end_badly_on_two_workers_are_the_rows_of_the_pool(write: Writ
     file = write("seeds = 3\nlimit_s = 1.5", factor='x = [1]\nact = ["fail", "die", "hang"]')
     dask.worker(), dask.worker()
     assert run(file, out, "--scheduler", dask.address) == run(file, pool, "--jobs", "2") == 1
-    assert (out / store.RESULTS).read_bytes() == (pool / store.RESULTS).read_bytes()
-    endings = Counter(pq.read_table(out / store.RESULTS)["ending"].to_pylist())
+    assert (out / RESULTS).read_bytes() == (pool / RESULTS).read_bytes()
+    endings = Counter(pq.read_table(out / RESULTS)["ending"].to_pylist())
     assert endings == {"done": 6, "failed": 1, "died": 1, "too long": 1}
 
 
@@ -142,12 +143,12 @@ def test_ctrl_c_leaves_the_workers_to_the_same_command(
     assert f"stopped; what is finished is in {out}" in capsys.readouterr().err
     gate.touch()  # the one at work ends by itself
     assert run(file, out, "--scheduler", dask.address) == 0
-    assert pq.read_table(out / store.RESULTS)["ending"].to_pylist() == ["done"] * 4
+    assert pq.read_table(out / RESULTS)["ending"].to_pylist() == ["done"] * 4
 
 
 def test_job_that_killed_workers_is_given_to_no_more_of_them() -> None:
-    (found,) = runner.run(abs, [1], Deadly(), 1)
-    assert (found.ending, found.attempts, found.error) == (Ending.DIED, 1, runner.GIVEN_UP)
+    (found,) = pool.run(abs, [1], pool.Workers(Deadly(), 1))
+    assert (found.ending, found.attempts, found.error) == (Ending.DIED, 1, pool.GIVEN_UP)
 
 
 class Deadly(Executor):
@@ -172,8 +173,8 @@ def test_worker_with_other_code_is_refused(
     dask.worker(other)
     assert run(asked, out, "--scheduler", dask.address) == 1
     assert "has other sources of wrcd, or other libraries, than are here" in capsys.readouterr().err
-    assert not (out / store.RESULTS).exists()
-    assert lines(out / store.JOURNAL) == []
+    assert not (out / RESULTS).exists()
+    assert rows(out / ROWS) == []
 
 
 def test_scheduler_that_goes_away_is_said_and_the_pool_goes_on(
@@ -184,7 +185,7 @@ def test_scheduler_that_goes_away_is_said_and_the_pool_goes_on(
     dask.worker()
 
     def go() -> None:
-        wait_for("the rows before it waits", WAIT_S, lambda: len(lines(out / store.JOURNAL)) == 5)
+        wait_for("the rows before it waits", WAIT_S, lambda: len(rows(out / ROWS)) == 5)
         dask.scheduler.kill()
         dask.scheduler.wait(WAIT_S)
 

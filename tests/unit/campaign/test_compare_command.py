@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from sim_ecu.cli import main
+from sim_ecu.cli.main import main
 from tests.support.compared import folder, inputs, steps
 from tests.support.page_commands import run_by
 
@@ -81,5 +81,5 @@ def test_commands_of_the_page_give_tables_page_and_json(capsys: pytest.CaptureFi
     page = Path("compare.html").read_text(encoding="utf-8")
     assert page.count("<img ") == 2
     assert "first_seed = " in page
-    assert "http" not in page.replace("http://www.w3.org", "")
+    assert "://" not in page.replace("http://www.w3.org", "")
     assert "**" not in page

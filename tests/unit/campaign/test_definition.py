@@ -7,9 +7,9 @@ from typing import Any
 import pytest
 
 from sim_ecu.campaign.definition import Campaign, load_campaign
-from sim_ecu.campaign.job import Job
+from sim_ecu.campaign.factors import Range
 from sim_ecu.campaign.kind import Type
-from sim_ecu.campaign.points import Range
+from sim_ecu.jobs.job import Job
 from tests.support.trial_kind import Write
 from wrcd import resources
 from wrcd.errors import InputError, InputErrors
@@ -23,7 +23,7 @@ def inputs(campaign: Campaign) -> list[dict[str, Any]]:
 
 def test_full_factorial_has_every_combination_with_every_seed(write: Write) -> None:
     file = write("seeds = 2\nfirst_seed = 7", "level = 3", 'x = [1, 2.5]\nmode = ["plain", "fancy"]')
-    found = load_campaign(file, CODE)
+    found = load_campaign(file)
     assert [(i["x"], i["mode"], i["seed"]) for i in inputs(found)] == [
         (x, mode, seed) for x in (1.0, 2.5) for mode in ("plain", "fancy") for seed in (7, 8)
     ]
@@ -36,7 +36,7 @@ def test_full_factorial_has_every_combination_with_every_seed(write: Write) -> N
 
 def test_range_has_its_steps_from_end_to_end(write: Write) -> None:
     factor = "x = { from = 1, to = 100, steps = 3, log = true }\nlevel = { from = 0, to = 4, steps = 3 }"
-    found = inputs(load_campaign(write(factor=factor), CODE))
+    found = inputs(load_campaign(write(factor=factor)))
     assert [i["x"] for i in found][::3] == [1.0, 10.0, 100.0]
     assert [i["level"] for i in found][:3] == [0, 2, 4]
 
@@ -55,24 +55,24 @@ def test_drawn_points_lie_in_their_ranges_and_follow_from_draw_alone(write: Writ
         'x = { from = 2, to = 4 }\n"scenario.speed" = { from = 10, to = 1000, log = true }\nmode = ["plain", "fancy"]'
     )
     head = f'method = "{method}"\npoints = 40'
-    found = load_campaign(write(head, factor=factor), CODE)
+    found = load_campaign(write(head, factor=factor))
     assert len(found.jobs) == 40
     assert all(2 <= i["x"] <= 4 and 10 <= i["scenario.speed"] <= 1000 for i in inputs(found))
     assert {i["mode"] for i in inputs(found)} == {"plain", "fancy"}
-    assert load_campaign(write(head, factor=factor), CODE).jobs == found.jobs
-    other = load_campaign(write(f"{head}\ndraw = 2", factor=factor), CODE)
+    assert load_campaign(write(head, factor=factor)).jobs == found.jobs
+    other = load_campaign(write(f"{head}\ndraw = 2", factor=factor))
     assert [i["x"] for i in inputs(other)] != [i["x"] for i in inputs(found)]
-    again = load_campaign(write(f"{head}\nfirst_seed = 2", factor=factor), CODE)
+    again = load_campaign(write(f"{head}\nfirst_seed = 2", factor=factor))
     assert inputs(again) == [i | {"seed": 2} for i in inputs(found)]
 
 
 def test_latin_hypercube_has_one_point_in_each_stretch_of_a_range(write: Write) -> None:
-    found = load_campaign(write('method = "latin"\npoints = 20', factor="x = { from = 0, to = 20 }"), CODE)
+    found = load_campaign(write('method = "latin"\npoints = 20', factor="x = { from = 0, to = 20 }"))
     assert sorted(int(i["x"]) for i in inputs(found)) == list(range(20))
 
 
 def test_points_that_are_drawn_twice_run_once_and_are_counted(write: Write) -> None:
-    found = load_campaign(write('method = "random"\npoints = 50', factor="x = [1, 2, 3]"), CODE)
+    found = load_campaign(write('method = "random"\npoints = 50', factor="x = [1, 2, 3]"))
     assert (len(found.jobs), found.twice) == (3, 47)
 
 
@@ -80,11 +80,11 @@ def test_key_of_a_job_is_of_its_files_contents_and_the_code(write: Write, tmp_pa
     (tmp_path / "own").mkdir()
     (tmp_path / "own" / "a.txt").write_text("one")
     file = write(fixed='file = "own/a.txt"', factor="x = [1]")
-    first = load_campaign(file, CODE).jobs[0]
+    first = load_campaign(file).jobs[0]
     assert first.inputs["file"] == "own/a.txt"  # as it is written, wherever the campaign lies
-    assert load_campaign(file, CODE).jobs[0].key(CODE) == first.key(CODE) != first.key("other")
+    assert load_campaign(file).jobs[0].key(CODE) == first.key(CODE) != first.key("other")
     (tmp_path / "own" / "a.txt").write_text("another")
-    assert load_campaign(file, CODE).jobs[0].key(CODE) != first.key(CODE)
+    assert load_campaign(file).jobs[0].key(CODE) != first.key(CODE)
 
 
 OF_KINDS = {
@@ -99,19 +99,19 @@ def test_file_without_a_suffix_is_a_file_beside_the_campaign(kind: str, tmp_path
     file = tmp_path / "c.toml"
     file.write_text(f'{OF_KINDS[kind]}design = "mine"\n')
     with pytest.raises(InputError, match="mine: cannot be read: No such file or directory"):
-        load_campaign(file, CODE)
+        load_campaign(file)
     shutil.copy(resources.DESIGN, tmp_path / "mine")
-    (job,) = load_campaign(file, CODE).jobs
+    (job,) = load_campaign(file).jobs
     assert "design" in job.files
     (tmp_path / "mine").write_text("{}")
     with pytest.raises(InputError, match="mine: "):  # it is this one that is read
-        load_campaign(file, CODE)
+        load_campaign(file)
 
 
 def test_packaged_scenario_is_no_file_of_a_job(tmp_path: Path) -> None:
     file = tmp_path / "c.toml"
     file.write_text(OF_KINDS["play"])
-    (job,) = load_campaign(file, CODE).jobs
+    (job,) = load_campaign(file).jobs
     assert not job.files
 
 
@@ -124,7 +124,7 @@ def test_files_that_change_places_are_another_question() -> None:
 
 def test_keys_of_a_table_may_be_written_without_quotes(write: Write) -> None:
     file = write(fixed="scenario.speed = 20.0", factor="x = [1]\nscenario.on = [true, false]")
-    found = inputs(load_campaign(file, CODE))
+    found = inputs(load_campaign(file))
     assert [(i["scenario.speed"], i["scenario.on"]) for i in found] == [(20.0, True), (20.0, False)]
 
 
@@ -169,14 +169,14 @@ def test_keys_of_a_table_may_be_written_without_quotes(write: Write) -> None:
 )
 def test_mistake_is_told_with_its_place(write: Write, head: str, fixed: str, factor: str, words: str) -> None:
     with pytest.raises(InputError) as e:
-        load_campaign(write(head, fixed, factor), CODE)
+        load_campaign(write(head, fixed, factor))
     assert words in str(e.value)
     assert not isinstance(e.value, InputErrors)
 
 
 def test_all_mistakes_are_told_at_once(write: Write) -> None:
     with pytest.raises(InputErrors) as e:
-        load_campaign(write("seeds = 0\npoint = 3", "modus = 1\nlevel = true", "x = []"), CODE)
+        load_campaign(write("seeds = 0\npoint = 3", "modus = 1\nlevel = true", "x = []"))
     assert [error.line for error in e.value.errors] == [2, 3, 5, 6, 8]
 
 
@@ -189,11 +189,11 @@ def test_kind_that_is_none_is_told(tmp_path: Path, trial: None, text: str, words
     file = tmp_path / "c.toml"
     file.write_text(text)
     with pytest.raises(InputError) as e:
-        load_campaign(file, CODE)
+        load_campaign(file)
     assert words in str(e.value)
 
 
 def test_every_mistake_of_the_jobs_is_told_once(write: Write) -> None:
     with pytest.raises(InputErrors) as e:
-        load_campaign(write("seeds = 50", factor='x = [200, 300, 1]\nmode = ["plain", "fancy"]'), CODE)
+        load_campaign(write("seeds = 50", factor='x = [200, 300, 1]\nmode = ["plain", "fancy"]'))
     assert len(e.value.errors) == 2

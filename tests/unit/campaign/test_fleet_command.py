@@ -8,7 +8,7 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 
-from sim_ecu.cli import main
+from sim_ecu.cli.main import main
 from tests.support.fleet import ONE_AXLE, SOUND, with_fault
 from tests.support.scenarios import LogOf
 
@@ -90,15 +90,13 @@ def test_log_whose_name_is_no_text_is_a_row_with_its_error(
     assert "failed: b\\xff/x.log: has a name that is no UTF-8" in capsys.readouterr().out
 
 
-def test_page_has_what_is_suspicious_before_all_else(out: Path) -> None:
+def test_page_has_what_is_suspicious_first_and_the_command_of_a_report_where_there_is_none(
+    fleet: Path, out: Path
+) -> None:
     text = (out / "summary.html").read_text()
     places = [text.index(word) for word in ("<h1>", "GyroReversed", "not one readable frame", 'id="train1"')]
     assert places == sorted(places)
     assert "http" not in text.replace("http-equiv", "")
-
-
-def test_page_shows_the_command_of_a_report_where_there_is_none(fleet: Path, out: Path) -> None:
-    text = (out / "summary.html").read_text()
     command = "wrcd report 7402/a.log.gz --replay -o a.log.gz.html --config 7402/wrcd.toml"
     assert f"<code>cd {fleet} &amp;&amp; {command}</code>" in text
 

@@ -1,6 +1,5 @@
 """Which logs a fleet has, whose each is, with which configuration."""
 
-import os
 from pathlib import Path
 
 import pytest
@@ -29,13 +28,6 @@ def test_database_that_is_no_log_is_left_out(tmp_path: Path) -> None:
     made(tmp_path, "7401/Thumbs.db")
     made(tmp_path, "7401/a.db", text="SQLite format 3\0")
     assert [one.name for one in find(str(tmp_path), None, None).logs] == ["7401/a.db"]
-
-
-def test_name_that_is_no_text_is_told_as_text(tmp_path: Path) -> None:
-    folder = made(tmp_path, "7401/wrcd.toml", "7401/a.log")
-    Path(os.fsdecode(os.fsencode(folder) + b"/7401/b\xff.log")).touch()
-    found = {one.name: one.configuration for one in find(str(folder), None, None).logs}
-    assert found == {"7401/a.log": folder / "7401/wrcd.toml", "7401/b\\xff.log": None}
 
 
 def test_train_is_the_first_folder_below(tmp_path: Path) -> None:

@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 
 from sim_ecu.campaign.fleet import tally
-from sim_ecu.campaign.fleet.classes import CLASSES
-from sim_ecu.campaign.fleet.drawing import steps_of
-from sim_ecu.campaign.job import Job, Scalar
+from sim_ecu.campaign.fleet.fleet_page import steps_of
+from sim_ecu.campaign.fleet.tally import CLASSES
 from sim_ecu.campaign.kinds.log import CAUSES, FIGURES, by_axle, cause_column, class_column, replayed
+from sim_ecu.jobs.job import Job, Scalar
 from tests.support.can_ids import VEHICLE_SPEED
 from tests.support.fleet import ONE_AXLE, SECONDS, SOUND, SPEED_M_S, with_fault
 from tests.support.scenarios import LogOf
-from wrcd.config import load_config
+from wrcd.cli.main import main
+from wrcd.config.config import load_config
 from wrcd.errors import InputError
-from wrcd.tools.cli import main
 
 SPEED_ID = f" {VEHICLE_SPEED:03X}#"
 

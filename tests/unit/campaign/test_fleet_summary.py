@@ -5,8 +5,7 @@ from typing import Any
 
 import pytest
 
-from sim_ecu.campaign.fleet.page import page, tables
-from sim_ecu.campaign.fleet.page_rows import ROWS
+from sim_ecu.campaign.fleet.fleet_page import page, tables
 from sim_ecu.campaign.fleet.summary import Summary, summary
 from tests.support.fleet import broken, job, row
 
@@ -78,13 +77,3 @@ def test_log_has_a_column_for_each_kilometre_until_they_are_too_narrow() -> None
     for steps, words in ((20, "1 km"), (480, "10 km")):
         (label,) = re.findall('="a column for each ([^,]+),', page(fleet(("7401", "a", row(steps=steps))), "/", {}))
         assert label == words
-
-
-def test_train_whose_name_has_a_bar_is_one_cell() -> None:
-    assert "| a\\|b | 1 |" in "\n".join(tables(fleet(("a|b", "a", row()))))
-
-
-def test_logs_beyond_the_first_are_folded() -> None:
-    many = page(fleet(*(("7401", f"{k}.log", row(begin_s=1.79e9 + k)) for k in range(ROWS + 5))), "/", {})
-    assert f"{ROWS + 1} to {ROWS + 5} of {ROWS + 5} logs" in many
-    assert many.count('<details class="more">') == 1

@@ -5,14 +5,11 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from sim_ecu.campaign.fleet.classes import CLASSES, NOT_VALID, Bins, classes
-from sim_ecu.campaign.fleet.suspects import Refusals, Spells
-from sim_ecu.campaign.fleet.tally import MAX_HOLD_US, Speed
+from sim_ecu.campaign.fleet.suspects import RefusalTally, Suspect, SuspectSpells
+from sim_ecu.campaign.fleet.tally import CLASSES, MAX_HOLD_US, NOT_VALID, Bins, Speed, classes
 from wrcd.bus.reasons import Reason
 from wrcd.core.causes import Cause
 from wrcd.core.messages import surface
-
-CYCLE_US = 20_000
 
 
 @pytest.mark.parametrize("mu", [0.0, 3.99, 4.0, 7.99, 8.0, 14.9, 15.0, 24.9, 25.0, 50.0])
@@ -52,44 +49,36 @@ def test_speed_that_is_let_go_of_is_known_as_long_as_it_may_be_asked_for() -> No
     assert speed.at(np.array([4 * MAX_HOLD_US - 1, 4 * MAX_HOLD_US])).tolist() == [3.0, 4.0]
 
 
-def spells(*causes: tuple[Cause, int]) -> Spells:
-    """Frames of causes, so many of each in a row, in two parts."""
-    every = np.concatenate([np.full(n, cause, np.uint8) for cause, n in causes])
-    stamps, out = CYCLE_US * np.arange(len(every), dtype=np.int64), Spells()
-    half = len(every) // 2
-    out.add(stamps[:half], every[:half])
-    out.add(stamps[half:], every[half:])
-    return out
+def suspects(*changes: tuple[float, Cause, str]) -> list[Suspect]:
+    """Of changes at times (s), the last of which is the log's end."""
+    spells = SuspectSpells()
+    for at_s, cause, text in changes:
+        spells.change(round(1e6 * at_s), cause, text)
+    return spells.suspects(3, 0)
 
 
-def test_spell_over_two_parts_is_one() -> None:
-    found = spells((Cause.NONE, 10), (Cause.GYRO_DEAD, 80), (Cause.NONE, 10), (Cause.GYRO_DEAD, 20))
-    (one,) = found.suspects(3, 0, CYCLE_US * 1e-6)
-    assert (one.what, one.axle, one.times) == ("GyroDead", 3, 2)
-    assert [one.first_s, one.seconds] == pytest.approx([0.2, 2.0])
+def test_sensor_is_named_from_when_for_how_long_how_often_and_by_the_text_of_its_longest_spell() -> None:
+    dead = Cause.GYRO_DEAD
+    changes = ((0.2, dead, "short"), (1.2, Cause.NONE, ""), (2.0, dead, "long"), (3.0, dead, "Degraded now"))
+    (one,) = suspects(*changes, (8.0, Cause.NONE, ""))
+    assert (one.what, one.axle, one.times, one.text) == ("GyroDead", 3, 2, "long")
+    assert [one.first_s, one.seconds] == pytest.approx([0.2, 7.0])
 
 
-def test_input_that_was_silent_for_a_moment_is_not_suspicious() -> None:
-    assert spells((Cause.INPUT_SILENT, 49), (Cause.NONE, 51)).suspects(1, 0, CYCLE_US * 1e-6) == []
-    assert spells((Cause.INPUT_SILENT, 51), (Cause.NONE, 49)).suspects(1, 0, CYCLE_US * 1e-6) != []
-
-
-def test_cause_of_the_ride_is_no_suspect() -> None:
-    assert spells((Cause.STANDSTILL, 500), (Cause.HARSH, 500)).suspects(1, 0, CYCLE_US * 1e-6) == []
-
-
-def test_text_is_that_of_the_longest_spell() -> None:
-    found = spells((Cause.GYRO_DEAD, 100))
-    for stamp_s, cause, text in ((0, Cause.GYRO_DEAD, "short"), (1, Cause.NONE, ""), (2, Cause.GYRO_DEAD, "long"),
-                                 (9, Cause.NONE, "")):  # fmt: skip
-        found.told(stamp_s * 1_000_000, cause, text)
-    (one,) = found.suspects(1, 0, 0.02)
-    assert one.text == "long"
+@pytest.mark.parametrize(
+    ("cause", "seconds", "named"),
+    [(Cause.INPUT_SILENT, 0.98, False), (Cause.INPUT_SILENT, 1.02, True), (Cause.STANDSTILL, 500.0, False),
+     (Cause.HARSH, 500.0, False)],
+)  # fmt: skip
+def test_input_that_was_silent_for_a_moment_and_a_cause_of_the_ride_are_no_suspects(
+    cause: Cause, seconds: float, named: bool
+) -> None:
+    assert bool(suspects((0.0, cause, ""), (seconds, Cause.NONE, ""))) is named
 
 
 @pytest.mark.parametrize(("refused", "suspects"), [(9, 0), (11, 1)])
 def test_message_is_suspicious_from_one_refused_frame_in_a_hundred_on(refused: int, suspects: int) -> None:
-    refusals = Refusals()
+    refusals = RefusalTally()
     refusals.accepted["YawRate_A1"] = 1000 - refused
     refusals.look(Counter({("YawRate_A1", Reason.CRC): 1}), 5_000_000)
     refusals.look(Counter({("YawRate_A1", Reason.CRC): refused}), 7_000_000)
@@ -104,7 +93,7 @@ def test_message_is_suspicious_from_one_refused_frame_in_a_hundred_on(refused: i
 
 
 def test_two_refused_frames_far_apart_are_not_all_the_time_between() -> None:
-    refusals = Refusals()
+    refusals = RefusalTally()
     refusals.accepted["YawRate_A1"] = 98
     for frames, stamp_us in ((1, 0), (2, 7_200_000_000)):
         refusals.look(Counter({("YawRate_A1", Reason.CRC): frames}), stamp_us)

@@ -7,27 +7,27 @@ from typing import Any
 
 import pytest
 
-from sim_ecu.campaign.child import Child
+from sim_ecu.campaign.definition import KINDS
 from sim_ecu.campaign.go import typed
-from sim_ecu.campaign.job import Job
 from sim_ecu.campaign.kind import Kind
-from sim_ecu.campaign.kinds import KINDS, kind_of
 from sim_ecu.campaign.kinds.given import scenario_of
 from sim_ecu.campaign.kinds.score import figures_of, suite_of
-from sim_ecu.design.source import load_source
-from sim_ecu.loop.control.facts import Facts
-from sim_ecu.loop.control.make import make_controller
-from sim_ecu.loop.judge import judge
-from sim_ecu.loop.lockstep import ride
-from sim_ecu.loop.scenario import load_drive_scenario
+from sim_ecu.design.brief import load_source
+from sim_ecu.jobs.job import Job
+from sim_ecu.jobs.process import Process
+from sim_ecu.loop.control.adhesion_consumer import Facts
+from sim_ecu.loop.control.slip_controller import make_controller
+from sim_ecu.loop.drive_scenario import load_drive_scenario
+from sim_ecu.loop.lockstep import Lockstep
+from sim_ecu.loop.ride_figures import judge
 from sim_ecu.play.scenario import path_of
-from sim_ecu.score.play import play
 from sim_ecu.score.report import judge as report
+from sim_ecu.score.score_play import play
 from sim_ecu.score.suites import runs
 from wrcd import resources
-from wrcd.config import load_config
+from wrcd.config.config import load_config
+from wrcd.config.section import Section
 from wrcd.errors import InputError
-from wrcd.section import Section
 
 ROOT = Path(__file__).parents[3]
 SHORT = {"scenario.duration_s": 2.6}
@@ -38,6 +38,10 @@ SCORE = {"suite": "drops", "group": "down", "run": 0, "lot": 0}
 EXAMPLES = {"drive": DRIVE, "play": PLAY, "score": SCORE}
 # what a row of results has beside a kind's figures
 TAKEN = {"key", "ending", "error", "attempts", "seconds", "seed"}
+
+
+def kind_of(name: str) -> Kind:
+    return next(k for k in KINDS if k.name == name)
 
 
 def figures(kind: str, inputs: Mapping[str, Any]) -> dict[str, Any]:
@@ -58,7 +62,7 @@ def test_figures_are_those_that_are_declared(kind: str, found: dict[str, dict[st
 
 
 def test_job_gives_the_same_in_another_process_and_again(found: dict[str, dict[str, Any]]) -> None:
-    child = Child()
+    child = Process()
     try:
         for kind in ("drive", "play"):
             job = Job(kind, EXAMPLES[kind])
@@ -76,7 +80,7 @@ def test_drive_is_a_ride_in_lockstep(found: dict[str, dict[str, Any]]) -> None:
     file = {"scenario": "brake-greasy", "controller": "creep", "seed": 1, **SHORT}
     scenario = load_drive_scenario("brake-greasy")  # its seed is 1
     controller = make_controller("creep", Facts.of(scenario))
-    steps = [s for s in ride(scenario, controller, None) if s.due_us <= SHORT["scenario.duration_s"] * 1e6]
+    steps = [s for s in Lockstep(scenario, controller, None) if s.due_us <= SHORT["scenario.duration_s"] * 1e6]
     ours, ridden = figures("drive", file), judge(steps, scenario)
     assert (ours["slip_energy_kJ"], ours["time_s"]) == (ridden.slip_energy_kJ, ridden.seconds)
     assert (ours["distance_m"], ours["stopped"]) == (ridden.stop_m, False)
@@ -180,13 +184,6 @@ def test_mistake_of_a_scenario_that_is_of_no_key_names_none() -> None:
     with pytest.raises(InputError) as caught:
         scenario_of({"scenario": "greasy", "seed": 7}, path_of("greasy"), read)
     assert str(caught.value) == "goes with no track"
-
-
-def test_wrong_word_is_answered_by_the_nearest() -> None:
-    with pytest.raises(InputError, match="did you mean 'freeze'"):
-        next(f for f in kind_of("play").factors if f.name == "fault").check("frezze")
-    with pytest.raises(InputError, match="did you mean 'drive'"):
-        kind_of("drives")
 
 
 def test_value_within_a_list_of_tables_is_reached_by_its_place() -> None:

@@ -19,17 +19,18 @@ from tests.unit.config.support import (
     of_yaw_rate,
     written,
 )
-from wrcd import declared, resources
+from wrcd import resources
 from wrcd.bus.dbc import Database, load_dbc
 from wrcd.bus.signals import OutputSignal, StatusRule
 from wrcd.bus.units import G, Quantity
-from wrcd.config import load_config
+from wrcd.config import declared
+from wrcd.config.config import load_config
+from wrcd.config.configured_train import AXLE_OUTPUTS
+from wrcd.config.describe import describe
+from wrcd.config.outputs import STATUS_KEYS, STATUS_MESSAGES, usual_messages
 from wrcd.core.configuration import Config, Input
 from wrcd.core.vocabulary import MESSAGES
 from wrcd.errors import InputError
-from wrcd.mapping.outputs import STATUS_KEYS, STATUS_MESSAGES, usual_messages
-from wrcd.mapping.train import AXLE_OUTPUTS
-from wrcd.tools.check import describe
 
 THIRD_PARTY = DBC.parent / "third-party.toml"
 DEGREES = 0.017453292519943295

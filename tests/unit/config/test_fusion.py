@@ -6,13 +6,13 @@ from pathlib import Path
 import pytest
 
 from wrcd import resources
-from wrcd.config import DEFAULT, load_config, load_packaged
+from wrcd.config.config import DEFAULT, load_config, load_packaged
+from wrcd.config.describe import describe
 from wrcd.core.vocabulary import MESSAGES
 from wrcd.errors import InputError
 from wrcd.estimator.design import load_design
-from wrcd.tools.check import describe
-from wrcd.tools.export.groups import sent_groups
-from wrcd.tools.said import said
+from wrcd.logs.decoder import decoders
+from wrcd.logs.exports import sent_groups
 
 POSITIONS = "[fusion]\npositions_m = [0.0, -2.5, -19, -21.5]\none_way = true\n"
 ONE = "one_way = true\n"
@@ -60,7 +60,7 @@ def test_message_is_read_and_exported_as_the_others_are() -> None:
     config = load_packaged(2, (0.0, -2.5))
     groups = {group.name: group for _, group in sent_groups(config)}
     assert [c.name for c in groups["AdhesionAhead_A2"].channels] == list(MESSAGES["ahead"])
-    assert "AdhesionAhead_A1" in {message.name for message in said(config)}
+    assert "AdhesionAhead_A1" in {message.name for message in decoders(config)}
 
 
 def test_message_without_positions_is_refused(tmp_path: Path) -> None:

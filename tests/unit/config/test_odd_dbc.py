@@ -6,7 +6,7 @@ import pytest
 
 from tests.unit.config.support import DBC, SECOND, SPEED, TORQUE, YAW, Edit, after, of_yaw_rate, written
 from wrcd.bus.units import Quantity
-from wrcd.config import load_config
+from wrcd.config.config import load_config
 from wrcd.core.configuration import Config
 from wrcd.errors import InputError
 

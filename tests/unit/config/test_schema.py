@@ -13,9 +13,10 @@ from hypothesis import strategies as st
 
 from tests.support import schema as made
 from tests.support.json_schema import accepts
-from wrcd import declared, keys, resources
+from wrcd import resources
 from wrcd.bus.dbc import Database
-from wrcd.config import load_config
+from wrcd.config import declared, keys
+from wrcd.config.config import load_config
 from wrcd.core.vocabulary import MESSAGES, snake
 from wrcd.errors import InputError, InputErrors
 from wrcd.estimator.design import load_design

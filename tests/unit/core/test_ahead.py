@@ -5,7 +5,7 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-from wrcd.core.ahead import BORNE_OUT_S, MAX_DROPS, ON_M, Ahead, Told
+from wrcd.core.ahead import BORNE_OUT_S, MAX_DROPS, ON_M, Ahead, RailAhead
 from wrcd.core.causes import Cause, Validity
 from wrcd.core.front import View
 from wrcd.core.messages import Report
@@ -33,9 +33,11 @@ class Train:
         self.mu, self.window_s = np.full(4, 30.0), np.full(4, 1.0)
         self.validity = [Validity.VALID] * 4
         self.ready = np.ones(4, dtype=bool)
-        self.told: list[Told] = []
+        self.told: list[RailAhead] = []
 
-    def run(self, seconds: float, met: int | None = None, before_m: float = 0.0, lost: int | None = None) -> list[Told]:
+    def run(
+        self, seconds: float, met: int | None = None, before_m: float = 0.0, lost: int | None = None
+    ) -> list[RailAhead]:
         """Go on; an axle (place) that meets a worse rail does it in the first slot, or has so many metres before; one
         that is lost is it in the first slot, too."""
         for k in range(round(seconds / SLOT_S)):
@@ -60,7 +62,7 @@ def train() -> Train:
     return t
 
 
-def states(told: list[Told]) -> list[str]:
+def states(told: list[RailAhead]) -> list[str]:
     return [t.state for t in told]
 
 

@@ -1,7 +1,6 @@
 """Changes of Validity: each names the axle, the input, the figures and the limit, and nothing is made where nothing
 changes."""
 
-import struct
 from collections.abc import Callable
 from dataclasses import fields, replace
 from pathlib import Path
@@ -11,10 +10,8 @@ import pytest
 
 from tests.support.can_ids import LAT_ACCEL_A1, TORQUE_A2, YAW_RATE_A1
 from tests.support.config_texts import AXLE
-from tests.support.sensor_simulator import MS, SensorSimulator
-from wrcd.bus.e2e import protect
-from wrcd.bus.frame import Frame
-from wrcd.config import load_config
+from tests.support.sensor_simulator import MS, SensorSimulator, beside
+from wrcd.config.config import load_config
 from wrcd.core import events
 from wrcd.core.causes import RESERVED, Cause, Validity
 from wrcd.core.details import Details
@@ -31,20 +28,23 @@ def texts(sim: SensorSimulator, since: int = 0) -> list[str]:
     return [c.text for c in sim.core.events.since(since) if c.axle == 1]
 
 
-def own(tmp_path: Path, more: str, vehicle: str = "", before: str = "") -> SensorSimulator:
-    (tmp_path / "wrcd.toml").write_text(f'{before}[vehicle]\nspeed = "VehicleSpeed.Speed"\n{vehicle}{AXLE}{more}')
+def own(tmp_path: Path, more: str, vehicle: str = "", form: str = "") -> SensorSimulator:
+    """A train whose DBC may have a signal Slow of a form of its own in Torque_A2."""
+    before = ""
+    if form:
+        text = DEFAULT.dbc_file.read_text(encoding="latin-1").replace("SG_ 290 Torque", "SG_ 290 Slow")
+        begin = text.index(" SG_ Torque :", text.index("BO_ 290 "))
+        text = f"{text[:begin]} SG_ Slow : {form} WRCD{text[text.index(chr(10), begin) :]}"
+        (tmp_path / "own.dbc").write_text(text, encoding="latin-1")
+        before = '[dbc]\nfile = "own.dbc"\n[wheelset]\nname = "default"\n'
+    axle = AXLE.replace('torque = "Torque_A1.Torque"\n', more) if more.startswith("torque") else AXLE + more
+    (tmp_path / "wrcd.toml").write_text(f'{before}[vehicle]\nspeed = "VehicleSpeed.Speed"\n{vehicle}{axle}')
     return SensorSimulator(load_config(tmp_path / "wrcd.toml"))
 
 
 def run_with(sim: SensorSimulator, ms: int, raw: int) -> None:
     """Torque_A2 says so much beside axle 1's sensors."""
-    for _ in range(ms // 5):
-        for frame in sim.frames():
-            sim.core.feed(frame)
-            if frame.can_id == YAW_RATE_A1:
-                data = protect(b"\0\0" + struct.pack("<i", raw)[:3], TORQUE_A2, frame.data[1] & 0x0F)
-                sim.core.feed(Frame(frame.stamp_us, TORQUE_A2, data))
-        sim.core.advance(sim.t)
+    sim.run(ms, lambda frames: beside(frames, YAW_RATE_A1, TORQUE_A2, raw))
 
 
 def test_steady_run_says_nothing_and_makes_no_text(sim: SensorSimulator, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -115,47 +115,40 @@ def speed_beyond(sim: SensorSimulator) -> None:
         sim.run(20)
 
 
-def stuck(sim: SensorSimulator) -> None:
-    sim.frozen = True
-    sim.run(60)
-
-
-def jump_of_speed(sim: SensorSimulator) -> None:
-    sim.speed = 40.0
-    sim.run(60)
-
-
 def standstill(sim: SensorSimulator) -> None:
     while sim.speed > 2.9:
         sim.speed -= 0.2
         sim.run(20)
 
 
-def absurd(sim: SensorSimulator) -> None:
-    sim.spike = 1_000_000
-    sim.run(60)
-
-
 def clock_step(sim: SensorSimulator) -> None:
     sim.t += 100_000_000
-    sim.silent = {YAW_RATE_A1}
-    sim.run(200)
+    sim.during(200, silent={YAW_RATE_A1})
+
+
+def limit_read_again(sim: SensorSimulator) -> None:
+    sim.core.reconfigure(replace(sim.config, min_speed_m_s=40.0))
+    sim.run(100)
 
 
 @pytest.mark.parametrize(
     ("what", "said"),
     [
         (speed_beyond, "SpeedOutOfRange: speed VehicleSpeed.Speed 60.50 m/s, design 3 to 60"),
-        (stuck, "Unchanged: yaw rate YawRate_A1.YawRate has been 0.0006 rad/s in 5 frames on end"),
-        (jump_of_speed, "Restarted: speed VehicleSpeed.Speed jumped to 40.00 m/s"),
+        (
+            lambda sim: sim.during(60, frozen=True),
+            "Unchanged: yaw rate YawRate_A1.YawRate has been 0.0006 rad/s in 5 frames on end",
+        ),
+        (lambda sim: sim.during(60, speed=40.0), "Restarted: speed VehicleSpeed.Speed jumped to 40.00 m/s"),
         (standstill, "Standstill: speed VehicleSpeed.Speed 2.80 m/s, limit 3"),
-        (absurd, "Restarted: yaw rate YawRate_A1.YawRate jumped by 1."),
+        (lambda sim: sim.during(60, spike=1_000_000), "Restarted: yaw rate YawRate_A1.YawRate jumped by 1."),
         (clock_step, "InputSilent: yaw rate YawRate_A1.YawRate has not come"),
+        (limit_read_again, "Valid -> NotAvailable, Standstill: speed VehicleSpeed.Speed 25.00 m/s, limit 40"),
     ],
-    ids=lambda x: x.__name__.replace("_", " ") if callable(x) else "",
+    ids=lambda x: x.partition(":")[0] if isinstance(x, str) else "",
 )
 def test_cause_is_said_with_input_and_figures(
-    sim: SensorSimulator, what: Callable[[SensorSimulator], None], said: str
+    sim: SensorSimulator, what: Callable[[SensorSimulator], object], said: str
 ) -> None:
     sim.run(1500)
     total = sim.core.events.total
@@ -164,60 +157,34 @@ def test_cause_is_said_with_input_and_figures(
 
 
 @pytest.mark.parametrize(
-    ("key", "form", "raw", "said"),
+    ("more", "vehicle", "form", "raw", "said"),
     [
-        ("axle_load", '16|24@1- (1,0) [0|999999] "N"', 201_000,
+        ('axle_load = "Torque_A2.Slow"\n', "", '16|24@1- (1,0) [0|999999] "N"', 201_000,
          "LoadBeyond: axle load Torque_A2.Slow 201.0 kN, design 147.1 kN (0.7 to 1.3)"),
-        ("wheel_radius", '16|24@1- (0.1,0) [0|999] "mm"', 5_720,
+        ('wheel_radius = "Torque_A2.Slow"\n', "", '16|24@1- (0.1,0) [0|999] "mm"', 5_720,
          "RadiusBeyond: wheel radius Torque_A2.Slow 572 mm, design 500 mm (0.9 to 1.1)"),
+        ('brake_torque = "Torque_A2.Torque"\n', "", "", 700_000,
+         "TorquesContradict: torque Torque_A1.Torque -8.00 kN m against brake torque Torque_A2.Torque 7.00 kN m"),
+        ("", "torque_is_total = false\n", "", 0,
+         "FrictionShareUnknown: torque Torque_A1.Torque -8.00 kN m is no traction; brake torque (not mapped)"),
     ],
-    ids=["axle load", "wheel radius"],
+    ids=["load", "radius", "contradiction", "friction share"],
 )  # fmt: skip
-def test_slow_input_beyond_the_design_is_said_with_both_figures(
-    tmp_path: Path, key: str, form: str, raw: int, said: str
+def test_cause_of_another_mapping_is_said_with_input_and_figures(
+    tmp_path: Path, more: str, vehicle: str, form: str, raw: int, said: str
 ) -> None:
-    """A DBC of its own, whose Torque_A2 carries it."""
-    text = DEFAULT.dbc_file.read_text(encoding="latin-1").replace("SG_ 290 Torque", "SG_ 290 Slow")
-    begin = text.index(" SG_ Torque :", text.index("BO_ 290 "))
-    text = f"{text[:begin]} SG_ Slow : {form} WRCD{text[text.index(chr(10), begin) :]}"
-    (tmp_path / "own.dbc").write_text(text, encoding="latin-1")
-    sim = own(tmp_path, f'{key} = "Torque_A2.Slow"\n', before='[dbc]\nfile = "own.dbc"\n[wheelset]\nname = "default"\n')
-    run_with(sim, 1500, raw)
+    sim = own(tmp_path, more, vehicle, form)
+    sim.torque = -8_000.0
+    run_with(sim, 1200, raw)
     assert f"NotAvailable -> Degraded, {said}" in texts(sim)
 
 
-def test_torques_against_each_other_are_said_with_both_figures(tmp_path: Path) -> None:
-    sim = own(tmp_path, 'brake_torque = "Torque_A2.Torque"\n')
-    sim.torque = -8_000.0
-    run_with(sim, 1500, 700_000)
-    why = "torque Torque_A1.Torque -8.00 kN m against brake torque Torque_A2.Torque 7.00 kN m"
-    assert f"NotAvailable -> Degraded, TorquesContradict: {why}" in texts(sim)
-
-
 def test_part_of_a_torque_that_is_late_is_named(tmp_path: Path) -> None:
-    parts = 'torque = ["Torque_A1.Torque", "Torque_A2.Torque"]\n'
-    axle = AXLE.replace('torque = "Torque_A1.Torque"\n', parts)
-    (tmp_path / "wrcd.toml").write_text(f'[vehicle]\nspeed = "VehicleSpeed.Speed"\n{axle}')
-    sim = SensorSimulator(load_config(tmp_path / "wrcd.toml"))
-    run_with(sim, 1500, 0)
+    sim = own(tmp_path, 'torque = ["Torque_A1.Torque", "Torque_A2.Torque"]\n')
+    run_with(sim, 1200, 0)
     sim.run(60)
     assert texts(sim)[-1].startswith("Valid -> Degraded, InputStale: torque Torque_A2.Torque 3")
     assert texts(sim)[-1].endswith(" ms old, limit 30")
-
-
-def test_limit_of_a_configuration_that_was_read_again_is_said(sim: SensorSimulator) -> None:
-    sim.run(1500)
-    sim.core.reconfigure(replace(sim.config, min_speed_m_s=40.0))
-    sim.run(100)
-    assert texts(sim)[-1] == ("Valid -> NotAvailable, Standstill: speed VehicleSpeed.Speed 25.00 m/s, limit 40")
-
-
-def test_unknown_share_of_the_friction_brakes_is_said_with_the_torque(tmp_path: Path) -> None:
-    sim = own(tmp_path, "", "torque_is_total = false\n")
-    sim.torque = -8_000.0
-    sim.run(1500)
-    why = "torque Torque_A1.Torque -8.00 kN m is no traction; brake torque (not mapped)"
-    assert f"NotAvailable -> Degraded, FrictionShareUnknown: {why}" in texts(sim)
 
 
 def estimate(**values: float) -> Estimate:

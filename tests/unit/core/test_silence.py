@@ -10,16 +10,18 @@ import pytest
 
 from tests.support.can_ids import ADHESION_A1, ESTIMATES
 from tests.support.scripted_link import ScriptedLink
-from tests.support.sensor_simulator import SensorSimulator, validities
+from tests.support.sensor_simulator import SensorSimulator, until_ms, validities
+from wrcd.bus.candump import format_line
 from wrcd.bus.frame import Frame
-from wrcd.bus.log import Damage, format_line, read_log
-from wrcd.config import load_config
+from wrcd.cli.main import main
+from wrcd.config.config import load_config
 from wrcd.core.configuration import Config, RecorderConfig
 from wrcd.core.core import Core
+from wrcd.logs.damage import Damage
+from wrcd.logs.reader import read_log
 from wrcd.recorder.recorder import Recorder
 from wrcd.recorder.state import capture
 from wrcd.service.loop import Daemon
-from wrcd.tools.cli import main
 
 SECOND = 1_000_000
 
@@ -32,30 +34,19 @@ def silent(sim: SensorSimulator, us: int) -> None:
         sim.out += sim.core.advance(sim.t)
 
 
-@pytest.mark.parametrize("seconds", [0.8, 1.0, 1.005, 5.0, 70.0])
+@pytest.mark.parametrize("seconds", [0.8, 1.005, 70.0])
 def test_silence_is_no_time_step(config: Config, seconds: float) -> None:
     sim = SensorSimulator(config)
-    sim.run(2000)
+    sim.run(1500)
     before = len(sim.out)
     silent(sim, round(seconds * 1e6))
     frames = sim.adhesion(sim.out[before:])
     assert len(frames) == round(seconds * 50)
     assert frames[-1]["Validity"] == "NotAvailable"
-    frames = sim.run(2000)
+    frames = sim.run(1500)
     assert validities(frames) == ["NotAvailable", "Valid"]
-    first = next(i for i, f in enumerate(frames) if f["Validity"] == "Valid")
-    assert (first + 1) * 20 <= 1040
+    assert until_ms(frames, "Valid") <= 1040
     assert sim.core.counts.time_steps == 0
-
-
-def nothing(_: SensorSimulator) -> None:
-    pass
-
-
-def stuck(sim: SensorSimulator) -> None:
-    sim.frozen = True
-    sim.run(200)
-    sim.frozen = False
 
 
 def a_jump_of_speed(sim: SensorSimulator) -> None:
@@ -66,12 +57,6 @@ def a_jump_of_speed(sim: SensorSimulator) -> None:
         sim.out += sim.core.feed(frame)
 
 
-def absurd(sim: SensorSimulator) -> None:
-    sim.spike = 1_000_000
-    sim.run(60)
-    sim.spike = 0
-
-
 def counters_of_another(sim: SensorSimulator) -> None:
     sim.counter += 7
     sim.run(5)
@@ -79,35 +64,38 @@ def counters_of_another(sim: SensorSimulator) -> None:
 
 def two_in_a_tick(sim: SensorSimulator) -> None:
     """One of them waits, as long as it may."""
-    for _ in range(3):
-        sim.t -= 2_000
+    for k in range(13):
+        sim.t -= 2_000 if k < 3 else 0
         for frame in sim.frames():
             sim.out += sim.core.feed(frame)
-    for _ in range(10):
-        for frame in sim.frames():
-            sim.out += sim.core.feed(frame)
+
+
+BEFORE: dict[str, Callable[[SensorSimulator], object]] = {
+    "nothing": lambda sim: None,
+    "stuck": lambda sim: sim.during(200, frozen=True),
+    "a jump of speed": a_jump_of_speed,
+    "absurd": lambda sim: sim.during(60, spike=1_000_000),
+    "counters of another": counters_of_another,
+    "two in a tick": two_in_a_tick,
+}
 
 
 @pytest.mark.parametrize(
-    "before", [nothing, stuck, a_jump_of_speed, absurd, counters_of_another, two_in_a_tick],
-    ids=lambda f: f.__name__.replace("_", " "),
-)  # fmt: skip
-@pytest.mark.parametrize("seconds", [1.005, 59.0])
-def test_silence_and_time_step_leave_the_same_state(
-    config: Config, seconds: float, before: Callable[[SensorSimulator], None]
-) -> None:
+    ("before", "seconds"), [*((name, 1.005) for name in BEFORE), ("stuck", 59.0), ("absurd", 59.0)]
+)
+def test_silence_and_time_step_leave_the_same_state(config: Config, seconds: float, before: str) -> None:
     """To the last bit of the state, whatever was going on before."""
     sims = SensorSimulator(config), SensorSimulator(config)
     for sim in sims:
         sim.run(2000)
-        before(sim)
+        BEFORE[before](sim)
     silence, step = sims
     silent(silence, round(seconds * 1e6))
     step.t = back_us = silence.t
     for sim in sims:
         sim.run(5)
         two_in_a_tick(sim)
-        sim.run(2500)
+        sim.run(2000)
     assert [sim.core.counts.time_steps for sim in sims] == [0, 1]
     after = [[o for o in sim.out if o.frame.stamp_us > back_us + 1_000] for sim in sims]
     made = [[o.frame for o in out if o.frame.can_id in ESTIMATES] for out in after]
@@ -117,16 +105,6 @@ def test_silence_and_time_step_leave_the_same_state(
     assert states[0].keys() == states[1].keys()
     for name in states[0].keys() - {"counts"}:
         np.testing.assert_equal(states[0][name], states[1][name], err_msg=name)
-
-
-def test_time_step_of_59_s_closes_at_most_one_tick(config: Config) -> None:
-    sim = SensorSimulator(config)
-    sim.run(2000)
-    ticks = sim.core.counts.ticks
-    sim.t += 59 * SECOND
-    assert sim.run(5) == []
-    assert sim.core.counts.time_steps == 1
-    assert sim.core.counts.ticks - ticks <= 1
 
 
 class Live:
@@ -190,7 +168,7 @@ def compared(live: Live, made: dict[tuple[int, int], bytes]) -> int:
 
 
 @pytest.mark.parametrize("own", [False, True], ids=["sensors alone", "with what was sent"])
-@pytest.mark.parametrize("seconds", [0.5, 1.0, 5.0, 30.0])
+@pytest.mark.parametrize("seconds", [0.5, 1.0, 30.0])
 def test_log_with_a_silence_replays_to_what_was_sent(config: Config, tmp_path: Path, seconds: float, own: bool) -> None:
     live = Live(config)
     live.run(2.0)
@@ -207,7 +185,7 @@ def test_log_with_a_silence_replays_to_what_was_sent(config: Config, tmp_path: P
 def test_long_silence_is_filled_only_if_the_log_shows_that_time_passed(config: Config, tmp_path: Path) -> None:
     live = Live(config)
     live.run(1.5)
-    live.run(90.0, there=False)
+    live.run(65.0, there=False)
     live.run(1.5)
     made = replayed(live.logged(tmp_path / "bus.log", own=True), tmp_path / "out.log")
     assert compared(live, made) > 40
@@ -221,17 +199,15 @@ def test_log_with_a_time_step_replays_to_what_was_sent(config: Config, tmp_path:
     live.run(2.0)
     live.step(seconds)
     live.run(2.0)
-    lines = [f for _, f in sorted(enumerate([*live.lines]), key=lambda numbered: numbered[0])]
     log = tmp_path / "bus.log"
-    log.write_text("".join(format_line(f, "vcan0") + "\n" for f in lines))
+    log.write_text("".join(format_line(f, "vcan0") + "\n" for f in live.lines))
     assert live.sim.core.counts.time_steps == 1
-    newest = lines[-1].stamp_us
+    newest = live.lines[-1].stamp_us
     made = replayed(log, tmp_path / "out.log")
     # after the step: what was sent before a step back has the same stamps
     sent = [f for f in live.link.sent if f.can_id in ESTIMATES][-12 * 40 :]
-    assert {f.data: made.get((f.can_id, f.stamp_us)) for f in sent if f.stamp_us <= newest} == {
-        f.data: f.data for f in sent if f.stamp_us <= newest
-    }
+    before = [f for f in sent if f.stamp_us <= newest]
+    assert [made.get((f.can_id, f.stamp_us)) for f in before] == [f.data for f in before]
 
 
 @pytest.mark.parametrize(("seconds", "held"), [(0.5, 100), (3.0, 600), (3.0, 60), (5.0, 0)])

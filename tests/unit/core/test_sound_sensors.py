@@ -9,7 +9,7 @@ from sim_ecu.play.play import LOG_START_US
 from sim_ecu.play.player import LARGE_CHUNK, Player
 from sim_ecu.play.scenario import Scenario, load_scenario
 from wrcd.bus.frame import Frame
-from wrcd.config import load_packaged
+from wrcd.config.config import load_packaged
 from wrcd.core.causes import Cause, Validity
 from wrcd.core.core import Core
 from wrcd.core.events import PAIR_CAUSES, Change

@@ -11,13 +11,13 @@ from cantools.database.can import Database
 
 from tests.support.sensor_simulator import START_US
 from tests.support.signals import measured
+from wrcd.bus.candump import format_line
 from wrcd.bus.frame import Frame
-from wrcd.bus.log import format_line
-from wrcd.config import load_config, load_packaged
+from wrcd.cli.main import main
+from wrcd.config.config import load_config, load_packaged
 from wrcd.core.configuration import Config
 from wrcd.core.core import Core
 from wrcd.core.messages import Outgoing
-from wrcd.tools.cli import main
 
 FOLDER = Path(__file__).parents[2] / "data/dbc"
 OURS = Path(__file__).parents[3] / "dbc/wrcd.dbc"

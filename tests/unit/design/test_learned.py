@@ -1,4 +1,4 @@
-"""Baselines that learn from a design's recordings: what they are given, and that they come back from their file."""
+"""The baseline that learns from a design's recordings: what they are given, and that they come back from their file."""
 
 import json
 from collections.abc import Iterator
@@ -12,12 +12,11 @@ from sim_ecu.design.cases import FloatArray, Plan
 from sim_ecu.design.features import run
 from sim_ecu.design.make import Brief, design, write
 from sim_ecu.design.recordings import Recording
-from sim_ecu.score.learned import Learned, learn, load
-from sim_ecu.score.ticks import Ticks
+from sim_ecu.score.baselines import GivenTicks, Regressor, learn, load
 from wrcd.errors import InputError
 from wrcd.estimator.design import COLUMNS, Design, load_design
 
-PLAN = Plan(seed=12, speeds=3, per_speed=40, changed_share=0.3)
+PLAN = Plan(seed=12, speeds=2, per_speed=30, changed_share=0.3)
 
 
 @dataclass(frozen=True)
@@ -27,7 +26,7 @@ class Made:
     design: Design
     recordings: list[Recording]
     file: Path
-    learned: Learned
+    network: Regressor
 
 
 @pytest.fixture(scope="module")
@@ -37,10 +36,12 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
     write(document, folder / "design.json")
     d = load_design(folder / "design.json")
     write(learn(d, recordings, PLAN), folder / "baselines.json")
-    return Made(d, recordings, folder / "baselines.json", load(folder / "baselines.json", d))
+    network = load(folder / "baselines.json", d)
+    assert network is not None
+    return Made(d, recordings, folder / "baselines.json", network)
 
 
-def ends(m: Made) -> Iterator[tuple[Recording, Ticks, FloatArray]]:
+def ends(m: Made) -> Iterator[tuple[Recording, GivenTicks, FloatArray]]:
     """Every recording with the ticks that the train would see, and which conditions have been as they are for a second
     at its end."""
     for r in m.recordings:
@@ -51,54 +52,27 @@ def ends(m: Made) -> Iterator[tuple[Recording, Ticks, FloatArray]]:
             seen[k] = estimator.estimate().inputs
         present = np.ones((t, 2, n), dtype=bool)
         z = r.z.astype(np.float64)
-        ticks = Ticks(z, present, ratio, r.speed_m_s, m.design.tick_s, np.arange(t), seen)
+        ticks = GivenTicks(z, present, ratio, r.speed_m_s, m.design.tick_s, np.arange(t), seen)
         yield r, ticks, np.asarray(t - r.first >= m.design.window_ticks, dtype=np.float64)
 
 
-def test_baselines_know_more_than_the_torque(made: Made) -> None:
-    errors: dict[str, list[FloatArray]] = {"torque": [], "filterless": [], "network": []}
-    assert made.learned.regressor is not None
+def test_network_knows_more_than_the_torque(made: Made) -> None:
+    errors: dict[str, list[FloatArray]] = {"torque": [], "network": []}
     for r, ticks, whole in ends(made):
         said = {
             "torque": 100.0 * ticks.torque_ratio[-200:].mean(axis=0),
-            "filterless": made.learned.filterless.mu_pct(ticks)[-1],
-            "network": made.learned.regressor.mu_pct(ticks)[-1],
+            "network": made.network.mu_pct(ticks)[-1],
         }
         for name, mu in said.items():
             known = (whole > 0) & np.isfinite(mu)
             assert known.sum() > 0.7 * len(known)
             errors[name].append(np.abs(mu - r.mu_pct[-1])[known])
     mean = {name: float(np.concatenate(e).mean()) for name, e in errors.items()}
-    assert mean["filterless"] < 0.75 * mean["torque"]
     assert mean["network"] < 0.75 * mean["torque"]
 
 
-def test_a_condition_from_another_rail_teaches_nothing_before_its_window_is_whole(made: Made) -> None:
-    """Else the filterless one would learn one rail's signal with another's adhesion."""
-    mixed = []
-    for r in made.recordings:
-        late = r.first > 100
-        truth = r.mu_pct.copy()
-        truth[:, late] = np.nan  # a fit that took any of them in would not be finite
-        mixed.append(replace(r, mu_pct=truth, first=np.where(late, len(r.z), r.first)))
-    document = learn_filterless(made, mixed)
-    assert np.isfinite(np.array(document["bases"], dtype=np.float64)).all()
-    assert document["bases"] != learn_filterless(made, made.recordings)["bases"]
-
-
-def learn_filterless(made: Made, recordings: list[Recording]) -> dict[str, list[float]]:
-    from sim_ecu.score import learned
-
-    with pytest.MonkeyPatch.context() as m:
-        m.setattr(learned, "_network", lambda _: None)  # the rules' windows are another matter
-        m.setattr(learned, "features", lambda *_: (None, None))
-        found: dict[str, list[float]] = learned.learn(made.design, recordings, PLAN)["filterless"]
-    return found
-
-
 def test_inputs_unlike_any_are_held(made: Made) -> None:
-    net = made.learned.regressor
-    assert net is not None
+    net = made.network
     far = np.vstack([net.mean + s * net.size for s in (4.0, 40.0, -4.0, -40.0)])
     said = net.answer(far)
     assert said[0] == pytest.approx(said[1])
@@ -106,21 +80,11 @@ def test_inputs_unlike_any_are_held(made: Made) -> None:
     assert said[0] != pytest.approx(said[2])
 
 
-def test_baseline_without_a_rule_answers_with_the_adhesion_in_use(made: Made) -> None:
-    r, ticks, _ = next(ends(made))
-    f = made.learned.filterless
-    mute = replace(f, rules=replace(f.rules, rules=f.rules.rules[:1], bases=f.rules.bases[:1],
-                                    slopes=f.rules.slopes[:1]))  # fmt: skip
-    used = 100.0 * ticks.torque_ratio[-200:].mean(axis=0)
-    assert np.isclose(mute.mu_pct(ticks)[-1], used).sum() > 0.5 * r.z.shape[2]
-    assert np.isclose(f.mu_pct(ticks)[-1], used).sum() < 0.5 * r.z.shape[2]
-
-
 def test_baselines_belong_to_one_design(made: Made, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="does not belong"):
         load(made.file, replace(made.design, checksum="0" * 64))
     document = json.loads(made.file.read_text())
-    del document["filterless"]["low"]
+    del document["regressor"]["mean"]
     damaged = tmp_path / "damaged.json"
     damaged.write_text(json.dumps(document))
     with pytest.raises(InputError, match="damaged"):

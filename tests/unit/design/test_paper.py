@@ -8,22 +8,21 @@ from typing import Any
 import numpy as np
 import pytest
 
+from sim_ecu.design.brief import explain, load_source
 from sim_ecu.design.cases import FloatArray, Plan
-from sim_ecu.design.explain import explain
 from sim_ecu.design.make import Brief, design, in_papers_form, write
 from sim_ecu.design.paper import BORDERS_PCT, PaperRules, fit_paper, output_of, output_sets
-from sim_ecu.design.reference_rules import FuzzyReference
 from sim_ecu.design.rules import PAPER_POLYNOMIAL
-from sim_ecu.design.source import load_source
 from sim_ecu.resources import PAPER_DESIGN
+from tests.reference.rules import FuzzyReference
 from wrcd.checksum import checksum
 from wrcd.errors import InputError
 from wrcd.estimator.design import COLUMNS, MODELS, Design, load_design, parse_design
 from wrcd.estimator.estimator import Estimator
 from wrcd.estimator.fuzzy import Fuzzy
 from wrcd.estimator.records import one_tick
+from wrcd.logs.explanation import condition, sentence
 from wrcd.resources import DESIGN
-from wrcd.tools.explain import condition, sentence
 
 SETS = (3, 3, 8, 1)
 
@@ -75,7 +74,7 @@ def test_constant_spreads_cover_what_they_claim() -> None:
 def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A small design in the paper's form."""
     brief = in_papers_form(Brief())
-    brief = replace(brief, grid=24, plan=replace(brief.plan, speeds=3, per_speed=24, seed=9))
+    brief = replace(brief, grid=24, plan=replace(brief.plan, speeds=2, per_speed=16, seed=9))
     path = tmp_path_factory.mktemp("paper") / "paper.json"
     write(design(brief, silent)[0], path)
     return path

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from sim_ecu.design.gains import steady_state
+from sim_ecu.design.brief import load_source
+from sim_ecu.design.linear import steady_state
 from sim_ecu.design.make import LOWEST
 from sim_ecu.design.rules import COVERS, RuleBase, adhesion_of, fit, output_of, polynomial
-from sim_ecu.design.source import load_source
 from sim_ecu.physics.wheelset import Wheelset
 from wrcd.estimator.bank import Bank
 from wrcd.estimator.design import load_design
-from wrcd.estimator.sections import Sections
+from wrcd.estimator.recursion import Sections
 from wrcd.resources import DESIGN
 
 SETS = (3, 3, 2)

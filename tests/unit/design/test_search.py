@@ -10,13 +10,12 @@ import pytest
 from sim_ecu.design import search
 from sim_ecu.design.brief import read_brief
 from sim_ecu.design.cases import FloatArray
-from sim_ecu.design.cmaes import minimise
 from sim_ecu.design.features import Features
 from sim_ecu.design.make import POINTS, Brief, in_papers_form
-from sim_ecu.design.search import Accuracy, Matching, error_of, matching, objective
+from sim_ecu.design.search import FitAccuracy, Matching, error_of, matching, minimise, objective
+from wrcd.config.settings import parse_toml
 from wrcd.errors import InputError
 from wrcd.estimator.design import COLUMNS
-from wrcd.settings import parse_toml
 
 
 def silent(_what: str, _share: float) -> None:
@@ -89,7 +88,7 @@ def test_accuracy_is_of_conditions_of_the_search_and_infinite_without_a_stable_f
 ) -> None:
     brief = replace(Brief(), max_rules=6, plan=replace(Brief().plan, speeds=2, per_speed=6))
     aim = objective(brief, 1)
-    assert isinstance(aim, Accuracy)
+    assert isinstance(aim, FitAccuracy)
     assert aim.brief.plan.seed != brief.plan.seed  # those of the design that is made in the end
     errors = error_of(aim, brief), error_of(objective(brief, 2), brief)
     assert errors[0] != errors[1]
@@ -114,6 +113,11 @@ def test_parts_of_the_windows_are_numbered_by_conditions_of_their_own() -> None:
         ("[design]\nnoise = 3", "4 rows"),
         ("[design]\nnoise = [[1, 1, 1, 1], [1, 1, 1, 1], [1, 1, 0, 1], [1, 1, 1, 1]]", "positive"),
         ("[design]\nnoise = [[1, 1, 1, 1], [1, 1, 1, 1], [1, 1, 1, 2], [1, 1, 1, 1]]", "below 2"),
+        ('[design]\ncurves = ["A", "B", "C"]', "4 letters"),
+        ('[design]\ncurves = ["A", "B", "C", "X"]', "4 letters"),
+        ("[design]\ncreep_of_peak = [1, 1, 1, 0]", "4 numbers above 0"),
+        ("[design]\ncreep_of_peak = [1, 1, 1, true]", "4 numbers above 0"),
+        ("[design]\nband_hz = 50", "band_hz"),
         ('[design]\nform = "papers"', "paper"),
         ('[design]\nform = "paper"\npolynomial = "fitted"', "not one of paper"),
         ('[design]\nform = "paper"\nlongest_s = 2.0', "do not grow"),

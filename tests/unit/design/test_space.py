@@ -6,8 +6,8 @@ import pytest
 from sim_ecu.design.brief import read_brief, written
 from sim_ecu.design.make import Brief, in_papers_form
 from sim_ecu.design.space import GROUPS, brief_at, groups_of, parameters, vector
+from wrcd.config.settings import parse_toml
 from wrcd.errors import InputError
-from wrcd.settings import parse_toml
 
 
 @pytest.mark.parametrize("brief", [Brief(), in_papers_form(Brief())], ids=["wrcd", "paper"])
@@ -48,21 +48,6 @@ def test_only_the_groups_that_are_asked_for_move() -> None:
 def test_group_that_is_not_there_is_an_error_that_names_those_that_are() -> None:
     with pytest.raises(InputError, match="noise, weights, points, band, window, rules"):
         parameters(Brief(), ["noises"])
-
-
-@pytest.mark.parametrize(
-    ("toml", "says"),
-    [
-        ('[design]\ncurves = ["A", "B", "C"]', "4 letters"),
-        ('[design]\ncurves = ["A", "B", "C", "X"]', "4 letters"),
-        ("[design]\ncreep_of_peak = [1, 1, 1, 0]", "4 numbers above 0"),
-        ("[design]\ncreep_of_peak = [1, 1, 1, true]", "4 numbers above 0"),
-        ("[design]\nband_hz = 50", "band_hz"),
-    ],
-)
-def test_design_point_with_a_wrong_value_is_an_error(toml: str, says: str) -> None:
-    with pytest.raises(InputError, match=says):
-        read_brief(parse_toml(toml, "rig.toml"))
 
 
 def test_design_points_of_a_file_are_named_after_where_they_are() -> None:

@@ -1,5 +1,7 @@
 """The first signs of a drop: innovations that grow on one axle, and a torque that one axle gives up."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 
@@ -35,7 +37,9 @@ class Train:
             usable = np.ones((BLOCK_TICKS, AXLES), dtype=bool)
             self.watch.add(self.block * BLOCK_TICKS, w, usable, ratio, self.block * BLOCK_M, BLOCK_M, BEHIND)
             self.block += 1
-        return self.watch.take()
+        met_m = self.watch.met_m.copy()
+        self.watch.met_m[:] = np.nan
+        return met_m
 
 
 @pytest.fixture
@@ -48,93 +52,68 @@ def train() -> Train:
     return t
 
 
-def test_unchanging_rail_shows_no_sign(train: Train) -> None:
-    assert np.isnan(train.run(500)).all()
+# what the train does: attributes that change (an axle's own by its place), then so many blocks
+JOINT: dict[str, float | dict[int, float]] = {"all_louder": 10.0, "louder": {1: 1.5}}  # drives all models
+Part = tuple[dict[str, float | dict[int, float]], int]
 
 
-def test_innovations_of_one_axle_are_a_sign_within_three_blocks(train: Train) -> None:
-    train.louder[1] = 10.0
+def after(train: Train, parts: Sequence[Part]) -> list[int]:
+    """The axles that gave a sign in the last part."""
+    met_m = np.full(AXLES, np.nan)
+    for changed, blocks in parts:
+        for name, value in changed.items():
+            if isinstance(value, dict):
+                getattr(train, name)[list(value)] = list(value.values())
+            else:
+                setattr(train, name, value)
+        met_m = train.run(blocks)
+    return np.flatnonzero(np.isfinite(met_m)).tolist()
+
+
+@pytest.mark.parametrize(
+    ("parts", "signs"),
+    [
+        ([({}, 500)], []),
+        ([({"all_louder": 2.0}, 20)], []),  # a rougher track, under all models
+        # a joint that drives all models
+        (
+            [({"all_louder": 10.0, "louder": {1: 1.5}}, 2), ({"all_louder": 1.0, "louder": {1: 1.0}}, 2 * JOLT_BLOCKS)],
+            [],
+        ),
+        # a worse rail once a joint is gone
+        ([({"all_louder": 4.0}, 1), ({"all_louder": 1.0}, REFERENCE + JOLT_BLOCKS), ({"louder": {1: 10.0}}, 3)], [1]),
+        # with a change of torque
+        ([({"torque": {0: 0.3, 1: 0.3, 2: 0.3}}, 1), ({"louder": {1: 10.0}}, 10)], []),
+        ([({"torque": {0: 0.1}}, 4)], [0]),  # given up by one axle
+        ([({"torque": {1: 0.0}}, 2 * REFERENCE), ({"torque": {0: 0.1}}, 4)], [0]),  # another has none
+        ([({"torque": {1: 0.0, 2: 0.0}}, 2 * REFERENCE), ({"torque": {0: 0.05}}, 30)], []),  # nobody to compare with
+        ([({"torque": {0: 0.1, 1: 0.1, 2: 0.1}}, 30)], []),  # given up by all
+        ([({"torque": {2: 0.1}}, 30)], []),  # the last axle's
+        ([({"torque": {0: 0.1}}, 4), ({"louder": {0: 10.0}}, PAUSE // 2)], []),  # a second sign waits
+    ],
+)
+def test_sign_of_a_drop_is_one_axles_own(train: Train, parts: Sequence[Part], signs: list[int]) -> None:
+    assert after(train, parts) == signs
+
+
+def test_sign_is_where_the_innovations_began_to_grow(train: Train) -> None:
     begun_m = train.block * BLOCK_M
+    train.louder[1] = 10.0
     met_m = train.run(3)
     assert np.isnan(met_m[[0, 2]]).all()
     assert met_m[1] == pytest.approx(begun_m, abs=2 * BLOCK_M)
 
 
-def test_rougher_track_under_all_models_is_no_sign(train: Train) -> None:
-    train.all_louder = 2.0
-    assert np.isnan(train.run(20)).all()
-
-
-def test_joint_that_drives_all_models_is_no_sign(train: Train) -> None:
-    train.all_louder, train.louder[1] = 10.0, 1.5
-    train.run(2)
-    train.all_louder, train.louder[1] = 1.0, 1.0
-    assert np.isnan(train.run(2 * JOLT_BLOCKS)).all()
-
-
-def test_worse_rail_is_seen_again_once_a_joint_is_gone(train: Train) -> None:
-    train.all_louder = 4.0
-    train.run(1)
-    train.all_louder = 1.0
-    train.run(REFERENCE + JOLT_BLOCKS)
-    train.louder[1] = 10.0
-    assert np.isfinite(train.run(3)).tolist() == [False, True, False]
-
-
-def test_innovations_that_come_with_a_change_of_torque_are_no_sign(train: Train) -> None:
-    train.torque[:] = 0.3
-    train.run(1)
-    train.louder[1] = 10.0
-    assert np.isnan(train.run(10)).all()
-
-
-def test_torque_that_one_axle_gives_up_is_a_sign(train: Train) -> None:
-    train.torque[0] = 0.1
-    met_m = train.run(4)
-    assert np.isfinite(met_m).tolist() == [True, False, False]
-
-
-def test_axle_without_torque_hides_no_sign_of_others(train: Train) -> None:
-    train.torque[1] = 0.0
-    train.run(2 * REFERENCE)
-    train.torque[0] = 0.1
-    assert np.isfinite(train.run(4)).tolist() == [True, False, False]
-    train.torque[2] = 0.0
-    train.run(2 * REFERENCE)
-    train.torque[0] = 0.05
-    assert np.isnan(train.run(30)).all()  # nobody is left to compare with
-
-
 def test_axle_whose_torque_changes_or_that_just_gave_a_sign_is_not_ready(train: Train) -> None:
-    train.torque[1] = 0.3
-    train.louder[0] = 10.0
-    train.run(3)
+    assert after(train, [({"torque": {1: 0.3}, "louder": {0: 10.0}}, 3)]) == [0]
     assert train.watch.ready.tolist() == [False, False, True]
     train.run(PAUSE)
     assert train.watch.ready.all()
-
-
-def test_torque_that_all_axles_give_up_is_none(train: Train) -> None:
-    train.torque[:] = 0.1
-    assert np.isnan(train.run(30)).all()
-
-
-def test_torque_of_the_last_axle_is_none(train: Train) -> None:
-    train.torque[2] = 0.1
-    assert np.isnan(train.run(30)).all()
-
-
-def test_second_sign_of_an_axle_waits(train: Train) -> None:
-    train.torque[0] = 0.1
-    assert np.isfinite(train.run(4)[0])
-    train.louder[0] = 10.0
-    assert np.isnan(train.run(PAUSE // 2)).all()
 
 
 def test_gap_and_reset_begin_anew(train: Train) -> None:
     train.watch.reset(1)
     assert train.watch.ready.tolist() == [True, False, True]
     train.block += 5
-    train.louder[0] = 10.0
-    assert np.isnan(train.run(10)).all()
+    assert after(train, [({"louder": {0: 10.0}}, 10)]) == []
     assert not train.watch.ready.any()

@@ -1,5 +1,7 @@
 """Whether a gyro and an accelerometer are the pair that they should be: on the rig's own wheelsets."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from scipy.signal import butter, lfilter
@@ -90,51 +92,49 @@ def test_better_and_noisier_sensors_than_the_designs_are_not_doubted(sound: Floa
     assert np.max(history(sound + more)) == Doubt.NONE
 
 
+def times(z: FloatArray, channel: int, factor: float) -> None:
+    z[:, channel] *= factor
+
+
+def swap(z: FloatArray) -> None:
+    z[:, 1] = z[:, 1, ::-1].copy()
+
+
 @pytest.mark.parametrize(
-    ("fault", "expected"),
+    ("fault", "expected", "within_s"),
     [
-        ("reversed", Doubt.REVERSED),
-        ("swapped wires", Doubt.UNRELATED),
-        ("gyro dead", Doubt.GYRO_DEAD),
-        ("accelerometer dead", Doubt.ACCEL_SMALL),
-        ("accelerometer in g", Doubt.ACCEL_SMALL),
-        ("gyro in degrees", Doubt.ACCEL_SMALL),
+        (lambda z: times(z, 0, -1.0), Doubt.REVERSED, 3),  # clearly so, or beside a live one: within seconds
+        (lambda z: own_noise(z, 0), Doubt.GYRO_DEAD, 3),
+        (lambda z: own_noise(z, 1), Doubt.ACCEL_SMALL, 3),
+        (swap, Doubt.UNRELATED, 10),
+        (lambda z: times(z, 1, 1 / 9.81), Doubt.ACCEL_SMALL, 10),  # in g
+        (lambda z: times(z, 0, 57.3), Doubt.ACCEL_SMALL, 10),  # the gyro in degrees
     ],
+    ids=["reversed", "gyro dead", "accelerometer dead", "swapped wires", "accelerometer in g", "gyro in degrees"],
 )
-def test_a_wrong_pair_is_found_within_ten_seconds(sound: FloatArray, fault: str, expected: Doubt) -> None:
+def test_a_wrong_pair_is_found_within_ten_seconds(
+    sound: FloatArray, fault: Callable[[FloatArray], None], expected: Doubt, within_s: int
+) -> None:
     z = sound[:2000].copy()
-    if fault == "reversed":
-        z[:, 0] *= -1
-    elif fault == "swapped wires":
-        z[:, 1] = z[:, 1, ::-1]
-    elif fault == "gyro dead":
-        own_noise(z, 0)
-    elif fault == "accelerometer dead":
-        own_noise(z, 1)
-    elif fault == "accelerometer in g":
-        z[:, 1] /= 9.81
-    else:
-        z[:, 0] *= 57.3
+    fault(z)
     doubts = history(z)
     assert doubts[-1] == [expected] * AXLES
-    if fault in ("reversed", "gyro dead", "accelerometer dead"):  # clearly so, or beside a live one: within seconds
-        assert all(any(row[axle] == expected for row in doubts[:600]) for axle in range(AXLES))
+    if within_s < 10:
+        assert all(any(row[axle] == expected for row in doubts[: 200 * within_s]) for axle in range(AXLES))
     else:
         assert not np.any(doubts[:1600])
 
 
-@pytest.mark.parametrize("times", [1.0, 2.0])
-def test_dead_sensors_are_doubted_from_the_first_window_on(sound: FloatArray, times: float) -> None:
+@pytest.mark.parametrize("factor", [1.0, 2.0])
+def test_dead_sensors_are_doubted_from_the_first_window_on(sound: FloatArray, factor: float) -> None:
     z = sound[:2400].copy()
-    own_noise(z, 0, times)
-    own_noise(z, 1, times)
+    own_noise(z, 0, factor)
+    own_noise(z, 1, factor)
     doubts = np.array(history(z))
     assert np.all(doubts[199:] == Doubt.SILENT)
 
 
-def test_dying_sensors_are_doubted_and_trusted_again_within_1500_ms(
-    sound: FloatArray,
-) -> None:
+def test_dying_sensors_are_doubted_and_trusted_again_within_1500_ms(sound: FloatArray) -> None:
     z, dies, lives = sound[:4000].copy(), 1130, 1930
     for channel in (0, 1):
         dead = z[dies:lives]
@@ -268,9 +268,8 @@ def test_few_coherent_seconds_among_saturated_ones_tell_the_sign() -> None:
     low, middle = np.array([0.6, -0.5] * 4 + [0.9, 0.8]), np.array([0.1, -0.2] * 4 + [0.8, 0.7])
     assert reversed_odds(at_correlations(low, middle), STRAIGHT) < 0.0
     low[8:], middle[8:] = -low[8:], -middle[8:]
-    assert (
-        reversed_odds(at_correlations(low, middle), STRAIGHT) < REVERSED
-    )  # eight seconds say that nothing can be told
+    # eight seconds say that nothing can be told
+    assert reversed_odds(at_correlations(low, middle), STRAIGHT) < REVERSED
     assert reversed_odds(at_correlations(low[8:], middle[8:]), STRAIGHT[8:]) > REVERSED
 
 

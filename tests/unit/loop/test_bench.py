@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from sim_ecu.bench import Adhesion, Bench, InputError, Valve, scenario
-from sim_ecu.loop.control.controller import Unprotected
-from sim_ecu.loop.judge import Figures
-from sim_ecu.loop.lockstep import ride
-from sim_ecu.loop.scenario import load_drive_scenario
+from sim_ecu.loop.control.adhesion_consumer import Unprotected
+from sim_ecu.loop.drive_scenario import load_drive_scenario
+from sim_ecu.loop.lockstep import Lockstep
+from sim_ecu.loop.ride_figures import Figures
 
 PAGE = Path(__file__).parents[3] / "docs/how-to/script-the-rig.md"
 WET = scenario(rail="C", demand=-1.0, speed_m_s=10.0, duration_s=1.0)
@@ -50,7 +50,7 @@ def test_other_scripts_of_the_page_make_what_they_say() -> None:
 
 def test_bench_with_a_controller_gives_the_steps_of_the_lockstep_run() -> None:
     s = load_drive_scenario("traction-wet-start")
-    theirs = [step for step, _ in zip(ride(s, Unprotected(s.axles, s.actuators), None), range(60), strict=False)]
+    theirs = [step for step, _ in zip(Lockstep(s, Unprotected(s.axles, s.actuators), None), range(60), strict=False)]
     bench = Bench("traction-wet-start", controller="none")
     bench.run(0.3)
     assert len(bench.steps) == 60

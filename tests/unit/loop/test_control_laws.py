@@ -1,23 +1,41 @@
-"""Laws of slip control, guard and release on made-up inputs."""
+"""Laws of slip control, guard, release, blending and the reference speed on made-up inputs."""
 
 import itertools
 
+import numpy as np
 import pytest
 
-from sim_ecu.loop.control import creep, resync, thresholds
-from sim_ecu.loop.control.creep import CreepControl
-from sim_ecu.loop.control.guard import APPLIED_S, MAX_WITHOUT_S, Guard
-from sim_ecu.loop.control.law import Law, Seen
-from sim_ecu.loop.control.resync import Resync
-from sim_ecu.loop.control.thresholds import Phase, Thresholds
+from sim_ecu.loop.control.adhesion_consumer import Facts
+from sim_ecu.loop.control.controlled_axle import (
+    APPLIED_S,
+    MAX_WITHOUT_S,
+    AxleCycle,
+    Blending,
+    CreepConstants,
+    CreepControl,
+    Guard,
+    Law,
+    Phase,
+    Release,
+    ThresholdConstants,
+    Thresholds,
+)
+from sim_ecu.loop.control.reference_speed import GRADIENT_M_S2, MARGIN, ReferenceSpeed, Resync
+from sim_ecu.loop.control.slip_controller import SlipController, make_controller
+from sim_ecu.loop.lockstep import Lockstep
+from sim_ecu.loop.suites import cases
+from sim_ecu.physics.actuators import Actuators, AxleActuators, Drive, Valve
+from sim_ecu.physics.wheelset import Wheelset
 
 PERIOD_S, SPEED = 0.01, 20.0
 FULL_N_m = 20_000.0
 SLIDE = 2.0  # m/s: beyond every threshold
 
 
-def seen(slip: float, slope: float = 0.0, asked: float = FULL_N_m, actual: float = FULL_N_m, t_s: float = 0.0) -> Seen:
-    return Seen(PERIOD_S, round(t_s * 1e6), SPEED, slip, slope, asked, actual)
+def seen(
+    slip: float, slope: float = 0.0, asked: float = FULL_N_m, actual: float = FULL_N_m, t_s: float = 0.0
+) -> AxleCycle:
+    return AxleCycle(PERIOD_S, round(t_s * 1e6), SPEED, slip, slope, asked, actual)
 
 
 @pytest.mark.parametrize("law", [Thresholds(), CreepControl()])
@@ -38,7 +56,7 @@ def test_sliding_wheel_has_less_and_never_more_than_asked(law: Law) -> None:
 
 
 def test_thresholds_cut_hold_and_reapply_below_the_torque_of_the_slide() -> None:
-    c = thresholds.Constants()
+    c = ThresholdConstants()
     law = Thresholds(c)
     cut = law.step(seen(SLIDE, 10.0, actual=12_000.0)), law.phase
     held = law.step(seen(SLIDE, -1.5 * max(c.hold_m_s2, c.back_m_s2), actual=4000.0)), law.phase
@@ -53,7 +71,7 @@ def test_thresholds_cut_hold_and_reapply_below_the_torque_of_the_slide() -> None
 
 
 def test_thresholds_wheel_that_still_comes_back_is_not_reapplied() -> None:
-    c = thresholds.Constants()
+    c = ThresholdConstants()
     law = Thresholds(c)
     law.step(seen(SLIDE, 10.0))
     law.step(seen(0.0, -2.0 * max(c.back_m_s2, c.hold_m_s2)))
@@ -61,7 +79,7 @@ def test_thresholds_wheel_that_still_comes_back_is_not_reapplied() -> None:
 
 
 def test_thresholds_slip_between_the_thresholds_changes_nothing() -> None:
-    c = thresholds.Constants()
+    c = ThresholdConstants()
     between = 0.5 * (1.0 + c.off_share) * max(c.on_m_s, c.on_share * SPEED)
     rolling, sliding = Thresholds(c), Thresholds(c)
     sliding.step(seen(SLIDE))
@@ -73,7 +91,7 @@ def test_thresholds_slip_between_the_thresholds_changes_nothing() -> None:
 
 def test_creep_settles_at_its_set_point_and_does_not_wind_up() -> None:
     """On a made-up contact: the creep grows with the torque's square, and the actuators follow at once."""
-    c = creep.Constants()
+    c = CreepConstants()
     law, torque, creepage = CreepControl(c), FULL_N_m, []
     for _ in range(400):
         slip = SPEED * c.creep * (torque / 12_000.0) ** 2
@@ -117,7 +135,7 @@ def test_guard_leaves_an_axle_that_brakes_or_is_not_asked_alone() -> None:
 
 
 def test_release_comes_in_turn_when_no_axle_proved_the_reference() -> None:
-    c = resync.Constants()
+    c = Release()
     turns = Resync(2, c)
     released: list[int] = []
     for k in range(round(3 * (c.after_s + c.max_s) / PERIOD_S)):
@@ -135,7 +153,7 @@ def test_axle_that_carries_all_that_is_asked_is_never_released() -> None:
 
 
 def test_axle_that_carries_what_a_limit_leaves_has_proved_nothing_and_is_released_less_deep() -> None:
-    c = resync.Constants()
+    c = Release()
     given: dict[bool, float] = {}
     for limited in (True, False):
         turns = Resync(1, c)
@@ -150,3 +168,115 @@ def test_axle_without_wheel_speed_passes_its_turn_on() -> None:
         turns.skip(0)
         turns.step(1, k * 10_000, 9000.0, FULL_N_m, False, 0.0, False)
     assert turns.releases > 1
+
+
+SPEED = 20.0
+ELECTRIC, PNEUMATIC = Actuators(), Actuators(Drive(max_brake_N_m=0.0))
+BLENDED = Actuators(Drive(max_brake_N_m=10_000.0))
+
+
+def settled(actuators: Actuators, torque_N_m: float, share: float, braking: bool = True) -> tuple[float, float, float]:
+    """(what the rig gives, what the blending thinks, share of the drive in it), after two seconds."""
+    blending = Blending(Facts.of_wheelset((1,), Wheelset(), actuators), 0.01)
+    rig, given = AxleActuators(actuators, 0.005), 0.0
+    for _ in range(200):
+        drive, valve = blending.step(torque_N_m, share, braking, SPEED)
+        brake = share if braking else 0.0
+        for _ in range(2):
+            given = rig.step(drive, valve, actuators.asked_bar(brake, SPEED), actuators.electric_N_m(brake, SPEED))
+        blending.hear(rig.pressure_bar)
+    return abs(given), blending.actual_N_m, abs(rig.drive_N_m)
+
+
+@pytest.mark.parametrize("actuators", [ELECTRIC, PNEUMATIC, BLENDED])
+@pytest.mark.parametrize("torque", [22_000.0, 15_000.0, 6000.0, 0.0])
+def test_brake_gives_the_wanted_torque(actuators: Actuators, torque: float) -> None:
+    given, thought, _ = settled(actuators, torque, 1.0)
+    assert given == pytest.approx(torque, abs=700.0)
+    assert thought == pytest.approx(given, abs=50.0)
+
+
+def test_traction_is_the_drives() -> None:
+    assert settled(BLENDED, 18_000.0, 0.9, braking=False)[0] == pytest.approx(18_000.0, rel=0.01)
+
+
+def test_drive_takes_the_reduced_torque_before_the_cylinder() -> None:
+    given, _, drive = settled(BLENDED, 9000.0, 1.0)
+    assert drive == pytest.approx(given, abs=700.0)
+
+
+def test_unlimited_brake_leaves_the_valve_to_the_brake_control() -> None:
+    blending = Blending(Facts.of_wheelset((1,), Wheelset(), PNEUMATIC), 0.01)
+    assert blending.step(22_000.0, 1.0, True, SPEED) == (0.0, Valve.FILL)
+
+
+def test_cylinder_too_full_is_vented_and_held_where_it_is_right() -> None:
+    blending = Blending(Facts.of_wheelset((1,), Wheelset(), PNEUMATIC), 0.01)
+    blending.hear(3.0)
+    assert blending.step(6000.0, 1.0, True, SPEED)[1] is Valve.VENT
+    blending = Blending(Facts.of_wheelset((1,), Wheelset(), PNEUMATIC), 0.01)
+    for _ in range(5):
+        blending.hear(3.0)
+        valve = blending.step(18_000.0, 1.0, True, SPEED)[1]
+    assert valve is Valve.HOLD
+
+
+PERIOD_S = 0.01
+FOUR = Facts.of_wheelset((1, 2, 3, 4), Wheelset(), Actuators())
+NO_FORCE = [0.0] * 4
+
+
+def test_no_speed_before_a_wheel_was_heard() -> None:
+    assert ReferenceSpeed(FOUR).step([], NO_FORCE, True, PERIOD_S) is None
+
+
+@pytest.mark.parametrize(("braking", "expected"), [(True, 20.0), (False, 17.0)])
+def test_braking_follows_the_fastest_wheel_and_traction_the_slowest(braking: bool, expected: float) -> None:
+    reference = ReferenceSpeed(FOUR)
+    assert reference.step([20.0, 19.0, 18.0, 17.0], NO_FORCE, braking, PERIOD_S) == expected
+
+
+@pytest.mark.parametrize(("braking", "sign"), [(True, -1.0), (False, 1.0)])
+def test_all_wheels_slide_reference_goes_on_by_the_force_at_the_rail_and_its_margin(braking: bool, sign: float) -> None:
+    reference, force = ReferenceSpeed(FOUR), 10_000.0
+    reference.step([20.0] * 4, NO_FORCE, braking, PERIOD_S)
+    for k in range(100):
+        speed = reference.step([20.0 + sign * 30.0 * k * PERIOD_S] * 4, [force] * 4, braking, PERIOD_S)
+    assert speed == pytest.approx(20.0 + sign * (MARGIN * force / FOUR.mass_kg + GRADIENT_M_S2), abs=0.01)
+
+
+def test_wheels_silent_reference_goes_on_and_stops_at_zero() -> None:
+    reference = ReferenceSpeed(FOUR)
+    reference.step([0.01] * 4, NO_FORCE, True, PERIOD_S)
+    assert [reference.step([], [10_000.0] * 4, True, PERIOD_S) for _ in range(3)][-1] == 0.0
+
+
+@pytest.mark.parametrize(("before", "left"), [(False, 26.0), (True, 14.0)])
+def test_wheel_that_still_spins_or_slides_from_the_other_effort_is_not_believed(before: bool, left: float) -> None:
+    reference = ReferenceSpeed(FOUR)
+    for k in range(50):  # one axle tells the speed, the others leave it
+        reference.step([20.0, *[20.0 + (left - 20.0) * k / 50] * 3], NO_FORCE, before, PERIOD_S)
+    for k in range(50):
+        speed = reference.step([left + (20.0 - left) * k / 50] * 4, NO_FORCE, not before, PERIOD_S)
+    assert speed == pytest.approx(20.0, abs=0.3)
+
+
+@pytest.mark.parametrize(
+    ("suite", "row", "law"),
+    [("actuators", "dry, leaf patch: typical", "thresholds"), ("train", "stop, greasy", "creep"),
+     ("traction", "start, low", "creep"), ("traction", "start, low", "thresholds")],
+)  # fmt: skip
+def test_reference_in_slides_stays_within_1_m_s_of_the_train(suite: str, row: str, law: str) -> None:
+    (case,) = cases(suite, row)
+    scenario = case.scenario(0)
+    controller = make_controller(law, Facts.of(scenario))
+    assert isinstance(controller, SlipController)
+    errors, slips = [], []
+    for step in Lockstep(scenario, controller, None):
+        if controller.reference_m_s is not None and step.due_us < 9_000_000:
+            errors.append((controller.reference_m_s - step.speed_m_s) * (-1.0 if case.braking else 1.0))
+            slips.append(np.abs(step.slip_m_s).max())
+    assert max(slips) > 0.4  # there are slides
+    assert min(errors) > -0.15  # positive: towards the sliding wheel
+    assert max(errors) < 1.0
+    assert float(np.mean(np.abs(errors))) < 0.5

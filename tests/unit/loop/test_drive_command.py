@@ -12,14 +12,14 @@ from pathlib import Path
 
 import pytest
 
-from sim_ecu.cli import main
-from sim_ecu.loop.control.controller import Unprotected
-from sim_ecu.loop.control.inputs import Inputs
-from sim_ecu.loop.control.on_bus import OnBus
-from sim_ecu.loop.end import End, open_end
-from sim_ecu.loop.scenario import load_drive_scenario
+from sim_ecu.cli.main import main
+from sim_ecu.loop.bus_end import End, open_end
+from sim_ecu.loop.control.adhesion_consumer import Unprotected
+from sim_ecu.loop.control.control_on_bus import InputWatch, OnBus
+from sim_ecu.loop.drive_scenario import load_drive_scenario
 from tests.support.loop_wire import KeptLines
-from wrcd.bus.log import Damage, read_log
+from wrcd.logs.damage import Damage
+from wrcd.logs.reader import read_log
 
 SHORT = """
 title = "full braking from 12 m/s on greasy rail"
@@ -41,7 +41,7 @@ def short(tmp_path: Path) -> Path:
 def controlled(scenario: Path, channel: str) -> Iterator[OnBus]:
     """A controller in a thread of its own for the length of a block."""
     rides = load_drive_scenario(scenario)
-    inputs, ended = Inputs(rides.axles), threading.Event()
+    inputs, ended = InputWatch(rides.axles), threading.Event()
     link = open_end("virtual", channel, inputs.ids)
     controls = OnBus(Unprotected(rides.axles, rides.actuators), [inputs], End(link, KeptLines()))
 

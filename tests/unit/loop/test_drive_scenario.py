@@ -6,13 +6,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim_ecu.loop.scenario import DriveScenario, load_drive_scenario, packaged_to_drive, read_drive_scenario
-from sim_ecu.loop.scenario_keys import TABLES
+from sim_ecu.loop.drive_scenario import (
+    TABLES,
+    DriveScenario,
+    load_drive_scenario,
+    packaged_to_drive,
+    read_drive_scenario,
+)
 from sim_ecu.physics.actuators import ASIDE, SWEPT, Actuators, Drive, Pneumatics, swept
 from sim_ecu.physics.cleaning import Cleaning
 from sim_ecu.play.scenario_keys import Measure
+from wrcd.config.settings import parse_toml
 from wrcd.errors import InputError, NotThere
-from wrcd.settings import parse_toml
 
 ROOT = Path(__file__).parents[3]
 RAIL, DRIVER = 'rail = [{ curve = "A" }]\n', "driver = { demand = -1.0 }\n"

@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sim_ecu.cli import main
-from sim_ecu.commands.run_score_fusion import play_all
-from sim_ecu.loop.control.facts import Facts
-from sim_ecu.loop.control.make import make_controller
+from sim_ecu.cli.main import main
+from sim_ecu.loop.control.adhesion_consumer import Facts
+from sim_ecu.loop.control.slip_controller import make_controller
 from sim_ecu.loop.fusion.patches import (
     HELD_PER_SPEED,
     JOINTS,
@@ -22,20 +21,30 @@ from sim_ecu.loop.fusion.patches import (
     RISE,
     SPEEDS_M_S,
     STEADY,
-    Drive,
+    PatchRide,
     _rail,
     patches,
     rails,
 )
-from sim_ecu.loop.fusion.play import Played, Seen, play
-from sim_ecu.loop.fusion.report import judge
-from sim_ecu.loop.fusion.tables import tables
-from sim_ecu.loop.fusion.truth import BEHIND, FRAME_S, Entry, enters_s, entry, false_lows, false_warnings
+from sim_ecu.loop.fusion.run_fusion import judge, play_all, sections
+from sim_ecu.loop.fusion.warnings_ahead import (
+    BEHIND,
+    FRAME_S,
+    AheadFrames,
+    Entry,
+    PatchRecord,
+    enters_s,
+    entry,
+    false_lows,
+    false_warnings,
+    play,
+)
 from sim_ecu.loop.lockstep import Lockstep
 from sim_ecu.play.play import LOG_START_US
+from sim_ecu.reporting.page import markdown
 from wrcd.bus.dbc import find_message
 from wrcd.bus.frame import Frame
-from wrcd.config import load_packaged
+from wrcd.config.config import load_packaged
 from wrcd.core.core import Core
 from wrcd.core.messages import Outgoing
 from wrcd.recorder.state import capture, encode, restore
@@ -46,41 +55,40 @@ AHEAD, DETAIL = range(0xC1, 0xC5), range(0xA1, 0xA5)
 FUSING, PLAIN = load_packaged(4, PLACES_M), load_packaged(4)
 
 
-def shortened(drive: Drive, seconds: float) -> Drive:
+def shortened(drive: PatchRide, seconds: float) -> PatchRide:
     scenario = drive.scenario
     return replace(drive, scenario=replace(scenario, train=replace(scenario.train, duration_s=seconds)))
 
 
 @pytest.fixture(scope="module")
-def drive() -> Drive:
+def drive() -> PatchRide:
     """Onto a patch at 25 m/s, slipping."""
     at_25 = (d for d in patches(1.0, TRAINING_SEED) if d.speed_m_s == 25.0 and d.slides)
     return shortened(next(at_25), 5.3)
 
 
 @pytest.fixture(scope="module")
-def played(drive: Drive) -> Played:
+def played(drive: PatchRide) -> PatchRecord:
     return play(drive, FUSING, PLAIN)
 
 
 @pytest.fixture(scope="module")
-def frames(drive: Drive) -> list[Frame]:
+def frames(drive: PatchRide) -> list[Frame]:
     """What the daemon hears in it."""
     out: list[Frame] = []
     controller = make_controller(drive.law, Facts.of(drive.scenario), None)
     run = Lockstep(
         drive.scenario, controller, None, lambda t, i, d: out.append(Frame(LOG_START_US + t, i, d)), sensors=True
     )
-    while not run.over:
-        run.step()
+    list(run)
     return out
 
 
-def entries(p: Played) -> list[Entry]:
+def entries(p: PatchRecord) -> list[Entry]:
     return [e for axle in BEHIND if (e := entry(p, axle)) is not None]
 
 
-def test_axles_behind_are_warned_before_they_are_on_the_patch(played: Played) -> None:
+def test_axles_behind_are_warned_before_they_are_on_the_patch(played: PatchRecord) -> None:
     found = entries(played)
     assert [e.axle for e in found] == [2, 3, 4]
     assert all(e.lead_s > 0.0 for e in found)
@@ -89,7 +97,7 @@ def test_axles_behind_are_warned_before_they_are_on_the_patch(played: Played) ->
     assert false_warnings(played) == (0, 0.0)
 
 
-def test_estimate_is_the_same_with_fusion_and_without(played: Played) -> None:
+def test_estimate_is_the_same_with_fusion_and_without(played: PatchRecord) -> None:
     assert played.same
 
 
@@ -182,7 +190,7 @@ def test_suite_has_rails_on_which_nobody_is_to_be_warned() -> None:
     assert {kind for kind, box in boxes.items() if box.joint_m_s2 > 0.0} == {JOINTS}
 
 
-def run_of(drive: Drive, warns: Any, distance_m: Any, mu_pct: float = 5.0) -> Played:
+def run_of(drive: PatchRide, warns: Any, distance_m: Any, mu_pct: float = 5.0) -> PatchRecord:
     """10 m/s for 9 s, 4 % on the drive's patch and 20 % elsewhere. warns is of the time and of the way left to the
     patch, distance_m of the latter."""
     time_s = 0.005 * np.arange(1, 1801, dtype=np.float64)
@@ -195,12 +203,12 @@ def run_of(drive: Drive, warns: Any, distance_m: Any, mu_pct: float = 5.0) -> Pl
         left_m = (start_m or 0.0) - (10.0 * frames_s + place)
         told = np.asarray(warns(frames_s, left_m), bool) & (k > 0)
         number = np.where(told, distance_m(left_m), np.nan)
-        seen.append(Seen(frames_s, told, told, np.where(told, mu_pct, np.nan), number))
-    return Played(drive, tuple(seen), 10.0 * time_s, np.where(on, 4.0, 20.0), 0, True)
+        seen.append(AheadFrames(frames_s, told, told, np.where(told, mu_pct, np.nan), number))
+    return PatchRecord(drive, tuple(seen), 10.0 * time_s, np.where(on, 4.0, 20.0), 0, True)
 
 
 @pytest.fixture(scope="module")
-def patch() -> Drive:
+def patch() -> PatchRide:
     """From 40 to 60 m: axle 1 is on it after 4 s, axle 4 after 6.15 s."""
     return replace(next(patches()), start_m=40.0, end_m=60.0)
 
@@ -209,32 +217,30 @@ def ahead(left_m: Any) -> Any:
     return np.maximum(left_m, 0.0)
 
 
-def test_lead_is_counted_from_the_frame_that_warned(patch: Drive) -> None:
-    found = entries(run_of(patch, lambda t, left: (t > 4.1) & (left > -5.0), ahead))
-    assert [e.lead_s for e in found] == pytest.approx([0.13, 1.78, 2.03], abs=1e-6)
-    assert [e.told_pct - e.true_pct for e in found] == [1.0] * 3
-    assert max(np.abs(e.errors_m).max() for e in found) < 1e-9
+def elsewhere(left_m: Any) -> Any:
+    return ahead(left_m) + 3.5
 
 
-def test_frame_at_the_entry_is_too_late(patch: Drive) -> None:
-    found = entries(run_of(patch, lambda t, left: left <= 1e-6, ahead))
-    assert [math.isnan(e.lead_s) for e in found] == [True] * 3
-
-
-def test_warning_that_was_withdrawn_is_none(patch: Drive) -> None:
-    found = entries(run_of(patch, lambda t, left: (t > 4.1) & (left > 0.5), ahead))
-    assert [math.isnan(e.lead_s) for e in found] == [True] * 3
-
-
-def test_warning_of_another_place_is_none(patch: Drive) -> None:
-    other = run_of(patch, lambda t, left: t > 4.1, lambda left: np.maximum(left, 0.0) + 3.5)
-    found = entries(other)
-    assert [math.isnan(e.lead_s) for e in found] == [True] * 3
-    assert all(np.allclose(e.errors_m, 3.5) for e in found)
+@pytest.mark.parametrize(
+    ("warns", "place", "leads_s", "error_m"),
+    [
+        (lambda t, left: (t > 4.1) & (left > -5.0), ahead, [0.13, 1.78, 2.03], 0.0),
+        (lambda t, left: left <= 1e-6, ahead, [math.nan] * 3, 0.0),  # at the entry: too late
+        (lambda t, left: (t > 4.1) & (left > 0.5), ahead, [math.nan] * 3, 0.0),  # withdrawn
+        (lambda t, left: t > 4.1, elsewhere, [math.nan] * 3, 3.5),  # of another place
+    ],
+)
+def test_lead_is_counted_from_the_frame_that_warned_of_this_place_until_the_axle_is_there(
+    patch: PatchRide, warns: Any, place: Any, leads_s: list[float], error_m: float
+) -> None:
+    found = entries(run_of(patch, warns, place))
+    assert [e.lead_s for e in found] == pytest.approx(leads_s, abs=1e-6, nan_ok=True)
+    assert all(np.allclose(e.errors_m, error_m) for e in found)
+    assert all(math.isnan(e.told_pct) or e.told_pct - e.true_pct == 1.0 for e in found)
 
 
 @pytest.mark.parametrize("told_m", [0.0, 2.0, 15.0])
-def test_daemon_that_always_warns_warns_nobody(patch: Drive, told_m: float) -> None:
+def test_daemon_that_always_warns_warns_nobody(patch: PatchRide, told_m: float) -> None:
     always = run_of(patch, lambda t, left: np.ones(len(t), bool), lambda left: np.full(len(left), told_m))
     assert [math.isnan(e.lead_s) for e in entries(always)] == [True] * 3
     count, seconds = false_warnings(always)
@@ -242,14 +248,14 @@ def test_daemon_that_always_warns_warns_nobody(patch: Drive, told_m: float) -> N
     assert seconds > 2.0
 
 
-def test_warning_after_the_patch_is_false(patch: Drive) -> None:
+def test_warning_after_the_patch_is_false(patch: PatchRide) -> None:
     late = run_of(patch, lambda t, left: (t >= 6.59) & (t < 6.69), lambda left: np.full(len(left), 20.0))
     count, seconds = false_warnings(late)
     assert count == 1
     assert seconds == pytest.approx(0.1)
 
 
-def test_low_adhesion_told_of_a_good_rail_is_counted(patch: Drive) -> None:
+def test_low_adhesion_told_of_a_good_rail_is_counted(patch: PatchRide) -> None:
     told, false = false_lows(run_of(patch, lambda t, left: (t > 4.1) & (left > -5.0), ahead))
     assert (told > 100, false) == (True, 0)
     rise = replace(next(d for d in rails() if d.kind == RISE), speed_m_s=10.0)
@@ -258,17 +264,17 @@ def test_low_adhesion_told_of_a_good_rail_is_counted(patch: Drive) -> None:
     assert false_lows(run_of(rise, lambda t, left: t > 1.0, lambda left: np.full(len(left), 30.0), 9.0)) == (0, 0)
 
 
-def test_axle_that_never_comes_is_counted_apart(patch: Drive) -> None:
+def test_axle_that_never_comes_is_counted_apart(patch: PatchRide) -> None:
     short = run_of(patch, lambda t, left: t > 4.1, ahead)
     short = replace(short, way_m=short.way_m[:1000], mu_pct=short.mu_pct[:1000])  # 50 m
     assert math.isnan(enters_s(short, 3))
     result = judge([short])
     assert [f["never_there"] for f in result["axles"].values()] == [0, 1, 1]
     assert result["false_warnings"]["all"]["hours"] == pytest.approx(5.0 / 3600)
-    assert "never came to: 0, 1, 1." in tables(result)[0]
+    assert "never came to: 0, 1, 1." in sections(result)[0].about
 
 
-def test_report_counts_what_was_told(played: Played) -> None:
+def test_report_counts_what_was_told(played: PatchRecord) -> None:
     nothing = replace(played.seen[1], warns=np.zeros_like(played.seen[1].warns))
     missed = replace(played, drive=replace(played.drive, number=1), seen=(played.seen[0], nothing, *played.seen[2:]))
     result = judge([played, missed])
@@ -276,7 +282,7 @@ def test_report_counts_what_was_told(played: Played) -> None:
     assert math.isnan(result["axles"]["2"]["speeds"]["5"]["warned"].value)
     assert [g["verdict"] for g in result["goals"][:6]] == ["too few to judge"] * 6
     assert result["false_warnings"]["all"]["per_hour"].high > 100.0  # none in two runs of 5 s shows little
-    assert any(line.startswith("| 2 | 50.0") for line in tables(result))
+    assert any(line.startswith("| 2 | 50.0") for line in markdown(sections(result)))
 
 
 def test_run_that_fails_is_missing_by_name(tmp_path: Path) -> None:

@@ -6,9 +6,8 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from sim_ecu.loop.judge import Figures, demand_at, judge, slides
+from sim_ecu.loop.ride_figures import AdhesionSeries, Figures, demand_at, honesty, judge, longest_s, slides
 from sim_ecu.loop.rig import Step
-from sim_ecu.loop.said import Told, honesty, longest_s
 from sim_ecu.physics.wheelset import Wheelset
 
 FULL_AS_ADHESION = 22_000.0 / (2 * Wheelset().normal_N * Wheelset().r_0)  # of the default brake
@@ -49,6 +48,9 @@ def test_slide_begins_beyond_the_least_of_its_bounds(speed: float, slip: float, 
 
 def test_slide_that_has_not_recovered_is_counted_once() -> None:
     assert figures([0.0, -2.0, -1.0, -2.0, -0.7, -2.0]).slides == 2  # over below 0.75 m/s only
+    assert figures([-3.0, -3.0]).slides == 1  # from the first sample on
+    both = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]])
+    assert slides(both, np.full(4, 20.0)) == 2  # of all axles
 
 
 def test_slide_that_began_fast_or_slow_is_counted_by_where_it_began() -> None:
@@ -63,15 +65,6 @@ def test_time_and_energy_beyond_the_peak_are_of_the_wheels_beyond_its_creep() ->
     assert f.beyond_s == pytest.approx(0.01)
     assert [f.beyond_kJ, f.slip_energy_kJ] == pytest.approx([2 / 4, 8 / 4])
     assert judge([step(1, 2.9, [-2.9], energy=1000.0)]).beyond_s == 0.0  # too slow to be judged
-
-
-def test_slides_of_all_axles_are_summed() -> None:
-    slip = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]])
-    assert slides(slip, np.full(4, 20.0)) == 2
-
-
-def test_slide_from_the_first_sample_on_is_counted() -> None:
-    assert figures([-3.0, -3.0]).slides == 1
 
 
 def test_locked_time_is_that_of_wheels_below_a_twentieth_of_the_speed() -> None:
@@ -114,36 +107,37 @@ def test_demand_is_the_first_half_of_the_largest_effort() -> None:
 # --- what was said
 
 
-def told(mu_pct: Sequence[float], valid: Sequence[bool], half_pp: float = 2.0, every_us: int = 20_000) -> Told:
+def told(
+    mu_pct: Sequence[float], valid: Sequence[bool], half_pp: float = 2.0, every_us: int = 20_000
+) -> AdhesionSeries:
     n = len(mu_pct)
-    return Told(np.arange(1, n + 1) * every_us, np.array(mu_pct), np.full(n, half_pp), np.array(valid))
+    return AdhesionSeries(np.arange(1, n + 1) * every_us, np.array(mu_pct), np.full(n, half_pp), np.array(valid))
 
 
 def running(n: int, speed: float = 20.0) -> list[Step]:
     return [step(k + 1, speed, [0.0], available=0.1) for k in range(4 * n)]
 
 
-def test_frames_outside_the_interval_count_only_while_valid() -> None:
-    (h,) = honesty({1: told([10.0, 13.0, 13.0, 13.0], [True, True, False, True])}, running(4))
-    assert [h.axle, h.valid, h.outside] == pytest.approx([1, 0.75, 2 / 3])
-    assert (h.outside_s, h.over_s, h.wrong) == (0.0, 0.0, False)
+@pytest.mark.parametrize(
+    ("mu_pct", "valid", "speed", "found"),
+    [
+        ([10.0, 13.0, 13.0, 13.0], [True, True, False, True], 20.0, [0.75, 2 / 3, 0.0, 0.0]),  # only while Valid
+        ([7.0] * 10, [True] * 10, 20.0, [1.0, 1.0, 0.18, 0.0]),  # too low is outside, and not over
+        ([13.0] * 10, [True] * 10, 2.0, [0.0, 0.0, 0.0, 0.0]),  # nothing is judged at walking pace
+    ],
+)
+def test_frames_outside_the_interval_are_counted_and_timed(
+    mu_pct: list[float], valid: list[bool], speed: float, found: list[float]
+) -> None:
+    (h,) = honesty({1: told(mu_pct, valid)}, running(len(valid), speed))
+    assert [h.valid, h.outside, h.outside_s, h.over_s] == pytest.approx(found)
+    assert (h.axle, h.wrong) == (1, False)
 
 
 def test_axle_outside_for_longer_than_half_a_second_is_wrong() -> None:
     for frames, wrong in ((26, False), (27, True)):  # from the first frame to the last
         (h,) = honesty({1: told([13.0] * frames, [True] * frames)}, running(frames))
         assert h.wrong is wrong
-
-
-def test_too_low_is_outside_and_not_over() -> None:
-    (h,) = honesty({1: told([7.0] * 10, [True] * 10)}, running(10))
-    assert (h.outside, h.over_s) == (1.0, 0.0)
-    assert h.outside_s == pytest.approx(0.18)
-
-
-def test_nothing_is_judged_at_walking_pace() -> None:
-    (h,) = honesty({1: told([13.0] * 10, [True] * 10)}, running(10, speed=2.0))
-    assert (h.valid, h.outside, h.outside_s) == (0.0, 0.0, 0.0)
 
 
 def test_silence_ends_a_stretch() -> None:

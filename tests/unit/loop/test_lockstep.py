@@ -6,17 +6,18 @@ from pathlib import Path
 import pytest
 
 from sim_ecu.bench import InputError, Timing
-from sim_ecu.loop.control.facts import Facts
-from sim_ecu.loop.control.make import make_controller
+from sim_ecu.loop.control.adhesion_consumer import Facts
+from sim_ecu.loop.control.slip_controller import make_controller
 from sim_ecu.loop.lockstep import Lockstep
 from sim_ecu.loop.suites import cases
 from tests.support.loop_wire import TIMINGS, stop_in_lockstep
-from wrcd.config import load_packaged
+from wrcd.config.config import load_packaged
 from wrcd.estimator.doubts import Doubt
 
 PAGE = Path(__file__).parents[3] / "docs/how-to/close-the-loop.md"
 
 
+@pytest.mark.night
 def test_page_says_what_timing_makes_of_a_stop() -> None:
     said = re.findall(r"(\d+) kJ(?: slip energy)? and (\d+) m", PAGE.read_text())
     found = [stop_in_lockstep(timing) for timing in TIMINGS]
@@ -36,7 +37,6 @@ def test_sound_pair_of_a_slow_stop_on_low_rail_is_not_called_reversed() -> None:
     run = Lockstep(scenario, make_controller("thresholds", Facts.of(scenario), daemon), daemon)
     assert run.core is not None
     doubts = set()
-    while not run.over:
-        run.step()
+    for _ in run:
         doubts.add(Doubt(run.core.estimator.identity.doubt[0]))
     assert Doubt.REVERSED not in doubts

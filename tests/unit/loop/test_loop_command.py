@@ -13,15 +13,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sim_ecu.cli import main
-from sim_ecu.commands import run_loop
-from sim_ecu.loop.names import BARE_AND_WITH, SUITES
-from sim_ecu.loop.play import play
+from sim_ecu.cli.main import main
+from sim_ecu.loop import BARE_AND_WITH, SUITES, run_loop
+from sim_ecu.loop.loop_rides import play
 from sim_ecu.loop.suites import cases
-from sim_ecu.loop.suites.actuators import STOPS
-from sim_ecu.loop.suites.case import FIRST_TEST_SEED, Plan
-from sim_ecu.loop.suites.faults import AWAY
-from sim_ecu.loop.suites.worlds import AS_DESIGNED, dry_stop
+from sim_ecu.loop.suites.rides import FIRST_TEST_SEED, RidePlan
+from sim_ecu.loop.suites.variants import AS_DESIGNED, AWAY, STOPS, dry_stop
 from sim_ecu.physics.contact import CURVES
 from sim_ecu.play.faults import KINDS, Stage
 from tests.support.short_row import RAIL, play_slowly, slowly
@@ -30,9 +27,8 @@ ROW = ("--suite", "actuators", "--only", f"{RAIL}: fast", "--seeds", "1")
 # the row in a process of its own, that no test waits for
 SHORT = """
 import sys
-from sim_ecu.cli import main
-from sim_ecu.commands import run_loop
-from sim_ecu.commands import run_loop
+from sim_ecu.cli.main import main
+from sim_ecu.loop import run_loop
 from tests.support import short_row
 run_loop.play_one = short_row.play_briefly
 sys.exit(main(sys.argv[1:]))
@@ -93,6 +89,7 @@ def test_row_whose_bare_runs_are_another_ones_brings_that_along() -> None:
     assert [c.name for c in cases("faults", "swap, ")] == ["no fault, two axles", "swap, all signals"]
 
 
+@pytest.mark.night
 def test_run_that_branches_off_is_the_run_with_the_fault_from_the_start() -> None:
     base, case = cases("faults", "freeze, all")
     base, case = (replace(c, plan=briefly, controllers=("thresholds with wrcd",)) for c in (base, case))
@@ -107,9 +104,9 @@ def test_run_that_branches_off_is_the_run_with_the_fault_from_the_start() -> Non
 BEGIN_S = 2.0
 
 
-def briefly(_rng: np.random.Generator) -> Plan:
+def briefly(_rng: np.random.Generator) -> RidePlan:
     """Braking a little on a wet rail, where the daemon is Valid, until some time after the fault begins."""
-    return Plan(((0.0, CURVES["C"]),), 25.0, ((0.0, -0.3), (1.0, -0.3)), BEGIN_S + 0.5)
+    return RidePlan(((0.0, CURVES["C"]),), 25.0, ((0.0, -0.3), (1.0, -0.3)), BEGIN_S + 0.5)
 
 
 def test_scenario_follows_from_its_number_alone() -> None:

@@ -1,7 +1,6 @@
 """Forces and energy of the wheelset against its equations, written down a second time."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -94,23 +93,6 @@ def test_the_printed_yaw_moment_is_right() -> None:
     assert yaw_acceleration(psidot=1e-3) < 0  # turning is damped
 
 
-def test_the_printed_left_force_leaves_the_friction_circle() -> None:
-    """(7)-(11) print the same root, of lambda_xR and lambda_y, under both wheels' forces. Over the right wheel's
-    creepage the left force would be more than mu_L N; by (4) and (6) each stands over its own."""
-    row = np.array([*CURVES["C"].row(), 0.0, 0.0, 0.0])
-    excess = []
-    for x in states(2):
-        lam_xL, lam_xR, lam_y = creepages(x, 25.0, 0.0, 0.0)
-        own, printed = math.hypot(lam_xL, lam_y), math.hypot(lam_xR, lam_y)
-        mu_N = W.normal_N * traction_ratio(own, 25.0, W.contact, *row[:5])
-        d = np.zeros(7)
-        axle_derivatives(x, 25.0, 0.0, 0.0, row, constants(W), W.contact, d)
-        T_s = W.k_s * x[THETA] + W.C_s * (x[W_R] - x[W_L])
-        assert (T_s - W.I_L * d[W_L]) / W.r_0 == pytest.approx(mu_N * lam_xL / own, rel=1e-6)
-        excess.append(own / printed)
-    assert max(excess) > 2.0
-
-
 @pytest.mark.parametrize(("curve", "torque"), [("A", 9000.0), ("C", -6000.0)])
 def test_energy_is_neither_made_nor_lost(curve: str, torque: float) -> None:
     """A vehicle runs freely through a transition into a curve on rough track. What the drive gives is stored, lost in
@@ -167,15 +149,3 @@ def powers(sim: Simulation, rail: FloatArray, track: Track, torque: float) -> tu
         W.I_w * (v**2 * r[7] + acceleration * r[5]) * x[PSIDOT],
         (F_xL - F_xR) * v * W.gamma * (x[Y] - y_t) / W.r_0 - v * x[PSI] * (F_yL + F_yR),
     )
-
-
-def test_a_shaft_without_damping_takes_nothing() -> None:
-    """(10) prints the spring's torque alone: (12) with C_s = 0, which is not the shaft that (12) has."""
-    d = [np.zeros(7), np.zeros(7)]
-    x = states(3, 1)[0]
-    for w, out in zip((W, replace(W, C_s=0.0)), d, strict=True):
-        row = np.array([*CURVES["A"].row(), 0.0, 0.0, 0.0])
-        axle_derivatives(x, 25.0, 0.0, 5000.0, row, constants(w), w.contact, out)
-    slack = W.C_s * (x[W_R] - x[W_L])
-    assert W.I_R * (d[1][W_R] - d[0][W_R]) == pytest.approx(slack)
-    assert W.I_L * (d[1][W_L] - d[0][W_L]) == pytest.approx(-slack)

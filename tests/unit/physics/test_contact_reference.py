@@ -19,7 +19,7 @@ from sim_ecu.physics.contact import (
     traction_ratio,
 )
 from sim_ecu.physics.wheelset import FloatArray
-from sim_ecu.score.contact import COLUMNS, RESULTS, creep_force, run
+from sim_ecu.score.contact_table import COLUMNS, RESULTS, creep_force, run
 from wrcd.errors import InputError
 
 DATA = Path(__file__).parents[2] / "data"

@@ -16,7 +16,6 @@ from sim_ecu.physics.sensors import SENSOR_SETS
 from sim_ecu.physics.simulation import Axle, Simulation, advance_side_by_side
 from sim_ecu.physics.track import OMEGA_C, OMEGA_R, QUALITY, SPACING_M, Track, irregularity
 from sim_ecu.physics.wheelset import (
-    GRAVITY,
     LANES,
     LAT_ACCEL,
     MU_AVAILABLE,
@@ -50,7 +49,13 @@ def rail(curve: CreepCurve, curvature: float = 0.0, cant: float = 0.0) -> FloatA
 
 
 def simulate(
-    curve: str, drive: Command, speed: FloatArray, start: float, scale: float = 1.0, seed: int = 1, quality: float = 1.0
+    curve: str,
+    drive: Command,
+    speed: FloatArray,
+    start: float,
+    scale: float = 1.0,
+    seed: int = 1,
+    quality: float = 1.0,
 ) -> FloatArray:
     axle = Axle(rail(CURVES[curve]), Track(QUALITY["good"] * quality, seed))
     return Simulation(W, [axle], start, step_scale=scale).advance(drive, speed).outputs[:, 0]
@@ -234,31 +239,6 @@ def test_vehicles_side_by_side_ride_as_each_alone() -> None:
         assert np.array_equal(outputs[:, k], alone.outputs[:, 0])
         assert np.array_equal(journey[:, k, 1], alone.distance_m)
         assert np.array_equal(beside.state, sim.state)
-
-
-def test_forces_are_those_of_the_contact_law() -> None:
-    rng = np.random.default_rng(1)
-    c, u = W.contact, 20.0
-    for curve in CURVES.values():
-        x = np.array([1e-3, 0.02, 1e-3, 0.03, 40.1, 40.05, 1e-3]) * rng.standard_normal(7)
-        x[[W_R, W_L]] += u / W.r_0
-        force, _ = axle_derivatives(x, u, 0.0, 0.0, rail(curve)[0, 1:], constants(W), c, np.empty(7))
-        expected = 0.0
-        for side, wheel in ((-1.0, W_R), (1.0, W_L)):
-            along = (W.r_0 * x[wheel] - u) / u + side * (W.L_g * x[PSIDOT] / u + W.gamma * x[Y] / W.r_0)
-            total = math.hypot(along, x[YDOT] / u - x[PSI])
-            expected += W.normal_N * traction_ratio(total, u, c, *curve.row()) * along / total
-        assert force == pytest.approx(expected, rel=1e-12)
-
-
-def test_a_curve_pushes_outwards() -> None:
-    n = 1000
-    axle = Axle(rail(CURVES["A"], curvature=1 / 500, cant=0.05), Track(0.0, 1))
-    sim = Simulation(W, [axle], 30.0)
-    sim.advance(command(n, utilisation=0.1, limit_of_peak=1.0), np.full(n, 30.0))
-    force = W.m_w * (30.0**2 / 500 - GRAVITY * 0.05)
-    # F_c is carried by F_g and the creep forces: the wheelset stands to the left of the centre
-    assert 0 < sim.state[0, Y] < 2 * force / (2 * W.normal_N * W.gamma / W.L_g)
 
 
 @pytest.mark.parametrize("quality", QUALITY)

@@ -14,9 +14,9 @@ from sim_ecu.physics.simulation import Axle, Simulation
 from sim_ecu.physics.track import OMEGA_C, OMEGA_R, QUALITY, SPACING_M, Track, irregularity
 from sim_ecu.physics.wheelset import LAT_ACCEL, YAW_RATE, FloatArray, Wheelset
 from sim_ecu.play.player import Player, on_tracks
-from sim_ecu.play.scenario import AxleScenario, Course, Drive, Scenario, read_scenario
+from sim_ecu.play.scenario import AxleScenario, Course, DriveCourse, Scenario, read_scenario
+from wrcd.config.settings import parse_toml
 from wrcd.errors import InputError
-from wrcd.settings import parse_toml
 
 TICK_S = 0.005
 BASIC = """
@@ -95,7 +95,7 @@ def test_an_own_roughness_scales_the_same_irregularity() -> None:
 
 def test_axles_built_without_a_track_seed_have_tracks_of_their_own() -> None:
     rail = rail_table([(0.0, CURVES["A"], 0.0, 0.0)])
-    drive = Drive("utilisation", Course((0.0,), (0.2,)), Course((0.0,), (1.0,)))
+    drive = DriveCourse("utilisation", Course((0.0,), (0.2,)), Course((0.0,), (1.0,)))
     axles = [AxleScenario(n, rail, drive, QUALITY["good"], SENSOR_SETS["mems"], n, 0.0) for n in (1, 2)]
     first, second = (a.track.reach(100.0) for a in on_tracks(axles))
     assert abs(alike(first[:, 1], second[:, 1])) < 0.3

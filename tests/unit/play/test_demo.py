@@ -1,4 +1,4 @@
-"""`sim-ecu demo` in real time on python-can's virtual bus; its screen and its summary without one."""
+"""`sim-ecu demo` in real time on python-can's virtual bus; its screen without one."""
 
 import shlex
 import sys
@@ -8,17 +8,18 @@ from pathlib import Path
 
 import pytest
 
-from sim_ecu.cli import main
-from sim_ecu.play import demo, demo_summary
-from sim_ecu.play.adhesion import Said
+from sim_ecu.cli.main import main
+from sim_ecu.play import demo
 from sim_ecu.play.demo_screen import Screen
-from sim_ecu.play.observer import Trace
+from sim_ecu.play.observer import ObservedTrace
 from sim_ecu.play.pace import Pace
+from sim_ecu.play.train import Said
 from tests.support.scenarios import held
-from wrcd.bus.log import Damage, read_log
+from wrcd.cli.main import main as wrcd
 from wrcd.core.causes import Cause, Validity
 from wrcd.core.events import Change
-from wrcd.tools.cli import main as wrcd
+from wrcd.logs.damage import Damage
+from wrcd.logs.reader import read_log
 
 THIRD_PARTY = Path(__file__).parents[2] / "data/dbc/third-party.toml"
 FALL = """
@@ -50,7 +51,6 @@ def test_the_demo_shows_the_estimate_and_leaves_log_picture_and_report(
     assert " Valid " in said
     assert "axle 1: NotAvailable: the window is not full yet" in said
     assert "axle 1: Valid, after 1." in said
-    assert "percentage points" in said
     assert "log      out/wet.log" in said
     assert "picture  out/wet.png" in said
     assert "out/wet.html: " in said
@@ -67,7 +67,7 @@ def test_computer_that_stands_still_costs_no_validity_without_a_kernel(
     moment = Screen.moment
     monkeypatch.setattr(demo, "_report", lambda *_: None)
 
-    def slow(self: Screen, traces: Mapping[int, Trace]) -> None:
+    def slow(self: Screen, traces: Mapping[int, ObservedTrace]) -> None:
         time.sleep(0.3)
         moment(self, traces)
 
@@ -129,7 +129,7 @@ def truth(available: float, used: float) -> dict[str, float]:
 
 def test_line_has_truth_estimate_and_use_in_their_places(capsys: pytest.CaptureFixture[str]) -> None:
     said: Said = {"MuAvailable": 30.0, "Validity": "Valid", "ContactState": "Adhering", "Surface": "Dry"}
-    trace = Trace([(2.0, truth(40.0, 10.0))], [(2.0, {**said, "Confidence": "Within5pp"})])
+    trace = ObservedTrace([(2.0, truth(40.0, 10.0))], [(2.0, {**said, "Confidence": "Within5pp"})])
     screen = Screen([1])
     screen.begin()
     screen.moment({1: trace})
@@ -145,7 +145,7 @@ def test_line_has_truth_estimate_and_use_in_their_places(capsys: pytest.CaptureF
 
 def test_interval_without_a_bound_is_no_number(capsys: pytest.CaptureFixture[str]) -> None:
     said: Said = {"MuAvailable": 30.0, "Validity": "Degraded", "Confidence": "None"}
-    Screen([1]).moment({1: Trace([(2.0, truth(40.0, 10.0))], [(2.0, said)])})
+    Screen([1]).moment({1: ObservedTrace([(2.0, truth(40.0, 10.0))], [(2.0, said)])})
     assert "30.0 ± ? %  Degraded" in capsys.readouterr().out
 
 
@@ -173,37 +173,6 @@ def test_change_that_comes_again_at_once_is_told_once(capsys: pytest.CaptureFixt
         cause = Cause.INPUT_STALE if after is Validity.DEGRADED else Cause.NONE
         screen.changes([Change(at(k * 0.1), 1, before, after, cause, "")], FIRST_US * 1e-6)
     assert len(capsys.readouterr().out.splitlines()) == 4
-
-
-def test_summary_says_how_fast_it_followed_and_when_it_was_not_valid() -> None:
-    rows = [k * 0.02 for k in range(200)]
-    trace = Trace(
-        [(t, truth(40.0 if t < 2.0 else 4.0, 3.0)) for t in rows],
-        [(t, {"MuAvailable": 40.0 if t < 2.12 else 4.0, "Validity": "Valid"}) for t in rows],
-    )
-    valid, none, degraded = Validity.VALID, Validity.NOT_AVAILABLE, Validity.DEGRADED
-    changes = [
-        Change(at(0.0), 1, none, none, Cause.WARMING_UP, ""),
-        Change(at(1.0), 1, none, valid, Cause.NONE, ""),
-        Change(at(2.1), 1, valid, degraded, Cause.TOO_LITTLE_DATA, ""),
-        Change(at(2.2), 1, degraded, degraded, Cause.HARSH, ""),
-    ]
-    first, *rest = demo_summary.lines(1, trace, changes, FIRST_US * 1e-6, 4.0)
-    assert first.startswith("axle 1: 200 valid frames of 200, error of the estimate: median 0.0, mean 1.1 ")
-    assert [x.strip() for x in rest] == [
-        "at 2.0 s the rail went from 40.0 to 4.0 %: wrcd crossed the middle between them after 0.12 s",
-        "not Valid from 0.0 to 1.0 s: NotAvailable, WarmingUp",
-        "not Valid from 2.1 to 4.0 s: Degraded, TooLittleData; Degraded, Harsh",
-    ]
-
-
-def test_estimate_that_never_follows_is_said() -> None:
-    rows = [k * 0.02 for k in range(200)]
-    trace = Trace(
-        [(t, truth(40.0 if t < 2.0 else 4.0, 3.0)) for t in rows],
-        [(t, {"MuAvailable": 40.0, "Validity": "Valid"}) for t in rows],
-    )
-    assert "wrcd has not followed" in demo_summary.lines(1, trace, [], FIRST_US * 1e-6, 4.0)[1]
 
 
 @pytest.mark.parametrize("config", [None, THIRD_PARTY], ids=["default", "own DBC"])
@@ -236,7 +205,7 @@ def test_interval_that_is_not_sent_is_said_once_and_no_sign_stands_for_it(capsys
     screen.begin()
     said: Said = {"MuAvailable": 30.0, "Validity": "Valid"}
     for _ in range(2):
-        screen.moment({1: Trace([(2.0, truth(40.0, 10.0))], [(2.0, said)])})
+        screen.moment({1: ObservedTrace([(2.0, truth(40.0, 10.0))], [(2.0, said)])})
     out = capsys.readouterr().out
     assert out.count("This configuration sends no Confidence, Surface: no interval is shown.") == 1
     assert "±" not in out

@@ -1,5 +1,6 @@
 """The rig speaks a train's own DBC: frames read back by cantools alone, against what the sensors said."""
 
+import functools
 import itertools
 from collections.abc import Sequence
 from dataclasses import replace
@@ -10,25 +11,24 @@ import cantools
 import e2e.p11
 import pytest
 
-from sim_ecu.cli import main as sim_ecu
-from sim_ecu.play.adhesion import AdhesionReader
-from sim_ecu.play.encoder import SAMPLE_US, Encoder, Reading, Sample, Sent, message_key, stretch_of
+from sim_ecu.cli.main import main as sim_ecu
+from sim_ecu.play.encoder import SAMPLE_US, Encoder, Reading, SensorSample, Sent, message_key, stretch_of
 from sim_ecu.play.faults import parse_fault
 from sim_ecu.play.mapped import MappedTrain
 from sim_ecu.play.player import Player
 from sim_ecu.play.scenario import Scenario, load_scenario, read_scenario
-from sim_ecu.play.train import PACKAGED, Train
+from sim_ecu.play.train import PACKAGED, AdhesionReader, Train
 from tests.support.scenarios import held
 from wrcd.bus.codec import Receiver
 from wrcd.bus.dbc import find_message, parse_dbc
 from wrcd.bus.frame import Frame
 from wrcd.bus.signals import Source, StatusRule
 from wrcd.bus.units import G, Quantity
-from wrcd.config import load_config, load_packaged
+from wrcd.config.config import load_config, load_packaged
+from wrcd.config.settings import parse_toml
 from wrcd.core.configuration import Config, Input
 from wrcd.core.core import Core
 from wrcd.errors import InputError
-from wrcd.settings import parse_toml
 
 ROOT = Path(__file__).parents[3]
 EXAMPLE = ROOT / "examples/own-dbc/train.toml"
@@ -111,16 +111,16 @@ def train(config: Config | None = None) -> MappedTrain:
     return MappedTrain(config or mapped(), normal_N=73_500.0, r_0=0.5)
 
 
-def sample(number: int, torques: tuple[float, float] = (10_000.0, 5_000.0), speed: float = 25.0) -> Sample:
+def sample(number: int, torques: tuple[float, float] = (10_000.0, 5_000.0), speed: float = 25.0) -> SensorSample:
     """The number-th, from 1 on."""
     readings = (
         Reading(1, 0.1, -0.5, torques[0], 30.0, 5.0, 0.001),
         Reading(2, -0.02, 0.25, torques[1], 20.0, 4.0, 0.0),
     )
-    return Sample(number * SAMPLE_US, speed, readings)
+    return SensorSample(number * SAMPLE_US, speed, readings)
 
 
-def sent(samples: Sequence[Sample], truth: bool = False, config: Config | None = None) -> list[Sent]:
+def sent(samples: Sequence[SensorSample], truth: bool = False, config: Config | None = None) -> list[Sent]:
     encoder = train(config).encoder([1, 2], truth)
     return [f for frames in encoder.stretch(stretch_of(samples)) for f in frames]
 
@@ -233,7 +233,7 @@ def test_axle_that_is_not_mapped_is_refused() -> None:
 
 
 def test_axle_that_does_not_run_leaves_its_signals_at_their_start() -> None:
-    one = Sample(4 * SAMPLE_US, 25.0, (sample(4).readings[0],))
+    one = SensorSample(4 * SAMPLE_US, 25.0, (sample(4).readings[0],))
     frames = list(train().encoder([1], truth=False).frames(one))
     assert read(frames, "Imu2") == []
     assert {row["Which"] for row in read(frames, "Effort")} == {3}
@@ -302,9 +302,10 @@ def test_own_dbc_is_played_into_a_log(tmp_path: Path, capsys: pytest.CaptureFixt
 # --- faults
 
 
-def played(*specs: str, seconds: float = 0.6) -> list[Sent]:
+@functools.cache
+def played(*specs: str) -> list[Sent]:
     faults = tuple(parse_fault(spec, [1, 2]) for spec in specs)
-    scenario = replace(load_scenario("half-wet"), duration_s=seconds, faults=faults)
+    scenario = replace(load_scenario("half-wet"), duration_s=0.6, faults=faults)
     return [f for _, frames in Player(scenario, truth=False, train=train()) for f in frames]
 
 
@@ -344,16 +345,11 @@ def test_speed_that_is_not_mapped_cannot_be_at_fault() -> None:
 AT = "at=0.2,for=0.2"
 
 
-@pytest.fixture(scope="module")
-def clean() -> list[Sent]:
-    return played()
-
-
 def during(frames: Sequence[Sent]) -> list[Sent]:
     return [f for f in frames if 200_000 <= f.due_us < 400_000]
 
 
-def test_frame_faults_act_on_their_message_alone(clean: list[Sent]) -> None:
+def test_frame_faults_act_on_their_message_alone() -> None:
     for kind, mine in (
         (f"crc:{AT}", {(513, True)}),
         (f"counter:{AT}", {(513, True)}),
@@ -365,7 +361,7 @@ def test_frame_faults_act_on_their_message_alone(clean: list[Sent]) -> None:
         (f"sender:{AT},of=speed", {(532, False)}),
         (f"bias:{AT},of=torque,axle=2", {(530, False), (531, False)}),
     ):
-        touched = set(played(kind)) ^ set(clean)
+        touched = set(played(kind)) ^ set(played())
         assert {(f.can_id, f.extended) for f in touched} <= mine, kind
         assert touched, kind
 
@@ -387,9 +383,9 @@ def test_status_fault_of_a_multiplexed_message_is_of_the_axle_of_its_branch() ->
     assert said == {(3, 1), (4, 3)}  # multiplexer and health
 
 
-def test_frame_faults_of_an_own_dbc_do_what_they_say(clean: list[Sent]) -> None:
+def test_frame_faults_of_an_own_dbc_do_what_they_say() -> None:
     flipped = [f for f in during(played(f"crc:{AT}")) if f.can_id == 513]
-    before = [f for f in during(clean) if f.can_id == 513]
+    before = [f for f in during(played()) if f.can_id == 513]
     changed = [int.from_bytes(a.data) ^ int.from_bytes(b.data) for a, b in zip(flipped, before, strict=True)]
     assert {x.bit_count() for x in changed} == {1}
     longer = [f for f in during(played(f"dlc:{AT},axle=2,amount=1")) if f.can_id == 514]

@@ -4,10 +4,10 @@ import time
 
 import can
 
-from sim_ecu.play.play import BUSY_US, MAX_SAMPLES, RealTime, Tally
+from sim_ecu.play.play import BUSY_US, MAX_SAMPLES, PlayTally, RealTime
 from sim_ecu.play.scenario import read_scenario
 from tests.support.scenarios import held
-from wrcd.settings import parse_toml
+from wrcd.config.settings import parse_toml
 
 
 class Late:
@@ -37,4 +37,4 @@ def test_step_of_a_computer_that_never_catches_up_returns() -> None:
             assert steps < 1000
         assert rig.tally.frames > 400
         assert "too slow, or busy: frames came up to 59.99 s late" in rig.tally.too_slow
-    assert Tally(latest_us=BUSY_US).too_slow == ""
+    assert PlayTally(latest_us=BUSY_US).too_slow == ""

@@ -1,11 +1,13 @@
-"""One run of the rig through every format that a logger writes: a replay of each gives the same adhesion."""
+"""One run of the rig through every format that a logger writes: each holds its frames and replays to its adhesion."""
 
 from pathlib import Path
 
 import pytest
 
-from sim_ecu.cli import main as rig
-from wrcd.tools.cli import main
+from sim_ecu.cli.main import main as rig
+from wrcd.cli.main import main
+from wrcd.logs.damage import Damage
+from wrcd.logs.reader import read_log
 
 # a change of rail, a fault that costs frames, and the adhesion in between
 SCENARIO = """
@@ -23,6 +25,13 @@ def adhesion(log: Path) -> str:
     out = log.with_suffix(".rows")
     assert main(["replay", str(log), "--relative", "--csv", str(out)]) == 0
     return out.read_text()
+
+
+def frames(log: Path) -> list[tuple[int, bool, bool, bytes]]:
+    damage = Damage()
+    found = [(f.can_id, f.extended, f.fd, f.data) for f, _ in read_log(log, damage)]
+    assert damage.whole
+    return found
 
 
 @pytest.fixture(scope="module")
@@ -50,4 +59,5 @@ def test_run_has_an_adhesion_that_changes(of_the_candump_log: str) -> None:
 def test_every_format_gives_the_adhesion_of_the_candump_log(suffix: str, folder: Path, of_the_candump_log: str) -> None:
     log = folder / f"b{suffix}"
     assert rig(["play", str(folder / "run.toml"), "--fast", "--log", str(log)]) == 0
+    assert frames(log) == frames(folder / "a.log")
     assert adhesion(log) == of_the_candump_log

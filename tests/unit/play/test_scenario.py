@@ -10,9 +10,9 @@ from sim_ecu.play.encoder import SAMPLE_US
 from sim_ecu.play.player import Player
 from sim_ecu.play.scenario import Scenario, load_scenario, read_scenario
 from sim_ecu.play.scenario_keys import TABLES, Measure
+from wrcd.config.settings import parse_toml
 from wrcd.core.configuration import MAX_AXLES
 from wrcd.errors import InputError
-from wrcd.settings import parse_toml
 
 
 def scenario(axles: object) -> Scenario:

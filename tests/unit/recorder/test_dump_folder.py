@@ -10,8 +10,8 @@ import pytest
 
 from tests.support.recorded_train import RecordedTrain
 from wrcd.core.configuration import Config
-from wrcd.recorder.child import Child
 from wrcd.recorder.folder import Bound, write_dump, write_new
+from wrcd.recorder.writer import Child
 
 UNBOUND = Bound(1000, 1 << 30)
 SUFFIXES = (".log", ".state.json", ".events.csv")

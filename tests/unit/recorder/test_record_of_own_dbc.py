@@ -6,17 +6,16 @@ from pathlib import Path
 import pytest
 
 from tests.support.scripted_link import ScriptedLink
-from wrcd.bus.frame import Frame
-from wrcd.bus.log import Damage, read_log
-from wrcd.config import load_config
+from tests.support.synthetic import Synthetic
+from wrcd.cli.main import main
+from wrcd.config.config import load_config
 from wrcd.core.configuration import Config, RecorderConfig
 from wrcd.core.core import Core
+from wrcd.logs.damage import Damage
+from wrcd.logs.reader import read_log
 from wrcd.recorder.recorder import Recorder
-from wrcd.recorder.ring import FD_BYTES, RECEIVED, Ring
 from wrcd.recorder.state import capture, encode, restore
 from wrcd.service.loop import Daemon
-from wrcd.tools.cli import main
-from wrcd.tools.synthetic import Synthetic
 
 THIRD_PARTY = Path(__file__).parents[2] / "data/dbc/third-party.toml"
 OWN_STATUS = """
@@ -54,14 +53,6 @@ def own(tmp_path: Path) -> Config:
     (tmp_path / "own.dbc").write_text(OWN_DBC)
     (tmp_path / "own.toml").write_text(OWN_STATUS)
     return load_config(tmp_path / "own.toml")
-
-
-def test_ring_keeps_whole_fd_frames_where_one_is_mapped() -> None:
-    ring = Ring(3, FD_BYTES)
-    frames = [Frame(k, 0x18FF0001, bytes(range(k, k + 60)), extended=True, fd=True) for k in range(5)]
-    for frame in frames:
-        ring.put_frame(RECEIVED, frame)
-    assert [f for _, f in ring.since(2)] == frames[2:]
 
 
 def test_dump_with_fd_frames_replays_to_what_was_sent(tmp_path: Path) -> None:

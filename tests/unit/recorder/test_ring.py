@@ -4,7 +4,7 @@ import pytest
 
 from tests.support.can_ids import UNMAPPED, YAW_RATE_A1
 from wrcd.bus.frame import Frame
-from wrcd.recorder.ring import RECEIVED, SENT, Overwritten, Ring
+from wrcd.recorder.ring import FD_BYTES, RECEIVED, SENT, Overwritten, Ring
 
 
 def test_ring_overwrites_its_oldest_frames() -> None:
@@ -35,3 +35,11 @@ def test_ring_keeps_every_frame_type(frame: Frame) -> None:
     ring = Ring(2)
     ring.put_frame(RECEIVED, frame)
     assert list(ring.since(0)) == [(RECEIVED, frame)]
+
+
+def test_ring_keeps_whole_fd_frames_where_one_is_mapped() -> None:
+    ring = Ring(3, FD_BYTES)
+    frames = [Frame(k, 0x18FF0001, bytes(range(k, k + 60)), extended=True, fd=True) for k in range(5)]
+    for frame in frames:
+        ring.put_frame(RECEIVED, frame)
+    assert [f for _, f in ring.since(2)] == frames[2:]

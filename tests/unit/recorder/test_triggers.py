@@ -3,6 +3,7 @@
 import os
 import signal
 from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -11,15 +12,14 @@ import pytest
 
 from tests.support.can_ids import ADHESION_A1, LAT_ACCEL_A1, YAW_RATE_A1
 from tests.support.recorded_train import RecordedTrain, sent_and_replayed
-from tests.support.sensor_simulator import SensorSimulator
-from wrcd.bus.log import Damage, read_log
 from wrcd.core.causes import Cause, Validity
 from wrcd.core.configuration import Config
-from wrcd.core.core import Core
 from wrcd.core.messages import NOT_AVAILABLE_REPORT, Report
-from wrcd.core.slot import Said
+from wrcd.core.slot import SlotReports
+from wrcd.logs.damage import Damage
+from wrcd.logs.reader import read_log
 from wrcd.recorder.folder import dump_name
-from wrcd.recorder.triggers import LOST_SLOTS, Triggers
+from wrcd.recorder.recorder import LOST_SLOTS, Triggers
 
 
 def test_loss_of_validity_is_dumped_with_its_post_trigger_time(config: Config, tmp_path: Path) -> None:
@@ -123,7 +123,7 @@ def test_collapse_of_adhesion_is_dumped(config: Config, tmp_path: Path, monkeypa
             train.run(20)
             reports = [replace(report, mu_available_pct=mu), *core.reports[1:]]
             with monkeypatch.context() as m:
-                m.setattr(core, "take_said", partial(list, [Said(reports, (0,), False)]))
+                m.setattr(core, "take_reports", partial(list, [SlotReports(reports, (0,), False)]))
                 train.recorder.turn(train.now())
 
     says(30.0, 1200)
@@ -137,18 +137,13 @@ def test_collapse_of_adhesion_is_dumped(config: Config, tmp_path: Path, monkeypa
 
 
 def test_slow_fall_of_adhesion_is_no_collapse(config: Config) -> None:
-    from wrcd.recorder.triggers import Triggers
-
-    core = Core(config)
-    sim = SensorSimulator(config)
-    sim.run(1500)
-    report = next(r for r in sim.core.reports if r.validity == "Valid")
-    triggers = Triggers([core.config.axles[0].adhesion.cycle_us])
+    valid = replace(NOT_AVAILABLE_REPORT, validity=Validity.VALID)
+    triggers = Triggers([config.axles[0].adhesion.cycle_us])
     mu = 40.0
     while mu > 3.0:
-        assert triggers.look([replace(report, mu_available_pct=mu)], False, [0]) == ""
+        assert triggers.look([replace(valid, mu_available_pct=mu)], False, [0]) == ""
         mu *= 0.987  # a half in 1.06 s
-    assert triggers.look([replace(report, mu_available_pct=mu / 2)], False, [0]) == "collapse"
+    assert triggers.look([replace(valid, mu_available_pct=mu / 2)], False, [0]) == "collapse"
 
 
 def test_sigusr1_dumps_at_once_each_time(config: Config, tmp_path: Path) -> None:
@@ -167,8 +162,9 @@ def test_sigusr1_dumps_at_once_each_time(config: Config, tmp_path: Path) -> None
     assert log.name.endswith("-asked.log")
 
 
-def test_sigterm_dumps_up_to_the_shutdown_frames(
-    config: Config, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("breaks", [False, True], ids=["SIGTERM", "an exception"])
+def test_end_of_the_loop_dumps_up_to_the_shutdown_frames(
+    config: Config, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, breaks: bool
 ) -> None:
     train = RecordedTrain(config, tmp_path)
     monkeypatch.setattr(signal, "signal", lambda *_: None)
@@ -177,31 +173,16 @@ def test_sigterm_dumps_up_to_the_shutdown_frames(
     def poll() -> None:
         train.run(5)
         if next(turns) == 299:
+            if breaks:
+                raise ZeroDivisionError
             train.daemon.on_signal(signal.SIGTERM, None)
 
     monkeypatch.setattr(train.daemon, "poll", poll)
-    train.daemon.run()
+    with pytest.raises(ZeroDivisionError) if breaks else nullcontext():
+        train.daemon.run()
     (log,) = train.dumps()
     assert log.name.endswith("-exit.log")
-    sent = [f for f, _ in read_log(log, Damage()) if f.can_id == ADHESION_A1]
-    assert sent[-2].data[1] >> 4 == 1
-    assert sent[-1].data[1] >> 4 == 0  # the last frame
-
-
-def test_exception_in_the_loop_dumps_up_to_the_shutdown_frames(
-    config: Config, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    train = RecordedTrain(config, tmp_path)
-    monkeypatch.setattr(signal, "signal", lambda *_: None)
-    turns = iter(range(300))
-
-    def poll() -> None:
-        next(turns)
-        train.run(5)
-
-    monkeypatch.setattr(train.daemon, "poll", poll)
-    with pytest.raises(StopIteration):
-        train.daemon.run()
-    sent, replayed = sent_and_replayed(train.dumps()[0], tmp_path / "out.log")
+    sent, replayed = sent_and_replayed(log, tmp_path / "out.log")
     assert replayed == sent[:-5]
+    assert [f.data[1] >> 4 for f in sent if f.can_id == ADHESION_A1][-2:] == [1, 0]
     assert [f.data[1] >> 4 for f in sent[-5:]] == [0, 0, 0, 0, 3]  # the last frame of the daemon is in it, too

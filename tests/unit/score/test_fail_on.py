@@ -6,12 +6,14 @@ from typing import Any
 
 import pytest
 
-from sim_ecu.cli import main
-from sim_ecu.commands import run_loop, run_score
-from sim_ecu.design.source import load_source
-from sim_ecu.loop.report import judge_all
+from sim_ecu.cli.main import main
+from sim_ecu.design.brief import load_source
+from sim_ecu.loop import run_loop
+from sim_ecu.loop.comparison_figures import judge_all
 from sim_ecu.loop.suites import cases
-from sim_ecu.score.goals import CHANCE, MET, MET_CHANCE, MISSED, TOO_FEW
+from sim_ecu.reporting.values import Figure
+from sim_ecu.reporting.verdicts import CHANCE, MET, MET_CHANCE, MISSED, TOO_FEW, Goal
+from sim_ecu.score import run_score
 from sim_ecu.score.report import judge
 from sim_ecu.score.suites import runs
 from tests.support import short_row
@@ -21,14 +23,9 @@ Judge = Callable[..., dict[str, Any]]
 
 
 def with_verdicts(by: Judge, verdicts: Sequence[str]) -> Judge:
-    """The judge, whose first goals come to these verdicts; there are no others."""
-
-    def judged(*arguments: Any) -> dict[str, Any]:
-        result = by(*arguments)
-        first = result["goals"][0]
-        return result | {"goals": [first | {"verdict": v} for v in verdicts]}
-
-    return judged
+    """The judge, with goals that come to these verdicts; there are no others."""
+    goal = Goal("a suite: a figure", Figure(1.0, 1.0, 1.0, 20, 20), 1.0).record() | {"ideal": None}
+    return lambda *arguments: by(*arguments) | {"goals": [goal | {"verdict": v} for v in verdicts]}
 
 
 @pytest.fixture
@@ -51,16 +48,17 @@ def command(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> 
     return asked
 
 
-@pytest.mark.parametrize("command", ["score", "loop"], indirect=True)
 @pytest.mark.parametrize(
-    ("verdicts", "fail_on", "status", "said"),
+    ("command", "verdicts", "fail_on", "status", "said"),
     [
-        ((MET, MISSED, MISSED), True, 1, "--fail-on missed: 2 of 3 goals are missed"),
-        ((MET, MISSED), True, 1, "--fail-on missed: 1 of 2 goals is missed"),
-        ((MET, MISSED), False, 0, ""),
-        ((MET, MET_CHANCE, CHANCE, TOO_FEW), True, 0, ""),
-        ((TOO_FEW, TOO_FEW), True, 2, "--fail-on: no goal could be judged, for too few runs"),
+        ("score", (MET, MISSED, MISSED), True, 1, "--fail-on missed: 2 of 3 goals are missed"),
+        ("loop", (MET, MISSED), True, 1, "--fail-on missed: 1 of 2 goals is missed"),
+        ("score", (MET, MISSED), False, 0, ""),
+        ("loop", (MET, MISSED), False, 0, ""),
+        ("score", (MET, MET_CHANCE, CHANCE, TOO_FEW), True, 0, ""),
+        ("loop", (TOO_FEW, TOO_FEW), True, 2, "--fail-on: no goal could be judged, for too few runs"),
     ],
+    indirect=["command"],
 )
 def test_status_is_that_of_the_goals_where_it_was_asked_for(
     command: Callable[[Sequence[str]], list[str]], verdicts: Sequence[str], fail_on: bool, status: int, said: str,

@@ -8,27 +8,28 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
+from sim_ecu.design.brief import Recipe, load_source
 from sim_ecu.design.linear import Point
 from sim_ecu.design.rules import PAPER_POLYNOMIAL
-from sim_ecu.design.source import Source, load_source
 from sim_ecu.physics.contact import CURVES, peak
 from sim_ecu.resources import PAPER_DESIGN
-from sim_ecu.score import statements as say
+from sim_ecu.score import paper_claims as say
 from sim_ecu.score.figure_data import (
     OFF_PEAK,
     SETTLED_S,
     SPEED,
     FloatArray,
-    HeldRuns,
+    HeldTrace,
+    Known,
     Levels,
-    Trace,
+    gather,
     held,
     nearest,
     observe,
     own_range,
 )  # fmt: skip
-from sim_ecu.score.figures import NUMBERS, check, gather, run, sources
-from sim_ecu.score.statements import Statement
+from sim_ecu.score.figures import check, run, sources
+from sim_ecu.score.paper_claims import PaperClaim
 from wrcd.checksum import checksum
 from wrcd.errors import InputError
 from wrcd.estimator.design import MODELS, Sets
@@ -36,11 +37,12 @@ from wrcd.resources import DESIGN
 
 THREE = Sets(("Low", "Moderate", "High"), np.array([-1.0, 0.0, 1.0]))
 TWO = Sets(("Low", "High"), np.array([-1.0, 1.0]))
+NUMBERS = (1, 3, 4, 5, 6, 8, 9, 10, 11, 12, 13)
 SETS = [THREE, THREE, THREE, TWO]
 
 
 @pytest.fixture(scope="module")
-def subject() -> Source:
+def subject() -> Recipe:
     return load_source(DESIGN)
 
 
@@ -55,7 +57,7 @@ def seen_of(residuals: FloatArray) -> FloatArray:
     return logs
 
 
-def trace(residuals: tuple[float, ...], mu_pct: float = 20.0, wobble: float = 0.0) -> Trace:
+def trace(residuals: tuple[float, ...], mu_pct: float = 20.0, wobble: float = 0.0) -> HeldTrace:
     """Constant residuals for 4 s on three tracks; truth 20 %, half-width 1 pp."""
     t: FloatArray = np.arange(1, 201, dtype=np.float64) * 0.02
     r = np.broadcast_to(np.array(residuals), (200, 3, MODELS)).copy()
@@ -63,16 +65,17 @@ def trace(residuals: tuple[float, ...], mu_pct: float = 20.0, wobble: float = 0.
     wave = wobble * np.sin(t)[:, None]
     seen = seen_of(r)
     places = own_range(SETS, seen)
-    return Trace(
+    return HeldTrace(
         t, r, seen, places, np.argmin(places, axis=-1) + 1, 50 + wave * flat, mu_pct * flat, mu_pct * flat, flat,
         20 * flat, 20 * flat, 0.01 * flat,
     )  # fmt: skip
 
 
-def verdicts(found: list[Statement]) -> list[bool]:
+def verdicts(found: list[PaperClaim]) -> list[bool]:
     return [f.holds for f in found]
 
 
+@pytest.mark.night
 def test_all_figures_are_drawn_and_described(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(tmp_path / "figures", tracks=2, seconds=3.0, between=0) == 0
     names = {f"fig{n:02d}{form}.png" for n in NUMBERS for form in ("", "-paper")}
@@ -103,7 +106,7 @@ def test_all_figures_are_drawn_and_described(tmp_path: Path, capsys: pytest.Capt
 
 def test_the_forms_are_judged_on_the_same_runs() -> None:
     """A design beside itself in another form's name sees the same signals: nothing is simulated or drawn anew."""
-    runs = HeldRuns()
+    runs: Known = {}
     ours, papers = (load_source(file) for file in (DESIGN, PAPER_DESIGN))
     conditions = held(ours.wheelset, CURVES["C"], 1.0, 1)
     first = observe(ours, conditions, 1.0, silent, runs)
@@ -127,9 +130,9 @@ def test_a_paper_design_for_another_wheelset_is_not_judged_beside(tmp_path: Path
         sources(None, other)
 
 
-def test_figures_check_what_was_gathered(subject: Source) -> None:
+def test_figures_check_what_was_gathered(subject: Recipe) -> None:
     """Other data, other verdicts: the checks take nothing from elsewhere."""
-    data = gather(subject, 1, 2.5, 0, silent)
+    data = gather(subject, 1, 2.5, 0, silent, {})
     before = {(s.figure, s.says): s for s in check(data)}
     flipped = replace(
         data,
@@ -148,8 +151,8 @@ def test_figures_check_what_was_gathered(subject: Source) -> None:
 
 @pytest.mark.parametrize("share", [1.0, *OFF_PEAK, 0.012])
 @pytest.mark.parametrize("curve", "AF")
-def test_the_wheelset_is_held_where_the_figure_says(subject: Source, curve: str, share: float) -> None:
-    found = observe(subject, held(subject.wheelset, CURVES[curve], share, 1), 3.0, silent).since(SETTLED_S)
+def test_the_wheelset_is_held_where_the_figure_says(subject: Recipe, curve: str, share: float) -> None:
+    found = observe(subject, held(subject.wheelset, CURVES[curve], share, 1), 3.0, silent, {}).since(SETTLED_S)
     creep, mu = peak(SPEED, subject.wheelset.contact, *CURVES[curve].row())
     # what the track's irregularity adds counts where there is hardly any creep
     assert found.creep.mean() == pytest.approx(share * creep, rel=0.05, abs=1e-4)
@@ -158,8 +161,8 @@ def test_the_wheelset_is_held_where_the_figure_says(subject: Source, curve: str,
         assert found.used_pct.mean() == pytest.approx(100 * mu, rel=0.02)
 
 
-def test_the_place_in_the_own_range_is_what_the_estimator_decides_by(subject: Source) -> None:
-    found = observe(subject, held(subject.wheelset, CURVES["C"], 1.0, 2), 1.5, silent).since(0.5)
+def test_the_place_in_the_own_range_is_what_the_estimator_decides_by(subject: Recipe) -> None:
+    found = observe(subject, held(subject.wheelset, CURVES["C"], 1.0, 2), 1.5, silent, {}).since(0.5)
     assert (np.argmin(found.own_range, axis=-1) + 1 == found.winner).all()
     # which is not what the raw residuals say, nor the same for the sensors' noise left in
     for values in (found.residuals, own_range(subject.design.residual_sets, seen_of(found.residuals))):
@@ -187,7 +190,7 @@ def test_increased_residual_holds_only_for_a_larger_one() -> None:
 
 
 def test_right_after_two_seconds() -> None:
-    def at(t: Trace) -> list[bool]:
+    def at(t: HeldTrace) -> list[bool]:
         return verdicts(say.right(11, "A", t, t.since(SETTLED_S)))
 
     assert at(trace((1, 1, 1, 1), 20.5)) == [True, True, True]

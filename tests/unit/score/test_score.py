@@ -9,34 +9,32 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sim_ecu.cli import main
+from sim_ecu.cli.main import main
+from sim_ecu.design.brief import load_source
 from sim_ecu.design.cases import SEEDS_PER_PLAN, Plan, draw
 from sim_ecu.design.search import FIRST_SEARCH_SEED, HELD_SEED, SEARCH_SEEDS
-from sim_ecu.design.source import load_source
 from sim_ecu.physics.contact import peak
 from sim_ecu.physics.track import OMEGA_C, QUALITY, Track
 from sim_ecu.physics.wheelset import GRAVITY, Wheelset
 from sim_ecu.play.encoder import databases
 from sim_ecu.play.player import Player
 from sim_ecu.play.scenario import Scenario, load_scenario
+from sim_ecu.reporting.page import markdown
+from sim_ecu.reporting.values import plain
 from sim_ecu.score import suites
-from sim_ecu.score.goals import goals
-from sim_ecu.score.heard import Heard
-from sim_ecu.score.metrics import accuracy, changes, honesty
-from sim_ecu.score.metrics.frames import OURS, gather
+from sim_ecu.score.metrics import accuracy, change_metrics, honesty
+from sim_ecu.score.metrics.accuracy import OURS, gather
 from sim_ecu.score.names import SUITES
-from sim_ecu.score.play import Trace, newest, play
-from sim_ecu.score.report import judge, plain
+from sim_ecu.score.report import judge
+from sim_ecu.score.score_play import Heard, Trace, newest, play
+from sim_ecu.score.sections import sections
 from sim_ecu.score.suites.broken import BOTH_DEAD, SWAPPED, dead, foreign
-from sim_ecu.score.suites.changes import ORDER, cycles, drops
-from sim_ecu.score.suites.dry import dry_hours
-from sim_ecu.score.suites.harsh import HARSH, slow
-from sim_ecu.score.suites.nominal import GRID, NOISE, ROBUST, condition, grid, robust, spread
+from sim_ecu.score.suites.change_suites import ORDER, cycles, drops
+from sim_ecu.score.suites.nominal import GRID, HARSH, NOISE, ROBUST, condition, grid, robust, slow, spread
 from sim_ecu.score.suites.run import FIRST_TEST_SEED, TRAINING_LOTS, Run
-from sim_ecu.score.suites.sound import PACKAGED, PACKAGED_CURVES, PACKAGED_GREASY, SOUND_RUNS
-from sim_ecu.score.tables import tables
+from sim_ecu.score.suites.sound import PACKAGED, PACKAGED_CURVES, PACKAGED_GREASY, SOUND_RUNS, dry_hours
 from tests.support.can_ids import LAT_ACCEL, YAW_RATE, YAW_RATE_A2
-from wrcd.config import load_config
+from wrcd.config.config import load_config
 from wrcd.resources import DESIGN
 
 W = Wheelset()
@@ -344,6 +342,7 @@ def small() -> list[Trace]:
     return [t for run in runs for t in play(run, config, {})]
 
 
+@pytest.mark.night
 def test_accuracy_does_not_get_worse(small: list[Trace]) -> None:
     """Bounds a little above what the packaged design reaches here; `sim-ecu score` has the whole of it."""
     f = gather([t for t in small if t.suite == "grid"])
@@ -360,7 +359,7 @@ def test_accuracy_does_not_get_worse(small: list[Trace]) -> None:
 
 
 def test_drops_are_followed(small: list[Trace]) -> None:
-    found = changes.drops([t for t in small if t.suite == "drops"])
+    found = change_metrics.drops([t for t in small if t.suite == "drops"])
     assert len(found) == 12
     assert np.median([d.lie_s for d in found]) <= LIE_S
     assert np.median([d.settled_s for d in found]) <= SETTLED_S
@@ -371,12 +370,12 @@ def test_the_report_has_every_figure(small: list[Trace]) -> None:
     for t in small:
         t.baselines["torque ratio"] = t.true_used_pct
     result = judge(small, source)
-    text = "\n".join(tables(result))
+    text = "\n".join(markdown(sections(result)))
     assert "| torque ratio |" in text
     assert "**drops**: 12 drops" in text
     assert f"design {source.design.name} {source.design.checksum[:12]}" in text
     ends = [line.split("|")[-2].strip() for line in text.split("**goals**")[1].splitlines()[4:]]
-    assert len(goals(result["suites"])) == len(ends)
+    assert len(result["goals"]) == len(ends) == 7
     assert ends.count("too few to judge") == len(ends)  # eight runs are not enough
     document = json.loads(json.dumps(plain(result), allow_nan=False))
     paired = document["suites"]["robust"]["groups"][ROBUST[-4].name]

@@ -1,6 +1,7 @@
 """`wrcd reload PID`: what came of a reload is heard, and becomes an exit status."""
 
 import os
+import re
 import signal
 import socket
 import subprocess
@@ -12,12 +13,12 @@ from pathlib import Path
 import pytest
 
 from tests.support.processes import ROOT, wait_for
-from wrcd.config import DEFAULT
+from wrcd.cli.main import main
+from wrcd.config.config import DEFAULT
 from wrcd.errors import InputError
 from wrcd.service import asking
-from wrcd.tools.cli import main
 
-WRCD = (sys.executable, "-m", "wrcd.tools")
+WRCD = (sys.executable, "-m", "wrcd.cli")
 
 
 class Running:
@@ -70,41 +71,33 @@ def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
         yield found
 
 
-def test_limit_that_is_taken_over_is_printed_and_status_0(running: Running) -> None:
-    running.write("[limits]\nmin_speed_m_s = 4\n")
-    assert running.reload() == (0, "reload: limits.min_speed_m_s 3 -> 4\n", "")
+@pytest.mark.parametrize(
+    ("more", "status", "out", "err"),
+    [
+        ("[limits]\nmin_speed_m_s = 4\n", 0, "reload: limits.min_speed_m_s 3 -> 4\n", ""),
+        ("", 0, "reload: nothing has changed\n", ""),
+        ("[limits]\nmin_sped_m_s = 4\n", 1, "", "reload: nothing taken over: .*did you mean 'min_speed_m_s'[?]"),
+        ('[bus]\nchannel = "can7"\n', 1, "", "reload: nothing taken over; needs a restart: bus.channel\n$"),
+        (
+            '[bus]\nchannel = "can7"\n[limits]\nmin_speed_m_s = 5\n',
+            0,
+            "reload: limits.min_speed_m_s 3 -> 5; needs a restart: bus.channel\n",
+            "",
+        ),
+    ],
+    ids=["a limit", "nothing", "a mistake", "all needs a restart", "a part does"],
+)
+def test_what_came_of_it_is_printed_and_a_status(running: Running, more: str, status: int, out: str, err: str) -> None:
+    running.write(more)
+    if status:
+        assert running.reload("--quiet") == (status, "", "")
+    found = running.reload()
+    assert found[:2] == (status, out)
+    assert re.match(f"wrcd: error: {err}" if err else "$", found[2], re.DOTALL)
+    assert running.process.poll() is None
     running.write("")
     assert running.reload("--quiet") == (0, "", "")
-    assert "wrcd: reload: limits.min_speed_m_s 4 -> 3" in running.log()
-
-
-def test_unchanged_file_is_status_0(running: Running) -> None:
-    running.write("")
-    assert running.reload() == (0, "reload: nothing has changed\n", "")
-
-
-def test_mistake_in_the_file_is_status_1(running: Running) -> None:
-    running.write("[limits]\nmin_sped_m_s = 4\n")
-    status, out, err = running.reload()
-    assert (status, out) == (1, "")
-    assert err.startswith("wrcd: error: reload: nothing taken over: ")
-    assert "did you mean 'min_speed_m_s'?" in err
-    assert running.reload("--quiet") == (1, "", "")
-    assert running.process.poll() is None
-
-
-def test_changes_that_all_need_a_restart_are_status_1(running: Running) -> None:
-    running.write('[bus]\nchannel = "can7"\n')
-    expected = "wrcd: error: reload: nothing taken over; needs a restart: bus.channel\n"
-    assert running.reload() == (1, "", expected)
-
-
-def test_part_that_is_taken_over_is_status_0_and_names_the_rest(running: Running) -> None:
-    running.write('[bus]\nchannel = "can7"\n[limits]\nmin_speed_m_s = 5\n')
-    line = "reload: limits.min_speed_m_s 3 -> 5; needs a restart: bus.channel\n"
-    assert running.reload() == (0, line, "")
-    running.write("")
-    running.reload()
+    assert ("limits" not in out) or "wrcd: " + out.partition(";")[0].strip() in running.log()
 
 
 def test_two_at_once_are_not_mixed_up(running: Running) -> None:

@@ -9,7 +9,7 @@ from tests.support.can_ids import ADHESION, ADHESION_A1, LAT_ACCEL_A1, WRCD_STAT
 from tests.support.scripted_link import ScriptedLink
 from tests.support.sensor_simulator import MS, SensorSimulator
 from wrcd.bus.reasons import Reason
-from wrcd.config import load_config
+from wrcd.config.config import load_config
 from wrcd.service.journal import CounterLog
 
 

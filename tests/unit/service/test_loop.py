@@ -15,7 +15,7 @@ from tests.support.can_ids import ADHESION_A1
 from tests.support.scripted_link import ScriptedLink
 from tests.support.sensor_simulator import SensorSimulator
 from wrcd.bus.frame import Frame
-from wrcd.config import DEFAULT
+from wrcd.config.config import DEFAULT
 from wrcd.core.configuration import Config, RecorderConfig
 from wrcd.recorder.recorder import Recorder
 from wrcd.service.loop import Daemon

@@ -1,0 +1,33 @@
+"""`sim-ecu figures`."""
+
+import argparse
+from pathlib import Path
+
+from wrcd.cli.program import Subcommand
+
+
+def _add(p: argparse.ArgumentParser) -> None:
+    p.add_argument("-o", "--output", type=Path, required=True, metavar="DIR", help="the folder to draw into")
+    p.add_argument("--design", type=Path, metavar="DESIGN.json", help="default: the packaged one")
+    p.add_argument(
+        "--paper", type=Path, metavar="DESIGN.json",
+        help="a design in the paper's own form, judged beside it (default: the packaged one, for the default wheelset)",
+    )  # fmt: skip
+
+
+def _run(args: argparse.Namespace) -> int:
+    from sim_ecu.score.figures import run
+
+    return run(args.output, args.design, args.paper)
+
+
+COMMAND = Subcommand(
+    "figures",
+    "the paper's figures, and whether they show what it says",
+    (
+        ("sim-ecu figures -o figures", "draw them into a folder, with a verdict for each"),
+        ("sim-ecu figures -o figures --design my.design.json", "those of a design of your own"),
+    ),
+    _add,
+    _run,
+)

@@ -1,0 +1,67 @@
+"""The sim-ecu command. The rig's packages are extras, and a train has none of them: this imports none."""
+
+from collections.abc import Callable, Sequence
+
+from wrcd.cli.program import Program
+from wrcd.errors import InputError
+
+SIM_ECU = Program(
+    "sim-ecu",
+    "The rig: nonlinear wheelsets on a CAN bus.",
+    "sim_ecu.cli",
+    (
+        "list",
+        "play",
+        "inject",
+        "drive",
+        "control",
+        "faults",
+        "design",
+        "contact",
+        "tune",
+        "score",
+        "figures",
+        "loop",
+        "campaign",
+        "compare",
+        "fmu",
+        "demo",
+        "completion",
+    ),
+)
+# extra and package, by the module that is imported
+MODULES = {
+    "numba": ("bench", "numba"),
+    "scipy": ("bench", "scipy"),
+    "filterpy": ("bench", "filterpy"),
+    "skfuzzy": ("bench", "scikit-fuzzy"),
+    "packaging": ("bench", "packaging"),
+    "e2e": ("bench", "autosar-e2e"),
+    "matplotlib": ("bench", "matplotlib"),
+    "jinja2": ("bench", "jinja2"),
+    "markupsafe": ("bench", "markupsafe"),
+    "sklearn": ("learned", "scikit-learn"),
+    "pythonfmu": ("fmi", "pythonfmu"),
+    "pyarrow": ("campaign", "pyarrow"),
+    "distributed": ("cluster", "distributed"),
+}
+
+
+def explained(command: Callable[[], int]) -> int:
+    """Run a command of the rig. Raises InputError that names the extra where a package of it is missing."""
+    try:
+        return command()
+    except ModuleNotFoundError as e:
+        known = MODULES.get((e.name or "").partition(".")[0])
+        if known is None:
+            raise
+        extra, package = known
+        raise InputError(
+            f"the package {package} is missing: sim-ecu needs the extra {extra!r}",
+            hint=f"pip install 'wrcd[{extra}]', or in the source's folder pip install '.[{extra}]'",
+        ) from None
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Entry point. Returns the exit status: see Status."""
+    return SIM_ECU.run(argv, explained)

@@ -1,0 +1,59 @@
+"""`sim-ecu score`."""
+
+import argparse
+from pathlib import Path
+
+from sim_ecu.cli.arguments import add_jobs, check_least
+from sim_ecu.score.names import FUSION, MISSED, SUITES
+from wrcd.cli.program import Subcommand
+
+
+def _add(p: argparse.ArgumentParser) -> None:
+    p.add_argument("--suite", choices=(*SUITES, FUSION), help="only this one; fusion is played so alone")
+    p.add_argument(
+        "--quick", action="store_true", help="a twelfth of the runs, too few to judge most goals: one to two minutes"
+    )
+    add_jobs(p)
+    p.add_argument("--design", type=Path, metavar="DESIGN.json", help="default: the packaged one")
+    p.add_argument(
+        "--baselines", type=Path, metavar="FILE", help="what `sim-ecu design --baselines` made with the design"
+    )
+    p.add_argument(
+        "--beside", action="append", default=[], metavar="NAME=DESIGN.json",
+        help="another design for the same wheelset, run on the same frames; may be repeated",
+    )  # fmt: skip
+    p.add_argument("--fail-on", choices=(MISSED,), help="exit 1 where a goal is missed, beyond chance")
+    p.add_argument("--json", type=Path, metavar="OUT", help="all figures")
+    p.add_argument("--html", type=Path, metavar="OUT", help="a page with tables and pictures")
+
+
+def _run(args: argparse.Namespace) -> int:
+    from sim_ecu.score.run_score import run
+    from wrcd.errors import InputError
+
+    check_least(args, jobs=1)
+    if args.suite == FUSION:
+        from sim_ecu.loop.fusion.run_fusion import run as run_fusion
+
+        for key, given in (("--baselines", args.baselines), ("--beside", args.beside), ("--html", args.html)):
+            if given:
+                raise InputError("is not of the suite fusion", key=key, hint="leave it out: it compares no estimates")
+        return run_fusion(args.quick, args.jobs, args.design, args.json, args.fail_on)
+    return run(
+        args.suite, args.quick, args.jobs, args.design, args.baselines, args.beside, args.json, args.html, args.fail_on
+    )  # fmt: skip
+
+
+COMMAND = Subcommand(
+    "score",
+    "how good a design is, with baselines beside it",
+    (
+        ("sim-ecu score --quick --html score.html", "a twelfth of the runs, as a page"),
+        (
+            "sim-ecu score --suite transitions --fail-on missed",
+            "one suite, with all its runs; exit 1 where a goal is missed",
+        ),
+    ),
+    _add,
+    _run,
+)

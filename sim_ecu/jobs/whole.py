@@ -1,0 +1,82 @@
+"""All of many runs, for a report that must not look whole where it is not: what is missing is said by name."""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+from sim_ecu.jobs.job import Ending
+from sim_ecu.jobs.pool import local, run
+from wrcd.errors import InputError, Status
+from wrcd.progress import Progress
+
+T = TypeVar("T")
+R = TypeVar("R")
+MOST_TOLD = 20  # missing runs by name
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """What a person calls a run, and what it costs, about, in any unit."""
+
+    suite: str
+    name: str
+    cost: float
+
+
+@dataclass(frozen=True, slots=True)
+class Missing:
+    """A run that gave nothing, and why."""
+
+    piece: Piece
+    why: str
+
+
+@dataclass(frozen=True, slots=True)
+class WholeRun(Generic[R]):
+    """What the runs gave, in their order; None where one gave nothing, which is then missing."""
+
+    results: Sequence[R | None]
+    missing: Sequence[Missing]
+
+
+class NotWhole(InputError):
+    """Runs failed, and what is printed lacks them."""
+
+    status = Status.STOPPED
+
+
+def every(function: Callable[[T], R], jobs: Sequence[T], pieces: Sequence[Piece], workers: int) -> WholeRun[R]:
+    """function(job) of all, one at least, in processes of their own, with progress by the pieces' cost.
+
+    function is of a module's top level, and remembers what jobs share. A run that fails or dies is tried once more.
+    """
+    progress = Progress(steps=True)
+    whole, done = sum(p.cost for p in pieces), 0.0
+    results: list[R | None] = [None] * len(jobs)
+    missing: dict[int, Missing] = {}
+    try:
+        with local(min(workers, len(jobs))) as crew:
+            for number, o in enumerate(run(function, jobs, crew), 1):
+                piece = pieces[o.place]
+                results[o.place] = o.value
+                if o.ending is not Ending.DONE:
+                    missing[o.place] = Missing(piece, o.error)
+                done += piece.cost
+                progress.at(f"{piece.suite}: run {number} of {len(jobs)}", done / whole)
+    finally:
+        progress.end()
+    return WholeRun(results, [missing[place] for place in sorted(missing)])
+
+
+def left_out(missing: Sequence[Missing], suites: Iterable[str]) -> dict[str, list[str]]:
+    """What a report says of suites that it leaves out: the runs that each lacks, and why; of one that is left out for
+    another's runs, none."""
+    return {s: [f"{m.piece.name}: {m.why}" for m in missing if m.piece.suite == s] for s in suites}
+
+
+def not_whole(missing: Sequence[Missing]) -> NotWhole:
+    """The error that ends a report with holes: its runs by name."""
+    told = [f"  {m.piece.suite}, {m.piece.name}: {m.why}" for m in missing[:MOST_TOLD]]
+    more = [f"  and {len(missing) - MOST_TOLD} more"] if len(missing) > MOST_TOLD else []
+    count = "1 run" if len(missing) == 1 else f"{len(missing)} runs"
+    return NotWhole("\n".join([f"{count} failed twice; their suites are in no table:", *told, *more]))

@@ -1,0 +1,213 @@
+"""The careful receiver of an axle's adhesion message: what docs/reference/what-a-controller-does.md demands of one.
+
+It reads any configuration's output, by its own names, with cantools and autosar-e2e alone.
+"""
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import e2e.p11
+from cantools.database.can import Message
+
+from sim_ecu.loop.drive_scenario import DriveScenario
+from sim_ecu.loop.rig_messages import BRAKE, TRACTION, driver_demand, no_rejections, rig_message
+from sim_ecu.physics.actuators import Actuators, Valve
+from sim_ecu.physics.wheelset import Wheelset
+from sim_ecu.play.encoder import COUNTERS, Channel, Sent, frame_length
+from sim_ecu.play.train import AdhesionReader
+from wrcd.bus.dbc import find_message
+from wrcd.bus.signals import Output
+from wrcd.core.configuration import AxleConfig, Config
+from wrcd.core.vocabulary import CONFIDENCES
+
+
+@dataclass(frozen=True, slots=True)
+class Facts:
+    """A train of like wheelsets. inertia_kg_m2: of a wheelset with its drive; mass_kg: the train's, per wheelset."""
+
+    axles: tuple[int, ...]
+    radius_m: float
+    inertia_kg_m2: float
+    mass_kg: float
+    unit_adhesion_N_m: float  # 2 N r_0: torque that takes an adhesion of 1
+    actuators: Actuators = field(default_factory=Actuators)
+
+    @classmethod
+    def of(cls, scenario: DriveScenario) -> "Facts":
+        """The facts of a scenario's train."""
+        return cls.of_wheelset(tuple(scenario.axles), scenario.train.wheelset, scenario.actuators)
+
+    @classmethod
+    def of_wheelset(cls, axles: tuple[int, ...], wheelset: Wheelset, actuators: Actuators) -> "Facts":
+        """The facts of a train of such wheelsets."""
+        w = wheelset
+        return cls(axles, w.r_0, w.I_R + w.I_L, w.M_v, 2.0 * w.normal_N * w.r_0, actuators)
+
+    @property
+    def full_brake_N_m(self) -> float:
+        """What the driver asks of a wheelset at a brake share of 1, both brakes together."""
+        return self.actuators.full_brake_N_m
+
+    def asked_N_m(self, share: float, braking: bool) -> float:
+        """|torque| that a share (0 ... 1) of the full effort asks of a wheelset."""
+        return share * (self.full_brake_N_m if braking else self.actuators.drive.max_traction_N_m)
+
+
+CYCLE_US = 10_000
+
+
+class TrainController(Protocol):
+    """Pure: no clock, no bus."""
+
+    def hear(self, can_id: int, data: bytes, stamp_us: int) -> None:
+        """Take a frame from the bus."""
+
+    def tick(self, now_us: int) -> list[Sent]:
+        """The Demand frames of a cycle; now_us is a multiple of CYCLE_US."""
+
+
+class Unprotected:
+    """Gives the driver what the driver asks: no wheel-slide protection at all.
+
+    Says nothing before it has heard the driver, so that the rig brakes by itself. When the driver falls silent,
+    traction ends and a brake stays.
+    """
+
+    def __init__(self, axles: Sequence[int], actuators: Actuators) -> None:
+        self._a = actuators
+        self._driver = driver_demand()
+        self._channels = [Channel(rig_message(f"Demand_A{n}")) for n in axles]
+
+    def hear(self, can_id: int, data: bytes, stamp_us: int) -> None:
+        """Take the driver's demand."""
+        if can_id == self._driver.message.frame_id:
+            self._driver.take(data, stamp_us)
+
+    def tick(self, now_us: int) -> list[Sent]:
+        """The same for every axle."""
+        if self._driver.stamp_us is None:
+            return []
+        share, mode, torque = self._driver.values["Share"], self._driver.values["Mode"], 0.0
+        if mode == BRAKE:
+            torque = -share * self._a.full_brake_N_m
+        elif mode == TRACTION and self._driver.fresh(now_us):
+            torque = share * self._a.drive.max_traction_N_m
+        return [c.encode(now_us, {"Torque": torque, "Valve": Valve.FILL}) for c in self._channels]
+
+
+MAX_STEP = 3  # of the counter from frame to frame within the time-out: two slots may be missing
+TIMEOUT_CYCLES = 3
+MAX_AGE_MS = 60.0  # SampleAge that is borne
+MAX_DROPPED, DROPS_WITHIN_US = 5, 1_000_000  # more dropped frames than this in so long: two senders, or a bad line
+NEEDED = ("Validity", "MuAvailable", "Confidence")
+HALF_WIDTHS = {name: width / 100.0 for width, name in CONFIDENCES[:-1]}
+WIDER = CONFIDENCES[-1][1]
+NOTHING_YET = "nothing heard yet"
+
+
+@dataclass(frozen=True, slots=True)
+class UsableAdhesion:
+    """What a frame tells that may be used. Ratios; half_width None: wider than any stated."""
+
+    mu: float
+    half_width: float | None
+    saturated: bool
+
+
+class AdhesionReceiver:
+    """Follows the adhesion message of one axle. Times are microseconds of any one clock.
+
+    unusable says what the message lacks for a controller to act on it (None: nothing): such a message is never used.
+    """
+
+    def __init__(self, message: Message, output: Output) -> None:
+        missing = [name for name in NEEDED if name not in output.signals]
+        if output.data_id is None:
+            missing.insert(0, "E2E")
+        self.unusable = f"{message.name} carries no {', no '.join(missing)}" if missing else None
+        self.dropped = no_rejections()  # a dropped frame is as if it had not come
+        self._reader = AdhesionReader(message, output)
+        self.can_id, self._length, self._data_id = message.frame_id, frame_length(message), output.data_id
+        self._timeout_us = TIMEOUT_CYCLES * output.cycle_us
+        self._counter: int | None = None
+        self._jumped_us: int | None = None  # when the counter jumped, if none has continued it since
+        self._half_cycle_us = output.cycle_us // 2
+        self._stamp_us: int | None = None
+        self._adhesion: UsableAdhesion | None = None
+        self._validity = ""  # of the newest good frame
+        self._drops_us: deque[int] = deque(maxlen=MAX_DROPPED + 1)
+
+    def hear(self, can_id: int, data: bytes, stamp_us: int) -> bool:
+        """Take a frame from the bus; True if it is a good one of this message. A bad one changes only the counts."""
+        if can_id != self.can_id or self._data_id is None:
+            return False
+        if len(data) != self._length:
+            return self._drop("length", stamp_us)
+        if not e2e.p11.e2e_p11_check(bytearray(data), self._data_id):
+            return self._drop("CRC", stamp_us)
+        counter = data[1] & 0x0F
+        if self._fresh(stamp_us) and self._counter is not None:
+            step = (counter - self._counter) % COUNTERS
+            if step == 0:
+                return self._drop("repeated", stamp_us)
+            at_once = self._jumped_us is not None and stamp_us - self._jumped_us < self._half_cycle_us
+            if step > MAX_STEP or at_once:
+                # a frame that continues this one is taken again; one that comes at once is an old one, out of a queue
+                self._counter, self._jumped_us = counter, stamp_us
+                return self._drop("counter", stamp_us)
+        self._counter, self._stamp_us, self._jumped_us = counter, stamp_us, None
+        self._adhesion = self._read(data)
+        return True
+
+    def adhesion(self, now_us: int) -> UsableAdhesion | None:
+        """What may be used now; None: fall back."""
+        if self.unusable is not None or not self._fresh(now_us) or self._is_disturbed(now_us):
+            return None
+        return self._adhesion
+
+    def why_unused(self, now_us: int) -> str:
+        """Return why there is nothing to use now; "" where there is."""
+        if self.unusable is not None:
+            return self.unusable
+        if self.adhesion(now_us) is not None:
+            return ""
+        if self._stamp_us is None:
+            return NOTHING_YET
+        if not self._fresh(now_us):
+            return f"silent for {self._timeout_us // 1000} ms"
+        return self._validity if self._validity != "Valid" else "frames were dropped, or its values are not for use"
+
+    def _fresh(self, now_us: int) -> bool:
+        return self._stamp_us is not None and now_us - self._stamp_us <= self._timeout_us
+
+    def _is_disturbed(self, now_us: int) -> bool:
+        """Whether more frames were dropped than a good line drops."""
+        return len(self._drops_us) > MAX_DROPPED and now_us - self._drops_us[0] <= DROPS_WITHIN_US
+
+    def _drop(self, why: str, stamp_us: int) -> bool:
+        self.dropped[why] += 1
+        self._drops_us.append(stamp_us)
+        return False
+
+    def _read(self, data: bytes) -> UsableAdhesion | None:
+        """What a good frame tells; None: fall back."""
+        said = self._reader.read(data)
+        self._validity = str(said.get("Validity"))
+        mu, level, age_ms = said.get("MuAvailable"), said.get("Confidence"), said.get("SampleAge", 0.0)
+        if said.get("Validity") != "Valid" or not isinstance(mu, float) or not 0.0 <= mu <= 100.0:
+            return None
+        if "Unknown" in (said.get("Surface"), said.get("ContactState")):
+            return None
+        if not isinstance(age_ms, float) or age_ms > MAX_AGE_MS:
+            return None
+        if level != WIDER and level not in HALF_WIDTHS:
+            return None
+        width = None if level == WIDER else HALF_WIDTHS[str(level)]
+        return UsableAdhesion(mu / 100.0, width, said.get("ContactState") == "Saturated")
+
+
+def receiver(config: Config, axle: AxleConfig) -> AdhesionReceiver:
+    """The receiver of an axle's adhesion message of a configuration."""
+    return AdhesionReceiver(find_message(config.database, axle.adhesion.message), axle.adhesion)

@@ -1,0 +1,114 @@
+"""One case's ride of a number, with every controller that the case compares."""
+
+import copy
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_ecu.loop import IDEAL, UNPROTECTED, WITH
+from sim_ecu.loop.control.adhesion_consumer import Facts
+from sim_ecu.loop.control.slip_controller import make_controller
+from sim_ecu.loop.drive_scenario import DriveScenario
+from sim_ecu.loop.lockstep import ConstantAdhesion, Lockstep, ride_ideal
+from sim_ecu.loop.ride_figures import AdhesionRecorder, AdhesionSeries, Figures, Honesty, demand_at, honesty, judge
+from sim_ecu.loop.rig import Step
+from sim_ecu.loop.suites.rides import LoopCase
+from sim_ecu.play.encoder import SAMPLE_US, databases
+from sim_ecu.play.train import PACKAGED
+from wrcd.config.config import load_packaged
+
+FloatArray = NDArray[np.float64]
+_packaged = cache(load_packaged)
+_LAW = {name: law for law, name in WITH.items()}
+THINNED = 4  # of a run that is drawn: a step of 20 ms
+
+
+@dataclass(frozen=True, slots=True)
+class Drawn:
+    """A run over time, of its first axle. Arrays (n,); told: what the daemon said."""
+
+    time_s: FloatArray  # from the demand on
+    speed_m_s: FloatArray
+    wheel_m_s: FloatArray
+    torque_kN_m: FloatArray
+    available_pct: FloatArray
+    told: AdhesionSeries | None
+    demand_us: int  # the demand, on the clock of what was told
+
+
+@dataclass(frozen=True, slots=True)
+class RideResult:
+    """What a controller made of a run; said is empty without a daemon."""
+
+    suite: str
+    case: str
+    controller: str
+    number: int
+    figures: Figures
+    said: tuple[Honesty, ...] = ()
+    drawn: Drawn | None = None
+
+
+def play(case: LoopCase, number: int, branches: Sequence[LoopCase] = ()) -> list[RideResult]:
+    """The case's controllers, in its order. branches: cases whose runs are this one's until their fault begins."""
+    scenario = case.scenario(number)
+    draw = case.shown and number == 0
+    out: list[RideResult] = []
+    for name in case.controllers:
+        if name == IDEAL:
+            steps = list(ride_ideal(scenario))
+            out.append(_outcome(case, number, name, scenario, steps, None, draw))
+            continue
+        config = _packaged(len(scenario.axles)) if name in _LAW else None
+        recorder = AdhesionRecorder(scenario.axles) if config is not None else None
+        law = "none" if name == UNPROTECTED else _LAW.get(name, name)
+        made = make_controller(law, Facts.of(scenario), config)
+        if case.constant_pct is not None and config is not None:
+            made, config, recorder = ConstantAdhesion(made, scenario.axles, case.constant_pct), None, None
+        run = Lockstep(scenario, made, config, None if recorder is None else recorder.hear)
+        steps = []
+        # a sample before the fault: some faults go on from what was last sensed
+        at_us = min((c.fault.begin_us for c in branches if c.fault is not None), default=-1) - 2 * SAMPLE_US
+        while not run.over:
+            if run.rig.time_us == at_us and name in _LAW:
+                out += [_branch(branch, number, name, scenario, (run, recorder), steps) for branch in branches]
+            steps.append(run.step())
+        out.append(_outcome(case, number, name, scenario, steps, recorder, draw))
+    return out
+
+
+def _branch(
+    case: LoopCase, number: int, name: str, scenario: DriveScenario, state: tuple[Lockstep, AdhesionRecorder | None],
+    before: Sequence[Step],
+) -> RideResult:  # fmt: skip
+    """The rest of a run with a case's fault, from a state that is left as it is."""
+    assert case.fault is not None
+    config, messages = state[0].core, [m for d in databases() for m in d.messages]
+    shared = [scenario, PACKAGED, *messages]
+    if config is not None:
+        shared += [config.config, *config.config.database.messages]
+    run, recorder = copy.deepcopy(state, {id(x): x for x in shared})
+    run.rig.take_faults((case.fault,))
+    return _outcome(case, number, name, scenario, [*before, *run], recorder, False)
+
+
+def _outcome(
+    case: LoopCase, number: int, name: str, scenario: DriveScenario, steps: list[Step],
+    recorder: AdhesionRecorder | None, draw: bool,
+) -> RideResult:  # fmt: skip
+    series = {} if recorder is None else recorder.series()
+    drawing = drawn(steps, next(iter(series.values()), None)) if draw else None
+    said = tuple(honesty(series, steps))
+    return RideResult(case.suite, case.name, name, number, judge(steps, scenario), said, drawing)
+
+
+def drawn(steps: list[Step], told: AdhesionSeries | None) -> Drawn:
+    """Every fourth step, of the first axle."""
+    begin_us = steps[demand_at(np.array([s.share for s in steps]))].due_us
+    some = steps[::THINNED]
+    rows = [(s.due_us, s.speed_m_s, s.wheel_m_s[0], s.torque_N_m[0], s.mu_available[0]) for s in some]
+    due_us, speed, wheel, torque, available = np.array(rows, np.float64).T
+    return Drawn((due_us - begin_us) * 1e-6, speed, wheel, torque / 1e3, 100 * available, told, begin_us)

@@ -1,0 +1,169 @@
+"""The loop's frames: laid out as cantools reads the DBC, checked as a careful receiver does; and their silences."""
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import e2e.p11
+from cantools.database.can import Message
+
+from sim_ecu.play.encoder import COUNTERS, data_id, databases
+
+COAST, TRACTION, BRAKE = MODES = range(3)  # DriverDemand's Mode; another one is none
+EVERY_US = 1_000_000  # between two silences of a message that are reported, if they are short
+LONG_US = 200_000  # a silence that lasts so long is always reported
+NONE_YET, SILENT, HEARD, AGAIN = "none yet", "silent", "heard", "again"  # what there is to report of a message
+
+
+def rig_message(name: str) -> Message:
+    """Return a message of the rig's own DBC."""
+    return databases()[1].get_message_by_name(name)
+
+
+def no_rejections() -> dict[str, int]:
+    """Return counts of frames that were not taken, by reason; "unknown value" joins them where there was one."""
+    return {"length": 0, "CRC": 0, "repeated": 0, "counter": 0}
+
+
+@dataclass(slots=True)
+class NewestFrame:
+    """The newest good frame of a message. Raw values are physical; enumerations stay numbers.
+
+    known: the values that signals may have; a frame with another one is not taken. timeout_us: as the DBC says.
+    """
+
+    message: Message
+    values: dict[str, Any] = field(default_factory=dict)
+    stamp_us: int | None = None
+    rejected: dict[str, int] = field(default_factory=no_rejections)
+    known: Mapping[str, Collection[float]] = field(default_factory=dict)
+    timeout_us: int = 0
+    _counter: int = -1
+    _id: int = 0
+    _fields: list[tuple[str, int, int, int, float, float]] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self._id = data_id(self.message)
+        signal = self.message.signals[0]
+        assert signal.dbc is not None
+        self.timeout_us = int(signal.dbc.attributes["GenSigTimeoutTime"].value) * 1000
+        for s in self.message.signals:
+            assert s.byte_order == "little_endian"
+            assert not s.conversion.is_float
+            sign = 1 << s.length - 1 if s.is_signed else 0
+            self._fields.append((s.name, s.start, (1 << s.length) - 1, sign, s.scale, s.offset))
+
+    def take(self, data: bytes, stamp_us: int) -> bool:
+        """Return whether a frame is good. A bad one changes counts and, if its E2E passes, the expected counter."""
+        if len(data) != self.message.length:
+            return self._reject("length")
+        if not e2e.p11.e2e_p11_check(bytearray(data), self._id):
+            return self._reject("CRC")
+        counter = data[1] & 0x0F
+        fresh = self.fresh(stamp_us)
+        if fresh and counter == self._counter:
+            return self._reject("repeated")
+        before, self._counter = self._counter, counter
+        # up to two frames may be lost within the time-out; else the sequence is taken again from the next that follows
+        if fresh and (counter - before) % COUNTERS > 3:
+            return self._reject("counter")
+        bits = int.from_bytes(data, "little")
+        values = {
+            name: (((bits >> start & mask) ^ sign) - sign) * scale + offset
+            for name, start, mask, sign, scale, offset in self._fields
+        }
+        if any(values[name] not in known for name, known in self.known.items()):
+            return self._reject("unknown value")
+        self.values, self.stamp_us = values, stamp_us
+        return True
+
+    def fresh(self, now_us: int) -> bool:
+        """Return whether the newest good frame is within its time-out."""
+        return self.stamp_us is not None and now_us - self.stamp_us <= self.timeout_us
+
+    def _reject(self, why: str) -> bool:
+        self.rejected[why] = self.rejected.get(why, 0) + 1
+        return False
+
+
+def driver_demand() -> NewestFrame:
+    """Return the receiver of DriverDemand; a frame of an unknown Mode is not taken."""
+    return NewestFrame(rig_message("DriverDemand"), known={"Mode": MODES})
+
+
+@dataclass(slots=True)
+class SilenceRecord:
+    """Silences of one message, looked at in every cycle. That it has not come yet is no silence.
+
+    silent_us: all of them; lasted_us: the newest one.
+    """
+
+    cycle_us: int
+    silences: int = 0
+    silent_us: int = 0
+    longest_us: int = 0
+    heard: bool = False
+    lasted_us: int = 0
+    _since_us: int | None = None
+    _reported: bool = False
+    _reported_us: int = -EVERY_US
+
+    @property
+    def now(self) -> bool:
+        """Whether it is silent."""
+        return self._since_us is not None
+
+    def look(self, now_us: int, silent: bool) -> str | None:
+        """Return what there is to report at the end of a cycle in which it was silent or not."""
+        if not silent:
+            ended = self.now and self._reported
+            news = (AGAIN if self.heard else HEARD) if ended else None
+            self._since_us, self.heard = None, True
+            return news
+        if self._since_us is None:
+            self._since_us, self._reported = now_us - self.cycle_us, False
+            self.silences += self.heard
+        self.lasted_us = now_us - self._since_us
+        if self.heard:
+            self.silent_us += self.cycle_us
+            self.longest_us = max(self.longest_us, self.lasted_us)
+        if self._reported or (now_us - self._reported_us < EVERY_US and self.lasted_us < LONG_US):
+            return None
+        self._reported, self._reported_us = True, now_us
+        return SILENT if self.heard else NONE_YET
+
+    def counts(self) -> dict[str, Any]:
+        """Return whether it ever came, how often it fell silent, how long in all and at most (s)."""
+        return {
+            "heard": self.heard, "silences": self.silences, "silent_s": round(self.silent_us * 1e-6, 3),
+            "longest_s": round(self.longest_us * 1e-6, 3),
+        }  # fmt: skip
+
+
+class Silences:
+    """Of several messages by name. words: what is reported while none came yet, and when one falls silent."""
+
+    def __init__(self, names: Sequence[str], cycle_us: int, words: Mapping[str, str], what: str = "") -> None:
+        self.by_name = {name: SilenceRecord(cycle_us) for name in names}
+        self._words, self._what = words, what
+
+    def look(self, now_us: int, silent: Sequence[bool | None]) -> dict[str, list[str]]:
+        """Return the names of which there is something to report, by what that is. silent: of each; None: too early."""
+        out: dict[str, list[str]] = {}
+        for (name, s), is_silent in zip(self.by_name.items(), silent, strict=True):
+            news = None if is_silent is None else s.look(now_us, is_silent)
+            if news is not None:
+                after = f"{self._what}{news} after {s.lasted_us * 1e-6:.2f} s"
+                out.setdefault(self._words.get(news, after), []).append(name)
+        return out
+
+
+def times(n: int) -> str:
+    """Return "once", or so many times."""
+    return "once" if n == 1 else f"{n} times"
+
+
+def counted(rejected: Mapping[str, int]) -> str:
+    """Return frames that were not taken, by reason; nothing if all were."""
+    text = ", ".join(f"{n} {why}" for why, n in rejected.items() if n)
+    return f"; frames not taken: {text}" if text else ""

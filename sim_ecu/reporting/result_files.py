@@ -1,0 +1,49 @@
+"""Files that a command is to write: looked at before the work, which may be long, and written after it. Its status."""
+
+import json
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from sim_ecu.reporting.values import plain
+from sim_ecu.reporting.verdicts import MISSED, TOO_FEW
+from wrcd.errors import InputError, Status, create
+
+
+def check_output(key: str, file: Path | None) -> None:
+    """Raises InputError for a file that cannot be made: its folder is missing, or it is a folder. None is no file."""
+    if file is None:
+        return
+    if not file.parent.is_dir():
+        raise InputError("no such folder", file=file.parent, key=key)
+    if file.is_dir():
+        raise InputError("is a folder", file=file, key=key, hint="name the file to write")
+
+
+def write_results(
+    result: dict[str, Any], json_out: Path | None, html_out: Path | None, page: Callable[[], str]
+) -> None:
+    """The figures as JSON and as a page, where asked for. page makes it: what draws is imported by then only."""
+    if json_out:
+        with create(json_out) as file:
+            file.write(json.dumps(plain(result), indent=1, ensure_ascii=False, allow_nan=False) + "\n")
+    if html_out:
+        with create(html_out) as file:
+            file.write(page())
+
+
+def status_by_goals(fail_on: str | None, goals: Sequence[Mapping[str, Any]]) -> Status:
+    """What a command ends with whose goals have these verdicts; where it is to fail, the standard error says why.
+    Raises InputError where it was asked to and no goal could be judged."""
+    if not fail_on:
+        return Status.DONE
+    verdicts = [g["verdict"] for g in goals]
+    if set(verdicts) <= {TOO_FEW}:
+        raise InputError("no goal could be judged, for too few runs", key="--fail-on",
+                         hint="leave out --quick, or play more suites or seeds")  # fmt: skip
+    missed = verdicts.count(MISSED)
+    if missed:
+        print(f"--fail-on {fail_on}: {missed} of {len(verdicts)} goals {'is' if missed == 1 else 'are'} missed",
+              file=sys.stderr)  # fmt: skip
+    return Status.STOPPED if missed else Status.DONE

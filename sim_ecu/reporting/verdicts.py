@@ -1,0 +1,93 @@
+"""Goals: a figure, its bound, and whether it is met or chance may be why."""
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from sim_ecu.reporting.page import Folded, Items, Part
+from sim_ecu.reporting.table import Row, Table
+from sim_ecu.reporting.values import Figure, Rounded
+
+MIN_RUNS = 10  # a figure of fewer runs judges nothing
+# A quick score has up to ten runs of a suite, chosen to be spread, not to be many: a level of Confidence that held the
+# truth in every frame of ten runs was called missed, one of 400 frames met.
+MIN_QUICK_RUNS = 20
+MAX_LISTED = 15  # missed goals above the pictures; more are folded
+
+MET, MET_CHANCE = "met", "met, within chance"
+MISSED, CHANCE, TOO_FEW = "MISSED", "missed, within chance", "too few to judge"
+
+# in a sentence that counts
+COUNTED = {
+    MET: "met", MET_CHANCE: "met within chance", CHANCE: "missed within chance", MISSED: "missed",
+    TOO_FEW: "with too few runs to judge",
+}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Goal:
+    """A figure and its bound. never: what is beyond the bound must not happen, not once: a worst case, a count that
+    must be zero. Where it has happened no interval excuses it."""
+
+    what: str
+    figure: Figure
+    bound: float
+    at_least: bool = False
+    min_runs: int = MIN_RUNS
+    never: bool = False
+
+    @property
+    def verdict(self) -> str:
+        """Whether it is met, and whether chance alone may be why: the interval holds what would be judged otherwise."""
+        f = self.figure
+        if f.runs < self.min_runs:
+            return TOO_FEW
+        best, worst = (f.high, f.low) if self.at_least else (f.low, f.high)
+        if self._meets(f.value):
+            return MET_CHANCE if math.isfinite(f.low) and not self._meets(worst) else MET
+        return CHANCE if self._meets(best) and not self.never else MISSED
+
+    def _meets(self, value: float) -> bool:
+        return value >= self.bound if self.at_least else value <= self.bound
+
+    def record(self) -> dict[str, Any]:
+        """Return it as a result holds it, with its verdict."""
+        return {
+            "what": self.what, "figure": self.figure, "bound": self.bound, "at_least": self.at_least,
+            "verdict": self.verdict,
+        }  # fmt: skip
+
+
+def counted(verdicts: Sequence[str]) -> str:
+    """Return how many goals have which verdict, as a sentence."""
+    n = Counter(verdicts)
+    parts = ", ".join(f"{n[verdict]} {words}" for verdict, words in COUNTED.items() if n[verdict])
+    return f"Of {len(verdicts)} goal{'s' * (len(verdicts) != 1)} {parts}."
+
+
+def head(goals: Sequence[dict[str, Any]]) -> list[Part]:
+    """Return what a page says first: how many goals are met, and which are not."""
+    out: list[Part] = [counted([g["verdict"] for g in goals])]
+    if missed := [g["what"] for g in goals if g["verdict"] == MISSED]:
+        named = Items(missed)
+        if len(missed) <= MAX_LISTED:
+            out += ["Missed:", named]
+        else:
+            out.append(Folded(f"The {len(missed)} missed, by name", [named]))
+    return out
+
+
+def bound(goal: dict[str, Any]) -> str:
+    """Return a goal's bound with its sign."""
+    return f"{'≥' if goal['at_least'] else '≤'} {goal['bound']:g}"
+
+
+def table(goals: Sequence[dict[str, Any]]) -> Table:
+    """Return a row for each goal; what is missed stands out."""
+    rows = [
+        Row([g["what"], Rounded(g["figure"], 3), bound(g), g["verdict"]], css="missed" * (g["verdict"] == MISSED))
+        for g in goals
+    ]
+    return Table(["goal", "value", "bound", ""], rows)

@@ -1,0 +1,135 @@
+"""`sim-ecu score`: plays the suites, judges the estimator and its baselines on the same frames, prints the tables."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache, partial
+from pathlib import Path
+from typing import Any
+
+from sim_ecu import resources as rig
+from sim_ecu.design.brief import Recipe, load_source
+from sim_ecu.jobs.whole import Missing, Piece, every, left_out, not_whole
+from sim_ecu.reporting.page import Page, html, markdown
+from sim_ecu.reporting.result_files import check_output, status_by_goals, write_results
+from sim_ecu.reporting.verdicts import head
+from sim_ecu.score.baselines import PAPER, Baseline, Beside, Offsetless, TorqueRatio, fitting
+from sim_ecu.score.baselines import load as load_regressor
+from sim_ecu.score.ekf import Ekf
+from sim_ecu.score.names import SUITES
+from sim_ecu.score.report import judge
+from sim_ecu.score.score_play import Trace, play
+from sim_ecu.score.sections import sections, warnings
+from sim_ecu.score.suites import PAIRED, runs
+from sim_ecu.score.suites.run import Run
+from wrcd import resources
+from wrcd.config.config import load_config
+from wrcd.core.configuration import Config
+from wrcd.errors import InputError
+from wrcd.estimator.design import Design, load_design
+
+QUICK = 0.08  # share of the runs in a quick score, at least one of each variant
+# suites in which baselines run beside
+COMPARED = ("paper", "grid", "robust", "rough", "transitions", "drops", "cycles", "slow")
+
+
+@dataclass(frozen=True, slots=True)
+class ScoreRequest:
+    """What a process needs to play: files, not what is made of them."""
+
+    design: Path
+    baselines: Path | None
+    beside: tuple[tuple[str, Path], ...]
+
+
+def run(
+    suite: str | None, quick: bool, jobs: int, design_file: Path | None, baselines_file: Path | None,
+    beside: Sequence[str], json_out: Path | None, html_out: Path | None, fail_on: str | None,
+) -> int:  # fmt: skip
+    """Play, judge, print; write the figures as JSON and a page where asked for."""
+    check_output("--json", json_out)
+    check_output("--html", html_out)
+    others = [_named(b) for b in beside]
+    if baselines_file is None and design_file is None:
+        baselines_file = rig.BASELINES
+    if design_file is None and rig.PAPER_DESIGN.exists():
+        others.insert(0, (PAPER, rig.PAPER_DESIGN))
+    asked = ScoreRequest(design_file or resources.DESIGN, baselines_file, tuple(others))
+    source = load_source(asked.design)
+    _world(asked)  # bad files are told of here, before anything is played
+    began = time.monotonic()
+    traces, missing = _play_all(list(runs(source, suite, QUICK if quick else 1.0)), jobs, asked)
+    holed = _holed(missing, suite)
+    traces = [t for t in traces if t.suite not in holed]
+    about = {"quick": quick, "jobs": jobs, "left_out": left_out(missing, holed)}
+    result: dict[str, Any] = {"run": about} | judge(traces, source, suite, quick)
+    result["run"]["seconds"] = round(time.monotonic() - began)
+    if result["suites"]:
+        print("\n".join([*(f"{word}: {text}\n" for word, text in warnings(result)), *markdown(sections(result))]))
+        write_results(result, json_out, html_out, lambda: _page(result, traces))
+    if missing:
+        raise not_whole(missing)
+    return status_by_goals(fail_on, result["goals"])
+
+
+def _holed(missing: Sequence[Missing], suite: str | None) -> tuple[str, ...]:
+    """The suites that lack a run, and those whose twins in the grid do."""
+    found = {m.piece.suite for m in missing}
+    if "grid" in found:
+        found |= set(PAIRED) if suite is None else {suite}
+    return tuple(name for name in SUITES if name in found)
+
+
+def _page(result: dict[str, Any], traces: list[Trace]) -> str:
+    from sim_ecu.score.score_pictures import pictures  # what draws is imported where a page is asked for
+
+    name = result["design"]["name"]
+    return html(
+        Page(f"sim-ecu score: {name}", f"How good is the design {name}?", sections(result), head(result["goals"]),
+             warnings(result), pictures(result, traces))
+    )  # fmt: skip
+
+
+def _named(text: str) -> tuple[str, Path]:
+    name, equals, path = text.partition("=")
+    if not equals or not name or not path:
+        raise InputError(f"takes NAME=DESIGN.json, not {text!r}", key="--beside", hint="e.g. before=old.design.json")
+    return name, Path(path)
+
+
+def _play_all(runs: Sequence[Run], jobs: int, asked: ScoreRequest) -> tuple[list[Trace], Sequence[Missing]]:
+    """In processes of their own; the order of the traces does not depend on them. And the runs that failed."""
+    pieces = [Piece(r.suite, f"{r.group}, run {r.number}", r.scenario.duration_s * len(r.scenario.axles)) for r in runs]
+    whole = every(partial(play_one, asked), runs, pieces, jobs)
+    return [t for part in whole.results if part is not None for t in part], whole.missing
+
+
+@lru_cache(1)
+def _world(asked: ScoreRequest) -> tuple[Config, dict[str, Baseline]]:
+    """Made once in a process that plays."""
+    source = load_source(asked.design)
+    config = replace(load_config(None), design=source.design, design_file=asked.design)
+    return config, make_baselines(source, asked)
+
+
+def make_baselines(source: Recipe, asked: ScoreRequest) -> dict[str, Baseline]:
+    """By the name that the tables give each, in their order."""
+    design, w, sensors = source.design, source.wheelset, source.sensors
+    out: dict[str, Baseline] = {}
+    for name, path in asked.beside:
+        other: Design = load_design(path)
+        fitting(name, other, design)
+        out[name] = Beside(other)
+    out["torque ratio"] = TorqueRatio(design.window_ticks)
+    if asked.baselines is not None:
+        regressor = load_regressor(asked.baselines, design)
+        if regressor is not None:
+            out["neural network"] = regressor
+    out["12 EKFs"] = Offsetless(Ekf(w, sensors, design.tick_s), design.window_ticks)
+    return out
+
+
+def play_one(asked: ScoreRequest, run: Run) -> list[Trace]:
+    """What a process does with each run."""
+    config, baselines = _world(asked)
+    return play(run, config, baselines if run.suite in COMPARED else {})

@@ -1,0 +1,297 @@
+"""One run of a score: rig -> frames -> daemon's core -> frames, and the baselines on the very same ticks."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+from cantools.database.can import Message
+from numpy.typing import NDArray
+
+from sim_ecu.physics.contact import peak
+from sim_ecu.play.encoder import databases
+from sim_ecu.play.play import LOG_START_US
+from sim_ecu.play.player import LARGE_CHUNK, Player
+from sim_ecu.play.train import PACKAGED, AdhesionReader, Said, Train
+from sim_ecu.score.baselines import Baseline, BoolArray, GivenTicks
+from sim_ecu.score.suites.run import Run
+from wrcd.bus.codec import Sample
+from wrcd.bus.dbc import find_message
+from wrcd.bus.frame import Frame
+from wrcd.bus.signals import Output
+from wrcd.core.causes import Cause
+from wrcd.core.configuration import MAX_AXLES, Config
+from wrcd.core.core import Core
+from wrcd.core.vocabulary import CONFIDENCES, DROP_AHEAD
+from wrcd.estimator import records as estimator_records
+from wrcd.estimator.design import Design
+from wrcd.estimator.records import Estimate, StepResult
+
+FloatArray = NDArray[np.float64]
+
+
+class Hears(Protocol):
+    """The frames of a message, whoever has laid it out."""
+
+    message: Message
+    stamps_us: list[int]
+    data: list[bytes]
+
+    def numbers(self, signal: str) -> FloatArray:
+        """Values (frames,) of a signal by the daemon's own name, NaN where there is none."""
+
+    def words(self, signal: str) -> NDArray[np.str_]:
+        """Words (frames,) of a signal; empty for no such signal."""
+
+
+@dataclass(slots=True)
+class Heard:
+    """The frames of a message of 8 bytes: when (microseconds after the run's begin), and what."""
+
+    message: Message
+    stamps_us: list[int] = field(default_factory=list)
+    data: list[bytes] = field(default_factory=list)
+
+    def numbers(self, signal: str) -> FloatArray:
+        """Values (frames,) in the signal's unit; NaN where the value stands for a word."""
+        raw = self._raw(signal)
+        s = self.message.get_signal_by_name(signal)
+        known = ~np.isin(raw, list(s.choices or ()))
+        return np.where(known, raw * float(s.scale) + float(s.offset), np.nan)
+
+    def words(self, signal: str) -> NDArray[np.str_]:
+        """Words (frames,) of the signal's value table, the number where it has none; empty for no such signal."""
+        if signal not in {s.name for s in self.message.signals}:
+            return np.full(len(self.data), "")
+        values, place = np.unique(self._raw(signal), return_inverse=True)
+        choices = dict(self.message.get_signal_by_name(signal).choices or {})
+        return np.array([str(choices.get(v, v)) for v in values.tolist()], np.str_)[place]
+
+    def _raw(self, signal: str) -> NDArray[np.int64]:
+        s = self.message.get_signal_by_name(signal)
+        assert s.byte_order == "little_endian"
+        assert self.message.length == 8
+        bits = np.frombuffer(b"".join(self.data), "<u8") >> np.uint64(s.start)
+        raw = (bits & np.uint64(2**s.length - 1)).astype(np.int64)
+        return np.where(s.is_signed & (raw >= 2 ** (s.length - 1)), raw - 2**s.length, raw)
+
+
+class HeardOwn:
+    """The frames of an output that a train's own DBC lays out, by the daemon's names. To be read when all are there."""
+
+    def __init__(self, message: Message, output: Output) -> None:
+        self.message, self.stamps_us, self.data = message, list[int](), list[bytes]()
+        self._reader = AdhesionReader(message, output)
+
+    def numbers(self, signal: str) -> FloatArray:
+        """As of Heard."""
+        values = [said.get(signal) for said in self._said]
+        return np.array([v if isinstance(v, float) else math.nan for v in values], np.float64)
+
+    def words(self, signal: str) -> NDArray[np.str_]:
+        """As of Heard."""
+        values = [said.get(signal) for said in self._said]
+        return np.array([v if isinstance(v, str) else "" for v in values], np.str_)
+
+    @cached_property
+    def _said(self) -> list[Said]:
+        return [self._reader.read(data) for data in self.data]
+
+
+def heard_own(config: Config, axle: int) -> tuple[HeardOwn, HeardOwn | None]:
+    """Adhesion and, where it is mapped, AdhesionDetail of an axle, as a configuration lays them out."""
+    outputs = next(a for a in config.axles if a.number == axle)
+    said, detail = (
+        None if output is None else HeardOwn(find_message(config.database, output.message), output)
+        for output in (outputs.adhesion, outputs.detail)
+    )
+    assert said is not None
+    return said, detail
+
+
+HALF_WIDTHS = {name: half_width for half_width, name in CONFIDENCES}
+
+
+@dataclass(slots=True)
+class Trace:
+    """What one axle's adhesion frames said, beside the truth. Arrays (frames,); NaN and "" where nothing was said."""
+
+    suite: str
+    group: str
+    run: int  # number of the run's conditions within the suite; the same in another group: the same conditions
+    curve: str
+    sensors: str
+    speed_m_s: float
+    judged_from_s: float
+    changes_s: tuple[float, ...]
+    time_s: FloatArray
+    mu_pct: FloatArray
+    validity: NDArray[np.str_]
+    cause: NDArray[np.str_]  # why it is not Valid, where the bus tells
+    half_width_pp: FloatArray  # of the level on the bus; NaN for none, inf for wider
+    own_half_width_pp: FloatArray  # the estimator's, before it became a level
+    contact: NDArray[np.str_]
+    surface: NDArray[np.str_]
+    true_mu_pct: FloatArray
+    true_used_pct: FloatArray
+    true_slip: FloatArray
+    peak_slip: float  # creep at the peak of the first curve
+    baselines: dict[str, FloatArray] = field(default_factory=dict)
+
+
+class TickRecorder:
+    """What the train's estimator is given, kept for the baselines: an observer of the core."""
+
+    def __init__(self, design: Design, axles: int) -> None:
+        self._design, self._axles = design, axles
+        self.ticks: list[tuple[int, FloatArray, BoolArray, FloatArray, float]] = []
+        self._seen: list[tuple[int, FloatArray]] = []
+
+    def stepped(self, ticks: estimator_records.Ticks, first: int, result: StepResult) -> None:
+        """Keep the ticks."""
+        for k in range(first, first + len(result)):
+            self.ticks.append(
+                (ticks.number + k, ticks.z[k].copy(), ticks.present[k].copy(), ticks.torque_ratio[k].copy(),
+                 ticks.speeds_m_s[k])
+            )  # fmt: skip
+
+    def accepted(self, samples: Sequence[Sample], stamp_us: int) -> None:
+        """The ticks have them."""
+
+    def was_reset(self, axle: int) -> None:
+        """The baselines go on."""
+
+    def estimated(self, tick: int, estimate: Estimate) -> None:
+        """Keep what the rules were given."""
+        self._seen.append((len(self.ticks), estimate.inputs))
+
+    def all(self) -> GivenTicks:
+        """Everything so far."""
+        numbers, z, present, ratios, speeds = zip(*self.ticks, strict=True)
+        width = self._seen[0][1].shape[1] if self._seen else 0
+        seen = np.full((len(self.ticks), self._axles, width), np.nan)
+        ends = [*(at for at, _ in self._seen[1:]), len(self.ticks) + 1]
+        for (at, inputs), until in zip(self._seen, ends, strict=False):
+            seen[at - 1 : until - 1] = inputs
+        return GivenTicks(
+            z=np.stack(z),
+            present=np.stack(present),
+            torque_ratio=np.stack(ratios),
+            speed_m_s=np.array(speeds),
+            tick_s=self._design.tick_s,
+            number=np.array(numbers),
+            seen=seen,
+        )
+
+
+class Ear:
+    """Listens on the bus as a controller does, and as someone who knows the truth.
+
+    own: the configuration of a train whose messages are not the packaged ones.
+    """
+
+    def __init__(self, numbers: Sequence[int], own: Config | None = None) -> None:
+        production, rig = databases()
+        self.truth = {n: Heard(rig.get_message_by_name(f"SimTruth_A{n}")) for n in numbers}
+        self.said: dict[int, Hears] = {}
+        self.detail: dict[int, Hears] = {}  # of the axles that have one
+        for n in numbers:
+            if own is None:
+                self.said[n] = Heard(production.get_message_by_name(f"Adhesion_A{n}"))
+                self.detail[n] = Heard(production.get_message_by_name(f"AdhesionDetail_A{n}"))
+                continue
+            self.said[n], detail = heard_own(own, n)
+            if detail is not None:
+                self.detail[n] = detail
+        every = (*self.said.values(), *self.truth.values(), *self.detail.values())
+        self._by_id = {h.message.frame_id: h for h in every}
+
+    def hear(self, stamp_us: int, can_id: int, data: bytes) -> None:
+        """A frame."""
+        found = self._by_id.get(can_id)
+        if found is not None:
+            found.stamps_us.append(stamp_us - LOG_START_US)
+            found.data.append(data)
+
+
+def play(run: Run, config: Config, baselines: dict[str, Baseline], train: Train = PACKAGED) -> list[Trace]:
+    """Play a run and gather what the bus said, an entry for each axle. train: whose messages the configuration maps.
+    Raises InputError for a fault or an axle that they leave no way to."""
+    recording = TickRecorder(config.design, len(config.axles))
+    core = Core(config, observer=recording)
+    axles = run.scenario.axles
+    ear = Ear([a.number for a in axles], None if train is PACKAGED else config)
+    half_widths: dict[int, FloatArray] = {}
+    for _, frames in Player(run.scenario, chunk=LARGE_CHUNK, train=train):
+        for f in frames:
+            stamp_us = LOG_START_US + f.due_us
+            if not f.error:
+                ear.hear(stamp_us, f.can_id, f.data)
+            for out in core.feed(Frame(stamp_us, f.can_id, f.data, f.extended, error=f.error, fd=f.fd)):
+                ear.hear(out.frame.stamp_us, out.frame.can_id, out.frame.data)
+                if out.why is not None:
+                    half_widths[out.frame.stamp_us - LOG_START_US] = out.why.half_width_pp
+    traces = [_trace(run, place, ear, half_widths) for place in range(len(axles))]
+    if baselines and recording.ticks:
+        _beside(traces, recording.all(), baselines)
+    return traces
+
+
+def _beside(traces: Sequence[Trace], ticks: GivenTicks, baselines: dict[str, Baseline]) -> None:
+    """What the baselines say at the traces' frames: from the newest tick that was over by then."""
+    tick_us = round(ticks.tick_s * 1e6)
+    others = {name: b.mu_pct(ticks) for name, b in baselines.items()}
+    for place, trace in enumerate(traces):
+        over = ((trace.time_s * 1e6).round().astype(np.int64) + LOG_START_US) // tick_us - 1
+        at = np.searchsorted(ticks.number, over, side="right") - 1
+        trace.baselines = {name: np.where(at >= 0, mu[np.maximum(at, 0), place], np.nan) for name, mu in others.items()}
+
+
+def newest(heard: Hears, signal: str, at_us: NDArray[np.int64]) -> NDArray[np.str_]:
+    """What the newest frame said at each time; empty before the first."""
+    place = np.searchsorted(np.array(heard.stamps_us), at_us, side="right")
+    return np.concatenate(([""], heard.words(signal)))[place]
+
+
+def _cause(detail: Hears | None, at_us: NDArray[np.int64]) -> NDArray[np.str_]:
+    """Why each adhesion frame is not Valid. A drop ahead is no reason: it is of a Valid frame that came before."""
+    if detail is None:
+        return np.full(len(at_us), "")
+    said = newest(detail, "Cause", at_us)
+    return np.where(said == DROP_AHEAD, Cause.NONE.label, said)
+
+
+def _trace(run: Run, place: int, ear: Ear, half_widths: dict[int, FloatArray]) -> Trace:
+    axle = run.scenario.axles[place]
+    said, truth = ear.said[axle.number], ear.truth[axle.number]
+    speed = float(run.scenario.speed.at(np.zeros(1))[0])
+    # an adhesion frame tells of the time up to its stamp; the truth is the newest by then
+    true_us, said_us = np.array(truth.stamps_us), np.array(said.stamps_us)
+    use = said_us >= true_us[0]
+    latest = np.searchsorted(true_us, said_us[use], side="right") - 1
+    unknown = np.full(MAX_AXLES, np.nan)
+    level = said.words("Confidence")[use]
+    return Trace(
+        suite=run.suite,
+        group=run.group,
+        run=run.number,
+        curve=run.curves[place],
+        sensors=axle.sensors.name,
+        speed_m_s=speed,
+        judged_from_s=run.judged_from_s,
+        changes_s=run.changes_s,
+        time_s=said_us[use] * 1e-6,
+        mu_pct=said.numbers("MuAvailable")[use],
+        validity=said.words("Validity")[use],
+        cause=_cause(ear.detail.get(axle.number), said_us[use]),
+        half_width_pp=np.array([HALF_WIDTHS.get(word, np.nan) for word in level.tolist()]),
+        own_half_width_pp=np.array([half_widths.get(t, unknown)[axle.number - 1] for t in said_us[use].tolist()]),
+        contact=said.words("ContactState")[use],
+        surface=said.words("Surface")[use],
+        true_mu_pct=truth.numbers("MuAvailable")[latest],
+        true_used_pct=truth.numbers("MuUsed")[latest],
+        true_slip=truth.numbers("Slip")[latest],
+        peak_slip=float(peak(speed, run.scenario.wheelset.contact, *axle.rail[0, 1:6])[0]),
+    )

@@ -1,0 +1,241 @@
+"""The score as sections of tables, for the terminal, for docs/reference/score.md and for a page."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from sim_ecu.reporting import verdicts
+from sim_ecu.reporting.page import PageSection, Part
+from sim_ecu.reporting.table import Table
+from sim_ecu.reporting.values import UNKNOWN, Figure, Rounded, Share, Value, number, share
+from sim_ecu.score.metrics.accuracy import OURS
+
+QUICK = (
+    "QUICK",
+    f"a twelfth of the runs, to look, not to claim. A figure of less than {verdicts.MIN_QUICK_RUNS} runs judges no "
+    "goal: it is too few to judge. The intervals say how little is known.",
+)
+HOLES = "NOT WHOLE"
+INTERVALS = "In brackets: the 90 % interval, of whole runs. Only Valid frames are judged; the others are counted."
+BASELINES = (
+    "Beside it, on the same frames and with the sensors' offsets taken off: torque ratio, the least there can be; "
+    "neural network, on the rules' own inputs, unreadable; a bank of 12 EKFs, with the friction as a state. "
+    "Interacting multiple models are left out: tuned for telling residuals they were no fair comparison, and too slow "
+    "to be tuned anew."
+)
+
+
+def warnings(result: Mapping[str, Any], quick: tuple[str, str] = QUICK) -> list[tuple[str, str]]:
+    """Return what is said first: that suites are left out, and that it is a quick one, in the words of `quick`."""
+    run = result.get("run", {})
+    left_out = run.get("left_out")
+    holes = [(HOLES, f"{', '.join(left_out)} left out, because runs failed.")] if left_out else []
+    return holes + ([quick] if run.get("quick") else [])
+
+
+def sections(result: Mapping[str, Any]) -> list[PageSection]:
+    """Return a section for each suite, before them how to read them, behind them the goals."""
+    d = result["design"]
+    out = [
+        PageSection("", "", [
+            f"design {d['name']} {d['checksum'][:12]}, window {d['window_s']:g} s; "
+            "errors in percentage points (pp) of MuAvailable",
+            result["seeds"], INTERVALS, BASELINES,
+        ])
+    ]  # fmt: skip
+    for name, s in result["suites"].items():
+        about, parts = _SUITES[name](s)
+        out.append(PageSection(name, about, parts))
+    every = {name: s["not_valid_of"]["all"] for name, s in result["suites"].items()}
+    lost = Table(
+        ["suite", "not Valid", "a sensor accused", "causes"],
+        [[name, Share(n["share"]), Share(n["accused"]), _causes(n)] for name, n in every.items()],
+    )
+    return [
+        *out,
+        PageSection("not Valid", "share of the frames from when they are judged on", [lost]),
+        PageSection("goals", "what the default design is held to", [verdicts.table(result["goals"])]),
+    ]
+
+
+Shown = tuple[str, list[Part]]
+
+
+def apart(ours: Figure, theirs: Figure) -> str:
+    """Return how wrcd's error stands to another's."""
+    if not math.isfinite(ours.value) or not math.isfinite(theirs.value):
+        return UNKNOWN
+    if ours.below(theirs):
+        return "better"
+    if theirs.below(ours):
+        return "worse"
+    return "better, intervals overlap" if ours.value < theirs.value else "not better, intervals overlap"
+
+
+def _accuracy(compared: Mapping[str, Any], more: Mapping[str, Any] | None = None) -> Table:
+    ours = compared[OURS]["mean"]
+    rows: list[list[Value]] = []
+    for name, v in (*compared.items(), *(more or {}).items()):
+        if v["mean"].count:
+            beside = [apart(ours, v["mean"]), v["ours_over_it"]] if "ours_over_it" in v else ["", ""]
+            rows.append([name, v["mean"], v["p95"], v["below_half"], v["above_0.9"], *beside])
+    return Table(["", "mean", "p95", "below half", "above 0.9", f"{OURS} is", f"{OURS}'s error over it"], rows)
+
+
+def _causes(n: Mapping[str, Any]) -> str:
+    return ", ".join(f"{c} {share(part)}" for c, part in n["causes"].items())
+
+
+def _not_valid(n: Mapping[str, Any]) -> str:
+    causes = _causes(n)
+    return f"Not Valid: {share(n['share'])} of the frames{f' ({causes})' if causes else ''}."
+
+
+def _grid(s: Mapping[str, Any]) -> Shown:
+    lo, hi = s["speeds"]
+    out: list[Part] = [_accuracy(s["compared"], {f"{OURS}, tactical sensors": s["tactical"]} if s["tactical"] else {})]
+    if s["tactical"]:
+        out.append(f"Tactical over mems on the same conditions: {number(s['tactical']['ratio'])}.")
+    out += [Table([key, *(row := s["by"][key])], [["mean error", *row.values()]]) for key in ("utilisation", "curve")]
+    names = list(s["surfaces"])
+    called = [[t, *(Share(row.get(n, 0.0)) for n in names)] for t, row in s["surfaces"].items()]
+    c, k = s["confidence"], s["contact"]
+    levels = [[n, Share(v["share"]), Share(v["covers"])] for n, v in c["levels"].items()]
+    return f"curves A to F and between, {lo:g} to {hi:g} m/s, good and poor track, mems sensors", [
+        *out, Table(["truly", *(f"called {n}" for n in names)], called),
+        Table(["Confidence", "share of Valid frames", "holds the truth"], levels),
+        f"Over all levels the interval holds the truth in {share(c['covers'])}. Half-width: median "
+        f"{number(c['median_half_width'])}, mean {number(c['mean_half_width'])} pp (the bus's levels: median "
+        f"{c['median_on_bus']:g}); a constant one that holds the truth as often needs "
+        f"{number(c['constant_half_width'])} pp.",
+        f"ContactState right in {share(k['right'])} outside utilisations of 0.85 … 1; of the frames from 0.98 on, "
+        f"{share(k['saturated_right'])} are called Saturated. {_not_valid(s['not_valid'])}",
+    ]  # fmt: skip
+
+
+def _worlds(about: str) -> Callable[[Mapping[str, Any]], Shown]:
+    def parts(s: Mapping[str, Any]) -> Shown:
+        others = [n for n in s["compared"] if n != OURS]
+        paired = any("ratio" in g for g in s["groups"].values())
+        beside = ["over the nominal error", "more by, pp"] if paired else []
+        rows = [
+            [name, (a := g["accuracy"])["mean"], *([g["ratio"], g["difference"]] if paired else []),
+             Rounded(a["p95"], 1), Share(g["covers"]), Share(g["not_valid"]["share"]),
+             *(g["others"][n] for n in others)]
+            for name, g in s["groups"].items()
+        ]  # fmt: skip
+        return about, [
+            _accuracy(s["compared"]),
+            Table([f"mean error of {OURS}", "", *beside, "p95", "interval holds", "not Valid", *others], rows),
+            f"Over all the interval holds the truth in {share(s['confidence']['covers'])}. "
+            + _not_valid(s["not_valid"]),
+        ]
+
+    return parts
+
+
+def _paper(s: Mapping[str, Any]) -> Shown:
+    names = list(s["compared"])
+    rows = [
+        [c, Rounded(v["true"], 1), Share(v["share"]), *(v["means"][n] for n in names)] for c, v in s["curves"].items()
+    ]
+    head = ["curve", "true, %", "within 1 pp or 10 %", *(f"mean error of {n}" for n in names)]
+    return "held at the peak at 25 m/s, from 1.0 s after the creep is there", [Table(head, rows)]
+
+
+def _sound(about: str) -> Callable[[Mapping[str, Any]], Shown]:
+    def parts(s: Mapping[str, Any]) -> Shown:
+        head = ["", "a sensor accused", "Valid", "mean error", "p95", "interval holds", "why not Valid"]
+        rows = [
+            [name, Share(v["not_valid"]["accused"]), Share(v["valid"]), v["accuracy"]["mean"],
+             Rounded(v["accuracy"]["p95"], 1), Share(v["covers"]), _causes(v["not_valid"])]
+            for name, v in s["rows"].items()
+        ]  # fmt: skip
+        seconds = " to ".join(map(str, sorted(set(s["seconds"]))))
+        return f"{about}, sound sensors, runs of {seconds} s", [Table(head, rows)]
+
+    return parts
+
+
+def _transitions(s: Mapping[str, Any]) -> Shown:
+    found = [*s["compared"].items()] + [
+        (f"{OURS}, dry to {c}" if way == "from dry" else f"{OURS}, {c} to dry", v)
+        for c, both in s["curves"].items()
+        for way, v in both.items()
+    ]
+    rows = [[name, v["median"], v["p95"], v["changes"], v["already_there"]] for name, v in found]
+    head = ["", "median", "95th percentile", "changes", "on that side before"]
+    return "seconds from a change of rail until the estimate crosses the geometric mean", [Table(head, rows)]
+
+
+def _drops(s: Mapping[str, Any]) -> Shown:
+    def ends(v: Mapping[str, Any], digits: int = 2) -> list[Value]:
+        return [Rounded(v["median"], digits), Rounded(v["p95"], digits),
+                Rounded(v["most"], digits) if "most" in v else ""]  # fmt: skip
+
+    rows: Sequence[Sequence[Value]] = [
+        ["Valid with the truth below the interval, s", *ends(s["lie"])],
+        ["until within 1 pp or 10 % (Valid, for 0.2 s), s", *ends(s["settled"])],
+        ["worst over-estimate while Valid, pp", *ends(s["over"], 1)],
+        ["longest over-estimate by more than 3 pp and the interval, s", *ends(s["far"])],
+        *([f"until {n} is within 1 pp or 10 %, s", *ends(v)] for n, v in s["others"].items()),
+    ]
+    curves = [
+        [c, v["drops"], *(v[k][q] for k in ("lie", "settled") for q in ("median", "p95")), Rounded(v["over"], 1)]
+        for c, v in s["curves"].items()
+    ]
+    return f"{s['drops']} drops to a lower rail, half of them end unsaturated", [
+        Table(["", "median", "95th percentile", "most"], rows),
+        Table(["down to", "drops", "lie", "p95", "settled", "p95", "worst over, pp"], curves),
+        _not_valid(s["not_valid"]),
+    ]
+
+
+def _cycles(s: Mapping[str, Any]) -> Shown:
+    rows = [[c, v["mean"], Share(v["covers"])] for c, v in s["curves"].items()]
+    return "torque in slip cycles through the peak, 0.5 and 1 Hz", [
+        _accuracy(s["compared"]),
+        Table(["curve", "mean error", "interval holds"], rows),
+        f"The truth lies outside the interval in {share(s['outside'])} of the Valid frames. "
+        + _not_valid(s["not_valid"]),
+    ]
+
+
+def _dead(s: Mapping[str, Any]) -> Shown:
+    head = ["", "Valid after it, median s", "longest s", "not Valid at the end, axles", "interval holds", "mean error"]
+    rows = [
+        [n, g["valid_s"]["median"], g["valid_s"]["most"], Share(g["found"]), Share(g["covers"]), g["mean"]]
+        for n, g in s["groups"].items()
+    ]
+    return f"sensors that give their own noise alone, from {s['dies_s']:g} s on or from the start", [Table(head, rows)]
+
+
+def _foreign(s: Mapping[str, Any]) -> Shown:
+    head = ["", "not Valid after 10 s, axles", "frames not Valid", "interval holds where Valid", "mean error there"]
+    rows = [
+        [n, Share(g["found"]), Share(g["not_valid"]["share"]), Share(g["covers"]), g["mean"]]
+        for n, g in s["groups"].items()
+    ]
+    return "mounted wrongly, or another wheelset (which cannot be seen)", [Table(head, rows)]
+
+
+def _dry(s: Mapping[str, Any]) -> Shown:
+    none = f": less than {s['at_most_per_hour']:.2f} times an hour, at 95 %" if not s["episodes"] else ""
+    return (
+        f"called Low or worse {s['episodes']} times, {number(s['seconds'])} s in all, in {s['hours']:.2f} h of dry "
+        f"rail, poor track ({s['valid_hours']:.2f} h Valid){none}",
+        [],
+    )
+
+
+_SUITES: dict[str, Callable[[Mapping[str, Any]], Shown]] = {
+    "paper": _paper, "grid": _grid, "transitions": _transitions, "drops": _drops, "cycles": _cycles,
+    "dead": _dead, "foreign": _foreign, "dry-hours": _dry,
+    "robust": _worlds("the same conditions in a world that is not as the design thinks, mems sensors"),
+    "rough": _worlds("tracks smoother and rougher than any in the training, mems sensors"),
+    "harsh": _worlds("what a real axle box feels and the track's spectrum lacks, mems sensors"),
+    "long": _sound("some of the grid's conditions for longer"),
+    "canted": _sound("through curves each way with what the cant does not balance"),
+    "peak": _sound("all of the rail in use throughout"),
+    "slow": _worlds("coasting, and below the grid's speeds, mems sensors"),
+}  # fmt: skip

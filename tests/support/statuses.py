@@ -1,0 +1,189 @@
+"""What each exit status of each command means: pages and manual are made from it, and tests try each."""
+
+from wrcd.errors import Status
+
+_BAD = "bad input: file, line, key, reason and what to do"
+_BUS = "the bus or a file cannot be opened: it may be there on the next try"
+_FILE = "a configuration, a DBC or a design cannot be opened: it may be there on the next try"
+
+_RIG_BAD = "bad input: file, line, key, reason and what to do; or a package of the extra is missing"
+_RIG_BUS = "the bus or a file cannot be opened, or the interface has gone: the unit tries again"
+_HOLES = (
+    "runs failed twice: the error names them; their suites are left out of the tables; or with "
+    "`--fail-on missed`, a goal is missed"
+)
+_UNJUDGED = "or, with `--fail-on`, no goal could be judged"
+_PRINTED = "the tables are printed, whatever the goals' verdicts; with `--fail-on missed`, no goal is missed"
+_STOPPED = {Status.INTERRUPTED: "Ctrl-C"}
+_MADE = {Status.BAD_INPUT: _RIG_BAD, Status.NOT_THERE: _FILE, **_STOPPED}
+
+WRCD: dict[str, dict[Status, str]] = {
+    "run": {
+        Status.DONE: "SIGTERM or Ctrl-C came: the last frames said NotAvailable, the last dump is written",
+        Status.STOPPED: "a mistake in the program: a traceback; the unit starts it again",
+        Status.BAD_INPUT: "bad configuration, DBC or design: file, line, key, reason; the unit does not try again",
+        Status.NOT_THERE: "the bus or a file cannot be opened, after `--wait` at the latest; the unit tries again",
+        Status.INTERRUPTED: "Ctrl-C before it ran",
+    },
+    "reload": {
+        Status.DONE: "the file holds: limits were taken over, or nothing has changed; what needs a restart is named",
+        Status.STOPPED: "nothing was taken over: a mistake in the file, every change needs a restart, or no answer",
+        Status.BAD_INPUT: "the process is no `wrcd run`, runs on a terminal, or is another user's",
+    },
+    "init": {
+        Status.DONE: "the proposal is written; standard error says what is open and unsure",
+        Status.BAD_INPUT: f"{_BAD}: no such DBC, or a file to write that is there already",
+    },
+    "lint": {
+        Status.DONE: "nothing found",
+        Status.STOPPED: "findings",
+        Status.BAD_INPUT: "the file cannot be read as a DBC",
+    },
+    "kit": {
+        Status.DONE: "the files are written; standard error says what the receiver cannot do",
+        Status.BAD_INPUT: f"{_BAD}; or a file in the folder that is no kit's, or was edited",
+        Status.NOT_THERE: _FILE,
+    },
+    "check": {
+        Status.DONE: "the configuration can be run; of a log or a bus: nothing stops Valid",
+        Status.STOPPED: "of a log or a bus: something would stop Valid",
+        Status.BAD_INPUT: _BAD,
+        Status.NOT_THERE: f"{_FILE}; with `--live` the bus, too; of a log or a bus: no frame fits the configuration",
+    },
+    "dump": {
+        Status.DONE: "the log has ended, or `--count` is reached, or whoever read the output has closed it",
+        Status.STOPPED: "the log is cut or damaged: what could be read is shown",
+        Status.BAD_INPUT: _BAD,
+        Status.NOT_THERE: _BUS,
+        Status.INTERRUPTED: "Ctrl-C",
+    },
+    "monitor": {
+        Status.DONE: "a key has ended it",
+        Status.BAD_INPUT: f"{_BAD}; no terminal to draw on, or the extra `monitor` is missing",
+        Status.NOT_THERE: _BUS,
+        Status.INTERRUPTED: "Ctrl-C while a log is read",
+    },
+    "replay": {
+        Status.DONE: "done",
+        Status.STOPPED: "the log is cut or damaged: what could be read is written",
+        Status.BAD_INPUT: f"{_BAD}; of several logs, any of them",
+        Status.NOT_THERE: "no frame of the log fits the configuration",
+        Status.INTERRUPTED: "Ctrl-C",
+    },
+    "report": {
+        Status.DONE: "the page is written",
+        Status.STOPPED: "the log is cut or damaged: the page is of what could be read, and says so",
+        Status.BAD_INPUT: f"{_BAD}: no usable log, a file to write that is no report, no extra report",
+        Status.INTERRUPTED: "Ctrl-C",
+    },
+    "plot": {
+        Status.DONE: "the picture is written",
+        Status.STOPPED: "the log is cut or damaged: the picture is of what could be read",
+        Status.BAD_INPUT: f"{_BAD}: no usable log, a time outside of it, a file that is there, no extra report",
+        Status.INTERRUPTED: "Ctrl-C",
+    },
+    "why": {
+        Status.DONE: "answered",
+        Status.STOPPED: "the log is cut or damaged: answered from what could be read",
+        Status.BAD_INPUT: f"{_BAD}: no usable log, a time outside of it, an axle that it has not",
+        Status.INTERRUPTED: "Ctrl-C",
+    },
+    "install": {
+        Status.DONE: "installed, or with `--dry-run` looked at; the output says what changed and what was kept",
+        Status.STOPPED: "not all of it is installed: a file, or systemctl, failed on the way; install again; or with "
+        "`--restart` a unit could not be restarted",
+        Status.BAD_INPUT: "nothing was changed: no root, no systemd, a program that units cannot start, or a "
+        "configuration that does not hold with this version",
+    },
+    "uninstall": {
+        Status.DONE: "removed, or with `--dry-run` looked at; the output says what was kept",
+        Status.STOPPED: "not all of it is removed: a file, or systemctl, failed on the way; uninstall again",
+        Status.BAD_INPUT: "nothing was removed: no root, no systemd, or nothing that `wrcd install` has installed",
+    },
+    "completion": {Status.DONE: "the script is printed"},
+}
+RIG: dict[str, dict[Status, str]] = {
+    "list": {Status.DONE: "done"},
+    "play": {
+        Status.DONE: "the scenario is over, or SIGTERM or Ctrl-C came",
+        Status.BAD_INPUT: _RIG_BAD,
+        Status.NOT_THERE: _RIG_BUS,
+        Status.INTERRUPTED: "Ctrl-C before it played, or with `--fast`",
+    },
+    "inject": {
+        Status.DONE: "the scenario is over, or SIGTERM or Ctrl-C came",
+        Status.BAD_INPUT: _RIG_BAD,
+        Status.NOT_THERE: _RIG_BUS,
+        Status.INTERRUPTED: "Ctrl-C before it played, or with `--fast`",
+    },
+    "drive": {
+        Status.DONE: "the scenario is over",
+        Status.STOPPED: "SIGTERM or Ctrl-C came before it was over: the figures are of what was driven",
+        Status.BAD_INPUT: _RIG_BAD,
+        Status.NOT_THERE: "the bus or a file cannot be opened",
+        Status.INTERRUPTED: "Ctrl-C before it drove",
+    },
+    "control": {
+        Status.DONE: "SIGTERM or Ctrl-C came, or the time of `--for` is over",
+        Status.BAD_INPUT: _RIG_BAD,
+        Status.NOT_THERE: "the bus or a file cannot be opened",
+        Status.INTERRUPTED: "Ctrl-C before it controlled",
+    },
+    "faults": {
+        Status.DONE: "every row did what it must",
+        Status.STOPPED: "a row failed: the table says which",
+        Status.BAD_INPUT: _RIG_BAD,
+        **_STOPPED,
+    },
+    "design": {Status.DONE: "the file is made", **_MADE},
+    "tune": {
+        Status.DONE: "the design beats or equals the one to reach; or with `--played 0`, the brief is written",
+        Status.STOPPED: "it does not reach it, or the runs cannot tell: it is written all the same, and the table says "
+        "what differs",
+        **_MADE,
+        Status.INTERRUPTED: "Ctrl-C: the same command goes on from there",
+    },
+    "contact": {Status.DONE: "done", Status.BAD_INPUT: _RIG_BAD, **_STOPPED},
+    "score": {
+        Status.DONE: _PRINTED,
+        Status.STOPPED: _HOLES,
+        **_MADE,
+        Status.BAD_INPUT: f"{_RIG_BAD}; {_UNJUDGED}",
+    },
+    "loop": {
+        Status.DONE: _PRINTED,
+        Status.STOPPED: _HOLES,
+        Status.BAD_INPUT: f"{_RIG_BAD}; {_UNJUDGED}",
+        **_STOPPED,
+    },
+    "campaign": {
+        Status.DONE: "every job is done",
+        Status.STOPPED: "jobs failed, took too long or died: their rows say why; or the workers are lost or have other "
+        "code, or the disk is full: the same command goes on from there",
+        Status.BAD_INPUT: _RIG_BAD,
+        Status.INTERRUPTED: "Ctrl-C or SIGTERM: the same command goes on from there",
+    },
+    "compare": {
+        Status.DONE: "the tables are printed, whatever the verdicts",
+        Status.STOPPED: "with `--fail-on`: a figure is worse, or differs",
+        Status.BAD_INPUT: f"{_RIG_BAD}; or, with `--fail-on`, nothing that differs could be judged",
+        **_STOPPED,
+    },
+    "figures": {Status.DONE: "the figures are drawn, whatever they show", **_MADE},
+    "fmu": {
+        Status.DONE: "the FMU is made",
+        Status.BAD_INPUT: _RIG_BAD,
+        Status.NOT_THERE: "the scenario's file cannot be opened: it may be there on the next try",
+        **_STOPPED,
+    },
+    "demo": {
+        Status.DONE: "valid estimates were seen",
+        Status.STOPPED: "no valid estimate was seen",
+        Status.BAD_INPUT: _RIG_BAD,
+        Status.NOT_THERE: _RIG_BUS,
+        **_STOPPED,
+    },
+    "completion": {Status.DONE: "the script is printed"},
+}
+
+STATUSES = {"wrcd": WRCD, "sim-ecu": RIG}

@@ -1,0 +1,285 @@
+"""`wrcd check --log` and `--live`: logs of the rig, sound and with each thing wrong that it must name."""
+
+import re
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sim_ecu.cli.main import main as sim_ecu
+from sim_ecu.play.interface import open_bus
+from sim_ecu.play.play import RealTime
+from sim_ecu.play.scenario import read_scenario
+from wrcd.cli.main import main
+from wrcd.config.config import packaged
+from wrcd.config.settings import parse_toml
+from wrcd.dbc.bus_check.input_figures import noise
+
+ROOT = Path(__file__).parents[3]
+THIRD_PARTY = ROOT / "tests/data/dbc/third-party.toml"
+Checked = Callable[..., tuple[int, str]]
+
+STEADY = """
+duration_s = {seconds}
+rail = [{{ curve = "B" }}]
+drive = {{ utilisation = [[0, 0], [0.5, 0.5]] }}
+"""
+CURVE = """
+duration_s = 20
+drive = { utilisation = 0.3 }
+[[rail]]
+curve = "B"
+[[rail]]
+from_m = 120
+curve = "B"
+radius_m = 600
+cant_rad = 0.02
+transition_m = 60
+[[rail]]
+from_m = 340
+curve = "B"
+transition_m = 60
+"""
+ACCELERATING = """
+duration_s = 20
+speed_m_s = 10
+hold_speed = false
+rail = [{ curve = "A" }]
+drive = { torque_N_m = [[0, 0], [1, 9000], [8, 9000], [10, -9000], [20, -9000]] }
+"""
+
+
+@pytest.fixture
+def checked(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Checked:
+    """Play a scenario with faults, and check its log with a configuration: status and text."""
+
+    def run(scenario: str, *faults: str, config: str | Path | None = None) -> tuple[int, str]:
+        file, log = tmp_path / "scenario.toml", tmp_path / "played.log"
+        file.write_text(scenario)
+        if not isinstance(config, Path):
+            (tmp_path / "config.toml").write_text(packaged(1) if config is None else config)
+            spoken, config = [], tmp_path / "config.toml"
+        else:
+            spoken = ["--config", str(config)]
+        given = [word for f in faults for word in ("--fault", f)]
+        assert sim_ecu(["inject" if faults else "play", str(file), *given, *spoken, "--fast", "--log", str(log)]) == 0
+        capsys.readouterr()
+        status = main(["check", "--config", str(config), "--log", str(log)])
+        return status, capsys.readouterr().out
+
+    return run
+
+
+def row(text: str, signal: str) -> list[str]:
+    """The cells of a signal's line."""
+    (line,) = (line for line in text.splitlines() if line.startswith(f"{signal} "))
+    return re.split(r" {2,}", line)
+
+
+def test_sound_log_is_fine_and_its_signals_are_told(checked: Checked) -> None:
+    status, text = checked(STEADY.format(seconds=6))
+    assert (status, text.splitlines()[0]) == (0, "fine: nothing would stop Valid")
+    _, of, per_s, cycle, usual, jitter, longest, refused, seen, step, limit = row(text, "YawRate_A1.YawRate")
+    assert (of, per_s, cycle, usual, jitter) == ("yaw_rate 1", "200.1", "5 ms", "5.0", "0.0")
+    assert (longest, refused, limit) == ("5.0 / 15", "0.0 %", "0.0 %")
+    assert seen.endswith(" rad/s")
+    assert re.fullmatch(r"1e-06 / 0\.000(29|3|31)", step)  # the noise of the rig's gyro
+    assert row(text, "VehicleSpeed.Speed")[2:5] == ["50.0", "20 ms", "20.0"]
+    assert re.search(r"axle 1: Valid 8\d\.\d %, WarmingUp 1\d\.\d %", text)
+
+
+def test_sound_log_of_a_third_partys_dbc_is_fine(checked: Checked) -> None:
+    status, text = checked("axles = [1, 2]" + STEADY.format(seconds=6), config=THIRD_PARTY)
+    assert status == 0, text
+    assert row(text, "RS2_Beschl.Querbeschl")[1] == "lateral_acceleration 2"
+
+
+def test_gyro_with_the_wrong_sign_is_named(checked: Checked) -> None:
+    status, text = checked(STEADY.format(seconds=25), "reverse:at=0,for=100")
+    assert status == 1
+    verdict = text.partition("worth a look")[0].partition("\n\n")[0]
+    assert "would stop Valid" in verdict
+    assert re.search(r"axle 1: GyroReversed in \d\d\.\d % .*YawRate_A1.YawRate", verdict)
+
+
+def test_foreign_wheelset_is_named(checked: Checked) -> None:
+    """Four times the yaw stiffness, four axles on a poor track at 40 m/s; it stops no Valid, and 20 s are too few."""
+    rails = "".join(f'[axle.{k}]\nrail = [{{ curve = "{c}" }}]\n' for k, c in enumerate("BCED", 1))
+    scenario = (
+        'duration_s = 32\naxles = [1, 2, 3, 4]\nspeed_m_s = 40\ntrack = "poor"\n'
+        "drive = { utilisation = [[0, 0], [0.5, 0.45]] }\n[wheelset]\nk_w = 2.0e7\n" + rails
+    )
+    _, text = checked(scenario, config=packaged(4))
+    look = text.partition("worth a look")[2].partition("\n\n")[0]
+    said = re.search(
+        r"wheelset: the signals of 3\d s fit a wheelset with (\S+) times .*k_w/I_w.* (\S+) times better", look
+    )
+    assert said is not None, text
+    assert 2.0 < float(said[1]) < 6.0
+    assert float(said[2]) > 100.0
+    assert "WheelsetUnlike" not in text
+    status, text = checked(scenario.replace("= 32", "= 20"), config=packaged(4))
+    assert (status, text.splitlines()[0]) == (0, "fine: nothing would stop Valid")
+    assert "wheelset: the signals" not in text
+
+
+def test_failed_status_is_named_with_its_share(checked: Checked) -> None:
+    status, text = checked("axles = [1, 2]" + STEADY.format(seconds=5), "status:at=2,for=10,axle=2", config=THIRD_PARTY)
+    assert status == 1
+    assert re.search(r"axle 2: InputSilent in .*RS2_Gyro.Drehrate .*refused since: \d+ status", text)
+    assert re.search(r"RS2_Gyro.Drehrate: 6\d\.\d % of its frames are refused: \d+ status", text)
+    assert "axle 1:" not in text.partition("worth a look")[0]
+
+
+@pytest.mark.parametrize(("of", "needed"), [("yaw_rate", True), ("torque", False)])
+def test_signs_in_curves(checked: Checked, of: str, needed: bool) -> None:
+    status, text = checked(CURVE, f"reverse:at=0,for=100,of={of}")
+    line = next(line for line in text.splitlines() if "speed times yaw rate" in line and "correlation" in line)
+    assert ("against each other; one of them needs sign = -1" in line) is needed
+    if needed:
+        assert status == 1
+    else:
+        assert re.search(r": fits; correlation (0\.[89]\d|1\.00) in curves", line)
+
+
+@pytest.mark.parametrize("reversed_torque", [True, False])
+def test_sign_of_torque_against_the_change_of_speed(checked: Checked, reversed_torque: bool) -> None:
+    status, text = checked(ACCELERATING, *["reverse:at=0,for=100,of=torque"][: int(reversed_torque)])
+    if reversed_torque:
+        assert status == 1
+        assert "torque Torque_A1.Torque against the change of speed: correlation -" in text.partition("\n\n")[0]
+    else:
+        assert re.search(
+            r"torque Torque_A1\.Torque against the change of speed: fits; correlation (0\.9\d|1\.00)", text
+        )
+
+
+def test_odd_signals_deserve_a_look(checked: Checked) -> None:
+    faults = ("burst:at=3,for=0.03,of=yaw_rate", "bias:at=3,for=1,of=torque,amount=1000000")
+    _, text = checked(STEADY.format(seconds=5), *faults)
+    looks = text.partition("worth a look")[2].partition("\n\n")[0]
+    assert "YawRate_A1.YawRate: longest gap 35.0 ms, time-out 15" in looks
+    assert re.search(r"Torque_A1.Torque: \d+\.\d % of its values stand at an end of its range", looks)
+
+
+def test_coarse_signal_deserves_a_look(checked: Checked, tmp_path: Path) -> None:
+    config = tmp_path / "coarse.toml"
+    dbc = (ROOT / "examples/own-dbc/train.dbc").read_text().replace("(0.001,0) [-30|30]", "(0.1,0) [-30|30]")
+    (tmp_path / "train.dbc").write_text(dbc)
+    config.write_text((ROOT / "examples/own-dbc/train.toml").read_text())
+    _, text = checked(STEADY.format(seconds=5), config=config)
+    assert "Bogie1.GyroZ: a step of 0.0017 rad/s is 5.8 times the noise of the design's sensor" in text
+
+
+def test_wrong_unit_of_the_accelerometer_is_told_by_its_noise(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], checked: Checked
+) -> None:
+    checked(STEADY.format(seconds=4))
+    lat = '"LatAccel_A1.LatAccel"'
+    wrong = packaged(1).replace(lat, f'{{ signal = {lat}, unit = "g", range = [-20, 20] }}')
+    (tmp_path / "wrong.toml").write_text(wrong)
+    main(["check", "--config", str(tmp_path / "wrong.toml"), "--log", str(tmp_path / "played.log")])
+    said = r"LatAccel_A1.LatAccel: its noise of [\d.]+ m/s2 is (9|10)\.\d times that of the design's sensor"
+    assert re.search(said, capsys.readouterr().out)
+
+
+def test_missing_axle_and_missing_message_are_named(checked: Checked) -> None:
+    status, text = checked(STEADY.format(seconds=3), config=packaged(3))
+    assert status == 1
+    assert "  axles 2, 3: not one frame of their own came\n" in text
+    faults = [f"burst:at=0,for=100,of={q}" for q in ("torque", "speed")]
+    status, text = checked(STEADY.format(seconds=3), *faults)
+    assert status == 1
+    assert "  Torque_A1.Torque: not one frame of id 0x121 came\n" in text
+    assert "  VehicleSpeed.Speed: not one frame of id 0x130 came\n" in text
+
+
+def test_log_without_a_frame_that_fits_exits_3_and_says_what_is_there(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = tmp_path / "other.log"
+    log.write_text("".join(f"(1700000000.{k:06d}) can0 00000101#0011\n" for k in range(0, 100_000, 1000)))
+    assert main(["check", "--log", str(log)]) == 3
+    said = capsys.readouterr().out
+    assert "fits the configuration default configuration: it maps 0x101" in said
+    assert "there are 100 of 1 other ids (0x00000101 100)" in said  # an extended one is another
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--log", "none.log"], "none.log: no such log"),
+        (["--live", "0"], "--live: takes seconds up to 3600, not 0"),
+        (["--live", "1", "--log", "x.log"], "--live: a log or a bus, not both"),
+    ],
+)
+def test_bad_input_is_one_line(arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", *arguments]) in (2, 3)
+    assert message in capsys.readouterr().err
+
+
+def test_channels_order_and_damage_of_a_log_are_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], checked: Checked
+) -> None:
+    checked(STEADY.format(seconds=4))
+    lines = (tmp_path / "played.log").read_text().splitlines(keepends=True)
+    log = tmp_path / "changed.log"
+    command = ["check", "--config", str(tmp_path / "config.toml"), "--log", str(log)]
+
+    log.write_text("".join(lines) + "".join(line.replace("can0", "can1") for line in lines[:50]))
+    assert main(command) == 2
+    assert re.search(r"can0 \(\d+ frames\), can1 \(50 frames\)", capsys.readouterr().err)
+    assert main([*command, "-c", "can0"]) == 0
+
+    blocks = [lines[k : k + 100] for k in range(0, len(lines), 100)]  # 0.2 s each
+    log.write_text("".join(line for k in range(len(blocks) & ~1) for line in blocks[k ^ 1]))
+    assert main(command) == 0
+    assert "out of time order" in capsys.readouterr().err
+
+    log.write_text("".join(lines)[:-9])
+    assert main(command) == 1
+    assert "cut off" in capsys.readouterr().err
+
+
+def test_live_bus_is_listened_to_and_nothing_is_sent(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    scenario = read_scenario(parse_toml(STEADY.format(seconds=3), "test"), "test")
+    config = tmp_path / "one.toml"
+    config.write_text(packaged(1))
+    bus, other = open_bus("virtual", "bus-check"), open_bus("virtual", "bus-check")
+    try:
+        other.set_filters(None)
+        rig = RealTime(scenario, bus, None, False)
+
+        def play() -> None:
+            while rig.step():
+                time.sleep(rig.wait_s())
+
+        player = threading.Thread(target=play)
+        player.start()
+        status = main(["check", "--config", str(config), "--live", "2.5", "-i", "virtual", "-c", "bus-check"])
+        player.join()
+        seen = []
+        while (m := other.recv(0.0)) is not None:
+            seen.append(m.arbitration_id)
+    finally:
+        bus.shutdown()
+        other.shutdown()
+    text = capsys.readouterr().out
+    assert set(seen) == {0x101, 0x111, 0x121, 0x130}
+    assert float(row(text, "YawRate_A1.YawRate")[2]) > 100
+    assert status in (0, 1)  # a busy computer may cost frames
+    assert "axle 1: Valid" in text
+
+
+def test_noise_is_the_white_part_of_a_series() -> None:
+    rng = np.random.default_rng(1)
+    stamps = np.arange(5000, dtype=np.int64) * 5000
+    values = 3e-4 * rng.standard_normal(5000) + np.sin(2 * np.pi * 1.0 * stamps * 1e-6)
+    assert noise(stamps, values) == pytest.approx(3e-4, rel=0.05)
+    stamps[2500:] += 1_000_000  # a gap, and the value elsewhere: no neighbours
+    values[2500:] += 100.0
+    assert noise(stamps, values) == pytest.approx(3e-4, rel=0.05)
+    assert np.isnan(noise(stamps[:50], values[:50]))

@@ -1,0 +1,61 @@
+"""The engine's recursive filters against scipy's."""
+
+import numpy as np
+import pytest
+from scipy.signal import butter, ellip, sosfilt
+
+from wrcd.estimator.design import FloatArray, load_design, stable
+from wrcd.estimator.recursion import Sections
+from wrcd.resources import DESIGN
+
+FILTERS = {
+    "low-pass": ellip(5, 0.5, 60, 14, fs=200, output="sos"),
+    "high-pass": butter(4, 25, "highpass", fs=200, output="sos"),
+    "one section": butter(1, 5, fs=200, output="sos"),
+}
+
+
+def run(sections: Sections, u: FloatArray) -> FloatArray:
+    """Tick by tick over u (ticks, channels, n)."""
+    return np.concatenate([sections.step(u[k : k + 1]) for k in range(len(u))])
+
+
+@pytest.mark.parametrize("name", FILTERS)
+def test_sections_filter_as_scipy_does(name: str) -> None:
+    sos = np.asarray(FILTERS[name])
+    u = np.random.default_rng(1).standard_normal((2000, 8, 3)) + 5.0
+    assert run(Sections(sos, 8, 3), u) == pytest.approx(sosfilt(sos, u, axis=0), abs=1e-11)
+
+
+def test_filters_of_the_design_pass_their_band() -> None:
+    """The track's hunting passes the low-pass, and vibration does not; for the high-pass it is the other way round."""
+    design = load_design(DESIGN)
+    t = np.arange(4000) * design.tick_s
+    hunting, vibration = np.sin(2 * np.pi * 3 * t), np.sin(2 * np.pi * 50 * t)
+    for sos, kept, lost in ((design.lowpass, hunting, vibration), (design.highpass, vibration, hunting)):
+        out = run(Sections(sos, 2, 1), np.stack((kept, lost), axis=1)[..., None])[1000:, :, 0]
+        assert np.ptp(out[:, 0]) > 0.85 * 2
+        assert np.ptp(out[:, 1]) < 0.02 * 2
+        assert stable(sos)
+
+
+def test_a_reset_axle_starts_at_rest_and_leaves_the_others() -> None:
+    sos = np.asarray(FILTERS["low-pass"])
+    u = np.random.default_rng(2).standard_normal((400, 2, 2))
+    sections = Sections(sos, 2, 2)
+    run(sections, u[:200])
+    sections.reset(0)
+    out = run(sections, u[200:])
+    assert np.array_equal(out[..., 0], run(Sections(sos, 2, 1), u[200:, :, :1])[..., 0])
+    assert np.allclose(out[..., 1], sosfilt(sos, u, axis=0)[200:, :, 1])
+
+
+def test_unstable_section_is_an_error() -> None:
+    for sos in FILTERS.values():
+        assert stable(np.asarray(sos))
+        wild = np.array(sos)
+        wild[0, 4:] = [-2.01, 1.005]
+        assert not stable(wild)
+    unscaled = np.array(FILTERS["one section"])
+    unscaled[0, 3] = 2.0
+    assert not stable(unscaled)

@@ -1,0 +1,139 @@
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.support.can_ids import YAW_RATE_A1
+from wrcd.bus.candump import format_line, parse_line
+from wrcd.bus.frame import Frame
+from wrcd.errors import InputError
+from wrcd.logs.damage import Damage
+from wrcd.logs.reader import read_log
+
+GOOD = [
+    "(1700000000.000001) can0 091#0011223344556677",
+    "(1700000000.010000) can0 12345678#",
+    "(1700000000.020000) vcan1 101#R",
+]
+frames = st.builds(
+    lambda stamp, extended, number, data: Frame(stamp, number if extended else number & 0x7FF, data, extended=extended),
+    st.integers(0, 10_000_000_000_000_000),
+    st.booleans(),
+    st.integers(0, 0x1FFFFFFF),
+    st.binary(max_size=8),
+)
+
+
+def read(path: Path) -> tuple[list[Frame], Damage]:
+    damage = Damage()
+    return [f for f, _ in read_log(path, damage)], damage
+
+
+@given(frames)
+def test_written_line_is_read_as_the_same_frame(frame: Frame) -> None:
+    assert parse_line(format_line(frame, "can0").encode()) == (frame, "can0")
+
+
+@given(st.binary(max_size=80))
+def test_line_of_any_bytes_is_a_frame_or_none(line: bytes) -> None:
+    found = parse_line(line)
+    assert found is None or len(found[0].data) <= 64
+
+
+def test_fd_error_and_direction_lines_are_read() -> None:
+    fd = parse_line(b"(1700000000.000001) can0 091##100112233445566778899AABB")
+    assert fd is not None
+    assert fd[0].fd
+    error = parse_line(b"(1700000000.000001) can0 20000040#0000000000000000")
+    assert error is not None
+    assert error[0].error
+    assert error[0].can_id == 0x40
+    with_direction = parse_line(b"(1700000000.000001) can0 091#00 T")
+    assert with_direction is not None
+    assert with_direction[0].data == b"\0"
+    # three digits, but more than the eleven bits of a standard id
+    assert parse_line(b"(1700000000.000001) can0 800#00") is None
+
+
+@pytest.mark.parametrize(
+    ("line", "data", "extra"),
+    [
+        ("091#0011223344556677_9", bytes.fromhex("0011223344556677"), 9),
+        ("091#0011223344556677_F", bytes.fromhex("0011223344556677"), 15),
+        ("091#R", b"", 0),
+        ("091#R8", b"", 8),
+        ("12345678#R5", b"", 5),
+        ("091#R8_C", b"", 12),
+        ("091##0AABB", b"\xaa\xbb", 0),
+        ("091##5AABB", b"\xaa\xbb", 5),
+        ("091##7" + "11" * 64, b"\x11" * 64, 7),
+    ],
+)
+@pytest.mark.parametrize("tail", ["", " R", " T"])
+@pytest.mark.parametrize(("stamp", "us"), [("1700000000.123456", 123456), ("1700000000.123456999", 123456)])
+@pytest.mark.parametrize("channel", ["can0", "   can0"])
+def test_newer_forms_of_candump_are_read_and_written_again(
+    line: str, data: bytes, extra: int, tail: str, stamp: str, us: int, channel: str
+) -> None:
+    found = parse_line(f"({stamp}) {channel} {line}{tail}".encode())
+    assert found is not None
+    frame = found[0]
+    assert (frame.stamp_us, frame.data, frame.extra) == (1_700_000_000_000_000 + us, data, extra)
+    assert format_line(*found) == f"(1700000000.123456) can0 {line}"
+
+
+@pytest.mark.parametrize(
+    "line", ["091#0011_9", "091#R7_9", "091##000_9", "091#0011223344556677_8", "091##0R", "091#R9"]
+)
+def test_forms_that_candump_never_writes_are_no_frames(line: str) -> None:
+    assert parse_line(f"(1700000000.123456) can0 {line}".encode()) is None
+
+
+def test_frames_that_candump_itself_lost_are_told_and_no_damage(tmp_path: Path) -> None:
+    log = tmp_path / "a.log"
+    dropped = [f"DROPCOUNT: dropped {n} CAN frame{s} on 'can0' socket (total drops 9)" for n, s in ((8, "s"), (1, ""))]
+    log.write_text("\n".join([GOOD[0], *dropped, GOOD[1]]) + "\n")
+    found, damage = read(log)
+    assert len(found) == 2
+    assert damage.whole
+    assert damage.warnings(log) == [f"{log}: its recorder says that it lost 9 frames"]
+
+
+@pytest.mark.parametrize("content", [b"", b"\n\n", b"\x00\xff" * 50, b"not a log\n"])
+def test_log_without_a_frame_is_an_error(tmp_path: Path, content: bytes) -> None:
+    log = tmp_path / "empty.log"
+    log.write_bytes(content)
+    with pytest.raises(InputError, match="not one readable frame"):
+        read(log)
+
+
+def test_missing_log_is_an_error(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no such log"):
+        read(tmp_path / "nowhere.log")
+    with pytest.raises(InputError, match="no such log"):
+        read(tmp_path / "nowhere.asc")
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # python-can leaves the file open
+@pytest.mark.parametrize(
+    ("suffix", "text"),
+    [
+        ("blf", "this is no BLF file at all"),
+        ("csv", "timestamp,arbitration_id,extended,remote,error,dlc,data\nnan,0x101,0,0,0,1,AA==\n"),
+    ],
+)
+def test_file_of_which_nothing_can_be_read_is_an_error(tmp_path: Path, suffix: str, text: str) -> None:
+    log = tmp_path / f"a.{suffix}"
+    log.write_text(text)
+    with pytest.raises(InputError, match=rf"cannot be read as \.{suffix}"):
+        read(log)
+
+
+def test_csv_row_with_an_impossible_id_is_left_out(tmp_path: Path) -> None:
+    log = tmp_path / "a.csv"
+    rows = ("1700000000.0,0x800,0,0,0,1,AA==", "1700000000.1,0x101,0,0,0,1,AA==")
+    log.write_text("timestamp,arbitration_id,extended,remote,error,dlc,data\n" + "\n".join(rows) + "\n")
+    found, damage = read(log)
+    assert [f.can_id for f in found] == [YAW_RATE_A1]
+    assert (damage.read, damage.bad, damage.lines) == (1, 1, [2])

@@ -1,0 +1,186 @@
+"""`wrcd why` and the explanation of a moment."""
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sim_ecu.resources import TRUTH_DBC
+from tests.support.story import BEGIN_US, NOT_AVAILABLE, VALID, Ride, adhesion, at_s, axle, detail, story
+from wrcd.cli.main import main
+from wrcd.core.causes import Validity
+from wrcd.core.configuration import Config
+from wrcd.errors import InputError
+from wrcd.logs.explanation import event_at, explain, newest, sentence, value_at
+from wrcd.logs.story_records import Series
+from wrcd.logs.why import answer, around, moment, shortened
+
+
+def test_explanation_tells_what_the_frames_of_the_moment_say(ride: Ride, config: Config) -> None:
+    s = ride.sent
+    x = explain(s, 1, s.begin_us + 4_500_000)
+    a, d = s.axles[0].adhesion, s.axles[0].detail
+    assert d is not None
+    row = int(np.searchsorted(a.time_us, x.time_us, "right")) - 1
+    told = int(np.searchsorted(d.time_us, x.time_us, "right")) - 1
+    assert x.available_pct == pytest.approx(float(a.available_pct[row]))
+    assert x.rule == int(d.rule[told])
+    assert x.rule_sentence == sentence(config.design, x.rule - 1)
+    assert x.model == config.design.model_names[x.winner - 1]
+    assert x.residual_db == pytest.approx(d.residual_db[told].tolist())
+    assert x.torque_Nm == pytest.approx(19_000, rel=0.1)
+    assert x.speed_m_s == pytest.approx(25.0, abs=0.1)
+    assert x.distance_m == pytest.approx(112.5, abs=1)
+    assert x.truth_available_pct == pytest.approx(38.4, abs=0.1)
+    assert (x.validity, x.why) == (Validity.VALID, "")
+
+
+def test_explanation_of_a_state_that_is_not_valid_tells_since_when_and_why(ride: Ride) -> None:
+    s = ride.estimated
+    event = next(e for e in s.axles[0].events if e.validity is Validity.DEGRADED)
+    x = explain(s, 1, event.begin_us)
+    assert x.event == event
+    assert x.validity is Validity.DEGRADED
+    assert x.why == f"{event.cause.words} ({event.detail})"
+
+
+def test_moment_without_a_fresh_frame_is_not_available(config: Config) -> None:
+    made = story(config, axle(adhesion(np.full(100, 30.0))))
+    last = int(made.axles[0].adhesion.time_us[-1])
+    assert explain(made, 1, last + 60_000).validity is Validity.VALID
+    late = explain(made, 1, last + 60_001)
+    assert (late.validity, late.surface) == (Validity.NOT_AVAILABLE, "")
+    assert math.isnan(late.available_pct)
+
+
+def test_old_detail_is_not_told(config: Config) -> None:
+    made = story(config, axle(adhesion(np.full(100, 30.0)), detail(50)))
+    assert explain(made, 1, at_s(1.2)).winner == 1
+    assert explain(made, 1, at_s(1.9)).winner == 0
+
+
+def test_unknown_axle_is_an_error(ride: Ride) -> None:
+    with pytest.raises(InputError, match="nothing of axle 7"):
+        explain(ride.sent, 7, ride.sent.begin_us)
+
+
+def test_newest_takes_no_older_one() -> None:
+    times = np.array([10, 20, 30], np.int64)
+    assert newest(times, 25, 5) == 1
+    assert newest(times, 26, 5) is None
+    assert newest(times, 5, 100) is None
+
+
+def test_event_at_the_end_of_a_log_is_the_last(ride: Ride) -> None:
+    events = ride.sent.axles[0].events
+    assert event_at(ride.sent.axles[0], ride.sent.end_us) == events[-1]
+    assert event_at(ride.sent.axles[0], events[1].begin_us) == events[1]
+
+
+def test_seconds_are_after_the_first_frame_or_since_1970(ride: Ride) -> None:
+    s = ride.sent
+    assert moment(s, 9.3) == s.begin_us + 9_300_000
+    assert moment(s, BEGIN_US / 1e6 + 9.3) == BEGIN_US + 9_300_000
+    for outside in (-1.0, 99.0, BEGIN_US / 1e6 + 99):
+        with pytest.raises(InputError, match="is not within the log"):
+            moment(s, outside)
+    with pytest.raises(InputError):
+        moment(s, BEGIN_US / 1e6 + 9.3, relative=True)
+
+
+def test_answer_names_the_fall_and_what_decided_before_and_after(ride: Ride) -> None:
+    s, fall = ride.sent, ride.sent.falls[0]
+    lines = answer(s, 1, s.begin_us + 5_200_000)
+    text = "\n".join(lines)
+    assert len(lines) <= 25
+    assert max(map(len, lines)) <= 110
+    assert lines[0].startswith("Axle 1 at 5.200 s (1700000005.2")
+    begin = (fall.begin_us - s.begin_us) * 1e-6
+    assert f"between {begin:.3f} and" in text
+    assert "the model that fits best went from" in text
+    assert "truth" in text
+    before, after = explain(s, 1, fall.begin_us), explain(s, 1, fall.end_us + 300_000)
+    assert f"rule {before.rule}: If" in text
+    assert f"rule {after.rule}: If" in text
+    assert "frames of the log" in text
+
+
+def test_answer_far_from_any_change_says_so(config: Config) -> None:
+    made = story(config, axle(adhesion(np.full(500, 30.0)), detail(500)))
+    text = "\n".join(answer(made, 1, at_s(5)))
+    assert "none that lasts within 10 s" in text
+    assert "the same model and rule" in " ".join(text.split())
+
+
+def test_moment_within_a_time_not_valid_is_compared_with_before_and_after_it(config: Config) -> None:
+    validity = [VALID] * 200 + [NOT_AVAILABLE] * 100 + [VALID] * 200
+    made = story(config, axle(adhesion(np.full(500, 30.0), validity), detail(500)))
+    before, after, fall = around(made, 1, at_s(5))
+    assert fall is None
+    assert (before.validity, after.validity) == (Validity.VALID, Validity.VALID)
+    assert (before.time_us, after.time_us) == (at_s(4.02) - 1, at_s(6.32))
+
+
+@pytest.mark.parametrize(("sends", "reason"), [(True, "the log has"), (False, "the configuration sends")])
+def test_answer_without_detail_says_why_there_is_none(config: Config, sends: bool, reason: str) -> None:
+    silent = replace(config, axles=tuple(replace(a, detail=None) for a in config.axles))
+    made = story(config if sends else silent, axle(adhesion(np.full(500, 30.0))))
+    text = " ".join("\n".join(answer(made, 1, at_s(5))).split())
+    assert text.count(f"not known: {reason} no AdhesionDetail; --replay estimates them") == 2
+    assert not {x for x in ("no model fits", "no rule fires", "the same model and rule") if x in text}
+
+
+def test_rule_is_shortened_to_what_moves_it_most() -> None:
+    head = "If a, then output 24 (adhesion 26.5 %); -10 per doubling of x, +8 per 0.1 of the largest step, up or down, "
+    assert shortened(f"{head}-4 per 0.1 of y, +5 per doubling of z.") == f"{head}+5 per doubling of z and 1 more"
+    assert shortened("If a, then Low (output 3, adhesion 2.0 %).") == "If a, then Low (output 3, adhesion 2.0 %)"
+
+
+def test_command_answers_for_a_person(ride: Ride, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["why", str(ride.both), "5.2", "--dbc", str(TRUTH_DBC)]) == 0
+    shown = capsys.readouterr().out
+    assert shown.rstrip("\n").splitlines() == answer(ride.sent, 1, ride.sent.begin_us + 5_200_000)
+
+
+def test_command_answers_for_a_program(ride: Ride, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["why", str(ride.both), "5.2", "--axle", "1", "--json", "--dbc", str(TRUTH_DBC)]) == 0
+    told = json.loads(capsys.readouterr().out)
+    (one,) = told["axles"]
+    fall = ride.sent.falls[0]
+    assert told["source"] == "frames of the log"
+    assert one["change"]["after_pct"] == pytest.approx(fall.after_pct, abs=1e-3)
+    assert one["before"]["rule_sentence"].startswith("If ")
+    assert one["now"]["truth_available_pct"] == pytest.approx(2.68, abs=0.1)
+    assert next(e["validity"] for e in one["events"]) == "Valid"
+
+
+def test_command_says_what_is_odd_in_the_log(ride: Ride, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    log = tmp_path / "cut.log"
+    log.write_bytes(ride.both.read_bytes()[:-9])
+    assert main(["why", str(log), "3"]) == 1
+    assert "wrcd: warning:" in capsys.readouterr().err
+
+
+def test_moment_after_the_last_frame_does_not_contradict_itself(config: Config) -> None:
+    whole = adhesion(np.full(200, 30.0))
+    kept = np.r_[0:100, 150:200]
+    made = story(config, axle(type(whole)(*(getattr(whole, name)[kept] for name in whole.__slots__))))
+    last = int(whole.time_us[99])
+    for after_us in range(0, 120_000, 5_000):
+        x = explain(made, 1, last + after_us)
+        assert x.event is not None
+        assert x.validity is x.event.validity
+        assert math.isfinite(x.available_pct) is (x.validity is Validity.VALID)
+        assert x.validity is (Validity.VALID if after_us < 60_000 else Validity.NOT_AVAILABLE)
+
+
+def test_two_frames_far_apart_are_no_constant() -> None:
+    t = np.array([0, 600_000_000], np.int64)
+    two = Series(t, {"speed_m_s": np.array([10.0, 20.0])})
+    assert value_at(two, "speed_m_s", 500_000) == 10.0
+    assert math.isnan(value_at(two, "speed_m_s", 300_000_000))
+    assert math.isnan(value_at(None, "speed_m_s", 0))
+    assert value_at(replace(two, constant=True), "speed_m_s", 300_000_000) == pytest.approx(15.0)

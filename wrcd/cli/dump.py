@@ -1,0 +1,130 @@
+"""`wrcd dump`: candump lines, and behind them what they mean."""
+
+import argparse
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from wrcd.cli.arguments import add_bus, add_dbc
+from wrcd.cli.program import Subcommand
+from wrcd.errors import InputError, Status
+
+if TYPE_CHECKING:
+    from wrcd.bus.dbc import Message
+    from wrcd.bus.frame import Frame
+    from wrcd.core.configuration import Config
+
+PIPE = Path("-")
+
+BOLD_GREEN, BOLD_YELLOW, BOLD_RED, PLAIN = "\033[1;32m", "\033[1;33m", "\033[1;31m", "\033[0m"
+_COLOURS = {"Valid": BOLD_GREEN, "Degraded": BOLD_YELLOW, "Error": BOLD_RED, "NotAvailable": BOLD_RED}
+
+
+def _add(p: argparse.ArgumentParser) -> None:
+    p.add_argument(
+        "log",
+        nargs="?",
+        metavar="LOG",
+        type=Path,
+        help="a log instead of a bus; -: standard input, lines of candump -L as they come",
+    )
+    add_bus(p)
+    p.add_argument("-n", "--count", type=int, default=0, help="stop after so many frames")
+    add_dbc(p, ", which wins over the configuration's")
+    p.add_argument("--config", type=Path, metavar="FILE", help="configuration whose DBC decodes")
+
+
+def _run(args: argparse.Namespace) -> int:
+    """Print frames of a log, of standard input or of a bus."""
+    from wrcd.bus.codec import message_key
+    from wrcd.bus.dbc import load_dbc
+    from wrcd.colour import coloured
+    from wrcd.config.config import load_config
+    from wrcd.logs.damage import Damage
+    from wrcd.logs.reader import STANDARD_INPUT, read_lines, read_log
+    from wrcd.logs.time_order import on_channel
+
+    config = load_config(args.config)
+    # of an id that is in several, the first one's: what was named comes before the configuration's
+    databases = (*map(load_dbc, args.dbc), config.database)
+    messages = {message_key(m): m for database in reversed(databases) for m in reversed(database.messages)}
+    damage = Damage()
+    piped = args.log == PIPE
+    log = STANDARD_INPUT if piped else args.log
+    if log is None:
+        frames = _live(args, config)
+    else:
+        if piped and sys.stdin is None:
+            raise InputError("is closed", file=STANDARD_INPUT, hint="candump -L vcan0 | wrcd dump -")
+        frames = read_lines(sys.stdin.buffer, damage) if piped else read_log(log, damage)
+        if args.channel is not None:
+            frames = on_channel(frames, args.channel, log)
+    colour, live = coloured(sys.stdout), piped or log is None
+    try:
+        for number, (frame, channel) in enumerate(frames, 1):
+            print(line(frame, channel, messages.get(frame.key), colour), flush=live)
+            if number == args.count:
+                break
+    finally:  # Ctrl-C, too
+        for warning in damage.warnings(log or Path()):
+            print(f"wrcd: warning: {warning}", file=sys.stderr)
+    return Status.DONE if damage.whole else Status.STOPPED
+
+
+def _live(args: argparse.Namespace, config: "Config") -> Iterator[tuple["Frame", str]]:
+    import time
+
+    from wrcd.logs.bus_of import open_bus_of
+
+    link, channel = open_bus_of(args, config, None)
+    try:
+        while True:
+            for frame in link.receive(time.time_ns() // 1000):
+                yield frame, channel
+            time.sleep(0.01)
+    finally:
+        link.close()
+
+
+def line(frame: "Frame", channel: str, message: "Message | None", colour: bool) -> str:
+    """One frame as a line. Adhesion stands out on a terminal, in the colour of its validity."""
+    from wrcd.bus.candump import format_line
+
+    text = format_line(frame, channel)
+    if frame.error:
+        return f"{text} :: error frame"
+    if message is None:
+        return text
+    if frame.remote:
+        return f"{text} :: {message.name}: remote frame"
+    try:
+        values: Any = message.decode(frame.data)
+    except Exception as e:  # too short, or raw values the DBC does not know: say so and go on
+        return f"{text} :: {message.name}: cannot be decoded ({e})"
+    units = {s.name: f" {s.unit}" if s.unit else "" for s in message.signals}
+    shown = ", ".join(f"{k}: {_text(v)}{'' if _named(v) else units[k]}" for k, v in values.items())
+    marked = f"{text} :: {message.name}({shown})"
+    if colour and message.name.startswith("Adhesion_"):
+        return f"{_COLOURS.get(str(values.get('Validity')), '')}{marked}{PLAIN}"
+    return marked
+
+
+def _named(value: Any) -> bool:
+    return hasattr(value, "name")
+
+
+def _text(value: Any) -> str:
+    return f"{value:.9g}" if isinstance(value, float) else str(value)
+
+
+COMMAND = Subcommand(
+    "dump",
+    "candump lines with the decoded values behind them",
+    (
+        ("candump -L vcan0 | wrcd dump -", "what a bus carries, through candump's filters, until Ctrl-C"),
+        ("wrcd dump ride.log --dbc train.dbc -n 100", "the first hundred frames of a log, by the train's own DBC, too"),
+    ),
+    _add,
+    _run,
+)

@@ -1,0 +1,31 @@
+"""`wrcd kit`."""
+
+import argparse
+from pathlib import Path
+
+from wrcd.cli.arguments import add_config
+from wrcd.cli.program import Subcommand
+
+
+def _add(p: argparse.ArgumentParser) -> None:
+    p.add_argument("-o", "--output", type=Path, metavar="DIR", required=True, help="the folder to write it to")
+    add_config(p)
+    p.add_argument("--force", action="store_true", help="overwrite files that are no kit's, or were edited")
+
+
+def _run(args: argparse.Namespace) -> int:
+    from wrcd.kit.write_kit import kit
+
+    return kit(args.output, args.config, args.force)
+
+
+COMMAND = Subcommand(
+    "kit",
+    "a receiver in C of the Adhesion frames, with its tests and a field table",
+    (
+        ("wrcd kit -o receiver", "of the packaged DBC; make -C receiver tests it"),
+        ("wrcd kit --config train.toml -o receiver", "of a train's own DBC: its names, ids and scales"),
+    ),
+    _add,
+    _run,
+)

@@ -1,0 +1,198 @@
+"""Every key of the configuration, by table. The parser reads by these; the JSON schema and the docs' tables are made
+from them."""
+
+import math
+from collections.abc import Mapping
+
+from wrcd.bus.units import Quantity
+from wrcd.config.keys import (
+    Choice,
+    Flag,
+    Interval,
+    Key,
+    Number,
+    NumberList,
+    RawValue,
+    RawValues,
+    Sign,
+    SignalName,
+    Sub,
+    Text,
+    Whole,
+)
+from wrcd.core.configuration import MAX_AXLES
+from wrcd.core.vocabulary import MESSAGES, Numeric, Words, snake
+
+# The names under which python-can opens a bus; a test compares them with its own list.
+INTERFACES = (
+    "canalystii", "cantact", "etas", "gs_usb", "iscan", "ixxat", "kvaser", "neousys", "neovi", "nican", "nixnet",
+    "pcan", "robotell", "seeedstudio", "serial", "slcan", "socketcan", "socketcand", "systec", "udp_multicast",
+    "usb2can", "vector", "virtual",
+)  # fmt: skip
+MAX_MS = 65_535  # of cycles and time-outs
+P11, UNPROTECTED = "P11", "none"
+
+INTERFACE = Choice(
+    "interface",
+    "python-can's name of the interface; socketcan goes through the daemon's own socket",
+    INTERFACES,
+    "socketcan",
+)
+CHANNEL = Text("channel", "its channel", "can0")
+TIMESTAMPS = Choice(
+    "timestamps",
+    "hardware: the CAN controller's own time stamps, laid on the kernel's clock",
+    ("kernel", "hardware"),
+    "kernel",
+)
+DBC_FILE = Text("file", "a train's own DBC; default: the packaged one")
+ENCODING = Choice(
+    "encoding", "of the DBC; default: UTF-8 where the file is valid UTF-8, else cp1252", ("utf-8", "cp1252")
+)
+DESIGN = Text("design", "the design file; default: the packaged one")
+MIN_SPEED = Number("min_speed_m_s", "below it there is no estimate", 0.1, 60.0, 3.0, reload=True)
+NOT_AVAILABLE_AFTER = Number(
+    "not_available_after_ms",
+    "an input silent for longer ends the estimate; not less than any time-out of a measurement",
+    5.0,
+    10_000.0,
+    100.0,
+    reload=True,
+)
+CONSTANT_SPEED = Number(
+    "constant_speed_m_s", "the speed of a rig without a speed message", 0.0, Quantity.SPEED.limit, reload=True
+)
+TORQUE_IS_TOTAL = Flag("torque_is_total", "false: friction brakes act beside the torque on the bus", True, reload=True)
+NUMBER = Whole("number", "each once", 1, MAX_AXLES, needed=True)
+POSITIONS = NumberList(
+    "positions_m",
+    "where each axle stands along the train, in m, forward positive, in the order of the `[[axle]]` tables; with it, "
+    "a drop that a leading axle meets is told for those behind",
+    needed=True,
+)
+ONE_WAY = Flag(
+    "one_way",
+    "true: the train never runs in reverse, the foremost axle always leads; needed unless `vehicle.direction` is "
+    "mapped, which then decides",
+    False,
+)
+FOLDER = Text("folder", "where dumps go; default: systemd's `$STATE_DIRECTORY`, else none")
+SECONDS = Number("seconds", "how much is kept in memory; 0 is off", 0.0, 600.0, 60.0)
+MAX_FILES = Whole("max_files", "dumps in the folder", 1, 10_000, 20, reload=True)
+MAX_MB = Number("max_mb", "megabytes in the folder", 1.0, 1e6, 200.0, reload=True)
+
+# --- one input
+SIGNAL = SignalName("signal", "the signal that carries it", needed=True)
+SIGN = Sign("sign", "-1: the other way round than the picture of signs and axes", 1)
+UNIT = Text("unit", "the signal's unit, instead of the DBC's")
+SCALE = Number("scale", "a raw value's weight in that unit, instead of the DBC's", -math.inf, math.inf, nonzero=True)
+OFFSET = Number("offset", "what is added to it, instead of the DBC's", -math.inf, math.inf)
+RANGE = Interval("range", "values in that unit beyond which a frame is refused, instead of the DBC's")
+TIMEOUT = Whole(
+    "timeout_ms",
+    "after how long it is stale, instead of the DBC's; of gyro and accelerometer at most three ticks",
+    1,
+    MAX_MS,
+)
+INVALID = RawValues("invalid", "raw values that are no measurement, besides the DBC's own words")
+STATUS = SignalName(
+    "status", "the signal that says whether the sender is well; false: the message has one that is not to count"
+)
+OK = RawValues("ok", "its values that are good; every other one but the degraded refuses the frame")
+DEGRADED = RawValues("degraded", "its values that make the axle Degraded")
+STATUS_TIMEOUT = Whole(
+    "status_timeout_ms",
+    "how long a status that comes in other frames is believed, instead of the DBC's time-out; default: 100",
+    1,
+    MAX_MS,
+)
+E2E = Choice("e2e", "P11: the message is protected; none: it is not, whatever the DBC says", (P11, UNPROTECTED))
+DATA_ID = Whole("data_id", "its E2E data id", 0, 0xFFFF)
+AT = Choice(
+    "at",
+    "where the torque acts: at the motor's shaft it is times the gear ratio; at the rim it is a force, "
+    "times the design's wheel radius",
+    ("axle", "motor", "rim"),
+    "axle",
+)
+GEAR_RATIO = Number("gear_ratio", "turns of the motor per turn of the axle", 0.1, 100.0)
+SHARE = Number("share", "the part of it that acts at this axle", 0.01, 1.0, 1.0)
+REVERSE = RawValues("reverse", "its values that mean reverse, where the DBC's words do not say")
+
+PLAIN_INPUT: tuple[Key, ...] = (
+    SIGNAL, UNIT, SCALE, OFFSET, RANGE, TIMEOUT, INVALID, STATUS, OK, DEGRADED, STATUS_TIMEOUT, E2E, DATA_ID,
+)  # fmt: skip
+SIGNED_INPUT: tuple[Key, ...] = (SIGNAL, SIGN, *PLAIN_INPUT[1:])
+TORQUE_INPUT: tuple[Key, ...] = (*SIGNED_INPUT, AT, GEAR_RATIO, SHARE)
+DIRECTION_INPUT: tuple[Key, ...] = (*SIGNED_INPUT, REVERSE)
+
+# --- one message that is sent, and its signals
+MESSAGE = Text("message", "its name in the DBC")
+CYCLE = Whole("cycle_ms", "every how many ms it is sent, instead of the DBC's; not less than the tick", 1, MAX_MS)
+FIELD = Text("signal", "the signal that carries it", needed=True)
+FIELD_UNIT = Text("unit", "the signal's unit, instead of the DBC's")
+FIELD_RANGE = Interval("range", "values in that unit that it can say, instead of the DBC's")
+NO_VALUE = RawValue("not_available", "its value where there is none")
+
+
+def field_keys(carried: Numeric | Words) -> tuple[Key, ...]:
+    """The keys of one signal that is sent."""
+    if isinstance(carried, Numeric):
+        return (FIELD, FIELD_UNIT, FIELD_RANGE, *((NO_VALUE,) if carried.absent else ()))
+    return (FIELD, *(RawValue(snake(word), f"its value for {word}") for word in (*carried.words, *carried.extra)))
+
+
+def output_keys(kind: str) -> tuple[Key, ...]:
+    """The keys of one message that is sent."""
+    fields = (
+        Sub(snake(name), f"the signal that carries {name}", f"{kind}.{name}", "signal") for name in MESSAGES[kind]
+    )
+    return (MESSAGE, CYCLE, E2E, DATA_ID, *fields)
+
+
+def _input(key: str, what: str, table: str, *, several: bool = False, needed: bool = False) -> Sub:
+    return Sub(key, what, table, "signal", several=several, needed=needed)
+
+
+def _output(key: str, what: str, default: str | None = None) -> Sub:
+    return Sub(key, what, key, "message", default=default)
+
+
+VEHICLE: tuple[Key, ...] = (
+    _input("speed", "the speed; needed unless `limits.constant_speed_m_s` is given", "signed input"),
+    _input("direction", "the direction of travel; it turns the signs", "direction input"),
+    TORQUE_IS_TOTAL,
+    _output("status_message", "the message to send as WrcdStatus; default: that name, where the DBC has it"),
+    _output("rejects_message", "the same of WrcdRejects"),
+    _output("link_message", "the same of WrcdLink"),
+)
+AXLE: tuple[Key, ...] = (
+    NUMBER,
+    _input("yaw_rate", "the gyro", "signed input", needed=True),
+    _input("lateral_acceleration", "the accelerometer at the axle box", "signed input", needed=True),
+    _input("torque", "the torque at the axle; several signals add up", "torque input", several=True, needed=True),
+    _input("brake_torque", "the friction brakes' torque; several signals add up", "torque input", several=True),
+    _input("axle_load", "the axle load", "plain input"),
+    _input("wheel_radius", "the wheel radius", "plain input"),
+    _output("adhesion", "the message to send, here of axle 1; it needs Validity and MuAvailable", "Adhesion_A1"),
+    _output("detail", "the message to send as AdhesionDetail; default: AdhesionDetail_A*a*, where the DBC has it"),
+    _output("inputs", "the same of InputHealth_A*a*"),
+    _output("ahead", "the message to send as AdhesionAhead; default: AdhesionAhead_A*a*; it needs `[fusion]`"),
+)
+# By the path of a table's keys; those of inputs and of fields that are sent are named by what they carry.
+TABLES: Mapping[str, tuple[Key, ...]] = {
+    "bus": (INTERFACE, CHANNEL, TIMESTAMPS),
+    "dbc": (DBC_FILE, ENCODING),
+    "estimator": (DESIGN,),
+    "vehicle": VEHICLE,
+    "limits": (MIN_SPEED, NOT_AVAILABLE_AFTER, CONSTANT_SPEED),
+    "axle": AXLE,
+    "fusion": (POSITIONS, ONE_WAY),
+    "recorder": (FOLDER, SECONDS, MAX_FILES, MAX_MB),
+}
+INPUTS: Mapping[str, tuple[Key, ...]] = {
+    "plain input": PLAIN_INPUT,
+    "signed input": SIGNED_INPUT,
+    "torque input": TORQUE_INPUT,
+    "direction input": DIRECTION_INPUT,
+}

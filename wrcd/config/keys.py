@@ -1,0 +1,244 @@
+"""What keys of the configuration are made of: one declaration each, for the parser, the JSON schema and the docs.
+
+Plain classes: the daemon's start would wait for dataclasses of so many kinds to be made.
+"""
+
+import math
+from collections.abc import Iterable
+from typing import Any, Generic, TypeAlias, TypeVar
+
+from wrcd.config.section import TO_FILL_IN, Section, shown, suggest
+
+MESSAGE_SIGNAL = r"^[^.]+\.[^.]+$"
+T = TypeVar("T")
+
+
+class KeyOf(Generic[T]):
+    """A key: its name, what it means, whether it must be there, and whether SIGHUP takes it over."""
+
+    takes = "text"  # what a value may be, in words
+
+    def __init__(
+        self, name: str, what: str, default: T | None = None, *, needed: bool = False, reload: bool = False
+    ) -> None:
+        self.name, self.what, self.default, self.needed, self.reload = name, what, default, needed, reload
+
+    def read(self, section: Section) -> T | None:
+        """The value; its default or None where it is missing, or wrong, which is a mistake. Raises InputError where a
+        needed one is missing or wrong."""
+        raise NotImplementedError
+
+    def value(self, section: Section) -> T:
+        """The value of a key that has a default."""
+        value = self.read(section)
+        assert value is not None
+        return value
+
+    def refuse(self, section: Section, reason: str, hint: str = "") -> T | None:
+        """Raise the mistake of a needed value; collect that of another one and return the default."""
+        error = section.error(reason, self.name, hint)
+        if self.needed:
+            raise error
+        section.mistake(error)
+        return self.default
+
+    @property
+    def shown_default(self) -> str:
+        """The default, in words."""
+        if self.needed:
+            return "needed"
+        if self.default is None or isinstance(self.default, bool):
+            return "–" if self.default is None else str(self.default).lower()
+        return f"{self.default:g}" if isinstance(self.default, float) else str(self.default)
+
+
+Key: TypeAlias = KeyOf[Any]  # whatever it takes
+
+
+class Text(KeyOf[str]):
+    """Any text."""
+
+    def read(self, section: Section) -> str | None:
+        """The text."""
+        given = section.take(self.name, str) if self.needed else section.maybe(self.name, str)
+        return self.default if given is None else given
+
+
+class SignalName(KeyOf[str]):
+    """Text of the form Message.Signal."""
+
+    takes = "`Message.Signal`"
+
+
+def message_and_signal(section: Section, key: str, named: str) -> tuple[str, str]:
+    """The two parts of Message.Signal. Raises InputError for a text of another form."""
+    message, dot, signal = named.partition(".")
+    if not (dot and message and signal) or "." in signal:
+        raise section.error(f"{named!r} is not of the form Message.Signal", key)
+    return message, signal
+
+
+class Choice(KeyOf[str]):
+    """One of some words."""
+
+    def __init__(self, name: str, what: str, options: tuple[str, ...], default: str | None = None) -> None:
+        super().__init__(name, what, default)
+        self.options, self.takes = options, ", ".join(options)
+
+    def read(self, section: Section) -> str | None:
+        """The word."""
+        given = section.maybe(self.name, str)
+        if given is None or given in self.options:
+            return self.default if given is None else given
+        return self.refuse(section, f"is {given!r}, not one of {self.takes}", suggest(given, self.options))
+
+
+class Number(KeyOf[float]):
+    """A number from low to high; nonzero: of both signs but not 0."""
+
+    def __init__(
+        self, name: str, what: str, low: float, high: float, default: float | None = None, *,
+        nonzero: bool = False, reload: bool = False,
+    ) -> None:  # fmt: skip
+        super().__init__(name, what, default, reload=reload)
+        self.low, self.high, self.nonzero = low, high, nonzero
+        self.takes = f"{low:g} … {high:g}" if math.isfinite(high) else "number but 0" if nonzero else "number"
+
+    def read(self, section: Section) -> float | None:
+        """The number."""
+        value = section.maybe(self.name, float)
+        if value is None:
+            return self.default
+        if self.nonzero and value == 0:
+            return self.refuse(section, "takes a number other than 0")
+        if not self.low <= value <= self.high:
+            return self.refuse(section, f"takes a number from {self.low:g} to {self.high:g}, not {value:g}")
+        return value
+
+
+class Whole(KeyOf[int]):
+    """A whole number from low to high."""
+
+    def __init__(
+        self, name: str, what: str, low: int, high: int, default: int | None = None, *,
+        needed: bool = False, reload: bool = False,
+    ) -> None:  # fmt: skip
+        super().__init__(name, what, default, needed=needed, reload=reload)
+        self.low, self.high, self.takes = low, high, f"{low} … {high}"
+
+    def read(self, section: Section) -> int | None:
+        """The number."""
+        value = section.take(self.name, int) if self.needed else section.maybe(self.name, int)
+        if value is None:
+            return self.default
+        return (
+            value
+            if self.low <= value <= self.high
+            else self.refuse(section, f"takes {self.low} … {self.high}, not {value}")
+        )
+
+
+class Sign(KeyOf[int]):
+    """1 or -1."""
+
+    takes = "1, -1"
+
+    def read(self, section: Section) -> int:
+        """The sign."""
+        value = section.get(self.name, int, 1)
+        return value if value in (1, -1) else self.refuse(section, f"takes 1 or -1, not {value}") or 1
+
+
+class Flag(KeyOf[bool]):
+    """True or false."""
+
+    takes = "true, false"
+
+    def read(self, section: Section) -> bool:
+        """The value."""
+        return section.get(self.name, bool, bool(self.default))
+
+
+class Interval(KeyOf[tuple[float, float]]):
+    """Two numbers, the lower one first."""
+
+    takes = "[low, high]"
+
+    def read(self, section: Section) -> tuple[float, float] | None:
+        """The two."""
+        value = section.raw(self.name)
+        if value is None:
+            return None
+        if isinstance(value, list) and len(value) == 2 and all(_finite(x) for x in value) and value[0] < value[1]:
+            return float(value[0]), float(value[1])
+        return self.refuse(section, f"takes two numbers, the lower one first, not {shown(value)}")
+
+
+class NumberList(KeyOf[tuple[float, ...]]):
+    """Finite numbers, one for each of several things."""
+
+    takes = "list of numbers"
+
+    def read(self, section: Section) -> tuple[float, ...] | None:
+        """The numbers. Raises InputError where they are needed and missing."""
+        if self.needed and self.name not in section:
+            raise section.absent(self.name, f"it takes a {self.takes}", [TO_FILL_IN])
+        value = section.raw(self.name)
+        if value is None:
+            return None
+        if isinstance(value, list) and all(_finite(x) for x in value):
+            return tuple(float(x) for x in value)
+        section.mistake(section.error(f"takes a {self.takes}, not {shown(value)}", self.name))
+        return None
+
+
+class RawValue(KeyOf[int | str]):
+    """A raw value: a whole number, or a word of the signal's value table."""
+
+    takes = "raw value or word"
+
+    def read(self, section: Section) -> int | str | None:
+        """The value."""
+        value = section.raw(self.name)
+        if value is None or type(value) in (int, str):
+            return value  # type: ignore[no-any-return]  # one of these by the line above
+        return self.refuse(section, f"takes a whole number or a word, not {shown(value)}")
+
+
+class RawValues(KeyOf[tuple[int | str, ...]]):
+    """Several of them."""
+
+    takes = "list of raw values or words"
+
+    def read(self, section: Section) -> tuple[int | str, ...] | None:
+        """The values."""
+        value = section.raw(self.name)
+        if value is None:
+            return None
+        if isinstance(value, list) and value and all(type(x) in (int, str) for x in value):
+            return tuple(value)
+        return self.refuse(section, f"takes a list of raw values or words, not {shown(value)}", "write [1]")
+
+
+class Sub(KeyOf[str]):
+    """A table of its own, or text that stands for the one key `short` of it; several: or a list of them.
+
+    tables: its declaration, in declared.INPUTS or vocabulary.MESSAGES.
+    """
+
+    def __init__(
+        self, name: str, what: str, tables: str, short: str, *,
+        several: bool = False, needed: bool = False, default: str | None = None,
+    ) -> None:  # fmt: skip
+        super().__init__(name, what, default, needed=needed)
+        self.tables, self.short, self.several = tables, short, several
+        self.takes = "text, table or list of them" if several else "text or table"
+
+
+def names(keys: Iterable[Key]) -> tuple[str, ...]:
+    """The names of some keys."""
+    return tuple(k.name for k in keys)
+
+
+def _finite(x: Any) -> bool:
+    return type(x) in (int, float) and math.isfinite(x)

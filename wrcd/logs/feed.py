@@ -1,0 +1,231 @@
+"""What of a log goes through a core, what comes of it, and which part of that is written."""
+
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from wrcd.bus.codec import message_key
+from wrcd.bus.dbc import find_message
+from wrcd.bus.frame import Frame
+from wrcd.bus.units import Quantity
+from wrcd.core.configuration import Config
+from wrcd.core.core import FORWARD_STEP_US, Core, Decoded
+from wrcd.core.messages import Outgoing
+from wrcd.errors import InputError
+from wrcd.logs.columns import MIN_ROWS, Columns, Item, Stretch
+from wrcd.logs.decoder import sent_messages
+from wrcd.logs.reader import LogReader
+from wrcd.logs.time_order import frames_of
+from wrcd.recorder.resume import Saved, replay_events
+
+# A log has no clock to tell a silence from a step of time by. A gap of up to so long between its lines, whoever's they
+# are, is a silence, and its slots are made; a longer one is a step. What comes after it is the same either way.
+MAX_SILENCE_US = 60_000_000
+MAX_GAP_US = 500_000  # between frames of a stretch that is read by columns: far from any silence
+
+
+def outgoing_of_log(
+    core: Core, log: LogReader, saved: Saved | None, part: Callable[[Iterator[Item]], Iterator[Item]] = iter
+) -> Iterator[tuple[Outgoing, str]]:
+    """What the core makes of a log, and the channel: of all of a recorder's, whose state saved is, else of a part."""
+    with log:
+        if saved is not None:
+            yield from outgoing(core, log.clock.items(log.frames()), saved)
+        else:
+            yield from outgoing_of_stretches(core, log.clock.items(part(log.in_order())))
+
+
+def outgoing(core: Core, frames: Iterable[tuple[Frame, str]], saved: Saved | None) -> Iterator[tuple[Outgoing, str]]:
+    """What the core makes of a log's frames, and the channel. What the loop did between them is done again; where the
+    log does not come from a recorder and nothing tells of it, its lines are the clock."""
+    events = deque(saved.events if saved is not None else ())
+    lines, channel = 0, ""
+    for lines, (frame, channel) in enumerate(frames):
+        before = replay_events(core, events, lines) if saved is not None else silence(core, frame.stamp_us)
+        for o in (*before, *core.feed(frame)):
+            yield o, channel
+    for o in replay_events(core, events, lines + 1):
+        yield o, channel
+
+
+def outgoing_of_stretches(core: Core, items: Iterable[Item]) -> Iterator[tuple[Outgoing, str]]:
+    """The same of a log that does not come from a recorder, by columns where it is regular."""
+    columns = Columns(core.receiver, core.check_all)
+    for item in items:
+        if isinstance(item, tuple):
+            yield from outgoing(core, (item,), None)
+        elif not _goes_on(core, item):
+            yield from outgoing(core, ((frame, item.channel) for frame in item.frames()), None)
+        else:
+            core.hold()
+            for place, stamp_us, reader, samples, checked in columns.read(item):
+                whole = Decoded(stamp_us, reader, samples, checked) if samples is not None else item.frame(place)
+                for o in core.feed(whole):
+                    yield o, item.channel
+            for o in core.release():
+                yield o, item.channel
+
+
+def _goes_on(core: Core, s: Stretch) -> bool:
+    """Whether a stretch is worth it, and no frame of it is a step of time or the end of a silence, for mapped frames
+    and others alike."""
+    if len(s) < MIN_ROWS:  # as between frames that are not plain
+        return False
+    mapped = np.flatnonzero(np.isin(s.keys, core.receiver.keys))
+    if not len(mapped) or not core.goes_on_from(int(s.stamps_us[mapped[0]])):
+        return False
+    gaps = np.diff(s.stamps_us[mapped], append=s.stamps_us[-1])
+    return bool((gaps >= 0).all() and (gaps < MAX_GAP_US).all() and (np.diff(s.stamps_us) >= 0).all())
+
+
+def silence(core: Core, stamp_us: int) -> list[Outgoing]:
+    """Take a core through the silence before a stamp, if it is one, as a clock does: by a second at once at most."""
+    out: list[Outgoing] = []
+    if core.time_us is not None and stamp_us - core.time_us <= MAX_SILENCE_US:
+        while stamp_us - core.time_us > FORWARD_STEP_US:
+            out += core.advance(core.time_us + FORWARD_STEP_US)
+    return out
+
+
+VEHICLE = (Quantity.SPEED, Quantity.DIRECTION)
+FAR_US = 365 * 86_400_000_000  # so long before a log, a time that is asked for is not since 1970
+AFTER_US = 1_000_000  # of a log, read behind --to: until then what belongs before it has been made
+
+
+@dataclass(frozen=True, slots=True)
+class Selection:
+    """begin_s and end_s are seconds since 1970, or of the log if relative; axles are numbers, none: all."""
+
+    begin_s: float | None = None
+    end_s: float | None = None
+    relative: bool = False
+    axles: tuple[int, ...] = ()
+    channel: str | None = None
+
+    def check(self, config: Config) -> None:
+        """Raises InputError for what cannot be selected."""
+        if self.begin_s is not None and self.end_s is not None and self.begin_s >= self.end_s:
+            raise InputError(f"{self.end_s:.6f} is not behind --from {self.begin_s:.6f}", key="--to")
+        known = [a.number for a in config.axles]
+        for number in self.axles:
+            if number not in known:
+                raise InputError(
+                    f"the configuration has no axle {number}", key="--axle", hint=f"it has {', '.join(map(str, known))}"
+                )
+
+
+WHOLE = Selection()
+
+
+@dataclass(frozen=True, slots=True)
+class Survey:
+    """What a look into a log tells before it is replayed: its first stamp, and the axles without a frame in it."""
+
+    first_us: int = 0
+    without_frame: frozenset[int] = frozenset()
+
+
+def survey(log: Path, config: Config, channel: str | None) -> Survey:
+    """Look into a log as far as needed: until every axle had a frame. Raises InputError as its replay would."""
+    keys: dict[int, set[int]] = {}  # axles by mapped message
+    for i in config.inputs:
+        if i.source.quantity not in VEHICLE:
+            key = message_key(find_message(config.database, i.source.message))
+            keys.setdefault(key, set()).update(config.axles[place].number for place in i.source.axles)
+    unseen = {a.number for a in config.axles}
+    first_us = None
+    for item in LogReader(log, channel).written():
+        if isinstance(item, Stretch):
+            stamp_us, found = int(item.stamps_us[0]), set(np.unique(item.keys).tolist())
+        else:
+            stamp_us, found = item[0].stamp_us, set() if item[0].error else {item[0].key}
+        first_us = stamp_us if first_us is None else first_us
+        for key in found & keys.keys():
+            unseen -= keys[key]
+        if not unseen:
+            break
+    return Survey(first_us or 0, frozenset(unseen))
+
+
+def _span_us(log: Path, channel: str | None) -> tuple[int, int]:
+    """The first and the last time of a log."""
+    begin_us = end_us = None
+    for item in LogReader(log, channel).written():
+        stamps = item.stamps_us if isinstance(item, Stretch) else np.array([item[0].stamp_us])
+        first_us, last_us = int(stamps.min()), int(stamps.max())
+        begin_us = first_us if begin_us is None else min(begin_us, first_us)
+        end_us = last_us if end_us is None else max(end_us, last_us)
+    return begin_us or 0, end_us or 0
+
+
+def check_time(log: Path, selection: Selection, part: "Part") -> None:
+    """Raises InputError, with the log's own begin and end, if all of it lies outside of the time asked for. A pipe
+    cannot be read again, and is not checked."""
+    if (part.begin_us is None and part.end_us is None) or not log.is_file():
+        return
+    begin_us, end_us = _span_us(log, selection.channel)
+    behind = part.begin_us is not None and part.begin_us > end_us
+    if not behind and (part.end_us is None or part.end_us > begin_us):
+        return
+    key, asked_s = ("--from", selection.begin_s) if behind else ("--to", selection.end_s)
+    own = " to ".join(f"{(us - part.origin_us) * 1e-6:.6f}" for us in (begin_us, end_us))
+    hint = ""
+    if not selection.relative:
+        hint = "seconds since 1970; with --relative they count from its first frame"
+    raise InputError(
+        f"{asked_s:.6f} s lies {'behind' if behind else 'before'} the whole log, which goes from {own} s",
+        file=log, key=key, hint=hint,
+    )  # fmt: skip
+
+
+def check_since(log: Path, selection: Selection, first_us: int) -> None:
+    """Raises InputError for a --from that is surely meant from the log's first frame on, and not since 1970."""
+    asked_s = selection.begin_s
+    if selection.relative or not asked_s or first_us - asked_s * 1e6 < FAR_US:
+        return
+    raise InputError(
+        f"{asked_s:.6f} is seconds since 1970, and lies far before the log, which begins at {first_us * 1e-6:.6f}",
+        file=log, key="--from", hint="with --relative it counts from the log's first frame",
+    )  # fmt: skip
+
+
+class Part:
+    """Which outgoing frames and rows are written."""
+
+    def __init__(self, selection: Selection, found: Survey, config: Config) -> None:
+        self.origin_us = found.first_us if selection.relative else 0
+        self.begin_us = _us(selection.begin_s, self.origin_us)
+        self.end_us = _us(selection.end_s, self.origin_us)
+        self.axles = frozenset(selection.axles) or frozenset(a.number for a in config.axles) - found.without_frame
+        self._left_out = {
+            message_key(find_message(config.database, output.message))
+            for _, number, output in sent_messages(config)
+            if selection.axles and number not in (0, *selection.axles)
+        }
+
+    def wants(self, o: Outgoing) -> bool:
+        """Whether a frame lies within the time, and is not another axle's."""
+        return self.wants_at(o.frame.stamp_us) and o.frame.key not in self._left_out
+
+    def wants_at(self, stamp_us: int) -> bool:
+        """Whether a stamp lies within the time."""
+        return (self.begin_us is None or stamp_us >= self.begin_us) and (self.end_us is None or stamp_us < self.end_us)
+
+    def read(self, items: Iterable[Item]) -> Iterator[Item]:
+        """A log's frames, as far as they are needed."""
+        end_us = None if self.end_us is None else self.end_us + AFTER_US
+        for item in items:
+            if end_us is None:
+                yield item
+                continue
+            for one in frames_of(item) if isinstance(item, Stretch) and item.stamps_us.max() >= end_us else (item,):
+                if not isinstance(one, Stretch) and one[0].stamp_us >= end_us:
+                    return
+                yield one
+
+
+def _us(seconds: float | None, origin_us: int) -> int | None:
+    return None if seconds is None else round(seconds * 1e6) + origin_us

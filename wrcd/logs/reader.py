@@ -1,0 +1,287 @@
+"""Reads a log of any format: its frames in the order of time, and what is odd about it."""
+
+import contextlib
+import gzip
+import io
+import re
+import zlib
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import IO, Any, Self, TypeVar, cast
+
+from wrcd.bus.candump import parse_line
+from wrcd.bus.frame import Frame
+from wrcd.errors import InputError
+from wrcd.logs.columns import Item, Stretch, parse_lines, stretches
+from wrcd.logs.damage import Damage
+from wrcd.logs.time_order import Onward, TimeOrder, on_channel
+from wrcd.progress import Progress
+
+SomeItem = TypeVar("SomeItem", Stretch | tuple[Frame, str], tuple[Frame, str])
+CHUNK_BYTES, READ_BYTES = 1 << 18, 1 << 13  # of a log, taken at once, and asked of the file at once
+CANDUMP_SUFFIXES = {".log"}
+# "  vcan0  123   [8]  11 22 33": with -t a stamp before it, with -c colours between
+_SCREEN = re.compile(rb"[^#]*?\s[0-9A-Fa-f]{3,8}\b[^#]*?\[\d{1,2}\]")
+STANDARD_INPUT = Path("standard input")  # in messages
+_DROPPED = re.compile(rb"DROPCOUNT: dropped (\d{1,9}) CAN frames? on .*")
+_HEAD_BYTES = 1024
+_GZIP = b"\x1f\x8b"
+# what a format's files begin with, and their suffix
+_KINDS = (
+    (re.compile(rb"LOGG"), ".blf", "a BLF, Vector's binary log"),
+    (re.compile(rb"MDF     |UnFinMF "), ".mf4", "an ASAM MDF"),
+    (re.compile(rb"SQLite format 3\0"), ".db", "an SQLite database"),
+    (re.compile(rb"\s*;\$FILEVERSION", re.IGNORECASE), ".trc", "a TRC, PEAK's text log"),
+    (
+        re.compile(rb"(?:\s*//[^\n]*\n)*\s*(?:date\s+\w+\s|base\s+(?:hex|dec)\b)", re.IGNORECASE),
+        ".asc",
+        "an ASC, Vector's text log",
+    ),
+    (re.compile(rb"\s*\(\d{1,11}\.\d{6}(?:\d{3})?\)\s+\S+\s+[0-9A-Fa-f]{3,8}#"), ".log", "a candump log"),
+)
+
+
+class LogReader:
+    """Reads the frames of one channel of a log; where none is named, it has to be the only one.
+
+    A context manager: when its block has ended, damage, warnings and the clock's steps are those of what was read.
+    Reading raises InputError for a log that is not there, that holds no frame, or several channels where none is named.
+    """
+
+    def __init__(self, path: Path, channel: str | None = None, *, shows: bool = False) -> None:
+        """shows: on a terminal a line tells how far the log has come."""
+        self.path, self.damage, self.clock = path, Damage(), Onward()
+        self._channel, self._order = channel, TimeOrder(path)
+        self._progress = Progress() if shows else None
+        self._first_us: int | None = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._progress is not None:
+            self._progress.end()
+
+    def frames(self) -> Iterator[tuple[Frame, str]]:
+        """Frame by frame, as written."""
+        return self._shown(on_channel(read_log(self.path, self.damage), self._channel, self.path))
+
+    def written(self) -> Iterator[Item]:
+        """Many frames at once where the log is regular, as written."""
+        return self._shown(on_channel(read_stretches(self.path, self.damage), self._channel, self.path))
+
+    def in_order(self) -> Iterator[Item]:
+        """The same in the order of time: a log that is out of order by up to a second is sorted."""
+        return self._order.put(self.written())
+
+    @property
+    def whole(self) -> bool:
+        """Whether all of the log could be read."""
+        return self.damage.whole
+
+    @property
+    def warnings(self) -> list[str]:
+        """Sentences on what is damaged or out of order; empty for a sound log."""
+        return [*self.damage.warnings(self.path), *self._order.warnings()]
+
+    def _shown(self, items: Iterator[SomeItem]) -> Iterator[SomeItem]:
+        if self._progress is None:
+            yield from items
+            return
+        for number, item in enumerate(items):
+            if isinstance(item, Stretch) or number % 1000 == 0:
+                stamp_us = int(item.stamps_us[-1]) if isinstance(item, Stretch) else item[0].stamp_us
+                self._first_us = stamp_us if self._first_us is None else self._first_us
+                self._progress.at(f"{self.path.name}: {(stamp_us - self._first_us) * 1e-6:.0f} s of log")
+            yield item
+
+
+def log_suffix(path: Path) -> str:
+    """What tells a log's format: its last suffix, without .gz."""
+    return Path(path.name.removesuffix(".gz")).suffix.lower()
+
+
+def check_log(path: Path) -> None:
+    """Raises InputError for a folder, and for a file that is surely of another format than its suffix tells.
+
+    A file that cannot be read, or that looks like nothing known, is left to its reader. A pipe is not looked into.
+    """
+    if path.is_dir():
+        raise InputError("is a folder, not a log", file=path, hint="name a file in it")
+    if not path.is_file():
+        return
+    head, zipped = _head(path)
+    named_zipped = path.suffix == ".gz"
+    found = next(((suffix, name) for pattern, suffix, name in _KINDS if pattern.match(head)), None)
+    if found is not None and (found[0] != log_suffix(path) or zipped != named_zipped):
+        suffix, looks_like = found
+    elif zipped and not named_zipped:
+        suffix, looks_like = log_suffix(path), "a file"
+    else:
+        return
+    told = "".join(Path(path.name).suffixes[-2:] if named_zipped else path.suffix) or "its name"
+    raise InputError(
+        f"looks like {looks_like}{' packed by gzip' * zipped}, {told} says otherwise",
+        file=path,
+        hint=f"the suffix tells the format: rename it to end in {suffix}{'.gz' * zipped}",
+    )
+
+
+def _head(path: Path) -> tuple[bytes, bool]:
+    """The first bytes of a file, unpacked, and whether it is packed by gzip."""
+    zipped = False
+    try:
+        with path.open("rb") as file:
+            head = file.read(_HEAD_BYTES)
+            zipped = head.startswith(_GZIP)
+            if zipped:
+                file.seek(0)
+                with gzip.GzipFile(fileobj=file) as unpacked:
+                    head = unpacked.read(_HEAD_BYTES)
+    except (OSError, EOFError, zlib.error):
+        head = b""
+    return head, zipped
+
+
+def read_log(path: Path, damage: Damage) -> Iterator[tuple[Frame, str]]:
+    """Frames and channels of a log, oldest first as written. Raises InputError if there is no such log, or not one
+    frame in it; damage is filled in on the way."""
+    with _errors(path, damage):
+        if log_suffix(path) in CANDUMP_SUFFIXES:
+            yield from _read_candump(path, damage)
+        else:
+            yield from _read_other(path, damage)
+
+
+def read_lines(lines: Iterable[bytes], damage: Damage) -> Iterator[tuple[Frame, str]]:
+    """Frames and channels of the lines of a candump log as they come, each before the next is asked for.
+
+    Raises InputError for what candump shows on a screen, which has no stamps that could be relied on, and if there is
+    not one frame; damage is filled in on the way.
+    """
+    for number, line in enumerate(lines, 1):
+        found = _read_line(line, number, damage)
+        if found is not None:
+            yield found
+        elif not damage.read and _SCREEN.match(line[:200]):
+            raise InputError("is what candump shows on a screen", file=STANDARD_INPUT, line=number, hint="candump -L")
+    if not damage.read:
+        raise InputError("has not one readable frame", file=STANDARD_INPUT, hint="candump -L vcan0 | wrcd dump -")
+
+
+@contextlib.contextmanager
+def _errors(path: Path, damage: Damage) -> Iterator[None]:
+    """What goes wrong with a log's file: an InputError, or damage where some of it was read."""
+    check_log(path)
+    try:
+        yield
+    except (OSError, EOFError, zlib.error) as e:
+        if isinstance(e, FileNotFoundError):
+            raise InputError("no such log", file=path, hint="check the path") from None
+        if not damage.read:
+            raise InputError(f"cannot be read: {e}", file=path) from None
+        damage.stopped = f"damaged there ({e})"
+    if not damage.read:
+        raise InputError("has not one readable frame", file=path, hint="a candump log (candump -l or -L) ends in .log")
+
+
+def _open(path: Path) -> IO[bytes]:
+    return cast(IO[bytes], gzip.open(path, "rb")) if path.suffix == ".gz" else path.open("rb")
+
+
+def _read_candump(path: Path, damage: Damage) -> Iterator[tuple[Frame, str]]:
+    with _open(path) as f:
+        for number, line in enumerate(f, 1):
+            found = _read_line(line, number, damage)
+            if found is not None:
+                yield found
+
+
+def _read_line(line: bytes, number: int, damage: Damage) -> tuple[Frame, str] | None:
+    """A line of a candump log; what is no frame is noted."""
+    if not line.endswith(b"\n"):
+        # a killed candump leaves half a line, and half a line may look like a shorter frame
+        damage.cut_line = number
+        return None
+    found = parse_line(line.strip()) if len(line) < 400 else None
+    if found is not None:
+        damage.read += 1
+    elif dropped := _DROPPED.fullmatch(line.strip()):
+        damage.lost += int(dropped[1])
+    elif line.strip():
+        damage.note(number)
+    return found
+
+
+def read_stretches(path: Path, damage: Damage) -> Iterator[Item]:
+    """The same log: where its lines or frames are regular, many at once; else frame by frame."""
+    if log_suffix(path) not in CANDUMP_SUFFIXES:
+        yield from stretches(read_log(path, damage))
+        return
+    with _errors(path, damage):
+        yield from _read_candump_stretches(path, damage)
+
+
+def _whole_lines(file: Any) -> Iterator[bytes]:
+    """A file by chunks of whole lines; the last may lack its end. What has been read when the file turns out to be
+    damaged comes before the error."""
+    rest = b""
+    while True:
+        parts, wanted, failed = [rest], CHUNK_BYTES, None
+        try:
+            # never more at once than the file's own buffer: an error loses what its call has read
+            while wanted > 0 and (part := file.read1(READ_BYTES)):
+                parts.append(part)
+                wanted -= len(part)
+        except (OSError, EOFError, zlib.error) as e:
+            failed = e
+        text = b"".join(parts)
+        end = text.rfind(b"\n") + 1
+        if end:
+            yield text[:end]
+        rest = text[end:]
+        if failed is not None:
+            raise failed
+        if wanted > 0:  # the end of the file
+            if rest:
+                yield rest
+            return
+
+
+def _read_candump_stretches(path: Path, damage: Damage) -> Iterator[Item]:
+    number = 0  # of the newest line
+    with _open(path) as f:
+        for text in _whole_lines(f):
+            parsed = parse_lines(text) if text.endswith(b"\n") else None
+            if parsed is None:
+                for line in io.BytesIO(text):
+                    number += 1
+                    if (found := _read_line(line, number, damage)) is not None:
+                        yield found
+                continue
+            whole, regular, starts, ends = parsed
+            for first, end in whole.runs(regular):
+                if regular[first]:
+                    damage.read += end - first
+                    yield whole.part(first, end)
+                    continue
+                for k in range(first, end):
+                    found = _read_line(text[starts[k] : ends[k] + 1], number + k + 1, damage)
+                    if found is not None:
+                        yield found
+            number += len(regular)
+
+
+def _read_other(path: Path, damage: Damage) -> Iterator[tuple[Frame, str]]:
+    from wrcd.logs import formats
+
+    suffix = log_suffix(path)
+    takes_a_path = suffix == ".db" or (suffix not in formats.FROM_FILE and path.suffix != ".gz")
+    if takes_a_path and not path.exists():
+        raise FileNotFoundError(path)
+    if takes_a_path:
+        yield from formats.read_binary(None, suffix, path, damage)
+        return
+    with _open(path) as file:
+        read = formats.read_text if suffix in formats.TEXT else formats.read_binary
+        yield from read(file, suffix, path, damage)

@@ -1,0 +1,186 @@
+"""`wrcd replay`: a log, or several, through the very core that runs live. The same log gives the same bytes."""
+
+import contextlib
+import io
+import sys
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from multiprocessing import get_context
+from pathlib import Path
+
+from wrcd.config.config import load_config
+from wrcd.core.core import Core
+from wrcd.core.counts import Counts
+from wrcd.core.messages import Outgoing
+from wrcd.errors import InputError, Status
+from wrcd.logs.exports import gathering_for
+from wrcd.logs.feed import WHOLE, Part, Selection, Survey, check_since, check_time, outgoing_of_log, survey
+from wrcd.logs.reader import LogReader, check_log
+from wrcd.logs.replay_outputs import SCREEN, Outputs, Writing, check_outputs
+from wrcd.recorder.resume import Saved, load, state_file
+
+
+def replay(
+    log: Path, config_file: Path | None, outputs: Outputs, *, explained: bool = False, selection: Selection = WHOLE
+) -> int:
+    """Run a log and write what was asked for; a summary goes to standard error. explained: the CSV's rows say which
+    model and which rule decided.
+
+    Returns the exit status: STOPPED for a log that could not be read to its end, NOT_THERE where no frame is an input.
+    Outputs of a log that turns out not to be readable at all are removed again.
+    """
+    check_log(log)
+    check_outputs([outputs], [log], config_file)
+    if outputs.events == SCREEN and explained and outputs.rows is None:
+        raise InputError("and the rows of --explain are both for the screen", key="--events", hint="name a file")
+    config = load_config(config_file)
+    selection.check(config)
+    gathered = gathering_for({"mf4": outputs.mf4, "mcap": outputs.mcap}, config)
+    core = Core(config, observer=gathered)
+    saved = resume(core, log)
+    # a pipe cannot be read twice; a state may tell of an axle whose frames lie before the log
+    looked = survey(log, config, selection.channel) if log.is_file() or not log.exists() else Survey()
+    found = looked if saved is None else replace(looked, without_frame=frozenset())
+    part = Part(selection, found, config)
+    if part.end_us is not None and part.end_us <= found.first_us:
+        check_time(log, selection, part)
+    check_since(log, selection, found.first_us)
+    run = ReplayRun(log, core, saved, selection.channel)
+    try:
+        if gathered is not None:
+            gathered.begin(core, part, log, found.first_us)
+        with Writing(outputs, core, config, explained, part, gathered) as writing:
+            writing.write(run.made(part))
+        if not writing.sent:
+            check_time(log, selection, part)
+    except InputError:
+        outputs.remove()
+        raise
+    run.tell(found, writing.sent)
+    return run.status
+
+
+def resume(core: Core, log: Path) -> Saved | None:
+    """Put the state that lies beside a recorder's log into a core, and say so. Raises InputError if it does not fit."""
+    path = state_file(log)
+    if not path.exists() or not log.exists():
+        return None
+    saved = load(path, core)
+    print(f"wrcd: goes on from {path.name}", file=sys.stderr)
+    return saved
+
+
+class ReplayRun:
+    """One log through a core, and what is said of it at the end. saved: the state that the core goes on from."""
+
+    def __init__(self, log: Path, core: Core, saved: Saved | None, channel: str | None) -> None:
+        self._log, self._core, self._saved = log, core, saved
+        self._before = Counts(core.counts.accepted, core.counts.rejected.copy(), ticks=core.counts.ticks)
+        self._reader = LogReader(log, channel, shows=True)
+
+    def made(self, part: Part) -> Iterator[tuple[Outgoing, str]]:
+        """What the core makes of the log, as far as it is needed for a part, and the channel."""
+        return outgoing_of_log(self._core, self._reader, self._saved, part.read)
+
+    @property
+    def accepted(self) -> int:
+        """Frames of the log that the core took."""
+        return self._core.counts.accepted - self._before.accepted
+
+    @property
+    def status(self) -> Status:
+        """The exit status of a log that was read."""
+        if not self.accepted:
+            return Status.NOT_THERE
+        return Status.DONE if self._reader.whole else Status.STOPPED
+
+    def tell(self, found: Survey, sent: int) -> None:
+        """Say on standard error what is odd in the log, and what it came to."""
+        for warning in self._warnings(found):
+            print(f"wrcd: warning: {warning}", file=sys.stderr)
+        read, counts = self._reader.damage.read, self._core.counts
+        if not self.accepted:
+            print(
+                f"wrcd: error: {self._log}: none of its {read} frames is a usable input of this configuration",
+                file=sys.stderr,
+            )
+        rejected = Counts(rejected=counts.rejected - self._before.rejected)
+        print(
+            f"wrcd: {read} frames read, {self.accepted} accepted, rejected: {rejected.rejections}; "
+            f"{counts.ticks - self._before.ticks} ticks, {sent} frames made",
+            file=sys.stderr,
+        )
+
+    def _warnings(self, found: Survey) -> Iterator[str]:
+        yield from self._reader.warnings
+        if self._saved is not None and self._reader.damage.read != self._saved.lines:
+            yield (
+                f"{self._log}: has {self._reader.damage.read} frames, {self._saved.lines} when it was recorded: from "
+                "where they differ on, so may what is made of them"
+            )
+        if self.accepted and found.without_frame:
+            axles = ", ".join(map(str, sorted(found.without_frame)))
+            yield f"{self._log}: has no frame of axle {axles}; no rows of it"
+
+
+SUFFIXES = {".log", ".gz", ".blf", ".asc", ".trc", ".mf4", ".csv", ".db"}
+
+
+def replays(
+    logs: Sequence[Path], config: Path | None, folders: Outputs, *, explained: bool, jobs: int,
+    selection: Selection = WHOLE,
+) -> int:  # fmt: skip
+    """Replay logs into folders: NAME.log, NAME.csv, NAME.events.csv, NAME.mf4, NAME.mcap. What is said of each log is
+    printed in their order.
+
+    Returns the largest exit status. Raises InputError before the first log where the outputs cannot be.
+    """
+    if jobs < 1:
+        raise InputError(f"takes 1 or more, not {jobs}", key="--jobs")
+    if not folders.files:
+        raise InputError(
+            "are several logs",
+            key="LOG",
+            hint="name a folder for what comes of them: --csv DIR, --events DIR, --mf4 DIR, --mcap DIR or -o DIR",
+        )
+    if explained and folders.rows is None:
+        raise InputError("needs a folder for the rows of several logs", key="--explain", hint="name it: --csv DIR")
+    names = [_name(log) for log in logs]
+    if twice := sorted({n for n in names if names.count(n) > 1}):
+        raise InputError(f"two logs are called {twice[0]}", key="LOG", hint="rename one, or replay it alone")
+    outputs = [folders.within(name) for name in names]
+    check_outputs(outputs, logs, config)
+    for key, folder in folders.files:
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as e:
+            raise InputError(f"is no folder: {e.strerror}", file=folder, key=key) from None
+    status = 0
+    with ProcessPoolExecutor(min(jobs, len(logs)), mp_context=get_context("spawn")) as pool:
+        runs = [pool.submit(_one, log, config, to, explained, selection) for log, to in zip(logs, outputs, strict=True)]
+        for log, run in zip(logs, runs, strict=True):
+            ended, said = run.result()
+            print(f"{log}:\n{said.rstrip()}", file=sys.stderr)
+            status = max(status, ended)
+    return status
+
+
+def _one(log: Path, config: Path | None, to: Outputs, explained: bool, selection: Selection) -> tuple[int, str]:
+    """One log in a process of its own: its exit status, and what it says."""
+    said = io.StringIO()
+    with contextlib.redirect_stderr(said):
+        try:
+            status = replay(log, config, to, explained=explained, selection=selection)
+        except InputError as e:
+            print(f"wrcd: error: {e}", file=said)
+            status = Status.BAD_INPUT
+    return status, said.getvalue()
+
+
+def _name(log: Path) -> str:
+    """A log's name without the suffixes that tell its format."""
+    name = log.name
+    while (suffix := Path(name).suffix) in SUFFIXES:
+        name = name.removesuffix(suffix)
+    return name

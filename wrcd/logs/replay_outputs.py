@@ -1,0 +1,290 @@
+"""The files that commands on a log write: checked before the first byte, removed again if nothing comes of them."""
+
+import contextlib
+import csv
+import importlib
+import math
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Any, Self
+
+from wrcd.bus.candump import format_line
+from wrcd.bus.codec import message_key, position
+from wrcd.bus.dbc import Message, find_message, find_signal
+from wrcd.bus.positions import Position
+from wrcd.bus.signals import Output, OutputSignal
+from wrcd.core.configuration import Config
+from wrcd.core.core import Core
+from wrcd.core.events import COLUMNS as EVENT_COLUMNS
+from wrcd.core.events import csv_line
+from wrcd.core.messages import Outgoing
+from wrcd.errors import InputError, create
+from wrcd.estimator.design import Design
+from wrcd.estimator.records import Estimate
+from wrcd.logs.explanation import sentence
+from wrcd.logs.feed import Part
+from wrcd.logs.story_events import NewChanges
+
+if TYPE_CHECKING:
+    from wrcd.logs.exports import GatherExports
+
+
+OPTIONS = {"-o": ".log", "--csv": ".csv", "--events": ".events.csv", "--mf4": ".mf4", "--mcap": ".mcap"}  # and suffixes
+SCREEN = Path("-")  # stands for standard output
+START_BYTES = 4096  # of a file that is asked whose it is
+
+
+@dataclass(frozen=True, slots=True)
+class Outputs:
+    """Where what comes of a log is written, of several logs the folders; None: nowhere. events may be SCREEN."""
+
+    frames: Path | None = None  # -o
+    rows: Path | None = None  # --csv
+    events: Path | None = None  # --events
+    mf4: Path | None = None  # --mf4
+    mcap: Path | None = None  # --mcap
+
+    @property
+    def files(self) -> list[tuple[str, Path]]:
+        """Options and their files."""
+        named = zip(OPTIONS, (self.frames, self.rows, self.events, self.mf4, self.mcap), strict=True)
+        return [(key, file) for key, file in named if file is not None and not (key == "--events" and file == SCREEN)]
+
+    def within(self, name: str) -> "Outputs":
+        """The files of a log of this name in these folders."""
+        folders = (self.frames, self.rows, self.events, self.mf4, self.mcap)
+        return Outputs(*(f and f / (name + suffix) for f, suffix in zip(folders, OPTIONS.values(), strict=True)))
+
+    def remove(self) -> None:
+        """Take back what was begun."""
+        for _, file in self.files:
+            if file.is_file():
+                file.unlink()
+
+
+def check_outputs(outputs: Sequence[Outputs], logs: Sequence[Path], config_file: Path | None) -> None:
+    """Raises InputError for an output that would overwrite an input, or that is named twice, however it is spelt."""
+    files = [(key, file) for o in outputs for key, file in o.files]
+    for number, (key, file) in enumerate(files):
+        if any(_same(file, log) for log in logs):
+            raise InputError("is the log itself; it would be lost", file=file, hint="give another file")
+        if config_file is not None and _same(file, config_file):
+            raise InputError("is the configuration itself; it would be lost", file=file, hint="give another file")
+        for other_key, other in files[:number]:
+            if _same(file, other):
+                raise InputError(
+                    f"is one file for {other_key} and {key}; one would overwrite the other",
+                    file=file,
+                    hint="give each a file of its own",
+                )
+
+
+def _same(one: Path, other: Path) -> bool:
+    """Whether two paths are one file, there or still to be made. A device or a pipe may take two outputs."""
+    try:
+        if one.exists() and other.exists():
+            return one.is_file() and one.samefile(other)
+        return one.resolve() == other.resolve()
+    except (OSError, RuntimeError):  # a link to itself: making the file will tell
+        return False
+
+
+class Writing:
+    """Outputs as they are written. A context manager: its end closes them."""
+
+    def __init__(
+        self,
+        outputs: Outputs,
+        core: Core,
+        config: Config,
+        explained: bool,
+        part: Part,
+        gathered: "GatherExports | None" = None,
+    ) -> None:
+        self.sent = 0  # frames within the part
+        self._part, self._gathered = part, gathered
+        with contextlib.ExitStack() as files:
+            self._frames = files.enter_context(create(outputs.frames)) if outputs.frames else None
+            self._events: IO[str] | None = None
+            if outputs.events is not None:
+                to_screen = outputs.events == SCREEN
+                self._events = sys.stdout if to_screen else files.enter_context(create(outputs.events))
+                self._events.write(csv_line(EVENT_COLUMNS))
+            self._new_changes = NewChanges(core)
+            self._rows: AdhesionRows | None = None
+            if outputs.rows is not None:
+                self._rows = AdhesionRows(files.enter_context(create(outputs.rows)), config, explained, part)
+            elif explained or not (outputs.files or outputs.events):
+                self._rows = AdhesionRows(sys.stdout, config, explained, part)
+            if gathered is not None:
+                files.callback(gathered.close)
+            self._files = files.pop_all()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._files.close()
+
+    def write(self, made: Iterator[tuple[Outgoing, str]]) -> None:
+        """Write what of the frames made, and of the changes behind them, is wanted."""
+        for o, channel in made:
+            if self._part.wants(o):
+                self.sent += 1
+                if self._frames:
+                    self._frames.write(format_line(o.frame, channel) + "\n")
+                if self._rows:
+                    self._rows.write(o)
+                if self._gathered:
+                    self._gathered.sent(o)
+            self._look()
+        self._look()
+
+    def _look(self) -> None:
+        if self._events:
+            for c in self._new_changes.take():
+                if c.axle in self._part.axles and self._part.wants_at(c.time_us):
+                    self._events.write(replace(c, time_us=c.time_us - self._part.origin_us).csv_line)
+        if self._gathered:
+            self._gathered.look()
+
+
+COLUMNS = (
+    "time_s", "axle", "validity", "mu_available_pct", "mu_used_pct", "contact_state", "surface", "confidence",
+    "sample_age_ms", "cause", "half_width_pp", "low_pct", "high_pct",
+)  # fmt: skip
+REASONS = ("winning_model", "dominant_rule", "rule_share")  # with --explain
+# the signals of the columns behind the axle; the columns after them are the core's, whatever a frame carries
+SIGNALS = ("Validity", "MuAvailable", "MuUsed", "ContactState", "Surface", "Confidence", "SampleAge")
+
+
+class AdhesionRows:
+    """The CSV: what the Adhesion frames say, in the words of the DBC's value tables."""
+
+    def __init__(self, file: IO[str], config: Config, explained: bool, part: Part) -> None:
+        self._writer = csv.writer(file, lineterminator="\n")
+        self._writer.writerow((*COLUMNS, *REASONS) if explained else COLUMNS)
+        self._design, self._explained = config.design, explained
+        self._place = {a.number: place for place, a in enumerate(config.axles)}
+        self._origin_us = part.origin_us
+        self._messages: dict[int, tuple[Cells, int]] = {}  # by Frame.key
+        for a in config.axles:
+            if a.number in part.axles:
+                message = find_message(config.database, a.adhesion.message)
+                self._messages[message_key(message)] = Cells(message, a.adhesion), a.number
+
+    def write(self, o: Outgoing) -> None:
+        """One row for an Adhesion frame, nothing for others."""
+        frame, why = o.frame, o.why
+        found = self._messages.get(frame.key)
+        if found is None:
+            return
+        cells, number = found
+        stamp = _seconds(frame.stamp_us - self._origin_us)
+        place = self._place[number]
+        row = [stamp, number, *cells.of(frame.data), o.cause.words, *_interval(why, place)]
+        if self._explained:
+            row += _reasons(self._design, why, place)
+        self._writer.writerow(row)
+
+
+def _seconds(us: int) -> str:
+    """Microseconds as seconds, exactly."""
+    return f"{'-' * (us < 0)}{abs(us) // 1_000_000}.{abs(us) % 1_000_000:06d}"
+
+
+class Cells:
+    """The text of each signal of a message: what cantools makes of a raw value is looked up from the second time on.
+    Words that the configuration gives are ours again."""
+
+    def __init__(self, message: Message, output: Output) -> None:
+        self._message = message
+        self._known = [s for name in SIGNALS if (s := output.signals.get(name)) is not None]
+        self._positions = [position(find_signal(message, s.name), message.length) for s in self._known]
+        self._texts = [self._words(s, at) for s, at in zip(self._known, self._positions, strict=True)]
+        self._columns = [column for column, name in enumerate(SIGNALS) if name in output.signals]
+
+    @staticmethod
+    def _words(sent: OutputSignal, at: Position) -> dict[int, str]:
+        """What is known beforehand, by raw value as it lies in the frame."""
+        words = {raw & at.mask: word for word, raw in (sent.words or {}).items()}
+        return words if sent.not_available is None else {sent.not_available & at.mask: "", **words}
+
+    def of(self, data: bytes) -> list[str]:
+        """One text for each of SIGNALS, empty for those that the message lacks."""
+        numbers = {"little": int.from_bytes(data, "little"), "big": int.from_bytes(data, "big")}
+        out = [""] * len(SIGNALS)
+        decoded: Any = None
+        for signal, at, texts, column in zip(self._known, self._positions, self._texts, self._columns, strict=True):
+            raw = numbers[at.order] >> at.shift & at.mask
+            text = texts.get(raw)
+            if text is None:
+                decoded = decoded or self._message.decode(data)
+                text = texts[raw] = _cell(decoded.get(signal.name), signal.factor, SIGNALS[column])
+            out[column] = text
+        return out
+
+
+def _cell(value: Any, factor: float, of: str) -> str:
+    if value is None:
+        return ""
+    if hasattr(value, "name"):
+        # a name beside a percentage (65535) says that there is none; a class is its name
+        return "" if of in ("MuAvailable", "MuUsed") else str(value.name)
+    if factor != 1.0:
+        value /= factor
+    return f"{value:.2f}" if isinstance(value, float) else str(value)
+
+
+def _interval(why: Estimate | None, place: int) -> list[str]:
+    """The 90 % interval that was estimated: its half-width in percentage points, its ends in percent."""
+    if why is None or not math.isfinite(why.half_width_pp[place]):
+        return ["", "", ""]
+    mu, half = float(why.mu_available_pct[place]), float(why.half_width_pp[place])
+    return [f"{half:.2f}", f"{max(mu - half, 0.0):.2f}", f"{mu + half:.2f}"]
+
+
+def _reasons(design: Design, why: Estimate | None, place: int) -> list[str]:
+    """The model that fits best against its own range, the rule that weighs most, and its share."""
+    if why is None:
+        return ["", "", ""]
+    winner, rule = int(why.winner[place]), int(why.rule[place])
+    model = f"{winner}: {design.model_names[winner - 1]}" if winner else ""
+    return [model, f"{rule}: {sentence(design, rule - 1)}" if rule else "", f"{why.rule_share[place]:.2f}"]
+
+
+def need(modules: Sequence[str], extra: str, key: str = "") -> None:
+    """Raises InputError where a library of an extra is missing."""
+    for module in modules:
+        try:
+            importlib.import_module(module)
+        except ModuleNotFoundError as e:
+            if (e.name or "").partition(".")[0] != module.partition(".")[0]:
+                raise
+            raise InputError(f"needs the extra {extra}", key=key, hint=f"pip install 'wrcd[{extra}]'") from None
+
+
+def check_output(output: Path, inputs: Sequence[Path | None]) -> None:
+    """Raises InputError for an output that is one of the inputs, or whose folder is not there."""
+    for read in inputs:
+        if read is not None and _same(output, read):
+            raise InputError("is read by this command; it would be lost", file=output, key="-o", hint="give another")
+    if output.is_dir():
+        raise InputError("is a folder", file=output, key="-o", hint="give a file's name")
+    if not output.parent.is_dir():
+        raise InputError("its folder is not there", file=output, key="-o", hint=f"mkdir -p {output.parent}")
+
+
+def check_overwrite(output: Path, mark: str, what: str) -> None:
+    """Raises InputError for a file that is there, and that is not one of ours as its first bytes tell."""
+    try:
+        with output.open("rb") as file:
+            start = file.read(START_BYTES)
+    except FileNotFoundError:
+        return
+    except OSError as e:
+        raise InputError(f"cannot be written: {e.strerror}", file=output, key="-o") from None
+    if start and mark.encode() not in start:
+        raise InputError(f"is there and is no {what}", file=output, key="-o", hint="another name, or --force")

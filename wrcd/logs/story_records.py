@@ -1,0 +1,249 @@
+"""What a log tells, as records of columns, and its numbers and times in words. Times are whole microseconds as in
+the log, and go on over a step of its clock; NaN is: there is none."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wrcd.core.causes import Cause, Validity
+from wrcd.core.configuration import Config
+
+Times = NDArray[np.int64]
+Numbers = NDArray[np.float32]
+Places = NDArray[np.int8]  # of a word in the vocabulary's words (wrcd/core/vocabulary.py); -1: another
+
+
+@dataclass(frozen=True, slots=True)
+class AdhesionRecord:
+    """Adhesion frames of an axle, n of them."""
+
+    time_us: Times
+    validity: Places
+    available_pct: Numbers
+    used_pct: Numbers
+    low_pct: Numbers  # the interval that was estimated, or of sent frames Confidence's; cut at 0; NaN: no bound
+    high_pct: Numbers
+    confidence: Places
+    contact: Places
+    surface: Places
+    age_ms: Numbers
+
+
+@dataclass(frozen=True, slots=True)
+class Detail:
+    """AdhesionDetail frames, m of them."""
+
+    time_us: Times
+    residual_db: Numbers  # (m, 4)
+    winner: Places  # 1 … 4, 0: none
+    rule: NDArray[np.int16]  # from 1, 0: none
+    cause: Places
+    stale: NDArray[np.bool_]  # (m, 4): yaw rate, lateral acceleration, torque, speed
+
+
+@dataclass(frozen=True, slots=True)
+class HealthRecord:
+    """InputHealth frames, h of them."""
+
+    time_us: Times
+    reach: NDArray[np.uint8]  # (h, 4)
+    refused: Places  # (h, 4): place of the reason
+    plausibility: Places
+    outlier: NDArray[np.bool_]
+    unchanged: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class TruthRecord:
+    """What the rig says of an axle."""
+
+    time_us: Times
+    available_pct: Numbers
+    used_pct: Numbers
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """An axle in one state of Validity, for one cause, from begin until before end (the end of the log, perhaps)."""
+
+    axle: int
+    begin_us: int
+    end_us: int
+    validity: Validity
+    cause: Cause
+    detail: str  # an input with its figures, where it is known; else ""
+
+    @property
+    def duration_s(self) -> float:
+        """How long."""
+        return (self.end_us - self.begin_us) / 1e6
+
+
+@dataclass(frozen=True, slots=True)
+class StoryAxle:
+    """One wheelset's log."""
+
+    number: int
+    adhesion: AdhesionRecord
+    detail: Detail | None
+    health: HealthRecord | None
+    truth: TruthRecord | None
+    events: tuple[Event, ...]  # without a gap between them
+
+
+@dataclass(frozen=True, slots=True)
+class Series:
+    """Values by name, each (n,), that came together: WrcdStatus, WrcdRejects, WrcdLink, an input."""
+
+    time_us: Times
+    values: Mapping[str, NDArray[np.float64]]
+    constant: bool = False  # what the configuration says holds from the first to the last
+
+
+@dataclass(frozen=True, slots=True)
+class MessageStatistics:
+    """The frames of one id on the bus."""
+
+    key: int  # Frame.key
+    name: str  # "" if no DBC knows it
+    role: str  # "input", "output", "truth", "other"
+    frames: int
+    mean_hz: float
+    longest_gap_ms: float
+    longest_gap_at_us: int
+    cycle_ms: float  # as the DBC or the configuration says, NaN if neither does
+    wrong_e2e: int  # frames whose CRC does not fit, of outputs and inputs under E2E; -1: not looked at
+
+
+@dataclass(frozen=True, slots=True)
+class BusStatistics:
+    """The bus over the log."""
+
+    messages: tuple[MessageStatistics, ...]
+    time_us: Times  # one a second, when it begins
+    frames_per_s: Numbers
+    load_pct: Numbers  # at bit_rate, with the mean of fewest and most stuff bits
+    bit_rate: int  # assumed or given, bit/s: no log tells it
+    error_frames: Times  # their time stamps
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """A sentence of the verdict. level: "good", "note", "warning" or "bad"."""
+
+    level: str
+    text: str
+    axle: int = 0  # 0: of all
+    begin_us: int | None = None
+    end_us: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ClockStep:
+    """The log's clock was set back: when, in the time that goes on, and by how much."""
+
+    at_us: int
+    back_us: int
+    before_us: int = 0  # how far that time was ahead of the log's stamps before it
+
+
+@dataclass(frozen=True, slots=True)
+class Fall:
+    """MuAvailable fell or rose for good: what a reader asks about first."""
+
+    axle: int
+    begin_us: int
+    end_us: int
+    before_pct: float
+    after_pct: float
+
+    @property
+    def is_down(self) -> bool:
+        """Whether it is a fall."""
+        return self.after_pct < self.before_pct
+
+    @property
+    def verb(self) -> str:
+        """What it did."""
+        return "fell" if self.is_down else "rose"
+
+
+@dataclass(frozen=True, slots=True)
+class Story:
+    """All of a log."""
+
+    log: Path
+    channel: str
+    source: str  # "frames of the log", "estimated here"
+    begin_us: int
+    end_us: int
+    axles: tuple[StoryAxle, ...]
+    speed: Series | None  # "speed_m_s"
+    distance: Series | None  # "distance_m": from the speed, 0 at the beginning
+    torque: Mapping[int, Series]  # by axle: "torque_Nm"
+    status: Series | None
+    rejects: Series | None
+    link: Series | None
+    bus: BusStatistics
+    falls: tuple[Fall, ...]
+    verdict: tuple[Finding, ...]
+    warnings: tuple[str, ...]  # of the log's damage, order, …
+    config: Config
+    versions: Mapping[str, str] = field(default_factory=dict)  # wrcd, design and its checksum, Python, libraries
+    whole: bool = True  # all of the log could be read
+    clock_steps: tuple[ClockStep, ...] = ()
+
+
+def percent(value: float) -> str:
+    """38 or 4.6: two digits are enough."""
+    return f"{value:.0f}" if abs(value) >= 9.95 else f"{value:.1f}"
+
+
+def seconds(value_s: float) -> str:
+    """A duration: 0.02 s, 8.0 s, 95 s."""
+    digits = 2 if abs(value_s) < 0.995 else 1 if abs(value_s) < 99.95 else 0
+    return f"{value_s:.{digits}f} s"
+
+
+def at(story: Story, time_us: int) -> str:
+    """A time since the log's first frame."""
+    return f"{(time_us - story.begin_us) * 1e-6:.1f} s"
+
+
+def causes(events: Iterable[Event]) -> str:
+    """For how long each cause lasted, longest first: "TooLittleData 0.48 s, Harsh 0.04 s"."""
+    lasted: dict[str, float] = {}
+    for e in events:
+        lasted[name(e)] = lasted.get(name(e), 0.0) + e.duration_s
+    ordered = sorted(lasted.items(), key=lambda item: -item[1])
+    more = f", {len(ordered) - 4} more" if len(ordered) > 4 else ""
+    return ", ".join(f"{cause} {seconds(s)}" for cause, s in ordered[:4]) + more
+
+
+def name(e: Event) -> str:
+    """The cause of an event, as the DBC spells it."""
+    return e.cause.label if e.cause else e.detail or "cause not told"
+
+
+def because(e: Event) -> str:
+    """The cause in words, with its figures where they are known."""
+    if not e.cause:
+        return e.detail or "no cause was told"
+    return e.cause.words + (f" ({e.detail})" if e.detail else "")
+
+
+def lasting(events: Iterable[Event], validity: Validity, begin_us: int, end_us: int) -> list[Event]:
+    """What of the events of one Validity lies within a time."""
+    return [
+        Event(e.axle, max(e.begin_us, begin_us), min(e.end_us, end_us), e.validity, e.cause, e.detail)
+        for e in events
+        if e.validity is validity and e.begin_us < end_us and e.end_us > begin_us
+    ]
+
+
+def total_s(events: Iterable[Event]) -> float:
+    """How long they last together."""
+    return sum(e.duration_s for e in events)

@@ -1,0 +1,421 @@
+"""What a bus has carried so far, as columns. No terminal, no clock: frames and the time until which all of them are
+there go in."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wrcd.bus.codec import Receiver, message_key
+from wrcd.bus.dbc import Database, Message, cycle_ms, data_id, find_message
+from wrcd.bus.frame import EXTENDED
+from wrcd.bus.positions import frame_length, is_fd
+from wrcd.bus.reasons import Reason
+from wrcd.bus.signals import Output
+from wrcd.bus.units import Quantity
+from wrcd.core.configuration import AxleConfig, Config
+from wrcd.estimator.design import MODELS
+from wrcd.logs.decoder import INPUTS, MessageDecoder, OwnFrames
+from wrcd.logs.explanation import newest
+from wrcd.logs.mapped_inputs import MappedInputs
+from wrcd.logs.scan import PLAIN_BYTES, Frames, Scan, are_good
+from wrcd.logs.statistics import BIT_RATE, bits
+from wrcd.logs.story_events import STALE_AFTER
+from wrcd.logs.story_records import AdhesionRecord, Detail, HealthRecord, Series, Times, TruthRecord
+from wrcd.logs.truth import truth, truths
+from wrcd.monitor.buffers import ERROR, FD, REMOTE, Batch, ColumnBuffer, Held
+from wrcd.monitor.history import History
+
+REASONS = ("", *(r.value for r in Reason))  # a place in them is what InputHealth's Refused signals carry, too
+HOLD_S = 3600.0  # of columns; frames as they came are kept for MAX_FRAMES
+MAX_FRAMES = 2_000_000  # 70 MB, of a bus with long FD frames 180 MB
+STEP_US = 1_000_000  # a stamp further behind the newest than this is a step of the clock
+SECOND_US = 1_000_000
+BIN_US = 100_000  # the bus is counted by
+DEFAULT_CYCLE_US = 5_000  # of a message for which nobody states one
+TRUTH_CYCLE_US = 20_000
+MAX_REFUSED = 20_000  # of a message, whose times are kept
+MAX_AGE_US = 1_000_000  # a value older than that is not shown
+REPORTED = (Quantity.YAW_RATE, Quantity.LAT_ACCEL, Quantity.TORQUE, Quantity.SPEED)  # by InputHealth, in its order
+# what a person reads: a unit and its factor from SI
+UNITS: Mapping[Quantity, tuple[str, float]] = {
+    Quantity.YAW_RATE: ("rad/s", 1.0), Quantity.LAT_ACCEL: ("m/s²", 1.0), Quantity.TORQUE: ("kN m", 1e-3),
+    Quantity.BRAKE_TORQUE: ("kN m", 1e-3), Quantity.SPEED: ("km/h", 3.6), Quantity.AXLE_LOAD: ("kN", 1e-3),
+    Quantity.WHEEL_RADIUS: ("mm", 1e3), Quantity.DIRECTION: ("", 1.0),
+}  # fmt: skip
+_TIMES, _F, _P, _B = (np.zeros(0, dtype=d) for d in (np.int64, np.float32, np.int8, np.bool_))
+_ADHESION = {**dict.fromkeys(AdhesionRecord.__slots__, _F), "time_us": _TIMES,
+             **dict.fromkeys(("validity", "confidence", "contact", "surface"), _P)}  # fmt: skip
+_DETAIL = {
+    "time_us": _TIMES, "residual_db": np.zeros((0, MODELS), np.float32), "winner": _P, "rule": np.zeros(0, np.int16),
+    "cause": _P, "stale": np.zeros((0, len(INPUTS)), np.bool_),
+}  # fmt: skip
+_HEALTH = {
+    "time_us": _TIMES, "reach": np.zeros((0, len(INPUTS)), np.uint8), "refused": np.zeros((0, len(INPUTS)), np.int8),
+    "plausibility": _P, "outlier": _B, "unchanged": _B,
+}  # fmt: skip
+_TRUTH = {**dict.fromkeys(TruthRecord.__slots__, _F), "time_us": _TIMES}
+
+
+def _rows(hold_us: int, cycle_us: int) -> int:
+    return hold_us // max(cycle_us, 1_000) * 5 // 4 + 100
+
+
+def columns(record: AdhesionRecord | Detail | HealthRecord | TruthRecord | Frames) -> dict[str, NDArray[Any]]:
+    """Return a record's columns by name."""
+    return {name: getattr(record, name) for name in record.__slots__}
+
+
+class WatchedMessage:
+    """A message that is known: its good frames, and when and why others were refused here. identity None: not under
+    E2E."""
+
+    def __init__(self, message: Message, identity: int | None, hold_us: int, cycle_us: int = 0) -> None:
+        self.key, self._data_id = message_key(message), identity
+        self._length, self._flags = frame_length(message), FD if is_fd(message) else 0
+        self._width = max(self._length, PLAIN_BYTES)
+        cycle_us = cycle_us or round(1000 * (cycle_ms(message) or 0)) or DEFAULT_CYCLE_US
+        empty = {"time_us": _TIMES, "lengths": np.zeros(0, np.uint8), "data": np.zeros((0, self._width), np.uint8)}
+        self._good = ColumnBuffer(empty, _rows(hold_us, cycle_us))
+        self._refused = ColumnBuffer({"time_us": _TIMES, "reason": _P}, MAX_REFUSED)
+        self.refusals = 0  # all of them
+
+    def take(self, frames: Frames, flags: NDArray[np.uint8]) -> Frames:
+        """Take frames, and return the good ones."""
+        reasons = np.zeros(len(frames), dtype=np.int8)
+        if self._data_id is not None:
+            reasons[~are_good(frames, self._length, self._data_id)] = REASONS.index(Reason.CRC.value)
+        reasons[frames.lengths != self._length] = REASONS.index(Reason.LENGTH.value)
+        reasons[flags & (REMOTE | FD) != self._flags] = REASONS.index(Reason.KIND.value)
+        bad = reasons > 0
+        if bad.any():
+            self.refusals += int(bad.sum())
+            self._refused.append({"time_us": frames.time_us[bad], "reason": reasons[bad]})
+            frames = frames.only(~bad)
+        data = frames.data[:, : self._width]
+        if data.shape[1] < self._width:
+            data = np.pad(data, ((0, 0), (0, self._width - data.shape[1])))
+        frames = Frames(frames.time_us, frames.lengths, data)
+        self._good.append(columns(frames))
+        return frames
+
+    def within(self, begin_us: int, end_us: int) -> Frames:
+        """Return good frames from a time to another."""
+        return Frames(**self._good.part(slice(*np.searchsorted(self._good["time_us"], (begin_us, end_us + 1)))))
+
+    def rate_hz(self, at_us: int) -> float:
+        """Return good frames a second, of the second before a time."""
+        first, end = np.searchsorted(self._good["time_us"], (at_us - SECOND_US, at_us), side="right")
+        return float(end - first) * 1e6 / SECOND_US
+
+    def age_us(self, at_us: int) -> int | None:
+        """Return how long before a time its newest good frame came; None where there is none."""
+        times = self._good["time_us"]
+        end = int(np.searchsorted(times, at_us, side="right"))
+        return at_us - int(times[end - 1]) if end else None
+
+    def refused_within(self, at_us: int) -> dict[str, int]:
+        """Return how many frames were refused in the second before a time, by reason."""
+        first, end = np.searchsorted(self._refused["time_us"], (at_us - SECOND_US, at_us), side="right")
+        places, counts = np.unique(self._refused["reason"][first:end], return_counts=True)
+        return {REASONS[place]: n for place, n in zip(places.tolist(), counts.tolist(), strict=True)}
+
+
+@dataclass(frozen=True, slots=True)
+class BusNow:
+    """Of the second before a time."""
+
+    frames_per_s: float
+    load_pct: float
+    errors: int  # error frames
+
+
+class BusLoad:
+    """Frames and bits by tenths of a second."""
+
+    def __init__(self, bit_rate: int, hold_us: int) -> None:
+        self.bit_rate = bit_rate
+        self.frames = self.errors = 0  # all of them
+        empty = {"time_us": _TIMES, "frames": np.zeros(0, np.int32), "bits": _F, "errors": np.zeros(0, np.int32)}
+        self._bins = ColumnBuffer(empty, hold_us // BIN_US * 3)  # a tenth that a batch's end cuts has two rows
+
+    def take(self, batch: Batch, times: Times) -> None:
+        """Count frames; times never step back."""
+        error = (batch.flags & ERROR) > 0
+        bins, place = np.unique(times // BIN_US, return_inverse=True)
+        n = len(bins)
+        self.frames += int(len(batch) - error.sum())
+        self.errors += int(error.sum())
+        data_bytes = np.where(batch.flags & REMOTE, 0, batch.length)
+        taken = np.where(error, 0.0, bits(data_bytes, batch.key & EXTENDED > 0, batch.flags & FD > 0))
+        counted = {
+            name: np.bincount(place, weights=w, minlength=n)
+            for name, w in (("frames", ~error), ("bits", taken), ("errors", error))
+        }
+        self._bins.append({"time_us": bins * BIN_US, **counted})
+
+    def at(self, at_us: int) -> BusNow:
+        """Return how it was at a time."""
+        end_us = at_us // BIN_US * BIN_US  # the tenth that is not over does not count
+        rows = slice(*np.searchsorted(self._bins["time_us"], (end_us - SECOND_US, end_us)))
+        frames, whole, errors = (float(self._bins[name][rows].sum()) for name in ("frames", "bits", "errors"))
+        seconds = SECOND_US / 1e6
+        return BusNow(frames / seconds, 100.0 * whole / seconds / self.bit_rate, int(errors))
+
+
+class DaemonMessage:
+    """A message of the daemon's that is no axle's: its values by name."""
+
+    def __init__(self, decoder: MessageDecoder) -> None:
+        self.name, self._limit_us = decoder.name, STALE_AFTER * decoder.cycle_us
+        self._values = ColumnBuffer({"time_us": _TIMES, **dict.fromkeys(decoder.names, np.zeros(0))}, 4000)
+
+    def take(self, series: Series) -> None:
+        """Take frames."""
+        self._values.append({"time_us": series.time_us, **series.values})
+
+    def __len__(self) -> int:
+        return len(self._values)
+
+    def at(self, at_us: int) -> dict[str, float] | None:
+        """Return the values of the newest frame before a time, where it is not too old."""
+        k = newest(self._values["time_us"], at_us, self._limit_us)
+        return None if k is None else {name: float(v[k]) for name, v in self._values.part().items()}
+
+    def until(self, at_us: int) -> Series:
+        """Return all up to a time."""
+        end = int(np.searchsorted(self._values["time_us"], at_us, side="right"))
+        return Series(values=(found := self._values.part(slice(end))), time_us=found.pop("time_us"))
+
+
+class AxleModel:
+    """What frames have told of one wheelset: its columns, at most hold_us of them, and its history."""
+
+    def __init__(self, config: AxleConfig, hold_us: int) -> None:
+        self.number = config.number
+        self.cycle_us = config.adhesion.cycle_us
+        self.has_detail, self.has_health = config.detail is not None, config.inputs is not None
+        detail_us = config.detail.cycle_us if config.detail else hold_us
+        health_us = self.health_cycle_us = config.inputs.cycle_us if config.inputs else hold_us
+        self._adhesion = ColumnBuffer(_ADHESION, _rows(hold_us, self.cycle_us))
+        self._detail = ColumnBuffer(_DETAIL, _rows(hold_us, detail_us))
+        self._health = ColumnBuffer(_HEALTH, _rows(hold_us, health_us))
+        self._truth = ColumnBuffer(_TRUTH, _rows(hold_us, TRUTH_CYCLE_US))
+        self.history = History(self.number, self.cycle_us)
+        self.has_come = False  # an input of its own, or an Adhesion frame that is not NotAvailable
+
+    def take(self, own: OwnFrames, frames: Scan) -> None:
+        """Take what good frames tell of it."""
+        adhesion = own.adhesion(frames, self.number)
+        if adhesion is not None:
+            self.has_come |= bool((adhesion.validity != 0).any())
+        found = (adhesion, own.detail(frames, self.number), own.health(frames, self.number))
+        for buffer, record in zip((self._adhesion, self._detail, self._health), found, strict=True):
+            if record is not None:
+                buffer.append(columns(record))
+
+    def clear(self) -> None:
+        """Forget what the daemon's frames have told."""
+        for buffer in (self._adhesion, self._detail, self._health):
+            buffer.clear()
+
+    def take_truth(self, found: TruthRecord) -> None:
+        """Take what the rig tells."""
+        self._truth.append(columns(found))
+
+    @property
+    def adhesion(self) -> AdhesionRecord:
+        """Columns as they are now; views, to be read before the next frames are taken."""
+        return AdhesionRecord(**self._adhesion.part())
+
+    @property
+    def detail(self) -> Detail | None:
+        """Likewise; None where there is no such frame."""
+        return Detail(**self._detail.part()) if len(self._detail) else None
+
+    @property
+    def health(self) -> HealthRecord | None:
+        """Likewise."""
+        return HealthRecord(**self._health.part()) if len(self._health) else None
+
+    @property
+    def truth(self) -> TruthRecord | None:
+        """Likewise."""
+        return TruthRecord(**self._truth.part()) if len(self._truth) else None
+
+
+@dataclass(frozen=True, slots=True)
+class InputNow:
+    """One input at a time. None: not known."""
+
+    quantity: Quantity
+    rate_hz: float
+    age_ms: float | None
+    timeout_ms: float
+    reach: int | None  # of the daemon: eight bits, newest lowest
+    refused: str  # by reason: "crc 12/s", as counted here; else the daemon's newest reason
+    value: float | None
+    unit: str
+
+    @property
+    def is_stale(self) -> bool:
+        """Whether it is past its time-out, or never came."""
+        return self.age_ms is None or self.age_ms > self.timeout_ms
+
+
+class BusModel:
+    """One bus. databases: further DBCs, of which the rig's truth is taken. hold_s: for so long columns are kept."""
+
+    def __init__(
+        self, config: Config, databases: Sequence[Database] = (), *, bit_rate: int = BIT_RATE, hold_s: float = HOLD_S,
+        max_frames: int = MAX_FRAMES,
+    ) -> None:  # fmt: skip
+        hold_us = round(hold_s * 1e6)
+        self.config = config
+        self.axles = [AxleModel(a, hold_us) for a in config.axles]
+        self.load = BusLoad(bit_rate, hold_us)
+        self.held = Held(max_frames)  # frames as they came
+        self.inputs = MappedInputs(config)
+        self.now_us = 0  # until when everything that came is here, in the monitor's own time
+        self.begin_us: int | None = None  # of the first frame
+        self.clock_steps = 0
+        self.source = "frames of the bus"  # what its axles' columns are
+        self.is_estimated = False  # they are no frames of the bus, but made here
+        self.has_truth = False
+        self._own = OwnFrames(config)
+        self._correction_us = 0  # what makes time of stamps: a clock that steps back must not turn time round
+        self._looked_us = 0  # for inputs that have come
+        self.watched: dict[int, WatchedMessage] = {}
+        self.of_axle: dict[int, list[WatchedMessage]] = {a.number: [] for a in self.axles}  # the daemon's about it
+        readers = Receiver(config.database, [i.source for i in config.inputs], config.data_ids).readers
+        for key, reader in readers.items():
+            message, given = find_message(config.database, reader.name), config.data_ids
+            identity = given[reader.name] if reader.name in given else data_id(message)
+            self.watched[key] = WatchedMessage(message, identity, hold_us)
+        self._input_keys = tuple(self.watched)
+        for a in config.axles:
+            for o in (a.adhesion, a.detail, a.inputs, a.ahead):
+                if o is not None:
+                    self.of_axle[a.number].append(self._watch(o, hold_us))
+        self.daemon: dict[str, DaemonMessage] = {}  # its own messages, by the vocabulary's name
+        for kind, o in (("status_message", config.status), ("rejects_message", config.rejects),
+                        ("link_message", config.link)):  # fmt: skip
+            if o is not None and (decoder := self._own.decoder(kind)) is not None:
+                self._watch(o, hold_us)
+                self.daemon[kind] = DaemonMessage(decoder)
+        self._truths = {n: m for n, m in truths(databases).items() if message_key(m) not in self.watched}
+        for message in self._truths.values():
+            truth(Scan(Path()), message)  # raises InputError
+        self._keys = np.array([*self.watched, *map(message_key, self._truths.values())], dtype=np.int64)
+
+    def _watch(self, o: Output, hold_us: int) -> WatchedMessage:
+        message = WatchedMessage(find_message(self.config.database, o.message), o.data_id, hold_us, o.cycle_us)
+        self.watched[message.key] = message
+        return message
+
+    def take(self, batch: Batch, until_us: int) -> None:
+        """Take frames in the order of their arrival, and until when there are no others (0: not known)."""
+        if len(batch):
+            times = self._times(batch.stamp_us)
+            if self.begin_us is None:
+                self.begin_us = int(times[0])
+            self.held.add(batch)
+            self.load.take(batch, times)
+            self._sort(batch, times)
+            self.now_us = max(self.now_us, int(times[-1]))
+        self.now_us = max(self.now_us, until_us + self._correction_us)
+
+    def take_estimated(self, frames: Scan) -> None:
+        """Take what a core made of the frames: that was never on the bus, and only the axles' columns have it."""
+        self.is_estimated = True
+        for axle in self.axles:
+            axle.clear()
+            axle.take(self._own, frames)
+
+    @property
+    def axles_that_came(self) -> list[AxleModel]:
+        """Those that an input or an estimate has come of; where there is none yet, all that are configured."""
+        return [a for a in self.axles if a.has_come] or self.axles
+
+    def update(self) -> None:
+        """Bring what is made of many frames up to date."""
+        frames = self.inputs_within(self._looked_us, self.now_us)
+        self._looked_us = self.now_us
+        for place, axle in enumerate(self.axles):
+            axle.has_come = axle.has_come or self.inputs.any_frame(frames, place)
+            axle.history.update(axle.adhesion, axle.detail, axle.health, self.now_us)
+
+    def _times(self, stamps: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return the monitor's own time: the stamps, and a step of the clock back is no step."""
+        times = stamps + self._correction_us
+        latest = np.maximum.accumulate(np.concatenate(([self.now_us], times)))
+        back = latest[:-1] - times
+        if (back > STEP_US).any():
+            k = int(np.argmax(back > STEP_US))
+            self.clock_steps += 1
+            self._correction_us += int(latest[k]) - int(times[k])
+            self.now_us = int(latest[k])
+            return np.concatenate((latest[1 : k + 1], self._times(stamps[k:])))
+        return latest[1:]
+
+    def _sort(self, batch: Batch, times: NDArray[np.int64]) -> None:
+        rows = np.flatnonzero((batch.flags & ERROR == 0) & np.isin(batch.key, self._keys))
+        rows = rows[np.argsort(batch.key[rows], kind="stable")]
+        found = Scan(Path())
+        for part in np.split(rows, np.flatnonzero(np.diff(batch.key[rows])) + 1):
+            if len(part):
+                key = int(batch.key[part[0]])
+                frames = Frames(times[part], batch.length[part].astype(np.uint8), batch.data[part])
+                watched = self.watched.get(key)
+                found.frames[key] = frames if watched is None else watched.take(frames, batch.flags[part])
+        found.frames = {key: frames for key, frames in found.frames.items() if len(frames)}
+        for kind, message in self.daemon.items():
+            if (series := self._own.series(found, kind)) is not None:
+                message.take(series)
+        for axle in self.axles:
+            if not self.is_estimated:
+                axle.take(self._own, found)
+            if (true := truth(found, self._truths.get(axle.number))) is not None:
+                axle.take_truth(true)
+                self.has_truth = True
+
+    def inputs_within(self, begin_us: int, end_us: int) -> Scan:
+        """Return the good frames of mapped messages of a time, as those of a log."""
+        frames = {key: self.watched[key].within(begin_us, end_us) for key in self._input_keys}
+        first_us, last_us = max(begin_us, self.begin_us or 0), min(end_us, self.now_us)
+        return Scan(Path(), begin_us=first_us, end_us=last_us, frames={k: f for k, f in frames.items() if len(f)})
+
+    def inputs_at(self, axle: AxleModel, at_us: int) -> list[InputNow]:
+        """Return an axle's inputs at a time, the vehicle's among them."""
+        health, place, out = axle.health, self.axles.index(axle), []
+        row = None if health is None else newest(health.time_us, at_us, STALE_AFTER * axle.health_cycle_us)
+        recent = self.inputs_within(at_us - MAX_AGE_US, at_us)
+        for i in self.config.inputs:
+            if place not in i.source.axles:
+                continue
+            watched = self.watched[message_key(find_message(self.config.database, i.source.message))]
+            age_us, counted = watched.age_us(at_us), watched.refused_within(at_us)
+            reach, refused = None, [f"{reason} {n}/s" for reason, n in counted.items()]
+            if health is not None and row is not None and i.source.quantity in REPORTED:
+                column = REPORTED.index(i.source.quantity)
+                reach, reason = int(health.reach[row, column]), int(health.refused[row, column])
+                if 0 < reason < len(REASONS) and REASONS[reason] not in counted:
+                    refused.append(REASONS[reason])
+            unit, scale = UNITS[i.source.quantity]
+            values = self.inputs.values(recent, i)[1]
+            values = values[np.isfinite(values)]
+            out.append(
+                InputNow(
+                    i.source.quantity, watched.rate_hz(at_us), None if age_us is None else age_us / 1000,
+                    i.timeout_us / 1000, reach, ", ".join(refused), float(values[-1]) * scale if len(values) else None,
+                    unit,
+                )
+            )  # fmt: skip
+        return out
+
+    def damaged(self, axle: AxleModel, at_us: int) -> int:
+        """Return how many of the daemon's frames about an axle were refused here in the second before a time."""
+        return sum(sum(w.refused_within(at_us).values()) for w in self.of_axle[axle.number])

@@ -1,0 +1,35 @@
+"""How far a long piece of work has come, on standard error."""
+
+import sys
+import time
+
+from wrcd.colour import moves
+
+EVERY_S = 0.5
+
+
+class Progress:
+    """On a terminal one line, written anew twice a second at most. Elsewhere nothing, or each step on its own line."""
+
+    def __init__(self, steps: bool = False) -> None:
+        self._terminal = moves(sys.stderr)
+        self._steps = steps
+        self._began = self._shown = time.monotonic()
+
+    def at(self, what: str, share: float | None = None, before: float = 0.0) -> None:
+        """What is going on, and the share of it that is done, from which the time left follows. before: the share that
+        was done when this began."""
+        now = time.monotonic()
+        if now - self._shown < EVERY_S if self._terminal else not self._steps:
+            return
+        self._shown = now
+        text = what if share is None else f"{what}: {100 * share:.0f} %"
+        if share is not None and before < share < 1:
+            text += f", about {(now - self._began) * (1 - share) / (share - before):.0f} s left"
+        start, end = ("\r\033[K", "") if self._terminal else ("", "\n")
+        print(f"{start}{text}", end=end, file=sys.stderr, flush=True)
+
+    def end(self) -> None:
+        """Leave the line."""
+        if self._terminal:
+            print("\r\033[K", end="", file=sys.stderr, flush=True)

@@ -1,7 +1,0 @@
-"""python -m wrcd.tools."""
-
-import sys
-
-from wrcd.tools.cli import main
-
-sys.exit(main())

@@ -1,1 +1,0 @@
-"""`wrcd install` and `wrcd uninstall`: units, network files, sysctl, manual pages, completion."""

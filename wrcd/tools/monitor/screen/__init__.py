@@ -1,1 +1,0 @@
-"""The terminal's side of the monitor, by Textual. Nothing else imports that."""
