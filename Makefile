@@ -48,18 +48,18 @@ unit: $(READY)
 
 # vcan of this kernel where it has one, else of a throw-away guest kernel
 hil: $(READY)
-	GUEST_TIMEOUT=900 tests/hil/guest/run --native-ok -- $(BIN)/python -m pytest $(HIL) -rP \
+	GUEST_TIMEOUT=900 tests/hil/guest/run --native-ok -- $(BIN)/python -m pytest $(HIL) \
 	    tests/hil/test_vcan.py tests/hil/test_own_dbc.py tests/hil/test_link_*.py tests/hil/test_load.py \
 	    tests/hil/test_docs_commands.py tests/hil/test_monitor.py tests/hil/test_contract.py tests/hil/test_kit.py \
 	    tests/hil/test_loop.py
 
 # every fault of the matrix against the real daemon; its table is printed
 faults: $(READY)
-	GUEST_TIMEOUT=900 tests/hil/guest/run -- $(BIN)/python -m pytest $(HIL) -rP tests/hil/test_faults.py
+	GUEST_TIMEOUT=900 tests/hil/guest/run -- $(BIN)/python -m pytest $(HIL) tests/hil/test_faults.py
 
 systemd: $(READY)
 	tests/hil/unit-env
-	GUEST_TIMEOUT=900 tests/hil/guest/run --systemd -- $(BIN)/python -m pytest $(HIL) -rP tests/hil/test_install.py \
+	GUEST_TIMEOUT=900 tests/hil/guest/run --systemd -- $(BIN)/python -m pytest $(HIL) tests/hil/test_install.py \
 	    tests/hil/test_systemd.py
 
 # build/deb/wrcd_VERSION_ARCH.deb, for the system's python3; no root

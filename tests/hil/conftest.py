@@ -22,6 +22,14 @@ def pytest_configure(config: pytest.Config) -> None:
         )
 
 
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Print the figures of the tests that passed: what they printed, without the daemons' own lines."""
+    for report in terminalreporter.getreports("passed"):
+        figures = [line for line in report.capstdout.splitlines() if line and not line.startswith(("wrcd: ", "[]"))]
+        if report.when == "call" and figures:
+            terminalreporter.write_line("\n    ".join([report.nodeid, *figures]))
+
+
 @pytest.fixture
 def bus() -> Iterator[str]:
     """A vcan of this test's own."""

@@ -240,6 +240,7 @@ def test_an_axle_that_does_not_run_has_no_ticks() -> None:
         p.put(k, running=k >= 60)
     assert p.window.filled() == [10]
     assert p.statistics(10).ticks[0] == 40
+    assert p.statistics(25).ratio[0] == pytest.approx(p.ratio[60:].mean())
 
 
 def test_the_torques_range_outlives_what_is_dropped() -> None:
