@@ -46,7 +46,7 @@ def cluster(address: str, module: str) -> Iterator[Workers]:
         yield Workers(client.get_executor(pure=False), crew.count, AHEAD, crew.gather, crew.look)
     finally:
         with suppress(OSError):  # nobody answers: what ended it is said by who raised it
-            client.close(timeout=WAIT_S)
+            client.close(timeout=CONNECT_S)
 
 
 class _Crew:
