@@ -113,11 +113,12 @@ def grid(w: Wheelset, scale: float, lot: Lot = TEST) -> Iterator[Run]:
     yield from (condition("grid", w, k, tactical, lot=lot) for k in spread(scale, GRID // 3, 0))
 
 
-def _either(rng: Rng, share: float) -> float:
+def either(rng: Rng, share: float) -> float:
+    """Return 1 more or less a share."""
     return 1.0 + share if rng.random() < 0.5 else 1.0 - share
 
 
-def _scattered(w: Wheelset, rng: Rng) -> Wheelset:
+def scattered(w: Wheelset, rng: Rng) -> Wheelset:
     """Masses, stiffnesses, dampings and inertias each off by up to 10 %."""
     names = ("m_w", "I_w", "k_w", "I_R", "I_L", "k_s", "C_s", "a", "b")
     return replace(w, **{n: getattr(w, n) * rng.uniform(0.9, 1.1) for n in names})
@@ -136,10 +137,10 @@ def noisier(factor: float) -> SensorSet:
 NOISE = {0.67: "sensor noise × 0.67", 1.5: "sensor noise × 1.5", 2.0: "sensor noise × 2"}
 # Constant errors of cheap sensors: 0.5 degrees per second, 5 mg, a torque that reads 3 % high.
 ROBUST = (
-    Variant("wheelset parameters off by up to 10 %", wheelset=_scattered),
-    Variant("conicity off by 30 %", wheelset=lambda w, r: replace(w, gamma=w.gamma * _either(r, 0.3))),
-    Variant("load off by 15 %", wheelset=lambda w, r: replace(w, M_v=w.M_v * _either(r, 0.15))),
-    Variant("k_A off by 30 %", curve=lambda c, r: replace(c, k_A=c.k_A * _either(r, 0.3))),
+    Variant("wheelset parameters off by up to 10 %", wheelset=scattered),
+    Variant("conicity off by 30 %", wheelset=lambda w, r: replace(w, gamma=w.gamma * either(r, 0.3))),
+    Variant("load off by 15 %", wheelset=lambda w, r: replace(w, M_v=w.M_v * either(r, 0.15))),
+    Variant("k_A off by 30 %", curve=lambda c, r: replace(c, k_A=c.k_A * either(r, 0.3))),
     Variant("torque reads 3 % high", sensors=replace(MEMS, torque=replace(MEMS.torque, gain=1.03))),
     Variant("gyro bias 0.5 °/s", sensors=MEMS.biased(math.radians(0.5), 0.0, 0.0)),
     Variant("accelerometer bias 5 mg", sensors=MEMS.biased(0.0, 0.049, 0.0)),

@@ -18,7 +18,7 @@ from sim_ecu.play.encoder import Channel, Sent
 from sim_ecu.play.scenario import Course
 
 LAWS = ["thresholds", "creep"]
-FACTS = Facts.of_wheelset((1, 2), Wheelset(), Actuators())
+FACTS = Facts((1, 2), Wheelset(), Actuators())
 SPEED = 20.0
 
 
@@ -127,9 +127,6 @@ def test_start_on_leaf_film_gains_speed_without_spinning(law: str) -> None:
     energy, wasted = (sum(float(s.slip_energy_J.sum()) for s in steps) for steps in (bare, without))
     assert energy < 0.1 * wasted
     assert bare[-1].speed_m_s > without[-1].speed_m_s - 1.0
-
-
-FACTS = Facts.of_wheelset((1, 2), Wheelset(), Actuators())
 
 
 @pytest.fixture
