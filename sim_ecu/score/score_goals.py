@@ -25,7 +25,7 @@ SCORE_GOALS: Mapping[tuple[str, ...], partial[Goal]] = {
     ("transitions", "compared", OURS, "p95"): at_most("transitions: 95th percentile, s", bound=1.0),
     ("drops", "lie", "p95"): at_most("drops: Valid with the truth below the interval, 95th percentile, s", bound=0.4),
     ("drops", "settled", "p95"): at_most("drops: settled, 95th percentile, s", bound=1.2),
-    ("long", "rows", LONG.name, "valid"): at_least("long: Valid, share of frames", bound=0.95),
+    ("long", "rows", LONG, "valid"): at_least("long: Valid, share of frames", bound=0.95),
     ("dead", "groups", BOTH_DIE, "valid_s", "most"): never_above("dead: Valid after both die, longest, s", bound=1.5),
     **{
         ("foreign", "groups", n, "found"): at_least(f"foreign: {n}, not Valid after 10 s, share of axles", bound=bound)

@@ -21,10 +21,9 @@ from sim_ecu.play.player import Player
 from sim_ecu.play.scenario import Scenario, load_scenario
 from sim_ecu.reporting.page import markdown
 from sim_ecu.reporting.values import plain
-from sim_ecu.score import suites
+from sim_ecu.score import SUITES, suites
 from sim_ecu.score.metrics import accuracy, change_metrics, honesty
 from sim_ecu.score.metrics.accuracy import OURS, gather
-from sim_ecu.score.names import SUITES
 from sim_ecu.score.report import judge
 from sim_ecu.score.score_play import Heard, Trace, newest, play
 from sim_ecu.score.sections import sections
@@ -75,7 +74,7 @@ def test_lots_have_seeds_of_their_own_and_the_training_those_below_all_of_them()
         return {a.seed for r in runs for a in r.scenario.axles}
 
     lots = [seeds(suites.runs(source, "drops", 0.2, lot)) for lot in range(3)]
-    tuned = [seeds(suites.training_runs(source, "drops", 0.2, lot)) for lot in (0, 1, TRAINING_LOTS - 1)]
+    tuned = [seeds(suites.runs(source, "drops", 0.2, lot)) for lot in (-1, -2, -TRAINING_LOTS)]
     every = [*lots, *tuned]
     assert sum(map(len, every)) == len(set().union(*every))
     assert [min(s) // 1_000_000_000 for s in lots] == [2, 3, 4]
