@@ -204,20 +204,18 @@ def test_drive_takes_the_reduced_torque_before_the_cylinder() -> None:
     assert drive == pytest.approx(given, abs=700.0)
 
 
-def test_unlimited_brake_leaves_the_valve_to_the_brake_control() -> None:
-    blending = Blending(Facts((1,), Wheelset(), PNEUMATIC), 0.01)
-    assert blending.step(22_000.0, 1.0, True, SPEED) == (0.0, Valve.FILL)
-
-
-def test_cylinder_too_full_is_vented_and_held_where_it_is_right() -> None:
-    blending = Blending(Facts((1,), Wheelset(), PNEUMATIC), 0.01)
-    blending.hear(3.0)
-    assert blending.step(6000.0, 1.0, True, SPEED)[1] is Valve.VENT
+@pytest.mark.parametrize(
+    ("bar", "wanted_N_m", "valve"),
+    [(0.0, 22_000.0, Valve.FILL), (3.0, 6000.0, Valve.VENT), (3.0, 18_000.0, Valve.HOLD)],
+)
+def test_valve_fills_for_the_whole_brake_vents_what_is_too_full_and_holds_what_is_right(
+    bar: float, wanted_N_m: float, valve: Valve
+) -> None:
     blending = Blending(Facts((1,), Wheelset(), PNEUMATIC), 0.01)
     for _ in range(5):
-        blending.hear(3.0)
-        valve = blending.step(18_000.0, 1.0, True, SPEED)[1]
-    assert valve is Valve.HOLD
+        blending.hear(bar)
+        found = blending.step(wanted_N_m, 1.0, True, SPEED)
+    assert found == (0.0, valve)
 
 
 FOUR = Facts((1, 2, 3, 4), Wheelset(), Actuators())
