@@ -99,9 +99,10 @@ class Ear:
         if own is None:
             self.said, self.detail = heard(production, "Adhesion"), heard(production, "AdhesionDetail")
         else:
+            axles = {a.number: a for a in own.axles}
             self.said, self.detail = (
-                {n: Heard(find_message(own.database, o.message), o) for n, o in outputs.items() if o is not None}
-                for outputs in ({a.number: a.adhesion for a in own.axles}, {a.number: a.detail for a in own.axles})
+                {n: Heard(find_message(own.database, o.message), o) for n, o in outputs if o is not None}
+                for outputs in ([(n, axles[n].adhesion) for n in numbers], [(n, axles[n].detail) for n in numbers])
             )
         every = (self.ahead, self.said, self.truth, self.detail)
         self._by_id = {h.message.frame_id: h for kind in every for h in kind.values()}
