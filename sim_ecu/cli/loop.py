@@ -5,7 +5,7 @@ from pathlib import Path
 
 from sim_ecu.cli.arguments import add_jobs, check_least
 from sim_ecu.loop import SUITES
-from sim_ecu.score.names import MISSED
+from sim_ecu.score import MISSED
 from wrcd.cli.program import Subcommand
 
 

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 
 from sim_ecu.cli.arguments import add_jobs, check_least
-from sim_ecu.score.names import FUSION, MISSED, SUITES
+from sim_ecu.score import FUSION, MISSED, SUITES
 from wrcd.cli.program import Subcommand
 
 

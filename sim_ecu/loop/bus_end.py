@@ -1,5 +1,6 @@
 """The end of a bus that the rig or a controller has in real time: its link, its time, what is reported of both."""
 
+import gc
 import signal
 import sys
 import time
@@ -159,17 +160,25 @@ def lost(bus: Mapping[str, Any]) -> str:
 
 
 @contextmanager
-def until_signal() -> Iterator[Callable[[], bool]]:
-    """Whether SIGTERM or Ctrl-C has come; the block decides what to do about it."""
+def on_bus(
+    interface: str, channel: str, keys: tuple[int, ...], *, confirm: bool = True
+) -> Iterator[tuple[End, Callable[[], bool]]]:
+    """An end of a bus for a run in real time, as open_end makes it; and whether SIGTERM or Ctrl-C has come: the block
+    decides what to do about it."""
     came = False
 
     def on_signal(_number: int, _frame: FrameType | None) -> None:
         nonlocal came
         came = True
 
+    link = open_end(interface, channel, keys, confirm=confirm)
     before = {s: signal.signal(s, on_signal) for s in (signal.SIGTERM, signal.SIGINT)}
+    gc.collect()
+    gc.freeze()  # what the start has left is not looked through again and again for garbage
     try:
-        yield lambda: came
+        yield End(link, StatusLines()), lambda: came
     finally:
+        gc.unfreeze()
         for s, handler in before.items():
             signal.signal(s, handler)
+        link.close()

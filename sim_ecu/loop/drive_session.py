@@ -1,17 +1,16 @@
 """`sim-ecu drive`: the rig in real time, its loop open to whoever sends demands on the bus."""
 
-import gc
 import math
 import time
 from collections import deque
-from contextlib import ExitStack
+from contextlib import nullcontext
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import can
 
-from sim_ecu.loop.bus_end import End, StatusLines, lost, open_end, until_signal
+from sim_ecu.loop.bus_end import End, lost, on_bus
 from sim_ecu.loop.drive_scenario import DriveScenario
 from sim_ecu.loop.ride_figures import MIN_SLIDE_SPEED_M_S, judge
 from sim_ecu.loop.rig import LOOP, TRUTH, WRCD, Rig, Step
@@ -154,23 +153,17 @@ def drive_on_bus(
     """Until the scenario is over, or SIGTERM or Ctrl-C comes."""
     if log is not None:
         check_format(log, scenario.train, PACKAGED)
-    lines = StatusLines()
-    with ExitStack() as cleanup:
-        warm_up = Rig(scenario)
-        warm_up.step()  # what is compiled or read at first use is there before the time runs, and frames come
-        link = open_end(interface, channel, tuple(warm_up.demands), confirm=False)
-        cleanup.callback(link.close)
-        logger = None if log is None else cleanup.enter_context(open_logger(log))
-        signalled = cleanup.enter_context(until_signal())
-        # what the start has left is not looked through again and again for garbage
-        gc.collect()
-        gc.freeze()
-        cleanup.callback(gc.unfreeze)
-        lines.event(0, f"{scenario.train.name} on {interface} {channel}: {scenario.train.duration_s:g} s at most")
-        drive = DriveSession(scenario, End(link, lines), logger, truth, channel)
+    warm_up = Rig(scenario)
+    warm_up.step()  # what is compiled or read at first use is there before the time runs, and frames come
+    with (
+        on_bus(interface, channel, tuple(warm_up.demands), confirm=False) as (end, signalled),
+        nullcontext() if log is None else open_logger(log) as logger,
+    ):
+        end.lines.event(0, f"{scenario.train.name} on {interface} {channel}: {scenario.train.duration_s:g} s at most")
+        drive = DriveSession(scenario, end, logger, truth, channel)
         while not signalled() and drive.step():
             time.sleep(drive.wait_s())
-        lines.end()
+        end.lines.end()
         return DriveResult(drive.steps, counts(drive), Status.DONE if drive.over else Status.STOPPED)
 
 

@@ -22,14 +22,11 @@ from wrcd.core.core import Core
 from wrcd.core.messages import surface
 from wrcd.errors import InputError
 
-# Processor time of a second that is driven, about: with one axle, for each more, and with the daemon.
-COST, COST_OF_AXLE, COST_OF_DAEMON, COST_OF_ITS_AXLE = 1.0, 0.5, 1.2, 0.8
-
 
 def cost_of_driving(axles: int, daemon: bool) -> float:
-    """Of a second, in any unit."""
+    """Processor time of a second that is driven, about, in any unit."""
     more = axles - 1
-    return COST + COST_OF_AXLE * more + daemon * (COST_OF_DAEMON + COST_OF_ITS_AXLE * more)
+    return 1.0 + 0.5 * more + daemon * (1.2 + 0.8 * more)
 
 
 class ConstantAdhesion:

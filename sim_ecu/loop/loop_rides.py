@@ -13,11 +13,12 @@ from sim_ecu.loop.control.adhesion_consumer import Facts
 from sim_ecu.loop.control.slip_controller import make_controller
 from sim_ecu.loop.drive_scenario import DriveScenario
 from sim_ecu.loop.lockstep import ConstantAdhesion, Lockstep, ride_ideal
-from sim_ecu.loop.ride_figures import AdhesionRecorder, AdhesionSeries, Figures, Honesty, demand_at, honesty, judge
+from sim_ecu.loop.ride_figures import AdhesionSeries, Figures, Honesty, adhesion_series, demand_at, honesty, judge
 from sim_ecu.loop.rig import Step
 from sim_ecu.loop.suites.rides import LoopCase
 from sim_ecu.play.encoder import SAMPLE_US, databases
 from sim_ecu.play.train import PACKAGED
+from sim_ecu.score.score_play import Ear
 from wrcd.config.config import load_packaged
 
 FloatArray = NDArray[np.float64]
@@ -63,7 +64,7 @@ def play(case: LoopCase, number: int, branches: Sequence[LoopCase] = ()) -> list
             out.append(_outcome(case, number, name, scenario, steps, None, draw))
             continue
         config = _packaged(len(scenario.axles)) if name in _LAW else None
-        recorder = AdhesionRecorder(scenario.axles) if config is not None else None
+        recorder = Ear(scenario.axles) if config is not None else None
         law = "none" if name == UNPROTECTED else _LAW.get(name, name)
         made = make_controller(law, Facts.of(scenario), config)
         if case.constant_pct is not None and config is not None:
@@ -81,7 +82,7 @@ def play(case: LoopCase, number: int, branches: Sequence[LoopCase] = ()) -> list
 
 
 def _branch(
-    case: LoopCase, number: int, name: str, scenario: DriveScenario, state: tuple[Lockstep, AdhesionRecorder | None],
+    case: LoopCase, number: int, name: str, scenario: DriveScenario, state: tuple[Lockstep, Ear | None],
     before: Sequence[Step],
 ) -> RideResult:  # fmt: skip
     """The rest of a run with a case's fault, from a state that is left as it is."""
@@ -97,9 +98,9 @@ def _branch(
 
 def _outcome(
     case: LoopCase, number: int, name: str, scenario: DriveScenario, steps: list[Step],
-    recorder: AdhesionRecorder | None, draw: bool,
+    recorder: Ear | None, draw: bool,
 ) -> RideResult:  # fmt: skip
-    series = {} if recorder is None else recorder.series()
+    series = {} if recorder is None else adhesion_series(recorder.said)
     drawing = drawn(steps, next(iter(series.values()), None)) if draw else None
     said = tuple(honesty(series, steps))
     return RideResult(case.suite, case.name, name, number, judge(steps, scenario), said, drawing)

@@ -11,9 +11,8 @@ from sim_ecu.loop.drive_scenario import DriveScenario
 from sim_ecu.loop.rig import Step
 from sim_ecu.physics.actuators import Actuators
 from sim_ecu.physics.wheelset import Wheelset
-from sim_ecu.play.encoder import SAMPLE_US, databases
-from sim_ecu.score.score_play import HALF_WIDTHS, Heard, Hears, heard_own
-from wrcd.core.configuration import Config
+from sim_ecu.play.encoder import SAMPLE_US
+from sim_ecu.score.score_play import Heard, half_widths_pp
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -145,34 +144,14 @@ class Honesty:
         return self.outside_s > ALLOWED_S
 
 
-class AdhesionRecorder:
-    """Keeps the adhesion frames of a run. Times are microseconds from its start. own: the configuration of a train
-    whose messages are not the packaged ones."""
-
-    def __init__(self, axles: Sequence[int], own: Config | None = None) -> None:
-        production = databases()[0]
-        self._of: dict[int, Hears] = {
-            n: Heard(production.get_message_by_name(f"Adhesion_A{n}")) if own is None else heard_own(own, n)[0]
-            for n in axles
-        }
-        self._by_id = {h.message.frame_id: h for h in self._of.values()}
-
-    def hear(self, stamp_us: int, can_id: int, data: bytes) -> None:
-        """Keep a frame; others than adhesion are ignored."""
-        found = self._by_id.get(can_id)
-        if found is not None:
-            found.stamps_us.append(stamp_us)
-            found.data.append(data)
-
-    def series(self) -> dict[int, AdhesionSeries]:
-        """Return what there was, by axle."""
-        out = {}
-        for axle, h in self._of.items():
-            valid = h.words("Validity") == "Valid"
-            levels = h.words("Confidence").tolist()
-            half = np.array([HALF_WIDTHS.get(word, np.nan) for word in levels], np.float64)
-            out[axle] = AdhesionSeries(np.array(h.stamps_us, np.int64), h.numbers("MuAvailable"), half, valid)
-        return out
+def adhesion_series(said: Mapping[int, Heard]) -> dict[int, AdhesionSeries]:
+    """Return what there was, by axle."""
+    return {
+        n: AdhesionSeries(
+            np.array(h.stamps_us, np.int64), h.numbers("MuAvailable"), half_widths_pp(h), h.words("Validity") == "Valid"
+        )
+        for n, h in said.items()
+    }
 
 
 def honesty(told: Mapping[int, AdhesionSeries], steps: Sequence[Step]) -> list[Honesty]:

@@ -164,6 +164,7 @@ class Rig:
         ]  # one that never comes is a silence, too
         self._radius_m = played.wheelset.r_0
         self._shares: list[float] = []  # what the driver asks, by sample, as far as it is made
+        self._asked: float | None = None  # instead of that
         self._torques = np.zeros((2, len(numbers)))
         self.time_us = 0
 
@@ -184,6 +185,10 @@ class Rig:
     def demand(self, axle: int, torque_N_m: float, valve: Valve = Valve.FILL) -> None:
         """Set an axle's demand without a frame; it holds until it is set again. KeyError for an axle that is not."""
         self._direct[self._place[axle]] = (torque_N_m, valve)
+
+    def ask(self, share: float) -> None:
+        """Set what the driver asks (-1 … 1), instead of the scenario's course; it holds until it is set again."""
+        self._asked = share
 
     def step(self) -> Step:
         """One sample of 5 ms on."""
@@ -216,6 +221,8 @@ class Rig:
 
     def _share(self) -> float:
         """What the driver asks now, signed."""
+        if self._asked is not None:
+            return self._asked
         k = self.time_us // SAMPLE_US
         if k >= len(self._shares):
             times = np.arange(len(self._shares), k + BLOCK, dtype=np.float64) * (SAMPLE_US * 1e-6)

@@ -39,25 +39,17 @@ class NewestFrame:
     known: Mapping[str, Collection[float]] = field(default_factory=dict)
     timeout_us: int = 0
     _counter: int = -1
-    _id: int = 0
-    _fields: list[tuple[str, int, int, int, float, float]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self._id = data_id(self.message)
         signal = self.message.signals[0]
         assert signal.dbc is not None
         self.timeout_us = int(signal.dbc.attributes["GenSigTimeoutTime"].value) * 1000
-        for s in self.message.signals:
-            assert s.byte_order == "little_endian"
-            assert not s.conversion.is_float
-            sign = 1 << s.length - 1 if s.is_signed else 0
-            self._fields.append((s.name, s.start, (1 << s.length) - 1, sign, s.scale, s.offset))
 
     def take(self, data: bytes, stamp_us: int) -> bool:
         """Return whether a frame is good. A bad one changes counts and, if its E2E passes, the expected counter."""
         if len(data) != self.message.length:
             return self._reject("length")
-        if not e2e.p11.e2e_p11_check(bytearray(data), self._id):
+        if not e2e.p11.e2e_p11_check(bytearray(data), data_id(self.message)):
             return self._reject("CRC")
         counter = data[1] & 0x0F
         fresh = self.fresh(stamp_us)
@@ -67,11 +59,7 @@ class NewestFrame:
         # up to two frames may be lost within the time-out; else the sequence is taken again from the next that follows
         if fresh and (counter - before) % COUNTERS > 3:
             return self._reject("counter")
-        bits = int.from_bytes(data, "little")
-        values = {
-            name: (((bits >> start & mask) ^ sign) - sign) * scale + offset
-            for name, start, mask, sign, scale, offset in self._fields
-        }
+        values: Any = self.message.decode(data, decode_choices=False)
         if any(values[name] not in known for name, known in self.known.items()):
             return self._reject("unknown value")
         self.values, self.stamp_us = values, stamp_us

@@ -6,7 +6,7 @@ their own sake.
 """
 
 import json
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -114,14 +114,11 @@ class Beside:
     """The train's estimator with another design, on the same ticks."""
 
     design: Design
-    every: int = field(init=False)  # ticks
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "every", max(1, round(ANSWER_EVERY_S / self.design.tick_s)))
 
     def mu_pct(self, ticks: GivenTicks) -> FloatArray:
         """Adhesion in percent (t, n); between two answers the last one stands."""
         t, n = ticks.torque_ratio.shape
+        every = max(1, round(ANSWER_EVERY_S / self.design.tick_s))
         estimator = estimator_alone(self.design, n)
         out, newest = np.full((t, n), np.nan), np.full(n, np.nan)
         for k in range(t):
@@ -133,7 +130,7 @@ class Beside:
             )  # fmt: skip
             for axle in np.flatnonzero(result.needs_reset):
                 estimator.reset(int(axle))
-            if k % self.every == 0:
+            if k % every == 0:
                 newest = estimator.estimate().mu_available_pct
             out[k] = newest
         return out

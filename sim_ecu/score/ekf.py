@@ -6,7 +6,6 @@ range, and their likelihoods weigh what each says.
 """
 
 import math
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -132,30 +131,22 @@ START = (1e-6, 1e-2, 1e-3, 1e-4, 1e-4)  # variances of the first five states in 
 SLOWEST = 3.0  # m/s: tables are made for whole m/s from here on
 
 
-@dataclass(frozen=True, slots=True)
-class EkfTuning:
-    """What makes the filter the best we could get: mean absolute error in pp on training conditions.
-
-    Tuned on 378 of the design's training conditions (seed 1, 10 … 51 m/s, a quarter held about the peak, mems), over
-    the last 1.5 s of 3.5 s; 1.01 pp on 448 of them, read every 0.1 s from 2.1 s on. Neither a lasting memory instead
-    of life_s nor the mean of the answer over 1 s gained anything.
-    """
-
-    track: float = 0.0039  # m/s per root Hz at 25 m/s: white noise that drives the track's slope
-    yaw: float = 0.0056  # rad/s2 per root Hz
-    lateral: float = 0.00137  # m/s2 per root Hz
-    walk: float = 0.083  # of theta per root s
-    noise_factor: tuple[float, float] = (1.7, 1.3)  # on the sensors' variances, yaw and lateral
-    guesses: int = 12
-    guess_range: tuple[float, float] = (0.03, 0.55)  # friction
-    guess_sigma: float = 0.11  # of theta about each guess
-    torque_s: float = 0.12  # smoothing of the torque ratio
-    difference: float = 0.058  # of theta, for the Jacobian
-    life_s: float = 2.0  # of a generation of filters: after it they start again, so that they follow a changed rail
+# What makes the filter the best we could get: mean absolute error in pp on training conditions. Tuned on 378 of the
+# design's training conditions (seed 1, 10 … 51 m/s, a quarter held about the peak, mems), over the last 1.5 s of 3.5 s;
+# 1.01 pp on 448 of them, read every 0.1 s from 2.1 s on. Neither a lasting memory instead of LIFE_S nor the mean of the
+# answer over 1 s gained anything.
+# Noise densities: m/s per root Hz at 25 m/s (white noise that drives the track's slope), rad/s2 and m/s2 per root Hz.
+TRACK, YAW, LATERAL = 0.0039, 0.0056, 0.00137
+WALK = 0.083  # of theta per root s
+NOISE_FACTOR = (1.7, 1.3)  # on the sensors' variances, yaw and lateral
+GUESSES, GUESS_RANGE, GUESS_SIGMA = 12, (0.03, 0.55), 0.11  # friction; sigma of theta about each guess
+TORQUE_S = 0.12  # smoothing of the torque ratio
+DIFFERENCE = 0.058  # of theta, for the Jacobian
+LIFE_S = 2.0  # of a generation of filters: after it they start again, so that they follow a changed rail
 
 
 class EkfNumbers(NamedTuple):
-    """The tuning for the compiled loop."""
+    """The constants for the compiled loop."""
 
     guesses: FloatArray  # theta
     start: FloatArray  # (6,) variances of a new filter
@@ -277,25 +268,23 @@ def _run(
 class Ekf:
     """The bank of filters over whole runs. Tables are made once for each whole m/s."""
 
-    def __init__(self, wheelset: Wheelset, sensors: SensorSet, tick_s: float, tuning: EkfTuning | None = None) -> None:
+    def __init__(self, wheelset: Wheelset, sensors: SensorSet, tick_s: float) -> None:
         self._wheelset, self._tick_s = wheelset, tick_s
-        self._tuning = c = tuning or EkfTuning()
         self._tables: dict[float, ModelTable] = {}
         noise = np.array([sensors.yaw_rate.noise_rms, sensors.lat_accel.noise_rms])
         self._numbers = EkfNumbers(
-            guesses=np.log(np.geomspace(*c.guess_range, c.guesses)),
-            start=np.array([*START, c.guess_sigma**2]),
-            noise=np.square(noise) * np.array(c.noise_factor),
-            walk=c.walk**2 * tick_s,
-            torque=1.0 - math.exp(-tick_s / c.torque_s),
-            difference=c.difference,
-            life=2 * round(c.life_s / tick_s / 2),
+            guesses=np.log(np.geomspace(*GUESS_RANGE, GUESSES)),
+            start=np.array([*START, GUESS_SIGMA**2]),
+            noise=np.square(noise) * np.array(NOISE_FACTOR),
+            walk=WALK**2 * tick_s,
+            torque=1.0 - math.exp(-tick_s / TORQUE_S),
+            difference=DIFFERENCE,
+            life=2 * round(LIFE_S / tick_s / 2),
         )
 
     def mu_pct(self, ticks: GivenTicks) -> FloatArray:
         """Available adhesion in percent, (t, n): the peak of the curve at that speed, from everything up to a tick."""
-        (t, n), c = ticks.torque_ratio.shape, self._tuning
-        m = c.guesses
+        (t, n), m = ticks.torque_ratio.shape, GUESSES
         used = np.nan_to_num(ticks.torque_ratio[0])
         state = State(np.zeros((n, 2, m, 6)), np.zeros((n, 2, m, 6, 6)), np.zeros((n, 2, m)), used)
         out = np.empty((t, n))
@@ -304,7 +293,7 @@ class Ekf:
             at = slice(part[0], part[-1] + 1)
             v = float(speed[part[0]])
             if v not in self._tables:
-                self._tables[v] = table(self._wheelset, v, self._tick_s, (c.track, c.yaw, c.lateral))
+                self._tables[v] = table(self._wheelset, v, self._tick_s, (TRACK, YAW, LATERAL))
             inputs = ticks.z[at], ticks.present[at], ticks.torque_ratio[at]
             _run(*inputs, part[0], self._tables[v], self._numbers, state, out[at])
         return out

@@ -1,8 +1,7 @@
 """The score as figures: what the traces of each suite come to."""
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -10,70 +9,13 @@ import numpy as np
 from sim_ecu.design.brief import Recipe
 from sim_ecu.design.cases import SEEDS_PER_PLAN
 from sim_ecu.reporting.values import Figure
-from sim_ecu.reporting.verdicts import MIN_QUICK_RUNS, MIN_RUNS, Goal
 from sim_ecu.score.metrics import accuracy, bootstrap, change_metrics, honesty
 from sim_ecu.score.metrics.accuracy import OURS, JudgedFrames, gather
+from sim_ecu.score.score_goals import goals
 from sim_ecu.score.score_play import Trace
 from sim_ecu.score.suites import PAIRED
-from sim_ecu.score.suites.broken import BOTH_DIE, DEAD_GYRO, DIES_S, REVERSED
-from sim_ecu.score.suites.nominal import ROUGH_JUDGED
+from sim_ecu.score.suites.broken import DIES_S
 from sim_ecu.score.suites.run import FIRST_TEST_SEED, SPEEDS, UTILISATIONS
-from sim_ecu.score.suites.sound import LONG
-
-
-@dataclass(frozen=True, slots=True)
-class Aim:
-    """A goal, and where its figure stands in the result."""
-
-    what: str
-    path: tuple[str, ...]
-    bound: float
-    at_least: bool = False
-    never: bool = False
-
-
-AIMS = (
-    Aim("paper: worst error over its bound (1 pp, or 10 % if larger)", ("paper", "within", "worst"), 1.0, never=True),
-    Aim("grid: mean error", ("grid", "compared", OURS, "mean"), 0.88),
-    Aim("grid: the interval holds the truth", ("grid", "confidence", "covers"), 0.85, True),
-    Aim("robust: mean error", ("robust", "compared", OURS, "mean"), 1.25),
-    Aim("robust: the interval holds the truth", ("robust", "confidence", "covers"), 0.85, True),
-    *(Aim(f"rough: mean error, {n}", ("rough", "groups", n, "accuracy", "mean"), 1.3) for n in ROUGH_JUDGED),
-    Aim("transitions: 95th percentile, s", ("transitions", "compared", OURS, "p95"), 1.0),
-    Aim("drops: Valid with the truth below the interval, 95th percentile, s", ("drops", "lie", "p95"), 0.4),
-    Aim("drops: settled, 95th percentile, s", ("drops", "settled", "p95"), 1.2),
-    Aim("long: Valid, share of frames", ("long", "rows", LONG.name, "valid"), 0.95, True),
-    Aim("dead: Valid after both die, longest, s", ("dead", "groups", BOTH_DIE, "valid_s", "most"), 1.5, never=True),
-    *(
-        Aim(f"foreign: {n}, not Valid after 10 s, share of axles", ("foreign", "groups", n, "found"), bound, True)
-        for n, bound in ((REVERSED, 0.98), (DEAD_GYRO, 0.85))
-    ),
-    Aim("dry-hours: seconds called Low or worse", ("dry-hours", "seconds"), 0.0, never=True),
-)
-ACCUSED, MAX_ACCUSED = "sound sensors: accused, share of frames", 0.01
-
-
-def goals(suites: Mapping[str, Any], accused: Figure | None, quick: bool = False) -> list[Goal]:
-    """Return the goals of the suites that were played. accused: share of the frames of sound sensors in which one is
-    accused; None where none are sound. quick: those of too few runs for a quick score are not judged."""
-    least = MIN_QUICK_RUNS if quick else MIN_RUNS
-    found = [
-        Goal(aim.what, figure, aim.bound, aim.at_least, least, aim.never)
-        for aim in AIMS
-        if (figure := _figure(suites, aim.path)) is not None
-    ]
-    if accused is not None:
-        found.append(Goal(ACCUSED, accused, MAX_ACCUSED, min_runs=least))
-    return found
-
-
-def _figure(suites: Any, path: tuple[str, ...]) -> Figure | None:
-    for key in path:
-        if (suites := suites.get(key)) is None:
-            return None
-    assert isinstance(suites, Figure)
-    return suites
-
 
 SEEDS = (
     "The seeds of what is played here begin at {first}; the design was trained on seeds below {last}. "

@@ -13,10 +13,10 @@ from sim_ecu.jobs.whole import Missing, Piece, every, left_out, not_whole
 from sim_ecu.reporting.page import Page, html, markdown
 from sim_ecu.reporting.result_files import check_output, status_by_goals, write_results
 from sim_ecu.reporting.verdicts import head
+from sim_ecu.score import SUITES
 from sim_ecu.score.baselines import PAPER, Baseline, Beside, Offsetless, TorqueRatio, fitting
 from sim_ecu.score.baselines import load as load_regressor
 from sim_ecu.score.ekf import Ekf
-from sim_ecu.score.names import SUITES
 from sim_ecu.score.report import judge
 from sim_ecu.score.score_play import Trace, play
 from sim_ecu.score.sections import sections, warnings

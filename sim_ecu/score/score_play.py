@@ -1,13 +1,12 @@
 """One run of a score: rig -> frames -> daemon's core -> frames, and the baselines on the very same ticks."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
-from cantools.database.can import Message
+from cantools.database.can import Database, Message
 from numpy.typing import NDArray
 
 from sim_ecu.physics.contact import peak
@@ -32,30 +31,24 @@ from wrcd.estimator.records import Estimate, StepResult
 FloatArray = NDArray[np.float64]
 
 
-class Hears(Protocol):
-    """The frames of a message, whoever has laid it out."""
-
-    message: Message
-    stamps_us: list[int]
-    data: list[bytes]
-
-    def numbers(self, signal: str) -> FloatArray:
-        """Values (frames,) of a signal by the daemon's own name, NaN where there is none."""
-
-    def words(self, signal: str) -> NDArray[np.str_]:
-        """Words (frames,) of a signal; empty for no such signal."""
-
-
-@dataclass(slots=True)
+@dataclass
 class Heard:
-    """The frames of a message of 8 bytes: when (microseconds after the run's begin), and what."""
+    """The frames of a message: when (microseconds after the run's begin), and what. To be read when all are there.
+
+    output: how a train's own DBC lays the message out; its signals are then known by the daemon's own names. None: a
+    packaged message of 8 bytes.
+    """
 
     message: Message
+    output: Output | None = None
     stamps_us: list[int] = field(default_factory=list)
     data: list[bytes] = field(default_factory=list)
 
     def numbers(self, signal: str) -> FloatArray:
-        """Values (frames,) in the signal's unit; NaN where the value stands for a word."""
+        """Values (frames,) in the signal's unit; NaN where there is none, or the value stands for a word."""
+        if self.output is not None:
+            own = [said.get(signal) for said in self._own]
+            return np.array([v if isinstance(v, float) else math.nan for v in own], np.float64)
         raw = self._raw(signal)
         s = self.message.get_signal_by_name(signal)
         known = ~np.isin(raw, list(s.choices or ()))
@@ -63,6 +56,9 @@ class Heard:
 
     def words(self, signal: str) -> NDArray[np.str_]:
         """Words (frames,) of the signal's value table, the number where it has none; empty for no such signal."""
+        if self.output is not None:
+            own = [said.get(signal) for said in self._own]
+            return np.array([v if isinstance(v, str) else "" for v in own], np.str_)
         if signal not in {s.name for s in self.message.signals}:
             return np.full(len(self.data), "")
         values, place = np.unique(self._raw(signal), return_inverse=True)
@@ -77,41 +73,54 @@ class Heard:
         raw = (bits & np.uint64(2**s.length - 1)).astype(np.int64)
         return np.where(s.is_signed & (raw >= 2 ** (s.length - 1)), raw - 2**s.length, raw)
 
-
-class HeardOwn:
-    """The frames of an output that a train's own DBC lays out, by the daemon's names. To be read when all are there."""
-
-    def __init__(self, message: Message, output: Output) -> None:
-        self.message, self.stamps_us, self.data = message, list[int](), list[bytes]()
-        self._reader = AdhesionReader(message, output)
-
-    def numbers(self, signal: str) -> FloatArray:
-        """As of Heard."""
-        values = [said.get(signal) for said in self._said]
-        return np.array([v if isinstance(v, float) else math.nan for v in values], np.float64)
-
-    def words(self, signal: str) -> NDArray[np.str_]:
-        """As of Heard."""
-        values = [said.get(signal) for said in self._said]
-        return np.array([v if isinstance(v, str) else "" for v in values], np.str_)
-
     @cached_property
-    def _said(self) -> list[Said]:
-        return [self._reader.read(data) for data in self.data]
+    def _own(self) -> list[Said]:
+        assert self.output is not None
+        reader = AdhesionReader(self.message, self.output)
+        return [reader.read(data) for data in self.data]
 
 
-def heard_own(config: Config, axle: int) -> tuple[HeardOwn, HeardOwn | None]:
-    """Adhesion and, where it is mapped, AdhesionDetail of an axle, as a configuration lays them out."""
-    outputs = next(a for a in config.axles if a.number == axle)
-    said, detail = (
-        None if output is None else HeardOwn(find_message(config.database, output.message), output)
-        for output in (outputs.adhesion, outputs.detail)
-    )
-    assert said is not None
-    return said, detail
+class Ear:
+    """Keeps the frames of a train's axles as someone on the bus receives them: adhesion, its detail where an axle has
+    one, what lies ahead, and the truth.
+
+    own: the configuration of a train whose messages are not the packaged ones. Times are microseconds from the start.
+    """
+
+    def __init__(self, numbers: Iterable[int], own: Config | None = None) -> None:
+        numbers = list(numbers)
+        production, rig = databases()
+
+        def heard(database: Database, kind: str) -> dict[int, Heard]:
+            return {n: Heard(database.get_message_by_name(f"{kind}_A{n}")) for n in numbers}
+
+        self.truth = heard(rig, "SimTruth")
+        self.ahead = heard(production, "AdhesionAhead")
+        if own is None:
+            self.said, self.detail = heard(production, "Adhesion"), heard(production, "AdhesionDetail")
+        else:
+            axles = {a.number: a for a in own.axles}
+            self.said, self.detail = (
+                {n: Heard(find_message(own.database, o.message), o) for n, o in outputs if o is not None}
+                for outputs in ([(n, axles[n].adhesion) for n in numbers], [(n, axles[n].detail) for n in numbers])
+            )
+        every = (self.ahead, self.said, self.truth, self.detail)
+        self._by_id = {h.message.frame_id: h for kind in every for h in kind.values()}
+
+    def hear(self, stamp_us: int, can_id: int, data: bytes) -> None:
+        """Keep a frame; others are ignored."""
+        found = self._by_id.get(can_id)
+        if found is not None:
+            found.stamps_us.append(stamp_us)
+            found.data.append(data)
 
 
 HALF_WIDTHS = {name: half_width for half_width, name in CONFIDENCES}
+
+
+def half_widths_pp(said: Heard) -> FloatArray:
+    """Half-widths (frames,) of the levels of Confidence; inf for wider than any, NaN for no level."""
+    return np.array([HALF_WIDTHS.get(word, np.nan) for word in said.words("Confidence").tolist()], np.float64)
 
 
 @dataclass(slots=True)
@@ -186,36 +195,6 @@ class TickRecorder:
         )
 
 
-class Ear:
-    """Listens on the bus as a controller does, and as someone who knows the truth.
-
-    own: the configuration of a train whose messages are not the packaged ones.
-    """
-
-    def __init__(self, numbers: Sequence[int], own: Config | None = None) -> None:
-        production, rig = databases()
-        self.truth = {n: Heard(rig.get_message_by_name(f"SimTruth_A{n}")) for n in numbers}
-        self.said: dict[int, Hears] = {}
-        self.detail: dict[int, Hears] = {}  # of the axles that have one
-        for n in numbers:
-            if own is None:
-                self.said[n] = Heard(production.get_message_by_name(f"Adhesion_A{n}"))
-                self.detail[n] = Heard(production.get_message_by_name(f"AdhesionDetail_A{n}"))
-                continue
-            self.said[n], detail = heard_own(own, n)
-            if detail is not None:
-                self.detail[n] = detail
-        every = (*self.said.values(), *self.truth.values(), *self.detail.values())
-        self._by_id = {h.message.frame_id: h for h in every}
-
-    def hear(self, stamp_us: int, can_id: int, data: bytes) -> None:
-        """A frame."""
-        found = self._by_id.get(can_id)
-        if found is not None:
-            found.stamps_us.append(stamp_us - LOG_START_US)
-            found.data.append(data)
-
-
 def play(run: Run, config: Config, baselines: dict[str, Baseline], train: Train = PACKAGED) -> list[Trace]:
     """Play a run and gather what the bus said, an entry for each axle. train: whose messages the configuration maps.
     Raises InputError for a fault or an axle that they leave no way to."""
@@ -228,11 +207,12 @@ def play(run: Run, config: Config, baselines: dict[str, Baseline], train: Train 
         for f in frames:
             stamp_us = LOG_START_US + f.due_us
             if not f.error:
-                ear.hear(stamp_us, f.can_id, f.data)
+                ear.hear(f.due_us, f.can_id, f.data)
             for out in core.feed(Frame(stamp_us, f.can_id, f.data, f.extended, error=f.error, fd=f.fd)):
-                ear.hear(out.frame.stamp_us, out.frame.can_id, out.frame.data)
+                due_us = out.frame.stamp_us - LOG_START_US
+                ear.hear(due_us, out.frame.can_id, out.frame.data)
                 if out.why is not None:
-                    half_widths[out.frame.stamp_us - LOG_START_US] = out.why.half_width_pp
+                    half_widths[due_us] = out.why.half_width_pp
     traces = [_trace(run, place, ear, half_widths) for place in range(len(axles))]
     if baselines and recording.ticks:
         _beside(traces, recording.all(), baselines)
@@ -249,13 +229,13 @@ def _beside(traces: Sequence[Trace], ticks: GivenTicks, baselines: dict[str, Bas
         trace.baselines = {name: np.where(at >= 0, mu[np.maximum(at, 0), place], np.nan) for name, mu in others.items()}
 
 
-def newest(heard: Hears, signal: str, at_us: NDArray[np.int64]) -> NDArray[np.str_]:
+def newest(heard: Heard, signal: str, at_us: NDArray[np.int64]) -> NDArray[np.str_]:
     """What the newest frame said at each time; empty before the first."""
     place = np.searchsorted(np.array(heard.stamps_us), at_us, side="right")
     return np.concatenate(([""], heard.words(signal)))[place]
 
 
-def _cause(detail: Hears | None, at_us: NDArray[np.int64]) -> NDArray[np.str_]:
+def _cause(detail: Heard | None, at_us: NDArray[np.int64]) -> NDArray[np.str_]:
     """Why each adhesion frame is not Valid. A drop ahead is no reason: it is of a Valid frame that came before."""
     if detail is None:
         return np.full(len(at_us), "")
@@ -272,7 +252,6 @@ def _trace(run: Run, place: int, ear: Ear, half_widths: dict[int, FloatArray]) -
     use = said_us >= true_us[0]
     latest = np.searchsorted(true_us, said_us[use], side="right") - 1
     unknown = np.full(MAX_AXLES, np.nan)
-    level = said.words("Confidence")[use]
     return Trace(
         suite=run.suite,
         group=run.group,
@@ -286,7 +265,7 @@ def _trace(run: Run, place: int, ear: Ear, half_widths: dict[int, FloatArray]) -
         mu_pct=said.numbers("MuAvailable")[use],
         validity=said.words("Validity")[use],
         cause=_cause(ear.detail.get(axle.number), said_us[use]),
-        half_width_pp=np.array([HALF_WIDTHS.get(word, np.nan) for word in level.tolist()]),
+        half_width_pp=half_widths_pp(said)[use],
         own_half_width_pp=np.array([half_widths.get(t, unknown)[axle.number - 1] for t in said_us[use].tolist()]),
         contact=said.words("ContactState")[use],
         surface=said.words("Surface")[use],

@@ -21,9 +21,9 @@ from sim_ecu.design.brief import load_source
 from sim_ecu.play.expected import LONG_ROWS, ROWS
 from sim_ecu.play.matrix import HEAD, Verdict, line
 from sim_ecu.reporting.verdicts import CHANCE, MET, MET_CHANCE, MISSED, TOO_FEW
-from sim_ecu.score.names import SUITES
-from sim_ecu.score.report import ACCUSED, AIMS, MAX_ACCUSED
+from sim_ecu.score import SUITES
 from sim_ecu.score.run_score import ScoreRequest, make_baselines
+from sim_ecu.score.score_goals import ACCUSED, SCORE_GOALS
 from tests.support import pages
 from tests.support.page_commands import steps
 from wrcd import contract, resources
@@ -384,7 +384,7 @@ def test_score_has_the_suites_causes_and_baselines_of_the_code() -> None:
 
 def test_score_has_every_goal_with_its_bound_and_verdict() -> None:
     found = rows("docs/reference/score.md", GOALS)
-    bounds = {aim.what: aim.bound for aim in AIMS} | {ACCUSED: MAX_ACCUSED}
+    bounds = {goal.args[0]: goal.keywords["bound"] for goal in (*SCORE_GOALS.values(), ACCUSED)}
     assert [name for name, *_ in found] == list(bounds)
     assert all(float(bound.split()[1]) == bounds[name] for name, _, bound, _ in found)
     assert {verdict for *_, verdict in found} <= {MET, MET_CHANCE, CHANCE, MISSED, TOO_FEW}

@@ -23,13 +23,14 @@ from sim_ecu.loop.control.adhesion_consumer import Facts
 from sim_ecu.loop.control.slip_controller import NAMES, make_controller
 from sim_ecu.loop.drive_scenario import DriveScenario, path_of, read_drive_scenario
 from sim_ecu.loop.lockstep import Lockstep, Timing, cost_of_driving, ride_ideal
-from sim_ecu.loop.ride_figures import MIN_SLIDE_SPEED_M_S, AdhesionRecorder, Honesty, honesty, judge
+from sim_ecu.loop.ride_figures import MIN_SLIDE_SPEED_M_S, Honesty, adhesion_series, honesty, judge
 from sim_ecu.loop.rig import Step
 from sim_ecu.play.faults import SILENT
 from sim_ecu.play.inject import at_work
 from sim_ecu.play.mapped import MappedTrain
 from sim_ecu.play.scenario import Scenario
 from sim_ecu.play.train import PACKAGED, Train
+from sim_ecu.score.score_play import Ear
 from wrcd.core.configuration import Config
 from wrcd.errors import InputError
 
@@ -128,17 +129,17 @@ def figures(job: Job) -> Mapping[str, Scalar]:
     """Drive the run of a job, and judge it."""
     asked = _asked(job.inputs)
     own = None if asked.train is PACKAGED else asked.config
-    recorder = None if asked.config is None else AdhesionRecorder(asked.scenario.axles, own)
+    recorder = None if asked.config is None else Ear(asked.scenario.axles, own)
     steps = list(_steps(asked, recorder))
     f = judge(steps, asked.scenario)
-    said = [] if recorder is None else honesty(recorder.series(), steps)
+    said = [] if recorder is None else honesty(adhesion_series(recorder.said), steps)
     out = asdict(f) | {"distance_m": f.stop_m, "stop_m": f.stop_m if f.stopped else math.nan, **_honest(said)}
     if max(asked.scenario.driver.values, key=abs) < 0.0:  # the largest demand brakes
         out["impulse_kNs"] = math.nan
     return out | {"time_s": out.pop("seconds")}
 
 
-def _steps(asked: _Asked, recorder: AdhesionRecorder | None) -> Iterator[Step]:
+def _steps(asked: _Asked, recorder: Ear | None) -> Iterator[Step]:
     if asked.controller == IDEAL:
         yield from ride_ideal(asked.scenario)
         return

@@ -15,10 +15,10 @@ from sim_ecu.campaign.kinds.given import configuration_of
 from sim_ecu.campaign.kinds.given import figures_of as figures_of_estimates
 from sim_ecu.design.brief import Recipe, load_source
 from sim_ecu.jobs.job import Job, Scalar, digest
+from sim_ecu.score import SUITES
 from sim_ecu.score.metrics import accuracy, change_metrics, honesty
-from sim_ecu.score.names import SUITES
 from sim_ecu.score.score_play import Trace, play
-from sim_ecu.score.suites import runs, training_runs
+from sim_ecu.score.suites import runs
 from sim_ecu.score.suites.run import AXLES, TEST_LOTS, TRAINING_LOTS, TUNED_LOT, Run
 from wrcd import resources
 from wrcd.config.section import suggest
@@ -73,7 +73,7 @@ def _no_lot(lot: int) -> InputError:
 @lru_cache(KEPT)
 def _suite(file: Path, contents: str, suite: str, lot: int) -> dict[str, list[Run]]:
     source = _source(file, contents)
-    every = runs(source, suite, 1.0, lot) if lot >= 0 else training_runs(source, suite, 1.0, -1 - lot)
+    every = runs(source, suite, 1.0, lot)
     out: dict[str, list[Run]] = {}
     for run in every:
         if run.suite == suite:  # without its twins in the grid

@@ -25,25 +25,26 @@ from wrcd.core.vocabulary import CONFIDENCES
 
 @dataclass(frozen=True, slots=True)
 class Facts:
-    """A train of like wheelsets. inertia_kg_m2: of a wheelset with its drive; mass_kg: the train's, per wheelset."""
+    """A train of like wheelsets, as a controller knows it; the mass per wheelset is M_v."""
 
     axles: tuple[int, ...]
-    radius_m: float
-    inertia_kg_m2: float
-    mass_kg: float
-    unit_adhesion_N_m: float  # 2 N r_0: torque that takes an adhesion of 1
+    wheelset: Wheelset = field(default_factory=Wheelset)
     actuators: Actuators = field(default_factory=Actuators)
 
     @classmethod
     def of(cls, scenario: DriveScenario) -> "Facts":
         """The facts of a scenario's train."""
-        return cls.of_wheelset(tuple(scenario.axles), scenario.train.wheelset, scenario.actuators)
+        return cls(tuple(scenario.axles), scenario.train.wheelset, scenario.actuators)
 
-    @classmethod
-    def of_wheelset(cls, axles: tuple[int, ...], wheelset: Wheelset, actuators: Actuators) -> "Facts":
-        """The facts of a train of such wheelsets."""
-        w = wheelset
-        return cls(axles, w.r_0, w.I_R + w.I_L, w.M_v, 2.0 * w.normal_N * w.r_0, actuators)
+    @property
+    def inertia_kg_m2(self) -> float:
+        """Of a wheelset with its drive."""
+        return self.wheelset.I_R + self.wheelset.I_L
+
+    @property
+    def unit_adhesion_N_m(self) -> float:
+        """Torque at a wheelset that takes an adhesion of 1: 2 N r_0."""
+        return 2.0 * self.wheelset.normal_N * self.wheelset.r_0
 
     @property
     def full_brake_N_m(self) -> float:

@@ -10,21 +10,10 @@ control is alone until the estimate is steady. docs/reference/what-a-controller-
 import math
 from dataclasses import dataclass
 from enum import Enum
-from typing import Protocol
 
-from sim_ecu.loop.control.adhesion_consumer import CYCLE_US, UsableAdhesion
+from sim_ecu.loop.control.adhesion_consumer import CYCLE_US, AdhesionReceiver
 
 PERIOD_S = CYCLE_US * 1e-6
-
-
-class AdhesionSource(Protocol):
-    """Where adhesion comes from: a receiver."""
-
-    def hear(self, can_id: int, data: bytes, stamp_us: int) -> bool:
-        """Take a frame from the bus."""
-
-    def adhesion(self, now_us: int) -> UsableAdhesion | None:
-        """What may be used now; None: fall back."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +72,7 @@ class AdhesionLimit:
     unit_N_m: torque at the wheelset that takes an adhesion of 1, its own rotation included.
     """
 
-    def __init__(self, source: AdhesionSource, unit_N_m: float, constants: LimitConstants | None = None) -> None:
+    def __init__(self, source: AdhesionReceiver, unit_N_m: float, constants: LimitConstants | None = None) -> None:
         self._source, self._unit_N_m, self._c = source, unit_N_m, constants or LimitConstants()
         self.limit_N_m: float | None = None
         self._carried_N_m: float | None = None  # what the estimate carries, its rises followed slowly

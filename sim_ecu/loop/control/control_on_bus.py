@@ -1,12 +1,10 @@
 """`sim-ecu control`: a controller as an ordinary process on a bus, and what is reported of its inputs."""
 
-import gc
 import time
 from collections.abc import Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass
 
-from sim_ecu.loop.bus_end import End, StatusLines, lost, open_end, until_signal
+from sim_ecu.loop.bus_end import End, lost, on_bus
 from sim_ecu.loop.control.adhesion_consumer import CYCLE_US, NOTHING_YET, AdhesionReceiver, TrainController, receiver
 from sim_ecu.loop.control.controlled_axle import APPLIED_S, MAX_WITHOUT_S
 from sim_ecu.loop.control.slip_controller import SlipController
@@ -246,17 +244,9 @@ def control_on_bus(
 
     Returns what it came to, as lines. Raises InputError, BusError.
     """
-    lines = StatusLines()
-    with ExitStack() as cleanup:
-        link = open_end(interface, channel, tuple(i for watch in watches for i in watch.ids))
-        cleanup.callback(link.close)
-        signalled = cleanup.enter_context(until_signal())
-        # what the start has left is not looked through again and again for garbage
-        gc.collect()
-        gc.freeze()
-        cleanup.callback(gc.unfreeze)
-        controls = OnBus(controller, watches, End(link, lines), paced_by)
-        while not signalled() and (seconds is None or controls.end.now_us < seconds * 1e6):
+    with on_bus(interface, channel, tuple(i for watch in watches for i in watch.ids)) as (end, signalled):
+        controls = OnBus(controller, watches, end, paced_by)
+        while not signalled() and (seconds is None or end.now_us < seconds * 1e6):
             time.sleep(controls.wait_s())
             controls.turn()
         return controls.summary()

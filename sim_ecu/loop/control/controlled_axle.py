@@ -204,7 +204,7 @@ class Blending:
         speed None: not known; the drive is asked for all, and what it is not allowed the actuators keep from it.
         """
         if not braking:
-            most = self._facts.actuators.drive.traction_N_m(speed_m_s or 0.0, self._facts.radius_m)
+            most = self._facts.actuators.drive.traction_N_m(speed_m_s or 0.0, self._facts.wheelset.r_0)
             self._follow(min(torque_N_m, most))
             return torque_N_m, self._set(Valve.FILL, 0.0)
         facts, pneumatics = self._facts, self._facts.actuators.pneumatics
@@ -352,5 +352,5 @@ class ControlledAxle:
     def force_N(self) -> float:
         """Force at the rail in the direction of the effort: torque less what turns the wheelset itself."""
         f = self._facts
-        torque = self.blending.actual_N_m - f.inertia_kg_m2 * self.slide_m_s2 / f.radius_m
-        return max(torque, 0.0) / f.radius_m
+        torque = self.blending.actual_N_m - f.inertia_kg_m2 * self.slide_m_s2 / f.wheelset.r_0
+        return max(torque, 0.0) / f.wheelset.r_0

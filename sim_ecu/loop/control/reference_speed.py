@@ -48,7 +48,7 @@ class ReferenceSpeed:
             return self.speed_m_s
         self._settles_s = SETTLE_S if braking is not self._braking else max(self._settles_s - period_s, 0.0)
         self._braking = braking
-        mass_kg = self._facts.mass_kg * len(self._facts.axles)
+        mass_kg = self._facts.wheelset.M_v * len(self._facts.axles)
         held = sign * self.speed_m_s - (MARGIN * sum(forces_N) / mass_kg + GRADIENT_M_S2) * period_s
         if self._settles_s > 0.0:
             seen = [w for w in seen if w < held + SETTLED_M_S]
@@ -184,7 +184,7 @@ class Proof:
         if a.speed_m_s < TURNS_M_S:
             return asked_N_m <= 0.0 and a.blending.actual_N_m <= FREE_SHARE * self._facts.full_brake_N_m
         f = self._facts
-        slows = (MARGIN * asked_N_m / f.radius_m / f.mass_kg + GRADIENT_M_S2) * STEADY_US * 1e-6
+        slows = (MARGIN * asked_N_m / f.wheelset.r_0 / f.wheelset.M_v + GRADIENT_M_S2) * STEADY_US * 1e-6
         return speeds[0] - min(speeds) <= slows + NOISE_M_S
 
     @property

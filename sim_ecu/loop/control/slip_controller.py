@@ -172,5 +172,6 @@ def _limit(name: str, facts: Facts, config: Config, axle: AxleConfig) -> Adhesio
             f"{heard.unusable}: no base for a controller",
             hint="map them in the configuration, or run the controller without adhesion",
         )
-    rotation = facts.inertia_kg_m2 / facts.radius_m**2 / facts.mass_kg  # takes torque beside what the rail carries
+    # the wheelset's own rotation takes torque beside what the rail carries
+    rotation = facts.inertia_kg_m2 / facts.wheelset.r_0**2 / facts.wheelset.M_v
     return AdhesionLimit(heard, facts.unit_adhesion_N_m * (1.0 + rotation), LIMITS[name])

@@ -8,36 +8,32 @@ import tempfile
 import uuid
 import zipfile
 from collections.abc import Iterable, Mapping
-from html import escape
 from importlib.metadata import distribution
 from pathlib import Path
 
 from pythonfmu.builder import FmuBuilder
 
-from sim_ecu.loop.drive_scenario import FOLDER, DriveScenario, load_drive_scenario
+from sim_ecu.loop.drive_scenario import DriveScenario, load_drive_scenario, path_of
 from sim_ecu.loop.fmu.plant import Variable, digest, variables
 from sim_ecu.loop.fmu.slave import MADE, SCENARIO
+from sim_ecu.reporting.page import Page, PageSection, Part, html
+from sim_ecu.reporting.table import Table
 from wrcd import __version__
 from wrcd.errors import InputError
-
-HEAD = ("name", "type", "causality", "unit", "what")
 
 
 def page(scenario: DriveScenario, variables: Iterable[Variable]) -> str:
     """The page as HTML."""
-    rows = [(v.name, v.kind, v.causality, v.unit, v.what) for v in variables]
-    table = "\n".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows)
-    head = "".join(f"<th>{cell}</th>" for cell in HEAD)
-    return f"""<!DOCTYPE html>
-<html lang="en"><head><meta charset="utf-8"><title>wrcd's rig</title></head><body>
-<h1>wrcd's rig: {escape(scenario.train.title)}</h1>
-<p>Simulation only. FMI 2.0 co-simulation; communication step 0.005 s or a multiple of it.</p>
-<p>It holds no Python: the importing side needs Linux on x86-64 and Python 3.11 or newer with wrcd[bench] {__version__}.
-The scenario is resources/scenario.toml.</p>
-<table><tr>{head}</tr>
-{table}
-</table></body></html>
-"""
+    parts: list[Part] = [
+        "Simulation only. FMI 2.0 co-simulation; communication step 0.005 s or a multiple of it.",
+        "It holds no Python: the importing side needs Linux on x86-64 and Python 3.11 or newer with "
+        f"wrcd[bench] {__version__}. The scenario is resources/scenario.toml.",
+        Table(
+            ["name", "type", "causality", "unit", "what"],
+            [[v.name, v.kind, v.causality, v.unit, v.what] for v in variables],
+        ),
+    ]
+    return html(Page("wrcd's rig", f"wrcd's rig: {scenario.train.title}", [PageSection("", "", parts)], links=""))
 
 
 MODULE = "wrcd_rig_fmu"
@@ -68,8 +64,7 @@ def pack(scenario: str, output: Path) -> tuple[DriveScenario, tuple[Variable, ..
     Returns the scenario and the variables. Raises InputError.
     """
     loaded = load_drive_scenario(scenario)
-    packaged = FOLDER / f"{scenario}.toml"
-    text = (packaged if packaged.exists() else Path(scenario)).read_bytes()
+    text = path_of(scenario).read_bytes()
     everything = variables(loaded.axles)
     version = distribution("pythonfmu").version
     parts = [text, digest(everything).encode(), __version__.encode(), version.encode(), LOADER.encode()]

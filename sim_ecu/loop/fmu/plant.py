@@ -6,7 +6,6 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sim_ecu.loop.drive_scenario import SPEED, DriveScenario
 from sim_ecu.loop.rig import LOOP, WRCD, Rig, Step
@@ -150,24 +149,6 @@ Value = float | int | bool | str
 NOTHING: dict[str, Value] = {"Real": 0.0, "Integer": 0, "Boolean": False, "String": ""}
 
 
-class SetFromOutside(Course):
-    """A course without rows: at all times the value that was set last."""
-
-    _value: float
-
-    def __init__(self) -> None:
-        super().__init__((0.0,), (0.0,))
-        self.set(0.0)
-
-    def set(self, value: float) -> None:
-        """Set the value. A course is frozen otherwise."""
-        object.__setattr__(self, "_value", value)
-
-    def at(self, t: NDArray[np.float64]) -> NDArray[np.float64]:
-        """That value, at times t."""
-        return np.full(len(t), self._value)
-
-
 class Plant:
     """The values of an FMU by name. Parameters are set before start(), inputs before step()."""
 
@@ -178,7 +159,6 @@ class Plant:
         self.values: dict[str, Value] = {v.name: NOTHING[v.kind] for v in self.variables}
         self.values |= {SEED.name: seed_of(scenario), START_SPEED.name: speed}
         self.values |= dict.fromkeys(self._speeds(), speed)
-        self._driver = SetFromOutside()
         self._rig: Rig | None = None
         self._sensors = SensorOutputs(self.variables)
         self._start_s = 0.0
@@ -200,8 +180,6 @@ class Plant:
             raise InputError(f"the start time is {time_s}")
         scenario = reseeded(self.scenario, seed)
         scenario = replace(scenario, train=replace(scenario.train, speed=Course((0.0,), (speed,))))
-        if self.values[DRIVER_IS_INPUT.name]:
-            scenario = replace(scenario, driver=self._driver)
         self._rig, self._start_s = Rig(scenario, [LOOP, WRCD]), time_s
 
     def step(self, time_s: float, step_s: float) -> None:
@@ -234,7 +212,8 @@ class Plant:
             if valve not in tuple(Valve):
                 raise InputError(f"takes 0 (fill), 1 (hold) or 2 (vent), not {valve}", key=f"axle{n}.valve")
             demands.append((n, torque, Valve(int(valve))))
-        self._driver.set(share)
+        if self.values[DRIVER_IS_INPUT.name]:
+            rig.ask(share)
         for demand in demands:
             rig.demand(*demand)
 

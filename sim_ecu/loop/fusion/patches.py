@@ -9,14 +9,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim_ecu.loop import LAWS
-from sim_ecu.loop.drive_scenario import NO_DRIVE, DriveScenario
+from sim_ecu.loop.drive_scenario import DriveScenario
+from sim_ecu.loop.suites import rides
+from sim_ecu.loop.suites.rides import LITTLE, ONSET_S, Rng, curve, free_train
 from sim_ecu.physics.axlebox import QUIET, AxleBox
 from sim_ecu.physics.cleaning import Cleaning
-from sim_ecu.physics.contact import CreepCurve, curve_between, peak
-from sim_ecu.physics.sensors import SENSOR_SETS
-from sim_ecu.physics.track import QUALITY
+from sim_ecu.physics.contact import CreepCurve, peak
 from sim_ecu.physics.wheelset import Wheelset
-from sim_ecu.play.scenario import POSITIONS_M, AxleScenario, Course, FloatArray, Scenario, rail_table
+from sim_ecu.play.scenario import POSITIONS_M, Course, rail_table
 from sim_ecu.score.suites.run import AXLES, FIRST_TEST_SEED
 
 PLACES_M = POSITIONS_M[:AXLES]
@@ -25,16 +25,14 @@ PER_SPEED = 10  # patches, half of them cleaned by the axles that slip on them
 HELD_PER_SPEED = 2  # patches more, on which the driver asks for less than they carry
 HELD_SHARES = (0.3, 0.9)  # of the patch's peak
 STEADY_RUNS, JOINTS_RUNS, RISE_RUNS = 12, 8, 8
-# Friction mu_0, drawn evenly from one of the ranges: dry, damp, wet; greasy, low, leaf film.
-HIGH = ((0.45, 0.55), (0.38, 0.45), (0.27, 0.33))
-LOW = ((0.13, 0.17), (0.05, 0.07), (0.03, 0.06))
+# Friction is drawn from one of the ranges.
+HIGH, LOW_RAIL = (rides.DRY, rides.DAMP, rides.WET), (rides.GREASY, rides.LOW, rides.LEAVES)
 LENGTHS_M = (30.0, 120.0)
 IN_USE = (0.05, 0.32)  # adhesion that the driver asks for, MOST_OF_HIGH of the good rail's peak at most
 MOST_OF_HIGH = 0.85
 FULL = 0.34  # adhesion of the full effort
 CLEANING = Cleaning(energy_kJ_m=4.0)
-DEMAND_S, ONSET_S, ENTER_S = 2.5, 0.1, 4.0  # a little effort until then; the first axle is on the patch at the last
-LITTLE = 0.05  # of the full effort
+DEMAND_S, ENTER_S = 2.5, 4.0  # a little effort until then; the first axle is on the patch at the last
 AFTER_S, LONGEST_S = 1.0, 11.0
 ALWAYS_PULLS_M_S = 10.0  # up to here the driver pulls: a train that brakes would stand before its last axle is there
 STEADY_S, STEP_S = 20.0, 3.0
@@ -46,7 +44,6 @@ CURVATURES = (0.0, 1 / 1500)  # 1/m
 PATCH, STEADY, JOINTS, RISE = "patch", "unchanging", "unchanging, with joints", "rise"
 KINDS = (PATCH, STEADY, JOINTS, RISE)
 G = 9.80665
-Rng = np.random.Generator
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,8 +89,8 @@ def rails(scale: float = 1.0, first_seed: int = FIRST_TEST_SEED) -> Iterator[Pat
 def _rail(number: int, seed: int, kind: str) -> PatchRide:
     rng = np.random.default_rng([seed, 12])
     speed = float(rng.uniform(*STEADY_SPEEDS_M_S))
-    curve = _drawn(rng, HIGH)
-    first = _drawn(rng, LOW) if kind == RISE else curve
+    good = _drawn(rng, HIGH)
+    first = _drawn(rng, LOW_RAIL) if kind == RISE else good
     seconds = RISE_S if kind == RISE else STEADY_S
     driver = _driver(rng, min(IN_USE[1], MOST_OF_HIGH * _peak(speed, first)) / FULL, seconds)
     box, curvature = QUIET, 0.0
@@ -103,9 +100,9 @@ def _rail(number: int, seed: int, kind: str) -> PatchRide:
         curvature = float(rng.choice(CURVATURES))
     parts = [(0.0, first, curvature, 0.0)]
     if kind == RISE:
-        parts.append((speed * RISE_AT_S, curve, 0.0, 0.0))
-    drive = _scenario(rng, seed, rail_table(parts), speed, driver, seconds, box=box)
-    return PatchRide(number, drive, str(rng.choice(LAWS)), speed, kind)
+        parts.append((speed * RISE_AT_S, good, 0.0, 0.0))
+    train = free_train(rng, seed, rail_table(parts), speed, seconds, AXLES, box=box)
+    return PatchRide(number, DriveScenario(train, driver, known_before=True), str(rng.choice(LAWS)), speed, kind)
 
 
 def _driver(rng: Rng, most: float, seconds: float) -> Course:
@@ -119,7 +116,7 @@ def _driver(rng: Rng, most: float, seconds: float) -> Course:
 
 def _patch(number: int, seed: int, speed: float, cleaning: Cleaning | None, held: bool) -> PatchRide:
     rng = np.random.default_rng([seed, 11])
-    good, bad = _drawn(rng, HIGH), _drawn(rng, LOW)
+    good, bad = _drawn(rng, HIGH), _drawn(rng, LOW_RAIL)
     way = 1.0 if speed <= ALWAYS_PULLS_M_S or rng.random() < 0.5 else -1.0
     used = min(float(rng.uniform(*IN_USE)), MOST_OF_HIGH * _peak(speed, good))
     if held:
@@ -130,26 +127,14 @@ def _patch(number: int, seed: int, speed: float, cleaning: Cleaning | None, held
     way_s = (PLACES_M[0] - PLACES_M[-1]) / max(speed - 2.0, 2.0)
     seconds = min(ENTER_S + way_s + AFTER_S, LONGEST_S)
     driver = Course((0.0, DEMAND_S, DEMAND_S + ONSET_S), (way * LITTLE, way * LITTLE, way * used / FULL))
-    drive = _scenario(rng, seed, rail, speed, driver, seconds, cleaning)
+    train = free_train(rng, seed, rail, speed, seconds, AXLES)
+    drive = DriveScenario(train, driver, known_before=True, cleaning=cleaning)
     slides = used > _peak(speed, bad)
     return PatchRide(number, drive, str(rng.choice(LAWS)), speed, PATCH, start_m, end_m, slides, held)
 
 
-def _scenario(
-    rng: Rng, seed: int, rail: FloatArray, speed: float, driver: Course, seconds: float,
-    cleaning: Cleaning | None = None, box: AxleBox = QUIET,
-) -> DriveScenario:  # fmt: skip
-    roughness = float(np.exp(rng.uniform(*np.log((QUALITY["good"], QUALITY["poor"])))))
-    axles = tuple(
-        AxleScenario(n, rail, NO_DRIVE, roughness, SENSOR_SETS["mems"], seed * 16 + n, place, seed * 16, axlebox=box)
-        for n, place in enumerate(PLACES_M, 1)
-    )
-    train = Scenario("score", "", seconds, Course((0.0,), (speed,)), False, Wheelset(), axles)
-    return DriveScenario(train, driver, known_before=True, cleaning=cleaning)
-
-
 def _drawn(rng: Rng, frictions: tuple[tuple[float, float], ...]) -> CreepCurve:
-    return curve_between(float(rng.uniform(*frictions[int(rng.integers(len(frictions)))])))
+    return curve(rng, frictions[int(rng.integers(len(frictions)))])
 
 
 def _peak(speed: float, curve: CreepCurve) -> float:

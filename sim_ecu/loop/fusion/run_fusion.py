@@ -30,8 +30,8 @@ from sim_ecu.reporting.result_files import check_output, status_by_goals, write_
 from sim_ecu.reporting.table import Table
 from sim_ecu.reporting.values import Figure, Rounded, Share, share
 from sim_ecu.reporting.verdicts import MIN_QUICK_RUNS, MIN_RUNS, Goal
+from sim_ecu.score import FUSION
 from sim_ecu.score.metrics import bootstrap
-from sim_ecu.score.names import FUSION
 from sim_ecu.score.report import SEEDS
 from sim_ecu.score.suites.run import FIRST_TEST_SEED
 from wrcd import resources

@@ -11,9 +11,9 @@ from sim_ecu.loop.control.adhesion_consumer import Facts
 from sim_ecu.loop.control.slip_controller import make_controller
 from sim_ecu.loop.fusion.patches import PLACES_M, PatchRide
 from sim_ecu.loop.lockstep import Lockstep
-from sim_ecu.play.encoder import SAMPLE_US, databases
+from sim_ecu.play.encoder import SAMPLE_US
 from sim_ecu.play.play import LOG_START_US
-from sim_ecu.score.score_play import Heard
+from sim_ecu.score.score_play import Ear, Heard
 from wrcd.bus.frame import Frame
 from wrcd.core.causes import Validity
 from wrcd.core.configuration import Config
@@ -55,46 +55,27 @@ class PatchRecord:
     same: bool
 
 
-class _FusionCore:
-    """Hears a core's frames: of adhesion every byte, of what lies ahead what a consumer hears."""
-
-    def __init__(self, config: Config) -> None:
-        production, _ = databases()
-        self.core = Core(config)
-        self.said = {a: Heard(production.get_message_by_name(f"Adhesion_A{a}")) for a in AXLES}
-        self.ahead = {a: Heard(production.get_message_by_name(f"AdhesionAhead_A{a}")) for a in AXLES}
-        self._by_id = {h.message.frame_id: h for h in (*self.said.values(), *self.ahead.values())}
-
-    def feed(self, stamp_us: int, can_id: int, data: bytes) -> None:
-        """A frame for wrcd."""
-        for out in self.core.feed(Frame(LOG_START_US + stamp_us, can_id, data)):
-            found = self._by_id.get(out.frame.can_id)
-            if found is not None:
-                found.stamps_us.append(out.frame.stamp_us - LOG_START_US)
-                found.data.append(out.frame.data)
-
-
 def play(drive: PatchRide, fusing: Config, plain: Config | None) -> PatchRecord:
     """Drive a run and gather what a core said whose configuration has fusion, and one without where there is such."""
     scenario = drive.scenario
-    fused, alone = _FusionCore(fusing), None if plain is None else _FusionCore(plain)
-    cores = [recorder for recorder in (fused, alone) if recorder is not None]
+    pairs = [(Core(config), Ear(AXLES)) for config in (fusing, plain) if config is not None]
 
     def frame(stamp_us: int, can_id: int, data: bytes) -> None:
-        for recorder in cores:
-            recorder.feed(stamp_us, can_id, data)
+        for core, ear in pairs:
+            for out in core.feed(Frame(LOG_START_US + stamp_us, can_id, data)):
+                ear.hear(out.frame.stamp_us - LOG_START_US, out.frame.can_id, out.frame.data)
 
-    controller = make_controller(drive.law, Facts.of(scenario), None)
-    run = Lockstep(scenario, controller, None, frame, sensors=True)
+    run = Lockstep(scenario, make_controller(drive.law, Facts.of(scenario)), None, frame, sensors=True)
     steps = [(step.distance_m, step.mu_available) for step in run]
     mu_pct = 100.0 * np.array([mu for _, mu in steps])
+    (_, fused), (_, alone) = pairs[0], pairs[-1]
     return PatchRecord(
         drive=drive,
         seen=tuple(_seen(fused.ahead[a]) for a in AXLES),
         way_m=np.array([d for d, _ in steps]),
         mu_pct=mu_pct,
         false_lows=_false_lows(fused, mu_pct),
-        same=alone is None or all(fused.said[a].data == alone.said[a].data for a in AXLES),
+        same=all(fused.said[a].data == alone.said[a].data for a in AXLES),
     )
 
 
@@ -109,10 +90,10 @@ def _seen(heard: Heard) -> AheadFrames:
     )
 
 
-def _false_lows(recorder: _FusionCore, mu_pct: FloatArray) -> int:
+def _false_lows(fused: Ear, mu_pct: FloatArray) -> int:
     """Valid frames that call a rail low that is not."""
     count = 0
-    for k, said in enumerate(recorder.said.values()):
+    for k, said in enumerate(fused.said.values()):
         at = np.minimum((np.array(said.stamps_us) * 1e-6 / SAMPLE_S).round().astype(np.int64), len(mu_pct)) - 1
         low = (said.words("Validity") == Validity.VALID) & np.isin(said.words("Surface"), LOW)
         count += int(np.sum(low & (mu_pct[at, k] >= TRULY_LOW_PCT)))

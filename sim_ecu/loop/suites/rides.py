@@ -9,12 +9,13 @@ import numpy as np
 from sim_ecu.loop import CONTROLLERS
 from sim_ecu.loop.drive_scenario import NO_DRIVE, DriveScenario
 from sim_ecu.physics.actuators import Actuators
+from sim_ecu.physics.axlebox import QUIET, AxleBox
 from sim_ecu.physics.contact import CreepCurve, curve_between
-from sim_ecu.physics.sensors import SensorSet
+from sim_ecu.physics.sensors import SENSOR_SETS, SensorSet
 from sim_ecu.physics.track import QUALITY
 from sim_ecu.physics.wheelset import Wheelset
 from sim_ecu.play.faults import Fault
-from sim_ecu.play.scenario import POSITIONS_M, AxleScenario, Course, Scenario, rail_table
+from sim_ecu.play.scenario import POSITIONS_M, AxleScenario, Course, FloatArray, Scenario, rail_table
 from sim_ecu.score.suites.nominal import noisier
 
 FIRST_TEST_SEED = 1_000_000  # controllers are tuned on seeds below 1000
@@ -87,17 +88,24 @@ class LoopCase:
 
 def drive(plan: RidePlan, seed: int, rng: Rng, axles: int) -> DriveScenario:
     """The scenario of a plan, with its track and its sensors drawn."""
-    roughness = float(np.exp(rng.uniform(*np.log(ROUGHNESS))))
-    sensors = noisier(float(rng.uniform(*NOISE)))
     rail = rail_table([(at, curve, 0.0, 0.0) for at, curve in plan.rail])
-    every = tuple(
-        AxleScenario(n, rail, NO_DRIVE, roughness, sensors, seed * 16 + n, POSITIONS_M[n - 1], seed * 16)
-        for n in range(1, axles + 1)
-    )
-    speed = Course((0.0,), (plan.speed_m_s,))
-    train = Scenario("loop", "", plan.duration_s, speed, False, Wheelset(), every)
+    train = free_train(rng, seed, rail, plan.speed_m_s, plan.duration_s, axles, noisy=True)
     times, shares = zip(*plan.driver, strict=True)
     return DriveScenario(train, Course(times, shares), known_before=plan.known_before)
+
+
+def free_train(
+    rng: Rng, seed: int, rail: FloatArray, speed_m_s: float, seconds: float, axles: int, noisy: bool = False,
+    box: AxleBox = QUIET,
+) -> Scenario:  # fmt: skip
+    """A train that moves freely over a rail, its track's roughness drawn; noisy: its sensors' noise, too."""
+    roughness = float(np.exp(rng.uniform(*np.log(ROUGHNESS))))
+    sensors = noisier(float(rng.uniform(*NOISE))) if noisy else SENSOR_SETS["mems"]
+    every = tuple(
+        AxleScenario(n, rail, NO_DRIVE, roughness, sensors, seed * 16 + n, POSITIONS_M[n - 1], seed * 16, axlebox=box)
+        for n in range(1, axles + 1)
+    )
+    return Scenario("loop", "", seconds, Course((0.0,), (speed_m_s,)), False, Wheelset(), every)
 
 
 def curve(rng: Rng, friction: tuple[float, float]) -> CreepCurve:

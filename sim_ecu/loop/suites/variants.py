@@ -15,6 +15,7 @@ from sim_ecu.physics.sensors import SensorSet
 from sim_ecu.physics.track import QUALITY
 from sim_ecu.physics.wheelset import Wheelset
 from sim_ecu.play.faults import ALL, KINDS, Fault, Stage
+from sim_ecu.score.suites.nominal import either, scattered
 from wrcd.config.settings import read_toml
 
 World = Callable[[DriveScenario, Rng], DriveScenario]
@@ -70,23 +71,8 @@ def faults() -> Iterator[LoopCase]:
 # --- worlds that are not as the daemon's design thinks
 
 AS_DESIGNED, ON_DRY = "as designed", "as designed, dry rail"
-PARAMETERS = ("m_w", "I_w", "k_w", "I_R", "I_L", "k_s", "C_s", "a", "b")
 K_A, K_S = 4, 5  # columns of a rail table
 CONSTANT_PCT = (3.0, 40.0)  # reported all along in the daemon's place: what a lie costs, what probing gives by itself
-
-
-def _either(rng: Rng, share: float) -> float:
-    return 1.0 + share if rng.random() < 0.5 else 1.0 - share
-
-
-def _scattered(s: DriveScenario, rng: Rng) -> DriveScenario:
-    w = s.train.wheelset
-    return with_train(s, replace(w, **{n: getattr(w, n) * rng.uniform(0.9, 1.1) for n in PARAMETERS}))
-
-
-def _conicity(s: DriveScenario, rng: Rng) -> DriveScenario:
-    w = s.train.wheelset
-    return with_train(s, replace(w, gamma=w.gamma * _either(rng, 0.3)))
 
 
 def _creep_law(column: int) -> World:
@@ -94,7 +80,7 @@ def _creep_law(column: int) -> World:
 
     def world(s: DriveScenario, rng: Rng) -> DriveScenario:
         rails = [a.rail.copy() for a in s.train.axles]
-        factor = _either(rng, 0.3)
+        factor = either(rng, 0.3)
         for rail in rails:
             rail[:, column] *= factor
         axles = tuple(replace(a, rail=rail) for a, rail in zip(s.train.axles, rails, strict=True))
@@ -148,8 +134,10 @@ SENSED: dict[str, World] = {
     "VehicleSpeed made from the wheels": lambda s, _: replace(s, speed_of_wrcd="wheels"),
 }
 OTHERS: dict[str, World] = {
-    "parameters off by up to 10 %": _scattered,
-    "conicity off by 30 %": _conicity,
+    "parameters off by up to 10 %": lambda s, rng: with_train(s, scattered(s.train.wheelset, rng)),
+    "conicity off by 30 %": lambda s, rng: with_train(
+        s, replace(s.train.wheelset, gamma=s.train.wheelset.gamma * either(rng, 0.3))
+    ),
     "k_A off by 30 %": _creep_law(K_A),
     "k_S off by 30 %": _creep_law(K_S),
     "track half as rough as good": _rough(0.5),

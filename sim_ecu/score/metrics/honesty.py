@@ -8,7 +8,7 @@ import numpy as np
 
 from sim_ecu.reporting.values import Figure
 from sim_ecu.score.metrics import bootstrap
-from sim_ecu.score.metrics.accuracy import OURS, VALID, JudgedFrames, valid
+from sim_ecu.score.metrics.accuracy import OURS, VALID, JudgedFrames, period_s, valid
 from sim_ecu.score.score_play import Trace
 from wrcd.core.vocabulary import CONFIDENCES
 
@@ -75,7 +75,7 @@ def false_lows(traces: Sequence[Trace]) -> dict[str, Any]:
     """How often, and for how long, a Valid frame began to call a dry rail Low or worse, in how many hours."""
     episodes, seconds, valid_s, whole_s = 0, [], 0.0, 0.0
     for t in traces:
-        each_s = float(np.median(np.diff(t.time_s)))
+        each_s = period_s(t)
         ok = valid(t)
         low = np.isin(t.surface, LOW_SURFACES) & ok
         episodes += int(np.sum(low & ~np.concatenate(([False], low[:-1]))))
@@ -96,7 +96,7 @@ def false_lows(traces: Sequence[Trace]) -> dict[str, Any]:
 
 def valid_after(traces: Sequence[Trace], at_s: float) -> dict[str, Figure]:
     """Seconds Valid after a moment, per axle: their median and the most."""
-    seconds = np.array([np.sum(valid(t) & (t.time_s > at_s)) * float(np.median(np.diff(t.time_s))) for t in traces])
+    seconds = np.array([np.sum(valid(t) & (t.time_s > at_s)) * period_s(t) for t in traces])
     runs = np.array([t.run for t in traces], np.int64)
     return {"median": bootstrap.quantile(seconds, runs, 0.5), "most": bootstrap.largest(seconds, runs)}
 

@@ -4,33 +4,24 @@ from collections.abc import Callable, Iterator
 
 from sim_ecu.design.brief import Recipe
 from sim_ecu.physics.wheelset import Wheelset
-from sim_ecu.score.names import SUITES
+from sim_ecu.score import SUITES
 from sim_ecu.score.suites.broken import dead, foreign
 from sim_ecu.score.suites.change_suites import cycles, drops, paper, transitions
 from sim_ecu.score.suites.nominal import grid, harsh, robust, rough, slow
-from sim_ecu.score.suites.run import Lot, Run, scored_lot, training_lot
+from sim_ecu.score.suites.run import Lot, Run, lot_of
 from sim_ecu.score.suites.sound import canted, dry_hours, long, peak
 
 # suites whose runs are compared with those of the grid that have the same conditions
 PAIRED = ("robust", "rough", "harsh")
 
 
-def runs(source: Recipe, suite: str | None, scale: float, lot: int = 0) -> Iterator[Run]:
+def runs(source: Recipe, suite: str | None, scale: float, number: int = 0) -> Iterator[Run]:
     """One suite or all of them; scale is the share of the runs. A paired suite brings its part of the grid along.
 
-    lot: 0 is what `sim-ecu score` plays; each other number below TEST_LOTS, and TUNED_LOT, gives the same kinds of
-    runs with seeds of its own.
+    number: of a lot; 0 is what `sim-ecu score` plays, each other one gives the same kinds of runs with seeds of its
+    own, and those below zero seeds that no score has: to tune with.
     """
-    yield from _runs(source, suite, scale, scored_lot(lot))
-
-
-def training_runs(source: Recipe, suite: str, scale: float, lot: int = 0) -> Iterator[Run]:
-    """The same with seeds that no score has: to tune with. lot: below TRAINING_LOTS."""
-    yield from _runs(source, suite, scale, training_lot(lot))
-
-
-def _runs(source: Recipe, suite: str | None, scale: float, lot: Lot) -> Iterator[Run]:
-    w = source.wheelset
+    w, lot = source.wheelset, lot_of(number)
     makers: dict[str, Callable[[Wheelset, float, Lot], Iterator[Run]]] = {
         "paper": paper, "grid": grid, "robust": robust, "harsh": harsh, "long": long, "canted": canted, "peak": peak,
         "rough": lambda w, scale, lot: rough(w, scale, source.roughness, lot), "transitions": transitions,

@@ -8,7 +8,7 @@ from sim_ecu.design.brief import find, read_brief
 from sim_ecu.physics.sensors import SensorSet
 from sim_ecu.physics.wheelset import Wheelset
 from sim_ecu.play.faults import Fault
-from sim_ecu.score.suites.nominal import MEMS, RUN_S, Variant, condition, spread
+from sim_ecu.score.suites.nominal import MEMS, Variant, condition, spread, varied
 from sim_ecu.score.suites.run import AXLES, TEST, Lot, Run
 from wrcd.config.settings import read_toml
 
@@ -67,12 +67,10 @@ def dead(w: Wheelset, scale: float, lot: Lot = TEST) -> Iterator[Run]:
 
 def foreign(w: Wheelset, scale: float, lot: Lot = TEST) -> Iterator[Run]:
     """What is wrong from the first day on; and other wheelsets under the design, which nothing on the bus tells of."""
-    for k, variant in enumerate(FOREIGN):
-        yield from (condition("foreign", w, n, variant, FOREIGN_S, lot) for n in spread(scale, FOREIGN_RUNS, 70 + k))
+    yield from varied("foreign", FOREIGN, FOREIGN_RUNS, 70, FOREIGN_S)(w, scale, lot)
     for k, name in enumerate(OTHER_WHEELSETS):
         other = read_brief(read_toml(find(Path(name)))).wheelset
-        for n in spread(scale, OTHERS_RUNS, 80 + k):
-            yield condition("foreign", other, n, Variant(wheelset_of(name)), RUN_S, lot)
+        yield from varied("foreign", [Variant(wheelset_of(name))], OTHERS_RUNS, 80 + k)(other, scale, lot)
 
 
 def wheelset_of(name: str) -> str:

@@ -2,7 +2,7 @@
 box feels and the track's spectrum lacks; and slow or coasting wheelsets."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -106,6 +106,18 @@ def spread(scale: float, count: int, first: int) -> list[int]:
     return [(first * count + j) % total for j in range(count)]
 
 
+def varied(
+    suite: str, variants: Sequence[Variant], runs: int, first: int, seconds: float = RUN_S
+) -> Callable[..., Iterator[Run]]:  # fmt: skip
+    """Return a suite: so many of the grid's conditions with each of the variants. first: see spread."""
+
+    def make(w: Wheelset, scale: float, lot: Lot = TEST) -> Iterator[Run]:
+        for k, variant in enumerate(variants):
+            yield from (condition(suite, w, n, variant, seconds, lot) for n in spread(scale, runs, first + k))
+
+    return make
+
+
 def grid(w: Wheelset, scale: float, lot: Lot = TEST) -> Iterator[Run]:
     """Curves A to F and between x utilisation x speed x track; some of it with the better sensors, too."""
     yield from (condition("grid", w, k, Variant("mems"), lot=lot) for k in range(size(scale)))
@@ -113,11 +125,12 @@ def grid(w: Wheelset, scale: float, lot: Lot = TEST) -> Iterator[Run]:
     yield from (condition("grid", w, k, tactical, lot=lot) for k in spread(scale, GRID // 3, 0))
 
 
-def _either(rng: Rng, share: float) -> float:
+def either(rng: Rng, share: float) -> float:
+    """Return 1 more or less a share."""
     return 1.0 + share if rng.random() < 0.5 else 1.0 - share
 
 
-def _scattered(w: Wheelset, rng: Rng) -> Wheelset:
+def scattered(w: Wheelset, rng: Rng) -> Wheelset:
     """Masses, stiffnesses, dampings and inertias each off by up to 10 %."""
     names = ("m_w", "I_w", "k_w", "I_R", "I_L", "k_s", "C_s", "a", "b")
     return replace(w, **{n: getattr(w, n) * rng.uniform(0.9, 1.1) for n in names})
@@ -136,10 +149,10 @@ def noisier(factor: float) -> SensorSet:
 NOISE = {0.67: "sensor noise × 0.67", 1.5: "sensor noise × 1.5", 2.0: "sensor noise × 2"}
 # Constant errors of cheap sensors: 0.5 degrees per second, 5 mg, a torque that reads 3 % high.
 ROBUST = (
-    Variant("wheelset parameters off by up to 10 %", wheelset=_scattered),
-    Variant("conicity off by 30 %", wheelset=lambda w, r: replace(w, gamma=w.gamma * _either(r, 0.3))),
-    Variant("load off by 15 %", wheelset=lambda w, r: replace(w, M_v=w.M_v * _either(r, 0.15))),
-    Variant("k_A off by 30 %", curve=lambda c, r: replace(c, k_A=c.k_A * _either(r, 0.3))),
+    Variant("wheelset parameters off by up to 10 %", wheelset=scattered),
+    Variant("conicity off by 30 %", wheelset=lambda w, r: replace(w, gamma=w.gamma * either(r, 0.3))),
+    Variant("load off by 15 %", wheelset=lambda w, r: replace(w, M_v=w.M_v * either(r, 0.15))),
+    Variant("k_A off by 30 %", curve=lambda c, r: replace(c, k_A=c.k_A * either(r, 0.3))),
     Variant("torque reads 3 % high", sensors=replace(MEMS, torque=replace(MEMS.torque, gain=1.03))),
     Variant("gyro bias 0.5 °/s", sensors=MEMS.biased(math.radians(0.5), 0.0, 0.0)),
     Variant("accelerometer bias 5 mg", sensors=MEMS.biased(0.0, 0.049, 0.0)),
@@ -148,13 +161,9 @@ ROBUST = (
     *(Variant(name, sensors=noisier(factor)) for factor, name in NOISE.items()),
     *(Variant(f"corner of the track's spectrum × {f:g}", corner_rad_m=OMEGA_C * f) for f in (0.5, 2.0)),
 )
-ROBUST_RUNS = 12  # of each
 
 
-def robust(w: Wheelset, scale: float, lot: Lot = TEST) -> Iterator[Run]:
-    """Some of the grid, with a world that differs from the design's."""
-    for k, variant in enumerate(ROBUST):
-        yield from (condition("robust", w, n, variant, lot=lot) for n in spread(scale, ROBUST_RUNS, k))
+robust = varied("robust", ROBUST, 12, 0)
 
 
 # Roughness is the spectral density A_a of the irregularity; the amplitude goes with its root. The first two are judged.
@@ -165,14 +174,12 @@ ROUGH = (
     ("twice the amplitude of any trained", 1, 4.0),
 )
 ROUGH_JUDGED = tuple(name for name, _, _ in ROUGH[:2])
-ROUGH_RUNS = 12
 
 
 def rough(w: Wheelset, scale: float, trained: tuple[float, float], lot: Lot = TEST) -> Iterator[Run]:
     """Tracks smoother and rougher than any in the training (whose ends are given times the good track's A_a)."""
-    for k, (name, end, factor) in enumerate(ROUGH):
-        variant = Variant(name, roughness=QUALITY["good"] * trained[end] * factor)
-        yield from (condition("rough", w, n, variant, lot=lot) for n in spread(scale, ROUGH_RUNS, 20 + k))
+    variants = [Variant(name, roughness=QUALITY["good"] * trained[end] * factor) for name, end, factor in ROUGH]
+    return varied("rough", variants, 12, 20)(w, scale, lot)
 
 
 WHITE_HZ = (0.0, 100.0)
@@ -199,21 +206,9 @@ BEYOND = (
 )
 CROSSING = Variant("a crossing of 2 m/s²", box=AxleBox(crossing_m_s2=2.0, crossing_at_m=100.0))
 HARSH = (*VIBRATION, *JOINTS, *WHITE.values(), CROSSING, *BEYOND)
-HARSH_RUNS = 10  # of each
 SLOW = (
     Variant("coasting, 10 to 50 m/s", utilisations=(0.0, 0.0)),
     Variant("3 to 10 m/s", speeds=(3.2, 10.0)),
 )
-SLOW_RUNS = 14
-
-
-def harsh(w: Wheelset, scale: float, lot: Lot = TEST) -> Iterator[Run]:
-    """Some of the grid, with vibration, joints every 25 m and a crossing."""
-    for k, variant in enumerate(HARSH):
-        yield from (condition("harsh", w, n, variant, lot=lot) for n in spread(scale, HARSH_RUNS, 30 + k))
-
-
-def slow(w: Wheelset, scale: float, lot: Lot = TEST) -> Iterator[Run]:
-    """Without torque, and below the grid's speeds."""
-    for k, variant in enumerate(SLOW):
-        yield from (condition("slow", w, n, variant, lot=lot) for n in spread(scale, SLOW_RUNS, 50 + k))
+harsh = varied("harsh", HARSH, 10, 30)
+slow = varied("slow", SLOW, 14, 50)

@@ -65,14 +65,12 @@ class Lot:
 TEST = Lot()  # what `sim-ecu score` plays
 
 
-def scored_lot(number: int) -> Lot:
-    """The score's own for 0; further ones, below TEST_LOTS, to score on other seeds; TUNED_LOT."""
+def lot_of(number: int) -> Lot:
+    """The score's own for 0; further ones below TEST_LOTS, to score on other seeds; TUNED_LOT. Below zero, down to
+    -TRAINING_LOTS: to tune with."""
+    if number < 0:
+        return Lot(FIRST_TRAINING_SEED - (1 + number) * TRAINING_SEEDS, TRAINING_SEEDS)
     return Lot(FIRST_TEST_SEED + number * TEST_SEEDS)
-
-
-def training_lot(number: int) -> Lot:
-    """To tune with: a number below TRAINING_LOTS."""
-    return Lot(FIRST_TRAINING_SEED + number * TRAINING_SEEDS, TRAINING_SEEDS)
 
 
 def axle(

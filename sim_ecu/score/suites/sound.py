@@ -15,7 +15,7 @@ from sim_ecu.physics.rail import RailSection, rail_table
 from sim_ecu.physics.track import QUALITY
 from sim_ecu.physics.wheelset import GRAVITY, Wheelset
 from sim_ecu.play.scenario import FloatArray, path_of, read_scenario
-from sim_ecu.score.suites.nominal import GOLDEN, Variant, condition, spread
+from sim_ecu.score.suites.nominal import GOLDEN, Variant, condition, spread, varied
 from sim_ecu.score.suites.run import (
     AXLES,
     ROUGHNESS,
@@ -34,7 +34,7 @@ from wrcd.config.section import Section, TomlSource
 
 SOUND_RUNS = 10  # of each suite
 LONG_S, CANTED_S, PEAK_S = 120.0, 60.0, 60.0
-LONG = Variant("120 s")
+LONG = "120 s"
 CANTED = Variant("canted curves", speeds=(15.0, 45.0))
 PEAK = "held at the peak"
 # Radius (m), the acceleration that the cant does not balance (m/s2), cant (rad): of main lines.
@@ -49,9 +49,7 @@ PACKAGED_FROM = 1000  # their numbers are beyond those of the other runs
 PACKAGED = {PACKAGED_CURVES: "curves", PACKAGED_GREASY: "greasy"}
 
 
-def long(w: Wheelset, scale: float, lot: Lot = TEST) -> Iterator[Run]:
-    """Some of the grid's conditions, twelve times as long."""
-    yield from (condition("long", w, n, LONG, LONG_S, lot) for n in spread(scale, SOUND_RUNS, 0))
+long = varied("long", (Variant(LONG),), SOUND_RUNS, 0, LONG_S)
 
 
 def canted(w: Wheelset, scale: float, lot: Lot = TEST) -> Iterator[Run]:

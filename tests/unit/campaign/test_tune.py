@@ -19,7 +19,7 @@ from sim_ecu.design.brief import load_source, read_brief
 from sim_ecu.design.make import POINTS, Brief, in_papers_form
 from sim_ecu.jobs.pool import local
 from sim_ecu.jobs.store import Store
-from sim_ecu.score.suites import runs, training_runs
+from sim_ecu.score.suites import runs
 from sim_ecu.score.suites.run import FIRST_TEST_SEED, TEST_LOTS, TEST_SEEDS, TRAINING_LOTS, TUNED_LOT, Run
 from tests.support.compared import folder, inputs, steps
 from wrcd.config.settings import read_toml
@@ -133,7 +133,7 @@ def test_designs_are_tuned_and_tested_on_seeds_that_the_score_has_not() -> None:
     tested = seeds(r for s in suites for r in runs(source, s, 1.0, TUNED_LOT))
     scored = seeds(runs(source, None, 1.0))
     for lot in (0, TRAINING_LOTS - 1):
-        assert seeds(r for s in suites for r in training_runs(source, s, 1.0, lot)).isdisjoint(scored | tested)
+        assert seeds(r for s in suites for r in runs(source, s, 1.0, -1 - lot)).isdisjoint(scored | tested)
     assert tested.isdisjoint(scored)
     assert min(tested) >= FIRST_TEST_SEED + TEST_LOTS * TEST_SEEDS  # behind every lot that a campaign may score
 

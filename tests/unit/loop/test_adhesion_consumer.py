@@ -205,4 +205,4 @@ def test_message_without_what_a_controller_needs_is_never_used(lacks: str) -> No
     hear(r, frames(2))
     assert r.adhesion(CYCLE_US) is None
     with pytest.raises(InputError, match=f"carries no {lacks}: no base for a controller — "):
-        make_controller("thresholds", Facts.of_wheelset((1,), Wheelset(), Actuators()), poor)
+        make_controller("thresholds", Facts((1,), Wheelset(), Actuators()), poor)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from sim_ecu.loop.control.adhesion_consumer import CYCLE_US, Facts, UsableAdhesion
+from sim_ecu.loop.control.adhesion_consumer import CYCLE_US, AdhesionReceiver, Facts, UsableAdhesion
 from sim_ecu.loop.control.adhesion_limit import AdhesionLimit, LimitConstants
 from sim_ecu.loop.control.controlled_axle import Thresholds
 from sim_ecu.loop.control.slip_controller import SlipController, make_controller
@@ -22,8 +22,8 @@ C = LimitConstants()
 
 
 @dataclass
-class Told:
-    """A source that says what it is told to."""
+class Told(AdhesionReceiver):
+    """A receiver that says what it is told to."""
 
     says: UsableAdhesion | None
 

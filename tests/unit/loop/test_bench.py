@@ -23,12 +23,17 @@ def blocks() -> list[str]:
     return re.findall(r"```python\n(.*?)```", PAGE.read_text(), re.DOTALL)
 
 
-def test_script_of_the_page_stops_the_train_before_a_locked_wheel_does(capsys: pytest.CaptureFixture[str]) -> None:
-    script = blocks()[0]
+def bench_of(script: str) -> Bench:
+    """What a script of the page's own words has made."""
     names: dict[str, object] = {}
-    exec(script, names)  # the page's own words
+    exec(script, names)
     bench = names["bench"]
     assert isinstance(bench, Bench)
+    return bench
+
+
+def test_script_of_the_page_stops_the_train_before_a_locked_wheel_does(capsys: pytest.CaptureFixture[str]) -> None:
+    bench = bench_of(blocks()[0])
     figures = bench.figures()
     assert figures.stopped
     assert figures.max_slip_m_s < 1.0
@@ -40,10 +45,7 @@ def test_script_of_the_page_stops_the_train_before_a_locked_wheel_does(capsys: p
 
 
 def test_other_scripts_of_the_page_make_what_they_say() -> None:
-    names: dict[str, object] = {}
-    exec(blocks()[1], names)
-    bench = names["bench"]
-    assert isinstance(bench, Bench)
+    bench = bench_of(blocks()[1])
     bench.run(0.1)
     assert [f.kind for f in bench.scenario.train.faults] == ["freeze"]
 
@@ -97,11 +99,8 @@ def test_frame_may_be_used_for_three_cycles_of_its_configuration() -> None:
 
 
 def test_script_of_the_page_brakes_in_full_without_a_daemon_that_may_be_used() -> None:
-    names: dict[str, object] = {}
     script = blocks()[0].replace('"brake-greasy"', 'scenario("brake-greasy", demand=-0.3, duration_s=0.5)')
-    exec(script.replace("import Bench", "import Bench, scenario"), names)  # the daemon has just begun
-    bench = names["bench"]
-    assert isinstance(bench, Bench)
+    bench = bench_of(script.replace("import Bench", "import Bench, scenario"))  # the daemon has just begun
     assert bench.adhesion(1) is not None
     assert bench.truth(1).torque_N_m == pytest.approx(-0.3 * bench.full_brake_N_m, rel=0.05)
 

@@ -170,14 +170,13 @@ def test_axle_without_wheel_speed_passes_its_turn_on() -> None:
     assert turns.releases > 1
 
 
-SPEED = 20.0
 ELECTRIC, PNEUMATIC = Actuators(), Actuators(Drive(max_brake_N_m=0.0))
 BLENDED = Actuators(Drive(max_brake_N_m=10_000.0))
 
 
 def settled(actuators: Actuators, torque_N_m: float, share: float, braking: bool = True) -> tuple[float, float, float]:
     """(what the rig gives, what the blending thinks, share of the drive in it), after two seconds."""
-    blending = Blending(Facts.of_wheelset((1,), Wheelset(), actuators), 0.01)
+    blending = Blending(Facts((1,), Wheelset(), actuators), 0.01)
     rig, given = AxleActuators(actuators, 0.005), 0.0
     for _ in range(200):
         drive, valve = blending.step(torque_N_m, share, braking, SPEED)
@@ -205,24 +204,21 @@ def test_drive_takes_the_reduced_torque_before_the_cylinder() -> None:
     assert drive == pytest.approx(given, abs=700.0)
 
 
-def test_unlimited_brake_leaves_the_valve_to_the_brake_control() -> None:
-    blending = Blending(Facts.of_wheelset((1,), Wheelset(), PNEUMATIC), 0.01)
-    assert blending.step(22_000.0, 1.0, True, SPEED) == (0.0, Valve.FILL)
-
-
-def test_cylinder_too_full_is_vented_and_held_where_it_is_right() -> None:
-    blending = Blending(Facts.of_wheelset((1,), Wheelset(), PNEUMATIC), 0.01)
-    blending.hear(3.0)
-    assert blending.step(6000.0, 1.0, True, SPEED)[1] is Valve.VENT
-    blending = Blending(Facts.of_wheelset((1,), Wheelset(), PNEUMATIC), 0.01)
+@pytest.mark.parametrize(
+    ("bar", "wanted_N_m", "valve"),
+    [(0.0, 22_000.0, Valve.FILL), (3.0, 6000.0, Valve.VENT), (3.0, 18_000.0, Valve.HOLD)],
+)
+def test_valve_fills_for_the_whole_brake_vents_what_is_too_full_and_holds_what_is_right(
+    bar: float, wanted_N_m: float, valve: Valve
+) -> None:
+    blending = Blending(Facts((1,), Wheelset(), PNEUMATIC), 0.01)
     for _ in range(5):
-        blending.hear(3.0)
-        valve = blending.step(18_000.0, 1.0, True, SPEED)[1]
-    assert valve is Valve.HOLD
+        blending.hear(bar)
+        found = blending.step(wanted_N_m, 1.0, True, SPEED)
+    assert found == (0.0, valve)
 
 
-PERIOD_S = 0.01
-FOUR = Facts.of_wheelset((1, 2, 3, 4), Wheelset(), Actuators())
+FOUR = Facts((1, 2, 3, 4), Wheelset(), Actuators())
 NO_FORCE = [0.0] * 4
 
 
@@ -242,7 +238,7 @@ def test_all_wheels_slide_reference_goes_on_by_the_force_at_the_rail_and_its_mar
     reference.step([20.0] * 4, NO_FORCE, braking, PERIOD_S)
     for k in range(100):
         speed = reference.step([20.0 + sign * 30.0 * k * PERIOD_S] * 4, [force] * 4, braking, PERIOD_S)
-    assert speed == pytest.approx(20.0 + sign * (MARGIN * force / FOUR.mass_kg + GRADIENT_M_S2), abs=0.01)
+    assert speed == pytest.approx(20.0 + sign * (MARGIN * force / FOUR.wheelset.M_v + GRADIENT_M_S2), abs=0.01)
 
 
 def test_wheels_silent_reference_goes_on_and_stops_at_zero() -> None:

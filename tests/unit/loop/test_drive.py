@@ -27,6 +27,10 @@ def thresholds(rides: DriveScenario) -> Wire:
     return Wire(rides, make_controller("thresholds", Facts.of(rides)))
 
 
+def ended(wire: Wire, status: Status = Status.STOPPED) -> list[str]:
+    return summary(wire.drive._scenario, DriveResult(wire.drive.steps, counts(wire.drive), status))
+
+
 def test_stop_has_the_figures_of_the_lockstep_run() -> None:
     rides = scenario(seconds=20.0)
     wire = thresholds(rides)
@@ -58,9 +62,7 @@ def test_demand_that_never_comes_is_told_so_and_is_no_silence() -> None:
     wire = Wire(rides, Unprotected(rides.axles, rides.actuators))
     wire.to_the_end(controller=False)
     assert wire.rig_lines.at_s("axle 1: no demand yet: no traction, brakes apply as the driver asks")
-    assert "demand never came" in "\n".join(
-        summary(rides, DriveResult(wire.drive.steps, counts(wire.drive), Status.DONE))
-    )
+    assert "demand never came" in "\n".join(ended(wire, Status.DONE))
     assert wire.drive.silences.by_name["1"].silences == 0
 
 
@@ -109,8 +111,7 @@ def test_rig_that_is_a_little_late_catches_up_and_counts_it(wire: Wire) -> None:
     assert wire.drive.tally.overruns == 2
     assert wire.drive.tally.latest_us == 15_000
     assert wire.drive.waits == 0
-    ended = summary(wire.drive._scenario, DriveResult(wire.drive.steps, counts(wire.drive), Status.STOPPED))
-    assert not any("too slow" in line for line in ended)
+    assert not any("too slow" in line for line in ended(wire))
 
 
 def test_train_s_time_waits_for_a_computer_that_stood_still(wire: Wire) -> None:
@@ -122,8 +123,7 @@ def test_train_s_time_waits_for_a_computer_that_stood_still(wire: Wire) -> None:
     assert len(wire.drive.steps) == pytest.approx(200, abs=2)
     assert wire.drive.silences.by_name["1"].silences == 0
     assert wire.rig_lines.at_s("this computer was busy: the train's time waited for 5")
-    ended = summary(wire.drive._scenario, DriveResult(wire.drive.steps, counts(wire.drive), Status.STOPPED))[-1]
-    assert re.search(r"computer  too slow, or busy: up to 0\.5\d s behind real time, 0\.5\d s in all", ended)
+    assert re.search(r"computer  too slow, or busy: up to 0\.5\d s behind real time, 0\.5\d s in all", ended(wire)[-1])
 
 
 def test_step_of_a_computer_that_never_catches_up_returns(wire: Wire) -> None:

@@ -159,7 +159,7 @@ def test_fmu_has_no_problem_in_fmpys_validation(folder: Path, name: str) -> None
 def test_model_description_says_its_scenario_its_version_and_that_steps_are_fixed(folder: Path) -> None:
     with zipfile.ZipFile(folder / "two.fmu") as z:
         root = ElementTree.fromstring(z.read("modelDescription.xml"))
-        assert "<td>axle2.sensor.yaw_rate</td>" in z.read("documentation/index.html").decode()
+        assert '<th scope="row">axle2.sensor.yaw_rate</th>' in z.read("documentation/index.html").decode()
         assert z.read("resources/scenario.toml").decode() == SCENARIO
         assert z.read("resources/requirements.txt").decode() == f"wrcd[bench]=={__version__}\n"
     assert root.attrib["version"] == __version__
@@ -258,6 +258,16 @@ def test_step_of_20_ms_is_four_of_5_with_the_inputs_held(folder: Path, driven: d
         if k % 4 == 3:
             rows.append([float(rig.values[o]) for o in driven["outputs"]])
     assert driven["wide"] == rows
+
+
+def test_driver_asks_in_each_step_what_its_input_says() -> None:
+    rig = Plant(load_drive_scenario("brake-greasy"))
+    rig.set("driver.is_input", True)
+    rig.start(0.0)
+    for k, share in enumerate((0.0, -0.5, 0.25)):
+        rig.set("driver.input", share)
+        rig.step(k * 0.005, 0.005)
+        assert rig.values["driver.share"] == share
 
 
 @pytest.mark.parametrize(

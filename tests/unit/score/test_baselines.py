@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from sim_ecu.design.cases import Condition, command, simulate
-from sim_ecu.design.features import estimator_alone
 from sim_ecu.design.linear import model, slope_and_secant
 from sim_ecu.physics.contact import CURVES, CreepCurve, curve_between
 from sim_ecu.physics.rail import RAIL_COLUMNS
@@ -60,20 +59,6 @@ def test_the_offset_is_taken_off_as_the_train_does_it() -> None:
     train = Offset(OFFSET_WINDOWS * WINDOW, 3)
     expected = np.stack([train.step(np.nan_to_num(one), there) for one, there in zip(ticks.z, present, strict=True)])
     assert np.array_equal(without_offset(ticks, WINDOW).z, np.where(present, expected, np.nan), equal_nan=True)
-
-
-def test_an_estimator_alone_says_what_the_trains_does() -> None:
-    design = load_design(DESIGN)
-    ticks = measured(played(CURVES["C"], 0.6, math.nan, 5), 5)[0]
-    both = Estimator(design, 1), estimator_alone(design, 1)
-    for k in range(len(ticks.z)):
-        tick = one_tick(k, ticks.z[k], ticks.present[k], ticks.torque_ratio[k], float(ticks.speed_m_s[k]))
-        for estimator in both:
-            estimator.step(tick)
-        if k % 100 == 99:
-            trains, alone = (estimator.estimate() for estimator in both)
-            assert np.array_equal(trains.mu_available_pct, alone.mu_available_pct)
-            assert np.array_equal(trains.inputs, alone.inputs)
 
 
 @pytest.fixture(scope="module")

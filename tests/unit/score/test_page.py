@@ -10,7 +10,7 @@ import pytest
 from sim_ecu.reporting.values import Figure
 from sim_ecu.reporting.verdicts import MET, MET_CHANCE, MIN_QUICK_RUNS, MISSED, TOO_FEW
 from sim_ecu.score import run_score
-from sim_ecu.score.report import goals
+from sim_ecu.score.score_goals import goals
 from sim_ecu.score.score_pictures import pictures
 from sim_ecu.score.score_play import Trace
 

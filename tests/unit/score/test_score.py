@@ -21,10 +21,9 @@ from sim_ecu.play.player import Player
 from sim_ecu.play.scenario import Scenario, load_scenario
 from sim_ecu.reporting.page import markdown
 from sim_ecu.reporting.values import plain
-from sim_ecu.score import suites
+from sim_ecu.score import SUITES, suites
 from sim_ecu.score.metrics import accuracy, change_metrics, honesty
 from sim_ecu.score.metrics.accuracy import OURS, gather
-from sim_ecu.score.names import SUITES
 from sim_ecu.score.report import judge
 from sim_ecu.score.score_play import Heard, Trace, newest, play
 from sim_ecu.score.sections import sections
@@ -37,15 +36,14 @@ from tests.support.can_ids import LAT_ACCEL, YAW_RATE, YAW_RATE_A2
 from wrcd.config.config import load_config
 from wrcd.resources import DESIGN
 
-W = Wheelset()
+W, SOURCE = Wheelset(), load_source(DESIGN)
 
 
 @pytest.fixture(scope="module")
 def every() -> dict[str, list[Run]]:
     """All suites, with a fifth of their runs."""
-    source = load_source(DESIGN)
     out: dict[str, list[Run]] = {}
-    for run in suites.runs(source, None, 0.2):
+    for run in suites.runs(SOURCE, None, 0.2):
         out.setdefault(run.suite, []).append(run)
     return out
 
@@ -69,19 +67,18 @@ def test_scored_runs_are_not_those_of_training(every: dict[str, list[Run]]) -> N
 
 
 def test_lots_have_seeds_of_their_own_and_the_training_those_below_all_of_them() -> None:
-    source = load_source(DESIGN)
 
     def seeds(runs: Iterable[Run]) -> set[int]:
         return {a.seed for r in runs for a in r.scenario.axles}
 
-    lots = [seeds(suites.runs(source, "drops", 0.2, lot)) for lot in range(3)]
-    tuned = [seeds(suites.training_runs(source, "drops", 0.2, lot)) for lot in (0, 1, TRAINING_LOTS - 1)]
+    lots = [seeds(suites.runs(SOURCE, "drops", 0.2, lot)) for lot in range(3)]
+    tuned = [seeds(suites.runs(SOURCE, "drops", 0.2, lot)) for lot in (-1, -2, -TRAINING_LOTS)]
     every = [*lots, *tuned]
     assert sum(map(len, every)) == len(set().union(*every))
     assert [min(s) // 1_000_000_000 for s in lots] == [2, 3, 4]
     plans = (FIRST_SEARCH_SEED + SEARCH_SEEDS) * SEEDS_PER_PLAN  # of what candidates are judged by
     assert all(plans < min(s) <= max(s) < HELD_SEED for s in tuned)
-    same = next(iter(suites.runs(source, "drops", 0.2))).scenario
+    same = next(iter(suites.runs(SOURCE, "drops", 0.2))).scenario
     assert same.axles[0].seed == next(drops(W, 0.2)).scenario.axles[0].seed
 
 
@@ -93,8 +90,7 @@ def test_runs_that_are_judged_over_seconds_are_long_enough(every: dict[str, list
 
 
 def test_sound_sensors_are_played_for_as_long_as_a_pair_is_judged() -> None:
-    source = load_source(DESIGN)
-    played = {name: list(suites.runs(source, name, 1.0)) for name in ("long", "canted", "peak")}
+    played = {name: list(suites.runs(SOURCE, name, 1.0)) for name in ("long", "canted", "peak")}
     drawn = {name: [r for r in some if r.group not in PACKAGED] for name, some in played.items()}
     assert {name: len(some) for name, some in drawn.items()} == dict.fromkeys(played, SOUND_RUNS)
     assert {r.scenario.duration_s for r in drawn["long"]} == {120.0}
@@ -105,13 +101,12 @@ def test_sound_sensors_are_played_for_as_long_as_a_pair_is_judged() -> None:
         assert (a.drive.demand, a.drive.course.values[1:]) == ("utilisation", (1.0,))
     # what the new suites take of the score's time: they have no baselines
     seconds = {n: sum(r.scenario.duration_s * len(r.curves) for r in some) for n, some in played.items()}
-    every = sum(r.scenario.duration_s * len(r.curves) for r in suites.runs(source, None, 1.0))
+    every = sum(r.scenario.duration_s * len(r.curves) for r in suites.runs(SOURCE, None, 1.0))
     assert sum(seconds.values()) <= 0.25 * (every - sum(seconds.values()))
 
 
 def test_canted_curves_turn_both_ways_and_are_not_balanced() -> None:
-    source = load_source(DESIGN)
-    runs = [r for r in suites.runs(source, "canted", 1.0) if r.group not in PACKAGED]
+    runs = [r for r in suites.runs(SOURCE, "canted", 1.0) if r.group not in PACKAGED]
     left = []
     for r in runs:
         v = float(r.scenario.speed.values[0])
@@ -128,15 +123,14 @@ def test_canted_curves_turn_both_ways_and_are_not_balanced() -> None:
 
 
 def test_packaged_scenarios_are_played_with_their_own_first_seeds() -> None:
-    source = load_source(DESIGN)
     for suite, group, name in (("canted", PACKAGED_CURVES, "curves"), ("peak", PACKAGED_GREASY, "greasy")):
-        first, *others = [r for r in suites.runs(source, suite, 1.0) if r.group == group]
+        first, *others = [r for r in suites.runs(SOURCE, suite, 1.0) if r.group == group]
         packaged = load_scenario(name)
         assert len(others) == 5
         assert first.scenario.duration_s == packaged.duration_s
         assert [a.seed for a in first.scenario.axles] == [a.seed for a in packaged.axles]
         assert len({r.scenario.axles[0].runs_on for r in (first, *others)}) == 6
-        assert not [r for r in suites.runs(source, suite, 0.1, 1) if r.group == group]  # no other lot's
+        assert not [r for r in suites.runs(SOURCE, suite, 0.1, 1) if r.group == group]  # no other lot's
 
 
 def test_the_grid_covers_speeds_curves_and_sensors() -> None:
@@ -178,12 +172,11 @@ def test_robust_differs_from_the_grid_in_one_thing() -> None:
 
 
 def test_a_paired_suite_alone_brings_its_twins_along() -> None:
-    source = load_source(DESIGN)
-    runs = list(suites.runs(source, "harsh", 0.1))
+    runs = list(suites.runs(SOURCE, "harsh", 0.1))
     numbers = {r.number for r in runs if r.suite == "harsh"}
     assert {r.number for r in runs if r.suite == "grid"} == numbers
     assert {r.group for r in runs if r.suite == "harsh"} == {v.name for v in HARSH}
-    assert {r.suite for r in suites.runs(source, "drops", 0.1)} == {"drops"}
+    assert {r.suite for r in suites.runs(SOURCE, "drops", 0.1)} == {"drops"}
 
 
 def test_spread_reaches_all_of_the_grid() -> None:
@@ -317,7 +310,7 @@ def test_frames_are_decoded_as_cantools_does() -> None:
             else:
                 want = [float(v[s.name]) if isinstance(v[s.name], (int, float)) else math.nan for v in theirs]
                 assert heard.numbers(s.name) == pytest.approx(np.array(want), nan_ok=True)
-    assert Heard(databases()[0].get_message_by_name("Adhesion_A1"), [0], [b"\0" * 8]).words("None").tolist() == [""]
+    assert heard.words("None").tolist() == [""] * len(heard.data)
 
 
 def test_last_frame_holds_until_the_next() -> None:
@@ -366,14 +359,13 @@ def test_drops_are_followed(small: list[Trace]) -> None:
 
 
 def test_the_report_has_every_figure(small: list[Trace]) -> None:
-    source = load_source(DESIGN)
     for t in small:
         t.baselines["torque ratio"] = t.true_used_pct
-    result = judge(small, source)
+    result = judge(small, SOURCE)
     text = "\n".join(markdown(sections(result)))
     assert "| torque ratio |" in text
     assert "**drops**: 12 drops" in text
-    assert f"design {source.design.name} {source.design.checksum[:12]}" in text
+    assert f"design {SOURCE.design.name} {SOURCE.design.checksum[:12]}" in text
     ends = [line.split("|")[-2].strip() for line in text.split("**goals**")[1].splitlines()[4:]]
     assert len(result["goals"]) == len(ends) == 7
     assert ends.count("too few to judge") == len(ends)  # eight runs are not enough
@@ -382,7 +374,7 @@ def test_the_report_has_every_figure(small: list[Trace]) -> None:
     nominal = gather([t for t in small if t.suite == "grid" and t.run in {u.run for u in small if u.suite == "robust"}])
     over = paired["accuracy"]["mean"]["value"] / accuracy.accuracy(nominal, OURS)["mean"].value
     assert paired["ratio"]["value"] == pytest.approx(over)
-    assert judge(small, source, "drops")["suites"].keys() == {"drops"}
+    assert judge(small, SOURCE, "drops")["suites"].keys() == {"drops"}
 
 
 def test_score_command_writes_tables_json_and_html(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

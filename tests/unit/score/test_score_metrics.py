@@ -11,7 +11,7 @@ from sim_ecu.reporting.values import Figure
 from sim_ecu.reporting.verdicts import CHANCE, MET, MISSED, Goal
 from sim_ecu.score.metrics import accuracy, bootstrap, change_metrics, honesty
 from sim_ecu.score.metrics.accuracy import OURS, gather
-from sim_ecu.score.report import goals
+from sim_ecu.score.score_goals import goals
 from sim_ecu.score.score_play import Trace
 from sim_ecu.score.sections import apart
 from sim_ecu.score.suites.broken import BOTH_DIE

@@ -1,0 +1,52 @@
+"""The goals of the score: which of its figures are held to a bound."""
+
+from collections.abc import Mapping
+from functools import partial
+from typing import Any
+
+from sim_ecu.reporting.values import Figure
+from sim_ecu.reporting.verdicts import MIN_QUICK_RUNS, MIN_RUNS, Goal
+from sim_ecu.score.metrics.accuracy import OURS
+from sim_ecu.score.suites.broken import BOTH_DIE, DEAD_GYRO, REVERSED
+from sim_ecu.score.suites.nominal import ROUGH_JUDGED
+from sim_ecu.score.suites.sound import LONG
+
+at_most = partial(partial, Goal)
+at_least = partial(partial, Goal, at_least=True)
+never_above = partial(partial, Goal, never=True)
+# By where the figure stands in the result of the suites.
+SCORE_GOALS: Mapping[tuple[str, ...], partial[Goal]] = {
+    ("paper", "within", "worst"): never_above("paper: worst error over its bound (1 pp, or 10 % if larger)", bound=1.0),
+    ("grid", "compared", OURS, "mean"): at_most("grid: mean error", bound=0.88),
+    ("grid", "confidence", "covers"): at_least("grid: the interval holds the truth", bound=0.85),
+    ("robust", "compared", OURS, "mean"): at_most("robust: mean error", bound=1.25),
+    ("robust", "confidence", "covers"): at_least("robust: the interval holds the truth", bound=0.85),
+    **{("rough", "groups", n, "accuracy", "mean"): at_most(f"rough: mean error, {n}", bound=1.3) for n in ROUGH_JUDGED},
+    ("transitions", "compared", OURS, "p95"): at_most("transitions: 95th percentile, s", bound=1.0),
+    ("drops", "lie", "p95"): at_most("drops: Valid with the truth below the interval, 95th percentile, s", bound=0.4),
+    ("drops", "settled", "p95"): at_most("drops: settled, 95th percentile, s", bound=1.2),
+    ("long", "rows", LONG, "valid"): at_least("long: Valid, share of frames", bound=0.95),
+    ("dead", "groups", BOTH_DIE, "valid_s", "most"): never_above("dead: Valid after both die, longest, s", bound=1.5),
+    **{
+        ("foreign", "groups", n, "found"): at_least(f"foreign: {n}, not Valid after 10 s, share of axles", bound=bound)
+        for n, bound in ((REVERSED, 0.98), (DEAD_GYRO, 0.85))
+    },
+    ("dry-hours", "seconds"): never_above("dry-hours: seconds called Low or worse", bound=0.0),
+}
+ACCUSED = at_most("sound sensors: accused, share of frames", bound=0.01)
+
+
+def goals(suites: Mapping[str, Any], accused: Figure | None, quick: bool = False) -> list[Goal]:
+    """Return the goals of the suites that were played. accused: share of the frames of sound sensors in which one is
+    accused; None where none are sound. quick: those of too few runs for a quick score are not judged."""
+    found = [*((_figure(suites, path), goal) for path, goal in SCORE_GOALS.items()), (accused, ACCUSED)]
+    least = MIN_QUICK_RUNS if quick else MIN_RUNS
+    return [goal(figure=figure, min_runs=least) for figure, goal in found if figure is not None]
+
+
+def _figure(suites: Any, path: tuple[str, ...]) -> Figure | None:
+    for key in path:
+        if (suites := suites.get(key)) is None:
+            return None
+    assert isinstance(suites, Figure)
+    return suites
