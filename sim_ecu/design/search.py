@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -120,19 +120,6 @@ MATCHING = "1 less the share of windows in which the matching residual is the lo
 MARGIN = 0.01  # decades by which a residual is the lowest: half a point at 0, nearly a whole one from here on
 
 
-class Objective(Protocol):
-    """What a search makes small."""
-
-    @property
-    def brief(self) -> Brief:
-        """What the models are for."""
-        ...
-
-    def error(self, brief: Brief) -> float:
-        """Of a candidate."""
-        ...
-
-
 @dataclass(frozen=True, slots=True)
 class FitAccuracy:
     """Mean error (percentage points, by importance) of rules on conditions that they were not made from."""
@@ -189,6 +176,9 @@ class Matching:
         """See above, smoothly; the worst of a model and a speed counts as much as the mean of all."""
         shares = self.shares(brief.points, MARGIN)
         return 1.0 - 0.5 * float(shares.mean() + shares.min())
+
+
+Objective: TypeAlias = FitAccuracy | Matching  # what a search makes small
 
 
 def objective(brief: Brief, seed: int, progress: Progress = quietly) -> Objective:

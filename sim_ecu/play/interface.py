@@ -25,19 +25,6 @@ class Bus(Protocol):
         """Send at once, or raise CanOperationError."""
 
 
-class Interface(Bus, Protocol):
-    """A bus that can be taken away and given back."""
-
-    def begin(self, fault: Fault) -> None:
-        """Take it away."""
-
-    def end(self, fault: Fault) -> None:
-        """Give it back."""
-
-    def shutdown(self) -> None:
-        """Let go of it; what was taken away is given back."""
-
-
 def ip(*words: str) -> None:
     """`ip link …`. Raises BusError with what it says."""
     try:

@@ -207,7 +207,7 @@ class Matrix:
         the time after every half sample, as the loop does after every turn."""
         first, last = (math.ceil(round(t * 1e6) / SAMPLE_US) - 1 for t in (since_s, until_s))
         samples, out = self._samples[max(first, 0) : last], []
-        for due_us, frames in inject(samples, faults, self._numbers, self._seed, truth=False, chunk=len(samples)):
+        for due_us, frames in inject(samples, faults, self._numbers, self._seed, truth=False):
             for f in frames:
                 out += core.feed(Frame(LOG_START_US + f.due_us, f.can_id, f.data, error=f.error))
             look(LOG_START_US + due_us)

@@ -12,7 +12,7 @@ import e2e.p11
 import pytest
 
 from sim_ecu.cli.main import main as sim_ecu
-from sim_ecu.play.encoder import SAMPLE_US, Encoder, Reading, SensorSample, Sent, message_key, stretch_of
+from sim_ecu.play.encoder import SAMPLE_US, Encoder, Reading, SensorSample, Sent, message_key
 from sim_ecu.play.faults import parse_fault
 from sim_ecu.play.mapped import MappedTrain
 from sim_ecu.play.player import Player
@@ -122,7 +122,7 @@ def sample(number: int, torques: tuple[float, float] = (10_000.0, 5_000.0), spee
 
 def sent(samples: Sequence[SensorSample], truth: bool = False, config: Config | None = None) -> list[Sent]:
     encoder = train(config).encoder([1, 2], truth)
-    return [f for frames in encoder.stretch(stretch_of(samples)) for f in frames]
+    return [f for s in samples for f in encoder.frames(s)]
 
 
 def read(frames: Sequence[Sent], name: str) -> list[dict[str, Any]]:
