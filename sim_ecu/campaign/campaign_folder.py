@@ -54,7 +54,8 @@ class CampaignRequest:
 
 @contextmanager
 def opened_store(folder: Path, asked: CampaignRequest, keys: Iterable[str]) -> Iterator[Store]:
-    """Make or open a folder, which nobody else has meanwhile. keys: of the jobs that are asked for.
+    """Make or open a folder, which nobody else has meanwhile, before anybody is waited for. keys: of the jobs that are
+    asked for.
 
     Raises InputError for one that cannot be used, or that holds another campaign: of another kind or code, or without
     one of these jobs and of another title.

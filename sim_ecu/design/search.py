@@ -12,7 +12,7 @@ from sim_ecu.design.cases import FloatArray, Group, Progress, held_at
 from sim_ecu.design.features import Features, features, quietly, run
 from sim_ecu.design.linear import Point
 from sim_ecu.design.make import Brief, bank, rule_base, with_placeholder_rules
-from sim_ecu.design.recordings import Recording, record, record_groups
+from sim_ecu.design.recordings import Recording, record
 from sim_ecu.physics.contact import CURVES
 from wrcd.errors import InputError
 from wrcd.estimator.design import MODELS
@@ -203,7 +203,7 @@ def matching(brief: Brief, tracks: int, progress: Progress) -> Matching:
         every = [(m, held_at(brief.wheelset, c, s, v, HELD_SEED + k)) for m, c, s in wanted for k in range(tracks)]
         groups.append(Group(v, 0.0, tuple(c for _, c in every)))
         matches.append(np.array([m for m, _ in every], dtype=np.int64))
-    return Matching(brief, record_groups(brief.wheelset, groups, plan, brief.tick_s, progress), matches)
+    return Matching(brief, record(brief.wheelset, plan, brief.tick_s, progress, groups=groups), matches)
 
 
 def error_of(aim: Objective, brief: Brief) -> float:
