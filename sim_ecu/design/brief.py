@@ -16,7 +16,7 @@ from sim_ecu.physics.contact import CURVES, CreepCurve
 from sim_ecu.physics.sensors import SENSOR_SETS, SensorSet
 from sim_ecu.physics.wheelset import Wheelset
 from sim_ecu.play.scenario import read_wheelset
-from wrcd.config.keys import Whole
+from wrcd.config.keys import Choice, Number, Whole
 from wrcd.config.settings import Section, suggest
 from wrcd.errors import InputError
 from wrcd.estimator.design import FORMS, Design, load_design
@@ -134,24 +134,29 @@ def read_brief(top: Section, form: str | None = None) -> Brief:
     """[wheelset], [design] and [plan] of a rig's TOML file; what is not there keeps its default, which depends on the
     form: as given, or else the file's."""
     d, p = top.section("design"), top.section("plan")
-    said = d.choice("form", FORMS, FORMS[0])
+    said = Choice("form", "", FORMS, FORMS[0]).value(d)
     base = in_papers_form(Brief()) if (form or said) == "paper" else Brief()
     plan = base.plan
-    numbers: dict[str, Any] = {name: d.number(name, getattr(base, name), *ends) for name, ends in NUMBERS.items()}
+    numbers = _given(Number, d, NUMBERS, base)
     if base.form == "paper" and "longest_s" not in d:
         numbers["longest_s"] = numbers["window_s"]
-    shares: dict[str, Any] = {s: p.number(s, getattr(plan, s), 0.0, 1.0) for s in (f"{kind}_share" for kind in KINDS)}
+    shares = _given(Number, p, {f"{kind}_share": (0.0, 1.0) for kind in KINDS}, plan)
     if sum(shares.values()) > 1.0:
         raise p.error(f"shares add up to {sum(shares.values()):g}; they must not exceed 1", next(iter(shares)))
     brief = replace(
         base,
         wheelset=read_wheelset(top.section("wheelset")),
         **numbers,
-        **_wholes(d, WHOLES, base),
-        polynomial=d.choice("polynomial", ("paper",) if base.form == "paper" else POLYNOMIALS, base.polynomial),
+        **_given(Whole, d, WHOLES, base),
+        polynomial=Choice("polynomial", "", ("paper",) if base.form == "paper" else POLYNOMIALS, base.polynomial).value(
+            d
+        ),
         points=_points(d, base.points),
         plan=replace(
-            plan, **_wholes(p, PLAN_WHOLES, plan), **shares, sensors=p.choice("sensors", SENSOR_SETS, plan.sensors)
+            plan,
+            **_given(Whole, p, PLAN_WHOLES, plan),
+            **shares,
+            sensors=Choice("sensors", "", tuple(SENSOR_SETS), plan.sensors).value(p),
         ),
     )
     if brief.longest_s < brief.window_s:
@@ -165,8 +170,10 @@ def read_brief(top: Section, form: str | None = None) -> Brief:
     return brief
 
 
-def _wholes(section: Section, ends: Mapping[str, tuple[int, int]], base: object) -> dict[str, Any]:
-    return {n: Whole(n, "", low, high, getattr(base, n)).value(section) for n, (low, high) in ends.items()}
+def _given(
+    kind: type[Number] | type[Whole], section: Section, ends: Mapping[str, tuple[Any, Any]], base: object
+) -> dict[str, Any]:
+    return {n: kind(n, "", low, high, getattr(base, n)).value(section) for n, (low, high) in ends.items()}
 
 
 def _points(d: Section, points: tuple[Point, ...]) -> tuple[Point, ...]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 from cantools.database.can import Message, Signal
 
 from sim_ecu.play.encoder import Encoder, data_id, databases, message_key
-from sim_ecu.play.faults import SIGNALS
+from sim_ecu.play.faults import message_of
 from sim_ecu.play.mapped_message import FAILED, says
 from wrcd.bus.dbc import find_signal
 from wrcd.bus.signals import Output, OutputSignal
@@ -83,7 +83,7 @@ PACKAGED = PackagedTrain()
 
 def _message(signal: str, axle: int) -> Message:
     production, _ = databases()
-    return production.get_message_by_name(SIGNALS[signal] if signal == "speed" else f"{SIGNALS[signal]}_A{axle}")
+    return production.get_message_by_name(message_of(signal, axle))
 
 
 @functools.cache

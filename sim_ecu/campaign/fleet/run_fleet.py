@@ -15,6 +15,7 @@ from sim_ecu.campaign.run_campaign import terminated_like_ctrl_c, workers_for
 from sim_ecu.jobs import pool
 from sim_ecu.jobs.job import Ending
 from sim_ecu.jobs.pool import RESUMES, Workers
+from sim_ecu.jobs.store import save
 from wrcd.config.config import load_config
 from wrcd.errors import Status, create
 from wrcd.logs.replay_outputs import need
@@ -49,9 +50,7 @@ def make(wanted: Wanted) -> None:
     story = gather(Path(wanted.log), config, replay=True, channel=wanted.channel or None)
     output = Path(wanted.output)
     output.parent.mkdir(parents=True, exist_ok=True)
-    begun = output.with_name(f"{output.name}.new")
-    write(story, None, begun)
-    begun.replace(output)
+    save(output, lambda beside: write(story, None, beside))
 
 
 def make_all(every: Sequence[Wanted], workers: Workers, limit_s: float | None) -> list[str]:

@@ -397,17 +397,6 @@ def test_frame_faults_of_an_own_dbc_do_what_they_say() -> None:
     assert len(idle) == 100
 
 
-def test_swap_exchanges_whole_messages() -> None:
-    """Of two axles whose messages are alike: the packaged DBC's, mapped."""
-    spoken = MappedTrain(load_packaged(2), 73_500.0, 0.5)
-    scenario = replace(load_scenario("half-wet"), duration_s=0.6)
-    without = [f for _, frames in Player(scenario, False, train=spoken) for f in frames]
-    faulty = replace(scenario, faults=(parse_fault(f"swap:{AT}", [1, 2]),))
-    frames = [f for _, fs in Player(faulty, False, train=spoken) for f in fs]
-    mine, theirs = ([f.data for f in during(x) if f.can_id == i] for x, i in ((frames, 0x102), (without, 0x101)))
-    assert mine == theirs
-
-
 @pytest.mark.parametrize("kind", ["crc", "counter", "dlc", "nan", "status", "swap", "delay", "sender", "babble"])
 def test_faults_on_the_packaged_dbc_mapped_are_the_default_ones(kind: str) -> None:
     faults = (parse_fault(f"{kind}:{AT},of=all", [1, 2]),)
