@@ -225,19 +225,15 @@ def written(brief: Brief, comments: Sequence[str] = ()) -> str:
     shares = {f"{kind}_share": getattr(plan, f"{kind}_share") for kind in KINDS}
     fields = {f.name: getattr(w, f.name) for f in dataclass_fields(w)}
     lines = [*(f"# {c}" for c in comments), "[wheelset]"]
-    lines += [f"{name} = {_toml(value)}" for name, value in fields.items()]
+    lines += [f"{name} = {json.dumps(value)}" for name, value in fields.items()]
     lines += ["", "[design]"]
-    lines += [f"{name} = {_toml(getattr(brief, name))}" for name in ("form", *NUMBERS, *WHOLES, "polynomial")]
+    lines += [f"{name} = {json.dumps(getattr(brief, name))}" for name in ("form", *NUMBERS, *WHOLES, "polynomial")]
     lines += [
-        f"curves = {_toml([p.curve.name for p in points])}",
-        f"creep_of_peak = {_toml([p.creep_of_peak for p in points])}",
+        f"curves = {json.dumps([p.curve.name for p in points])}",
+        f"creep_of_peak = {json.dumps([p.creep_of_peak for p in points])}",
         "# of each model: y_t' (m/s), yaw and lateral acceleration (rad/s2, m/s2), per root Hz; the yaw rate's weight",
-        "noise = [", *(f"    {_toml([*p.noise, p.yaw_rate_weight])},  # {p.name}" for p in points), "]",
-        "", "[plan]", *(f"{name} = {_toml(getattr(plan, name))}" for name in PLAN_WHOLES),
-        *(f"{name} = {_toml(value)}" for name, value in shares.items()), f"sensors = {_toml(plan.sensors)}",
+        "noise = [", *(f"    {json.dumps([*p.noise, p.yaw_rate_weight])},  # {p.name}" for p in points), "]",
+        "", "[plan]", *(f"{name} = {json.dumps(getattr(plan, name))}" for name in PLAN_WHOLES),
+        *(f"{name} = {json.dumps(value)}" for name, value in shares.items()), f"sensors = {json.dumps(plan.sensors)}",
     ]  # fmt: skip
     return "\n".join(lines) + "\n"
-
-
-def _toml(value: object) -> str:
-    return json.dumps(value)

@@ -14,7 +14,7 @@ import can
 
 from sim_ecu.play.encoder import SAMPLE_US, Sent
 from sim_ecu.play.faults import KINDS, Fault, Stage
-from sim_ecu.play.interface import Bus, PythonCan, check
+from sim_ecu.play.interface import PythonCan, check
 from sim_ecu.play.logs import check_format, open_logger
 from sim_ecu.play.pace import Clock
 from sim_ecu.play.player import LARGE_CHUNK, Player
@@ -98,7 +98,7 @@ class RealTime:
     def __init__(
         self,
         scenario: Scenario,
-        bus: Bus,
+        bus: "can.BusABC | PythonCan | Slcan",
         logger: can.Listener | None,
         truth: bool = True,
         on_fault: Callable[[Fault, bool], None] | None = None,
