@@ -7,10 +7,10 @@ times.parquet     seconds and attempts of each: what differs from one go to the 
 """
 
 import json
-import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,7 @@ import pyarrow.parquet as pq
 
 from sim_ecu.campaign.kind import Kind, Metric, Type
 from sim_ecu.jobs.job import Job, JobRow
-from sim_ecu.jobs.store import Store
+from sim_ecu.jobs.store import BESIDE, Store, save
 from wrcd.errors import InputError
 
 FORMAT, FORMER = "wrcd-campaign/2", "wrcd-campaign/1"
@@ -54,7 +54,8 @@ class CampaignRequest:
 
 @contextmanager
 def opened_store(folder: Path, asked: CampaignRequest, keys: Iterable[str]) -> Iterator[Store]:
-    """Make or open a folder, which nobody else has meanwhile. keys: of the jobs that are asked for.
+    """Make or open a folder, which nobody else has meanwhile, before anybody is waited for. keys: of the jobs that are
+    asked for.
 
     Raises InputError for one that cannot be used, or that holds another campaign: of another kind or code, or without
     one of these jobs and of another title.
@@ -78,7 +79,7 @@ def _title(folder: Path, asked: CampaignRequest) -> str:
     """The title of what is there, "" for nothing."""
     file = folder / CAMPAIGN
     if not file.exists():
-        ours = {ROWS, f"{ROWS}-wal", _beside(file).name}  # of a process that was killed at its begin
+        ours = {ROWS, f"{ROWS}-wal", file.with_suffix(BESIDE).name}  # of a process that was killed at its begin
         if any(p.name not in ours for p in folder.iterdir()):
             raise InputError("is no campaign's folder, and not empty", file=folder, hint="name a new one")
         return ""
@@ -108,9 +109,8 @@ def _document(file: Path, hint: str) -> dict[str, Any]:
 
 
 def _describe(folder: Path, asked: CampaignRequest) -> None:
-    file = folder / CAMPAIGN
-    _beside(file).write_text(f"{json.dumps(asked.document(), indent=1, ensure_ascii=False)}\n", encoding="utf-8")
-    _settle(file)
+    text = f"{json.dumps(asked.document(), indent=1, ensure_ascii=False)}\n"
+    save(folder / CAMPAIGN, lambda beside: beside.write_text(text, encoding="utf-8"))
 
 
 def merge(folder: Path, asked: CampaignRequest, pairs: Sequence[tuple[Job, JobRow]]) -> Path:
@@ -128,21 +128,8 @@ def merge(folder: Path, asked: CampaignRequest, pairs: Sequence[tuple[Job, JobRo
         "seconds": pa.array([row.seconds for _, row in pairs], pa.float64()),
     }
     for name, table in ((RESULTS, columns), (TIMES, times)):
-        pq.write_table(pa.table(table), _beside(folder / name), compression="zstd")
-        _settle(folder / name)
+        save(folder / name, partial(pq.write_table, pa.table(table), compression="zstd"))
     return folder / RESULTS
-
-
-def _beside(file: Path) -> Path:
-    """Where a file is written before it takes its place."""
-    return file.with_suffix(".new")
-
-
-def _settle(file: Path) -> None:
-    """The whole file or the one before, whatever happens."""
-    with _beside(file).open("rb") as opened:
-        os.fsync(opened.fileno())
-    _beside(file).replace(file)
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,13 +3,14 @@
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import islice
 from pathlib import Path
 from typing import Any
 
 from sim_ecu.campaign import factors
 from sim_ecu.campaign.campaign_folder import CampaignRequest
-from sim_ecu.campaign.factors import SEED, Given, Point, drawn, full, latin, read_factors
+from sim_ecu.campaign.factors import SEED, Point, Spread, drawn, full, read_factors
 from sim_ecu.campaign.kind import Kind, Type
 from sim_ecu.campaign.kinds.drive import DRIVE
 from sim_ecu.campaign.kinds.log import KIND as LOG
@@ -26,7 +27,7 @@ MOST_NAMED = 20  # mistakes in jobs: more would say the same
 Checked = Callable[[int, int], None]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Campaign:
     """What a file asks. jobs: each once, file names as they are written. folder: what those are relative to.
 
@@ -37,12 +38,17 @@ class Campaign:
 
     asked: CampaignRequest
     jobs: tuple[Job, ...]
-    factors: Mapping[str, Given]
+    factors: Mapping[str, Spread]
     seeds: range | None
     twice: int
     limit_s: float | None
     folder: Path
     paths: Mapping[tuple[Any, ...], Mapping[str, str]]
+
+    @cached_property
+    def keys(self) -> list[str]:
+        """Of the jobs, in their order."""
+        return [job.key(self.asked.code) for job in self.jobs]
 
     def task(self, job: Job) -> Task:
         """The job as it goes to a worker."""
@@ -55,40 +61,32 @@ class Campaign:
         return self.asked.kind.cost(placed(self.asked.kind, job.inputs, self.folder))
 
 
-@dataclass(frozen=True, slots=True)
-class _Head:
-    """The keys above the tables."""
-
-    title: str
-    kind: Kind
-    method: str
-    points: int
-    draw: int
-    seeds: range | None
-    limit_s: float | None
-
-
 def load_campaign(file: Path, checked: Checked = lambda _done, _of: None) -> Campaign:
     """Read and check everything: the file, then every job's inputs as its kind can. Raises InputError, or InputErrors
     with all mistakes. checked: called with how many of how many are checked."""
     top = read_toml(file, collect=True)
-    head = _head(top, file)
-    fixed, varied = read_factors(top, head.kind, head.method == factors.FULL)
+    method = factors.METHOD.value(top)
+    count, draw = _drawn_points(top, method), factors.DRAW.value(top)
+    title, limit_s = factors.TITLE.read(top) or file.stem, factors.LIMIT.read(top)
+    kind = _kind(top)
+    seeds = _seeds(top, kind)
+    fixed, varied = read_factors(top, kind, method == factors.FULL)
     top.done()
     top.finish()
-    stays: Point = {name: g.spread.every()[0] for name, g in fixed.items()}
-    every = _points(head, varied, top)
+    stays: Point = {name: g.every()[0] for name, g in fixed.items()}
+    runs = (len(seeds) if seeds else 1) * (count or math.prod(len(s.every()) for s in varied.values()))
+    if runs > MAX_JOBS:
+        raise top.error(f"there are {runs} jobs, more than {MAX_JOBS}", hint="fewer values, or method latin")
+    every = list(drawn(varied, method, count, draw) if varied and count else full(varied))
     drawn_once = list({tuple(p.items()): stays | p for p in every}.values())
     folder = file.parent
-    points = [p for point in drawn_once for p in _meant(head.kind, point, folder, top)]
+    points = [p for point in drawn_once for p in _meant(kind, point, folder, top)]
     types = {name: g.type for name, g in (fixed | varied).items()}
-    types |= {f.name: f.type for f in head.kind.factors if f.name in points[0] and f.name not in types}
-    types |= {SEED: Type.WHOLE} if head.seeds else {}
-    jobs, paths = _jobs(head, points, folder, top, checked)
-    asked = CampaignRequest(head.title, head.kind, types, code(head.kind.function.__module__))
-    return Campaign(
-        asked, jobs, varied, head.seeds, len(every) - len(drawn_once), head.limit_s, folder.resolve(), paths
-    )
+    types |= {f.name: f.type for f in kind.factors if f.name in points[0] and f.name not in types}
+    types |= {SEED: Type.WHOLE} if seeds else {}
+    jobs, paths = _jobs(kind, seeds, points, folder, top, checked)
+    asked = CampaignRequest(title, kind, types, code(kind.function.__module__))
+    return Campaign(asked, jobs, varied, seeds, len(every) - len(drawn_once), limit_s, folder.resolve(), paths)
 
 
 def placed(kind: Kind, inputs: Mapping[str, Any], folder: Path) -> dict[str, Any]:
@@ -109,11 +107,8 @@ def _meant(kind: Kind, point: Point, folder: Path, top: Section) -> Iterator[Poi
         raise _of_job(e, point, top) from None
 
 
-def _head(top: Section, file: Path) -> _Head:
-    """Raises InputError without a kind, for nothing else can be read then."""
-    title = factors.TITLE.read(top) or file.stem
-    method = factors.METHOD.value(top)
-    points, draw = _drawn_points(top, method), factors.DRAW.value(top)
+def _kind(top: Section) -> Kind:
+    """Raises InputError without one, for nothing else can be read then."""
     names = [k.name for k in KINDS]
     name = top.get(factors.KIND.name, str, "")
     kind = next((k for k in KINDS if k.name == name), None)
@@ -122,8 +117,7 @@ def _head(top: Section, file: Path) -> _Head:
         top.mistake(top.error(reason, "kind", suggest(name, names) or f"kinds: {', '.join(names)}"))
         top.finish()
         raise AssertionError
-    seeds = _seeds(top, kind)
-    return _Head(title, kind, method, points, draw, seeds, factors.LIMIT.read(top))
+    return kind
 
 
 def _drawn_points(top: Section, method: str) -> int:
@@ -147,29 +141,16 @@ def _seeds(top: Section, kind: Kind) -> range | None:
     return range(first, first + factors.SEEDS.value(top))
 
 
-def _points(head: _Head, varied: Mapping[str, Given], top: Section) -> list[Point]:
-    """Of the factors that vary. Raises InputError where they are too many."""
-    spreads = {name: g.spread for name, g in varied.items()}
-    runs = len(head.seeds) if head.seeds else 1
-    count = math.prod(len(s.every()) for s in spreads.values()) if head.method == factors.FULL else head.points
-    if count * runs > MAX_JOBS:
-        raise top.error(f"there are {count * runs} jobs, more than {MAX_JOBS}", hint="fewer values, or method latin")
-    if not spreads or head.method == factors.FULL:
-        return list(full(spreads))
-    return list((drawn if head.method == factors.RANDOM else latin)(spreads, head.points, head.draw))
-
-
 def _jobs(
-    head: _Head, points: Sequence[Point], folder: Path, top: Section, checked: Checked
+    kind: Kind, seeds: range | None, points: Sequence[Point], folder: Path, top: Section, checked: Checked
 ) -> tuple[tuple[Job, ...], dict[tuple[Any, ...], dict[str, str]]]:
     """Jobs of all points, and what they read. Every point is checked with its first seed: the others are like it."""
-    kind = head.kind
     named: dict[tuple[Any, ...], dict[str, str]] = {}
     paths: dict[tuple[Any, ...], dict[str, str]] = {}
     jobs: list[Job] = []
     mistakes: dict[str, InputError] = {}
     for k, point in enumerate(points):
-        first = {**point, SEED: head.seeds.start} if head.seeds else point
+        first = {**point, SEED: seeds.start} if seeds else point
         inputs = placed(kind, first, folder)
         try:
             own = _files(kind, inputs)
@@ -186,7 +167,7 @@ def _jobs(
                 break
             continue
         checked(k + 1, len(points))
-        jobs += (Job(kind.name, i, named[own]) for i in _with_seeds(point, head.seeds))
+        jobs += (Job(kind.name, i, named[own]) for i in _with_seeds(point, seeds))
     if mistakes:
         few = list(islice(mistakes.values(), MOST_NAMED))
         raise few[0] if len(few) == 1 else InputErrors(few)

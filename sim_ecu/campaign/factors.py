@@ -2,12 +2,11 @@
 
 import itertools
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from sim_ecu.campaign.kind import Factor, Kind, Type
@@ -54,6 +53,7 @@ DIGITS = 9  # of a value that is drawn: enough for any quantity, and written the
 class Values:
     """A factor's values, listed."""
 
+    type: Type
     values: tuple[Scalar, ...]
 
     def at(self, share: float) -> Scalar:
@@ -67,17 +67,17 @@ class Values:
 
 @dataclass(frozen=True, slots=True)
 class Range:
-    """A factor's values between two ends, evenly or (log) evenly by their logarithm. steps: of a full factorial."""
+    """A factor's numbers between two ends, evenly or (log) evenly by their logarithm. steps: of a full factorial."""
 
     low: float
     high: float
     steps: int = 0
     log: bool = False
-    whole: bool = False
+    type: Type = Type.NUMBER
 
     def at(self, share: float) -> Scalar:
         """The value of a share (0 to 1) of the way."""
-        if self.whole:
+        if self.type is Type.WHOLE:
             return int(min(np.floor(self.low + share * (self.high - self.low + 1)), self.high))
         way = self.high - self.low
         exact = self.low * (self.high / self.low) ** share if self.log else self.low + share * way
@@ -86,7 +86,7 @@ class Range:
     def every(self) -> tuple[Scalar, ...]:
         """The steps, both ends among them."""
         shares = np.linspace(0.0, 1.0, self.steps)
-        if self.whole:
+        if self.type is Type.WHOLE:
             return tuple(int(v) for v in np.unique(np.round(self.low + shares * (self.high - self.low))))
         return tuple(self.at(float(s)) for s in shares)
 
@@ -101,18 +101,11 @@ def full(factors: Mapping[str, Spread]) -> Iterator[Point]:
         yield dict(zip(names, values, strict=True))
 
 
-def drawn(factors: Mapping[str, Spread], count: int, seed: int) -> Iterator[Point]:
-    """So many points, each by itself."""
-    return _of(factors, np.random.default_rng(seed).random((count, len(factors))))
-
-
-def latin(factors: Mapping[str, Spread], count: int, seed: int) -> Iterator[Point]:
-    """So many points, of which every factor's values are spread evenly."""
-    return _of(factors, qmc.LatinHypercube(len(factors), rng=np.random.default_rng(seed)).random(count))
-
-
-def _of(factors: Mapping[str, Spread], shares: NDArray[np.float64]) -> Iterator[Point]:
-    names: Sequence[str] = list(factors)
+def drawn(factors: Mapping[str, Spread], method: str, count: int, seed: int) -> Iterator[Point]:
+    """So many points: each by itself (RANDOM), or such that every factor's values are spread evenly (LATIN)."""
+    rng, names = np.random.default_rng(seed), list(factors)
+    n = len(names)
+    shares = rng.random((count, n)) if method == RANDOM else qmc.LatinHypercube(n, rng=rng).random(count)
     for row in shares.tolist():
         yield {name: factors[name].at(share) for name, share in zip(names, row, strict=True)}
 
@@ -122,27 +115,19 @@ RANGE_KEYS = names(RANGE)
 _OF = {bool: Type.FLAG, int: Type.WHOLE, float: Type.NUMBER, str: Type.TEXT}
 
 
-@dataclass(frozen=True, slots=True)
-class Given:
-    """A factor as a campaign gives it: its type, and the values or the range that it takes."""
-
-    type: Type
-    spread: Spread
-
-
-def read_factors(top: Section, kind: Kind, stepped: bool) -> tuple[dict[str, Given], dict[str, Given]]:
+def read_factors(top: Section, kind: Kind, stepped: bool) -> tuple[dict[str, Spread], dict[str, Spread]]:
     """Those that stay and those that vary, in the file's order. stepped: a range has steps (a full factorial).
 
     Mistakes are collected; a factor that has one is left out.
     """
     fixed_table, varied_table = top.section("fixed"), top.section("factor")
-    fixed: dict[str, Given] = {}
+    fixed: dict[str, Spread] = {}
     for section, key, name in _keys(fixed_table, kind):
         with section.collected():
             if name in fixed:
                 raise _twice(section, key, name)
             fixed[name] = _values(section, key, _factor(section, key, name, kind), [section.raw(key)])
-    varied: dict[str, Given] = {}
+    varied: dict[str, Spread] = {}
     for section, key, name in _keys(varied_table, kind):
         with section.collected():
             if name in fixed:
@@ -189,7 +174,7 @@ def _factor(section: Section, key: str, name: str, kind: Kind) -> Factor | None:
     return found
 
 
-def _varied(section: Section, key: str, factor: Factor | None, stepped: bool) -> Given:
+def _varied(section: Section, key: str, factor: Factor | None, stepped: bool) -> Spread:
     value = section.raw(key)
     if isinstance(value, dict):
         return _range(section.section(key), key, section, factor, stepped)
@@ -198,18 +183,18 @@ def _varied(section: Section, key: str, factor: Factor | None, stepped: bool) ->
     if not value:
         raise section.error("takes one value at least, not an empty list", key)
     found = _values(section, key, factor, value)
-    every = found.spread.every()
+    every = found.every()
     twice = next((v for k, v in enumerate(every) if v in every[:k]), None)
     if twice is not None:
         raise section.error(f"has {twice!r} twice", key, "each value once")
     return found
 
 
-def _values(section: Section, key: str, factor: Factor | None, values: Iterable[Any]) -> Given:
+def _values(section: Section, key: str, factor: Factor | None, values: Iterable[Any]) -> Spread:
     every = list(values)
     if factor is not None:
         try:
-            return Given(factor.type, Values(tuple(_finite(factor.check(v)) for v in every)))
+            return Values(factor.type, tuple(_finite(factor.check(v)) for v in every))
         except InputError as e:
             raise section.error(e.reason, key, e.hint) from None
     types = {type(v) for v in every}
@@ -218,7 +203,7 @@ def _values(section: Section, key: str, factor: Factor | None, values: Iterable[
     if len(types) != 1 or not types <= set(_OF):
         raise section.error("takes numbers, strings or true and false, all of one type", key)
     try:
-        return Given(_OF[types.pop()], Values(tuple(_finite(v) for v in every)))
+        return Values(_OF[types.pop()], tuple(_finite(v) for v in every))
     except InputError as e:
         raise section.error(e.reason, key) from None
 
@@ -229,7 +214,7 @@ def _finite(value: Scalar) -> Scalar:
     return value
 
 
-def _range(table: Section, key: str, around: Section, factor: Factor | None, stepped: bool) -> Given:
+def _range(table: Section, key: str, around: Section, factor: Factor | None, stepped: bool) -> Spread:
     low, high = table.take(LOW.name, float), table.take(HIGH.name, float)
     whole = table.get(WHOLE.name, bool, factor is not None and factor.type is Type.WHOLE)
     log = table.get(LOG.name, bool, False)
@@ -249,4 +234,4 @@ def _range(table: Section, key: str, around: Section, factor: Factor | None, ste
         raise around.error("takes whole ends, being whole", key)
     if whole and log:
         raise table.error("goes not with whole", "log", "list the values")
-    return Given(Type.WHOLE if whole else Type.NUMBER, Range(low, high, steps or 0, log, whole))
+    return Range(low, high, steps or 0, log, Type.WHOLE if whole else Type.NUMBER)

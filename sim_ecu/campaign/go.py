@@ -2,12 +2,11 @@
 
 import sys
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from sim_ecu.campaign.campaign_folder import merge, opened_store
+from sim_ecu.campaign.campaign_folder import merge
 from sim_ecu.campaign.definition import Campaign
 from sim_ecu.campaign.factors import SEED
 from sim_ecu.campaign.kind import Metric, Type
@@ -33,30 +32,12 @@ class Finished:
         return sum(row.ending is ending for _, row in self.pairs)
 
 
-@dataclass(frozen=True, slots=True)
-class Opened:
-    """A campaign with its folder, which nobody else has meanwhile. keys: of the jobs, in their order."""
-
-    campaign: Campaign
-    folder: Path
-    store: Store
-    keys: Sequence[str]
-
-
-@contextmanager
-def opened(campaign: Campaign, folder: Path) -> Iterator[Opened]:
-    """Open its folder, before anybody is waited for. Raises InputError for one that cannot be used."""
-    keys = [job.key(campaign.asked.code) for job in campaign.jobs]
-    with opened_store(folder, campaign.asked, keys) as store:
-        yield Opened(campaign, folder, store, keys)
-
-
-def go(opened: Opened, workers: Workers, *, again: bool = False) -> Finished:
-    """Run what the folder has no row of, and merge. again: what failed, took too long or died, too.
+def go(campaign: Campaign, folder: Path, store: Store, workers: Workers, *, again: bool = False) -> Finished:
+    """Run what the folder's store has no row of, and merge. again: what failed, took too long or died, too.
 
     Raises Stopped where it cannot go on.
     """
-    campaign, store, keys = opened.campaign, opened.store, opened.keys
+    keys = campaign.keys
     if again:
         store.forget([k for k in keys if k in store.rows and store.rows[k].ending is not Ending.DONE])
     left = [k for k, key in enumerate(keys) if key not in store.rows]
@@ -79,12 +60,12 @@ def go(opened: Opened, workers: Workers, *, again: bool = False) -> Finished:
         for place, ended in store.finish(answer, named, tasks, workers, campaign.limit_s, row=row):
             shown.row(left[place], ended)
     except Lost as e:
-        kept = f"{len(store.rows)} rows are in {opened.folder}"
+        kept = f"{len(store.rows)} rows are in {folder}"
         raise Stopped(f"the workers are lost: {e.reason}", hint=f"{kept}, {RESUMES}") from None
     finally:
         shown.end()
     pairs = [(job, store.rows[key]) for job, key in zip(campaign.jobs, keys, strict=True)]
-    return Finished(pairs, before, merge(opened.folder, campaign.asked, pairs))
+    return Finished(pairs, before, merge(folder, campaign.asked, pairs))
 
 
 def _costs(campaign: Campaign) -> list[float]:

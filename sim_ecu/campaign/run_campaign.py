@@ -10,9 +10,10 @@ from types import FrameType
 
 import numpy as np
 
+from sim_ecu.campaign.campaign_folder import opened_store
 from sim_ecu.campaign.definition import Campaign, as_words, load_campaign
-from sim_ecu.campaign.factors import SEED, Given, Range
-from sim_ecu.campaign.go import Finished, go, opened
+from sim_ecu.campaign.factors import SEED, Range, Spread
+from sim_ecu.campaign.go import Finished, go
 from sim_ecu.campaign.kind import Metric, Type
 from sim_ecu.jobs.job import Ending, Job, JobRow
 from sim_ecu.jobs.pool import RESUMES, Workers, local
@@ -88,9 +89,9 @@ def run(file: Path, folder: Path, jobs: int, scheduler: str | None, again: bool)
         with (
             terminated_like_ctrl_c(),
             workers_for(jobs, scheduler, campaign) as workers,
-            opened(campaign, folder) as ready,
+            opened_store(folder, campaign.asked, campaign.keys) as store,
         ):
-            finished = go(ready, workers, again=again)
+            finished = go(campaign, folder, store, workers, again=again)
     except KeyboardInterrupt:
         print(f"stopped; what is finished is in {folder}, {RESUMES}", file=sys.stderr)
         return Status.INTERRUPTED
@@ -145,8 +146,7 @@ def terminated_like_ctrl_c() -> Iterator[None]:
         signal.signal(signal.SIGTERM, before)
 
 
-def _values(given: Given) -> str:
-    spread = given.spread
+def _values(spread: Spread) -> str:
     if isinstance(spread, Range):
         steps = f", {len(spread.every())} steps" if spread.steps else ""
         return f"{spread.low:g} … {spread.high:g}{steps}{', by its logarithm' if spread.log else ''}"

@@ -1,7 +1,7 @@
 """What is to be designed, from a rig's TOML file."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from dataclasses import fields as dataclass_fields
 from pathlib import Path
@@ -16,6 +16,7 @@ from sim_ecu.physics.contact import CURVES, CreepCurve
 from sim_ecu.physics.sensors import SENSOR_SETS, SensorSet
 from sim_ecu.physics.wheelset import Wheelset
 from sim_ecu.play.scenario import read_wheelset
+from wrcd.config.keys import Choice, Number, Whole
 from wrcd.config.settings import Section, suggest
 from wrcd.errors import InputError
 from wrcd.estimator.design import FORMS, Design, load_design
@@ -107,10 +108,14 @@ def explain(file: Path) -> int:
 
 POLYNOMIALS = ("fitted", "paper")
 LINEAR = 0.02  # of the peak's creep: up to here a curve is straight
-DESIGN_KEYS = (
-    "form", "tick_s", "window_s", "longest_s", "recent_s", "band_hz", "grid", "torque_sets", "max_rules", "polynomial",
-    "saturated_share",
-)  # fmt: skip
+# least and most of [design] and of [plan]
+NUMBERS = {
+    "tick_s": (0.001, 0.02), "window_s": (0.1, 10.0), "longest_s": (0.1, 20.0), "recent_s": (0.02, 10.0),
+    "band_hz": (2.0, 40.0), "saturated_share": (0.1, 1.0),
+}  # fmt: skip
+WHOLES = {"grid": (2, 500), "torque_sets": (2, 15), "max_rules": (1, 254)}
+# the score's seeds are far above
+PLAN_WHOLES = {"seed": (0, 1_000), "speeds": (2, 200), "per_speed": (2, 2_000)}
 WHEELSETS = Path(__file__).parent / "wheelsets"
 
 
@@ -129,49 +134,31 @@ def read_brief(top: Section, form: str | None = None) -> Brief:
     """[wheelset], [design] and [plan] of a rig's TOML file; what is not there keeps its default, which depends on the
     form: as given, or else the file's."""
     d, p = top.section("design"), top.section("plan")
-    said = d.choice("form", FORMS, FORMS[0])
+    said = Choice("form", "", FORMS, FORMS[0]).value(d)
     base = in_papers_form(Brief()) if (form or said) == "paper" else Brief()
     plan = base.plan
-    window_s = d.number("window_s", base.window_s, 0.1, 10.0)
-    longest_s = window_s if base.form == "paper" else base.longest_s
-    shares: dict[str, Any] = {}
-    for name in (f"{kind}_share" for kind in KINDS):
-        shares[name] = p.number(name, getattr(plan, name), 0.0, 1.0)
+    numbers = _given(Number, d, NUMBERS, base)
+    if base.form == "paper" and "longest_s" not in d:
+        numbers["longest_s"] = numbers["window_s"]
+    shares = _given(Number, p, {f"{kind}_share": (0.0, 1.0) for kind in KINDS}, plan)
     if sum(shares.values()) > 1.0:
         raise p.error(f"shares add up to {sum(shares.values()):g}; they must not exceed 1", next(iter(shares)))
     brief = replace(
         base,
         wheelset=read_wheelset(top.section("wheelset")),
-        tick_s=d.number("tick_s", base.tick_s, 0.001, 0.02),
-        window_s=window_s,
-        longest_s=d.number("longest_s", longest_s, 0.1, 20.0),
-        recent_s=d.number("recent_s", base.recent_s, 0.02, 10.0),
-        band_hz=d.number("band_hz", base.band_hz, 2.0, 40.0),
-        grid=d.get("grid", int, base.grid),
-        torque_sets=d.get("torque_sets", int, base.torque_sets),
-        max_rules=d.get("max_rules", int, base.max_rules),
-        polynomial=d.choice("polynomial", ("paper",) if base.form == "paper" else POLYNOMIALS, base.polynomial),
+        **numbers,
+        **_given(Whole, d, WHOLES, base),
+        polynomial=Choice("polynomial", "", ("paper",) if base.form == "paper" else POLYNOMIALS, base.polynomial).value(
+            d
+        ),
         points=_points(d, base.points),
-        saturated_share=d.number("saturated_share", base.saturated_share, 0.1, 1.0),
         plan=replace(
             plan,
-            seed=p.get("seed", int, plan.seed),
-            speeds=p.get("speeds", int, plan.speeds),
-            per_speed=p.get("per_speed", int, plan.per_speed),
+            **_given(Whole, p, PLAN_WHOLES, plan),
             **shares,
-            sensors=p.choice("sensors", SENSOR_SETS, plan.sensors),
+            sensors=Choice("sensors", "", tuple(SENSOR_SETS), plan.sensors).value(p),
         ),
     )
-    for section, key, value, low, high in (
-        (d, "grid", brief.grid, 2, 500),
-        (d, "torque_sets", brief.torque_sets, 2, 15),
-        (d, "max_rules", brief.max_rules, 1, 254),
-        (p, "speeds", brief.plan.speeds, 2, 200),
-        (p, "per_speed", brief.plan.per_speed, 2, 2_000),
-        (p, "seed", brief.plan.seed, 0, 1_000),  # the score's seeds are far above
-    ):
-        if not low <= value <= high:
-            raise section.error(f"takes a whole number from {low} to {high}, not {value}", key)
     if brief.longest_s < brief.window_s:
         raise d.error(f"must not be less than window_s = {brief.window_s:g}, is {brief.longest_s:g}", "longest_s")
     if brief.form == "paper" and brief.longest_s > brief.window_s:
@@ -181,6 +168,12 @@ def read_brief(top: Section, form: str | None = None) -> Brief:
     for section in (d, p, top):
         section.done()
     return brief
+
+
+def _given(
+    kind: type[Number] | type[Whole], section: Section, ends: Mapping[str, tuple[Any, Any]], base: object
+) -> dict[str, Any]:
+    return {n: kind(n, "", low, high, getattr(base, n)).value(section) for n, (low, high) in ends.items()}
 
 
 def _points(d: Section, points: tuple[Point, ...]) -> tuple[Point, ...]:
@@ -232,19 +225,15 @@ def written(brief: Brief, comments: Sequence[str] = ()) -> str:
     shares = {f"{kind}_share": getattr(plan, f"{kind}_share") for kind in KINDS}
     fields = {f.name: getattr(w, f.name) for f in dataclass_fields(w)}
     lines = [*(f"# {c}" for c in comments), "[wheelset]"]
-    lines += [f"{name} = {_toml(value)}" for name, value in fields.items()]
+    lines += [f"{name} = {json.dumps(value)}" for name, value in fields.items()]
     lines += ["", "[design]"]
-    lines += [f"{name} = {_toml(getattr(brief, name))}" for name in DESIGN_KEYS]
+    lines += [f"{name} = {json.dumps(getattr(brief, name))}" for name in ("form", *NUMBERS, *WHOLES, "polynomial")]
     lines += [
-        f"curves = {_toml([p.curve.name for p in points])}",
-        f"creep_of_peak = {_toml([p.creep_of_peak for p in points])}",
+        f"curves = {json.dumps([p.curve.name for p in points])}",
+        f"creep_of_peak = {json.dumps([p.creep_of_peak for p in points])}",
         "# of each model: y_t' (m/s), yaw and lateral acceleration (rad/s2, m/s2), per root Hz; the yaw rate's weight",
-        "noise = [", *(f"    {_toml([*p.noise, p.yaw_rate_weight])},  # {p.name}" for p in points), "]",
-        "", "[plan]", *(f"{name} = {_toml(getattr(plan, name))}" for name in ("seed", "speeds", "per_speed")),
-        *(f"{name} = {_toml(value)}" for name, value in shares.items()), f"sensors = {_toml(plan.sensors)}",
+        "noise = [", *(f"    {json.dumps([*p.noise, p.yaw_rate_weight])},  # {p.name}" for p in points), "]",
+        "", "[plan]", *(f"{name} = {json.dumps(getattr(plan, name))}" for name in PLAN_WHOLES),
+        *(f"{name} = {json.dumps(value)}" for name, value in shares.items()), f"sensors = {json.dumps(plan.sensors)}",
     ]  # fmt: skip
     return "\n".join(lines) + "\n"
-
-
-def _toml(value: object) -> str:
-    return json.dumps(value)

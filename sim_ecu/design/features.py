@@ -44,8 +44,13 @@ class Features:
     nominal: NDArray[np.bool_]
 
     def importance(self, plan: Plan) -> FloatArray:
-        """Weight of each window in the fit: less at the edges of the plan, more at speed and in the own world."""
-        weight = importance(plan, 10.0 ** self.inputs[:, 5], 100.0 * 10.0 ** self.inputs[:, 4] / self.mu_pct)
+        """Weight (n,) of each window in the fit: less at the edges of the plan, more at speed and in the own world."""
+        low, high = plan.core_speeds
+        speed_m_s = 10.0 ** self.inputs[:, 5]
+        utilisation = 100.0 * 10.0 ** self.inputs[:, 4] / self.mu_pct
+        core = (speed_m_s >= low) & (speed_m_s <= high) & (utilisation >= plan.core_utilisation)
+        # the speeds are drawn evenly in the logarithm; trains run evenly in the speed
+        weight = np.where(core, 1.0, EDGE) * (np.clip(speed_m_s, low, high) / high) ** 0.5
         return np.where(self.nominal, OWN_WORLD, 1.0) * weight
 
     @property
@@ -62,14 +67,6 @@ class Steps:
 
     decades: FloatArray
     speed_m_s: FloatArray
-
-
-def importance(plan: Plan, speed_m_s: FloatArray, utilisation: FloatArray) -> FloatArray:
-    """Weight (n,) of windows in a fit."""
-    low, high = plan.core_speeds
-    core = (speed_m_s >= low) & (speed_m_s <= high) & (utilisation >= plan.core_utilisation)
-    # the speeds are drawn evenly in the logarithm; trains run evenly in the speed
-    return np.where(core, 1.0, EDGE) * (np.clip(speed_m_s, low, high) / high) ** 0.5
 
 
 def quietly(what: str, share: float) -> None:
@@ -131,7 +128,7 @@ def features(
     jobs = [(design, plan, r, [plan.seed, 2, seed, k], int(first[k])) for k, r in enumerate(recordings)]
     if workers == 1 or len(jobs) <= FEW:
         return _joined([_windows(job) for job in jobs])
-    parts: list[_Part] = []
+    parts: list[tuple[Features, Steps]] = []
     # products of small matrices: threads of BLAS in every worker would only wait for each other
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     with ProcessPoolExecutor(workers, mp_context=get_context("forkserver")) as pool:
@@ -141,27 +138,18 @@ def features(
     return _joined(parts)
 
 
-def _joined(parts: Sequence["_Part"]) -> tuple[Features, Steps]:
+def _joined(parts: Sequence[tuple[Features, Steps]]) -> tuple[Features, Steps]:
+    """One of all, without windows that have no inputs."""
     inputs, mu, condition, own, decades, speeds = (
-        np.concatenate([getattr(p, name) for p in parts]) for name in _Part.__dataclass_fields__
-    )
+        np.concatenate(columns)
+        for columns in zip(*((f.inputs, f.mu_pct, f.condition, f.nominal, s.decades, s.speed_m_s) for f, s in parts),
+                           strict=True)
+    )  # fmt: skip
     known = np.isfinite(inputs).all(axis=1)
     return Features(inputs[known], mu[known], condition[known], own[known]), Steps(decades, speeds)
 
 
-@dataclass(frozen=True, slots=True)
-class _Part:
-    """One recording's rows."""
-
-    inputs: FloatArray
-    mu_pct: FloatArray
-    condition: NDArray[np.int64]
-    nominal: NDArray[np.bool_]
-    decades: FloatArray
-    speed_m_s: FloatArray
-
-
-def _windows(job: tuple[Design, Plan, Recording, list[int], int]) -> _Part:
+def _windows(job: tuple[Design, Plan, Recording, list[int], int]) -> tuple[Features, Steps]:
     design, plan, r, seed, first = job
     rng = np.random.default_rng(seed)
     n = r.z.shape[2]
@@ -181,11 +169,8 @@ def _windows(job: tuple[Design, Plan, Recording, list[int], int]) -> _Part:
                 still = r.steady & (k + 1 - r.first >= design.window_ticks)
                 decades.append(estimator.steps()[still])
                 speeds.append(np.full(int(still.sum()), r.speed_m_s[k]))
-    return _Part(
-        inputs=np.concatenate(inputs),
-        mu_pct=np.concatenate(truth),
-        condition=np.tile(first + np.arange(n), len(inputs)),
-        nominal=np.concatenate(nominal),
-        decades=np.concatenate(decades),
-        speed_m_s=np.concatenate(speeds),
-    )
+    data = Features(
+        np.concatenate(inputs), np.concatenate(truth), np.tile(first + np.arange(n), len(inputs)),
+        np.concatenate(nominal),
+    )  # fmt: skip
+    return data, Steps(np.concatenate(decades), np.concatenate(speeds))

@@ -1,6 +1,7 @@
 """What the sensors say in the conditions of a plan, as the daemon gets it."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,15 +33,12 @@ class Recording:
     own_world: bool
 
 
-def record(w: Wheelset, plan: Plan, tick_s: float, progress: Progress, jobs: int = 2) -> list[Recording]:
-    """Simulate all conditions (the long part: minutes) and add the sensors' noise."""
-    return record_groups(w, draw(plan, w), plan, tick_s, progress, jobs)
-
-
-def record_groups(
-    w: Wheelset, groups: list[Group], plan: Plan, tick_s: float, progress: Progress, jobs: int = 2
+def record(
+    w: Wheelset, plan: Plan, tick_s: float, progress: Progress, jobs: int = 2, groups: Sequence[Group] | None = None
 ) -> list[Recording]:
-    """The same for given groups; of the plan only the seed of the noise and the length count."""
+    """Simulate the conditions (the long part: minutes) and add the sensors' noise. groups: others than the plan's, of
+    which then only the seed of the noise and the length count."""
+    groups = draw(plan, w) if groups is None else groups
     out = []
     for k, group in enumerate(groups):
         rng = np.random.default_rng([plan.seed, 1, k])

@@ -83,22 +83,15 @@ class RuleBase:
 
     def output(self, inputs: FloatArray) -> FloatArray:
         """Fuzzy output (n,), 0 … 100."""
-        return self._output(inputs, self.shares(inputs)[0])
+        return np.clip(self._mean(self.bases, self.slopes, inputs), 0.0, 100.0)
 
     def spread(self, inputs: FloatArray) -> FloatArray:
         """Relative half-width (n,) of the 90 % interval."""
-        return _spread_of(self._mean(np.log10(self.spreads), self.spread_slopes, inputs, self.shares(inputs)[0]))
+        return _spread_of(self._mean(np.log10(self.spreads), self.spread_slopes, inputs))
 
-    def answer(self, inputs: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Adhesion in percent (n,), and the total weight of the rules behind it (n,)."""
-        share, firing = self.shares(inputs)
-        return adhesion_of(self._output(inputs, share)), firing
-
-    def _output(self, inputs: FloatArray, share: FloatArray) -> FloatArray:
-        return np.clip(self._mean(self.bases, self.slopes, inputs, share), 0.0, 100.0)
-
-    def _mean(self, bases: FloatArray, slopes: FloatArray, inputs: FloatArray, share: FloatArray) -> FloatArray:
-        """Mean of what the rules say by their share (n, r), (n,)."""
+    def _mean(self, bases: FloatArray, slopes: FloatArray, inputs: FloatArray) -> FloatArray:
+        """Mean (n,) of what the rules say by their share."""
+        share, _ = self.shares(inputs)
         held = np.clip(inputs, self.low, self.high)
         offset = bases - np.sum(slopes * self.middles, axis=1)
         out: FloatArray = share @ offset + np.sum((share @ slopes) * held, axis=1)

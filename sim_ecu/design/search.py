@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ from sim_ecu.design.cases import FloatArray, Group, Progress, held_at
 from sim_ecu.design.features import Features, features, quietly, run
 from sim_ecu.design.linear import Point
 from sim_ecu.design.make import Brief, bank, rule_base, with_placeholder_rules
-from sim_ecu.design.recordings import Recording, record, record_groups
+from sim_ecu.design.recordings import Recording, record
 from sim_ecu.physics.contact import CURVES
 from wrcd.errors import InputError
 from wrcd.estimator.design import MODELS
@@ -120,19 +120,6 @@ MATCHING = "1 less the share of windows in which the matching residual is the lo
 MARGIN = 0.01  # decades by which a residual is the lowest: half a point at 0, nearly a whole one from here on
 
 
-class Objective(Protocol):
-    """What a search makes small."""
-
-    @property
-    def brief(self) -> Brief:
-        """What the models are for."""
-        ...
-
-    def error(self, brief: Brief) -> float:
-        """Of a candidate."""
-        ...
-
-
 @dataclass(frozen=True, slots=True)
 class FitAccuracy:
     """Mean error (percentage points, by importance) of rules on conditions that they were not made from."""
@@ -191,6 +178,9 @@ class Matching:
         return 1.0 - 0.5 * float(shares.mean() + shares.min())
 
 
+Objective: TypeAlias = FitAccuracy | Matching  # what a search makes small
+
+
 def objective(brief: Brief, seed: int, progress: Progress = quietly) -> Objective:
     """What the brief's form is searched for; simulates its conditions (seconds). Deterministic for a brief and seed."""
     plan = replace(
@@ -213,7 +203,7 @@ def matching(brief: Brief, tracks: int, progress: Progress) -> Matching:
         every = [(m, held_at(brief.wheelset, c, s, v, HELD_SEED + k)) for m, c, s in wanted for k in range(tracks)]
         groups.append(Group(v, 0.0, tuple(c for _, c in every)))
         matches.append(np.array([m for m, _ in every], dtype=np.int64))
-    return Matching(brief, record_groups(brief.wheelset, groups, plan, brief.tick_s, progress), matches)
+    return Matching(brief, record(brief.wheelset, plan, brief.tick_s, progress, groups=groups), matches)
 
 
 def error_of(aim: Objective, brief: Brief) -> float:

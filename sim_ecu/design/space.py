@@ -6,12 +6,12 @@ process noise, of a weight over what is left of it; for the rest, decades over t
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
 from sim_ecu.design.brief import moved
 from sim_ecu.design.cases import FloatArray
+from sim_ecu.design.linear import Point
 from sim_ecu.design.make import Brief
 from wrcd.errors import InputError
 from wrcd.estimator.design import MODELS
@@ -29,29 +29,23 @@ DIGITS = 3  # of what is found: as a person writes it
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """A number of a brief that is searched. get: what is moved, as its log10; put: a brief with another one.
+    """A number of a brief that is searched. low, high: of its log10. unit: decades that count as one in a vector."""
 
-    low, high: of the log10. unit: decades that count as one in a vector.
-    """
-
-    name: str
     low: float
     high: float
     unit: float
     get: Callable[[Brief], float]
-    put: Callable[[Brief, float], Brief]
+    put: Callable[[Brief, float], Brief]  # a brief with another one
 
 
 def parameters(brief: Brief, groups: Sequence[str]) -> tuple[Parameter, ...]:
     """Of the groups, in the order of GROUPS. Raises InputError for a group that the brief's form does not have."""
-    makers = {"noise": _noise, "weights": _weights, "points": _points, "band": _band, "window": _window,
-              "rules": _rules}  # fmt: skip
     for group in groups:
         if group not in GROUPS:
             raise InputError(f"there is no {group!r} to search", key="--over", hint=f"known: {', '.join(GROUPS)}")
-        if brief.form == "paper" and group in ("weights", "band"):
+        if group not in groups_of(brief.form):
             raise InputError(f"the paper's form has no {group}", key="--over", hint="leave it out")
-    return tuple(p for group in GROUPS if group in groups for p in makers[group](brief))
+    return tuple(p for group in GROUPS if group in groups for p in _of_group(group, brief.form))
 
 
 def groups_of(form: str) -> tuple[str, ...]:
@@ -61,13 +55,13 @@ def groups_of(form: str) -> tuple[str, ...]:
 
 def vector(brief: Brief, over: Sequence[Parameter]) -> FloatArray:
     """Where a brief lies (n,)."""
-    return np.array([p.get(brief) / p.unit for p in over])
+    return np.array([np.log10(p.get(brief)) / p.unit for p in over])
 
 
 def brief_at(brief: Brief, over: Sequence[Parameter], x: FloatArray) -> Brief:
     """The brief with what a vector (n,) says, within the parameters' bounds, and its windows one within the other."""
     for p, value in zip(over, x.tolist(), strict=True):
-        brief = p.put(brief, min(max(value * p.unit, p.low), p.high))
+        brief = p.put(brief, 10.0 ** min(max(value * p.unit, p.low), p.high))
     longest = brief.window_s if brief.form == "paper" else max(brief.longest_s, brief.window_s)
     return replace(brief, longest_s=longest, recent_s=min(brief.recent_s, 0.5 * brief.window_s))
 
@@ -77,85 +71,55 @@ def short(value: float) -> float:
     return float(f"{value:.{DIGITS}g}")
 
 
-def _of_points(brief: Brief, m: int, **what: object) -> Brief:
-    points = list(brief.points)
-    points[m] = replace(points[m], **what)  # type: ignore[arg-type]  # the keys are those of a Point
-    return replace(brief, points=tuple(points))
+def _of_group(group: str, form: str) -> list[Parameter]:
+    models = range(MODELS)
+    match group:
+        case "noise":  # of y_t', yaw and lateral acceleration
+            return [_of_model(m, NOISES, 1.0, *_noise(k)) for m in models for k in range(3)]
+        case "weights":
+            return [_of_model(m, WEIGHTS, 1.0, _weight, _with_weight) for m in models]
+        case "points":
+            ends = np.log10(CREEPS).tolist()
+            return [_of_model(m, ends, 0.5, lambda p: p.creep_of_peak, lambda p, x: moved(p, p.curve, short(x)))
+                    for m in models]  # fmt: skip
+        case "band":
+            return [_field("band_hz", BANDS_HZ, 0.3)]
+        case "window":
+            fields = {"window_s": WINDOWS_S, "longest_s": LONGEST_S, "recent_s": RECENT_S}
+            return [_field(name, ends, 0.3) for name, ends in fields.items() if form != "paper" or name == "window_s"]
+        case _:
+            return [_field("max_rules", RULES, 0.5, whole=True)]
 
 
-def _noise(brief: Brief) -> list[Parameter]:
-    def get(m: int, k: int, b: Brief) -> float:
-        return float(np.log10(b.points[m].noise[k]))
+def _of_model(
+    m: int, ends: Sequence[float], unit: float, get: Callable[[Point], float], put: Callable[[Point, float], Point]
+) -> Parameter:
+    def with_other(b: Brief, value: float) -> Brief:
+        return replace(b, points=(*b.points[:m], put(b.points[m], value), *b.points[m + 1 :]))
 
-    def put(m: int, k: int, b: Brief, log10: float) -> Brief:
-        noise = [*b.points[m].noise]
-        noise[k] = short(10.0**log10)
-        return _of_points(b, m, noise=tuple(noise))
-
-    names = ("y_t'", "yaw", "lateral")
-    return [
-        Parameter(f"noise of {n}, model {m + 1}", *NOISES, 1.0, partial(get, m, k), partial(put, m, k))
-        for m in range(MODELS)
-        for k, n in enumerate(names)
-    ]
+    return Parameter(ends[0], ends[1], unit, lambda b: get(b.points[m]), with_other)
 
 
-def _weights(brief: Brief) -> list[Parameter]:
-    def get(m: int, b: Brief) -> float:
-        weight = b.points[m].yaw_rate_weight
-        return float(np.log10(weight / (2.0 - weight)))
+def _noise(k: int) -> tuple[Callable[[Point], float], Callable[[Point, float], Point]]:
+    def put(p: Point, value: float) -> Point:
+        noise = [*p.noise]
+        noise[k] = short(value)
+        return replace(p, noise=(noise[0], noise[1], noise[2]))
 
-    def put(m: int, b: Brief, log10: float) -> Brief:
-        return _of_points(b, m, yaw_rate_weight=float(f"{2.0 / (1.0 + 10.0**-log10):.4g}"))
-
-    return [
-        Parameter(f"weight of the yaw rate, model {m + 1}", *WEIGHTS, 1.0, partial(get, m), partial(put, m))
-        for m in range(MODELS)
-    ]
+    return lambda p: p.noise[k], put
 
 
-def _points(brief: Brief) -> list[Parameter]:
-    def get(m: int, b: Brief) -> float:
-        return float(np.log10(b.points[m].creep_of_peak))
-
-    def put(m: int, b: Brief, log10: float) -> Brief:
-        points = list(b.points)
-        points[m] = moved(points[m], points[m].curve, short(10.0**log10))
-        return replace(b, points=tuple(points))
-
-    low, high = np.log10(CREEPS).tolist()
-    return [
-        Parameter(f"creep over the peak's, model {m + 1}", low, high, 0.5, partial(get, m), partial(put, m))
-        for m in range(MODELS)
-    ]
+def _weight(p: Point) -> float:
+    return p.yaw_rate_weight / (2.0 - p.yaw_rate_weight)
 
 
-def _field(words: str, name: str, bounds: tuple[float, float], unit: float, whole: bool = False) -> Parameter:
-    def get(b: Brief) -> float:
-        return float(np.log10(getattr(b, name)))
+def _with_weight(p: Point, value: float) -> Point:
+    return replace(p, yaw_rate_weight=float(f"{2.0 / (1.0 + 1.0 / value):.4g}"))
 
-    def put(b: Brief, log10: float) -> Brief:
-        value = 10.0**log10
+
+def _field(name: str, ends: tuple[float, float], unit: float, whole: bool = False) -> Parameter:
+    def put(b: Brief, value: float) -> Brief:
         return replace(b, **{name: round(value) if whole else short(value)})  # type: ignore[arg-type]  # numbers all
 
-    low, high = np.log10(bounds).tolist()
-    return Parameter(words, low, high, unit, get, put)
-
-
-def _band(_: Brief) -> list[Parameter]:
-    return [_field("upper end of the band, Hz", "band_hz", BANDS_HZ, 0.3)]
-
-
-def _window(brief: Brief) -> list[Parameter]:
-    usual = _field("window, s", "window_s", WINDOWS_S, 0.3)
-    if brief.form == "paper":
-        return [usual]
-    return [
-        usual,
-        _field("longest window, s", "longest_s", LONGEST_S, 0.3),
-        _field("newest part, s", "recent_s", RECENT_S, 0.3),
-    ]
-
-
-def _rules(_: Brief) -> list[Parameter]:
-    return [_field("rules", "max_rules", RULES, 0.5, whole=True)]
+    low, high = np.log10(ends).tolist()
+    return Parameter(low, high, unit, lambda b: float(getattr(b, name)), put)

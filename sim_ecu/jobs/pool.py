@@ -16,7 +16,7 @@ from queue import Empty, SimpleQueue
 from typing import Any, Generic, TypeVar
 
 from sim_ecu.jobs.job import Ending
-from sim_ecu.jobs.process import Died, Failed, Process, TookTooLong
+from sim_ecu.jobs.process import NotDone, Process
 from wrcd.errors import InputError, Status
 
 T = TypeVar("T")
@@ -28,7 +28,6 @@ AHEAD = 4  # jobs handed out for each worker: none waits for the next
 IDLE_S = 1.0
 KILLED_WORKER = "KilledWorker"  # Dask's, after it gave a job to so many: no more of them are to die
 GIVEN_UP = "every worker that it was given to died"
-_ENDINGS = {TookTooLong: Ending.TOO_LONG, Died: Ending.DIED, Failed: Ending.FAILED}
 _processes = threading.local()
 
 
@@ -147,17 +146,17 @@ def run(
 
 def _result(future: Future[Any]) -> tuple[Ending, Any, str, float]:
     try:
-        ending, value, error, seconds = future.result()
+        found: tuple[Ending, Any, str, float] = future.result()
     except CancelledError:
         raise Lost("what they were handed is given up") from None
     except Exception as e:
         if type(e).__name__ == KILLED_WORKER:
             return Ending.DIED, None, GIVEN_UP, 0.0
         raise Lost(f"one cannot run a job: {type(e).__name__}: {e}") from None
-    return Ending(ending), value, error, seconds
+    return found
 
 
-def attempt_at(function: Callable[[T], R], job: T, limit_s: float | None) -> tuple[str, R | None, str, float]:
+def attempt_at(function: Callable[[T], R], job: T, limit_s: float | None) -> tuple[Ending, R | None, str, float]:
     """On a worker's thread: one attempt in the process of this thread. Ending, value, error, seconds."""
     process: Process | None = getattr(_processes, "own", None)
     if process is None:  # a worker that is not ours: Dask's
@@ -166,6 +165,6 @@ def attempt_at(function: Callable[[T], R], job: T, limit_s: float | None) -> tup
     began = time.monotonic()
     try:
         value = process.run(function, job, limit_s)
-    except (TookTooLong, Died, Failed) as e:
-        return _ENDINGS[type(e)].value, None, str(e), time.monotonic() - began
-    return Ending.DONE.value, value, "", time.monotonic() - began
+    except NotDone as e:
+        return e.ending, None, str(e), time.monotonic() - began
+    return Ending.DONE, value, "", time.monotonic() - began

@@ -18,6 +18,7 @@ from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 from typing import Any
 
+from sim_ecu.jobs.job import Ending
 from wrcd.errors import InputError
 
 STOPPED = "it was stopped"
@@ -28,20 +29,17 @@ BEGINS_S = 600.0  # from handing a job out to its begin: a process that is new i
 ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
 
 
-class TookTooLong(Exception):
-    """The job was not done within its limit; the process was ended."""
+class NotDone(Exception):
+    """The job was not done: TOO_LONG, and the process was ended; DIED, it ended by itself or was killed; or FAILED, the
+    job raised an error: its text, after its class where it is none that is written for a person."""
 
-
-class Died(Exception):
-    """The process ended by itself or was killed."""
-
-
-class Failed(Exception):
-    """The job raised an error: its text, after its class where it is none that is written for a person."""
+    def __init__(self, ending: Ending, text: str) -> None:
+        super().__init__(text)
+        self.ending = ending
 
 
 class Process:
-    """A process. `run` one job at a time; after TookTooLong or Died the next `run` starts another one.
+    """A process. `run` one job at a time; after TOO_LONG or DIED the next `run` starts another one.
 
     One thread runs jobs; another one may only `stop` it. What a job writes stands where our standard error does.
     """
@@ -57,7 +55,7 @@ class Process:
         return None if self._running is None else self._running.process.pid
 
     def run(self, function: Callable[[Any], Any], argument: Any, limit_s: float | None = None) -> Any:
-        """Return what function(argument) returns there. Both are pickled. Raises TookTooLong, Died, Failed.
+        """Return what function(argument) returns there. Both are pickled. Raises NotDone.
 
         limit_s: of wall time, from the call of the function on, which is imported by then.
         """
@@ -67,13 +65,13 @@ class Process:
             running.pipe.send_bytes(request)
             answer = _answer_of(running.pipe, limit_s)
         except (EOFError, BrokenPipeError, ConnectionResetError):
-            raise Died(self._how_it_ended()) from None
+            raise NotDone(Ending.DIED, self._how_it_ended()) from None
         except BaseException:
             self._end()  # too late, or the pipe is in an unknown state: what it works on is nobody's any more
             raise
         done, value = pickle.loads(answer)
         if not done:
-            raise Failed(value)
+            raise NotDone(Ending.FAILED, value)
         return value
 
     def stop(self) -> None:
@@ -103,7 +101,7 @@ class Process:
     def _started(self) -> "_Running":
         with self._starting:
             if self._stopped:
-                raise Died(STOPPED)
+                raise NotDone(Ending.DIED, STOPPED)
             if self._running is None:
                 self._running = _process()
             return self._running
@@ -140,11 +138,11 @@ class _Running:
 def _answer_of(pipe: "Connection[bytes, bytes]", limit_s: float | None) -> bytes:
     """Its answer to a job, after the empty one that says that the job begins."""
     if not pipe.poll(BEGINS_S):
-        raise Died(f"its process did not begin within {BEGINS_S:g} s")
+        raise NotDone(Ending.DIED, f"its process did not begin within {BEGINS_S:g} s")
     if answer := pipe.recv_bytes():
         return answer
     if not pipe.poll(limit_s):
-        raise TookTooLong(f"not done within {limit_s:g} s")
+        raise NotDone(Ending.TOO_LONG, f"not done within {limit_s:g} s")
     return pipe.recv_bytes()
 
 

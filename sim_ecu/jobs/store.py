@@ -1,6 +1,7 @@
 """What is done: rows in a small database, each there for good as soon as it is added."""
 
 import json
+import os
 import sqlite3
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, suppress
@@ -17,6 +18,23 @@ R = TypeVar("R")
 TABLE = "CREATE TABLE IF NOT EXISTS rows (key PRIMARY KEY, ending, figures, error, attempts, seconds) WITHOUT ROWID"
 ADD = "INSERT OR REPLACE INTO rows VALUES (?, ?, ?, ?, ?, ?)"
 FULL = (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR_WRITE, sqlite3.SQLITE_IOERR_TRUNCATE, sqlite3.SQLITE_IOERR_FSYNC)
+
+BESIDE = ".new"  # the suffix of a file that has not taken its place yet
+
+
+def save(file: Path, write: Callable[[Path], object]) -> None:
+    """Write a file beside its place, then put it there: the whole file or the one before, whatever happens. Raises
+    InputError where it cannot be written."""
+    beside = file.with_suffix(BESIDE)
+    try:
+        write(beside)
+        with beside.open("rb") as opened:
+            os.fsync(opened.fileno())
+        beside.replace(file)
+    except OSError as e:
+        raise InputError(
+            f"cannot be written: {e.strerror}", file=file, hint="check the folder, its room and your rights"
+        ) from None
 
 
 class Store:

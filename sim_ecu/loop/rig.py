@@ -79,7 +79,7 @@ class Sensed:
         self._silent = [f for f in faults if f.kind in SILENT]
         # one sample at a time, each in two halves
         self._faulted = (
-            inject(self._one_by_one(), faults, self._numbers, self._seed, self._truth, 1, self._train)
+            inject(self._one_by_one(), faults, self._numbers, self._seed, self._truth, self._train)
             if faults else None
         )  # fmt: skip
 

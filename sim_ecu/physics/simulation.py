@@ -97,11 +97,6 @@ class Simulation:
         slope = max(steepest) * 2 / np.pi * c.stiffness_N
         self._stiffest = slope * max(w.r_0**2 / min(w.I_L, w.I_R), 2 / w.m_w, 2 * w.L_g**2 / w.I_w)
 
-    @property
-    def stiffness(self) -> float:
-        """How fast the contact decays, times the speed (m/s2): what the number of integration steps follows."""
-        return float(self._stiffest)
-
     def advance(self, command: Command, held_speed_m_s: FloatArray) -> Samples:
         """Run one sample interval for each row of the command; the state stays for the next call."""
         train = np.tile(self.train, (len(self._axles), 1))
@@ -156,7 +151,7 @@ def advance_side_by_side(
     """`Simulation.advance` of many vehicles of one axle in one compiled call; column i of the command is the i-th's.
 
     Returns outputs (samples, n, OUTPUTS) and (samples, n, 2) of v and distance, equal to those of single calls. Fastest
-    where neighbours take steps alike: vehicles of one speed in the order of their `stiffness`.
+    where neighbours take steps alike: vehicles of one speed in the order of how stiff their contact is.
     """
     first = simulations[0]
     if any(len(s._axles) != 1 or s._sample_s != first._sample_s for s in simulations):

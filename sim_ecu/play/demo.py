@@ -1,4 +1,5 @@
-"""`sim-ecu demo`: rig and daemon on one bus, the estimate against the truth as it goes; then the report of its log."""
+"""`sim-ecu demo`: rig and daemon on one bus, the estimate against the truth as it goes; then picture and report of its
+log."""
 
 import contextlib
 import math
@@ -9,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 from sim_ecu import resources
-from sim_ecu.play.demo_picture import draw
 from sim_ecu.play.demo_screen import SHOWN, Screen
 from sim_ecu.play.interface import open_bus
 from sim_ecu.play.mapped import MappedTrain
@@ -49,9 +49,8 @@ def run(interface: str, channel: str, scenario_name: str, folder: Path, config_f
     if tally.too_slow:
         print(f"\n{tally.too_slow[0].upper()}{tally.too_slow[1:]}. Try again when it is idle.")
     print(f"\n{came_to}")
-    draw(scenario, traces, picture)
-    print(f"log      {_shown(log)}\npicture  {_shown(picture)}")
-    _report(log, report, config_file)
+    print(f"log      {_shown(log)}")
+    _leave(log, picture, report, numbers, config_file)
     _ask(log, traces, config, config_file)
     good = any(a["Validity"] == "Valid" for trace in traces.values() for _, a in trace.adhesion)
     if not good:
@@ -131,15 +130,17 @@ def _shown(path: Path) -> Path:
     return path
 
 
-def _report(log: Path, report: Path, config_file: Path | None) -> None:
-    """Make the report of the demo's own log, with the truth in it. Where the extra is missing that is said, and the
-    demo has been shown all the same."""
+def _leave(log: Path, picture: Path, report: Path, numbers: Sequence[int], config_file: Path | None) -> None:
+    """Make picture and report of the demo's own log, with the truth in it. Where the extra is missing that is said, and
+    the demo has been shown all the same."""
     from wrcd.cli.main import main
 
-    config = [] if config_file is None else ["--config", str(config_file)]
+    given = ["--dbc", str(resources.TRUTH_DBC), *(["--config", str(config_file)] if config_file else [])]
+    axles = [word for number in numbers for word in ("--axle", str(number))]
+    if main(["plot", str(_shown(log)), "-o", str(_shown(picture)), "--force", *axles, *given]) == Status.DONE:
+        print(f"picture  {_shown(picture)}")
     print("\nWhat the report says of it:", flush=True)
-    made = main(["report", str(_shown(log)), "-o", str(_shown(report)), "--dbc", str(resources.TRUTH_DBC), *config])
-    if made == Status.DONE:
+    if main(["report", str(_shown(log)), "-o", str(_shown(report)), *given]) == Status.DONE:
         print("Open it in a browser: what happened, when, and why.")
 
 

@@ -9,7 +9,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from sim_ecu.play.faults import ALL, OF_AXLE, SIGNALS, SILENT, Fault
+from sim_ecu.play.faults import ALL, OF_AXLE, SIGNALS, SILENT, Fault, message_of
 
 SLOT_MS = 20  # an adhesion frame tells of the time up to its slot's beginning
 TIMEOUT_MS = {"yaw_rate": 15, "lateral_acceleration": 15, "torque": 30, "speed": 60, ALL: 15}
@@ -165,7 +165,7 @@ def expected_lines(row: MatrixRow) -> ExpectedLines:
     kind, signals = f.kind, f.signals
     axles = (1, 2) if kind in ("swap", *SILENT) or f.of == "speed" else (1,)
     if kind in SILENT:
-        counters = [f"counter {message(s, a)}" for a in axles for s in OF_AXLE]
+        counters = [f"counter {message_of(s, a)}" for a in axles for s in OF_AXLE]
         return ExpectedLines(
             tuple(_silent(a, (*OF_AXLE, "speed"), "") for a in axles), (*counters, "counter VehicleSpeed")
         )
@@ -179,17 +179,17 @@ def expected_lines(row: MatrixRow) -> ExpectedLines:
         return _jumped(f.of, axles)
     if kind == "freeze":
         return ExpectedLines(
-            tuple(_frozen(a, signals) for a in axles), tuple(f"stuck {message(s, 1)}" for s in _pair(signals))
+            tuple(_frozen(a, signals) for a in axles), tuple(f"stuck {message_of(s, 1)}" for s in _pair(signals))
         )
     if kind == "sender":
-        rejected = tuple(f"{why} {message(s, 1)}" for why in ("two senders", "counter") for s in signals)
+        rejected = tuple(f"{why} {message_of(s, 1)}" for why in ("two senders", "counter") for s in signals)
         return ExpectedLines((_two_senders_lines(signals),), rejected)
     refused = REFUSED_AS.get(kind, "")
-    rejected = tuple(f"{refused} {message(s, a)}" for a in axles for s in signals) if refused else ()
+    rejected = tuple(f"{refused} {message_of(s, a)}" for a in axles for s in signals) if refused else ()
     if kind == "crc":  # of one frame in 256 the flipped CRC is another message's
-        rejected += tuple(f"[data id {message(s, 1)}]" for s in signals)
+        rejected += tuple(f"[data id {message_of(s, 1)}]" for s in signals)
     if kind not in ("nan", "status"):  # the counter is not what it was before
-        rejected += tuple(f"counter {message(s, a)}" for a in axles for s in signals)
+        rejected += tuple(f"counter {message_of(s, a)}" for a in axles for s in signals)
     refused = "# crc[, # data id]" if kind == "crc" else f"# {refused}" if refused else ""
     return ExpectedLines(tuple(_silent(a, signals, refused) for a in axles), rejected)
 
@@ -233,15 +233,10 @@ def _is(line: str, axle: int, template: str) -> bool:
     return re.fullmatch(rf"axle {axle}: (?:{more}: )?{pattern}(?: \({more}\))?", line) is not None
 
 
-def message(signal: str, axle: int) -> str:
-    """The message of a signal in the packaged DBC."""
-    return "VehicleSpeed" if signal == "speed" else f"{SIGNALS[signal]}_A{axle}"
-
-
 def named(signal: str, axle: int) -> str:
     """The input as the daemon names it."""
     name = "Speed" if signal == "speed" else SIGNALS[signal]
-    return f"{signal.replace('_', ' ')} {message(signal, axle)}.{name}"
+    return f"{signal.replace('_', ' ')} {message_of(signal, axle)}.{name}"
 
 
 def _pair(signals: Sequence[str]) -> list[str]:
@@ -321,7 +316,7 @@ def _unmoved(kind: str, signals: Sequence[str]) -> ExpectedLines:
         return ExpectedLines(rejected=("jump Torque_A1",))
     if kind == "babble":
         copied = signals if len(signals) == 1 else ("lateral_acceleration", "torque")
-        return ExpectedLines(rejected=tuple(f"repeat {message(s, 1)}" for s in copied))
+        return ExpectedLines(rejected=tuple(f"repeat {message_of(s, 1)}" for s in copied))
     return ExpectedLines()
 
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum, auto
 
+from wrcd.config.keys import Choice, Number
 from wrcd.config.settings import Section, parse_toml, suggest
 from wrcd.errors import InputError
 
@@ -16,6 +17,11 @@ SIGNALS = {
 ALL = "all"
 OF_AXLE = tuple(s for s in SIGNALS if s != "speed")
 DURATION_S = 0.5
+
+
+def message_of(signal: str, axle: int) -> str:
+    """The message of a signal in the packaged DBC."""
+    return SIGNALS[signal] if signal == "speed" else f"{SIGNALS[signal]}_A{axle}"
 
 
 class Stage(Enum):
@@ -121,11 +127,11 @@ def read_fault(s: Section, numbers: Sequence[int], at: str = "at_s", duration: s
     """A [[fault]] table of a scenario with these axles. Raises InputError that names the key."""
     for key, kind_of_value in (("kind", str), (at, float)):
         s.take(key, kind_of_value)
-    name = s.choice("kind", KINDS, "")
+    name = Choice("kind", "", tuple(KINDS), "").value(s)
     kind = KINDS[name]
     of, axle, amount = "yaw_rate", numbers[0], None
     if kind.stage is not Stage.BUS:
-        of = s.choice("of", (*SIGNALS, ALL), of)
+        of = Choice("of", "", (*SIGNALS, ALL), of).value(s)
         axle = s.get("axle", int, axle)
         if axle not in numbers:
             raise s.error(f"axle {axle} is not among the scenario's: {', '.join(map(str, numbers))}", "axle")
@@ -137,8 +143,9 @@ def read_fault(s: Section, numbers: Sequence[int], at: str = "at_s", duration: s
     if kind.amounts and "amount" in s:
         if len(kind.amounts) > 1 and of == ALL:
             raise s.error("is in the unit of one signal", "amount", f"name one: of = {', '.join(SIGNALS)}")
-        amount = s.number("amount", 0.0, kind.low, kind.high)
-    fault = Fault(name, s.number(at, 0.0, 0.0, 1e6), s.number(duration, DURATION_S, 0.001, 1e6), of, axle, amount)
+        amount = Number("amount", "", kind.low, kind.high).value(s)
+    at_s, duration_s = Number(at, "", 0.0, 1e6).value(s), Number(duration, "", 0.001, 1e6, DURATION_S).value(s)
+    fault = Fault(name, at_s, duration_s, of, axle, amount)
     s.done()
     return fault
 

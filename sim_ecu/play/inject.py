@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from sim_ecu.play.encoder import SAMPLE_US, SensorSample, Sent, stretch_of
+from sim_ecu.play.encoder import SAMPLE_US, SensorSample, Sent
 from sim_ecu.play.faults import Fault
 from sim_ecu.play.frame_faults import FrameFault, frame_fault
-from sim_ecu.play.train import PACKAGED, Encodes, Train
+from sim_ecu.play.train import PACKAGED, Train
 
 SPIKE_EVERY_US = 100_000
 _Key = tuple[str, int]  # signal and axle; the speed's axle is 0
@@ -23,15 +23,16 @@ def other_axle(axle: int, numbers: Sequence[int]) -> int:
 
 def inject(
     samples: Iterable[SensorSample], faults: Sequence[Fault], numbers: Sequence[int], seed: int, truth: bool = True,
-    chunk: int = 20, train: Train = PACKAGED,
+    train: Train = PACKAGED,
 ) -> Iterator[tuple[int, list[Sent]]]:  # fmt: skip
     """The frames of every sample in the order of their due times, each sample in two halves so that a player that
-    sends a half at once keeps frames beside each other that the faults put there. So many samples are taken at once."""
+    sends a half at once keeps frames beside each other that the faults put there."""
     encoder = train.encoder(numbers, truth)
     signal_faults, frame_faults = at_work(faults, numbers, seed, train)
     held: list[tuple[int, int, Sent]] = []  # what is due later; a number keeps the order of those due at once
     order = itertools.count()
-    for measured, frames in _encoded(samples, signal_faults, encoder, chunk):
+    for measured in _measured(samples, signal_faults):
+        frames = list(encoder.frames(measured))
         for fault in frame_faults:
             frames = fault.take(frames)
         beside = [f for fault in frame_faults if fault.on(measured.due_us) for f in fault.beside(measured)]
@@ -57,22 +58,16 @@ def at_work(
     return signal_faults, frame_faults
 
 
-def _encoded(
-    samples: Iterable[SensorSample], faults: Sequence["SignalFault"], encoder: Encodes, chunk: int
-) -> Iterator[tuple[SensorSample, list[Sent]]]:
-    """The samples with the faults of their signals, and their frames."""
-    left = iter(samples)
+def _measured(samples: Iterable[SensorSample], faults: Sequence["SignalFault"]) -> Iterator[SensorSample]:
+    """The samples with the faults of their signals."""
     before: SensorSample | None = None
-    while taken := list(itertools.islice(left, chunk)):
-        changed = []
-        for sample in taken:
-            measured = sample
-            for s in faults:
-                if s.fault.on(sample.due_us):
-                    measured = s.change(measured, before or sample)
-            before = sample
-            changed.append(measured)
-        yield from zip(changed, encoder.stretch(stretch_of(changed)), strict=True)
+    for sample in samples:
+        measured = sample
+        for s in faults:
+            if s.fault.on(sample.due_us):
+                measured = s.change(measured, before or sample)
+        before = sample
+        yield measured
 
 
 def _until(held: list[tuple[int, int, Sent]], due_us: int) -> Iterator[Sent]:

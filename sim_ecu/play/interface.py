@@ -4,7 +4,7 @@ import os
 import subprocess
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import can
 
@@ -14,28 +14,6 @@ from wrcd.bus.advice import bring_up, is_down
 from wrcd.errors import BusError, InputError
 
 INTERFACES = Path("/sys/class/net")
-
-
-class Bus(Protocol):
-    """What a player needs: python-can's buses are such."""
-
-    channel_info: str
-
-    def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        """Send at once, or raise CanOperationError."""
-
-
-class Interface(Bus, Protocol):
-    """A bus that can be taken away and given back."""
-
-    def begin(self, fault: Fault) -> None:
-        """Take it away."""
-
-    def end(self, fault: Fault) -> None:
-        """Give it back."""
-
-    def shutdown(self) -> None:
-        """Let go of it; what was taken away is given back."""
 
 
 def ip(*words: str) -> None:

@@ -16,7 +16,6 @@ from sim_ecu.play.encoder import (
     SAMPLE_US,
     SPACING_US,
     Channel,
-    EncodedStretch,
     SensorSample,
     Sent,
     databases,
@@ -52,18 +51,13 @@ class MappedEncoder:
                 continue
             if isinstance(messages, Channel):
                 r = next(r for r in sample.readings if r.number == self._truth_of[messages])
-                true = {"MuAvailable": r.mu_available_pct, "MuUsed": r.mu_used_pct, "Slip": r.slip}
-                yield messages.encode(due_us, true)._replace(due_us=at)
+                yield messages.encode(due_us, r.truth)._replace(due_us=at)
                 at += self._spacing_us
                 continue
             values = values or self._values(sample)
             for frame in messages.frames(due_us, at, self._spacing_us, values):
                 yield frame
                 at += self._spacing_us
-
-    def stretch(self, s: EncodedStretch) -> list[list[Sent]]:
-        """The frames of each sample."""
-        return [list(self.frames(sample)) for sample in s.samples()]
 
     def _values(self, sample: SensorSample) -> dict[Place, float]:
         values = dict(self._constants)

@@ -253,7 +253,9 @@ class Messages:
         start |= {name: min(usable) for name, usable in plan.statuses.items()}
         names = [*(c.signal.name for c in plan.claims), *plan.statuses]
         branches = [_branch(plan.message, find_signal(plan.message, name)) for name in names]
-        start |= {name: _selected(plan.message, name, start[name]) for name in _multiplexers(plan.message)}
+        start |= {
+            s.name: _selected(plan.message, s.name, start[s.name]) for s in plan.message.signals if s.is_multiplexer
+        }
         chosen = [b for k, b in enumerate(branches) if b and b not in branches[:k]] or [{}]
         self._starts = [{**start, **branch} for branch in chosen]
 
@@ -286,10 +288,6 @@ def _start(s: Signal) -> float:
     """The raw value of a signal that nobody maps."""
     start = s.raw_initial or 0
     return float(start) if s.is_float else int(start)
-
-
-def _multiplexers(message: Message) -> list[str]:
-    return [s.name for s in message.signals if s.is_multiplexer]
 
 
 def _branch(message: Message, s: Signal) -> dict[str, int]:

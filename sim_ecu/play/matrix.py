@@ -5,6 +5,7 @@ import functools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import SimpleNamespace
 from typing import Any
 
 from sim_ecu.play.encoder import SAMPLE_US, SensorSample, databases
@@ -26,7 +27,6 @@ from sim_ecu.play.play import LOG_START_US
 from sim_ecu.play.player import Player
 from sim_ecu.play.scenario import load_scenario
 from wrcd.bus.frame import Frame
-from wrcd.bus.link import LinkHealth
 from wrcd.config.config import load_config
 from wrcd.core.core import Core
 from wrcd.progress import Progress
@@ -150,26 +150,6 @@ def line(row: MatrixRow, v: Verdict) -> str:
     )
 
 
-class NoLink:
-    """A link that carries nothing: for the journal, which looks at its health."""
-
-    name = "none"
-
-    def __init__(self, health: LinkHealth) -> None:
-        self.health = health
-
-    def receive(self, now_us: int) -> list[Frame]:
-        """Nothing."""
-        return []
-
-    def send(self, frame: Frame) -> bool:
-        """Nothing leaves."""
-        return False
-
-    def close(self) -> None:
-        """There is nothing to let go of."""
-
-
 class Matrix:
     """One simulation, played for every row from the state that the core is in when the fault begins."""
 
@@ -207,7 +187,7 @@ class Matrix:
         the time after every half sample, as the loop does after every turn."""
         first, last = (math.ceil(round(t * 1e6) / SAMPLE_US) - 1 for t in (since_s, until_s))
         samples, out = self._samples[max(first, 0) : last], []
-        for due_us, frames in inject(samples, faults, self._numbers, self._seed, truth=False, chunk=len(samples)):
+        for due_us, frames in inject(samples, faults, self._numbers, self._seed, truth=False):
             for f in frames:
                 out += core.feed(Frame(LOG_START_US + f.due_us, f.can_id, f.data, error=f.error))
             look(LOG_START_US + due_us)
@@ -230,7 +210,8 @@ class Matrix:
         # what is found out in the sensors' signals is not judged afterwards
         until_s = begin_s + fault.duration_s + (0.0 if isinstance(row.must, Found) else AFTER_S)
         core, lines = self._copy(self._before[begin_s]), list[str]()
-        journal = CounterLog(core, NoLink(core.health.link), lines.append)
+        link: Any = SimpleNamespace(health=core.health.link)  # all that the journal looks at
+        journal = CounterLog(core, link, lines.append)
         journal.look(LOG_START_US + fault.begin_us - 2_000_000)  # what has been told before
         lines.clear()
         said = self.said(core, (fault,), begin_s, until_s, journal.look)

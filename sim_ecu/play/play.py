@@ -8,12 +8,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
+from typing import TYPE_CHECKING
 
 import can
 
 from sim_ecu.play.encoder import SAMPLE_US, Sent
 from sim_ecu.play.faults import KINDS, Fault, Stage
-from sim_ecu.play.interface import Bus, Interface, PythonCan, check
+from sim_ecu.play.interface import PythonCan, check
 from sim_ecu.play.logs import check_format, open_logger
 from sim_ecu.play.pace import Clock
 from sim_ecu.play.player import LARGE_CHUNK, Player
@@ -21,6 +22,9 @@ from sim_ecu.play.scenario import Scenario
 from sim_ecu.play.train import PACKAGED, Train
 from wrcd.errors import BusError, InputError
 from wrcd.progress import Progress
+
+if TYPE_CHECKING:
+    from sim_ecu.play.slcan import Slcan
 
 # A log made without a bus begins at this moment, so that the same scenario gives the same bytes.
 LOG_START_US = 1_700_000_000_000_000
@@ -94,7 +98,7 @@ class RealTime:
     def __init__(
         self,
         scenario: Scenario,
-        bus: Bus,
+        bus: "can.BusABC | PythonCan | Slcan",
         logger: can.Listener | None,
         truth: bool = True,
         on_fault: Callable[[Fault, bool], None] | None = None,
@@ -213,7 +217,7 @@ def play_on_bus(
     return rig.tally
 
 
-def _open(interface: str, channel: str, fd: bool) -> Interface:
+def _open(interface: str, channel: str, fd: bool) -> "PythonCan | Slcan":
     if interface == "slcan":
         from sim_ecu.play.slcan import Slcan
 

@@ -8,12 +8,12 @@ from sim_ecu.physics.axlebox import AxleBoxStream
 from sim_ecu.physics.simulation import Axle, Samples, Simulation
 from sim_ecu.physics.track import Track
 from sim_ecu.physics.wheelset import LAT_ACCEL, MU_AVAILABLE, MU_USED, SLIP, TORQUE, YAW_RATE, FloatArray
-from sim_ecu.play.encoder import SAMPLE_US, EncodedStretch, SensorSample, Sent
+from sim_ecu.play.encoder import SAMPLE_US, Reading, SensorSample, Sent
 from sim_ecu.play.inject import at_work, inject
 from sim_ecu.play.scenario import AxleScenario, Scenario
 from sim_ecu.play.train import PACKAGED, Train
 
-# Samples that are simulated and encoded at once: in real time as few as leave no gap before the first; where nobody
+# Samples that are simulated at once: in real time as few as leave no gap before the first; where nobody
 # waits, many.
 CHUNK, LARGE_CHUNK = 20, 400
 
@@ -85,22 +85,20 @@ class Player:
         if self.scenario.faults:
             seed = self._axles[0].seed
             faults = self.scenario.faults
-            yield from inject(self.measured(), faults, numbers, seed, self._truth, self._chunk, self._train)
+            yield from inject(self.measured(), faults, numbers, seed, self._truth, self._train)
             return
-        for stretch in self._stretches():
-            yield from zip(stretch.due_us.tolist(), self._encoder.stretch(stretch), strict=True)
+        for sample in self.measured():
+            yield sample.due_us, list(self._encoder.frames(sample))
 
     def measured(self) -> Iterator[SensorSample]:
         """What the sensors say, sample by sample, before anything goes wrong with it."""
-        for stretch in self._stretches():
-            yield from stretch.samples()
-
-    def _stretches(self) -> Iterator[EncodedStretch]:
-        axles = tuple(a.number for a in self._axles)
         for first in range(0, self.samples, self._chunk):
             numbers = np.arange(first + 1, min(first + self._chunk, self.samples) + 1)
             t: FloatArray = numbers.astype(np.float64) * (SAMPLE_US * 1e-6)
             s = self._simulation.advance(self.scenario.commands(t), self.scenario.held_speed(t))
             speed = self._axles[0].sensors.speed.measure(s.speed_m_s, self._speed_rng)
             readings = [sensing.readings(s, place) for place, sensing in enumerate(self._sensing)]
-            yield EncodedStretch(axles, numbers * SAMPLE_US, speed, np.stack(readings, axis=1))
+            rows = np.stack(readings, axis=1).tolist()
+            for k, of, v in zip(numbers.tolist(), rows, speed.tolist(), strict=True):
+                own = tuple(Reading(a.number, *row) for a, row in zip(self._axles, of, strict=True))
+                yield SensorSample(k * SAMPLE_US, v, own)

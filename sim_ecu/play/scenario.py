@@ -5,6 +5,7 @@ All axles run on one track: axle 1's irregularity and joints are those that the 
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -23,7 +24,7 @@ from sim_ecu.physics.wheelset import Command, Wheelset
 from sim_ecu.play import scenario_keys as keys
 from sim_ecu.play.encoder import SAMPLE_US
 from sim_ecu.play.faults import Fault, read_fault
-from wrcd.config.keys import names
+from wrcd.config.keys import Choice, Number, names
 from wrcd.config.settings import Section, read_toml, suggest
 from wrcd.core.configuration import MAX_AXLES
 from wrcd.errors import InputError
@@ -168,7 +169,11 @@ def read_axles(top: Section, drive: DriveCourse | None = None) -> tuple[AxleScen
         raise top.error(f"takes one to {MAX_AXLES} of the numbers 1 … {MAX_AXLES}, not {numbers!r}", "axles")
     if len(set(numbers)) != len(numbers):
         raise top.error(f"{numbers!r} names an axle twice", "axles")
-    common = _Common(top, min(numbers), drive)
+    # what an axle may have otherwise
+    common = {"rail": None, "drive": None, "roughness": QUALITY["good"], "sensors": SENSOR_SETS["mems"],
+              "axlebox": QUIET}  # fmt: skip
+    common = _settings(top, common, drive)
+    seed, first = _seed(top, 1), min(numbers)
     overrides = top.section("axle")
     for key in overrides:
         if key not in {str(n) for n in numbers}:
@@ -176,7 +181,19 @@ def read_axles(top: Section, drive: DriveCourse | None = None) -> tuple[AxleScen
     axles = []
     for number in sorted(numbers):
         own = overrides.section(str(number))
-        axles.append(_axle(number, own, common))
+        settings = _settings(own, common, drive)
+        for missing in ("rail", "drive"):
+            if settings[missing] is None:
+                demanded = " and [drive] utilisation = 0.3" if drive is None else ""
+                hint = f'write e.g. [[rail]] curve = "A"{demanded}'
+                raise own.error(f"axle {number} has no {missing}", missing, hint)
+        axles.append(AxleScenario(
+            number=number,
+            seed=_seed(own, seed * 16 + number),
+            position_m=keys.POSITION.of(own, POSITIONS_M[number - 1] - POSITIONS_M[first - 1]),
+            track_seed=None if "seed" in own else seed * 16 + first,
+            **settings,
+        ))  # fmt: skip
         own.done()
     return tuple(axles)
 
@@ -190,18 +207,15 @@ def read_wheelset(section: Section) -> Wheelset:
     return replace(standard, name=name or standard.name, **given)
 
 
-class _Common:
-    """The settings that an axle may override, as the top level gives them."""
-
-    def __init__(self, top: Section, first: int, drive: DriveCourse | None) -> None:
-        self.first = first  # the axle that leads
-        self.drive_is_given = drive is not None
-        self.seed = _seed(top, 1)
-        self.rail = _rail(top) if "rail" in top else None
-        self.drive = drive or (_drive(top) if "drive" in top else None)
-        self.roughness = _roughness(top) if "track" in top else QUALITY["good"]
-        self.sensors = _sensors(top) if "sensors" in top else SENSOR_SETS["mems"]
-        self.axlebox = _axlebox(top.section("axlebox"), QUIET)
+def _settings(s: Section, common: Mapping[str, Any], drive: DriveCourse | None) -> dict[str, Any]:
+    """What a table says of an axle; common: where it says nothing."""
+    read = {"rail": ("rail", _rail), "track": ("roughness", _roughness), "sensors": ("sensors", _sensors)}
+    own: dict[str, Any] = {name: of(s) for key, (name, of) in read.items() if key in s}
+    if drive is not None:
+        own["drive"] = drive
+    elif "drive" in s:
+        own["drive"] = _drive(s)
+    return {**common, **own, "axlebox": _axlebox(s.section("axlebox"), common["axlebox"])}
 
 
 def _seed(section: Section, default: int) -> int:
@@ -209,26 +223,6 @@ def _seed(section: Section, default: int) -> int:
     if seed < 0:
         raise section.error(f"must not be negative, is {seed}", "seed")
     return seed
-
-
-def _axle(number: int, own: Section, common: _Common) -> AxleScenario:
-    rail = _rail(own) if "rail" in own else common.rail
-    drive = _drive(own) if "drive" in own and not common.drive_is_given else common.drive
-    if rail is None or drive is None:
-        missing = "rail" if rail is None else "drive"
-        demanded = "" if common.drive_is_given else " and [drive] utilisation = 0.3"
-        raise own.error(f"axle {number} has no {missing}", missing, f'write e.g. [[rail]] curve = "A"{demanded}')
-    return AxleScenario(
-        number=number,
-        rail=rail,
-        drive=drive,
-        roughness=_roughness(own) if "track" in own else common.roughness,
-        sensors=_sensors(own) if "sensors" in own else common.sensors,
-        seed=_seed(own, common.seed * 16 + number),
-        position_m=keys.POSITION.of(own, POSITIONS_M[number - 1] - POSITIONS_M[common.first - 1]),
-        track_seed=None if "seed" in own else common.seed * 16 + common.first,
-        axlebox=_axlebox(own.section("axlebox"), common.axlebox),
-    )
 
 
 def _rail(section: Section) -> FloatArray:
@@ -281,15 +275,15 @@ def _drive(section: Section) -> DriveCourse:
 def _roughness(section: Section) -> float:
     value = section.raw("track")
     if isinstance(value, str):
-        return QUALITY[section.choice("track", QUALITY, "good")]
-    return section.number("track", QUALITY["good"], 0.0, 1e-4)
+        return QUALITY[Choice("track", "", tuple(QUALITY), "good").value(section)]
+    return Number("track", "", 0.0, 1e-4, QUALITY["good"]).value(section)
 
 
 def _sensors(section: Section) -> SensorSet:
     """sensors: the name of a set, or a table of its kind and biases."""
     value = section.raw("sensors")
     if isinstance(value, str):
-        return SENSOR_SETS[section.choice("sensors", SENSOR_SETS, "mems")]
+        return SENSOR_SETS[Choice("sensors", "", tuple(SENSOR_SETS), "mems").value(section)]
     s = section.section("sensors")
     base = SENSOR_SETS[keys.KIND_OF_SENSORS.value(s)]
     out = base.biased(keys.YAW_BIAS.of(s), keys.LAT_BIAS.of(s), keys.TORQUE_BIAS.of(s))
@@ -305,7 +299,7 @@ def _axlebox(section: Section, base: AxleBox) -> AxleBox:
         joint_m_s2=keys.JOINT.of(section, base.joint_m_s2),
         joint_every_m=keys.JOINT_EVERY.of(section, base.joint_every_m),
         joint_s=keys.JOINT_S.of(section, base.joint_s),
-        joint_shape=section.choice(keys.JOINT_SHAPE.name, keys.JOINT_SHAPE.options, base.joint_shape),
+        joint_shape=Choice("joint_shape", "", keys.JOINT_SHAPE.options, base.joint_shape).value(section),
         crossing_m_s2=keys.CROSSING.of(section, base.crossing_m_s2),
         crossing_at_m=keys.CROSSING_AT.of(section, base.crossing_at_m),
         gyro_per_m_s2=keys.GYRO_FEELS.of(section, base.gyro_per_m_s2),

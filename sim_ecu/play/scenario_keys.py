@@ -30,9 +30,11 @@ class Measure(Number):
 
     def of(self, section: Section, default: float | None = None) -> float:
         """The number; its default may depend on what else is there."""
-        fallback = self.default if default is None else default
-        assert fallback is not None
-        return section.number(self.name, fallback, self.low, self.high)
+        given = self.read(section)
+        if default is not None and self.name not in section:
+            return default
+        assert given is not None
+        return given
 
 
 class Over(Key):
@@ -51,7 +53,7 @@ class Over(Key):
         """Times in s, and values. Raises InputError."""
         value = section.raw(self.name)
         if not isinstance(value, list):
-            return (0.0,), (section.number(self.name, self.default or 0.0, self.low, self.high),)
+            return (0.0,), (Number(self.name, "", self.low, self.high, self.default or 0.0).value(section),)
         try:
             table = np.array(value, dtype=np.float64)
         except (TypeError, ValueError):

@@ -2,30 +2,25 @@
 
 import functools
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from cantools.database.can import Message, Signal
 
-from sim_ecu.play.encoder import EncodedStretch, Encoder, SensorSample, Sent, data_id, databases, message_key
-from sim_ecu.play.faults import SIGNALS
+from sim_ecu.play.encoder import Encoder, data_id, databases, message_key
+from sim_ecu.play.faults import message_of
 from sim_ecu.play.mapped_message import FAILED, says
 from wrcd.bus.dbc import find_signal
 from wrcd.bus.signals import Output, OutputSignal
 from wrcd.core.vocabulary import MESSAGES, Numeric
 
+if TYPE_CHECKING:
+    from sim_ecu.play.mapped import MappedTrain
+
+Train: TypeAlias = "PackagedTrain | MappedTrain"
+
 USABLE_STATUS, PACKAGED_ERROR = frozenset({0, 1}), 14  # of the packaged DBC: Ok, Degraded; Error
-
-
-class Encodes(Protocol):
-    """Makes the frames of samples."""
-
-    def frames(self, sample: SensorSample) -> Iterable[Sent]:
-        """Those of one sample, in the order of their due times."""
-
-    def stretch(self, s: EncodedStretch) -> list[list[Sent]]:
-        """Those of each of many samples, as frames() makes them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,50 +55,26 @@ class Carrier:
         return next(iter(free), None)
 
 
-class Train(Protocol):
-    """The messages of a train."""
-
-    @property
-    def has_fd(self) -> bool:
-        """Whether any of them is a CAN FD message."""
-
-    @property
-    def idle_id(self) -> int:
-        """The standard id of the highest priority that no message has."""
-
-    def encoder(self, numbers: Sequence[int], truth: bool = True, counter: int = 0) -> Encodes:
-        """Of so many axles. Their E2E counters begin at `counter`."""
-
-    def carriers(self, signals: Sequence[str], axle: int) -> list[Carrier]:
-        """The messages that carry signals of an axle. Raises InputError for a signal that none does."""
-
-    def statuses(self, signals: Sequence[str], axle: int) -> list[Carrier]:
-        """The messages that say how the senders of these are; most often the same."""
-
-    def cycle_us(self, signal: str, axle: int) -> int:
-        """How often a signal of an axle is sent."""
-
-
 class PackagedTrain:
     """The train of the packaged DBC."""
 
-    has_fd = False
-    idle_id = 0x000
+    has_fd = False  # whether any of its messages is a CAN FD one
+    idle_id = 0x000  # the standard id of the highest priority that no message has
 
     def encoder(self, numbers: Sequence[int], truth: bool = True, counter: int = 0) -> Encoder:
-        """By columns, too."""
+        """Of so many axles. Their E2E counters begin at `counter`."""
         return Encoder(list(numbers), truth, counter)
 
     def carriers(self, signals: Sequence[str], axle: int) -> list[Carrier]:
-        """One message for each."""
+        """The messages that carry signals of an axle, one for each."""
         return [_packaged(_message(signal, axle)) for signal in signals]
 
     def statuses(self, signals: Sequence[str], axle: int) -> list[Carrier]:
-        """The same messages."""
+        """The messages that say how the senders of these are: the same."""
         return self.carriers(signals, axle)
 
     def cycle_us(self, signal: str, axle: int) -> int:
-        """As the DBC says."""
+        """How often a signal of an axle is sent."""
         return 1000 * int(_message(signal, axle).cycle_time or 0)
 
 
@@ -112,7 +83,7 @@ PACKAGED = PackagedTrain()
 
 def _message(signal: str, axle: int) -> Message:
     production, _ = databases()
-    return production.get_message_by_name(SIGNALS[signal] if signal == "speed" else f"{SIGNALS[signal]}_A{axle}")
+    return production.get_message_by_name(message_of(signal, axle))
 
 
 @functools.cache

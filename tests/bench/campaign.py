@@ -14,9 +14,9 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-from sim_ecu.campaign.campaign_folder import CampaignRequest
+from sim_ecu.campaign.campaign_folder import CampaignRequest, opened_store
 from sim_ecu.campaign.definition import Campaign
-from sim_ecu.campaign.go import go, opened
+from sim_ecu.campaign.go import go
 from sim_ecu.campaign.kind import Factor, Kind, Metric, Type
 from sim_ecu.jobs.job import Job, Scalar, Task, answer, code
 from sim_ecu.jobs.pool import Workers, local, run
@@ -47,8 +47,9 @@ def main() -> int:
 
         def whole() -> None:
             campaign = Campaign(asked, tuple(jobs), {}, None, 0, None, folder, {(): {}})
-            with opened(campaign, folder / str(next(folders))) as ready:
-                go(ready, pool)
+            out = folder / str(next(folders))
+            with opened_store(out, asked, campaign.keys) as store:
+                go(campaign, out, store, pool)
 
         ways: dict[str, Callable[[], Any]] = {
             "called in a loop": lambda: [answer(task) for task in tasks],

@@ -168,23 +168,6 @@ class Section:
             return self.take(key, kind) if key in self._data else None
         return None
 
-    def number(self, key: str, default: float, low: float, high: float) -> float:
-        """A number within low … high."""
-        value = self.get(key, float, default)
-        if not low <= value <= high:
-            self.mistake(self.error(f"takes a number from {low:g} to {high:g}, not {value:g}", key))
-            return default
-        return value
-
-    def choice(self, key: str, options: Iterable[str], default: str) -> str:
-        """One of some words."""
-        value = self.get(key, str, default)
-        names = list(options)
-        if value not in names:
-            self.mistake(self.error(f"is {value!r}, not one of {', '.join(names)}", key, suggest(value, names)))
-            return default
-        return value
-
     def raw(self, key: str) -> Any:
         """A value of any type (None where it is missing); the caller checks it."""
         self._known.add(key)

@@ -16,7 +16,6 @@ from sim_ecu.jobs.job import Ending
 from wrcd.errors import InputError
 
 Rows: TypeAlias = Sequence[Mapping[str, Any]]
-_Made: TypeAlias = "tuple[Suite, list[list[Mapping[str, Any]]]]"
 WHOLE = "all"  # the suite of a kind that has none
 
 
@@ -67,8 +66,9 @@ def match(first: Results, second: Results) -> Match:
         raise InputError(f"shares no {first.suite} with {first.folder}", file=second.folder,
                          hint=f"compare campaigns that have some {first.suite} in common")  # fmt: skip
     worlds = [n for n in first.cluster if n in both]
-    maker = _samples if _separate(worlds, shared, first.suite) else _pairs
-    made = [maker(name, sides[0][name], sides[1][name], shared, worlds) for name in names]
+    # whether no world of one side is beside one of the other
+    separate = not any(n in shared for n in worlds) if worlds else not any(n != first.suite for n in shared)
+    made = [_suite(name, [side[name] for side in sides], shared, worlds, separate) for name in names]
     alone = [[r for n, rows in side.items() if n not in names for r in rows] for side in sides]
     for _, left in made:
         for k in range(2):
@@ -77,34 +77,24 @@ def match(first: Results, second: Results) -> Match:
     return Match(differ, (only[0], only[1]), tuple(s for s, _ in made), (alone[0], alone[1]))
 
 
-def _separate(worlds: Sequence[str], shared: Sequence[str], suite: str) -> bool:
-    """Whether no world of one side is beside one of the other."""
-    if worlds:
-        return not any(n in shared for n in worlds)
-    return not any(n != suite for n in shared)
-
-
-def _pairs(name: str, first: Rows, second: Rows, shared: Sequence[str], worlds: Sequence[str]) -> _Made:
-    sides = [_by(rows, shared) for rows in (first, second)]
-    keys = [k for k in sides[0] if k in sides[1]]
-    pairs = [Pair(sides[0][k], sides[1][k]) for k in keys]
-    kept = [n for n in worlds if n in shared]
+def _suite(
+    name: str, of: Sequence[Rows], shared: Sequence[str], worlds: Sequence[str], separate: bool
+) -> tuple[Suite, list[list[Mapping[str, Any]]]]:
+    """The points that both sides have, and the rows of each that stand alone. Of a kind without worlds every row or
+    pair is one."""
+    sides = [_by(rows, shared) for rows in of]
+    both = sides[0].keys() & sides[1].keys()
+    left = [[r for k, rows in side.items() if k not in both for r in rows] for side in sides]
+    if separate:
+        kept = [[r for k, rows in side.items() if k in both for r in rows] for side in sides]
+        first, second = (list(_by(rows, worlds).values()) if worlds else [[r] for r in rows] for rows in kept)
+        return Suite(name, (), (), first, second, ", ".join(worlds) or "row"), left
+    pairs = [Pair(rows, sides[1][k]) for k, rows in sides[0].items() if k in both]
+    common = [n for n in worlds if n in shared]
     place: dict[Any, int] = {}
-    clusters = [place.setdefault(tuple(p.first[0][n] for n in kept), len(place)) for p in pairs]
-    by = ", ".join(kept)
-    if not worlds:
-        clusters, by = list(range(len(pairs))), "pair"
-    left = [[r for k, rows in side.items() if k not in set(keys) for r in rows] for side in sides]
-    return Suite(name, pairs, clusters, (), (), by), left
-
-
-def _samples(name: str, first: Rows, second: Rows, shared: Sequence[str], worlds: Sequence[str]) -> _Made:
-    """Only points that both sides have; of a kind without worlds every row is one."""
-    sides = [_by(rows, shared) for rows in (first, second)]
-    kept = [[r for k, rows in sides[i].items() if k in sides[1 - i] for r in rows] for i in range(2)]
-    left = [[r for k, rows in sides[i].items() if k not in sides[1 - i] for r in rows] for i in range(2)]
-    units = [list(_by(rows, worlds).values()) if worlds else [[r] for r in rows] for rows in kept]
-    return Suite(name, (), (), units[0], units[1], ", ".join(worlds) or "row"), left
+    clusters = [place.setdefault(tuple(p.first[0][n] for n in common) if worlds else k, len(place))
+                for k, p in enumerate(pairs)]  # fmt: skip
+    return Suite(name, pairs, clusters, (), (), ", ".join(common) if worlds else "pair"), left
 
 
 def _values(c: Results, name: str) -> tuple[Any, ...]:

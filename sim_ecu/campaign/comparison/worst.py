@@ -5,7 +5,7 @@ import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -36,15 +36,14 @@ class Worst:
     toml: str
 
 
-@dataclass(frozen=True, slots=True)
-class _Away:
-    """How far a job is from what is beside it, in its worst figure; size > 0: the second is worse. other: the row
-    beside it, None of samples."""
+class _Away(NamedTuple):
+    """How far a job is from what is beside it. size > 0: the second is worse. other: the row beside it, None of
+    samples."""
 
-    suite: str
+    size: float
     figure: str
     values: tuple[float | str, float | str]
-    size: float
+    suite: str
     row: Mapping[str, Any]
     other: Mapping[str, Any] | None
 
@@ -58,14 +57,15 @@ def worst(result: Result) -> tuple[list[Worst], list[Worst]]:
 
 
 def _of_suite(result: Result, suite: Suite) -> Iterator[_Away]:
-    """Of each job what it is worst in, each way."""
+    """Of each job what it is worst in, each way; one of samples beside the median of the other side."""
     directed = [c for c in result.comparisons if c.suite == suite.name and c.figure.better]
     figures = [(c, scale) for c in directed if (scale := _scale(c)) > 0]
     for pair in suite.pairs:
-        yield from _of_pair(pair.first[0], pair.second[0], figures, suite.name)
-    for side, worlds in enumerate((suite.first, suite.second)):
-        for row in (row for rows in worlds for row in rows):
-            yield from _of_row(row, side, figures, suite.name)
+        yield from _of_job((pair.first[0], pair.second[0]), figures, suite.name)
+    for row in (row for rows in suite.first for row in rows):
+        yield from _of_job((row, None), figures, suite.name)
+    for row in (row for rows in suite.second for row in rows):
+        yield from _of_job((None, row), figures, suite.name)
 
 
 def _scale(c: Comparison) -> float:
@@ -74,46 +74,25 @@ def _scale(c: Comparison) -> float:
     return float(np.std(values)) if len(values) else math.nan
 
 
-def _of_pair(
-    first: Mapping[str, Any], second: Mapping[str, Any], figures: Sequence[tuple[Comparison, float]], suite: str
-) -> Iterator[_Away]:
-    endings = first["ending"], second["ending"]
-    if (endings[0] == Ending.DONE) != (endings[1] == Ending.DONE):
-        if endings[0] == Ending.DONE:
-            yield _Away(suite, "ending", endings, math.inf, second, first)
-        else:
-            yield _Away(suite, "ending", endings, -math.inf, first, second)
-        return
-    found = []
+def _of_job(
+    rows: tuple[Mapping[str, Any] | None, Mapping[str, Any] | None], figures: Sequence[tuple[Comparison, float]],
+    suite: str,
+) -> Iterator[_Away]:  # fmt: skip
+    endings = ["" if row is None else str(row["ending"]) for row in rows]
+    badly = [ending not in ("", Ending.DONE) for ending in endings]
+    found: list[tuple[float, str, tuple[float | str, float | str]]] = []
     for c, scale in figures:
-        values = _value(first, c), _value(second, c)
-        if all(map(math.isfinite, values)):
-            found.append((_size(c, values[1] - values[0], scale), c.figure.name, values))
-    if found and (most := max(found))[0] > 0:
-        yield _Away(suite, most[1], most[2], most[0], second, first)
-    if found and (least := min(found))[0] < 0:
-        yield _Away(suite, least[1], least[2], least[0], first, second)
-
-
-def _of_row(
-    row: Mapping[str, Any], side: int, figures: Sequence[tuple[Comparison, float]], suite: str
-) -> Iterator[_Away]:
-    """Beside the median of the other side, for no job of it belongs to this one."""
-    sign = 1 if side else -1
-    if row["ending"] != Ending.DONE:
-        yield _Away(suite, "ending", ("", row["ending"]) if side else (row["ending"], ""), sign * math.inf, row, None)
-        return
-    found = [(_size(c, _value(row, c) - c.medians[1 - side], scale), c) for c, scale in figures]
-    known = [(size, c) for size, c in found if size > 0]
-    if known:
-        size, c = max(known, key=lambda sized: sized[0])
-        value, beside = _value(row, c), c.medians[1 - side]
-        yield _Away(suite, c.figure.name, (beside, value) if side else (value, beside), sign * size, row, None)
-
-
-def _size(c: Comparison, more: float, scale: float) -> float:
-    """In spreads, above 0 where it is worse to have so much more."""
-    return more / scale * (1 if c.figure.better == "less" else -1)
+        first, second = (c.medians[k] if row is None else _value(row, c) for k, row in enumerate(rows))
+        size = (second - first) / scale * (1 if c.figure.better == "less" else -1)
+        if math.isfinite(size):
+            found.append((size, c.figure.name, (first, second)))
+    if badly[0] != badly[1]:
+        found = [(math.inf if badly[1] else -math.inf, "ending", (endings[0], endings[1]))]
+    found.sort(key=lambda sized: sized[0])
+    for side, worse in ((1, found[-1]), (0, found[0])) if found else ():
+        row = rows[side]
+        if row is not None and (worse[0] > 0 if side else worse[0] < 0):
+            yield _Away(*worse, suite, row, rows[1 - side])
 
 
 def _told(away: _Away, campaign: Results, result: Result) -> Worst:

@@ -5,15 +5,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from sim_ecu.campaign.campaign_folder import opened_store
 from sim_ecu.campaign.definition import Campaign, placed
 from sim_ecu.campaign.fleet.find import Fleet, campaign, find, printable
 from sim_ecu.campaign.fleet.fleet_page import page, tables
 from sim_ecu.campaign.fleet.summary import Summary, summary
-from sim_ecu.campaign.go import go, opened
+from sim_ecu.campaign.go import go
 from sim_ecu.campaign.run_campaign import terminated_like_ctrl_c, workers_for
 from sim_ecu.jobs import pool
 from sim_ecu.jobs.job import Ending
 from sim_ecu.jobs.pool import RESUMES, Workers
+from sim_ecu.jobs.store import save
 from wrcd.config.config import load_config
 from wrcd.errors import Status, create
 from wrcd.logs.replay_outputs import need
@@ -48,9 +50,7 @@ def make(wanted: Wanted) -> None:
     story = gather(Path(wanted.log), config, replay=True, channel=wanted.channel or None)
     output = Path(wanted.output)
     output.parent.mkdir(parents=True, exist_ok=True)
-    begun = output.with_name(f"{output.name}.new")
-    write(story, None, begun)
-    begun.replace(output)
+    save(output, lambda beside: write(story, None, beside))
 
 
 def make_all(every: Sequence[Wanted], workers: Workers, limit_s: float | None) -> list[str]:
@@ -100,8 +100,12 @@ def run(asked: Logs, folder: Path, jobs: int, scheduler: str | None, again: bool
     print(_found(fleet), file=sys.stderr)
     made = _campaign(asked, fleet)
     try:
-        with terminated_like_ctrl_c(), workers_for(jobs, scheduler, made) as workers, opened(made, folder) as ready:
-            finished = go(ready, workers, again=again)
+        with (
+            terminated_like_ctrl_c(),
+            workers_for(jobs, scheduler, made) as workers,
+            opened_store(folder, made.asked, made.keys) as store,
+        ):
+            finished = go(made, folder, store, workers, again=again)
             found = summary(made.asked.title, finished.pairs)
             there = _reports(made, found, folder, workers) if asked.reports else {}
     except KeyboardInterrupt:

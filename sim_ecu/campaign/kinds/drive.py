@@ -12,7 +12,7 @@ from sim_ecu.campaign.kinds.given import (
     FAULT,
     PREFIX,
     SCENARIO,
-    configuration_of,
+    daemon_of,
     fault_of,
     named_by,
     scenario_of,
@@ -27,8 +27,6 @@ from sim_ecu.loop.ride_figures import MIN_SLIDE_SPEED_M_S, Honesty, adhesion_ser
 from sim_ecu.loop.rig import Step
 from sim_ecu.play.faults import SILENT
 from sim_ecu.play.inject import at_work
-from sim_ecu.play.mapped import MappedTrain
-from sim_ecu.play.scenario import Scenario
 from sim_ecu.play.train import PACKAGED, Train
 from sim_ecu.score.score_play import Ear
 from wrcd.core.configuration import Config
@@ -105,18 +103,11 @@ def _asked(inputs: Mapping[str, Any]) -> _Asked:
         if controller == IDEAL or not (runs or f.kind in SILENT):
             raise InputError(f"nobody hears the inputs that {f.kind} spoils", key="fault", hint="daemon = true")
     played = replace(scenario.train, faults=(*scenario.train.faults, *faults))
-    config, train = _daemon(inputs, played) if runs else (None, PACKAGED)
+    config, train = daemon_of(inputs, played) if runs else (None, PACKAGED)
     numbers = [a.number for a in played.axles]
     at_work(played.faults, numbers, played.axles[0].seed, train)
     train.encoder(numbers, truth=False)
     return _Asked(replace(scenario, train=played), controller, hears, config, train, timing)
-
-
-def _daemon(inputs: Mapping[str, Any], played: Scenario) -> tuple[Config, Train]:
-    """Its configuration, and the train that this maps."""
-    config = configuration_of(inputs, [a.number for a in played.axles])
-    w = played.wheelset
-    return config, MappedTrain(config, w.normal_N, w.r_0) if inputs.get("configuration") else PACKAGED
 
 
 def _check(inputs: Mapping[str, Any]) -> None:

@@ -15,6 +15,9 @@ import numpy as np
 from sim_ecu.campaign.kind import Factor, Metric, Type
 from sim_ecu.jobs.job import Scalar, digest
 from sim_ecu.play.faults import ALL, DURATION_S, KINDS, SIGNALS, Fault, read_fault
+from sim_ecu.play.mapped import MappedTrain
+from sim_ecu.play.scenario import Scenario
+from sim_ecu.play.train import PACKAGED, Train
 from sim_ecu.score.metrics import accuracy, honesty
 from sim_ecu.score.metrics.accuracy import OURS, gather, period_s, valid
 from sim_ecu.score.score_play import Trace
@@ -184,6 +187,13 @@ def configuration_of(inputs: Mapping[str, Any], axles: Sequence[int]) -> Config:
     files = (CONFIGURATION.path(inputs.get("configuration")), DESIGN.path(inputs.get("design")))
     digests = [digest(f) for f in (*files, *named_by(inputs).values()) if f is not None]
     return _configuration(*files, max(axles), tuple(digests))
+
+
+def daemon_of(inputs: Mapping[str, Any], played: Scenario) -> tuple[Config, Train]:
+    """The daemon's configuration, and the train that this maps."""
+    config = configuration_of(inputs, [a.number for a in played.axles])
+    w = played.wheelset
+    return config, MappedTrain(config, w.normal_N, w.r_0) if inputs.get("configuration") else PACKAGED
 
 
 @lru_cache(KEPT)

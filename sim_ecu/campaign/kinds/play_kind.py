@@ -1,7 +1,7 @@
 """A scenario whose torques are fixed, played to wrcd's core on virtual time: what it said, held against the truth."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 from sim_ecu.campaign.kind import Factor, Kind, Type
@@ -12,7 +12,7 @@ from sim_ecu.campaign.kinds.given import (
     FIGURES,
     PREFIX,
     SCENARIO,
-    configuration_of,
+    daemon_of,
     fault_of,
     figures_of,
     named_by,
@@ -20,9 +20,8 @@ from sim_ecu.campaign.kinds.given import (
 )
 from sim_ecu.jobs.job import Job, Scalar
 from sim_ecu.play.inject import at_work
-from sim_ecu.play.mapped import MappedTrain
 from sim_ecu.play.scenario import Scenario, path_of, read_scenario
-from sim_ecu.play.train import PACKAGED, Train
+from sim_ecu.play.train import Train
 from sim_ecu.score.score_play import play
 from sim_ecu.score.suites.run import NOMINAL_FROM_S, Run
 from wrcd.core.configuration import Config
@@ -32,24 +31,12 @@ JUDGED_FROM = Factor("judged_from_s", Type.NUMBER, "frames before are not judged
 FACTORS = (SCENARIO, DESIGN, CONFIGURATION, *FAULT, JUDGED_FROM)
 
 
-@dataclass(frozen=True, slots=True)
-class _PlayInputs:
-    """What the inputs come to."""
-
-    scenario: Scenario
-    config: Config
-    train: Train
-    judged_from_s: float
-
-
-def _asked(inputs: Mapping[str, Any]) -> _PlayInputs:
+def _asked(inputs: Mapping[str, Any]) -> tuple[Run, Config, Train]:
     """Raises InputError for inputs that make no sense."""
     scenario = _scenario(inputs)
     numbers = [a.number for a in scenario.axles]
     faults = (*scenario.faults, *fault_of(inputs, numbers, scenario.duration_s))
-    config = configuration_of(inputs, numbers)
-    w = scenario.wheelset
-    train: Train = MappedTrain(config, w.normal_N, w.r_0) if inputs.get("configuration") else PACKAGED
+    config, train = daemon_of(inputs, scenario)
     at_work(faults, numbers, scenario.axles[0].seed, train)
     train.encoder(numbers)
     from_s = float(inputs.get("judged_from_s", NOMINAL_FROM_S))
@@ -58,7 +45,8 @@ def _asked(inputs: Mapping[str, Any]) -> _PlayInputs:
             f"takes 0 … {scenario.duration_s:g}, the scenario's end, not {from_s:g}", key="judged_from_s",
             hint="0 judges from the first frame on",
         )  # fmt: skip
-    return _PlayInputs(replace(scenario, faults=faults), config, train, from_s)
+    run = Run("play", "", 0, replace(scenario, faults=faults), ("",) * len(numbers), from_s)
+    return run, config, train
 
 
 def _scenario(inputs: Mapping[str, Any]) -> Scenario:
@@ -67,9 +55,8 @@ def _scenario(inputs: Mapping[str, Any]) -> Scenario:
 
 def figures(job: Job) -> Mapping[str, Scalar]:
     """Play the run of a job, and judge it."""
-    asked = _asked(job.inputs)
-    run = Run("play", "", 0, asked.scenario, ("",) * len(asked.scenario.axles), asked.judged_from_s)
-    return figures_of(play(run, asked.config, {}, asked.train))
+    run, config, train = _asked(job.inputs)
+    return figures_of(play(run, config, {}, train))
 
 
 def _cost(inputs: Mapping[str, Any]) -> float:

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from sim_ecu.campaign.campaign_folder import CampaignRequest
+from sim_ecu.campaign.campaign_folder import CampaignRequest, opened_store
 from sim_ecu.campaign.definition import Campaign
-from sim_ecu.campaign.go import Finished, go, opened
+from sim_ecu.campaign.go import Finished, go
 from sim_ecu.campaign.kinds.score import SCORE, suite_of
 from sim_ecu.jobs.job import Ending, Job, code, digest
 from sim_ecu.jobs.pool import Workers
@@ -121,8 +121,8 @@ def play(design: Path, shares: Sequence[tuple[str, float]], lot: int, folder: Pa
     types = {f.name: f.type for f in SCORE.factors}
     asked = CampaignRequest(folder.name, SCORE, types, code(SCORE.function.__module__))
     campaign = Campaign(asked, jobs, {}, None, 0, None, folder, {(file,): {file: contents}})
-    with opened(campaign, folder) as ready:
-        finished = go(ready, workers, again=True)
+    with opened_store(folder, asked, campaign.keys) as store:
+        finished = go(campaign, folder, store, workers, again=True)
     for job, row in finished.pairs:
         if row.ending is not Ending.DONE:
             raise InputError(f"cannot be played in {job.inputs['suite']}: {row.error or row.ending}", file=design)

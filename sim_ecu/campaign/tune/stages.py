@@ -13,12 +13,12 @@ from sim_ecu.campaign.campaign_folder import read_results
 from sim_ecu.campaign.comparison.compare import BETTER, SAME, WORSE, Result, compare, document
 from sim_ecu.campaign.comparison.shown import tables
 from sim_ecu.campaign.tune.played import GOALS, operations, play_test
-from sim_ecu.campaign.tune.trials import Candidate, Final, Finalist, Judging, play_off, save, search
+from sim_ecu.campaign.tune.trials import Candidate, Final, Finalist, Judging, play_off, search
 from sim_ecu.design.brief import load_source, written
 from sim_ecu.design.make import Brief
 from sim_ecu.design.search import objective_words
 from sim_ecu.jobs.pool import Workers, local
-from sim_ecu.jobs.store import Store
+from sim_ecu.jobs.store import Store, save
 from sim_ecu.reporting.table import Table
 from sim_ecu.reporting.values import plain
 from wrcd import resources

@@ -2,9 +2,8 @@
 whole runs, where the windows are searched, too. Candidates side by side in processes of their own."""
 
 import math
-import os
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -23,7 +22,7 @@ from sim_ecu.design.search import Objective, error_of, minimise, objective
 from sim_ecu.design.space import BY_RECORDINGS, BY_RUNS, brief_at, parameters, vector
 from sim_ecu.jobs.job import Ending, Job, JobRow, code
 from sim_ecu.jobs.pool import Workers
-from sim_ecu.jobs.store import Store
+from sim_ecu.jobs.store import Store, save
 from wrcd.errors import InputError
 from wrcd.progress import Progress
 
@@ -131,18 +130,6 @@ def draft(brief: Brief) -> Brief:
     plan = brief.plan
     speeds, per_speed = min(plan.speeds, DRAFT_SPEEDS), min(plan.per_speed, DRAFT_PER_SPEED)
     return replace(brief, plan=replace(plan, speeds=speeds, per_speed=per_speed))
-
-
-def save(file: Path, put: Callable[[Path], object]) -> None:
-    """Put a file beside it, then in its place: whole or not at all. Raises InputError where it cannot be written."""
-    partly = file.with_suffix(".part")
-    try:
-        put(partly)
-        os.replace(partly, file)
-    except OSError as e:
-        raise InputError(
-            f"cannot be written: {e.strerror}", file=file, hint="check the folder, its room and your rights"
-        ) from None
 
 
 class Designs:

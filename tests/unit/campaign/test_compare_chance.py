@@ -142,19 +142,6 @@ def test_false_claims_of_many_comparisons_keep_to_alpha(paired: bool, n: int, na
         assert uncorrected > 2 * bound  # without the correction chance would be claimed often
 
 
-def test_rows_that_share_a_world_are_no_independent_evidence() -> None:
-    """Six pairs of each of ten seeds, whose differences are the seed's: by themselves they would claim chance."""
-    rng = np.random.default_rng(5)
-    seeds = np.repeat(np.arange(10), 6)
-    false = {"by seed": 0, "by row": 0}
-    for _ in range(RUNS):
-        d = rng.normal(size=(10, 1))[seeds] + 0.2 * rng.normal(size=(60, 1))
-        for way, clusters in (("by seed", seeds), ("by row", np.arange(60))):
-            false[way] += of_pairs(np.zeros_like(d), d, clusters.tolist(), ALPHA, 499)[0].p <= ALPHA
-    bound = binom.isf(UNLIKELY, RUNS, ALPHA)
-    assert false["by seed"] <= bound < false["by row"]
-
-
 def test_an_effect_of_one_spread_is_found_in_twenty_pairs_among_many_comparisons() -> None:
     rng = np.random.default_rng(6)
     d = rng.normal(size=(20, 40))

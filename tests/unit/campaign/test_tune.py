@@ -13,12 +13,12 @@ from sim_ecu.campaign.comparison.compare import BETTER, CHANCE, SAME, TOO_FEW, W
 from sim_ecu.campaign.tune import played
 from sim_ecu.campaign.tune.played import GOALS, PlayedFigures, operations
 from sim_ecu.campaign.tune.stages import Outcome, outcome
-from sim_ecu.campaign.tune.trials import Candidate, Designs, Final, Finalist, Judging, save, search
+from sim_ecu.campaign.tune.trials import Candidate, Designs, Final, Finalist, Judging, search
 from sim_ecu.cli.main import main
 from sim_ecu.design.brief import load_source, read_brief
 from sim_ecu.design.make import POINTS, Brief, in_papers_form
 from sim_ecu.jobs.pool import local
-from sim_ecu.jobs.store import Store
+from sim_ecu.jobs.store import Store, save
 from sim_ecu.score.suites import runs
 from sim_ecu.score.suites.run import FIRST_TEST_SEED, TEST_LOTS, TEST_SEEDS, TRAINING_LOTS, TUNED_LOT, Run
 from tests.support.compared import folder, inputs, steps

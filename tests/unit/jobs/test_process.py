@@ -12,7 +12,8 @@ from typing import Any
 import pytest
 
 from sim_ecu.jobs import process as process_module
-from sim_ecu.jobs.process import Died, Failed, Process, TookTooLong
+from sim_ecu.jobs.job import Ending
+from sim_ecu.jobs.process import NotDone, Process
 from tests.support.trial_kind import HANGS_S
 from wrcd.errors import InputError
 
@@ -45,9 +46,9 @@ def test_limit_is_of_the_job_and_not_of_its_imports(
 def test_job_beyond_its_limit_is_ended_and_the_next_has_all_of_its_own(child: Process) -> None:
     assert child.run(abs, -1, limit_s=5.0) == 1
     first = child.pid
-    with pytest.raises(TookTooLong, match=r"not done within 0\.01 s"):
+    with pytest.raises(NotDone, match=r"not done within 0\.01 s") as too_long:
         child.run(hang, None, 0.01)
-    assert child.pid is None
+    assert (too_long.value.ending, child.pid) == (Ending.TOO_LONG, None)
     assert not Path(f"/proc/{first}").exists()
     assert child.run(abs, -2, limit_s=5.0) == 2
 
@@ -58,7 +59,7 @@ def hang(_: object) -> None:
 
 def test_process_that_does_not_begin_in_time_has_died(child: Process, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(process_module, "BEGINS_S", 0.0)
-    with pytest.raises(Died, match="did not begin within 0 s"):
+    with pytest.raises(NotDone, match="did not begin within 0 s"):
         child.run(abs, -1)
 
 
@@ -86,7 +87,7 @@ def test_child_that_is_stopped_runs_nothing(child: Process, monkeypatch: pytest.
     stops.join(0.2)  # it waits for the start, or is done
     go_on.set()
     at_work.join(WAIT_S)
-    assert [(type(e), str(e)) for e in found] == [(Died, "it was stopped")]
+    assert [(e.ending, str(e)) for e in found] == [(Ending.DIED, "it was stopped")]
     assert child.pid is None
 
 
@@ -130,13 +131,13 @@ def test_a_thousand_open_files_do_not_matter(child: Process) -> None:
     ("number", "words"), [(signal.SIGKILL, "ended by SIGKILL"), (signal.SIGRTMIN + 3, r"ended by signal \d+")]
 )
 def test_signal_that_ends_it_is_told(child: Process, number: int, words: str) -> None:
-    with pytest.raises(Died, match=words):
+    with pytest.raises(NotDone, match=words):
         child.run(signal.raise_signal, number)
 
 
 @pytest.mark.parametrize(("key", "text"), [("", "ValueError: no"), ("x", "x: no")])
 def test_error_for_a_person_stands_without_its_class(child: Process, key: str, text: str) -> None:
-    with pytest.raises(Failed) as caught:
+    with pytest.raises(NotDone) as caught:
         child.run(fail, key)
     assert str(caught.value) == text
 

@@ -39,10 +39,6 @@ def test_drive_follows_a_step_as_a_lag_of_first_order(wanted: float, step_s: flo
     assert drive(Actuators(SLOW), [wanted] * n, step_s=step_s) == pytest.approx(wanted * (1 - np.exp(-t / 0.1)))
 
 
-def test_drive_without_a_lag_follows_at_once() -> None:
-    assert drive(Actuators(replace(SLOW, lag_s=0.0)), [5000.0, -5000.0]) == [5000.0, -5000.0]
-
-
 def test_torque_grows_and_falls_at_its_rates_and_changes_its_sign_at_both() -> None:
     """60 kN m/s up, 180 down: from 9 kN m to -9 in 50 ms and 150."""
     a = Actuators(Drive(lag_s=0.0, rise_N_m_s=60e3, fall_N_m_s=180e3))

@@ -1,7 +1,6 @@
 """What an axle box feels beyond the track's spectrum: vibration in its band, joints and a crossing at their places."""
 
 import math
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -110,16 +109,6 @@ def test_blocks_do_not_matter() -> None:
     stream = AxleBoxStream(box, TICK_S, rng())
     parts = [stream.next(distance[k : k + 30], v[k : k + 30]) for k in range(0, len(distance), 30)]
     assert np.array_equal(whole, np.concatenate(parts))
-
-
-def test_axles_on_one_track_meet_the_same_joints_and_vibrate_for_themselves() -> None:
-    box = AxleBox(vibration_m_s2=0.1, joint_m_s2=1.0)
-    distance, v = ride(25.0, 5.0)
-    first, second = (AxleBoxStream(box, TICK_S, rng(k), rng(9)).next(distance, v) for k in (1, 2))
-    calm = AxleBoxStream(replace(box, vibration_m_s2=0.0), TICK_S, rng(5), rng(9)).next(distance, v)
-    assert abs(np.corrcoef((first - calm)[:, LATERAL], (second - calm)[:, LATERAL])[0, 1]) < 0.15
-    assert (first - calm)[:, LATERAL].std() == pytest.approx(0.1, rel=0.1)
-    assert (second - calm)[:, LATERAL].std() == pytest.approx(0.1, rel=0.1)
 
 
 @pytest.mark.parametrize(

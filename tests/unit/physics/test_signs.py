@@ -14,16 +14,12 @@ from sim_ecu.physics.track import Track
 from sim_ecu.physics.wheelset import (
     AXLE_STATES,
     LAT_ACCEL,
-    PSI,
-    PSIDOT,
     TORQUE,
     W_L,
     W_R,
     YAW_RATE,
-    YDOT,
     FloatArray,
     Wheelset,
-    Y,
     axle_derivatives,
     constants,
 )
@@ -43,16 +39,6 @@ def ride(curvature: float = 0.0, cant: float = 0.0) -> FloatArray:
     n = 1600
     out: FloatArray = sim.advance(command(n, torque=0.0, limit_of_peak=1.0), np.full(n, V)).outputs[-1, 0]
     return out
-
-
-def rates(torque: float = 0.0, **state: float) -> tuple[FloatArray, float]:
-    """d(state)/dt of an axle that rolls, and the force of both wheels along the track."""
-    x, out = np.zeros(AXLE_STATES), np.zeros(AXLE_STATES)
-    x[W_R] = x[W_L] = V / W.r_0
-    for name, value in state.items():
-        x[{"y": Y, "ydot": YDOT, "psi": PSI, "psidot": PSIDOT}[name]] = value
-    force, _ = axle_derivatives(x, V, 0.0, torque, rail_at(STRAIGHT, 1.0), constants(W), W.contact, out)
-    return out, force
 
 
 @pytest.mark.parametrize("name", CURVES)
@@ -80,20 +66,6 @@ def test_torque_has_the_signs_of_the_picture(name: str) -> None:
         turned, V, 0.0, 0.0, rail_at(STRAIGHT, 1.0), constants(W), W.contact, np.zeros(AXLE_STATES)
     )
     assert np.sign(along) == force
-
-
-def test_y_is_to_the_left_and_yaw_counter_clockwise() -> None:
-    """Turned counter-clockwise it runs to the left; left of the centre line gravity draws it back, and the left wheel,
-    on its larger radius, turns it clockwise."""
-    turned, _ = rates(psi=1e-4)
-    assert turned[YDOT] > 0
-    displaced, _ = rates(y=1e-3)
-    assert displaced[YDOT] < 0
-    assert displaced[PSIDOT] < 0
-
-
-def test_driven_wheel_is_turned_faster_by_a_positive_torque() -> None:
-    assert rates(1000.0)[0][W_R] > 0 > rates(-1000.0)[0][W_R]
 
 
 def test_picture_is_drawn_and_shown_by_the_page(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from sim_ecu.physics.rail import CANT, CURVATURE, RailSection, rail_at, rail_tab
 from sim_ecu.physics.sensors import SENSOR_SETS
 from sim_ecu.physics.simulation import Axle, Simulation
 from sim_ecu.physics.track import OMEGA_C, OMEGA_R, QUALITY, SPACING_M, Track, irregularity
-from sim_ecu.physics.wheelset import LAT_ACCEL, YAW_RATE, FloatArray, Wheelset
+from sim_ecu.physics.wheelset import YAW_RATE, FloatArray, Wheelset
 from sim_ecu.play.player import Player, on_tracks
 from sim_ecu.play.scenario import AxleScenario, Course, DriveCourse, Scenario, read_scenario
 from wrcd.config.settings import parse_toml
@@ -40,18 +40,6 @@ def felt(s: Scenario) -> FloatArray:
 def alike(a: FloatArray, b: FloatArray) -> float:
     """Correlation of two signals."""
     return float(np.corrcoef(a, b)[0, 1])
-
-
-def test_a_follower_meets_the_same_irregularity_later() -> None:
-    """2.5 m at 25 m/s are 20 samples."""
-    track = Track(QUALITY["poor"], 5, behind_m=3.0)
-    rail = rail_table([RailSection(0.0, CURVES["A"])])
-    sim = Simulation(Wheelset(), [Axle(rail, track), Axle(rail, track, -2.5)], 25.0)
-    out = sim.advance(command(1000, 2, utilisation=0.3, limit_of_peak=1.0), np.full(1000, 25.0)).outputs
-    for column in (YAW_RATE, LAT_ACCEL):
-        leads, follows = out[400:-20, 0, column], out[420:, 1, column]
-        assert np.abs(leads - follows).max() < 0.02 * leads.std()
-        assert alike(out[400:, 0, column], out[400:, 1, column]) < 0.9
 
 
 def test_axles_of_a_scenario_run_on_one_track() -> None:

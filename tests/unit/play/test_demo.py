@@ -65,7 +65,7 @@ def test_computer_that_stands_still_costs_no_validity_without_a_kernel(
 ) -> None:
     """Half of the time it does something else; the demo hurries in between, and its log is one in time."""
     moment = Screen.moment
-    monkeypatch.setattr(demo, "_report", lambda *_: None)
+    monkeypatch.setattr(demo, "_leave", lambda *_: None)
 
     def slow(self: Screen, traces: Mapping[int, ObservedTrace]) -> None:
         time.sleep(0.3)
@@ -179,8 +179,7 @@ def test_change_that_comes_again_at_once_is_told_once(capsys: pytest.CaptureFixt
 def test_hint_of_the_demo_is_a_command_that_explains_a_degraded_moment(
     config: Path | None, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(demo, "_report", lambda *_: None)
-    monkeypatch.setattr(demo, "draw", lambda *_: None)
+    monkeypatch.setattr(demo, "_leave", lambda *_: None)
     (tmp_path / "fall.toml").write_text(FALL)
     more = [] if config is None else ["--config", str(config)]
     scenario = str(tmp_path / "fall.toml")

@@ -12,7 +12,7 @@ import e2e.p11
 import pytest
 
 from sim_ecu.cli.main import main as sim_ecu
-from sim_ecu.play.encoder import SAMPLE_US, Encoder, Reading, SensorSample, Sent, message_key, stretch_of
+from sim_ecu.play.encoder import SAMPLE_US, Encoder, Reading, SensorSample, Sent, message_key
 from sim_ecu.play.faults import parse_fault
 from sim_ecu.play.mapped import MappedTrain
 from sim_ecu.play.player import Player
@@ -122,7 +122,7 @@ def sample(number: int, torques: tuple[float, float] = (10_000.0, 5_000.0), spee
 
 def sent(samples: Sequence[SensorSample], truth: bool = False, config: Config | None = None) -> list[Sent]:
     encoder = train(config).encoder([1, 2], truth)
-    return [f for frames in encoder.stretch(stretch_of(samples)) for f in frames]
+    return [f for s in samples for f in encoder.frames(s)]
 
 
 def read(frames: Sequence[Sent], name: str) -> list[dict[str, Any]]:
@@ -395,17 +395,6 @@ def test_frame_faults_of_an_own_dbc_do_what_they_say() -> None:
     assert {row["State"] for row in read(during(played(f"status:{AT},of=torque")), "Brakes")} == {"Fault"}
     idle = [f for f in during(played(f"babble:{AT},amount=1000")) if f.can_id == 0]
     assert len(idle) == 100
-
-
-def test_swap_exchanges_whole_messages() -> None:
-    """Of two axles whose messages are alike: the packaged DBC's, mapped."""
-    spoken = MappedTrain(load_packaged(2), 73_500.0, 0.5)
-    scenario = replace(load_scenario("half-wet"), duration_s=0.6)
-    without = [f for _, frames in Player(scenario, False, train=spoken) for f in frames]
-    faulty = replace(scenario, faults=(parse_fault(f"swap:{AT}", [1, 2]),))
-    frames = [f for _, fs in Player(faulty, False, train=spoken) for f in fs]
-    mine, theirs = ([f.data for f in during(x) if f.can_id == i] for x, i in ((frames, 0x102), (without, 0x101)))
-    assert mine == theirs
 
 
 @pytest.mark.parametrize("kind", ["crc", "counter", "dlc", "nan", "status", "swap", "delay", "sender", "babble"])
