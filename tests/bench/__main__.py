@@ -31,8 +31,8 @@ def main() -> int:
     # as `wrcd run` does: products of a few hundred numbers gain nothing by threads. Before numpy is imported.
     for library in ("OPENBLAS", "OMP", "MKL"):
         os.environ.setdefault(f"{library}_NUM_THREADS", "1")
-    from tests.bench import cost, timing
-    from tests.bench.core import GROUP, OURS
+    from tests.bench import timing
+    from tests.bench.core import GROUP, OURS, table
 
     begin = time.monotonic()
     on = f"{machine()}; {timing.yardstick()}; {time.strftime('%Y-%m-%d')}"
@@ -48,7 +48,7 @@ def main() -> int:
         args.json.write_text(json.dumps(document, indent=1, ensure_ascii=False) + "\n")
     if args.markdown is not None:
         core_us = [(int(r.name.split()[0]), r.times[OURS]) for r in rows if r.group == GROUP and OURS in r.times]
-        by_axles = "\n".join(cost.table(core_us)) + "\n\n" if core_us else ""
+        by_axles = "\n".join(table(core_us)) + "\n\n" if core_us else ""
         write_page(args.markdown, f"Measured on {on}.\n\n{by_axles}{timing.markdown(rows)}\n")
     return 0
 

@@ -4,13 +4,16 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
 
-from tests.bench.timing import Case, Figure, Goal, Row, in_turn, show
+from tests.bench.timing import Case, Figure, Goal, Row, Times, in_turn, show
 from tests.bench.workload import LENGTH_US, TICK_US, write_stretch
+from tests.support.bus_load import bits_per_s, frames_per_s, of_axles
+from wrcd import resources
+from wrcd.bus.dbc import load_dbc
 from wrcd.config.config import packaged
 
 ROOT = Path(__file__).parents[2]
@@ -21,6 +24,8 @@ BLOCK_TICKS = 200  # a second: every cycle of outgoing frames comes once
 BUDGET_S = 25.0
 GROUP = "the whole core, µs a tick"
 OURS, BEFORE = "ours", "before"
+RATES = (200, 1000)  # ticks a second
+KBIT_S = 500.0
 
 
 class Worker:
@@ -103,3 +108,16 @@ def _add_share(row: Row, axles: int) -> None:
     goal = Goal("≤", 130) if axles == 4 else None
     row.figures.append(Figure("a tick", tick_us, goal, unit="µs"))
     row.figures.append(Figure(f"share of a core, ticks of {TICK_US / 1000:g} ms", 100 * tick_us / TICK_US, unit="%"))
+
+
+def table(core_us: Sequence[tuple[int, Times]]) -> Iterator[str]:
+    """The table of docs/reference/cost.md: a line of Markdown for each number of axles that was measured."""
+    rates = "".join(f" share at {rate} ticks/s |" for rate in RATES)
+    yield f"| axles | frames/s in | frames/s out | bus load at {KBIT_S:g} kbit/s | core, µs a tick |{rates}"
+    yield "|---|---|---|---|---|" + "---|" * len(RATES)
+    for axles, times in core_us:
+        every = of_axles(load_dbc(resources.DBC), None, axles)
+        into, out = (frames_per_s([m for m in every if ("WRCD" in m.senders) is sent]) for sent in (False, True))
+        low, high = (100 * bits_per_s(every, stuffed) / (1e3 * KBIT_S) for stuffed in (False, True))
+        shares = "".join(f" {100e-6 * times.median * rate:.1f} % |" for rate in RATES)
+        yield f"| {axles} | {into:.0f} | {out:.0f} | {low:.0f} … {high:.0f} % | {times.median:.0f} |{shares}"

@@ -13,9 +13,9 @@ from tests.bench.on_pair import CHANNEL, use_pair
 END = 3
 
 
-def resident_kb() -> dict[str, int]:
-    """VmHWM and VmRSS of this process."""
-    lines = (line.split() for line in Path("/proc/self/status").read_text().splitlines())
+def resident_kb(pid: int | str = "self") -> dict[str, int]:
+    """VmHWM and VmRSS of a process."""
+    lines = (line.split() for line in Path(f"/proc/{pid}/status").read_text().splitlines())
     return {key[0].rstrip(":"): int(key[1]) for key in lines if key[0] in ("VmHWM:", "VmRSS:")}
 
 

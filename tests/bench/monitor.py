@@ -6,20 +6,12 @@ processes, updates of the screen a second, frames lost and bytes to the terminal
 """
 
 import argparse
-import fcntl
 import json
 import os
-import pty
 import re
-import select
-import signal
 import socket
-import struct
-import subprocess
 import sys
 import tempfile
-import termios
-import threading
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -28,6 +20,7 @@ from pathlib import Path
 from tests.bench.frames import packed
 from tests.bench.monitor_app import MODULE
 from tests.bench.workload import LENGTH_US, frames
+from tests.support.on_terminal import OnTerminal
 from wrcd.bus.frame import Frame
 from wrcd.bus.socketcan import RECEIVE_BUFFER
 from wrcd.config.config import load_config
@@ -113,16 +106,6 @@ def send(end: socket.socket, turns: Sequence[Sequence[bytes]], seconds: float) -
     return sent, refused
 
 
-def drained(fd: int, until: threading.Event, counted: list[int]) -> None:
-    """Read a terminal's output and count it, answering nothing."""
-    while not until.is_set():
-        if select.select([fd], [], [], 0.05)[0]:
-            try:
-                counted[0] += len(os.read(fd, 1 << 16))
-            except OSError:
-                return
-
-
 def measure(rate: float, seconds: float, columns: int, lines: int, default_buffer: bool = False) -> Seen:
     """One run."""
     turns = traffic(rate)
@@ -130,50 +113,33 @@ def measure(rate: float, seconds: float, columns: int, lines: int, default_buffe
     if not default_buffer:
         force = SO_SNDBUFFORCE if os.geteuid() == 0 else socket.SO_SNDBUF
         outside.setsockopt(socket.SOL_SOCKET, force, RECEIVE_BUFFER)
-    master, terminal = pty.openpty()
-    fcntl.ioctl(terminal, termios.TIOCSWINSZ, struct.pack("HHHH", lines, columns, 0, 0))
-    until, counted = threading.Event(), [0]
     with tempfile.TemporaryDirectory() as folder, inside, outside:
         said = Path(folder) / "seen.json"
-        environment = {
-            **os.environ,
-            "MONITOR_BENCH": str(said),
-            "MONITOR_END": str(inside.fileno()),
-            "TERM": "xterm-256color",
-        }
-        environment.pop("NO_COLOR", None)
+        environment = {"MONITOR_BENCH": str(said), "MONITOR_END": str(inside.fileno()), "NO_COLOR": ""}
         began = time.monotonic()
-        process = subprocess.Popen(
-            [sys.executable, "-m", MODULE], stdin=terminal, stdout=terminal, stderr=terminal,
-            pass_fds=(inside.fileno(),), env=environment, start_new_session=True,
-        )  # fmt: skip
-        reader = threading.Thread(target=drained, args=(master, until, counted))
-        reader.start()
+        app = OnTerminal(
+            [sys.executable, "-m", MODULE], environment, lines=lines, columns=columns, pass_fds=(inside.fileno(),)
+        )
         try:
-            while not counted[0] and time.monotonic() - began < START_S and process.poll() is None:
+            while not app.seen and time.monotonic() - began < START_S and app.process.poll() is None:
                 time.sleep(0.01)
             start_s = time.monotonic() - began
             time.sleep(1.0)
-            if process.poll() is not None:
-                raise RuntimeError(f"it ended with {process.returncode}")
-            before, cpu_before = counted[0], cpu_s(process.pid)
+            if app.process.poll() is not None:
+                raise RuntimeError(f"it ended with {app.process.returncode}")
+            before, cpu_before = len(app.seen), cpu_s(app.process.pid)
             begin = time.monotonic()
             sent, refused = send(outside, turns, seconds)
             took = time.monotonic() - begin
-            cpu_after, after = cpu_s(process.pid), counted[0]
+            cpu_after, after = cpu_s(app.process.pid), len(app.seen)
             time.sleep(0.5)
-            os.write(master, b"q")
-            process.wait(10.0)
+            app.press(b"q")
+            app.process.wait(10.0)
         finally:
-            until.set()
-            reader.join()
-            if process.poll() is None:
-                process.send_signal(signal.SIGTERM)
+            app.close()
         if not said.exists():
             raise RuntimeError("it ended without a word")
         seen = json.loads(said.read_text())
-    os.close(master)
-    os.close(terminal)
     share = [(b - a) / took for a, b in zip(cpu_before, cpu_after, strict=True)]
     updates = sum(begin <= t <= begin + took for t in seen["updates"])
     return Seen(

@@ -2,19 +2,33 @@
 
 import socket
 
+from wrcd.bus import socketcan
+
 CHANNEL = "lo"  # rtnetlink tells of an interface that is up
+
+
+def pair() -> tuple[socket.socket, socket.socket]:
+    """Both ends; what is read from either carries the kernel's time stamp."""
+    return socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
+
+
+class PairLink(socketcan.SocketCanLink):
+    """The daemon's own link, but for its opening and its socket options, which a pair has not."""
+
+    def __init__(self, end: socket.socket, fd: bool = False) -> None:
+        self._end = end
+        super().__init__(CHANNEL, None, fd)
+
+    def _open(self) -> socket.socket:
+        self._end.setblocking(False)
+        self._stamp(self._end)
+        return self._end
+
+    def _set(self, option: int, value: int | bytes | None, now_us: int) -> None:
+        """A datagram socket has no option of a raw CAN socket."""
 
 
 def use_pair(end_fd: int) -> None:
     """From now on every SocketCAN link of this process is that end, a file descriptor."""
-    from wrcd.bus import socketcan
-
-    def opened(link: socketcan.SocketCanLink) -> socket.socket:
-        end = socket.socket(fileno=end_fd)
-        end.setblocking(False)
-        link._stamp(end)
-        return end
-
-    # another class would not be the product's: its own opening and its socket options are what a pair has not
-    socketcan.SocketCanLink._open = opened  # type: ignore[assignment,method-assign]
-    socketcan.SocketCanLink._set = lambda *_: None  # type: ignore[method-assign]
+    end = socket.socket(fileno=end_fd)
+    socketcan.SocketCanLink = lambda channel, keys, fd=False: PairLink(end, fd)  # type: ignore[assignment,misc]

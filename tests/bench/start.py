@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tests.bench.core import ROOT, environment
-from tests.bench.daemon import END
+from tests.bench.daemon import END, resident_kb
 from tests.bench.frames import packed
 from tests.bench.timing import Figure, Goal, Row, Times, show
 from tests.bench.workload import frames
@@ -57,22 +57,17 @@ def start(arguments: Sequence[str], end: socket.socket | None = None, traffic: s
             while notify.recv(256) != b"READY=1":
                 pass
             ready_s = time.perf_counter() - begin
-            cpu_s, resident_kb, share = _cpu_s(process.pid), 0, 0.0
+            cpu_s, held_kb, share = _cpu_s(process.pid), 0, 0.0
             if traffic is not None:
                 share = _feed(traffic, process.pid)
-                resident_kb = _status_kb(process.pid, "VmRSS")
+                held_kb = resident_kb(process.pid)["VmRSS"]
             process.send_signal(signal.SIGTERM)
             out, _ = process.communicate(timeout=WAIT_S)
         finally:
             with suppress(ProcessLookupError):
                 process.kill()
         told = json.loads(out) if end is not None else {}
-        return Started(ready_s, cpu_s, tuple(told.get("modules", ())), told.get("VmHWM", 0), resident_kb, share)
-
-
-def _status_kb(pid: int, key: str) -> int:
-    lines = Path(f"/proc/{pid}/status").read_text().splitlines()
-    return next(int(line.split()[1]) for line in lines if line.startswith(f"{key}:"))
+        return Started(ready_s, cpu_s, tuple(told.get("modules", ())), told.get("VmHWM", 0), held_kb, share)
 
 
 def _cpu_s(pid: int) -> float:

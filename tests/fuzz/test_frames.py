@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from tests.fuzz.strategies import any_frames, damaged, near_frames
 from tests.support.can_ids import UNMAPPED, YAW_RATE_A1
-from tests.support.dbc_texts import DIRECTION_AND_LOAD_DBC, TRAIN_DBC
+from tests.support.dbc import DIRECTION_AND_LOAD_DBC, TRAIN_DBC
 from wrcd.bus.candump import format_line, parse_line
 from wrcd.bus.codec import Receiver, message_key
 from wrcd.bus.dbc import Database, load_dbc

@@ -20,7 +20,7 @@ from tests.support.can_ids import ADHESION_A1
 from tests.support.kit.building import make, needs_compiler, written
 from tests.support.kit.reading import Reading, Verdict
 from tests.support.processes import BIN, running, wait_for
-from tests.support.synthetic import Synthetic
+from tests.support.rig_frames import ticks_of
 from tests.support.vcan import CANDUMP, FRAME
 from wrcd.bus.candump import format_line
 from wrcd.bus.e2e import COUNTER_MODULO, protect
@@ -128,7 +128,7 @@ def heard(tmp_path_factory: pytest.TempPathFactory) -> Heard:
     folder = tmp_path_factory.mktemp("kit")
     config, ride, told, log = (folder / name for name in ("one.toml", "ride.log", "told.txt", "candump.log"))
     config.write_text(packaged(1))
-    ticks = Synthetic(load_config(config)).ticks(round(SECONDS * 200))
+    ticks = ticks_of(load_config(config), SECONDS)
     ride.write_text("".join(format_line(f, "can0") + "\n" for tick in ticks for f in tick))
     subprocess.run(["ip", "link", "add", "vcan8", "type", "vcan"], timeout=10, check=True)
     subprocess.run(["ip", "link", "set", "vcan8", "up"], timeout=10, check=True)

@@ -29,15 +29,15 @@ def test_frames_wait_in_the_kernel_for_one_slot_only(
     stamp = now_us() // 20_000 * 20_000
     for axle in AXLES:
         assert link.send(Frame(stamp, ADHESION[axle], b"\x01"))
-    assert link.unconfirmed == 4
+    assert link._unconfirmed == 4
     assert link.send(Frame(stamp + 20_000, ADHESION_A1, b"\x02"))  # vcan says at once that they have left
     assert [node.receive()[1] for _ in range(5)] == [b"\x01"] * 4 + [b"\x02"]
     assert link.receive(0) == []  # our own are not received
-    assert link.unconfirmed == 0
+    assert link._unconfirmed == 0
     sockets[-1].holds_frames = True  # nothing tells from here on that a frame has left
     for axle in AXLES:
         assert link.send(Frame(stamp + 40_000, ADHESION[axle], b"\x03"))
-    assert link.unconfirmed == 4
+    assert link._unconfirmed == 4
     for slot in range(3, 41):
         assert not link.send(Frame(stamp + slot * 20_000, ADHESION_A1, b"\x04"))
     assert link.health.unsent == 38

@@ -16,7 +16,7 @@ import pytest
 from sim_ecu.cli.main import main as sim_ecu
 from tests.support.can_ids import ADHESION_A1, WRCD_STATUS, YAW_RATE_A1
 from tests.support.metronome import ALLOWED, calm, cycle, metronome, mostly, within
-from tests.support.processes import BIN, running, wait_for
+from tests.support.processes import BIN, running, stopped, wait_for
 from tests.support.scenarios import held
 from tests.support.vcan import CANDUMP, overruns_at, slot_of
 from wrcd.bus.e2e import crc
@@ -75,10 +75,7 @@ def test_flood_of_frames_loses_no_sensor_frame_and_no_cycle(
         with running("cangen", "vcan0", "-g", "0", "-I", ids, "-L", "r", "-D", "r", stop=signal.SIGTERM):
             subprocess.run(["chrt", "-f", "10", "canplayer", "-I", log, "vcan0=can0"], timeout=60, check=True)
         end_us = time.time_ns() // 1000
-        process.send_signal(signal.SIGTERM)
-        assert process.wait(10) == 0
-        assert process.stderr is not None
-        said = process.stderr.read().decode()
+        said = stopped(process)
     load = (received() - before) / ((end_us - begin_us) * 1e-6)
     # without the one of the stop; a frame of the last slots may be late
     every = [f for f in seen_of(seen) if begin_us <= f.stamp_us][:-1]

@@ -1,23 +1,16 @@
 """`wrcd monitor` on a real kernel's bus: its own terminal, a bus that carries what the guest bears."""
 
 import html
-import os
-import pty
 import re
-import select
 import socket
-import struct
-import subprocess
 import sys
-import termios
-import threading
 import time
-from fcntl import ioctl
 from pathlib import Path
 
 import pytest
 
 from tests.support.daemon_frames import GOOD, START_US, DaemonFrames
+from tests.support.on_terminal import OnTerminal
 from tests.support.processes import ROOT
 from wrcd.bus.frame import Frame
 from wrcd.bus.rawcan import FRAME
@@ -72,54 +65,13 @@ def carried(channel: str) -> int:
     return int(Path(f"/sys/class/net/{channel}/statistics/tx_packets").read_text())
 
 
-class OnTerminal:
-    """The program on a terminal of its own; what it draws is read and kept."""
-
-    def __init__(self, arguments: list[str], folder: Path) -> None:
-        self.seen = b""
-        self.master, terminal = pty.openpty()
-        ioctl(terminal, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 80, 0, 0))
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", "wrcd.cli", "monitor", *arguments], cwd=folder, stdin=terminal, stdout=terminal,
-            stderr=terminal, start_new_session=True,
-            env={**os.environ, "TERM": "xterm-256color", "PYTHONPATH": str(ROOT)},
-        )  # fmt: skip
-        os.close(terminal)
-        self._ended = threading.Event()
-        self._thread = threading.Thread(target=self._read)
-        self._thread.start()
-
-    def _read(self) -> None:
-        while not self._ended.is_set():
-            if select.select([self.master], [], [], 0.1)[0]:
-                try:
-                    self.seen += os.read(self.master, 1 << 16)
-                except OSError:
-                    return
-
-    def wait_for(self, text: bytes, seconds: float) -> None:
-        end = time.monotonic() + seconds
-        while text not in self.seen:
-            assert self.process.poll() is None, self.seen.decode(errors="replace")
-            assert time.monotonic() < end, f"{text!r} was not drawn: {self.seen[-2000:]!r}"
-            time.sleep(0.05)
-
-    def press(self, keys: bytes) -> None:
-        os.write(self.master, keys)
-
-    def close(self) -> None:
-        if self.process.poll() is None:
-            self.process.kill()
-            self.process.wait()
-        self._ended.set()
-        self._thread.join()
-        os.close(self.master)
+COMMAND = (sys.executable, "-m", "wrcd.cli", "monitor")
 
 
 def test_no_frame_is_lost_and_none_is_sent(bus: str, config: Config, tmp_path: Path) -> None:
     """What it saves afterwards is every frame that was on the bus, in order; the bus has carried no other."""
     turns = traffic(config)
-    app = OnTerminal(["-i", "socketcan", "-c", bus], tmp_path)
+    app = OnTerminal([*COMMAND, "-i", "socketcan", "-c", bus], {"PYTHONPATH": str(ROOT)}, tmp_path)
     try:
         app.wait_for(b"no Adhesion frame", 60)
         before = carried(bus)

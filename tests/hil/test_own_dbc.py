@@ -3,7 +3,6 @@ adhesion of eight bits."""
 
 import os
 import re
-import signal
 import socket
 import subprocess
 import time
@@ -17,8 +16,8 @@ import pytest
 from cantools.database.can import Database
 
 from tests.support.metronome import BEFORE_US, SLOT_US, Machine, calm, cycle, metronome, mostly, within
-from tests.support.processes import BIN, ROOT, running, wait_for
-from tests.support.synthetic import Synthetic
+from tests.support.processes import BIN, ROOT, running, stopped, wait_for
+from tests.support.rig_frames import ticks_of
 from tests.support.vcan import CANDUMP, Node, allow_large_buffers, now_us
 from wrcd.bus.frame import Frame
 from wrcd.bus.socketcan import SocketCanLink
@@ -73,7 +72,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
     folder = tmp_path_factory.mktemp("own")
     log = folder / "candump.log"
     climate = packed(Frame(0, CLIMATE, b"\x7f\x03"))
-    ticks = Synthetic(load_config(CONFIG)).ticks(round(SECONDS * 200))
+    ticks = ticks_of(load_config(CONFIG), SECONDS)
     sent = [[*map(packed, tick), climate] for tick in ticks]
     bus = Bus("vcan0")
     allow_large_buffers()
@@ -91,10 +90,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
             finally:
                 os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
             time.sleep(0.3)
-            daemon.send_signal(signal.SIGTERM)
-            assert daemon.wait(10) == 0
-            assert daemon.stderr is not None
-            says = daemon.stderr.read().decode()
+            says = stopped(daemon)
         time.sleep(0.5)
     bus.close()
     return Recorded(log, [f for f, _ in read_log(log, Damage())], says, machine)

@@ -10,10 +10,9 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 
-import cantools
 import pytest
-from cantools.database.can import Database
 
+from sim_ecu.play.encoder import databases
 from tests.support.can_ids import (
     ADHESION,
     ADHESION_A1,
@@ -25,9 +24,9 @@ from tests.support.can_ids import (
     id_of,
 )
 from tests.support.metronome import SLOT_US, WINDOW_US, Cycle, Machine, all_kept, calm, cycle, metronome, mostly, within
-from tests.support.processes import BIN, ROOT, running, wait_for
+from tests.support.processes import BIN, ROOT, running, stopped, wait_for
 from tests.support.scenarios import FOUR_AXLES, SIX_AXLES, held
-from tests.support.vcan import CANDUMP, allow_large_buffers, overruns_at, slot_of
+from tests.support.vcan import CANDUMP, add, allow_large_buffers, ip, overruns_at, slot_of
 from wrcd.bus.candump import format_line
 from wrcd.bus.frame import Frame
 from wrcd.config.config import DEFAULT
@@ -46,7 +45,6 @@ class Recorded:
 
     log: Path
     frames: list[Frame]
-    daemon_status: int
     daemon_says: str
     rig_says: str
     machine: Machine
@@ -92,12 +90,9 @@ def record(folder: Path, play: Callable[[], str]) -> Recorded:
             wait_for("the daemon's first frame", 30, lambda: sizes(log) > 0)
             says = play()
             wait_for_adhesion(log, time.time_ns() // 1000)
-            daemon.send_signal(signal.SIGTERM)
-            status = daemon.wait(10)
-            assert daemon.stderr is not None
-            daemon_says = daemon.stderr.read().decode()
+            daemon_says = stopped(daemon)
         time.sleep(0.5)
-    return Recorded(log, [f for f, _ in read_log(log, Damage())], status, daemon_says, says, machine)
+    return Recorded(log, [f for f, _ in read_log(log, Damage())], daemon_says, says, machine)
 
 
 @pytest.fixture(scope="module")
@@ -157,9 +152,7 @@ def test_rig_keeps_time_and_sends_every_frame(one_axle: Recorded) -> None:
 
 def test_valid_estimate_meets_the_truth(one_axle: Recorded) -> None:
     """Whatever is called Valid, from a window after the wanted creep is held, and Valid unless the guest stalled."""
-    database = cantools.database.load_file(ROOT / "dbc" / "wrcd.dbc")
-    assert isinstance(database, Database)
-    message = database.get_message_by_name("Adhesion_A1")
+    message = databases()[0].get_message_by_name("Adhesion_A1")
     yaw = one_axle.of(YAW_RATE_A1)
     since_us, until_us = yaw[0].stamp_us + 3_000_000, yaw[-1].stamp_us
     late = [f for f in one_axle.of(ADHESION_A1) if since_us < f.stamp_us <= until_us]
@@ -175,7 +168,6 @@ def test_valid_estimate_meets_the_truth(one_axle: Recorded) -> None:
 
 
 def test_sigterm_sends_not_available_for_every_axle(one_axle: Recorded) -> None:
-    assert one_axle.daemon_status == 0
     for can_id in ADHESION.values():
         assert one_axle.of(can_id)[-1].data[1] >> 4 == 0
     assert one_axle.frames[-1].data[1] >> 4 == 3  # WrcdStatus: Stopping
@@ -274,10 +266,7 @@ def test_sigusr1_dump_replays_to_what_was_sent(tmp_path: Path) -> None:
         subprocess.run([*CANPLAYER, "-I", log, "vcan0=can0"], timeout=60, check=True)
         daemon.send_signal(signal.SIGUSR1)
         wait_for("the dump", 30, lambda: bool(list(tmp_path.glob("dumps/wrcd-vcan0-*-asked.log"))))
-        daemon.send_signal(signal.SIGTERM)
-        assert daemon.wait(10) == 0
-        assert daemon.stderr is not None
-        print(daemon.stderr.read().decode())
+        print(stopped(daemon))
     (dump,) = tmp_path.glob("dumps/wrcd-vcan0-*-asked.log")
     assert len(list(tmp_path.glob("dumps/wrcd-vcan0-*-exit.log"))) == 1
     out = tmp_path / "out.log"
@@ -289,7 +278,7 @@ def test_sigusr1_dump_replays_to_what_was_sent(tmp_path: Path) -> None:
     judged = {key: data for key, data in sent.items() if key in computed}
     different = {key: (data.hex(), computed[key].hex()) for key, data in judged.items() if computed[key] != data}
     assert different == {}
-    recorded = Recorded(bus, frames, 0, "", "", machine)
+    recorded = Recorded(bus, frames, "", "", machine)
     kept = recorded.cycle
     print(kept)
     assert kept.kept, kept.unexcused
@@ -381,10 +370,7 @@ def play_six_axles(log: Path, seen: Path) -> tuple[int, int, str]:
         subprocess.run([*CANPLAYER, "-I", log, "vcan0=can0"], timeout=60, check=True)
         end_us = time.time_ns() // 1000
         wait_for_adhesion(seen, end_us)
-        daemon.send_signal(signal.SIGTERM)
-        assert daemon.wait(10) == 0
-        assert daemon.stderr is not None
-        return begin_us, end_us, daemon.stderr.read().decode()
+        return begin_us, end_us, stopped(daemon)
 
 
 LOSSES = {
@@ -396,8 +382,7 @@ LOSSES = {
 def losses(sent: list[Frame], begin_us: int) -> dict[str, int]:
     """What WrcdStatus and WrcdLink count from a time on, as anyone on the bus reads them: a start may be slow. Each
     count wraps."""
-    database = cantools.database.load_file(ROOT / "dbc" / "wrcd.dbc")
-    assert isinstance(database, Database)
+    database, _ = databases()
     counted = {}
     for name, can_id in LOSSES.items():
         frames = [f for f in sent if f.can_id == can_id]
@@ -424,10 +409,7 @@ def test_garbage_frames_do_not_stop_the_daemon(tmp_path: Path) -> None:
         time.sleep(1.0)
         assert daemon.poll() is None
         assert sizes(log) > before
-        daemon.send_signal(signal.SIGTERM)
-        assert daemon.wait(10) == 0
-        assert daemon.stderr is not None
-        said = daemon.stderr.read().decode()
+        said = stopped(daemon)
     assert "rejected: " in said
     assert "length" in said
     assert "Traceback" not in said
@@ -436,9 +418,6 @@ def test_garbage_frames_do_not_stop_the_daemon(tmp_path: Path) -> None:
 def test_daemon_survives_link_down_and_device_gone(tmp_path: Path) -> None:
     """vcan1 goes down, comes up, is deleted and made again; frames come back each time."""
     log = tmp_path / "candump.log"
-
-    def ip(*words: str) -> None:
-        subprocess.run(["ip", "link", *words], timeout=10, check=True)
 
     def frames_come(seconds: float) -> None:
         with running(*CANDUMP, "vcan1,091:7FF", output=log):
@@ -452,7 +431,7 @@ def test_daemon_survives_link_down_and_device_gone(tmp_path: Path) -> None:
         frames_come(5)
         ip("del", "vcan1")
         time.sleep(0.5)
-        ip("add", "vcan1", "mtu", "72", "type", "vcan")
+        add("vcan1")
         ip("set", "vcan1", "up")
         frames_come(5)
         assert daemon.poll() is None
@@ -461,16 +440,11 @@ def test_daemon_survives_link_down_and_device_gone(tmp_path: Path) -> None:
 def test_second_daemon_on_the_bus_is_said_and_counted(bus: str, tmp_path: Path) -> None:
     """Each of two says that somebody else sends its messages, about as many a second as it sends itself."""
     log = tmp_path / "candump.log"
-    says = []
     with running(*CANDUMP, bus, output=log):
         daemon = BIN / "wrcd", "run", "-i", "socketcan", "-c", bus
         with running(*daemon) as first, running(*daemon) as second:
             wait_for("some seconds of both", 60, lambda: log.exists() and log.read_text().count(" 0B1#") >= 8)
-            for process in (first, second):
-                process.send_signal(signal.SIGTERM)
-                assert process.wait(10) == 0
-                assert process.stderr is not None
-                says.append(process.stderr.read().decode())
+            says = [stopped(process) for process in (first, second)]
     for journal in says:
         seconds = [
             int(n)

@@ -17,9 +17,14 @@ def bits(payload: int, stuffed: bool) -> int:
     return covered + 13 + ((covered - 1) // 4 if stuffed else 0)
 
 
-def bits_per_s(messages: list[Message], stuffed: bool) -> float:
+def frames_per_s(messages: list[Message]) -> float:
     """Of all the messages, each at its cycle."""
-    return sum(bits(m.length, stuffed) * 1000 / (cycle_ms(m) or float("inf")) for m in messages)
+    return sum(1000 / (cycle_ms(m) or float("inf")) for m in messages)
+
+
+def bits_per_s(messages: list[Message], stuffed: bool) -> float:
+    """The same in bits."""
+    return sum(bits(m.length, stuffed) * frames_per_s([m]) for m in messages)
 
 
 def of_axles(production: Database, rig: Database | None, axles: int) -> list[Message]:
@@ -36,9 +41,8 @@ def table(production: Database, rig: Database, max_axles: int) -> list[str]:
     out = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
     for axles in range(1, max_axles + 1):
         plain, with_truth = of_axles(production, None, axles), of_axles(production, rig, axles)
-        frames = sum(1000 / (cycle_ms(m) or float("inf")) for m in plain)
         cells = [_cell(plain, rate) for rate in BIT_RATES] + [_cell(with_truth, 500_000)]
-        out.append("| " + " | ".join([str(axles), f"{frames:.0f}", *cells]) + " |")
+        out.append("| " + " | ".join([str(axles), f"{frames_per_s(plain):.0f}", *cells]) + " |")
     return out
 
 

@@ -33,6 +33,14 @@ def running(
                 process.stderr.close()
 
 
+def stopped(process: subprocess.Popen[bytes]) -> str:
+    """What a process has written to standard error that SIGTERM ends well, in ten seconds."""
+    process.send_signal(signal.SIGTERM)
+    assert process.wait(10) == 0
+    assert process.stderr is not None
+    return process.stderr.read().decode()
+
+
 def wait_for(what: str, seconds: float, done: Callable[[], bool]) -> None:
     """Look every 50 ms; fail with what was waited for."""
     end = time.monotonic() + seconds

@@ -11,11 +11,8 @@ from pathlib import Path
 from socket import socket as RealSocket  # whatever a test puts in its place
 from typing import Any
 
-import cantools
-from cantools.database.can import Database
-
+from sim_ecu.play.encoder import databases
 from tests.support.can_ids import ADHESION_A1, WRCD_STATUS, YAW_RATE_A1
-from tests.support.processes import ROOT
 from wrcd.bus.frame import Frame
 from wrcd.bus.socketcan import SocketCanLink
 
@@ -58,10 +55,8 @@ def slot_of(f: Frame) -> int:
 
 def overruns_at(frames: Iterable[Frame], until_us: int) -> int:
     """Return the overruns that the last WrcdStatus before a time tells of."""
-    database = cantools.database.load_file(ROOT / "dbc" / "wrcd.dbc")
-    assert isinstance(database, Database)
     *_, last = (f for f in frames if f.can_id == WRCD_STATUS and f.stamp_us < until_us)
-    values = database.decode_message(WRCD_STATUS, last.data)
+    values = databases()[0].decode_message(WRCD_STATUS, last.data)
     assert isinstance(values, dict)
     return int(str(values["Overruns"]))
 

@@ -1,13 +1,15 @@
 """`make bench` compares like with like: ours, the peer and the limit compute the same numbers."""
 
+import socket
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tests.bench import bank, frames, native, start
-from tests.bench.core import ROOT, Worker
-from tests.bench.cost import received, sent, table
+from tests.bench.core import ROOT, Worker, table
+from tests.bench.on_pair import pair
 from tests.bench.timing import Times
 from tests.bench.workload import LENGTH_US, START_US, stretch, write_stretch
 from wrcd import resources
@@ -59,46 +61,44 @@ def test_c_loop_interpolates_as_the_bank_does(design: Design) -> None:
         assert innovations == pytest.approx(e[tick], abs=1e-9 * np.abs(innovations).max())
 
 
-def test_link_and_python_can_read_the_same_values() -> None:
-    batches = frames.sensor_batches()[:12]
-    ours, peer = frames.pair(), frames.pair()
-    link, reader = frames.Ours(ours[0]), frames.Peer(peer[0], frames.database())
-    try:
-        for number, batch in enumerate(batches):
-            for f in batch:
-                for ends in (ours, peer):
-                    ends[1].send(frames.packed(f))
-            samples = link.take(number * 5000)
-            decoded = reader.take(len(batch))
-            assert [s.value for s in samples] == [
-                pytest.approx(d.get("YawRate", d.get("LatAccel")), rel=1e-12) for d in decoded
-            ]
-        assert link.rejected == 0
-    finally:
-        for each in (link, reader):
-            each.close()
-        for ends in (ours, peer):
-            ends[1].close()
+@pytest.fixture
+def both() -> Iterator[tuple[frames.Ours, socket.socket, frames.Peer, socket.socket]]:
+    """Our end and the peer's, each with the other end of its pair."""
+    ours, peer = pair(), pair()
+    link, reader = frames.Ours(ours[0]), frames.Peer(peer[0])
+    yield link, ours[1], reader, peer[1]
+    for each in (link, reader, ours[1], peer[1]):
+        each.close()
 
 
-def test_frame_out_is_the_peers_but_for_crc_and_counter() -> None:
-    ours, peer = frames.pair(), frames.pair()
-    writer, encoder = frames.OursOut(ours[0]), frames.PeerOut(peer[0], frames.database())
-    try:
-        made, encoded = writer.send(7), encoder.send()
-        assert made.data[2:] == encoded[2:]
-        assert made.data[1] & 0xF0 == encoded[1] & 0xF0
-        assert made.data[1] & 0x0F == 7
-        assert made.data[0] == crc(made.data, 0x091)
-        assert ours[1].recv(64) == frames.packed(made)
-        # python-can also fills in len8_dlc, byte 7 of struct can_frame
-        sent = peer[1].recv(64)
-        assert sent[:7] + b"\0" + sent[8:] == frames.packed(Frame(0, 0x091, encoded))
-    finally:
-        writer.close()
-        encoder.close()
-        for ends in (ours, peer):
-            ends[1].close()
+def test_link_and_python_can_read_the_same_values(
+    both: tuple[frames.Ours, socket.socket, frames.Peer, socket.socket],
+) -> None:
+    link, to_link, reader, to_reader = both
+    for number, batch in enumerate(frames.sensor_batches()[:12]):
+        for f in batch:
+            for end in (to_link, to_reader):
+                end.send(frames.packed(f))
+        samples = link.take(number * 5000)
+        assert [s.value for s in samples] == [
+            pytest.approx(d.get("YawRate", d.get("LatAccel")), rel=1e-12) for d in reader.take(len(batch))
+        ]
+    assert link.rejected == 0
+
+
+def test_frame_out_is_the_peers_but_for_crc_and_counter(
+    both: tuple[frames.Ours, socket.socket, frames.Peer, socket.socket],
+) -> None:
+    writer, from_writer, encoder, from_encoder = both
+    made, encoded = writer.send(7), encoder.send()
+    assert made.data[2:] == encoded[2:]
+    assert made.data[1] & 0xF0 == encoded[1] & 0xF0
+    assert made.data[1] & 0x0F == 7
+    assert made.data[0] == crc(made.data, 0x091)
+    assert from_writer.recv(64) == frames.packed(made)
+    # python-can also fills in len8_dlc, byte 7 of struct can_frame
+    sent = from_encoder.recv(64)
+    assert sent[:7] + b"\0" + sent[8:] == frames.packed(Frame(0, 0x091, encoded))
 
 
 def test_stretch_follows_itself_without_a_rejected_frame() -> None:
@@ -127,10 +127,6 @@ def test_daemon_over_a_pair_gets_ready_and_imports_no_tool_of_the_rig() -> None:
     assert told.most_kb > 1000
 
 
-def test_bus_load_of_four_axles_is_that_of_the_contract() -> None:
-    into, out = received(4), sent(4)
-    assert into.rate == pytest.approx(2050)
-    assert out.rate == pytest.approx(283)
-    low, high = (into.load(500, s) + out.load(500, s) for s in (False, True))
-    assert 0.40 < low < high < 0.55
-    assert len(list(table([(4, Times((100.0,)))]))) == 3
+def test_table_has_the_frames_and_the_load_of_four_axles() -> None:
+    *_, row = table([(4, Times((100.0,)))])
+    assert row == "| 4 | 2050 | 283 | 42 … 51 % | 100 | 2.0 % | 10.0 % |"

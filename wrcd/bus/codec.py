@@ -9,7 +9,7 @@ from wrcd.bus.positions import message_key, position
 from wrcd.bus.readers import MessageReader, Sample, SignalReader
 from wrcd.bus.reasons import Reason
 from wrcd.bus.signals import Source, StatusRule
-from wrcd.bus.statuses import KeptStatus, SenderStatus, rules_of
+from wrcd.bus.statuses import KeptStatus, SenderStatus
 from wrcd.bus.writers import SignalWriter, Value, Writer
 
 __all__ = [
@@ -36,7 +36,7 @@ class Receiver:
         kept = {
             rule: KeptStatus(find_message(database, rule.message), rule)
             for s in sources
-            for rule in rules_of(find_message(database, s.message), s)
+            for rule in s.statuses
             if comes_in_other_frames(database, rule, s.message)
         }
         self._kept = tuple(kept.values())

@@ -23,9 +23,9 @@ _MULTIPLEXED = re.compile(r"SG_MUL_VAL_\s+\d+\s+\w+\s+\w+([\d\s,-]+)", re.ASCII)
 _RANGE = re.compile(r"(\d+)\s*-\s*(\d+)", re.ASCII)
 _STRING_OR_COMMENT = re.compile(r'"(?:\\"|[^"])*"|//[^\n]*')
 # a line, or several where a string goes over them
-_LINE = re.compile(r'(?:[^"\n]++|"(?:\\"|[^"])*+")++\n?|\n')
+_LINE = re.compile(r'(?:[^"\n]++|"(?:[^"\\]++|\\"|\\)*+")++\n?|\n')
 _POWER = re.compile(r'"\s*[\d.]+[eE]\+?\d{6,}\s*"', re.ASCII)
-_MESSAGE = re.compile(r"\s*BO_\s+(\d+)\s+(\w+)\s*:", re.ASCII)
+_MESSAGE = re.compile(r"\bBO_\s+(\d+)\s+(\w+)\s*:", re.ASCII)
 _SIGNAL = re.compile(r"\s*SG_\s+(\w+)[^:\"]*:\s*\d+\s*\|\s*([-+]?\d+)\s*@", re.ASCII)
 EXTENDED = 1 << 31
 _MARKS = ((b"\xef\xbb\xbf", "utf-8-sig"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"))
@@ -115,7 +115,7 @@ def without_impossible_messages(text: str) -> tuple[str, dict[str, str]]:
         block.clear()
 
     for line in _lines(text):
-        if m := _MESSAGE.match(line):
+        if m := _MESSAGE.match(line.lstrip()):
             end_block()
             name, reason = m[2], _wrong_id(int(m[1]))
         elif line.strip() and line.split()[0] != "SG_":
@@ -155,9 +155,6 @@ def _gap(lines: list[str]) -> str:
 
 # Attributes and comments of messages that nobody needs take half of the time to parse: with eight axles in the packaged
 # DBC a twentieth of the time from start to READY. Left out is one usual statement, alone on its line.
-# A line, or several where a string goes over them.
-_LINE = re.compile(r'(?:[^"\n]++|"[^"]*+")++\n?|\n')
-_MESSAGE = re.compile(r"\bBO_\s+(\d+)\s+(\w+)\s*:")
 _ABOUT = re.compile(
     r'(?:CM_|BA_ +"[^"]*") +(?:BO_|SG_) +(\d+)\b(?:[^";]++|"[^"]*+")*+;\s*',
 )
@@ -169,13 +166,10 @@ def subset(text: str, names: Collection[str]) -> str:
     """Return a DBC's text with what is said about the messages in names, and with every message; lines keep their
     numbers. A text that cannot be cut for certain is returned whole."""
     # a string without an end: no line of it is certain. (Python 3.11.2 finds lines there that are none.)
-    if text.count('"') % 2:
-        return text
-    lines: list[str] = _LINE.findall(text)
-    if _UNUSUAL.search(text) or sum(map(len, lines)) != len(text):
+    if text.count('"') % 2 or _UNUSUAL.search(text):
         return text
     found = _MESSAGE.findall(text)
     needless = {can_id for can_id, _ in found} - {can_id for can_id, name in found if name in names}
     return "".join(
-        "\n" * line.count("\n") if (m := _ABOUT.fullmatch(line)) and m[1] in needless else line for line in lines
+        _gap([line]) if (m := _ABOUT.fullmatch(line)) and m[1] in needless else line for line in _lines(text)
     )

@@ -137,6 +137,12 @@ def fit_raw(signal: Signal, raw: int) -> int:
     return raw - bits if signal.is_signed and not signal.is_float and bits // 2 <= raw < bits else raw
 
 
+def span(signal: Signal) -> tuple[int, int]:
+    """The lowest and the highest raw value that the field can hold."""
+    bits = signal.length - signal.is_signed
+    return (-(1 << bits) if signal.is_signed else 0), (1 << bits) - 1
+
+
 def common_order(positions: Sequence[Position]) -> Order | None:
     """The byte order of all of them, None where they differ or there is none."""
     orders = {at.order for at in positions}

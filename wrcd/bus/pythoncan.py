@@ -21,11 +21,6 @@ def from_message(m: can.Message, stamp_us: int) -> Frame:
     )
 
 
-def check_interface(name: str) -> None:
-    """Raises InputError for a name that is none of python-can's."""
-    advice.check_interface(name, can.VALID_INTERFACES)
-
-
 def open_bus(interface: str, channel: str, *, user_settings: bool = False, **options: Any) -> can.BusABC:
     """A bus by python-can's names.
 
@@ -33,7 +28,7 @@ def open_bus(interface: str, channel: str, *, user_settings: bool = False, **opt
     they say nothing: what it opens is its configuration's alone.
     Raises InputError for an interface that python-can does not know, BusError for one that cannot be opened.
     """
-    check_interface(interface)
+    advice.check_interface(interface, can.VALID_INTERFACES)
     try:
         # python-can makes a number of a channel that is one where it reads settings: its drivers count on it
         number = int(channel) if channel.isdecimal() else channel

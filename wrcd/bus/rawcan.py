@@ -32,7 +32,7 @@ SOL_SOCKET, MSG_CONFIRM = int(socket.SOL_SOCKET), int(socket.MSG_CONFIRM)
 EFF_MASK, SFF_MASK = int(socket.CAN_EFF_MASK), int(socket.CAN_SFF_MASK)
 
 
-def time_us(value: bytes, place: int) -> int:
+def time_us(value: bytes, place: int = 0) -> int:
     """One of the time stamps that came along, in whole microseconds."""
     seconds, nanoseconds = TIMESPEC.unpack_from(value, place * TIMESPEC.size)
     return int(seconds) * 1_000_000 + int(nanoseconds) // 1000
@@ -49,8 +49,7 @@ def parse_ancillary(ancillary: list[tuple[int, int, bytes]], now_us: int) -> tup
         if level != SOL_SOCKET:
             continue
         if kind == SO_TIMESTAMPNS:
-            seconds, nanoseconds = TIMESPEC.unpack_from(value)
-            kernel_us = seconds * 1_000_000 + nanoseconds // 1000
+            kernel_us = time_us(value)
         elif kind == SO_TIMESTAMPING:
             kernel_us, hardware_us = time_us(value, 0), time_us(value, 2)
         elif kind == SO_RXQ_OVFL:

@@ -15,7 +15,7 @@ from wrcd.bus.frame import Frame
 from wrcd.bus.positions import Branch, Field, Numbers, Order, common_order, fit_raw, frame_length, is_fd
 from wrcd.bus.reasons import Reason
 from wrcd.bus.signals import Source, StatusRule
-from wrcd.bus.statuses import KeptStatus, SenderStatus, rules_of
+from wrcd.bus.statuses import KeptStatus, SenderStatus
 from wrcd.bus.units import Quantity, factor
 from wrcd.bus.words import is_reverse, no_measurement
 
@@ -135,11 +135,10 @@ class MessageReader:
         self.signals = [SignalReader(k, s, message) for k, s in sources]
         self.checker = None if identity is None else Checker(identity, tuple(i for i in others if i != identity))
         self._tells = tuple(status for status in kept.values() if status.rule.message == message.name)
-        rules = [tuple(dict.fromkeys(rules_of(message, s))) for _, s in sources]
         made: dict[StatusRule, SenderStatus] = {
-            r: kept.get(r) or SenderStatus(message, r) for of_one in rules for r in of_one
+            r: kept.get(r) or SenderStatus(message, r) for _, s in sources for r in s.statuses
         }
-        self._rules = [[made[r] for r in of_one] for of_one in rules]
+        self._rules = [[made[r] for r in s.statuses] for _, s in sources]
         self.statuses = tuple(made.values())
         self.is_multiplexed = any(s.branch.conditions for s in self.signals)
         fields = [s.field for s in self.signals] + [s.field for s in self.statuses]

@@ -35,7 +35,7 @@ class Source:
     low: float | None = None  # physical
     high: float | None = None
     invalid: frozenset[int] = frozenset()  # raw values that are no measurement, besides those that the DBC names so
-    statuses: tuple[StatusRule, ...] | None = None
+    statuses: tuple[StatusRule, ...] = ()
     reverse: frozenset[int] | None = None  # raw values of a direction that mean reverse
     part: int = 0  # 0 … of the signals that add up to the quantity
 

@@ -189,16 +189,6 @@ class SocketCanLink:
             return None
         return b"".join(map(only_word, (*self._keys, *sorted(self._own))))
 
-    @property
-    def is_open(self) -> bool:
-        """Whether there is a socket: not where the device has gone, nor after close()."""
-        return self._socket is not None
-
-    @property
-    def unconfirmed(self) -> int:
-        """How many frames of the newest slot have not left yet, as far as the kernel has told."""
-        return self._unconfirmed
-
     def _set(self, option: int, value: int | bytes | None, now_us: int) -> None:
         """Set an option of the raw socket. The kernel looks for the device first, which may just be going away."""
         if self._socket is None or value is None:

@@ -1,41 +1,13 @@
 """What senders say of themselves: a signal that tells whether what stands beside it, or in another message, is to be
 believed."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 from wrcd.bus.dbc import DEFAULT_TIMEOUT_MS, Message, find_signal, timeout_ms
-from wrcd.bus.positions import Branch, Field, Numbers, branch, frame_length
-from wrcd.bus.signals import Source, StatusRule
-from wrcd.bus.words import degraded, usable
+from wrcd.bus.positions import Branch, Field, Numbers, frame_length
+from wrcd.bus.signals import StatusRule
 
 STATUS = "Status"
-
-
-def usual_rule(message: Message) -> StatusRule | None:
-    """What counts where the configuration says nothing: the message's own signal Status. Without a value table only 0
-    is taken for good."""
-    signal = next((s for s in message.signals if s.name == STATUS), None)
-    if signal is None:
-        return None
-    words = signal.choices or {0: "ok"}
-    return StatusRule(
-        message.name,
-        STATUS,
-        frozenset(int(raw) for raw, word in words.items() if usable(word)),
-        frozenset(int(raw) for raw, word in words.items() if degraded(word)),
-    )
-
-
-def rules_of(message: Message, source: Source) -> Sequence[StatusRule]:
-    """The rules that hold for a signal of a message. By itself a status counts where every frame with the signal has
-    it."""
-    if source.statuses is not None:
-        return source.statuses
-    usual = usual_rule(message)
-    if usual is None or not branch(message, usual.signal).covers(branch(message, source.signal)):
-        return ()
-    return (usual,)
 
 
 class SenderStatus:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from wrcd.bus.dbc import Message, Signal, data_id, find_signal
 from wrcd.bus.e2e import COUNTER_MODULO, protect
 from wrcd.bus.frame import Frame
-from wrcd.bus.positions import Order, common_order, fit_raw, frame_length, is_fd, position
+from wrcd.bus.positions import Order, common_order, fit_raw, frame_length, is_fd, position, span
 from wrcd.bus.signals import Output, OutputSignal
 
 Value = float | str | None  # a number in our own unit, a word of ours, or not available
@@ -19,9 +19,7 @@ class SignalWriter:
     def __init__(self, s: Signal, length: int, sent: OutputSignal) -> None:
         labels = {str(label): int(raw) for raw, label in (s.choices or {}).items()}
         self.labels: Mapping[str, int] = labels if sent.words is None else sent.words
-        self._lowest, self._highest = (
-            (-(1 << s.length - 1), (1 << s.length - 1) - 1) if s.is_signed else (0, (1 << s.length) - 1)
-        )
+        self._lowest, self._highest = span(s)
         low, high = s.minimum if sent.low is None else sent.low, s.maximum if sent.high is None else sent.high
         self._low = -math.inf if low is None else float(low)
         self._high = math.inf if high is None else float(high)

@@ -189,7 +189,7 @@ def _interface(bus: Section) -> str:
         try:
             check_interface(given, declared.INTERFACES)
         except InputError as e:
-            bus.mistake(bus.error(e.reason, key, e.hint))
+            bus.refuse(e.reason, key, e.hint)
     return given
 
 
@@ -197,9 +197,7 @@ def _one_speed(limits: Section, vehicle: Section) -> None:
     """The speed is mapped or constant."""
     speed, constant = Quantity.SPEED.key, declared.CONSTANT_SPEED.name
     if speed in vehicle and constant in limits:
-        limits.mistake(
-            limits.error("is given, and vehicle.speed names a signal", constant, "one of the two: which one holds?")
-        )
+        limits.refuse("is given, and vehicle.speed names a signal", constant, "one of the two: which one holds?")
     elif speed not in vehicle and constant not in limits:
         hint = f"{limits.line(**{constant: TO_FILL_IN})}, or name the signal"
         error = vehicle.absent(speed, hint, "Message.Signal")
@@ -211,14 +209,12 @@ def _not_available_after_us(limits: Section, mapped: list[Input]) -> int:
     after_us = round(1000 * declared.NOT_AVAILABLE_AFTER.value(limits))
     for i in mapped:
         if i.source.quantity in (*NEEDED, Quantity.SPEED) and i.timeout_us > after_us:
-            limits.mistake(
-                limits.error(
-                    f"{after_us / 1000:g} ms is less than the time-out of {i.source.message}.{i.source.signal}, "
-                    f"{i.timeout_us / 1000:g} ms",
-                    declared.NOT_AVAILABLE_AFTER.name,
-                    "an input that is silent for so long ends the estimate: "
-                    + limits.line(**{declared.NOT_AVAILABLE_AFTER.name: i.timeout_us / 1000}),
-                )
+            limits.refuse(
+                f"{after_us / 1000:g} ms is less than the time-out of {i.source.message}.{i.source.signal}, "
+                f"{i.timeout_us / 1000:g} ms",
+                declared.NOT_AVAILABLE_AFTER.name,
+                "an input that is silent for so long ends the estimate: "
+                + limits.line(**{declared.NOT_AVAILABLE_AFTER.name: i.timeout_us / 1000}),
             )
     return after_us
 
@@ -265,18 +261,16 @@ def _same_wheelset(section: Section, design: Design, file: Path) -> None:
     for key in section:
         if key not in design.wheelset:
             hint = suggest(key, design.wheelset) or f"the design's wheelset has {', '.join(sorted(design.wheelset))}"
-            section.mistake(section.error("unknown key", key, hint))
+            section.refuse("unknown key", key, hint)
             continue
         stated = section.raw(key)
         has = design.wheelset[key]
         same = abs(stated - has) <= 1e-6 * abs(has) if _both_numbers(stated, has) else stated == has
         if not same:
-            section.mistake(
-                section.error(
-                    f"is {stated!r}, but the design file {file} is for a wheelset with {has!r}",
-                    key,
-                    "make a design for this wheelset with `sim-ecu design`, and name it under [estimator]",
-                )
+            section.refuse(
+                f"is {stated!r}, but the design file {file} is for a wheelset with {has!r}",
+                key,
+                "make a design for this wheelset with `sim-ecu design`, and name it under [estimator]",
             )
 
 

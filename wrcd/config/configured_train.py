@@ -100,7 +100,7 @@ def _check_no_ahead(top: Section, table: Section) -> None:
     """What lies ahead is told with fusion alone. A mistake is collected."""
     if AHEAD in table:
         hint = f"leave the message out, or {top.section('fusion').line(positions_m=[TO_FILL_IN])}"
-        table.mistake(table.error("needs [fusion]: nothing would be told in it", AHEAD, hint))
+        table.refuse("needs [fusion]: nothing would be told in it", AHEAD, hint)
 
 
 def _number(table: Section, numbers: set[int]) -> int | None:
@@ -120,7 +120,7 @@ def _data_id_of_status(s: Statement, message: Message) -> int | None:
     try:
         return data_id(message)
     except ValueError as e:
-        s.table.mistake(s.table.error(str(e), declared.STATUS.name, "mend the DBC"))
+        s.table.refuse(str(e), declared.STATUS.name, "mend the DBC")
         return None
 
 
@@ -166,7 +166,7 @@ def check_shared_signals(statements: Sequence[Statement]) -> None:
         others = before.setdefault((s.message, s.signal), [])
         reason = next(filter(None, (_why_not_both(s, other) for other in others)), None)
         if reason is not None:
-            s.table.mistake(s.table.error(reason, declared.SIGNAL.name))
+            s.table.refuse(reason, declared.SIGNAL.name)
         others.append(s)
 
 
@@ -192,19 +192,17 @@ def check_jobs(
     def take(table: Section, key: str, name: str, sent: bool) -> None:
         job = jobs.setdefault(name, (table.name, sent))
         if job[0] != table.name and (sent or job[1]):
-            table.mistake(
-                table.error(f"{name} is {'sent' if job[1] else 'read'} for {job[0]} already", key, "one job a message")
-            )
+            table.refuse(f"{name} is {'sent' if job[1] else 'read'} for {job[0]} already", key, "one job a message")
             return
         identity = message_key(find_message(database, name))
         other = keys.setdefault(identity, name)
         if other != name:
             kind = "extended" if identity & EXTENDED else "standard"
-            table.mistake(table.error(f"{name} has the {kind} id 0x{identity & ~EXTENDED:X}, and so has {other}", key))
+            table.refuse(f"{name} has the {kind} id 0x{identity & ~EXTENDED:X}, and so has {other}", key)
 
     for s, i in inputs:
         take(s.table, declared.SIGNAL.name, s.message, False)
-        for rule in i.source.statuses or ():
+        for rule in i.source.statuses:
             if rule.message != s.message:
                 take(s.table, declared.STATUS.name, rule.message, False)
     for table, sent in outputs:

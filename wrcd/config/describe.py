@@ -3,6 +3,7 @@
 from wrcd.bus.dbc import Message, find_message, find_signal
 from wrcd.bus.signals import Output, OutputSignal, Source, StatusRule
 from wrcd.bus.units import Quantity
+from wrcd.config.raw_values import words
 from wrcd.core.configuration import Config, Input
 from wrcd.core.validity import LOAD_SHARES, RADIUS_SHARES
 from wrcd.estimator.design import Design
@@ -77,7 +78,7 @@ def _input(c: Config, i: Input) -> list[str]:
     return [
         f"  {name:22} <- {_id(m)} {s.message}.{s.signal} ({', '.join(facts[:1])}), {', '.join(facts[1:])}"
         f"{_bounds(s.quantity, c.design)}",
-        *(f"  {'':22}    if {_rule(c, rule)}" for rule in s.statuses or ()),
+        *(f"  {'':22}    if {_rule(c, rule)}" for rule in s.statuses),
     ]
 
 
@@ -97,8 +98,8 @@ def _rule(c: Config, rule: StatusRule) -> str:
 
 def _raws(m: Message, signal: str, raws: frozenset[int]) -> str:
     """Raw values with their words: 1 (Ok), 3."""
-    words = {int(raw): str(word) for raw, word in (find_signal(m, signal).choices or {}).items()}
-    return ", ".join(f"{raw} ({words[raw]})" if raw in words else str(raw) for raw in sorted(raws))
+    known = words(find_signal(m, signal))
+    return ", ".join(f"{raw} ({known[raw]})" if raw in known else str(raw) for raw in sorted(raws))
 
 
 def _names(c: Config, o: Output) -> list[str]:
@@ -109,7 +110,7 @@ def _names(c: Config, o: Output) -> list[str]:
 
 
 def _field(m: Message, ours: str, s: OutputSignal) -> str:
-    known = {str(word): int(raw) for raw, word in (find_signal(m, s.name).choices or {}).items()}
+    known = {word: raw for raw, word in words(find_signal(m, s.name)).items()}
     own = [f"{word} {raw}" for word, raw in (s.words or {}).items() if known.get(word) != raw]
     own += [] if s.factor == 1.0 else [f"times {s.factor:g}"]
     own += [] if s.low is None else [f"{s.low:g} … {s.high:g}"]

@@ -31,11 +31,11 @@ def read_positions(top: Section, axles: Sequence[AxleConfig], design: Design | N
     _check_order(section, top)
     if design is not None and abs(design.tick_s - TICK_S) > 1e-9:
         reason = f"takes a design with a tick of {1000 * TICK_S:g} ms, not {1000 * design.tick_s:g} ms"
-        section.mistake(section.error(reason, key.name, "the signs of a drop are set for it: leave [fusion] out"))
+        section.refuse(reason, key.name, "the signs of a drop are set for it: leave [fusion] out")
     if given is not None and len(axles) == len(given) and not any(_tells(a) for a in axles):
         reason = f"would be told by nothing: the DBC has neither AdhesionAhead nor a Cause with {DROP_AHEAD}"
         hint = "add messages such as the packaged DBC's AdhesionAhead_A1, or name them by ahead in [[axle]]"
-        section.mistake(section.error(reason, key.name, hint))
+        section.refuse(reason, key.name, hint)
     section.done(names(declared.TABLES["fusion"]))
     return given
 
@@ -85,4 +85,4 @@ def _check_order(section: Section, top: Section) -> None:
     if declared.CONSTANT_SPEED.name in top.section("limits"):
         reason = f"needs a speed that is heard, and limits.{declared.CONSTANT_SPEED.name} is given"
         hint = "name the signal in vehicle.speed, or leave [fusion] out"
-        section.mistake(section.error(reason, declared.POSITIONS.name, hint))
+        section.refuse(reason, declared.POSITIONS.name, hint)

@@ -13,12 +13,12 @@ from wrcd.bus.dbc import (
     find_signal,
     timeout_ms,
 )
-from wrcd.bus.positions import Branch, branch
+from wrcd.bus.positions import Branch, branch, span
 from wrcd.bus.signals import Source, StatusRule
 from wrcd.bus.units import Quantity, factor
 from wrcd.bus.words import is_reverse
 from wrcd.config import declared
-from wrcd.config.raw_values import raw_values, span, usable_field, words
+from wrcd.config.raw_values import raw_values, usable_field, words
 from wrcd.config.section import TO_FILL_IN, Section, suggest
 from wrcd.config.statements import TORQUES, Statement
 from wrcd.core.configuration import Input

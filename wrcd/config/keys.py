@@ -4,6 +4,7 @@ Plain classes: the daemon's start would wait for dataclasses of so many kinds to
 """
 
 import math
+import re
 from collections.abc import Iterable
 from typing import Any, Generic, TypeAlias, TypeVar
 
@@ -69,13 +70,13 @@ class SignalName(KeyOf[str]):
 
     takes = "`Message.Signal`"
 
-
-def message_and_signal(section: Section, key: str, named: str) -> tuple[str, str]:
-    """The two parts of Message.Signal. Raises InputError for a text of another form."""
-    message, dot, signal = named.partition(".")
-    if not (dot and message and signal) or "." in signal:
-        raise section.error(f"{named!r} is not of the form Message.Signal", key)
-    return message, signal
+    def named(self, section: Section) -> tuple[str, str]:
+        """The two parts. Raises InputError for a text of another form."""
+        text = section.take(self.name, str)
+        if not re.fullmatch(MESSAGE_SIGNAL, text):
+            raise section.error(f"{text!r} is not of the form Message.Signal", self.name)
+        message, _, signal = text.partition(".")
+        return message, signal
 
 
 class Choice(KeyOf[str]):
@@ -188,7 +189,7 @@ class NumberList(KeyOf[tuple[float, ...]]):
             return None
         if isinstance(value, list) and all(_finite(x) for x in value):
             return tuple(float(x) for x in value)
-        section.mistake(section.error(f"takes a {self.takes}, not {shown(value)}", self.name))
+        section.refuse(f"takes a {self.takes}, not {shown(value)}", self.name)
         return None
 
 

@@ -3,10 +3,11 @@
 from collections.abc import Mapping, Sequence
 
 from wrcd.bus.dbc import CLASSICAL_BYTES, Database, Message, Signal, cycle_ms, find_message
+from wrcd.bus.positions import span
 from wrcd.bus.signals import Output, OutputSignal
 from wrcd.config import declared
 from wrcd.config.keys import Key, RawValue, names
-from wrcd.config.raw_values import plain, raw_value, span, usable_field, words
+from wrcd.config.raw_values import plain, raw_value, usable_field, words
 from wrcd.config.section import TO_FILL_IN, Section, nearest, suggest
 from wrcd.config.statements import check_header, e2e_identity
 from wrcd.core.vocabulary import MESSAGES, Numeric, Words, snake
@@ -69,7 +70,7 @@ def _output(table: Section, kind: str, database: Database | None, usual: str, ti
             ) from None
     if cycle < tick_ms:
         key = declared.CYCLE.name if declared.CYCLE.name in table else declared.MESSAGE.name
-        table.mistake(table.error(f"{cycle} ms is shorter than the design's tick of {tick_ms:g} ms", key))
+        table.refuse(f"{cycle} ms is shorter than the design's tick of {tick_ms:g} ms", key)
     data_id = e2e_identity(table, message, e2e, identity)
     if data_id is not None:
         check_header(table, declared.MESSAGE.name, message, {s.name for s in signals.values()})
@@ -132,7 +133,7 @@ def _signals(
             if ours in NEEDS.get(kind, ()):
                 near = nearest(ours, fields) or TO_FILL_IN
                 hint = f"name the one that carries it: {table.line(**{key: near})}"
-                table.mistake(table.error(f"message {message.name} has no signal {ours!r}", key, hint))
+                table.refuse(f"message {message.name} has no signal {ours!r}", key, hint)
             continue
         one = sound.get(ours) or table.usual(key, declared.FIELD.name, ours)
         with table.collected():
@@ -149,12 +150,10 @@ def _signals(
             else:
                 found[ours] = words_field(one, carried, message, fields[name])
     if not found and not said and not NEEDS.get(kind):
-        table.mistake(
-            table.error(
-                f"message {message.name} has none of the signals {', '.join(MESSAGES[kind])}",
-                declared.MESSAGE.name,
-                f"name those that carry them: {table.line(**{snake(next(iter(MESSAGES[kind]))): TO_FILL_IN})}",
-            )
+        table.refuse(
+            f"message {message.name} has none of the signals {', '.join(MESSAGES[kind])}",
+            declared.MESSAGE.name,
+            f"name those that carry them: {table.line(**{snake(next(iter(MESSAGES[kind]))): TO_FILL_IN})}",
         )
     return found
 

@@ -5,18 +5,13 @@ from collections.abc import Iterable
 from typing import Any
 
 from wrcd.bus.dbc import Signal
+from wrcd.bus.positions import span
 from wrcd.config.section import Section, suggest
 
 
 def words(signal: Signal) -> dict[int, str]:
     """The value table: raw value to word."""
     return {int(raw): str(word) for raw, word in (signal.choices or {}).items()}
-
-
-def span(signal: Signal) -> tuple[int, int]:
-    """The lowest and the highest raw value that the field can hold."""
-    bits = signal.length - signal.is_signed
-    return (-(1 << bits) if signal.is_signed else 0), (1 << bits) - 1
 
 
 def plain(word: str) -> str:

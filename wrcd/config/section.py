@@ -108,6 +108,10 @@ class Section:
             raise error
         self._source.mistakes.append(error)
 
+    def refuse(self, reason: str, key: str | None = None, hint: str = "") -> None:
+        """Collect or raise the error at a key of this table, or at the table itself."""
+        self.mistake(self.error(reason, key, hint))
+
     @contextmanager
     def collected(self) -> Iterator[None]:
         """Collect what is raised within, where mistakes are collected."""
@@ -178,7 +182,7 @@ class Section:
         self._known.add(key)
         value = self._data.get(key, {})
         if not isinstance(value, dict):
-            self.mistake(self.error(f"takes a table, not {shown(value)}", key, f"write [{key}]"))
+            self.refuse(f"takes a table, not {shown(value)}", key, f"write [{key}]")
             value = {}
         return Section(value, self._source, (*self._path, key), parent=self)
 
@@ -187,7 +191,7 @@ class Section:
         self._known.add(key)
         value = self._data.get(key, [])
         if not isinstance(value, list) or not all(isinstance(v, dict) for v in value):
-            self.mistake(self.error("takes tables", key, f"write [[{key}]]"))
+            self.refuse("takes tables", key, f"write [[{key}]]")
             value = []
         for i, v in enumerate(value):
             yield Section(v, self._source, (*self._path, key, i), parent=self)
@@ -215,7 +219,7 @@ class Section:
         elif value or key not in self._data:
             found = [self._shortened(v, (*path, i), short) for i, v in enumerate(value)]
         else:
-            self.mistake(self.error("takes text, a table or several of them, not an empty list", key))
+            self.refuse("takes text, a table or several of them, not an empty list", key)
             found = []
         return [s for s in found if s is not None]
 
@@ -250,7 +254,7 @@ class Section:
             if missing is not None and self._source.mistakes is not None and missing in self._source.mistakes:
                 self._source.mistakes.remove(missing)
             hint = _meant(near) if near else f"known here: {', '.join(sorted(known))}"
-            self.mistake(self.error("unknown key", key, hint))
+            self.refuse("unknown key", key, hint)
 
 
 def toml(value: object) -> str:

@@ -3,10 +3,11 @@
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
-from wrcd.bus.dbc import Database, Message, Signal, attribute, data_id, find_message
+from wrcd.bus.dbc import Database, Message, attribute, data_id, find_message
+from wrcd.bus.positions import frame_length, position
 from wrcd.bus.units import Quantity
 from wrcd.config import declared
-from wrcd.config.keys import SignalName, message_and_signal, names
+from wrcd.config.keys import names
 from wrcd.config.section import TO_FILL_IN, Section, shown
 
 AXLE_QUANTITIES = (
@@ -87,7 +88,7 @@ def statements(section: Section, quantities: Sequence[Quantity], axles: tuple[in
 
 
 def _statement(table: Section, q: Quantity, axles: tuple[int, ...], part: int) -> Statement:
-    message, signal = _named(table, declared.SIGNAL)
+    message, signal = declared.SIGNAL.named(table)
     before = table.mistakes
     e2e, data_id = declared.E2E.read(table), declared.DATA_ID.read(table)
     protection_wrong, before = table.mistakes > before, table.mistakes
@@ -96,9 +97,7 @@ def _statement(table: Section, q: Quantity, axles: tuple[int, ...], part: int) -
     if status_off or declared.STATUS.name not in table:
         for key in (declared.OK, declared.DEGRADED, declared.STATUS_TIMEOUT):
             if key.name in table:
-                table.mistake(
-                    table.error("says nothing without a status", key.name, table.line(status="Message.Signal"))
-                )
+                table.refuse("says nothing without a status", key.name, table.line(status="Message.Signal"))
     status_wrong, before = table.mistakes > before, table.mistakes
     at = declared.AT.value(table)
     gear_ratio = declared.GEAR_RATIO.read(table)
@@ -137,23 +136,17 @@ def _check_gear(table: Section, at: str, gear_ratio: float | None) -> None:
     if at == "motor" and gear_ratio is None:
         table.mistake(table.absent(key, "the torque at the axle is the motor's times it", TO_FILL_IN))
     elif at != "motor" and gear_ratio is not None:
-        table.mistake(
-            table.error(f"says nothing of a torque at the {at}", key, f"of a motor's: {table.line(at='motor')}")
-        )
-
-
-def _named(table: Section, key: SignalName) -> tuple[str, str]:
-    return message_and_signal(table, key.name, table.take(key.name, str))
+        table.refuse(f"says nothing of a torque at the {at}", key, f"of a motor's: {table.line(at='motor')}")
 
 
 def _status(table: Section) -> StatusStatement | None:
     key, given = declared.STATUS.name, table.raw(declared.STATUS.name)
     if type(given) is not str:
-        table.mistake(table.error(f'takes "Message.Signal" or false, not {shown(given)}', key))
+        table.refuse(f'takes "Message.Signal" or false, not {shown(given)}', key)
         return None
     with table.collected():
         return StatusStatement(
-            *_named(table, declared.STATUS),
+            *declared.STATUS.named(table),
             declared.OK.read(table),
             declared.DEGRADED.read(table),
             declared.STATUS_TIMEOUT.read(table),
@@ -228,18 +221,13 @@ def e2e_identity(table: Section, message: Message, e2e: str | None, stated: int 
 
 def check_header(table: Section, key: str, message: Message, names: Iterable[str]) -> None:
     """Raises InputError for a signal within what E2E writes: byte 0 and the low nibble of byte 1."""
+    length = frame_length(message)
     for signal in message.signals:
-        if signal.name in names and bits(signal) & set(range(12)):
+        order, shift, mask, _ = position(signal, length)
+        written = int.from_bytes(b"\xff\x0f".ljust(length, b"\0"), order)
+        if signal.name in names and mask << max(shift, 0) & written:
             raise table.error(
                 f"{message.name}.{signal.name} lies where the E2E CRC and counter of {message.name} are",
                 key,
                 f"if it is not protected, {table.line(e2e='none', data_id=None)}",
             )
-
-
-def bits(signal: Signal) -> set[int]:
-    """The bits of a frame that a signal takes, as the DBC counts them."""
-    if signal.byte_order == "little_endian":
-        return set(range(signal.start, signal.start + signal.length))
-    first = 8 * (signal.start // 8) + 7 - signal.start % 8
-    return {8 * (k // 8) + 7 - k % 8 for k in range(first, first + signal.length)}

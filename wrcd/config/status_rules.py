@@ -169,13 +169,11 @@ def _usual_rule(s: Statement, signal: Signal, warnings: list[str]) -> list[Statu
     if ok:
         return [StatusRule(s.message, signal.name, ok, degraded)]
     if signal.name == STATUS or any(unusable(word) for word in words(signal).values()):
-        s.table.mistake(
-            s.table.error(
-                f"{name} tells of failures, and none of its words is known to be good "
-                f"({', '.join(words(signal).values())})",
-                declared.SIGNAL.name,
-                f"{s.table.line(status=name, ok=[TO_FILL_IN])}, or status = false",
-            )
+        s.table.refuse(
+            f"{name} tells of failures, and none of its words is known to be good "
+            f"({', '.join(words(signal).values())})",
+            declared.SIGNAL.name,
+            f"{s.table.line(status=name, ok=[TO_FILL_IN])}, or status = false",
         )
     else:
         warnings.append(

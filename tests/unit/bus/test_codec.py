@@ -7,16 +7,17 @@ from pathlib import Path
 import pytest
 
 from tests.support.can_ids import ADHESION_A1, YAW_RATE_A1, YAW_RATE_A2
-from tests.support.dbc_bodies import database
-from tests.support.dbc_texts import DIRECTION_AND_LOAD_DBC, TRAIN_DBC
+from tests.support.dbc import DIRECTION_AND_LOAD_DBC, TRAIN_DBC, database
 from wrcd import resources
 from wrcd.bus.codec import Receiver, Sample, Value, Writer
 from wrcd.bus.dbc import Database, find_message, load_dbc
 from wrcd.bus.e2e import protect
 from wrcd.bus.frame import Frame
 from wrcd.bus.reasons import Reason
-from wrcd.bus.signals import Source
+from wrcd.bus.signals import Source, StatusRule
 from wrcd.bus.units import Quantity
+
+STATUS = StatusRule("YawRate_A1", "Status", frozenset({0}), frozenset({1}))
 
 
 @pytest.fixture(scope="module")
@@ -25,7 +26,7 @@ def production() -> Database:
 
 
 def yaw_receiver(production: Database) -> Receiver:
-    return Receiver(production, [Source("YawRate_A1", "YawRate", Quantity.YAW_RATE, (0,))])
+    return Receiver(production, [Source("YawRate_A1", "YawRate", Quantity.YAW_RATE, (0,), statuses=(STATUS,))])
 
 
 def yaw(raw: int = 1000, status: int = 0, counter: int = 0) -> bytes:

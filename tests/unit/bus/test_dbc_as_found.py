@@ -13,7 +13,7 @@ from tests.support.dbc import told
 from wrcd import resources
 from wrcd.bus.dbc import find_message, load_dbc
 from wrcd.bus.dbc_soundness import why_unsound
-from wrcd.bus.dbc_text import huge_at
+from wrcd.bus.dbc_text import huge_at, without_impossible_messages
 from wrcd.errors import InputError
 
 FOLDER = Path(__file__).parents[2] / "data" / "dbc"
@@ -73,6 +73,12 @@ def test_message_is_sound_where_cantools_strict_check_passes(name: str) -> None:
             assert why_unsound(message)
         else:
             assert why_unsound(message) is None
+
+
+def test_message_is_left_out_whatever_its_indent_and_the_strings_behind_it() -> None:
+    text = '  BO_ 4096 X: 8 A\n SG_ S : 0|8@1+ (1,0) [0|0] "" A\nCM_ "a \\" in it";\nBO_ 1 Y: 8 A\n'
+    less, reasons = without_impossible_messages(text)
+    assert (less, list(reasons)) == ('\n\nCM_ "a \\" in it";\nBO_ 1 Y: 8 A\n', ["X"])
 
 
 def test_file_without_one_usable_message_is_an_error(tmp_path: Path) -> None:

@@ -3,7 +3,6 @@ import itertools
 import random
 from pathlib import Path
 
-import e2e.p11
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -25,14 +24,6 @@ def test_known_frames_pass_crc_and_check(row: dict[str, str]) -> None:
 
 def test_zero_frame_has_the_known_crc() -> None:
     assert protect(bytes(8), 0x123, 0).hex() == "cc00000000000000"
-
-
-@given(st.binary(min_size=2, max_size=8), st.integers(0, 0xFFFF), st.integers(0, 14))
-def test_protect_agrees_with_the_autosar_package(data: bytes, data_id: int, counter: int) -> None:
-    ours = protect(data, data_id, counter)
-    theirs = bytearray(ours)
-    e2e.p11.e2e_p11_protect(theirs, data_id, increment_counter=False)
-    assert ours == bytes(theirs)
 
 
 @given(st.integers(0, 63))

@@ -1,7 +1,6 @@
 """CAN FD: frames of up to 64 bytes, from the socket to the sample."""
 
 import random
-import socket
 import struct
 from typing import Any
 
@@ -9,7 +8,8 @@ import can
 import e2e.p11
 import pytest
 
-from tests.support.dbc_bodies import database
+from tests.bench.on_pair import PairLink, pair
+from tests.support.dbc import database
 from wrcd.bus.candump import format_line
 from wrcd.bus.codec import Receiver, Sample
 from wrcd.bus.dbc import find_message
@@ -18,7 +18,6 @@ from wrcd.bus.opening import open_link
 from wrcd.bus.rawcan import FD_FRAME, FRAME
 from wrcd.bus.reasons import Reason
 from wrcd.bus.signals import Source
-from wrcd.bus.socketcan import SocketCanLink
 from wrcd.bus.units import Quantity
 
 IMU_ID = 0x18FF0001
@@ -90,25 +89,9 @@ def test_short_fd_frame_is_read() -> None:
     assert receiver().read(Frame(0, 801, b"\xc4\x09\0\0", fd=True)) == [Sample(3, 25.0)]
 
 
-class PairLink(SocketCanLink):
-    """The daemon's own link, with one end of a pair of datagram sockets in the place of the raw CAN socket."""
-
-    def __init__(self, end: socket.socket, fd: bool) -> None:
-        self._end = end
-        super().__init__("lo", None, fd)
-
-    def _open(self) -> socket.socket:
-        self._end.setblocking(False)
-        self._stamp(self._end)
-        return self._end
-
-    def _set(self, option: int, value: int | bytes | None, now_us: int) -> None:
-        """A datagram socket has no option of a raw CAN socket."""
-
-
 @pytest.mark.parametrize("fd", [True, False])
 def test_link_takes_fd_frames_among_classical_ones_where_they_are_wanted(fd: bool) -> None:
-    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
+    ours, theirs = pair()
     link = PairLink(ours, fd)
     data = imu(1, 2, 3, 0)
     for _ in range(2):
@@ -127,7 +110,7 @@ def test_link_takes_fd_frames_among_classical_ones_where_they_are_wanted(fd: boo
 
 
 def test_link_keeps_the_bits_of_fd_frames_and_the_length_of_remote_ones() -> None:
-    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
+    ours, theirs = pair()
     link = PairLink(ours, True)
     theirs.send(FD_FRAME.pack(0x321, 12, 0b101, bytes(range(12))))
     theirs.send(FRAME.pack(1 << 30 | 0x123, 4, bytes(8)))

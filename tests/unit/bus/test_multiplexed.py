@@ -4,7 +4,7 @@ import itertools
 
 import pytest
 
-from tests.support.dbc_bodies import database
+from tests.support.dbc import database
 from wrcd.bus.codec import Receiver, Sample
 from wrcd.bus.dbc import Database, find_message
 from wrcd.bus.e2e import protect

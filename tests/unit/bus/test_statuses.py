@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.support.dbc_bodies import database
+from tests.support.dbc import database
 from wrcd.bus.codec import Receiver, Sample
 from wrcd.bus.dbc import Database
 from wrcd.bus.e2e import protect
@@ -80,12 +80,6 @@ def test_every_named_status_counts(dbc: Database, state: int, health: int, expec
 
 def test_status_that_is_not_named_does_not_count(dbc: Database) -> None:
     assert receiver(dbc).read(gyro(state=15, health=7)) == [Sample(0, 1.0)]
-
-
-@pytest.mark.parametrize(("raw", "expected"), [(0, False), (1, True), (2, Reason.STATUS), (3, Reason.STATUS)])
-def test_without_a_rule_the_signal_status_counts(dbc: Database, raw: int, expected: bool | Reason) -> None:
-    got = receiver(dbc).read(Frame(0, 802, bytes([0, 1, raw])))
-    assert got == (expected if isinstance(expected, Reason) else [Sample(1, 2.56, degraded=expected)])
 
 
 def test_many_statuses_are_each_looked_at() -> None:

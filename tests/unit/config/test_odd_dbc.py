@@ -61,9 +61,12 @@ def test_direction_without_words_or_signs_needs_its_values(tmp_path: Path) -> No
     loaded(tmp_path, [(SPEED, SPEED + '\ndirection = { signal = "Drive.Dir", reverse = [1] }')], [wordless])
 
 
-@pytest.mark.parametrize("name", ["GyroFault", "Diag", "Imu_Qual"])
-def test_signal_with_words_of_a_status_is_one_whatever_its_name(tmp_path: Path, name: str) -> None:
-    words = [("SensorState", name), ('0 "Run" 1 "Fault"', '0 "No_Fault" 1 "Fault"')]
+@pytest.mark.parametrize(
+    ("name", "table"),
+    [("GyroFault", '0 "No_Fault" 1 "Fault"'), ("Diag", '0 "No_Fault" 1 "Fault"'), ("Status", "")],
+)
+def test_signal_named_status_or_with_words_of_one_is_one(tmp_path: Path, name: str, table: str) -> None:
+    words = [("SensorState", name), ('0 "Run" 1 "Fault"', table)]
     config = loaded(tmp_path, [(YAW, YAW.replace("Imu1", "StatusImu"))], words)
     (yaw,) = [i.source for i in config.inputs if i.source.quantity is Quantity.YAW_RATE]
     assert [(r.signal, r.ok) for r in yaw.statuses or ()] == [(name, frozenset({0}))]

@@ -7,11 +7,10 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
-import cantools
 import pytest
-from cantools.database.can import Database
 
 from sim_ecu.cli.main import main as sim_ecu
+from sim_ecu.play.encoder import databases
 from sim_ecu.play.scenario import load_scenario, packaged
 from tests.support.can_ids import id_of
 from tests.support.config_texts import AXLE, VEHICLE
@@ -33,8 +32,7 @@ def rows(path: Path) -> list[dict[str, str]]:
 
 def truth(log: Path, axle: int = 1) -> dict[int, float]:
     """MuAvailable of the rig, by 20 ms slot."""
-    database = cantools.database.load_file(ROOT / "dbc" / "sim_ecu.dbc")
-    assert isinstance(database, Database)
+    _, database = databases()
     out: dict[int, float] = {}
     for frame, _ in read_log(log, Damage()):
         if frame.can_id == id_of(f"SimTruth_A{axle}"):

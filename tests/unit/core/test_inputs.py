@@ -22,7 +22,7 @@ from tests.support.can_ids import (
     id_of,
 )
 from tests.support.config_texts import AXLE, VEHICLE
-from tests.support.dbc_texts import DIRECTION_AND_LOAD_DBC
+from tests.support.dbc import DIRECTION_AND_LOAD_DBC
 from tests.support.sensor_simulator import SensorSimulator, beside, until_ms, validities
 from wrcd import resources
 from wrcd.bus.codec import Sample

@@ -8,7 +8,7 @@ import cantools
 import pytest
 from cantools.database.can import Database
 
-from tests.support.dbc_bodies import database
+from tests.support.dbc import database
 from tests.support.sensor_simulator import SensorSimulator
 from wrcd import resources
 from wrcd.bus.codec import SignalWriter, Value, Writer
