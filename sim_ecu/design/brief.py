@@ -20,7 +20,7 @@ from wrcd.config.keys import Choice, Number, Whole
 from wrcd.config.settings import Section, suggest
 from wrcd.errors import InputError
 from wrcd.estimator.design import FORMS, Design, load_design
-from wrcd.logs.explanation import GLOSSARY, bounds, sentence
+from wrcd.logs.rule_sentences import GLOSSARY, bounds, sentence
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,8 +12,8 @@ from playwright.sync_api import Browser
 
 from tests.browser.chromium import Opened, opened
 from tests.browser.reading import colours_above_words, corner, plot, settle, tick_labels
-from wrcd.logs.explanation import CONTACTS
 from wrcd.logs.story_records import Story
+from wrcd.logs.why import CONTACTS
 from wrcd.report import report_page as report
 
 # before the page's own listener, which takes them away again

@@ -12,7 +12,7 @@ from tests.browser.chromium import Opened, opened
 from tests.browser.reading import chips, curves, frame, moment, plot, settle, shown_range
 from tests.support.story_columns import BEGIN_US, synthetic
 from wrcd.core.causes import Validity
-from wrcd.logs import explanation as explain
+from wrcd.logs.rule_sentences import sentence
 from wrcd.logs.story_records import Story, Times
 from wrcd.report import report_page as report
 
@@ -36,7 +36,7 @@ def test_click_on_a_fall_zooms_there_and_explains_it(shown: Opened, story: Story
     assert axle.detail is not None
     row = newest(axle.detail.time_us, 9.7)
     rule, winner = int(axle.detail.rule[row]), int(axle.detail.winner[row])
-    assert f"Rule {rule}: {explain.sentence(design, rule - 1)}" in text
+    assert f"Rule {rule}: {sentence(design, rule - 1)}" in text
     assert f"Model {winner} ({design.model_names[winner - 1]}) fits best" in text
     assert "km/h" in text
     assert page.locator('#axles button[aria-checked="true"]').inner_text() == "axle 2"

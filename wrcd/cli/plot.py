@@ -35,7 +35,6 @@ def _run(args: Namespace) -> int:
         raise InputError("is there", file=args.output, key="-o", hint="another name, or --force")
     if args.begin is not None and args.end is not None and args.begin >= args.end:
         raise InputError(f"{args.end:g} is not behind --from {args.begin:g}", key="--to")
-    from wrcd.logs.explanation import find_axle
     from wrcd.logs.why import moment
     from wrcd.report.picture import draw
 
@@ -49,7 +48,7 @@ def _run(args: Namespace) -> int:
         raise InputError(
             "has no frame of wrcd, and too few inputs to estimate from", file=args.log, hint="give a longer log"
         )
-    axles = [find_axle(story, number) for number in args.axle] or list(story.axles)
+    axles = [story.axle(number) for number in args.axle] or list(story.axles)
     try:
         draw(story, axles, begin_us, end_us, args.output)
     except OSError as e:

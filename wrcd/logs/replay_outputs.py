@@ -23,8 +23,8 @@ from wrcd.core.messages import Outgoing
 from wrcd.errors import InputError, create
 from wrcd.estimator.design import Design
 from wrcd.estimator.records import Estimate
-from wrcd.logs.explanation import sentence
 from wrcd.logs.feed import Part
+from wrcd.logs.rule_sentences import sentence
 from wrcd.logs.story_events import NewChanges
 
 if TYPE_CHECKING:

@@ -1,6 +1,7 @@
 """What a log tells, as records of columns, and its numbers and times in words. Times are whole microseconds as in
 the log, and go on over a step of its clock; NaN is: there is none."""
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from wrcd.core.causes import Cause, Validity
 from wrcd.core.configuration import Config
+from wrcd.errors import InputError
 
 Times = NDArray[np.int64]
 Numbers = NDArray[np.float32]
@@ -81,6 +83,18 @@ class Event:
         """How long."""
         return (self.end_us - self.begin_us) / 1e6
 
+    @property
+    def name(self) -> str:
+        """Its cause, as the DBC spells it."""
+        return self.cause.label if self.cause else self.detail or "cause not known"
+
+    @property
+    def because(self) -> str:
+        """Its cause in words, with its figures where they are known."""
+        if not self.cause:
+            return self.detail or "cause not known"
+        return self.cause.words + (f" ({self.detail})" if self.detail else "")
+
 
 @dataclass(frozen=True, slots=True)
 class StoryAxle:
@@ -93,6 +107,13 @@ class StoryAxle:
     truth: TruthRecord | None
     events: tuple[Event, ...]  # without a gap between them
 
+    def event_at(self, time_us: int) -> Event | None:
+        """Return the event that a moment lies in."""
+        found = [e for e in self.events if e.begin_us <= time_us < e.end_us]
+        if found:
+            return found[-1]
+        return self.events[-1] if self.events and time_us == self.events[-1].end_us else None
+
 
 @dataclass(frozen=True, slots=True)
 class Series:
@@ -101,6 +122,15 @@ class Series:
     time_us: Times
     values: Mapping[str, NDArray[np.float64]]
     constant: bool = False  # what the configuration says holds from the first to the last
+
+    def at(self, name: str, time_us: int, max_age_us: int) -> float:
+        """Return a value at a time, NaN if there is none so new. What a constant makes holds, or grows, all along."""
+        if name not in self.values:
+            return math.nan
+        if self.constant:
+            return float(np.interp(time_us, self.time_us, self.values[name]))
+        place = newest(self.time_us, time_us, max_age_us)
+        return math.nan if place is None else float(self.values[name][place])
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,6 +226,20 @@ class Story:
     whole: bool = True  # all of the log could be read
     clock_steps: tuple[ClockStep, ...] = ()
 
+    def axle(self, number: int) -> StoryAxle:
+        """Return an axle by its number. Raises InputError for one that the log has not."""
+        for axle in self.axles:
+            if axle.number == number:
+                return axle
+        shown = ", ".join(str(a.number) for a in self.axles) or "none"
+        raise InputError(f"the log has nothing of axle {number}", key="--axle", hint=f"it has {shown}")
+
+
+def newest(time_us: Times, at_us: int, max_age_us: int) -> int | None:
+    """Return the place of the newest of some times at or before a time, None if it is older than that."""
+    place = int(np.searchsorted(time_us, at_us, side="right")) - 1
+    return place if place >= 0 and at_us - int(time_us[place]) <= max_age_us else None
+
 
 def percent(value: float) -> str:
     """38 or 4.6: two digits are enough."""
@@ -217,22 +261,10 @@ def causes(events: Iterable[Event]) -> str:
     """For how long each cause lasted, longest first: "TooLittleData 0.48 s, Harsh 0.04 s"."""
     lasted: dict[str, float] = {}
     for e in events:
-        lasted[name(e)] = lasted.get(name(e), 0.0) + e.duration_s
+        lasted[e.name] = lasted.get(e.name, 0.0) + e.duration_s
     ordered = sorted(lasted.items(), key=lambda item: -item[1])
     more = f", {len(ordered) - 4} more" if len(ordered) > 4 else ""
     return ", ".join(f"{cause} {seconds(s)}" for cause, s in ordered[:4]) + more
-
-
-def name(e: Event) -> str:
-    """The cause of an event, as the DBC spells it."""
-    return e.cause.label if e.cause else e.detail or "cause not told"
-
-
-def because(e: Event) -> str:
-    """The cause in words, with its figures where they are known."""
-    if not e.cause:
-        return e.detail or "no cause was told"
-    return e.cause.words + (f" ({e.detail})" if e.detail else "")
 
 
 def lasting(events: Iterable[Event], validity: Validity, begin_us: int, end_us: int) -> list[Event]:

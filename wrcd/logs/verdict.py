@@ -16,10 +16,8 @@ from wrcd.logs.story_records import (
     Story,
     StoryAxle,
     at,
-    because,
     causes,
     lasting,
-    name,
     percent,
     seconds,
     total_s,
@@ -80,7 +78,7 @@ def _never_valid(story: Story, axle: StoryAxle) -> Finding:
     label = f"{first.cause.label}, " if first.cause else ""
     return Finding(
         "bad",
-        f"Axle {axle.number} was never Valid: {because(first)} ({label}from {at(story, first.begin_us)} on, "
+        f"Axle {axle.number} was never Valid: {first.because} ({label}from {at(story, first.begin_us)} on, "
         f"{seconds(lasted[main])} in all); all causes: {causes(axle.events)}.",
         axle.number, first.begin_us, story.end_us,
     )  # fmt: skip
@@ -134,7 +132,7 @@ def _outages(story: Story, axle: StoryAxle) -> Iterator[Finding]:
         begin, end = at(story, run[0].begin_us).removesuffix(" s"), at(story, run[-1].end_us)
         yield Finding(
             "warning",
-            f"Axle {axle.number} was not Valid from {begin} to {end} ({seconds(total_s(run))}): {because(_began(run))} "
+            f"Axle {axle.number} was not Valid from {begin} to {end} ({seconds(total_s(run))}): {_began(run).because} "
             f"({causes(run)}).",
             axle.number, run[0].begin_us, run[-1].end_us,
         )  # fmt: skip
@@ -190,7 +188,7 @@ def _contradictions(story: Story, axle: StoryAxle) -> Iterator[Finding]:
         yield Finding(
             "warning",
             f"Axle {axle.number}: {cause.words}: {len(of)} time{'s' * (len(of) > 1)}, {seconds(total_s(of))} in all, "
-            f"first at {at(story, of[0].begin_us)} ({name(of[0])}).",
+            f"first at {at(story, of[0].begin_us)} ({of[0].name}).",
             axle.number, of[0].begin_us, of[-1].end_us,
         )  # fmt: skip
 

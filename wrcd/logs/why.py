@@ -1,20 +1,22 @@
-"""`wrcd why`: what an axle said at a moment, what changed around it, and what decided before and after."""
+"""Why an axle was as it was at a moment: its state, what changed around it, and what decided before and after. For
+report, `wrcd why` and monitor."""
 
 import math
 import re
 import textwrap
 from collections.abc import Iterator
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 
 from wrcd.core.causes import Validity
+from wrcd.core.vocabulary import MESSAGES, Words
 from wrcd.errors import InputError
-from wrcd.logs.explanation import Explanation, explain, find_axle
+from wrcd.logs.rule_sentences import model_words, rule_words
 from wrcd.logs.story import ESTIMATED
-from wrcd.logs.story_events import INPUT_NAMES, REASONS
-from wrcd.logs.story_records import Event, Fall, Story, name, percent, seconds
+from wrcd.logs.story_events import INPUT_NAMES, NO_FRAME, REASONS, STALE_AFTER, VALIDITIES
+from wrcd.logs.story_records import Event, Fall, Series, Story, newest, percent, seconds
 from wrcd.logs.verdict import not_valid_runs
 
 NEAR_US = 10_000_000  # a change further away is not what was asked about
@@ -26,6 +28,103 @@ MIN_CHANGE = 0.5  # of torque in kN m and speed in m/s
 MAX_EVENTS = 5
 MAX_MOVES = 3  # of a rule's output: `--json` has all
 _BETWEEN_MOVES = re.compile(r", (?=[+-]\d)")
+DETAIL_MAX_AGE_US = 300_000  # three cycles, as a receiver holds to
+INPUT_MAX_AGE_US = 1_000_000
+
+
+def _words(message: str, name: str) -> tuple[str, ...]:
+    found = MESSAGES[message][name]
+    assert isinstance(found, Words)
+    return found.words
+
+
+CONTACTS, SURFACES = _words("adhesion", "ContactState"), _words("adhesion", "Surface")
+CONFIDENCES, PLAUSIBILITIES = _words("adhesion", "Confidence"), _words("inputs", "Plausibility")
+
+
+@dataclass(frozen=True, slots=True)
+class Explanation:
+    """An axle at a time. A number that there is none of is NaN, a text ""."""
+
+    axle: int
+    time_us: int
+    validity: Validity  # of the newest Adhesion frame; NotAvailable past its time-out
+    available_pct: float
+    low_pct: float
+    high_pct: float
+    used_pct: float
+    age_ms: float
+    confidence: str
+    contact: str
+    surface: str
+    event: Event | None  # that the moment lies in: since when, for how long, its cause
+    why: str  # the cause in words with its figures; "" of a Valid one
+    winner: int  # model from 1, 0: none
+    model: str  # the same in words
+    rule: int  # from 1, 0: none
+    rule_sentence: str
+    residual_db: tuple[float, float, float, float]
+    stale: tuple[str, ...]  # inputs past their time-out
+    refused: tuple[str, ...]  # inputs and the reason of their newest refused frame
+    plausibility: str
+    torque_Nm: float
+    speed_m_s: float
+    distance_m: float
+    truth_available_pct: float
+    truth_used_pct: float
+
+
+def explain(story: Story, axle_number: int, time_us: int) -> Explanation:
+    """Explain an axle at a time. Raises InputError for an axle that the story has not."""
+    axle, design = story.axle(axle_number), story.config.design
+    a = axle.adhesion
+    cycle_us = next(x.adhesion.cycle_us for x in story.config.axles if x.number == axle_number)
+    event = axle.event_at(time_us)
+    silent = event is not None and not event.cause and event.detail == NO_FRAME
+    row = None if silent else newest(a.time_us, time_us, STALE_AFTER * cycle_us)
+    d, h, t = axle.detail, axle.health, axle.truth
+    shown = None if d is None else newest(d.time_us, time_us, DETAIL_MAX_AGE_US)
+    checked = None if h is None else newest(h.time_us, time_us, DETAIL_MAX_AGE_US)
+    true = None if t is None else newest(t.time_us, time_us, DETAIL_MAX_AGE_US)
+    winner = int(d.winner[shown]) if d is not None and shown is not None else 0
+    rule = int(d.rule[shown]) if d is not None and shown is not None else 0
+    residual = d.residual_db[shown].tolist() if d is not None and shown is not None else [math.nan] * 4
+
+    def number(column: "np.ndarray[tuple[int], np.dtype[np.float32]]", place: int | None = row) -> float:
+        return math.nan if place is None else float(column[place])
+
+    def word(words: tuple[str, ...], column: "np.ndarray[tuple[int], np.dtype[np.int8]]", place: int | None) -> str:
+        return words[int(column[place])] if place is not None and column[place] >= 0 else ""
+
+    stated = None if row is None or a.validity[row] < 0 else int(a.validity[row])
+    return Explanation(
+        axle_number, time_us,
+        Validity.NOT_AVAILABLE if stated is None else VALIDITIES[stated],
+        number(a.available_pct), number(a.low_pct), number(a.high_pct), number(a.used_pct), number(a.age_ms),
+        word(CONFIDENCES, a.confidence, row), word(CONTACTS, a.contact, row), word(SURFACES, a.surface, row),
+        event, "" if event is None or event.validity is Validity.VALID else event.because,
+        winner, model_words(design, winner), rule, rule_words(design, rule),
+        (residual[0], residual[1], residual[2], residual[3]),
+        () if d is None or shown is None else _named(d.stale[shown].tolist()),
+        () if h is None or checked is None else tuple(
+            f"{name}: {REASONS[place]}"
+            for name, place in zip(INPUT_NAMES, h.refused[checked].tolist(), strict=True) if place > 0
+        ),
+        "" if h is None else word(PLAUSIBILITIES, h.plausibility, checked),
+        _value(story.torque.get(axle_number), "torque_Nm", time_us),
+        _value(story.speed, "speed_m_s", time_us),
+        _value(story.distance, "distance_m", time_us),
+        math.nan if t is None else number(t.available_pct, true),
+        math.nan if t is None else number(t.used_pct, true),
+    )  # fmt: skip
+
+
+def _named(flags: list[bool]) -> tuple[str, ...]:
+    return tuple(name for name, flag in zip(INPUT_NAMES, flags, strict=True) if flag)
+
+
+def _value(series: Series | None, name: str, at_us: int) -> float:
+    return math.nan if series is None else series.at(name, at_us, INPUT_MAX_AGE_US)
 
 
 def moment(story: Story, given_s: float, *, key: str = "SECONDS", relative: bool = False, behind: bool = False) -> int:
@@ -59,7 +158,7 @@ def around(story: Story, axle: int, time_us: int) -> tuple[Explanation, Explanat
     """How it was before and after what changed around a moment, and the change: a fall near to it, else the time not
     Valid that it lies in, else a second to either side."""
     fall = _nearest_fall(story, axle, time_us)
-    runs = not_valid_runs(find_axle(story, axle))
+    runs = not_valid_runs(story.axle(axle))
     outage = next((run for run in runs if run[0].begin_us <= time_us <= run[-1].end_us), None)
     if fall is not None:
         before_us, after_us = fall.begin_us, fall.end_us + SETTLED_US
@@ -84,7 +183,7 @@ def answer(story: Story, axle: int, time_us: int, width: int = WIDTH) -> list[st
 
 def _head(story: Story, now: Explanation) -> str:
     e = now.event
-    state = f"{now.validity.value}{f', {name(e)}' if e is not None and e.validity is not Validity.VALID else ''}"
+    state = f"{now.validity.value}{f', {e.name}' if e is not None and e.validity is not Validity.VALID else ''}"
     lasted = "" if e is None else f" from {_s(story, e.begin_us)} to {_s(story, e.end_us)} s ({seconds(e.duration_s)})"
     return f"Axle {now.axle} at {_s(story, now.time_us)} s ({now.time_us * 1e-6:.3f}): {state}{lasted}"
 
@@ -94,7 +193,7 @@ def _parts(
 ) -> Iterator[tuple[str, str]]:
     if now.why:
         yield "why", now.why
-    yield "said", _said(now)
+    yield "estimate", _estimate(now)
     if math.isfinite(now.truth_available_pct):
         yield "truth", f"{percent(now.truth_available_pct)} % available, {percent(now.truth_used_pct)} % in use"
     if fall is None:
@@ -106,8 +205,7 @@ def _parts(
     if changed := _changed(before, after):
         yield "", changed
     yield from _moment(story, "before", before)
-    told = find_axle(story, now.axle).detail is not None
-    if told and after.rule == before.rule and after.winner == before.winner:
+    if story.axle(now.axle).detail is not None and after.rule == before.rule and after.winner == before.winner:
         yield "after", f"at {_s(story, after.time_us)} s: {_numbers(after)}; the same model and rule"
     else:
         yield from _moment(story, "after", after, before.rule)
@@ -116,24 +214,24 @@ def _parts(
     yield "source", story.source
 
 
-def _said(x: Explanation) -> str:
+def _estimate(x: Explanation) -> str:
     if not math.isfinite(x.available_pct):
-        said = "no available adhesion"
+        text = "no available adhesion"
     else:
-        bounds = f" ({percent(x.low_pct)} to {percent(x.high_pct)})" if math.isfinite(x.low_pct) else " (no bound)"
-        said = f"{percent(x.available_pct)} % available{bounds}"
+        bounds = f" ({percent(x.low_pct)} to {percent(x.high_pct)})" if math.isfinite(x.low_pct) else " (no interval)"
+        text = f"{percent(x.available_pct)} % available{bounds}"
     used = f", {percent(x.used_pct)} % in use" if math.isfinite(x.used_pct) else ""
     rest = [w for w in (x.contact, x.surface) if w and w != "Unknown"]
     if x.plausibility not in ("", "Unknown", "Consistent", x.contact):
         rest.append(x.plausibility)
     age = f"; oldest measurement {x.age_ms:.0f} ms{' or more' * (x.age_ms >= 255)}" if math.isfinite(x.age_ms) else ""
-    return f"{said}{used}{''.join(f', {w}' for w in rest)}{age}"
+    return f"{text}{used}{''.join(f', {w}' for w in rest)}{age}"
 
 
-def _moment(story: Story, label: str, x: Explanation, told: int = 0) -> Iterator[tuple[str, str]]:
-    """told: the rule whose sentence stands there already."""
-    yield label, f"at {_s(story, x.time_us)} s: {_said(x)}"
-    if find_axle(story, x.axle).detail is None:
+def _moment(story: Story, label: str, x: Explanation, shown: int = 0) -> Iterator[tuple[str, str]]:
+    """shown: the rule whose sentence stands there already."""
+    yield label, f"at {_s(story, x.time_us)} s: {_estimate(x)}"
+    if story.axle(x.axle).detail is None:
         yield "", f"model and rule are not known: {_without_detail(story, x.axle)}; {_motion(x)}"
         return
     model = f"model {x.winner} fits best: {x.model}; " if x.winner else "no model fits; "
@@ -141,7 +239,7 @@ def _moment(story: Story, label: str, x: Explanation, told: int = 0) -> Iterator
     if not x.rule:
         yield "", "no rule fires"
     else:
-        yield "", f"rule {x.rule}, as before" if x.rule == told else f"rule {x.rule}: {shortened(x.rule_sentence)}"
+        yield "", f"rule {x.rule}, as before" if x.rule == shown else f"rule {x.rule}: {shortened(x.rule_sentence)}"
 
 
 def _without_detail(story: Story, axle: int) -> str:
@@ -203,17 +301,17 @@ def _validity(story: Story, axle: int, begin_us: int, end_us: int) -> str:
 
 
 def _events(story: Story, axle: int, begin_us: int, end_us: int) -> list[Event]:
-    return [e for e in find_axle(story, axle).events if e.end_us > begin_us and e.begin_us <= end_us]
+    return [e for e in story.axle(axle).events if e.end_us > begin_us and e.begin_us <= end_us]
 
 
 def _state(story: Story, e: Event) -> str:
-    cause = "" if e.validity is Validity.VALID else f" ({name(e)})"
+    cause = "" if e.validity is Validity.VALID else f" ({e.name})"
     return f"{e.validity.value}{cause} from {_s(story, e.begin_us)} s"
 
 
 def _refused(story: Story, axle: int, time_us: int) -> str:
     """Why frames of the axle's inputs were refused near a moment."""
-    h = find_axle(story, axle).health
+    h = story.axle(axle).health
     if h is None:
         return ""
     rows = slice(*np.searchsorted(h.time_us, (time_us - REJECTS_NEAR_US, time_us + REJECTS_NEAR_US)))

@@ -19,12 +19,11 @@ from wrcd.bus.units import Quantity
 from wrcd.core.configuration import AxleConfig, Config
 from wrcd.estimator.design import MODELS
 from wrcd.logs.decoder import INPUTS, MessageDecoder, OwnFrames
-from wrcd.logs.explanation import newest
 from wrcd.logs.mapped_inputs import MappedInputs
 from wrcd.logs.scan import PLAIN_BYTES, Frames, Scan, are_good
 from wrcd.logs.statistics import BIT_RATE, bits
 from wrcd.logs.story_events import STALE_AFTER
-from wrcd.logs.story_records import AdhesionRecord, Detail, HealthRecord, Series, Times, TruthRecord
+from wrcd.logs.story_records import AdhesionRecord, Detail, HealthRecord, Series, Times, TruthRecord, newest
 from wrcd.logs.truth import truth, truths
 from wrcd.monitor.buffers import ERROR, FD, REMOTE, Batch, ColumnBuffer, Held
 from wrcd.monitor.history import History

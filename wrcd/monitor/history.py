@@ -12,9 +12,18 @@ import numpy as np
 from wrcd.core.causes import Validity
 from wrcd.logs import story_events as log_events
 from wrcd.logs import why as log_why
-from wrcd.logs.explanation import newest
 from wrcd.logs.story_events import NO_FRAME
-from wrcd.logs.story_records import AdhesionRecord, BusStatistics, Detail, Event, Fall, HealthRecord, Story, StoryAxle
+from wrcd.logs.story_records import (
+    AdhesionRecord,
+    BusStatistics,
+    Detail,
+    Event,
+    Fall,
+    HealthRecord,
+    Story,
+    StoryAxle,
+    newest,
+)
 
 if TYPE_CHECKING:
     from wrcd.monitor.bus_model import AxleModel, BusModel

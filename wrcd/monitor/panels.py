@@ -9,10 +9,10 @@ import numpy as np
 from wrcd.bus.reasons import Reason
 from wrcd.core.causes import Validity
 from wrcd.core.vocabulary import words_of
-from wrcd.logs.explanation import CONTACTS, SURFACES, newest
 from wrcd.logs.statistics import added
 from wrcd.logs.story_events import STALE_AFTER
-from wrcd.logs.story_records import Event
+from wrcd.logs.story_records import Event, newest
+from wrcd.logs.why import CONTACTS, SURFACES
 from wrcd.monitor.bus_model import AxleModel, BusModel, InputNow
 from wrcd.monitor.canvas import Canvas, Rect
 from wrcd.monitor.history import DETAIL_US, NO_VALUE, duration, percent, state_name

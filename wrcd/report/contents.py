@@ -161,7 +161,7 @@ def _why(e: Event) -> tuple[str, str]:
     """Return the cause as the DBC spells it and in words; where there is none, what is known of the event."""
     if e.cause or e.validity is Validity.VALID:
         return e.cause.label if e.cause else "", e.cause.words
-    return "", e.detail or "no cause was told"
+    return "", e.detail or "cause not known"
 
 
 def ages(story: Story) -> PageFigures:

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrcd.core.vocabulary import MESSAGES, Numeric
-from wrcd.logs.explanation import INPUT_MAX_AGE_US
 from wrcd.logs.statistics import NO_COUNTS, SECOND_US, added
 from wrcd.logs.story_events import VALIDITIES
 from wrcd.logs.story_records import AdhesionRecord, Detail, HealthRecord, Series, Story, StoryAxle, Times, TruthRecord
+from wrcd.logs.why import INPUT_MAX_AGE_US
 
 TIME, NUMBER, CODE = "time", "number", "code"  # float64, float32 and int16 in the browser
 LEVEL = 6  # of gzip: 9 takes three times as long for 2 % less

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from wrcd.core.causes import Validity
 from wrcd.estimator.design import MODELS
-from wrcd.logs.explanation import CONTACTS
 from wrcd.logs.story_events import STALE_AFTER, VALID_PLACE
-from wrcd.logs.story_records import AdhesionRecord, Detail, Event, Numbers, Story, StoryAxle, Times, name, percent
+from wrcd.logs.story_records import AdhesionRecord, Detail, Event, Numbers, Story, StoryAxle, Times, percent
+from wrcd.logs.why import CONTACTS
 
 # colours that differ for all eyes (Okabe and Ito), and apart in grey
 AVAILABLE, USED, TRUTH = "#0072B2", "#E69F00", "#000000"
@@ -153,7 +153,7 @@ def _validity(pane: Axes, axle: StoryAxle, span: _Span) -> None:
 
 
 def _caption(e: Event) -> str:
-    return e.validity.value if e.validity is Validity.VALID else f"{e.validity.value}: {name(e)}"
+    return e.validity.value if e.validity is Validity.VALID else f"{e.validity.value}: {e.name}"
 
 
 def _contact(pane: Axes, axle: StoryAxle, span: _Span) -> None:

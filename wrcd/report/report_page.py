@@ -14,8 +14,8 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from wrcd.core.causes import Cause
 from wrcd.core.vocabulary import words_of
-from wrcd.logs.explanation import sentence
 from wrcd.logs.log_comparison import sentences
+from wrcd.logs.rule_sentences import sentence
 from wrcd.logs.story_events import INPUT_NAMES, VALIDITIES
 from wrcd.logs.story_records import Story
 from wrcd.report import contents, report_plots

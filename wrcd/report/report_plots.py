@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from wrcd.bus.reasons import Reason
 from wrcd.core.causes import Cause
 from wrcd.core.vocabulary import words_of
-from wrcd.logs.explanation import CONTACTS, SURFACES
+from wrcd.logs.why import CONTACTS, SURFACES
 from wrcd.report.data import ALL_MISSING, INPUTS, SOME_MISSING, STALE, PageTable
 
 AGAINST = "against."  # before the names of the other side's tables

@@ -126,7 +126,7 @@ class Words {
       const detail = story.details[axle]?.[place] ?? "";
       out.push(this.paragraph("why", [this.strong(label), `: ${why}${detail ? `: ${detail}` : ""}.`]));
     } else if (name !== "Valid") {
-      out.push(this.paragraph("why", [`${story.details[axle]?.[place] || "no cause was told"}.`]));
+      out.push(this.paragraph("why", [`${story.details[axle]?.[place] || "cause not known"}.`]));
     } else out.push(this.paragraph("why", ["Nothing speaks against it."]));
     return out;
   }

@@ -21,7 +21,7 @@ from wrcd.estimator.design import COLUMNS, MODELS, Design, load_design, parse_de
 from wrcd.estimator.estimator import Estimator
 from wrcd.estimator.fuzzy import Fuzzy
 from wrcd.estimator.records import one_tick
-from wrcd.logs.explanation import condition, sentence
+from wrcd.logs.rule_sentences import condition, sentence
 from wrcd.resources import DESIGN
 
 SETS = (3, 3, 8, 1)

@@ -11,7 +11,7 @@ from tests.support.scenarios import LogOf, held
 from wrcd.cli.main import main as wrcd
 from wrcd.core.causes import Cause
 from wrcd.estimator.design import load_design
-from wrcd.logs.explanation import condition, sentence
+from wrcd.logs.rule_sentences import condition, sentence
 from wrcd.resources import DESIGN
 
 

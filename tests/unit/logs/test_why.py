@@ -14,9 +14,9 @@ from wrcd.cli.main import main
 from wrcd.core.causes import Validity
 from wrcd.core.configuration import Config
 from wrcd.errors import InputError
-from wrcd.logs.explanation import event_at, explain, newest, sentence, value_at
-from wrcd.logs.story_records import Series
-from wrcd.logs.why import answer, around, moment, shortened
+from wrcd.logs.rule_sentences import sentence
+from wrcd.logs.story_records import Series, newest
+from wrcd.logs.why import INPUT_MAX_AGE_US, answer, around, explain, moment, shortened
 
 
 def test_explanation_tells_what_the_frames_of_the_moment_say(ride: Ride, config: Config) -> None:
@@ -76,8 +76,8 @@ def test_newest_takes_no_older_one() -> None:
 
 def test_event_at_the_end_of_a_log_is_the_last(ride: Ride) -> None:
     events = ride.sent.axles[0].events
-    assert event_at(ride.sent.axles[0], ride.sent.end_us) == events[-1]
-    assert event_at(ride.sent.axles[0], events[1].begin_us) == events[1]
+    assert ride.sent.axles[0].event_at(ride.sent.end_us) == events[-1]
+    assert ride.sent.axles[0].event_at(events[1].begin_us) == events[1]
 
 
 def test_seconds_are_after_the_first_frame_or_since_1970(ride: Ride) -> None:
@@ -180,7 +180,7 @@ def test_moment_after_the_last_frame_does_not_contradict_itself(config: Config) 
 def test_two_frames_far_apart_are_no_constant() -> None:
     t = np.array([0, 600_000_000], np.int64)
     two = Series(t, {"speed_m_s": np.array([10.0, 20.0])})
-    assert value_at(two, "speed_m_s", 500_000) == 10.0
-    assert math.isnan(value_at(two, "speed_m_s", 300_000_000))
-    assert math.isnan(value_at(None, "speed_m_s", 0))
-    assert value_at(replace(two, constant=True), "speed_m_s", 300_000_000) == pytest.approx(15.0)
+    assert two.at("speed_m_s", 500_000, INPUT_MAX_AGE_US) == 10.0
+    assert math.isnan(two.at("speed_m_s", 300_000_000, INPUT_MAX_AGE_US))
+    assert math.isnan(two.at("torque_Nm", 0, INPUT_MAX_AGE_US))
+    assert replace(two, constant=True).at("speed_m_s", 300_000_000, INPUT_MAX_AGE_US) == pytest.approx(15.0)

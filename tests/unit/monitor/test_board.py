@@ -5,7 +5,7 @@ import pytest
 from tests.support.daemon_frames import DEGRADED, GOOD, NOTHING, START_US, DaemonFrames
 from wrcd.bus.dbc import find_message
 from wrcd.core.configuration import Config
-from wrcd.logs.explanation import explain
+from wrcd.logs.why import explain
 from wrcd.monitor.board import Board, ScreenView, layout
 from wrcd.monitor.buffers import Batch
 from wrcd.monitor.bus_model import BusModel
