@@ -12,7 +12,7 @@ def _add(p: argparse.ArgumentParser) -> None:
 
 
 def _run(args: argparse.Namespace) -> int:
-    from wrcd.service.asking import Unanswered, ask
+    from wrcd.service.reload_request import Unanswered, ask
 
     try:
         line = ask(args.pid)

@@ -1,8 +1,8 @@
 """frame -> sample -> bank step -> residual RMS -> fuzzy -> adhesion -> frame, on the frames' own time stamps.
 
 The core reads no clock. Live, the loop tells it how far time has come (advance); in a replay the next frame does.
-Tick k owns the frames stamped in [k P, (k + 1) P); of two measurements one may wait for the next tick (arrivals.py),
-of every other signal the newest counts. Frames of a slot are made when the tick that ends it is closed.
+Tick k owns the frames stamped in [k P, (k + 1) P); of two measurements one may wait for the next tick
+(input_buffers.py), of every other signal the newest counts. Frames of a slot are made when the tick that ends it is closed.
 
 A stamp contradicts the clock if it is more than a second ahead of the open tick, which the clock drives, or behind the
 newest stamp: a step of time. It is counted, nothing that was known before it holds, and no slot between is made. A
@@ -20,7 +20,6 @@ from wrcd.bus.codec import MessageReader, Receiver, Sample, Value
 from wrcd.bus.frame import Frame
 from wrcd.bus.reasons import Reason
 from wrcd.core.ahead import Ahead
-from wrcd.core.arrivals import NEVER
 from wrcd.core.block import Block
 from wrcd.core.causes import Cause
 from wrcd.core.configuration import Config
@@ -28,6 +27,7 @@ from wrcd.core.counts import Counts, Health
 from wrcd.core.details import Details
 from wrcd.core.events import Events
 from wrcd.core.front import Front
+from wrcd.core.input_buffers import NEVER
 from wrcd.core.inputs import YAW, Inputs
 from wrcd.core.messages import NAMES, Outbox, Outgoing, Report
 from wrcd.core.slot import Slot, SlotReports, frames, reports

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from wrcd.bus.codec import Sample
 from wrcd.bus.reasons import Reason
 from wrcd.bus.units import Quantity
-from wrcd.core.arrivals import NEVER, JitterBuffer, Reach, Refusals
 from wrcd.core.configuration import Config
+from wrcd.core.input_buffers import NEVER, JitterBuffer, Reach, Refusals
 from wrcd.core.plausibility import MAX_STEP, MIN_RUN, STUCK_CHECKED, JumpCheck, StuckCheck
 
 QUANTITIES = tuple(Quantity)

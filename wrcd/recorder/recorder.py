@@ -18,7 +18,7 @@ from wrcd.core.configuration import RecorderConfig
 from wrcd.core.core import Core
 from wrcd.core.events import COLUMNS, MAX_KEPT, csv_line
 from wrcd.core.messages import Report
-from wrcd.recorder.folder import Bound, dump_name, safe_channel_name
+from wrcd.recorder.dump_folder import Bound, dump_name, safe_channel_name
 from wrcd.recorder.resume import identity, settings
 from wrcd.recorder.ring import ADVANCED, CLASSICAL_BYTES, FD_BYTES, HEALTH, RECEIVED, SENT, Ring
 from wrcd.recorder.state import capture, encode

@@ -18,7 +18,7 @@ from typing import Any
 
 from wrcd.bus.candump import format_line
 from wrcd.bus.frame import Frame
-from wrcd.recorder.folder import Bound, write_dump
+from wrcd.recorder.dump_folder import Bound, write_dump
 from wrcd.recorder.ring import ADVANCED, RECEIVED, SENT, Overwritten, Ring, read_ring
 from wrcd.recorder.state_file import StateEvent, document
 

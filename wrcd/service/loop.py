@@ -11,10 +11,10 @@ from wrcd.bus.link import Link
 from wrcd.core.core import BACKWARD_STEP_US, FORWARD_STEP_US, Core
 from wrcd.core.messages import Outgoing
 from wrcd.recorder.recorder import Recorder
-from wrcd.service.asking import answer
 from wrcd.service.journal import CounterLog, log_line
 from wrcd.service.notify import Notifier
 from wrcd.service.reload import Reload
+from wrcd.service.reload_request import answer
 
 # The loop turns this long after the end of each tick, when the tick's last frames have usually come in.
 SETTLE_US = 1_000

@@ -10,7 +10,7 @@ import pytest
 
 from tests.support.recorded_train import RecordedTrain
 from wrcd.core.configuration import Config
-from wrcd.recorder.folder import Bound, write_dump, write_new
+from wrcd.recorder.dump_folder import Bound, write_dump, write_new
 from wrcd.recorder.writer import Child
 
 UNBOUND = Bound(1000, 1 << 30)
@@ -99,7 +99,7 @@ def test_full_disk_leaves_no_file(tmp_path: Path) -> None:
     program = (
         "import resource, signal, sys\n"
         "from pathlib import Path\n"
-        "from wrcd.recorder.folder import Bound, write_dump\n"
+        "from wrcd.recorder.dump_folder import Bound, write_dump\n"
         "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))\n"
         "try:\n"

@@ -18,7 +18,7 @@ from wrcd.core.messages import NOT_AVAILABLE_REPORT, Report
 from wrcd.core.slot import SlotReports
 from wrcd.logs.damage import Damage
 from wrcd.logs.reader import read_log
-from wrcd.recorder.folder import dump_name
+from wrcd.recorder.dump_folder import dump_name
 from wrcd.recorder.recorder import LOST_SLOTS, Triggers
 
 

@@ -11,8 +11,8 @@ from tests.support.scenarios import FOUR_AXLES, LogOf
 from wrcd.bus.frame import Frame
 from wrcd.bus.reasons import Reason
 from wrcd.config.config import load_config
-from wrcd.core.arrivals import NEVER, JitterBuffer, Reach
 from wrcd.core.core import Core
+from wrcd.core.input_buffers import NEVER, JitterBuffer, Reach
 from wrcd.logs.damage import Damage
 from wrcd.logs.reader import read_log
 
