@@ -2,7 +2,8 @@
 
 The core reads no clock. Live, the loop tells it how far time has come (advance); in a replay the next frame does.
 Tick k owns the frames stamped in [k P, (k + 1) P); of two measurements one may wait for the next tick
-(input_buffers.py), of every other signal the newest counts. Frames of a slot are made when the tick that ends it is closed.
+(input_buffers.py), of every other signal the newest counts. Frames of a slot are made when the tick that ends it is
+closed.
 
 A stamp contradicts the clock if it is more than a second ahead of the open tick, which the clock drives, or behind the
 newest stamp: a step of time. It is counted, nothing that was known before it holds, and no slot between is made. A

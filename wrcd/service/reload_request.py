@@ -1,4 +1,4 @@
-"""`wrcd reload PID`: sends SIGHUP to a daemon and hears what came of it, which a signal alone cannot tell.
+"""`wrcd reload PID`: sends SIGHUP to a daemon and receives what came of it, which a signal alone does not give.
 
 The daemon answers every reload with one datagram to a socket that is named after its process id. Nobody listens there
 but for the moment of a reload.

@@ -16,7 +16,7 @@ from tests.support.processes import ROOT, wait_for
 from wrcd.cli.main import main
 from wrcd.config.config import DEFAULT
 from wrcd.errors import InputError
-from wrcd.service import asking
+from wrcd.service import reload_request
 
 WRCD = (sys.executable, "-m", "wrcd.cli")
 
@@ -104,7 +104,7 @@ def test_two_at_once_are_not_mixed_up(running: Running) -> None:
     """Who comes second is refused; a datagram of another process is not taken for the daemon's."""
     pid = running.process.pid
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as s:
-        s.bind(asking._address(pid))
+        s.bind(reload_request._address(pid))
         status, _, err = running.reload()
         assert (status, err) == (1, f"wrcd: error: process {pid}: is being asked already — try again\n")
 
@@ -115,7 +115,7 @@ def test_answer_of_another_process_is_not_believed(running: Running, monkeypatch
 
     def lie() -> None:
         with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as s:
-            s.sendto(b"1 reload: all is well", asking._address(pid))
+            s.sendto(b"1 reload: all is well", reload_request._address(pid))
 
     kill = os.kill
 
@@ -125,8 +125,8 @@ def test_answer_of_another_process_is_not_believed(running: Running, monkeypatch
         kill(to, number)
 
     monkeypatch.setattr(os, "kill", after_a_lie)
-    with pytest.raises(asking.Unanswered, match=r"nothing taken over: .*not valid TOML"):
-        asking.ask(pid)
+    with pytest.raises(reload_request.Unanswered, match=r"nothing taken over: .*not valid TOML"):
+        reload_request.ask(pid)
     running.write("")
 
 
@@ -134,8 +134,8 @@ def test_daemon_that_hangs_is_status_1(running: Running) -> None:
     pid = running.process.pid
     os.kill(pid, signal.SIGSTOP)
     try:
-        with pytest.raises(asking.Unanswered, match=r"did not answer within 0.3 s") as caught:
-            asking.ask(pid, 0.3)
+        with pytest.raises(reload_request.Unanswered, match=r"did not answer within 0.3 s") as caught:
+            reload_request.ask(pid, 0.3)
         assert caught.value.status == 1
     finally:
         os.kill(pid, signal.SIGCONT)
@@ -143,7 +143,7 @@ def test_daemon_that_hangs_is_status_1(running: Running) -> None:
 
 
 def test_answer_without_anybody_to_hear_it_is_no_error() -> None:
-    asking.answer(True, "reload: nothing has changed")
+    reload_request.answer(True, "reload: nothing has changed")
 
 
 @pytest.mark.parametrize(
@@ -183,7 +183,7 @@ def test_daemon_of_a_terminal_is_not_ended(tmp_path: Path) -> None:
     try:
         with daemon(tmp_path, stdin=follower) as running:
             with pytest.raises(InputError, match="runs on a terminal: SIGHUP would end it") as caught:
-                asking.ask(running.process.pid)
+                reload_request.ask(running.process.pid)
             assert caught.value.status == 2
             assert running.process.poll() is None
     finally:
