@@ -101,11 +101,19 @@ def test_line_of_one_of_two_torques_keeps_the_other(named: Named) -> None:
     assert f"if it is, write in [[axle]]: torque = [{changed}, {other}], or mend" in said
 
 
-@pytest.mark.parametrize("scenario", sorted(file.stem for file in SCENARIOS.glob("*.toml")))
-def test_of_sound_sensors_no_unit_is_named(scenario: str, named: Named) -> None:
-    for seed, sensors in ((1, "mems"), (2, "tactical")):
-        text = packaged(8)
-        assert named(scenario, f'seed = {seed}\nsensors = "{sensors}"', text, text, 12) == ""
+SOUND = [
+    (s, sensors) for s in sorted(file.stem for file in SCENARIOS.glob("*.toml")) for sensors in ("mems", "tactical")
+]
+
+
+@pytest.mark.parametrize(
+    ("scenario", "sensors"),  # in make test every scenario with one kind of sensors, at night with the other
+    [pytest.param(*x, marks=pytest.mark.night if k % 4 in (1, 2) else ()) for k, x in enumerate(SOUND)],
+)
+def test_of_sound_sensors_no_unit_is_named(scenario: str, sensors: str, named: Named) -> None:
+    text = packaged({"four-axles": 4, "six-axles": 6}.get(scenario, 2))
+    seed = 1 if sensors == "mems" else 2
+    assert named(scenario, f'seed = {seed}\nsensors = "{sensors}"', text, text, 12) == ""
 
 
 def test_canted_curve_accuses_no_unit(named: Named) -> None:

@@ -20,12 +20,18 @@ from tests.support import short_row
 from wrcd import resources
 
 Judge = Callable[..., dict[str, Any]]
+PLAYED: dict[str, Any] = {}  # by command: the runs, which are the same for every goal
 
 
 def with_verdicts(by: Judge, verdicts: Sequence[str]) -> Judge:
     """The judge, with goals that come to these verdicts; there are no others."""
     goal = Goal("a suite: a figure", Figure(1.0, 1.0, 1.0, 20, 20), 1.0).record() | {"ideal": None}
     return lambda *arguments: by(*arguments) | {"goals": [goal | {"verdict": v} for v in verdicts]}
+
+
+def played_once(command: str, play: Callable[..., Any]) -> Callable[..., Any]:
+    """play, whose first outcome is that of every further call."""
+    return lambda *arguments: PLAYED[command] if command in PLAYED else PLAYED.setdefault(command, play(*arguments))
 
 
 @pytest.fixture
@@ -37,11 +43,13 @@ def command(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> 
             run = next(iter(runs(load_source(resources.DESIGN), "dry-hours", 0.01)))
             short = replace(run, scenario=replace(run.scenario, duration_s=3.0), judged_from_s=1.0)
             monkeypatch.setattr(run_score, "runs", lambda *_: iter([short]))
+            monkeypatch.setattr(run_score, "_play_all", played_once("score", run_score._play_all))
             monkeypatch.setattr(run_score, "judge", with_verdicts(judge, verdicts))
             return ["score", "--jobs", "1"]
         (case,) = cases("actuators", f"{short_row.RAIL}: fast")
         monkeypatch.setattr(run_loop, "cases", lambda *_: [case])
         monkeypatch.setattr(run_loop, "play_one", short_row.play_briefly)
+        monkeypatch.setattr(run_loop, "play_all", played_once("loop", run_loop.play_all))
         monkeypatch.setattr(run_loop, "judge_all", with_verdicts(judge_all, verdicts))
         return ["loop", "--jobs", "1", "--seeds", "1"]
 
