@@ -112,7 +112,7 @@ def scenario(
     data: dict[str, Any] = {}
     if name is not None:
         path = path_of(name)
-        read_drive_scenario(read_toml(path), path.stem)  # what is wrong in it is told with its line
+        read_drive_scenario(read_toml(path), path.stem)  # what is wrong in it is reported with its line
         data = tomllib.loads(path.read_text(encoding="utf-8"))
     data |= keys
     if rail is not None:
@@ -131,7 +131,7 @@ class Bench:
     configuration of its own as a path, or none. controller: one by name ("none", "thresholds", "creep"), an object with
     the two methods of `Controller`, or None: then `demand` sets what each axle is asked for; an axle whose demand is
     not set has no traction and brakes as the driver asks, as without a controller on a bus. with_adhesion: the named
-    controller hears the daemon. on_frame: called with (us from the start, id, data) of every data frame on the bus.
+    controller receives the daemon's frames. on_frame: called with (us from the start, id, data) of every data frame.
     timing: when in its cycle the controller acts, and how late its demands come. Raises InputError.
     """
 
@@ -144,7 +144,7 @@ class Bench:
         self.steps: list[Step] = []  # so far
         config = _configuration(daemon, len(self.scenario.axles))
         if with_adhesion and config is None:
-            raise InputError("with_adhesion needs a daemon to hear", hint="daemon=True")
+            raise InputError("with_adhesion needs a daemon", hint="daemon=True")
         if isinstance(controller, str):
             if controller not in NAMES:
                 hint = suggest(controller, NAMES) or f"there are {', '.join(NAMES)}"
@@ -261,9 +261,9 @@ class Bench:
         if message.frame_id not in self._newest:
             return None
         stamp_us, data = self._newest[message.frame_id]
-        said = reader.read(data)
-        words = {k: v for k, v in said.items() if isinstance(v, str)}
-        ratio = {k: v / 100.0 for k, v in said.items() if isinstance(v, float)}
+        values = reader.read(data)
+        words = {k: v for k, v in values.items() if isinstance(v, str)}
+        ratio = {k: v / 100.0 for k, v in values.items() if isinstance(v, float)}
         confidence = words.get("Confidence", "")
         return Adhesion(
             words.get("Validity"), ratio.get("MuAvailable"), ratio.get("MuUsed"), HALF_WIDTHS.get(confidence),

@@ -35,7 +35,7 @@ SEEDS = Whole("seeds", "runs of each point, each with a seed of its own", 1, MAX
 FIRST_SEED = Whole(
     "first_seed", "the seed of a point's first run; the next have the next. The points stay the same", 0, MAX_SEED, 1
 )
-LIMIT = Number("limit_s", "a job that takes longer, in seconds, is ended and said", MIN_LIMIT_S, MAX_LIMIT_S)
+LIMIT = Number("limit_s", "a job that takes longer, in seconds, is ended and reported", MIN_LIMIT_S, MAX_LIMIT_S)
 HEAD: tuple[Key, ...] = (TITLE, KIND, METHOD, POINTS, DRAW, SEEDS, FIRST_SEED, LIMIT)
 
 LOW = Number("from", "the first value", -math.inf, math.inf)

@@ -84,7 +84,7 @@ class Kind:
     open_factors: prefixes, "scenario." for one, under which a campaign may name keys that are not listed.
     seeded: whether a job has an input `seed`, of which a campaign gives several to each point.
     check: raises InputError for inputs that are wrong together, before anything runs. cost: of a job, about, in any
-    unit: what the time left is told from. suite: the factor that tells a comparison what belongs together. cluster: the
+    unit: what the time left is estimated by. suite: the factor by which a comparison groups. cluster: the
     inputs that make a job's world, its track and noise: jobs in which all are equal resemble each other. named: the
     files that an input's file names in turn, by a name of their own. points: the inputs of the jobs that inputs stand
     for, where they leave out optional factors that a job needs.

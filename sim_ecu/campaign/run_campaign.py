@@ -22,7 +22,7 @@ from sim_ecu.reporting.values import UNKNOWN
 from wrcd.errors import Status
 from wrcd.progress import Progress
 
-ERRORS = 5  # that are told
+ERRORS = 5  # that are shown
 GROUPS = 6  # columns of the table
 ENDINGS = {Ending.FAILED: "failed", Ending.TOO_LONG: "took too long", Ending.DIED: "died"}
 

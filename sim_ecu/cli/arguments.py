@@ -5,7 +5,7 @@ import os
 
 from wrcd.errors import InputError
 
-DEFAULT_BUS = ("socketcan", "vcan0")  # no --config says another: the rig speaks where it is told to
+DEFAULT_BUS = ("socketcan", "vcan0")  # where no --config names another
 
 
 def add_bus(p: argparse.ArgumentParser, more: str = "") -> None:

@@ -36,7 +36,7 @@ def _add(p: argparse.ArgumentParser) -> None:
         help="of --logs: the daemon's configuration of logs without a wrcd.toml in their folder or above it",
     )  # fmt: skip
     p.add_argument("--channel", metavar="NAME", help="of --logs: of those that have several")
-    p.add_argument("--limit", type=float, metavar="S", help="of --logs: a log that takes longer is ended and said")
+    p.add_argument("--limit", type=float, metavar="S", help="of --logs: a log that takes longer is ended and reported")
     p.add_argument("--reports", action="store_true", help="of --logs: a page of each log, too. Extra `report`")
 
 

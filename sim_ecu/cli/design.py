@@ -20,7 +20,7 @@ def _add(p: argparse.ArgumentParser) -> None:
         help="wrcd's own form, or the paper's own, which it is compared with (default: as --config says, else wrcd)",
     )
     p.add_argument("--search", action="store_true", help="has moved: `sim-ecu tune --over noise,weights --played 0`")
-    for gone in ("--budget", "--jobs"):  # whoever has them in a script is told where the search is now
+    for gone in ("--budget", "--jobs"):  # a script that still has them gets an error that names the search
         p.add_argument(gone, metavar="N", help="of the search: has moved with it")
     p.add_argument(
         "--baselines", type=Path, metavar="OUT.json", help="also make what `sim-ecu score` compares this design with"

@@ -12,7 +12,7 @@ def _add(p: argparse.ArgumentParser) -> None:
     add_bus(p)
     p.add_argument(
         "--log", type=Path, metavar="OUT.log",
-        help="write what the rig sends and the demands that it hears to a log (the suffix is its format)",
+        help="write what the rig sends and the demands that it receives to a log (the suffix is its format)",
     )  # fmt: skip
     p.add_argument("--no-truth", action="store_true", help="leave the SimTruth frames out")
     p.add_argument("--json", type=Path, metavar="OUT", help="figures and counts as a document")

@@ -134,8 +134,8 @@ def read_brief(top: Section, form: str | None = None) -> Brief:
     """[wheelset], [design] and [plan] of a rig's TOML file; what is not there keeps its default, which depends on the
     form: as given, or else the file's."""
     d, p = top.section("design"), top.section("plan")
-    said = Choice("form", "", FORMS, FORMS[0]).value(d)
-    base = in_papers_form(Brief()) if (form or said) == "paper" else Brief()
+    form_of_file = Choice("form", "", FORMS, FORMS[0]).value(d)
+    base = in_papers_form(Brief()) if (form or form_of_file) == "paper" else Brief()
     plan = base.plan
     numbers = _given(Number, d, NUMBERS, base)
     if base.form == "paper" and "longest_s" not in d:

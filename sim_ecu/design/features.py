@@ -91,7 +91,7 @@ class _NoIdentity(Identity):
 
 
 def estimator_alone(design: Design, axles: int) -> Estimator:
-    """The train's estimator without the tests of whose sensors it hears; the estimates are the same."""
+    """The train's estimator without the tests of whose sensors these are; the estimates are the same."""
     out = Estimator(design, axles)
     out.identity = _NoIdentity((float(design.noise_rms[0]), float(design.noise_rms[1])), design.tick_s, axles)
     return out

@@ -100,11 +100,22 @@ def fit_paper(
     none = np.zeros((len(rules), columns))
 
     def base(rows: NDArray[np.bool_], spreads: FloatArray) -> PaperRules:
-        says = _said(share[rows] * importance[rows, None], mu_pct[rows])
+        says = _nearest_sets(share[rows] * importance[rows, None], mu_pct[rows])
         bases = output_sets()[1][says]
         typical = np.array([quantiles(mu_pct, share[:, r], (0.05, 0.95)) for r in range(len(rules))])
         return PaperRules(
-            centres, rules, bases, none, spreads, none, share.sum(axis=0), typical, low, high, inputs.mean(axis=0), says
+            centres,
+            rules,
+            bases,
+            none,
+            spreads,
+            none,
+            share.sum(axis=0),
+            typical,
+            low,
+            high,
+            inputs.mean(axis=0),
+            says,
         )
 
     error = np.empty(len(mu_pct))
@@ -116,7 +127,7 @@ def fit_paper(
     return base(np.ones(len(mu_pct), dtype=bool), np.clip(spreads, *10.0 ** np.array(LOG_SPREADS)))
 
 
-def _said(weight: FloatArray, mu_pct: FloatArray) -> IntArray:
-    """(r,): which output set each rule says, for weights (n, r) of the windows."""
+def _nearest_sets(weight: FloatArray, mu_pct: FloatArray) -> IntArray:
+    """(r,): the output set nearest to the mean of each rule, for weights (n, r) of the windows."""
     mean = output_of(mu_pct) @ weight / np.maximum(weight.sum(axis=0), 1e-9)
     return np.asarray(np.abs(mean[:, None] - output_sets()[1]).argmin(axis=1))

@@ -282,7 +282,7 @@ def polynomial() -> FloatArray:
 
 def choose(every: FloatArray, most: int) -> IntArray:
     """The rules (columns of (n, r)) that together speak for the windows best, one by one: each time the one that adds
-    most where little is said so far."""
+    most where little is known so far."""
     left = np.ones(len(every))
     chosen: list[int] = []
     for _ in range(min(most, every.shape[1])):

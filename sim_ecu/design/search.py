@@ -79,17 +79,17 @@ class Cmaes:
 
 def minimise(
     scores: Scores, start: FloatArray, known: float, step: float, budget: int, seed: int,
-    told: Callable[[int, float], None],
+    progress: Callable[[int, float], None],
 ) -> tuple[FloatArray, float]:  # fmt: skip
     """The best of `budget` candidates and its score, the start among them. Deterministic for a seed.
 
     known: the start's score. scores takes a generation at once, so that its candidates may be scored side by side.
-    told(done, best) after each.
+    progress(done, best) after each.
     """
     search = Cmaes(start, step, np.random.default_rng(seed))
     best, least = start, known
     done = 1
-    told(done, least)
+    progress(done, least)
     while done < budget:
         candidates = search.ask()
         tried = candidates[: budget - done]
@@ -98,7 +98,7 @@ def minimise(
         i = int(np.argmin(np.where(np.isfinite(found), found, np.inf)))
         if found[i] < least:
             best, least = tried[i], found[i]
-        told(done, least)
+        progress(done, least)
         if len(tried) == len(candidates):
             search.tell(candidates, found)
     return best, least

@@ -1,4 +1,4 @@
-"""Workers of a Dask scheduler: they come and go; one with other code is told of, and nothing runs there."""
+"""Workers of a Dask scheduler: they come and go; one with other code is reported, and nothing runs there."""
 
 import importlib
 import logging
@@ -31,7 +31,7 @@ def cluster(address: str, module: str) -> Iterator[Workers]:
 
     Raises InputError for an address without a scheduler.
     """
-    for name in ("distributed", "distributed.client"):  # what is lost is said by who runs
+    for name in ("distributed", "distributed.client"):  # who runs reports what is lost
         logging.getLogger(name).setLevel(logging.CRITICAL)
     if not ADDRESS.fullmatch(address):
         raise InputError(f"{address}: takes tcp://HOST:PORT", key="--scheduler", hint="`dask scheduler` prints it")
@@ -45,7 +45,7 @@ def cluster(address: str, module: str) -> Iterator[Workers]:
         crew = _Crew(client, address, module)
         yield Workers(client.get_executor(pure=False), crew.count, AHEAD, crew.gather, crew.look)
     finally:
-        with suppress(OSError):  # nobody answers: what ended it is said by who raised it
+        with suppress(OSError):  # nobody answers: who raised it reports what ended it
             client.close(timeout=CONNECT_S)
 
 
@@ -55,7 +55,7 @@ class _Crew:
     def __init__(self, client: Any, address: str, module: str) -> None:
         self._client, self._address, self._module = client, address, module
         self._counted_s, self._count = -math.inf, 0
-        self._waits = False  # and it is said
+        self._waits = False  # and it is reported
 
     def gather(self) -> None:
         """Wait for the first worker, then look at the code of all that are there. Raises Stopped for other code."""

@@ -1,4 +1,4 @@
-"""All of many runs, for a report that must not look whole where it is not: what is missing is said by name."""
+"""All of many runs, for a report that must not look whole where it is not: what is missing is named."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from wrcd.progress import Progress
 
 T = TypeVar("T")
 R = TypeVar("R")
-MOST_TOLD = 20  # missing runs by name
+MOST_NAMED = 20  # missing runs by name
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +76,7 @@ def left_out(missing: Sequence[Missing], suites: Iterable[str]) -> dict[str, lis
 
 def not_whole(missing: Sequence[Missing]) -> NotWhole:
     """The error that ends a report with holes: its runs by name."""
-    told = [f"  {m.piece.suite}, {m.piece.name}: {m.why}" for m in missing[:MOST_TOLD]]
-    more = [f"  and {len(missing) - MOST_TOLD} more"] if len(missing) > MOST_TOLD else []
+    lines = [f"  {m.piece.suite}, {m.piece.name}: {m.why}" for m in missing[:MOST_NAMED]]
+    more = [f"  and {len(missing) - MOST_NAMED} more"] if len(missing) > MOST_NAMED else []
     count = "1 run" if len(missing) == 1 else f"{len(missing)} runs"
-    return NotWhole("\n".join([f"{count} failed twice; their suites are in no table:", *told, *more]))
+    return NotWhole("\n".join([f"{count} failed twice; their suites are in no table:", *lines, *more]))

@@ -43,7 +43,7 @@ def open_end(interface: str, channel: str, keys: tuple[int, ...], *, confirm: bo
 
 
 class StatusLines:
-    """What is told on the way, on standard error: events, and on a terminal one line that is written anew."""
+    """What is reported on the way, on standard error: events, and on a terminal one line that is written anew."""
 
     def __init__(self) -> None:
         self.moves = moves(sys.stderr)

@@ -249,9 +249,9 @@ def judge_all(cases: Sequence[LoopCase], outcomes: Sequence[RideResult]) -> dict
         "goals": goals(cases, rides, suites),
         "wrong": [
             _place(o) | {"axle": h.axle, "outside_s": h.outside_s, "over_s": h.over_s}
-            for o in outcomes for h in o.said if h.wrong
+            for o in outcomes for h in o.honesty if h.wrong
         ],
-        "runs": [_place(o) | asdict(o.figures) | {"said": [asdict(h) for h in o.said]} for o in outcomes],
+        "runs": [_place(o) | asdict(o.figures) | {"said": [asdict(h) for h in o.honesty]} for o in outcomes],
     }  # fmt: skip
 
 
@@ -269,20 +269,20 @@ def _case(case: LoopCase, found: Found, runs: Mapping[str, Runs]) -> dict[str, A
         "against": {law: against(runs[WITH[law]], runs[law], braking) for law in LAWS if whole},
         "ideal": {law: against(runs[IDEAL], runs[law], braking) for law in LAWS if whole and IDEAL in runs},
         "front": front({name: runs[name] for name in BARE_AND_WITH}, braking) if whole else None,
-        "said": {law: _said(list(found[WITH[law]].values())) for law in LAWS if WITH[law] in found},
+        "said": {law: _honesty(list(found[WITH[law]].values())) for law in LAWS if WITH[law] in found},
     }
 
 
-def _said(outcomes: Sequence[RideResult]) -> dict[str, float]:
-    """What a daemon said; of rows without one, that it said nothing."""
-    every = [h for o in outcomes for h in o.said]
+def _honesty(outcomes: Sequence[RideResult]) -> dict[str, float]:
+    """How honest a daemon was; of rows without one, nothing."""
+    every = [h for o in outcomes for h in o.honesty]
     if not every:
         return {"valid": math.nan, "outside": math.nan, "outside_s": 0.0, "wrong_runs": 0, "runs": len(outcomes)}
     return {
         "valid": float(np.mean([h.valid for h in every])),
         "outside": float(np.mean([h.outside for h in every])),
         "outside_s": max(h.outside_s for h in every),
-        "wrong_runs": sum(any(h.wrong for h in o.said) for o in outcomes),
+        "wrong_runs": sum(any(h.wrong for h in o.honesty) for o in outcomes),
         "runs": len(outcomes),
     }
 

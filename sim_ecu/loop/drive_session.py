@@ -22,7 +22,7 @@ from sim_ecu.play.train import PACKAGED
 from wrcd.errors import Status
 
 STATUS_US = 1_000_000
-# So much lateness is caught up with. Of a computer that stood still for longer the controller has heard nothing, and
+# So much lateness is caught up with. Of a computer that stood still for longer the controller has received nothing, and
 # would find a train that went on without it for longer than a demand's time-out: the train's time waits.
 MAX_LATE_US = 20_000
 WORDS = {
@@ -43,13 +43,13 @@ class DriveSession:
         self, scenario: DriveScenario, end: End, logger: can.Listener | None = None, truth: bool = True,
         channel: str = "can0",
     ) -> None:  # fmt: skip
-        heard = [LOOP, WRCD, *([TRUTH] if truth else [])]
-        self.rig, self.steps, self.tally = Rig(scenario, heard), list[Step](), PlayTally()
+        messages = [LOOP, WRCD, *([TRUTH] if truth else [])]
+        self.rig, self.steps, self.tally = Rig(scenario, messages), list[Step](), PlayTally()
         self.silences = Silences([str(n) for n in scenario.axles], SAMPLE_US, WORDS, "demand ")
         self._scenario, self.end, self._logger, self._channel = scenario, end, logger, channel
         self._samples = round(scenario.train.duration_s * 1e6) // SAMPLE_US
         self._came: deque[tuple[int, int, bytes]] = deque()  # demands that no sample has begun after yet
-        self._told_us, self._wait_told_us = 0, -STATUS_US
+        self._reported_us, self._wait_reported_us = 0, -STATUS_US
         self.waits = self.waited_us = 0
         end.begin()
 
@@ -99,8 +99,8 @@ class DriveSession:
         step = rig.step()
         for what, axles in self.silences.look(step.due_us, silent).items():
             self.end.lines.event(step.due_us, f"axle{'s' * (len(axles) > 1)} {', '.join(axles)}: {what}")
-        if self.end.lines.moves and step.due_us - self._told_us >= STATUS_US:
-            self._told_us = step.due_us
+        if self.end.lines.moves and step.due_us - self._reported_us >= STATUS_US:
+            self._reported_us = step.due_us
             self.end.lines.status(self._status(step))
         return step
 
@@ -108,8 +108,8 @@ class DriveSession:
         self.end.wait(late_us)
         self.waits += 1
         self.waited_us += late_us
-        if self.end.now_us - self._wait_told_us >= STATUS_US:
-            self._wait_told_us = self.end.now_us
+        if self.end.now_us - self._wait_reported_us >= STATUS_US:
+            self._wait_reported_us = self.end.now_us
             self.end.lines.event(self.end.now_us, WAITED.format(ms=late_us / 1000))
 
     def _listen(self) -> None:
@@ -170,10 +170,10 @@ def drive_on_bus(
 def counts(drive: DriveSession) -> dict[str, Any]:
     """What happened on the bus, for a document."""
     end, tally = drive.end, drive.tally
-    heard = drive.rig.demands.values()
+    messages = drive.rig.demands.values()
     demands = {
         int(n): silence.counts() | {"rejected": h.rejected}
-        for (n, silence), h in zip(drive.silences.by_name.items(), heard, strict=True)
+        for (n, silence), h in zip(drive.silences.by_name.items(), messages, strict=True)
     }
     return {
         "demand": demands, "frames": tally.frames, "unsent": tally.unsent, "overruns": tally.overruns,

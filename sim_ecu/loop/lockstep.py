@@ -102,7 +102,7 @@ class Lockstep:
         self._timing = timing
         self._on_the_way: deque[tuple[int, Sent]] = deque()
         self.over = self._end_us <= 0
-        if controller is not None:  # it runs already, and the driver coasts: a controller that never heard one is mute
+        if controller is not None:  # it runs already, and the driver coasts: without a demand it would be mute
             first = Channel(rig_message("DriverDemand")).encode(0, {"Mode": COAST, "Share": 0.0})
             controller.hear(first.can_id, first.data, 0)
 

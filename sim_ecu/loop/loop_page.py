@@ -70,7 +70,7 @@ def sections(result: Mapping[str, Any]) -> list[PageSection]:
 
 def text(result: Mapping[str, Any]) -> list[str]:
     """Return all as lines for a terminal, and for a page of docs."""
-    head = [line for word, said in warnings(result, QUICK) for line in (f"{word}: {said}", "")]
+    head = [line for word, text in warnings(result, QUICK) for line in (f"{word}: {text}", "")]
     return head + reporting.markdown(sections(result))
 
 
@@ -130,12 +130,12 @@ def _against(cases: Mapping[str, Any]) -> list[Table]:
     return out
 
 
-def _ratios(what: str, a: Against, said: Mapping[str, Any]) -> Row:
+def _ratios(what: str, a: Against, honesty: Mapping[str, Any]) -> Row:
     return Row([
         what, Rounded(a.way, 3), Rounded(a.worst, 3), a.energy, a.beyond_time, a.beyond_energy,
         f"{a.beyond_s_before:.2f} → {a.beyond_s_now:.2f}",
         f"{a.endless}" + (f", {a.left_out} left out" if a.left_out else ""),
-        Share(said["valid"]), Share(said["outside"]), f"{said['wrong_runs']} of {said['runs']}",
+        Share(honesty["valid"]), Share(honesty["outside"]), f"{honesty['wrong_runs']} of {honesty['runs']}",
     ])  # fmt: skip
 
 

@@ -42,19 +42,19 @@ def _fronts(suite: str, cases: Mapping[str, Any]) -> Picture:
         plots.legend(figure, look, columns=5)
         return figure
 
-    told = []
+    reported = []
     for name, case in cases.items():
         key, unit = ("stop_m", "m") if case["braking"] else ("impulse_kNs", "kN·s")
         each = [
             f"{c} {x[key].median:.0f} {unit} and {x['slip_energy_kJ'].median:.0f} kJ"
             for c, x in case["controllers"].items()
         ]
-        told.append(f"{name}: {', '.join(each)}")
+        reported.append(f"{name}: {', '.join(each)}")
     return Picture(
         f"Distance against wear: {suite}",
         "Down is shorter (where the train pulls: more impulse), left is less slip energy. Signs are medians, lines 5 "
         "to 95 % of the runs; hollow: without wrcd, full: with it. Lines join the two controllers.",
-        "Medians of distance or impulse and of slip energy. " + ". ".join(told) + ".", make,
+        "Medians of distance or impulse and of slip energy. " + ". ".join(reported) + ".", make,
     )  # fmt: skip
 
 
@@ -109,12 +109,12 @@ def _changes(suite: str, cases: Mapping[str, Any]) -> Picture:
         plots.legend(figure, look)
         return figure
 
-    told = [f"{name}: " + ", ".join(f"{law} {a[law].way.value:.3f}" for law in LAWS) for name, a in shown.items()]
+    reported = [f"{name}: " + ", ".join(f"{law} {a[law].way.value:.3f}" for law in LAWS) for name, a in shown.items()]
     return Picture(
         f"What wrcd does to the distance: {suite}",
         "Signs are medians, thick lines their 90 % intervals, strokes the run that loses most. Left of 1 the stop is "
         "shorter; dotted: 3 % longer.",
-        "Ratios of stopping distance. " + "; ".join(told) + ".", make,
+        "Ratios of stopping distance. " + "; ".join(reported) + ".", make,
     )  # fmt: skip
 
 
@@ -137,7 +137,7 @@ def _over_time(suite: str, runs: Mapping[str, RideResult]) -> Picture:
         plots.legend(figure, look, columns=5)
         return figure
 
-    told = ", ".join(
+    reported = ", ".join(
         f"{n}: {r.figures.beyond_s:.2f} s beyond the peak, {r.figures.stop_m:.0f} m, {r.figures.slip_energy_kJ:.0f} kJ"
         for n, r in runs.items() if n in EVERY
     )  # fmt: skip
@@ -145,7 +145,7 @@ def _over_time(suite: str, runs: Mapping[str, RideResult]) -> Picture:
         f"A run of {suite}: {first.case}",
         "The first seed, its first axle. Time counts from the demand on. Dots are Valid frames of the daemon, the band "
         "is the interval that Confidence claims; without wrcd nobody estimates.",
-        f"One run over time. {told}.", make,
+        f"One run over time. {reported}.", make,
     )  # fmt: skip
 
 
@@ -160,8 +160,8 @@ def _run(axes: Sequence[Axes], name: str, d: Drawn) -> None:
     torque.plot(d.time_s, d.torque_kN_m, color="tab:purple", lw=1.0)
     torque.set_ylabel("torque, kN·m", fontsize=8)
     adhesion.plot(d.time_s, d.available_pct, color="tab:green", lw=1.4, label="adhesion, truth")
-    if d.told is not None:
-        t = d.told
+    if d.reported is not None:
+        t = d.reported
         at = (t.stamps_us[t.valid] - d.demand_us) * 1e-6
         mu, half = t.mu_pct[t.valid], np.minimum(t.half_width_pp[t.valid], 100.0)
         adhesion.vlines(at, np.maximum(mu - half, 0.0), mu + half, color="tab:blue", alpha=0.12, lw=1.5)

@@ -18,7 +18,7 @@ from sim_ecu.loop.rig import Step
 from sim_ecu.loop.suites.rides import LoopCase
 from sim_ecu.play.encoder import SAMPLE_US, databases
 from sim_ecu.play.train import PACKAGED
-from sim_ecu.score.score_play import Ear
+from sim_ecu.score.score_play import TrainFrames
 from wrcd.config.config import load_packaged
 
 FloatArray = NDArray[np.float64]
@@ -29,27 +29,27 @@ THINNED = 4  # of a run that is drawn: a step of 20 ms
 
 @dataclass(frozen=True, slots=True)
 class Drawn:
-    """A run over time, of its first axle. Arrays (n,); told: what the daemon said."""
+    """A run over time, of its first axle. Arrays (n,); reported: by the daemon."""
 
     time_s: FloatArray  # from the demand on
     speed_m_s: FloatArray
     wheel_m_s: FloatArray
     torque_kN_m: FloatArray
     available_pct: FloatArray
-    told: AdhesionSeries | None
-    demand_us: int  # the demand, on the clock of what was told
+    reported: AdhesionSeries | None
+    demand_us: int  # the demand, on the clock of what was reported
 
 
 @dataclass(frozen=True, slots=True)
 class RideResult:
-    """What a controller made of a run; said is empty without a daemon."""
+    """What a controller made of a run; honesty is empty without a daemon."""
 
     suite: str
     case: str
     controller: str
     number: int
     figures: Figures
-    said: tuple[Honesty, ...] = ()
+    honesty: tuple[Honesty, ...] = ()
     drawn: Drawn | None = None
 
 
@@ -64,12 +64,12 @@ def play(case: LoopCase, number: int, branches: Sequence[LoopCase] = ()) -> list
             out.append(_outcome(case, number, name, scenario, steps, None, draw))
             continue
         config = _packaged(len(scenario.axles)) if name in _LAW else None
-        recorder = Ear(scenario.axles) if config is not None else None
+        recorder = TrainFrames(scenario.axles) if config is not None else None
         law = "none" if name == UNPROTECTED else _LAW.get(name, name)
         made = make_controller(law, Facts.of(scenario), config)
         if case.constant_pct is not None and config is not None:
             made, config, recorder = ConstantAdhesion(made, scenario.axles, case.constant_pct), None, None
-        run = Lockstep(scenario, made, config, None if recorder is None else recorder.hear)
+        run = Lockstep(scenario, made, config, None if recorder is None else recorder.keep)
         steps = []
         # a sample before the fault: some faults go on from what was last sensed
         at_us = min((c.fault.begin_us for c in branches if c.fault is not None), default=-1) - 2 * SAMPLE_US
@@ -82,7 +82,7 @@ def play(case: LoopCase, number: int, branches: Sequence[LoopCase] = ()) -> list
 
 
 def _branch(
-    case: LoopCase, number: int, name: str, scenario: DriveScenario, state: tuple[Lockstep, Ear | None],
+    case: LoopCase, number: int, name: str, scenario: DriveScenario, state: tuple[Lockstep, TrainFrames | None],
     before: Sequence[Step],
 ) -> RideResult:  # fmt: skip
     """The rest of a run with a case's fault, from a state that is left as it is."""
@@ -98,18 +98,18 @@ def _branch(
 
 def _outcome(
     case: LoopCase, number: int, name: str, scenario: DriveScenario, steps: list[Step],
-    recorder: Ear | None, draw: bool,
+    recorder: TrainFrames | None, draw: bool,
 ) -> RideResult:  # fmt: skip
-    series = {} if recorder is None else adhesion_series(recorder.said)
+    series = {} if recorder is None else adhesion_series(recorder.adhesion)
     drawing = drawn(steps, next(iter(series.values()), None)) if draw else None
-    said = tuple(honesty(series, steps))
-    return RideResult(case.suite, case.name, name, number, judge(steps, scenario), said, drawing)
+    adhesion = tuple(honesty(series, steps))
+    return RideResult(case.suite, case.name, name, number, judge(steps, scenario), adhesion, drawing)
 
 
-def drawn(steps: list[Step], told: AdhesionSeries | None) -> Drawn:
+def drawn(steps: list[Step], reported: AdhesionSeries | None) -> Drawn:
     """Every fourth step, of the first axle."""
     begin_us = steps[demand_at(np.array([s.share for s in steps]))].due_us
     some = steps[::THINNED]
     rows = [(s.due_us, s.speed_m_s, s.wheel_m_s[0], s.torque_N_m[0], s.mu_available[0]) for s in some]
     due_us, speed, wheel, torque, available = np.array(rows, np.float64).T
-    return Drawn((due_us - begin_us) * 1e-6, speed, wheel, torque / 1e3, 100 * available, told, begin_us)
+    return Drawn((due_us - begin_us) * 1e-6, speed, wheel, torque / 1e3, 100 * available, reported, begin_us)

@@ -12,7 +12,7 @@ from sim_ecu.loop.rig import Step
 from sim_ecu.physics.actuators import Actuators
 from sim_ecu.physics.wheelset import Wheelset
 from sim_ecu.play.encoder import SAMPLE_US
-from sim_ecu.score.score_play import Heard, half_widths_pp
+from sim_ecu.score.score_play import MessageFrames, half_widths_pp
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -144,23 +144,23 @@ class Honesty:
         return self.outside_s > ALLOWED_S
 
 
-def adhesion_series(said: Mapping[int, Heard]) -> dict[int, AdhesionSeries]:
+def adhesion_series(frames: Mapping[int, MessageFrames]) -> dict[int, AdhesionSeries]:
     """Return what there was, by axle."""
     return {
         n: AdhesionSeries(
             np.array(h.stamps_us, np.int64), h.numbers("MuAvailable"), half_widths_pp(h), h.words("Validity") == "Valid"
         )
-        for n, h in said.items()
+        for n, h in frames.items()
     }
 
 
-def honesty(told: Mapping[int, AdhesionSeries], steps: Sequence[Step]) -> list[Honesty]:
+def honesty(reported: Mapping[int, AdhesionSeries], steps: Sequence[Step]) -> list[Honesty]:
     """By axle. The truth of a frame is that of the newest step by then."""
     due_us = np.array([s.due_us for s in steps])
     speed = np.array([s.speed_m_s for s in steps])
     true_pct = 100 * np.array([s.mu_available for s in steps])
     out = []
-    for place, (axle, t) in enumerate(told.items()):
+    for place, (axle, t) in enumerate(reported.items()):
         at = np.searchsorted(due_us, t.stamps_us, side="right") - 1
         judged = (at >= 0) & (speed[np.maximum(at, 0)] >= MIN_JUDGED_M_S)
         at, stamps = at[judged], t.stamps_us[judged]

@@ -38,11 +38,11 @@ class TrainSpeed:
     def step(self, wheel_m_s: FloatArray, share: float) -> float:
         """The reference (m/s) after one step, from the wheels (axles,) and what the driver asks (signed share)."""
         if share < 0.0:
-            told = float(wheel_m_s.max())
-            self._m_s = told if self._m_s is None else max(told, self._m_s - self._fall)
+            measured = float(wheel_m_s.max())
+            self._m_s = measured if self._m_s is None else max(measured, self._m_s - self._fall)
         elif share > 0.0:
-            told = float(wheel_m_s.min())
-            self._m_s = told if self._m_s is None else min(told, self._m_s + self._rise)
+            measured = float(wheel_m_s.min())
+            self._m_s = measured if self._m_s is None else min(measured, self._m_s + self._rise)
         else:
             self._m_s = float(wheel_m_s.mean())
         return max(self._m_s, 0.0)
@@ -91,8 +91,8 @@ class Sensed:
         """The frames of the sample that ends at due_us (us from the start)."""
         true = samples.speed_m_s
         if self._reference is not None:
-            told = TACHOMETER.measure(wheel_m_s, self._wheel_rng)
-            true = np.array([self._reference.step(told, share)])
+            measured = TACHOMETER.measure(wheel_m_s, self._wheel_rng)
+            true = np.array([self._reference.step(measured, share)])
         speed = self._speed.measure_one(float(true[0]), self._rng)
         rows = [s.reading(samples, k) for k, s in enumerate(self._sensing)]
         sample = SensorSample(
@@ -108,7 +108,7 @@ class Sensed:
             yield self._next.pop()
 
 
-WRCD, TRUTH, LOOP = "wrcd", "truth", "loop"  # who hears frames: they are made for nobody else
+WRCD, TRUTH, LOOP = "wrcd", "truth", "loop"  # who receives frames: they are made for nobody else
 ALL = (WRCD, TRUTH, LOOP)
 BLOCK = 1000  # samples of the driver's course that are made at once
 VALVES = {int(v): v for v in Valve}  # another value is none: the brakes must not be lost
@@ -137,21 +137,21 @@ class Step:
 class Rig:
     """Steps a scenario by 5 ms. Demands come by `hear`, as frames, or by `demand`.
 
-    heard: which frames are made. train: the messages of the sensors. Raises InputError for a fault or an axle that they
-    leave no way to.
+    receivers: for whom frames are made. train: the messages of the sensors. Raises InputError for a fault or an axle
+    that they leave no way to.
     """
 
-    def __init__(self, scenario: DriveScenario, heard: Collection[str] = ALL, train: Train = PACKAGED) -> None:
+    def __init__(self, scenario: DriveScenario, receivers: Collection[str] = ALL, train: Train = PACKAGED) -> None:
         self.scenario = scenario
         played, axles = scenario.train, scenario.train.axles
         self._dt = SAMPLE_US * 1e-6
         speed = float(played.speed.at(np.zeros(1))[0])
         self._simulation = Simulation(played.wheelset, on_tracks(axles), speed, self._dt, cleaning=scenario.cleaning)
         self._actuators = [AxleActuators(scenario.actuators, self._dt) for _ in axles]
-        self._heard = frozenset(heard)
+        self._receivers = frozenset(receivers)
         numbers = scenario.axles
         self._place = {n: k for k, n in enumerate(numbers)}
-        self._sensed = Sensed(scenario, TRUTH in self._heard, train)
+        self._sensed = Sensed(scenario, TRUTH in self._receivers, train)
         self._rngs = [np.random.default_rng([a.seed, 5]) for a in axles]
         self._driver = Channel(rig_message("DriverDemand"))
         self._wheels = [Channel(rig_message(f"WheelSpeed_A{n}")) for n in numbers]
@@ -159,9 +159,7 @@ class Rig:
         self.demands = {m.message.frame_id: m for m in (NewestFrame(rig_message(f"Demand_A{n}")) for n in numbers)}
         self._by_place = list(self.demands.values())
         self._direct: list[tuple[float, Valve] | None] = [None] * len(numbers)
-        self.silences = [
-            SilenceRecord(SAMPLE_US, heard=True) for _ in numbers
-        ]  # one that never comes is a silence, too
+        self.silences = [SilenceRecord(SAMPLE_US, came=True) for _ in numbers]  # one that never comes is a silence, too
         self._radius_m = played.wheelset.r_0
         self._shares: list[float] = []  # what the driver asks, by sample, as far as it is made
         self._asked: float | None = None  # instead of that
@@ -170,12 +168,12 @@ class Rig:
 
     def hear(self, can_id: int, data: bytes, stamp_us: int) -> None:
         """Take a frame from the bus at a time (us from the start); others than demands are not for the rig."""
-        heard = self.demands.get(can_id)
-        if heard is not None and self.carries(stamp_us):
-            heard.take(data, stamp_us)
+        demand = self.demands.get(can_id)
+        if demand is not None and self.carries(stamp_us):
+            demand.take(data, stamp_us)
 
     def carries(self, due_us: int) -> bool:
-        """Whether the scenario's faults leave a bus at a time; without one nobody hears anybody."""
+        """Whether the scenario's faults leave a bus at a time; without one nobody receives anything."""
         return self._sensed.carries(due_us)
 
     def take_faults(self, faults: Sequence[Fault]) -> None:
@@ -205,9 +203,9 @@ class Rig:
         energy = self._simulation.slip_energy_J(samples)[0]
         pressure = np.array([a.pressure_bar for a in self._actuators])
         frames: list[Sent] = []
-        if LOOP in self._heard and self.carries(self.time_us):
+        if LOOP in self._receivers and self.carries(self.time_us):
             frames += self._loop_frames(share, wheel, pressure)
-        if WRCD in self._heard or TRUTH in self._heard:
+        if WRCD in self._receivers or TRUTH in self._receivers:
             frames += self._sensed.frames(self.time_us, samples, wheel, share)
         return Step(
             self.time_us, speed, float(samples.distance_m[0]), share, wheel, y[:, TORQUE].copy(), pressure,
@@ -234,14 +232,14 @@ class Rig:
         a = self.scenario.actuators
         direct = self._direct[k]
         if direct is None:
-            heard = self._by_place[k]
-            silent = not heard.fresh(self.time_us)
-            if self.time_us >= heard.timeout_us:  # nothing is late before
+            demand = self._by_place[k]
+            silent = not demand.fresh(self.time_us)
+            if self.time_us >= demand.timeout_us:  # nothing is late before
                 self.silences[k].look(self.time_us, silent)
             if silent:
                 actuators.step(0.0, Valve.FILL, a.asked_bar(brake, speed_m_s, electric=False), 0.0)
                 return
-            direct = float(heard.values["Torque"]), VALVES.get(heard.values["Valve"], Valve.FILL)
+            direct = float(demand.values["Torque"]), VALVES.get(demand.values["Valve"], Valve.FILL)
         electric = a.electric_N_m(brake, speed_m_s)
         traction = 0.0 if brake > 0.0 else a.drive.traction_N_m(wheel_m_s, self._radius_m)
         actuators.step(*direct, a.asked_bar(brake, speed_m_s), electric, traction)
@@ -255,6 +253,6 @@ class Rig:
             if now % tachometer.every_us == 0:
                 out.append(tachometer.encode(now, {"WheelSpeed": TACHOMETER.measure_one(float(wheel[k]), rng)}))
             if now % cylinder.every_us == 0:
-                told = PRESSURE.measure_one(float(pressure[k]), rng)
-                out.append(cylinder.encode(now, {"Pressure": max(told, 0.0)}))
+                measured = PRESSURE.measure_one(float(pressure[k]), rng)
+                out.append(cylinder.encode(now, {"Pressure": max(measured, 0.0)}))
         return out

@@ -12,7 +12,7 @@ from sim_ecu.play.encoder import COUNTERS, data_id, databases
 COAST, TRACTION, BRAKE = MODES = range(3)  # DriverDemand's Mode; another one is none
 EVERY_US = 1_000_000  # between two silences of a message that are reported, if they are short
 LONG_US = 200_000  # a silence that lasts so long is always reported
-NONE_YET, SILENT, HEARD, AGAIN = "none yet", "silent", "heard", "again"  # what there is to report of a message
+NONE_YET, SILENT, CAME, AGAIN = "none yet", "silent", "heard", "again"  # what there is to report of a message
 
 
 def rig_message(name: str) -> Message:
@@ -90,7 +90,7 @@ class SilenceRecord:
     silences: int = 0
     silent_us: int = 0
     longest_us: int = 0
-    heard: bool = False
+    came: bool = False
     lasted_us: int = 0
     _since_us: int | None = None
     _reported: bool = False
@@ -105,25 +105,25 @@ class SilenceRecord:
         """Return what there is to report at the end of a cycle in which it was silent or not."""
         if not silent:
             ended = self.now and self._reported
-            news = (AGAIN if self.heard else HEARD) if ended else None
-            self._since_us, self.heard = None, True
+            news = (AGAIN if self.came else CAME) if ended else None
+            self._since_us, self.came = None, True
             return news
         if self._since_us is None:
             self._since_us, self._reported = now_us - self.cycle_us, False
-            self.silences += self.heard
+            self.silences += self.came
         self.lasted_us = now_us - self._since_us
-        if self.heard:
+        if self.came:
             self.silent_us += self.cycle_us
             self.longest_us = max(self.longest_us, self.lasted_us)
         if self._reported or (now_us - self._reported_us < EVERY_US and self.lasted_us < LONG_US):
             return None
         self._reported, self._reported_us = True, now_us
-        return SILENT if self.heard else NONE_YET
+        return SILENT if self.came else NONE_YET
 
     def counts(self) -> dict[str, Any]:
         """Return whether it ever came, how often it fell silent, how long in all and at most (s)."""
         return {
-            "heard": self.heard, "silences": self.silences, "silent_s": round(self.silent_us * 1e-6, 3),
+            "heard": self.came, "silences": self.silences, "silent_s": round(self.silent_us * 1e-6, 3),
             "longest_s": round(self.longest_us * 1e-6, 3),
         }  # fmt: skip
 

@@ -43,8 +43,8 @@ def run(interface: str, channel: str, scenario_name: str, folder: Path, config_f
         train = MappedTrain(config, scenario.wheelset.normal_N, scenario.wheelset.r_0)
     folder.mkdir(parents=True, exist_ok=True)
     log, picture, report = (folder / f"{scenario.name}.{suffix}" for suffix in ("log", "png", "html"))
-    told = WITHOUT_VCAN if (interface, channel) == ("virtual", "demo") else ""
-    print(f"{scenario.name}: {scenario.title}\non {interface} {channel}{told}, {scenario.duration_s:g} s")
+    note = WITHOUT_VCAN if (interface, channel) == ("virtual", "demo") else ""
+    print(f"{scenario.name}: {scenario.title}\non {interface} {channel}{note}, {scenario.duration_s:g} s")
     traces, tally, came_to = _play(scenario, interface, channel, log, config, train)
     if tally.too_slow:
         print(f"\n{tally.too_slow[0].upper()}{tally.too_slow[1:]}. Try again when it is idle.")
@@ -131,7 +131,7 @@ def _shown(path: Path) -> Path:
 
 
 def _leave(log: Path, picture: Path, report: Path, numbers: Sequence[int], config_file: Path | None) -> None:
-    """Make picture and report of the demo's own log, with the truth in it. Where the extra is missing that is said, and
+    """Make picture and report of the demo's own log, with the truth in it. Where the extra is missing, it says so, and
     the demo has been shown all the same."""
     from wrcd.cli.main import main
 

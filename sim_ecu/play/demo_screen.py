@@ -14,7 +14,7 @@ FULL_SCALE_PCT = 50
 WIDE, NARROW = 50, 20  # columns of the bar
 FULL_LINE = 126  # columns of a line with the wide bar and every word; a narrow one fits into 80
 SHOWN = ("Confidence", "ContactState", "Surface")  # of Adhesion, what a configuration may leave out
-AGAIN_US = 1_000_000  # the same Validity for the same cause is told once in this time
+AGAIN_US = 1_000_000  # the same Validity for the same cause is reported once in this time
 HALF_WIDTHS = {name: half_width for half_width, name in CONFIDENCES}
 
 LEGEND = """\
@@ -33,7 +33,7 @@ class Screen:
         self._columns = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
         self._wide = self._columns is None or self._columns >= FULL_LINE
         self._width = WIDE if self._wide else NARROW
-        self._told: dict[tuple[int, Validity, Cause], int] = {}  # when
+        self._reported_us: dict[tuple[int, Validity, Cause], int] = {}  # when
         self._lost: dict[int, Change] = {}  # by axle: with what it ceased to be Valid
 
     def begin(self) -> None:
@@ -80,14 +80,14 @@ class Screen:
         return min(max(round(pct / FULL_SCALE_PCT * self._width), 0), self._width)
 
     def changes(self, changes: Iterable[Change], first_s: float) -> None:
-        """What has changed, when, and why; what comes again at once is not told again."""
+        """What has changed, when, and why; what comes again at once is not reported again."""
         for c in changes:
             if c.axle not in self._numbers:
                 continue
             text = self._change(c)
             key = c.axle, c.after, c.cause
-            if c.time_us - self._told.get(key, -AGAIN_US) >= AGAIN_US:
-                self._told[key] = c.time_us
+            if c.time_us - self._reported_us.get(key, -AGAIN_US) >= AGAIN_US:
+                self._reported_us[key] = c.time_us
                 self._print(c.time_us * 1e-6 - first_s, f"axle {c.axle}: {text}")
 
     def daemon(self, line: str, time_s: float) -> None:

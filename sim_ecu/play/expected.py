@@ -148,15 +148,15 @@ class ExpectedLines:
     sometimes: tuple[str, ...] = ()
 
     def __str__(self) -> str:
-        said = [
+        out = [
             f"{PERHAPS * line.startswith(PERHAPS)}axle {axle}: {line.removeprefix(PERHAPS)}"
             for axle, lines in enumerate(self.axles, 1)
             for line in lines
         ]
         if self.rejected:
-            said.append(f"rejected # frames in the last second: {', '.join(f'{r} #' for r in self.rejected)}")
-        said += [f"any number of times: {line}" for line in self.sometimes]
-        return "<br>".join(f"`{line}`" for line in said) or "nothing"
+            out.append(f"rejected # frames in the last second: {', '.join(f'{r} #' for r in self.rejected)}")
+        out += [f"any number of times: {line}" for line in self.sometimes]
+        return "<br>".join(f"`{line}`" for line in out) or "nothing"
 
 
 def expected_lines(row: MatrixRow) -> ExpectedLines:
@@ -218,11 +218,11 @@ def wrong_lines(row: MatrixRow, journal: Sequence[str]) -> str:
 def _wrong_rejections(expected: Sequence[str], lines: Sequence[str]) -> str:
     if strange := [line for line in lines if not line.startswith("rejected ")]:
         return f"the journal says {strange[0]!r}"
-    told = {re.sub(r" \d+$", "", part) for line in lines for part in line.partition(": ")[2].split(", ")}
+    reported = {re.sub(r" \d+$", "", part) for line in lines for part in line.partition(": ")[2].split(", ")}
     needed = {r for r in expected if not r.startswith("[")}
-    if strange := sorted(told - {r.strip("[]") for r in expected} - {"others"}):
+    if strange := sorted(reported - {r.strip("[]") for r in expected} - {"others"}):
         return f"the journal says that frames were rejected: {strange[0]}"
-    if "others" not in told and (missing := sorted(needed - told)):
+    if "others" not in reported and (missing := sorted(needed - reported)):
         return f"the journal does not say that frames were rejected: {missing[0]}"
     return ""
 
@@ -329,7 +329,7 @@ def _of_signals(row: MatrixRow) -> ExpectedLines:
     if row not in LONG_ROWS:
         return ExpectedLines(rejected=rejected, sometimes=(VAGUE, NOISE))
     yaw, lat = named("yaw_rate", 1), named("lateral_acceleration", 1)
-    heard = f"{yaw} is #, {lat} # times the sensor's noise"
+    levels = f"{yaw} is #, {lat} # times the sensor's noise"
     together = "correlation of {} and {} # below 1.5 Hz, # in 3 to 10 Hz"
     if f.kind == "reverse":
         return ExpectedLines(((f"Valid -> Degraded, GyroReversed: {together.format(yaw, lat)}",),))
@@ -343,8 +343,8 @@ def _of_signals(row: MatrixRow) -> ExpectedLines:
             sometimes=(VAGUE,),
         )
     if f.of == ALL:
-        return ExpectedLines(((f"Valid -> Degraded, SensorsSilent: {heard}",),), sometimes=(VAGUE, NOISE))
+        return ExpectedLines(((f"Valid -> Degraded, SensorsSilent: {levels}",),), sometimes=(VAGUE, NOISE))
     if f.of == "yaw_rate":
-        return ExpectedLines(((f"Valid -> Degraded, GyroDead: {heard}",),), sometimes=(VAGUE,))
-    small = f"{heard}; below 1.5 Hz {lat} is # of speed times yaw rate"
+        return ExpectedLines(((f"Valid -> Degraded, GyroDead: {levels}",),), sometimes=(VAGUE,))
+    small = f"{levels}; below 1.5 Hz {lat} is # of speed times yaw rate"
     return ExpectedLines(((f"Valid -> Degraded, AccelSmall: {small}",),))

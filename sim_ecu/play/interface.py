@@ -32,7 +32,7 @@ def check(faults: Sequence[Fault], interface: str, channel: str) -> None:
         if f.kind not in SILENT:
             continue
         if f.kind == "bus-off" and interface != "slcan":
-            raise InputError("only a slcan interface can be told so", key=f.kind, hint="-i slcan -c can7, or --fast")
+            raise InputError("only a slcan interface can be set so", key=f.kind, hint="-i slcan -c can7, or --fast")
         if f.kind != "bus-off" and (interface != "socketcan" or not channel.startswith("vcan")):
             raise InputError(
                 "is made on an interface that nobody misses", key=f.kind, hint="-i socketcan -c vcan1, or --fast"

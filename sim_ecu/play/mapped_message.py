@@ -164,7 +164,7 @@ def cycle_us(claims: Sequence[Claim]) -> int:
 
 
 class Split:
-    """The parts that the torques of some axles are told by: traction by the first that can say it, braking by all that
+    """The parts that carry the torques of some axles: traction by the first that can say it, braking by all that
     can, each its equal share; what one has no room for goes to the next.
 
     A signal of several axles carries their mean, and the axles' own signals the rest.
@@ -197,8 +197,8 @@ class Split:
             physical = sum(out[place] / factor for place, factor in group) / len(group)
             out.update({place: physical * factor for place, factor in group})
         for n, torque in torques_Nm.items() if self._shared else ():
-            told = sum(out[place] for place in self._reach[n] if place not in self._own[n])
-            self._give(out, self._own[n], torque - told)
+            carried = sum(out[place] for place in self._reach[n] if place not in self._own[n])
+            self._give(out, self._own[n], torque - carried)
         return out
 
     @staticmethod

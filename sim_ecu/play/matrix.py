@@ -40,7 +40,7 @@ SCENARIO = "half-wet"
 
 
 @dataclass(frozen=True, slots=True)
-class Said:
+class SentAdhesion:
     """One adhesion frame. slot numbers it, mu_pct is None where it says not available."""
 
     stamp_us: int
@@ -73,17 +73,17 @@ class Verdict:
 
 
 def judge(
-    must: Must, begin_us: int, end_us: int, said: Sequence[Said], without: Mapping[int, float],
+    must: Must, begin_us: int, end_us: int, sent: Sequence[SentAdhesion], without: Mapping[int, float],
     slack_ms: float = 0.0, slack_pp: float = 0.0,
 ) -> Verdict:  # fmt: skip
     """Judge the frames of an axle from a fault's begin on, beside MuAvailable without the fault, by slot. The slacks
     are for a bus whose clock is not virtual."""
-    said = [s for s in said if s.stamp_us > begin_us]
-    left = next((s.stamp_us for s in said if not s.valid), None)
-    back = next((s.stamp_us for s in said if s.valid and left is not None and s.stamp_us > max(end_us, left)), None)
+    sent = [s for s in sent if s.stamp_us > begin_us]
+    left = next((s.stamp_us for s in sent if not s.valid), None)
+    back = next((s.stamp_us for s in sent if s.valid and left is not None and s.stamp_us > max(end_us, left)), None)
     changes = [
         (s.stamp_us, abs(s.mu_pct - without[s.slot]))
-        for s in said
+        for s in sent
         if s.valid and s.mu_pct is not None and s.slot in without
     ]
     settled_us = end_us + round(SETTLED_AFTER_MS * 1000)
@@ -97,15 +97,15 @@ def judge(
     wrong = ""
     if isinstance(must, Leaves):
         wrong = _left(must, verdict, slack_ms)
-        if any(s.valid for s in said if left is not None and left < s.stamp_us <= end_us):
+        if any(s.valid for s in sent if left is not None and left < s.stamp_us <= end_us):
             wrong = wrong or "Valid during the fault"
-        if any(not s.valid for s in said if back is not None and s.stamp_us > back):
+        if any(not s.valid for s in sent if back is not None and s.stamp_us > back):
             wrong = wrong or "not Valid for good afterwards"
     elif isinstance(must, Stays):
         wrong = _stayed(must, verdict, slack_pp)
     elif isinstance(must, Found):
         until_us = begin_us + round((must.within_ms + slack_ms) * 1000)
-        late = any(s.valid for s in said if until_us < s.stamp_us <= end_us)
+        late = any(s.valid for s in sent if until_us < s.stamp_us <= end_us)
         return replace(verdict, back_ms=None, settled_pp=None, wrong="not found out" if late else "")
     if verdict.settled_pp is None or verdict.settled_pp > SETTLED_PP + slack_pp:
         wrong = wrong or "not itself again"
@@ -164,27 +164,27 @@ class Matrix:
         self._shared = {id(x): x for x in (core.config, *core.config.database.messages)}
         self._message = databases()[0].get_message_by_name("Adhesion_A1")
         self._before: dict[float, Core] = {}
-        said, since_s = [], 0.0
+        sent, since_s = [], 0.0
         for begin_s in sorted(begins_s):
-            said += self.said(core, (), since_s, begin_s)
+            sent += self.sent(core, (), since_s, begin_s)
             self._before[begin_s] = self._copy(core)
             since_s = begin_s
-        said += self.said(core, (), since_s, scenario.duration_s)
-        self._without = {s.slot: s.mu_pct for s in said if s.valid and s.mu_pct is not None}
+        sent += self.sent(core, (), since_s, scenario.duration_s)
+        self._without = {s.slot: s.mu_pct for s in sent if s.valid and s.mu_pct is not None}
 
     def _copy(self, core: Core) -> Core:
         return copy.deepcopy(core, dict(self._shared))
 
-    def said(
+    def sent(
         self,
         core: Core,
         faults: Sequence[Fault],
         since_s: float,
         until_s: float,
         look: Callable[[int], None] = lambda _: None,
-    ) -> list[Said]:
-        """Axle 1's adhesion frames when a core that knows all up to a time is played what comes then; look is told of
-        the time after every half sample, as the loop does after every turn."""
+    ) -> list[SentAdhesion]:
+        """Axle 1's adhesion frames of a core that knows all up to a time, then is played the rest. look gets the time
+        after every half sample, as after every turn of the loop."""
         first, last = (math.ceil(round(t * 1e6) / SAMPLE_US) - 1 for t in (since_s, until_s))
         samples, out = self._samples[max(first, 0) : last], []
         for due_us, frames in inject(samples, faults, self._numbers, self._seed, truth=False):
@@ -194,12 +194,12 @@ class Matrix:
         until_us = LOG_START_US + round(until_s * 1e6)
         out += core.advance(until_us)
         look(until_us)
-        return [self._said(o.frame) for o in out if o.frame.can_id == self._message.frame_id]
+        return [self._sent(o.frame) for o in out if o.frame.can_id == self._message.frame_id]
 
-    def _said(self, frame: Frame) -> Said:
+    def _sent(self, frame: Frame) -> SentAdhesion:
         values: Any = self._message.decode(frame.data)
         mu = values["MuAvailable"] if isinstance(values["MuAvailable"], float) else None
-        return Said(frame.stamp_us, frame.stamp_us // SLOT_US, str(values["Validity"]) == "Valid", mu)
+        return SentAdhesion(frame.stamp_us, frame.stamp_us // SLOT_US, str(values["Validity"]) == "Valid", mu)
 
     def play(self, row: MatrixRow) -> Verdict:
         """What comes of a row's fault, at the worst of its moments."""
@@ -212,10 +212,10 @@ class Matrix:
         core, lines = self._copy(self._before[begin_s]), list[str]()
         link: Any = SimpleNamespace(health=core.health.link)  # all that the journal looks at
         journal = CounterLog(core, link, lines.append)
-        journal.look(LOG_START_US + fault.begin_us - 2_000_000)  # what has been told before
+        journal.look(LOG_START_US + fault.begin_us - 2_000_000)  # what has been reported before
         lines.clear()
-        said = self.said(core, (fault,), begin_s, until_s, journal.look)
-        verdict = judge(row.must, LOG_START_US + fault.begin_us, LOG_START_US + fault.end_us, said, self._without)
+        sent = self.sent(core, (fault,), begin_s, until_s, journal.look)
+        verdict = judge(row.must, LOG_START_US + fault.begin_us, LOG_START_US + fault.end_us, sent, self._without)
         return replace(verdict, wrong=verdict.wrong or wrong_lines(row, lines))
 
 

@@ -10,7 +10,7 @@ from cantools.database.can import Message
 
 from sim_ecu.play.encoder import databases, message_key
 from sim_ecu.play.pace import Clock
-from sim_ecu.play.train import AdhesionReader, Said
+from sim_ecu.play.train import AdhesionReader, MessageValues
 from wrcd.bus.candump import format_line
 from wrcd.bus.dbc import find_message
 from wrcd.bus.frame import Frame
@@ -22,7 +22,7 @@ class ObservedTrace:
     """One axle as seen on the bus: rows of (time, what a frame says)."""
 
     truth: list[tuple[float, dict[str, Any]]] = field(default_factory=list)
-    adhesion: list[tuple[float, Said]] = field(default_factory=list)
+    adhesion: list[tuple[float, MessageValues]] = field(default_factory=list)
 
 
 class BusObserver:

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 # A log made without a bus begins at this moment, so that the same scenario gives the same bytes.
 LOG_START_US = 1_700_000_000_000_000
 BUSY_US = 50_000  # so late, frames cost Validity: the time-out of a sensor and its cycle
-MAX_SAMPLES = 20  # of a step: a computer that never catches up hears Ctrl-C all the same
+MAX_SAMPLES = 20  # of a step: a computer that never catches up obeys Ctrl-C all the same
 
 
 @dataclass(slots=True)

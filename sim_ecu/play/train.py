@@ -94,12 +94,13 @@ def _packaged(message: Message) -> Carrier:
 
 
 def end_of_field(s: Signal) -> int:
-    """What stands for not available where nothing else is said: the lowest value of a signed field, all ones of an
+    """What stands for not available where nothing else is given: the lowest value of a signed field, all ones of an
     unsigned one."""
     return -(1 << s.length - 1) if s.is_signed else (1 << s.length) - 1
 
 
-Said = dict[str, float | str | None]  # by the daemon's own names; a number in its unit, a word of its own, or nothing
+# By the daemon's own names: a number in its unit, a word of its own, or nothing.
+MessageValues = dict[str, float | str | None]
 
 
 class AdhesionReader:
@@ -118,7 +119,7 @@ class AdhesionReader:
                 words = labels if sent.words is None else sent.words
                 self._words[ours] = (signal.name, {raw: word for word, raw in words.items()})
 
-    def read(self, data: bytes) -> Said:
+    def read(self, data: bytes) -> MessageValues:
         """What a frame says, of the signals that are mapped."""
         raw: Any = self._message.decode(data, decode_choices=False, scaling=False)
         numbers = {ours: _number(signal, sent, raw[signal.name]) for ours, (signal, sent) in self._numbers.items()}

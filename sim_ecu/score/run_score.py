@@ -56,7 +56,7 @@ def run(
         others.insert(0, (PAPER, rig.PAPER_DESIGN))
     asked = ScoreRequest(design_file or resources.DESIGN, baselines_file, tuple(others))
     source = load_source(asked.design)
-    _world(asked)  # bad files are told of here, before anything is played
+    _world(asked)  # bad files are reported here, before anything is played
     began = time.monotonic()
     traces, missing = _play_all(list(runs(source, suite, QUICK if quick else 1.0)), jobs, asked)
     holed = _holed(missing, suite)

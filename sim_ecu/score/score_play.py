@@ -13,7 +13,7 @@ from sim_ecu.physics.contact import peak
 from sim_ecu.play.encoder import databases
 from sim_ecu.play.play import LOG_START_US
 from sim_ecu.play.player import LARGE_CHUNK, Player
-from sim_ecu.play.train import PACKAGED, AdhesionReader, Said, Train
+from sim_ecu.play.train import PACKAGED, AdhesionReader, MessageValues, Train
 from sim_ecu.score.baselines import Baseline, BoolArray, GivenTicks
 from sim_ecu.score.suites.run import Run
 from wrcd.bus.codec import Sample
@@ -32,7 +32,7 @@ FloatArray = NDArray[np.float64]
 
 
 @dataclass
-class Heard:
+class MessageFrames:
     """The frames of a message: when (microseconds after the run's begin), and what. To be read when all are there.
 
     output: how a train's own DBC lays the message out; its signals are then known by the daemon's own names. None: a
@@ -47,7 +47,7 @@ class Heard:
     def numbers(self, signal: str) -> FloatArray:
         """Values (frames,) in the signal's unit; NaN where there is none, or the value stands for a word."""
         if self.output is not None:
-            own = [said.get(signal) for said in self._own]
+            own = [values.get(signal) for values in self._own]
             return np.array([v if isinstance(v, float) else math.nan for v in own], np.float64)
         raw = self._raw(signal)
         s = self.message.get_signal_by_name(signal)
@@ -57,7 +57,7 @@ class Heard:
     def words(self, signal: str) -> NDArray[np.str_]:
         """Words (frames,) of the signal's value table, the number where it has none; empty for no such signal."""
         if self.output is not None:
-            own = [said.get(signal) for said in self._own]
+            own = [values.get(signal) for values in self._own]
             return np.array([v if isinstance(v, str) else "" for v in own], np.str_)
         if signal not in {s.name for s in self.message.signals}:
             return np.full(len(self.data), "")
@@ -74,13 +74,13 @@ class Heard:
         return np.where(s.is_signed & (raw >= 2 ** (s.length - 1)), raw - 2**s.length, raw)
 
     @cached_property
-    def _own(self) -> list[Said]:
+    def _own(self) -> list[MessageValues]:
         assert self.output is not None
         reader = AdhesionReader(self.message, self.output)
         return [reader.read(data) for data in self.data]
 
 
-class Ear:
+class TrainFrames:
     """Keeps the frames of a train's axles as someone on the bus receives them: adhesion, its detail where an axle has
     one, what lies ahead, and the truth.
 
@@ -91,23 +91,23 @@ class Ear:
         numbers = list(numbers)
         production, rig = databases()
 
-        def heard(database: Database, kind: str) -> dict[int, Heard]:
-            return {n: Heard(database.get_message_by_name(f"{kind}_A{n}")) for n in numbers}
+        def of_kind(database: Database, kind: str) -> dict[int, MessageFrames]:
+            return {n: MessageFrames(database.get_message_by_name(f"{kind}_A{n}")) for n in numbers}
 
-        self.truth = heard(rig, "SimTruth")
-        self.ahead = heard(production, "AdhesionAhead")
+        self.truth = of_kind(rig, "SimTruth")
+        self.ahead = of_kind(production, "AdhesionAhead")
         if own is None:
-            self.said, self.detail = heard(production, "Adhesion"), heard(production, "AdhesionDetail")
+            self.adhesion, self.detail = of_kind(production, "Adhesion"), of_kind(production, "AdhesionDetail")
         else:
             axles = {a.number: a for a in own.axles}
-            self.said, self.detail = (
-                {n: Heard(find_message(own.database, o.message), o) for n, o in outputs if o is not None}
+            self.adhesion, self.detail = (
+                {n: MessageFrames(find_message(own.database, o.message), o) for n, o in outputs if o is not None}
                 for outputs in ([(n, axles[n].adhesion) for n in numbers], [(n, axles[n].detail) for n in numbers])
             )
-        every = (self.ahead, self.said, self.truth, self.detail)
+        every = (self.ahead, self.adhesion, self.truth, self.detail)
         self._by_id = {h.message.frame_id: h for kind in every for h in kind.values()}
 
-    def hear(self, stamp_us: int, can_id: int, data: bytes) -> None:
+    def keep(self, stamp_us: int, can_id: int, data: bytes) -> None:
         """Keep a frame; others are ignored."""
         found = self._by_id.get(can_id)
         if found is not None:
@@ -118,14 +118,14 @@ class Ear:
 HALF_WIDTHS = {name: half_width for half_width, name in CONFIDENCES}
 
 
-def half_widths_pp(said: Heard) -> FloatArray:
+def half_widths_pp(adhesion: MessageFrames) -> FloatArray:
     """Half-widths (frames,) of the levels of Confidence; inf for wider than any, NaN for no level."""
-    return np.array([HALF_WIDTHS.get(word, np.nan) for word in said.words("Confidence").tolist()], np.float64)
+    return np.array([HALF_WIDTHS.get(word, np.nan) for word in adhesion.words("Confidence").tolist()], np.float64)
 
 
 @dataclass(slots=True)
 class Trace:
-    """What one axle's adhesion frames said, beside the truth. Arrays (frames,); NaN and "" where nothing was said."""
+    """What one axle's adhesion frames contain, beside the truth. Arrays (frames,); NaN and "" for nothing."""
 
     suite: str
     group: str
@@ -138,7 +138,7 @@ class Trace:
     time_s: FloatArray
     mu_pct: FloatArray
     validity: NDArray[np.str_]
-    cause: NDArray[np.str_]  # why it is not Valid, where the bus tells
+    cause: NDArray[np.str_]  # why it is not Valid, where the bus has it
     half_width_pp: FloatArray  # of the level on the bus; NaN for none, inf for wider
     own_half_width_pp: FloatArray  # the estimator's, before it became a level
     contact: NDArray[np.str_]
@@ -196,24 +196,24 @@ class TickRecorder:
 
 
 def play(run: Run, config: Config, baselines: dict[str, Baseline], train: Train = PACKAGED) -> list[Trace]:
-    """Play a run and gather what the bus said, an entry for each axle. train: whose messages the configuration maps.
+    """Play a run and gather what came on the bus, an entry for each axle. train: whose messages the configuration maps.
     Raises InputError for a fault or an axle that they leave no way to."""
     recording = TickRecorder(config.design, len(config.axles))
     core = Core(config, observer=recording)
     axles = run.scenario.axles
-    ear = Ear([a.number for a in axles], None if train is PACKAGED else config)
+    kept = TrainFrames([a.number for a in axles], None if train is PACKAGED else config)
     half_widths: dict[int, FloatArray] = {}
     for _, frames in Player(run.scenario, chunk=LARGE_CHUNK, train=train):
         for f in frames:
             stamp_us = LOG_START_US + f.due_us
             if not f.error:
-                ear.hear(f.due_us, f.can_id, f.data)
+                kept.keep(f.due_us, f.can_id, f.data)
             for out in core.feed(Frame(stamp_us, f.can_id, f.data, f.extended, error=f.error, fd=f.fd)):
                 due_us = out.frame.stamp_us - LOG_START_US
-                ear.hear(due_us, out.frame.can_id, out.frame.data)
+                kept.keep(due_us, out.frame.can_id, out.frame.data)
                 if out.why is not None:
                     half_widths[due_us] = out.why.half_width_pp
-    traces = [_trace(run, place, ear, half_widths) for place in range(len(axles))]
+    traces = [_trace(run, place, kept, half_widths) for place in range(len(axles))]
     if baselines and recording.ticks:
         _beside(traces, recording.all(), baselines)
     return traces
@@ -229,28 +229,28 @@ def _beside(traces: Sequence[Trace], ticks: GivenTicks, baselines: dict[str, Bas
         trace.baselines = {name: np.where(at >= 0, mu[np.maximum(at, 0), place], np.nan) for name, mu in others.items()}
 
 
-def newest(heard: Heard, signal: str, at_us: NDArray[np.int64]) -> NDArray[np.str_]:
-    """What the newest frame said at each time; empty before the first."""
-    place = np.searchsorted(np.array(heard.stamps_us), at_us, side="right")
-    return np.concatenate(([""], heard.words(signal)))[place]
+def newest(frames: MessageFrames, signal: str, at_us: NDArray[np.int64]) -> NDArray[np.str_]:
+    """The newest frame's word at each time; empty before the first."""
+    place = np.searchsorted(np.array(frames.stamps_us), at_us, side="right")
+    return np.concatenate(([""], frames.words(signal)))[place]
 
 
-def _cause(detail: Heard | None, at_us: NDArray[np.int64]) -> NDArray[np.str_]:
+def _cause(detail: MessageFrames | None, at_us: NDArray[np.int64]) -> NDArray[np.str_]:
     """Why each adhesion frame is not Valid. A drop ahead is no reason: it is of a Valid frame that came before."""
     if detail is None:
         return np.full(len(at_us), "")
-    said = newest(detail, "Cause", at_us)
-    return np.where(said == DROP_AHEAD, Cause.NONE.label, said)
+    cause = newest(detail, "Cause", at_us)
+    return np.where(cause == DROP_AHEAD, Cause.NONE.label, cause)
 
 
-def _trace(run: Run, place: int, ear: Ear, half_widths: dict[int, FloatArray]) -> Trace:
+def _trace(run: Run, place: int, kept: TrainFrames, half_widths: dict[int, FloatArray]) -> Trace:
     axle = run.scenario.axles[place]
-    said, truth = ear.said[axle.number], ear.truth[axle.number]
+    adhesion, truth = kept.adhesion[axle.number], kept.truth[axle.number]
     speed = float(run.scenario.speed.at(np.zeros(1))[0])
     # an adhesion frame tells of the time up to its stamp; the truth is the newest by then
-    true_us, said_us = np.array(truth.stamps_us), np.array(said.stamps_us)
-    use = said_us >= true_us[0]
-    latest = np.searchsorted(true_us, said_us[use], side="right") - 1
+    true_us, adhesion_us = np.array(truth.stamps_us), np.array(adhesion.stamps_us)
+    use = adhesion_us >= true_us[0]
+    latest = np.searchsorted(true_us, adhesion_us[use], side="right") - 1
     unknown = np.full(MAX_AXLES, np.nan)
     return Trace(
         suite=run.suite,
@@ -261,14 +261,14 @@ def _trace(run: Run, place: int, ear: Ear, half_widths: dict[int, FloatArray]) -
         speed_m_s=speed,
         judged_from_s=run.judged_from_s,
         changes_s=run.changes_s,
-        time_s=said_us[use] * 1e-6,
-        mu_pct=said.numbers("MuAvailable")[use],
-        validity=said.words("Validity")[use],
-        cause=_cause(ear.detail.get(axle.number), said_us[use]),
-        half_width_pp=half_widths_pp(said)[use],
-        own_half_width_pp=np.array([half_widths.get(t, unknown)[axle.number - 1] for t in said_us[use].tolist()]),
-        contact=said.words("ContactState")[use],
-        surface=said.words("Surface")[use],
+        time_s=adhesion_us[use] * 1e-6,
+        mu_pct=adhesion.numbers("MuAvailable")[use],
+        validity=adhesion.words("Validity")[use],
+        cause=_cause(kept.detail.get(axle.number), adhesion_us[use]),
+        half_width_pp=half_widths_pp(adhesion)[use],
+        own_half_width_pp=np.array([half_widths.get(t, unknown)[axle.number - 1] for t in adhesion_us[use].tolist()]),
+        contact=adhesion.words("ContactState")[use],
+        surface=adhesion.words("Surface")[use],
         true_mu_pct=truth.numbers("MuAvailable")[latest],
         true_used_pct=truth.numbers("MuUsed")[latest],
         true_slip=truth.numbers("Slip")[latest],

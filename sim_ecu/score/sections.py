@@ -26,7 +26,7 @@ BASELINES = (
 
 
 def warnings(result: Mapping[str, Any], quick: tuple[str, str] = QUICK) -> list[tuple[str, str]]:
-    """Return what is said first: that suites are left out, and that it is a quick one, in the words of `quick`."""
+    """Return what comes first: that suites are left out, and that it is a quick one, in the words of `quick`."""
     run = result.get("run", {})
     left_out = run.get("left_out")
     holes = [(HOLES, f"{', '.join(left_out)} left out, because runs failed.")] if left_out else []

@@ -14,7 +14,7 @@ import pytest
 from sim_ecu.play.encoder import databases
 from sim_ecu.play.expected import ROWS, SETTLED_AFTER_MS, WINDOW_MS, Leaves, MatrixRow, Unseen
 from sim_ecu.play.faults import KINDS, SILENT, Stage
-from sim_ecu.play.matrix import HEAD, Said, Verdict, judge, line
+from sim_ecu.play.matrix import HEAD, SentAdhesion, Verdict, judge, line
 from tests.support.can_ids import ADHESION, ADHESION_A1, YAW_RATE_A2
 from tests.support.metronome import SLOT_US, Machine, metronome, within
 from tests.support.processes import BIN, running, wait_for
@@ -92,7 +92,7 @@ def scenario(rows: Sequence[MatrixRow], first_s: float) -> str:
     return f"duration_s = {at_s + 0.5:.3f}\n{TWINS}" + "\n".join(tables)
 
 
-def said(frames: Sequence[Frame], can_id: int) -> list[Said]:
+def said(frames: Sequence[Frame], can_id: int) -> list[SentAdhesion]:
     message = databases()[0].get_message_by_frame_id(can_id)
     out = []
     for f in frames:
@@ -101,18 +101,20 @@ def said(frames: Sequence[Frame], can_id: int) -> list[Said]:
             assert isinstance(values, dict)
             mu = values["MuAvailable"]
             out.append(
-                Said(f.stamp_us, slot_of(f), str(values["Validity"]) == "Valid", mu if isinstance(mu, float) else None)
+                SentAdhesion(
+                    f.stamp_us, slot_of(f), str(values["Validity"]) == "Valid", mu if isinstance(mu, float) else None
+                )
             )
     return out
 
 
-def heard(frames: Sequence[Said], excused: Callable[[Said, Said], bool]) -> list[Said]:
+def heard(frames: Sequence[SentAdhesion], excused: Callable[[SentAdhesion, SentAdhesion], bool]) -> list[SentAdhesion]:
     """With the moments put in at which a receiver gives up on Adhesion: its time-out after the last frame. Not between
     two frames that are excused."""
     out = list(frames[:1])
     for before, s in pairwise(frames):
         if s.stamp_us - before.stamp_us > ADHESION_TIMEOUT_US and not excused(before, s):
-            out.append(Said(before.stamp_us + ADHESION_TIMEOUT_US, -1, False, None))
+            out.append(SentAdhesion(before.stamp_us + ADHESION_TIMEOUT_US, -1, False, None))
         out.append(s)
     return out
 
@@ -128,8 +130,8 @@ def judged(rows: Sequence[MatrixRow], frames: Sequence[Frame], told: str, machin
 
 
 def judged_row(
-    row: MatrixRow, begin_us: int, end_us: int, axle: Sequence[Said], twin: Sequence[Said], yaw: Sequence[int],
-    machine: Machine,
+    row: MatrixRow, begin_us: int, end_us: int, axle: Sequence[SentAdhesion],
+    twin: Sequence[SentAdhesion], yaw: Sequence[int], machine: Machine,
 ) -> Played:  # fmt: skip
     """A row between its fault's begin and end. Where the machine held up the twin's yaw rate on the bus or took the
     daemon's time, the axle is excused for as long as wrcd says that it takes to forget it."""
@@ -144,12 +146,12 @@ def judged_row(
         if since_us - FORGOTTEN_US < b < until_us and not (silent and a < end_us and b > begin_us)
     ]
 
-    def excused(before: Said, s: Said) -> bool:
+    def excused(before: SentAdhesion, s: SentAdhesion) -> bool:
         outside = s.stamp_us < begin_us or before.stamp_us > end_us or not silent
         missing = range(before.slot + 1, s.slot)
         return outside and (len(missing) <= LEFT_OUT or all(map(machine.excuses, missing)))
 
-    def in_row(s: Said) -> bool:
+    def in_row(s: SentAdhesion) -> bool:
         return since_us < s.stamp_us < until_us
 
     doubted = [(a, b + FORGOTTEN_US) for a, b in held_up]

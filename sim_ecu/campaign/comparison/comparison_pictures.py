@@ -55,14 +55,14 @@ def _differences(result: Result, names: Sequence[str]) -> Picture:
         legend(figure, look, {v: _handle(v) for v in LEGEND if v in shown}, 6)
         return figure
 
-    told = [
+    parts = [
         f"{c.suite}, {c.figure.name}: {c.found.difference:.3g}, {c.verdict}" for c in result.claims
     ]  # fmt: skip
     return Picture(
         "Differences by figure and suite",
         f"Second less first; lines are {share:g} % intervals, each by itself. Colours and shapes are the corrected "
         "verdicts.",
-        f"Differences of {len(names)} figures. " + ("; ".join(told) or "None is more than chance") + ".", make,
+        f"Differences of {len(names)} figures. " + ("; ".join(parts) or "None is more than chance") + ".", make,
     )  # fmt: skip
 
 

@@ -111,8 +111,8 @@ def verdict(result: Result) -> str:
                 suites.setdefault(c.suite, []).append(c.figure.name)
         if suites:
             parts.append(f"{word.capitalize()}: " + "; ".join(f"{s} ({', '.join(f)})" for s, f in suites.items()) + ".")
-    told = f"{len(claims)} of {result.judged} comparisons differ by more than chance."
-    return " ".join((told, *parts, _unjudged(result))).strip()
+    head = f"{len(claims)} of {result.judged} comparisons differ by more than chance."
+    return " ".join((head, *parts, _unjudged(result))).strip()
 
 
 def _unjudged(result: Result) -> str:

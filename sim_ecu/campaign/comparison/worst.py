@@ -53,7 +53,7 @@ def worst(result: Result) -> tuple[list[Worst], list[Worst]]:
     every = [away for suite in result.matched.suites for away in _of_suite(result, suite)]
     second = sorted((a for a in every if a.size > 0), key=lambda a: -a.size)[:MAX_JOBS]
     first = sorted((a for a in every if a.size < 0), key=lambda a: a.size)[:MAX_JOBS]
-    return [_told(a, result.second, result) for a in second], [_told(a, result.first, result) for a in first]
+    return [_worst_of(a, result.second, result) for a in second], [_worst_of(a, result.first, result) for a in first]
 
 
 def _of_suite(result: Result, suite: Suite) -> Iterator[_Away]:
@@ -95,7 +95,7 @@ def _of_job(
             yield _Away(*worse, suite, row, rows[1 - side])
 
 
-def _told(away: _Away, campaign: Results, result: Result) -> Worst:
+def _worst_of(away: _Away, campaign: Results, result: Result) -> Worst:
     inputs = {name: away.row[name] for name in campaign.inputs if away.row[name] is not None}
     beside = {} if away.other is None else {name: away.other[name] for name in result.matched.differ}
     return Worst(

@@ -82,7 +82,7 @@ class AxleTally:
     """One axle's Adhesion frames, added up by blocks."""
 
     number: int
-    said: MessageDecoder
+    decoder: MessageDecoder
     frames: int = 0
     by_validity: NDArray[np.int64] = field(default_factory=lambda: np.zeros(len(VALIDITIES), np.int64))
     by_cause: NDArray[np.int64] = field(default_factory=lambda: np.zeros(len(Cause), np.int64))
@@ -97,7 +97,7 @@ class AxleTally:
     @property
     def cycle_s(self) -> float:
         """What a frame stands for."""
-        return self.said.cycle_us * 1e-6
+        return self.decoder.cycle_us * 1e-6
 
     @property
     def newest_us(self) -> int:
@@ -123,7 +123,7 @@ class AxleTally:
             return
         stamps_us = np.array(self._stamps_us, np.int64)
         causes = np.frombuffer(bytes(self._causes), np.uint8)
-        values = self.said.read(np.frombuffer(bytes(self._data), np.uint8).reshape(n, -1))
+        values = self.decoder.read(np.frombuffer(bytes(self._data), np.uint8).reshape(n, -1))
         self._stamps_us, self._data, self._causes = array("q"), bytearray(), bytearray()
         validity = values["Validity"].astype(np.int64).clip(0)
         of = classes(validity == VALIDITIES.index(Validity.VALID), values["MuAvailable"].astype(np.float64))
@@ -178,14 +178,14 @@ class Tally:
         self.axles: dict[int, AxleTally] = {}  # by Frame.key
         for a in config.axles:
             message = find_message(config.database, a.adhesion.message)
-            said = MessageDecoder(message, a.adhesion, "adhesion", a.number)
-            self.axles[message_key(message)] = AxleTally(a.number, said)
+            decoder = MessageDecoder(message, a.adhesion, "adhesion", a.number)
+            self.axles[message_key(message)] = AxleTally(a.number, decoder)
         self.speed = Speed(config.constant_speed_m_s)
         self._messages = [i.source.message for i in config.inputs]
         quantities = [i.source.quantity for i in config.inputs]
         self._speed_source = quantities.index(Quantity.SPEED) if Quantity.SPEED in quantities else -1
         self._of = {a.number: a for a in self.axles.values()}
-        self._told = self.taken = 0  # changes, accepted frames
+        self._reported = self.taken = 0  # changes, accepted frames
         self.refusals = RefusalTally()
         self.correction_us = 0  # to what stamps are in the time that goes on
 
@@ -217,13 +217,13 @@ class Tally:
         self.look(core, frame.stamp_us)
 
     def look(self, core: Core, stamp_us: int) -> None:
-        """Note what the core has refused and told since the look before."""
+        """Note what the core has refused and reported since the look before."""
         self.refusals.look(core.counts.rejected_by_message, stamp_us)
         events = core.events
-        if events.total != self._told:
-            for change in events.since(self._told):
+        if events.total != self._reported:
+            for change in events.since(self._reported):
                 self._of[change.axle].spells.change(change.time_us + self.correction_us, change.cause, change.detail)
-            self._told = events.total
+            self._reported = events.total
 
     def end(self, core: Core, stamp_us: int) -> None:
         """The log is over."""
@@ -239,7 +239,7 @@ class Tally:
             axle.add_up(self.speed)
         self.speed.forget(newest_us)
 
-    def heard(self) -> list[AxleTally]:
+    def with_frames(self) -> list[AxleTally]:
         """The axles of which a frame came, good or not. Where there is none of any, all."""
         came = self.refusals.messages
         own: dict[int, set[str]] = {a.number: set() for a in self._config.axles}
@@ -251,7 +251,7 @@ class Tally:
 
     def suspects(self, begin_us: int, end_us: int) -> Iterator[Suspect]:
         """What was named in the log, from its begin to its end: sensors, then refused frames."""
-        for axle in self.heard():
+        for axle in self.with_frames():
             yield from axle.spells.suspects(axle.number, begin_us)
         axles: dict[str, int] = {}
         for i in self._config.inputs:

@@ -28,7 +28,7 @@ from sim_ecu.loop.rig import Step
 from sim_ecu.play.faults import SILENT
 from sim_ecu.play.inject import at_work
 from sim_ecu.play.train import PACKAGED, Train
-from sim_ecu.score.score_play import Ear
+from sim_ecu.score.score_play import TrainFrames
 from wrcd.core.configuration import Config
 from wrcd.errors import InputError
 
@@ -36,8 +36,8 @@ FACTORS = (
     SCENARIO,
     Factor("controller", Type.TEXT, "who demands torque; ideal sees the rail, as no controller can", "thresholds",
            choices=(*NAMES, IDEAL)),
-    Factor("with_adhesion", Type.FLAG, "the controller hears wrcd", False),
-    Factor("daemon", Type.FLAG, "wrcd runs, also where the controller does not hear it; always with_adhesion", False),
+    Factor("with_adhesion", Type.FLAG, "the controller receives wrcd's frames", False),
+    Factor("daemon", Type.FLAG, "wrcd runs, also where the controller does not use it; always with_adhesion", False),
     DESIGN,
     CONFIGURATION,
     *FAULT,
@@ -55,7 +55,7 @@ FIGURES = (
     Metric("utilisation", Type.NUMBER, "adhesion in use over available while the driver asks for more than there is, "
            "mean of all axles; NaN if never", better="more"),
     Metric("impulse_kNs", Type.NUMBER, "impulse of a start, sum of all axles; NaN where the demand brakes: a stop "
-           "needs what it needs, and is told by stop_m", "kN s", "more"),
+           "needs what it needs, and is judged by stop_m", "kN s", "more"),
     Metric("stop_m", Type.NUMBER, "stopping distance from the demand on; NaN where it did not stop", "m", "less"),
     Metric("distance_m", Type.NUMBER, "how far it came from the demand on", "m"),
     Metric("time_s", Type.NUMBER, "time from the demand to the end", "s"),
@@ -84,14 +84,14 @@ class _Asked:
 
 def _asked(inputs: Mapping[str, Any]) -> _Asked:
     """Raises InputError for inputs that make no sense."""
-    controller, hears = str(inputs.get("controller", "thresholds")), bool(inputs.get("with_adhesion", False))
-    runs = hears or bool(inputs.get("daemon", False))
+    controller, with_adhesion = str(inputs.get("controller", "thresholds")), bool(inputs.get("with_adhesion", False))
+    runs = with_adhesion or bool(inputs.get("daemon", False))
     timing = Timing(int(inputs.get("phase_us", 0)), int(inputs.get("delay_us", 0)))
-    if hears and controller not in NAMES[1:]:
+    if with_adhesion and controller not in NAMES[1:]:
         hint = f"of {', '.join(NAMES[1:])} only"
-        raise InputError(f"{controller!r} hears no adhesion", key="with_adhesion", hint=hint)
+        raise InputError(f"{controller!r} takes no adhesion", key="with_adhesion", hint=hint)
     if controller == IDEAL and runs:
-        raise InputError("runs without a bus, where no daemon hears anything", key="controller", hint="daemon = false")
+        raise InputError("runs without a bus, so without a daemon", key="controller", hint="daemon = false")
     if controller == IDEAL and timing != Timing():
         raise InputError("acts at once, on what it sees", key="controller", hint="phase_us and delay_us are of others")
     for name in ("design", "configuration"):
@@ -101,13 +101,13 @@ def _asked(inputs: Mapping[str, Any]) -> _Asked:
     faults = fault_of(inputs, scenario.axles, scenario.train.duration_s)
     for f in faults:
         if controller == IDEAL or not (runs or f.kind in SILENT):
-            raise InputError(f"nobody hears the inputs that {f.kind} spoils", key="fault", hint="daemon = true")
+            raise InputError(f"nobody receives the inputs that {f.kind} spoils", key="fault", hint="daemon = true")
     played = replace(scenario.train, faults=(*scenario.train.faults, *faults))
     config, train = daemon_of(inputs, played) if runs else (None, PACKAGED)
     numbers = [a.number for a in played.axles]
     at_work(played.faults, numbers, played.axles[0].seed, train)
     train.encoder(numbers, truth=False)
-    return _Asked(replace(scenario, train=played), controller, hears, config, train, timing)
+    return _Asked(replace(scenario, train=played), controller, with_adhesion, config, train, timing)
 
 
 def _check(inputs: Mapping[str, Any]) -> None:
@@ -120,35 +120,35 @@ def figures(job: Job) -> Mapping[str, Scalar]:
     """Drive the run of a job, and judge it."""
     asked = _asked(job.inputs)
     own = None if asked.train is PACKAGED else asked.config
-    recorder = None if asked.config is None else Ear(asked.scenario.axles, own)
+    recorder = None if asked.config is None else TrainFrames(asked.scenario.axles, own)
     steps = list(_steps(asked, recorder))
     f = judge(steps, asked.scenario)
-    said = [] if recorder is None else honesty(adhesion_series(recorder.said), steps)
-    out = asdict(f) | {"distance_m": f.stop_m, "stop_m": f.stop_m if f.stopped else math.nan, **_honest(said)}
+    found = [] if recorder is None else honesty(adhesion_series(recorder.adhesion), steps)
+    out = asdict(f) | {"distance_m": f.stop_m, "stop_m": f.stop_m if f.stopped else math.nan, **_honest(found)}
     if max(asked.scenario.driver.values, key=abs) < 0.0:  # the largest demand brakes
         out["impulse_kNs"] = math.nan
     return out | {"time_s": out.pop("seconds")}
 
 
-def _steps(asked: _Asked, recorder: Ear | None) -> Iterator[Step]:
+def _steps(asked: _Asked, recorder: TrainFrames | None) -> Iterator[Step]:
     if asked.controller == IDEAL:
         yield from ride_ideal(asked.scenario)
         return
-    heard = asked.config if asked.with_adhesion else None
-    controller = make_controller(asked.controller, Facts.of(asked.scenario), heard)
-    listener = None if recorder is None else recorder.hear
+    source = asked.config if asked.with_adhesion else None
+    controller = make_controller(asked.controller, Facts.of(asked.scenario), source)
+    listener = None if recorder is None else recorder.keep
     run = Lockstep(asked.scenario, controller, asked.config, listener, train=asked.train, timing=asked.timing)
     yield from run
 
 
-def _honest(said: list[Honesty]) -> dict[str, Scalar]:
-    if not said:
+def _honest(found: list[Honesty]) -> dict[str, Scalar]:
+    if not found:
         return dict.fromkeys(("valid", "outside", "outside_s", "over_s"), math.nan)
     return {
-        "valid": sum(h.valid for h in said) / len(said),
-        "outside": sum(h.outside for h in said) / len(said),
-        "outside_s": max(h.outside_s for h in said),
-        "over_s": max(h.over_s for h in said),
+        "valid": sum(h.valid for h in found) / len(found),
+        "outside": sum(h.outside for h in found) / len(found),
+        "outside_s": max(h.outside_s for h in found),
+        "over_s": max(h.over_s for h in found),
     }
 
 

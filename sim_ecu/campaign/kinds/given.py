@@ -132,7 +132,7 @@ def scenario_of(inputs: Mapping[str, Any], path: Path, read: Callable[[Section, 
 
 @lru_cache(KEPT)
 def _sound(path: Path, _digest: str, read: Callable[[Section, str], Any]) -> str:
-    """The text of a file; what is wrong in it as it stands is told with its line."""
+    """The text of a file; what is wrong in it as it stands is reported with its line."""
     read(read_toml(path), path.stem)
     return path.read_text(encoding="utf-8")
 

@@ -113,34 +113,34 @@ def _figures(
     tally: Tally, span_us: tuple[int, int], damage: Damage, steps: int, warnings: Sequence[str]
 ) -> Mapping[str, Scalar]:
     """span_us: the log's begin and end."""
-    heard = tally.heard()
-    seconds = sum(a.seconds for a in heard)
+    axles = tally.with_frames()
+    seconds = sum(a.seconds for a in axles)
     begin_us = span_us[0]
     suspects = list(tally.suspects(*span_us))
     out: dict[str, Scalar] = {
         "begin_s": begin_us * 1e-6,
-        "hours": max(a.seconds for a in heard) / 3600,
-        "km": max(a.metres for a in heard) / 1000,
-        "axles": len(heard),
-        **{snake(v): _share(sum(a.by_validity[k] * a.cycle_s for a in heard), seconds)
+        "hours": max(a.seconds for a in axles) / 3600,
+        "km": max(a.metres for a in axles) / 1000,
+        "axles": len(axles),
+        **{snake(v): _share(sum(a.by_validity[k] * a.cycle_s for a in axles), seconds)
            for k, v in enumerate(VALIDITIES) if v in set(Validity)},
         "read": damage.read,
         "accepted": tally.taken,
         "refused": tally.refusals.total,
-        "restarts": sum(a.spells.times[Cause.RESTARTED] for a in heard),
+        "restarts": sum(a.spells.times[Cause.RESTARTED] for a in axles),
         "clock_steps": steps,
         "whole": damage.whole,
         "suspects": len(suspects),
         "worst_s": max((s.seconds for s in suspects), default=0.0),
     }  # fmt: skip
     way, time = (sum((bins.total for bins in of), np.zeros(len(CLASSES)))
-                 for of in ([a.way for a in heard], [a.time for a in heard]))  # fmt: skip
+                 for of in ([a.way for a in axles], [a.time for a in axles]))  # fmt: skip
     out |= {class_column("km", c): float(way[k]) / 1000 for k, c in enumerate(CLASSES)}
     out |= {class_column("hours", c): float(time[k]) / 3600 for k, c in enumerate(CLASSES)}
-    out |= {cause_column(c): _share(sum(a.by_cause[c] * a.cycle_s for a in heard), seconds) for c in CAUSES}
+    out |= {cause_column(c): _share(sum(a.by_cause[c] * a.cycle_s for a in axles), seconds) for c in CAUSES}
     detail = {
-        "axles": by_axle(heard),
-        "without_frame": [a.number for a in tally.axles.values() if a not in heard],
+        "axles": by_axle(axles),
+        "without_frame": [a.number for a in tally.axles.values() if a not in axles],
         "suspects": [s.document() for s in suspects],
         "refused": tally.refusals.document(begin_us),
         "warnings": list(warnings),
@@ -152,11 +152,11 @@ def _share(part: float, of: float) -> float:
     return float(part) / of if of else math.nan
 
 
-def by_axle(heard: Sequence[AxleTally]) -> list[dict[str, Any]]:
+def by_axle(axles: Sequence[AxleTally]) -> list[dict[str, Any]]:
     """The detail of each. All have the steps that the longest needs, so that they can be added up."""
-    step_m = _step(max(a.metres for a in heard), STEP_M, KILOMETRE)
-    step_s = _step(max(a.seconds for a in heard), STEP_S, MINUTE)
-    return [_axle(a, step_m, step_s) for a in heard]
+    step_m = _step(max(a.metres for a in axles), STEP_M, KILOMETRE)
+    step_s = _step(max(a.seconds for a in axles), STEP_S, MINUTE)
+    return [_axle(a, step_m, step_s) for a in axles]
 
 
 def _axle(a: AxleTally, step_m: float, step_s: float) -> dict[str, Any]:

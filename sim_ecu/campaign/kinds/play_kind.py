@@ -1,4 +1,4 @@
-"""A scenario whose torques are fixed, played to wrcd's core on virtual time: what it said, held against the truth."""
+"""A scenario of fixed torques, played to wrcd's core on virtual time: what it estimated, held against the truth."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -66,7 +66,7 @@ def _cost(inputs: Mapping[str, Any]) -> float:
 
 PLAY = Kind(
     "play",
-    "a scenario to play, and what wrcd said of it against the truth",
+    "a scenario to play, and what wrcd made of it against the truth",
     FACTORS,
     FIGURES,
     figures,

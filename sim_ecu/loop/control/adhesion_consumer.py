@@ -72,7 +72,7 @@ class TrainController(Protocol):
 class Unprotected:
     """Gives the driver what the driver asks: no wheel-slide protection at all.
 
-    Says nothing before it has heard the driver, so that the rig brakes by itself. When the driver falls silent,
+    Sends nothing before the first frame of the driver, so that the rig brakes by itself. When the driver falls silent,
     traction ends and a brake stays.
     """
 
@@ -194,19 +194,19 @@ class AdhesionReceiver:
 
     def _read(self, data: bytes) -> UsableAdhesion | None:
         """What a good frame tells; None: fall back."""
-        said = self._reader.read(data)
-        self._validity = str(said.get("Validity"))
-        mu, level, age_ms = said.get("MuAvailable"), said.get("Confidence"), said.get("SampleAge", 0.0)
-        if said.get("Validity") != "Valid" or not isinstance(mu, float) or not 0.0 <= mu <= 100.0:
+        values = self._reader.read(data)
+        self._validity = str(values.get("Validity"))
+        mu, level, age_ms = values.get("MuAvailable"), values.get("Confidence"), values.get("SampleAge", 0.0)
+        if values.get("Validity") != "Valid" or not isinstance(mu, float) or not 0.0 <= mu <= 100.0:
             return None
-        if "Unknown" in (said.get("Surface"), said.get("ContactState")):
+        if "Unknown" in (values.get("Surface"), values.get("ContactState")):
             return None
         if not isinstance(age_ms, float) or age_ms > MAX_AGE_MS:
             return None
         if level != WIDER and level not in HALF_WIDTHS:
             return None
         width = None if level == WIDER else HALF_WIDTHS[str(level)]
-        return UsableAdhesion(mu / 100.0, width, said.get("ContactState") == "Saturated")
+        return UsableAdhesion(mu / 100.0, width, values.get("ContactState") == "Saturated")
 
 
 def receiver(config: Config, axle: AxleConfig) -> AdhesionReceiver:

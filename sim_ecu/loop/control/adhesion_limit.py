@@ -76,7 +76,7 @@ class AdhesionLimit:
         self._source, self._unit_N_m, self._c = source, unit_N_m, constants or LimitConstants()
         self.limit_N_m: float | None = None
         self._carried_N_m: float | None = None  # what the estimate carries, its rises followed slowly
-        self._heard_us = 0  # when a frame was last used
+        self._used_us = 0  # when a frame was last used
         self._saturated = False
         self._unsteady_us, self._mean_N_m, self._rise_s = 0, 0.0, self._c.rise_s
         self._hold_s = self._c.hold_s
@@ -119,7 +119,7 @@ class AdhesionLimit:
             now = self._step_down(now, now_us, given_N_m, carried)
         else:
             now = self._probe(now, now_us, given_N_m, carried, braking)
-        if now_us - self._heard_us > self._c.memory_s * 1e6:
+        if now_us - self._used_us > self._c.memory_s * 1e6:
             now = max(now, (self.limit_N_m or 0.0) + self._c.lift * asked_N_m * PERIOD_S)
         if now >= asked_N_m and (not used or asked_N_m <= carried):
             self._end()
@@ -150,16 +150,16 @@ class AdhesionLimit:
 
     def _follow(self, now_us: int, asked_N_m: float, braking: bool) -> bool:
         """Follow the estimate: down at once, up slowly. False where there is none to be used."""
-        c, said = self._c, self._source.adhesion(now_us)
-        if said is None:
+        c, usable = self._c, self._source.adhesion(now_us)
+        if usable is None:
             return False
-        self._heard_us, self._saturated = now_us, said.saturated
-        if said.half_width is None:
+        self._used_us, self._saturated = now_us, usable.saturated
+        if usable.half_width is None:
             return False
         self._hold_s = c.hold_s if braking else c.pull_hold_s
         self._rise_s = c.rise_s if braking else c.pull_rise_s
         aim, widths = (c.aim, c.half_widths) if braking else (c.pull_aim, c.pull_half_widths)
-        carries = self._unit_N_m * aim * max(said.mu - widths * said.half_width, 0.5 * said.mu)
+        carries = self._unit_N_m * aim * max(usable.mu - widths * usable.half_width, 0.5 * usable.mu)
         self._mean_N_m += (carries - self._mean_N_m) * PERIOD_S / c.steady_s
         if abs(carries - self._mean_N_m) > c.steady * self._mean_N_m:
             self._unsteady_us = now_us
@@ -189,7 +189,7 @@ class AdhesionLimit:
         c = self._c
         if self._creep > (c.far_knee if given_N_m > c.far * carried_N_m else c.knee):
             if self._state is Probe.CLIMB:
-                agrees = self._heard_us == now_us and given_N_m <= c.doubt * carried_N_m
+                agrees = self._used_us == now_us and given_N_m <= c.doubt * carried_N_m
                 keep = (c.keep if braking else c.pull_keep) if agrees else c.keep_alone
                 return min(now, self._knee(now_us, given_N_m, carried_N_m, keep))
             return now

@@ -92,7 +92,7 @@ class InputWatch(Watch):
         """Return lines of what came of it."""
         out = []
         for (name, s), (can_id, frame) in zip(self._silences.by_name.items(), self._frames.items(), strict=True):
-            what = f"{self._taken[can_id]} frames" if s.heard else "never came"
+            what = f"{self._taken[can_id]} frames" if s.came else "never came"
             what += f", silent {times(s.silences)}, {s.longest_us * 1e-6:.2f} s the longest" if s.silences else ""
             out.append(f"{name:16} {what}{counted(frame.rejected)}")
         return out
@@ -180,7 +180,7 @@ class ProtectionWatch(Watch):
 
 
 class OnBus:
-    """Turns a controller every 10 ms: hears what has come, and sends its demands.
+    """Turns a controller every 10 ms: takes what has come, and sends its demands.
 
     Deadlines are absolute. A cycle for which the computer came too late is left out and counted: no demand is sent
     twice, none that is old. paced_by: the message that the cycles follow, so that each has the newest.
@@ -239,8 +239,8 @@ def control_on_bus(
     controller: TrainController, watches: Sequence[Watch], interface: str, channel: str, seconds: float | None = None,
     paced_by: int | None = None,
 ) -> list[str]:  # fmt: skip
-    """Until SIGTERM or Ctrl-C comes, or so many seconds are over. It hears the messages of its watches, and its cycles
-    follow one of them.
+    """Until SIGTERM or Ctrl-C comes, or so many seconds are over. It receives the messages of its watches; one may
+    pace its cycles.
 
     Returns what it came to, as lines. Raises InputError, BusError.
     """

@@ -316,7 +316,7 @@ SLOPE_CYCLES = 3  # the wheel's acceleration is taken over so many: noise of 0.5
 
 
 class ControlledAxle:
-    """One axle. heard: its input messages; given_N_m: |torque| asked of its actuators in the cycle before."""
+    """One axle. inputs: its messages; given_N_m: |torque| asked of its actuators in the cycle before."""
 
     def __init__(self, number: int, facts: Facts, law: Law, limit: AdhesionLimit | None) -> None:
         self.wheel = NewestFrame(rig_message(f"WheelSpeed_A{number}"))
@@ -333,7 +333,7 @@ class ControlledAxle:
 
     @property
     def speed_m_s(self) -> float:
-        """The wheel's circumferential speed as it was heard last."""
+        """The wheel's circumferential newest speed that was received."""
         return float(self.wheel.values["WheelSpeed"])
 
     def observe(self, now_us: int, braking: bool) -> None:

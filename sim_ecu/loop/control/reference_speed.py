@@ -20,7 +20,7 @@ SETTLE_S, SETTLED_M_S = 0.7, 0.2
 
 
 class ReferenceSpeed:
-    """Ground speed (m/s) from wheel speeds, one step per cycle. speed_m_s is None before the first wheel was heard."""
+    """Ground speed (m/s) from wheel speeds, one step per cycle. speed_m_s is None before the first wheel speed."""
 
     def __init__(self, facts: Facts) -> None:
         self._facts = facts
@@ -37,7 +37,7 @@ class ReferenceSpeed:
     ) -> float | None:
         """One cycle on.
 
-        wheels_m_s: circumferential speeds that were heard (none: extrapolates). forces_N: of each axle, the force at
+        wheels_m_s: circumferential speeds that were received (none: extrapolates). forces_N: of each axle, the force at
         the rail in the direction of the effort, at least 0.
         """
         sign = 1.0 if braking else -1.0
@@ -136,7 +136,7 @@ class Proof:
         if self.proved:
             return None
         if not braking and asked_N_m > 0.0:
-            self.proved, self.freed = True, None  # traction ended while nobody was heard: the wheels have come back
+            self.proved, self.freed = True, None  # traction ended while no frame came: the wheels have come back
             return None
         for seen, a in zip(self._seen, axles, strict=True):
             if a.wheel_silent:

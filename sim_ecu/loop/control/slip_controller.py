@@ -18,10 +18,10 @@ LOST_US = 200_000  # a silence of all wheels, or of the controller itself, after
 class SlipController:
     """Wheel-slide protection and traction control of a train.
 
-    Before the driver was heard it says nothing: without a Demand the rig brakes by itself. Inputs that are silent past
-    their time-out: DriverDemand: traction ends; a brake that was asked stays asked, and protected. WheelSpeed: the axle
+    Before the driver's first frame it sends nothing: without a Demand the rig brakes by itself. Inputs that are silent
+    past their time-out: DriverDemand: traction ends; a brake that was asked stays, protected. WheelSpeed: the axle
     pulls no more, and brakes as the driver asks, without protection. BrakePressure: the controller goes on with its own
-    model of the cylinder. After its start, and after it has heard no wheel while braking, a wheel has to prove the
+    model of the cylinder. After its start, and after it has received no wheel while braking, a wheel has to prove the
     reference first: see `proof`.
     """
 
@@ -36,7 +36,7 @@ class SlipController:
         self.axles = [ControlledAxle(n, facts, law(), limits.get(n)) for n in facts.axles]
         self._driver = driver_demand()
         inputs = [self._driver, *(h for a in self.axles for h in (a.wheel, a.pressure))]
-        self._heard = {h.message.frame_id: h for h in inputs}
+        self._inputs = {h.message.frame_id: h for h in inputs}
         self._pressures = {a.pressure.message.frame_id: a for a in self.axles}
         self._reference = ReferenceSpeed(facts)
         self._resync = Resync(len(self.axles), self.axles[0].law.release)
@@ -48,7 +48,7 @@ class SlipController:
 
     @property
     def reference_m_s(self) -> float | None:
-        """The ground speed that the controller goes by; None before a wheel was heard."""
+        """The ground speed that the controller goes by; None before the first wheel speed."""
         return self._reference.speed_m_s
 
     @property
@@ -58,13 +58,13 @@ class SlipController:
 
     def hear(self, can_id: int, data: bytes, stamp_us: int) -> None:
         """Take a frame from the bus."""
-        heard = self._heard.get(can_id)
-        if heard is None:
+        message = self._inputs.get(can_id)
+        if message is None:
             for a in self.axles:
                 if a.limit is not None:
                     a.limit.hear(can_id, data, stamp_us)
-        elif heard.take(data, stamp_us) and can_id in self._pressures:
-            self._pressures[can_id].blending.hear(float(heard.values["Pressure"]))
+        elif message.take(data, stamp_us) and can_id in self._pressures:
+            self._pressures[can_id].blending.hear(float(message.values["Pressure"]))
 
     def tick(self, now_us: int) -> list[Sent]:
         """The Demand frames of a cycle. Cycles may be left out; time does not run backwards."""
@@ -166,12 +166,12 @@ def make_controller(name: str, facts: Facts, config: Config | None = None) -> Tr
 
 
 def _limit(name: str, facts: Facts, config: Config, axle: AxleConfig) -> AdhesionLimit:
-    heard = receiver(config, axle)
-    if heard.unusable is not None:
+    adhesion = receiver(config, axle)
+    if adhesion.unusable is not None:
         raise InputError(
-            f"{heard.unusable}: no base for a controller",
+            f"{adhesion.unusable}: no base for a controller",
             hint="map them in the configuration, or run the controller without adhesion",
         )
     # the wheelset's own rotation takes torque beside what the rail carries
     rotation = facts.inertia_kg_m2 / facts.wheelset.r_0**2 / facts.wheelset.M_v
-    return AdhesionLimit(heard, facts.unit_adhesion_N_m * (1.0 + rotation), LIMITS[name])
+    return AdhesionLimit(adhesion, facts.unit_adhesion_N_m * (1.0 + rotation), LIMITS[name])

@@ -50,7 +50,7 @@ class WrcdRig(Fmi2Slave):  # type: ignore[misc]  # PythonFMU has no types
         self.description = f"wrcd's rig, simulation only: {scenario.train.title}"
         self.default_experiment = DefaultExperiment(0.0, scenario.train.duration_s, SAMPLE_S)
         self._cannot_start: InputError | None = None
-        self._told = False
+        self._reported = False
         for v in self._plant.variables:
             self._register(v)
 
@@ -68,7 +68,7 @@ class WrcdRig(Fmi2Slave):  # type: ignore[misc]  # PythonFMU has no types
         self._start_s = start_time
 
     def exit_initialization_mode(self) -> None:
-        """Make the rig. A parameter that is wrong is told here, and every step is discarded."""
+        """Make the rig. A parameter that is wrong is reported here, and every step is discarded."""
         try:
             self._plant.start(self._start_s)
         except InputError as e:
@@ -91,8 +91,8 @@ class WrcdRig(Fmi2Slave):  # type: ignore[misc]  # PythonFMU has no types
         """Say why: to the master's log, to a variable; once to stderr, for masters often have the log switched off."""
         self._plant.values[REFUSED.name] = str(error)
         self.log(str(error), Fmi2Status.discard)
-        if not self._told:
-            self._told = True
+        if not self._reported:
+            self._reported = True
             print(f"{self.instance_name}: {error}", file=sys.stderr, flush=True)
 
     def to_xml(self, model_options: dict[str, str] | None = None) -> Element:

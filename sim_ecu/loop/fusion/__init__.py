@@ -1,1 +1,1 @@
-"""Fusion along the vehicle, scored: what is told of a patch before an axle is on it, and what is told for nothing."""
+"""Fusion along the vehicle, scored: patches that are reported before an axle is on them, and false reports."""

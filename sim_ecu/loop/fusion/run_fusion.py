@@ -1,4 +1,4 @@
-"""`sim-ecu score --suite fusion`: drives patches and other rails, judges what was told of them, prints the tables."""
+"""`sim-ecu score --suite fusion`: drives patches and other rails, judges what is reported of them, prints tables."""
 
 import math
 import time
@@ -103,8 +103,8 @@ def _axle(of: Sequence[Entry]) -> dict[str, Any]:
 
 def _figures(of: Sequence[Entry]) -> dict[str, Figure]:
     runs = np.array([e.run for e in of], np.int64)
-    lead, told, true = (np.array([getattr(e, name) for e in of]) for name in ("lead_s", "told_pct", "true_pct"))
-    warned, known = np.isfinite(lead), np.isfinite(told)
+    lead, stated, true = (np.array([getattr(e, name) for e in of]) for name in ("lead_s", "told_pct", "true_pct"))
+    warned, known = np.isfinite(lead), np.isfinite(stated)
     errors_m = np.abs(np.concatenate([e.errors_m for e in of] or [np.zeros(0)]))
     of_errors = np.repeat(runs, [len(e.errors_m) for e in of])
     return {
@@ -112,8 +112,8 @@ def _figures(of: Sequence[Entry]) -> dict[str, Figure]:
         "lead_s": bootstrap.quantile(lead[warned], runs[warned], 0.5),
         "told": bootstrap.share(known, runs),
         "confirmed": bootstrap.share(np.array([e.confirmed for e in of], bool), runs),
-        "error_pp": bootstrap.mean(np.abs(told - true)[known], runs[known]),
-        "bias_pp": bootstrap.mean((told - true)[known], runs[known]),
+        "error_pp": bootstrap.mean(np.abs(stated - true)[known], runs[known]),
+        "bias_pp": bootstrap.mean((stated - true)[known], runs[known]),
         "distance_m": bootstrap.quantile(errors_m, of_errors, 0.5),
         "distance_p95_m": bootstrap.quantile(errors_m, of_errors, FAR),
     }
@@ -204,7 +204,7 @@ def run(quick: bool, jobs: int, design_file: Path | None, json_out: Path | None,
     """Drive, judge, print; write the figures as JSON where asked for."""
     check_output("--json", json_out)
     design = design_file or resources.DESIGN
-    _configs(design)  # a bad file is told of here
+    _configs(design)  # a bad file is reported here
     began = time.monotonic()
     scale = QUICK if quick else 1.0
     played, missing = play_all([*patches(scale), *rails(scale)], jobs, design)

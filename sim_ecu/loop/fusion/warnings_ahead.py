@@ -13,7 +13,7 @@ from sim_ecu.loop.fusion.patches import PLACES_M, PatchRide
 from sim_ecu.loop.lockstep import Lockstep
 from sim_ecu.play.encoder import SAMPLE_US
 from sim_ecu.play.play import LOG_START_US
-from sim_ecu.score.score_play import Ear, Heard
+from sim_ecu.score.score_play import MessageFrames, TrainFrames
 from wrcd.bus.frame import Frame
 from wrcd.core.causes import Validity
 from wrcd.core.configuration import Config
@@ -29,7 +29,7 @@ TRULY_LOW_PCT = 8.0
 
 @dataclass(frozen=True, slots=True)
 class AheadFrames:
-    """What was told to one axle: arrays by frame (n,). mu_pct and distance_m are NaN where not told."""
+    """What was reported to one axle: arrays by frame (n,). mu_pct and distance_m are NaN where nothing was."""
 
     time_s: FloatArray
     warns: BoolArray
@@ -56,14 +56,14 @@ class PatchRecord:
 
 
 def play(drive: PatchRide, fusing: Config, plain: Config | None) -> PatchRecord:
-    """Drive a run and gather what a core said whose configuration has fusion, and one without where there is such."""
+    """Drive a run and gather what a core sent whose configuration has fusion, and one without where there is such."""
     scenario = drive.scenario
-    pairs = [(Core(config), Ear(AXLES)) for config in (fusing, plain) if config is not None]
+    pairs = [(Core(config), TrainFrames(AXLES)) for config in (fusing, plain) if config is not None]
 
     def frame(stamp_us: int, can_id: int, data: bytes) -> None:
-        for core, ear in pairs:
+        for core, kept in pairs:
             for out in core.feed(Frame(LOG_START_US + stamp_us, can_id, data)):
-                ear.hear(out.frame.stamp_us - LOG_START_US, out.frame.can_id, out.frame.data)
+                kept.keep(out.frame.stamp_us - LOG_START_US, out.frame.can_id, out.frame.data)
 
     run = Lockstep(scenario, make_controller(drive.law, Facts.of(scenario)), None, frame, sensors=True)
     steps = [(step.distance_m, step.mu_available) for step in run]
@@ -75,27 +75,27 @@ def play(drive: PatchRide, fusing: Config, plain: Config | None) -> PatchRecord:
         way_m=np.array([d for d, _ in steps]),
         mu_pct=mu_pct,
         false_lows=_false_lows(fused, mu_pct),
-        same=all(fused.said[a].data == alone.said[a].data for a in AXLES),
+        same=all(fused.adhesion[a].data == alone.adhesion[a].data for a in AXLES),
     )
 
 
-def _seen(heard: Heard) -> AheadFrames:
-    evidence = heard.words("Evidence")
+def _seen(frames: MessageFrames) -> AheadFrames:
+    evidence = frames.words("Evidence")
     return AheadFrames(
-        time_s=np.array(heard.stamps_us) * 1e-6,
+        time_s=np.array(frames.stamps_us) * 1e-6,
         warns=evidence != "None",
         confirmed=evidence == "Confirmed",
-        mu_pct=heard.numbers("MuAhead"),
-        distance_m=heard.numbers("Distance"),
+        mu_pct=frames.numbers("MuAhead"),
+        distance_m=frames.numbers("Distance"),
     )
 
 
-def _false_lows(fused: Ear, mu_pct: FloatArray) -> int:
+def _false_lows(fused: TrainFrames, mu_pct: FloatArray) -> int:
     """Valid frames that call a rail low that is not."""
     count = 0
-    for k, said in enumerate(fused.said.values()):
-        at = np.minimum((np.array(said.stamps_us) * 1e-6 / SAMPLE_S).round().astype(np.int64), len(mu_pct)) - 1
-        low = (said.words("Validity") == Validity.VALID) & np.isin(said.words("Surface"), LOW)
+    for k, adhesion in enumerate(fused.adhesion.values()):
+        at = np.minimum((np.array(adhesion.stamps_us) * 1e-6 / SAMPLE_S).round().astype(np.int64), len(mu_pct)) - 1
+        low = (adhesion.words("Validity") == Validity.VALID) & np.isin(adhesion.words("Surface"), LOW)
         count += int(np.sum(low & (mu_pct[at, k] >= TRULY_LOW_PCT)))
     return count
 
@@ -176,15 +176,15 @@ def false_warnings(p: PatchRecord) -> tuple[int, float]:
 def false_lows(p: PatchRecord) -> tuple[int, int]:
     """Frames that tell low adhesion at a place that the axle comes to in the run; and those of them where it finds none
     so low within NEAR_M of it."""
-    told = false = 0
+    warned = false = 0
     for axle in BEHIND:
         seen, at_m = p.seen[axle], p.way_m + PLACES_M[axle]
         for place in _places_m(p, axle)[seen.warns & (seen.mu_pct < TRULY_LOW_PCT)].tolist():
             begin, end = np.searchsorted(at_m, (place - NEAR_M, place + NEAR_M)).tolist()
             if end < len(at_m):
-                told += 1
+                warned += 1
                 false += bool(p.mu_pct[begin : end + 1, axle].min() >= TRULY_LOW_PCT)
-    return told, false
+    return warned, false
 
 
 def _begin(holds: BoolArray, last: int) -> int:

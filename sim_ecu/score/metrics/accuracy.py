@@ -23,7 +23,7 @@ VALID = "Valid"
 class JudgedFrames:
     """Arrays (frames,) of the frames from when they are judged on, those that are not Valid included."""
 
-    mu: dict[str, FloatArray]  # of wrcd and of every baseline; NaN where nothing was said
+    mu: dict[str, FloatArray]  # of wrcd and of every baseline; NaN where there is no estimate
     true: FloatArray
     used: FloatArray
     past_peak: NDArray[np.bool_]
@@ -47,7 +47,7 @@ class JudgedFrames:
         return np.asarray(self.validity == VALID)
 
     def errors(self, name: str) -> FloatArray:
-        """Absolute errors in percentage points, NaN where nothing was said."""
+        """Absolute errors in percentage points, NaN where there is no estimate."""
         return np.asarray(np.abs(self.mu[name] - self.true))
 
     @property
@@ -65,7 +65,7 @@ def gather(traces: Sequence[Trace]) -> JudgedFrames:
         return np.concatenate([p[k] for p, k in zip(parts, keep, strict=True)]) if parts else np.zeros(0)
 
     return JudgedFrames(
-        mu={n: join([said(t, n) for t in traces]) for n in names},
+        mu={n: join([estimates(t, n) for t in traces]) for n in names},
         true=join([t.true_mu_pct for t in traces]),
         used=join([t.true_used_pct for t in traces]),
         past_peak=join([np.abs(t.true_slip) > t.peak_slip for t in traces]).astype(bool),
@@ -80,8 +80,8 @@ def gather(traces: Sequence[Trace]) -> JudgedFrames:
     )
 
 
-def said(t: Trace, name: str) -> FloatArray:
-    """What an estimator said throughout; NaN where a baseline did not run."""
+def estimates(t: Trace, name: str) -> FloatArray:
+    """What an estimator gave throughout; NaN where a baseline did not run."""
     return t.mu_pct if name == OURS else t.baselines.get(name, np.full(len(t.time_s), np.nan))
 
 
@@ -150,7 +150,7 @@ def by_class(f: JudgedFrames) -> dict[str, dict[str, Figure]]:
 
 
 def contact_right(f: JudgedFrames) -> dict[str, Figure]:
-    """ContactState where it can be told: adhering well below the peak, saturated beyond it."""
+    """ContactState where it is clear: adhering well below the peak, saturated beyond it."""
     u = f.utilisation
     adhering = f.valid & (u < UNSURE[0]) & ~f.past_peak
     # past the peak the adhesion in use falls again: outside 0.85 … 1 that is saturated, too

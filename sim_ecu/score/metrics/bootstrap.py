@@ -31,7 +31,7 @@ REPLICATES = 1000
 ENDS = (0.05, 0.95)  # a 90 % interval
 SEED = 9
 BINS = 2000  # of equal content, in which replicates look for a quantile
-FEWEST = 5  # of fewer runs no interval is told: the median's would not hold 90 %, and a spread of so few says little
+FEWEST = 5  # fewer runs give no interval: the median's would not hold 90 %, and a spread of so few says little
 FEWEST_DRAWN = 3  # of fewer different runs, which may be nearly alike, a standard error says nothing
 NO_SPREAD = 1e-9  # of a standard error: what rounding leaves where all runs that were drawn are alike
 

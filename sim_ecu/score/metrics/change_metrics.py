@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from sim_ecu.reporting.values import Figure
 from sim_ecu.score.metrics import bootstrap
-from sim_ecu.score.metrics.accuracy import OURS, period_s, said, valid
+from sim_ecu.score.metrics.accuracy import OURS, estimates, period_s, valid
 from sim_ecu.score.score_play import FloatArray, Trace
 
 LATEST_S = 4.0  # a change that has not shown by then counts as this
@@ -41,7 +41,7 @@ def delays(traces: Sequence[Trace], name: str = OURS) -> tuple[FloatArray, NDArr
     NaN where it was on the new level's side already, so that there is nothing to cross. And the run of each."""
     out, runs = [], []
     for t in traces:
-        mu = _heard(t, name)
+        mu = _estimates(t, name)
         for at, _ in _changes(t):
             before, after = _levels(t, at)
             middle = math.sqrt(before * after)
@@ -87,7 +87,7 @@ def settled(t: Trace, at: float, end: float, name: str) -> float:
     """Seconds from a change until the estimate (wrcd's: a Valid one) stays within 1 point or 10 %; LATEST_S if late."""
     window = (t.time_s > at) & (t.time_s <= end)
     with np.errstate(invalid="ignore"):
-        near = np.abs(_heard(t, name) - t.true_mu_pct) <= np.maximum(1.0, 0.1 * t.true_mu_pct)
+        near = np.abs(_estimates(t, name) - t.true_mu_pct) <= np.maximum(1.0, 0.1 * t.true_mu_pct)
     return _holds_from(near[window], t, SETTLED_HOLDS_S, window, at)
 
 
@@ -108,9 +108,9 @@ def median_and_p95(seconds: FloatArray, runs: NDArray[np.int64]) -> dict[str, Fi
     }
 
 
-def _heard(t: Trace, name: str) -> FloatArray:
+def _estimates(t: Trace, name: str) -> FloatArray:
     """What a controller goes by: of wrcd only Valid frames, of a baseline all."""
-    mu = said(t, name)
+    mu = estimates(t, name)
     return np.where(valid(t), mu, np.nan) if name == OURS else mu
 
 

@@ -144,8 +144,8 @@ def test_longer_run_costs_more(kind: str) -> None:
 WRONG = [
     ("drive", {"scenario": "brake-gresy"}, "no scenario to drive 'brake-gresy' — did you mean 'brake-greasy'?"),
     ("drive", {"scenario": "never.toml"}, "never.toml: cannot be read: No such file or directory"),
-    ("drive", {"controller": "ideal"}, "with_adhesion: 'ideal' hears no adhesion"),
-    ("drive", {"with_adhesion": False, "fault": "bias", "fault_at_s": 1.0}, "fault: nobody hears the inputs"),
+    ("drive", {"controller": "ideal"}, "with_adhesion: 'ideal' takes no adhesion"),
+    ("drive", {"with_adhesion": False, "fault": "bias", "fault_at_s": 1.0}, "fault: nobody receives the inputs"),
     ("drive", {"with_adhesion": False, "design": "d.json"}, "design: is of a daemon, and none runs"),
     ("drive", {"controller": "ideal", "with_adhesion": False, "delay_us": 5000}, "controller: acts at once"),
     ("drive", {"phase_us": 3}, "phase_us: takes 0 or 5000, not 3"),

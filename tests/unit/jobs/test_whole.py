@@ -8,7 +8,7 @@ import pytest
 
 from sim_ecu.cli.main import main
 from sim_ecu.design.brief import load_source
-from sim_ecu.jobs.whole import MOST_TOLD, Missing, Piece, not_whole
+from sim_ecu.jobs.whole import MOST_NAMED, Missing, Piece, not_whole
 from sim_ecu.loop import run_loop
 from sim_ecu.loop.loop_rides import RideResult, play
 from sim_ecu.loop.suites import cases
@@ -120,7 +120,7 @@ def test_grid_with_a_hole_takes_the_suites_along_that_are_compared_with_it() -> 
 
 
 def test_error_names_so_many_runs_and_counts_the_others() -> None:
-    text = str(not_whole([Missing(Piece("drops", f"down, run {k}", 1.0), "it died") for k in range(MOST_TOLD + 2)]))
-    assert text.startswith(f"{MOST_TOLD + 2} runs failed twice")
-    assert text.count("it died") == MOST_TOLD
+    text = str(not_whole([Missing(Piece("drops", f"down, run {k}", 1.0), "it died") for k in range(MOST_NAMED + 2)]))
+    assert text.startswith(f"{MOST_NAMED + 2} runs failed twice")
+    assert text.count("it died") == MOST_NAMED
     assert text.endswith("and 2 more")

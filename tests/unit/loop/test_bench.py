@@ -184,7 +184,7 @@ def test_packaged_scenario_with_keys_keeps_the_rest() -> None:
         (lambda: scenario(rail="A", demand=0.0, speed=3.0), "speed: unknown key"),
         (lambda: scenario(demand=0.0), "axle 1 has no rail"),
         (lambda: Bench(WET, controller="creap"), "there is no controller 'creap' — did you mean 'creep'?"),
-        (lambda: Bench(WET, controller="creep", with_adhesion=True), "with_adhesion needs a daemon to hear"),
+        (lambda: Bench(WET, controller="creep", with_adhesion=True), "with_adhesion needs a daemon"),
         (lambda: Bench(WET, daemon=True, with_adhesion=True), "with_adhesion is of a controller by name"),
         (lambda: Bench(WET, daemon="nowhere.toml"), "nowhere.toml: no such file"),
         (lambda: Bench(WET).demand(2, 0.0), "there is no axle 2 — axles: 1"),

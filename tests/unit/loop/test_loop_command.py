@@ -98,7 +98,7 @@ def test_run_that_branches_off_is_the_run_with_the_fault_from_the_start() -> Non
     at_once, whole = play(base, 1, [case]), play(case, 1)
     assert [o.case for o in at_once] == [case.name, base.name]
     assert repr(at_once[0]) == repr(whole[0])  # a figure may be no number
-    assert at_once[0].said != at_once[1].said
+    assert at_once[0].honesty != at_once[1].honesty
 
 
 BEGIN_S = 2.0

@@ -13,7 +13,7 @@ from sim_ecu.play import demo
 from sim_ecu.play.demo_screen import Screen
 from sim_ecu.play.observer import ObservedTrace
 from sim_ecu.play.pace import Pace
-from sim_ecu.play.train import Said
+from sim_ecu.play.train import MessageValues
 from tests.support.scenarios import held
 from wrcd.cli.main import main as wrcd
 from wrcd.core.causes import Cause, Validity
@@ -41,20 +41,20 @@ def test_the_demo_shows_the_estimate_and_leaves_log_picture_and_report(
     monkeypatch.chdir(tmp_path)
     (tmp_path / "wet.toml").write_text(held("C", 4.0))
     assert main(["demo", "-i", "virtual", "-c", "test", "--scenario", "wet.toml", "-o", str(tmp_path / "out")]) == 0
-    said = capsys.readouterr().out
-    lines = said.splitlines()
+    values = capsys.readouterr().out
+    lines = values.splitlines()
     legend, first = next(k for k, x in enumerate(lines) if "the truth" in x), next(
         k for k, x in enumerate(lines) if " s A1 |" in x
     )  # fmt: skip
     assert legend < first
-    assert said.count(" s A1 |") >= 5
-    assert " Valid " in said
-    assert "axle 1: NotAvailable: the window is not full yet" in said
-    assert "axle 1: Valid, after 1." in said
-    assert "log      out/wet.log" in said
-    assert "picture  out/wet.png" in said
-    assert "out/wet.html: " in said
-    assert str(tmp_path) not in said
+    assert values.count(" s A1 |") >= 5
+    assert " Valid " in values
+    assert "axle 1: NotAvailable: the window is not full yet" in values
+    assert "axle 1: Valid, after 1." in values
+    assert "log      out/wet.log" in values
+    assert "picture  out/wet.png" in values
+    assert "out/wet.html: " in values
+    assert str(tmp_path) not in values
     assert "wrcd report" in (tmp_path / "out/wet.html").read_text()
     assert (tmp_path / "out/wet.log").read_text().count(" 091#") > 100
     assert (tmp_path / "out/wet.png").read_bytes().startswith(b"\x89PNG")
@@ -74,11 +74,11 @@ def test_computer_that_stands_still_costs_no_validity_without_a_kernel(
     monkeypatch.setattr(Screen, "moment", slow)
     (tmp_path / "wet.toml").write_text(held("C", 3.0))
     assert main(["demo", "-i", "virtual", "-c", "slow", "--scenario", f"{tmp_path}/wet.toml", "-o", str(tmp_path)]) == 0
-    said = capsys.readouterr().out
-    told = [line for line in said.splitlines() if " s axle 1: " in line]
+    values = capsys.readouterr().out
+    told = [line for line in values.splitlines() if " s axle 1: " in line]
     assert "Valid, after" in told[-1]
     assert not any("past its time-out" in line for line in told)
-    assert "busy" not in said
+    assert "busy" not in values
     stamps = [frame.stamp_us for frame, _ in read_log(tmp_path / "wet.log", Damage())]
     assert stamps == sorted(stamps)
     assert 2_900_000 < stamps[-1] - stamps[0] < 3_100_000
@@ -128,8 +128,8 @@ def truth(available: float, used: float) -> dict[str, float]:
 
 
 def test_line_has_truth_estimate_and_use_in_their_places(capsys: pytest.CaptureFixture[str]) -> None:
-    said: Said = {"MuAvailable": 30.0, "Validity": "Valid", "ContactState": "Adhering", "Surface": "Dry"}
-    trace = ObservedTrace([(2.0, truth(40.0, 10.0))], [(2.0, {**said, "Confidence": "Within5pp"})])
+    values: MessageValues = {"MuAvailable": 30.0, "Validity": "Valid", "ContactState": "Adhering", "Surface": "Dry"}
+    trace = ObservedTrace([(2.0, truth(40.0, 10.0))], [(2.0, {**values, "Confidence": "Within5pp"})])
     screen = Screen([1])
     screen.begin()
     screen.moment({1: trace})
@@ -144,8 +144,8 @@ def test_line_has_truth_estimate_and_use_in_their_places(capsys: pytest.CaptureF
 
 
 def test_interval_without_a_bound_is_no_number(capsys: pytest.CaptureFixture[str]) -> None:
-    said: Said = {"MuAvailable": 30.0, "Validity": "Degraded", "Confidence": "None"}
-    Screen([1]).moment({1: ObservedTrace([(2.0, truth(40.0, 10.0))], [(2.0, said)])})
+    values: MessageValues = {"MuAvailable": 30.0, "Validity": "Degraded", "Confidence": "None"}
+    Screen([1]).moment({1: ObservedTrace([(2.0, truth(40.0, 10.0))], [(2.0, values)])})
     assert "30.0 ± ? %  Degraded" in capsys.readouterr().out
 
 
@@ -202,9 +202,9 @@ def test_hint_of_the_demo_is_a_command_that_explains_a_degraded_moment(
 def test_interval_that_is_not_sent_is_said_once_and_no_sign_stands_for_it(capsys: pytest.CaptureFixture[str]) -> None:
     screen = Screen([1], ["Confidence", "Surface"])
     screen.begin()
-    said: Said = {"MuAvailable": 30.0, "Validity": "Valid"}
+    values: MessageValues = {"MuAvailable": 30.0, "Validity": "Valid"}
     for _ in range(2):
-        screen.moment({1: ObservedTrace([(2.0, truth(40.0, 10.0))], [(2.0, said)])})
+        screen.moment({1: ObservedTrace([(2.0, truth(40.0, 10.0))], [(2.0, values)])})
     out = capsys.readouterr().out
     assert out.count("This configuration sends no Confidence, Surface: no interval is shown.") == 1
     assert "±" not in out

@@ -25,7 +25,7 @@ from sim_ecu.play.expected import (
 )
 from sim_ecu.play.faults import KINDS, SILENT, Fault, Stage, parse_fault
 from sim_ecu.play.interface import check
-from sim_ecu.play.matrix import BEGINS_S, Matrix, Said, judge
+from sim_ecu.play.matrix import BEGINS_S, Matrix, SentAdhesion, judge
 from sim_ecu.play.player import Player
 from sim_ecu.play.scenario import Scenario, load_scenario
 from tests.support.can_ids import LAT_ACCEL_A1, TORQUE_A1, VEHICLE_SPEED, YAW_RATE_A1, YAW_RATE_A2
@@ -290,8 +290,8 @@ def test_inject_asks_for_what_it_needs(capsys: pytest.CaptureFixture[str]) -> No
     assert "--fault: is missing" in capsys.readouterr().err
 
 
-def frames_said(valid: Sequence[bool], mu: float = 20.0) -> list[Said]:
-    return [Said(20_000 * k, k, v, mu) for k, v in enumerate(valid, 1)]
+def frames_said(valid: Sequence[bool], mu: float = 20.0) -> list[SentAdhesion]:
+    return [SentAdhesion(20_000 * k, k, v, mu) for k, v in enumerate(valid, 1)]
 
 
 SETTLED = round(SETTLED_AFTER_MS / 20)  # frames

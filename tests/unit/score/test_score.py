@@ -25,7 +25,7 @@ from sim_ecu.score import SUITES, suites
 from sim_ecu.score.metrics import accuracy, change_metrics, honesty
 from sim_ecu.score.metrics.accuracy import OURS, gather
 from sim_ecu.score.report import judge
-from sim_ecu.score.score_play import Heard, Trace, newest, play
+from sim_ecu.score.score_play import MessageFrames, Trace, newest, play
 from sim_ecu.score.sections import sections
 from sim_ecu.score.suites.broken import BOTH_DEAD, SWAPPED, dead, foreign
 from sim_ecu.score.suites.change_suites import ORDER, cycles, drops
@@ -298,7 +298,7 @@ def test_frames_are_decoded_as_cantools_does() -> None:
     rng = np.random.default_rng(4)
     for database, name in zip(databases(), ("Adhesion_A2", "SimTruth_A2"), strict=True):
         message = database.get_message_by_name(name)
-        heard = Heard(message)
+        heard = MessageFrames(message)
         for _ in range(200):
             heard.stamps_us.append(0)
             heard.data.append(rng.integers(0, 256, 8, dtype=np.uint8).tobytes())
@@ -316,7 +316,7 @@ def test_frames_are_decoded_as_cantools_does() -> None:
 def test_last_frame_holds_until_the_next() -> None:
     message = databases()[0].get_message_by_name("AdhesionDetail_A1")
     empty = {s.name: 0 for s in message.signals}
-    heard = Heard(message)
+    heard = MessageFrames(message)
     for stamp_us, model in ((100, 2), (200, 3)):
         heard.stamps_us.append(stamp_us)
         heard.data.append(message.encode(empty | {"WinningModel": model}, strict=False))
