@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 if TYPE_CHECKING:
     from cantools.database.can import Message, Signal
 
-MAX_TOLD = 5  # messages in one warning
+MAX_NAMED = 5  # messages in one warning
 
 
 class Orphan(NamedTuple):
@@ -62,7 +62,7 @@ def _bits(message: "Message", s: "Signal") -> int:
 
 
 def add_doubles(messages: Sequence["Message"], unsound: dict[str, str]) -> None:
-    """Add messages of one name or one id: which of them is meant, and whose value tables are given, is not said."""
+    """Add messages of one name or one id: which of them is meant, and whose value tables are given, is open."""
     by_name: dict[str, int] = {}
     by_id: dict[tuple[int, bool], list[str]] = {}
     for m in messages:
@@ -80,7 +80,7 @@ def add_doubles(messages: Sequence["Message"], unsound: dict[str, str]) -> None:
 
 
 def add_orphans(messages: Sequence["Message"], orphans: Sequence[Orphan], unsound: dict[str, str]) -> None:
-    """Add value tables and value types of signals that a message lacks; which of its signals they mean is not said."""
+    """Add value tables and value types of signals that a message lacks; which of its signals they mean is open."""
     by_id = {m.frame_id | m.is_extended_frame << 31: m.name for m in messages}
     for keyword, can_id, signal in orphans:
         if can_id in by_id:
@@ -93,12 +93,12 @@ def warnings_about(
     """What is odd in a DBC but bearable, for a person."""
     out = []
     if unsound:
-        told = "; ".join(f"{name}: {reason}" for name, reason in list(unsound.items())[:MAX_TOLD])
-        more = f"; and {len(unsound) - MAX_TOLD} more" if len(unsound) > MAX_TOLD else ""
-        out.append(f"messages that cannot be mapped: {told}{more}")
+        parts = "; ".join(f"{name}: {reason}" for name, reason in list(unsound.items())[:MAX_NAMED])
+        more = f"; and {len(unsound) - MAX_NAMED} more" if len(unsound) > MAX_NAMED else ""
+        out.append(f"messages that cannot be mapped: {parts}{more}")
     ids = {m.frame_id | m.is_extended_frame << 31 for m in messages}
     lost = [f"{keyword} {can_id} {signal}" for keyword, can_id, signal in orphans if can_id not in ids]
     if lost:
-        more = f" and {len(lost) - MAX_TOLD} more" if len(lost) > MAX_TOLD else ""
-        out.append(f"statements about messages that there are not: {', '.join(lost[:MAX_TOLD])}{more}")
+        more = f" and {len(lost) - MAX_NAMED} more" if len(lost) > MAX_NAMED else ""
+        out.append(f"statements about messages that there are not: {', '.join(lost[:MAX_NAMED])}{more}")
     return tuple(out)

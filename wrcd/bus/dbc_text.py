@@ -163,7 +163,7 @@ _UNUSUAL = re.compile(r'//|\\"|SystemMessageLongSymbol')
 
 
 def subset(text: str, names: Collection[str]) -> str:
-    """Return a DBC's text with what is said about the messages in names, and with every message; lines keep their
+    """Return a DBC's text with the statements about the messages in names, and with every message; lines keep their
     numbers. A text that cannot be cut for certain is returned whole."""
     # a string without an end: no line of it is certain. (Python 3.11.2 finds lines there that are none.)
     if text.count('"') % 2 or _UNUSUAL.search(text):

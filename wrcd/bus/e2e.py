@@ -12,7 +12,7 @@ from wrcd.bus.reasons import Reason
 COUNTER_MODULO = 15
 # How many counts may be missing between two frames that are used one after the other (two lost frames).
 MAX_LOST = 2
-# A second sender is told from stray frames by so many of its own that continue each other beside the chain; after so
+# A second sender differs from stray frames by so many of its own that continue each other beside the chain; after so
 # many frames of the chain alone a stray one is forgotten.
 CANDIDATE_FRAMES = 3
 CANDIDATE_FORGOTTEN = 4

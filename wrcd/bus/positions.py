@@ -90,8 +90,8 @@ class Branch:
 
     def __str__(self) -> str:
         """As the configuration's reader says it: Page = 2."""
-        said = [f"{name} = {' or '.join(map(str, sorted(ids)))}" for name, _, ids in reversed(self.conditions)]
-        return ", ".join(said) or "every frame"
+        parts = [f"{name} = {' or '.join(map(str, sorted(ids)))}" for name, _, ids in reversed(self.conditions)]
+        return ", ".join(parts) or "every frame"
 
     @property
     def example(self) -> dict[str, int]:

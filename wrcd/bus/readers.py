@@ -20,7 +20,7 @@ from wrcd.bus.units import Quantity, factor
 from wrcd.bus.words import is_reverse, no_measurement
 
 MAX_BITS = 52  # of a raw value that a float holds exactly, whatever its scale does
-MAX_COMBINED = 64  # sets of good statuses of a message that are told at one look
+MAX_COMBINED = 64  # sets of good statuses of a message that are recognised at one look
 OF_WHOLE_FRAME = frozenset(
     {Reason.KIND, Reason.LENGTH, Reason.CRC, Reason.DATA_ID, Reason.REPEAT, Reason.COUNTER, Reason.TWO_SENDERS}
 )
@@ -128,7 +128,7 @@ class MessageReader:
         others: Sequence[int],
         kept: Mapping[StatusRule, KeptStatus],
     ) -> None:
-        """kept: the statuses that come in other frames, by their rule; those of this message are told of its frames."""
+        """kept: the statuses that come in other frames, by their rule; those of this message get its frames."""
         self.length, self.fd = frame_length(message), is_fd(message)
         self.numbers = tuple(k for k, _ in sources)
         self.name = message.name
@@ -173,8 +173,8 @@ class MessageReader:
         checker = self.checker
         if checker is not None and (reason := checker.check(data, frame.stamp_us)):
             if reason is Reason.TWO_SENDERS:
-                for told in self._tells:
-                    told.forget()
+                for status in self._tells:
+                    status.forget()
             return reason
         if self.order is None:
             return self._read_odd(data, frame.stamp_us)
@@ -223,8 +223,8 @@ class MessageReader:
     def _read_odd(self, data: bytes, stamp_us: int) -> list[Sample] | Reason:
         """The same of a message that is not plain."""
         numbers = Numbers(data)
-        for told in self._tells:
-            told.take(numbers, stamp_us)
+        for status in self._tells:
+            status.take(numbers, stamp_us)
         carried = [(s, rules) for s, rules in zip(self.signals, self._rules, strict=True) if s.branch.carried(numbers)]
         verdicts = [
             status.judge(numbers, stamp_us) for status in dict.fromkeys(r for _, rules in carried for r in rules)
@@ -241,7 +241,7 @@ class MessageReader:
         return samples
 
     def concerned(self, frame: Frame, reason: Reason) -> Sequence[int]:
-        """Of which sources a rejected frame is: those that it carries, all where even that cannot be told."""
+        """Of which sources a rejected frame is: those that it carries, all where even that is not known."""
         if not self.is_multiplexed or reason in OF_WHOLE_FRAME:
             return self.numbers
         numbers = Numbers(frame.data)

@@ -1,4 +1,4 @@
-"""Whether an interface is there and up, told by the kernel at once: rtnetlink's link messages (man 7 rtnetlink)."""
+"""Whether an interface is there and up, reported by the kernel at once: rtnetlink's link messages (man 7 rtnetlink)."""
 
 import errno
 import socket

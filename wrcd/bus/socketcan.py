@@ -48,7 +48,7 @@ _KERNEL_STAMP = (SOL_SOCKET, SO_TIMESTAMPNS)
 
 class SocketCanLink:
     """One raw CAN socket, and one of rtnetlink's beside it. The device may go and come back; link-down is waited out on
-    the same socket. fd: CAN FD frames are wanted, too. confirm False: nothing is heard of what has left, and no frame
+    the same socket. fd: CAN FD frames are wanted, too. confirm False: nothing is known of what has left, and no frame
     waits for those before it: a rig's sensors do not wait for each other."""
 
     def __init__(self, channel: str, keys: tuple[int, ...] | None, fd: bool = False, confirm: bool = True) -> None:

@@ -40,7 +40,7 @@ class SenderStatus:
         return self.verdict(self.word(numbers))
 
     def verdict(self, word: int | float | None) -> bool | None:
-        """The same of what was said."""
+        """The same of what was stated."""
         return False if word in self.ok else True if word in self.degraded else None
 
 

@@ -58,7 +58,7 @@ class SignalWriter:
             return self._not_available
         value *= self._factor
         if value < self._low:
-            if self._rounds_down and self._low > 0:  # the least that can be said would be more than it is
+            if self._rounds_down and self._low > 0:  # the least that can be sent would be more than it is
                 return self._not_available
             value = self._low
         elif value > self._high:

@@ -46,8 +46,8 @@ class ConfiguredTrain:
 
 def all_statements(tables: Sequence[Section], vehicle: Section) -> list[Statement]:
     """What the tables of [[axle]] and [vehicle] say of the inputs. Mistakes are collected."""
-    said = [s for place, table in enumerate(tables) for s in statements(table, AXLE_QUANTITIES, (place,))]
-    return said + statements(vehicle, VEHICLE_QUANTITIES, tuple(range(len(tables))))
+    stated = [s for place, table in enumerate(tables) for s in statements(table, AXLE_QUANTITIES, (place,))]
+    return stated + statements(vehicle, VEHICLE_QUANTITIES, tuple(range(len(tables))))
 
 
 def read_train(top: Section, vehicle: Section, database: Database | None, design: Design | None) -> ConfiguredTrain:
@@ -64,7 +64,7 @@ def read_train(top: Section, vehicle: Section, database: Database | None, design
         top.mistake(error)
         top.explains("axle", error)
         tables = tables[:MAX_AXLES]
-    said = all_statements(tables, vehicle)
+    stated = all_statements(tables, vehicle)
     sent: list[tuple[Section, Output]] = []
     known = None if design is None else database
     tick_ms = 0.0 if design is None else 1000 * design.tick_s
@@ -89,15 +89,15 @@ def read_train(top: Section, vehicle: Section, database: Database | None, design
         train.own.append(one)
         if one is not None:
             sent.append((vehicle.place(kind, declared.MESSAGE.name), one))
-    check_shared_signals(said)
+    check_shared_signals(stated)
     if database is not None and design is not None:
-        mapped = _resolved(top, said, database, design, train)
+        mapped = _resolved(top, stated, database, design, train)
         check_jobs(mapped, sent, database)
     return train
 
 
 def _check_no_ahead(top: Section, table: Section) -> None:
-    """What lies ahead is told with fusion alone. A mistake is collected."""
+    """What lies ahead is reported with fusion alone. A mistake is collected."""
     if AHEAD in table:
         hint = f"leave the message out, or {top.section('fusion').line(positions_m=[TO_FILL_IN])}"
         table.refuse("needs [fusion]: nothing would be told in it", AHEAD, hint)
@@ -125,24 +125,24 @@ def _data_id_of_status(s: Statement, message: Message) -> int | None:
 
 
 def _resolved(
-    top: Section, said: Sequence[Statement], database: Database, design: Design, train: ConfiguredTrain
+    top: Section, stated: Sequence[Statement], database: Database, design: Design, train: ConfiguredTrain
 ) -> list[tuple[Statement, Input]]:
     rules: dict[str, Mapping[str, tuple[StatusRule, ...]]] = {}
     present = {m.name for m in database.messages} - set(database.unsound)
-    for name, group in by_message(said).items():
+    for name, group in by_message(stated).items():
         rules[name] = {}
         if name not in present:
-            continue  # said of the signal, below
+            continue  # stated of the signal, below
         with top.collected():
             rules[name] = status_rules(group, database, train.warnings)
         with top.collected():
             train.data_ids[name] = protection(group, database)
-    for s in said:
+    for s in stated:
         for rule in (rule for group in rules[s.message].values() for rule in group):
             if rule.message not in rules and rule.message not in train.data_ids:
                 train.data_ids[rule.message] = _data_id_of_status(s, find_message(database, rule.message))
     mapped = []
-    for s in said:
+    for s in stated:
         with s.table.collected():
             found = resolve(s, database, design, rules[s.message].get(s.signal, ()))
             if found is not None:

@@ -105,8 +105,8 @@ def _raws(m: Message, signal: str, raws: frozenset[int]) -> str:
 def _names(c: Config, o: Output) -> list[str]:
     """The names, units and words of what is sent, where they are not ours."""
     m = find_message(c.database, o.message)
-    said = [text for ours, s in o.signals.items() if (text := _field(m, ours, s))]
-    return [f"  {'':22}    {text}" for text in said]
+    fields = [text for ours, s in o.signals.items() if (text := _field(m, ours, s))]
+    return [f"  {'':22}    {text}" for text in fields]
 
 
 def _field(m: Message, ours: str, s: OutputSignal) -> str:

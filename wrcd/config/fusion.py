@@ -1,4 +1,4 @@
-"""[fusion]: where the axles stand, and whether what is seen ahead can be told at all."""
+"""[fusion]: where the axles stand, and whether what is seen ahead can be reported at all."""
 
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
@@ -41,7 +41,7 @@ def read_positions(top: Section, axles: Sequence[AxleConfig], design: Design | N
 
 
 def untold(positions_m: Sequence[float] | None, axles: Sequence[AxleConfig]) -> Iterator[str]:
-    """Warnings of the axles that nothing can be told to."""
+    """Warnings of the axles that nothing can be reported to."""
     if positions_m is not None:
         for axle in axles:
             if not _tells(axle):

@@ -31,7 +31,7 @@ MEASURED = (Quantity.YAW_RATE, Quantity.LAT_ACCEL)
 
 
 def resolve(s: Statement, database: Database, design: Design, statuses: tuple[StatusRule, ...]) -> Input | None:
-    """One input; None where a value of its table is wrong, which is said already. Raises InputError."""
+    """One input; None where a value of its table is wrong, which is reported already. Raises InputError."""
     key = declared.SIGNAL.name
     message, signal = find(s.table, key, database, s.message, s.signal)
     try:
@@ -266,7 +266,7 @@ def _inside(signal: Signal, scale: float, offset: float, low: float | None, high
 
 
 def check_pace(s: Statement, database: Database, design: Design, warnings: list[str]) -> None:
-    """A gyro or accelerometer is needed in every tick. Of a multiplexed one that is said, with what the DBC's cycle
+    """A gyro or accelerometer is needed in every tick. Of a multiplexed one that is reported, with what the DBC's cycle
     makes of it: whether its branches take turns or all come in each cycle, no DBC says."""
     message = find_message(database, s.message)
     of = branch(message, s.signal)

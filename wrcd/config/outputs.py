@@ -50,15 +50,15 @@ def _output(table: Section, kind: str, database: Database | None, usual: str, ti
     e2e, identity = declared.E2E.read(table), declared.DATA_ID.read(table)
     wrong = table.mistakes > before
     keys = {snake(ours): ours for ours in MESSAGES[kind]}
-    said = {ours: one for key, ours in keys.items() if (one := table.table_or_text(key, declared.FIELD.name))}
+    tables = {ours: one for key, ours in keys.items() if (one := table.table_or_text(key, declared.FIELD.name))}
     table.done(names(declared.output_keys(kind)))
-    sound = {ours: one for ours, one in said.items() if _is_sound(one, declared.field_keys(MESSAGES[kind][ours]))}
+    sound = {ours: one for ours, one in tables.items() if _is_sound(one, declared.field_keys(MESSAGES[kind][ours]))}
     if database is None:
         return None
     message = _message(table, database, name)
     _check_sendable(table, message)
     before = table.mistakes
-    signals = _signals(table, kind, message, said, sound)
+    signals = _signals(table, kind, message, tables, sound)
     if wrong:
         return None
     if cycle is None:
@@ -119,17 +119,17 @@ def _check_sendable(table: Section, message: Message) -> None:
 
 
 def _signals(
-    table: Section, kind: str, message: Message, said: Mapping[str, Section], sound: Mapping[str, Section]
+    table: Section, kind: str, message: Message, tables: Mapping[str, Section], sound: Mapping[str, Section]
 ) -> dict[str, OutputSignal]:
-    """Which of the message's signals carry what, by our names; said: as the configuration has it, sound: where that is
-    no mistake. Mistakes are collected."""
+    """Which of the message's signals carry what, by our names; tables: as configured, sound: those without a
+    mistake. Mistakes are collected."""
     found: dict[str, OutputSignal] = {}
     fields = {s.name: s for s in message.signals}
     for ours, carried in MESSAGES[kind].items():
         key = snake(ours)
         if key in table and ours not in sound:
             continue
-        if ours not in said and ours not in fields:
+        if ours not in tables and ours not in fields:
             if ours in NEEDS.get(kind, ()):
                 near = nearest(ours, fields) or TO_FILL_IN
                 hint = f"name the one that carries it: {table.line(**{key: near})}"
@@ -149,7 +149,7 @@ def _signals(
                 found[ours] = numeric_field(one, ours, carried, message, fields[name])
             else:
                 found[ours] = words_field(one, carried, message, fields[name])
-    if not found and not said and not NEEDS.get(kind):
+    if not found and not tables and not NEEDS.get(kind):
         table.refuse(
             f"message {message.name} has none of the signals {', '.join(MESSAGES[kind])}",
             declared.MESSAGE.name,
@@ -278,9 +278,9 @@ def words_field(table: Section, carried: Words, message: Message, signal: Signal
     found: dict[str, int] = {}
     missing = []
     for word in (*carried.words, *carried.extra):
-        said = RawValue(snake(word), "").read(table)
-        if said is not None:
-            found[word] = raw_value(table, snake(word), signal, said)
+        value = RawValue(snake(word), "").read(table)
+        if value is not None:
+            found[word] = raw_value(table, snake(word), signal, value)
         elif plain(word) in theirs:
             found[word] = theirs[plain(word)]
         elif word in carried.words:

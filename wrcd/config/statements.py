@@ -64,7 +64,7 @@ class Statement(NamedTuple):
     gear_ratio: float | None
     share: float
     reverse: Values | None
-    wrong: bool  # a value is, and that is said already: what depends on it is not looked at
+    wrong: bool  # a value is, and that is reported already: what depends on it is not looked at
     status_wrong: bool  # the same of those of its status
     protection_wrong: bool
 
@@ -164,13 +164,13 @@ def by_message(statements: Iterable[Statement]) -> dict[str, list[Statement]]:
     return found
 
 
-def protection(said: Sequence[Statement], database: Database) -> int | None:
+def protection(of_message: Sequence[Statement], database: Database) -> int | None:
     """The data id of one message that carries inputs, by what they say of it, else by the DBC. Raises InputError."""
-    if any(s.protection_wrong for s in said):
+    if any(s.protection_wrong for s in of_message):
         return None
-    message = find_message(database, said[0].message)
+    message = find_message(database, of_message[0].message)
     identities = {}
-    for s in said:
+    for s in of_message:
         if s.e2e is not None or s.data_id is not None:
             identities[e2e_identity(s.table, message, s.e2e, s.data_id)] = s
     if len(identities) > 1:
@@ -181,7 +181,7 @@ def protection(said: Sequence[Statement], database: Database) -> int | None:
         )
     if identities:
         return next(iter(identities))
-    s = said[0]
+    s = of_message[0]
     return e2e_identity(s.table, message, None, None)
 
 

@@ -22,22 +22,22 @@ STATUS_NAMES = re.compile(r"status|state|valid|quality|health", re.IGNORECASE)
 
 
 def status_rules(
-    said: Sequence[Statement], database: Database, warnings: list[str]
+    of_message: Sequence[Statement], database: Database, warnings: list[str]
 ) -> Mapping[str, tuple[StatusRule, ...]]:
     """The rules of each signal of one message, by what its inputs say of it, else by the DBC's words. Mistakes are
     collected."""
-    message = find_message(database, said[0].message)
-    if any(s.status_wrong for s in said):
+    message = find_message(database, of_message[0].message)
+    if any(s.status_wrong for s in of_message):
         return {}
     branches = {s.name: branch(message, s.name) for s in message.signals}
     stated: dict[tuple[str, str], tuple[StatusRule, Statement]] = {}
-    of_signal: dict[str, list[StatusRule]] = {s.signal: [] for s in said if s.signal in branches}
-    for s in said:
+    of_signal: dict[str, list[StatusRule]] = {s.signal: [] for s in of_message if s.signal in branches}
+    for s in of_message:
         if s.status is None:
             continue
         rule = _stated_rule(s, s.status, database)
         if s.signal not in branches:
-            continue  # said of the signal
+            continue  # stated of the signal
         _check_branch(s, rule, message, branches)
         known = stated.setdefault((rule.message, rule.signal), (rule, s))
         if known[0] != rule:
@@ -50,15 +50,15 @@ def status_rules(
             holder = rule.signal if rule.message == message.name else s.signal
             if branches[holder].covers(branches[name]):
                 rules.append(rule)
-    said = [s for s in said if s.signal in branches]
-    for s in said:
+    of_message = [s for s in of_message if s.signal in branches]
+    for s in of_message:
         if s.status_off and of_signal[s.signal]:
             named = next(t for rule, t in stated.values() if rule in of_signal[s.signal])
             raise s.table.error(
                 f"is false, but {named.table.name} names the status of {s.message}", declared.STATUS.name
             )
-    silent = [s for s in said if not of_signal[s.signal]]
-    usual = _usual_rules(silent, said, message, branches, warnings)
+    silent = [s for s in of_message if not of_signal[s.signal]]
+    usual = _usual_rules(silent, of_message, message, branches, warnings)
     return {name: tuple(dict.fromkeys(rules or usual.get(name, []))) for name, rules in of_signal.items()}
 
 
@@ -116,14 +116,14 @@ def usual_values(signal: Signal) -> tuple[frozenset[int], frozenset[int]]:
 
 def _usual_rules(
     silent: Sequence[Statement],
-    said: Sequence[Statement],
+    of_message: Sequence[Statement],
     message: Message,
     branches: Mapping[str, Branch],
     warnings: list[str],
 ) -> dict[str, list[StatusRule]]:
     """By signal: its message's Status; else every signal whose name or words say that it is one. Only what is in every
     frame with the signal counts by itself."""
-    measured = {s.signal for s in said}
+    measured = {s.signal for s in of_message}
     named = [x for x in message.signals if _is_status(x)]
     named = [x for x in named if x.name not in measured and not x.is_multiplexer]
     judged: dict[str, list[StatusRule]] = {}
@@ -131,7 +131,7 @@ def _usual_rules(
     left: dict[str, str] = {}  # statuses that come in other frames, and of what
     for s in silent:
         own = branches[s.signal]
-        off = [branches[t.signal] for t in said if t.status_off and branches[t.signal].covers(own)]
+        off = [branches[t.signal] for t in of_message if t.status_off and branches[t.signal].covers(own)]
         mine = [x for x in named if branches[x.name].covers(own)]
         mine = [x for x in mine if x.name == STATUS] or mine
         mine = [x for x in mine if not any(branches[x.name].covers(t) for t in off)]

@@ -208,8 +208,8 @@ class ContractPlayer:
                 used.append(max(limits))
         if len(used) >= (1 if self.bench.strict else at_least):
             must = f"drop them and go on with at most {highest:.1f} %, or fall back"
-            said = dict.fromkeys(f"{u:.1f} %" for u in used)
-            raise BrokenRule(played, must, f"used {' and '.join(said)}")
+            values = dict.fromkeys(f"{u:.1f} %" for u in used)
+            raise BrokenRule(played, must, f"used {' and '.join(values)}")
 
     def need(self, possible: bool, what: str) -> None:
         """Raise CannotPlay, where the messages cannot say what is to be played."""

@@ -19,7 +19,7 @@ ORDER, TIMEOUT, E2E, VALIDITY = "In this order", "Time-out", "E2E", "Validity"
 VALUES, CONFIDENCE = "MuAvailable, MuUsed, SampleAge", "Confidence"
 SURFACE, CONTACT = "Surface", "ContactState"
 FIRST, AXLES = "The first rule", "One axle, or the train"
-# What foul frames say: one that is above what is used, then less and less, so that one that is used can be told.
+# What foul frames say: one that is above what is used, then less and less, so that one that is used can be recognised.
 FOUL = (Says(60.0, "Within1pp"), Says(14.0, "Within1pp"), Says(11.0, "Within1pp"), Says(8.0, "Within1pp"))
 # Foul frames come so far apart: not more than five in a second, or a consumer may fall back before it is judged.
 APART_US, MIN_APART = 200_000, 4  # slots
@@ -178,8 +178,8 @@ def _ignores(
         return [*good, foul] if of else [foul]
 
     seen = p.run(every * len(FOUL) * p.maker.cycle_us, script)
-    said = ", ".join(f"{f.mu_pct:g} %" for f in FOUL)
-    p.must_ignore(seen, before, f"{played.format(len(seen.foul_us))} ({said}) between frames of {BASE}", at_least)
+    values = ", ".join(f"{f.mu_pct:g} %" for f in FOUL)
+    p.must_ignore(seen, before, f"{played.format(len(seen.foul_us))} ({values}) between frames of {BASE}", at_least)
 
 
 def _other_data_id(p: ContractPlayer) -> None:

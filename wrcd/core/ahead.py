@@ -1,10 +1,10 @@
 """What lies ahead of an axle, as the axles before it have met it: the slot's side of fusion along the vehicle.
 
 A leading axle's sign (front.py), or the fall of its Valid estimate, makes a drop: a place on the track. It moves
-towards the axles behind at the train's speed, and is told to each until it has passed. The estimate of the axles that
-are on it says how much adhesion there is. A drop that no estimate bears out is taken back.
+towards the axles behind at the train's speed, and is reported to each until it has passed. The estimate of the axles
+that are on it says how much adhesion there is. A drop that no estimate bears out is taken back.
 
-Nothing here changes what is said of an axle itself.
+Nothing here changes what is reported of an axle itself.
 """
 
 import math
@@ -24,7 +24,7 @@ from wrcd.estimator.records import Estimate
 
 # Set by hand: from a bogie, the lengths of the windows, and rides onto low rail of training seeds.
 MAX_DROPS = 8  # that are known at once
-ON_M = 5.0  # so far behind its begin a drop is still told: the axle's own signals then tell of it
+ON_M = 5.0  # so far behind its begin a drop is still reported: the axle's own signals then show it
 ENTERING_S = 0.5  # before an axle is there
 SAME_M, SAME_S = 3.0, 0.1  # two signs so close together, in way or time, are of one drop
 FALLEN_TO = 0.75  # of the estimate before: what is less is a drop
@@ -226,8 +226,8 @@ class Ahead:
 
 
 def _foremost(place: FloatArray, here: BoolArray, sure: BoolArray, soon_m: float) -> int:
-    """Which drop is told. One that lies ahead goes before one that is reached. The nearest, but a confirmed one before
-    a suspected one, where that is not the only one of both within reach soon."""
+    """Which drop is reported. One that lies ahead goes before one that is reached. The nearest, but a confirmed one
+    before a suspected one, where that is not the only one of both within reach soon."""
     ahead = here & (place > 0.0)
     if not ahead.any():
         return int(np.where(here, place, -np.inf).argmax())

@@ -263,7 +263,7 @@ class Core:
             if due and not self.muted:
                 out += self._due(self._open * self._period_us, due)
             elif due and self._front is not None:
-                self._front.forget_news()  # what is met while nobody is told is no news later
+                self._front.forget_news()  # what is met while nothing is reported is no news later
         self._begin_us = self._open * self._period_us
         self._end_us = self._begin_us + self._period_us
         return out

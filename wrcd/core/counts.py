@@ -1,4 +1,4 @@
-"""What happened so far: what the core counts, and what it is told of the loop and the link."""
+"""What happened so far: what the core counts, and what it knows of the loop and the link."""
 
 from collections import Counter
 from dataclasses import dataclass, field

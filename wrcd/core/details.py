@@ -89,14 +89,14 @@ class Details:
         """What speaks against gyro and accelerometer."""
         f = identity.figures(DOUBT_OF[cause], axle)
         yaw, lat = self.name(YAW, axle), self.name(LAT, axle)
-        heard = f"{yaw} is {f.yaw_rms:.1f}, {lat} {f.lat_rms:.1f} times the sensor's noise"
+        levels = f"{yaw} is {f.yaw_rms:.1f}, {lat} {f.lat_rms:.1f} times the sensor's noise"
         if cause in (Cause.GYRO_REVERSED, Cause.SENSORS_UNRELATED):
             text = f"correlation of {yaw} and {lat} {f.low:.2f} below 1.5 Hz, {f.middle:.2f} in 3 to 10 Hz"
             partner = int(f.partner)
             return text + (f"; goes with axle {self._config.axles[partner].number}'s" if partner >= 0 else "")
         if cause is Cause.ACCEL_SMALL:
-            return f"{heard}; below 1.5 Hz {lat} is {f.ratio:.2f} of speed times yaw rate"
-        return heard
+            return f"{levels}; below 1.5 Hz {lat} is {f.ratio:.2f} of speed times yaw rate"
+        return levels
 
     def estimate(self, cause: Cause, axle: int, e: Estimate) -> str:
         """What an estimate says against itself."""

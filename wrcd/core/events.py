@@ -134,7 +134,7 @@ class Events:
     def slot(
         self, end_us: int, reports: Sequence[Report], standing: Mapping[int, str], estimate: Estimate | None
     ) -> None:
-        """Note what differs from the slot before; standing is what was said at the slot of the axles' standing."""
+        """Note what differs from the slot before; standing is what was reported at the slot of the axles' standing."""
         for axle, r in enumerate(reports):
             validity, cause, before = r.validity, r.cause, self.validities[axle]
             if cause is self._causes[axle] and validity is before:

@@ -16,7 +16,7 @@ from wrcd.estimator.window import BLOCK_TICKS
 
 
 class View(NamedTuple):
-    """What a slot is told. Arrays are by axle (n,)."""
+    """What is reported in a slot. Arrays are by axle (n,)."""
 
     epoch: int  # another one: nothing that was known of places before holds
     way_m: float  # of the train; NaN where its speed is not known
@@ -29,7 +29,7 @@ class View(NamedTuple):
 
 @dataclass(init=False, repr=False, eq=False)
 class Front:
-    """Integrates the speed that is heard, and watches the axles. Positions in m, forward positive."""
+    """Integrates the speed that is received, and watches the axles. Positions in m, forward positive."""
 
     _watch: DropWatch
     _lost: BoolArray

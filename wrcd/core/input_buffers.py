@@ -113,7 +113,7 @@ class Reach:
         return self._register[place] >> 1, _LABELS[self._rejected[place] if recent else 0]
 
     def reset(self) -> None:
-        """A step of time: when anything came cannot be told any more."""
+        """A step of time: when anything came is not known any more."""
         self._register = [0] * len(self._register)
         self._until_us = [0] * len(self._register)
         self._rejected_us = [NEVER] * len(self._register)
@@ -128,7 +128,7 @@ class Reach:
 
 @dataclass(init=False, repr=False, eq=False)
 class Refusals:
-    """By place (a quantity of an axle). Costs nothing while no frame is refused: a good frame is told by its stamp."""
+    """By place (a quantity of an axle). Costs nothing while no frame is refused: a good frame is known by its stamp."""
 
     _counts: list[Counter[str]]
     _good_us: list[int]  # stamp of the good frame that they came after

@@ -1,4 +1,4 @@
-"""What the frames said of every axle, how old it is, and whether a frame's samples can be believed."""
+"""The measurements of every axle, how old it is, and whether a frame's samples can be believed."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -15,7 +15,7 @@ QUANTITIES = tuple(Quantity)
 YAW, LAT, TORQUE, SPEED, BRAKE, LOAD, DIRECTION, RADIUS = range(len(QUANTITIES))
 _ROW = {q: i for i, q in enumerate(QUANTITIES)}
 _OF_TORQUE_RATIO = (TORQUE, BRAKE, LOAD, RADIUS)
-_OF_AGE = (YAW, LAT, TORQUE, BRAKE, SPEED)  # the measurements: load, radius and direction may be told once a second
+_OF_AGE = (YAW, LAT, TORQUE, BRAKE, SPEED)  # the measurements: load, radius and direction may come once a second
 # Torques against each other by more than this share of 2 N r_0 contradict each other. A motor's torque is estimated, a
 # brake's follows from its pressure: either is wrong by up to that much where it should be nothing, and where less
 # cancels, MuUsed is wrong by less than four percentage points.
@@ -261,7 +261,7 @@ class Inputs:
         return TickInputs(self.speed_m_s, jumped, z, present, ratio, stale, unavailable)
 
     def unchanged(self, end_us: int) -> tuple[int, ...]:
-        """Places of sensors that have said the same for longer than their time-out while the train moved."""
+        """Places of sensors that have sent the same for longer than their time-out while the train moved."""
         return tuple(
             [
                 place

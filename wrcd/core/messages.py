@@ -174,7 +174,7 @@ class Outbox:
         return any(w and w.cycle_us in due for w in self._ahead)
 
     def inputs_cycle_us(self, axle: int) -> int:
-        """How often it is told what came of an axle's inputs; 0: never."""
+        """How often it is reported what came of an axle's inputs; 0: never."""
         writer = self._inputs[axle]
         return writer.cycle_us if writer else 0
 
@@ -198,9 +198,9 @@ class Outbox:
         yield from _frames(self._detail, end_us, due, explained)
         yield from _frames(self._inputs, end_us, due, inputs)
 
-    def ahead(self, end_us: int, due: Sequence[int], told: Sequence[Mapping[str, Value]]) -> Iterator[Outgoing]:
+    def ahead(self, end_us: int, due: Sequence[int], values: Sequence[Mapping[str, Value]]) -> Iterator[Outgoing]:
         """What lies ahead of each axle."""
-        yield from _frames(self._ahead, end_us, due, told)
+        yield from _frames(self._ahead, end_us, due, values)
 
     def status(
         self, end_us: int, due: Sequence[int], counts: Counts, health: Health, outliers: int

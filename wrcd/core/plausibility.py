@@ -80,7 +80,7 @@ class StuckCheck:
                 self._share += (went_on - self._share) / self._frames
 
     def unchanged(self, now_us: int, timeout_us: int) -> bool:
-        """Whether it has said the same for longer than its time-out, and oftener than by chance."""
+        """Whether it has sent the same for longer than its time-out, and oftener than by chance."""
         return (
             self._changed_us is not None
             and now_us - self._changed_us > timeout_us

@@ -41,7 +41,7 @@ class Slot:
     torque_ratio: Sequence[float]
     stale: Sequence[set[int]]  # quantities
     inputs: Sequence[Mapping[str, Value]]  # values of the frames about the inputs, where they are due
-    view: View | None  # of the train's way, with fusion and where it is told
+    view: View | None  # of the train's way, with fusion and where it is reported
     status: Sequence[Outgoing]
 
 

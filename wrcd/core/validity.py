@@ -35,7 +35,7 @@ OF_ESTIMATE = {
     EstimateDoubt.GAPS: Cause.TOO_LITTLE_DATA,
     EstimateDoubt.WIDE: Cause.TOO_LITTLE_DATA,
 }
-# Of the design's. With the true load told by the bus, the interval of nominal conditions still holds the truth in 77 %
+# Of the design's. With the true load on the bus, the interval of nominal conditions still holds the truth in 77 %
 # of the frames at 0.7 and 1.3 (89 % at 1.0, 67 % at 0.6): beyond, a design for that load is needed.
 LOAD_SHARES = (0.7, 1.3)
 # A wheel wears by less than a tenth of its radius; as far, the interval still holds the truth in 85 % and more.

@@ -206,7 +206,7 @@ def _tokens(text: str) -> Iterator[Token]:
 
 
 class _Statements:
-    """Goes over the tokens once; what is said about a message or a signal is laid on it at the end."""
+    """Goes over the tokens once; statements about a message or a signal are laid on it at the end."""
 
     def __init__(self, into: DbcText, tokens: Sequence[Token]) -> None:
         self._into, self._tokens, self._at = into, tokens, 0

@@ -139,8 +139,8 @@ def converts(unit: str, quantity: Quantity) -> bool:
 
 def is_enumeration(s: Signal) -> bool:
     """Whether a signal's values are words: two at least that are no sentinels, and no unit."""
-    told = {w for w in s.labels if not unusable(w)}
-    return not s.unit.strip() and s.scale == 1 and s.offset == 0 and len(told) >= 2
+    labels = {w for w in s.labels if not unusable(w)}
+    return not s.unit.strip() and s.scale == 1 and s.offset == 0 and len(labels) >= 2
 
 
 def is_force(unit: str) -> bool:
@@ -227,8 +227,10 @@ def _plain(unit: str) -> str:
 
 
 def _tells_direction(s: Signal) -> bool:
-    told = [letters(w) for w in s.labels]
-    return any(w.startswith(("rev", "back", "rueck")) for w in told) and any(w.startswith(("for", "vor")) for w in told)
+    labels = [letters(w) for w in s.labels]
+    return any(w.startswith(("rev", "back", "rueck")) for w in labels) and any(
+        w.startswith(("for", "vor")) for w in labels
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -39,25 +39,25 @@ MIN_SILENT_BLOCKS = 3  # that silence is judged by where a sensor was loud befor
 # Bounds, set on 480 nominal and 450 robust conditions (13 s, utilisation 0 to 1, 8 to 52 m/s, noise once and twice the
 # design's, a fifth tactical) and on 240 slow or coasting ones; sim-ecu score tells what they find and cost.
 # A dead sensor's power in each band (rows; gyro, accelerometer) over that of all it says, in ten seconds. Below 1.5 Hz
-# a gyro that died shows for long what it last said, and one that lives much more.
+# a gyro that died shows for long what it last measured, and one that lives much more.
 WHITE_MIN = (0.0, 0.0, 0.75)
 WHITE_MAX = ((2.5, 1.5), (1.32, 1.32), (1.25, 1.25))
 # The same over one second, as one number: weighed excesses of both sensors' bands. The sensors' own noise stays below
 # in 96 % of all seconds, what comes of a track in less than 1 %.
 SILENT_WEIGHTS = (0.6, 1.0, 1.5)
 SILENT_EXCESS = 1.1
-STILL_SILENT_EXCESS = 2.5  # where it is doubted already, or nothing was heard of the sensors before
+STILL_SILENT_EXCESS = 2.5  # where it is doubted already, or the sensors were silent before
 FALLEN_TIMES = 2.0  # as much power in a block before
 LOUDEST = 5.5  # times the power of the design's noise: more than that is no silence (noise may be twice as large)
 HEARD = 4.0  # times the noise's power: what correlations are judged on
 HEARD_SHARE = 0.7  # of the seconds
 # Correlations below 1.5 Hz and in 3 to 10 Hz of sound pairs on rails from hardly used to nearly saturated, and the
 # degrees of freedom that a second has there. Of a pair on one rail a reversed one has the opposite ones; where the
-# contact is saturated both have none, and nothing can be told.
+# contact is saturated both have none, and nothing can be concluded.
 COHERENT = np.array([(0.99, 0.96), (0.96, 0.92), (0.85, 0.75), (0.6, 0.4), (0.37, 0.17)])
 FREEDOM = np.array([4.0, 14.0])
 REVERSED = 5.0  # log of how much likelier a reversed pair must be than a sound or an incoherent one
-# Sum of the mean correlations over none, one, two, three bands in which both are heard, and the share of the seconds'
+# Sum of the mean correlations over none, one, two, three bands in which both are loud, and the share of the seconds'
 # correlations that are positive. Near saturation a sound pair is little correlated, yet positive in every second.
 UNRELATED = (-math.inf, 0.2, 0.6, 0.8)
 UNRELATED_POSITIVE = 0.75
@@ -127,17 +127,17 @@ def silent(newest: FloatArray, before: FloatArray, most: float) -> bool:
     """Whether in the newest blocks (b, ROWS), the newest first, both signals are white, but for an excess, and of the
     size of the sensors' noise.
 
-    When a sensor dies, the mean that is taken off stays behind at what it last said, for seconds. So one that was loud
+    When a sensor dies, the mean that is taken off stays behind at its last value, for seconds. So one that was loud
     a moment before is judged about a straight line through what it says now; another, about its mean as known.
     """
     now, then = (b[:, RAW] - b[:, MEAN] ** 2 for b in (newest, before))
     fallen = then.max(axis=0, initial=0.0) > FALLEN_TIMES * now[:MIN_SILENT_BLOCKS].mean(axis=0)
-    loud = bool(fallen.any())
-    if loud:
+    heard = bool(fallen.any())
+    if heard:
         newest = newest[:MIN_SILENT_BLOCKS]
     sums = newest.mean(axis=0)
     power, variance = sums[POWER].reshape(len(BANDS_HZ), CHANNELS).copy(), sums[RAW]
-    if loud:
+    if heard:
         power[LOW] -= np.where(fallen, _line(newest[:, LOW_MEAN]), 0.0)
         variance = variance - np.where(fallen, _line(newest[:, MEAN]), 0.0)
     variance = np.maximum(variance, TINY)
@@ -268,7 +268,7 @@ def _correlation(e: Evidence) -> FloatArray:
 
 
 def _unrelated(e: Evidence, noise: FloatArray, curved: BoolArray) -> bool:
-    """Whether the two do not go together in the bands in which both are heard. curved (s,): see in_curve()."""
+    """Whether the two do not go together in the bands in which both are loud enough. curved (s,): see in_curve()."""
     r = _correlation(e)
     heard: BoolArray = np.all(e.power > HEARD * noise, axis=2)
     heard[:, LOW] &= ~curved

@@ -98,7 +98,7 @@ class Estimator:
             self._speed.reset()
 
     def why_reset(self, result: StepResult, yaw_rate: FloatArray, axle: int) -> Outliers:
-        """Of an axle that needs it, after the step (n yaw rates) that said so and before its reset."""
+        """Of an axle that needs it, after the step (n yaw rates) that showed it and before its reset."""
         return self._gate.why_reset(result.innovations[-1, :, :, axle], float(yaw_rate[axle]), axle)
 
     def block_end(self, tick: int) -> bool:
@@ -226,7 +226,7 @@ class Estimator:
         self, ticks: Ticks, first: int, w: FloatArray, in_window: BoolArray, pulse: BoolArray, near: BoolArray
     ) -> tuple[BoolArray, BoolArray]:
         """m ticks' innovations (m, 4, 2, n) enter the window HOLD_TICKS late; those about a pulse and those that must
-        stay out as zeros. A pulse is told one tick at a time. Returns what entered: live and calm (m, n)."""
+        stay out as zeros. A pulse is reported one tick at a time. Returns what entered: live and calm (m, n)."""
         m = len(w)
         if pulse.any():
             self._delayed_clear &= ~pulse

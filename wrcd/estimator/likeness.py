@@ -9,7 +9,7 @@ What it tells of the wheelset is k = k_w / I_w and M = M_v / m_w; the rest is th
 over windows of some seconds for every pair (k, M) of a grid; what all axles say is added up, for a train has wheelsets
 of one kind. If no pair near the design's fits as well as one far away, they are unlike.
 
-A wheelset with like k and M is not told: its torque, its conicity and its contact do not show here.
+A wheelset with like k and M is not recognised: its torque, its conicity and its contact do not show here.
 """
 
 import itertools

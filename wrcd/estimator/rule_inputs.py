@@ -17,7 +17,7 @@ SWING = slice(NOISE.stop, NOISE.stop + 2)
 STEP = slice(SWING.stop, SWING.stop + STEPS)
 MIN_TORQUE = 0.003  # torque ratio: less is coasting, and says nothing
 TORQUE_FLOOR = 0.01  # torque ratio: what moves below this is the noise of its signal
-MIN_TRACK = 0.03  # of the noise's power: less from the track is not told from none
+MIN_TRACK = 0.03  # of the noise's power: less from the track is not distinguished from none
 MAX_STEP = 1.5  # decades
 
 

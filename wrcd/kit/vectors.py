@@ -60,12 +60,12 @@ def vectors(m: KitMessage) -> list[Vector]:
         if "Error" in values.values() and "Error" not in (m.output.signals["Validity"].words or {}):
             continue
         frame = writer.frame(0, slot, {ours: values[ours] for ours in m.output.signals})
-        found.append(Vector(what, frame.data, said(m, frame.data)))
+        found.append(Vector(what, frame.data, raw_values(m, frame.data)))
     valid: Any = m.message.decode(turn(m)[0], decode_choices=False, scaling=False)
     for ours, one in m.fields.items():
         for raw in _edges(one) if isinstance(one, NumberSignal) else ():
             data = writer.raw_frame(0, len(found), {**valid, one.signal.name: raw}).data
-            found.append(Vector(f"{ours} raw {raw}", data, said(m, data)))
+            found.append(Vector(f"{ours} raw {raw}", data, raw_values(m, data)))
     return found
 
 
@@ -83,7 +83,7 @@ def turn(m: KitMessage) -> list[bytes]:
     return [writer.frame(0, slot, values).data for slot in range(COUNTER_MODULO)]
 
 
-def said(m: KitMessage, data: bytes) -> dict[str, int | str | None]:
+def raw_values(m: KitMessage, data: bytes) -> dict[str, int | str | None]:
     """What a frame says, by cantools."""
     raws = m.message.decode(data, decode_choices=False, scaling=False)
     assert isinstance(raws, dict)

@@ -30,7 +30,7 @@ def pick_bus(
 ) -> tuple[str, str]:
     """Interface and channel, each by itself: the one that is given, else the file's, the user's, the default.
 
-    A bus that the user's settings chose is said on standard error. Raises InputError if they cannot be read.
+    A bus that the user's settings chose is reported on standard error. Raises InputError if they cannot be read.
     """
     if config_file is not None and (interface is None or channel is None):
         stated = read_toml(config_file).section("bus")

@@ -14,7 +14,7 @@ from wrcd.logs.story_records import Finding, Series, Story, at, seconds
 
 FULL = 15  # of a count in WrcdRejects: so many or more
 HIGH_LOAD_PCT = 80.0
-MAX_CLOCK_STEPS = 5  # that are told one by one
+MAX_CLOCK_STEPS = 5  # that are reported one by one
 STATUS_COUNTS = (
     ("Overruns", "frames left out because the loop came too late for their slot"),
     ("ReceiveDrops", "frames that the kernel dropped because the receive buffer was full"),
@@ -84,11 +84,11 @@ def increase(series: Series, name: str, key: str) -> tuple[int, int]:
 
 
 def _design(story: Story) -> Iterator[Finding]:
-    said = story.status.values.get("DesignChecksum") if story.status is not None else None
-    if said is None or not np.isfinite(said).any():
+    checksums = story.status.values.get("DesignChecksum") if story.status is not None else None
+    if checksums is None or not np.isfinite(checksums).any():
         return
     ours = int(story.config.design.checksum[:4], 16)
-    other = sorted({int(x) for x in said[np.isfinite(said)].tolist()} - {ours})
+    other = sorted({int(x) for x in checksums[np.isfinite(checksums)].tolist()} - {ours})
     if other:
         yield Finding(
             "warning",
@@ -135,9 +135,9 @@ def _rejects(story: Story) -> Iterator[Finding]:
         text = f"{count}{' or more' * more} frames came under wrcd's own ids: perhaps another wrcd"
         yield _first(story, "bad", text, first_us)
     if counts:
-        told = ", ".join(f"{count}{' or more' * more} {reason}" for reason, (count, more, _) in counts.items())
+        parts = ", ".join(f"{count}{' or more' * more} {reason}" for reason, (count, more, _) in counts.items())
         first_us = min(first for _, _, first in counts.values())
-        yield Finding("note", f"Input frames refused: {told}; first at {at(story, first_us)}.", 0, first_us)
+        yield Finding("note", f"Input frames refused: {parts}; first at {at(story, first_us)}.", 0, first_us)
 
 
 def _gaps(story: Story) -> Iterator[Finding]:

@@ -1,4 +1,4 @@
-"""What could not be read of a log, and what its recorder said was lost."""
+"""What could not be read of a log, and what its recorder reported as lost."""
 
 from dataclasses import dataclass, field
 from pathlib import Path

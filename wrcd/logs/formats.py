@@ -1,4 +1,4 @@
-"""Logs in the formats of python-can: its readers, watched, so that what they skip, lose or stumble over is told."""
+"""Logs in the formats of python-can: its readers, watched, so that what they skip, lose or stumble over is reported."""
 
 import io
 import logging
@@ -15,7 +15,7 @@ from wrcd.bus.pythoncan import from_message
 from wrcd.errors import InputError
 from wrcd.logs.damage import Damage
 
-# What its readers cannot take is told as damage; raw lines of theirs on the terminal say nothing more.
+# What its readers cannot take is reported as damage; raw lines of theirs on the terminal say nothing more.
 logging.getLogger("can.io").addHandler(logging.NullHandler())
 
 # A reader of text begins anew behind a damaged line. It takes the line given here for the last one of the header.

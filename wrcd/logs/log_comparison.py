@@ -14,7 +14,7 @@ from wrcd.logs.story_records import Fall, Finding, Story, StoryAxle, Times, at, 
 
 MAX_APART_US = 10_000  # of slots, half of Adhesion's cycle
 MAX_DELAY_US = 5_000_000  # between a fall in one and the same in the other
-LEAST_PP = 0.05  # a mean difference below the last digit that is told is none
+LEAST_PP = 0.05  # a mean difference below the last digit that is shown is none
 
 
 @dataclass(frozen=True, slots=True)

@@ -72,7 +72,7 @@ def resume(core: Core, log: Path) -> Saved | None:
 
 
 class ReplayRun:
-    """One log through a core, and what is said of it at the end. saved: the state that the core goes on from."""
+    """One log through a core, and what is reported of it at the end. saved: the state that the core goes on from."""
 
     def __init__(self, log: Path, core: Core, saved: Saved | None, channel: str | None) -> None:
         self._log, self._core, self._saved = log, core, saved
@@ -131,7 +131,7 @@ def replays(
     logs: Sequence[Path], config: Path | None, folders: Outputs, *, explained: bool, jobs: int,
     selection: Selection = WHOLE,
 ) -> int:  # fmt: skip
-    """Replay logs into folders: NAME.log, NAME.csv, NAME.events.csv, NAME.mf4, NAME.mcap. What is said of each log is
+    """Replay logs into folders: NAME.log, NAME.csv, NAME.events.csv, NAME.mf4, NAME.mcap. What each reports is
     printed in their order.
 
     Returns the largest exit status. Raises InputError before the first log where the outputs cannot be.
@@ -160,22 +160,22 @@ def replays(
     with ProcessPoolExecutor(min(jobs, len(logs)), mp_context=get_context("spawn")) as pool:
         runs = [pool.submit(_one, log, config, to, explained, selection) for log, to in zip(logs, outputs, strict=True)]
         for log, run in zip(logs, runs, strict=True):
-            ended, said = run.result()
-            print(f"{log}:\n{said.rstrip()}", file=sys.stderr)
+            ended, lines = run.result()
+            print(f"{log}:\n{lines.rstrip()}", file=sys.stderr)
             status = max(status, ended)
     return status
 
 
 def _one(log: Path, config: Path | None, to: Outputs, explained: bool, selection: Selection) -> tuple[int, str]:
     """One log in a process of its own: its exit status, and what it says."""
-    said = io.StringIO()
-    with contextlib.redirect_stderr(said):
+    lines = io.StringIO()
+    with contextlib.redirect_stderr(lines):
         try:
             status = replay(log, config, to, explained=explained, selection=selection)
         except InputError as e:
-            print(f"wrcd: error: {e}", file=said)
+            print(f"wrcd: error: {e}", file=lines)
             status = Status.BAD_INPUT
-    return status, said.getvalue()
+    return status, lines.getvalue()
 
 
 def _name(log: Path) -> str:

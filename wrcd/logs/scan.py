@@ -57,7 +57,7 @@ class Scan:
 
 
 def scan(log: Path, channel: str | None, reached: Callable[[int], None] = lambda stamp_us: None) -> Scan:
-    """Read all of a log, in the order and of the channel that a replay takes. reached is told the times on the way.
+    """Read all of a log, in the order and of the channel that a replay takes. reached gets the times on the way.
     Times are the log's stamps; where its clock is set back, they go on.
 
     Raises InputError as a replay does: no such log, not one frame, several channels and none named.

@@ -16,7 +16,7 @@ from wrcd.logs.story_records import BusStatistics, MessageStatistics, Series
 
 SECOND_US = 1_000_000
 MIN_LAST_S = 0.1  # of a log's last second, below which a rate says nothing
-MAX_SECONDS = 200_000  # two days: of a longer log, whose clock was set perhaps, only the seconds with a frame are told
+MAX_SECONDS = 200_000  # two days: of a longer log, whose clock was set perhaps, only the seconds with a frame are shown
 BIT_RATE = 500_000  # bit/s, where nobody says another
 BEHIND = 13  # bits without stuffing: CRC delimiter, acknowledgement, end of frame, and the three between two frames
 HEADS = {False: (19, 22), True: (39, 41)}  # from start of frame to DLC by extended: classical, FD
@@ -91,7 +91,7 @@ def bus(
 
 
 def _seconds(scan: Scan) -> NDArray[np.int64]:
-    """Numbers of the seconds that rates are told of."""
+    """Numbers of the seconds that have rates."""
     count = (scan.end_us - scan.begin_us) // SECOND_US + 1
     if count <= MAX_SECONDS:
         return np.arange(count, dtype=np.int64)

@@ -33,8 +33,8 @@ from wrcd.progress import Progress
 from wrcd.recorder.resume import load, state_file
 
 SENT, ESTIMATED = "frames of the log", "estimated here"
-MAX_PART_MISSING = 0.01  # of a log, without wrcd's frames, before it is said
-LAST_TICK_US = 20_000  # before a step of the clock: what was not told of it yet
+MAX_PART_MISSING = 0.01  # of a log, without wrcd's frames, before it is reported
+LAST_TICK_US = 20_000  # before a step of the clock: what was not reported of it yet
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +93,7 @@ class FrameEstimates:
 def estimate(
     log: Path, config: Config, channel: str | None, reached: Callable[[int], None] = lambda stamp_us: None
 ) -> Estimated:
-    """Replay a log. reached is told the stamps on the way."""
+    """Replay a log. reached gets the stamps on the way."""
     core, gathering, reader = Core(config), Gathering(), LogReader(log, channel)
     onward = reader.clock
     changes: list[Change] = []
@@ -118,7 +118,7 @@ def estimate(
 
 
 def _onward(change: Change, onward: Onward) -> Change:
-    """A change in the time that goes on. Those of the tick in which the clock is set back are told after it."""
+    """A change in the time that goes on. Those of the tick in which the clock is set back are reported after it."""
     if not onward.steps:
         return change
     step = onward.steps[-1]
@@ -171,8 +171,8 @@ def gather(
     axles = []
     torque = {}
     for place, a in enumerate(config.axles):
-        said = truth.truth(found, messages.get(a.number))
-        axle = _axle(a.number, adhesions[a.number], own, sent, said, found, estimated)
+        truth_record = truth.truth(found, messages.get(a.number))
+        axle = _axle(a.number, adhesions[a.number], own, sent, truth_record, found, estimated)
         if axle is not None:
             axles.append(axle)
         series = inputs.torque(found, place)
@@ -217,7 +217,7 @@ def _axle(
     adhesion: AdhesionRecord | None,
     own: OwnFrames,
     sent: Scan,
-    said: TruthRecord | None,
+    truth_record: TruthRecord | None,
     found: Scan,
     estimated: Estimated | None,
 ) -> StoryAxle | None:
@@ -233,7 +233,7 @@ def _axle(
         lasted = story_events.with_silences(lasted, adhesion.time_us, own.cycle_us("adhesion", number))
         answers = estimated.answers[number]
         adhesion, detail = answers.bound(adhesion), detail or answers.detail()
-    return StoryAxle(number, adhesion, detail, health, said, lasted)
+    return StoryAxle(number, adhesion, detail, health, truth_record, lasted)
 
 
 def _with_inputs(

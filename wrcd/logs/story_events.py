@@ -80,11 +80,11 @@ def _causes(adhesion: AdhesionRecord, detail: Detail | None) -> Places:
     none = np.zeros(len(adhesion.time_us), dtype=np.int8)
     if detail is None or not len(detail.time_us):
         return none
-    # a state is a run of one Validity: only what is said while it lasts is said of it
+    # a state is a run of one Validity: only what comes while it lasts counts for it
     run = np.concatenate(([0], np.cumsum(np.diff(adhesion.validity) != 0)))
-    heard = np.searchsorted(adhesion.time_us, detail.time_us, side="right") - 1  # frame that each detail goes with
-    usable = heard >= 0
-    run_of_detail = np.where(usable, run[heard.clip(0)], -1)
+    frame_of = np.searchsorted(adhesion.time_us, detail.time_us, side="right") - 1  # frame that each detail goes with
+    usable = frame_of >= 0
+    run_of_detail = np.where(usable, run[frame_of.clip(0)], -1)
     following = np.searchsorted(detail.time_us, adhesion.time_us, side="left")
     at = following.clip(0, len(detail.time_us) - 1)
     before = (following - 1).clip(0)

@@ -74,7 +74,7 @@ class Accuracy:
 
 
 def truth_at(axle: StoryAxle, time_us: NDArray[np.int64]) -> NDArray[np.float64]:
-    """The true available adhesion at some times, in percent; NaN where it was not told within MAX_AGE_US before."""
+    """The true available adhesion at some times, in percent; NaN where none came within MAX_AGE_US before."""
     t = axle.truth
     if t is None or not len(t.time_us):
         return np.full(len(time_us), np.nan)
@@ -91,8 +91,8 @@ def accuracy(axle: StoryAxle) -> Accuracy | None:
     rows = np.flatnonzero((a.validity == VALID_PLACE) & np.isfinite(a.available_pct) & np.isfinite(truth))
     if not len(rows):
         return None
-    said, true = a.available_pct[rows].astype(np.float64), truth[rows]
-    error = said - true
+    available, true = a.available_pct[rows].astype(np.float64), truth[rows]
+    error = available - true
     low, high = a.low_pct[rows], a.high_pct[rows]
     bounded = np.isfinite(low)
     held = bounded & (low <= true) & (true <= high)
@@ -106,7 +106,7 @@ def accuracy(axle: StoryAxle) -> Accuracy | None:
         float(held.sum() / bounded.sum()) if bounded.any() else float("nan"),
         max(float(error[worst]), 0.0),
         int(a.time_us[rows[worst]]),
-        float(said[worst]),
+        float(available[worst]),
         float(true[worst]),
         float((bounded & (low > true)).sum() * cycle_us * 1e-6),
     )

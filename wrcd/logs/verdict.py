@@ -26,8 +26,8 @@ from wrcd.logs.truth import accuracy
 
 LEVELS = ("bad", "warning", "note", "good")
 GOOD_HELD = 0.85  # of frames, whose interval of nine in ten holds the truth
-MAX_FALLS = 8  # that are told of an axle; the story has them all
-MAX_OUTAGES, MIN_OUTAGE_S = 3, 0.5  # that are told of an axle
+MAX_FALLS = 8  # that are reported of an axle; the story has them all
+MAX_OUTAGES, MIN_OUTAGE_S = 3, 0.5  # that are reported of an axle
 MAX_WARM_UPS, MIN_SHARE = 2.0, 0.5  # windows that a start may take in a short log, and what it must leave
 GOOD_SHARE = 0.9  # Valid: less is a warning
 

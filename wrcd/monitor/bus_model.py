@@ -191,7 +191,7 @@ class DaemonMessage:
 
 
 class AxleModel:
-    """What frames have told of one wheelset: its columns, at most hold_us of them, and its history."""
+    """What frames contain of one wheelset: its columns, at most hold_us of them, and its history."""
 
     def __init__(self, config: AxleConfig, hold_us: int) -> None:
         self.number = config.number
@@ -217,7 +217,7 @@ class AxleModel:
                 buffer.append(columns(record))
 
     def clear(self) -> None:
-        """Forget what the daemon's frames have told."""
+        """Forget the daemon's frames."""
         for buffer in (self._adhesion, self._detail, self._health):
             buffer.clear()
 

@@ -1,5 +1,5 @@
 """A screen of characters, each with a style, and curves on it: braille dots, eighths of blocks, shades. What is drawn
-knows no terminal; each kind of curve has a shape of its own, so that they can be told apart without colour."""
+knows no terminal; each kind of curve has a shape of its own, so that they can be distinguished without colour."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ BELOW_CURSOR = (" ", "░", "·")  # what the cursor's line goes over; curves it
 _DOTS = np.array([[1, 8], [2, 16], [4, 32], [64, 128]], dtype=np.int64)  # of a braille cell, by line and column
 _EIGHTHS = " ▁▂▃▄▅▆▇█"
 SHADE, FILL, TRUTH = "░", "·", "╌"
-# tops of the scale, in percent, and the steps that it is told in
+# tops of the scale, in percent, and its steps
 STEPS = {5.0: 5, 10.0: 5, 20.0: 4, 30.0: 3, 40.0: 4, 50.0: 5, 60.0: 3, 80.0: 4, 100.0: 5}
 TOPS = tuple(STEPS)
 MOVES = 50  # of a plot, until all of it is new

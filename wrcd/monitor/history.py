@@ -34,7 +34,7 @@ MAX_EVENTS = 20_000  # of an axle, kept
 SETTLED_US = 15_000_000  # a fall that ended so long ago is not looked at again
 BACK_US = 30_000_000  # looked at each time: the level before, and what is not settled
 EVERY_US = 1_000_000  # falls are looked for so often
-NEAR_US = 300_000  # a change of Validity so near to a fall is told with it
+NEAR_US = 300_000  # a change of Validity so near to a fall is shown with it
 AROUND_US = 1_000_000  # before and after that residuals are shown beside a moment
 AROUND_STORY_US = 120_000_000  # of what is held, that goes into a story
 NO_VALUE = "–"
@@ -98,8 +98,8 @@ class History:
         self._events += found
         # rows up to a second before the newest, and to the newest Detail frame before that, are settled
         limit_us = int(times[-1]) - OPEN_US
-        heard = detail.time_us[detail.time_us <= limit_us] if detail is not None else np.zeros(0, np.int64)
-        open_us = int(heard[-1]) if len(heard) else limit_us - OPEN_US
+        reported = detail.time_us[detail.time_us <= limit_us] if detail is not None else np.zeros(0, np.int64)
+        open_us = int(reported[-1]) if len(reported) else limit_us - OPEN_US
         self._open_us = int(times[max(int(np.searchsorted(times, open_us, side="right")) - 1, first)])
         settled = [e for e in found if e.begin_us < self._open_us]
         self._open = begun + len(settled)

@@ -17,7 +17,7 @@ from wrcd.monitor.bus_model import AxleModel, BusModel, InputNow
 from wrcd.monitor.canvas import Canvas, Rect
 from wrcd.monitor.history import DETAIL_US, NO_VALUE, duration, percent, state_name
 
-# A state is told by its sign and its word; its style comes on top.
+# A state has its sign and its word; its style comes on top.
 STATES = {
     Validity.VALID.value: ("●", "good"), Validity.DEGRADED.value: ("◐", "warn"),
     Validity.NOT_AVAILABLE.value: ("○", "bad"), "Silent": ("·", "bad"),
@@ -105,8 +105,8 @@ def state_of(event: Event | None) -> tuple[str, str, str]:
 def daemon_at(model: BusModel, at_us: int) -> DaemonNow:
     """Return how the daemon is at a time."""
     if model.is_estimated:
-        heard = any(len(m) for m in model.daemon.values()) or _damaged_adhesion(model) > 0
-        what = "no Adhesion frame that is right" if heard else "no daemon"
+        daemon_seen = any(len(m) for m in model.daemon.values()) or _damaged_adhesion(model) > 0
+        what = "no Adhesion frame that is right" if daemon_seen else "no daemon"
         return DaemonNow("warn", "not heard", [f"{what} in the log: estimated here"])
     silent = silence(model, at_us)
     if silent is not None:

@@ -22,7 +22,7 @@ from wrcd.monitor.sources import FrameSource
 from wrcd.monitor.widgets import GROUNDS, NAMES, CanvasWidget, TextPage, palette
 
 EVERY_S = 0.1  # the screen is brought up to date so often
-NOTE_S = 6.0  # what a key has done is told for so long
+NOTE_S = 6.0  # what a key has done is shown for so long
 MAX_EVENTS = 500  # that the page of events lists
 ENDING = (signal.SIGTERM, signal.SIGHUP, signal.SIGINT)  # they end it as the key does: the terminal is as before
 _ELSEWHERE = re.compile(r"@font-face \{.*?\}\s*|<!--.*?-->", re.DOTALL)
@@ -94,7 +94,7 @@ class Monitor(App[None]):
         self._widget = CanvasWidget(palette(self.colours), self.redraw)
 
     def compose(self) -> ComposeResult:
-        """One widget: its parts are told apart by what differs, which costs the terminal least."""
+        """One widget: its parts are distinguished by what differs, which costs the terminal least."""
         yield self._widget
 
     def on_load(self) -> None:

@@ -126,7 +126,7 @@ class Recorder:
         self._ring.put_frame(SENT, frame)
 
     def advanced(self, now_us: int) -> None:
-        """The core is told that time has come to now_us without a frame."""
+        """Time has come to now_us without a frame."""
         self._ring.put(ADVANCED, now_us)
 
     def ask(self) -> None:
@@ -152,7 +152,7 @@ class Recorder:
             self._dump(name)
 
     def _note_health(self) -> None:
-        """What the core tells of the loop and the link does not come from frames: a replay must be told."""
+        """What the core reports of the loop and the link does not come from frames: a replay needs it."""
         health = capture(self._core.health)
         if health != self._health:
             self._health = health

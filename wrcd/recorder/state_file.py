@@ -21,7 +21,7 @@ MAX_BYTES = 64 << 20
 @dataclass(frozen=True, slots=True)
 class StateEvent:
     """What the loop did between frames: behind so many lines of the log, time came to advance_us, or what the core
-    is told of the loop and the link (health, encoded) changed."""
+    knows of the loop and the link (health, encoded) changed."""
 
     lines: int
     advance_us: int | None = None

@@ -72,10 +72,10 @@ class Child:
     def wait(self, most_s: float, alive: Callable[[], None]) -> str:
         """Wait for it, but not for long: then it is killed. alive is called meanwhile."""
         self._end = min(self._end, time.monotonic() + most_s)
-        while (said := self.finished()) is None and time.monotonic() < self._end + 0.5:
+        while (ended := self.finished()) is None and time.monotonic() < self._end + 0.5:
             alive()
             time.sleep(0.02)
-        return "it took too long" if said is None else said  # a process whose disk hangs cannot even be killed
+        return "it took too long" if ended is None else ended  # a process whose disk hangs cannot even be killed
 
 
 def _environment() -> Mapping[str, str]:
@@ -100,7 +100,7 @@ class Request:
     data_bytes: int  # of each frame, that the ring keeps
     fits: dict[str, Any]
     core: Any
-    healths: list[tuple[int, dict[str, Any]]]  # by position: what the core was told of loop and link from there on
+    healths: list[tuple[int, dict[str, Any]]]  # by position: the state of loop and link from there on
     max_dumps: int
     max_bytes: int
     changes: str = ""  # rows of what `wrcd replay --events` gives

@@ -93,13 +93,13 @@ def _adhesion(pane: Axes, axle: StoryAxle, span: _Span) -> None:
     rows = span.rows(a.time_us)
     t = span.seconds(a.time_us[rows])
     valid = a.validity[rows] == VALID_PLACE
-    low, high, said = a.low_pct[rows], a.high_pct[rows], a.available_pct[rows]
+    low, high, available = a.low_pct[rows], a.high_pct[rows], a.available_pct[rows]
     shown_t, least, _ = thinned(t, low)
     _, _, most = thinned(t, high)
     pane.fill_between(shown_t, least, most, color=AVAILABLE, alpha=0.18, linewidth=0, label="its 90 % interval")
-    _line(pane, t, np.where(valid, said, np.nan), color=AVAILABLE, linewidth=1.6, label="available, Valid")
-    if (~valid & np.isfinite(said)).any():
-        _line(pane, t, np.where(valid, np.nan, said), color=AVAILABLE, linewidth=0.8, linestyle=":",
+    _line(pane, t, np.where(valid, available, np.nan), color=AVAILABLE, linewidth=1.6, label="available, Valid")
+    if (~valid & np.isfinite(available)).any():
+        _line(pane, t, np.where(valid, np.nan, available), color=AVAILABLE, linewidth=0.8, linestyle=":",
               label="available, not Valid")  # fmt: skip
     _line(pane, t, a.used_pct[rows], color=USED, linewidth=0.9, label="in use")
     if axle.truth is not None:

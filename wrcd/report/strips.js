@@ -1,6 +1,6 @@
 // Strips: runs of one code as blocks with their word.
 
-const RANK = { bad: 5, warn: 4, none: 3 }; // of blocks too narrow to be told apart the worst is drawn
+const RANK = { bad: 5, warn: 4, none: 3 }; // of blocks too narrow to be distinguished the worst is drawn
 const MIN_BLOCK_PX = 1.5;
 const LETTER_PX = 6.4;
 

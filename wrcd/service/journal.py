@@ -34,7 +34,7 @@ class ChangeLines:
         self._newest: dict[int, Change] = {}  # by axle
 
     def look(self, now_us: int) -> None:
-        """Write what is new, and what may now be said of what was left out."""
+        """Write what is new, and what may now be written of what was left out."""
         if self._events.total != self._told:
             new = self._events.since(self._told)
             self._told = self._events.total
@@ -88,12 +88,12 @@ def log_line(line: str) -> None:
 
 @dataclass(slots=True)
 class _RateLimitedCounter:
-    """A counter, the line about what it has gained, and how much of it has been told."""
+    """A counter, the line about what it has gained, and how much of it has been reported."""
 
     total: Callable[[], int]
     line: str
     always: bool = True  # or only while the link is up: on a dead bus it goes without saying
-    told: int = 0
+    reported: int = 0
     next_us: int = 0
 
 
@@ -120,7 +120,7 @@ class CounterLog:
         self._refused: Counter[tuple[str, Reason]] = Counter()
         self._rejected_next_us = 0
         self._changes = ChangeLines(core.events, write)
-        self._foreign: Counter[int] = Counter()  # as told
+        self._foreign: Counter[int] = Counter()  # as reported
         self._foreign_next_us = 0
 
     def look(self, now_us: int) -> None:
@@ -130,11 +130,11 @@ class CounterLog:
             self._state, self._state_next_us[state] = state, now_us + EVERY_US
             self._write(STATES[state])
         for c in self._counters:
-            gained = c.total() - c.told
+            gained = c.total() - c.reported
             if not c.always and not self._link.health.up:
-                c.told += gained
+                c.reported += gained
             elif gained and is_due(c.next_us, now_us):
-                c.told, c.next_us = c.told + gained, now_us + EVERY_US
+                c.reported, c.next_us = c.reported + gained, now_us + EVERY_US
                 if gained > 0:  # a counter set back to zero has nothing to tell
                     self._write(c.line.format(n=gained))
         if is_due(self._rejected_next_us, now_us):

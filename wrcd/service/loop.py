@@ -22,7 +22,7 @@ SETTLE_US = 1_000
 # that found nothing. On a busy computer a frame may be stamped milliseconds before the kernel hands it over,
 # and a tick closed without it would not be what a replay computes.
 SILENT_TURNS = 2
-# Systemd's watchdog is told of turns that ended this long after they were due and no later: an Adhesion frame's slot.
+# Systemd's watchdog gets turns that ended this long after they were due and no later: an Adhesion frame's slot.
 # A loop that is always later sends next to nothing, and a new one may do better.
 LATE_US = 20_000
 # A loop that stood still for no longer than this closes every tick of that time; for longer it is a step of time.
@@ -40,7 +40,7 @@ def steady_us() -> int:
 
 
 class Daemon:
-    """Ties a link to the core. poll() waits and turns once; run() goes on until it is told to stop.
+    """Ties a link to the core. poll() waits and turns once; run() goes on until it is stopped.
 
     With reload, SIGHUP reads the configuration again; without, it ends the daemon as SIGTERM does. write takes a line
     of the log.
@@ -64,8 +64,8 @@ class Daemon:
         self._watch = CounterLog(core, link, write)
         self._notifier = notifier or Notifier({})
         self._clock, self._monotonic = clock, steady
-        self._told_us = steady()  # the steady clock's time up to which the core has been told
-        self._offset_us = clock() - self._told_us  # of the wall clock from it
+        self._advanced_us = steady()  # the steady clock's time up to which the core was advanced
+        self._offset_us = clock() - self._advanced_us  # of the wall clock from it
         self._period_us = round(core.config.design.tick_s * 1e6)
         self._stop = self._hangup = False
         self._turn_us = self._next_turn_us()
@@ -93,7 +93,7 @@ class Daemon:
         counts = self.core.counts
         before, ticks = counts.seen, counts.ticks
         frames = self.link.receive(now)
-        stood_us = steady_us - self._told_us
+        stood_us = steady_us - self._advanced_us
         if stood_us <= FORWARD_STEP_US:
             out += self._feed(frames)
         else:
@@ -127,10 +127,10 @@ class Daemon:
         return out
 
     def _note_time(self, now_us: int, steady_us: int) -> None:
-        """Up to when the core has been told now, by the clock that nobody steps."""
+        """Note up to when the core is advanced now, by the clock that nobody steps."""
         offset_us, at_us = now_us - steady_us, self.core.time_us
         stepped = abs(offset_us - self._offset_us) > BACKWARD_STEP_US
-        self._told_us = steady_us if stepped or at_us is None else min(at_us - offset_us, steady_us)
+        self._advanced_us = steady_us if stepped or at_us is None else min(at_us - offset_us, steady_us)
         self._offset_us = offset_us
 
     def _in_time(self) -> bool:

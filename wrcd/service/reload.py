@@ -1,7 +1,7 @@
 """SIGHUP: read the configuration again and take over what a running daemon can, at a tick's end.
 
 Its limits and the recorder's bounds can change; the bus, the files, the axles and their signals cannot. The DBC and
-the design are not read again: that would take longer than a tick. Whether they have changed is told by their contents.
+the design are not read again: that would take longer than a tick. Their contents show whether they have changed.
 """
 
 import hashlib
@@ -75,8 +75,8 @@ class Reload:
             return ReloadOutcome(running, f"reload: nothing taken over: {mistakes}{also}", took=False)
         config, taken, refused = merge(running, new)
         refused = sorted({*refused, *changed})
-        said = ", ".join(taken) or ("nothing taken over" if refused else "nothing has changed")
-        line = f"reload: {said}" + (f"; needs a restart: {', '.join(refused)}" if refused else "")
+        outcome = ", ".join(taken) or ("nothing taken over" if refused else "nothing has changed")
+        line = f"reload: {outcome}" + (f"; needs a restart: {', '.join(refused)}" if refused else "")
         return ReloadOutcome(config, line, took=bool(taken) or not refused)
 
 

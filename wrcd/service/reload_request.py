@@ -69,7 +69,7 @@ def ask(pid: int, seconds: float = ANSWER_S) -> str:
 def _check(pid: int) -> None:
     """SIGHUP ends most processes: only a `wrcd run` that is no terminal's is asked. Raises InputError.
 
-    In the unit's sandbox nothing of the daemon but its number can be seen: there systemd has said that it is the one.
+    In the unit's sandbox nothing of the daemon but its number can be seen: there systemd has confirmed it.
     """
     try:
         if pid < 1:

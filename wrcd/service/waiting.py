@@ -33,7 +33,7 @@ class Waiting:
 
         What is waited for is one line in the log.
         """
-        pause_s, told = FIRST_PAUSE_S, ""
+        pause_s, reported = FIRST_PAUSE_S, ""
         while True:
             try:
                 return attempt()
@@ -41,8 +41,8 @@ class Waiting:
                 left_s = self._end_s - self._clock()
                 if e.status != Status.NOT_THERE or left_s <= 0:
                     raise
-                if str(e) != told:
-                    told = str(e)
-                    log_line(f"{told}; waiting for it, {round(left_s)} s at most")
+                if str(e) != reported:
+                    reported = str(e)
+                    log_line(f"{reported}; waiting for it, {round(left_s)} s at most")
             self._sleep(min(pause_s, left_s))
             pause_s = min(2 * pause_s, LAST_PAUSE_S)

@@ -1,4 +1,4 @@
-"""What an installation would change: made by looking only, told by describe(), carried out by apply()."""
+"""What an installation would change: made by looking only, shown by describe(), carried out by apply()."""
 
 import re
 from collections.abc import Collection, Iterator

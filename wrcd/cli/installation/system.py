@@ -56,7 +56,7 @@ def now() -> tuple[str, int]:
 
 
 def systemctl(*words: str) -> str:
-    """Run systemctl. Returns what it printed; raises InputError with what it said if it fails."""
+    """Run systemctl. Returns what it printed; raises InputError with its output if it fails."""
     try:
         done = subprocess.run(
             ["systemctl", "--no-pager", *words], capture_output=True, text=True, timeout=TIMEOUT_S, check=False

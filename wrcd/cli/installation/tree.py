@@ -1,5 +1,5 @@
 """Files below a root folder: looked at, written whole or not at all, removed with the folders made for them; the links
-that enable units there, and the record of what was installed, by which our own files are told from others'."""
+that enable units there, and the record of what was installed, by which our own files are distinguished from others'."""
 
 import hashlib
 import json

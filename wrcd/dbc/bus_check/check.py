@@ -56,11 +56,11 @@ def check_live(seconds: float, config_file: Path | None, interface: str | None, 
     config = load_config(config_file)
     gathered = Gathered(config)
     bus = pick_bus(interface, channel, config_file, (config.interface, config.channel))
-    heard = _heard(seconds, *bus, gathered.receiver.fd)
-    return _report(config, input_mappings(config_file), gathered, heard)
+    frames = _frames(seconds, *bus, gathered.receiver.fd)
+    return _report(config, input_mappings(config_file), gathered, frames)
 
 
-def _heard(seconds: float, interface: str, channel: str, fd: bool) -> Iterator[tuple[Frame, str]]:
+def _frames(seconds: float, interface: str, channel: str, fd: bool) -> Iterator[tuple[Frame, str]]:
     """Every frame of a bus for so long."""
     stopped = False
 
@@ -97,12 +97,12 @@ def _report(config: Config, mappings: Sequence[Statement], gathered: Gathered, i
         return NO_FRAME_FITS
     found = figures(config, gathered, core.counts.rejected_by_message)
     fits = signs(config, gathered)
-    told = [
+    noted = [
         *wrong_units(config, mappings, gathered, found),
         *findings(config, gathered, found, fits, lasted, wheelsets.finding),
     ]
-    print("\n".join(page(config, gathered, found, fits, lasted, told)))
-    return WOULD_STOP if any(f.stops for f in told) else FINE
+    print("\n".join(page(config, gathered, found, fits, lasted, noted)))
+    return WOULD_STOP if any(f.stops for f in noted) else FINE
 
 
 MIN_S = 30.0  # of measurements: over a stop, saturated for most of it, some sound trains seem unlike their design's

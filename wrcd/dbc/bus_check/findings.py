@@ -35,7 +35,7 @@ def findings(
     config: Config, gathered: Gathered, found: Sequence[SignalFigures], fits: Sequence[Fit],
     spells: Mapping[int, Spells], wheelset: str | None,
 ) -> list[BusFinding]:  # fmt: skip
-    """The gravest first. wheelset: what is said against the design's."""
+    """The gravest first. wheelset: what speaks against the design's."""
     out = [*_silent(config, gathered), *_spells(config, gathered, spells)]
     out += [BusFinding(True, f.what, f.text) for f in fits if f.fits is False]
     for f in found:
@@ -54,12 +54,12 @@ def _silent(config: Config, gathered: Gathered) -> list[BusFinding]:
     if gone:
         numbers = ", ".join(str(config.axles[place].number) for place in gone)
         out.append(BusFinding(True, f"axle{'s' * (len(gone) > 1)} {numbers}", "not one frame of their own came"))
-    said = set()
+    named = set()
     for i in config.inputs:
         name = i.source.message
-        if gathered.frames[name] or name in said or set(i.source.axles) <= set(gone):
+        if gathered.frames[name] or name in named or set(i.source.axles) <= set(gone):
             continue
-        said.add(name)
+        named.add(name)
         m = find_message(config.database, name)
         kind = "extended id" if m.is_extended_frame else "id"
         out.append(BusFinding(True, f"{name}.{i.source.signal}", f"not one frame of {kind} 0x{m.frame_id:X} came"))
@@ -73,7 +73,7 @@ def _came(config: Config, gathered: Gathered, place: int) -> bool:
 
 
 def _spells(config: Config, gathered: Gathered, spells: Mapping[int, Spells]) -> list[BusFinding]:
-    """What the core itself said of its axles."""
+    """What the core itself found of its axles."""
     out = []
     for place, axle in enumerate(config.axles):
         if not _came(config, gathered, place):
@@ -166,7 +166,7 @@ def page(
 
 
 def nothing(config: Config, gathered: Gathered) -> list[str]:
-    """What is said where no frame fits."""
+    """The page where no frame fits."""
     ids = ", ".join(sorted({_id(key) for key in gathered.receiver.readers}))
     return [
         f"no frame of {gathered.seconds:.1f} s fits the configuration {config.file}: it maps {ids}",

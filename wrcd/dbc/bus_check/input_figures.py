@@ -253,7 +253,7 @@ class Spells:
         return dict(sorted(shares.items(), key=lambda item: -item[1]))
 
     def longest(self, cause: Cause) -> str:
-        """What was said of a cause when it was given for longest."""
+        """The detail of a cause when it lasted longest."""
         longest = max((e for e in reversed(self.events) if e.cause is cause), key=lambda e: e.duration_s)
         return longest.detail or cause.words
 

@@ -35,9 +35,9 @@ SECOND_DIFFERENCE = np.array([1.0, -2.0, 1.0])
 MAD = 0.6745  # median size of what is normal with rms 1
 MIN_BINS = 40
 USUAL_SPEED_M_S = 25.0
-# An accelerometer that says so many times its own noise, or goes with the gyro so far, is heard. Another may be dead,
+# An accelerometer that says so many times its own noise, or goes with the gyro so far, is loud. Another may be dead,
 # and its size tells no unit.
-HEARD, CORRELATED = 1.5, 0.5
+LOUD, CORRELATED = 1.5, 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,12 +86,12 @@ class UnitPair:
     lat_m_s2: float
     product_m_s2: float  # of speed times yaw rate
     speed_m_s: float
-    heard: bool
+    loud: bool
 
     def cost(self, yaw: float, lat: float, speed: float) -> float:
         """Of being so many times as large as they are read."""
         out = YAW_NOISE.cost(self.yaw_noise * yaw) + LAT_NOISE.cost(self.lat_noise * lat)
-        if self.heard:
+        if self.loud:
             slow = min(self.speed_m_s * speed / USUAL_SPEED_M_S, 1.0)
             out += RATIO.cost(self.lat_m_s2 * lat / (self.product_m_s2 * yaw * speed))
             out += SIZE_M_S2.cost(self.lat_m_s2 * lat / slow**2)
@@ -150,7 +150,7 @@ def _pair(config: Config, gathered: Gathered, found: Sequence[SignalFigures], pl
         lat_m_s2=lat_m_s2,
         product_m_s2=made_m_s2,
         speed_m_s=float(np.median(np.abs(v[there]))),
-        heard=lat_m_s2 > HEARD * own_m_s2 or abs(correlation(made[there], sideways[there])) > CORRELATED,
+        loud=lat_m_s2 > LOUD * own_m_s2 or abs(correlation(made[there], sideways[there])) > CORRELATED,
     )
 
 
@@ -180,11 +180,11 @@ def _torques(config: Config, gathered: Gathered, found: Sequence[SignalFigures])
     tops = [float(np.abs(s.si).max()) for s in series_of(config, gathered, Quantity.SPEED)[:1]]
     moves = max(tops, default=config.constant_speed_m_s or 0.0) > MIN_SPEED_M_S
     most_Nm = 2.0 * config.design.normal_N * config.design.r_0
-    said = set()
+    named = set()
     for i, f in zip(config.inputs, found, strict=True):
-        if i.source.quantity not in TORQUES or f.name in said or not f.low < f.high:
+        if i.source.quantity not in TORQUES or f.name in named or not f.low < f.high:
             continue
-        said.add(f.name)
+        named.add(f.name)
         largest_Nm = max(abs(f.low), abs(f.high))
         in_kilo = _now(config, i) > math.sqrt(KILO)
         if in_kilo and largest_Nm > MAX_SHARE * most_Nm:

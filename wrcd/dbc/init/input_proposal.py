@@ -108,8 +108,8 @@ def propose_shared(draft: Proposal, key: str, about: str, found: list[SignalCand
 def _unit(table: _Keys, c: SignalCandidate) -> None:
     if c.signal.unit.strip() or c.quantity is Quantity.DIRECTION:
         return
-    told = set(re.split(r"[\s,;:()\[\]]+", c.signal.comment))
-    guess = next((u for u in sorted(told) if converts(u, c.quantity)), OTHER_UNITS[c.quantity])
+    comment_words = set(re.split(r"[\s,;:()\[\]]+", c.signal.comment))
+    guess = next((u for u in sorted(comment_words) if converts(u, c.quantity)), OTHER_UNITS[c.quantity])
     table.keys["unit"] = guess
     table.blocked.append(f"{c.name} has no unit in the DBC: is it {guess}?")
 
@@ -119,8 +119,8 @@ def _sign(table: _Keys, c: SignalCandidate) -> None:
     if c.quantity is Quantity.BRAKE_TORQUE and c.signal.low is not None and c.signal.low >= 0:
         table.keys["sign"] = -1
         table.doubts.append(f"{c.name} is never negative: braking counts as positive there, as negative here")
-    told = set(words(c.signal.comment))
-    if c.quantity in OTHER_WAY and told & OTHER_WAY[c.quantity] and not told & OUR_WAY[c.quantity]:
+    comment_words = set(words(c.signal.comment))
+    if c.quantity in OTHER_WAY and comment_words & OTHER_WAY[c.quantity] and not comment_words & OUR_WAY[c.quantity]:
         table.doubts.append(f"the comment on {c.name} sounds like the other way round than ours: if so, give sign = -1")
 
 
@@ -142,16 +142,16 @@ def _status(table: _Keys, dbc: DbcText, c: SignalCandidate) -> None:
     own = set(words(c.signal.name))
     beside.sort(key=lambda s: (not _branch(s), _number(s) is None))  # the closest first
     nearest = [s for s in beside if own & set(words(s.name))] or beside
-    told = [s for s in nearest if any(unusable(w) or usable(w) for w in s.labels)]
+    worded = [s for s in nearest if any(unusable(w) or usable(w) for w in s.labels)]
     for s in nearest:
         if not s.words:
             rule = "only 0 lets a value pass" if s.name == STATUS else "it is not looked at"
             table.doubts.append(f"{s.path} has no value table: {rule} unless status and ok are given")
     if not beside:
         _status_elsewhere(table, dbc, c)
-    if not told:
+    if not worded:
         return
-    status, *more = told
+    status, *more = worded
     name = status.path
     if more:
         table.doubts.append(f"{name} is taken as its status; there is {', '.join(s.name for s in more)}, too")
