@@ -119,9 +119,9 @@ def check_log(path: Path) -> None:
         suffix, looks_like = log_suffix(path), "a file"
     else:
         return
-    suffix = "".join(Path(path.name).suffixes[-2:] if named_zipped else path.suffix) or "its name"
+    own_suffix = "".join(Path(path.name).suffixes[-2:] if named_zipped else path.suffix) or "its name"
     raise InputError(
-        f"looks like {looks_like}{' packed by gzip' * zipped}, {suffix} says otherwise",
+        f"looks like {looks_like}{' packed by gzip' * zipped}, {own_suffix} says otherwise",
         file=path,
         hint=f"the suffix tells the format: rename it to end in {suffix}{'.gz' * zipped}",
     )
