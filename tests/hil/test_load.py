@@ -97,7 +97,8 @@ def test_flood_of_frames_loses_no_sensor_frame_and_no_cycle(
     # a random frame of Adhesion_A1's id and length, four a second, has its CRC once in 256, and then any counter
     assert len(every) - len(frames) <= (0 if ids == "300" else 4)
     assert kept.kept, kept.unexcused
-    assert AXLES * len(kept.missing) <= overruns  # a slot that is over costs each axle a frame
+    # A slot that is over costs each axle a frame. A frame that a random one, ahead of it, hides from `frames` was sent.
+    assert AXLES * len(set(kept.missing) - set(map(slot_of, every))) <= overruns
     # among random ids are the sensors' own, forty a second of the right length: one in 256 has the right CRC and may be
     # taken for one of theirs, with up to three of theirs then out of sequence
     assert accepted == pytest.approx(sent, abs=0 if ids == "300" else 12)
