@@ -73,7 +73,7 @@ class Brief:
     window_s: float = 1.0
     longest_s: float = 2.0
     recent_s: float = 0.16
-    # Hunting lives at 2 to 3 Hz, the yaw spring at 13 Hz; above some 20 Hz nothing tells of the rail.
+    # Hunting lives at 2 to 3 Hz, the yaw spring at 13 Hz; above some 20 Hz nothing depends on the rail.
     band_hz: float = 14.0
     pulse_hz: float = 25.0  # joints and crossings show above this in the lateral acceleration
     speed_range: tuple[float, float] = (3.0, 60.0)

@@ -75,7 +75,7 @@ def protect(data: bytes | bytearray, identity: int) -> bytes:
 def crc_tables(length: int, identity: int) -> tuple[int, list[list[int]]]:
     """CRC of a frame of zeros, and what each value of each byte changes in it.
 
-    A CRC is affine in the bits of the frame: the changes of single bytes, asked of the autosar-e2e package, add up
+    A CRC is affine in the bits of the frame: the changes of single bytes, from the autosar-e2e package, add up
     (exclusive or) to that of any frame.
     """
     none = protect(bytes(length), identity)[0]

@@ -1,4 +1,4 @@
-"""What can go wrong between a sensor and the daemon, as data: kinds of fault, and how one is asked for."""
+"""What can go wrong between a sensor and the daemon, as data: kinds of fault, and how one is requested."""
 
 import math
 import re

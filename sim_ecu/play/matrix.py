@@ -183,7 +183,7 @@ class Matrix:
         until_s: float,
         look: Callable[[int], None] = lambda _: None,
     ) -> list[SentAdhesion]:
-        """Axle 1's adhesion frames of a core that knows all up to a time, then is played the rest. look gets the time
+        """Axle 1's adhesion frames of a core that has had all up to since_s, then is fed the rest. look gets the time
         after every half sample, as after every turn of the loop."""
         first, last = (math.ceil(round(t * 1e6) / SAMPLE_US) - 1 for t in (since_s, until_s))
         samples, out = self._samples[max(first, 0) : last], []

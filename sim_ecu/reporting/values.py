@@ -10,7 +10,7 @@ UNKNOWN = "–"
 
 @dataclass(frozen=True, slots=True)
 class Figure:
-    """A figure, the ends of its 90 % interval (NaN: too few runs to tell), and how much it is made of."""
+    """A figure, the ends of its 90 % interval (NaN: too few runs), and how much it is made of."""
 
     value: float
     low: float

@@ -247,7 +247,7 @@ def _trace(run: Run, place: int, kept: TrainFrames, half_widths: dict[int, Float
     axle = run.scenario.axles[place]
     adhesion, truth = kept.adhesion[axle.number], kept.truth[axle.number]
     speed = float(run.scenario.speed.at(np.zeros(1))[0])
-    # an adhesion frame tells of the time up to its stamp; the truth is the newest by then
+    # an adhesion frame covers the time up to its stamp; the truth is the newest by then
     true_us, adhesion_us = np.array(truth.stamps_us), np.array(adhesion.stamps_us)
     use = adhesion_us >= true_us[0]
     latest = np.searchsorted(true_us, adhesion_us[use], side="right") - 1

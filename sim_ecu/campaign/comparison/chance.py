@@ -33,10 +33,10 @@ ROUNDING = 1e-9  # what two sums of the same numbers may differ by, as a share
 
 @dataclass(frozen=True, slots=True)
 class ChanceOf:
-    """The second's mean less the first's with its interval (NaN: too few to tell), both means, and p, two-sided.
+    """The second's mean less the first's with its interval (NaN: too few), both means, and p, two-sided.
 
-    least: the smallest p that these rows could give, whichever way each points; 1 where none differs. worlds: that
-    tell anything: of pairs those that differ, of samples the fewer of both sides.
+    least: the smallest p that these rows could give, whichever way each points; 1 where none differs. worlds: those
+    that count: of pairs those that differ, of samples the fewer of both sides.
     """
 
     first: float
@@ -53,8 +53,8 @@ NOTHING = ChanceOf(math.nan, math.nan, math.nan, math.nan, math.nan, 1.0, 1.0, 0
 
 
 def draws(comparisons: int, alpha: float) -> int:
-    """How many draws tell p at the strictest bound that Holm's correction of so many comparisons has; MAX_DRAWS may be
-    too few where comparisons / alpha is more."""
+    """Return how many draws decide p at the strictest bound of Holm's correction of so many comparisons; MAX_DRAWS may
+    be too few where comparisons / alpha is more."""
     return min(max(MIN_DRAWS, math.ceil(DRAWS_A_CLAIM * comparisons / alpha)), MAX_DRAWS)
 
 

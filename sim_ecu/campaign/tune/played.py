@@ -119,9 +119,9 @@ def play(design: Path, shares: Sequence[tuple[str, float]], lot: int, folder: Pa
         Job(SCORE.name, inputs, {"design": contents}) for s, share in shares for inputs in _runs(s, share, file, lot)
     )
     types = {f.name: f.type for f in SCORE.factors}
-    asked = CampaignRequest(folder.name, SCORE, types, code(SCORE.function.__module__))
-    campaign = Campaign(asked, jobs, {}, None, 0, None, folder, {(file,): {file: contents}})
-    with opened_store(folder, asked, campaign.keys) as store:
+    request = CampaignRequest(folder.name, SCORE, types, code(SCORE.function.__module__))
+    campaign = Campaign(request, jobs, {}, None, 0, None, folder, {(file,): {file: contents}})
+    with opened_store(folder, request, campaign.keys) as store:
         finished = go(campaign, folder, store, workers, again=True)
     for job, row in finished.pairs:
         if row.ending is not Ending.DONE:
