@@ -47,7 +47,7 @@ class Campaign:
 
     @cached_property
     def keys(self) -> list[str]:
-        """Of the jobs, in their order."""
+        """The jobs' keys, in their order."""
         return [job.key(self.request.code) for job in self.jobs]
 
     def task(self, job: Job) -> Task:
@@ -57,7 +57,7 @@ class Campaign:
         return Task(kind.function, Job(job.kind, inputs, job.files), files, request.code)
 
     def cost(self, job: Job) -> float:
-        """Of the job, about, in the kind's unit."""
+        """Return about what the job costs, in the kind's unit."""
         return self.request.kind.cost(placed(self.request.kind, job.inputs, self.folder))
 
 

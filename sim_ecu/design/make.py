@@ -240,7 +240,7 @@ def _outside(rules: RuleBase, data: Features) -> FloatArray:
 
 
 def changes(brief: Brief, steps: Steps) -> dict[str, Any]:
-    """By how much a residual of a window's newest part may differ from the rest's while the rail does not change.
+    """Return how much a residual of a window's newest part may differ from the rest's while the rail does not change.
 
     The paper's form looks for no change: there they may differ by anything.
     """
@@ -256,7 +256,7 @@ def changes(brief: Brief, steps: Steps) -> dict[str, Any]:
 
 
 def fit_report(rules: RuleBase, data: Features) -> dict[str, float]:
-    """How well the rule base describes its own training data (no claim about anything else)."""
+    """Return how well the rule base describes its own training data (no claim about anything else)."""
     every = np.abs(rules.mu_pct(data.inputs) - data.mu_pct)
     error = every[data.nominal]
     return {

@@ -52,7 +52,7 @@ class Job:
     labels: tuple[str, ...] = ()
 
     def key(self, code: str) -> str:
-        """Of the inputs, the files' contents and the code's version: the same question has the same key anywhere."""
+        """Return the key of inputs, files' contents and the code's version: the same anywhere for the same question."""
         inputs = {name: value for name, value in self.inputs.items() if name not in self.labels}
         content = {"kind": self.kind, "inputs": inputs, "files": dict(self.files), "code": code}
         text = json.dumps(content, sort_keys=True, separators=(",", ":"), default=_plain)

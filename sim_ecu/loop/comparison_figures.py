@@ -63,7 +63,7 @@ class Against:
 
 
 def spread(values: Sequence[float]) -> Spread:
-    """Of the values that are numbers."""
+    """Return the spread of the values that are numbers."""
     known = np.array([v for v in values if not math.isnan(v)], np.float64)
     if not len(known):
         return Spread(math.nan, math.nan, math.nan, 0)

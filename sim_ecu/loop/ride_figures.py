@@ -97,7 +97,7 @@ def demand_at(share: FloatArray) -> int:
 
 
 def slides(slip_m_s: FloatArray, speed_m_s: FloatArray) -> int:
-    """How many slides begin while the train is fast enough: amounts of slip (t, axles) at ground speeds (t,)."""
+    """Return how many slides begin while the train is fast enough: amounts of slip (t, axles) at ground speeds (t,)."""
     if not len(slip_m_s):
         return 0
     bound = np.minimum(SLIDE_M_S, SLIDE_SHARE * speed_m_s)[:, None]
@@ -140,7 +140,7 @@ class Honesty:
 
     @property
     def wrong(self) -> bool:
-        """For longer than the interval allows."""
+        """Whether it is wrong for longer than the interval allows."""
         return self.outside_s > ALLOWED_S
 
 

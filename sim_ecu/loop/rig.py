@@ -84,7 +84,7 @@ class Sensed:
         )  # fmt: skip
 
     def carries(self, due_us: int) -> bool:
-        """Whether the bus carries frames at a time: not while the link is down, the device gone or the bus off."""
+        """Return whether the bus carries frames at a time: not with the link down, the device gone or the bus off."""
         return not self._silent or not any(f.on(due_us) for f in self._silent)
 
     def frames(self, due_us: int, samples: Samples, wheel_m_s: FloatArray, share: float) -> list[Sent]:
@@ -173,7 +173,7 @@ class Rig:
             demand.take(data, stamp_us)
 
     def carries(self, due_us: int) -> bool:
-        """Whether the scenario's faults leave a bus at a time; without one nobody receives anything."""
+        """Return whether the scenario's faults leave a bus at a time; without one nobody receives anything."""
         return self._sensed.carries(due_us)
 
     def take_faults(self, faults: Sequence[Fault]) -> None:

@@ -101,6 +101,6 @@ def _cases() -> dict[tuple[str, str], LoopCase]:
 
 
 def play_one(work: Work) -> list[RideResult]:
-    """What a process does with each piece of work."""
+    """Drive and judge the runs of a piece of work."""
     first, *branches = (_cases()[work.suite, name] for name in work.names)
     return play(first, work.number, branches)

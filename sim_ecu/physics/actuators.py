@@ -64,14 +64,14 @@ class Actuators:
     full_brake_N_m: float = 22_000.0
 
     def electric_N_m(self, brake_share: float, speed_m_s: float) -> float:
-        """What the brake control demands of the electric brake for a share (0 … 1) of the full service brake."""
+        """Return what the brake control demands of the electric brake for a share (0 … 1) of the full service brake."""
         whole = min(brake_share * self.full_brake_N_m, self.drive.max_brake_N_m)
         if speed_m_s >= self.drive.fades_m_s:
             return whole
         return whole * max(2.0 * speed_m_s / self.drive.fades_m_s - 1.0, 0.0)
 
     def demand_bar(self, brake_share: float, speed_m_s: float, electric: bool = True) -> float:
-        """Pressure for what the electric brake is not to give; electric False: for all."""
+        """Return the pressure for what the electric brake is not to give; electric False: for all."""
         rest = brake_share * self.full_brake_N_m - (self.electric_N_m(brake_share, speed_m_s) if electric else 0.0)
         return min(rest / self.pneumatics.torque_per_bar_N_m, self.pneumatics.max_bar)
 
@@ -142,7 +142,7 @@ class AxleActuators:
 
     @property
     def friction_N_m(self) -> float:
-        """What the brake can hold with the cylinder's pressure."""
+        """The torque that the brake can hold with the cylinder's pressure."""
         return self.pressure_bar * self._per_bar_N_m
 
     def _limited(self, next_N_m: float) -> float:

@@ -113,13 +113,13 @@ def _play(
 
 
 def _unmapped(config: Config, numbers: Sequence[int]) -> list[str]:
-    """What the screen would show of these axles, and some of them do not send."""
+    """Return what the screen would show of these axles, and some of them do not send."""
     sent = [a.adhesion.signals for a in config.axles if a.number in numbers]
     return [name for name in SHOWN if any(name not in signals for signals in sent)]
 
 
 def default_bus() -> tuple[str, str]:
-    """Interface and channel where nothing says others: vcan0 where there is one, else python-can's virtual bus."""
+    """Return interface and channel where none are given: vcan0 where there is one, else python-can's virtual bus."""
     return ("socketcan", "vcan0") if Path("/sys/class/net/vcan0").exists() else ("virtual", "demo")
 
 

@@ -68,13 +68,13 @@ def message(sent: Sent, stamp_us: int, channel: str) -> can.Message:
 
 
 def fault_line(fault: Fault, begin_us: int, end_us: int) -> str:
-    """What was wrong, and from when to when, in seconds since 1970."""
+    """Return what was wrong, and from when to when, in seconds since 1970."""
     place = f"of={fault.of} axle={fault.axle}" if KINDS[fault.kind].stage is not Stage.BUS else "of=bus"
     return f"fault {fault.kind} {place} begin={begin_us * 1e-6:.6f} end={end_us * 1e-6:.6f}"
 
 
 def play_to_log(scenario: Scenario, log: Path, truth: bool = True, train: Train = PACKAGED) -> PlayTally:
-    """As fast as it computes; the suffix of the log gives its format. Faults of the interface are silence there."""
+    """Play as fast as it computes; the log's suffix gives its format. Faults of the interface are silence there."""
     check_format(log, scenario, train)
     tally, progress = PlayTally(), Progress()
     player = Player(scenario, truth, LARGE_CHUNK, train)
@@ -129,7 +129,7 @@ class RealTime:
         return self._now_us() * 1e-6
 
     def wait_s(self) -> float:
-        """How long until the next sample is due; 0 at the end."""
+        """Return how long until the next sample is due (s); 0 at the end."""
         if self._next is None:
             return 0.0
         return max(self._start_ns + self._next[0] * 1000 - self._clock.monotonic_ns(), 0) * 1e-9

@@ -34,7 +34,7 @@ def write_results(
 
 
 def status_by_goals(fail_on: str | None, goals: Sequence[Mapping[str, Any]]) -> Status:
-    """What a command ends with whose goals have these verdicts; where it is to fail, the standard error says why.
+    """Return the exit status of a command by its goals' verdicts; where it fails, standard error gets the reason.
     Raises InputError where it was requested and no goal could be judged."""
     if not fail_on:
         return Status.DONE

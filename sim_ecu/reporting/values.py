@@ -19,7 +19,7 @@ class Figure:
     count: int  # frames, or drops, or axles
 
     def below(self, other: "Figure") -> bool:
-        """Whether it lies below another one, and the intervals do not overlap."""
+        """Return whether it lies below another one, and the intervals do not overlap."""
         return self.high < other.low
 
 

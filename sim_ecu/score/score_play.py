@@ -220,7 +220,7 @@ def play(run: Run, config: Config, baselines: dict[str, Baseline], train: Train 
 
 
 def _beside(traces: Sequence[Trace], ticks: GivenTicks, baselines: dict[str, Baseline]) -> None:
-    """What the baselines say at the traces' frames: from the newest tick that was over by then."""
+    """Return the baselines' estimates at the traces' frames: from the newest tick that was over by then."""
     tick_us = round(ticks.tick_s * 1e6)
     others = {name: b.mu_pct(ticks) for name, b in baselines.items()}
     for place, trace in enumerate(traces):

@@ -203,7 +203,7 @@ def _exchanged(
 def _sample_figure(
     a: FloatArray, b: FloatArray, others: FloatArray, moved: FloatArray, p: float, few: float, alpha: float
 ) -> ChanceOf:
-    """Of one figure. A draw's difference is beyond the observed one, both less a shift δ, from one δ on."""
+    """Return the chance of one figure. A draw is beyond the observed difference, both less a shift δ, from one δ on."""
     if not len(a) or not len(b):
         return NOTHING
     observed = float(b.mean() - a.mean())
@@ -218,7 +218,7 @@ def _sample_figure(
 
 
 def _ends(typical: FloatArray, tries: int, alpha: float) -> tuple[float, float]:
-    """Of the interval: beyond each lie alpha / 2 of the tries at most, those among them that have no typical value."""
+    """Return the interval's ends: beyond each lie at most alpha / 2 of the tries, also those with no typical value."""
     beyond = math.floor(alpha / 2 * tries * (1 + ROUNDING)) - (tries - len(typical)) + 1
     if beyond < 1:
         return math.nan, math.nan

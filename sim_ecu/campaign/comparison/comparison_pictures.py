@@ -38,7 +38,7 @@ def _of(result: Result, name: str) -> list[Comparison]:
 
 
 def _drawn(c: Comparison) -> bool:
-    """Whether dots show anything: a flag's lie on four places."""
+    """Return whether dots show anything: a flag's lie on four places."""
     return c.figure.type is not Type.FLAG and all(map(len, c.values))
 
 

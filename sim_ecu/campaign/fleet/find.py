@@ -44,7 +44,7 @@ class Fleet:
 
     @property
     def trains(self) -> dict[str, int]:
-        """How many logs each has."""
+        """How many logs each train has."""
         return dict(Counter(one.train for one in self.logs))
 
 

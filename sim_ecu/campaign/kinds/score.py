@@ -138,7 +138,7 @@ def figures_of(traces: Sequence[Trace]) -> dict[str, Scalar]:
 
 
 def _of(how: Callable[[list[float]], Any], values: list[float]) -> float:
-    """Of the values that are numbers; NaN for none."""
+    """Apply how to the values that are numbers; NaN for none."""
     known = [v for v in values if math.isfinite(v)]
     return float(how(known)) if known else math.nan
 

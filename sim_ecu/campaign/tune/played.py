@@ -74,7 +74,7 @@ class PlayedFigures:
         return tuple(out)
 
     def behind(self, other: "PlayedFigures") -> bool:
-        """Whether the other is nowhere worse, and better somewhere. No figure is worse than any."""
+        """Return whether the other is nowhere worse, and better somewhere. No figure is worse than any."""
         mine, theirs = ([math.inf if math.isnan(v) else v for v in (*f.values, float(f.cost))] for f in (self, other))
         pairs = list(zip(mine, theirs, strict=True))
         return all(b <= a for a, b in pairs) and any(b < a for a, b in pairs)

@@ -87,7 +87,7 @@ class Unprotected:
             self._driver.take(data, stamp_us)
 
     def tick(self, now_us: int) -> list[Sent]:
-        """The same for every axle."""
+        """Return the same Demand for every axle."""
         if self._driver.stamp_us is None:
             return []
         share, mode, torque = self._driver.values["Share"], self._driver.values["Mode"], 0.0
@@ -163,7 +163,7 @@ class AdhesionReceiver:
         return True
 
     def adhesion(self, now_us: int) -> UsableAdhesion | None:
-        """What may be used now; None: fall back."""
+        """Return what may be used now; None: fall back."""
         if self.unusable is not None or not self._fresh(now_us) or self._is_disturbed(now_us):
             return None
         return self._adhesion
@@ -193,7 +193,7 @@ class AdhesionReceiver:
         return False
 
     def _read(self, data: bytes) -> UsableAdhesion | None:
-        """What a good frame reports; None: fall back."""
+        """Return what a good frame reports; None: fall back."""
         values = self._reader.read(data)
         self._validity = str(values.get("Validity"))
         mu, level, age_ms = values.get("MuAvailable"), values.get("Confidence"), values.get("SampleAge", 0.0)

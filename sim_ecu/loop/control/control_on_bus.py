@@ -197,7 +197,7 @@ class OnBus:
         end.begin()
 
     def wait_s(self) -> float:
-        """How long until the next cycle."""
+        """Return how long until the next cycle (s)."""
         return max((self._cycle + 1) * CYCLE_US - self.end.now_us, 0) * 1e-6
 
     def turn(self) -> None:
@@ -226,7 +226,7 @@ class OnBus:
             self.end.wait(late_us)  # the cycles that come
 
     def summary(self) -> list[str]:
-        """What came of it, for a person."""
+        """Return what came of it, for a person."""
         bus = self.end.counts()
         return [
             f"  time      {self.end.now_us * 1e-6:.1f} s, {self.cycles} cycles of 10 ms, {self.skipped} left out",

@@ -43,7 +43,7 @@ class Variable:
 
     @property
     def variability(self) -> str:
-        """As FMI names it. What sensors say changes when their frame comes."""
+        """As FMI names it. What sensors report changes when their frame comes."""
         if self.causality == PARAMETER:
             return "fixed"
         return "continuous" if self.kind == "Real" and self.signal is None else "discrete"
