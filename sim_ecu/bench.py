@@ -125,12 +125,12 @@ def scenario(
 
 
 class Bench:
-    """A rig, and beside it what is asked for: wrcd's core, a controller; all on one virtual bus.
+    """A rig, and beside it what is requested: wrcd's core, a controller; all on one virtual bus.
 
     what: a packaged name, a TOML file or a `scenario()`. daemon: True for wrcd with its packaged configuration, a
     configuration of its own as a path, or none. controller: one by name ("none", "thresholds", "creep"), an object with
-    the two methods of `Controller`, or None: then `demand` sets what each axle is asked for; an axle whose demand is
-    not set has no traction and brakes as the driver asks, as without a controller on a bus. with_adhesion: the named
+    the two methods of `Controller`, or None: then `demand` sets each axle's demand; an axle whose demand is
+    not set has no traction and brakes as the driver demands, as without a controller on a bus. with_adhesion: the named
     controller receives the daemon's frames. on_frame: called with (us from the start, id, data) of every data frame.
     timing: when in its cycle the controller acts, and how late its demands come. Raises InputError.
     """
@@ -187,12 +187,12 @@ class Bench:
 
     @property
     def full_brake_N_m(self) -> float:
-        """Torque at a wheelset that the driver's share of -1 asks for."""
+        """Torque at a wheelset that the driver's share of -1 demands."""
         return self.scenario.actuators.full_brake_N_m
 
     @property
     def full_traction_N_m(self) -> float:
-        """Torque at a wheelset that the driver's share of 1 asks for."""
+        """Torque at a wheelset that the driver's share of 1 demands."""
         return self.scenario.actuators.drive.max_traction_N_m
 
     def step(self) -> Step:
@@ -215,7 +215,7 @@ class Bench:
         return self.figures()
 
     def demand(self, axle: int, torque_N_m: float, valve: Valve = Valve.FILL) -> None:
-        """What an axle is asked for, held until it is set again: drive torque (traction positive, electric brake
+        """Set an axle's demand, held until it is set again: drive torque (traction positive, electric brake
         negative), and what its brake valve does. A driver who brakes gets no traction. Raises InputError for an axle or
         a valve that is not there, no number, or where a controller demands."""
         if self._controlled:

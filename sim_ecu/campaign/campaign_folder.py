@@ -1,6 +1,6 @@
-"""A campaign's folder: what is asked, what is done, and the results as a table once all of it is.
+"""A campaign's folder: what is requested, what is done, and the results as a table once all of it is.
 
-campaign.json     what is asked: kind, columns, code's version
+campaign.json     what is requested: kind, columns, code's version
 rows.sqlite       what is finished, a row as soon as its job ends
 results.parquet   all rows of the campaign in its order: equal bytes, however and in however many goes they were made
 times.parquet     seconds and attempts of each: what differs from one go to the next
@@ -53,9 +53,9 @@ class CampaignRequest:
 
 
 @contextmanager
-def opened_store(folder: Path, asked: CampaignRequest, keys: Iterable[str]) -> Iterator[Store]:
-    """Make or open a folder, which nobody else has meanwhile, before anybody is waited for. keys: of the jobs that are
-    asked for.
+def opened_store(folder: Path, request: CampaignRequest, keys: Iterable[str]) -> Iterator[Store]:
+    """Make or open a folder, which nobody else has meanwhile, before anybody is waited for. keys: of the requested
+    jobs.
 
     Raises InputError for one that cannot be used, or that holds another campaign: of another kind or code, or without
     one of these jobs and of another title.
@@ -64,18 +64,18 @@ def opened_store(folder: Path, asked: CampaignRequest, keys: Iterable[str]) -> I
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as e:
         raise InputError(f"cannot be written: {e.strerror}", file=folder, hint="name another folder") from None
-    title = _title(folder, asked)
+    title = _title(folder, request)
     with Store(folder / ROWS) as store:
-        if store.rows and title != asked.title and store.rows.keys().isdisjoint(keys):
+        if store.rows and title != request.title and store.rows.keys().isdisjoint(keys):
             raise InputError(
                 f"holds another campaign: {title!r}, with {len(store.rows)} rows", file=folder,
                 hint="name another folder; with the same title, rows are added to those that are there",
             )  # fmt: skip
-        _describe(folder, asked)
+        _describe(folder, request)
         yield store
 
 
-def _title(folder: Path, asked: CampaignRequest) -> str:
+def _title(folder: Path, request: CampaignRequest) -> str:
     """The title of what is there, "" for nothing."""
     file = folder / CAMPAIGN
     if not file.exists():
@@ -87,10 +87,10 @@ def _title(folder: Path, asked: CampaignRequest) -> str:
     if there.get("format") == FORMER:
         raise InputError("holds a campaign of an earlier version, which is not resumed", file=folder,
                          hint="name another folder; `sim-ecu compare` still reads this one")  # fmt: skip
-    if there.get("format") != FORMAT or there.get("kind") != asked.kind.name:
+    if there.get("format") != FORMAT or there.get("kind") != request.kind.name:
         raise InputError(f"holds a campaign of another kind: {there.get('kind')}", file=folder,
                          hint="name another folder")  # fmt: skip
-    if there.get("code") != asked.code:
+    if there.get("code") != request.code:
         raise InputError(
             "holds rows of another version of the code or its libraries", file=folder,
             hint="name another folder; `sim-ecu compare` tells what differs",
@@ -108,19 +108,19 @@ def _document(file: Path, hint: str) -> dict[str, Any]:
     return there
 
 
-def _describe(folder: Path, asked: CampaignRequest) -> None:
-    text = f"{json.dumps(asked.document(), indent=1, ensure_ascii=False)}\n"
+def _describe(folder: Path, request: CampaignRequest) -> None:
+    text = f"{json.dumps(request.document(), indent=1, ensure_ascii=False)}\n"
     save(folder / CAMPAIGN, lambda beside: beside.write_text(text, encoding="utf-8"))
 
 
-def merge(folder: Path, asked: CampaignRequest, pairs: Sequence[tuple[Job, JobRow]]) -> Path:
+def merge(folder: Path, request: CampaignRequest, pairs: Sequence[tuple[Job, JobRow]]) -> Path:
     """Write results.parquet and times.parquet of jobs and their rows, in this order. Returns the first's place."""
     columns: dict[str, pa.Array] = {"key": pa.array([r.key for _, r in pairs], pa.string())}
-    for name, kind in asked.columns.items():
+    for name, kind in request.columns.items():
         columns[name] = pa.array([j.inputs.get(name) for j, _ in pairs], ARROW[kind])
     columns["ending"] = pa.array([r.ending.value for _, r in pairs], pa.string())
     columns["error"] = pa.array([r.error for _, r in pairs], pa.string())
-    for f in asked.kind.figures:
+    for f in request.kind.figures:
         columns[f.name] = pa.array([r.figures.get(f.name) for _, r in pairs], ARROW[f.type])
     times = {
         "key": columns["key"],
@@ -134,7 +134,7 @@ def merge(folder: Path, asked: CampaignRequest, pairs: Sequence[tuple[Job, JobRo
 
 @dataclass(frozen=True, slots=True)
 class Results:
-    """What a folder holds. suite: the input that tells what belongs together, "" for none. cluster: the inputs whose
+    """What a folder holds. suite: the input that shows what belongs together, "" for none. cluster: the inputs whose
     rows share a world where they are equal. rows: inputs, ending, error and figures by name."""
 
     folder: Path

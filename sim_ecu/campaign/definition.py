@@ -1,4 +1,4 @@
-"""CAMPAIGN.toml: what is asked, as a list of jobs whose inputs are checked."""
+"""CAMPAIGN.toml: the request, as a list of jobs whose inputs are checked."""
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -29,14 +29,14 @@ Checked = Callable[[int, int], None]
 
 @dataclass(frozen=True)
 class Campaign:
-    """What a file asks. jobs: each once, file names as they are written. folder: what those are relative to.
+    """What a file requests. jobs: each once, file names as they are written. folder: what those are relative to.
 
     factors: those that vary, with their values. seeds: of every point; None for a kind without. twice: points that were
     drawn more than once. limit_s: None for none.
     paths: by the values of the factors that are files: contents of what is read, by absolute path.
     """
 
-    asked: CampaignRequest
+    request: CampaignRequest
     jobs: tuple[Job, ...]
     factors: Mapping[str, Spread]
     seeds: range | None
@@ -47,18 +47,18 @@ class Campaign:
 
     @cached_property
     def keys(self) -> list[str]:
-        """Of the jobs, in their order."""
-        return [job.key(self.asked.code) for job in self.jobs]
+        """The jobs' keys, in their order."""
+        return [job.key(self.request.code) for job in self.jobs]
 
     def task(self, job: Job) -> Task:
         """The job as it goes to a worker."""
-        kind = self.asked.kind
-        inputs = placed(kind, job.inputs, self.folder)
-        return Task(kind.function, Job(job.kind, inputs, job.files), self.paths[_files(kind, inputs)], self.asked.code)
+        request, inputs = self.request, placed(self.request.kind, job.inputs, self.folder)
+        kind, files = request.kind, self.paths[_files(request.kind, inputs)]
+        return Task(kind.function, Job(job.kind, inputs, job.files), files, request.code)
 
     def cost(self, job: Job) -> float:
-        """Of the job, about, in the kind's unit."""
-        return self.asked.kind.cost(placed(self.asked.kind, job.inputs, self.folder))
+        """Return about what the job costs, in the kind's unit."""
+        return self.request.kind.cost(placed(self.request.kind, job.inputs, self.folder))
 
 
 def load_campaign(file: Path, checked: Checked = lambda _done, _of: None) -> Campaign:
@@ -85,8 +85,8 @@ def load_campaign(file: Path, checked: Checked = lambda _done, _of: None) -> Cam
     types |= {f.name: f.type for f in kind.factors if f.name in points[0] and f.name not in types}
     types |= {SEED: Type.WHOLE} if seeds else {}
     jobs, paths = _jobs(kind, seeds, points, folder, top, checked)
-    asked = CampaignRequest(title, kind, types, code(kind.function.__module__))
-    return Campaign(asked, jobs, varied, seeds, len(every) - len(drawn_once), limit_s, folder.resolve(), paths)
+    request = CampaignRequest(title, kind, types, code(kind.function.__module__))
+    return Campaign(request, jobs, varied, seeds, len(every) - len(drawn_once), limit_s, folder.resolve(), paths)
 
 
 def placed(kind: Kind, inputs: Mapping[str, Any], folder: Path) -> dict[str, Any]:

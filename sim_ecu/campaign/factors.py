@@ -1,4 +1,4 @@
-"""What each factor of CAMPAIGN.toml may be, checked against its kind; and which points of their space are asked for."""
+"""What each factor of CAMPAIGN.toml may be, checked against its kind; and which points of their space are requested."""
 
 import itertools
 import math

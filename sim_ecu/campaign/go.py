@@ -49,7 +49,7 @@ def go(campaign: Campaign, folder: Path, store: Store, workers: Workers, *, agai
             raise Stopped(value.text, hint=f"{value.hint}; {RESUMES}")
         if value is not None:
             try:
-                row = replace(row, figures=typed(value, campaign.asked.kind.figures))
+                row = replace(row, figures=typed(value, campaign.request.kind.figures))
             except (TypeError, ValueError) as e:
                 row = replace(row, ending=Ending.FAILED, error=f"{type(e).__name__}: {e}")
         return replace(row, error=plain_error(row.error, str(campaign.folder)))
@@ -65,7 +65,7 @@ def go(campaign: Campaign, folder: Path, store: Store, workers: Workers, *, agai
     finally:
         shown.end()
     pairs = [(job, store.rows[key]) for job, key in zip(campaign.jobs, keys, strict=True)]
-    return Finished(pairs, before, merge(folder, campaign.asked, pairs))
+    return Finished(pairs, before, merge(folder, campaign.request, pairs))
 
 
 def _costs(campaign: Campaign) -> list[float]:

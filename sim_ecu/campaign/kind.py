@@ -1,4 +1,4 @@
-"""What can be asked: a kind of job, the factors it takes and the figures it gives."""
+"""What can be requested: a kind of job, the factors it takes and the figures it gives."""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""`sim-ecu campaign`: checks what is asked, runs what is left of it, says what came of it."""
+"""`sim-ecu campaign`: checks the request, runs what is left of it, prints what came of it."""
 
 import math
 import signal
@@ -33,7 +33,7 @@ def summary(campaign: Campaign, finished: Finished) -> list[str]:
     counts = [f"{finished.count(ending)} {word}" for ending, word in ENDINGS.items() if finished.count(ending)]
     before = f" ({finished.before} were there)" if finished.before else ""
     done = ", ".join([f"{finished.count(Ending.DONE)} of {len(pairs)} jobs done", *counts])
-    out = [f"{campaign.asked.title}: {done}{before}"]
+    out = [f"{campaign.request.title}: {done}{before}"]
     if campaign.twice:
         out.append(f"{campaign.twice} points were drawn twice; each runs once")
     out += _errors(pairs)
@@ -57,7 +57,7 @@ def _errors(pairs: Sequence[tuple[Job, JobRow]]) -> Iterator[str]:
 
 def _table(campaign: Campaign, pairs: Sequence[tuple[Job, JobRow]]) -> Iterator[str]:
     """Median and quartiles of each figure, a column for each value of the suite's factor."""
-    kind = campaign.asked.kind
+    kind = campaign.request.kind
     groups: dict[str, list[JobRow]] = {}
     for job, row in pairs:
         if row.ending is Ending.DONE:
@@ -83,13 +83,13 @@ def _cell(figure: Metric, rows: Sequence[JobRow]) -> str:
 
 
 def run(file: Path, folder: Path, jobs: int, scheduler: str | None, again: bool) -> int:
-    """Run, merge, tell. 1 where a job did not end well."""
+    """Run, merge, print. Returns 1 where a job did not end well."""
     campaign = _checked(file)
     try:
         with (
             terminated_like_ctrl_c(),
             workers_for(jobs, scheduler, campaign) as workers,
-            opened_store(folder, campaign.asked, campaign.keys) as store,
+            opened_store(folder, campaign.request, campaign.keys) as store,
         ):
             finished = go(campaign, folder, store, workers, again=again)
     except KeyboardInterrupt:
@@ -102,15 +102,15 @@ def run(file: Path, folder: Path, jobs: int, scheduler: str | None, again: bool)
 def plan(file: Path) -> int:
     """Check, and say what would run."""
     campaign = _checked(file)
-    kind = campaign.asked.kind
-    print(f"{campaign.asked.title}: {len(campaign.jobs)} jobs of kind {kind.name}: {kind.words}")
+    kind = campaign.request.kind
+    print(f"{campaign.request.title}: {len(campaign.jobs)} jobs of kind {kind.name}: {kind.words}")
     rows = [(name, _values(given)) for name, given in campaign.factors.items()]
     if campaign.seeds:
         rows.append((SEED, f"{campaign.seeds[0]} … {campaign.seeds[-1]}"))
     width = max((len(name) for name, _ in rows), default=0)
     print("\n".join(f"  {name:{width}}  {values}" for name, values in rows))
     print(
-        f"columns: key, {', '.join(campaign.asked.columns)}, ending, error, {', '.join(f.name for f in kind.figures)}"
+        f"columns: key, {', '.join(campaign.request.columns)}, ending, error, {', '.join(f.name for f in kind.figures)}"
     )
     return Status.DONE
 
@@ -129,7 +129,7 @@ def workers_for(jobs: int, scheduler: str | None, campaign: Campaign) -> Abstrac
         return local(jobs)
     from sim_ecu.jobs.cluster import cluster
 
-    return cluster(scheduler, campaign.asked.kind.function.__module__)
+    return cluster(scheduler, campaign.request.kind.function.__module__)
 
 
 @contextmanager

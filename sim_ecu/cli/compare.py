@@ -24,7 +24,7 @@ def _add(p: argparse.ArgumentParser) -> None:
 
 
 def _run(args: argparse.Namespace) -> int:
-    """Compare and print; write all of it as JSON and a page where asked for."""
+    """Compare and print; write all of it as JSON and a page where requested."""
     from sim_ecu.campaign.campaign_folder import read_results
     from sim_ecu.campaign.comparison.compare import WORSE, compare, document
     from sim_ecu.campaign.comparison.shown import page, tables

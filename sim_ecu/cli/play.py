@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def add_player(p: argparse.ArgumentParser) -> None:
-    """Where the frames go, and what they are."""
+    """Add the options of where the frames go, and what they are."""
     add_bus(p, ", or slcan: an interface of our own making (needs root)")
     p.add_argument("--log", type=Path, metavar="OUT.log", help="write the frames to a log (the suffix is its format)")
     p.add_argument("--fast", action="store_true", help="no bus: as fast as it computes, into --log")

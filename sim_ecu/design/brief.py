@@ -80,7 +80,7 @@ def _point(m: dict[str, Any]) -> Point:
 
 
 def explain(file: Path) -> int:
-    """Print the models, the sets, and the rules: those that most of the training data speaks for first."""
+    """Print the models, the sets, and the rules: those that most of the training data supports first."""
     source = load_source(file)
     design, support = source.design, source.support
     whole = sum(support)

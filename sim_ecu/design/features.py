@@ -74,7 +74,7 @@ def quietly(what: str, share: float) -> None:
 
 
 class _NoIdentity(Identity):
-    """Hears nothing. What it would find out has no part in an estimate, and takes a third of the time."""
+    """Takes no input. What it would find out has no part in an estimate, and takes a third of the time."""
 
     def step(self, z: FloatArray, used: NDArray[np.bool_], speed_m_s: float, saturated: NDArray[np.bool_]) -> None:
         """Learn nothing."""

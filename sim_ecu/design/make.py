@@ -73,7 +73,7 @@ class Brief:
     window_s: float = 1.0
     longest_s: float = 2.0
     recent_s: float = 0.16
-    # Hunting lives at 2 to 3 Hz, the yaw spring at 13 Hz; above some 20 Hz nothing tells of the rail.
+    # Hunting lives at 2 to 3 Hz, the yaw spring at 13 Hz; above some 20 Hz nothing depends on the rail.
     band_hz: float = 14.0
     pulse_hz: float = 25.0  # joints and crossings show above this in the lateral acceleration
     speed_range: tuple[float, float] = (3.0, 60.0)
@@ -240,7 +240,7 @@ def _outside(rules: RuleBase, data: Features) -> FloatArray:
 
 
 def changes(brief: Brief, steps: Steps) -> dict[str, Any]:
-    """By how much a residual of a window's newest part may differ from the rest's while the rail does not change.
+    """Return how much a residual of a window's newest part may differ from the rest's while the rail does not change.
 
     The paper's form looks for no change: there they may differ by anything.
     """
@@ -256,7 +256,7 @@ def changes(brief: Brief, steps: Steps) -> dict[str, Any]:
 
 
 def fit_report(rules: RuleBase, data: Features) -> dict[str, float]:
-    """How well the rule base describes its own training data (no claim about anything else)."""
+    """Return how well the rule base describes its own training data (no claim about anything else)."""
     every = np.abs(rules.mu_pct(data.inputs) - data.mu_pct)
     error = every[data.nominal]
     return {

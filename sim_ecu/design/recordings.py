@@ -1,4 +1,4 @@
-"""What the sensors say in the conditions of a plan, as the daemon gets it."""
+"""What the sensors measure in the conditions of a plan, as the daemon gets it."""
 
 import math
 from collections.abc import Sequence

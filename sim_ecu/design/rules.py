@@ -90,7 +90,7 @@ class RuleBase:
         return _spread_of(self._mean(np.log10(self.spreads), self.spread_slopes, inputs))
 
     def _mean(self, bases: FloatArray, slopes: FloatArray, inputs: FloatArray) -> FloatArray:
-        """Mean (n,) of what the rules say by their share."""
+        """Return the mean (n,) of the rules' outputs by their share."""
         share, _ = self.shares(inputs)
         held = np.clip(inputs, self.low, self.high)
         offset = bases - np.sum(slopes * self.middles, axis=1)
@@ -222,7 +222,7 @@ class _Local:
         return out
 
     def apply(self, found: FloatArray, rows: IntArray) -> FloatArray:
-        """What a solution says of some rows."""
+        """Return a solution's output for some rows."""
         found = found.astype(np.float32)
         parts = [self.columns(part, np.ones(len(part), np.float32)) @ found for part in _pieces(rows)]
         return np.concatenate(parts).astype(np.float64)

@@ -215,5 +215,5 @@ def error_of(aim: Objective, brief: Brief) -> float:
 
 
 def objective_words(form: str) -> str:
-    """What the objective of a form is, for a person."""
+    """Return what the objective of a form is, for a person."""
     return MATCHING if form == "paper" else ACCURACY

@@ -39,7 +39,7 @@ class Parameter:
 
 
 def parameters(brief: Brief, groups: Sequence[str]) -> tuple[Parameter, ...]:
-    """Of the groups, in the order of GROUPS. Raises InputError for a group that the brief's form does not have."""
+    """Return the groups' parameters, in the order of GROUPS. Raises InputError for a group that the form lacks."""
     for group in groups:
         if group not in GROUPS:
             raise InputError(f"there is no {group!r} to search", key="--over", hint=f"known: {', '.join(GROUPS)}")
@@ -54,12 +54,12 @@ def groups_of(form: str) -> tuple[str, ...]:
 
 
 def vector(brief: Brief, over: Sequence[Parameter]) -> FloatArray:
-    """Where a brief lies (n,)."""
+    """Return a brief's values of these parameters (n,)."""
     return np.array([np.log10(p.get(brief)) / p.unit for p in over])
 
 
 def brief_at(brief: Brief, over: Sequence[Parameter], x: FloatArray) -> Brief:
-    """The brief with what a vector (n,) says, within the parameters' bounds, and its windows one within the other."""
+    """Return the brief with a vector's values (n,), within the parameters' bounds, each window within the next."""
     for p, value in zip(over, x.tolist(), strict=True):
         brief = p.put(brief, 10.0 ** min(max(value * p.unit, p.low), p.high))
     longest = brief.window_s if brief.form == "paper" else max(brief.longest_s, brief.window_s)

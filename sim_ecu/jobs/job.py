@@ -52,10 +52,10 @@ class Job:
     labels: tuple[str, ...] = ()
 
     def key(self, code: str) -> str:
-        """Of the inputs, the files' contents and the code's version: the same question has the same key anywhere."""
+        """Return the key of inputs, files' contents and the code's version: the same anywhere for the same question."""
         inputs = {name: value for name, value in self.inputs.items() if name not in self.labels}
-        asked = {"kind": self.kind, "inputs": inputs, "files": dict(self.files), "code": code}
-        text = json.dumps(asked, sort_keys=True, separators=(",", ":"), default=_plain)
+        content = {"kind": self.kind, "inputs": inputs, "files": dict(self.files), "code": code}
+        text = json.dumps(content, sort_keys=True, separators=(",", ":"), default=_plain)
         return hashlib.sha256(text.encode()).hexdigest()[:KEY_LENGTH]
 
 
@@ -75,7 +75,7 @@ class JobRow:
 class Task:
     """What a worker gets. job: file names among its inputs are absolute. files: contents (SHA-256) by path.
 
-    code: the digest of whoever asks.
+    code: the digest of the campaign's code.
     """
 
     function: Callable[[Job], Mapping[str, Scalar]]
@@ -86,7 +86,7 @@ class Task:
 
 @dataclass(frozen=True, slots=True)
 class Refusal:
-    """Why a worker does not do what it is asked: it would answer another question."""
+    """Why a worker does not do its task: it would answer another question."""
 
     text: str
     hint: str
@@ -101,7 +101,7 @@ def answer(task: Task) -> dict[str, Scalar] | Refusal:
     if refusal := _of_files(task, where):
         return refusal
     figures = dict(task.function(task.job))
-    return _of_files(task, where) or figures  # nobody knows which of both it has read
+    return _of_files(task, where) or figures  # it may have read either version
 
 
 def _of_files(task: Task, where: str) -> Refusal | None:

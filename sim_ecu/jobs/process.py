@@ -51,7 +51,7 @@ class Process:
 
     @property
     def pid(self) -> int | None:
-        """Of the process; None before the first job and after it ended."""
+        """The process's id; None before the first job and after it ended."""
         return None if self._running is None else self._running.process.pid
 
     def run(self, function: Callable[[Any], Any], argument: Any, limit_s: float | None = None) -> Any:
@@ -136,7 +136,7 @@ class _Running:
 
 
 def _answer_of(pipe: "Connection[bytes, bytes]", limit_s: float | None) -> bytes:
-    """Its answer to a job, after the empty one that says that the job begins."""
+    """Return the process's answer to a job, after the empty one with which the job begins."""
     if not pipe.poll(BEGINS_S):
         raise NotDone(Ending.DIED, f"its process did not begin within {BEGINS_S:g} s")
     if answer := pipe.recv_bytes():

@@ -69,8 +69,8 @@ def every(function: Callable[[T], R], jobs: Sequence[T], pieces: Sequence[Piece]
 
 
 def left_out(missing: Sequence[Missing], suites: Iterable[str]) -> dict[str, list[str]]:
-    """What a report says of suites that it leaves out: the runs that each lacks, and why; of one that is left out for
-    another's runs, none."""
+    """Return the runs that each suite left out of a report lacks, and why; of one that is left out for another's
+    runs, none."""
     return {s: [f"{m.piece.name}: {m.why}" for m in missing if m.piece.suite == s] for s in suites}
 
 

@@ -31,7 +31,7 @@ BEFORE_US = 1_000_000  # how old a frame can be that waits for the run to begin
 
 
 def open_end(interface: str, channel: str, keys: tuple[int, ...], *, confirm: bool = True) -> Link:
-    """Open a bus for frames of some ids. confirm: frames wait until earlier ones have left, where the kernel tells.
+    """Open a bus for frames of some ids. confirm: frames wait until earlier ones have left, if the kernel reports it.
 
     Raises InputError for an unknown interface, BusError for a bus that cannot be opened or that is down.
     """
@@ -132,7 +132,7 @@ class End:
         }  # fmt: skip
 
     def _watch(self, now_us: int) -> None:
-        """Tell what has become of the bus."""
+        """Report what has become of the bus."""
         state = self.link.health.state
         was_up = self._state in UP
         if not self.link.health.up:

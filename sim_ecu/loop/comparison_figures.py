@@ -22,7 +22,7 @@ KEYS = tuple(f.name for f in fields(Figures) if f.name not in ("seconds", "stopp
 ENDS = (0.05, 0.95)
 MIXES = np.linspace(0.0, 1.0, 101)  # of the two controllers with wrcd, along the line between them
 MIN_ENERGY_KJ = 1e-9  # so that a ratio is a number
-# Of a run, beyond the peak, without wrcd: less is taken for so much, for a ratio to next to nothing tells nothing.
+# Of a run, beyond the peak, without wrcd: less is taken for so much, for a ratio to next to nothing means nothing.
 MIN_BEYOND_S, MIN_BEYOND_KJ = 0.1, 0.1
 Runs = Mapping[int, Figures]  # by number
 
@@ -63,7 +63,7 @@ class Against:
 
 
 def spread(values: Sequence[float]) -> Spread:
-    """Of the values that are numbers."""
+    """Return the spread of the values that are numbers."""
     known = np.array([v for v in values if not math.isnan(v)], np.float64)
     if not len(known):
         return Spread(math.nan, math.nan, math.nan, 0)

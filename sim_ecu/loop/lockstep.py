@@ -30,7 +30,7 @@ def cost_of_driving(axles: int, daemon: bool) -> float:
 
 
 class ConstantAdhesion:
-    """Hears for a controller what is on the bus, and the lie: Valid, and sure of it to a point."""
+    """Passes a controller what is on the bus, and a constant estimate that is Valid, and precise to a point."""
 
     def __init__(self, controller: TrainController, axles: Sequence[int], mu_pct: float) -> None:
         self._controller = controller
@@ -46,7 +46,7 @@ class ConstantAdhesion:
         self._controller.hear(can_id, data, stamp_us)
 
     def tick(self, now_us: int) -> list[Sent]:
-        """Say it where a frame is due, then let the controller act."""
+        """Send it where a frame is due, then let the controller act."""
         for m in self._messages:
             cycle_us = int(m.cycle_time or 0) * 1000
             if now_us % cycle_us == 0:
@@ -154,7 +154,7 @@ BAND_BAR = 0.05  # about the wanted pressure: held
 
 
 class Ideal:
-    """Sees the truth and the rail ahead, and asks each axle for HELD of what it will carry."""
+    """Sees the truth and the rail ahead, and demands of each axle HELD of what it will carry."""
 
     def __init__(self, scenario: DriveScenario) -> None:
         train = scenario.train
@@ -204,7 +204,7 @@ class Ideal:
         wanted = max(most_N_m - electric, 0.0) / a.pneumatics.torque_per_bar_N_m
         bar = float(step.pressure_bar[k])
         lead = a.pneumatics.valve_delay_s
-        rate = (a.asked_bar(-step.share, step.speed_m_s) - bar) / a.pneumatics.fill_s
+        rate = (a.demand_bar(-step.share, step.speed_m_s) - bar) / a.pneumatics.fill_s
         if bar + max(rate, 0.0) * lead < wanted - BAND_BAR:
             valve = Valve.FILL
         elif bar * (1.0 - lead / a.pneumatics.vent_s) > wanted + BAND_BAR:

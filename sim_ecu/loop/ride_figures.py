@@ -23,7 +23,7 @@ BoolArray = NDArray[np.bool_]
 SLIDE_M_S, SLIDE_SHARE, OVER, MIN_SLIDE_SPEED_M_S = 1.5, 0.15, 0.5, 8.0
 LOCKED_SHARE = 0.05  # of the ground speed: a wheel that turns slower is locked
 MIN_JUDGED_M_S = 3.0  # no slip is judged at a slower ground speed
-DEMAND_SHARE = 0.5  # of the run's largest effort: the demand comes when this is first asked for
+DEMAND_SHARE = 0.5  # of the run's largest effort: the demand comes when this is first demanded
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +33,7 @@ class Figures:
     slides: those that begin above MIN_SLIDE_SPEED_M_S. beyond_s, beyond_kJ: seconds, and the part of the slip energy,
     at more creep than at the peak of the creep curve: there more slip carries less. A wheel that a controller holds at
     the peak is not beyond it, whatever its slip.
-    utilisation: mean of adhesion used over available while the driver asks for more than there is; NaN if never.
+    utilisation: mean of adhesion used over available while the driver demands more than there is; NaN if never.
     impulse_kNs: of the forces in the demand's direction. stopped: the run ended because the train was slow enough;
     where it did not, stop_m is how far it came, and no stopping distance.
     """
@@ -69,8 +69,8 @@ def judge(steps: Iterable[Step], scenario: DriveScenario | None = None) -> Figur
     judged = speed >= MIN_JUDGED_M_S
     traction_N_m = [actuators.drive.traction_N_m(float(v), wheelset.r_0) for v in speed]
     full_N_m = np.where(share < 0.0, actuators.full_brake_N_m, traction_N_m)
-    asked = np.abs(share) * full_N_m / (2 * wheelset.normal_N * wheelset.r_0)  # as adhesion
-    short = judged[:, None] & (asked[:, None] > available)
+    demanded = np.abs(share) * full_N_m / (2 * wheelset.normal_N * wheelset.r_0)  # as adhesion
+    short = judged[:, None] & (demanded[:, None] > available)
     towards = np.sign(share)[:, None] * used
     beyond = judged[:, None] & (np.abs(slip) > at_peak * speed[:, None])
     wheels = 2 * slip.shape[1]
@@ -91,13 +91,13 @@ def judge(steps: Iterable[Step], scenario: DriveScenario | None = None) -> Figur
 
 
 def demand_at(share: FloatArray) -> int:
-    """The first sample (of t) that asks for the demand, and not for the little before it; 0 if nothing is asked."""
-    asked = np.abs(share)
-    return int(np.argmax(asked >= DEMAND_SHARE * asked.max())) if asked.max() > 0.0 else 0
+    """Return the first sample (of t) of the demand, not of the little before it; 0 if nothing is demanded."""
+    demanded = np.abs(share)
+    return int(np.argmax(demanded >= DEMAND_SHARE * demanded.max())) if demanded.max() > 0.0 else 0
 
 
 def slides(slip_m_s: FloatArray, speed_m_s: FloatArray) -> int:
-    """How many slides begin while the train is fast enough: amounts of slip (t, axles) at ground speeds (t,)."""
+    """Return how many slides begin while the train is fast enough: amounts of slip (t, axles) at ground speeds (t,)."""
     if not len(slip_m_s):
         return 0
     bound = np.minimum(SLIDE_M_S, SLIDE_SHARE * speed_m_s)[:, None]
@@ -140,7 +140,7 @@ class Honesty:
 
     @property
     def wrong(self) -> bool:
-        """For longer than the interval allows."""
+        """Whether it is wrong for longer than the interval allows."""
         return self.outside_s > ALLOWED_S
 
 

@@ -36,7 +36,7 @@ class TrainSpeed:
         self._m_s: float | None = None
 
     def step(self, wheel_m_s: FloatArray, share: float) -> float:
-        """The reference (m/s) after one step, from the wheels (axles,) and what the driver asks (signed share)."""
+        """The reference (m/s) after one step, from the wheels (axles,) and the driver's demand (signed share)."""
         if share < 0.0:
             measured = float(wheel_m_s.max())
             self._m_s = measured if self._m_s is None else max(measured, self._m_s - self._fall)
@@ -84,7 +84,7 @@ class Sensed:
         )  # fmt: skip
 
     def carries(self, due_us: int) -> bool:
-        """Whether the bus carries frames at a time: not while the link is down, the device gone or the bus off."""
+        """Return whether the bus carries frames at a time: not with the link down, the device gone or the bus off."""
         return not self._silent or not any(f.on(due_us) for f in self._silent)
 
     def frames(self, due_us: int, samples: Samples, wheel_m_s: FloatArray, share: float) -> list[Sent]:
@@ -122,7 +122,7 @@ class Step:
     due_us: int
     speed_m_s: float
     distance_m: float
-    share: float  # what the driver asks, signed
+    share: float  # the driver's demand, signed
     wheel_m_s: FloatArray
     torque_N_m: FloatArray
     pressure_bar: FloatArray
@@ -161,8 +161,8 @@ class Rig:
         self._direct: list[tuple[float, Valve] | None] = [None] * len(numbers)
         self.silences = [SilenceRecord(SAMPLE_US, came=True) for _ in numbers]  # one that never comes is a silence, too
         self._radius_m = played.wheelset.r_0
-        self._shares: list[float] = []  # what the driver asks, by sample, as far as it is made
-        self._asked: float | None = None  # instead of that
+        self._shares: list[float] = []  # the driver's demand, by sample, as far as it is made
+        self._share_given: float | None = None  # instead of that
         self._torques = np.zeros((2, len(numbers)))
         self.time_us = 0
 
@@ -173,7 +173,7 @@ class Rig:
             demand.take(data, stamp_us)
 
     def carries(self, due_us: int) -> bool:
-        """Whether the scenario's faults leave a bus at a time; without one nobody receives anything."""
+        """Return whether the scenario's faults leave a bus at a time; without one nobody receives anything."""
         return self._sensed.carries(due_us)
 
     def take_faults(self, faults: Sequence[Fault]) -> None:
@@ -184,9 +184,9 @@ class Rig:
         """Set an axle's demand without a frame; it holds until it is set again. KeyError for an axle that is not."""
         self._direct[self._place[axle]] = (torque_N_m, valve)
 
-    def ask(self, share: float) -> None:
-        """Set what the driver asks (-1 … 1), instead of the scenario's course; it holds until it is set again."""
-        self._asked = share
+    def set_share(self, share: float) -> None:
+        """Set the driver's demand (-1 … 1), instead of the scenario's course; it holds until it is set again."""
+        self._share_given = share
 
     def step(self) -> Step:
         """One sample of 5 ms on."""
@@ -218,9 +218,9 @@ class Rig:
         return (state[:, W_R] + state[:, W_L]) * (0.5 * self._radius_m)
 
     def _share(self) -> float:
-        """What the driver asks now, signed."""
-        if self._asked is not None:
-            return self._asked
+        """The driver's demand now, signed."""
+        if self._share_given is not None:
+            return self._share_given
         k = self.time_us // SAMPLE_US
         if k >= len(self._shares):
             times = np.arange(len(self._shares), k + BLOCK, dtype=np.float64) * (SAMPLE_US * 1e-6)
@@ -237,12 +237,12 @@ class Rig:
             if self.time_us >= demand.timeout_us:  # nothing is late before
                 self.silences[k].look(self.time_us, silent)
             if silent:
-                actuators.step(0.0, Valve.FILL, a.asked_bar(brake, speed_m_s, electric=False), 0.0)
+                actuators.step(0.0, Valve.FILL, a.demand_bar(brake, speed_m_s, electric=False), 0.0)
                 return
             direct = float(demand.values["Torque"]), VALVES.get(demand.values["Valve"], Valve.FILL)
         electric = a.electric_N_m(brake, speed_m_s)
         traction = 0.0 if brake > 0.0 else a.drive.traction_N_m(wheel_m_s, self._radius_m)
-        actuators.step(*direct, a.asked_bar(brake, speed_m_s), electric, traction)
+        actuators.step(*direct, a.demand_bar(brake, speed_m_s), electric, traction)
 
     def _loop_frames(self, share: float, wheel: FloatArray, pressure: FloatArray) -> list[Sent]:
         now, out = self.time_us, []

@@ -35,18 +35,18 @@ def run(
     suite: str | None, only: str, quick: bool, seeds: int | None, jobs: int, json_out: Path | None,
     html_out: Path | None, fail_on: str | None,
 ) -> int:  # fmt: skip
-    """Drive, judge, print; write the figures as JSON and a page where asked for."""
+    """Drive, judge, print; write the figures as JSON and a page where requested."""
     check_output("--json", json_out)
     check_output("--html", html_out)
-    asked = cases(suite, only)
-    if not asked:
+    selected = cases(suite, only)
+    if not selected:
         hint = f"rows: {'; '.join(dict.fromkeys(c.name for c in cases(suite)))}"
         raise InputError(f"no row's name holds {only!r}", key="--only", hint=hint)
     began = time.monotonic()
     count = seeds or (QUICK_SEEDS if quick else None)
-    outcomes, missing = play_all(asked, count, jobs)
+    outcomes, missing = play_all(selected, count, jobs)
     holed = dict.fromkeys(m.piece.suite for m in missing)
-    shown = [case for case in asked if case.suite not in holed]
+    shown = [case for case in selected if case.suite not in holed]
     outcomes = [o for o in outcomes if o.suite not in holed]
     counts = {"seeds": count or SEEDS, "seeds_of_broad": count or FEW_SEEDS}
     about = {"quick": quick, "jobs": jobs, "left_out": left_out(missing, holed)} | counts
@@ -60,25 +60,25 @@ def run(
     return status_by_goals(fail_on, result["goals"])
 
 
-def play_all(asked: Sequence[LoopCase], seeds: int | None, jobs: int) -> tuple[list[RideResult], Sequence[Missing]]:
+def play_all(selected: Sequence[LoopCase], seeds: int | None, jobs: int) -> tuple[list[RideResult], Sequence[Missing]]:
     """In processes of their own; the order of the outcomes does not depend on them. seeds None: each suite's own. And
     the runs that failed."""
-    groups = _groups(asked)
+    groups = _groups(selected)
     every_run = [(group, number) for group in groups for number in range(seeds or _seeds(group[0]))]
     work = [Work(group[0].suite, tuple(c.name for c in group), number) for group, number in every_run]
     pieces = [Piece(w.suite, f"{w.names[0]}, seed {FIRST_TEST_SEED + w.number}", sum(map(_cost, group)))
               for w, (group, _) in zip(work, every_run, strict=True)]  # fmt: skip
     whole = every(play_one, work, pieces, jobs)
     found = [o for part in whole.results if part is not None for o in part]
-    place = {(case.suite, case.name): k for k, case in enumerate(asked)}
+    place = {(case.suite, case.name): k for k, case in enumerate(selected)}
     return sorted(found, key=lambda o: (place[o.suite, o.case], o.number)), whole.missing
 
 
-def _groups(asked: Sequence[LoopCase]) -> list[list[LoopCase]]:
+def _groups(selected: Sequence[LoopCase]) -> list[list[LoopCase]]:
     """Cases by themselves, but those that branch off another one's runs with it."""
     return [
-        [case, *(c for c in asked if c.fault is not None and (c.suite, c.bare) == (case.suite, case.name))]
-        for case in asked if case.fault is None
+        [case, *(c for c in selected if c.fault is not None and (c.suite, c.bare) == (case.suite, case.name))]
+        for case in selected if case.fault is None
     ]  # fmt: skip
 
 
@@ -101,6 +101,6 @@ def _cases() -> dict[tuple[str, str], LoopCase]:
 
 
 def play_one(work: Work) -> list[RideResult]:
-    """What a process does with each piece of work."""
+    """Drive and judge the runs of a piece of work."""
     first, *branches = (_cases()[work.suite, name] for name in work.names)
     return play(first, work.number, branches)

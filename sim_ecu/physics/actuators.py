@@ -17,7 +17,7 @@ EMPTY_BAR = 1e-6
 class Valve(IntEnum):
     """What the anti-slide valve of a brake cylinder does."""
 
-    FILL = 0  # the cylinder goes to the pressure that the brake control asks
+    FILL = 0  # the cylinder goes to the pressure that the brake control demands
     HOLD = 1
     VENT = 2
 
@@ -57,21 +57,21 @@ class Pneumatics:
 
 @dataclass(frozen=True, slots=True)
 class Actuators:
-    """The actuators of every wheelset of a train, and what full service braking asks of each."""
+    """The actuators of every wheelset of a train, and what full service braking demands of each."""
 
     drive: Drive = field(default_factory=Drive)
     pneumatics: Pneumatics = field(default_factory=Pneumatics)
     full_brake_N_m: float = 22_000.0
 
     def electric_N_m(self, brake_share: float, speed_m_s: float) -> float:
-        """What the brake control asks of the electric brake for a share (0 … 1) of the full service brake."""
+        """Return what the brake control demands of the electric brake for a share (0 … 1) of the full service brake."""
         whole = min(brake_share * self.full_brake_N_m, self.drive.max_brake_N_m)
         if speed_m_s >= self.drive.fades_m_s:
             return whole
         return whole * max(2.0 * speed_m_s / self.drive.fades_m_s - 1.0, 0.0)
 
-    def asked_bar(self, brake_share: float, speed_m_s: float, electric: bool = True) -> float:
-        """Pressure for what the electric brake is not asked; electric False: for all."""
+    def demand_bar(self, brake_share: float, speed_m_s: float, electric: bool = True) -> float:
+        """Return the pressure for what the electric brake is not to give; electric False: for all."""
         rest = brake_share * self.full_brake_N_m - (self.electric_N_m(brake_share, speed_m_s) if electric else 0.0)
         return min(rest / self.pneumatics.torque_per_bar_N_m, self.pneumatics.max_bar)
 
@@ -121,7 +121,7 @@ class AxleActuators:
         self._valves = deque([Valve.FILL] * round(p.valve_delay_s / step_s))
 
     def step(
-        self, torque_N_m: float, valve: Valve, asked_bar: float, electric_N_m: float, traction_N_m: float = math.inf
+        self, torque_N_m: float, valve: Valve, demand_bar: float, electric_N_m: float, traction_N_m: float = math.inf
     ) -> float:
         """One step on. torque_N_m: demand to the drive; electric_N_m, traction_N_m: the most that it may brake or pull.
 
@@ -133,7 +133,7 @@ class AxleActuators:
         self._valves.append(valve)
         acts = self._valves.popleft()
         if acts is not Valve.HOLD:
-            target = asked_bar if acts is Valve.FILL else 0.0
+            target = demand_bar if acts is Valve.FILL else 0.0
             share = self._vent if target < self.pressure_bar else self._fill
             self.pressure_bar += (target - self.pressure_bar) * share
             if self.pressure_bar < EMPTY_BAR:
@@ -142,7 +142,7 @@ class AxleActuators:
 
     @property
     def friction_N_m(self) -> float:
-        """What the brake can hold with the cylinder's pressure."""
+        """The torque that the brake can hold with the cylinder's pressure."""
         return self.pressure_bar * self._per_bar_N_m
 
     def _limited(self, next_N_m: float) -> float:

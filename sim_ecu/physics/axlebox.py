@@ -48,13 +48,13 @@ class AxleBox:
 
     @property
     def quiet(self) -> bool:
-        """Whether nothing is felt at all."""
+        """True if nothing is felt at all."""
         return not (self.vibration_m_s2 or self.joint_m_s2 or self.crossing_m_s2)
 
     def felt(
         self, distance_m: FloatArray, speed_m_s: FloatArray, tick_s: float, rng: np.random.Generator
     ) -> FloatArray:
-        """What to add to (yaw rate in rad/s, lateral acceleration in m/s2) before the sensors' noise.
+        """Return what to add to (yaw rate in rad/s, lateral acceleration in m/s2) before the sensors' noise.
 
         distance_m and speed_m_s (t,) are those of the axle at the end of each sample of tick_s; returns (t, 2), zeros
         if nothing is on. Draws from rng only for joints (where the first one lies, to which side they push) and for
@@ -85,7 +85,7 @@ class AxleBoxStream:
         self._vibration = np.zeros((0, 2))  # made and not yet felt, of rms 1; its last FADE samples fade out
 
     def next(self, distance_m: FloatArray, speed_m_s: FloatArray) -> FloatArray:
-        """What the next samples feel, (t, 2) as `AxleBox.felt` says."""
+        """Return what the next samples feel, (t, 2) as in `AxleBox.felt`."""
         both = np.array([self._box.gyro_per_m_s2, 1.0])
         pulses = self._joints(distance_m, speed_m_s) + self._crossing(distance_m, speed_m_s)
         out: FloatArray = pulses[:, None] * both

@@ -71,7 +71,7 @@ def read_rail(
     rails: FloatArray, first: int, end: int, distance_m: float, out: FloatArray, place: int, stride: int
 ) -> None:
     """The same of the table rails[first:end], written to out[place], out[place + stride], … : nothing is allocated
-    where the integration asks at every stage."""
+    where the integration reads it at every stage."""
     i = first
     while i < end - 1 and rails[i + 1, 0] <= distance_m:
         i += 1

@@ -20,7 +20,7 @@ class Sensor:
     gain: float = 1.0
 
     def measure(self, truth: FloatArray, rng: np.random.Generator) -> FloatArray:
-        """What the sensor says, same shape as the truth. Draws one number per sample from rng."""
+        """Return what the sensor measures, same shape as the truth. Draws one number per sample from rng."""
         noisy = self.gain * truth + self.bias + self.noise_rms * rng.standard_normal(truth.shape)
         if self.step > 0:
             noisy = np.round(noisy / self.step) * self.step
@@ -28,7 +28,7 @@ class Sensor:
         return clipped
 
     def measure_one(self, truth: float, rng: np.random.Generator) -> float:
-        """The same of one sample: the same number, from the same draw."""
+        """Return the measured value of one sample: the same number, from the same draw."""
         noisy = self.gain * truth + self.bias + self.noise_rms * rng.standard_normal()
         if self.step > 0:
             noisy = round(noisy / self.step) * self.step
@@ -46,7 +46,7 @@ class SensorSet:
     speed: Sensor = Sensor(0.005, 160.0, 0.0)  # m/s
 
     def biased(self, yaw_rate: float, lat_accel: float, torque: float) -> "SensorSet":
-        """The same set with constant biases."""
+        """Return the same set with constant biases."""
         return replace(
             self,
             yaw_rate=replace(self.yaw_rate, bias=yaw_rate),

@@ -139,7 +139,7 @@ class Simulation:
         return samples
 
     def slip_energy_J(self, s: Samples) -> FloatArray:
-        """What both wheels' slip along the rail dissipates in each sample, (samples, axles)."""
+        """Return what both wheels' slip along the rail dissipates in each sample, (samples, axles)."""
         sliding = s.outputs[:, :, SLIP] * np.maximum(s.speed_m_s, ROLLING_START)[:, None]  # m/s, means
         out: FloatArray = np.abs(s.outputs[:, :, MU_USED] * sliding) * (self._load_N * self._sample_s)
         return out
@@ -169,7 +169,7 @@ def advance_side_by_side(
 
 
 def _whole(command: Command) -> Command:
-    """The same, each part lying row by row: what is compiled is compiled for one layout."""
+    """Return the command with each part lying row by row: what is compiled is compiled for one layout."""
     return Command(*(np.ascontiguousarray(c) for c in command))
 
 

@@ -13,7 +13,7 @@ OMEGA_R = 0.0206  # rad/m, lower corner
 # Roughness A_a (m rad) by name; anything between or beyond is given as a number.
 QUALITY = {"good": 2.119e-7, "poor": 6.125e-7}
 SPACING_M = 0.05  # nodes; the wheelset's fastest modes see 1 to 2 ms between them at 25 to 50 m/s
-BLOCK = 2048  # nodes made at a time, so that the profile does not depend on how far it is asked for
+BLOCK = 2048  # nodes made at a time, so that the profile does not depend on how far it is read
 
 
 @compiled
@@ -67,7 +67,7 @@ class Track:
     def _behind(
         self, origin: NDArray[np.float64], nodes: int, seed: int | np.random.SeedSequence
     ) -> NDArray[np.float64]:
-        """The nodes before the origin; how many are asked for does not change them."""
+        """The nodes before the origin; how many are requested does not change them."""
         turned = np.array([1.0, -1.0])
         whole = seed if isinstance(seed, np.random.SeedSequence) else np.random.SeedSequence(seed)
         rng = np.random.default_rng(np.random.SeedSequence(whole.entropy, spawn_key=(*whole.spawn_key, 1)))

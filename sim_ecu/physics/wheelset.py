@@ -120,7 +120,7 @@ class Command(NamedTuple):
 
 # The equations are evaluated for LANES axles at once, so that the processor works on several where one would wait for
 # its own exp and atan. All their numbers are rows of one block of memory, LANES long, at offsets that the compiler
-# knows: so it can use vector instructions, which round as the scalar ones do. An axle's results do not depend on its
+# sees: so it can use vector instructions, which round as the scalar ones do. An axle's results do not depend on its
 # neighbours.
 LANES = 8
 CONSTANTS = len(Constants._fields) + len(Contact._fields)

@@ -51,7 +51,7 @@ def run(interface: str, channel: str, scenario_name: str, folder: Path, config_f
     print(f"\n{came_to}")
     print(f"log      {_shown(log)}")
     _leave(log, picture, report, numbers, config_file)
-    _ask(log, traces, config, config_file)
+    _print_why(log, traces, config, config_file)
     good = any(a["Validity"] == "Valid" for trace in traces.values() for _, a in trace.adhesion)
     if not good:
         print("sim-ecu: no valid estimate was seen", file=sys.stderr)
@@ -77,13 +77,13 @@ def _play(
         rig_bus = cleanup.enter_context(open_bus(interface, channel, train.has_fd, **own_stamps))
         screen, shown = Screen(numbers, _unmapped(config, numbers)), 0
 
-        def tell(line: str) -> None:
-            """The daemon's log without the changes of Validity, which the screen tells in words."""
+        def write_line(line: str) -> None:
+            """The daemon's log without the changes of Validity, which the screen shows in words."""
             if not line.startswith("axle "):
                 now_s = pace.wall_us() * 1e-6
                 screen.daemon(line, now_s - (now_s if observer.first_s is None else observer.first_s))
 
-        daemon = Daemon(core, link, clock=pace.wall_us, steady=pace.steady_us, write=tell)
+        daemon = Daemon(core, link, clock=pace.wall_us, steady=pace.steady_us, write=write_line)
         screen.begin()
         rig = RealTime(scenario, rig_bus, None, ahead=True, train=train, clock=pace)
         shown_s = 0.0
@@ -113,13 +113,13 @@ def _play(
 
 
 def _unmapped(config: Config, numbers: Sequence[int]) -> list[str]:
-    """What the screen would show of these axles, and some of them do not send."""
+    """Return what the screen would show of these axles, and some of them do not send."""
     sent = [a.adhesion.signals for a in config.axles if a.number in numbers]
     return [name for name in SHOWN if any(name not in signals for signals in sent)]
 
 
 def default_bus() -> tuple[str, str]:
-    """Interface and channel where nothing says others: vcan0 where there is one, else python-can's virtual bus."""
+    """Return interface and channel where none are given: vcan0 where there is one, else python-can's virtual bus."""
     return ("socketcan", "vcan0") if Path("/sys/class/net/vcan0").exists() else ("virtual", "demo")
 
 
@@ -144,9 +144,9 @@ def _leave(log: Path, picture: Path, report: Path, numbers: Sequence[int], confi
         print("Open it in a browser: what happened, when, and why.")
 
 
-def _ask(log: Path, traces: Mapping[int, ObservedTrace], config: Config, config_file: Path | None) -> None:
-    """The command that explains the first time that an estimate was Degraded: at a frame that said so, rounded up, for
-    what is before the frame was still another state. Where the frames do not tell causes it estimates them."""
+def _print_why(log: Path, traces: Mapping[int, ObservedTrace], config: Config, config_file: Path | None) -> None:
+    """Print the command that explains the first time that an estimate was Degraded: at the time of its frame, rounded
+    up: before the frame the state was still another. Where the frames carry no causes it estimates them."""
     degraded = [
         (t, number) for number, trace in traces.items() for t, a in trace.adhesion if a["Validity"] == "Degraded"
     ]

@@ -37,7 +37,7 @@ class Screen:
         self._lost: dict[int, Change] = {}  # by axle: with what it ceased to be Valid
 
     def begin(self) -> None:
-        """What the signs mean, what is not shown, and the scale."""
+        """Print what the signs mean, what is not shown, and the scale."""
         print(f"\n{LEGEND.format(full=FULL_SCALE_PCT)}\n")
         if self._unmapped:
             so = ": no interval is shown" if "Confidence" in self._unmapped else ": not shown"
@@ -80,7 +80,7 @@ class Screen:
         return min(max(round(pct / FULL_SCALE_PCT * self._width), 0), self._width)
 
     def changes(self, changes: Iterable[Change], first_s: float) -> None:
-        """What has changed, when, and why; what comes again at once is not reported again."""
+        """Print what has changed, when, and why; what comes again at once is not reported again."""
         for c in changes:
             if c.axle not in self._numbers:
                 continue

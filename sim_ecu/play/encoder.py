@@ -49,7 +49,7 @@ def message_key(message: Message) -> int:
 
 
 def is_fd(message: Message) -> bool:
-    """Whether its frames are CAN FD: the DBC says so, or a classical one has no room for it."""
+    """Return whether its frames are CAN FD: by the DBC, or because a classical one has no room for it."""
     return bool(message.is_fd) or message.length > MAX_CLASSICAL
 
 
@@ -75,7 +75,7 @@ def protect(data: bytes | bytearray, identity: int) -> bytes:
 def crc_tables(length: int, identity: int) -> tuple[int, list[list[int]]]:
     """CRC of a frame of zeros, and what each value of each byte changes in it.
 
-    A CRC is affine in the bits of the frame: the changes of single bytes, asked of the autosar-e2e package, add up
+    A CRC is affine in the bits of the frame: the changes of single bytes, from the autosar-e2e package, add up
     (exclusive or) to that of any frame.
     """
     none = protect(bytes(length), identity)[0]
@@ -130,7 +130,7 @@ def databases() -> tuple[Database, Database]:
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """What one axle's sensors say at the end of a sample, and what is true."""
+    """What one axle's sensors measure at the end of a sample, and what is true."""
 
     number: int
     yaw_rate: float
@@ -148,14 +148,14 @@ class Reading:
 
 @dataclass(frozen=True, slots=True)
 class SensorSample:
-    """What all sensors say at the end of a sample, due_us after the scenario's start."""
+    """What all sensors measure at the end of a sample, due_us after the scenario's start."""
 
     due_us: int
     speed_m_s: float
     readings: tuple[Reading, ...]
 
     def scaled(self, factor: float) -> "SensorSample":
-        """The same with every measured value times a factor."""
+        """Return the sample with every measured value times a factor."""
         readings = (
             replace(r, yaw_rate=factor * r.yaw_rate, lat_accel=factor * r.lat_accel, torque=factor * r.torque)
             for r in self.readings

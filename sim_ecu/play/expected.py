@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from sim_ecu.play.faults import ALL, OF_AXLE, SIGNALS, SILENT, Fault, message_of
 
-SLOT_MS = 20  # an adhesion frame tells of the time up to its slot's beginning
+SLOT_MS = 20  # an adhesion frame covers the time up to its slot's beginning
 TIMEOUT_MS = {"yaw_rate": 15, "lateral_acceleration": 15, "torque": 30, "speed": 60, ALL: 15}
 CYCLE_MS = {"yaw_rate": 5, "lateral_acceleration": 5, "torque": 10, "speed": 20, ALL: 10}
 WINDOW_MS, LONGEST_WINDOW_MS = 1000, 2000
@@ -55,7 +55,7 @@ class Found:
 
 @dataclass(frozen=True, slots=True)
 class Unseen:
-    """Nothing on the bus tells of it. How far the estimate goes astray is measured, not judged."""
+    """Nothing on the bus shows it. How far the estimate goes astray is measured, not judged."""
 
     def __str__(self) -> str:
         return "cannot be seen"

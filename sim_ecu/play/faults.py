@@ -1,4 +1,4 @@
-"""What can go wrong between a sensor and the daemon, as data: kinds of fault, and how one is asked for."""
+"""What can go wrong between a sensor and the daemon, as data: kinds of fault, and how one is requested."""
 
 import math
 import re
@@ -107,7 +107,7 @@ class Fault:
         return round((self.at_s + self.duration_s) * 1e6)
 
     def on(self, due_us: int) -> bool:
-        """Whether it acts at a time after the scenario's start."""
+        """Return whether it acts at a time after the scenario's start."""
         return self.begin_us <= due_us < self.end_us
 
     @property

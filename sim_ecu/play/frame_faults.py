@@ -176,7 +176,7 @@ class _NotAvailable(FrameFault):
 
 
 class _Status(FrameFault):
-    """The sender says that it has failed."""
+    """The sender reports that it has failed."""
 
     def _prepare(self) -> None:
         self._codes: dict[int, dict[str, float]] = {}

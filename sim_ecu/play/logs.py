@@ -50,7 +50,7 @@ class AscWriter(can.ASCWriter):
 
 
 def check_format(log: Path, scenario: Scenario, train: Train) -> None:
-    """Raises InputError if the format that the suffix tells cannot hold every frame of a scenario."""
+    """Raises InputError if the format that the suffix gives cannot hold every frame of a scenario."""
     suffix = log_suffix(log)
     if suffix == ".db":
         # python-can's writer stops with frames still in its queue, and appends to a file that is there

@@ -191,7 +191,7 @@ class MappedTrain:
         )
 
     def cycle_us(self, signal: str, axle: int) -> int:
-        """Of the message that carries it."""
+        """Return the cycle of the message that carries it."""
         return min(plan.every_us for plan in self._mapped(signal, axle))
 
     def _mapped(self, signal: str, axle: int) -> list[MessagePlan]:
@@ -205,7 +205,7 @@ class MappedTrain:
 
 
 def not_available(c: Claim) -> float | None:
-    """The raw value by which a signal says that it has none; None where no value is left for that."""
+    """Return the raw value that stands for not available; None where no value is left for that."""
     if c.avoided:
         return min(c.invalid or c.avoided)
     if c.signal.is_float:

@@ -32,13 +32,13 @@ def letters(label: object) -> str:
 
 
 def says(label: object, words: Iterable[str]) -> bool:
-    """Whether a label has one of some words in it."""
+    """Return whether a label has one of some words in it."""
     text = letters(label)
     return any(word in text for word in words)
 
 
 def no_measurement(s: Signal) -> frozenset[int]:
-    """The raw values whose label says that there is no measurement."""
+    """Return the raw values whose label means that there is no measurement."""
     return frozenset(
         int(raw)
         for raw, label in (s.choices or {}).items()
@@ -47,7 +47,7 @@ def no_measurement(s: Signal) -> frozenset[int]:
 
 
 def forward(s: Signal) -> int | None:
-    """The raw value of a direction signal that says forwards; None where it has no value table."""
+    """Return the raw value of a direction signal that means forwards; None where it has no value table."""
     labelled = {int(raw): label for raw, label in (s.choices or {}).items()}
     for raw, label in labelled.items():
         if says(label, FORWARD):
@@ -57,7 +57,7 @@ def forward(s: Signal) -> int | None:
 
 
 def backward(s: Signal) -> int | None:
-    """The one that says backwards; None where none does."""
+    """Return the one that means backwards; None where none does."""
     return next((int(raw) for raw, label in (s.choices or {}).items() if says(label, BACKWARD)), None)
 
 
@@ -104,7 +104,7 @@ class Claim:
         return min(ends), max(ends)
 
     def raw(self, physical: float) -> float:
-        """What it carries for a value: the end of its range for what lies beyond, as a converter would."""
+        """Return the raw value for a value: the end of its range for what lies beyond, as a converter would."""
         if self.source.quantity is Quantity.DIRECTION and (word := self._ahead()) is not None:
             return word
         raw = (min(max(physical, self.low), self.high) - self.offset) / self.scale
@@ -291,7 +291,7 @@ def _start(s: Signal) -> float:
 
 
 def _branch(message: Message, s: Signal) -> dict[str, int]:
-    """What the multiplexers must say in a frame that has a signal."""
+    """Return what the multiplexers must be in a frame that has a signal."""
     out: dict[str, int] = {}
     while s.multiplexer_signal and s.multiplexer_ids:
         out[s.multiplexer_signal] = s.multiplexer_ids[0]

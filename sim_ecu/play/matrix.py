@@ -183,8 +183,8 @@ class Matrix:
         until_s: float,
         look: Callable[[int], None] = lambda _: None,
     ) -> list[SentAdhesion]:
-        """Axle 1's adhesion frames of a core that knows all up to a time, then is played the rest. look gets the time
-        after every half sample, as after every turn of the loop."""
+        """Return axle 1's adhesion frames of a core that has had all up to since_s and is fed the rest. look gets the
+        time after every half sample, as after every turn of the loop."""
         first, last = (math.ceil(round(t * 1e6) / SAMPLE_US) - 1 for t in (since_s, until_s))
         samples, out = self._samples[max(first, 0) : last], []
         for due_us, frames in inject(samples, faults, self._numbers, self._seed, truth=False):
@@ -202,7 +202,7 @@ class Matrix:
         return SentAdhesion(frame.stamp_us, frame.stamp_us // SLOT_US, str(values["Validity"]) == "Valid", mu)
 
     def play(self, row: MatrixRow) -> Verdict:
-        """What comes of a row's fault, at the worst of its moments."""
+        """Return what comes of a row's fault, at the worst of its moments."""
         return functools.reduce(Verdict.worst, [self._play(row, begin_s) for begin_s in self._before])
 
     def _play(self, row: MatrixRow, begin_s: float) -> Verdict:

@@ -38,11 +38,11 @@ class RealPace:
         return time.time_ns()
 
     def steady_us(self) -> int:
-        """The same in microseconds, as the daemon has it."""
+        """Return the steady time in microseconds, as the daemon has it."""
         return self.monotonic_ns() // 1000
 
     def wall_us(self) -> int:
-        """The same in microseconds, as frames are stamped."""
+        """Return the wall time in microseconds, as frames are stamped."""
         return self.time_ns() // 1000
 
 

@@ -68,13 +68,13 @@ def message(sent: Sent, stamp_us: int, channel: str) -> can.Message:
 
 
 def fault_line(fault: Fault, begin_us: int, end_us: int) -> str:
-    """What was wrong, and from when to when, in seconds since 1970."""
+    """Return what was wrong, and from when to when, in seconds since 1970."""
     place = f"of={fault.of} axle={fault.axle}" if KINDS[fault.kind].stage is not Stage.BUS else "of=bus"
     return f"fault {fault.kind} {place} begin={begin_us * 1e-6:.6f} end={end_us * 1e-6:.6f}"
 
 
 def play_to_log(scenario: Scenario, log: Path, truth: bool = True, train: Train = PACKAGED) -> PlayTally:
-    """As fast as it computes; the suffix of the log tells its format. Faults of the interface are silence there."""
+    """Play as fast as it computes; the log's suffix gives its format. Faults of the interface are silence there."""
     check_format(log, scenario, train)
     tally, progress = PlayTally(), Progress()
     player = Player(scenario, truth, LARGE_CHUNK, train)
@@ -129,7 +129,7 @@ class RealTime:
         return self._now_us() * 1e-6
 
     def wait_s(self) -> float:
-        """How long until the next sample is due; 0 at the end."""
+        """Return how long until the next sample is due (s); 0 at the end."""
         if self._next is None:
             return 0.0
         return max(self._start_ns + self._next[0] * 1000 - self._clock.monotonic_ns(), 0) * 1e-9
@@ -145,7 +145,7 @@ class RealTime:
                 return True
             self.tally.latest_us = max(self.tally.latest_us, late_us)
             self.tally.overruns += late_us > SAMPLE_US
-            self._tell(self._next[0])
+            self._report_faults(self._next[0])
             if self._next[0] >= self._away_until_us:
                 for f in self._next[1]:
                     self._send(f)
@@ -153,13 +153,13 @@ class RealTime:
         if self._next is not None:
             return True
         if self._moments:
-            self._tell(self._moments[-1][0])
+            self._report_faults(self._moments[-1][0])
         return False
 
     def _now_us(self) -> int:
         return (self._clock.monotonic_ns() - self._start_ns) // 1000
 
-    def _tell(self, due_us: int) -> None:
+    def _report_faults(self, due_us: int) -> None:
         while self._on_fault is not None and self._moments and self._moments[0][0] <= due_us:
             _, begins, fault = self._moments.pop(0)
             before_us = self._now_us()

@@ -91,7 +91,7 @@ class Player:
             yield sample.due_us, list(self._encoder.frames(sample))
 
     def measured(self) -> Iterator[SensorSample]:
-        """What the sensors say, sample by sample, before anything goes wrong with it."""
+        """Yield what the sensors measure, sample by sample, before any fault."""
         for first in range(0, self.samples, self._chunk):
             numbers = np.arange(first + 1, min(first + self._chunk, self.samples) + 1)
             t: FloatArray = numbers.astype(np.float64) * (SAMPLE_US * 1e-6)

@@ -208,7 +208,7 @@ def read_wheelset(section: Section) -> Wheelset:
 
 
 def _settings(s: Section, common: Mapping[str, Any], drive: DriveCourse | None) -> dict[str, Any]:
-    """What a table says of an axle; common: where it says nothing."""
+    """Return a table's settings of an axle; common: where it has none."""
     read = {"rail": ("rail", _rail), "track": ("roughness", _roughness), "sensors": ("sensors", _sensors)}
     own: dict[str, Any] = {name: of(s) for key, (name, of) in read.items() if key in s}
     if drive is not None:

@@ -59,7 +59,7 @@ class Slcan:
             self._write(f"{ident}{len(msg.data)}{msg.data.hex().upper()}\r".encode())
 
     def begin(self, fault: Fault) -> None:
-        """The controller says that it is off the bus."""
+        """Report that the controller is off the bus."""
         if fault.kind in SILENT:
             self.report(BUS_OFF)
 
@@ -86,7 +86,7 @@ class Slcan:
         raise can.CanOperationError("the pty is full", errno.ENOBUFS)
 
     def _drain(self) -> None:
-        """Whatever the other programs sent: a full pty would stop their controller."""
+        """Discard what the other programs sent: a full pty would stop their controller."""
         try:
             while os.read(self._peer, 1 << 16):
                 pass

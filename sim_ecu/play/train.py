@@ -70,11 +70,11 @@ class PackagedTrain:
         return [_packaged(_message(signal, axle)) for signal in signals]
 
     def statuses(self, signals: Sequence[str], axle: int) -> list[Carrier]:
-        """The messages that say how the senders of these are: the same."""
+        """Return the messages with the status of these signals' senders: the same."""
         return self.carriers(signals, axle)
 
     def cycle_us(self, signal: str, axle: int) -> int:
-        """How often a signal of an axle is sent."""
+        """Return the cycle of a signal of an axle."""
         return 1000 * int(_message(signal, axle).cycle_time or 0)
 
 
@@ -120,7 +120,7 @@ class AdhesionReader:
                 self._words[ours] = (signal.name, {raw: word for word, raw in words.items()})
 
     def read(self, data: bytes) -> MessageValues:
-        """What a frame says, of the signals that are mapped."""
+        """Return a frame's values of the mapped signals."""
         raw: Any = self._message.decode(data, decode_choices=False, scaling=False)
         numbers = {ours: _number(signal, sent, raw[signal.name]) for ours, (signal, sent) in self._numbers.items()}
         return numbers | {ours: words.get(raw[name], str(raw[name])) for ours, (name, words) in self._words.items()}

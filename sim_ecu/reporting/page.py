@@ -187,7 +187,7 @@ style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'"><
 <style>{{ style | safe }}</style></head>
 <body>
 <header><h1>{{ page.heading }}</h1>
-{% for word, said in page.loud %}<p class="loud" role="note"><strong>{{ word }}</strong>: {{ said }}</p>
+{% for word, text in page.loud %}<p class="loud" role="note"><strong>{{ word }}</strong>: {{ text }}</p>
 {% endfor %}{% for part in page.head %}{{ shown(part) }}{% endfor %}</header>
 <main>
 {% for p in page.pictures %}{{ picture(p) }}{% endfor %}

@@ -32,7 +32,7 @@ class PictureLook:
 
     @property
     def width(self) -> float:
-        """Of the picture, in inches of 10-point text."""
+        """The picture's width, in inches of 10-point text."""
         return 10.0 if self.wide else 4.4
 
 

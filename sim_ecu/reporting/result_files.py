@@ -24,7 +24,7 @@ def check_output(key: str, file: Path | None) -> None:
 def write_results(
     result: dict[str, Any], json_out: Path | None, html_out: Path | None, page: Callable[[], str]
 ) -> None:
-    """The figures as JSON and as a page, where asked for. page makes it: what draws is imported by then only."""
+    """Write the figures as JSON and as a page, where requested. page makes it: what draws is imported by then only."""
     if json_out:
         with create(json_out) as file:
             file.write(json.dumps(plain(result), indent=1, ensure_ascii=False, allow_nan=False) + "\n")
@@ -34,8 +34,8 @@ def write_results(
 
 
 def status_by_goals(fail_on: str | None, goals: Sequence[Mapping[str, Any]]) -> Status:
-    """What a command ends with whose goals have these verdicts; where it is to fail, the standard error says why.
-    Raises InputError where it was asked to and no goal could be judged."""
+    """Return the exit status of a command by its goals' verdicts; where it fails, standard error gets the reason.
+    Raises InputError where it was requested and no goal could be judged."""
     if not fail_on:
         return Status.DONE
     verdicts = [g["verdict"] for g in goals]

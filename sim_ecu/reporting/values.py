@@ -10,7 +10,7 @@ UNKNOWN = "–"
 
 @dataclass(frozen=True, slots=True)
 class Figure:
-    """A figure, the ends of its 90 % interval (NaN: too few runs to tell), and how much it is made of."""
+    """A figure, the ends of its 90 % interval (NaN: too few runs), and how much it is made of."""
 
     value: float
     low: float
@@ -19,7 +19,7 @@ class Figure:
     count: int  # frames, or drops, or axles
 
     def below(self, other: "Figure") -> bool:
-        """Whether it lies below another one, and the intervals do not overlap."""
+        """Return whether it lies below another one, and the intervals do not overlap."""
         return self.high < other.low
 
 

@@ -4,5 +4,5 @@ SUITES = (
     "paper", "grid", "robust", "rough", "harsh", "slow", "long", "canted", "peak", "transitions", "drops", "cycles",
     "dead", "foreign", "dry-hours",
 )  # fmt: skip
-FUSION = "fusion"  # of what the daemon does beside the estimate, and off by default: played where asked for alone
+FUSION = "fusion"  # of what the daemon does beside the estimate, and off by default: played only where requested
 MISSED = "missed"  # what --fail-on may name

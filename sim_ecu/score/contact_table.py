@@ -1,6 +1,6 @@
 """`sim-ecu contact CASES.csv`: creep forces of single contacts, to be laid beside another program's.
 
-Polach's law with constant friction and no spin. It stands outside sim_ecu/physics because it speaks to a person.
+Polach's law with constant friction and no spin. It stands outside sim_ecu/physics because it is for a person to read.
 """
 
 import csv

@@ -46,7 +46,7 @@ def run(
     suite: str | None, quick: bool, jobs: int, design_file: Path | None, baselines_file: Path | None,
     beside: Sequence[str], json_out: Path | None, html_out: Path | None, fail_on: str | None,
 ) -> int:  # fmt: skip
-    """Play, judge, print; write the figures as JSON and a page where asked for."""
+    """Play, judge, print; write the figures as JSON and a page where requested."""
     check_output("--json", json_out)
     check_output("--html", html_out)
     others = [_named(b) for b in beside]
@@ -54,11 +54,11 @@ def run(
         baselines_file = rig.BASELINES
     if design_file is None and rig.PAPER_DESIGN.exists():
         others.insert(0, (PAPER, rig.PAPER_DESIGN))
-    asked = ScoreRequest(design_file or resources.DESIGN, baselines_file, tuple(others))
-    source = load_source(asked.design)
-    _world(asked)  # bad files are reported here, before anything is played
+    request = ScoreRequest(design_file or resources.DESIGN, baselines_file, tuple(others))
+    source = load_source(request.design)
+    _world(request)  # bad files are reported here, before anything is played
     began = time.monotonic()
-    traces, missing = _play_all(list(runs(source, suite, QUICK if quick else 1.0)), jobs, asked)
+    traces, missing = _play_all(list(runs(source, suite, QUICK if quick else 1.0)), jobs, request)
     holed = _holed(missing, suite)
     traces = [t for t in traces if t.suite not in holed]
     about = {"quick": quick, "jobs": jobs, "left_out": left_out(missing, holed)}
@@ -81,7 +81,7 @@ def _holed(missing: Sequence[Missing], suite: str | None) -> tuple[str, ...]:
 
 
 def _page(result: dict[str, Any], traces: list[Trace]) -> str:
-    from sim_ecu.score.score_pictures import pictures  # what draws is imported where a page is asked for
+    from sim_ecu.score.score_pictures import pictures  # what draws is imported where a page is requested
 
     name = result["design"]["name"]
     return html(
@@ -97,39 +97,39 @@ def _named(text: str) -> tuple[str, Path]:
     return name, Path(path)
 
 
-def _play_all(runs: Sequence[Run], jobs: int, asked: ScoreRequest) -> tuple[list[Trace], Sequence[Missing]]:
+def _play_all(runs: Sequence[Run], jobs: int, request: ScoreRequest) -> tuple[list[Trace], Sequence[Missing]]:
     """In processes of their own; the order of the traces does not depend on them. And the runs that failed."""
     pieces = [Piece(r.suite, f"{r.group}, run {r.number}", r.scenario.duration_s * len(r.scenario.axles)) for r in runs]
-    whole = every(partial(play_one, asked), runs, pieces, jobs)
+    whole = every(partial(play_one, request), runs, pieces, jobs)
     return [t for part in whole.results if part is not None for t in part], whole.missing
 
 
 @lru_cache(1)
-def _world(asked: ScoreRequest) -> tuple[Config, dict[str, Baseline]]:
+def _world(request: ScoreRequest) -> tuple[Config, dict[str, Baseline]]:
     """Made once in a process that plays."""
-    source = load_source(asked.design)
-    config = replace(load_config(None), design=source.design, design_file=asked.design)
-    return config, make_baselines(source, asked)
+    source = load_source(request.design)
+    config = replace(load_config(None), design=source.design, design_file=request.design)
+    return config, make_baselines(source, request)
 
 
-def make_baselines(source: Recipe, asked: ScoreRequest) -> dict[str, Baseline]:
+def make_baselines(source: Recipe, request: ScoreRequest) -> dict[str, Baseline]:
     """By the name that the tables give each, in their order."""
     design, w, sensors = source.design, source.wheelset, source.sensors
     out: dict[str, Baseline] = {}
-    for name, path in asked.beside:
+    for name, path in request.beside:
         other: Design = load_design(path)
         fitting(name, other, design)
         out[name] = Beside(other)
     out["torque ratio"] = TorqueRatio(design.window_ticks)
-    if asked.baselines is not None:
-        regressor = load_regressor(asked.baselines, design)
+    if request.baselines is not None:
+        regressor = load_regressor(request.baselines, design)
         if regressor is not None:
             out["neural network"] = regressor
     out["12 EKFs"] = Offsetless(Ekf(w, sensors, design.tick_s), design.window_ticks)
     return out
 
 
-def play_one(asked: ScoreRequest, run: Run) -> list[Trace]:
+def play_one(request: ScoreRequest, run: Run) -> list[Trace]:
     """What a process does with each run."""
-    config, baselines = _world(asked)
+    config, baselines = _world(request)
     return play(run, config, baselines if run.suite in COMPARED else {})

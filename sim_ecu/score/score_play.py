@@ -220,7 +220,7 @@ def play(run: Run, config: Config, baselines: dict[str, Baseline], train: Train 
 
 
 def _beside(traces: Sequence[Trace], ticks: GivenTicks, baselines: dict[str, Baseline]) -> None:
-    """What the baselines say at the traces' frames: from the newest tick that was over by then."""
+    """Return the baselines' estimates at the traces' frames: from the newest tick that was over by then."""
     tick_us = round(ticks.tick_s * 1e6)
     others = {name: b.mu_pct(ticks) for name, b in baselines.items()}
     for place, trace in enumerate(traces):
@@ -247,7 +247,7 @@ def _trace(run: Run, place: int, kept: TrainFrames, half_widths: dict[int, Float
     axle = run.scenario.axles[place]
     adhesion, truth = kept.adhesion[axle.number], kept.truth[axle.number]
     speed = float(run.scenario.speed.at(np.zeros(1))[0])
-    # an adhesion frame tells of the time up to its stamp; the truth is the newest by then
+    # an adhesion frame covers the time up to its stamp; the truth is the newest by then
     true_us, adhesion_us = np.array(truth.stamps_us), np.array(adhesion.stamps_us)
     use = adhesion_us >= true_us[0]
     latest = np.searchsorted(true_us, adhesion_us[use], side="right") - 1

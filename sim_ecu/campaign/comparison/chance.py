@@ -33,10 +33,10 @@ ROUNDING = 1e-9  # what two sums of the same numbers may differ by, as a share
 
 @dataclass(frozen=True, slots=True)
 class ChanceOf:
-    """The second's mean less the first's with its interval (NaN: too few to tell), both means, and p, two-sided.
+    """The second's mean less the first's with its interval (NaN: too few), both means, and p, two-sided.
 
-    least: the smallest p that these rows could give, whichever way each points; 1 where none differs. worlds: that
-    tell anything: of pairs those that differ, of samples the fewer of both sides.
+    least: the smallest p that these rows could give, whichever way each points; 1 where none differs. worlds: those
+    that count: of pairs those that differ, of samples the fewer of both sides.
     """
 
     first: float
@@ -53,8 +53,8 @@ NOTHING = ChanceOf(math.nan, math.nan, math.nan, math.nan, math.nan, 1.0, 1.0, 0
 
 
 def draws(comparisons: int, alpha: float) -> int:
-    """How many draws tell p at the strictest bound that Holm's correction of so many comparisons has; MAX_DRAWS may be
-    too few where comparisons / alpha is more."""
+    """Return how many draws decide p at the strictest bound of Holm's correction of so many comparisons; MAX_DRAWS may
+    be too few where comparisons / alpha is more."""
     return min(max(MIN_DRAWS, math.ceil(DRAWS_A_CLAIM * comparisons / alpha)), MAX_DRAWS)
 
 
@@ -203,7 +203,7 @@ def _exchanged(
 def _sample_figure(
     a: FloatArray, b: FloatArray, others: FloatArray, moved: FloatArray, p: float, few: float, alpha: float
 ) -> ChanceOf:
-    """Of one figure. A draw's difference is beyond the observed one, both less a shift δ, from one δ on."""
+    """Return the chance of one figure. A draw is beyond the observed difference, both less a shift δ, from one δ on."""
     if not len(a) or not len(b):
         return NOTHING
     observed = float(b.mean() - a.mean())
@@ -218,7 +218,7 @@ def _sample_figure(
 
 
 def _ends(typical: FloatArray, tries: int, alpha: float) -> tuple[float, float]:
-    """Of the interval: beyond each lie alpha / 2 of the tries at most, those among them that have no typical value."""
+    """Return the interval's ends: beyond each lie at most alpha / 2 of the tries, also those with no typical value."""
     beyond = math.floor(alpha / 2 * tries * (1 + ROUNDING)) - (tries - len(typical)) + 1
     if beyond < 1:
         return math.nan, math.nan

@@ -159,12 +159,12 @@ class Result:
 
     @property
     def claims(self) -> list[Comparison]:
-        """What is more than chance."""
+        """The comparisons that are more than chance."""
         return [c for c in self.comparisons if c.verdict in CLAIMS]
 
     @property
     def unjudged(self) -> list[Comparison]:
-        """What differs in too few worlds for any claim."""
+        """The comparisons that differ in too few worlds for any claim."""
         return [c for c in self.comparisons if c.verdict == TOO_FEW and all(c.count)]
 
 
@@ -278,7 +278,7 @@ def _without_survivors(made: Sequence[Comparison]) -> list[Comparison]:
 
 
 def _mean(rows: Rows, name: str) -> float:
-    """Of the rows that have a number."""
+    """Return the mean of the rows that have a number."""
     known = [float(v) for row in rows if (v := row[name]) is not None and math.isfinite(v)]
     return sum(known) / len(known) if known else math.nan
 
@@ -295,7 +295,7 @@ def _not_done(rows: Rows) -> float:
 
 
 def document(result: Result) -> dict[str, Any]:
-    """For JSON."""
+    """Return it for JSON."""
     m = result.matched
 
     def side(c: Results) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from sim_ecu.campaign.comparison.compare import BETTER, CHANCE, DIFFERS, SAME, T
 from sim_ecu.campaign.kind import Type
 from sim_ecu.reporting.plots import Picture, PictureLook, fields, legend, rows, text_colour
 
-# colours that the colour-blind tell apart; shapes say it too
+# colours that the colour-blind can distinguish; shapes differ too
 MARKS = {
     WORSE: ("#D55E00", "v"), BETTER: ("#0072B2", "^"), DIFFERS: ("#9467BD", "D"), CHANCE: ("0.55", "o"),
     TOO_FEW: ("0.55", "x"), SAME: ("0.55", "|"),
@@ -38,7 +38,7 @@ def _of(result: Result, name: str) -> list[Comparison]:
 
 
 def _drawn(c: Comparison) -> bool:
-    """Whether dots show anything: a flag's lie on four places."""
+    """Return whether dots show anything: a flag's lie on four places."""
     return c.figure.type is not Type.FLAG and all(map(len, c.values))
 
 

@@ -116,7 +116,7 @@ def verdict(result: Result) -> str:
 
 
 def _unjudged(result: Result) -> str:
-    """What differs and could be no claim, by suite; nothing without any."""
+    """Return what differs and could be no claim, by suite; "" without any."""
     found = result.unjudged
     if not found:
         return ""
@@ -138,17 +138,17 @@ def _unjudged(result: Result) -> str:
 
 
 def worlds(comparisons: int, alpha: float, ways: Callable[[int], int]) -> int:
-    """How many can make a claim among so many comparisons, if 2 of so many ways go as far."""
+    """Return how many worlds can make a claim among so many comparisons, if 2 of so many ways go as far."""
     return next(n for n in itertools.count(1) if 2 * comparisons <= alpha * ways(n))
 
 
 def pair_ways(count: int) -> int:
-    """To flip the signs of worlds."""
+    """Return how many ways there are to flip the signs of worlds."""
     return 1 << count
 
 
 def sample_ways(count: int) -> int:
-    """To exchange as many worlds of each side."""
+    """Return how many ways there are to exchange as many worlds of each side."""
     return math.comb(2 * count, count)
 
 

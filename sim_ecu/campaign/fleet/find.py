@@ -27,7 +27,7 @@ _HEADS = {".csv": b"timestamp,arbitration_id,", ".db": b"SQLite format 3\0"}
 
 @dataclass(frozen=True, slots=True)
 class Log:
-    """A log. name: its path below the folder that was asked for, as text. configuration: None for the packaged one."""
+    """A log. name: its path below the folder that was given, as text. configuration: None for the packaged one."""
 
     file: Path
     name: str
@@ -44,19 +44,19 @@ class Fleet:
 
     @property
     def trains(self) -> dict[str, int]:
-        """How many logs each has."""
+        """How many logs each train has."""
         return dict(Counter(one.train for one in self.logs))
 
 
-def find(asked: str, pattern: str | None, configuration: Path | None) -> Fleet:
+def find(where: str, pattern: str | None, configuration: Path | None) -> Fleet:
     """The logs of a folder and the folders below it, or of a glob.
 
-    A train is the first folder below what was asked for, or what the pattern's group `train` matches in the name. The
+    A train is the first folder below the one given, or what the pattern's group `train` matches in the name. The
     wrcd.toml nearest above a log is its configuration; without one it is the one given.
 
     Raises InputError where there is no log, or the pattern does not fit.
     """
-    root, files = _files(asked)
+    root, files = _files(where)
     expression = None if pattern is None else _compiled(pattern)
     found = []
     for file in files:
@@ -66,7 +66,7 @@ def find(asked: str, pattern: str | None, configuration: Path | None) -> Fleet:
         found.append(Log(file, name, _train(name, root, expression), own or configuration))
     if not found:
         raise InputError(
-            "has no log", file=asked, key="--logs", hint=f"a log's name ends in {', '.join(SUFFIXES)}, or that and .gz"
+            "has no log", file=where, key="--logs", hint=f"a log's name ends in {', '.join(SUFFIXES)}, or that and .gz"
         )
     return Fleet(root, tuple(sorted(found, key=lambda one: (one.train, one.name))))
 
@@ -76,18 +76,18 @@ def printable(name: str) -> str:
     return os.fsencode(name).decode("utf-8", "backslashreplace")
 
 
-def _files(asked: str) -> tuple[Path, list[Path]]:
+def _files(where: str) -> tuple[Path, list[Path]]:
     """The folder that names are below, and the logs in it."""
-    folder = Path(asked)
+    folder = Path(where)
     if folder.is_dir():
         return folder, [p for p in _walked(folder) if _is_log(p)]
     if folder.is_file():
         return folder.parent, [folder]
-    if not glob.has_magic(asked):
-        raise InputError("no such folder", file=asked, key="--logs", hint="name a folder, or a glob in quotes")
-    parts = Path(asked).parts
+    if not glob.has_magic(where):
+        raise InputError("no such folder", file=where, key="--logs", hint="name a folder, or a glob in quotes")
+    parts = Path(where).parts
     fixed = next(k for k, part in enumerate(parts) if glob.has_magic(part))
-    matched = dict.fromkeys(map(Path, glob.glob(asked, recursive=True)))  # two ** find a file more than once
+    matched = dict.fromkeys(map(Path, glob.glob(where, recursive=True)))  # two ** find a file more than once
     return Path(*parts[:fixed]), [p for p in matched if _is_log(p)]
 
 
@@ -153,14 +153,14 @@ def campaign(fleet: Fleet, channel: str, limit_s: float | None, progress: Progre
         jobs.append(Job(KIND.name, inputs, {name: found for name, (_, found) in files.items()}, LABELS))
     progress.end()
     types = {f.name: f.type for f in KIND.factors}
-    asked = CampaignRequest(
+    request = CampaignRequest(
         f"Logs of {printable(fleet.folder.absolute().name)}", KIND, types, code(KIND.function.__module__)
     )
-    return Campaign(asked, tuple(jobs), {}, None, 0, limit_s, fleet.folder.resolve(), paths)
+    return Campaign(request, tuple(jobs), {}, None, 0, limit_s, fleet.folder.resolve(), paths)
 
 
 def _inputs(one: Log, folder: Path, channel: str) -> dict[str, Any]:
-    """File names are relative to the folder: a fleet that is moved asks the same."""
+    """File names are relative to the folder: a fleet that is moved has the same keys."""
     configuration = "" if one.configuration is None else os.path.relpath(one.configuration, folder)
     return {"train": one.train, "log": one.name, "configuration": configuration, "channel": channel}
 

@@ -24,7 +24,7 @@ CSS = tuple(f"c{k}" for k in range(N - 1)) + ("nv",)  # by place in CLASSES
 
 
 def steps_of(detail: Mapping[str, Any]) -> tuple[str, FloatArray]:
-    """What a column stands for, and (n, N) all axles' metres by class; seconds where the train did not move."""
+    """Return what a column stands for, and (n, N) all axles' metres by class; seconds where the train did not move."""
     axles: Sequence[Mapping[str, Any]] = detail["axles"]
     of, step, unit = ("way", "step_m", "m") if any(a["way"] for a in axles) else ("time", "step_s", "s")
     rows = [a for a in axles if a[of]]

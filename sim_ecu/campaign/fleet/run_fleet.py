@@ -72,7 +72,7 @@ PAGE = "summary.html"
 
 @dataclass(frozen=True, slots=True)
 class Logs:
-    """What is asked of which logs."""
+    """Which logs to judge, and how."""
 
     where: str
     train: str | None
@@ -82,32 +82,32 @@ class Logs:
     reports: bool
 
 
-def plan(asked: Logs) -> int:
+def plan(logs: Logs) -> int:
     """Check, and say what would run."""
-    fleet = find(asked.where, asked.train, asked.configuration)
-    _campaign(asked, fleet)
+    fleet = find(logs.where, logs.train, logs.configuration)
+    _campaign(logs, fleet)
     print(_found(fleet))
     for name, count in fleet.trains.items():
         print(f"  {name}: {count}")
     return Status.DONE
 
 
-def run(asked: Logs, folder: Path, jobs: int, scheduler: str | None, again: bool) -> int:
-    """Replay, tell, write the page; reports where they are asked for. 1 where a log could not be judged."""
-    if asked.reports:
+def run(logs: Logs, folder: Path, jobs: int, scheduler: str | None, again: bool) -> int:
+    """Replay, print, write the page; reports where requested. Returns 1 where a log could not be judged."""
+    if logs.reports:
         need(("bokeh",), "report")
-    fleet = find(asked.where, asked.train, asked.configuration)
+    fleet = find(logs.where, logs.train, logs.configuration)
     print(_found(fleet), file=sys.stderr)
-    made = _campaign(asked, fleet)
+    made = _campaign(logs, fleet)
     try:
         with (
             terminated_like_ctrl_c(),
             workers_for(jobs, scheduler, made) as workers,
-            opened_store(folder, made.asked, made.keys) as store,
+            opened_store(folder, made.request, made.keys) as store,
         ):
             finished = go(made, folder, store, workers, again=again)
-            found = summary(made.asked.title, finished.pairs)
-            there = _reports(made, found, folder, workers) if asked.reports else {}
+            found = summary(made.request.title, finished.pairs)
+            there = _reports(made, found, folder, workers) if logs.reports else {}
     except KeyboardInterrupt:
         print(f"stopped; what is finished is in {folder}, {RESUMES}", file=sys.stderr)
         return Status.INTERRUPTED
@@ -122,15 +122,15 @@ def _found(fleet: Fleet) -> str:
     return f"{len(fleet.logs)} logs of {len(fleet.trains)} trains"
 
 
-def _campaign(asked: Logs, fleet: Fleet) -> Campaign:
-    return campaign(fleet, asked.channel, asked.limit_s, Progress())
+def _campaign(logs: Logs, fleet: Fleet) -> Campaign:
+    return campaign(fleet, logs.channel, logs.limit_s, Progress())
 
 
 def _reports(made: Campaign, found: Summary, folder: Path, workers: Workers) -> dict[str, str]:
     """Make them. Returns their places from the folder, by log."""
     wanted = {}
     for p in found.every.done:
-        inputs = placed(made.asked.kind, p.inputs, made.folder)
+        inputs = placed(made.request.kind, p.inputs, made.folder)
         output = (folder / FOLDER / f"{p.name}.html").absolute()
         wanted[p.name] = Wanted(inputs["log"], inputs["configuration"], inputs["channel"], str(output))
     for line in make_all(list(wanted.values()), workers, made.limit_s):

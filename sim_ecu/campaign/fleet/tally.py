@@ -96,7 +96,7 @@ class AxleTally:
 
     @property
     def cycle_s(self) -> float:
-        """What a frame stands for."""
+        """The time that a frame stands for."""
         return self.decoder.cycle_us * 1e-6
 
     @property
@@ -106,7 +106,7 @@ class AxleTally:
 
     @property
     def seconds(self) -> float:
-        """Of the log that the daemon had something to say of this axle."""
+        """The time that this axle's frames stand for."""
         return self.frames * self.cycle_s
 
     def put(self, frame: Frame, cause: Cause) -> bool:
@@ -250,7 +250,7 @@ class Tally:
         return [a for a in self.axles.values() if own[a.number] & came] or list(self.axles.values())
 
     def suspects(self, begin_us: int, end_us: int) -> Iterator[Suspect]:
-        """What was named in the log, from its begin to its end: sensors, then refused frames."""
+        """Yield what was named in the log, from its begin to its end: sensors, then refused frames."""
         for axle in self.with_frames():
             yield from axle.spells.suspects(axle.number, begin_us)
         axles: dict[str, int] = {}

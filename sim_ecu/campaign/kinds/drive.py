@@ -1,4 +1,4 @@
-"""A stop or a start in lockstep: rig, controller and, where it is asked for, wrcd's core."""
+"""A stop or a start in lockstep: rig, controller and, where it is requested, wrcd's core."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -71,8 +71,8 @@ FIGURES = (
 
 
 @dataclass(frozen=True, slots=True)
-class _Asked:
-    """What the inputs come to. config: None without a daemon."""
+class _DriveRequest:
+    """What the inputs request. config: None without a daemon."""
 
     scenario: DriveScenario
     controller: str
@@ -82,8 +82,8 @@ class _Asked:
     timing: Timing
 
 
-def _asked(inputs: Mapping[str, Any]) -> _Asked:
-    """Raises InputError for inputs that make no sense."""
+def _request(inputs: Mapping[str, Any]) -> _DriveRequest:
+    """Read the inputs. Raises InputError for inputs that make no sense."""
     controller, with_adhesion = str(inputs.get("controller", "thresholds")), bool(inputs.get("with_adhesion", False))
     runs = with_adhesion or bool(inputs.get("daemon", False))
     timing = Timing(int(inputs.get("phase_us", 0)), int(inputs.get("delay_us", 0)))
@@ -107,37 +107,37 @@ def _asked(inputs: Mapping[str, Any]) -> _Asked:
     numbers = [a.number for a in played.axles]
     at_work(played.faults, numbers, played.axles[0].seed, train)
     train.encoder(numbers, truth=False)
-    return _Asked(replace(scenario, train=played), controller, with_adhesion, config, train, timing)
+    return _DriveRequest(replace(scenario, train=played), controller, with_adhesion, config, train, timing)
 
 
 def _check(inputs: Mapping[str, Any]) -> None:
-    asked = _asked(inputs)
-    if asked.with_adhesion:
-        make_controller(asked.controller, Facts.of(asked.scenario), asked.config)
+    request = _request(inputs)
+    if request.with_adhesion:
+        make_controller(request.controller, Facts.of(request.scenario), request.config)
 
 
 def figures(job: Job) -> Mapping[str, Scalar]:
     """Drive the run of a job, and judge it."""
-    asked = _asked(job.inputs)
-    own = None if asked.train is PACKAGED else asked.config
-    recorder = None if asked.config is None else TrainFrames(asked.scenario.axles, own)
-    steps = list(_steps(asked, recorder))
-    f = judge(steps, asked.scenario)
+    request = _request(job.inputs)
+    own = None if request.train is PACKAGED else request.config
+    recorder = None if request.config is None else TrainFrames(request.scenario.axles, own)
+    steps = list(_steps(request, recorder))
+    f = judge(steps, request.scenario)
     found = [] if recorder is None else honesty(adhesion_series(recorder.adhesion), steps)
     out = asdict(f) | {"distance_m": f.stop_m, "stop_m": f.stop_m if f.stopped else math.nan, **_honest(found)}
-    if max(asked.scenario.driver.values, key=abs) < 0.0:  # the largest demand brakes
+    if max(request.scenario.driver.values, key=abs) < 0.0:  # the largest demand brakes
         out["impulse_kNs"] = math.nan
     return out | {"time_s": out.pop("seconds")}
 
 
-def _steps(asked: _Asked, recorder: TrainFrames | None) -> Iterator[Step]:
-    if asked.controller == IDEAL:
-        yield from ride_ideal(asked.scenario)
+def _steps(request: _DriveRequest, recorder: TrainFrames | None) -> Iterator[Step]:
+    if request.controller == IDEAL:
+        yield from ride_ideal(request.scenario)
         return
-    source = asked.config if asked.with_adhesion else None
-    controller = make_controller(asked.controller, Facts.of(asked.scenario), source)
+    source = request.config if request.with_adhesion else None
+    controller = make_controller(request.controller, Facts.of(request.scenario), source)
     listener = None if recorder is None else recorder.keep
-    run = Lockstep(asked.scenario, controller, asked.config, listener, train=asked.train, timing=asked.timing)
+    run = Lockstep(request.scenario, controller, request.config, listener, train=request.train, timing=request.timing)
     yield from run
 
 

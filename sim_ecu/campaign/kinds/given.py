@@ -163,7 +163,7 @@ def _place(rows: list[Any], part: str, name: str) -> Any:
 
 
 def fault_of(inputs: Mapping[str, Any], axles: Sequence[int], end_s: float) -> tuple[Fault, ...]:
-    """The fault that the inputs ask for; none or one. Raises InputError that names the input."""
+    """Return the fault that the inputs request; none or one. Raises InputError that names the input."""
     if inputs.get("fault", NO_FAULT) == NO_FAULT:
         return ()
     named = {f.name: inputs.get(f.name, f.default) for f in FAULT}

@@ -96,7 +96,7 @@ def replayed(job: Job) -> Mapping[str, Scalar]:
 
 
 def _unchanged(job: Job, log: Path) -> None:
-    """Raises InputError for a log that is not as it was when it was asked for."""
+    """Raises InputError for a log that has changed since it was requested."""
     for name, file in zip(OWN, (log, state_file(log)), strict=True):
         if name in job.files and digest(file) != job.files[name]:
             raise InputError("has changed since the campaign began", file=file, hint="begin it again")

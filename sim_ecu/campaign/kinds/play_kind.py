@@ -31,8 +31,8 @@ JUDGED_FROM = Factor("judged_from_s", Type.NUMBER, "frames before are not judged
 FACTORS = (SCENARIO, DESIGN, CONFIGURATION, *FAULT, JUDGED_FROM)
 
 
-def _asked(inputs: Mapping[str, Any]) -> tuple[Run, Config, Train]:
-    """Raises InputError for inputs that make no sense."""
+def _request(inputs: Mapping[str, Any]) -> tuple[Run, Config, Train]:
+    """Read the inputs. Raises InputError for inputs that make no sense."""
     scenario = _scenario(inputs)
     numbers = [a.number for a in scenario.axles]
     faults = (*scenario.faults, *fault_of(inputs, numbers, scenario.duration_s))
@@ -55,7 +55,7 @@ def _scenario(inputs: Mapping[str, Any]) -> Scenario:
 
 def figures(job: Job) -> Mapping[str, Scalar]:
     """Play the run of a job, and judge it."""
-    run, config, train = _asked(job.inputs)
+    run, config, train = _request(job.inputs)
     return figures_of(play(run, config, {}, train))
 
 
@@ -71,7 +71,7 @@ PLAY = Kind(
     FIGURES,
     figures,
     open_factors=(PREFIX,),
-    check=_asked,
+    check=_request,
     cost=_cost,
     suite="scenario",
     named=named_by,

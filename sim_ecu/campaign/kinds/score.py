@@ -98,11 +98,11 @@ def _run(inputs: Mapping[str, Any]) -> Run:
 
 
 def points(inputs: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
-    """The runs that the inputs ask for, where group or run are left out. Raises InputError."""
+    """Yield the runs that the inputs request, where group or run are left out. Raises InputError."""
     groups = suite_of(inputs)
     for group in groups if inputs.get("group") is None else (inputs["group"],):
-        asked = inputs.get("run")
-        for number in range(max(len(groups.get(group, ())), 1)) if asked is None else (asked,):
+        number_given = inputs.get("run")
+        for number in range(max(len(groups.get(group, ())), 1)) if number_given is None else (number_given,):
             yield {**inputs, "group": group, "run": number}
 
 
@@ -138,13 +138,13 @@ def figures_of(traces: Sequence[Trace]) -> dict[str, Scalar]:
 
 
 def _of(how: Callable[[list[float]], Any], values: list[float]) -> float:
-    """Of the values that are numbers; NaN for none."""
+    """Apply how to the values that are numbers; NaN for none."""
     known = [v for v in values if math.isfinite(v)]
     return float(how(known)) if known else math.nan
 
 
 def _check(inputs: Mapping[str, Any]) -> None:
-    """No campaign is asked for what tuned designs are tested on: only the tuning itself plays it."""
+    """No campaign may request what tuned designs are tested on: only the tuning itself plays it."""
     if inputs.get("lot", 0) == TUNED_LOT:
         raise _no_lot(TUNED_LOT)
     _run(inputs)

@@ -74,7 +74,7 @@ class PlayedFigures:
         return tuple(out)
 
     def behind(self, other: "PlayedFigures") -> bool:
-        """Whether the other is nowhere worse, and better somewhere. No figure is worse than any."""
+        """Return whether the other is nowhere worse, and better somewhere. No figure is worse than any."""
         mine, theirs = ([math.inf if math.isnan(v) else v for v in (*f.values, float(f.cost))] for f in (self, other))
         pairs = list(zip(mine, theirs, strict=True))
         return all(b <= a for a, b in pairs) and any(b < a for a, b in pairs)
@@ -119,9 +119,9 @@ def play(design: Path, shares: Sequence[tuple[str, float]], lot: int, folder: Pa
         Job(SCORE.name, inputs, {"design": contents}) for s, share in shares for inputs in _runs(s, share, file, lot)
     )
     types = {f.name: f.type for f in SCORE.factors}
-    asked = CampaignRequest(folder.name, SCORE, types, code(SCORE.function.__module__))
-    campaign = Campaign(asked, jobs, {}, None, 0, None, folder, {(file,): {file: contents}})
-    with opened_store(folder, asked, campaign.keys) as store:
+    request = CampaignRequest(folder.name, SCORE, types, code(SCORE.function.__module__))
+    campaign = Campaign(request, jobs, {}, None, 0, None, folder, {(file,): {file: contents}})
+    with opened_store(folder, request, campaign.keys) as store:
         finished = go(campaign, folder, store, workers, again=True)
     for job, row in finished.pairs:
         if row.ending is not Ending.DONE:

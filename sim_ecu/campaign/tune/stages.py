@@ -154,7 +154,7 @@ class _Stages:
         return Status.DONE if what in (Outcome.BEATS, Outcome.EQUALS) else Status.STOPPED
 
     def _to_reach(self) -> Path | None:
-        """What the tuned design is to reach: as asked for, or the packaged one of its form; None for another wheelset
+        """What the tuned design is to reach: as requested, or the packaged one of its form; None for another wheelset
         or tick than that is for: then it is the start."""
         if self._tuning.against is not None:
             return self._tuning.against

@@ -1,4 +1,4 @@
-"""The stages of a tuning: CMA-ES over what recorded conditions tell; the start and the best candidates as designs on
+"""The stages of a tuning: CMA-ES over recorded conditions; the start and the best candidates as designs on
 whole runs, where the windows are searched, too. Candidates side by side in processes of their own."""
 
 import math
@@ -48,9 +48,9 @@ class Trial:
 
     @property
     def key(self) -> str:
-        """By which the store knows it."""
-        asked = {"seed": self.seed, "start": written(self.start), "candidate": written(self.candidate)}
-        return Job("candidate", asked).key(code(judged_by.__name__))
+        """The key of its row in the store."""
+        inputs = {"seed": self.seed, "start": written(self.start), "candidate": written(self.candidate)}
+        return Job("candidate", inputs).key(code(judged_by.__name__))
 
 
 def judge(trial: Trial) -> float:

@@ -25,7 +25,7 @@ from wrcd.core.vocabulary import CONFIDENCES
 
 @dataclass(frozen=True, slots=True)
 class Facts:
-    """A train of like wheelsets, as a controller knows it; the mass per wheelset is M_v."""
+    """A train of like wheelsets, as its controller has it; the mass per wheelset is M_v."""
 
     axles: tuple[int, ...]
     wheelset: Wheelset = field(default_factory=Wheelset)
@@ -48,11 +48,11 @@ class Facts:
 
     @property
     def full_brake_N_m(self) -> float:
-        """What the driver asks of a wheelset at a brake share of 1, both brakes together."""
+        """What the driver demands of a wheelset at a brake share of 1, both brakes together."""
         return self.actuators.full_brake_N_m
 
-    def asked_N_m(self, share: float, braking: bool) -> float:
-        """|torque| that a share (0 ... 1) of the full effort asks of a wheelset."""
+    def demand_N_m(self, share: float, braking: bool) -> float:
+        """|torque| that a share (0 ... 1) of the full effort demands of a wheelset."""
         return share * (self.full_brake_N_m if braking else self.actuators.drive.max_traction_N_m)
 
 
@@ -70,7 +70,7 @@ class TrainController(Protocol):
 
 
 class Unprotected:
-    """Gives the driver what the driver asks: no wheel-slide protection at all.
+    """Gives the driver all that is demanded: no wheel-slide protection at all.
 
     Sends nothing before the first frame of the driver, so that the rig brakes by itself. When the driver falls silent,
     traction ends and a brake stays.
@@ -87,7 +87,7 @@ class Unprotected:
             self._driver.take(data, stamp_us)
 
     def tick(self, now_us: int) -> list[Sent]:
-        """The same for every axle."""
+        """Return the same Demand for every axle."""
         if self._driver.stamp_us is None:
             return []
         share, mode, torque = self._driver.values["Share"], self._driver.values["Mode"], 0.0
@@ -110,7 +110,7 @@ NOTHING_YET = "nothing heard yet"
 
 @dataclass(frozen=True, slots=True)
 class UsableAdhesion:
-    """What a frame tells that may be used. Ratios; half_width None: wider than any stated."""
+    """What a frame reports that may be used. Ratios; half_width None: wider than any stated."""
 
     mu: float
     half_width: float | None
@@ -163,7 +163,7 @@ class AdhesionReceiver:
         return True
 
     def adhesion(self, now_us: int) -> UsableAdhesion | None:
-        """What may be used now; None: fall back."""
+        """Return what may be used now; None: fall back."""
         if self.unusable is not None or not self._fresh(now_us) or self._is_disturbed(now_us):
             return None
         return self._adhesion
@@ -193,7 +193,7 @@ class AdhesionReceiver:
         return False
 
     def _read(self, data: bytes) -> UsableAdhesion | None:
-        """What a good frame tells; None: fall back."""
+        """Return what a good frame reports; None: fall back."""
         values = self._reader.read(data)
         self._validity = str(values.get("Validity"))
         mu, level, age_ms = values.get("MuAvailable"), values.get("Confidence"), values.get("SampleAge", 0.0)

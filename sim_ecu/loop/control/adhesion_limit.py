@@ -42,7 +42,7 @@ class LimitConstants:
     pull_keep: tuple[float, float] = (0.88, 0.97)  # the same when pulling,
     keep_alone: tuple[float, float] = (0.96, 0.98)  # the same where no frame may be used, or the knee is in doubt
     take: tuple[float, float] = (0.8, 0.95)  # the same where effort is taken off
-    after_slide: float = 0.85  # of the torque at which a slide began: what is asked for at most
+    after_slide: float = 0.85  # of the torque at which a slide began: what is demanded at most
     hold_s: float = 2.0  # between probes,
     pull_hold_s: float = 3.5  # the same when pulling,
     doubt_s: float = 0.4  # the same where the knee lies so many times above what the estimate carries:
@@ -52,7 +52,7 @@ class LimitConstants:
     pull_surprise: float = 0.06  # the same when pulling
     free_s: float = 1.2  # without a slide of the law, before the estimate may limit a brake again
     steady: float = 0.25  # share by which the estimate may differ from its own mean of the last
-    steady_s: float = 0.4  # for so long: then it tells of a rail that stays
+    steady_s: float = 0.4  # for so long: then it is of a rail that stays
     memory_s: float = 30.0  # without a frame that may be used: from then on the limit is lifted,
     lift: float = 0.25  # by so much of the demand a second
     smooth: float = 0.5  # of a new creep, in each cycle
@@ -90,23 +90,23 @@ class AdhesionLimit:
         self._source.hear(can_id, data, stamp_us)
 
     def limit(
-        self, now_us: int, asked_N_m: float, given_N_m: float, creep: float, sliding: bool, braking: bool
+        self, now_us: int, demand_N_m: float, given_N_m: float, creep: float, sliding: bool, braking: bool
     ) -> float | None:
-        """Most |torque| to ask for in this cycle (N m); None: no limit.
+        """Return the most |torque| to demand in this cycle (N m); None: no limit.
 
-        asked_N_m: |torque| that the driver wants. given_N_m: |torque| that the actuators are thought to give. creep,
+        demand_N_m: |torque| that the driver demands. given_N_m: |torque| that the actuators are thought to give. creep,
         sliding: as the controller's own slip control sees them.
         """
         self._creep += self._c.smooth * (creep - self._creep)
         begins, self._was_sliding = sliding and not self._was_sliding, sliding
-        used = self._follow(now_us, asked_N_m, braking)
+        used = self._follow(now_us, demand_N_m, braking)
         carried = self._carried_N_m
         if self._state is Probe.FREE:
-            self._return(now_us, asked_N_m, given_N_m, sliding, used)
+            self._return(now_us, demand_N_m, given_N_m, sliding, used)
             return self.limit_N_m
         if carried is None or (self.limit_N_m is None and not used):
             return None
-        if used and asked_N_m <= carried and (self.limit_N_m is None or self.limit_N_m >= asked_N_m):
+        if used and demand_N_m <= carried and (self.limit_N_m is None or self.limit_N_m >= demand_N_m):
             self._end()
             return None
         now = self.limit_N_m if self.limit_N_m is not None else max(carried, given_N_m)
@@ -120,11 +120,11 @@ class AdhesionLimit:
         else:
             now = self._probe(now, now_us, given_N_m, carried, braking)
         if now_us - self._used_us > self._c.memory_s * 1e6:
-            now = max(now, (self.limit_N_m or 0.0) + self._c.lift * asked_N_m * PERIOD_S)
-        if now >= asked_N_m and (not used or asked_N_m <= carried):
+            now = max(now, (self.limit_N_m or 0.0) + self._c.lift * demand_N_m * PERIOD_S)
+        if now >= demand_N_m and (not used or demand_N_m <= carried):
             self._end()
             return None
-        self.limit_N_m = min(now, asked_N_m)
+        self.limit_N_m = min(now, demand_N_m)
         return self.limit_N_m
 
     def _end(self) -> None:
@@ -136,19 +136,19 @@ class AdhesionLimit:
         self._hold_s = self._c.doubt_s
         self._wait_until_us = self._settled_us = self._free_us = 0
 
-    def _return(self, now_us: int, asked_N_m: float, given_N_m: float, sliding: bool, used: bool) -> None:
+    def _return(self, now_us: int, demand_N_m: float, given_N_m: float, sliding: bool, used: bool) -> None:
         """Limit a brake again that is the law's alone, from what it carries now: where it has not slid for some time,
-        and the estimate tells of a rail that stays."""
+        and the estimate is of a rail that stays."""
         if sliding:
             self._free_us = now_us
         steady_us = now_us - self._unsteady_us
         if not used or steady_us < self._c.steady_s * 1e6 or now_us - self._free_us < self._c.free_s * 1e6:
             return
         self._end()
-        if given_N_m < asked_N_m:
+        if given_N_m < demand_N_m:
             self.limit_N_m = self._knee(now_us, given_N_m, given_N_m, self._c.keep)
 
-    def _follow(self, now_us: int, asked_N_m: float, braking: bool) -> bool:
+    def _follow(self, now_us: int, demand_N_m: float, braking: bool) -> bool:
         """Follow the estimate: down at once, up slowly. False where there is none to be used."""
         c, usable = self._c, self._source.adhesion(now_us)
         if usable is None:
@@ -163,7 +163,7 @@ class AdhesionLimit:
         self._mean_N_m += (carries - self._mean_N_m) * PERIOD_S / c.steady_s
         if abs(carries - self._mean_N_m) > c.steady * self._mean_N_m:
             self._unsteady_us = now_us
-        if self._carried_N_m is None or (self.limit_N_m is None and asked_N_m < carries):
+        if self._carried_N_m is None or (self.limit_N_m is None and demand_N_m < carries):
             self._carried_N_m = carries
         elif carries < self._carried_N_m:
             self._carried_N_m += (carries - self._carried_N_m) * PERIOD_S / c.fall_s
@@ -185,7 +185,7 @@ class AdhesionLimit:
         return min(now, self._knee(now_us, given_N_m, carried_N_m, self._c.take))
 
     def _probe(self, now: float, now_us: int, given_N_m: float, carried_N_m: float, braking: bool) -> float:
-        """Ask for more while the wheel does not creep."""
+        """Demand more while the wheel does not creep."""
         c = self._c
         if self._creep > (c.far_knee if given_N_m > c.far * carried_N_m else c.knee):
             if self._state is Probe.CLIMB:
@@ -199,7 +199,7 @@ class AdhesionLimit:
         if not braking and self._saturated:
             return now
         if now_us < self._wait_until_us or now - given_N_m > ahead:
-            return follows  # what was asked for has not come yet
+            return follows  # what was demanded has not come yet
         if self._state is Probe.WAIT:
             self._state, self._growth = Probe.CLIMB, c.fast if fast else c.slow
         else:

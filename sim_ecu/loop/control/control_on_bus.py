@@ -28,7 +28,7 @@ EVERY_US = 1_000_000  # between two lines of an axle's adhesion
 
 
 class Pacer:
-    """Told when frames of a message of the same cycle came, says by how much the cycles are too early (us).
+    """Takes when frames of a message of the same cycle came, returns by how much the cycles are too early (us).
 
     A frame is late at times and early never: the earliest of a window counts. The first one counts at once.
     """
@@ -37,8 +37,8 @@ class Pacer:
         self._earliest_us: int | None = None
         self._frames, self._first = 0, True
 
-    def hear(self, stamp_us: int) -> int:
-        """By how much later the cycles are to come from now on; below zero: earlier."""
+    def take(self, stamp_us: int) -> int:
+        """Return by how much later the cycles are to come from now on (us); below zero: earlier."""
         # one that is late by nearly a cycle is none of the next that is early
         after_us = (stamp_us + SETTLE_US + AWAY_US) % CYCLE_US - AWAY_US
         self._earliest_us = after_us if self._earliest_us is None else min(self._earliest_us, after_us)
@@ -197,7 +197,7 @@ class OnBus:
         end.begin()
 
     def wait_s(self) -> float:
-        """How long until the next cycle."""
+        """Return how long until the next cycle (s)."""
         return max((self._cycle + 1) * CYCLE_US - self.end.now_us, 0) * 1e-6
 
     def turn(self) -> None:
@@ -208,7 +208,7 @@ class OnBus:
         late_us = None
         for stamp_us, f in self.end.receive():
             if f.can_id == self._paced_by:
-                late_us = self._pacer.hear(stamp_us)
+                late_us = self._pacer.take(stamp_us)
             self._controller.hear(f.can_id, f.data, stamp_us)
             for watch in self._watches:
                 watch.hear(f.can_id, f.data, stamp_us)
@@ -226,7 +226,7 @@ class OnBus:
             self.end.wait(late_us)  # the cycles that come
 
     def summary(self) -> list[str]:
-        """What came of it, for a person."""
+        """Return what came of it, for a person."""
         bus = self.end.counts()
         return [
             f"  time      {self.end.now_us * 1e-6:.1f} s, {self.cycles} cycles of 10 ms, {self.skipped} left out",

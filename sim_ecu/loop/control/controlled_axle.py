@@ -34,7 +34,7 @@ class AxleCycle:
     speed_m_s: float  # the reference speed
     slip_m_s: float  # against it: positive when the wheel slides
     slide_m_s2: float  # how fast the wheel runs away; negative: it comes back
-    asked_N_m: float  # the most that the law may give: the driver's demand, or the adhesion's limit below it
+    most_N_m: float  # that the law may give: the driver's demand, or the adhesion's limit below it
     actual_N_m: float  # what the actuators are thought to give now
 
     @property
@@ -85,7 +85,7 @@ class Thresholds:
         return self.phase in (Phase.CUT, Phase.HOLD)
 
     def reset(self) -> None:
-        """Give what is asked again."""
+        """Give what is demanded again."""
         self.phase = Phase.FOLLOW
 
     def step(self, seen: AxleCycle) -> float:
@@ -107,19 +107,19 @@ class Thresholds:
                 self.phase, self._torque_N_m = Phase.CUT, 0.0
         elif over:
             self.phase = Phase.CUT
-            self._began_N_m = min(seen.actual_N_m, seen.asked_N_m)
+            self._began_N_m = min(seen.actual_N_m, seen.most_N_m)
             self._torque_N_m = 0.0
         elif self.phase is Phase.REAPPLY:
             self._torque_N_m += self._rise_N_m_s * seen.period_s
             self._rise_N_m_s *= 1.0 + seen.period_s / c.growth_s
-            if self._torque_N_m >= seen.asked_N_m:
+            if self._torque_N_m >= seen.most_N_m:
                 self.phase = Phase.FOLLOW
         if self.phase is Phase.FOLLOW:
-            self._torque_N_m = seen.asked_N_m
-        return min(self._torque_N_m, seen.asked_N_m)
+            self._torque_N_m = seen.most_N_m
+        return min(self._torque_N_m, seen.most_N_m)
 
 
-SLIDES = 2.0  # times the set point: the wheel is said to slide; until it is back at the set point
+SLIDES = 2.0  # times the set point: the wheel counts as sliding; until it is back at the set point
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,7 +145,7 @@ class CreepControl:
         self.sliding = False
 
     def reset(self) -> None:
-        """Give what is asked again."""
+        """Give what is demanded again."""
         self._integral_N_m, self.sliding = None, False
 
     def step(self, seen: AxleCycle) -> float:
@@ -157,17 +157,17 @@ class CreepControl:
             self.sliding = True
         elif seen.creep < target:
             self.sliding = False
-        if self._integral_N_m is None:  # the driver has all that is asked, until the creep says otherwise
+        if self._integral_N_m is None:  # the driver has all that is demanded, until the creep is too large
             if error > 0.0:
-                return seen.asked_N_m
-            self._integral_N_m = min(seen.actual_N_m, seen.asked_N_m)
+                return seen.most_N_m
+            self._integral_N_m = min(seen.actual_N_m, seen.most_N_m)
         integral = self._integral_N_m + c.ki_N_m_s * error * seen.period_s
         self._integral_N_m = max(min(integral, seen.actual_N_m + c.room_N_m), 0.0)
-        if self._integral_N_m >= seen.asked_N_m and error > 0.0:
+        if self._integral_N_m >= seen.most_N_m and error > 0.0:
             self._integral_N_m = None
-            return seen.asked_N_m
+            return seen.most_N_m
         torque = self._integral_N_m + c.kp_N_m * min(error, 0.0) - c.kd_N_m_s2 * max(seen.slide_m_s2, 0.0)
-        return min(max(torque, 0.0), seen.asked_N_m)
+        return min(max(torque, 0.0), seen.most_N_m)
 
 
 Law = Thresholds | CreepControl
@@ -194,14 +194,14 @@ class Blending:
         """What drive and cylinder are thought to give now, an amount."""
         return abs(self._drive_N_m) + self.pressure_bar * self._facts.actuators.pneumatics.torque_per_bar_N_m
 
-    def hear(self, pressure_bar: float) -> None:
+    def take(self, pressure_bar: float) -> None:
         """Take a measured pressure."""
         self.pressure_bar = pressure_bar
 
     def step(self, torque_N_m: float, share: float, braking: bool, speed_m_s: float | None) -> tuple[float, Valve]:
         """Drive torque (signed) and valve for a wanted amount of torque; share is the driver's.
 
-        speed None: not known; the drive is asked for all, and what it is not allowed the actuators keep from it.
+        speed None: not known; all is demanded of the drive, and what it is not allowed the actuators keep from it.
         """
         if not braking:
             most = self._facts.actuators.drive.traction_N_m(speed_m_s or 0.0, self._facts.wheelset.r_0)
@@ -209,15 +209,15 @@ class Blending:
             return torque_N_m, self._set(Valve.FILL, 0.0)
         facts, pneumatics = self._facts, self._facts.actuators.pneumatics
         if speed_m_s is None:
-            electric, asked_bar = torque_N_m, facts.actuators.asked_bar(share, 0.0)
+            electric, demand_bar = torque_N_m, facts.actuators.demand_bar(share, 0.0)
         else:
-            electric, asked_bar = (
+            electric, demand_bar = (
                 facts.actuators.electric_N_m(share, speed_m_s),
-                facts.actuators.asked_bar(share, speed_m_s),
+                facts.actuators.demand_bar(share, speed_m_s),
             )
         target_bar = max(torque_N_m - electric, 0.0) / pneumatics.torque_per_bar_N_m
-        coming_bar = self._coming_bar(asked_bar)
-        if torque_N_m >= facts.asked_N_m(share, True):
+        coming_bar = self._coming_bar(demand_bar)
+        if torque_N_m >= facts.demand_N_m(share, True):
             valve = Valve.FILL
         elif coming_bar > target_bar + BAND_BAR or (target_bar == 0.0 and coming_bar > 0.0):
             valve = Valve.VENT
@@ -225,26 +225,26 @@ class Blending:
             valve = Valve.FILL if coming_bar < target_bar - BAND_BAR else Valve.HOLD
         drive = -min(max(torque_N_m - self.pressure_bar * pneumatics.torque_per_bar_N_m, 0.0), electric)
         self._follow(drive)
-        return drive, self._set(valve, asked_bar)
+        return drive, self._set(valve, demand_bar)
 
-    def _coming_bar(self, asked_bar: float) -> float:
+    def _coming_bar(self, demand_bar: float) -> float:
         pressure = self.pressure_bar
         for valve in self._coming:
-            pressure = self._after(valve, pressure, asked_bar)
+            pressure = self._after(valve, pressure, demand_bar)
         return pressure
 
-    def _after(self, valve: Valve, pressure_bar: float, asked_bar: float) -> float:
+    def _after(self, valve: Valve, pressure_bar: float, demand_bar: float) -> float:
         """Pressure a cycle later."""
         if valve is Valve.HOLD:
             return pressure_bar
         pneumatics = self._facts.actuators.pneumatics
-        target = asked_bar if valve is Valve.FILL else 0.0
+        target = demand_bar if valve is Valve.FILL else 0.0
         constant_s = pneumatics.vent_s if target < pressure_bar else pneumatics.fill_s
         return pressure_bar + (target - pressure_bar) * min(self._period_s / constant_s, 1.0)
 
-    def _set(self, valve: Valve, asked_bar: float) -> Valve:
+    def _set(self, valve: Valve, demand_bar: float) -> Valve:
         acts = self._coming[0] if self._coming else valve
-        self.pressure_bar = self._after(acts, self.pressure_bar, asked_bar)
+        self.pressure_bar = self._after(acts, self.pressure_bar, demand_bar)
         self._coming.append(valve)
         return valve
 
@@ -257,7 +257,7 @@ class Blending:
 
 WITHOUT_SHARE = 0.02  # of the full brake: an axle that is given less has no brake
 MAX_WITHOUT_S = 3.0
-APPLIED_S = 0.5  # then it has what the driver asks for so long
+APPLIED_S = 0.5  # then it has what the driver demands for so long
 MAX_WITHOUT_ROLLING = 2  # interventions; then the axle's protection is off
 ROLLED_M_S = 0.5  # a wheel without brake that has gained so much rolls
 
@@ -265,8 +265,8 @@ ROLLED_M_S = 0.5  # a wheel without brake that has gained so much rolls
 class Guard:
     """The guard of one axle. interventions: how often it took the brake out of the protection's hands.
 
-    off: the wheel never rolled up between interventions, so its speed tells nothing. The axle has what the driver asks
-    until the protection would give it too, or the effort ends.
+    off: the wheel never rolled up between interventions, so its speed shows nothing. The axle has what the driver
+    demands until the protection would give it too, or the effort ends.
     """
 
     def __init__(self) -> None:
@@ -285,16 +285,16 @@ class Guard:
         """Forget the effort that has ended."""
         self.off, self._without_rolling, self._lowest_m_s = False, 0, None
 
-    def step(self, now_us: int, wheel_m_s: float, torque_N_m: float, asked_N_m: float, full_N_m: float) -> float:
-        """|torque| of a cycle when braking, from what the protection gives and what the driver asks."""
+    def step(self, now_us: int, wheel_m_s: float, torque_N_m: float, demand_N_m: float, full_N_m: float) -> float:
+        """|torque| of a cycle when braking, from what the protection gives and what the driver demands."""
         if now_us < self._until_us:
-            return asked_N_m
-        without = torque_N_m < WITHOUT_SHARE * full_N_m <= asked_N_m
+            return demand_N_m
+        without = torque_N_m < WITHOUT_SHARE * full_N_m <= demand_N_m
         if not without or self._rolls(wheel_m_s):
             self._without_rolling = 0
-        self.off = self.off and torque_N_m < asked_N_m and not self._rolls(wheel_m_s)
+        self.off = self.off and torque_N_m < demand_N_m and not self._rolls(wheel_m_s)
         if self.off:
-            return asked_N_m
+            return demand_N_m
         if self._with_us is None or not without:
             self._with_us, self._lowest_m_s = now_us, wheel_m_s
         elif now_us - self._with_us >= MAX_WITHOUT_S * 1e6:
@@ -302,7 +302,7 @@ class Guard:
             self._without_rolling += 1
             self.off = self._without_rolling >= MAX_WITHOUT_ROLLING
             self._with_us, self._lowest_m_s, self._until_us = None, None, now_us + round(APPLIED_S * 1e6)
-            return asked_N_m
+            return demand_N_m
         return torque_N_m
 
     def _rolls(self, wheel_m_s: float) -> bool:
@@ -316,7 +316,7 @@ SLOPE_CYCLES = 3  # the wheel's acceleration is taken over so many: noise of 0.5
 
 
 class ControlledAxle:
-    """One axle. inputs: its messages; given_N_m: |torque| asked of its actuators in the cycle before."""
+    """One axle. inputs: its messages; given_N_m: |torque| demanded of its actuators in the cycle before."""
 
     def __init__(self, number: int, facts: Facts, law: Law, limit: AdhesionLimit | None) -> None:
         self.wheel = NewestFrame(rig_message(f"WheelSpeed_A{number}"))

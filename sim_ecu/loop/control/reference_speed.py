@@ -70,21 +70,21 @@ class Resync:
         self.releases = 0
 
     def skip(self, k: int) -> None:
-        """Pass the turn on: axle k has no wheel speed that could tell."""
+        """Pass the turn on: axle k has no wheel speed that could prove it."""
         if k == self._turn:
             self._began_us, self._turn = None, (k + 1) % self._axles
 
     def step(
-        self, k: int, now_us: int, torque_N_m: float, asked_N_m: float, sliding: bool, slide_m_s2: float, limited: bool
+        self, k: int, now_us: int, torque_N_m: float, demand_N_m: float, sliding: bool, slide_m_s2: float, limited: bool
     ) -> float:
         """The torque of axle k in this cycle, from what its law gives.
 
-        asked_N_m: what the driver asks. limited: a limit below that is all that holds the torque; a wheel that carries
-        what a limit leaves it has proved nothing: it may slide at that.
+        demand_N_m: what the driver demands. limited: a limit below that is all that holds the torque; a wheel that
+        carries what a limit leaves it has proved nothing: it may slide at that.
         """
         c = self._c
-        if torque_N_m >= asked_N_m or (self._was_sliding[k] and not sliding):
-            self._proved_us = now_us  # it carries all that is asked, or has just come back from a slide
+        if torque_N_m >= demand_N_m or (self._was_sliding[k] and not sliding):
+            self._proved_us = now_us  # it carries all that is demanded, or has just come back from a slide
         self._was_sliding[k] = sliding
         if k != self._turn:
             return torque_N_m
@@ -131,11 +131,11 @@ class Proof:
         for seen in self._seen:
             seen.clear()
 
-    def step(self, now_us: int, axles: Sequence[ControlledAxle], asked_N_m: float, braking: bool) -> int | None:
+    def step(self, now_us: int, axles: Sequence[ControlledAxle], demand_N_m: float, braking: bool) -> int | None:
         """The place of the axle that has no torque in this cycle; None: every axle has what it has."""
         if self.proved:
             return None
-        if not braking and asked_N_m > 0.0:
+        if not braking and demand_N_m > 0.0:
             self.proved, self.freed = True, None  # traction ended while no frame came: the wheels have come back
             return None
         for seen, a in zip(self._seen, axles, strict=True):
@@ -146,10 +146,10 @@ class Proof:
         if all(a.wheel_silent for a in axles):
             self._first_us, self.freed = None, None
             return None
-        if any(self._is_proof(k, a, asked_N_m) for k, a in enumerate(axles)):
+        if any(self._is_proof(k, a, demand_N_m) for k, a in enumerate(axles)):
             self.proved, self.freed = True, None
             return None
-        if asked_N_m <= 0.0:
+        if demand_N_m <= 0.0:
             self._first_us, self.freed = None, None
             return None
         if self._first_us is None:
@@ -174,7 +174,7 @@ class Proof:
         self.releases += not axles[self.freed].wheel_silent
         return self.freed
 
-    def _is_proof(self, k: int, a: ControlledAxle, asked_N_m: float) -> bool:
+    def _is_proof(self, k: int, a: ControlledAxle, demand_N_m: float) -> bool:
         """Whether a wheel runs as the train can run."""
         if self._gain_m_s(k) is None:
             return False
@@ -182,9 +182,9 @@ class Proof:
         if max(speeds) - speeds[0] > self._most_gain_m_s:
             return False
         if a.speed_m_s < TURNS_M_S:
-            return asked_N_m <= 0.0 and a.blending.actual_N_m <= FREE_SHARE * self._facts.full_brake_N_m
+            return demand_N_m <= 0.0 and a.blending.actual_N_m <= FREE_SHARE * self._facts.full_brake_N_m
         f = self._facts
-        slows = (MARGIN * asked_N_m / f.wheelset.r_0 / f.wheelset.M_v + GRADIENT_M_S2) * STEADY_US * 1e-6
+        slows = (MARGIN * demand_N_m / f.wheelset.r_0 / f.wheelset.M_v + GRADIENT_M_S2) * STEADY_US * 1e-6
         return speeds[0] - min(speeds) <= slows + NOISE_M_S
 
     @property

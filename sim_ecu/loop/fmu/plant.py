@@ -43,7 +43,7 @@ class Variable:
 
     @property
     def variability(self) -> str:
-        """As FMI names it. What sensors say changes when their frame comes."""
+        """As FMI names it. What sensors report changes when their frame comes."""
         if self.causality == PARAMETER:
             return "fixed"
         return "continuous" if self.kind == "Real" and self.signal is None else "discrete"
@@ -110,7 +110,7 @@ def variables(axles: Iterable[int]) -> tuple[Variable, ...]:
 
 
 def digest(of: Iterable[Variable]) -> str:
-    """What tells variables from others: an FMU's are those of the version that made it."""
+    """Return what distinguishes variables from others: an FMU's are those of the version that made it."""
     return hashlib.sha256(repr(tuple(of)).encode()).hexdigest()
 
 
@@ -213,7 +213,7 @@ class Plant:
                 raise InputError(f"takes 0 (fill), 1 (hold) or 2 (vent), not {valve}", key=f"axle{n}.valve")
             demands.append((n, torque, Valve(int(valve))))
         if self.values[DRIVER_IS_INPUT.name]:
-            rig.ask(share)
+            rig.set_share(share)
         for demand in demands:
             rig.demand(*demand)
 

@@ -1,6 +1,6 @@
 """What is driven: four axles, one behind the other, over a patch of low rail, or over a rail with none.
 
-The train moves freely. A slip controller that knows nothing of wrcd takes the torque back where a wheel slips.
+The train moves freely. A slip controller that does not use wrcd takes the torque back where a wheel slips.
 """
 
 from collections.abc import Iterator
@@ -22,13 +22,13 @@ from sim_ecu.score.suites.run import AXLES, FIRST_TEST_SEED
 PLACES_M = POSITIONS_M[:AXLES]
 SPEEDS_M_S = (5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 40.0)
 PER_SPEED = 10  # patches, half of them cleaned by the axles that slip on them
-HELD_PER_SPEED = 2  # patches more, on which the driver asks for less than they carry
+HELD_PER_SPEED = 2  # patches more, on which the driver demands less than they carry
 HELD_SHARES = (0.3, 0.9)  # of the patch's peak
 STEADY_RUNS, JOINTS_RUNS, RISE_RUNS = 12, 8, 8
 # Friction is drawn from one of the ranges.
 HIGH, LOW_RAIL = (rides.DRY, rides.DAMP, rides.WET), (rides.GREASY, rides.LOW, rides.LEAVES)
 LENGTHS_M = (30.0, 120.0)
-IN_USE = (0.05, 0.32)  # adhesion that the driver asks for, MOST_OF_HIGH of the good rail's peak at most
+IN_USE = (0.05, 0.32)  # adhesion that the driver demands, MOST_OF_HIGH of the good rail's peak at most
 MOST_OF_HIGH = 0.85
 FULL = 0.34  # adhesion of the full effort
 CLEANING = Cleaning(energy_kJ_m=4.0)
@@ -49,7 +49,7 @@ G = 9.80665
 @dataclass(frozen=True, slots=True)
 class PatchRide:
     """A run, of one of KINDS. start_m, end_m: where the patch lies for axle 1's place; None where there is none.
-    slides: whether the driver asks for more than the patch carries. held: one more, so that he asks for less."""
+    slides: whether the driver demands more than the patch carries. held: one more, so that he demands less."""
 
     number: int
     scenario: DriveScenario
@@ -69,7 +69,7 @@ class PatchRide:
 
 def patches(scale: float = 1.0, first_seed: int = FIRST_TEST_SEED) -> Iterator[PatchRide]:
     """Patches at every speed, with and without cleaning in turn; scale is the share of them. First those on which the
-    driver asks for what he likes, then those that hold."""
+    driver demands what he likes, then those that hold."""
     number = 0
     for per_speed, held in ((PER_SPEED, False), (HELD_PER_SPEED, True)):
         for speed in SPEEDS_M_S:

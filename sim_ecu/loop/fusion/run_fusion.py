@@ -86,10 +86,10 @@ def _goals(out: dict[str, Any], min_runs: int) -> list[Goal]:
 
 def _axle(of: Sequence[Entry]) -> dict[str, Any]:
     """Of one axle: of all patches, and of parts of them."""
-    asked = [e for e in of if not e.held]
+    not_held = [e for e in of if not e.held]
     groups = {
-        SLIDING: [e for e in asked if e.slides],
-        "for less, as it comes": [e for e in asked if not e.slides],
+        SLIDING: [e for e in not_held if e.slides],
+        "for less, as it comes": [e for e in not_held if not e.slides],
         "always for less": [e for e in of if e.held],
         "cleaned by slip": [e for e in of if e.cleaned],
         "not cleaned": [e for e in of if not e.cleaned],
@@ -103,7 +103,7 @@ def _axle(of: Sequence[Entry]) -> dict[str, Any]:
 
 def _figures(of: Sequence[Entry]) -> dict[str, Figure]:
     runs = np.array([e.run for e in of], np.int64)
-    lead, stated, true = (np.array([getattr(e, name) for e in of]) for name in ("lead_s", "told_pct", "true_pct"))
+    lead, stated, true = (np.array([getattr(e, name) for e in of]) for name in ("lead_s", "reported_pct", "true_pct"))
     warned, known = np.isfinite(lead), np.isfinite(stated)
     errors_m = np.abs(np.concatenate([e.errors_m for e in of] or [np.zeros(0)]))
     of_errors = np.repeat(runs, [len(e.errors_m) for e in of])
@@ -201,7 +201,7 @@ TRAINING = 1000  # the signs were set on seeds below
 
 
 def run(quick: bool, jobs: int, design_file: Path | None, json_out: Path | None, fail_on: str | None) -> int:
-    """Drive, judge, print; write the figures as JSON where asked for."""
+    """Drive, judge, print; write the figures as JSON where requested."""
     check_output("--json", json_out)
     design = design_file or resources.DESIGN
     _configs(design)  # a bad file is reported here

@@ -108,7 +108,7 @@ SETTLED_M = 1.0  # behind a patch's begin its rail is its own
 
 class Entry(NamedTuple):
     """An axle that comes to a patch. lead_s: for how long it had been warned of it without a break; NaN for not at all.
-    told_pct: what was predicted last, NaN for nothing. errors_m: of Distance, in all warnings from the first axle's
+    reported_pct: what was predicted last, NaN for nothing. errors_m: of Distance, in all warnings from the first axle's
     entry to its own."""
 
     run: int
@@ -118,7 +118,7 @@ class Entry(NamedTuple):
     cleaned: bool
     held: bool
     lead_s: float
-    told_pct: float
+    reported_pct: float
     true_pct: float
     confirmed: bool
     errors_m: FloatArray
@@ -127,7 +127,7 @@ class Entry(NamedTuple):
 def entry(p: PatchRecord, axle: int) -> Entry | None:
     """Of the axle at a place behind the first; None where it never comes to the patch.
 
-    It is warned where the last frame strictly before it is on the patch warns and tells the patch's place, and the
+    It is warned where the last frame strictly before it is on the patch warns and gives the patch's place, and the
     warning began after the first axle had come to the patch.
     """
     first_s, own_s = enters_s(p, 0), enters_s(p, axle)
@@ -148,7 +148,7 @@ def entry(p: PatchRecord, axle: int) -> Entry | None:
         cleaned=drive.cleaned,
         held=drive.held,
         lead_s=own_s - float(seen.time_s[_begin(right, last)]) if warned else math.nan,
-        told_pct=float(seen.mu_pct[last]) if warned else math.nan,
+        reported_pct=float(seen.mu_pct[last]) if warned else math.nan,
         true_pct=float(p.mu_pct[settled, axle]),
         confirmed=bool(seen.confirmed[last]) if warned else False,
         errors_m=errors_m[between],
@@ -174,7 +174,7 @@ def false_warnings(p: PatchRecord) -> tuple[int, float]:
 
 
 def false_lows(p: PatchRecord) -> tuple[int, int]:
-    """Frames that tell low adhesion at a place that the axle comes to in the run; and those of them where it finds none
+    """Frames that report low adhesion at a place that the axle comes to in the run; and those where it finds none
     so low within NEAR_M of it."""
     warned = false = 0
     for axle in BEHIND:
@@ -208,7 +208,7 @@ def _axle_m(p: PatchRecord, axle: int) -> FloatArray:
 
 
 def _places_m(p: PatchRecord, axle: int) -> FloatArray:
-    """The place that each frame tells; NaN where it tells none."""
+    """The place (m) that each frame gives; NaN where it gives none."""
     return _axle_m(p, axle) + p.seen[axle].distance_m
 
 

@@ -14,9 +14,9 @@ _MAKERS: dict[str, Callable[[], Iterator[LoopCase]]] = {
 
 
 def cases(suite: str | None = None, only: str = "") -> list[LoopCase]:
-    """Of one suite, or of all in the order of the report; only those whose name holds a text, and those whose bare runs
-    they share."""
+    """Return the cases of one suite, or of all in the order of the report; only those whose name holds a text, and
+    those whose bare runs they share."""
     every = [case for name in SUITES if suite in (None, name) for case in _MAKERS[name]()]
-    asked = [case for case in every if only in case.name]
-    shared = {(case.suite, case.bare) for case in asked}
-    return [case for case in every if case in asked or (case.suite, case.name) in shared]
+    selected = [case for case in every if only in case.name]
+    shared = {(case.suite, case.bare) for case in selected}
+    return [case for case in every if case in selected or (case.suite, case.name) in shared]

@@ -15,8 +15,8 @@ from sim_ecu.loop.suites.rides import (
     LoopCase,
     RidePlan,
     Rng,
-    asks,
     curve,
+    demand,
 )
 
 PULLS_S = 10.0  # of full effort, where the driver pulls
@@ -39,7 +39,7 @@ def _same(friction: Range, speeds: Range, way: float, known: bool, seconds: floa
     def plan(rng: Rng) -> RidePlan:
         rail = ((0.0, curve(rng, friction)),)
         most_s = seconds if way == BRAKE else seconds + (KNOWN_S if known else BEFORE_S)
-        return RidePlan(rail, float(rng.uniform(*speeds)), asks(way, rng, known), most_s, known)
+        return RidePlan(rail, float(rng.uniform(*speeds)), demand(way, rng, known), most_s, known)
 
     return plan
 
@@ -56,7 +56,7 @@ def _part(
         at = v * (KNOWN_S if met else BEFORE_S) + begin
         first, other = curve(rng, base), curve(rng, film)
         rail = ((0.0, first), (at, other), (at + length * (v if in_seconds else 1), first if met else curve(rng, base)))
-        return RidePlan(rail, float(v), asks(way, rng, met), most_s)
+        return RidePlan(rail, float(v), demand(way, rng, met), most_s)
 
     return plan
 
@@ -73,7 +73,7 @@ def _patches(base: Range, speeds: Range, way: float, most_s: float) -> Draw:
             rail.append((at_m, curve(rng, GREASY if rng.random() < 0.5 else LOW)))
             at_m += float(rng.uniform(8.0, 20.0))
             rail.append((at_m, of))
-        return RidePlan(tuple(rail), v, asks(way, rng, False), most_s)
+        return RidePlan(tuple(rail), v, demand(way, rng, False), most_s)
 
     return plan
 

@@ -113,8 +113,8 @@ def curve(rng: Rng, friction: tuple[float, float]) -> CreepCurve:
     return curve_between(float(rng.uniform(*friction)))
 
 
-def asks(way: float, rng: Rng, known: bool) -> tuple[tuple[float, float], ...]:
-    """The driver: a little effort or none, then the demand. way 1 pulls, -1 brakes."""
+def demand(way: float, rng: Rng, known: bool) -> tuple[tuple[float, float], ...]:
+    """The driver's course: a little effort or none, then the demand. way 1 pulls, -1 brakes."""
     share = way * float(rng.uniform(*EFFORT))
     at, before = (KNOWN_S, way * LITTLE) if known else (BEFORE_S, 0.0)
     return ((0.0, before), (at, before), (at + ONSET_S, share))

@@ -8,7 +8,7 @@ from sim_ecu.design.brief import find, read_brief
 from sim_ecu.loop import BARE_AND_WITH, LAWS, WITH
 from sim_ecu.loop.drive_scenario import DriveScenario
 from sim_ecu.loop.suites.rails import leaf_stop
-from sim_ecu.loop.suites.rides import DRY, GREASY, KNOWN_S, LoopCase, RidePlan, Rng, asks, curve, with_train
+from sim_ecu.loop.suites.rides import DRY, GREASY, KNOWN_S, LoopCase, RidePlan, Rng, curve, demand, with_train
 from sim_ecu.physics.actuators import Actuators, Drive
 from sim_ecu.physics.axlebox import AxleBox
 from sim_ecu.physics.sensors import SensorSet
@@ -24,12 +24,12 @@ ONLY_WITH = tuple(WITH[law] for law in LAWS)
 
 def short_stop(rng: Rng) -> RidePlan:
     """From 15 to 17 m/s on a greasy rail known before."""
-    return RidePlan(((0.0, curve(rng, GREASY)),), float(rng.uniform(15.0, 17.0)), asks(-1.0, rng, True), 50.0, True)
+    return RidePlan(((0.0, curve(rng, GREASY)),), float(rng.uniform(15.0, 17.0)), demand(-1.0, rng, True), 50.0, True)
 
 
 def dry_stop(rng: Rng) -> RidePlan:
-    """From 15 to 20 m/s on a dry rail that carries all that is asked."""
-    return RidePlan(((0.0, curve(rng, DRY)),), float(rng.uniform(15.0, 20.0)), asks(-1.0, rng, True), 30.0, True)
+    """From 15 to 20 m/s on a dry rail that carries all that is demanded."""
+    return RidePlan(((0.0, curve(rng, DRY)),), float(rng.uniform(15.0, 20.0)), demand(-1.0, rng, True), 30.0, True)
 
 
 # --- faults: every one of `sim-ecu inject` that frames can carry, in the middle of the stop

@@ -169,7 +169,7 @@ def contact_right(f: JudgedFrames) -> dict[str, Figure]:
 
 
 def surfaces(f: JudgedFrames) -> dict[str, dict[str, float]]:
-    """Share of each true surface's Valid frames that was called what: {true: {said: share}}."""
+    """Share of each true surface's Valid frames that was called what: {true: {estimated: share}}."""
     true = np.array([surface(float(m)) for m in f.true])
     names = [name for _, name in SURFACES]
     return {

@@ -6,7 +6,7 @@ The ends of what drawing again gives are too narrow for few runs: of the mean of
 are meant (docs/explanation/accuracy-and-baselines.md has the table). So means, and ratios and differences of means, are
 studentised: each drawing is measured in its own standard error, as the figure is in its, and no end is nearer than
 Student's (B. Efron, R. Tibshirani, An Introduction to the Bootstrap, 1993, chapter 12). Of all drawings the ends are
-further out by what Student's t and the lost degree of freedom ask for (T. Hesterberg, What Teachers Should Know About
+further out by what Student's t and the lost degree of freedom require (T. Hesterberg, What Teachers Should Know About
 the Bootstrap, Am. Stat. 69, 2015). The median of runs lies between two of them by the binomial distribution, whatever
 theirs is.
 """
@@ -63,7 +63,7 @@ class Draws:
         return np.asarray(np.bincount(at, values.astype(np.float64), self.n), np.float64)
 
     def figure(self, value: float, replicates: FloatArray, count: int) -> Figure:
-        """With the interval that the replicates (REPLICATES,) span, its ends as far out as so many runs ask for."""
+        """With the interval that the replicates (REPLICATES,) span, its ends as far out as so many runs require."""
         known = replicates[np.isfinite(replicates)]
         if self.n < FEWEST or len(known) < REPLICATES / 2:
             return Figure(value, math.nan, math.nan, self.n, count)

@@ -1,4 +1,4 @@
-"""Whether Valid and Confidence mean what they say."""
+"""Whether Valid and Confidence hold against the truth."""
 
 import math
 from collections.abc import Sequence

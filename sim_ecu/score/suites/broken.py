@@ -66,7 +66,7 @@ def dead(w: Wheelset, scale: float, lot: Lot = TEST) -> Iterator[Run]:
 
 
 def foreign(w: Wheelset, scale: float, lot: Lot = TEST) -> Iterator[Run]:
-    """What is wrong from the first day on; and other wheelsets under the design, which nothing on the bus tells of."""
+    """What is wrong from the first day on; and other wheelsets under the design, which nothing on the bus shows."""
     yield from varied("foreign", FOREIGN, FOREIGN_RUNS, 70, FOREIGN_S)(w, scale, lot)
     for k, name in enumerate(OTHER_WHEELSETS):
         other = read_brief(read_toml(find(Path(name)))).wheelset

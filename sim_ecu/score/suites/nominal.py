@@ -196,7 +196,7 @@ WHITE = {
     a: Variant(f"white vibration of {a:g} m/s²", box=AxleBox(vibration_m_s2=a, band_hz=WHITE_HZ))
     for a in (0.03, 0.1)
 }  # fmt: skip
-# Beyond what an estimate is asked for: there it must not be Valid and wrong.
+# Beyond what an estimate has to cover: there it must not be Valid and wrong.
 BEYOND = (
     Variant("white vibration of 0.3 m/s²", box=AxleBox(vibration_m_s2=0.3, band_hz=WHITE_HZ)),
     Variant("joints of 5 m/s², bipolar", box=AxleBox(joint_m_s2=5.0)),

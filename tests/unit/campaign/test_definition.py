@@ -28,10 +28,10 @@ def test_full_factorial_has_every_combination_with_every_seed(write: Write) -> N
         (x, mode, seed) for x in (1.0, 2.5) for mode in ("plain", "fancy") for seed in (7, 8)
     ]
     assert {i["level"] for i in inputs(found)} == {3}
-    assert list(found.asked.columns.items()) == [
+    assert list(found.request.columns.items()) == [
         ("level", Type.WHOLE), ("x", Type.NUMBER), ("mode", Type.TEXT), ("seed", Type.WHOLE),
     ]  # fmt: skip
-    assert found.asked.title == "c"
+    assert found.request.title == "c"
 
 
 def test_range_has_its_steps_from_end_to_end(write: Write) -> None:

@@ -12,10 +12,10 @@ from sim_ecu.loop.control.slip_controller import SlipController, make_controller
 from sim_ecu.loop.drive_scenario import DriveScenario
 from sim_ecu.loop.lockstep import ConstantAdhesion, Lockstep
 from sim_ecu.loop.ride_figures import Figures, judge
-from sim_ecu.loop.suites.rides import GREASY, RidePlan, asks, curve, drive
+from sim_ecu.loop.suites.rides import GREASY, RidePlan, curve, demand, drive
 from wrcd.config.config import load_packaged
 
-UNIT_N_m, ASKED_N_m = 75_000.0, 22_000.0
+UNIT_N_m, DEMAND_N_m = 75_000.0, 22_000.0
 LAG_S, RISE_N_m_S, FALL_N_m_S = 0.05, 60_000.0, 180_000.0
 CYCLE_S = CYCLE_US * 1e-6
 C = LimitConstants()
@@ -40,7 +40,7 @@ class Axle:
 
     says: UsableAdhesion | None
     mu: float
-    asked_N_m: float = ASKED_N_m
+    demand_N_m: float = DEMAND_N_m
     braking: bool = True
     given_N_m: float = 1000.0
     creep: float = 0.0
@@ -53,13 +53,13 @@ class Axle:
     def __post_init__(self) -> None:
         self.told = Told(self.says)
         self.limit = AdhesionLimit(self.told, UNIT_N_m)
-        self.run(0.5, asked_N_m=500.0)
+        self.run(0.5, demand_N_m=500.0)
         self.limits.clear()
         self.given.clear()
 
-    def run(self, seconds: float, asked_N_m: float | None = None, sliding: bool = False) -> "Axle":
+    def run(self, seconds: float, demand_N_m: float | None = None, sliding: bool = False) -> "Axle":
         for _ in range(round(seconds / CYCLE_S)):
-            asked = self.asked_N_m if asked_N_m is None else asked_N_m
+            asked = self.demand_N_m if demand_N_m is None else demand_N_m
             most = self.limit.limit(self.now_us, asked, self.given_N_m, self.creep, sliding, self.braking)
             wanted = asked if most is None else min(most, asked)
             change = (wanted - self.given_N_m) / LAG_S
@@ -90,7 +90,7 @@ def mean(values: list[float]) -> float:
 
 def test_axle_without_adhesion_or_with_a_demand_that_the_rail_carries_has_no_limit() -> None:
     for axle in (
-        Axle(None, 0.12), Axle(UsableAdhesion(0.05, None, False), 0.12), Axle(narrow(0.12), 0.12, asked_N_m=7000.0)
+        Axle(None, 0.12), Axle(UsableAdhesion(0.05, None, False), 0.12), Axle(narrow(0.12), 0.12, demand_N_m=7000.0)
     ):  # fmt: skip
         assert set(axle.run(1.0).limits) == {None}
 
@@ -105,9 +105,9 @@ def test_true_low_is_kept_near_the_peak_and_below_it() -> None:
 def test_false_low_is_left_within_the_stated_time(said: float) -> None:
     told = Axle(narrow(said), 0.4).run(2.0)
     free = Axle(None, 0.4).run(2.0)
-    late_s = seconds_until(told.given, 0.95 * ASKED_N_m) - seconds_until(free.given, 0.95 * ASKED_N_m)
+    late_s = seconds_until(told.given, 0.95 * DEMAND_N_m) - seconds_until(free.given, 0.95 * DEMAND_N_m)
     assert late_s <= 0.4
-    assert (sum(free.given) - sum(told.given)) * CYCLE_S / ASKED_N_m <= 0.15  # seconds of the demand that are lost
+    assert (sum(free.given) - sum(told.given)) * CYCLE_S / DEMAND_N_m <= 0.15  # seconds of the demand that are lost
 
 
 def test_false_low_in_the_middle_of_a_brake_takes_nothing_off() -> None:
@@ -122,7 +122,7 @@ def test_better_rail_is_found_though_the_estimate_stays_low() -> None:
     a.mu = 0.4
     a.given.clear()
     a.run(5.0)
-    assert seconds_until(a.given, 0.95 * ASKED_N_m) <= C.hold_s + 2.0
+    assert seconds_until(a.given, 0.95 * DEMAND_N_m) <= C.hold_s + 2.0
 
 
 def test_higher_estimate_is_followed_slowly_while_the_wheel_creeps() -> None:
@@ -160,10 +160,10 @@ def test_deep_slide_leaves_the_axle_to_the_law_until_the_estimate_is_steady(brak
     a.mu, a.told.says = 0.12, narrow(0.03)
     for k in range(round((C.free_s + 1.0) / CYCLE_S)):  # 3 % and 12 % in turn: not a rail that stays
         a.told.says = narrow(0.03 if k // 20 % 2 else 0.12)
-        a.run(CYCLE_S, asked_N_m=7000.0)
+        a.run(CYCLE_S, demand_N_m=7000.0)
     assert set(a.limits) == {None}
     a.told.says = narrow(0.12)
-    a.run(3.0, asked_N_m=9500.0)
+    a.run(3.0, demand_N_m=9500.0)
     assert a.limits[-1] is not None
     assert a.limits[-1] <= max(a.given)
 
@@ -192,7 +192,7 @@ def test_limit_outlives_the_frames_only_while_the_wheel_creeps(says: UsableAdhes
         a.given.clear()
         a.run(5.0)
     assert max(creeps.shares()) < 1.0
-    assert rolls.limits[-1] is None or rolls.limits[-1] >= ASKED_N_m
+    assert rolls.limits[-1] is None or rolls.limits[-1] >= DEMAND_N_m
     steps = [b - a for a, b in zip(rolls.given, rolls.given[1:], strict=False)]
     assert max(steps) <= RISE_N_m_S * CYCLE_S
 
@@ -225,7 +225,7 @@ SEED = 3
 
 def greasy_scenario() -> DriveScenario:
     rng = np.random.default_rng([SEED, 7])
-    plan = RidePlan(((0.0, curve(rng, GREASY)),), 16.0, asks(-1.0, rng, True), 40.0, True)
+    plan = RidePlan(((0.0, curve(rng, GREASY)),), 16.0, demand(-1.0, rng, True), 40.0, True)
     return drive(plan, SEED, rng, 1)
 
 

@@ -182,8 +182,8 @@ def settled(actuators: Actuators, torque_N_m: float, share: float, braking: bool
         drive, valve = blending.step(torque_N_m, share, braking, SPEED)
         brake = share if braking else 0.0
         for _ in range(2):
-            given = rig.step(drive, valve, actuators.asked_bar(brake, SPEED), actuators.electric_N_m(brake, SPEED))
-        blending.hear(rig.pressure_bar)
+            given = rig.step(drive, valve, actuators.demand_bar(brake, SPEED), actuators.electric_N_m(brake, SPEED))
+        blending.take(rig.pressure_bar)
     return abs(given), blending.actual_N_m, abs(rig.drive_N_m)
 
 
@@ -213,7 +213,7 @@ def test_valve_fills_for_the_whole_brake_vents_what_is_too_full_and_holds_what_i
 ) -> None:
     blending = Blending(Facts((1,), Wheelset(), PNEUMATIC), 0.01)
     for _ in range(5):
-        blending.hear(bar)
+        blending.take(bar)
         found = blending.step(wanted_N_m, 1.0, True, SPEED)
     assert found == (0.0, valve)
 

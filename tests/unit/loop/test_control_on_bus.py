@@ -99,7 +99,7 @@ def follow(offset_us: int, frames: int, late_us: list[int] | None = None, drift_
     for k in range(frames):
         proper_us = k * CYCLE_US + offset_us + round(k * drift_us)
         stamp_us = proper_us + (late_us[k % len(late_us)] if late_us else 0)
-        moved += pacer.hear(stamp_us - moved)
+        moved += pacer.take(stamp_us - moved)
         out.append((moved - proper_us) % CYCLE_US)
     return out
 
@@ -124,5 +124,5 @@ def test_cycles_follow_a_sender_that_begins_anew() -> None:
     pacer, moved = Pacer(), 0
     for k in range(4 * WINDOW):
         phase = 2_000 if k < WINDOW else 7_000
-        moved += pacer.hear(k * CYCLE_US + phase - moved)
+        moved += pacer.take(k * CYCLE_US + phase - moved)
     assert (moved - 7_000) % CYCLE_US == SETTLE_US

@@ -236,7 +236,7 @@ def test_lead_is_counted_from_the_frame_that_warned_of_this_place_until_the_axle
     found = entries(run_of(patch, warns, place))
     assert [e.lead_s for e in found] == pytest.approx(leads_s, abs=1e-6, nan_ok=True)
     assert all(np.allclose(e.errors_m, error_m) for e in found)
-    assert all(math.isnan(e.told_pct) or e.told_pct - e.true_pct == 1.0 for e in found)
+    assert all(math.isnan(e.reported_pct) or e.reported_pct - e.true_pct == 1.0 for e in found)
 
 
 @pytest.mark.parametrize("told_m", [0.0, 2.0, 15.0])

@@ -113,19 +113,19 @@ def test_electric_and_pneumatic_brake_make_the_asked_torque_together(share: floa
     a = Actuators(Drive(max_brake_N_m=max_brake, fades_m_s=4.0))
     for speed in np.linspace(0.0, 20.0, 41):
         electric = a.electric_N_m(share, float(speed))
-        friction = a.asked_bar(share, float(speed)) * a.pneumatics.torque_per_bar_N_m
+        friction = a.demand_bar(share, float(speed)) * a.pneumatics.torque_per_bar_N_m
         assert electric + friction == pytest.approx(share * a.full_brake_N_m)
         assert 0.0 <= electric <= max_brake
     whole = min(share * a.full_brake_N_m, max_brake)
     told = [a.electric_N_m(share, v) for v in (20.0, 4.0, 3.0, 2.0, 0.0)]
     assert told == pytest.approx([whole, whole, 0.5 * whole, 0.0, 0.0])
-    assert a.asked_bar(share, 20.0, electric=False) == pytest.approx(share * a.full_brake_N_m / 6000.0)
+    assert a.demand_bar(share, 20.0, electric=False) == pytest.approx(share * a.full_brake_N_m / 6000.0)
 
 
 def test_pressure_asked_ends_at_the_highest() -> None:
     a = Actuators(Drive(max_brake_N_m=0.0), Pneumatics(max_bar=3.0))
-    assert a.asked_bar(1.0, 20.0) == 3.0
-    assert math.isclose(a.asked_bar(0.5, 20.0), 11_000.0 / 6000.0)
+    assert a.demand_bar(1.0, 20.0) == 3.0
+    assert math.isclose(a.demand_bar(0.5, 20.0), 11_000.0 / 6000.0)
 
 
 def test_brake_that_never_fades_is_whole_at_standstill() -> None:
