@@ -154,8 +154,8 @@ class Bench:
             raise InputError("with_adhesion is of a controller by name", hint='controller="thresholds"')
         self._on_frame, self._controlled = on_frame, controller is not None
         self._newest: dict[int, tuple[int, bytes]] = {}  # by id: when, and its data
-        w = self.scenario.train.wheelset
-        train: Train = PACKAGED if config is None or daemon is True else MappedTrain(config, w.normal_N, w.r_0)
+        wheelset = self.scenario.train.wheelset
+        train: Train = PACKAGED if config is None or daemon is True else MappedTrain(config, wheelset)
         self._run = Lockstep(self.scenario, controller, config, self._take, sensors=True, train=train, timing=timing)
         self._readers: dict[int, tuple[Message, AdhesionReader, float]] = {}  # and the time-out, s
         if config is not None:
