@@ -59,7 +59,9 @@ UNITS: Mapping[Quantity, tuple[str, float]] = {
 AROUND_STORY_US = 120_000_000  # before and after a moment: of what is held, that goes into a story
 SomeRecord = TypeVar("SomeRecord", bound=Record)
 _TIMES, _NUMBERS, _PLACES = np.zeros(0, np.int64), np.zeros(0, np.float32), np.zeros(0, np.int8)
-NO_ADHESION = AdhesionRecord(_TIMES, _PLACES, *[_NUMBERS] * 4, *[_PLACES] * 3, _NUMBERS)
+NO_ADHESION = AdhesionRecord(
+    _TIMES, _PLACES, _NUMBERS, _NUMBERS, _NUMBERS, _NUMBERS, _PLACES, _PLACES, _PLACES, _NUMBERS
+)
 NO_BUS = BusStatistics((), _TIMES, _NUMBERS, _NUMBERS, 0, _TIMES)
 
 

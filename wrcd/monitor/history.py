@@ -99,26 +99,24 @@ class History:
         limits = [t for t in (end_us, until_us) if t is not None]
         first = max(bisect_right(self._events, begin_us, key=lambda e: e.begin_us) - 1, 0)
         end = bisect_right(self._events, min(limits), key=lambda e: e.begin_us) if limits else len(self._events)
+        return [e for e in self._part(first, end, until_us) if e.end_us >= begin_us]
+
+    def _part(self, first: int, end: int, until_us: int | None) -> list[Event]:
         found = self._events[first:end]
         if found and until_us is not None and found[-1].end_us > until_us:
             found[-1] = replace(found[-1], end_us=until_us)
-        return [e for e in found if e.end_us >= begin_us]
+        return found
 
     def at(self, at_us: int, until_us: int | None = None) -> Event | None:
         """Return the event that a time is in, or the last before it."""
         end = bisect_right(self._events, at_us, key=lambda e: e.begin_us)
-        if not end:
-            return None
-        e = self._events[end - 1]
-        return e if until_us is None or e.end_us <= until_us else replace(e, end_us=until_us)
+        return self._part(end - 1, end, until_us)[0] if end else None
 
     def happenings(self, until_us: int | None = None, most: int | None = None) -> list[Happening]:
         """Return what happened up to a time, in order. most: of so many of the newest events alone."""
         end = len(self._events) if until_us is None else bisect_right(self._events, until_us, key=lambda e: e.begin_us)
         first = 0 if most is None else max(end - most, 0)
-        part = self._events[first:end]
-        if part and until_us is not None and part[-1].end_us > until_us:
-            part[-1] = replace(part[-1], end_us=until_us)
+        part = self._part(first, end, until_us)
         return happenings([f for f in self.falls(until_us) if not first or f.begin_us >= part[0].begin_us], part)
 
 
