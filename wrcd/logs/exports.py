@@ -18,11 +18,10 @@ from wrcd.core.core import Core, Observer
 from wrcd.core.events import Change
 from wrcd.core.messages import Outgoing
 from wrcd.core.vocabulary import MESSAGES, Words
-from wrcd.errors import InputError
+from wrcd.errors import InputError, need
 from wrcd.logs.decoder import MessageDecoder, decoders
 from wrcd.logs.export_files import About, ExportChannel, ExportGroup, McapFile, Mf4File, Rows
 from wrcd.logs.feed import Part
-from wrcd.logs.replay_outputs import need
 from wrcd.logs.story_events import NewChanges
 
 BLOCK_US = 10_000_000  # of the log, held in memory
