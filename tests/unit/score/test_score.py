@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -330,6 +330,10 @@ def traces(every: Iterable[Run]) -> list[Trace]:
     return [t for run in every for t in play(run, config, {})]
 
 
+def briefly(run: Run) -> Run:
+    return replace(run, scenario=replace(run.scenario, duration_s=4.0))
+
+
 def nominal(count: int) -> list[Run]:
     return [r for r in grid(W, 0.08) if r.group == "mems"][:count]
 
@@ -338,7 +342,7 @@ def nominal(count: int) -> list[Run]:
 def small() -> list[Trace]:
     """A fixed part of grid and drops, and what is paired with the grid."""
     paired = [condition("robust", W, r.number, ROBUST[-4]) for r in nominal(2)]
-    return traces([*nominal(2), *paired, *list(drops(W, 0.1))[:3]])
+    return traces([*map(briefly, [*nominal(2), *paired]), *list(drops(W, 0.1))[:3]])
 
 
 @pytest.mark.night
@@ -386,10 +390,7 @@ def test_the_report_has_every_figure(small: list[Trace]) -> None:
 def test_score_command_writes_tables_json_and_html(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def briefly(*of: Any) -> Iterator[Run]:
-        return (replace(r, scenario=replace(r.scenario, duration_s=4.0)) for r in suites.runs(*of))
-
-    monkeypatch.setattr(run_score, "runs", briefly)
+    monkeypatch.setattr(run_score, "runs", lambda *of: map(briefly, suites.runs(*of)))
     arguments = ["score", "--suite", "paper", "--quick", "--jobs", "1", "--json", str(tmp_path / "s.json")]
     arguments += ["--beside", f"again={DESIGN}"]
     assert main([*arguments, "--html", str(tmp_path / "s.html")]) == 0
