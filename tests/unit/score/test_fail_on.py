@@ -39,8 +39,8 @@ def command(request: pytest.FixtureRequest, jobs_here: None, monkeypatch: pytest
 def test_status_is_that_of_the_goals_where_it_was_asked_for(
     command: tuple[list[str], Any], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    words, place = command
-    judge = getattr(*place)
+    words, (module, name) = command
+    judge = getattr(module, name)
     for verdicts, asked, status, said in (
         ((MET, MISSED, MISSED), ["--fail-on", "missed"], 1, "--fail-on missed: 2 of 3 goals are missed"),
         ((MET, MISSED), ["--fail-on", "missed"], 1, "--fail-on missed: 1 of 2 goals is missed"),
@@ -49,7 +49,7 @@ def test_status_is_that_of_the_goals_where_it_was_asked_for(
         ((TOO_FEW,) * 2, ["--fail-on", "missed"], 2, "--fail-on: no goal could be judged, for too few runs"),
     ):
         goals = [GOAL | {"verdict": v} for v in verdicts]
-        monkeypatch.setattr(*place, lambda *of, goals=goals: judge(*of) | {"goals": goals})
+        monkeypatch.setattr(module, name, lambda *of, goals=goals: judge(*of) | {"goals": goals})
         assert main([*words, *asked]) == status
         told = capsys.readouterr()
         assert ("--fail-on" in told.err) == bool(said)
