@@ -55,10 +55,6 @@ class Machine:
         touching = self._touching(begin_us, end_us)
         return sum(min(s.end_us, end_us) - max(s.begin_us, begin_us) for s in touching)
 
-    def longest_us(self, begin_us: int, end_us: int) -> int:
-        """The longest stall that touches a time, 0 if none does."""
-        return max((s.end_us - s.begin_us for s in self._touching(begin_us, end_us)), default=0)
-
     def excuses(self, slot: int) -> bool:
         """Whether the machine took so much up to a slot's end that it could not be kept."""
         end_us = (slot + 1) * SLOT_US
