@@ -2,6 +2,7 @@
 
 import hashlib
 import os
+import pickle
 import signal
 from collections.abc import Generator
 from pathlib import Path
@@ -12,6 +13,7 @@ from hypothesis import HealthCheck, settings
 from sim_ecu.play.play import play_to_log
 from sim_ecu.play.scenario import read_scenario
 from tests.support.scenarios import LogOf
+from wrcd.bus import dbc
 from wrcd.config.settings import parse_toml
 
 # Property tests. What `make test` runs is the same examples every time: a failure comes from the change at hand, on
@@ -30,6 +32,18 @@ settings.register_profile(
     suppress_health_check=SLOW,
 )
 settings.load_profile("ci")
+
+# cantools takes 60 ms to parse the packaged DBC, a copy of what it gave the first time 7.
+_parse, _parsed = dbc._parse, dict[str, bytes]()
+
+
+def _parse_once(text: str) -> object:
+    if text not in _parsed:
+        _parsed[text] = pickle.dumps(_parse(text))
+    return pickle.loads(_parsed[text])
+
+
+dbc._parse = _parse_once  # type: ignore[assignment]
 
 # In the background of a script SIGINT is ignored, here and in every process that a test starts: one that waits for the
 # end by Ctrl-C would wait for ever.

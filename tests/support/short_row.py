@@ -47,13 +47,6 @@ def killed_once(work: Work) -> list[RideResult]:
     return _with(briefly, work)
 
 
-def first_fails(work: Work) -> list[RideResult]:
-    """The same, but the first seed fails."""
-    if work.number == 0:
-        raise ValueError("no wheel")
-    return _with(briefly, work)
-
-
 def _with(plan: Callable[[np.random.Generator], RidePlan], work: Work) -> list[RideResult]:
     STOPS[RAIL] = plan  # before the cases are made
     return run_loop.play_one(work)

@@ -33,6 +33,7 @@ def columns(folder: Path, *names: str) -> list[tuple[object, ...]]:
     return list(zip(*(table[name].to_pylist() for name in names), strict=True))
 
 
+@pytest.mark.usefixtures("jobs_here")
 def test_every_job_is_a_row_in_the_order_of_the_file(
     write: Write, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -50,6 +51,7 @@ def test_every_job_is_a_row_in_the_order_of_the_file(
     assert "12 of 12 jobs, " in said.err
 
 
+@pytest.mark.usefixtures("jobs_here")
 def test_campaign_that_is_extended_runs_the_new_jobs_only_and_counts_those_that_were_there(
     write: Write, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

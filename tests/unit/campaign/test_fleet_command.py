@@ -76,6 +76,7 @@ def test_other_trains_need_no_replay(fleet: Path, out: Path, tmp_path: Path) -> 
     )
 
 
+@pytest.mark.usefixtures("jobs_here")
 def test_log_whose_name_is_no_text_is_a_row_with_its_error(
     log_of: LogOf, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -101,8 +102,8 @@ def test_page_has_what_is_suspicious_first_and_the_command_of_a_report_where_the
     assert f"<code>cd {fleet} &amp;&amp; {command}</code>" in text
 
 
+@pytest.mark.usefixtures("jobs_here")
 def test_reports_are_made_once_and_linked(fleet: Path, tmp_path: Path) -> None:
-    pytest.importorskip("bokeh")
     only, made = f"{fleet}/7402/a.*", tmp_path / "out/reports/a.log.gz.html"
     assert campaign("--logs", only, "-o", tmp_path / "out", "--reports", "--jobs", "1") == 0
     assert 'content="wrcd report"' in made.read_text()

@@ -186,9 +186,9 @@ def test_mistake_of_a_scenario_that_is_of_no_key_names_none() -> None:
     assert str(caught.value) == "goes with no track"
 
 
-def test_value_within_a_list_of_tables_is_reached_by_its_place() -> None:
+def test_value_within_a_list_of_tables_is_reached_by_its_place(found: dict[str, dict[str, Any]]) -> None:
     other = figures("play", PLAY | {"scenario.rail.1.curve": "A"})
-    assert other["mean_error_pp"] != figures("play", PLAY)["mean_error_pp"]
+    assert other["mean_error_pp"] != found["play"]["mean_error_pp"]
 
 
 def test_configuration_of_its_own_is_heard_and_what_it_names_are_its_files() -> None:
@@ -202,16 +202,17 @@ def test_configuration_of_its_own_is_heard_and_what_it_names_are_its_files() -> 
         kind_of("play").check({**own, "scenario": "half-wet"})
 
 
-def test_fault_acts_on_what_the_daemon_hears() -> None:
+def test_fault_acts_on_what_the_daemon_hears(found: dict[str, dict[str, Any]]) -> None:
     silent = figures("play", PLAY | {"fault": "burst", "fault_at_s": 1.6, "fault_for_s": 0.9, "fault_of": "all"})
-    assert silent["valid"] < figures("play", PLAY)["valid"]
+    assert silent["valid"] < found["play"]["valid"]
     assert silent["cause"] != ""
 
 
-def test_impulse_is_of_starts_where_more_is_better_and_no_stop_is_worse_for_less() -> None:
-    stop = figures("drive", DRIVE)
+def test_impulse_is_of_starts_where_more_is_better_and_no_stop_is_worse_for_less(
+    found: dict[str, dict[str, Any]],
+) -> None:
     start = figures("drive", DRIVE | {"scenario.driver.demand": 1.0, "scenario.speed_m_s": 8.0})
-    assert math.isnan(stop["impulse_kNs"])
+    assert math.isnan(found["drive"]["impulse_kNs"])
     assert start["impulse_kNs"] > 0.0
     (impulse,) = (f for f in kind_of("drive").figures if f.name == "impulse_kNs")
     assert impulse.better == "more"

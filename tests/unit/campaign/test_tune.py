@@ -138,6 +138,7 @@ def test_designs_are_tuned_and_tested_on_seeds_that_the_score_has_not() -> None:
     assert min(tested) >= FIRST_TEST_SEED + TEST_LOTS * TEST_SEEDS  # behind every lot that a campaign may score
 
 
+@pytest.mark.usefixtures("jobs_here")
 def test_budget_holds_for_a_start_that_a_search_would_round(tmp_path: Path) -> None:
     """The start is known, and is not asked for again as another brief with three digits."""
     points = (replace(POINTS[0], noise=(0.0212345, 27.0, 0.174)), *POINTS[1:])
@@ -150,6 +151,7 @@ def test_budget_holds_for_a_start_that_a_search_would_round(tmp_path: Path) -> N
     assert known in found
 
 
+@pytest.mark.usefixtures("jobs_here")
 def test_search_alone_writes_a_brief_of_the_papers_form(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     tiny, out = tmp_path / "tiny.toml", tmp_path / "out"
     tiny.write_text("[plan]\nspeeds = 2\nper_speed = 2\n")

@@ -44,10 +44,18 @@ def test_killed_worker_loses_nothing(
     assert "run 1 of 1" in capsys.readouterr().err
 
 
+@pytest.mark.usefixtures("jobs_here")
 def test_run_of_the_loop_that_fails_twice_is_named_and_nothing_looks_whole(
     brief: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    brief.setattr(run_loop, "play_one", short_row.first_fails)
+    (case,) = cases("actuators", f"{short_row.RAIL}: fast")
+
+    def first_fails(work: run_loop.Work) -> list[RideResult]:
+        if work.number == 0:
+            raise ValueError("no wheel")
+        return play(case, work.number)
+
+    brief.setattr(run_loop, "play_one", first_fails)
     out = tmp_path / "out.json"
     assert main([*ROW, "--seeds", "2", "--json", str(out)]) == Status.STOPPED
     told = capsys.readouterr()
@@ -63,19 +71,20 @@ def short(run: Run) -> Run:
     return replace(run, scenario=replace(run.scenario, duration_s=3.0), judged_from_s=1.0)
 
 
-def dead_fail(asked: ScoreRequest, run: Run) -> list[Trace]:
-    """In place of `run_score.play_one`."""
-    if run.suite == "dead":
-        raise ValueError("no wheel")
-    return run_score.play_one(asked, run)
-
-
+@pytest.mark.usefixtures("jobs_here")
 def test_suites_of_a_score_that_are_whole_are_printed_and_the_others_named(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     source = load_source(resources.DESIGN)
     played = [short(next(iter(runs(source, suite, 0.01)))) for suite in ("dead", "dry-hours")]
     monkeypatch.setattr(run_score, "runs", lambda *_: iter(played))
+    play_one = run_score.play_one
+
+    def dead_fail(asked: ScoreRequest, run: Run) -> list[Trace]:
+        if run.suite == "dead":
+            raise ValueError("no wheel")
+        return play_one(asked, run)
+
     monkeypatch.setattr(run_score, "play_one", dead_fail)
     out, page = tmp_path / "out.json", tmp_path / "out.html"
     assert main(["score", "--jobs", "1", "--json", str(out), "--html", str(page)]) == Status.STOPPED
@@ -91,19 +100,19 @@ def test_suites_of_a_score_that_are_whole_are_printed_and_the_others_named(
     assert page.read_text().count("dead left out, because runs failed.") == 1
 
 
-def second_case_fails(work: run_loop.Work) -> list[RideResult]:
-    """In place of `run_loop.play_one`."""
-    if work.suite == "worlds":
-        raise ValueError("no wheel")
-    return short_row.play_briefly(work)
-
-
+@pytest.mark.usefixtures("jobs_here")
 def test_suites_of_the_loop_that_are_whole_are_printed_and_the_others_named(
     brief: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (whole,), (holed, *_) = cases("actuators", f"{short_row.RAIL}: fast"), cases("worlds")
     brief.setattr(run_loop, "cases", lambda *_: [whole, holed])
-    brief.setattr(run_loop, "play_one", second_case_fails)
+
+    def worlds_fail(work: run_loop.Work) -> list[RideResult]:
+        if work.suite == "worlds":
+            raise ValueError("no wheel")
+        return play(whole, work.number)
+
+    brief.setattr(run_loop, "play_one", worlds_fail)
     out, page = tmp_path / "out.json", tmp_path / "out.html"
     asked = ["loop", "--jobs", "1", "--seeds", "1", "--json", str(out), "--html", str(page)]
     assert main(asked) == Status.STOPPED

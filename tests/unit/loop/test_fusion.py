@@ -285,6 +285,7 @@ def test_report_counts_what_was_told(played: PatchRecord) -> None:
     assert any(line.startswith("| 2 | 50.0") for line in markdown(sections(result)))
 
 
+@pytest.mark.usefixtures("jobs_here")
 def test_run_that_fails_is_missing_by_name(tmp_path: Path) -> None:
     played, missing = play_all([next(rails())], 1, tmp_path / "none.json")
     assert played == []

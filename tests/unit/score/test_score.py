@@ -3,6 +3,7 @@
 import json
 import math
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ from sim_ecu.play.player import Player
 from sim_ecu.play.scenario import Scenario, load_scenario
 from sim_ecu.reporting.page import markdown
 from sim_ecu.reporting.values import plain
-from sim_ecu.score import SUITES, suites
+from sim_ecu.score import SUITES, run_score, suites
 from sim_ecu.score.metrics import accuracy, change_metrics, honesty
 from sim_ecu.score.metrics.accuracy import OURS, gather
 from sim_ecu.score.report import judge
@@ -324,21 +325,30 @@ def test_last_frame_holds_until_the_next() -> None:
     assert found.tolist() == ["", "Model2", "Model2", "Model3"]
 
 
+def traces(every: Iterable[Run]) -> list[Trace]:
+    config = load_config(None)
+    return [t for run in every for t in play(run, config, {})]
+
+
+def briefly(run: Run) -> Run:
+    return replace(run, scenario=replace(run.scenario, duration_s=4.0))
+
+
+def nominal(count: int) -> list[Run]:
+    return [r for r in grid(W, 0.08) if r.group == "mems"][:count]
+
+
 @pytest.fixture(scope="module")
 def small() -> list[Trace]:
-    """A fixed part of grid and drops, and a little of what is paired with the grid."""
-    config = load_config(None)
-    runs = [r for r in grid(W, 0.08) if r.group == "mems"][:8]
-    numbers = {r.number for r in runs}
-    runs += [condition("robust", W, n, ROBUST[-4]) for n in sorted(numbers)[:2]]
-    runs += list(drops(W, 0.1))[:3]
-    return [t for run in runs for t in play(run, config, {})]
+    """A fixed part of grid and drops, and what is paired with the grid."""
+    paired = [condition("robust", W, r.number, ROBUST[-4]) for r in nominal(2)]
+    return traces([*map(briefly, [*nominal(2), *paired]), *list(drops(W, 0.1))[:3]])
 
 
 @pytest.mark.night
-def test_accuracy_does_not_get_worse(small: list[Trace]) -> None:
+def test_accuracy_does_not_get_worse() -> None:
     """Bounds a little above what the packaged design reaches here; `sim-ecu score` has the whole of it."""
-    f = gather([t for t in small if t.suite == "grid"])
+    f = gather(traces(nominal(8)))
     found = accuracy.accuracy(f, OURS)
     assert found["mean"].count > 8000
     assert found["mean"].value <= MEAN_PP
@@ -368,16 +378,19 @@ def test_the_report_has_every_figure(small: list[Trace]) -> None:
     assert f"design {SOURCE.design.name} {SOURCE.design.checksum[:12]}" in text
     ends = [line.split("|")[-2].strip() for line in text.split("**goals**")[1].splitlines()[4:]]
     assert len(result["goals"]) == len(ends) == 7
-    assert ends.count("too few to judge") == len(ends)  # eight runs are not enough
+    assert ends.count("too few to judge") == len(ends)  # two runs are not enough
     document = json.loads(json.dumps(plain(result), allow_nan=False))
     paired = document["suites"]["robust"]["groups"][ROBUST[-4].name]
-    nominal = gather([t for t in small if t.suite == "grid" and t.run in {u.run for u in small if u.suite == "robust"}])
-    over = paired["accuracy"]["mean"]["value"] / accuracy.accuracy(nominal, OURS)["mean"].value
+    grids = gather([t for t in small if t.suite == "grid"])
+    over = paired["accuracy"]["mean"]["value"] / accuracy.accuracy(grids, OURS)["mean"].value
     assert paired["ratio"]["value"] == pytest.approx(over)
     assert judge(small, SOURCE, "drops")["suites"].keys() == {"drops"}
 
 
-def test_score_command_writes_tables_json_and_html(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_score_command_writes_tables_json_and_html(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(run_score, "runs", lambda *of: map(briefly, suites.runs(*of)))
     arguments = ["score", "--suite", "paper", "--quick", "--jobs", "1", "--json", str(tmp_path / "s.json")]
     arguments += ["--beside", f"again={DESIGN}"]
     assert main([*arguments, "--html", str(tmp_path / "s.html")]) == 0
