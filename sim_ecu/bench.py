@@ -26,7 +26,7 @@ from cantools.database.can import Message
 from sim_ecu.loop.control.adhesion_consumer import HALF_WIDTHS, TIMEOUT_CYCLES, Facts
 from sim_ecu.loop.control.adhesion_consumer import TrainController as Controller
 from sim_ecu.loop.control.slip_controller import NAMES, make_controller
-from sim_ecu.loop.drive_scenario import DriveScenario, load_drive_scenario, path_of, read_drive_scenario
+from sim_ecu.loop.drive_scenario import DriveScenario, load_drive_scenario, read_drive_scenario
 from sim_ecu.loop.lockstep import ON_TIME, Listener, Lockstep, Timing
 from sim_ecu.loop.ride_figures import Figures, judge
 from sim_ecu.loop.rig import Step
@@ -34,6 +34,7 @@ from sim_ecu.loop.rig_messages import rig_message
 from sim_ecu.physics.actuators import Valve
 from sim_ecu.play.encoder import SAMPLE_US, databases
 from sim_ecu.play.mapped import MappedTrain
+from sim_ecu.play.scenario import path_of
 from sim_ecu.play.train import PACKAGED, AdhesionReader, Train
 from wrcd.bus.dbc import find_message
 from wrcd.config.config import load_config, load_packaged
@@ -111,7 +112,7 @@ def scenario(
     """
     data: dict[str, Any] = {}
     if name is not None:
-        path = path_of(name)
+        path = path_of(name, to_drive=True)
         read_drive_scenario(read_toml(path), path.stem)  # what is wrong in it is reported with its line
         data = tomllib.loads(path.read_text(encoding="utf-8"))
     data |= keys
@@ -154,8 +155,8 @@ class Bench:
             raise InputError("with_adhesion is of a controller by name", hint='controller="thresholds"')
         self._on_frame, self._controlled = on_frame, controller is not None
         self._newest: dict[int, tuple[int, bytes]] = {}  # by id: when, and its data
-        w = self.scenario.train.wheelset
-        train: Train = PACKAGED if config is None or daemon is True else MappedTrain(config, w.normal_N, w.r_0)
+        wheelset = self.scenario.train.wheelset
+        train: Train = PACKAGED if config is None or daemon is True else MappedTrain(config, wheelset)
         self._run = Lockstep(self.scenario, controller, config, self._take, sensors=True, train=train, timing=timing)
         self._readers: dict[int, tuple[Message, AdhesionReader, float]] = {}  # and the time-out, s
         if config is not None:

@@ -1,5 +1,6 @@
 """Errors a person caused and can mend: one clear message and an exit status, no traceback."""
 
+import importlib
 from collections.abc import Sequence
 from enum import IntEnum
 from pathlib import Path
@@ -59,3 +60,14 @@ def create(path: Path) -> TextIO:
         raise InputError(
             f"cannot be written: {e.strerror}", file=path, hint="check the folder and your rights"
         ) from None
+
+
+def need(modules: Sequence[str], extra: str, key: str = "") -> None:
+    """Raises InputError where a library of an extra is missing."""
+    for module in modules:
+        try:
+            importlib.import_module(module)
+        except ModuleNotFoundError as e:
+            if (e.name or "").partition(".")[0] != module.partition(".")[0]:
+                raise
+            raise InputError(f"needs the extra {extra}", key=key, hint=f"pip install 'wrcd[{extra}]'") from None

@@ -10,8 +10,8 @@ if TYPE_CHECKING:
 
 
 def _run(_args: argparse.Namespace) -> int:
-    from sim_ecu.loop.drive_scenario import load_drive_scenario, packaged_to_drive
-    from sim_ecu.play.scenario import load_scenario, packaged
+    from sim_ecu.loop.drive_scenario import load_drive_scenario
+    from sim_ecu.play.scenario import TO_DRIVE, load_scenario, packaged
 
     def show(s: "Scenario", more: str = "") -> None:
         axles = f"{len(s.axles)} axle{'s' * (len(s.axles) > 1)}"
@@ -19,7 +19,7 @@ def _run(_args: argparse.Namespace) -> int:
 
     for name in packaged():
         show(load_scenario(name))
-    for name in packaged_to_drive():
+    for name in packaged(TO_DRIVE):
         show(load_drive_scenario(name).train, ", to drive")
     return 0
 

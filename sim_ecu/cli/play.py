@@ -36,9 +36,10 @@ def played(scenario: "Scenario", args: argparse.Namespace) -> int:
 
     train: Train = PACKAGED
     if args.config is not None:
-        from sim_ecu.play.mapped import load_train
+        from sim_ecu.play.mapped import MappedTrain
+        from wrcd.config.config import load_config
 
-        train = load_train(args.config, scenario)
+        train = MappedTrain(load_config(args.config), scenario.wheelset)
     if args.fast:
         if args.log is None:
             raise InputError("--fast needs --log OUT.log to write to")

@@ -16,8 +16,7 @@ from sim_ecu.play.faults import read_fault
 from sim_ecu.play.scenario import Course, Scenario, read_axles, read_wheelset
 from sim_ecu.play.scenario_keys import Measure, Other, Over
 from wrcd.config.keys import Choice, Flag, Key
-from wrcd.config.settings import Section, read_toml, suggest
-from wrcd.errors import InputError
+from wrcd.config.settings import Section, read_toml
 
 GROUND, WHEELS = "ground", "wheels"
 
@@ -109,7 +108,6 @@ TABLES: Mapping[str, tuple[Key, ...]] = {
 }  # fmt: skip
 
 
-FOLDER = play.TO_DRIVE
 # Nobody demands anything here but a controller.
 NO_DRIVE = play.DriveCourse("torque_N_m", Course((0.0,), (0.0,)), Course((0.0,), (1.0,)))
 
@@ -138,30 +136,10 @@ class DriveScenario:
         return [a.number for a in self.train.axles]
 
 
-def packaged_to_drive() -> list[str]:
-    """Names of the scenarios to drive that come along."""
-    return sorted(p.stem for p in FOLDER.glob("*.toml"))
-
-
 def load_drive_scenario(name: str | Path) -> DriveScenario:
     """A packaged scenario to drive by its name, or a file by its path. Raises InputError."""
-    path = path_of(name)
+    path = play.path_of(name, to_drive=True)
     return read_drive_scenario(read_toml(path), path.stem)
-
-
-def path_of(name: str | Path) -> Path:
-    """The file of a scenario to drive. Raises InputError for a name that is none."""
-    path = FOLDER / f"{name}.toml"
-    if path.exists():
-        return path
-    path = Path(name)
-    if path.suffix != ".toml":
-        known = packaged_to_drive()
-        hint = suggest(str(name), known) or f"packaged: {', '.join(known)}; or give a path to a .toml file"
-        if str(name) in play.packaged():
-            hint = f"{name} is one to play: its torques are fixed; packaged: {', '.join(known)}"
-        raise InputError(f"there is no scenario to drive {str(name)!r}", hint=hint)
-    return path
 
 
 def read_drive_scenario(top: Section, name: str) -> DriveScenario:

@@ -40,7 +40,7 @@ def run(interface: str, channel: str, scenario_name: str, folder: Path, config_f
         config = load_packaged(max(DEFAULT_AXLES, *numbers))
     else:
         config = load_config(config_file)
-        train = MappedTrain(config, scenario.wheelset.normal_N, scenario.wheelset.r_0)
+        train = MappedTrain(config, scenario.wheelset)
     folder.mkdir(parents=True, exist_ok=True)
     log, picture, report = (folder / f"{scenario.name}.{suffix}" for suffix in ("log", "png", "html"))
     note = WITHOUT_VCAN if (interface, channel) == ("virtual", "demo") else ""

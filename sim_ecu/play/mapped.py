@@ -6,10 +6,10 @@ One general way, frame by frame. What the configuration does not map stays at it
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 
 from cantools.database.can import Message
 
+from sim_ecu.physics.wheelset import Wheelset
 from sim_ecu.play.encoder import (
     FAST_SPACING_US,
     MAX_SLOW_AXLES,
@@ -23,11 +23,9 @@ from sim_ecu.play.encoder import (
     message_key,
 )
 from sim_ecu.play.mapped_message import Claim, MessagePlan, Messages, Place, Split, claim
-from sim_ecu.play.scenario import Scenario
 from sim_ecu.play.train import Carrier, end_of_field
 from wrcd.bus.dbc import data_id, find_message, find_signal
 from wrcd.bus.units import Quantity
-from wrcd.config.config import load_config
 from wrcd.core.configuration import Config
 from wrcd.errors import InputError
 
@@ -69,11 +67,15 @@ class MappedEncoder:
 
 
 class MappedTrain:
-    """The messages that a configuration maps, of wheelsets with so much load (N on each wheel) and such wheels (m)."""
+    """The messages that a configuration maps. wheelset: whose load and wheel radius they report."""
 
-    def __init__(self, config: Config, normal_N: float, r_0: float) -> None:
+    def __init__(self, config: Config, wheelset: Wheelset) -> None:
         self._file, self._database = config.file, config.database
-        self._constant = {Quantity.AXLE_LOAD: 2 * normal_N, Quantity.WHEEL_RADIUS: r_0, Quantity.DIRECTION: 1.0}
+        self._constant = {
+            Quantity.AXLE_LOAD: 2 * wheelset.normal_N,
+            Quantity.WHEEL_RADIUS: wheelset.r_0,
+            Quantity.DIRECTION: 1.0,
+        }
         self._axles = [a.number for a in config.axles]
         self._plans: dict[str, MessagePlan] = {}
         for i in config.inputs:
@@ -216,8 +218,3 @@ def not_available(c: Claim) -> float | None:
 
 def _carries(claims: Sequence[Claim], signal: str, axle: int) -> bool:
     return any(c.source.quantity.key == signal and axle in c.axles for c in claims)
-
-
-def load_train(config: Path, scenario: Scenario) -> MappedTrain:
-    """The train of a daemon's configuration with the scenario's wheelsets. Raises InputError."""
-    return MappedTrain(load_config(config), scenario.wheelset.normal_N, scenario.wheelset.r_0)

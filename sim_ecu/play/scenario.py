@@ -115,9 +115,9 @@ class Scenario:
         return self.speed.at(t) if self.hold_speed else np.full(len(t), math.nan)
 
 
-def packaged() -> list[str]:
-    """Names of the scenarios that come along."""
-    return sorted(p.stem for p in FOLDER.glob("*.toml"))
+def packaged(folder: Path = FOLDER) -> list[str]:
+    """Names of the scenarios that come along: to play, or those of the folder TO_DRIVE."""
+    return sorted(p.stem for p in folder.glob("*.toml"))
 
 
 def load_scenario(name: str) -> Scenario:
@@ -126,17 +126,23 @@ def load_scenario(name: str) -> Scenario:
     return read_scenario(read_toml(path), path.stem)
 
 
-def path_of(name: str) -> Path:
-    """The file of a scenario. Raises InputError for a name that is none."""
-    path = FOLDER / f"{name}.toml"
+def path_of(name: str | Path, to_drive: bool = False) -> Path:
+    """The file of a scenario to play or to drive. Raises InputError for a name that is none."""
+    folder, other = (TO_DRIVE, FOLDER) if to_drive else (FOLDER, TO_DRIVE)
+    path = folder / f"{name}.toml"
     if path.exists():
         return path
     path = Path(name)
     if path.suffix != ".toml":
-        hint = suggest(name, packaged()) or f"packaged: {', '.join(packaged())}; or give a path to a .toml file"
-        if (TO_DRIVE / f"{name}.toml").exists():
-            hint = f"{name} is one to drive: a controller decides its torques; sim-ecu drive {name}"
-        raise InputError(f"there is no scenario {name!r}", hint=hint)
+        known = packaged(folder)
+        every = f"packaged: {', '.join(known)}"
+        hint = suggest(str(name), known) or f"{every}; or give a path to a .toml file"
+        if (other / f"{name}.toml").exists():
+            hint = (
+                f"{name} is one to play: its torques are fixed; {every}" if to_drive
+                else f"{name} is one to drive: a controller decides its torques; sim-ecu drive {name}"
+            )  # fmt: skip
+        raise InputError(f"there is no scenario {'to drive ' * to_drive}{str(name)!r}", hint=hint)
     return path
 
 

@@ -16,13 +16,12 @@ from sim_ecu.play.player import LARGE_CHUNK, Player
 from sim_ecu.play.train import PACKAGED, AdhesionReader, MessageValues, Train
 from sim_ecu.score.baselines import Baseline, BoolArray, GivenTicks
 from sim_ecu.score.suites.run import Run
-from wrcd.bus.codec import Sample
 from wrcd.bus.dbc import find_message
 from wrcd.bus.frame import Frame
 from wrcd.bus.signals import Output
 from wrcd.core.causes import Cause
 from wrcd.core.configuration import MAX_AXLES, Config
-from wrcd.core.core import Core
+from wrcd.core.core import Core, Observer
 from wrcd.core.vocabulary import CONFIDENCES, DROP_AHEAD
 from wrcd.estimator import records as estimator_records
 from wrcd.estimator.design import Design
@@ -150,7 +149,7 @@ class Trace:
     baselines: dict[str, FloatArray] = field(default_factory=dict)
 
 
-class TickRecorder:
+class TickRecorder(Observer):
     """What the train's estimator is given, kept for the baselines: an observer of the core."""
 
     def __init__(self, design: Design, axles: int) -> None:
@@ -165,12 +164,6 @@ class TickRecorder:
                 (ticks.number + k, ticks.z[k].copy(), ticks.present[k].copy(), ticks.torque_ratio[k].copy(),
                  ticks.speeds_m_s[k])
             )  # fmt: skip
-
-    def accepted(self, samples: Sequence[Sample], stamp_us: int) -> None:
-        """The ticks have them."""
-
-    def was_reset(self, axle: int) -> None:
-        """The baselines go on."""
 
     def estimated(self, tick: int, estimate: Estimate) -> None:
         """Keep what the rules were given."""

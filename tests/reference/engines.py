@@ -1,7 +1,6 @@
 """Both engines over one log, and the largest difference between them."""
 
 from collections import deque
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -20,9 +19,8 @@ from tests.reference.filters import (
     TrackedSpeed,
 )
 from tests.reference.rules import FuzzyReference, Row, SlidingWindow
-from wrcd.bus.codec import Sample
 from wrcd.core.configuration import Config
-from wrcd.core.core import Core
+from wrcd.core.core import Core, Observer
 from wrcd.estimator.design import Design
 from wrcd.estimator.records import Estimate, StepResult, Ticks
 from wrcd.logs.reader import LogReader
@@ -53,7 +51,7 @@ class Findings:
         return self.innovation <= MAX_INNOVATION * self.largest and self.fuzzy <= MAX_FUZZY
 
 
-class BothEngines:
+class BothEngines(Observer):
     """The reference beside the engine of the train: an observer of the core, shown the same ticks."""
 
     def __init__(self, design: Design, axles: int, models: Models, fuzzy_every_ticks: int) -> None:
@@ -64,9 +62,6 @@ class BothEngines:
         self._tracked = TrackedSpeed(design.tick_s)
         self._every, self._compared = fuzzy_every_ticks, -fuzzy_every_ticks
         self._at_m_s = 1.0
-
-    def accepted(self, samples: Sequence[Sample], stamp_us: int) -> None:
-        """The inputs are what the core made of them."""
 
     def was_reset(self, axle: int) -> None:
         """The reference forgets, too."""

@@ -1,7 +1,6 @@
 """The engine on the train against filterpy and scikit-fuzzy, over real logs."""
 
 import random
-from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
 
@@ -10,9 +9,8 @@ import pytest
 
 from tests.reference.engines import Findings, compare
 from tests.support.scenarios import FOUR_AXLES, LogOf, held
-from wrcd.bus.codec import Sample
 from wrcd.config.config import load_config
-from wrcd.core.core import Core
+from wrcd.core.core import Core, Observer
 from wrcd.estimator import bank, noise
 from wrcd.estimator.records import Estimate, StepResult, Ticks
 from wrcd.logs.damage import Damage
@@ -54,7 +52,7 @@ def test_engines_agree_where_frames_are_lost(log_of: LogOf, tmp_path: Path) -> N
     assert agree(lossy).partial > 50
 
 
-class Lengths:
+class Lengths(Observer):
     """Keeps the windows' lengths and the pulses: an observer of the core."""
 
     def __init__(self) -> None:
@@ -65,12 +63,6 @@ class Lengths:
     def stepped(self, ticks: Ticks, first: int, result: StepResult) -> None:
         """Keep the newest tick's."""
         self._near_pulse = bool(result.near_pulse[-1, 0])
-
-    def accepted(self, samples: Sequence[Sample], stamp_us: int) -> None:
-        """Frames tell of neither."""
-
-    def was_reset(self, axle: int) -> None:
-        """Nothing is kept of an axle."""
 
     def estimated(self, tick: int, estimate: Estimate) -> None:
         """Of a slot."""

@@ -20,7 +20,7 @@ def ticks_of(config: Config, seconds: float) -> list[list[Frame]]:
     """The frames of each tick of a steady ride on a rail of its own for every axle."""
     text = STEADY.format(seconds, [a.number for a in config.axles])
     scenario = read_scenario(parse_toml(text, "steady"), "steady")
-    train = MappedTrain(config, scenario.wheelset.normal_N, scenario.wheelset.r_0)
+    train = MappedTrain(config, scenario.wheelset)
     return [
         [Frame(START_US + f.due_us, f.can_id, f.data, f.extended, fd=f.fd) for f in frames]
         for _, frames in Player(scenario, truth=False, chunk=LARGE_CHUNK, train=train)

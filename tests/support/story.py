@@ -67,7 +67,7 @@ def adhesion(
 
 def kept(a: AdhesionRecord, *rows: int | slice) -> AdhesionRecord:
     """Some of the frames, as np.r_ takes them."""
-    return AdhesionRecord(*(getattr(a, name)[np.r_[rows]] for name in a.__slots__))
+    return a.part(np.r_[rows])
 
 
 def detail(slots: int, cause: ArrayLike = 0, winner: ArrayLike = 1, rule: ArrayLike = 1) -> Detail:

@@ -5,6 +5,11 @@ from dataclasses import dataclass
 EXTENDED = 0x8000_0000  # in a key: the id is one of 29 bits
 
 
+def id_text(key: int) -> str:
+    """Return the id of a key in hexadecimal; an extended one has eight digits."""
+    return f"0x{key - EXTENDED:08X}" if key & EXTENDED else f"0x{key:03X}"
+
+
 # Not frozen, though nobody changes one: a frozen dataclass of its fields takes seven times as long to make, longer
 # than to receive the frame from the kernel.
 @dataclass(slots=True, unsafe_hash=True)

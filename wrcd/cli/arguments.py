@@ -85,14 +85,14 @@ def read_story(args: Namespace, config: "Config | None" = None) -> "Story":
     """The story of a command's log. Says on standard error what is odd in it."""
     import sys
 
+    from wrcd.bus.dbc import load_dbc
     from wrcd.config.config import load_config
     from wrcd.logs.statistics import BIT_RATE
     from wrcd.logs.story import gather
-    from wrcd.logs.truth import load
 
     config = config or load_config(args.config)
     story = gather(
-        args.log, config, load(args.dbc), replay=args.replay, channel=args.channel,
+        args.log, config, list(map(load_dbc, args.dbc)), replay=args.replay, channel=args.channel,
         bit_rate=getattr(args, "bit_rate", None) or BIT_RATE,
     )  # fmt: skip
     for warning in story.warnings:

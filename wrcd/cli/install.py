@@ -25,6 +25,18 @@ def add_prefix(p: ArgumentParser) -> None:
     p.add_argument("--dry-run", action="store_true", help="say what would be done, and change nothing")
 
 
+def tree_of(args: Namespace) -> tuple[Tree, bool]:
+    """Return the files to work on, and whether they are the running system's. Raises InputError where they may not be
+    changed, or where no unit could be started."""
+    live, tree = args.prefix is None, Tree(args.prefix or Path("/"))
+    tree.require_place()
+    if live:
+        system.require_systemd()
+        if not args.dry_run:
+            system.require_root()
+    return tree, live
+
+
 def _add(p: ArgumentParser) -> None:
     add_prefix(p)
     p.add_argument(
@@ -44,9 +56,8 @@ def _add(p: ArgumentParser) -> None:
 
 def _run(args: Namespace) -> int:
     """Install, upgrade, or mend what is installed."""
-    live = args.prefix is None
-    tree = Tree(args.prefix or Path("/"))
-    _may_change(tree, live, args.dry_run)
+    tree, live = tree_of(args)
+    _check_not_packaged(tree)
     started = system.stated_program(args.program) if args.program else system.own_program()
     old = read_manifest(tree)
     groups = _groups(old, args.with_groups, args.without)
@@ -93,13 +104,7 @@ def _moment(live: bool) -> tuple[str, int]:
     return system.now() if live else ("", 0)
 
 
-def _may_change(tree: Tree, live: bool, dry_run: bool) -> None:
-    """Raise InputError where an installation could do harm, or could do nothing."""
-    tree.require_place()
-    if live:
-        system.require_systemd()
-        if not dry_run:
-            system.require_root()
+def _check_not_packaged(tree: Tree) -> None:
     for name in (f"{DEBIAN.units}/wrcd@.service", "lib/systemd/system/wrcd@.service"):
         if tree.path(name).exists():
             raise InputError(

@@ -1,11 +1,12 @@
-"""`wrcd monitor` as a command."""
+"""`wrcd monitor`: from its arguments to the screen."""
 
 import argparse
+import sys
 from pathlib import Path
 
 from wrcd.cli.arguments import add_bit_rate, add_bus, add_dbc, check_bit_rate
 from wrcd.cli.program import Subcommand
-from wrcd.errors import InputError
+from wrcd.errors import InputError, need
 
 
 def _add(p: argparse.ArgumentParser) -> None:
@@ -20,9 +21,40 @@ def _run(args: argparse.Namespace) -> int:
     check_bit_rate(args.bit_rate)
     if args.log is not None and args.interface is not None:
         raise InputError("a log or a bus, not both", key="--interface", hint="leave out LOG or -i")
-    from wrcd.monitor.launch import monitor
+    need(("textual",), "monitor", "monitor")
+    if not (sys.stdin.isatty() and sys.stdout.isatty()):
+        raise InputError(
+            "needs a terminal to draw on", key="monitor", hint="over SSH ssh -t; for a pipe there is wrcd dump"
+        )
+    from wrcd.bus.dbc import load_dbc
+    from wrcd.config.config import load_config
+    from wrcd.logs.bus_of import bus_of
+    from wrcd.logs.statistics import BIT_RATE
+    from wrcd.monitor.bus_model import BusModel
+    from wrcd.monitor.sources import FrameSource, NoMore, ReaderProcess, model_of_log, open_source
 
-    return monitor(args.log, args.config, args.interface, args.channel, args.dbc, args.bit_rate)
+    config = load_config(args.config)
+    databases = [load_dbc(file) for file in args.dbc]
+    rate = args.bit_rate or BIT_RATE
+    note = ""
+    if args.log is not None:
+        model, warnings = model_of_log(args.log, config, databases, args.channel, rate)
+        source: FrameSource = NoMore(args.log.name)
+        note = "; ".join(warnings)
+    else:
+        # the bus opens while the screen's packages are imported
+        source = open_source(config, *bus_of(args, config))
+        model = BusModel(config, databases, bit_rate=rate)
+    try:
+        from wrcd.monitor.screen import Monitor
+
+        if isinstance(source, ReaderProcess):
+            source.wait_open()
+        app = Monitor(model, source, note=note)
+        app.run()
+    finally:
+        source.close()
+    return app.return_code or 0
 
 
 COMMAND = Subcommand(

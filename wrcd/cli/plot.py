@@ -23,8 +23,8 @@ def _add(p: ArgumentParser) -> None:
 
 
 def _run(args: Namespace) -> int:
-    from wrcd.errors import InputError, Status
-    from wrcd.logs.replay_outputs import check_output, need
+    from wrcd.errors import InputError, Status, need
+    from wrcd.logs.replay_outputs import check_output
 
     suffixes = (".png", ".svg", ".pdf")
     if args.output.suffix.lower() not in suffixes:

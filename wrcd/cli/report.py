@@ -30,8 +30,8 @@ def _add(p: ArgumentParser) -> None:
 
 
 def _run(args: Namespace) -> int:
-    from wrcd.errors import InputError, Status
-    from wrcd.logs.replay_outputs import check_output, check_overwrite, need
+    from wrcd.errors import InputError, Status, need
+    from wrcd.logs.replay_outputs import check_output, check_overwrite
 
     check_bit_rate(args.bit_rate)
     need(("bokeh",), "report")

@@ -7,7 +7,7 @@ from argparse import ArgumentParser, Namespace
 from collections.abc import Iterable
 from pathlib import Path, PurePosixPath
 
-from wrcd.cli.install import add_prefix
+from wrcd.cli.install import add_prefix, tree_of
 from wrcd.cli.installation import system
 from wrcd.cli.installation.lay_out import BUILT_FOR, CONFIGURATIONS, DEBIAN, GROUPS, LOCAL, lay_out
 from wrcd.cli.installation.plan import SAVED, line, saved
@@ -27,13 +27,7 @@ def _add(p: ArgumentParser) -> None:
 
 def _run(args: Namespace) -> int:
     """Stop our units, remove our files and the folders made for them. With --purge configurations and dumps, too."""
-    live = args.prefix is None
-    tree = Tree(args.prefix or Path("/"))
-    tree.require_place()
-    if live:
-        system.require_systemd()
-        if not args.dry_run:
-            system.require_root()
+    tree, live = tree_of(args)
     record = read_manifest(tree)
     if record is None:
         packaged = tree.path(f"{DEBIAN.units}/wrcd@.service").exists()

@@ -1,6 +1,8 @@
 """`wrcd check`: what a configuration would run."""
 
 from wrcd.bus.dbc import Message, find_message, find_signal
+from wrcd.bus.frame import id_text
+from wrcd.bus.positions import message_key
 from wrcd.bus.signals import Output, OutputSignal, Source, StatusRule
 from wrcd.bus.units import Quantity
 from wrcd.config.raw_values import words
@@ -76,8 +78,8 @@ def _input(c: Config, i: Input) -> list[str]:
     ]
     name = s.quantity.key if s.part == 0 else "+"
     return [
-        f"  {name:22} <- {_id(m)} {s.message}.{s.signal} ({', '.join(facts[:1])}), {', '.join(facts[1:])}"
-        f"{_bounds(s.quantity, c.design)}",
+        f"  {name:22} <- {id_text(message_key(m))} {s.message}.{s.signal} ({facts[0]}), "
+        f"{', '.join(facts[1:])}{_bounds(s.quantity, c.design)}",
         *(f"  {'':22}    if {_rule(c, rule)}" for rule in s.statuses),
     ]
 
@@ -121,14 +123,10 @@ def _field(m: Message, ours: str, s: OutputSignal) -> str:
     return f"{ours} in {s.name}" + (f": {', '.join(own)}" if own else "")
 
 
-def _id(m: Message) -> str:
-    """An extended id has eight digits."""
-    return f"0x{m.frame_id:08X}" if m.is_extended_frame else f"0x{m.frame_id:03X}"
-
-
 def _sent(c: Config, o: Output) -> str:
     data_id = "" if o.data_id is None else f", E2E data id 0x{o.data_id:X}"
-    return f"{_id(find_message(c.database, o.message))} {o.message}, every {o.cycle_us / 1000:g} ms{data_id}"
+    key = message_key(find_message(c.database, o.message))
+    return f"{id_text(key)} {o.message}, every {o.cycle_us / 1000:g} ms{data_id}"
 
 
 def _wheelset(d: Design) -> str:

@@ -8,7 +8,7 @@ from wrcd.bus.codec import Writer
 from wrcd.bus.dbc import find_message, find_signal, shortest_timeout_us
 from wrcd.bus.e2e import protect
 from wrcd.bus.frame import Frame
-from wrcd.bus.positions import fit_raw
+from wrcd.bus.positions import fit_raw, span
 from wrcd.core.causes import Cause, Validity
 from wrcd.core.configuration import AxleConfig, Config
 from wrcd.core.messages import Report, surface
@@ -113,7 +113,7 @@ class FrameMaker:
         if most is None or float(most) / sent.factor < 100.0 - 1e-6:
             return
         first = round((float(most) - float(signal.offset)) / float(signal.scale)) + 1
-        highest = (1 << signal.length - bool(signal.is_signed)) - 1
+        _, highest = span(signal)
         for raw in (first, (first + highest) // 2):
             if first <= raw < highest and raw not in named and raw != absent:
                 yield "beyond", f"MuAvailable {raw}, beyond 100 %", raw

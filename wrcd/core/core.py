@@ -13,7 +13,7 @@ silence and step leave the same behind them, and whoever cannot tell them apart,
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
@@ -55,8 +55,8 @@ class Decoded(NamedTuple):
     is_checked: bool  # by Core.check_all()
 
 
-class Observer(Protocol):
-    """Is shown the records that travel through a core; it changes nothing."""
+class Observer:
+    """Is shown the records that travel through a core; it changes nothing. This one keeps nothing."""
 
     def accepted(self, samples: Sequence[Sample], stamp_us: int) -> None:
         """A frame was accepted."""

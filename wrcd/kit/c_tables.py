@@ -3,7 +3,8 @@
 from collections.abc import Sequence
 
 from wrcd.bus.dbc import Signal
-from wrcd.kit.receiver import CONFIDENCE, KitMessage, NumberSignal, WordSignal
+from wrcd.core.vocabulary import snake
+from wrcd.kit.receiver import CONFIDENCE, CONTACT, SURFACE, KitMessage, NumberSignal, WordSignal
 
 # Places in the enumerations of adhesion.h and adhesion.c.
 SAYS = {
@@ -12,14 +13,8 @@ SAYS = {
         "Valid": "SAYS_VALID",
     },
     "Confidence": {word: f"{place}U" for place, word in enumerate(CONFIDENCE)},  # in HALF_WIDTHS
-    "Surface": {
-        word: f"ADHESION_SURFACE_{name}"
-        for word, name in (
-            ("Unknown", "UNKNOWN"), ("Dry", "DRY"), ("Wet", "WET"), ("Reduced", "REDUCED"), ("Low", "LOW"),
-            ("VeryLow", "VERY_LOW"),
-        )
-    },
-    "ContactState": {word: f"ADHESION_CONTACT_{word.upper()}" for word in ("Unknown", "Adhering", "Saturated")},
+    "Surface": {word: f"ADHESION_SURFACE_{snake(word).upper()}" for word in SURFACE},
+    "ContactState": {word: f"ADHESION_CONTACT_{word.upper()}" for word in CONTACT},
 }  # fmt: skip
 _MEMBERS = (
     ("validity", "Validity"), ("confidence", "Confidence"), ("surface", "Surface"), ("contact", "ContactState"),

@@ -5,6 +5,8 @@ from decimal import Context, Decimal
 from fractions import Fraction
 
 from wrcd.bus.dbc import Signal
+from wrcd.bus.frame import id_text
+from wrcd.bus.positions import message_key
 from wrcd.kit.receiver import CONFIDENCE, KitMessage, NumberSignal, WordSignal, exact
 from wrcd.kit.vectors import FOLLOWS_FROM_PP, HALF_WIDTHS_PP
 
@@ -41,7 +43,7 @@ def _message(m: KitMessage) -> Iterator[str]:
     yield "|---|---|---|---|---|---|"
     data_id = "none: not protected" if m.output.data_id is None else f"0x{m.output.data_id:04X}"
     times = f"{_number(Fraction(m.output.cycle_us, 1000))} ms | {_number(Fraction(m.timeout_us, 1000))} ms"
-    yield f"| {m.id_text} | {kind} | {m.length} | {times} | {data_id} |"
+    yield f"| {id_text(message_key(m.message))} | {kind} | {m.length} | {times} | {data_id} |"
     yield ""
     yield "| signal | is | start, bits | byte order | sign | scale, offset | numbers | raw values |"
     yield "|---|---|---|---|---|---|---|---|"

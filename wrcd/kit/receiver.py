@@ -8,7 +8,7 @@ from fractions import Fraction
 from typing import NamedTuple
 
 from wrcd.bus.dbc import Message, Signal, find_message, find_signal, shortest_timeout_us
-from wrcd.bus.positions import fit_raw, frame_length, is_fd
+from wrcd.bus.positions import fit_raw, frame_length, is_fd, span
 from wrcd.bus.signals import Output, OutputSignal
 from wrcd.core.configuration import Config
 from wrcd.errors import InputError
@@ -74,11 +74,6 @@ class KitMessage:
         """Its name in the DBC."""
         return self.message.name
 
-    @property
-    def id_text(self) -> str:
-        """Its id in hexadecimal; an extended one has eight digits."""
-        return f"0x{self.message.frame_id:08X}" if self.message.is_extended_frame else f"0x{self.message.frame_id:03X}"
-
 
 def messages(config: Config) -> tuple[KitMessage, ...]:
     """Return every axle's Adhesion message. Raises InputError for one that no receiver can be made for."""
@@ -132,7 +127,7 @@ def _number(s: Signal, sent: OutputSignal, step: int, rounding: Fraction, most: 
     # values that are below 0 or beyond the most are none that anybody sends
     bottom = max(Fraction(0), Fraction(0) if low is None else exact(low) / factor)
     top = min(Fraction(most), Fraction(most) if high is None else exact(high) / factor)
-    first, last = raw_span(s)
+    first, last = span(s)
     lowest = max(first, math.ceil((bottom * factor - offset) / scale - SLACK))
     highest = min(last, math.floor((top * factor - offset) / scale + SLACK))
     named = {int(raw) for raw in s.choices or {}}
@@ -148,12 +143,6 @@ def _words(s: Signal, sent: OutputSignal, order: Sequence[str]) -> WordSignal:
     known = {str(label): int(raw) for raw, label in (s.choices or {}).items()} if sent.words is None else sent.words
     raws = {word: fit_raw(s, known[word]) for word in reversed(order) if word in known}
     return WordSignal(s, dict(sorted({raw: word for word, raw in raws.items()}.items())))
-
-
-def raw_span(s: Signal) -> tuple[int, int]:
-    """Return the lowest and the highest raw value that a signal's bits hold."""
-    bits = s.length - s.is_signed
-    return (-(1 << bits) if s.is_signed else 0), (1 << bits) - 1
 
 
 def exact(number: float) -> Fraction:

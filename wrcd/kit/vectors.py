@@ -8,9 +8,10 @@ from typing import Any
 
 from wrcd.bus.codec import Value, Writer
 from wrcd.bus.e2e import COUNTER_MODULO
+from wrcd.bus.positions import span
 from wrcd.core.vocabulary import CONFIDENCES
 from wrcd.kit.c_tables import SAYS, byte_list, flag
-from wrcd.kit.receiver import KitMessage, NumberSignal, WordSignal, exact, raw_span
+from wrcd.kit.receiver import KitMessage, NumberSignal, WordSignal, exact
 
 NO_VALUE = "ADHESION_NO_VALUE"
 HALF_WIDTHS_PP = {word: int(most) for most, word in reversed(CONFIDENCES) if word != "Wider"}  # the widest first
@@ -71,7 +72,7 @@ def vectors(m: KitMessage) -> list[Vector]:
 
 def _edges(n: NumberSignal) -> list[int]:
     """Raw values at the ends of what is a number, beyond them, and within them those that have a word."""
-    first, last = raw_span(n.signal)
+    first, last = span(n.signal)
     edges = (first, n.lowest - 1, n.lowest, *n.none, n.highest, n.highest + 1, last)
     return sorted({raw for raw in edges if first <= raw <= last})
 

@@ -7,7 +7,7 @@ import numpy as np
 from wrcd.bus.codec import message_key
 from wrcd.bus.dbc import find_message
 from wrcd.bus.reasons import Reason
-from wrcd.core.vocabulary import MESSAGES, Words
+from wrcd.core.vocabulary import words_of
 from wrcd.logs.statistics import added, restarts
 from wrcd.logs.story_events import STALE_AFTER
 from wrcd.logs.story_records import Finding, Series, Story, at, seconds
@@ -100,10 +100,9 @@ def _design(story: Story) -> Iterator[Finding]:
 def _state(story: Story) -> Iterator[Finding]:
     for series, name, good in ((story.status, "State", "Running"), (story.link, "LinkState", "Up")):
         values = series.values.get(name) if series is not None else None
-        words = MESSAGES["status_message" if name == "State" else "link_message"][name]
-        if values is None or series is None or not isinstance(words, Words):
+        if values is None or series is None:
             continue
-        for place, word in enumerate(words.words):
+        for place, word in enumerate(words_of("status_message" if name == "State" else "link_message", name)):
             rows = np.flatnonzero(values == place)
             if word == good or not len(rows):
                 continue

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from wrcd.bus.codec import message_key
 from wrcd.bus.dbc import Message, Signal, find_message, find_signal
-from wrcd.bus.positions import Branch, Field, Order, frame_length
+from wrcd.bus.positions import Branch, Field, Order, frame_length, span
 from wrcd.bus.positions import Numbers as FrameNumbers
 from wrcd.bus.readers import whole_numbers
 from wrcd.bus.signals import Output, OutputSignal
@@ -118,7 +118,7 @@ def _nothing(s: Signal, sent: OutputSignal) -> list[float]:
     named = [float(raw) for raw in s.choices or {}]
     if sent.not_available is not None:
         named.append(float(sent.not_available))
-    return named or [float((1 << s.length - s.is_signed) - 1)]
+    return named or [float(span(s)[1])]
 
 
 def decoders(config: Config, *, extra: bool = False) -> Iterator[MessageDecoder]:

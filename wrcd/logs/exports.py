@@ -14,16 +14,14 @@ from wrcd.bus.dbc import find_signal
 from wrcd.bus.units import Quantity
 from wrcd.core.causes import Cause, Validity
 from wrcd.core.configuration import Config
-from wrcd.core.core import Core
+from wrcd.core.core import Core, Observer
 from wrcd.core.events import Change
 from wrcd.core.messages import Outgoing
 from wrcd.core.vocabulary import MESSAGES, Words
-from wrcd.errors import InputError
-from wrcd.estimator.records import Estimate, StepResult, Ticks
+from wrcd.errors import InputError, need
 from wrcd.logs.decoder import MessageDecoder, decoders
 from wrcd.logs.export_files import About, ExportChannel, ExportGroup, McapFile, Mf4File, Rows
 from wrcd.logs.feed import Part
-from wrcd.logs.replay_outputs import need
 from wrcd.logs.story_events import NewChanges
 
 BLOCK_US = 10_000_000  # of the log, held in memory
@@ -120,7 +118,7 @@ EXPORTERS: dict[str, tuple[str, Callable[[Path, About], Exporter]]]
 EXPORTERS = {"mf4": ("asammdf", Mf4File), "mcap": ("mcap", McapFile)}
 
 
-class GatherExports:
+class GatherExports(Observer):
     """An observer of a core: what it takes and makes within a part of a log goes to files. Its close writes what is
     left and finishes them."""
 
@@ -169,15 +167,6 @@ class GatherExports:
         elif not 0 <= self._due_us - stamp_us <= BLOCK_US:  # a block is full, or the clock has stepped
             self.flush()
             self._due_us = stamp_us + BLOCK_US
-
-    def stepped(self, ticks: Ticks, first: int, result: StepResult) -> None:
-        """Keep nothing: what comes of it is in the frames."""
-
-    def was_reset(self, axle: int) -> None:
-        """Keep nothing."""
-
-    def estimated(self, tick: int, estimate: Estimate) -> None:
-        """Keep nothing."""
 
     def sent(self, o: Outgoing) -> None:
         """Keep a frame that was made."""

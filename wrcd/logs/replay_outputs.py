@@ -2,13 +2,12 @@
 
 import contextlib
 import csv
-import importlib
 import math
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, Self
+from typing import IO, Any, Self
 
 from wrcd.bus.candump import format_line
 from wrcd.bus.codec import message_key, position
@@ -23,13 +22,10 @@ from wrcd.core.messages import Outgoing
 from wrcd.errors import InputError, create
 from wrcd.estimator.design import Design
 from wrcd.estimator.records import Estimate
+from wrcd.logs.exports import GatherExports
 from wrcd.logs.feed import Part
 from wrcd.logs.rule_sentences import sentence
 from wrcd.logs.story_events import NewChanges
-
-if TYPE_CHECKING:
-    from wrcd.logs.exports import GatherExports
-
 
 OPTIONS = {"-o": ".log", "--csv": ".csv", "--events": ".events.csv", "--mf4": ".mf4", "--mcap": ".mcap"}  # and suffixes
 SCREEN = Path("-")  # stands for standard output
@@ -101,7 +97,7 @@ class Writing:
         config: Config,
         explained: bool,
         part: Part,
-        gathered: "GatherExports | None" = None,
+        gathered: GatherExports | None = None,
     ) -> None:
         self.sent = 0  # frames within the part
         self._part, self._gathered = part, gathered
@@ -253,17 +249,6 @@ def _reasons(design: Design, why: Estimate | None, place: int) -> list[str]:
     winner, rule = int(why.winner[place]), int(why.rule[place])
     model = f"{winner}: {design.model_names[winner - 1]}" if winner else ""
     return [model, f"{rule}: {sentence(design, rule - 1)}" if rule else "", f"{why.rule_share[place]:.2f}"]
-
-
-def need(modules: Sequence[str], extra: str, key: str = "") -> None:
-    """Raises InputError where a library of an extra is missing."""
-    for module in modules:
-        try:
-            importlib.import_module(module)
-        except ModuleNotFoundError as e:
-            if (e.name or "").partition(".")[0] != module.partition(".")[0]:
-                raise
-            raise InputError(f"needs the extra {extra}", key=key, hint=f"pip install 'wrcd[{extra}]'") from None
 
 
 def check_output(output: Path, inputs: Sequence[Path | None]) -> None:

@@ -11,26 +11,18 @@ from wrcd.bus.e2e import Checker, crcs
 from wrcd.bus.frame import Frame
 from wrcd.logs.columns import Item, Stretch
 from wrcd.logs.reader import LogReader
-from wrcd.logs.story_records import ClockStep
+from wrcd.logs.story_records import ClockStep, Record
 
 PLAIN_BYTES = 8
 MAX_SINGLE = 4096  # frames that are held as objects, by message
 
 
 @dataclass(frozen=True, slots=True)
-class Frames:
-    """The n data frames of one id, by time."""
+class Frames(Record):
+    """The n data frames of one id."""
 
-    time_us: NDArray[np.int64]
     lengths: NDArray[np.uint8]
     data: NDArray[np.uint8]  # (n, 8), of CAN FD as wide as the longest; zeros behind the data
-
-    def __len__(self) -> int:
-        return len(self.time_us)
-
-    def only(self, rows: NDArray[np.bool_]) -> "Frames":
-        """Some of them."""
-        return self if rows.all() else Frames(self.time_us[rows], self.lengths[rows], self.data[rows])
 
 
 NO_FRAMES = Frames(np.zeros(0, np.int64), np.zeros(0, np.uint8), np.zeros((0, PLAIN_BYTES), np.uint8))
@@ -173,4 +165,5 @@ def are_good(frames: Frames, length: int, data_id: int | None) -> NDArray[np.boo
 
 def good_frames(frames: Frames, length: int, data_id: int | None) -> Frames:
     """Those frames alone."""
-    return frames.only(are_good(frames, length, data_id))
+    good = are_good(frames, length, data_id)
+    return frames if good.all() else frames.part(good)

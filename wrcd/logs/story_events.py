@@ -11,16 +11,12 @@ from numpy.typing import NDArray
 from wrcd.core.causes import Cause, Validity
 from wrcd.core.core import Core
 from wrcd.core.events import Change
-from wrcd.core.vocabulary import MESSAGES, Words
+from wrcd.core.vocabulary import words_of
 from wrcd.logs.story_records import AdhesionRecord, Detail, Event, Fall, HealthRecord, Places, Story, StoryAxle, Times
 
-_WORDS = MESSAGES["adhesion"]["Validity"]
-assert isinstance(_WORDS, Words)
-VALIDITIES = tuple(Validity(word) for word in _WORDS.words)  # by place
+VALIDITIES = tuple(map(Validity, words_of("adhesion", "Validity")))  # by place
 VALID_PLACE = VALIDITIES.index(Validity.VALID)
-_REASON_WORDS = MESSAGES["inputs"]["RefusedSpeed"]
-assert isinstance(_REASON_WORDS, Words)
-REASONS = _REASON_WORDS.words
+REASONS = words_of("inputs", "RefusedSpeed")
 STALE_AFTER = 3  # cycles without a frame: a receiver does not hold the value any longer
 INPUT_NAMES = ("yaw rate", "lateral acceleration", "torque", "speed")
 NO_FRAME = "no frame of wrcd"

@@ -3,8 +3,9 @@ the log, and go on over a step of its clock; NaN is: there is none."""
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,10 +20,27 @@ Places = NDArray[np.int8]  # of a word in the vocabulary's words (wrcd/core/voca
 
 
 @dataclass(frozen=True, slots=True)
-class AdhesionRecord:
-    """Adhesion frames of an axle, n of them."""
+class Record:
+    """Frames in the order of time, as columns of one length."""
 
     time_us: Times
+
+    def __len__(self) -> int:
+        return len(self.time_us)
+
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """Return the columns by name."""
+        return {f.name: getattr(self, f.name) for f in fields(self)}
+
+    def part(self, rows: slice | NDArray[Any]) -> Self:
+        """Return some of the rows."""
+        return type(self)(**{name: column[rows] for name, column in self.columns().items()})
+
+
+@dataclass(frozen=True, slots=True)
+class AdhesionRecord(Record):
+    """Adhesion frames of an axle, n of them."""
+
     validity: Places
     available_pct: Numbers
     used_pct: Numbers
@@ -35,10 +53,9 @@ class AdhesionRecord:
 
 
 @dataclass(frozen=True, slots=True)
-class Detail:
+class Detail(Record):
     """AdhesionDetail frames, m of them."""
 
-    time_us: Times
     residual_db: Numbers  # (m, 4)
     winner: Places  # 1 … 4, 0: none
     rule: NDArray[np.int16]  # from 1, 0: none
@@ -47,10 +64,9 @@ class Detail:
 
 
 @dataclass(frozen=True, slots=True)
-class HealthRecord:
+class HealthRecord(Record):
     """InputHealth frames, h of them."""
 
-    time_us: Times
     reach: NDArray[np.uint8]  # (h, 4)
     refused: Places  # (h, 4): place of the reason
     plausibility: Places
@@ -59,10 +75,9 @@ class HealthRecord:
 
 
 @dataclass(frozen=True, slots=True)
-class TruthRecord:
+class TruthRecord(Record):
     """What the rig says of an axle."""
 
-    time_us: Times
     available_pct: Numbers
     used_pct: Numbers
 

@@ -4,13 +4,12 @@ far an estimate is from it."""
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wrcd.bus.codec import message_key
-from wrcd.bus.dbc import Database, Message, data_id, load_dbc
+from wrcd.bus.dbc import Database, Message, data_id
 from wrcd.errors import InputError
 from wrcd.logs.decoder import MessageDecoder
 from wrcd.logs.scan import Scan, good_frames
@@ -19,11 +18,6 @@ from wrcd.logs.story_records import StoryAxle, TruthRecord
 
 NAME = re.compile(r"SimTruth_A(\d+)")
 SIGNALS = {"MuAvailable", "MuUsed"}
-
-
-def load(files: Sequence[Path]) -> list[Database]:
-    """Further DBCs. Raises InputError for one that cannot be read."""
-    return [load_dbc(file) for file in files]
 
 
 def truths(databases: Sequence[Database]) -> dict[int, Message]:

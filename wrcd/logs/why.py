@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from wrcd.core.causes import Validity
-from wrcd.core.vocabulary import MESSAGES, Words
+from wrcd.core.vocabulary import words_of
 from wrcd.errors import InputError
 from wrcd.logs.rule_sentences import model_words, rule_words
 from wrcd.logs.story import ESTIMATED
@@ -32,14 +32,8 @@ DETAIL_MAX_AGE_US = 300_000  # three cycles, as a receiver holds to
 INPUT_MAX_AGE_US = 1_000_000
 
 
-def _words(message: str, name: str) -> tuple[str, ...]:
-    found = MESSAGES[message][name]
-    assert isinstance(found, Words)
-    return found.words
-
-
-CONTACTS, SURFACES = _words("adhesion", "ContactState"), _words("adhesion", "Surface")
-CONFIDENCES, PLAUSIBILITIES = _words("adhesion", "Confidence"), _words("inputs", "Plausibility")
+CONTACTS, SURFACES = words_of("adhesion", "ContactState"), words_of("adhesion", "Surface")
+CONFIDENCES, PLAUSIBILITIES = words_of("adhesion", "Confidence"), words_of("inputs", "Plausibility")
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +99,9 @@ def explain(story: Story, axle_number: int, time_us: int) -> Explanation:
         event, "" if event is None or event.validity is Validity.VALID else event.because,
         winner, model_words(design, winner), rule, rule_words(design, rule),
         (residual[0], residual[1], residual[2], residual[3]),
-        () if d is None or shown is None else _named(d.stale[shown].tolist()),
+        () if d is None or shown is None else tuple(
+            name for name, is_stale in zip(INPUT_NAMES, d.stale[shown], strict=True) if is_stale
+        ),
         () if h is None or checked is None else tuple(
             f"{name}: {REASONS[place]}"
             for name, place in zip(INPUT_NAMES, h.refused[checked].tolist(), strict=True) if place > 0
@@ -117,10 +113,6 @@ def explain(story: Story, axle_number: int, time_us: int) -> Explanation:
         math.nan if t is None else number(t.available_pct, true),
         math.nan if t is None else number(t.used_pct, true),
     )  # fmt: skip
-
-
-def _named(flags: list[bool]) -> tuple[str, ...]:
-    return tuple(name for name, flag in zip(INPUT_NAMES, flags, strict=True) if flag)
 
 
 def _value(series: Series | None, name: str, at_us: int) -> float:
@@ -144,12 +136,6 @@ def moment(story: Story, given_s: float, *, key: str = "SECONDS", relative: bool
     )  # fmt: skip
 
 
-def _nearest_fall(story: Story, axle: int, time_us: int) -> Fall | None:
-    """The fall or rise of an axle that a moment lies in or is nearest to."""
-    own = [f for f in story.falls if f.axle == axle and _apart(f, time_us) <= NEAR_US]
-    return min(own, key=lambda f: _apart(f, time_us), default=None)
-
-
 def _apart(f: Fall, time_us: int) -> int:
     return max(f.begin_us - time_us, time_us - f.end_us, 0)
 
@@ -157,7 +143,8 @@ def _apart(f: Fall, time_us: int) -> int:
 def around(story: Story, axle: int, time_us: int) -> tuple[Explanation, Explanation, Fall | None]:
     """How it was before and after what changed around a moment, and the change: a fall near to it, else the time not
     Valid that it lies in, else a second to either side."""
-    fall = _nearest_fall(story, axle, time_us)
+    near = [f for f in story.falls if f.axle == axle and _apart(f, time_us) <= NEAR_US]
+    fall = min(near, key=lambda f: _apart(f, time_us), default=None)
     runs = not_valid_runs(story.axle(axle))
     outage = next((run for run in runs if run[0].begin_us <= time_us <= run[-1].end_us), None)
     if fall is not None:

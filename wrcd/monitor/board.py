@@ -242,7 +242,7 @@ class Board:
         rect, axle, view = places.plot, self.axle, self.view
         w = view.window(self.model.now_us, rect.width)
         newest_us = view.now_us(self.model.now_us)
-        a, truth = axle.adhesion, axle.truth
+        a, truth = axle.held.adhesion, axle.held.truth
 
         def steps(times: Times, values: Numbers, of_cell: int = 1) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
             end, step_us = int(np.searchsorted(times, newest_us, side="right")), w.cell_us // of_cell
@@ -266,12 +266,10 @@ class Board:
             label = self.clock(view.cursor_us).split("  ")[0]
             x = min(max(rect.x + x - len(label) // 2, rect.x), rect.x + rect.width - len(label))
             canvas.put(x, places.scale.y, label, "cursor")
-        draw_strip(
-            canvas, places.strip, axle.history.events(w.begin_us, w.end_us, newest_us), w.begin_us, w.cell_us
-        )  # fmt: skip
+        draw_strip(canvas, places.strip, axle.history.events(w.begin_us, w.end_us, newest_us), w.begin_us, w.cell_us)
         for f in axle.history.falls(newest_us):
             if 0 <= (x := w.column((f.begin_us + f.end_us) // 2)) < rect.width:
-                canvas.put(rect.x + x, places.strip.y, "▼" if f.after_pct < f.before_pct else "▲", "title")
+                canvas.put(rect.x + x, places.strip.y, "▼" if f.is_down else "▲", "title")
         canvas.put(0, places.strip.y, "state", "label", rect.x)
 
     def _draw_scales(self, canvas: Canvas, places: PanelPlaces, w: PlotTimes, top: float) -> None:

@@ -17,6 +17,7 @@ _DTYPES = {width: np.dtype([*_FIELDS, ("data", "u1", (width,))]) for width in WI
 REMOTE, ERROR, FD = 1, 2, 4  # bits of flags, as reader.pack() sets them
 MIN_FRAMES = 1_000  # of a batch that is kept as it is: of a smaller one the arrays cost more than the frames
 FIRST_ROWS = 256
+NO_ROWS = np.zeros(0, np.int64)
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,12 +115,12 @@ class Held:
 
 
 class ColumnBuffer:
-    """Columns of equal length by name, made like empty ones; beyond max_rows the oldest rows go."""
+    """Columns of equal length by name, of the first rows' kinds; beyond max_rows the oldest rows go."""
 
-    def __init__(self, empty: Mapping[str, NDArray[Any]], max_rows: int) -> None:
+    def __init__(self, max_rows: int) -> None:
         self._max = max_rows
         self._rows = min(FIRST_ROWS, max_rows)
-        self._columns = {name: np.zeros((self._rows, *e.shape[1:]), dtype=e.dtype) for name, e in empty.items()}
+        self._columns: dict[str, NDArray[Any]] = {}
         self._begin = self._end = 0
 
     def __len__(self) -> int:
@@ -127,7 +128,7 @@ class ColumnBuffer:
 
     def __getitem__(self, name: str) -> NDArray[Any]:
         """Return a column, oldest row first: a view, to be read before the next append()."""
-        return self._columns[name][self._begin : self._end]
+        return self._columns.get(name, NO_ROWS)[self._begin : self._end]
 
     def part(self, rows: slice = slice(None)) -> dict[str, NDArray[Any]]:
         """Return all columns, or rows of them."""
@@ -140,6 +141,8 @@ class ColumnBuffer:
     def append(self, values: Mapping[str, NDArray[Any]]) -> None:
         """Take rows, every column's of the same number."""
         n = len(next(iter(values.values())))
+        if not self._columns:
+            self._columns = {name: np.zeros((self._rows, *v.shape[1:]), v.dtype) for name, v in values.items()}
         if n > self._max:
             values = {name: v[n - self._max :] for name, v in values.items()}
             n = self._max

@@ -2,9 +2,9 @@
 there go in."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,13 +17,24 @@ from wrcd.bus.reasons import Reason
 from wrcd.bus.signals import Output
 from wrcd.bus.units import Quantity
 from wrcd.core.configuration import AxleConfig, Config
-from wrcd.estimator.design import MODELS
-from wrcd.logs.decoder import INPUTS, MessageDecoder, OwnFrames
+from wrcd.logs.decoder import MessageDecoder, OwnFrames
 from wrcd.logs.mapped_inputs import MappedInputs
-from wrcd.logs.scan import PLAIN_BYTES, Frames, Scan, are_good
+from wrcd.logs.scan import NO_FRAMES, PLAIN_BYTES, Frames, Scan, are_good
 from wrcd.logs.statistics import BIT_RATE, bits
 from wrcd.logs.story_events import STALE_AFTER
-from wrcd.logs.story_records import AdhesionRecord, Detail, HealthRecord, Series, Times, TruthRecord, newest
+from wrcd.logs.story_records import (
+    AdhesionRecord,
+    BusStatistics,
+    Detail,
+    HealthRecord,
+    Record,
+    Series,
+    Story,
+    StoryAxle,
+    Times,
+    TruthRecord,
+    newest,
+)
 from wrcd.logs.truth import truth, truths
 from wrcd.monitor.buffers import ERROR, FD, REMOTE, Batch, ColumnBuffer, Held
 from wrcd.monitor.history import History
@@ -45,27 +56,17 @@ UNITS: Mapping[Quantity, tuple[str, float]] = {
     Quantity.BRAKE_TORQUE: ("kN m", 1e-3), Quantity.SPEED: ("km/h", 3.6), Quantity.AXLE_LOAD: ("kN", 1e-3),
     Quantity.WHEEL_RADIUS: ("mm", 1e3), Quantity.DIRECTION: ("", 1.0),
 }  # fmt: skip
-_TIMES, _F, _P, _B = (np.zeros(0, dtype=d) for d in (np.int64, np.float32, np.int8, np.bool_))
-_ADHESION = {**dict.fromkeys(AdhesionRecord.__slots__, _F), "time_us": _TIMES,
-             **dict.fromkeys(("validity", "confidence", "contact", "surface"), _P)}  # fmt: skip
-_DETAIL = {
-    "time_us": _TIMES, "residual_db": np.zeros((0, MODELS), np.float32), "winner": _P, "rule": np.zeros(0, np.int16),
-    "cause": _P, "stale": np.zeros((0, len(INPUTS)), np.bool_),
-}  # fmt: skip
-_HEALTH = {
-    "time_us": _TIMES, "reach": np.zeros((0, len(INPUTS)), np.uint8), "refused": np.zeros((0, len(INPUTS)), np.int8),
-    "plausibility": _P, "outlier": _B, "unchanged": _B,
-}  # fmt: skip
-_TRUTH = {**dict.fromkeys(TruthRecord.__slots__, _F), "time_us": _TIMES}
+AROUND_STORY_US = 120_000_000  # before and after a moment: of what is held, that goes into a story
+SomeRecord = TypeVar("SomeRecord", bound=Record)
+_TIMES, _NUMBERS, _PLACES = np.zeros(0, np.int64), np.zeros(0, np.float32), np.zeros(0, np.int8)
+NO_ADHESION = AdhesionRecord(
+    _TIMES, _PLACES, _NUMBERS, _NUMBERS, _NUMBERS, _NUMBERS, _PLACES, _PLACES, _PLACES, _NUMBERS
+)
+NO_BUS = BusStatistics((), _TIMES, _NUMBERS, _NUMBERS, 0, _TIMES)
 
 
 def _rows(hold_us: int, cycle_us: int) -> int:
     return hold_us // max(cycle_us, 1_000) * 5 // 4 + 100
-
-
-def columns(record: AdhesionRecord | Detail | HealthRecord | TruthRecord | Frames) -> dict[str, NDArray[Any]]:
-    """Return a record's columns by name."""
-    return {name: getattr(record, name) for name in record.__slots__}
 
 
 class WatchedMessage:
@@ -77,9 +78,8 @@ class WatchedMessage:
         self._length, self._flags = frame_length(message), FD if is_fd(message) else 0
         self._width = max(self._length, PLAIN_BYTES)
         cycle_us = cycle_us or round(1000 * (cycle_ms(message) or 0)) or DEFAULT_CYCLE_US
-        empty = {"time_us": _TIMES, "lengths": np.zeros(0, np.uint8), "data": np.zeros((0, self._width), np.uint8)}
-        self._good = ColumnBuffer(empty, _rows(hold_us, cycle_us))
-        self._refused = ColumnBuffer({"time_us": _TIMES, "reason": _P}, MAX_REFUSED)
+        self._good = ColumnBuffer(_rows(hold_us, cycle_us))
+        self._refused = ColumnBuffer(MAX_REFUSED)
         self.refusals = 0  # all of them
 
     def take(self, frames: Frames, flags: NDArray[np.uint8]) -> Frames:
@@ -93,16 +93,18 @@ class WatchedMessage:
         if bad.any():
             self.refusals += int(bad.sum())
             self._refused.append({"time_us": frames.time_us[bad], "reason": reasons[bad]})
-            frames = frames.only(~bad)
+            frames = frames.part(~bad)
         data = frames.data[:, : self._width]
         if data.shape[1] < self._width:
             data = np.pad(data, ((0, 0), (0, self._width - data.shape[1])))
         frames = Frames(frames.time_us, frames.lengths, data)
-        self._good.append(columns(frames))
+        self._good.append(frames.columns())
         return frames
 
     def within(self, begin_us: int, end_us: int) -> Frames:
         """Return good frames from a time to another."""
+        if not len(self._good):
+            return NO_FRAMES
         return Frames(**self._good.part(slice(*np.searchsorted(self._good["time_us"], (begin_us, end_us + 1)))))
 
     def rate_hz(self, at_us: int) -> float:
@@ -138,8 +140,7 @@ class BusLoad:
     def __init__(self, bit_rate: int, hold_us: int) -> None:
         self.bit_rate = bit_rate
         self.frames = self.errors = 0  # all of them
-        empty = {"time_us": _TIMES, "frames": np.zeros(0, np.int32), "bits": _F, "errors": np.zeros(0, np.int32)}
-        self._bins = ColumnBuffer(empty, hold_us // BIN_US * 3)  # a tenth that a batch's end cuts has two rows
+        self._bins = ColumnBuffer(hold_us // BIN_US * 3)  # a tenth that a batch's end cuts has two rows
 
     def take(self, batch: Batch, times: Times) -> None:
         """Count frames; times never step back."""
@@ -170,7 +171,7 @@ class DaemonMessage:
 
     def __init__(self, decoder: MessageDecoder) -> None:
         self.name, self._limit_us = decoder.name, STALE_AFTER * decoder.cycle_us
-        self._values = ColumnBuffer({"time_us": _TIMES, **dict.fromkeys(decoder.names, np.zeros(0))}, 4000)
+        self._values = ColumnBuffer(4000)
 
     def take(self, series: Series) -> None:
         """Take frames."""
@@ -187,23 +188,23 @@ class DaemonMessage:
     def until(self, at_us: int) -> Series:
         """Return all up to a time."""
         end = int(np.searchsorted(self._values["time_us"], at_us, side="right"))
-        return Series(values=(found := self._values.part(slice(end))), time_us=found.pop("time_us"))
+        return Series(values=(found := self._values.part(slice(end))), time_us=found.pop("time_us", _TIMES))
 
 
 class AxleModel:
-    """What frames contain of one wheelset: its columns, at most hold_us of them, and its history."""
+    """What frames contain of one wheelset: a StoryAxle that grows, at most hold_us of it, and its history."""
 
     def __init__(self, config: AxleConfig, hold_us: int) -> None:
         self.number = config.number
         self.cycle_us = config.adhesion.cycle_us
-        self.has_detail, self.has_health = config.detail is not None, config.inputs is not None
-        detail_us = config.detail.cycle_us if config.detail else hold_us
-        health_us = self.health_cycle_us = config.inputs.cycle_us if config.inputs else hold_us
-        self._adhesion = ColumnBuffer(_ADHESION, _rows(hold_us, self.cycle_us))
-        self._detail = ColumnBuffer(_DETAIL, _rows(hold_us, detail_us))
-        self._health = ColumnBuffer(_HEALTH, _rows(hold_us, health_us))
-        self._truth = ColumnBuffer(_TRUTH, _rows(hold_us, TRUTH_CYCLE_US))
-        self.history = History(self.number, self.cycle_us)
+        self.has_detail = config.detail is not None
+        self.health_cycle_us = config.inputs.cycle_us if config.inputs else hold_us
+        cycles_us: dict[type[Record], int] = {
+            AdhesionRecord: self.cycle_us, Detail: config.detail.cycle_us if config.detail else hold_us,
+            HealthRecord: self.health_cycle_us, TruthRecord: TRUTH_CYCLE_US,
+        }  # fmt: skip
+        self._buffers = {kind: ColumnBuffer(_rows(hold_us, cycle_us)) for kind, cycle_us in cycles_us.items()}
+        self.history = History(self.cycle_us)
         self.has_come = False  # an input of its own, or an Adhesion frame that is not NotAvailable
 
     def take(self, own: OwnFrames, frames: Scan) -> None:
@@ -211,39 +212,30 @@ class AxleModel:
         adhesion = own.adhesion(frames, self.number)
         if adhesion is not None:
             self.has_come |= bool((adhesion.validity != 0).any())
-        found = (adhesion, own.detail(frames, self.number), own.health(frames, self.number))
-        for buffer, record in zip((self._adhesion, self._detail, self._health), found, strict=True):
+        for record in (adhesion, own.detail(frames, self.number), own.health(frames, self.number)):
             if record is not None:
-                buffer.append(columns(record))
+                self.append(record)
+
+    def append(self, record: Record) -> None:
+        """Take newer rows of a record."""
+        self._buffers[type(record)].append(record.columns())
 
     def clear(self) -> None:
         """Forget the daemon's frames."""
-        for buffer in (self._adhesion, self._detail, self._health):
-            buffer.clear()
-
-    def take_truth(self, found: TruthRecord) -> None:
-        """Take what the rig tells."""
-        self._truth.append(columns(found))
+        for kind in (AdhesionRecord, Detail, HealthRecord):
+            self._buffers[kind].clear()
 
     @property
-    def adhesion(self) -> AdhesionRecord:
-        """Columns as they are now; views, to be read before the next frames are taken."""
-        return AdhesionRecord(**self._adhesion.part())
+    def held(self) -> StoryAxle:
+        """Return what is held, without events: views, to be read before the next frames are taken."""
+        adhesion = self._record(AdhesionRecord) or NO_ADHESION
+        return StoryAxle(
+            self.number, adhesion, self._record(Detail), self._record(HealthRecord), self._record(TruthRecord), ()
+        )
 
-    @property
-    def detail(self) -> Detail | None:
-        """Likewise; None where there is no such frame."""
-        return Detail(**self._detail.part()) if len(self._detail) else None
-
-    @property
-    def health(self) -> HealthRecord | None:
-        """Likewise."""
-        return HealthRecord(**self._health.part()) if len(self._health) else None
-
-    @property
-    def truth(self) -> TruthRecord | None:
-        """Likewise."""
-        return TruthRecord(**self._truth.part()) if len(self._truth) else None
+    def _record(self, kind: type[SomeRecord]) -> SomeRecord | None:
+        buffer = self._buffers[kind]
+        return kind(**buffer.part()) if len(buffer) else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -345,7 +337,7 @@ class BusModel:
         self._looked_us = self.now_us
         for place, axle in enumerate(self.axles):
             axle.has_come = axle.has_come or self.inputs.any_frame(frames, place)
-            axle.history.update(axle.adhesion, axle.detail, axle.health, self.now_us)
+            axle.history.update(axle.held, self.now_us)
 
     def _times(self, stamps: NDArray[np.int64]) -> NDArray[np.int64]:
         """Return the monitor's own time: the stamps, and a step of the clock back is no step."""
@@ -378,7 +370,7 @@ class BusModel:
             if not self.is_estimated:
                 axle.take(self._own, found)
             if (true := truth(found, self._truths.get(axle.number))) is not None:
-                axle.take_truth(true)
+                axle.append(true)
                 self.has_truth = True
 
     def inputs_within(self, begin_us: int, end_us: int) -> Scan:
@@ -389,7 +381,7 @@ class BusModel:
 
     def inputs_at(self, axle: AxleModel, at_us: int) -> list[InputNow]:
         """Return an axle's inputs at a time, the vehicle's among them."""
-        health, place, out = axle.health, self.axles.index(axle), []
+        health, place, out = axle.held.health, self.axles.index(axle), []
         row = None if health is None else newest(health.time_us, at_us, STALE_AFTER * axle.health_cycle_us)
         recent = self.inputs_within(at_us - MAX_AGE_US, at_us)
         for i in self.config.inputs:
@@ -414,6 +406,19 @@ class BusModel:
                 )
             )  # fmt: skip
         return out
+
+    def story(self, axle: AxleModel, at_us: int) -> Story:
+        """Return what is held of an axle around a time, as the story of a log."""
+        begin_us, end_us = at_us - AROUND_STORY_US, at_us + AROUND_STORY_US
+        near = axle.history.events(begin_us, end_us) or axle.history.events()
+        falls = tuple(f for f in axle.history.falls() if begin_us < f.end_us < end_us)
+        frames = self.inputs_within(begin_us, end_us)
+        torque = self.inputs.torque(frames, self.axles.index(axle))
+        return Story(
+            frames.log, "", self.source, self.begin_us or 0, self.now_us, (replace(axle.held, events=tuple(near)),),
+            self.inputs.speed(frames), None, {} if torque is None else {axle.number: torque}, None, None, None, NO_BUS,
+            falls, (), (), self.config,
+        )  # fmt: skip
 
     def damaged(self, axle: AxleModel, at_us: int) -> int:
         """Return how many of the daemon's frames about an axle were refused here in the second before a time."""

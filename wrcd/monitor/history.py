@@ -1,44 +1,24 @@
-"""An axle's history while it grows: states of Validity, falls and rises of adhesion, and why it is what it is. What is
-settled is kept; the rest is found again from the newest columns (wrcd/logs/story_events.py, falls.py, why.py)."""
+"""An axle's history while it grows: states of Validity, falls and rises of adhesion. What is
+settled is kept; the rest is found again from the newest columns (wrcd/logs/story_events.py)."""
 
 import math
 from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from wrcd.core.causes import Validity
-from wrcd.logs import story_events as log_events
-from wrcd.logs import why as log_why
-from wrcd.logs.story_events import NO_FRAME
-from wrcd.logs.story_records import (
-    AdhesionRecord,
-    BusStatistics,
-    Detail,
-    Event,
-    Fall,
-    HealthRecord,
-    Story,
-    StoryAxle,
-    newest,
-)
-
-if TYPE_CHECKING:
-    from wrcd.monitor.bus_model import AxleModel, BusModel
+from wrcd.logs.story_events import NO_FRAME, falls_of, of_frames
+from wrcd.logs.story_records import Event, Fall, StoryAxle
 
 OPEN_US = 1_000_000  # an event may change for so long after it began: its Detail frame is still to come
-DETAIL_US = 400_000  # a Detail frame older than this says nothing of a moment
 MAX_EVENTS = 20_000  # of an axle, kept
 SETTLED_US = 15_000_000  # a fall that ended so long ago is not looked at again
 BACK_US = 30_000_000  # looked at each time: the level before, and what is not settled
 EVERY_US = 1_000_000  # falls are looked for so often
 NEAR_US = 300_000  # a change of Validity so near to a fall is shown with it
-AROUND_US = 1_000_000  # before and after that residuals are shown beside a moment
-AROUND_STORY_US = 120_000_000  # of what is held, that goes into a story
 NO_VALUE = "–"
-Line = tuple[str, str]  # a text and its style
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,17 +30,11 @@ class Happening:
     is_fall: bool
 
 
-def _since(
-    record: AdhesionRecord | Detail, first: int
-) -> dict[str, "np.ndarray[tuple[int, ...], np.dtype[np.generic]]"]:
-    return {name: getattr(record, name)[first:] for name in record.__slots__}
-
-
 class History:
     """Of one axle, brought up to date with its columns."""
 
-    def __init__(self, axle: int, cycle_us: int) -> None:
-        self._axle, self._cycle_us = axle, cycle_us
+    def __init__(self, cycle_us: int) -> None:
+        self._cycle_us = cycle_us
         self._events: list[Event] = []  # without a gap between them
         self._open = 0  # events from this one on may change
         self._open_us: int | None = None  # rows from here on may change them
@@ -68,24 +42,22 @@ class History:
         self._falls: tuple[Fall, ...] = ()
         self._looked_us: int | None = None  # up to there all falls have been found
 
-    def update(self, adhesion: AdhesionRecord, detail: Detail | None, health: HealthRecord | None, now_us: int) -> None:
+    def update(self, axle: StoryAxle, now_us: int) -> None:
         """Take new rows. now_us: until when everything that came is among them."""
-        if not len(adhesion.time_us):
+        if not len(axle.adhesion):
             return
-        self._update_events(adhesion, detail, health, now_us)
-        newest_us = int(adhesion.time_us[-1])
+        self._update_events(axle, now_us)
+        newest_us = int(axle.adhesion.time_us[-1])
         if self._looked_us is None or newest_us // EVERY_US != self._looked_us // EVERY_US:
-            self._update_falls(adhesion, newest_us)
+            self._update_falls(axle, newest_us)
 
-    def _update_events(
-        self, adhesion: AdhesionRecord, detail: Detail | None, health: HealthRecord | None, now_us: int
-    ) -> None:
-        times = adhesion.time_us
+    def _update_events(self, axle: StoryAxle, now_us: int) -> None:
+        times, detail = axle.adhesion.time_us, axle.detail
         first = 0 if self._open_us is None else max(int(np.searchsorted(times, self._open_us, side="right")) - 1, 0)
-        part, begin_us = AdhesionRecord(**_since(adhesion, first)), int(times[first])  # type: ignore[arg-type]
+        part, begin_us = axle.adhesion.part(slice(first, None)), int(times[first])
         if detail is not None:
-            detail = Detail(**_since(detail, int(np.searchsorted(detail.time_us, begin_us))))  # type: ignore[arg-type]
-        found = list(log_events.of_frames(self._axle, part, detail, health, self._cycle_us, begin_us, now_us))
+            detail = detail.part(slice(np.searchsorted(detail.time_us, begin_us), None))
+        found = list(of_frames(axle.number, part, detail, axle.health, self._cycle_us, begin_us, now_us))
         del self._events[self._open :]
         if self._events and found and (last := self._events[-1]).end_us >= found[0].begin_us > last.begin_us:
             same = found[0].validity is last.validity and (found[0].cause is last.cause or not found[0].cause)
@@ -108,12 +80,11 @@ class History:
             del self._events[:gone]
             self._open -= gone
 
-    def _update_falls(self, adhesion: AdhesionRecord, now_us: int) -> None:
-        times = adhesion.time_us
+    def _update_falls(self, axle: StoryAxle, now_us: int) -> None:
+        times = axle.adhesion.time_us
         after_us = self._settled[-1].end_us if self._settled else int(times[0])
         begin_us = after_us if self._looked_us is None else max(after_us, self._looked_us - BACK_US)
-        part = AdhesionRecord(**_since(adhesion, int(np.searchsorted(times, begin_us))))  # type: ignore[arg-type]
-        found = log_events.falls_of(StoryAxle(self._axle, part, None, None, None, ()))
+        found = falls_of(replace(axle, adhesion=axle.adhesion.part(slice(np.searchsorted(times, begin_us), None))))
         done = [f for f in found if f.end_us < now_us - SETTLED_US]
         self._settled += done
         self._looked_us = now_us
@@ -128,26 +99,24 @@ class History:
         limits = [t for t in (end_us, until_us) if t is not None]
         first = max(bisect_right(self._events, begin_us, key=lambda e: e.begin_us) - 1, 0)
         end = bisect_right(self._events, min(limits), key=lambda e: e.begin_us) if limits else len(self._events)
+        return [e for e in self._part(first, end, until_us) if e.end_us >= begin_us]
+
+    def _part(self, first: int, end: int, until_us: int | None) -> list[Event]:
         found = self._events[first:end]
         if found and until_us is not None and found[-1].end_us > until_us:
             found[-1] = replace(found[-1], end_us=until_us)
-        return [e for e in found if e.end_us >= begin_us]
+        return found
 
     def at(self, at_us: int, until_us: int | None = None) -> Event | None:
         """Return the event that a time is in, or the last before it."""
         end = bisect_right(self._events, at_us, key=lambda e: e.begin_us)
-        if not end:
-            return None
-        e = self._events[end - 1]
-        return e if until_us is None or e.end_us <= until_us else replace(e, end_us=until_us)
+        return self._part(end - 1, end, until_us)[0] if end else None
 
     def happenings(self, until_us: int | None = None, most: int | None = None) -> list[Happening]:
         """Return what happened up to a time, in order. most: of so many of the newest events alone."""
         end = len(self._events) if until_us is None else bisect_right(self._events, until_us, key=lambda e: e.begin_us)
         first = 0 if most is None else max(end - most, 0)
-        part = self._events[first:end]
-        if part and until_us is not None and part[-1].end_us > until_us:
-            part[-1] = replace(part[-1], end_us=until_us)
+        part = self._part(first, end, until_us)
         return happenings([f for f in self.falls(until_us) if not first or f.begin_us >= part[0].begin_us], part)
 
 
@@ -163,8 +132,7 @@ def happenings(fell: Sequence[Fall], events: Sequence[Event]) -> list[Happening]
         elif e.cause or e.detail == NO_FRAME:
             with_it[near].append(event_text(e))
     for f, texts in zip(fell, with_it, strict=True):
-        verb = "fell" if f.after_pct < f.before_pct else "rose"
-        text = f"available {verb} from {f.before_pct:.1f} to {f.after_pct:.1f} %"
+        text = f"available {f.verb} from {f.before_pct:.1f} to {f.after_pct:.1f} %"
         out.append(Happening((f.begin_us + f.end_us) // 2, "; ".join((text, *texts)), True))
     return sorted(out, key=lambda h: h.time_us)
 
@@ -197,55 +165,6 @@ def first_of_interest(history: History) -> int | None:
     events = history.events()
     valid = next((k for k, e in enumerate(events) if e.validity is Validity.VALID), len(events))
     return events[valid + 1].begin_us if valid + 1 < len(events) else None
-
-
-def story(model: "BusModel", axle: "AxleModel", at_us: int) -> Story:
-    """Return what is held of an axle around a time, as the story of a log."""
-    begin_us, end_us = at_us - AROUND_STORY_US, at_us + AROUND_STORY_US
-    near = axle.history.events(begin_us, end_us) or axle.history.events()
-    falls = tuple(f for f in axle.history.falls() if begin_us < f.end_us < end_us)
-    record = StoryAxle(axle.number, axle.adhesion, axle.detail, axle.health, axle.truth, tuple(near))
-    frames = model.inputs_within(begin_us, end_us)
-    torque = model.inputs.torque(frames, model.axles.index(axle))
-    none = np.zeros(0, np.float32)
-    bus = BusStatistics((), np.zeros(0, np.int64), none, none, 0, np.zeros(0, np.int64))
-    return Story(
-        frames.log, "", model.source, model.begin_us or 0, model.now_us, (record,), model.inputs.speed(frames), None,
-        {} if torque is None else {axle.number: torque}, None, None, None, bus, falls, (), (), model.config,
-    )  # fmt: skip
-
-
-def why(model: "BusModel", axle: "AxleModel", at_us: int, width: int) -> list[Line]:
-    """Return what `wrcd why` says of an axle, and the residuals around."""
-    if not len(axle.adhesion.time_us):
-        return [("no Adhesion frame has come of it", "bad")]
-    held = story(model, axle, at_us)
-    at_us = max(held.begin_us, min(at_us, held.end_us))
-    head, *rest = log_why.answer(held, axle.number, at_us, width)
-    return [(head, "title"), *((text, "plain") for text in rest), ("", "plain"), *_residuals(model, axle, at_us)]
-
-
-def _residuals(model: "BusModel", axle: "AxleModel", at_us: int) -> list[Line]:
-    detail, names = axle.detail, model.config.design.model_names
-    times = [at_us - AROUND_US, at_us, min(at_us + AROUND_US, model.now_us)]
-    rows = [None if detail is None else newest(detail.time_us, t, DETAIL_US) for t in times]
-    if detail is None or rows[1] is None:
-        text = "no AdhesionDetail frame near that time" if axle.has_detail else "this train sends no AdhesionDetail"
-        return [(f"{text}: model, rule and residuals are not known", "dim")]
-    width = max(map(len, names)) + 4
-    heads = ("a second before", "then", "a second after")
-    out: list[Line] = [("residuals in dB".ljust(width) + "".join(f"{h:>17}" for h in heads), "label")]
-    for m, name in enumerate(names):
-        text = f"{m + 1} {name}".ljust(width)
-        for k in rows:
-            value = math.nan if k is None else float(detail.residual_db[k, m])
-            wins = k is not None and int(detail.winner[k]) == m + 1
-            text += f"{(f'{value:+.1f}' if math.isfinite(value) else NO_VALUE) + (' wins' if wins else ''):>17}"
-        out.append((text, "selected" if int(detail.winner[rows[1]]) == m + 1 else "plain"))
-    a = axle.adhesion
-    at = [newest(a.time_us, t, DETAIL_US) for t in times]
-    values = [percent(math.nan if k is None else float(a.available_pct[k])) for k in at]
-    return [*out, ("available".ljust(width) + "".join(f"{v:>17}" for v in values), "available")]
 
 
 def percent(value: float) -> str:

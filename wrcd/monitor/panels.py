@@ -1,4 +1,4 @@
-"""The parts of the screen beside the plot, drawn on a canvas."""
+"""The parts of the screen beside the plot, drawn on a canvas, and the page that tells why."""
 
 import math
 from collections.abc import Sequence
@@ -12,17 +12,18 @@ from wrcd.core.vocabulary import words_of
 from wrcd.logs.statistics import added
 from wrcd.logs.story_events import STALE_AFTER
 from wrcd.logs.story_records import Event, newest
-from wrcd.logs.why import CONTACTS, SURFACES
+from wrcd.logs.why import CONTACTS, SURFACES, answer
 from wrcd.monitor.bus_model import AxleModel, BusModel, InputNow
 from wrcd.monitor.canvas import Canvas, Rect
-from wrcd.monitor.history import DETAIL_US, NO_VALUE, duration, percent, state_name
+from wrcd.monitor.history import NO_VALUE, duration, percent, state_name
 
 # A state has its sign and its word; its style comes on top.
 STATES = {
     Validity.VALID.value: ("●", "good"), Validity.DEGRADED.value: ("◐", "warn"),
     Validity.NOT_AVAILABLE.value: ("○", "bad"), "Silent": ("·", "bad"),
 }  # fmt: skip
-TRUTH_US = 200_000  # a frame of the truth older than this says nothing of a moment
+DETAIL_US, TRUTH_US = 400_000, 200_000  # a frame of them older than this says nothing of a moment
+AROUND_US = 1_000_000  # before and after that residuals are shown beside a moment
 FULL_PCT = 90.0  # from such a load on frames of low priority wait
 SHORT = {"lateral_acceleration": "lat. accel.", "wheel_radius": "radius"}
 STATUS, REJECTS, LINK = "status_message", "rejects_message", "link_message"
@@ -79,7 +80,7 @@ class DaemonNow:
 def axle_at(model: BusModel, axle: AxleModel, at_us: int, until_us: int | None = None) -> AxleNow:
     """Return what an axle's frames say at a time; a frame that is too old says nothing. until_us: of what is known
     then."""
-    a, truth = axle.adhesion, axle.truth
+    a, truth = axle.held.adhesion, axle.held.truth
     k = newest(a.time_us, at_us, STALE_AFTER * axle.cycle_us)
     t = None if truth is None else newest(truth.time_us, at_us, TRUTH_US)
     columns = (a.available_pct, a.low_pct, a.high_pct, a.used_pct)
@@ -157,7 +158,9 @@ def _damaged_adhesion(model: BusModel) -> int:
 
 def silence(model: BusModel, at_us: int) -> str | None:
     """Return what to say of a daemon that sends no Adhesion frame; None of one that does."""
-    latest = [int(t[k - 1]) for a in model.axles if (k := np.searchsorted(t := a.adhesion.time_us, at_us, "right"))]
+    latest = [
+        int(t[k - 1]) for a in model.axles if (k := np.searchsorted(t := a.held.adhesion.time_us, at_us, "right"))
+    ]
     if not latest:
         since = "" if model.begin_us is None else f" in {max(at_us - model.begin_us, 0) / 1e6:.1f} s"
         refused = _damaged_adhesion(model)
@@ -243,7 +246,7 @@ def _why_short(now: AxleNow, wide: bool) -> str:
 
 def draw_residuals(canvas: Canvas, rect: Rect, axle: AxleModel, names: Sequence[str], at_us: int) -> None:
     """Draw a line a model: its residual, the winner, a bar."""
-    detail = axle.detail
+    detail = axle.held.detail
     k = None if detail is None else newest(detail.time_us, at_us, DETAIL_US)
     if detail is None or k is None:
         text = "no AdhesionDetail frame" if axle.has_detail else "this train has no message for them"
@@ -263,6 +266,38 @@ def draw_residuals(canvas: Canvas, rect: Rect, axle: AxleModel, names: Sequence[
         rows.append([(f"{m + 1} {name}", style), (f"{text:>6}", style), ("wins" if wins else "", "selected"),
                      ("▬" * length, "dim")])  # fmt: skip
     draw_table(canvas, rect, [("residuals, dB", name_width + 3), ("", 7), ("", 5), ("", 0)], rows)
+
+
+def why(model: BusModel, axle: AxleModel, at_us: int, width: int) -> list[Cell]:
+    """Return what `wrcd why` says of an axle, and the residuals around."""
+    if not len(axle.held.adhesion):
+        return [("no Adhesion frame has come of it", "bad")]
+    story = model.story(axle, at_us)
+    at_us = max(story.begin_us, min(at_us, story.end_us))
+    head, *rest = answer(story, axle.number, at_us, width)
+    return [(head, "title"), *((text, "plain") for text in rest), ("", "plain"), *_residuals(model, axle, at_us)]
+
+
+def _residuals(model: BusModel, axle: AxleModel, at_us: int) -> list[Cell]:
+    a, detail, names = axle.held.adhesion, axle.held.detail, model.config.design.model_names
+    times = [at_us - AROUND_US, at_us, min(at_us + AROUND_US, model.now_us)]
+    rows = [None if detail is None else newest(detail.time_us, t, DETAIL_US) for t in times]
+    if detail is None or rows[1] is None:
+        text = "no AdhesionDetail frame near that time" if axle.has_detail else "this train sends no AdhesionDetail"
+        return [(f"{text}: model, rule and residuals are not known", "dim")]
+    width = max(map(len, names)) + 4
+    heads = ("a second before", "then", "a second after")
+    out: list[Cell] = [("residuals in dB".ljust(width) + "".join(f"{h:>17}" for h in heads), "label")]
+    for m, name in enumerate(names):
+        text = f"{m + 1} {name}".ljust(width)
+        for k in rows:
+            value = math.nan if k is None else float(detail.residual_db[k, m])
+            wins = k is not None and int(detail.winner[k]) == m + 1
+            text += f"{(f'{value:+.1f}' if math.isfinite(value) else NO_VALUE) + (' wins' if wins else ''):>17}"
+        out.append((text, "selected" if int(detail.winner[rows[1]]) == m + 1 else "plain"))
+    at = [newest(a.time_us, t, DETAIL_US) for t in times]
+    values = [percent(math.nan if k is None else float(a.available_pct[k])) for k in at]
+    return [*out, ("available".ljust(width) + "".join(f"{v:>17}" for v in values), "available")]
 
 
 def draw_inputs(canvas: Canvas, rect: Rect, inputs: Sequence[InputNow]) -> None:

@@ -17,7 +17,8 @@ from wrcd.monitor.board import Board, ScreenView
 from wrcd.monitor.buffers import Batch
 from wrcd.monitor.bus_model import BusModel
 from wrcd.monitor.canvas import SPANS_S
-from wrcd.monitor.history import Line, first_of_interest, why
+from wrcd.monitor.history import first_of_interest
+from wrcd.monitor.panels import Cell, why
 from wrcd.monitor.sources import FrameSource
 from wrcd.monitor.widgets import GROUNDS, NAMES, CanvasWidget, TextPage, palette
 
@@ -230,7 +231,7 @@ class Monitor(App[None]):
     def action_events(self) -> None:
         """All events."""
         found = self.board.happenings()[-MAX_EVENTS:]
-        lines: list[Line] = [
+        lines: list[Cell] = [
             (f"{self.board.seconds(h.time_us):10.2f} s  {h.text}", "plain" if h.is_fall else "dim")
             for h in reversed(found)
         ]  # fmt: skip
@@ -243,7 +244,7 @@ class Monitor(App[None]):
             *((f"{sign:<15} {what}", "dim") for sign, what in SIGNS),
         ])  # fmt: skip
 
-    def _page(self, title: str, lines: list[Line]) -> None:
+    def _page(self, title: str, lines: list[Cell]) -> None:
         ground = GROUNDS.get(self.colours, "ansi_default")
         self.push_screen(TextPage(title, lines, palette(self.colours), ground))
 

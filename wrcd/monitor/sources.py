@@ -198,7 +198,7 @@ def model_of_log(
         for batch in _batches(reader.in_order()):
             model.take(batch, 0)
     model.source, warnings = SENT, reader.warnings
-    if not any(len(a.adhesion.time_us) for a in model.axles):
+    if not any(len(a.held.adhesion) for a in model.axles):
         model.source = ESTIMATED
         model.take_estimated(estimate(log, config, channel).sent)
         warnings.insert(0, "the log has no frame of a daemon: estimated here")

@@ -16,7 +16,7 @@ from textual.widget import Widget
 from textual.widgets import Static
 
 from wrcd.monitor.canvas import STYLES, Canvas
-from wrcd.monitor.history import Line
+from wrcd.monitor.panels import Cell
 
 # The terminal's own colours are readable on its own ground, be it dark or light; yellow is not on white.
 _TERMINAL = {
@@ -107,7 +107,7 @@ class TextPage(ModalScreen[None]):
     """
     BINDINGS = [Binding(key, "dismiss", show=False) for key in ("escape", "q", "w", "enter", "question_mark", "h", "e")]
 
-    def __init__(self, title: str, lines: Sequence[Line], styles: Mapping[int, Style], ground: str) -> None:
+    def __init__(self, title: str, lines: Sequence[Cell], styles: Mapping[int, Style], ground: str) -> None:
         super().__init__()
         self._ground = ground
         self._title, self._lines, self._styles = title, lines, styles

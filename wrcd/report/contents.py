@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from wrcd.bus.frame import EXTENDED
+from wrcd.bus.frame import id_text
 from wrcd.config.describe import order
 from wrcd.core.causes import Validity
 from wrcd.logs.log_comparison import compare
@@ -178,11 +178,10 @@ def bus(story: Story) -> PageFigures:
     """Return every id of the bus."""
     rows = []
     for m in sorted(story.bus.messages, key=lambda m: m.key):
-        identifier = f"0x{m.key - EXTENDED:08X}" if m.key & EXTENDED else f"0x{m.key:03X}"
         begin = (m.longest_gap_at_us - story.begin_us) / 1e6
         gap = not math.isnan(m.longest_gap_ms)
         rows.append((
-            CodeCell(identifier), m.name or "unknown", m.role, m.frames, f"{m.mean_hz:.2f}",
+            CodeCell(id_text(m.key)), m.name or "unknown", m.role, m.frames, f"{m.mean_hz:.2f}",
             "" if math.isnan(m.cycle_ms) else f"{m.cycle_ms:g}", f"{m.longest_gap_ms:.1f}" if gap else "",
             GoThere(f"{begin:.2f} s", 0, begin, begin + m.longest_gap_ms / 1e3) if gap else "",
             "not looked at" if m.wrong_e2e < 0 else f"{m.wrong_e2e} wrong" if m.wrong_e2e else "all right",

@@ -1,7 +1,7 @@
 """`wrcd plot`: a log in one picture, an axle below the other. Drawn with matplotlib (extra report)."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, TypeVar
@@ -218,7 +218,7 @@ def broken(frames: SomeFrames, cycle_us: int) -> SomeFrames:
     at = np.flatnonzero(np.diff(frames.time_us) > STALE_AFTER * cycle_us) + 1
     if not len(at):
         return frames
-    columns = {f.name: getattr(frames, f.name) for f in fields(frames)}
+    columns = frames.columns()
     nothing = {name: np.nan if c.dtype.kind == "f" else 0 if c.dtype.kind == "b" else -1 for name, c in columns.items()}
     made = {name: np.insert(c, at, nothing[name], axis=0) for name, c in columns.items()}
     made["time_us"] = np.insert(frames.time_us, at, frames.time_us[at - 1] + STALE_AFTER * cycle_us)

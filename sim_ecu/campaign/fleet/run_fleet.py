@@ -17,8 +17,7 @@ from sim_ecu.jobs.job import Ending
 from sim_ecu.jobs.pool import RESUMES, Workers
 from sim_ecu.jobs.store import save
 from wrcd.config.config import load_config
-from wrcd.errors import Status, create
-from wrcd.logs.replay_outputs import need
+from wrcd.errors import Status, create, need
 from wrcd.logs.story import gather
 from wrcd.progress import Progress
 from wrcd.report.report_page import write

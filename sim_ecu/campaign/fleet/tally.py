@@ -16,9 +16,8 @@ from wrcd.bus.frame import Frame
 from wrcd.bus.units import Quantity
 from wrcd.core.causes import Cause, Validity
 from wrcd.core.configuration import Config
-from wrcd.core.core import Core
+from wrcd.core.core import Core, Observer
 from wrcd.core.vocabulary import MESSAGES, SURFACES, Words
-from wrcd.estimator.records import Estimate, StepResult, Ticks
 from wrcd.logs.decoder import MessageDecoder
 
 STEP_M, STEP_S = 100.0, 10.0
@@ -170,7 +169,7 @@ class Speed:
         self._stamps_us, self._values = self._stamps_us[old:], self._values[old:]
 
 
-class Tally:
+class Tally(Observer):
     """An observer of a core that replays a log."""
 
     def __init__(self, config: Config) -> None:
@@ -197,15 +196,6 @@ class Tally:
         self.taken += 1
         if samples:
             self.refusals.accepted[self._messages[samples[0].source]] += 1
-
-    def stepped(self, ticks: Ticks, first: int, result: StepResult) -> None:
-        """Keep nothing: what comes of it is in the frames."""
-
-    def was_reset(self, axle: int) -> None:
-        """Keep nothing."""
-
-    def estimated(self, tick: int, estimate: Estimate) -> None:
-        """Keep nothing."""
 
     def sent(self, core: Core, frame: Frame, cause: Cause) -> None:
         """Take a frame that the core made, its stamp in the time that goes on."""

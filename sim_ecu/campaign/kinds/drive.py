@@ -21,12 +21,13 @@ from sim_ecu.jobs.job import Job, Scalar
 from sim_ecu.loop import IDEAL
 from sim_ecu.loop.control.adhesion_consumer import Facts
 from sim_ecu.loop.control.slip_controller import NAMES, make_controller
-from sim_ecu.loop.drive_scenario import DriveScenario, path_of, read_drive_scenario
+from sim_ecu.loop.drive_scenario import DriveScenario, read_drive_scenario
 from sim_ecu.loop.lockstep import Lockstep, Timing, cost_of_driving, ride_ideal
 from sim_ecu.loop.ride_figures import MIN_SLIDE_SPEED_M_S, Honesty, adhesion_series, honesty, judge
 from sim_ecu.loop.rig import Step
 from sim_ecu.play.faults import SILENT
 from sim_ecu.play.inject import at_work
+from sim_ecu.play.scenario import path_of
 from sim_ecu.play.train import PACKAGED, Train
 from sim_ecu.score.score_play import TrainFrames
 from wrcd.core.configuration import Config
@@ -97,7 +98,7 @@ def _request(inputs: Mapping[str, Any]) -> _DriveRequest:
     for name in ("design", "configuration"):
         if inputs.get(name) and not runs:
             raise InputError("is of a daemon, and none runs", key=name, hint="daemon = true")
-    scenario = scenario_of(inputs, path_of(inputs["scenario"]), read_drive_scenario)
+    scenario = scenario_of(inputs, path_of(inputs["scenario"], to_drive=True), read_drive_scenario)
     faults = fault_of(inputs, scenario.axles, scenario.train.duration_s)
     for f in faults:
         if controller == IDEAL or not (runs or f.kind in SILENT):
@@ -153,7 +154,7 @@ def _honest(found: list[Honesty]) -> dict[str, Scalar]:
 
 
 def _cost(inputs: Mapping[str, Any]) -> float:
-    scenario = scenario_of(inputs, path_of(inputs["scenario"]), read_drive_scenario)
+    scenario = scenario_of(inputs, path_of(inputs["scenario"], to_drive=True), read_drive_scenario)
     daemon = bool(inputs.get("with_adhesion") or inputs.get("daemon"))
     return scenario.train.duration_s * cost_of_driving(len(scenario.axles), daemon)
 

@@ -192,8 +192,7 @@ def configuration_of(inputs: Mapping[str, Any], axles: Sequence[int]) -> Config:
 def daemon_of(inputs: Mapping[str, Any], played: Scenario) -> tuple[Config, Train]:
     """The daemon's configuration, and the train that this maps."""
     config = configuration_of(inputs, [a.number for a in played.axles])
-    w = played.wheelset
-    return config, MappedTrain(config, w.normal_N, w.r_0) if inputs.get("configuration") else PACKAGED
+    return config, MappedTrain(config, played.wheelset) if inputs.get("configuration") else PACKAGED
 
 
 @lru_cache(KEPT)

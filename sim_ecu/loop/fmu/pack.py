@@ -13,9 +13,10 @@ from pathlib import Path
 
 from pythonfmu.builder import FmuBuilder
 
-from sim_ecu.loop.drive_scenario import DriveScenario, load_drive_scenario, path_of
+from sim_ecu.loop.drive_scenario import DriveScenario, load_drive_scenario
 from sim_ecu.loop.fmu.plant import Variable, digest, variables
 from sim_ecu.loop.fmu.slave import MADE, SCENARIO
+from sim_ecu.play.scenario import path_of
 from sim_ecu.reporting.page import Page, PageSection, Part, html
 from sim_ecu.reporting.table import Table
 from wrcd import __version__
@@ -64,7 +65,7 @@ def pack(scenario: str, output: Path) -> tuple[DriveScenario, tuple[Variable, ..
     Returns the scenario and the variables. Raises InputError.
     """
     loaded = load_drive_scenario(scenario)
-    text = path_of(scenario).read_bytes()
+    text = path_of(scenario, to_drive=True).read_bytes()
     everything = variables(loaded.axles)
     version = distribution("pythonfmu").version
     parts = [text, digest(everything).encode(), __version__.encode(), version.encode(), LOADER.encode()]

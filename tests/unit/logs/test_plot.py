@@ -120,7 +120,7 @@ def test_command_overwrites_when_forced(ride: Ride, tmp_path: Path) -> None:
 def test_line_ends_where_frames_are_missing() -> None:
     a, d = adhesion(np.full(100, 30.0)), detail(100)
     rows = np.r_[0:40, 60:100]
-    cut = type(a)(*(getattr(a, name)[rows] for name in a.__slots__))
+    cut = a.part(rows)
     found = broken(cut, 20_000)
     assert len(found.time_us) == 81
     assert np.flatnonzero(np.isnan(found.available_pct)).tolist() == [40]
@@ -128,7 +128,7 @@ def test_line_ends_where_frames_are_missing() -> None:
     assert (found.contact[40], found.validity[40]) == (-1, -1)
     assert found.time_us[40] == a.time_us[39] + 60_000
     assert broken(a, 20_000) is a
-    shorter = broken(type(d)(*(getattr(d, name)[[0, 1, 15]] for name in d.__slots__)), 100_000)
+    shorter = broken(d.part(np.array([0, 1, 15])), 100_000)
     assert np.isnan(shorter.residual_db[2]).all()
     assert not shorter.stale[2].any()
 
@@ -136,7 +136,7 @@ def test_line_ends_where_frames_are_missing() -> None:
 def test_line_of_a_long_log_ends_where_frames_are_missing() -> None:
     a = adhesion(np.full(20_000, 30.0))
     rows = np.r_[0:10_000, 10_004:20_000]
-    found = broken(type(a)(*(getattr(a, name)[rows] for name in a.__slots__)), 20_000)
+    found = broken(a.part(rows), 20_000)
     t, least, most = thinned((found.time_us * 1e-6).astype(np.float64), found.available_pct)
     assert len(t) < 2 * MAX_POINTS
     (place,) = np.flatnonzero(np.isnan(least))

@@ -9,8 +9,7 @@ from tests.support.story import Ride
 from wrcd import resources
 from wrcd.cli.main import main
 from wrcd.config.config import DEFAULT
-from wrcd.errors import InputError
-from wrcd.logs.replay_outputs import need
+from wrcd.errors import InputError, need
 
 
 def test_report_is_written_and_its_verdict_printed(

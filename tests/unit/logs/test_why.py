@@ -167,7 +167,7 @@ def test_command_says_what_is_odd_in_the_log(ride: Ride, tmp_path: Path, capsys:
 def test_moment_after_the_last_frame_does_not_contradict_itself(config: Config) -> None:
     whole = adhesion(np.full(200, 30.0))
     kept = np.r_[0:100, 150:200]
-    made = story(config, axle(type(whole)(*(getattr(whole, name)[kept] for name in whole.__slots__))))
+    made = story(config, axle(whole.part(kept)))
     last = int(whole.time_us[99])
     for after_us in range(0, 120_000, 5_000):
         x = explain(made, 1, last + after_us)

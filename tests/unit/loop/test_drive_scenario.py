@@ -10,11 +10,11 @@ from sim_ecu.loop.drive_scenario import (
     TABLES,
     DriveScenario,
     load_drive_scenario,
-    packaged_to_drive,
     read_drive_scenario,
 )
 from sim_ecu.physics.actuators import ASIDE, SWEPT, Actuators, Drive, Pneumatics, swept
 from sim_ecu.physics.cleaning import Cleaning
+from sim_ecu.play.scenario import TO_DRIVE, packaged
 from sim_ecu.play.scenario_keys import Measure
 from wrcd.config.settings import parse_toml
 from wrcd.errors import InputError, NotThere
@@ -119,9 +119,9 @@ def test_mistake_is_named_with_file_and_key(text: str, said: str) -> None:
 
 def test_packaged_scenarios_load_and_those_known_before_begin_with_five_quiet_seconds() -> None:
     assert {"brake-greasy", "brake-wet", "brake-leaf-patch", "traction-leaf-patch", "traction-wet-start"} < set(
-        packaged_to_drive()
+        packaged(TO_DRIVE)
     )
-    for name in packaged_to_drive():
+    for name in packaged(TO_DRIVE):
         s = load_drive_scenario(name)
         assert s.train.name == name
         if s.known_before:

@@ -10,9 +10,8 @@ from wrcd.monitor.board import Board, ScreenView, layout
 from wrcd.monitor.buffers import Batch
 from wrcd.monitor.bus_model import BusModel
 from wrcd.monitor.canvas import STYLES
-from wrcd.monitor.history import Happening, why
-from wrcd.monitor.history import story as story_of
-from wrcd.monitor.panels import SourceState
+from wrcd.monitor.history import Happening
+from wrcd.monitor.panels import SourceState, why
 
 LIVE = SourceState("socketcan:can0", "live")
 S = 1_000_000
@@ -136,7 +135,7 @@ def test_explanation_has_the_torque_of_the_newest_frame(config: Config) -> None:
     text = "\n".join(line for line, _ in why(model, model.axles[0], START_US + 9_055_000, 200))
     signal = find_message(config.database, "Torque_A1").get_signal_by_name("Torque")
     before, after = (float(signal.scale) * raw + float(signal.offset) for raw in (8_055 // 5, 10_055 // 5))
-    story = story_of(model, model.axles[0], START_US + 9_055_000)
+    story = model.story(model.axles[0], START_US + 9_055_000)
     now = explain(story, 1, START_US + 9_055_000)
     assert now.torque_Nm == pytest.approx(float(signal.scale) * (9_055 // 5) + float(signal.offset))
     assert f"torque {before / 1000:.1f} kN\u00a0m" in text

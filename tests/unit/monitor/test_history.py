@@ -7,7 +7,7 @@ import pytest
 
 from tests.support.daemon_frames import START_US
 from wrcd.core.configuration import Config
-from wrcd.logs.story_records import AdhesionRecord, Fall
+from wrcd.logs.story_records import AdhesionRecord, Fall, StoryAxle
 from wrcd.monitor.board import Board, ScreenView
 from wrcd.monitor.bus_model import BusModel
 from wrcd.monitor.history import MAX_EVENTS, History, happenings
@@ -29,10 +29,10 @@ def history() -> History:
     """A state ends every one to five cycles."""
     random = np.random.default_rng(3)
     validity = np.repeat(np.arange(300) % 3, random.integers(1, 6, 300))
-    out, a = History(1, CYCLE_US), adhesion(validity)
+    out, a = History(CYCLE_US), adhesion(validity)
     for rows in range(10, len(validity) + 10, 10):
-        part = AdhesionRecord(*(getattr(a, name)[:rows] for name in AdhesionRecord.__slots__))
-        out.update(part, None, None, int(part.time_us[-1]))
+        part = a.part(slice(rows))
+        out.update(StoryAxle(1, part, None, None, None, ()), int(part.time_us[-1]))
     return out
 
 
@@ -68,7 +68,7 @@ def test_drawing_many_events_costs_what_few_do(config: Config) -> None:
         model = BusModel(config)
         for axle in model.axles:
             a = adhesion(np.arange(count) % 2 + 1)
-            axle.history.update(a, None, None, int(a.time_us[-1]) + CYCLE_US)
+            axle.history.update(StoryAxle(axle.number, a, None, None, None, ()), int(a.time_us[-1]) + CYCLE_US)
         model.begin_us, model.now_us = START_US, START_US + CYCLE_US * count
         board, times = Board(model, ScreenView()), []
         for _ in range(5):

@@ -53,7 +53,7 @@ def test_frame_with_wrong_crc_is_damaged_and_shows_nothing(config: Config, made:
     now = axle_at(model, model.axles[0], model.now_us)
     assert now.damaged == 1
     assert now.available_pct == pytest.approx(30, abs=0.02)
-    assert len(model.axles[0].adhesion.time_us) == 10
+    assert len(model.axles[0].held.adhesion) == 10
 
 
 @pytest.mark.parametrize(
@@ -68,7 +68,7 @@ def test_frame_of_another_kind_or_length_is_refused(
 
     refused = model.watched[wrong.key].refused_within(model.now_us)
     assert refused == {reason: 1}
-    assert not len(model.axles[0].adhesion.time_us)
+    assert not len(model.axles[0].held.adhesion)
 
 
 def test_values_older_than_three_cycles_are_not_shown(config: Config, made: DaemonFrames) -> None:
@@ -141,8 +141,8 @@ def test_events_have_the_causes_of_a_story(config: Config, made: DaemonFrames, r
     for k in range(0, len(frames), rows_at_once):
         fed(model, frames[k : k + rows_at_once])
     axle = model.axles[0]
-    a = axle.adhesion
-    events = of_frames(1, a, axle.detail, None, axle.cycle_us, int(a.time_us[0]), int(a.time_us[-1]))
+    a = axle.held.adhesion
+    events = of_frames(1, a, axle.held.detail, None, axle.cycle_us, int(a.time_us[0]), int(a.time_us[-1]))
     told = [e for e in axle.history.events() if e.begin_us < a.time_us[-1]]
     assert len(told) > 50
     assert [(e.begin_us, e.validity, e.cause) for e in told] == [(e.begin_us, e.validity, e.cause) for e in events]
@@ -242,7 +242,7 @@ def test_error_frames_are_counted_apart(config: Config) -> None:
 def test_clock_that_steps_back_does_not_turn_time_round(config: Config, made: DaemonFrames) -> None:
     frames = made.stretch(10_000_000, 11_000_000, GOOD) + made.stretch(0, 1_000_000, GOOD)
     model = fed(BusModel(config), frames, until_us=1_000_000)
-    times = model.axles[0].adhesion.time_us
+    times = model.axles[0].held.adhesion.time_us
     assert (np.diff(times) >= 0).all()
     assert len(times) == 100
     assert model.clock_steps == 1
@@ -275,7 +275,7 @@ def test_columns_hold_a_stated_time(config: Config, made: DaemonFrames) -> None:
     model = BusModel(config, hold_s=10.0)
     for begin in range(0, 60_000_000, 1_000_000):
         fed(model, made.stretch(begin, begin + 1_000_000, GOOD))
-    times = model.axles[0].adhesion.time_us
+    times = model.axles[0].held.adhesion.time_us
     assert 10.0 <= (times[-1] - times[0]) / 1e6 <= 20.0
 
 
@@ -297,7 +297,7 @@ def test_long_fd_frames_beside_classical_ones_lose_nothing(config: Config, made:
     mixed = [g for f in frames for g in (f, Frame(f.stamp_us, 0x400, bytes(64), fd=True))]
     model = fed(BusModel(config), mixed)
     assert model.load.frames == len(mixed)
-    assert len(model.axles[0].adhesion.time_us) == 10
+    assert len(model.axles[0].held.adhesion) == 10
 
 
 @pytest.mark.parametrize("axles", [1, 6, 8])
@@ -310,7 +310,7 @@ def test_any_number_of_axles_is_shown(axles: int, tmp_path: Path) -> None:
     file.write_text(f'[vehicle]\nspeed = "VehicleSpeed.Speed"\n{text}')
     config = load_config(file)
     model = fed(BusModel(config), DaemonFrames(config).stretch(0, 300_000, GOOD, axles=range(axles)))
-    assert [len(a.adhesion.time_us) for a in model.axles] == [15] * axles
+    assert [len(a.held.adhesion) for a in model.axles] == [15] * axles
 
 
 def test_no_frame_at_all_is_no_error(config: Config) -> None:
@@ -322,7 +322,7 @@ def test_no_frame_at_all_is_no_error(config: Config) -> None:
 
 @pytest.mark.parametrize("rows_at_once", [1, 7, 400, 2500])
 def test_table_beyond_its_limit_keeps_the_newest_rows(rows_at_once: int) -> None:
-    table = ColumnBuffer({"a": np.zeros(0, np.int64), "b": np.zeros((0, 2), np.float32)}, 1000)
+    table = ColumnBuffer(1000)
     for first in range(0, 5000, rows_at_once):
         a = np.arange(first, first + rows_at_once)
         table.append({"a": a, "b": np.stack([a, 2 * a], axis=1)})

@@ -102,7 +102,7 @@ def test_pause_holds_the_screen_and_loses_nothing(config: Config, fed: Fed, made
         app.tick()
         # the mode's line tells how far behind; all else stands still
         assert seen(app).split("\n")[2:] == held.split("\n")[2:]
-        assert len(app.model.axles[0].adhesion.time_us) == 1000
+        assert len(app.model.axles[0].held.adhesion.time_us) == 1000
         await pilot.press("space")
         assert "30.0 %" in seen(app).split("\n")[3]
         assert "LIVE" in seen(app)

@@ -157,14 +157,14 @@ def test_log_with_a_daemons_frames_is_shown_as_they_say(config: Config, tmp_path
     model, warnings = model_of_log(log, config, [], None, 500_000)
     assert warnings == []
     assert model.source == "frames of the log"
-    assert len(model.axles[0].adhesion.time_us) == 150
+    assert len(model.axles[0].held.adhesion) == 150
     assert model.begin_us == START_US
 
 
 def test_log_without_a_daemon_is_estimated_as_replay_does(config: Config) -> None:
     model, warnings = model_of_log(GOLDEN, config, [], None, 500_000)
     assert warnings[0] == "the log has no frame of a daemon: estimated here"
-    assert len(model.axles[0].adhesion.time_us) > 100
+    assert len(model.axles[0].held.adhesion) > 100
     assert any(e.validity is Validity.VALID for e in model.axles[0].history.events())
     assert model.inputs_at(model.axles[0], model.now_us)[0].rate_hz > 100
 
@@ -194,9 +194,9 @@ def test_estimate_goes_on_over_a_clock_that_was_set_back(config: Config, tmp_pat
     assert model.clock_steps == 1
     assert any("step back" in w for w in warnings)
     length_us = frames[-1].stamp_us - frames[0].stamp_us
-    assert model.now_us - model.axles[0].adhesion.time_us[0] == pytest.approx(length_us, abs=200_000)
+    assert model.now_us - model.axles[0].held.adhesion.time_us[0] == pytest.approx(length_us, abs=200_000)
     before, _ = model_of_log(GOLDEN, config, [], None, 500_000)
-    assert len(model.axles[0].adhesion.time_us) == pytest.approx(len(before.axles[0].adhesion.time_us), abs=60)
+    assert len(model.axles[0].held.adhesion) == pytest.approx(len(before.axles[0].held.adhesion), abs=60)
 
 
 def test_recorders_log_is_estimated_from_the_state_beside_it(config: Config, tmp_path: Path) -> None:
@@ -212,14 +212,14 @@ def test_recorders_log_is_estimated_from_the_state_beside_it(config: Config, tmp
     known = estimate(log, config, None)
     says = OwnFrames(config).adhesion(known.sent, 1)
     assert says is not None
-    a = begun.axles[0].adhesion
+    a = begun.axles[0].held.adhesion
     assert a.time_us.tolist() == says.time_us.tolist()
     assert a.validity.tolist() == says.validity.tolist()
     np.testing.assert_array_equal(a.available_pct, says.available_pct)
     assert begun.load.frames == sum(1 for _ in read_log(log, Damage()))
     log.with_suffix(".state.json").unlink()
     anew, _ = model_of_log(log, config, [], None, 500_000)
-    assert anew.axles[0].adhesion.validity.tolist() != a.validity.tolist()
+    assert anew.axles[0].held.adhesion.validity.tolist() != a.validity.tolist()
 
 
 def test_log_that_is_not_there_is_an_input_error(config: Config, tmp_path: Path) -> None:

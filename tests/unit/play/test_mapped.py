@@ -12,6 +12,7 @@ import e2e.p11
 import pytest
 
 from sim_ecu.cli.main import main as sim_ecu
+from sim_ecu.physics.wheelset import Wheelset
 from sim_ecu.play.encoder import SAMPLE_US, Encoder, Reading, SensorSample, Sent, message_key
 from sim_ecu.play.faults import parse_fault
 from sim_ecu.play.mapped import MappedTrain
@@ -108,7 +109,7 @@ def mapped(**changes: Any) -> Config:
 
 
 def train(config: Config | None = None) -> MappedTrain:
-    return MappedTrain(config or mapped(), normal_N=73_500.0, r_0=0.5)
+    return MappedTrain(config or mapped(), Wheelset())
 
 
 def sample(number: int, torques: tuple[float, float] = (10_000.0, 5_000.0), speed: float = 25.0) -> SensorSample:
@@ -142,7 +143,7 @@ FRAMES = sent([sample(k) for k in range(1, 41)])
 def test_packaged_dbc_mapped_gives_the_bytes_of_the_default() -> None:
     scenario = replace(load_scenario("four-axles"), duration_s=0.4)
     by_default = [list(frames) for _, frames in Player(scenario)]
-    spoken = MappedTrain(load_packaged(4), scenario.wheelset.normal_N, scenario.wheelset.r_0)
+    spoken = MappedTrain(load_packaged(4), scenario.wheelset)
     assert [list(frames) for _, frames in Player(scenario, train=spoken)] == by_default
     encoder, default = spoken.encoder([2, 3], False, 7), Encoder([2, 3], False, 7)
     one = replace(sample(4), readings=tuple(replace(r, number=r.number + 1) for r in sample(4).readings))
@@ -265,7 +266,7 @@ def valid(config: Config, spoken: Train, scenario: Scenario) -> list[dict[int, f
 def test_rig_and_daemon_with_an_own_dbc_give_the_estimate_of_the_default_one() -> None:
     scenario = replace(load_scenario("damp"), duration_s=5.0)
     own = load_config(EXAMPLE)
-    (theirs,) = valid(own, MappedTrain(own, scenario.wheelset.normal_N, scenario.wheelset.r_0), scenario)
+    (theirs,) = valid(own, MappedTrain(own, scenario.wheelset), scenario)
     (ours,) = valid(load_packaged(1), PACKAGED, scenario)
     apart = [abs(theirs[t] - ours[t]) for t in theirs.keys() & ours.keys()]
     assert len(apart) > 100
@@ -278,7 +279,7 @@ def test_rig_and_daemon_with_a_third_partys_dbc_give_the_estimate_of_the_default
     """Motorola order, extended ids, CAN FD, no cycles, words and units of its own; 0.5 % in eight bits."""
     scenario = read_scenario(parse_toml(f"axles = [1, 2]\n{held('C', 6.0)}", "test"), "test")
     own = load_config(THIRD_PARTY)
-    theirs = valid(own, MappedTrain(own, scenario.wheelset.normal_N, scenario.wheelset.r_0), scenario)
+    theirs = valid(own, MappedTrain(own, scenario.wheelset), scenario)
     ours = valid(load_packaged(2), PACKAGED, scenario)
     for place, least in ((0, 150), (1, 40)):  # every 20 ms, every 50 ms: in every tenth of a second both
         apart = [theirs[place][t] - ours[place][t] for t in theirs[place].keys() & ours[place].keys()]
@@ -401,7 +402,7 @@ def test_frame_faults_of_an_own_dbc_do_what_they_say() -> None:
 def test_faults_on_the_packaged_dbc_mapped_are_the_default_ones(kind: str) -> None:
     faults = (parse_fault(f"{kind}:{AT},of=all", [1, 2]),)
     scenario = replace(load_scenario("half-wet"), duration_s=0.5, faults=faults)
-    spoken = MappedTrain(load_packaged(2), 73_500.0, 0.5)
+    spoken = MappedTrain(load_packaged(2), Wheelset())
     assert list(itertools.chain(*(f for _, f in Player(scenario, train=spoken)))) == list(
         itertools.chain(*(f for _, f in Player(scenario)))
     )

@@ -10,13 +10,12 @@ from types import FrameType
 
 import numpy as np
 
-from wrcd.bus.codec import Sample
 from wrcd.bus.frame import Frame
 from wrcd.bus.opening import open_link
 from wrcd.config.config import input_mappings, load_config
 from wrcd.config.statements import Statement
 from wrcd.core.configuration import Config
-from wrcd.core.core import Core
+from wrcd.core.core import Core, Observer
 from wrcd.core.events import Change
 from wrcd.dbc.bus_check.findings import findings, nothing, page
 from wrcd.dbc.bus_check.input_figures import Gathered, figures, spells
@@ -109,7 +108,7 @@ MIN_S = 30.0  # of measurements: over a stop, saturated for most of it, some sou
 MAX_LOG = 300.0  # of a likelihood: more is no number
 
 
-class Wheelsets:
+class Wheelsets(Observer):
     """Shows a core's measurements to a Likeness: an observer of the core."""
 
     def __init__(self, config: Config) -> None:
@@ -119,9 +118,6 @@ class Wheelsets:
         self._tick_s = config.design.tick_s
         self._seconds = 0.0  # in which an axle had data
         self._saturated: BoolArray = np.zeros(axles, dtype=bool)
-
-    def accepted(self, samples: Sequence[Sample], stamp_us: int) -> None:
-        """The ticks have them."""
 
     def stepped(self, ticks: Ticks, first: int, result: StepResult) -> None:
         """Measurements that the bank has used, far from pulses of the axle box."""

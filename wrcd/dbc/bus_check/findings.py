@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from wrcd.bus.dbc import find_message
+from wrcd.bus.frame import id_text
 from wrcd.bus.units import Quantity
 from wrcd.core.causes import Cause
 from wrcd.core.configuration import Config
@@ -167,7 +168,7 @@ def page(
 
 def nothing(config: Config, gathered: Gathered) -> list[str]:
     """The page where no frame fits."""
-    ids = ", ".join(sorted({_id(key) for key in gathered.receiver.readers}))
+    ids = ", ".join(sorted({id_text(key) for key in gathered.receiver.readers}))
     return [
         f"no frame of {gathered.seconds:.1f} s fits the configuration {config.file}: it maps {ids}",
         f"there are {_others(gathered)}",
@@ -178,13 +179,9 @@ def _others(gathered: Gathered) -> str:
     n = gathered.others.total()
     if not n:
         return "nobody else's"
-    most = ", ".join(f"{_id(key)} {count}" for key, count in gathered.others.most_common(MAX_OTHERS))
+    most = ", ".join(f"{id_text(key)} {count}" for key, count in gathered.others.most_common(MAX_OTHERS))
     more = ", …" if len(gathered.others) > MAX_OTHERS else ""
     return f"{n} of {len(gathered.others)} other ids ({most}{more})"
-
-
-def _id(key: int) -> str:
-    return f"0x{key & 0x1FFF_FFFF:08X}" if key >> 31 else f"0x{key:03X}"
 
 
 def _word(f: Fit) -> str:
