@@ -1,4 +1,4 @@
-"""The score's page and that of a fleet of a thousand logs in a browser: they fit every screen, light and dark, and ask for
+"""The score's page and that of a fleet of a thousand logs in a browser: they fit every screen, light and dark, ask for
 nothing, and the fleet's leads from a sensor to its logs."""
 
 from pathlib import Path
