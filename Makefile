@@ -161,7 +161,7 @@ docs-all: $(READY)
 	$(BIN)/python $(SITE)
 
 docs-check: $(READY)
-	$(BIN)/python -m pytest tests/unit/test_docs.py tests/unit/test_docs_site.py tests/unit/test_docs_commands.py
+	$(BIN)/python -m pytest tests/unit/test_docs.py tests/unit/test_docs_commands.py
 
 LOCK := $(BIN)/uv pip compile -q --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-emit-find-links --no-annotate --no-header pyproject.toml
 lock: $(READY)

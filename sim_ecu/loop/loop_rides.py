@@ -64,7 +64,7 @@ def play(case: LoopCase, number: int, branches: Sequence[LoopCase] = ()) -> list
             out.append(_outcome(case, number, name, scenario, steps, None, draw))
             continue
         config = _packaged(len(scenario.axles)) if name in _LAW else None
-        recorder = TrainFrames(scenario.axles) if config is not None else None
+        recorder = TrainFrames(scenario.axles, config) if config is not None else None
         law = "none" if name == UNPROTECTED else _LAW.get(name, name)
         made = make_controller(law, Facts.of(scenario), config)
         if case.constant_pct is not None and config is not None:

@@ -1,7 +1,7 @@
 """The loop's frames: laid out as cantools reads the DBC, checked as a careful receiver does; and their silences."""
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import e2e.p11
@@ -20,58 +20,76 @@ def rig_message(name: str) -> Message:
     return databases()[1].get_message_by_name(name)
 
 
-def no_rejections() -> dict[str, int]:
-    """Return counts of frames that were not taken, by reason; "unknown value" joins them where there was one."""
-    return {"length": 0, "CRC": 0, "repeated": 0, "counter": 0}
+MAX_STEP = 3  # of the counter from frame to frame within the time-out: two slots may be missing
 
 
-@dataclass(slots=True)
-class NewestFrame:
-    """The newest good frame of a message. Raw values are physical; enumerations stay numbers.
+class ProtectedFrames:
+    """Checks the frames of a message: length, CRC and counter of E2E. Times are microseconds of any one clock.
 
-    known: the values that signals may have; a frame with another one is not taken. timeout_us: as the DBC says.
+    stamp_us: of the newest good frame, None before the first; kept by who takes them. rejected: counts by reason.
+    at_once_us: what follows a jump of the counter sooner than this is old, out of a queue.
     """
 
-    message: Message
-    values: dict[str, Any] = field(default_factory=dict)
-    stamp_us: int | None = None
-    rejected: dict[str, int] = field(default_factory=no_rejections)
-    known: Mapping[str, Collection[float]] = field(default_factory=dict)
-    timeout_us: int = 0
-    _counter: int = -1
+    def __init__(self, length: int, data_id: int, timeout_us: int, at_once_us: int = 0) -> None:
+        self.timeout_us = timeout_us
+        self.stamp_us: int | None = None
+        self.rejected = {"length": 0, "CRC": 0, "repeated": 0, "counter": 0}
+        self._length, self._data_id, self._at_once_us = length, data_id, at_once_us
+        self._counter = -1
+        self._jumped_us: int | None = None  # when the counter jumped, if none has continued it since
 
-    def __post_init__(self) -> None:
-        signal = self.message.signals[0]
-        assert signal.dbc is not None
-        self.timeout_us = int(signal.dbc.attributes["GenSigTimeoutTime"].value) * 1000
-
-    def take(self, data: bytes, stamp_us: int) -> bool:
+    def check(self, data: bytes, stamp_us: int) -> bool:
         """Return whether a frame is good. A bad one changes counts and, if its E2E passes, the expected counter."""
-        if len(data) != self.message.length:
-            return self._reject("length")
-        if not e2e.p11.e2e_p11_check(bytearray(data), data_id(self.message)):
-            return self._reject("CRC")
+        if len(data) != self._length:
+            return self.reject("length", stamp_us)
+        if not e2e.p11.e2e_p11_check(bytearray(data), self._data_id):
+            return self.reject("CRC", stamp_us)
         counter = data[1] & 0x0F
-        fresh = self.fresh(stamp_us)
-        if fresh and counter == self._counter:
-            return self._reject("repeated")
-        before, self._counter = self._counter, counter
-        # up to two frames may be lost within the time-out; else the sequence is taken again from the next that follows
-        if fresh and (counter - before) % COUNTERS > 3:
-            return self._reject("counter")
-        values: Any = self.message.decode(data, decode_choices=False)
-        if any(values[name] not in known for name, known in self.known.items()):
-            return self._reject("unknown value")
-        self.values, self.stamp_us = values, stamp_us
+        fresh, step = self.fresh(stamp_us), (counter - self._counter) % COUNTERS
+        if fresh and step == 0:
+            return self.reject("repeated", stamp_us)
+        self._counter = counter
+        at_once = self._jumped_us is not None and stamp_us - self._jumped_us < self._at_once_us
+        if fresh and (step > MAX_STEP or at_once):
+            self._jumped_us = stamp_us  # the sequence is taken again from the next that follows
+            return self.reject("counter", stamp_us)
+        self._jumped_us = None
         return True
 
     def fresh(self, now_us: int) -> bool:
         """Return whether the newest good frame is within its time-out."""
         return self.stamp_us is not None and now_us - self.stamp_us <= self.timeout_us
 
-    def _reject(self, why: str) -> bool:
+    def reject(self, why: str, stamp_us: int) -> bool:
+        """Count a frame that is not taken; returns False."""
         self.rejected[why] = self.rejected.get(why, 0) + 1
         return False
+
+
+class NewestFrame(ProtectedFrames):
+    """The newest good frame of a message of the DBC, with its time-out. Raw values are physical; enumerations stay
+    numbers.
+
+    known: the values that signals may have; a frame with another one is not taken, and counted as "unknown value".
+    """
+
+    def __init__(self, message: Message, known: Mapping[str, Collection[float]] | None = None) -> None:
+        signal = message.signals[0]
+        assert signal.dbc is not None
+        timeout_ms = int(signal.dbc.attributes["GenSigTimeoutTime"].value)
+        super().__init__(message.length, data_id(message), 1000 * timeout_ms)
+        self.message, self.values = message, dict[str, Any]()
+        self._known = known or {}
+
+    def take(self, data: bytes, stamp_us: int) -> bool:
+        """Return whether a frame is good, and keep its values if it is."""
+        if not self.check(data, stamp_us):
+            return False
+        values: Any = self.message.decode(data, decode_choices=False)
+        if any(values[name] not in known for name, known in self._known.items()):
+            return self.reject("unknown value", stamp_us)
+        self.values, self.stamp_us = values, stamp_us
+        return True
 
 
 def driver_demand() -> NewestFrame:

@@ -1,110 +1,70 @@
 """One run of a score: rig -> frames -> daemon's core -> frames, and the baselines on the very same ticks."""
 
-import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from cantools.database.can import Database, Message
 from numpy.typing import NDArray
 
 from sim_ecu.physics.contact import peak
 from sim_ecu.play.encoder import databases
 from sim_ecu.play.play import LOG_START_US
 from sim_ecu.play.player import LARGE_CHUNK, Player
-from sim_ecu.play.train import PACKAGED, AdhesionReader, MessageValues, Train
+from sim_ecu.play.train import PACKAGED, Train
 from sim_ecu.score.baselines import Baseline, BoolArray, GivenTicks
 from sim_ecu.score.suites.run import Run
-from wrcd.bus.dbc import find_message
 from wrcd.bus.frame import Frame
-from wrcd.bus.signals import Output
 from wrcd.core.causes import Cause
 from wrcd.core.configuration import MAX_AXLES, Config
 from wrcd.core.core import Core, Observer
-from wrcd.core.vocabulary import CONFIDENCES, DROP_AHEAD
+from wrcd.core.vocabulary import CONFIDENCES, DROP_AHEAD, MESSAGES, Words
 from wrcd.estimator import records as estimator_records
 from wrcd.estimator.design import Design
 from wrcd.estimator.records import Estimate, StepResult
+from wrcd.logs.decoder import UNKNOWN, MessageDecoder, Values, decoders
 
 FloatArray = NDArray[np.float64]
 
 
 @dataclass
 class MessageFrames:
-    """The frames of a message: when (microseconds after the run's begin), and what. To be read when all are there.
+    """The frames of a message: when (microseconds after the run's begin), and what. To be read when all are there."""
 
-    output: how a train's own DBC lays the message out; its signals are then known by the daemon's own names. None: a
-    packaged message of 8 bytes.
-    """
-
-    message: Message
-    output: Output | None = None
+    decoder: MessageDecoder
     stamps_us: list[int] = field(default_factory=list)
     data: list[bytes] = field(default_factory=list)
 
     def numbers(self, signal: str) -> FloatArray:
-        """Values (frames,) in the signal's unit; NaN where there is none, or the value stands for a word."""
-        if self.output is not None:
-            own = [values.get(signal) for values in self._own]
-            return np.array([v if isinstance(v, float) else math.nan for v in own], np.float64)
-        raw = self._raw(signal)
-        s = self.message.get_signal_by_name(signal)
-        known = ~np.isin(raw, list(s.choices or ()))
-        return np.where(known, raw * float(s.scale) + float(s.offset), np.nan)
+        """Values (frames,) in the signal's unit; NaN where there is none."""
+        values = self._values.get(signal)
+        return np.full(len(self.data), np.nan) if values is None else values.astype(np.float64)
 
     def words(self, signal: str) -> NDArray[np.str_]:
-        """Words (frames,) of the signal's value table, the number where it has none; empty for no such signal."""
-        if self.output is not None:
-            own = [values.get(signal) for values in self._own]
-            return np.array([v if isinstance(v, str) else "" for v in own], np.str_)
-        if signal not in {s.name for s in self.message.signals}:
-            return np.full(len(self.data), "")
-        values, place = np.unique(self._raw(signal), return_inverse=True)
-        choices = dict(self.message.get_signal_by_name(signal).choices or {})
-        return np.array([str(choices.get(v, v)) for v in values.tolist()], np.str_)[place]
-
-    def _raw(self, signal: str) -> NDArray[np.int64]:
-        s = self.message.get_signal_by_name(signal)
-        assert s.byte_order == "little_endian"
-        assert self.message.length == 8
-        bits = np.frombuffer(b"".join(self.data), "<u8") >> np.uint64(s.start)
-        raw = (bits & np.uint64(2**s.length - 1)).astype(np.int64)
-        return np.where(s.is_signed & (raw >= 2 ** (s.length - 1)), raw - 2**s.length, raw)
+        """Words (frames,) of the vocabulary; empty for another one, and where the message lacks the signal."""
+        of = MESSAGES[self.decoder.kind][signal]
+        assert isinstance(of, Words)
+        places = self._values.get(signal, np.full(len(self.data), UNKNOWN, np.int8))
+        return np.array([*of.words, *of.extra, ""])[places.astype(np.int8)]
 
     @cached_property
-    def _own(self) -> list[MessageValues]:
-        assert self.output is not None
-        reader = AdhesionReader(self.message, self.output)
-        return [reader.read(data) for data in self.data]
+    def _values(self) -> Mapping[str, Values]:
+        data = np.frombuffer(b"".join(self.data), np.uint8)
+        return self.decoder.read(data.reshape(-1, self.decoder.length))
 
 
 class TrainFrames:
-    """Keeps the frames of a train's axles as someone on the bus receives them: adhesion, its detail where an axle has
-    one, what lies ahead, and the truth.
+    """Keeps the frames of a train's axles as someone on the bus receives them: adhesion, its detail and what lies ahead
+    where the configuration sends them, and the truth. Times are microseconds from the start."""
 
-    own: the configuration of a train whose messages are not the packaged ones. Times are microseconds from the start.
-    """
-
-    def __init__(self, numbers: Iterable[int], own: Config | None = None) -> None:
-        numbers = list(numbers)
-        production, rig = databases()
-
-        def of_kind(database: Database, kind: str) -> dict[int, MessageFrames]:
-            return {n: MessageFrames(database.get_message_by_name(f"{kind}_A{n}")) for n in numbers}
-
-        self.truth = of_kind(rig, "SimTruth")
-        self.ahead = of_kind(production, "AdhesionAhead")
-        if own is None:
-            self.adhesion, self.detail = of_kind(production, "Adhesion"), of_kind(production, "AdhesionDetail")
-        else:
-            axles = {a.number: a for a in own.axles}
-            self.adhesion, self.detail = (
-                {n: MessageFrames(find_message(own.database, o.message), o) for n, o in outputs if o is not None}
-                for outputs in ([(n, axles[n].adhesion) for n in numbers], [(n, axles[n].detail) for n in numbers])
-            )
-        every = (self.ahead, self.adhesion, self.truth, self.detail)
-        self._by_id = {h.message.frame_id: h for kind in every for h in kind.values()}
+    def __init__(self, numbers: Iterable[int], config: Config) -> None:
+        numbers, truth = list(numbers), databases()[1].get_message_by_name
+        self.truth = {n: MessageFrames(MessageDecoder(truth(f"SimTruth_A{n}"))) for n in numbers}
+        sent = {(d.kind, d.axle): MessageFrames(d) for d in decoders(config, extra=True) if d.axle in numbers}
+        self.adhesion, self.detail, self.ahead = (
+            {n: sent[kind, n] for n in numbers if (kind, n) in sent} for kind in ("adhesion", "detail", "ahead")
+        )
+        self._by_id = {h.decoder.message.frame_id: h for h in (*sent.values(), *self.truth.values())}
 
     def keep(self, stamp_us: int, can_id: int, data: bytes) -> None:
         """Keep a frame; others are ignored."""
@@ -194,7 +154,7 @@ def play(run: Run, config: Config, baselines: dict[str, Baseline], train: Train 
     recording = TickRecorder(config.design, len(config.axles))
     core = Core(config, observer=recording)
     axles = run.scenario.axles
-    kept = TrainFrames([a.number for a in axles], None if train is PACKAGED else config)
+    kept = TrainFrames([a.number for a in axles], config)
     half_widths: dict[int, FloatArray] = {}
     for _, frames in Player(run.scenario, chunk=LARGE_CHUNK, train=train):
         for f in frames:

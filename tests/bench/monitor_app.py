@@ -10,7 +10,7 @@ import sys
 import time
 from pathlib import Path
 
-from tests.bench.on_pair import CHANNEL, use_pair
+from tests.bench.on_pair import CHANNEL, resident_kb, use_pair
 
 END = int(os.environ.get("MONITOR_END", "3"))  # of the pair, as a file descriptor
 MODULE = "tests.bench.monitor_app"
@@ -26,7 +26,6 @@ def read() -> int:
 
 def show() -> int:
     """The screen, and at its end what it has seen."""
-    from tests.bench.daemon import resident_kb
     from wrcd.bus.dbc import load_dbc
     from wrcd.config.config import load_config
     from wrcd.monitor.bus_model import BusModel

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tests.bench.core import ROOT, environment
-from tests.bench.daemon import END, resident_kb
 from tests.bench.frames import packed
+from tests.bench.on_pair import END, resident_kb
 from tests.bench.timing import Figure, Goal, Row, Times, show
 from tests.bench.workload import frames
 
@@ -112,7 +112,7 @@ def over_pair(traffic: bool) -> Started:
     """The daemon as on SocketCAN."""
     inside, outside = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
     with inside, outside:
-        return start(("-m", "tests.bench.daemon"), inside, outside if traffic else None)
+        return start(("-m", "tests.bench.on_pair"), inside, outside if traffic else None)
 
 
 def rows() -> Iterator[Row]:

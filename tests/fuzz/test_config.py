@@ -1,5 +1,7 @@
-"""Whatever a configuration or a DBC says, it is refused with an InputError or it works."""
+"""Whatever a configuration or a DBC says, it is refused with an InputError or it works, for lint and init, too."""
 
+import contextlib
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +18,9 @@ from wrcd.bus.frame import EXTENDED, Frame
 from wrcd.config.config import load_config
 from wrcd.core.configuration import Config
 from wrcd.core.core import Core
+from wrcd.dbc.dbc_lines import read
+from wrcd.dbc.init.propose import propose
+from wrcd.dbc.lint.lint_file import as_records, findings, lines
 from wrcd.errors import InputError
 from wrcd.estimator.design import load_design
 
@@ -239,3 +244,21 @@ def test_known_keys_with_any_values_work_or_are_rejected(
     text = "\n".join(f"{k} = {toml(v)}" for k, v in document.items())
     (folder / "wrcd.toml").write_text(text, "utf-8")
     works_or_says_why(folder / "wrcd.toml", payloads)
+
+
+DATA = Path(__file__).parents[1] / "data" / "dbc"
+DBCS = tuple((DATA / name).read_text("cp1252") for name in ("sound.dbc", "third-party.dbc"))
+
+
+@given(st.sampled_from(DBCS).flatmap(mutated))
+def test_lint_and_init_of_a_mutated_dbc_work_or_say_why(folder: Path, text: str) -> None:
+    file = folder / "lint.dbc"
+    file.write_text(text, encoding="utf-8", newline="")
+    last = text.count("\n") + text.count("\r") + 1
+    with contextlib.suppress(InputError):
+        found = findings(file, DESIGN)
+        assert all(1 <= f.line <= last for f in found)
+        assert len(lines(file, found)) > len(found)
+        assert as_records(file, found)["file"] == str(file)
+    with contextlib.suppress(InputError):
+        tomllib.loads(propose(read(file), folder, DESIGN).text())

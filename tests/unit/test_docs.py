@@ -1,10 +1,11 @@
-"""The documentation agrees with the program: quoted output, tables, links, paths, names and numbers."""
+"""The documentation agrees with the program: quoted output, tables, links, paths, names, numbers; its site is built."""
 
 import ast
 import json
 import math
 import re
 import shlex
+import subprocess
 import sys
 import time
 from collections.abc import Iterator
@@ -25,6 +26,7 @@ from sim_ecu.score import SUITES
 from sim_ecu.score.run_score import ScoreRequest, make_baselines
 from sim_ecu.score.score_goals import ACCUSED, SCORE_GOALS
 from tests.support import pages
+from tests.support.bus_load import MAX_LOAD_PCT, bits, bits_per_s, of_axles
 from tests.support.page_commands import steps
 from wrcd import contract, resources
 from wrcd.bus.dbc import load_dbc
@@ -33,7 +35,7 @@ from wrcd.bus.reasons import Reason
 from wrcd.cli import main as cli
 from wrcd.config.config import STALE_TICKS, load_config
 from wrcd.contract.frames import Says
-from wrcd.core import causes, core, inputs, plausibility, validity, vocabulary
+from wrcd.core import causes, configuration, core, inputs, plausibility, validity, vocabulary
 from wrcd.core.core import Core
 from wrcd.estimator import answer, gate
 from wrcd.service import journal
@@ -353,6 +355,23 @@ def test_architecture_points_at_functions_that_are_there() -> None:
         assert set(re.findall(r"`([^`]+)`", names)) <= there, question
 
 
+@pytest.mark.parametrize(("payload", "shortest", "longest"), [(0, 47, 55), (4, 79, 95), (5, 87, 105), (8, 111, 135)])
+def test_frame_has_47_bits_besides_its_bytes_and_stuff_bits(payload: int, shortest: int, longest: int) -> None:
+    assert (bits(payload, stuffed=False), bits(payload, stuffed=True)) == (shortest, longest)
+
+
+def test_page_names_the_most_axles_of_each_bit_rate() -> None:
+    production = load_dbc(resources.DBC)
+    named = re.findall(r"^\| (\d+) ([kM])bit/s \| (\d) \|$", text("docs/reference/bus-load.md"), re.MULTILINE)
+    assert len(named) == 3
+    for number, unit, axles in named:
+        rate = int(number) * {"k": 1_000, "M": 1_000_000}[unit]
+        load = [
+            100 * bits_per_s(of_axles(production, None, a), True) / rate for a in range(1, configuration.MAX_AXLES + 1)
+        ]
+        assert int(axles) == sum(x <= MAX_LOAD_PCT for x in load)
+
+
 # --- what takes too long to print again here: its structure
 
 
@@ -388,3 +407,32 @@ def test_score_has_every_goal_with_its_bound_and_verdict() -> None:
     assert [name for name, *_ in found] == list(bounds)
     assert all(float(bound.split()[1]) == bounds[name] for name, _, bound, _ in found)
     assert {verdict for *_, verdict in found} <= {MET, MET_CHANCE, CHANCE, MISSED, TOO_FEW}
+
+
+# --- the site, as `make docs` builds it
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The site, built by the Makefile's own words."""
+    folder = tmp_path_factory.mktemp("site")
+    (words,) = re.findall(r"-m (sphinx .*) build/site$", text("Makefile"), re.MULTILINE)
+    done = subprocess.run(
+        [sys.executable, "-m", *words.split(), folder], cwd=ROOT, capture_output=True, text=True, timeout=300
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    return folder
+
+
+def test_every_page_is_in_the_site_and_fetches_nothing_and_the_first_is_the_readme(built: Path) -> None:
+    for page in pages.pages():
+        shown = (built / page.relative_to(ROOT)).with_suffix(".html").read_text()
+        assert re.findall(r"<(?:img|script|link|iframe|source)\b[^>]*(?:href|src)=\"(?:https?:)?//", shown) == [], page
+    assert (built / "index.html").read_text() == (built / "README.html").read_text()
+
+
+def test_search_finds_words_of_a_page_without_a_server(built: Path) -> None:
+    index = (built / "searchindex.js").read_text()
+    assert index.startswith("Search.setIndex(")  # a script, which a page on a disk may load
+    assert "docs/reference/validity" in index
+    assert '"wheelsetunlik"' in index

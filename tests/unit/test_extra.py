@@ -50,33 +50,20 @@ def test_every_package_that_the_rig_imports_belongs_to_a_known_extra() -> None:
 
 
 @pytest.mark.parametrize(
-    "arguments",
+    ("command", "missing", "extra"),
     [
-        ("play", "leaf-patch", "--fast", "--log", "never.log"),
-        ("faults",),
-        ("design", "--explain"),
-        ("score", "--quick"),
-        ("demo",),
+        *((c, ",".join(MODULES), "bench") for c in ("play leaf-patch --fast --log never.log", "faults",
+                                                    "design --explain", "score --quick", "demo")),
+        ("fmu -o never.fmu", "pythonfmu", "fmi"),
     ],
-    ids=lambda a: " ".join(a),
-)
-def test_command_without_the_extra_is_one_line_and_status_2(arguments: tuple[str, ...]) -> None:
-    done = run(",".join(MODULES), *arguments)
-    assert done.returncode == 2
-    assert done.stdout == ""
-    assert re.fullmatch(
-        r"sim-ecu: error: the package [\w-]+ is missing: sim-ecu needs the extra 'bench' — "
-        r"pip install 'wrcd\[bench\]', or in the source's folder pip install '\.\[bench\]'\n",
-        done.stderr,
-    )
-
-
-def test_fmu_without_pythonfmu_names_its_own_extra() -> None:
-    done = run("pythonfmu", "fmu", "-o", "never.fmu")
+)  # fmt: skip
+def test_command_without_the_extra_is_one_line_and_status_2(command: str, missing: str, extra: str) -> None:
+    done = run(missing, *command.split())
     assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr == (
-        "sim-ecu: error: the package pythonfmu is missing: sim-ecu needs the extra 'fmi' — "
-        "pip install 'wrcd[fmi]', or in the source's folder pip install '.[fmi]'\n"
+    assert re.fullmatch(
+        rf"sim-ecu: error: the package {'pythonfmu' if extra == 'fmi' else '[a-z0-9-]+'} is missing: sim-ecu needs the "
+        rf"extra '{extra}' — pip install 'wrcd\[{extra}\]', or in the source's folder pip install '\.\[{extra}\]'\n",
+        done.stderr,
     )
 
 

@@ -65,10 +65,16 @@ SAME = {"sim_ecu.resources"}
 WITH_FILES = {"wrcd.estimator.design"}  # reads the design, before the first tick
 
 
+@cache
+def nodes(source: Path) -> list[ast.AST]:
+    """Everything in a file."""
+    return list(ast.walk(ast.parse(source.read_text())))
+
+
 def imported(source: Path, *, types_too: bool = True) -> Iterator[str]:
     """Modules that a file imports, "package.name" for every name that it takes from one."""
     skipped: set[ast.AST] = set()
-    for node in ast.walk(ast.parse(source.read_text())):
+    for node in nodes(source):
         if node in skipped:
             continue
         if not types_too and isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
@@ -145,7 +151,7 @@ def test_pure_room_opens_no_file(place: str) -> None:
         f"{s.relative_to(ROOT)}:{node.lineno}"
         for s in sources(place)
         if module(s) not in WITH_FILES
-        for node in ast.walk(ast.parse(s.read_text()))
+        for node in nodes(s)
         if isinstance(node, ast.Call) and ast.unparse(node.func).split(".")[-1] in {"open", "read_text", "read_bytes"}
     ]
     assert opened == []
@@ -189,7 +195,7 @@ def test_name_means_one_thing() -> None:
         node.name
         for package in ("wrcd", "sim_ecu")
         for source in sources(package)
-        for node in ast.walk(ast.parse(source.read_text()))
+        for node in nodes(source)
         if isinstance(node, ast.ClassDef)
     )
     assert [m for m, count in modules.items() if count > 1 and m not in packages] == []

@@ -1,4 +1,7 @@
-"""`make test` and `make check` with a stub in make's place: every stage runs, and what failed is said at the end."""
+"""`make test` and `make check` with a stub in make's place: every stage runs, and what failed is said at the end.
+
+A test that is skipped passes on a developer's computer, and fails in CI.
+"""
 
 import os
 import shutil
@@ -7,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+pytest_plugins = ("pytester",)
 ROOT = Path(__file__).parents[2]
 STAGES = ["unit", "hil", "browser", "walk", "faults", "systemd"]
 # the target is its last word
@@ -48,3 +52,34 @@ def test_check_runs_all_and_says_at_its_end_what_failed(failing: str, tmp_path: 
     lines = done.stdout.splitlines()
     assert lines == ["ran lint", "ran test", "ran night", *(f"make {stage} FAILED" for stage in failing.split())]
     assert done.returncode == (2 if failing else 0)
+
+
+TESTS = """import pytest
+
+@pytest.mark.skipif(True, reason="needs a saw")
+def test_mark() -> None: ...
+
+def test_call() -> None:
+    pytest.skip("needs a hammer")
+
+@pytest.mark.xfail
+def test_expected_to_fail() -> None:
+    assert False
+"""
+
+
+@pytest.mark.parametrize(
+    ("no_skips", "found"), [("", {"skipped": 2, "xfailed": 1}), ("1", {"failed": 1, "errors": 1, "xfailed": 1})]
+)
+def test_skip_fails_where_none_is_allowed_and_names_its_reason(
+    pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch, no_skips: str, found: dict[str, int]
+) -> None:
+    monkeypatch.setenv("NO_SKIPS", no_skips)
+    pytester.makepyfile(TESTS)
+    done = pytester.runpytest_inprocess("-p", "tests.conftest", "-rs")
+    assert done.parseoutcomes() == found
+    assert all(reason in done.stdout.str() for reason in ("needs a saw", "needs a hammer"))
+
+
+def test_ci_allows_no_skips() -> None:
+    assert "\nNO_SKIPS=1 make check\n" in (ROOT / ".ci/run").read_text(encoding="utf-8")

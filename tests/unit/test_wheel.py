@@ -10,6 +10,7 @@ import pytest
 from tests.support.scenarios import LogOf, held
 
 ROOT = Path(__file__).parents[2]
+WRCD = "import sys, wrcd; print(wrcd.__file__, file=sys.stderr); from wrcd.cli.main import main; sys.exit(main())"
 
 
 @pytest.fixture(scope="module")
@@ -40,15 +41,13 @@ def run(installed: Path, code: str, *arguments: str) -> subprocess.CompletedProc
 
 def test_replay_works_from_the_installed_wheel(installed: Path, log_of: LogOf, tmp_path: Path) -> None:
     table = tmp_path / "a.csv"
-    code = "import sys, wrcd; print(wrcd.__file__); from wrcd.cli.main import main; sys.exit(main())"
-    done = run(installed, code, "replay", str(log_of(held("F"))), "--csv", str(table))
-    assert str(installed) in done.stdout
+    done = run(installed, WRCD, "replay", str(log_of(held("F"))), "--csv", str(table))
+    assert str(installed) in done.stderr
     assert table.read_text().splitlines()[-4].split(",")[2] == "Valid"
 
 
 def test_kit_is_written_from_the_installed_wheel(installed: Path, tmp_path: Path) -> None:
-    code = "import sys; from wrcd.cli.main import main; sys.exit(main())"
-    run(installed, code, "kit", "-o", str(tmp_path / "kit"))
+    run(installed, WRCD, "kit", "-o", str(tmp_path / "kit"))
     assert (tmp_path / "kit" / "adhesion.c").stat().st_size > 10_000
 
 
@@ -60,9 +59,8 @@ def test_wheel_contains_the_rig(installed: Path) -> None:
 
 
 def test_wheel_brings_completion_and_manual_pages(installed: Path) -> None:
-    code = "import sys; from wrcd.cli.main import main; sys.exit(main())"
     script = (ROOT / "wrcd/data/completion/wrcd.bash").read_text(encoding="utf-8")
-    assert run(installed, code, "completion", "bash").stdout == script
+    assert run(installed, WRCD, "completion", "bash").stdout == script
     for folder in ("completion", "man"):
         names = {p.name for p in (ROOT / "wrcd/data" / folder).iterdir()}
         assert len(names) == 4
@@ -81,7 +79,6 @@ def test_wheel_brings_data_as_files_not_links(installed: Path) -> None:
 
 
 def test_install_lays_the_wheels_own_files_out(installed: Path, tmp_path: Path) -> None:
-    code = "import sys; from wrcd.cli.main import main; sys.exit(main())"
-    run(installed, code, "install", "--prefix", str(tmp_path), "--program", "/opt/wrcd/bin/wrcd")
+    run(installed, WRCD, "install", "--prefix", str(tmp_path), "--program", "/opt/wrcd/bin/wrcd")
     unit = tmp_path / "usr/local/lib/systemd/system/wrcd@.service"
     assert unit.read_bytes() == (ROOT / "systemd" / "wrcd@.service").read_bytes()

@@ -133,6 +133,7 @@ class MessageReader:
         self.numbers = tuple(k for k, _ in sources)
         self.name = message.name
         self.signals = [SignalReader(k, s, message) for k, s in sources]
+        self.data_id = identity
         self.checker = None if identity is None else Checker(identity, tuple(i for i in others if i != identity))
         self._tells = tuple(status for status in kept.values() if status.rule.message == message.name)
         made: dict[StatusRule, SenderStatus] = {

@@ -148,25 +148,21 @@ class OwnFrames:
     length or their CRC, are left out and counted."""
 
     def __init__(self, config: Config) -> None:
-        self._decoders = {(d.kind, d.axle): d for d in decoders(config)}
+        self.decoders = {(d.kind, d.axle): d for d in decoders(config)}  # axle 0: of the daemon's own
         self.wrong: dict[int, int] = {}  # refused frames by Frame.key, of messages under E2E
 
     @property
     def keys(self) -> frozenset[int]:
         """Of all of them."""
-        return frozenset(d.key for d in self._decoders.values())
+        return frozenset(d.key for d in self.decoders.values())
 
     def cycle_us(self, kind: str, axle: int = 0) -> int:
         """How often it is sent; 0: it is not."""
-        d = self._decoders.get((kind, axle))
+        d = self.decoders.get((kind, axle))
         return 0 if d is None else d.cycle_us
 
-    def decoder(self, kind: str, axle: int = 0) -> MessageDecoder | None:
-        """The decoder of a message, if the configuration sends it."""
-        return self._decoders.get((kind, axle))
-
     def _read(self, scan: Scan, kind: str, axle: int) -> tuple[NDArray[np.int64], Mapping[str, Values]] | None:
-        d = self._decoders.get((kind, axle))
+        d = self.decoders.get((kind, axle))
         if d is None:
             return None
         frames = scan.of(d.key)

@@ -4,13 +4,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrcd.bus.codec import MessageReader, Receiver, message_key
-from wrcd.bus.dbc import data_id, find_message
+from wrcd.bus.dbc import find_message
 from wrcd.bus.frame import EXTENDED, Frame
 from wrcd.bus.reasons import Reason
 from wrcd.bus.units import Quantity
 from wrcd.core.configuration import Config, Input
 from wrcd.logs.scan import Frames, Scan, good_frames
-from wrcd.logs.story_records import Series
+from wrcd.logs.story_records import Series, newest_values
 
 FloatArray = NDArray[np.float64]
 MAX_HOLD_US = 1_000_000  # a speed that nothing has followed for so long is not known any more
@@ -22,25 +22,21 @@ class MappedInputs:
 
     def __init__(self, config: Config) -> None:
         self._config = config
-        self._receiver = Receiver(config.database, [i.source for i in config.inputs], config.data_ids)
+        self.readers = Receiver(config.database, [i.source for i in config.inputs], config.data_ids).readers
         self.wrong: dict[int, int] = {}  # frames whose length or CRC does not fit, by Frame.key, of those under E2E
 
     def count_wrong(self, scan: Scan) -> None:
         """Look at every mapped message under E2E."""
-        for key, reader in self._receiver.readers.items():
-            if (identity := self._data_id(reader.name)) is not None:
+        for key, reader in self.readers.items():
+            if reader.data_id is not None:
                 frames = scan.of(key)
-                self.wrong[key] = len(frames) - len(good_frames(frames, reader.length, identity))
-
-    def _data_id(self, name: str) -> int | None:
-        given = self._config.data_ids
-        return given[name] if name in given else data_id(find_message(self._config.database, name))
+                self.wrong[key] = len(frames) - len(good_frames(frames, reader.length, reader.data_id))
 
     def values(self, scan: Scan, one: Input) -> tuple[NDArray[np.int64], FloatArray]:
         """Stamps and values of a mapped signal."""
         key, number = self._key(one.source.message), self._config.inputs.index(one)
-        reader = self._receiver.readers[key]
-        frames = good_frames(scan.of(key), reader.length, self._data_id(one.source.message))
+        reader = self.readers[key]
+        frames = good_frames(scan.of(key), reader.length, reader.data_id)
         if not len(frames):
             return frames.time_us, np.zeros(0)
         if reader.order is None or frames.data.shape[1] > 8:
@@ -102,17 +98,8 @@ class MappedInputs:
             return None
         time_us, total, _ = parts[0]
         for other_us, values, timeout_us in parts[1:]:
-            total = total + _newest(other_us, values, time_us, timeout_us)
+            total = total + newest_values(other_us, values, time_us, timeout_us)
         return Series(time_us, {"torque_Nm": total})
-
-
-def _newest(time_us: NDArray[np.int64], values: FloatArray, at_us: NDArray[np.int64], max_age_us: int) -> FloatArray:
-    """The newest value at each time, NaN where there is none yet or it is older than that."""
-    if not len(time_us):
-        return np.full(len(at_us), np.nan)
-    places = np.searchsorted(time_us, at_us, side="right") - 1
-    at = places.clip(0)
-    return np.where((places >= 0) & (at_us - time_us[at] <= max_age_us), values[at], np.nan)
 
 
 def distance(speed: Series | None) -> Series | None:

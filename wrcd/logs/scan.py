@@ -1,6 +1,6 @@
 """A log by message: every frame of an id as columns, gathered in one pass."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -107,16 +107,10 @@ class Gathering:
                 self._flush(frame.key)
 
     def _put_stretch(self, s: Stretch) -> None:
-        keys = s.keys
-        places = np.argsort(keys, kind="stable")
-        ordered = keys[places]
-        starts = np.flatnonzero(np.concatenate(([True], ordered[1:] != ordered[:-1])))
-        stamps, lengths, data = s.stamps_us[places], s.lengths[places].astype(np.uint8), s.data[places]
-        for key, begin, end in zip(
-            ordered[starts].tolist(), starts.tolist(), [*starts[1:].tolist(), len(keys)], strict=True
-        ):
+        whole = Frames(s.stamps_us, s.lengths.astype(np.uint8), s.data)
+        for key, rows in rows_by_key(s.keys):
             self._flush(key)
-            self._parts.setdefault(key, []).append(Frames(stamps[begin:end], lengths[begin:end], data[begin:end]))
+            self._parts.setdefault(key, []).append(whole.part(rows))
 
     def _flush(self, key: int) -> None:
         singles = self._single.pop(key, None)
@@ -133,8 +127,15 @@ class Gathering:
         return self._out
 
 
-def _columns(frames: Iterable[Frame]) -> Frames:
-    frames = list(frames)
+def rows_by_key(keys: NDArray[np.int64]) -> Iterator[tuple[int, NDArray[np.intp]]]:
+    """Yield each key with its rows, in their order."""
+    rows = np.argsort(keys, kind="stable")
+    for part in np.split(rows, np.flatnonzero(np.diff(keys[rows])) + 1):
+        if len(part):
+            yield int(keys[part[0]]), part
+
+
+def _columns(frames: Sequence[Frame]) -> Frames:
     width = max(PLAIN_BYTES, *(len(f.data) for f in frames))
     data = np.frombuffer(b"".join([f.data.ljust(width, b"\0") for f in frames]), dtype=np.uint8)
     return Frames(

@@ -1,6 +1,7 @@
 """What a log tells, as records of columns, and its numbers and times in words. Times are whole microseconds as in
 the log, and go on over a step of its clock; NaN is: there is none."""
 
+import itertools
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields
@@ -129,6 +130,15 @@ class StoryAxle:
             return found[-1]
         return self.events[-1] if self.events and time_us == self.events[-1].end_us else None
 
+    def lasted_s(self, validity: Validity) -> float:
+        """Return how long it was of a Validity."""
+        return total_s(e for e in self.events if e.validity is validity)
+
+    def not_valid_runs(self) -> list[list[Event]]:
+        """Return events on end that are not Valid, run by run."""
+        groups = itertools.groupby(self.events, key=lambda e: e.validity is Validity.VALID)
+        return [list(run) for valid, run in groups if not valid]
+
 
 @dataclass(frozen=True, slots=True)
 class Series:
@@ -254,6 +264,15 @@ def newest(time_us: Times, at_us: int, max_age_us: int) -> int | None:
     """Return the place of the newest of some times at or before a time, None if it is older than that."""
     place = int(np.searchsorted(time_us, at_us, side="right")) - 1
     return place if place >= 0 and at_us - int(time_us[place]) <= max_age_us else None
+
+
+def newest_values(time_us: Times, values: NDArray[Any], at_us: Times, max_age_us: int) -> NDArray[np.float64]:
+    """Return the newest value at each time, NaN where there is none yet or it is older than that."""
+    if not len(time_us):
+        return np.full(len(at_us), np.nan)
+    places = np.searchsorted(time_us, at_us, side="right") - 1
+    at = places.clip(0)
+    return np.where((places >= 0) & (at_us - time_us[at] <= max_age_us), values[at].astype(np.float64), np.nan)
 
 
 def percent(value: float) -> str:

@@ -14,7 +14,7 @@ from wrcd.errors import InputError
 from wrcd.logs.decoder import MessageDecoder
 from wrcd.logs.scan import Scan, good_frames
 from wrcd.logs.story_events import VALID_PLACE
-from wrcd.logs.story_records import StoryAxle, TruthRecord
+from wrcd.logs.story_records import StoryAxle, TruthRecord, newest_values
 
 NAME = re.compile(r"SimTruth_A(\d+)")
 SIGNALS = {"MuAvailable", "MuUsed"}
@@ -70,12 +70,9 @@ class Accuracy:
 def truth_at(axle: StoryAxle, time_us: NDArray[np.int64]) -> NDArray[np.float64]:
     """The true available adhesion at some times, in percent; NaN where none came within MAX_AGE_US before."""
     t = axle.truth
-    if t is None or not len(t.time_us):
+    if t is None:
         return np.full(len(time_us), np.nan)
-    places = np.searchsorted(t.time_us, time_us, side="right") - 1
-    at = places.clip(0)
-    fresh = (places >= 0) & (time_us - t.time_us[at] <= MAX_AGE_US)
-    return np.where(fresh, t.available_pct[at].astype(np.float64), np.nan)
+    return newest_values(t.time_us, t.available_pct, time_us, MAX_AGE_US)
 
 
 def accuracy(axle: StoryAxle) -> Accuracy | None:

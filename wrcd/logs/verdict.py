@@ -42,7 +42,7 @@ def judged(story: Story) -> Story:
 
 
 def _axles(story: Story) -> Iterator[Finding]:
-    never = [a for a in story.axles if not _valid_s(a)]
+    never = [a for a in story.axles if not a.lasted_s(Validity.VALID)]
     if never and len(never) == len(story.axles):
         if story.end_us == story.begin_us:
             yield Finding("bad", "All frames of the log are of one moment: there is nothing to tell of.")
@@ -52,19 +52,15 @@ def _axles(story: Story) -> Iterator[Finding]:
         was = "was never" if len(never) == 1 else "was ever"
         yield Finding("bad", f"{whose} {was} Valid in {span} of log: not one value was to be used.")
     for axle in story.axles:
-        if not _valid_s(axle) and axle.events:
+        if not axle.lasted_s(Validity.VALID) and axle.events:
             yield _never_valid(story, axle)
     for axle in story.axles:
         yield from _falls(story, axle)
-        if _valid_s(axle):
+        if axle.lasted_s(Validity.VALID):
             yield _share(story, axle)
         yield from _outages(story, axle)
         yield from _contradictions(story, axle)
         yield from _truth(story, axle)
-
-
-def _valid_s(axle: StoryAxle) -> float:
-    return total_s(e for e in axle.events if e.validity is Validity.VALID)
 
 
 def _never_valid(story: Story, axle: StoryAxle) -> Finding:
@@ -121,11 +117,11 @@ def _outages(story: Story, axle: StoryAxle) -> Iterator[Finding]:
     own = [f for f in story.falls if f.axle == axle.number]
     runs = [
         run
-        for run in not_valid_runs(axle)[1 if _begins_not_valid(axle) else 0 :]
+        for run in axle.not_valid_runs()[1 if _begins_not_valid(axle) else 0 :]
         if total_s(run) >= MIN_OUTAGE_S
         and not any(f.begin_us <= run[-1].end_us and f.end_us >= run[0].begin_us for f in own)
     ]
-    if not _valid_s(axle):
+    if not axle.lasted_s(Validity.VALID):
         return
     longest = sorted(runs, key=lambda run: -total_s(run))[:MAX_OUTAGES]
     for run in sorted(longest, key=lambda run: run[0].begin_us):
@@ -153,15 +149,9 @@ def _begins_not_valid(axle: StoryAxle) -> bool:
     return bool(axle.events) and axle.events[0].validity is not Validity.VALID
 
 
-def not_valid_runs(axle: StoryAxle) -> list[list[Event]]:
-    """Events on end that are not Valid, run by run."""
-    groups = itertools.groupby(axle.events, key=lambda e: e.validity is Validity.VALID)
-    return [list(run) for valid, run in groups if not valid]
-
-
 def _share(story: Story, axle: StoryAxle) -> Finding:
     span_s = (story.end_us - story.begin_us) * 1e-6
-    share = _valid_s(axle) / span_s if span_s else 0.0
+    share = axle.lasted_s(Validity.VALID) / span_s if span_s else 0.0
     parts = []
     for validity in (Validity.DEGRADED, Validity.NOT_AVAILABLE):
         lasted = [e for e in axle.events if e.validity is validity]

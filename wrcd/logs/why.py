@@ -17,7 +17,6 @@ from wrcd.logs.rule_sentences import model_words, rule_words
 from wrcd.logs.story import ESTIMATED
 from wrcd.logs.story_events import INPUT_NAMES, NO_FRAME, REASONS, STALE_AFTER, VALIDITIES
 from wrcd.logs.story_records import Event, Fall, Series, Story, newest, percent, seconds
-from wrcd.logs.verdict import not_valid_runs
 
 NEAR_US = 10_000_000  # a change further away is not what was asked about
 REJECTS_NEAR_US = 2_000_000
@@ -145,7 +144,7 @@ def around(story: Story, axle: int, time_us: int) -> tuple[Explanation, Explanat
     Valid that it lies in, else a second to either side."""
     near = [f for f in story.falls if f.axle == axle and _apart(f, time_us) <= NEAR_US]
     fall = min(near, key=lambda f: _apart(f, time_us), default=None)
-    runs = not_valid_runs(story.axle(axle))
+    runs = story.axle(axle).not_valid_runs()
     outage = next((run for run in runs if run[0].begin_us <= time_us <= run[-1].end_us), None)
     if fall is not None:
         before_us, after_us = fall.begin_us, fall.end_us + SETTLED_US

@@ -9,17 +9,16 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from wrcd.bus.codec import Receiver, message_key
-from wrcd.bus.dbc import Database, Message, cycle_ms, data_id, find_message
+from wrcd.bus.codec import message_key
+from wrcd.bus.dbc import Database, Message, cycle_ms, find_message
 from wrcd.bus.frame import EXTENDED
 from wrcd.bus.positions import frame_length, is_fd
 from wrcd.bus.reasons import Reason
-from wrcd.bus.signals import Output
 from wrcd.bus.units import Quantity
 from wrcd.core.configuration import AxleConfig, Config
 from wrcd.logs.decoder import MessageDecoder, OwnFrames
 from wrcd.logs.mapped_inputs import MappedInputs
-from wrcd.logs.scan import NO_FRAMES, PLAIN_BYTES, Frames, Scan, are_good
+from wrcd.logs.scan import NO_FRAMES, PLAIN_BYTES, Frames, Scan, are_good, rows_by_key
 from wrcd.logs.statistics import BIT_RATE, bits
 from wrcd.logs.story_events import STALE_AFTER
 from wrcd.logs.story_records import (
@@ -281,31 +280,21 @@ class BusModel:
         self._looked_us = 0  # for inputs that have come
         self.watched: dict[int, WatchedMessage] = {}
         self.of_axle: dict[int, list[WatchedMessage]] = {a.number: [] for a in self.axles}  # the daemon's about it
-        readers = Receiver(config.database, [i.source for i in config.inputs], config.data_ids).readers
-        for key, reader in readers.items():
-            message, given = find_message(config.database, reader.name), config.data_ids
-            identity = given[reader.name] if reader.name in given else data_id(message)
-            self.watched[key] = WatchedMessage(message, identity, hold_us)
-        self._input_keys = tuple(self.watched)
-        for a in config.axles:
-            for o in (a.adhesion, a.detail, a.inputs, a.ahead):
-                if o is not None:
-                    self.of_axle[a.number].append(self._watch(o, hold_us))
+        for key, reader in self.inputs.readers.items():
+            message = find_message(config.database, reader.name)
+            self.watched[key] = WatchedMessage(message, reader.data_id, hold_us)
         self.daemon: dict[str, DaemonMessage] = {}  # its own messages, by the vocabulary's name
-        for kind, o in (("status_message", config.status), ("rejects_message", config.rejects),
-                        ("link_message", config.link)):  # fmt: skip
-            if o is not None and (decoder := self._own.decoder(kind)) is not None:
-                self._watch(o, hold_us)
-                self.daemon[kind] = DaemonMessage(decoder)
+        for decoder in self._own.decoders.values():
+            watched = WatchedMessage(decoder.message, decoder.data_id, hold_us, decoder.cycle_us)
+            self.watched[watched.key] = watched
+            if decoder.axle:
+                self.of_axle[decoder.axle].append(watched)
+            else:
+                self.daemon[decoder.kind] = DaemonMessage(decoder)
         self._truths = {n: m for n, m in truths(databases).items() if message_key(m) not in self.watched}
         for message in self._truths.values():
             truth(Scan(Path()), message)  # raises InputError
         self._keys = np.array([*self.watched, *map(message_key, self._truths.values())], dtype=np.int64)
-
-    def _watch(self, o: Output, hold_us: int) -> WatchedMessage:
-        message = WatchedMessage(find_message(self.config.database, o.message), o.data_id, hold_us, o.cycle_us)
-        self.watched[message.key] = message
-        return message
 
     def take(self, batch: Batch, until_us: int) -> None:
         """Take frames in the order of their arrival, and until when there are no others (0: not known)."""
@@ -354,15 +343,14 @@ class BusModel:
 
     def _sort(self, batch: Batch, times: NDArray[np.int64]) -> None:
         rows = np.flatnonzero((batch.flags & ERROR == 0) & np.isin(batch.key, self._keys))
-        rows = rows[np.argsort(batch.key[rows], kind="stable")]
         found = Scan(Path())
-        for part in np.split(rows, np.flatnonzero(np.diff(batch.key[rows])) + 1):
-            if len(part):
-                key = int(batch.key[part[0]])
-                frames = Frames(times[part], batch.length[part].astype(np.uint8), batch.data[part])
-                watched = self.watched.get(key)
-                found.frames[key] = frames if watched is None else watched.take(frames, batch.flags[part])
-        found.frames = {key: frames for key, frames in found.frames.items() if len(frames)}
+        for key, places in rows_by_key(batch.key[rows]):
+            part = rows[places]
+            frames = Frames(times[part], batch.length[part].astype(np.uint8), batch.data[part])
+            watched = self.watched.get(key)
+            frames = frames if watched is None else watched.take(frames, batch.flags[part])
+            if len(frames):
+                found.frames[key] = frames
         for kind, message in self.daemon.items():
             if (series := self._own.series(found, kind)) is not None:
                 message.take(series)
@@ -375,7 +363,7 @@ class BusModel:
 
     def inputs_within(self, begin_us: int, end_us: int) -> Scan:
         """Return the good frames of mapped messages of a time, as those of a log."""
-        frames = {key: self.watched[key].within(begin_us, end_us) for key in self._input_keys}
+        frames = {key: self.watched[key].within(begin_us, end_us) for key in self.inputs.readers}
         first_us, last_us = max(begin_us, self.begin_us or 0), min(end_us, self.now_us)
         return Scan(Path(), begin_us=first_us, end_us=last_us, frames={k: f for k, f in frames.items() if len(f)})
 

@@ -14,7 +14,7 @@ from wrcd.config.describe import order
 from wrcd.core.causes import Validity
 from wrcd.logs.log_comparison import compare
 from wrcd.logs.story_events import VALID_PLACE
-from wrcd.logs.story_records import Event, Fall, Finding, Numbers, Story, StoryAxle, at
+from wrcd.logs.story_records import Event, Fall, Finding, Numbers, Story, StoryAxle, at, total_s
 from wrcd.logs.truth import accuracy
 
 LEVELS = ("good", "note", "warning", "bad")
@@ -142,11 +142,11 @@ def causes(story: Story) -> PageFigures:
         by: dict[tuple[Validity, str, str], list[Event]] = defaultdict(list)
         for e in axle.events:
             by[e.validity, *_why(e)].append(e)
-        total = sum(e.duration_s for e in axle.events) or 1.0
-        for (validity, label, why), found in sorted(by.items(), key=lambda kv: -sum(e.duration_s for e in kv[1])):
+        total = total_s(axle.events) or 1.0
+        for (validity, label, why), found in sorted(by.items(), key=lambda kv: -total_s(kv[1])):
             longest = max(found, key=lambda e: e.duration_s)
             begin = (longest.begin_us - story.begin_us) / 1e6
-            seconds = sum(e.duration_s for e in found)
+            seconds = total_s(found)
             rows.append((
                 axle.number, StateCell(validity.value), label, why, len(found), f"{seconds:.2f}",
                 f"{100.0 * seconds / total:.2f}", f"{longest.duration_s:.2f}",
@@ -228,7 +228,7 @@ def described(axle: StoryAxle) -> str:
     text = "There is no available adhesion."
     if len(mu):
         text = f"Available adhesion is {mu.min():.1f} to {mu.max():.1f} %, median {np.median(mu):.1f} %."
-    states = {v: sum(e.duration_s for e in axle.events if e.validity is v) for v in Validity}
+    states = {v: axle.lasted_s(v) for v in Validity}
     return f"{text} {', '.join(f'{v.value} {_duration(s)}' for v, s in states.items() if s)}."
 
 
@@ -261,22 +261,6 @@ def differences(story: Story, against: Story) -> Iterator[Difference]:
         yield Difference(c.number, f"available, largest distance{where}", "pp", math.nan, abs(c.worst_pp), 2)
 
 
-def _share(validity: Validity) -> Callable[[StoryAxle], float]:
-    def share(axle: StoryAxle) -> float:
-        total = sum(e.duration_s for e in axle.events)
-        return 100.0 * sum(e.duration_s for e in axle.events if e.validity is validity) / total if total else math.nan
-
-    return share
-
-
-def _longest(axle: StoryAxle) -> float:
-    longest = run = 0.0
-    for e in axle.events:
-        run = 0.0 if e.validity is Validity.VALID else run + e.duration_s
-        longest = max(longest, run)
-    return longest
-
-
 def _valid(axle: StoryAxle) -> Numbers:
     found: Numbers = axle.adhesion.available_pct[axle.adhesion.validity == VALID_PLACE]
     return found
@@ -295,9 +279,10 @@ def _error(axle: StoryAxle) -> float:
 # what is compared of an axle: its name, its unit, how many digits it has
 FIGURES: tuple[tuple[str, str, int, Callable[[StoryAxle], float]], ...] = (
     ("frames", "", 0, lambda a: len(a.adhesion.time_us)),
-    *((v.value, "% of the time", 1, _share(v)) for v in (Validity.VALID, Validity.DEGRADED, Validity.NOT_AVAILABLE)),
+    *((v.value, "% of the time", 1, lambda a, v=v: 100.0 * a.lasted_s(v) / total_s(a.events) if a.events else math.nan)
+      for v in (Validity.VALID, Validity.DEGRADED, Validity.NOT_AVAILABLE)),
     ("changes of Validity or cause", "", 0, lambda a: max(len(a.events) - 1, 0)),
-    ("longest not Valid", "s", 2, _longest),
+    ("longest not Valid", "s", 2, lambda a: max(map(total_s, a.not_valid_runs()), default=0.0)),
     ("available, median where Valid", "%", 2, lambda a: _quantile(_valid(a), 0.5)),
     ("available, lowest where Valid", "%", 2, lambda a: _quantile(_valid(a), 0.0)),
     ("half-width of the interval, median", "pp", 1,

@@ -120,8 +120,7 @@ def _check(inputs: Mapping[str, Any]) -> None:
 def figures(job: Job) -> Mapping[str, Scalar]:
     """Drive the run of a job, and judge it."""
     request = _request(job.inputs)
-    own = None if request.train is PACKAGED else request.config
-    recorder = None if request.config is None else TrainFrames(request.scenario.axles, own)
+    recorder = None if request.config is None else TrainFrames(request.scenario.axles, request.config)
     steps = list(_steps(request, recorder))
     f = judge(steps, request.scenario)
     found = [] if recorder is None else honesty(adhesion_series(recorder.adhesion), steps)

@@ -8,14 +8,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
-import e2e.p11
 from cantools.database.can import Message
 
 from sim_ecu.loop.drive_scenario import DriveScenario
-from sim_ecu.loop.rig_messages import BRAKE, TRACTION, driver_demand, no_rejections, rig_message
+from sim_ecu.loop.rig_messages import BRAKE, TRACTION, ProtectedFrames, driver_demand, rig_message
 from sim_ecu.physics.actuators import Actuators, Valve
 from sim_ecu.physics.wheelset import Wheelset
-from sim_ecu.play.encoder import COUNTERS, Channel, Sent, frame_length
+from sim_ecu.play.encoder import Channel, Sent, frame_length
 from sim_ecu.play.train import AdhesionReader
 from wrcd.bus.dbc import find_message
 from wrcd.bus.signals import Output
@@ -98,7 +97,6 @@ class Unprotected:
         return [c.encode(now_us, {"Torque": torque, "Valve": Valve.FILL}) for c in self._channels]
 
 
-MAX_STEP = 3  # of the counter from frame to frame within the time-out: two slots may be missing
 TIMEOUT_CYCLES = 3
 MAX_AGE_MS = 60.0  # SampleAge that is borne
 MAX_DROPPED, DROPS_WITHIN_US = 5, 1_000_000  # more dropped frames than this in so long: two senders, or a bad line
@@ -117,8 +115,8 @@ class UsableAdhesion:
     saturated: bool
 
 
-class AdhesionReceiver:
-    """Follows the adhesion message of one axle. Times are microseconds of any one clock.
+class AdhesionReceiver(ProtectedFrames):
+    """Follows the adhesion message of one axle. A frame that is rejected is as if it had not come.
 
     unusable says what the message lacks for a controller to act on it (None: nothing): such a message is never used.
     """
@@ -128,43 +126,24 @@ class AdhesionReceiver:
         if output.data_id is None:
             missing.insert(0, "E2E")
         self.unusable = f"{message.name} carries no {', no '.join(missing)}" if missing else None
-        self.dropped = no_rejections()  # a dropped frame is as if it had not come
+        timeout_us = TIMEOUT_CYCLES * output.cycle_us
+        super().__init__(frame_length(message), output.data_id or 0, timeout_us, at_once_us=output.cycle_us // 2)
         self._reader = AdhesionReader(message, output)
-        self.can_id, self._length, self._data_id = message.frame_id, frame_length(message), output.data_id
-        self._timeout_us = TIMEOUT_CYCLES * output.cycle_us
-        self._counter: int | None = None
-        self._jumped_us: int | None = None  # when the counter jumped, if none has continued it since
-        self._half_cycle_us = output.cycle_us // 2
-        self._stamp_us: int | None = None
+        self.can_id, self._is_protected = message.frame_id, output.data_id is not None
         self._adhesion: UsableAdhesion | None = None
         self._validity = ""  # of the newest good frame
         self._drops_us: deque[int] = deque(maxlen=MAX_DROPPED + 1)
 
     def hear(self, can_id: int, data: bytes, stamp_us: int) -> bool:
         """Take a frame from the bus; True if it is a good one of this message. A bad one changes only the counts."""
-        if can_id != self.can_id or self._data_id is None:
+        if can_id != self.can_id or not self._is_protected or not self.check(data, stamp_us):
             return False
-        if len(data) != self._length:
-            return self._drop("length", stamp_us)
-        if not e2e.p11.e2e_p11_check(bytearray(data), self._data_id):
-            return self._drop("CRC", stamp_us)
-        counter = data[1] & 0x0F
-        if self._fresh(stamp_us) and self._counter is not None:
-            step = (counter - self._counter) % COUNTERS
-            if step == 0:
-                return self._drop("repeated", stamp_us)
-            at_once = self._jumped_us is not None and stamp_us - self._jumped_us < self._half_cycle_us
-            if step > MAX_STEP or at_once:
-                # a frame that continues this one is taken again; one that comes at once is an old one, out of a queue
-                self._counter, self._jumped_us = counter, stamp_us
-                return self._drop("counter", stamp_us)
-        self._counter, self._stamp_us, self._jumped_us = counter, stamp_us, None
-        self._adhesion = self._read(data)
+        self.stamp_us, self._adhesion = stamp_us, self._read(data)
         return True
 
     def adhesion(self, now_us: int) -> UsableAdhesion | None:
         """Return what may be used now; None: fall back."""
-        if self.unusable is not None or not self._fresh(now_us) or self._is_disturbed(now_us):
+        if self.unusable is not None or not self.fresh(now_us) or self._is_disturbed(now_us):
             return None
         return self._adhesion
 
@@ -174,23 +153,20 @@ class AdhesionReceiver:
             return self.unusable
         if self.adhesion(now_us) is not None:
             return ""
-        if self._stamp_us is None:
+        if self.stamp_us is None:
             return NOTHING_YET
-        if not self._fresh(now_us):
-            return f"silent for {self._timeout_us // 1000} ms"
+        if not self.fresh(now_us):
+            return f"silent for {self.timeout_us // 1000} ms"
         return self._validity if self._validity != "Valid" else "frames were dropped, or its values are not for use"
-
-    def _fresh(self, now_us: int) -> bool:
-        return self._stamp_us is not None and now_us - self._stamp_us <= self._timeout_us
 
     def _is_disturbed(self, now_us: int) -> bool:
         """Whether more frames were dropped than a good line drops."""
         return len(self._drops_us) > MAX_DROPPED and now_us - self._drops_us[0] <= DROPS_WITHIN_US
 
-    def _drop(self, why: str, stamp_us: int) -> bool:
-        self.dropped[why] += 1
+    def reject(self, why: str, stamp_us: int) -> bool:
+        """Count a frame that is not taken, and keep when it came."""
         self._drops_us.append(stamp_us)
-        return False
+        return super().reject(why, stamp_us)
 
     def _read(self, data: bytes) -> UsableAdhesion | None:
         """Return what a good frame reports; None: fall back."""

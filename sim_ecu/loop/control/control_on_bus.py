@@ -135,7 +135,7 @@ class AdhesionWatch(Watch):
         """Return lines of what came of it."""
         cycles = max(self._cycles, 1)
         return [
-            f"adhesion, axle {n}: usable in {a.used_cycles / cycles:.0%} of the cycles{counted(a.receiver.dropped)}"
+            f"adhesion, axle {n}: usable in {a.used_cycles / cycles:.0%} of the cycles{counted(a.receiver.rejected)}"
             for n, a in self._axles.items()
         ]
 

@@ -58,7 +58,7 @@ class PatchRecord:
 def play(drive: PatchRide, fusing: Config, plain: Config | None) -> PatchRecord:
     """Drive a run and gather what a core sent whose configuration has fusion, and one without where there is such."""
     scenario = drive.scenario
-    pairs = [(Core(config), TrainFrames(AXLES)) for config in (fusing, plain) if config is not None]
+    pairs = [(Core(config), TrainFrames(AXLES, config)) for config in (fusing, plain) if config is not None]
 
     def frame(stamp_us: int, can_id: int, data: bytes) -> None:
         for core, kept in pairs:

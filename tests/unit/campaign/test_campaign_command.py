@@ -69,22 +69,6 @@ def test_campaign_that_is_extended_runs_the_new_jobs_only_and_counts_those_that_
     assert (len(columns(out, "key")), len(executed(record))) == (2, 9)
 
 
-def test_jobs_that_do_not_end_well_are_rows_and_told(
-    write: Write, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    file = write("seeds = 3\nlimit_s = 3", factor='x = [1]\nact = ["fail", "hang", "die"]')
-    assert run(file, tmp_path / "out") == 1
-    rows = columns(tmp_path / "out", "act", "seed", "ending", "error", "sum")
-    assert [r for r in rows if r[2] != "done"] == [
-        ("fail", 3, "failed", "ValueError: seed 3 at <object object at 0x…>", None),
-        ("hang", 3, "too long", "not done within 3 s", None),
-        ("die", 3, "died", "its process was ended by SIGKILL", None),
-    ]
-    said = capsys.readouterr().out
-    assert "c: 6 of 9 jobs done, 1 failed, 1 took too long, 1 died\n" in said
-    assert "  took too long: x = 1, act = hang, seed = 3: not done within 3 s\n" in said
-
-
 def test_again_runs_what_did_not_end_well(write: Write, tmp_path: Path) -> None:
     wanted, out = tmp_path / "wanted.txt", tmp_path / "out"
     record = tmp_path / "record"

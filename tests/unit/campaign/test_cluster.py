@@ -119,14 +119,24 @@ def test_workers_that_come_and_die_give_what_the_pool_gives(
     assert (out / RESULTS).read_bytes() == (tmp_path / "pool" / RESULTS).read_bytes()
 
 
-def test_jobs_that_end_badly_on_two_workers_are_the_rows_of_the_pool(write: Write, tmp_path: Path, dask: Dask) -> None:
+def test_jobs_that_do_not_end_well_are_told_and_the_same_rows_on_two_workers_and_the_pool(
+    write: Write, tmp_path: Path, dask: Dask, capsys: pytest.CaptureFixture[str]
+) -> None:
     out, pool = tmp_path / "out", tmp_path / "pool"
     file = write("seeds = 3\nlimit_s = 1.5", factor='x = [1]\nact = ["fail", "die", "hang"]')
     dask.worker(), dask.worker()
     assert run(file, out, "--scheduler", dask.address) == run(file, pool, "--jobs", "2") == 1
     assert (out / RESULTS).read_bytes() == (pool / RESULTS).read_bytes()
-    endings = Counter(pq.read_table(out / RESULTS)["ending"].to_pylist())
-    assert endings == {"done": 6, "failed": 1, "died": 1, "too long": 1}
+    names = ("act", "seed", "ending", "error", "sum")
+    rows = [tuple(r[name] for name in names) for r in pq.read_table(pool / RESULTS).to_pylist()]
+    assert [r for r in rows if r[2] != "done"] == [
+        ("fail", 3, "failed", "ValueError: seed 3 at <object object at 0x…>", None),
+        ("die", 3, "died", "its process was ended by SIGKILL", None),
+        ("hang", 3, "too long", "not done within 1.5 s", None),
+    ]
+    said = capsys.readouterr().out
+    assert said.count("c: 6 of 9 jobs done, 1 failed, 1 took too long, 1 died\n") == 2
+    assert said.count("  took too long: x = 1, act = hang, seed = 3: not done within 1.5 s\n") == 2
 
 
 def test_ctrl_c_leaves_the_workers_to_the_same_command(

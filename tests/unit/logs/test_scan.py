@@ -9,7 +9,7 @@ import pytest
 from sim_ecu.resources import TRUTH_DBC
 from tests.support.story import BEGIN_US, Ride
 from wrcd.bus.candump import format_line
-from wrcd.bus.codec import message_key
+from wrcd.bus.codec import Receiver, message_key
 from wrcd.bus.dbc import find_message, load_dbc
 from wrcd.bus.e2e import protect
 from wrcd.bus.frame import EXTENDED, Frame
@@ -18,11 +18,11 @@ from wrcd.core.configuration import Config
 from wrcd.errors import InputError
 from wrcd.logs.damage import Damage
 from wrcd.logs.decoder import OwnFrames
-from wrcd.logs.mapped_inputs import MappedInputs, _newest, distance
+from wrcd.logs.mapped_inputs import MappedInputs, distance
 from wrcd.logs.reader import read_log
 from wrcd.logs.scan import NO_FRAMES, Frames, Gathering, good_frames, scan
 from wrcd.logs.statistics import bits, bus
-from wrcd.logs.story_records import Series
+from wrcd.logs.story_records import Series, newest_values
 from wrcd.logs.truth import truth, truths
 
 YAW_RATE, SPEED = 0x101, 0x130
@@ -95,7 +95,7 @@ def test_wrong_frames_of_wrcd_are_left_out_and_counted(ride: Ride, config: Confi
 
 def test_inputs_are_those_that_a_reader_gives_one_by_one(ride: Ride, config: Config) -> None:
     found, inputs = scan(ride.both, None), MappedInputs(config)
-    receiver = MappedInputs(config)._receiver
+    receiver = Receiver(config.database, [i.source for i in config.inputs], config.data_ids)
     speed, torque = inputs.speed(found), inputs.torque(found, 0)
     assert speed is not None
     assert torque is not None
@@ -222,5 +222,5 @@ def test_input_that_dies_has_its_gap_to_the_end_of_the_log(ride: Ride, config: C
 
 def test_old_value_of_a_part_adds_nothing() -> None:
     at = np.array([0, 10, 100, 1_000], np.int64)
-    found = _newest(np.array([5, 90], np.int64), np.array([1.0, 2.0]), at, 50)
+    found = newest_values(np.array([5, 90], np.int64), np.array([1.0, 2.0]), at, 50)
     np.testing.assert_array_equal(found, [np.nan, 1.0, 2.0, np.nan])

@@ -122,7 +122,7 @@ def test_counter_may_jump_over_two_slots(missing: int, is_taken: bool) -> None:
     early_us = START_US + 1 - every[missing + 1].stamp_us  # within the time-out
     assert hear(r, [every[missing + 1]], early_us) == [is_taken]
     assert hear(r, [every[missing + 2]], early_us) == [True]  # it continues what was dropped
-    assert r.dropped["counter"] == (not is_taken)
+    assert r.rejected["counter"] == (not is_taken)
 
 
 @pytest.mark.parametrize(("apart_us", "is_taken"), [(100, False), (CYCLE_US // 2 - 1, False), (CYCLE_US // 2, True)])
@@ -133,7 +133,7 @@ def test_old_frames_that_come_at_once_are_no_sender_that_starts_anew(apart_us: i
     first, second = every[6:8]
     assert not r.hear(first.can_id, first.data, 1000)
     assert r.hear(second.can_id, second.data, 1000 + apart_us) is is_taken
-    assert r.dropped["counter"] == 2 - is_taken
+    assert r.rejected["counter"] == 2 - is_taken
     assert r.hear(second.can_id, every[8].data, 1000 + apart_us + CYCLE_US)
 
 
@@ -145,9 +145,9 @@ def test_bad_frames_are_dropped_counted_and_leave_the_last_good_one() -> None:
     hear(r, [first])
     for data in (first.data, bytes((second.data[0] ^ 1, *second.data[1:])), second.data[:-1], second.data + b"\0"):
         assert not r.hear(first.can_id, data, CYCLE_US)
-    assert (r.dropped["repeated"], r.dropped["CRC"], r.dropped["length"]) == (1, 1, 2)
+    assert (r.rejected["repeated"], r.rejected["CRC"], r.rejected["length"]) == (1, 1, 2)
     assert not r.hear(first.can_id + 1, other.data, CYCLE_US)  # not this message: not even counted
-    assert sum((r.dropped["repeated"], r.dropped["CRC"], r.dropped["length"], r.dropped["counter"])) == 4
+    assert sum((r.rejected["repeated"], r.rejected["CRC"], r.rejected["length"], r.rejected["counter"])) == 4
     beyond[1] |= 0x0F
     assert not r.hear(first.can_id, bytes(beyond), CYCLE_US)
 
@@ -159,7 +159,7 @@ def test_more_than_a_few_dropped_frames_in_a_second_end_the_use() -> None:
         assert r.adhesion(k * CYCLE_US) == (GOOD_ONE if k else None)
         hear(r, [f])
         r.hear(f.can_id, bad, k * CYCLE_US + 1000)
-    assert r.dropped["CRC"] == MAX_DROPPED + 1
+    assert r.rejected["CRC"] == MAX_DROPPED + 1
     assert r.adhesion(MAX_DROPPED * CYCLE_US + 1000) is None
     again_us = DROPS_WITHIN_US + CYCLE_US
     hear(r, frames(1, again_us))

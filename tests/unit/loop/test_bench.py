@@ -8,19 +8,20 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sim_ecu.bench import Adhesion, Bench, InputError, Valve, scenario
+from sim_ecu.bench import Adhesion, Bench, InputError, Timing, Valve, scenario
 from sim_ecu.loop.control.adhesion_consumer import Unprotected
 from sim_ecu.loop.drive_scenario import load_drive_scenario
 from sim_ecu.loop.lockstep import Lockstep
 from sim_ecu.loop.ride_figures import Figures
+from tests.support.loop_wire import TIMINGS, stop_in_lockstep
 
-PAGE = Path(__file__).parents[3] / "docs/how-to/script-the-rig.md"
+PAGES = Path(__file__).parents[3] / "docs/how-to"
 WET = scenario(rail="C", demand=-1.0, speed_m_s=10.0, duration_s=1.0)
 WRONG: list[Any] = [None, 7]  # a torque and a valve that are none
 
 
 def blocks() -> list[str]:
-    return re.findall(r"```python\n(.*?)```", PAGE.read_text(), re.DOTALL)
+    return re.findall(r"```python\n(.*?)```", (PAGES / "script-the-rig.md").read_text(), re.DOTALL)
 
 
 def bench_of(script: str) -> Bench:
@@ -204,3 +205,17 @@ def test_mistake_is_named(call: object, said: str) -> None:
     with pytest.raises(InputError) as e:
         call()
     assert said in str(e.value)
+
+
+@pytest.mark.night
+def test_page_says_what_timing_makes_of_a_stop() -> None:
+    page = (PAGES / "close-the-loop.md").read_text()
+    said = re.findall(r"(\d+) kJ(?: slip energy)? and (\d+) m", page)
+    found = [stop_in_lockstep(timing) for timing in TIMINGS]
+    assert said == [(f"{f.slip_energy_kJ:.0f}", f"{f.stop_m:.0f}") for f in found]
+
+
+@pytest.mark.parametrize(("key", "us"), [("phase_us", 10_000), ("phase_us", 2_500), ("delay_us", -5_000)])
+def test_timing_between_samples_or_beyond_the_cycle_is_refused(key: str, us: int) -> None:
+    with pytest.raises(InputError, match=key):
+        Timing(**{key: us})

@@ -146,16 +146,12 @@ def outcomes(
         for law in LAWS:
             way, energy, before = SHAPE[law]
             new = way * ways.get(n, 0.8)
-            out.append(RideResult(suite, name, law, n, figures(way, energy, before)))
-            out.append(RideResult(suite, name, WITH[law], n, figures(new, 0.4 * energy, beyond), SAID))
+            out.append(RideResult(suite, name, law, n, run(way, energy, before)))
+            out.append(RideResult(suite, name, WITH[law], n, run(new, 0.4 * energy, beyond), SAID))
         if ideal is not None:
-            out.append(RideResult(suite, name, IDEAL, n, figures(ideal, 30.0, 0.0)))
+            out.append(RideResult(suite, name, IDEAL, n, run(ideal, 30.0, 0.0)))
     order = [*BARE_AND_WITH, IDEAL]
     return sorted(out, key=lambda o: (o.number, order.index(o.controller)))
-
-
-def figures(stop_m: float, energy_kJ: float, beyond_s: float) -> Figures:
-    return Figures(0, beyond_s, 0.0, 1.0, energy_kJ, beyond_s, 0.9, 100.0, stop_m, 10.0, True)
 
 
 def judged(suite: str, name: str, found: list[RideResult]) -> dict[str, Any]:

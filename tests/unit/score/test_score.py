@@ -34,7 +34,8 @@ from sim_ecu.score.suites.nominal import GRID, HARSH, NOISE, ROBUST, condition, 
 from sim_ecu.score.suites.run import FIRST_TEST_SEED, TRAINING_LOTS, Run
 from sim_ecu.score.suites.sound import PACKAGED, PACKAGED_CURVES, PACKAGED_GREASY, SOUND_RUNS, dry_hours
 from tests.support.can_ids import LAT_ACCEL, YAW_RATE, YAW_RATE_A2
-from wrcd.config.config import load_config
+from wrcd.config.config import load_config, load_packaged
+from wrcd.logs.decoder import MessageDecoder, decoders
 from wrcd.resources import DESIGN
 
 W, SOURCE = Wheelset(), load_source(DESIGN)
@@ -295,34 +296,40 @@ def test_the_corner_of_the_spectrum_moves_what_is_short(factor: float) -> None:
     assert nodes[1][:, 0].std() == pytest.approx(both[1].sigma_m, rel=0.1)
 
 
+def decoder(kind: str) -> MessageDecoder:
+    return next(d for d in decoders(load_packaged(2), extra=True) if (d.kind, d.axle) == (kind, 2))
+
+
 def test_frames_are_decoded_as_cantools_does() -> None:
     rng = np.random.default_rng(4)
-    for database, name in zip(databases(), ("Adhesion_A2", "SimTruth_A2"), strict=True):
-        message = database.get_message_by_name(name)
-        heard = MessageFrames(message)
+    truth = databases()[1].get_message_by_name("SimTruth_A2")
+    for of in (decoder("adhesion"), MessageDecoder(truth)):
+        heard, message = MessageFrames(of), of.message
         for _ in range(200):
             heard.stamps_us.append(0)
             heard.data.append(rng.integers(0, 256, 8, dtype=np.uint8).tobytes())
         heard.data += [b"\xff" * 8, b"\x00" * 8]
         theirs: list[Any] = [message.decode(d) for d in heard.data]
-        for s in message.signals:
+        for s in (s for s in message.signals if s.name not in ("Crc", "Counter", "Status")):
             if s.choices and s.name not in ("MuAvailable", "MuUsed"):
-                assert heard.words(s.name).tolist() == [str(v[s.name]) for v in theirs]
+                known = [str(v[s.name]) if hasattr(v[s.name], "name") else "" for v in theirs]
+                assert heard.words(s.name).tolist() == known
             else:
                 want = [float(v[s.name]) if isinstance(v[s.name], (int, float)) else math.nan for v in theirs]
-                assert heard.numbers(s.name) == pytest.approx(np.array(want), nan_ok=True)
-    assert heard.words("None").tolist() == [""] * len(heard.data)
+                within = [x if (s.minimum or 0.0) <= x <= (s.maximum or math.inf) else math.nan for x in want]
+                assert heard.numbers(s.name) == pytest.approx(np.array(within), nan_ok=True)
+    assert np.isnan(heard.numbers("None")).all()
 
 
 def test_last_frame_holds_until_the_next() -> None:
-    message = databases()[0].get_message_by_name("AdhesionDetail_A1")
+    heard = MessageFrames(decoder("detail"))
+    message = heard.decoder.message
     empty = {s.name: 0 for s in message.signals}
-    heard = MessageFrames(message)
-    for stamp_us, model in ((100, 2), (200, 3)):
+    for stamp_us, cause in ((100, "InputStale"), (200, "GyroDead")):
         heard.stamps_us.append(stamp_us)
-        heard.data.append(message.encode(empty | {"WinningModel": model}, strict=False))
-    found = newest(heard, "WinningModel", np.array([50, 100, 150, 250]))
-    assert found.tolist() == ["", "Model2", "Model2", "Model3"]
+        heard.data.append(message.encode(empty | {"Cause": cause}, strict=False))
+    found = newest(heard, "Cause", np.array([50, 100, 150, 250]))
+    assert found.tolist() == ["", "InputStale", "InputStale", "GyroDead"]
 
 
 def traces(every: Iterable[Run]) -> list[Trace]:
