@@ -85,7 +85,8 @@ def _slots(a: Times, b: Times) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 
 
 def _valid_share(axle: StoryAxle) -> float:
-    return axle.lasted_s(Validity.VALID) / total_s(axle.events) if axle.events else float("nan")
+    total = total_s(axle.events)
+    return axle.lasted_s(Validity.VALID) / total if total else float("nan")
 
 
 def _delays(first: Story, other: Story, axle: int, shift_us: int) -> tuple[tuple[Delay, ...], tuple[Fall, ...]]:
