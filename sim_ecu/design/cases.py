@@ -68,6 +68,7 @@ class Condition:
     limit_of_peak: float = LIMIT
     turns_to: float = math.nan  # utilisation that the torque goes to between turns_s
     turns_s: tuple[float, float] = (0.0, 0.0)
+    trailing: bool = False  # the second wheelset of its bogie
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,6 +150,7 @@ def _one(plan: Plan, w: Wheelset, v: float, seed: int, rng: np.random.Generator)
         creep_of_peak=math.nan,
         seed=seed,
         sensors=_sensors(plan, rng),
+        trailing=w.bogie is not None and bool(rng.random() < 0.5),
     )
 
     def drawn(ends: tuple[float, float]) -> float:
@@ -297,7 +299,8 @@ def _ready(w: Wheelset, c: Condition, seconds: float, tick_s: float) -> tuple[Si
     if c.before is not None:
         at = c.changes_at_s * (c.speed_m_s + 0.5 * c.ramp_m_s2 * c.changes_at_s) - BLEND_M
         rail = [(0.0, c.before, c.curvature, 0.0), (at, c.curve, c.curvature, 0.0)]
-    sim = Simulation(w, [Axle(rail_table(rail), Track(c.roughness, c.seed))], c.speed_m_s, tick_s)
+    axle = Axle(rail_table(rail), Track(c.roughness, c.seed), trailing=c.trailing)
+    sim = Simulation(w, [axle], c.speed_m_s, tick_s)
     course = _course(n, c, tick_s)
     if not math.isnan(c.creep_of_peak):
         return sim, command(n, creep_of_peak=course, limit_of_peak=c.limit_of_peak)

@@ -11,7 +11,7 @@ from scipy.linalg import solve_discrete_are
 from scipy.signal import freqz_sos
 
 from sim_ecu.physics.contact import CreepCurve, peak, traction_ratio
-from sim_ecu.physics.wheelset import GRAVITY, Wheelset
+from sim_ecu.physics.wheelset import GRAVITY, Bogie, Wheelset
 
 FloatArray = NDArray[np.float64]
 TRACK_DECAY = -0.5  # 1/s, n of (14): y_t drifts back, which keeps it observable
@@ -44,25 +44,92 @@ def slope_and_secant(w: Wheelset, curve: CreepCurve, creep_of_peak: float, speed
 
 
 def model(w: Wheelset, g11: float, g22: float, v: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """A (5, 5), G (5, 3), C (2, 5) of x = [psi, y', psi', y_t, y - y_t], inputs [y_t', yaw accel, lateral accel].
+    """A (s, s), G (s, 3), C (2, s) of x = [psi, y', psi', y_t, y - y_t], inputs [y_t', yaw accel, lateral accel].
 
     Against the printed (13)-(15): conicity in the yaw row, the yaw stiffness negative, -n in the last row, and the
     gravitational stiffness F_g in the lateral row and the output, with what roll adds to the accelerometer.
+    In a bogie four states follow, those of its frame: y_f, psi_f, y_f', psi_f'.
     """
     n = TRACK_DECAY
-    lateral = [2 * g22 / w.m_w, -2 * g22 / (v * w.m_w), 0.0, 0.0, -2 * w.normal_N * w.gamma / (w.L_g * w.m_w)]
-    yaw = [
-        -w.k_w / w.I_w, 0.0, -2 * w.L_g**2 * g11 / (v * w.I_w), 0.0,
+    held = np.zeros((2, 5)) if w.bogie is None else _held(w, w.bogie)
+    s = held.shape[1]
+    lateral, yaw = np.zeros(s), np.zeros(s)
+    lateral[:5] = 2 * g22 / w.m_w, -2 * g22 / (v * w.m_w), 0.0, 0.0, -2 * w.normal_N * w.gamma / (w.L_g * w.m_w)
+    yaw[:5] = (
+        -w.k_w / w.I_w if w.bogie is None else 0.0, 0.0, -2 * w.L_g**2 * g11 / (v * w.I_w), 0.0,
         -2 * w.L_g * w.gamma * g11 / (w.r_0 * w.I_w),
-    ]  # fmt: skip
-    A = np.array([[0.0, 0.0, 1.0, 0.0, 0.0], lateral, yaw, [0.0, 0.0, 0.0, n, 0.0], [0.0, 1.0, 0.0, -n, 0.0]])
-    G = np.array([[0.0, 0, 0], [0, 0, 1], [0, 1, 0], [1, 0, 0], [-1, 0, 0]], dtype=np.float64)
-    C = np.array([[0.0, 0, 1, 0, 0], lateral])
+    )  # fmt: skip
+    lateral, yaw = lateral + held[0] / w.m_w, yaw + held[1] / w.I_w
+    A, G = np.zeros((s, s)), np.zeros((s, 3))
+    A[0, 2], A[1], A[2], A[3, 3], A[4, 1], A[4, 3] = 1.0, lateral, yaw, n, 1.0, -n
+    G[1, 2], G[2, 1], G[3, 0], G[4, 0] = 1.0, 1.0, 1.0, -1.0
+    if w.bogie is not None and s > 5:
+        A[5:] = _frame(w.bogie, held)
+    C = np.array([np.zeros(s), lateral])
+    C[0, 2] = 1.0
     C[1, 4] += GRAVITY * w.gamma / w.L_g
     return A, G, C
 
 
+import os
+VARIANT = os.environ.get("VARIANT", "frame")
+
+
+def _held(w: Wheelset, b: Bogie) -> FloatArray:
+    """(2, s): force and moment of the primary suspension on the wheelset, over the states."""
+    s = {"ground": 5, "half": 7, "frame": 9}[VARIANT]
+    out = np.zeros((2, s))
+    k, c = b.primary_lateral_N_m, b.primary_lateral_damping_N_s_m
+    out[0, :5] = 0.0, -c, 0.0, -k, -k
+    out[1, :3] = -b.primary_yaw_N_m_rad, 0.0, -b.primary_yaw_damping_N_m_s_rad
+    a = b.semi_wheelbase_m
+    if VARIANT == "frame":
+        out[0, 5:] = k, a * k, c, a * c
+        out[1, 5:] = 0.0, b.primary_yaw_N_m_rad, 0.0, b.primary_yaw_damping_N_m_s_rad
+    if VARIANT == "half":
+        out[0, 5:] = k, c
+    return out
+
+
+def _frame(b: Bogie, held: FloatArray) -> FloatArray:
+    a = b.semi_wheelbase_m
+    k, c = b.primary_lateral_N_m, b.primary_lateral_damping_N_s_m
+    if VARIANT == "half":
+        out = np.zeros((2, 7))
+        m = 0.5 * b.frame_mass_kg
+        out[0, 6] = 1.0
+        out[1] = -held[0] / m
+        out[1, 5] -= 0.5 * (b.secondary_lateral_N_m + 0*b.secondary_yaw_N_m_rad) / m
+        out[1, 6] -= 0.5 * (b.secondary_lateral_damping_N_s_m ) / m
+        return out
+    out = np.zeros((4, 9))
+    out[0, 7] = out[1, 8] = 1.0
+    out[2] = -held[0]
+    out[3] = -a * held[0] - held[1]
+    out[2, 5:] -= k + b.secondary_lateral_N_m, -a * k, c + b.secondary_lateral_damping_N_s_m, -a * c
+    out[3, 5:] -= -a * k, a * a * k + b.primary_yaw_N_m_rad + b.secondary_yaw_N_m_rad, -a * c, a * a * c + b.primary_yaw_damping_N_m_s_rad + b.secondary_yaw_damping_N_m_s_rad
+    out[2] /= b.frame_mass_kg
+    out[3] /= b.frame_yaw_inertia_kg_m2
+    return out
+
+
 FREQUENCIES = 4096
+
+
+DOUBLINGS = 40  # each looks twice as far ahead; the slowest filter forgets within a minute, 2^14 ticks
+
+
+def _riccati(Phi: FloatArray, H: FloatArray, Q: FloatArray, R: FloatArray) -> FloatArray:
+    """(s, s): steady covariance before the update, by doubling (Anderson, 1978). scipy's solver gives the same where a
+    wheelset stands alone, and up where the stiff modes of a frame are among the states. Raises LinAlgError."""
+    A, G, P = Phi.T, H.T @ np.linalg.solve(R, H), Q
+    for _ in range(DOUBLINGS):
+        W = np.linalg.inv(np.eye(len(A)) + G @ P)
+        more = A.T @ P @ W @ A
+        G, P, A = G + A @ W @ G @ A.T, P + 0.5 * (more + more.T), A @ W @ A
+        if np.abs(more).max() <= 1e-15 * np.abs(P).max():
+            return np.asarray(P)
+    raise np.linalg.LinAlgError("the filter has no steady gain")
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,7 +175,7 @@ def steady_state(
     Phi, Q = van_loan_discretization(A, G * np.array(point.noise), tick_s)
     Q = 0.5 * (Q + Q.T)
     R = np.diag(np.square(sensor_noise))
-    P = solve_discrete_are(Phi.T, H.T, Q, R)
+    P = _riccati(np.asarray(Phi), H, Q, R)
     S = H @ P @ H.T + R
     K = np.linalg.solve(S, H @ P).T  # K = P H' S^-1
     return Gains(g11, g22, np.asarray(Phi), H, Q, R, P, K, S)

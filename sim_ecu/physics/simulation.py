@@ -35,12 +35,14 @@ NO_LIMIT = 1e3  # of creep, of the peak's
 class Axle:
     """Where an axle runs: its rail table (n, RAIL_COLUMNS), its lateral irregularity, and its place in the train.
 
-    Axles with the same track meet the same irregularity at the same place, each when it gets there.
+    Axles with the same track meet the same irregularity at the same place, each when it gets there. trailing: the
+    second wheelset of its bogie, where the first is not given; see `_in_bogies`.
     """
 
     rail: FloatArray
     track: Track
     position_m: float = 0.0  # ahead of the train's own distance
+    trailing: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,8 +61,8 @@ def _in_bogies(axles: Sequence[Axle], bogie: Bogie | None) -> tuple[list[tuple[A
     """What is simulated, bogie by bogie, the leading wheelset first: an axle, and which of the given ones commands it;
     and where the given ones are among them.
 
-    Axles on one track a wheelbase apart share a bogie. One that has no such neighbour leads a bogie whose trailing
-    wheelset runs on the same rail with the same command, and is seen by nobody.
+    Axles on one track a wheelbase apart share a bogie. One that has no such neighbour is given one that runs on the same
+    rail with the same command, and is seen by nobody: behind it, or ahead of it if it is a trailing one.
     """
     if bogie is None:
         return [(a, k) for k, a in enumerate(axles)], list(range(len(axles)))
@@ -76,9 +78,9 @@ def _in_bogies(axles: Sequence[Axle], bogie: Bogie | None) -> tuple[list[tuple[A
                 pair.append((axles[m], m))
                 break
         else:
-            behind = a.position_m - bogie.wheelbase_m
-            a.track.ensure_behind(-behind)
-            pair.append((replace(a, position_m=behind), k))
+            at_m = a.position_m + (bogie.wheelbase_m if a.trailing else -bogie.wheelbase_m)
+            a.track.ensure_behind(-at_m)
+            pair.append((replace(a, position_m=at_m), k))
         pair.sort(key=lambda lane: -lane[0].position_m)
         for axle, source in pair:
             if axle is axles[source]:

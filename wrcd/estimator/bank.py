@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from wrcd.estimator.design import CHANNELS, MODELS, STATES, Design, FloatArray, closed_loop
+from wrcd.estimator.design import CHANNELS, MODELS, Design, FloatArray, closed_loop
 
 MEMORY_S = 0.3  # time constant: long against a cycle of the speed signal, short against a braking
 RATE_AFTER_TICKS = 20  # before, the rate of change is not known from the noise
@@ -90,7 +90,7 @@ class Bank:
         x' = Phi (x + K e)      state predicted for the next tick
         w  = V L^-1 e           innovation in units of its own expected size, S = L L', V the channels' weights
 
-    All three are one product of a (9 x 7) matrix with [x; z]. The matrices are built at nodes SPEED_STEP apart, from
+    With s states all three are one product of a (s + 4, s + 2) matrix with [x; z]. The matrices are built at nodes SPEED_STEP apart, from
     the design's tables, and interpolated at every tick: a speed that moves about never makes the gains toggle.
 
     Between the design's speeds A = Phi (I - K H) and B = Phi K are linear: with Phi, K and H linear each by itself, a
@@ -100,13 +100,14 @@ class Bank:
     x: FloatArray
 
     def __init__(self, design: Design, axles: int) -> None:
+        self._states = design.states
         self._range = float(design.speeds_m_s[0]), float(design.speeds_m_s[-1])
         tables = closed_loop(design.Phi, design.K, design.H), design.Phi @ design.K, design.H, design.whiten
         self._tables = [SpeedTable(table, design.speeds_m_s) for table in tables]
         self._fused: dict[int, FloatArray] = {}
         self._between: dict[int, tuple[FloatArray, FloatArray]] = {}
-        self.x = np.zeros((MODELS, STATES, axles))
-        self._in: FloatArray = np.zeros((MODELS, STATES + CHANNELS, axles))
+        self.x = np.zeros((MODELS, self._states, axles))
+        self._in: FloatArray = np.zeros((MODELS, self._states + CHANNELS, axles))
 
     def reset(self, axle: int) -> None:
         """Forget what an axle's filters know."""
@@ -117,32 +118,33 @@ class Bank:
 
         A channel that is not present counts as what the model predicts: its innovation is exactly zero.
         """
+        states = self._states
         M = self._matrices(speed_m_s)
         zs = np.broadcast_to(z, (MODELS, *z.shape))
         if not present.all():
-            zs = np.where(present, zs, -M[:, STATES : STATES + CHANNELS, :STATES] @ self.x)
+            zs = np.where(present, zs, -M[:, states : states + CHANNELS, :states] @ self.x)
         out = M @ np.concatenate((self.x, zs), axis=1)
-        self.x = out[:, :STATES]
-        e, w = out[:, STATES : STATES + CHANNELS], out[:, STATES + CHANNELS :]
+        self.x = out[:, :states]
+        e, w = out[:, states : states + CHANNELS], out[:, states + CHANNELS :]
         if not present.all():
             e = np.where(present, e, 0.0)
         return e, w
 
     def step_all(self, z: FloatArray, speeds_m_s: Sequence[float]) -> tuple[FloatArray, FloatArray]:
         """m ticks z (m, 2, n) with all measurements. Returns e and w, both (m, 4, 2, n)."""
-        m, n = len(z), z.shape[2]
-        out = np.empty((m, MODELS, STATES + 2 * CHANNELS, n))
+        m, n, states = len(z), z.shape[2], self._states
+        out = np.empty((m, MODELS, states + 2 * CHANNELS, n))
         both = self._in
-        both[:, :STATES] = self.x
+        both[:, :states] = self.x
         for k in range(m):
-            both[:, STATES:] = z[k]
+            both[:, states:] = z[k]
             np.matmul(self._matrices(speeds_m_s[k]), both, out=out[k])
-            both[:, :STATES] = out[k, :, :STATES]
-        self.x = both[:, :STATES].copy()
-        return out[:, :, STATES : STATES + CHANNELS], out[:, :, STATES + CHANNELS :]
+            both[:, :states] = out[k, :, :states]
+        self.x = both[:, :states].copy()
+        return out[:, :, states : states + CHANNELS], out[:, :, states + CHANNELS :]
 
     def _matrices(self, speed: float) -> FloatArray:
-        """(4, 9, 7) at a speed, held within the grid."""
+        """(4, s + 4, s + 2) at a speed, held within the grid."""
         low, high = self._range
         at = min(max(speed, low), high) / SPEED_STEP
         node = int(at)
@@ -158,13 +160,14 @@ class Bank:
         found = self._fused.get(number)
         if found is None:
             A, B, H, W = (table.at(number * SPEED_STEP) for table in self._tables)
+            states = self._states
             # rows: x' = A x + B z; e = z - H x; w = W e
-            M = np.zeros((MODELS, STATES + 2 * CHANNELS, STATES + CHANNELS))
-            M[:, :STATES, :STATES] = A
-            M[:, :STATES, STATES:] = B
-            M[:, STATES : STATES + CHANNELS, :STATES] = -H
-            M[:, STATES : STATES + CHANNELS, STATES:] = np.eye(CHANNELS)
-            M[:, STATES + CHANNELS :, :STATES] = -W @ H
-            M[:, STATES + CHANNELS :, STATES:] = W
+            M = np.zeros((MODELS, states + 2 * CHANNELS, states + CHANNELS))
+            M[:, :states, :states] = A
+            M[:, :states, states:] = B
+            M[:, states : states + CHANNELS, :states] = -H
+            M[:, states : states + CHANNELS, states:] = np.eye(CHANNELS)
+            M[:, states + CHANNELS :, :states] = -W @ H
+            M[:, states + CHANNELS :, states:] = W
             found = self._fused[number] = M
         return found

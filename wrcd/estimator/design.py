@@ -16,7 +16,8 @@ IntArray = NDArray[np.int64]
 
 FORMAT = "wrcd-design/3"
 MODELS = 4
-STATES = 5  # psi, y', psi', y_t, y - y_t
+STATES = 5  # psi, y', psi', y_t, y - y_t; then those of a bogie's frame, where the design holds the wheelset in one
+MAX_STATES = 16
 CHANNELS = 2  # yaw rate, lateral acceleration
 INPUTS = MODELS + 2  # that choose the rules: four residuals, torque, speed
 # What the rules' outputs move with: those six; correlations of each model's two innovations with themselves a moment
@@ -64,9 +65,9 @@ class Design:
     recent_s: float  # the newest part of the window: shows a change of rail
     speeds_m_s: FloatArray  # (v,)
     model_names: tuple[str, ...]
-    Phi: FloatArray  # (v, 4, 5, 5) state transition over one tick
-    K: FloatArray  # (v, 4, 5, 2) gain
-    H: FloatArray  # (v, 4, 2, 5) output
+    Phi: FloatArray  # (v, 4, s, s) state transition over one tick
+    K: FloatArray  # (v, 4, s, 2) gain
+    H: FloatArray  # (v, 4, 2, s) output
     whiten: FloatArray  # (v, 4, 2, 2) inverse Cholesky factor of the innovation covariance S, rows weighted
     noise_rms: FloatArray  # (2,) of the sensors, per sample: rad/s, m/s2
     noise_power: FloatArray  # (v, 4, 2) power that this noise alone leaves in each model's residual, by channel
@@ -96,6 +97,11 @@ class Design:
     checksum: str
 
     @property
+    def states(self) -> int:
+        """States of each filter."""
+        return self.Phi.shape[-1]
+
+    @property
     def sets(self) -> tuple[Sets, ...]:
         """The sets of the six inputs of the rules."""
         return (*self.residual_sets, self.torque_sets, self.speed_sets)
@@ -123,8 +129,8 @@ def stable(sos: FloatArray) -> bool:
 
 
 def closed_loop(Phi: FloatArray, K: FloatArray, H: FloatArray) -> FloatArray:
-    """(…, 5, 5): what a filter's state decays by in a tick, Phi (I - K H)."""
-    out: FloatArray = Phi @ (np.eye(STATES) - K @ H)
+    """(…, s, s): what a filter's state decays by in a tick, Phi (I - K H)."""
+    out: FloatArray = Phi @ (np.eye(Phi.shape[-1]) - K @ H)
     return out
 
 
@@ -235,6 +241,10 @@ def _arrays(r: _Reader, digest: str) -> Design:
         raise r.error("bank.models", f"needs {MODELS} models and inputs.wheelset a table")
     rules = r.array("fuzzy.rules", -1, INPUTS)
     n = len(rules)
+    Phi = r.array("bank.Phi", v, MODELS, -1, -1)
+    states = Phi.shape[-1]
+    if Phi.shape[-2] != states or not STATES <= states <= MAX_STATES:
+        raise r.error("bank.Phi", f"must be square, with {STATES} to {MAX_STATES} states, is {Phi.shape[-2:]}")
     return Design(
         name=str(r.at("name")),
         wheelset=wheelset,
@@ -245,9 +255,9 @@ def _arrays(r: _Reader, digest: str) -> Design:
         recent_s=r.number("recent_s", 0.005, 60.0),
         speeds_m_s=speeds,
         model_names=tuple(str(m.get("name", i + 1)) if isinstance(m, dict) else str(m) for i, m in enumerate(names)),
-        Phi=r.array("bank.Phi", v, MODELS, STATES, STATES),
-        K=r.array("bank.K", v, MODELS, STATES, CHANNELS),
-        H=r.array("bank.H", v, MODELS, CHANNELS, STATES),
+        Phi=Phi,
+        K=r.array("bank.K", v, MODELS, states, CHANNELS),
+        H=r.array("bank.H", v, MODELS, CHANNELS, states),
         whiten=r.array("bank.whiten", v, MODELS, CHANNELS, CHANNELS),
         noise_rms=r.array("bank.noise_rms", CHANNELS),
         noise_power=r.array("bank.noise_power", v, MODELS, CHANNELS),
