@@ -3,25 +3,35 @@
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sim_ecu.physics.compiled import compiled
 from sim_ecu.physics.contact import Contact, peak
-from sim_ecu.physics.rail import rail_at, read_rail
+from sim_ecu.physics.rail import CANT, rail_at, read_rail
 from sim_ecu.physics.track import between_nodes
 from sim_ecu.physics.wheelset import (
     ACCEL,
     AXLE_STATES,
     BLOCK,
+    BOGIE,
+    BOGIE_STATES,
     CONSTANTS,
     CREEP_AT_PEAK,
     DRIVE,
     FORCE,
+    FRAME_ACCEL,
+    FRAME_LAT_ACCEL,
+    FRAME_YAW,
+    FRAME_YAW_RATE,
+    GAUGE,
     HELD,
     LANES,
     LAT_ACCEL,
+    LEVEL,
     MU_AVAILABLE,
     MU_USED,
     OUTPUTS,
+    ROLL_RATE,
     ROLLING_START,
     SLIP,
     STATES,
@@ -31,6 +41,7 @@ from sim_ecu.physics.wheelset import (
     W_R,
     YAW,
     YAW_RATE,
+    Y,
     Command,
     Constants,
     D,
@@ -41,6 +52,8 @@ from sim_ecu.physics.wheelset import (
     X,
     derivatives,
 )
+
+BoolArray = NDArray[np.bool_]
 
 # Integration step: the longest allowed, and the longest relative to the fastest decay of the contact (RK4 is stable
 # to 2.8; 0.35 keeps the outputs within 1e-3 of half that step, see the convergence test).
@@ -54,8 +67,8 @@ STEP, STEPS = BLOCK + 2 * STATES * LANES, BLOCK + (2 * STATES + 1) * LANES
 OUT = STEPS + LANES
 ROWS = OUT + OUTPUTS * LANES
 _V, _DISTANCE, _W_R, _W_L = (q * LANES for q in (AXLE_STATES, AXLE_STATES + 1, W_R, W_L))
-_R_0, _I_R, _I_L, _N, _LIMIT = (
-    P + Constants._fields.index(name) * LANES for name in ("r_0", "I_R", "I_L", "N", "torque_limit")
+_R_0, _L_G, _GAMMA, _I_R, _I_L, _N, _LIMIT = (
+    P + Constants._fields.index(name) * LANES for name in ("r_0", "L_g", "gamma", "I_R", "I_L", "N", "torque_limit")
 )
 _NORMAL, _STIFFNESS = (P + (len(Constants._fields) + k) * LANES for k in range(2))
 # What is kept of an axle's newest peak: the speed and the curve's five numbers that it is of, and where it lies.
@@ -131,6 +144,8 @@ def _outputs(b: FloatArray, n: int, weight: float) -> None:
         v = b[X + _V + j]
         b[OUT + YAW_RATE * LANES + j] += share * b[YAW + j]
         b[OUT + LAT_ACCEL * LANES + j] += share * b[ACCEL + j]
+        b[OUT + FRAME_YAW_RATE * LANES + j] += share * b[FRAME_YAW + j]
+        b[OUT + FRAME_LAT_ACCEL * LANES + j] += share * b[FRAME_ACCEL + j]
         b[OUT + MU_USED * LANES + j] += share * b[FORCE + j] / (2 * b[_N + j])
         slip = 0.5 * b[_R_0 + j] * (b[X + _W_R + j] + b[X + _W_L + j]) - v
         b[OUT + SLIP * LANES + j] += share * slip / max(v, ROLLING_START)
@@ -140,33 +155,59 @@ class Rides(NamedTuple):
     """What n axles run on, and what they are; arrays of all, one after another.
 
     Axle i's rail table is rails[first_rail[i]:first_rail[i + 1]]. Node k of its track is nodes[base[i] + k], for k from
-    its first one at hand to before[i]; the track's first node lies at start[i] (m).
+    its first one at hand to before[i]; the track's first node lies at start[i] (m). rolls[i]: whether it has cross-level
+    or gauge. Neither a bogie nor a train goes over a multiple of LANES.
     """
 
     position: FloatArray  # (n,) m, ahead of the train's own distance
     rails: FloatArray
     first_rail: IntArray  # (n + 1,)
-    nodes: FloatArray  # (…, 2)
+    nodes: FloatArray  # (…, 6)
     base: IntArray  # (n,)
     first_node: IntArray  # (n,)
     before: IntArray  # (n,)
     start: FloatArray  # (n,)
     numbers: FloatArray  # (n, CONSTANTS): Constants, then Contact
+    rolls: BoolArray  # (n,)
     stiffest: FloatArray  # (n,) m/s2: the fastest decay of the contact times speed
+    suspended: FloatArray  # (n,) 1/s: the fastest of the suspension
+    leader: IntArray  # (n,): the first axle of its bogie; -1 where the wheelset's spring stands on the ground
+    head: IntArray  # (n,): the first axle of its train
+
+
+@compiled
+def _read_track(b: FloatArray, j: int, rides: Rides, i: int, at_m: float) -> None:
+    """The irregularity under lane j, which is axle i, at a place."""
+    base, first, before, x = rides.base[i], rides.first_node[i], rides.before[i], at_m - rides.start[i]
+    b[TRACK + j] = between_nodes(rides.nodes, base, first, before, x, 0)
+    if rides.rolls[i]:
+        b[LEVEL + j] = between_nodes(rides.nodes, base, first, before, x, 2)
+        b[GAUGE + j] = between_nodes(rides.nodes, base, first, before, x, 4)
+
+
+@compiled
+def _roll(b: FloatArray, j: int, rides: Rides, i: int) -> float:
+    """The roll (rad, left side up) of a wheelset at the beginning of a step: that of the rail, and what it adds by its
+    place on it."""
+    at_m = b[BEGIN + _DISTANCE + j] + rides.position[i]
+    read_rail(rides.rails, rides.first_rail[i], rides.first_rail[i + 1], at_m, b, R + j, LANES)
+    _read_track(b, j, rides, i, at_m)
+    displaced = b[BEGIN + Y * LANES + j] - b[TRACK + j]
+    roll: float = b[R + CANT * LANES + j] + b[LEVEL + j] + b[_GAMMA + j] / b[_L_G + j] * displaced
+    return roll
 
 
 @compiled
 def integrate(
-    state: FloatArray, train: FloatArray, integral: FloatArray, rides: Rides, command: Command,
-    brake: FloatArray, held_speed: FloatArray, sample_s: float, step_scale: float, one_train: bool,
+    state: FloatArray, bogie: FloatArray, train: FloatArray, integral: FloatArray, rides: Rides, command: Command,
+    brake: FloatArray, held_speed: FloatArray, sample_s: float, step_scale: float,
 ) -> tuple[FloatArray, FloatArray]:  # fmt: skip
     """Advance n axles by len(held_speed) sample intervals, in place.
 
-    state (n, 7), train (n, 2) of each one's v and distance, integral (n,) of its controller are read, and left at the
-    end of the last interval. brake (samples, n) is what a brake can hold (N m, no less than 0), beside the command: it
+    state (n, 7), bogie (n, BOGIE_STATES) with its first axle, train (n, 2) of each one's v and distance, integral (n,)
+    of its controller are read, and left at the end of the last interval. brake (samples, n) is what a brake can hold (N m, no less than 0), beside the command: it
     opposes the wheel's turning, and holds a wheel that stands. held_speed (samples,) is the speed at the end of each
-    interval, NaN where the vehicle moves freely. one_train: the axles, LANES at most, share one vehicle; else each is a
-    vehicle of its own.
+    interval, NaN where the vehicle moves freely.
     Returns outputs (samples, n, OUTPUTS), means over the interval except MU_AVAILABLE and CREEP_AT_PEAK (at its end),
     and (samples, n, 2) with v and distance at the end. The step follows each vehicle's speed.
     """
@@ -177,18 +218,29 @@ def integrate(
     drive, holds = np.empty(LANES), np.zeros(LANES)
     weight = np.array([1.0, 2.0, 2.0, 1.0]) / 6.0
     lead = np.array([0.0, 0.5, 0.5, 1.0, 0.0])
+    leader, head, size = np.full(LANES, -1), np.zeros(LANES, np.int64), np.zeros(LANES, np.int64)
+    rolled = np.zeros(LANES)
     shortest = int(np.ceil(sample_s / MAX_STEP_S))
     for first in range(0, axles, LANES):
         n = min(LANES, axles - first)
         peaks = np.zeros((n, PEAK_COLUMNS))
+        b[LEVEL : LEVEL + LANES] = b[GAUGE : GAUGE + LANES] = 0.0
+        size[:] = 0
         for j in range(n):
+            leader[j] = rides.leader[first + j] - first if rides.leader[first + j] >= 0 else -1
+            head[j] = rides.head[first + j] - first
+            size[head[j]] += 1
+        for j in range(n):
+            size[j] = size[head[j]]
             i = first + j
             for q in range(AXLE_STATES):
                 b[BEGIN + q * LANES + j] = state[i, q]
             b[BEGIN + _V + j], b[BEGIN + _DISTANCE + j] = train[i]
+            for q in range(BOGIE_STATES):
+                b[BEGIN + (BOGIE + q) * LANES + j] = bogie[i, q]
             for q in range(CONSTANTS):
                 b[P + q * LANES + j] = rides.numbers[i, q]
-            read_rail(rides.rails, rides.first_rail[i], rides.first_rail[i + 1], 0.0, b, R + j, LANES)
+            rolled[j] = _roll(b, j, rides, i)
         for s in range(samples):
             most = 0
             braked = False
@@ -213,7 +265,7 @@ def integrate(
                 # brakes hold, they do not drive backwards: they let go as the wheel stops
                 if demand[j] < 0:
                     demand[j] *= min(1.0, max(0.0, b[BEGIN + _W_R + j] * b[_R_0 + j] / 0.5))
-                rate = rides.stiffest[i] / max(v, ROLLING_START)
+                rate = max(rides.stiffest[i] / max(v, ROLLING_START), rides.suspended[i])
                 steps = int(max(shortest, int(np.ceil(sample_s * rate / STEP_TIMES_RATE))) * step_scale)
                 left[j], most = steps, max(most, steps)
                 holds[j] = brake[s, i]
@@ -241,12 +293,10 @@ def integrate(
                         at = b[X + _DISTANCE + j] + rides.position[i]
                         if rides.first_rail[i + 1] - rides.first_rail[i] > 1:
                             read_rail(rides.rails, rides.first_rail[i], rides.first_rail[i + 1], at, b, R + j, LANES)
-                        b[TRACK + j] = between_nodes(
-                            rides.nodes, rides.base[i], rides.first_node[i], rides.before[i], at - rides.start[i]
-                        )
+                        _read_track(b, j, rides, i, at)
                     if braked:
                         _brake(b, busy, holds, drive, weight[k])
-                    derivatives(b, busy, one_train)
+                    derivatives(b, busy, leader, head, size)
                     _outputs(b, busy, weight[k])
                     _stage(b, busy, weight[k], lead[k + 1])
                 for q in range(STATES * LANES):
@@ -261,10 +311,14 @@ def integrate(
                 _peak_at(rail, distance + rides.position[i], max(v, ROLLING_START), c, peaks[j])
                 for q in range(OUTPUTS):
                     out[s, i, q] = b[OUT + q * LANES + j]
+                roll = _roll(b, j, rides, i)
+                out[s, i, ROLL_RATE], rolled[j] = (roll - rolled[j]) / sample_s, roll
                 out[s, i, MU_AVAILABLE], out[s, i, CREEP_AT_PEAK] = peaks[j, PEAK_MU], peaks[j, PEAK_CREEP]
                 journey[s, i, 0], journey[s, i, 1] = v, distance
         for j in range(n):
             for q in range(AXLE_STATES):
                 state[first + j, q] = b[BEGIN + q * LANES + j]
+            for q in range(BOGIE_STATES):
+                bogie[first + j, q] = b[BEGIN + (BOGIE + q) * LANES + j]
             train[first + j, 0], train[first + j, 1] = b[BEGIN + _V + j], b[BEGIN + _DISTANCE + j]
     return out, journey

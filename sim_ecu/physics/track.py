@@ -48,6 +48,7 @@ class Track:
         behind_m: float = 0.0,
         corner_rad_m: float = OMEGA_C,
     ) -> None:
+        self._seed = seed
         self._rng = np.random.default_rng(seed)
         a = np.array([[0.0, 1.0], [-OMEGA_R * corner_rad_m, -(OMEGA_R + corner_rad_m)]])
         q = math.pi * roughness_m_rad * corner_rad_m**2
@@ -76,6 +77,16 @@ class Track:
         )
         return back
 
+    rolls = False
+
+    def ensure_behind(self, behind_m: float) -> None:
+        """Stub until the merge."""
+        have = round(-self.start_m / SPACING_M)
+        need = math.ceil(behind_m / SPACING_M)
+        if need > have:
+            self.nodes = np.concatenate([self._behind(self.nodes[have], need, self._seed), self.nodes[have:]])
+            self.start_m = -need * SPACING_M
+
     def reach(self, distance_m: float) -> NDArray[np.float64]:
         """Nodes (n, 2) that cover at least start_m … distance_m; node i lies at start_m + i * SPACING_M."""
         need = int((distance_m - self.start_m) / SPACING_M) + 2
@@ -92,15 +103,18 @@ class Track:
 @compiled
 def irregularity(nodes: NDArray[np.float64], distance_m: float) -> float:
     """y_t (m) at a distance from the first node: cubic Hermite interpolation between the nodes."""
-    return between_nodes(nodes, 0, 0, nodes.shape[0], distance_m)
+    return between_nodes(nodes, 0, 0, nodes.shape[0], distance_m, 0)
 
 
 @compiled
-def between_nodes(nodes: NDArray[np.float64], base: int, first: int, end: int, distance_m: float) -> float:
+def between_nodes(
+    nodes: NDArray[np.float64], base: int, first: int, end: int, distance_m: float, column: int
+) -> float:
     """The same of a track whose node k, from first to before end, is nodes[base + k]."""
     at = distance_m / SPACING_M
     k = min(max(int(at), first), end - 2)
     t, i = at - k, base + k
-    y0, d0, y1, d1 = nodes[i, 0], nodes[i, 1] * SPACING_M, nodes[i + 1, 0], nodes[i + 1, 1] * SPACING_M
+    y0, d0 = nodes[i, column], nodes[i, column + 1] * SPACING_M
+    y1, d1 = nodes[i + 1, column], nodes[i + 1, column + 1] * SPACING_M
     y: float = y0 + t * (d0 + t * (3 * (y1 - y0) - 2 * d0 - d1 + t * (2 * (y0 - y1) + d0 + d1)))
     return y
