@@ -9,6 +9,7 @@ from typing import Any
 import exudyn
 import numpy as np
 from exudyn.itemInterface import (
+    MarkerBodyPosition,
     MarkerBodyRigid,
     MarkerNodeCoordinate,
     Node1D,
@@ -35,8 +36,8 @@ COORDINATES = 5  # of a wheelset: along the track, lateral, yaw, and how far its
 
 @dataclass(frozen=True, slots=True)
 class Ride:
-    """n moments: wheelsets (n, 2, 7) with y, y', psi, psi', w_R, w_L, theta; vehicle (n, 6) with y, y', psi, psi' of the
-    frame and y, y' of the half body."""
+    """n moments: wheelsets (n, 2, 7) with y, y', psi, psi', w_R, w_L, theta; vehicle (n, 6) with y, y', psi, psi' of
+    the frame and y, y' of the half body."""
 
     wheelsets: FloatArray
     vehicle: FloatArray
@@ -49,7 +50,7 @@ def ride(
     """Run both wheelsets with a torque at a held speed on straight track, from rest across the track.
 
     y_t(x) is the track's irregularity (m); the leading wheelset begins at the bogie's wheelbase, the trailing one at 0.
-    Runge-Kutta of order 6 in steps of equal length.
+    Runge-Kutta of order 6 in steps of equal length. Their model has no flange.
     """
     container = exudyn.SystemContainer()
     mbs = container.AddSystem()
@@ -74,8 +75,11 @@ def ride(
     def about(markers: list[Any], stiffness: float, damping: float) -> None:
         mbs.AddObject(ObjectConnectorTorsionalSpringDamper(markerNumbers=markers, stiffness=stiffness, damping=damping))
 
-    body_marker = mbs.AddMarker({"markerType": "BodyPosition", "bodyNumber": body, "localPosition": [0.0, 0.0, 0.0]})
-    across([on(frame), body_marker], b.secondary_lateral_N_m, b.secondary_lateral_damping_N_s_m)
+    across(
+        [on(frame), mbs.AddMarker(MarkerBodyPosition(bodyNumber=body))],
+        b.secondary_lateral_N_m,
+        b.secondary_lateral_damping_N_s_m,
+    )
     about([on(ground), on(frame)], b.secondary_yaw_N_m_rad, b.secondary_yaw_damping_N_m_s_rad)
     nodes: list[Any] = []
     for ahead_m in (b.semi_wheelbase_m, -b.semi_wheelbase_m):
