@@ -7,7 +7,7 @@ import numpy as np
 from sim_ecu.physics.compiled import compiled
 from sim_ecu.physics.contact import Contact, peak
 from sim_ecu.physics.rail import rail_at, read_rail
-from sim_ecu.physics.track import between_nodes
+from sim_ecu.physics.track import ALIGNMENT, between_nodes
 from sim_ecu.physics.wheelset import (
     ACCEL,
     AXLE_STATES,
@@ -146,7 +146,7 @@ class Rides(NamedTuple):
     position: FloatArray  # (n,) m, ahead of the train's own distance
     rails: FloatArray
     first_rail: IntArray  # (n + 1,)
-    nodes: FloatArray  # (…, 2)
+    nodes: FloatArray  # (…, NODE_COLUMNS)
     base: IntArray  # (n,)
     first_node: IntArray  # (n,)
     before: IntArray  # (n,)
@@ -242,7 +242,12 @@ def integrate(
                         if rides.first_rail[i + 1] - rides.first_rail[i] > 1:
                             read_rail(rides.rails, rides.first_rail[i], rides.first_rail[i + 1], at, b, R + j, LANES)
                         b[TRACK + j] = between_nodes(
-                            rides.nodes, rides.base[i], rides.first_node[i], rides.before[i], at - rides.start[i]
+                            rides.nodes,
+                            rides.base[i],
+                            rides.first_node[i],
+                            rides.before[i],
+                            at - rides.start[i],
+                            ALIGNMENT,
                         )
                     if braked:
                         _brake(b, busy, holds, drive, weight[k])
