@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from sim_ecu.physics.contact import CreepCurve, curve_between, peak, traction_ratio
 from sim_ecu.physics.sensors import SENSOR_SETS, SensorSet
 from sim_ecu.physics.simulation import Axle, Samples, Simulation, advance_side_by_side
-from sim_ecu.physics.track import QUALITY, Track
+from sim_ecu.physics.track import QUALITY, SPECTRA, Spectrum, Track
 from sim_ecu.physics.wheelset import LANES, OUTPUTS, Command, Wheelset
 from sim_ecu.play.scenario import BLEND_M, rail_table
 
@@ -52,7 +52,7 @@ class Condition:
 
     speed_m_s: float
     curve: CreepCurve
-    roughness: float
+    track: Spectrum
     utilisation: float
     creep_of_peak: float
     seed: int
@@ -145,7 +145,9 @@ def _one(plan: Plan, w: Wheelset, v: float, seed: int, rng: np.random.Generator)
     steady = Condition(
         speed_m_s=v,
         curve=curve,
-        roughness=QUALITY["good"] * low * (high / low) ** (0.5 - 0.5 * math.cos(math.pi * rng.random())),
+        track=Spectrum.of_roughness(
+            QUALITY["good"] * low * (high / low) ** (0.5 - 0.5 * math.cos(math.pi * rng.random()))
+        ),
         utilisation=sign * float(rng.uniform(*plan.utilisation_range)),
         creep_of_peak=math.nan,
         seed=seed,
@@ -230,7 +232,7 @@ def held_at(w: Wheelset, curve: CreepCurve, creep_of_peak: float, speed_m_s: flo
     creep, mu = peak(speed_m_s, w.contact, *curve.row())
     share = traction_ratio(creep_of_peak * creep, speed_m_s, w.contact, *curve.row()) / mu
     demand = (math.nan, creep_of_peak) if creep_of_peak >= 1.0 else (share, math.nan)
-    return Condition(speed_m_s, curve, QUALITY["good"], *demand, seed)
+    return Condition(speed_m_s, curve, SPECTRA["good"], *demand, seed)
 
 
 def command(samples: int, axles: int = 1, **given: float | FloatArray) -> Command:
@@ -299,7 +301,7 @@ def _ready(w: Wheelset, c: Condition, seconds: float, tick_s: float) -> tuple[Si
     if c.before is not None:
         at = c.changes_at_s * (c.speed_m_s + 0.5 * c.ramp_m_s2 * c.changes_at_s) - BLEND_M
         rail = [(0.0, c.before, c.curvature, 0.0), (at, c.curve, c.curvature, 0.0)]
-    axle = Axle(rail_table(rail), Track(c.roughness, c.seed), trailing=c.trailing)
+    axle = Axle(rail_table(rail), Track(c.track, c.seed), trailing=c.trailing)
     sim = Simulation(w, [axle], c.speed_m_s, tick_s)
     course = _course(n, c, tick_s)
     if not math.isnan(c.creep_of_peak):

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from sim_ecu.physics.compiled import compiled
 from sim_ecu.physics.contact import Contact, peak
 from sim_ecu.physics.rail import CANT, rail_at, read_rail
-from sim_ecu.physics.track import between_nodes
+from sim_ecu.physics.track import ALIGNMENT, CROSS_LEVEL, between_nodes
+from sim_ecu.physics.track import GAUGE as GAUGE_COLUMN
 from sim_ecu.physics.wheelset import (
     ACCEL,
     AXLE_STATES,
@@ -162,7 +163,7 @@ class Rides(NamedTuple):
     position: FloatArray  # (n,) m, ahead of the train's own distance
     rails: FloatArray
     first_rail: IntArray  # (n + 1,)
-    nodes: FloatArray  # (…, 6)
+    nodes: FloatArray  # (…, NODE_COLUMNS)
     base: IntArray  # (n,)
     first_node: IntArray  # (n,)
     before: IntArray  # (n,)
@@ -179,10 +180,10 @@ class Rides(NamedTuple):
 def _read_track(b: FloatArray, j: int, rides: Rides, i: int, at_m: float) -> None:
     """The irregularity under lane j, which is axle i, at a place."""
     base, first, before, x = rides.base[i], rides.first_node[i], rides.before[i], at_m - rides.start[i]
-    b[TRACK + j] = between_nodes(rides.nodes, base, first, before, x, 0)
+    b[TRACK + j] = between_nodes(rides.nodes, base, first, before, x, ALIGNMENT)
     if rides.rolls[i]:
-        b[LEVEL + j] = between_nodes(rides.nodes, base, first, before, x, 2)
-        b[GAUGE + j] = between_nodes(rides.nodes, base, first, before, x, 4)
+        b[LEVEL + j] = between_nodes(rides.nodes, base, first, before, x, CROSS_LEVEL)
+        b[GAUGE + j] = between_nodes(rides.nodes, base, first, before, x, GAUGE_COLUMN)
 
 
 @compiled

@@ -200,13 +200,15 @@ HELD = DRIVE + LANES  # acceleration that replaces (7), m/s2; NaN: none does
 # F_xR + F_xL in N; what gyro and accelerometer read, on the axle box and on the frame over it
 FORCE, YAW, ACCEL, FRAME_YAW, FRAME_ACCEL = (HELD + (1 + k) * LANES for k in range(5))
 _WORK = HELD + 6 * LANES
-BLOCK = _WORK + 20 * LANES  # what the equations need; the integration has rows of its own behind
+BLOCK = _WORK + 21 * LANES  # what the equations need; the integration has rows of its own behind
 _LAM_XL, _LAM_XR, _LAM_Y, _LAM_L, _LAM_R, _EXP_L, _EXP_R, _TOP_L, _TOP_R, _BOW_L, _BOW_R, _ATAN_L, _ATAN_R = (
     _WORK + k * LANES for k in range(13)
 )
 # force and moment of the primary suspension on a wheelset; of a bogie's first axle those on the frame, and the mean of
 # what its wheelsets run on; what pulls a train's first axle
-_PRIMARY_Y, _PRIMARY_PSI, _FRAME_F, _FRAME_M, _MEAN_K, _MEAN_CANT, _PULL = (_WORK + k * LANES for k in range(13, 20))
+_PRIMARY_Y, _PRIMARY_PSI, _FRAME_F, _FRAME_M, _MEAN_K, _MEAN_SLOPE, _MEAN_CANT, _PULL = (
+    _WORK + k * LANES for k in range(13, 21)
+)
 (
     _M_W, _I_W, _R_0, _L_G, _GAMMA, _K_W, _M_V, _I_R, _I_L, _K_S, _C_S, _RES_0, _RES_2, _N, _F_G, _ROLL, _LIMIT,
     _ARM, _M_F, _I_F, _K_Y, _C_Y, _K_PSI, _C_PSI, _M_B, _K_SEC, _C_SEC, _K_SPSI, _C_SPSI, _CLEARANCE, _FLANGE,
@@ -224,7 +226,7 @@ _CURVATURE, _CANT, _SLOPE = (R + k * LANES for k in (CURVATURE, CANT, CURVATURE_
 def _suspension(b: FloatArray, n: int, leader: IntArray) -> None:
     """What holds each wheelset, from X: a spring to the ground, or the frame of its bogie; and what the frame feels."""
     for j in range(n):
-        b[_FRAME_F + j] = b[_FRAME_M + j] = b[_MEAN_K + j] = b[_MEAN_CANT + j] = 0.0
+        b[_FRAME_F + j] = b[_FRAME_M + j] = b[_MEAN_K + j] = b[_MEAN_SLOPE + j] = b[_MEAN_CANT + j] = 0.0
     for j in range(n):
         i = leader[j]
         if i < 0:
@@ -241,6 +243,7 @@ def _suspension(b: FloatArray, n: int, leader: IntArray) -> None:
         b[_FRAME_F + i] -= force
         b[_FRAME_M + i] -= s * force + moment
         b[_MEAN_K + i] += 0.5 * k
+        b[_MEAN_SLOPE + i] += 0.5 * b[_SLOPE + j]
         b[_MEAN_CANT + i] += 0.5 * (b[_CANT + j] + b[LEVEL + j])
         beside = b[_Y + j] - b[TRACK + j]
         if abs(beside) > b[_CLEARANCE + j]:
@@ -266,7 +269,7 @@ def _frames(b: FloatArray, n: int, leader: IntArray) -> None:
             b[D + _FRAME_Y + i] = b[_FRAME_YDOT + i]
             b[D + _FRAME_YDOT + i] = y2 + uncompensated
             b[D + _FRAME_PSI + i] = b[_FRAME_PSIDOT + i]
-            b[D + _FRAME_PSIDOT + i] = psi2 + v * v * b[_SLOPE + i] + b[D + _V + i] * k
+            b[D + _FRAME_PSIDOT + i] = psi2 + v * v * b[_MEAN_SLOPE + i] + b[D + _V + i] * k
             b[D + _BODY_Y + i] = b[_BODY_YDOT + i]
             b[D + _BODY_YDOT + i] = -secondary / b[_M_B + i] + uncompensated
         b[FRAME_YAW + j] = b[_FRAME_PSIDOT + i] - v * k

@@ -55,9 +55,8 @@ class Sensing:
 def on_tracks(axles: Sequence[AxleScenario]) -> list[Axle]:
     """The axles where they run; those of one seed and spectrum on the same track."""
     behind_m = max(0.0, *(-a.position_m for a in axles))
-    spectra = [(a.roughness, a.runs_on, a.corner_rad_m) for a in axles]
-    tracks = {s: Track(s[0], s[1], behind_m, s[2]) for s in set(spectra)}
-    return [Axle(a.rail, tracks[s], a.position_m) for a, s in zip(axles, spectra, strict=True)]
+    tracks = {of: Track(*of, behind_m) for of in {(a.track, a.runs_on) for a in axles}}
+    return [Axle(a.rail, tracks[a.track, a.runs_on], a.position_m) for a in axles]
 
 
 class Player:

@@ -19,7 +19,7 @@ from sim_ecu.physics.rail import BLEND_M as BLEND_M
 from sim_ecu.physics.rail import RailSection
 from sim_ecu.physics.rail import rail_table as rail_table
 from sim_ecu.physics.sensors import SENSOR_SETS, SensorSet
-from sim_ecu.physics.track import OMEGA_C, QUALITY
+from sim_ecu.physics.track import SPECTRA, Spectrum
 from sim_ecu.physics.wheelset import Command, Wheelset
 from sim_ecu.play import scenario_keys as keys
 from sim_ecu.play.encoder import SAMPLE_US
@@ -71,18 +71,16 @@ class AxleScenario:
 
     seed: of its sensors' noise and its vibration. position_m: ahead of the train's own distance; followers are behind.
     track_seed: of the irregularity and the joints, shared by axles on one track; None for a track of its own.
-    corner_rad_m: upper corner of the irregularity's spectrum.
     """
 
     number: int
     rail: FloatArray
     drive: DriveCourse
-    roughness: float
+    track: Spectrum
     sensors: SensorSet
     seed: int
     position_m: float
     track_seed: int | None = None
-    corner_rad_m: float = OMEGA_C
     axlebox: AxleBox = QUIET
 
     @property
@@ -176,7 +174,7 @@ def read_axles(top: Section, drive: DriveCourse | None = None) -> tuple[AxleScen
     if len(set(numbers)) != len(numbers):
         raise top.error(f"{numbers!r} names an axle twice", "axles")
     # what an axle may have otherwise
-    common = {"rail": None, "drive": None, "roughness": QUALITY["good"], "sensors": SENSOR_SETS["mems"],
+    common = {"rail": None, "drive": None, "track": SPECTRA["good"], "sensors": SENSOR_SETS["mems"],
               "axlebox": QUIET}  # fmt: skip
     common = _settings(top, common, drive)
     seed, first = _seed(top, 1), min(numbers)
@@ -215,7 +213,7 @@ def read_wheelset(section: Section) -> Wheelset:
 
 def _settings(s: Section, common: Mapping[str, Any], drive: DriveCourse | None) -> dict[str, Any]:
     """Return a table's settings of an axle; common: where it has none."""
-    read = {"rail": ("rail", _rail), "track": ("roughness", _roughness), "sensors": ("sensors", _sensors)}
+    read = {"rail": ("rail", _rail), "track": ("track", _track), "sensors": ("sensors", _sensors)}
     own: dict[str, Any] = {name: of(s) for key, (name, of) in read.items() if key in s}
     if drive is not None:
         own["drive"] = drive
@@ -278,11 +276,12 @@ def _drive(section: Section) -> DriveCourse:
     return drive
 
 
-def _roughness(section: Section) -> float:
+def _track(section: Section) -> Spectrum:
+    """track: the name of a spectrum, or the roughness of alignment alone."""
     value = section.raw("track")
     if isinstance(value, str):
-        return QUALITY[Choice("track", "", tuple(QUALITY), "good").value(section)]
-    return Number("track", "", 0.0, 1e-4, QUALITY["good"]).value(section)
+        return SPECTRA[Choice("track", "", tuple(SPECTRA), "good").value(section)]
+    return Spectrum.of_roughness(Number("track", "", 0.0, 1e-4, 0.0).value(section))
 
 
 def _sensors(section: Section) -> SensorSet:

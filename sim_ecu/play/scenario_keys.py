@@ -8,7 +8,7 @@ from sim_ecu.physics.axlebox import QUIET, SHAPES
 from sim_ecu.physics.contact import CURVES
 from sim_ecu.physics.rail import BLEND_M
 from sim_ecu.physics.sensors import SENSOR_SETS
-from sim_ecu.physics.track import QUALITY
+from sim_ecu.physics.track import SPECTRA
 from sim_ecu.physics.wheelset import Wheelset
 from sim_ecu.play.faults import ALL, DURATION_S, KINDS, SIGNALS
 from wrcd.config.keys import Choice, Flag, Key, Number, Text
@@ -90,8 +90,8 @@ HOLD_SPEED = Flag(
 SEED = Other("seed", "of track, vibration and noise; of an axle: of a track of its own", "whole number from 0 on", "1")
 TRACK = Other(
     "track",
-    "irregularity: a class, or the spectrum's A_a",
-    f"{', '.join(QUALITY)}, or 0 … 0.0001",
+    "irregularity: a spectrum, or the A_a of one of alignment alone",
+    f"{', '.join(SPECTRA)}, or 0 … 0.0001",
     "good",
     "m rad",
 )

@@ -29,6 +29,8 @@ from sim_ecu.campaign.kind import Factor, Kind, Metric
 from sim_ecu.cli import main as rig_cli
 from sim_ecu.loop import drive_scenario as drive_keys
 from sim_ecu.loop.fmu.plant import VALID, variables
+from sim_ecu.physics.track import SPECTRA, deviation
+from sim_ecu.physics.wheelset import GRAVITY
 from sim_ecu.play import scenario_keys
 from sim_ecu.reporting.verdicts import MISSED, counted
 from tests.support.bus_load import table as load_table
@@ -288,6 +290,17 @@ def drive_scenario(which: str = "") -> list[str]:
     return key_rows(key for key in drive_keys.TABLES[which] if key not in others)
 
 
+def tracks() -> list[str]:
+    """How rough the named tracks are: alignment in the band by which tracks are judged, the others as a whole."""
+    rows: list[Row] = []
+    for name, of in SPECTRA.items():
+        roll, gauge = (deviation(parts, 0.1, 1e5) for parts in (of.cross_level, of.gauge))
+        cells = (f"{1e3 * roll:.2f}", f"{GRAVITY * roll:.3f}", f"{1e3 * gauge:.2f}") if of.cross_level else ("–",) * 3
+        rows.append((f"`{name}`", f"{1e3 * deviation(of.alignment):.2f}", *cells))
+    head = ("track", "alignment, 3 to 25 m, mm", "cross-level, mrad", "g × roll, m/s²", "gauge, mm")
+    return table(head, rows)
+
+
 def bus_load() -> list[str]:
     """What the packaged DBCs take of a bus, by axles."""
     return load_table(load_dbc(resources.DBC), load_dbc(rig.TRUTH_DBC), MAX_AXLES)
@@ -436,6 +449,7 @@ MAKERS: dict[str, Callable[..., list[str]]] = {
     "lint-of": lint_of,
     "scenario": scenario,
     "drive-scenario": drive_scenario,
+    "tracks": tracks,
     "fmu-variables": fmu_variables,
     "accuracy": accuracy,
     "campaign-keys": lambda: key_rows(factors.HEAD),

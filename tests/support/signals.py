@@ -8,7 +8,7 @@ import numpy as np
 from sim_ecu.design.cases import Condition, simulate
 from sim_ecu.physics.contact import CURVES, peak
 from sim_ecu.physics.sensors import SENSOR_SETS
-from sim_ecu.physics.track import QUALITY
+from sim_ecu.physics.track import SPECTRA
 from sim_ecu.physics.wheelset import LAT_ACCEL, TORQUE, YAW_RATE, Wheelset
 from wrcd.estimator.design import FloatArray
 from wrcd.estimator.records import Ticks
@@ -29,8 +29,7 @@ def measured(
     """z (ticks, 2) in rad/s and m/s2 of the default wheelset on a middling track, at held speed and torque."""
     w = Wheelset()
     most = peak(speed_m_s, w.contact, *CURVES[curve].row())[1] * 2 * w.normal_N * w.r_0
-    roughness = 2.0 * QUALITY["good"]
-    condition = Condition(speed_m_s, CURVES[curve], roughness, torque_Nm / most, math.nan, seed)
+    condition = Condition(speed_m_s, CURVES[curve], SPECTRA["good"].scaled(2.0), torque_Nm / most, math.nan, seed)
     y = simulate(w, condition, SETTLE_S + seconds, tick_s).outputs[round(SETTLE_S / tick_s) :, 0]
     z = _sensed(y, sensors, seed)
     z.setflags(write=False)
@@ -51,7 +50,7 @@ def hunting(seconds: float = 8.0, tick_s: float = 0.005) -> Ticks:
     carries, after 3 s. From then on it swings with its yaw spring, at 13 Hz and by 0.1 rad/s and more."""
     w, speed_m_s, seed = Wheelset(), 37.0, 4
     drop = Condition(
-        speed_m_s, CURVES["C"], QUALITY["poor"], 0.8, math.nan, seed, before=CURVES["A"], changes_at_s=3.0,
+        speed_m_s, CURVES["C"], SPECTRA["poor"], 0.8, math.nan, seed, before=CURVES["A"], changes_at_s=3.0,
         limit_of_peak=1.2,
     )  # fmt: skip
     y = simulate(w, drop, seconds, tick_s).outputs[:, 0]

@@ -12,7 +12,7 @@ from sim_ecu.physics.actuators import Actuators
 from sim_ecu.physics.axlebox import QUIET, AxleBox
 from sim_ecu.physics.contact import CreepCurve, curve_between
 from sim_ecu.physics.sensors import SENSOR_SETS, SensorSet
-from sim_ecu.physics.track import QUALITY
+from sim_ecu.physics.track import QUALITY, Spectrum
 from sim_ecu.physics.wheelset import Wheelset
 from sim_ecu.play.faults import Fault
 from sim_ecu.play.scenario import POSITIONS_M, AxleScenario, Course, FloatArray, Scenario, rail_table
@@ -99,10 +99,10 @@ def free_train(
     box: AxleBox = QUIET,
 ) -> Scenario:  # fmt: skip
     """A train that moves freely over a rail, its track's roughness drawn; noisy: its sensors' noise, too."""
-    roughness = float(np.exp(rng.uniform(*np.log(ROUGHNESS))))
+    track = Spectrum.of_roughness(float(np.exp(rng.uniform(*np.log(ROUGHNESS)))))
     sensors = noisier(float(rng.uniform(*NOISE))) if noisy else SENSOR_SETS["mems"]
     every = tuple(
-        AxleScenario(n, rail, NO_DRIVE, roughness, sensors, seed * 16 + n, POSITIONS_M[n - 1], seed * 16, axlebox=box)
+        AxleScenario(n, rail, NO_DRIVE, track, sensors, seed * 16 + n, POSITIONS_M[n - 1], seed * 16, axlebox=box)
         for n in range(1, axles + 1)
     )
     return Scenario("loop", "", seconds, Course((0.0,), (speed_m_s,)), False, Wheelset(), every)

@@ -12,7 +12,7 @@ from sim_ecu.loop.suites.rides import DRY, GREASY, KNOWN_S, LoopCase, RidePlan, 
 from sim_ecu.physics.actuators import Actuators, Drive
 from sim_ecu.physics.axlebox import AxleBox
 from sim_ecu.physics.sensors import SensorSet
-from sim_ecu.physics.track import QUALITY
+from sim_ecu.physics.track import SPECTRA
 from sim_ecu.physics.wheelset import Wheelset
 from sim_ecu.play.faults import ALL, KINDS, Fault, Stage
 from sim_ecu.score.suites.nominal import either, scattered
@@ -90,7 +90,7 @@ def _creep_law(column: int) -> World:
 
 
 def _rough(factor: float) -> World:
-    return lambda s, _: with_train(s, axles=lambda a: replace(a, roughness=QUALITY["good"] * factor))
+    return lambda s, _: with_train(s, axles=lambda a: replace(a, track=SPECTRA["good"].scaled(factor)))
 
 
 def _sensed(change: Callable[[SensorSet], SensorSet]) -> World:

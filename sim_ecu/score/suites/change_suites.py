@@ -6,17 +6,17 @@ from collections.abc import Iterator
 import numpy as np
 
 from sim_ecu.physics.contact import CURVES, peak
-from sim_ecu.physics.track import QUALITY
+from sim_ecu.physics.track import SPECTRA
 from sim_ecu.physics.wheelset import Wheelset
 from sim_ecu.play.scenario import AxleScenario, FloatArray
 from sim_ecu.score.suites.nominal import RUN_S
 from sim_ecu.score.suites.run import (
     AXLES,
-    ROUGHNESS,
     TEST,
     Lot,
     Rng,
     Run,
+    any_track,
     axle,
     by_four,
     drive,
@@ -49,7 +49,7 @@ def paper(w: Wheelset, scale: float, lot: Lot = TEST) -> Iterator[Run]:
     letters = list(CURVES) * max(2, round(PAPER_RUNS * AXLES / len(CURVES) * scale))
     for number, part in enumerate(by_four(letters, rng)):
         held = drive("creep_of_peak", (0.0, 0.0), (0.5, 1.0))
-        axles = [axle(lot, i, one_rail(CURVES[c]), held, QUALITY["good"], rng) for i, c in part]
+        axles = [axle(lot, i, one_rail(CURVES[c]), held, SPECTRA["good"], rng) for i, c in part]
         played = scenario(w, RUN_S, PAPER_M_S, axles)
         yield Run("paper", "held at the peak", number, played, tuple(c for _, c in part))
 
@@ -103,7 +103,7 @@ def cycles(w: Wheelset, scale: float, lot: Lot = TEST) -> Iterator[Run]:
         for i, (letter, sign, hertz, (demand, low, high)) in part:
             points = sawtooth(hertz, RUN_S, sign * low, sign * high)
             slips = drive(demand, *points, limit=CYCLE_CREEP)
-            axles.append(axle(lot, i, one_rail(CURVES[letter]), slips, float(rng.choice(ROUGHNESS)), rng))
+            axles.append(axle(lot, i, one_rail(CURVES[letter]), slips, any_track(rng), rng))
         curves = tuple(letter for _, (letter, *_) in part)
         yield Run("cycles", "slip cycles", number, scenario(w, RUN_S, v, axles), curves)
 
@@ -123,4 +123,4 @@ def _carried(w: Wheelset, speed_m_s: float, letter: str) -> float:
 
 def _pulled(lot: Lot, place: int, rail: FloatArray, torque: float, rng: Rng) -> AxleScenario:
     held = drive("torque_N_m", (0.0, 0.0), (0.5, torque), limit=1.2)
-    return axle(lot, place, rail, held, float(rng.choice(ROUGHNESS)), rng)
+    return axle(lot, place, rail, held, any_track(rng), rng)

@@ -10,19 +10,19 @@ import numpy as np
 from sim_ecu.physics.axlebox import QUIET, AxleBox
 from sim_ecu.physics.contact import CURVES, CreepCurve, curve_between
 from sim_ecu.physics.sensors import SENSOR_SETS, SensorSet
-from sim_ecu.physics.track import OMEGA_C, QUALITY
+from sim_ecu.physics.track import QUALITY, Spectrum
 from sim_ecu.physics.wheelset import Wheelset
 from sim_ecu.play.faults import Fault
 from sim_ecu.play.scenario import POSITIONS_M, Course
 from sim_ecu.score.suites.run import (
     AXLES,
-    ROUGHNESS,
     SPEEDS,
     TEST,
     UTILISATIONS,
     Lot,
     Rng,
     Run,
+    any_track,
     axle,
     drive,
     one_rail,
@@ -46,8 +46,8 @@ class Variant:
     sensors: SensorSet = MEMS
     curvature: float = 0.0  # 1/m
     ramp_m_s2: float = 0.0
-    roughness: float | None = None  # m rad, on all axles
-    corner_rad_m: float = OMEGA_C  # of the track's spectrum
+    track: Spectrum | None = None  # of all axles
+    corner: float = 1.0  # times the track's
     box: AxleBox = QUIET
     speeds: tuple[float, float] = SPEEDS
     utilisations: tuple[float, float] = UTILISATIONS
@@ -72,19 +72,18 @@ def condition(
         letter, between = str(rng.choice(letters)), curve_between(math.exp(rng.uniform(*np.log(FRICTIONS))))
         curve = variant.curve(CURVES[letter] if known else between, own)
         share = float(rng.uniform(*variant.utilisations)) * (-1.0 if rng.random() < 0.3 else 1.0)
-        roughness = float(rng.choice(ROUGHNESS))
+        drawn = any_track(rng)
         axles.append(
             axle(
                 lot, i, one_rail(curve, variant.curvature), drive("utilisation", (0.0, 0.0), (0.5, share)),
-                roughness if variant.roughness is None else variant.roughness, rng, variant.sensors,
-                variant.corner_rad_m, variant.box,
+                (variant.track or drawn).with_corner(variant.corner), rng, variant.sensors, variant.box,
             )
         )  # fmt: skip
         names.append(letter if known else "between")
     if variant.one_track:
         first = axles[0]
         axles = [
-            replace(a, rail=first.rail, roughness=first.roughness, position_m=position, track_seed=first.seed)
+            replace(a, rail=first.rail, track=first.track, position_m=position, track_seed=first.seed)
             for a, position in zip(axles, POSITIONS_M[:AXLES], strict=True)
         ]
         names = names[:1] * AXLES
@@ -159,7 +158,7 @@ ROBUST = (
     Variant("curve of 1500 m, no cant", curvature=1 / 1500),
     Variant("speed ramp of 0.8 m/s²", ramp_m_s2=0.8),
     *(Variant(name, sensors=noisier(factor)) for factor, name in NOISE.items()),
-    *(Variant(f"corner of the track's spectrum × {f:g}", corner_rad_m=OMEGA_C * f) for f in (0.5, 2.0)),
+    *(Variant(f"corner of the track's spectrum × {f:g}", corner=f) for f in (0.5, 2.0)),
 )
 
 
@@ -178,7 +177,10 @@ ROUGH_JUDGED = tuple(name for name, _, _ in ROUGH[:2])
 
 def rough(w: Wheelset, scale: float, trained: tuple[float, float], lot: Lot = TEST) -> Iterator[Run]:
     """Tracks smoother and rougher than any in the training (whose ends are given times the good track's A_a)."""
-    variants = [Variant(name, roughness=QUALITY["good"] * trained[end] * factor) for name, end, factor in ROUGH]
+    variants = [
+        Variant(name, track=Spectrum.of_roughness(QUALITY["good"] * trained[end] * factor))
+        for name, end, factor in ROUGH
+    ]
     return varied("rough", variants, 12, 20)(w, scale, lot)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from sim_ecu.physics.axlebox import QUIET, AxleBox
 from sim_ecu.physics.contact import CURVES, CreepCurve
 from sim_ecu.physics.sensors import SENSOR_SETS, SensorSet
-from sim_ecu.physics.track import OMEGA_C, QUALITY
+from sim_ecu.physics.track import QUALITY, SPECTRA, Spectrum
 from sim_ecu.physics.wheelset import Wheelset
 from sim_ecu.play.faults import Fault
 from sim_ecu.play.scenario import AxleScenario, Course, DriveCourse, FloatArray, Scenario, rail_table
@@ -23,7 +23,7 @@ AXLES = 4
 NOMINAL_FROM_S = 2.0  # frames before are not judged
 SPEEDS = (10.0, 50.0)
 UTILISATIONS = (0.15, 1.0)
-ROUGHNESS = (QUALITY["good"], QUALITY["poor"])
+CLASSES = tuple(QUALITY)  # of tracks, drawn from
 CREEP_LIMIT = 1.3  # of the traction controller, as a share of the peak's creep
 Rng = np.random.Generator
 T = TypeVar("T")
@@ -74,19 +74,18 @@ def lot_of(number: int) -> Lot:
 
 
 def axle(
-    lot: Lot, place: int, rail: FloatArray, drive: DriveCourse, roughness: float, rng: Rng,
-    sensors: SensorSet = SENSOR_SETS["mems"], corner_rad_m: float = OMEGA_C, box: AxleBox = QUIET,
+    lot: Lot, place: int, rail: FloatArray, drive: DriveCourse, track: Spectrum, rng: Rng,
+    sensors: SensorSet = SENSOR_SETS["mems"], box: AxleBox = QUIET,
 ) -> AxleScenario:  # fmt: skip
     """One wheelset on a track of its own."""
     return AxleScenario(
         number=place % AXLES + 1,
         rail=rail,
         drive=drive,
-        roughness=roughness,
+        track=track,
         sensors=sensors,
         seed=lot.seed(rng),
         position_m=0.0,
-        corner_rad_m=corner_rad_m,
         axlebox=box,
     )
 
@@ -97,6 +96,11 @@ def scenario(
     """At held speed."""
     course = speed if isinstance(speed, Course) else Course((0.0,), (speed,))
     return Scenario("score", "", seconds, course, True, w, tuple(axles), faults)
+
+
+def any_track(rng: Rng) -> Spectrum:
+    """A good one or a poor one."""
+    return SPECTRA[str(rng.choice(CLASSES))]
 
 
 def one_rail(curve: CreepCurve, curvature: float = 0.0) -> FloatArray:

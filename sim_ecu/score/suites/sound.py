@@ -12,19 +12,19 @@ import numpy as np
 
 from sim_ecu.physics.contact import CURVES, CreepCurve
 from sim_ecu.physics.rail import RailSection, rail_table
-from sim_ecu.physics.track import QUALITY
+from sim_ecu.physics.track import SPECTRA
 from sim_ecu.physics.wheelset import GRAVITY, Wheelset
 from sim_ecu.play.scenario import FloatArray, path_of, read_scenario
 from sim_ecu.score.suites.nominal import GOLDEN, Variant, condition, spread, varied
 from sim_ecu.score.suites.run import (
     AXLES,
-    ROUGHNESS,
     SPEEDS,
     TEST,
     UTILISATIONS,
     Lot,
     Rng,
     Run,
+    any_track,
     axle,
     drive,
     one_rail,
@@ -88,9 +88,7 @@ def peak(w: Wheelset, scale: float, lot: Lot = TEST) -> Iterator[Run]:
     for number in range(max(2, round(SOUND_RUNS * scale))):
         v = low + (high - low) * ((0.5 + number * GOLDEN) % 1.0)
         letters = tuple(rails[number % len(rails)] for rails in RAILS)
-        axles = [
-            axle(lot, i, one_rail(CURVES[c]), held, float(rng.choice(ROUGHNESS)), rng) for i, c in enumerate(letters)
-        ]
+        axles = [axle(lot, i, one_rail(CURVES[c]), held, any_track(rng), rng) for i, c in enumerate(letters)]
         yield Run("peak", PEAK, number, scenario(w, PEAK_S, v, axles), letters)
     yield from _packaged("peak", PACKAGED_GREASY, w, scale, lot)
 
@@ -124,5 +122,5 @@ def dry_hours(w: Wheelset, scale: float, lot: Lot = TEST) -> Iterator[Run]:
             if rng.random() < DRY_COASTING:
                 wanted[1:-1] = 0.0
             pulled = drive("utilisation", *zip(t.tolist(), wanted.tolist(), strict=True))
-            axles.append(axle(lot, i, one_rail(CURVES["A"]), pulled, QUALITY["poor"], rng))
+            axles.append(axle(lot, i, one_rail(CURVES["A"]), pulled, SPECTRA["poor"], rng))
         yield Run("dry-hours", "dry, poor track", number, scenario(w, DRY_RUN_S, v, axles), ("A",) * AXLES)

@@ -13,7 +13,7 @@ from sim_ecu.design.brief import find, read_brief
 from sim_ecu.design.cases import Condition, simulate_group
 from sim_ecu.physics.contact import CURVES
 from sim_ecu.physics.sensors import SENSOR_SETS
-from sim_ecu.physics.track import QUALITY
+from sim_ecu.physics.track import SPECTRA
 from sim_ecu.physics.wheelset import LAT_ACCEL, YAW_RATE, Wheelset
 from wrcd import resources
 from wrcd.config.settings import read_toml
@@ -33,7 +33,7 @@ def played(w: Wheelset, speed: float = 40.0, seconds: float = 10.0, curvature: f
     """z (ticks, 2, 4) of wheelsets on dry to greasy rails, from a third to two thirds utilised."""
     rails = zip("BCED", (0.3, 0.5, 0.6, 0.4), strict=True)
     axles = [
-        Condition(speed, CURVES[c], QUALITY["poor"], u, math.nan, 2_800_000_000 + k, wheelset=w, curvature=curvature)
+        Condition(speed, CURVES[c], SPECTRA["poor"], u, math.nan, 2_800_000_000 + k, wheelset=w, curvature=curvature)
         for k, (c, u) in enumerate(rails)
     ]
     y = simulate_group(w, axles, seconds, TICK_S)

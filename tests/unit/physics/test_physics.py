@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.signal import welch
 
 from sim_ecu.design.cases import command
 from sim_ecu.design.linear import TRACK_DECAY, model, slope_and_secant
@@ -14,7 +13,7 @@ from sim_ecu.physics.contact import CURVES, CreepCurve, curve_between, kalker_c1
 from sim_ecu.physics.rail import RAIL_COLUMNS, rail_table
 from sim_ecu.physics.sensors import SENSOR_SETS
 from sim_ecu.physics.simulation import Axle, Simulation, advance_side_by_side
-from sim_ecu.physics.track import OMEGA_C, OMEGA_R, QUALITY, SPACING_M, Track, irregularity
+from sim_ecu.physics.track import QUALITY, Track
 from sim_ecu.physics.wheelset import (
     LANES,
     LAT_ACCEL,
@@ -225,31 +224,6 @@ def test_vehicles_side_by_side_ride_as_each_alone() -> None:
         assert np.array_equal(outputs[:, k], alone.outputs[:, 0])
         assert np.array_equal(journey[:, k, 1], alone.distance_m)
         assert np.array_equal(beside.state, sim.state)
-
-
-@pytest.mark.parametrize("quality", QUALITY)
-def test_the_tracks_spectrum(quality: str) -> None:
-    roughness = QUALITY[quality]
-    y = np.concatenate([Track(roughness, seed).reach(30_000.0)[:, 0] for seed in range(4)])
-    sigma = math.sqrt(math.pi / 2 * roughness * OMEGA_C / (OMEGA_R * (OMEGA_C + OMEGA_R)))
-    assert Track(roughness, 0).sigma_m == pytest.approx(sigma)
-    assert y.std() == pytest.approx(sigma, rel=0.1)
-    f, power = welch(y, fs=1 / SPACING_M, nperseg=16384)
-    omega = 2 * math.pi * f
-    expected = roughness * OMEGA_C**2 / ((omega**2 + OMEGA_R**2) * (omega**2 + OMEGA_C**2)) * 2 * math.pi
-    for lo, hi in ((0.05, 0.3), (0.3, 1.5), (1.5, 8.0)):
-        band = (omega > lo) & (omega < hi)
-        assert (power[band] / expected[band]).mean() == pytest.approx(1.0, abs=0.12)
-
-
-def test_the_track_does_not_depend_on_how_it_is_asked_for() -> None:
-    far, near = Track(1e-7, 9), Track(1e-7, 9)
-    near.reach(10.0)
-    near.reach(900.0)
-    assert np.array_equal(far.reach(900.0), near.nodes[: len(far.nodes)])
-    nodes = far.nodes
-    for i in (0, 17, 5000):
-        assert irregularity(nodes, i * SPACING_M) == pytest.approx(nodes[i, 0], abs=1e-12)
 
 
 @pytest.mark.parametrize("name", SENSOR_SETS)

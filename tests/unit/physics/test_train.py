@@ -11,7 +11,7 @@ from sim_ecu.physics.contact import CURVES
 from sim_ecu.physics.rail import CANT, CURVATURE, RailSection, rail_at, rail_table
 from sim_ecu.physics.sensors import SENSOR_SETS
 from sim_ecu.physics.simulation import Axle, Simulation
-from sim_ecu.physics.track import OMEGA_C, OMEGA_R, QUALITY, SPACING_M, Track, irregularity
+from sim_ecu.physics.track import QUALITY, SPECTRA, Spectrum, Track
 from sim_ecu.physics.wheelset import YAW_RATE, FloatArray, Wheelset
 from sim_ecu.play.player import Player, on_tracks
 from sim_ecu.play.scenario import AxleScenario, Course, DriveCourse, Scenario, read_scenario
@@ -84,35 +84,17 @@ def test_an_own_roughness_scales_the_same_irregularity() -> None:
 def test_axles_built_without_a_track_seed_have_tracks_of_their_own() -> None:
     rail = rail_table([(0.0, CURVES["A"], 0.0, 0.0)])
     drive = DriveCourse("utilisation", Course((0.0,), (0.2,)), Course((0.0,), (1.0,)))
-    axles = [AxleScenario(n, rail, drive, QUALITY["good"], SENSOR_SETS["mems"], n, 0.0) for n in (1, 2)]
+    axles = [AxleScenario(n, rail, drive, SPECTRA["good"], SENSOR_SETS["mems"], n, 0.0) for n in (1, 2)]
     first, second = (a.track.reach(100.0) for a in on_tracks(axles))
     assert abs(alike(first[:, 1], second[:, 1])) < 0.3
 
 
-def test_the_track_behind_the_start_belongs_to_the_same_process() -> None:
-    """The covariance across the start is that of any two places so far apart, and the slope is that of the profile."""
-    sigma, pairs = Track(1e-7, 0).sigma_m, []
-    for seed in range(1500):
-        nodes = Track(1e-7, seed, behind_m=10.0).reach(10.0)
-        pairs.append(nodes[[0, 200, 400], 0])
-    y = np.array(pairs) / sigma
-    apart = np.array([0.0, 10.0, 20.0])
-    rho = (OMEGA_C * np.exp(-OMEGA_R * apart) - OMEGA_R * np.exp(-OMEGA_C * apart)) / (OMEGA_C - OMEGA_R)
-    assert np.cov(y.T)[0] == pytest.approx(rho, abs=0.1)
-    assert np.cov(y.T)[2, 1] == pytest.approx(rho[1], abs=0.1)
-    track = Track(1e-7, 3, behind_m=50.0)
-    nodes = track.reach(50.0)
-    slope = np.gradient(nodes[:, 0], SPACING_M)
-    assert alike(slope[:900], nodes[:900, 1]) > 0.98
-    assert np.abs(slope - nodes[:, 1])[990:1010].max() < 5 * np.abs(slope - nodes[:, 1]).std()
-
-
-def test_places_on_the_track_do_not_depend_on_how_much_lies_behind() -> None:
-    short, long = Track(1e-7, 9, behind_m=1.0), Track(1e-7, 9, behind_m=70.0)
-    assert short.start_m == pytest.approx(-1.0)
-    a, b = short.reach(100.0), long.reach(100.0)
-    for at in (-0.93, 0.0, 0.01, 55.5):
-        assert irregularity(a, at - short.start_m) == pytest.approx(irregularity(b, at - long.start_m), abs=1e-12)
+def test_a_scenarios_track_is_a_named_spectrum_or_a_roughness() -> None:
+    named, number = (scenario(f"[axle.1]\ntrack = {value}").axles[0].track for value in ('"erri-high"', "3e-7"))
+    assert named == SPECTRA["erri-high"]
+    assert number == Spectrum.of_roughness(3e-7)
+    with pytest.raises(InputError, match="erri-higher"):
+        scenario('[axle.1]\ntrack = "erri-higher"')
 
 
 def test_an_axle_off_its_track_is_refused() -> None:

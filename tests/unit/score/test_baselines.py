@@ -12,7 +12,7 @@ from sim_ecu.physics.contact import CURVES, CreepCurve, curve_between
 from sim_ecu.physics.rail import RAIL_COLUMNS
 from sim_ecu.physics.sensors import SENSOR_SETS
 from sim_ecu.physics.simulation import Axle, Samples, Simulation
-from sim_ecu.physics.track import QUALITY, Track
+from sim_ecu.physics.track import QUALITY, SPECTRA, Track
 from sim_ecu.physics.wheelset import LAT_ACCEL, MU_AVAILABLE, TORQUE, YAW_RATE, Wheelset
 from sim_ecu.score.baselines import Beside, GivenTicks, Offsetless, fitting, without_offset
 from sim_ecu.score.ekf import THETA, Ekf, table
@@ -41,7 +41,9 @@ def measured(samples: Samples, seed: int) -> tuple[GivenTicks, np.ndarray]:
 
 
 def played(curve: CreepCurve, utilisation: float, creep_of_peak: float, seed: int, speed: float = 25.0) -> Samples:
-    return simulate(W, Condition(speed, curve, 1.5 * QUALITY["good"], utilisation, creep_of_peak, seed), 3.0, TICK_S)
+    return simulate(
+        W, Condition(speed, curve, SPECTRA["good"].scaled(1.5), utilisation, creep_of_peak, seed), 3.0, TICK_S
+    )
 
 
 def quiet(ticks: int, axles: int, speed: float = 25.0) -> GivenTicks:

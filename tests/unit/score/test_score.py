@@ -15,7 +15,7 @@ from sim_ecu.design.brief import load_source
 from sim_ecu.design.cases import SEEDS_PER_PLAN, Plan, draw
 from sim_ecu.design.search import FIRST_SEARCH_SEED, HELD_SEED, SEARCH_SEEDS
 from sim_ecu.physics.contact import peak
-from sim_ecu.physics.track import OMEGA_C, QUALITY, Track
+from sim_ecu.physics.track import OMEGA_C, SPECTRA, Track, deviation
 from sim_ecu.physics.wheelset import GRAVITY, Wheelset
 from sim_ecu.play.encoder import databases
 from sim_ecu.play.player import Player
@@ -159,18 +159,18 @@ def test_robust_differs_from_the_grid_in_one_thing() -> None:
         seen.add(run.group)
         s, n = run.scenario, nominal[run.number]
         for a, b in zip(s.axles, n.axles, strict=True):
-            assert (a.seed, a.drive, a.roughness) == (b.seed, b.drive, b.roughness)
+            assert (a.seed, a.drive, a.track.alignment[0].level) == (b.seed, b.drive, b.track.alignment[0].level)
         differs = [
             s.wheelset != n.wheelset,
             s.axles[0].sensors != n.axles[0].sensors,
             not np.array_equal(s.axles[0].rail, n.axles[0].rail),
-            s.axles[0].corner_rad_m != n.axles[0].corner_rad_m,
+            s.axles[0].track != n.axles[0].track,
             s.speed.values[-1] != n.speed.values[0],
         ]
         assert sum(differs) == 1, run.group
     assert seen == {v.name for v in ROBUST}
     assert set(NOISE.values()) <= seen
-    assert {v.corner_rad_m / OMEGA_C for v in ROBUST} == {0.5, 1.0, 2.0}
+    assert {v.corner for v in ROBUST} == {0.5, 1.0, 2.0}
 
 
 def test_a_paired_suite_alone_brings_its_twins_along() -> None:
@@ -286,14 +286,15 @@ def test_slow_wheelsets_coast_or_creep() -> None:
 @pytest.mark.parametrize("factor", [0.5, 2.0])
 def test_the_corner_of_the_spectrum_moves_what_is_short(factor: float) -> None:
     """Slopes come from above the corner, size from far below it (sigma^2 = pi A_a Oc / (2 Or (Or + Oc)))."""
-    both = [Track(QUALITY["good"], 5, corner_rad_m=c) for c in (OMEGA_C, factor * OMEGA_C)]
+    spectra = [SPECTRA["good"].with_corner(f) for f in (1.0, factor)]
+    both = [Track(s, 5) for s in spectra]
     nodes = [t.reach(200_000.0) for t in both]
     slope = [n[:, 1].std() for n in nodes]
     low = 0.0206
     assert slope[1] / slope[0] == pytest.approx(
         math.sqrt(factor**2 * (low + OMEGA_C) / (low + factor * OMEGA_C)), rel=0.03
     )
-    assert nodes[1][:, 0].std() == pytest.approx(both[1].sigma_m, rel=0.1)
+    assert nodes[1][:, 0].std() == pytest.approx(deviation(spectra[1].alignment, 0.1, 1e5), rel=0.1)
 
 
 def decoder(kind: str) -> MessageDecoder:
