@@ -104,8 +104,10 @@ def constants(w: Wheelset) -> Constants:
 Y, YDOT, PSI, PSIDOT, W_R, W_L, THETA = range(7)
 AXLE_STATES, STATES = 7, 9
 # What one sample interval gives for an axle.
-YAW_RATE, LAT_ACCEL, TORQUE, SLIP, MU_USED, MU_AVAILABLE, CREEP_AT_PEAK = range(7)
-OUTPUTS = 7
+YAW_RATE, LAT_ACCEL, TORQUE, SLIP, MU_USED, MU_AVAILABLE, CREEP_AT_PEAK, ROLL_RATE, FRAME_YAW_RATE, FRAME_LAT_ACCEL = (
+    range(10)
+)
+OUTPUTS = 10
 
 
 class Command(NamedTuple):
