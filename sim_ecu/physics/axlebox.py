@@ -1,4 +1,4 @@
-"""What a real axle box feels and the track's spectrum lacks: vibration, rail joints, a crossing, corrugation, a flat."""
+"""What a real axle box feels and the track's spectrum lacks: vibration, joints, a crossing, corrugation, a flat."""
 
 import math
 from dataclasses import dataclass, replace

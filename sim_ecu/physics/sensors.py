@@ -108,9 +108,9 @@ class SensorSet:
         return out
 
 
-def _accelerometer(range_g: float) -> Sensor:
-    """A mems one of so wide a range. Its signal on the bus ends at 80 m/s2."""
-    return Sensor(0.01, min(range_g * G, 80.0), 2.0 * range_g * G / 65536)
+def accelerometer(range_m_s2: float) -> Sensor:
+    """Return a mems accelerometer of so wide a range. What it gives after its low-pass ends at 80 m/s2."""
+    return Sensor(0.01, min(range_m_s2, 80.0), 2.0 * range_m_s2 / 65536)
 
 
 # Quantisation is a 16-bit converter over the range for mems, 24 bits (none that shows) for tactical.
@@ -121,8 +121,8 @@ SENSOR_SETS = {
     for s in (
         _TACTICAL,
         _MEMS,
-        replace(_MEMS, name="mems-axle-box", lat_accel=_accelerometer(16), sampling=Sampling()),
-        replace(_MEMS, name="mems-8g", lat_accel=_accelerometer(8), sampling=Sampling(range_m_s2=8 * G)),
+        replace(_MEMS, name="mems-axle-box", lat_accel=accelerometer(16 * G), sampling=Sampling()),
+        replace(_MEMS, name="mems-8g", lat_accel=accelerometer(8 * G), sampling=Sampling(range_m_s2=8 * G)),
     )
 }
 
@@ -148,7 +148,7 @@ def drawn(rng: np.random.Generator, wider: float = 1.0) -> SensorSet:
     return replace(
         _MEMS,
         name="drawn",
-        lat_accel=_accelerometer(range_g),
+        lat_accel=accelerometer(range_g * G),
         speed=replace(_MEMS.speed, gain=1.0 + float(rng.choice([-1.0, 1.0]) * rng.uniform(0.01, 0.03 * wider))),
         sampling=sampling,
         g_sensitivity=float(rng.uniform(-sensitive, sensitive)),

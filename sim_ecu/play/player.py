@@ -24,7 +24,9 @@ class Sensing:
     def __init__(self, a: AxleScenario) -> None:
         self._a = a
         self._rngs = [np.random.default_rng([a.seed, 1, k]) for k in range(3)]
-        own, track, jitter = (np.random.default_rng([seed, k]) for seed, k in ((a.seed, 3), (a.runs_on, 4), (a.seed, 7)))
+        own, track, jitter = (
+            np.random.default_rng([seed, k]) for seed, k in ((a.seed, 3), (a.runs_on, 4), (a.seed, 7))
+        )
         self._inertial = InertialStream(a.sensors, a.axlebox, SAMPLE_US * 1e-6, own, track, jitter)
         self._each_by_itself = a.axlebox.quiet and a.sensors.plain and not a.sensors.friction_share
 
@@ -95,6 +97,11 @@ class Player:
             return
         for sample in self.measured():
             yield sample.due_us, list(self._encoder.frames(sample))
+
+    @property
+    def clipped(self) -> list[int]:
+        """By axle: inner samples of its accelerometer beyond the range so far."""
+        return [s.clipped for s in self._sensing]
 
     def measured(self) -> Iterator[SensorSample]:
         """Yield what the sensors measure, sample by sample, before any fault."""
