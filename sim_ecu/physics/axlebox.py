@@ -181,10 +181,14 @@ class AxleBoxStream:
 
         def gathered(t: FloatArray) -> FloatArray:
             """Integral of the pulse from its beginning to t seconds."""
-            out: FloatArray = (1.0 - np.cos(omega * np.clip(t, 0.0, lasts_s))) / omega
-            return out
+            return np.asarray((1.0 - np.cos(omega * np.clip(t, 0.0, lasts_s))) / omega)
 
-        return (gathered(ends_s) - gathered(ends_s - self._tick_s)) / self._tick_s
+        out = np.zeros(len(ends_s))
+        felt = (ends_s > 0.0) & (ends_s < lasts_s + self._tick_s)
+        if felt.any():
+            t = ends_s[felt]
+            out[felt] = (gathered(t) - gathered(t - self._tick_s)) / self._tick_s
+        return out
 
 
 def _since(beyond_m: FloatArray, speed_m_s: FloatArray) -> FloatArray:

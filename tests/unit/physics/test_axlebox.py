@@ -160,7 +160,7 @@ def test_a_flat_strikes_once_a_turn() -> None:
 
 def test_vibration_may_rise_with_frequency() -> None:
     box = AxleBox(vibration_m_s2=30.0, band_hz=(20.0, 1000.0), vibration_power=2.0)
-    distance = np.arange(40_000) * 0.005
+    distance = 0.005 * np.arange(0.0, 40_000.0)
     felt = box.felt(distance, np.full(40_000, 20.0), 1 / 4000, rng())[:, LATERAL]
     assert felt.std() == pytest.approx(30.0, rel=0.02)
     f, power = (np.asarray(a) for a in welch(felt, fs=4000, nperseg=1000))
