@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_ecu.design.cases import Condition, Group, Plan, Progress, draw, simulate_group
-from sim_ecu.physics.axlebox import AxleBox
-from sim_ecu.physics.wheelset import LAT_ACCEL, MU_AVAILABLE, TORQUE, YAW_RATE, Wheelset
+from sim_ecu.physics.axlebox import QUIET, AxleBox
+from sim_ecu.physics.inertial import InertialStream
+from sim_ecu.physics.wheelset import MU_AVAILABLE, TORQUE, Wheelset
 
 FloatArray = NDArray[np.float32]
 SPEED_TICKS = 4  # the speed comes every so many ticks
@@ -56,13 +57,14 @@ def _measured(group: Group, y: NDArray[np.float64], tick_s: float, rng: np.rando
     v: NDArray[np.float64] = np.asarray(group.speed_m_s + group.ramp_m_s2 * tick_s * np.arange(1, ticks + 1))
     distance: NDArray[np.float64] = np.cumsum(v) * tick_s
     for i, c in enumerate(group.conditions):
-        extra = _axle_box(rng).felt(distance, v, tick_s, rng)
+        shaken = InertialStream(c.sensors, _axle_box(rng), tick_s, rng).next(y[:, :, i], distance, v)
         noise_seed = int(rng.integers(2**62))
-        for into, more in ((z, 0.0 * extra), (felt, extra)):
+        calm = InertialStream(c.sensors, QUIET, tick_s, rng).next(y[:, :, i], distance, v)
+        for into, pair in ((z, calm), (felt, shaken)):
             own = np.random.default_rng(noise_seed)
-            into[:, 0, i] = c.sensors.yaw_rate.measure(np.asarray(y[:, YAW_RATE, i] + more[:, 0]), own)
-            into[:, 1, i] = c.sensors.lat_accel.measure(np.asarray(y[:, LAT_ACCEL, i] + more[:, 1]), own)
-        torque[:, i] = c.sensors.torque.measure(y[:, TORQUE, i], rng)
+            into[:, 0, i] = c.sensors.yaw_rate.measure(pair[:, 0], own)
+            into[:, 1, i] = c.sensors.lat_accel.measure(pair[:, 1], own)
+        torque[:, i] = c.sensors.torque.measure(c.sensors.known_torque(y[:, TORQUE, i]), rng)
     speed = group.conditions[0].sensors.speed.measure(v[::SPEED_TICKS], rng)
     return Recording(
         z=z,

@@ -1,7 +1,7 @@
-"""What a real axle box feels and the track's spectrum lacks: vibration, rail joints, a crossing."""
+"""What a real axle box feels and the track's spectrum lacks: vibration, joints, a crossing, corrugation, a flat."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,13 @@ SLOWEST_M_S = 1e-3  # a wheel that stands on a joint feels nothing
 # Vibration is made in pieces of so many samples, faded into each other, so that a ride may be of any length.
 PIECE = 8192
 FADE = 512
+# Corrugation of one depth shakes with the square of the speed; it is given at this one (m/s).
+CORRUGATION_M_S = 25.0
+# How long a wheel flat's blow lasts. This project's own choice: a flat of 50 mm is passed in 2 ms at 25 m/s.
+FLAT_S = 0.004
+# Share of an axle box's vibration that the bogie frame feels above the primary suspension. This project's own choice:
+# near the middle of a tenth to a thirtieth.
+FRAME_SHARE = 1 / 15
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,18 +31,26 @@ class AxleBox:
     """Disturbances of the two inertial sensors, none by default.
 
     The accelerometer's are given; the gyro feels gyro_per_m_s2 of them through rocking: the same pulses, and vibration
-    of its own that is independent of the accelerometer's. Pulses keep their duration and size at any speed.
+    of its own that is independent of the accelerometer's. Pulses keep their duration and size at any speed. All are
+    means over the interval in which they are sampled, the simulation's at 200 Hz or the sensor's own.
     Raises ValueError for an unknown shape, an empty band or lengths and durations that are not positive.
     """
 
     vibration_m_s2: float = 0.0  # rms of band-limited vibration on the accelerometer
-    band_hz: tuple[float, float] = (20.0, 100.0)  # (0, 100) is white; the upper end is held at the Nyquist frequency
+    # (0, 100) is white. The upper end is held at the Nyquist frequency of the sampling, and the rms is what lies below.
+    band_hz: tuple[float, float] = (20.0, 100.0)
+    vibration_power: float = 0.0  # its density goes with frequency to this power; 0 is flat
     joint_m_s2: float = 0.0  # peak of the pulse at each rail joint
     joint_every_m: float = 25.0
     joint_s: float = 0.03  # duration of a pulse
     joint_shape: str = "bipolar"  # one sine period, or "unipolar": half a sine
     crossing_m_s2: float = 0.0  # peak of the largest of a crossing's pulses, shaped like the joints'
     crossing_at_m: float = 0.0  # where it begins
+    corrugation_m_s2: float = 0.0  # amplitude at CORRUGATION_M_S; it goes with the speed's square
+    corrugation_wavelength_m: float = 0.05
+    corrugation_m: tuple[float, float] = (-1e7, 1e7)  # from where to where; everywhere
+    flat_m_s2: float = 0.0  # peak of a wheel flat's blow, one sine period of FLAT_S
+    flat_every_m: float = math.pi  # a turn of the wheel, which rolls: its creep is left out
     gyro_per_m_s2: float = 0.002  # rad/s that the gyro feels per m/s2
 
     def __post_init__(self) -> None:
@@ -45,11 +60,20 @@ class AxleBox:
             raise ValueError(f"band_hz {self.band_hz} must rise from 0 or more")
         if self.joint_every_m <= 0 or self.joint_s <= 0:
             raise ValueError("joint_every_m and joint_s must be positive")
+        if self.corrugation_wavelength_m <= 0 or self.flat_every_m <= 0:
+            raise ValueError("corrugation_wavelength_m and flat_every_m must be positive")
+        if self.vibration_power < 0:
+            raise ValueError(f"vibration_power {self.vibration_power} must not be negative")
 
     @property
     def quiet(self) -> bool:
         """True if nothing is felt at all."""
-        return not (self.vibration_m_s2 or self.joint_m_s2 or self.crossing_m_s2)
+        pulses = self.joint_m_s2 or self.crossing_m_s2 or self.flat_m_s2
+        return not (self.vibration_m_s2 or self.corrugation_m_s2 or pulses)
+
+    def times(self, share: float) -> "AxleBox":
+        """Return the same disturbances, so much stronger or weaker."""
+        return replace(self, **{name: share * getattr(self, name) for name in SIZES})
 
     def felt(
         self, distance_m: FloatArray, speed_m_s: FloatArray, tick_s: float, rng: np.random.Generator
@@ -57,12 +81,13 @@ class AxleBox:
         """Return what to add to (yaw rate in rad/s, lateral acceleration in m/s2) before the sensors' noise.
 
         distance_m and speed_m_s (t,) are those of the axle at the end of each sample of tick_s; returns (t, 2), zeros
-        if nothing is on. Draws from rng only for joints (where the first one lies, to which side they push) and for
-        vibration.
+        if nothing is on. Draws from rng only for joints (where the first one lies, to which side they push), a flat
+        (where it begins) and for vibration.
         """
         return AxleBoxStream(self, tick_s, rng).next(distance_m, speed_m_s)
 
 
+SIZES = ("vibration_m_s2", "joint_m_s2", "crossing_m_s2", "corrugation_m_s2", "flat_m_s2")  # fields of an AxleBox
 QUIET = AxleBox()
 
 
@@ -82,20 +107,28 @@ class AxleBoxStream:
             track = track_rng or rng
             self._first_joint_m = float(track.uniform(0.0, box.joint_every_m))
             self._joint_m_s2 = float(track.choice([-1.0, 1.0])) * box.joint_m_s2
+        self._first_flat_m = float(rng.uniform(0.0, box.flat_every_m)) if box.flat_m_s2 else 0.0
         self._vibration = np.zeros((0, 2))  # made and not yet felt, of rms 1; its last FADE samples fade out
 
     def next(self, distance_m: FloatArray, speed_m_s: FloatArray) -> FloatArray:
         """Return what the next samples feel, (t, 2) as in `AxleBox.felt`."""
         both = np.array([self._box.gyro_per_m_s2, 1.0])
+        box = self._box
         pulses = self._joints(distance_m, speed_m_s) + self._crossing(distance_m, speed_m_s)
+        if box.corrugation_m_s2:
+            pulses += self._corrugation(distance_m, speed_m_s)
+        if box.flat_m_s2:
+            pulses += self._repeated(
+                distance_m - self._first_flat_m, speed_m_s, box.flat_every_m, box.flat_m_s2, FLAT_S, True
+            )
         out: FloatArray = pulses[:, None] * both
-        if self._box.vibration_m_s2:
-            out += self._vibrate(len(distance_m)) * (self._box.vibration_m_s2 * both)
+        if box.vibration_m_s2:
+            out += self._vibrate(len(distance_m)) * (box.vibration_m_s2 * both)
         return out
 
     def _vibrate(self, samples: int) -> FloatArray:
         while len(self._vibration) < samples + FADE:
-            piece = band_noise(PIECE, 2, self._box.band_hz, self._tick_s, self._rng)
+            piece = band_noise(PIECE, 2, self._box.band_hz, self._tick_s, self._rng, self._box.vibration_power)
             if len(self._vibration):
                 # sine and cosine: the sum of two independent noises keeps its power
                 quarter = 0.5 * math.pi * (np.arange(FADE)[:, None] + 0.5) / FADE
@@ -105,44 +138,71 @@ class AxleBoxStream:
         return out
 
     def _joints(self, distance_m: FloatArray, speed_m_s: FloatArray) -> FloatArray:
-        every_m = self._box.joint_every_m
-        out = np.zeros(len(distance_m))
         if not self._joint_m_s2:
-            return out
-        beyond_m = np.mod(distance_m - self._first_joint_m, every_m)
-        # the joint just passed, and those before whose pulses are still going on
-        reach_m = float(np.max(speed_m_s, initial=0.0)) * (self._box.joint_s + self._tick_s)
-        for k in range(math.floor(reach_m / every_m) + 2):
-            out += self._joint_m_s2 * self._pulse(beyond_m + k * every_m, speed_m_s)
-        return out
+            return np.zeros(len(distance_m))
+        box, beyond_m = self._box, distance_m - self._first_joint_m
+        bipolar = box.joint_shape == "bipolar"
+        return self._repeated(beyond_m, speed_m_s, box.joint_every_m, self._joint_m_s2, box.joint_s, bipolar)
 
     def _crossing(self, distance_m: FloatArray, speed_m_s: FloatArray) -> FloatArray:
-        out = np.zeros(len(distance_m))
-        if self._box.crossing_m_s2:
+        out, box = np.zeros(len(distance_m)), self._box
+        if box.crossing_m_s2:
             for beyond_m, share in CROSSING:
-                at_m = self._box.crossing_at_m + beyond_m
-                out += share * self._box.crossing_m_s2 * self._pulse(distance_m - at_m, speed_m_s)
+                ends_s = _since(distance_m - (box.crossing_at_m + beyond_m), speed_m_s)
+                out += share * box.crossing_m_s2 * self._pulse(ends_s, box.joint_s, box.joint_shape == "bipolar")
         return out
 
-    def _pulse(self, beyond_m: FloatArray, speed_m_s: FloatArray) -> FloatArray:
-        """A pulse of size 1 that began beyond_m ago, as its mean over each sample: the anti-alias filter of the
+    def _repeated(
+        self, distance_m: FloatArray, speed_m_s: FloatArray, every_m: float, size: float, lasts_s: float, bipolar: bool
+    ) -> FloatArray:
+        """Pulses at 0, every_m, 2 every_m …"""
+        beyond_m = np.mod(distance_m, every_m)
+        out = np.zeros(len(distance_m))
+        # the one just passed, and those before whose pulses are still going on
+        reach_m = float(np.max(speed_m_s, initial=0.0)) * (lasts_s + self._tick_s)
+        for k in range(math.floor(reach_m / every_m) + 2):
+            out += size * self._pulse(_since(beyond_m + k * every_m, speed_m_s), lasts_s, bipolar)
+        return out
+
+    def _corrugation(self, distance_m: FloatArray, speed_m_s: FloatArray) -> FloatArray:
+        """A sine over the distance; where it goes by faster than samples follow it is the mean of each."""
+        box = self._box
+        turns = speed_m_s * self._tick_s / box.corrugation_wavelength_m  # in a sample
+        middle = np.sin(2.0 * math.pi * (distance_m / box.corrugation_wavelength_m - 0.5 * turns))
+        size = box.corrugation_m_s2 * (speed_m_s / CORRUGATION_M_S) ** 2
+        there = (distance_m > box.corrugation_m[0]) & (distance_m <= box.corrugation_m[1])
+        out: FloatArray = size * middle * np.sinc(turns) * there
+        return out
+
+    def _pulse(self, ends_s: FloatArray, lasts_s: float, bipolar: bool) -> FloatArray:
+        """A pulse of size 1 that began ends_s ago, as its mean over each sample: the anti-alias filter of the
         simulation."""
-        ends_s = beyond_m / np.maximum(speed_m_s, SLOWEST_M_S)
-        omega = math.pi / self._box.joint_s * (2.0 if self._box.joint_shape == "bipolar" else 1.0)
+        omega = math.pi / lasts_s * (2.0 if bipolar else 1.0)
 
         def gathered(t: FloatArray) -> FloatArray:
             """Integral of the pulse from its beginning to t seconds."""
-            out: FloatArray = (1.0 - np.cos(omega * np.clip(t, 0.0, self._box.joint_s))) / omega
-            return out
+            return np.asarray((1.0 - np.cos(omega * np.clip(t, 0.0, lasts_s))) / omega)
 
-        return (gathered(ends_s) - gathered(ends_s - self._tick_s)) / self._tick_s
+        out = np.zeros(len(ends_s))
+        felt = (ends_s > 0.0) & (ends_s < lasts_s + self._tick_s)
+        if felt.any():
+            t = ends_s[felt]
+            out[felt] = (gathered(t) - gathered(t - self._tick_s)) / self._tick_s
+        return out
+
+
+def _since(beyond_m: FloatArray, speed_m_s: FloatArray) -> FloatArray:
+    """Seconds since a place was passed."""
+    out: FloatArray = beyond_m / np.maximum(speed_m_s, SLOWEST_M_S)
+    return out
 
 
 def band_noise(
-    samples: int, channels: int, band_hz: tuple[float, float], tick_s: float, rng: np.random.Generator
-) -> FloatArray:
+    samples: int, channels: int, band_hz: tuple[float, float], tick_s: float, rng: np.random.Generator,
+    power_law: float = 0.0,
+) -> FloatArray:  # fmt: skip
     """Gaussian noise (samples, channels) of expected rms 1 with nothing outside the band, which ends at the Nyquist
-    frequency. Raises ValueError for a band that lies beyond it."""
+    frequency; inside, its density goes with frequency to the power_law. Raises ValueError for a band beyond it."""
     low, high = band_hz[0], min(band_hz[1], 0.5 / tick_s)
     if low >= high:
         raise ValueError(f"a band from {low:g} Hz lies beyond the Nyquist frequency, {0.5 / tick_s:g} Hz")
@@ -152,7 +212,38 @@ def band_noise(
     spectrum = rfft(rng.standard_normal((n, channels)), axis=0)
     frequency = rfftfreq(n, tick_s)
     inside = (frequency >= low * (1 - 1e-9)) & (frequency <= high * (1 + 1e-9))
+    density = np.where(inside, frequency**power_law, 0.0)
     power = np.full(len(frequency), 2.0)
     power[0] = power[-1] = 1.0  # zero and the Nyquist frequency have no mirror image
-    noise: FloatArray = irfft(spectrum * inside[:, None], n, axis=0)[:samples]
-    return noise / math.sqrt(power[inside].sum() / n)
+    noise: FloatArray = irfft(spectrum * np.sqrt(density)[:, None], n, axis=0)[:samples]
+    return noise / math.sqrt((power * density)[inside].sum() / n)
+
+
+def drawn_box(rng: np.random.Generator, wider: float = 1.0) -> AxleBox:
+    """Return an axle box's vibration for sensors with inner sampling. wider 1.5 stretches the ranges by so much.
+
+    Vibration of 3 to 40 m/s2 rms between 20 and 1000 Hz, its density rising with frequency to a power of 1 to 2: track
+    whose displacement falls with its second to third power. In two fifths joints of 5 to 50 m/s2, in a quarter
+    corrugation of 5 to 50 m/s2 and 25 to 80 mm, in a fifth a flat of 20 to 200 m/s2. The gyro feels less per m/s2 than
+    below 100 Hz: an angle's rate falls with frequency for one acceleration. All are this project's own choice.
+    """
+
+    def between(low: float, high: float) -> float:
+        """From low / wider to high wider, evenly in the log."""
+        return math.exp(rng.uniform(math.log(low / wider), math.log(high * wider)))
+
+    def some(share: float, low: float, high: float) -> float:
+        return between(low, high) if rng.random() < share else 0.0
+
+    return AxleBox(
+        vibration_m_s2=between(3.0, 40.0),
+        band_hz=(20.0, 1000.0),
+        vibration_power=float(rng.uniform(max(1.5 - 0.5 * wider, 0.0), 1.5 + 0.5 * wider)),
+        joint_m_s2=some(0.4, 5.0, 50.0),
+        joint_shape=str(rng.choice(SHAPES)),
+        joint_s=between(0.02, 0.04),
+        corrugation_m_s2=some(0.25, 5.0, 50.0),
+        corrugation_wavelength_m=between(0.025, 0.08),
+        flat_m_s2=some(0.2, 20.0, 200.0),
+        gyro_per_m_s2=between(1e-4, 5e-4),
+    )

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from sim_ecu.physics.axlebox import AxleBoxStream
+from sim_ecu.physics.inertial import InertialStream
 from sim_ecu.physics.simulation import Axle, Samples, Simulation
 from sim_ecu.physics.track import Track
 from sim_ecu.physics.wheelset import LAT_ACCEL, MU_AVAILABLE, MU_USED, SLIP, TORQUE, YAW_RATE, FloatArray
@@ -24,24 +24,32 @@ class Sensing:
     def __init__(self, a: AxleScenario) -> None:
         self._a = a
         self._rngs = [np.random.default_rng([a.seed, 1, k]) for k in range(3)]
-        own, track = np.random.default_rng([a.seed, 3]), np.random.default_rng([a.runs_on, 4])
-        self._axlebox = AxleBoxStream(a.axlebox, SAMPLE_US * 1e-6, own, track)
+        own, track, jitter = (
+            np.random.default_rng([seed, k]) for seed, k in ((a.seed, 3), (a.runs_on, 4), (a.seed, 7))
+        )
+        self._inertial = InertialStream(a.sensors, a.axlebox, SAMPLE_US * 1e-6, own, track, jitter)
+        self._each_by_itself = a.axlebox.quiet and a.sensors.plain and not a.sensors.friction_share
+
+    @property
+    def clipped(self) -> int:
+        """Inner samples of the accelerometer beyond its range so far."""
+        return self._inertial.clipped
 
     def readings(self, s: Samples, place: int) -> FloatArray:
         """(n, 6): the columns of a Reading."""
         y = s.outputs[:, place]
         sensors = self._a.sensors
-        felt = y[:, [YAW_RATE, LAT_ACCEL]] + self._axlebox.next(s.distance_m + self._a.position_m, s.speed_m_s)
+        felt = self._inertial.next(y, s.distance_m + self._a.position_m, s.speed_m_s)
         return np.column_stack((
             sensors.yaw_rate.measure(felt[:, 0], self._rngs[0]),
             sensors.lat_accel.measure(felt[:, 1], self._rngs[1]),
-            sensors.torque.measure(y[:, TORQUE], self._rngs[2]),
+            sensors.torque.measure(sensors.known_torque(y[:, TORQUE]), self._rngs[2]),
             100 * y[:, MU_AVAILABLE], np.abs(100 * y[:, MU_USED]), y[:, SLIP],
         ))  # fmt: skip
 
     def reading(self, s: Samples, place: int) -> list[float]:
         """The same of a single sample, (6,)."""
-        if not self._a.axlebox.quiet:
+        if not self._each_by_itself:
             out: list[float] = self.readings(s, place)[0].tolist()
             return out
         y, sensors = s.outputs[0, place].tolist(), self._a.sensors
@@ -88,6 +96,11 @@ class Player:
             return
         for sample in self.measured():
             yield sample.due_us, list(self._encoder.frames(sample))
+
+    @property
+    def clipped(self) -> list[int]:
+        """By axle: inner samples of its accelerometer beyond the range so far."""
+        return [s.clipped for s in self._sensing]
 
     def measured(self) -> Iterator[SensorSample]:
         """Yield what the sensors measure, sample by sample, before any fault."""

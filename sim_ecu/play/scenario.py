@@ -18,7 +18,7 @@ from sim_ecu.physics.contact import CURVES, CreepCurve, curve_between
 from sim_ecu.physics.rail import BLEND_M as BLEND_M
 from sim_ecu.physics.rail import RailSection
 from sim_ecu.physics.rail import rail_table as rail_table
-from sim_ecu.physics.sensors import SENSOR_SETS, SensorSet
+from sim_ecu.physics.sensors import SENSOR_SETS, Sampling, SensorSet, accelerometer
 from sim_ecu.physics.track import SPECTRA, Spectrum
 from sim_ecu.physics.wheelset import Command, Wheelset
 from sim_ecu.play import scenario_keys as keys
@@ -219,7 +219,10 @@ def _settings(s: Section, common: Mapping[str, Any], drive: DriveCourse | None) 
         own["drive"] = drive
     elif "drive" in s:
         own["drive"] = _drive(s)
-    return {**common, **own, "axlebox": _axlebox(s.section("axlebox"), common["axlebox"])}
+    settings = {**common, **own}
+    sampling = settings["sensors"].sampling
+    nyquist_hz = NYQUIST_HZ if sampling is None else 0.5 * sampling.rate_hz
+    return settings | {"axlebox": _axlebox(s.section("axlebox"), common["axlebox"], nyquist_hz)}
 
 
 def _seed(section: Section, default: int) -> int:
@@ -291,39 +294,79 @@ def _sensors(section: Section) -> SensorSet:
         return SENSOR_SETS[Choice("sensors", "", tuple(SENSOR_SETS), "mems").value(section)]
     s = section.section("sensors")
     base = SENSOR_SETS[keys.KIND_OF_SENSORS.value(s)]
-    out = base.biased(keys.YAW_BIAS.of(s), keys.LAT_BIAS.of(s), keys.TORQUE_BIAS.of(s))
+    sampling = _sampling(s, base.sampling)
+    if sampling is not None and base.sampling is not None and sampling.range_m_s2 != base.sampling.range_m_s2:
+        base = replace(base, lat_accel=accelerometer(sampling.range_m_s2))
+    out = replace(
+        base.biased(keys.YAW_BIAS.of(s), keys.LAT_BIAS.of(s), keys.TORQUE_BIAS.of(s)),
+        speed=replace(base.speed, gain=keys.SPEED_GAIN.of(s)),
+        sampling=sampling,
+        mounting=keys.MOUNTING.value(s),
+        g_sensitivity=keys.G_SENSITIVITY.of(s),
+        misalignment_rad=keys.MISALIGNMENT.of(s),
+        lateral_lead_s=keys.LATERAL_LEAD.of(s),
+        jitter_s=keys.JITTER.of(s),
+        friction_share=keys.FRICTION_SHARE.of(s),
+        friction_gain=keys.FRICTION_GAIN.of(s),
+    )
     s.done()
     return out
 
 
-def _axlebox(section: Section, base: AxleBox) -> AxleBox:
-    """[axlebox]: what differs from base."""
+def _sampling(s: Section, base: Sampling | None) -> Sampling | None:
+    """Return the inner sampling of a set as a table changes it."""
+    rate, corner, order, limit, rectified, of_gyro = (key.read(s) for key in keys.INNER)
+    if base is None:
+        for key in keys.INNER:
+            if key.name in s:
+                raise s.error("the set does not sample inside", key.name, 'write kind = "mems-axle-box"')
+        return None
+    if rate is not None and rate % (2 * NYQUIST_HZ):
+        raise s.error(f"takes a multiple of {2 * NYQUIST_HZ:g}, not {rate}", keys.INNER_RATE.name)
+    own: dict[str, Any] = {
+        "rate_hz": rate, "corner_hz": corner, "order": order, "range_m_s2": limit, "rectification": rectified,
+        "gyro_rectification": of_gyro,
+    }  # fmt: skip
+    try:
+        return replace(base, **{name: value for name, value in own.items() if value is not None})
+    except ValueError as e:
+        raise s.error(str(e), keys.CORNER.name) from None
+
+
+def _axlebox(section: Section, base: AxleBox, nyquist_hz: float) -> AxleBox:
+    """[axlebox]: what differs from base. nyquist_hz: of the sensors that feel it."""
     out = AxleBox(
         vibration_m_s2=keys.VIBRATION.of(section, base.vibration_m_s2),
-        band_hz=_band(section, base.band_hz),
+        band_hz=_band(section, base.band_hz, nyquist_hz),
+        vibration_power=keys.BAND_POWER.of(section, base.vibration_power),
         joint_m_s2=keys.JOINT.of(section, base.joint_m_s2),
         joint_every_m=keys.JOINT_EVERY.of(section, base.joint_every_m),
         joint_s=keys.JOINT_S.of(section, base.joint_s),
         joint_shape=Choice("joint_shape", "", keys.JOINT_SHAPE.options, base.joint_shape).value(section),
         crossing_m_s2=keys.CROSSING.of(section, base.crossing_m_s2),
         crossing_at_m=keys.CROSSING_AT.of(section, base.crossing_at_m),
+        corrugation_m_s2=keys.CORRUGATION.of(section, base.corrugation_m_s2),
+        corrugation_wavelength_m=keys.WAVELENGTH.of(section, base.corrugation_wavelength_m),
+        corrugation_m=keys.CORRUGATED.read(section) or base.corrugation_m,
+        flat_m_s2=keys.FLAT.of(section, base.flat_m_s2),
+        flat_every_m=keys.FLAT_EVERY.of(section, base.flat_every_m),
         gyro_per_m_s2=keys.GYRO_FEELS.of(section, base.gyro_per_m_s2),
     )
     section.done()
     return out
 
 
-def _band(section: Section, default: tuple[float, float]) -> tuple[float, float]:
+def _band(section: Section, default: tuple[float, float], nyquist_hz: float) -> tuple[float, float]:
     value = section.raw("band_hz")
     if value is None:
-        return default
+        value = list(default)
     if not isinstance(value, list) or len(value) != 2 or not all(type(f) in (int, float) for f in value):
         raise section.error(f"takes [lowest, highest], not {value!r}", "band_hz", "e.g. [20, 100]")
     low, high = float(value[0]), float(value[1])
     # not narrower than a piece of vibration resolves
-    if not 0 <= low <= min(high, NYQUIST_HZ) - 0.1:
+    if not 0 <= low <= min(high, nyquist_hz) - 0.1:
         raise section.error(
-            f"takes a band that rises by 0.1 Hz at least, from 0 or more to {NYQUIST_HZ:g} Hz, not {value!r}",
+            f"takes a band that rises by 0.1 Hz at least, from 0 or more to {nyquist_hz:g} Hz, not {value!r}",
             "band_hz",
             "what lies above the sampling's own limit is left out",
         )

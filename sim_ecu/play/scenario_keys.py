@@ -4,14 +4,14 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from sim_ecu.physics.axlebox import QUIET, SHAPES
+from sim_ecu.physics.axlebox import CORRUGATION_M_S, QUIET, SHAPES
 from sim_ecu.physics.contact import CURVES
 from sim_ecu.physics.rail import BLEND_M
-from sim_ecu.physics.sensors import SENSOR_SETS
+from sim_ecu.physics.sensors import MOUNTINGS, SENSOR_SETS, G
 from sim_ecu.physics.track import SPECTRA
 from sim_ecu.physics.wheelset import Wheelset
 from sim_ecu.play.faults import ALL, DURATION_S, KINDS, SIGNALS
-from wrcd.config.keys import Choice, Flag, Key, Number, Text
+from wrcd.config.keys import Choice, Flag, Interval, Key, Number, Text, Whole
 from wrcd.config.section import Section
 from wrcd.core.configuration import MAX_AXLES
 
@@ -163,15 +163,53 @@ KIND_OF_SENSORS = Choice("kind", "the set", _names(SENSOR_SETS), "mems")
 YAW_BIAS = Measure("yaw_rate_bias_rad_s", "added to the gyro", -1.0, 1.0, 0.0, unit="rad/s")
 LAT_BIAS = Measure("lateral_acceleration_bias_m_s2", "added to the accelerometer", -10.0, 10.0, 0.0, unit="m/s²")
 TORQUE_BIAS = Measure("torque_bias_N_m", "added to the torque", -1e5, 1e5, 0.0, unit="N m")
+SPEED_GAIN = Measure("speed_gain", "the speed is read times this: wheel wear", 0.9, 1.1, 1.0)
+FRICTION_SHARE = Measure("friction_share", "of a braking torque that friction brakes make", 0.0, 1.0, 0.0)
+FRICTION_GAIN = Measure("friction_gain", "how that part of the torque is read; 0: it is missing", 0.0, 2.0, 1.0)
+MOUNTING = Choice("mounting", "where gyro and accelerometer are", MOUNTINGS, MOUNTINGS[0])
+LATERAL_LEAD = Measure("lateral_lead_s", "so much before the gyro the accelerometer is read", 0.0, 0.008, 0.0, unit="s")
+JITTER = Measure("jitter_s", "each of them is read up to so much earlier, at random", 0.0, 0.002, 0.0, unit="s")
+G_SENSITIVITY = Measure(
+    "g_sensitivity", "what the gyro reads of lateral acceleration", -0.01, 0.01, 0.0, unit="rad/s per m/s²"
+)
+MISALIGNMENT = Measure("misalignment_rad", "of the gyro's axis: roll rate leaks in", -0.2, 0.2, 0.0, unit="rad")
+# of sets that sample inside
+INNER_RATE = Whole(
+    "inner_rate_hz", "of inner sampling, a multiple of 200; this and below default: the set's", 1000, 8000
+)
+CORNER = Measure("corner_hz", "of the low-pass before 200 Hz", 1.0, 3999.0, unit="Hz")
+ORDER = Whole("filter_order", "of that low-pass, a Butterworth's", 1, 8)
+RANGE = Measure("range_m_s2", "the accelerometer clips inside at ± this", 1.0, 200 * G, unit="m/s²")
+RECTIFIED = Measure("rectification", "offset per square of vibration", -0.1, 0.1, unit="m/s² per (m/s²)²")
+GYRO_RECTIFIED = Measure("gyro_rectification", "the same of the gyro", -0.01, 0.01, unit="rad/s per (m/s²)²")
+INNER: tuple[Key, ...] = (INNER_RATE, CORNER, ORDER, RANGE, RECTIFIED, GYRO_RECTIFIED)
 
-VIBRATION = Measure("vibration_m_s2", "rms at the accelerometer", 0.0, 100.0, QUIET.vibration_m_s2, unit="m/s²")
-BAND = Other("band_hz", "of the vibration", "[lowest, highest]", "[20, 100]", "Hz")
+VIBRATION = Measure(
+    "vibration_m_s2", "rms at the accelerometer, of what its sampling reaches", 0.0, 200.0, QUIET.vibration_m_s2,
+    unit="m/s²",
+)  # fmt: skip
+BAND = Other(
+    "band_hz", "of the vibration; above 100 Hz with inner sampling alone", "[lowest, highest]", "[20, 100]", "Hz"
+)
+BAND_POWER = Measure(
+    "vibration_power", "its density goes with frequency to this power", 0.0, 4.0, QUIET.vibration_power
+)
 JOINT = Measure("joint_m_s2", "peak of the pulse at a rail joint", 0.0, 1000.0, QUIET.joint_m_s2, unit="m/s²")
 JOINT_EVERY = Measure("joint_every_m", "from joint to joint", 0.5, LARGEST, QUIET.joint_every_m, unit="m")
 JOINT_S = Measure("joint_s", "how long a pulse lasts", 1e-3, 0.5, QUIET.joint_s, unit="s")
 JOINT_SHAPE = Choice("joint_shape", "one sine period, or half of one", SHAPES, QUIET.joint_shape)
 CROSSING = Measure("crossing_m_s2", "peak of a crossing's pulses", 0.0, 1000.0, QUIET.crossing_m_s2, unit="m/s²")
 CROSSING_AT = Measure("crossing_at_m", "where the crossing is", 0.0, 1e7, QUIET.crossing_at_m, unit="m")
+CORRUGATION = Measure(
+    "corrugation_m_s2", f"amplitude on corrugated rail at {CORRUGATION_M_S:g} m/s; it goes with the speed's square",
+    0.0, 1000.0, QUIET.corrugation_m_s2, unit="m/s²",
+)  # fmt: skip
+WAVELENGTH = Measure(
+    "corrugation_wavelength_m", "of the corrugation", 0.01, 1.0, QUIET.corrugation_wavelength_m, unit="m"
+)
+CORRUGATED = Interval("corrugation_m", "from where to where it lies, in m; default: everywhere")
+FLAT = Measure("flat_m_s2", "peak of a wheel flat's blow, once a turn", 0.0, 2000.0, QUIET.flat_m_s2, unit="m/s²")
+FLAT_EVERY = Measure("flat_every_m", "a turn of the wheel", 0.5, 10.0, QUIET.flat_every_m, unit="m")
 GYRO_FEELS = Measure(
     "gyro_per_m_s2", "what the gyro feels of it", -1.0, 1.0, QUIET.gyro_per_m_s2, unit="rad/s per m/s²"
 )
@@ -190,8 +228,14 @@ TABLES: Mapping[str, tuple[Key, ...]] = {
     "wheelset": (NAME, *PARAMETERS),
     "rail": (FROM, CURVE, MU_0, *LAW, RADIUS, CANT, TRANSITION),
     "drive": (*DEMANDS, CREEP_LIMIT),
-    "sensors": (KIND_OF_SENSORS, YAW_BIAS, LAT_BIAS, TORQUE_BIAS),
-    "axlebox": (VIBRATION, BAND, JOINT, JOINT_EVERY, JOINT_S, JOINT_SHAPE, CROSSING, CROSSING_AT, GYRO_FEELS),
+    "sensors": (
+        KIND_OF_SENSORS, YAW_BIAS, LAT_BIAS, TORQUE_BIAS, SPEED_GAIN, FRICTION_SHARE, FRICTION_GAIN, MOUNTING,
+        LATERAL_LEAD, JITTER, G_SENSITIVITY, MISALIGNMENT, *INNER,
+    ),
+    "axlebox": (
+        VIBRATION, BAND, BAND_POWER, JOINT, JOINT_EVERY, JOINT_S, JOINT_SHAPE, CROSSING, CROSSING_AT, CORRUGATION,
+        WAVELENGTH, CORRUGATED, FLAT, FLAT_EVERY, GYRO_FEELS,
+    ),
     "axle.N": (*SHARED, POSITION),
     "fault": (KIND, AT, FOR, OF, AXLE, AMOUNT),
-}
+}  # fmt: skip

@@ -179,16 +179,20 @@ def test_speed_from_the_wheels_errs_where_all_slip_and_no_faster_than_full_effor
     assert np.abs(np.diff(told)).max() < 0.02 * most + 0.05
 
 
-@pytest.mark.parametrize("vibration", [0.0, 0.5])
-def test_one_sample_is_read_as_many_are(vibration: float) -> None:
+@pytest.mark.parametrize(
+    ("kind", "friction", "vibration"),
+    [("mems", 0.0, 0.0), ("mems", 0.0, 0.5), ("mems", 0.3, 0.0), ("mems-8g", 0.3, 9.0)],
+)
+def test_one_sample_is_read_as_many_are(kind: str, friction: float, vibration: float) -> None:
+    sensors = {"kind": kind, "torque_bias_N_m": 100.0, "friction_share": friction, "friction_gain": 0.5}
     s = scenario(
-        rail="C", demand=0.2, speed_m_s=20.0, sensors={"kind": "mems", "torque_bias_N_m": 100.0},
+        rail="C", demand=0.2, speed_m_s=20.0, sensors=sensors,
         axlebox={"vibration_m_s2": vibration, "joint_m_s2": 4 * vibration},
     )  # fmt: skip
     one, many = (Sensing(s.train.axles[0]) for _ in range(2))
     simulation = Simulation(s.train.wheelset, on_tracks(s.train.axles), 20.0)
     for _ in range(50):
-        samples = simulation.step(np.array([8000.0]), np.zeros(1))
+        samples = simulation.step(np.array([-8000.0]), np.zeros(1))
         assert one.reading(samples, 0) == many.readings(samples, 0)[0].tolist()
 
 

@@ -122,3 +122,47 @@ def test_senseless_vibration_is_rejected(wrong: dict[str, Any]) -> None:
 def test_a_band_beyond_the_nyquist_frequency_is_refused() -> None:
     with pytest.raises(ValueError, match="Nyquist"):
         AxleBox(vibration_m_s2=0.1, band_hz=(150.0, 300.0)).felt(*ride(20.0, 1.0), TICK_S, rng())
+
+
+def test_corrugation_lies_at_its_place_and_shakes_with_the_square_of_the_speed() -> None:
+    """Sampled at 4 kHz: 50 mm at 25 m/s are 500 Hz."""
+    tick_s = 1 / 4000
+    box = AxleBox(corrugation_m_s2=10.0, corrugation_wavelength_m=0.05, corrugation_m=(50.0, 75.0))
+
+    def at(speed: float) -> tuple[FloatArray, FloatArray]:
+        distance = speed * tick_s * np.arange(1.0, 100.0 / (speed * tick_s) + 1.0)
+        return distance, box.felt(distance, np.full(len(distance), speed), tick_s, rng())[:, LATERAL]
+
+    distance, felt = at(25.0)
+    shaken = distance[felt != 0]
+    assert [shaken.min(), shaken.max()] == pytest.approx([50.0, 75.0], abs=0.02)
+    f, power = (np.asarray(a) for a in welch(felt[felt != 0], fs=4000, nperseg=400))
+    assert f[power.argmax()] == 500.0
+    rms = felt[felt != 0].std()
+    assert rms == pytest.approx(10.0 / math.sqrt(2) * np.sinc(500 / 4000), rel=0.01)
+    slow = at(12.5)[1]
+    assert slow[slow != 0].std() == pytest.approx(0.25 * 10.0 / math.sqrt(2) * np.sinc(250 / 4000), rel=0.02)
+
+
+def test_a_flat_strikes_once_a_turn() -> None:
+    tick_s = 1 / 4000
+    distance = 20.0 * tick_s * np.arange(1.0, 4001.0)
+    felt = AxleBox(flat_m_s2=50.0).felt(distance, np.full(4000, 20.0), tick_s, rng())[:, LATERAL]
+    begins = distance[np.flatnonzero(np.diff((felt != 0).astype(int)) == 1)]
+    assert len(begins) in (6, 7)
+    assert np.diff(begins) == pytest.approx(math.pi, abs=0.011)
+    assert 45.0 < felt.max() <= 50.0
+    # 4 ms are 16 inner samples; in samples of 5 ms little is left of the sine period
+    assert np.count_nonzero(felt) / len(begins) == pytest.approx(16.5, abs=2.0)
+    coarse = AxleBox(flat_m_s2=50.0).felt(*ride(20.0, 4.0), TICK_S, rng())[:, LATERAL]
+    assert 0.0 < np.abs(coarse).max() < 15.0
+
+
+def test_vibration_may_rise_with_frequency() -> None:
+    box = AxleBox(vibration_m_s2=30.0, band_hz=(20.0, 1000.0), vibration_power=2.0)
+    distance = 0.005 * np.arange(0.0, 40_000.0)
+    felt = box.felt(distance, np.full(40_000, 20.0), 1 / 4000, rng())[:, LATERAL]
+    assert felt.std() == pytest.approx(30.0, rel=0.02)
+    f, power = (np.asarray(a) for a in welch(felt, fs=4000, nperseg=1000))
+    at = [power[np.abs(f - hz) < 40].mean() for hz in (200.0, 800.0)]
+    assert at[1] / at[0] == pytest.approx(16.0, rel=0.1)

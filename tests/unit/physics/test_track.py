@@ -22,7 +22,6 @@ from sim_ecu.physics.track import (
     between_nodes,
     deviation,
     irregularity,
-    slope_between_nodes,
 )
 from sim_ecu.physics.wheelset import FloatArray
 
@@ -162,10 +161,10 @@ def test_between_nodes_lies_a_cubic_with_its_slope(column: int) -> None:
     part = nodes[100:].copy()  # as a ride has it: node k at k - 100
     for at in (10.01, 12.345, 33.33):
         k = round(at / SPACING_M)
-        value, slope = (
-            [f(part, -100, 100, len(nodes), d, column) for d in (k * SPACING_M, at - 1e-4, at, at + 1e-4)]
-            for f in (between_nodes, slope_between_nodes)
+        place = k * SPACING_M
+        before, there, after, value = (
+            between_nodes(part, -100, 100, len(nodes), d, column) for d in (place - 1e-4, place, place + 1e-4, at)
         )
-        assert [value[0], slope[0]] == pytest.approx(nodes[k, column : column + 2].tolist(), rel=1e-9)
-        assert slope[2] == pytest.approx((value[3] - value[1]) / 2e-4, rel=1e-5)
-        assert column or value[2] == irregularity(nodes, at)
+        assert there == pytest.approx(nodes[k, column], rel=1e-9)
+        assert (after - before) / 2e-4 == pytest.approx(nodes[k, column + 1], rel=1e-5)
+        assert column or value == irregularity(nodes, at)

@@ -1,6 +1,7 @@
 """Axles of a train on one track, and what a scenario says of them."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from sim_ecu.design.cases import command
 from sim_ecu.physics.axlebox import AxleBox
 from sim_ecu.physics.contact import CURVES
 from sim_ecu.physics.rail import CANT, CURVATURE, RailSection, rail_at, rail_table
-from sim_ecu.physics.sensors import SENSOR_SETS
+from sim_ecu.physics.sensors import SENSOR_SETS, Sampling
 from sim_ecu.physics.simulation import Axle, Simulation
 from sim_ecu.physics.track import QUALITY, SPECTRA, Spectrum, Track
 from sim_ecu.physics.wheelset import YAW_RATE, FloatArray, Wheelset
@@ -144,6 +145,14 @@ def test_a_transition_is_read() -> None:
         ("[axlebox]\nband_hz = [50, 20]", "axlebox.band_hz", ""),
         ("[axlebox]\nband_hz = 20", "axlebox.band_hz", "[20, 100]"),
         ("[axlebox]\nband_hz = [100, 300]", "axlebox.band_hz", "left out"),
+        (
+            '[sensors]\nkind = "mems-8g"\n[axle.2]\nsensors = "mems"\n[axlebox]\nband_hz = [200, 900]',
+            "axle.2.axlebox.band_hz",
+            "",
+        ),
+        ("[sensors]\ncorner_hz = 50", "sensors.corner_hz", "mems-axle-box"),
+        ('[sensors]\nkind = "mems-8g"\ninner_rate_hz = 1100', "sensors.inner_rate_hz", ""),
+        ('[sensors]\nkind = "mems-8g"\ninner_rate_hz = 1000\ncorner_hz = 600', "sensors.corner_hz", ""),
         ('[axlebox]\njoint_shape = "bipolr"', "axlebox.joint_shape", "bipolar"),
         ("[axle.2.axlebox]\njoint_s = 0", "axle.2.axlebox.joint_s", ""),
         ("[axle.2]\nseed = -3", "axle.2.seed", ""),
@@ -166,3 +175,46 @@ def test_a_scenario_that_makes_no_sense_is_refused(text: str, key: str, hint: st
 def test_the_first_section_has_no_transition() -> None:
     with pytest.raises(InputError, match="none to come from"):
         read_scenario(parse_toml('drive = { creep = 0 }\nrail = [{ curve = "A", transition_m = 9 }]', "x"), "x")
+
+
+def test_sensors_that_sample_inside_are_read() -> None:
+    text = (
+        '[sensors]\nkind = "mems-axle-box"\ninner_rate_hz = 8000\ncorner_hz = 60\nfilter_order = 4\nrange_m_s2 = 19.6\n'
+        'rectification = 1e-4\ngyro_rectification = 1e-7\nmounting = "bogie frame"\nlateral_lead_s = 0.004\n'
+        "jitter_s = 0.001\ng_sensitivity = 1e-4\nmisalignment_rad = 0.03\nspeed_gain = 1.02\nfriction_share = 0.4\n"
+        "friction_gain = 0.7\n[axlebox]\nvibration_m_s2 = 30\nband_hz = [20, 1000]\nvibration_power = 1.5\n"
+        "corrugation_m_s2 = 20\ncorrugation_wavelength_m = 0.03\ncorrugation_m = [5, 90]\nflat_m_s2 = 99\n"
+        "flat_every_m = 2.9"
+    )
+    axle = scenario(text).axles[0]
+    kind = SENSOR_SETS["mems-axle-box"]
+    assert axle.sensors == replace(
+        kind,
+        lat_accel=replace(kind.lat_accel, limit=19.6, step=2 * 19.6 / 65536),
+        speed=replace(kind.speed, gain=1.02),
+        sampling=Sampling(8000.0, 60.0, 4, 19.6, 1e-4, 1e-7),
+        mounting="bogie frame",
+        lateral_lead_s=0.004,
+        jitter_s=0.001,
+        g_sensitivity=1e-4,
+        misalignment_rad=0.03,
+        friction_share=0.4,
+        friction_gain=0.7,
+    )
+    assert axle.axlebox == AxleBox(
+        vibration_m_s2=30.0, band_hz=(20.0, 1000.0), vibration_power=1.5, corrugation_m_s2=20.0,
+        corrugation_wavelength_m=0.03, corrugation_m=(5.0, 90.0), flat_m_s2=99.0, flat_every_m=2.9,
+    )  # fmt: skip
+
+
+def test_vibration_beyond_the_range_clips_when_played() -> None:
+    """And the torque's friction part is missing where it is not read."""
+    text = '[sensors]\nkind = "mems-axle-box"\nrange_m_s2 = 19.6\nfriction_share = 0.4\nfriction_gain = 0\n'
+    shake = "[axlebox]\nvibration_m_s2 = 30\nband_hz = [20, 1000]\n"
+    brakes = "[axle.1.drive]\nutilisation = -0.2\n"
+    player = Player(scenario(brakes + text + shake, axles="[1, 2]"))
+    samples = list(player.measured())
+    known = list(Player(scenario(brakes, axles="[1, 2]")).measured())
+    assert player.clipped == pytest.approx([len(samples) * 20 * math.erfc(19.6 / 30 / math.sqrt(2))] * 2, rel=0.05)
+    share = [a.torque / b.torque for a, b in zip(samples[-1].readings, known[-1].readings, strict=True)]
+    assert share == pytest.approx([0.6, 1.0], rel=0.02)
