@@ -405,8 +405,8 @@ def test_score_has_the_suites_causes_and_baselines_of_the_code() -> None:
 
 def test_score_has_every_goal_with_its_bound_and_verdict() -> None:
     found = rows("docs/reference/score.md", GOALS)
-    goals = (goal(figure=NOTHING) for goal in (*SCORE_GOALS.values(), ACCUSED))
-    assert [(name, shown) for name, _, shown, _ in found] == [(goal.what, verdicts.bound(goal.record())) for goal in goals]
+    goals = [goal(figure=NOTHING) for goal in (*SCORE_GOALS.values(), ACCUSED)]
+    assert [(name, shown) for name, _, shown, _ in found] == [(g.what, verdicts.bound(g.record())) for g in goals]
     assert {verdict for *_, verdict in found} <= {MET, MET_CHANCE, CHANCE, MISSED, TOO_FEW}
 
 
