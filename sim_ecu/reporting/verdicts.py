@@ -29,7 +29,8 @@ COUNTED = {
 @dataclass(frozen=True, slots=True)
 class Goal:
     """A figure and its bound. never: what is beyond the bound must not happen, not once: a worst case, a count that
-    must be zero. Where it has happened no interval excuses it."""
+    must be zero. Where it has happened no interval excuses it. up_to: the upper end of what must be at_least its bound
+    and not too much either, as a coverage: an interval that always holds says nothing."""
 
     what: str
     figure: Figure
@@ -37,6 +38,7 @@ class Goal:
     at_least: bool = False
     min_runs: int = MIN_RUNS
     never: bool = False
+    up_to: float = math.inf
 
     @property
     def verdict(self) -> str:
@@ -44,19 +46,16 @@ class Goal:
         f = self.figure
         if f.runs < self.min_runs:
             return TOO_FEW
-        best, worst = (f.high, f.low) if self.at_least else (f.low, f.high)
-        if self._meets(f.value):
-            return MET_CHANCE if math.isfinite(f.low) and not self._meets(worst) else MET
-        return CHANCE if self._meets(best) and not self.never else MISSED
-
-    def _meets(self, value: float) -> bool:
-        return value >= self.bound if self.at_least else value <= self.bound
+        low, high = (self.bound, self.up_to) if self.at_least else (-math.inf, self.bound)
+        if low <= f.value <= high:
+            return MET_CHANCE if math.isfinite(f.low) and not low <= f.low <= f.high <= high else MET
+        return CHANCE if f.low <= high and f.high >= low and not self.never else MISSED
 
     def record(self) -> dict[str, Any]:
         """Return it as a result holds it, with its verdict."""
         return {
             "what": self.what, "figure": self.figure, "bound": self.bound, "at_least": self.at_least,
-            "verdict": self.verdict,
+            "up_to": self.up_to, "verdict": self.verdict,
         }  # fmt: skip
 
 
@@ -80,8 +79,9 @@ def head(goals: Sequence[dict[str, Any]]) -> list[Part]:
 
 
 def bound(goal: dict[str, Any]) -> str:
-    """Return a goal's bound with its sign."""
-    return f"{'≥' if goal['at_least'] else '≤'} {goal['bound']:g}"
+    """Return a goal's bound with its sign, or both."""
+    upper = f" and ≤ {goal['up_to']:g}" if goal["up_to"] < math.inf else ""
+    return f"{'≥' if goal['at_least'] else '≤'} {goal['bound']:g}{upper}"
 
 
 def table(goals: Sequence[dict[str, Any]]) -> Table:

@@ -1,8 +1,8 @@
 """How good the estimate is: accuracy, figures of the paper, comparisons with data from elsewhere; here the suites."""
 
 SUITES = (
-    "paper", "grid", "robust", "rough", "harsh", "slow", "long", "canted", "peak", "transitions", "drops", "cycles",
-    "dead", "foreign", "dry-hours",
+    "paper", "grid", "robust", "rough", "harsh", "slow", "worlds", "long", "canted", "peak", "transitions", "drops",
+    "cycles", "dead", "foreign", "dry-hours",
 )  # fmt: skip
 FUSION = "fusion"  # of what the daemon does beside the estimate, and off by default: played only where requested
 MISSED = "missed"  # what --fail-on may name

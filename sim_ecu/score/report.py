@@ -16,6 +16,7 @@ from sim_ecu.score.score_play import Trace
 from sim_ecu.score.suites import PAIRED
 from sim_ecu.score.suites.broken import DIES_S
 from sim_ecu.score.suites.run import FIRST_TEST_SEED, SPEEDS, UTILISATIONS
+from sim_ecu.score.suites.worlds import WORLDS
 
 SEEDS = (
     "The seeds of what is played here begin at {first}; the design was trained on seeds below {last}. "
@@ -42,11 +43,11 @@ def judge(traces: Sequence[Trace], source: Recipe, suite: str | None = None, qui
             twins.setdefault(t.run, []).append(t)
     makers = {
         "paper": _paper, "grid": _grid, "transitions": _transitions, "drops": _drops, "cycles": _cycles,
-        "dead": lambda part: _foreign(part, after=True), "foreign": _foreign, "slow": _worlds,
-        "dry-hours": honesty.false_lows, "long": _sound, "canted": _sound, "peak": _sound,
+        "dead": lambda part: _foreign(part, after=True), "foreign": _foreign, "slow": _variants,
+        "worlds": _worlds, "dry-hours": honesty.false_lows, "long": _sound, "canted": _sound, "peak": _sound,
     }  # fmt: skip
     shown = {
-        name: _worlds(part, twins) if name in PAIRED else makers[name](part)
+        name: _variants(part, twins) if name in PAIRED else makers[name](part)
         for name, part in by_suite.items()
         if suite in (None, name)
     }
@@ -102,7 +103,9 @@ def _paper(traces: list[Trace]) -> dict[str, Any]:
     for curve in sorted({t.curve for t in traces}):
         f = gather([t for t in traces if t.curve == curve])
         means = {name: accuracy.accuracy(f, name)["mean"] for name in f.mu}
-        out["curves"][curve] = accuracy.within(f) | {"means": means, "true": float(np.mean(f.true))}
+        out["curves"][curve] = accuracy.within(f) | {
+            "means": means, "true": float(np.mean(f.true)), "valid_and_wrong": accuracy.valid_and_wrong(f)
+        }  # fmt: skip
     return out
 
 
@@ -121,7 +124,7 @@ def _grid(traces: list[Trace]) -> dict[str, Any]:
     }
 
 
-def _worlds(traces: list[Trace], twins: dict[int, list[Trace]] | None = None) -> dict[str, Any]:
+def _variants(traces: list[Trace], twins: dict[int, list[Trace]] | None = None) -> dict[str, Any]:
     """Variants one by one, each beside the same conditions of the grid."""
     groups = {}
     for name, part in _groups(traces).items():
@@ -136,6 +139,31 @@ def _worlds(traces: list[Trace], twins: dict[int, list[Trace]] | None = None) ->
             nominal = gather([t for run in dict.fromkeys(t.run for t in part) for t in twins.get(run, [])])
             groups[name] |= accuracy.over(f, nominal)
     return _whole(gather(traces)) | {"groups": groups}
+
+
+def _worlds(traces: list[Trace]) -> dict[str, Any]:
+    """Every design on the same frames, whole: by what it says on the bus."""
+    of = {w.name: w for w in WORLDS}
+    return {
+        "rows": {
+            name: {
+                "family": of[name].family,
+                "tied": of[name].tied,
+                "designs": {OURS: _of_world(part)}
+                | {other: _of_world([t.beside[other] for t in part]) for other in part[0].beside},
+            }
+            for name, part in _groups(traces).items()
+        }
+    }
+
+
+def _of_world(traces: Sequence[Trace]) -> dict[str, Figure]:
+    f = gather(traces)
+    return accuracy.accuracy(f, OURS) | {
+        "covers": honesty.coverage(f),
+        "own_covers": honesty.own_coverage(f),
+        "valid": bootstrap.mean(f.valid, f.run),
+    }
 
 
 def _sound(traces: list[Trace]) -> dict[str, Any]:
@@ -215,7 +243,11 @@ def _cycles(traces: list[Trace]) -> dict[str, Any]:
     return _whole(f) | {
         "outside": bootstrap.mean(f.outside[f.valid], f.run[f.valid]),
         "curves": {
-            c: {"mean": bootstrap.mean(f.errors(OURS)[at], f.run[at]), "covers": honesty.coverage(g)}
+            c: {
+                "mean": bootstrap.mean(f.errors(OURS)[at], f.run[at]),
+                "covers": honesty.coverage(g),
+                "valid_and_wrong": accuracy.valid_and_wrong(g),
+            }
             for c in sorted(set(f.curve.tolist()))
             for at, g in [(accuracy.judged(f, OURS) & (f.curve == c), gather([t for t in traces if t.curve == c]))]
         },
@@ -231,6 +263,7 @@ def _foreign(traces: list[Trace], after: bool = False) -> dict[str, Any]:
             "found": honesty.found_out(part),
             "covers": honesty.coverage(f),
             "mean": accuracy.accuracy(f, OURS)["mean"],
+            "valid_and_wrong": accuracy.valid_and_wrong(f),
             "not_valid": honesty.not_valid(f),
         }
     return {"groups": groups} | ({"dies_s": DIES_S} if after else {})

@@ -31,6 +31,7 @@ from wrcd.estimator.design import Design, load_design
 QUICK = 0.08  # share of the runs in a quick score, at least one of each variant
 # suites in which baselines run beside
 COMPARED = ("paper", "grid", "robust", "rough", "transitions", "drops", "cycles", "slow")
+WHOLE = ("worlds",)  # suites in which other designs do not only estimate beside, but have a core each
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,11 +106,16 @@ def _play_all(runs: Sequence[Run], jobs: int, request: ScoreRequest) -> tuple[li
 
 
 @lru_cache(1)
-def _world(request: ScoreRequest) -> tuple[Config, dict[str, Baseline]]:
-    """Made once in a process that plays."""
+def _world(request: ScoreRequest) -> tuple[Config, dict[str, Baseline], Sequence[tuple[str, Config]]]:
+    """What plays, the baselines, and the other designs' configurations. Made once in a process that plays."""
     source = load_source(request.design)
     config = replace(load_config(None), design=source.design, design_file=request.design)
-    return config, make_baselines(source, request)
+    others = [
+        (name, replace(config, design=load_design(path), design_file=path))
+        for name, path in request.beside
+        if name != PAPER  # it is of the lone wheelset, and stands beside in the other suites
+    ]
+    return config, make_baselines(source, request), others
 
 
 def make_baselines(source: Recipe, request: ScoreRequest) -> dict[str, Baseline]:
@@ -131,5 +137,5 @@ def make_baselines(source: Recipe, request: ScoreRequest) -> dict[str, Baseline]
 
 def play_one(request: ScoreRequest, run: Run) -> list[Trace]:
     """What a process does with each run."""
-    config, baselines = _world(request)
-    return play(run, config, baselines if run.suite in COMPARED else {})
+    config, baselines, others = _world(request)
+    return play(run, config, baselines if run.suite in COMPARED else {}, beside=others if run.suite in WHOLE else ())

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_ecu.physics.contact import peak
-from sim_ecu.play.encoder import databases
+from sim_ecu.play.encoder import Sent, databases
 from sim_ecu.play.play import LOG_START_US
 from sim_ecu.play.player import LARGE_CHUNK, Player
 from sim_ecu.play.train import PACKAGED, Train
@@ -107,6 +107,7 @@ class Trace:
     true_slip: FloatArray
     peak_slip: float  # creep at the peak of the first curve
     baselines: dict[str, FloatArray] = field(default_factory=dict)
+    beside: dict[str, "Trace"] = field(default_factory=dict)  # of other designs on the same frames, by name
 
 
 class TickRecorder(Observer):
@@ -148,31 +149,54 @@ class TickRecorder(Observer):
         )
 
 
-def play(run: Run, config: Config, baselines: dict[str, Baseline], train: Train = PACKAGED) -> list[Trace]:
-    """Play a run and gather what came on the bus, an entry for each axle. train: whose messages the configuration maps.
+class Listener:
+    """A core that is fed the frames of a run, and what someone on its bus receives."""
+
+    def __init__(self, run: Run, config: Config, observer: Observer | None = None) -> None:
+        self._run, self._core = run, Core(config, observer=observer)
+        self._kept = TrainFrames([a.number for a in run.scenario.axles], config)
+        self._half_widths: dict[int, FloatArray] = {}
+
+    def hear(self, f: Sent) -> None:
+        """Take a frame of the rig."""
+        if not f.error:
+            self._kept.keep(f.due_us, f.can_id, f.data)
+        stamp_us = LOG_START_US + f.due_us
+        for out in self._core.feed(Frame(stamp_us, f.can_id, f.data, f.extended, error=f.error, fd=f.fd)):
+            due_us = out.frame.stamp_us - LOG_START_US
+            self._kept.keep(due_us, out.frame.can_id, out.frame.data)
+            if out.why is not None:
+                self._half_widths[due_us] = out.why.half_width_pp
+
+    def traces(self) -> list[Trace]:
+        """An entry for each axle."""
+        return [_trace(self._run, k, self._kept, self._half_widths) for k in range(len(self._run.scenario.axles))]
+
+
+def play(
+    run: Run, config: Config, baselines: dict[str, Baseline], train: Train = PACKAGED,
+    beside: Sequence[tuple[str, Config]] = (),
+) -> list[Trace]:  # fmt: skip
+    """Play a run and gather what came on the bus, an entry for each axle. train: whose messages the configurations map.
+    beside: other designs' names and configurations, whose cores are fed the same frames.
     Raises InputError for a fault or an axle that they leave no way to."""
     recording = TickRecorder(config.design, len(config.axles))
-    core = Core(config, observer=recording)
-    axles = run.scenario.axles
-    kept = TrainFrames([a.number for a in axles], config)
-    half_widths: dict[int, FloatArray] = {}
+    ours, others = Listener(run, config, recording), {name: Listener(run, other) for name, other in beside}
+    listeners = [ours, *others.values()]
     for _, frames in Player(run.scenario, chunk=LARGE_CHUNK, train=train):
         for f in frames:
-            stamp_us = LOG_START_US + f.due_us
-            if not f.error:
-                kept.keep(f.due_us, f.can_id, f.data)
-            for out in core.feed(Frame(stamp_us, f.can_id, f.data, f.extended, error=f.error, fd=f.fd)):
-                due_us = out.frame.stamp_us - LOG_START_US
-                kept.keep(due_us, out.frame.can_id, out.frame.data)
-                if out.why is not None:
-                    half_widths[due_us] = out.why.half_width_pp
-    traces = [_trace(run, place, kept, half_widths) for place in range(len(axles))]
+            for listener in listeners:
+                listener.hear(f)
+    traces = ours.traces()
+    for name, other in others.items():
+        for trace, theirs in zip(traces, other.traces(), strict=True):
+            trace.beside[name] = theirs
     if baselines and recording.ticks:
-        _beside(traces, recording.all(), baselines)
+        _estimate(traces, recording.all(), baselines)
     return traces
 
 
-def _beside(traces: Sequence[Trace], ticks: GivenTicks, baselines: dict[str, Baseline]) -> None:
+def _estimate(traces: Sequence[Trace], ticks: GivenTicks, baselines: dict[str, Baseline]) -> None:
     """Return the baselines' estimates at the traces' frames: from the newest tick that was over by then."""
     tick_us = round(ticks.tick_s * 1e6)
     others = {name: b.mu_pct(ticks) for name, b in baselines.items()}

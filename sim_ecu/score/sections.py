@@ -8,7 +8,7 @@ from sim_ecu.reporting import verdicts
 from sim_ecu.reporting.page import PageSection, Part
 from sim_ecu.reporting.table import Table
 from sim_ecu.reporting.values import UNKNOWN, Figure, Rounded, Share, Value, number, share
-from sim_ecu.score.metrics.accuracy import OURS
+from sim_ecu.score.metrics.accuracy import OURS, WRONG_OF_TRUTH, WRONG_PP
 
 QUICK = (
     "QUICK",
@@ -17,6 +17,11 @@ QUICK = (
 )
 HOLES = "NOT WHOLE"
 INTERVALS = "In brackets: the 90 % interval, of whole runs. Only Valid frames are judged; the others are counted."
+WRONG = "Valid and wrong"
+WRONGS = (
+    f"{WRONG}: of all judged frames, Valid or not, those that are Valid, have the truth outside the interval on the "
+    f"bus, and are more than {WRONG_PP:g} pp or {100 * WRONG_OF_TRUTH:g} % of the truth off."
+)
 BASELINES = (
     "Beside it, on the same frames and with the sensors' offsets taken off: torque ratio, the least there can be; "
     "neural network, on the rules' own inputs, unreadable; a bank of 12 EKFs, with the friction as a state. "
@@ -40,7 +45,7 @@ def sections(result: Mapping[str, Any]) -> list[PageSection]:
         PageSection("", "", [
             f"design {d['name']} {d['checksum'][:12]}, window {d['window_s']:g} s; "
             "errors in percentage points (pp) of MuAvailable",
-            result["seeds"], INTERVALS, BASELINES,
+            result["seeds"], INTERVALS, WRONGS, BASELINES,
         ])
     ]  # fmt: skip
     for name, s in result["suites"].items():
@@ -78,8 +83,10 @@ def _accuracy(compared: Mapping[str, Any], more: Mapping[str, Any] | None = None
     for name, v in (*compared.items(), *(more or {}).items()):
         if v["mean"].count:
             beside = [apart(ours, v["mean"]), v["ours_over_it"]] if "ours_over_it" in v else ["", ""]
-            rows.append([name, v["mean"], v["p95"], v["below_half"], v["above_0.9"], *beside])
-    return Table(["", "mean", "p95", "below half", "above 0.9", f"{OURS} is", f"{OURS}'s error over it"], rows)
+            wrong = Share(v["valid_and_wrong"]) if "valid_and_wrong" in v else ""
+            rows.append([name, v["mean"], v["p95"], v["below_half"], v["above_0.9"], wrong, *beside])
+    head = ["", "mean", "p95", "below half", "above 0.9", WRONG, f"{OURS} is", f"{OURS}'s error over it"]
+    return Table(head, rows)
 
 
 def _causes(n: Mapping[str, Any]) -> str:
@@ -113,20 +120,20 @@ def _grid(s: Mapping[str, Any]) -> Shown:
     ]  # fmt: skip
 
 
-def _worlds(about: str) -> Callable[[Mapping[str, Any]], Shown]:
+def _variants(about: str) -> Callable[[Mapping[str, Any]], Shown]:
     def parts(s: Mapping[str, Any]) -> Shown:
         others = [n for n in s["compared"] if n != OURS]
         paired = any("ratio" in g for g in s["groups"].values())
         beside = ["over the nominal error", "more by, pp"] if paired else []
         rows = [
             [name, (a := g["accuracy"])["mean"], *([g["ratio"], g["difference"]] if paired else []),
-             Rounded(a["p95"], 1), Share(g["covers"]), Share(g["not_valid"]["share"]),
+             Rounded(a["p95"], 1), Share(g["covers"]), Share(g["not_valid"]["share"]), Share(a["valid_and_wrong"]),
              *(g["others"][n] for n in others)]
             for name, g in s["groups"].items()
         ]  # fmt: skip
         return about, [
             _accuracy(s["compared"]),
-            Table([f"mean error of {OURS}", "", *beside, "p95", "interval holds", "not Valid", *others], rows),
+            Table([f"mean error of {OURS}", "", *beside, "p95", "interval holds", "not Valid", WRONG, *others], rows),
             f"Over all the interval holds the truth in {share(s['confidence']['covers'])}. "
             + _not_valid(s["not_valid"]),
         ]
@@ -134,21 +141,38 @@ def _worlds(about: str) -> Callable[[Mapping[str, Any]], Shown]:
     return parts
 
 
+def _worlds(s: Mapping[str, Any]) -> Shown:
+    beside = any(len(row["designs"]) > 1 for row in s["rows"].values())
+    head = [
+        "", "family", *(["design"] if beside else []), "mean", "p95", "below half", "level holds the truth",
+        "own interval holds it", "Valid", WRONG, "runs",
+    ]  # fmt: skip
+    rows = [
+        [world, row["family"], *([design] if beside else []), v["mean"], v["p95"], v["below_half"],
+         *(Share(v[k]) for k in ("covers", "own_covers", "valid", "valid_and_wrong")), v["valid_and_wrong"].runs]
+        for world, row in s["rows"].items()
+        for design, v in row["designs"].items()
+    ]  # fmt: skip
+    return "named worlds: as trained, wider than the training, and of kinds that it has not", [Table(head, rows)]
+
+
 def _paper(s: Mapping[str, Any]) -> Shown:
     names = list(s["compared"])
     rows = [
-        [c, Rounded(v["true"], 1), Share(v["share"]), *(v["means"][n] for n in names)] for c, v in s["curves"].items()
+        [c, Rounded(v["true"], 1), Share(v["share"]), Share(v["valid_and_wrong"]), *(v["means"][n] for n in names)]
+        for c, v in s["curves"].items()
     ]
-    head = ["curve", "true, %", "within 1 pp or 10 %", *(f"mean error of {n}" for n in names)]
+    head = ["curve", "true, %", "within 1 pp or 10 %", WRONG, *(f"mean error of {n}" for n in names)]
     return "held at the peak at 25 m/s, from 1.0 s after the creep is there", [Table(head, rows)]
 
 
 def _sound(about: str) -> Callable[[Mapping[str, Any]], Shown]:
     def parts(s: Mapping[str, Any]) -> Shown:
-        head = ["", "a sensor accused", "Valid", "mean error", "p95", "interval holds", "why not Valid"]
+        head = ["", "a sensor accused", "Valid", "mean error", "p95", "interval holds", WRONG, "why not Valid"]
         rows = [
             [name, Share(v["not_valid"]["accused"]), Share(v["valid"]), v["accuracy"]["mean"],
-             Rounded(v["accuracy"]["p95"], 1), Share(v["covers"]), _causes(v["not_valid"])]
+             Rounded(v["accuracy"]["p95"], 1), Share(v["covers"]), Share(v["accuracy"]["valid_and_wrong"]),
+             _causes(v["not_valid"])]
             for name, v in s["rows"].items()
         ]  # fmt: skip
         seconds = " to ".join(map(str, sorted(set(s["seconds"]))))
@@ -192,30 +216,37 @@ def _drops(s: Mapping[str, Any]) -> Shown:
 
 
 def _cycles(s: Mapping[str, Any]) -> Shown:
-    rows = [[c, v["mean"], Share(v["covers"])] for c, v in s["curves"].items()]
+    rows = [[c, v["mean"], Share(v["covers"]), Share(v["valid_and_wrong"])] for c, v in s["curves"].items()]
     return "torque in slip cycles through the peak, 0.5 and 1 Hz", [
         _accuracy(s["compared"]),
-        Table(["curve", "mean error", "interval holds"], rows),
+        Table(["curve", "mean error", "interval holds", WRONG], rows),
         f"The truth lies outside the interval in {share(s['outside'])} of the Valid frames. "
         + _not_valid(s["not_valid"]),
     ]
 
 
 def _dead(s: Mapping[str, Any]) -> Shown:
-    head = ["", "Valid after it, median s", "longest s", "not Valid at the end, axles", "interval holds", "mean error"]
+    head = [
+        "", "Valid after it, median s", "longest s", "not Valid at the end, axles", "interval holds", "mean error",
+        WRONG,
+    ]  # fmt: skip
     rows = [
-        [n, g["valid_s"]["median"], g["valid_s"]["most"], Share(g["found"]), Share(g["covers"]), g["mean"]]
+        [n, g["valid_s"]["median"], g["valid_s"]["most"], Share(g["found"]), Share(g["covers"]), g["mean"],
+         Share(g["valid_and_wrong"])]
         for n, g in s["groups"].items()
-    ]
+    ]  # fmt: skip
     return f"sensors that give their own noise alone, from {s['dies_s']:g} s on or from the start", [Table(head, rows)]
 
 
 def _foreign(s: Mapping[str, Any]) -> Shown:
-    head = ["", "not Valid after 10 s, axles", "frames not Valid", "interval holds where Valid", "mean error there"]
+    head = [
+        "", "not Valid after 10 s, axles", "frames not Valid", "interval holds where Valid", "mean error there", WRONG,
+    ]  # fmt: skip
     rows = [
-        [n, Share(g["found"]), Share(g["not_valid"]["share"]), Share(g["covers"]), g["mean"]]
+        [n, Share(g["found"]), Share(g["not_valid"]["share"]), Share(g["covers"]), g["mean"],
+         Share(g["valid_and_wrong"])]
         for n, g in s["groups"].items()
-    ]
+    ]  # fmt: skip
     return "mounted wrongly, or another wheelset (which cannot be seen)", [Table(head, rows)]
 
 
@@ -230,12 +261,12 @@ def _dry(s: Mapping[str, Any]) -> Shown:
 
 _SUITES: dict[str, Callable[[Mapping[str, Any]], Shown]] = {
     "paper": _paper, "grid": _grid, "transitions": _transitions, "drops": _drops, "cycles": _cycles,
-    "dead": _dead, "foreign": _foreign, "dry-hours": _dry,
-    "robust": _worlds("the same conditions in a world that is not as the design thinks, mems sensors"),
-    "rough": _worlds("tracks smoother and rougher than any in the training, mems sensors"),
-    "harsh": _worlds("what a real axle box feels and the track's spectrum lacks, mems sensors"),
+    "dead": _dead, "foreign": _foreign, "dry-hours": _dry, "worlds": _worlds,
+    "robust": _variants("the same conditions in a world that is not as the design thinks, mems sensors"),
+    "rough": _variants("tracks smoother and rougher than any in the training, mems sensors"),
+    "harsh": _variants("what a real axle box feels and the track's spectrum lacks, mems sensors"),
     "long": _sound("some of the grid's conditions for longer"),
     "canted": _sound("through curves each way with what the cant does not balance"),
     "peak": _sound("all of the rail in use throughout"),
-    "slow": _worlds("coasting, and below the grid's speeds, mems sensors"),
+    "slow": _variants("coasting, and below the grid's speeds, mems sensors"),
 }  # fmt: skip

@@ -21,8 +21,10 @@ from sim_ecu.cli import main as rig_cli
 from sim_ecu.design.brief import load_source
 from sim_ecu.play.expected import LONG_ROWS, ROWS
 from sim_ecu.play.matrix import HEAD, Verdict, line
+from sim_ecu.reporting import verdicts
 from sim_ecu.reporting.verdicts import CHANCE, MET, MET_CHANCE, MISSED, TOO_FEW
 from sim_ecu.score import SUITES
+from sim_ecu.score.metrics.bootstrap import NOTHING
 from sim_ecu.score.run_score import ScoreRequest, make_baselines
 from sim_ecu.score.score_goals import ACCUSED, SCORE_GOALS
 from tests.support import pages
@@ -403,9 +405,8 @@ def test_score_has_the_suites_causes_and_baselines_of_the_code() -> None:
 
 def test_score_has_every_goal_with_its_bound_and_verdict() -> None:
     found = rows("docs/reference/score.md", GOALS)
-    bounds = {goal.args[0]: goal.keywords["bound"] for goal in (*SCORE_GOALS.values(), ACCUSED)}
-    assert [name for name, *_ in found] == list(bounds)
-    assert all(float(bound.split()[1]) == bounds[name] for name, _, bound, _ in found)
+    goals = [goal(figure=NOTHING) for goal in (*SCORE_GOALS.values(), ACCUSED)]
+    assert [(name, shown) for name, _, shown, _ in found] == [(g.what, verdicts.bound(g.record())) for g in goals]
     assert {verdict for *_, verdict in found} <= {MET, MET_CHANCE, CHANCE, MISSED, TOO_FEW}
 
 

@@ -100,6 +100,7 @@ UNSURE = (0.85, 1.0)  # utilisations between which a contact may be called eithe
 SATURATED = 0.98  # utilisation from which a contact is saturated for certain
 REACHED = 0.95  # of the wanted creep
 SETTLED_S = 1.0
+WRONG_PP, WRONG_OF_TRUTH = 2.0, 0.2  # an error beyond either is wrong: this project's own choice
 
 
 def judged(f: JudgedFrames, name: str) -> NDArray[np.bool_]:
@@ -108,7 +109,8 @@ def judged(f: JudgedFrames, name: str) -> NDArray[np.bool_]:
 
 
 def accuracy(f: JudgedFrames, name: str) -> dict[str, Figure]:
-    """Mean and 95th percentile of the error, its mean below half and above 0.9 of the available adhesion."""
+    """Mean and 95th percentile of the error, its mean below half and above 0.9 of the available adhesion; of wrcd,
+    which alone says Valid, also the share that is Valid and wrong."""
     error, u, use = f.errors(name), f.utilisation, judged(f, name)
 
     def mean(where: NDArray[np.bool_]) -> Figure:
@@ -119,7 +121,16 @@ def accuracy(f: JudgedFrames, name: str) -> dict[str, Figure]:
         "p95": bootstrap.quantile(error[use], f.run[use], 0.95),
         "below_half": mean(use & (u < 0.5)),
         "above_0.9": mean(use & (u > 0.9)),
-    }
+    } | ({"valid_and_wrong": valid_and_wrong(f)} if name == OURS else {})
+
+
+def valid_and_wrong(f: JudgedFrames) -> Figure:
+    """Share of all judged frames with a truth, Valid or not, that are Valid and wrong: the truth is outside the
+    interval on the bus, and more than WRONG_PP or the share WRONG_OF_TRUTH of it off. No number at all is wrong, too.
+    """
+    right = f.errors(OURS) <= np.minimum(WRONG_PP, WRONG_OF_TRUTH * f.true)
+    known = np.isfinite(f.true)
+    return bootstrap.mean((f.valid & f.outside & ~right)[known], f.run[known])
 
 
 def over(f: JudgedFrames, of: JudgedFrames, name: str = OURS) -> dict[str, Figure]:

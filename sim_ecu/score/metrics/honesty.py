@@ -44,6 +44,11 @@ def coverage(f: JudgedFrames) -> Figure:
     return bootstrap.mean(~f.outside[f.valid], f.run[f.valid])
 
 
+def own_coverage(f: JudgedFrames) -> Figure:
+    """Share of the Valid frames whose interval as estimated, before it became a level on the bus, holds the truth."""
+    return bootstrap.mean((f.errors(OURS) <= f.own_half_width)[f.valid], f.run[f.valid])
+
+
 def confidence(f: JudgedFrames) -> dict[str, Any]:
     """How often the interval that Confidence claims holds the truth, by level; its width against a constant one."""
     inside = ~f.outside

@@ -10,6 +10,7 @@ from sim_ecu.score.suites.change_suites import cycles, drops, paper, transitions
 from sim_ecu.score.suites.nominal import grid, harsh, robust, rough, slow
 from sim_ecu.score.suites.run import Lot, Run, lot_of
 from sim_ecu.score.suites.sound import canted, dry_hours, long, peak
+from sim_ecu.score.suites.worlds import worlds
 
 # suites whose runs are compared with those of the grid that have the same conditions
 PAIRED = ("robust", "rough", "harsh")
@@ -26,6 +27,7 @@ def runs(source: Recipe, suite: str | None, scale: float, number: int = 0) -> It
         "paper": paper, "grid": grid, "robust": robust, "harsh": harsh, "long": long, "canted": canted, "peak": peak,
         "rough": lambda w, scale, lot: rough(w, scale, source.roughness, lot), "transitions": transitions,
         "drops": drops, "cycles": cycles, "slow": slow, "dead": dead, "foreign": foreign, "dry-hours": dry_hours,
+        "worlds": lambda _, scale, lot: worlds(source, scale, lot),
     }  # fmt: skip
     if suite is None:
         for name in SUITES:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from sim_ecu.reporting.values import Figure
-from sim_ecu.reporting.verdicts import MET, MET_CHANCE, MIN_QUICK_RUNS, MISSED, TOO_FEW
+from sim_ecu.reporting.verdicts import MET, MET_CHANCE, MIN_QUICK_RUNS, MISSED, TOO_FEW, Goal
 from sim_ecu.score import run_score
 from sim_ecu.score.score_goals import goals
 from sim_ecu.score.score_pictures import pictures
@@ -37,8 +37,7 @@ def figure(value: float, runs: int) -> Figure:
 
 def result(quick: bool = False, verdicts: tuple[str, ...] = (MET, MISSED)) -> dict[str, Any]:
     found = [
-        {"what": f"dry-hours: goal {k}", "figure": figure(1.0, 12), "bound": 1.0, "at_least": False, "verdict": v}
-        for k, v in enumerate(verdicts)
+        Goal(f"dry-hours: goal {k}", figure(1.0, 12), 1.0).record() | {"verdict": v} for k, v in enumerate(verdicts)
     ]
     dry = {
         "episodes": 0, "seconds": figure(0.0, 12), "hours": 1.0, "valid_hours": 1.0, "at_most_per_hour": 3.0,

@@ -70,6 +70,38 @@ def test_only_valid_frames_are_judged_and_the_others_counted() -> None:
     assert lost["causes"] == pytest.approx({"Identity": 0.06, "Timeout": 0.04})
 
 
+def test_valid_and_wrong_is_outside_the_interval_and_far_off_among_all_judged_frames() -> None:
+    nan = math.nan
+    mu, true, half, validity, wrong = zip(
+        (23.0, 20.0, 2.0, "Valid", True),  # more than 2 points off
+        (6.5, 5.0, 1.0, "Valid", True),  # more than a fifth off
+        (nan, 20.0, 2.0, "Valid", True),  # no number
+        (23.0, 20.0, nan, "Valid", True),  # no interval
+        (23.0, 20.0, 5.0, "Valid", False),  # inside
+        (90.0, 20.0, math.inf, "Valid", False),  # no bound claimed
+        (21.5, 20.0, 1.0, "Valid", False),  # outside, but near
+        (5.9, 5.0, 0.5, "Valid", False),  # the same on a low rail
+        (90.0, 20.0, 2.0, "Degraded", False),  # nobody goes by it, but it is counted
+        (23.0, nan, 2.0, "Valid", None),  # no truth: not counted
+        strict=True,
+    )
+    t = trace(np.array(mu), np.array(true), half_width_pp=np.array(half), validity=np.array(validity))
+    early = trace(np.full(9, 90.0), np.full(9, 20.0), judged_from_s=10.0)
+    counted = sum(w is not None for w in wrong)
+    found = accuracy.valid_and_wrong(gather([t, early]))
+    assert found.count == counted
+    assert found.value == pytest.approx(sum(w is True for w in wrong) / counted)
+    assert accuracy.accuracy(gather([t]), OURS)["valid_and_wrong"].value == found.value
+
+
+def test_share_that_is_valid_and_wrong_has_an_interval_by_run() -> None:
+    runs = [trace(np.where(np.arange(100) < k, 30.0, 20.0), np.full(100, 20.0), run=k) for k in range(12)]
+    found = accuracy.valid_and_wrong(gather(runs))
+    assert found.value == pytest.approx(0.055)
+    assert 0.0 < found.low < 0.05 < 0.06 < found.high < 0.1
+    assert found.runs == 12
+
+
 def test_causes_that_are_as_frequent_stand_by_name() -> None:
     causes = np.array([f"cause {(k * 7) % 60:02d}" for k in range(90)])  # half of them twice
     true = np.full(90, 20.0)
@@ -84,7 +116,7 @@ def test_frames_before_they_are_judged_do_not_count() -> None:
     found = accuracy.accuracy(f, OURS)
     assert found["mean"].count == 50
     assert values(found) == pytest.approx(
-        {"mean": 0.0, "p95": 0.0, "below_half": 0.0, "above_0.9": math.nan}, nan_ok=True
+        {"mean": 0.0, "p95": 0.0, "below_half": 0.0, "above_0.9": math.nan, "valid_and_wrong": 0.0}, nan_ok=True
     )
 
 
