@@ -1,0 +1,32 @@
+"""Designs by their names: those that come along lie in one folder as NAME.design.json."""
+
+from pathlib import Path
+
+from wrcd import resources
+from wrcd.config.section import suggest
+from wrcd.errors import InputError
+
+_SUFFIX = ".design.json"
+
+
+def packaged_designs() -> list[str]:
+    """Return the names of the designs that come along."""
+    return sorted(p.name.removesuffix(_SUFFIX) for p in resources.DESIGNS.glob(f"*{_SUFFIX}"))
+
+
+def is_name(given: str) -> bool:
+    """Whether a text names a packaged design: it is no path, and has not the suffix .json."""
+    return "/" not in given and not given.endswith(".json")
+
+
+def design_path(given: str, folder: Path = Path()) -> Path:
+    """Return the file of a packaged design by its name, or a path from a folder on. Raises InputError for a name that
+    is none; a file is not looked for."""
+    if not is_name(given):
+        return folder / given
+    known = packaged_designs()
+    if given not in known:
+        hint = f"packaged: {', '.join(known)}; or give a path to a .json file"
+        near = suggest(given, known)
+        raise InputError(f"there is no design {given!r}", hint=f"{near} {hint}" if near else hint)
+    return resources.DESIGNS / f"{given}{_SUFFIX}"
