@@ -28,5 +28,5 @@ def design_path(given: str, folder: Path = Path()) -> Path:
     if given not in known:
         hint = f"packaged: {', '.join(known)}; or give a path to a .json file"
         near = suggest(given, known)
-        raise InputError(f"there is no design {given!r}", hint=f"{near} {hint}" if near else hint)
+        raise InputError(f"there is no design {given!r}", key="design", hint=f"{near} {hint}" if near else hint)
     return resources.DESIGNS / f"{given}{_SUFFIX}"
