@@ -81,7 +81,7 @@ COMMAND = Subcommand(
     "make the design file of a wheelset (takes minutes)",
     (
         ("sim-ecu design --config metro -o metro.design.json", "the design of a wheelset that comes along"),
-        ("sim-ecu design --explain", "the packaged design's rules as sentences, with their data"),
+        ("sim-ecu design --explain", "the default design's rules as sentences, with their data"),
     ),
     _add,
     _run,

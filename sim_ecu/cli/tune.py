@@ -21,7 +21,7 @@ def _add(p: argparse.ArgumentParser) -> None:
     p.add_argument(
         "--config", type=Path, metavar="RIG.toml",
         help="where the search starts, and what it is for: a file as `sim-ecu design --config` takes it, or metro or "
-        "locomotive (default: the packaged design's own)",
+        "locomotive (default: the lone wheelset's)",
     )  # fmt: skip
     p.add_argument("-o", "--output", type=Path, required=True, metavar="DIR", help="folder of all that is found; made")
     p.add_argument("--form", choices=("wrcd", "paper"), help="as of `sim-ecu design` (default: as --config says)")

@@ -297,9 +297,9 @@ def _names_the_wheelset(top: Section, wheelset: Section, dbc: Section, estimator
     if key not in dbc or declared.DESIGN.name in estimator or list(wheelset):
         return
     error = dbc.error(
-        f"is a train's own, but nothing says that it has the wheelset {_name(design)!r} of the packaged design",
+        f"is a train's own, but nothing says that it has the wheelset {_name(design)!r} of the default design",
         key,
-        f"{wheelset.line(name=_name(design))} (or parameters to compare), or {estimator.line(design='FILE')}",
+        f"{wheelset.line(name=_name(design))} (or parameters to compare), or {estimator.line(design='NAME or FILE')}",
     )
     dbc.mistake(error)
     for section, absent in ((top, "wheelset"), (top, "estimator"), (estimator, declared.DESIGN.name)):

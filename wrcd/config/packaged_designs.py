@@ -14,15 +14,12 @@ def packaged_designs() -> list[str]:
     return sorted(p.name.removesuffix(_SUFFIX) for p in resources.DESIGNS.glob(f"*{_SUFFIX}"))
 
 
-def is_name(given: str) -> bool:
-    """Whether a text names a packaged design: it is no path, and has not the suffix .json."""
-    return "/" not in given and not given.endswith(".json")
-
-
 def design_path(given: str, folder: Path = Path()) -> Path:
-    """Return the file of a packaged design by its name, or a path from a folder on. Raises InputError for a name that
-    is none; a file is not looked for."""
-    if not is_name(given):
+    """Return the file of a packaged design by its name, or a path from a folder on; it is not looked for.
+
+    What has neither a slash nor the suffix .json is a name. Raises InputError for one that is none.
+    """
+    if "/" in given or given.endswith(".json"):
         return folder / given
     known = packaged_designs()
     if given not in known:
