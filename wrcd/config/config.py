@@ -13,7 +13,7 @@ from wrcd.config import declared
 from wrcd.config.configured_train import all_statements, read_train
 from wrcd.config.fusion import read_positions, untold
 from wrcd.config.input_mapping import STALE_TICKS
-from wrcd.config.keys import Text, names
+from wrcd.config.keys import KeyOf, names
 from wrcd.config.outputs import STATUS_MESSAGES, usual_messages
 from wrcd.config.packaged_designs import design_path
 from wrcd.config.section import TO_FILL_IN
@@ -245,15 +245,11 @@ def _design(
         return given, read(given)
     key = declared.DESIGN
     named = key.read(section)
-    try:
-        file = resources.DESIGN if named is None else design_path(named, folder)
-    except InputError as e:
-        section.refuse(e.reason, key.name, e.hint)
-        return resources.DESIGN, None
+    file = resources.DESIGN if named is None else design_path(named, folder)
     return file, _load(section, key, file, read)
 
 
-def _load(section: Section, key: Text, path: Path, load: Callable[[Path], T]) -> T | None:
+def _load(section: Section, key: KeyOf[str], path: Path, load: Callable[[Path], T]) -> T | None:
     """Load a file that the configuration names: the error says both where it is named and what is wrong with it.
 
     None: it has a mistake, or its name has one.

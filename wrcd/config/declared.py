@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from wrcd.bus.units import Quantity
 from wrcd.config.keys import (
     Choice,
+    DesignFile,
     Flag,
     Interval,
     Key,
@@ -50,7 +51,7 @@ DBC_FILE = Text("file", "a train's own DBC; default: the packaged one")
 ENCODING = Choice(
     "encoding", "of the DBC; default: UTF-8 where the file is valid UTF-8, else cp1252", ("utf-8", "cp1252")
 )
-DESIGN = Text("design", f"a packaged design by its name, or a design file by its path; default: {DEFAULT_DESIGN}")
+DESIGN = DesignFile("design", f"the design, a packaged one or a file; default: {DEFAULT_DESIGN}")
 MIN_SPEED = Number("min_speed_m_s", "below it there is no estimate", 0.1, 60.0, 3.0, reload=True)
 NOT_AVAILABLE_AFTER = Number(
     "not_available_after_ms",

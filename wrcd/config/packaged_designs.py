@@ -1,5 +1,6 @@
 """Designs by their names: those that come along lie in one folder as NAME.design.json."""
 
+import re
 from pathlib import Path
 
 from wrcd import resources
@@ -7,6 +8,7 @@ from wrcd.config.section import suggest
 from wrcd.errors import InputError
 
 _SUFFIX = ".design.json"
+PATH = r"/|\.json$"  # what else is given is a name
 
 
 def packaged_designs() -> list[str]:
@@ -19,7 +21,7 @@ def design_path(given: str, folder: Path = Path()) -> Path:
 
     What has neither a slash nor the suffix .json is a name. Raises InputError for one that is none.
     """
-    if "/" in given or given.endswith(".json"):
+    if re.search(PATH, given):
         return folder / given
     known = packaged_designs()
     if given not in known:

@@ -98,13 +98,13 @@ OF_KINDS = {
 def test_design_with_a_suffix_is_a_file_beside_the_campaign(kind: str, tmp_path: Path) -> None:
     file = tmp_path / "c.toml"
     file.write_text(f'{OF_KINDS[kind]}design = "mine.json"\n')
-    with pytest.raises(InputError, match="mine.json: cannot be read: No such file or directory"):
+    with pytest.raises(InputError, match=r"mine\.json: cannot be read: No such file or directory"):
         load_campaign(file)
     shutil.copy(resources.DESIGN, tmp_path / "mine.json")
     (job,) = load_campaign(file).jobs
     assert "design" in job.files
     (tmp_path / "mine.json").write_text("{}")
-    with pytest.raises(InputError, match="mine.json: "):  # it is this one that is read
+    with pytest.raises(InputError, match=r"mine\.json: "):  # it is this one that is read
         load_campaign(file)
 
 

@@ -52,7 +52,8 @@ def test_path_is_a_file_in_the_folder(given: str) -> None:
 def test_unknown_name_is_an_error_that_lists_the_packaged_ones(given: str, near: str) -> None:
     with pytest.raises(InputError) as error:
         design_path(given)
-    assert f"there is no design '{given}' — {near}packaged: {', '.join(packaged_designs())}; or give" in str(error.value)
+    known = ", ".join(packaged_designs())
+    assert f"there is no design '{given}' — {near}packaged: {known}; or give a path" in str(error.value)
 
 
 def test_configuration_names_a_packaged_design_or_a_file_beside_it(tmp_path: Path) -> None:
