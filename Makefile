@@ -132,10 +132,10 @@ format: $(READY)
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
 
-# the packaged design and what a score compares it with, the paper's own form among it; takes minutes
+# the packaged design of the lone wheelset and what a score compares it with, the paper's own form among it; takes minutes
 design: $(READY)
-	$(BIN)/sim-ecu design -o wrcd/data/default.design.json --baselines sim_ecu/data/default.baselines.json
-	$(BIN)/sim-ecu design --form paper -o sim_ecu/data/paper.design.json
+	$(BIN)/sim-ecu design -o wrcd/data/designs/lone-wheelset.design.json --baselines sim_ecu/data/lone-wheelset.baselines.json
+	$(BIN)/sim-ecu design --form paper -o sim_ecu/data/lone-wheelset.paper.design.json
 
 # the tables of docs/reference/score.md; 30 minutes of processor time, on two cores
 score: $(READY)

@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-FOLDER = Path(__file__).parent / "data"
+FOLDER = Path(__file__).parent / "data"  # with NAME.baselines.json and NAME.paper.design.json of packaged designs
 TRUTH_DBC = FOLDER / "sim_ecu.dbc"
-PAPER_DESIGN = FOLDER / "paper.design.json"  # the paper's own form, a baseline of the default design
-BASELINES = FOLDER / "default.baselines.json"  # what `sim-ecu score` compares the default design with
+PAPER_DESIGN = FOLDER / "lone-wheelset.paper.design.json"  # the paper's own form, for the paper's wheelset

@@ -4,6 +4,8 @@ from pathlib import Path
 
 DATA = Path(__file__).parent / "data"
 DBC = DATA / "wrcd.dbc"
-DESIGN = DATA / "default.design.json"
+DESIGNS = DATA / "designs"  # NAME.design.json
+DEFAULT_DESIGN = "lone-wheelset"  # the packaged design that holds where none is named
+DESIGN = DESIGNS / f"{DEFAULT_DESIGN}.design.json"
 COMPLETION = DATA / "completion"
 MANUAL = DATA / "man"

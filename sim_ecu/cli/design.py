@@ -3,9 +3,9 @@
 import argparse
 from pathlib import Path
 
-from wrcd import resources
 from wrcd.cli.program import Subcommand
 from wrcd.errors import InputError
+from wrcd.resources import DEFAULT_DESIGN
 
 
 def _add(p: argparse.ArgumentParser) -> None:
@@ -26,16 +26,18 @@ def _add(p: argparse.ArgumentParser) -> None:
         "--baselines", type=Path, metavar="OUT.json", help="also make what `sim-ecu score` compares this design with"
     )
     p.add_argument(
-        "--explain", type=Path, nargs="?", const=resources.DESIGN, metavar="DESIGN.json",
-        help="make nothing: print the rules of a design (default: the packaged one) as sentences, with their data",
+        "--explain", nargs="?", const=DEFAULT_DESIGN, metavar="DESIGN",
+        help="make nothing: print what a design is for, and its rules as sentences, with their data: a packaged design "
+        f"by its name, or a file (default: {DEFAULT_DESIGN})",
     )  # fmt: skip
 
 
 def _run(args: argparse.Namespace) -> int:
     if args.explain is not None:
         from sim_ecu.design.brief import explain
+        from wrcd.config.packaged_designs import design_path
 
-        return explain(args.explain)
+        return explain(design_path(args.explain))
     if args.search or args.budget is not None or args.jobs is not None:
         hint = "`sim-ecu tune --over noise,weights --budget 600 --played 0 -o DIR` writes DIR/brief.toml for --config"
         raise InputError("has moved to a command of its own", key="--search", hint=hint)
@@ -79,7 +81,7 @@ COMMAND = Subcommand(
     "make the design file of a wheelset (takes minutes)",
     (
         ("sim-ecu design --config metro -o metro.design.json", "the design of a wheelset that comes along"),
-        ("sim-ecu design --explain", "the packaged design's rules as sentences, with their data"),
+        ("sim-ecu design --explain", "the default design's rules as sentences, with their data"),
     ),
     _add,
     _run,

@@ -3,22 +3,25 @@
 import argparse
 from pathlib import Path
 
+from wrcd.cli.arguments import add_design
 from wrcd.cli.program import Subcommand
+from wrcd.resources import DEFAULT_DESIGN
 
 
 def _add(p: argparse.ArgumentParser) -> None:
     p.add_argument("-o", "--output", type=Path, required=True, metavar="DIR", help="the folder to draw into")
-    p.add_argument("--design", type=Path, metavar="DESIGN.json", help="default: the packaged one")
+    add_design(p)
     p.add_argument(
         "--paper", type=Path, metavar="DESIGN.json",
-        help="a design in the paper's own form, judged beside it (default: the packaged one, for the default wheelset)",
+        help="a design in the paper's own form, judged beside it (default: the packaged one, for its wheelset)",
     )  # fmt: skip
 
 
 def _run(args: argparse.Namespace) -> int:
     from sim_ecu.score.figures import run
+    from wrcd.config.packaged_designs import design_path
 
-    return run(args.output, args.design, args.paper)
+    return run(args.output, design_path(args.design or DEFAULT_DESIGN), args.paper)
 
 
 COMMAND = Subcommand(

@@ -5,7 +5,9 @@ from pathlib import Path
 
 from sim_ecu.cli.arguments import add_jobs, check_least
 from sim_ecu.score import FUSION, MISSED, SUITES
+from wrcd.cli.arguments import add_design
 from wrcd.cli.program import Subcommand
+from wrcd.resources import DEFAULT_DESIGN
 
 
 def _add(p: argparse.ArgumentParser) -> None:
@@ -14,13 +16,14 @@ def _add(p: argparse.ArgumentParser) -> None:
         "--quick", action="store_true", help="a twelfth of the runs, too few to judge most goals: one to two minutes"
     )
     add_jobs(p)
-    p.add_argument("--design", type=Path, metavar="DESIGN.json", help="default: the packaged one")
+    add_design(p)
     p.add_argument(
-        "--baselines", type=Path, metavar="FILE", help="what `sim-ecu design --baselines` made with the design"
-    )
+        "--baselines", type=Path, metavar="FILE",
+        help="what `sim-ecu design --baselines` made with the design (default: a packaged design's own)",
+    )  # fmt: skip
     p.add_argument(
-        "--beside", action="append", default=[], metavar="NAME=DESIGN.json",
-        help="another design for the same wheelset, run on the same frames; may be repeated",
+        "--beside", action="append", default=[], metavar="NAME=DESIGN",
+        help="another design, a packaged one or a file, for the same wheelset, run on the same frames; may be repeated",
     )  # fmt: skip
     p.add_argument("--fail-on", choices=(MISSED,), help="exit 1 where a goal is missed, beyond chance")
     p.add_argument("--json", type=Path, metavar="OUT", help="all figures")
@@ -29,18 +32,20 @@ def _add(p: argparse.ArgumentParser) -> None:
 
 def _run(args: argparse.Namespace) -> int:
     from sim_ecu.score.run_score import run
+    from wrcd.config.packaged_designs import design_path
     from wrcd.errors import InputError
 
     check_least(args, jobs=1)
+    design = design_path(args.design or DEFAULT_DESIGN)
     if args.suite == FUSION:
         from sim_ecu.loop.fusion.run_fusion import run as run_fusion
 
         for key, given in (("--baselines", args.baselines), ("--beside", args.beside), ("--html", args.html)):
             if given:
                 raise InputError("is not of the suite fusion", key=key, hint="leave it out: it compares no estimates")
-        return run_fusion(args.quick, args.jobs, args.design, args.json, args.fail_on)
+        return run_fusion(args.quick, args.jobs, design, args.json, args.fail_on)
     return run(
-        args.suite, args.quick, args.jobs, args.design, args.baselines, args.beside, args.json, args.html, args.fail_on
+        args.suite, args.quick, args.jobs, design, args.baselines, args.beside, args.json, args.html, args.fail_on
     )  # fmt: skip
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from sim_ecu.cli.arguments import add_jobs, check_least
 from wrcd.cli.program import Subcommand
 from wrcd.errors import InputError
+from wrcd.resources import DEFAULT_DESIGN
 
 if TYPE_CHECKING:
     from sim_ecu.design.make import Brief
@@ -20,7 +21,7 @@ def _add(p: argparse.ArgumentParser) -> None:
     p.add_argument(
         "--config", type=Path, metavar="RIG.toml",
         help="where the search starts, and what it is for: a file as `sim-ecu design --config` takes it, or metro or "
-        "locomotive (default: the packaged design's own)",
+        "locomotive (default: the lone wheelset's)",
     )  # fmt: skip
     p.add_argument("-o", "--output", type=Path, required=True, metavar="DIR", help="folder of all that is found; made")
     p.add_argument("--form", choices=("wrcd", "paper"), help="as of `sim-ecu design` (default: as --config says)")
@@ -41,8 +42,9 @@ def _add(p: argparse.ArgumentParser) -> None:
     p.add_argument("--seed", type=int, default=SEED, metavar="N", help=f"of the search and its runs (default: {SEED})")
     add_jobs(p)
     p.add_argument(
-        "--against", type=Path, metavar="DESIGN.json",
-        help="the design to reach (default: the packaged one; for another wheelset the start's)",
+        "--against", metavar="DESIGN",
+        help="the design to reach: a packaged one by its name, or a file (default: "
+        f"{DEFAULT_DESIGN}; for another wheelset the start's)",
     )  # fmt: skip
 
 
@@ -50,6 +52,7 @@ def _run(args: argparse.Namespace) -> int:
     from sim_ecu.campaign.tune.stages import Tuning, tune
     from sim_ecu.design.brief import find, read_brief
     from sim_ecu.design.space import groups_of, parameters
+    from wrcd.config.packaged_designs import design_path
     from wrcd.config.settings import parse_toml, read_toml
 
     check_least(args, budget=1, jobs=1, played=0, seed=0)
@@ -58,13 +61,14 @@ def _run(args: argparse.Namespace) -> int:
     start = read_brief(parse_toml("", "") if args.config is None else read_toml(find(args.config)), args.form)
     groups = groups_of(start.form) if args.over is None else tuple(name.strip() for name in args.over.split(","))
     parameters(start, groups)  # raises InputError
-    if args.against is not None:
-        _fits(args.against, start)
+    against = None if args.against is None else design_path(args.against)
+    if against is not None:
+        _fits(against, start)
     try:
         args.output.mkdir(parents=True, exist_ok=True)
     except OSError as e:
         raise InputError(f"cannot be made: {e.strerror}", file=args.output, key="-o", hint="name a folder") from None
-    return tune(Tuning(start, groups, args.budget, args.played, args.seed, args.jobs, args.against), args.output)
+    return tune(Tuning(start, groups, args.budget, args.played, args.seed, args.jobs, against), args.output)
 
 
 def _fits(against: Path, start: "Brief") -> None:

@@ -16,6 +16,7 @@ from sim_ecu.physics.contact import CURVES, CreepCurve
 from sim_ecu.physics.sensors import SENSOR_SETS, SensorSet
 from sim_ecu.physics.wheelset import Wheelset
 from sim_ecu.play.scenario import read_wheelset
+from wrcd.config.describe import made_for
 from wrcd.config.keys import Choice, Number, Whole
 from wrcd.config.settings import Section, suggest
 from wrcd.errors import InputError
@@ -80,12 +81,17 @@ def _point(m: dict[str, Any]) -> Point:
 
 
 def explain(file: Path) -> int:
-    """Print the models, the sets, and the rules: those that most of the training data supports first."""
+    """Print wheelset, worlds, models, sets, and the rules: those that most of the training data supports first."""
     source = load_source(file)
     design, support = source.design, source.support
     whole = sum(support)
     print(f"{design.name}, checksum {design.checksum[:12]}: {len(design.rules)} rules over {source.windows} windows of "
           f"{design.window_s:g} s (seed {source.seed}), mean error on them {source.mean_error_pp} pp")  # fmt: skip
+    print(f"For the wheelset {made_for(design)}")
+    if design.worlds:
+        print("\nThe worlds that it was trained in:")
+        for world in design.worlds:
+            print(f"  {world}")
     print("\nModels, and where each is linearised:")
     for k, p in enumerate(source.points):
         print(f"  {k + 1}: {p.name} (curve {p.curve.name}, mu_0 {p.curve.mu_0:.3g}, {p.creep_of_peak:.3g} of the creep "

@@ -50,7 +50,7 @@ class Judged:
 
 
 def run(
-    folder: Path, design_file: Path | None = None, paper_file: Path | None = None, *, tracks: int = 6,
+    folder: Path, design_file: Path = DESIGN, paper_file: Path | None = None, *, tracks: int = 6,
     seconds: float = 6.0, between: int = 1,
 ) -> int:  # fmt: skip
     """Write the pictures and figures.md into a folder. A statement that does not hold is no error.
@@ -88,9 +88,9 @@ def run(
     return 0
 
 
-def sources(design_file: Path | None, paper_file: Path | None) -> dict[str, Recipe]:
+def sources(design_file: Path, paper_file: Path | None) -> dict[str, Recipe]:
     """The designs that are judged, by their names."""
-    first = load_source(design_file or DESIGN)
+    first = load_source(design_file)
     subjects = {FORM_NAMES[first.design.form]: first}
     if paper_file is not None or PAPER_DESIGN.exists():
         beside = load_source(paper_file or PAPER_DESIGN)

@@ -24,6 +24,7 @@ from sim_ecu.score.suites import PAIRED, runs
 from sim_ecu.score.suites.run import Run
 from wrcd import resources
 from wrcd.config.config import load_config
+from wrcd.config.packaged_designs import design_path
 from wrcd.core.configuration import Config
 from wrcd.errors import InputError
 from wrcd.estimator.design import Design, load_design
@@ -44,18 +45,17 @@ class ScoreRequest:
 
 
 def run(
-    suite: str | None, quick: bool, jobs: int, design_file: Path | None, baselines_file: Path | None,
+    suite: str | None, quick: bool, jobs: int, design: Path, baselines_file: Path | None,
     beside: Sequence[str], json_out: Path | None, html_out: Path | None, fail_on: str | None,
 ) -> int:  # fmt: skip
     """Play, judge, print; write the figures as JSON and a page where requested."""
     check_output("--json", json_out)
     check_output("--html", html_out)
     others = [_named(b) for b in beside]
-    if baselines_file is None and design_file is None:
-        baselines_file = rig.BASELINES
-    if design_file is None and rig.PAPER_DESIGN.exists():
-        others.insert(0, (PAPER, rig.PAPER_DESIGN))
-    request = ScoreRequest(design_file or resources.DESIGN, baselines_file, tuple(others))
+    papers = belonging(design, "paper.design.json")
+    if papers is not None:
+        others.insert(0, (PAPER, papers))
+    request = ScoreRequest(design, baselines_file or belonging(design, "baselines.json"), tuple(others))
     source = load_source(request.design)
     _world(request)  # bad files are reported here, before anything is played
     began = time.monotonic()
@@ -71,6 +71,12 @@ def run(
     if missing:
         raise not_whole(missing)
     return status_by_goals(fail_on, result["goals"])
+
+
+def belonging(design: Path, suffix: str) -> Path | None:
+    """Return a file NAME and suffix of the packaged design NAME; None where there is none, and for any other design."""
+    file = rig.FOLDER / f"{design.name.removesuffix('design.json')}{suffix}"
+    return file if design.parent == resources.DESIGNS and file.exists() else None
 
 
 def _holed(missing: Sequence[Missing], suite: str | None) -> tuple[str, ...]:
@@ -92,10 +98,10 @@ def _page(result: dict[str, Any], traces: list[Trace]) -> str:
 
 
 def _named(text: str) -> tuple[str, Path]:
-    name, equals, path = text.partition("=")
-    if not equals or not name or not path:
-        raise InputError(f"takes NAME=DESIGN.json, not {text!r}", key="--beside", hint="e.g. before=old.design.json")
-    return name, Path(path)
+    name, equals, design = text.partition("=")
+    if not equals or not name or not design:
+        raise InputError(f"takes NAME=DESIGN, not {text!r}", key="--beside", hint="e.g. before=old.design.json")
+    return name, design_path(design)
 
 
 def _play_all(runs: Sequence[Run], jobs: int, request: ScoreRequest) -> tuple[list[Trace], Sequence[Missing]]:

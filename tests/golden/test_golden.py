@@ -1,8 +1,8 @@
-"""A committed candump log and the CSV that a replay of it gives.
+"""A committed candump log of lone wheelsets, and the CSV that a replay of it with their design gives.
 
 A change of the estimate shows here as a readable diff. To accept it:
 
-    .venv/bin/wrcd replay tests/golden/leaf-film.log --csv tests/golden/leaf-film.csv
+    .venv/bin/wrcd replay --design lone-wheelset tests/golden/leaf-film.log --csv tests/golden/leaf-film.csv
 
 as a commit of its own that says why.
 """
@@ -27,7 +27,7 @@ def rows(path: Path) -> list[dict[str, str]]:
 
 @pytest.mark.parametrize("log", sorted(FOLDER.glob("*.log")), ids=lambda p: p.stem)
 def test_replay_of_a_golden_log_gives_its_csv(log: Path, tmp_path: Path) -> None:
-    assert main(["replay", str(log), "--csv", str(tmp_path / "out.csv")]) == 0
+    assert main(["replay", "--design", "lone-wheelset", str(log), "--csv", str(tmp_path / "out.csv")]) == 0
     found, expected = rows(tmp_path / "out.csv"), rows(log.with_suffix(".csv"))
     assert len(found) == len(expected) > 100
     assert list(found[0]) == list(expected[0])

@@ -18,11 +18,12 @@ from wrcd.cli.completion import FILES
 from wrcd.cli.main import WRCD
 from wrcd.cli.program import Program
 from wrcd.config import declared
+from wrcd.config.packaged_designs import packaged_designs
 
 PROGRAMS = (WRCD, SIM_ECU)
 WHEELSETS = sorted(p.stem for p in (Path(sim_ecu.__file__).parent / "design/wheelsets").glob("*.toml"))
 LOGS = "log gz asc blf trc csv db mf4"
-SUFFIXES = {"config": "toml", "dbc": "dbc", "design": "json", "baselines": "json"}  # by the argument's name
+SUFFIXES = {"config": "toml", "dbc": "dbc", "baselines": "json"}  # by the argument's name
 # what shtab has no word for: words and files of some kind, and the CAN interfaces of this computer
 PREAMBLE = {
     "bash": r"""_wrcd_files() {
@@ -80,10 +81,12 @@ def _complete(action: argparse.Action, functions: dict[str, str]) -> None:
         words = [f"{kind}:" for kind in KINDS]
     elif action.dest == "scenario":
         words, suffixes = packaged(), "toml"
-    elif action.type is not Path:
-        return
     elif metavar == "DIR":
         action.complete = shtab.DIRECTORY  # type: ignore[attr-defined]
+        return
+    elif metavar == "DESIGN":
+        words, suffixes = packaged_designs(), "json"
+    elif action.type is not Path:
         return
     elif metavar == "RIG.toml":
         words, suffixes = WHEELSETS, "toml"

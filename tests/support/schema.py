@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from wrcd.config import declared, keys
+from wrcd.config.packaged_designs import PATH, packaged_designs
 from wrcd.core.configuration import MAX_AXLES
 from wrcd.core.vocabulary import MESSAGES
 
@@ -22,6 +23,8 @@ def value(key: keys.Key) -> dict[str, Any]:
     match key:
         case keys.Sub():
             return _sub(key)
+        case keys.DesignFile():
+            return {"anyOf": [{"enum": packaged_designs()}, {"type": "string", "pattern": PATH}]}
         case keys.SignalName():
             signal = {"type": "string", "pattern": keys.MESSAGE_SIGNAL}
             return {"anyOf": [signal, {"const": False}]} if key is declared.STATUS else signal

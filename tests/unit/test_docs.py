@@ -16,7 +16,6 @@ import can
 import pytest
 
 from sim_ecu import bench
-from sim_ecu import resources as rig
 from sim_ecu.cli import main as rig_cli
 from sim_ecu.design.brief import load_source
 from sim_ecu.play.expected import LONG_ROWS, ROWS
@@ -25,7 +24,7 @@ from sim_ecu.reporting import verdicts
 from sim_ecu.reporting.verdicts import CHANCE, MET, MET_CHANCE, MISSED, TOO_FEW
 from sim_ecu.score import SUITES
 from sim_ecu.score.metrics.bootstrap import NOTHING
-from sim_ecu.score.run_score import ScoreRequest, make_baselines
+from sim_ecu.score.run_score import ScoreRequest, belonging, make_baselines
 from sim_ecu.score.score_goals import ACCUSED, SCORE_GOALS
 from tests.support import pages
 from tests.support.bus_load import MAX_LOAD_PCT, bits, bits_per_s, of_axles
@@ -339,7 +338,7 @@ def test_log_lines_have_every_line_that_is_written(file: str) -> None:
 
 def test_design_file_table_has_every_key() -> None:
     found = {k for r in rows("docs/reference/design-file.md") for k in re.findall(r"`(\w+)`", r[0])}
-    assert found == set(json.loads(resources.DESIGN.read_text()))
+    assert found == {*json.loads(resources.DESIGN.read_text()), "worlds"}
 
 
 def test_architecture_points_at_functions_that_are_there() -> None:
@@ -397,7 +396,9 @@ def test_score_has_the_suites_causes_and_baselines_of_the_code() -> None:
     assert set(re.findall(r"([A-Z]\w+) \d+\.\d %", block.text)) <= {c.label for c in causes.Cause}
     levels = [name for _, name in vocabulary.CONFIDENCES]
     assert re.findall(r"^\| (Wi\w+) \| [\d.]+ % \|", block.text, re.MULTILINE) == levels
-    asked = ScoreRequest(resources.DESIGN, rig.BASELINES, (("the paper's own form", rig.PAPER_DESIGN),))
+    baselines, papers = (belonging(resources.DESIGN, s) for s in ("baselines.json", "paper.design.json"))
+    assert papers is not None
+    asked = ScoreRequest(resources.DESIGN, baselines, (("the paper's own form", papers),))
     names = list(make_baselines(load_source(resources.DESIGN), asked))
     grid = block.text.partition("**grid**")[2].partition("**goals**")[0]
     assert [n for n in re.findall(r"^\| ([^|]+) \|.* better \|", grid, re.MULTILINE) if n in names] == names

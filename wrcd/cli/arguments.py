@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from wrcd.errors import InputError
+from wrcd.resources import DEFAULT_DESIGN
 
 if TYPE_CHECKING:
     from wrcd.core.configuration import Config
@@ -20,6 +21,11 @@ def add_config(p: argparse.ArgumentParser) -> None:
     p.add_argument(
         "--config", type=Path, metavar="FILE", help="configuration (TOML); default: the packaged DBC, four axles"
     )
+
+
+def add_design(p: argparse.ArgumentParser, default: str = DEFAULT_DESIGN) -> None:
+    """--design; default: in words, what holds without it. design_path() gives the file."""
+    p.add_argument("--design", metavar="DESIGN", help=f"a packaged design by its name, or a file (default: {default})")
 
 
 def add_bus(p: argparse.ArgumentParser) -> None:

@@ -114,7 +114,7 @@ class Version(argparse.Action):
 
 
 def version_lines(program: str) -> list[str]:
-    """Program and version; the packaged design, the formats of files, and what it runs with."""
+    """Program and version; the default design, the formats of files, and what it runs with."""
     import json
     import platform
 

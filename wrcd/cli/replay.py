@@ -3,12 +3,13 @@
 import argparse
 from pathlib import Path
 
-from wrcd.cli.arguments import add_axle, add_config, seconds
+from wrcd.cli.arguments import add_axle, add_config, add_design, seconds
 from wrcd.cli.program import Subcommand
 
 
 def _add(p: argparse.ArgumentParser) -> None:
     add_config(p)
+    add_design(p, "the configuration's")
     p.add_argument(
         "logs", type=Path, metavar="LOG", nargs="+", help="candump log, or any that python-can reads; one or several"
     )
@@ -51,15 +52,17 @@ def _add(p: argparse.ArgumentParser) -> None:
 
 
 def _run(args: argparse.Namespace) -> int:
+    from wrcd.config.packaged_designs import design_path
     from wrcd.logs.feed import Selection
-    from wrcd.logs.replay import replay, replays
+    from wrcd.logs.replay import ReplayInputs, replay, replays
     from wrcd.logs.replay_outputs import Outputs
 
     selection = Selection(args.begin, args.end, args.relative, tuple(args.axle), args.channel)
     outputs = Outputs(args.output, args.csv, args.events, args.mf4, args.mcap)
+    inputs = ReplayInputs(args.config, None if args.design is None else design_path(args.design))
     if len(args.logs) == 1:
-        return replay(args.logs[0], args.config, outputs, explained=args.explain, selection=selection)
-    return replays(args.logs, args.config, outputs, explained=args.explain, jobs=args.jobs, selection=selection)
+        return replay(args.logs[0], inputs, outputs, explained=args.explain, selection=selection)
+    return replays(args.logs, inputs, outputs, explained=args.explain, jobs=args.jobs, selection=selection)
 
 
 COMMAND = Subcommand(

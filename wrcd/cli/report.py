@@ -23,7 +23,8 @@ def _add(p: ArgumentParser) -> None:
     )  # fmt: skip
     p.add_argument(
         "--against", type=Path, metavar="FILE",
-        help="beside another log; or the same log estimated with another design (.json) or configuration (.toml)",
+        help="beside another log; or the same log estimated with another design (.json, or a packaged one's name) or "
+        "configuration (.toml)",
     )  # fmt: skip
     add_bit_rate(p)
     p.add_argument("--force", action="store_true", help="overwrite a file that is no report")
@@ -57,6 +58,7 @@ def _run(args: Namespace) -> int:
 def _against_config(args: Namespace, config: "Config") -> "Config | None":
     """The other design's or configuration's, None for another log. Before the work: it may have a mistake."""
     from wrcd.config.config import load_config
+    from wrcd.config.packaged_designs import design_path, packaged_designs
     from wrcd.logs.log_comparison import with_design
 
     if args.against is None:
@@ -64,6 +66,8 @@ def _against_config(args: Namespace, config: "Config") -> "Config | None":
     suffix = args.against.suffix.lower()
     if suffix == ".json":
         return with_design(config, args.against)
+    if str(args.against) in packaged_designs() and not args.against.exists():
+        return with_design(config, design_path(str(args.against)))
     return load_config(args.against) if suffix == ".toml" else None
 
 

@@ -13,8 +13,9 @@ from wrcd.config import declared
 from wrcd.config.configured_train import all_statements, read_train
 from wrcd.config.fusion import read_positions, untold
 from wrcd.config.input_mapping import STALE_TICKS
-from wrcd.config.keys import Text, names
+from wrcd.config.keys import KeyOf, names
 from wrcd.config.outputs import STATUS_MESSAGES, usual_messages
+from wrcd.config.packaged_designs import design_path
 from wrcd.config.section import TO_FILL_IN
 from wrcd.config.settings import Section, parse_toml, read_toml, suggest
 from wrcd.config.statements import NEEDED, Statement
@@ -52,13 +53,15 @@ def load_config(
     path: Path | None,
     read_dbc: Callable[..., Database] = load_dbc,
     read_design: Callable[[Path], Design] = load_design,
+    design_file: Path | None = None,
 ) -> Config:
     """Read a configuration file, or the default one for None. Raises InputError with file, line, key and advice: all
     mistakes of the file at once.
 
     Who has the DBC or the design already says so by a reader of their own; that of a DBC takes its encoding, too.
+    design_file: holds in place of the one that the file names.
     """
-    return _config(*_source(path), read_dbc, read_design)
+    return _config(*_source(path), read_dbc, read_design, design_file)
 
 
 def mistakes(text: str, file: Path, folder: Path, design: Design) -> Sequence[InputError]:
@@ -114,19 +117,21 @@ def _config(
     folder: Path,
     read_dbc: Callable[..., Database],
     read_design: Callable[[Path], Design],
+    given_design: Path | None = None,
 ) -> Config:
     """Read it all. What has a mistake is left out or has its default until the end, where mistakes are raised."""
     bus, dbc, estimator = top.section("bus"), top.section("dbc"), top.section("estimator")
     limits, vehicle = top.section("limits"), top.section("vehicle")
     read_dbc = partial(read_dbc, encoding=declared.ENCODING.read(dbc))
-    dbc_file = _path(dbc, declared.DBC_FILE, folder, resources.DBC)
+    own_dbc = declared.DBC_FILE.read(dbc)
+    dbc_file = resources.DBC if own_dbc is None else folder / own_dbc
     database = _load(dbc, declared.DBC_FILE, dbc_file, read_dbc)
-    design_file = _path(estimator, declared.DESIGN, folder, resources.DESIGN)
-    design = _load(estimator, declared.DESIGN, design_file, read_design)
+    design_file, design = _design(estimator, folder, read_design, given_design)
     wheelset = top.section("wheelset")
     if design is not None:
         _same_wheelset(wheelset, design, design_file)
-        _names_the_wheelset(top, wheelset, dbc, estimator, design)
+        if given_design is None:
+            _names_the_wheelset(top, wheelset, dbc, estimator, design)
     train = read_train(top, vehicle, database, design)
     constant = declared.CONSTANT_SPEED.read(limits)
     _one_speed(limits, vehicle)
@@ -232,12 +237,19 @@ def _recorder(section: Section, folder: Path) -> RecorderConfig:
     return config
 
 
-def _path(section: Section, key: Text, folder: Path, default: Path) -> Path:
-    given = key.read(section)
-    return default if given is None else folder / given
+def _design(
+    section: Section, folder: Path, read: Callable[[Path], Design], given: Path | None
+) -> tuple[Path, Design | None]:
+    """The design's file, and the design: given, named by the section, or the default one. None: see _load."""
+    if given is not None:
+        return given, read(given)
+    key = declared.DESIGN
+    named = key.read(section)
+    file = resources.DESIGN if named is None else design_path(named, folder)
+    return file, _load(section, key, file, read)
 
 
-def _load(section: Section, key: Text, path: Path, load: Callable[[Path], T]) -> T | None:
+def _load(section: Section, key: KeyOf[str], path: Path, load: Callable[[Path], T]) -> T | None:
     """Load a file that the configuration names: the error says both where it is named and what is wrong with it.
 
     None: it has a mistake, or its name has one.
@@ -281,9 +293,9 @@ def _names_the_wheelset(top: Section, wheelset: Section, dbc: Section, estimator
     if key not in dbc or declared.DESIGN.name in estimator or list(wheelset):
         return
     error = dbc.error(
-        f"is a train's own, but nothing says that it has the wheelset {_name(design)!r} of the packaged design",
+        f"is a train's own, but nothing says that it has the wheelset {_name(design)!r} of the default design",
         key,
-        f"{wheelset.line(name=_name(design))} (or parameters to compare), or {estimator.line(design='FILE')}",
+        f"{wheelset.line(name=_name(design))} (or parameters to compare), or {estimator.line(design='NAME or FILE')}",
     )
     dbc.mistake(error)
     for section, absent in ((top, "wheelset"), (top, "estimator"), (estimator, declared.DESIGN.name)):

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from wrcd.bus.units import Quantity
 from wrcd.config.keys import (
     Choice,
+    DesignFile,
     Flag,
     Interval,
     Key,
@@ -22,6 +23,7 @@ from wrcd.config.keys import (
 )
 from wrcd.core.configuration import MAX_AXLES
 from wrcd.core.vocabulary import MESSAGES, Numeric, Words, snake
+from wrcd.resources import DEFAULT_DESIGN
 
 # The names under which python-can opens a bus; a test compares them with its own list.
 INTERFACES = (
@@ -49,7 +51,7 @@ DBC_FILE = Text("file", "a train's own DBC; default: the packaged one")
 ENCODING = Choice(
     "encoding", "of the DBC; default: UTF-8 where the file is valid UTF-8, else cp1252", ("utf-8", "cp1252")
 )
-DESIGN = Text("design", "the design file; default: the packaged one")
+DESIGN = DesignFile("design", f"the design, a packaged one or a file; default: {DEFAULT_DESIGN}")
 MIN_SPEED = Number("min_speed_m_s", "below it there is no estimate", 0.1, 60.0, 3.0, reload=True)
 NOT_AVAILABLE_AFTER = Number(
     "not_available_after_ms",

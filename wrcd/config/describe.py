@@ -30,7 +30,8 @@ def describe(c: Config) -> list[str]:
         f"               tick {1000 * d.tick_s:g} ms, window {d.window_s:g} s, "
         f"{d.speeds_m_s[0]:g} … {d.speeds_m_s[-1]:g} m/s",
         f"               models: {'; '.join(d.model_names)}",
-        f"wheelset       {_wheelset(d)}",
+        f"wheelset       {made_for(d)}",
+        *(f"{'' if k else 'worlds':14} {world}" for k, world in enumerate(d.worlds)),
         f"limits         not available after {c.not_available_after_us / 1000:g} ms and below {c.min_speed_m_s:g} m/s"
         + (f", constant speed {c.constant_speed_m_s:g} m/s" if c.constant_speed_m_s is not None else ""),
     ]
@@ -129,8 +130,8 @@ def _sent(c: Config, o: Output) -> str:
     return f"{id_text(key)} {o.message}, every {o.cycle_us / 1000:g} ms{data_id}"
 
 
-def _wheelset(d: Design) -> str:
-    """What the design is for: a foreign wheelset gives no error, and `check --log` tells only some."""
+def made_for(d: Design) -> str:
+    """The design's wheelset by name and parameters: a foreign one gives no error, and `check --log` tells only some."""
     known = [
         f"{what} {d.wheelset[key]:g} {unit}".rstrip()
         for key, what, unit in KNOWN_BY

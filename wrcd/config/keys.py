@@ -8,7 +8,9 @@ import re
 from collections.abc import Iterable
 from typing import Any, Generic, TypeAlias, TypeVar
 
+from wrcd.config.packaged_designs import design_path
 from wrcd.config.section import TO_FILL_IN, Section, shown, suggest
+from wrcd.errors import InputError
 
 MESSAGE_SIGNAL = r"^[^.]+\.[^.]+$"
 T = TypeVar("T")
@@ -63,6 +65,22 @@ class Text(KeyOf[str]):
         """The text."""
         given = section.take(self.name, str) if self.needed else section.maybe(self.name, str)
         return self.default if given is None else given
+
+
+class DesignFile(KeyOf[str]):
+    """The name of a packaged design, or a path."""
+
+    takes = "packaged name or path"
+
+    def read(self, section: Section) -> str | None:
+        """The text, for design_path()."""
+        given = section.maybe(self.name, str)
+        try:
+            if given is not None:
+                design_path(given)
+        except InputError as e:
+            return self.refuse(section, e.reason, e.hint)
+        return given
 
 
 class SignalName(KeyOf[str]):

@@ -27,6 +27,7 @@ LAGS, CROSSES, STEPS = MODELS * CHANNELS, MODELS, 4
 COLUMNS = INPUTS + LAGS + CROSSES + 1 + CHANNELS + 2 + STEPS
 FORMS = ("wrcd", "paper")
 MAX_RULES = 254  # DominantRule cannot tell more apart
+MAX_WORLDS, MAX_SENTENCE = 40, 200  # sentences, characters of one: a screen of `wrcd check`; this project's own choice
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,6 +95,7 @@ class Design:
     saturated_share: float  # MuUsed / MuAvailable from which the contact counts as saturated
     normal_N: float
     r_0: float
+    worlds: tuple[str, ...]  # sentences: in what worlds it was trained, and which vehicle it is for; () if it says none
     checksum: str
 
     @property
@@ -222,6 +224,13 @@ class _Reader:
             raise self.error(key, f"needs {count} names")
         return tuple(str(n) for n in names)
 
+    def sentences(self, key: str) -> tuple[str, ...]:
+        """Lines for a person, or none where the key is not there."""
+        found = self._document.get(key, [])
+        if not isinstance(found, list) or len(found) > MAX_WORLDS or not all(map(_is_sentence, found)):
+            raise self.error(key, f"takes at most {MAX_WORLDS} sentences of 1 to {MAX_SENTENCE} characters")
+        return tuple(found)
+
     def sets(self, key: str, least: int = 2) -> Sets:
         names = self.at(f"{key}.names")
         centres = self.array(f"{key}.centres", -1)
@@ -230,6 +239,10 @@ class _Reader:
         if np.any(np.diff(centres) <= 0):
             raise self.error(f"{key}.centres", "must grow")
         return Sets(tuple(str(n) for n in names), centres)
+
+
+def _is_sentence(value: Any) -> bool:
+    return isinstance(value, str) and 0 < len(value) <= MAX_SENTENCE and value.isprintable()
 
 
 def _arrays(r: _Reader, digest: str) -> Design:
@@ -284,6 +297,7 @@ def _arrays(r: _Reader, digest: str) -> Design:
         saturated_share=r.number("saturated_share", 0.1, 1.0),
         normal_N=r.number("inputs.normal_N", 1.0, 1e6),
         r_0=r.number("inputs.wheelset.r_0", 0.1, 2.0),
+        worlds=r.sentences("worlds"),
         checksum=digest,
     )
 

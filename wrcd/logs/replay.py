@@ -5,7 +5,7 @@ import io
 import sys
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import replace
+from dataclasses import asdict, dataclass, replace
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -21,8 +21,16 @@ from wrcd.logs.replay_outputs import SCREEN, Outputs, Writing, check_outputs
 from wrcd.recorder.resume import Saved, load, state_file
 
 
+@dataclass(frozen=True, slots=True)
+class ReplayInputs:
+    """The files by which logs are estimated. configuration: None for the default one; design: None for its own."""
+
+    configuration: Path | None = None
+    design: Path | None = None
+
+
 def replay(
-    log: Path, config_file: Path | None, outputs: Outputs, *, explained: bool = False, selection: Selection = WHOLE
+    log: Path, inputs: ReplayInputs, outputs: Outputs, *, explained: bool = False, selection: Selection = WHOLE
 ) -> int:
     """Run a log and write what was asked for; a summary goes to standard error. explained: the CSV's rows say which
     model and which rule decided.
@@ -31,10 +39,10 @@ def replay(
     Outputs of a log that turns out not to be readable at all are removed again.
     """
     check_log(log)
-    check_outputs([outputs], [log], config_file)
+    check_outputs([outputs], [log], asdict(inputs))
     if outputs.events == SCREEN and explained and outputs.rows is None:
         raise InputError("and the rows of --explain are both for the screen", key="--events", hint="name a file")
-    config = load_config(config_file)
+    config = load_config(inputs.configuration, design_file=inputs.design)
     selection.check(config)
     gathered = gathering_for({"mf4": outputs.mf4, "mcap": outputs.mcap}, config)
     core = Core(config, observer=gathered)
@@ -128,7 +136,7 @@ SUFFIXES = {".log", ".gz", ".blf", ".asc", ".trc", ".mf4", ".csv", ".db"}
 
 
 def replays(
-    logs: Sequence[Path], config: Path | None, folders: Outputs, *, explained: bool, jobs: int,
+    logs: Sequence[Path], inputs: ReplayInputs, folders: Outputs, *, explained: bool, jobs: int,
     selection: Selection = WHOLE,
 ) -> int:  # fmt: skip
     """Replay logs into folders: NAME.log, NAME.csv, NAME.events.csv, NAME.mf4, NAME.mcap. What each reports is
@@ -150,7 +158,7 @@ def replays(
     if twice := sorted({n for n in names if names.count(n) > 1}):
         raise InputError(f"two logs are called {twice[0]}", key="LOG", hint="rename one, or replay it alone")
     outputs = [folders.within(name) for name in names]
-    check_outputs(outputs, logs, config)
+    check_outputs(outputs, logs, asdict(inputs))
     for key, folder in folders.files:
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -158,7 +166,7 @@ def replays(
             raise InputError(f"is no folder: {e.strerror}", file=folder, key=key) from None
     status = 0
     with ProcessPoolExecutor(min(jobs, len(logs)), mp_context=get_context("spawn")) as pool:
-        runs = [pool.submit(_one, log, config, to, explained, selection) for log, to in zip(logs, outputs, strict=True)]
+        runs = [pool.submit(_one, log, inputs, to, explained, selection) for log, to in zip(logs, outputs, strict=True)]
         for log, run in zip(logs, runs, strict=True):
             ended, lines = run.result()
             print(f"{log}:\n{lines.rstrip()}", file=sys.stderr)
@@ -166,12 +174,12 @@ def replays(
     return status
 
 
-def _one(log: Path, config: Path | None, to: Outputs, explained: bool, selection: Selection) -> tuple[int, str]:
+def _one(log: Path, inputs: ReplayInputs, to: Outputs, explained: bool, selection: Selection) -> tuple[int, str]:
     """One log in a process of its own: its exit status, and what it says."""
     lines = io.StringIO()
     with contextlib.redirect_stderr(lines):
         try:
-            status = replay(log, config, to, explained=explained, selection=selection)
+            status = replay(log, inputs, to, explained=explained, selection=selection)
         except InputError as e:
             print(f"wrcd: error: {e}", file=lines)
             status = Status.BAD_INPUT

@@ -4,7 +4,7 @@ import contextlib
 import csv
 import math
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import IO, Any, Self
@@ -60,14 +60,18 @@ class Outputs:
                 file.unlink()
 
 
-def check_outputs(outputs: Sequence[Outputs], logs: Sequence[Path], config_file: Path | None) -> None:
-    """Raises InputError for an output that would overwrite an input, or that is named twice, however it is spelt."""
+def check_outputs(outputs: Sequence[Outputs], logs: Sequence[Path], others: Mapping[str, Path | None]) -> None:
+    """Raises InputError for an output that would overwrite an input, or that is named twice, however it is spelt.
+
+    others: inputs beside the logs, by what each is.
+    """
     files = [(key, file) for o in outputs for key, file in o.files]
     for number, (key, file) in enumerate(files):
         if any(_same(file, log) for log in logs):
             raise InputError("is the log itself; it would be lost", file=file, hint="give another file")
-        if config_file is not None and _same(file, config_file):
-            raise InputError("is the configuration itself; it would be lost", file=file, hint="give another file")
+        for what, other in others.items():
+            if other is not None and _same(file, other):
+                raise InputError(f"is the {what} itself; it would be lost", file=file, hint="give another file")
         for other_key, other in files[:number]:
             if _same(file, other):
                 raise InputError(

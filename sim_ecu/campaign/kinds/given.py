@@ -5,7 +5,6 @@ A file is read once in a process for what is in it.
 
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeVar
@@ -23,12 +22,13 @@ from sim_ecu.score.metrics.accuracy import OURS, gather, period_s, valid
 from sim_ecu.score.score_play import Trace
 from wrcd import resources
 from wrcd.config.config import load_config, load_packaged
+from wrcd.config.packaged_designs import design_path
 from wrcd.config.section import Section, TomlSource
 from wrcd.config.settings import read_toml
 from wrcd.core.configuration import Config
 from wrcd.core.vocabulary import SURFACES
 from wrcd.errors import InputError
-from wrcd.estimator.design import Design, load_design
+from wrcd.logs.log_comparison import with_design
 
 NOT_LOW_PCT = min(low for low, name in SURFACES if name not in honesty.LOW_SURFACES)
 
@@ -93,7 +93,8 @@ NO_FAULT = "none"
 KEPT = 16  # files of a kind that a process keeps
 
 SCENARIO = Factor("scenario", Type.TEXT, "a packaged scenario's name, or a .toml file", is_file=True, packaged=True)
-DESIGN = Factor("design", Type.TEXT, "the daemon's design file; empty: the configuration's", "", is_file=True)
+DESIGN = Factor("design", Type.TEXT, "the daemon's: a packaged design's name, or a .json file; empty: the "
+                "configuration's", "", is_file=True, packaged=True)  # fmt: skip
 CONFIGURATION = Factor(
     "configuration", Type.TEXT, "the daemon's configuration file; empty: the packaged one, of the scenario's axles", "",
     is_file=True,
@@ -184,7 +185,8 @@ def fault_of(inputs: Mapping[str, Any], axles: Sequence[int], end_s: float) -> t
 def configuration_of(inputs: Mapping[str, Any], axles: Sequence[int]) -> Config:
     """The daemon's: the file's, or the packaged one of so many axles; with the design, where one is given. Raises
     InputError, also for a design of another wheelset than the configuration names."""
-    files = (CONFIGURATION.path(inputs.get("configuration")), DESIGN.path(inputs.get("design")))
+    design = inputs.get("design")
+    files = (CONFIGURATION.path(inputs.get("configuration")), design_path(design) if design else None)
     digests = [digest(f) for f in (*files, *named_by(inputs).values()) if f is not None]
     return _configuration(*files, max(axles), tuple(digests))
 
@@ -197,15 +199,10 @@ def daemon_of(inputs: Mapping[str, Any], played: Scenario) -> tuple[Config, Trai
 
 @lru_cache(KEPT)
 def _configuration(file: Path | None, design_file: Path | None, axles: int, _digests: tuple[str, ...]) -> Config:
-    if design_file is None:
-        return load_packaged(axles) if file is None else load_config(file)
-    design = load_design(design_file)
-
-    def given(_path: Path) -> Design:
-        return design
-
-    config = load_packaged(axles) if file is None else load_config(file, read_design=given)
-    return replace(config, design=design, design_file=design_file)
+    if file is not None:
+        return load_config(file, design_file=design_file)
+    config = load_packaged(axles)
+    return config if design_file is None else with_design(config, design_file)
 
 
 def named_by(inputs: Mapping[str, Any]) -> dict[str, Path]:
@@ -218,4 +215,4 @@ def named_by(inputs: Mapping[str, Any]) -> dict[str, Path]:
 def _named(file: Path, _digest: str) -> dict[str, Path]:
     config = load_config(file)
     own = {"configuration's DBC": config.dbc_file, "configuration's design": config.design_file}
-    return {name: path for name, path in own.items() if path not in (resources.DBC, resources.DESIGN)}
+    return {name: path for name, path in own.items() if resources.DATA not in path.parents}

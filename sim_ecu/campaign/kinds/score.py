@@ -20,13 +20,15 @@ from sim_ecu.score.metrics import accuracy, change_metrics, honesty
 from sim_ecu.score.score_play import Trace, play
 from sim_ecu.score.suites import runs
 from sim_ecu.score.suites.run import AXLES, TEST_LOTS, TRAINING_LOTS, TUNED_LOT, Run
-from wrcd import resources
+from wrcd.config.packaged_designs import design_path
 from wrcd.config.section import suggest
 from wrcd.errors import InputError
+from wrcd.resources import DEFAULT_DESIGN
 
 KEPT, DESIGNS = 2 * len(SUITES), 16  # that a process keeps: all suites of two designs or lots
 
-DESIGN = Factor("design", Type.TEXT, "the design file; empty: the packaged one", "", is_file=True)
+DESIGN = Factor("design", Type.TEXT, f"a packaged design's name, or a .json file; empty: {DEFAULT_DESIGN}", "",
+                is_file=True, packaged=True)  # fmt: skip
 FACTORS = (
     Factor("suite", Type.TEXT, "the suite", choices=SUITES),
     Factor("group", Type.TEXT, "its variant; left out: all of them", optional=True),
@@ -55,7 +57,7 @@ _CHANGING, _BROKEN = ("transitions", "drops"), ("dead", "foreign")  # suites
 
 
 def _design(inputs: Mapping[str, Any]) -> Path:
-    return DESIGN.path(inputs.get("design")) or resources.DESIGN
+    return design_path(inputs.get("design") or DEFAULT_DESIGN)
 
 
 def suite_of(inputs: Mapping[str, Any]) -> Mapping[str, Sequence[Run]]:

@@ -34,7 +34,6 @@ from sim_ecu.score import FUSION
 from sim_ecu.score.metrics import bootstrap
 from sim_ecu.score.report import SEEDS
 from sim_ecu.score.suites.run import FIRST_TEST_SEED
-from wrcd import resources
 from wrcd.config.config import load_packaged
 from wrcd.core.configuration import Config
 from wrcd.estimator.design import load_design
@@ -200,10 +199,9 @@ BESIDE = 4  # of every so many runs the frames are made without fusion, too
 TRAINING = 1000  # the signs were set on seeds below
 
 
-def run(quick: bool, jobs: int, design_file: Path | None, json_out: Path | None, fail_on: str | None) -> int:
+def run(quick: bool, jobs: int, design: Path, json_out: Path | None, fail_on: str | None) -> int:
     """Drive, judge, print; write the figures as JSON where requested."""
     check_output("--json", json_out)
-    design = design_file or resources.DESIGN
     _configs(design)  # a bad file is reported here
     began = time.monotonic()
     scale = QUICK if quick else 1.0

@@ -95,24 +95,34 @@ OF_KINDS = {
 
 
 @pytest.mark.parametrize("kind", OF_KINDS)
-def test_file_without_a_suffix_is_a_file_beside_the_campaign(kind: str, tmp_path: Path) -> None:
+def test_design_with_a_suffix_is_a_file_beside_the_campaign(kind: str, tmp_path: Path) -> None:
     file = tmp_path / "c.toml"
-    file.write_text(f'{OF_KINDS[kind]}design = "mine"\n')
-    with pytest.raises(InputError, match="mine: cannot be read: No such file or directory"):
+    file.write_text(f'{OF_KINDS[kind]}design = "mine.json"\n')
+    with pytest.raises(InputError, match=r"mine\.json: cannot be read: No such file or directory"):
         load_campaign(file)
-    shutil.copy(resources.DESIGN, tmp_path / "mine")
+    shutil.copy(resources.DESIGN, tmp_path / "mine.json")
     (job,) = load_campaign(file).jobs
     assert "design" in job.files
-    (tmp_path / "mine").write_text("{}")
-    with pytest.raises(InputError, match="mine: "):  # it is this one that is read
+    (tmp_path / "mine.json").write_text("{}")
+    with pytest.raises(InputError, match=r"mine\.json: "):  # it is this one that is read
         load_campaign(file)
 
 
-def test_packaged_scenario_is_no_file_of_a_job(tmp_path: Path) -> None:
+@pytest.mark.parametrize("kind", OF_KINDS)
+def test_packaged_scenario_and_design_are_no_files_of_a_job(kind: str, tmp_path: Path) -> None:
     file = tmp_path / "c.toml"
-    file.write_text(OF_KINDS["play"])
+    file.write_text(f'{OF_KINDS[kind]}design = "lone-wheelset"\n')
     (job,) = load_campaign(file).jobs
     assert not job.files
+
+
+@pytest.mark.parametrize("kind", OF_KINDS)
+def test_unknown_design_of_a_campaign_is_an_error_at_its_line(kind: str, tmp_path: Path) -> None:
+    file = tmp_path / "c.toml"
+    file.write_text(f'{OF_KINDS[kind]}design = "lone-wheel"\n')
+    line = len(file.read_text().splitlines())
+    with pytest.raises(InputError, match=rf"c.toml:{line}: fixed.design: there is no design .*'lone-wheelset'\?"):
+        load_campaign(file)
 
 
 def test_files_that_change_places_are_another_question() -> None:

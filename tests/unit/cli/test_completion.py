@@ -17,6 +17,7 @@ from wrcd import resources
 from wrcd.cli.completion import FILES
 from wrcd.cli.program import Program
 from wrcd.config import declared
+from wrcd.config.packaged_designs import packaged_designs
 
 # Completes the words that it is given, the last of which is being typed, and prints what readline would offer.
 SCRIPT = """
@@ -99,6 +100,8 @@ LOGS = ["a.log", "a.log.gz", "logs"]
         ("sim-ecu design --config m", ["metro"]),
         ("sim-ecu design --form ", ["wrcd", "paper"]),
         ("sim-ecu design --explain x", ["x.json"]),
+        ("wrcd replay --design ", [*packaged_designs(), "x.json", "logs"]),
+        ("sim-ecu tune --against l", [*(d for d in packaged_designs() if d.startswith("l")), "logs"]),
         ("sim-ecu demo -o ", ["logs"]),
         ("sim-ecu figures --output l", ["logs"]),
     ],

@@ -48,16 +48,16 @@ def test_log_is_never_overwritten(ride: Ride, capsys: pytest.CaptureFixture[str]
     assert ride.both.read_bytes() == before
 
 
-@pytest.mark.parametrize("kind", ["log", "json", "toml"])
+@pytest.mark.parametrize("kind", ["log", "json", "toml", "name"])
 def test_against_takes_a_log_a_design_or_a_configuration(
     ride: Ride, tmp_path: Path, kind: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    other = tmp_path / f"other.{kind}"
+    other = tmp_path / f"other.{kind}" if kind != "name" else Path("lone-wheelset")
     if kind == "log":
         other.write_bytes(ride.both.read_bytes())
     elif kind == "json":
         other.write_bytes(resources.DESIGN.read_bytes())
-    else:
+    elif kind == "toml":
         other.write_text(DEFAULT)
     out = tmp_path / "two.html"
     assert main(["report", str(ride.both), "--against", str(other), "-o", str(out)]) == 0

@@ -127,7 +127,7 @@ def test_a_paper_design_for_another_wheelset_is_not_judged_beside(tmp_path: Path
     other.write_text(json.dumps(document))
     assert list(sources(other, None)) == ["the paper's own form"]  # the packaged one is left out
     with pytest.raises(InputError, match="another wheelset"):
-        sources(None, other)
+        sources(DESIGN, other)
 
 
 def test_figures_check_what_was_gathered(subject: Recipe) -> None:

@@ -58,19 +58,19 @@ _shtab_sim_ecu_design___config_COMPGEN=_wrcd_file_locomotive_toml
 _shtab_sim_ecu_design__o_COMPGEN=_wrcd_file_any
 _shtab_sim_ecu_design___output_COMPGEN=_wrcd_file_any
 _shtab_sim_ecu_design___baselines_COMPGEN=_wrcd_file_json
-_shtab_sim_ecu_design___explain_COMPGEN=_wrcd_file_json
+_shtab_sim_ecu_design___explain_COMPGEN=_wrcd_file_lone_wheelset_json
 _shtab_sim_ecu_contact_pos_0_COMPGEN=_wrcd_file_csv
 _shtab_sim_ecu_tune___config_COMPGEN=_wrcd_file_locomotive_toml
 _shtab_sim_ecu_tune__o_COMPGEN=_shtab_compgen_dirs
 _shtab_sim_ecu_tune___output_COMPGEN=_shtab_compgen_dirs
-_shtab_sim_ecu_tune___against_COMPGEN=_wrcd_file_json
-_shtab_sim_ecu_score___design_COMPGEN=_wrcd_file_json
+_shtab_sim_ecu_tune___against_COMPGEN=_wrcd_file_lone_wheelset_json
+_shtab_sim_ecu_score___design_COMPGEN=_wrcd_file_lone_wheelset_json
 _shtab_sim_ecu_score___baselines_COMPGEN=_wrcd_file_json
 _shtab_sim_ecu_score___json_COMPGEN=_wrcd_file_any
 _shtab_sim_ecu_score___html_COMPGEN=_wrcd_file_any
 _shtab_sim_ecu_figures__o_COMPGEN=_shtab_compgen_dirs
 _shtab_sim_ecu_figures___output_COMPGEN=_shtab_compgen_dirs
-_shtab_sim_ecu_figures___design_COMPGEN=_wrcd_file_json
+_shtab_sim_ecu_figures___design_COMPGEN=_wrcd_file_lone_wheelset_json
 _shtab_sim_ecu_figures___paper_COMPGEN=_wrcd_file_json
 _shtab_sim_ecu_loop___json_COMPGEN=_wrcd_file_any
 _shtab_sim_ecu_loop___html_COMPGEN=_wrcd_file_any
@@ -200,6 +200,10 @@ _wrcd_file_locomotive_toml() {
     _wrcd_files 'toml' "$1"
 }
 _wrcd_file_json() {
+    _wrcd_files 'json' "$1"
+}
+_wrcd_file_lone_wheelset_json() {
+    compgen -W 'lone-wheelset' -- "$1"
     _wrcd_files 'json' "$1"
 }
 _wrcd_file_csv() {

@@ -12,7 +12,7 @@ _shtab_wrcd_reload_option_strings=(-h --help -q --quiet)
 _shtab_wrcd_check_option_strings=(-h --help --config --log --live -i --interface -c --channel)
 _shtab_wrcd_dump_option_strings=(-h --help -i --interface -c --channel -n --count --dbc --config)
 _shtab_wrcd_monitor_option_strings=(-h --help -i --interface -c --channel --config --dbc --bit-rate)
-_shtab_wrcd_replay_option_strings=(-h --help --config -o --output --csv --from --to --relative --axle --channel --events --mf4 --mcap --explain --jobs)
+_shtab_wrcd_replay_option_strings=(-h --help --config --design -o --output --csv --from --to --relative --axle --channel --events --mf4 --mcap --explain --jobs)
 _shtab_wrcd_report_option_strings=(-h --help --config --dbc --channel --replay -o --output --against --bit-rate --force)
 _shtab_wrcd_plot_option_strings=(-h --help --config --dbc --channel --replay -o --output --from --to --relative --axle --force)
 _shtab_wrcd_why_option_strings=(-h --help --config --dbc --channel --replay --axle --json)
@@ -51,6 +51,7 @@ _shtab_wrcd_monitor___config_COMPGEN=_wrcd_file_toml
 _shtab_wrcd_monitor___dbc_COMPGEN=_wrcd_file_dbc
 _shtab_wrcd_replay_pos_0_COMPGEN=_wrcd_file_log_gz_asc_blf_trc_csv_db_mf4
 _shtab_wrcd_replay___config_COMPGEN=_wrcd_file_toml
+_shtab_wrcd_replay___design_COMPGEN=_wrcd_file_lone_wheelset_json
 _shtab_wrcd_replay__o_COMPGEN=_wrcd_file_log
 _shtab_wrcd_replay___output_COMPGEN=_wrcd_file_log
 _shtab_wrcd_replay___csv_COMPGEN=_wrcd_file_csv
@@ -172,6 +173,10 @@ _wrcd_file_log_gz_asc_blf_trc_csv_db_mf4() {
 }
 _wrcd_file_dbc() {
     _wrcd_files 'dbc' "$1"
+}
+_wrcd_file_lone_wheelset_json() {
+    compgen -W 'lone-wheelset' -- "$1"
+    _wrcd_files 'json' "$1"
 }
 _wrcd_file_log() {
     _wrcd_files 'log' "$1"

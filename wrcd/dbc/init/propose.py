@@ -44,7 +44,7 @@ def init(dbc: Path, output: Path | None, force: bool) -> int:
 def propose(dbc: DbcText, folder: Path, design: Design | None = None) -> Proposal:
     """Return the draft of a configuration that lies in a folder.
 
-    design: default the packaged one. Raises InputError where it can't be read.
+    design: without it the default one. Raises InputError where it can't be read.
     """
     design = design or load_design(resources.DESIGN)
     draft = Proposal(dbc.file.name)
@@ -95,7 +95,7 @@ def _head(draft: Proposal, dbc: DbcText, folder: Path, design: Design) -> None:
     name = str(design.wheelset.get("name", design.name))
     draft.todo(
         "wheelset",
-        f"is it the wheelset {name!r} of the packaged design? The signals of many another one look alike, "
+        f"is it the wheelset {name!r} of the default design? The signals of many another one look alike, "
         "and its estimates are wrong. Compare; then take the next line as it is, or name a design for yours under "
         "[estimator].",
         "dbc.file",

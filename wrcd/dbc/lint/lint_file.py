@@ -23,7 +23,7 @@ INPUTS = (Quantity.YAW_RATE, Quantity.LAT_ACCEL, Quantity.TORQUE, Quantity.SPEED
 def findings(path: Path, design: Design | None = None) -> list[Flaw]:
     """Return what there is to find, in the file's order. Raises InputError for a file that cannot be read.
 
-    design: by which resolution, range and cycle are judged; default the packaged one.
+    design: by which resolution, range and cycle are judged; without it the default one.
     """
     dbc = read(path)
     refused: list[Flaw] = []
