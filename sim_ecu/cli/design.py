@@ -10,8 +10,9 @@ from wrcd.resources import DEFAULT_DESIGN
 
 def _add(p: argparse.ArgumentParser) -> None:
     p.add_argument(
-        "--config", type=Path, metavar="RIG.toml",
-        help="wheelset, design, plan: a file, or metro or locomotive, which come along (default: the default wheelset)",
+        "--config", type=Path, default=Path(DEFAULT_DESIGN), metavar="RIG.toml",
+        help="vehicle, design, plan: a file, or a packaged vehicle by its name "
+        f"(default: {DEFAULT_DESIGN}; `sim-ecu list` has them)",
     )  # fmt: skip
     p.add_argument("-o", "--output", type=Path, metavar="FILE", help="the file to make")
     p.add_argument(
@@ -48,15 +49,16 @@ def _run(args: argparse.Namespace) -> int:
 
 def _make(args: argparse.Namespace) -> int:
     """Make a design file, and what a score compares it with. Deterministic for one set of library versions."""
-    from sim_ecu.design.brief import find, read_brief
+    from sim_ecu.design.brief import read_brief
     from sim_ecu.design.make import design, write
+    from sim_ecu.play.vehicles import vehicle_path
     from sim_ecu.reporting.result_files import check_output
     from sim_ecu.score.baselines import learn
-    from wrcd.config.settings import parse_toml, read_toml
+    from wrcd.config.settings import read_toml
     from wrcd.estimator.design import load_design
     from wrcd.progress import Progress
 
-    brief = read_brief(parse_toml("", "") if args.config is None else read_toml(find(args.config)), args.form)
+    brief = read_brief(read_toml(vehicle_path(args.config)), args.form)
     check_output("-o", args.output)
     check_output("--baselines", args.baselines)
     progress = Progress(steps=True)
@@ -78,9 +80,9 @@ def _make(args: argparse.Namespace) -> int:
 
 COMMAND = Subcommand(
     "design",
-    "make the design file of a wheelset (takes minutes)",
+    "make the design file of a vehicle (takes minutes)",
     (
-        ("sim-ecu design --config metro -o metro.design.json", "the design of a wheelset that comes along"),
+        ("sim-ecu design --config metro -o metro.design.json", "the design of a vehicle that comes along"),
         ("sim-ecu design --explain", "the default design's rules as sentences, with their data"),
     ),
     _add,

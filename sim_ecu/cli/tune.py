@@ -19,9 +19,9 @@ MAX_SEED = 39  # lots of training seeds there are: see sim_ecu/score/suites/run.
 
 def _add(p: argparse.ArgumentParser) -> None:
     p.add_argument(
-        "--config", type=Path, metavar="RIG.toml",
-        help="where the search starts, and what it is for: a file as `sim-ecu design --config` takes it, or metro or "
-        "locomotive (default: the lone wheelset's)",
+        "--config", type=Path, default=Path(DEFAULT_DESIGN), metavar="RIG.toml",
+        help="where the search starts, and what it is for: a file or a packaged vehicle, as of `sim-ecu design` "
+        f"(default: {DEFAULT_DESIGN})",
     )  # fmt: skip
     p.add_argument("-o", "--output", type=Path, required=True, metavar="DIR", help="folder of all that is found; made")
     p.add_argument("--form", choices=("wrcd", "paper"), help="as of `sim-ecu design` (default: as --config says)")
@@ -50,15 +50,16 @@ def _add(p: argparse.ArgumentParser) -> None:
 
 def _run(args: argparse.Namespace) -> int:
     from sim_ecu.campaign.tune.stages import Tuning, tune
-    from sim_ecu.design.brief import find, read_brief
+    from sim_ecu.design.brief import read_brief
     from sim_ecu.design.space import groups_of, parameters
+    from sim_ecu.play.vehicles import vehicle_path
     from wrcd.config.packaged_designs import design_path
-    from wrcd.config.settings import parse_toml, read_toml
+    from wrcd.config.settings import read_toml
 
     check_least(args, budget=1, jobs=1, played=0, seed=0)
     if args.seed > MAX_SEED:
         raise InputError(f"takes a whole number from 0 to {MAX_SEED}, not {args.seed}", key="--seed")
-    start = read_brief(parse_toml("", "") if args.config is None else read_toml(find(args.config)), args.form)
+    start = read_brief(read_toml(vehicle_path(args.config)), args.form)
     groups = groups_of(start.form) if args.over is None else tuple(name.strip() for name in args.over.split(","))
     parameters(start, groups)  # raises InputError
     against = None if args.against is None else design_path(args.against)

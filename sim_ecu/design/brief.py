@@ -15,10 +15,10 @@ from sim_ecu.design.make import Brief, in_papers_form
 from sim_ecu.physics.contact import CURVES, CreepCurve
 from sim_ecu.physics.sensors import SENSOR_SETS, SensorSet
 from sim_ecu.physics.wheelset import Wheelset
-from sim_ecu.play.scenario import read_wheelset
+from sim_ecu.play.vehicles import read_vehicle
 from wrcd.config.describe import made_for
 from wrcd.config.keys import Choice, Number, Whole
-from wrcd.config.settings import Section, suggest
+from wrcd.config.settings import Section
 from wrcd.errors import InputError
 from wrcd.estimator.design import FORMS, Design, load_design
 from wrcd.logs.rule_sentences import GLOSSARY, bounds, sentence
@@ -122,18 +122,6 @@ NUMBERS = {
 WHOLES = {"grid": (2, 500), "torque_sets": (2, 15), "max_rules": (1, 254)}
 # the score's seeds are far above
 PLAN_WHOLES = {"seed": (0, 1_000), "speeds": (2, 200), "per_speed": (2, 2_000)}
-WHEELSETS = Path(__file__).parent / "wheelsets"
-
-
-def find(config: Path) -> Path:
-    """A packaged wheelset by its name, or a file by its path. Raises InputError."""
-    known = {p.stem: p for p in sorted(WHEELSETS.glob("*.toml"))}
-    if config.suffix == ".toml":
-        return config
-    if str(config) not in known:
-        hint = suggest(str(config), list(known)) or f"packaged: {', '.join(known)}; or give a path to a .toml file"
-        raise InputError(f"there is no wheelset {str(config)!r}", key="--config", hint=hint)
-    return known[str(config)]
 
 
 def read_brief(top: Section, form: str | None = None) -> Brief:
@@ -151,7 +139,7 @@ def read_brief(top: Section, form: str | None = None) -> Brief:
         raise p.error(f"shares add up to {sum(shares.values()):g}; they must not exceed 1", next(iter(shares)))
     brief = replace(
         base,
-        wheelset=read_wheelset(top.section("wheelset")),
+        wheelset=read_vehicle(top),
         **numbers,
         **_given(Whole, d, WHOLES, base),
         polynomial=Choice("polynomial", "", ("paper",) if base.form == "paper" else POLYNOMIALS, base.polynomial).value(

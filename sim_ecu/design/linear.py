@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from filterpy.common import van_loan_discretization
 from numpy.typing import NDArray
-from scipy.linalg import solve_discrete_are
 from scipy.signal import freqz_sos
 
 from sim_ecu.physics.contact import CreepCurve, peak, traction_ratio
@@ -72,6 +71,7 @@ def model(w: Wheelset, g11: float, g22: float, v: float) -> tuple[FloatArray, Fl
 
 
 import os
+
 VARIANT = os.environ.get("VARIANT", "frame")
 
 
@@ -99,15 +99,20 @@ def _frame(b: Bogie, held: FloatArray) -> FloatArray:
         m = 0.5 * b.frame_mass_kg
         out[0, 6] = 1.0
         out[1] = -held[0] / m
-        out[1, 5] -= 0.5 * (b.secondary_lateral_N_m + 0*b.secondary_yaw_N_m_rad) / m
-        out[1, 6] -= 0.5 * (b.secondary_lateral_damping_N_s_m ) / m
+        out[1, 5] -= 0.5 * (b.secondary_lateral_N_m + 0 * b.secondary_yaw_N_m_rad) / m
+        out[1, 6] -= 0.5 * (b.secondary_lateral_damping_N_s_m) / m
         return out
     out = np.zeros((4, 9))
     out[0, 7] = out[1, 8] = 1.0
     out[2] = -held[0]
     out[3] = -a * held[0] - held[1]
     out[2, 5:] -= k + b.secondary_lateral_N_m, -a * k, c + b.secondary_lateral_damping_N_s_m, -a * c
-    out[3, 5:] -= -a * k, a * a * k + b.primary_yaw_N_m_rad + b.secondary_yaw_N_m_rad, -a * c, a * a * c + b.primary_yaw_damping_N_m_s_rad + b.secondary_yaw_damping_N_m_s_rad
+    out[3, 5:] -= (
+        -a * k,
+        a * a * k + b.primary_yaw_N_m_rad + b.secondary_yaw_N_m_rad,
+        -a * c,
+        a * a * c + b.primary_yaw_damping_N_m_s_rad + b.secondary_yaw_damping_N_m_s_rad,
+    )
     out[2] /= b.frame_mass_kg
     out[3] /= b.frame_yaw_inertia_kg_m2
     return out

@@ -13,8 +13,9 @@ from sim_ecu.physics.cleaning import Cleaning
 from sim_ecu.play import scenario as play
 from sim_ecu.play import scenario_keys as play_keys
 from sim_ecu.play.faults import read_fault
-from sim_ecu.play.scenario import Course, Scenario, read_axles, read_wheelset
+from sim_ecu.play.scenario import Course, Scenario, read_axles
 from sim_ecu.play.scenario_keys import Measure, Other, Over
+from sim_ecu.play.vehicles import read_vehicle
 from wrcd.config.keys import Choice, Flag, Key
 from wrcd.config.settings import Section, read_toml
 
@@ -96,7 +97,7 @@ SHARED: tuple[Key, ...] = tuple(k for k in play_keys.SHARED if k is not play_key
 # By the table's name. The others (rail, wheelset, sensors, axlebox, fault) are those of a scenario to play.
 TABLES: Mapping[str, tuple[Key, ...]] = {
     "": (
-        play_keys.TITLE, play_keys.DURATION, play_keys.AXLES, SPEED, *SHARED, play_keys.WHEELSET, play_keys.OF_AXLE,
+        play_keys.TITLE, play_keys.DURATION, play_keys.AXLES, SPEED, *SHARED, play_keys.VEHICLE, play_keys.WHEELSET, play_keys.OF_AXLE,
         play_keys.FAULT, DRIVER, ACTUATORS, CLEANING, KNOWN_BEFORE, STOP, SPEED_OF_WRCD,
     ),
     "driver": (DEMAND,),
@@ -149,8 +150,8 @@ def read_drive_scenario(top: Section, name: str) -> DriveScenario:
             raise top.error(
                 "is of a scenario to play", key, "the driver asks by [driver] demand, and what comes of it decides"
             )
-    wheelset = read_wheelset(top.section("wheelset"))
-    axles = read_axles(top, NO_DRIVE)
+    wheelset = read_vehicle(top)
+    axles = read_axles(top, wheelset, NO_DRIVE)
     if "driver" not in top:
         raise top.absent(DRIVER.name, "write [driver] with demand = -1.0, or [[s, share], …]")
     driver = top.section(DRIVER.name)

@@ -42,7 +42,6 @@ from sim_ecu.physics.wheelset import (
     W_R,
     YAW,
     YAW_RATE,
-    Y,
     Command,
     Constants,
     D,
@@ -51,6 +50,7 @@ from sim_ecu.physics.wheelset import (
     P,
     R,
     X,
+    Y,
     derivatives,
 )
 

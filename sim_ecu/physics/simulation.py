@@ -22,7 +22,6 @@ from sim_ecu.physics.wheelset import (
     Bogie,
     Command,
     FloatArray,
-    IntArray,
     Wheelset,
     constants,
 )

@@ -24,6 +24,7 @@ from sim_ecu.physics.wheelset import Command, Wheelset
 from sim_ecu.play import scenario_keys as keys
 from sim_ecu.play.encoder import SAMPLE_US
 from sim_ecu.play.faults import Fault, read_fault
+from sim_ecu.play.vehicles import read_vehicle
 from wrcd.config.keys import Choice, Number, names
 from wrcd.config.settings import Section, read_toml, suggest
 from wrcd.core.configuration import MAX_AXLES
@@ -33,9 +34,19 @@ FloatArray = NDArray[np.float64]
 NYQUIST_HZ = 0.5e6 / SAMPLE_US
 FOLDER = Path(__file__).parent / "scenarios"
 TO_DRIVE = Path(__file__).parents[1] / "loop" / "scenarios"  # those that are no course of torques
-# Where axles 1 … 8 stand along the train: two vehicles of two bogies each, with a wheelbase of 2.5 m, 19 m from pivot
-# to pivot; a vehicle is 26.4 m long.
-POSITIONS_M = (0.0, -2.5, -19.0, -21.5, -26.4, -28.9, -45.4, -47.9)
+# Where the first axles of the bogies of axles 1 … 8 stand along the train: two vehicles, 19 m from pivot to pivot; a
+# vehicle is 26.4 m long.
+BOGIES_M = (0.0, -19.0, -26.4, -45.4)
+WHEELBASE_M = 2.5  # where no bogie says another
+
+
+def positions_m(wheelset: Wheelset) -> tuple[float, ...]:
+    """Where axles 1 … 8 of a vehicle stand along its train."""
+    wheelbase = WHEELBASE_M if wheelset.bogie is None else wheelset.bogie.wheelbase_m
+    return tuple(at - behind for at in BOGIES_M for behind in (0.0, wheelbase))
+
+
+POSITIONS_M = positions_m(Wheelset())
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,8 +157,8 @@ def path_of(name: str | Path, to_drive: bool = False) -> Path:
 
 def read_scenario(top: Section, name: str) -> Scenario:
     """Check everything and build the scenario."""
-    wheelset = read_wheelset(top.section("wheelset"))
-    axles = read_axles(top)
+    wheelset = read_vehicle(top)
+    axles = read_axles(top, wheelset)
     scenario = Scenario(
         name=name,
         title=keys.TITLE.read(top) or name,
@@ -162,8 +173,8 @@ def read_scenario(top: Section, name: str) -> Scenario:
     return scenario
 
 
-def read_axles(top: Section, drive: DriveCourse | None = None) -> tuple[AxleScenario, ...]:
-    """The axles in the order of their numbers. drive: that of each, where no table may give one."""
+def read_axles(top: Section, wheelset: Wheelset, drive: DriveCourse | None = None) -> tuple[AxleScenario, ...]:
+    """The axles of a vehicle in the order of their numbers. drive: that of each, where no table may give one."""
     numbers = top.raw("axles") if "axles" in top else [1]
     if (
         not isinstance(numbers, list)
@@ -177,7 +188,7 @@ def read_axles(top: Section, drive: DriveCourse | None = None) -> tuple[AxleScen
     common = {"rail": None, "drive": None, "track": SPECTRA["good"], "sensors": SENSOR_SETS["mems"],
               "axlebox": QUIET}  # fmt: skip
     common = _settings(top, common, drive)
-    seed, first = _seed(top, 1), min(numbers)
+    seed, first, places = _seed(top, 1), min(numbers), positions_m(wheelset)
     overrides = top.section("axle")
     for key in overrides:
         if key not in {str(n) for n in numbers}:
@@ -186,6 +197,8 @@ def read_axles(top: Section, drive: DriveCourse | None = None) -> tuple[AxleScen
     for number in sorted(numbers):
         own = overrides.section(str(number))
         settings = _settings(own, common, drive)
+        if wheelset.bogie is None and settings["sensors"].mounting != AXLE_BOX:
+            raise own.error("needs a vehicle with bogies", "mounting", "leave it out, or name another vehicle")
         for missing in ("rail", "drive"):
             if settings[missing] is None:
                 demanded = " and [drive] utilisation = 0.3" if drive is None else ""
@@ -194,21 +207,12 @@ def read_axles(top: Section, drive: DriveCourse | None = None) -> tuple[AxleScen
         axles.append(AxleScenario(
             number=number,
             seed=_seed(own, seed * 16 + number),
-            position_m=keys.POSITION.of(own, POSITIONS_M[number - 1] - POSITIONS_M[first - 1]),
+            position_m=keys.POSITION.of(own, places[number - 1] - places[first - 1]),
             track_seed=None if "seed" in own else seed * 16 + first,
             **settings,
         ))  # fmt: skip
         own.done()
     return tuple(axles)
-
-
-def read_wheelset(section: Section) -> Wheelset:
-    """[wheelset]: what differs from the default one."""
-    standard = Wheelset()
-    given: dict[str, Any] = {key.name: key.of(section) for key in keys.PARAMETERS}
-    name = keys.NAME.read(section)
-    section.done()
-    return replace(standard, name=name or standard.name, **given)
 
 
 def _settings(s: Section, common: Mapping[str, Any], drive: DriveCourse | None) -> dict[str, Any]:

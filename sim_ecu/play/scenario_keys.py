@@ -9,7 +9,7 @@ from sim_ecu.physics.contact import CURVES
 from sim_ecu.physics.rail import BLEND_M
 from sim_ecu.physics.sensors import MOUNTINGS, SENSOR_SETS, G
 from sim_ecu.physics.track import SPECTRA
-from sim_ecu.physics.wheelset import Wheelset
+from sim_ecu.physics.wheelset import Bogie, Wheelset
 from sim_ecu.play.faults import ALL, DURATION_S, KINDS, SIGNALS
 from wrcd.config.keys import Choice, Flag, Interval, Key, Number, Text, Whole
 from wrcd.config.section import Section
@@ -99,7 +99,13 @@ SENSORS = Other("sensors", "a set, or a table", f"{', '.join(SENSOR_SETS)}, or t
 RAIL = Other("rail", "sections of rail, each from a distance on", "[[rail]]", "needed")
 DRIVE = Other("drive", "what driver and traction control want", "table", "needed")
 AXLEBOX = Other("axlebox", "what the axle box feels besides the track", "table")
-WHEELSET = Other("wheelset", "what differs from the default wheelset", "table")
+VEHICLE = Other(
+    "vehicle",
+    "a packaged vehicle, or a bogie and half a car body: what differs from the default one",
+    "name, or table",
+    "multiple-unit",
+)
+WHEELSET = Other("wheelset", "what differs from the vehicle's wheelset", "table")
 OF_AXLE = Other("axle", "[axle.N]: what differs for one axle", "tables by number")
 FAULT = Other("fault", "what goes wrong, as with `sim-ecu inject`", "[[fault]]")
 POSITION = Measure(
@@ -128,6 +134,27 @@ _OF_WHEELSET = {
 PARAMETERS = tuple(
     Measure(name, _OF_WHEELSET[name][1], 1e-9, 1e15, value, unit=_OF_WHEELSET[name][0])
     for name, value in Wheelset().numbers().items()
+)
+
+_OF_VEHICLE = {
+    "frame_mass_kg": ("kg", "mass of the bogie's frame"),
+    "frame_yaw_inertia_kg_m2": ("kg m²", "its yaw inertia"),
+    "semi_wheelbase_m": ("m", "half of the way from axle to axle"),
+    "primary_lateral_N_m": ("N/m", "primary suspension of a wheelset, lateral stiffness"),
+    "primary_lateral_damping_N_s_m": ("N s/m", "its damping"),
+    "primary_yaw_N_m_rad": ("N m/rad", "its yaw stiffness"),
+    "primary_yaw_damping_N_m_s_rad": ("N m s/rad", "its yaw damping"),
+    "body_mass_kg": ("kg", "half of the car body"),
+    "secondary_lateral_N_m": ("N/m", "secondary suspension of the bogie, lateral stiffness"),
+    "secondary_lateral_damping_N_s_m": ("N s/m", "its damping"),
+    "secondary_yaw_N_m_rad": ("N m/rad", "its yaw stiffness"),
+    "secondary_yaw_damping_N_m_s_rad": ("N m s/rad", "its yaw damping, that of yaw dampers included"),
+    "flange_clearance_m": ("m", "beyond this way from the middle of the track the flange pushes a wheelset back"),
+    "flange_N_m": ("N/m", "its stiffness"),
+}
+VEHICLE_PARAMETERS = tuple(
+    Measure(name, what, 0.0 if "damping" in name else 1e-3, 1e15, getattr(Bogie(), name), unit=unit)
+    for name, (unit, what) in _OF_VEHICLE.items()
 )
 
 FROM = Measure("from_m", "where it begins", 0.0, 1e7, 0.0, unit="m")
@@ -224,7 +251,8 @@ AMOUNT = Other("amount", "how much", "number", "the kind's", "the kind's")
 SHARED: tuple[Key, ...] = (RAIL, DRIVE, TRACK, SENSORS, AXLEBOX, SEED)  # that an axle may have otherwise
 # By the table's name.
 TABLES: Mapping[str, tuple[Key, ...]] = {
-    "": (TITLE, DURATION, AXLES, SPEED, HOLD_SPEED, *SHARED, WHEELSET, OF_AXLE, FAULT),
+    "": (TITLE, DURATION, AXLES, SPEED, HOLD_SPEED, *SHARED, VEHICLE, WHEELSET, OF_AXLE, FAULT),
+    "vehicle": VEHICLE_PARAMETERS,
     "wheelset": (NAME, *PARAMETERS),
     "rail": (FROM, CURVE, MU_0, *LAW, RADIUS, CANT, TRANSITION),
     "drive": (*DEMANDS, CREEP_LIMIT),

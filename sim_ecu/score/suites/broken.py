@@ -2,15 +2,13 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 
-from sim_ecu.design.brief import find, read_brief
 from sim_ecu.physics.sensors import SensorSet
 from sim_ecu.physics.wheelset import Wheelset
 from sim_ecu.play.faults import Fault
+from sim_ecu.play.vehicles import load_vehicle
 from sim_ecu.score.suites.nominal import MEMS, Variant, condition, spread, varied
 from sim_ecu.score.suites.run import AXLES, TEST, Lot, Run
-from wrcd.config.settings import read_toml
 
 DIES_S = 5.0
 DEAD_S = 12.0  # length of a run
@@ -69,7 +67,7 @@ def foreign(w: Wheelset, scale: float, lot: Lot = TEST) -> Iterator[Run]:
     """What is wrong from the first day on; and other wheelsets under the design, which nothing on the bus shows."""
     yield from varied("foreign", FOREIGN, FOREIGN_RUNS, 70, FOREIGN_S)(w, scale, lot)
     for k, name in enumerate(OTHER_WHEELSETS):
-        other = read_brief(read_toml(find(Path(name)))).wheelset
+        other = replace(load_vehicle(name), bogie=w.bogie)
         yield from varied("foreign", [Variant(wheelset_of(name))], OTHERS_RUNS, 80 + k)(other, scale, lot)
 
 

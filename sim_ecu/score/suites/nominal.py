@@ -13,7 +13,7 @@ from sim_ecu.physics.sensors import SENSOR_SETS, SensorSet
 from sim_ecu.physics.track import QUALITY, Spectrum
 from sim_ecu.physics.wheelset import Wheelset
 from sim_ecu.play.faults import Fault
-from sim_ecu.play.scenario import POSITIONS_M, Course
+from sim_ecu.play.scenario import Course, positions_m
 from sim_ecu.score.suites.run import (
     AXLES,
     SPEEDS,
@@ -84,7 +84,7 @@ def condition(
         first = axles[0]
         axles = [
             replace(a, rail=first.rail, track=first.track, position_m=position, track_seed=first.seed)
-            for a, position in zip(axles, POSITIONS_M[:AXLES], strict=True)
+            for a, position in zip(axles, positions_m(w)[:AXLES], strict=True)
         ]
         names = names[:1] * AXLES
     speed = Course((0.0, seconds), (v, v + variant.ramp_m_s2 * seconds))

@@ -3,20 +3,18 @@
 import math
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from sim_ecu.design.brief import find, read_brief
 from sim_ecu.design.cases import Condition, simulate_group
 from sim_ecu.physics.contact import CURVES
 from sim_ecu.physics.sensors import SENSOR_SETS
 from sim_ecu.physics.track import SPECTRA
 from sim_ecu.physics.wheelset import LAT_ACCEL, YAW_RATE, Wheelset
+from sim_ecu.play.vehicles import load_vehicle
 from wrcd import resources
-from wrcd.config.settings import read_toml
 from wrcd.estimator.bank import BoolArray
 from wrcd.estimator.design import FloatArray, load_design
 from wrcd.estimator.likeness import Likeness, likeness
@@ -64,7 +62,7 @@ def scaled(**factors: float) -> Wheelset:
 
 
 def bundled(name: str) -> Wheelset:
-    return read_brief(read_toml(find(Path(name)))).wheelset
+    return load_vehicle(name)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,65 @@
+"""What runs on the rail: the packaged vehicles, and the tables [vehicle] and [wheelset] of a file.
+
+`vehicle = "NAME"` is a packaged one. [wheelset] says what differs from its wheelset. [vehicle] says what differs from the
+packaged multiple unit's bogie; M_v follows from it. Where neither is given the vehicle is the default one.
+"""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from sim_ecu.physics.wheelset import Bogie, Wheelset
+from sim_ecu.play import scenario_keys as keys
+from wrcd.config.settings import Section, read_toml, suggest
+from wrcd.errors import InputError
+
+FOLDER = Path(__file__).parent / "vehicles"
+DEFAULT_VEHICLE, LONE = "multiple-unit", "lone-wheelset"
+
+
+def packaged_vehicles() -> list[str]:
+    """Names of those that come along."""
+    return sorted(p.stem for p in FOLDER.glob("*.toml"))
+
+
+def vehicle_path(name: str | Path) -> Path:
+    """A packaged vehicle's file by its name, or a file by its path. Raises InputError for a name that is none."""
+    path = Path(name)
+    if path.suffix == ".toml":
+        return path
+    known = packaged_vehicles()
+    if str(name) not in known:
+        hint = suggest(str(name), known) or f"packaged: {', '.join(known)}; or give a path to a .toml file"
+        raise InputError(f"there is no vehicle {str(name)!r}", hint=hint)
+    return FOLDER / f"{name}.toml"
+
+
+def load_vehicle(name: str) -> Wheelset:
+    """A packaged vehicle's wheelset, with its bogie."""
+    return read_vehicle(read_toml(vehicle_path(name)), LONE)
+
+
+def read_vehicle(top: Section, default: str = DEFAULT_VEHICLE) -> Wheelset:
+    """The vehicle of a file, from `vehicle`, [vehicle] and [wheelset]. Raises InputError."""
+    given = top.raw("vehicle")
+    if isinstance(given, str) or given is None:
+        try:
+            path = vehicle_path(default if given is None else given)
+        except InputError as e:
+            raise top.error(e.reason, "vehicle", e.hint) from None
+        # a packaged vehicle's own file is read with the lone wheelset as the one that it begins with
+        base = Wheelset() if path.stem == LONE else load_vehicle(path.stem)
+        bogie = base.bogie
+    else:
+        section = top.section("vehicle")
+        base, bogie = Wheelset(), Bogie(**{key.name: key.of(section) for key in keys.VEHICLE_PARAMETERS})
+        section.done()
+    section = top.section("wheelset")
+    if bogie is not None and "M_v" in section:
+        raise section.error("follows from the masses of [vehicle]", "M_v", "leave it out, or change body_mass_kg")
+    numbers: dict[str, Any] = {key.name: key.of(section, getattr(base, key.name)) for key in keys.PARAMETERS}
+    name = keys.NAME.read(section) if "name" in section else base.name
+    section.done()
+    if bogie is not None:
+        numbers["M_v"] = bogie.carried_kg(numbers["m_w"])
+    return replace(base, name=name or base.name, bogie=bogie, **numbers)
