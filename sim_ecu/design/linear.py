@@ -72,7 +72,7 @@ def model(w: Wheelset, g11: float, g22: float, v: float) -> tuple[FloatArray, Fl
 
 import os
 
-VARIANT = os.environ.get("VARIANT", "frame")
+VARIANT = os.environ.get("VARIANT", "half")
 
 
 def _held(w: Wheelset, b: Bogie) -> FloatArray:

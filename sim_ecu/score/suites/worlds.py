@@ -1,4 +1,4 @@
-"""A train's worlds by name, each of a family: as the training draws them, wider than that, or of a kind that it has not.
+"""A train's worlds by name, each of a family: as the training draws them, wider, or of a kind that it has not.
 
 Every axle runs in a bogie of its own on a track of its own, so that four axles are four samples of a world.
 """
@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from sim_ecu.design import worlds as drawn
 from sim_ecu.design.brief import Recipe
 from sim_ecu.physics.axlebox import QUIET, AxleBox, drawn_box
-from sim_ecu.physics.contact import CURVES, CreepCurve, curve_between, peak
+from sim_ecu.physics.contact import CURVES, CreepCurve, curve_between
 from sim_ecu.physics.rail import RailSection, rail_table
 from sim_ecu.physics.sensors import BOGIE_FRAME, RECTIFICATION, SENSOR_SETS, Sampling, SensorSet
 from sim_ecu.physics.sensors import drawn as drawn_sensors
