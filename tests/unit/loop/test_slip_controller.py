@@ -90,7 +90,7 @@ def test_wheel_silent_its_axle_pulls_no_more_and_brakes_as_asked(mode: int, sile
 
 def greasy(actuators: Actuators) -> DriveScenario:
     """A stop of the packaged scenario from 12 m/s, the demand after a second."""
-    packaged = load_drive_scenario("brake-greasy")
+    packaged = load_drive_scenario("emergency-greasy")
     train = replace(packaged.train, speed=Course((0.0,), (12.0,)), duration_s=30.0)
     return replace(packaged, train=train, driver=Course((0.0, 1.0, 1.1), (-0.05, -0.05, -1.0)), actuators=actuators)
 
@@ -134,7 +134,7 @@ def test_start_on_leaf_film_gains_speed_without_spinning(law: str) -> None:
 @pytest.fixture
 def scenario() -> DriveScenario:
     """A full brake on greasy rail, from the first moment on."""
-    packaged = load_drive_scenario("brake-greasy")
+    packaged = load_drive_scenario("emergency-greasy")
     train = replace(packaged.train, speed=Course((0.0,), (20.0,)), duration_s=30.0)
     return replace(packaged, train=train, driver=Course((0.0,), (-1.0,)))
 
