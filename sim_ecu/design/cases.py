@@ -36,7 +36,6 @@ TO_COASTING = 0.4  # of the torques that turn, those that end at 0
 # Little torque is common on dry rails, and rare as the end of a slippery one's: of the coasting and turning conditions
 # so many are dry, with a friction of so much.
 ON_DRY, DRY = 0.5, (0.25, 0.65)
-UNTIED, SAMPLED = 0.5, 0.4  # of the conditions in a train's other worlds
 TURN_S, TURN_TAKES_S = (0.5, 2.5), (0.3, 4.0)  # when a torque turns, and how long it takes
 UNSATURATED, END_SHARE = 0.5, (0.25, 0.95)  # of the rails that get worse: those that carry such a share of their peak
 NOISE_FACTORS = (0.6, 2.2)  # of sensors noisier or quieter than their kind
@@ -232,22 +231,22 @@ def _elsewhere(c: Condition, w: Wheelset, rng: np.random.Generator) -> Condition
 def _in_a_train(c: Condition, w: Wheelset, rng: np.random.Generator) -> Condition:
     """The same condition in a train's world: its vehicle off, its slopes often not those of the friction, in curves,
     with film edges of any length, often with sensors that sample inside a shaken axle box."""
-    factor = worlds.slope_factor(rng) if rng.random() < UNTIED else 1.0
+    factor = worlds.slope_factor(rng) if rng.random() < worlds.UNTIED else 1.0
     k_A = worlds.off(rng, worlds.OFF_K_A)
 
     def other(curve: CreepCurve) -> CreepCurve:
         return worlds.off_slope(replace(curve, k_A=curve.k_A * k_A), factor)
 
-    curvature, cant = worlds.curve_and_cant(c.speed_m_s, rng) if rng.random() < SOME else (0.0, 0.0)
+    curvature, cant = worlds.curve_and_cant(c.speed_m_s, rng) if rng.random() < worlds.SOME else (0.0, 0.0)
     return replace(
         c,
         wheelset=worlds.off_vehicle(w, rng),
-        sensors=worlds.off_sensors(drawn(rng) if rng.random() < SAMPLED else c.sensors, rng),
+        sensors=worlds.off_sensors(drawn(rng) if rng.random() < worlds.SAMPLED else c.sensors, rng),
         curve=other(c.curve),
         before=None if c.before is None else other(c.before),
         curvature=curvature,
         cant_rad=cant,
-        edge_m=math.exp(rng.uniform(*np.log(worlds.EDGE_M))) if rng.random() < SOME else BLEND_M,
+        edge_m=math.exp(rng.uniform(*np.log(worlds.EDGE_M))) if rng.random() < worlds.SOME else BLEND_M,
     )
 
 

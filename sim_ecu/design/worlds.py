@@ -30,6 +30,9 @@ RADIUS_M, DEFICIENCY_M_S2, CANT = 500.0, 0.65, 0.1
 ROUGHNESS = (0.9, 4.0)  # of the track's density, times that of ERRI low: beyond ERRI high
 EDGE_M = (0.5, 30.0)  # of a film: the rail goes from one state to the next over so much
 BRAKES_M_S2 = 1.2  # full service
+# Shares of the conditions in other worlds: with slopes untied, with sensors that sample inside a shaken axle box, and
+# with each of curves, film edges and a change of speed.
+UNTIED, SAMPLED, SOME = 0.5, 0.4, 0.4
 
 
 def off(rng: Rng, most: float) -> float:
@@ -87,3 +90,30 @@ def track(rng: Rng, wider: float = 1.0) -> Spectrum:
     low, high = ROUGHNESS[0] / wider, ROUGHNESS[1] * wider
     factor: float = low * (high / low) ** (0.5 - 0.5 * math.cos(math.pi * rng.random()))
     return SPECTRA["erri-low"].scaled(factor)
+
+
+def sentences(w: Wheelset, roughness: tuple[float, float]) -> list[str]:
+    """Say for which vehicle and in what worlds a design was trained; the first sentence is the vehicle's."""
+    if w.bogie is None:
+        return [f"vehicle {w.name}: a lone wheelset, its yaw spring on the ground"]
+    b = w.bogie
+    return [
+        f"vehicle {w.name}: two wheelsets {b.wheelbase_m:g} m apart in a bogie under half a car body, "
+        f"{1e-3 * w.M_v:.3g} t on a wheelset",
+        f"track: ERRI low times {roughness[0]:g} to {roughness[1]:g} (density), with cross-level and gauge",
+        "half of the conditions in the design's own world; in the others, drawn one by one:",
+        f"inertias within {_pct(OFF['m_w'])}, conicity {_pct(OFF['gamma'])}, load {_pct(OFF_BODY)}, suspension "
+        f"{_pct(SUSPENSION_MOST)} (one sigma {_pct(SUSPENSION_SIGMA)})",
+        f"slope of the creep curves: k_A within {_pct(OFF_K_A)} of the friction's; in {UNTIED:.0%} also a factor of "
+        f"{1 / SLOPE:g} to {SLOPE:g}",
+        f"torque within {_pct(OFF_TORQUE)}, gyro offset up to {math.degrees(GYRO_BIAS):g} degrees/s, accelerometer "
+        f"offset up to {LAT_ACCEL_BIAS:g} m/s2",
+        f"in {SAMPLED:.0%} sensors that sample inside at 1 to 8 kHz on a shaken axle box; speed off by 1 to 3 %",
+        f"in {SOME:.0%} curves down to {RADIUS_M:g} m with cant and up to {DEFICIENCY_M_S2:g} m/s2 beside it",
+        f"in {SOME:.0%} film edges of {EDGE_M[0]:g} to {EDGE_M[1]:g} m; in {SOME:.0%} up to {BRAKES_M_S2:g} m/s2 of "
+        "braking or traction",
+    ]
+
+
+def _pct(share: float) -> str:
+    return f"{100 * share:g} %"

@@ -13,6 +13,7 @@ from sim_ecu.physics.sensors import SensorSet
 from sim_ecu.physics.track import SPECTRA
 from sim_ecu.physics.wheelset import Wheelset
 from sim_ecu.play.faults import ALL, KINDS, Fault, Stage
+from sim_ecu.play.vehicles import load_vehicle
 from sim_ecu.score.suites.nominal import either, scattered
 
 World = Callable[[DriveScenario, Rng], DriveScenario]
