@@ -56,7 +56,8 @@ def read_vehicle(top: Section, default: str = DEFAULT_VEHICLE) -> Wheelset:
         section.done()
     section = top.section("wheelset")
     if bogie is not None and "M_v" in section:
-        raise section.error("follows from the masses of [vehicle]", "M_v", "leave it out, or change body_mass_kg")
+        hint = f'leave it out, change body_mass_kg, or write vehicle = "{LONE}"'
+        raise section.error("follows from the masses of [vehicle]", "M_v", hint)
     numbers: dict[str, Any] = {key.name: key.of(section, getattr(base, key.name)) for key in keys.PARAMETERS}
     name = keys.NAME.read(section) if "name" in section else base.name
     section.done()
