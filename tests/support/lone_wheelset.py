@@ -6,9 +6,9 @@ from wrcd.core.configuration import Config
 
 LONE = "lone-wheelset"  # the vehicle's name, and the design's
 PLAYED = f'vehicle = "{LONE}"\n'  # the first line of a scenario
-DESIGN_FILE = design_path(LONE)
+LONE_DESIGN = design_path(LONE)
 
 
 def lone_config() -> Config:
     """The default configuration with the lone wheelset's design."""
-    return load_config(None, design_file=DESIGN_FILE)
+    return load_config(None, design_file=LONE_DESIGN)

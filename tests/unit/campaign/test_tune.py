@@ -22,10 +22,10 @@ from sim_ecu.jobs.store import Store, save
 from sim_ecu.score.suites import runs
 from sim_ecu.score.suites.run import FIRST_TEST_SEED, TEST_LOTS, TEST_SEEDS, TRAINING_LOTS, TUNED_LOT, Run
 from tests.support.compared import folder, inputs, steps
+from tests.support.lone_wheelset import LONE_DESIGN
 from wrcd.config.settings import read_toml
 from wrcd.errors import InputError
 from wrcd.estimator.design import load_design
-from wrcd.resources import DESIGN
 
 TINY = "[design]\ngrid = 48\nmax_rules = 16\n[plan]\nspeeds = 2\nper_speed = 12\n"
 
@@ -84,7 +84,7 @@ def final(tmp_path: Path, *every: PlayedFigures) -> list[str]:
     """The front of designs of these figures."""
     with local(1) as workers:
         made = Final(tmp_path, 1, workers)
-    made.every = [Finalist(str(k), Brief(), DESIGN, f, 0.0) for k, f in enumerate(every)]
+    made.every = [Finalist(str(k), Brief(), LONE_DESIGN, f, 0.0) for k, f in enumerate(every)]
     return [f.name for f in made.front]
 
 
@@ -118,13 +118,13 @@ def test_goals_are_means_of_the_runs_that_have_a_number() -> None:
 
 
 def test_cost_goes_with_the_rules() -> None:
-    design = load_design(DESIGN)
+    design = load_design(LONE_DESIGN)
     fewer = replace(design, rules=design.rules[::2])
     assert operations(design) > operations(fewer) > operations(design) / 2 > 500
 
 
 def test_designs_are_tuned_and_tested_on_seeds_that_the_score_has_not() -> None:
-    source = load_source(DESIGN)
+    source = load_source(LONE_DESIGN)
 
     def seeds(every: Iterable[Run]) -> set[int]:
         return {a.seed for r in every for a in r.scenario.axles}
@@ -180,7 +180,7 @@ def test_what_cannot_be_searched_is_said_before_any_work(
     arguments: list[str], says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "out"
-    assert main(["tune", "-o", str(out), *(a.format(design=DESIGN) for a in arguments)]) == 2
+    assert main(["tune", "-o", str(out), *(a.format(design=LONE_DESIGN) for a in arguments)]) == 2
     assert says in capsys.readouterr().err
     assert not out.exists()
 

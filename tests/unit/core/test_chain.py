@@ -14,6 +14,7 @@ from sim_ecu.play.encoder import databases
 from sim_ecu.play.scenario import load_scenario, packaged
 from tests.support.can_ids import id_of
 from tests.support.config_texts import AXLE, VEHICLE
+from tests.support.lone_wheelset import LONE, PLAYED
 from tests.support.scenarios import EIGHT_AXLES, SIX_AXLES, LogOf, held
 from wrcd.cli.main import main as wrcd
 from wrcd.config.config import packaged as packaged_axles
@@ -46,8 +47,8 @@ def truth(log: Path, axle: int = 1) -> dict[int, float]:
 def test_estimate_at_the_peak_of_each_curve_is_within_a_point_or_a_tenth(
     log_of: LogOf, tmp_path: Path, curve: str
 ) -> None:
-    log = log_of(held(curve))
-    assert wrcd(["replay", str(log), "--csv", str(tmp_path / "a.csv")]) == 0
+    log = log_of(PLAYED + held(curve))
+    assert wrcd(["replay", str(log), "--design", LONE, "--csv", str(tmp_path / "a.csv")]) == 0
     true = truth(log)
     start = min(true) * 0.02
     from_s = start + WANTED_CREEP_REACHED_S + 1.0
@@ -63,8 +64,8 @@ def test_estimate_at_the_peak_of_each_curve_is_within_a_point_or_a_tenth(
 
 def test_six_axles_of_one_track_are_each_valid_on_their_own_rail(log_of: LogOf, tmp_path: Path) -> None:
     """All on one track, every axle on another curve, at its peak."""
-    log = log_of(SIX_AXLES)
-    arguments = ["--config", str(ROOT / "examples" / "six-axles.toml"), "--csv", str(tmp_path / "a.csv")]
+    log = log_of(PLAYED + SIX_AXLES)
+    arguments = ["--design", LONE, "--config", str(ROOT / "examples" / "six-axles.toml"), "--csv", str(tmp_path / "a.csv")]
     assert wrcd(["replay", str(log), *arguments, "-o", str(tmp_path / "sent.log")]) == 0
     found = rows(tmp_path / "a.csv")
     for axle in range(1, 7):
@@ -83,8 +84,9 @@ def test_eight_axles_on_one_rail_are_not_taken_for_each_other(log_of: LogOf, tmp
     """Wires that are swapped would show after ten seconds."""
     config = tmp_path / "eight.toml"
     config.write_text(packaged_axles(8))
-    log = log_of(EIGHT_AXLES)
-    assert wrcd(["replay", str(log), "--config", str(config), "--csv", str(tmp_path / "a.csv")]) == 0
+    log = log_of(PLAYED + EIGHT_AXLES)
+    arguments = ["--design", LONE, "--config", str(config), "--csv", str(tmp_path / "a.csv")]
+    assert wrcd(["replay", str(log), *arguments]) == 0
     found = rows(tmp_path / "a.csv")
     valid = Counter(r["axle"] for r in found if r["validity"] == "Valid")
     assert set(valid) == {str(a) for a in range(1, 9)}

@@ -7,10 +7,10 @@ from dataclasses import replace
 import pytest
 
 from tests.support.can_ids import LAT_ACCEL, YAW_RATE
+from tests.support.lone_wheelset import PLAYED, lone_config
 from tests.support.scenarios import FOUR_AXLES, LogOf
 from wrcd.bus.frame import Frame
 from wrcd.bus.reasons import Reason
-from wrcd.config.config import load_config
 from wrcd.core.core import Core
 from wrcd.core.input_buffers import NEVER, JitterBuffer, Reach
 from wrcd.logs.damage import Damage
@@ -82,7 +82,7 @@ def test_reach_register_shifts_each_timeout_and_keeps_the_reason() -> None:
 
 def means(frames: list[Frame]) -> list[float]:
     """MuAvailable of every axle, over the last two seconds."""
-    core = Core(load_config(None))
+    core = Core(lone_config())
     reports = [core.reports for f in frames if core.feed(f)][-100:]
     assert all(r.validity == "Valid" for slot in reports for r in slot)
     return [sum(r[axle].mu_available_pct or 0.0 for r in reports) / len(reports) for axle in range(4)]
@@ -91,7 +91,7 @@ def means(frames: list[Frame]) -> list[float]:
 @pytest.mark.parametrize(("fixed_us", "random_us"), [(2500, 1000), (2500, 2500), (4900, 300)])
 def test_estimate_does_not_depend_on_bus_delays(log_of: LogOf, fixed_us: int, random_us: int) -> None:
     """Frames late by a fixed and a random time, many ticks with two and many with none: the estimate is the same."""
-    punctual = [f for f, _ in read_log(log_of(FOUR_AXLES), Damage())]
+    punctual = [f for f, _ in read_log(log_of(PLAYED + FOUR_AXLES), Damage())]
     rng = random.Random(4)
     late: list[Frame] = []
     newest: dict[int, int] = {}  # frames of one id keep their order

@@ -15,6 +15,7 @@ from sim_ecu.design.paper import BORDERS_PCT, PaperRules, fit_paper, output_of, 
 from sim_ecu.design.rules import PAPER_POLYNOMIAL
 from sim_ecu.resources import PAPER_DESIGN
 from tests.reference.rules import FuzzyReference
+from tests.support.lone_wheelset import LONE_DESIGN
 from wrcd.checksum import checksum
 from wrcd.errors import InputError
 from wrcd.estimator.design import COLUMNS, MODELS, Design, load_design, parse_design
@@ -22,7 +23,6 @@ from wrcd.estimator.estimator import Estimator
 from wrcd.estimator.fuzzy import Fuzzy
 from wrcd.estimator.records import one_tick
 from wrcd.logs.rule_sentences import condition, sentence
-from wrcd.resources import DESIGN
 
 SETS = (3, 3, 8, 1)
 
@@ -119,7 +119,7 @@ def test_the_daemon_sees_the_raw_residuals(file: Path) -> None:
 
 
 def test_paper_window_neither_grows_nor_drops(file: Path) -> None:
-    papers, ours = load_design(file), load_design(DESIGN)
+    papers, ours = load_design(file), load_design(LONE_DESIGN)
     for step_at_s in (99.0, 2.9):
         estimator, _ = run(papers, 3.0, step_at_s=step_at_s)
         assert estimator.estimate().window_s == pytest.approx(papers.window_s)
@@ -188,7 +188,7 @@ def test_paper_design_with_a_wrong_value_is_rejected(file: Path, key: str, value
 
 
 def test_packaged_paper_design_is_for_the_default_wheelset() -> None:
-    papers, ours = load_source(PAPER_DESIGN), load_source(DESIGN)
+    papers, ours = load_source(PAPER_DESIGN), load_source(LONE_DESIGN)
     assert papers.design.form == "paper"
     assert papers.wheelset == ours.wheelset
     assert papers.sensors == ours.sensors

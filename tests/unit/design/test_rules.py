@@ -8,10 +8,10 @@ from sim_ecu.design.linear import steady_state
 from sim_ecu.design.make import LOWEST
 from sim_ecu.design.rules import COVERS, RuleBase, adhesion_of, fit, output_of, polynomial
 from sim_ecu.physics.wheelset import Wheelset
+from tests.support.lone_wheelset import LONE_DESIGN
 from wrcd.estimator.bank import Bank
 from wrcd.estimator.design import load_design
 from wrcd.estimator.recursion import Sections
-from wrcd.resources import DESIGN
 
 SETS = (3, 3, 2)
 
@@ -67,7 +67,7 @@ def test_column_without_sets_is_held_above_its_lowest() -> None:
 
 
 def test_packaged_designs_bounds_are_those_of_the_fit() -> None:
-    assert (load_design(DESIGN).low >= LOWEST).all()
+    assert (load_design(LONE_DESIGN).low >= LOWEST).all()
 
 
 def test_few_rules_are_those_that_speak_for_most() -> None:
@@ -95,9 +95,9 @@ def test_the_polynomial_is_the_outputs_meaning_and_falls_throughout() -> None:
 
 @pytest.mark.parametrize("model", range(4))
 def test_noise_alone_leaves_the_residual_that_is_taken_off(model: int) -> None:
-    design = load_design(DESIGN)
+    design = load_design(LONE_DESIGN)
     speed = float(design.speeds_m_s[20])
-    point = load_source(DESIGN).points[model]
+    point = load_source(LONE_DESIGN).points[model]
     gains = steady_state(Wheelset(), point, speed, design.tick_s, (3e-4, 0.01))
     W = gains.whiten(point)
     assert design.noise_power[20, model] == pytest.approx(gains.noise_power(W, design.lowpass, (3e-4, 0.01)), rel=1e-4)

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from sim_ecu.resources import PAPER_DESIGN
+from tests.support.lone_wheelset import LONE_DESIGN
 from wrcd.checksum import checksum
 from wrcd.errors import InputError
 from wrcd.estimator.bank import MAX_ERROR_M_S, Bank, SpeedFilter
 from wrcd.estimator.design import MODELS, STATES, FloatArray, load_design, parse_design
-from wrcd.resources import DESIGN
 
 
-@pytest.mark.parametrize("file", [DESIGN, PAPER_DESIGN], ids=["wrcd", "paper"])
+@pytest.mark.parametrize("file", [LONE_DESIGN, PAPER_DESIGN], ids=["wrcd", "paper"])
 def test_every_filter_forgets_at_every_speed(file: Path) -> None:
     design = load_design(file)
     bank, none = Bank(design, STATES), np.zeros((2, STATES))
@@ -29,7 +29,7 @@ def test_every_filter_forgets_at_every_speed(file: Path) -> None:
 
 
 def test_unstable_kalman_filter_is_rejected() -> None:
-    document: dict[str, Any] = json.loads(DESIGN.read_text())
+    document: dict[str, Any] = json.loads(LONE_DESIGN.read_text())
     K = np.array(document["bank"]["K"])
     K[7, 3] *= -1.0
     document["bank"]["K"] = K.tolist()

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.support.lone_wheelset import LONE_DESIGN
 from tests.support.signals import hunting, measured
 from wrcd.estimator.design import Design, FloatArray, load_design
 from wrcd.estimator.estimator import Estimator, step_through
@@ -16,7 +17,6 @@ from wrcd.estimator.identity import Identity
 from wrcd.estimator.records import Estimate, StepResult, Ticks
 from wrcd.estimator.window import BLOCK_TICKS, Window
 from wrcd.recorder.state import capture
-from wrcd.resources import DESIGN
 
 RTOL = 1e-9
 PER_S = 200
@@ -28,7 +28,7 @@ ALL_OF_TWO = np.ones(2, dtype=bool)
 
 @pytest.fixture(scope="module")
 def design() -> Design:
-    return load_design(DESIGN)
+    return load_design(LONE_DESIGN)
 
 
 class TickByTick(Estimator):

@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 
 from tests.support.estimator_runs import EVERY, PER_S, RATIO, estimates, track
+from tests.support.lone_wheelset import LONE_DESIGN
 from tests.support.signals import measured
 from wrcd.estimator.design import Design, FloatArray, load_design
 from wrcd.estimator.estimator import Estimator
-from wrcd.resources import DESIGN
 
 
 @pytest.fixture(scope="module")
 def design() -> Design:
-    return load_design(DESIGN)
+    return load_design(LONE_DESIGN)
 
 
 def windows_s(e: Estimator, z: FloatArray, ratio: FloatArray | float = RATIO) -> FloatArray:

@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 
 from tests.support.estimator_runs import EVERY, PER_S, RATIO, estimates, tick, track
+from tests.support.lone_wheelset import LONE_DESIGN
 from wrcd.estimator import answer
 from wrcd.estimator.design import MODELS, Design, FloatArray, load_design
 from wrcd.estimator.estimator import Estimator
 from wrcd.estimator.noise import Offset
 from wrcd.estimator.records import Estimate, EstimateDoubt
-from wrcd.resources import DESIGN
 
 
 @pytest.fixture(scope="module")
 def design() -> Design:
-    return load_design(DESIGN)
+    return load_design(LONE_DESIGN)
 
 
 def said_of(design: Design, e: Estimate) -> FloatArray:

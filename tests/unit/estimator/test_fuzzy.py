@@ -8,18 +8,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.reference.rules import FuzzyReference
+from tests.support.lone_wheelset import LONE_DESIGN
 from wrcd.estimator.design import COLUMNS, INPUTS, MODELS, Design, FloatArray, Sets, load_design
 from wrcd.estimator.fuzzy import LOG_SPREADS, MIN_FIRING, Fuzzy
 from wrcd.estimator.rule_inputs import MAX_STEP, NOISE, SWING, Past, RuleInputs
 from wrcd.estimator.window import Statistics
-from wrcd.resources import DESIGN
 
 SPEED = 25.0
 
 
 @pytest.fixture(scope="module")
 def design() -> Design:
-    return load_design(DESIGN)
+    return load_design(LONE_DESIGN)
 
 
 def middle_of(design: Design, rule: int) -> FloatArray:

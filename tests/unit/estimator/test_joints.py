@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
+from tests.support.lone_wheelset import LONE_DESIGN
 from tests.support.signals import HUNTS_FROM_S, hunting, measured
 from wrcd.estimator.bank import BoolArray
 from wrcd.estimator.design import Design, FloatArray, load_design
 from wrcd.estimator.estimator import Estimator, step_through
 from wrcd.estimator.joints import HOLD_TICKS, MAX_PULSE, MAX_TICKS, RECOVERY_TICKS, Joints
 from wrcd.estimator.records import EstimateDoubt, one_tick
-from wrcd.resources import DESIGN
 
 AT = 1500  # a pulse's first tick
 RMS = 0.01
@@ -17,7 +17,7 @@ RMS = 0.01
 
 @pytest.fixture(scope="module")
 def design() -> Design:
-    return load_design(DESIGN)
+    return load_design(LONE_DESIGN)
 
 
 def pulse(height: float, ticks: int = 6) -> FloatArray:

@@ -14,12 +14,12 @@ from sim_ecu.physics.sensors import SENSOR_SETS
 from sim_ecu.physics.track import SPECTRA
 from sim_ecu.physics.wheelset import LAT_ACCEL, YAW_RATE, Wheelset
 from sim_ecu.play.vehicles import load_vehicle
-from wrcd import resources
+from tests.support.lone_wheelset import LONE_DESIGN
 from wrcd.estimator.bank import BoolArray
 from wrcd.estimator.design import FloatArray, load_design
 from wrcd.estimator.likeness import Likeness, likeness
 
-DESIGN = load_design(resources.DESIGN)
+DESIGN = load_design(LONE_DESIGN)
 OWN = Wheelset()
 AXLES, TICK_S, TEN_S = 4, 0.005, 2000
 NEVER = 10**9

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.signal import butter, ellip, sosfilt
 
+from tests.support.lone_wheelset import LONE_DESIGN
 from wrcd.estimator.design import FloatArray, load_design, stable
 from wrcd.estimator.recursion import Sections
-from wrcd.resources import DESIGN
 
 FILTERS = {
     "low-pass": ellip(5, 0.5, 60, 14, fs=200, output="sos"),
@@ -29,7 +29,7 @@ def test_sections_filter_as_scipy_does(name: str) -> None:
 
 def test_filters_of_the_design_pass_their_band() -> None:
     """The track's hunting passes the low-pass, and vibration does not; for the high-pass it is the other way round."""
-    design = load_design(DESIGN)
+    design = load_design(LONE_DESIGN)
     t = np.arange(4000) * design.tick_s
     hunting, vibration = np.sin(2 * np.pi * 3 * t), np.sin(2 * np.pi * 50 * t)
     for sos, kept, lost in ((design.lowpass, hunting, vibration), (design.highpass, vibration, hunting)):

@@ -16,12 +16,12 @@ from sim_ecu.physics.track import QUALITY, SPECTRA, Track
 from sim_ecu.physics.wheelset import LAT_ACCEL, MU_AVAILABLE, TORQUE, YAW_RATE, Wheelset
 from sim_ecu.score.baselines import Beside, GivenTicks, Offsetless, fitting, without_offset
 from sim_ecu.score.ekf import THETA, Ekf, table
+from tests.support.lone_wheelset import LONE_DESIGN
 from wrcd.errors import InputError
 from wrcd.estimator.design import load_design
 from wrcd.estimator.estimator import OFFSET_WINDOWS, Estimator
 from wrcd.estimator.noise import Offset
 from wrcd.estimator.records import one_tick
-from wrcd.resources import DESIGN
 
 W = Wheelset()
 MEMS = SENSOR_SETS["mems"]
@@ -158,7 +158,7 @@ def test_an_offset_does_not_reach_a_baseline(ekf: Ekf) -> None:
 
 
 def test_another_design_runs_on_the_same_ticks_as_the_train_s() -> None:
-    design = load_design(DESIGN)
+    design = load_design(LONE_DESIGN)
     ticks, _ = measured(played(CURVES["C"], 0.6, math.nan, 9), 9)
     late = replace(ticks, number=ticks.number + 1003)
     mu = Beside(design).mu_pct(late)
@@ -173,7 +173,7 @@ def test_another_design_runs_on_the_same_ticks_as_the_train_s() -> None:
 
 
 def test_a_design_for_another_wheelset_cannot_run_beside() -> None:
-    design = load_design(DESIGN)
+    design = load_design(LONE_DESIGN)
     fitting("same", design, design)
     with pytest.raises(InputError, match="r_0"):
         fitting("other", replace(design, r_0=0.42), design)

@@ -30,10 +30,10 @@ from sim_ecu.score.figure_data import (
 )  # fmt: skip
 from sim_ecu.score.figures import check, run, sources
 from sim_ecu.score.paper_claims import PaperClaim
+from tests.support.lone_wheelset import LONE_DESIGN
 from wrcd.checksum import checksum
 from wrcd.errors import InputError
 from wrcd.estimator.design import MODELS, Sets
-from wrcd.resources import DESIGN
 
 THREE = Sets(("Low", "Moderate", "High"), np.array([-1.0, 0.0, 1.0]))
 TWO = Sets(("Low", "High"), np.array([-1.0, 1.0]))
@@ -43,7 +43,7 @@ SETS = [THREE, THREE, THREE, TWO]
 
 @pytest.fixture(scope="module")
 def subject() -> Recipe:
-    return load_source(DESIGN)
+    return load_source(LONE_DESIGN)
 
 
 def silent(_what: str, _share: float) -> None:
@@ -107,7 +107,7 @@ def test_all_figures_are_drawn_and_described(tmp_path: Path, capsys: pytest.Capt
 def test_the_forms_are_judged_on_the_same_runs() -> None:
     """A design beside itself in another form's name sees the same signals: nothing is simulated or drawn anew."""
     runs: Known = {}
-    ours, papers = (load_source(file) for file in (DESIGN, PAPER_DESIGN))
+    ours, papers = (load_source(file) for file in (LONE_DESIGN, PAPER_DESIGN))
     conditions = held(ours.wheelset, CURVES["C"], 1.0, 1)
     first = observe(ours, conditions, 1.0, silent, runs)
 
@@ -127,7 +127,7 @@ def test_a_paper_design_for_another_wheelset_is_not_judged_beside(tmp_path: Path
     other.write_text(json.dumps(document))
     assert list(sources(other, None)) == ["the paper's own form"]  # the packaged one is left out
     with pytest.raises(InputError, match="another wheelset"):
-        sources(DESIGN, other)
+        sources(LONE_DESIGN, other)
 
 
 def test_figures_check_what_was_gathered(subject: Recipe) -> None:

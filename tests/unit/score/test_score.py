@@ -34,11 +34,11 @@ from sim_ecu.score.suites.nominal import GRID, HARSH, NOISE, ROBUST, condition, 
 from sim_ecu.score.suites.run import FIRST_TEST_SEED, TRAINING_LOTS, Run
 from sim_ecu.score.suites.sound import PACKAGED, PACKAGED_CURVES, PACKAGED_GREASY, SOUND_RUNS, dry_hours
 from tests.support.can_ids import LAT_ACCEL, YAW_RATE, YAW_RATE_A2
-from wrcd.config.config import load_config, load_packaged
+from tests.support.lone_wheelset import LONE, LONE_DESIGN, lone_config
+from wrcd.config.config import load_packaged
 from wrcd.logs.decoder import MessageDecoder, decoders
-from wrcd.resources import DESIGN
 
-W, SOURCE = Wheelset(), load_source(DESIGN)
+W, SOURCE = Wheelset(), load_source(LONE_DESIGN)
 
 
 @pytest.fixture(scope="module")
@@ -334,7 +334,7 @@ def test_last_frame_holds_until_the_next() -> None:
 
 
 def traces(every: Iterable[Run]) -> list[Trace]:
-    config = load_config(None)
+    config = lone_config()
     return [t for run in every for t in play(run, config, {})]
 
 
@@ -400,7 +400,7 @@ def test_score_command_writes_tables_json_and_html(
 ) -> None:
     monkeypatch.setattr(run_score, "runs", lambda *of: map(briefly, suites.runs(*of)))
     arguments = ["score", "--suite", "paper", "--quick", "--jobs", "1", "--json", str(tmp_path / "s.json")]
-    arguments += ["--beside", f"again={DESIGN}"]
+    arguments += ["--design", LONE, "--beside", f"again={LONE}"]
     assert main([*arguments, "--html", str(tmp_path / "s.html")]) == 0
     out = capsys.readouterr().out
     assert "paper: worst error over its bound" in out
