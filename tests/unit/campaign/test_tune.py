@@ -202,7 +202,7 @@ def test_designs_that_cannot_be_kept_are_an_error(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "arguments", [["--search"], ["--search", "--budget", "600", "-o", "noise.toml"], ["--jobs", "2", "-o", "a.json"]]
+    "arguments", [["--search"], ["--search", "--budget", "600", "-o", "noise.toml"], ["--budget", "6", "-o", "a.json"]]
 )
 def test_design_says_where_its_search_is_now(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["design", *arguments]) == 2
