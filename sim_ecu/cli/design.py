@@ -53,7 +53,7 @@ def _make(args: argparse.Namespace) -> int:
     """Make a design file, and what a score compares it with. Deterministic for one set of library versions. Broken off
     and begun again, it simulates only what is missing."""
     from sim_ecu.design.brief import read_brief
-    from sim_ecu.design.make import bank, fitted, write
+    from sim_ecu.design.make import bank, fitted, with_placeholder_rules, write
     from sim_ecu.design.training_jobs import recorded, remove_parts
     from sim_ecu.jobs.pool import local
     from sim_ecu.jobs.store import save
@@ -70,6 +70,7 @@ def _make(args: argparse.Namespace) -> int:
     progress = Progress(steps=True)
     parts = args.output.with_name(f"{args.output.name}.parts")
     started = bank(brief)
+    with_placeholder_rules(started)  # what is no filter is refused before the minutes that it would cost
     progress.at("gains", 1.0)
     progress.end()
     with local(args.jobs) as workers:

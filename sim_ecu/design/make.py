@@ -17,9 +17,9 @@ from sim_ecu.design.linear import Gains, Point, steady_state
 from sim_ecu.design.paper import PAPER_GRID, PAPER_POINTS, PASS, TORQUE_SETS, PaperRules, fit_paper, output_sets
 from sim_ecu.design.recordings import Recording
 from sim_ecu.design.rules import PAPER_POLYNOMIAL, RuleBase, fit, polynomial
+from sim_ecu.jobs.pool import Workers
 from sim_ecu.physics.contact import CURVES
 from sim_ecu.physics.sensors import SENSOR_SETS
-from sim_ecu.jobs.pool import Workers
 from sim_ecu.physics.wheelset import Wheelset
 from wrcd.checksum import checksum
 from wrcd.estimator.design import COLUMNS, FORMAT, INPUTS, MODELS, Design, parse_design

@@ -1,4 +1,4 @@
-"""The training's simulations as jobs, a group of conditions each; what is recorded is kept until the design is there."""
+"""The training's simulations as jobs, a group of conditions each. What is recorded is kept till the design is there."""
 
 import hashlib
 import io
@@ -57,7 +57,9 @@ def recorded(
     try:
         folder.mkdir(exist_ok=True)
     except OSError as e:
-        raise InputError(f"cannot be made: {e.strerror}", file=folder, hint="check its folder and your rights") from None
+        raise InputError(
+            f"cannot be made: {e.strerror}", file=folder, hint="check its folder and your rights"
+        ) from None
     jobs = [GroupJob(w, plan, tick_s, place, group) for place, group in enumerate(draw(plan, w))]
     files = [folder / f"{job.key}{PART}" for job in jobs]
     found = {place: r for place, file in enumerate(files) if (r := _read(file)) is not None}

@@ -194,8 +194,8 @@ def test_folder_that_is_a_file_is_an_error(tmp_path: Path, capsys: pytest.Captur
 
 def test_designs_that_cannot_be_kept_are_an_error(tmp_path: Path) -> None:
     (tmp_path / "designs").write_text("")
-    with pytest.raises(InputError, match="designs: cannot be made: File exists"):
-        Designs(tmp_path / "designs")
+    with local(1) as workers, pytest.raises(InputError, match="designs: cannot be made: File exists"):
+        Designs(tmp_path / "designs", workers)
     (tmp_path / "tune.json").mkdir()
     with pytest.raises(InputError, match=r"tune\.json: cannot be written"):
         save(tmp_path / "tune.json", lambda partly: partly.write_text(""))
