@@ -57,9 +57,8 @@ def recorded(
     try:
         folder.mkdir(exist_ok=True)
     except OSError as e:
-        raise InputError(
-            f"cannot be made: {e.strerror}", file=folder, hint="check its folder and your rights"
-        ) from None
+        hint = "check its folder and your rights"
+        raise InputError(f"cannot be made: {e.strerror}", file=folder, hint=hint) from None
     jobs = [GroupJob(w, plan, tick_s, place, group) for place, group in enumerate(draw(plan, w))]
     files = [folder / f"{job.key}{PART}" for job in jobs]
     found = {place: r for place, file in enumerate(files) if (r := _read(file)) is not None}
