@@ -54,7 +54,7 @@ def load_source(file: Path) -> Recipe:
         return Recipe(
             file=file,
             design=design,
-            wheelset=Wheelset(**design.wheelset),
+            wheelset=Wheelset.of(design.wheelset),
             sensors=SENSOR_SETS[inputs["sensors"]["name"]],
             points=tuple(_point(m) for m in document["bank"]["models"]),
             seed=int(plan["seed"]),

@@ -7,12 +7,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from sim_ecu.design import worlds
 from sim_ecu.physics.contact import CreepCurve, curve_between, peak, traction_ratio
-from sim_ecu.physics.sensors import SENSOR_SETS, SensorSet
+from sim_ecu.physics.rail import BLEND_M, RailSection, rail_table
+from sim_ecu.physics.sensors import SENSOR_SETS, SensorSet, drawn
 from sim_ecu.physics.simulation import Axle, Samples, Simulation, advance_side_by_side
-from sim_ecu.physics.track import QUALITY, SPECTRA, Spectrum, Track
+from sim_ecu.physics.track import SPECTRA, Spectrum, Track
 from sim_ecu.physics.wheelset import LANES, OUTPUTS, Command, Wheelset
-from sim_ecu.play.scenario import BLEND_M, rail_table
 
 FloatArray = NDArray[np.float64]
 SEEDS_PER_PLAN = 1_000_003  # seeds of a plan begin at its own seed times this
@@ -38,6 +39,8 @@ TURN_S, TURN_TAKES_S = (0.5, 2.5), (0.3, 4.0)  # when a torque turns, and how lo
 UNSATURATED, END_SHARE = 0.5, (0.25, 0.95)  # of the rails that get worse: those that carry such a share of their peak
 NOISE_FACTORS = (0.6, 2.2)  # of sensors noisier or quieter than their kind
 BATCH = 2 * LANES  # conditions that are simulated in one call
+# A track's density is this times what the plan draws: a lone wheelset's has alignment alone.
+_FORM = {False: SPECTRA["good"], True: SPECTRA["erri-low"]}
 Progress = Callable[[str, float], None]  # what is going on, share of it that is done
 
 
@@ -60,6 +63,8 @@ class Condition:
     wheelset: Wheelset | None = None  # None: the one that the design is for
     sensors: SensorSet = SENSOR_SETS["mems"]
     curvature: float = 0.0
+    cant_rad: float = 0.0
+    edge_m: float = BLEND_M  # over which the rail changes
     ramp_m_s2: float = 0.0
     cycle_hz: float = 0.0
     cycle_low: float = 0.0
@@ -117,14 +122,16 @@ def draw(plan: Plan, wheelset: Wheelset) -> list[Group]:
     for k in range(plan.speeds):
         share = k / max(plan.speeds - 1, 1)
         v = plan.speed_range[0] * (plan.speed_range[1] / plan.speed_range[0]) ** share
+        most = RAMP_M_S2 if wheelset.bogie is None else worlds.BRAKES_M_S2
+        elsewhere = _elsewhere if wheelset.bogie is None else _in_a_train
         for other in (False, True) if plan.worlds else (False,):
-            ramp = float(rng.uniform(-RAMP_M_S2, RAMP_M_S2)) if other and rng.random() < SOME else 0.0
+            ramp = float(rng.uniform(-most, most)) if other and rng.random() < SOME else 0.0
             ramp = min(max(ramp, (plan.speed_range[0] - v) / plan.seconds), (plan.speed_range[1] - v) / plan.seconds)
             first = plan.seed * SEEDS_PER_PLAN + len(out) * plan.per_speed
             group = []
             for i in range(plan.per_speed):
                 one = replace(_one(plan, wheelset, float(v), first + i, rng), ramp_m_s2=ramp)
-                group.append(_elsewhere(one, wheelset, rng) if other else one)
+                group.append(elsewhere(one, wheelset, rng) if other else one)
             out.append(Group(float(v), ramp, tuple(group)))
     return out
 
@@ -144,9 +151,7 @@ def _one(plan: Plan, w: Wheelset, v: float, seed: int, rng: np.random.Generator)
     steady = Condition(
         speed_m_s=v,
         curve=curve,
-        track=Spectrum.of_roughness(
-            QUALITY["good"] * low * (high / low) ** (0.5 - 0.5 * math.cos(math.pi * rng.random()))
-        ),
+        track=_FORM[w.bogie is not None].scaled(low * (high / low) ** (0.5 - 0.5 * math.cos(math.pi * rng.random()))),
         utilisation=sign * float(rng.uniform(*plan.utilisation_range)),
         creep_of_peak=math.nan,
         seed=seed,
@@ -222,6 +227,28 @@ def _elsewhere(c: Condition, w: Wheelset, rng: np.random.Generator) -> Condition
     )
 
 
+def _in_a_train(c: Condition, w: Wheelset, rng: np.random.Generator) -> Condition:
+    """The same condition in a train's world: its vehicle off, its slopes often not those of the friction, in curves,
+    with film edges of any length, often with sensors that sample inside a shaken axle box."""
+    factor = worlds.slope_factor(rng) if rng.random() < worlds.UNTIED else 1.0
+    k_A = worlds.off(rng, worlds.OFF_K_A)
+
+    def other(curve: CreepCurve) -> CreepCurve:
+        return worlds.off_slope(replace(curve, k_A=curve.k_A * k_A), factor)
+
+    curvature, cant = worlds.curve_and_cant(c.speed_m_s, rng) if rng.random() < worlds.SOME else (0.0, 0.0)
+    return replace(
+        c,
+        wheelset=worlds.off_vehicle(w, rng),
+        sensors=worlds.off_sensors(drawn(rng) if rng.random() < worlds.SAMPLED else c.sensors, rng),
+        curve=other(c.curve),
+        before=None if c.before is None else other(c.before),
+        curvature=curvature,
+        cant_rad=cant,
+        edge_m=math.exp(rng.uniform(*np.log(worlds.EDGE_M))) if rng.random() < worlds.SOME else BLEND_M,
+    )
+
+
 def held_at(w: Wheelset, curve: CreepCurve, creep_of_peak: float, speed_m_s: float, seed: int) -> Condition:
     """A wheelset held at a share of its curve's peak creep, on a good track.
 
@@ -290,10 +317,13 @@ def _ready(w: Wheelset, c: Condition, seconds: float, tick_s: float) -> tuple[Si
     """A condition's vehicle on its track, and what drives it."""
     n = round(seconds / tick_s)
     w = c.wheelset or w
-    rail = [(0.0, c.curve, c.curvature, 0.0)]
+    rail = [RailSection(0.0, c.curve, c.curvature, c.cant_rad)]
     if c.before is not None:
-        at = c.changes_at_s * (c.speed_m_s + 0.5 * c.ramp_m_s2 * c.changes_at_s) - BLEND_M
-        rail = [(0.0, c.before, c.curvature, 0.0), (at, c.curve, c.curvature, 0.0)]
+        at = max(c.changes_at_s * (c.speed_m_s + 0.5 * c.ramp_m_s2 * c.changes_at_s) - c.edge_m, 0.1)
+        rail = [
+            RailSection(0.0, c.before, c.curvature, c.cant_rad),
+            RailSection(at, c.curve, c.curvature, c.cant_rad, edge_m=c.edge_m),
+        ]
     axle = Axle(rail_table(rail), Track(c.track, c.seed), trailing=c.trailing)
     sim = Simulation(w, [axle], c.speed_m_s, tick_s)
     course = _course(n, c, tick_s)

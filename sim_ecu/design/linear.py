@@ -47,10 +47,11 @@ def model(w: Wheelset, g11: float, g22: float, v: float) -> tuple[FloatArray, Fl
 
     Against the printed (13)-(15): conicity in the yaw row, the yaw stiffness negative, -n in the last row, and the
     gravitational stiffness F_g in the lateral row and the output, with what roll adds to the accelerometer.
-    In a bogie four states follow, those of its frame: y_f, psi_f, y_f', psi_f'.
+    In a bogie two states follow, of the frame's end over the wheelset: y_f, y_f'. The frame does not turn. Measured on
+    training conditions, with the frame as ground and these the error is 2 % larger, with its yaw as states 4 %.
     """
     n = TRACK_DECAY
-    held = np.zeros((2, 5)) if w.bogie is None else _held(w, w.bogie)
+    held = np.zeros((2, 5)) if w.bogie is None else _primary(w, w.bogie)
     s = held.shape[1]
     lateral, yaw = np.zeros(s), np.zeros(s)
     lateral[:5] = 2 * g22 / w.m_w, -2 * g22 / (v * w.m_w), 0.0, 0.0, -2 * w.normal_N * w.gamma / (w.L_g * w.m_w)
@@ -62,60 +63,33 @@ def model(w: Wheelset, g11: float, g22: float, v: float) -> tuple[FloatArray, Fl
     A, G = np.zeros((s, s)), np.zeros((s, 3))
     A[0, 2], A[1], A[2], A[3, 3], A[4, 1], A[4, 3] = 1.0, lateral, yaw, n, 1.0, -n
     G[1, 2], G[2, 1], G[3, 0], G[4, 0] = 1.0, 1.0, 1.0, -1.0
-    if w.bogie is not None and s > 5:
-        A[5:] = _frame(w.bogie, held)
+    if w.bogie is not None:
+        A[5:] = _frame(w.bogie, held[0])
     C = np.array([np.zeros(s), lateral])
     C[0, 2] = 1.0
     C[1, 4] += GRAVITY * w.gamma / w.L_g
     return A, G, C
 
 
-import os
-
-VARIANT = os.environ.get("VARIANT", "frame")
-
-
-def _held(w: Wheelset, b: Bogie) -> FloatArray:
-    """(2, s): force and moment of the primary suspension on the wheelset, over the states."""
-    s = {"ground": 5, "half": 7, "frame": 9}[VARIANT]
-    out = np.zeros((2, s))
+def _primary(w: Wheelset, b: Bogie) -> FloatArray:
+    """(2, 7): force and moment of the primary suspension on a wheelset, over the states; y = y_t + (y - y_t)."""
     k, c = b.primary_lateral_N_m, b.primary_lateral_damping_N_s_m
-    out[0, :5] = 0.0, -c, 0.0, -k, -k
-    out[1, :3] = -b.primary_yaw_N_m_rad, 0.0, -b.primary_yaw_damping_N_m_s_rad
-    a = b.semi_wheelbase_m
-    if VARIANT == "frame":
-        out[0, 5:] = k, a * k, c, a * c
-        out[1, 5:] = 0.0, b.primary_yaw_N_m_rad, 0.0, b.primary_yaw_damping_N_m_s_rad
-    if VARIANT == "half":
-        out[0, 5:] = k, c
-    return out
+    return np.array([
+        [0.0, -c, 0.0, -k, -k, k, c],
+        [-b.primary_yaw_N_m_rad, 0.0, -b.primary_yaw_damping_N_m_s_rad, 0.0, 0.0, 0.0, 0.0],
+    ])  # fmt: skip
 
 
-def _frame(b: Bogie, held: FloatArray) -> FloatArray:
-    a = b.semi_wheelbase_m
-    k, c = b.primary_lateral_N_m, b.primary_lateral_damping_N_s_m
-    if VARIANT == "half":
-        out = np.zeros((2, 7))
-        m = 0.5 * b.frame_mass_kg
-        out[0, 6] = 1.0
-        out[1] = -held[0] / m
-        out[1, 5] -= 0.5 * (b.secondary_lateral_N_m + 0 * b.secondary_yaw_N_m_rad) / m
-        out[1, 6] -= 0.5 * (b.secondary_lateral_damping_N_s_m) / m
-        return out
-    out = np.zeros((4, 9))
-    out[0, 7] = out[1, 8] = 1.0
-    out[2] = -held[0]
-    out[3] = -a * held[0] - held[1]
-    out[2, 5:] -= k + b.secondary_lateral_N_m, -a * k, c + b.secondary_lateral_damping_N_s_m, -a * c
-    out[3, 5:] -= (
-        -a * k,
-        a * a * k + b.primary_yaw_N_m_rad + b.secondary_yaw_N_m_rad,
-        -a * c,
-        a * a * c + b.primary_yaw_damping_N_m_s_rad + b.secondary_yaw_damping_N_m_s_rad,
-    )
-    out[2] /= b.frame_mass_kg
-    out[3] /= b.frame_yaw_inertia_kg_m2
-    return out
+def _frame(b: Bogie, force: FloatArray) -> FloatArray:
+    """(2, 7): the frame's end over a wheelset, from the primary suspension's force (7,) on the wheelset.
+
+    An end of a frame whose yaw inertia is near its mass times the semi-wheelbase squared moves without the other one:
+    it is half of the frame, held by half of the secondary suspension, and the body stands still.
+    """
+    mass = 0.5 * b.frame_mass_kg
+    moved = np.zeros(7)
+    moved[5], moved[6] = 0.5 * b.secondary_lateral_N_m, 0.5 * b.secondary_lateral_damping_N_s_m
+    return np.array([[0.0, 0, 0, 0, 0, 0, 1], -(force + moved) / mass])
 
 
 FREQUENCIES = 4096

@@ -17,6 +17,7 @@ from sim_ecu.design.linear import Gains, Point, steady_state
 from sim_ecu.design.paper import PAPER_GRID, PAPER_POINTS, PASS, TORQUE_SETS, PaperRules, fit_paper, output_sets
 from sim_ecu.design.recordings import Recording
 from sim_ecu.design.rules import PAPER_POLYNOMIAL, RuleBase, fit, polynomial
+from sim_ecu.design.worlds import sentences
 from sim_ecu.jobs.pool import Workers
 from sim_ecu.physics.contact import CURVES
 from sim_ecu.physics.sensors import SENSOR_SETS
@@ -133,6 +134,7 @@ def bank(brief: Brief) -> dict[str, Any]:
         "format": FORMAT,
         "form": brief.form,
         "name": brief.wheelset.name,
+        "worlds": sentences(brief.wheelset, brief.plan.roughness_range),
         "inputs": {
             "wheelset": asdict(brief.wheelset),
             "normal_N": brief.wheelset.normal_N,

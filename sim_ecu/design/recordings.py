@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_ecu.design.cases import Condition, Group, Plan, Progress, draw, simulate_group
-from sim_ecu.physics.axlebox import QUIET, AxleBox
+from sim_ecu.physics.axlebox import QUIET, AxleBox, drawn_box
 from sim_ecu.physics.inertial import InertialStream
 from sim_ecu.physics.wheelset import MU_AVAILABLE, TORQUE, Wheelset
 
@@ -62,7 +62,9 @@ def _measured(group: Group, y: NDArray[np.float64], tick_s: float, rng: np.rando
     v: NDArray[np.float64] = np.asarray(group.speed_m_s + group.ramp_m_s2 * tick_s * np.arange(1, ticks + 1))
     distance: NDArray[np.float64] = np.cumsum(v) * tick_s
     for i, c in enumerate(group.conditions):
-        shaken = InertialStream(c.sensors, _axle_box(rng), tick_s, rng).next(y[:, :, i], distance, v)
+        shaken = InertialStream(
+            c.sensors, _axle_box(rng) if c.sensors.sampling is None else drawn_box(rng), tick_s, rng
+        ).next(y[:, :, i], distance, v)
         noise_seed = int(rng.integers(2**62))
         calm = InertialStream(c.sensors, QUIET, tick_s, rng).next(y[:, :, i], distance, v)
         for into, pair in ((z, calm), (felt, shaken)):

@@ -222,7 +222,7 @@ def band_noise(
 def drawn_box(rng: np.random.Generator, wider: float = 1.0) -> AxleBox:
     """Return an axle box's vibration for sensors with inner sampling. wider 1.5 stretches the ranges by so much.
 
-    Vibration of 3 to 40 m/s2 rms between 20 and 1000 Hz, its density rising with frequency to a power of 1 to 2: track
+    Vibration of 2 to 20 m/s2 rms between 20 and 1000 Hz, its density rising with frequency to a power of 1 to 2: track
     whose displacement falls with its second to third power. In two fifths joints of 5 to 50 m/s2, in a quarter
     corrugation of 5 to 50 m/s2 and 25 to 80 mm, in a fifth a flat of 20 to 200 m/s2. The gyro feels less per m/s2 than
     below 100 Hz: an angle's rate falls with frequency for one acceleration. All are this project's own choice.
@@ -236,7 +236,7 @@ def drawn_box(rng: np.random.Generator, wider: float = 1.0) -> AxleBox:
         return between(low, high) if rng.random() < share else 0.0
 
     return AxleBox(
-        vibration_m_s2=between(3.0, 40.0),
+        vibration_m_s2=between(2.0, 20.0),
         band_hz=(20.0, 1000.0),
         vibration_power=float(rng.uniform(max(1.5 - 0.5 * wider, 0.0), 1.5 + 0.5 * wider)),
         joint_m_s2=some(0.4, 5.0, 50.0),

@@ -156,8 +156,8 @@ class Rides(NamedTuple):
     """What n axles run on, and what they are; arrays of all, one after another.
 
     Axle i's rail table is rails[first_rail[i]:first_rail[i + 1]]. Node k of its track is nodes[base[i] + k], for k from
-    its first one at hand to before[i]; the track's first node lies at start[i] (m). rolls[i]: whether it has cross-level
-    or gauge. Neither a bogie nor a train goes over a multiple of LANES.
+    its first one at hand to before[i]; the track's first node lies at start[i] (m). rolls[i]: whether it has
+    cross-level or gauge. Neither a bogie nor a train goes over a multiple of LANES.
     """
 
     position: FloatArray  # (n,) m, ahead of the train's own distance
@@ -206,9 +206,9 @@ def integrate(
     """Advance n axles by len(held_speed) sample intervals, in place.
 
     state (n, 7), bogie (n, BOGIE_STATES) with its first axle, train (n, 2) of each one's v and distance, integral (n,)
-    of its controller are read, and left at the end of the last interval. brake (samples, n) is what a brake can hold (N m, no less than 0), beside the command: it
-    opposes the wheel's turning, and holds a wheel that stands. held_speed (samples,) is the speed at the end of each
-    interval, NaN where the vehicle moves freely.
+    of its controller are read, and left at the end of the last interval. brake (samples, n) is what a brake can hold
+    (N m, no less than 0), beside the command: it opposes the wheel's turning, and holds a wheel that stands. held_speed
+    (samples,) is the speed at the end of each interval, NaN where the vehicle moves freely.
     Returns outputs (samples, n, OUTPUTS), means over the interval except MU_AVAILABLE and CREEP_AT_PEAK (at its end),
     and (samples, n, 2) with v and distance at the end. The step follows each vehicle's speed.
     """

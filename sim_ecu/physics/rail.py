@@ -29,11 +29,12 @@ class RailSection(NamedTuple):
     cant: float = 0.0  # rad
     # over which curvature and cant change from those of the section before, linearly: a clothoid with its cant ramp
     transition_m: float = BLEND_M
+    edge_m: float = BLEND_M  # over which the creep curve changes: a film's edge may be long
 
     @property
     def settled_m(self) -> float:
         """From where on the section is its own: the next one begins beyond."""
-        return self.from_m + max(self.transition_m, BLEND_M)
+        return self.from_m + max(self.transition_m, self.edge_m)
 
 
 def rail_table(sections: Sequence[RailSection | tuple[float, CreepCurve, float, float]]) -> FloatArray:
@@ -47,9 +48,9 @@ def rail_table(sections: Sequence[RailSection | tuple[float, CreepCurve, float, 
         before = parts[k - 1]
         if part.from_m <= (before.settled_m if k > 1 else before.from_m):
             raise ValueError(f"a section of rail from {part.from_m:g} m begins before the one before it is settled")
-        curve_m += [part.from_m, part.from_m + BLEND_M]
+        curve_m += [part.from_m, part.from_m + part.edge_m]
         curves += [before.curve.row(), part.curve.row()]
-        shape_m += [part.from_m, part.settled_m]
+        shape_m += [part.from_m, part.from_m + max(part.transition_m, BLEND_M)]
         shapes += [(before.curvature, before.cant), (part.curvature, part.cant)]
     at = np.union1d(curve_m, shape_m)
     columns = [np.interp(at, curve_m, c) for c in np.array(curves).T]

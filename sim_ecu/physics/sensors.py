@@ -130,16 +130,17 @@ SENSOR_SETS = {
 def drawn(rng: np.random.Generator, wider: float = 1.0) -> SensorSet:
     """Return mems sensors that sample inside, one in a family. wider 1.5 stretches the ranges by so much.
 
-    Inner rate 1, 2, 4 or 8 kHz, corner 40 to 100 Hz of order 2 to 4, range 2, 8 or 16 g, rectification from none to
+    Inner rate 1, 2, 4 or 8 kHz, corner 25 to 60 Hz of order 3 to 6, range 2, 8 or 16 g, rectification from none to
     the data sheet's, of the gyro to 0.001 degrees/s per g2, g-sensitivity to 0.1 degrees/s per g of either sign,
     misalignment to 2 degrees, the accelerometer read up to a tick of 5 ms earlier with up to 1 ms of jitter, the speed
-    off by 1 to 3 %. The gyro's figures are this project's own choice, of the usual size for such parts.
+    off by 1 to 3 %. The gyro's figures are this project's own choice, of the usual size for such parts. With a lower
+    order or a higher corner an axle box's vibration buries the signal.
     """
     range_g = float(rng.choice([2.0, 8.0, 16.0]))
     sampling = Sampling(
         rate_hz=float(rng.choice([1000.0, 2000.0, 4000.0, 8000.0])),
-        corner_hz=math.exp(rng.uniform(math.log(40.0 / wider), math.log(100.0 * wider))),
-        order=int(rng.integers(2, 5)),
+        corner_hz=math.exp(rng.uniform(math.log(25.0 / wider), math.log(60.0 * wider))),
+        order=int(rng.integers(3, 7)),
         range_m_s2=range_g * G,
         rectification=float(rng.uniform(0.0, RECTIFICATION * wider)),
         gyro_rectification=float(rng.uniform(0.0, math.radians(0.001) / G**2 * wider)),

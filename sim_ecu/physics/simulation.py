@@ -60,8 +60,8 @@ def _in_bogies(axles: Sequence[Axle], bogie: Bogie | None) -> tuple[list[tuple[A
     """What is simulated, bogie by bogie, the leading wheelset first: an axle, and which of the given ones commands it;
     and where the given ones are among them.
 
-    Axles on one track a wheelbase apart share a bogie. One that has no such neighbour is given one that runs on the same
-    rail with the same command, and is seen by nobody: behind it, or ahead of it if it is a trailing one.
+    Axles on one track a wheelbase apart share a bogie. One that has no such neighbour is given one that runs on the
+    same rail with the same command, and is seen by nobody: behind it, or ahead of it if it is a trailing one.
     """
     if bogie is None:
         return [(a, k) for k, a in enumerate(axles)], list(range(len(axles)))

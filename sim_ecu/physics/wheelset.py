@@ -19,8 +19,9 @@ Wheel loads stay equal. Of what holds the wheelset there are two forms:
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -104,6 +105,12 @@ class Wheelset:
     def contact(self) -> Contact:
         """Contact constants of one wheel."""
         return contact(self.normal_N, self.a, self.b, self.G, kalker_c11(self.a, self.b))
+
+    @classmethod
+    def of(cls, given: Mapping[str, Any]) -> "Wheelset":
+        """Return the wheelset of a document, as `dataclasses.asdict` writes it. Raises TypeError for other names."""
+        bogie = given.get("bogie")
+        return cls(**{**given, "bogie": None if bogie is None else Bogie(**bogie)})
 
     def numbers(self) -> dict[str, float]:
         """Every parameter but the name and the bogie."""

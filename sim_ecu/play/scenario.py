@@ -18,7 +18,7 @@ from sim_ecu.physics.contact import CURVES, CreepCurve, curve_between
 from sim_ecu.physics.rail import BLEND_M as BLEND_M
 from sim_ecu.physics.rail import RailSection
 from sim_ecu.physics.rail import rail_table as rail_table
-from sim_ecu.physics.sensors import SENSOR_SETS, Sampling, SensorSet, accelerometer
+from sim_ecu.physics.sensors import AXLE_BOX, SENSOR_SETS, Sampling, SensorSet, accelerometer
 from sim_ecu.physics.track import SPECTRA, Spectrum
 from sim_ecu.physics.wheelset import Command, Wheelset
 from sim_ecu.play import scenario_keys as keys
@@ -248,7 +248,7 @@ def _rail(section: Section) -> FloatArray:
             raise part.error(
                 "the first section has none to come from", "transition_m", "begin with a straight [[rail]]"
             )
-        transition = keys.TRANSITION.of(part)
+        transition, edge = keys.TRANSITION.of(part), keys.EDGE.of(part)
         part.done()
         if parts and start <= (parts[-1].settled_m if len(parts) > 1 else parts[0].from_m):
             raise part.error(
@@ -256,7 +256,7 @@ def _rail(section: Section) -> FloatArray:
                 "from_m",
                 f"the section before is settled at {parts[-1].settled_m:g} m" if len(parts) > 1 else "",
             )
-        parts.append(RailSection(start, curve, 1 / radius if radius else 0.0, cant, transition))
+        parts.append(RailSection(start, curve, 1 / radius if radius else 0.0, cant, transition, edge))
     if not parts:
         raise section.error("needs at least one section", "rail", 'write [[rail]] with curve = "A"')
     return rail_table(parts)

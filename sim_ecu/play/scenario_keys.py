@@ -174,6 +174,7 @@ CANT = Measure("cant_rad", "cant, the left rail higher positive", -0.2, 0.2, 0.0
 TRANSITION = Measure(
     "transition_m", "from the section before to this one; not in the first", BLEND_M, 1000.0, BLEND_M, unit="m"
 )
+EDGE = Measure("edge_m", "over which the creep curve changes: a film's edge", BLEND_M, 1000.0, BLEND_M, unit="m")
 
 _EXACTLY_ONE = "; exactly one of the first four"
 DEMANDS = (
@@ -254,7 +255,7 @@ TABLES: Mapping[str, tuple[Key, ...]] = {
     "": (TITLE, DURATION, AXLES, SPEED, HOLD_SPEED, *SHARED, VEHICLE, WHEELSET, OF_AXLE, FAULT),
     "vehicle": VEHICLE_PARAMETERS,
     "wheelset": (NAME, *PARAMETERS),
-    "rail": (FROM, CURVE, MU_0, *LAW, RADIUS, CANT, TRANSITION),
+    "rail": (FROM, CURVE, MU_0, *LAW, RADIUS, CANT, TRANSITION, EDGE),
     "drive": (*DEMANDS, CREEP_LIMIT),
     "sensors": (
         KIND_OF_SENSORS, YAW_BIAS, LAT_BIAS, TORQUE_BIAS, SPEED_GAIN, FRICTION_SHARE, FRICTION_GAIN, MOUNTING,

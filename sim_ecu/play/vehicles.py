@@ -1,7 +1,7 @@
 """What runs on the rail: the packaged vehicles, and the tables [vehicle] and [wheelset] of a file.
 
-`vehicle = "NAME"` is a packaged one. [wheelset] says what differs from its wheelset. [vehicle] says what differs from the
-packaged multiple unit's bogie; M_v follows from it. Where neither is given the vehicle is the default one.
+`vehicle = "NAME"` is a packaged one. [wheelset] says what differs from its wheelset. [vehicle] says what differs from
+the packaged multiple unit's bogie; M_v follows from it. Where neither is given the vehicle is the default one.
 """
 
 from dataclasses import replace

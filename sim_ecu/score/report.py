@@ -16,7 +16,7 @@ from sim_ecu.score.score_play import Trace
 from sim_ecu.score.suites import PAIRED
 from sim_ecu.score.suites.broken import DIES_S
 from sim_ecu.score.suites.run import FIRST_TEST_SEED, SPEEDS, UTILISATIONS
-from sim_ecu.score.suites.worlds import WORLDS
+from sim_ecu.score.suites.worlds import EVERY
 
 SEEDS = (
     "The seeds of what is played here begin at {first}; the design was trained on seeds below {last}. "
@@ -143,7 +143,7 @@ def _variants(traces: list[Trace], twins: dict[int, list[Trace]] | None = None) 
 
 def _worlds(traces: list[Trace]) -> dict[str, Any]:
     """Every design on the same frames, whole: by what it says on the bus."""
-    of = {w.name: w for w in WORLDS}
+    of = {w.name: w for w in EVERY}
     return {
         "rows": {
             name: {

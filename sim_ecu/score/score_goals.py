@@ -36,7 +36,8 @@ FIGURES = {
 def of_world(w: World) -> dict[tuple[str, ...], partial[Goal]]:
     """The goals of a world."""
     path = ("worlds", "rows", w.name, "designs", OURS)
-    bounds = {**(OF_SLOPES[w.tied] if w.family == AS_TRAINED else {}), **OF_FAMILY[w.family]}
+    tied = OF_SLOPES[w.tied] if w.family == AS_TRAINED and w.tied is not None else {}
+    bounds = {**tied, **OF_FAMILY[w.family]}
     return {(*path, of): partial(Goal, f"worlds: {w.name}, {FIGURES[of]}", **ends) for of, ends in bounds.items()}
 
 

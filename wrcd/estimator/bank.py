@@ -90,8 +90,9 @@ class Bank:
         x' = Phi (x + K e)      state predicted for the next tick
         w  = V L^-1 e           innovation in units of its own expected size, S = L L', V the channels' weights
 
-    With s states all three are one product of a (s + 4, s + 2) matrix with [x; z]. The matrices are built at nodes SPEED_STEP apart, from
-    the design's tables, and interpolated at every tick: a speed that moves about never makes the gains toggle.
+    With s states all three are one product of a (s + 4, s + 2) matrix with [x; z]. The matrices are built at nodes
+    SPEED_STEP apart, from the design's tables, and interpolated at every tick: a speed that moves about never makes the
+    gains toggle.
 
     Between the design's speeds A = Phi (I - K H) and B = Phi K are linear: with Phi, K and H linear each by itself, a
     filter that is stable at both ends was not so between them, and its residual grew within a minute.

@@ -101,7 +101,7 @@ class Design:
     @property
     def states(self) -> int:
         """States of each filter."""
-        return self.Phi.shape[-1]
+        return int(self.Phi.shape[-1])
 
     @property
     def sets(self) -> tuple[Sets, ...]:

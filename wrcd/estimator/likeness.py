@@ -206,8 +206,11 @@ class Likeness:
 
 
 def likeness(design: Design, axles: int) -> Likeness | None:
-    """To a design's wheelset; None where the design says too little of it, or has ticks too long for NOISE_HZ."""
-    known = all(_is_positive(design.wheelset.get(name)) for name in PARAMETERS)
+    """To a design's wheelset; None where the design says too little of it, or has ticks too long for NOISE_HZ.
+
+    None in a bogie, too: what holds the wheelset there has modes of its own in the band.
+    """
+    known = all(_is_positive(design.wheelset.get(name)) for name in PARAMETERS) and not design.wheelset.get("bogie")
     return Likeness(design, axles) if known and 2.0 * NOISE_HZ[1] * design.tick_s <= 1.0 else None
 
 

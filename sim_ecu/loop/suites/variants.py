@@ -2,9 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from pathlib import Path
 
-from sim_ecu.design.brief import find, read_brief
 from sim_ecu.loop import BARE_AND_WITH, LAWS, WITH
 from sim_ecu.loop.drive_scenario import DriveScenario
 from sim_ecu.loop.suites.rails import leaf_stop
@@ -15,8 +13,8 @@ from sim_ecu.physics.sensors import SensorSet
 from sim_ecu.physics.track import SPECTRA
 from sim_ecu.physics.wheelset import Wheelset
 from sim_ecu.play.faults import ALL, KINDS, Fault, Stage
+from sim_ecu.play.vehicles import load_vehicle
 from sim_ecu.score.suites.nominal import either, scattered
-from wrcd.config.settings import read_toml
 
 World = Callable[[DriveScenario, Rng], DriveScenario]
 ONLY_WITH = tuple(WITH[law] for law in LAWS)
@@ -109,7 +107,7 @@ def _wheelset(name: str) -> World:
     """A wheelset that the design is not for, with actuators of the same deceleration."""
 
     def world(s: DriveScenario, _rng: Rng) -> DriveScenario:
-        other: Wheelset = read_brief(read_toml(find(Path(name)))).wheelset
+        other: Wheelset = load_vehicle(name)
         own, a = s.train.wheelset, s.actuators
         k = other.M_v * other.r_0 / (own.M_v * own.r_0)
         torques = ("max_traction_N_m", "max_brake_N_m", "rise_N_m_s", "fall_N_m_s")

@@ -422,7 +422,7 @@ def test_bad_input_is_told_before_anything_is_played(tmp_path: Path, capsys: pyt
     assert main(["score", "--baselines", str(tmp_path / "b.json")]) == 2
     assert "does not belong to this design" in capsys.readouterr().err
     assert main(["score", "--beside", "old.json"]) == 2
-    assert "takes NAME=DESIGN.json" in capsys.readouterr().err
+    assert "takes NAME=DESIGN, not" in capsys.readouterr().err
     assert main(["score", "--beside", f"old={tmp_path / 'none.json'}"]) == 3
     assert main(["score", "--jobs", "0"]) == 2
 
