@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -292,22 +291,16 @@ def simulate(w: Wheelset, c: Condition, seconds: float, tick_s: float) -> Sample
     return sim.advance(drive, _held_speed(c, seconds, tick_s))
 
 
-def simulate_group(
-    w: Wheelset, conditions: Sequence[Condition], seconds: float, tick_s: float, jobs: int = 1
-) -> FloatArray:
-    """Play conditions that share the vehicle's speed, side by side in so many threads. Returns (ticks, OUTPUTS, n)."""
+def simulate_group(w: Wheelset, conditions: Sequence[Condition], seconds: float, tick_s: float) -> FloatArray:
+    """Play conditions that share the vehicle's speed, side by side. Returns (ticks, OUTPUTS, n)."""
     held_speed = _held_speed(conditions[0], seconds, tick_s)
     out = np.empty((len(held_speed), OUTPUTS, len(conditions)))
-
-    def play(batch: Sequence[int]) -> None:
+    # neighbours of like stiffness take steps alike
+    order = np.argsort([-_stiffness(w, c) for c in conditions], kind="stable").tolist()
+    for batch in (order[i : i + BATCH] for i in range(0, len(order), BATCH)):
         sims, drives = zip(*(_ready(w, conditions[i], seconds, tick_s) for i in batch), strict=True)
         together = Command(*(np.concatenate(parts, axis=1) for parts in zip(*drives, strict=True)))
         out[:, :, batch] = advance_side_by_side(sims, together, held_speed)[0].swapaxes(1, 2)
-
-    # neighbours of like stiffness take steps alike
-    order = np.argsort([-_stiffness(w, c) for c in conditions], kind="stable").tolist()
-    with ThreadPoolExecutor(jobs) as pool:
-        list(pool.map(play, [order[i : i + BATCH] for i in range(0, len(order), BATCH)]))
     return out
 
 

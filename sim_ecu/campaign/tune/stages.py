@@ -136,6 +136,7 @@ class _Stages:
             )  # fmt: skip
         design, progress = self._folder / DESIGN, Progress()
         save(design, lambda partly: partly.write_bytes(made.read_bytes()))
+        final.designs.end()
         reference = self._to_reach() or final.every[0].design
         sides = [self._folder / TEST / name for name in ("reference", "tuned")]
         for file, folder in zip((reference, design), sides, strict=True):
