@@ -15,6 +15,7 @@ from sim_ecu.design.make import Brief, in_papers_form
 from sim_ecu.physics.contact import CURVES, CreepCurve
 from sim_ecu.physics.sensors import SENSOR_SETS, SensorSet
 from sim_ecu.physics.wheelset import Wheelset
+from sim_ecu.play.scenario_keys import TITLE
 from sim_ecu.play.vehicles import read_vehicle
 from wrcd.config.describe import made_for
 from wrcd.config.keys import Choice, Number, Whole
@@ -159,6 +160,7 @@ def read_brief(top: Section, form: str | None = None) -> Brief:
         raise d.error(f"must be window_s = {brief.window_s:g}: windows do not grow in the paper's form", "longest_s")
     if 2 * brief.recent_s > brief.window_s:
         raise d.error(f"must not be more than half of window_s = {brief.window_s:g}, is {brief.recent_s:g}", "recent_s")
+    TITLE.read(top)  # a packaged vehicle has one
     for section in (d, p, top):
         section.done()
     return brief
