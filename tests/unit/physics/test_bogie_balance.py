@@ -61,7 +61,7 @@ def test_a_frame_that_cannot_move_holds_its_wheelsets_as_the_ground_does() -> No
         for w, track in ((w, Track(QUALITY["good"], 3)) for w in (Wheelset(), replace(Wheelset(), bogie=heavy)))
     )
     difference = np.abs(held.outputs - alone.outputs)[:, :, :FRAME_YAW_RATE].max(0)
-    assert (difference < 1e-7 * np.abs(alone.outputs)[:, :, :FRAME_YAW_RATE].max(0)).all()
+    assert (difference < 1e-8 * np.abs(alone.outputs)[:, :, :FRAME_YAW_RATE].max(0)).all()
 
 
 def energies_and_powers(
