@@ -54,13 +54,13 @@ _shtab_sim_ecu_control__c_COMPGEN=_wrcd_channels
 _shtab_sim_ecu_control___channel_COMPGEN=_wrcd_channels
 _shtab_sim_ecu_control___config_COMPGEN=_wrcd_file_toml
 _shtab_sim_ecu_control___scenario_COMPGEN=_wrcd_file_all_curves_toml
-_shtab_sim_ecu_design___config_COMPGEN=_wrcd_file_toml
+_shtab_sim_ecu_design___config_COMPGEN=_wrcd_file_high_speed_coach_toml
 _shtab_sim_ecu_design__o_COMPGEN=_wrcd_file_any
 _shtab_sim_ecu_design___output_COMPGEN=_wrcd_file_any
 _shtab_sim_ecu_design___baselines_COMPGEN=_wrcd_file_json
 _shtab_sim_ecu_design___explain_COMPGEN=_wrcd_file_lone_wheelset_json
 _shtab_sim_ecu_contact_pos_0_COMPGEN=_wrcd_file_csv
-_shtab_sim_ecu_tune___config_COMPGEN=_wrcd_file_toml
+_shtab_sim_ecu_tune___config_COMPGEN=_wrcd_file_high_speed_coach_toml
 _shtab_sim_ecu_tune__o_COMPGEN=_shtab_compgen_dirs
 _shtab_sim_ecu_tune___output_COMPGEN=_shtab_compgen_dirs
 _shtab_sim_ecu_tune___against_COMPGEN=_wrcd_file_lone_wheelset_json
@@ -194,6 +194,10 @@ _wrcd_words_loss__() {
 }
 _wrcd_file_any() {
     compgen -f -- "$1"
+}
+_wrcd_file_high_speed_coach_toml() {
+    compgen -W 'high-speed-coach locomotive lone-wheelset manchester-1 metro multiple-unit' -- "$1"
+    _wrcd_files 'toml' "$1"
 }
 _wrcd_file_json() {
     _wrcd_files 'json' "$1"
