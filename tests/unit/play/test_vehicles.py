@@ -3,9 +3,9 @@
 import pytest
 
 from sim_ecu.cli.main import main
-from sim_ecu.design.brief import read_brief
+from sim_ecu.design.brief import read_brief, written
 from sim_ecu.play.vehicles import load_vehicle, packaged_vehicles, vehicle_path, vehicle_title
-from wrcd.config.settings import read_toml
+from wrcd.config.settings import parse_toml, read_toml
 
 
 def test_list_has_a_line_for_each_vehicle_with_its_title_and_its_hunting(capsys: pytest.CaptureFixture[str]) -> None:
@@ -19,5 +19,7 @@ def test_list_has_a_line_for_each_vehicle_with_its_title_and_its_hunting(capsys:
 
 
 @pytest.mark.parametrize("name", packaged_vehicles())
-def test_a_packaged_vehicle_is_a_whole_brief(name: str) -> None:
-    assert read_brief(read_toml(vehicle_path(name))).wheelset == load_vehicle(name)
+def test_a_packaged_vehicle_is_a_brief_that_is_written_and_read_again(name: str) -> None:
+    brief = read_brief(read_toml(vehicle_path(name)))
+    assert brief.wheelset == load_vehicle(name)
+    assert read_brief(parse_toml(written(brief), "brief.toml")) == brief
