@@ -2,8 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from dataclasses import fields as dataclass_fields
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +14,8 @@ from sim_ecu.design.make import Brief, in_papers_form
 from sim_ecu.physics.contact import CURVES, CreepCurve
 from sim_ecu.physics.sensors import SENSOR_SETS, SensorSet
 from sim_ecu.physics.wheelset import Wheelset
-from sim_ecu.play.vehicles import read_vehicle
+from sim_ecu.play.scenario_keys import TITLE
+from sim_ecu.play.vehicles import LONE, read_vehicle
 from wrcd.config.describe import made_for
 from wrcd.config.keys import Choice, Number, Whole
 from wrcd.config.settings import Section
@@ -159,6 +159,7 @@ def read_brief(top: Section, form: str | None = None) -> Brief:
         raise d.error(f"must be window_s = {brief.window_s:g}: windows do not grow in the paper's form", "longest_s")
     if 2 * brief.recent_s > brief.window_s:
         raise d.error(f"must not be more than half of window_s = {brief.window_s:g}, is {brief.recent_s:g}", "recent_s")
+    TITLE.read(top)  # a packaged vehicle has one
     for section in (d, p, top):
         section.done()
     return brief
@@ -217,9 +218,14 @@ def written(brief: Brief, comments: Sequence[str] = ()) -> str:
     """The brief as a file for `--config`. Raises no error: what read_brief does not read keeps its default there."""
     w, plan, points = brief.wheelset, brief.plan, brief.points
     shares = {f"{kind}_share": getattr(plan, f"{kind}_share") for kind in KINDS}
-    fields = {f.name: getattr(w, f.name) for f in dataclass_fields(w)}
-    lines = [*(f"# {c}" for c in comments), "[wheelset]"]
-    lines += [f"{name} = {json.dumps(value)}" for name, value in fields.items()]
+    fields = {"name": w.name, **w.numbers()}
+    lines = [f"# {c}" for c in comments]
+    if w.bogie is None:
+        lines += [f"vehicle = {json.dumps(LONE)}"]
+    else:
+        del fields["M_v"]  # it follows from the masses
+        lines += ["[vehicle]", *(f"{name} = {json.dumps(value)}" for name, value in asdict(w.bogie).items())]
+    lines += ["", "[wheelset]", *(f"{name} = {json.dumps(value)}" for name, value in fields.items())]
     lines += ["", "[design]"]
     lines += [f"{name} = {json.dumps(getattr(brief, name))}" for name in ("form", *NUMBERS, *WHOLES, "polynomial")]
     lines += [

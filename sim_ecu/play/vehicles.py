@@ -34,20 +34,25 @@ def vehicle_path(name: str | Path) -> Path:
     return FOLDER / f"{name}.toml"
 
 
+def vehicle_title(name: str) -> str:
+    """One line about a packaged vehicle, for `sim-ecu list`."""
+    return keys.TITLE.read(read_toml(vehicle_path(name))) or name
+
+
 def load_vehicle(name: str) -> Wheelset:
     """A packaged vehicle's wheelset, with its bogie."""
-    return read_vehicle(read_toml(vehicle_path(name)), LONE)
+    return read_vehicle(read_toml(vehicle_path(name)))
 
 
-def read_vehicle(top: Section, default: str = DEFAULT_VEHICLE) -> Wheelset:
+def read_vehicle(top: Section) -> Wheelset:
     """The vehicle of a file, from `vehicle`, [vehicle] and [wheelset]. Raises InputError."""
     given = top.raw("vehicle")
     if isinstance(given, str) or given is None:
         try:
-            path = vehicle_path(default if given is None else given)
+            path = vehicle_path(DEFAULT_VEHICLE if given is None else given)
         except InputError as e:
             raise top.error(e.reason, "vehicle", e.hint) from None
-        # a packaged vehicle's own file is read with the lone wheelset as the one that it begins with
+        # the lone wheelset's own file names itself, and every other packaged one that or its [vehicle]
         base = Wheelset() if path.stem == LONE else load_vehicle(path.stem)
         bogie = base.bogie
     else:
