@@ -121,6 +121,7 @@ NUMBERS = {
 }  # fmt: skip
 WHOLES = {"grid": (2, 500), "torque_sets": (2, 15), "max_rules": (1, 254)}
 # the score's seeds are far above
+COVERS = ("covers_still", "covers_moved")
 PLAN_WHOLES = {"seed": (0, 1_000), "speeds": (2, 200), "per_speed": (2, 2_000)}
 
 
@@ -135,6 +136,7 @@ def read_brief(top: Section, form: str | None = None) -> Brief:
     if base.form == "paper" and "longest_s" not in d:
         numbers["longest_s"] = numbers["window_s"]
     shares = _given(Number, p, {f"{kind}_share": (0.0, 1.0) for kind in KINDS}, plan)
+    covers = _given(Number, p, dict.fromkeys(COVERS, (0.5, 0.99)), plan)
     if sum(shares.values()) > 1.0:
         raise p.error(f"shares add up to {sum(shares.values()):g}; they must not exceed 1", next(iter(shares)))
     brief = replace(
@@ -150,6 +152,7 @@ def read_brief(top: Section, form: str | None = None) -> Brief:
             plan,
             **_given(Whole, p, PLAN_WHOLES, plan),
             **shares,
+            **covers,
             sensors=Choice("sensors", "", tuple(SENSOR_SETS), plan.sensors).value(p),
         ),
     )
@@ -217,7 +220,7 @@ def moved(p: Point, curve: CreepCurve, creep_of_peak: float) -> Point:
 def written(brief: Brief, comments: Sequence[str] = ()) -> str:
     """The brief as a file for `--config`. Raises no error: what read_brief does not read keeps its default there."""
     w, plan, points = brief.wheelset, brief.plan, brief.points
-    shares = {f"{kind}_share": getattr(plan, f"{kind}_share") for kind in KINDS}
+    shares = {name: getattr(plan, name) for name in (*(f"{kind}_share" for kind in KINDS), *COVERS)}
     fields = {"name": w.name, **w.numbers()}
     lines = [f"# {c}" for c in comments]
     if w.bogie is None:

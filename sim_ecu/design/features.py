@@ -24,10 +24,7 @@ OWN_WORLD = 2.0  # importance of an undisturbed window in the design's own world
 EDGE = 0.3  # importance of a window outside the plan's core
 ENDS = (0.25, 0.5, 0.75, 1.0)  # windows end at these shares of the recording after it has settled
 DISTURBED_ENDS = (0.5, 1.0)
-# Of all training windows so many are to lie inside the interval: half of them are of other worlds or disturbed, and
-# many are short; of whole windows in the design's own world it is then more than 0.9. More where the torque has moved
-# by MOVED decades within half a second, as in slip cycles, and below SLOW_M_S: few windows there make up for others.
-COVERS_STILL, COVERS_MOVED, MOVED, SLOW_M_S = 0.78, 0.88, 0.1, 10.0
+MOVED, SLOW_M_S = 0.1, 10.0  # see Features.covers: decades of the torque within half a second, as in slip cycles
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,12 +47,16 @@ class Features:
         weight = np.where(core, 1.0, EDGE) * (np.clip(speed_m_s, low, high) / high) ** 0.5
         return np.where(self.nominal, OWN_WORLD, 1.0) * weight
 
-    @property
-    def covers(self) -> FloatArray:
-        """(n,) Which quantile of the error the half-width of each window's interval is to be."""
+    def covers(self, plan: Plan) -> FloatArray:
+        """(n,) Which quantile of the error the half-width of each window's interval is to be.
+
+        Half of the training windows are of other worlds or disturbed, and many are short: of whole windows in the own
+        world more lie inside than the plan says. More are to where the torque has moved and below SLOW_M_S: few windows
+        there make up for others.
+        """
         moved = self.inputs[:, SWING].sum(axis=1) > MOVED
         slow = self.inputs[:, 5] < math.log10(SLOW_M_S)
-        return np.where(moved | slow, COVERS_MOVED, COVERS_STILL)
+        return np.where(moved | slow, plan.covers_moved, plan.covers_still)
 
 
 @dataclass(frozen=True, slots=True)

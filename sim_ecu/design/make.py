@@ -17,7 +17,7 @@ from sim_ecu.design.linear import Gains, Point, steady_state
 from sim_ecu.design.paper import PAPER_GRID, PAPER_POINTS, PASS, TORQUE_SETS, PaperRules, fit_paper, output_sets
 from sim_ecu.design.recordings import Recording
 from sim_ecu.design.rules import PAPER_POLYNOMIAL, RuleBase, fit, polynomial
-from sim_ecu.design.worlds import sentences
+from sim_ecu.design.train_worlds import sentences
 from sim_ecu.jobs.pool import Workers
 from sim_ecu.physics.contact import CURVES
 from sim_ecu.physics.sensors import SENSOR_SETS
@@ -116,7 +116,7 @@ def rule_base(brief: Brief, data: Features) -> RuleBase:
     """The rules of the brief's form that fit the data."""
     sets = [len(names) for names in set_names(brief)]
     given = data.inputs, data.mu_pct, sets, brief.max_rules, data.importance(brief.plan), data.condition
-    return fit_paper(*given) if brief.form == "paper" else fit(*given, data.covers, LOWEST)
+    return fit_paper(*given) if brief.form == "paper" else fit(*given, data.covers(brief.plan), LOWEST)
 
 
 def bank(brief: Brief) -> dict[str, Any]:
