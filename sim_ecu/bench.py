@@ -2,7 +2,7 @@
 
     from sim_ecu.bench import Bench
 
-    bench = Bench("brake-greasy", daemon=True)
+    bench = Bench("emergency-greasy", daemon=True)
     for step in bench:
         bench.demand(1, torque_N_m=-8_000.0)
     print(bench.figures())

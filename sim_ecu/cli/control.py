@@ -17,8 +17,8 @@ def _add(p: argparse.ArgumentParser) -> None:
         "--config", type=Path, metavar="FILE", help="the daemon's configuration, which names its adhesion messages"
     )
     p.add_argument(
-        "--scenario", default="brake-greasy", metavar="SCENARIO",
-        help="a scenario to drive, for the facts of its train: axles, masses, actuators (default: brake-greasy)",
+        "--scenario", default="emergency-greasy", metavar="SCENARIO",
+        help="a scenario to drive, for the facts of its train: axles, masses, actuators (default: emergency-greasy)",
     )  # fmt: skip
     p.add_argument("--for", dest="seconds", type=float, metavar="S", help="end after so many seconds")
 

@@ -41,7 +41,7 @@ COMMAND = Subcommand(
     "drive",
     "the rig with its loop open: torque and valves are what a controller on the bus demands",
     (
-        ("sim-ecu drive brake-greasy -c vcan0", "a stop on greasy rail; see `sim-ecu control`"),
+        ("sim-ecu drive emergency-greasy -c vcan0", "a stop on greasy rail; see `sim-ecu control`"),
         ("sim-ecu drive stop.toml -c can0 --json stop.json", "a scenario of your own, and its figures as a document"),
     ),
     _add,

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from wrcd.cli.program import Subcommand
 
-DEFAULT = "brake-greasy"
+DEFAULT = "emergency-greasy"
 
 
 def _add(p: argparse.ArgumentParser) -> None:
@@ -39,7 +39,7 @@ COMMAND = Subcommand(
     "fmu",
     "make an FMU of the rig: FMI 2.0 co-simulation, torque in, sensors and truth out",
     (
-        ("sim-ecu fmu brake-greasy -o greasy.fmu", "a stop on greasy rail, for FMPy and other masters"),
+        ("sim-ecu fmu emergency-greasy -o greasy.fmu", "a stop on greasy rail, for FMPy and other masters"),
         ("sim-ecu fmu my-train.toml -o my-train.fmu", "a scenario to drive of your own"),
     ),
     _add,

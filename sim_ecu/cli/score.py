@@ -11,7 +11,10 @@ from wrcd.resources import DEFAULT_DESIGN
 
 
 def _add(p: argparse.ArgumentParser) -> None:
-    p.add_argument("--suite", choices=(*SUITES, FUSION), help="only this one; fusion is played so alone")
+    p.add_argument(
+        "--suite", choices=(*SUITES, FUSION),
+        help="only this one; fusion is played so alone, with the lone wheelset and its design",
+    )  # fmt: skip
     p.add_argument(
         "--quick", action="store_true", help="a twelfth of the runs, too few to judge most goals: one to two minutes"
     )
@@ -36,14 +39,16 @@ def _run(args: argparse.Namespace) -> int:
     from wrcd.errors import InputError
 
     check_least(args, jobs=1)
-    design = design_path(args.design or DEFAULT_DESIGN)
     if args.suite == FUSION:
         from sim_ecu.loop.fusion.run_fusion import run as run_fusion
+        from sim_ecu.loop.suites.rides import DESIGN
 
         for key, given in (("--baselines", args.baselines), ("--beside", args.beside), ("--html", args.html)):
             if given:
                 raise InputError("is not of the suite fusion", key=key, hint="leave it out: it compares no estimates")
-        return run_fusion(args.quick, args.jobs, design, args.json, args.fail_on)
+        of_wheelset = design_path(args.design or DESIGN)
+        return run_fusion(args.quick, args.jobs, of_wheelset, args.json, args.fail_on)
+    design = design_path(args.design or DEFAULT_DESIGN)
     return run(
         args.suite, args.quick, args.jobs, design, args.baselines, args.beside, args.json, args.html, args.fail_on
     )  # fmt: skip

@@ -214,7 +214,7 @@ class Rig:
 
     def _wheel_m_s(self) -> FloatArray:
         """Each axle's circumferential speed, mean of its wheels."""
-        state = self._simulation.state
+        state = self._simulation.axle_states
         return (state[:, W_R] + state[:, W_L]) * (0.5 * self._radius_m)
 
     def _share(self) -> float:

@@ -12,9 +12,10 @@ from sim_ecu.physics.wheelset import Bogie, Wheelset
 from sim_ecu.play import scenario_keys as keys
 from wrcd.config.settings import Section, read_toml, suggest
 from wrcd.errors import InputError
+from wrcd.resources import DEFAULT_DESIGN
 
 FOLDER = Path(__file__).parent / "vehicles"
-DEFAULT_VEHICLE, LONE = "multiple-unit", "lone-wheelset"
+DEFAULT_VEHICLE, LONE = DEFAULT_DESIGN, "lone-wheelset"  # the default vehicle is that of the default design
 
 
 def packaged_vehicles() -> list[str]:
@@ -61,7 +62,8 @@ def read_vehicle(top: Section) -> Wheelset:
         section.done()
     section = top.section("wheelset")
     if bogie is not None and "M_v" in section:
-        raise section.error("follows from the masses of [vehicle]", "M_v", "leave it out, or change body_mass_kg")
+        hint = f'leave it out, change body_mass_kg, or write vehicle = "{LONE}"'
+        raise section.error("follows from the masses of [vehicle]", "M_v", hint)
     numbers: dict[str, Any] = {key.name: key.of(section, getattr(base, key.name)) for key in keys.PARAMETERS}
     name = keys.NAME.read(section) if "name" in section else base.name
     section.done()

@@ -14,7 +14,7 @@ from wrcd.bus.frame import Frame
 from wrcd.bus.link import LinkHealth
 from wrcd.config.settings import parse_toml
 
-STOP = "brake-greasy"  # the stop of docs/how-to/close-the-loop.md
+STOP = "emergency-greasy"  # the stop of docs/how-to/close-the-loop.md
 # Demands that act at once, a sample late, and half a cycle and a sample late.
 TIMINGS = (Timing(), Timing(delay_us=5000), Timing(phase_us=5000, delay_us=5000))
 EPOCH_US = 1_700_000_000_000_000

@@ -89,11 +89,12 @@ def input_mappings(path: Path | None) -> list[Statement]:
     return all_statements(list(top.sections("axle")), top.section("vehicle"))
 
 
-def load_packaged(axles: int, positions_m: Sequence[float] | None = None) -> Config:
+def load_packaged(axles: int, positions_m: Sequence[float] | None = None, design: str | None = None) -> Config:
     """The default configuration, but of so many axles; with their positions (m), with fusion along the vehicle,
-    which then runs one way."""
+    which then runs one way; with a packaged design instead of the default one."""
     fusion = "" if positions_m is None else f"[fusion]\npositions_m = {list(positions_m)}\none_way = true\n"
-    top = parse_toml(packaged(axles) + fusion, "default configuration", collect=True)
+    estimator = "" if design is None else f'[estimator]\ndesign = "{design}"\n'
+    top = parse_toml(packaged(axles) + fusion + estimator, "default configuration", collect=True)
     return _config(top, Path(), load_dbc, load_design)
 
 

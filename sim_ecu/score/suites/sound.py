@@ -94,9 +94,14 @@ def peak(w: Wheelset, scale: float, lot: Lot = TEST) -> Iterator[Run]:
 
 
 def _packaged(suite: str, group: str, w: Wheelset, scale: float, lot: Lot) -> Iterator[Run]:
-    """A packaged scenario with its own first seeds, which are no lot's: only the score plays it."""
+    """A packaged scenario with its own first seeds, which are no lot's: only the score plays it.
+
+    A lone wheelset's track has alignment alone, as its training had.
+    """
     path = path_of(PACKAGED[group])
     data = tomllib.loads(path.read_text(encoding="utf-8"))
+    if w.bogie is None:
+        data["track"] = "good"
     for seed in range(1, 1 + max(1, round(PACKAGED_SEEDS * scale)) * (lot == TEST)):
         top = Section(data | {"seed": seed}, TomlSource(path, {}, None), ())
         played = replace(read_scenario(top, path.stem), wheelset=w)

@@ -39,7 +39,7 @@ def test_script_of_the_page_stops_the_train_before_a_locked_wheel_does(capsys: p
     assert figures.stopped
     assert figures.max_slip_m_s < 1.0
     before_m = bench.steps[-1].distance_m - figures.stop_m
-    locked = Bench("brake-greasy", controller="none")
+    locked = Bench("emergency-greasy", controller="none")
     enough = (step for step in locked if step.distance_m > before_m + figures.stop_m / 0.9 + 1.0)
     assert next(enough).speed_m_s > locked.scenario.stop_m_s  # it is that far, and still rolls
     assert capsys.readouterr().out.startswith("Figures(slides=")
@@ -77,7 +77,7 @@ def test_valve_as_a_number_is_the_valve(number: int, valve: Valve) -> None:
     pressures = []
     given: Any  # as a script in a hurry writes it
     for given in (number, valve):
-        bench = Bench(scenario("brake-wet", demand=-1.0, actuators={"drive": {"max_brake_N_m": 0.0}}))
+        bench = Bench(scenario("emergency-wet", demand=-1.0, actuators={"drive": {"max_brake_N_m": 0.0}}))
         bench.demand(1, 0.0, Valve.FILL)
         bench.run(0.2)
         bench.demand(1, 0.0, given)
@@ -100,7 +100,7 @@ def test_frame_may_be_used_for_three_cycles_of_its_configuration() -> None:
 
 
 def test_script_of_the_page_brakes_in_full_without_a_daemon_that_may_be_used() -> None:
-    script = blocks()[0].replace('"brake-greasy"', 'scenario("brake-greasy", demand=-0.3, duration_s=0.5)')
+    script = blocks()[0].replace('"emergency-greasy"', 'scenario("emergency-greasy", demand=-0.3, duration_s=0.5)')
     bench = bench_of(script.replace("import Bench", "import Bench, scenario"))  # the daemon has just begun
     assert bench.adhesion(1) is not None
     assert bench.truth(1).torque_N_m == pytest.approx(-0.3 * bench.full_brake_N_m, rel=0.05)

@@ -13,6 +13,7 @@ from sim_ecu.loop.lockstep import Lockstep
 from sim_ecu.loop.rig import LOOP, Rig, Step
 from sim_ecu.loop.rig_messages import BRAKE, TRACTION, NewestFrame, rig_message
 from sim_ecu.loop.suites import cases
+from sim_ecu.loop.suites.rides import DESIGN
 from sim_ecu.physics.actuators import Actuators, Drive
 from sim_ecu.physics.wheelset import Wheelset
 from sim_ecu.play.encoder import Channel, Sent
@@ -90,7 +91,7 @@ def test_wheel_silent_its_axle_pulls_no_more_and_brakes_as_asked(mode: int, sile
 
 def greasy(actuators: Actuators) -> DriveScenario:
     """A stop of the packaged scenario from 12 m/s, the demand after a second."""
-    packaged = load_drive_scenario("brake-greasy")
+    packaged = load_drive_scenario("emergency-greasy")
     train = replace(packaged.train, speed=Course((0.0,), (12.0,)), duration_s=30.0)
     return replace(packaged, train=train, driver=Course((0.0, 1.0, 1.1), (-0.05, -0.05, -1.0)), actuators=actuators)
 
@@ -134,7 +135,7 @@ def test_start_on_leaf_film_gains_speed_without_spinning(law: str) -> None:
 @pytest.fixture
 def scenario() -> DriveScenario:
     """A full brake on greasy rail, from the first moment on."""
-    packaged = load_drive_scenario("brake-greasy")
+    packaged = load_drive_scenario("emergency-greasy")
     train = replace(packaged.train, speed=Course((0.0,), (20.0,)), duration_s=30.0)
     return replace(packaged, train=train, driver=Course((0.0,), (-1.0,)))
 
@@ -176,7 +177,7 @@ def test_locked_wheel_at_start_or_after_silence_rolls_again(
 def test_sound_pair_of_a_slow_stop_on_low_rail_is_not_called_reversed() -> None:
     """Below 10 m/s it goes together no more than it goes against each other."""
     (case,) = cases("braking", "low, known before")
-    low, daemon = case.scenario(0), load_packaged(1)
+    low, daemon = case.scenario(0), load_packaged(1, design=DESIGN)
     run = Lockstep(low, make_controller("thresholds", Facts.of(low), daemon), daemon)
     assert run.core is not None
     doubts = {Doubt(run.core.estimator.identity.doubt[0]) for _ in run}

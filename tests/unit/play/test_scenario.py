@@ -62,12 +62,13 @@ WITH = {
     "drive": RAIL + "[drive]\ntorque_N_m = 0\n@\n",
     "axle.N": RAIL + DRIVE + "[axle.1]\n@\n",
     "fault": RAIL + DRIVE + '[[fault]]\nkind = "bias"\n@\n',
-    **{name: RAIL + DRIVE + f"[{name}]\n@\n" for name in ("wheelset", "sensors", "axlebox")},
+    "wheelset": 'vehicle = "lone-wheelset"\n' + RAIL + DRIVE + "[wheelset]\n@\n",
+    **{name: RAIL + DRIVE + f"[{name}]\n@\n" for name in ("vehicle", "sensors", "axlebox")},
 }
 # which the parser asks for only where they are there, or beside no other
 ONLY_IF_THERE = {
     "": {"axles", "track", "sensors"}, "rail": {"curve"}, "drive": {"utilisation", "creep", "creep_of_peak"},
-    "axle.N": {"rail", "drive", "track", "sensors"}, "fault": {"amount"},
+    "axle.N": {"rail", "drive", "track", "sensors"}, "fault": {"amount"}, "wheelset": {"name"},
 }  # fmt: skip
 
 
@@ -99,7 +100,7 @@ def test_declared_range_is_the_parsers(table: str, key: Measure) -> None:
 
 
 def test_wheelset_of_a_scenario_is_the_one_that_runs() -> None:
-    text = 'duration_s = 2\nrail = [{ curve = "A" }]\ndrive = { utilisation = 0.3 }\n'
+    text = 'vehicle = "lone-wheelset"\nduration_s = 2\nrail = [{ curve = "A" }]\ndrive = { utilisation = 0.3 }\n'
     own, foreign = (
         read_scenario(parse_toml(text + more, "test"), "test")
         for more in ("", '[wheelset]\nname = "metro"\nr_0 = 0.42\nM_v = 10500.0\n')
