@@ -14,6 +14,7 @@ from sim_ecu.play.faults import ALL, DURATION_S, KINDS, SIGNALS
 from wrcd.config.keys import Choice, Flag, Interval, Key, Number, Text, Whole
 from wrcd.config.section import Section
 from wrcd.core.configuration import MAX_AXLES
+from wrcd.resources import DEFAULT_DESIGN
 
 LARGEST = 1e6
 Rows = tuple[tuple[float, ...], tuple[float, ...]]
@@ -101,9 +102,9 @@ DRIVE = Other("drive", "what driver and traction control want", "table", "needed
 AXLEBOX = Other("axlebox", "what the axle box feels besides the track", "table")
 VEHICLE = Other(
     "vehicle",
-    "a packaged vehicle, or a bogie and half a car body: what differs from the default one",
+    "a packaged vehicle, or a bogie and half a car body: what differs from the multiple unit's",
     "name, or table",
-    "multiple-unit",
+    DEFAULT_DESIGN,
 )
 WHEELSET = Other("wheelset", "what differs from the vehicle's wheelset", "table")
 OF_AXLE = Other("axle", "[axle.N]: what differs for one axle", "tables by number")

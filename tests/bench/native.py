@@ -26,7 +26,8 @@ void bank(const double *nodes, int states, int first, double step, const double 
         const double at = speeds[t] / step;
         const int node = (int)at;
         const double share = at - node;
-        const double *below = nodes + (node - first) * MODELS * rows * columns, *above = below + MODELS * rows * columns;
+        const double *below = nodes + (node - first) * MODELS * rows * columns;
+        const double *above = below + MODELS * rows * columns;
         const double *zt = z + t * CHANNELS * n;
         for (int m = 0; m < MODELS; m++) {
             double out[MOST][64];
@@ -90,8 +91,8 @@ class BankLoop:
     def run(self, z: FloatArray, e: FloatArray, w: FloatArray) -> None:
         """z (ticks, 2, n) to e and w (ticks, 4, 2, n), which are written into."""
         self._call(
-            _pointer(self._nodes), self.x.shape[1], self._first, ctypes.c_double(SPEED_STEP), _pointer(self._speeds), len(z), self._n,
-            _pointer(z), _pointer(self.x), _pointer(e), _pointer(w),
+            _pointer(self._nodes), self.x.shape[1], self._first, ctypes.c_double(SPEED_STEP), _pointer(self._speeds),
+            len(z), self._n, _pointer(z), _pointer(self.x), _pointer(e), _pointer(w),
         )  # fmt: skip
 
 

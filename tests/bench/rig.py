@@ -9,14 +9,14 @@ from sim_ecu.physics.contact import CURVES
 from sim_ecu.physics.rail import RailSection, rail_table
 from sim_ecu.physics.simulation import Axle, Simulation, advance_side_by_side
 from sim_ecu.physics.track import SPECTRA, Track
-from sim_ecu.play.vehicles import DEFAULT_VEHICLE, load_vehicle
+from sim_ecu.play.vehicles import load_vehicle
 from tests.bench.timing import Case, Figure, Goal, Row, in_turn, show
 
 TICK_US = 5_000
 SPEED_M_S, UTILISATION = 25.0, 0.5
 SAMPLES = 200  # in one call: a second
 BOGIES = 64
-UNIT = load_vehicle(DEFAULT_VEHICLE)
+UNIT = load_vehicle("multiple-unit")
 
 
 def bogies(curve: str, number: int, seed: int = 1) -> Simulation:
