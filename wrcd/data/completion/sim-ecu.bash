@@ -186,7 +186,7 @@ _wrcd_file_toml() {
     _wrcd_files 'toml' "$1"
 }
 _wrcd_file_all_curves_toml() {
-    compgen -W 'all-curves axle-box curves damp dry four-axles greasy half-wet leaf-patch low six-axles stop-and-go very-low wet' -- "$1"
+    compgen -W 'all-curves axle-box corrugation curves damp dry four-axles greasy half-wet leaf-patch low service-stop six-axles stop-and-go very-low wet' -- "$1"
     _wrcd_files 'toml' "$1"
 }
 _wrcd_words_loss__() {
