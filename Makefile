@@ -134,8 +134,9 @@ format: $(READY)
 
 # the packaged design of the lone wheelset and what a score compares it with, the paper's own form among it; takes minutes
 design: $(READY)
-	$(BIN)/sim-ecu design -o wrcd/data/designs/lone-wheelset.design.json --baselines sim_ecu/data/lone-wheelset.baselines.json
-	$(BIN)/sim-ecu design --form paper -o sim_ecu/data/lone-wheelset.paper.design.json
+	$(BIN)/sim-ecu design --config multiple-unit -o wrcd/data/designs/multiple-unit.design.json
+	$(BIN)/sim-ecu design --config lone-wheelset -o wrcd/data/designs/lone-wheelset.design.json --baselines sim_ecu/data/lone-wheelset.baselines.json
+	$(BIN)/sim-ecu design --config lone-wheelset --form paper -o sim_ecu/data/lone-wheelset.paper.design.json
 
 # the tables of docs/reference/score.md; 30 minutes of processor time, on two cores
 score: $(READY)

@@ -3,6 +3,7 @@
 import argparse
 from pathlib import Path
 
+from sim_ecu.cli.arguments import add_jobs, check_least
 from wrcd.cli.program import Subcommand
 from wrcd.errors import InputError
 from wrcd.resources import DEFAULT_DESIGN
@@ -21,8 +22,8 @@ def _add(p: argparse.ArgumentParser) -> None:
         help="wrcd's own form, or the paper's own, which it is compared with (default: as --config says, else wrcd)",
     )
     p.add_argument("--search", action="store_true", help="has moved: `sim-ecu tune --over noise,weights --played 0`")
-    for gone in ("--budget", "--jobs"):  # a script that still has them gets an error that names the search
-        p.add_argument(gone, metavar="N", help="of the search: has moved with it")
+    p.add_argument("--budget", metavar="N", help="of the search: has moved with it")
+    add_jobs(p)
     p.add_argument(
         "--baselines", type=Path, metavar="OUT.json", help="also make what `sim-ecu score` compares this design with"
     )
@@ -39,18 +40,23 @@ def _run(args: argparse.Namespace) -> int:
         from wrcd.config.packaged_designs import design_path
 
         return explain(design_path(args.explain))
-    if args.search or args.budget is not None or args.jobs is not None:
+    if args.search or args.budget is not None:
         hint = "`sim-ecu tune --over noise,weights --budget 600 --played 0 -o DIR` writes DIR/brief.toml for --config"
         raise InputError("has moved to a command of its own", key="--search", hint=hint)
     if args.output is None:
         raise InputError("is missing", key="-o", hint="name the file to make, or ask for --explain")
+    check_least(args, jobs=1)
     return _make(args)
 
 
 def _make(args: argparse.Namespace) -> int:
-    """Make a design file, and what a score compares it with. Deterministic for one set of library versions."""
+    """Make a design file, and what a score compares it with. Deterministic for one set of library versions. Broken off
+    and begun again, it simulates only what is missing."""
     from sim_ecu.design.brief import read_brief
-    from sim_ecu.design.make import design, write
+    from sim_ecu.design.make import bank, fitted, with_placeholder_rules, write
+    from sim_ecu.design.training_jobs import recorded, remove_parts
+    from sim_ecu.jobs.pool import local
+    from sim_ecu.jobs.store import save
     from sim_ecu.play.vehicles import vehicle_path
     from sim_ecu.reporting.result_files import check_output
     from sim_ecu.score.baselines import learn
@@ -62,11 +68,20 @@ def _make(args: argparse.Namespace) -> int:
     check_output("-o", args.output)
     check_output("--baselines", args.baselines)
     progress = Progress(steps=True)
-    document, recordings = design(brief, progress.at)
-    write(document, args.output)
-    if args.baselines is not None:
-        progress.at("baselines", 0.0)
-        write(learn(load_design(args.output), recordings, brief.plan), args.baselines)
+    parts = args.output.with_name(f"{args.output.name}.parts")
+    started = bank(brief)
+    with_placeholder_rules(started)  # what is no filter is refused before the minutes that it would cost
+    progress.at("gains", 1.0)
+    progress.end()
+    with local(args.jobs) as workers:
+        recordings = recorded(brief.wheelset, brief.plan, brief.tick_s, parts, workers, progress.at)
+        document = fitted(brief, started, recordings, progress.at, workers)
+        save(args.output, lambda partly: write(document, partly))
+        if args.baselines is not None:
+            progress.at("baselines", 0.0)
+            learnt = learn(load_design(args.output), recordings, brief.plan, workers)
+            save(args.baselines, lambda partly: write(learnt, partly))
+    remove_parts(parts)
     progress.end()
     fit = document["fit"]
     print(

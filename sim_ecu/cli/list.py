@@ -8,11 +8,17 @@ from wrcd.cli.program import Subcommand, no_arguments
 if TYPE_CHECKING:
     from sim_ecu.play.scenario import Scenario
 
+FASTEST_M_S, SCAN_M_S = 200.0, 5.0  # hunting of each packaged vehicle, once begun, goes on at every higher speed
+
 
 def _run(_args: argparse.Namespace) -> int:
+    import math
+
     from sim_ecu.loop.drive_scenario import load_drive_scenario
+    from sim_ecu.physics.contact import CURVES
+    from sim_ecu.physics.stability import hunting_speed_m_s
     from sim_ecu.play.scenario import TO_DRIVE, load_scenario, packaged
-    from sim_ecu.play.vehicles import packaged_vehicles
+    from sim_ecu.play.vehicles import load_vehicle, packaged_vehicles, vehicle_title
 
     def show(s: "Scenario", more: str = "") -> None:
         axles = f"{len(s.axles)} axle{'s' * (len(s.axles) > 1)}"
@@ -22,7 +28,10 @@ def _run(_args: argparse.Namespace) -> int:
         show(load_scenario(name))
     for name in packaged(TO_DRIVE):
         show(load_drive_scenario(name).train, ", to drive")
-    print(f"vehicles: {', '.join(packaged_vehicles())}")
+    for name in packaged_vehicles():
+        hunts = hunting_speed_m_s(load_vehicle(name), CURVES["A"], FASTEST_M_S, SCAN_M_S)
+        hunting = f"none below {FASTEST_M_S:g} m/s" if math.isinf(hunts) else f"from {hunts:.1f} m/s"
+        print(f"{name:19} vehicle, hunting on dry rail {hunting}: {vehicle_title(name)}")
     return 0
 
 
@@ -30,7 +39,7 @@ COMMAND = Subcommand(
     "list",
     "the packaged scenarios and vehicles",
     (
-        ("sim-ecu list", "name, length, axles and title of each"),
+        ("sim-ecu list", "name, length, axles and title of each scenario; each vehicle's speed of hunting"),
         ("sim-ecu list | grep axle-box", "one of them"),
     ),
     no_arguments,

@@ -2,8 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from dataclasses import fields as dataclass_fields
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +14,8 @@ from sim_ecu.design.make import Brief, in_papers_form
 from sim_ecu.physics.contact import CURVES, CreepCurve
 from sim_ecu.physics.sensors import SENSOR_SETS, SensorSet
 from sim_ecu.physics.wheelset import Wheelset
-from sim_ecu.play.vehicles import read_vehicle
+from sim_ecu.play.scenario_keys import TITLE
+from sim_ecu.play.vehicles import LONE, read_vehicle
 from wrcd.config.describe import made_for
 from wrcd.config.keys import Choice, Number, Whole
 from wrcd.config.settings import Section
@@ -121,6 +121,7 @@ NUMBERS = {
 }  # fmt: skip
 WHOLES = {"grid": (2, 500), "torque_sets": (2, 15), "max_rules": (1, 254)}
 # the score's seeds are far above
+COVERS = ("covers_still", "covers_moved")
 PLAN_WHOLES = {"seed": (0, 1_000), "speeds": (2, 200), "per_speed": (2, 2_000)}
 
 
@@ -135,6 +136,7 @@ def read_brief(top: Section, form: str | None = None) -> Brief:
     if base.form == "paper" and "longest_s" not in d:
         numbers["longest_s"] = numbers["window_s"]
     shares = _given(Number, p, {f"{kind}_share": (0.0, 1.0) for kind in KINDS}, plan)
+    covers = _given(Number, p, dict.fromkeys(COVERS, (0.5, 0.99)), plan)
     if sum(shares.values()) > 1.0:
         raise p.error(f"shares add up to {sum(shares.values()):g}; they must not exceed 1", next(iter(shares)))
     brief = replace(
@@ -150,6 +152,7 @@ def read_brief(top: Section, form: str | None = None) -> Brief:
             plan,
             **_given(Whole, p, PLAN_WHOLES, plan),
             **shares,
+            **covers,
             sensors=Choice("sensors", "", tuple(SENSOR_SETS), plan.sensors).value(p),
         ),
     )
@@ -159,6 +162,7 @@ def read_brief(top: Section, form: str | None = None) -> Brief:
         raise d.error(f"must be window_s = {brief.window_s:g}: windows do not grow in the paper's form", "longest_s")
     if 2 * brief.recent_s > brief.window_s:
         raise d.error(f"must not be more than half of window_s = {brief.window_s:g}, is {brief.recent_s:g}", "recent_s")
+    TITLE.read(top)  # a packaged vehicle has one
     for section in (d, p, top):
         section.done()
     return brief
@@ -216,10 +220,15 @@ def moved(p: Point, curve: CreepCurve, creep_of_peak: float) -> Point:
 def written(brief: Brief, comments: Sequence[str] = ()) -> str:
     """The brief as a file for `--config`. Raises no error: what read_brief does not read keeps its default there."""
     w, plan, points = brief.wheelset, brief.plan, brief.points
-    shares = {f"{kind}_share": getattr(plan, f"{kind}_share") for kind in KINDS}
-    fields = {f.name: getattr(w, f.name) for f in dataclass_fields(w)}
-    lines = [*(f"# {c}" for c in comments), "[wheelset]"]
-    lines += [f"{name} = {json.dumps(value)}" for name, value in fields.items()]
+    shares = {name: getattr(plan, name) for name in (*(f"{kind}_share" for kind in KINDS), *COVERS)}
+    fields = {"name": w.name, **w.numbers()}
+    lines = [f"# {c}" for c in comments]
+    if w.bogie is None:
+        lines += [f"vehicle = {json.dumps(LONE)}"]
+    else:
+        del fields["M_v"]  # it follows from the masses
+        lines += ["[vehicle]", *(f"{name} = {json.dumps(value)}" for name, value in asdict(w.bogie).items())]
+    lines += ["", "[wheelset]", *(f"{name} = {json.dumps(value)}" for name, value in fields.items())]
     lines += ["", "[design]"]
     lines += [f"{name} = {json.dumps(getattr(brief, name))}" for name in ("form", *NUMBERS, *WHOLES, "polynomial")]
     lines += [

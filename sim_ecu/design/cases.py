@@ -2,19 +2,18 @@
 
 import math
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_ecu.design import worlds
+from sim_ecu.design import train_worlds as worlds
 from sim_ecu.physics.contact import CreepCurve, curve_between, peak, traction_ratio
 from sim_ecu.physics.rail import BLEND_M, RailSection, rail_table
 from sim_ecu.physics.sensors import SENSOR_SETS, SensorSet, drawn
 from sim_ecu.physics.simulation import Axle, Samples, Simulation, advance_side_by_side
 from sim_ecu.physics.track import SPECTRA, Spectrum, Track
-from sim_ecu.physics.wheelset import LANES, OUTPUTS, Command, Wheelset
+from sim_ecu.physics.wheelset import GRAVITY, LANES, OUTPUTS, Command, Wheelset
 
 FloatArray = NDArray[np.float64]
 SEEDS_PER_PLAN = 1_000_003  # seeds of a plan begin at its own seed times this
@@ -36,6 +35,7 @@ TO_COASTING = 0.4  # of the torques that turn, those that end at 0
 # Little torque is common on dry rails, and rare as the end of a slippery one's: of the coasting and turning conditions
 # so many are dry, with a friction of so much.
 ON_DRY, DRY = 0.5, (0.25, 0.65)
+COASTS_ALONE = 0.3  # of a train's coasting conditions: those without any torque
 TURN_S, TURN_TAKES_S = (0.5, 2.5), (0.3, 4.0)  # when a torque turns, and how long it takes
 UNSATURATED, END_SHARE = 0.5, (0.25, 0.95)  # of the rails that get worse: those that carry such a share of their peak
 NOISE_FACTORS = (0.6, 2.2)  # of sensors noisier or quieter than their kind
@@ -102,6 +102,9 @@ class Plan:
     worlds: bool = True  # whether there are conditions in worlds that differ
     settle_s: float = 1.5
     seconds: float = 3.5
+    # Which quantile of the error an interval is to be, see `Features.covers`.
+    covers_still: float = 0.78
+    covers_moved: float = 0.88
     # where the estimate matters most; windows elsewhere weigh EDGE
     core_speeds: tuple[float, float] = (8.0, 52.0)
     core_utilisation: float = 0.14
@@ -178,7 +181,10 @@ def _one(plan: Plan, w: Wheelset, v: float, seed: int, rng: np.random.Generator)
                 cycle_rise=drawn(CYCLE_RISE), limit_of_peak=drawn(TORQUE_LIMIT),
             )  # fmt: skip
         case "coasting":
-            return replace(steady, utilisation=0.0)
+            if w.bogie is None or rng.random() < COASTS_ALONE:
+                return replace(steady, utilisation=0.0)
+            most = worlds.COASTING * worlds.BRAKES_M_S2 / GRAVITY / peak(v, w.contact, *curve.row())[1]
+            return replace(steady, utilisation=min(most, 1.0) * float(rng.uniform(-1.0, 1.0)))
         case "turning":
             to = 0.0 if rng.random() < TO_COASTING else sign * drawn(plan.utilisation_range)
             begins = drawn(TURN_S)
@@ -292,22 +298,16 @@ def simulate(w: Wheelset, c: Condition, seconds: float, tick_s: float) -> Sample
     return sim.advance(drive, _held_speed(c, seconds, tick_s))
 
 
-def simulate_group(
-    w: Wheelset, conditions: Sequence[Condition], seconds: float, tick_s: float, jobs: int = 1
-) -> FloatArray:
-    """Play conditions that share the vehicle's speed, side by side in so many threads. Returns (ticks, OUTPUTS, n)."""
+def simulate_group(w: Wheelset, conditions: Sequence[Condition], seconds: float, tick_s: float) -> FloatArray:
+    """Play conditions that share the vehicle's speed, side by side. Returns (ticks, OUTPUTS, n)."""
     held_speed = _held_speed(conditions[0], seconds, tick_s)
     out = np.empty((len(held_speed), OUTPUTS, len(conditions)))
-
-    def play(batch: Sequence[int]) -> None:
+    # neighbours of like stiffness take steps alike
+    order = np.argsort([-_stiffness(w, c) for c in conditions], kind="stable").tolist()
+    for batch in (order[i : i + BATCH] for i in range(0, len(order), BATCH)):
         sims, drives = zip(*(_ready(w, conditions[i], seconds, tick_s) for i in batch), strict=True)
         together = Command(*(np.concatenate(parts, axis=1) for parts in zip(*drives, strict=True)))
         out[:, :, batch] = advance_side_by_side(sims, together, held_speed)[0].swapaxes(1, 2)
-
-    # neighbours of like stiffness take steps alike
-    order = np.argsort([-_stiffness(w, c) for c in conditions], kind="stable").tolist()
-    with ThreadPoolExecutor(jobs) as pool:
-        list(pool.map(play, [order[i : i + BATCH] for i in range(0, len(order), BATCH)]))
     return out
 
 

@@ -1,17 +1,16 @@
 """From recordings, through the train's own estimator, to what its rules are made from."""
 
 import math
-import os
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from multiprocessing import get_context
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sim_ecu.design.cases import Plan, Progress
 from sim_ecu.design.recordings import Recording
+from sim_ecu.jobs.pool import Workers
+from sim_ecu.jobs.whole import each
 from wrcd.estimator.bank import BoolArray
 from wrcd.estimator.design import MODELS, Design
 from wrcd.estimator.estimator import Estimator, step_through
@@ -21,16 +20,11 @@ from wrcd.estimator.rule_inputs import SWING
 from wrcd.estimator.window import BLOCK_TICKS
 
 FloatArray = NDArray[np.float64]
-WORKERS = 2
-FEW = 4  # recordings that are not worth the start of processes
 OWN_WORLD = 2.0  # importance of an undisturbed window in the design's own world: it is the likeliest
 EDGE = 0.3  # importance of a window outside the plan's core
 ENDS = (0.25, 0.5, 0.75, 1.0)  # windows end at these shares of the recording after it has settled
 DISTURBED_ENDS = (0.5, 1.0)
-# Of all training windows so many are to lie inside the interval: half of them are of other worlds or disturbed, and
-# many are short; of whole windows in the design's own world it is then more than 0.9. More where the torque has moved
-# by MOVED decades within half a second, as in slip cycles, and below SLOW_M_S: few windows there make up for others.
-COVERS_STILL, COVERS_MOVED, MOVED, SLOW_M_S = 0.78, 0.88, 0.1, 10.0
+MOVED, SLOW_M_S = 0.1, 10.0  # see Features.covers: decades of the torque within half a second, as in slip cycles
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,12 +47,16 @@ class Features:
         weight = np.where(core, 1.0, EDGE) * (np.clip(speed_m_s, low, high) / high) ** 0.5
         return np.where(self.nominal, OWN_WORLD, 1.0) * weight
 
-    @property
-    def covers(self) -> FloatArray:
-        """(n,) Which quantile of the error the half-width of each window's interval is to be."""
+    def covers(self, plan: Plan) -> FloatArray:
+        """(n,) Which quantile of the error the half-width of each window's interval is to be.
+
+        Half of the training windows are of other worlds or disturbed, and many are short: of whole windows in the own
+        world more lie inside than the plan says. More are to where the torque has moved and below SLOW_M_S: few windows
+        there make up for others.
+        """
         moved = self.inputs[:, SWING].sum(axis=1) > MOVED
         slow = self.inputs[:, 5] < math.log10(SLOW_M_S)
-        return np.where(moved | slow, COVERS_MOVED, COVERS_STILL)
+        return np.where(moved | slow, plan.covers_moved, plan.covers_still)
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,26 +114,23 @@ def lengths_of(design: Design) -> tuple[float, ...]:
 
 def features(
     design: Design, recordings: Sequence[Recording], plan: Plan, progress: Progress = quietly, seed: int = 0,
-    workers: int = WORKERS,
+    workers: Workers | None = None,
 ) -> tuple[Features, Steps]:  # fmt: skip
     """Windows of random length out of every recording, undisturbed and disturbed. Of the design only the bank is used.
     In the paper's form they are all of the one length that it has, and undisturbed.
 
     The steps are those of undisturbed windows in the design's own world, on a rail that does not change.
-    workers: processes; with 1, or for few recordings, there is none but the caller's.
+    workers: whose processes do it; None: the caller's does. Raises Stopped where one of them cannot.
     """
     first = np.cumsum([0, *(r.z.shape[2] for r in recordings)])
     jobs = [(design, plan, r, [plan.seed, 2, seed, k], int(first[k])) for k, r in enumerate(recordings)]
-    if workers == 1 or len(jobs) <= FEW:
+    if workers is None:
         return _joined([_windows(job) for job in jobs])
-    parts: list[tuple[Features, Steps]] = []
-    # products of small matrices: threads of BLAS in every worker would only wait for each other
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    with ProcessPoolExecutor(workers, mp_context=get_context("forkserver")) as pool:
-        for k, part in enumerate(pool.map(_windows, jobs)):
-            parts.append(part)
-            progress("residuals", (k + 1) / len(jobs))
-    return _joined(parts)
+    parts = {}
+    for place, part in each(_windows, jobs, workers, [f"residuals of {r.speed_m_s[0]:.1f} m/s" for r in recordings]):
+        parts[place] = part
+        progress("residuals", len(parts) / len(jobs))
+    return _joined([parts[place] for place in range(len(jobs))])
 
 
 def _joined(parts: Sequence[tuple[Features, Steps]]) -> tuple[Features, Steps]:

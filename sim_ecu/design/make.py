@@ -15,9 +15,10 @@ from sim_ecu.design.cases import Plan, Progress
 from sim_ecu.design.features import Features, Steps, features
 from sim_ecu.design.linear import Gains, Point, steady_state
 from sim_ecu.design.paper import PAPER_GRID, PAPER_POINTS, PASS, TORQUE_SETS, PaperRules, fit_paper, output_sets
-from sim_ecu.design.recordings import Recording, record
+from sim_ecu.design.recordings import Recording
 from sim_ecu.design.rules import PAPER_POLYNOMIAL, RuleBase, fit, polynomial
-from sim_ecu.design.worlds import sentences
+from sim_ecu.design.train_worlds import sentences
+from sim_ecu.jobs.pool import Workers
 from sim_ecu.physics.contact import CURVES
 from sim_ecu.physics.sensors import SENSOR_SETS
 from sim_ecu.physics.wheelset import Wheelset
@@ -97,17 +98,12 @@ def in_papers_form(brief: Brief) -> Brief:
     )  # fmt: skip
 
 
-def design(brief: Brief, progress: Progress) -> tuple[dict[str, Any], list[Recording]]:
-    """The design document, and the recordings it is made from. Minutes; deterministic for one set of libraries."""
-    document = bank(brief)
-    progress("gains", 1.0)
-    recordings = record(brief.wheelset, brief.plan, brief.tick_s, progress)
-    return fitted(brief, document, recordings, progress), recordings
-
-
-def fitted(brief: Brief, document: dict[str, Any], recordings: list[Recording], progress: Progress) -> dict[str, Any]:
-    """The document of a bank with the rule base that recordings give it."""
-    data, steps = features(with_placeholder_rules(document), recordings, brief.plan, progress)
+def fitted(
+    brief: Brief, document: dict[str, Any], recordings: list[Recording], progress: Progress,
+    workers: Workers | None = None,
+) -> dict[str, Any]:  # fmt: skip
+    """The document of a bank with the rule base that recordings give it. workers: as of `features`."""
+    data, steps = features(with_placeholder_rules(document), recordings, brief.plan, progress, workers=workers)
     rules = rule_base(brief, data)
     document = document | fuzzy_part(brief, rules, data) | {"changes": changes(brief, steps)}
     document["fit"] = fit_report(rules, data)
@@ -120,7 +116,7 @@ def rule_base(brief: Brief, data: Features) -> RuleBase:
     """The rules of the brief's form that fit the data."""
     sets = [len(names) for names in set_names(brief)]
     given = data.inputs, data.mu_pct, sets, brief.max_rules, data.importance(brief.plan), data.condition
-    return fit_paper(*given) if brief.form == "paper" else fit(*given, data.covers, LOWEST)
+    return fit_paper(*given) if brief.form == "paper" else fit(*given, data.covers(brief.plan), LOWEST)
 
 
 def bank(brief: Brief) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from sim_ecu.physics.inertial import InertialStream
 from sim_ecu.physics.wheelset import MU_AVAILABLE, TORQUE, Wheelset
 
 FloatArray = NDArray[np.float32]
+SIMULATING = "simulating conditions"  # what goes on meanwhile
 SPEED_TICKS = 4  # the speed comes every so many ticks
 # What an axle box feels in the disturbed copies: vibration above the band and in it, joints; m/s2, from … to.
 VIBRATION, WHITE, JOINTS = (0.01, 1.2), (0.003, 0.15), (0.1, 2.5)
@@ -35,18 +36,22 @@ class Recording:
 
 
 def record(
-    w: Wheelset, plan: Plan, tick_s: float, progress: Progress, jobs: int = 2, groups: Sequence[Group] | None = None
+    w: Wheelset, plan: Plan, tick_s: float, progress: Progress, groups: Sequence[Group] | None = None
 ) -> list[Recording]:
-    """Simulate the conditions (the long part: minutes) and add the sensors' noise. groups: others than the plan's, of
-    which then only the seed of the noise and the length count."""
+    """Record all groups, in this process. groups: others than the plan's, of which then only the seed of the noise and
+    the length count."""
     groups = draw(plan, w) if groups is None else groups
     out = []
     for k, group in enumerate(groups):
-        rng = np.random.default_rng([plan.seed, 1, k])
-        outputs = simulate_group(w, group.conditions, plan.seconds, tick_s, jobs)
-        out.append(_measured(group, outputs, tick_s, rng))
-        progress("simulating conditions", (k + 1) / len(groups))
+        out.append(record_group(w, plan, tick_s, group, k))
+        progress(SIMULATING, (k + 1) / len(groups))
     return out
+
+
+def record_group(w: Wheelset, plan: Plan, tick_s: float, group: Group, place: int) -> Recording:
+    """Simulate the group at a place of a plan (the long part: seconds) and add the sensors' noise."""
+    outputs = simulate_group(w, group.conditions, plan.seconds, tick_s)
+    return _measured(group, outputs, tick_s, np.random.default_rng([plan.seed, 1, place]))
 
 
 def _measured(group: Group, y: NDArray[np.float64], tick_s: float, rng: np.random.Generator) -> Recording:

@@ -131,7 +131,7 @@ class FitAccuracy:
         """See above. What is in use is available: no estimate lies below it."""
         brief = replace(brief, grid=GRID, max_rules=min(brief.max_rules, MAX_RULES))
         plan = self.brief.plan
-        data, _ = features(with_placeholder_rules(bank(brief)), self.recordings, plan, workers=1)
+        data, _ = features(with_placeholder_rules(bank(brief)), self.recordings, plan)
         fresh = data.condition % VALIDATED == 0
         rules, others = rule_base(brief, some(data, ~fresh)), some(data, fresh)
         guess = np.maximum(rules.mu_pct(others.inputs), 100.0 * 10.0 ** others.inputs[:, MODELS])
@@ -190,7 +190,7 @@ def objective(brief: Brief, seed: int, progress: Progress = quietly) -> Objectiv
     brief = replace(brief, plan=plan)
     if brief.form == "paper":
         return matching(brief, min(HELD_TRACKS, plan.per_speed), progress)
-    return FitAccuracy(brief, record(brief.wheelset, plan, brief.tick_s, progress, jobs=1))
+    return FitAccuracy(brief, record(brief.wheelset, plan, brief.tick_s, progress))
 
 
 def matching(brief: Brief, tracks: int, progress: Progress) -> Matching:

@@ -1,11 +1,12 @@
 """All of many runs, for a report that must not look whole where it is not: what is missing is named."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 from sim_ecu.jobs.job import Ending
-from sim_ecu.jobs.pool import local, run
+from sim_ecu.jobs.pool import RESUMES, Stopped, Workers, local, run
 from wrcd.errors import InputError, Status
 from wrcd.progress import Progress
 
@@ -66,6 +67,22 @@ def every(function: Callable[[T], R], jobs: Sequence[T], pieces: Sequence[Piece]
     finally:
         progress.end()
     return WholeRun(results, [missing[place] for place in sorted(missing)])
+
+
+def each(
+    function: Callable[[T], R], jobs: Sequence[T], workers: Workers, names: Sequence[str]
+) -> Iterator[tuple[int, R]]:
+    """Yield place and value of every job as it ends. Raises Stopped, after the last, where some failed twice: by their
+    names."""
+    failed: list[str] = []
+    with closing(run(function, jobs, workers)) as ends:
+        for o in ends:
+            if o.ending is Ending.DONE:
+                yield o.place, o.value  # type: ignore[misc]  # it is done: a value
+            else:
+                failed.append(f"  {names[o.place]}: {o.error}")
+    if failed:
+        raise Stopped("\n".join([f"{len(failed)} of {len(jobs)} jobs failed twice:", *failed]), hint=RESUMES)
 
 
 def left_out(missing: Sequence[Missing], suites: Iterable[str]) -> dict[str, list[str]]:

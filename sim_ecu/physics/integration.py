@@ -177,13 +177,15 @@ class Rides(NamedTuple):
 
 
 @compiled
-def _read_track(b: FloatArray, j: int, rides: Rides, i: int, at_m: float) -> None:
-    """The irregularity under lane j, which is axle i, at a place."""
-    base, first, before, x = rides.base[i], rides.first_node[i], rides.before[i], at_m - rides.start[i]
-    b[TRACK + j] = between_nodes(rides.nodes, base, first, before, x, ALIGNMENT)
-    if rides.rolls[i]:
-        b[LEVEL + j] = between_nodes(rides.nodes, base, first, before, x, CROSS_LEVEL)
-        b[GAUGE + j] = between_nodes(rides.nodes, base, first, before, x, GAUGE_COLUMN)
+def _read_track(
+    b: FloatArray, j: int, nodes: FloatArray, base: int, first: int, before: int, x: float, rolls: bool
+) -> None:
+    """The irregularity under lane j at a place, x from its track's first node. It takes what it needs of `Rides`, not
+    the whole: to hand over that many arrays takes longer than the rest."""
+    b[TRACK + j] = between_nodes(nodes, base, first, before, x, ALIGNMENT)
+    if rolls:
+        b[LEVEL + j] = between_nodes(nodes, base, first, before, x, CROSS_LEVEL)
+        b[GAUGE + j] = between_nodes(nodes, base, first, before, x, GAUGE_COLUMN)
 
 
 @compiled
@@ -192,7 +194,8 @@ def _roll(b: FloatArray, j: int, rides: Rides, i: int) -> float:
     place on it."""
     at_m = b[BEGIN + _DISTANCE + j] + rides.position[i]
     read_rail(rides.rails, rides.first_rail[i], rides.first_rail[i + 1], at_m, b, R + j, LANES)
-    _read_track(b, j, rides, i, at_m)
+    _read_track(b, j, rides.nodes, rides.base[i], rides.first_node[i], rides.before[i], at_m - rides.start[i],
+                rides.rolls[i])  # fmt: skip
     displaced = b[BEGIN + Y * LANES + j] - b[TRACK + j]
     roll: float = b[R + CANT * LANES + j] + b[LEVEL + j] + b[_GAMMA + j] / b[_L_G + j] * displaced
     return roll
@@ -222,6 +225,8 @@ def integrate(
     leader, head, size = np.full(LANES, -1), np.zeros(LANES, np.int64), np.zeros(LANES, np.int64)
     rolled = np.zeros(LANES)
     shortest = int(np.ceil(sample_s / MAX_STEP_S))
+    nodes, base, first_node, before = rides.nodes, rides.base, rides.first_node, rides.before
+    start, rolls = rides.start, rides.rolls
     for first in range(0, axles, LANES):
         n = min(LANES, axles - first)
         peaks = np.zeros((n, PEAK_COLUMNS))
@@ -294,7 +299,7 @@ def integrate(
                         at = b[X + _DISTANCE + j] + rides.position[i]
                         if rides.first_rail[i + 1] - rides.first_rail[i] > 1:
                             read_rail(rides.rails, rides.first_rail[i], rides.first_rail[i + 1], at, b, R + j, LANES)
-                        _read_track(b, j, rides, i, at)
+                        _read_track(b, j, nodes, base[i], first_node[i], before[i], at - start[i], rolls[i])
                     if braked:
                         _brake(b, busy, holds, drive, weight[k])
                     derivatives(b, busy, leader, head, size)

@@ -60,15 +60,17 @@ def system_matrix(w: Wheelset, curve: CreepCurve, speed_m_s: float) -> FloatArra
     return matrix / (2 * SMALL)
 
 
-def hunting_speed_m_s(w: Wheelset, curve: CreepCurve, up_to_m_s: float = 200.0) -> float:
-    """The lowest speed, to a centimetre per second, from which on a disturbance grows; infinite if none up to there."""
+def hunting_speed_m_s(w: Wheelset, curve: CreepCurve, up_to_m_s: float = 200.0, scan_m_s: float = SCAN_M_S) -> float:
+    """The lowest speed, to a centimetre per second, from which on a disturbance grows; infinite if none up to there.
+
+    scan_m_s: a range of speeds narrower than this may be missed."""
 
     def grows(speed_m_s: float) -> bool:
         return bool(np.linalg.eigvals(system_matrix(w, curve, speed_m_s)).real.max() > SETTLED_1_S)
 
-    for fast in np.arange(5.0, up_to_m_s + SCAN_M_S, SCAN_M_S).tolist():
+    for fast in np.arange(5.0, up_to_m_s + scan_m_s, scan_m_s).tolist():
         if grows(fast):
-            slow = fast - SCAN_M_S
+            slow = fast - scan_m_s
             while fast - slow > 0.01:
                 middle = 0.5 * (slow + fast)
                 slow, fast = (slow, middle) if grows(middle) else (middle, fast)

@@ -14,6 +14,7 @@ from sim_ecu.play.faults import ALL, DURATION_S, KINDS, SIGNALS
 from wrcd.config.keys import Choice, Flag, Interval, Key, Number, Text, Whole
 from wrcd.config.section import Section
 from wrcd.core.configuration import MAX_AXLES
+from wrcd.resources import DEFAULT_DESIGN
 
 LARGEST = 1e6
 Rows = tuple[tuple[float, ...], tuple[float, ...]]
@@ -101,9 +102,9 @@ DRIVE = Other("drive", "what driver and traction control want", "table", "needed
 AXLEBOX = Other("axlebox", "what the axle box feels besides the track", "table")
 VEHICLE = Other(
     "vehicle",
-    "a packaged vehicle, or a bogie and half a car body: what differs from the default one",
+    "a packaged vehicle, or a bogie and half a car body: what differs from the multiple unit's",
     "name, or table",
-    "multiple-unit",
+    DEFAULT_DESIGN,
 )
 WHEELSET = Other("wheelset", "what differs from the vehicle's wheelset", "table")
 OF_AXLE = Other("axle", "[axle.N]: what differs for one axle", "tables by number")
@@ -119,8 +120,8 @@ _OF_WHEELSET = {
     "r_0": ("m", "nominal wheel radius"),
     "L_g": ("m", "half gauge"),
     "gamma": ("", "conicity"),
-    "k_w": ("N m/rad", "yaw stiffness"),
-    "M_v": ("kg", "vehicle mass that it carries; the load of a wheel is half of its weight"),
+    "k_w": ("N m/rad", "yaw stiffness to the ground; of a lone wheelset alone"),
+    "M_v": ("kg", "vehicle mass that it carries, twice a wheel's load; in a bogie it follows from the masses"),
     "I_R": ("kg m²", "inertia of the driven (right) wheel with its drive"),
     "I_L": ("kg m²", "of the other wheel"),
     "k_s": ("N m/rad", "torsional stiffness of the shaft"),
@@ -153,7 +154,7 @@ _OF_VEHICLE = {
     "flange_N_m": ("N/m", "its stiffness"),
 }
 VEHICLE_PARAMETERS = tuple(
-    Measure(name, what, 0.0 if "damping" in name else 1e-3, 1e15, getattr(Bogie(), name), unit=unit)
+    Measure(name, what, 0.0 if "damping" in name else 1e-9, 1e15, getattr(Bogie(), name), unit=unit)
     for name, (unit, what) in _OF_VEHICLE.items()
 )
 

@@ -12,9 +12,10 @@ from sim_ecu.physics.wheelset import Bogie, Wheelset
 from sim_ecu.play import scenario_keys as keys
 from wrcd.config.settings import Section, read_toml, suggest
 from wrcd.errors import InputError
+from wrcd.resources import DEFAULT_DESIGN
 
 FOLDER = Path(__file__).parent / "vehicles"
-DEFAULT_VEHICLE, LONE = "multiple-unit", "lone-wheelset"
+DEFAULT_VEHICLE, LONE = DEFAULT_DESIGN, "lone-wheelset"  # the default vehicle is that of the default design
 
 
 def packaged_vehicles() -> list[str]:
@@ -34,20 +35,25 @@ def vehicle_path(name: str | Path) -> Path:
     return FOLDER / f"{name}.toml"
 
 
+def vehicle_title(name: str) -> str:
+    """One line about a packaged vehicle, for `sim-ecu list`."""
+    return keys.TITLE.read(read_toml(vehicle_path(name))) or name
+
+
 def load_vehicle(name: str) -> Wheelset:
     """A packaged vehicle's wheelset, with its bogie."""
-    return read_vehicle(read_toml(vehicle_path(name)), LONE)
+    return read_vehicle(read_toml(vehicle_path(name)))
 
 
-def read_vehicle(top: Section, default: str = DEFAULT_VEHICLE) -> Wheelset:
+def read_vehicle(top: Section) -> Wheelset:
     """The vehicle of a file, from `vehicle`, [vehicle] and [wheelset]. Raises InputError."""
     given = top.raw("vehicle")
     if isinstance(given, str) or given is None:
         try:
-            path = vehicle_path(default if given is None else given)
+            path = vehicle_path(DEFAULT_VEHICLE if given is None else given)
         except InputError as e:
             raise top.error(e.reason, "vehicle", e.hint) from None
-        # a packaged vehicle's own file is read with the lone wheelset as the one that it begins with
+        # the lone wheelset's own file names itself, and every other packaged one that or its [vehicle]
         base = Wheelset() if path.stem == LONE else load_vehicle(path.stem)
         bogie = base.bogie
     else:

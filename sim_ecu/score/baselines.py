@@ -17,6 +17,7 @@ from sim_ecu.design.cases import Plan
 from sim_ecu.design.features import Features, estimator_alone, features
 from sim_ecu.design.recordings import Recording
 from sim_ecu.design.rules import HELD
+from sim_ecu.jobs.pool import Workers
 from sim_ecu.physics.compiled import compiled
 from wrcd.errors import InputError
 from wrcd.estimator.design import Design
@@ -179,9 +180,10 @@ class Regressor:
         return np.asarray(x[:, 0])
 
 
-def learn(design: Design, recordings: list[Recording], plan: Plan) -> dict[str, Any]:
-    """Return the baselines' document: fitted to the recordings that the design was fitted to."""
-    network = _network(features(design, recordings, plan)[0])
+def learn(design: Design, recordings: list[Recording], plan: Plan, workers: Workers | None = None) -> dict[str, Any]:
+    """Return the baselines' document: fitted to the recordings that the design was fitted to. workers: as of
+    `features`."""
+    network = _network(features(design, recordings, plan, workers=workers)[0])
     return {"format": FORMAT, "design": design.checksum} | ({} if network is None else {"regressor": network})
 
 

@@ -1,1 +1,1 @@
-"""`make bench`: what the daemon costs, beside what its peers cost. Measures and prints; asserts nothing."""
+"""`make bench`: what the daemon costs beside its peers, and the rig. Measures and prints; asserts nothing."""

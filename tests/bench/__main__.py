@@ -17,7 +17,7 @@ MARKER, END = (
     "<!-- measured: make bench -->\n",
     "<!-- end of what was measured -->\n",
 )  # of a page's part that is measured
-PARTS = ("bank", "frames", "core", "start", "replay")
+PARTS = ("bank", "frames", "core", "start", "replay", "rig")
 
 
 def main() -> int:
@@ -54,7 +54,7 @@ def main() -> int:
 
 
 def _parts(before: Path | None) -> "dict[str, Callable[[], Iterator[Row]]]":
-    from tests.bench import bank, core, frames, replay, start
+    from tests.bench import bank, core, frames, replay, rig, start
 
     return {
         "bank": bank.rows,
@@ -62,6 +62,7 @@ def _parts(before: Path | None) -> "dict[str, Callable[[], Iterator[Row]]]":
         "core": lambda: core.rows(before),
         "start": start.rows,
         "replay": lambda: replay.rows(before),
+        "rig": rig.rows,
     }
 
 

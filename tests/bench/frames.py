@@ -59,7 +59,7 @@ class Ours:
         config = load_config(None)
         self._link = PairLink(end)
         self._receiver = Receiver(config.database, [i.source for i in config.inputs])
-        self._inputs = Inputs(config)
+        self._inputs = Inputs(config, self._receiver.ends)
         self._writer = Writer(find_message(config.database, "Adhesion_A1"))
         self.rejected = 0
         # the train moves: whether a sensor stands still is looked at

@@ -10,40 +10,42 @@ from pathlib import Path
 import numpy as np
 
 from wrcd.estimator.bank import SPEED_STEP, SpeedTable
-from wrcd.estimator.design import CHANNELS, MODELS, STATES, Design, FloatArray, closed_loop
+from wrcd.estimator.design import CHANNELS, MODELS, Design, FloatArray, closed_loop
 
 SOURCE = r"""
 #include <string.h>
 
-enum { MODELS = 4, STATES = 5, CHANNELS = 2, ROWS = STATES + 2 * CHANNELS, COLS = STATES + CHANNELS };
+enum { MODELS = 4, CHANNELS = 2, MOST = 32 };
 
 /* out = M [x; z] for every model, M linear between nodes; all arrays are (…, axles) in C order */
-void bank(const double *nodes, int first, double step, const double *speeds, int ticks, int n, const double *z,
-          double *x, double *e, double *w)
+void bank(const double *nodes, int states, int first, double step, const double *speeds, int ticks, int n,
+          const double *z, double *x, double *e, double *w)
 {
+    const int rows = states + 2 * CHANNELS, columns = states + CHANNELS;
     for (int t = 0; t < ticks; t++) {
         const double at = speeds[t] / step;
         const int node = (int)at;
         const double share = at - node;
-        const double *below = nodes + (node - first) * MODELS * ROWS * COLS, *above = below + MODELS * ROWS * COLS;
+        const double *below = nodes + (node - first) * MODELS * rows * columns;
+        const double *above = below + MODELS * rows * columns;
         const double *zt = z + t * CHANNELS * n;
         for (int m = 0; m < MODELS; m++) {
-            double out[ROWS][64];
-            for (int r = 0; r < ROWS; r++) {
+            double out[MOST][64];
+            for (int r = 0; r < rows; r++) {
                 for (int a = 0; a < n; a++)
                     out[r][a] = 0.0;
-                for (int c = 0; c < COLS; c++) {
-                    const int i = (m * ROWS + r) * COLS + c;
+                for (int c = 0; c < columns; c++) {
+                    const int i = (m * rows + r) * columns + c;
                     const double f = below[i] + share * (above[i] - below[i]);
-                    const double *v = c < STATES ? x + (m * STATES + c) * n : zt + (c - STATES) * n;
+                    const double *v = c < states ? x + (m * states + c) * n : zt + (c - states) * n;
                     for (int a = 0; a < n; a++)
                         out[r][a] += f * v[a];
                 }
             }
-            for (int r = 0; r < ROWS; r++) {
-                double *to = r < STATES ? x + (m * STATES + r) * n
-                    : r < STATES + CHANNELS ? e + ((t * MODELS + m) * CHANNELS + r - STATES) * n
-                    : w + ((t * MODELS + m) * CHANNELS + r - STATES - CHANNELS) * n;
+            for (int r = 0; r < rows; r++) {
+                double *to = r < states ? x + (m * states + r) * n
+                    : r < states + CHANNELS ? e + ((t * MODELS + m) * CHANNELS + r - states) * n
+                    : w + ((t * MODELS + m) * CHANNELS + r - states - CHANNELS) * n;
                 memcpy(to, out[r], n * sizeof *to);
             }
         }
@@ -67,7 +69,7 @@ def library() -> ctypes.CDLL | None:
 
 
 def fused(design: Design, speed_m_s: float) -> FloatArray:
-    """(4, 9, 7): rows x' = A x + B z; e = z - H x; w = W e, as in wrcd/estimator/bank.py."""
+    """(4, s + 4, s + 2): rows x' = A x + B z; e = z - H x; w = W e, as in wrcd/estimator/bank.py."""
     tables = closed_loop(design.Phi, design.K, design.H), design.Phi @ design.K, design.H, design.whiten
     A, B, H, W = (SpeedTable(t, design.speeds_m_s).at(speed_m_s) for t in tables)
     eye = np.broadcast_to(np.eye(CHANNELS), (MODELS, CHANNELS, CHANNELS))
@@ -84,13 +86,13 @@ class BankLoop:
         self._first = int(speeds_m_s.min() / SPEED_STEP)
         last = int(speeds_m_s.max() / SPEED_STEP) + 1
         self._nodes = np.array([fused(design, i * SPEED_STEP) for i in range(self._first, last + 1)])
-        self.x = np.zeros((MODELS, STATES, axles))
+        self.x = np.zeros((MODELS, design.states, axles))
 
     def run(self, z: FloatArray, e: FloatArray, w: FloatArray) -> None:
         """z (ticks, 2, n) to e and w (ticks, 4, 2, n), which are written into."""
         self._call(
-            _pointer(self._nodes), self._first, ctypes.c_double(SPEED_STEP), _pointer(self._speeds), len(z), self._n,
-            _pointer(z), _pointer(self.x), _pointer(e), _pointer(w),
+            _pointer(self._nodes), self.x.shape[1], self._first, ctypes.c_double(SPEED_STEP), _pointer(self._speeds),
+            len(z), self._n, _pointer(z), _pointer(self.x), _pointer(e), _pointer(w),
         )  # fmt: skip
 
 

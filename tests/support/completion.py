@@ -9,10 +9,10 @@ from pathlib import Path
 
 import shtab
 
-import sim_ecu
 from sim_ecu.cli.main import SIM_ECU
 from sim_ecu.play.faults import KINDS
 from sim_ecu.play.scenario import packaged
+from sim_ecu.play.vehicles import packaged_vehicles
 from wrcd import resources
 from wrcd.cli.completion import FILES
 from wrcd.cli.main import WRCD
@@ -21,7 +21,6 @@ from wrcd.config import declared
 from wrcd.config.packaged_designs import packaged_designs
 
 PROGRAMS = (WRCD, SIM_ECU)
-WHEELSETS = sorted(p.stem for p in (Path(sim_ecu.__file__).parent / "design/wheelsets").glob("*.toml"))
 LOGS = "log gz asc blf trc csv db mf4"
 SUFFIXES = {"config": "toml", "dbc": "dbc", "baselines": "json"}  # by the argument's name
 # what shtab has no word for: words and files of some kind, and the CAN interfaces of this computer
@@ -89,7 +88,7 @@ def _complete(action: argparse.Action, functions: dict[str, str]) -> None:
     elif action.type is not Path:
         return
     elif metavar == "RIG.toml":
-        words, suffixes = WHEELSETS, "toml"
+        words, suffixes = packaged_vehicles(), "toml"
     else:
         named = re.search(r"\.(\w+)$", metavar)
         suffixes = SUFFIXES.get(action.dest) or (LOGS if metavar == "LOG" else named[1] if named else "*")

@@ -14,6 +14,7 @@ import argparse
 import contextlib
 import io
 import itertools
+import math
 import re
 import shlex
 import sys
@@ -29,9 +30,12 @@ from sim_ecu.campaign.kind import Factor, Kind, Metric
 from sim_ecu.cli import main as rig_cli
 from sim_ecu.loop import drive_scenario as drive_keys
 from sim_ecu.loop.fmu.plant import VALID, variables
+from sim_ecu.physics.contact import CURVES
+from sim_ecu.physics.stability import hunting_speed_m_s
 from sim_ecu.physics.track import SPECTRA, deviation
 from sim_ecu.physics.wheelset import GRAVITY
 from sim_ecu.play import scenario_keys
+from sim_ecu.play.vehicles import load_vehicle, packaged_vehicles
 from sim_ecu.reporting.verdicts import MISSED, counted
 from tests.support.bus_load import table as load_table
 from tests.support.statuses import STATUSES
@@ -65,6 +69,7 @@ MAX_OF_A_FAMILY = 4  # figures of a kind whose names begin alike: more of them a
 NUMBERED = re.compile(r"_A\d+$")
 # What a comment of the DBC says of one input or of another; messages() has such signals in one row.
 OF_AN_INPUT = re.compile(r"(Whether|of) the (?:yaw rate|lateral acceleration|torque|vehicle speed)( is past|:| within)")
+HUNTS_ON = "ABCD"  # creep curves
 WORD_BITS = 8  # a shorter signal with a value table takes no other values
 MANY_WORDS = 10  # of a value table: it is printed once
 Row = tuple[object, ...]
@@ -281,7 +286,7 @@ def key_rows(keys: Iterable[Key]) -> list[str]:
 
 def _takes(text: str) -> str:
     """Any positive number is no range that one reads."""
-    return "> 0," if text == "1e-09 … 1e+15" else f"{text},"
+    return {"1e-09 … 1e+15": "> 0,", "0 … 1e+15": "≥ 0,"}.get(text, f"{text},")
 
 
 def drive_scenario(which: str = "") -> list[str]:
@@ -299,6 +304,18 @@ def tracks() -> list[str]:
         rows.append((f"`{name}`", f"{1e3 * deviation(of.alignment):.2f}", *cells))
     head = ("track", "alignment, 3 to 25 m, mm", "cross-level, mrad", "g × roll, m/s²", "gauge, mm")
     return table(head, rows)
+
+
+def vehicles() -> list[str]:
+    """The packaged vehicles, and the speed from which each hunts, by creep curve."""
+    rows: list[Row] = []
+    for name in packaged_vehicles():
+        w = load_vehicle(name)
+        hunts = (hunting_speed_m_s(w, CURVES[letter], scan_m_s=5.0) for letter in HUNTS_ON)
+        base = f"{w.bogie.wheelbase_m:.2f}" if w.bogie else "–"
+        cells = ("–" if math.isinf(v) else f"{v:.1f}" for v in hunts)
+        rows.append((f"`{name}`", f"{1e-3 * w.M_v:.1f}", base, f"{w.gamma:g}", *cells))
+    return table(("vehicle", "on a wheelset, t", "wheelbase, m", "conicity", *HUNTS_ON), rows)
 
 
 def bus_load() -> list[str]:
@@ -450,6 +467,7 @@ MAKERS: dict[str, Callable[..., list[str]]] = {
     "scenario": scenario,
     "drive-scenario": drive_scenario,
     "tracks": tracks,
+    "vehicles": vehicles,
     "fmu-variables": fmu_variables,
     "accuracy": accuracy,
     "campaign-keys": lambda: key_rows(factors.HEAD),

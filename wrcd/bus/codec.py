@@ -56,6 +56,12 @@ class Receiver:
         return tuple(sorted(self.readers))
 
     @property
+    def ends(self) -> list[tuple[float, float]]:
+        """Of every source, from which values on (SI, lower and upper) it stands at an end of its range."""
+        found = {signal.number: signal.ends for reader in self.readers.values() for signal in reader.signals}
+        return [found[number] for number in range(len(found))]
+
+    @property
     def fd(self) -> bool:
         """Whether any of them is CAN FD."""
         return any(reader.fd for reader in self.readers.values())

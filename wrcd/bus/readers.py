@@ -9,10 +9,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wrcd.bus.dbc import Message, find_signal
+from wrcd.bus.dbc import Message, Signal, find_signal
 from wrcd.bus.e2e import Checker
 from wrcd.bus.frame import Frame
-from wrcd.bus.positions import Branch, Field, Numbers, Order, common_order, fit_raw, frame_length, is_fd
+from wrcd.bus.positions import Branch, Field, Numbers, Order, common_order, fit_raw, frame_length, is_fd, span
 from wrcd.bus.reasons import Reason
 from wrcd.bus.signals import Source, StatusRule
 from wrcd.bus.statuses import KeptStatus, SenderStatus
@@ -20,6 +20,7 @@ from wrcd.bus.units import Quantity, factor
 from wrcd.bus.words import is_reverse, no_measurement
 
 MAX_BITS = 52  # of a raw value that a float holds exactly, whatever its scale does
+FLOAT_STEP = 1e-6  # of an end: what a number of 32 bits may miss of it
 MAX_COMBINED = 64  # sets of good statuses of a message that are recognised at one look
 OF_WHOLE_FRAME = frozenset(
     {Reason.KIND, Reason.LENGTH, Reason.CRC, Reason.DATA_ID, Reason.REPEAT, Reason.COUNTER, Reason.TWO_SENDERS}
@@ -60,6 +61,7 @@ class SignalReader:
         self._choices = {fit_raw(signal, int(raw)): label for raw, label in (signal.choices or {}).items()}
         self.unusable = {raw for raw, label in self._choices.items() if no_measurement(label)}
         self.unusable |= {fit_raw(signal, raw) for raw in source.invalid}
+        self.ends = (-math.inf, math.inf) if source.quantity is Quantity.DIRECTION else self._ends(signal, low, high)
         self._limit = source.quantity.limit
         self._positive = source.quantity in (Quantity.AXLE_LOAD, Quantity.WHEEL_RADIUS)
         self._is_direction, self._reverse = source.quantity is Quantity.DIRECTION, source.reverse
@@ -68,6 +70,28 @@ class SignalReader:
         within = within and max(abs(self.low), abs(self.high)) * abs(self.factor) <= self._limit
         words = any(self.low <= raw * self.scale + self.offset <= self.high for raw in self.unusable)
         self.is_simple = within and not (words or self._is_direction or self._positive)
+
+    def _ends(self, signal: Signal, low: Any, high: Any) -> tuple[float, float]:
+        """The SI values from which on one stands at the lower or the upper end of the range, and the truth may lie
+        beyond; infinite where there is no end.
+
+        The range is low to high (physical; None: open), or what the field can hold where that is less, words that are
+        no measurement aside. An end takes half a step. 0 is none: a train that stands is there.
+        """
+        first = -math.inf if low is None else float(low)
+        last = math.inf if high is None else float(high)
+        within_first, within_last = (abs(x) * FLOAT_STEP if math.isfinite(x) else 0.0 for x in (first, last))
+        if not signal.is_float:
+            lowest, highest = span(signal)
+            while lowest in self.unusable:
+                lowest += 1
+            while highest in self.unusable:
+                highest -= 1
+            field = sorted(float(raw * self.scale + self.offset) for raw in (lowest, highest))
+            first, last = max(first, field[0]), min(last, field[1])
+            within_first = within_last = 0.5 * abs(float(self.scale))
+        lower, upper = sorted(((first + within_first) * self.factor, (last - within_last) * self.factor))
+        return lower if lower < 0.0 else -math.inf, upper if upper > 0.0 else math.inf
 
     def read(self, raw: Any) -> float | Reason:
         """The value of a raw one."""

@@ -21,6 +21,11 @@ class Quantity(Enum):
     def __init__(self, key: str, unit: str, limit: float) -> None:
         self.key, self.unit, self.limit = key, unit, limit
 
+    @property
+    def words(self) -> str:
+        """The key as a person reads it: yaw rate."""
+        return self.key.replace("_", " ")
+
 
 _FACTORS: dict[str, dict[str, float]] = {
     "rad/s": {"rad/s": 1.0, "deg/s": math.pi / 180, "mrad/s": 1e-3, "rpm": math.pi / 30, "1/min": math.pi / 30},

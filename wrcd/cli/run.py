@@ -87,7 +87,7 @@ def _run(args: argparse.Namespace) -> int:
         link.close()
     counts = core.counts
     log_line(
-        f"stopped; {counts.accepted} frames accepted, rejected: {counts.rejections}; "
+        f"stopped; {counts.accepted} frames accepted, rejected: {counts.rejections}; clipped: {counts.clippings}; "
         f"{core.health.overruns} overruns, {counts.late} late frames, {counts.time_steps} steps of time"
     )
     return 0

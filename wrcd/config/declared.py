@@ -89,7 +89,10 @@ SIGN = Sign("sign", "-1: the other way round than the picture of signs and axes"
 UNIT = Text("unit", "the signal's unit, instead of the DBC's")
 SCALE = Number("scale", "a raw value's weight in that unit, instead of the DBC's", -math.inf, math.inf, nonzero=True)
 OFFSET = Number("offset", "what is added to it, instead of the DBC's", -math.inf, math.inf)
-RANGE = Interval("range", "values in that unit beyond which a frame is refused, instead of the DBC's")
+RANGE = Interval(
+    "range",
+    "values in that unit beyond which a frame is refused, instead of the DBC's; gyro and accelerometer clip there",
+)
 TIMEOUT = Whole(
     "timeout_ms",
     "after how long it is stale, instead of the DBC's; of gyro and accelerometer at most three ticks",

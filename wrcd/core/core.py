@@ -104,7 +104,7 @@ class Core:
         self._period_us = round(config.design.tick_s * 1e6)
         self._open = None
         self._begin_us = self._end_us = NEVER  # of the open tick
-        self._inputs = Inputs(config)
+        self._inputs = Inputs(config, self.receiver.ends)
         self._tick = self._inputs.close_tick(0)  # the newest that was closed
         self._block = Block(n)
         self._validity = ValidityMonitor(config.design.window_ticks, n)
@@ -191,9 +191,15 @@ class Core:
         if stamp_us < self._begin_us:
             self.counts.late += 1
         for sample in samples:
-            self._inputs.accept(sample, stamp_us)
+            if self._inputs.accept(sample, stamp_us):
+                self._count_clipped(sample)
         if self._observer is not None:
             self._observer.accepted(samples, stamp_us)
+
+    def _count_clipped(self, sample: Sample) -> None:
+        source = self.config.inputs[sample.source].source
+        for place in source.axles:
+            self.counts.clipped[self.config.axles[place].number, source.quantity.words] += 1
 
     def advance(self, now_us: int) -> list[Outgoing]:
         """Time has come to now_us and every frame stamped before it has been fed: close the ticks that are over.

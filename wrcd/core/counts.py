@@ -18,6 +18,8 @@ class Counts:
     rejected: Counter[Reason] = field(default_factory=Counter)
     # the same by message, for the log
     rejected_by_message: Counter[tuple[str, Reason]] = field(default_factory=Counter, compare=False)
+    # measurements at an end of their range, which were not used, by axle (its number) and quantity in words; likewise
+    clipped: Counter[tuple[int, str]] = field(default_factory=Counter, compare=False)
     late: int = 0  # arrived after their tick was closed: used in the tick that was open
     time_steps: int = 0
     restarts: int = 0  # axles started anew: absurd measurements that went on, a speed that jumped
@@ -34,6 +36,12 @@ class Counts:
     def rejections(self) -> str:
         """The rejections by reason, for a person."""
         return ", ".join(f"{n} {reason}" for reason, n in sorted(self.rejected.items())) or "none"
+
+    @property
+    def clippings(self) -> str:
+        """The clipped measurements by axle and quantity, for a person."""
+        named = (f"{n} axle {axle} {quantity}" for (axle, quantity), n in sorted(self.clipped.items()))
+        return ", ".join(named) or "none"
 
     @property
     def seen(self) -> int:

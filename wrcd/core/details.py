@@ -191,7 +191,7 @@ class Details:
 
 
 def _words(quantity: int) -> str:
-    return QUANTITIES[quantity].key.replace("_", " ")
+    return QUANTITIES[quantity].words
 
 
 def _listed(texts: Sequence[str]) -> str:

@@ -36,7 +36,7 @@ class JitterBuffer:
         self.used_us = [NEVER] * places
 
     def put(self, place: int, value: float, stamp_us: int) -> None:
-        """A measurement has come."""
+        """A measurement has come; NaN: one that is not to be used, and has its tick all the same."""
         self._waiting[place].append((value, stamp_us))
 
     def take(self) -> tuple[list[float], list[bool] | None]:
@@ -44,8 +44,7 @@ class JitterBuffer:
         values, present, used_us, surplus = [], None, self.used_us, self._surplus_ticks
         for place, waiting in enumerate(self._waiting):
             if waiting:
-                value, used_us[place] = waiting.popleft()
-                values.append(value)
+                value, stamp_us = waiting.popleft()
                 if waiting:
                     surplus[place] += 1
                     if surplus[place] >= self._patience:
@@ -53,12 +52,16 @@ class JitterBuffer:
                         surplus[place] = 0
                 elif surplus[place]:
                     surplus[place] = 0
+                if value == value:  # not NaN
+                    values.append(value)
+                    used_us[place] = stamp_us
+                    continue
             else:
-                values.append(0.0)
                 surplus[place] = 0
-                if present is None:
-                    present = [True] * len(self._waiting)
-                present[place] = False
+            values.append(0.0)
+            if present is None:
+                present = [True] * len(self._waiting)
+            present[place] = False
         return values, present
 
     def reset(self) -> None:

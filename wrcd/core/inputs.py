@@ -71,8 +71,10 @@ class Inputs:
     _speed_jumped: bool = False  # in the open tick
     _reverse: bool = False  # whether an axle runs backwards
 
-    def __init__(self, config: Config) -> None:
+    def __init__(self, config: Config, ends: Sequence[tuple[float, float]]) -> None:
+        """ends: of each of the configuration's inputs, the values from which on it is clipped (Receiver.ends)."""
         n, design = len(config.axles), config.design
+        self._ends = ends
         self._axles, self._design = n, design
         self._quantity, rows = rows_of(config)
         size = len(self._quantity) * n
@@ -82,7 +84,7 @@ class Inputs:
         self._quantities: list[int] = []  # likewise
         self._stuck_checks = {}
         self._jump_checks = {}
-        for i, row in zip(config.inputs, rows, strict=True):
+        for i, row, end in zip(config.inputs, rows, ends, strict=True):
             q = i.source.quantity
             places = tuple(row * n + axle for axle in i.source.axles)
             self._places.append(places)
@@ -91,7 +93,7 @@ class Inputs:
             for place in places:
                 self._timeout_us[place] = i.timeout_us
             if q in STUCK_CHECKED:
-                self._stuck_checks[places[0]] = StuckCheck()
+                self._stuck_checks[places[0]] = StuckCheck(end)
             elif q in MAX_STEP:
                 self._jump_checks[places[0]] = JumpCheck(MAX_STEP[q], i.timeout_us)
         self._mapped = sorted(mapped)
@@ -187,16 +189,19 @@ class Inputs:
                 if reason is Reason.TWO_SENDERS:
                     self.contested[place] = True
 
-    def accept(self, s: Sample, stamp_us: int) -> None:
-        """A sample of an accepted frame."""
+    def accept(self, s: Sample, stamp_us: int) -> bool:
+        """A sample of an accepted frame. Return whether it is clipped: a measurement at an end of its range, which is
+        there in time, and which no tick uses, for nobody knows how much larger the truth is."""
         source, value, degraded, contested = s
         quantity = self._quantities[source]
+        low, high = self._ends[source]
+        clipped = quantity <= LAT and not low < value < high
         for place in self._places[source]:
             self._stamp_us[place] = stamp_us
             self.reach.accept(place, stamp_us)
             self.degraded[place], self.contested[place] = degraded, contested
             if quantity <= LAT:
-                self._jitter_buffer.put(place, value, stamp_us)
+                self._jitter_buffer.put(place, math.nan if clipped else value, stamp_us)
             else:
                 self._value[place] = value
         if quantity > LAT:
@@ -214,6 +219,7 @@ class Inputs:
                     axle = place % self._axles
                     if self.total(TORQUE, axle) > self._dead_Nm:
                         self._traction_us[axle] = stamp_us
+        return clipped
 
     def _turn(self, reverse: bool) -> None:
         """Note which way the train runs, where only its speed's sign says so."""

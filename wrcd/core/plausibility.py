@@ -40,7 +40,9 @@ class StuckCheck:
     _share: float
     _frames: float
 
-    def __init__(self) -> None:
+    def __init__(self, ends: tuple[float, float] = (-math.inf, math.inf)) -> None:
+        """ends: the values from which on it is clipped."""
+        self._ends = ends
         self._share, self._frames = FIRST_SHARE, FIRST_FRAMES
         self.reset()
 
@@ -55,10 +57,11 @@ class StuckCheck:
         if value == self.value and moving:
             self.run += 1
             return Reason.STUCK if self.run >= MIN_RUN and self.run >= self._longest(STUCK) else None
-        if self.run:
-            self._learn(self.run)
-        else:  # it moves, as it should: what was learnt otherwise fades
+        low, high = self._ends
+        if not self.run:  # it moves, as it should: what was learnt otherwise fades
             self._share += (FIRST_SHARE - self._share) / FADING_FRAMES
+        elif low < self.value < high:  # clipped, it repeats itself, however fine it is
+            self._learn(self.run)
         self.run, self._changed_us, self.value = 0, stamp_us, value
         return None
 

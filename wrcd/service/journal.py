@@ -4,6 +4,7 @@ import sys
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeVar
 
 from wrcd.bus.codec import message_key
 from wrcd.bus.dbc import find_message
@@ -16,6 +17,7 @@ from wrcd.core.core import Core
 from wrcd.core.events import Change, Events
 
 EVERY_US = 1_000_000
+T = TypeVar("T")
 
 
 def is_due(next_us: int, now_us: int) -> bool:
@@ -67,7 +69,7 @@ def _more(n: int) -> str:
     return f" ({n} more in the last second)" if n else ""
 
 
-MAX_REASONS = 6  # in one line
+MAX_REASONS = 6  # in one line; likewise of what is clipped
 MAX_IDS = 3
 STATES: dict[LinkState, str] = {
     "Up": "the CAN link is up",
@@ -118,6 +120,7 @@ class CounterLog:
         self._state: LinkState = "Up"
         self._state_next_us = dict.fromkeys(STATES, 0)
         self._refused: Counter[tuple[str, Reason]] = Counter()
+        self._clipped: Counter[tuple[int, str]] = Counter()
         self._rejected_next_us = 0
         self._changes = ChangeLines(core.events, write)
         self._foreign: Counter[int] = Counter()  # as reported
@@ -140,6 +143,7 @@ class CounterLog:
         if is_due(self._rejected_next_us, now_us):
             self._rejected_next_us = now_us + EVERY_US
             self._log_rejected()
+            self._log_clipped()
         if self._link.health.foreign_frames != self._foreign.total() and is_due(self._foreign_next_us, now_us):
             self._foreign_next_us = now_us + EVERY_US
             self._log_foreign()
@@ -161,11 +165,22 @@ class CounterLog:
         rejected_by_message = self._core.counts.rejected_by_message
         if new := rejected_by_message - self._refused:
             self._refused = rejected_by_message.copy()
-            why = [f"{reason} {message} {n}" for (message, reason), n in new.most_common(MAX_REASONS)]
-            rest = new.total() - sum(n for _, n in new.most_common(MAX_REASONS))
-            self._write(
-                f"rejected {new.total()} frames in the last second: {', '.join(why)}" + f", others {rest}" * (rest > 0)
-            )
+            why = _most(new, lambda of: f"{of[1]} {of[0]}")
+            self._write(f"rejected {new.total()} frames in the last second: {why}")
+
+    def _log_clipped(self) -> None:
+        clipped = self._core.counts.clipped
+        if new := clipped - self._clipped:
+            self._clipped = clipped.copy()
+            which = _most(new, lambda of: f"axle {of[0]} {of[1]}")
+            self._write(f"left out {new.total()} clipped samples of the last second: {which}")
+
+
+def _most(new: Counter[T], named: Callable[[T], str]) -> str:
+    """What is most of some counts, each named, and the sum of the others."""
+    most = new.most_common(MAX_REASONS)
+    rest = new.total() - sum(n for _, n in most)
+    return ", ".join(f"{named(of)} {n}" for of, n in most) + f", others {rest}" * (rest > 0)
 
 
 def sent_messages(config: Config) -> dict[int, str]:

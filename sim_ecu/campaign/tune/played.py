@@ -23,7 +23,7 @@ GRID, DROPS, DRY = "grid", "drops", "dry-hours"
 # suites and shares of their runs: the first of each
 TRAINING = ((GRID, 0.15), (DROPS, 0.15), (DRY, 0.06))
 TEST = ((GRID, 0.4), (DROPS, 0.6), (DRY, 0.2))
-STATES, SECTION = 5, 9  # of a model; operations of a second-order section
+SECTION = 9  # operations of a second-order section
 WINDOWS = 3  # that every answer is made of: the longest, the usual, the newest part
 
 
@@ -93,7 +93,7 @@ class PlayedFigures:
 def operations(design: Design) -> int:
     """Count multiplications and additions of an axle's tick: four filters, the band, and an answer every fourth tick,
     over all rules and their slopes."""
-    step = 2 * (STATES * STATES + 2 * STATES * CHANNELS + CHANNELS * CHANNELS)
+    step = 2 * (design.states**2 + 2 * design.states * CHANNELS + CHANNELS**2)
     band = SECTION * CHANNELS * len(design.lowpass)
     rule = INPUTS + 2 * 2 * COLUMNS
     return MODELS * (step + band) + round(WINDOWS * len(design.rules) * rule / BLOCK_TICKS)

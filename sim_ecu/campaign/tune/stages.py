@@ -3,7 +3,7 @@
 import json
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import Any
@@ -21,7 +21,7 @@ from sim_ecu.jobs.pool import Workers, local
 from sim_ecu.jobs.store import Store, save
 from sim_ecu.reporting.table import Table
 from sim_ecu.reporting.values import plain
-from wrcd import resources
+from wrcd.config.packaged_designs import design_path, packaged_designs
 from wrcd.errors import InputError, Status
 from wrcd.estimator.design import load_design
 from wrcd.progress import Progress
@@ -136,6 +136,7 @@ class _Stages:
             )  # fmt: skip
         design, progress = self._folder / DESIGN, Progress()
         save(design, lambda partly: partly.write_bytes(made.read_bytes()))
+        final.designs.end()
         reference = self._to_reach() or final.every[0].design
         sides = [self._folder / TEST / name for name in ("reference", "tuned")]
         for file, folder in zip((reference, design), sides, strict=True):
@@ -154,15 +155,18 @@ class _Stages:
         return Status.DONE if what in (Outcome.BEATS, Outcome.EQUALS) else Status.STOPPED
 
     def _to_reach(self) -> Path | None:
-        """What the tuned design is to reach: as requested, or the packaged one of its form; None for another wheelset
-        or tick than that is for: then it is the start."""
+        """What the tuned design is to reach: as requested, or the packaged one of its form and vehicle; None where none
+        is for them and the tick: then it is the start."""
         if self._tuning.against is not None:
             return self._tuning.against
         brief = self._tuning.start
-        packaged = rig.PAPER_DESIGN if brief.form == "paper" else resources.DESIGN
-        source = load_source(packaged)
-        same = source.wheelset == brief.wheelset and source.design.tick_s == brief.tick_s
-        return packaged if same else None
+        every = [rig.PAPER_DESIGN] if brief.form == "paper" else [design_path(name) for name in packaged_designs()]
+        for packaged in every:
+            source = load_source(packaged)
+            like = replace(source.wheelset, name=brief.wheelset.name) == brief.wheelset
+            if like and source.design.tick_s == brief.tick_s:
+                return packaged
+        return None
 
     def _write_brief(self, brief: Brief, comments: list[str]) -> None:
         tuning = self._tuning

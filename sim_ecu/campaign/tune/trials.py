@@ -17,11 +17,12 @@ from sim_ecu.design.brief import written
 from sim_ecu.design.cases import FloatArray
 from sim_ecu.design.cases import Progress as At
 from sim_ecu.design.make import Brief, bank, fitted, write
-from sim_ecu.design.recordings import Recording, record
+from sim_ecu.design.recordings import Recording
 from sim_ecu.design.search import Objective, error_of, minimise, objective
 from sim_ecu.design.space import BY_RECORDINGS, BY_RUNS, brief_at, parameters, vector
+from sim_ecu.design.training_jobs import recorded, remove_parts
 from sim_ecu.jobs.job import Ending, Job, JobRow, code
-from sim_ecu.jobs.pool import Workers
+from sim_ecu.jobs.pool import Stopped, Workers
 from sim_ecu.jobs.store import Store, save
 from wrcd.errors import InputError
 from wrcd.progress import Progress
@@ -117,7 +118,7 @@ def search(
     return sorted(unique.values(), key=lambda c: c.error)
 
 
-DESIGNS, PLAYED = "designs", "played"  # folders
+DESIGNS, PLAYED, PARTS = "designs", "played", "parts"  # folders; the last one in that of the designs
 FINALISTS = 3  # of the first stage that are played; the rest of what may be played are windows of the best of them
 WINDOW_STEP = 0.5
 # Conditions of a design that is played to be compared: a quarter of the shipped one's. The one that is chosen is made
@@ -138,8 +139,8 @@ class Designs:
     Raises InputError where the folder or a file cannot be written.
     """
 
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
+    def __init__(self, folder: Path, workers: Workers) -> None:
+        self._folder, self._workers = folder, workers
         self._recordings: tuple[Brief, list[Recording]] | None = None
         try:
             folder.mkdir(exist_ok=True)
@@ -153,7 +154,9 @@ class Designs:
             return file
         progress = Progress(steps=True)
         try:
-            document = fitted(brief, bank(brief), self._recorded(brief, progress), progress.at)
+            document = fitted(brief, bank(brief), self._recorded(brief, progress), progress.at, self._workers)
+        except Stopped:
+            raise
         except (np.linalg.LinAlgError, InputError):
             return None
         finally:
@@ -163,8 +166,14 @@ class Designs:
 
     def _recorded(self, brief: Brief, progress: Progress) -> list[Recording]:
         if self._recordings is None or self._recordings[0].plan != brief.plan:
-            self._recordings = brief, record(brief.wheelset, brief.plan, brief.tick_s, progress.at)
+            parts = self._folder / PARTS
+            recordings = recorded(brief.wheelset, brief.plan, brief.tick_s, parts, self._workers, progress.at)
+            self._recordings = brief, recordings
         return self._recordings[1]
+
+    def end(self) -> None:
+        """Remove what only makes further designs."""
+        remove_parts(self._folder / PARTS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,7 +192,7 @@ class Final:
 
     def __init__(self, folder: Path, seed: int, workers: Workers) -> None:
         self._folder, self._seed, self._workers = folder, seed, workers
-        self.designs = Designs(folder / DESIGNS)
+        self.designs = Designs(folder / DESIGNS, workers)
         self.every: list[Finalist] = []
         self.lost = 0  # briefs that gave no design
 

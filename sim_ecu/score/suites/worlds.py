@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 
-from sim_ecu.design import worlds as drawn
+from sim_ecu.design import train_worlds as drawn
 from sim_ecu.design.brief import Recipe
 from sim_ecu.physics.axlebox import QUIET, AxleBox, drawn_box
 from sim_ecu.physics.contact import CURVES, CreepCurve, curve_between
@@ -89,8 +89,8 @@ class World:
             share = float(rng.uniform(*UTILISATIONS)) * (-1.0 if rng.random() < 0.3 else 1.0)
             known = self.coasting or self.stop or (number + i) % 2 == 0
             curve = self.law(CURVES[letter] if known else curve_between(between), own)
-            curve = replace(curve, k_A=curve.k_A * drawn.off(own, drawn.OFF_K_A * self.wider if self.off else 0.0))
             if self.untied:
+                curve = replace(curve, k_A=curve.k_A * drawn.off(own, drawn.OFF_K_A * self.wider))
                 curve = drawn.off_slope(curve, drawn.slope_factor(own, self.wider))
             sensors = self.sensors(own, self.wider)
             if self.off:
@@ -178,9 +178,9 @@ SWEPT = (
 )  # fmt: skip
 WORLDS = (
     World("its own vehicle", AS_TRAINED, off=False),
-    World("vehicle, slopes and sensors off", AS_TRAINED),
+    World("vehicle and sensors off", AS_TRAINED),
     World("slopes untied", AS_TRAINED, tied=False, untied=True),
-    World("curves with cant", AS_TRAINED, curved=True),
+    World("curves with cant", AS_TRAINED, tied=None, curved=True),
     World("sampled inside, shaken", AS_TRAINED, tied=None, sensors=drawn_sensors, box=drawn_box),
     World("coasting before a stop", AS_TRAINED, tied=None, coasting=True),
     World("stops by full service", AS_TRAINED, tied=None, stop=True),

@@ -3,6 +3,7 @@
 import math
 import struct
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -97,6 +98,51 @@ def test_own_dbc_is_decoded_to_si_units(tmp_path: Path) -> None:
     # one signal out of range refuses the whole frame, and a value named "not available" is none
     assert receiver.read(Frame(0, bogie, struct.pack("<hhhh", 150, -100, 2000, 0), extended=True)) is Reason.RANGE
     assert receiver.read(Frame(0, 800, b"\xff\xff")) is Reason.STATUS
+
+
+SENSOR_DBC = """VERSION ""
+BU_: A
+BO_ 1 Tight: 2 A
+ SG_ S : 0|16@1- (0.01,0) [-20|20] "m/s2" A
+BO_ 2 Wide: 2 A
+ SG_ S : 0|16@1- (0.01,0) [-1000|1000] "m/s2" A
+BO_ 3 Open: 2 A
+ SG_ S : 0|16@1- (0.01,0) [0|0] "m/s2" A
+BO_ 4 Float: 4 A
+ SG_ S : 0|32@1- (1,0) [-20.1|20.1] "m/s2" A
+BO_ 5 OneSided: 2 A
+ SG_ S : 0|16@1+ (0.01,0) [0|20] "m/s2" A
+VAL_ 2 S 32767 "NotAvailable" ;
+SIG_VALTYPE_ 4 S : 1;
+"""
+
+
+@pytest.mark.parametrize(
+    ("source", "last_within", "first_at"),
+    [
+        ({"message": "Tight"}, 19.99, 20.0),
+        ({"message": "Tight", "factor": -1.0, "low": -10.0, "high": 30.0}, 9.99, 10.0),  # turned round: its lower end
+        ({"message": "Wide"}, 327.65, 327.66),  # the field holds no more, and its last value is a word
+        ({"message": "Open"}, 327.66, 327.67),
+        ({"message": "Float"}, 20.0999, struct.unpack("<f", struct.pack("<f", 20.1))[0]),
+    ],
+    ids=lambda x: str(x["message"]) if isinstance(x, dict) else "",
+)
+def test_range_ends_at_its_last_step(
+    tmp_path: Path, source: dict[str, Any], last_within: float, first_at: float
+) -> None:
+    (tmp_path / "own.dbc").write_text(SENSOR_DBC)
+    sources = [Source(signal="S", quantity=Quantity.LAT_ACCEL, axles=(0,), **source)]
+    ((_, upper),) = Receiver(load_dbc(tmp_path / "own.dbc"), sources).ends
+    assert last_within < upper <= first_at
+
+
+def test_zero_is_no_end_of_a_range(tmp_path: Path) -> None:
+    (tmp_path / "own.dbc").write_text(SENSOR_DBC)
+    receiver = Receiver(load_dbc(tmp_path / "own.dbc"), [Source("OneSided", "S", Quantity.LAT_ACCEL, (0,))])
+    ((lower, upper),) = receiver.ends
+    assert lower == -math.inf
+    assert 19.99 < upper < 20.0
 
 
 @pytest.mark.parametrize(

@@ -194,15 +194,15 @@ def test_folder_that_is_a_file_is_an_error(tmp_path: Path, capsys: pytest.Captur
 
 def test_designs_that_cannot_be_kept_are_an_error(tmp_path: Path) -> None:
     (tmp_path / "designs").write_text("")
-    with pytest.raises(InputError, match="designs: cannot be made: File exists"):
-        Designs(tmp_path / "designs")
+    with local(1) as workers, pytest.raises(InputError, match="designs: cannot be made: File exists"):
+        Designs(tmp_path / "designs", workers)
     (tmp_path / "tune.json").mkdir()
     with pytest.raises(InputError, match=r"tune\.json: cannot be written"):
         save(tmp_path / "tune.json", lambda partly: partly.write_text(""))
 
 
 @pytest.mark.parametrize(
-    "arguments", [["--search"], ["--search", "--budget", "600", "-o", "noise.toml"], ["--jobs", "2", "-o", "a.json"]]
+    "arguments", [["--search"], ["--search", "--budget", "600", "-o", "noise.toml"], ["--budget", "6", "-o", "a.json"]]
 )
 def test_design_says_where_its_search_is_now(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["design", *arguments]) == 2

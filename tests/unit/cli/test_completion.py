@@ -11,6 +11,7 @@ import pytest
 
 from sim_ecu.play.faults import KINDS
 from sim_ecu.play.scenario import packaged
+from sim_ecu.play.vehicles import packaged_vehicles
 from tests.support.completion import PROGRAMS, script
 from tests.support.page_commands import TERMINAL
 from wrcd import resources
@@ -97,7 +98,7 @@ LOGS = ["a.log", "a.log.gz", "logs"]
         ("sim-ecu play a", [*(s for s in packaged() if s.startswith("a")), "a.toml"]),
         ("sim-ecu play dry ", []),
         ("sim-ecu inject dry --fault c", [f"{kind}:" for kind in KINDS if kind.startswith("c")]),
-        ("sim-ecu design --config m", ["metro"]),
+        ("sim-ecu design --config m", [v for v in packaged_vehicles() if v.startswith("m")]),
         ("sim-ecu design --form ", ["wrcd", "paper"]),
         ("sim-ecu design --explain x", ["x.json"]),
         ("wrcd replay --design ", [*packaged_designs(), "x.json", "logs"]),

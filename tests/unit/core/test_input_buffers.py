@@ -1,5 +1,6 @@
 """Measurements that come early or late for their tick, and the register of what was reached."""
 
+import math
 import random
 from collections import Counter
 from dataclasses import replace
@@ -50,6 +51,15 @@ def test_tick_uses_one_measurement_in_their_order(
     ticks: list[list[int]], used: list[int | None], patience: int
 ) -> None:
     assert played(*ticks, patience=patience) == used
+
+
+def test_measurement_that_is_not_to_be_used_has_its_tick() -> None:
+    a, used = JitterBuffer(1, 100), []
+    for stamps in ([1, 2], [3], [4], []):
+        for stamp in stamps:
+            a.put(0, math.nan if stamp == 2 else stamp / 10, stamp)
+        used.append((a.take(), a.used_us[0]))
+    assert used == [(([0.1], None), 1), (([0.0], [False]), 1), (([0.3], None), 3), (([0.4], None), 4)]
 
 
 def test_reset_drops_waiting_measurements() -> None:

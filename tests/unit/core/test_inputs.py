@@ -25,7 +25,7 @@ from tests.support.config_texts import AXLE, VEHICLE
 from tests.support.dbc import DIRECTION_AND_LOAD_DBC
 from tests.support.sensor_simulator import SensorSimulator, beside, until_ms, validities
 from wrcd import resources
-from wrcd.bus.codec import Sample
+from wrcd.bus.codec import Receiver, Sample
 from wrcd.bus.e2e import protect
 from wrcd.bus.frame import Frame
 from wrcd.bus.reasons import Reason
@@ -299,7 +299,8 @@ def test_speed_below_zero_is_a_train_in_reverse_where_no_direction_is_mapped(tmp
 
 
 def test_mapped_direction_counts_more_than_the_sign_of_the_speed(with_direction: Config) -> None:
-    inputs = Inputs(with_direction)
+    receiver = Receiver(with_direction.database, [i.source for i in with_direction.inputs])
+    inputs = Inputs(with_direction, receiver.ends)
     for quantity, value in ((Quantity.DIRECTION, 1.0), (Quantity.SPEED, -25.0)):
         place = next(k for k, i in enumerate(with_direction.inputs) if i.source.quantity is quantity)
         inputs.accept(Sample(place, value, False, False), 0)

@@ -62,6 +62,15 @@ def test_very_coarse_sensor_is_rejected_after_the_run_that_max_share_allows() ->
     assert stuck == math.ceil(STUCK / math.log(MAX_SHARE))
 
 
+@pytest.mark.parametrize(("end", "still_found"), [(5.0, True), (6.0, False)])
+def test_clipped_runs_do_not_teach_that_a_sensor_is_coarse(end: float, still_found: bool) -> None:
+    r = StuckCheck((-end, end))
+    for k in range(4000):  # every run of three repeats stands at 5
+        r.check(5.0 if k % 8 < 4 else float(k), k * 5 * MS, moving=True)
+    verdicts = [r.check(0.5, (4000 + k) * 5 * MS, moving=True) for k in range(15)]
+    assert (Reason.STUCK in verdicts) is still_found
+
+
 def test_stuck_check_learns_and_rejects_nothing_at_standstill() -> None:
     r = StuckCheck()
     for k in range(1000):

@@ -165,6 +165,15 @@ def test_odd_signals_deserve_a_look(checked: Checked) -> None:
     assert re.search(r"Torque_A1.Torque: \d+\.\d % of its values stand at an end of its range", looks)
 
 
+def test_clipped_samples_deserve_a_look(checked: Checked, tmp_path: Path) -> None:
+    config = tmp_path / "clips.toml"
+    signal = '"LatAccel_A1.LatAccel"'
+    config.write_text(packaged(1).replace(signal, f"{{ signal = {signal}, range = [-0.3, 0.3] }}"))
+    _, text = checked(STEADY.format(seconds=5), config=config)
+    assert re.search(r"LatAccel: [\d.]+ % of its values are clipped at an end of its range: no part", text)
+    assert "YawRate_A1.YawRate: " not in text.partition("\n\n")[0]
+
+
 def test_coarse_signal_deserves_a_look(checked: Checked, tmp_path: Path) -> None:
     config = tmp_path / "coarse.toml"
     dbc = (ROOT / "examples/own-dbc/train.dbc").read_text().replace("(0.001,0) [-30|30]", "(0.1,0) [-30|30]")

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from sim_ecu.design.cases import FloatArray, Plan
-from sim_ecu.design.features import run
-from sim_ecu.design.make import Brief, design, write
-from sim_ecu.design.recordings import Recording
+from sim_ecu.design.features import quietly, run
+from sim_ecu.design.make import Brief, bank, fitted, write
+from sim_ecu.design.recordings import Recording, record
 from sim_ecu.score.baselines import GivenTicks, Regressor, learn, load
 from wrcd.errors import InputError
 from wrcd.estimator.design import COLUMNS, Design, load_design
@@ -32,8 +32,9 @@ class Made:
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
     folder = tmp_path_factory.mktemp("learned")
-    document, recordings = design(Brief(plan=PLAN, grid=24, max_rules=8), lambda *_: None)
-    write(document, folder / "design.json")
+    brief = Brief(plan=PLAN, grid=24, max_rules=8)
+    recordings = record(brief.wheelset, PLAN, brief.tick_s, quietly)
+    write(fitted(brief, bank(brief), recordings, quietly), folder / "design.json")
     d = load_design(folder / "design.json")
     write(learn(d, recordings, PLAN), folder / "baselines.json")
     network = load(folder / "baselines.json", d)

@@ -10,8 +10,10 @@ import pytest
 
 from sim_ecu.design.brief import explain, load_source
 from sim_ecu.design.cases import FloatArray, Plan
-from sim_ecu.design.make import Brief, design, in_papers_form, write
+from sim_ecu.design.make import Brief, bank, in_papers_form, write
+from sim_ecu.design.make import fitted as fitted_design
 from sim_ecu.design.paper import BORDERS_PCT, PaperRules, fit_paper, output_of, output_sets
+from sim_ecu.design.recordings import record
 from sim_ecu.design.rules import PAPER_POLYNOMIAL
 from sim_ecu.resources import PAPER_DESIGN
 from tests.reference.rules import FuzzyReference
@@ -76,7 +78,8 @@ def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     brief = in_papers_form(Brief())
     brief = replace(brief, grid=24, plan=replace(brief.plan, speeds=2, per_speed=16, seed=9))
     path = tmp_path_factory.mktemp("paper") / "paper.json"
-    write(design(brief, silent)[0], path)
+    recordings = record(brief.wheelset, brief.plan, brief.tick_s, silent)
+    write(fitted_design(brief, bank(brief), recordings, silent), path)
     return path
 
 

@@ -5,15 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sim_ecu.design.cases import command
 from sim_ecu.physics.contact import CURVES, traction_ratio
 from sim_ecu.physics.rail import CANT, CURVATURE, CURVATURE_SLOPE, RailSection, rail_at, rail_table
 from sim_ecu.physics.simulation import Axle, Simulation
 from sim_ecu.physics.track import QUALITY, Track, irregularity
-from sim_ecu.physics.wheelset import GRAVITY, ROLLING_START, Bogie, FloatArray, Wheelset
+from sim_ecu.physics.wheelset import FRAME_YAW_RATE, GRAVITY, ROLLING_START, Bogie, FloatArray, Wheelset
 
 B = Bogie()
 W = replace(Wheelset(), M_v=B.carried_kg(Wheelset().m_w), bogie=B)
 ARMS = np.array([B.semi_wheelbase_m, -B.semi_wheelbase_m])
+RAIL = rail_table([RailSection(0.0, CURVES["C"])])
 SAMPLE_S = 5e-4
 BRAKE_N_M = 7500.0  # of a wheelset: 1 m/s2
 
@@ -45,6 +47,21 @@ def test_energy_of_a_stop_is_neither_made_nor_lost() -> None:
         assert work[name] < -0.2
     assert min(abs(work[name]) for name in ("track", "track under frame and body", "flange")) > 1.0
     assert abs(work["linear"]) < 2e-3 * lost
+
+
+def test_a_frame_that_cannot_move_holds_its_wheelsets_as_the_ground_does() -> None:
+    heavy = Bogie(
+        frame_mass_kg=1e15, frame_yaw_inertia_kg_m2=1e15, primary_lateral_N_m=1e-3, primary_lateral_damping_N_s_m=0.0,
+        primary_yaw_N_m_rad=Wheelset().k_w, primary_yaw_damping_N_m_s_rad=0.0, flange_clearance_m=1.0,
+    )  # fmt: skip
+    alone, held = (
+        Simulation(w, [Axle(RAIL, track, B.wheelbase_m), Axle(RAIL, track)], 25.0).advance(
+            command(200, axles=2, utilisation=0.5), np.full(200, 25.0)
+        )
+        for w, track in ((w, Track(QUALITY["good"], 3)) for w in (Wheelset(), replace(Wheelset(), bogie=heavy)))
+    )
+    difference = np.abs(held.outputs - alone.outputs)[:, :, :FRAME_YAW_RATE].max(0)
+    assert (difference < 1e-8 * np.abs(alone.outputs)[:, :, :FRAME_YAW_RATE].max(0)).all()
 
 
 def energies_and_powers(

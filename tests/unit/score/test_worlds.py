@@ -73,7 +73,7 @@ def test_row_of_a_world_has_both_designs() -> None:
 
 def test_goals_of_a_world_are_those_of_its_family_and_slopes() -> None:
     def bounds(family: str, tied: bool) -> dict[str, tuple[float, bool, float]]:
-        found = of_world(World("w", family, tied, WORLDS[0].make))
+        found = of_world(World("w", family, tied))
         goals = {path[-1]: goal(figure=Figure(0, 0, 0, 20, 20)) for path, goal in found.items()}
         return {name: (g.bound, g.at_least, g.up_to) for name, g in goals.items()}
 

@@ -203,6 +203,18 @@ def test_reasons_beyond_the_sixth_are_summed_up(log: Log) -> None:
     assert line.endswith("range M5 4, others 5")
 
 
+def test_clipped_samples_are_logged_once_a_second(log: Log) -> None:
+    log.look(1000)
+    clipped = log.sim.core.counts.clipped
+    clipped[1, "lateral acceleration"] += 12
+    clipped[2, "yaw rate"] += 3
+    line = "left out 15 clipped samples of the last second: axle 1 lateral acceleration 12, axle 2 yaw rate 3"
+    assert log.look(1000) == [line]
+    clipped[2, "yaw rate"] += 1
+    assert log.look(1000) == ["left out 1 clipped samples of the last second: axle 2 yaw rate 1"]
+    assert log.look(1000) == []
+
+
 def test_clock_step_back_does_not_silence_the_log(log: Log) -> None:
     log.link.health.unsent = 1
     assert log.look() == ["could not send 1 frames"]

@@ -54,13 +54,13 @@ _shtab_sim_ecu_control__c_COMPGEN=_wrcd_channels
 _shtab_sim_ecu_control___channel_COMPGEN=_wrcd_channels
 _shtab_sim_ecu_control___config_COMPGEN=_wrcd_file_toml
 _shtab_sim_ecu_control___scenario_COMPGEN=_wrcd_file_all_curves_toml
-_shtab_sim_ecu_design___config_COMPGEN=_wrcd_file_locomotive_toml
+_shtab_sim_ecu_design___config_COMPGEN=_wrcd_file_high_speed_coach_toml
 _shtab_sim_ecu_design__o_COMPGEN=_wrcd_file_any
 _shtab_sim_ecu_design___output_COMPGEN=_wrcd_file_any
 _shtab_sim_ecu_design___baselines_COMPGEN=_wrcd_file_json
 _shtab_sim_ecu_design___explain_COMPGEN=_wrcd_file_lone_wheelset_json
 _shtab_sim_ecu_contact_pos_0_COMPGEN=_wrcd_file_csv
-_shtab_sim_ecu_tune___config_COMPGEN=_wrcd_file_locomotive_toml
+_shtab_sim_ecu_tune___config_COMPGEN=_wrcd_file_high_speed_coach_toml
 _shtab_sim_ecu_tune__o_COMPGEN=_shtab_compgen_dirs
 _shtab_sim_ecu_tune___output_COMPGEN=_shtab_compgen_dirs
 _shtab_sim_ecu_tune___against_COMPGEN=_wrcd_file_lone_wheelset_json
@@ -98,7 +98,7 @@ _shtab_sim_ecu_demo___output_COMPGEN=_shtab_compgen_dirs
 _shtab_sim_ecu_control_pos_0_choices=(none thresholds creep)
 _shtab_sim_ecu_design___form_choices=(wrcd paper)
 _shtab_sim_ecu_tune___form_choices=(wrcd paper)
-_shtab_sim_ecu_score___suite_choices=(paper grid robust rough harsh slow long canted peak transitions drops cycles dead foreign dry-hours fusion)
+_shtab_sim_ecu_score___suite_choices=(paper grid robust rough harsh slow worlds long canted peak transitions drops cycles dead foreign dry-hours fusion)
 _shtab_sim_ecu_score___fail_on_choices=(missed)
 _shtab_sim_ecu_loop___suite_choices=(braking traction train faults worlds actuators)
 _shtab_sim_ecu_loop___fail_on_choices=(missed)
@@ -186,7 +186,7 @@ _wrcd_file_toml() {
     _wrcd_files 'toml' "$1"
 }
 _wrcd_file_all_curves_toml() {
-    compgen -W 'all-curves axle-box curves damp dry four-axles greasy half-wet leaf-patch low six-axles stop-and-go very-low wet' -- "$1"
+    compgen -W 'all-curves axle-box corrugation curves damp dry four-axles greasy half-wet leaf-patch low service-stop six-axles stop-and-go very-low wet' -- "$1"
     _wrcd_files 'toml' "$1"
 }
 _wrcd_words_loss__() {
@@ -195,8 +195,8 @@ _wrcd_words_loss__() {
 _wrcd_file_any() {
     compgen -f -- "$1"
 }
-_wrcd_file_locomotive_toml() {
-    compgen -W 'locomotive metro' -- "$1"
+_wrcd_file_high_speed_coach_toml() {
+    compgen -W 'high-speed-coach locomotive lone-wheelset manchester-1 metro multiple-unit' -- "$1"
     _wrcd_files 'toml' "$1"
 }
 _wrcd_file_json() {

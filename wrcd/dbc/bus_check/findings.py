@@ -106,7 +106,11 @@ def _odd(config: Config, f: SignalFigures) -> list[str]:
     if f.refused_share > MAX_REFUSED:
         reasons = ", ".join(f"{n} {reason}" for reason, n in sorted(f.refused.items()))
         out.append(f"{100 * f.refused_share:.1f} % of its frames are refused: {reasons}")
-    if f.at_limit > MAX_AT_LIMIT:
+    if measured and f.at_limit > 0:
+        out.append(
+            f"{100 * f.at_limit:.2g} % of its values are clipped at an end of its range: no part of the estimate"
+        )
+    elif f.at_limit > MAX_AT_LIMIT:
         out.append(f"{100 * f.at_limit:.1f} % of its values stand at an end of its range")
     if measured:
         design = float(config.design.noise_rms[int(f.quantity == Quantity.LAT_ACCEL.key)])

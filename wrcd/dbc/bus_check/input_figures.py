@@ -179,13 +179,9 @@ def _figures(config: Config, gathered: Gathered, number: int, i: Input, refused:
     stamps = np.array(gathered.times[s.message], dtype=np.int64) if whole else gathered.inputs[number].stamps_us
     usual, jitter, longest = _gaps(stamps)
     step = abs(float(signal.scale) * signal.factor)
-    ends = sorted((signal.low * signal.factor, signal.high * signal.factor))
+    lower, upper = signal.ends
     n = len(values)
-    stands = np.zeros(n, bool)
-    if ends[0] < -step:  # 0 is no limit: a train that stands
-        stands |= values <= ends[0] + step
-    if ends[1] > step:
-        stands |= values >= ends[1] - step
+    stands = (values <= lower) | (values >= upper)
     return SignalFigures(
         name=f"{s.message}.{s.signal}",
         quantity=s.quantity.key,

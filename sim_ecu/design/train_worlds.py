@@ -26,10 +26,11 @@ OFF_K_A, OFF_TORQUE = 0.3, 0.03
 GYRO_BIAS, LAT_ACCEL_BIAS = math.radians(0.5), 0.049  # 0.5 degrees per second, 5 mg
 # Curves: radius from so much (m) on, lateral acceleration that the cant does not balance, and the most cant, 150 mm
 # over 1.5 m.
-RADIUS_M, DEFICIENCY_M_S2, CANT = 500.0, 0.65, 0.1
+RADIUS_M, DEFICIENCY_M_S2, CANT = 800.0, 0.65, 0.1
 ROUGHNESS = (0.9, 4.0)  # of the track's density, times that of ERRI low: beyond ERRI high
 EDGE_M = (0.5, 30.0)  # of a film: the rail goes from one state to the next over so much
 BRAKES_M_S2 = 1.2  # full service
+COASTING = 0.08  # of full service, either way: what a train coasts with at most
 # Shares of the conditions in other worlds: with slopes untied, with sensors that sample inside a shaken axle box, and
 # with each of curves, film edges and a change of speed.
 UNTIED, SAMPLED, SOME = 0.5, 0.4, 0.4

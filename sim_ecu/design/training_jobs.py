@@ -1,0 +1,104 @@
+"""The training's simulations as jobs, a group of conditions each. What is recorded is kept till the design is there."""
+
+import hashlib
+import io
+from contextlib import suppress
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+
+import numpy as np
+
+from sim_ecu.design import recordings
+from sim_ecu.design.cases import Group, Plan, Progress, draw
+from sim_ecu.design.recordings import SIMULATING, Recording, record_group
+from sim_ecu.jobs.job import Job, code
+from sim_ecu.jobs.pool import Workers
+from sim_ecu.jobs.store import BESIDE, save
+from sim_ecu.jobs.whole import each
+from sim_ecu.physics.wheelset import Wheelset
+from wrcd.errors import InputError
+
+PART = ".part"  # the suffix of a kept recording: the SHA-256 of what follows, which is numpy's npz
+DIGEST_BYTES = hashlib.sha256().digest_size
+
+
+@dataclass(frozen=True, slots=True)
+class GroupJob:
+    """The group at a place of a plan: it is drawn from all the others, which name it."""
+
+    wheelset: Wheelset
+    plan: Plan
+    tick_s: float
+    place: int
+    group: Group
+
+    @property
+    def key(self) -> str:
+        """The same for the same recording by the same code."""
+        inputs = {
+            "wheelset": asdict(self.wheelset), "plan": asdict(self.plan), "tick_s": self.tick_s, "place": self.place,
+        }  # fmt: skip
+        return Job("group", inputs).key(code(recordings.__name__))
+
+
+def simulate(job: GroupJob) -> Recording:
+    """Return the group's recording."""
+    return record_group(job.wheelset, job.plan, job.tick_s, job.group, job.place)
+
+
+def recorded(
+    w: Wheelset, plan: Plan, tick_s: float, folder: Path, workers: Workers, progress: Progress
+) -> list[Recording]:
+    """Return the recordings of a plan's groups. Each is kept in the folder, which is made, as soon as it is there; what
+    an earlier go has kept is not simulated again.
+
+    Raises InputError where the folder or a file cannot be written, and Stopped where a group fails twice.
+    """
+    try:
+        folder.mkdir(exist_ok=True)
+    except OSError as e:
+        hint = "check its folder and your rights"
+        raise InputError(f"cannot be made: {e.strerror}", file=folder, hint=hint) from None
+    jobs = [GroupJob(w, plan, tick_s, place, group) for place, group in enumerate(draw(plan, w))]
+    files = [folder / f"{job.key}{PART}" for job in jobs]
+    found = {place: r for place, file in enumerate(files) if (r := _read(file)) is not None}
+    if found:
+        print(f"{folder}: {len(found)} of {len(jobs)} groups were there")
+    left = [job for job in jobs if job.place not in found]
+    names = [f"group {job.place + 1} of {len(jobs)}, {job.group.speed_m_s:.1f} m/s" for job in left]
+    for number, (k, recording) in enumerate(each(simulate, left, workers, names), 1):
+        place = left[k].place
+        _keep(recording, files[place])
+        found[place] = recording
+        progress(SIMULATING, number / len(left))
+    return [found[place] for place in range(len(jobs))]
+
+
+def remove_parts(folder: Path) -> None:
+    """Remove what `recorded` keeps, and the folder where it holds nothing else."""
+    for suffix in (PART, BESIDE):
+        for file in folder.glob(f"*{suffix}"):
+            file.unlink()
+    with suppress(OSError):
+        folder.rmdir()
+
+
+def _keep(recording: Recording, file: Path) -> None:
+    """Raises InputError where it cannot be written."""
+    arrays = io.BytesIO()
+    np.savez(arrays, **{f.name: getattr(recording, f.name) for f in fields(recording)})
+    content = arrays.getvalue()
+    save(file, lambda partly: partly.write_bytes(hashlib.sha256(content).digest() + content))
+
+
+def _read(file: Path) -> Recording | None:
+    """The recording; None where there is none, or a damaged one."""
+    try:
+        content = file.read_bytes()
+    except OSError:
+        return None
+    digest, arrays = content[:DIGEST_BYTES], content[DIGEST_BYTES:]
+    if hashlib.sha256(arrays).digest() != digest:
+        return None
+    with np.load(io.BytesIO(arrays)) as kept:
+        return Recording(**{name: a if a.ndim else a.item() for name, a in kept.items()})
