@@ -65,7 +65,8 @@ def test_estimate_at_the_peak_of_each_curve_is_within_a_point_or_a_tenth(
 def test_six_axles_of_one_track_are_each_valid_on_their_own_rail(log_of: LogOf, tmp_path: Path) -> None:
     """All on one track, every axle on another curve, at its peak."""
     log = log_of(PLAYED + SIX_AXLES)
-    arguments = ["--design", LONE, "--config", str(ROOT / "examples" / "six-axles.toml"), "--csv", str(tmp_path / "a.csv")]
+    six = ROOT / "examples" / "six-axles.toml"
+    arguments = ["--design", LONE, "--config", str(six), "--csv", str(tmp_path / "a.csv")]
     assert wrcd(["replay", str(log), *arguments, "-o", str(tmp_path / "sent.log")]) == 0
     found = rows(tmp_path / "a.csv")
     for axle in range(1, 7):
