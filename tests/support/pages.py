@@ -55,7 +55,7 @@ ROOT = Path(__file__).parents[2]
 SECTIONS: dict[str, tuple[str, ...]] = {
     "sim-ecu faults": (),
     "sim-ecu loop": ("goals",),
-    "sim-ecu score": ("grid", "worlds", "goals"),
+    "sim-ecu score": ("grid", "goals"),
     "sim-ecu score --suite fusion": ("fusion",),
 }
 # Rows of the fault matrix that do as those of the yaw rate alone do.

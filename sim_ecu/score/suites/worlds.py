@@ -81,7 +81,9 @@ class World:
         rng, own = lot.generator(12, number), lot.generator(13, number)
         low, high = SPEEDS if not self.coasting else COASTING_M_S
         v = STOP_M_S if self.stop else low + (high - low) * ((0.5 + number * GOLDEN) % 1.0)
-        w = self._vehicle(source.wheelset, own)
+        # a lone wheelset's design is judged in a train, too
+        train = source.wheelset if source.wheelset.bogie is not None else load_vehicle("multiple-unit")
+        w = self._vehicle(train, own)
         axles, names = [], []
         for i in range(AXLES):
             letter = str(rng.choice(SLIPPERY if self.coasting or self.stop else list(CURVES)))
@@ -108,8 +110,6 @@ class World:
         return Run("worlds", self.name, number, scenario(w, seconds, course, axles), tuple(names))
 
     def _vehicle(self, w: Wheelset, rng: Rng) -> Wheelset:
-        if w.bogie is None:
-            return w
         if self.vehicle is not None:
             other = load_vehicle(self.vehicle)
             assert other.bogie is not None

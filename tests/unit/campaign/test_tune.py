@@ -172,7 +172,7 @@ def test_search_alone_writes_a_brief_of_the_papers_form(tmp_path: Path, capsys: 
         (["--budget", "0"], "--budget: takes a whole number from 1 on"),
         (["--played", "-1"], "--played: takes a whole number from 0 on"),
         (["--seed", "40"], "--seed: takes a whole number from 0 to 39"),
-        (["--config", "tramway"], "--config: there is no wheelset 'tramway'"),
+        (["--config", "tramway"], "there is no vehicle 'tramway'"),
         (["--config", "metro", "--against", "{design}"], "--against: has m_w"),
     ],
 )

@@ -57,7 +57,10 @@ def named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Named:
 @pytest.mark.parametrize(("signal", "unit"), [(LAT, "g"), (YAW, "deg/s")])
 def test_unit_that_is_read_wrongly_is_named(scenario: str, signal: str, unit: str, named: Named) -> None:
     sent = mapping(signal, f'unit = "{unit}"')
-    said = named(scenario, 'vehicle = "multiple-unit"', sent, packaged(1), SECONDS[scenario])
+    # Held at the peak the wheelset moves so little that the roll of cross-level is most of what it feels, and its unit
+    # is not told.
+    alignment = [('"erri-low"', '"good"')] if scenario in ("wet", "dry") else []
+    said = named(scenario, "", sent, packaged(1), SECONDS[scenario], *alignment)
     (line,) = said.splitlines()
     assert line.startswith(f"  {signal}: ")
     assert f"reads as if it were in {unit}, " in line
@@ -102,7 +105,10 @@ def test_line_of_one_of_two_torques_keeps_the_other(named: Named) -> None:
 
 
 SOUND = [
-    (s, sensors) for s in sorted(file.stem for file in SCENARIOS.glob("*.toml")) for sensors in ("mems", "tactical")
+    (file.stem, sensors)
+    for file in sorted(SCENARIOS.glob("*.toml"))
+    for sensors in ("mems", "tactical")
+    if "sensors =" not in file.read_text()  # a scenario with sensors of its own
 ]
 
 
@@ -112,10 +118,8 @@ SOUND = [
 )
 def test_of_sound_sensors_no_unit_is_named(scenario: str, sensors: str, named: Named) -> None:
     text = packaged({"four-axles": 4, "six-axles": 6}.get(scenario, 2))
-    head = f"seed = {1 if sensors == 'mems' else 2}\n"
-    if "\nsensors = " not in (SCENARIOS / f"{scenario}.toml").read_text():  # of its own
-        head += f'sensors = "{sensors}"'
-    assert named(scenario, head, text, text, 12) == ""
+    seed = 1 if sensors == "mems" else 2
+    assert named(scenario, f'seed = {seed}\nsensors = "{sensors}"', text, text, 12) == ""
 
 
 def test_canted_curve_accuses_no_unit(named: Named) -> None:

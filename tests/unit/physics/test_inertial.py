@@ -214,7 +214,7 @@ def test_drawn_sensors_fill_their_ranges_and_wider_ones_reach_further() -> None:
             "fast": max(s.rate_hz for s in inner),
         }
 
-    trained = {"corner": 100.0, "rectification": 1.0, "misalignment": 2.0, "lead": 0.005, "speed": 0.03}
+    trained = {"corner": 60.0, "rectification": 1.0, "misalignment": 2.0, "lead": 0.005, "speed": 0.03}
     for wider in (1.0, 1.5):
         found = extremes(wider)
         assert [found.pop("slow"), found.pop("fast")] == [1000.0, 8000.0]
@@ -229,14 +229,14 @@ def test_every_drawn_pair_can_be_felt() -> None:
         assert np.isfinite(felt).all()
 
 
-def test_drawn_axle_boxes_shake_by_tens_of_m_s2_most_of_it_above_the_band() -> None:
+def test_drawn_axle_boxes_shake_by_some_m_s2_most_of_it_above_the_band() -> None:
     rng = np.random.default_rng(3)
     boxes = [drawn_box(rng) for _ in range(400)]
     sizes = [b.vibration_m_s2 for b in boxes]
-    assert 3.0 <= min(sizes) < 3.3
-    assert 36.0 < max(sizes) <= 40.0
-    assert sum(b.flat_m_s2 > 0 for b in boxes) == pytest.approx(80, abs=25)
-    assert max(drawn_box(rng, 1.5).vibration_m_s2 for _ in range(400)) > 50.0
+    assert 2.0 <= min(sizes) < 2.2
+    assert 18.0 < max(sizes) <= 20.0
+    assert not any(b.flat_m_s2 for b in boxes)  # flats are of judging alone
+    assert max(drawn_box(rng, 1.5).vibration_m_s2 for _ in range(400)) > 25.0
     below, _ = feel(sampling(corner_hz=60.0, order=4), outputs(4000), AxleBox(
         vibration_m_s2=30.0, band_hz=(20.0, 1000.0), vibration_power=2.0))  # fmt: skip
     assert 0.2 < below[:, LATERAL].std() < 0.8

@@ -163,8 +163,8 @@ def test_between_nodes_lies_a_cubic_with_its_slope(column: int) -> None:
         k = round(at / SPACING_M)
         place = k * SPACING_M
         before, there, after, value = (
-            between_nodes(part, -100, 100, len(nodes), d, column) for d in (place - 1e-4, place, place + 1e-4, at)
+            between_nodes(part, -100, 100, len(nodes), d, column) for d in (place - 1e-6, place, place + 1e-6, at)
         )
         assert there == pytest.approx(nodes[k, column], rel=1e-9)
-        assert (after - before) / 2e-4 == pytest.approx(nodes[k, column + 1], rel=1e-5)
+        assert (after - before) / 2e-6 == pytest.approx(nodes[k, column + 1], rel=1e-4)
         assert column or value == irregularity(nodes, at)

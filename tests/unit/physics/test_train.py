@@ -184,7 +184,7 @@ def test_sensors_that_sample_inside_are_read() -> None:
         "jitter_s = 0.001\ng_sensitivity = 1e-4\nmisalignment_rad = 0.03\nspeed_gain = 1.02\nfriction_share = 0.4\n"
         "friction_gain = 0.7\n[axlebox]\nvibration_m_s2 = 30\nband_hz = [20, 1000]\nvibration_power = 1.5\n"
         "corrugation_m_s2 = 20\ncorrugation_wavelength_m = 0.03\ncorrugation_m = [5, 90]\nflat_m_s2 = 99\n"
-        "flat_every_m = 2.9"
+        "flat_every_m = 2.9\n[vehicle]\nframe_mass_kg = 2500"
     )
     axle = scenario(text).axles[0]
     kind = SENSOR_SETS["mems-axle-box"]

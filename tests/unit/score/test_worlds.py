@@ -19,7 +19,18 @@ from sim_ecu.score.score_goals import of_world
 from sim_ecu.score.score_play import Trace
 from sim_ecu.score.sections import sections
 from sim_ecu.score.suites.run import lot_of
-from sim_ecu.score.suites.worlds import AS_TRAINED, UNSEEN, WIDER, WORLD_RUNS, WORLDS, World, worlds
+from sim_ecu.score.suites.worlds import (
+    AS_TRAINED,
+    EVERY,
+    SWEPT,
+    TABLE_RUNS,
+    UNSEEN,
+    WIDER,
+    WORLD_RUNS,
+    WORLDS,
+    World,
+    worlds,
+)
 from wrcd.resources import DESIGN
 
 SOURCE = load_source(DESIGN)
@@ -42,10 +53,11 @@ def test_every_world_has_its_runs_on_seeds_of_the_lot() -> None:
     for number in (0, 3):
         lot = lot_of(number)
         runs = list(worlds(SOURCE, 1.0, lot))
-        assert {(r.suite, r.group) for r in runs} == {("worlds", w.name) for w in WORLDS}
+        assert {(r.suite, r.group) for r in runs} == {("worlds", w.name) for w in EVERY}
         assert all(len({r.number for r in runs if r.group == w.name}) == WORLD_RUNS for w in WORLDS)
+        assert all(len({r.number for r in runs if r.group == w.name}) == TABLE_RUNS for w in SWEPT)
         assert all(lot.first_seed <= a.seed < lot.first_seed + lot.seeds for r in runs for a in r.scenario.axles)
-    assert len({w.name for w in WORLDS}) == len(WORLDS)
+    assert len({w.name for w in EVERY}) == len(EVERY)
 
 
 def test_row_of_a_world_has_both_designs() -> None:

@@ -175,7 +175,7 @@ _wrcd_file_dbc() {
     _wrcd_files 'dbc' "$1"
 }
 _wrcd_file_lone_wheelset_json() {
-    compgen -W 'lone-wheelset' -- "$1"
+    compgen -W 'lone-wheelset multiple-unit' -- "$1"
     _wrcd_files 'json' "$1"
 }
 _wrcd_file_log() {
