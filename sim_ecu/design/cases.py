@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_ecu.design import train_worlds as worlds
+from sim_ecu.design import train_worlds
 from sim_ecu.physics.contact import CreepCurve, curve_between, peak, traction_ratio
 from sim_ecu.physics.rail import BLEND_M, RailSection, rail_table
 from sim_ecu.physics.sensors import SENSOR_SETS, SensorSet, drawn
@@ -17,13 +17,7 @@ from sim_ecu.physics.wheelset import GRAVITY, LANES, OUTPUTS, Command, Wheelset
 
 FloatArray = NDArray[np.float64]
 SEEDS_PER_PLAN = 1_000_003  # seeds of a plan begin at its own seed times this
-# How a world may differ from the design's: shares by which a parameter is off at most, constant errors of cheap sensors
-# (0.5 degrees per second, 5 mg), curves down to 1500 m without cant, accelerations.
-OFF = {"m_w": 0.1, "I_w": 0.1, "k_w": 0.1, "I_R": 0.1, "I_L": 0.1, "k_s": 0.1, "C_s": 0.1, "a": 0.1, "b": 0.1,
-       "gamma": 0.3, "M_v": 0.15}  # fmt: skip
-OFF_K_A, OFF_TORQUE = 0.3, 0.03
-GYRO_BIAS, LAT_ACCEL_BIAS = math.radians(0.5), 0.049
-CURVATURE, RAMP_M_S2, SOME = 1 / 1500, 0.8, 0.4  # and the share of worlds that have them
+CURVATURE, RAMP_M_S2 = 1 / 1500, 0.8  # a lone wheelset's worlds: curves without cant, accelerations
 CHANGES = (0.5, 1.25)  # of the time to settle, when the rail changes: windows begin right after, or later
 # Slip cycles: how often, the share of a cycle in which it goes up; lowest and highest creep as shares of the peak's; or
 # lowest and highest torque as utilisations, of a torque that the creep's limit takes over from.
@@ -40,8 +34,6 @@ TURN_S, TURN_TAKES_S = (0.5, 2.5), (0.3, 4.0)  # when a torque turns, and how lo
 UNSATURATED, END_SHARE = 0.5, (0.25, 0.95)  # of the rails that get worse: those that carry such a share of their peak
 NOISE_FACTORS = (0.6, 2.2)  # of sensors noisier or quieter than their kind
 BATCH = 2 * LANES  # conditions that are simulated in one call
-# A track's density is this times what the plan draws: a lone wheelset's has alignment alone.
-_FORM = {False: SPECTRA["good"], True: SPECTRA["erri-low"]}
 Progress = Callable[[str, float], None]  # what is going on, share of it that is done
 
 
@@ -126,10 +118,10 @@ def draw(plan: Plan, wheelset: Wheelset) -> list[Group]:
     for k in range(plan.speeds):
         share = k / max(plan.speeds - 1, 1)
         v = plan.speed_range[0] * (plan.speed_range[1] / plan.speed_range[0]) ** share
-        most = RAMP_M_S2 if wheelset.bogie is None else worlds.BRAKES_M_S2
+        most = RAMP_M_S2 if wheelset.bogie is None else train_worlds.BRAKES_M_S2
         elsewhere = _elsewhere if wheelset.bogie is None else _in_a_train
         for other in (False, True) if plan.worlds else (False,):
-            ramp = float(rng.uniform(-most, most)) if other and rng.random() < SOME else 0.0
+            ramp = float(rng.uniform(-most, most)) if other and rng.random() < train_worlds.SOME else 0.0
             ramp = min(max(ramp, (plan.speed_range[0] - v) / plan.seconds), (plan.speed_range[1] - v) / plan.seconds)
             first = plan.seed * SEEDS_PER_PLAN + len(out) * plan.per_speed
             group = []
@@ -147,7 +139,6 @@ def _one(plan: Plan, w: Wheelset, v: float, seed: int, rng: np.random.Generator)
     """Any condition at a speed, in the design's own world."""
     edges = np.cumsum([getattr(plan, f"{name}_share") for name in KINDS])
     kind = (*KINDS, "steady")[int(np.searchsorted(edges, rng.random(), side="right"))]
-    low, high = plan.roughness_range
     sign = -1.0 if rng.random() < 0.3 else 1.0
     on_dry = kind in ("coasting", "turning") and rng.random() < ON_DRY
     curve, before = (curve_between(math.exp(rng.uniform(*np.log(r)))) for r in
@@ -155,7 +146,7 @@ def _one(plan: Plan, w: Wheelset, v: float, seed: int, rng: np.random.Generator)
     steady = Condition(
         speed_m_s=v,
         curve=curve,
-        track=_FORM[w.bogie is not None].scaled(low * (high / low) ** (0.5 - 0.5 * math.cos(math.pi * rng.random()))),
+        track=train_worlds.track(rng, plan.roughness_range, w.bogie is not None),
         utilisation=sign * float(rng.uniform(*plan.utilisation_range)),
         creep_of_peak=math.nan,
         seed=seed,
@@ -183,7 +174,7 @@ def _one(plan: Plan, w: Wheelset, v: float, seed: int, rng: np.random.Generator)
         case "coasting":
             if w.bogie is None or rng.random() < COASTS_ALONE:
                 return replace(steady, utilisation=0.0)
-            most = worlds.COASTING * worlds.BRAKES_M_S2 / GRAVITY / peak(v, w.contact, *curve.row())[1]
+            most = train_worlds.COASTING * train_worlds.BRAKES_M_S2 / GRAVITY / peak(v, w.contact, *curve.row())[1]
             return replace(steady, utilisation=min(most, 1.0) * float(rng.uniform(-1.0, 1.0)))
         case "turning":
             to = 0.0 if rng.random() < TO_COASTING else sign * drawn(plan.utilisation_range)
@@ -211,48 +202,40 @@ def _sensors(plan: Plan, rng: np.random.Generator) -> SensorSet:
 
 
 def _elsewhere(c: Condition, w: Wheelset, rng: np.random.Generator) -> Condition:
-    """The same condition in a world that is not as the design thinks."""
-
-    def off(most: float) -> float:
-        return 1.0 + float(rng.uniform(-most, most))
-
-    wheelset = replace(w, **{name: getattr(w, name) * off(most) for name, most in OFF.items()})
-    k_A, s = off(OFF_K_A), c.sensors
-    sensors = replace(
-        s,
-        torque=replace(s.torque, gain=off(OFF_TORQUE)),
-        yaw_rate=replace(s.yaw_rate, bias=GYRO_BIAS * (off(1.0) - 1.0)),
-        lat_accel=replace(s.lat_accel, bias=LAT_ACCEL_BIAS * (off(1.0) - 1.0)),
+    """The same condition of a lone wheelset in a world that is not as the design thinks."""
+    wheelset = replace(
+        w, **{name: getattr(w, name) * train_worlds.off(rng, most) for name, most in train_worlds.OFF.items()}
     )
+    k_A = train_worlds.off(rng, train_worlds.OFF_K_A)
     return replace(
         c,
         wheelset=wheelset,
-        sensors=sensors,
+        sensors=train_worlds.off_sensors(c.sensors, rng),
         curve=replace(c.curve, k_A=c.curve.k_A * k_A),
         before=None if c.before is None else replace(c.before, k_A=c.before.k_A * k_A),
-        curvature=CURVATURE * (off(1.0) - 1.0) if rng.random() < SOME else 0.0,
+        curvature=CURVATURE * (train_worlds.off(rng, 1.0) - 1.0) if rng.random() < train_worlds.SOME else 0.0,
     )
 
 
 def _in_a_train(c: Condition, w: Wheelset, rng: np.random.Generator) -> Condition:
     """The same condition in a train's world: its vehicle off, its slopes often not those of the friction, in curves,
     with film edges of any length, often with sensors that sample inside a shaken axle box."""
-    factor = worlds.slope_factor(rng) if rng.random() < worlds.UNTIED else 1.0
-    k_A = worlds.off(rng, worlds.OFF_K_A)
+    factor = train_worlds.slope_factor(rng) if rng.random() < train_worlds.UNTIED else 1.0
+    k_A = train_worlds.off(rng, train_worlds.OFF_K_A)
 
     def other(curve: CreepCurve) -> CreepCurve:
-        return worlds.off_slope(replace(curve, k_A=curve.k_A * k_A), factor)
+        return train_worlds.off_slope(replace(curve, k_A=curve.k_A * k_A), factor)
 
-    curvature, cant = worlds.curve_and_cant(c.speed_m_s, rng) if rng.random() < worlds.SOME else (0.0, 0.0)
+    curvature, cant = train_worlds.curve_and_cant(c.speed_m_s, rng) if rng.random() < train_worlds.SOME else (0.0, 0.0)
     return replace(
         c,
-        wheelset=worlds.off_vehicle(w, rng),
-        sensors=worlds.off_sensors(drawn(rng) if rng.random() < worlds.SAMPLED else c.sensors, rng),
+        wheelset=train_worlds.off_vehicle(w, rng),
+        sensors=train_worlds.off_sensors(drawn(rng) if rng.random() < train_worlds.SAMPLED else c.sensors, rng),
         curve=other(c.curve),
         before=None if c.before is None else other(c.before),
         curvature=curvature,
         cant_rad=cant,
-        edge_m=math.exp(rng.uniform(*np.log(worlds.EDGE_M))) if rng.random() < worlds.SOME else BLEND_M,
+        edge_m=math.exp(rng.uniform(*np.log(train_worlds.EDGE_M))) if rng.random() < train_worlds.SOME else BLEND_M,
     )
 
 

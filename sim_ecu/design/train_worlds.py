@@ -1,4 +1,4 @@
-"""How a train's world differs from the one that its design thinks of: drawn alike for training and for judging.
+"""How a world differs from the one that its design thinks of: of a train drawn alike for training and for judging.
 
 Every range is for `wider` 1, the training's; judging stretches it to 1.5 and adds kinds that the training has not
 (`sim_ecu/score/suites/worlds.py`).
@@ -15,10 +15,11 @@ from sim_ecu.physics.track import SPECTRA, Spectrum
 from sim_ecu.physics.wheelset import GRAVITY, Bogie, Wheelset
 
 Rng = np.random.Generator
-# Shares by which the wheelset's parameters are off at most; of the bogie's suspension one standard deviation, and the
-# most. Springs and dampers of one type scatter so.
-OFF = {"m_w": 0.1, "I_w": 0.1, "I_R": 0.1, "I_L": 0.1, "k_s": 0.1, "C_s": 0.1, "a": 0.1, "b": 0.1, "gamma": 0.3}
-OFF_BODY = 0.15  # load
+# Shares by which the wheelset's parameters are off at most. In a bogie k_w and M_v are the bogie's: of its suspension one
+# standard deviation, and the most. Springs and dampers of one type scatter so.
+OFF = {"m_w": 0.1, "I_w": 0.1, "k_w": 0.1, "I_R": 0.1, "I_L": 0.1, "k_s": 0.1, "C_s": 0.1, "a": 0.1, "b": 0.1,
+       "gamma": 0.3, "M_v": 0.15}  # fmt: skip
+OF_BOGIE = ("k_w", "M_v")
 SUSPENSION_SIGMA, SUSPENSION_MOST = 0.05, 0.1
 SUSPENSION = tuple(f for f in Bogie.__dataclass_fields__ if f.startswith(("primary", "secondary")))
 SLOPE = 2.0  # k_A and k_S are off by a factor of up to this, both ways: nothing ties the slope to the friction
@@ -27,7 +28,6 @@ GYRO_BIAS, LAT_ACCEL_BIAS = math.radians(0.5), 0.049  # 0.5 degrees per second, 
 # Curves: radius from so much (m) on, lateral acceleration that the cant does not balance, and the most cant, 150 mm
 # over 1.5 m.
 RADIUS_M, DEFICIENCY_M_S2, CANT = 800.0, 0.65, 0.1
-ROUGHNESS = (0.9, 4.0)  # of the track's density, times that of ERRI low: beyond ERRI high
 EDGE_M = (0.5, 30.0)  # of a film: the rail goes from one state to the next over so much
 BRAKES_M_S2 = 1.2  # full service
 COASTING = 0.08  # of full service, either way: what a train coasts with at most
@@ -49,8 +49,9 @@ def off_vehicle(w: Wheelset, rng: Rng, wider: float = 1.0) -> Wheelset:
         name: getattr(b, name) * (1.0 + float(np.clip(rng.normal(0.0, SUSPENSION_SIGMA * wider), -most, most)))
         for name in SUSPENSION
     }
-    bogie = replace(b, body_mass_kg=b.body_mass_kg * off(rng, OFF_BODY * wider), **held)
-    out = replace(w, bogie=bogie, **{name: getattr(w, name) * off(rng, most * wider) for name, most in OFF.items()})
+    bogie = replace(b, body_mass_kg=b.body_mass_kg * off(rng, OFF["M_v"] * wider), **held)
+    own = {name: getattr(w, name) * off(rng, most * wider) for name, most in OFF.items() if name not in OF_BOGIE}
+    out = replace(w, bogie=bogie, **own)
     return replace(out, M_v=bogie.carried_kg(out.m_w))
 
 
@@ -86,11 +87,12 @@ def off_sensors(s: SensorSet, rng: Rng, wider: float = 1.0) -> SensorSet:
     )
 
 
-def track(rng: Rng, wider: float = 1.0) -> Spectrum:
-    """Draw a track of ERRI's form, with cross-level and gauge; the ends of its range are drawn more."""
-    low, high = ROUGHNESS[0] / wider, ROUGHNESS[1] * wider
+def track(rng: Rng, roughness: tuple[float, float], in_bogie: bool = True, wider: float = 1.0) -> Spectrum:
+    """Draw a track of ERRI's form, its density so many times that of ERRI low; the ends of the range are drawn more.
+    A lone wheelset's has alignment alone."""
+    low, high = roughness[0] / wider, roughness[1] * wider
     factor: float = low * (high / low) ** (0.5 - 0.5 * math.cos(math.pi * rng.random()))
-    return SPECTRA["erri-low"].scaled(factor)
+    return SPECTRA["erri-low" if in_bogie else "good"].scaled(factor)
 
 
 def sentences(w: Wheelset, roughness: tuple[float, float]) -> list[str]:
@@ -103,7 +105,7 @@ def sentences(w: Wheelset, roughness: tuple[float, float]) -> list[str]:
         f"{1e-3 * w.M_v:.3g} t on a wheelset",
         f"track: ERRI low times {roughness[0]:g} to {roughness[1]:g} (density), with cross-level and gauge",
         "half of the conditions in the design's own world; in the others, drawn one by one:",
-        f"inertias within {_pct(OFF['m_w'])}, conicity {_pct(OFF['gamma'])}, load {_pct(OFF_BODY)}, suspension "
+        f"inertias within {_pct(OFF['m_w'])}, conicity {_pct(OFF['gamma'])}, load {_pct(OFF['M_v'])}, suspension "
         f"{_pct(SUSPENSION_MOST)} (one sigma {_pct(SUSPENSION_SIGMA)})",
         f"slope of the creep curves: k_A within {_pct(OFF_K_A)} of the friction's; in {UNTIED:.0%} also a factor of "
         f"{1 / SLOPE:g} to {SLOPE:g}",

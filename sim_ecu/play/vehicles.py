@@ -30,9 +30,13 @@ def vehicle_path(name: str | Path) -> Path:
         return path
     known = packaged_vehicles()
     if str(name) not in known:
-        hint = suggest(str(name), known) or f"packaged: {', '.join(known)}; or give a path to a .toml file"
+        hint = suggest(str(name), known) or f"{_packaged(known)}; or give a path to a .toml file"
         raise InputError(f"there is no vehicle {str(name)!r}", hint=hint)
     return FOLDER / f"{name}.toml"
+
+
+def _packaged(known: list[str]) -> str:
+    return f"packaged: {', '.join(known)}"
 
 
 def vehicle_title(name: str) -> str:
@@ -49,12 +53,12 @@ def read_vehicle(top: Section) -> Wheelset:
     """The vehicle of a file, from `vehicle`, [vehicle] and [wheelset]. Raises InputError."""
     given = top.raw("vehicle")
     if isinstance(given, str) or given is None:
-        try:
-            path = vehicle_path(DEFAULT_VEHICLE if given is None else given)
-        except InputError as e:
-            raise top.error(e.reason, "vehicle", e.hint) from None
+        named = DEFAULT_VEHICLE if given is None else given
+        known = packaged_vehicles()
+        if named not in known:
+            raise top.error(f"there is no vehicle {named!r}", "vehicle", suggest(named, known) or _packaged(known))
         # the lone wheelset's own file names itself, and every other packaged one that or its [vehicle]
-        base = Wheelset() if path.stem == LONE else load_vehicle(path.stem)
+        base = Wheelset() if named == LONE else load_vehicle(named)
         bogie = base.bogie
     else:
         section = top.section("vehicle")

@@ -54,8 +54,8 @@ def bent_otherwise(curve: CreepCurve, rng: Rng) -> CreepCurve:
 
 @dataclass(frozen=True, slots=True)
 class World:
-    """A row of the suite. tied: whether the slope of the rail's creep curves is that of their friction; None: neither
-    bound of the mean error is for it.
+    """A row of the suite. tied: whether the slope of the rail's creep curves is that of their friction; None: it is, and
+    neither bound of the mean error is for the row.
 
     vehicle: a packaged one, whose bogie is taken; load and wheel radius stay those of the design, which a configuration
     knows. off: whether its parameters are. wider: by how much the ranges are stretched.
@@ -67,7 +67,6 @@ class World:
     wider: float = 1.0
     vehicle: str | None = None
     off: bool = True
-    untied: bool = False
     law: Callable[[CreepCurve, Rng], CreepCurve] = same_curve
     curved: bool = False
     spectrum: str | None = None
@@ -91,19 +90,14 @@ class World:
             share = float(rng.uniform(*UTILISATIONS)) * (-1.0 if rng.random() < 0.3 else 1.0)
             known = self.coasting or self.stop or (number + i) % 2 == 0
             curve = self.law(CURVES[letter] if known else curve_between(between), own)
-            if self.untied:
+            if self.tied is False:
                 curve = replace(curve, k_A=curve.k_A * drawn.off(own, drawn.OFF_K_A * self.wider))
                 curve = drawn.off_slope(curve, drawn.slope_factor(own, self.wider))
             sensors = self.sensors(own, self.wider)
             if self.off:
                 sensors = drawn.off_sensors(sensors, own, self.wider)
-            axles.append(
-                replace(
-                    axle(lot, i, rail_table(self._rail(curve, v, own)), self._drive(w, share), self._track(own), rng,
-                         sensors, self.box(own, self.wider)),
-                    number=i + 1,
-                )
-            )  # fmt: skip
+            rail, track = rail_table(self._rail(curve, v, own)), self._track(source, own)
+            axles.append(axle(lot, i, rail, self._drive(w, share), track, rng, sensors, self.box(own, self.wider)))
             names.append(letter if known else "between")
         seconds = STOP_S if self.stop else RUN_S
         course = Course((0.0, seconds), (v, v - (drawn.BRAKES_M_S2 * seconds if self.stop else 0.0)))
@@ -132,8 +126,8 @@ class World:
             return drive("torque_N_m", (0.0, 0.0), (1.0, full))
         return drive("utilisation", (0.0, 0.0), (0.5, share))
 
-    def _track(self, rng: Rng) -> Spectrum:
-        drawn_track = drawn.track(rng, self.wider)
+    def _track(self, source: Recipe, rng: Rng) -> Spectrum:
+        drawn_track = drawn.track(rng, source.roughness, wider=self.wider)
         return drawn_track if self.spectrum is None else SPECTRA[self.spectrum]
 
 
@@ -179,13 +173,13 @@ SWEPT = (
 WORLDS = (
     World("its own vehicle", AS_TRAINED, off=False),
     World("vehicle and sensors off", AS_TRAINED),
-    World("slopes untied", AS_TRAINED, tied=False, untied=True),
+    World("slopes untied", AS_TRAINED, tied=False),
     World("curves with cant", AS_TRAINED, tied=None, curved=True),
     World("sampled inside, shaken", AS_TRAINED, tied=None, sensors=drawn_sensors, box=drawn_box),
     World("coasting before a stop", AS_TRAINED, tied=None, coasting=True),
     World("stops by full service", AS_TRAINED, tied=None, stop=True),
     World("all off × 1.5", WIDER, wider=1.5, curved=True),
-    World("slopes untied × 1.5", WIDER, tied=False, wider=1.5, untied=True),
+    World("slopes untied × 1.5", WIDER, tied=False, wider=1.5),
     World("vehicle: another one's bogie", UNSEEN, vehicle="high-speed-coach"),
     World("track: china-hs", UNSEEN, spectrum="china-hs"),
     World("vibration: wheel flats", UNSEEN, sensors=drawn_sensors, box=_flats),

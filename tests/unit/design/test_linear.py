@@ -4,13 +4,15 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_are
 
-from sim_ecu.design.linear import TRACK_DECAY, model, slope_and_secant, steady_state
+from sim_ecu.design.brief import read_brief
+from sim_ecu.design.linear import TRACK_DECAY, Gains, model, slope_and_secant, steady_state
 from sim_ecu.design.make import POINTS
 from sim_ecu.physics.contact import CURVES
 from sim_ecu.physics.sensors import SENSOR_SETS
 from sim_ecu.physics.stability import system_matrix
 from sim_ecu.physics.wheelset import AXLE_STATES, FRAME_Y, FRAME_YDOT, GRAVITY, PSI, PSIDOT, YDOT, Wheelset, Y
-from sim_ecu.play.vehicles import load_vehicle
+from sim_ecu.play.vehicles import load_vehicle, vehicle_path
+from wrcd.config.settings import read_toml
 
 MU = load_vehicle("multiple-unit")
 NOISE = SENSOR_SETS["mems"].yaw_rate.noise_rms, SENSOR_SETS["mems"].lat_accel.noise_rms
@@ -47,8 +49,24 @@ def test_model_in_a_bogie_is_the_linear_vehicle_whose_wheelsets_move_alike(name:
 @pytest.mark.parametrize("k", range(4))
 def test_steady_gain_solves_riccatis_equation(w: Wheelset, k: int) -> None:
     for v in (3.0, 25.0, 60.0):
-        g = steady_state(w, POINTS[k], v, 0.005, NOISE)
-        P = g.Phi @ (g.P - g.K @ g.H @ g.P) @ g.Phi.T + g.Q
-        assert np.abs(P - g.P).max() < 1e-5 * np.abs(P).max()
-        if w.bogie is None:
-            np.testing.assert_allclose(g.P, solve_discrete_are(g.Phi.T, g.H.T, g.Q, g.R), rtol=1e-5, atol=1e-16)
+        assert _misfit(steady_state(w, POINTS[k], v, 0.005, NOISE)) < 1e-8
+
+
+def test_gain_is_found_where_the_solver_cannot_order_its_eigenvalues() -> None:
+    brief = read_brief(read_toml(vehicle_path("multiple-unit")))
+    refused = 0
+    for v in 3.0 * 20.0 ** (np.arange(96) / 95):
+        g = steady_state(brief.wheelset, brief.points[0], float(v), brief.tick_s, NOISE)
+        assert _misfit(g) < 1e-8
+        try:
+            solve_discrete_are(g.Phi.T, g.H.T, g.Q, g.R)
+        except ValueError:
+            refused += 1
+    assert refused
+
+
+def _misfit(g: Gains) -> float:
+    """What a step of the filter changes at the covariance, in its own standard deviations."""
+    P = g.Phi @ (g.P - g.K @ g.H @ g.P) @ g.Phi.T + g.Q
+    sigma = np.sqrt(np.diag(g.P))
+    return float(np.abs((P - g.P) / np.outer(sigma, sigma)).max())
