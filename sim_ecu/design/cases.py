@@ -203,13 +203,11 @@ def _sensors(plan: Plan, rng: np.random.Generator) -> SensorSet:
 
 def _elsewhere(c: Condition, w: Wheelset, rng: np.random.Generator) -> Condition:
     """The same condition of a lone wheelset in a world that is not as the design thinks."""
-    wheelset = replace(
-        w, **{name: getattr(w, name) * train_worlds.off(rng, most) for name, most in train_worlds.OFF.items()}
-    )
+    off = {name: getattr(w, name) * train_worlds.off(rng, most) for name, most in train_worlds.OFF.items()}
     k_A = train_worlds.off(rng, train_worlds.OFF_K_A)
     return replace(
         c,
-        wheelset=wheelset,
+        wheelset=replace(w, **off),
         sensors=train_worlds.off_sensors(c.sensors, rng),
         curve=replace(c.curve, k_A=c.curve.k_A * k_A),
         before=None if c.before is None else replace(c.before, k_A=c.before.k_A * k_A),

@@ -15,8 +15,8 @@ from sim_ecu.physics.track import SPECTRA, Spectrum
 from sim_ecu.physics.wheelset import GRAVITY, Bogie, Wheelset
 
 Rng = np.random.Generator
-# Shares by which the wheelset's parameters are off at most. In a bogie k_w and M_v are the bogie's: of its suspension one
-# standard deviation, and the most. Springs and dampers of one type scatter so.
+# Shares by which the wheelset's parameters are off at most. In a bogie k_w and M_v are the bogie's: of its suspension
+# one standard deviation, and the most. Springs and dampers of one type scatter so.
 OFF = {"m_w": 0.1, "I_w": 0.1, "k_w": 0.1, "I_R": 0.1, "I_L": 0.1, "k_s": 0.1, "C_s": 0.1, "a": 0.1, "b": 0.1,
        "gamma": 0.3, "M_v": 0.15}  # fmt: skip
 OF_BOGIE = ("k_w", "M_v")

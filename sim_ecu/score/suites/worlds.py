@@ -54,8 +54,8 @@ def bent_otherwise(curve: CreepCurve, rng: Rng) -> CreepCurve:
 
 @dataclass(frozen=True, slots=True)
 class World:
-    """A row of the suite. tied: whether the slope of the rail's creep curves is that of their friction; None: it is, and
-    neither bound of the mean error is for the row.
+    """A row of the suite. tied: whether the slope of the rail's creep curves is that of their friction; None: it is,
+    and neither bound of the mean error is for the row.
 
     vehicle: a packaged one, whose bogie is taken; load and wheel radius stay those of the design, which a configuration
     knows. off: whether its parameters are. wider: by how much the ranges are stretched.
