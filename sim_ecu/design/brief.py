@@ -121,7 +121,7 @@ NUMBERS = {
 }  # fmt: skip
 WHOLES = {"grid": (2, 500), "torque_sets": (2, 15), "max_rules": (1, 254)}
 # the score's seeds are far above
-COVERS = ("covers_still", "covers_moved")
+PLAN_NUMBERS = {"own_weight": (0.1, 10.0), "covers_still": (0.5, 0.99), "covers_moved": (0.5, 0.99)}
 PLAN_WHOLES = {"seed": (0, 1_000), "speeds": (2, 200), "per_speed": (2, 2_000)}
 
 
@@ -136,7 +136,7 @@ def read_brief(top: Section, form: str | None = None) -> Brief:
     if base.form == "paper" and "longest_s" not in d:
         numbers["longest_s"] = numbers["window_s"]
     shares = _given(Number, p, {f"{kind}_share": (0.0, 1.0) for kind in KINDS}, plan)
-    covers = _given(Number, p, dict.fromkeys(COVERS, (0.5, 0.99)), plan)
+    weights = _given(Number, p, PLAN_NUMBERS, plan)
     if sum(shares.values()) > 1.0:
         raise p.error(f"shares add up to {sum(shares.values()):g}; they must not exceed 1", next(iter(shares)))
     brief = replace(
@@ -152,7 +152,7 @@ def read_brief(top: Section, form: str | None = None) -> Brief:
             plan,
             **_given(Whole, p, PLAN_WHOLES, plan),
             **shares,
-            **covers,
+            **weights,
             sensors=Choice("sensors", "", tuple(SENSOR_SETS), plan.sensors).value(p),
         ),
     )
@@ -220,7 +220,7 @@ def moved(p: Point, curve: CreepCurve, creep_of_peak: float) -> Point:
 def written(brief: Brief, comments: Sequence[str] = ()) -> str:
     """The brief as a file for `--config`. Raises no error: what read_brief does not read keeps its default there."""
     w, plan, points = brief.wheelset, brief.plan, brief.points
-    shares = {name: getattr(plan, name) for name in (*(f"{kind}_share" for kind in KINDS), *COVERS)}
+    shares = {name: getattr(plan, name) for name in (*(f"{kind}_share" for kind in KINDS), *PLAN_NUMBERS)}
     fields = {"name": w.name, **w.numbers()}
     lines = [f"# {c}" for c in comments]
     if w.bogie is None:

@@ -30,7 +30,7 @@ TO_COASTING = 0.4  # of the torques that turn, those that end at 0
 # so many are dry, with a friction of so much.
 ON_DRY, DRY = 0.5, (0.25, 0.65)
 COASTS_ALONE = 0.3  # of a train's coasting conditions: those without any torque
-TURN_S, TURN_TAKES_S = (0.5, 2.5), (0.3, 4.0)  # when a torque turns, and how long it takes
+TURN_S, TURN_TAKES_S = (0.5, 2.5), (0.3, 4.0)  # when a torque turns (or a curve begins), and how long it takes
 UNSATURATED, END_SHARE = 0.5, (0.25, 0.95)  # of the rails that get worse: those that carry such a share of their peak
 NOISE_FACTORS = (0.6, 2.2)  # of sensors noisier or quieter than their kind
 BATCH = 2 * LANES  # conditions that are simulated in one call
@@ -57,6 +57,7 @@ class Condition:
     sensors: SensorSet = SENSOR_SETS["mems"]
     curvature: float = 0.0
     cant_rad: float = 0.0
+    curve_s: tuple[float, float] = (0.0, 0.0)  # when the curve begins, and how long its transition takes
     edge_m: float = BLEND_M  # over which the rail changes
     ramp_m_s2: float = 0.0
     cycle_hz: float = 0.0
@@ -70,7 +71,8 @@ class Condition:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """How the conditions of a design are drawn: as many in the design's own world as in worlds that differ from it."""
+    """How the conditions of a design are drawn: in the design's own world, and at least as many in worlds that differ
+    from it."""
 
     seed: int = 1
     speeds: int = 32
@@ -92,6 +94,7 @@ class Plan:
     quiet_share: float = 0.15  # of the conditions, with tactical sensors
     noisy_share: float = 0.2  # with sensors of another noise than their kind's
     worlds: bool = True  # whether there are conditions in worlds that differ
+    own_weight: float = 2.0  # of an undisturbed window in the design's own world, which is the likeliest
     settle_s: float = 1.5
     seconds: float = 3.5
     # Which quantile of the error an interval is to be, see `Features.covers`.
@@ -119,8 +122,8 @@ def draw(plan: Plan, wheelset: Wheelset) -> list[Group]:
         share = k / max(plan.speeds - 1, 1)
         v = plan.speed_range[0] * (plan.speed_range[1] / plan.speed_range[0]) ** share
         most = RAMP_M_S2 if wheelset.bogie is None else train_worlds.BRAKES_M_S2
-        elsewhere = _elsewhere if wheelset.bogie is None else _in_a_train
-        for other in (False, True) if plan.worlds else (False,):
+        elsewhere, others = (_elsewhere, 1) if wheelset.bogie is None else (_in_a_train, train_worlds.OTHERS)
+        for other in (False, *[True] * others) if plan.worlds else (False,):
             ramp = float(rng.uniform(-most, most)) if other and rng.random() < train_worlds.SOME else 0.0
             ramp = min(max(ramp, (plan.speed_range[0] - v) / plan.seconds), (plan.speed_range[1] - v) / plan.seconds)
             first = plan.seed * SEEDS_PER_PLAN + len(out) * plan.per_speed
@@ -224,15 +227,21 @@ def _in_a_train(c: Condition, w: Wheelset, rng: np.random.Generator) -> Conditio
     def other(curve: CreepCurve) -> CreepCurve:
         return train_worlds.off_slope(replace(curve, k_A=curve.k_A * k_A), factor)
 
-    curvature, cant = train_worlds.curve_and_cant(c.speed_m_s, rng) if rng.random() < train_worlds.SOME else (0.0, 0.0)
+    curvature, cant, curve_s = 0.0, 0.0, (0.0, 0.0)
+    if rng.random() < train_worlds.SOME:
+        curvature, cant = train_worlds.curve_and_cant(c.speed_m_s, rng)
+        if c.before is None and rng.random() < train_worlds.BEGINS:
+            curve_s = float(rng.uniform(*TURN_S)), float(rng.uniform(*train_worlds.TRANSITION_S))
     return replace(
         c,
+        track=train_worlds.smoother(c.track, rng) if rng.random() < train_worlds.SMOOTH else c.track,
         wheelset=train_worlds.off_vehicle(w, rng),
         sensors=train_worlds.off_sensors(drawn(rng) if rng.random() < train_worlds.SAMPLED else c.sensors, rng),
         curve=other(c.curve),
         before=None if c.before is None else other(c.before),
         curvature=curvature,
         cant_rad=cant,
+        curve_s=curve_s,
         edge_m=math.exp(rng.uniform(*np.log(train_worlds.EDGE_M))) if rng.random() < train_worlds.SOME else BLEND_M,
     )
 
@@ -306,7 +315,10 @@ def _ready(w: Wheelset, c: Condition, seconds: float, tick_s: float) -> tuple[Si
     n = round(seconds / tick_s)
     w = c.wheelset or w
     rail = [RailSection(0.0, c.curve, c.curvature, c.cant_rad)]
-    if c.before is not None:
+    if c.curve_s[0] > 0.0:
+        from_m, transition_m = (c.speed_m_s * s for s in c.curve_s)
+        rail = [RailSection(0.0, c.curve), rail[0]._replace(from_m=from_m, transition_m=transition_m)]
+    elif c.before is not None:
         at = max(c.changes_at_s * (c.speed_m_s + 0.5 * c.ramp_m_s2 * c.changes_at_s) - c.edge_m, 0.1)
         rail = [
             RailSection(0.0, c.before, c.curvature, c.cant_rad),

@@ -20,7 +20,6 @@ from wrcd.estimator.rule_inputs import SWING
 from wrcd.estimator.window import BLOCK_TICKS
 
 FloatArray = NDArray[np.float64]
-OWN_WORLD = 2.0  # importance of an undisturbed window in the design's own world: it is the likeliest
 EDGE = 0.3  # importance of a window outside the plan's core
 ENDS = (0.25, 0.5, 0.75, 1.0)  # windows end at these shares of the recording after it has settled
 DISTURBED_ENDS = (0.5, 1.0)
@@ -45,13 +44,13 @@ class Features:
         core = (speed_m_s >= low) & (speed_m_s <= high) & (utilisation >= plan.core_utilisation)
         # the speeds are drawn evenly in the logarithm; trains run evenly in the speed
         weight = np.where(core, 1.0, EDGE) * (np.clip(speed_m_s, low, high) / high) ** 0.5
-        return np.where(self.nominal, OWN_WORLD, 1.0) * weight
+        return np.where(self.nominal, plan.own_weight, 1.0) * weight
 
     def covers(self, plan: Plan) -> FloatArray:
         """(n,) Which quantile of the error the half-width of each window's interval is to be.
 
-        Half of the training windows are of other worlds or disturbed, and many are short: of whole windows in the own
-        world more lie inside than the plan says. More are to where the torque has moved and below SLOW_M_S: few windows
+        At least half of the training windows are of other worlds or disturbed, and many are short: of whole windows in
+        the own world more lie inside than the plan says. More are to where the torque has moved and below SLOW_M_S: few windows
         there make up for others.
         """
         moved = self.inputs[:, SWING].sum(axis=1) > MOVED

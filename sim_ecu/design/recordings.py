@@ -62,11 +62,12 @@ def _measured(group: Group, y: NDArray[np.float64], tick_s: float, rng: np.rando
     v: NDArray[np.float64] = np.asarray(group.speed_m_s + group.ramp_m_s2 * tick_s * np.arange(1, ticks + 1))
     distance: NDArray[np.float64] = np.cumsum(v) * tick_s
     for i, c in enumerate(group.conditions):
-        shaken = InertialStream(
-            c.sensors, _axle_box(rng) if c.sensors.sampling is None else drawn_box(rng), tick_s, rng
-        ).next(y[:, :, i], distance, v)
+        inside = c.sensors.sampling is not None  # such a sensor's axle box is never calm
+        shaken = InertialStream(c.sensors, drawn_box(rng) if inside else _axle_box(rng), tick_s, rng).next(
+            y[:, :, i], distance, v
+        )
         noise_seed = int(rng.integers(2**62))
-        calm = InertialStream(c.sensors, QUIET, tick_s, rng).next(y[:, :, i], distance, v)
+        calm = InertialStream(c.sensors, drawn_box(rng) if inside else QUIET, tick_s, rng).next(y[:, :, i], distance, v)
         for into, pair in ((z, calm), (felt, shaken)):
             own = np.random.default_rng(noise_seed)
             into[:, 0, i] = c.sensors.yaw_rate.measure(pair[:, 0], own)

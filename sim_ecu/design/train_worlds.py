@@ -31,9 +31,12 @@ RADIUS_M, DEFICIENCY_M_S2, CANT = 800.0, 0.65, 0.1
 EDGE_M = (0.5, 30.0)  # of a film: the rail goes from one state to the next over so much
 BRAKES_M_S2 = 1.2  # full service
 COASTING = 0.08  # of full service, either way: what a train coasts with at most
-# Shares of the conditions in other worlds: with slopes untied, with sensors that sample inside a shaken axle box, and
-# with each of curves, film edges and a change of speed.
-UNTIED, SAMPLED, SOME = 0.5, 0.4, 0.4
+OTHERS = 2  # conditions in other worlds for each in the design's own
+# Shares of the conditions in other worlds: with slopes untied, with sensors that sample inside a shaken axle box, on
+# tracks smoother than the plan's, and with each of curves, film edges and a change of speed.
+UNTIED, SAMPLED, SMOOTH, SOME = 0.6, 0.4, 0.2, 0.4
+SMOOTHEST = 0.1  # of the plan's smoothest track's density
+BEGINS, TRANSITION_S = 0.5, (1.0, 3.0)  # of the curves, those that begin while the train runs; over so long
 
 
 def off(rng: Rng, most: float) -> float:
@@ -77,6 +80,11 @@ def curve_and_cant(speed_m_s: float, rng: Rng, wider: float = 1.0) -> tuple[floa
     return way * curvature, way * cant
 
 
+def smoother(track: Spectrum, rng: Rng) -> Spectrum:
+    """Return a track whose density is a tenth of the given one's at least: as smooth as that of a new line."""
+    return track.scaled(SMOOTHEST ** float(rng.random()))
+
+
 def off_sensors(s: SensorSet, rng: Rng, wider: float = 1.0) -> SensorSet:
     """Return the set with constant errors and a torque that is known to some per cent."""
     return replace(
@@ -104,15 +112,17 @@ def sentences(w: Wheelset, roughness: tuple[float, float]) -> list[str]:
         f"vehicle {w.name}: two wheelsets {b.wheelbase_m:g} m apart in a bogie under half a car body, "
         f"{1e-3 * w.M_v:.3g} t on a wheelset",
         f"track: ERRI low times {roughness[0]:g} to {roughness[1]:g} (density), with cross-level and gauge",
-        "half of the conditions in the design's own world; in the others, drawn one by one:",
+        f"{OTHERS} of {OTHERS + 1} conditions in other worlds than the design's own, drawn one by one:",
         f"inertias within {_pct(OFF['m_w'])}, conicity {_pct(OFF['gamma'])}, load {_pct(OFF['M_v'])}, suspension "
         f"{_pct(SUSPENSION_MOST)} (one sigma {_pct(SUSPENSION_SIGMA)})",
         f"slope of the creep curves: k_A within {_pct(OFF_K_A)} of the friction's; in {UNTIED:.0%} also a factor of "
         f"{1 / SLOPE:g} to {SLOPE:g}",
         f"torque within {_pct(OFF_TORQUE)}, gyro offset up to {math.degrees(GYRO_BIAS):g} degrees/s, accelerometer "
         f"offset up to {LAT_ACCEL_BIAS:g} m/s2",
+        f"in {SMOOTH:.0%} tracks down to a tenth as rough",
         f"in {SAMPLED:.0%} sensors that sample inside at 1 to 8 kHz on a shaken axle box; speed off by 1 to 3 %",
-        f"in {SOME:.0%} curves down to {RADIUS_M:g} m with cant and up to {DEFICIENCY_M_S2:g} m/s2 beside it",
+        f"in {SOME:.0%} curves down to {RADIUS_M:g} m with cant and up to {DEFICIENCY_M_S2:g} m/s2 beside it; half "
+        "of them begin on the way",
         f"in {SOME:.0%} film edges of {EDGE_M[0]:g} to {EDGE_M[1]:g} m; in {SOME:.0%} up to {BRAKES_M_S2:g} m/s2 of "
         "braking or traction",
     ]

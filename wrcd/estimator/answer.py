@@ -22,9 +22,12 @@ NEWEST_SHARE = 0.5  # of the newest part's half-width that the interval is made 
 CONTRADICTION_SHARE, CONTRADICTION_PP = 0.2, 0.3
 HARSH_SHARE = 0.7  # of the window that must hold data far from pulses
 SILENT, SILENT_S = 1.07, 0.4  # all four residuals below so many times the noise, over at least so long: no track
-# Half-width over the estimate from which on it is too wide to become Valid with, and from which on it says nothing.
-# With one bound for both, an axle at 0.3 of the rail lost Valid 810 times an hour; with these, 15 times (61 minutes).
+# Half-width over the estimate, and in percentage points, from both of which on it is too wide to become Valid with, and
+# from which on it says nothing. With one bound for both, an axle at 0.3 of the rail lost Valid 810 times an hour; with
+# these, 15 times (61 minutes). Of a slippery rail a few points say enough, whatever share of it they are: without the
+# points an axle in a bogie had no Valid estimate 28 % of the time, and the mean error of the rest was a tenth larger.
 WIDE, VAGUE = 0.6, 0.9
+WIDE_PP, VAGUE_PP = 8.0, 12.0
 MIN_M = 2.9  # the least way that a wheelset must have run to tell
 # The first that applies counts.
 _REASONS = np.array(
@@ -249,6 +252,7 @@ class Answers:
         far = np.maximum(np.maximum.reduce(outside, axis=1), 0.0)
         few = np.minimum(np.maximum(LOW_FIRING / np.maximum(inference.firing, 1e-9), 1.0), 3.0)
         spread = spread * few * (1.0 + BEYOND_WIDER * far)
+        half_width_pp = spread * best.mu_pct
         seconds = s.ticks * d.tick_s
         applies = np.empty((len(_REASONS), len(spread)), dtype=bool)
         applies[0] = (loud < SILENT) & (seconds >= SILENT_S)
@@ -257,8 +261,8 @@ class Answers:
         applies[1] = applies[2] & (1.0 - s.heard_share > s.heard_share - s.live_share)
         np.greater(far, d.beyond, out=applies[3])
         np.equal(inference.rule, 0, out=applies[4])
-        applies[5] = (spread > VAGUE) | (seconds * speed_m_s < MIN_M)
-        np.greater(spread, WIDE, out=applies[6])
+        applies[5] = ((spread > VAGUE) & (half_width_pp > VAGUE_PP)) | (seconds * speed_m_s < MIN_M)
+        applies[6] = (spread > WIDE) & (half_width_pp > WIDE_PP)
         applies[7] = True
         return spread, _REASONS[applies.argmax(axis=0)]
 
