@@ -5,7 +5,7 @@ from pathlib import Path
 DATA = Path(__file__).parent / "data"
 DBC = DATA / "wrcd.dbc"
 DESIGNS = DATA / "designs"  # NAME.design.json
-DEFAULT_DESIGN = "lone-wheelset"  # the packaged design that holds where none is named
+DEFAULT_DESIGN = "multiple-unit"  # the packaged design that holds where none is named
 DESIGN = DESIGNS / f"{DEFAULT_DESIGN}.design.json"
 COMPLETION = DATA / "completion"
 MANUAL = DATA / "man"

@@ -137,7 +137,7 @@ channel = "can0"
 file = "train.dbc"
 
 [wheelset]
-name = "default"
+name = "multiple-unit"
 
 [vehicle]
 speed = "TCMS.Speed"

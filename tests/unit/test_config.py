@@ -113,12 +113,12 @@ OWN_DBC = '[dbc]\nfile = "own.dbc"\n'
 def test_own_dbc_without_a_named_wheelset_is_an_error(tmp_path: Path, more: str) -> None:
     (tmp_path / "own.dbc").write_bytes(resources.DBC.read_bytes())
     path = config(tmp_path, f"{VEHICLE}{AXLE}{OWN_DBC}{more}")
-    with pytest.raises(InputError, match=r'wrcd.toml:10: dbc.file: is a train.s own.*\[wheelset\]: name = "default"'):
+    with pytest.raises(InputError, match=r'wrcd.toml:10: dbc.file: is a train.s own.*\[wheelset\]: name = "multiple-unit"'):
         load_config(path)
 
 
 @pytest.mark.parametrize(
-    "more", ['[wheelset]\nname = "default"\n', "[wheelset]\nr_0 = 0.5\n", '[estimator]\ndesign = "my.json"\n']
+    "more", ['[wheelset]\nname = "multiple-unit"\n', "[wheelset]\nr_0 = 0.5\n", '[estimator]\ndesign = "my.json"\n']
 )
 def test_a_wheelset_that_is_named_is_shown(tmp_path: Path, more: str) -> None:
     (tmp_path / "own.dbc").write_bytes(resources.DBC.read_bytes())
@@ -135,7 +135,7 @@ def test_measurements_are_stale_after_three_ticks_whatever_the_dbc_says(tmp_path
         assert good in text
         text = text.replace(good + ("15" if can_id < 289 else "30"), good + "90")
     (tmp_path / "own.dbc").write_text(text, "cp1252")
-    c = load_config(config(tmp_path, f'{VEHICLE}{AXLE}{OWN_DBC}[wheelset]\nname = "default"\n'))
+    c = load_config(config(tmp_path, f'{VEHICLE}{AXLE}{OWN_DBC}[wheelset]\nname = "multiple-unit"\n'))
     assert [i.timeout_us for i in c.inputs] == [15_000, 15_000, 90_000, 60_000]
 
 
@@ -220,7 +220,7 @@ CM_ """
 def test_a_multiplexed_signal_can_be_mapped_and_the_multiplexer_cannot(tmp_path: Path) -> None:
     text = resources.DBC.read_text("cp1252").replace("\nCM_ ", MULTIPLEXED, 1)
     (tmp_path / "own.dbc").write_text(text, "cp1252")
-    rest = f'{AXLE}[dbc]\nfile = "own.dbc"\n[wheelset]\nname = "default"\n'
+    rest = f'{AXLE}[dbc]\nfile = "own.dbc"\n[wheelset]\nname = "multiple-unit"\n'
     found = load_config(config(tmp_path, f'[vehicle]\nspeed = "Motion.V"\n{rest}'))
     assert [i.source.signal for i in found.inputs if i.source.quantity is Quantity.SPEED] == ["V"]
     path = config(tmp_path, f'[vehicle]\nspeed = {{ signal = "Motion.Page", unit = "m/s" }}\n{rest}')

@@ -8,7 +8,7 @@ from tests.walk.walk import Step, Walk, expect
 DBC = "tests/data/dbc/third-party.dbc"
 LATERAL = '{ signal = "RS2_Beschl.Querbeschl", unit = "m/s2",'
 EDITS = [
-    ('# wheelset = { name = "default" }', 'wheelset = { name = "default" }'),
+    ('# wheelset = { name = "multiple-unit" }', 'wheelset = { name = "multiple-unit" }'),
     # the unit is right, and the sensor is mounted the other way round, as the DBC's comment says
     (f"# lateral_acceleration = {LATERAL}", f"lateral_acceleration = {LATERAL} sign = -1,"),
 ]

@@ -44,7 +44,7 @@ VAL_ 673 Mu 5000 "being calibrated" ;
 """
 TOML = """
 dbc = { file = "odd.dbc" }
-wheelset = { name = "default" }
+wheelset = { name = "multiple-unit" }
 [vehicle]
 speed = "VehicleSpeed.Speed"
 [[axle]]
@@ -90,7 +90,7 @@ TWIN_SIGNALS = """
 """
 TWIN_HEAD = """
 dbc = { file = "twin.dbc" }
-wheelset = { name = "default" }
+wheelset = { name = "multiple-unit" }
 [vehicle]
 speed = "VehicleSpeed.Speed"
 """

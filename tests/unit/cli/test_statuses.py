@@ -134,7 +134,7 @@ RIG_CASES = [
     ("completion zsh", 0),
 ]
 STOP = 'title = "t"\nduration_s = 0.2\nspeed_m_s = 12\nrail = [{ curve = "A" }]\ndriver = { demand = -1.0 }\n'
-LATE = '[dbc]\nfile = "never.dbc"\n[wheelset]\nname = "default"\n' + DEFAULT
+LATE = '[dbc]\nfile = "never.dbc"\n[wheelset]\nname = "multiple-unit"\n' + DEFAULT
 CASES = [("wrcd", *c) for c in WRCD_CASES] + [("sim-ecu", *c) for c in RIG_CASES]
 MAINS: dict[str, Callable[[list[str]], int]] = {"wrcd": cli.main, "sim-ecu": rig_cli.main}
 

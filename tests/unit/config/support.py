@@ -6,7 +6,7 @@ DBC = Path(__file__).parents[2] / "data" / "dbc" / "mistakes.dbc"
 BASE = """[dbc]
 file = "mistakes.dbc"
 [wheelset]
-name = "default"
+name = "multiple-unit"
 [vehicle]
 speed = "Drive.V"
 [[axle]]

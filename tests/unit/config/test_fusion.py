@@ -89,7 +89,7 @@ def own_dbc(folder: Path, *without: str) -> str:
     for name in without:
         text = text.replace(name, "X" + name[1:])
     (folder / "own.dbc").write_text(text, encoding="utf-8")
-    return DEFAULT + '[dbc]\nfile = "own.dbc"\n[wheelset]\nname = "default"\n'
+    return DEFAULT + '[dbc]\nfile = "own.dbc"\n[wheelset]\nname = "multiple-unit"\n'
 
 
 def test_dbc_that_can_tell_nothing_is_refused(tmp_path: Path) -> None:

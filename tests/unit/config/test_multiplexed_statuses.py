@@ -69,7 +69,7 @@ def train(folder: Path, yaw1: str = "", yaw2: str = "", *, vehicle: str = "", lo
     ]
     path = folder / "train.toml"
     path.write_text(
-        '[dbc]\nfile = "own.dbc"\n[wheelset]\nname = "default"\n'
+        '[dbc]\nfile = "own.dbc"\n[wheelset]\nname = "multiple-unit"\n'
         f'[vehicle]\nspeed = "Drive.V"\n{vehicle}\n' + "\n".join(axles)
     )
     return path

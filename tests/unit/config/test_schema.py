@@ -28,7 +28,7 @@ WHOLE: dict[str, Any] = {
     "bus": {"interface": "virtual", "channel": "x", "timestamps": "kernel"},
     "dbc": {"file": "a.dbc", "encoding": "cp1252"},
     "estimator": {"design": "d.json"},
-    "wheelset": {"name": "default"},
+    "wheelset": {"name": "multiple-unit"},
     "limits": {"min_speed_m_s": 4, "not_available_after_ms": 90.5},
     "fusion": {"positions_m": [-2.5], "one_way": True},
     "recorder": {"folder": "f", "seconds": 30, "max_files": 3, "max_mb": 10},

@@ -36,7 +36,7 @@ def own(tmp_path: Path, more: str, vehicle: str = "", form: str = "") -> SensorS
         begin = text.index(" SG_ Torque :", text.index("BO_ 290 "))
         text = f"{text[:begin]} SG_ Slow : {form} WRCD{text[text.index(chr(10), begin) :]}"
         (tmp_path / "own.dbc").write_text(text, encoding="latin-1")
-        before = '[dbc]\nfile = "own.dbc"\n[wheelset]\nname = "default"\n'
+        before = '[dbc]\nfile = "own.dbc"\n[wheelset]\nname = "multiple-unit"\n'
     axle = AXLE.replace('torque = "Torque_A1.Torque"\n', more) if more.startswith("torque") else AXLE + more
     (tmp_path / "wrcd.toml").write_text(f'{before}[vehicle]\nspeed = "VehicleSpeed.Speed"\n{vehicle}{axle}')
     return SensorSimulator(load_config(tmp_path / "wrcd.toml"))

@@ -260,7 +260,7 @@ def with_direction(tmp_path: Path) -> Config:
     text = resources.DBC.read_bytes().replace(b"\nBO_ ", f"\n{message}\nBO_ ".encode(), 1) + values.encode()
     (tmp_path / "train.dbc").write_bytes(text)
     file = tmp_path / "train.toml"
-    own = '[dbc]\nfile = "train.dbc"\n[wheelset]\nname = "default"\n'
+    own = '[dbc]\nfile = "train.dbc"\n[wheelset]\nname = "multiple-unit"\n'
     file.write_text(own + DEFAULT.replace("[vehicle]", '[vehicle]\ndirection = "State.Dir"'))
     return load_config(file)
 

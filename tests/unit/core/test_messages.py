@@ -36,7 +36,7 @@ CONFIG = f"""
 [dbc]
 file = "own.dbc"
 [wheelset]
-name = "default"
+name = "multiple-unit"
 [vehicle]
 speed = "VehicleSpeed.Speed"
 [[axle]]

@@ -135,7 +135,7 @@ def with_body(tmp_path: Path, unit: str, mapped: str) -> SensorSimulator:
     """A DBC of its own, whose message Body has a value in hundredths of a unit."""
     message = f'\nBO_ 800 Body: 8 TCU\n SG_ V : 0|16@1+ (0.01,0) [0|600] "{unit}" WRCD\n\nCM_ '
     (tmp_path / "own.dbc").write_text(resources.DBC.read_text("cp1252").replace("\nCM_ ", message, 1), "cp1252")
-    return own(tmp_path, f'{mapped}\n[dbc]\nfile = "own.dbc"\n[wheelset]\nname = "default"\n')
+    return own(tmp_path, f'{mapped}\n[dbc]\nfile = "own.dbc"\n[wheelset]\nname = "multiple-unit"\n')
 
 
 def body(sim: SensorSimulator, value: float) -> Frame:

@@ -57,7 +57,10 @@ def named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Named:
 @pytest.mark.parametrize(("signal", "unit"), [(LAT, "g"), (YAW, "deg/s")])
 def test_unit_that_is_read_wrongly_is_named(scenario: str, signal: str, unit: str, named: Named) -> None:
     sent = mapping(signal, f'unit = "{unit}"')
-    said = named(scenario, "", sent, packaged(1), SECONDS[scenario])
+    # Held at the peak the wheelset moves so little that the roll of cross-level is most of what it feels, and its unit
+    # is not told.
+    alignment = [('"erri-low"', '"good"')] if scenario in ("wet", "dry") else []
+    said = named(scenario, "", sent, packaged(1), SECONDS[scenario], *alignment)
     (line,) = said.splitlines()
     assert line.startswith(f"  {signal}: ")
     assert f"reads as if it were in {unit}, " in line

@@ -20,7 +20,7 @@ from wrcd.service.loop import Daemon
 THIRD_PARTY = Path(__file__).parents[2] / "data/dbc/third-party.toml"
 OWN_STATUS = """
 dbc = { file = "own.dbc" }
-wheelset = { name = "default" }
+wheelset = { name = "multiple-unit" }
 limits = { constant_speed_m_s = 25.0 }
 [[axle]]
 number = 1
