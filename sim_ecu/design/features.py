@@ -50,8 +50,8 @@ class Features:
         """(n,) Which quantile of the error the half-width of each window's interval is to be.
 
         At least half of the training windows are of other worlds or disturbed, and many are short: of whole windows in
-        the own world more lie inside than the plan says. More are to where the torque has moved and below SLOW_M_S: few windows
-        there make up for others.
+        the own world more lie inside than the plan says. More are to where the torque has moved and below SLOW_M_S:
+        few windows there make up for others.
         """
         moved = self.inputs[:, SWING].sum(axis=1) > MOVED
         slow = self.inputs[:, 5] < math.log10(SLOW_M_S)

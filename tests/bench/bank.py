@@ -50,8 +50,8 @@ class Peer:
 
 
 def _filter(g: Gains) -> KalmanFilter:
-    f = KalmanFilter(dim_x=5, dim_z=2)
-    f.x, f.P, f.F, f.H, f.Q, f.R = np.zeros(5), g.P.copy(), g.Phi, g.H, g.Q, g.R
+    f = KalmanFilter(dim_x=len(g.P), dim_z=2)
+    f.x, f.P, f.F, f.H, f.Q, f.R = np.zeros(len(g.P)), g.P.copy(), g.Phi, g.H, g.Q, g.R
     return f
 
 

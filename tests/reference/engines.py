@@ -118,7 +118,7 @@ class _Axle:
     def __init__(self, design: Design, models: Models) -> None:
         self._paper = design.form == "paper"
         self._mean = RunningMean(2 * design.window_ticks)
-        self._filters, self.live = Filters(), LiveFilters(models)
+        self._filters, self.live = Filters(design.states), LiveFilters(models)
         self._band, self.window = Band(design.lowpass), SlidingWindow(design)
         self.noise = FourthDifferences(design.noise_rms)
         self.z = np.zeros(2)

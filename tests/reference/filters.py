@@ -133,16 +133,17 @@ class RunningMean:
 
 
 class Filters:
-    """Four filters of one axle with the design's gains."""
+    """Four filters of one axle with the design's gains. states: of each."""
 
-    def __init__(self) -> None:
+    def __init__(self, states: int) -> None:
+        self._states = states
         self.reset()
 
     def reset(self) -> None:
         """Four filters that know nothing."""
-        self._filters = [KalmanFilter(dim_x=5, dim_z=2) for _ in range(4)]
+        self._filters = [KalmanFilter(dim_x=self._states, dim_z=2) for _ in range(4)]
         for f in self._filters:
-            f.x = np.zeros(5)
+            f.x = np.zeros(self._states)
 
     def step(self, z: FloatArray, used: bool, matrices: list[FloatArray]) -> FloatArray:
         """Innovations (4, 2) of one tick; what is not used counts as predicted."""
@@ -170,9 +171,9 @@ class LiveFilters:
         """Innovations (4, 2) of one tick; one that is not used is predicted over."""
         models = self._source.at(speed_m_s)
         if self._filters is None:
-            self._filters = [KalmanFilter(dim_x=5, dim_z=2) for _ in models]
+            self._filters = [KalmanFilter(dim_x=len(g.P), dim_z=2) for g in models]
             for f, g in zip(self._filters, models, strict=True):
-                f.x, f.P = np.zeros(5), g.P.copy()
+                f.x, f.P = np.zeros(len(g.P)), g.P.copy()
         out = np.zeros((4, 2))
         for m, (f, g) in enumerate(zip(self._filters, models, strict=True)):
             if used:

@@ -84,7 +84,7 @@ BAD = {
     "a number of a page": (f"{VEHICLE}{AXLE}[limits]\nmin_speed_m_s = {'9' * 5000}\n", None, "not valid TOML"),
     "no such design": (f'{VEHICLE}{AXLE}[estimator]\ndesign = "none.json"\n', 10, "no such design file"),
     "another wheelset": (f"{VEHICLE}{AXLE}[wheelset]\nm_w = 1600.0\n", 10, "is for a wheelset with 1250.0"),
-    "a train's wheelset": (f'{VEHICLE}{AXLE}[wheelset]\nname = "metro"\n', 10, "is for a wheelset with 'default'"),
+    "a train's wheelset": (f'{VEHICLE}{AXLE}[wheelset]\nname = "metro"\n', 10, "for a wheelset with 'multiple-unit'"),
 }  # fmt: skip
 
 
@@ -113,7 +113,8 @@ OWN_DBC = '[dbc]\nfile = "own.dbc"\n'
 def test_own_dbc_without_a_named_wheelset_is_an_error(tmp_path: Path, more: str) -> None:
     (tmp_path / "own.dbc").write_bytes(resources.DBC.read_bytes())
     path = config(tmp_path, f"{VEHICLE}{AXLE}{OWN_DBC}{more}")
-    with pytest.raises(InputError, match=r'wrcd.toml:10: dbc.file: is a train.s own.*\[wheelset\]: name = "multiple-unit"'):
+    named = r'wrcd.toml:10: dbc.file: is a train.s own.*\[wheelset\]: name = "multiple-unit"'
+    with pytest.raises(InputError, match=named):
         load_config(path)
 
 
@@ -125,7 +126,7 @@ def test_a_wheelset_that_is_named_is_shown(tmp_path: Path, more: str) -> None:
     (tmp_path / "my.json").write_bytes(resources.DESIGN.read_bytes())
     lines = describe(load_config(config(tmp_path, f"{VEHICLE}{AXLE}{OWN_DBC}{more}")))
     (line,) = (x for x in lines if x.startswith("wheelset "))
-    assert "default: axle load 147.1 kN, wheel radius 0.5 m, conicity 0.15" in line
+    assert "multiple-unit: axle load 147.1 kN, wheel radius 0.5 m, conicity 0.15" in line
 
 
 def test_measurements_are_stale_after_three_ticks_whatever_the_dbc_says(tmp_path: Path) -> None:

@@ -104,6 +104,11 @@ class Design:
         return int(self.Phi.shape[-1])
 
     @property
+    def in_bogie(self) -> bool:
+        """Whether the filters hold the wheelset in a bogie's frame, not on the ground."""
+        return self.states > STATES
+
+    @property
     def sets(self) -> tuple[Sets, ...]:
         """The sets of the six inputs of the rules."""
         return (*self.residual_sets, self.torque_sets, self.speed_sets)

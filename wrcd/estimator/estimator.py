@@ -17,6 +17,7 @@ from wrcd.estimator.answer import Answers, Draft, joined, split
 from wrcd.estimator.bank import Bank, BoolArray, SpeedFilter
 from wrcd.estimator.changes import ChangeDetector
 from wrcd.estimator.design import MODELS, Design, FloatArray, IntArray
+from wrcd.estimator.doubts import IN_BOGIE, LONE
 from wrcd.estimator.gate import Gate, Outliers
 from wrcd.estimator.identity import BLOCK_S, Identity
 from wrcd.estimator.joints import HOLD_TICKS, MAX_PULSE, Joints
@@ -68,7 +69,7 @@ class Estimator:
         self._window = Window(Lengths(design).longest, axles)
         self._changes, self._answers = ChangeDetector(design), Answers(design, axles)
         noise_rms = float(design.noise_rms[0]), float(design.noise_rms[1])
-        self.identity = Identity(noise_rms, design.tick_s, axles)
+        self.identity = Identity(noise_rms, design.tick_s, axles, IN_BOGIE if design.in_bogie else LONE)
         self._grid = float(design.speeds_m_s[0]), float(design.speeds_m_s[-1])
         self._speed_m_s = self._grid[0]
         self._wrcd = design.form == "wrcd"

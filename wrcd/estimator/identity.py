@@ -13,6 +13,7 @@ from wrcd.estimator.doubts import (
     CROSS,
     FINE,
     LAT,
+    LONE,
     LOW,
     LOW_MEAN,
     MEAN,
@@ -21,13 +22,13 @@ from wrcd.estimator.doubts import (
     POWER,
     PRECEDENCE,
     RAW,
-    REVERSED,
     ROWS,
     SATURATED,
     SILENT_EXCESS,
     SPEED,
     STILL_SILENT_EXCESS,
     YAW,
+    Bounds,
     Doubt,
     DoubtFigures,
     Evidence,
@@ -114,7 +115,7 @@ class Wiring:
         count = known.sum(axis=0)
         mean = np.where(known, self._seconds, 0.0).sum(axis=0) / np.maximum(count, 1)
         mean[count < MIN_SECONDS] = np.nan
-        own = np.diagonal(mean)
+        own = np.maximum(np.diagonal(mean), 0.0)  # in a bogie a sound pair near the peak may be against each other
         gain = mean + mean.T - own[:, None] - own
         gain[np.isnan(gain)] = 0.0
         best = gain.argmax(axis=1)
@@ -211,7 +212,8 @@ class Identity:
     _wiring: Wiring
     _figures: FloatArray  # that each was found by
 
-    def __init__(self, noise_rms: tuple[float, float], tick_s: float, axles: int) -> None:
+    def __init__(self, noise_rms: tuple[float, float], tick_s: float, axles: int, bounds: Bounds = LONE) -> None:
+        self._bounds = bounds
         self._unit: FloatArray = np.array(noise_rms)[:, None]
         self._scale = (*noise_rms, tick_s)  # what the pairs' sums are in
         self._block_ticks = max(2, round(BLOCK_S / tick_s))
@@ -326,17 +328,17 @@ class Identity:
                 self._hold(Doubt.SILENT, axle, SILENT_BLOCKS, evidence(newest.mean(axis=0)[None]))
             if filled >= 2 * SECOND:
                 second = evidence(newest.mean(axis=0)[None])
-                dead = dead_alone(second, *self._unit[:, 0])
+                dead = dead_alone(second, *self._unit[:, 0], self._bounds)
                 if dead:
                     self._hold(dead, axle, ALONE_BLOCKS, second)
             if filled < MIN_BLOCKS and filled % SECOND == 0:
                 early = self._seconds(filled, axle)
-                if reversed_odds(early, in_curve(early, *self._scale)) > REVERSED:
+                if reversed_odds(early, in_curve(early, *self._scale)) > self._bounds.reversed:
                     self._hold(Doubt.REVERSED, axle, 2 * SECOND, early)  # until it is looked at again
             # once a second, each axle at another tick
             if filled >= MIN_BLOCKS and (filled - axle) % SECOND == 0:
                 seconds = self._seconds(min(filled, BLOCKS), axle)
-                found = doubts(seconds, *self._scale)
+                found = doubts(seconds, *self._scale, self._bounds)
                 partner = int(self._wiring.partners()[axle])
                 if partner >= 0:
                     found.add(Doubt.UNRELATED)

@@ -32,8 +32,8 @@ yaw_rate = { signal = "Imu1.Gyro", singal = 1 }
 axle_load = { signal = "Extended.Load", sign = -1 }
     12: axle[1].axle_load.sign: unknown key — did you mean 'signal'?
 name -> name = "multiple-unit"\nradius = 0.5
-    5: wheelset.radius: unknown key — the design's wheelset has C_s, G, I_L, I_R, I_w, L_g, M_v, a, b, gamma, k_s,
-        k_w, m_w, name, r_0, resistance_0, resistance_2
+    5: wheelset.radius: unknown key — the design's wheelset has C_s, G, I_L, I_R, I_w, L_g, M_v, a, b, bogie, gamma,
+        k_s, k_w, m_w, name, r_0, resistance_0, resistance_2
 [wheelset] -> [wheelst]
     3: wheelst: unknown key — did you mean 'wheelset'?
 [dbc] -> [bus]\ninterface = "socketcam"\n[dbc]

@@ -17,9 +17,9 @@ from wrcd.estimator.design import FloatArray
 from wrcd.estimator.doubts import (
     BANDS_HZ,
     LAT,
+    LONE,
     LOW,
     MIDDLE,
-    REVERSED,
     Doubt,
     Evidence,
     dead_alone,
@@ -261,7 +261,7 @@ def test_chance_correlations_of_a_saturated_pair_tell_no_sign(seconds: int) -> N
     """The track drives it no more: what is left is noise about zero, whose mean is below -0.1 in every fourth case."""
     rng = np.random.default_rng(11)
     pairs = [at_correlations(*rng.normal(0.0, [[0.4], [0.2]], (2, seconds)).clip(-0.95, 0.95)) for _ in range(1000)]
-    assert np.mean([reversed_odds(e, STRAIGHT[: len(e.cross)]) > REVERSED for e in pairs]) < 0.003
+    assert np.mean([reversed_odds(e, STRAIGHT[: len(e.cross)]) > LONE.reversed for e in pairs]) < 0.003
 
 
 def test_few_coherent_seconds_among_saturated_ones_tell_the_sign() -> None:
@@ -269,8 +269,8 @@ def test_few_coherent_seconds_among_saturated_ones_tell_the_sign() -> None:
     assert reversed_odds(at_correlations(low, middle), STRAIGHT) < 0.0
     low[8:], middle[8:] = -low[8:], -middle[8:]
     # eight seconds say that nothing can be told
-    assert reversed_odds(at_correlations(low, middle), STRAIGHT) < REVERSED
-    assert reversed_odds(at_correlations(low[8:], middle[8:]), STRAIGHT[8:]) > REVERSED
+    assert reversed_odds(at_correlations(low, middle), STRAIGHT) < LONE.reversed
+    assert reversed_odds(at_correlations(low[8:], middle[8:]), STRAIGHT[8:]) > LONE.reversed
 
 
 @pytest.mark.parametrize(("low_power", "found"), [(20.0, {Doubt.REVERSED}), (2000.0, set())], ids=["track", "curve"])
@@ -278,7 +278,7 @@ def test_where_a_canted_curve_begins_the_slow_band_tells_nothing(low_power: floa
     """On a low rail the two hardly go together; gravity alone may set them against each other below 1.5 Hz."""
     e = at_correlations(np.full(10, -0.8), np.zeros(10))
     e.power[:, LOW], e.cross[:, LOW] = low_power, -0.8 * low_power
-    assert doubts(e, *NOISE, TICK_S) == found
+    assert doubts(e, *NOISE, TICK_S, LONE) == found
 
 
 @pytest.mark.parametrize(("saturated", "found"), [(0.5, {Doubt.GYRO_DEAD}), (1.0, set())])
@@ -287,5 +287,5 @@ def test_quiet_gyro_of_a_saturated_wheelset_is_not_called_dead(saturated: float,
     e = at_correlations(np.zeros(10), np.zeros(10))
     e.power[:], e.variance[:], e.saturated[:] = 1.0, 1.0, saturated
     e.power[:, MIDDLE, LAT], e.variance[:, LAT] = 20.0, 3.0
-    assert doubts(e, *NOISE, TICK_S) == found
+    assert doubts(e, *NOISE, TICK_S, LONE) == found
     assert dead_alone(e.of(np.arange(10) == 0), *NOISE) == (Doubt.GYRO_DEAD if found else Doubt.NONE)

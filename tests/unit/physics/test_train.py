@@ -21,6 +21,7 @@ from wrcd.errors import InputError
 
 TICK_S = 0.005
 BASIC = """
+vehicle = "lone-wheelset"  # in a bogie axles move each other
 duration_s = 6
 [[rail]]
 curve = "A"

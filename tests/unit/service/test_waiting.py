@@ -74,7 +74,8 @@ def test_nothing_to_wait_for_makes_no_pause(
 
 
 @pytest.mark.parametrize(
-    "named", ["", "[dbc]\nfile = 'train.dbc'\n[wheelset]\nname = 'default'\n", "[estimator]\ndesign = 'train.json'\n"]
+    "named",
+    ["", "[dbc]\nfile = 'train.dbc'\n[wheelset]\nname = 'multiple-unit'\n", "[estimator]\ndesign = 'train.json'\n"],
 )
 def test_file_on_a_mount_that_comes_later_is_waited_for(tmp_path: Path, named: str) -> None:
     """The configuration, or a file that it names."""
