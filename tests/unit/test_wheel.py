@@ -41,7 +41,7 @@ def run(installed: Path, code: str, *arguments: str) -> subprocess.CompletedProc
 
 def test_replay_works_from_the_installed_wheel(installed: Path, log_of: LogOf, tmp_path: Path) -> None:
     table = tmp_path / "a.csv"
-    done = run(installed, WRCD, "replay", str(log_of(held("F"))), "--csv", str(table))
+    done = run(installed, WRCD, "replay", str(log_of(held("C"))), "--csv", str(table))
     assert str(installed) in done.stderr
     assert table.read_text().splitlines()[-4].split(",")[2] == "Valid"
 

@@ -33,7 +33,7 @@ ROOT = Path(__file__).parents[3]
 SHORT = {"scenario.duration_s": 2.6}
 DRIVE = {"scenario": "brake-greasy", "controller": "thresholds", "with_adhesion": True, "seed": 7,
          "scenario.driver.demand": -1.0, **SHORT}  # fmt: skip
-PLAY = {"scenario": "greasy", "seed": 7, "judged_from_s": 1.5, **SHORT}
+PLAY = {"scenario": "low", "seed": 7, "judged_from_s": 1.5, **SHORT}
 SCORE = {"suite": "drops", "group": "down", "run": 0, "lot": 0}
 EXAMPLES = {"drive": DRIVE, "play": PLAY, "score": SCORE}
 # what a row of results has beside a kind's figures

@@ -16,6 +16,7 @@ from sim_ecu.play.scenario import rail_table
 from wrcd.estimator.design import FloatArray
 from wrcd.estimator.doubts import (
     BANDS_HZ,
+    IN_BOGIE,
     LAT,
     LONE,
     LOW,
@@ -288,4 +289,16 @@ def test_quiet_gyro_of_a_saturated_wheelset_is_not_called_dead(saturated: float,
     e.power[:], e.variance[:], e.saturated[:] = 1.0, 1.0, saturated
     e.power[:, MIDDLE, LAT], e.variance[:, LAT] = 20.0, 3.0
     assert doubts(e, *NOISE, TICK_S, LONE) == found
-    assert dead_alone(e.of(np.arange(10) == 0), *NOISE) == (Doubt.GYRO_DEAD if found else Doubt.NONE)
+    assert dead_alone(e.of(np.arange(10) == 0), *NOISE, LONE) == (Doubt.GYRO_DEAD if found else Doubt.NONE)
+
+
+@pytest.mark.parametrize(("saturated", "found"), [(0.5, {Doubt.GYRO_DEAD}), (1.0, set())])
+def test_quiet_gyro_of_a_saturated_wheelset_in_a_bogie_is_not_called_dead_however_loud_the_accelerometer_is(
+    saturated: float, found: set[Doubt]
+) -> None:
+    e = at_correlations(np.zeros(10), np.zeros(10))
+    e.power[:], e.variance[:], e.saturated[:] = 1.0, 1.0, saturated
+    e.power[:, MIDDLE:, LAT], e.variance[:, LAT] = 50.0, 3.0
+    assert doubts(e, *NOISE, TICK_S, IN_BOGIE) == found
+    assert dead_alone(e.of(np.arange(10) == 0), *NOISE, IN_BOGIE) == (Doubt.GYRO_DEAD if found else Doubt.NONE)
+    assert Doubt.GYRO_DEAD in doubts(e, *NOISE, TICK_S, LONE)

@@ -31,8 +31,12 @@ def test_picture_names_causes_fall_truth_and_design(ride: Ride, tmp_path: Path) 
     out = tmp_path / "ride.svg"
     draw(ride.sent, ride.sent.axles, ride.sent.begin_us, ride.sent.end_us, out)
     shown = texts(out)
+    contacts = {explain(ride.sent, 1, int(t)).contact for t in ride.sent.axles[0].adhesion.time_us[::5]} - {
+        "",
+        "Unknown",
+    }
     for text in (
-        "Axle 1", "NotAvailable: WarmingUp", "Degraded: TooLittleData", "<!-- Valid -->", "Saturated", "Adhering",
+        "Axle 1", "NotAvailable: WarmingUp", "Degraded: TooLittleData", "<!-- Valid -->", "Adhering", *contacts,
         "truth", "in use", "→", "its 90 % interval", "4: curve B, linear region", ride.sent.config.design.checksum[:12],
         "seconds after the log's first frame",
     ):  # fmt: skip

@@ -220,9 +220,12 @@ def test_levels_are_in_order_of_importance(ride: Ride) -> None:
 
 
 def test_verdict_of_a_ride_begins_with_the_fall(ride: Ride) -> None:
-    first = ride.sent.verdict[0]
-    assert first.text.startswith("Axle 1: available adhesion fell from 3")
-    assert first.begin_us == ride.sent.falls[0].begin_us
+    first, fall = ride.sent.verdict[0], ride.sent.falls[0]
+    assert first.text.startswith(
+        f"Axle 1: available adhesion fell from {fall.before_pct:.2g} to {fall.after_pct:.2g} %"
+    )
+    assert fall.before_pct > 30.0
+    assert first.begin_us == fall.begin_us
 
 
 def test_many_falls_are_counted(config: Config) -> None:

@@ -130,9 +130,9 @@ def test_sensors_read_what_is_true_with_their_noise() -> None:
 
 
 def test_adhesion_is_a_ratio_with_its_validity_and_age() -> None:
-    bench = Bench(scenario(rail="C", demand=-0.1, speed_m_s=20.0, duration_s=5.0), daemon=True)
+    bench = Bench(scenario(rail="C", demand=-0.5, speed_m_s=20.0, duration_s=5.0), daemon=True)
     assert bench.adhesion(1) is None
-    bench.demand(1, torque_N_m=-2000.0)
+    bench.demand(1, torque_N_m=-9000.0)
     bench.run(0.2)
     early = bench.adhesion(1)
     assert early is not None
@@ -142,7 +142,7 @@ def test_adhesion_is_a_ratio_with_its_validity_and_age() -> None:
     assert late is not None
     assert late.valid
     assert late.mu_available == pytest.approx(bench.truth(1).mu_available, abs=0.15)
-    assert late.mu_used == pytest.approx(2000.0 / bench.unit_adhesion_N_m, abs=0.005)
+    assert late.mu_used == pytest.approx(9000.0 / bench.unit_adhesion_N_m, abs=0.005)
 
 
 def test_daemon_with_a_configuration_of_its_own_names_is_heard() -> None:

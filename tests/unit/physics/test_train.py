@@ -21,7 +21,6 @@ from wrcd.errors import InputError
 
 TICK_S = 0.005
 BASIC = """
-vehicle = "lone-wheelset"  # in a bogie axles move each other
 duration_s = 6
 [[rail]]
 curve = "A"
@@ -30,8 +29,10 @@ utilisation = 0.2
 """
 
 
-def scenario(text: str = "", axles: str = "[1, 2, 3, 4]") -> Scenario:
-    return read_scenario(parse_toml(f"axles = {axles}\n" + BASIC + text, "test.toml"), "test")
+def scenario(text: str = "", axles: str = "[1, 2, 3, 4]", vehicle: str = "lone-wheelset") -> Scenario:
+    """Of lone wheelsets: in a bogie axles move each other."""
+    top = f'axles = {axles}\nvehicle = "{vehicle}"\n'
+    return read_scenario(parse_toml(top + BASIC + text, "test.toml"), "test")
 
 
 def felt(s: Scenario) -> FloatArray:
@@ -185,9 +186,9 @@ def test_sensors_that_sample_inside_are_read() -> None:
         "jitter_s = 0.001\ng_sensitivity = 1e-4\nmisalignment_rad = 0.03\nspeed_gain = 1.02\nfriction_share = 0.4\n"
         "friction_gain = 0.7\n[axlebox]\nvibration_m_s2 = 30\nband_hz = [20, 1000]\nvibration_power = 1.5\n"
         "corrugation_m_s2 = 20\ncorrugation_wavelength_m = 0.03\ncorrugation_m = [5, 90]\nflat_m_s2 = 99\n"
-        "flat_every_m = 2.9\n[vehicle]\nframe_mass_kg = 2500"
+        "flat_every_m = 2.9\n"
     )
-    axle = scenario(text).axles[0]
+    axle = scenario(text, vehicle="multiple-unit").axles[0]
     kind = SENSOR_SETS["mems-axle-box"]
     assert axle.sensors == replace(
         kind,

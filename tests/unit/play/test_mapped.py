@@ -19,7 +19,6 @@ from sim_ecu.play.mapped import MappedTrain
 from sim_ecu.play.player import Player
 from sim_ecu.play.scenario import Scenario, load_scenario, read_scenario
 from sim_ecu.play.train import PACKAGED, AdhesionReader, Train
-from tests.support.lone_wheelset import LONE, LONE_DESIGN, PLAYED
 from tests.support.scenarios import held
 from wrcd.bus.codec import Receiver
 from wrcd.bus.dbc import find_message, parse_dbc
@@ -278,10 +277,10 @@ def test_rig_and_daemon_with_an_own_dbc_give_the_estimate_of_the_default_one() -
 
 def test_rig_and_daemon_with_a_third_partys_dbc_give_the_estimate_of_the_default_one() -> None:
     """Motorola order, extended ids, CAN FD, no cycles, words and units of its own; 0.5 % in eight bits."""
-    scenario = read_scenario(parse_toml(f"{PLAYED}axles = [1, 2]\n{held('C', 6.0)}", "test"), "test")
-    own = load_config(THIRD_PARTY, design_file=LONE_DESIGN)
+    scenario = read_scenario(parse_toml(f"axles = [1, 2]\n{held('C', 8.0)}", "test"), "test")
+    own = load_config(THIRD_PARTY)
     theirs = valid(own, MappedTrain(own, scenario.wheelset), scenario)
-    ours = valid(load_packaged(2, design=LONE), PACKAGED, scenario)
+    ours = valid(load_packaged(2), PACKAGED, scenario)
     for place, least in ((0, 150), (1, 40)):  # every 20 ms, every 50 ms: in every tenth of a second both
         apart = [theirs[place][t] - ours[place][t] for t in theirs[place].keys() & ours[place].keys()]
         assert len(apart) > least
