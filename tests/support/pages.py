@@ -55,7 +55,8 @@ ROOT = Path(__file__).parents[2]
 SECTIONS: dict[str, tuple[str, ...]] = {
     "sim-ecu faults": (),
     "sim-ecu loop": ("goals",),
-    "sim-ecu score": ("grid", "goals"),
+    "sim-ecu score --suite worlds --beside was=lone-wheelset": ("worlds", "goals"),
+    "sim-ecu score --design lone-wheelset": ("grid", "goals"),
     "sim-ecu score --suite fusion": ("fusion",),
 }
 # Rows of the fault matrix that do as those of the yaw rate alone do.
@@ -431,8 +432,11 @@ def _figures(kind: Kind) -> list[Row]:
 
 
 HEADLINES = (
-    "grid: mean error", "robust: mean error", "robust: the interval holds the truth", "transitions: 95th percentile, s",
-    "drops: settled, 95th percentile, s",
+    "worlds: its own vehicle, mean error", "worlds: its own vehicle, its own interval holds the truth",
+    "worlds: its own vehicle, Valid and wrong, share of frames", "worlds: slopes untied, mean error",
+    "worlds: slopes untied, its own interval holds the truth",
+    "worlds: slopes untied × 1.5, its own interval holds the truth",
+    "worlds: track: china-hs, its own interval holds the truth",
 )  # fmt: skip
 
 
@@ -450,7 +454,7 @@ def accuracy() -> list[str]:
 
 
 def goals_of(page: str) -> list[tuple[str, str, str, str]]:
-    """The rows of a score's goals: name, value, bound, verdict."""
+    """The rows of the first of a page's goals: name, value, bound, verdict."""
     lines = page.partition("\n**goals**")[2].split("\n<!-- end -->")[0].splitlines()
     rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines if line.startswith("| ")]
     return [(name, value, bound, verdict) for name, value, bound, verdict in rows[1:]]

@@ -26,8 +26,10 @@ from sim_ecu.score import SUITES, WORLDS
 from sim_ecu.score.metrics.bootstrap import NOTHING
 from sim_ecu.score.run_score import ScoreRequest, belonging, make_baselines
 from sim_ecu.score.score_goals import ACCUSED, SCORE_GOALS
+from sim_ecu.score.suites.worlds import EVERY
 from tests.support import pages
 from tests.support.bus_load import MAX_LOAD_PCT, bits, bits_per_s, of_axles
+from tests.support.lone_wheelset import LONE_DESIGN
 from tests.support.page_commands import steps
 from wrcd import contract, resources
 from wrcd.bus.dbc import load_dbc
@@ -45,7 +47,7 @@ from wrcd.service.reload import LIMITS
 ROOT = pages.ROOT
 DOCS = ROOT / "docs"
 PAGES = [p for p in pages.pages() if p.name != "CHANGELOG.md"]
-GOALS = "**goals**: what the default design is held to"
+IN_WORLDS = "--suite worlds --beside was=lone-wheelset"
 CHEAP = [b for b in pages.blocks() if not b.expensive]
 NAMED = {p.relative_to(ROOT).as_posix(): p for p in pages.pages()}
 # Paths that stand for something that a reader makes, or that the repository has only where it was built.
@@ -265,7 +267,7 @@ def test_times_of_the_controller_page_are_those_of_the_dbc() -> None:
 
 
 def test_delays_of_the_controller_page_are_those_of_the_score() -> None:
-    score = {r[0]: r[1] for r in rows("docs/reference/score.md", GOALS)}
+    score = {name: value for name, value, *_ in pages.goals_of(score_block("--design lone-wheelset"))}
     body = text(CONTROLLER)
     figure = float(score["drops: Valid with the truth below the interval, 95th percentile, s"].split()[0])
     assert f"{figure:g} s at the 95th percentile" in body
@@ -387,26 +389,41 @@ def test_fault_matrix_has_the_rows_of_the_code() -> None:
     assert {x.split("|")[-2].strip() for x in lines[2:]} == {"yes"}
 
 
-def test_score_has_the_suites_causes_and_baselines_of_the_code() -> None:
-    (block,) = (b for b in pages.blocks() if b.what == "sim-ecu score")
-    design = json.loads(resources.DESIGN.read_text())
+def score_block(arguments: str) -> str:
+    """What a page keeps of a score, which is of the design's file as it is, in the sections that are kept."""
+    (block,) = (b for b in pages.blocks() if b.what == f"sim-ecu score {arguments}")
+    design = json.loads((LONE_DESIGN if "--design" in arguments else resources.DESIGN).read_text())
     assert f"design {design['name']} {design['checksum'][:12]}," in block.text
-    assert tuple(re.findall(r"^\*\*([\w-]+)\*\*: ", block.text, re.MULTILINE)) == pages.SECTIONS["sim-ecu score"]
+    assert tuple(re.findall(r"^\*\*([\w-]+)\*\*: ", block.text, re.MULTILINE)) == pages.SECTIONS[block.what]
+    return block.text
+
+
+def test_score_of_a_train_has_every_world_and_goal() -> None:
+    shown = score_block(IN_WORLDS)
+    names = [line.split(" | ")[0].removeprefix("| ") for line in shown.splitlines() if " | wrcd | " in line]
+    assert names == [w.name for w in EVERY]
+    of_worlds = [goal(figure=NOTHING) for (suite, *_), goal in SCORE_GOALS.items() if suite == WORLDS]
+    expected = [(g.what, verdicts.bound(g.record())) for g in (*of_worlds, ACCUSED(figure=NOTHING))]
+    assert [(name, bound) for name, _, bound, _ in pages.goals_of(shown)] == expected
+
+
+def test_score_has_the_suites_causes_and_baselines_of_the_code() -> None:
+    shown = score_block("--design lone-wheelset")
     named = (name for row in rows("docs/reference/score.md") for name in row[0].split(", "))
     assert tuple(name for name in named if name in SUITES) == SUITES
-    assert set(re.findall(r"([A-Z]\w+) \d+\.\d %", block.text)) <= {c.label for c in causes.Cause}
+    assert set(re.findall(r"([A-Z]\w+) \d+\.\d %", shown)) <= {c.label for c in causes.Cause}
     levels = [name for _, name in vocabulary.CONFIDENCES]
-    assert re.findall(r"^\| (Wi\w+) \| [\d.]+ % \|", block.text, re.MULTILINE) == levels
-    baselines, papers = (belonging(resources.DESIGN, s) for s in ("baselines.json", "paper.design.json"))
+    assert re.findall(r"^\| (Wi\w+) \| [\d.]+ % \|", shown, re.MULTILINE) == levels
+    baselines, papers = (belonging(LONE_DESIGN, s) for s in ("baselines.json", "paper.design.json"))
     assert papers is not None
-    asked = ScoreRequest(resources.DESIGN, baselines, (("the paper's own form", papers),))
-    names = list(make_baselines(load_source(resources.DESIGN), asked))
-    grid = block.text.partition("**grid**")[2].partition("**goals**")[0]
+    asked = ScoreRequest(LONE_DESIGN, baselines, (("the paper's own form", papers),))
+    names = list(make_baselines(load_source(LONE_DESIGN), asked))
+    grid = shown.partition("**grid**")[2].partition("**goals**")[0]
     assert [n for n in re.findall(r"^\| ([^|]+) \|.* better \|", grid, re.MULTILINE) if n in names] == names
 
 
 def test_score_has_every_goal_with_its_bound_and_verdict() -> None:
-    found = rows("docs/reference/score.md", GOALS)
+    found = pages.goals_of(score_block("--design lone-wheelset"))
     of_the_whole = [goal for (suite, *_), goal in SCORE_GOALS.items() if suite != WORLDS]
     goals = [goal(figure=NOTHING) for goal in (*of_the_whole, ACCUSED)]
     assert [(name, shown) for name, _, shown, _ in found] == [(g.what, verdicts.bound(g.record())) for g in goals]

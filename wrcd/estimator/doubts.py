@@ -104,10 +104,10 @@ class Bounds:
 LONE = Bounds(5.0, -0.10, (-math.inf, 0.2, 0.6, 0.8), -0.1, False)
 # In a bogie the primary suspension and the gravity of cross-level part the two: with the bounds above half of 1680
 # sound pairs were accused within 14 s (6 to 50 m/s, four in ten at or near the peak; own and other bogies, curves,
-# axle boxes that shake). With these 7 of 480 axles of sound trains were within 20 s, 5 of them held at the peak, whose gyro is
-# white. A pair's own correlations do not tell it from another axle's: what does is how all gyros go with all
-# accelerometers (`Wiring`; 82 % of axles that changed theirs below 0.8 of the peak). Of reversed pairs 41 % are found
-# there, 29 % of all.
+# axle boxes that shake). With these 7 of 480 axles of sound trains were within 20 s, 5 of them held at the peak.
+# A pair's own correlations do not tell it from another axle's: what does is how all gyros go with all accelerometers
+# (`Wiring`; 82 % of axles that changed theirs below 0.8 of the peak). Of reversed pairs 41 % are found there, 29 % of
+# all.
 IN_BOGIE = Bounds(40.0, -0.5, (-math.inf,) * 4, -math.inf, True)
 
 # rows of the sums over a block of ticks

@@ -10,6 +10,7 @@ from tests.support.story import DEGRADED, VALID, Ride, adhesion, axle, detail, s
 from wrcd.cli.main import main
 from wrcd.core.causes import Cause
 from wrcd.core.configuration import Config
+from wrcd.logs.why import explain
 from wrcd.report.picture import MAX_POINTS, broken, draw, thinned
 
 SIGNATURES = {".png": b"\x89PNG", ".pdf": b"%PDF", ".svg": b"<?xml"}
