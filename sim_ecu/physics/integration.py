@@ -157,7 +157,7 @@ class Rides(NamedTuple):
 
     Axle i's rail table is rails[first_rail[i]:first_rail[i + 1]]. Node k of its track is nodes[base[i] + k], for k from
     its first one at hand to before[i]; the track's first node lies at start[i] (m). rolls[i]: whether it has
-    cross-level or gauge. Neither a bogie nor a train goes over a multiple of LANES.
+    cross-level or gauge. No bogie goes over a multiple of LANES, nor a train whose speed is not held.
     """
 
     position: FloatArray  # (n,) m, ahead of the train's own distance
@@ -234,7 +234,8 @@ def integrate(
         size[:] = 0
         for j in range(n):
             leader[j] = rides.leader[first + j] - first if rides.leader[first + j] >= 0 else -1
-            head[j] = rides.head[first + j] - first
+            # of a train that goes over LANES, whose speed is held, the first of those here: nobody asks for the pull
+            head[j] = max(rides.head[first + j] - first, 0)
             size[head[j]] += 1
         for j in range(n):
             size[j] = size[head[j]]

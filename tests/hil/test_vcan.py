@@ -23,6 +23,7 @@ from tests.support.can_ids import (
     YAW_RATE_A1,
     id_of,
 )
+from tests.support.lone_wheelset import LONE, PLAYED
 from tests.support.metronome import SLOT_US, WINDOW_US, Cycle, Machine, all_kept, calm, cycle, metronome, mostly, within
 from tests.support.processes import BIN, ROOT, running, stopped, wait_for
 from tests.support.scenarios import FOUR_AXLES, SIX_AXLES, held
@@ -114,10 +115,10 @@ def one_axle(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
 
 @pytest.fixture(scope="module")
 def four_axles(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
-    """canplayer plays four axles, each on another curve, in real time."""
+    """canplayer plays four lone wheelsets, each on another curve, in real time."""
     folder = tmp_path_factory.mktemp("four")
     scenario, log = folder / "four.toml", folder / "four.log"
-    scenario.write_text(FOUR_AXLES)
+    scenario.write_text(PLAYED + FOUR_AXLES)
     subprocess.run([BIN / "sim-ecu", "play", scenario, "--fast", "--log", log], timeout=120, check=True)
     # the guest has one slow processor: leave the truth out, it is not needed here
     lines = [line.removesuffix(" R") for line in log.read_text().splitlines() if " 7A" not in line]
@@ -300,7 +301,8 @@ def test_sigusr1_dump_replays_to_what_was_sent(tmp_path: Path) -> None:
 def test_four_axles_estimate_their_own_rails(four_axles: Recorded, tmp_path: Path) -> None:
     """What is called Valid is near the truth, once the wanted point is held for a window."""
     table = tmp_path / "four.csv"
-    subprocess.run([BIN / "wrcd", "replay", four_axles.log, "--csv", table], timeout=300, check=True)
+    command: list[str | Path] = [BIN / "wrcd", "replay", four_axles.log, "--design", LONE, "--csv", table]
+    subprocess.run(command, timeout=300, check=True)
     stamps = [f.stamp_us * 1e-6 for f in four_axles.frames if f.can_id in INPUTS]
     with table.open() as f:
         rows = [r for r in csv.DictReader(f) if min(stamps) + 2.5 < float(r["time_s"]) <= max(stamps)]

@@ -402,8 +402,8 @@ def test_score_of_a_train_has_every_world_and_goal() -> None:
     shown = score_block(IN_WORLDS)
     names = [line.split(" | ")[0].removeprefix("| ") for line in shown.splitlines() if " | wrcd | " in line]
     assert names == [w.name for w in EVERY]
-    of_worlds = [goal(figure=NOTHING) for (suite, *_), goal in SCORE_GOALS.items() if suite == WORLDS]
-    expected = [(g.what, verdicts.bound(g.record())) for g in (*of_worlds, ACCUSED(figure=NOTHING))]
+    of_worlds = [goal for (suite, *_), goal in SCORE_GOALS.items() if suite == WORLDS]
+    expected = [(g.what, verdicts.bound(g.record())) for g in (goal(figure=NOTHING) for goal in (*of_worlds, ACCUSED))]
     assert [(name, bound) for name, _, bound, _ in pages.goals_of(shown)] == expected
 
 

@@ -77,6 +77,13 @@ def test_following_axles_do_not_change_the_first() -> None:
     assert led[:, 0] == pytest.approx(alone[:, 0], abs=2 * SENSOR_SETS["mems"].lat_accel.step)
 
 
+def test_the_fifth_bogie_runs_as_the_others_do() -> None:
+    """Its wheelsets are the ninth and tenth: beyond those that are integrated at once."""
+    places = "".join(f"[axle.{k}]\nposition_m = {-10 * k}\n" for k in range(2, 6))
+    largest = np.abs(felt(scenario(places, axles="[1, 2, 3, 4, 5]", vehicle="multiple-unit"))[:, :, 1]).max(axis=0)
+    assert largest[4] < 10.0 * largest[:4].max()
+
+
 def test_an_own_roughness_scales_the_same_irregularity() -> None:
     first, second = on_tracks(scenario('[axle.2]\ntrack = "poor"', axles="[1, 2]").axles)
     assert second.track.reach(300.0) == pytest.approx(
