@@ -11,6 +11,7 @@ START_US = 1_700_000_000_000_000
 STEADY = """
 duration_s = {}
 axles = {}
+track = "erri-high"
 rail = [{{ curve = "B" }}]
 drive = {{ torque_N_m = 10000.0 }}
 """
