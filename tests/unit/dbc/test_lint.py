@@ -216,7 +216,7 @@ def test_findings_are_printed_with_file_line_code_reason_and_remedy(
     assert cli.main(["lint", str(file)]) == 1
     assert capsys.readouterr().out.splitlines() == [
         f"{file}:18: resolution-too-coarse: Imu1.GyroZ: step 0.02 deg/s is 0.00035 rad/s; "
-        "the sensor of design 'default' has noise of 0.0003 rad/s rms",
+        "the sensor of design 'multiple-unit' has noise of 0.0003 rad/s rms",
         f"    {CODES['resolution-too-coarse'].why}",
         f"    {CODES['resolution-too-coarse'].mend}",
         f"{file}: 1 finding",
