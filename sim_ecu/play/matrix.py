@@ -26,8 +26,10 @@ from sim_ecu.play.inject import inject
 from sim_ecu.play.play import LOG_START_US
 from sim_ecu.play.player import Player
 from sim_ecu.play.scenario import load_scenario
+from sim_ecu.play.vehicles import LONE, load_vehicle
 from wrcd.bus.frame import Frame
 from wrcd.config.config import load_config
+from wrcd.config.packaged_designs import design_path
 from wrcd.core.core import Core
 from wrcd.progress import Progress
 from wrcd.service.journal import CounterLog
@@ -155,11 +157,14 @@ class Matrix:
 
     def __init__(self, rows: Sequence[MatrixRow] = (*ROWS, *LONG_ROWS), begins_s: Sequence[float] = BEGINS_S) -> None:
         longest_s = max(r.fault.duration_s for r in rows)
-        scenario = replace(load_scenario(SCENARIO), duration_s=max(begins_s) + longest_s + AFTER_S)
+        # the figures of the table are of a lone wheelset
+        scenario = replace(
+            load_scenario(SCENARIO), wheelset=load_vehicle(LONE), duration_s=max(begins_s) + longest_s + AFTER_S
+        )
         self._numbers = [a.number for a in scenario.axles]
         self._seed = scenario.axles[0].seed
         self._samples: list[SensorSample] = list(Player(scenario).measured())
-        core = Core(load_config(None))
+        core = Core(load_config(None, design_file=design_path(LONE)))
         # what all copies of the core share
         self._shared = {id(x): x for x in (core.config, *core.config.database.messages)}
         self._message = databases()[0].get_message_by_name("Adhesion_A1")
