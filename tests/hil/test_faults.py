@@ -16,12 +16,12 @@ from sim_ecu.play.expected import ROWS, SETTLED_AFTER_MS, WINDOW_MS, Leaves, Mat
 from sim_ecu.play.faults import KINDS, SILENT, Stage
 from sim_ecu.play.matrix import HEAD, SentAdhesion, Verdict, judge, line
 from tests.support.can_ids import ADHESION, ADHESION_A1, YAW_RATE_A2
-from tests.support.lone_wheelset import LONE, PLAYED
+from tests.support.lone_wheelset import LONE
 from tests.support.metronome import SLOT_US, Machine, metronome, within
 from tests.support.processes import BIN, running, wait_for
 from tests.support.vcan import CANDUMP, slot_of
-from wrcd.config.config import DEFAULT
 from wrcd.bus.frame import Frame
+from wrcd.config.config import DEFAULT
 from wrcd.logs.damage import Damage
 from wrcd.logs.reader import read_log
 
@@ -43,8 +43,9 @@ AFTER_S = 2.4  # judged so long after a fault
 SETTLE_S = 0.25  # and from there to the next one
 ADHESION_TIMEOUT_US = 60_000  # as the DBC says
 # Axle 2 is axle 1's twin: its seed is the one that axle 1 has by default.
-TWINS = f"""
-{PLAYED}speed_m_s = 25.0
+TWINS = """
+vehicle = "lone-wheelset"
+speed_m_s = 25.0
 axles = [1, 2]
 track = "poor"
 rail = [{ curve = "C" }]
@@ -226,9 +227,8 @@ def play(folder: Path, rows: Sequence[MatrixRow], interface: str, channel: str) 
     # as systemd/wrcd@.service.d/realtime.conf has it, but below the sensors
     config = log.with_suffix(".toml")
     config.write_text(DEFAULT + f'[estimator]\ndesign = "{LONE}"\n')
-    daemon = (
-        *("chrt", "-f", str(DAEMON), BIN / "wrcd", "run", "-i", "socketcan", "-c", channel, "--config", config),
-    )
+    running_on = ("-i", "socketcan", "-c", channel, "--config", config)
+    daemon = ("chrt", "-f", str(DAEMON), BIN / "wrcd", "run", *running_on)
     # any: a socket on all interfaces outlives each of them
     dump = (*CANDUMP, "any,090:7F0,102:7FF")
     with metronome(RIG) as machine, running(*dump, output=log):
