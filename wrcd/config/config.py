@@ -15,7 +15,7 @@ from wrcd.config.fusion import read_positions, untold
 from wrcd.config.input_mapping import STALE_TICKS
 from wrcd.config.keys import KeyOf, names
 from wrcd.config.outputs import STATUS_MESSAGES, usual_messages
-from wrcd.config.packaged_designs import design_path
+from wrcd.config.packaged_designs import design_path, designs_for
 from wrcd.config.section import TO_FILL_IN
 from wrcd.config.settings import Section, parse_toml, read_toml, suggest
 from wrcd.config.statements import NEEDED, Statement
@@ -130,7 +130,7 @@ def _config(
     design_file, design = _design(estimator, folder, read_design, given_design)
     wheelset = top.section("wheelset")
     if design is not None:
-        _same_wheelset(wheelset, design, design_file)
+        _same_wheelset(wheelset, estimator, design, design_file)
         if given_design is None:
             _names_the_wheelset(top, wheelset, dbc, estimator, design)
     train = read_train(top, vehicle, database, design)
@@ -269,7 +269,7 @@ def _load(section: Section, key: KeyOf[str], path: Path, load: Callable[[Path], 
     return None
 
 
-def _same_wheelset(section: Section, design: Design, file: Path) -> None:
+def _same_wheelset(section: Section, estimator: Section, design: Design, file: Path) -> None:
     """[wheelset] in the configuration states what the train has; a design for another one is refused."""
     for key in section:
         if key not in design.wheelset:
@@ -280,10 +280,14 @@ def _same_wheelset(section: Section, design: Design, file: Path) -> None:
         has = design.wheelset[key]
         same = abs(stated - has) <= 1e-6 * abs(has) if _both_numbers(stated, has) else stated == has
         if not same:
+            hint = "make a design for this wheelset with `sim-ecu design`, and name it under [estimator]"
+            if key == "name" and (fitting := designs_for(stated)):
+                named = " or ".join(estimator.line(design=one) for one in fitting)
+                hint = f"{section.line(name=has)}, if the train has that one; for {stated!r} {named}"
             section.refuse(
                 f"is {stated!r}, but the design file {file} is for a wheelset with {has!r}",
                 key,
-                "make a design for this wheelset with `sim-ecu design`, and name it under [estimator]",
+                hint,
             )
 
 

@@ -1,5 +1,6 @@
 """Designs by their names: those that come along lie in one folder as NAME.design.json."""
 
+import json
 import re
 from pathlib import Path
 
@@ -14,6 +15,12 @@ PATH = r"/|\.json$"  # what else is given is a name
 def packaged_designs() -> list[str]:
     """Return the names of the designs that come along."""
     return sorted(p.name.removesuffix(_SUFFIX) for p in resources.DESIGNS.glob(f"*{_SUFFIX}"))
+
+
+def designs_for(wheelset: object) -> list[str]:
+    """Return the names of the packaged designs whose wheelset has this name."""
+    found = ((one, json.loads(design_path(one).read_text("utf-8"))) for one in packaged_designs())
+    return [one for one, document in found if document["inputs"]["wheelset"].get("name") == wheelset]
 
 
 def design_path(given: str, folder: Path = Path()) -> Path:

@@ -85,6 +85,24 @@ def test_train_with_its_own_dbc_may_name_a_packaged_design(tmp_path: Path) -> No
         load_config(file)
 
 
+def test_name_of_another_packaged_designs_wheelset_is_an_error_that_says_both_ways_out(tmp_path: Path) -> None:
+    """A configuration of before, when the lone wheelset's design was the default, names the wheelset 'default'."""
+    file = tmp_path / "train.toml"
+    file.write_text(f'{DEFAULT}[wheelset]\nname = "default"\n')
+    with pytest.raises(InputError) as error:
+        load_config(file)
+    own = load_design(resources.DESIGN).wheelset["name"]
+    renamed, design = f'name = "{own}"', 'design = "lone-wheelset"'
+    assert str(error.value).startswith(f"{file}:{DEFAULT.count(chr(10)) + 2}: wheelset.name: is 'default', but")
+    assert str(error.value).endswith(
+        f"— write in [wheelset]: {renamed}, if the train has that one; for 'default' write in [estimator]: {design}"
+    )
+    file.write_text(f"{DEFAULT}[wheelset]\n{renamed}\n")
+    assert load_config(file).design_file == resources.DESIGN
+    file.write_text(f'{DEFAULT}[wheelset]\nname = "default"\n[estimator]\n{design}\n')
+    assert load_config(file).design_file == LONE_WHEELSET
+
+
 def test_replay_takes_a_design_in_place_of_the_configurations(log_of: LogOf, tmp_path: Path) -> None:
     log = str(log_of(held("F")))
     other = changed(tmp_path / "other.json", polynomial=[0.5, 10.0])
