@@ -219,8 +219,8 @@ def test_levels_are_in_order_of_importance(ride: Ride) -> None:
     assert levels == sorted(levels)
 
 
-def test_verdict_of_a_ride_begins_with_the_fall(ride: Ride) -> None:
-    first, fall = ride.sent.verdict[0], ride.sent.falls[0]
+def test_verdict_of_a_ride_begins_with_the_fall(lone_ride: Ride) -> None:
+    first, fall = lone_ride.sent.verdict[0], lone_ride.sent.falls[0]
     assert first.text.startswith(
         f"Axle 1: available adhesion fell from {fall.before_pct:.2g} to {fall.after_pct:.2g} %"
     )

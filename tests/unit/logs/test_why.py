@@ -91,8 +91,8 @@ def test_seconds_are_after_the_first_frame_or_since_1970(ride: Ride) -> None:
         moment(s, BEGIN_US / 1e6 + 9.3, relative=True)
 
 
-def test_answer_names_the_fall_and_what_decided_before_and_after(ride: Ride) -> None:
-    s, fall = ride.sent, ride.sent.falls[0]
+def test_answer_names_the_fall_and_what_decided_before_and_after(lone_ride: Ride) -> None:
+    s, fall = lone_ride.sent, lone_ride.sent.falls[0]
     lines = answer(s, 1, s.begin_us + 5_200_000)
     text = "\n".join(lines)
     assert len(lines) <= 25
@@ -102,8 +102,8 @@ def test_answer_names_the_fall_and_what_decided_before_and_after(ride: Ride) -> 
     assert f"between {begin:.3f} and" in text
     assert "truth" in text
     before, after = explain(s, 1, fall.begin_us), explain(s, 1, fall.end_us + 300_000)
-    changed = before.model != after.model
-    assert (f"the model that fits best went from {before.winner} to {after.winner}" in text) == changed
+    assert before.model != after.model
+    assert f"the model that fits best went from {before.winner} to {after.winner}" in text
     assert f"rule {before.rule}: If" in text
     assert f"rule {after.rule}: If" in text
     assert "frames of the log" in text
