@@ -132,7 +132,7 @@ format: $(READY)
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
 
-# the packaged design of the lone wheelset and what a score compares it with, the paper's own form among it; takes minutes
+# the packaged designs, and what a score compares the lone wheelset's with, the paper's own form among it; takes minutes
 design: $(READY)
 	$(BIN)/sim-ecu design --config multiple-unit -o wrcd/data/designs/multiple-unit.design.json
 	$(BIN)/sim-ecu design --config lone-wheelset -o wrcd/data/designs/lone-wheelset.design.json --baselines sim_ecu/data/lone-wheelset.baselines.json
