@@ -14,6 +14,7 @@ from sim_ecu.design.features import Features
 from sim_ecu.design.make import POINTS, Brief, in_papers_form
 from sim_ecu.design.search import FitAccuracy, Matching, error_of, matching, minimise, objective
 from sim_ecu.design.space import GROUPS, brief_at, groups_of, parameters, vector
+from sim_ecu.play.vehicles import DEFAULT_VEHICLE, load_vehicle
 from wrcd.config.settings import parse_toml
 from wrcd.errors import InputError
 from wrcd.estimator.design import COLUMNS
@@ -132,8 +133,8 @@ def test_rig_file_with_a_wrong_value_is_an_error(toml: str, says: str) -> None:
 def test_form_on_the_command_line_overrides_the_file() -> None:
     asked = read_brief(parse_toml("[design]\nwindow_s = 2.0", "rig.toml"), "paper")
     assert (asked.form, asked.window_s, asked.longest_s) == ("paper", 2.0, 2.0)
-    assert read_brief(parse_toml("", "rig.toml")) == Brief()
-    own = replace(Brief(), points=Brief().points)
+    own = replace(Brief(), wheelset=load_vehicle(DEFAULT_VEHICLE))
+    assert read_brief(parse_toml("", "rig.toml")) == own
     assert read_brief(parse_toml('[design]\nform = "paper"', "rig.toml"), "wrcd") == own
 
 
