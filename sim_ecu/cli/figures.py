@@ -5,13 +5,12 @@ from pathlib import Path
 
 from wrcd.cli.arguments import add_design
 from wrcd.cli.program import Subcommand
-
-DESIGN = "lone-wheelset"  # what the paper is about
+from wrcd.resources import LONE
 
 
 def _add(p: argparse.ArgumentParser) -> None:
     p.add_argument("-o", "--output", type=Path, required=True, metavar="DIR", help="the folder to draw into")
-    add_design(p, DESIGN)
+    add_design(p, LONE)
     p.add_argument(
         "--paper", type=Path, metavar="DESIGN.json",
         help="a design in the paper's own form, judged beside it (default: the packaged one, for its wheelset)",
@@ -22,7 +21,7 @@ def _run(args: argparse.Namespace) -> int:
     from sim_ecu.score.figures import run
     from wrcd.config.packaged_designs import design_path
 
-    return run(args.output, design_path(args.design or DESIGN), args.paper)
+    return run(args.output, design_path(args.design or LONE), args.paper)
 
 
 COMMAND = Subcommand(

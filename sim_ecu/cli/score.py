@@ -7,7 +7,7 @@ from sim_ecu.cli.arguments import add_jobs, check_least
 from sim_ecu.score import FUSION, MISSED, SUITES
 from wrcd.cli.arguments import add_design
 from wrcd.cli.program import Subcommand
-from wrcd.resources import DEFAULT_DESIGN
+from wrcd.resources import DEFAULT_DESIGN, LONE
 
 
 def _add(p: argparse.ArgumentParser) -> None:
@@ -41,12 +41,11 @@ def _run(args: argparse.Namespace) -> int:
     check_least(args, jobs=1)
     if args.suite == FUSION:
         from sim_ecu.loop.fusion.run_fusion import run as run_fusion
-        from sim_ecu.loop.suites.rides import DESIGN
 
         for key, given in (("--baselines", args.baselines), ("--beside", args.beside), ("--html", args.html)):
             if given:
                 raise InputError("is not of the suite fusion", key=key, hint="leave it out: it compares no estimates")
-        of_wheelset = design_path(args.design or DESIGN)
+        of_wheelset = design_path(args.design or LONE)
         return run_fusion(args.quick, args.jobs, of_wheelset, args.json, args.fail_on)
     design = design_path(args.design or DEFAULT_DESIGN)
     return run(

@@ -15,13 +15,14 @@ from sim_ecu.physics.contact import CURVES, CreepCurve
 from sim_ecu.physics.sensors import SENSOR_SETS, SensorSet
 from sim_ecu.physics.wheelset import Wheelset
 from sim_ecu.play.scenario_keys import TITLE
-from sim_ecu.play.vehicles import LONE, read_vehicle
+from sim_ecu.play.vehicles import read_vehicle
 from wrcd.config.describe import made_for
 from wrcd.config.keys import Choice, Number, Whole
 from wrcd.config.settings import Section
 from wrcd.errors import InputError
 from wrcd.estimator.design import FORMS, Design, load_design
 from wrcd.logs.rule_sentences import GLOSSARY, bounds, sentence
+from wrcd.resources import LONE
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,14 +15,15 @@ from sim_ecu.loop.drive_scenario import DriveScenario
 from sim_ecu.loop.lockstep import ConstantAdhesion, Lockstep, ride_ideal
 from sim_ecu.loop.ride_figures import AdhesionSeries, Figures, Honesty, adhesion_series, demand_at, honesty, judge
 from sim_ecu.loop.rig import Step
-from sim_ecu.loop.suites.rides import DESIGN, LoopCase
+from sim_ecu.loop.suites.rides import LoopCase
 from sim_ecu.play.encoder import SAMPLE_US, databases
 from sim_ecu.play.train import PACKAGED
 from sim_ecu.score.score_play import TrainFrames
 from wrcd.config.config import load_packaged
+from wrcd.resources import LONE
 
 FloatArray = NDArray[np.float64]
-_packaged = cache(partial(load_packaged, design=DESIGN))
+_packaged = cache(partial(load_packaged, design=LONE))  # all rides are of the lone wheelset
 _LAW = {name: law for law, name in WITH.items()}
 THINNED = 4  # of a run that is drawn: a step of 20 ms
 

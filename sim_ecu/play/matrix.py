@@ -26,12 +26,13 @@ from sim_ecu.play.inject import inject
 from sim_ecu.play.play import LOG_START_US
 from sim_ecu.play.player import Player
 from sim_ecu.play.scenario import load_scenario
-from sim_ecu.play.vehicles import LONE, load_vehicle
+from sim_ecu.play.vehicles import load_vehicle
 from wrcd.bus.frame import Frame
 from wrcd.config.config import load_config
 from wrcd.config.packaged_designs import design_path
 from wrcd.core.core import Core
 from wrcd.progress import Progress
+from wrcd.resources import LONE
 from wrcd.service.journal import CounterLog
 
 # When the fault begins: the axle has been Valid for a while, and slots and cycles are met at different points.

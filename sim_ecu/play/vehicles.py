@@ -12,10 +12,10 @@ from sim_ecu.physics.wheelset import Bogie, Wheelset
 from sim_ecu.play import scenario_keys as keys
 from wrcd.config.settings import Section, read_toml, suggest
 from wrcd.errors import InputError
-from wrcd.resources import DEFAULT_DESIGN
+from wrcd.resources import DEFAULT_DESIGN, LONE
 
 FOLDER = Path(__file__).parent / "vehicles"
-DEFAULT_VEHICLE, LONE = DEFAULT_DESIGN, "lone-wheelset"  # the default vehicle is that of the default design
+DEFAULT_VEHICLE = DEFAULT_DESIGN  # the default vehicle is that of the default design
 
 
 def packaged_vehicles() -> list[str]:

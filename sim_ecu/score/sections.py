@@ -59,7 +59,7 @@ def sections(result: Mapping[str, Any]) -> list[PageSection]:
     return [
         *out,
         PageSection("not Valid", "share of the frames from when they are judged on", [lost]),
-        PageSection("goals", "what the default design is held to", [verdicts.table(result["goals"])]),
+        PageSection("goals", "what the design is held to", [verdicts.table(result["goals"])]),
     ]
 
 

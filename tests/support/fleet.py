@@ -32,7 +32,7 @@ torque = "Torque_A1.Torque"
 def with_fault(kind: str, axle: int, seconds: float) -> str:
     """The same for so long, with a fault of a gyro throughout, and far from the peak: there a sound gyro is quiet."""
     fault = f'kind = "{kind}"\nof = "yaw_rate"\naxle = {axle}\nat_s = 0.0\nduration_s = {seconds}\n'
-    ride = _RIDE.format(seconds, SPEED_M_S).replace("creep_of_peak = [[0.0, 0.0], [1.0, 1.0]]", "utilisation = 0.3")
+    ride = _RIDE.format(seconds, SPEED_M_S).replace("[1.0, 1.0]", "[1.0, 0.2]")
     return f"{ride}[[fault]]\n{fault}"
 
 

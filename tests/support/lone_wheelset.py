@@ -3,8 +3,8 @@
 from wrcd.config.config import load_config
 from wrcd.config.packaged_designs import design_path
 from wrcd.core.configuration import Config
+from wrcd.resources import LONE as LONE
 
-LONE = "lone-wheelset"  # the vehicle's name, and the design's
 PLAYED = f'vehicle = "{LONE}"\n'  # the first line of a scenario
 LONE_DESIGN = design_path(LONE)
 

@@ -19,7 +19,6 @@ from sim_ecu.play.scenario import POSITIONS_M, AxleScenario, Course, FloatArray,
 from sim_ecu.score.suites.nominal import noisier
 
 FIRST_TEST_SEED = 1_000_000  # controllers are tuned on seeds below 1000
-DESIGN = "lone-wheelset"  # of the daemon: all rides are of the lone wheelset
 SEEDS = 20
 FEW_SEEDS = 8  # of the broad suites, whose rows are many variants of one stop
 Rng = np.random.Generator

@@ -27,7 +27,7 @@ from wrcd.estimator.doubts import (
     doubts,
     reversed_odds,
 )
-from wrcd.estimator.identity import FOURTH_DIFFERENCE, Filters, Identity
+from wrcd.estimator.identity import FOURTH_DIFFERENCE, Filters, Identity, Wiring
 
 TICK_S = 0.005
 NOISE = (3e-4, 0.01)
@@ -289,16 +289,25 @@ def test_quiet_gyro_of_a_saturated_wheelset_is_not_called_dead(saturated: float,
     e.power[:], e.variance[:], e.saturated[:] = 1.0, 1.0, saturated
     e.power[:, MIDDLE, LAT], e.variance[:, LAT] = 20.0, 3.0
     assert doubts(e, *NOISE, TICK_S, LONE) == found
-    assert dead_alone(e.of(np.arange(10) == 0), *NOISE, LONE) == (Doubt.GYRO_DEAD if found else Doubt.NONE)
+    assert dead_alone(e.of(np.arange(10) == 0), *NOISE) == (Doubt.GYRO_DEAD if found else Doubt.NONE)
 
 
-@pytest.mark.parametrize(("saturated", "found"), [(0.5, {Doubt.GYRO_DEAD}), (1.0, set())])
-def test_quiet_gyro_of_a_saturated_wheelset_in_a_bogie_is_not_called_dead_however_loud_the_accelerometer_is(
-    saturated: float, found: set[Doubt]
-) -> None:
-    e = at_correlations(np.zeros(10), np.zeros(10))
-    e.power[:], e.variance[:], e.saturated[:] = 1.0, 1.0, saturated
-    e.power[:, MIDDLE:, LAT], e.variance[:, LAT] = 50.0, 3.0
-    assert doubts(e, *NOISE, TICK_S, IN_BOGIE) == found
-    assert dead_alone(e.of(np.arange(10) == 0), *NOISE, IN_BOGIE) == (Doubt.GYRO_DEAD if found else Doubt.NONE)
-    assert Doubt.GYRO_DEAD in doubts(e, *NOISE, TICK_S, LONE)
+def test_pair_in_a_bogie_that_is_somewhat_against_itself_is_sound_and_one_that_is_wholly_so_is_reversed() -> None:
+    """The primary suspension and the gravity of cross-level part the two; a lone one's bounds accuse such a pair."""
+    somewhat, wholly = (at_correlations(np.full(10, r), np.full(10, r)) for r in (-0.3, -0.9))
+    assert doubts(somewhat, *NOISE, TICK_S, IN_BOGIE) == set()
+    assert doubts(somewhat, *NOISE, TICK_S, LONE)
+    assert Doubt.REVERSED in doubts(wholly, *NOISE, TICK_S, IN_BOGIE)
+
+
+def test_gyros_that_are_against_their_own_accelerometers_alone_are_no_other_axles() -> None:
+    """So it is near the peak in a bogie. Each that goes with the other's accelerometer is."""
+    rng = np.random.default_rng(1)
+    for crossed in (False, True):
+        wiring = Wiring(TICK_S, 2)
+        for _ in range(10):
+            gyro = rng.standard_normal((200, 2))
+            accel = gyro[:, ::-1] if crossed else -gyro
+            y = np.stack((gyro, accel + rng.standard_normal((200, 2))), axis=1)
+            wiring.add(y, np.square(y).sum(axis=0), None)
+        assert wiring.partners().tolist() == ([1, 0] if crossed else [-1, -1])

@@ -12,8 +12,9 @@ from sim_ecu.loop.control.slip_controller import SlipController, make_controller
 from sim_ecu.loop.drive_scenario import DriveScenario
 from sim_ecu.loop.lockstep import ConstantAdhesion, Lockstep
 from sim_ecu.loop.ride_figures import Figures, judge
-from sim_ecu.loop.suites.rides import DESIGN, GREASY, RidePlan, curve, demand, drive
+from sim_ecu.loop.suites.rides import GREASY, RidePlan, curve, demand, drive
 from wrcd.config.config import load_packaged
+from wrcd.resources import LONE
 
 UNIT_N_m, DEMAND_N_m = 75_000.0, 22_000.0
 LAG_S, RISE_N_m_S, FALL_N_m_S = 0.05, 60_000.0, 180_000.0
@@ -234,7 +235,7 @@ def greasy_scenario() -> DriveScenario:
 def test_wheel_that_slides_at_a_limit_too_high_does_not_take_the_reference_along(law: str, said_pct: float) -> None:
     """Frames are Valid, sure to a point, and above the 12 to 13 % that there are."""
     scenario = greasy_scenario()
-    controller = make_controller(law, Facts.of(scenario), load_packaged(1, design=DESIGN))
+    controller = make_controller(law, Facts.of(scenario), load_packaged(1, design=LONE))
     assert isinstance(controller, SlipController)
     errors = [
         step.speed_m_s - controller.reference_m_s
@@ -249,7 +250,7 @@ def greasy_stop(says: UsableAdhesion | None, with_daemon: bool) -> Figures:
     """Of thresholds: bare, with the daemon, or with frames that all say the same."""
     scenario = greasy_scenario()
     facts = Facts.of(scenario)
-    config = load_packaged(1, design=DESIGN) if with_daemon else None
+    config = load_packaged(1, design=LONE) if with_daemon else None
     controller = make_controller("thresholds", facts, config)
     if says is not None:
         controller = SlipController(facts, Thresholds, {1: AdhesionLimit(Told(says), facts.unit_adhesion_N_m)})

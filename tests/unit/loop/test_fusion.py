@@ -40,7 +40,6 @@ from sim_ecu.loop.fusion.warnings_ahead import (
     play,
 )
 from sim_ecu.loop.lockstep import Lockstep
-from sim_ecu.loop.suites.rides import DESIGN
 from sim_ecu.play.play import LOG_START_US
 from sim_ecu.reporting.page import markdown
 from wrcd.bus.dbc import find_message
@@ -49,11 +48,12 @@ from wrcd.config.config import load_packaged
 from wrcd.core.core import Core
 from wrcd.core.messages import Outgoing
 from wrcd.recorder.state import capture, encode, restore
+from wrcd.resources import LONE
 
 TRAINING_SEED = 500
 JOINTED_NUMBER, JOINTED_SEED = 14, 314
 AHEAD, DETAIL = range(0xC1, 0xC5), range(0xA1, 0xA5)
-FUSING, PLAIN = (load_packaged(4, places, DESIGN) for places in (PLACES_M, None))
+FUSING, PLAIN = (load_packaged(4, places, LONE) for places in (PLACES_M, None))
 
 
 def shortened(drive: PatchRide, seconds: float) -> PatchRide:

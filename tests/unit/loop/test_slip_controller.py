@@ -13,13 +13,13 @@ from sim_ecu.loop.lockstep import Lockstep
 from sim_ecu.loop.rig import LOOP, Rig, Step
 from sim_ecu.loop.rig_messages import BRAKE, TRACTION, NewestFrame, rig_message
 from sim_ecu.loop.suites import cases
-from sim_ecu.loop.suites.rides import DESIGN
 from sim_ecu.physics.actuators import Actuators, Drive
 from sim_ecu.physics.wheelset import Wheelset
 from sim_ecu.play.encoder import Channel, Sent
 from sim_ecu.play.scenario import Course
 from wrcd.config.config import load_packaged
 from wrcd.estimator.doubts import Doubt
+from wrcd.resources import LONE
 
 LAWS = ["thresholds", "creep"]
 FACTS = Facts((1, 2), Wheelset(), Actuators())
@@ -177,7 +177,7 @@ def test_locked_wheel_at_start_or_after_silence_rolls_again(
 def test_sound_pair_of_a_slow_stop_on_low_rail_is_not_called_reversed() -> None:
     """Below 10 m/s it goes together no more than it goes against each other."""
     (case,) = cases("braking", "low, known before")
-    low, daemon = case.scenario(0), load_packaged(1, design=DESIGN)
+    low, daemon = case.scenario(0), load_packaged(1, design=LONE)
     run = Lockstep(low, make_controller("thresholds", Facts.of(low), daemon), daemon)
     assert run.core is not None
     doubts = {Doubt(run.core.estimator.identity.doubt[0]) for _ in run}
