@@ -328,7 +328,7 @@ class Identity:
                 self._hold(Doubt.SILENT, axle, SILENT_BLOCKS, evidence(newest.mean(axis=0)[None]))
             if filled >= 2 * SECOND:
                 second = evidence(newest.mean(axis=0)[None])
-                dead = dead_alone(second, *self._unit[:, 0])
+                dead = dead_alone(second, float(self._unit[YAW, 0]), float(self._unit[LAT, 0]), self._bounds)
                 if dead:
                     self._hold(dead, axle, ALONE_BLOCKS, second)
             if filled < MIN_BLOCKS and filled % SECOND == 0:

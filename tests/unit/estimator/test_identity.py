@@ -289,7 +289,7 @@ def test_quiet_gyro_of_a_saturated_wheelset_is_not_called_dead(saturated: float,
     e.power[:], e.variance[:], e.saturated[:] = 1.0, 1.0, saturated
     e.power[:, MIDDLE, LAT], e.variance[:, LAT] = 20.0, 3.0
     assert doubts(e, *NOISE, TICK_S, LONE) == found
-    assert dead_alone(e.of(np.arange(10) == 0), *NOISE) == (Doubt.GYRO_DEAD if found else Doubt.NONE)
+    assert dead_alone(e.of(np.arange(10) == 0), *NOISE, LONE) == (Doubt.GYRO_DEAD if found else Doubt.NONE)
 
 
 def test_pair_in_a_bogie_that_is_somewhat_against_itself_is_sound_and_one_that_is_wholly_so_is_reversed() -> None:
