@@ -30,7 +30,6 @@ from sim_ecu.score.figure_data import (
 from sim_ecu.score.paper_claims import PaperClaim
 from wrcd.errors import InputError, create
 from wrcd.progress import Progress
-from wrcd.resources import DESIGN
 
 FORM_NAMES = {"wrcd": "wrcd's form", "paper": "the paper's own form"}
 
@@ -50,7 +49,7 @@ class Judged:
 
 
 def run(
-    folder: Path, design_file: Path = DESIGN, paper_file: Path | None = None, *, tracks: int = 6,
+    folder: Path, design_file: Path, paper_file: Path | None = None, *, tracks: int = 6,
     seconds: float = 6.0, between: int = 1,
 ) -> int:  # fmt: skip
     """Write the pictures and figures.md into a folder. A statement that does not hold is no error.

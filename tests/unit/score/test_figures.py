@@ -77,7 +77,7 @@ def verdicts(found: list[PaperClaim]) -> list[bool]:
 
 @pytest.mark.night
 def test_all_figures_are_drawn_and_described(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(tmp_path / "figures", tracks=2, seconds=3.0, between=0) == 0
+    assert run(tmp_path / "figures", LONE_DESIGN, tracks=2, seconds=3.0, between=0) == 0
     names = {f"fig{n:02d}{form}.png" for n in NUMBERS for form in ("", "-paper")}
     assert {p.name for p in (tmp_path / "figures").glob("*.png")} == names
     for name in names:
