@@ -35,10 +35,10 @@ AXLES = 4  # of the packaged configuration
 
 @pytest.fixture(scope="module")
 def sensors(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, int]:
-    """A log of one axle on a wet rail for ten seconds, and how many frames it holds."""
+    """A log of one axle on a dry rail for ten seconds, and how many frames it holds."""
     folder = tmp_path_factory.mktemp("load")
-    scenario, log = folder / "wet.toml", folder / "wet.log"
-    scenario.write_text(held("C", LOG_S))
+    scenario, log = folder / "dry.toml", folder / "dry.log"
+    scenario.write_text(held("A", LOG_S, 0.5))
     assert sim_ecu(["play", str(scenario), "--fast", "--no-truth", "--log", str(log)]) == 0
     log.write_text(log.read_text().replace(" R\n", "\n"))
     return log, len(log.read_text().splitlines())

@@ -101,7 +101,7 @@ def one_axle(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
     """The real rig plays a dry rail."""
     folder = tmp_path_factory.mktemp("one")
     scenario = folder / "dry.toml"
-    scenario.write_text(held("A", 8.0))
+    scenario.write_text(held("A", 8.0, 0.5))
 
     def play() -> str:
         done = subprocess.run(
@@ -222,7 +222,7 @@ def compared(recorded: Recorded, axles: int, tmp_path: Path) -> int:
 def test_silence_of_the_sensors_is_no_time_step(tmp_path: Path) -> None:
     """Three seconds without a frame of theirs: NotAvailable at every slot, live and in a replay of candump's log."""
     scenario, log = tmp_path / "dry.toml", tmp_path / "dry.log"
-    scenario.write_text(held("A", 5.0))
+    scenario.write_text(held("A", 5.0, 0.5))
     subprocess.run([BIN / "sim-ecu", "play", scenario, "--fast", "--no-truth", "--log", log], timeout=120, check=True)
     frames = [f for f, _ in read_log(log, Damage())]
     half_us = frames[0].stamp_us + 2_500_000
@@ -252,7 +252,7 @@ def test_silence_of_the_sensors_is_no_time_step(tmp_path: Path) -> None:
 def test_sigusr1_dump_replays_to_what_was_sent(tmp_path: Path) -> None:
     """SIGUSR1 has the last seconds written; a replay goes on from the state beside them, byte for byte."""
     scenario, log, config = tmp_path / "dry.toml", tmp_path / "dry.log", tmp_path / "wrcd.toml"
-    scenario.write_text(held("A", 6.0))
+    scenario.write_text(held("A", 6.0, 0.5))
     subprocess.run([BIN / "sim-ecu", "play", scenario, "--fast", "--log", log], timeout=120, check=True)
     log.write_text(log.read_text().replace(" R\n", "\n"))
     config.write_text(DEFAULT + '[recorder]\nfolder = "dumps"\nseconds = 6.0\n')

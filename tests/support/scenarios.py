@@ -8,12 +8,12 @@ from sim_ecu.play.scenario import FOLDER
 LogOf = Callable[[str], Path]
 
 
-def held(curve: str, seconds: float = 8.0) -> str:
-    """A curve held at its peak from 1 s on."""
+def held(curve: str, seconds: float = 8.0, of_peak: float = 1.0) -> str:
+    """A curve held from 1 s on at a share of its peak's creep. At half of it a wheelset in a bogie is never too still."""
     return f"""
 duration_s = {seconds}
 rail = [{{ curve = "{curve}" }}]
-drive = {{ creep_of_peak = [[0, 0], [1, 1]] }}
+drive = {{ creep_of_peak = [[0, 0], [1, {of_peak}]] }}
 """
 
 
