@@ -137,7 +137,8 @@ def make_baselines(source: Recipe, request: ScoreRequest) -> dict[str, Baseline]
         regressor = load_regressor(request.baselines, design)
         if regressor is not None:
             out["neural network"] = regressor
-    out["12 EKFs"] = Offsetless(Ekf(w, sensors, design.tick_s), design.window_ticks)
+    if w.bogie is None:  # their model and their noises are of a lone wheelset
+        out["12 EKFs"] = Offsetless(Ekf(w, sensors, design.tick_s), design.window_ticks)
     return out
 
 

@@ -24,9 +24,9 @@ WRONGS = (
 )
 BASELINES = (
     "Beside it, on the same frames and with the sensors' offsets taken off: torque ratio, the least there can be; "
-    "neural network, on the rules' own inputs, unreadable; a bank of 12 EKFs, with the friction as a state. "
-    "Interacting multiple models are left out: tuned for telling residuals they were no fair comparison, and too slow "
-    "to be tuned anew."
+    "neural network, on the rules' own inputs, unreadable; for a lone wheelset a bank of 12 EKFs, with the "
+    "friction as a state. Interacting multiple models are left out: tuned for telling residuals they were no fair "
+    "comparison, and too slow to be tuned anew."
 )
 
 

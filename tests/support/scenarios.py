@@ -9,7 +9,7 @@ LogOf = Callable[[str], Path]
 
 
 def held(curve: str, seconds: float = 8.0, of_peak: float = 1.0) -> str:
-    """A curve held from 1 s on at a share of its peak's creep. At half of it a wheelset in a bogie is never too still."""
+    """A curve held from 1 s on at a share of its peak's creep. Half of it is never too still in a bogie."""
     return f"""
 duration_s = {seconds}
 rail = [{{ curve = "{curve}" }}]

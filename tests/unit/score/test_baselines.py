@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sim_ecu.design.brief import load_source
 from sim_ecu.design.cases import Condition, command, simulate
 from sim_ecu.design.linear import model, slope_and_secant
 from sim_ecu.physics.contact import CURVES, CreepCurve, curve_between
@@ -16,12 +17,14 @@ from sim_ecu.physics.track import QUALITY, SPECTRA, Track
 from sim_ecu.physics.wheelset import LAT_ACCEL, MU_AVAILABLE, TORQUE, YAW_RATE, Wheelset
 from sim_ecu.score.baselines import Beside, GivenTicks, Offsetless, fitting, without_offset
 from sim_ecu.score.ekf import THETA, Ekf, table
+from sim_ecu.score.run_score import ScoreRequest, make_baselines
 from tests.support.lone_wheelset import LONE_DESIGN
 from wrcd.errors import InputError
 from wrcd.estimator.design import load_design
 from wrcd.estimator.estimator import OFFSET_WINDOWS, Estimator
 from wrcd.estimator.noise import Offset
 from wrcd.estimator.records import one_tick
+from wrcd.resources import DESIGN
 
 W = Wheelset()
 MEMS = SENSOR_SETS["mems"]
@@ -177,3 +180,9 @@ def test_a_design_for_another_wheelset_cannot_run_beside() -> None:
     fitting("same", design, design)
     with pytest.raises(InputError, match="r_0"):
         fitting("other", replace(design, r_0=0.42), design)
+
+
+def test_ekfs_stand_beside_a_lone_wheelset_only() -> None:
+    """Their model has no frame."""
+    lone, train = (make_baselines(load_source(f), ScoreRequest(f, None, ())) for f in (LONE_DESIGN, DESIGN))
+    assert lone.keys() - train.keys() == {"12 EKFs"}
