@@ -273,6 +273,6 @@ def test_curves_of_figure_1_are_judged() -> None:
 def test_missing_folder_or_design_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="cannot be made"):
-        run(tmp_path / "file" / "figures")
+        run(tmp_path / "file" / "figures", LONE_DESIGN)
     with pytest.raises(InputError, match="no such design file"):
         run(tmp_path, tmp_path / "none.json")
