@@ -77,7 +77,7 @@ def test_skip_fails_where_none_is_allowed_and_names_its_reason(
     monkeypatch.setenv("NO_SKIPS", no_skips)
     pytester.makepyfile(TESTS)
     done = pytester.runpytest_inprocess("-p", "tests.conftest", "-rs")
-    assert done.parseoutcomes() == found
+    done.assert_outcomes(**found)
     assert all(reason in done.stdout.str() for reason in ("needs a saw", "needs a hammer"))
 
 
