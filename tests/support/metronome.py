@@ -1,7 +1,9 @@
-"""What the machine gave in a run: a bare process beside the daemon wakes every 5 ms and notes how late it came.
+"""What the machine gave in a run: a bare process beside the daemon wakes every 5 ms and notes how late it came, and how
+long a little work then took.
 
 Its real-time priority is just above the daemon's: a busy daemon cannot excuse itself by it. What is seen is what takes
-the processor from both: a host that runs something else than the guest.
+the processor from both: a host that runs something else than the guest, or that runs it beside something else on the
+other half of a core, at a part of its speed.
 """
 
 import signal
@@ -19,6 +21,9 @@ from tests.support.processes import running, wait_for
 
 PERIOD_NS = 5_000_000
 NOTED_NS = 500_000  # later than that is a stall: 3 % of the wake-ups in an idle guest
+WORK = range(1_000)  # passes of an empty loop: 10 to 30 µs
+USUAL = 0.5  # the quantile of a run's times for that work that is its usual speed
+SLOW = 1.5  # times the usual one and more is slower, not noise
 SLOT_US = 20_000
 # A single slot may be excused where so much of the time up to its end was taken: 2.5 ms are in an idle guest, 8 ms at
 # least before 25 slots that six axles skipped beside other work. It judges no cycle.
@@ -34,7 +39,8 @@ MAX_TAKEN, SECOND_US = 0.10, 1_000_000
 
 @dataclass(frozen=True, slots=True)
 class Stall:
-    """A wake-up that was due at begin_us and came at end_us, of the clock that stamps frames."""
+    """A wake-up that was due at begin_us and came at end_us, of the clock that stamps frames; or as much of the time
+    before one as a processor at its usual speed would not have needed."""
 
     begin_us: int
     end_us: int
@@ -160,17 +166,31 @@ def note(path: Path) -> None:
     """Wake until SIGTERM, then write a line for each stall: when it ended, and how late that was, in µs."""
     stop: list[int] = []
     signal.signal(signal.SIGTERM, lambda number, _frame: stop.append(number))
-    late: list[tuple[int, int]] = []
+    wakes: list[tuple[int, int, int]] = []
     path.touch()
     due_ns = time.monotonic_ns()
     while not stop:
         due_ns += PERIOD_NS
         time.sleep(max(0, due_ns - time.monotonic_ns()) * 1e-9)
-        behind_ns = time.monotonic_ns() - due_ns
-        if behind_ns > NOTED_NS:
-            late.append((time.time_ns() // 1000, behind_ns // 1000))
-            due_ns += behind_ns
-    path.write_text("".join(f"{end} {behind}\n" for end, behind in late))
+        woke_ns = time.monotonic_ns()
+        for _ in WORK:
+            pass
+        wakes.append((time.time_ns() // 1000, woke_ns - due_ns, time.monotonic_ns() - woke_ns))
+        if woke_ns - due_ns > NOTED_NS:
+            due_ns = woke_ns
+    path.write_text("".join(f"{end} {late // 1000}\n" for end, late in stalls(wakes)))
+
+
+def stalls(wakes: Sequence[tuple[int, int, int]]) -> list[tuple[int, int]]:
+    """When each stall ended (µs), and its length (ns): of wake-ups with their time (µs), how late each was and how long
+    its work took (ns)."""
+    usual_ns = sorted(took for _, _, took in wakes)[int(USUAL * len(wakes))] if wakes else 0
+    out = []
+    for end_us, late_ns, took_ns in wakes:
+        lost_ns = 0 if took_ns < SLOW * usual_ns else round(PERIOD_NS * (1 - usual_ns / took_ns))
+        if late_ns > NOTED_NS or lost_ns:
+            out.append((end_us, max(late_ns, lost_ns)))
+    return out
 
 
 if __name__ == "__main__":

@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.support.metronome import SLOT_US, Machine, Stall, calm, cycle, mostly, within
+from tests.support.metronome import SLOT_US, Machine, Stall, calm, cycle, mostly, stalls, within
 
 BEGIN = 85_000_000_000  # a slot
 SLOTS = list(range(BEGIN + 1, BEGIN + 500))
@@ -28,6 +28,15 @@ def test_a_daemon_that_needs_two_slots_for_each_is_not_excused() -> None:
     assert cycle(SLOTS[::2], BEGIN_US, END_US, idle).unexcused > 200
     busy = Machine([Stall(t, t + 1700) for t in range(BEGIN_US, END_US, SLOT_US)])
     assert not cycle(SLOTS[::2], BEGIN_US, END_US, busy).kept
+
+
+def test_late_wakes_and_slow_work_are_stalls_by_as_much_as_they_cost() -> None:
+    """Usual work is 20 us: half as much again is noise, twice is half of the period lost."""
+    wakes = [(k * 5000, 100_000, 20_000) for k in range(100)]
+    assert stalls(wakes) == []
+    wakes[10], wakes[20], wakes[30] = (50_000, 3_000_000, 20_000), (100_000, 0, 29_000), (150_000, 0, 40_000)
+    assert stalls(wakes) == [(50_000, 3_000_000), (150_000, 2_500_000)]
+    assert stalls([]) == []
 
 
 def test_silence_at_either_end_is_missing() -> None:
