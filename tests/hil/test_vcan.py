@@ -323,7 +323,7 @@ def test_six_axles_are_sent_at_fifty_hertz_and_nothing_is_lost(tmp_path: Path) -
     counts those that it skipped, and no other loss."""
     allow_large_buffers()
     scenario, log, seen = tmp_path / "six.toml", tmp_path / "six.log", tmp_path / "candump.log"
-    scenario.write_text(SIX_AXLES)
+    scenario.write_text(SIX_AXLES.replace("[1.0, 1.0]", "[1.0, 0.5]"))  # of the peak's creep: not too still to be Valid
     subprocess.run([BIN / "sim-ecu", "play", scenario, "--fast", "--no-truth", "--log", log], timeout=240, check=True)
     log.write_text(log.read_text().replace(" R\n", "\n"))
     played = len(log.read_text().splitlines())
@@ -352,8 +352,7 @@ def test_six_axles_are_sent_at_fifty_hertz_and_nothing_is_lost(tmp_path: Path) -
         sound = calm(yaw, YAW_RATE_TIMEOUT_US)
         judged = [f.data[1] >> 4 == 1 for f in mine if within(f.stamp_us, sound)]
         print(f"axle {axle}: {cycles[-1]}; {sum(judged)} of {len(judged)} Valid")
-        # axle 4's rail gives less to see: 72 to 86 %
-        assert mostly(judged, 0.4, yaw[0], yaw[-1], machine)
+        assert mostly(judged, 0.6, yaw[0], yaw[-1], machine)
     # six axles nearly fill the guest's processor: a stall costs them more slots than it is long
     assert all_kept(cycles, 0.05), [c.unexcused for c in cycles]
     assert sum(len(c.missing) for c in cycles) <= overruns
