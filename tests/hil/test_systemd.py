@@ -88,7 +88,7 @@ def test_killed_daemon_is_back_with_valid_frames(train: Train) -> None:
         os.kill(pid, signal.SIGKILL)
         times.append(train.back_after("kill -9", killed, 4.0))
         assert main_pid() not in (0, pid)
-    assert sorted(times)[1] <= 4.0  # a stall of the host makes one of them longer
+    assert max(times) <= 4.0
 
 
 def test_hung_daemon_is_killed_by_the_watchdog(train: Train) -> None:

@@ -13,7 +13,7 @@ from wrcd.logs.damage import Damage
 from wrcd.logs.reader import read_log
 
 UNIT = "wrcd@vcan0"
-PLAYED = ROOT / "build/unit/wet.log"
+PLAYED = ROOT / "build/unit/dry.log"
 
 
 def output(*words: str) -> str:
