@@ -16,14 +16,14 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from itertools import pairwise, takewhile
 from pathlib import Path
+from statistics import median
 
 from tests.support.processes import running, wait_for
 
 PERIOD_NS = 5_000_000
 NOTED_NS = 500_000  # later than that is a stall: 3 % of the wake-ups in an idle guest
 WORK = range(1_000)  # passes of an empty loop: 10 to 30 µs
-USUAL = 0.5  # the quantile of a run's times for that work that is its usual speed
-SLOW = 1.5  # times the usual one and more is slower, not noise
+SLOW = 1.5  # times the run's median for that work, and more: slower, not noise
 SLOT_US = 20_000
 # A single slot may be excused where so much of the time up to its end was taken: 2.5 ms are in an idle guest, 8 ms at
 # least before 25 slots that six axles skipped beside other work. It judges no cycle.
@@ -184,7 +184,7 @@ def note(path: Path) -> None:
 def stalls(wakes: Sequence[tuple[int, int, int]]) -> list[tuple[int, int]]:
     """When each stall ended (µs), and its length (ns): of wake-ups with their time (µs), how late each was and how long
     its work took (ns)."""
-    usual_ns = sorted(took for _, _, took in wakes)[int(USUAL * len(wakes))] if wakes else 0
+    usual_ns = median(took for _, _, took in wakes) if wakes else 0
     out = []
     for end_us, late_ns, took_ns in wakes:
         lost_ns = 0 if took_ns < SLOW * usual_ns else round(PERIOD_NS * (1 - usual_ns / took_ns))
