@@ -6,6 +6,7 @@ import math
 import shlex
 import sys
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -145,15 +146,18 @@ def _leave(log: Path, picture: Path, report: Path, numbers: Sequence[int], confi
 
 
 def _print_why(log: Path, traces: Mapping[int, ObservedTrace], config: Config, config_file: Path | None) -> None:
-    """Print the command that explains the first time that an estimate was Degraded: at the time of its frame, rounded
-    up: before the frame the state was still another. Where the frames carry no causes it estimates them."""
-    degraded = [
-        (t, number) for number, trace in traces.items() for t, a in trace.adhesion if a["Validity"] == "Degraded"
-    ]
+    """Print the command that explains the first time that an estimate was Degraded, of those that outlast a frame if
+    there are any: at the time of its frame, rounded up to the millisecond, for before it the state was another and 10
+    ms later it may be one again. Where the frames carry no causes it estimates them."""
+    degraded = []
+    for number, trace in traces.items():
+        is_degraded = [a["Validity"] == "Degraded" for _, a in trace.adhesion]
+        lasts = [*map(all, pairwise(is_degraded)), False]
+        degraded += [(not lasts[k], t, number) for k, (t, _) in enumerate(trace.adhesion) if is_degraded[k]]
     if not degraded:
         return
-    time_s, number = min(degraded)
-    words = ["wrcd", "why", str(_shown(log)), f"{math.ceil(time_s * 100 - 1e-3) / 100:.2f}", "--axle", str(number)]
+    _, time_s, number = min(degraded)
+    words = ["wrcd", "why", str(_shown(log)), f"{math.ceil(time_s * 1000 - 1e-3) / 1000:.3f}", "--axle", str(number)]
     if config_file is not None:
         words += ["--config", str(config_file)]
     if any(a.number == number and a.detail is None for a in config.axles):

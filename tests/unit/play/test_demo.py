@@ -16,6 +16,7 @@ from sim_ecu.play.pace import Pace
 from sim_ecu.play.train import MessageValues
 from tests.support.scenarios import held
 from wrcd.cli.main import main as wrcd
+from wrcd.config.config import load_packaged
 from wrcd.core.causes import Cause, Validity
 from wrcd.core.events import Change
 from wrcd.logs.damage import Damage
@@ -205,6 +206,24 @@ def test_hint_of_a_demo_with_an_own_dbc_replays(
     assert "This configuration" not in after
     assert shown.err == ""
     assert "--replay" in explained_hint(shown.out, capsys)
+
+
+def test_hint_is_at_a_degraded_frame_that_another_follows_and_not_behind_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Frames of a loaded computer come up to a cycle late: 9 ms after this one the state is another."""
+
+    def hint(*degraded_at: float) -> str:
+        rows: list[tuple[float, MessageValues]] = [
+            (t, {"Validity": "Degraded" if t in degraded_at else "Valid"}) for t in (2.5902, 2.6105, 2.6191, 2.6403)
+        ]
+        demo._print_why(tmp_path / "x.log", {1: ObservedTrace([], rows)}, load_packaged(1), None)
+        return capsys.readouterr().out
+
+    assert " 2.611 --axle 1" in hint(2.6105)
+    assert " 2.620 --axle 1" in hint(2.5902, 2.6191, 2.6403)
+    assert " 2.641 --axle 1" in hint(2.6403)
+    assert hint() == ""
 
 
 def test_interval_that_is_not_sent_is_said_once_and_no_sign_stands_for_it(capsys: pytest.CaptureFixture[str]) -> None:
