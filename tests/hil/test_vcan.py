@@ -24,7 +24,19 @@ from tests.support.can_ids import (
     id_of,
 )
 from tests.support.lone_wheelset import LONE, PLAYED
-from tests.support.metronome import SLOT_US, WINDOW_US, Cycle, Machine, all_kept, calm, cycle, metronome, mostly, within
+from tests.support.metronome import (
+    SLOT_US,
+    USUAL_US,
+    WINDOW_US,
+    Cycle,
+    Machine,
+    all_kept,
+    calm,
+    cycle,
+    metronome,
+    mostly,
+    within,
+)
 from tests.support.processes import BIN, ROOT, running, stopped, wait_for
 from tests.support.scenarios import FOUR_AXLES, SIX_AXLES, held
 from tests.support.vcan import CANDUMP, add, allow_large_buffers, ip, overruns_at, slot_of
@@ -353,8 +365,11 @@ def test_six_axles_are_sent_at_fifty_hertz_and_nothing_is_lost(tmp_path: Path) -
         judged = [f.data[1] >> 4 == 1 for f in mine if within(f.stamp_us, sound)]
         print(f"axle {axle}: {cycles[-1]}; {sum(judged)} of {len(judged)} Valid")
         assert mostly(judged, 0.6, yaw[0], yaw[-1], machine)
-    # six axles and their 1 500 frames a second fill a slow host's guest, where 0.20 of the slots were missing
-    assert all_kept(cycles, 0.35), [c.unexcused for c in cycles]
+    # six axles and their 3 050 frames a second nearly fill the guest's processor: a stall costs them more slots than it
+    # is long, and where the host is a third slower up to 0.20 are missing all the time
+    print(f"a little work takes {machine.work_us:.0f} us")
+    allowed = 0.05 if machine.work_us <= USUAL_US else 0.35
+    assert all_kept(cycles, allowed), [c.unexcused for c in cycles]
     assert sum(len(c.missing) for c in cycles) <= overruns
 
 
