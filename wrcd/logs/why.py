@@ -168,13 +168,12 @@ def answer(story: Story, axle: int, time_us: int, width: int = WIDTH) -> list[st
 
 
 def _head(story: Story, now: Explanation) -> str:
-    e = now.event
-    state = f"{now.validity.value}{f', {e.name}' if e is not None and e.validity is not Validity.VALID else ''}"
-    lasted = ""
+    e, state = now.event, now.validity.value
     # frames come less often than states change: the newest may have been sent in the state before this one
     if e is not None and e.validity is now.validity:
-        lasted = f" from {_s(story, e.begin_us)} to {_s(story, e.end_us)} s ({seconds(e.duration_s)})"
-    return f"Axle {now.axle} at {_s(story, now.time_us)} s ({now.time_us * 1e-6:.3f}): {state}{lasted}"
+        cause = "" if e.validity is Validity.VALID else f", {e.name}"
+        state += f"{cause} from {_s(story, e.begin_us)} to {_s(story, e.end_us)} s ({seconds(e.duration_s)})"
+    return f"Axle {now.axle} at {_s(story, now.time_us)} s ({now.time_us * 1e-6:.3f}): {state}"
 
 
 def _parts(

@@ -11,11 +11,11 @@ import pytest
 from sim_ecu.resources import TRUTH_DBC
 from tests.support.story import BEGIN_US, NOT_AVAILABLE, VALID, Ride, adhesion, at_s, axle, detail, story
 from wrcd.cli.main import main
-from wrcd.core.causes import Validity
+from wrcd.core.causes import Cause, Validity
 from wrcd.core.configuration import Config
 from wrcd.errors import InputError
 from wrcd.logs.rule_sentences import sentence
-from wrcd.logs.story_records import Series, newest
+from wrcd.logs.story_records import Event, Series, newest
 from wrcd.logs.why import INPUT_MAX_AGE_US, answer, around, explain, moment, shortened
 
 
@@ -114,6 +114,18 @@ def test_answer_far_from_any_change_says_so(config: Config) -> None:
     text = "\n".join(answer(made, 1, at_s(5)))
     assert "none that lasts within 10 s" in text
     assert "the same model and rule" in " ".join(text.split())
+
+
+def test_head_claims_of_a_state_only_what_the_newest_frame_says_too(config: Config) -> None:
+    """Where estimates come more often than frames: Degraded for 10 ms between two frames that are Valid."""
+    states = [(0, 5_000_000, Validity.VALID), (5_000_000, 5_010_000, Validity.DEGRADED)]
+    events = [
+        Event(1, BEGIN_US + a, BEGIN_US + b, v, Cause.HARSH if v is Validity.DEGRADED else Cause.NONE, "")
+        for a, b, v in states
+    ]
+    made = story(config, axle(adhesion(np.full(500, 30.0)), events=events))
+    assert answer(made, 1, at_s(4))[0].endswith("): Valid from 0.000 to 5.000 s (5.0 s)")
+    assert answer(made, 1, at_s(5.005))[0].endswith("): Valid")
 
 
 def test_moment_within_a_time_not_valid_is_compared_with_before_and_after_it(config: Config) -> None:
