@@ -33,9 +33,9 @@ from sim_ecu.loop.rig import Step
 from sim_ecu.loop.rig_messages import rig_message
 from sim_ecu.physics.actuators import Valve
 from sim_ecu.play.encoder import SAMPLE_US, databases
-from sim_ecu.play.mapped import MappedTrain
+from sim_ecu.play.mapped import MappedTrain, Train
 from sim_ecu.play.scenario import path_of
-from sim_ecu.play.train import PACKAGED, AdhesionReader, Train
+from sim_ecu.play.train import PACKAGED, AdhesionReader
 from wrcd.bus.dbc import find_message
 from wrcd.config.config import load_config, load_packaged
 from wrcd.config.section import Section, TomlSource

@@ -43,7 +43,7 @@ def _parse_once(text: str) -> object:
     return pickle.loads(_parsed[text])
 
 
-dbc._parse = _parse_once  # type: ignore[assignment]
+dbc._parse = _parse_once  # type: ignore[assignment]  # any file's, as an object that is pickled
 
 # In the background of a script SIGINT is ignored, here and in every process that a test starts: one that waits for the
 # end by Ctrl-C would wait for ever.

@@ -31,8 +31,9 @@ def add_player(p: argparse.ArgumentParser) -> None:
 
 def played(scenario: "Scenario", args: argparse.Namespace) -> int:
     """Play onto a bus or into a log. Returns the exit status."""
+    from sim_ecu.play.mapped import Train
     from sim_ecu.play.play import play_on_bus, play_to_log
-    from sim_ecu.play.train import PACKAGED, Train
+    from sim_ecu.play.train import PACKAGED
 
     train: Train = PACKAGED
     if args.config is not None:

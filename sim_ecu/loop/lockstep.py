@@ -14,8 +14,9 @@ from sim_ecu.physics.actuators import Valve
 from sim_ecu.physics.contact import peak
 from sim_ecu.physics.rail import rail_at
 from sim_ecu.play.encoder import COUNTERS, SAMPLE_US, Channel, Sent, data_id, databases, protect
+from sim_ecu.play.mapped import Train
 from sim_ecu.play.play import LOG_START_US
-from sim_ecu.play.train import PACKAGED, Train
+from sim_ecu.play.train import PACKAGED
 from wrcd.bus.frame import Frame
 from wrcd.core.configuration import Config
 from wrcd.core.core import Core

@@ -12,7 +12,7 @@ from sim_ecu.reporting import page as reporting
 from sim_ecu.reporting import verdicts
 from sim_ecu.reporting.page import PageSection, Part
 from sim_ecu.reporting.table import Row, Table
-from sim_ecu.reporting.values import UNKNOWN, Rounded, Share, number
+from sim_ecu.reporting.values import CHANCE, MISSED, UNKNOWN, Rounded, Share, number
 from sim_ecu.score.sections import warnings
 
 QUICK = ("QUICK", "a tenth of the runs, to look, not to claim. No goal is judged: there are too few runs.")
@@ -157,9 +157,9 @@ def _goals(goals: Sequence[Mapping[str, Any]]) -> Table:
     """A row each, with what the ideal reaches; and where the goal is missed, whether the ideal would miss it, too."""
     rows = []
     for g in goals:
-        reached, missed = g["ideal"], g["verdict"] in (verdicts.MISSED, verdicts.CHANCE)
+        reached, missed = g["ideal"], g["verdict"] in (MISSED, CHANCE)
         ideal = "" if reached is None else number(reached, 3)
         ideal += ", out of reach" if missed and ideal not in ("", UNKNOWN) and reached > g["bound"] else ""
-        css = "missed" * (g["verdict"] == verdicts.MISSED)
+        css = "missed" * (g["verdict"] == MISSED)
         rows.append(Row([g["what"], Rounded(g["figure"], 3), verdicts.bound(dict(g)), ideal, g["verdict"]], css=css))
     return Table(["goal", "value", "bound", "ideal over the same", ""], rows)

@@ -14,8 +14,9 @@ from sim_ecu.physics.wheelset import CREEP_AT_PEAK, MU_AVAILABLE, MU_USED, TORQU
 from sim_ecu.play.encoder import SAMPLE_US, Channel, Reading, SensorSample, Sent
 from sim_ecu.play.faults import SILENT, Fault
 from sim_ecu.play.inject import at_work, inject
+from sim_ecu.play.mapped import Train
 from sim_ecu.play.player import Sensing, on_tracks
-from sim_ecu.play.train import PACKAGED, Train
+from sim_ecu.play.train import PACKAGED
 
 MARGIN = 1.2  # over what full effort gives on a rail that carries it; our choice
 MORE_M_S2 = 0.3  # beside it: resistance, slope; our choice

@@ -13,12 +13,12 @@ from typing import Any
 from sim_ecu import resources
 from sim_ecu.play.demo_screen import SHOWN, Screen
 from sim_ecu.play.interface import open_bus
-from sim_ecu.play.mapped import MappedTrain
+from sim_ecu.play.mapped import MappedTrain, Train
 from sim_ecu.play.observer import BusObserver, ObservedTrace
 from sim_ecu.play.pace import Pace, RealPace
 from sim_ecu.play.play import PlayTally, RealTime
 from sim_ecu.play.scenario import Scenario, load_scenario
-from sim_ecu.play.train import PACKAGED, Train
+from sim_ecu.play.train import PACKAGED
 from wrcd.bus import pythoncan
 from wrcd.bus.opening import open_link
 from wrcd.config.config import DEFAULT_AXLES, load_config, load_packaged
@@ -147,8 +147,8 @@ def _leave(log: Path, picture: Path, report: Path, numbers: Sequence[int], confi
 
 def _print_why(log: Path, traces: Mapping[int, ObservedTrace], config: Config, config_file: Path | None) -> None:
     """Print the command that explains the first time that an estimate was Degraded, of those that outlast a frame if
-    there are any: at the time of its frame, rounded up to the millisecond, for before it the state was another and 10
-    ms later it may be one again. Where the frames carry no causes it estimates them."""
+    there are any: at the time of its frame, rounded up to the millisecond: before it the state was another, and one
+    may last 10 ms. Where the frames carry no causes it estimates them."""
     degraded = []
     for number, trace in traces.items():
         is_degraded = [a["Validity"] == "Degraded" for _, a in trace.adhesion]

@@ -19,7 +19,8 @@ from sim_ecu.play.encoder import (
     protect,
 )
 from sim_ecu.play.faults import SILENT, Fault
-from sim_ecu.play.train import PACKAGED, Carrier, Train
+from sim_ecu.play.mapped import Train
+from sim_ecu.play.train import PACKAGED, Carrier
 from wrcd.errors import InputError
 
 FIRST_PAYLOAD_BIT = 16  # behind CRC, counter and status

@@ -10,7 +10,8 @@ import numpy as np
 from sim_ecu.play.encoder import SAMPLE_US, SensorSample, Sent
 from sim_ecu.play.faults import Fault
 from sim_ecu.play.frame_faults import FrameFault, frame_fault
-from sim_ecu.play.train import PACKAGED, Train
+from sim_ecu.play.mapped import Train
+from sim_ecu.play.train import PACKAGED
 
 SPIKE_EVERY_US = 100_000
 _Key = tuple[str, int]  # signal and axle; the speed's axle is 0

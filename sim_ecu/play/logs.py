@@ -8,8 +8,8 @@ from pathlib import Path
 
 import can
 
+from sim_ecu.play.mapped import Train
 from sim_ecu.play.scenario import Scenario
-from sim_ecu.play.train import Train
 from wrcd.bus.candump import format_line
 from wrcd.bus.pythoncan import from_message
 from wrcd.errors import InputError

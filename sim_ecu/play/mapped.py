@@ -6,6 +6,7 @@ One general way, frame by frame. What the configuration does not map stays at it
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import TypeAlias
 
 from cantools.database.can import Message
 
@@ -23,7 +24,7 @@ from sim_ecu.play.encoder import (
     message_key,
 )
 from sim_ecu.play.mapped_message import Claim, MessagePlan, Messages, Place, Split, claim
-from sim_ecu.play.train import Carrier, end_of_field
+from sim_ecu.play.train import Carrier, PackagedTrain, end_of_field
 from wrcd.bus.dbc import data_id, find_message, find_signal
 from wrcd.bus.units import Quantity
 from wrcd.core.configuration import Config
@@ -204,6 +205,9 @@ class MappedTrain:
                 f"is not mapped for axle {axle}: nothing of it can be at fault", file=self._file, key=signal
             )
         return found
+
+
+Train: TypeAlias = PackagedTrain | MappedTrain
 
 
 def not_available(c: Claim) -> float | None:

@@ -16,10 +16,11 @@ from sim_ecu.play.encoder import SAMPLE_US, Sent
 from sim_ecu.play.faults import KINDS, Fault, Stage
 from sim_ecu.play.interface import PythonCan, check
 from sim_ecu.play.logs import check_format, open_logger
+from sim_ecu.play.mapped import Train
 from sim_ecu.play.pace import Clock
 from sim_ecu.play.player import LARGE_CHUNK, Player
 from sim_ecu.play.scenario import Scenario
-from sim_ecu.play.train import PACKAGED, Train
+from sim_ecu.play.train import PACKAGED
 from wrcd.errors import BusError, InputError
 from wrcd.progress import Progress
 

@@ -10,8 +10,9 @@ from sim_ecu.physics.track import Track
 from sim_ecu.physics.wheelset import LAT_ACCEL, MU_AVAILABLE, MU_USED, SLIP, TORQUE, YAW_RATE, FloatArray
 from sim_ecu.play.encoder import SAMPLE_US, Reading, SensorSample, Sent
 from sim_ecu.play.inject import at_work, inject
+from sim_ecu.play.mapped import Train
 from sim_ecu.play.scenario import AxleScenario, Scenario
-from sim_ecu.play.train import PACKAGED, Train
+from sim_ecu.play.train import PACKAGED
 
 # Samples that are simulated at once: in real time as few as leave no gap before the first; where nobody
 # waits, many.

@@ -4,7 +4,7 @@ import functools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any
 
 from cantools.database.can import Message, Signal
 
@@ -14,11 +14,6 @@ from sim_ecu.play.mapped_message import FAILED, says
 from wrcd.bus.dbc import find_signal
 from wrcd.bus.signals import Output, OutputSignal
 from wrcd.core.vocabulary import MESSAGES, Numeric
-
-if TYPE_CHECKING:
-    from sim_ecu.play.mapped import MappedTrain
-
-Train: TypeAlias = "PackagedTrain | MappedTrain"
 
 USABLE_STATUS, PACKAGED_ERROR = frozenset({0, 1}), 14  # of the packaged DBC: Ok, Degraded; Error
 

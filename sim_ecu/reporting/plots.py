@@ -16,8 +16,7 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
 
-from sim_ecu.reporting.values import Figure
-from sim_ecu.reporting.verdicts import CHANCE, MET, MET_CHANCE, MISSED, TOO_FEW
+from sim_ecu.reporting.values import CHANCE, MET, MET_CHANCE, MISSED, TOO_FEW, Figure
 
 DARK = {"figure.facecolor": "#16191c", "axes.facecolor": "#16191c", "savefig.facecolor": "#16191c"}
 NARROW = 20  # characters of a row's name on a narrow page

@@ -6,8 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from sim_ecu.reporting.values import plain
-from sim_ecu.reporting.verdicts import MISSED, TOO_FEW
+from sim_ecu.reporting.values import MISSED, TOO_FEW, plain
 from wrcd.errors import InputError, Status, create
 
 

@@ -6,6 +6,9 @@ from datetime import UTC, datetime
 from typing import Any, TypeAlias
 
 UNKNOWN = "–"
+# the verdicts on a goal
+MET, MET_CHANCE = "met", "met, within chance"
+MISSED, CHANCE, TOO_FEW = "MISSED", "missed, within chance", "too few to judge"
 
 
 @dataclass(frozen=True, slots=True)

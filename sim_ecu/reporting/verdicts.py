@@ -8,16 +8,13 @@ from typing import Any
 
 from sim_ecu.reporting.page import Folded, Items, Part
 from sim_ecu.reporting.table import Row, Table
-from sim_ecu.reporting.values import Figure, Rounded
+from sim_ecu.reporting.values import CHANCE, MET, MET_CHANCE, MISSED, TOO_FEW, Figure, Rounded
 
 MIN_RUNS = 10  # a figure of fewer runs judges nothing
 # A quick score has up to ten runs of a suite, chosen to be spread, not to be many: a level of Confidence that held the
 # truth in every frame of ten runs was called missed, one of 400 frames met.
 MIN_QUICK_RUNS = 20
 MAX_LISTED = 15  # missed goals above the pictures; more are folded
-
-MET, MET_CHANCE = "met", "met, within chance"
-MISSED, CHANCE, TOO_FEW = "MISSED", "missed, within chance", "too few to judge"
 
 # in a sentence that counts
 COUNTED = {

@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from sim_ecu.physics.contact import peak
 from sim_ecu.play.encoder import Sent, databases
+from sim_ecu.play.mapped import Train
 from sim_ecu.play.play import LOG_START_US
 from sim_ecu.play.player import LARGE_CHUNK, Player
-from sim_ecu.play.train import PACKAGED, Train
+from sim_ecu.play.train import PACKAGED
 from sim_ecu.score.baselines import Baseline, BoolArray, GivenTicks
 from sim_ecu.score.suites.run import Run
 from wrcd.bus.frame import Frame

@@ -39,7 +39,7 @@ class PairLink(socketcan.SocketCanLink):
 def use_pair(end_fd: int) -> None:
     """From now on every SocketCAN link of this process is that end, a file descriptor."""
     end = socket.socket(fileno=end_fd)
-    socketcan.SocketCanLink = lambda channel, keys, fd=False: PairLink(end, fd)  # type: ignore[assignment,misc]
+    socketcan.SocketCanLink = lambda channel, keys, fd=False: PairLink(end, fd)  # type: ignore[assignment,misc]  # a class's place
 
 
 def resident_kb(pid: int | str = "self") -> dict[str, int]:

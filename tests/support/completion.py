@@ -74,14 +74,14 @@ def _complete(action: argparse.Action, functions: dict[str, str]) -> None:
     if action.dest == "interface":
         words = list(declared.INTERFACES)
     elif action.dest == "channel":
-        action.complete = {"bash": "_wrcd_channels", "zsh": "_wrcd_channels"}  # type: ignore[attr-defined]
+        action.complete = {"bash": "_wrcd_channels", "zsh": "_wrcd_channels"}  # type: ignore[attr-defined]  # shtab's own
         return
     elif action.dest == "fault":
         words = [f"{kind}:" for kind in KINDS]
     elif action.dest == "scenario":
         words, suffixes = packaged(), "toml"
     elif metavar == "DIR":
-        action.complete = shtab.DIRECTORY  # type: ignore[attr-defined]
+        action.complete = shtab.DIRECTORY  # type: ignore[attr-defined]  # shtab's own
         return
     elif metavar == "DESIGN":
         words, suffixes = packaged_designs(), "json"

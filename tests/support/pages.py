@@ -36,7 +36,8 @@ from sim_ecu.physics.track import SPECTRA, deviation
 from sim_ecu.physics.wheelset import GRAVITY
 from sim_ecu.play import scenario_keys
 from sim_ecu.play.vehicles import load_vehicle, packaged_vehicles
-from sim_ecu.reporting.verdicts import MISSED, counted
+from sim_ecu.reporting.values import MISSED
+from sim_ecu.reporting.verdicts import counted
 from tests.support.bus_load import table as load_table
 from tests.support.statuses import STATUSES
 from wrcd import resources

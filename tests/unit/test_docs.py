@@ -21,7 +21,7 @@ from sim_ecu.design.brief import load_source
 from sim_ecu.play.expected import LONG_ROWS, ROWS
 from sim_ecu.play.matrix import HEAD, Verdict, line
 from sim_ecu.reporting import verdicts
-from sim_ecu.reporting.verdicts import CHANCE, MET, MET_CHANCE, MISSED, TOO_FEW
+from sim_ecu.reporting.values import CHANCE, MET, MET_CHANCE, MISSED, TOO_FEW
 from sim_ecu.score import SUITES, WORLDS
 from sim_ecu.score.metrics.bootstrap import NOTHING
 from sim_ecu.score.run_score import ScoreRequest, belonging, make_baselines

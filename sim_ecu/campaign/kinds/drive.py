@@ -27,8 +27,9 @@ from sim_ecu.loop.ride_figures import MIN_SLIDE_SPEED_M_S, Honesty, adhesion_ser
 from sim_ecu.loop.rig import Step
 from sim_ecu.play.faults import SILENT
 from sim_ecu.play.inject import at_work
+from sim_ecu.play.mapped import Train
 from sim_ecu.play.scenario import path_of
-from sim_ecu.play.train import PACKAGED, Train
+from sim_ecu.play.train import PACKAGED
 from sim_ecu.score.score_play import TrainFrames
 from wrcd.core.configuration import Config
 from wrcd.errors import InputError

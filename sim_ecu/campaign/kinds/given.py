@@ -14,9 +14,9 @@ import numpy as np
 from sim_ecu.campaign.kind import Factor, Metric, Type
 from sim_ecu.jobs.job import Scalar, digest
 from sim_ecu.play.faults import ALL, DURATION_S, KINDS, SIGNALS, Fault, read_fault
-from sim_ecu.play.mapped import MappedTrain
+from sim_ecu.play.mapped import MappedTrain, Train
 from sim_ecu.play.scenario import Scenario
-from sim_ecu.play.train import PACKAGED, Train
+from sim_ecu.play.train import PACKAGED
 from sim_ecu.score.metrics import accuracy, honesty
 from sim_ecu.score.metrics.accuracy import OURS, gather, period_s, valid
 from sim_ecu.score.score_play import Trace

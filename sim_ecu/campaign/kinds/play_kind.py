@@ -20,8 +20,8 @@ from sim_ecu.campaign.kinds.given import (
 )
 from sim_ecu.jobs.job import Job, Scalar
 from sim_ecu.play.inject import at_work
+from sim_ecu.play.mapped import Train
 from sim_ecu.play.scenario import Scenario, path_of, read_scenario
-from sim_ecu.play.train import Train
 from sim_ecu.score.score_play import play
 from sim_ecu.score.suites.run import NOMINAL_FROM_S, Run
 from wrcd.core.configuration import Config

@@ -13,7 +13,8 @@ from sim_ecu.loop.loop_rides import RideResult
 from sim_ecu.loop.ride_figures import Figures, Honesty
 from sim_ecu.loop.suites import cases
 from sim_ecu.loop.suites.rails import GREASY_STOP, WET_STOP
-from sim_ecu.reporting.verdicts import MET, MISSED, TOO_FEW, Goal
+from sim_ecu.reporting.values import MET, MISSED, TOO_FEW
+from sim_ecu.reporting.verdicts import Goal
 
 
 def run(

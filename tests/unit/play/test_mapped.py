@@ -15,10 +15,10 @@ from sim_ecu.cli.main import main as sim_ecu
 from sim_ecu.physics.wheelset import Wheelset
 from sim_ecu.play.encoder import SAMPLE_US, Encoder, Reading, SensorSample, Sent, message_key
 from sim_ecu.play.faults import parse_fault
-from sim_ecu.play.mapped import MappedTrain
+from sim_ecu.play.mapped import MappedTrain, Train
 from sim_ecu.play.player import Player
 from sim_ecu.play.scenario import Scenario, load_scenario, read_scenario
-from sim_ecu.play.train import PACKAGED, AdhesionReader, Train
+from sim_ecu.play.train import PACKAGED, AdhesionReader
 from tests.support.scenarios import held
 from wrcd.bus.codec import Receiver
 from wrcd.bus.dbc import find_message, parse_dbc

@@ -11,8 +11,23 @@ from markupsafe import Markup
 from sim_ecu.reporting.page import Folded, Items, Page, PageSection, Part, Verbatim, html, markdown
 from sim_ecu.reporting.plots import LOOKS, Picture, fields, goals, legend
 from sim_ecu.reporting.table import FOLD, Cell, Row, Table
-from sim_ecu.reporting.values import Figure, Rounded, Share, Value, date, duration, many, plain, text
-from sim_ecu.reporting.verdicts import CHANCE, MAX_LISTED, MET, MET_CHANCE, MISSED, TOO_FEW, Goal, head, table
+from sim_ecu.reporting.values import (
+    CHANCE,
+    MET,
+    MET_CHANCE,
+    MISSED,
+    TOO_FEW,
+    Figure,
+    Rounded,
+    Share,
+    Value,
+    date,
+    duration,
+    many,
+    plain,
+    text,
+)
+from sim_ecu.reporting.verdicts import MAX_LISTED, Goal, head, table
 
 NAN = math.nan
 

@@ -11,8 +11,8 @@ from sim_ecu.loop import run_loop
 from sim_ecu.loop.loop_rides import play
 from sim_ecu.loop.suites import cases
 from sim_ecu.loop.suites.variants import STOPS
-from sim_ecu.reporting.values import Figure
-from sim_ecu.reporting.verdicts import CHANCE, MET, MET_CHANCE, MISSED, TOO_FEW, Goal
+from sim_ecu.reporting.values import CHANCE, MET, MET_CHANCE, MISSED, TOO_FEW, Figure
+from sim_ecu.reporting.verdicts import Goal
 from sim_ecu.score import run_score
 from sim_ecu.score.suites import runs
 from tests.support import short_row

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sim_ecu.reporting.values import Figure
-from sim_ecu.reporting.verdicts import MET, MET_CHANCE, MIN_QUICK_RUNS, MISSED, TOO_FEW, Goal
+from sim_ecu.reporting.values import MET, MET_CHANCE, MISSED, TOO_FEW, Figure
+from sim_ecu.reporting.verdicts import MIN_QUICK_RUNS, Goal
 from sim_ecu.score import run_score
 from sim_ecu.score.score_goals import goals
 from sim_ecu.score.score_pictures import pictures

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sim_ecu.reporting.values import Figure
-from sim_ecu.reporting.verdicts import CHANCE, MET, MISSED, Goal
+from sim_ecu.reporting.values import CHANCE, MET, MISSED, Figure
+from sim_ecu.reporting.verdicts import Goal
 from sim_ecu.score.metrics import accuracy, bootstrap, change_metrics, honesty
 from sim_ecu.score.metrics.accuracy import OURS, gather
 from sim_ecu.score.score_goals import goals
