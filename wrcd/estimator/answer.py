@@ -8,15 +8,12 @@ import numpy as np
 from wrcd.estimator.changes import decades
 from wrcd.estimator.design import MODELS, Design, FloatArray, IntArray
 from wrcd.estimator.fuzzy import LOW_FIRING, Fuzzy, Inference
+from wrcd.estimator.memory import SIGMAS, Remembered, Word, spoken
 from wrcd.estimator.records import Estimate, EstimateDoubt
 from wrcd.estimator.rule_inputs import Past, RuleInputs
 from wrcd.estimator.window import Lengths, Statistics, Window, mean_ratio, quiet, statistics
 
-# A window grows beyond its usual length over parts whose torque differs from the moment's by less.
-LIKE_TORQUE, LIKE_TORQUE_RATIO = 0.10, 0.002
-# Where the usual window's own word differs from the long one's by so many half-widths (as logarithms), it counts.
-# On the way there it counts in part: one late frame must not make the answer hop from one to the other.
-FALL_BACK_BELOW, FALL_BACK_ABOVE = 0.4, 0.7
+ALLOWED = 2.0  # standard deviations above the word that what was in use at the last peak may lift it
 NEWEST_SHARE = 0.5  # of the newest part's half-width that the interval is made to reach down to
 # More in use than the rules say there is: beyond the interval, and by this share of what they say, one is wrong.
 CONTRADICTION_SHARE, CONTRADICTION_PP = 0.2, 0.3
@@ -46,10 +43,11 @@ class Draft:
     Of several moments, one after another (`joined`), n is that of all of them.
     """
 
-    blocks: IntArray  # (k, n) the windows' lengths: the longest, the usual, the newest part; in the paper's form one
+    blocks: IntArray  # (k, n) the windows' lengths: the usual one, the newest part; in the paper's form one
     sums: FloatArray  # (COLUMNS, k, n) over those windows
     now: FloatArray  # (n,) torque ratio of the moment
-    lowest: FloatArray  # (n,) and of half a second
+    lasting: FloatArray  # (n,) of the moment or of a moment before, whichever is less: no inertia of a wheel that slips
+    lowest: FloatArray  # (n,) of half a second
     highest: FloatArray
     recent: FloatArray  # (plain columns, n) plain sums over the newest part, and over the half second before it
     before: FloatArray
@@ -57,6 +55,7 @@ class Draft:
     floor: FloatArray  # (n, 4) mean square residual that sensors so noisy leave
     speed_m_s: FloatArray  # (n,)
     grid_speed_m_s: FloatArray  # (n,) held within the design's grid
+    memory: FloatArray  # (4, n) what is Remembered
 
 
 def joined(drafts: Sequence[Draft]) -> Draft:
@@ -78,14 +77,17 @@ def split(estimate: Estimate, parts: int) -> list[Estimate]:
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What the rules say of one window of every axle (n,): adhesion, not below what is in use, and its half-width as a
-    share of it; mu_from_rules_pct is without what is in use."""
+    """What the rules say of one window of every axle (n,): adhesion, and its half-width as a share of it."""
 
     blocks: IntArray
     mu_from_rules_pct: FloatArray
-    mu_pct: FloatArray
     spread: FloatArray
     inputs: FloatArray
+
+    @property
+    def word(self) -> Word:
+        """The same in logarithms."""
+        return Word(np.log(self.mu_from_rules_pct), self.spread / SIGMAS)
 
 
 class Answers:
@@ -105,7 +107,9 @@ class Answers:
         """(n,): torque ratio of the moment; NaN where it is not known. Within quiet()."""
         return mean_ratio(window.plain(0, self._lengths.now))
 
-    def draft(self, window: Window, noise_factor: FloatArray, speed_m_s: float, grid_speed_m_s: float) -> Draft:
+    def draft(
+        self, window: Window, noise_factor: FloatArray, speed_m_s: float, grid_speed_m_s: float, memory: FloatArray
+    ) -> Draft:
         """Take from a window what the estimate is made from. Within quiet()."""
         k = self._lengths
         filled = window.filled()
@@ -113,12 +117,12 @@ class Answers:
         now = self.torque_now(window)
         lengths: tuple[IntArray, ...] = (usual,)
         if self._wrcd:
-            lengths = self._alike(window, now, usual, filled), usual, np.minimum(filled, k.recent)
-        return self._draft(window, np.array(lengths), now, noise_factor, speed_m_s, grid_speed_m_s)
+            lengths = usual, np.minimum(filled, k.recent)
+        return self._draft(window, np.array(lengths), now, noise_factor, speed_m_s, grid_speed_m_s, memory)
 
     def _draft(
         self, window: Window, blocks: IntArray, now: FloatArray, noise_factor: FloatArray, speed_m_s: float,
-        grid_speed_m_s: float,
+        grid_speed_m_s: float, memory: FloatArray,
     ) -> Draft:  # fmt: skip
         k, half = self._lengths, self._lengths.usual // 2
         lowest, highest = window.torque_range(half)
@@ -126,6 +130,7 @@ class Answers:
             blocks=blocks,
             sums=window.sums(blocks),
             now=now,
+            lasting=np.fmin(now, mean_ratio(window.kept(k.now, k.now + k.step))),
             lowest=lowest,
             highest=highest,
             recent=window.kept(0, k.recent),
@@ -134,6 +139,7 @@ class Answers:
             floor=self._rule_inputs.floor(noise_factor, grid_speed_m_s),
             speed_m_s=np.full(self._axles, speed_m_s),
             grid_speed_m_s=np.full(self._axles, grid_speed_m_s),
+            memory=memory,
         )
 
     def estimate(self, draft: Draft) -> Estimate:
@@ -146,26 +152,28 @@ class Answers:
         now = draft.now
         used = 100.0 * now
         answers, inference, chosen = self._answers(draft)
+        best = answers[0]
         if not self._wrcd:
-            (best,) = answers
-            spread, doubt, loud = best.spread, np.zeros(n, dtype=np.int64), np.full(n, np.nan)
+            from_rules, spread = best.mu_from_rules_pct, best.spread
+            mu = np.minimum(np.fmax(from_rules, used), 100.0)
+            mu[np.isnan(from_rules)] = np.nan
+            doubt, loud = np.zeros(n, dtype=np.int64), np.full(n, np.nan)
         else:
-            long, short, recent = answers
-            back = _back(long, short)
-            if back.any():
-                best = _between(back, long, short)
-                second = back > 0.5
-                rows: IntArray | slice = np.where(second, n, 0) + np.arange(n) if second.any() else slice(0, n)
-            else:
-                best, rows = long, slice(0, n)
-            inference, chosen = inference.take(rows), chosen.take(rows)
-            spread = best.spread
-            # the newest part may know of a drop that the window as a whole does not show yet: reach down to it
-            reach = best.mu_pct - recent.mu_pct * (1.0 - NEWEST_SHARE * recent.spread)
-            spread = np.where(reach > spread * best.mu_pct, reach / best.mu_pct, spread)
+            memory, recent = Remembered(*draft.memory), answers[1]
+            inference, chosen = inference.take(slice(0, n)), chosen.take(slice(0, n))
+            word, _ = spoken(memory, best.word)
+            from_rules, spread = np.exp(word.log_pct), SIGMAS * word.sigma
+            # what has been in use lately is available: the estimate cannot lie below it
+            allowed = np.minimum(memory.peak_pct, np.exp(word.log_pct + ALLOWED * word.sigma))
+            carried = np.fmax(100.0 * draft.lasting, allowed)
+            mu = np.minimum(np.maximum(from_rules, carried), 100.0)
+            spread = np.maximum(spread, (mu - from_rules) / mu)
+            # the newest part may know of a drop that the memory does not show yet: reach down to it
+            newest_pct = np.fmax(recent.mu_from_rules_pct, carried)
+            reach = mu - newest_pct * (1.0 - NEWEST_SHARE * recent.spread)
+            spread = np.where(reach > spread * mu, reach / mu, spread)
             loud = self._rule_inputs.excitation(chosen, draft.floor)
-            spread, doubt = self._doubted(spread, best, inference, chosen, loud, draft.speed_m_s)
-        mu, from_rules = best.mu_pct, best.mu_from_rules_pct
+            spread, doubt = self._doubted(spread, mu, best, inference, chosen, loud, draft.speed_m_s)
         fits = (best.inputs[:, :MODELS] - self._low) / self._width
         unknown = np.isnan(fits)
         nearest = np.where(unknown, np.inf, fits).argmin(axis=1) + 1
@@ -200,7 +208,8 @@ class Answers:
         shorter than the usual one the torque has changed: that of the moment counts. Within quiet().
         """
         lengths = blocks.reshape(-1, self._axles)
-        return self._inputs(self._draft(window, lengths, now, noise_factor, grid_speed_m_s, grid_speed_m_s))
+        memory = np.zeros((len(Remembered._fields), self._axles))
+        return self._inputs(self._draft(window, lengths, now, noise_factor, grid_speed_m_s, grid_speed_m_s, memory))
 
     def _inputs(self, draft: Draft) -> tuple[FloatArray, Statistics]:
         """What the rules are given of every window, one length after another, and the windows' statistics."""
@@ -213,6 +222,10 @@ class Answers:
         columns = self._rule_inputs.columns(s, ratio, past, draft.noise_factor, draft.floor, draft.grid_speed_m_s)
         return columns, s
 
+    def answers(self, draft: Draft) -> list[Answer]:
+        """What the rules say of each of the windows. Within quiet()."""
+        return self._answers(draft)[0]
+
     def _answers(self, draft: Draft) -> tuple[list[Answer], Inference, Statistics]:
         """One for each of the windows' lengths; inference and statistics of all, one after another."""
         n = len(draft.now)
@@ -223,22 +236,13 @@ class Answers:
             from_rules = from_rules * inference.output + factor
         low, high = self._d.adhesion_range_pct
         from_rules = np.minimum(np.maximum(from_rules, low), high).reshape(-1, n)
-        # what is in use is available: the estimate cannot lie below it
-        mu = np.minimum(np.fmax(from_rules, 100.0 * draft.now), 100.0)
-        mu[np.isnan(from_rules)] = np.nan
-        spread, inputs = inference.spread.reshape(-1, n), inputs.reshape(len(mu), n, -1)
-        return [Answer(*of) for of in zip(draft.blocks, from_rules, mu, spread, inputs, strict=True)], inference, s
-
-    def _alike(self, window: Window, now: FloatArray, usual: IntArray, filled: IntArray) -> IntArray:
-        """(n,): blocks over which the torque has been as it is now; at least the usual window."""
-        ratio = window.part_ratios(self._lengths.part)
-        like = np.abs(ratio - now) <= LIKE_TORQUE * now + LIKE_TORQUE_RATIO
-        parts = np.where(np.logical_and.reduce(like), len(like), like.argmin(axis=0))
-        return np.asarray(np.minimum(np.maximum(parts * self._lengths.part, usual), filled))
+        spread, inputs = inference.spread.reshape(-1, n), inputs.reshape(len(from_rules), n, -1)
+        return [Answer(*of) for of in zip(draft.blocks, from_rules, spread, inputs, strict=True)], inference, s
 
     def _doubted(
         self,
         spread: FloatArray,
+        mu_pct: FloatArray,
         best: Answer,
         inference: Inference,
         s: Statistics,
@@ -252,7 +256,7 @@ class Answers:
         far = np.maximum(np.maximum.reduce(outside, axis=1), 0.0)
         few = np.minimum(np.maximum(LOW_FIRING / np.maximum(inference.firing, 1e-9), 1.0), 3.0)
         spread = spread * few * (1.0 + BEYOND_WIDER * far)
-        half_width_pp = spread * best.mu_pct
+        half_width_pp = spread * mu_pct
         seconds = s.ticks * d.tick_s
         applies = np.empty((len(_REASONS), len(spread)), dtype=bool)
         applies[0] = (loud < SILENT) & (seconds >= SILENT_S)
@@ -265,28 +269,3 @@ class Answers:
         applies[6] = (spread > WIDE) & (half_width_pp > WIDE_PP)
         applies[7] = True
         return spread, _REASONS[applies.argmax(axis=0)]
-
-
-def _back(long: Answer, short: Answer) -> FloatArray:
-    """(n,): how far the answer of the usual window counts, 0 … 1: by one half where it differs from the long one's by
-    so many half-widths, down or up."""
-    longer = long.blocks > short.blocks
-    if not longer.any():
-        return np.zeros(len(longer))
-    apart = np.log(short.mu_pct / long.mu_pct) / short.spread
-    back = np.minimum(0.5 * np.fmax(apart / FALL_BACK_ABOVE, -apart / FALL_BACK_BELOW), 1.0)
-    return np.where(longer & np.isfinite(back), np.maximum(back, 0.0), 0.0)
-
-
-def _between(share: FloatArray, first: Answer, second: Answer) -> Answer:
-    """Of every axle the first (share 0), the second (1) or an answer between them; window and inputs are of the one
-    that counts for more."""
-
-    a = np.array((first.mu_from_rules_pct, first.mu_pct, first.spread))
-    b = np.array((second.mu_from_rules_pct, second.mu_pct, second.spread))
-    from_rules, mu, spread = np.where(share == 0.0, a, (1.0 - share) * a + share * b)
-    most = share > 0.5
-    if not most.any():
-        return Answer(first.blocks, from_rules, mu, spread, first.inputs)
-    inputs = np.where(most[:, None], second.inputs, first.inputs)
-    return Answer(np.where(most, second.blocks, first.blocks), from_rules, mu, spread, inputs)

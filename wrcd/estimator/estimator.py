@@ -21,6 +21,7 @@ from wrcd.estimator.doubts import IN_BOGIE, LONE
 from wrcd.estimator.gate import Gate, Outliers
 from wrcd.estimator.identity import BLOCK_S, Identity
 from wrcd.estimator.joints import HOLD_TICKS, MAX_PULSE, Joints
+from wrcd.estimator.memory import STEP_TICKS, Remembered, remember
 from wrcd.estimator.noise import NoiseLevel, Offset
 from wrcd.estimator.records import Estimate, StepResult, Ticks
 from wrcd.estimator.recursion import Sections
@@ -54,6 +55,7 @@ class Estimator:
     started: BoolArray  # whether a measurement was used since the last reset
     identity: Identity
     _saturated: BoolArray  # a while ago
+    _memory: FloatArray  # (4, n) what is Remembered
     outliers: int = 0  # samples left out so far
 
     def __init__(self, design: Design, axles: int) -> None:
@@ -79,6 +81,7 @@ class Estimator:
         self._delayed_live = np.zeros((HOLD_TICKS, axles), dtype=bool)
         self._delayed_clear = np.zeros((HOLD_TICKS, axles), dtype=bool)
         self._saturated = np.zeros(axles, dtype=bool)
+        self._memory = np.zeros((len(Remembered._fields), axles))
         self.started = np.zeros(axles, dtype=bool)
         self._saturated_ticks = round(BLOCK_S / design.tick_s)  # between two looks at it
         self._small = (self._offset.newest_share * MAX_PULSE)[:, None]
@@ -95,6 +98,7 @@ class Estimator:
         ):  # fmt: skip
             part.reset(axle)
         self._settled = None
+        self._memory[:, axle] = 0.0
         if not self.started.any():  # the speed is all axles': it goes on while one of them does
             self._speed.reset()
 
@@ -116,9 +120,24 @@ class Estimator:
                 changed = self._changes.changed(self._window, self._speed_m_s)
             if changed.any():
                 self._window.truncate(self._changes.recent_blocks, changed)
+        if self._wrcd and (newest + 1) % STEP_TICKS == 0:
+            self._remember()
         if (newest + 1) % self._saturated_ticks == 0:
             self._saturated = self.estimate().saturated
         return result
+
+    def _remember(self) -> None:
+        """The rules' word of this moment is fused with those before."""
+        draft = self.draft()
+        with quiet():
+            usual, recent = self._answers.answers(draft)
+            step_s = STEP_TICKS * self.design.tick_s
+            whole = draft.blocks[0] * BLOCK_TICKS >= self.design.window_ticks
+            memory = remember(
+                Remembered(*self._memory), usual.word, whole, recent.mu_from_rules_pct, 100.0 * draft.lasting, step_s,
+                self._speed_m_s,
+            )  # fmt: skip
+        self._memory = np.array(memory)
 
     def _step_settled(self, ticks: Ticks, first: int) -> StepResult | None:
         """All ticks from `first` on at once; None, and nothing has changed, if that cannot be."""
@@ -255,7 +274,8 @@ class Estimator:
     def draft(self) -> Draft:
         """What an estimate of this moment is made from."""
         with quiet():
-            return self._answers.draft(self._window, self._noise.sensor_factor(), self._speed_m_s, self._in_grid)
+            factor = self._noise.sensor_factor()
+            return self._answers.draft(self._window, factor, self._speed_m_s, self._in_grid, self._memory)
 
     def estimates(self, drafts: Sequence[Draft]) -> list[Estimate]:
         """Estimates of several moments at once."""

@@ -1,0 +1,82 @@
+"""What the rail was a moment ago: the rules' words so far, and what was in use at the last peak.
+
+While nothing changes, the rules' word on the newest second is fused with those before: a mean of log adhesion in which
+each word weighs by its spread, forgotten within seconds. Where the window is cut, or its own word lies far from the
+fused one, the memory begins anew with that word.
+
+What is in use is available. That bound is carried across cuts of the window and changes of torque: it erodes with time
+and way. Where the wheelset is saturated on less, the rail has become worse, and the bound is what is in use.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from wrcd.estimator.bank import BoolArray
+from wrcd.estimator.design import FloatArray
+
+STEP_TICKS = 16  # from one word that is fused to the next, 80 ms
+KEPT = 0.96  # of the words so far, at each: a memory of 2 s
+# A word counts as so many independent ones: of 80 ms in a window of 1 s, and what is wrong in one is wrong in the next.
+WEIGHT = 0.08 * 0.6
+# The window's own word takes over where it is off by so many of its standard deviations, below or above; it begins to
+# count at half of that. What is worse is believed sooner.
+BELOW, ABOVE = 2.5, 4.0
+SIGMAS = 1.645  # in the half-width of a 90 % interval
+# The bound erodes after HOLD_S, within so many seconds and metres; saturated: this share of the newest part's word.
+HOLD_S, ERODES_S, ERODES_M = 0.5, 6.0, 120.0
+SATURATED = 0.87
+AGAIN = 0.98  # of what was in use at the peak: as much again
+
+
+class Remembered(NamedTuple):
+    """Of every axle (n,). precision: of the fused word, as 1 / variance of log adhesion, 0 where there is none, and
+    weighed, its product with log adhesion; peak_pct: what was in use at the last peak, eroded, and since when (s)."""
+
+    precision: FloatArray
+    weighed: FloatArray
+    peak_pct: FloatArray
+    peak_age_s: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Word:
+    """What rules say of a window of every axle (n,): log of the adhesion in percent and its standard deviation."""
+
+    log_pct: FloatArray
+    sigma: FloatArray
+
+
+def spoken(memory: Remembered, word: Word) -> tuple[Word, FloatArray]:
+    """The fused word where there is one, on its way to the window's own (share 1, (n,)) where that lies far from it."""
+    none = (memory.precision == 0.0) | ~np.isfinite(word.sigma)
+    x = memory.weighed / memory.precision
+    apart = (word.log_pct - x) / word.sigma
+    far = np.where(apart < 0.0, -apart / BELOW, apart / ABOVE)
+    share = np.where(none, 1.0, np.minimum(np.maximum(2.0 * far - 1.0, 0.0), 1.0))
+    sigma = 1.0 / np.sqrt(memory.precision)
+    mixed = (np.where(share < 1.0, (1.0 - share) * a + share * b, b) for a, b in
+             ((x, word.log_pct), (sigma, word.sigma)))  # fmt: skip
+    return Word(*mixed), share
+
+
+def remember(
+    memory: Remembered, word: Word, whole: BoolArray, recent_pct: FloatArray, in_use_pct: FloatArray, step_s: float,
+    speed_m_s: float,
+) -> Remembered:  # fmt: skip
+    """After a step of so many seconds: the rules' word of the window, which is whole (n,) or cut; recent_pct (n,): that
+    of its newest part; in_use_pct (n,): what has been in use all the time lately. Within quiet()."""
+    usable = whole & np.isfinite(word.sigma)
+    new = 1.0 / (word.sigma * word.sigma)
+    precision = KEPT * memory.precision + WEIGHT * new
+    weighed = KEPT * memory.weighed + WEIGHT * new * word.log_pct
+    _, share = spoken(memory._replace(precision=precision, weighed=weighed), word)
+    begins = (memory.precision == 0.0) | (share >= 1.0)
+    precision = np.where(usable, np.where(begins, new, precision), 0.0)
+    weighed = np.where(usable, np.where(begins, new * word.log_pct, weighed), 0.0)
+    in_use = np.where(np.isfinite(in_use_pct), in_use_pct, 0.0)
+    at_peak = (in_use >= AGAIN * memory.peak_pct) | (in_use >= SATURATED * recent_pct)
+    age = np.where(at_peak, 0.0, memory.peak_age_s + step_s)
+    eroded = memory.peak_pct * np.where(age > HOLD_S, np.exp(-step_s * (1.0 / ERODES_S + speed_m_s / ERODES_M)), 1.0)
+    return Remembered(precision, weighed, np.where(at_peak, in_use, eroded), age)
