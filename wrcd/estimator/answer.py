@@ -161,7 +161,7 @@ class Answers:
         else:
             memory, recent = Remembered(*draft.memory), answers[1]
             inference, chosen = inference.take(slice(0, n)), chosen.take(slice(0, n))
-            word, _ = spoken(memory, best.word)
+            word, _ = spoken(memory, best.word, draft.blocks[0] == self._lengths.usual)
             from_rules, spread = np.exp(word.log_pct), SIGMAS * word.sigma
             # what has been in use lately is available: the estimate cannot lie below it
             allowed = np.minimum(memory.peak_pct, np.exp(word.log_pct + ALLOWED * word.sigma))

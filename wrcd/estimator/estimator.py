@@ -21,7 +21,7 @@ from wrcd.estimator.doubts import IN_BOGIE, LONE
 from wrcd.estimator.gate import Gate, Outliers
 from wrcd.estimator.identity import BLOCK_S, Identity
 from wrcd.estimator.joints import HOLD_TICKS, MAX_PULSE, Joints
-from wrcd.estimator.memory import STEP_TICKS, Remembered, remember
+from wrcd.estimator.memory import STEP_TICKS, WORSE_STEPS, Remembered, remember
 from wrcd.estimator.noise import NoiseLevel, Offset
 from wrcd.estimator.records import Estimate, StepResult, Ticks
 from wrcd.estimator.recursion import Sections
@@ -134,10 +134,13 @@ class Estimator:
             step_s = STEP_TICKS * self.design.tick_s
             whole = draft.blocks[0] * BLOCK_TICKS >= self.design.window_ticks
             memory = remember(
-                Remembered(*self._memory), usual.word, whole, recent.mu_from_rules_pct, 100.0 * draft.lasting, step_s,
+                Remembered(*self._memory), usual.word, whole, recent.word, 100.0 * draft.lasting, step_s,
                 self._speed_m_s,
             )  # fmt: skip
         self._memory = np.array(memory)
+        worse = memory.worse >= WORSE_STEPS
+        if worse.any():
+            self._window.truncate(self._changes.recent_blocks, worse)
 
     def _step_settled(self, ticks: Ticks, first: int) -> StepResult | None:
         """All ticks from `first` on at once; None, and nothing has changed, if that cannot be."""

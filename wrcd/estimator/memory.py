@@ -27,17 +27,21 @@ SIGMAS = 1.645  # in the half-width of a 90 % interval
 # The bound erodes after HOLD_S, within so many seconds and metres; saturated: this share of the newest part's word.
 HOLD_S, ERODES_S, ERODES_M = 0.5, 6.0, 120.0
 SATURATED = 0.87
+# The rail is worse where the newest part's word lies so many standard deviations, of both, below for so many steps.
+WORSE, WORSE_STEPS = 2.0, 2
 AGAIN = 0.98  # of what was in use at the peak: as much again
 
 
 class Remembered(NamedTuple):
     """Of every axle (n,). precision: of the fused word, as 1 / variance of log adhesion, 0 where there is none, and
-    weighed, its product with log adhesion; peak_pct: what was in use at the last peak, eroded, and since when (s)."""
+    weighed, its product with log adhesion; peak_pct: what was in use at the last peak, eroded, and since when (s);
+    worse: steps in a row in which the window's newest part speaks of a worse rail."""
 
     precision: FloatArray
     weighed: FloatArray
     peak_pct: FloatArray
     peak_age_s: FloatArray
+    worse: FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,9 +52,10 @@ class Word:
     sigma: FloatArray
 
 
-def spoken(memory: Remembered, word: Word) -> tuple[Word, FloatArray]:
-    """The fused word where there is one, on its way to the window's own (share 1, (n,)) where that lies far from it."""
-    none = (memory.precision == 0.0) | ~np.isfinite(word.sigma)
+def spoken(memory: Remembered, word: Word, whole: BoolArray) -> tuple[Word, FloatArray]:
+    """The fused word where there is one and the window is whole (n,), on its way to the window's own (share 1, (n,))
+    where that lies far from it."""
+    none = (memory.precision == 0.0) | ~np.isfinite(word.sigma) | ~whole
     x = memory.weighed / memory.precision
     apart = (word.log_pct - x) / word.sigma
     far = np.where(apart < 0.0, -apart / BELOW, apart / ABOVE)
@@ -62,21 +67,25 @@ def spoken(memory: Remembered, word: Word) -> tuple[Word, FloatArray]:
 
 
 def remember(
-    memory: Remembered, word: Word, whole: BoolArray, recent_pct: FloatArray, in_use_pct: FloatArray, step_s: float,
+    memory: Remembered, word: Word, whole: BoolArray, recent: Word, in_use_pct: FloatArray, step_s: float,
     speed_m_s: float,
 ) -> Remembered:  # fmt: skip
-    """After a step of so many seconds: the rules' word of the window, which is whole (n,) or cut; recent_pct (n,): that
-    of its newest part; in_use_pct (n,): what has been in use all the time lately. Within quiet()."""
+    """After a step of so many seconds: the rules' word of the window, which is whole (n,) or cut; recent: that of
+    its newest part; in_use_pct (n,): what has been in use all the time lately. Within quiet()."""
     usable = whole & np.isfinite(word.sigma)
     new = 1.0 / (word.sigma * word.sigma)
     precision = KEPT * memory.precision + WEIGHT * new
     weighed = KEPT * memory.weighed + WEIGHT * new * word.log_pct
-    _, share = spoken(memory._replace(precision=precision, weighed=weighed), word)
+    _, share = spoken(memory._replace(precision=precision, weighed=weighed), word, whole)
     begins = (memory.precision == 0.0) | (share >= 1.0)
     precision = np.where(usable, np.where(begins, new, precision), 0.0)
     weighed = np.where(usable, np.where(begins, new * word.log_pct, weighed), 0.0)
     in_use = np.where(np.isfinite(in_use_pct), in_use_pct, 0.0)
-    at_peak = (in_use >= AGAIN * memory.peak_pct) | (in_use >= SATURATED * recent_pct)
+    at_peak = (in_use >= AGAIN * memory.peak_pct) | (in_use >= SATURATED * np.exp(recent.log_pct))
     age = np.where(at_peak, 0.0, memory.peak_age_s + step_s)
     eroded = memory.peak_pct * np.where(age > HOLD_S, np.exp(-step_s * (1.0 / ERODES_S + speed_m_s / ERODES_M)), 1.0)
-    return Remembered(precision, weighed, np.where(at_peak, in_use, eroded), age)
+    apart = (recent.log_pct - weighed / precision) / np.sqrt(recent.sigma * recent.sigma + 1.0 / precision)
+    worse = np.where(usable & (apart < -WORSE), memory.worse + 1.0, 0.0)
+    anew = worse >= WORSE_STEPS
+    precision, weighed = np.where(anew, 0.0, precision), np.where(anew, 0.0, weighed)
+    return Remembered(precision, weighed, np.where(at_peak, in_use, eroded), age, worse)
