@@ -22,13 +22,13 @@ KEPT = 0.96  # of the words so far, at each: a memory of 2 s
 WEIGHT = 0.08 * 0.6
 # The window's own word takes over where it is off by so many of its standard deviations, below or above; it begins to
 # count at half of that. What is worse is believed sooner.
-BELOW, ABOVE = 2.5, 4.0
+BELOW, ABOVE = 2.5, 3.0
 SIGMAS = 1.645  # in the half-width of a 90 % interval
 # The bound erodes after HOLD_S, within so many seconds and metres; saturated: this share of the newest part's word.
 HOLD_S, ERODES_S, ERODES_M = 0.5, 6.0, 120.0
 SATURATED = 0.87
 # The rail is worse where the newest part's word lies so many standard deviations, of both, below for so many steps.
-WORSE, WORSE_STEPS = 2.0, 2
+WORSE, BETTER, WORSE_STEPS = 2.0, 2.5, 2
 AGAIN = 0.98  # of what was in use at the peak: as much again
 
 
@@ -85,7 +85,7 @@ def remember(
     age = np.where(at_peak, 0.0, memory.peak_age_s + step_s)
     eroded = memory.peak_pct * np.where(age > HOLD_S, np.exp(-step_s * (1.0 / ERODES_S + speed_m_s / ERODES_M)), 1.0)
     apart = (recent.log_pct - weighed / precision) / np.sqrt(recent.sigma * recent.sigma + 1.0 / precision)
-    worse = np.where(usable & (apart < -WORSE), memory.worse + 1.0, 0.0)
+    worse = np.where(usable & ((apart < -WORSE) | (apart > BETTER)), memory.worse + 1.0, 0.0)
     anew = worse >= WORSE_STEPS
     precision, weighed = np.where(anew, 0.0, precision), np.where(anew, 0.0, weighed)
     return Remembered(precision, weighed, np.where(at_peak, in_use, eroded), age, worse)
