@@ -13,7 +13,7 @@ from wrcd.estimator.records import Estimate, EstimateDoubt
 from wrcd.estimator.rule_inputs import Past, RuleInputs
 from wrcd.estimator.window import Lengths, Statistics, Window, mean_ratio, quiet, statistics
 
-ALLOWED = 2.0  # standard deviations above the word that what was in use at the last peak may lift it
+ALLOWED = 4.0  # standard deviations above the word that what was in use at the last peak may lift it
 NEWEST_SHARE = 0.5  # of the newest part's half-width that the interval is made to reach down to
 # More in use than the rules say there is: beyond the interval, and by this share of what they say, one is wrong.
 CONTRADICTION_SHARE, CONTRADICTION_PP = 0.2, 0.3
