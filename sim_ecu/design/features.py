@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ from sim_ecu.jobs.whole import each
 from wrcd.estimator.bank import BoolArray
 from wrcd.estimator.design import MODELS, Design
 from wrcd.estimator.estimator import Estimator, step_through
-from wrcd.estimator.identity import Identity
+from wrcd.estimator.pair import PairSums
 from wrcd.estimator.records import Ticks
 from wrcd.estimator.rule_inputs import SWING
 from wrcd.estimator.window import BLOCK_TICKS
@@ -70,10 +70,10 @@ def quietly(what: str, share: float) -> None:
     """No progress is shown."""
 
 
-class _NoIdentity(Identity):
-    """Takes no input. What it would find out has no part in an estimate, and takes a third of the time."""
+class _NoSums(PairSums):
+    """Takes no input: what it would find out has no part in an estimate, and takes a third of the time."""
 
-    def step(self, z: FloatArray, used: NDArray[np.bool_], speed_m_s: float, saturated: NDArray[np.bool_]) -> None:
+    def step(self, z: FloatArray, used: NDArray[np.bool_]) -> None:
         """Learn nothing."""
 
     @property
@@ -81,16 +81,14 @@ class _NoIdentity(Identity):
         """Nothing has to settle."""
         return np.ones(self._offset_ticks.shape, dtype=bool)
 
-    def step_settled(
-        self, z: FloatArray, used: NDArray[np.bool_] | None, speeds_m_s: Sequence[float], saturated: NDArray[np.bool_]
-    ) -> None:
+    def step_settled(self, z: FloatArray, used: NDArray[np.bool_] | None) -> None:
         """Learn nothing."""
 
 
 def estimator_alone(design: Design, axles: int) -> Estimator:
-    """The train's estimator without the tests of whose sensors these are; the estimates are the same."""
-    out = Estimator(design, axles)
-    out.identity = _NoIdentity((float(design.noise_rms[0]), float(design.noise_rms[1])), design.tick_s, axles)
+    """The train's estimator without the judgement of whose sensors these are; the estimates are the same."""
+    out = Estimator(replace(design, health=None), axles)
+    out.health.pairs = _NoSums(design.noise_rms, design.tick_s, axles)
     return out
 
 

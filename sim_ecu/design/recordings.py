@@ -51,11 +51,11 @@ def record(
 def record_group(w: Wheelset, plan: Plan, tick_s: float, group: Group, place: int) -> Recording:
     """Simulate the group at a place of a plan (the long part: seconds) and add the sensors' noise."""
     outputs = simulate_group(w, group.conditions, plan.seconds, tick_s)
-    return _measured(group, outputs, tick_s, np.random.default_rng([plan.seed, 1, place]))
+    return measured(group, outputs, tick_s, np.random.default_rng([plan.seed, 1, place]))
 
 
-def _measured(group: Group, y: NDArray[np.float64], tick_s: float, rng: np.random.Generator) -> Recording:
-    """y (ticks, outputs, n)."""
+def measured(group: Group, y: NDArray[np.float64], tick_s: float, rng: np.random.Generator) -> Recording:
+    """Return what the group's sensors make of a simulation y (ticks, outputs, n)."""
     ticks = len(y)
     z = np.empty((ticks, 2, y.shape[2]), np.float32)
     felt, torque = z.copy(), z[:, 0].copy()

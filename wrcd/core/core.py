@@ -434,7 +434,7 @@ class Core:
         front = self._front if detail or outbox.ahead_due(due) else None
         reports_due = bool(adhesion) or detail or front is not None
         known = reports_due and True in self._validity.window_full
-        pairs = self.estimator.identity.doubt.tolist() if reports_due else []
+        pairs = self.estimator.health.state.tolist() if reports_due else []
         standing = [self._validity.standing(axle, pair) for axle, pair in enumerate(pairs)]
         view = None if front is None else front.view()
         if front is not None:
@@ -446,7 +446,7 @@ class Core:
             adhesion=adhesion,
             detail=detail,
             standing=standing,
-            details=self.events.standing(standing, inputs, self._validity, self.estimator.identity, end_us)
+            details=self.events.standing(standing, inputs, self._validity, self.estimator.health, end_us)
             if reports_due
             else {},
             below_min_speed=self.below_min_speed,

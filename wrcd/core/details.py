@@ -9,12 +9,12 @@ from collections.abc import Callable, Sequence
 from wrcd.core.causes import Cause
 from wrcd.core.configuration import Config
 from wrcd.core.inputs import BRAKE, LAT, LOAD, QUANTITIES, RADIUS, SPEED, TORQUE, YAW, Inputs, TickInputs, rows_of
-from wrcd.core.validity import DOUBT_OF, LOAD_SHARES, RADIUS_SHARES, ValidityMonitor
+from wrcd.core.validity import LOAD_SHARES, RADIUS_SHARES, ValidityMonitor
 from wrcd.estimator.answer import HARSH_SHARE, MIN_M, SILENT, VAGUE, VAGUE_PP, WIDE, WIDE_PP
 from wrcd.estimator.design import MODELS
 from wrcd.estimator.fuzzy import MIN_FIRING
 from wrcd.estimator.gate import MAX_JUMP, Outliers
-from wrcd.estimator.identity import Identity
+from wrcd.estimator.health import Health, State
 from wrcd.estimator.records import Estimate, EstimateDoubt
 
 MAX_INPUTS = 2  # that a text names; of more the number
@@ -85,18 +85,13 @@ class Details:
         first = f"{self.name(YAW, axle)} or {self.name(LAT, axle)} stood out among its first samples"
         return ("; ".join(far) or first) + (f"; waits {wait_s:g} s" if wait_s else "")
 
-    def pair(self, cause: Cause, axle: int, identity: Identity) -> str:
+    def pair(self, axle: int, health: Health) -> str:
         """What speaks against gyro and accelerometer."""
-        f = identity.figures(DOUBT_OF[cause], axle)
+        f = health.figures(axle)
         yaw, lat = self.name(YAW, axle), self.name(LAT, axle)
+        lead = f"{State(f.state).words} with {f.probability:.2f}, sound with {f.sound:.2f}"
         levels = f"{yaw} is {f.yaw_rms:.1f}, {lat} {f.lat_rms:.1f} times the sensor's noise"
-        if cause in (Cause.GYRO_REVERSED, Cause.SENSORS_UNRELATED):
-            text = f"correlation of {yaw} and {lat} {f.low:.2f} below 1.5 Hz, {f.middle:.2f} in 3 to 10 Hz"
-            partner = int(f.partner)
-            return text + (f"; goes with axle {self._config.axles[partner].number}'s" if partner >= 0 else "")
-        if cause is Cause.ACCEL_SMALL:
-            return f"{levels}; below 1.5 Hz {lat} is {f.ratio:.2f} of speed times yaw rate"
-        return levels
+        return f"{lead}; {levels}; their correlation {f.low:.2f} below 1.5 Hz, {f.middle:.2f} in 3 to 10 Hz"
 
     def estimate(self, cause: Cause, axle: int, e: Estimate) -> str:
         """What an estimate says against itself."""

@@ -16,7 +16,7 @@ from wrcd.core.details import Details
 from wrcd.core.inputs import Inputs, TickInputs
 from wrcd.core.messages import Report
 from wrcd.core.validity import OF_ESTIMATE, OF_PAIR, Standing, ValidityMonitor
-from wrcd.estimator.identity import Identity
+from wrcd.estimator.health import Health
 from wrcd.estimator.records import Estimate
 
 COLUMNS = ("time_s", "axle", "from", "to", "cause", "detail")
@@ -109,7 +109,7 @@ class Events:
         self._details[axle][Cause.RESTARTED] = _cut(why)
 
     def standing(
-        self, standing: Sequence[Standing], inputs: Inputs, validity: ValidityMonitor, identity: Identity, end_us: int
+        self, standing: Sequence[Standing], inputs: Inputs, validity: ValidityMonitor, health: Health, end_us: int
     ) -> Mapping[int, str]:
         """How it is, by axle (its place): of those whose standing differs from that at the slot before."""
         if standing == self._standing:
@@ -124,7 +124,7 @@ class Events:
             if not cause:
                 self._details[axle] = [""] * len(Cause)  # a window of sound ticks: all of that is over
             elif cause in PAIR_CAUSES:
-                out[axle] = self.describe.pair(cause, axle, identity)
+                out[axle] = self.describe.pair(axle, health)
             elif cause in TICK_CAUSES or cause is Cause.RESTARTED:
                 out[axle] = self._details[axle][cause]
             else:

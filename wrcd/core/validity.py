@@ -15,17 +15,18 @@ from typing import NamedTuple
 from wrcd.core.causes import Cause, Validity
 from wrcd.core.configuration import MAX_AXLES
 from wrcd.core.inputs import Inputs, TickInputs
-from wrcd.estimator.doubts import Doubt
+from wrcd.estimator.health import State
 from wrcd.estimator.records import Estimate, EstimateDoubt
 
 OF_PAIR = {
-    Doubt.SILENT: Cause.SENSORS_SILENT,
-    Doubt.REVERSED: Cause.GYRO_REVERSED,
-    Doubt.UNRELATED: Cause.SENSORS_UNRELATED,
-    Doubt.ACCEL_SMALL: Cause.ACCEL_SMALL,
-    Doubt.GYRO_DEAD: Cause.GYRO_DEAD,
+    State.BOTH_DEAD: Cause.SENSORS_SILENT,
+    State.REVERSED: Cause.GYRO_REVERSED,
+    State.OTHER_AXLE: Cause.SENSORS_UNRELATED,
+    State.LATE: Cause.SENSORS_UNRELATED,
+    State.ACCEL_DEAD: Cause.ACCEL_SMALL,
+    State.WRONG_UNIT: Cause.ACCEL_SMALL,
+    State.GYRO_DEAD: Cause.GYRO_DEAD,
 }
-DOUBT_OF = {cause: doubt for doubt, cause in OF_PAIR.items()}
 OF_ESTIMATE = {
     EstimateDoubt.NO_RULE: Cause.NO_RULE,
     EstimateDoubt.BEYOND_TRAINING: Cause.BEYOND_TRAINING,
@@ -155,14 +156,14 @@ class ValidityMonitor:
         return self._fresh_ticks[axle]
 
     def standing(self, axle: int, pair: int) -> Standing:
-        """Of an axle now, with the Doubt of its pair of sensors: all that there is to say without its estimate."""
+        """Of an axle now, with the State of its pair of sensors: all that there is to say without its estimate."""
         if not self._window_full[axle]:
             return Standing(False, self._newest[axle] or self._begun[axle])
         if self._newest[axle]:
             return Standing(True, self._newest[axle])
         if self._sound_ticks[axle] < self._window:
             return Standing(True, self._unsound[axle])
-        return Standing(True, OF_PAIR[Doubt(pair)] if pair else Cause.NONE)
+        return Standing(True, OF_PAIR[State(pair)] if pair else Cause.NONE)
 
 
 def verdict(standing: Standing, axle: int, estimate: Estimate | None, before: Validity) -> tuple[Validity, Cause]:

@@ -54,6 +54,22 @@ class Sets:
 
 
 @dataclass(frozen=True, slots=True)
+class HealthModel:
+    """How a pair of sensors is judged, see health.py: features f, hidden units h, states s."""
+
+    middle: FloatArray  # (f,) and scale (f,): what the features are standardised by
+    scale: FloatArray
+    hidden: FloatArray  # (f, h)
+    hidden_bias: FloatArray  # (h,)
+    out: FloatArray  # (h, s)
+    out_bias: FloatArray  # (s,)
+    temper: FloatArray  # (s,) how much of a span's evidence counts
+    log_prior: FloatArray  # (s,) of the states, over that of a sound pair
+    kept: float  # of the log odds over the prior's, at each span
+    hazard: float  # that a state changes, at each span
+
+
+@dataclass(frozen=True, slots=True)
 class Design:
     """A loaded design. Matrices are (speeds, models, …), steady-state for one tick at each speed of the grid."""
 
@@ -95,6 +111,7 @@ class Design:
     saturated_share: float  # MuUsed / MuAvailable from which the contact counts as saturated
     normal_N: float
     r_0: float
+    health: HealthModel | None  # None: no pair of sensors is judged
     worlds: tuple[str, ...]  # sentences: in what worlds it was trained, and which vehicle it is for; () if it says none
     checksum: str
 
@@ -201,6 +218,10 @@ class _Reader:
             node = node[part]
         return node
 
+    def has(self, key: str) -> bool:
+        """Whether the document has a part of that name."""
+        return key in self._document
+
     def array(self, key: str, *shape: int) -> FloatArray:
         """An array of finite numbers; -1 in the shape stands for any length but none."""
         try:
@@ -302,9 +323,23 @@ def _arrays(r: _Reader, digest: str) -> Design:
         saturated_share=r.number("saturated_share", 0.1, 1.0),
         normal_N=r.number("inputs.normal_N", 1.0, 1e6),
         r_0=r.number("inputs.wheelset.r_0", 0.1, 2.0),
+        health=_health(r) if r.has("health") else None,
         worlds=r.sentences("worlds"),
         checksum=digest,
     )
+
+
+def _health(r: _Reader) -> HealthModel:
+    middle, bias, prior = r.array("health.middle", -1), r.array("health.hidden_bias", -1), r.array("health.prior", -1)
+    f, h, s = len(middle), len(bias), len(prior)
+    scale = r.array("health.scale", f)
+    if np.any(scale <= 0.0) or np.any(prior <= 0.0):
+        raise r.error("health.scale", "must be positive, and health.prior, too")
+    return HealthModel(
+        middle, scale, r.array("health.hidden", f, h), bias, r.array("health.out", h, s), r.array("health.out_bias", s),
+        r.array("health.temper", s), np.log(prior / prior[0]), r.number("health.kept", 0.0, 1.0),
+        r.number("health.hazard", 0.0, 0.1),
+    )  # fmt: skip
 
 
 def _check(d: Design, r: _Reader) -> None:

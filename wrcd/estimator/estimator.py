@@ -17,9 +17,8 @@ from wrcd.estimator.answer import Answers, Draft, joined, split
 from wrcd.estimator.bank import Bank, BoolArray, SpeedFilter
 from wrcd.estimator.changes import ChangeDetector
 from wrcd.estimator.design import MODELS, Design, FloatArray, IntArray
-from wrcd.estimator.doubts import IN_BOGIE, LONE
 from wrcd.estimator.gate import Gate, Outliers
-from wrcd.estimator.identity import BLOCK_S, Identity
+from wrcd.estimator.health import SPAN_TICKS, Health
 from wrcd.estimator.joints import HOLD_TICKS, MAX_PULSE, Joints
 from wrcd.estimator.memory import STEP_TICKS, WORSE_STEPS, Remembered, remember
 from wrcd.estimator.noise import NoiseLevel, Offset
@@ -53,8 +52,7 @@ class Estimator:
     _delayed_live: BoolArray
     _delayed_clear: BoolArray
     started: BoolArray  # whether a measurement was used since the last reset
-    identity: Identity
-    _saturated: BoolArray  # a while ago
+    health: Health
     _memory: FloatArray  # (4, n) what is Remembered
     outliers: int = 0  # samples left out so far
 
@@ -70,8 +68,7 @@ class Estimator:
         self._lowpass = Sections(design.lowpass, 2 * MODELS, axles)
         self._window = Window(Lengths(design).longest, axles)
         self._changes, self._answers = ChangeDetector(design), Answers(design, axles)
-        noise_rms = float(design.noise_rms[0]), float(design.noise_rms[1])
-        self.identity = Identity(noise_rms, design.tick_s, axles, IN_BOGIE if design.in_bogie else LONE)
+        self.health = Health(design.health, design.noise_rms, design.tick_s, axles)
         self._grid = float(design.speeds_m_s[0]), float(design.speeds_m_s[-1])
         self._speed_m_s = self._grid[0]
         self._wrcd = design.form == "wrcd"
@@ -80,21 +77,19 @@ class Estimator:
         self._delayed = np.zeros((HOLD_TICKS, MODELS, 2, axles))
         self._delayed_live = np.zeros((HOLD_TICKS, axles), dtype=bool)
         self._delayed_clear = np.zeros((HOLD_TICKS, axles), dtype=bool)
-        self._saturated = np.zeros(axles, dtype=bool)
         self._memory = np.zeros((len(Remembered._fields), axles))
         self.started = np.zeros(axles, dtype=bool)
-        self._saturated_ticks = round(BLOCK_S / design.tick_s)  # between two looks at it
         self._small = (self._offset.newest_share * MAX_PULSE)[:, None]
         self._settled: BoolArray | None = None  # (n,): which axles a whole block can be stepped of; None: look
         self._all: BoolArray = np.ones((BLOCK_TICKS, axles), dtype=bool)
 
     def reset(self, axle: int) -> None:
         """Start an axle anew: after a gap, a step of time, or a standstill."""
-        self._complete[axle] = self.started[axle] = self._saturated[axle] = False
+        self._complete[axle] = self.started[axle] = False
         self._delayed[..., axle] = 0.0
         self._delayed_live[:, axle] = self._delayed_clear[:, axle] = False
         for part in (
-            self._offset, self._gate, self._bank, self._joints, self._noise, self._lowpass, self._window, self.identity
+            self._offset, self._gate, self._bank, self._joints, self._noise, self._lowpass, self._window, self.health
         ):  # fmt: skip
             part.reset(axle)
         self._settled = None
@@ -108,7 +103,7 @@ class Estimator:
 
     def block_end(self, tick: int) -> bool:
         """Whether a block ends with a tick: ticks up to there, and no further, may be stepped at once."""
-        return (tick + 1) % BLOCK_TICKS == 0 or (tick + 1) % self._saturated_ticks == 0
+        return (tick + 1) % BLOCK_TICKS == 0
 
     def step(self, ticks: Ticks, first: int = 0) -> StepResult:
         """Step ticks from `first` on: all that are left if nothing happens in them, else one. No block_end() may lie
@@ -121,13 +116,11 @@ class Estimator:
             if changed.any():
                 self._window.truncate(self._changes.recent_blocks, changed)
         if self._wrcd and (newest + 1) % STEP_TICKS == 0:
-            self._remember()
-        if (newest + 1) % self._saturated_ticks == 0:
-            self._saturated = self.estimate().saturated
+            self._remember(looks=(newest + 1) % SPAN_TICKS == 0)
         return result
 
-    def _remember(self) -> None:
-        """The rules' word of this moment is fused with those before."""
+    def _remember(self, looks: bool) -> None:
+        """The rules' word of this moment is fused with those before; and sometimes the sensors are looked at."""
         draft = self.draft()
         with quiet():
             usual, recent = self._answers.answers(draft)
@@ -137,6 +130,8 @@ class Estimator:
                 Remembered(*self._memory), usual.word, whole, recent.word, 100.0 * draft.lasting, step_s,
                 self._speed_m_s,
             )  # fmt: skip
+            if looks:
+                self.health.look(self._speed_m_s, draft.now, usual.inputs)
         self._memory = np.array(memory)
         worse = memory.worse >= WORSE_STEPS
         if worse.any():
@@ -166,7 +161,7 @@ class Estimator:
         self._speed_m_s = speeds[-1]
         self._noise.step_settled(z)
         idle = None if running.all() else ~running
-        self.identity.step_settled(z, None if idle is None else running, speeds, self._saturated)
+        self.health.pairs.step_settled(z, None if idle is None else running)
         yes = self._all[:m] if idle is None else self._all[:m] & running
         no = ~self._all[:m]
         in_window = yes & np.isfinite(ticks.torque_ratio[first:])
@@ -183,7 +178,7 @@ class Estimator:
         m = len(ticks) - first
         if self._settled is None:
             self._settled = self._complete & np.logical_and.reduce(
-                [part.settled for part in (self._offset, self._gate, self._joints, self._noise, self.identity)]
+                [part.settled for part in (self._offset, self._gate, self._joints, self._noise, self.health.pairs)]
             )
         present = ticks.present[first:]
         running, exempt = self._settled, None
@@ -227,7 +222,7 @@ class Estimator:
         needs_reset = self._gate.learn(e, z[0], accepted & ~swings, outliers)
         needs_reset |= ~np.isfinite(self._bank.x).all(axis=(0, 1))
         self._noise.step(z, accepted & ~near)
-        self.identity.step(z, accepted & ~near, speed, self._saturated)
+        self.health.pairs.step(z, accepted & ~near)
         self.started |= accepted
         # Keep the first innovation after a gap out of the window: it spans several ticks. A sensor slower than the
         # ticks, for which no gain here is made, therefore never gives an estimate.

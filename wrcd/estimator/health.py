@@ -1,0 +1,227 @@
+"""Whether gyro and accelerometer are the pair that they should be: one posterior over what may be wrong with them.
+
+Every SPAN_TICKS what both say, how they go together, and how with the other axle of their bogie, becomes a vector of
+features. A small network, fitted to simulated pairs of every kind and kept in the design, says how much likelier each
+state makes them than a sound pair does: the rail is unknown to all states alike. The log odds forget slowly, allow for
+a sensor that breaks, and take up each span's evidence, tempered, since what misleads in one span misleads in the next.
+"""
+
+import math
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import NamedTuple
+
+import numpy as np
+
+from wrcd.estimator.bank import BoolArray
+from wrcd.estimator.design import CHANNELS, COLUMNS, FloatArray, HealthModel, IntArray
+from wrcd.estimator.pair import BANDS, PairSums, Span, of_seconds
+
+SPAN_TICKS = 48
+MIN_SHARE = 0.5  # of a span's ticks that an axle must have data in
+SECONDS = (1.0, 6.0)  # of the running means beside the newest span
+FLOOR = 0.02  # of the noise's power
+MOST = 5.0  # standard deviations of a feature
+SOUND_ALONE = np.r_[0.0, np.full(7, -14.0)]  # where nothing is judged
+CERTAIN = 14.0  # log odds: no more than this is kept
+YAW, LAT = range(CHANNELS)
+MIN_RATIO, MIN_SPEED_M_S = 0.003, 1.0
+FEATURES = (1 + len(SECONDS)) * (BANDS * CHANNELS + BANDS + 2 * CHANNELS) + len(SECONDS) * 4 * BANDS + 2 + COLUMNS
+
+
+class State(IntEnum):
+    """What a pair may be."""
+
+    SOUND = 0
+    REVERSED = 1
+    GYRO_DEAD = 2  # it says nothing but its own noise
+    ACCEL_DEAD = 3
+    BOTH_DEAD = 4
+    OTHER_AXLE = 5
+    WRONG_UNIT = 6
+    LATE = 7
+
+    @property
+    def words(self) -> str:
+        """The same in words."""
+        return _WORDS[self]
+
+
+_WORDS = ("sound", "one the other way round", "the gyro dead", "the accelerometer dead", "both dead",
+          "of different axles", "in a wrong unit", "one later than it says")  # fmt: skip
+
+
+class HealthFigures(NamedTuple):
+    """What leads beside a sound pair, with its probability, and what that was found by, for a person."""
+
+    state: int
+    probability: float
+    sound: float
+    low: float  # correlation below 1.5 Hz
+    middle: float  # and in 3 to 10 Hz
+    yaw_rms: float  # of each signal's alternating part, in units of the design's sensor noise
+    lat_rms: float
+
+
+@dataclass(frozen=True, slots=True)
+class Rows:
+    """Means of one pair's signals over a span or longer (…, n): powers (BANDS, 2, n) of the bands, products (BANDS, n)
+    of the two; of_partner (4, BANDS, n): gyro with gyro, accelerometer with accelerometer, gyro with the partner's
+    accelerometer, accelerometer with its gyro; partner (BANDS, 2, n) its powers. All 0 where there is no partner."""
+
+    power: FloatArray
+    cross: FloatArray
+    fine: FloatArray
+    variance: FloatArray
+    of_partner: FloatArray
+    partner: FloatArray
+
+    def joined(self) -> FloatArray:
+        """(rows, n)."""
+        n = self.cross.shape[1]
+        return np.concatenate([getattr(self, name).reshape(-1, n) for name in self.__dataclass_fields__])
+
+
+def split(rows: FloatArray) -> Rows:
+    """What Rows.joined() gave."""
+    n = rows.shape[1]
+    parts = np.split(rows, np.cumsum([BANDS * CHANNELS, BANDS, CHANNELS, CHANNELS, 4 * BANDS]))
+    shapes = (BANDS, CHANNELS, n), (BANDS, n), (CHANNELS, n), (CHANNELS, n), (4, BANDS, n), (BANDS, CHANNELS, n)
+    return Rows(*(part.reshape(shape) for part, shape in zip(parts, shapes, strict=True)))
+
+
+ROWS = BANDS * CHANNELS + BANDS + 2 * CHANNELS + 4 * BANDS + BANDS * CHANNELS
+
+
+def rows_of(span: Span, partner: IntArray, known: BoolArray) -> Rows:
+    """Of every pair with its partner (n,); known (n,): which pairs have one that counts."""
+    n = len(partner)
+    gyro, lat = np.arange(n), n + np.arange(n)
+    t, their_gyro, their_lat = span.together, partner, n + partner
+    crosses = [(gyro, their_gyro), (lat, their_lat), (gyro, their_lat), (lat, their_gyro)]
+    return Rows(
+        power=np.stack((t[:, gyro, gyro], t[:, lat, lat]), axis=1),
+        cross=t[:, gyro, lat],
+        fine=span.fine,
+        variance=span.variance,
+        of_partner=np.where(known, np.stack([t[:, i, j] for i, j in crosses]), 0.0),
+        partner=np.where(known, np.stack((t[:, their_gyro, their_gyro], t[:, their_lat, their_lat]), axis=1), 0.0),
+    )
+
+
+def _own(r: Rows) -> FloatArray:
+    """(OWN, n): log powers, correlations, log powers of noise and of all."""
+    power = r.power + FLOOR
+    plain = np.log10(np.maximum(np.concatenate((r.fine, r.variance)), 0.0) + FLOOR)
+    correlation = r.cross / np.sqrt(power[:, YAW] * power[:, LAT])
+    return np.concatenate((np.log10(power).reshape(-1, r.cross.shape[1]), correlation, plain))
+
+
+def _with_partner(r: Rows) -> FloatArray:
+    """(4 BANDS, n): correlations with the partner's signals; 0 where there is none."""
+    own, their = r.power + FLOOR, r.partner + FLOOR
+    mine = own[:, [YAW, LAT, YAW, LAT]].swapaxes(0, 1)
+    theirs = their[:, [YAW, LAT, LAT, YAW]].swapaxes(0, 1)
+    return np.asarray((r.of_partner / np.sqrt(mine * theirs)).reshape(-1, r.cross.shape[1]))
+
+
+def features(newest: Rows, means: list[Rows], speed_m_s: float, ratio: FloatArray, inputs: FloatArray) -> FloatArray:
+    """(n, FEATURES): of the newest span, of the running means, and what the rules were given (n, COLUMNS)."""
+    n = len(ratio)
+    parts = [_own(newest)]
+    for mean in means:
+        parts += [_own(mean), _with_partner(mean)]
+    speed = np.full((1, n), math.log10(max(speed_m_s, MIN_SPEED_M_S)))
+    torque = np.log10(np.maximum(np.where(np.isfinite(ratio), ratio, 0.0), MIN_RATIO))[None]
+    return np.concatenate((*parts, speed, torque, np.where(np.isfinite(inputs), inputs, 0.0).T)).T
+
+
+@dataclass(init=False, repr=False, eq=False)
+class Health:
+    """Sums up what each pair says, and keeps the log odds of each state over a sound pair.
+
+    They stay as they are while an axle has no data: what is known of the wires holds across gaps and standstills.
+    """
+
+    pairs: PairSums
+    _means: FloatArray  # (SECONDS, ROWS, n), each still to be divided by its weight
+    _weights: FloatArray  # (SECONDS, n)
+    log_odds: FloatArray  # (n, STATES)
+
+    def __init__(self, model: HealthModel | None, noise_rms: FloatArray, tick_s: float, axles: int) -> None:
+        self._model = model
+        self.pairs = PairSums(noise_rms, tick_s, axles)
+        self._kept = 1.0 - of_seconds(SECONDS, SPAN_TICKS * tick_s)[:, None]
+        # axles 1 and 2, 3 and 4 … are a bogie's
+        partner = np.arange(axles) ^ 1
+        self._alone = partner >= axles
+        self._partner = np.where(self._alone, 0, partner)
+        self._means = np.zeros((len(SECONDS), ROWS, axles))
+        self._weights = np.zeros((len(SECONDS), axles))
+        self.log_odds = np.tile(SOUND_ALONE if model is None else model.log_prior, (axles, 1))
+
+    def reset(self, axle: int) -> None:
+        """Start an axle's filters and its span anew, after a gap; what was found out before stays."""
+        self.pairs.reset(axle)
+
+    def probabilities(self) -> FloatArray:
+        """(n, STATES)."""
+        return _softmax(self.log_odds)
+
+    @property
+    def state(self) -> IntArray:
+        """(n,): the State that leads where a pair is not more likely sound than not."""
+        p = self.probabilities()
+        return np.where(p[:, State.SOUND] < 0.5, p[:, 1:].argmax(axis=1) + 1, State.SOUND)
+
+    def look(self, speed_m_s: float, ratio: FloatArray, inputs: FloatArray) -> None:
+        """At a span's end, at a speed: torque ratio of the moment (n,), and what the rules were given (n, COLUMNS)."""
+        span = self.pairs.take()
+        known = span.ticks >= MIN_SHARE * SPAN_TICKS
+        if self._model is not None and known.any():
+            x = self._features(span, known, speed_m_s, ratio, inputs)
+            self.log_odds = np.where(known[:, None], updated(self._model, self.log_odds, x), self.log_odds)
+
+    def _features(
+        self, span: Span, known: BoolArray, speed_m_s: float, ratio: FloatArray, inputs: FloatArray
+    ) -> FloatArray:
+        """(n, FEATURES), with the span in the running means of the axles that are known. A partner counts that has data
+        and is not doubted itself."""
+        sound = self.probabilities()[:, State.SOUND] >= 0.5
+        counts = (known & sound)[self._partner] & ~self._alone
+        newest = rows_of(span, self._partner, counts)
+        kept = np.where(known, self._kept, 1.0)
+        self._weights = kept * self._weights + (1.0 - kept)
+        self._means = kept[:, None] * self._means + (1.0 - kept)[:, None] * newest.joined()
+        means = self._means / np.maximum(self._weights, 1e-9)[:, None]
+        return features(newest, [split(m) for m in means], speed_m_s, ratio, inputs)
+
+    def figures(self, axle: int) -> HealthFigures:
+        """What an axle's state was found by."""
+        newest = split((self._means[-1] / np.maximum(self._weights[-1], 1e-9))[:, axle : axle + 1])
+        r = newest.cross / np.sqrt((newest.power[:, YAW] + FLOOR) * (newest.power[:, LAT] + FLOOR))
+        yaw, lat = np.sqrt(np.maximum(newest.variance[:, 0], 0.0)).tolist()
+        p = self.probabilities()[axle]
+        lead = int(p[1:].argmax()) + 1
+        return HealthFigures(lead, float(p[lead]), float(p[State.SOUND]), float(r[0, 0]), float(r[1, 0]), yaw, lat)
+
+
+def updated(model: HealthModel, log_odds: FloatArray, x: FloatArray) -> FloatArray:
+    """Log odds (n, STATES) a span later, with its features (n, FEATURES)."""
+    prior = model.log_prior
+    p = _softmax(prior + model.kept * (log_odds - prior))
+    p = (1.0 - model.hazard) * p + model.hazard * _softmax(prior)
+    odds = np.log(p / p[:, :1]) + model.temper * evidence(model, x)
+    return np.minimum(np.maximum(odds, -CERTAIN), CERTAIN)
+
+
+def evidence(model: HealthModel, x: FloatArray) -> FloatArray:
+    """(n, STATES): log of how much likelier features (n, FEATURES) are in each state than of a sound pair."""
+    z = np.minimum(np.maximum((x - model.middle) / model.scale, -MOST), MOST)
+    out = np.tanh(z @ model.hidden + model.hidden_bias) @ model.out + model.out_bias
+    return np.asarray(out - out[:, :1])
+
+
+def _softmax(log_odds: FloatArray) -> FloatArray:
+    e = np.exp(log_odds - log_odds.max(axis=-1, keepdims=True))
+    return np.asarray(e / e.sum(axis=-1, keepdims=True))

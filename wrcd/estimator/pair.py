@@ -1,0 +1,170 @@
+"""What every gyro and accelerometer say, and how they go together: sums over spans of ticks, of the raw signals."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from wrcd.estimator.bank import BoolArray
+from wrcd.estimator.design import CHANNELS, FloatArray
+from wrcd.estimator.recursion import exponential, smoothed, unrolled
+
+BANDS_HZ = ((0.0, 1.5), (3.0, 10.0), (10.0, 25.0))
+BANDS = len(BANDS_HZ)
+OFFSET_S = 2.0  # memory of the running mean that is taken off
+FOURTH_DIFFERENCE = (1.0, -4.0, 6.0, -4.0, 1.0)
+MAX_NOISE_RATIO = 1e6  # times the noise: what is further off does not count for more
+
+
+@dataclass(init=False, repr=False, eq=False)
+class Filters:
+    """First-order Butterworth filters at BANDS_HZ (bilinear) and the fourth difference, one matrix product a tick.
+
+    White noise of power one leaves power one in each output.
+    """
+
+    _state: FloatArray
+    OUTPUTS = BANDS + 1
+
+    def __init__(self, tick_s: float, axles: int) -> None:
+        delays = len(FOURTH_DIFFERENCE) - 1
+        first, second, delayed = (1 + np.arange(k) for k in (BANDS, BANDS, delays))
+        second, delayed = second + BANDS, delayed + 2 * BANDS
+        # rows: outputs, then what the states become; columns: the input, then the states
+        M = np.zeros((self.OUTPUTS + 2 * BANDS + delays, 1 + 2 * BANDS + delays))
+        to = self.OUTPUTS - 1  # from a state's column to its row
+        for k, (low, high) in enumerate(BANDS_HZ):
+            b, a = _low_pass(high, tick_s) if low == 0.0 else _band_pass(low, high, tick_s)
+            # transposed direct form II: y = b0 x + s1; s1' = b1 x - a1 y + s2; s2' = b2 x - a2 y
+            M[k, [0, first[k]]] = b[0], 1.0
+            M[to + first[k], [0, first[k], second[k]]] = b[1] - a[1] * b[0], -a[1], 1.0
+            M[to + second[k], [0, first[k]]] = b[2] - a[2] * b[0], -a[2]
+            M[k] /= math.sqrt(b[0])  # of white noise's power such a filter leaves b0
+        difference = np.array(FOURTH_DIFFERENCE)
+        M[BANDS, [0, *delayed]] = difference / np.linalg.norm(difference)
+        M[to + delayed, [0, *delayed[:-1]]] = 1.0
+        self._steps = unrolled(M, self.OUTPUTS)
+        self._state = np.zeros((M.shape[1] - 1, CHANNELS * axles))
+
+    def reset(self, axle: int) -> None:
+        """Forget an axle's past."""
+        n = self._state.shape[1] // CHANNELS
+        self._state[:, axle::n] = 0.0
+
+    def step(self, x: FloatArray, used: BoolArray | None = None) -> FloatArray:
+        """m ticks of x (m, 2, n); used (n,) where not all axles have data. Returns (m, OUTPUTS, 2, n)."""
+        m = len(x)
+        out = self._steps[m] @ np.concatenate((x.reshape(m, -1), self._state))
+        state = out[m * self.OUTPUTS :]
+        self._state = state if used is None else np.where(np.tile(used, CHANNELS), state, self._state)
+        y: FloatArray = out[: m * self.OUTPUTS].reshape(m, self.OUTPUTS, *x.shape[1:])
+        return y
+
+
+def _low_pass(corner_hz: float, tick_s: float) -> tuple[FloatArray, FloatArray]:
+    w = math.tan(math.pi * corner_hz * tick_s)
+    return np.array([w, w, 0.0]) / (1.0 + w), np.array([1.0, (w - 1.0) / (w + 1.0), 0.0])
+
+
+def _band_pass(low_hz: float, high_hz: float, tick_s: float) -> tuple[FloatArray, FloatArray]:
+    low, high = (math.tan(math.pi * f * tick_s) for f in (low_hz, high_hz))
+    width, square = high - low, low * high
+    whole = 1.0 + width + square
+    return np.array([width, 0.0, -width]) / whole, np.array([whole, 2.0 * (square - 1.0), 1.0 - width + square]) / whole
+
+
+@dataclass(frozen=True, slots=True)
+class Span:
+    """Means over a span, in units of the design's sensor noise through the same filter. ticks (n,) with data.
+
+    together (BANDS, 2 n, 2 n): products of any two signals, all gyros before all accelerometers; fine (2, n): power of
+    the fourth differences, above 50 Hz, where there is little but the sensor's noise; variance (2, n) of all.
+    """
+
+    ticks: FloatArray
+    together: FloatArray
+    fine: FloatArray
+    variance: FloatArray
+
+
+@dataclass(init=False, repr=False, eq=False)
+class PairSums:
+    """Takes the raw measurements of all axles tick by tick. A signal's running mean is taken off."""
+
+    _filters: Filters
+    _mean: FloatArray
+    _offset_ticks: FloatArray  # that the mean is of
+    _together: FloatArray
+    _plain: FloatArray  # (3, 2, n): fine, sum, square
+    _ticks: FloatArray
+
+    def __init__(self, noise_rms: FloatArray, tick_s: float, axles: int) -> None:
+        self._unit: FloatArray = noise_rms[:, None]
+        self._max_offset_ticks = OFFSET_S / tick_s
+        self._smoothing = exponential(1.0 / self._max_offset_ticks)
+        self._filters = Filters(tick_s, axles)
+        self._mean = np.zeros((CHANNELS, axles))
+        self._offset_ticks = np.zeros(axles)
+        self._begin(axles)
+
+    def _begin(self, axles: int) -> None:
+        self._together = np.zeros((BANDS, CHANNELS * axles, CHANNELS * axles))
+        self._plain = np.zeros((3, CHANNELS, axles))
+        self._ticks = np.zeros(axles)
+
+    def reset(self, axle: int) -> None:
+        """Start an axle anew, after a gap: its part of the span does not count."""
+        n = len(self._ticks)
+        self._filters.reset(axle)
+        self._mean[:, axle] = self._offset_ticks[axle] = 0.0
+        self._together[:, axle::n] = 0.0
+        self._together[:, :, axle::n] = 0.0
+        self._plain[:, :, axle] = self._ticks[axle] = 0.0
+
+    @property
+    def settled(self) -> BoolArray:
+        """(n,): which axles' mean is of the last seconds only."""
+        return np.asarray(self._offset_ticks >= self._max_offset_ticks)
+
+    def step(self, z: FloatArray, used: BoolArray) -> None:
+        """One tick z (2, n), of the axles (n,) whose measurements are used."""
+        x = np.where(used, np.clip(z / self._unit, -MAX_NOISE_RATIO, MAX_NOISE_RATIO), 0.0)
+        self._offset_ticks = np.minimum(self._offset_ticks + used, self._max_offset_ticks)
+        self._mean = self._mean + np.where(used, (x - self._mean) / np.maximum(self._offset_ticks, 1.0), 0.0)
+        mask = None if used.all() else used
+        x = x - self._mean
+        self._add(x[None], self._filters.step(x[None], mask), mask)
+
+    def step_settled(self, z: FloatArray, used: BoolArray | None) -> None:
+        """m ticks z (m, 2, n) of axles that are settled; used (n,) where not all of them have data."""
+        x = np.minimum(np.maximum(z / self._unit, -MAX_NOISE_RATIO), MAX_NOISE_RATIO)
+        mean = smoothed(self._smoothing, self._mean, x)
+        self._mean = mean[-1].copy()
+        x -= mean[1:]
+        self._add(x, self._filters.step(x), used)
+
+    def _add(self, x: FloatArray, y: FloatArray, used: BoolArray | None) -> None:
+        m = len(x)
+        if used is not None:
+            x, y = x * used, y * used
+        bands = y[:, :BANDS].reshape(m, BANDS, -1).transpose(1, 2, 0)
+        self._together = self._together + bands @ bands.transpose(0, 2, 1)
+        fine = y[:, BANDS]
+        self._plain = self._plain + np.array([np.add.reduce(a, axis=0) for a in (fine * fine, x, x * x)])
+        self._ticks = self._ticks + (float(m) if used is None else float(m) * used)
+
+    def take(self) -> Span:
+        """What came since the last time. Means of an axle without data are 0."""
+        ticks = np.maximum(self._ticks, 1.0)
+        fine, mean, square = self._plain / ticks
+        # of two axles what both have data for; that is hardly ever less than either has
+        both = np.sqrt(np.tile(ticks, CHANNELS))
+        out = Span(self._ticks, self._together / (both[:, None] * both), fine, square - mean * mean)
+        self._begin(len(ticks))
+        return out
+
+
+def of_seconds(seconds: Sequence[float], span_s: float) -> FloatArray:
+    """Gains of running means of so many seconds, for values that come every span."""
+    return 1.0 - np.exp(-span_s / np.array(seconds))
