@@ -23,7 +23,7 @@ from wrcd.core.configuration import Config
 from wrcd.core.core import BACKWARD_STEP_US, FORWARD_STEP_US, Core
 from wrcd.estimator.design import CHANNELS, Design, FloatArray
 from wrcd.estimator.estimator import Estimator
-from wrcd.estimator.identity import Identity
+from wrcd.estimator.health import Health
 from wrcd.estimator.records import Estimate, StepResult, Ticks, one_tick
 from wrcd.progress import Progress
 from wrcd.recorder.state import state_of
@@ -54,13 +54,13 @@ class Kept(Estimator):
         self._ratio, self._speeds, self._number = np.zeros((n, axles)), np.zeros(n), np.zeros(n, dtype=np.int64)
         self._restarted = np.zeros((n, axles), dtype=bool)  # before the tick
         self._to_restart = np.zeros(axles, dtype=bool)
-        # (tick, filters' states, identity), the oldest first
-        self._snapshots: deque[tuple[int, FloatArray, Identity]] = deque(maxlen=n // SNAPSHOT_TICKS + 1)
+        # (tick, filters' states, health), the oldest first
+        self._snapshots: deque[tuple[int, FloatArray, Health]] = deque(maxlen=n // SNAPSHOT_TICKS + 1)
         self._ticks = 0
 
     def step(self, ticks: Ticks, first: int = 0) -> StepResult:
         if not self._snapshots or self._ticks - self._snapshots[-1][0] >= SNAPSHOT_TICKS:
-            self._snapshots.append((self._ticks, self._bank.x, deepcopy(self.identity)))
+            self._snapshots.append((self._ticks, self._bank.x, deepcopy(self.health)))
         result = super().step(ticks, first)
         for k in range(first, first + len(result)):
             at = self._ticks % KEPT_TICKS
@@ -78,15 +78,15 @@ class Kept(Estimator):
     def afresh(self) -> Estimator:
         """A new estimator after what was kept, tick by tick."""
         out = Estimator(self.design, self.axles)
-        snapshots = {tick: (x, identity) for tick, x, identity in self._snapshots}
+        snapshots = {tick: (x, health) for tick, x, health in self._snapshots}
         needs_reset = np.zeros(self.axles, dtype=bool)
         for tick in range(max(self._ticks - KEPT_TICKS, 0), self._ticks):
             at = tick % KEPT_TICKS
             for axle in np.flatnonzero(self._restarted[at] | needs_reset):
                 out.reset(int(axle))
             if tick in snapshots and tick < self._ticks - SNAPSHOT_TICKS:
-                x, identity = snapshots[tick]
-                out._bank.x, out.identity = x.copy(), deepcopy(identity)
+                x, health = snapshots[tick]
+                out._bank.x, out.health = x.copy(), deepcopy(health)
             result = out.step(
                 one_tick(int(self._number[at]), self._z[at], self._there[at], self._ratio[at], float(self._speeds[at]))
             )

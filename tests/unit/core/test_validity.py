@@ -36,7 +36,7 @@ from wrcd.core.validity import (
     verdict,
 )
 from wrcd.estimator.answer import Draft
-from wrcd.estimator.doubts import Doubt
+from wrcd.estimator.health import State
 from wrcd.estimator.records import Estimate, EstimateDoubt
 
 DEFAULT = load_config(None)
@@ -237,13 +237,13 @@ def test_doubtful_estimate_is_degraded_with_its_cause(doubt: EstimateDoubt, caus
     for _ in range(200):
         judge.update(0, Cause.NONE)
     before = Validity.DEGRADED
-    assert verdict(judge.standing(0, Doubt.NONE), 0, estimate, before)[1] is cause
+    assert verdict(judge.standing(0, State.SOUND), 0, estimate, before)[1] is cause
     # what is wrong with the sensors comes first
     for pair, of_pair in OF_PAIR.items():
         assert verdict(judge.standing(0, pair), 0, estimate, before) == (Validity.DEGRADED, of_pair)
     judge.update(0, Cause.UNCHANGED)
-    assert verdict(judge.standing(0, Doubt.SILENT), 0, estimate, before) == (Validity.DEGRADED, Cause.UNCHANGED)
-    assert set(OF_PAIR) == set(Doubt) - {Doubt.NONE}
+    assert verdict(judge.standing(0, State.BOTH_DEAD), 0, estimate, before) == (Validity.DEGRADED, Cause.UNCHANGED)
+    assert set(OF_PAIR) == set(State) - {State.SOUND}
     assert set(OF_ESTIMATE) == set(EstimateDoubt) - {EstimateDoubt.NONE}
 
 
