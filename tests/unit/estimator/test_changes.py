@@ -1,4 +1,4 @@
-"""How much of the past an estimate is made from: windows grow, and are dropped where rail or torque change."""
+"""How much of the past a window holds: it is dropped where rail or torque change."""
 
 import numpy as np
 import pytest
@@ -20,20 +20,17 @@ def windows_s(e: Estimator, z: FloatArray, ratio: FloatArray | float = RATIO) ->
     return np.array([float(x.window_s[0]) for x in estimates(e, z, ratio)])
 
 
-def test_a_window_grows_to_two_seconds_while_nothing_changes(design: Design) -> None:
+def test_a_window_is_all_that_there_is_up_to_its_usual_length(design: Design) -> None:
     window = windows_s(Estimator(design, 1), track(8.0))
     t = EVERY * design.tick_s * np.arange(1, len(window) + 1)
-    assert window.max() == pytest.approx(design.longest_s)
-    assert np.all(window <= t + 1e-9)
+    assert window.max() == pytest.approx(design.window_s)
     first = t <= design.window_s
-    assert window[first] == pytest.approx(t[first])  # all that there is
-    assert window[~first].min() == pytest.approx(design.window_s)  # and never less than the usual length
-    assert np.mean(window[t > 2.5] > 1.9) > 0.7
+    assert window[first] == pytest.approx(t[first])
 
 
 def test_window_keeps_its_past_on_a_constant_rail(design: Design) -> None:
     window = windows_s(Estimator(design, 1), track(60.0, seed=3))
-    assert np.mean(window[60:] >= design.window_s) > 0.98
+    assert np.mean(window[60:] >= design.window_s) > 0.95
 
 
 @pytest.mark.parametrize("after", [0.10, 0.20])
@@ -49,14 +46,7 @@ def test_torque_step_drops_the_window_before_it(design: Design, after: float) ->
     # then it holds what came since, and the newest part that showed the change
     since = EVERY * design.tick_s * np.arange(1, len(window) - k + 1)
     assert np.all(window[found:] <= since[found - k :] + design.recent_s)
-    assert window[k + round(1.5 / EVERY * PER_S)] > 1.0
-
-
-def test_window_grows_only_over_similar_torque(design: Design) -> None:
-    """The drive comes up slowly: never a step, yet what was a second ago is not what is now."""
-    ratio = 0.05 * np.exp(0.2 * np.arange(8 * PER_S) / PER_S)
-    window = windows_s(Estimator(design, 1), track(8.0), ratio)
-    assert window[2 * PER_S // EVERY :].max() <= design.window_s + 0.1
+    assert window[k + round(1.5 / EVERY * PER_S)] == design.window_s
 
 
 def test_rail_change_drops_the_window_before_it(design: Design) -> None:

@@ -5,15 +5,6 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from scipy.signal import butter, lfilter
-
-from sim_ecu.design.cases import command
-from sim_ecu.physics.contact import CURVES
-from sim_ecu.physics.sensors import SENSOR_SETS
-from sim_ecu.physics.simulation import Axle, Simulation
-from sim_ecu.physics.track import QUALITY, Track
-from sim_ecu.physics.wheelset import LAT_ACCEL, YAW_RATE, Wheelset
-from sim_ecu.play.scenario import rail_table
-from wrcd.estimator.design import FloatArray
 from wrcd.estimator.doubts import (
     BANDS_HZ,
     IN_BOGIE,
@@ -28,6 +19,15 @@ from wrcd.estimator.doubts import (
     reversed_odds,
 )
 from wrcd.estimator.identity import FOURTH_DIFFERENCE, Filters, Identity, Wiring
+
+from sim_ecu.design.cases import command
+from sim_ecu.physics.contact import CURVES
+from sim_ecu.physics.sensors import SENSOR_SETS
+from sim_ecu.physics.simulation import Axle, Simulation
+from sim_ecu.physics.track import QUALITY, Track
+from sim_ecu.physics.wheelset import LAT_ACCEL, YAW_RATE, Wheelset
+from sim_ecu.play.scenario import rail_table
+from wrcd.estimator.design import FloatArray
 
 TICK_S = 0.005
 NOISE = (3e-4, 0.01)
