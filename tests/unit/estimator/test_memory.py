@@ -73,7 +73,7 @@ def test_memory_begins_anew_with_a_word_that_took_over() -> None:
 def test_cut_window_speaks_for_itself() -> None:
     memory = after(nothing(), 500, word(20.0))
     assert spoken(memory, word(12.0, 0.4), NO)[0].log_pct == np.log(12.0)
-    with np.errstate(invalid="ignore"):
+    with np.errstate(all="ignore"):
         cut = after(memory, 1, word(12.0), whole=NO)
     assert (cut.precision, cut.weighed) == (0.0, 0.0)
 
