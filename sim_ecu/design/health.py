@@ -22,6 +22,7 @@ G = 9.80665
 SOUND, DIES_FROM, DIES_TO = "sound", 0.3, 0.6  # shares of the recording in which a sensor dies
 KMH = 3.6
 LATE_S = (0.1, 0.3)
+NEXT_M = 2.5  # from a lone wheelset to the next one on its track
 # What is made of a sound pair, and the state that it then is in.
 BROKEN = {
     "reversed": State.REVERSED, "gyro dead": State.GYRO_DEAD, "accel dead": State.ACCEL_DEAD,
@@ -60,7 +61,9 @@ class Pairs:
 
 def pairs_of(w: Wheelset, design: Design, plan: Plan, group: Group, place: int) -> Pairs:
     """Simulate a group, both wheelsets of each bogie, break their sensors and look at them as the train does."""
-    both = tuple(replace(c, trailing=t) for c in group.conditions for t in (False, True))
+    apart_m = NEXT_M if w.bogie is None else w.bogie.wheelbase_m
+    ends = (False, 0.0), (w.bogie is not None, apart_m)
+    both = tuple(replace(c, trailing=t, behind_m=m) for c in group.conditions for t, m in ends)
     group = replace(group, conditions=both)
     rng = np.random.default_rng([plan.seed, 3, place])
     r = measured(group, simulate_group(w, both, plan.seconds, design.tick_s), design.tick_s, rng)
