@@ -67,7 +67,7 @@ class Condition:
     turns_to: float = math.nan  # utilisation that the torque goes to between turns_s
     turns_s: tuple[float, float] = (0.0, 0.0)
     trailing: bool = False  # the second wheelset of its bogie
-    behind_m: float = 0.0  # so far behind where the condition's way begins
+    ahead_m: float = 0.0  # of where the way of the others begins
 
 
 @dataclass(frozen=True, slots=True)
@@ -325,7 +325,7 @@ def _ready(w: Wheelset, c: Condition, seconds: float, tick_s: float) -> tuple[Si
             RailSection(0.0, c.before, c.curvature, c.cant_rad),
             RailSection(at, c.curve, c.curvature, c.cant_rad, edge_m=c.edge_m),
         ]
-    axle = Axle(rail_table(rail), Track(c.track, c.seed), -c.behind_m, c.trailing)
+    axle = Axle(rail_table(rail), Track(c.track, c.seed), c.ahead_m, c.trailing)
     sim = Simulation(w, [axle], c.speed_m_s, tick_s)
     course = _course(n, c, tick_s)
     if not math.isnan(c.creep_of_peak):

@@ -62,8 +62,8 @@ class Pairs:
 def pairs_of(w: Wheelset, design: Design, plan: Plan, group: Group, place: int) -> Pairs:
     """Simulate a group, both wheelsets of each bogie, break their sensors and look at them as the train does."""
     apart_m = NEXT_M if w.bogie is None else w.bogie.wheelbase_m
-    ends = (False, 0.0), (w.bogie is not None, apart_m)
-    both = tuple(replace(c, trailing=t, behind_m=m) for c in group.conditions for t, m in ends)
+    ends = (False, apart_m), (w.bogie is not None, 0.0)
+    both = tuple(replace(c, trailing=t, ahead_m=m) for c in group.conditions for t, m in ends)
     group = replace(group, conditions=both)
     rng = np.random.default_rng([plan.seed, 3, place])
     r = measured(group, simulate_group(w, both, plan.seconds, design.tick_s), design.tick_s, rng)
