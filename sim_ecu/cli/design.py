@@ -53,15 +53,16 @@ def _make(args: argparse.Namespace) -> int:
     """Make a design file, and what a score compares it with. Deterministic for one set of library versions. Broken off
     and begun again, it simulates only what is missing."""
     from sim_ecu.design.brief import read_brief
-    from sim_ecu.design.make import bank, fitted, with_placeholder_rules, write
-    from sim_ecu.design.training_jobs import recorded, remove_parts
+    from sim_ecu.design.health import plan_of
+    from sim_ecu.design.make import bank, fitted, judging, with_placeholder_rules, write
+    from sim_ecu.design.training_jobs import pairs, recorded, remove_parts
     from sim_ecu.jobs.pool import local
     from sim_ecu.jobs.store import save
     from sim_ecu.play.vehicles import vehicle_path
     from sim_ecu.reporting.result_files import check_output
     from sim_ecu.score.baselines import learn
     from wrcd.config.settings import read_toml
-    from wrcd.estimator.design import load_design
+    from wrcd.estimator.design import load_design, parse_design
     from wrcd.progress import Progress
 
     brief = read_brief(read_toml(vehicle_path(args.config)), args.form)
@@ -76,6 +77,11 @@ def _make(args: argparse.Namespace) -> int:
     with local(args.jobs) as workers:
         recordings = recorded(brief.wheelset, brief.plan, brief.tick_s, parts, workers, progress.at)
         document = fitted(brief, started, recordings, progress.at, workers)
+        if brief.form == "wrcd":
+            design = parse_design(document, args.output)
+            document = judging(
+                document, pairs(brief.wheelset, plan_of(brief.plan), design, parts, workers, progress.at)
+            )
         save(args.output, lambda partly: write(document, partly))
         if args.baselines is not None:
             progress.at("baselines", 0.0)

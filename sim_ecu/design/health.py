@@ -1,6 +1,5 @@
 """How a design judges its pairs of sensors: simulated pairs of every state, and the network that tells them apart."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -14,13 +13,14 @@ from sim_ecu.design.recordings import Recording, measured
 from sim_ecu.physics.wheelset import Wheelset
 from wrcd.estimator.design import Design
 from wrcd.estimator.estimator import Estimator
-from wrcd.estimator.health import FEATURES, MIN_SHARE, SPAN_TICKS, Health, State
+from wrcd.estimator.health import FEATURES, MIN_SHARE, MOST, SPAN_TICKS, Health, State
 from wrcd.estimator.records import Ticks
 
 FloatArray = NDArray[np.float64]
 G = 9.80665
 SOUND, DIES_FROM, DIES_TO = "sound", 0.3, 0.6  # shares of the recording in which a sensor dies
 KMH = 3.6
+TICK_S = 0.005
 LATE_S = (0.1, 0.3)
 NEXT_M = 2.5  # from a lone wheelset to the next one on its track
 # What is made of a sound pair, and the state that it then is in.
@@ -32,11 +32,22 @@ BROKEN = {
 EACH = 4  # of these, of every condition
 # Partners: the other axle of the bogie, sound; the same, in the same state; an axle on another track; none.
 PARTNERS, SHARES = ("sound", "alike", "elsewhere", "none"), (0.4, 0.25, 0.2, 0.15)
+LOOKING = "looking at sensors"  # what goes on meanwhile
+SPEEDS, PER_SPEED, SECONDS = 22, 28, 12.0  # see Plan; seconds of a recording
 FIRST_SPAN = 6  # that is learnt from
 KEEP, KEEP_SOUND = 0.25, 0.5  # shares of the spans
 HIDDEN, ALPHA, EPOCHS = 48, 1e-3, 30
 WIRES = (State.REVERSED, State.OTHER_AXLE, State.LATE)  # they do not change while a train runs
 TEMPER, TEMPER_WIRES, KEPT, PRIOR, HAZARD = 0.25, 0.1, 0.97, 1e-4, 1e-6
+
+
+def plan_of(plan: Plan) -> Plan:
+    """The conditions that pairs of sensors are looked at in: more of them at the peak, all longer, with seeds of their
+    own."""
+    return replace(
+        plan, seed=plan.seed + 500, speeds=SPEEDS, per_speed=PER_SPEED, seconds=SECONDS, held_share=0.22,
+        changed_share=0.12,
+    )  # fmt: skip
 
 
 class Watch(Health):
@@ -55,7 +66,7 @@ class Watch(Health):
 class Pairs:
     """Features (k, FEATURES) of spans, and what each pair is in (k,)."""
 
-    features: NDArray[np.float32]
+    features: NDArray[np.floating[Any]]
     state: NDArray[np.int64]
 
 
@@ -148,7 +159,7 @@ def _broken(name: str, z: FloatArray, noise: FloatArray, i: int, begins: int, se
         out[:, 1] /= G
     if name == "late":
         rng = np.random.default_rng(seed)
-        lag, which = round(rng.uniform(*LATE_S) / 0.005), int(rng.integers(2))
+        lag, which = round(rng.uniform(*LATE_S) / TICK_S), int(rng.integers(2))
         out[lag:, which] = out[:-lag, which]
     return out
 
@@ -158,7 +169,7 @@ def fit(parts: Sequence[Pairs]) -> dict[str, Any]:
     x, y = np.concatenate([p.features for p in parts]), np.concatenate([p.state for p in parts])
     assert x.shape[1] == FEATURES
     middle, scale = x.mean(axis=0), x.std(axis=0) + 1e-6
-    z = np.clip((x - middle) / scale, -5.0, 5.0)
+    z = np.clip((x - middle) / scale, -MOST, MOST)
     net = MLPClassifier(
         (HIDDEN,), activation="tanh", batch_size=2048, learning_rate_init=3e-3, max_iter=EPOCHS, alpha=ALPHA,
         random_state=0, tol=0.0,
@@ -173,5 +184,4 @@ def fit(parts: Sequence[Pairs]) -> dict[str, Any]:
         "states": [s.words for s in State], "middle": middle, "scale": scale, "hidden": net.coefs_[0],
         "hidden_bias": net.intercepts_[0], "out": net.coefs_[1], "out_bias": net.intercepts_[1] - np.log(counts),
         "temper": temper, "prior": prior, "kept": KEPT, "hazard": HAZARD, "spans": len(y), "loss": float(net.loss_),
-        "seconds": math.nan,
     }  # fmt: skip

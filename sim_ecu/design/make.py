@@ -13,6 +13,8 @@ from scipy.signal import butter, ellip
 
 from sim_ecu.design.cases import Plan, Progress
 from sim_ecu.design.features import Features, Steps, features
+from sim_ecu.design.health import Pairs
+from sim_ecu.design.health import fit as fit_health
 from sim_ecu.design.linear import Gains, Point, steady_state
 from sim_ecu.design.paper import PAPER_GRID, PAPER_POINTS, PASS, TORQUE_SETS, PaperRules, fit_paper, output_sets
 from sim_ecu.design.recordings import Recording
@@ -109,6 +111,14 @@ def fitted(
     document["fit"] = fit_report(rules, data)
     document["checksum"] = checksum(document)
     progress("rule base", 1.0)
+    return document
+
+
+def judging(document: dict[str, Any], parts: list[Pairs]) -> dict[str, Any]:
+    """The document with the part that pairs of sensors are judged by."""
+    health = {k: _short(v, 6).tolist() if isinstance(v, np.ndarray) else v for k, v in fit_health(parts).items()}
+    document = document | {"health": health}
+    document["checksum"] = checksum(document)
     return document
 
 

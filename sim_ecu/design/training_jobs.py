@@ -2,14 +2,17 @@
 
 import hashlib
 import io
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
-from sim_ecu.design import recordings
+from sim_ecu.design import health, recordings
 from sim_ecu.design.cases import Group, Plan, Progress, draw
+from sim_ecu.design.health import LOOKING, Pairs, pairs_of
 from sim_ecu.design.recordings import SIMULATING, Recording, record_group
 from sim_ecu.jobs.job import Job, code
 from sim_ecu.jobs.pool import Workers
@@ -17,9 +20,11 @@ from sim_ecu.jobs.store import BESIDE, save
 from sim_ecu.jobs.whole import each
 from sim_ecu.physics.wheelset import Wheelset
 from wrcd.errors import InputError
+from wrcd.estimator.design import Design
 
 PART = ".part"  # the suffix of a kept recording: the SHA-256 of what follows, which is numpy's npz
 DIGEST_BYTES = hashlib.sha256().digest_size
+R = TypeVar("R", Recording, Pairs)
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +51,34 @@ def simulate(job: GroupJob) -> Recording:
     return record_group(job.wheelset, job.plan, job.tick_s, job.group, job.place)
 
 
+@dataclass(frozen=True, slots=True)
+class PairsJob:
+    """The same, for pairs of sensors; the design is that which looks at them."""
+
+    wheelset: Wheelset
+    plan: Plan
+    design: Design
+    place: int
+    group: Group
+
+    @property
+    def key(self) -> str:
+        """The same for the same pairs by the same code."""
+        inputs = {
+            "wheelset": asdict(self.wheelset), "plan": asdict(self.plan), "design": self.design.checksum,
+            "place": self.place,
+        }  # fmt: skip
+        return Job("pairs", inputs).key(code(health.__name__))
+
+
+J = TypeVar("J", GroupJob, PairsJob)
+
+
+def look(job: PairsJob) -> Pairs:
+    """Return what its pairs of sensors give."""
+    return pairs_of(job.wheelset, job.design, job.plan, job.group, job.place)
+
+
 def recorded(
     w: Wheelset, plan: Plan, tick_s: float, folder: Path, workers: Workers, progress: Progress
 ) -> list[Recording]:
@@ -54,23 +87,36 @@ def recorded(
 
     Raises InputError where the folder or a file cannot be written, and Stopped where a group fails twice.
     """
+    jobs = [GroupJob(w, plan, tick_s, place, group) for place, group in enumerate(draw(plan, w))]
+    return _done(jobs, simulate, Recording, folder, workers, progress, SIMULATING)
+
+
+def pairs(w: Wheelset, plan: Plan, design: Design, folder: Path, workers: Workers, progress: Progress) -> list[Pairs]:
+    """Return the pairs of sensors of a plan's groups, kept alike. Raises as recorded() does."""
+    jobs = [PairsJob(w, plan, design, place, group) for place, group in enumerate(draw(plan, w))]
+    return _done(jobs, look, Pairs, folder, workers, progress, LOOKING)
+
+
+def _done(
+    jobs: Sequence[J], run: Callable[[J], R], kind: type[R], folder: Path, workers: Workers, progress: Progress,
+    doing: str,
+) -> list[R]:  # fmt: skip
     try:
         folder.mkdir(exist_ok=True)
     except OSError as e:
         hint = "check its folder and your rights"
         raise InputError(f"cannot be made: {e.strerror}", file=folder, hint=hint) from None
-    jobs = [GroupJob(w, plan, tick_s, place, group) for place, group in enumerate(draw(plan, w))]
     files = [folder / f"{job.key}{PART}" for job in jobs]
-    found = {place: r for place, file in enumerate(files) if (r := _read(file)) is not None}
+    found = {place: r for place, file in enumerate(files) if (r := _read(file, kind)) is not None}
     if found:
         print(f"{folder}: {len(found)} of {len(jobs)} groups were there")
     left = [job for job in jobs if job.place not in found]
     names = [f"group {job.place + 1} of {len(jobs)}, {job.group.speed_m_s:.1f} m/s" for job in left]
-    for number, (k, recording) in enumerate(each(simulate, left, workers, names), 1):
+    for number, (k, result) in enumerate(each(run, left, workers, names), 1):
         place = left[k].place
-        _keep(recording, files[place])
-        found[place] = recording
-        progress(SIMULATING, number / len(left))
+        _keep(result, files[place])
+        found[place] = result
+        progress(doing, number / len(left))
     return [found[place] for place in range(len(jobs))]
 
 
@@ -83,16 +129,16 @@ def remove_parts(folder: Path) -> None:
         folder.rmdir()
 
 
-def _keep(recording: Recording, file: Path) -> None:
+def _keep(result: Recording | Pairs, file: Path) -> None:
     """Raises InputError where it cannot be written."""
     arrays = io.BytesIO()
-    np.savez(arrays, **{f.name: getattr(recording, f.name) for f in fields(recording)})
+    np.savez(arrays, **{f.name: getattr(result, f.name) for f in fields(result)})
     content = arrays.getvalue()
     save(file, lambda partly: partly.write_bytes(hashlib.sha256(content).digest() + content))
 
 
-def _read(file: Path) -> Recording | None:
-    """The recording; None where there is none, or a damaged one."""
+def _read(file: Path, kind: type[R]) -> R | None:
+    """What was kept; None where there is none, or a damaged one."""
     try:
         content = file.read_bytes()
     except OSError:
@@ -101,4 +147,4 @@ def _read(file: Path) -> Recording | None:
     if hashlib.sha256(arrays).digest() != digest:
         return None
     with np.load(io.BytesIO(arrays)) as kept:
-        return Recording(**{name: a if a.ndim else a.item() for name, a in kept.items()})
+        return kind(**{name: a if a.ndim else a.item() for name, a in kept.items()})

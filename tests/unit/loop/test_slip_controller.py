@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import pytest
+from wrcd.estimator.doubts import Doubt
 
 from sim_ecu.loop.control.adhesion_consumer import Facts
 from sim_ecu.loop.control.control_on_bus import ProtectionWatch
@@ -18,7 +19,6 @@ from sim_ecu.physics.wheelset import Wheelset
 from sim_ecu.play.encoder import Channel, Sent
 from sim_ecu.play.scenario import Course
 from wrcd.config.config import load_packaged
-from wrcd.estimator.doubts import Doubt
 from wrcd.resources import LONE
 
 LAWS = ["thresholds", "creep"]
