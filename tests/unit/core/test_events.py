@@ -248,7 +248,7 @@ def test_every_cause_has_a_text_of_its_own(sim: SensorSimulator) -> None:
         if cause in events.TICK_CAUSES:
             text = describe.tick(cause, 0, core._inputs, core._tick, sim.t)
         elif cause in events.PAIR_CAUSES:
-            text = describe.pair(cause, 0, core.estimator.identity)
+            text = describe.pair(0, core.estimator.health)
         elif cause in events.ESTIMATE_CAUSES:
             text = describe.estimate(cause, 0, estimate())
         elif cause in (Cause.NONE, Cause.RESTARTED, *RESERVED):

@@ -34,7 +34,7 @@ def signals(ticks: int, sign: float, seed: int = 1) -> FloatArray:
     slow = np.cumsum(np.random.default_rng(seed).standard_normal(ticks))
     slow -= np.linspace(slow[0], slow[-1], ticks)
     noise = np.random.default_rng(seed + 1).standard_normal((ticks, 2, 1))
-    return NOISE[:, None] * (noise + slow[:, None, None] * np.array([[1.0], [sign]]))
+    return np.asarray(NOISE[:, None] * (noise + slow[:, None, None] * np.array([[1.0], [sign]])))
 
 
 def looked(health: Health, z: FloatArray, used: list[bool]) -> Health:

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from wrcd.estimator.design import FloatArray
+from wrcd.estimator.bank import BoolArray
 from wrcd.estimator.memory import (
     ABOVE,
     BELOW,
@@ -33,7 +33,7 @@ def nothing() -> Remembered:
 
 
 def after(
-    memory: Remembered, steps: int, says: Word, recent: Word | None = None, in_use: float = 5.0, whole: FloatArray = YES
+    memory: Remembered, steps: int, says: Word, recent: Word | None = None, in_use: float = 5.0, whole: BoolArray = YES
 ) -> Remembered:
     for _ in range(steps):
         memory = remember(memory, says, whole, says if recent is None else recent, np.array([in_use]), STEP_S, SPEED)
@@ -75,7 +75,7 @@ def test_cut_window_speaks_for_itself() -> None:
     assert spoken(memory, word(12.0, 0.4), NO)[0].log_pct == np.log(12.0)
     with np.errstate(all="ignore"):
         cut = after(memory, 1, word(12.0), whole=NO)
-    assert (cut.precision, cut.weighed) == (0.0, 0.0)
+    assert [*cut.precision, *cut.weighed] == [0.0, 0.0]
 
 
 @pytest.mark.parametrize("newest", [10.0, 40.0])

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import pytest
-from wrcd.estimator.doubts import Doubt
+from wrcd.estimator.health import State
 
 from sim_ecu.loop.control.adhesion_consumer import Facts
 from sim_ecu.loop.control.control_on_bus import ProtectionWatch
@@ -180,8 +180,8 @@ def test_sound_pair_of_a_slow_stop_on_low_rail_is_not_called_reversed() -> None:
     low, daemon = case.scenario(0), load_packaged(1, design=LONE)
     run = Lockstep(low, make_controller("thresholds", Facts.of(low), daemon), daemon)
     assert run.core is not None
-    doubts = {Doubt(run.core.estimator.identity.doubt[0]) for _ in run}
-    assert Doubt.REVERSED not in doubts
+    states = {State(run.core.estimator.health.state[0]) for _ in run}
+    assert State.REVERSED not in states
 
 
 def watched(speeds: Sequence[float], seconds: float) -> tuple[ProtectionWatch, list[list[float]], list[str]]:
