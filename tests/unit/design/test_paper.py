@@ -126,7 +126,7 @@ def test_paper_window_neither_grows_nor_drops(file: Path) -> None:
     for step_at_s in (99.0, 2.9):
         estimator, _ = run(papers, 3.0, step_at_s=step_at_s)
         assert estimator.estimate().window_s == pytest.approx(papers.window_s)
-    assert run(ours, 3.0)[0].estimate().window_s == pytest.approx(ours.longest_s)
+    assert run(ours, 3.0)[0].estimate().window_s == pytest.approx(ours.window_s)
     assert run(ours, 3.0, step_at_s=2.9)[0].estimate().window_s[0] < 0.5
 
 

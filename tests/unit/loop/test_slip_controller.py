@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import pytest
-from wrcd.estimator.health import State
 
 from sim_ecu.loop.control.adhesion_consumer import Facts
 from sim_ecu.loop.control.control_on_bus import ProtectionWatch
@@ -19,6 +18,7 @@ from sim_ecu.physics.wheelset import Wheelset
 from sim_ecu.play.encoder import Channel, Sent
 from sim_ecu.play.scenario import Course
 from wrcd.config.config import load_packaged
+from wrcd.estimator.health import State
 from wrcd.resources import LONE
 
 LAWS = ["thresholds", "creep"]
