@@ -25,6 +25,7 @@ MOST = 5.0  # standard deviations of a feature
 SOUND_ALONE = np.r_[0.0, np.full(7, -14.0)]  # where nothing is judged
 CERTAIN = 14.0  # log odds: no more than this is kept
 YAW, LAT = range(CHANNELS)
+ACROSS = ((YAW, YAW), (LAT, LAT), (YAW, LAT), (LAT, YAW))  # own signal, partner's
 MIN_RATIO, MIN_SPEED_M_S = 0.003, 1.0
 FEATURES = (1 + len(SECONDS)) * (BANDS * CHANNELS + BANDS + 2 * CHANNELS) + len(SECONDS) * 4 * BANDS + 2 + COLUMNS
 
@@ -93,19 +94,22 @@ def split(rows: FloatArray) -> Rows:
 ROWS = BANDS * CHANNELS + BANDS + 2 * CHANNELS + 4 * BANDS + BANDS * CHANNELS
 
 
-def rows_of(span: Span, partner: IntArray, known: BoolArray) -> Rows:
-    """Of every pair with its partner (n,); known (n,): which pairs have one that counts."""
-    n = len(partner)
-    gyro, lat = np.arange(n), n + np.arange(n)
-    t, their_gyro, their_lat = span.together, partner, n + partner
-    crosses = [(gyro, their_gyro), (lat, their_lat), (gyro, their_lat), (lat, their_gyro)]
+def rows_of(span: Span, known: BoolArray) -> Rows:
+    """Of every pair with its partner's; known (n,): which pairs have one that counts."""
+    n = len(known)
+    bogie, own = np.divmod(np.arange(n), 2)
+    their = 1 - own
+
+    def product(channel: int, place: IntArray, other: int, beside: IntArray) -> FloatArray:
+        return np.asarray(span.together[:, bogie, channel, place, other, beside])
+
     return Rows(
-        power=np.stack((t[:, gyro, gyro], t[:, lat, lat]), axis=1),
-        cross=t[:, gyro, lat],
+        power=np.stack([product(c, own, c, own) for c in (YAW, LAT)], axis=1),
+        cross=product(YAW, own, LAT, own),
         fine=span.fine,
         variance=span.variance,
-        of_partner=np.where(known, np.stack([t[:, i, j] for i, j in crosses]), 0.0),
-        partner=np.where(known, np.stack((t[:, their_gyro, their_gyro], t[:, their_lat, their_lat]), axis=1), 0.0),
+        of_partner=np.where(known, np.stack([product(c, own, d, their) for c, d in ACROSS]), 0.0),
+        partner=np.where(known, np.stack([product(c, their, c, their) for c in (YAW, LAT)], axis=1), 0.0),
     )
 
 
@@ -120,8 +124,8 @@ def _own(r: Rows) -> FloatArray:
 def _with_partner(r: Rows) -> FloatArray:
     """(4 BANDS, n): correlations with the partner's signals; 0 where there is none."""
     own, their = r.power + FLOOR, r.partner + FLOOR
-    mine = own[:, [YAW, LAT, YAW, LAT]].swapaxes(0, 1)
-    theirs = their[:, [YAW, LAT, LAT, YAW]].swapaxes(0, 1)
+    mine = own[:, [c for c, _ in ACROSS]].swapaxes(0, 1)
+    theirs = their[:, [d for _, d in ACROSS]].swapaxes(0, 1)
     return np.asarray((r.of_partner / np.sqrt(mine * theirs)).reshape(-1, r.cross.shape[1]))
 
 
@@ -152,8 +156,7 @@ class Health:
         self._model = model
         self.pairs = PairSums(noise_rms, tick_s, axles)
         self._kept = 1.0 - of_seconds(SECONDS, SPAN_TICKS * tick_s)[:, None]
-        # axles 1 and 2, 3 and 4 … are a bogie's
-        partner = np.arange(axles) ^ 1
+        partner = np.arange(axles) ^ 1  # the other axle of a bogie
         self._alone = partner >= axles
         self._partner = np.where(self._alone, 0, partner)
         self._means = np.zeros((len(SECONDS), ROWS, axles))
@@ -189,7 +192,7 @@ class Health:
         and is not doubted itself."""
         sound = self.probabilities()[:, State.SOUND] >= 0.5
         counts = (known & sound)[self._partner] & ~self._alone
-        newest = rows_of(span, self._partner, counts)
+        newest = rows_of(span, counts)
         kept = np.where(known, self._kept, 1.0)
         self._weights = kept * self._weights + (1.0 - kept)
         self._means = kept[:, None] * self._means + (1.0 - kept)[:, None] * newest.joined()

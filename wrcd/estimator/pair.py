@@ -78,8 +78,8 @@ def _band_pass(low_hz: float, high_hz: float, tick_s: float) -> tuple[FloatArray
 class Span:
     """Means over a span, in units of the design's sensor noise through the same filter. ticks (n,) with data.
 
-    together (BANDS, 2 n, 2 n): products of any two signals, all gyros before all accelerometers; fine (2, n): power of
-    the fourth differences, above 50 Hz, where there is little but the sensor's noise; variance (2, n) of all.
+    together (BANDS, bogies, 2, 2, 2, 2): products of any two signals of a bogie, each by channel and axle; fine (2, n):
+    power of the fourth differences, above 50 Hz, where there is little but the sensor's noise; variance (2, n) of all.
     """
 
     ticks: FloatArray
@@ -90,7 +90,10 @@ class Span:
 
 @dataclass(init=False, repr=False, eq=False)
 class PairSums:
-    """Takes the raw measurements of all axles tick by tick. A signal's running mean is taken off."""
+    """Takes the raw measurements of all axles tick by tick. A signal's running mean is taken off.
+
+    Axles 1 and 2, 3 and 4 … are a bogie's; the last of an odd number is alone in its own.
+    """
 
     _filters: Filters
     _mean: FloatArray
@@ -109,17 +112,17 @@ class PairSums:
         self._begin(axles)
 
     def _begin(self, axles: int) -> None:
-        self._together = np.zeros((BANDS, CHANNELS * axles, CHANNELS * axles))
+        self._together = np.zeros((BANDS, (axles + 1) // 2, 2 * CHANNELS, 2 * CHANNELS))
         self._plain = np.zeros((3, CHANNELS, axles))
         self._ticks = np.zeros(axles)
 
     def reset(self, axle: int) -> None:
         """Start an axle anew, after a gap: its part of the span does not count."""
-        n = len(self._ticks)
+        bogie, place = divmod(axle, 2)
         self._filters.reset(axle)
         self._mean[:, axle] = self._offset_ticks[axle] = 0.0
-        self._together[:, axle::n] = 0.0
-        self._together[:, :, axle::n] = 0.0
+        self._together[:, bogie, place::2] = 0.0
+        self._together[:, bogie, :, place::2] = 0.0
         self._plain[:, :, axle] = self._ticks[axle] = 0.0
 
     @property
@@ -148,8 +151,8 @@ class PairSums:
         m = len(x)
         if used is not None:
             x, y = x * used, y * used
-        bands = y[:, :BANDS].reshape(m, BANDS, -1).transpose(1, 2, 0)
-        self._together = self._together + bands @ bands.transpose(0, 2, 1)
+        bands = _by_bogie(y[:, :BANDS]).reshape(m, BANDS, -1, 2 * CHANNELS).transpose(1, 2, 3, 0)
+        self._together = self._together + bands @ bands.swapaxes(2, 3)
         fine = y[:, BANDS]
         self._plain = self._plain + np.array([np.add.reduce(a, axis=0) for a in (fine * fine, x, x * x)])
         self._ticks = self._ticks + (float(m) if used is None else float(m) * used)
@@ -159,10 +162,20 @@ class PairSums:
         ticks = np.maximum(self._ticks, 1.0)
         fine, mean, square = self._plain / ticks
         # of two axles what both have data for; that is hardly ever less than either has
-        both = np.sqrt(np.tile(ticks, CHANNELS))
-        out = Span(self._ticks, self._together / (both[:, None] * both), fine, square - mean * mean)
+        both = np.sqrt(_by_bogie(np.broadcast_to(ticks, (CHANNELS, len(ticks)))))
+        both = np.maximum(both.reshape(-1, 2 * CHANNELS), 1.0)
+        means = self._together / (both[:, :, None] * both[:, None, :])
+        out = Span(self._ticks, means.reshape(*means.shape[:2], 2, 2, 2, 2), fine, square - mean * mean)
         self._begin(len(ticks))
         return out
+
+
+def _by_bogie(x: FloatArray) -> FloatArray:
+    """(…, 2, n) as (…, bogies, 2, 2), by channel and axle; beside a last one that is alone zeros."""
+    n = x.shape[-1]
+    if n % 2:
+        x = np.concatenate((x, np.zeros((*x.shape[:-1], 1))), axis=-1)
+    return x.reshape(*x.shape[:-1], -1, 2).swapaxes(-3, -2)
 
 
 def of_seconds(seconds: Sequence[float], span_s: float) -> FloatArray:
