@@ -6,15 +6,16 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from sklearn.neural_network import MLPClassifier
 
 from sim_ecu.design.cases import Group, Plan, simulate_group
 from sim_ecu.design.recordings import Recording, measured
+from sim_ecu.design.rules import quantiles
 from sim_ecu.physics.wheelset import Wheelset
-from wrcd.estimator.design import Design
+from wrcd.estimator.design import Design, HealthModel
 from wrcd.estimator.estimator import Estimator
-from wrcd.estimator.health import FEATURES, MIN_SHARE, MOST, SPAN_TICKS, Health, State
-from wrcd.estimator.records import Ticks
+from wrcd.estimator.health import CERTAIN, FEATURES, MIN_SHARE, MOST, SPAN_TICKS, Health, State, evidence
+from wrcd.estimator.interval import Regime
+from wrcd.estimator.records import Estimate, EstimateDoubt, Ticks
 
 FloatArray = NDArray[np.float64]
 G = 9.80665
@@ -29,24 +30,28 @@ BROKEN = {
     "both dead": State.BOTH_DEAD, "other axle": State.OTHER_AXLE, "in g": State.WRONG_UNIT, "late": State.LATE,
     "gyro dies": State.GYRO_DEAD, "accel dies": State.ACCEL_DEAD, "both die": State.BOTH_DEAD,
 }  # fmt: skip
-EACH = 4  # of these, of every condition
+EACH = 3  # of these, of every condition
 # Partners: the other axle of the bogie, sound; the same, in the same state; an axle on another track; none.
 PARTNERS, SHARES = ("sound", "alike", "elsewhere", "none"), (0.4, 0.25, 0.2, 0.15)
 LOOKING = "looking at sensors"  # what goes on meanwhile
-SPEEDS, PER_SPEED, SECONDS = 22, 28, 12.0  # see Plan; seconds of a recording
+SPEEDS_SHARE, PER_SPEED_SHARE, SECONDS = 0.7, 0.09, 12.0  # of the plan's conditions; seconds of a recording
 FIRST_SPAN = 6  # that is learnt from
-KEEP, KEEP_SOUND = 0.25, 0.5  # shares of the spans
+KEEP, KEEP_SOUND = 0.3, 0.25  # shares of the spans
+COVERS, MIN_ESTIMATES = 0.9, 200  # of the truths, by an interval; of estimates, or the rules' own spread stays
+INTERVAL_SPEEDS = (3.5, 7.0, 14.0, 28.0, 56.0)  # m/s
 HIDDEN, ALPHA, EPOCHS = 48, 1e-3, 30
-WIRES = (State.REVERSED, State.OTHER_AXLE, State.LATE)  # they do not change while a train runs
-TEMPER, TEMPER_WIRES, KEPT, PRIOR, HAZARD = 0.25, 0.1, 0.97, 1e-4, 1e-6
+HELD_OUT = 5  # of every so many groups one is not learnt from: how much counts is judged by it
+ACCUSED = 1e-4  # of the spans of sound pairs, by each state
+TEMPERS = np.geomspace(0.02, 0.5, 25)  # the shares of a span's evidence that are tried, one after another
+KEPT, PRIOR, HAZARD = 0.97, 1e-4, 1e-6
 
 
 def plan_of(plan: Plan) -> Plan:
     """The conditions that pairs of sensors are looked at in: more of them at the peak, all longer, with seeds of their
     own."""
     return replace(
-        plan, seed=plan.seed + 500, speeds=SPEEDS, per_speed=PER_SPEED, seconds=SECONDS, held_share=0.22,
-        changed_share=0.12,
+        plan, seed=plan.seed + 500, speeds=max(2, round(SPEEDS_SHARE * plan.speeds)),
+        per_speed=max(2, round(PER_SPEED_SHARE * plan.per_speed)), seconds=SECONDS, held_share=0.22, changed_share=0.12,
     )  # fmt: skip
 
 
@@ -63,14 +68,31 @@ class Watch(Health):
 
 
 @dataclass(frozen=True, slots=True)
-class Pairs:
-    """Features (k, FEATURES) of spans, and what each pair is in (k,)."""
+class Watched:
+    """What a group's pairs show: features (spans, lanes, FEATURES), what each pair is in (spans, lanes), -1 where that
+    does not count, and its partner (lanes,), a place in PARTNERS. Of sound pairs' estimates at the spans' ends: the
+    error over the half-width, the Regime and the speed (m,)."""
 
-    features: NDArray[np.floating[Any]]
-    state: NDArray[np.int64]
+    features: NDArray[np.float16]
+    state: NDArray[np.int8]
+    partner: NDArray[np.int8]
+    off: NDArray[np.float32]
+    regime: NDArray[np.int8]
+    speed_m_s: NDArray[np.float32]
 
 
-def pairs_of(w: Wheelset, design: Design, plan: Plan, group: Group, place: int) -> Pairs:
+@dataclass(frozen=True, slots=True)
+class Lane:
+    """A pair of sensors and the one beside it: signals (ticks, 2, 2), torque ratios (ticks, 2), what it is in (ticks,),
+    and a place in PARTNERS."""
+
+    z: FloatArray
+    ratio: FloatArray
+    state: NDArray[np.int8]
+    partner: int
+
+
+def watched(w: Wheelset, design: Design, plan: Plan, group: Group, place: int) -> Watched:
     """Simulate a group, both wheelsets of each bogie, break their sensors and look at them as the train does."""
     apart_m = NEXT_M if w.bogie is None else w.bogie.wheelbase_m
     ends = (False, apart_m), (w.bogie is not None, 0.0)
@@ -83,54 +105,78 @@ def pairs_of(w: Wheelset, design: Design, plan: Plan, group: Group, place: int) 
     for i, c in enumerate(both):
         for k, sensor in enumerate((c.sensors.yaw_rate, c.sensors.lat_accel)):
             noise[:, k, i] = sensor.measure(np.zeros(len(z)), rng)
-    first = _watched(design, r, z, noise, rng, 1.0)
+    lanes = _lanes(design, r, z, noise, rng)
+    first = _watched(design, lanes, r.speed_m_s, r.mu_pct)
     if KMH * group.speed_m_s > design.speeds_m_s[-1]:
         return first
-    second = _watched(design, r, z, noise, rng, KMH)
-    return Pairs(np.concatenate((first.features, second.features)), np.concatenate((first.state, second.state)))
+    sound = [lane for lane in lanes if not lane.state.any()][:: len(PARTNERS)]
+    wrong = [replace(lane, state=np.full_like(lane.state, State.WRONG_UNIT)) for lane in sound]
+    second = _watched(design, wrong, KMH * r.speed_m_s, r.mu_pct)
+    return replace(
+        first, features=np.concatenate((first.features, second.features), axis=1),
+        state=np.concatenate((first.state, second.state), axis=1),
+        partner=np.concatenate((first.partner, second.partner)),
+    )  # fmt: skip
 
 
-def _watched(
-    d: Design, r: Recording, z: FloatArray, noise: FloatArray, rng: np.random.Generator, faster: float
-) -> Pairs:
-    """Sound and broken pairs, each with a partner beside it; or sound ones alone at a speed in a wrong unit."""
+def _lanes(d: Design, r: Recording, z: FloatArray, noise: FloatArray, rng: np.random.Generator) -> list[Lane]:
+    """Of every condition a sound pair with each kind of partner, and broken ones with any; sound ones first."""
     ticks, _, n = z.shape
-    lanes, present, ratios, states = [], [], [], []
     ratio = np.abs(r.torque.astype(np.float64)) / (2 * d.normal_N * d.r_0)
+    cases = [(i, SOUND, partner) for i in range(n) for partner in PARTNERS]
     for i in range(n):
-        names = [SOUND, *rng.choice(list(BROKEN), EACH, replace=False)] if faster == 1.0 else [SOUND]
-        for name in names:
-            begins = int(ticks * rng.uniform(DIES_FROM, DIES_TO)) if "die" in name else 0
-            seed = int(rng.integers(2**31))
-            partner = str(rng.choice(PARTNERS, p=SHARES))
-            beside = (i + 2) % n if partner == "elsewhere" else i ^ 1
-            of_partner = _broken(name, z, noise, beside, begins, seed) if partner == "alike" else z[:, :, beside]
-            if name == "other axle" and partner == "sound":
-                of_partner = _broken(name, z, noise, beside, begins, seed)
-            lanes += [_broken(name, z, noise, i, begins, seed), of_partner]
-            present += [True, partner != "none"]
-            ratios += [ratio[:, i], ratio[:, beside]]
-            state = np.full(ticks, BROKEN.get(name, State.SOUND) if faster == 1.0 else State.WRONG_UNIT)
-            state[: begins + 2 * SPAN_TICKS if begins else 0] = State.SOUND
-            state[begins : begins + SPAN_TICKS if begins else 0] = -1
-            states.append(state)
-    z = np.stack(lanes, axis=2)
-    there = np.broadcast_to(np.array(present), z.shape)
-    estimator = Estimator(replace(d, health=None), z.shape[2])
+        for name in rng.choice(list(BROKEN), EACH, replace=False):
+            cases += [(i, str(name), str(rng.choice(PARTNERS, p=SHARES)))]
+    out = []
+    for i, name, partner in cases:
+        begins = int(ticks * rng.uniform(DIES_FROM, DIES_TO)) if "die" in name else 0
+        seed = int(rng.integers(2**31))
+        beside = (i + 2) % n if partner == "elsewhere" else i ^ 1
+        alike = partner == "alike" or (name == "other axle" and partner == "sound")  # wires are swapped in pairs
+        pair = _broken(name, z, noise, i, begins, seed)
+        other = _broken(name, z, noise, beside, begins, seed) if alike else z[:, :, beside]
+        state = np.full(ticks, BROKEN.get(name, State.SOUND), np.int8)
+        state[: begins + 2 * SPAN_TICKS if begins else 0] = State.SOUND
+        state[begins : begins + SPAN_TICKS if begins else 0] = -1
+        out.append(Lane(np.stack((pair, other), axis=2), ratio[:, [i, beside]], state, PARTNERS.index(partner)))
+    return out
+
+
+def _watched(d: Design, lanes: Sequence[Lane], speed_m_s: FloatArray, mu_pct: NDArray[np.float32]) -> Watched:
+    z = np.concatenate([lane.z for lane in lanes], axis=2)
+    there = np.array([(True, PARTNERS[lane.partner] != "none") for lane in lanes]).reshape(-1)
+    estimator = Estimator(replace(d, health=None, interval=None), z.shape[2])
     watch = Watch(None, d.noise_rms, d.tick_s, z.shape[2])
     watch.seen = []
     estimator.health = watch
-    _run(estimator, Ticks(0, z, there, np.stack(ratios, axis=1), (faster * r.speed_m_s).tolist()))
-    x = np.stack([f[::2] for f, _ in watch.seen])
-    known = np.stack([k[::2] for _, k in watch.seen])
-    y = np.stack(states, axis=1)[SPAN_TICKS - 1 :: SPAN_TICKS][: len(x)]
-    keep = known & (y >= 0) & (rng.random(y.shape) < np.where(y == State.SOUND, KEEP_SOUND, KEEP))
-    keep[:FIRST_SPAN] = False
-    return Pairs(x[keep], y[keep].astype(np.int64))
+    ends = np.arange(SPAN_TICKS - 1, len(z), SPAN_TICKS)
+    ratio = np.concatenate([lane.ratio for lane in lanes], axis=1)
+    ticks = Ticks(0, z, np.broadcast_to(there, z.shape), ratio, speed_m_s.tolist())
+    found = _run(estimator, ticks, ends.tolist())
+    known = np.stack([known[::2] for _, known in watch.seen])
+    state = np.where(known, np.stack([lane.state for lane in lanes], axis=1)[ends], -1)
+    state[:FIRST_SPAN] = -1
+    sound = [2 * k for k, lane in enumerate(lanes) if not lane.state.any()][:: len(PARTNERS)]
+    mu, half_width, regime = (
+        np.stack([getattr(e, name)[sound] for e in found]) for name in ("mu_available_pct", "half_width_pp", "regime")
+    )
+    off = np.abs(mu - mu_pct[ends][:, : len(sound)]) / half_width
+    usable = np.stack([e.doubt[sound] == EstimateDoubt.NONE for e in found]) & np.isfinite(off)
+    usable[:FIRST_SPAN] = False
+    speeds = np.broadcast_to(speed_m_s[ends][:, None], off.shape)
+    return Watched(
+        features=np.stack([f[::2] for f, _ in watch.seen]).astype(np.float16),
+        state=state.astype(np.int8),
+        partner=np.array([lane.partner for lane in lanes], np.int8),
+        off=off[usable].astype(np.float32),
+        regime=regime[usable].astype(np.int8),
+        speed_m_s=speeds[usable].astype(np.float32),
+    )
 
 
-def _run(estimator: Estimator, ticks: Ticks) -> None:
-    at = 0
+def _run(estimator: Estimator, ticks: Ticks, ends: Sequence[int]) -> list[Estimate]:
+    """Estimates after the ticks that end the spans."""
+    out, at, spans = [], 0, set(ends)
     while at < len(ticks):
         end = at + 1
         while end < len(ticks) and not estimator.block_end(end - 1):
@@ -142,6 +188,9 @@ def _run(estimator: Estimator, ticks: Ticks) -> None:
             for axle in np.flatnonzero(result.needs_reset).tolist():
                 estimator.reset(axle)
         at = end
+        if at - 1 in spans:
+            out.append(estimator.estimate())
+    return out
 
 
 def _broken(name: str, z: FloatArray, noise: FloatArray, i: int, begins: int, seed: int) -> FloatArray:
@@ -164,9 +213,29 @@ def _broken(name: str, z: FloatArray, noise: FloatArray, i: int, begins: int, se
     return out
 
 
-def fit(parts: Sequence[Pairs]) -> dict[str, Any]:
-    """The design's part that judges pairs."""
-    x, y = np.concatenate([p.features for p in parts]), np.concatenate([p.state for p in parts])
+def intervals(parts: Sequence[Watched]) -> dict[str, Any]:
+    """The design's part by which half-widths hold the truth in COVERS of what goes on at a speed: the quantile of the
+    error over the half-width that the rules gave, from recordings that they were not fitted on."""
+    off, regimes, speed = (np.concatenate([getattr(p, name) for p in parts]) for name in ("off", "regime", "speed_m_s"))
+    nodes = np.log(INTERVAL_SPEEDS)
+    at = np.interp(np.log(speed), nodes, np.arange(len(nodes)))
+    factors = np.ones((len(Regime), len(nodes)))
+    for (k, node), _ in np.ndenumerate(factors):
+        here = (regimes == k) & (np.abs(at - node) < 1.0)
+        if here.sum() >= MIN_ESTIMATES:
+            (factors[k, node],) = quantiles(off[here], 1.0 - np.abs(at[here] - node), (COVERS,))
+    return {"regimes": [r.words for r in Regime], "speeds_m_s": INTERVAL_SPEEDS, "factors": factors}
+
+
+def fit(parts: Sequence[Watched]) -> dict[str, Any]:
+    """The design's part that judges pairs: a network fitted to most groups, and for each state how much of its word
+    counts, by what it says of the sound pairs of the others."""
+    from sklearn.neural_network import MLPClassifier  # an extra of its own: who has a design does not need it
+
+    rng = np.random.default_rng(0)
+    others = parts[::HELD_OUT] if len(parts) > HELD_OUT else parts
+    chosen = [_chosen(p, rng) for k, p in enumerate(parts) if k % HELD_OUT or len(parts) <= HELD_OUT]
+    x, y = (np.concatenate(of) for of in zip(*chosen, strict=True))
     assert x.shape[1] == FEATURES
     middle, scale = x.mean(axis=0), x.std(axis=0) + 1e-6
     z = np.clip((x - middle) / scale, -MOST, MOST)
@@ -175,13 +244,47 @@ def fit(parts: Sequence[Pairs]) -> dict[str, Any]:
         random_state=0, tol=0.0,
     )  # fmt: skip
     net.fit(z, y)
-    counts = np.bincount(y, minlength=len(State)) / len(y)
-    temper = np.full(len(State), TEMPER)
-    temper[list(WIRES)] = TEMPER_WIRES
+    found, counts = net.classes_.astype(np.int64), np.bincount(y, minlength=len(State)) / len(y)
+    out, bias = np.zeros((HIDDEN, len(State))), np.full(len(State), -CERTAIN)  # a state that never came is not found
+    out[:, found], bias[found] = net.coefs_[1], net.intercepts_[1] - np.log(counts[found])
     prior = np.full(len(State), PRIOR)
     prior[State.SOUND] = 1.0 - PRIOR * (len(State) - 1)
+    model = HealthModel(
+        middle, scale, net.coefs_[0], net.intercepts_[0], out, bias, np.zeros(len(State)), np.log(prior / prior[0]),
+        KEPT, HAZARD,
+    )  # fmt: skip
+    temper = tempers(model, others)
     return {
-        "states": [s.words for s in State], "middle": middle, "scale": scale, "hidden": net.coefs_[0],
-        "hidden_bias": net.intercepts_[0], "out": net.coefs_[1], "out_bias": net.intercepts_[1] - np.log(counts),
-        "temper": temper, "prior": prior, "kept": KEPT, "hazard": HAZARD, "spans": len(y), "loss": float(net.loss_),
+        "states": [s.words for s in State], "middle": middle, "scale": scale, "hidden": model.hidden,
+        "hidden_bias": model.hidden_bias, "out": out, "out_bias": bias, "temper": temper, "prior": prior, "kept": KEPT,
+        "hazard": HAZARD, "spans": len(y), "loss": float(net.loss_),
     }  # fmt: skip
+
+
+def _chosen(p: Watched, rng: np.random.Generator) -> tuple[NDArray[np.float32], NDArray[np.int8]]:
+    """Spans to learn from: one differs little from the next."""
+    keep = (p.state >= 0) & (rng.random(p.state.shape) < np.where(p.state == State.SOUND, KEEP_SOUND, KEEP))
+    return p.features[keep].astype(np.float32), p.state[keep]
+
+
+def tempers(model: HealthModel, parts: Sequence[Watched]) -> FloatArray:
+    """(states,): of each state alone, as much of its evidence as leaves sound pairs unaccused in all but ACCUSED of the
+    spans, whatever their partner is."""
+    sound = [np.flatnonzero((p.state <= 0).all(axis=0)) for p in parts]
+    x = np.concatenate([p.features[:, s].astype(np.float64) for p, s in zip(parts, sound, strict=True)], axis=1)
+    counts = np.concatenate([p.state[:, s] == State.SOUND for p, s in zip(parts, sound, strict=True)], axis=1)
+    partner = np.concatenate([p.partner[s] for p, s in zip(parts, sound, strict=True)])
+    spoken = np.stack([evidence(model, of) for of in x])
+    out = np.zeros(len(State))
+    for state in list(State)[1:]:
+        for temper in TEMPERS:
+            odds = np.full(spoken.shape[1], model.log_prior[state])
+            accused = np.zeros(len(PARTNERS))
+            for e, known in zip(spoken[:, :, state], counts, strict=True):
+                new = model.log_prior[state] + model.kept * (odds - model.log_prior[state]) + temper * e
+                odds = np.where(known, np.clip(new, -CERTAIN, CERTAIN), odds)
+                accused += np.bincount(partner[known & (odds > 0.0)], minlength=len(PARTNERS))
+            if (accused > ACCUSED * np.bincount(partner, counts.sum(axis=0), minlength=len(PARTNERS))).any():
+                break
+            out[state] = temper
+    return out

@@ -13,7 +13,7 @@ from scipy.signal import butter, ellip
 
 from sim_ecu.design.cases import Plan, Progress
 from sim_ecu.design.features import Features, Steps, features
-from sim_ecu.design.health import Pairs
+from sim_ecu.design.health import Watched, intervals
 from sim_ecu.design.health import fit as fit_health
 from sim_ecu.design.linear import Gains, Point, steady_state
 from sim_ecu.design.paper import PAPER_GRID, PAPER_POINTS, PASS, TORQUE_SETS, PaperRules, fit_paper, output_sets
@@ -114,10 +114,14 @@ def fitted(
     return document
 
 
-def judging(document: dict[str, Any], parts: list[Pairs]) -> dict[str, Any]:
-    """The document with the part that pairs of sensors are judged by."""
-    health = {k: _short(v, 6).tolist() if isinstance(v, np.ndarray) else v for k, v in fit_health(parts).items()}
-    document = document | {"health": health}
+def judging(document: dict[str, Any], parts: list[Watched]) -> dict[str, Any]:
+    """The document with the parts that pairs of sensors are judged by, and that make intervals as wide as they must
+    be."""
+    found = {"interval": intervals(parts), "health": fit_health(parts)}
+    for name, part in found.items():
+        document = document | {
+            name: {k: _short(v, 6).tolist() if isinstance(v, np.ndarray) else v for k, v in part.items()}
+        }
     document["checksum"] = checksum(document)
     return document
 

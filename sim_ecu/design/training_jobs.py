@@ -12,7 +12,7 @@ import numpy as np
 
 from sim_ecu.design import health, recordings
 from sim_ecu.design.cases import Group, Plan, Progress, draw
-from sim_ecu.design.health import LOOKING, Pairs, pairs_of
+from sim_ecu.design.health import LOOKING, Watched, watched
 from sim_ecu.design.recordings import SIMULATING, Recording, record_group
 from sim_ecu.jobs.job import Job, code
 from sim_ecu.jobs.pool import Workers
@@ -24,7 +24,7 @@ from wrcd.estimator.design import Design
 
 PART = ".part"  # the suffix of a kept recording: the SHA-256 of what follows, which is numpy's npz
 DIGEST_BYTES = hashlib.sha256().digest_size
-R = TypeVar("R", Recording, Pairs)
+R = TypeVar("R", Recording, Watched)
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,9 +74,9 @@ class PairsJob:
 J = TypeVar("J", GroupJob, PairsJob)
 
 
-def look(job: PairsJob) -> Pairs:
+def look(job: PairsJob) -> Watched:
     """Return what its pairs of sensors give."""
-    return pairs_of(job.wheelset, job.design, job.plan, job.group, job.place)
+    return watched(job.wheelset, job.design, job.plan, job.group, job.place)
 
 
 def recorded(
@@ -91,10 +91,10 @@ def recorded(
     return _done(jobs, simulate, Recording, folder, workers, progress, SIMULATING)
 
 
-def pairs(w: Wheelset, plan: Plan, design: Design, folder: Path, workers: Workers, progress: Progress) -> list[Pairs]:
+def pairs(w: Wheelset, plan: Plan, design: Design, folder: Path, workers: Workers, progress: Progress) -> list[Watched]:
     """Return the pairs of sensors of a plan's groups, kept alike. Raises as recorded() does."""
     jobs = [PairsJob(w, plan, design, place, group) for place, group in enumerate(draw(plan, w))]
-    return _done(jobs, look, Pairs, folder, workers, progress, LOOKING)
+    return _done(jobs, look, Watched, folder, workers, progress, LOOKING)
 
 
 def _done(
@@ -129,7 +129,7 @@ def remove_parts(folder: Path) -> None:
         folder.rmdir()
 
 
-def _keep(result: Recording | Pairs, file: Path) -> None:
+def _keep(result: Recording | Watched, file: Path) -> None:
     """Raises InputError where it cannot be written."""
     arrays = io.BytesIO()
     np.savez(arrays, **{f.name: getattr(result, f.name) for f in fields(result)})

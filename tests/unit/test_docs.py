@@ -284,8 +284,6 @@ def test_numbers_of_the_validity_table_are_those_of_the_code() -> None:
     assert "{:g} … {:g}".format(*validity.RADIUS_SHARES) in condition["RadiusBeyond"]
     assert f"{answer.SILENT:g} times" in condition["SensorsSilent"]
     assert f"{answer.MIN_M:g} m" in condition["TooLittleData"]
-    assert f"{answer.VAGUE:g} of the estimate and more than {answer.VAGUE_PP:g} points" in condition["TooLittleData"]
-    assert f"{answer.WIDE:g} of it and {answer.WIDE_PP:g} points" in condition["TooLittleData"]
     assert f"{answer.HARSH_SHARE:g} of the window" in condition["Harsh"]
     noise = f"{100 * inputs.DEAD_SHARE:g} % of what the load carries"
     assert noise in condition["FrictionShareUnknown"]

@@ -48,10 +48,7 @@ class Cause(IntEnum):
     ACCEL_SMALL = 16, "the accelerometer says too little for what the gyro says: broken, or its unit is wrong"
     GYRO_DEAD = 17, "the gyro says nothing but its own noise"
     # Degraded: the estimate speaks against itself
-    TOO_LITTLE_DATA = (
-        18,
-        "too few measurements in the window, or too little in them: the interval is too wide to say anything",
-    )
+    TOO_LITTLE_DATA = 18, "too few measurements in the window, or of too little track"
     NO_RULE = 19, "no rule fits what is seen"
     BEYOND_TRAINING = 20, "what is seen is beyond what the rules were made from"
     HARSH = 21, "vibration or joints are beyond what the rules bear"

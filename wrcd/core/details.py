@@ -10,7 +10,7 @@ from wrcd.core.causes import Cause
 from wrcd.core.configuration import Config
 from wrcd.core.inputs import BRAKE, LAT, LOAD, QUANTITIES, RADIUS, SPEED, TORQUE, YAW, Inputs, TickInputs, rows_of
 from wrcd.core.validity import LOAD_SHARES, RADIUS_SHARES, ValidityMonitor
-from wrcd.estimator.answer import HARSH_SHARE, MIN_M, SILENT, VAGUE, VAGUE_PP, WIDE, WIDE_PP
+from wrcd.estimator.answer import HARSH_SHARE, MIN_M, SILENT
 from wrcd.estimator.design import MODELS
 from wrcd.estimator.fuzzy import MIN_FIRING
 from wrcd.estimator.gate import MAX_JUMP, Outliers
@@ -115,11 +115,6 @@ class Details:
             return f"{share:.0f} % of {window_s:.2f} s hold measurements on end, limit {100 * HARSH_SHARE:g} %"
         if not math.isfinite(mu):
             return f"{window_s:.2f} s of measurements are no estimate"
-        half_width_pp = float(e.half_width_pp[axle])
-        # wide alone, it was not Valid
-        share, points = (WIDE, WIDE_PP) if e.doubt[axle] == EstimateDoubt.WIDE else (VAGUE, VAGUE_PP)
-        if half_width_pp > (limit := max(share * mu, points)):
-            return f"{mu:.2f} % +- {half_width_pp:.2f}, limit +- {limit:.2f}"
         return f"{window_s:.2f} s of track are less than {MIN_M:g} m"
 
     def _overdue(self, axle: int, inputs: Inputs, end_us: int, silent: bool) -> str:

@@ -35,7 +35,7 @@ class Report:
     contact_state: str
     confidence: str
     cause: Cause  # of not being Valid
-    vague: bool = False  # for an interval too wide, or a window too short, to say anything: nothing was lost
+    short: bool = False  # for a window of too little track: nothing was lost
 
     def values(self) -> dict[str, Value]:
         """By signal name of the DBC."""
@@ -50,6 +50,7 @@ class Report:
         }
 
 
+ROOM = 0.9  # of a level's half-width
 NOT_AVAILABLE_REPORT = Report(Validity.NOT_AVAILABLE, None, None, 255, "Unknown", "Unknown", "None", Cause.NONE)
 
 
@@ -60,10 +61,17 @@ def surface(mu_available_pct: float | None) -> str:
     return next(name for low, name in SURFACES if mu_available_pct >= low)
 
 
-def confidence(half_width_pp: float | None) -> str:
-    """The DBC's level of a half-width."""
+def confidence(half_width_pp: float | None, before: str) -> str:
+    """The DBC's level of a half-width: the narrowest that holds it. From the level before to a narrower one it goes
+    only where there is room, or it would go up and down with every frame."""
     if half_width_pp is None:
         return "None"
+    level = _level(half_width_pp)
+    roomy = _level(half_width_pp / ROOM)
+    return before if level != before and roomy == before else level
+
+
+def _level(half_width_pp: float) -> str:
     return next(name for most, name in CONFIDENCES if half_width_pp <= most)
 
 

@@ -53,9 +53,9 @@ class SlotReports(NamedTuple):
     below_min_speed: bool  # whether the train is known to be slower than an estimate needs
 
 
-def reports(slot: Slot, estimate: Estimate | None, before: Sequence[Validity]) -> list[Report]:
-    """The reports of every axle. before: their Validity at the slot before."""
-    return [_report(slot, axle, estimate, validity) for axle, validity in enumerate(before)]
+def reports(slot: Slot, estimate: Estimate | None, before: Sequence[Report]) -> list[Report]:
+    """The reports of every axle. before: those of the slot before."""
+    return [_report(slot, axle, estimate, report) for axle, report in enumerate(before)]
 
 
 def frames(
@@ -93,9 +93,9 @@ def _cause(reported: Sequence[Report], rail_ahead: Sequence[RailAhead] | None, a
     return DROP_AHEAD if warns and report.cause is Cause.NONE else report.cause.label
 
 
-def _report(slot: Slot, axle: int, estimate: Estimate | None, before: Validity) -> Report:
+def _report(slot: Slot, axle: int, estimate: Estimate | None, before: Report) -> Report:
     age_ms, used = slot.age_ms[axle], nan_to_none(min(100.0 * slot.torque_ratio[axle], 100.0))
-    validity, cause = verdict(slot.standing[axle], axle, estimate, before)
+    validity, cause = verdict(slot.standing[axle], axle, estimate)
     if validity is Validity.NOT_AVAILABLE or estimate is None:
         return Report(validity, None, used, age_ms, "Unknown", "Unknown", "None", cause)
     mu = nan_to_none(float(estimate.mu_available_pct[axle]))
@@ -105,5 +105,6 @@ def _report(slot: Slot, axle: int, estimate: Estimate | None, before: Validity) 
         used = min(used, mu)
     contact = "Unknown" if mu is None else "Saturated" if estimate.saturated[axle] else "Adhering"
     width = nan_to_none(float(estimate.half_width_pp[axle])) if sure else None
-    vague = cause is Cause.TOO_LITTLE_DATA and estimate.doubt[axle] != EstimateDoubt.GAPS
-    return Report(validity, mu, used, age_ms, surface(mu), contact, confidence(width), cause, vague)
+    short = estimate.doubt[axle] == EstimateDoubt.SHORT
+    level = confidence(width, before.confidence)
+    return Report(validity, mu, used, age_ms, surface(mu), contact, level, cause, short)

@@ -2,7 +2,7 @@
 
 A tick is sound if nothing speaks against what it brought. An estimate is as old as its window: it is Valid only after
 a full window of sound ticks, from a pair of sensors that nothing speaks against, and if it does not doubt itself. An
-interval that is wide keeps no axle from staying Valid, only from becoming so.
+interval that is wide is no doubt: Confidence says it.
 A short silence of an input is not unsound: it brings nothing, and the bank predicts over it. While it lasts the axle
 is Degraded; the window goes on after it.
 """
@@ -32,9 +32,8 @@ OF_ESTIMATE = {
     EstimateDoubt.BEYOND_TRAINING: Cause.BEYOND_TRAINING,
     EstimateDoubt.HARSH: Cause.HARSH,
     EstimateDoubt.SILENT: Cause.SENSORS_SILENT,
-    EstimateDoubt.VAGUE: Cause.TOO_LITTLE_DATA,
+    EstimateDoubt.SHORT: Cause.TOO_LITTLE_DATA,
     EstimateDoubt.GAPS: Cause.TOO_LITTLE_DATA,
-    EstimateDoubt.WIDE: Cause.TOO_LITTLE_DATA,
 }
 # Of the design's. With the true load on the bus, the interval of nominal conditions still holds the truth in 77 %
 # of the frames at 0.7 and 1.3 (89 % at 1.0, 67 % at 0.6): beyond, a design for that load is needed.
@@ -166,18 +165,17 @@ class ValidityMonitor:
         return Standing(True, OF_PAIR[State(pair)] if pair else Cause.NONE)
 
 
-def verdict(standing: Standing, axle: int, estimate: Estimate | None, before: Validity) -> tuple[Validity, Cause]:
-    """Valid or not, and why not: decided here. before: at the slot before."""
+def verdict(standing: Standing, axle: int, estimate: Estimate | None) -> tuple[Validity, Cause]:
+    """Valid or not, and why not: decided here."""
     if not standing.has_estimate or estimate is None:
         return Validity.NOT_AVAILABLE, standing.cause
-    cause = standing.cause or _of_estimate(axle, estimate, before)
+    cause = standing.cause or _of_estimate(axle, estimate)
     return (Validity.DEGRADED if cause else Validity.VALID), cause
 
 
-def _of_estimate(axle: int, estimate: Estimate, before: Validity) -> Cause:
+def _of_estimate(axle: int, estimate: Estimate) -> Cause:
     """What an estimate says against itself."""
-    doubt = int(estimate.doubt[axle])
-    if doubt and not (doubt == EstimateDoubt.WIDE and before is Validity.VALID):
+    if doubt := int(estimate.doubt[axle]):
         return OF_ESTIMATE[EstimateDoubt(doubt)]
     if not math.isfinite(estimate.mu_available_pct[axle]):
         return Cause.TOO_LITTLE_DATA

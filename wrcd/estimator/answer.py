@@ -8,9 +8,10 @@ import numpy as np
 from wrcd.estimator.changes import decades
 from wrcd.estimator.design import MODELS, Design, FloatArray, IntArray
 from wrcd.estimator.fuzzy import LOW_FIRING, Fuzzy, Inference
+from wrcd.estimator.interval import regime, widening
 from wrcd.estimator.memory import SIGMAS, Remembered, Word, spoken
 from wrcd.estimator.records import Estimate, EstimateDoubt
-from wrcd.estimator.rule_inputs import Past, RuleInputs
+from wrcd.estimator.rule_inputs import SWING, Past, RuleInputs
 from wrcd.estimator.window import Lengths, Statistics, Window, mean_ratio, quiet, statistics
 
 ALLOWED = 4.0  # standard deviations above the word that what was in use at the last peak may lift it
@@ -19,18 +20,12 @@ NEWEST_SHARE = 0.5  # of the newest part's half-width that the interval is made 
 CONTRADICTION_SHARE, CONTRADICTION_PP = 0.2, 0.3
 HARSH_SHARE = 0.7  # of the window that must hold data far from pulses
 SILENT, SILENT_S = 1.07, 0.4  # all four residuals below so many times the noise, over at least so long: no track
-# Half-width over the estimate, and in percentage points, from both of which on it is too wide to become Valid with, and
-# from which on it says nothing. With one bound for both, an axle at 0.3 of the rail lost Valid 810 times an hour; with
-# these, 15 times (61 minutes). Of a slippery rail a few points say enough, whatever share of it they are: without the
-# points an axle in a bogie had no Valid estimate 28 % of the time, and the mean error of the rest was a tenth larger.
-WIDE, VAGUE = 0.6, 0.9
-WIDE_PP, VAGUE_PP = 8.0, 12.0
 MIN_M = 2.9  # the least way that a wheelset must have run to tell
 # The first that applies counts.
 _REASONS = np.array(
     [
         EstimateDoubt.SILENT, EstimateDoubt.GAPS, EstimateDoubt.HARSH, EstimateDoubt.BEYOND_TRAINING,
-        EstimateDoubt.NO_RULE, EstimateDoubt.VAGUE, EstimateDoubt.WIDE, EstimateDoubt.NONE,
+        EstimateDoubt.NO_RULE, EstimateDoubt.SHORT, EstimateDoubt.NONE,
     ], dtype=np.int64
 )  # fmt: skip
 BEYOND_WIDER = 2.0  # the half-width grows by this factor for each range that an input lies outside the sets
@@ -158,10 +153,12 @@ class Answers:
             mu = np.minimum(np.fmax(from_rules, used), 100.0)
             mu[np.isnan(from_rules)] = np.nan
             doubt, loud = np.zeros(n, dtype=np.int64), np.full(n, np.nan)
+            goes_on = doubt
         else:
             memory, recent = Remembered(*draft.memory), answers[1]
             inference, chosen = inference.take(slice(0, n)), chosen.take(slice(0, n))
-            word, _ = spoken(memory, best.word, draft.blocks[0] == self._lengths.usual)
+            cut = draft.blocks[0] < self._lengths.usual
+            word, _ = spoken(memory, best.word, ~cut)
             from_rules, spread = np.exp(word.log_pct), SIGMAS * word.sigma
             # what has been in use lately is available: the estimate cannot lie below it
             allowed = np.minimum(memory.peak_pct, np.exp(word.log_pct + ALLOWED * word.sigma))
@@ -172,6 +169,9 @@ class Answers:
             newest_pct = np.fmax(recent.mu_from_rules_pct, carried)
             reach = mu - newest_pct * (1.0 - NEWEST_SHARE * recent.spread)
             spread = np.where(reach > spread * mu, reach / mu, spread)
+            goes_on = regime(best.inputs[:, SWING], used / mu, cut, used >= d.saturated_share * mu)
+            if d.interval is not None:
+                spread = spread * widening(d.interval, goes_on, draft.speed_m_s)
             loud = self._rule_inputs.excitation(chosen, draft.floor)
             spread, doubt = self._doubted(spread, mu, best, inference, chosen, loud, draft.speed_m_s)
         fits = (best.inputs[:, :MODELS] - self._low) / self._width
@@ -197,6 +197,7 @@ class Answers:
             mu_from_rules_pct=from_rules,
             excitation=loud,
             live_share=chosen.live_share,
+            regime=goes_on,
         )
 
     def inputs_of(
@@ -256,7 +257,6 @@ class Answers:
         far = np.maximum(np.maximum.reduce(outside, axis=1), 0.0)
         few = np.minimum(np.maximum(LOW_FIRING / np.maximum(inference.firing, 1e-9), 1.0), 3.0)
         spread = spread * few * (1.0 + BEYOND_WIDER * far)
-        half_width_pp = spread * mu_pct
         seconds = s.ticks * d.tick_s
         applies = np.empty((len(_REASONS), len(spread)), dtype=bool)
         applies[0] = (loud < SILENT) & (seconds >= SILENT_S)
@@ -265,7 +265,6 @@ class Answers:
         applies[1] = applies[2] & (1.0 - s.heard_share > s.heard_share - s.live_share)
         np.greater(far, d.beyond, out=applies[3])
         np.equal(inference.rule, 0, out=applies[4])
-        applies[5] = ((spread > VAGUE) & (half_width_pp > VAGUE_PP)) | (seconds * speed_m_s < MIN_M)
-        applies[6] = (spread > WIDE) & (half_width_pp > WIDE_PP)
-        applies[7] = True
+        np.less(seconds * speed_m_s, MIN_M, out=applies[5])
+        applies[6] = True
         return spread, _REASONS[applies.argmax(axis=0)]

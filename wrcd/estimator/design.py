@@ -16,6 +16,7 @@ IntArray = NDArray[np.int64]
 
 FORMAT = "wrcd-design/3"
 MODELS = 4
+REGIMES = 5  # of an interval's width, see interval.py
 STATES = 5  # psi, y', psi', y_t, y - y_t; then those of a bogie's frame, where the design holds the wheelset in one
 MAX_STATES = 16
 CHANNELS = 2  # yaw rate, lateral acceleration
@@ -70,6 +71,14 @@ class HealthModel:
 
 
 @dataclass(frozen=True, slots=True)
+class IntervalModel:
+    """What half-widths are multiplied by, see interval.py: factors (regimes, v) at growing speeds (v,)."""
+
+    speeds_m_s: FloatArray
+    factors: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
 class Design:
     """A loaded design. Matrices are (speeds, models, …), steady-state for one tick at each speed of the grid."""
 
@@ -111,6 +120,7 @@ class Design:
     saturated_share: float  # MuUsed / MuAvailable from which the contact counts as saturated
     normal_N: float
     r_0: float
+    interval: IntervalModel | None  # None: the rules' own spread
     health: HealthModel | None  # None: no pair of sensors is judged
     worlds: tuple[str, ...]  # sentences: in what worlds it was trained, and which vehicle it is for; () if it says none
     checksum: str
@@ -323,10 +333,19 @@ def _arrays(r: _Reader, digest: str) -> Design:
         saturated_share=r.number("saturated_share", 0.1, 1.0),
         normal_N=r.number("inputs.normal_N", 1.0, 1e6),
         r_0=r.number("inputs.wheelset.r_0", 0.1, 2.0),
+        interval=_interval(r) if r.has("interval") else None,
         health=_health(r) if r.has("health") else None,
         worlds=r.sentences("worlds"),
         checksum=digest,
     )
+
+
+def _interval(r: _Reader) -> IntervalModel:
+    speeds = r.array("interval.speeds_m_s", -1)
+    factors = r.array("interval.factors", REGIMES, len(speeds))
+    if len(speeds) < 2 or np.any(np.diff(speeds) <= 0) or speeds[0] <= 0 or np.any(factors <= 0.0):
+        raise r.error("interval.speeds_m_s", "must be two or more growing speeds, and interval.factors positive")
+    return IntervalModel(speeds, factors)
 
 
 def _health(r: _Reader) -> HealthModel:

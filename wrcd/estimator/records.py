@@ -60,9 +60,8 @@ class EstimateDoubt(IntEnum):
     BEYOND_TRAINING = 2  # residuals unlike any that the rules were made from
     HARSH = 3  # so many pulses that little of the window is left
     SILENT = 4  # the sensors give their noise alone
-    VAGUE = 5  # the interval is too wide to say anything, or the window too short
+    SHORT = 5  # of too little track to tell
     GAPS = 6  # so many lost measurements that little of the window is left
-    WIDE = 7  # the interval is too wide to become Valid with, not to stay so
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,3 +86,4 @@ class Estimate:
     mu_from_rules_pct: FloatArray  # without what is in use
     excitation: FloatArray  # the largest residual over what the sensors' noise leaves; NaN in the paper's form
     live_share: FloatArray  # of the window, with data far from pulses
+    regime: IntArray  # a Regime: what the interval's width goes by

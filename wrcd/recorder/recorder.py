@@ -41,13 +41,12 @@ class Triggers:
 
     def look(self, reports: Sequence[Report], below_min_speed: bool, axles: Sequence[int]) -> str:
         """ "validity" or "collapse" in the slot where it shows, else nothing. axles: whose slot it is. A train that
-        stands is not Valid by right; one that is about to stand, or an estimate that is too vague for other reasons,
-        has lost nothing."""
+        stands is not Valid by right; one that is about to stand has lost nothing."""
         lost = collapsed = False
         for axle in axles:
             report = reports[axle]
             valid = report.validity is Validity.VALID
-            if not report.vague:
+            if not report.short:
                 lost |= self._loses(axle, valid, below_min_speed)
             mu = (report.mu_available_pct or 0.0) if valid else 0.0
             before = self._mu[axle]

@@ -207,8 +207,6 @@ def estimate(**values: float) -> Estimate:
         (Cause.HARSH, {"live_share": 0.55}, "55 % of 1.00 s are far from pulses, limit 70 %"),
         (Cause.SENSORS_SILENT, {"excitation": 1.02}, "residuals are 1.02 times what the sensors' noise"),
         (Cause.BEYOND_TRAINING, {"beyond": 2.0}, "residuals unlike the design's wheelset: no. 1 by 1.50 of its range"),
-        (Cause.TOO_LITTLE_DATA, {"doubt": float(EstimateDoubt.WIDE), "half_width_pp": 14.0},
-         "20.00 % +- 14.00, limit +- 12.00"),
         (Cause.TOO_LITTLE_DATA, {"doubt": float(EstimateDoubt.GAPS), "live_share": 0.55},
          "55 % of 1.00 s hold measurements on end, limit 70 %"),
         (Cause.TOO_LITTLE_DATA, {"window_s": 0.2}, "0.20 s of track are less than 2.9 m"),

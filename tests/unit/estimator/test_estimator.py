@@ -88,7 +88,7 @@ def test_residuals_unlike_training_widen_the_interval_then_are_doubted(
         strict, lenient = (replace(elsewhere(design, decades), beyond=b) for b in (0.1, 100.0))
         assert newest(Estimator(strict, 1), z).doubt[0] == EstimateDoubt.BEYOND_TRAINING
         found = newest(Estimator(lenient, 1), z)
-        assert found.doubt[0] in (EstimateDoubt.NONE, EstimateDoubt.VAGUE)
+        assert found.doubt[0] in (EstimateDoubt.NONE, EstimateDoubt.SHORT)
         with monkeypatch.context() as patch:
             patch.setattr(answer, "BEYOND_WIDER", 0.0)
             alone = newest(Estimator(lenient, 1), z)

@@ -59,7 +59,7 @@ def test_short_contradiction_is_no_loss_of_validity(config: Config) -> None:
     assert [triggers.look([r], False, [0]) for r in [valid] + [hiccup] * LOST_SLOTS][-2:] == ["", "validity"]
 
 
-def test_lost_frames_are_a_loss_of_validity_and_a_vague_estimate_is_none(config: Config, tmp_path: Path) -> None:
+def test_lost_frames_are_a_loss_of_validity_and_too_little_track_is_none(config: Config, tmp_path: Path) -> None:
     """Two frames of six of both sensors are lost, never for as long as their time-out."""
     train = RecordedTrain(config, tmp_path)
     train.run(2500)
@@ -69,10 +69,10 @@ def test_lost_frames_are_a_loss_of_validity_and_a_vague_estimate_is_none(config:
     assert {c.cause for c in train.sim.core.events.since(0) if c.after is Validity.DEGRADED} == {Cause.TOO_LITTLE_DATA}
     assert "-validity.log" in train.dumps(1)[0].name
 
-    vague = replace(NOT_AVAILABLE_REPORT, cause=Cause.TOO_LITTLE_DATA, vague=True)
+    short = replace(NOT_AVAILABLE_REPORT, cause=Cause.TOO_LITTLE_DATA, short=True)
     valid = replace(NOT_AVAILABLE_REPORT, validity=Validity.VALID, mu_available_pct=20.0)
     triggers = Triggers([config.axles[0].adhesion.cycle_us])
-    assert {triggers.look([r], False, [0]) for r in [valid] * 50 + [vague] * 3 * LOST_SLOTS} == {""}
+    assert {triggers.look([r], False, [0]) for r in [valid] * 50 + [short] * 3 * LOST_SLOTS} == {""}
 
 
 def test_stopping_train_triggers_no_dump(config: Config, tmp_path: Path) -> None:
