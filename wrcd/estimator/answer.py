@@ -18,7 +18,7 @@ ALLOWED = 4.0  # standard deviations above the word that what was in use at the 
 NEWEST_SHARE = 0.5  # of the newest part's half-width that the interval is made to reach down to
 # More in use than the rules say there is: beyond the interval, and by this share of what they say, one is wrong.
 CONTRADICTION_SHARE, CONTRADICTION_PP = 0.2, 0.3
-HARSH_SHARE = 0.7  # of the window that must hold data far from pulses
+HARSH_SHARE = 0.4  # of the window that must hold data far from pulses
 SILENT, SILENT_S = 1.07, 0.4  # all four residuals below so many times the noise, over at least so long: no track
 MIN_M = 2.9  # the least way that a wheelset must have run to tell
 # The first that applies counts.

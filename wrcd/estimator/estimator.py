@@ -214,6 +214,7 @@ class Estimator:
         outliers = self._gate.outliers(e, z[0], whole & ~swings)
         left_out = np.logical_or.reduce(outliers)
         accepted = whole & ~left_out
+        seen = e
         if left_out.any():
             self.outliers += int(outliers.sum())
             self._bank.x = bank
@@ -229,8 +230,9 @@ class Estimator:
         in_window = accepted & self._complete & np.isfinite(ticks.torque_ratio[at]) & ~needs_reset
         self._complete = accepted.copy()  # reset() changes it, and not the record
         live, calm = self._put(ticks, at, w[None], in_window[None], pulse[None], near[None])
+        seen = np.where(left_out, seen, e)
         return StepResult(
-            e[None], w[None], accepted[None], left_out[None], near[None], in_window[None], live, calm, needs_reset
+            seen[None], w[None], accepted[None], left_out[None], near[None], in_window[None], live, calm, needs_reset
         )
 
     def _filter(

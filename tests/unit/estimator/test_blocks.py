@@ -265,7 +265,7 @@ def test_gate_learns_nothing_from_a_block_with_an_outlier(at: int, channel: int)
     for k in range(200):
         gate.learn(e[k], yaw[k], ALL_OF_TWO, none)
     before = repr(capture(gate))
-    e[200 + at, :, channel, 1] = 9.0
+    e[200 + at, :, channel, 1] = 15.0
     assert not gate.step_settled(e[200:], yaw[200:], None)
     assert repr(capture(gate)) == before
     # who is exempt is neither judged nor learnt from

@@ -55,7 +55,8 @@ def test_gate_reset_affects_one_axle_only() -> None:
         gate.learn(quiet, STILL, there, np.zeros((2, 2), dtype=bool))
     assert gate.outliers(0.5 * e, STILL, there)[:, 0].all()
     nobody = np.zeros(2, dtype=bool)
-    upset = [
-        bool(gate.learn(e, STILL, nobody, np.ones((2, 2), dtype=bool))[0]) for _ in range(int(MAX_NET_OUTLIERS) + 1)
-    ]
-    assert upset == [False] * int(MAX_NET_OUTLIERS) + [True]
+    for channel, most in enumerate(MAX_NET_OUTLIERS[:, 0].astype(int).tolist()):
+        one = np.arange(2)[:, None] == np.full(2, channel)
+        upset = [bool(gate.learn(e, STILL, nobody, one)[0]) for _ in range(most + 1)]
+        assert upset == [False] * most + [True]
+        gate.learn(e, STILL, ~nobody, ~one & False)
