@@ -11,13 +11,13 @@ from sim_ecu.design.cases import Plan, Progress
 from sim_ecu.design.recordings import Recording
 from sim_ecu.jobs.pool import Workers
 from sim_ecu.jobs.whole import each
-from wrcd.estimator.bank import BoolArray
 from wrcd.estimator.design import MODELS, Design
 from wrcd.estimator.estimator import Estimator, step_through
-from wrcd.estimator.pair import PairSums
+from wrcd.estimator.paper.bank import BoolArray
+from wrcd.estimator.paper.rule_inputs import SWING
+from wrcd.estimator.paper.window import BLOCK_TICKS
 from wrcd.estimator.records import Ticks
-from wrcd.estimator.rule_inputs import SWING
-from wrcd.estimator.window import BLOCK_TICKS
+from wrcd.estimator.trust.pair import PairSums
 
 FloatArray = NDArray[np.float64]
 EDGE = 0.3  # importance of a window outside the plan's core

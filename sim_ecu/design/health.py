@@ -13,9 +13,9 @@ from sim_ecu.design.rules import quantiles
 from sim_ecu.physics.wheelset import Wheelset
 from wrcd.estimator.design import Design, HealthModel
 from wrcd.estimator.estimator import Estimator
-from wrcd.estimator.health import CERTAIN, FEATURES, MIN_SHARE, MOST, SPAN_TICKS, Health, State, evidence
-from wrcd.estimator.interval import Regime
 from wrcd.estimator.records import Estimate, EstimateDoubt, Ticks
+from wrcd.estimator.trust.health import CERTAIN, FEATURES, MIN_SHARE, MOST, SPAN_TICKS, Health, State, evidence
+from wrcd.estimator.trust.interval import Regime
 
 FloatArray = NDArray[np.float64]
 G = 9.80665

@@ -26,7 +26,7 @@ from sim_ecu.physics.sensors import SENSOR_SETS
 from sim_ecu.physics.wheelset import Wheelset
 from wrcd.checksum import checksum
 from wrcd.estimator.design import COLUMNS, FORMAT, INPUTS, MODELS, Design, parse_design
-from wrcd.estimator.rule_inputs import NOISE
+from wrcd.estimator.paper.rule_inputs import NOISE
 
 FloatArray = NDArray[np.float64]
 RESIDUAL_NAMES = ("Low", "Moderate", "High")

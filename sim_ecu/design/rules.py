@@ -15,7 +15,7 @@ from scipy.linalg import solve
 from scipy.linalg.blas import ssyrk
 
 from sim_ecu.physics.compiled import compiled
-from wrcd.estimator.fuzzy import LOG_SPREADS
+from wrcd.estimator.paper.fuzzy import LOG_SPREADS
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -16,7 +16,7 @@ from sim_ecu.design.recordings import Recording, record
 from sim_ecu.physics.contact import CURVES
 from wrcd.errors import InputError
 from wrcd.estimator.design import MODELS
-from wrcd.estimator.window import BLOCK_TICKS
+from wrcd.estimator.paper.window import BLOCK_TICKS
 
 Scores = Callable[[Sequence[FloatArray]], Sequence[float]]
 

@@ -76,7 +76,7 @@ def without_offset(ticks: GivenTicks, window_ticks: int) -> GivenTicks:
 
 @compiled
 def _take_offset(z: FloatArray, present: BoolArray, most: float) -> None:
-    """`wrcd.estimator.noise` over all ticks of z (t, 2, n), in place: a test compares them."""
+    """`wrcd.estimator.signals.noise` over all ticks of z (t, 2, n), in place: a test compares them."""
     for c in range(z.shape[1]):
         for i in range(z.shape[2]):
             mean, count = 0.0, 0.0

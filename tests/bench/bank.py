@@ -12,11 +12,11 @@ from tests.bench.native import BankLoop, library
 from tests.bench.timing import Case, Goal, Row, in_turn, show
 from tests.reference.filters import Models
 from wrcd import resources
-from wrcd.estimator.bank import Bank
 from wrcd.estimator.design import MODELS, Design, FloatArray, load_design
 from wrcd.estimator.estimator import Estimator
+from wrcd.estimator.paper.bank import Bank
+from wrcd.estimator.paper.window import BLOCK_TICKS
 from wrcd.estimator.records import Ticks
-from wrcd.estimator.window import BLOCK_TICKS
 
 AXLES = (1, 4, 8, 32)
 SPEED_M_S = 60.0  # a speed of the design's grid and of the bank's nodes: the reference discretises there exactly

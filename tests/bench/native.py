@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from wrcd.estimator.bank import SPEED_STEP, SpeedTable
 from wrcd.estimator.design import CHANNELS, MODELS, Design, FloatArray, closed_loop
+from wrcd.estimator.paper.bank import SPEED_STEP, SpeedTable
 
 SOURCE = r"""
 #include <string.h>
@@ -69,7 +69,7 @@ def library() -> ctypes.CDLL | None:
 
 
 def fused(design: Design, speed_m_s: float) -> FloatArray:
-    """(4, s + 4, s + 2): rows x' = A x + B z; e = z - H x; w = W e, as in wrcd/estimator/bank.py."""
+    """(4, s + 4, s + 2): rows x' = A x + B z; e = z - H x; w = W e, as in wrcd/estimator/paper/bank.py."""
     tables = closed_loop(design.Phi, design.K, design.H), design.Phi @ design.K, design.H, design.whiten
     A, B, H, W = (SpeedTable(t, design.speeds_m_s).at(speed_m_s) for t in tables)
     eye = np.broadcast_to(np.eye(CHANNELS), (MODELS, CHANNELS, CHANNELS))

@@ -11,8 +11,9 @@ from tests.reference.engines import Findings, compare
 from tests.support.scenarios import FOUR_AXLES, LogOf, held
 from wrcd.config.config import load_config
 from wrcd.core.core import Core, Observer
-from wrcd.estimator import bank, noise
+from wrcd.estimator.paper import bank
 from wrcd.estimator.records import Estimate, StepResult, Ticks
+from wrcd.estimator.signals import noise
 from wrcd.logs.damage import Damage
 from wrcd.logs.reader import read_log
 

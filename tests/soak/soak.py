@@ -23,8 +23,8 @@ from wrcd.core.configuration import Config
 from wrcd.core.core import BACKWARD_STEP_US, FORWARD_STEP_US, Core
 from wrcd.estimator.design import CHANNELS, Design, FloatArray
 from wrcd.estimator.estimator import Estimator
-from wrcd.estimator.health import Health
 from wrcd.estimator.records import Estimate, StepResult, Ticks, one_tick
+from wrcd.estimator.trust.health import Health
 from wrcd.progress import Progress
 from wrcd.recorder.state import state_of
 

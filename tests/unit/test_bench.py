@@ -18,8 +18,8 @@ from wrcd.bus.e2e import crc
 from wrcd.bus.frame import Frame
 from wrcd.bus.reasons import Reason
 from wrcd.config.config import load_config, packaged
-from wrcd.estimator.bank import Bank
 from wrcd.estimator.design import Design, load_design
+from wrcd.estimator.paper.bank import Bank
 
 
 @pytest.fixture(scope="module")

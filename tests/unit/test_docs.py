@@ -40,7 +40,8 @@ from wrcd.config.config import STALE_TICKS, load_config
 from wrcd.contract.frames import Says
 from wrcd.core import causes, configuration, core, inputs, plausibility, validity, vocabulary
 from wrcd.core.core import Core
-from wrcd.estimator import answer, gate
+from wrcd.estimator import answer
+from wrcd.estimator.signals import gate
 from wrcd.service import journal
 from wrcd.service.reload import LIMITS
 

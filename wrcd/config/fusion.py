@@ -10,7 +10,7 @@ from wrcd.config.section import Section
 from wrcd.core.configuration import AxleConfig
 from wrcd.core.vocabulary import DROP_AHEAD
 from wrcd.estimator.design import Design
-from wrcd.estimator.drops import TICK_S
+from wrcd.estimator.signals.drops import TICK_S
 
 LONGEST_M, NEAREST_M = 400.0, 0.5  # from first to last axle; from one to the next
 

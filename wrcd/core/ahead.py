@@ -18,8 +18,8 @@ from wrcd.core.causes import Validity
 from wrcd.core.front import View
 from wrcd.core.messages import Report
 from wrcd.core.vocabulary import NOT_AVAILABLE
-from wrcd.estimator.bank import BoolArray
 from wrcd.estimator.design import FloatArray
+from wrcd.estimator.paper.bank import BoolArray
 from wrcd.estimator.records import Estimate
 
 # Set by hand: from a bogie, the lengths of the windows, and rides onto low rail of training seeds.

@@ -7,10 +7,10 @@ import numpy as np
 
 from wrcd.core.causes import Cause
 from wrcd.core.inputs import TickInputs
-from wrcd.estimator.bank import BoolArray
 from wrcd.estimator.design import CHANNELS, FloatArray
+from wrcd.estimator.paper.bank import BoolArray
+from wrcd.estimator.paper.window import BLOCK_TICKS
 from wrcd.estimator.records import Ticks
-from wrcd.estimator.window import BLOCK_TICKS
 
 
 @dataclass(init=False, repr=False, eq=False)

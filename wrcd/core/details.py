@@ -12,10 +12,10 @@ from wrcd.core.inputs import BRAKE, LAT, LOAD, QUANTITIES, RADIUS, SPEED, TORQUE
 from wrcd.core.validity import LOAD_SHARES, RADIUS_SHARES, ValidityMonitor
 from wrcd.estimator.answer import HARSH_SHARE, MIN_M, SILENT
 from wrcd.estimator.design import MODELS
-from wrcd.estimator.fuzzy import MIN_FIRING
-from wrcd.estimator.gate import MAX_JUMP, Outliers
-from wrcd.estimator.health import Health, State
+from wrcd.estimator.paper.fuzzy import MIN_FIRING
 from wrcd.estimator.records import Estimate, EstimateDoubt
+from wrcd.estimator.signals.gate import MAX_JUMP, Outliers
+from wrcd.estimator.trust.health import Health, State
 
 MAX_INPUTS = 2  # that a text names; of more the number
 

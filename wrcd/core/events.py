@@ -16,8 +16,8 @@ from wrcd.core.details import Details
 from wrcd.core.inputs import Inputs, TickInputs
 from wrcd.core.messages import Report
 from wrcd.core.validity import OF_ESTIMATE, OF_PAIR, Standing, ValidityMonitor
-from wrcd.estimator.health import Health
 from wrcd.estimator.records import Estimate
+from wrcd.estimator.trust.health import Health
 
 COLUMNS = ("time_s", "axle", "from", "to", "cause", "detail")
 MAX_KEPT = 4096  # changes, for those who look after every turn

@@ -8,11 +8,11 @@ from typing import NamedTuple
 import numpy as np
 
 from wrcd.core.inputs import BACKWARDS_M_S, TickInputs
-from wrcd.estimator.bank import BoolArray
 from wrcd.estimator.design import FloatArray
-from wrcd.estimator.drops import DropWatch
+from wrcd.estimator.paper.bank import BoolArray
+from wrcd.estimator.paper.window import BLOCK_TICKS
 from wrcd.estimator.records import StepResult, Ticks
-from wrcd.estimator.window import BLOCK_TICKS
+from wrcd.estimator.signals.drops import DropWatch
 
 
 class View(NamedTuple):

@@ -15,8 +15,8 @@ from typing import NamedTuple
 from wrcd.core.causes import Cause, Validity
 from wrcd.core.configuration import MAX_AXLES
 from wrcd.core.inputs import Inputs, TickInputs
-from wrcd.estimator.health import State
 from wrcd.estimator.records import Estimate, EstimateDoubt
+from wrcd.estimator.trust.health import State
 
 OF_PAIR = {
     State.BOTH_DEAD: Cause.SENSORS_SILENT,

@@ -5,14 +5,14 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from wrcd.estimator.changes import decades
 from wrcd.estimator.design import MODELS, Design, FloatArray, IntArray
-from wrcd.estimator.fuzzy import LOW_FIRING, Fuzzy, Inference
-from wrcd.estimator.interval import regime, widening
-from wrcd.estimator.memory import SIGMAS, Remembered, Word, spoken
+from wrcd.estimator.paper.fuzzy import LOW_FIRING, Fuzzy, Inference
+from wrcd.estimator.paper.rule_inputs import SWING, Past, RuleInputs
+from wrcd.estimator.paper.window import Lengths, Statistics, Window, mean_ratio, quiet, statistics
 from wrcd.estimator.records import Estimate, EstimateDoubt
-from wrcd.estimator.rule_inputs import SWING, Past, RuleInputs
-from wrcd.estimator.window import Lengths, Statistics, Window, mean_ratio, quiet, statistics
+from wrcd.estimator.trust.changes import decades
+from wrcd.estimator.trust.interval import regime, widening
+from wrcd.estimator.trust.memory import SIGMAS, Remembered, Word, spoken
 
 ALLOWED = 4.0  # standard deviations above the word that what was in use at the last peak may lift it
 NEWEST_SHARE = 0.5  # of the newest part's half-width that the interval is made to reach down to

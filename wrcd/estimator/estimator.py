@@ -14,17 +14,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrcd.estimator.answer import Answers, Draft, joined, split
-from wrcd.estimator.bank import Bank, BoolArray, SpeedFilter
-from wrcd.estimator.changes import ChangeDetector
 from wrcd.estimator.design import MODELS, Design, FloatArray, IntArray
-from wrcd.estimator.gate import Gate, Outliers
-from wrcd.estimator.health import SPAN_TICKS, Health
-from wrcd.estimator.joints import HOLD_TICKS, MAX_PULSE, Joints
-from wrcd.estimator.memory import STEP_TICKS, WORSE_STEPS, Remembered, remember
-from wrcd.estimator.noise import NoiseLevel, Offset
+from wrcd.estimator.paper.bank import Bank, BoolArray, SpeedFilter
+from wrcd.estimator.paper.window import BLOCK_TICKS, Lengths, Statistics, Window, quiet
 from wrcd.estimator.records import Estimate, StepResult, Ticks
 from wrcd.estimator.recursion import Sections
-from wrcd.estimator.window import BLOCK_TICKS, Lengths, Statistics, Window, quiet
+from wrcd.estimator.signals.gate import Gate, Outliers
+from wrcd.estimator.signals.joints import HOLD_TICKS, MAX_PULSE, Joints
+from wrcd.estimator.signals.noise import NoiseLevel, Offset
+from wrcd.estimator.trust.changes import ChangeDetector
+from wrcd.estimator.trust.health import SPAN_TICKS, Health
+from wrcd.estimator.trust.memory import STEP_TICKS, WORSE_STEPS, Remembered, remember
 
 OFFSET_WINDOWS = 2  # memory of the sensors' offsets, in windows
 

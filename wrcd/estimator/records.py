@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 
-from wrcd.estimator.bank import BoolArray
 from wrcd.estimator.design import FloatArray, IntArray
+from wrcd.estimator.paper.bank import BoolArray
 
 
 @dataclass(frozen=True, slots=True)

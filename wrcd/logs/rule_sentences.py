@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wrcd.estimator.design import MODELS, Design
-from wrcd.estimator.window import LAG
+from wrcd.estimator.paper.window import LAG
 
 
 @dataclass(frozen=True, slots=True)

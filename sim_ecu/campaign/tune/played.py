@@ -17,7 +17,7 @@ from sim_ecu.score.suites.run import AXLES, TUNED_LOT
 from sim_ecu.score.suites.sound import DRY_RUN_S
 from wrcd.errors import InputError
 from wrcd.estimator.design import CHANNELS, COLUMNS, INPUTS, MODELS, Design, load_design
-from wrcd.estimator.window import BLOCK_TICKS
+from wrcd.estimator.paper.window import BLOCK_TICKS
 
 GRID, DROPS, DRY = "grid", "drops", "dry-hours"
 # suites and shares of their runs: the first of each

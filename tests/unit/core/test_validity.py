@@ -36,8 +36,8 @@ from wrcd.core.validity import (
     verdict,
 )
 from wrcd.estimator.answer import Draft
-from wrcd.estimator.health import State
 from wrcd.estimator.records import Estimate, EstimateDoubt
+from wrcd.estimator.trust.health import State
 
 DEFAULT = load_config(None)
 

@@ -22,7 +22,7 @@ from wrcd.checksum import checksum
 from wrcd.errors import InputError
 from wrcd.estimator.design import COLUMNS, MODELS, Design, load_design, parse_design
 from wrcd.estimator.estimator import Estimator
-from wrcd.estimator.fuzzy import Fuzzy
+from wrcd.estimator.paper.fuzzy import Fuzzy
 from wrcd.estimator.records import one_tick
 from wrcd.logs.rule_sentences import condition, sentence
 

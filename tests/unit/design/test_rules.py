@@ -9,8 +9,8 @@ from sim_ecu.design.make import LOWEST
 from sim_ecu.design.rules import COVERS, RuleBase, adhesion_of, fit, output_of, polynomial
 from sim_ecu.physics.wheelset import Wheelset
 from tests.support.lone_wheelset import LONE_DESIGN
-from wrcd.estimator.bank import Bank
 from wrcd.estimator.design import load_design
+from wrcd.estimator.paper.bank import Bank
 from wrcd.estimator.recursion import Sections
 
 SETS = (3, 3, 2)

@@ -12,10 +12,10 @@ from tests.support.lone_wheelset import LONE_DESIGN
 from tests.support.signals import hunting, measured
 from wrcd.estimator.design import Design, FloatArray, load_design
 from wrcd.estimator.estimator import Estimator, step_through
-from wrcd.estimator.gate import Gate
-from wrcd.estimator.pair import PairSums
+from wrcd.estimator.paper.window import BLOCK_TICKS, Window
 from wrcd.estimator.records import Estimate, StepResult, Ticks
-from wrcd.estimator.window import BLOCK_TICKS, Window
+from wrcd.estimator.signals.gate import Gate
+from wrcd.estimator.trust.pair import PairSums
 from wrcd.recorder.state import capture
 
 RTOL = 1e-9

@@ -10,8 +10,8 @@ from tests.support.lone_wheelset import LONE_DESIGN
 from wrcd.estimator import answer
 from wrcd.estimator.design import MODELS, Design, FloatArray, load_design
 from wrcd.estimator.estimator import Estimator
-from wrcd.estimator.noise import Offset
 from wrcd.estimator.records import Estimate, EstimateDoubt
+from wrcd.estimator.signals.noise import Offset
 
 
 @pytest.fixture(scope="module")

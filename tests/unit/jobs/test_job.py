@@ -37,7 +37,7 @@ def test_other_libraries_are_other_code(monkeypatch: pytest.MonkeyPatch) -> None
 def test_code_of_a_kind_is_what_it_plays_and_judges_and_no_page_or_other_kind(kind: str) -> None:
     (function,) = (k.function for k in KINDS if k.name == kind)
     found = sources(function.__module__)
-    assert {function.__module__, "wrcd.core.core", "wrcd.estimator.fuzzy", "wrcd.config", "wrcd"} <= set(found)
+    assert {function.__module__, "wrcd.core.core", "wrcd.estimator.paper.fuzzy", "wrcd.config", "wrcd"} <= set(found)
     assert not [m for m in found if m.startswith(("sim_ecu.cli", "sim_ecu.campaign.comparison"))]
     assert not [m for m in found if any(word in m for word in ("page", "style", "plots", "reporting.table"))]
     others = {k.function.__module__ for k in KINDS} - {function.__module__}

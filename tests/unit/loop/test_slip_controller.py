@@ -18,7 +18,7 @@ from sim_ecu.physics.wheelset import Wheelset
 from sim_ecu.play.encoder import Channel, Sent
 from sim_ecu.play.scenario import Course
 from wrcd.config.config import load_packaged
-from wrcd.estimator.health import State
+from wrcd.estimator.trust.health import State
 from wrcd.resources import LONE
 
 LAWS = ["thresholds", "creep"]

@@ -20,7 +20,7 @@ from wrcd.config.config import load_config, load_packaged
 from wrcd.core.configuration import Config
 from wrcd.core.core import Core
 from wrcd.errors import InputError
-from wrcd.estimator.window import BLOCK_TICKS
+from wrcd.estimator.paper.window import BLOCK_TICKS
 from wrcd.logs.damage import Damage
 from wrcd.logs.reader import read_log
 from wrcd.recorder.resume import load

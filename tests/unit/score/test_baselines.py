@@ -22,8 +22,8 @@ from tests.support.lone_wheelset import LONE_DESIGN
 from wrcd.errors import InputError
 from wrcd.estimator.design import load_design
 from wrcd.estimator.estimator import OFFSET_WINDOWS, Estimator
-from wrcd.estimator.noise import Offset
 from wrcd.estimator.records import one_tick
+from wrcd.estimator.signals.noise import Offset
 from wrcd.resources import DESIGN
 
 W = Wheelset()

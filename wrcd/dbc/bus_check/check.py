@@ -19,11 +19,11 @@ from wrcd.core.core import Core, Observer
 from wrcd.core.events import Change
 from wrcd.dbc.bus_check.findings import findings, nothing, page
 from wrcd.dbc.bus_check.input_figures import Gathered, figures, spells
+from wrcd.dbc.bus_check.likeness import likeness
 from wrcd.dbc.bus_check.signs import signs
 from wrcd.dbc.bus_check.wrong_units import wrong_units
 from wrcd.errors import InputError
-from wrcd.estimator.bank import BoolArray
-from wrcd.estimator.likeness import likeness
+from wrcd.estimator.paper.bank import BoolArray
 from wrcd.estimator.records import Estimate, StepResult, Ticks
 from wrcd.logs.bus_of import pick_bus
 from wrcd.logs.columns import Item

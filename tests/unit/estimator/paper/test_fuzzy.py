@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from tests.reference.rules import FuzzyReference
 from tests.support.lone_wheelset import LONE_DESIGN
 from wrcd.estimator.design import COLUMNS, INPUTS, MODELS, Design, FloatArray, Sets, load_design
-from wrcd.estimator.fuzzy import LOG_SPREADS, MIN_FIRING, Fuzzy
-from wrcd.estimator.rule_inputs import MAX_STEP, NOISE, SWING, Past, RuleInputs
-from wrcd.estimator.window import Statistics
+from wrcd.estimator.paper.fuzzy import LOG_SPREADS, MIN_FIRING, Fuzzy
+from wrcd.estimator.paper.rule_inputs import MAX_STEP, NOISE, SWING, Past, RuleInputs
+from wrcd.estimator.paper.window import Statistics
 
 SPEED = 25.0
 

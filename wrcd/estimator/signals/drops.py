@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wrcd.estimator.bank import BoolArray
 from wrcd.estimator.design import FloatArray
-from wrcd.estimator.window import BLOCK_TICKS, quiet
+from wrcd.estimator.paper.bank import BoolArray
+from wrcd.estimator.paper.window import BLOCK_TICKS, quiet
 
 TICK_S = 0.005  # of the designs that all limits here are set for
 # Whitened innovations that count, as 2 * model + channel, and how. With these weights a track that becomes rougher

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wrcd.estimator.bank import SpeedTable
 from wrcd.estimator.design import CHANNELS, COLUMNS, CROSSES, INPUTS, LAGS, MODELS, STEPS, Design, FloatArray
-from wrcd.estimator.window import Statistics
+from wrcd.estimator.paper.bank import SpeedTable
+from wrcd.estimator.paper.window import Statistics
 
 # Columns: the six that choose the rules, then
 LAG = slice(INPUTS, INPUTS + LAGS)

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from tests.support.signals import measured
-from wrcd.estimator.bank import BoolArray
 from wrcd.estimator.design import FloatArray
-from wrcd.estimator.noise import MAX_FACTOR, MIN_FACTOR, NoiseLevel
+from wrcd.estimator.paper.bank import BoolArray
+from wrcd.estimator.signals.noise import MAX_FACTOR, MIN_FACTOR, NoiseLevel
 
 RMS = np.array([3e-4, 0.01])
 TICKS = 6000

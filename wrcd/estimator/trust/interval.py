@@ -4,8 +4,8 @@ from enum import IntEnum
 
 import numpy as np
 
-from wrcd.estimator.bank import BoolArray
 from wrcd.estimator.design import FloatArray, IntArray, IntervalModel
+from wrcd.estimator.paper.bank import BoolArray
 
 MOVED = 0.1  # decades, above and below together, by which the torque has moved within half a second
 COASTS = 0.1  # of what is available: less in use tells hardly anything

@@ -7,8 +7,8 @@ import pytest
 
 from wrcd.estimator.design import CHANNELS as SENSORS
 from wrcd.estimator.design import MODELS, FloatArray
-from wrcd.estimator.drops import JOLT_BLOCKS, PAUSE, REFERENCE, DropWatch
-from wrcd.estimator.window import BLOCK_TICKS
+from wrcd.estimator.paper.window import BLOCK_TICKS
+from wrcd.estimator.signals.drops import JOLT_BLOCKS, PAUSE, REFERENCE, DropWatch
 
 AXLES = 3
 BEHIND: tuple[list[int], ...] = ([1, 2], [2], [])

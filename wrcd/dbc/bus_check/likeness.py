@@ -18,9 +18,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from wrcd.estimator.bank import BoolArray
 from wrcd.estimator.design import CHANNELS, Design, FloatArray, IntArray
-from wrcd.estimator.health import LAT, YAW
+from wrcd.estimator.paper.bank import BoolArray
+from wrcd.estimator.trust.health import LAT, YAW
 
 GRAVITY = 9.80665
 PARAMETERS = ("m_w", "I_w", "r_0", "L_g", "k_w", "M_v")  # of the design's wheelset that are needed

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from wrcd.estimator.design import COLUMNS, FloatArray, HealthModel
-from wrcd.estimator.health import CERTAIN, FEATURES, SPAN_TICKS, Health, State, evidence, updated
+from wrcd.estimator.trust.health import CERTAIN, FEATURES, SPAN_TICKS, Health, State, evidence, updated
 
 TICK_S = 0.005
 NOISE = np.array([3e-4, 0.01])

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wrcd.estimator.bank import BoolArray
 from wrcd.estimator.design import CHANNELS, FloatArray
+from wrcd.estimator.paper.bank import BoolArray
 from wrcd.estimator.recursion import exponential, smoothed, unrolled
 
 BANDS_HZ = ((0.0, 1.5), (3.0, 10.0), (10.0, 25.0))

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from wrcd.estimator.bank import BoolArray, SpeedTable
 from wrcd.estimator.design import Design, FloatArray
-from wrcd.estimator.window import Lengths, Window, mean_ratio, raw_power
+from wrcd.estimator.paper.bank import BoolArray, SpeedTable
+from wrcd.estimator.paper.window import Lengths, Window, mean_ratio, raw_power
 
 # A torque of the moment that differs by this share and this ratio from what it was is a change, of the drive or of the
 # rail: the window from before is dropped. The first is against the STEP_S before, the second against all of the rest: a

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from wrcd.estimator.gate import COMPARED_TICKS, GATE_SIGMA, MAX_JUMP, MAX_NET_OUTLIERS, MIN_TICKS, Gate
+from wrcd.estimator.signals.gate import COMPARED_TICKS, GATE_SIGMA, MAX_JUMP, MAX_NET_OUTLIERS, MIN_TICKS, Gate
 
 STILL = np.zeros(2)  # yaw rates
 

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wrcd.estimator.bank import BoolArray
 from wrcd.estimator.design import FloatArray
+from wrcd.estimator.paper.bank import BoolArray
 from wrcd.estimator.recursion import Sections, exponential, smoothed
 
 # A pulse is so many times the running rms of the accelerometer above the band; the rms is never taken as less than

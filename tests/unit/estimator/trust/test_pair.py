@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import butter, lfilter
 
-from wrcd.estimator.pair import BANDS, BANDS_HZ, FOURTH_DIFFERENCE, Filters, PairSums
+from wrcd.estimator.trust.pair import BANDS, BANDS_HZ, FOURTH_DIFFERENCE, Filters, PairSums
 
 TICK_S = 0.005
 NOISE = np.array([3e-4, 0.01])

@@ -5,11 +5,11 @@ import pytest
 
 from tests.support.lone_wheelset import LONE_DESIGN
 from tests.support.signals import HUNTS_FROM_S, hunting, measured
-from wrcd.estimator.bank import BoolArray
 from wrcd.estimator.design import Design, FloatArray, load_design
 from wrcd.estimator.estimator import Estimator, step_through
-from wrcd.estimator.joints import HOLD_TICKS, MAX_PULSE, MAX_TICKS, RECOVERY_TICKS, Joints
+from wrcd.estimator.paper.bank import BoolArray
 from wrcd.estimator.records import EstimateDoubt, one_tick
+from wrcd.estimator.signals.joints import HOLD_TICKS, MAX_PULSE, MAX_TICKS, RECOVERY_TICKS, Joints
 
 AT = 1500  # a pulse's first tick
 RMS = 0.01

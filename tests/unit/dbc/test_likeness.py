@@ -15,9 +15,9 @@ from sim_ecu.physics.track import SPECTRA
 from sim_ecu.physics.wheelset import LAT_ACCEL, YAW_RATE, Wheelset
 from sim_ecu.play.vehicles import load_vehicle
 from tests.support.lone_wheelset import LONE_DESIGN
-from wrcd.estimator.bank import BoolArray
+from wrcd.dbc.bus_check.likeness import Likeness, likeness
 from wrcd.estimator.design import FloatArray, load_design
-from wrcd.estimator.likeness import Likeness, likeness
+from wrcd.estimator.paper.bank import BoolArray
 
 DESIGN = load_design(LONE_DESIGN)
 OWN = Wheelset()

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wrcd.estimator.bank import BoolArray
 from wrcd.estimator.design import CHANNELS, MODELS, FloatArray
+from wrcd.estimator.paper.bank import BoolArray
 from wrcd.estimator.recursion import exponential, smoothed
 
 # An innovation is an outlier if it is this many times its usual size for every model: yaw rate, lateral acceleration.

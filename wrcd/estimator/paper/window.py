@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wrcd.estimator.bank import BoolArray
 from wrcd.estimator.design import CHANNELS, MODELS, Design, FloatArray, IntArray
+from wrcd.estimator.paper.bank import BoolArray
 
 BLOCK_TICKS = 4
 LAG = 4  # ticks between the two innovations of an autocorrelation: a quarter of a period at the band's upper end

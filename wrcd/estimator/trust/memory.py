@@ -13,8 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wrcd.estimator.bank import BoolArray
 from wrcd.estimator.design import FloatArray
+from wrcd.estimator.paper.bank import BoolArray
 
 STEP_TICKS = 16  # from one word that is fused to the next, 80 ms
 KEPT = 0.96  # of the words so far, at each: a memory of 2 s

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from wrcd.estimator.design import FloatArray, IntArray
-from wrcd.estimator.window import (
+from wrcd.estimator.paper.window import (
     BLOCK_TICKS,
     LAG,
     RATIO,

@@ -12,8 +12,8 @@ from sim_ecu.resources import PAPER_DESIGN
 from tests.support.lone_wheelset import LONE_DESIGN
 from wrcd.checksum import checksum
 from wrcd.errors import InputError
-from wrcd.estimator.bank import MAX_ERROR_M_S, Bank, SpeedFilter
 from wrcd.estimator.design import MODELS, STATES, FloatArray, load_design, parse_design
+from wrcd.estimator.paper.bank import MAX_ERROR_M_S, Bank, SpeedFilter
 
 
 @pytest.mark.parametrize("file", [LONE_DESIGN, PAPER_DESIGN], ids=["wrcd", "paper"])

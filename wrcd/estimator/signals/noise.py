@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wrcd.estimator.bank import BoolArray
 from wrcd.estimator.design import CHANNELS, FloatArray
+from wrcd.estimator.paper.bank import BoolArray
 from wrcd.estimator.recursion import MAX_TICKS, exponential, smoothed
 
 Checkpoint = tuple[FloatArray, FloatArray]

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from wrcd.estimator.bank import BoolArray
-from wrcd.estimator.memory import (
+from wrcd.estimator.paper.bank import BoolArray
+from wrcd.estimator.trust.memory import (
     ABOVE,
     BELOW,
     HOLD_S,

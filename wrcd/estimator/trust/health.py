@@ -13,9 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wrcd.estimator.bank import BoolArray
 from wrcd.estimator.design import CHANNELS, COLUMNS, FloatArray, HealthModel, IntArray
-from wrcd.estimator.pair import BANDS, PairSums, Span, of_seconds
+from wrcd.estimator.paper.bank import BoolArray
+from wrcd.estimator.trust.pair import BANDS, PairSums, Span, of_seconds
 
 SPAN_TICKS = 48
 MIN_SHARE = 0.5  # of a span's ticks that an axle must have data in
