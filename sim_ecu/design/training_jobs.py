@@ -10,9 +10,9 @@ from typing import TypeVar
 
 import numpy as np
 
-from sim_ecu.design import health, recordings
+from sim_ecu.design import recordings
 from sim_ecu.design.cases import Group, Plan, Progress, draw
-from sim_ecu.design.health import LOOKING, Watched, watched
+from sim_ecu.design.pairs import LOOKING, Watched, watched
 from sim_ecu.design.recordings import SIMULATING, Recording, record_group
 from sim_ecu.jobs.job import Job, code
 from sim_ecu.jobs.pool import Workers
@@ -68,7 +68,7 @@ class PairsJob:
             "wheelset": asdict(self.wheelset), "plan": asdict(self.plan), "design": self.design.checksum,
             "place": self.place,
         }  # fmt: skip
-        return Job("pairs", inputs).key(code(health.__name__))
+        return Job("pairs", inputs).key(code(watched.__module__))
 
 
 J = TypeVar("J", GroupJob, PairsJob)

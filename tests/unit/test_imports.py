@@ -29,6 +29,8 @@ DAEMONS_OWN_CODEC = {
 FORBIDDEN = {
     "wrcd": {"sim_ecu", "scipy", "filterpy", "skfuzzy", "numba", "matplotlib", "e2e", "pytest"},
     "wrcd/estimator": {"can", "cantools", "wrcd.bus", *OPERATING_SYSTEM},
+    "wrcd/estimator/paper": {"wrcd.estimator.signals", "wrcd.estimator.trust"},
+    "wrcd/estimator/signals": {"wrcd.estimator.trust"},
     "wrcd/core": {"can", "cantools", *OPERATING_SYSTEM},
     "wrcd/bus": {"time", "datetime", "wrcd.estimator"},
     "sim_ecu/physics": {"wrcd", "can", "cantools", "sim_ecu.play", "sim_ecu.design"},
