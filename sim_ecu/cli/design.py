@@ -53,8 +53,8 @@ def _make(args: argparse.Namespace) -> int:
     """Make a design file, and what a score compares it with. Deterministic for one set of library versions. Broken off
     and begun again, it simulates only what is missing."""
     from sim_ecu.design.brief import read_brief
-    from sim_ecu.design.pairs import plan_of
     from sim_ecu.design.make import bank, fitted, judging, with_placeholder_rules, write
+    from sim_ecu.design.pairs import plan_of
     from sim_ecu.design.training_jobs import pairs, recorded, remove_parts
     from sim_ecu.jobs.pool import local
     from sim_ecu.jobs.store import save

@@ -13,9 +13,9 @@ from scipy.signal import butter, ellip
 
 from sim_ecu.design.cases import Plan, Progress
 from sim_ecu.design.features import Features, Steps, features
+from sim_ecu.design.linear import Gains, Point, steady_state
 from sim_ecu.design.pairs import Watched, intervals
 from sim_ecu.design.pairs import fit as fit_health
-from sim_ecu.design.linear import Gains, Point, steady_state
 from sim_ecu.design.paper import PAPER_GRID, PAPER_POINTS, PASS, TORQUE_SETS, PaperRules, fit_paper, output_sets
 from sim_ecu.design.recordings import Recording
 from sim_ecu.design.rules import PAPER_POLYNOMIAL, RuleBase, fit, polynomial

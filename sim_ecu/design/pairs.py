@@ -14,7 +14,7 @@ from sim_ecu.physics.wheelset import Wheelset
 from wrcd.estimator.design import Design, HealthModel
 from wrcd.estimator.estimator import Estimator
 from wrcd.estimator.records import Estimate, EstimateDoubt, Ticks
-from wrcd.estimator.trust.health import CERTAIN, FEATURES, MIN_SHARE, MOST, SPAN_TICKS, Health, State, evidence
+from wrcd.estimator.trust.health import CERTAIN, FEATURES, MIN_SHARE, MOST, SPAN_TICKS, PairHealth, PairState, evidence
 from wrcd.estimator.trust.interval import Regime
 
 FloatArray = NDArray[np.float64]
@@ -26,9 +26,10 @@ LATE_S = (0.1, 0.3)
 NEXT_M = 2.5  # from a lone wheelset to the next one on its track
 # What is made of a sound pair, and the state that it then is in.
 BROKEN = {
-    "reversed": State.REVERSED, "gyro dead": State.GYRO_DEAD, "accel dead": State.ACCEL_DEAD,
-    "both dead": State.BOTH_DEAD, "other axle": State.OTHER_AXLE, "in g": State.WRONG_UNIT, "late": State.LATE,
-    "gyro dies": State.GYRO_DEAD, "accel dies": State.ACCEL_DEAD, "both die": State.BOTH_DEAD,
+    "reversed": PairState.REVERSED, "gyro dead": PairState.GYRO_DEAD, "accel dead": PairState.ACCEL_DEAD,
+    "both dead": PairState.BOTH_DEAD, "other axle": PairState.OTHER_AXLE, "in g": PairState.WRONG_UNIT,
+    "late": PairState.LATE, "gyro dies": PairState.GYRO_DEAD, "accel dies": PairState.ACCEL_DEAD,
+    "both die": PairState.BOTH_DEAD,
 }  # fmt: skip
 EACH = 3  # of these, of every condition
 # Partners: the other axle of the bogie, sound; the same, in the same state; an axle on another track; none.
@@ -55,7 +56,7 @@ def plan_of(plan: Plan) -> Plan:
     )  # fmt: skip
 
 
-class Watch(Health):
+class FeatureRecorder(PairHealth):
     """Keeps the features of every span."""
 
     seen: list[tuple[FloatArray, NDArray[np.bool_]]]
@@ -110,7 +111,7 @@ def watched(w: Wheelset, design: Design, plan: Plan, group: Group, place: int) -
     if KMH * group.speed_m_s > design.speeds_m_s[-1]:
         return first
     sound = [lane for lane in lanes if not lane.state.any()][:: len(PARTNERS)]
-    wrong = [replace(lane, state=np.full_like(lane.state, State.WRONG_UNIT)) for lane in sound]
+    wrong = [replace(lane, state=np.full_like(lane.state, PairState.WRONG_UNIT)) for lane in sound]
     second = _watched(design, wrong, KMH * r.speed_m_s, r.mu_pct)
     return replace(
         first, features=np.concatenate((first.features, second.features), axis=1),
@@ -135,8 +136,8 @@ def _lanes(d: Design, r: Recording, z: FloatArray, noise: FloatArray, rng: np.ra
         alike = partner == "alike" or (name == "other axle" and partner == "sound")  # wires are swapped in pairs
         pair = _broken(name, z, noise, i, begins, seed)
         other = _broken(name, z, noise, beside, begins, seed) if alike else z[:, :, beside]
-        state = np.full(ticks, BROKEN.get(name, State.SOUND), np.int8)
-        state[: begins + 2 * SPAN_TICKS if begins else 0] = State.SOUND
+        state = np.full(ticks, BROKEN.get(name, PairState.SOUND), np.int8)
+        state[: begins + 2 * SPAN_TICKS if begins else 0] = PairState.SOUND
         state[begins : begins + SPAN_TICKS if begins else 0] = -1
         out.append(Lane(np.stack((pair, other), axis=2), ratio[:, [i, beside]], state, PARTNERS.index(partner)))
     return out
@@ -146,7 +147,7 @@ def _watched(d: Design, lanes: Sequence[Lane], speed_m_s: FloatArray, mu_pct: ND
     z = np.concatenate([lane.z for lane in lanes], axis=2)
     there = np.array([(True, PARTNERS[lane.partner] != "none") for lane in lanes]).reshape(-1)
     estimator = Estimator(replace(d, health=None, interval=None), z.shape[2])
-    watch = Watch(None, d.noise_rms, d.tick_s, z.shape[2])
+    watch = FeatureRecorder(None, d.noise_rms, d.tick_s, z.shape[2])
     watch.seen = []
     estimator.health = watch
     ends = np.arange(SPAN_TICKS - 1, len(z), SPAN_TICKS)
@@ -244,18 +245,19 @@ def fit(parts: Sequence[Watched]) -> dict[str, Any]:
         random_state=0, tol=0.0,
     )  # fmt: skip
     net.fit(z, y)
-    found, counts = net.classes_.astype(np.int64), np.bincount(y, minlength=len(State)) / len(y)
-    out, bias = np.zeros((HIDDEN, len(State))), np.full(len(State), -CERTAIN)  # a state that never came is not found
+    states = len(PairState)
+    found, counts = net.classes_.astype(np.int64), np.bincount(y, minlength=states) / len(y)
+    out, bias = np.zeros((HIDDEN, states)), np.full(states, -CERTAIN)  # a state that never came is not found
     out[:, found], bias[found] = net.coefs_[1], net.intercepts_[1] - np.log(counts[found])
-    prior = np.full(len(State), PRIOR)
-    prior[State.SOUND] = 1.0 - PRIOR * (len(State) - 1)
+    prior = np.full(states, PRIOR)
+    prior[PairState.SOUND] = 1.0 - PRIOR * (states - 1)
     model = HealthModel(
-        middle, scale, net.coefs_[0], net.intercepts_[0], out, bias, np.zeros(len(State)), np.log(prior / prior[0]),
+        middle, scale, net.coefs_[0], net.intercepts_[0], out, bias, np.zeros(states), np.log(prior / prior[0]),
         KEPT, HAZARD,
     )  # fmt: skip
     temper = tempers(model, others)
     return {
-        "states": [s.words for s in State], "middle": middle, "scale": scale, "hidden": model.hidden,
+        "states": [s.words for s in PairState], "middle": middle, "scale": scale, "hidden": model.hidden,
         "hidden_bias": model.hidden_bias, "out": out, "out_bias": bias, "temper": temper, "prior": prior, "kept": KEPT,
         "hazard": HAZARD, "spans": len(y), "loss": float(net.loss_),
     }  # fmt: skip
@@ -263,7 +265,7 @@ def fit(parts: Sequence[Watched]) -> dict[str, Any]:
 
 def _chosen(p: Watched, rng: np.random.Generator) -> tuple[NDArray[np.float32], NDArray[np.int8]]:
     """Spans to learn from: one differs little from the next."""
-    keep = (p.state >= 0) & (rng.random(p.state.shape) < np.where(p.state == State.SOUND, KEEP_SOUND, KEEP))
+    keep = (p.state >= 0) & (rng.random(p.state.shape) < np.where(p.state == PairState.SOUND, KEEP_SOUND, KEEP))
     return p.features[keep].astype(np.float32), p.state[keep]
 
 
@@ -272,11 +274,11 @@ def tempers(model: HealthModel, parts: Sequence[Watched]) -> FloatArray:
     spans, whatever their partner is."""
     sound = [np.flatnonzero((p.state <= 0).all(axis=0)) for p in parts]
     x = np.concatenate([p.features[:, s].astype(np.float64) for p, s in zip(parts, sound, strict=True)], axis=1)
-    counts = np.concatenate([p.state[:, s] == State.SOUND for p, s in zip(parts, sound, strict=True)], axis=1)
+    counts = np.concatenate([p.state[:, s] == PairState.SOUND for p, s in zip(parts, sound, strict=True)], axis=1)
     partner = np.concatenate([p.partner[s] for p, s in zip(parts, sound, strict=True)])
     spoken = np.stack([evidence(model, of) for of in x])
-    out = np.zeros(len(State))
-    for state in list(State)[1:]:
+    out = np.zeros(len(PairState))
+    for state in list(PairState)[1:]:
         for temper in TEMPERS:
             odds = np.full(spoken.shape[1], model.log_prior[state])
             accused = np.zeros(len(PARTNERS))

@@ -24,7 +24,7 @@ from wrcd.core.core import BACKWARD_STEP_US, FORWARD_STEP_US, Core
 from wrcd.estimator.design import CHANNELS, Design, FloatArray
 from wrcd.estimator.estimator import Estimator
 from wrcd.estimator.records import Estimate, StepResult, Ticks, one_tick
-from wrcd.estimator.trust.health import Health
+from wrcd.estimator.trust.health import PairHealth
 from wrcd.progress import Progress
 from wrcd.recorder.state import state_of
 
@@ -55,7 +55,7 @@ class Kept(Estimator):
         self._restarted = np.zeros((n, axles), dtype=bool)  # before the tick
         self._to_restart = np.zeros(axles, dtype=bool)
         # (tick, filters' states, health), the oldest first
-        self._snapshots: deque[tuple[int, FloatArray, Health]] = deque(maxlen=n // SNAPSHOT_TICKS + 1)
+        self._snapshots: deque[tuple[int, FloatArray, PairHealth]] = deque(maxlen=n // SNAPSHOT_TICKS + 1)
         self._ticks = 0
 
     def step(self, ticks: Ticks, first: int = 0) -> StepResult:

@@ -15,7 +15,7 @@ from wrcd.estimator.design import MODELS
 from wrcd.estimator.paper.fuzzy import MIN_FIRING
 from wrcd.estimator.records import Estimate, EstimateDoubt
 from wrcd.estimator.signals.gate import MAX_JUMP, Outliers
-from wrcd.estimator.trust.health import Health, State
+from wrcd.estimator.trust.health import PairHealth, PairState
 
 MAX_INPUTS = 2  # that a text names; of more the number
 
@@ -85,11 +85,11 @@ class Details:
         first = f"{self.name(YAW, axle)} or {self.name(LAT, axle)} stood out among its first samples"
         return ("; ".join(far) or first) + (f"; waits {wait_s:g} s" if wait_s else "")
 
-    def pair(self, axle: int, health: Health) -> str:
+    def pair(self, axle: int, health: PairHealth) -> str:
         """What speaks against gyro and accelerometer."""
         f = health.figures(axle)
         yaw, lat = self.name(YAW, axle), self.name(LAT, axle)
-        lead = f"{State(f.state).words} with {f.probability:.2f}, sound with {f.sound:.2f}"
+        lead = f"{PairState(f.state).words} with {f.probability:.2f}, sound with {f.sound:.2f}"
         levels = f"{yaw} is {f.yaw_rms:.1f}, {lat} {f.lat_rms:.1f} times the sensor's noise"
         return f"{lead}; {levels}; their correlation {f.low:.2f} below 1.5 Hz, {f.middle:.2f} in 3 to 10 Hz"
 

@@ -16,16 +16,16 @@ from wrcd.core.causes import Cause, Validity
 from wrcd.core.configuration import MAX_AXLES
 from wrcd.core.inputs import Inputs, TickInputs
 from wrcd.estimator.records import Estimate, EstimateDoubt
-from wrcd.estimator.trust.health import State
+from wrcd.estimator.trust.health import PairState
 
 OF_PAIR = {
-    State.BOTH_DEAD: Cause.SENSORS_SILENT,
-    State.REVERSED: Cause.GYRO_REVERSED,
-    State.OTHER_AXLE: Cause.SENSORS_UNRELATED,
-    State.LATE: Cause.SENSORS_UNRELATED,
-    State.ACCEL_DEAD: Cause.ACCEL_SMALL,
-    State.WRONG_UNIT: Cause.ACCEL_SMALL,
-    State.GYRO_DEAD: Cause.GYRO_DEAD,
+    PairState.BOTH_DEAD: Cause.SENSORS_SILENT,
+    PairState.REVERSED: Cause.GYRO_REVERSED,
+    PairState.OTHER_AXLE: Cause.SENSORS_UNRELATED,
+    PairState.LATE: Cause.SENSORS_UNRELATED,
+    PairState.ACCEL_DEAD: Cause.ACCEL_SMALL,
+    PairState.WRONG_UNIT: Cause.ACCEL_SMALL,
+    PairState.GYRO_DEAD: Cause.GYRO_DEAD,
 }
 OF_ESTIMATE = {
     EstimateDoubt.NO_RULE: Cause.NO_RULE,
@@ -155,14 +155,14 @@ class ValidityMonitor:
         return self._fresh_ticks[axle]
 
     def standing(self, axle: int, pair: int) -> Standing:
-        """Of an axle now, with the State of its pair of sensors: all that there is to say without its estimate."""
+        """Of an axle now, with the PairState of its pair of sensors: all that there is to say without its estimate."""
         if not self._window_full[axle]:
             return Standing(False, self._newest[axle] or self._begun[axle])
         if self._newest[axle]:
             return Standing(True, self._newest[axle])
         if self._sound_ticks[axle] < self._window:
             return Standing(True, self._unsound[axle])
-        return Standing(True, OF_PAIR[State(pair)] if pair else Cause.NONE)
+        return Standing(True, OF_PAIR[PairState(pair)] if pair else Cause.NONE)
 
 
 def verdict(standing: Standing, axle: int, estimate: Estimate | None) -> tuple[Validity, Cause]:

@@ -23,7 +23,7 @@ from wrcd.estimator.signals.gate import Gate, Outliers
 from wrcd.estimator.signals.joints import HOLD_TICKS, MAX_PULSE, Joints
 from wrcd.estimator.signals.noise import NoiseLevel, Offset
 from wrcd.estimator.trust.changes import ChangeDetector
-from wrcd.estimator.trust.health import SPAN_TICKS, Health
+from wrcd.estimator.trust.health import SPAN_TICKS, PairHealth
 from wrcd.estimator.trust.memory import STEP_TICKS, WORSE_STEPS, Remembered, remember
 
 OFFSET_WINDOWS = 2  # memory of the sensors' offsets, in windows
@@ -52,7 +52,7 @@ class Estimator:
     _delayed_live: BoolArray
     _delayed_clear: BoolArray
     started: BoolArray  # whether a measurement was used since the last reset
-    health: Health
+    health: PairHealth
     _memory: FloatArray  # (4, n) what is Remembered
     outliers: int = 0  # samples left out so far
 
@@ -68,7 +68,7 @@ class Estimator:
         self._lowpass = Sections(design.lowpass, 2 * MODELS, axles)
         self._window = Window(Lengths(design).longest, axles)
         self._changes, self._answers = ChangeDetector(design), Answers(design, axles)
-        self.health = Health(design.health, design.noise_rms, design.tick_s, axles)
+        self.health = PairHealth(design.health, design.noise_rms, design.tick_s, axles)
         self._grid = float(design.speeds_m_s[0]), float(design.speeds_m_s[-1])
         self._speed_m_s = self._grid[0]
         self._wrcd = design.form == "wrcd"

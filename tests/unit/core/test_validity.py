@@ -37,7 +37,7 @@ from wrcd.core.validity import (
 )
 from wrcd.estimator.answer import Draft
 from wrcd.estimator.records import Estimate, EstimateDoubt
-from wrcd.estimator.trust.health import State
+from wrcd.estimator.trust.health import PairState
 
 DEFAULT = load_config(None)
 
@@ -235,13 +235,13 @@ def test_doubtful_estimate_is_degraded_with_its_cause(doubt: EstimateDoubt, caus
     judge = ValidityMonitor(200, 4)
     for _ in range(200):
         judge.update(0, Cause.NONE)
-    assert verdict(judge.standing(0, State.SOUND), 0, estimate)[1] is cause
+    assert verdict(judge.standing(0, PairState.SOUND), 0, estimate)[1] is cause
     # what is wrong with the sensors comes first
     for pair, of_pair in OF_PAIR.items():
         assert verdict(judge.standing(0, pair), 0, estimate) == (Validity.DEGRADED, of_pair)
     judge.update(0, Cause.UNCHANGED)
-    assert verdict(judge.standing(0, State.BOTH_DEAD), 0, estimate) == (Validity.DEGRADED, Cause.UNCHANGED)
-    assert set(OF_PAIR) == set(State) - {State.SOUND}
+    assert verdict(judge.standing(0, PairState.BOTH_DEAD), 0, estimate) == (Validity.DEGRADED, Cause.UNCHANGED)
+    assert set(OF_PAIR) == set(PairState) - {PairState.SOUND}
     assert set(OF_ESTIMATE) == set(EstimateDoubt) - {EstimateDoubt.NONE}
 
 

@@ -18,7 +18,7 @@ from sim_ecu.physics.wheelset import Wheelset
 from sim_ecu.play.encoder import Channel, Sent
 from sim_ecu.play.scenario import Course
 from wrcd.config.config import load_packaged
-from wrcd.estimator.trust.health import State
+from wrcd.estimator.trust.health import PairState
 from wrcd.resources import LONE
 
 LAWS = ["thresholds", "creep"]
@@ -180,8 +180,8 @@ def test_sound_pair_of_a_slow_stop_on_low_rail_is_not_called_reversed() -> None:
     low, daemon = case.scenario(0), load_packaged(1, design=LONE)
     run = Lockstep(low, make_controller("thresholds", Facts.of(low), daemon), daemon)
     assert run.core is not None
-    states = {State(run.core.estimator.health.state[0]) for _ in run}
-    assert State.REVERSED not in states
+    states = {PairState(run.core.estimator.health.state[0]) for _ in run}
+    assert PairState.REVERSED not in states
 
 
 def watched(speeds: Sequence[float], seconds: float) -> tuple[ProtectionWatch, list[list[float]], list[str]]:

@@ -30,7 +30,7 @@ MIN_RATIO, MIN_SPEED_M_S = 0.003, 1.0
 FEATURES = (1 + len(SECONDS)) * (BANDS * CHANNELS + BANDS + 2 * CHANNELS) + len(SECONDS) * 4 * BANDS + 2 + COLUMNS
 
 
-class State(IntEnum):
+class PairState(IntEnum):
     """What a pair may be."""
 
     SOUND = 0
@@ -65,7 +65,7 @@ class HealthFigures(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Rows:
+class PairMeans:
     """Means of one pair's signals over a span or longer (…, n): powers (BANDS, 2, n) of the bands, products (BANDS, n)
     of the two; of_partner (4, BANDS, n): gyro with gyro, accelerometer with accelerometer, gyro with the partner's
     accelerometer, accelerometer with its gyro; partner (BANDS, 2, n) its powers. All 0 where there is no partner."""
@@ -83,18 +83,18 @@ class Rows:
         return np.concatenate([getattr(self, name).reshape(-1, n) for name in self.__dataclass_fields__])
 
 
-def split(rows: FloatArray) -> Rows:
-    """What Rows.joined() gave."""
+def split(rows: FloatArray) -> PairMeans:
+    """What PairMeans.joined() gave."""
     n = rows.shape[1]
     parts = np.split(rows, np.cumsum([BANDS * CHANNELS, BANDS, CHANNELS, CHANNELS, 4 * BANDS]))
     shapes = (BANDS, CHANNELS, n), (BANDS, n), (CHANNELS, n), (CHANNELS, n), (4, BANDS, n), (BANDS, CHANNELS, n)
-    return Rows(*(part.reshape(shape) for part, shape in zip(parts, shapes, strict=True)))
+    return PairMeans(*(part.reshape(shape) for part, shape in zip(parts, shapes, strict=True)))
 
 
 ROWS = BANDS * CHANNELS + BANDS + 2 * CHANNELS + 4 * BANDS + BANDS * CHANNELS
 
 
-def rows_of(span: Span, known: BoolArray) -> Rows:
+def rows_of(span: Span, known: BoolArray) -> PairMeans:
     """Of every pair with its partner's; known (n,): which pairs have one that counts."""
     n = len(known)
     bogie, own = np.divmod(np.arange(n), 2)
@@ -103,7 +103,7 @@ def rows_of(span: Span, known: BoolArray) -> Rows:
     def product(channel: int, place: IntArray, other: int, beside: IntArray) -> FloatArray:
         return np.asarray(span.together[:, bogie, channel, place, other, beside])
 
-    return Rows(
+    return PairMeans(
         power=np.stack([product(c, own, c, own) for c in (YAW, LAT)], axis=1),
         cross=product(YAW, own, LAT, own),
         fine=span.fine,
@@ -113,7 +113,7 @@ def rows_of(span: Span, known: BoolArray) -> Rows:
     )
 
 
-def _own(r: Rows) -> FloatArray:
+def _own(r: PairMeans) -> FloatArray:
     """(OWN, n): log powers, correlations, log powers of noise and of all."""
     power = r.power + FLOOR
     plain = np.log10(np.maximum(np.concatenate((r.fine, r.variance)), 0.0) + FLOOR)
@@ -121,7 +121,7 @@ def _own(r: Rows) -> FloatArray:
     return np.concatenate((np.log10(power).reshape(-1, r.cross.shape[1]), correlation, plain))
 
 
-def _with_partner(r: Rows) -> FloatArray:
+def _with_partner(r: PairMeans) -> FloatArray:
     """(4 BANDS, n): correlations with the partner's signals; 0 where there is none."""
     own, their = r.power + FLOOR, r.partner + FLOOR
     mine = own[:, [c for c, _ in ACROSS]].swapaxes(0, 1)
@@ -129,7 +129,9 @@ def _with_partner(r: Rows) -> FloatArray:
     return np.asarray((r.of_partner / np.sqrt(mine * theirs)).reshape(-1, r.cross.shape[1]))
 
 
-def features(newest: Rows, means: list[Rows], speed_m_s: float, ratio: FloatArray, inputs: FloatArray) -> FloatArray:
+def features(
+    newest: PairMeans, means: list[PairMeans], speed_m_s: float, ratio: FloatArray, inputs: FloatArray
+) -> FloatArray:
     """(n, FEATURES): of the newest span, of the running means, and what the rules were given (n, COLUMNS)."""
     n = len(ratio)
     parts = [_own(newest)]
@@ -141,7 +143,7 @@ def features(newest: Rows, means: list[Rows], speed_m_s: float, ratio: FloatArra
 
 
 @dataclass(init=False, repr=False, eq=False)
-class Health:
+class PairHealth:
     """Sums up what each pair says, and keeps the log odds of each state over a sound pair.
 
     They stay as they are while an axle has no data: what is known of the wires holds across gaps and standstills.
@@ -173,9 +175,9 @@ class Health:
 
     @property
     def state(self) -> IntArray:
-        """(n,): the State that leads where a pair is not more likely sound than not."""
+        """(n,): the PairState that leads where a pair is not more likely sound than not."""
         p = self.probabilities()
-        return np.where(p[:, State.SOUND] < 0.5, p[:, 1:].argmax(axis=1) + 1, State.SOUND)
+        return np.where(p[:, PairState.SOUND] < 0.5, p[:, 1:].argmax(axis=1) + 1, PairState.SOUND)
 
     def look(self, speed_m_s: float, ratio: FloatArray, inputs: FloatArray) -> None:
         """At a span's end, at a speed: torque ratio of the moment (n,), and what the rules were given (n, COLUMNS)."""
@@ -190,7 +192,7 @@ class Health:
     ) -> FloatArray:
         """(n, FEATURES), with the span in the running means of the axles that are known. A partner counts that has data
         and is not doubted itself."""
-        sound = self.probabilities()[:, State.SOUND] >= 0.5
+        sound = self.probabilities()[:, PairState.SOUND] >= 0.5
         counts = (known & sound)[self._partner] & ~self._alone
         newest = rows_of(span, counts)
         kept = np.where(known, self._kept, 1.0)
@@ -206,7 +208,7 @@ class Health:
         yaw, lat = np.sqrt(np.maximum(newest.variance[:, 0], 0.0)).tolist()
         p = self.probabilities()[axle]
         lead = int(p[1:].argmax()) + 1
-        return HealthFigures(lead, float(p[lead]), float(p[State.SOUND]), float(r[0, 0]), float(r[1, 0]), yaw, lat)
+        return HealthFigures(lead, float(p[lead]), float(p[PairState.SOUND]), float(r[0, 0]), float(r[1, 0]), yaw, lat)
 
 
 def updated(model: HealthModel, log_odds: FloatArray, x: FloatArray) -> FloatArray:

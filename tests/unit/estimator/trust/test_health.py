@@ -9,20 +9,20 @@ import numpy as np
 import pytest
 
 from wrcd.estimator.design import COLUMNS, FloatArray, HealthModel
-from wrcd.estimator.trust.health import CERTAIN, FEATURES, SPAN_TICKS, Health, State, evidence, updated
+from wrcd.estimator.trust.health import CERTAIN, FEATURES, SPAN_TICKS, PairHealth, PairState, evidence, updated
 
 TICK_S = 0.005
 NOISE = np.array([3e-4, 0.01])
-STATES = len(State)
+STATES = len(PairState)
 CORRELATION = 6  # the newest span's, below 1.5 Hz: after six powers
 
 
 def model(kept: float = 0.9, hazard: float = 0.0) -> HealthModel:
     """Two signals against each other speak for a reversed one, as much as those with each other against it."""
     hidden, out = np.zeros((FEATURES, 1)), np.zeros((1, STATES))
-    hidden[CORRELATION], out[0, State.REVERSED] = 1.0, -2.0
+    hidden[CORRELATION], out[0, PairState.REVERSED] = 1.0, -2.0
     prior = np.full(STATES, 1e-3)
-    prior[State.SOUND] = 1.0 - 7e-3
+    prior[PairState.SOUND] = 1.0 - 7e-3
     return HealthModel(
         middle=np.zeros(FEATURES), scale=np.ones(FEATURES), hidden=hidden, hidden_bias=np.zeros(1), out=out,
         out_bias=np.zeros(STATES), temper=np.ones(STATES), log_prior=np.log(prior / prior[0]), kept=kept, hazard=hazard,
@@ -37,7 +37,7 @@ def signals(ticks: int, sign: float, seed: int = 1) -> FloatArray:
     return np.asarray(NOISE[:, None] * (noise + slow[:, None, None] * np.array([[1.0], [sign]])))
 
 
-def looked(health: Health, z: FloatArray, used: list[bool]) -> Health:
+def looked(health: PairHealth, z: FloatArray, used: list[bool]) -> PairHealth:
     n = z.shape[2]
     for k, row in enumerate(z, 1):
         health.pairs.step(row, np.array(used))
@@ -46,24 +46,24 @@ def looked(health: Health, z: FloatArray, used: list[bool]) -> Health:
     return health
 
 
-def one() -> Health:
-    return Health(model(), NOISE, TICK_S, 1)
+def one() -> PairHealth:
+    return PairHealth(model(), NOISE, TICK_S, 1)
 
 
 def test_pair_is_what_leads_when_it_is_not_more_likely_sound() -> None:
-    assert one().state.tolist() == [State.SOUND]
-    assert looked(one(), signals(2400, 1.0), [True]).state.tolist() == [State.SOUND]
+    assert one().state.tolist() == [PairState.SOUND]
+    assert looked(one(), signals(2400, 1.0), [True]).state.tolist() == [PairState.SOUND]
     wrong = looked(one(), signals(2400, -1.0), [True])
-    assert wrong.state.tolist() == [State.REVERSED]
+    assert wrong.state.tolist() == [PairState.REVERSED]
     f = wrong.figures(0)
-    assert (f.state, f.low < -0.9, f.probability > 0.5, f.sound < 0.5) == (State.REVERSED, True, True, True)
+    assert (f.state, f.low < -0.9, f.probability > 0.5, f.sound < 0.5) == (PairState.REVERSED, True, True, True)
     assert f.yaw_rms > 2.0
 
 
 def test_without_evidence_the_odds_go_back_to_the_prior_and_no_further() -> None:
     m = model(kept=0.9)
     odds = np.full((1, STATES), 5.0)
-    odds[0, State.SOUND] = 0.0
+    odds[0, PairState.SOUND] = 0.0
     for _ in range(10):
         odds = updated(m, odds, np.zeros((1, FEATURES)))
     expected = m.log_prior + 0.9**10 * (np.r_[0.0, np.full(7, 5.0)] - m.log_prior)
@@ -77,7 +77,7 @@ def test_no_evidence_makes_a_state_so_certain_that_it_never_ends() -> None:
     odds = m.log_prior[None]
     for _ in range(100):
         odds = updated(m, odds, x)
-    assert odds[0, State.REVERSED] == CERTAIN
+    assert odds[0, PairState.REVERSED] == CERTAIN
 
 
 def test_hazard_lets_a_state_begin_that_was_ruled_out() -> None:
@@ -108,13 +108,13 @@ def test_what_was_found_stays_while_there_is_no_data() -> None:
 def test_partner_counts_that_has_data_and_is_not_doubted(case: str) -> None:
     z = np.concatenate([signals(960, 1.0)] * (1 if case == "none" else 2), axis=2)
     n = z.shape[2]
-    health = Health(replace(model(kept=1.0), temper=np.zeros(STATES)), NOISE, TICK_S, n)
+    health = PairHealth(replace(model(kept=1.0), temper=np.zeros(STATES)), NOISE, TICK_S, n)
     if case == "doubted":
-        health.log_odds[1, State.LATE] = CERTAIN
+        health.log_odds[1, PairState.LATE] = CERTAIN
     looked(health, z, [True, case != "silent"][:n])
     of_partner = health._means[-1, 13:25, 0]
     assert of_partner.any() == (case == "sound")
 
 
 def test_without_a_model_no_pair_is_doubted() -> None:
-    assert looked(Health(None, NOISE, TICK_S, 1), signals(960, -1.0), [True]).state.tolist() == [State.SOUND]
+    assert looked(PairHealth(None, NOISE, TICK_S, 1), signals(960, -1.0), [True]).state.tolist() == [PairState.SOUND]
