@@ -73,7 +73,7 @@ def quietly(what: str, share: float) -> None:
 class _NoSums(PairSums):
     """Takes no input: what it would find out has no part in an estimate, and takes a third of the time."""
 
-    def step(self, z: FloatArray, used: NDArray[np.bool_]) -> None:
+    def step(self, z: FloatArray, used: NDArray[np.bool_], speed_m_s: float) -> None:
         """Learn nothing."""
 
     @property
@@ -81,14 +81,14 @@ class _NoSums(PairSums):
         """Nothing has to settle."""
         return np.ones(self._offset_ticks.shape, dtype=bool)
 
-    def step_settled(self, z: FloatArray, used: NDArray[np.bool_] | None) -> None:
+    def step_settled(self, z: FloatArray, used: NDArray[np.bool_] | None, speed_m_s: float) -> None:
         """Learn nothing."""
 
 
 def estimator_alone(design: Design, axles: int) -> Estimator:
     """The train's estimator without the judgement of whose sensors these are; the estimates are the same."""
     out = Estimator(replace(design, health=None), axles)
-    out.health.pairs = _NoSums(design.noise_rms, design.tick_s, axles)
+    out.health.pairs = _NoSums(design.noise_rms, design.tick_s, axles, design.wheelbase_m)
     return out
 
 

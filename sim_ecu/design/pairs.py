@@ -23,7 +23,6 @@ SOUND, DIES_FROM, DIES_TO = "sound", 0.3, 0.6  # shares of the recording in whic
 KMH = 3.6
 TICK_S = 0.005
 LATE_S = (0.1, 0.3)
-NEXT_M = 2.5  # from a lone wheelset to the next one on its track
 # What is made of a sound pair, and the state that it then is in.
 BROKEN = {
     "reversed": PairState.REVERSED, "gyro dead": PairState.GYRO_DEAD, "accel dead": PairState.ACCEL_DEAD,
@@ -95,8 +94,7 @@ class Lane:
 
 def watched(w: Wheelset, design: Design, plan: Plan, group: Group, place: int) -> Watched:
     """Simulate a group, both wheelsets of each bogie, break their sensors and look at them as the train does."""
-    apart_m = NEXT_M if w.bogie is None else w.bogie.wheelbase_m
-    ends = (False, apart_m), (w.bogie is not None, 0.0)
+    ends = (False, design.wheelbase_m), (w.bogie is not None, 0.0)
     both = tuple(replace(c, trailing=t, ahead_m=m) for c in group.conditions for t, m in ends)
     group = replace(group, conditions=both)
     rng = np.random.default_rng([plan.seed, 3, place])
@@ -147,7 +145,7 @@ def _watched(d: Design, lanes: Sequence[Lane], speed_m_s: FloatArray, mu_pct: ND
     z = np.concatenate([lane.z for lane in lanes], axis=2)
     there = np.array([(True, PARTNERS[lane.partner] != "none") for lane in lanes]).reshape(-1)
     estimator = Estimator(replace(d, health=None, interval=None), z.shape[2])
-    watch = FeatureRecorder(None, d.noise_rms, d.tick_s, z.shape[2])
+    watch = FeatureRecorder(None, d.noise_rms, d.tick_s, z.shape[2], d.wheelbase_m)
     watch.seen = []
     estimator.health = watch
     ends = np.arange(SPAN_TICKS - 1, len(z), SPAN_TICKS)

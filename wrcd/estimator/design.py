@@ -16,6 +16,7 @@ IntArray = NDArray[np.int64]
 
 FORMAT = "wrcd-design/3"
 MODELS = 4
+NEXT_WHEELSET_M, MIN_WHEELBASE_M, MAX_WHEELBASE_M = 2.5, 1.0, 6.0  # the first: where the design names no bogie
 REGIMES = 5  # of an interval's width, see interval.py
 STATES = 5  # psi, y', psi', y_t, y - y_t; then those of a bogie's frame, where the design holds the wheelset in one
 MAX_STATES = 16
@@ -129,6 +130,15 @@ class Design:
     def states(self) -> int:
         """States of each filter."""
         return int(self.Phi.shape[-1])
+
+    @property
+    def wheelbase_m(self) -> float:
+        """From one wheelset to the next on its track."""
+        bogie = self.wheelset.get("bogie")
+        half = bogie.get("semi_wheelbase_m") if isinstance(bogie, dict) else None
+        if not isinstance(half, int | float):
+            return NEXT_WHEELSET_M
+        return min(max(2.0 * half, MIN_WHEELBASE_M), MAX_WHEELBASE_M)
 
     @property
     def in_bogie(self) -> bool:

@@ -281,15 +281,15 @@ def test_pairs_are_summed_up_alike_at_once_and_tick_by_tick(idle: bool) -> None:
     z = tracks(3)[:1000].copy()
     used = np.array([True, not idle, True])
     z[:, :, ~used] = 0.0
-    fast, slow = PairSums(np.array(NOISE), 0.005, 3), PairSums(np.array(NOISE), 0.005, 3)
+    fast, slow = PairSums(np.array(NOISE), 0.005, 3, 2.5), PairSums(np.array(NOISE), 0.005, 3, 2.5)
     for row in z[:400]:
         for pairs in (fast, slow):
-            pairs.step(row, used)
+            pairs.step(row, used, 20.0)
     assert fast.settled[used].all()
     for part in steps(z[400:]):
-        fast.step_settled(z[400:][part], used if idle else None)
+        fast.step_settled(z[400:][part], used if idle else None, 20.0)
     for row in z[400:]:
-        slow.step(row, used)
+        slow.step(row, used, 20.0)
     assert_close(capture(fast), capture(slow))
     span, other = fast.take(), slow.take()
     for field in fields(span):
@@ -301,18 +301,18 @@ def test_reset_axle_beside_a_running_one_begins_as_a_new_one() -> None:
     """Whatever it said before: what is idle while blocks are stepped stays at rest."""
     z = white(2400, 2) + np.array([[0.3], [5.0]])
     used, both = np.array([True, False]), ALL_OF_TWO
-    old, new = PairSums(np.array(NOISE), 0.005, 2), PairSums(np.array(NOISE), 0.005, 2)
+    old, new = PairSums(np.array(NOISE), 0.005, 2, 2.5), PairSums(np.array(NOISE), 0.005, 2, 2.5)
     for row in z[:500]:
-        old.step(row, both)
-        new.step(row, used)
+        old.step(row, both, 20.0)
+        new.step(row, used, 20.0)
     old.reset(1)
     for part in steps(z[500:1300]):
         rows = np.where(used, z[500:1300][part], 0.0)
         for pairs in (old, new):
-            pairs.step_settled(rows, used)
+            pairs.step_settled(rows, used, 20.0)
     for row in z[1300:]:
-        old.step(row, both)
-        new.step(row, both)
+        old.step(row, both, 20.0)
+        new.step(row, both, 20.0)
     assert_close(capture(old), capture(new))
 
 

@@ -27,7 +27,8 @@ CERTAIN = 14.0  # log odds: no more than this is kept
 YAW, LAT = range(CHANNELS)
 ACROSS = ((YAW, YAW), (LAT, LAT), (YAW, LAT), (LAT, YAW))  # own signal, partner's
 MIN_RATIO, MIN_SPEED_M_S = 0.003, 1.0
-FEATURES = (1 + len(SECONDS)) * (BANDS * CHANNELS + BANDS + 2 * CHANNELS) + len(SECONDS) * 4 * BANDS + 2 + COLUMNS
+OWN = BANDS * CHANNELS + BANDS + 2 * CHANNELS
+FEATURES = OWN + len(SECONDS) * (OWN + 8 * BANDS + COLUMNS) + 2 + COLUMNS
 
 
 class PairState(IntEnum):
@@ -67,8 +68,9 @@ class HealthFigures(NamedTuple):
 @dataclass(frozen=True, slots=True)
 class PairMeans:
     """Means of one pair's signals over a span or longer (…, n): powers (BANDS, 2, n) of the bands, products (BANDS, n)
-    of the two; of_partner (4, BANDS, n): gyro with gyro, accelerometer with accelerometer, gyro with the partner's
-    accelerometer, accelerometer with its gyro; partner (BANDS, 2, n) its powers. All 0 where there is no partner."""
+    of the two; of_partner (2, 4, BANDS, n): gyro with gyro, accelerometer with accelerometer, gyro with the partner's
+    accelerometer, accelerometer with its gyro, the partner's a wheelbase ago, and the own ones; partner (BANDS, 2, n)
+    its powers. All 0 where there is no partner. inputs (COLUMNS, n): what the rules were given."""
 
     power: FloatArray
     cross: FloatArray
@@ -76,6 +78,7 @@ class PairMeans:
     variance: FloatArray
     of_partner: FloatArray
     partner: FloatArray
+    inputs: FloatArray
 
     def joined(self) -> FloatArray:
         """(rows, n)."""
@@ -86,16 +89,18 @@ class PairMeans:
 def split(rows: FloatArray) -> PairMeans:
     """What PairMeans.joined() gave."""
     n = rows.shape[1]
-    parts = np.split(rows, np.cumsum([BANDS * CHANNELS, BANDS, CHANNELS, CHANNELS, 4 * BANDS]))
-    shapes = (BANDS, CHANNELS, n), (BANDS, n), (CHANNELS, n), (CHANNELS, n), (4, BANDS, n), (BANDS, CHANNELS, n)
-    return PairMeans(*(part.reshape(shape) for part, shape in zip(parts, shapes, strict=True)))
+    parts = np.split(rows, np.cumsum([math.prod(shape) for shape in SHAPES]))
+    return PairMeans(*(part.reshape(*shape, n) for part, shape in zip(parts, SHAPES, strict=False)))
 
 
-ROWS = BANDS * CHANNELS + BANDS + 2 * CHANNELS + 4 * BANDS + BANDS * CHANNELS
+SHAPES = (
+    (BANDS, CHANNELS), (BANDS,), (CHANNELS,), (CHANNELS,), (2, 4, BANDS), (BANDS, CHANNELS), (COLUMNS,),
+)  # fmt: skip
+ROWS = sum(math.prod(shape) for shape in SHAPES)
 
 
-def rows_of(span: Span, known: BoolArray) -> PairMeans:
-    """Of every pair with its partner's; known (n,): which pairs have one that counts."""
+def rows_of(span: Span, known: BoolArray, inputs: FloatArray) -> PairMeans:
+    """Of every pair with its partner's; known (n,): which pairs have one that counts; inputs (n, COLUMNS)."""
     n = len(known)
     bogie, own = np.divmod(np.arange(n), 2)
     their = 1 - own
@@ -103,13 +108,18 @@ def rows_of(span: Span, known: BoolArray) -> PairMeans:
     def product(channel: int, place: IntArray, other: int, beside: IntArray) -> FloatArray:
         return np.asarray(span.together[:, bogie, channel, place, other, beside])
 
+    across = [
+        [span.apart[:, bogie, c, own, d, their] for c, d in ACROSS],
+        [span.apart[:, bogie, d, their, c, own] for c, d in ACROSS],
+    ]
     return PairMeans(
         power=np.stack([product(c, own, c, own) for c in (YAW, LAT)], axis=1),
         cross=product(YAW, own, LAT, own),
         fine=span.fine,
         variance=span.variance,
-        of_partner=np.where(known, np.stack([product(c, own, d, their) for c, d in ACROSS]), 0.0),
+        of_partner=np.where(known, np.array(across), 0.0),
         partner=np.where(known, np.stack([product(c, their, c, their) for c in (YAW, LAT)], axis=1), 0.0),
+        inputs=np.where(np.isfinite(inputs), inputs, 0.0).T,
     )
 
 
@@ -122,24 +132,22 @@ def _own(r: PairMeans) -> FloatArray:
 
 
 def _with_partner(r: PairMeans) -> FloatArray:
-    """(4 BANDS, n): correlations with the partner's signals; 0 where there is none."""
+    """(8 BANDS, n): correlations with the partner's signals; 0 where there is none."""
     own, their = r.power + FLOOR, r.partner + FLOOR
     mine = own[:, [c for c, _ in ACROSS]].swapaxes(0, 1)
     theirs = their[:, [d for _, d in ACROSS]].swapaxes(0, 1)
     return np.asarray((r.of_partner / np.sqrt(mine * theirs)).reshape(-1, r.cross.shape[1]))
 
 
-def features(
-    newest: PairMeans, means: list[PairMeans], speed_m_s: float, ratio: FloatArray, inputs: FloatArray
-) -> FloatArray:
-    """(n, FEATURES): of the newest span, of the running means, and what the rules were given (n, COLUMNS)."""
+def features(newest: PairMeans, means: list[PairMeans], speed_m_s: float, ratio: FloatArray) -> FloatArray:
+    """(n, FEATURES): of the newest span and of the running means."""
     n = len(ratio)
     parts = [_own(newest)]
     for mean in means:
-        parts += [_own(mean), _with_partner(mean)]
+        parts += [_own(mean), _with_partner(mean), mean.inputs]
     speed = np.full((1, n), math.log10(max(speed_m_s, MIN_SPEED_M_S)))
     torque = np.log10(np.maximum(np.where(np.isfinite(ratio), ratio, 0.0), MIN_RATIO))[None]
-    return np.concatenate((*parts, speed, torque, np.where(np.isfinite(inputs), inputs, 0.0).T)).T
+    return np.concatenate((*parts, speed, torque, newest.inputs)).T
 
 
 @dataclass(init=False, repr=False, eq=False)
@@ -154,9 +162,11 @@ class PairHealth:
     _weights: FloatArray  # (SECONDS, n)
     log_odds: FloatArray  # (n, STATES)
 
-    def __init__(self, model: HealthModel | None, noise_rms: FloatArray, tick_s: float, axles: int) -> None:
+    def __init__(
+        self, model: HealthModel | None, noise_rms: FloatArray, tick_s: float, axles: int, wheelbase_m: float
+    ) -> None:
         self._model = model
-        self.pairs = PairSums(noise_rms, tick_s, axles)
+        self.pairs = PairSums(noise_rms, tick_s, axles, wheelbase_m)
         self._kept = 1.0 - of_seconds(SECONDS, SPAN_TICKS * tick_s)[:, None]
         partner = np.arange(axles) ^ 1  # the other axle of a bogie
         self._alone = partner >= axles
@@ -194,12 +204,12 @@ class PairHealth:
         and is not doubted itself."""
         sound = self.probabilities()[:, PairState.SOUND] >= 0.5
         counts = (known & sound)[self._partner] & ~self._alone
-        newest = rows_of(span, counts)
+        newest = rows_of(span, counts, inputs)
         kept = np.where(known, self._kept, 1.0)
         self._weights = kept * self._weights + (1.0 - kept)
         self._means = kept[:, None] * self._means + (1.0 - kept)[:, None] * newest.joined()
         means = self._means / np.maximum(self._weights, 1e-9)[:, None]
-        return features(newest, [split(m) for m in means], speed_m_s, ratio, inputs)
+        return features(newest, [split(m) for m in means], speed_m_s, ratio)
 
     def figures(self, axle: int) -> HealthFigures:
         """What an axle's state was found by."""

@@ -14,6 +14,8 @@ BANDS_HZ = ((0.0, 1.5), (3.0, 10.0), (10.0, 25.0))
 BANDS = len(BANDS_HZ)
 OFFSET_S = 2.0  # memory of the running mean that is taken off
 FOURTH_DIFFERENCE = (1.0, -4.0, 6.0, -4.0, 1.0)
+SLOWEST_M_S = 3.0  # slower, a wheelbase takes longer than is kept
+MOST_TICKS = 16  # that are added at once
 MAX_NOISE_RATIO = 1e6  # times the noise: what is further off does not count for more
 
 
@@ -78,12 +80,14 @@ def _band_pass(low_hz: float, high_hz: float, tick_s: float) -> tuple[FloatArray
 class Span:
     """Means over a span, in units of the design's sensor noise through the same filter. ticks (n,) with data.
 
-    together (BANDS, bogies, 2, 2, 2, 2): products of any two signals of a bogie, each by channel and axle; fine (2, n):
-    power of the fourth differences, above 50 Hz, where there is little but the sensor's noise; variance (2, n) of all.
+    together (BANDS, bogies, 2, 2, 2, 2): products of any two signals of a bogie, each by channel and axle; apart: the
+    same of a signal with what another one was when the train was a wheelbase further back. fine (2, n): power of the
+    fourth differences, above 50 Hz, where there is little but the sensor's noise; variance (2, n) of all.
     """
 
     ticks: FloatArray
     together: FloatArray
+    apart: FloatArray
     fine: FloatArray
     variance: FloatArray
 
@@ -92,17 +96,23 @@ class Span:
 class PairSums:
     """Takes the raw measurements of all axles tick by tick. A signal's running mean is taken off.
 
-    Axles 1 and 2, 3 and 4 … are a bogie's; the last of an odd number is alone in its own.
+    Axles 1 and 2, 3 and 4 … are a bogie's; the last of an odd number is alone in its own. Which one leads is not known.
     """
 
     _filters: Filters
+    _past: FloatArray  # (…, BANDS, bogies, 4) the bands' newest ticks, a ring
+    _at: int
     _mean: FloatArray
     _offset_ticks: FloatArray  # that the mean is of
-    _together: FloatArray
+    _products: FloatArray  # (2, BANDS, bogies, 4, 4): together, apart
     _plain: FloatArray  # (3, 2, n): fine, sum, square
     _ticks: FloatArray
 
-    def __init__(self, noise_rms: FloatArray, tick_s: float, axles: int) -> None:
+    def __init__(self, noise_rms: FloatArray, tick_s: float, axles: int, wheelbase_m: float) -> None:
+        self._wheelbase_ticks = wheelbase_m / tick_s  # at 1 m/s
+        self._longest = round(self._wheelbase_ticks / SLOWEST_M_S)
+        self._past = np.zeros((self._longest + MOST_TICKS, BANDS, (axles + 1) // 2, 2 * CHANNELS))
+        self._at = 0
         self._unit: FloatArray = noise_rms[:, None]
         self._max_offset_ticks = OFFSET_S / tick_s
         self._smoothing = exponential(1.0 / self._max_offset_ticks)
@@ -112,7 +122,7 @@ class PairSums:
         self._begin(axles)
 
     def _begin(self, axles: int) -> None:
-        self._together = np.zeros((BANDS, (axles + 1) // 2, 2 * CHANNELS, 2 * CHANNELS))
+        self._products = np.zeros((2, BANDS, (axles + 1) // 2, 2 * CHANNELS, 2 * CHANNELS))
         self._plain = np.zeros((3, CHANNELS, axles))
         self._ticks = np.zeros(axles)
 
@@ -121,8 +131,9 @@ class PairSums:
         bogie, place = divmod(axle, 2)
         self._filters.reset(axle)
         self._mean[:, axle] = self._offset_ticks[axle] = 0.0
-        self._together[:, bogie, place::2] = 0.0
-        self._together[:, bogie, :, place::2] = 0.0
+        self._products[:, :, bogie, place::2] = 0.0
+        self._products[:, :, bogie, :, place::2] = 0.0
+        self._past[:, :, bogie, place::2] = 0.0
         self._plain[:, :, axle] = self._ticks[axle] = 0.0
 
     @property
@@ -130,29 +141,34 @@ class PairSums:
         """(n,): which axles' mean is of the last seconds only."""
         return np.asarray(self._offset_ticks >= self._max_offset_ticks)
 
-    def step(self, z: FloatArray, used: BoolArray) -> None:
+    def step(self, z: FloatArray, used: BoolArray, speed_m_s: float) -> None:
         """One tick z (2, n), of the axles (n,) whose measurements are used."""
         x = np.where(used, np.clip(z / self._unit, -MAX_NOISE_RATIO, MAX_NOISE_RATIO), 0.0)
         self._offset_ticks = np.minimum(self._offset_ticks + used, self._max_offset_ticks)
         self._mean = self._mean + np.where(used, (x - self._mean) / np.maximum(self._offset_ticks, 1.0), 0.0)
         mask = None if used.all() else used
         x = x - self._mean
-        self._add(x[None], self._filters.step(x[None], mask), mask)
+        self._add(x[None], self._filters.step(x[None], mask), mask, speed_m_s)
 
-    def step_settled(self, z: FloatArray, used: BoolArray | None) -> None:
+    def step_settled(self, z: FloatArray, used: BoolArray | None, speed_m_s: float) -> None:
         """m ticks z (m, 2, n) of axles that are settled; used (n,) where not all of them have data."""
         x = np.minimum(np.maximum(z / self._unit, -MAX_NOISE_RATIO), MAX_NOISE_RATIO)
         mean = smoothed(self._smoothing, self._mean, x)
         self._mean = mean[-1].copy()
         x -= mean[1:]
-        self._add(x, self._filters.step(x), used)
+        self._add(x, self._filters.step(x), used, speed_m_s)
 
-    def _add(self, x: FloatArray, y: FloatArray, used: BoolArray | None) -> None:
+    def _add(self, x: FloatArray, y: FloatArray, used: BoolArray | None, speed_m_s: float) -> None:
         m = len(x)
         if used is not None:
             x, y = x * used, y * used
-        bands = _by_bogie(y[:, :BANDS]).reshape(m, BANDS, -1, 2 * CHANNELS).transpose(1, 2, 3, 0)
-        self._together = self._together + bands @ bands.swapaxes(2, 3)
+        later = min(round(self._wheelbase_ticks / max(abs(speed_m_s), SLOWEST_M_S)), self._longest)
+        now = self._at + np.arange(m)
+        bands = _by_bogie(y[:, :BANDS]).reshape(m, BANDS, -1, 2 * CHANNELS)
+        self._past[now % len(self._past)] = bands
+        both = np.array((bands, self._past[(now - later) % len(self._past)])).transpose(0, 2, 3, 1, 4)
+        self._products = self._products + both[0].swapaxes(2, 3) @ both
+        self._at = (self._at + m) % len(self._past)
         fine = y[:, BANDS]
         self._plain = self._plain + np.array([np.add.reduce(a, axis=0) for a in (fine * fine, x, x * x)])
         self._ticks = self._ticks + (float(m) if used is None else float(m) * used)
@@ -164,8 +180,9 @@ class PairSums:
         # of two axles what both have data for; that is hardly ever less than either has
         both = np.sqrt(_by_bogie(np.broadcast_to(ticks, (CHANNELS, len(ticks)))))
         both = np.maximum(both.reshape(-1, 2 * CHANNELS), 1.0)
-        means = self._together / (both[:, :, None] * both[:, None, :])
-        out = Span(self._ticks, means.reshape(*means.shape[:2], 2, 2, 2, 2), fine, square - mean * mean)
+        means = self._products / (both[:, :, None] * both[:, None, :])
+        together, apart = means.reshape(*means.shape[:3], 2, 2, 2, 2)
+        out = Span(self._ticks, together, apart, fine, square - mean * mean)
         self._begin(len(ticks))
         return out
 

@@ -40,14 +40,14 @@ def signals(ticks: int, sign: float, seed: int = 1) -> FloatArray:
 def looked(health: PairHealth, z: FloatArray, used: list[bool]) -> PairHealth:
     n = z.shape[2]
     for k, row in enumerate(z, 1):
-        health.pairs.step(row, np.array(used))
+        health.pairs.step(row, np.array(used), 20.0)
         if k % SPAN_TICKS == 0:
             health.look(20.0, np.full(n, 0.05), np.zeros((n, COLUMNS)))
     return health
 
 
 def one() -> PairHealth:
-    return PairHealth(model(), NOISE, TICK_S, 1)
+    return PairHealth(model(), NOISE, TICK_S, 1, 2.5)
 
 
 def test_pair_is_what_leads_when_it_is_not_more_likely_sound() -> None:
@@ -99,7 +99,7 @@ def test_what_was_found_stays_while_there_is_no_data() -> None:
     np.testing.assert_array_equal(wrong.log_odds, before)
     few = signals(SPAN_TICKS, -1.0)
     for k, row in enumerate(few):
-        wrong.pairs.step(row, np.array([k < SPAN_TICKS // 3]))
+        wrong.pairs.step(row, np.array([k < SPAN_TICKS // 3]), 20.0)
     wrong.look(20.0, np.array([0.05]), np.zeros((1, COLUMNS)))
     np.testing.assert_array_equal(wrong.log_odds, before)
 
@@ -108,13 +108,15 @@ def test_what_was_found_stays_while_there_is_no_data() -> None:
 def test_partner_counts_that_has_data_and_is_not_doubted(case: str) -> None:
     z = np.concatenate([signals(960, 1.0)] * (1 if case == "none" else 2), axis=2)
     n = z.shape[2]
-    health = PairHealth(replace(model(kept=1.0), temper=np.zeros(STATES)), NOISE, TICK_S, n)
+    health = PairHealth(replace(model(kept=1.0), temper=np.zeros(STATES)), NOISE, TICK_S, n, 2.5)
     if case == "doubted":
         health.log_odds[1, PairState.LATE] = CERTAIN
     looked(health, z, [True, case != "silent"][:n])
-    of_partner = health._means[-1, 13:25, 0]
+    of_partner = health._means[-1, 13:37, 0]
     assert of_partner.any() == (case == "sound")
 
 
 def test_without_a_model_no_pair_is_doubted() -> None:
-    assert looked(PairHealth(None, NOISE, TICK_S, 1), signals(960, -1.0), [True]).state.tolist() == [PairState.SOUND]
+    assert looked(PairHealth(None, NOISE, TICK_S, 1, 2.5), signals(960, -1.0), [True]).state.tolist() == [
+        PairState.SOUND
+    ]

@@ -6,7 +6,7 @@ from scipy.signal import butter, lfilter
 
 from wrcd.estimator.trust.pair import BANDS, BANDS_HZ, FOURTH_DIFFERENCE, Filters, PairSums
 
-TICK_S = 0.005
+TICK_S, SPEED = 0.005, 25.0
 NOISE = np.array([3e-4, 0.01])
 
 
@@ -31,9 +31,9 @@ def test_span_has_powers_and_products_of_any_two_signals() -> None:
     z = NOISE[:, None] * rng.standard_normal((8000, 2, 2))
     z[:, 0, 0] += 3.0 * NOISE[0] * common
     z[:, 1, 1] -= 2.0 * NOISE[1] * common
-    pairs = PairSums(NOISE, TICK_S, 2)
+    pairs = PairSums(NOISE, TICK_S, 2, 2.5)
     for row in z:
-        pairs.step(row, np.array([True, True]))
+        pairs.step(row, np.array([True, True]), SPEED)
     span = pairs.take()
     assert span.ticks.tolist() == [8000.0, 8000.0]
     # gyro 1, gyro 2, accelerometer 1, accelerometer 2
@@ -48,10 +48,10 @@ def test_span_has_powers_and_products_of_any_two_signals() -> None:
 
 def test_axle_without_data_counts_for_nothing_and_disturbs_nobody() -> None:
     z = NOISE[:, None] * np.random.default_rng(3).standard_normal((1000, 2, 2))
-    both, alone = PairSums(NOISE, TICK_S, 2), PairSums(NOISE, TICK_S, 1)
+    both, alone = PairSums(NOISE, TICK_S, 2, 2.5), PairSums(NOISE, TICK_S, 1, 2.5)
     for row in z:
-        both.step(np.where([True, False], row, np.nan), np.array([True, False]))
-        alone.step(row[:, :1], np.array([True]))
+        both.step(np.where([True, False], row, np.nan), np.array([True, False]), SPEED)
+        alone.step(row[:, :1], np.array([True]), SPEED)
     a, b = both.take(), alone.take()
     assert a.ticks.tolist() == [1000.0, 0.0]
     np.testing.assert_allclose(a.together[..., 0, :, 0], b.together[..., 0, :, 0])
@@ -61,7 +61,29 @@ def test_axle_without_data_counts_for_nothing_and_disturbs_nobody() -> None:
 
 
 def test_any_number_is_taken() -> None:
-    pairs = PairSums(NOISE, TICK_S, 1)
+    pairs = PairSums(NOISE, TICK_S, 1, 2.5)
     for value in (1e300, -1e300, 0.0, 1e-300):
-        pairs.step(np.full((2, 1), value), np.array([True]))
+        pairs.step(np.full((2, 1), value), np.array([True]), SPEED)
     assert np.isfinite(pairs.take().together).all()
+
+
+def test_signals_of_two_axles_are_compared_a_wheelbase_apart_in_ticks_and_in_blocks() -> None:
+    later = round(2.5 / SPEED / TICK_S)
+    track = np.random.default_rng(4).standard_normal(6000 + later)
+    z = NOISE[:, None] * np.random.default_rng(5).standard_normal((6000, 2, 2))
+    z[:, 0, 0] += 3.0 * NOISE[0] * track[later:]
+    z[:, 1, 1] += 2.0 * NOISE[1] * track[:-later]  # the second axle comes there later
+    alone, blocks = PairSums(NOISE, TICK_S, 2, 2.5), PairSums(NOISE, TICK_S, 2, 2.5)
+    for row in z[:800]:
+        alone.step(row, np.array([True, True]), SPEED)
+        blocks.step(row, np.array([True, True]), SPEED)
+    for k in range(800, 6000, 4):
+        blocks.step_settled(z[k : k + 4], None, SPEED)
+        for row in z[k : k + 4]:
+            alone.step(row, np.array([True, True]), SPEED)
+    a, b = alone.take(), blocks.take()
+    # accelerometer of the second axle now, gyro of the first one a wheelbase ago
+    assert a.apart[2, 0, 1, 1, 0, 0] == pytest.approx(6.0, rel=0.15)
+    assert a.apart[2, 0, 0, 0, 1, 1] == pytest.approx(0.0, abs=0.6)
+    assert a.together[2, 0, 1, 1, 0, 0] == pytest.approx(0.0, abs=0.6)
+    np.testing.assert_allclose(a.apart, b.apart, rtol=1e-9, atol=1e-9)
