@@ -73,7 +73,7 @@ def quietly(what: str, share: float) -> None:
 class _NoSums(PairSums):
     """Takes no input: what it would find out has no part in an estimate, and takes a third of the time."""
 
-    def step(self, z: FloatArray, used: NDArray[np.bool_], speed_m_s: float) -> None:
+    def step(self, z: FloatArray, used: NDArray[np.bool_]) -> None:
         """Learn nothing."""
 
     @property
@@ -81,7 +81,7 @@ class _NoSums(PairSums):
         """Nothing has to settle."""
         return np.ones(self._offset_ticks.shape, dtype=bool)
 
-    def step_settled(self, z: FloatArray, used: NDArray[np.bool_] | None, speed_m_s: float) -> None:
+    def step_settled(self, z: FloatArray, used: NDArray[np.bool_] | None) -> None:
         """Learn nothing."""
 
 

@@ -62,7 +62,7 @@ class FeatureRecorder(PairHealth):
 
     def look(self, speed_m_s: float, ratio: FloatArray, inputs: FloatArray) -> None:
         """Keep them."""
-        span = self.pairs.take()
+        span = self.pairs.take(speed_m_s)
         known = span.ticks >= MIN_SHARE * SPAN_TICKS
         self.seen.append((self._features(span, known, speed_m_s, ratio, inputs).astype(np.float32), known))
 

@@ -161,7 +161,7 @@ class Estimator:
         self._speed_m_s = speeds[-1]
         self._noise.step_settled(z)
         idle = None if running.all() else ~running
-        self.health.pairs.step_settled(z, None if idle is None else running, speeds[-1])
+        self.health.pairs.step_settled(z, None if idle is None else running)
         yes = self._all[:m] if idle is None else self._all[:m] & running
         no = ~self._all[:m]
         in_window = yes & np.isfinite(ticks.torque_ratio[first:])
@@ -223,7 +223,7 @@ class Estimator:
         needs_reset = self._gate.learn(e, z[0], accepted & ~swings, outliers)
         needs_reset |= ~np.isfinite(self._bank.x).all(axis=(0, 1))
         self._noise.step(z, accepted & ~near)
-        self.health.pairs.step(z, accepted & ~near, speed)
+        self.health.pairs.step(z, accepted & ~near)
         self.started |= accepted
         # Keep the first innovation after a gap out of the window: it spans several ticks. A sensor slower than the
         # ticks, for which no gain here is made, therefore never gives an estimate.

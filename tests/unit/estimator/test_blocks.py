@@ -284,14 +284,14 @@ def test_pairs_are_summed_up_alike_at_once_and_tick_by_tick(idle: bool) -> None:
     fast, slow = PairSums(np.array(NOISE), 0.005, 3, 2.5), PairSums(np.array(NOISE), 0.005, 3, 2.5)
     for row in z[:400]:
         for pairs in (fast, slow):
-            pairs.step(row, used, 20.0)
+            pairs.step(row, used)
     assert fast.settled[used].all()
     for part in steps(z[400:]):
-        fast.step_settled(z[400:][part], used if idle else None, 20.0)
+        fast.step_settled(z[400:][part], used if idle else None)
     for row in z[400:]:
-        slow.step(row, used, 20.0)
+        slow.step(row, used)
     assert_close(capture(fast), capture(slow))
-    span, other = fast.take(), slow.take()
+    span, other = fast.take(20.0), slow.take(20.0)
     for field in fields(span):
         np.testing.assert_allclose(getattr(span, field.name), getattr(other, field.name), rtol=RTOL, atol=1e-9)
     assert span.ticks.tolist() == (1000.0 * used).tolist()
@@ -303,16 +303,16 @@ def test_reset_axle_beside_a_running_one_begins_as_a_new_one() -> None:
     used, both = np.array([True, False]), ALL_OF_TWO
     old, new = PairSums(np.array(NOISE), 0.005, 2, 2.5), PairSums(np.array(NOISE), 0.005, 2, 2.5)
     for row in z[:500]:
-        old.step(row, both, 20.0)
-        new.step(row, used, 20.0)
+        old.step(row, both)
+        new.step(row, used)
     old.reset(1)
     for part in steps(z[500:1300]):
         rows = np.where(used, z[500:1300][part], 0.0)
         for pairs in (old, new):
-            pairs.step_settled(rows, used, 20.0)
+            pairs.step_settled(rows, used)
     for row in z[1300:]:
-        old.step(row, both, 20.0)
-        new.step(row, both, 20.0)
+        old.step(row, both)
+        new.step(row, both)
     assert_close(capture(old), capture(new))
 
 

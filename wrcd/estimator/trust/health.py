@@ -191,7 +191,7 @@ class PairHealth:
 
     def look(self, speed_m_s: float, ratio: FloatArray, inputs: FloatArray) -> None:
         """At a span's end, at a speed: torque ratio of the moment (n,), and what the rules were given (n, COLUMNS)."""
-        span = self.pairs.take()
+        span = self.pairs.take(speed_m_s)
         known = span.ticks >= MIN_SHARE * SPAN_TICKS
         if self._model is not None and known.any():
             x = self._features(span, known, speed_m_s, ratio, inputs)

@@ -102,6 +102,7 @@ class PairSums:
     _filters: Filters
     _past: FloatArray  # (…, BANDS, bogies, 4) the bands' newest ticks, a ring
     _at: int
+    _later: int  # ticks for a wheelbase, at the last span's end
     _mean: FloatArray
     _offset_ticks: FloatArray  # that the mean is of
     _products: FloatArray  # (2, BANDS, bogies, 4, 4): together, apart
@@ -112,7 +113,7 @@ class PairSums:
         self._wheelbase_ticks = wheelbase_m / tick_s  # at 1 m/s
         self._longest = round(self._wheelbase_ticks / SLOWEST_M_S)
         self._past = np.zeros((self._longest + MOST_TICKS, BANDS, (axles + 1) // 2, 2 * CHANNELS))
-        self._at = 0
+        self._at, self._later = 0, self._longest
         self._unit: FloatArray = noise_rms[:, None]
         self._max_offset_ticks = OFFSET_S / tick_s
         self._smoothing = exponential(1.0 / self._max_offset_ticks)
@@ -141,40 +142,39 @@ class PairSums:
         """(n,): which axles' mean is of the last seconds only."""
         return np.asarray(self._offset_ticks >= self._max_offset_ticks)
 
-    def step(self, z: FloatArray, used: BoolArray, speed_m_s: float) -> None:
+    def step(self, z: FloatArray, used: BoolArray) -> None:
         """One tick z (2, n), of the axles (n,) whose measurements are used."""
         x = np.where(used, np.clip(z / self._unit, -MAX_NOISE_RATIO, MAX_NOISE_RATIO), 0.0)
         self._offset_ticks = np.minimum(self._offset_ticks + used, self._max_offset_ticks)
         self._mean = self._mean + np.where(used, (x - self._mean) / np.maximum(self._offset_ticks, 1.0), 0.0)
         mask = None if used.all() else used
         x = x - self._mean
-        self._add(x[None], self._filters.step(x[None], mask), mask, speed_m_s)
+        self._add(x[None], self._filters.step(x[None], mask), mask)
 
-    def step_settled(self, z: FloatArray, used: BoolArray | None, speed_m_s: float) -> None:
+    def step_settled(self, z: FloatArray, used: BoolArray | None) -> None:
         """m ticks z (m, 2, n) of axles that are settled; used (n,) where not all of them have data."""
         x = np.minimum(np.maximum(z / self._unit, -MAX_NOISE_RATIO), MAX_NOISE_RATIO)
         mean = smoothed(self._smoothing, self._mean, x)
         self._mean = mean[-1].copy()
         x -= mean[1:]
-        self._add(x, self._filters.step(x), used, speed_m_s)
+        self._add(x, self._filters.step(x), used)
 
-    def _add(self, x: FloatArray, y: FloatArray, used: BoolArray | None, speed_m_s: float) -> None:
+    def _add(self, x: FloatArray, y: FloatArray, used: BoolArray | None) -> None:
         m = len(x)
         if used is not None:
             x, y = x * used, y * used
-        later = min(round(self._wheelbase_ticks / max(abs(speed_m_s), SLOWEST_M_S)), self._longest)
         now = self._at + np.arange(m)
         bands = _by_bogie(y[:, :BANDS]).reshape(m, BANDS, -1, 2 * CHANNELS)
         self._past[now % len(self._past)] = bands
-        both = np.array((bands, self._past[(now - later) % len(self._past)])).transpose(0, 2, 3, 1, 4)
+        both = np.array((bands, self._past[(now - self._later) % len(self._past)])).transpose(0, 2, 3, 1, 4)
         self._products = self._products + both[0].swapaxes(2, 3) @ both
         self._at = (self._at + m) % len(self._past)
         fine = y[:, BANDS]
         self._plain = self._plain + np.array([np.add.reduce(a, axis=0) for a in (fine * fine, x, x * x)])
         self._ticks = self._ticks + (float(m) if used is None else float(m) * used)
 
-    def take(self) -> Span:
-        """What came since the last time. Means of an axle without data are 0."""
+    def take(self, speed_m_s: float) -> Span:
+        """What came since the last time. Means of an axle without data are 0. speed_m_s: of what comes next."""
         ticks = np.maximum(self._ticks, 1.0)
         fine, mean, square = self._plain / ticks
         # of two axles what both have data for; that is hardly ever less than either has
@@ -184,6 +184,7 @@ class PairSums:
         together, apart = means.reshape(*means.shape[:3], 2, 2, 2, 2)
         out = Span(self._ticks, together, apart, fine, square - mean * mean)
         self._begin(len(ticks))
+        self._later = min(round(self._wheelbase_ticks / max(abs(speed_m_s), SLOWEST_M_S)), self._longest)
         return out
 
 

@@ -40,7 +40,7 @@ def signals(ticks: int, sign: float, seed: int = 1) -> FloatArray:
 def looked(health: PairHealth, z: FloatArray, used: list[bool]) -> PairHealth:
     n = z.shape[2]
     for k, row in enumerate(z, 1):
-        health.pairs.step(row, np.array(used), 20.0)
+        health.pairs.step(row, np.array(used))
         if k % SPAN_TICKS == 0:
             health.look(20.0, np.full(n, 0.05), np.zeros((n, COLUMNS)))
     return health
@@ -99,7 +99,7 @@ def test_what_was_found_stays_while_there_is_no_data() -> None:
     np.testing.assert_array_equal(wrong.log_odds, before)
     few = signals(SPAN_TICKS, -1.0)
     for k, row in enumerate(few):
-        wrong.pairs.step(row, np.array([k < SPAN_TICKS // 3]), 20.0)
+        wrong.pairs.step(row, np.array([k < SPAN_TICKS // 3]))
     wrong.look(20.0, np.array([0.05]), np.zeros((1, COLUMNS)))
     np.testing.assert_array_equal(wrong.log_odds, before)
 

@@ -33,8 +33,8 @@ def test_span_has_powers_and_products_of_any_two_signals() -> None:
     z[:, 1, 1] -= 2.0 * NOISE[1] * common
     pairs = PairSums(NOISE, TICK_S, 2, 2.5)
     for row in z:
-        pairs.step(row, np.array([True, True]), SPEED)
-    span = pairs.take()
+        pairs.step(row, np.array([True, True]))
+    span = pairs.take(SPEED)
     assert span.ticks.tolist() == [8000.0, 8000.0]
     # gyro 1, gyro 2, accelerometer 1, accelerometer 2
     together = span.together[2, 0].reshape(4, 4)
@@ -43,16 +43,16 @@ def test_span_has_powers_and_products_of_any_two_signals() -> None:
     assert together[0, 1] == pytest.approx(0.0, abs=0.3)
     assert span.fine[:, 0] == pytest.approx([10.0, 1.0], rel=0.15)
     assert span.variance[:, 1] == pytest.approx([1.0, 5.0], rel=0.15)
-    assert pairs.take().ticks.tolist() == [0.0, 0.0]
+    assert pairs.take(SPEED).ticks.tolist() == [0.0, 0.0]
 
 
 def test_axle_without_data_counts_for_nothing_and_disturbs_nobody() -> None:
     z = NOISE[:, None] * np.random.default_rng(3).standard_normal((1000, 2, 2))
     both, alone = PairSums(NOISE, TICK_S, 2, 2.5), PairSums(NOISE, TICK_S, 1, 2.5)
     for row in z:
-        both.step(np.where([True, False], row, np.nan), np.array([True, False]), SPEED)
-        alone.step(row[:, :1], np.array([True]), SPEED)
-    a, b = both.take(), alone.take()
+        both.step(np.where([True, False], row, np.nan), np.array([True, False]))
+        alone.step(row[:, :1], np.array([True]))
+    a, b = both.take(SPEED), alone.take(SPEED)
     assert a.ticks.tolist() == [1000.0, 0.0]
     np.testing.assert_allclose(a.together[..., 0, :, 0], b.together[..., 0, :, 0])
     assert not a.together[..., 1, :, :].any()
@@ -63,8 +63,8 @@ def test_axle_without_data_counts_for_nothing_and_disturbs_nobody() -> None:
 def test_any_number_is_taken() -> None:
     pairs = PairSums(NOISE, TICK_S, 1, 2.5)
     for value in (1e300, -1e300, 0.0, 1e-300):
-        pairs.step(np.full((2, 1), value), np.array([True]), SPEED)
-    assert np.isfinite(pairs.take().together).all()
+        pairs.step(np.full((2, 1), value), np.array([True]))
+    assert np.isfinite(pairs.take(SPEED).together).all()
 
 
 def test_signals_of_two_axles_are_compared_a_wheelbase_apart_in_ticks_and_in_blocks() -> None:
@@ -74,14 +74,16 @@ def test_signals_of_two_axles_are_compared_a_wheelbase_apart_in_ticks_and_in_blo
     z[:, 0, 0] += 3.0 * NOISE[0] * track[later:]
     z[:, 1, 1] += 2.0 * NOISE[1] * track[:-later]  # the second axle comes there later
     alone, blocks = PairSums(NOISE, TICK_S, 2, 2.5), PairSums(NOISE, TICK_S, 2, 2.5)
+    for pairs in (alone, blocks):
+        pairs.take(SPEED)
     for row in z[:800]:
-        alone.step(row, np.array([True, True]), SPEED)
-        blocks.step(row, np.array([True, True]), SPEED)
+        alone.step(row, np.array([True, True]))
+        blocks.step(row, np.array([True, True]))
     for k in range(800, 6000, 4):
-        blocks.step_settled(z[k : k + 4], None, SPEED)
+        blocks.step_settled(z[k : k + 4], None)
         for row in z[k : k + 4]:
-            alone.step(row, np.array([True, True]), SPEED)
-    a, b = alone.take(), blocks.take()
+            alone.step(row, np.array([True, True]))
+    a, b = alone.take(SPEED), blocks.take(SPEED)
     # accelerometer of the second axle now, gyro of the first one a wheelbase ago
     assert a.apart[2, 0, 1, 1, 0, 0] == pytest.approx(6.0, rel=0.15)
     assert a.apart[2, 0, 0, 0, 1, 1] == pytest.approx(0.0, abs=0.6)
