@@ -42,9 +42,9 @@ class Cause(IntEnum):
     LOAD_BEYOND = 11, "the axle load is too far from the design's"
     RADIUS_BEYOND = 12, "the wheel radius is too far from the design's"
     # Degraded: the pair of sensors is not what it should be
-    SENSORS_SILENT = 13, "gyro and accelerometer say nothing but their own noise, or too little track to tell by"
+    SENSORS_SILENT = 13, "gyro and accelerometer say nothing but their own noise"
     GYRO_REVERSED = 14, "gyro and accelerometer are against each other: one is mounted the other way round"
-    SENSORS_UNRELATED = 15, "gyro and accelerometer do not feel the same track: of two axles, or one of them broken"
+    SENSORS_UNRELATED = 15, "gyro and accelerometer do not feel the same track: of two axles, or one of them late"
     ACCEL_SMALL = 16, "the accelerometer says too little for what the gyro says: broken, or its unit is wrong"
     GYRO_DEAD = 17, "the gyro says nothing but its own noise"
     # Degraded: the estimate speaks against itself

@@ -10,7 +10,7 @@ from wrcd.core.causes import Cause
 from wrcd.core.configuration import Config
 from wrcd.core.inputs import BRAKE, LAT, LOAD, QUANTITIES, RADIUS, SPEED, TORQUE, YAW, Inputs, TickInputs, rows_of
 from wrcd.core.validity import LOAD_SHARES, RADIUS_SHARES, ValidityMonitor
-from wrcd.estimator.answer import HARSH_SHARE, MIN_M, SILENT
+from wrcd.estimator.answer import HARSH_SHARE, MIN_M
 from wrcd.estimator.design import MODELS
 from wrcd.estimator.paper.fuzzy import MIN_FIRING
 from wrcd.estimator.records import Estimate, EstimateDoubt
@@ -89,15 +89,13 @@ class Details:
         """What speaks against gyro and accelerometer."""
         f = health.figures(axle)
         yaw, lat = self.name(YAW, axle), self.name(LAT, axle)
-        lead = f"{PairState(f.state).words} with {f.probability:.2f}, sound with {f.sound:.2f}"
+        lead = f"{PairState(f.state).words}: probability {f.probability:.2f}, of a sound pair {f.sound:.2f}"
         levels = f"{yaw} is {f.yaw_rms:.1f}, {lat} {f.lat_rms:.1f} times the sensor's noise"
         return f"{lead}; {levels}; their correlation {f.low:.2f} below 1.5 Hz, {f.middle:.2f} in 3 to 10 Hz"
 
     def estimate(self, cause: Cause, axle: int, e: Estimate) -> str:
         """What an estimate says against itself."""
         mu, window_s = float(e.mu_available_pct[axle]), float(e.window_s[axle])
-        if cause is Cause.SENSORS_SILENT:
-            return f"residuals are {e.excitation[axle]:.2f} times what the sensors' noise leaves, limit {SILENT:g}"
         if cause is Cause.HARSH:
             share = 100 * float(e.live_share[axle])
             return f"{share:.0f} % of {window_s:.2f} s are far from pulses, limit {100 * HARSH_SHARE:g} %"

@@ -31,7 +31,6 @@ OF_ESTIMATE = {
     EstimateDoubt.NO_RULE: Cause.NO_RULE,
     EstimateDoubt.BEYOND_TRAINING: Cause.BEYOND_TRAINING,
     EstimateDoubt.HARSH: Cause.HARSH,
-    EstimateDoubt.SILENT: Cause.SENSORS_SILENT,
     EstimateDoubt.SHORT: Cause.TOO_LITTLE_DATA,
     EstimateDoubt.GAPS: Cause.TOO_LITTLE_DATA,
 }

@@ -19,12 +19,11 @@ NEWEST_SHARE = 0.5  # of the newest part's half-width that the interval is made 
 # More in use than the rules say there is: beyond the interval, and by this share of what they say, one is wrong.
 CONTRADICTION_SHARE, CONTRADICTION_PP = 0.2, 0.3
 HARSH_SHARE = 0.4  # of the window that must hold data far from pulses
-SILENT, SILENT_S = 1.07, 0.4  # all four residuals below so many times the noise, over at least so long: no track
 MIN_M = 2.9  # the least way that a wheelset must have run to tell
 # The first that applies counts.
 _REASONS = np.array(
     [
-        EstimateDoubt.SILENT, EstimateDoubt.GAPS, EstimateDoubt.HARSH, EstimateDoubt.BEYOND_TRAINING,
+        EstimateDoubt.GAPS, EstimateDoubt.HARSH, EstimateDoubt.BEYOND_TRAINING,
         EstimateDoubt.NO_RULE, EstimateDoubt.SHORT, EstimateDoubt.NONE,
     ], dtype=np.int64
 )  # fmt: skip
@@ -152,8 +151,7 @@ class Answers:
             from_rules, spread = best.mu_from_rules_pct, best.spread
             mu = np.minimum(np.fmax(from_rules, used), 100.0)
             mu[np.isnan(from_rules)] = np.nan
-            doubt, loud = np.zeros(n, dtype=np.int64), np.full(n, np.nan)
-            goes_on = doubt
+            doubt = goes_on = np.zeros(n, dtype=np.int64)
         else:
             memory, recent = Remembered(*draft.memory), answers[1]
             inference, chosen = inference.take(slice(0, n)), chosen.take(slice(0, n))
@@ -172,8 +170,7 @@ class Answers:
             goes_on = regime(best.inputs[:, SWING], used / mu, cut, used >= d.saturated_share * mu)
             if d.interval is not None:
                 spread = spread * widening(d.interval, goes_on, draft.speed_m_s)
-            loud = self._rule_inputs.excitation(chosen, draft.floor)
-            spread, doubt = self._doubted(spread, mu, best, inference, chosen, loud, draft.speed_m_s)
+            spread, doubt = self._doubted(spread, best, inference, chosen, draft.speed_m_s)
         fits = (best.inputs[:, :MODELS] - self._low) / self._width
         unknown = np.isnan(fits)
         nearest = np.where(unknown, np.inf, fits).argmin(axis=1) + 1
@@ -195,7 +192,6 @@ class Answers:
             doubt=doubt,
             window_s=chosen.ticks * d.tick_s,
             mu_from_rules_pct=from_rules,
-            excitation=loud,
             live_share=chosen.live_share,
             regime=goes_on,
         )
@@ -243,11 +239,9 @@ class Answers:
     def _doubted(
         self,
         spread: FloatArray,
-        mu_pct: FloatArray,
         best: Answer,
         inference: Inference,
         s: Statistics,
-        loud: FloatArray,
         speed_m_s: FloatArray,
     ) -> tuple[FloatArray, IntArray]:
         """The spread, wider where few rules fire or the inputs are unusual; and what is too much of it, a doubt."""
@@ -259,12 +253,11 @@ class Answers:
         spread = spread * few * (1.0 + BEYOND_WIDER * far)
         seconds = s.ticks * d.tick_s
         applies = np.empty((len(_REASONS), len(spread)), dtype=bool)
-        applies[0] = (loud < SILENT) & (seconds >= SILENT_S)
         # of what is missing in the window, more was lost than is about pulses
-        np.less(s.live_share, HARSH_SHARE, out=applies[2])
-        applies[1] = applies[2] & (1.0 - s.heard_share > s.heard_share - s.live_share)
-        np.greater(far, d.beyond, out=applies[3])
-        np.equal(inference.rule, 0, out=applies[4])
-        np.less(seconds * speed_m_s, MIN_M, out=applies[5])
-        applies[6] = True
+        np.less(s.live_share, HARSH_SHARE, out=applies[1])
+        applies[0] = applies[1] & (1.0 - s.heard_share > s.heard_share - s.live_share)
+        np.greater(far, d.beyond, out=applies[2])
+        np.equal(inference.rule, 0, out=applies[3])
+        np.less(seconds * speed_m_s, MIN_M, out=applies[4])
+        applies[5] = True
         return spread, _REASONS[applies.argmax(axis=0)]

@@ -14,7 +14,7 @@ from wrcd.errors import InputError, NotThere
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-FORMAT = "wrcd-design/3"
+FORMAT = "wrcd-design/4"
 MODELS = 4
 NEXT_WHEELSET_M, MIN_WHEELBASE_M, MAX_WHEELBASE_M = 2.5, 1.0, 6.0  # the first: where the design names no bogie
 REGIMES = 5  # of an interval's width, see interval.py

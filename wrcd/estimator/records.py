@@ -59,9 +59,8 @@ class EstimateDoubt(IntEnum):
     NO_RULE = 1  # too few rules fire
     BEYOND_TRAINING = 2  # residuals unlike any that the rules were made from
     HARSH = 3  # so many pulses that little of the window is left
-    SILENT = 4  # the sensors give their noise alone
-    SHORT = 5  # of too little track to tell
-    GAPS = 6  # so many lost measurements that little of the window is left
+    SHORT = 4  # of too little track to tell
+    GAPS = 5  # so many lost measurements that little of the window is left
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,6 +83,5 @@ class Estimate:
     doubt: IntArray  # an EstimateDoubt: what speaks against the estimate itself
     window_s: FloatArray  # length of the window that the answer is from
     mu_from_rules_pct: FloatArray  # without what is in use
-    excitation: FloatArray  # the largest residual over what the sensors' noise leaves; NaN in the paper's form
     live_share: FloatArray  # of the window, with data far from pulses
     regime: IntArray  # a Regime: what the interval's width goes by

@@ -14,9 +14,9 @@ from wrcd.core.vocabulary import CONFIDENCES
 
 FOUND_S = 0.5  # of a run's end: what is not Valid all that time has been found out
 LOW_SURFACES = ("Low", "VeryLow")
-# Causes that blame a sensor. SensorsSilent does not: there may be too little track.
+# Causes that blame a sensor.
 ACCUSING = (
-    "Unchanged", "GyroReversed", "SensorsUnrelated", "AccelSmall", "GyroDead", "TorquesContradict",
+    "SensorsSilent", "Unchanged", "GyroReversed", "SensorsUnrelated", "AccelSmall", "GyroDead", "TorquesContradict",
 )  # fmt: skip
 
 

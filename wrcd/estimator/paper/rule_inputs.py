@@ -97,8 +97,3 @@ class RuleInputs:
         of_axle[:, :, SWING] = past.swing
         of_axle[:, :, STEP] = past.steps
         return out
-
-    @staticmethod
-    def excitation(s: Statistics, floor: FloatArray) -> FloatArray:
-        """(n,): the largest of the four residuals over the floor (n, 4) that the sensors' noise alone leaves of it."""
-        return np.asarray(np.sqrt(np.maximum.reduce(s.mean_square / floor, axis=1)))

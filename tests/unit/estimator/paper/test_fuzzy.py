@@ -150,13 +150,6 @@ def test_noisier_sensors_with_the_same_track_give_the_same_residuals(design: Des
     assert 10.0 ** (inputs[1] - inputs[0])[moved] == pytest.approx([factor, factor])  # that they are so is told
 
 
-def test_noise_alone_is_no_excitation(design: Design) -> None:
-    floor = RuleInputs(design).floor(np.ones((2, 1)), SPEED)[0]
-    for times in (1.0, 2.0):
-        s = seen(np.tile((times**2 * floor)[:, None], 2))
-        assert RuleInputs.excitation(s, floor[None]) == pytest.approx([times])
-
-
 def test_steps_of_the_residuals_are_held_and_none_where_nothing_is_known(design: Design) -> None:
     decades = np.array([[0.1, 0.3, -0.4, 9.0], [np.nan] * 4])
     steps = replace(PAST, decades=decades).steps
