@@ -1,7 +1,7 @@
 """What is to be designed, from a rig's TOML file."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -21,6 +21,8 @@ from wrcd.config.keys import Choice, Number, Whole
 from wrcd.config.settings import Section
 from wrcd.errors import InputError
 from wrcd.estimator.design import FORMS, Design, load_design
+from wrcd.estimator.trust.health import SPAN_TICKS, PairState
+from wrcd.estimator.trust.interval import Regime
 from wrcd.logs.rule_sentences import GLOSSARY, bounds, sentence
 from wrcd.resources import LONE
 
@@ -110,7 +112,32 @@ def explain(file: Path) -> int:
         print(f"{r + 1:3}. {sentence(design, r)}\n"
               f"     {support[r]:.0f} windows' worth ({100 * support[r] / whole:.1f} %), nine tenths of them at "
               f"{low:.3g} … {high:.3g} %; 90 % interval ± {100 * design.spreads[r]:.0f} % of the estimate")  # fmt: skip
+    for line in (*_widening(design), *_judging(design)):
+        print(line)
     return 0
+
+
+def _widening(design: Design) -> Iterator[str]:
+    if (model := design.interval) is not None:
+        yield (
+            "\nWhat the interval's width is multiplied by, at "
+            + ", ".join(f"{v:g}" for v in model.speeds_m_s)
+            + " m/s:"
+        )
+        for of, row in zip(Regime, model.factors, strict=True):
+            yield f"  {of.words}: " + ", ".join(f"{factor:.2f}" for factor in row)
+
+
+def _judging(design: Design) -> Iterator[str]:
+    if (model := design.health) is not None:
+        span_s = SPAN_TICKS * design.tick_s
+        yield (
+            f"\nWhat a pair of sensors may be. Every {span_s:g} s a network of {len(model.hidden_bias)} hidden units "
+            f"says how much likelier each is than a sound pair; of the log odds {model.kept:g} are kept:"
+        )
+        for state, share, prior in zip(PairState, model.temper, model.log_prior, strict=True):
+            if state:
+                yield f"  {state.words}: {share:.2f} of the evidence counts, odds of e^{prior:.1f} at first"
 
 
 POLYNOMIALS = ("fitted", "paper")

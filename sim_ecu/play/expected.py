@@ -133,9 +133,6 @@ PERHAPS = "perhaps "  # before a line that comes only if a slot falls within it
 NUMBER = r"-?\d+(?:\.\d+)?"
 REFUSED_AS = {"crc": "crc", "counter": "repeat", "dlc": "length", "nan": "range", "status": "status", "swap": "data id"}
 PAIR = ("yaw_rate", "lateral_acceleration")  # first past their time-outs, and named first
-# What a pair that is not what it should be may say until it is found out, and an estimate that is hardly Valid.
-VAGUE = "Valid -> Degraded, TooLittleData: # % +- #, limit +- #"
-NOISE = "Valid -> Degraded, SensorsSilent: residuals are # times what the sensors' noise leaves, limit 1.07"
 
 
 @dataclass(frozen=True, slots=True)
@@ -327,24 +324,20 @@ def _of_signals(row: MatrixRow) -> ExpectedLines:
     if f.kind not in ("dead", "reverse", "swap-wiring"):
         return ExpectedLines()
     if row not in LONG_ROWS:
-        return ExpectedLines(rejected=rejected, sometimes=(VAGUE, NOISE))
-    yaw, lat = named("yaw_rate", 1), named("lateral_acceleration", 1)
-    levels = f"{yaw} is #, {lat} # times the sensor's noise"
-    together = "correlation of {} and {} # below 1.5 Hz, # in 3 to 10 Hz"
+        return ExpectedLines(rejected=rejected)
+
+    def pair(cause: str, words: str, axle: int = 1) -> str:
+        yaw, lat = named("yaw_rate", axle), named("lateral_acceleration", axle)
+        levels = f"{yaw} is #, {lat} # times the sensor's noise; their correlation # below 1.5 Hz, # in 3 to 10 Hz"
+        return f"Valid -> Degraded, {cause}: {words}: probability #, of a sound pair #; {levels}"
+
     if f.kind == "reverse":
-        return ExpectedLines(((f"Valid -> Degraded, GyroReversed: {together.format(yaw, lat)}",),))
+        return ExpectedLines(((pair("GyroReversed", "one the other way round"),),))
     if f.kind == "swap-wiring":
-        pairs = [(named("yaw_rate", a), named("lateral_acceleration", a), 3 - a) for a in (1, 2)]
-        return ExpectedLines(
-            tuple(
-                (f"Valid -> Degraded, SensorsUnrelated: {together.format(y, z)}[; goes with axle {other}'s]",)
-                for y, z, other in pairs
-            ),
-            sometimes=(VAGUE,),
-        )
+        words = "[of different axles][one later than it says]"
+        return ExpectedLines(tuple((pair("SensorsUnrelated", words, axle),) for axle in (1, 2)))
     if f.of == ALL:
-        return ExpectedLines(((f"Valid -> Degraded, SensorsSilent: {levels}",),), sometimes=(VAGUE, NOISE))
+        return ExpectedLines(((pair("SensorsSilent", "both dead"),),))
     if f.of == "yaw_rate":
-        return ExpectedLines(((f"Valid -> Degraded, GyroDead: {levels}",),), sometimes=(VAGUE,))
-    small = f"{levels}; below 1.5 Hz {lat} is # of speed times yaw rate"
-    return ExpectedLines(((f"Valid -> Degraded, AccelSmall: {small}",),))
+        return ExpectedLines(((pair("GyroDead", "the gyro dead"),),))
+    return ExpectedLines(((pair("AccelSmall", "[the accelerometer dead][in a wrong unit]"),),))

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 
 from sim_ecu.physics.sensors import SensorSet
 from sim_ecu.physics.wheelset import Wheelset
@@ -38,19 +39,20 @@ def _dying(*signals: str) -> tuple[Fault, ...]:
     return tuple(Fault("dead", DIES_S, DEAD_S - DIES_S, s, a) for a in range(1, AXLES + 1) for s in signals)
 
 
+# On one track, as a train is: what the other axle of a bogie feels is the same, a moment later.
+_on_one_track = partial(Variant, one_track=True)
 DEAD = (
-    Variant(BOTH_DIE, faults=_dying(YAW, LAT)),
-    Variant(BOTH_DEAD, sensors=amplified(0.0, 0.0)),
-    Variant(GYRO_DIES, faults=_dying(YAW)),
-    Variant(ACCELEROMETER_DIES, faults=_dying(LAT)),
+    _on_one_track(BOTH_DIE, faults=_dying(YAW, LAT)),
+    _on_one_track(BOTH_DEAD, sensors=amplified(0.0, 0.0)),
+    _on_one_track(GYRO_DIES, faults=_dying(YAW)),
+    _on_one_track(ACCELEROMETER_DIES, faults=_dying(LAT)),
 )
 FOREIGN = (
-    Variant(REVERSED, sensors=amplified(-1.0, 1.0)),
-    # on one track, as a train is: what the other axle feels is the same, a moment later
-    Variant(SWAPPED, one_track=True, faults=tuple(Fault("swap-wiring", 0.0, FOREIGN_S, LAT, a) for a in (1, 3))),
-    Variant(DEAD_GYRO, sensors=amplified(0.0, 1.0)),
-    Variant(DEAD_ACCELEROMETER, sensors=amplified(1.0, 0.0)),
-    Variant(NO_SENSOR, sensors=amplified(0.0, 0.0)),
+    _on_one_track(REVERSED, sensors=amplified(-1.0, 1.0)),
+    _on_one_track(SWAPPED, faults=tuple(Fault("swap-wiring", 0.0, FOREIGN_S, LAT, a) for a in (1, 3))),
+    _on_one_track(DEAD_GYRO, sensors=amplified(0.0, 1.0)),
+    _on_one_track(DEAD_ACCELEROMETER, sensors=amplified(1.0, 0.0)),
+    _on_one_track(NO_SENSOR, sensors=amplified(0.0, 0.0)),
 )
 
 

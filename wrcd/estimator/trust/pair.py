@@ -136,6 +136,8 @@ class PairSums:
         self._products[:, :, bogie, :, place::2] = 0.0
         self._past[:, :, bogie, place::2] = 0.0
         self._plain[:, :, axle] = self._ticks[axle] = 0.0
+        if not self._offset_ticks.any():  # the ring is empty: it begins anew
+            self._at, self._later = 0, self._longest
 
     @property
     def settled(self) -> BoolArray:
