@@ -41,7 +41,9 @@ COVERS, MIN_ESTIMATES = 0.9, 500  # of the truths, by an interval; of estimates,
 INTERVAL_SPEEDS = (3.5, 7.0, 14.0, 28.0, 56.0)  # m/s
 HIDDEN, ALPHA, EPOCHS = 96, 1.0, 30
 HELD_OUT = 5  # of every so many groups one is not learnt from: how much counts is judged by it
-ACCUSED = 3e-4  # of the spans of sound pairs, by each state
+# Of the spans of sound pairs, by each state; more by a dead gyro, which looks like a saturated wheelset and is as good
+# as never found otherwise. And how much of what bears that counts: the sound pairs are few.
+ACCUSED, ACCUSED_OF_DEAD_GYRO, MARGIN = 3e-4, 8e-4, 0.8
 TEMPERS = np.geomspace(0.02, 0.5, 25)  # the shares of a span's evidence that are tried, one after another
 KEPT, PRIOR, HAZARD = 0.97, 1e-4, 1e-6
 
@@ -268,8 +270,8 @@ def _chosen(p: Watched, rng: np.random.Generator) -> tuple[NDArray[np.float32], 
 
 
 def tempers(model: HealthModel, parts: Sequence[Watched]) -> FloatArray:
-    """(states,): of each state alone, as much of its evidence as leaves sound pairs unaccused in all but ACCUSED of the
-    spans, whatever their partner is."""
+    """(states,): of each state alone, as much of its evidence as leaves sound pairs unaccused in all but so much of the
+    spans, whatever their partner is, and some less."""
     sound = [np.flatnonzero((p.state <= 0).all(axis=0)) for p in parts]
     x = np.concatenate([p.features[:, s].astype(np.float64) for p, s in zip(parts, sound, strict=True)], axis=1)
     counts = np.concatenate([p.state[:, s] == PairState.SOUND for p, s in zip(parts, sound, strict=True)], axis=1)
@@ -277,6 +279,7 @@ def tempers(model: HealthModel, parts: Sequence[Watched]) -> FloatArray:
     spoken = np.stack([evidence(model, of) for of in x])
     out = np.zeros(len(PairState))
     for state in list(PairState)[1:]:
+        most = ACCUSED_OF_DEAD_GYRO if state is PairState.GYRO_DEAD else ACCUSED
         for temper in TEMPERS:
             odds = np.full(spoken.shape[1], model.log_prior[state])
             accused = np.zeros(len(PARTNERS))
@@ -284,7 +287,7 @@ def tempers(model: HealthModel, parts: Sequence[Watched]) -> FloatArray:
                 new = model.log_prior[state] + model.kept * (odds - model.log_prior[state]) + temper * e
                 odds = np.where(known, np.clip(new, -CERTAIN, CERTAIN), odds)
                 accused += np.bincount(partner[known & (odds > 0.0)], minlength=len(PARTNERS))
-            if (accused > ACCUSED * np.bincount(partner, counts.sum(axis=0), minlength=len(PARTNERS))).any():
+            if (accused > most * np.bincount(partner, counts.sum(axis=0), minlength=len(PARTNERS))).any():
                 break
-            out[state] = temper
+            out[state] = MARGIN * temper
     return out
