@@ -41,9 +41,9 @@ COVERS, MIN_ESTIMATES = 0.9, 500  # of the truths, by an interval; of estimates,
 INTERVAL_SPEEDS = (3.5, 7.0, 14.0, 28.0, 56.0)  # m/s
 HIDDEN, ALPHA, EPOCHS = 96, 1.0, 30
 HELD_OUT = 5  # of every so many groups one is not learnt from: how much counts is judged by it
-# Of the spans of sound pairs, by each state; more by a dead gyro, which looks like a saturated wheelset and is as good
-# as never found otherwise. And how much of what bears that counts: the sound pairs are few.
-ACCUSED, ACCUSED_OF_DEAD_GYRO, MARGIN = 3e-4, 8e-4, 0.8
+# Of the spans of sound pairs, by each state; more by those that a saturated wheelset looks like, or a slow one on smooth
+# track: they are hardly found otherwise. And how much of what bears that counts: the sound pairs are few.
+ACCUSED, ACCUSED_OF_SILENCE, MARGIN = 3e-4, 8e-4, 0.8
 TEMPERS = np.geomspace(0.02, 0.5, 25)  # the shares of a span's evidence that are tried, one after another
 KEPT, PRIOR, HAZARD = 0.97, 1e-4, 1e-6
 
@@ -279,7 +279,7 @@ def tempers(model: HealthModel, parts: Sequence[Watched]) -> FloatArray:
     spoken = np.stack([evidence(model, of) for of in x])
     out = np.zeros(len(PairState))
     for state in list(PairState)[1:]:
-        most = ACCUSED_OF_DEAD_GYRO if state is PairState.GYRO_DEAD else ACCUSED
+        most = ACCUSED_OF_SILENCE if state in (PairState.GYRO_DEAD, PairState.BOTH_DEAD) else ACCUSED
         for temper in TEMPERS:
             odds = np.full(spoken.shape[1], model.log_prior[state])
             accused = np.zeros(len(PARTNERS))

@@ -12,7 +12,7 @@ from sim_ecu.score.suites.nominal import MEMS, Variant, condition, spread, varie
 from sim_ecu.score.suites.run import AXLES, TEST, Lot, Run
 
 DIES_S = 5.0
-DEAD_S = 12.0  # length of a run
+DEAD_S = 16.0  # length of a run: ten seconds after, and time to see that it stays so
 DEAD_RUNS = 10
 YAW, LAT = "yaw_rate", "lateral_acceleration"
 BOTH_DIE, BOTH_DEAD = "both die", "both dead from the start"
