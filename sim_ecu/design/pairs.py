@@ -41,8 +41,8 @@ COVERS, MIN_ESTIMATES = 0.9, 500  # of the truths, by an interval; of estimates,
 INTERVAL_SPEEDS = (3.5, 7.0, 14.0, 28.0, 56.0)  # m/s
 HIDDEN, ALPHA, EPOCHS = 96, 1.0, 30
 HELD_OUT = 5  # of every so many groups one is not learnt from: how much counts is judged by it
-# Of the spans of sound pairs, by each state; more by those that a saturated wheelset looks like, or a slow one on smooth
-# track: they are hardly found otherwise. And how much of what bears that counts: the sound pairs are few.
+# Of the spans of sound pairs, by each state; more by those that a saturated wheelset looks like, or a slow one on
+# smooth track: they are hardly found otherwise. And how much of what bears that counts: the sound pairs are few.
 ACCUSED, ACCUSED_OF_SILENCE, MARGIN = 3e-4, 8e-4, 0.8
 TEMPERS = np.geomspace(0.02, 0.5, 25)  # the shares of a span's evidence that are tried, one after another
 KEPT, PRIOR, HAZARD = 0.97, 1e-4, 1e-6

@@ -14,12 +14,12 @@ from sim_ecu.play.faults import ALL, OF_AXLE, SIGNALS, SILENT, Fault, message_of
 SLOT_MS = 20  # an adhesion frame covers the time up to its slot's beginning
 TIMEOUT_MS = {"yaw_rate": 15, "lateral_acceleration": 15, "torque": 30, "speed": 60, ALL: 15}
 CYCLE_MS = {"yaw_rate": 5, "lateral_acceleration": 5, "torque": 10, "speed": 20, ALL: 10}
-WINDOW_MS, LONGEST_WINDOW_MS = 1000, 2000
+WINDOW_MS = 1000
 LONG_S = 3.0
 IDENTITY_S = 12.0
-# The longest window and a little after any fault, seen or not, the estimate must be what it would have been, but for
-# so much.
-SETTLED_AFTER_MS, SETTLED_PP = LONGEST_WINDOW_MS + 150, 1.0
+# So long after any fault, seen or not, the estimate must be what it would have been, but for so much: of what was
+# remembered a third is left.
+SETTLED_AFTER_MS, SETTLED_PP = 2150, 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +100,7 @@ ROWS = (
     *(_row(kind, ALL, _leaves(ALL)) for kind in SILENT),
     *(_row("loss", of, Stays(1.0)) for of in _ONE_AND_ALL),
     *(_row("burst", of, Stays(1.0), 0.01) for of in _ONE_AND_ALL),  # two frames, the most that may be missing
-    *(_row("spike", of, Stays(1.0)) for of in _ONE_AND_ALL),
+    *(_row("spike", of, Stays(1.5)) for of in _ONE_AND_ALL),
     *(_row("babble", of, Stays(0.1)) for of in _ONE_AND_ALL),
     _row("error-flood", ALL, Stays(0.0)),
     # a step far beyond what the track does: nothing that was known before holds; and the step back is noticed likewise
@@ -117,13 +117,10 @@ ROWS = (
 )
 # What shows in the sensors' signals only after seconds, and is doubted for as long afterwards: on the virtual
 # clock alone.
-# Ten full seconds, judged once a second, at the end of a quarter of a second.
-_PAIR = Found(11_250.0 + SLOT_MS)
-_SECOND = Found(1500.0 + SLOT_MS)  # of noise alone, both or one beside a loud one, and until it is judged
+_DEAD, _PAIR = Found(6_000.0 + SLOT_MS), Found(10_000.0 + SLOT_MS)
 LONG_ROWS = (
-    _row("dead", ALL, _SECOND, LONG_S),
+    *(_row("dead", of, _DEAD, IDENTITY_S) for of in (ALL, "yaw_rate", "lateral_acceleration")),
     *(_row("reverse", of, _PAIR, IDENTITY_S) for of in ("yaw_rate", "lateral_acceleration")),
-    *(_row("dead", of, _SECOND, IDENTITY_S) for of in ("yaw_rate", "lateral_acceleration")),
     _row("swap-wiring", "yaw_rate", _PAIR, IDENTITY_S),
 )
 
@@ -132,6 +129,12 @@ SILENT_MS = 100
 PERHAPS = "perhaps "  # before a line that comes only if a slot falls within it
 NUMBER = r"-?\d+(?:\.\d+)?"
 REFUSED_AS = {"crc": "crc", "counter": "repeat", "dlc": "length", "nan": "range", "status": "status", "swap": "data id"}
+# what may be said of a pair of sensors, and in which words
+PAIR_CAUSES = {
+    "SensorsSilent": "both dead", "GyroReversed": "one the other way round", "GyroDead": "the gyro dead",
+    "SensorsUnrelated": "[of different axles][one later than it says]",
+    "AccelSmall": "[the accelerometer dead][in a wrong unit]",
+}  # fmt: skip
 PAIR = ("yaw_rate", "lateral_acceleration")  # first past their time-outs, and named first
 
 
@@ -328,16 +331,19 @@ def _of_signals(row: MatrixRow) -> ExpectedLines:
 
     def pair(cause: str, words: str, axle: int = 1) -> str:
         yaw, lat = named("yaw_rate", axle), named("lateral_acceleration", axle)
-        levels = f"{yaw} is #, {lat} # times the sensor's noise; their correlation # below 1.5 Hz, # in 3 to 10 Hz"
-        return f"Valid -> Degraded, {cause}: {words}: probability #, of a sound pair #; {levels}"
+        levels = f"{yaw} #, {lat} # times the sensor's noise; correlation # below 1.5 Hz, # in 3 to 10 Hz"
+        return f"Degraded, {cause}: {words} #, sound #; {levels}"
 
-    if f.kind == "reverse":
-        return ExpectedLines(((pair("GyroReversed", "one the other way round"),),))
+    def found(cause: str, words: str, axle: int = 1) -> tuple[str, ...]:
+        """Another state may lead first."""
+        others = [c for c in PAIR_CAUSES if c != cause]
+        first = [f"perhaps Valid -> {pair(c, PAIR_CAUSES[c], axle)}" for c in others]
+        return (*first, f"[Valid -> ]{pair(cause, words, axle)}")
+
     if f.kind == "swap-wiring":
-        words = "[of different axles][one later than it says]"
-        return ExpectedLines(tuple((pair("SensorsUnrelated", words, axle),) for axle in (1, 2)))
-    if f.of == ALL:
-        return ExpectedLines(((pair("SensorsSilent", "both dead"),),))
-    if f.of == "yaw_rate":
-        return ExpectedLines(((pair("GyroDead", "the gyro dead"),),))
-    return ExpectedLines(((pair("AccelSmall", "[the accelerometer dead][in a wrong unit]"),),))
+        return ExpectedLines(tuple(found("SensorsUnrelated", PAIR_CAUSES["SensorsUnrelated"], axle) for axle in (1, 2)))
+    if f.kind == "reverse":
+        cause = "GyroReversed"
+    else:
+        cause = {ALL: "SensorsSilent", "yaw_rate": "GyroDead"}.get(f.of, "AccelSmall")
+    return ExpectedLines((found(cause, PAIR_CAUSES[cause]),))

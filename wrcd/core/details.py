@@ -89,9 +89,9 @@ class Details:
         """What speaks against gyro and accelerometer."""
         f = health.figures(axle)
         yaw, lat = self.name(YAW, axle), self.name(LAT, axle)
-        lead = f"{PairState(f.state).words}: probability {f.probability:.2f}, of a sound pair {f.sound:.2f}"
-        levels = f"{yaw} is {f.yaw_rms:.1f}, {lat} {f.lat_rms:.1f} times the sensor's noise"
-        return f"{lead}; {levels}; their correlation {f.low:.2f} below 1.5 Hz, {f.middle:.2f} in 3 to 10 Hz"
+        lead = f"{PairState(f.state).words} {f.probability:.2f}, sound {f.sound:.2f}"
+        levels = f"{yaw} {f.yaw_rms:.1f}, {lat} {f.lat_rms:.1f} times the sensor's noise"
+        return f"{lead}; {levels}; correlation {f.low:.2f} below 1.5 Hz, {f.middle:.2f} in 3 to 10 Hz"
 
     def estimate(self, cause: Cause, axle: int, e: Estimate) -> str:
         """What an estimate says against itself."""

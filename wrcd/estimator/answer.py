@@ -77,6 +77,7 @@ class Answer:
     mu_from_rules_pct: FloatArray
     spread: FloatArray
     inputs: FloatArray
+    live_share: FloatArray  # of the window, with data far from pulses
 
     @property
     def word(self) -> Word:
@@ -234,7 +235,9 @@ class Answers:
         low, high = self._d.adhesion_range_pct
         from_rules = np.minimum(np.maximum(from_rules, low), high).reshape(-1, n)
         spread, inputs = inference.spread.reshape(-1, n), inputs.reshape(len(from_rules), n, -1)
-        return [Answer(*of) for of in zip(draft.blocks, from_rules, spread, inputs, strict=True)], inference, s
+        live = s.live_share.reshape(-1, n)
+        found = [Answer(*of) for of in zip(draft.blocks, from_rules, spread, inputs, live, strict=True)]
+        return found, inference, s
 
     def _doubted(
         self,

@@ -127,8 +127,8 @@ class Estimator:
             step_s = STEP_TICKS * self.design.tick_s
             whole = draft.blocks[0] * BLOCK_TICKS >= self.design.window_ticks
             memory = remember(
-                Remembered(*self._memory), usual.word, whole, recent.word, 100.0 * draft.lasting, step_s,
-                self._speed_m_s,
+                Remembered(*self._memory), usual.word, whole, recent.word, recent.live_share, 100.0 * draft.lasting,
+                step_s, self._speed_m_s,
             )  # fmt: skip
             if looks:
                 self.health.look(self._speed_m_s, draft.now, usual.inputs)

@@ -29,6 +29,7 @@ HOLD_S, ERODES_S, ERODES_M = 0.5, 6.0, 120.0
 SATURATED = 0.87
 # The rail is worse where the newest part's word lies so many standard deviations, of both, below for so many steps.
 WORSE, BETTER, WORSE_STEPS = 2.0, 2.5, 2
+CLEAR = 0.8  # of the newest part that must hold data: lost measurements and pulses are no other rail
 AGAIN = 0.98  # of what was in use at the peak: as much again
 
 
@@ -67,11 +68,12 @@ def spoken(memory: Remembered, word: Word, whole: BoolArray) -> tuple[Word, Floa
 
 
 def remember(
-    memory: Remembered, word: Word, whole: BoolArray, recent: Word, in_use_pct: FloatArray, step_s: float,
-    speed_m_s: float,
+    memory: Remembered, word: Word, whole: BoolArray, recent: Word, live_share: FloatArray, in_use_pct: FloatArray,
+    step_s: float, speed_m_s: float,
 ) -> Remembered:  # fmt: skip
     """After a step of so many seconds: the rules' word of the window, which is whole (n,) or cut; recent: that of
-    its newest part; in_use_pct (n,): what has been in use all the time lately. Within quiet()."""
+    its newest part, and what share of that holds data (n,); in_use_pct (n,): what has been in use all the time lately.
+    Within quiet()."""
     usable = whole & np.isfinite(word.sigma)
     new = 1.0 / (word.sigma * word.sigma)
     precision = KEPT * memory.precision + WEIGHT * new
@@ -85,7 +87,7 @@ def remember(
     age = np.where(at_peak, 0.0, memory.peak_age_s + step_s)
     eroded = memory.peak_pct * np.where(age > HOLD_S, np.exp(-step_s * (1.0 / ERODES_S + speed_m_s / ERODES_M)), 1.0)
     apart = (recent.log_pct - weighed / precision) / np.sqrt(recent.sigma * recent.sigma + 1.0 / precision)
-    worse = np.where(usable & ((apart < -WORSE) | (apart > BETTER)), memory.worse + 1.0, 0.0)
+    worse = np.where(usable & (live_share >= CLEAR) & ((apart < -WORSE) | (apart > BETTER)), memory.worse + 1.0, 0.0)
     anew = worse >= WORSE_STEPS
     precision, weighed = np.where(anew, 0.0, precision), np.where(anew, 0.0, weighed)
     return Remembered(precision, weighed, np.where(at_peak, in_use, eroded), age, worse)

@@ -21,7 +21,7 @@ from wrcd.estimator.trust.memory import (
 )
 
 STEP_S, SPEED = 0.08, 20.0
-YES, NO = np.array([True]), np.array([False])
+YES, NO, ALL = np.array([True]), np.array([False]), np.ones(1)
 
 
 def word(pct: float, sigma: float = 0.1) -> Word:
@@ -33,10 +33,12 @@ def nothing() -> Remembered:
 
 
 def after(
-    memory: Remembered, steps: int, says: Word, recent: Word | None = None, in_use: float = 5.0, whole: BoolArray = YES
-) -> Remembered:
+    memory: Remembered, steps: int, says: Word, recent: Word | None = None, in_use: float = 5.0,
+    whole: BoolArray = YES, live: float = 1.0,
+) -> Remembered:  # fmt: skip
     for _ in range(steps):
-        memory = remember(memory, says, whole, says if recent is None else recent, np.array([in_use]), STEP_S, SPEED)
+        newest, torque = says if recent is None else recent, np.array([in_use])
+        memory = remember(memory, says, whole, newest, np.array([live]), torque, STEP_S, SPEED)
     return memory
 
 
@@ -95,8 +97,8 @@ def test_bound_of_the_last_peak_is_carried_and_erodes_with_time_and_way() -> Non
     later = after(held, 25, word(30.0), in_use=3.0)  # 2 s
     assert 12.0 < later.peak_pct < 0.7 * 28.0
     assert after(later, 1, word(30.0), in_use=25.0).peak_pct == 25.0
-    faster = remember(held, word(30.0), YES, word(30.0), np.array([3.0]), 1.0, 60.0)
-    slower = remember(held, word(30.0), YES, word(30.0), np.array([3.0]), 1.0, 5.0)
+    faster = remember(held, word(30.0), YES, word(30.0), ALL, np.array([3.0]), 1.0, 60.0)
+    slower = remember(held, word(30.0), YES, word(30.0), ALL, np.array([3.0]), 1.0, 5.0)
     assert faster.peak_pct < slower.peak_pct
 
 
@@ -110,7 +112,7 @@ def test_what_is_not_known_changes_nothing_for_good() -> None:
     memory = after(nothing(), 500, word(20.0), in_use=10.0)
     unknown = Word(np.array([np.nan]), np.array([np.nan]))
     with np.errstate(all="ignore"):
-        none = remember(memory, unknown, YES, unknown, np.array([np.nan]), STEP_S, SPEED)
+        none = remember(memory, unknown, YES, unknown, ALL, np.array([np.nan]), STEP_S, SPEED)
         back = after(none, 1, word(20.0), in_use=math.inf)
     assert none.precision == 0.0
     assert np.isfinite(np.array(back)).all()
