@@ -37,7 +37,7 @@ LOOKING = "looking at sensors"  # what goes on meanwhile
 SPEEDS_SHARE, PER_SPEED_SHARE, SECONDS = 0.7, 0.16, 12.0  # of the plan's conditions; seconds of a recording
 FIRST_SPAN = 6  # that is learnt from
 KEEP, KEEP_SOUND = 0.3, 0.25  # shares of the spans
-COVERS, MIN_ESTIMATES = 0.9, 500  # of the truths, by an interval; of estimates, or the rules' own spread stays
+COVERS, MIN_ESTIMATES = 0.86, 500  # of the truths, by an interval, see below; of estimates, or the rules' own spread stays
 INTERVAL_SPEEDS = (3.5, 7.0, 14.0, 28.0, 56.0)  # m/s
 HIDDEN, ALPHA, EPOCHS = 96, 1.0, 30
 HELD_OUT = 5  # of every so many groups one is not learnt from: how much counts is judged by it
@@ -65,7 +65,7 @@ class FeatureRecorder(PairHealth):
     def look(self, speed_m_s: float, ratio: FloatArray, inputs: FloatArray) -> None:
         """Keep them."""
         span = self.pairs.take(speed_m_s)
-        known = span.ticks >= MIN_SHARE * SPAN_TICKS
+        known = (span.ticks >= MIN_SHARE * SPAN_TICKS) & span.goes_on
         self.seen.append((self._features(span, known, speed_m_s, ratio, inputs).astype(np.float32), known))
 
 

@@ -30,7 +30,7 @@ from wrcd.core.events import Events
 from wrcd.core.front import Front
 from wrcd.core.input_buffers import NEVER
 from wrcd.core.inputs import YAW, Inputs
-from wrcd.core.messages import NAMES, NOT_AVAILABLE_REPORT, Outbox, Outgoing
+from wrcd.core.messages import NAMES, Outbox, Outgoing, Report
 from wrcd.core.slot import Slot, SlotReports, frames, reports
 from wrcd.core.validity import Backoff, ValidityMonitor, tick_causes
 from wrcd.estimator.design import FloatArray
@@ -112,7 +112,7 @@ class Core:
         self._outbox = Outbox(config)
         self._outlier_us = [NEVER] * n
         self._backoff = Backoff(n, config.design.tick_s)
-        self.reports = [NOT_AVAILABLE_REPORT] * n  # of the newest slot
+        self.reports: list[Report] = []  # of the newest slot
         self._slot_reports: list[SlotReports] | None = (
             None  # slot by slot, since it was taken last; None: nobody takes it
         )
@@ -417,7 +417,7 @@ class Core:
         if estimate is not None and self._observer is not None:
             self._observer.estimated(slot.end_us // self._period_us - 1, estimate)
         if slot.adhesion or slot.detail or slot.view is not None:
-            self.reports = reports(slot, estimate, self.reports)
+            self.reports = reports(slot, estimate, self.events.confidences)
             if self._slot_reports is not None:
                 self._slot_reports.append(SlotReports(self.reports, slot.adhesion, slot.below_min_speed))
             self.events.slot(slot.end_us, self.reports, slot.details, estimate)

@@ -74,6 +74,7 @@ class Events:
     """Compares each slot with the one before."""
 
     validities: list[Validity]  # as at the newest slot
+    confidences: list[str]
     _causes: list[Cause]
     _standing: list[tuple[bool, Cause]]
     tick_causes: Sequence[Cause]  # what spoke against the newest tick
@@ -83,6 +84,7 @@ class Events:
         n = len(config.axles)
         self._numbers = [a.number for a in config.axles]
         self.validities = [Validity.NOT_AVAILABLE] * n
+        self.confidences = ["None"] * n
         self._causes = [Cause.NONE] * n
         self._standing = [(False, Cause.NONE)] * n
         self.tick_causes = (Cause.NONE,) * n
@@ -137,6 +139,7 @@ class Events:
         """Note what differs from the slot before; standing is what was reported at the slot of the axles' standing."""
         for axle, r in enumerate(reports):
             validity, cause, before = r.validity, r.cause, self.validities[axle]
+            self.confidences[axle] = r.confidence
             if cause is self._causes[axle] and validity is before:
                 continue
             self.validities[axle], self._causes[axle] = validity, cause

@@ -53,9 +53,9 @@ class SlotReports(NamedTuple):
     below_min_speed: bool  # whether the train is known to be slower than an estimate needs
 
 
-def reports(slot: Slot, estimate: Estimate | None, before: Sequence[Report]) -> list[Report]:
-    """The reports of every axle. before: those of the slot before."""
-    return [_report(slot, axle, estimate, report) for axle, report in enumerate(before)]
+def reports(slot: Slot, estimate: Estimate | None, before: Sequence[str]) -> list[Report]:
+    """The reports of every axle. before: their Confidence at the slot before."""
+    return [_report(slot, axle, estimate, level) for axle, level in enumerate(before)]
 
 
 def frames(
@@ -93,7 +93,7 @@ def _cause(reported: Sequence[Report], rail_ahead: Sequence[RailAhead] | None, a
     return DROP_AHEAD if warns and report.cause is Cause.NONE else report.cause.label
 
 
-def _report(slot: Slot, axle: int, estimate: Estimate | None, before: Report) -> Report:
+def _report(slot: Slot, axle: int, estimate: Estimate | None, before: str) -> Report:
     age_ms, used = slot.age_ms[axle], nan_to_none(min(100.0 * slot.torque_ratio[axle], 100.0))
     validity, cause = verdict(slot.standing[axle], axle, estimate)
     if validity is Validity.NOT_AVAILABLE or estimate is None:
@@ -106,5 +106,5 @@ def _report(slot: Slot, axle: int, estimate: Estimate | None, before: Report) ->
     contact = "Unknown" if mu is None else "Saturated" if estimate.saturated[axle] else "Adhering"
     width = nan_to_none(float(estimate.half_width_pp[axle])) if sure else None
     short = estimate.doubt[axle] == EstimateDoubt.SHORT
-    level = confidence(width, before.confidence)
+    level = confidence(width, before)
     return Report(validity, mu, used, age_ms, surface(mu), contact, level, cause, short)

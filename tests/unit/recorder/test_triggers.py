@@ -60,11 +60,11 @@ def test_short_contradiction_is_no_loss_of_validity(config: Config) -> None:
 
 
 def test_lost_frames_are_a_loss_of_validity_and_too_little_track_is_none(config: Config, tmp_path: Path) -> None:
-    """Two frames of six of both sensors are lost, never for as long as their time-out."""
+    """Two frames of four of both sensors are lost, never for as long as their time-out."""
     train = RecordedTrain(config, tmp_path)
     train.run(2500)
     for k in range(600):
-        train.sim.silent = {YAW_RATE_A1, LAT_ACCEL_A1} if k % 6 < 2 else set()
+        train.sim.silent = {YAW_RATE_A1, LAT_ACCEL_A1} if k % 4 < 2 else set()
         train.run(5)
     assert {c.cause for c in train.sim.core.events.since(0) if c.after is Validity.DEGRADED} == {Cause.TOO_LITTLE_DATA}
     assert "-validity.log" in train.dumps(1)[0].name

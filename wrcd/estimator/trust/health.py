@@ -192,7 +192,7 @@ class PairHealth:
     def look(self, speed_m_s: float, ratio: FloatArray, inputs: FloatArray) -> None:
         """At a span's end, at a speed: torque ratio of the moment (n,), and what the rules were given (n, COLUMNS)."""
         span = self.pairs.take(speed_m_s)
-        known = span.ticks >= MIN_SHARE * SPAN_TICKS
+        known = (span.ticks >= MIN_SHARE * SPAN_TICKS) & span.goes_on
         if self._model is not None and known.any():
             x = self._features(span, known, speed_m_s, ratio, inputs)
             self.log_odds = np.where(known[:, None], updated(self._model, self.log_odds, x), self.log_odds)

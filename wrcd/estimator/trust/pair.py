@@ -78,7 +78,8 @@ def _band_pass(low_hz: float, high_hz: float, tick_s: float) -> tuple[FloatArray
 
 @dataclass(frozen=True, slots=True)
 class Span:
-    """Means over a span, in units of the design's sensor noise through the same filter. ticks (n,) with data.
+    """Means over a span, in units of the design's sensor noise through the same filter. ticks (n,) with data; goes_on
+    (n,): whether the newest had.
 
     together (BANDS, bogies, 2, 2, 2, 2): products of any two signals of a bogie, each by channel and axle; apart: the
     same of a signal with what another one was when the train was a wheelbase further back. fine (2, n): power of the
@@ -86,6 +87,7 @@ class Span:
     """
 
     ticks: FloatArray
+    goes_on: BoolArray
     together: FloatArray
     apart: FloatArray
     fine: FloatArray
@@ -108,6 +110,7 @@ class PairSums:
     _products: FloatArray  # (2, BANDS, bogies, 4, 4): together, apart
     _plain: FloatArray  # (3, 2, n): fine, sum, square
     _ticks: FloatArray
+    _goes_on: BoolArray
 
     def __init__(self, noise_rms: FloatArray, tick_s: float, axles: int, wheelbase_m: float) -> None:
         self._wheelbase_ticks = wheelbase_m / tick_s  # at 1 m/s
@@ -120,6 +123,7 @@ class PairSums:
         self._filters = Filters(tick_s, axles)
         self._mean = np.zeros((CHANNELS, axles))
         self._offset_ticks = np.zeros(axles)
+        self._goes_on = np.zeros(axles, dtype=bool)
         self._begin(axles)
 
     def _begin(self, axles: int) -> None:
@@ -136,6 +140,7 @@ class PairSums:
         self._products[:, :, bogie, :, place::2] = 0.0
         self._past[:, :, bogie, place::2] = 0.0
         self._plain[:, :, axle] = self._ticks[axle] = 0.0
+        self._goes_on[axle] = False
         if not self._offset_ticks.any():  # the ring is empty: it begins anew
             self._at, self._later = 0, self._longest
 
@@ -163,6 +168,7 @@ class PairSums:
 
     def _add(self, x: FloatArray, y: FloatArray, used: BoolArray | None) -> None:
         m = len(x)
+        self._goes_on = np.ones(len(self._ticks), dtype=bool) if used is None else used.copy()
         if used is not None:
             x, y = x * used, y * used
         now = self._at + np.arange(m)
@@ -184,7 +190,7 @@ class PairSums:
         both = np.maximum(both.reshape(-1, 2 * CHANNELS), 1.0)
         means = self._products / (both[:, :, None] * both[:, None, :])
         together, apart = means.reshape(*means.shape[:3], 2, 2, 2, 2)
-        out = Span(self._ticks, together, apart, fine, square - mean * mean)
+        out = Span(self._ticks, self._goes_on, together, apart, fine, square - mean * mean)
         self._begin(len(ticks))
         self._later = min(round(self._wheelbase_ticks / max(abs(speed_m_s), SLOWEST_M_S)), self._longest)
         return out
