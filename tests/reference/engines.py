@@ -91,6 +91,9 @@ class BothEngines(Observer):
             if axle.started:
                 live_calm = bool(result.live[k, a]), bool(result.calm[k, a])
                 axle.put(number, whitened, live_calm, float(ticks.torque_ratio[at, a]), speed)
+                if number % 16 == 15:
+                    noise, held = self._schedule.noise_power(speed), self._schedule.held(speed)
+                    axle.window.remember(noise, axle.noise.factor(), held, self._fuzzy_reference.answer)
             live = axle.live.step(axle.z, used, speed)
             f.partial += bool(ticks.present[at, :, a].any()) and not used
             if not used:
@@ -106,7 +109,7 @@ class BothEngines(Observer):
             self._compared = tick
             noise, speed = self._schedule.noise_power(self._at_m_s), self._schedule.held(self._at_m_s)
             for a, axle in enumerate(self._axles):
-                inputs = axle.window.inputs(noise, axle.noise.factor(), speed, self._fuzzy_reference.answer)
+                inputs = axle.window.inputs(noise, axle.noise.factor(), speed)
                 if inputs is not None:
                     self.findings.inputs.append(inputs)
                     self.findings.fast.append(float(estimate.fuzzy[a]))

@@ -14,6 +14,7 @@ from wrcd.estimator.design import Design
 
 FloatArray = NDArray[np.float64]
 Answer = Callable[[FloatArray], tuple[float, float]]
+Word = tuple[float, float]
 
 NOW_BLOCKS = 3  # of four ticks: the torque of so many is that of the moment
 
@@ -32,6 +33,38 @@ class Row:
     ratio: float
 
 
+class Memory:
+    """The words of one axle's usual window, fused: a mean by their spreads that forgets."""
+
+    def __init__(self) -> None:
+        self._mean, self._spread, self._far = 0.0, 0.0, 0  # a spread of 0: nothing is remembered
+
+    def anew(self, word: Word | None, newest: Word | None) -> bool:
+        """Take up a word; None: of a window that is not whole. Whether the newest part has spoken of another rail twice
+        on end: then nothing is remembered."""
+        if word is None:
+            self._spread, self._far = 0.0, 0
+            return False
+        log, spread = word
+        old, new = (0.96 / self._spread**2 if self._spread else 0.0), 0.048 / spread**2
+        mean, narrower = (old * self._mean + new * log) / (old + new), (old + new) ** -0.5
+        if not self._spread or (log - mean) / spread <= -2.5 or (log - mean) / spread >= 3.0:
+            mean, narrower = log, spread
+        self._mean, self._spread = mean, narrower
+        apart = 0.0 if newest is None else (newest[0] - mean) / (newest[1] ** 2 + narrower**2) ** 0.5
+        self._far = self._far + 1 if apart < -2.0 or apart > 2.5 else 0
+        if self._far < 2:
+            return False
+        self._spread = 0.0
+        return True
+
+
+def _word(answer: tuple[float, float]) -> Word:
+    """The logarithm of an adhesion, and its standard deviation."""
+    share, half = answer
+    return float(np.log(share)), half / 1.645
+
+
 class SlidingWindow:
     """The last ticks of one axle as plain lists; lengths are in blocks of four ticks, counted from the newest block."""
 
@@ -40,11 +73,13 @@ class SlidingWindow:
         self._blocks = [-(-round(s / design.tick_s) // 4) for s in (design.longest_s, design.window_s, design.recent_s)]
         self._rows: deque[Row] = deque()
         self._kept: deque[Row] = deque()  # where the rest is dropped, too
+        self._memory = Memory()
 
     def reset(self) -> None:
         """Forget them."""
         self._rows.clear()
         self._kept.clear()
+        self._memory = Memory()
 
     def put(self, row: Row, speed_m_s: float) -> None:
         """One tick. At a block's end a change of rail or torque is looked for: what was before it is dropped."""
@@ -74,42 +109,37 @@ class SlidingWindow:
         blocks = round(0.16 / self._design.tick_s / 4)
         return self._newest(NOW_BLOCKS + blocks)[: -len(self._newest(NOW_BLOCKS))]
 
-    def inputs(self, noise: FloatArray, factor: FloatArray, speed_m_s: float, answer: Answer) -> FloatArray | None:
-        """What the rules are given (24 or so,), or None with too little data. noise (4, 2): what the sensors leave.
+    def inputs(self, noise: FloatArray, factor: FloatArray, speed_m_s: float) -> FloatArray | None:
+        """What the rules are given (24 or so,) of the usual window, or None with too little data. noise (4, 2): what
+        the sensors leave."""
+        _, usual, _ = self._blocks
+        return self._given(usual, noise, factor, speed_m_s)
 
-        answer: what the rules say of such inputs, adhesion as a share and relative half-width: it decides between the
-        long window and the usual one.
+    def remember(self, noise: FloatArray, factor: FloatArray, speed_m_s: float, answer: Answer) -> None:
+        """Every 16 ticks: words are fused; where the newest part's lies far from them twice, the rest is dropped.
+
+        answer: what the rules say of such inputs, adhesion as a share and relative half-width.
         """
+        _, usual, recent = self._blocks
+        whole = bool(self._rows) and len({r.tick // 4 for r in self._rows}) >= usual
+        words = [None if x is None else _word(answer(x)) for x in
+                 (self._given(blocks, noise, factor, speed_m_s) for blocks in (usual, recent))]  # fmt: skip
+        newest = self._newest(recent) if self._rows else []
+        clear = sum(r.live for r in newest) >= 0.8 * len(newest)
+        if self._memory.anew(words[0] if whole else None, words[1] if clear else None):
+            self._rows = deque(newest)
+
+    def _given(self, blocks: int, noise: FloatArray, factor: FloatArray, speed_m_s: float) -> FloatArray | None:
         if not self._rows:
             return None
-        longest, usual, recent = self._blocks
-        filled = len({r.tick // 4 for r in self._rows})
-        now = ratio(self._newest(NOW_BLOCKS))
-
-        def given(blocks: int) -> FloatArray | None:
-            rows = self._newest(blocks)
-            if 2 * sum(r.live for r in rows) < recent * 4:
-                return None
-            torque = now if blocks < usual and self._design.form == "wrcd" else ratio(rows)
-            return self._columns(rows, noise, factor, speed_m_s, torque)
-
-        short_blocks = min(usual, filled)
-        short = given(short_blocks)
-        if short is None or self._design.form != "wrcd":
-            return short
-        alike = 0
-        while (alike + 1) * 5 <= longest:
-            part = self._newest((alike + 1) * 5)[: len(self._newest((alike + 1) * 5)) - len(self._newest(alike * 5))]
-            if not part or abs(ratio(part) - now) > 0.1 * now + 0.002:
-                break
-            alike += 1
-        long_blocks = min(max(alike * 5, short_blocks), filled)
-        long = given(long_blocks)
-        if long is None or long_blocks == short_blocks:
-            return short
-        (mu_long, _), (mu_short, half) = answer(long), answer(short)
-        apart = np.log(max(mu_short, now) / max(mu_long, now)) / half
-        return short if apart < -0.4 or apart > 0.7 else long
+        _, usual, recent = self._blocks
+        blocks = min(blocks, len({r.tick // 4 for r in self._rows}))
+        rows = self._newest(blocks)
+        if 2 * sum(r.live for r in rows) < recent * 4:
+            return None
+        short = blocks < usual and self._design.form == "wrcd"
+        torque = ratio(self._newest(NOW_BLOCKS)) if short else ratio(rows)
+        return self._columns(rows, noise, factor, speed_m_s, torque)
 
     def _newest(self, blocks: int) -> list[Row]:
         last = self._rows[-1].tick // 4

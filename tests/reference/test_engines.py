@@ -72,13 +72,13 @@ class Lengths(Observer):
 
 
 def test_the_log_has_what_the_engines_are_compared_on(log_of: LogOf) -> None:
-    """Windows of all lengths, dropped at the change of torque or rail, and pulses."""
+    """Whole windows, dropped at the change of torque or rail, and pulses."""
     seen = Lengths()
     core = Core(load_config(None), observer=seen)
     for frame, _ in read_log(log_of(RAMP_OVER_JOINTS), Damage()):
         core.feed(frame)
     windows = np.array(seen.windows_s)
-    assert windows.max() > 1.5
+    assert windows.max() == 1.0
     assert windows[windows.argmax() :].min() < 0.5
     assert seen.pulses > 5
 
