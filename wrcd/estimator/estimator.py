@@ -93,6 +93,7 @@ class Estimator:
         ):  # fmt: skip
             part.reset(axle)
         self._settled = None
+        self._memory = self._memory.copy()  # drafts that are held back keep what they took
         self._memory[:, axle] = 0.0
         if not self.started.any():  # the speed is all axles': it goes on while one of them does
             self._speed.reset()

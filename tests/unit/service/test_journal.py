@@ -86,7 +86,7 @@ def test_change_of_validity_is_logged_with_its_input_and_figures(log: Log) -> No
     while sim.speed > 1.0:
         sim.speed -= 0.2
         sim.run(20)
-    standstill = "axle 1: Degraded -> NotAvailable, Standstill: speed VehicleSpeed.Speed 2.80 m/s, limit 3"
+    standstill = "axle 1: Valid -> NotAvailable, Standstill: speed VehicleSpeed.Speed 2.80 m/s, limit 3"
     assert log.look(2000)[-1] == standstill
 
 
