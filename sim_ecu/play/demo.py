@@ -6,7 +6,6 @@ import math
 import shlex
 import sys
 from collections.abc import Mapping, Sequence
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -119,6 +118,9 @@ def _unmapped(config: Config, numbers: Sequence[int]) -> list[str]:
     return [name for name in SHOWN if any(name not in signals for signals in sent)]
 
 
+FALL_FRAMES = 5
+
+
 def default_bus() -> tuple[str, str]:
     """Return interface and channel where none are given: vcan0 where there is one, else python-can's virtual bus."""
     return ("socketcan", "vcan0") if Path("/sys/class/net/vcan0").exists() else ("virtual", "demo")
@@ -146,20 +148,20 @@ def _leave(log: Path, picture: Path, report: Path, numbers: Sequence[int], confi
 
 
 def _print_why(log: Path, traces: Mapping[int, ObservedTrace], config: Config, config_file: Path | None) -> None:
-    """Print the command that explains the first time that an estimate was Degraded, of those that outlast a frame if
-    there are any: at the time of its frame, rounded up to the millisecond: before it the state was another, and one
-    may last 10 ms. Where the frames carry no causes it estimates them."""
-    degraded = []
+    """Print the command that explains the largest fall of an estimate within FALL_FRAMES, at the time of the frame at
+    its end, rounded up to the millisecond. Where the frames carry no causes it estimates them."""
+    falls = []
     for number, trace in traces.items():
-        is_degraded = [a["Validity"] == "Degraded" for _, a in trace.adhesion]
-        lasts = [*map(all, pairwise(is_degraded)), False]
-        degraded += [(not lasts[k], t, number) for k, (t, _) in enumerate(trace.adhesion) if is_degraded[k]]
-    if not degraded:
+        sent = [(t, a.get("MuAvailable")) for t, a in trace.adhesion]
+        known = [(t, float(mu)) for t, mu in sent if isinstance(mu, float | int)]
+        ends = zip(known, known[FALL_FRAMES:], strict=False)
+        falls += [(after - before, time_s, number) for (_, before), (time_s, after) in ends]
+    if not falls:
         return
-    _, time_s, number = min(degraded)
+    _, time_s, number = min(falls)
     words = ["wrcd", "why", str(_shown(log)), f"{math.ceil(time_s * 1000 - 1e-3) / 1000:.3f}", "--axle", str(number)]
     if config_file is not None:
         words += ["--config", str(config_file)]
     if any(a.number == number and a.detail is None for a in config.axles):
         words.append("--replay")
-    print(f"Why was it Degraded? {shlex.join(words)}")
+    print(f"Why did it fall? {shlex.join(words)}")

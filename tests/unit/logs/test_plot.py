@@ -32,7 +32,7 @@ def test_picture_names_causes_fall_truth_and_design(lone_ride: Ride, tmp_path: P
     draw(lone_ride.sent, lone_ride.sent.axles, lone_ride.sent.begin_us, lone_ride.sent.end_us, out)
     shown = texts(out)
     for text in (
-        "Axle 1", "NotAvailable: WarmingUp", "Degraded: TooLittleData", "<!-- Valid -->", "Saturated", "Adhering",
+        "Axle 1", "NotAvailable: WarmingUp", "<!-- Valid -->", "Saturated", "Adhering",
         "truth", "in use", "→", "its 90 % interval", "4: curve B, linear region",
         lone_ride.sent.config.design.checksum[:12], "seconds after the log's first frame",
     ):  # fmt: skip

@@ -67,13 +67,13 @@ def test_the_demo_shows_the_estimate_and_leaves_log_picture_and_report(
 
 
 def explained_hint(values: str, capsys: pytest.CaptureFixture[str]) -> list[str]:
-    """The command that the demo hints at, which explains a Degraded moment."""
-    hint = shlex.split(values.rpartition("Why was it Degraded? ")[2])
+    """The command that the demo hints at, which explains the largest fall."""
+    hint = shlex.split(values.rpartition("Why did it fall? ")[2])
     assert hint[:2] == ["wrcd", "why"]
     assert wrcd(hint[1:]) == 0
     told = capsys.readouterr()
     assert told.out.splitlines()[0].startswith(f"Axle 1 at {float(hint[3]):.3f} s")
-    assert "): Degraded, " in told.out.splitlines()[0]
+    assert "available adhesion fell from" in told.out
     assert "NotAvailable throughout; not shown" in told.err
     return hint
 
@@ -208,22 +208,21 @@ def test_hint_of_a_demo_with_an_own_dbc_replays(
     assert "--replay" in explained_hint(shown.out, capsys)
 
 
-def test_hint_is_at_a_degraded_frame_that_another_follows_and_not_behind_it(
+def test_hint_is_at_the_end_of_the_largest_fall_and_not_before_its_frame(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Frames of a loaded computer come up to a cycle late: 9 ms after this one the state is another."""
+    """Frames of a loaded computer come up to a cycle late."""
 
-    def hint(*degraded_at: float) -> str:
+    def hint(*percent: float | None) -> str:
         rows: list[tuple[float, MessageValues]] = [
-            (t, {"Validity": "Degraded" if t in degraded_at else "Valid"}) for t in (2.5902, 2.6105, 2.6191, 2.6403)
+            (2.5 + 0.02 * k + 0.0005, {} if p is None else {"MuAvailable": p}) for k, p in enumerate(percent)
         ]
         demo._print_why(tmp_path / "x.log", {1: ObservedTrace([], rows)}, load_packaged(1), None)
         return capsys.readouterr().out
 
-    assert " 2.611 --axle 1" in hint(2.6105)
-    assert " 2.620 --axle 1" in hint(2.5902, 2.6191, 2.6403)
-    assert " 2.641 --axle 1" in hint(2.6403)
-    assert hint() == ""
+    assert " 2.641 --axle 1" in hint(30.0, 30.0, 30.0, 30.0, 30.0, 29.0, 28.0, 20.0, 19.9, 20.0, 21.0, 22.0)
+    assert " 2.641 --axle 1" in hint(None, 30.0, 30.0, 30.0, 30.0, 30.0, 28.0, 20.0)
+    assert hint(None, 30.0, None) == ""
 
 
 def test_interval_that_is_not_sent_is_said_once_and_no_sign_stands_for_it(capsys: pytest.CaptureFixture[str]) -> None:
