@@ -220,7 +220,7 @@ def test_hint_is_at_the_end_of_the_largest_fall_and_not_before_its_frame(
         demo._print_why(tmp_path / "x.log", {1: ObservedTrace([], rows)}, load_packaged(1), None)
         return capsys.readouterr().out
 
-    assert " 2.641 --axle 1" in hint(30.0, 30.0, 30.0, 30.0, 30.0, 29.0, 28.0, 20.0, 19.9, 20.0, 21.0, 22.0)
+    assert " 2.641 --axle 1" in hint(30.0, 30.0, 30.0, 30.0, 30.0, 29.0, 28.0, 20.0, 20.0, 20.0, 21.0, 22.0)
     assert " 2.641 --axle 1" in hint(None, 30.0, 30.0, 30.0, 30.0, 30.0, 28.0, 20.0)
     assert hint(None, 30.0, None) == ""
 
