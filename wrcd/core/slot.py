@@ -105,6 +105,6 @@ def _report(slot: Slot, axle: int, estimate: Estimate | None, before: str) -> Re
         used = min(used, mu)
     contact = "Unknown" if mu is None else "Saturated" if estimate.saturated[axle] else "Adhering"
     width = nan_to_none(float(estimate.half_width_pp[axle])) if sure else None
-    short = estimate.doubt[axle] == EstimateDoubt.SHORT
+    short = cause is Cause.TOO_LITTLE_DATA and estimate.doubt[axle] != EstimateDoubt.GAPS
     level = confidence(width, before)
     return Report(validity, mu, used, age_ms, surface(mu), contact, level, cause, short)

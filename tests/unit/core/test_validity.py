@@ -267,6 +267,19 @@ def test_wide_interval_is_valid_and_its_level_does_not_flicker(
     ]  # fmt: skip
 
 
+def test_short_window_excuses_no_other_cause(sim: SensorSimulator, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The recorder takes what is short for no loss: a sensor that says Degraded is one, whatever the window is."""
+    estimates = sim.core.estimator.estimates
+    short = np.full(4, int(EstimateDoubt.SHORT))
+    monkeypatch.setattr(
+        sim.core.estimator, "estimates", lambda drafts: [replace(e, doubt=short) for e in estimates(drafts)]
+    )
+    sim.run(1500)
+    assert (sim.core.reports[0].cause, sim.core.reports[0].short) == (Cause.TOO_LITTLE_DATA, True)
+    sim.during(200, yaw_status=1)
+    assert (sim.core.reports[0].cause, sim.core.reports[0].short) == (Cause.SENSOR_DEGRADED, False)
+
+
 def test_residuals_beyond_training_are_never_valid(config: Config) -> None:
     """Rules made from residuals of another size than any rail makes: unknown, and said so."""
     d = config.design
