@@ -12,8 +12,8 @@ from sim_ecu.design.recordings import Recording, measured
 from sim_ecu.design.rules import quantiles
 from sim_ecu.physics.wheelset import Wheelset
 from wrcd.estimator.design import Design, HealthModel
-from wrcd.estimator.estimator import Estimator
-from wrcd.estimator.records import Estimate, EstimateDoubt, Ticks
+from wrcd.estimator.estimator import Estimator, step_through
+from wrcd.estimator.records import EstimateDoubt, Ticks
 from wrcd.estimator.trust.health import CERTAIN, FEATURES, MIN_SHARE, MOST, SPAN_TICKS, PairHealth, PairState, evidence
 from wrcd.estimator.trust.interval import Regime
 
@@ -21,7 +21,6 @@ FloatArray = NDArray[np.float64]
 G = 9.80665
 SOUND, DIES_FROM, DIES_TO = "sound", 0.3, 0.6  # shares of the recording in which a sensor dies
 KMH = 3.6
-TICK_S = 0.005
 LATE_S = (0.1, 0.3)
 # What is made of a sound pair, and the state that it then is in.
 BROKEN = {
@@ -136,8 +135,8 @@ def _lanes(d: Design, r: Recording, z: FloatArray, noise: FloatArray, rng: np.ra
         seed = int(rng.integers(2**31))
         beside = (i + 2) % n if partner == "elsewhere" else i ^ 1
         alike = partner == "alike" or (name == "other axle" and partner == "sound")  # wires are swapped in pairs
-        pair = _broken(name, z, noise, i, begins, seed)
-        other = _broken(name, z, noise, beside, begins, seed) if alike else z[:, :, beside]
+        pair = _broken(name, z, noise, i, begins, seed, d.tick_s)
+        other = _broken(name, z, noise, beside, begins, seed, d.tick_s) if alike else z[:, :, beside]
         state = np.full(ticks, BROKEN.get(name, PairState.SOUND), np.int8)
         state[: begins + 2 * SPAN_TICKS if begins else 0] = PairState.SOUND
         state[begins : begins + SPAN_TICKS if begins else 0] = -1
@@ -155,7 +154,8 @@ def _watched(d: Design, lanes: Sequence[Lane], speed_m_s: FloatArray, mu_pct: ND
     ends = np.arange(SPAN_TICKS - 1, len(z), SPAN_TICKS)
     ratio = np.concatenate([lane.ratio for lane in lanes], axis=1)
     ticks = Ticks(0, z, np.broadcast_to(there, z.shape), ratio, speed_m_s.tolist())
-    found = _run(estimator, ticks, ends.tolist())
+    stops = step_through(estimator, ticks.part(0, int(ends[-1]) + 1), ends[:-1].tolist(), resets=True)
+    found = [estimator.estimate() for _ in stops]
     known = np.stack([known[::2] for _, known in watch.seen])
     state = np.where(known, np.stack([lane.state for lane in lanes], axis=1)[ends], -1)
     state[:FIRST_SPAN] = -1
@@ -177,26 +177,7 @@ def _watched(d: Design, lanes: Sequence[Lane], speed_m_s: FloatArray, mu_pct: ND
     )
 
 
-def _run(estimator: Estimator, ticks: Ticks, ends: Sequence[int]) -> list[Estimate]:
-    """Estimates after the ticks that end the spans."""
-    out, at, spans = [], 0, set(ends)
-    while at < len(ticks):
-        end = at + 1
-        while end < len(ticks) and not estimator.block_end(end - 1):
-            end += 1
-        block, first = ticks.part(at, end), 0
-        while first < len(block):
-            result = estimator.step(block, first)
-            first += len(result)
-            for axle in np.flatnonzero(result.needs_reset).tolist():
-                estimator.reset(axle)
-        at = end
-        if at - 1 in spans:
-            out.append(estimator.estimate())
-    return out
-
-
-def _broken(name: str, z: FloatArray, noise: FloatArray, i: int, begins: int, seed: int) -> FloatArray:
+def _broken(name: str, z: FloatArray, noise: FloatArray, i: int, begins: int, seed: int, tick_s: float) -> FloatArray:
     """(ticks, 2): a pair's signals as they come when this is wrong from a tick on."""
     out = z[:, :, i].copy()
     if name in ("gyro dead", "both dead", "gyro dies", "both die"):
@@ -211,7 +192,7 @@ def _broken(name: str, z: FloatArray, noise: FloatArray, i: int, begins: int, se
         out[:, 1] /= G
     if name == "late":
         rng = np.random.default_rng(seed)
-        lag, which = round(rng.uniform(*LATE_S) / TICK_S), int(rng.integers(2))
+        lag, which = round(rng.uniform(*LATE_S) / tick_s), int(rng.integers(2))
         out[lag:, which] = out[:-lag, which]
     return out
 

@@ -307,9 +307,9 @@ class Estimator:
         return min(max(self._speed_m_s, low), high)
 
 
-def step_through(estimator: Estimator, ticks: Ticks, stops: Iterable[int] = ()) -> Iterator[int]:
-    """Step any number of ticks, block by block; axles are not reset. Yields after each of the stops, places among the
-    ticks that grow."""
+def step_through(estimator: Estimator, ticks: Ticks, stops: Iterable[int] = (), resets: bool = False) -> Iterator[int]:
+    """Step any number of ticks, block by block; resets: whether axles are reset that need it. Yields after each of the
+    stops, places among the ticks that grow."""
     at = 0
     for stop in (*stops, len(ticks) - 1):
         while at <= stop:
@@ -318,7 +318,10 @@ def step_through(estimator: Estimator, ticks: Ticks, stops: Iterable[int] = ()) 
                 end += 1
             block, first = ticks.part(at, end), 0
             while first < len(block):
-                first += len(estimator.step(block, first))
+                result = estimator.step(block, first)
+                first += len(result)
+                for axle in np.flatnonzero(result.needs_reset).tolist() if resets else ():
+                    estimator.reset(axle)
             at = end
         yield stop
 
