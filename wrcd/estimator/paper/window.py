@@ -31,7 +31,6 @@ PLAIN = RATIO  # columns from here on are plain sums
 _RAW, _RAW2 = (slice(a.start - PLAIN, a.stop - PLAIN) for a in (SUM_RAW, SUM_RAW2))
 NOW_S = 0.06  # the torque of so long is the torque of the moment
 STEP_S = 0.16  # and of so long before, that before a step
-PART_S = 0.1  # parts that are compared with the moment when a window grows
 
 
 def quiet() -> np.errstate:
@@ -49,7 +48,7 @@ class Lengths:
         self.usual = -(-design.window_ticks // BLOCK_TICKS)
         self.longest = -(-design.longest_ticks // BLOCK_TICKS)
         self.recent = max(2, round(design.recent_ticks / BLOCK_TICKS))
-        self.now, self.step, self.part = blocks(NOW_S), blocks(STEP_S), blocks(PART_S)
+        self.now, self.step = blocks(NOW_S), blocks(STEP_S)
         self.min_ticks = 0.5 * self.recent * BLOCK_TICKS
 
 
