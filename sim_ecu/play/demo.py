@@ -112,13 +112,13 @@ def _play(
     return observer.traces, rig.tally, came_to
 
 
+FALL_FRAMES = 5  # 0.1 s: so long an estimate takes to follow a rail
+
+
 def _unmapped(config: Config, numbers: Sequence[int]) -> list[str]:
     """Return what the screen would show of these axles, and some of them do not send."""
     sent = [a.adhesion.signals for a in config.axles if a.number in numbers]
     return [name for name in SHOWN if any(name not in signals for signals in sent)]
-
-
-FALL_FRAMES = 5
 
 
 def default_bus() -> tuple[str, str]:
