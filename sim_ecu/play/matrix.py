@@ -36,7 +36,7 @@ from wrcd.resources import LONE
 from wrcd.service.journal import CounterLog
 
 # When the fault begins: the axle has been Valid for a while, and slots and cycles are met at different points.
-BEGINS_S = (1.9, 2.213, 2.507)
+BEGINS_S = (2.5, 2.813, 3.207)
 AFTER_S = 2.35  # judged so long after the fault's end
 SLOT_US = 20_000
 SCENARIO = "half-wet"
