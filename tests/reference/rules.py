@@ -34,25 +34,26 @@ class Row:
 
 
 class Memory:
-    """The words of one axle's usual window, fused: a mean by their spreads that forgets."""
+    """The words of one axle's window, fused: a mean by their spreads that forgets."""
 
     def __init__(self) -> None:
         self._mean, self._spread, self._far = 0.0, 0.0, 0  # a spread of 0: nothing is remembered
 
-    def anew(self, word: Word | None, newest: Word | None) -> bool:
-        """Take up a word; None: of a window that is not whole. Whether the newest part has spoken of another rail twice
-        on end: then nothing is remembered."""
+    def anew(self, word: Word | None, whole: bool, newest: Word | None) -> bool:
+        """Take up a word, of a window that is whole or cut; None: it holds too little. Whether the newest part has
+        spoken of another rail twice on end: then nothing is remembered."""
         if word is None:
             self._spread, self._far = 0.0, 0
             return False
         log, spread = word
-        old, new = (0.96 / self._spread**2 if self._spread else 0.0), 0.048 / spread**2
+        old, new = (0.94 / self._spread**2 if self._spread else 0.0), 0.048 / spread**2
         mean, narrower = (old * self._mean + new * log) / (old + new), (old + new) ** -0.5
-        if not self._spread or (log - mean) / spread <= -2.5 or (log - mean) / spread >= 3.0:
-            mean, narrower = log, spread
+        off = (log - mean) / spread / (1.0 if whole else 0.5)
+        if not self._spread or off <= -2.5 or off >= 3.0 or (spread >= 0.3 and not whole):
+            mean, narrower = log, spread / 0.2**0.5
         self._mean, self._spread = mean, narrower
-        apart = 0.0 if newest is None else (newest[0] - mean) / (newest[1] ** 2 + narrower**2) ** 0.5
-        self._far = self._far + 1 if apart < -2.0 or apart > 2.5 else 0
+        apart = 0.0 if newest is None else (newest[0] - mean) / ((1.8 * newest[1]) ** 2 + narrower**2) ** 0.5
+        self._far = self._far + 1 if whole and (apart < -2.0 or apart > 2.5) else 0
         if self._far < 2:
             return False
         self._spread = 0.0
@@ -126,7 +127,7 @@ class SlidingWindow:
                  (self._given(blocks, noise, factor, speed_m_s) for blocks in (usual, recent))]  # fmt: skip
         newest = self._newest(recent) if self._rows else []
         clear = sum(r.live for r in newest) >= 0.8 * len(newest)
-        if self._memory.anew(words[0] if whole else None, words[1] if clear else None):
+        if self._memory.anew(words[0], whole, words[1] if clear else None):
             self._rows = deque(newest)
 
     def _given(self, blocks: int, noise: FloatArray, factor: FloatArray, speed_m_s: float) -> FloatArray | None:

@@ -14,7 +14,9 @@ from wrcd.estimator.trust.changes import decades
 from wrcd.estimator.trust.interval import regime, widening
 from wrcd.estimator.trust.memory import SIGMAS, Remembered, Word, spoken
 
-ALLOWED = 4.0  # standard deviations above the word that what was in use at the last peak may lift it
+# Standard deviations above the word that what was in use at the last peak may lift it, and the most: three times the
+# word. A torque that is lost with the rail is no slip cycle, and there the word is vague.
+ALLOWED, LIFTS = 4.0, np.log(3.0)
 NEWEST_SHARE = 0.5  # of the newest part's half-width that the interval is made to reach down to
 # More in use than the rules say there is: beyond the interval, and by this share of what they say, one is wrong.
 CONTRADICTION_SHARE, CONTRADICTION_PP = 0.2, 0.3
@@ -160,7 +162,7 @@ class Answers:
             word, _ = spoken(memory, best.word, ~cut)
             from_rules, spread = np.exp(word.log_pct), SIGMAS * word.sigma
             # what has been in use lately is available: the estimate cannot lie below it
-            allowed = np.minimum(memory.peak_pct, np.exp(word.log_pct + ALLOWED * word.sigma))
+            allowed = np.minimum(memory.peak_pct, np.exp(word.log_pct + np.minimum(ALLOWED * word.sigma, LIFTS)))
             carried = np.fmax(100.0 * draft.lasting, allowed)
             mu = np.minimum(np.maximum(from_rules, carried), 100.0)
             spread = np.maximum(spread, (mu - from_rules) / mu)

@@ -1,8 +1,8 @@
 """What the rail was a moment ago: the rules' words so far, and what was in use at the last peak.
 
 While nothing changes, the rules' word on the newest second is fused with those before: a mean of log adhesion in which
-each word weighs by its spread, forgotten within seconds. Where the window is cut, or its own word lies far from the
-fused one, the memory begins anew with that word.
+each word weighs by its spread, forgotten within seconds. Where the window's own word lies far from the fused one, or its
+newest part speaks of another rail, the memory begins anew. After a cut of the window less far is enough.
 
 What is in use is available. That bound is carried across cuts of the window and changes of torque: it erodes with time
 and way. Where the wheelset is saturated on less, the rail has become worse, and the bound is what is in use.
@@ -17,7 +17,7 @@ from wrcd.estimator.design import FloatArray
 from wrcd.estimator.paper.bank import BoolArray
 
 STEP_TICKS = 16  # from one word that is fused to the next, 80 ms
-KEPT = 0.96  # of the words so far, at each: a memory of 2 s
+KEPT = 0.94  # of the words so far, at each: a memory of 1.3 s
 # A word counts as so many independent ones: of 80 ms in a window of 1 s, and what is wrong in one is wrong in the next.
 WEIGHT = 0.08 * 0.6
 # The window's own word takes over where it is off by so many of its standard deviations, below or above; it begins to
@@ -29,6 +29,10 @@ HOLD_S, ERODES_S, ERODES_M = 0.5, 6.0, 120.0
 SATURATED = 0.87
 # The rail is worse where the newest part's word lies so many standard deviations, of both, below for so many steps.
 WORSE, BETTER, WORSE_STEPS = 2.0, 2.5, 2
+NEWEST = 1.8  # times as far as their spread says do the newest part's words scatter on a steady rail: it is short
+# Where the window was cut, its word takes over at this share of BELOW and ABOVE, and where its deviation is so large.
+CUT, VAGUE = 0.5, 0.3
+BEGINS = 0.2  # of a word's weight is what a memory begins with: the rail may still be changing
 CLEAR = 0.8  # of the newest part that must hold data: lost measurements and pulses are no other rail
 AGAIN = 0.98  # of what was in use at the peak: as much again
 
@@ -54,14 +58,15 @@ class Word:
 
 
 def spoken(memory: Remembered, word: Word, whole: BoolArray) -> tuple[Word, FloatArray]:
-    """The fused word where there is one and the window is whole (n,), on its way to the window's own (share 1, (n,))
-    where that lies far from it."""
-    none = (memory.precision == 0.0) | ~np.isfinite(word.sigma) | ~whole
+    """The fused word where there is one, on its way to the window's own (share 1, (n,)) where that lies far from it:
+    less far is enough where the window was cut, and is not whole (n,). A cut may be a false alarm."""
+    none = (memory.precision == 0.0) | ~np.isfinite(word.sigma)
     x = memory.weighed / memory.precision
     apart = (word.log_pct - x) / word.sigma
     far = np.where(apart < 0.0, -apart / BELOW, apart / ABOVE)
+    far = np.where(whole, far, np.maximum(far / CUT, word.sigma / VAGUE))
     share = np.where(none, 1.0, np.minimum(np.maximum(2.0 * far - 1.0, 0.0), 1.0))
-    sigma = 1.0 / np.sqrt(memory.precision)
+    sigma = np.minimum(1.0 / np.sqrt(memory.precision), word.sigma)
     mixed = (np.where(share < 1.0, (1.0 - share) * a + share * b, b) for a, b in
              ((x, word.log_pct), (sigma, word.sigma)))  # fmt: skip
     return Word(*mixed), share
@@ -74,20 +79,22 @@ def remember(
     """After a step of so many seconds: the rules' word of the window, which is whole (n,) or cut; recent: that of
     its newest part, and what share of that holds data (n,); in_use_pct (n,): what has been in use all the time lately.
     Within quiet()."""
-    usable = whole & np.isfinite(word.sigma)
+    usable = np.isfinite(word.sigma)
     new = 1.0 / (word.sigma * word.sigma)
     precision = KEPT * memory.precision + WEIGHT * new
     weighed = KEPT * memory.weighed + WEIGHT * new * word.log_pct
     _, share = spoken(memory._replace(precision=precision, weighed=weighed), word, whole)
     begins = (memory.precision == 0.0) | (share >= 1.0)
-    precision = np.where(usable, np.where(begins, new, precision), 0.0)
-    weighed = np.where(usable, np.where(begins, new * word.log_pct, weighed), 0.0)
+    precision = np.where(usable, np.where(begins, BEGINS * new, precision), 0.0)
+    weighed = np.where(usable, np.where(begins, BEGINS * new * word.log_pct, weighed), 0.0)
     in_use = np.where(np.isfinite(in_use_pct), in_use_pct, 0.0)
     at_peak = (in_use >= AGAIN * memory.peak_pct) | (in_use >= SATURATED * np.exp(recent.log_pct))
     age = np.where(at_peak, 0.0, memory.peak_age_s + step_s)
     eroded = memory.peak_pct * np.where(age > HOLD_S, np.exp(-step_s * (1.0 / ERODES_S + speed_m_s / ERODES_M)), 1.0)
-    apart = (recent.log_pct - weighed / precision) / np.sqrt(recent.sigma * recent.sigma + 1.0 / precision)
-    worse = np.where(usable & (live_share >= CLEAR) & ((apart < -WORSE) | (apart > BETTER)), memory.worse + 1.0, 0.0)
+    scatter = NEWEST * recent.sigma
+    apart = (recent.log_pct - weighed / precision) / np.sqrt(scatter * scatter + 1.0 / precision)
+    off = whole & usable & (live_share >= CLEAR) & ((apart < -WORSE) | (apart > BETTER))
+    worse = np.where(off, memory.worse + 1.0, 0.0)
     anew = worse >= WORSE_STEPS
     precision, weighed = np.where(anew, 0.0, precision), np.where(anew, 0.0, weighed)
     return Remembered(precision, weighed, np.where(at_peak, in_use, eroded), age, worse)

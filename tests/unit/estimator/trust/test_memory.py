@@ -8,10 +8,13 @@ import pytest
 from wrcd.estimator.paper.bank import BoolArray
 from wrcd.estimator.trust.memory import (
     ABOVE,
+    BEGINS,
     BELOW,
+    CUT,
     HOLD_S,
     KEPT,
     SATURATED,
+    VAGUE,
     WEIGHT,
     WORSE_STEPS,
     Remembered,
@@ -42,13 +45,15 @@ def after(
     return memory
 
 
-def test_words_that_agree_become_one_that_is_narrower() -> None:
+def test_words_that_agree_become_one_that_is_as_sure_as_they_are() -> None:
     first, many = after(nothing(), 1, word(20.0)), after(nothing(), 500, word(20.0))
     assert spoken(first, word(20.0), YES)[0].sigma == pytest.approx(0.1)
     fused, share = spoken(many, word(20.0), YES)
     assert share == 0.0
     assert np.exp(fused.log_pct) == pytest.approx(20.0)
-    assert fused.sigma == pytest.approx(0.1 * math.sqrt((1.0 - KEPT) / WEIGHT))
+    sure = 0.1 * math.sqrt((1.0 - KEPT) / WEIGHT)
+    assert many.precision == pytest.approx(1.0 / sure**2)
+    assert fused.sigma == pytest.approx(min(sure, 0.1))
 
 
 def test_words_weigh_by_their_spread() -> None:
@@ -72,20 +77,37 @@ def test_memory_begins_anew_with_a_word_that_took_over() -> None:
     assert np.exp(anew.weighed / anew.precision) == pytest.approx(8.0)
 
 
-def test_cut_window_speaks_for_itself() -> None:
+def test_memory_that_begins_follows_a_rail_that_still_changes() -> None:
+    anew = after(after(nothing(), 500, word(20.0)), 1, word(8.0))
+    old = after(nothing(), 500, word(8.0))
+    follows, stays = (m.weighed / m.precision for m in (after(x, 4, word(7.4)) for x in (anew, old)))
+    assert follows < np.log(7.7) < stays
+
+
+def test_cut_window_that_says_the_same_was_a_false_alarm() -> None:
     memory = after(nothing(), 500, word(20.0))
-    assert spoken(memory, word(12.0, 0.4), NO)[0].log_pct == np.log(12.0)
-    with np.errstate(all="ignore"):
-        cut = after(memory, 1, word(12.0), whole=NO)
-    assert [*cut.precision, *cut.weighed] == [0.0, 0.0]
+    said, share = spoken(memory, word(19.5), NO)
+    assert share == 0.0
+    assert np.exp(said.log_pct) == pytest.approx(20.0)
+    cut = after(memory, 1, word(19.5), whole=NO)
+    assert cut.precision > 0.9 * memory.precision
+
+
+@pytest.mark.parametrize(("pct", "sigma"), [(20.0 * math.exp(-0.1 * CUT * BELOW), 0.1), (12.0, 0.1), (20.0, VAGUE)])
+def test_cut_window_that_says_something_else_or_is_vague_speaks_for_itself(pct: float, sigma: float) -> None:
+    memory, new = after(nothing(), 500, word(20.0)), word(pct, sigma)
+    assert spoken(memory, new, NO)[0].log_pct == pytest.approx(np.log(pct))
+    assert spoken(memory, new, YES)[1] < 1.0 or pct == 12.0
+    cut = after(memory, 1, word(8.0, sigma), whole=NO)
+    assert cut.precision == pytest.approx(BEGINS / sigma**2)
 
 
 @pytest.mark.parametrize("newest", [10.0, 40.0])
 def test_newest_part_that_says_twice_that_the_rail_is_another_ends_the_memory(newest: float) -> None:
     memory = after(nothing(), 500, word(20.0))
-    one = after(memory, 1, word(20.0), recent=word(newest, 0.2))
+    one = after(memory, 1, word(20.0), recent=word(newest, 0.1))
     assert (one.worse < WORSE_STEPS) & (one.precision > 0.0)
-    two = after(one, 1, word(20.0), recent=word(newest, 0.2))
+    two = after(one, 1, word(20.0), recent=word(newest, 0.1))
     assert (two.worse >= WORSE_STEPS) & (two.precision == 0.0)
     assert after(one, 1, word(20.0)).worse == 0.0
 
