@@ -88,7 +88,7 @@ class Design:
     tick_s: float
     form: str  # "wrcd", or "paper": its own form, see sim_ecu/design/paper.py
     window_s: float  # after so long of sound inputs the estimate is Valid
-    longest_s: float  # a window grows up to this while nothing changes
+    longest_s: float  # of the longest window that rules are fitted on
     recent_s: float  # the newest part of the window: shows a change of rail
     speeds_m_s: FloatArray  # (v,)
     model_names: tuple[str, ...]

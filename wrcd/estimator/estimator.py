@@ -35,7 +35,7 @@ class Estimator:
 
     At the end of every block of ticks the newest part of the window is compared with the rest; where the rail or the
     torque has changed, the rest is dropped, so that the estimate follows in a fraction of the window and says so by a
-    wider interval. While nothing changes the window grows to twice its usual length.
+    wider interval. While nothing changes the words on it are fused.
     """
 
     _bank: Bank

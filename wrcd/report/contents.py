@@ -205,7 +205,7 @@ def configuration(story: Story) -> Mapping[str, Any]:
         ("configuration", c.file), ("DBC", str(c.dbc_file)), ("design", f"{c.design.name}, {c.design_file}"),
         ("checksum of the design", c.design.checksum), ("form of the design", c.design.form),
         ("models", ", ".join(c.design.model_names)), ("rules", str(len(c.design.rules))),
-        ("window", f"{c.design.window_s:g} s, up to {c.design.longest_s:g} s"),
+        ("window", f"{c.design.window_s:g} s"),
         ("tick", f"{1e3 * c.design.tick_s:g} ms"),
         ("speeds of the design", f"{c.design.speeds_m_s[0]:g} to {c.design.speeds_m_s[-1]:g} m/s"),
         ("slower than this there is no estimate", f"{c.min_speed_m_s:g} m/s"),
