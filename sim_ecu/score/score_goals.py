@@ -7,7 +7,16 @@ from typing import Any
 from sim_ecu.reporting.values import Figure
 from sim_ecu.reporting.verdicts import MIN_QUICK_RUNS, MIN_RUNS, Goal
 from sim_ecu.score.metrics.accuracy import OURS
-from sim_ecu.score.suites.broken import BOTH_DIE, DEAD_GYRO, REVERSED
+from sim_ecu.score.suites.broken import (
+    ACCELEROMETER_DIES,
+    BOTH_DIE,
+    DEAD_ACCELEROMETER,
+    DEAD_GYRO,
+    GYRO_DIES,
+    NO_SENSOR,
+    REVERSED,
+    SWAPPED,
+)  # fmt: skip
 from sim_ecu.score.suites.nominal import ROUGH_JUDGED
 from sim_ecu.score.suites.sound import LONG
 from sim_ecu.score.suites.worlds import AS_TRAINED, UNSEEN, WIDER, WORLDS, World
@@ -56,12 +65,21 @@ SCORE_GOALS: Mapping[tuple[str, ...], partial[Goal]] = {
     ("long", "rows", LONG, "valid"): at_least("long: Valid, share of frames", bound=0.95),
     ("dead", "groups", BOTH_DIE, "valid_s", "most"): never_above("dead: Valid after both die, longest, s", bound=1.5),
     **{
-        ("foreign", "groups", n, "found"): at_least(f"foreign: {n}, not Valid after 10 s, share of axles", bound=bound)
-        for n, bound in ((REVERSED, 0.98), (DEAD_GYRO, 0.85))
+        (suite, "groups", n, "found"): at_least(f"{suite}: {n}, not Valid after 10 s, share of axles", bound=bound)
+        for suite, n, bound in (
+            ("dead", BOTH_DIE, 0.99),
+            ("dead", GYRO_DIES, 0.9),
+            ("dead", ACCELEROMETER_DIES, 0.98),
+            ("foreign", REVERSED, 0.98),
+            ("foreign", SWAPPED, 0.9),
+            ("foreign", DEAD_GYRO, 0.9),
+            ("foreign", DEAD_ACCELEROMETER, 0.98),
+            ("foreign", NO_SENSOR, 0.99),
+        )
     },
     ("dry-hours", "seconds"): never_above("dry-hours: seconds called Low or worse", bound=0.0),
 }
-ACCUSED = at_most("sound sensors: accused, share of frames", bound=0.01)
+ACCUSED = at_most("sound sensors: accused, share of frames", bound=0.001)
 
 
 def goals(suites: Mapping[str, Any], accused: Figure | None, quick: bool = False) -> list[Goal]:
