@@ -38,8 +38,9 @@ def regime(swing: FloatArray, share: FloatArray, cut: BoolArray, saturated: Bool
 
 
 def widening(model: IntervalModel, of: IntArray, speed_m_s: FloatArray) -> FloatArray:
-    """(n,): what the half-width is multiplied by, in regimes at speeds (n,)."""
-    at = np.interp(np.log(speed_m_s), np.log(model.speeds_m_s), np.arange(len(model.speeds_m_s)))
+    """(n,): what the half-width is multiplied by, in regimes at speeds (n,); beyond the model's, those at its ends."""
+    held = np.fmin(np.fmax(speed_m_s, model.speeds_m_s[0]), model.speeds_m_s[-1])
+    at = np.interp(np.log(held), np.log(model.speeds_m_s), np.arange(len(model.speeds_m_s)))
     low = np.minimum(at.astype(np.int64), len(model.speeds_m_s) - 2)
     share = at - low
     return np.asarray((1.0 - share) * model.factors[of, low] + share * model.factors[of, low + 1])
