@@ -66,13 +66,15 @@ def confidence(half_width_pp: float | None, before: str) -> str:
     only where there is room, or it would go up and down with every frame."""
     if half_width_pp is None:
         return "None"
-    level = _level(half_width_pp)
-    roomy = _level(half_width_pp / ROOM)
-    return before if level != before and roomy == before else level
+    names = [name for _, name in CONFIDENCES]
+    level, roomy = (names[_level(x)] for x in (half_width_pp, half_width_pp / ROOM))
+    if before not in names or names.index(level) >= names.index(before):
+        return level
+    return min(roomy, before, key=names.index)
 
 
-def _level(half_width_pp: float) -> str:
-    return next(name for most, name in CONFIDENCES if half_width_pp <= most)
+def _level(half_width_pp: float) -> int:
+    return next(k for k, (most, _) in enumerate(CONFIDENCES) if half_width_pp <= most)
 
 
 def nan_to_none(x: float) -> float | None:

@@ -16,7 +16,7 @@ from wrcd.bus.dbc import find_message, find_signal
 from wrcd.bus.frame import Frame
 from wrcd.bus.signals import Output, OutputSignal
 from wrcd.config.config import load_config
-from wrcd.core.messages import Outgoing
+from wrcd.core.messages import Outgoing, confidence
 from wrcd.core.vocabulary import snake
 
 OWN_ID = 0x18FF0601
@@ -146,3 +146,18 @@ def test_every_report_of_the_default_configuration_has_its_word() -> None:
     sim.run(200)
     output = config.axles[0].adhesion
     assert {snake(name) for name in sim.core.reports[0].values()} == {snake(name) for name in output.signals}
+
+
+@pytest.mark.parametrize(
+    ("half_width_pp", "before", "level"),
+    [
+        (0.95, "None", "Within1pp"), (0.95, "Within1pp", "Within1pp"), (0.95, "Within2pp", "Within2pp"),
+        (0.95, "Within3pp", "Within2pp"), (0.89, "Within3pp", "Within1pp"), (2.9, "Wider", "Within5pp"),
+        (2.9, "Within2pp", "Within3pp"), (11.0, "Within12pp", "Within12pp"), (11.0, "Wider", "Wider"),
+        (40.0, "Within1pp", "Wider"), (None, "Within1pp", "None"),
+    ],
+)  # fmt: skip
+def test_level_is_left_for_a_narrower_one_with_a_tenth_of_room_alone(
+    half_width_pp: float | None, before: str, level: str
+) -> None:
+    assert confidence(half_width_pp, before) == level
