@@ -148,14 +148,16 @@ def _leave(log: Path, picture: Path, report: Path, numbers: Sequence[int], confi
 
 
 def _print_why(log: Path, traces: Mapping[int, ObservedTrace], config: Config, config_file: Path | None) -> None:
-    """Print the command that explains the largest fall of an estimate within FALL_FRAMES, at the time of the frame at
-    its end, rounded up to the millisecond. Where the frames carry no causes it estimates them."""
+    """Print the command that explains the largest fall of a Valid estimate within FALL_FRAMES, at the time of the frame
+    at its end, rounded up to the millisecond. Where the frames carry no causes it estimates them."""
     falls = []
     for number, trace in traces.items():
-        sent = [(t, a.get("MuAvailable")) for t, a in trace.adhesion]
-        known = [(t, float(mu)) for t, mu in sent if isinstance(mu, float | int)]
-        ends = zip(known, known[FALL_FRAMES:], strict=False)
-        falls += [(after - before, time_s, number) for (_, before), (time_s, after) in ends]
+        sent = [(t, a.get("MuAvailable") if a.get("Validity") == "Valid" else None) for t, a in trace.adhesion]
+        falls += [
+            (after - before, time_s, number)
+            for (_, before), (time_s, after) in zip(sent, sent[FALL_FRAMES:], strict=False)
+            if isinstance(before, float | int) and isinstance(after, float | int) and after < before
+        ]
     if not falls:
         return
     _, time_s, number = min(falls)

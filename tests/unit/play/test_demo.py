@@ -215,7 +215,8 @@ def test_hint_is_at_the_end_of_the_largest_fall_and_not_before_its_frame(
 
     def hint(*percent: float | None) -> str:
         rows: list[tuple[float, MessageValues]] = [
-            (2.5 + 0.02 * k + 0.0005, {} if p is None else {"MuAvailable": p}) for k, p in enumerate(percent)
+            (2.5 + 0.02 * k + 0.0005, {} if p is None else {"Validity": "Valid", "MuAvailable": p})
+            for k, p in enumerate(percent)
         ]
         demo._print_why(tmp_path / "x.log", {1: ObservedTrace([], rows)}, load_packaged(1), None)
         return capsys.readouterr().out
@@ -223,6 +224,8 @@ def test_hint_is_at_the_end_of_the_largest_fall_and_not_before_its_frame(
     assert " 2.641 --axle 1" in hint(30.0, 30.0, 30.0, 30.0, 30.0, 29.0, 28.0, 20.0, 20.0, 20.0, 21.0, 22.0)
     assert " 2.641 --axle 1" in hint(None, 30.0, 30.0, 30.0, 30.0, 30.0, 28.0, 20.0)
     assert hint(None, 30.0, None) == ""
+    assert hint(*(20.0 + k for k in range(12))) == ""  # it only rises
+    assert hint(30.0, 30.0, *[None] * 5, 10.0, 10.0) == ""  # it fell in a gap: what came between is not known
 
 
 def test_interval_that_is_not_sent_is_said_once_and_no_sign_stands_for_it(capsys: pytest.CaptureFixture[str]) -> None:
