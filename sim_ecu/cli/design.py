@@ -54,7 +54,7 @@ def _make(args: argparse.Namespace) -> int:
     and begun again, it simulates only what is missing."""
     from sim_ecu.design.brief import read_brief
     from sim_ecu.design.make import bank, fitted, judging, with_placeholder_rules, write
-    from sim_ecu.design.pairs import plan_of
+    from sim_ecu.design.pairs import plan_of, require_learning
     from sim_ecu.design.training_jobs import pairs, recorded, remove_parts
     from sim_ecu.jobs.pool import local
     from sim_ecu.jobs.store import save
@@ -68,6 +68,8 @@ def _make(args: argparse.Namespace) -> int:
     brief = read_brief(read_toml(vehicle_path(args.config)), args.form)
     check_output("-o", args.output)
     check_output("--baselines", args.baselines)
+    if brief.form == "wrcd":
+        require_learning()
     progress = Progress(steps=True)
     parts = args.output.with_name(f"{args.output.name}.parts")
     started = bank(brief)
@@ -79,9 +81,8 @@ def _make(args: argparse.Namespace) -> int:
         document = fitted(brief, started, recordings, progress.at, workers)
         if brief.form == "wrcd":
             design = parse_design(document, args.output)
-            document = judging(
-                document, pairs(brief.wheelset, plan_of(brief.plan), design, parts, workers, progress.at)
-            )
+            watched = pairs(brief.wheelset, plan_of(brief.plan), design, parts, workers, progress.at)
+            document = judging(document, watched, progress.at)
         save(args.output, lambda partly: write(document, partly))
         if args.baselines is not None:
             progress.at("baselines", 0.0)

@@ -104,7 +104,7 @@ def run(design: Design, z: NDArray[np.float32], r: Recording, at: Sequence[int])
 
 
 def lengths_of(design: Design) -> tuple[float, ...]:
-    """Seconds that windows are long: the newest part alone, the usual window, what it grows to, and between them."""
+    """Seconds that windows are long: the newest part alone, the usual window, the longest, and between them."""
     usual, longest = design.window_s, design.longest_s
     return design.recent_s, 0.25 * usual, 0.5 * usual, usual, usual, 0.5 * (usual + longest), longest
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.signal import butter, ellip
 
 from sim_ecu.design.cases import Plan, Progress
-from sim_ecu.design.features import Features, Steps, features
+from sim_ecu.design.features import Features, Steps, features, quietly
 from sim_ecu.design.linear import Gains, Point, steady_state
 from sim_ecu.design.pairs import Watched, intervals
 from sim_ecu.design.pairs import fit as fit_health
@@ -114,10 +114,10 @@ def fitted(
     return document
 
 
-def judging(document: dict[str, Any], parts: list[Watched]) -> dict[str, Any]:
+def judging(document: dict[str, Any], parts: list[Watched], progress: Progress = quietly) -> dict[str, Any]:
     """The document with the parts that pairs of sensors are judged by, and that make intervals as wide as they must
     be."""
-    found = {"interval": intervals(parts), "health": fit_health(parts)}
+    found = {"interval": intervals(parts), "health": fit_health(parts, progress)}
     for name, part in found.items():
         document = document | {
             name: {k: _short(v, 6).tolist() if isinstance(v, np.ndarray) else v for k, v in part.items()}

@@ -121,7 +121,7 @@ def _done(
 
 
 def remove_parts(folder: Path) -> None:
-    """Remove what `recorded` keeps, and the folder where it holds nothing else."""
+    """Remove what `recorded` and `pairs` keep, and the folder where it holds nothing else."""
     for suffix in (PART, BESIDE):
         for file in folder.glob(f"*{suffix}"):
             file.unlink()

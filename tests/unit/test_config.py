@@ -186,6 +186,15 @@ DAMAGE = {
     "polynomial": lambda d: d.update(polynomial=["x"]),
     "fuzzy.bases[0]": lambda d: d["fuzzy"]["bases"].__setitem__(0, 10**400),
     "format": lambda d: d.update(format="other"),
+    "interval.factors": lambda d: d["interval"]["factors"].pop(),
+    "interval.speeds_m_s": lambda d: d["interval"]["speeds_m_s"].reverse(),
+    "health.middle": lambda d: d["health"]["middle"].pop(),
+    "health.scale": lambda d: d["health"]["scale"].__setitem__(0, 0.0),
+    "health.prior": lambda d: d["health"]["prior"].pop(),
+    "health.temper": lambda d: d["health"]["temper"].__setitem__(1, -0.1),
+    "health.hidden": lambda d: d["health"]["hidden"].pop(),
+    "health.out": lambda d: d["health"]["out"][0].pop(),
+    "health.kept": lambda d: d["health"].update(kept=1.5),
 }
 
 

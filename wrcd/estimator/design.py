@@ -18,6 +18,7 @@ FORMAT = "wrcd-design/4"
 MODELS = 4
 NEXT_WHEELSET_M, MIN_WHEELBASE_M, MAX_WHEELBASE_M = 2.5, 1.0, 6.0  # the first: where the design names no bogie
 REGIMES = 5  # of an interval's width, see interval.py
+PAIR_STATES = 8  # of a pair of sensors, see health.py
 STATES = 5  # psi, y', psi', y_t, y - y_t; then those of a bogie's frame, where the design holds the wheelset in one
 MAX_STATES = 16
 CHANNELS = 2  # yaw rate, lateral acceleration
@@ -27,6 +28,9 @@ INPUTS = MODELS + 2  # that choose the rules: four residuals, torque, speed
 # below that of the moment; by how much each residual has stepped.
 LAGS, CROSSES, STEPS = MODELS * CHANNELS, MODELS, 4
 COLUMNS = INPUTS + LAGS + CROSSES + 1 + CHANNELS + 2 + STEPS
+# What tells the states: of a pair's own signals, of the newest span and of two longer means; of those with its
+# partner's; speed and torque; and what the rules were given.
+PAIR_FEATURES = 3 * 13 + 2 * 24 + 2 + 3 * COLUMNS
 FORMS = ("wrcd", "paper")
 MAX_RULES = 254  # DominantRule cannot tell more apart
 MAX_WORLDS, MAX_SENTENCE = 40, 200  # sentences, characters of one: a screen of `wrcd check`; this project's own choice
@@ -139,11 +143,6 @@ class Design:
         if not isinstance(half, int | float):
             return NEXT_WHEELSET_M
         return min(max(2.0 * half, MIN_WHEELBASE_M), MAX_WHEELBASE_M)
-
-    @property
-    def in_bogie(self) -> bool:
-        """Whether the filters hold the wheelset in a bogie's frame, not on the ground."""
-        return self.states > STATES
 
     @property
     def sets(self) -> tuple[Sets, ...]:
@@ -359,14 +358,15 @@ def _interval(r: _Reader) -> IntervalModel:
 
 
 def _health(r: _Reader) -> HealthModel:
-    middle, bias, prior = r.array("health.middle", -1), r.array("health.hidden_bias", -1), r.array("health.prior", -1)
-    f, h, s = len(middle), len(bias), len(prior)
-    scale = r.array("health.scale", f)
-    if np.any(scale <= 0.0) or np.any(prior <= 0.0):
-        raise r.error("health.scale", "must be positive, and health.prior, too")
+    f, s, bias = PAIR_FEATURES, PAIR_STATES, r.array("health.hidden_bias", -1)
+    scale, prior, temper = (r.array(f"health.{key}", n) for key, n in (("scale", f), ("prior", s), ("temper", s)))
+    for key, positive in (("scale", scale > 0.0), ("prior", prior > 0.0), ("temper", temper >= 0.0)):
+        if not positive.all():
+            raise r.error(f"health.{key}", "must be positive")
+    h = len(bias)
     return HealthModel(
-        middle, scale, r.array("health.hidden", f, h), bias, r.array("health.out", h, s), r.array("health.out_bias", s),
-        r.array("health.temper", s), np.log(prior / prior[0]), r.number("health.kept", 0.0, 1.0),
+        r.array("health.middle", f), scale, r.array("health.hidden", f, h), bias, r.array("health.out", h, s),
+        r.array("health.out_bias", s), temper, np.log(prior / prior[0]), r.number("health.kept", 0.0, 1.0),
         r.number("health.hazard", 0.0, 0.1),
     )  # fmt: skip
 

@@ -15,11 +15,11 @@ import numpy as np
 
 from wrcd.estimator.design import CHANNELS, COLUMNS, FloatArray, HealthModel, IntArray
 from wrcd.estimator.paper.bank import BoolArray
-from wrcd.estimator.trust.pair import BANDS, PairSums, Span, of_seconds
+from wrcd.estimator.trust.pair import BANDS, PairSums, Span
 
 SPAN_TICKS = 48
 MIN_SHARE = 0.5  # of a span's ticks that an axle must have data in
-SECONDS = (1.0, 6.0)  # of the running means beside the newest span
+SPANS = (5, 25)  # of the means beside the newest span, 1.2 and 6 s: what was loud before is gone then
 FLOOR = 0.02  # of the noise's power
 MOST = 5.0  # standard deviations of a feature
 SOUND_ALONE = np.r_[0.0, np.full(7, -14.0)]  # where nothing is judged
@@ -28,7 +28,7 @@ YAW, LAT = range(CHANNELS)
 ACROSS = ((YAW, YAW), (LAT, LAT), (YAW, LAT), (LAT, YAW))  # own signal, partner's
 MIN_RATIO, MIN_SPEED_M_S = 0.003, 1.0
 OWN = BANDS * CHANNELS + BANDS + 2 * CHANNELS
-FEATURES = OWN + len(SECONDS) * (OWN + 8 * BANDS + COLUMNS) + 2 + COLUMNS
+FEATURES = OWN + len(SPANS) * (OWN + 8 * BANDS + COLUMNS) + 2 + COLUMNS
 
 
 class PairState(IntEnum):
@@ -140,7 +140,7 @@ def _with_partner(r: PairMeans) -> FloatArray:
 
 
 def features(newest: PairMeans, means: list[PairMeans], speed_m_s: float, ratio: FloatArray) -> FloatArray:
-    """(n, FEATURES): of the newest span and of the running means."""
+    """(n, FEATURES): of the newest span and of the longer means."""
     n = len(ratio)
     parts = [_own(newest)]
     for mean in means:
@@ -158,8 +158,8 @@ class PairHealth:
     """
 
     pairs: PairSums
-    _means: FloatArray  # (SECONDS, ROWS, n), each still to be divided by its weight
-    _weights: FloatArray  # (SECONDS, n)
+    _rows: FloatArray  # (SPANS[-1], ROWS, n) of the newest spans in which an axle had data, the newest first
+    _held: FloatArray  # (n,): how many there are
     log_odds: FloatArray  # (n, STATES)
 
     def __init__(
@@ -167,13 +167,18 @@ class PairHealth:
     ) -> None:
         self._model = model
         self.pairs = PairSums(noise_rms, tick_s, axles, wheelbase_m)
-        self._kept = 1.0 - of_seconds(SECONDS, SPAN_TICKS * tick_s)[:, None]
         partner = np.arange(axles) ^ 1  # the other axle of a bogie
         self._alone = partner >= axles
         self._partner = np.where(self._alone, 0, partner)
-        self._means = np.zeros((len(SECONDS), ROWS, axles))
-        self._weights = np.zeros((len(SECONDS), axles))
+        self._rows = np.zeros((SPANS[-1], ROWS, axles))
+        self._held = np.zeros(axles)
         self.log_odds = np.tile(SOUND_ALONE if model is None else model.log_prior, (axles, 1))
+
+    @property
+    def is_possible(self) -> bool:
+        """Whether the odds are such as this class makes: a state from a file may hold others."""
+        held = (self._held >= 0.0) & (self._held <= SPANS[-1])
+        return bool((np.abs(self.log_odds) <= CERTAIN).all() and np.isfinite(self._rows).all() and held.all())
 
     def reset(self, axle: int) -> None:
         """Start an axle's filters and its span anew, after a gap; what was found out before stays."""
@@ -200,20 +205,23 @@ class PairHealth:
     def _features(
         self, span: Span, known: BoolArray, speed_m_s: float, ratio: FloatArray, inputs: FloatArray
     ) -> FloatArray:
-        """(n, FEATURES), with the span in the running means of the axles that are known. A partner counts that has data
+        """(n, FEATURES), with the span in the longer means of the axles that are known. A partner counts that has data
         and is not doubted itself."""
         sound = self.probabilities()[:, PairState.SOUND] >= 0.5
         counts = (known & sound)[self._partner] & ~self._alone
         newest = rows_of(span, counts, inputs)
-        kept = np.where(known, self._kept, 1.0)
-        self._weights = kept * self._weights + (1.0 - kept)
-        self._means = kept[:, None] * self._means + (1.0 - kept)[:, None] * newest.joined()
-        means = self._means / np.maximum(self._weights, 1e-9)[:, None]
-        return features(newest, [split(m) for m in means], speed_m_s, ratio)
+        self._rows = np.where(known, np.concatenate((newest.joined()[None], self._rows[:-1])), self._rows)
+        self._held = np.minimum(self._held + known, SPANS[-1])
+        return features(newest, [split(self._mean(k)) for k in SPANS], speed_m_s, ratio)
+
+    def _mean(self, spans: int) -> FloatArray:
+        """(ROWS, n): over so many spans, or those that there are."""
+        out: FloatArray = np.add.reduce(self._rows[:spans]) / np.maximum(np.minimum(self._held, spans), 1.0)
+        return out
 
     def figures(self, axle: int) -> HealthFigures:
         """What an axle's state was found by."""
-        newest = split((self._means[-1] / np.maximum(self._weights[-1], 1e-9))[:, axle : axle + 1])
+        newest = split(self._mean(SPANS[-1])[:, axle : axle + 1])
         r = newest.cross / np.sqrt((newest.power[:, YAW] + FLOOR) * (newest.power[:, LAT] + FLOOR))
         yaw, lat = np.sqrt(np.maximum(newest.variance[:, 0], 0.0)).tolist()
         p = self.probabilities()[axle]

@@ -1,7 +1,6 @@
 """What every gyro and accelerometer say, and how they go together: sums over spans of ticks, of the raw signals."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -202,8 +201,3 @@ def _by_bogie(x: FloatArray) -> FloatArray:
     if n % 2:
         x = np.concatenate((x, np.zeros((*x.shape[:-1], 1))), axis=-1)
     return x.reshape(*x.shape[:-1], -1, 2).swapaxes(-3, -2)
-
-
-def of_seconds(seconds: Sequence[float], span_s: float) -> FloatArray:
-    """Gains of running means of so many seconds, for values that come every span."""
-    return 1.0 - np.exp(-span_s / np.array(seconds))

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from wrcd.estimator.design import COLUMNS, FloatArray, HealthModel
-from wrcd.estimator.trust.health import CERTAIN, FEATURES, SPAN_TICKS, PairHealth, PairState, evidence, updated
+from wrcd.estimator.design import COLUMNS, PAIR_FEATURES, PAIR_STATES, FloatArray, HealthModel
+from wrcd.estimator.trust.health import CERTAIN, FEATURES, SPAN_TICKS, SPANS, PairHealth, PairState, evidence, updated
 
 TICK_S = 0.005
 NOISE = np.array([3e-4, 0.01])
@@ -112,8 +112,20 @@ def test_partner_counts_that_has_data_and_is_not_doubted(case: str) -> None:
     if case == "doubted":
         health.log_odds[1, PairState.LATE] = CERTAIN
     looked(health, z, [True, case != "silent"][:n])
-    of_partner = health._means[-1, 13:37, 0]
+    of_partner = health._mean(SPANS[-1])[13:37, 0]
     assert of_partner.any() == (case == "sound")
+
+
+def test_model_is_of_as_many_features_and_states_as_the_design_is_read_for() -> None:
+    assert (FEATURES, STATES) == (PAIR_FEATURES, PAIR_STATES)
+
+
+@pytest.mark.parametrize("odds", [np.nan, np.inf, 1.01 * CERTAIN])
+def test_odds_that_this_class_never_has_are_not_taken_from_a_file(odds: float) -> None:
+    health = one()
+    assert health.is_possible
+    health.log_odds[0, PairState.LATE] = odds
+    assert not health.is_possible
 
 
 def test_without_a_model_no_pair_is_doubted() -> None:
