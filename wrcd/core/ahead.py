@@ -112,11 +112,11 @@ class Ahead:
         if math.isnan(view.way_m):
             return [NOBODY_AHEAD] * len(self._numbers)
         now, own = float(now_us), view.way_m + view.x_m
-        mu, most, window_s = _estimates(reports, estimate)
+        mu, most, past_s = _estimates(reports, estimate)
         self._note_restarts(view)
         self._note_signs(now, view)
-        self._note_falls(now, view, most, window_s)
-        self._learn(view, mu, window_s)
+        self._note_falls(now, view, most, past_s)
+        self._learn(view, mu, past_s)
         self._drops[self._drops[:, _PLACE] < own.min() - ON_M] = np.nan  # the last axle has passed them
         self._remember(now, mu)
         sees = view.ready & np.isfinite(self._before) & (now - self._valid_us <= SEES_US)
@@ -145,15 +145,15 @@ class Ahead:
             if not (np.abs(self._drops[:, _PLACE] - place) <= max(SAME_M, SAME_S * view.speed_m_s)).any():
                 self._add(place, now, axle)
 
-    def _note_falls(self, now: float, view: View, most: FloatArray, window_s: FloatArray) -> None:
-        """An estimate that has fallen for good without a sign is a drop, too: it began where its window does."""
+    def _note_falls(self, now: float, view: View, most: FloatArray, past_s: FloatArray) -> None:
+        """An estimate that has fallen for good without a sign is a drop, too: it began where its past does."""
         low = most < FAR_FALLEN_TO * self._before
         since_us = np.where(low, np.fmin(self._low_us, now), np.nan)
         fallen = (now - since_us >= FAR_FALLEN_US) & ~(self._slot_us - self._low_us >= FAR_FALLEN_US)
         self._low_us = since_us
         own = view.way_m + view.x_m
         for axle in np.flatnonzero(fallen).tolist():
-            begun = float(own[axle] - view.speed_m_s * window_s[axle])
+            begun = float(own[axle] - view.speed_m_s * past_s[axle])
             places = self._drops[:, _PLACE]
             known = (places <= own[axle]) & (places >= begun - SAME_M - SAME_S * view.speed_m_s)
             if not known.any():
@@ -174,13 +174,13 @@ class Ahead:
             self._blind_to_m = np.fmax(self._blind_to_m, places.max() + ON_M)
             self._drops[rows] = np.nan
 
-    def _learn(self, view: View, mu: FloatArray, window_s: FloatArray) -> None:
-        """How much adhesion there is behind a drop, from the axles on it whose windows hold nothing else."""
+    def _learn(self, view: View, mu: FloatArray, past_s: FloatArray) -> None:
+        """How much adhesion there is behind a drop, from the axles on it whose estimates are of nothing else."""
         own, speed = view.way_m + view.x_m, max(view.speed_m_s, 1.0)
         for row in np.flatnonzero(np.isfinite(self._drops[:, _PLACE])).tolist():
             drop = self._drops[row]
             way = own - drop[_PLACE]
-            clean = (way > 0.0) & (way <= FOLLOW_M) & (window_s <= way / speed + CLEAN_S) & np.isfinite(mu)
+            clean = (way > 0.0) & (way <= FOLLOW_M) & (past_s <= way / speed + CLEAN_S) & np.isfinite(mu)
             if clean.any():
                 drop[_MU] = np.fmin(drop[_MU], mu[clean].min())
             if drop[_MU] < FALLEN_TO * drop[_BEFORE]:
@@ -240,12 +240,12 @@ def _foremost(place: FloatArray, here: BoolArray, sure: BoolArray, soon_m: float
 
 def _estimates(reports: Sequence[Report], estimate: Estimate | None) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Of each axle (n,), NaN where it is not Valid: its adhesion, the most that it may be where torque enough is in use
-    to tell by (both in %), and its window (s)."""
+    to tell by (both in %), and how far back that goes (s)."""
     n = len(reports)
     valid = np.array([r.validity is Validity.VALID for r in reports])
     if estimate is None or not valid.any():
         nothing = np.full(n, np.nan)
         return nothing, nothing, nothing
-    mu, window_s = (np.where(valid, x, np.nan) for x in (estimate.mu_available_pct, estimate.window_s))
+    mu, past_s = (np.where(valid, x, np.nan) for x in (estimate.mu_available_pct, estimate.past_s))
     most = np.where(estimate.used_pct >= MIN_USED_PCT, mu + estimate.half_width_pp, np.nan)
-    return mu, most, window_s
+    return mu, most, past_s

@@ -1,4 +1,5 @@
-"""From a window to the estimate: residual RMS -> rules -> adhesion, its interval, and what speaks against it."""
+"""From a window to the estimate: residual RMS -> rules -> memory -> adhesion, its interval, and what speaks against
+it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
@@ -12,7 +13,7 @@ from wrcd.estimator.paper.window import Lengths, Statistics, Window, mean_ratio,
 from wrcd.estimator.records import Estimate, EstimateDoubt
 from wrcd.estimator.trust.changes import decades
 from wrcd.estimator.trust.interval import regime, widening
-from wrcd.estimator.trust.memory import SIGMAS, Remembered, Word, spoken
+from wrcd.estimator.trust.memory import MEMORY_S, SIGMAS, Remembered, Word, spoken
 
 # Standard deviations above the word that what was in use at the last peak may lift it, and the most: three times the
 # word. A torque that is lost with the rail is no slip cycle, and there the word is vague.
@@ -75,7 +76,6 @@ def split(estimate: Estimate, parts: int) -> list[Estimate]:
 class Answer:
     """What the rules say of one window of every axle (n,): adhesion, and its half-width as a share of it."""
 
-    blocks: IntArray
     mu_from_rules_pct: FloatArray
     spread: FloatArray
     inputs: FloatArray
@@ -154,7 +154,8 @@ class Answers:
             from_rules, spread = best.mu_from_rules_pct, best.spread
             mu = np.minimum(np.fmax(from_rules, used), 100.0)
             mu[np.isnan(from_rules)] = np.nan
-            doubt = goes_on = np.zeros(n, dtype=np.int64)
+            doubt, goes_on = np.zeros((2, n), dtype=np.int64)
+            past_s = chosen.ticks * d.tick_s
         else:
             memory, recent = Remembered(*draft.memory), answers[1]
             inference, chosen = inference.take(slice(0, n)), chosen.take(slice(0, n))
@@ -173,6 +174,7 @@ class Answers:
             goes_on = regime(best.inputs[:, SWING], used / mu, cut, used >= d.saturated_share * mu)
             if d.interval is not None:
                 spread = spread * widening(d.interval, goes_on, draft.speed_m_s)
+            past_s = chosen.ticks * d.tick_s + np.where(cut, 0.0, MEMORY_S)
             spread, doubt = self._doubted(spread, best, inference, chosen, draft.speed_m_s)
         fits = (best.inputs[:, :MODELS] - self._low) / self._width
         unknown = np.isnan(fits)
@@ -194,6 +196,7 @@ class Answers:
             contradicted=used > from_rules + margin,
             doubt=doubt,
             window_s=chosen.ticks * d.tick_s,
+            past_s=past_s,
             mu_from_rules_pct=from_rules,
             live_share=chosen.live_share,
             regime=goes_on,
@@ -238,7 +241,7 @@ class Answers:
         from_rules = np.minimum(np.maximum(from_rules, low), high).reshape(-1, n)
         spread, inputs = inference.spread.reshape(-1, n), inputs.reshape(len(from_rules), n, -1)
         live = s.live_share.reshape(-1, n)
-        found = [Answer(*of) for of in zip(draft.blocks, from_rules, spread, inputs, live, strict=True)]
+        found = [Answer(*of) for of in zip(from_rules, spread, inputs, live, strict=True)]
         return found, inference, s
 
     def _doubted(

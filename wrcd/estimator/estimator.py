@@ -1,4 +1,4 @@
-"""From measurements to adhesion, for all axles at once: bank step -> residual RMS -> rules -> adhesion.
+"""From measurements to adhesion, for all axles at once: bank step -> residual RMS -> rules -> memory -> adhesion.
 
 Ticks come in blocks of up to BLOCK_TICKS, which is what the window sums up. While nothing happens - every running axle
 has both measurements, no pulse, no outlier, all running means settled - a block is stepped as a whole, with linear
@@ -24,7 +24,7 @@ from wrcd.estimator.signals.joints import HOLD_TICKS, MAX_PULSE, Joints
 from wrcd.estimator.signals.noise import NoiseLevel, Offset
 from wrcd.estimator.trust.changes import ChangeDetector
 from wrcd.estimator.trust.health import SPAN_TICKS, PairHealth
-from wrcd.estimator.trust.memory import STEP_TICKS, WORSE_STEPS, Remembered, remember
+from wrcd.estimator.trust.memory import ANOTHER_STEPS, STEP_TICKS, Remembered, remember
 
 OFFSET_WINDOWS = 2  # memory of the sensors' offsets, in windows
 
@@ -83,6 +83,11 @@ class Estimator:
         self._settled: BoolArray | None = None  # (n,): which axles a whole block can be stepped of; None: look
         self._all: BoolArray = np.ones((BLOCK_TICKS, axles), dtype=bool)
 
+    @property
+    def is_possible(self) -> bool:
+        """Whether what is remembered is a number: a state from a file may hold others, and they would stay."""
+        return bool(np.isfinite(self._memory).all())
+
     def reset(self, axle: int) -> None:
         """Start an axle anew: after a gap, a step of time, or a standstill."""
         self._complete[axle] = self.started[axle] = False
@@ -134,9 +139,9 @@ class Estimator:
             if looks:
                 self.health.look(self._speed_m_s, draft.now, usual.inputs)
         self._memory = np.array(memory)
-        worse = memory.worse >= WORSE_STEPS
-        if worse.any():
-            self._window.truncate(self._changes.recent_blocks, worse)
+        another = memory.another >= ANOTHER_STEPS
+        if another.any():
+            self._window.truncate(self._changes.recent_blocks, another)
 
     def _step_settled(self, ticks: Ticks, first: int) -> StepResult | None:
         """All ticks from `first` on at once; None, and nothing has changed, if that cannot be."""

@@ -81,7 +81,8 @@ class Estimate:
     saturated: BoolArray
     contradicted: BoolArray  # more is in use than the rules, with their interval, say there is: one of them is wrong
     doubt: IntArray  # an EstimateDoubt: what speaks against the estimate itself
-    window_s: FloatArray  # length of the window that the answer is from
-    mu_from_rules_pct: FloatArray  # without what is in use
+    window_s: FloatArray  # length of the window that the rules have judged
+    past_s: FloatArray  # how far back what the answer is from goes: that window, and words before it where it is whole
+    mu_from_rules_pct: FloatArray  # the rules' word, fused with those before; without what is or was in use
     live_share: FloatArray  # of the window, with data far from pulses
     regime: IntArray  # a Regime: what the interval's width goes by

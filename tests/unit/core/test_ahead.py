@@ -16,11 +16,11 @@ X_M = np.array([0.0, -2.5, -19.0, -21.5])
 SLOT_S = 0.02
 
 
-def estimate(mu: np.ndarray, window_s: np.ndarray) -> Estimate:
+def estimate(mu: np.ndarray, past_s: np.ndarray) -> Estimate:
     n = len(mu)
     values = {f.name: np.zeros(n) for f in fields(Estimate)}
     return Estimate(**values | {  # what is not read here is zero
-        "mu_available_pct": mu, "half_width_pp": np.full(n, 1.0), "window_s": window_s, "used_pct": np.full(n, 5.0),
+        "mu_available_pct": mu, "half_width_pp": np.full(n, 1.0), "past_s": past_s, "used_pct": np.full(n, 5.0),
     })  # fmt: skip
 
 
@@ -30,7 +30,7 @@ class Train:
     def __init__(self) -> None:
         self.ahead = Ahead((1, 2, 3, 4))
         self.x_m, self.speed_m_s, self.way_m, self.now_us, self.epoch = X_M, 20.0, 0.0, 1_790_000_000_000_000, 1
-        self.mu, self.window_s = np.full(4, 30.0), np.full(4, 1.0)
+        self.mu, self.past_s = np.full(4, 30.0), np.full(4, 1.0)
         self.validity = [Validity.VALID] * 4
         self.ready = np.ones(4, dtype=bool)
         self.told: list[RailAhead] = []
@@ -51,7 +51,7 @@ class Train:
                 broke[lost] = True
             view = View(self.epoch, self.way_m, self.speed_m_s, self.x_m, met_m, self.ready, broke)
             reports = [Report(v, 30.0, 5.0, 5, "Dry", "Adhering", "Within1pp", Cause.NONE) for v in self.validity]
-            self.told = self.ahead.update(self.now_us, view, reports, estimate(self.mu, self.window_s))
+            self.told = self.ahead.update(self.now_us, view, reports, estimate(self.mu, self.past_s))
         return self.told
 
 
@@ -85,20 +85,20 @@ def test_second_sign_at_the_same_place_proves_nothing(train: Train, between_s: f
     train.run(between_s, met=0)
     told = train.run(SLOT_S, met=1)
     assert [(t.evidence, t.seen_by, t.mu_pct) for t in told[2:]] == [("Suspected", 1, None)] * 2
-    train.window_s[0] = 0.3
+    train.past_s[0] = 0.3
     assert not any(t.warns for t in train.run(2 * BORNE_OUT_S))
 
 
 def test_estimate_of_the_axle_on_it_says_how_much_there_is(train: Train) -> None:
     train.run(0.4, met=0)
-    train.mu[0], train.window_s[0] = 6.0, 0.2
+    train.mu[0], train.past_s[0] = 6.0, 0.2
     told = train.run(SLOT_S)
     assert [(t.evidence, t.mu_pct) for t in told[2:]] == [("Confirmed", 6.0)] * 2
 
 
 def test_estimate_that_has_not_fallen_takes_a_suspicion_back(train: Train) -> None:
     assert train.run(0.4, met=0)[2].warns
-    train.window_s[0] = 0.3
+    train.past_s[0] = 0.3
     assert not train.run(SLOT_S)[2].warns  # there is no less than it has
     train.run(BORNE_OUT_S)
     train.mu[:] = 90.0
@@ -106,7 +106,7 @@ def test_estimate_that_has_not_fallen_takes_a_suspicion_back(train: Train) -> No
 
 
 def test_fall_of_an_estimate_without_a_sign_is_a_drop(train: Train) -> None:
-    train.mu[0], train.window_s[0] = 5.0, 0.3
+    train.mu[0], train.past_s[0] = 5.0, 0.3
     train.run(0.1)
     assert not train.told[2].warns
     told = train.run(0.3)
@@ -116,7 +116,7 @@ def test_fall_of_an_estimate_without_a_sign_is_a_drop(train: Train) -> None:
 
 def test_drop_is_told_until_the_axle_is_well_on_it(train: Train) -> None:
     train.run(SLOT_S, met=0)
-    train.mu[0], train.window_s[0] = 6.0, 0.2
+    train.mu[0], train.past_s[0] = 6.0, 0.2
     assert train.run(0.9)[2].state == "Entering"
     assert train.run(0.06)[2].state == "OnIt"
     assert train.told[2].distance_m == 0.0
@@ -126,7 +126,7 @@ def test_drop_is_told_until_the_axle_is_well_on_it(train: Train) -> None:
 def test_no_more_adhesion_than_predicted_is_no_warning(train: Train) -> None:
     train.mu[2:] = 6.0  # they have no more than that already
     train.run(0.4, met=0)
-    train.mu[0], train.window_s[0] = 6.0, 0.2
+    train.mu[0], train.past_s[0] = 6.0, 0.2
     assert [t.warns for t in train.run(SLOT_S)[2:]] == [False, False]
 
 
@@ -154,7 +154,7 @@ def test_unknown_way_says_nothing(train: Train) -> None:
 def on_leaves(train: Train) -> None:
     """The first axle is on a drop, and knows it."""
     train.run(0.4, met=0)
-    train.mu[0], train.window_s[0] = 4.0, 0.2
+    train.mu[0], train.past_s[0] = 4.0, 0.2
     assert train.run(SLOT_S)[2].evidence == "Confirmed"
 
 
@@ -206,7 +206,7 @@ def test_adhesion_of_long_ago_is_no_reference(train: Train) -> None:
 def test_more_drops_than_are_kept_lose_a_suspected_one(train: Train) -> None:
     on_leaves(train)
     train.speed_m_s = 1.0
-    train.window_s[:] = 1.0
+    train.past_s[:] = 1.0
     for k in range(MAX_DROPS):
         train.run(SLOT_S, met=0, before_m=3.5 - 3.5 * k)
     assert train.told[2].evidence == "Confirmed"

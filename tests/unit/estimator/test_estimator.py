@@ -37,9 +37,12 @@ def test_more_in_use_than_is_said_widens_the_interval_down_to_it(sweep: list[Est
     assert len(more) > 20
     pinned = [e.mu_available_pct[0] == pytest.approx(e.used_pct[0]) for e in more]
     assert np.mean(pinned) > 0.8
+    most = 0.0
     for e in known:
-        assert e.mu_available_pct[0] >= e.mu_from_rules_pct[0] - 1e-9
-        assert e.half_width_pp[0] >= e.used_pct[0] - e.mu_from_rules_pct[0] - 1e-9
+        most, said = max(most, float(e.used_pct[0])), float(e.mu_from_rules_pct[0])
+        assert said - 1e-9 <= e.mu_available_pct[0] <= max(said, most) + 1e-9
+        # the interval reaches down to what the rules say, wherever they are overruled; no factor makes it much narrower
+        assert e.half_width_pp[0] >= 0.75 * (e.mu_available_pct[0] - said)
 
 
 def test_a_contradiction_is_relative_to_the_adhesion(sweep: list[Estimate]) -> None:

@@ -283,17 +283,6 @@ class Window:
         out: FloatArray = self._rows[self._end - first, PLAIN:] - self._rows[self._end - end, PLAIN:]
         return out
 
-    def part_ratios(self, blocks: int) -> FloatArray:
-        """Mean torque ratios (parts, n) of parts of so many blocks, the newest first, as far as they came after the
-        newest change; NaN where there is none."""
-        ages = np.arange(0, self._blocks + 1, blocks)[:, None]
-        if self._newest - self._blocks + 1 < self._latest_change:
-            ages = np.minimum(ages, self._held)
-        edges = self._rows[self._end - ages, RATIO : RATIO_N + 1, self._axle]
-        sums = edges[:-1] - edges[1:]
-        out: FloatArray = sums[..., 0] / sums[..., 1]
-        return out
-
     def torque_range(self, blocks: int) -> tuple[FloatArray, FloatArray]:
         """The lowest and the highest torque ratio (n,) of any of the newest blocks, those before a change included."""
         rows = self._rows[self._end - blocks : self._end + 1, RATIO : RATIO_N + 1]

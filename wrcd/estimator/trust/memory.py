@@ -1,8 +1,8 @@
 """What the rail was a moment ago: the rules' words so far, and what was in use at the last peak.
 
 While nothing changes, the rules' word on the newest second is fused with those before: a mean of log adhesion in which
-each word weighs by its spread, forgotten within seconds. Where the window's own word lies far from the fused one, or its
-newest part speaks of another rail, the memory begins anew. After a cut of the window less far is enough.
+each word weighs by its spread, forgotten within seconds. Where the window's own word lies far from the fused one, or
+its newest part speaks of another rail, the memory begins anew. After a cut of the window less far is enough.
 
 What is in use is available. That bound is carried across cuts of the window and changes of torque: it erodes with time
 and way. Where the wheelset is saturated on less, the rail has become worse, and the bound is what is in use.
@@ -17,7 +17,7 @@ from wrcd.estimator.design import FloatArray
 from wrcd.estimator.paper.bank import BoolArray
 
 STEP_TICKS = 16  # from one word that is fused to the next, 80 ms
-KEPT = 0.94  # of the words so far, at each: a memory of 1.3 s
+KEPT, MEMORY_S = 0.94, 1.3  # of the words so far, at each: so long a memory
 # A word counts as so many independent ones: of 80 ms in a window of 1 s, and what is wrong in one is wrong in the next.
 WEIGHT = 0.08 * 0.6
 # The window's own word takes over where it is off by so many of its standard deviations, below or above; it begins to
@@ -27,8 +27,9 @@ SIGMAS = 1.645  # in the half-width of a 90 % interval
 # The bound erodes after HOLD_S, within so many seconds and metres; saturated: this share of the newest part's word.
 HOLD_S, ERODES_S, ERODES_M = 0.5, 6.0, 120.0
 SATURATED = 0.87
-# The rail is worse where the newest part's word lies so many standard deviations, of both, below for so many steps.
-WORSE, BETTER, WORSE_STEPS = 2.0, 2.5, 2
+# It is another rail where the newest part's word lies so many standard deviations, of both, below or above for so many
+# steps.
+WORSE, BETTER, ANOTHER_STEPS = 2.0, 2.5, 2
 NEWEST = 1.8  # times as far as their spread says do the newest part's words scatter on a steady rail: it is short
 # Where the window was cut, its word takes over at this share of BELOW and ABOVE, and where its deviation is so large.
 CUT, VAGUE = 0.5, 0.3
@@ -40,13 +41,13 @@ AGAIN = 0.98  # of what was in use at the peak: as much again
 class Remembered(NamedTuple):
     """Of every axle (n,). precision: of the fused word, as 1 / variance of log adhesion, 0 where there is none, and
     weighed, its product with log adhesion; peak_pct: what was in use at the last peak, eroded, and since when (s);
-    worse: steps in a row in which the window's newest part speaks of a worse rail."""
+    another: steps in a row in which the window's newest part speaks of another rail."""
 
     precision: FloatArray
     weighed: FloatArray
     peak_pct: FloatArray
     peak_age_s: FloatArray
-    worse: FloatArray
+    another: FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +95,7 @@ def remember(
     scatter = NEWEST * recent.sigma
     apart = (recent.log_pct - weighed / precision) / np.sqrt(scatter * scatter + 1.0 / precision)
     off = whole & usable & (live_share >= CLEAR) & ((apart < -WORSE) | (apart > BETTER))
-    worse = np.where(off, memory.worse + 1.0, 0.0)
-    anew = worse >= WORSE_STEPS
+    another = np.where(off, memory.another + 1.0, 0.0)
+    anew = another >= ANOTHER_STEPS
     precision, weighed = np.where(anew, 0.0, precision), np.where(anew, 0.0, weighed)
-    return Remembered(precision, weighed, np.where(at_peak, in_use, eroded), age, worse)
+    return Remembered(precision, weighed, np.where(at_peak, in_use, eroded), age, another)

@@ -8,6 +8,7 @@ import pytest
 from wrcd.estimator.paper.bank import BoolArray
 from wrcd.estimator.trust.memory import (
     ABOVE,
+    ANOTHER_STEPS,
     BEGINS,
     BELOW,
     CUT,
@@ -16,7 +17,6 @@ from wrcd.estimator.trust.memory import (
     SATURATED,
     VAGUE,
     WEIGHT,
-    WORSE_STEPS,
     Remembered,
     Word,
     remember,
@@ -106,10 +106,10 @@ def test_cut_window_that_says_something_else_or_is_vague_speaks_for_itself(pct: 
 def test_newest_part_that_says_twice_that_the_rail_is_another_ends_the_memory(newest: float) -> None:
     memory = after(nothing(), 500, word(20.0))
     one = after(memory, 1, word(20.0), recent=word(newest, 0.1))
-    assert (one.worse < WORSE_STEPS) & (one.precision > 0.0)
+    assert (one.another < ANOTHER_STEPS) & (one.precision > 0.0)
     two = after(one, 1, word(20.0), recent=word(newest, 0.1))
-    assert (two.worse >= WORSE_STEPS) & (two.precision == 0.0)
-    assert after(one, 1, word(20.0)).worse == 0.0
+    assert (two.another >= ANOTHER_STEPS) & (two.precision == 0.0)
+    assert after(one, 1, word(20.0)).another == 0.0
 
 
 def test_bound_of_the_last_peak_is_carried_and_erodes_with_time_and_way() -> None:
