@@ -9,8 +9,8 @@ from wrcd.core.causes import Cause
 
 # Causes that name a sensor, its wiring or its sender; the rest are of the ride or of the estimate.
 SENSORS = (
-    Cause.GYRO_REVERSED, Cause.GYRO_DEAD, Cause.SENSORS_UNRELATED, Cause.ACCEL_SMALL, Cause.TORQUES_CONTRADICT,
-    Cause.SENSOR_DEGRADED, Cause.TWO_SENDERS, Cause.UNCHANGED,
+    Cause.SENSORS_SILENT, Cause.GYRO_REVERSED, Cause.GYRO_DEAD, Cause.SENSORS_UNRELATED, Cause.ACCEL_SMALL,
+    Cause.TORQUES_CONTRADICT, Cause.SENSOR_DEGRADED, Cause.TWO_SENDERS, Cause.UNCHANGED,
 )  # fmt: skip
 INPUTS = (Cause.INPUT_SILENT, Cause.INPUT_STALE)
 MIN_SILENT_S = 1.0  # in all: a frame that came late once makes no sensor suspicious

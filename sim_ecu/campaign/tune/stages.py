@@ -128,7 +128,7 @@ class _Stages:
 
     def _on_test(self, final: Final) -> int:
         """The whole design of the chosen brief against the one to reach, on the same frames of test seeds."""
-        made = final.designs.of(final.best.brief)
+        made = final.designs.of(final.best.brief, judges=True)
         if made is None:
             raise InputError(
                 "gives a draft, but no design from all its conditions", file=self._folder / BRIEF,
@@ -136,8 +136,9 @@ class _Stages:
             )  # fmt: skip
         design, progress = self._folder / DESIGN, Progress()
         save(design, lambda partly: partly.write_bytes(made.read_bytes()))
+        start = final.every[0]
+        reference = self._to_reach() or final.designs.of(start.brief, judges=True) or start.design
         final.designs.end()
-        reference = self._to_reach() or final.every[0].design
         sides = [self._folder / TEST / name for name in ("reference", "tuned")]
         for file, folder in zip((reference, design), sides, strict=True):
             play_test(file, folder, self._workers)

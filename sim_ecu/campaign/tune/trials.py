@@ -17,14 +17,16 @@ from sim_ecu.design.brief import written
 from sim_ecu.design.cases import FloatArray
 from sim_ecu.design.cases import Progress as At
 from sim_ecu.design.make import Brief, bank, fitted, write
+from sim_ecu.design.pairs import plan_of
 from sim_ecu.design.recordings import Recording
 from sim_ecu.design.search import Objective, error_of, minimise, objective
 from sim_ecu.design.space import BY_RECORDINGS, BY_RUNS, brief_at, parameters, vector
-from sim_ecu.design.training_jobs import recorded, remove_parts
+from sim_ecu.design.training_jobs import pairs, recorded, remove_parts
 from sim_ecu.jobs.job import Ending, Job, JobRow, code
 from sim_ecu.jobs.pool import Stopped, Workers
 from sim_ecu.jobs.store import Store, save
 from wrcd.errors import InputError
+from wrcd.estimator.design import parse_design
 from wrcd.progress import Progress
 
 STEP = 0.4  # of the search at its start: see design/space.py for what one is
@@ -147,14 +149,20 @@ class Designs:
         except OSError as e:
             raise InputError(f"cannot be made: {e.strerror}", file=folder, hint="name another folder") from None
 
-    def of(self, brief: Brief) -> Path | None:
-        """Return the file; None where there is no such design: a filter that has no steady gain, or is not stable."""
-        file = self._folder / f"{Job('design', {'brief': written(brief)}).key(code(make.__name__))}.json"
+    def of(self, brief: Brief, judges: bool = False) -> Path | None:
+        """Return the file; None where there is no such design: a filter that has no steady gain, or is not stable.
+        judges: whether it judges its sensors, as one that is to be used does."""
+        what = {"brief": written(brief), "judges": judges}
+        file = self._folder / f"{Job('design', what).key(code(make.__name__))}.json"
         if file.exists():
             return file
         progress = Progress(steps=True)
         try:
             document = fitted(brief, bank(brief), self._recorded(brief, progress), progress.at, self._workers)
+            if judges and brief.form == "wrcd":
+                design, plan = parse_design(document, file), plan_of(brief.plan)
+                watched = pairs(brief.wheelset, plan, design, self._folder / PARTS, self._workers, progress.at)
+                document = make.judging(document, watched, progress.at)
         except Stopped:
             raise
         except (np.linalg.LinAlgError, InputError):
