@@ -6,7 +6,7 @@
 writes leaf-film.png and prints how much of the time each cause took:
 
     the window is not full yet: 1.0 s
-    too few measurements in the window, or too little in them: the interval is too wide to say anything: 0.4 s
+    too few measurements in the window, or of too little track: 0.4 s
     an input is silent or refused: 0.0 s
 """
 

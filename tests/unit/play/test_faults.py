@@ -344,7 +344,7 @@ def test_verdict_has_times_and_changes_of_the_estimate() -> None:
     assert (verdict.left_ms, verdict.back_ms, verdict.change_pp, verdict.settled_pp) == (40.0, 240.0, 0.5, 0.5)
 
 
-HARSH = "Valid -> Degraded, Harsh: 50 % of 1.00 s are far from pulses, limit 70 %"
+HARSH = "Valid -> Degraded, Harsh: 50 % of 1.00 s are far from pulses, limit 40 %"
 BURST = next(r for r in ROWS if r.fault.kind == "burst")
 BURST_LINES = [
     "axle 1: Valid -> Degraded, InputStale: yaw rate YawRate_A1.YawRate 20.0 ms old, limit 15",
