@@ -32,6 +32,7 @@ def describe(c: Config) -> list[str]:
         f"               models: {'; '.join(d.model_names)}",
         f"wheelset       {made_for(d)}",
         *(f"{'' if k else 'worlds':14} {world}" for k, world in enumerate(d.worlds)),
+        *(["sensors        not judged: the design has no part for it"] if d.health is None else []),
         f"limits         not available after {c.not_available_after_us / 1000:g} ms and below {c.min_speed_m_s:g} m/s"
         + (f", constant speed {c.constant_speed_m_s:g} m/s" if c.constant_speed_m_s is not None else ""),
     ]

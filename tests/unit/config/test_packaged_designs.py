@@ -12,7 +12,7 @@ from tests.support.scenarios import LogOf, held
 from wrcd import resources
 from wrcd.checksum import checksum
 from wrcd.cli.main import main
-from wrcd.config.config import DEFAULT, load_config
+from wrcd.config.config import DEFAULT, load_config, load_packaged
 from wrcd.config.describe import describe
 from wrcd.config.packaged_designs import design_path, packaged_designs
 from wrcd.errors import InputError
@@ -164,6 +164,16 @@ def test_design_without_worlds_has_none(tmp_path: Path) -> None:
     file.write_text(json.dumps({**document, "checksum": checksum(document)}))
     assert load_design(file).worlds == ()
     assert not [x for x in describe(load_config(configured(tmp_path, "old.json"))) if x.startswith("worlds")]
+
+
+def test_check_says_where_a_design_judges_no_sensors(tmp_path: Path) -> None:
+    document = json.loads(LONE_WHEELSET.read_text())
+    del document["health"]
+    (tmp_path / "mine.json").write_text(json.dumps({**document, "checksum": checksum(document)}))
+    assert "sensors        not judged: the design has no part for it" in describe(
+        load_config(configured(tmp_path, "mine.json"))
+    )
+    assert not [x for x in describe(load_packaged(1)) if x.startswith("sensors ")]
 
 
 @pytest.mark.parametrize(

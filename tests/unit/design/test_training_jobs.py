@@ -11,11 +11,17 @@ from sim_ecu.cli.main import main
 from sim_ecu.design import training_jobs
 from sim_ecu.design.cases import Plan, draw
 from sim_ecu.design.features import quietly
+from sim_ecu.design.pairs import EACH, FIRST_SPAN, SOUND_EACH, Watched
 from sim_ecu.design.recordings import Recording, record
-from sim_ecu.design.training_jobs import PART, GroupJob, recorded, remove_parts
+from sim_ecu.design.training_jobs import PART, GroupJob, pairs, recorded, remove_parts
 from sim_ecu.jobs.pool import Stopped, local
 from sim_ecu.physics.wheelset import Wheelset
+from sim_ecu.play.vehicles import load_vehicle
+from tests.support.lone_wheelset import LONE
 from wrcd.errors import InputError, Status
+from wrcd.estimator.design import load_design
+from wrcd.estimator.trust.health import FEATURES, PairState
+from wrcd.resources import DEFAULT_DESIGN, DESIGNS
 
 PLAN = Plan(seed=5, speeds=2, per_speed=3, settle_s=0.5, seconds=0.7)
 TICK_S = 0.005
@@ -176,3 +182,23 @@ def test_design_that_was_broken_off_after_its_simulations_simulates_nothing(
     assert len(simulated) == GROUPS
     assert f"{out}.parts: 4 of 4 groups were there" in capsys.readouterr().out
     assert sorted(f.name for f in tmp_path.iterdir()) == ["made.json", "rig.toml"]
+
+
+@pytest.mark.parametrize("vehicle", [LONE, DEFAULT_DESIGN])
+def test_pairs_are_kept_and_are_of_both_wheelsets_of_a_bogie(tmp_path: Path, vehicle: str) -> None:
+    """A lone wheelset's group runs once more, half of it in canted curves."""
+    w, design = load_vehicle(vehicle), load_design(DESIGNS / f"{vehicle}.design.json")
+    plan = replace(PLAN, seconds=3.0, speeds=1, per_speed=2)
+    with local(1) as workers:
+        first = pairs(w, plan, design, tmp_path, workers, quietly)
+        again = pairs(w, plan, design, tmp_path, workers, quietly)
+    assert len(first) == len(draw(plan, w))
+    for a, b, group in zip(first, again, draw(plan, w), strict=True):
+        for f in fields(Watched):
+            np.testing.assert_array_equal(getattr(a, f.name), getattr(b, f.name))
+        each = (SOUND_EACH + EACH) * 2 * len(group.conditions) * (2 if w.bogie is None else 1)
+        assert each <= a.features.shape[1] == len(a.partner) == len(a.held) <= 1.25 * each
+        assert a.features.shape[2] == FEATURES
+        assert np.isfinite(a.features.astype(float)).all()
+        assert {PairState.SOUND} < set(a.state[FIRST_SPAN:].ravel().tolist())
+        assert len(a.off) == len(a.regime) == len(a.speed_m_s) > 0
