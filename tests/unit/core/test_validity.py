@@ -206,6 +206,19 @@ def test_lost_frames_are_too_little_data_or_stale_and_not_harsh(
     assert "hold measurements on end, limit 40 %" in change.detail
 
 
+@pytest.mark.parametrize("lost", [lambda k: k % 5 == 0, lambda k: k % 6 < 2])
+def test_estimate_of_what_is_left_is_valid_and_the_same(lost: Callable[[int], bool], sim: SensorSimulator) -> None:
+    """Where a fifth or a third of the frames is lost, more than 0.4 of the window holds measurements on end."""
+    sim.run(2500)
+    before = float(sim.decoded("Adhesion_A1")[-1]["MuAvailable"])
+    for k in range(400):
+        sim.silent = {YAW_RATE_A1, LAT_ACCEL_A1} if lost(k) else set()
+        sim.run(5)
+    late = sim.decoded("Adhesion_A1")[130:]
+    assert {str(row["Validity"]) for row in late} == {"Valid"}
+    assert max(abs(float(row["MuAvailable"]) - before) for row in late) < 0.1 * before + 1.0
+
+
 def test_start_and_stop_have_a_cause_for_each_state(sim: SensorSimulator) -> None:
     sim.out += sim.core.advance(sim.t)
     sim.out += sim.core.advance(sim.t + 500_000)
