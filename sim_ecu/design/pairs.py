@@ -50,7 +50,7 @@ HELD_OUT = 5  # so many networks judge how much counts: each is fitted to all bu
 # Of the spans of sound pairs, by each state; more by those that a saturated wheelset looks like, or a slow one on
 # smooth track: they are hardly found otherwise. And how much of what bears that counts: the sound pairs are few, and at
 # 0.9 one in thirty of the axles of worlds that were played was called reversed.
-ACCUSED, ACCUSED_OF_SILENCE, MARGIN = 5e-4, 2e-3, 0.7
+ACCUSED, ACCUSED_OF_SILENCE, MARGIN = 5e-4, 1e-3, 0.65
 TURNS = 2  # a recording is judged over and over, and the last time counts: a train runs for longer
 TEMPERS = np.geomspace(0.03, 1.0, 32)  # the shares of a span's evidence that are tried, one after another
 # Of the log odds, at each span: with 0.97 (8 s) a third fewer dead gyros were found, at as many sound ones accused.

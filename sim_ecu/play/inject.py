@@ -84,7 +84,7 @@ class SignalFault:
         self.keys: list[_Key] = [(s, 0 if s == "speed" else fault.axle) for s in fault.signals]
         self.other = other_axle(fault.axle, numbers)
         self.stands: dict[_Key, float] = {}  # all values before the fault
-        self.rng = np.random.default_rng([fault.begin_us, fault.axle])
+        self.rng = np.random.default_rng([fault.begin_us, fault.axle, *fault.of.encode()])  # no two are alike
         self.cycle_us = {s: train.cycle_us(s, fault.axle) for s in fault.signals}
 
     def change(self, sample: SensorSample, before: SensorSample) -> SensorSample:
