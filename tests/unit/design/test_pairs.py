@@ -45,8 +45,10 @@ def test_each_kind_of_broken_pair_is_what_its_name_says(name: str) -> None:
     assert accel_loud == (state not in (PairState.ACCEL_DEAD, PairState.BOTH_DEAD))
     if state in (PairState.REVERSED, PairState.GYRO_DEAD):
         assert (yaw, lat) == (False, True)
-    if state in (PairState.OTHER_AXLE, PairState.WRONG_UNIT, PairState.ACCEL_DEAD):
+    if state in (PairState.OTHER_AXLE, PairState.ACCEL_DEAD):
         assert (yaw, lat) == (True, False)
+    if state is PairState.WRONG_UNIT:
+        assert (yaw, lat) == (name != "in degrees", name == "in degrees")
     if name == "other axle":
         np.testing.assert_array_equal(broken[:, 1], SIGNALS[:, 1, 3])
     if name == "late":
