@@ -1,6 +1,6 @@
 """Whether a signal is in another unit than it is read in: which unit the log itself makes likely.
 
-The estimate stays Valid on most such mistakes, so each axle's gyro and accelerometer are judged by what no unit
+The estimate stays Valid on some such mistakes, so each axle's gyro and accelerometer are judged by what no unit
 mistake leaves alone: their noise, the lateral acceleration's size, and its ratio to speed times yaw rate. Each unit
 that a signal may be in gets a cost in nats: how far its readings would lie beyond what sound sensors show.
 """
