@@ -102,7 +102,7 @@ def _make(args: argparse.Namespace) -> int:
 
 COMMAND = Subcommand(
     "design",
-    "make the design file of a vehicle (takes minutes)",
+    "make the design file of a vehicle (takes half an hour)",
     (
         ("sim-ecu design --config metro -o metro.design.json", "the design of a vehicle that comes along"),
         ("sim-ecu design --explain", "the default design's rules as sentences, with their data"),

@@ -51,6 +51,7 @@ def _add(p: argparse.ArgumentParser) -> None:
 def _run(args: argparse.Namespace) -> int:
     from sim_ecu.campaign.tune.stages import Tuning, tune
     from sim_ecu.design.brief import read_brief
+    from sim_ecu.design.pairs import require_learning
     from sim_ecu.design.space import groups_of, parameters
     from sim_ecu.play.vehicles import vehicle_path
     from wrcd.config.packaged_designs import design_path
@@ -62,6 +63,8 @@ def _run(args: argparse.Namespace) -> int:
     start = read_brief(read_toml(vehicle_path(args.config)), args.form)
     groups = groups_of(start.form) if args.over is None else tuple(name.strip() for name in args.over.split(","))
     parameters(start, groups)  # raises InputError
+    if args.played and start.form == "wrcd":
+        require_learning()  # before the search: the design that is chosen needs it
     against = None if args.against is None else design_path(args.against)
     if against is not None:
         _fits(against, start)

@@ -13,11 +13,9 @@ from sim_ecu.jobs.pool import Workers
 from sim_ecu.jobs.whole import each
 from wrcd.estimator.design import MODELS, Design
 from wrcd.estimator.estimator import Estimator, step_through
-from wrcd.estimator.paper.bank import BoolArray
 from wrcd.estimator.paper.rule_inputs import SWING
 from wrcd.estimator.paper.window import BLOCK_TICKS
 from wrcd.estimator.records import Ticks
-from wrcd.estimator.trust.pair import PairSums
 
 FloatArray = NDArray[np.float64]
 EDGE = 0.3  # importance of a window outside the plan's core
@@ -70,26 +68,9 @@ def quietly(what: str, share: float) -> None:
     """No progress is shown."""
 
 
-class _NoSums(PairSums):
-    """Takes no input: what it would find out has no part in an estimate, and takes a third of the time."""
-
-    def step(self, z: FloatArray, used: NDArray[np.bool_]) -> None:
-        """Learn nothing."""
-
-    @property
-    def settled(self) -> BoolArray:
-        """Nothing has to settle."""
-        return np.ones(self._offset_ticks.shape, dtype=bool)
-
-    def step_settled(self, z: FloatArray, used: NDArray[np.bool_] | None) -> None:
-        """Learn nothing."""
-
-
 def estimator_alone(design: Design, axles: int) -> Estimator:
     """The train's estimator without the judgement of whose sensors these are; the estimates are the same."""
-    out = Estimator(replace(design, health=None), axles)
-    out.health.pairs = _NoSums(design.noise_rms, design.tick_s, axles, design.wheelbase_m)
-    return out
+    return Estimator(replace(design, health=None), axles)
 
 
 def run(design: Design, z: NDArray[np.float32], r: Recording, at: Sequence[int]) -> Iterator[tuple[int, Estimator]]:

@@ -14,10 +14,10 @@ from sim_ecu.design.recordings import Recording, measured
 from sim_ecu.design.rules import quantiles
 from sim_ecu.design.train_worlds import TRANSITION_S, curve_and_cant
 from sim_ecu.physics.wheelset import Wheelset
-from wrcd.estimator.design import Design, HealthModel
+from wrcd.estimator.design import CERTAIN, Design, HealthModel
 from wrcd.estimator.estimator import Estimator, step_through
 from wrcd.estimator.records import EstimateDoubt, Ticks
-from wrcd.estimator.trust.health import CERTAIN, FEATURES, MIN_SHARE, MOST, SPAN_TICKS, PairHealth, PairState, evidence
+from wrcd.estimator.trust.health import FEATURES, MIN_SHARE, MOST, SPAN_TICKS, PairHealth, PairState, evidence
 from wrcd.estimator.trust.interval import Regime
 
 FloatArray = NDArray[np.float64]
@@ -112,24 +112,23 @@ class Lane:
 
 def watched(w: Wheelset, design: Design, plan: Plan, group: Group, place: int) -> Watched:
     """Simulate a group, both wheelsets of each bogie, break their sensors and look at them as the train does. A lone
-    wheelset's worlds have curves without cant alone: its group runs once more, half of it in canted ones."""
-    seen = _seen(w, design, plan, group, place)
+    wheelset's worlds have curves without cant alone: its group runs once more, half of it in canted ones, and shaken
+    where it was not: its groups are by turns of the design's own world and of others."""
+    rng, shaken = np.random.default_rng([plan.seed, 3, place]), place % 2 == 0
+    seen = _seen(w, design, plan, group, shaken, rng)
     if w.bogie is not None:
         return seen
     rng = np.random.default_rng([plan.seed, 3, place])
     curved = replace(group, conditions=tuple(_in_curve(c, rng) for c in group.conditions))
-    return _joined(seen, _seen(w, design, plan, curved, place, rng))
+    return _joined(seen, _seen(w, design, plan, curved, not shaken, rng))
 
 
-def _seen(
-    w: Wheelset, design: Design, plan: Plan, group: Group, place: int, rng: np.random.Generator | None = None
-) -> Watched:
-    rng = np.random.default_rng([plan.seed, 3, place]) if rng is None else rng
+def _seen(w: Wheelset, design: Design, plan: Plan, group: Group, shaken: bool, rng: np.random.Generator) -> Watched:
     others = (*group.conditions[1:], group.conditions[0])
     both = tuple(c for pair in zip(group.conditions, others, strict=True) for c in _in_bogie(w, design, *pair, rng))
     group = replace(group, conditions=both)
     r = measured(group, simulate_group(w, both, plan.seconds, design.tick_s), design.tick_s, rng)
-    z = (r.z if place % 2 else r.felt).astype(np.float64)
+    z = (r.felt if shaken else r.z).astype(np.float64)
     noise = np.zeros_like(z)
     for i, c in enumerate(both):
         for k, sensor in enumerate((c.sensors.yaw_rate, c.sensors.lat_accel)):
@@ -189,8 +188,8 @@ def _lanes(
         pair = _broken(name, z, noise, i, begins, seed, d.tick_s)
         other = _broken(name, z, noise, beside, begins, seed, d.tick_s) if alike else z[:, :, beside]
         state = np.full(ticks, BROKEN.get(name, PairState.SOUND), np.int8)
-        state[: begins + 2 * SPAN_TICKS if begins else 0] = PairState.SOUND
-        state[begins : begins + SPAN_TICKS if begins else 0] = -1
+        if begins:  # what it is in its first two spans is not learnt from
+            state[:begins], state[begins : begins + 2 * SPAN_TICKS] = PairState.SOUND, -1
         two = np.stack((pair, other), axis=2)
         out.append(Lane(two, ratio[:, [i, beside]], state, PARTNERS.index(partner), held[i]))
     return out
@@ -201,7 +200,7 @@ def _watched(d: Design, lanes: Sequence[Lane], speed_m_s: FloatArray, mu_pct: ND
     there = np.array([(True, PARTNERS[lane.partner] != "none") for lane in lanes]).reshape(-1)
     estimator = Estimator(replace(d, health=None, interval=None), z.shape[2])
     watch = FeatureRecorder(None, d.noise_rms, d.tick_s, z.shape[2], d.wheelbase_m)
-    watch.seen = []
+    watch.seen, watch.judges = [], True
     estimator.health = watch
     ends = np.arange(SPAN_TICKS - 1, len(z), SPAN_TICKS)
     ratio = np.concatenate([lane.ratio for lane in lanes], axis=1)

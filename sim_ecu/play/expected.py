@@ -16,7 +16,7 @@ TIMEOUT_MS = {"yaw_rate": 15, "lateral_acceleration": 15, "torque": 30, "speed":
 CYCLE_MS = {"yaw_rate": 5, "lateral_acceleration": 5, "torque": 10, "speed": 20, ALL: 10}
 WINDOW_MS = 1000
 LONG_S = 3.0
-IDENTITY_S = 12.0
+BROKEN_S = 12.0
 # So long after any fault, seen or not, the estimate must be what it would have been, but for so much: the window of 1 s
 # and 1.5 times the memory of 1.3 s, to which a fault that cannot be seen has spoken.
 SETTLED_AFTER_MS, SETTLED_PP = 2950, 1.0
@@ -121,9 +121,9 @@ ROWS = (
 # clock alone.
 _DEAD, _PAIR = Found(6_000.0 + SLOT_MS), Found(10_000.0 + SLOT_MS)
 LONG_ROWS = (
-    *(_row("dead", of, _DEAD, IDENTITY_S) for of in (ALL, "yaw_rate", "lateral_acceleration")),
-    *(_row("reverse", of, _PAIR, IDENTITY_S) for of in ("yaw_rate", "lateral_acceleration")),
-    _row("swap-wiring", "yaw_rate", _PAIR, IDENTITY_S),
+    *(_row("dead", of, _DEAD, BROKEN_S) for of in (ALL, "yaw_rate", "lateral_acceleration")),
+    *(_row("reverse", of, _PAIR, BROKEN_S) for of in ("yaw_rate", "lateral_acceleration")),
+    _row("swap-wiring", "yaw_rate", _PAIR, BROKEN_S),
 )
 
 
@@ -134,8 +134,8 @@ REFUSED_AS = {"crc": "crc", "counter": "repeat", "dlc": "length", "nan": "range"
 # what may be said of a pair of sensors, and in which words
 PAIR_CAUSES = {
     "SensorsSilent": "both dead", "GyroReversed": "one the other way round", "GyroDead": "the gyro dead",
-    "SensorsUnrelated": "[of different axles][one later than it says]",
-    "AccelSmall": "[the accelerometer dead][in a wrong unit]",
+    "SensorsUnrelated": "of different axles",
+    "AccelSmall": "the accelerometer dead",
 }  # fmt: skip
 PAIR = ("yaw_rate", "lateral_acceleration")  # first past their time-outs, and named first
 
@@ -331,10 +331,9 @@ def _of_signals(row: MatrixRow) -> ExpectedLines:
         return f"Degraded, {cause}: {words} #, sound #; {levels}"
 
     def found(cause: str, words: str, axle: int = 1) -> tuple[str, ...]:
-        """Another state may lead first."""
-        others = [c for c in PAIR_CAUSES if c != cause]
-        first = [f"perhaps Valid -> {pair(c, PAIR_CAUSES[c], axle)}" for c in others]
-        return (*first, f"[Valid -> ]{pair(cause, words, axle)}")
+        """A wrong sign looks like a delay first."""
+        late = f"perhaps Valid -> {pair('SensorsUnrelated', 'one later than it says')}"
+        return (*(late,) * (f.kind == "reverse"), f"[Valid -> ]{pair(cause, words, axle)}")
 
     if f.kind == "swap-wiring":
         return ExpectedLines(tuple(found("SensorsUnrelated", PAIR_CAUSES["SensorsUnrelated"], axle) for axle in (1, 2)))

@@ -129,7 +129,7 @@ def _stayed(must: Stays, v: Verdict, slack_pp: float) -> str:
 
 HEAD = (
     "| fault | of | s | must | left Valid after, ms | Valid again after, ms | largest change while Valid, pp "
-    "| 2.15 s later, pp | passed |\n"
+    f"| {SETTLED_AFTER_MS / 1000:g} s later, pp | passed |\n"
     "|---|---|---|---|---|---|---|---|---|"
 )
 

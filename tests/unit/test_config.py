@@ -1,6 +1,7 @@
 """Bad input gets one clear message: file, line, key, reason, what to do."""
 
 import json
+import math
 from collections.abc import Callable
 from pathlib import Path
 
@@ -190,7 +191,12 @@ DAMAGE = {
     "interval.speeds_m_s": lambda d: d["interval"]["speeds_m_s"].reverse(),
     "health.middle": lambda d: d["health"]["middle"].pop(),
     "health.scale": lambda d: d["health"]["scale"].__setitem__(0, 0.0),
-    "health.prior": lambda d: d["health"]["prior"].pop(),
+    "health.prior": lambda d: d["health"]["prior"].__setitem__(1, 1e-8),
+    "health.states": lambda d: d["health"]["states"].reverse(),
+    "interval.regimes": lambda d: d["interval"]["regimes"].pop(),
+    "inputs.wheelset.bogie.semi_wheelbase_m": lambda d: d["inputs"]["wheelset"]["bogie"].update(
+        semi_wheelbase_m=math.nan
+    ),
     "health.temper": lambda d: d["health"]["temper"].__setitem__(1, -0.1),
     "health.hidden": lambda d: d["health"]["hidden"].pop(),
     "health.out": lambda d: d["health"]["out"][0].pop(),

@@ -1,4 +1,4 @@
-"""frame -> sample -> bank step -> residual RMS -> fuzzy -> adhesion -> frame, on the frames' own time stamps.
+"""frame -> sample -> estimate -> adhesion and its Validity -> frame, on the frames' own time stamps.
 
 The core reads no clock. Live, the loop tells it how far time has come (advance); in a replay the next frame does.
 Tick k owns the frames stamped in [k P, (k + 1) P); of two measurements one may wait for the next tick

@@ -18,6 +18,7 @@ from wrcd.estimator.trust.memory import MEMORY_S, SIGMAS, Remembered, Word, spok
 # Standard deviations above the word that what was in use at the last peak may lift it, and the most: three times the
 # word. A torque that is lost with the rail is no slip cycle, and there the word is vague.
 ALLOWED, LIFTS = 4.0, np.log(3.0)
+LEAST_PCT = 0.01  # a word of less is this: there is no logarithm of nothing
 NEWEST_SHARE = 0.5  # of the newest part's half-width that the interval is made to reach down to
 # More in use than the rules say there is: beyond the interval, and by this share of what they say, one is wrong.
 CONTRADICTION_SHARE, CONTRADICTION_PP = 0.2, 0.3
@@ -52,7 +53,7 @@ class Draft:
     floor: FloatArray  # (n, 4) mean square residual that sensors so noisy leave
     speed_m_s: FloatArray  # (n,)
     grid_speed_m_s: FloatArray  # (n,) held within the design's grid
-    memory: FloatArray  # (4, n) what is Remembered
+    memory: FloatArray  # (6, n) what is Remembered
 
 
 def joined(drafts: Sequence[Draft]) -> Draft:
@@ -84,7 +85,7 @@ class Answer:
     @property
     def word(self) -> Word:
         """The same in logarithms."""
-        return Word(np.log(self.mu_from_rules_pct), self.spread / SIGMAS)
+        return Word(np.log(np.maximum(self.mu_from_rules_pct, LEAST_PCT)), self.spread / SIGMAS)
 
 
 class Answers:
@@ -160,7 +161,7 @@ class Answers:
             memory, recent = Remembered(*draft.memory), answers[1]
             inference, chosen = inference.take(slice(0, n)), chosen.take(slice(0, n))
             cut = draft.blocks[0] < self._lengths.usual
-            word, _ = spoken(memory, best.word, ~cut)
+            word, share = spoken(memory, best.word, ~cut)
             from_rules, spread = np.exp(word.log_pct), SIGMAS * word.sigma
             # what has been in use lately is available: the estimate cannot lie below it
             allowed = np.minimum(memory.peak_pct, np.exp(word.log_pct + np.minimum(ALLOWED * word.sigma, LIFTS)))
@@ -174,7 +175,8 @@ class Answers:
             goes_on = regime(best.inputs[:, SWING], used / mu, cut, used >= d.saturated_share * mu)
             if d.interval is not None:
                 spread = spread * widening(d.interval, goes_on, draft.speed_m_s)
-            past_s = chosen.ticks * d.tick_s + np.where(cut, 0.0, MEMORY_S)
+            past_s = chosen.ticks * d.tick_s + np.where(share < 1.0, np.minimum(memory.age_s, MEMORY_S), 0.0)
+            past_s = np.where(carried > from_rules, np.maximum(past_s, memory.peak_age_s), past_s)
             spread, doubt = self._doubted(spread, best, inference, chosen, draft.speed_m_s)
         fits = (best.inputs[:, :MODELS] - self._low) / self._width
         unknown = np.isnan(fits)

@@ -16,9 +16,14 @@ IntArray = NDArray[np.int64]
 
 FORMAT = "wrcd-design/4"
 MODELS = 4
-NEXT_WHEELSET_M, MIN_WHEELBASE_M, MAX_WHEELBASE_M = 2.5, 1.0, 6.0  # the first: where the design names no bogie
-REGIMES = 5  # of an interval's width, see interval.py
-PAIR_STATES = 8  # of a pair of sensors, see health.py
+NEXT_WHEELSET_M = 2.5  # where the design names no bogie
+HALF_WHEELBASES_M = 0.5, 3.0  # least and most
+REGIMES = ("steady", "moving torque", "coasting", "just changed", "saturated")  # of an interval, see interval.py
+PAIR_STATES = (
+    "sound", "one the other way round", "the gyro dead", "the accelerometer dead", "both dead", "of different axles",
+    "in a wrong unit", "one later than it says",
+)  # fmt: skip
+CERTAIN = 14.0  # log odds of a pair's state: no more than this is kept
 STATES = 5  # psi, y', psi', y_t, y - y_t; then those of a bogie's frame, where the design holds the wheelset in one
 MAX_STATES = 16
 CHANNELS = 2  # yaw rate, lateral acceleration
@@ -139,10 +144,7 @@ class Design:
     def wheelbase_m(self) -> float:
         """From one wheelset to the next on its track."""
         bogie = self.wheelset.get("bogie")
-        half = bogie.get("semi_wheelbase_m") if isinstance(bogie, dict) else None
-        if not isinstance(half, int | float):
-            return NEXT_WHEELSET_M
-        return min(max(2.0 * half, MIN_WHEELBASE_M), MAX_WHEELBASE_M)
+        return NEXT_WHEELSET_M if bogie is None else 2.0 * float(bogie["semi_wheelbase_m"])
 
     @property
     def sets(self) -> tuple[Sets, ...]:
@@ -269,6 +271,11 @@ class _Reader:
             raise self.error(key, f"needs {count} names")
         return tuple(str(n) for n in names)
 
+    def are(self, key: str, names: tuple[str, ...]) -> None:
+        """Names in the order that this program knows."""
+        if self.at(key) != list(names):
+            raise self.error(key, f"must be {', '.join(names)}")
+
     def sentences(self, key: str) -> tuple[str, ...]:
         """Lines for a person, or none where the key is not there."""
         found = self._document.get(key, [])
@@ -297,6 +304,8 @@ def _arrays(r: _Reader, digest: str) -> Design:
     names = r.at("bank.models")
     if not isinstance(wheelset, dict) or not isinstance(names, list) or len(names) != MODELS:
         raise r.error("bank.models", f"needs {MODELS} models and inputs.wheelset a table")
+    if wheelset.get("bogie") is not None:
+        r.number("inputs.wheelset.bogie.semi_wheelbase_m", *HALF_WHEELBASES_M)
     rules = r.array("fuzzy.rules", -1, INPUTS)
     n = len(rules)
     Phi = r.array("bank.Phi", v, MODELS, -1, -1)
@@ -306,7 +315,7 @@ def _arrays(r: _Reader, digest: str) -> Design:
     return Design(
         name=str(r.at("name")),
         wheelset=wheelset,
-        tick_s=r.number("bank.tick_s", 1e-4, 0.1),
+        tick_s=r.number("bank.tick_s", 1e-4, 0.02),
         form=str(r.at("form")),
         window_s=r.number("window_s", 0.05, 60.0),
         longest_s=r.number("longest_s", 0.05, 60.0),
@@ -351,18 +360,21 @@ def _arrays(r: _Reader, digest: str) -> Design:
 
 def _interval(r: _Reader) -> IntervalModel:
     speeds = r.array("interval.speeds_m_s", -1)
-    factors = r.array("interval.factors", REGIMES, len(speeds))
+    factors = r.array("interval.factors", len(REGIMES), len(speeds))
+    r.are("interval.regimes", REGIMES)
     if len(speeds) < 2 or np.any(np.diff(speeds) <= 0) or speeds[0] <= 0 or np.any(factors <= 0.0):
         raise r.error("interval.speeds_m_s", "must be two or more growing speeds, and interval.factors positive")
     return IntervalModel(speeds, factors)
 
 
 def _health(r: _Reader) -> HealthModel:
-    f, s, bias = PAIR_FEATURES, PAIR_STATES, r.array("health.hidden_bias", -1)
+    f, s, bias = PAIR_FEATURES, len(PAIR_STATES), r.array("health.hidden_bias", -1)
+    r.are("health.states", PAIR_STATES)
     scale, prior, temper = (r.array(f"health.{key}", n) for key, n in (("scale", f), ("prior", s), ("temper", s)))
-    for key, positive in (("scale", scale > 0.0), ("prior", prior > 0.0), ("temper", temper >= 0.0)):
-        if not positive.all():
-            raise r.error(f"health.{key}", "must be positive")
+    if not (scale > 0.0).all() or not (temper >= 0.0).all():
+        raise r.error("health.scale", "must be positive, and health.temper not negative")
+    if not (prior > 0.0).all() or not (np.abs(np.log(prior / prior[0])) <= CERTAIN).all():
+        raise r.error("health.prior", f"must be positive, and within e^±{CERTAIN:g} of that of a sound pair")
     h = len(bias)
     return HealthModel(
         r.array("health.middle", f), scale, r.array("health.hidden", f, h), bias, r.array("health.out", h, s),

@@ -53,7 +53,7 @@ class Estimator:
     _delayed_clear: BoolArray
     started: BoolArray  # whether a measurement was used since the last reset
     health: PairHealth
-    _memory: FloatArray  # (4, n) what is Remembered
+    _memory: FloatArray  # (6, n) what is Remembered
     outliers: int = 0  # samples left out so far
 
     def __init__(self, design: Design, axles: int) -> None:
@@ -136,7 +136,7 @@ class Estimator:
                 Remembered(*self._memory), usual.word, whole, recent.word, recent.live_share, 100.0 * draft.lasting,
                 step_s, self._speed_m_s,
             )  # fmt: skip
-            if looks:
+            if looks and self.health.judges:
                 self.health.look(self._speed_m_s, draft.now, usual.inputs)
         self._memory = np.array(memory)
         another = memory.another >= ANOTHER_STEPS
@@ -167,7 +167,8 @@ class Estimator:
         self._speed_m_s = speeds[-1]
         self._noise.step_settled(z)
         idle = None if running.all() else ~running
-        self.health.pairs.step_settled(z, None if idle is None else running)
+        if self.health.judges:
+            self.health.pairs.step_settled(z, None if idle is None else running)
         yes = self._all[:m] if idle is None else self._all[:m] & running
         no = ~self._all[:m]
         in_window = yes & np.isfinite(ticks.torque_ratio[first:])
@@ -183,9 +184,8 @@ class Estimator:
         the gate is not to judge: those that do not run, and those whose filters still swing after a pulse."""
         m = len(ticks) - first
         if self._settled is None:
-            self._settled = self._complete & np.logical_and.reduce(
-                [part.settled for part in (self._offset, self._gate, self._joints, self._noise, self.health.pairs)]
-            )
+            parts = (self._offset, self._gate, self._joints, self._noise, self.health)
+            self._settled = self._complete & np.logical_and.reduce([part.settled for part in parts])
         present = ticks.present[first:]
         running, exempt = self._settled, None
         if not (present.all() and running.all()):
@@ -229,7 +229,8 @@ class Estimator:
         needs_reset = self._gate.learn(e, z[0], accepted & ~swings, outliers)
         needs_reset |= ~np.isfinite(self._bank.x).all(axis=(0, 1))
         self._noise.step(z, accepted & ~near)
-        self.health.pairs.step(z, accepted & ~near)
+        if self.health.judges:
+            self.health.pairs.step(z, accepted & ~near)
         self.started |= accepted
         # Keep the first innovation after a gap out of the window: it spans several ticks. A sensor slower than the
         # ticks, for which no gain here is made, therefore never gives an estimate.

@@ -22,8 +22,8 @@ from sim_ecu.design.pairs import (
     tempers,
 )
 from sim_ecu.design.recordings import Recording
-from wrcd.estimator.design import Design, HealthModel, load_design
-from wrcd.estimator.trust.health import CERTAIN, FEATURES, SPAN_TICKS, PairState
+from wrcd.estimator.design import CERTAIN, Design, HealthModel, load_design
+from wrcd.estimator.trust.health import FEATURES, SPAN_TICKS, PairState
 from wrcd.estimator.trust.interval import Regime
 from wrcd.resources import DESIGN
 
@@ -67,9 +67,13 @@ def test_what_a_pair_is_in_is_said_for_every_tick_and_not_while_it_breaks() -> N
     lanes = made()
     assert {lane.partner for lane in lanes} == set(range(len(PARTNERS)))
     for lane in lanes:
-        states = set(lane.state.tolist())
-        assert len(states - {-1, PairState.SOUND}) <= 1
-        assert (-1 in states) == (len(states) == 3)  # it dies on the way
+        turns = np.flatnonzero(np.diff(lane.state)) + 1
+        states = lane.state[[0, *turns]].tolist()
+        if len(states) > 1:  # it dies on the way
+            assert states == [PairState.SOUND, -1, states[-1]] and states[-1] > PairState.SOUND
+            assert turns[1] - turns[0] == 2 * SPAN_TICKS
+            quiet = lane.z[turns[0] :, :, 0].std(axis=0) < 0.05
+            assert quiet.any() and not (lane.z[: turns[0], :, 0].std(axis=0) < 0.05).any()
 
 
 def watched(x: FloatArray, state: FloatArray, seed: int = 0) -> Watched:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wrcd.estimator.design import CHANNELS, COLUMNS, FloatArray, HealthModel, IntArray
+from wrcd.estimator.design import CERTAIN, CHANNELS, COLUMNS, PAIR_STATES, FloatArray, HealthModel, IntArray
 from wrcd.estimator.paper.bank import BoolArray
 from wrcd.estimator.trust.pair import BANDS, PairSums, Span
 
@@ -22,8 +22,7 @@ MIN_SHARE = 0.5  # of a span's ticks that an axle must have data in
 SPANS = (5, 25)  # of the means beside the newest span, 1.2 and 6 s: what was loud before is gone then
 FLOOR = 0.02  # of the noise's power
 MOST = 5.0  # standard deviations of a feature
-SOUND_ALONE = np.r_[0.0, np.full(7, -14.0)]  # where nothing is judged
-CERTAIN = 14.0  # log odds: no more than this is kept
+SOUND_ALONE = np.r_[0.0, np.full(len(PAIR_STATES) - 1, -CERTAIN)]  # where nothing is judged
 YAW, LAT = range(CHANNELS)
 ACROSS = ((YAW, YAW), (LAT, LAT), (YAW, LAT), (LAT, YAW))  # own signal, partner's
 MIN_RATIO, MIN_SPEED_M_S = 0.003, 1.0
@@ -46,11 +45,7 @@ class PairState(IntEnum):
     @property
     def words(self) -> str:
         """The same in words."""
-        return _WORDS[self]
-
-
-_WORDS = ("sound", "one the other way round", "the gyro dead", "the accelerometer dead", "both dead",
-          "of different axles", "in a wrong unit", "one later than it says")  # fmt: skip
+        return PAIR_STATES[self]
 
 
 class HealthFigures(NamedTuple):
@@ -155,6 +150,7 @@ class PairHealth:
     """Sums up what each pair says, and keeps the log odds of each state over a sound pair.
 
     They stay as they are while an axle has no data: what is known of the wires holds across gaps and standstills.
+    judges: whether the design has a part for it; else every pair counts as sound, and nothing is summed up.
     """
 
     pairs: PairSums
@@ -165,7 +161,7 @@ class PairHealth:
     def __init__(
         self, model: HealthModel | None, noise_rms: FloatArray, tick_s: float, axles: int, wheelbase_m: float
     ) -> None:
-        self._model = model
+        self._model, self.judges = model, model is not None
         self.pairs = PairSums(noise_rms, tick_s, axles, wheelbase_m)
         partner = np.arange(axles) ^ 1  # the other axle of a bogie
         self._alone = partner >= axles
@@ -179,6 +175,11 @@ class PairHealth:
         """Whether the odds are such as this class makes: a state from a file may hold others."""
         held = (self._held >= 0.0) & (self._held <= SPANS[-1])
         return bool((np.abs(self.log_odds) <= CERTAIN).all() and np.isfinite(self._rows).all() and held.all())
+
+    @property
+    def settled(self) -> BoolArray:
+        """(n,): of which axles a whole block can be summed up."""
+        return self.pairs.settled if self.judges else np.ones(len(self.log_odds), dtype=bool)
 
     def reset(self, axle: int) -> None:
         """Start an axle's filters and its span anew, after a gap; what was found out before stays."""
@@ -200,7 +201,8 @@ class PairHealth:
         known = (span.ticks >= MIN_SHARE * SPAN_TICKS) & span.goes_on
         if self._model is not None and known.any():
             x = self._features(span, known, speed_m_s, ratio, inputs)
-            self.log_odds = np.where(known[:, None], updated(self._model, self.log_odds, x), self.log_odds)
+            odds = updated(self._model, self.log_odds, x)
+            self.log_odds = np.where(known[:, None] & np.isfinite(odds), odds, self.log_odds)
 
     def _features(
         self, span: Span, known: BoolArray, speed_m_s: float, ratio: FloatArray, inputs: FloatArray
@@ -221,9 +223,9 @@ class PairHealth:
 
     def figures(self, axle: int) -> HealthFigures:
         """What an axle's state was found by."""
-        newest = split(self._mean(SPANS[-1])[:, axle : axle + 1])
-        r = newest.cross / np.sqrt((newest.power[:, YAW] + FLOOR) * (newest.power[:, LAT] + FLOOR))
-        yaw, lat = np.sqrt(np.maximum(newest.variance[:, 0], 0.0)).tolist()
+        mean = split(self._mean(SPANS[-1])[:, axle : axle + 1])
+        r = mean.cross / np.sqrt((mean.power[:, YAW] + FLOOR) * (mean.power[:, LAT] + FLOOR))
+        yaw, lat = np.sqrt(np.maximum(mean.variance[:, 0], 0.0)).tolist()
         p = self.probabilities()[axle]
         lead = int(p[1:].argmax()) + 1
         return HealthFigures(lead, float(p[lead]), float(p[PairState.SOUND]), float(r[0, 0]), float(r[1, 0]), yaw, lat)

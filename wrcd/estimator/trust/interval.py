@@ -4,7 +4,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from wrcd.estimator.design import FloatArray, IntArray, IntervalModel
+from wrcd.estimator.design import REGIMES, FloatArray, IntArray, IntervalModel
 from wrcd.estimator.paper.bank import BoolArray
 
 MOVED = 0.1  # decades, above and below together, by which the torque has moved within half a second
@@ -23,10 +23,7 @@ class Regime(IntEnum):
     @property
     def words(self) -> str:
         """The same in words."""
-        return _WORDS[self]
-
-
-_WORDS = ("steady", "moving torque", "coasting", "just changed", "saturated")
+        return REGIMES[self]
 
 
 def regime(swing: FloatArray, share: FloatArray, cut: BoolArray, saturated: BoolArray) -> IntArray:

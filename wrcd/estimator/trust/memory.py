@@ -40,11 +40,13 @@ AGAIN = 0.98  # of what was in use at the peak: as much again
 
 class Remembered(NamedTuple):
     """Of every axle (n,). precision: of the fused word, as 1 / variance of log adhesion, 0 where there is none, and
-    weighed, its product with log adhesion; peak_pct: what was in use at the last peak, eroded, and since when (s);
-    another: steps in a row in which the window's newest part speaks of another rail."""
+    weighed, its product with log adhesion, and how long it has been going on (s); peak_pct: what was in use at the last
+    peak, eroded, and since when (s); another: steps in a row in which the window's newest part speaks of another rail.
+    """
 
     precision: FloatArray
     weighed: FloatArray
+    age_s: FloatArray
     peak_pct: FloatArray
     peak_age_s: FloatArray
     another: FloatArray
@@ -88,14 +90,17 @@ def remember(
     begins = (memory.precision == 0.0) | (share >= 1.0)
     precision = np.where(usable, np.where(begins, BEGINS * new, precision), 0.0)
     weighed = np.where(usable, np.where(begins, BEGINS * new * word.log_pct, weighed), 0.0)
+    age_s = np.where(begins | ~usable, 0.0, memory.age_s + step_s)
     in_use = np.where(np.isfinite(in_use_pct), in_use_pct, 0.0)
     at_peak = (in_use >= AGAIN * memory.peak_pct) | (in_use >= SATURATED * np.exp(recent.log_pct))
-    age = np.where(at_peak, 0.0, memory.peak_age_s + step_s)
-    eroded = memory.peak_pct * np.where(age > HOLD_S, np.exp(-step_s * (1.0 / ERODES_S + speed_m_s / ERODES_M)), 1.0)
+    since_s = np.where(at_peak, 0.0, memory.peak_age_s + step_s)
+    eroded = memory.peak_pct * np.where(
+        since_s > HOLD_S, np.exp(-step_s * (1.0 / ERODES_S + speed_m_s / ERODES_M)), 1.0
+    )
     scatter = NEWEST * recent.sigma
     apart = (recent.log_pct - weighed / precision) / np.sqrt(scatter * scatter + 1.0 / precision)
     off = whole & usable & (live_share >= CLEAR) & ((apart < -WORSE) | (apart > BETTER))
     another = np.where(off, memory.another + 1.0, 0.0)
     anew = another >= ANOTHER_STEPS
     precision, weighed = np.where(anew, 0.0, precision), np.where(anew, 0.0, weighed)
-    return Remembered(precision, weighed, np.where(at_peak, in_use, eroded), age, another)
+    return Remembered(precision, weighed, age_s, np.where(at_peak, in_use, eroded), since_s, another)

@@ -7,14 +7,13 @@ import numpy as np
 
 from wrcd.estimator.design import CHANNELS, FloatArray
 from wrcd.estimator.paper.bank import BoolArray
-from wrcd.estimator.recursion import exponential, smoothed, unrolled
+from wrcd.estimator.recursion import MAX_TICKS, exponential, smoothed, unrolled
 
 BANDS_HZ = ((0.0, 1.5), (3.0, 10.0), (10.0, 25.0))
 BANDS = len(BANDS_HZ)
 OFFSET_S = 2.0  # memory of the running mean that is taken off
 FOURTH_DIFFERENCE = (1.0, -4.0, 6.0, -4.0, 1.0)
 SLOWEST_M_S = 3.0  # slower, a wheelbase takes longer than is kept
-MOST_TICKS = 16  # that are added at once
 MAX_NOISE_RATIO = 1e6  # times the noise: what is further off does not count for more
 
 
@@ -25,7 +24,7 @@ class Filters:
     White noise of power one leaves power one in each output.
     """
 
-    _state: FloatArray
+    state: FloatArray
     OUTPUTS = BANDS + 1
 
     def __init__(self, tick_s: float, axles: int) -> None:
@@ -46,19 +45,19 @@ class Filters:
         M[BANDS, [0, *delayed]] = difference / np.linalg.norm(difference)
         M[to + delayed, [0, *delayed[:-1]]] = 1.0
         self._steps = unrolled(M, self.OUTPUTS)
-        self._state = np.zeros((M.shape[1] - 1, CHANNELS * axles))
+        self.state = np.zeros((M.shape[1] - 1, CHANNELS * axles))
 
     def reset(self, axle: int) -> None:
         """Forget an axle's past."""
-        n = self._state.shape[1] // CHANNELS
-        self._state[:, axle::n] = 0.0
+        n = self.state.shape[1] // CHANNELS
+        self.state[:, axle::n] = 0.0
 
     def step(self, x: FloatArray, used: BoolArray | None = None) -> FloatArray:
         """m ticks of x (m, 2, n); used (n,) where not all axles have data. Returns (m, OUTPUTS, 2, n)."""
         m = len(x)
-        out = self._steps[m] @ np.concatenate((x.reshape(m, -1), self._state))
+        out = self._steps[m] @ np.concatenate((x.reshape(m, -1), self.state))
         state = out[m * self.OUTPUTS :]
-        self._state = state if used is None else np.where(np.tile(used, CHANNELS), state, self._state)
+        self.state = state if used is None else np.where(np.tile(used, CHANNELS), state, self.state)
         y: FloatArray = out[: m * self.OUTPUTS].reshape(m, self.OUTPUTS, *x.shape[1:])
         return y
 
@@ -114,7 +113,7 @@ class PairSums:
     def __init__(self, noise_rms: FloatArray, tick_s: float, axles: int, wheelbase_m: float) -> None:
         self._wheelbase_ticks = wheelbase_m / tick_s  # at 1 m/s
         self._longest = round(self._wheelbase_ticks / SLOWEST_M_S)
-        self._past = np.zeros((self._longest + MOST_TICKS, BANDS, (axles + 1) // 2, 2 * CHANNELS))
+        self._past = np.zeros((self._longest + MAX_TICKS, BANDS, (axles + 1) // 2, 2 * CHANNELS))
         self._at, self._later = 0, self._longest
         self._unit: FloatArray = noise_rms[:, None]
         self._max_offset_ticks = OFFSET_S / tick_s
@@ -129,6 +128,21 @@ class PairSums:
         self._products = np.zeros((2, BANDS, (axles + 1) // 2, 2 * CHANNELS, 2 * CHANNELS))
         self._plain = np.zeros((3, CHANNELS, axles))
         self._ticks = np.zeros(axles)
+
+    @property
+    def is_possible(self) -> bool:
+        """Whether this class makes such sums: a state from a file may hold others, and they would stay."""
+        sums = (
+            self._filters.state,
+            self._past,
+            self._mean,
+            self._offset_ticks,
+            self._products,
+            self._plain,
+            self._ticks,
+        )
+        places = 0 <= self._at < len(self._past) and 0 <= self._later <= self._longest
+        return places and all(bool(np.isfinite(x).all()) for x in sums)
 
     def reset(self, axle: int) -> None:
         """Start an axle anew, after a gap: its part of the span does not count."""

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from wrcd.estimator.design import COLUMNS, PAIR_FEATURES, PAIR_STATES, FloatArray, HealthModel
-from wrcd.estimator.trust.health import CERTAIN, FEATURES, SPAN_TICKS, SPANS, PairHealth, PairState, evidence, updated
+from wrcd.estimator.design import CERTAIN, COLUMNS, PAIR_FEATURES, PAIR_STATES, FloatArray, HealthModel
+from wrcd.estimator.trust.health import FEATURES, SPAN_TICKS, SPANS, PairHealth, PairState, evidence, updated
 
 TICK_S = 0.005
 NOISE = np.array([3e-4, 0.01])
@@ -117,7 +117,7 @@ def test_partner_counts_that_has_data_and_is_not_doubted(case: str) -> None:
 
 
 def test_model_is_of_as_many_features_and_states_as_the_design_is_read_for() -> None:
-    assert (FEATURES, STATES) == (PAIR_FEATURES, PAIR_STATES)
+    assert (FEATURES, STATES) == (PAIR_FEATURES, len(PAIR_STATES))
 
 
 @pytest.mark.parametrize("odds", [np.nan, np.inf, 1.01 * CERTAIN])
@@ -126,6 +126,15 @@ def test_odds_that_this_class_never_has_are_not_taken_from_a_file(odds: float) -
     assert health.is_possible
     health.log_odds[0, PairState.LATE] = odds
     assert not health.is_possible
+
+
+def test_sums_that_are_no_numbers_are_not_taken_from_a_file_and_move_no_odds() -> None:
+    health = one()
+    assert health.pairs.is_possible
+    health.pairs._mean[0, 0] = np.nan
+    assert not health.pairs.is_possible
+    before = health.log_odds.copy()
+    np.testing.assert_array_equal(looked(health, signals(960, -1.0), [True]).log_odds, before)
 
 
 def test_without_a_model_no_pair_is_doubted() -> None:

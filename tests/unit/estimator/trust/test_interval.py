@@ -7,7 +7,7 @@ from wrcd.estimator.design import REGIMES, IntervalModel
 from wrcd.estimator.trust.interval import Regime, regime, widening
 
 SPEEDS = np.array([5.0, 10.0, 40.0])
-MODEL = IntervalModel(SPEEDS, np.arange(1.0, 1.0 + REGIMES)[:, None] + np.array([0.0, 0.2, 0.6]))
+MODEL = IntervalModel(SPEEDS, np.arange(1.0, 1.0 + len(REGIMES))[:, None] + np.array([0.0, 0.2, 0.6]))
 
 
 def of(swing: float, share: float, cut: bool, saturated: bool) -> Regime:
@@ -16,7 +16,7 @@ def of(swing: float, share: float, cut: bool, saturated: bool) -> Regime:
 
 
 def test_last_regime_that_applies_counts() -> None:
-    assert len(Regime) == REGIMES
+    assert [r.words for r in Regime] == list(REGIMES)
     assert of(0.0, 0.5, cut=False, saturated=False) is Regime.STEADY
     assert of(1.0, 0.5, cut=False, saturated=False) is Regime.MOVING
     assert of(1.0, 0.01, cut=False, saturated=False) is Regime.COASTING
