@@ -70,10 +70,12 @@ def test_what_a_pair_is_in_is_said_for_every_tick_and_not_while_it_breaks() -> N
         turns = np.flatnonzero(np.diff(lane.state)) + 1
         states = lane.state[[0, *turns]].tolist()
         if len(states) > 1:  # it dies on the way
-            assert states == [PairState.SOUND, -1, states[-1]] and states[-1] > PairState.SOUND
+            assert states == [PairState.SOUND, -1, states[-1]]
+            assert states[-1] > PairState.SOUND
             assert turns[1] - turns[0] == 2 * SPAN_TICKS
             quiet = lane.z[turns[0] :, :, 0].std(axis=0) < 0.05
-            assert quiet.any() and not (lane.z[: turns[0], :, 0].std(axis=0) < 0.05).any()
+            assert quiet.any()
+            assert not (lane.z[: turns[0], :, 0].std(axis=0) < 0.05).any()
 
 
 def watched(x: FloatArray, state: FloatArray, seed: int = 0) -> Watched:

@@ -117,7 +117,7 @@ def test_partner_counts_that_has_data_and_is_not_doubted(case: str) -> None:
 
 
 def test_model_is_of_as_many_features_and_states_as_the_design_is_read_for() -> None:
-    assert (FEATURES, STATES) == (PAIR_FEATURES, len(PAIR_STATES))
+    assert (PAIR_FEATURES, len(PAIR_STATES)) == (FEATURES, STATES)
 
 
 @pytest.mark.parametrize("odds", [np.nan, np.inf, 1.01 * CERTAIN])
