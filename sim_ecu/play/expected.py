@@ -134,7 +134,6 @@ REFUSED_AS = {"crc": "crc", "counter": "repeat", "dlc": "length", "nan": "range"
 # what may be said of a pair of sensors, and in which words
 PAIR_CAUSES = {
     "SensorsSilent": "both dead", "GyroReversed": "one the other way round", "GyroDead": "the gyro dead",
-    "SensorsUnrelated": "of different axles",
     "AccelSmall": "the accelerometer dead",
 }  # fmt: skip
 PAIR = ("yaw_rate", "lateral_acceleration")  # first past their time-outs, and named first
@@ -335,8 +334,9 @@ def _of_signals(row: MatrixRow) -> ExpectedLines:
         late = f"perhaps Valid -> {pair('SensorsUnrelated', 'one later than it says')}"
         return (*(late,) * (f.kind == "reverse"), f"[Valid -> ]{pair(cause, words, axle)}")
 
-    if f.kind == "swap-wiring":
-        return ExpectedLines(tuple(found("SensorsUnrelated", PAIR_CAUSES["SensorsUnrelated"], axle) for axle in (1, 2)))
+    if f.kind == "swap-wiring":  # one cause, for two states
+        words = "[of different axles][one later than it says]"
+        return ExpectedLines(tuple(found("SensorsUnrelated", words, axle) for axle in (1, 2)))
     if f.kind == "reverse":
         cause = "GyroReversed"
     else:
