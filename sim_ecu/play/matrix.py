@@ -37,7 +37,7 @@ from wrcd.service.journal import CounterLog
 
 # When the fault begins: the axle has been Valid for a while, and slots and cycles are met at different points.
 BEGINS_S = (2.5, 2.813, 3.207)
-AFTER_S = 3.15  # judged so long after the fault's end
+AFTER_S = SETTLED_AFTER_MS / 1000 + 0.2  # judged so long after the fault's end
 SLOT_US = 20_000
 SCENARIO = "half-wet"
 

@@ -39,7 +39,7 @@ STALL_US = 15_000  # a longer silence of a sound sensor is the guest's, and past
 # an axle is Degraded from a time-out on until its window is full again, and a slot for each to be told
 FORGOTTEN_US = WINDOW_MS * 1000 + 100_000
 FIRST_S = 3.0  # from the rig's start to the first fault: the window is full
-AFTER_S = 3.2  # judged so long after a fault
+AFTER_S = SETTLED_AFTER_MS / 1000 + 0.25  # judged so long after a fault
 SETTLE_S = 0.25  # and from there to the next one
 ADHESION_TIMEOUT_US = 60_000  # as the DBC says
 # Axle 2 is axle 1's twin: its seed is the one that axle 1 has by default.

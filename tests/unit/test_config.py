@@ -192,6 +192,7 @@ DAMAGE = {
     "health.middle": lambda d: d["health"]["middle"].pop(),
     "health.scale": lambda d: d["health"]["scale"].__setitem__(0, 0.0),
     "health.prior": lambda d: d["health"]["prior"].__setitem__(1, 1e-8),
+    "health.out_bias": lambda d: d["health"]["out_bias"].pop(),
     "health.states": lambda d: d["health"]["states"].reverse(),
     "interval.regimes": lambda d: d["interval"]["regimes"].pop(),
     "inputs.wheelset.bogie.semi_wheelbase_m": lambda d: d["inputs"]["wheelset"]["bogie"].update(

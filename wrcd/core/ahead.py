@@ -175,7 +175,7 @@ class Ahead:
             self._drops[rows] = np.nan
 
     def _learn(self, view: View, mu: FloatArray, past_s: FloatArray) -> None:
-        """How much adhesion there is behind a drop, from the axles on it whose estimates are of nothing else."""
+        """How much adhesion there is behind a drop, from the axles on it whose estimates are mostly of that."""
         own, speed = view.way_m + view.x_m, max(view.speed_m_s, 1.0)
         for row in np.flatnonzero(np.isfinite(self._drops[:, _PLACE])).tolist():
             drop = self._drops[row]

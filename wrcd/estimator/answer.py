@@ -175,7 +175,8 @@ class Answers:
             goes_on = regime(best.inputs[:, SWING], used / mu, cut, used >= d.saturated_share * mu)
             if d.interval is not None:
                 spread = spread * widening(d.interval, goes_on, draft.speed_m_s)
-            past_s = chosen.ticks * d.tick_s + np.where(share < 1.0, np.minimum(memory.age_s, MEMORY_S), 0.0)
+            past_s = chosen.ticks * d.tick_s
+            past_s = np.where(share < 1.0, np.maximum(past_s, np.minimum(memory.age_s, d.window_s + MEMORY_S)), past_s)
             past_s = np.where(carried > from_rules, np.maximum(past_s, memory.peak_age_s), past_s)
             spread, doubt = self._doubted(spread, best, inference, chosen, draft.speed_m_s)
         fits = (best.inputs[:, :MODELS] - self._low) / self._width

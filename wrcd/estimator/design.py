@@ -17,7 +17,7 @@ IntArray = NDArray[np.int64]
 FORMAT = "wrcd-design/4"
 MODELS = 4
 NEXT_WHEELSET_M = 2.5  # where the design names no bogie
-HALF_WHEELBASES_M = 0.5, 3.0  # least and most
+HALF_WHEELBASES_M = 0.1, 10.0  # least and most
 REGIMES = ("steady", "moving torque", "coasting", "just changed", "saturated")  # of an interval, see interval.py
 PAIR_STATES = (
     "sound", "one the other way round", "the gyro dead", "the accelerometer dead", "both dead", "of different axles",
@@ -371,8 +371,10 @@ def _health(r: _Reader) -> HealthModel:
     f, s, bias = PAIR_FEATURES, len(PAIR_STATES), r.array("health.hidden_bias", -1)
     r.are("health.states", PAIR_STATES)
     scale, prior, temper = (r.array(f"health.{key}", n) for key, n in (("scale", f), ("prior", s), ("temper", s)))
-    if not (scale > 0.0).all() or not (temper >= 0.0).all():
-        raise r.error("health.scale", "must be positive, and health.temper not negative")
+    if not (scale > 0.0).all():
+        raise r.error("health.scale", "must be positive")
+    if not (temper >= 0.0).all():
+        raise r.error("health.temper", "must not be negative")
     if not (prior > 0.0).all() or not (np.abs(np.log(prior / prior[0])) <= CERTAIN).all():
         raise r.error("health.prior", f"must be positive, and within e^±{CERTAIN:g} of that of a sound pair")
     h = len(bias)

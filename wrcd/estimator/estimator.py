@@ -86,7 +86,8 @@ class Estimator:
     @property
     def is_possible(self) -> bool:
         """Whether what is remembered is a number: a state from a file may hold others, and they would stay."""
-        return bool(np.isfinite(self._memory).all())
+        m = Remembered(*self._memory)
+        return bool(np.isfinite(self._memory).all() and (m.age_s >= 0.0).all() and (m.peak_age_s >= 0.0).all())
 
     def reset(self, axle: int) -> None:
         """Start an axle anew: after a gap, a step of time, or a standstill."""
@@ -131,10 +132,11 @@ class Estimator:
         with quiet():
             usual, recent = self._answers.answers(draft)
             step_s = STEP_TICKS * self.design.tick_s
-            whole = draft.blocks[0] * BLOCK_TICKS >= self.design.window_ticks
+            ticks = draft.blocks[0] * BLOCK_TICKS
+            whole, window_s = ticks >= self.design.window_ticks, ticks * self.design.tick_s
             memory = remember(
-                Remembered(*self._memory), usual.word, whole, recent.word, recent.live_share, 100.0 * draft.lasting,
-                step_s, self._speed_m_s,
+                Remembered(*self._memory), usual.word, whole, window_s, recent.word, recent.live_share,
+                100.0 * draft.lasting, step_s, self._speed_m_s,
             )  # fmt: skip
             if looks and self.health.judges:
                 self.health.look(self._speed_m_s, draft.now, usual.inputs)

@@ -82,7 +82,7 @@ class Estimate:
     contradicted: BoolArray  # more is in use than the rules, with their interval, say there is: one of them is wrong
     doubt: IntArray  # an EstimateDoubt: what speaks against the estimate itself
     window_s: FloatArray  # length of the window that the rules have judged
-    past_s: FloatArray  # how far back what the answer is from goes: that window, words before it, what was in use then
+    past_s: FloatArray  # how far back most of its sources go: that window, words before, what was in use
     mu_from_rules_pct: FloatArray  # the rules' word, fused with those before; without what is or was in use
     live_share: FloatArray  # of the window, with data far from pulses
     regime: IntArray  # a Regime: what the interval's width goes by

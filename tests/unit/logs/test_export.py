@@ -96,7 +96,7 @@ def test_mf4_says_what_the_rows_say(exported: Path) -> None:
     said = [r["mu_available_pct"] for r in table]
     assert [f"{x:.2f}" if np.isfinite(x) else "" for x in group["MuAvailable"]] == said
     assert "" in said
-    assert len(set(said)) > 30
+    assert len(set(said)) > 30  # on leaf film the memory holds the estimate still
 
 
 def test_mcap_says_what_the_mf4_says(exported: Path) -> None:

@@ -142,7 +142,8 @@ class PairSums:
             self._ticks,
         )
         places = 0 <= self._at < len(self._past) and 0 <= self._later <= self._longest
-        return places and all(bool(np.isfinite(x).all()) for x in sums)
+        counts = (self._offset_ticks >= 0.0) & (self._offset_ticks <= self._max_offset_ticks) & (self._ticks >= 0.0)
+        return places and bool(counts.all()) and all(bool(np.isfinite(x).all()) for x in sums)
 
     def reset(self, axle: int) -> None:
         """Start an axle anew, after a gap: its part of the span does not count."""

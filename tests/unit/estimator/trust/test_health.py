@@ -118,6 +118,8 @@ def test_partner_counts_that_has_data_and_is_not_doubted(case: str) -> None:
 
 def test_model_is_of_as_many_features_and_states_as_the_design_is_read_for() -> None:
     assert (PAIR_FEATURES, len(PAIR_STATES)) == (FEATURES, STATES)
+    assert PairState.GYRO_DEAD.words == "the gyro dead"
+    assert PairState.LATE.words == "one later than it says"
 
 
 @pytest.mark.parametrize("odds", [np.nan, np.inf, 1.01 * CERTAIN])
