@@ -365,7 +365,9 @@ def test_accuracy_does_not_get_worse() -> None:
     assert accuracy.contact_right(f)["right"].value >= 0.95
     assert honesty.coverage(f).value >= 0.85
     own = f.own_half_width[f.valid]
-    assert 0.85 <= np.mean(np.abs(f.mu[OURS] - f.true)[f.valid] <= own) <= 0.99  # without the bus's rounding up
+    assert np.mean(np.abs(f.mu[OURS] - f.true)[f.valid] <= own) >= 0.85  # without the bus's rounding up
+    # in the design's own world it holds more than it claims, for it is made for others: it may not be wider than this
+    assert np.mean(own) <= HALF_WIDTH_PP
     assert (own <= f.half_width[f.valid] + 1e-9).all()  # the bus rounds up
 
 
@@ -429,4 +431,5 @@ def test_bad_input_is_told_before_anything_is_played(tmp_path: Path, capsys: pyt
 
 # measured on the packaged design: see test_accuracy_does_not_get_worse
 MEAN_PP, P95_PP = 1.2, 5.0
+HALF_WIDTH_PP = 3.0
 LIE_S, SETTLED_S = 0.4, 1.0
