@@ -3,6 +3,7 @@
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -59,7 +60,7 @@ KEPT, PRIOR, HAZARD = 0.9, 1e-4, 1e-6
 
 def require_learning() -> None:
     """Raise ModuleNotFoundError where the extra is missing that fits the network: before minutes of simulation."""
-    from sklearn.neural_network import MLPClassifier  # noqa: F401
+    import_module("sklearn.neural_network")
 
 
 def plan_of(plan: Plan) -> Plan:

@@ -138,7 +138,7 @@ class Estimator:
                 Remembered(*self._memory), usual.word, whole, window_s, recent.word, recent.live_share,
                 100.0 * draft.lasting, step_s, self._speed_m_s,
             )  # fmt: skip
-            if looks and self.health.judges:
+            if looks:
                 self.health.look(self._speed_m_s, draft.now, usual.inputs)
         self._memory = np.array(memory)
         another = memory.another >= ANOTHER_STEPS

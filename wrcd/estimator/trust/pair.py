@@ -24,7 +24,7 @@ class Filters:
     White noise of power one leaves power one in each output.
     """
 
-    state: FloatArray
+    _state: FloatArray
     OUTPUTS = BANDS + 1
 
     def __init__(self, tick_s: float, axles: int) -> None:
@@ -45,19 +45,24 @@ class Filters:
         M[BANDS, [0, *delayed]] = difference / np.linalg.norm(difference)
         M[to + delayed, [0, *delayed[:-1]]] = 1.0
         self._steps = unrolled(M, self.OUTPUTS)
-        self.state = np.zeros((M.shape[1] - 1, CHANNELS * axles))
+        self._state = np.zeros((M.shape[1] - 1, CHANNELS * axles))
+
+    @property
+    def is_possible(self) -> bool:
+        """Whether all that is remembered are numbers: a state from a file may hold others, and they would stay."""
+        return bool(np.isfinite(self._state).all())
 
     def reset(self, axle: int) -> None:
         """Forget an axle's past."""
-        n = self.state.shape[1] // CHANNELS
-        self.state[:, axle::n] = 0.0
+        n = self._state.shape[1] // CHANNELS
+        self._state[:, axle::n] = 0.0
 
     def step(self, x: FloatArray, used: BoolArray | None = None) -> FloatArray:
         """m ticks of x (m, 2, n); used (n,) where not all axles have data. Returns (m, OUTPUTS, 2, n)."""
         m = len(x)
-        out = self._steps[m] @ np.concatenate((x.reshape(m, -1), self.state))
+        out = self._steps[m] @ np.concatenate((x.reshape(m, -1), self._state))
         state = out[m * self.OUTPUTS :]
-        self.state = state if used is None else np.where(np.tile(used, CHANNELS), state, self.state)
+        self._state = state if used is None else np.where(np.tile(used, CHANNELS), state, self._state)
         y: FloatArray = out[: m * self.OUTPUTS].reshape(m, self.OUTPUTS, *x.shape[1:])
         return y
 
@@ -132,15 +137,7 @@ class PairSums:
     @property
     def is_possible(self) -> bool:
         """Whether this class makes such sums: a state from a file may hold others, and they would stay."""
-        sums = (
-            self._filters.state,
-            self._past,
-            self._mean,
-            self._offset_ticks,
-            self._products,
-            self._plain,
-            self._ticks,
-        )
+        sums = self._past, self._mean, self._offset_ticks, self._products, self._plain, self._ticks
         places = 0 <= self._at < len(self._past) and 0 <= self._later <= self._longest
         counts = (self._offset_ticks >= 0.0) & (self._offset_ticks <= self._max_offset_ticks) & (self._ticks >= 0.0)
         return places and bool(counts.all()) and all(bool(np.isfinite(x).all()) for x in sums)

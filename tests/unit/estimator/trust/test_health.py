@@ -10,6 +10,7 @@ import pytest
 
 from wrcd.estimator.design import CERTAIN, COLUMNS, PAIR_FEATURES, PAIR_STATES, FloatArray, HealthModel
 from wrcd.estimator.trust.health import FEATURES, SPAN_TICKS, SPANS, PairHealth, PairState, evidence, updated
+from wrcd.recorder.state import StateMismatch, capture, encode, restore
 
 TICK_S = 0.005
 NOISE = np.array([3e-4, 0.01])
@@ -132,9 +133,14 @@ def test_odds_that_this_class_never_has_are_not_taken_from_a_file(odds: float) -
 
 def test_sums_that_are_no_numbers_are_not_taken_from_a_file_and_move_no_odds() -> None:
     health = one()
-    assert health.pairs.is_possible
+    restore(one(), encode(capture(health)))
     health.pairs._mean[0, 0] = np.nan
-    assert not health.pairs.is_possible
+    with pytest.raises(StateMismatch, match="pairs"):
+        restore(one(), encode(capture(health)))
+    filtered = one()
+    filtered.pairs._filters._state[0, 0] = np.inf
+    with pytest.raises(StateMismatch, match="filters"):
+        restore(one(), encode(capture(filtered)))
     before = health.log_odds.copy()
     np.testing.assert_array_equal(looked(health, signals(960, -1.0), [True]).log_odds, before)
 
