@@ -29,6 +29,10 @@ KNOWN_BEFORE = Flag(
     "known_before", "the rail of the demand was under the wheels before it came: the figures are kept apart", False
 )
 STOP = Measure("stop_m_s", "slower than that, the run is over", 0.0, 100.0, 3.0, unit="m/s")
+MARK = Measure(
+    "mark_m", "where the train is to stand, from its start on: for --driver, who decides then instead of [driver]",
+    0.0, 1e5, 0.0, unit="m",
+)  # fmt: skip
 SPEED_OF_WRCD = Choice(
     "speed_of_wrcd",
     "what VehicleSpeed carries. ground: the true speed and its sensor's noise, as of a radar; wheels: a reference made "
@@ -98,7 +102,8 @@ SHARED: tuple[Key, ...] = tuple(k for k in play_keys.SHARED if k is not play_key
 TABLES: Mapping[str, tuple[Key, ...]] = {
     "": (
         play_keys.TITLE, play_keys.DURATION, play_keys.AXLES, SPEED, *SHARED, play_keys.VEHICLE, play_keys.WHEELSET,
-        play_keys.OF_AXLE, play_keys.FAULT, DRIVER, ACTUATORS, CLEANING, KNOWN_BEFORE, STOP, SPEED_OF_WRCD,
+        play_keys.OF_AXLE, play_keys.FAULT, DRIVER, ACTUATORS, CLEANING, KNOWN_BEFORE, STOP, MARK,
+        SPEED_OF_WRCD,
     ),
     "driver": (DEMAND,),
     "actuators": (FULL_BRAKE, OF_DRIVE, OF_PNEUMATICS),
@@ -120,7 +125,8 @@ class DriveScenario:
     train: wheelsets, rail, track, sensors, faults and duration; its drives and held speed are not used. driver: share
     of the full effort over time, traction positive, braking negative. known_before: the rail of the demand was under
     the wheels before it came. stop_m_s: slower than that, the run is over. cleaning: None for a rail that stays as it
-    is. speed_of_wrcd: what VehicleSpeed carries, "ground" or "wheels".
+    is. speed_of_wrcd: what VehicleSpeed carries, "ground" or "wheels". mark_m: where the train is to stand, from its start
+    on; None: nowhere.
     """
 
     train: Scenario
@@ -130,6 +136,7 @@ class DriveScenario:
     stop_m_s: float = 3.0
     cleaning: Cleaning | None = None
     speed_of_wrcd: str = GROUND
+    mark_m: float | None = None
 
     @property
     def axles(self) -> list[int]:
@@ -178,6 +185,7 @@ def read_drive_scenario(top: Section, name: str) -> DriveScenario:
         stop_m_s=STOP.of(top),
         cleaning=_cleaning(top),
         speed_of_wrcd=SPEED_OF_WRCD.value(top),
+        mark_m=MARK.of(top) or None,
     )
     top.done()
     return out

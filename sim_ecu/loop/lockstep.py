@@ -8,6 +8,7 @@ import numpy as np
 
 from sim_ecu.loop.control.adhesion_consumer import CYCLE_US, TrainController
 from sim_ecu.loop.drive_scenario import DriveScenario
+from sim_ecu.loop.driver import LEVER_US, Driver
 from sim_ecu.loop.rig import LOOP, TRUTH, WRCD, Rig, Step
 from sim_ecu.loop.rig_messages import COAST, rig_message
 from sim_ecu.physics.actuators import Valve
@@ -85,14 +86,15 @@ class Lockstep:
 
     controller None: nobody on the bus demands anything. config None: there is no daemon on it. frame is called with all
     data frames on the bus: time (us from the start), id, data. sensors: the frames for wrcd are made without a daemon,
-    too. train: the messages of the sensors. timing: when the controller acts. Raises InputError for a fault or an axle
+    too. driver: who demands instead of the scenario's course, hears what is on the bus, and knows where the train is.
+    train: the messages of the sensors. timing: when the controller acts. Raises InputError for a fault or an axle
     that they leave no way to.
     """
 
     def __init__(
         self, scenario: DriveScenario, controller: TrainController | None, config: Config | None,
         frame: Listener | None = None, truth: bool = False, sensors: bool = False,
-        train: Train = PACKAGED, timing: Timing = ON_TIME,
+        train: Train = PACKAGED, timing: Timing = ON_TIME, driver: Driver | None = None,
     ) -> None:  # fmt: skip
         self.core = None if config is None else Core(config)
         wrcd = [WRCD] if sensors or config is not None else []
@@ -100,7 +102,7 @@ class Lockstep:
         self._controller, self._frame = controller, frame
         self._end_us = round(scenario.train.duration_s * 1e6)
         self._stop_m_s = scenario.stop_m_s
-        self._timing = timing
+        self._timing, self._driver, self._mark_m = timing, driver, scenario.mark_m
         self._on_the_way: deque[tuple[int, Sent]] = deque()
         self.over = self._end_us <= 0
         if controller is not None:  # it runs already, and the driver coasts: without a demand it would be mute
@@ -109,7 +111,10 @@ class Lockstep:
 
     def step(self) -> Step:
         """5 ms on; over says whether its time is up, or the train slower than the scenario's stop_m_s."""
-        step = self.rig.step()
+        rig = self.rig
+        if self._driver is not None and rig.time_us % LEVER_US == 0:
+            rig.set_share(self._driver.demand(rig.time_us, rig.distance_m, rig.speed_m_s, self._mark_m))
+        step = rig.step()
         for f in step.frames:
             self._deliver(f)
         carried = self.rig.carries(self.rig.time_us)
@@ -142,6 +147,8 @@ class Lockstep:
     def _send(self, can_id: int, data: bytes, stamp_us: int) -> None:
         if self._controller is not None:
             self._controller.hear(can_id, data, stamp_us)
+        if self._driver is not None:
+            self._driver.hear(can_id, data, stamp_us)
         if self._frame is not None:
             self._frame(stamp_us, can_id, data)
 

@@ -9,8 +9,8 @@ from sim_ecu.loop.drive_scenario import WHEELS, DriveScenario
 from sim_ecu.loop.rig_messages import BRAKE, COAST, TRACTION, NewestFrame, SilenceRecord, rig_message
 from sim_ecu.physics.actuators import AxleActuators, Valve
 from sim_ecu.physics.sensors import Sensor
-from sim_ecu.physics.simulation import Samples, Simulation
-from sim_ecu.physics.wheelset import CREEP_AT_PEAK, MU_AVAILABLE, MU_USED, TORQUE, W_L, W_R, FloatArray
+from sim_ecu.physics.simulation import NO_LIMIT, Samples, Simulation
+from sim_ecu.physics.wheelset import CREEP_AT_PEAK, MU_AVAILABLE, MU_USED, TORQUE, W_L, W_R, Command, FloatArray
 from sim_ecu.play.encoder import SAMPLE_US, Channel, Reading, SensorSample, Sent
 from sim_ecu.play.faults import SILENT, Fault
 from sim_ecu.play.inject import at_work, inject
@@ -185,14 +185,33 @@ class Rig:
         """Set an axle's demand without a frame; it holds until it is set again. KeyError for an axle that is not."""
         self._direct[self._place[axle]] = (torque_N_m, valve)
 
+    @property
+    def speed_m_s(self) -> float:
+        """Of the train over ground."""
+        return float(self._simulation.train[0])
+
+    @property
+    def distance_m(self) -> float:
+        """Way since the start."""
+        return float(self._simulation.train[1])
+
     def set_share(self, share: float) -> None:
         """Set the driver's demand (-1 … 1), instead of the scenario's course; it holds until it is set again."""
         self._share_given = share
 
+    def coast(self, samples: int, holds_speed: bool = True) -> None:
+        """So many samples on at once, all actuators at rest, nothing sensed. holds_speed: the train keeps its speed,
+        pulled as it needs to be; else it runs out."""
+        axles = len(self._place)
+        torque, nothing = np.zeros((samples, axles)), np.full((samples, axles), np.nan)
+        command = Command(torque, nothing, nothing, nothing, np.full((samples, axles), NO_LIMIT))
+        self._simulation.advance(command, np.full(samples, self.speed_m_s if holds_speed else np.nan))
+        self.time_us += samples * SAMPLE_US
+
     def step(self) -> Step:
         """One sample of 5 ms on."""
         share = self._share()
-        speed = float(self._simulation.train[0])
+        speed = self.speed_m_s
         traction, brake, wheel = self._torques[0], self._torques[1], self._wheel_m_s()
         for k, a in enumerate(self._actuators):
             self._actuate(k, a, max(-share, 0.0), speed, float(wheel[k]))

@@ -82,28 +82,24 @@ class World:
         v = STOP_M_S if self.stop else low + (high - low) * ((0.5 + number * GOLDEN) % 1.0)
         # a lone wheelset's design is judged in a train, too
         train = source.wheelset if source.wheelset.bogie is not None else load_vehicle("multiple-unit")
-        w = self._vehicle(train, own)
+        w = self.train(train, own)
         axles, names = [], []
         for i in range(AXLES):
             letter = str(rng.choice(SLIPPERY if self.coasting or self.stop else list(CURVES)))
             between = math.exp(rng.uniform(math.log(FRICTIONS[0]), math.log(FRICTIONS[1])))
             share = float(rng.uniform(*UTILISATIONS)) * (-1.0 if rng.random() < 0.3 else 1.0)
             known = self.coasting or self.stop or (number + i) % 2 == 0
-            curve = self.law(CURVES[letter] if known else curve_between(between), own)
-            if self.tied is False:
-                curve = replace(curve, k_A=curve.k_A * drawn.off(own, drawn.OFF_K_A * self.wider))
-                curve = drawn.off_slope(curve, drawn.slope_factor(own, self.wider))
-            sensors = self.sensors(own, self.wider)
-            if self.off:
-                sensors = drawn.off_sensors(sensors, own, self.wider)
-            rail, track = rail_table(self._rail(curve, v, own)), self._track(source, own)
+            curve = self.slope(CURVES[letter] if known else curve_between(between), own)
+            sensors = self.sensing(own)
+            rail, track = rail_table(self._rail(curve, v, own)), self.irregularity(source.roughness, own)
             axles.append(axle(lot, i, rail, self._drive(w, share), track, rng, sensors, self.box(own, self.wider)))
             names.append(letter if known else "between")
         seconds = STOP_S if self.stop else RUN_S
         course = Course((0.0, seconds), (v, v - (drawn.BRAKES_M_S2 * seconds if self.stop else 0.0)))
         return Run("worlds", self.name, number, scenario(w, seconds, course, axles), tuple(names))
 
-    def _vehicle(self, w: Wheelset, rng: Rng) -> Wheelset:
+    def train(self, w: Wheelset, rng: Rng) -> Wheelset:
+        """Draw the vehicle, from that of the design."""
         if self.vehicle is not None:
             other = load_vehicle(self.vehicle)
             assert other.bogie is not None
@@ -126,8 +122,22 @@ class World:
             return drive("torque_N_m", (0.0, 0.0), (1.0, full))
         return drive("utilisation", (0.0, 0.0), (0.5, share))
 
-    def _track(self, source: Recipe, rng: Rng) -> Spectrum:
-        drawn_track = drawn.track(rng, source.roughness, wider=self.wider)
+    def slope(self, curve: CreepCurve, rng: Rng) -> CreepCurve:
+        """Draw a curve of another slope, and of the world's law; the friction stays."""
+        curve = self.law(curve, rng)
+        if self.tied is False:
+            curve = replace(curve, k_A=curve.k_A * drawn.off(rng, drawn.OFF_K_A * self.wider))
+            curve = drawn.off_slope(curve, drawn.slope_factor(rng, self.wider))
+        return curve
+
+    def sensing(self, rng: Rng) -> SensorSet:
+        """Draw the sensors."""
+        sensors = self.sensors(rng, self.wider)
+        return drawn.off_sensors(sensors, rng, self.wider) if self.off else sensors
+
+    def irregularity(self, roughness: tuple[float, float], rng: Rng) -> Spectrum:
+        """Draw the track, from the range of the design's."""
+        drawn_track = drawn.track(rng, roughness, wider=self.wider)
         return drawn_track if self.spectrum is None else SPECTRA[self.spectrum]
 
 

@@ -1,0 +1,116 @@
+"""One stop as each policy drives it: what comes of a decision to brake, and where it was taken."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim_ecu.loop.control.adhesion_consumer import Facts
+from sim_ecu.loop.control.braking_rate import RATES
+from sim_ecu.loop.control.slip_controller import make_controller
+from sim_ecu.loop.driver import LEVER_US, REACTION_S, STANDS_M_S, Always, MarkDriver
+from sim_ecu.loop.lockstep import Lockstep
+from sim_ecu.loop.mark.lines import FULL_SERVICE, MOST_S, Stop, braking_m
+from sim_ecu.loop.rig import Rig
+from sim_ecu.loop.ride_figures import SLIDE_M_S, SLIDE_SHARE
+from sim_ecu.physics.contact import peak
+from sim_ecu.physics.rail import rail_at
+from sim_ecu.play.encoder import SAMPLE_US
+
+G = 9.80665
+LAW = "thresholds"
+ROLLS = 0.6  # of the lowest adhesion on the way: a train that demands less does not slide, and is not simulated
+RUNS_OUT = 600  # samples in which its resistance is measured
+LAG_S = 0.1  # of its brake
+SETTLES_US = 1_000_000  # before the brake: the controller finds its reference
+SLIDES_FROM_M_S = 3.0  # a slide at a lower speed is not judged
+PLACES = 60  # on the way at which the rail is looked at
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What became of a stop. rate_m_s2: planned with; past_m: the mark, at standstill; seconds: until then, from the
+    approach's begin; slip_energy_kJ: of a wheel."""
+
+    rate_m_s2: float
+    past_m: float
+    seconds: float
+    slid: bool
+    slip_energy_kJ: float
+
+
+def driver(rule_rate_m_s2: float) -> MarkDriver:
+    """A driver who plans with one rate."""
+    return MarkDriver(Always(rule_rate_m_s2), FULL_SERVICE)
+
+
+def decide(stop: Stop, who: MarkDriver) -> None:
+    """Let a driver coast until the brake is decided on. The bus is heard by whoever calls."""
+    now_us = 0
+    while who.begun_us is None:
+        who.demand(now_us, stop.speed_m_s * now_us * 1e-6, stop.speed_m_s, stop.mark_m)
+        now_us += LEVER_US
+
+
+def brake(stop: Stop, who: MarkDriver) -> Outcome:
+    """What becomes of a stop whose brake was decided on."""
+    assert who.begun_us is not None
+    assert who.rate_m_s2 is not None
+    if who.rate_m_s2 < ROLLS * G * least_adhesion(stop, who.rate_m_s2):
+        return _rolled(stop, who)
+    run = Lockstep(stop.scenario, make_controller(LAW, Facts.of(stop.scenario)), None, driver=who)
+    run.rig.coast(max(who.begun_us - SETTLES_US, 0) // SAMPLE_US)
+    energy, slid = 0.0, False
+    for step in run:
+        energy += float(step.slip_energy_J.sum())
+        bound = min(SLIDE_M_S, SLIDE_SHARE * step.speed_m_s)
+        slid = slid or (step.speed_m_s >= SLIDES_FROM_M_S and float(np.abs(step.slip_m_s).max()) > bound)
+    wheels = 2 * len(stop.scenario.axles)
+    return Outcome(
+        who.rate_m_s2, step.distance_m - stop.mark_m, step.due_us * 1e-6, slid, energy / wheels / 1e3,
+    )  # fmt: skip
+
+
+def _rolled(stop: Stop, who: MarkDriver) -> Outcome:
+    """The same of a train whose wheels do not slide: a mass, its brake and its resistance."""
+    assert who.begun_us is not None
+    assert who.rate_m_s2 is not None
+    speed, now_us = stop.speed_m_s, who.begun_us
+    position, brakes, demand, dt = speed * now_us * 1e-6, 0.0, 0.0, SAMPLE_US * 1e-6
+    resistance = _resistance_m_s2(stop)
+    while speed > STANDS_M_S and now_us < MOST_S * 1e6:
+        if now_us % LEVER_US == 0:
+            demand = -FULL_SERVICE * who.demand(now_us, position, speed, stop.mark_m)
+        brakes += (demand - brakes) * dt / LAG_S
+        slower = (brakes + resistance * (now_us - who.begun_us > REACTION_S * 1e6)) * dt
+        position += (speed - 0.5 * slower) * dt
+        speed -= slower
+        now_us += SAMPLE_US
+    return Outcome(who.rate_m_s2, position - stop.mark_m, now_us * 1e-6, False, 0.0)
+
+
+def _resistance_m_s2(stop: Stop) -> float:
+    """By which a train without brake slows down: what its wheelsets' hunting on the track takes."""
+    rig = Rig(stop.scenario, [])
+    rig.coast(RUNS_OUT)
+    rig.coast(RUNS_OUT, holds_speed=False)
+    return (stop.speed_m_s - rig.speed_m_s) / (RUNS_OUT * SAMPLE_US * 1e-6)
+
+
+def least_adhesion(stop: Stop, rate_m_s2: float) -> float:
+    """The lowest adhesion on the way of a stop at a rate, at the speed that the train has there."""
+    contact, rail = stop.scenario.train.wheelset.contact, stop.scenario.train.axles[0].rail
+    way_m = min(braking_m(stop.speed_m_s, rate_m_s2), stop.mark_m)
+    left = np.linspace(1.0, 0.0, PLACES)
+    speeds = np.maximum(stop.speed_m_s * np.sqrt(left), SLIDES_FROM_M_S)
+    places = stop.mark_m - way_m * left
+    return min(
+        float(peak(float(v), contact, *rail_at(rail, float(at))[:5])[1]) for v, at in zip(speeds, places, strict=True)
+    )
+
+
+def known_rate(stop: Stop) -> float:
+    """The rate of who knows the rail: KEPT of the lowest adhesion on the way."""
+    rate = RATES.dry
+    for _ in range(6):
+        rate = min(max(RATES.kept * G * least_adhesion(stop, rate), RATES.least), RATES.dry)
+    return rate
