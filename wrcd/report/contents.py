@@ -216,6 +216,8 @@ def configuration(story: Story) -> Mapping[str, Any]:
     for a in c.axles:
         messages = [o.message for o in (a.adhesion, a.detail, a.inputs, a.ahead) if o is not None]
         rows.append((f"axle {a.number}", ", ".join(messages)))
+    if c.advice is not None:
+        rows.append(("train", c.advice.output.message))
     for i in c.inputs:
         signal = f"{i.source.message}.{i.source.signal}, stale after {i.timeout_us / 1e3:g} ms"
         rows.append((f"input: {i.source.quantity.value[0]}", signal))
