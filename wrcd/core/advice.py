@@ -105,10 +105,10 @@ class Adviser:
     ) -> Advice:
         """Take a slot's reports; return the advice. speed: NaN where it is not known; rail_ahead: with fusion."""
         now = float(now_us)
-        self._move(now, abs(speed_m_s))
         if below_min_speed or math.isnan(speed_m_s):
             self._forget()
             return NO_ADVICE
+        self._move(now, abs(speed_m_s))
         middle, low = _decelerations(reports, estimate)
         valid = np.isfinite(middle)
         self._valid_us[valid] = now
@@ -129,12 +129,12 @@ class Adviser:
             self._way_m += 1e-6 * elapsed_us * 0.5 * (self._speed_m_s + speed_m_s)
         else:
             self._forget()
-        self._slot_us = now
-        self._speed_m_s = speed_m_s
+        self._slot_us, self._speed_m_s = now, speed_m_s
 
     def _forget(self) -> None:
         self._samples[:] = np.nan
         self._valid_us[:] = np.nan
+        self._slot_us = math.nan
         self._way_m = 0.0
 
     def _advice(self, now: float, valid: BoolArray, rail_ahead: Sequence[RailAhead]) -> Advice:

@@ -66,7 +66,7 @@ _REASONS = ("None", *(r.label for r in Reason))
 _INPUTS = ("YawRate", "LatAccel", "Torque", "Speed")
 _PERCENT = Numeric(0, 50, 1.0, "%", absent=True, limits=(0, 100))
 _LEVEL = Numeric(-40, 20, 1.0, "dB", absent=True, limits=(-70, 30))
-_DECELERATION = Numeric(0, 2.5, 0.01, "m/s²", absent=True, limits=(0, 2.5))
+_DECELERATION = Numeric(0, 2.5, 0.05, "m/s²", absent=True, limits=(0, 2.5))
 _VALIDITY = Words(
     (NOT_AVAILABLE, VALID, DEGRADED), ("Error",), ((VALID, DEGRADED), (VALID, NOT_AVAILABLE), (VALID, "Error"))
 )
