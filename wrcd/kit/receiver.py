@@ -1,5 +1,5 @@
-"""What a receiver must know of a configuration's Adhesion messages and the train's advice, as whole numbers: no floating
-point."""
+"""What a receiver must know of a configuration's Adhesion messages and of the train's advice, as whole numbers: no
+floating point."""
 
 import math
 from collections.abc import Sequence
