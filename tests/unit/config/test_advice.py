@@ -1,6 +1,7 @@
 """[advice]: the train's message, under whatever names it is sent, and the limits of its categories."""
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -102,7 +103,7 @@ def test_own_names_units_and_words_are_sent(tmp_path: Path) -> None:
     assert (advice.output.cycle_us, advice.limits_m_s2) == (400_000, (1.5, 1.0, 0.7, 0.5))
     message = find_message(config.database, "TCMS_BrakeAdvice")
     values = Advice("Valid", 1.236, 1.049, 39.0, "DryMedium", 200.0, "Suspected").values()
-    said = message.decode(Writer(message, advice.output).frame(0, 3, values).data)
+    said: Any = message.decode(Writer(message, advice.output).frame(0, 3, values).data)
     assert {name: said[name] for name in ("Validity", "a_mid", "a_low", "Distance", "AdhCat", "Age", "Ahead")} == {
         "Validity": "Valid", "a_mid": pytest.approx(1.24), "a_low": pytest.approx(1.0375), "Distance": 36,
         "AdhCat": "Fair", "Age": 200, "Ahead": "Suspected",
