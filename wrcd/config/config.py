@@ -10,7 +10,7 @@ from wrcd import resources
 from wrcd.bus.dbc import Database, load_dbc
 from wrcd.bus.units import Quantity
 from wrcd.config import declared
-from wrcd.config.advice import ADVICE_MESSAGE
+from wrcd.config.advice_settings import ADVICE_MESSAGE
 from wrcd.config.configured_train import all_statements, read_train
 from wrcd.config.fusion import read_positions, untold
 from wrcd.config.input_mapping import STALE_TICKS
@@ -195,7 +195,7 @@ def _interface(bus: Section) -> str:
     from importlib.metadata import entry_points  # slow, and hardly ever needed
 
     if given not in entry_points(group="can.interface").names:
-        from wrcd.bus.advice import check_interface
+        from wrcd.bus.opening_hints import check_interface
 
         try:
             check_interface(given, declared.INTERFACES)

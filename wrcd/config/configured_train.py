@@ -11,7 +11,7 @@ from wrcd.bus.frame import EXTENDED
 from wrcd.bus.signals import Output, StatusRule
 from wrcd.bus.units import Quantity
 from wrcd.config import declared
-from wrcd.config.advice import read_advice
+from wrcd.config.advice_settings import read_advice
 from wrcd.config.input_mapping import check_pace, resolve
 from wrcd.config.keys import names
 from wrcd.config.outputs import STATUS_KEYS, STATUS_MESSAGES, output, usual_messages

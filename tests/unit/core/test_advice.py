@@ -3,12 +3,14 @@
 import json
 import math
 from dataclasses import fields
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from wrcd.bus.dbc import find_message
 from wrcd.bus.frame import Frame
 from wrcd.bus.signals import Output
 from wrcd.config.config import load_packaged
@@ -254,6 +256,29 @@ def test_advice_changes_no_other_frame(log: list[Frame]) -> None:
         for core in (Core(ADVISING), Core(load_packaged(1, design=LONE)))
     ]
     assert both[0] == both[1]
+
+
+def test_every_frame_keeps_what_a_consumer_counts_on(log: list[Frame]) -> None:
+    """A cycle of 200 ms, a counter that goes on, a lower end that is no more than the deceleration, no number without
+    an advice, a category by the lower end."""
+    frames = sent(Core(ADVISING), log)
+    message = find_message(ADVISING.database, "AdhesionAdvice")
+    for before, f in pairwise(frames):
+        assert f.stamp_us - before.stamp_us == 200_000
+        assert f.data[1] & 0x0F == ((before.data[1] & 0x0F) + 1) % 15
+    names = set()
+    for f in frames:
+        said: Any = message.decode(f.data)
+        numbers = [said[name] for name in ("Deceleration", "DecelerationLow", "Distance", "Age")]
+        if str(said["Validity"]) == "NotAvailable":
+            assert {*map(str, numbers)} == {"NotAvailable"}
+            assert str(said["Category"]) == "Unknown"
+        else:
+            middle, low = numbers[:2]
+            assert low <= middle
+            assert str(said["Category"]) in {category(low, LIMITS), category(low + 0.01, LIMITS)}
+            names.add(str(said["Category"]))
+    assert len(names) >= 3
 
 
 def test_leaf_film_takes_the_advice_down(log: list[Frame]) -> None:
