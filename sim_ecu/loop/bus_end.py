@@ -11,9 +11,9 @@ from typing import Any
 
 from sim_ecu.loop.rig_messages import times
 from sim_ecu.play.pace import Clock
-from wrcd.bus.advice import bring_up, is_down
 from wrcd.bus.frame import Frame
 from wrcd.bus.link import Link, LinkState
+from wrcd.bus.opening_hints import bring_up, is_down
 from wrcd.bus.pythoncan import PythonCanLink
 from wrcd.bus.socketcan import SocketCanLink
 from wrcd.colour import moves

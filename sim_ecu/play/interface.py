@@ -10,7 +10,7 @@ import can
 
 from sim_ecu.play.faults import SILENT, Fault
 from wrcd.bus import pythoncan
-from wrcd.bus.advice import bring_up, is_down
+from wrcd.bus.opening_hints import bring_up, is_down
 from wrcd.errors import BusError, InputError
 
 INTERFACES = Path("/sys/class/net")

@@ -22,7 +22,7 @@ from tests.support.vcan import (
     ip,
     now_us,
 )
-from wrcd.bus import advice
+from wrcd.bus import opening_hints
 from wrcd.bus.frame import Frame
 from wrcd.bus.rawcan import MAX_ERRORS
 from wrcd.bus.socketcan import REOPEN_US, SocketCanLink
@@ -251,6 +251,6 @@ def test_forbidden_socket_is_a_bus_error_with_advice(monkeypatch: pytest.MonkeyP
         raise OSError(errno.EPERM, "Operation not permitted")
 
     monkeypatch.setattr(socket, "socket", refused)
-    monkeypatch.setattr(advice, "CONTAINER_MARKS", ())
+    monkeypatch.setattr(opening_hints, "CONTAINER_MARKS", ())
     with pytest.raises(BusError, match="no rights are needed for a CAN socket: a sandbox forbids it"):
         SocketCanLink(bus, None)

@@ -4,7 +4,7 @@ from wrcd.bus.dbc import Database, Message, cycle_ms
 
 BIT_RATES = (250_000, 500_000, 1_000_000)
 MAX_LOAD_PCT = 80.0
-OPTIONAL = "AdhesionAhead_A"  # sent with [fusion] alone
+OPTIONAL = ("AdhesionAhead_A", "AdhesionAdvice")  # sent with [fusion] and [advice] alone
 
 
 def bits(payload: int, stuffed: bool) -> int:

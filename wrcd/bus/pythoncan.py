@@ -4,7 +4,7 @@ from typing import Any
 
 import can
 
-from wrcd.bus import advice
+from wrcd.bus import opening_hints
 from wrcd.bus.frame import Frame
 from wrcd.bus.link import MAX_FRAMES, LinkHealth
 from wrcd.errors import BusError
@@ -28,14 +28,14 @@ def open_bus(interface: str, channel: str, *, user_settings: bool = False, **opt
     they say nothing: what it opens is its configuration's alone.
     Raises InputError for an interface that python-can does not know, BusError for one that cannot be opened.
     """
-    advice.check_interface(interface, can.VALID_INTERFACES)
+    opening_hints.check_interface(interface, can.VALID_INTERFACES)
     try:
         # python-can makes a number of a channel that is one where it reads settings: its drivers count on it
         number = int(channel) if channel.isdecimal() else channel
         return can.Bus(interface=interface, channel=number, ignore_config=not user_settings, **options)
     except (can.CanError, OSError, ValueError, ImportError, NotImplementedError, AttributeError, TypeError) as e:
         reason = e.strerror if isinstance(e, OSError) and e.strerror else e
-        hint = advice.for_python_can(interface, channel, e, user_settings)
+        hint = opening_hints.for_python_can(interface, channel, e, user_settings)
         raise BusError(f"{interface}:{channel} cannot be opened: {reason}", key="channel", hint=hint) from None
 
 

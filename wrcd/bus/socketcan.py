@@ -67,14 +67,14 @@ class SocketCanLink:
         self._confirms = False  # whether this interface tells when a frame has left
         self._early: list[Frame] = []  # received while looking for that
         if not hasattr(socket, "AF_CAN"):
-            from wrcd.bus.advice import no_socketcan
+            from wrcd.bus.opening_hints import no_socketcan
 
             raise BusError("this Python has no AF_CAN", key="interface", hint=no_socketcan())
         self._events = open_events(channel)
         try:
             self._socket: socket.socket | None = self._open()
         except OSError as e:
-            from wrcd.bus.advice import for_socketcan  # not for a start that succeeds
+            from wrcd.bus.opening_hints import for_socketcan  # not for a start that succeeds
 
             self.close_events()
             raise BusError(

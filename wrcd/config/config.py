@@ -10,6 +10,7 @@ from wrcd import resources
 from wrcd.bus.dbc import Database, load_dbc
 from wrcd.bus.units import Quantity
 from wrcd.config import declared
+from wrcd.config.advice_settings import ADVICE_MESSAGE
 from wrcd.config.configured_train import all_statements, read_train
 from wrcd.config.fusion import read_positions, untold
 from wrcd.config.input_mapping import STALE_TICKS
@@ -89,12 +90,15 @@ def input_mappings(path: Path | None) -> list[Statement]:
     return all_statements(list(top.sections("axle")), top.section("vehicle"))
 
 
-def load_packaged(axles: int, positions_m: Sequence[float] | None = None, design: str | None = None) -> Config:
+def load_packaged(
+    axles: int, positions_m: Sequence[float] | None = None, design: str | None = None, *, advice: bool = False
+) -> Config:
     """The default configuration, but of so many axles; with their positions (m), with fusion along the vehicle,
-    which then runs one way; with a packaged design instead of the default one."""
+    which then runs one way; with a packaged design instead of the default one; with the train's advice."""
     fusion = "" if positions_m is None else f"[fusion]\npositions_m = {list(positions_m)}\none_way = true\n"
     estimator = "" if design is None else f'[estimator]\ndesign = "{design}"\n'
-    top = parse_toml(packaged(axles) + fusion + estimator, "default configuration", collect=True)
+    advised = "[advice]\n" if advice else ""
+    top = parse_toml(packaged(axles) + fusion + estimator + advised, "default configuration", collect=True)
     return _config(top, Path(), load_dbc, load_design)
 
 
@@ -103,7 +107,7 @@ def _messages(top: Section) -> set[str]:
     named = {text.partition(".")[0] for text in top.strings()}
     numbers = (table.raw("number") for table in top.sections("axle"))
     usual = {name for n in numbers if isinstance(n, int) for name in usual_messages(n)}
-    return named | usual | set(STATUS_MESSAGES)
+    return named | usual | {*STATUS_MESSAGES, ADVICE_MESSAGE}
 
 
 def _source(path: Path | None) -> tuple[Section, Path]:
@@ -177,6 +181,7 @@ def _config(
         torque_is_total=total,
         recorder=recorder,
         positions_m=positions,
+        advice=train.advice,
         warnings=(*database.warnings, *train.warnings, *untold(positions, train.axles)),
     )
 
@@ -190,7 +195,7 @@ def _interface(bus: Section) -> str:
     from importlib.metadata import entry_points  # slow, and hardly ever needed
 
     if given not in entry_points(group="can.interface").names:
-        from wrcd.bus.advice import check_interface
+        from wrcd.bus.opening_hints import check_interface
 
         try:
             check_interface(given, declared.INTERFACES)

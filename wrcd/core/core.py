@@ -20,6 +20,7 @@ import numpy as np
 from wrcd.bus.codec import MessageReader, Receiver, Sample, Value
 from wrcd.bus.frame import Frame
 from wrcd.bus.reasons import Reason
+from wrcd.core.advice import Adviser
 from wrcd.core.ahead import Ahead
 from wrcd.core.block import Block
 from wrcd.core.causes import Cause
@@ -90,6 +91,7 @@ class Core:
     events: Events
     _front: Front | None
     _ahead: Ahead | None
+    _adviser: Adviser | None
     _stamp_us: int = NEVER  # newest stamp taken
 
     def __init__(self, config: Config, estimator: Estimator | None = None, observer: Observer | None = None) -> None:
@@ -120,6 +122,7 @@ class Core:
         positions_m = config.positions_m  # of a train without fusion None
         self._front = None if positions_m is None else Front(positions_m, config.design.tick_s)
         self._ahead = None if positions_m is None else Ahead([a.number for a in config.axles])
+        self._adviser = None if config.advice is None else Adviser(n, config.advice)
         self.muted = False  # make no frames: nobody would send them
         self._held: list[Slot] | None = None  # slots whose frames are held back
 
@@ -416,7 +419,7 @@ class Core:
     def _frames(self, slot: Slot, estimate: Estimate | None) -> list[Outgoing]:
         if estimate is not None and self._observer is not None:
             self._observer.estimated(slot.end_us // self._period_us - 1, estimate)
-        if slot.adhesion or slot.detail or slot.view is not None:
+        if slot.adhesion or slot.detail or slot.advice or slot.view is not None:
             self.reports = reports(slot, estimate, self.events.confidences)
             if self._slot_reports is not None:
                 self._slot_reports.append(SlotReports(self.reports, slot.adhesion, slot.below_min_speed))
@@ -424,15 +427,19 @@ class Core:
         rail_ahead = None
         if self._ahead is not None and slot.view is not None:
             rail_ahead = self._ahead.update(slot.end_us, slot.view, self.reports, estimate)
-        return frames(slot, self.reports, estimate, self._outbox, rail_ahead)
+        advice = None
+        if self._adviser is not None and slot.advice:
+            speed_m_s, below = slot.speed_m_s, slot.below_min_speed
+            advice = self._adviser.update(slot.end_us, speed_m_s, below, self.reports, estimate, rail_ahead)
+        return frames(slot, self.reports, estimate, self._outbox, rail_ahead, advice)
 
     def _slot(self, end_us: int, due: Dues) -> Slot:
         """Take down what the frames of a slot are made from."""
         axles, inputs, tick = range(self._n), self._inputs, self._tick
         outbox = self._outbox
-        adhesion, detail = outbox.adhesion_due(due), outbox.detail_due(due)
-        front = self._front if detail or outbox.ahead_due(due) else None
-        reports_due = bool(adhesion) or detail or front is not None
+        adhesion, detail, advice = outbox.adhesion_due(due), outbox.detail_due(due), outbox.advice_due(due)
+        front = self._front if detail or advice or outbox.ahead_due(due) else None
+        reports_due = bool(adhesion) or detail or advice or front is not None
         known = reports_due and True in self._validity.window_full
         pairs = self.estimator.health.state.tolist() if reports_due else []
         standing = [self._validity.standing(axle, pair) for axle, pair in enumerate(pairs)]
@@ -445,10 +452,12 @@ class Core:
             due=due,
             adhesion=adhesion,
             detail=detail,
+            advice=advice,
             standing=standing,
             details=self.events.standing(standing, inputs, self._validity, self.estimator.health, end_us)
             if reports_due
             else {},
+            speed_m_s=inputs.speed_m_s,
             below_min_speed=self.below_min_speed,
             age_ms=[inputs.age_ms(axle, end_us) for axle in axles] if reports_due else (),
             torque_ratio=tick.torque_ratio,

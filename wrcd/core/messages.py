@@ -18,7 +18,7 @@ from wrcd.core.causes import Cause, Validity
 from wrcd.core.configuration import Config
 from wrcd.core.counts import Counts, Health
 from wrcd.core.inputs import LAT, SPEED, TORQUE, YAW
-from wrcd.core.vocabulary import CONFIDENCES, SURFACES
+from wrcd.core.vocabulary import CONFIDENCES, NOT_AVAILABLE, SURFACES
 from wrcd.estimator.design import MODELS
 from wrcd.estimator.records import Estimate
 
@@ -166,7 +166,8 @@ class Outbox:
         self._inputs = [writer(a.inputs) for a in config.axles]
         self._ahead = [writer(a.ahead) for a in config.axles]
         self._status, self._rejects, self._link = map(writer, (config.status, config.rejects, config.link))
-        own = (self._status, self._rejects, self._link)
+        self._advice = None if config.advice is None else writer(config.advice.output)
+        own = (self._status, self._rejects, self._link, self._advice)
         every = (*self._adhesion, *self._detail, *self._inputs, *self._ahead, *own)
         self.cycles_us = tuple(sorted({w.cycle_us for w in every if w}))
         self._rejected_before = Counter()
@@ -182,6 +183,10 @@ class Outbox:
     def ahead_due(self, due: Sequence[int]) -> bool:
         """Whether any frame is that tells what lies ahead."""
         return any(w and w.cycle_us in due for w in self._ahead)
+
+    def advice_due(self, due: Sequence[int]) -> bool:
+        """Whether the train's advice is."""
+        return self._advice is not None and self._advice.cycle_us in due
 
     def inputs_cycle_us(self, axle: int) -> int:
         """How often it is reported what came of an axle's inputs; 0: never."""
@@ -212,6 +217,10 @@ class Outbox:
         """What lies ahead of each axle."""
         yield from _frames(self._ahead, end_us, due, values)
 
+    def advice(self, end_us: int, due: Sequence[int], values: Mapping[str, Value]) -> Iterator[Outgoing]:
+        """The train's deceleration."""
+        yield from _frames((self._advice,), end_us, due, (values,))
+
     def status(
         self, end_us: int, due: Sequence[int], counts: Counts, health: Health, outliers: int
     ) -> Iterator[Outgoing]:
@@ -228,10 +237,12 @@ class Outbox:
             yield from _frames((self._link,), end_us, due, (link_values(health.link, counts, outliers),))
 
     def shutdown_frames(self, now_us: int, counts: Counts, health: Health) -> Iterator[Frame]:
-        """The last frames: every axle NotAvailable, the daemon stopping."""
+        """The last frames: every axle and the advice NotAvailable, the daemon stopping."""
         status = health_values(health, counts, self._config.design.checksum)
+        last: list[tuple[Writer | None, Mapping[str, Value]]]
         last = [(w, NOT_AVAILABLE_REPORT.values()) for w in self._adhesion]
-        for writer, values in (*last, (self._status, status)):
+        last += [(self._advice, {"Validity": NOT_AVAILABLE}), (self._status, status)]
+        for writer, values in last:
             if writer:
                 # the present slot's frames have gone out: the next counter, or a receiver takes these for repeats
                 yield writer.frame(now_us, now_us // writer.cycle_us + 1, values)

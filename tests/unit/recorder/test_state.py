@@ -97,7 +97,7 @@ def snapshot(core: Core) -> dict[tuple[str, type, str], Any]:
 @pytest.fixture
 def fusing() -> Config:
     """The default configuration with all that has a state."""
-    return load_packaged(4, (0.0, -2.5, -19.0, -21.5))
+    return load_packaged(4, (0.0, -2.5, -19.0, -21.5), advice=True)
 
 
 def test_every_changing_attribute_is_a_field_or_transient(

@@ -11,7 +11,7 @@ import pytest
 
 from sim_ecu.play.interface import open_bus as open_rig_bus
 from tests.support.config_texts import AXLE, VEHICLE
-from wrcd.bus import advice
+from wrcd.bus import opening_hints
 from wrcd.bus.pythoncan import open_bus
 from wrcd.bus.socketcan import SocketCanLink
 from wrcd.config.config import load_config
@@ -29,13 +29,13 @@ class Machine:
         self._net, self._release, self._mark = folder / "net", folder / "osrelease", folder / "mark"
         self._net.mkdir()
         self._release.write_text("6.1.0-30-amd64\n")
-        monkeypatch.setattr(advice, "INTERFACES", self._net)
-        monkeypatch.setattr(advice, "OS_RELEASE", self._release)
-        monkeypatch.setattr(advice, "CONTAINER_MARKS", (self._mark,))
+        monkeypatch.setattr(opening_hints, "INTERFACES", self._net)
+        monkeypatch.setattr(opening_hints, "OS_RELEASE", self._release)
+        monkeypatch.setattr(opening_hints, "CONTAINER_MARKS", (self._mark,))
         monkeypatch.setattr(sys, "platform", "linux")
         monkeypatch.setattr(socket, "AF_CAN", 29, raising=False)
 
-    def interface(self, name: str, kind: int = advice.ARPHRD_CAN, flags: str = UP) -> None:
+    def interface(self, name: str, kind: int = opening_hints.ARPHRD_CAN, flags: str = UP) -> None:
         (self._net / name).mkdir()
         (self._net / name / "type").write_text(f"{kind}\n")
         (self._net / name / "flags").write_text(f"{flags}\n")
@@ -74,21 +74,21 @@ def test_system_without_socketcan_is_named(machine: Machine, platform: str, expe
         SocketCanLink("can0", None)
     assert str(caught.value) == f"interface: this Python has no AF_CAN — {expected}"
     # python-can's own socket fails there in its own way
-    assert advice.for_python_can("socketcan", "can0", OSError("no CAN")) == expected
+    assert opening_hints.for_python_can("socketcan", "can0", OSError("no CAN")) == expected
 
 
 @pytest.mark.parametrize("number", [errno.EAFNOSUPPORT, errno.EPROTONOSUPPORT])
 def test_kernel_without_can_says_which_package_has_it(machine: Machine, number: int) -> None:
-    said = advice.for_socketcan(error(number), "can0")
+    said = opening_hints.for_socketcan(error(number), "can0")
     assert said == (
         "this kernel has no CAN: sudo modprobe can-raw; if there is no such module, Ubuntu has it in "
         f"linux-modules-extra-$(uname -r), Debian in linux-image-amd64 (not in the cloud kernel); {NO_CAN}"
     )
     machine.container()
-    said = advice.for_socketcan(error(number), "can0")
+    said = opening_hints.for_socketcan(error(number), "can0")
     assert said == f"the container has its host's kernel: load CAN there, sudo modprobe can-raw; {NO_CAN}"
     machine.wsl()
-    said = advice.for_socketcan(error(number), "can0")
+    said = opening_hints.for_socketcan(error(number), "can0")
     assert said.startswith("the kernel of WSL has no CAN: ")
     assert "CONFIG_CAN_VCAN" in said
 
@@ -96,21 +96,21 @@ def test_kernel_without_can_says_which_package_has_it(machine: Machine, number: 
 def test_missing_vcan_says_how_it_is_made(machine: Machine) -> None:
     make = "make it: sudo ip link add vcan0 type vcan && sudo ip link set vcan0 up"
     missing = error(errno.ENODEV)
-    assert advice.for_socketcan(missing, "vcan0") == f"{make} (Unknown device type: sudo modprobe vcan)"
+    assert opening_hints.for_socketcan(missing, "vcan0") == f"{make} (Unknown device type: sudo modprobe vcan)"
     machine.interface("vcan1")
-    assert advice.for_socketcan(missing, "vcan0") == f"{make}; there is vcan1"
+    assert opening_hints.for_socketcan(missing, "vcan0") == f"{make}; there is vcan1"
 
 
 def test_missing_adapter_says_what_there_is(machine: Machine) -> None:
     plug = "is the adapter plugged in, and its driver loaded? See `ip link show type can`"
     for number in (errno.ENODEV, errno.ENXIO):
-        assert advice.for_socketcan(error(number), "can0") == plug
+        assert opening_hints.for_socketcan(error(number), "can0") == plug
     machine.interface("can1")
     machine.interface("vcan0")
     machine.interface("eth0", 1)
-    assert advice.for_socketcan(error(errno.ENODEV), "can0") == f"{plug}; there is can1, vcan0"
+    assert opening_hints.for_socketcan(error(errno.ENODEV), "can0") == f"{plug}; there is can1, vcan0"
     machine.container()
-    said = advice.for_socketcan(error(errno.ENODEV), "can0")
+    said = opening_hints.for_socketcan(error(errno.ENODEV), "can0")
     assert said.startswith("a container sees its own interfaces only: --network host, or ")
     assert "sudo ip link set can0 netns PID" in said
 
@@ -118,20 +118,20 @@ def test_missing_adapter_says_what_there_is(machine: Machine) -> None:
 def test_interface_of_another_kind_is_named(machine: Machine) -> None:
     machine.interface("eth0", 1)
     machine.interface("can0")
-    said = advice.for_socketcan(error(errno.ENODEV), "eth0")
+    said = opening_hints.for_socketcan(error(errno.ENODEV), "eth0")
     assert said == "eth0 is no CAN interface; there is can0"
 
 
 def test_name_that_is_too_long_is_named(machine: Machine) -> None:
-    said = advice.for_socketcan(OSError("AF_CAN interface name too long"), "can0123456789abcdef")
+    said = opening_hints.for_socketcan(OSError("AF_CAN interface name too long"), "can0123456789abcdef")
     assert said == "an interface's name has at most 15 characters"
 
 
 @pytest.mark.parametrize("number", [errno.EPERM, errno.EACCES])
 def test_forbidden_socket_names_the_sandbox(machine: Machine, number: int) -> None:
-    assert "RestrictAddressFamilies= of the unit" in advice.for_socketcan(error(number), "can0")
+    assert "RestrictAddressFamilies= of the unit" in opening_hints.for_socketcan(error(number), "can0")
     machine.container()
-    assert "seccomp profile" in advice.for_socketcan(error(number), "can0")
+    assert "seccomp profile" in opening_hints.for_socketcan(error(number), "can0")
 
 
 @pytest.mark.parametrize(
@@ -142,7 +142,7 @@ def test_forbidden_socket_names_the_sandbox(machine: Machine, number: int) -> No
     ],
 )
 def test_interface_that_is_down_says_how_it_comes_up(machine: Machine, channel: str, expected: str) -> None:
-    assert advice.for_socketcan(error(errno.ENETDOWN), channel) == expected
+    assert opening_hints.for_socketcan(error(errno.ENETDOWN), channel) == expected
     machine.interface(channel, flags=DOWN)
     with pytest.raises(BusError) as caught:
         open_rig_bus("socketcan", channel)
@@ -151,12 +151,12 @@ def test_interface_that_is_down_says_how_it_comes_up(machine: Machine, channel: 
 
 def test_interface_that_is_up_or_missing_is_not_down(machine: Machine) -> None:
     machine.interface("can0")
-    assert not advice.is_down("can0")
-    assert not advice.is_down("can1")
+    assert not opening_hints.is_down("can0")
+    assert not opening_hints.is_down("can1")
 
 
 def test_other_error_says_where_to_look(machine: Machine) -> None:
-    assert advice.for_socketcan(error(errno.ENOMEM), "can0") == "see `ip -details link show can0`"
+    assert opening_hints.for_socketcan(error(errno.ENOMEM), "can0") == "see `ip -details link show can0`"
 
 
 @pytest.mark.parametrize(
@@ -181,7 +181,7 @@ def test_other_error_says_where_to_look(machine: Machine) -> None:
 def test_error_of_python_can_says_what_is_missing(
     machine: Machine, interface: str, raised: Exception, expected: str
 ) -> None:
-    assert expected in advice.for_python_can(interface, "x", raised)
+    assert expected in opening_hints.for_python_can(interface, "x", raised)
 
 
 @pytest.mark.parametrize("interface", sorted(can.VALID_INTERFACES - {"virtual"}))
@@ -193,7 +193,7 @@ def test_every_interface_that_cannot_be_opened_is_a_bus_error_with_advice(interf
 
 
 def test_extras_are_those_of_interfaces_that_there_are() -> None:
-    assert set(advice.EXTRAS) <= can.VALID_INTERFACES
+    assert set(opening_hints.EXTRAS) <= can.VALID_INTERFACES
 
 
 @pytest.mark.parametrize(
