@@ -109,6 +109,10 @@ class Lockstep:
             first = Channel(rig_message("DriverDemand")).encode(0, {"Mode": COAST, "Share": 0.0})
             controller.hear(first.can_id, first.data, 0)
 
+    def end_daemon(self) -> None:
+        """From now on there is no daemon: its frames end, as of one that is killed."""
+        self.core = None
+
     def step(self) -> Step:
         """5 ms on; over says whether its time is up, or the train slower than the scenario's stop_m_s."""
         rig = self.rig

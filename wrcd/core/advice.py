@@ -20,12 +20,14 @@ from wrcd.estimator.design import FloatArray
 from wrcd.estimator.paper.bank import BoolArray
 from wrcd.estimator.records import Estimate
 
-# Set by hand: the advice changes slowly, over more track than one axle's window.
-KEPT_US, KEPT_M = 4_000_000.0, 150.0  # how far back samples count
-LOW_US = 2_000_000.0  # the same of the lower end
-NEWEST_US = 1_000_000.0  # the lower end is no better than in this; axles that were not Valid in it say nothing
+# Set by hand, on stops of training seeds: the advice changes slowly, over more track than one axle's window.
+KEPT_US, KEPT_M = 2_000_000.0, 100.0  # how far back samples count
+NEWEST_US = 1_000_000.0  # axles that were not Valid in this say nothing
+# Torque tells more of the rail than coasting does. As soon as there are so many samples of the newest second with so
+# much adhesion in use, only these count.
+LOADED_PCT, LOADED_SAMPLES = 3.0, 3
 MAX_GAP_US = 1_000_000.0  # between two slots: after a longer one the way between is not known
-LEAST_SHARE = 0.5  # of an estimate: its lower end is never less, however wide its interval
+LEAST_SHARE = 0.5  # of what a drop ahead is said to have: no interval comes with it
 M_S2 = 0.01 * G  # deceleration by 1 % of adhesion on all wheels
 
 
@@ -66,7 +68,8 @@ def category(low_m_s2: float, limits_m_s2: Sequence[float]) -> str:
 class Adviser:
     """Keeps what the axles have found, and makes an advice of it, slot by slot. axles: how many there are."""
 
-    _samples: FloatArray  # (samples, 4) when (µs), way (m), estimate and lower end (m/s²); newest last, empty are NaN
+    # (samples, 5) when (µs), way (m), estimate, lower end (both m/s²), adhesion in use (%); newest last, empty are NaN
+    _samples: FloatArray
     _valid_us: FloatArray  # (axles,) when each was Valid last
     _slot_us: float = math.nan  # of the newest slot
     _way_m: float = 0.0
@@ -75,14 +78,14 @@ class Adviser:
     def __init__(self, axles: int, config: AdviceConfig) -> None:
         self._limits_m_s2, cycle_us = config.limits_m_s2, config.output.cycle_us
         self._max_gap_us = max(MAX_GAP_US, 2.0 * cycle_us)
-        self._samples = np.full((math.ceil(KEPT_US / cycle_us) + 1, 4), np.nan)
+        self._samples = np.full((math.ceil(KEPT_US / cycle_us) + 1, 5), np.nan)
         self._valid_us = np.full(axles, np.nan)
 
     @property
     def is_possible(self) -> bool:
         """Whether the samples are such as this class makes: a state from a file may hold others."""
         empty = np.isnan(self._samples).all(axis=1)
-        at_us, way_m, middle, low = self._samples[~empty].T
+        at_us, way_m, middle, low, _ = self._samples[~empty].T
         return bool(
             np.isfinite(self._samples[~empty]).all()
             and (np.diff(empty.astype(np.int8)) <= 0).all()
@@ -109,12 +112,12 @@ class Adviser:
             self._forget()
             return NO_ADVICE
         self._move(now, abs(speed_m_s))
-        middle, low = _decelerations(reports, estimate)
+        middle, low, used = _decelerations(reports, estimate)
         valid = np.isfinite(middle)
         self._valid_us[valid] = now
         if valid.any():
             self._samples = np.roll(self._samples, -1, axis=0)
-            self._samples[-1] = now, self._way_m, middle[valid].mean(), low[valid].mean()
+            self._samples[-1] = now, self._way_m, middle[valid].mean(), low[valid].min(), used[valid].mean()
         old = (now - self._samples[:, 0] > KEPT_US) | (self._way_m - self._samples[:, 1] > KEPT_M)
         self._samples[old] = np.nan
         if 2 * np.count_nonzero(now - self._valid_us <= NEWEST_US) < len(reports):
@@ -154,22 +157,26 @@ class Adviser:
         )
 
     def _found(self, now: float, kept: FloatArray) -> tuple[float, float]:
-        """The rule: deceleration and its lower end (m/s²) from the samples that are kept, at least one of which is of
-        the newest second."""
-        at_us, _, middles, lows = kept.T
-        middle = float(np.median(middles))
-        low = min(float(np.median(lows[now - at_us <= within])) for within in (LOW_US, NEWEST_US))
-        return middle, min(low, middle)
+        """The rule: the medians of estimate and lower end (m/s²) of the samples that count. At least one of those that
+        are kept is of the newest second."""
+        at_us, _, middles, lows, used = kept.T
+        loaded = (now - at_us <= NEWEST_US) & (used >= LOADED_PCT)
+        counts = loaded if np.count_nonzero(loaded) >= LOADED_SAMPLES else np.full(len(kept), True)
+        middle = float(np.median(middles[counts]))
+        return middle, min(float(np.median(lows[counts])), middle)
 
 
-def _decelerations(reports: Sequence[Report], estimate: Estimate | None) -> tuple[FloatArray, FloatArray]:
-    """Of each axle (n,) in m/s², NaN where it is not Valid: its estimate, and the lower end. What is in use while the
-    wheel adheres is there at least."""
+def _decelerations(
+    reports: Sequence[Report], estimate: Estimate | None
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Of each axle (n,), NaN where it is not Valid: its estimate and the lower end of its interval (m/s²), and the
+    adhesion in use (%). What is in use while the wheel adheres is there at least."""
     valid = np.array([r.validity is Validity.VALID and r.mu_available_pct is not None for r in reports])
     if estimate is None or not valid.any():
         nothing = np.full(len(reports), np.nan)
-        return nothing, nothing
+        return nothing, nothing, nothing
     mu = np.where(valid, estimate.mu_available_pct, np.nan)
-    used = np.array([(r.mu_used_pct or 0.0) if r.contact_state == "Adhering" else 0.0 for r in reports])
-    low = np.fmax(np.fmax(mu - estimate.half_width_pp, LEAST_SHARE * mu), np.fmin(used, mu))
-    return M_S2 * mu, M_S2 * np.where(valid, low, np.nan)
+    used = np.array([r.mu_used_pct or 0.0 for r in reports])
+    adheres = np.array([r.contact_state == "Adhering" for r in reports])
+    low = np.fmax(np.fmax(mu - estimate.half_width_pp, 0.0), np.where(adheres, np.fmin(used, mu), 0.0))
+    return M_S2 * mu, M_S2 * np.where(valid, low, np.nan), used

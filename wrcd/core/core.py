@@ -127,6 +127,11 @@ class Core:
         self._held: list[Slot] | None = None  # slots whose frames are held back
 
     @property
+    def speed_m_s(self) -> float:
+        """The newest speed of the train; NaN before it is known, negative backwards."""
+        return self._inputs.speed_m_s
+
+    @property
     def below_min_speed(self) -> bool:
         """Whether the train is known to be slower than an estimate needs."""
         return abs(self._inputs.speed_m_s) < self.config.min_speed_m_s

@@ -1,26 +1,31 @@
 """One stop as each policy drives it: what comes of a decision to brake, and where it was taken."""
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
 from sim_ecu.loop.control.adhesion_consumer import Facts
 from sim_ecu.loop.control.braking_rate import RATES
 from sim_ecu.loop.control.slip_controller import make_controller
-from sim_ecu.loop.driver import LEVER_US, REACTION_S, STANDS_M_S, Always, MarkDriver
+from sim_ecu.loop.driver import LEVER_US, REACTION_S, STANDS_M_S, Advised, MarkDriver
 from sim_ecu.loop.lockstep import Lockstep
-from sim_ecu.loop.mark.lines import FULL_SERVICE, MOST_S, Stop, braking_m
+from sim_ecu.loop.mark.approach import Advices
+from sim_ecu.loop.mark.lines import AXLES, FULL_SERVICE, MOST_S, Stop, braking_m
 from sim_ecu.loop.rig import Rig
 from sim_ecu.loop.ride_figures import SLIDE_M_S, SLIDE_SHARE
 from sim_ecu.physics.contact import peak
 from sim_ecu.physics.rail import rail_at
 from sim_ecu.play.encoder import SAMPLE_US
+from wrcd.config.config import load_packaged
+from wrcd.core.configuration import Config
 
 G = 9.80665
 LAW = "thresholds"
 ROLLS = 0.6  # of the lowest adhesion on the way: a train that demands less does not slide, and is not simulated
 RUNS_OUT = 600  # samples in which its resistance is measured
 LAG_S = 0.1  # of its brake
+WARM_UP_US = 5_000_000  # of the daemon, before a test
 SETTLES_US = 1_000_000  # before the brake: the controller finds its reference
 SLIDES_FROM_M_S = 3.0  # a slide at a lower speed is not judged
 PLACES = 60  # on the way at which the rail is looked at
@@ -29,63 +34,84 @@ PLACES = 60  # on the way at which the rail is looked at
 @dataclass(frozen=True, slots=True)
 class Outcome:
     """What became of a stop. rate_m_s2: planned with; past_m: the mark, at standstill; seconds: until then, from the
-    approach's begin; slip_energy_kJ: of a wheel."""
+    approach's begin; slip_energy_kJ: of a wheel; tested: whether a brake test came before."""
 
     rate_m_s2: float
     past_m: float
     seconds: float
     slid: bool
     slip_energy_kJ: float
+    tested: bool
 
 
-def driver(rule_rate_m_s2: float) -> MarkDriver:
-    """A driver who plans with one rate."""
-    return MarkDriver(Always(rule_rate_m_s2), FULL_SERVICE)
+def stands(who: MarkDriver, stop: Stop, heard: Advices = ()) -> Outcome:
+    """Return what a driver makes of a stop. heard: what wrcd advises on the approach, for one who listens to it."""
+    _coast(stop, who, heard)
+    advised = isinstance(who.rule, Advised) and who.begun_us is None
+    most = who.rate_m_s2 if who.begun_us is not None else max(who.rule.test_m_s2, RATES.dry)
+    if not advised and most < ROLLS * G * least_adhesion(stop, who.rate_m_s2 if who.begun_us is not None else RATES.least):
+        return _rolled(stop, who)
+    return _slid(stop, who, _configuration() if advised else None)
 
 
-def decide(stop: Stop, who: MarkDriver) -> None:
-    """Let a driver coast until the brake is decided on. The bus is heard by whoever calls."""
-    now_us = 0
-    while who.begun_us is None:
+def _coast(stop: Stop, who: MarkDriver, heard: Advices) -> None:
+    """Let a driver coast until the brake is decided on, or a test of it."""
+    now_us, coming = 0, 0
+    while who.begun_us is None and who.tested_us is None:
+        while coming < len(heard) and heard[coming][0] <= now_us:
+            stamp_us, can_id, data = heard[coming]
+            who.hear(can_id, data, stamp_us)
+            coming += 1
         who.demand(now_us, stop.speed_m_s * now_us * 1e-6, stop.speed_m_s, stop.mark_m)
         now_us += LEVER_US
 
 
-def brake(stop: Stop, who: MarkDriver) -> Outcome:
-    """What becomes of a stop whose brake was decided on."""
-    assert who.begun_us is not None
-    assert who.rate_m_s2 is not None
-    if who.rate_m_s2 < ROLLS * G * least_adhesion(stop, who.rate_m_s2):
-        return _rolled(stop, who)
-    run = Lockstep(stop.scenario, make_controller(LAW, Facts.of(stop.scenario)), None, driver=who)
-    run.rig.coast(max(who.begun_us - SETTLES_US, 0) // SAMPLE_US)
+@cache
+def _configuration() -> Config:
+    return load_packaged(AXLES, advice=True)
+
+
+def _decided_us(who: MarkDriver) -> int:
+    decided = who.begun_us if who.tested_us is None else who.tested_us
+    assert decided is not None
+    return decided
+
+
+def _slid(stop: Stop, who: MarkDriver, config: Config | None) -> Outcome:
+    """The rest of a stop on the rig, with slide protection. config: of a daemon, until the brake is decided on for
+    good; it starts some seconds before the test."""
+    before_us = SETTLES_US if config is None else WARM_UP_US
+    run = Lockstep(stop.scenario, make_controller(LAW, Facts.of(stop.scenario)), config, driver=who)
+    run.rig.coast(max(_decided_us(who) - before_us, 0) // SAMPLE_US)
     energy, slid = 0.0, False
     for step in run:
+        if run.core is not None and who.begun_us is not None:
+            run.end_daemon()
         energy += float(step.slip_energy_J.sum())
         bound = min(SLIDE_M_S, SLIDE_SHARE * step.speed_m_s)
         slid = slid or (step.speed_m_s >= SLIDES_FROM_M_S and float(np.abs(step.slip_m_s).max()) > bound)
     wheels = 2 * len(stop.scenario.axles)
+    tested = who.tested_us is not None
     return Outcome(
-        who.rate_m_s2, step.distance_m - stop.mark_m, step.due_us * 1e-6, slid, energy / wheels / 1e3,
+        who.rate_m_s2, step.distance_m - stop.mark_m, step.due_us * 1e-6, slid, energy / wheels / 1e3, tested,
     )  # fmt: skip
 
 
 def _rolled(stop: Stop, who: MarkDriver) -> Outcome:
     """The same of a train whose wheels do not slide: a mass, its brake and its resistance."""
-    assert who.begun_us is not None
-    assert who.rate_m_s2 is not None
-    speed, now_us = stop.speed_m_s, who.begun_us
-    position, brakes, demand, dt = speed * now_us * 1e-6, 0.0, 0.0, SAMPLE_US * 1e-6
+    speed, now_us = stop.speed_m_s, _decided_us(who)
+    free_us, dt = now_us + REACTION_S * 1e6, SAMPLE_US * 1e-6
+    position, brakes, demand = speed * now_us * 1e-6, 0.0, 0.0
     resistance = _resistance_m_s2(stop)
     while speed > STANDS_M_S and now_us < MOST_S * 1e6:
         if now_us % LEVER_US == 0:
             demand = -FULL_SERVICE * who.demand(now_us, position, speed, stop.mark_m)
         brakes += (demand - brakes) * dt / LAG_S
-        slower = (brakes + resistance * (now_us - who.begun_us > REACTION_S * 1e6)) * dt
+        slower = (brakes + resistance * (now_us > free_us)) * dt
         position += (speed - 0.5 * slower) * dt
         speed -= slower
         now_us += SAMPLE_US
-    return Outcome(who.rate_m_s2, position - stop.mark_m, now_us * 1e-6, False, 0.0)
+    return Outcome(who.rate_m_s2, position - stop.mark_m, now_us * 1e-6, False, 0.0, who.tested_us is not None)
 
 
 def _resistance_m_s2(stop: Stop) -> float:
