@@ -22,6 +22,7 @@ SIM_ECU = Program(
         "score",
         "figures",
         "loop",
+        "mark",
         "campaign",
         "compare",
         "fmu",

@@ -125,8 +125,8 @@ class DriveScenario:
     train: wheelsets, rail, track, sensors, faults and duration; its drives and held speed are not used. driver: share
     of the full effort over time, traction positive, braking negative. known_before: the rail of the demand was under
     the wheels before it came. stop_m_s: slower than that, the run is over. cleaning: None for a rail that stays as it
-    is. speed_of_wrcd: what VehicleSpeed carries, "ground" or "wheels". mark_m: where the train is to stand, from its start
-    on; None: nowhere.
+    is. speed_of_wrcd: what VehicleSpeed carries, "ground" or "wheels". mark_m: where the train is to stand, from its
+    start on; None: nowhere.
     """
 
     train: Scenario

@@ -55,10 +55,11 @@ class Rule:
 
 
 class Advised(Rule):
-    """Plans with what wrcd advises."""
+    """Plans with what wrcd advises. tests: whether it brakes for a moment where it is not sure."""
 
-    def __init__(self, config: Config, limits: RateLimits = RATES) -> None:
+    def __init__(self, config: Config, limits: RateLimits = RATES, *, tests: bool = True) -> None:
         super().__init__(limits.cautious)
+        self._tests = tests
         self._receiver, self._rate, self._position_m = AdviceReceiver(config), AdvisedRate(limits), 0.0
 
     def hear(self, can_id: int, data: bytes, stamp_us: int) -> None:
@@ -76,7 +77,7 @@ class Advised(Rule):
 
     def tests(self, now_us: int, position_m: float) -> bool:
         """Return whether a test may find more."""
-        return self._rate.tests(now_us, position_m)
+        return self._tests and self._rate.tests(now_us, position_m)
 
     def tested(self, now_us: int, position_m: float) -> None:
         """Plan with what the test has found."""
@@ -84,7 +85,7 @@ class Advised(Rule):
 
 
 class TestsEach(Rule):
-    """Knows nothing of wrcd: brakes for a moment before every mark, with the dry rate, and sees whether a wheel slides."""
+    """Knows nothing of wrcd: brakes for a moment with the dry rate before every mark, and sees whether a wheel slides."""
 
     def __init__(self, axles: tuple[int, ...], limits: RateLimits = RATES) -> None:
         super().__init__(limits.cautious)

@@ -166,9 +166,7 @@ class Adviser:
         return middle, min(float(np.median(lows[counts])), middle)
 
 
-def _decelerations(
-    reports: Sequence[Report], estimate: Estimate | None
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _decelerations(reports: Sequence[Report], estimate: Estimate | None) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Of each axle (n,), NaN where it is not Valid: its estimate and the lower end of its interval (m/s²), and the
     adhesion in use (%). What is in use while the wheel adheres is there at least."""
     valid = np.array([r.validity is Validity.VALID and r.mu_available_pct is not None for r in reports])

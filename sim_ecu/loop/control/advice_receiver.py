@@ -11,8 +11,8 @@ NEEDED = ("Validity", "Deceleration", "DecelerationLow")
 
 
 class AdviceReceiver(ProtectedFrames):
-    """Follows a configuration's AdhesionAdvice. valid: lower end and deceleration (m/s2) of the newest good frame if that
-    is Valid. Raises InputError where the configuration sends none, or lacks what a driver needs of it."""
+    """Follows a configuration's AdhesionAdvice. valid: lower end and deceleration (m/s2) of the newest good frame, if
+    that is Valid. Raises InputError where the configuration sends none, or lacks what a driver needs of it."""
 
     def __init__(self, config: Config) -> None:
         advice = config.advice

@@ -6,9 +6,10 @@ axles, by the daemon's own Adviser: the frames are those of a daemon of its own 
 
 from collections.abc import Sequence
 from dataclasses import fields, replace
+from functools import cache
 
-from sim_ecu.loop.mark.lines import AXLES, Stop, braking_m
 from sim_ecu.loop.control.braking_rate import RATES
+from sim_ecu.loop.mark.lines import AXLES, Stop, braking_m
 from sim_ecu.play.play import LOG_START_US
 from sim_ecu.play.player import LARGE_CHUNK, Player
 from wrcd.bus.codec import Writer
@@ -32,11 +33,20 @@ def approach(stops: Sequence[Stop]) -> list[Advices]:
     axles = [a for stop in stops for a in stop.scenario.train.axles]
     numbered = tuple(replace(a, number=k) for k, a in enumerate(axles, 1))
     train = replace(first.scenario.train, axles=numbered, duration_s=seconds, hold_speed=True)
-    core, shared = Core(load_packaged(len(axles))), _Shared(len(stops), load_packaged(AXLES, advice=True))
+    core, shared = Core(_packaged(len(axles))), _Shared(len(stops), advised_configuration())
     for _, frames in Player(train, truth=False, chunk=LARGE_CHUNK):
         for f in frames:
             shared.take(core, core.feed(Frame(LOG_START_US + f.due_us, f.can_id, f.data)))
     return shared.heard
+
+
+@cache
+def advised_configuration() -> Config:
+    """The packaged configuration of a train of AXLES with its advice."""
+    return load_packaged(AXLES, advice=True)
+
+
+_packaged = cache(load_packaged)
 
 
 class _Shared:

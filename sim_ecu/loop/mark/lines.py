@@ -26,16 +26,20 @@ from sim_ecu.score.suites.worlds import WORLDS, World
 
 STATIONS = 10
 AXLES = 2  # one bogie: both its wheelsets are weighed
-# Friction mu_0 by class of rail, and how often a station's approach is of it.
+# Friction mu_0 by class of rail.
 VERY_LOW = (0.027, 0.035)
 CLASSES: dict[str, tuple[float, float]] = {
     "dry": DRY, "wet": WET, "greasy": GREASY, "low": LOW, "very low": VERY_LOW,
 }  # fmt: skip
-MIX = (0.45, 0.25, 0.14, 0.11, 0.05)
+MIX = {"dry": 0.45, "wet": 0.25, "greasy": 0.14, "low": 0.11, "very low": 0.05}  # of the approaches
 STAYS = 0.7  # of the stations: the approach is of the class of the one before; else it is drawn from the mix
 LATE = 0.3  # of the approaches on low and very low rail: the film is first met within the braking distance,
 LATE_M = (150.0, 400.0)  # so far before the mark, after a wet rail
-PATCH_M, SCATTER, ALIKE = 25.0, 0.08, 0.8  # friction varies along the rail: patch, scatter of its logarithm, correlation
+PATCH_M, SCATTER, ALIKE = (
+    25.0,
+    0.08,
+    0.8,
+)  # friction varies along the rail: patch, scatter of its logarithm, correlation
 LINE_M_S = (14.0, 19.0)  # of a line: its trains coast at this speed
 FULL_SERVICE = 1.2  # m/s2
 COASTS_S = 4.0  # before the first place where anybody may begin to brake: the estimate needs some seconds
@@ -117,7 +121,7 @@ def stops(world: MarkWorld, line: int, first_seed: int = FIRST_TEST_SEED) -> lis
     out, rail = [], ""
     for station in range(STATIONS):
         if not rail or of_line.random() > STAYS:
-            rail = str(of_line.choice(list(CLASSES), p=MIX))
+            rail = str(of_line.choice(list(MIX), p=list(MIX.values())))
         late = bool(of_line.random() < LATE) and rail in ("low", "very low")
         film = mark - float(of_line.uniform(*LATE_M)) if late else 0.0
         curve, before = (world.of.slope(curve_between(float(of_line.uniform(*CLASSES[r]))), own) for r in (rail, "wet"))
@@ -149,5 +153,3 @@ def _sections(curve: CreepCurve, from_m: float, to_m: float, rng: Rng) -> Sequen
         out.append(RailSection(float(at), replace(curve, mu_0=mu_0, **scaled)))
         off = ALIKE * off + math.sqrt(1.0 - ALIKE**2) * float(rng.normal())
     return out
-
-

@@ -1,7 +1,6 @@
 """One stop as each policy drives it: what comes of a decision to brake, and where it was taken."""
 
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 
@@ -10,14 +9,13 @@ from sim_ecu.loop.control.braking_rate import RATES
 from sim_ecu.loop.control.slip_controller import make_controller
 from sim_ecu.loop.driver import LEVER_US, REACTION_S, STANDS_M_S, Advised, MarkDriver
 from sim_ecu.loop.lockstep import Lockstep
-from sim_ecu.loop.mark.approach import Advices
-from sim_ecu.loop.mark.lines import AXLES, FULL_SERVICE, MOST_S, Stop, braking_m
-from sim_ecu.loop.rig import Rig
+from sim_ecu.loop.mark.approach import Advices, advised_configuration
+from sim_ecu.loop.mark.lines import FULL_SERVICE, MOST_S, Stop, braking_m
 from sim_ecu.loop.ride_figures import SLIDE_M_S, SLIDE_SHARE
+from sim_ecu.loop.rig import Rig
 from sim_ecu.physics.contact import peak
 from sim_ecu.physics.rail import rail_at
 from sim_ecu.play.encoder import SAMPLE_US
-from wrcd.config.config import load_packaged
 from wrcd.core.configuration import Config
 
 G = 9.80665
@@ -48,10 +46,10 @@ def stands(who: MarkDriver, stop: Stop, heard: Advices = ()) -> Outcome:
     """Return what a driver makes of a stop. heard: what wrcd advises on the approach, for one who listens to it."""
     _coast(stop, who, heard)
     advised = isinstance(who.rule, Advised) and who.begun_us is None
-    most = who.rate_m_s2 if who.begun_us is not None else max(who.rule.test_m_s2, RATES.dry)
-    if not advised and most < ROLLS * G * least_adhesion(stop, who.rate_m_s2 if who.begun_us is not None else RATES.least):
+    most, way = (who.rate_m_s2,) * 2 if who.begun_us is not None else (RATES.dry, RATES.least)
+    if not advised and most < ROLLS * G * least_adhesion(stop, way):
         return _rolled(stop, who)
-    return _slid(stop, who, _configuration() if advised else None)
+    return _slid(stop, who, advised_configuration() if advised else None)
 
 
 def _coast(stop: Stop, who: MarkDriver, heard: Advices) -> None:
@@ -64,11 +62,6 @@ def _coast(stop: Stop, who: MarkDriver, heard: Advices) -> None:
             coming += 1
         who.demand(now_us, stop.speed_m_s * now_us * 1e-6, stop.speed_m_s, stop.mark_m)
         now_us += LEVER_US
-
-
-@cache
-def _configuration() -> Config:
-    return load_packaged(AXLES, advice=True)
 
 
 def _decided_us(who: MarkDriver) -> int:

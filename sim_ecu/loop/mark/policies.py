@@ -1,0 +1,73 @@
+"""Who drives: each policy's rate for a stop, from what it may know before it brakes."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from sim_ecu.loop.control.braking_rate import RATES
+from sim_ecu.loop.driver import Advised, MarkDriver, Rule, TestsEach
+from sim_ecu.loop.mark.approach import TRAINS, Advices, advised_configuration, approach
+from sim_ecu.loop.mark.lines import FULL_SERVICE, MARK_WORLDS, Stop, braking_m, stops
+from sim_ecu.loop.mark.stops import G, Outcome, known_rate, stands
+from wrcd.core.configuration import Config
+
+DRY, SLIPPERY = f"always {RATES.dry:g} m/s²", f"always {RATES.cautious:g} m/s²"
+LAST, REPORT = "slippery rate after a slide", "driver's report"
+TOLD = {f"told {pct} %": pct for pct in (3, 8, 15, 25, 40)}
+TESTS, WRCD, UNTESTED, KNOWS = "brake test every time", "wrcd", "wrcd, no brake test", "knows the rail"
+POLICIES = (DRY, SLIPPERY, LAST, REPORT, *TOLD, TESTS, UNTESTED, WRCD, KNOWS)
+REPORT_STOPS = 3  # that a report of a slide holds for
+
+
+@dataclass(frozen=True, slots=True)
+class DrivenStop:
+    """What the policies made of a stop. late: the film is first met within the braking distance of who knows it."""
+
+    world: str
+    line: int
+    station: int
+    rail: str
+    late: bool
+    outcomes: Mapping[str, Outcome]
+
+
+def drive_line(world: int, line: int, first_seed: int) -> list[DrivenStop]:
+    """Drive all stops of a line, by every policy. world: its place in MARK_WORLDS."""
+    every = stops(MARK_WORLDS[world], line, first_seed)
+    heard = [h for k in range(0, len(every), TRAINS) for h in approach(every[k : k + TRAINS])]
+    config = advised_configuration()
+    left = {LAST: 0, REPORT: 0}  # stops for which a slide is remembered
+    driven = []
+    for stop, advices in zip(every, heard, strict=True):
+        rate, outcomes = _drive(stop, advices, config)
+        for name, holds in ((LAST, 1), (REPORT, REPORT_STOPS)):
+            outcomes[name] = outcomes[SLIPPERY if left[name] else DRY]
+            left[name] = holds if outcomes[name].slid else max(left[name] - 1, 0)
+        late = stop.film_m > stop.mark_m - braking_m(stop.speed_m_s, rate)
+        driven.append(DrivenStop(stop.world, stop.line, stop.station, stop.rail, late, outcomes))
+    return driven
+
+
+def _drive(stop: Stop, advices: Advices, config: Config) -> tuple[float, dict[str, Outcome]]:
+    """The rate of who knows the rail, and what every policy makes of the stop but those that remember."""
+    rate = known_rate(stop)
+    constant = {DRY: RATES.dry, SLIPPERY: RATES.cautious, KNOWS: rate}
+    constant |= {name: told_rate(pct) for name, pct in TOLD.items()}
+    made: dict[float, Outcome] = {}
+    outcomes: dict[str, Outcome] = {}
+    for name, planned in constant.items():
+        if planned not in made:
+            made[planned] = _stands(stop, Rule(planned))
+        outcomes[name] = made[planned]
+    outcomes[TESTS] = _stands(stop, TestsEach(tuple(stop.scenario.axles)))
+    outcomes[WRCD] = _stands(stop, Advised(config), advices)
+    outcomes[UNTESTED] = _stands(stop, Advised(config, tests=False), advices)
+    return rate, outcomes
+
+
+def _stands(stop: Stop, rule: Rule, advices: Advices = ()) -> Outcome:
+    return stands(MarkDriver(rule, FULL_SERVICE), stop, advices)
+
+
+def told_rate(pct: float) -> float:
+    """The rate of who is told an adhesion (%), whatever the rail, and believes it to a point."""
+    return min(max(RATES.kept * G * pct / 100.0, RATES.least), RATES.dry)
