@@ -85,7 +85,7 @@ class Advised(Rule):
 
 
 class TestsEach(Rule):
-    """Knows nothing of wrcd: brakes for a moment with the dry rate before every mark, and sees whether a wheel slides."""
+    """Knows nothing of wrcd: brakes for a moment with the dry rate before every mark, and sees if a wheel slides."""
 
     def __init__(self, axles: tuple[int, ...], limits: RateLimits = RATES) -> None:
         super().__init__(limits.cautious)

@@ -100,7 +100,7 @@ def _line(line: Sequence[Mapping[str, Any]]) -> Picture:
     )
     return Picture(
         "A line of ten stations",
-        f"{first['world']}, line {first['line']}: what each policy planned with, how far past the mark it stood, what it "
-        "lost; below, the rail of each approach.",
+        f"{first['world']}, line {first['line']}: what each policy planned with, how far past the mark it stood, what "
+        "it lost; below, the rail of each approach.",
         f"Metres past the mark, station by station. {said}.", make,
     )  # fmt: skip
