@@ -242,9 +242,9 @@ def _cleaning(top: Section) -> Cleaning | None:
 
 
 def _sanders(top: Section, axles: list[int]) -> Sanders | None:
+    section = top.section(SANDERS.name)
     if SANDERS.name not in top:
         return None
-    section = top.section(SANDERS.name)
     if SANDER_AXLES.name not in section:
         raise section.absent(SANDER_AXLES.name, f"write the axles that have one, e.g. axles = [{axles[0]}]")
     given = section.raw(SANDER_AXLES.name)
