@@ -33,7 +33,7 @@ def _add(p: argparse.ArgumentParser) -> None:
 def _run(args: argparse.Namespace) -> int:
     from sim_ecu.loop.control.adhesion_consumer import Facts
     from sim_ecu.loop.control.control_on_bus import InputWatch, ProtectionWatch, Watch, control_on_bus
-    from sim_ecu.loop.control.sanding import POLICIES, make_sanding
+    from sim_ecu.loop.control.sanding_policies import POLICIES, make_sanding
     from sim_ecu.loop.control.slip_controller import SlipController, make_controller
     from sim_ecu.loop.drive_scenario import load_drive_scenario
     from sim_ecu.loop.rig_messages import rig_message

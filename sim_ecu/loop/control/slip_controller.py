@@ -6,7 +6,7 @@ from sim_ecu.loop.control.adhesion_consumer import CYCLE_US, Facts, TrainControl
 from sim_ecu.loop.control.adhesion_limit import AdhesionLimit, LimitConstants
 from sim_ecu.loop.control.controlled_axle import AxleCycle, ControlledAxle, CreepControl, Law, Thresholds
 from sim_ecu.loop.control.reference_speed import TURNS_M_S, Proof, ReferenceSpeed, Resync
-from sim_ecu.loop.control.sanding import SandControl
+from sim_ecu.loop.control.sanding_policies import SandControl
 from sim_ecu.loop.rig_messages import BRAKE, COAST, TRACTION, driver_demand
 from sim_ecu.play.encoder import Sent
 from wrcd.core.configuration import AxleConfig, Config

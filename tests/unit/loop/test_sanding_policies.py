@@ -9,7 +9,7 @@ import pytest
 from sim_ecu.bench import Bench, scenario
 from sim_ecu.cli.control import SANDING
 from sim_ecu.loop.control.adhesion_consumer import Facts, UsableAdhesion
-from sim_ecu.loop.control.sanding import (
+from sim_ecu.loop.control.sanding_policies import (
     HOLD_S,
     MIN_SPEED_M_S,
     POLICIES,
