@@ -8,7 +8,7 @@ import pytest
 
 from sim_ecu.bench import Bench, scenario
 from sim_ecu.cli.control import SANDING
-from sim_ecu.loop.control.adhesion_consumer import Facts, UsableAdhesion
+from sim_ecu.loop.control.adhesion_consumer import Facts, UsableAdhesion, usable_receiver
 from sim_ecu.loop.control.sanding_policies import (
     HOLD_S,
     MIN_SPEED_M_S,
@@ -18,6 +18,7 @@ from sim_ecu.loop.control.sanding_policies import (
     AtSlide,
     BelowSpeed,
     Policy,
+    SandControl,
     SandCycle,
     WhenLow,
     make_sanding,
@@ -29,6 +30,7 @@ from sim_ecu.loop.rig import LOOP, Rig
 from sim_ecu.loop.rig_messages import rig_message
 from sim_ecu.physics.sanding import AHEAD_M, Sander
 from sim_ecu.play.encoder import Channel
+from tests.support.daemon_frames import GOOD, DaemonFrames
 from wrcd.config.config import load_packaged
 from wrcd.errors import InputError
 
@@ -174,6 +176,10 @@ def test_at_place_begins_so_early_that_its_sand_falls_on_the_first_low_place() -
     assert train.position_m - 19.0 + AHEAD_M + 0.5 * 10.0 == pytest.approx(low_m - SEEN_S * 10.0, abs=1.1)
 
 
+def test_at_place_takes_no_spin_for_a_low_place() -> None:
+    assert Driven(AtPlace(FACTS), needed=0.0).go(2.0, sliding=[0]) == [False, False]
+
+
 def test_policies_of_the_command_are_those_that_there_are() -> None:
     assert tuple(POLICIES) == SANDING
 
@@ -200,6 +206,39 @@ def test_controller_sends_sand_every_50_ms_and_nothing_before_the_driver() -> No
     for _ in range(200):
         run.step()
     assert sent == [(at, n) for at in range(50_000, 1_000_001, 50_000) for n in (1, 3)]
+
+
+class Keeps(AtSlide):
+    """A policy that keeps what it was given."""
+
+    def __init__(self, facts: Facts) -> None:
+        super().__init__(facts)
+        self.seen: list[SandCycle] = []
+
+    def wanted(self, seen: SandCycle) -> Sequence[bool]:
+        self.seen.append(seen)
+        return super().wanted(seen)
+
+
+@pytest.mark.parametrize("share", [-0.4, 0.4])
+def test_policy_is_given_position_need_and_usable_adhesion(share: float) -> None:
+    config = load_packaged(4)
+    said = DaemonFrames(config)
+    train = scenario(rail="B", demand=share, speed_m_s=20.0, duration_s=3.0, axles=[1, 2, 3, 4], sanders={"axles": [1]})
+    facts = Facts.of(train)
+    keeps = Keeps(facts)
+    sanding = SandControl(facts, keeps, {1: usable_receiver(config, config.axles[0])})
+    controller = make_controller("thresholds", facts, sanding=sanding)
+    for step in Lockstep(train, controller, None):
+        if step.due_us % 20_000 == 0:
+            f = said.adhesion(step.due_us, GOOD)
+            controller.hear(f.can_id, f.data, step.due_us)
+    last = keeps.seen[-1]
+    assert last.position_m == pytest.approx(step.distance_m, abs=1.0)
+    assert last.speed_m_s == pytest.approx(step.speed_m_s, abs=0.3)
+    assert last.needed == pytest.approx(max(-step.mu_used.mean(), 0.0), rel=0.03)
+    assert last.adhesion[0] is not None
+    assert last.adhesion[1:] == (None, None, None)
 
 
 def test_stop_with_sand_at_slides_is_much_shorter_than_without() -> None:

@@ -58,7 +58,10 @@ def test_sand_moves_a_place_to_the_sanded_rail_and_its_curve_is_of_the_family() 
     assert mu_under(0, [50.0, 0, 0, 0]) == pytest.approx(SAND.sanded_mu_0)
     rail = TreatedRail([SAND], [LOW], [0.0])
     rail.add(SAND, np.array([3.0]), 9.5, 11.0)
-    row = rail_at(rail.tables(10.75, 0.1)[0], 10.75)
+    table = rail.tables(10.75, 0.1)[0]
+    row = rail_at(table, 10.75)
+    assert rail_at(table, 11.25)[0] == pytest.approx(row[0])  # it falls half a metre ahead of the axle
+    assert rail_at(table, 9.75)[0] == pytest.approx(0.03)
     assert row[:5] == pytest.approx(curve_between(float(row[0])).row())
     assert row[5:7] == pytest.approx([0.001, 0.02])
 
