@@ -228,6 +228,16 @@ class Bench:
         self._place(axle)
         self._run.rig.demand(axle, float(torque_N_m), Valve(valve))
 
+    def sand(self, axle: int, kg_min: float) -> None:
+        """Command an axle's sander, held until it is set again: kg/min on each rail. It stands before any frame of a
+        controller. Raises InputError for an axle without a sander, or no number of 0 or more."""
+        if not _is_number(kg_min) or not 0.0 <= kg_min < math.inf:
+            raise InputError(f"takes a finite number of 0 or more, not {kg_min}", key="kg_min")
+        sanders = self.scenario.sanders
+        if sanders is None or axle not in sanders.axles:
+            raise InputError(f"axle {axle} has no sander", hint='scenario(…, sanders={"axles": [1]})')
+        self._run.rig.sand(axle, float(kg_min))
+
     def truth(self, axle: int) -> Truth:
         """What is true of an axle after the newest step. Raises InputError before the first."""
         k = self._place(axle)

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import can
+import numpy as np
 
 from sim_ecu.loop.bus_end import End, lost, on_bus
 from sim_ecu.loop.drive_scenario import DriveScenario
@@ -48,7 +49,7 @@ class DriveSession:
         self.silences = Silences([str(n) for n in scenario.axles], SAMPLE_US, WORDS, "demand ")
         self._scenario, self.end, self._logger, self._channel = scenario, end, logger, channel
         self._samples = round(scenario.train.duration_s * 1e6) // SAMPLE_US
-        self._came: deque[tuple[int, int, bytes]] = deque()  # demands that no sample has begun after yet
+        self._came: deque[tuple[int, int, bytes]] = deque()  # frames that no sample has begun after yet
         self._reported_us, self._wait_reported_us = 0, -STATUS_US
         self.waits = self.waited_us = 0
         end.begin()
@@ -114,7 +115,7 @@ class DriveSession:
 
     def _listen(self) -> None:
         for stamp_us, f in self.end.receive():
-            if f.can_id in self.rig.demands:
+            if f.can_id in self.rig.ids:
                 self._came.append((stamp_us, f.can_id, f.data))
                 if self._logger is not None:
                     self._logger.on_message_received(message(Sent(0, f.can_id, f.data), f.stamp_us, self._channel))
@@ -156,7 +157,7 @@ def drive_on_bus(
     warm_up = Rig(scenario)
     warm_up.step()  # what is compiled or read at first use is there before the time runs, and frames come
     with (
-        on_bus(interface, channel, tuple(warm_up.demands), confirm=False) as (end, signalled),
+        on_bus(interface, channel, warm_up.ids, confirm=False) as (end, signalled),
         nullcontext() if log is None else open_logger(log) as logger,
     ):
         end.lines.event(0, f"{scenario.train.name} on {interface} {channel}: {scenario.train.duration_s:g} s at most")
@@ -199,6 +200,7 @@ def summary(scenario: DriveScenario, ride: DriveResult) -> list[str]:
         f"  demand    {f.seconds:.1f} s and {f.stop_m:.0f} m from when it came, impulse {f.impulse_kNs:.0f} kNs",
         f"  slip      {f.slides} slides above {MIN_SLIDE_SPEED_M_S:g} m/s, largest {f.max_slip_m_s:.2f} m/s, "
         f"beyond the rail's peak for {f.beyond_s:.2f} s, wheels locked for {f.locked_s:.2f} s",
+        *_sand(scenario, ride.steps),
         f"  wear      {f.slip_energy_kJ:.1f} kJ slip energy a wheel, {f.beyond_kJ:.1f} of them beyond the peak"
         + ("" if math.isnan(f.utilisation) else f"; {f.utilisation:.0%} of the available adhesion used"),
         *(f"  axle {n}    demand {_silences(d)}{counted(d['rejected'])}" for n, d in counts["demand"].items()),
@@ -211,6 +213,20 @@ def summary(scenario: DriveScenario, ride: DriveResult) -> list[str]:
             f"{counts['waited_s']:.2f} s in all; repeat the run on an idle one before it is judged"
         )
     return out
+
+
+def _sand(scenario: DriveScenario, steps: list[Step]) -> list[str]:
+    """The line of the sand, where there are sanders."""
+    laid = ", ".join(f"axle {n} {kg:.2f} kg" for n, kg in sand_kg(scenario, steps).items())
+    return [f"  sand      {laid}, on each rail"] if laid else []
+
+
+def sand_kg(scenario: DriveScenario, steps: list[Step]) -> dict[int, float]:
+    """Return what each sander has laid on each rail, by its axle."""
+    if scenario.sanders is None:
+        return {}
+    total = np.sum([s.sand_kg for s in steps], axis=0)
+    return {n: float(total[scenario.axles.index(n)]) for n in scenario.sanders.axles}
 
 
 def _silences(d: dict[str, Any]) -> str:
@@ -228,5 +244,7 @@ def document(scenario: DriveScenario, ride: DriveResult) -> dict[str, Any]:
         last = ride.steps[-1]
         figures = asdict(judge(ride.steps, scenario))
         out |= {"seconds": last.due_us * 1e-6, "speed_m_s": last.speed_m_s, "distance_m": last.distance_m}
+        if scenario.sanders is not None:
+            out["sand_kg"] = sand_kg(scenario, ride.steps)
         out["figures"] = {k: None if isinstance(v, float) and math.isnan(v) else v for k, v in figures.items()}
     return out | ride.counts

@@ -8,6 +8,7 @@ import numpy as np
 from sim_ecu.loop.drive_scenario import WHEELS, DriveScenario
 from sim_ecu.loop.rig_messages import BRAKE, COAST, TRACTION, NewestFrame, SilenceRecord, rig_message
 from sim_ecu.physics.actuators import AxleActuators, Valve
+from sim_ecu.physics.sanding import SanderState
 from sim_ecu.physics.sensors import Sensor
 from sim_ecu.physics.simulation import NO_LIMIT, Samples, Simulation
 from sim_ecu.physics.wheelset import CREEP_AT_PEAK, MU_AVAILABLE, MU_USED, TORQUE, W_L, W_R, Command, FloatArray
@@ -132,11 +133,12 @@ class Step:
     mu_used: FloatArray
     slip_m_s: FloatArray
     slip_energy_J: FloatArray  # dissipated in this sample, both wheels
+    sand_kg: FloatArray  # laid on each rail in this sample
     frames: list[Sent]
 
 
 class Rig:
-    """Steps a scenario by 5 ms. Demands come by `hear`, as frames, or by `demand`.
+    """Steps a scenario by 5 ms. Demands come by `hear`, as frames, or by `demand` and `sand`.
 
     receivers: for whom frames are made. train: the messages of the sensors. Raises InputError for a fault or an axle
     that they leave no way to.
@@ -147,7 +149,11 @@ class Rig:
         played, axles = scenario.train, scenario.train.axles
         self._dt = SAMPLE_US * 1e-6
         speed = float(played.speed.at(np.zeros(1))[0])
-        self._simulation = Simulation(played.wheelset, on_tracks(axles), speed, self._dt, cleaning=scenario.cleaning)
+        sanders = scenario.sanders
+        self._simulation = Simulation(
+            played.wheelset, on_tracks(axles), speed, self._dt,
+            cleaning=scenario.cleaning, sand=None if sanders is None else sanders.sand,
+        )  # fmt: skip
         self._actuators = [AxleActuators(scenario.actuators, self._dt) for _ in axles]
         self._receivers = frozenset(receivers)
         numbers = scenario.axles
@@ -159,6 +165,11 @@ class Rig:
         self._cylinders = [Channel(rig_message(f"BrakePressure_A{n}")) for n in numbers]
         self.demands = {m.message.frame_id: m for m in (NewestFrame(rig_message(f"Demand_A{n}")) for n in numbers)}
         self._by_place = list(self.demands.values())
+        self._sanders = {} if sanders is None else {n: SanderState(sanders.each, self._dt) for n in sanders.axles}
+        self._sand_frames = {n: NewestFrame(rig_message(f"Sand_A{n}")) for n in self._sanders}
+        self._sand_direct: dict[int, float] = {}
+        self._received = self.demands | {m.message.frame_id: m for m in self._sand_frames.values()}
+        self.ids = tuple(self._received)  # of the messages that it takes
         self._direct: list[tuple[float, Valve] | None] = [None] * len(numbers)
         self.silences = [SilenceRecord(SAMPLE_US, came=True) for _ in numbers]  # one that never comes is a silence, too
         self._radius_m = played.wheelset.r_0
@@ -168,10 +179,10 @@ class Rig:
         self.time_us = 0
 
     def hear(self, can_id: int, data: bytes, stamp_us: int) -> None:
-        """Take a frame from the bus at a time (us from the start); others than demands are not for the rig."""
-        demand = self.demands.get(can_id)
-        if demand is not None and self.carries(stamp_us):
-            demand.take(data, stamp_us)
+        """Take a frame from the bus at a time (us from the start); others than Demand and Sand are not for the rig."""
+        message = self._received.get(can_id)
+        if message is not None and self.carries(stamp_us):
+            message.take(data, stamp_us)
 
     def carries(self, due_us: int) -> bool:
         """Return whether the scenario's faults leave a bus at a time; without one nobody receives anything."""
@@ -195,6 +206,13 @@ class Rig:
         """Way since the start."""
         return float(self._simulation.train[1])
 
+    def sand(self, axle: int, kg_min: float) -> None:
+        """Command an axle's sander without a frame (kg/min on each rail); it holds until it is set again. KeyError for
+        an axle that has none."""
+        if axle not in self._sanders:
+            raise KeyError(axle)
+        self._sand_direct[axle] = kg_min
+
     def set_share(self, share: float) -> None:
         """Set the driver's demand (-1 … 1), instead of the scenario's course; it holds until it is set again."""
         self._share_given = share
@@ -216,7 +234,8 @@ class Rig:
         for k, a in enumerate(self._actuators):
             self._actuate(k, a, max(-share, 0.0), speed, float(wheel[k]))
             traction[k], brake[k] = max(a.drive_N_m, 0.0), a.friction_N_m + max(-a.drive_N_m, 0.0)
-        samples = self._simulation.step(traction, brake)
+        sand_kg = self._sand()
+        samples = self._simulation.step(traction, brake, sand_kg)
         self.time_us += SAMPLE_US
         y, speed = samples.outputs[0], float(samples.speed_m_s[0])
         wheel = self._wheel_m_s()
@@ -229,8 +248,20 @@ class Rig:
             frames += self._sensed.frames(self.time_us, samples, wheel, share)
         return Step(
             self.time_us, speed, float(samples.distance_m[0]), share, wheel, y[:, TORQUE].copy(), pressure,
-            y[:, MU_AVAILABLE].copy(), y[:, CREEP_AT_PEAK].copy(), y[:, MU_USED].copy(), wheel - speed, energy, frames,
+            y[:, MU_AVAILABLE].copy(), y[:, CREEP_AT_PEAK].copy(), y[:, MU_USED].copy(), wheel - speed, energy,
+            sand_kg, frames,
         )  # fmt: skip
+
+    def _sand(self) -> FloatArray:
+        """The sand that comes to each rail in the coming sample (kg), by axle. A silent command is none."""
+        out = np.zeros(len(self._actuators))
+        for n, sander in self._sanders.items():
+            rate = self._sand_direct.get(n)
+            if rate is None:
+                frame = self._sand_frames[n]
+                rate = float(frame.values["Rate"]) if frame.fresh(self.time_us) else 0.0
+            out[self._place[n]] = sander.step(rate)
+        return out
 
     def _wheel_m_s(self) -> FloatArray:
         """Each axle's circumferential speed, mean of its wheels."""

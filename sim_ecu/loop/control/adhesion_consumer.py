@@ -10,7 +10,7 @@ from typing import Protocol
 
 from cantools.database.can import Message
 
-from sim_ecu.loop.drive_scenario import DriveScenario
+from sim_ecu.loop.drive_scenario import DriveScenario, Sanders
 from sim_ecu.loop.rig_messages import BRAKE, TRACTION, ProtectedFrames, driver_demand, rig_message
 from sim_ecu.physics.actuators import Actuators, Valve
 from sim_ecu.physics.wheelset import Wheelset
@@ -20,20 +20,28 @@ from wrcd.bus.dbc import find_message
 from wrcd.bus.signals import Output
 from wrcd.core.configuration import AxleConfig, Config
 from wrcd.core.vocabulary import CONFIDENCES
+from wrcd.errors import InputError
 
 
 @dataclass(frozen=True, slots=True)
 class Facts:
-    """A train of like wheelsets, as its controller has it; the mass per wheelset is M_v."""
+    """A train of like wheelsets, as its controller has it; the mass per wheelset is M_v.
+
+    positions_m: where the axles stand along the train. sanders: None for a train without.
+    """
 
     axles: tuple[int, ...]
     wheelset: Wheelset = field(default_factory=Wheelset)
     actuators: Actuators = field(default_factory=Actuators)
+    positions_m: tuple[float, ...] = ()
+    sanders: Sanders | None = None
 
     @classmethod
     def of(cls, scenario: DriveScenario) -> "Facts":
         """The facts of a scenario's train."""
-        return cls(tuple(scenario.axles), scenario.train.wheelset, scenario.actuators)
+        train = scenario.train
+        positions_m = tuple(a.position_m for a in train.axles)
+        return cls(tuple(scenario.axles), train.wheelset, scenario.actuators, positions_m, scenario.sanders)
 
     @property
     def inertia_kg_m2(self) -> float:
@@ -44,6 +52,11 @@ class Facts:
     def unit_adhesion_N_m(self) -> float:
         """Torque at a wheelset that takes an adhesion of 1: 2 N r_0."""
         return 2.0 * self.wheelset.normal_N * self.wheelset.r_0
+
+    @property
+    def carried_N_m(self) -> float:
+        """The same with what turns the wheelset itself: that takes torque beside what the rail carries."""
+        return self.unit_adhesion_N_m * (1.0 + self.inertia_kg_m2 / self.wheelset.r_0**2 / self.wheelset.M_v)
 
     @property
     def full_brake_N_m(self) -> float:
@@ -188,3 +201,14 @@ class AdhesionReceiver(ProtectedFrames):
 def receiver(config: Config, axle: AxleConfig) -> AdhesionReceiver:
     """The receiver of an axle's adhesion message of a configuration."""
     return AdhesionReceiver(find_message(config.database, axle.adhesion.message), axle.adhesion)
+
+
+def usable_receiver(config: Config, axle: AxleConfig) -> AdhesionReceiver:
+    """The same. InputError where the message lacks what a controller needs of it."""
+    adhesion = receiver(config, axle)
+    if adhesion.unusable is not None:
+        raise InputError(
+            f"{adhesion.unusable}: no base for a controller",
+            hint="map them in the configuration, or run the controller without adhesion",
+        )
+    return adhesion

@@ -2,14 +2,14 @@
 
 from collections.abc import Callable, Mapping
 
-from sim_ecu.loop.control.adhesion_consumer import CYCLE_US, Facts, TrainController, Unprotected, receiver
+from sim_ecu.loop.control.adhesion_consumer import CYCLE_US, Facts, TrainController, Unprotected, usable_receiver
 from sim_ecu.loop.control.adhesion_limit import AdhesionLimit, LimitConstants
 from sim_ecu.loop.control.controlled_axle import AxleCycle, ControlledAxle, CreepControl, Law, Thresholds
 from sim_ecu.loop.control.reference_speed import TURNS_M_S, Proof, ReferenceSpeed, Resync
+from sim_ecu.loop.control.sanding_policies import SandControl
 from sim_ecu.loop.rig_messages import BRAKE, COAST, TRACTION, driver_demand
 from sim_ecu.play.encoder import Sent
 from wrcd.core.configuration import AxleConfig, Config
-from wrcd.errors import InputError
 
 MAX_PERIOD_US = 100_000  # a cycle that comes later than this counts for so much
 LOST_US = 200_000  # a silence of all wheels, or of the controller itself, after which no wheel is believed unproved
@@ -22,7 +22,7 @@ class SlipController:
     past their time-out: DriverDemand: traction ends; a brake that was demanded stays, protected. WheelSpeed: the axle
     pulls no more, and brakes as the driver demands, without protection. BrakePressure: the controller goes on with its
     own model of the cylinder. After its start, and after it has received no wheel while braking, a wheel has to prove
-    the reference first: see `proof`.
+    the reference first: see `proof`. sanding: asks the train's sanders.
     """
 
     def __init__(
@@ -30,6 +30,7 @@ class SlipController:
         facts: Facts,
         law: Callable[[], Law],
         limits: Mapping[int, AdhesionLimit] | None = None,
+        sanding: SandControl | None = None,
     ) -> None:
         self.facts = facts
         limits = limits or {}
@@ -38,6 +39,7 @@ class SlipController:
         inputs = [self._driver, *(h for a in self.axles for h in (a.wheel, a.pressure))]
         self._inputs = {h.message.frame_id: h for h in inputs}
         self._pressures = {a.pressure.message.frame_id: a for a in self.axles}
+        self._sanding = sanding
         self._reference = ReferenceSpeed(facts)
         self._resync = Resync(len(self.axles), self.axles[0].law.release)
         self.proof = Proof(facts)
@@ -63,11 +65,13 @@ class SlipController:
             for a in self.axles:
                 if a.limit is not None:
                     a.limit.hear(can_id, data, stamp_us)
+            if self._sanding is not None:
+                self._sanding.hear(can_id, data, stamp_us)
         elif message.take(data, stamp_us) and can_id in self._pressures:
             self._pressures[can_id].blending.take(float(message.values["Pressure"]))
 
     def tick(self, now_us: int) -> list[Sent]:
-        """The Demand frames of a cycle. Cycles may be left out; time does not run backwards."""
+        """The Demand and Sand frames of a cycle. Cycles may be left out; time does not run backwards."""
         since_us = now_us - (now_us - CYCLE_US if self._now_us is None else self._now_us)
         self._now_us, self._period_us = now_us, min(max(since_us, CYCLE_US), MAX_PERIOD_US)
         share = self._driver_share()
@@ -93,6 +97,10 @@ class SlipController:
             drive, valve = a.blending.step(torque, share, self._braking, self._known(a, speed, torque, demand_N_m))
             if self._driver.stamp_us is not None:
                 out.append(a.channel.encode(now_us, {"Torque": drive, "Valve": valve}))
+        if self._sanding is not None and self._driver.stamp_us is not None:
+            brake_N_m = demand_N_m if self._braking else 0.0
+            sliding = [a.law.sliding for a in self.axles]
+            out += self._sanding.tick(now_us, self._period_us * 1e-6, speed, brake_N_m, sliding)
         return out
 
     def _known(self, a: ControlledAxle, speed_m_s: float | None, torque_N_m: float, demand_N_m: float) -> float | None:
@@ -151,27 +159,22 @@ LIMITS = {
 }  # fmt: skip
 
 
-def make_controller(name: str, facts: Facts, config: Config | None = None) -> TrainController:
-    """A controller by its name, one of NAMES; with a daemon's configuration, one that uses its adhesion.
+def make_controller(
+    name: str, facts: Facts, config: Config | None = None, sanding: SandControl | None = None
+) -> TrainController:
+    """A controller by its name, one of NAMES; with a daemon's configuration, one that uses its adhesion; with sanding,
+    one that asks for sand.
 
-    KeyError for another name; "none" has no use for adhesion. InputError where the configuration's adhesion message
-    lacks what a controller needs of it.
+    KeyError for another name; "none" has no use for either. InputError where the configuration's adhesion message lacks
+    what a controller needs of it.
     """
     if name == "none":
         return Unprotected(facts.axles, facts.actuators)
     if config is None:
-        return SlipController(facts, LAWS[name])
+        return SlipController(facts, LAWS[name], sanding=sanding)
     limits = {a.number: _limit(name, facts, config, a) for a in config.axles if a.number in facts.axles}
-    return SlipController(facts, LAWS[name], limits)
+    return SlipController(facts, LAWS[name], limits, sanding)
 
 
 def _limit(name: str, facts: Facts, config: Config, axle: AxleConfig) -> AdhesionLimit:
-    adhesion = receiver(config, axle)
-    if adhesion.unusable is not None:
-        raise InputError(
-            f"{adhesion.unusable}: no base for a controller",
-            hint="map them in the configuration, or run the controller without adhesion",
-        )
-    # the wheelset's own rotation takes torque beside what the rail carries
-    rotation = facts.inertia_kg_m2 / facts.wheelset.r_0**2 / facts.wheelset.M_v
-    return AdhesionLimit(adhesion, facts.unit_adhesion_N_m * (1.0 + rotation), LIMITS[name])
+    return AdhesionLimit(usable_receiver(config, axle), facts.carried_N_m, LIMITS[name])

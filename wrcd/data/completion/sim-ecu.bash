@@ -11,7 +11,7 @@ _shtab_sim_ecu_list_option_strings=(-h --help)
 _shtab_sim_ecu_play_option_strings=(-h --help -i --interface -c --channel --log --fast --config --no-truth --ahead)
 _shtab_sim_ecu_inject_option_strings=(-h --help -i --interface -c --channel --log --fast --config --no-truth --ahead --fault --list)
 _shtab_sim_ecu_drive_option_strings=(-h --help -i --interface -c --channel --log --no-truth --json)
-_shtab_sim_ecu_control_option_strings=(-h --help -i --interface -c --channel --with-adhesion --config --scenario --for)
+_shtab_sim_ecu_control_option_strings=(-h --help -i --interface -c --channel --with-adhesion --sand --config --scenario --for)
 _shtab_sim_ecu_faults_option_strings=(-h --help)
 _shtab_sim_ecu_design_option_strings=(-h --help --config -o --output --form --search --budget --jobs --baselines --explain)
 _shtab_sim_ecu_contact_option_strings=(-h --help --k-a --k-s)
@@ -96,6 +96,7 @@ _shtab_sim_ecu_demo__o_COMPGEN=_shtab_compgen_dirs
 _shtab_sim_ecu_demo___output_COMPGEN=_shtab_compgen_dirs
 
 _shtab_sim_ecu_control_pos_0_choices=(none thresholds creep)
+_shtab_sim_ecu_control___sand_choices=(at-slide below-speed when-low at-place)
 _shtab_sim_ecu_design___form_choices=(wrcd paper)
 _shtab_sim_ecu_tune___form_choices=(wrcd paper)
 _shtab_sim_ecu_score___suite_choices=(paper grid robust rough harsh slow worlds long canted peak transitions drops cycles dead foreign dry-hours fusion)
