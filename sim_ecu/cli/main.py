@@ -15,6 +15,7 @@ SIM_ECU = Program(
         "inject",
         "drive",
         "control",
+        "driver",
         "faults",
         "design",
         "contact",

@@ -1,10 +1,13 @@
 """Who decides when to begin braking: the protocol of a driver beside the controllers, and one who stops at a mark."""
 
+from collections.abc import Callable
 from typing import Protocol
 
+from sim_ecu.loop.control.adhesion_consumer import Facts
 from sim_ecu.loop.control.advice_receiver import AdviceReceiver
 from sim_ecu.loop.control.braking_rate import RATES, AdvisedRate, RateLimits, needed_m_s2
 from sim_ecu.loop.rig_messages import NewestFrame, rig_message
+from wrcd.config.config import load_packaged
 from wrcd.core.configuration import Config
 
 LEVER_US = 50_000  # how often a driver moves the lever
@@ -16,7 +19,9 @@ SLIDES_SHARE, SLIDES_M_S = 0.05, 0.5  # slip that a driver is shown, whichever i
 
 
 class Driver(Protocol):
-    """Pure: no clock, no bus. Times are microseconds from the run's start."""
+    """Pure: no clock, no bus. Times are microseconds from the run's start. ids: of the messages that it hears."""
+
+    ids: tuple[int, ...]
 
     def hear(self, can_id: int, data: bytes, stamp_us: int) -> None:
         """Take a frame from the bus."""
@@ -27,6 +32,8 @@ class Driver(Protocol):
 
 class Rule:
     """What a driver who stops at a mark goes by: one rate, and no test, unless a kind says more."""
+
+    ids: tuple[int, ...] = ()
 
     def __init__(self, rate_m_s2: float) -> None:
         self._rate_m_s2 = rate_m_s2
@@ -61,6 +68,7 @@ class Advised(Rule):
         super().__init__(limits.cautious)
         self._tests = tests
         self._receiver, self._rate, self._position_m = AdviceReceiver(config), AdvisedRate(limits), 0.0
+        self.ids = (self._receiver.can_id,)
 
     def hear(self, can_id: int, data: bytes, stamp_us: int) -> None:
         """Take an advice."""
@@ -91,6 +99,7 @@ class TestsEach(Rule):
         super().__init__(limits.cautious)
         self._limits, self._slid, self._over, self._speed_m_s = limits, False, False, 0.0
         self._wheels = {w.message.frame_id: w for w in (NewestFrame(rig_message(f"WheelSpeed_A{n}")) for n in axles)}
+        self.ids = tuple(self._wheels)
 
     def hear(self, can_id: int, data: bytes, stamp_us: int) -> None:
         """Take a wheel's speed."""
@@ -130,6 +139,7 @@ class MarkDriver:
         self.tested_us: int | None = None
         self.rate_m_s2 = 0.0  # that was planned with
         self.rule, self._full_m_s2, self._test_us = rule, full_m_s2, round(1e6 * test_s)
+        self.ids = rule.ids
         self._testing = False
         self._applies_us = 0
         self._share = 0.0
@@ -172,3 +182,18 @@ class MarkDriver:
             self.tested_us, self._testing = now_us, True
         else:
             self.begun_us, self.rate_m_s2 = now_us, rate
+
+
+POLICIES = ("wrcd", "tests", "dry", "slippery")
+
+
+def make_driver(name: str, facts: Facts, config: Config | None = None) -> MarkDriver:
+    """A driver by the name of a policy: one of POLICIES. config: of the daemon that "wrcd" listens to; None: the
+    packaged one with its advice. KeyError for another name, InputError for a configuration without advice."""
+    rules: dict[str, Callable[[], Rule]] = {
+        "wrcd": lambda: Advised(config or load_packaged(len(facts.axles), advice=True)),
+        "tests": lambda: TestsEach(facts.axles),
+        "dry": lambda: Rule(RATES.dry),
+        "slippery": lambda: Rule(RATES.cautious),
+    }
+    return MarkDriver(rules[name](), facts.full_brake_m_s2)

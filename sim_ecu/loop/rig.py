@@ -161,6 +161,7 @@ class Rig:
         self._sensed = Sensed(scenario, TRUTH in self._receivers, train)
         self._rngs = [np.random.default_rng([a.seed, 5]) for a in axles]
         self._driver = Channel(rig_message("DriverDemand"))
+        self._train = None if scenario.mark_m is None else Channel(rig_message("TrainPosition"))
         self._wheels = [Channel(rig_message(f"WheelSpeed_A{n}")) for n in numbers]
         self._cylinders = [Channel(rig_message(f"BrakePressure_A{n}")) for n in numbers]
         self.demands = {m.message.frame_id: m for m in (NewestFrame(rig_message(f"Demand_A{n}")) for n in numbers)}
@@ -300,6 +301,10 @@ class Rig:
         if now % self._driver.every_us == 0:
             mode = COAST if share == 0.0 else TRACTION if share > 0.0 else BRAKE
             out.append(self._driver.encode(now, {"Mode": mode, "Share": abs(share)}))
+        mark_m = self.scenario.mark_m
+        if self._train is not None and mark_m is not None and now % self._train.every_us == 0:
+            at_m = self.distance_m
+            out.append(self._train.encode(now, {"Position": at_m, "ToMark": mark_m - at_m}))
         for k, (rng, tachometer, cylinder) in enumerate(zip(self._rngs, self._wheels, self._cylinders, strict=True)):
             if now % tachometer.every_us == 0:
                 out.append(tachometer.encode(now, {"WheelSpeed": TACHOMETER.measure_one(float(wheel[k]), rng)}))

@@ -63,6 +63,12 @@ class Facts:
         """What the driver demands of a wheelset at a brake share of 1, both brakes together."""
         return self.actuators.full_brake_N_m
 
+    @property
+    def full_brake_m_s2(self) -> float:
+        """The deceleration that full service gives where the rail bears it."""
+        w = self.wheelset
+        return self.full_brake_N_m / ((w.M_v + self.inertia_kg_m2 / w.r_0**2) * w.r_0)
+
     def demand_N_m(self, share: float, braking: bool) -> float:
         """|torque| that a share (0 ... 1) of the full effort demands of a wheelset."""
         return share * (self.full_brake_N_m if braking else self.actuators.drive.max_traction_N_m)

@@ -22,8 +22,8 @@ WHAT = (
     f"Trains come to stations at {LINE_M_S[0]:g} to {LINE_M_S[1]:g} m/s, ten stations on a line, and are to stand at a "
     f"mark. Rails: {_MIX}; at {STAYS:.0%} of the stations as at the one before. Who drives decides when to begin "
     "braking, and brakes so that the train stands at the mark; slide protection by thresholds. Past it: more "
-    f"than {OVERRUN_M:g} m. Seconds lost: after who knows the rail, of stops in which neither overran. In brackets: 90 % "
-    "intervals, of whole lines."
+    f"than {OVERRUN_M:g} m. Seconds lost: after who knows the rail, of stops in which neither overran. In brackets: "
+    "90 % intervals, of whole lines."
 )
 WHO = {
     DRY: "thinks of nothing",
@@ -40,7 +40,7 @@ WHO = {
 }
 LATE_FILM = (
     f"Late film: on low and very low rail some films begin {LATE_M[0]:g} to {LATE_M[1]:g} m before the mark, after wet "
-    "rail. Where that is within the braking distance of who knows the rail, nobody knows in time: no wheel has met it; "
+    "rail. Where that is within the braking distance of who knows the rail, no wheel has met it in time; "
     "these stops have a table of their own."
 )
 ASSUMED = (
