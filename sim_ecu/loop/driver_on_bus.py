@@ -21,7 +21,7 @@ class LeverOnBus:
         self._lever = NewestFrame(rig_message("DriverLever"))
         self._full_m_s2 = full_m_s2
         self.silence = SilenceRecord(LEVER_US)
-        self.ids = (self._lever.message.frame_id,)
+        self.ids: tuple[int, ...] = (self._lever.message.frame_id,)
         self.news: str | None = None  # of the last look
 
     def hear(self, can_id: int, data: bytes, stamp_us: int) -> None:

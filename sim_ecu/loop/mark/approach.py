@@ -23,10 +23,10 @@ from wrcd.core.messages import Outgoing
 from wrcd.estimator.records import Estimate
 
 TRAINS = MAX_AXLES // AXLES
-Advices = list[tuple[int, int, bytes]]  # stamp (us from the start), id, data
+Advices = Sequence[tuple[int, int, bytes]]  # stamp (us from the start), id, data
 
 
-def approach(stops: Sequence[Stop]) -> list[Advices]:
+def approach(stops: Sequence[Stop]) -> Sequence[Advices]:
     """Return what each train hears until the last place where it may begin to brake. Up to TRAINS stops of one line."""
     first = stops[0]
     seconds = (first.mark_m - braking_m(first.speed_m_s, RATES.dry)) / first.speed_m_s
@@ -55,7 +55,7 @@ class _Shared:
     def __init__(self, trains: int, config: Config) -> None:
         assert config.advice is not None
         output = config.advice.output
-        self.heard: list[Advices] = [[] for _ in range(trains)]
+        self.heard: list[list[tuple[int, int, bytes]]] = [[] for _ in range(trains)]
         self._advisers = [Adviser(AXLES, config.advice) for _ in range(trains)]
         self._writer, self._cycle_us = Writer(find_message(config.database, output.message), output), output.cycle_us
         self._slot_us = -1
