@@ -18,8 +18,8 @@ def read_advice(top: Section, database: Database | None, tick_ms: float) -> Advi
         return None
     section = top.section("advice")
     found = output(section, "advice", database, ADVICE_MESSAGE, tick_ms, declared.ADVICE_MESSAGE.name)
-    limits = tuple(key.value(section) for key in declared.CATEGORIES)
-    for (better, high), (worse, low) in pairwise(zip(declared.CATEGORIES, limits, strict=True)):
+    limits = tuple(key.value(section) for key in declared.CATEGORY_KEYS)
+    for (better, high), (worse, low) in pairwise(zip(declared.CATEGORY_KEYS, limits, strict=True)):
         if low >= high:
             reason = f"is {low:g}, not less than {better.name}, {high:g}"
             section.refuse(reason, worse.name, "a category holds from a lower deceleration than the better one")

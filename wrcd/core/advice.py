@@ -120,10 +120,12 @@ class Adviser:
             self._samples[-1] = now, self._way_m, middle[valid].mean(), low[valid].min(), used[valid].mean()
         old = (now - self._samples[:, 0] > KEPT_US) | (self._way_m - self._samples[:, 1] > KEPT_M)
         self._samples[old] = np.nan
-        if 2 * np.count_nonzero(now - self._valid_us <= NEWEST_US) < len(reports):
+        kept = self._samples[np.isfinite(self._samples[:, 0])]
+        few = 2 * np.count_nonzero(now - self._valid_us <= NEWEST_US) < len(reports)
+        if few or not len(kept) or now - kept[-1, 0] > NEWEST_US:
             self._samples[:] = np.nan
             return NO_ADVICE
-        return self._advice(now, valid, rail_ahead or ())
+        return self._advice(now, kept, valid, rail_ahead or ())
 
     def _move(self, now: float, speed_m_s: float) -> None:
         """A slot later. Where time went back or stood, or the way is not known, nothing that was kept holds."""
@@ -140,8 +142,7 @@ class Adviser:
         self._slot_us = math.nan
         self._way_m = 0.0
 
-    def _advice(self, now: float, valid: BoolArray, rail_ahead: Sequence[RailAhead]) -> Advice:
-        kept = self._samples[np.isfinite(self._samples[:, 0])]
+    def _advice(self, now: float, kept: FloatArray, valid: BoolArray, rail_ahead: Sequence[RailAhead]) -> Advice:
         middle, low = self._found(now, kept)
         evidence = {r.evidence for r in rail_ahead}
         if less := [r.mu_pct for r in rail_ahead if r.evidence == "Confirmed" and r.mu_pct is not None]:

@@ -20,7 +20,7 @@ import numpy as np
 from wrcd.bus.codec import MessageReader, Receiver, Sample, Value
 from wrcd.bus.frame import Frame
 from wrcd.bus.reasons import Reason
-from wrcd.core.advice import Adviser
+from wrcd.core.advice import NO_ADVICE, Adviser
 from wrcd.core.ahead import Ahead
 from wrcd.core.block import Block
 from wrcd.core.causes import Cause
@@ -486,4 +486,4 @@ class Core:
     def shutdown_frames(self, now_us: int) -> list[Frame]:
         """The last frames: every axle NotAvailable, the daemon stopping."""
         self.health.state = "Stopping"
-        return list(self._outbox.shutdown_frames(now_us, self.counts, self.health))
+        return list(self._outbox.shutdown_frames(now_us, self.counts, self.health, NO_ADVICE.values()))

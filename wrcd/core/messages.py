@@ -18,7 +18,7 @@ from wrcd.core.causes import Cause, Validity
 from wrcd.core.configuration import Config
 from wrcd.core.counts import Counts, Health
 from wrcd.core.inputs import LAT, SPEED, TORQUE, YAW
-from wrcd.core.vocabulary import CONFIDENCES, NOT_AVAILABLE, SURFACES
+from wrcd.core.vocabulary import CONFIDENCES, SURFACES
 from wrcd.estimator.design import MODELS
 from wrcd.estimator.records import Estimate
 
@@ -236,13 +236,13 @@ class Outbox:
         if self._link and self._link.cycle_us in due:
             yield from _frames((self._link,), end_us, due, (link_values(health.link, counts, outliers),))
 
-    def shutdown_frames(self, now_us: int, counts: Counts, health: Health) -> Iterator[Frame]:
+    def shutdown_frames(
+        self, now_us: int, counts: Counts, health: Health, no_advice: Mapping[str, Value]
+    ) -> Iterator[Frame]:
         """The last frames: every axle and the advice NotAvailable, the daemon stopping."""
         status = health_values(health, counts, self._config.design.checksum)
-        last: list[tuple[Writer | None, Mapping[str, Value]]]
         last = [(w, NOT_AVAILABLE_REPORT.values()) for w in self._adhesion]
-        last += [(self._advice, {"Validity": NOT_AVAILABLE}), (self._status, status)]
-        for writer, values in last:
+        for writer, values in (*last, (self._advice, no_advice), (self._status, status)):
             if writer:
                 # the present slot's frames have gone out: the next counter, or a receiver takes these for repeats
                 yield writer.frame(now_us, now_us // writer.cycle_us + 1, values)

@@ -129,7 +129,7 @@ def beyond_a_schema(document: dict[str, Any]) -> bool:
         return True
     advice = document.get("advice")
     if isinstance(advice, dict):
-        begins: list[Any] = [advice.get(key.name, key.default) for key in declared.CATEGORIES]
+        begins: list[Any] = [advice.get(key.name, key.default) for key in declared.CATEGORY_KEYS]
         if all(type(x) in (int, float) for x in begins) and any(a <= b for a, b in pairwise(begins)):
             return True
     limits = document.get("limits")

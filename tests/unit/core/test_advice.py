@@ -136,6 +136,14 @@ def test_way_is_at_most_150_m(train: Train) -> None:
     assert train.run(4.2).distance_m == pytest.approx(20.0)
 
 
+def test_samples_that_are_too_far_behind_are_no_advice(train: Train) -> None:
+    """At 200 m/s 150 m are over before the second is in which no axle is Valid."""
+    train.speed_m_s = 200.0
+    train.run(4.0)
+    train.validity = [Validity.DEGRADED] * AXLES
+    assert [train.run(SLOT_S).validity for _ in range(4)] == ["Degraded"] * 3 + ["NotAvailable"]
+
+
 def test_part_of_the_axles_is_degraded_and_fewer_than_half_not_available(train: Train) -> None:
     train.validity[0] = Validity.DEGRADED
     train.mu[0] = 90.0  # what is not Valid counts for nothing

@@ -45,6 +45,7 @@ from sim_ecu.reporting.page import markdown
 from wrcd.bus.dbc import find_message
 from wrcd.bus.frame import Frame
 from wrcd.config.config import load_packaged
+from wrcd.core.configuration import Config
 from wrcd.core.core import Core
 from wrcd.core.messages import Outgoing
 from wrcd.recorder.state import capture, encode, restore
@@ -53,6 +54,8 @@ from wrcd.resources import LONE
 TRAINING_SEED = 500
 JOINTED_NUMBER, JOINTED_SEED = 14, 314
 AHEAD, DETAIL = range(0xC1, 0xC5), range(0xA1, 0xA5)
+ADVICE = 0xB3
+ADVISING = load_packaged(4, PLACES_M, LONE, advice=True)
 FUSING, PLAIN = (load_packaged(4, places, LONE) for places in (PLACES_M, None))
 
 
@@ -160,6 +163,25 @@ def test_restored_state_goes_on_with_the_same_frames(frames: list[Frame]) -> Non
     expected = sent(core, rest)
     assert sent(again, rest) == expected
     assert len({f.data[2:] for f in expected if f.can_id in AHEAD}) > 10
+
+
+def test_confirmed_drop_ahead_takes_the_trains_advice_down(frames: list[Frame]) -> None:
+    message = find_message(ADVISING.database, "AdhesionAdvice")
+
+    def advised(config: Config) -> list[Any]:
+        out = [o.frame for core in (Core(config),) for f in frames for o in core.feed(f)]
+        return [message.decode(f.data) for f in out if f.can_id == ADVICE]
+
+    fused, alone = advised(ADVISING), advised(load_packaged(4, None, LONE, advice=True))
+    words = [str(said["Ahead"]) for said in fused]
+    assert "Confirmed" in words
+    assert {str(said["Ahead"]) for said in alone} == {"None"}
+    for said, word, without in zip(fused, words, alone, strict=True):
+        if word != "Confirmed":
+            assert {**said, "Ahead": 0, "Crc": 0} == {**without, "Ahead": 0, "Crc": 0}
+        elif str(said["Validity"]) == "Valid":
+            assert said["Deceleration"] <= without["Deceleration"]
+            assert said["DecelerationLow"] <= min(without["DecelerationLow"], 0.5 * said["Deceleration"] + 0.01)
 
 
 def test_silence_of_the_speed_forgets_the_drop(frames: list[Frame]) -> None:
