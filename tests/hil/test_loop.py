@@ -1,26 +1,22 @@
 """The loop on a real vcan: rig, daemon and controller as processes; a stop as in lockstep, and what breaks the loop."""
 
-import json
-import subprocess
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from tests.support.can_ids import ADHESION_A1
+from tests.support.loop_processes import CONTROLLER, DAEMON, RIG, LoopProcesses
 from tests.support.loop_wire import TIMINGS, stop_in_lockstep
 from tests.support.metronome import SLOT_US, metronome
-from tests.support.processes import BIN, running, wait_for
-from tests.support.vcan import CANDUMP, ip, now_us
+from tests.support.processes import wait_for
+from tests.support.vcan import ip, now_us
 from wrcd.config.config import packaged
 
 SILENT = "axle 1: demand silent for 30 ms: traction ends, brakes apply as the driver asked"
 DEMAND_A1 = 0x141
-RIG, CONTROLLER, DAEMON = 10, 10, 5  # real-time priorities: train and controller do not wait for the daemon's processor
 # 13 s from 18 m/s on greasy rail: long enough for three misfortunes, one after the other, where the host is busy, too
 SHORT = """
 title = "full braking from 18 m/s on greasy rail"
@@ -31,40 +27,15 @@ driver = { demand = -1.0 }
 """
 
 
-@dataclass
-class Told:
-    """What a process says: on standard error, in a file, and on standard output, in another."""
-
-    file: Path
-
-    @property
-    def out(self) -> Path:
-        return self.file.with_suffix(".out")
-
-    @property
-    def text(self) -> str:
-        return self.file.read_text(errors="replace")
-
-    def wait_for(self, line: str, after: int = 0, seconds: float = 10) -> int:
-        """Wait for a line with this text behind a place; return the place behind it."""
-        try:
-            wait_for(f"{line!r} of {self.file.stem}", seconds, lambda: line in self.text[after:])
-        except AssertionError as e:
-            raise AssertionError(f"{e}; it says\n{self.text}") from None
-        return self.text.index(line, after) + len(line)
-
-
-class Bench:
+class Bench(LoopProcesses):
     """Daemon and controller on vcan0, candump beside them, and rigs that are driven one after the other."""
 
     def __init__(self, folder: Path, cleanup: ExitStack) -> None:
-        self.folder, self._cleanup = folder, cleanup
+        super().__init__(folder, cleanup)
         self.config = folder / "one.toml"
         self.config.write_text(packaged(1))
-        self.log = folder / "candump.log"
-        cleanup.enter_context(running(*CANDUMP, "vcan0", output=self.log))
-        self.daemon, _ = self._start(DAEMON, f"wrcd run -i socketcan -c vcan0 --config {self.config}")
-        self.controller, self.controls = self._start(
+        self.daemon, _ = self.start(DAEMON, f"wrcd run -i socketcan -c vcan0 --config {self.config}")
+        self.controller, self.controls = self.start(
             CONTROLLER, f"sim-ecu control thresholds --with-adhesion -c vcan0 --config {self.config}"
         )
         wait_for("frames of the daemon", 60, lambda: self.has(ADHESION_A1))
@@ -72,30 +43,6 @@ class Bench:
         self.controls.wait_for("DriverDemand", seconds=60)
         assert "not heard yet" in self.controls.text
         assert not self.has(DEMAND_A1)
-
-    def _start(self, priority: int, command: str) -> tuple[subprocess.Popen[bytes], Told]:
-        program, *arguments = command.split()
-        told = Told(self.folder / f"{program}-{arguments[0]}-{time.monotonic_ns()}.err")
-        with told.file.open("wb") as err, told.out.open("wb") as out:
-            process = subprocess.Popen(["chrt", "-f", str(priority), BIN / program, *arguments], stdout=out, stderr=err)
-        self._cleanup.callback(process.wait, 10)
-        self._cleanup.callback(process.kill)
-        return process, told
-
-    def has(self, *ids: int) -> bool:
-        """Whether candump has seen frames of all these ids."""
-        text = self.log.read_text()
-        return all(f" {can_id:03X}#" in text for can_id in ids)
-
-    def drive(self, command: str) -> tuple[subprocess.Popen[bytes], Told]:
-        return self._start(RIG, f"{command} --no-truth --json {self.folder / 'out.json'}")
-
-    def end(self, rig: subprocess.Popen[bytes], told: Told) -> tuple[int, str, dict[str, Any]]:
-        """Status, summary and document of a rig that drives to its end."""
-        status = rig.wait(90)
-        summary = told.out.read_text()
-        print(told.text, summary)
-        return status, summary, json.loads((self.folder / "out.json").read_text())
 
 
 @pytest.fixture(scope="module")
