@@ -51,7 +51,7 @@ hil: $(READY)
 	GUEST_TIMEOUT=900 tests/hil/guest/run --native-ok -- $(BIN)/python -m pytest $(HIL) \
 	    tests/hil/test_vcan.py tests/hil/test_own_dbc.py tests/hil/test_link_*.py tests/hil/test_load.py \
 	    tests/hil/test_docs_commands.py tests/hil/test_monitor.py tests/hil/test_contract.py tests/hil/test_kit.py \
-	    tests/hil/test_loop.py
+	    tests/hil/test_loop.py tests/hil/test_mark.py
 
 # every fault of the matrix against the real daemon; its table is printed
 faults: $(READY)
