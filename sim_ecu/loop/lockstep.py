@@ -112,6 +112,7 @@ class Lockstep:
     def end_daemon(self) -> None:
         """From now on there is no daemon: its frames end, as of one that is killed."""
         self.core = None
+        self.rig.end_daemon()
 
     def step(self) -> Step:
         """5 ms on; over says whether its time is up, or the train slower than the scenario's stop_m_s."""

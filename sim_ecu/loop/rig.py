@@ -218,6 +218,10 @@ class Rig:
         """Set the driver's demand (-1 … 1), instead of the scenario's course; it holds until it is set again."""
         self._share_given = share
 
+    def end_daemon(self) -> None:
+        """Make no more frames for wrcd: nobody would receive them."""
+        self._receivers -= {WRCD, TRUTH}
+
     def coast(self, samples: int, holds_speed: bool = True) -> None:
         """So many samples on at once, all actuators at rest, nothing sensed. holds_speed: the train keeps its speed,
         pulled as it needs to be; else it runs out."""

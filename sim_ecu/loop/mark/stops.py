@@ -20,10 +20,10 @@ from wrcd.core.configuration import Config
 
 G = 9.80665
 LAW = "thresholds"
-ROLLS = 0.6  # of the lowest adhesion on the way: a train that demands less does not slide, and is not simulated
+ROLLS = 0.75  # of the lowest adhesion on the way: a train that demands less does not slide, and is not simulated
 RUNS_OUT = 600  # samples in which its resistance is measured
 LAG_S = 0.1  # of its brake
-WARM_UP_US = 5_000_000  # of the daemon, before a test
+WARM_UP_US = 4_000_000  # of the daemon, before a test
 SETTLES_US = 1_000_000  # before the brake: the controller finds its reference
 SLIDES_FROM_M_S = 3.0  # a slide at a lower speed is not judged
 PLACES = 60  # on the way at which the rail is looked at
