@@ -22,6 +22,7 @@ SIM_ECU = Program(
         "score",
         "figures",
         "loop",
+        "fronts",
         "campaign",
         "compare",
         "fmu",

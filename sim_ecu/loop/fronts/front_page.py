@@ -1,0 +1,137 @@
+"""The fronts as sentences, tables for a terminal, and one page with a picture for every rail."""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from sim_ecu.loop import LAWS, WITH
+from sim_ecu.loop.fronts.front_figures import FrontComparison, FrontRatio
+from sim_ecu.loop.fronts.front_rides import CASES, tuned
+from sim_ecu.loop.suites.rides import FIRST_TEST_SEED
+from sim_ecu.reporting import page as reporting
+from sim_ecu.reporting.page import Items, PageSection
+from sim_ecu.reporting.table import Row, Table
+from sim_ecu.reporting.values import Figure, Rounded, number
+from sim_ecu.score.sections import warnings
+
+WHAT = (
+    "A controller has one set point, and another one moves its stop along a front: less slip energy, more distance. So "
+    "each law is driven at eight set points with wrcd and at the same eight without, on the same runs. A front is what "
+    "no other set point betters in both the median slip energy of a wheel (kJ) and the median distance (m), with lines "
+    "between its points. A figure is the front with wrcd over the one without, the geometric mean over all that both "
+    "fronts reach; in brackets its 90 % interval, of whole runs. Nothing is drawn beyond a front's ends."
+)
+CHANCE = "Of figures that are 1 in truth every tenth interval leaves it out: {count} figures are judged here."
+POINTS = "medians of distance and slip energy at every set point; thresholds: a factor of the slips at which it acts"
+FRONTS = "the front with wrcd over that without, by rail and law"
+TOLD = (
+    "an adhesion that somebody tells all along in the daemon's place, Valid and precise, to the law as it was tuned; "
+    "over the two fronts at the same distance, and over that with wrcd at the same energy. Above 1: the lie is worse. "
+    "A dash: the front does not reach there"
+)
+NEEDS = "too few runs to tell"
+
+
+def says(law: str, c: FrontComparison) -> str:
+    """Return what a comparison shows, as a sentence, also where it is nothing."""
+    energy = _says("distance", "energy", c.energy, "m", ("less", "more"))
+    way = _says("energy", "distance", c.distance, "kJ", ("shorter", "longer"))
+    return f"{law.capitalize()}: {energy}; {way}."
+
+
+def _says(equal: str, what: str, r: FrontRatio, unit: str, words: tuple[str, str]) -> str:
+    if math.isnan(r.mean.value):
+        return (
+            f"no {equal} is reached by both fronts ({_range(r.other)} {unit} without wrcd, {_range(r.one)} {unit} with)"
+        )
+    return f"at equal {equal} the {what} with wrcd is {number(r.mean)} of the bare front's: {verdict(r.mean, words)}"
+
+
+def verdict(f: Figure, words: tuple[str, str]) -> str:
+    """Return whether a ratio is below or above 1 by more than chance, in words for below and above."""
+    if math.isnan(f.value) or math.isnan(f.low):
+        return NEEDS
+    return words[0] if f.high < 1.0 else words[1] if f.low > 1.0 else "no difference shown"
+
+
+def sections(result: Mapping[str, Any]) -> list[PageSection]:
+    """Return the sentences, and the tables of the fronts, the lies and the points."""
+    run, fronts = result["run"], result["fronts"]
+    count = 2 * len(LAWS) * len(fronts)
+    head = PageSection("", parts=[
+        f"Runs of every point: {run['seeds']}, seeds from {FIRST_TEST_SEED} on; the controllers were tuned on seeds "
+        "below 1000.", WHAT, CHANCE.format(count=count),
+    ])  # fmt: skip
+    every = [(rail, law, of) for rail, laws in fronts.items() for law, of in laws.items()]
+    return [
+        head,
+        PageSection("fronts", FRONTS, [
+            Items([f"{rail}: {says(law, of['with_over_bare'])}" for rail, law, of in every]), _fronts(every),
+        ]),
+        PageSection("told", TOLD, [_told(every)]),
+        PageSection("points", POINTS, [_points(every)]),
+    ]  # fmt: skip
+
+
+def text(result: Mapping[str, Any]) -> list[str]:
+    """Return all as lines for a terminal, and for a page of docs."""
+    return [line for word, of in warnings(result) for line in (f"{word}: {of}", "")] + reporting.markdown(
+        sections(result)
+    )
+
+
+def page(result: Mapping[str, Any]) -> str:
+    """Return all as HTML, with pictures inside."""
+    from sim_ecu.loop.fronts.front_pictures import picture
+
+    pictures = (picture(rail, CASES[rail].name, laws) for rail, laws in result["fronts"].items())
+    heading = "Is it wrcd, or another set point?"
+    return reporting.html(reporting.Page("sim-ecu fronts", heading, sections(result), (), warnings(result), pictures))
+
+
+def _fronts(every: Sequence[tuple[str, str, Mapping[str, Any]]]) -> Table:
+    head = ["rail: law", "distances of both, m", "energy at equal distance", "energies of both, kJ",
+            "distance at equal energy"]  # fmt: skip
+    return Table(head, list(_front_rows(every)))
+
+
+def _front_rows(every: Sequence[tuple[str, str, Mapping[str, Any]]]) -> Iterator[Row]:
+    for rail, law, of in every:
+        c: FrontComparison = of["with_over_bare"]
+        yield Row([
+            f"{rail}: {law}", _range((c.energy.at[0], c.energy.at[-1])), c.energy.mean,
+            _range((c.distance.at[0], c.distance.at[-1])), Rounded(c.distance.mean, 3),
+        ])  # fmt: skip
+
+
+def _told(every: Sequence[tuple[str, str, Mapping[str, Any]]]) -> Table:
+    head = ["rail: law, told", "distance, m", "slip energy, kJ", "energy over the front without wrcd",
+            "energy over the front with wrcd", "distance over the front with wrcd"]  # fmt: skip
+    rows = [
+        [f"{rail}: {law}, {t['told_pct']:g} %", Rounded(t["distance_m"], 1), Rounded(t["energy_kJ"], 1),
+         t["over_bare"].energy.mean, t["over_with"].energy.mean, Rounded(t["over_with"].distance.mean, 3)]
+        for rail, law, of in every for t in of["told"]
+    ]  # fmt: skip
+    return Table(head, rows)
+
+
+def _points(every: Sequence[tuple[str, str, Mapping[str, Any]]]) -> Table:
+    head = ["rail: law", "set point", "distance, m", "with wrcd", "slip energy, kJ", "with wrcd"]
+    rows = []
+    for rail, law, of in every:
+        for bare, own in zip(of["points"][law], of["points"][WITH[law]], strict=True):
+            at = f"{bare['set_point']:g}" + (", tuned" if bare["set_point"] == tuned(law) else "")
+            rows.append([f"{rail}: {law}", at, _place(bare, "distance_m"), _place(own, "distance_m"),
+                         _place(bare, "energy_kJ"), _place(own, "energy_kJ")])  # fmt: skip
+    return Table(head, rows)
+
+
+def _place(point: Mapping[str, Any], key: str) -> str:
+    """A median; it is infinite where half of the stops did not end."""
+    missing = f", {point['not_stopped']} not stopped" if point["not_stopped"] and key == "distance_m" else ""
+    return number(point[key].value, 1) + missing
+
+
+def _range(ends: tuple[float, float]) -> str:
+    low, high = (number(x, 1) for x in ends)
+    return low if low == high else f"{low} to {high}"
