@@ -20,16 +20,16 @@ from sim_ecu.score.metrics import bootstrap
 
 FloatArray = NDArray[np.float64]
 DISTANCE, ENERGY = 0, 1  # columns of a point
-GRID = 25  # places between the ends of what two fronts share
+GRID = 25  # places along what is compared of a front
 Range = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True)
 class FrontRatio:
-    """One front over another, at the places that both reach, evenly spaced.
+    """One front over another, along the distances or energies of the one that the other reaches too.
 
-    mean: geometric, over the places; NaN where the fronts share none. at, ratio, low, high: place by place.
-    one, other: the range that each reaches (m or kJ; NaN: it has no point).
+    mean: geometric, over evenly spaced places; NaN where the other reaches none. at, ratio, low, high: place by place.
+    one, other: the range of each (m or kJ; NaN: it has no point).
     """
 
     mean: Figure
@@ -60,8 +60,8 @@ def envelope(points: FloatArray) -> FloatArray:
 
 
 def read_off(front: FloatArray, at: FloatArray, of: int) -> FloatArray:
-    """Return an envelope's other value at distances or energies (of: which) within its ends, on the lines between its
-    points."""
+    """Return an envelope's least energy within distances, or its least distance within energies (of: which is given):
+    on the lines between its points, and at the last one's beyond it. Before the first there is none."""
     ordered = front[np.argsort(front[:, of])]
     return np.asarray(np.interp(at, ordered[:, of], ordered[:, 1 - of]), np.float64)
 
@@ -72,10 +72,11 @@ def reach(front: FloatArray, of: int) -> Range:
 
 
 def ratios(one: FloatArray, other: FloatArray, of: int) -> tuple[FloatArray, FloatArray]:
-    """Return the places (GRID,) that two envelopes share and the ratios of their other values; NaN if there is none."""
-    (a, b), (c, d) = reach(one, of), reach(other, of)
-    low, high = max(a, c), min(b, d)
-    if not low <= high or np.isnan([a, c]).any():
+    """Return the places (GRID,) of one envelope that another reaches too, and the ratios of their other values there;
+    NaN if there is none."""
+    (first, last), least = reach(one, of), reach(other, of)[0]
+    low, high = max(first, least), last
+    if not low <= high or np.isnan(least):
         return np.full(GRID, np.nan), np.full(GRID, np.nan)
     at = np.linspace(low, high, GRID)
     return at, read_off(one, at, of) / read_off(other, at, of)

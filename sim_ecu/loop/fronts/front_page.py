@@ -15,11 +15,12 @@ from sim_ecu.reporting.values import Figure, Rounded, number
 from sim_ecu.score.sections import warnings
 
 WHAT = (
-    "A controller has one set point, and another one moves its stop along a front: less slip energy, more distance. So "
-    "each law is driven at eight set points with wrcd and at the same eight without, on the same runs. A front is what "
-    "no other set point betters in both the median slip energy of a wheel (kJ) and the median distance (m), with lines "
-    "between its points. A figure is the front with wrcd over the one without, the geometric mean over all that both "
-    "fronts reach; in brackets its 90 % interval, of whole runs. Nothing is drawn beyond a front's ends."
+    "Another set point moves a controller's stop along a front: less slip energy, more distance. So each law is driven "
+    "at eight set points with wrcd and at the same eight without, on the same runs. A front is what no other set point "
+    "betters in both the median slip energy of a wheel (kJ) and the median distance (m), with lines between its "
+    "points. A figure is the front with wrcd over the one without, the geometric mean along the former as far as the "
+    "latter reaches it: energy at equal distance is the least energy within a distance, distance at equal energy the "
+    "least distance within an energy. In brackets its 90 % interval, of whole runs."
 )
 CHANCE = "Of figures that are 1 in truth every tenth interval leaves it out: {count} figures are judged here."
 POINTS = "medians of distance and slip energy at every set point; thresholds: a factor of the slips at which it acts"
@@ -27,30 +28,28 @@ FRONTS = "the front with wrcd over that without, by rail and law"
 TOLD = (
     "an adhesion that somebody tells all along in the daemon's place, Valid and precise, to the law as it was tuned; "
     "over the two fronts at the same distance, and over that with wrcd at the same energy. Above 1: the lie is worse. "
-    "A dash: the front does not reach there"
+    "A dash: the front has no stop so short, or none of so little energy"
 )
-NEEDS = "too few runs to tell"
+UNTOLD = "not to be told from these runs"
 
 
 def says(law: str, c: FrontComparison) -> str:
     """Return what a comparison shows, as a sentence, also where it is nothing."""
-    energy = _says("distance", "energy", c.energy, "m", ("less", "more"))
-    way = _says("energy", "distance", c.distance, "kJ", ("shorter", "longer"))
+    energy = _says("distance", "energy", c.energy, "is so short", "m", ("less", "more"))
+    way = _says("energy", "distance", c.distance, "has so little energy", "kJ", ("shorter", "longer"))
     return f"{law.capitalize()}: {energy}; {way}."
 
 
-def _says(equal: str, what: str, r: FrontRatio, unit: str, words: tuple[str, str]) -> str:
+def _says(equal: str, what: str, r: FrontRatio, beyond: str, unit: str, words: tuple[str, str]) -> str:
     if math.isnan(r.mean.value):
-        return (
-            f"no {equal} is reached by both fronts ({_range(r.other)} {unit} without wrcd, {_range(r.one)} {unit} with)"
-        )
+        return f"no stop without wrcd {beyond} ({_range(r.other)} {unit} without, {_range(r.one)} {unit} with)"
     return f"at equal {equal} the {what} with wrcd is {number(r.mean)} of the bare front's: {verdict(r.mean, words)}"
 
 
 def verdict(f: Figure, words: tuple[str, str]) -> str:
     """Return whether a ratio is below or above 1 by more than chance, in words for below and above."""
     if math.isnan(f.value) or math.isnan(f.low):
-        return NEEDS
+        return UNTOLD
     return words[0] if f.high < 1.0 else words[1] if f.low > 1.0 else "no difference shown"
 
 
@@ -90,7 +89,7 @@ def page(result: Mapping[str, Any]) -> str:
 
 
 def _fronts(every: Sequence[tuple[str, str, Mapping[str, Any]]]) -> Table:
-    head = ["rail: law", "distances of both, m", "energy at equal distance", "energies of both, kJ",
+    head = ["rail: law", "distances, m", "energy at equal distance", "energies, kJ",
             "distance at equal energy"]  # fmt: skip
     return Table(head, list(_front_rows(every)))
 

@@ -71,9 +71,9 @@ def _over(ax: Axes, law: str, c: FrontComparison) -> None:
         ax.plot(r.at, r.ratio, color=WITH_COLOUR, lw=1.6)
         ax.fill_between(r.at, r.low, r.high, color=WITH_COLOUR, alpha=0.2, lw=0)
     else:
-        ax.text(0.5, 0.5, "no distance is reached by both", transform=ax.transAxes, ha="center", fontsize=8)
+        ax.text(0.5, 0.5, "no stop without wrcd is so short", transform=ax.transAxes, ha="center", fontsize=8)
     ax.axhline(1.0, color=plots.text_colour(), lw=0.8)
     ax.set_title(f"{law}: energy with wrcd over that without", fontsize=9)
-    ax.set_xlabel("distance of both, m", fontsize=8)
+    ax.set_xlabel("distance, m", fontsize=8)
     ax.set_ylim(0.0, 2.0)
     ax.tick_params(labelsize=8)

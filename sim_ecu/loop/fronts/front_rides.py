@@ -15,10 +15,11 @@ from sim_ecu.loop.rig import Step
 from sim_ecu.loop.suites.rails import GREASY_STOP, LOW_STOP, STOPS, WET_STOP, met_leaf_stop
 from sim_ecu.loop.suites.rides import LoopCase
 
-# thresholds: a factor of the slips at which a slide begins, 1 is tuned; creep: the set point, 0.029 is tuned
+# thresholds: a factor of the slips at which a slide begins, 1 is tuned; creep: the set point, 0.029 is tuned. Chosen on
+# training seeds: creep control below 0.004 has neither less energy nor less distance on most rails.
 SET_POINTS: dict[str, tuple[float, ...]] = {
     THRESHOLDS: (0.35, 0.45, 0.55, 0.7, 0.85, 1.0, 1.3, 1.6),
-    CREEP: (0.008, 0.010, 0.012, 0.015, 0.019, 0.024, 0.029, 0.040),
+    CREEP: (0.004, 0.006, 0.008, 0.010, 0.012, 0.019, 0.029, 0.040),
 }
 LEAF = "stop, leaf patch on a dry rail known before"
 TOLD_PCT = (3.0, 8.0, 15.0, 25.0, 40.0)

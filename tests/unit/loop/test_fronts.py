@@ -14,7 +14,7 @@ from sim_ecu.loop import CREEP, LAWS, THRESHOLDS, WITH
 from sim_ecu.loop.control.slip_controller import SlipController
 from sim_ecu.loop.fronts import front_rides, run_fronts
 from sim_ecu.loop.fronts.front_figures import DISTANCE, ENERGY, compare, envelope, read_off
-from sim_ecu.loop.fronts.front_page import NEEDS, says, verdict
+from sim_ecu.loop.fronts.front_page import UNTOLD, says, verdict
 from sim_ecu.loop.fronts.front_rides import FrontRide, FrontWork, drive, law_at, play_one, tuned
 from sim_ecu.loop.lockstep import Lockstep
 from sim_ecu.loop.loop_rides import controlled
@@ -57,7 +57,7 @@ def test_front_of_half_the_energy_is_half_at_equal_distance_and_says_so() -> Non
     assert (c.energy.at[0], c.energy.at[-1]) == pytest.approx((90.0, 120.0))
     assert c.energy.ratio == pytest.approx([0.5] * len(c.energy.at))
     assert c.energy.mean.high < 0.51  # the runs are drawn together: what they have in common is no chance
-    assert c.distance.at[0] == pytest.approx(20.0)  # only the energies that both reach
+    assert c.distance.at[0] == pytest.approx(20.0)  # only the energies that the other reaches
     assert c.distance.at[-1] == pytest.approx(30.0)
     assert c.distance.mean.value < 1.0
     assert "at equal distance the energy with wrcd is 0.50 (0.50–0.50) of the bare front's: less;" in says("creep", c)
@@ -73,12 +73,20 @@ def test_points_on_the_same_front_show_no_difference() -> None:
     assert "no difference shown" in says("thresholds", c)
 
 
-def test_fronts_that_share_no_distance_are_not_compared() -> None:
+def test_front_beyond_the_others_end_is_read_against_its_last_point() -> None:
     c = compare(front([(130.0, 20.0), (140.0, 10.0)]), front([(90.0, 60.0), (100.0, 40.0)]))
-    assert math.isnan(c.energy.mean.value)
-    assert "no distance is reached by both fronts (90.0 to 100.0 m without wrcd, 130.0 to 140.0 m with)" in says(
+    assert c.energy.ratio[0] == pytest.approx(0.5)  # the stop of 100 m is within 130 m, too
+    assert c.energy.ratio[-1] == pytest.approx(0.25)
+    assert math.isnan(c.distance.mean.value)
+    assert "no stop without wrcd has so little energy (40.0 to 60.0 kJ without, 10.0 to 20.0 kJ with)" in says(
         "creep", c
     )
+
+
+def test_front_of_shorter_stops_than_the_others_has_none_at_equal_distance() -> None:
+    c = compare(front([(80.0, 70.0)]), front([(90.0, 60.0), (100.0, 40.0)]))
+    assert "no stop without wrcd is so short (90.0 to 100.0 m without, 80.0 m with)" in says("creep", c)
+    assert c.distance.mean.value == pytest.approx(80 / 90)
 
 
 def test_one_point_is_read_against_a_front_at_its_own_distance() -> None:
@@ -93,8 +101,8 @@ def test_one_point_is_read_against_a_front_at_its_own_distance() -> None:
         (Figure(0.9, 0.85, 0.99, 6, 6), "less"),
         (Figure(1.1, 1.01, 1.2, 6, 6), "more"),
         (Figure(0.9, 0.8, 1.05, 6, 6), "no difference shown"),
-        (Figure(0.9, math.nan, math.nan, 3, 3), NEEDS),
-        (Figure(math.nan, math.nan, math.nan, 6, 6), NEEDS),
+        (Figure(0.9, math.nan, math.nan, 3, 3), UNTOLD),
+        (Figure(math.nan, math.nan, math.nan, 6, 6), UNTOLD),
     ],
 )
 def test_verdict_is_what_the_interval_leaves(figure: Figure, expected: str) -> None:
@@ -143,7 +151,7 @@ def test_command_prints_every_front_and_makes_a_page(tmp_path: Path, capsys: pyt
     printed = capsys.readouterr().out
     for name in ("fronts", "told", "points"):
         assert f"\n**{name}**: " in printed
-    assert printed.count(NEEDS) >= len(LAWS)  # one seed shows nothing
+    assert printed.count(UNTOLD) >= len(LAWS)  # one seed shows nothing
     found: dict[str, Any] = json.loads(out.read_text())
     rows = found["runs"]
     assert len(rows) == sum(2 * len(some) + len(front_rides.TOLD_PCT) for some in FEW.values())
