@@ -1,17 +1,17 @@
 """The fronts as sentences, tables for a terminal, and one page with a picture for every rail."""
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from sim_ecu.loop import LAWS, WITH
-from sim_ecu.loop.fronts.front_figures import FrontComparison, FrontRatio
+from sim_ecu.loop.fronts.front_figures import FrontComparison
 from sim_ecu.loop.fronts.front_rides import CASES, tuned
+from sim_ecu.loop.fronts.front_sentences import says, span
 from sim_ecu.loop.suites.rides import FIRST_TEST_SEED
 from sim_ecu.reporting import page as reporting
 from sim_ecu.reporting.page import Items, PageSection
 from sim_ecu.reporting.table import Row, Table
-from sim_ecu.reporting.values import Figure, Rounded, number
+from sim_ecu.reporting.values import Rounded, number
 from sim_ecu.score.sections import warnings
 
 WHAT = (
@@ -30,27 +30,6 @@ TOLD = (
     "over the two fronts at the same distance, and over that with wrcd at the same energy. Above 1: the lie is worse. "
     "A dash: the front has no stop so short, or none of so little energy"
 )
-UNTOLD = "not to be told from these runs"
-
-
-def says(law: str, c: FrontComparison) -> str:
-    """Return what a comparison shows, as a sentence, also where it is nothing."""
-    energy = _says("distance", "energy", c.energy, "is so short", "m", ("less", "more"))
-    way = _says("energy", "distance", c.distance, "has so little energy", "kJ", ("shorter", "longer"))
-    return f"{law.capitalize()}: {energy}; {way}."
-
-
-def _says(equal: str, what: str, r: FrontRatio, beyond: str, unit: str, words: tuple[str, str]) -> str:
-    if math.isnan(r.mean.value):
-        return f"no stop without wrcd {beyond} ({_range(r.other)} {unit} without, {_range(r.one)} {unit} with)"
-    return f"at equal {equal} the {what} with wrcd is {number(r.mean)} of the bare front's: {verdict(r.mean, words)}"
-
-
-def verdict(f: Figure, words: tuple[str, str]) -> str:
-    """Return whether a ratio is below or above 1 by more than chance, in words for below and above."""
-    if math.isnan(f.value) or math.isnan(f.low):
-        return UNTOLD
-    return words[0] if f.high < 1.0 else words[1] if f.low > 1.0 else "no difference shown"
 
 
 def sections(result: Mapping[str, Any]) -> list[PageSection]:
@@ -98,8 +77,8 @@ def _front_rows(every: Sequence[tuple[str, str, Mapping[str, Any]]]) -> Iterator
     for rail, law, of in every:
         c: FrontComparison = of["with_over_bare"]
         yield Row([
-            f"{rail}: {law}", _range((c.energy.at[0], c.energy.at[-1])), c.energy.mean,
-            _range((c.distance.at[0], c.distance.at[-1])), Rounded(c.distance.mean, 3),
+            f"{rail}: {law}", span((c.energy.at[0], c.energy.at[-1])), c.energy.mean,
+            span((c.distance.at[0], c.distance.at[-1])), Rounded(c.distance.mean, 3),
         ])  # fmt: skip
 
 
@@ -129,8 +108,3 @@ def _place(point: Mapping[str, Any], key: str) -> str:
     """A median; it is infinite where half of the stops did not end."""
     missing = f", {point['not_stopped']} not stopped" if point["not_stopped"] and key == "distance_m" else ""
     return number(point[key].value, 1) + missing
-
-
-def _range(ends: tuple[float, float]) -> str:
-    low, high = (number(x, 1) for x in ends)
-    return low if low == high else f"{low} to {high}"

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure as Drawing
 
 from sim_ecu.loop import WITH
 from sim_ecu.loop.fronts.front_figures import FrontComparison, envelope
-from sim_ecu.loop.fronts.front_page import says
+from sim_ecu.loop.fronts.front_sentences import says
 from sim_ecu.reporting import plots
 from sim_ecu.reporting.plots import Picture, PictureLook
 from sim_ecu.reporting.values import Figure
@@ -67,11 +67,15 @@ def _signs(ax: Axes, points: Sequence[Mapping[str, Any]], colour: str, marker: s
 
 def _over(ax: Axes, law: str, c: FrontComparison) -> None:
     r = c.energy
-    if np.isfinite(r.at).any():
+    if not np.isfinite(r.at).any():
+        ax.text(0.5, 0.6, "no stop without wrcd is so short", transform=ax.transAxes, ha="center", fontsize=8)
+        ax.set_xticks([])
+    elif r.at[0] == r.at[-1]:  # a front of one point
+        ax.errorbar(r.at[0], r.ratio[0], np.abs([[r.low[0]], [r.high[0]]] - np.array(r.ratio[0])), fmt="o",
+                    color=WITH_COLOUR, ecolor=WITH_COLOUR, elinewidth=1.6)  # fmt: skip
+    else:
         ax.plot(r.at, r.ratio, color=WITH_COLOUR, lw=1.6)
         ax.fill_between(r.at, r.low, r.high, color=WITH_COLOUR, alpha=0.2, lw=0)
-    else:
-        ax.text(0.5, 0.5, "no stop without wrcd is so short", transform=ax.transAxes, ha="center", fontsize=8)
     ax.axhline(1.0, color=plots.text_colour(), lw=0.8)
     ax.set_title(f"{law}: energy with wrcd over that without", fontsize=9)
     ax.set_xlabel("distance, m", fontsize=8)

@@ -14,8 +14,8 @@ from sim_ecu.loop import CREEP, LAWS, THRESHOLDS, WITH
 from sim_ecu.loop.control.slip_controller import SlipController
 from sim_ecu.loop.fronts import front_rides, run_fronts
 from sim_ecu.loop.fronts.front_figures import DISTANCE, ENERGY, compare, envelope, read_off
-from sim_ecu.loop.fronts.front_page import UNTOLD, says, verdict
 from sim_ecu.loop.fronts.front_rides import FrontRide, FrontWork, drive, law_at, play_one, tuned
+from sim_ecu.loop.fronts.front_sentences import UNTOLD, says, verdict
 from sim_ecu.loop.lockstep import Lockstep
 from sim_ecu.loop.loop_rides import controlled
 from sim_ecu.loop.ride_figures import judge
