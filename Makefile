@@ -4,7 +4,7 @@
 # make lint   format, lint, types: seconds
 # make night  the slowest tests, minutes of processor time, which make test leaves out
 # make check  make lint, make test and make night; all, whatever fails
-# make docs   prints what the pages quote from the program again, and builds their site into build/site; make docs-all score, loop and fault matrix too, an hour
+# make docs   prints what the pages quote from the program again, and builds their site into build/site; make docs-all score, loop, fronts and fault matrix too, an hour
 # make vcan -- COMMAND  COMMAND where there is a vcan0: on this kernel, or in a throw-away one; without COMMAND a shell
 # make fuzz   property tests with EXAMPLES (10^5) examples each, and a million corrupted frames; hours
 # make soak   HOURS (24) on the virtual clock in one core: nothing grows, drifts or is lost; an eighth of that

@@ -127,9 +127,7 @@ def _law(found: Mapping[tuple[str, str, str, float, float | None], Runs], rail: 
         "points": {c: [{"set_point": x} | _point(runs) for x, runs in of.items()] for c, of in fronts.items()},
         "with_over_bare": compare(own, bare),
         "told": [
-            {"told_pct": pct, "over_bare": compare(_plane([runs]), bare), "over_with": compare(_plane([runs]), own)}
-            | _point(runs)
-            for pct, runs in told.items()
+            {"told_pct": pct, "over_bare": compare(_plane([runs]), bare)} | _point(runs) for pct, runs in told.items()
         ],
     }
 

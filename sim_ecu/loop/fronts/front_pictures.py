@@ -12,7 +12,6 @@ from sim_ecu.loop.fronts.front_figures import FrontComparison, envelope
 from sim_ecu.loop.fronts.front_sentences import says
 from sim_ecu.reporting import plots
 from sim_ecu.reporting.plots import Picture, PictureLook
-from sim_ecu.reporting.values import Figure
 
 BARE_COLOUR, WITH_COLOUR, TOLD_COLOUR = "tab:orange", "tab:blue", "0.55"
 
@@ -31,8 +30,9 @@ def picture(rail: str, stop: str, laws: Mapping[str, Mapping[str, Any]]) -> Pict
     sentences = [says(law, of["with_over_bare"]) for law, of in laws.items()]
     return Picture(
         f"{rail}: {stop}",
-        " ".join(sentences) + " Left: a sign for each set point, its median with a 90 % interval; the line is the "
-        "front; numbers are what a lie tells, in percent. Right: the band is the 90 % interval, place by place.",
+        " ".join(sentences) + " Left: a sign for each set point, of medians; the line is the front; numbers are "
+        "what a lie tells, in percent. Right: the band is the 90 % interval of the ratio, place by place. It is of "
+        "runs that both fronts share, and narrower than that of a median: stops differ more than fronts do.",
         "Slip energy over distance of both fronts, and their ratio. " + " ".join(sentences), make,
     )  # fmt: skip
 
@@ -58,11 +58,7 @@ def _plane(ax: Axes, law: str, of: Mapping[str, Any]) -> None:
 
 def _signs(ax: Axes, points: Sequence[Mapping[str, Any]], colour: str, marker: str, face: str) -> None:
     for p in points:
-        way: Figure = p["distance_m"]
-        energy: Figure = p["energy_kJ"]
-        ax.plot([way.low, way.high], [energy.value] * 2, color=colour, lw=0.7, alpha=0.35)
-        ax.plot([way.value] * 2, [energy.low, energy.high], color=colour, lw=0.7, alpha=0.35)
-        ax.plot(way.value, energy.value, marker, color=colour, mfc=face, ms=5, mew=1.4, zorder=3)
+        ax.plot(p["distance_m"].value, p["energy_kJ"].value, marker, color=colour, mfc=face, ms=5, mew=1.4, zorder=3)
 
 
 def _over(ax: Axes, law: str, c: FrontComparison) -> None:
