@@ -4,7 +4,7 @@
 # make lint   format, lint, types: seconds
 # make night  the slowest tests, minutes of processor time, which make test leaves out
 # make check  make lint, make test and make night; all, whatever fails
-# make docs   prints what the pages quote from the program again, and builds their site into build/site; make docs-all score, loop and fault matrix too, an hour
+# make docs   prints what the pages quote from the program again, and builds their site into build/site; make docs-all score, loop, fronts and fault matrix too, an hour
 # make vcan -- COMMAND  COMMAND where there is a vcan0: on this kernel, or in a throw-away one; without COMMAND a shell
 # make fuzz   property tests with EXAMPLES (10^5) examples each, and a million corrupted frames; hours
 # make soak   HOURS (24) on the virtual clock in one core: nothing grows, drifts or is lost; an eighth of that
@@ -31,7 +31,7 @@ vcan:
 Makefile: ;
 else
 
-.PHONY: loop demo pictures test lint check night unit browser hil faults systemd walk fuzz soak coverage bench mutants format design score docs docs-all docs-check lock audit clean deb
+.PHONY: loop fronts demo pictures test lint check night unit browser hil faults systemd walk fuzz soak coverage bench mutants format design score docs docs-all docs-check lock audit clean deb
 
 demo: $(READY)
 	$(BIN)/sim-ecu demo
@@ -145,6 +145,10 @@ score: $(READY)
 # the tables of docs/reference/loop.md; twenty minutes on two cores
 loop: $(READY)
 	$(BIN)/sim-ecu loop --json build/loop.json --html build/loop.html
+
+# the tables of docs/reference/fronts.md; eight minutes on two cores
+fronts: $(READY)
+	$(BIN)/sim-ecu fronts --json build/fronts.json --html build/fronts.html
 
 # what stands between the markers of the pages, the configuration's JSON schema, completion and manual pages, and the site of
 # the pages in build/site: a warning or a dead link fails. docs-check changes nothing

@@ -4,12 +4,13 @@ import copy
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, partial
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sim_ecu.loop import IDEAL, UNPROTECTED, WITH
-from sim_ecu.loop.control.adhesion_consumer import Facts
+from sim_ecu.loop.control.adhesion_consumer import Facts, TrainController
 from sim_ecu.loop.control.slip_controller import make_controller
 from sim_ecu.loop.drive_scenario import DriveScenario
 from sim_ecu.loop.lockstep import ConstantAdhesion, Lockstep, ride_ideal
@@ -20,9 +21,11 @@ from sim_ecu.play.encoder import SAMPLE_US, databases
 from sim_ecu.play.train import PACKAGED
 from sim_ecu.score.score_play import TrainFrames
 from wrcd.config.config import load_packaged
+from wrcd.core.configuration import Config
 from wrcd.resources import LONE
 
 FloatArray = NDArray[np.float64]
+T = TypeVar("T")
 _packaged = cache(partial(load_packaged, design=LONE))  # all rides are of the lone wheelset
 _LAW = {name: law for law, name in WITH.items()}
 THINNED = 4  # of a run that is drawn: a step of 20 ms
@@ -64,12 +67,8 @@ def play(case: LoopCase, number: int, branches: Sequence[LoopCase] = ()) -> list
             steps = list(ride_ideal(scenario))
             out.append(_outcome(case, number, name, scenario, steps, None, draw))
             continue
-        config = _packaged(len(scenario.axles)) if name in _LAW else None
+        made, config = controlled(scenario, name, case.constant_pct)
         recorder = TrainFrames(scenario.axles, config) if config is not None else None
-        law = "none" if name == UNPROTECTED else _LAW.get(name, name)
-        made = make_controller(law, Facts.of(scenario), config)
-        if case.constant_pct is not None and config is not None:
-            made, config, recorder = ConstantAdhesion(made, scenario.axles, case.constant_pct), None, None
         run = Lockstep(scenario, made, config, None if recorder is None else recorder.keep)
         steps = []
         # a sample before the fault: some faults go on from what was last sensed
@@ -82,17 +81,37 @@ def play(case: LoopCase, number: int, branches: Sequence[LoopCase] = ()) -> list
     return out
 
 
+def controlled(
+    scenario: DriveScenario, name: str, constant_pct: float | None = None
+) -> tuple[TrainController, Config | None]:
+    """Return a controller of the scenario's train by its name, and the configuration of the daemon beside it.
+
+    name: of `EVERY` but the ideal. constant_pct: an adhesion (%) that is told all along in the daemon's place. There is
+    no daemon then, and none beside a controller without wrcd.
+    """
+    config = _packaged(len(scenario.axles)) if name in _LAW else None
+    law = "none" if name == UNPROTECTED else _LAW.get(name, name)
+    made = make_controller(law, Facts.of(scenario), config)
+    if constant_pct is None or config is None:
+        return made, config
+    return ConstantAdhesion(made, scenario.axles, constant_pct), None
+
+
+def copied(state: T, run: Lockstep) -> T:
+    """Return a copy of a state that holds a run, to go on from; what never changes is shared."""
+    shared = [run.rig.scenario, PACKAGED, *(m for d in databases() for m in d.messages)]
+    if run.core is not None:
+        shared += [run.core.config, *run.core.config.database.messages]
+    return copy.deepcopy(state, {id(x): x for x in shared})
+
+
 def _branch(
     case: LoopCase, number: int, name: str, scenario: DriveScenario, state: tuple[Lockstep, TrainFrames | None],
     before: Sequence[Step],
 ) -> RideResult:  # fmt: skip
     """The rest of a run with a case's fault, from a state that is left as it is."""
     assert case.fault is not None
-    config, messages = state[0].core, [m for d in databases() for m in d.messages]
-    shared = [scenario, PACKAGED, *messages]
-    if config is not None:
-        shared += [config.config, *config.config.database.messages]
-    run, recorder = copy.deepcopy(state, {id(x): x for x in shared})
+    run, recorder = copied(state, state[0])
     run.rig.take_faults((case.fault,))
     return _outcome(case, number, name, scenario, [*before, *run], recorder, False)
 

@@ -6,7 +6,7 @@
 
 python -m tests.support.pages           prints the names of the blocks that differ; exit 1 if there are any
 python -m tests.support.pages --write   makes them again
-python -m tests.support.pages --all     the expensive ones too: `sim-ecu faults`, both of `score`, and `loop`, an hour;
+python -m tests.support.pages --all     the expensive ones too: `sim-ecu faults`, `score`, `loop` and `fronts`, an hour;
                                         with --write first, for others quote them
 """
 
@@ -56,6 +56,7 @@ ROOT = Path(__file__).parents[2]
 SECTIONS: dict[str, tuple[str, ...]] = {
     "sim-ecu faults": (),
     "sim-ecu loop": ("goals",),
+    "sim-ecu fronts": ("fronts", "told"),
     "sim-ecu score --suite worlds --beside was=lone-wheelset": ("worlds", "goals"),
     "sim-ecu score --design lone-wheelset": ("grid", "goals"),
     "sim-ecu score --suite fusion": ("fusion",),

@@ -156,6 +156,7 @@ RIG: dict[str, dict[Status, str]] = {
         Status.BAD_INPUT: f"{_RIG_BAD}; {_UNJUDGED}",
         **_STOPPED,
     },
+    "fronts": {Status.DONE: "the tables are printed", Status.STOPPED: _HOLES, Status.BAD_INPUT: _RIG_BAD, **_STOPPED},
     "campaign": {
         Status.DONE: "every job is done",
         Status.STOPPED: "jobs failed, took too long or died: their rows say why; or the workers are lost or have other "

@@ -80,6 +80,7 @@ def _patches(base: Range, speeds: Range, way: float, most_s: float) -> Draw:
 
 greasy_stop = _same(GREASY, (15.0, 18.0), BRAKE, True, 60.0)
 leaf_stop = _part(DRY, LEAVES, (18.0, 22.0), (15.0, 40.0), (30.0, 60.0), BRAKE, 45.0)
+met_leaf_stop = _part(DRY, LEAVES, (18.0, 22.0), (15.0, 40.0), (30.0, 60.0), BRAKE, 45.0, met=True)
 several_patches_stop = _patches(WET, (18.0, 22.0), BRAKE, 60.0)
 PULLED_S = BEFORE_S + PULLS_S
 leaf_start = _part(DRY, LEAVES, (10.0, 14.0), (15.0, 30.0), (4.0, 6.0), PULL, PULLED_S, in_seconds=True)

@@ -5,7 +5,7 @@
 #    source ~/.local/share/bash_completion/sim-ecu
 # See also: https://github.com/scop/bash-completion/blob/main/doc/configuration.md
 
-_shtab_sim_ecu_subparsers=(list play inject drive control faults design contact tune score figures loop campaign compare fmu demo completion)
+_shtab_sim_ecu_subparsers=(list play inject drive control faults design contact tune score figures loop fronts campaign compare fmu demo completion)
 
 _shtab_sim_ecu_list_option_strings=(-h --help)
 _shtab_sim_ecu_play_option_strings=(-h --help -i --interface -c --channel --log --fast --config --no-truth --ahead)
@@ -19,6 +19,7 @@ _shtab_sim_ecu_tune_option_strings=(-h --help --config -o --output --form --over
 _shtab_sim_ecu_score_option_strings=(-h --help --suite --quick --jobs --design --baselines --beside --fail-on --json --html)
 _shtab_sim_ecu_figures_option_strings=(-h --help -o --output --design --paper)
 _shtab_sim_ecu_loop_option_strings=(-h --help --suite --only --quick --seeds --jobs --fail-on --json --html)
+_shtab_sim_ecu_fronts_option_strings=(-h --help --rail --seeds --jobs --json --html)
 _shtab_sim_ecu_campaign_option_strings=(-h --help -o --out --jobs --scheduler --again --dry-run --logs --train --config --channel --limit --reports)
 _shtab_sim_ecu_compare_option_strings=(-h --help --figures --alpha --fail-on --json --html)
 _shtab_sim_ecu_fmu_option_strings=(-h --help -o --output)
@@ -74,6 +75,8 @@ _shtab_sim_ecu_figures___design_COMPGEN=_wrcd_file_lone_wheelset_json
 _shtab_sim_ecu_figures___paper_COMPGEN=_wrcd_file_json
 _shtab_sim_ecu_loop___json_COMPGEN=_wrcd_file_any
 _shtab_sim_ecu_loop___html_COMPGEN=_wrcd_file_any
+_shtab_sim_ecu_fronts___json_COMPGEN=_wrcd_file_any
+_shtab_sim_ecu_fronts___html_COMPGEN=_wrcd_file_any
 _shtab_sim_ecu_campaign_pos_0_COMPGEN=_wrcd_file_toml
 _shtab_sim_ecu_campaign__o_COMPGEN=_shtab_compgen_dirs
 _shtab_sim_ecu_campaign___out_COMPGEN=_shtab_compgen_dirs
@@ -103,9 +106,10 @@ _shtab_sim_ecu_score___suite_choices=(paper grid robust rough harsh slow worlds 
 _shtab_sim_ecu_score___fail_on_choices=(missed)
 _shtab_sim_ecu_loop___suite_choices=(braking traction train faults worlds actuators)
 _shtab_sim_ecu_loop___fail_on_choices=(missed)
+_shtab_sim_ecu_fronts___rail_choices=(wet greasy low leaf-patch)
 _shtab_sim_ecu_compare___fail_on_choices=(worse any)
 _shtab_sim_ecu_completion_pos_0_choices=(bash zsh)
-_shtab_sim_ecu_pos_0_choices=(list play inject drive control faults design contact tune score figures loop campaign compare fmu demo completion)
+_shtab_sim_ecu_pos_0_choices=(list play inject drive control faults design contact tune score figures loop fronts campaign compare fmu demo completion)
 
 _shtab_sim_ecu_list__h_nargs=0
 _shtab_sim_ecu_list___help_nargs=0
@@ -144,6 +148,8 @@ _shtab_sim_ecu_figures___help_nargs=0
 _shtab_sim_ecu_loop__h_nargs=0
 _shtab_sim_ecu_loop___help_nargs=0
 _shtab_sim_ecu_loop___quick_nargs=0
+_shtab_sim_ecu_fronts__h_nargs=0
+_shtab_sim_ecu_fronts___help_nargs=0
 _shtab_sim_ecu_campaign__h_nargs=0
 _shtab_sim_ecu_campaign___help_nargs=0
 _shtab_sim_ecu_campaign___again_nargs=0
