@@ -92,7 +92,7 @@ class Advised(Rule):
         self._rate.tested(now_us, position_m)
 
 
-class TestsEach(Rule):
+class BrakeTesting(Rule):
     """Knows nothing of wrcd: brakes for a moment with the dry rate before every mark, and sees if a wheel slides."""
 
     def __init__(self, axles: tuple[int, ...], limits: RateLimits = RATES) -> None:
@@ -192,7 +192,7 @@ def make_driver(name: str, facts: Facts, config: Config | None = None) -> MarkDr
     packaged one with its advice. KeyError for another name, InputError for a configuration without advice."""
     rules: dict[str, Callable[[], Rule]] = {
         "wrcd": lambda: Advised(config or load_packaged(len(facts.axles), advice=True)),
-        "tests": lambda: TestsEach(facts.axles),
+        "tests": lambda: BrakeTesting(facts.axles),
         "dry": lambda: Rule(RATES.dry),
         "slippery": lambda: Rule(RATES.cautious),
     }

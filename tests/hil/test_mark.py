@@ -8,11 +8,12 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.can_ids import ADVICE
 from tests.support.loop_processes import CONTROLLER, DAEMON, LoopProcesses, Told
 from tests.support.processes import wait_for
 from wrcd.config.config import packaged
 
-ADVICE, LEVER = 0x0B3, 0x133
+LEVER = 0x133
 MARK_M = 330.0
 NEAR_M = 2.0
 CAUTIOUS = "0.35 m/s²"

@@ -46,15 +46,21 @@ class PolicyFigures:
     false: Figure
 
 
-# Groups of stops by name: what a table is of.
+# Groups of stops by name: what a table is of, and which stops they are.
+TIED, UNTIED, ALL, LATE, OTHER = "tied slopes", "untied slopes", "all stops", "late films", "unseen worlds"
+ABOUT = {
+    TIED: "of that world, the film met before braking", UNTIED: "of that world, the film met before braking",
+    ALL: "of the worlds as trained, late films included",
+    LATE: "of the worlds as trained, the film first met within the braking distance of who knows the rail",
+    OTHER: "of worlds that the training has not, late films included",
+}  # fmt: skip
 GROUPS: Mapping[str, Callable[[DrivenStop], bool]] = {
-    "tied slopes, film met before braking": lambda d: d.world == MARK_WORLDS[0].name and not d.late,
-    "untied slopes, film met before braking": lambda d: d.world == MARK_WORLDS[1].name and not d.late,
-    "as trained, all stops": lambda d: _WORLD[d.world].family == AS_TRAINED,
-    "as trained, film first met within the braking distance": lambda d: _WORLD[d.world].family == AS_TRAINED and d.late,
-    "unseen, all stops": lambda d: _WORLD[d.world].family == UNSEEN,
+    TIED: lambda d: d.world == MARK_WORLDS[0].name and not d.late,
+    UNTIED: lambda d: d.world == MARK_WORLDS[1].name and not d.late,
+    ALL: lambda d: _WORLD[d.world].family == AS_TRAINED,
+    LATE: lambda d: _WORLD[d.world].family == AS_TRAINED and d.late,
+    OTHER: lambda d: _WORLD[d.world].family == UNSEEN,
 }
-TIED, UNTIED, ALL, LATE, OTHER = GROUPS
 
 
 def policy_figures(every: Stops, policy: str) -> PolicyFigures:

@@ -6,7 +6,7 @@ from typing import Any
 from sim_ecu.loop.control.braking_rate import RATES
 from sim_ecu.loop.driver import REACTION_S
 from sim_ecu.loop.mark.lines import LATE_M, LINE_M_S, MARK_WORLDS, MIX, STATIONS, STAYS
-from sim_ecu.loop.mark.mark_figures import LATE_S, OVERRUN_M, PolicyFigures
+from sim_ecu.loop.mark.mark_figures import ABOUT, LATE_S, OVERRUN_M, PolicyFigures
 from sim_ecu.loop.mark.policies import DRY, KNOWS, LAST, REPORT, REPORT_STOPS, SLIPPERY, TESTS, UNTESTED, WRCD
 from sim_ecu.reporting import page as reporting
 from sim_ecu.reporting import verdicts
@@ -53,7 +53,7 @@ GOALS = "what wrcd is held to; a goal that is missed stays here. Beside it what 
 def sections(result: Mapping[str, Any]) -> list[PageSection]:
     """All tables."""
     out = [PageSection("", parts=[WHAT, LATE_FILM, ASSUMED, Items([f"{who}: {what}." for who, what in WHO.items()])])]
-    out += [PageSection(name, _about(of), [_policies(of)]) for name, of in result["groups"].items()]
+    out += [PageSection(name, _about(name, of), [_policies(of)]) for name, of in result["groups"].items()]
     if result["rails"]:
         table = Table(
             ["as trained, film met before braking", *(f"{p}: overruns, s lost" for p in (DRY, SLIPPERY, TESTS, WRCD))],
@@ -91,8 +91,8 @@ def picture(result: Mapping[str, Any]) -> bytes:
     return next(iter(pictures(result))).draw(PictureLook(wide=True, dark=False))
 
 
-def _about(of: Mapping[str, PolicyFigures]) -> str:
-    return f"{next(iter(of.values())).stops} stops of every policy"
+def _about(name: str, of: Mapping[str, PolicyFigures]) -> str:
+    return f"{next(iter(of.values())).stops} stops of every policy, {ABOUT[name]}"
 
 
 def _policies(of: Mapping[str, PolicyFigures]) -> Table:

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure as Drawing
 
-from sim_ecu.loop.mark.mark_figures import ALL, OVERRUN_M, PolicyFigures
+from sim_ecu.loop.mark.mark_figures import ABOUT, ALL, OVERRUN_M, PolicyFigures
 from sim_ecu.loop.mark.policies import DRY, KNOWS, LAST, REPORT, SLIPPERY, TESTS, TOLD, UNTESTED, WRCD
 from sim_ecu.reporting import plots
 from sim_ecu.reporting.plots import Picture, PictureLook
@@ -56,8 +56,8 @@ def _plane(name: str, of: Mapping[str, PolicyFigures]) -> Picture:
     said = "; ".join(f"{n} {p.past_m.value:.1f} m and {p.lost_s.value:.1f} s" for n, p in of.items())
     return Picture(
         "Metres past the mark against seconds lost",
-        f"{name}: {next(iter(of.values())).stops} stops of every policy. Down is safer, left is faster. Lines: 90 % "
-        "intervals. Seconds are of stops that did not overrun.",
+        f"{next(iter(of.values())).stops} stops of every policy, {ABOUT[name]}. Down is safer, left is faster. Lines: "
+        "90 % intervals. Seconds are of stops that did not overrun.",
         f"Mean metres past the mark and seconds lost. {said}.", make,
     )  # fmt: skip
 

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from sim_ecu.loop.control.braking_rate import RATES
-from sim_ecu.loop.driver import Advised, MarkDriver, Rule, TestsEach
+from sim_ecu.loop.driver import Advised, BrakeTesting, MarkDriver, Rule
 from sim_ecu.loop.mark.approach import TRAINS, Advices, advised_configuration, approach
 from sim_ecu.loop.mark.lines import FULL_SERVICE, MARK_WORLDS, Stop, braking_m, stops
 from sim_ecu.loop.mark.stops import G, Outcome, known_rate, stands
@@ -30,18 +30,29 @@ class DrivenStop:
     outcomes: Mapping[str, Outcome]
 
 
+class SlideMemory:
+    """Drives at the slippery rate for so many stops after one that slid, else at the dry one."""
+
+    def __init__(self, stops: int) -> None:
+        self._stops, self._left = stops, 0
+
+    def stop(self, outcomes: Mapping[str, Outcome]) -> Outcome:
+        """Return what it makes of the next stop, from what both rates make of it."""
+        outcome = outcomes[SLIPPERY if self._left else DRY]
+        self._left = self._stops if outcome.slid else max(self._left - 1, 0)
+        return outcome
+
+
 def drive_line(world: int, line: int, first_seed: int) -> list[DrivenStop]:
     """Drive all stops of a line, by every policy. world: its place in MARK_WORLDS."""
     every = stops(MARK_WORLDS[world], line, first_seed)
     heard = [h for k in range(0, len(every), TRAINS) for h in approach(every[k : k + TRAINS])]
     config = advised_configuration()
-    left = {LAST: 0, REPORT: 0}  # stops for which a slide is remembered
+    memories = {LAST: SlideMemory(1), REPORT: SlideMemory(REPORT_STOPS)}
     driven = []
     for stop, advices in zip(every, heard, strict=True):
         rate, outcomes = _drive(stop, advices, config)
-        for name, holds in ((LAST, 1), (REPORT, REPORT_STOPS)):
-            outcomes[name] = outcomes[SLIPPERY if left[name] else DRY]
-            left[name] = holds if outcomes[name].slid else max(left[name] - 1, 0)
+        outcomes |= {name: memory.stop(outcomes) for name, memory in memories.items()}
         late = stop.film_m > stop.mark_m - braking_m(stop.speed_m_s, rate)
         driven.append(DrivenStop(stop.world, stop.line, stop.station, stop.rail, late, outcomes))
     return driven
@@ -58,7 +69,7 @@ def _drive(stop: Stop, advices: Advices, config: Config) -> tuple[float, dict[st
         if planned not in made:
             made[planned] = _stands(stop, Rule(planned))
         outcomes[name] = made[planned]
-    outcomes[TESTS] = _stands(stop, TestsEach(tuple(stop.scenario.axles)))
+    outcomes[TESTS] = _stands(stop, BrakeTesting(tuple(stop.scenario.axles)))
     outcomes[WRCD] = _stands(stop, Advised(config), advices)
     outcomes[UNTESTED] = _stands(stop, Advised(config, tests=False), advices)
     return rate, outcomes
