@@ -13,19 +13,21 @@ from sim_ecu.loop.mark.approach import Advices, advised_configuration
 from sim_ecu.loop.mark.lines import FULL_SERVICE, MOST_S, Stop, braking_m
 from sim_ecu.loop.ride_figures import SLIDE_M_S, SLIDE_SHARE
 from sim_ecu.loop.rig import Rig
-from sim_ecu.physics.contact import peak
-from sim_ecu.physics.rail import rail_at
+from sim_ecu.physics.contact import Contact, peak, traction_ratio
+from sim_ecu.physics.rail import FloatArray, rail_at
 from sim_ecu.play.encoder import SAMPLE_US
 from wrcd.core.configuration import Config
 
 G = 9.80665
 LAW = "thresholds"
-ROLLS = 0.75  # of the lowest adhesion on the way: a train that demands less does not slide, and is not simulated
+ROLLS = 0.86  # of the lowest adhesion on the way: a train that demands less does not slide, and is not simulated
+ADHERES_M_S = 0.3  # slip of a wheel that does not slide
 RUNS_OUT = 600  # samples in which its resistance is measured
 LAG_S = 0.1  # of its brake
 WARM_UP_US = 4_000_000  # of the daemon, before a test
 SETTLES_US = 1_000_000  # before the brake: the controller finds its reference
 SLIDES_FROM_M_S = 3.0  # a slide at a lower speed is not judged
+HALVINGS = 12
 PLACES = 60  # on the way at which the rail is looked at
 
 
@@ -47,9 +49,10 @@ def stands(who: MarkDriver, stop: Stop, heard: Advices = ()) -> Outcome:
     _coast(stop, who, heard)
     advised = isinstance(who.rule, Advised) and who.begun_us is None
     most, way = (who.rate_m_s2,) * 2 if who.begun_us is not None else (RATES.dry, RATES.least)
-    if not advised and most < ROLLS * G * least_adhesion(stop, way):
-        return _rolled(stop, who)
-    return _slid(stop, who, advised_configuration() if advised else None)
+    if not advised and _rolls(stop, most, way):
+        decided_us = _decided_us(who)
+        return _rolled(stop, who, _Moving(decided_us, stop.speed_m_s * decided_us * 1e-6, stop.speed_m_s))
+    return _simulated(stop, who, advised_configuration() if advised else None)
 
 
 def _coast(stop: Stop, who: MarkDriver, heard: Advices) -> None:
@@ -70,41 +73,79 @@ def _decided_us(who: MarkDriver) -> int:
     return decided
 
 
-def _slid(stop: Stop, who: MarkDriver, config: Config | None) -> Outcome:
+@dataclass(frozen=True, slots=True)
+class _Moving:
+    """A train on its way, and what it has come to so far."""
+
+    now_us: int
+    position_m: float
+    speed_m_s: float
+    brakes_m_s2: float = 0.0
+    slid: bool = False
+    slip_energy_kJ: float = 0.0  # of a wheel
+
+
+def _simulated(stop: Stop, who: MarkDriver, config: Config | None) -> Outcome:
     """The rest of a stop on the rig, with slide protection. config: of a daemon, until the brake is decided on for
-    good; it starts some seconds before the test."""
+    good; it starts some seconds before the test. What cannot slide from then on is rolled."""
     before_us = SETTLES_US if config is None else WARM_UP_US
     run = Lockstep(stop.scenario, make_controller(LAW, Facts.of(stop.scenario)), config, driver=who)
     run.rig.coast(max(_decided_us(who) - before_us, 0) // SAMPLE_US)
-    energy, slid = 0.0, False
+    wheels, energy, slid = 2 * len(stop.scenario.axles), 0.0, False
     for step in run:
+        energy += float(step.slip_energy_J.sum()) / wheels / 1e3
+        bound = min(SLIDE_M_S, SLIDE_SHARE * step.speed_m_s)
+        slip = float(np.abs(step.slip_m_s).max())
+        slid = slid or (step.speed_m_s >= SLIDES_FROM_M_S and slip > bound)
         if run.core is not None and who.begun_us is not None:
             run.end_daemon()
-        energy += float(step.slip_energy_J.sum())
-        bound = min(SLIDE_M_S, SLIDE_SHARE * step.speed_m_s)
-        slid = slid or (step.speed_m_s >= SLIDES_FROM_M_S and float(np.abs(step.slip_m_s).max()) > bound)
-    wheels = 2 * len(stop.scenario.axles)
-    tested = who.tested_us is not None
+            if _rolls(stop, who.rate_m_s2, who.rate_m_s2) and slip < ADHERES_M_S:
+                brakes = -FULL_SERVICE * step.share
+                return _rolled(
+                    stop, who, _Moving(step.due_us, step.distance_m, step.speed_m_s, brakes, slid, energy)
+                )  # fmt: skip
     return Outcome(
-        who.rate_m_s2, step.distance_m - stop.mark_m, step.due_us * 1e-6, slid, energy / wheels / 1e3, tested,
+        who.rate_m_s2, step.distance_m - stop.mark_m, step.due_us * 1e-6, slid, energy, who.tested_us is not None,
     )  # fmt: skip
 
 
-def _rolled(stop: Stop, who: MarkDriver) -> Outcome:
-    """The same of a train whose wheels do not slide: a mass, its brake and its resistance."""
-    speed, now_us = stop.speed_m_s, _decided_us(who)
-    free_us, dt = now_us + REACTION_S * 1e6, SAMPLE_US * 1e-6
-    position, brakes, demand = speed * now_us * 1e-6, 0.0, 0.0
-    resistance = _resistance_m_s2(stop)
+def _rolls(stop: Stop, most_m_s2: float, planned_m_s2: float) -> bool:
+    """Whether a train that brakes with so much at most does not slide on the way of a stop that is planned so."""
+    return most_m_s2 < ROLLS * G * least_adhesion(stop, planned_m_s2)
+
+
+def _rolled(stop: Stop, who: MarkDriver, at: _Moving) -> Outcome:
+    """The rest of a stop whose wheels do not slide: a mass, its brake, its resistance, and the creep curve."""
+    position, speed, brakes, now_us, demand = at.position_m, at.speed_m_s, at.brakes_m_s2, at.now_us, at.brakes_m_s2
+    free_us, dt, energy = _decided_us(who) + REACTION_S * 1e6, SAMPLE_US * 1e-6, 0.0
+    contact, rail = stop.scenario.train.wheelset.contact, stop.scenario.train.axles[0].rail
+    resistance = _resistance_m_s2(stop) / stop.speed_m_s  # it falls with the speed
     while speed > STANDS_M_S and now_us < MOST_S * 1e6:
         if now_us % LEVER_US == 0:
             demand = -FULL_SERVICE * who.demand(now_us, position, speed, stop.mark_m)
+            slip = speed * _creep(brakes / G, max(speed, SLIDES_FROM_M_S), contact, rail_at(rail, position)[:5])
+            energy += brakes / G * contact.normal_N * slip * LEVER_US * 1e-9
         brakes += (demand - brakes) * dt / LAG_S
-        slower = (brakes + resistance * (now_us > free_us)) * dt
+        slower = (brakes + resistance * speed * (now_us > free_us)) * dt
         position += (speed - 0.5 * slower) * dt
         speed -= slower
         now_us += SAMPLE_US
-    return Outcome(who.rate_m_s2, position - stop.mark_m, now_us * 1e-6, False, 0.0, who.tested_us is not None)
+    return Outcome(
+        who.rate_m_s2, position - stop.mark_m, now_us * 1e-6, at.slid, at.slip_energy_kJ + energy,
+        who.tested_us is not None,
+    )  # fmt: skip
+
+
+def _creep(mu: float, speed_m_s: float, contact: Contact, curve: FloatArray) -> float:
+    """The creep at which a rail gives so much, below its peak: by halving."""
+    low, high = 0.0, float(peak(speed_m_s, contact, *curve)[0])
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        if traction_ratio(middle, speed_m_s, contact, *curve) < mu:
+            low = middle
+        else:
+            high = middle
+    return low
 
 
 def _resistance_m_s2(stop: Stop) -> float:
