@@ -82,15 +82,19 @@ def driven(stop: Stop, rate: float) -> Outcome:
     return stands(MarkDriver(Rule(rate), FULL), stop)
 
 
-@pytest.mark.parametrize("rate", [0.9, 0.35])
-def test_what_is_rolled_is_what_the_rig_makes_of_it(rate: float, monkeypatch: pytest.MonkeyPatch) -> None:
-    stop = first("wet")
-    rolled = driven(stop, rate)
+@pytest.mark.parametrize(("rail", "rate"), [("wet", 0.9), ("wet", 0.35), ("low", None)])
+def test_what_is_rolled_is_what_the_rig_makes_of_it(
+    rail: str, rate: float | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stop = first(rail)
+    planned = known_rate(stop) if rate is None else rate  # of who knows the rail: the most that is rolled
+    rolled = driven(stop, planned)
     monkeypatch.setattr(at_mark, "ROLLS", 0.0)
-    simulated = driven(stop, rate)
-    assert simulated.slip_energy_kJ > 0.0 == rolled.slip_energy_kJ, "one of them was not simulated"
+    simulated = driven(stop, planned)
+    assert simulated.slip_energy_kJ != rolled.slip_energy_kJ, "neither was simulated, or both were"
     assert rolled.past_m == pytest.approx(simulated.past_m, abs=0.3)
-    assert rolled.seconds == pytest.approx(simulated.seconds, rel=0.06)
+    assert rolled.seconds == pytest.approx(simulated.seconds, abs=0.6)
+    assert rolled.slip_energy_kJ == pytest.approx(simulated.slip_energy_kJ, rel=0.15)
     assert not simulated.slid
 
 
