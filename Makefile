@@ -31,7 +31,7 @@ vcan:
 Makefile: ;
 else
 
-.PHONY: loop fronts demo pictures test lint check night unit browser hil faults systemd walk fuzz soak coverage bench mutants format design score docs docs-all docs-check lock audit clean deb
+.PHONY: loop mark fronts demo pictures test lint check night unit browser hil faults systemd walk fuzz soak coverage bench mutants format design score docs docs-all docs-check lock audit clean deb
 
 demo: $(READY)
 	$(BIN)/sim-ecu demo
@@ -149,6 +149,10 @@ loop: $(READY)
 # the tables of docs/reference/fronts.md; eight minutes on two cores
 fronts: $(READY)
 	$(BIN)/sim-ecu fronts --json build/fronts.json --html build/fronts.html
+
+# the tables of docs/reference/mark.md, and the README's second picture; twenty minutes on two cores
+mark: $(READY)
+	$(BIN)/sim-ecu mark --json build/mark.json --html build/mark.html --png docs/mark.png
 
 # what stands between the markers of the pages, the configuration's JSON schema, completion and manual pages, and the site of
 # the pages in build/site: a warning or a dead link fails. docs-check changes nothing

@@ -129,6 +129,12 @@ RIG: dict[str, dict[Status, str]] = {
         Status.NOT_THERE: "the bus or a file cannot be opened",
         Status.INTERRUPTED: "Ctrl-C before it controlled",
     },
+    "driver": {
+        Status.DONE: "SIGTERM or Ctrl-C came, or the time of `--for` is over",
+        Status.BAD_INPUT: _RIG_BAD,
+        Status.NOT_THERE: "the bus or a file cannot be opened",
+        Status.INTERRUPTED: "Ctrl-C before it drove",
+    },
     "faults": {
         Status.DONE: "every row did what it must",
         Status.STOPPED: "a row failed: the table says which",
@@ -151,6 +157,12 @@ RIG: dict[str, dict[Status, str]] = {
         Status.BAD_INPUT: f"{_RIG_BAD}; {_UNJUDGED}",
     },
     "loop": {
+        Status.DONE: _PRINTED,
+        Status.STOPPED: _HOLES,
+        Status.BAD_INPUT: f"{_RIG_BAD}; {_UNJUDGED}",
+        **_STOPPED,
+    },
+    "mark": {
         Status.DONE: _PRINTED,
         Status.STOPPED: _HOLES,
         Status.BAD_INPUT: f"{_RIG_BAD}; {_UNJUDGED}",
