@@ -68,7 +68,8 @@ def category(low_m_s2: float, limits_m_s2: Sequence[float]) -> str:
 class Adviser:
     """Keeps what the axles have found, and makes an advice of it, slot by slot. axles: how many there are."""
 
-    # (samples, 5) when (µs), way (m), estimate, lower end (both m/s²), adhesion in use (%); newest last, empty are NaN
+    # (samples, 5) when (µs), way (m), the axles' mean estimate and least lower end (both m/s²), adhesion in use (%);
+    # newest last, empty are NaN
     _samples: FloatArray
     _valid_us: FloatArray  # (axles,) when each was Valid last
     _slot_us: float = math.nan  # of the newest slot
@@ -116,8 +117,9 @@ class Adviser:
         valid = np.isfinite(middle)
         self._valid_us[valid] = now
         if valid.any():
+            mean = middle[valid].mean()
             self._samples = np.roll(self._samples, -1, axis=0)
-            self._samples[-1] = now, self._way_m, middle[valid].mean(), low[valid].min(), used[valid].mean()
+            self._samples[-1] = now, self._way_m, mean, min(low[valid].min(), mean), used[valid].mean()
         old = (now - self._samples[:, 0] > KEPT_US) | (self._way_m - self._samples[:, 1] > KEPT_M)
         self._samples[old] = np.nan
         kept = self._samples[np.isfinite(self._samples[:, 0])]
@@ -163,8 +165,7 @@ class Adviser:
         at_us, _, middles, lows, used = kept.T
         loaded = (now - at_us <= NEWEST_US) & (used >= LOADED_PCT)
         counts = loaded if np.count_nonzero(loaded) >= LOADED_SAMPLES else np.full(len(kept), True)
-        middle = float(np.median(middles[counts]))
-        return middle, min(float(np.median(lows[counts])), middle)
+        return float(np.median(middles[counts])), float(np.median(lows[counts]))
 
 
 def _decelerations(reports: Sequence[Report], estimate: Estimate | None) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -177,5 +178,5 @@ def _decelerations(reports: Sequence[Report], estimate: Estimate | None) -> tupl
     mu = np.where(valid, estimate.mu_available_pct, np.nan)
     used = np.array([r.mu_used_pct or 0.0 for r in reports])
     adheres = np.array([r.contact_state == "Adhering" for r in reports])
-    low = np.fmax(np.fmax(mu - estimate.half_width_pp, 0.0), np.where(adheres, np.fmin(used, mu), 0.0))
+    low = np.fmax(mu - estimate.half_width_pp, np.where(adheres, np.fmin(used, mu), 0.0))
     return M_S2 * mu, M_S2 * np.where(valid, low, np.nan), used

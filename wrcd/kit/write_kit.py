@@ -23,8 +23,8 @@ _KEY = re.compile("@([A-Z_]+)@")
 _HEAD = re.compile(rb"\A[^\n]*written by wrcd kit [^\n]*; below this line: ([0-9a-f]{64})[^\n]*\n")
 _COMMENTS = {".c": ("/* ", " */"), ".h": ("/* ", " */"), ".md": ("<!-- ", " -->"), "": ("# ", "")}
 FILES = (
-    "adhesion.h", "adhesion.c", "test_adhesion.c", "vectors.h", "example_socketcan.c", "Makefile", "fields.md",
-    "README.md",
+    "adhesion.h", "adhesion.c", "braking_rate.h", "braking_rate.c", "test_adhesion.c", "vectors.h",
+    "example_socketcan.c", "Makefile", "fields.md", "README.md",
 )  # fmt: skip
 
 

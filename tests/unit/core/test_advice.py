@@ -32,6 +32,7 @@ ADVISING = load_packaged(1, design=LONE, advice=True)
 LIMITS = tuple(limit for _, limit in CATEGORY_LIMITS)
 SLOT_S, G = 0.2, 9.80665
 AXLES = 4
+MEAN_BELOW_PCT = 9.0  # of three such decelerations the mean is a rounding below
 
 
 def adviser() -> Adviser:
@@ -39,13 +40,13 @@ def adviser() -> Adviser:
 
 
 class Train:
-    """Four Valid axles at 20 m/s on a rail of 20 %, known to 2 percentage points; 3 % are in use."""
+    """Four Valid axles at 20 m/s on a rail of 20 %, known to 2 percentage points. They coast: 2 % are in use."""
 
     def __init__(self) -> None:
         self.adviser, self.now_us = adviser(), 1_790_000_000_000_000
         self.speed_m_s, self.below_min_speed = 20.0, False
         self.mu, self.half_width = np.full(AXLES, 20.0), np.full(AXLES, 2.0)
-        self.used, self.contact = 3.0, "Adhering"
+        self.used, self.contact = 2.0, "Adhering"
         self.validity = [Validity.VALID] * AXLES
         self.ahead: list[RailAhead] | None = None
         self.told = NO_ADVICE
@@ -82,71 +83,91 @@ def of(told: Advice) -> tuple[float, float]:
 def test_even_rail_gives_its_adhesion_times_g(train: Train) -> None:
     assert train.told.validity == "Valid"
     assert of(train.told) == pytest.approx((20.0, 18.0))
-    assert train.told.distance_m == pytest.approx(80.0)  # four seconds
+    assert train.told.distance_m == pytest.approx(40.0)  # two seconds
     assert (train.told.category, train.told.age_ms, train.told.ahead) == ("Dry", 0.0, "None")
 
 
-def test_axles_are_averaged(train: Train) -> None:
+def test_deceleration_is_the_axles_mean_and_its_lower_end_their_least(train: Train) -> None:
     train.mu = np.array([10.0, 20.0, 20.0, 30.0])
-    train.half_width = np.array([1.0, 2.0, 4.0, 1.0])
-    assert of(train.run(4.2)) == pytest.approx((20.0, 18.0))
-    train.mu = np.array([10.0, 10.0, 20.0, 20.0])
-    assert of(train.run(4.2)) == pytest.approx((15.0, 13.0))
+    train.half_width = np.array([1.0, 2.0, 15.0, 1.0])
+    assert of(train.run(2.0)) == pytest.approx((20.0, 5.0))
+    train.half_width[2] = 2.0
+    assert of(train.run(2.0)) == pytest.approx((20.0, 9.0))
 
 
 @pytest.mark.parametrize(("half_width", "used", "contact", "low"), [
-    (math.nan, 3.0, "Adhering", 10.0),  # without an interval: half of it
-    (15.0, 3.0, "Adhering", 10.0),
+    (math.nan, 2.0, "Adhering", 2.0),  # without an interval: what is in use
+    (15.0, 2.0, "Adhering", 5.0),
     (15.0, 16.0, "Adhering", 16.0),  # what is in use is there
-    (15.0, 16.0, "Saturated", 10.0),  # but not while the wheel slides
+    (15.0, 16.0, "Saturated", 5.0),  # but not while the wheel slides
+    (25.0, 16.0, "Saturated", 0.0),
     (15.0, 25.0, "Adhering", 20.0),
 ])  # fmt: skip
-def test_lower_end_is_at_least_half_and_what_is_in_use(
+def test_lower_end_is_at_least_what_is_in_use(
     train: Train, half_width: float, used: float, contact: str, low: float
 ) -> None:
     train.half_width[:], train.used, train.contact = half_width, used, contact
-    assert of(train.run(4.2)) == pytest.approx((20.0, low))
+    assert of(train.run(2.0)) == pytest.approx((20.0, low))
 
 
-def test_lower_end_falls_within_a_second_and_rises_slower(train: Train) -> None:
+@pytest.mark.parametrize(("speed_m_s", "way_m", "slots"), [
+    (20.0, 40.0, 6),  # 2 s are 11 slots
+    (60.0, 96.0, 5),  # 100 m are 9
+    (-5.0, 10.0, 6),  # backwards it is way, too
+])  # fmt: skip
+def test_coasting_train_follows_another_rail_by_half_of_what_it_keeps(
+    train: Train, speed_m_s: float, way_m: float, slots: int
+) -> None:
+    train.speed_m_s = speed_m_s
+    train.run(4.0)
+    assert train.told.distance_m == pytest.approx(way_m)
     train.mu[:] = 5.0
-    assert of(train.run(0.4))[1] == pytest.approx(18.0)
-    assert of(train.run(0.4))[1] == pytest.approx(3.0)
-    assert of(train.told)[0] == pytest.approx(20.0)
-    train.run(6.0)
-    train.mu[:] = 20.0
-    assert of(train.run(1.0))[1] == pytest.approx(3.0)
-    assert of(train.run(1.0))[1] == pytest.approx(5.0)  # the deceleration itself is slower
-    assert of(train.run(0.2)) == pytest.approx((20.0, 18.0))
+    assert of(train.run((slots - 1) * SLOT_S)) == pytest.approx((20.0, 18.0))
+    assert of(train.run(SLOT_S)) == pytest.approx((5.0, 3.0))
+
+
+def test_three_samples_under_load_replace_coasting_ones_at_once(train: Train) -> None:
+    train.mu[:], train.used = 10.0, 3.0
+    assert of(train.run(0.4)) == pytest.approx((20.0, 18.0))
+    assert of(train.run(SLOT_S)) == pytest.approx((10.0, 8.0))
+    assert train.told.distance_m == pytest.approx(40.0)
+    train.mu[:] = 30.0  # they are a median of themselves
+    assert of(train.run(0.4)) == pytest.approx((10.0, 8.0))
+    assert of(train.run(0.4)) == pytest.approx((30.0, 28.0))
+
+
+def test_samples_under_too_little_load_replace_nothing(train: Train) -> None:
+    train.mu[:], train.used = 10.0, 2.9
+    assert of(train.run(1.0)) == pytest.approx((20.0, 18.0))
+
+
+def test_samples_under_load_are_alone_for_a_second(train: Train) -> None:
+    train.mu[:], train.used = 10.0, 5.0
+    train.run(0.6)
+    train.mu[:], train.used = 20.0, 2.0
+    assert of(train.run(0.6)) == pytest.approx((10.0, 8.0))
+    assert of(train.run(SLOT_S)) == pytest.approx((20.0, 18.0))  # the first of the three is a second behind
 
 
 def test_lower_end_never_exceeds_the_deceleration(train: Train) -> None:
-    train.mu[:] = 5.0
-    train.run(6.0)
-    train.mu[:] = 20.0
-    for _ in range(20):
-        middle, low = of(train.run(SLOT_S))
-        assert low <= middle
-
-
-def test_way_is_at_most_150_m(train: Train) -> None:
-    train.speed_m_s = 60.0
-    assert train.run(4.0).distance_m == pytest.approx(144.0)
-    train.speed_m_s = -5.0  # backwards it is way, too
-    assert train.run(4.2).distance_m == pytest.approx(20.0)
+    """All of it in use, and a mean of three numbers that is a rounding below them."""
+    train.validity[0], train.mu[:], train.used = Validity.DEGRADED, MEAN_BELOW_PCT, MEAN_BELOW_PCT
+    middle, low = of(train.run(2.0))
+    assert low <= middle
+    restore(adviser(), encode(capture(train.adviser)))
 
 
 def test_samples_that_are_too_far_behind_are_no_advice(train: Train) -> None:
-    """At 200 m/s 150 m are over before the second is in which no axle is Valid."""
+    """At 200 m/s 100 m are over before the second is in which no axle is Valid."""
     train.speed_m_s = 200.0
     train.run(4.0)
     train.validity = [Validity.DEGRADED] * AXLES
-    assert [train.run(SLOT_S).validity for _ in range(4)] == ["Degraded"] * 3 + ["NotAvailable"]
+    assert [train.run(SLOT_S).validity for _ in range(3)] == ["Degraded"] * 2 + ["NotAvailable"]
 
 
 def test_part_of_the_axles_is_degraded_and_fewer_than_half_not_available(train: Train) -> None:
     train.validity[0] = Validity.DEGRADED
-    train.mu[0] = 90.0  # what is not Valid counts for nothing
+    train.mu[0] = 5.0  # what is not Valid counts for nothing
     assert train.run(4.2).validity == "Degraded"
     assert of(train.told) == pytest.approx((20.0, 18.0))
     train.validity[1] = Validity.NOT_AVAILABLE
@@ -286,7 +307,7 @@ def test_every_frame_keeps_what_a_consumer_counts_on(log: list[Frame]) -> None:
             assert low <= middle
             assert str(said["Category"]) in {category(low, LIMITS), category(low + 0.01, LIMITS)}
             names.add(str(said["Category"]))
-    assert len(names) >= 3
+    assert {"Dry", "VeryLow"} <= names
 
 
 def test_leaf_film_takes_the_advice_down(log: list[Frame]) -> None:
