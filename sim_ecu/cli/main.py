@@ -24,6 +24,7 @@ SIM_ECU = Program(
         "figures",
         "loop",
         "mark",
+        "sand",
         "campaign",
         "compare",
         "fmu",

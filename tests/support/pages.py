@@ -6,8 +6,8 @@
 
 python -m tests.support.pages           prints the names of the blocks that differ; exit 1 if there are any
 python -m tests.support.pages --write   makes them again
-python -m tests.support.pages --all     the expensive ones too: `sim-ecu faults`, both of `score`, and `loop`, an hour;
-                                        with --write first, for others quote them
+python -m tests.support.pages --all     the expensive ones too: `sim-ecu faults`, both of `score`, `loop`, `sand`, an
+                                        hour; with --write first, for others quote them
 """
 
 import argparse
@@ -59,6 +59,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
     "sim-ecu score --suite worlds --beside was=lone-wheelset": ("worlds", "goals"),
     "sim-ecu score --design lone-wheelset": ("grid", "goals"),
     "sim-ecu score --suite fusion": ("fusion",),
+    "sim-ecu sand": ("very low", "low", "false sand", "goals"),
 }
 # Rows of the fault matrix that do as those of the yaw rate alone do.
 WHOLE_AXLE = re.compile(r"\| [^|]+ \| all of the axle \|")
