@@ -21,7 +21,7 @@ from sim_ecu.loop.suites.rides import KNOWN_S, LITTLE
 from sim_ecu.reporting import page as reporting
 from sim_ecu.reporting import verdicts
 from sim_ecu.reporting.page import PageSection
-from sim_ecu.reporting.table import Table
+from sim_ecu.reporting.table import Row, Table
 from sim_ecu.reporting.values import Rounded, Share, number, share
 from sim_ecu.score.sections import warnings
 
@@ -83,9 +83,9 @@ def sections(result: Mapping[str, Any]) -> list[PageSection]:
 
 def _table(of: Mapping[str, SandFigures], false: bool) -> Table:
     if false:
-        rows = [[who, Rounded(f.kg, 2), Share(f.sanded)] for who, f in of.items()]
+        rows = [Row([who, Rounded(f.kg, 2), Share(f.sanded)]) for who, f in of.items()]
         return Table(["policy", "kg a stop", "stops with sand"], rows)
-    rows = [[who, Rounded(f.metres, 0), Rounded(f.saved_m, 1), Rounded(f.kg, 2)] for who, f in of.items()]
+    rows = [Row([who, Rounded(f.metres, 0), Rounded(f.saved_m, 1), Rounded(f.kg, 2)]) for who, f in of.items()]
     return Table(["policy", "metres", "saved, m", "kg"], rows)
 
 

@@ -118,6 +118,7 @@ RIG_CASES = [
     ("score --quick --suite fusion --design nowhere", 2),
     ("score --quick --beside a=nowhere", 2),
     ("loop --jobs 0", 2),
+    ("sand --jobs 0", 2),
     ("campaign asked.toml --dry-run", 0),
     ("campaign asked.toml", 2),
     ("campaign never.toml -o {dir}/c", 2),
