@@ -9,7 +9,7 @@ from wrcd.cli.program import Subcommand
 
 def _add(p: argparse.ArgumentParser) -> None:
     p.add_argument("--quick", action="store_true", help="two seeds, too few to judge: about two minutes")
-    p.add_argument("--seeds", type=int, metavar="N", help="stops on each rail (default: 6, about six minutes)")
+    p.add_argument("--seeds", type=int, metavar="N", help="stops on each rail (default: 5, about six minutes)")
     add_jobs(p)
     p.add_argument("--json", type=Path, metavar="OUT", help="all figures, and those of every stop")
     p.add_argument("--html", type=Path, metavar="OUT", help="a page with tables and a picture")

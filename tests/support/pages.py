@@ -59,7 +59,6 @@ SECTIONS: dict[str, tuple[str, ...]] = {
     "sim-ecu score --suite worlds --beside was=lone-wheelset": ("worlds", "goals"),
     "sim-ecu score --design lone-wheelset": ("grid", "goals"),
     "sim-ecu score --suite fusion": ("fusion",),
-    "sim-ecu sand": ("very low", "low", "false sand", "goals"),
 }
 # Rows of the fault matrix that do as those of the yaw rate alone do.
 WHOLE_AXLE = re.compile(r"\| [^|]+ \| all of the axle \|")

@@ -12,7 +12,7 @@ from sim_ecu.loop.suites.rides import FIRST_TEST_SEED
 from sim_ecu.reporting.result_files import check_output, write_results
 from wrcd.errors import Status
 
-SEEDS, QUICK_SEEDS = 6, 2
+SEEDS, QUICK_SEEDS = 5, 2
 COSTS = {True: 6.0, False: 1.0}  # where all policies differ, and where none sands, about
 
 
