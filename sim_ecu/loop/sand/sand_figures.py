@@ -45,6 +45,12 @@ def saved_again(every: Stops, who: str) -> Figure:
     return bootstrap.ratio(at_slide - _metres(every, who), seeds, _metres(every, NONE) - at_slide, seeds)
 
 
+def _most(slippery: Stops, bears: Stops) -> float:
+    """The share that a rail would save again that bears the demand: the most that any sand can."""
+    bare, at_slide = (float(_metres(slippery, who).mean()) for who in (NONE, AT_SLIDE))
+    return (at_slide - float(_metres(bears, NONE).mean())) / (bare - at_slide)
+
+
 def _metres(every: Stops, who: str) -> np.ndarray:
     return np.array([d.stops[who].metres for d in every])
 
@@ -53,9 +59,9 @@ def judge_all(every: Stops) -> dict[str, Any]:
     """All figures: leaves are SandFigures, Figures, numbers and words."""
     of = {rail: [d for d in every if d.rail == rail] for rail in RAILS}
     groups = {rail: stops for rail, stops in of.items() if stops}
-    if bears := [d for d in every if d.rail in BEARING]:
+    bears, slippery = ([d for d in every if d.rail in rails] for rails in (BEARING, SLIPPERY))
+    if bears:
         groups["false sand"] = bears
-    slippery = [d for d in every if d.rail in SLIPPERY]
     again = {who: saved_again(slippery, who) for who in (WHEN_LOW, BEFORE)}
     earlier = [d.stops[AT_SLIDE].first_s - d.stops[WHEN_LOW].first_s for d in slippery]
     known = [s for s in earlier if math.isfinite(s)]
@@ -67,6 +73,7 @@ def judge_all(every: Stops) -> dict[str, Any]:
     return {
         "rails": {name: {who: sand_figures(stops, who) for who in WHO} for name, stops in groups.items()},
         "again": again,
+        "most": _most(slippery, bears) if slippery and bears else math.nan,
         "earlier_s": float(np.mean(known)) if known else math.nan,
         "ahead": float(np.mean(ahead)) if ahead else math.nan,
         "goals": [goal.record()],

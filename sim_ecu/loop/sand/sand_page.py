@@ -34,7 +34,7 @@ QUICK = ("QUICK", "two stops on each rail, to look, not to claim.")
 _RAILS = ", ".join(f"{rail} {CLASSES[rail][0]:g} to {CLASSES[rail][1]:g}" for rail in RAILS)
 WHAT = (
     f"A train of {AXLES} axles with sanders ahead of axles {' and '.join(map(str, SANDED))} stops from {SPEED_M_S:g} "
-    f"m/s, {DEMAND_M_S2:g} m/s² demanded after {KNOWN_S:g} s of {LITTLE:.0%} of the brake. Slide protection by "
+    f"m/s, {DEMAND_M_S2:g} m/s² demanded after {KNOWN_S:g} s of {100 * LITTLE:.0f} % of the brake. Slide protection by "
     f"thresholds. Friction mu_0: {_RAILS}. Every policy drives the same stops. Metres from the demand to standstill; "
     f"kg on each rail. In brackets: 90 % intervals, of seeds. {BEFORE}: as when-low, and {AHEAD_S:g} s before the "
     "demand where the mean of wrcd's estimates is below what that needs."
@@ -62,6 +62,7 @@ def conclusions(result: Mapping[str, Any]) -> list[str]:
     false = result["rails"].get(FALSE)
     return [
         first,
+        f"A rail that bears the demand would save {share(result['most'])} again: no sand can save more.",
         f"{BEFORE}, which knows of the demand {AHEAD_S:g} s before, saves {share(before)} again. It sanded before the "
         f"demand in {share(result['ahead'])} of the stops on very low and low rail.",
         *(

@@ -71,7 +71,9 @@ def test_share_saved_again_and_its_sentence_either_way(again: float, verdict: st
     assert result["again"][BEFORE].value == pytest.approx(0.1)
     assert (result["earlier_s"], result["ahead"]) == (pytest.approx(0.2), 0.5)
     assert [g["verdict"] for g in result["goals"]] == [verdict]
-    said, before, *false = conclusions(result)
+    assert result["most"] == pytest.approx(0.025)  # of 100 m: from 202.5 to 200
+    said, most, before, *false = conclusions(result)
+    assert "save 2.5 % again" in most
     assert f"saves {100 * again:.1f}" in said
     assert "0.20 s earlier" in said
     assert ("not 50 %" in said, "until the demand comes" in said) == ((verdict == MISSED),) * 2
