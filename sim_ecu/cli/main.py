@@ -25,6 +25,7 @@ SIM_ECU = Program(
         "loop",
         "mark",
         "fronts",
+        "sand",
         "campaign",
         "compare",
         "fmu",

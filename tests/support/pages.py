@@ -6,8 +6,8 @@
 
 python -m tests.support.pages           prints the names of the blocks that differ; exit 1 if there are any
 python -m tests.support.pages --write   makes them again
-python -m tests.support.pages --all     the expensive ones too: `sim-ecu faults`, `score`, `loop` and `fronts`, an hour;
-                                        with --write first, for others quote them
+python -m tests.support.pages --all     the expensive ones too: `sim-ecu faults`, `score`, `loop`, `mark`, `fronts` and
+                                        `sand`, hours; with --write first, for others quote them
 """
 
 import argparse

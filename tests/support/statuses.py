@@ -169,6 +169,12 @@ RIG: dict[str, dict[Status, str]] = {
         **_STOPPED,
     },
     "fronts": {Status.DONE: "the tables are printed", Status.STOPPED: _HOLES, Status.BAD_INPUT: _RIG_BAD, **_STOPPED},
+    "sand": {
+        Status.DONE: "the tables are printed, whatever the goal's verdict",
+        Status.STOPPED: "runs failed twice: the error names them; their rails are left out of the tables",
+        Status.BAD_INPUT: _RIG_BAD,
+        **_STOPPED,
+    },
     "campaign": {
         Status.DONE: "every job is done",
         Status.STOPPED: "jobs failed, took too long or died: their rows say why; or the workers are lost or have other "

@@ -6,6 +6,7 @@
 # See also: https://github.com/scop/bash-completion/blob/main/doc/configuration.md
 
 _shtab_sim_ecu_subparsers=(list play inject drive control driver faults design contact tune score figures loop mark fronts campaign compare fmu demo completion)
+_shtab_sim_ecu_subparsers=(list play inject drive control driver faults design contact tune score figures loop mark sand campaign compare fmu demo completion)
 
 _shtab_sim_ecu_list_option_strings=(-h --help)
 _shtab_sim_ecu_play_option_strings=(-h --help -i --interface -c --channel --log --fast --config --no-truth --ahead)
@@ -22,6 +23,7 @@ _shtab_sim_ecu_figures_option_strings=(-h --help -o --output --design --paper)
 _shtab_sim_ecu_loop_option_strings=(-h --help --suite --only --quick --seeds --jobs --fail-on --json --html)
 _shtab_sim_ecu_mark_option_strings=(-h --help --world --quick --lines --training --jobs --fail-on --json --html --png)
 _shtab_sim_ecu_fronts_option_strings=(-h --help --rail --seeds --jobs --json --html)
+_shtab_sim_ecu_sand_option_strings=(-h --help --quick --seeds --jobs --json --html)
 _shtab_sim_ecu_campaign_option_strings=(-h --help -o --out --jobs --scheduler --again --dry-run --logs --train --config --channel --limit --reports)
 _shtab_sim_ecu_compare_option_strings=(-h --help --figures --alpha --fail-on --json --html)
 _shtab_sim_ecu_fmu_option_strings=(-h --help -o --output)
@@ -89,6 +91,8 @@ _shtab_sim_ecu_mark___html_COMPGEN=_wrcd_file_any
 _shtab_sim_ecu_mark___png_COMPGEN=_wrcd_file_any
 _shtab_sim_ecu_fronts___json_COMPGEN=_wrcd_file_any
 _shtab_sim_ecu_fronts___html_COMPGEN=_wrcd_file_any
+_shtab_sim_ecu_sand___json_COMPGEN=_wrcd_file_any
+_shtab_sim_ecu_sand___html_COMPGEN=_wrcd_file_any
 _shtab_sim_ecu_campaign_pos_0_COMPGEN=_wrcd_file_toml
 _shtab_sim_ecu_campaign__o_COMPGEN=_shtab_compgen_dirs
 _shtab_sim_ecu_campaign___out_COMPGEN=_shtab_compgen_dirs
@@ -125,6 +129,9 @@ _shtab_sim_ecu_fronts___rail_choices=(wet greasy low leaf-patch)
 _shtab_sim_ecu_compare___fail_on_choices=(worse any)
 _shtab_sim_ecu_completion_pos_0_choices=(bash zsh)
 _shtab_sim_ecu_pos_0_choices=(list play inject drive control driver faults design contact tune score figures loop mark fronts campaign compare fmu demo completion)
+_shtab_sim_ecu_compare___fail_on_choices=(worse any)
+_shtab_sim_ecu_completion_pos_0_choices=(bash zsh)
+_shtab_sim_ecu_pos_0_choices=(list play inject drive control driver faults design contact tune score figures loop mark sand campaign compare fmu demo completion)
 
 _shtab_sim_ecu_list__h_nargs=0
 _shtab_sim_ecu_list___help_nargs=0
@@ -171,6 +178,9 @@ _shtab_sim_ecu_mark___quick_nargs=0
 _shtab_sim_ecu_mark___training_nargs=0
 _shtab_sim_ecu_fronts__h_nargs=0
 _shtab_sim_ecu_fronts___help_nargs=0
+_shtab_sim_ecu_sand__h_nargs=0
+_shtab_sim_ecu_sand___help_nargs=0
+_shtab_sim_ecu_sand___quick_nargs=0
 _shtab_sim_ecu_campaign__h_nargs=0
 _shtab_sim_ecu_campaign___help_nargs=0
 _shtab_sim_ecu_campaign___again_nargs=0

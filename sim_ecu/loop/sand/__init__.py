@@ -1,0 +1,1 @@
+"""What sand is worth: one stop on every rail by every sanding policy."""
