@@ -15,6 +15,11 @@ def _add(p: argparse.ArgumentParser) -> None:
     add_bus(p)
     p.add_argument("--with-adhesion", action="store_true", help="limit what is demanded by what the daemon says")
     p.add_argument(
+        "--share-effort", action="store_true",
+        help="brake less where an axle's adhesion does not carry the demand, and more where another's does; with "
+        "--with-adhesion",
+    )  # fmt: skip
+    p.add_argument(
         "--sand", choices=SANDING, metavar="POLICY",
         help="ask the scenario's sanders for sand. at-slide: while any axle slides; below-speed: the same, but none "
         "below 15 m/s; when-low: before it slides, where the daemon's adhesion is less than the brake needs; at-place: "
@@ -48,6 +53,8 @@ def _run(args: argparse.Namespace) -> int:
         raise InputError("is for --with-adhesion, and for sanding by adhesion", key="--config")
     if args.with_adhesion and args.controller == "none":
         raise InputError("is nothing for a controller that gives the driver all", key="--with-adhesion")
+    if args.share_effort and not args.with_adhesion:
+        raise InputError("needs --with-adhesion: axles share by what the daemon says", key="--share-effort")
     if args.sand is not None and args.controller == "none":
         raise InputError("is nothing for a controller that gives the driver all", key="--sand")
     facts = Facts.of(load_drive_scenario(args.scenario))
@@ -62,7 +69,9 @@ def _run(args: argparse.Namespace) -> int:
     bus = pick_bus(args.interface, args.channel, None, DEFAULT_BUS)
     paced_by = rig_message(f"WheelSpeed_A{facts.axles[-1]}").frame_id
     sanding = None if args.sand is None else make_sanding(args.sand, facts, config)
-    controller = make_controller(args.controller, facts, config if args.with_adhesion else None, sanding)
+    controller = make_controller(
+        args.controller, facts, config if args.with_adhesion else None, sanding, args.share_effort
+    )
     if isinstance(controller, SlipController):
         watches.append(ProtectionWatch(controller))
     print("\n".join(control_on_bus(controller, watches, *bus, args.seconds, paced_by)))

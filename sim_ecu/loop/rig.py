@@ -284,9 +284,12 @@ class Rig:
         return self._shares[k]
 
     def _actuate(self, k: int, actuators: AxleActuators, brake: float, speed_m_s: float, wheel_m_s: float) -> None:
-        """One axle's actuators through the coming sample. A driver who brakes gets no traction, whoever demands it."""
+        """One axle's actuators through the coming sample. A driver who brakes gets no traction, whoever demands it.
+
+        A Demand that is Shared may have more of the electric brake than the driver's share of an axle.
+        """
         a = self.scenario.actuators
-        direct = self._direct[k]
+        direct, shared = self._direct[k], False
         if direct is None:
             demand = self._by_place[k]
             silent = not demand.fresh(self.time_us)
@@ -296,7 +299,8 @@ class Rig:
                 actuators.step(0.0, Valve.FILL, a.demand_bar(brake, speed_m_s, electric=False), 0.0)
                 return
             direct = float(demand.values["Torque"]), VALVES.get(demand.values["Valve"], Valve.FILL)
-        electric = a.electric_N_m(brake, speed_m_s)
+            shared = brake > 0.0 and demand.values["Shared"] == 1
+        electric = a.electric_N_m(max(brake, -direct[0] / a.full_brake_N_m) if shared else brake, speed_m_s)
         traction = 0.0 if brake > 0.0 else a.drive.traction_N_m(wheel_m_s, self._radius_m)
         actuators.step(*direct, a.demand_bar(brake, speed_m_s), electric, traction)
 

@@ -70,6 +70,12 @@ class Actuators:
             return whole
         return whole * max(2.0 * speed_m_s / self.drive.fades_m_s - 1.0, 0.0)
 
+    def most_brake_N_m(self, brake_share: float, speed_m_s: float) -> float:
+        """Return the most that both brakes give where a controller may shift electric effort: the whole electric brake,
+        and the friction brake that the driver's share asks for."""
+        friction_N_m = self.demand_bar(brake_share, speed_m_s) * self.pneumatics.torque_per_bar_N_m
+        return self.electric_N_m(self.drive.max_brake_N_m / self.full_brake_N_m, speed_m_s) + friction_N_m
+
     def demand_bar(self, brake_share: float, speed_m_s: float, electric: bool = True) -> float:
         """Return the pressure for what the electric brake is not to give; electric False: for all."""
         rest = brake_share * self.full_brake_N_m - (self.electric_N_m(brake_share, speed_m_s) if electric else 0.0)

@@ -201,18 +201,21 @@ class Blending:
     def step(self, torque_N_m: float, share: float, braking: bool, speed_m_s: float | None) -> tuple[float, Valve]:
         """Drive torque (signed) and valve for a wanted amount of torque; share is the driver's.
 
-        speed None: not known; all is demanded of the drive, and what it is not allowed the actuators keep from it.
+        More than the driver's share is asked of the drive alone. speed None: not known; all is demanded of the drive,
+        and what it is not allowed the actuators keep from it.
         """
         if not braking:
             most = self._facts.actuators.drive.traction_N_m(speed_m_s or 0.0, self._facts.wheelset.r_0)
             self._follow(min(torque_N_m, most))
             return torque_N_m, self._set(Valve.FILL, 0.0)
         facts, pneumatics = self._facts, self._facts.actuators.pneumatics
+        shifted = torque_N_m > facts.demand_N_m(share, True)
+        electric_share = torque_N_m / facts.full_brake_N_m if shifted else share
         if speed_m_s is None:
             electric, demand_bar = torque_N_m, facts.actuators.demand_bar(share, 0.0)
         else:
             electric, demand_bar = (
-                facts.actuators.electric_N_m(share, speed_m_s),
+                facts.actuators.electric_N_m(electric_share, speed_m_s),
                 facts.actuators.demand_bar(share, speed_m_s),
             )
         target_bar = max(torque_N_m - electric, 0.0) / pneumatics.torque_per_bar_N_m

@@ -185,7 +185,7 @@ def test_truth_is_in_the_rigs_dbc_only(production: Database) -> None:
 def test_the_loops_messages_have_their_layout_and_time_outs() -> None:
     rig = load("sim_ecu.dbc")
     layout = {
-        "Demand_A8": (6, 10, {"Torque": (16, 24, True, 0.01), "Valve": (40, 2, False, 1)}),
+        "Demand_A8": (6, 10, {"Torque": (16, 24, True, 0.01), "Valve": (40, 2, False, 1), "Shared": (42, 1, False, 1)}),
         "WheelSpeed_A8": (5, 10, {"WheelSpeed": (16, 24, True, 1e-4)}),
         "BrakePressure_A8": (4, 20, {"Pressure": (16, 16, False, 1e-3)}),
         "DriverDemand": (5, 20, {"Mode": (16, 2, False, 1), "Share": (24, 16, False, 1e-4)}),

@@ -122,6 +122,7 @@ def test_control_ends_after_its_time_with_its_counts(capsys: pytest.CaptureFixtu
         ("control creep --config here.toml", "--config: is for --with-adhesion"),
         ("control creep --sand at-slide --config here.toml", "--config: is for --with-adhesion, and for sanding by"),
         ("control none --sand at-slide", "--sand: is nothing for a controller that gives the driver all"),
+        ("control creep --share-effort", "--share-effort: needs --with-adhesion"),
         ("control creep --sand at-slide", "the train has no sanders"),
         ("control creep --for 0", "--for: takes seconds above 0, not 0"),
         ("control creep --scenario leaf-patch", "'leaf-patch'"),
