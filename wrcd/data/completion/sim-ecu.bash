@@ -5,14 +5,13 @@
 #    source ~/.local/share/bash_completion/sim-ecu
 # See also: https://github.com/scop/bash-completion/blob/main/doc/configuration.md
 
-_shtab_sim_ecu_subparsers=(list play inject drive control driver faults design contact tune score figures loop mark fronts campaign compare fmu demo completion)
-_shtab_sim_ecu_subparsers=(list play inject drive control driver faults design contact tune score figures loop mark sand campaign compare fmu demo completion)
+_shtab_sim_ecu_subparsers=(list play inject drive control driver faults design contact tune score figures loop mark fronts sand campaign compare fmu demo completion)
 
 _shtab_sim_ecu_list_option_strings=(-h --help)
 _shtab_sim_ecu_play_option_strings=(-h --help -i --interface -c --channel --log --fast --config --no-truth --ahead)
 _shtab_sim_ecu_inject_option_strings=(-h --help -i --interface -c --channel --log --fast --config --no-truth --ahead --fault --list)
 _shtab_sim_ecu_drive_option_strings=(-h --help -i --interface -c --channel --log --driver --config --no-truth --json)
-_shtab_sim_ecu_control_option_strings=(-h --help -i --interface -c --channel --with-adhesion --sand --config --scenario --for)
+_shtab_sim_ecu_control_option_strings=(-h --help -i --interface -c --channel --with-adhesion --share-effort --sand --config --scenario --for)
 _shtab_sim_ecu_driver_option_strings=(-h --help -i --interface -c --channel --config --scenario --for)
 _shtab_sim_ecu_faults_option_strings=(-h --help)
 _shtab_sim_ecu_design_option_strings=(-h --help --config -o --output --form --search --budget --jobs --baselines --explain)
@@ -128,10 +127,7 @@ _shtab_sim_ecu_mark___fail_on_choices=(missed)
 _shtab_sim_ecu_fronts___rail_choices=(wet greasy low leaf-patch)
 _shtab_sim_ecu_compare___fail_on_choices=(worse any)
 _shtab_sim_ecu_completion_pos_0_choices=(bash zsh)
-_shtab_sim_ecu_pos_0_choices=(list play inject drive control driver faults design contact tune score figures loop mark fronts campaign compare fmu demo completion)
-_shtab_sim_ecu_compare___fail_on_choices=(worse any)
-_shtab_sim_ecu_completion_pos_0_choices=(bash zsh)
-_shtab_sim_ecu_pos_0_choices=(list play inject drive control driver faults design contact tune score figures loop mark sand campaign compare fmu demo completion)
+_shtab_sim_ecu_pos_0_choices=(list play inject drive control driver faults design contact tune score figures loop mark fronts sand campaign compare fmu demo completion)
 
 _shtab_sim_ecu_list__h_nargs=0
 _shtab_sim_ecu_list___help_nargs=0
@@ -152,6 +148,7 @@ _shtab_sim_ecu_drive___no_truth_nargs=0
 _shtab_sim_ecu_control__h_nargs=0
 _shtab_sim_ecu_control___help_nargs=0
 _shtab_sim_ecu_control___with_adhesion_nargs=0
+_shtab_sim_ecu_control___share_effort_nargs=0
 _shtab_sim_ecu_driver__h_nargs=0
 _shtab_sim_ecu_driver___help_nargs=0
 _shtab_sim_ecu_faults__h_nargs=0
