@@ -9,8 +9,8 @@ For the engineer of a train, to be read and copied; `wrcd kit` has the same in C
 4. Brake as soon as the mark needs the deceleration that is planned with. From then on the mark alone decides.
 5. A coasting wheel tells little of its rail. Where rule 4 would begin at less than the dry rate by what a coasting
    train's advice says, brake for a moment first, as hard as a rail may have to bear, and plan with what the advice says
-   at its end. If that is enough for later, coast on. It holds until the advice falls to a fraction of what it was
-   before.
+   at its end. If that is enough for later, coast on. It holds for a minute, or until the advice falls to a fraction of
+   what it was before.
 
 What was planned with is no promise: a film that begins behind the place where the train begins to brake is unknown to
 everybody, and wheel-slide protection stays what it is.
@@ -33,6 +33,7 @@ class RateLimits:
     same_m: float = 30.0
     tests: float = 0.7  # the brake of a moment,
     test_s: float = 1.6  # which lasts so long, of which the advice needs a second
+    found_s: float = 60.0  # how long what it has found holds: for this mark, not for the next
     falls_to: float = 0.6  # of the estimate before the test: what is less is another rail
 
 
@@ -47,6 +48,7 @@ class AdvisedRate:
         self._low_m_s2 = self._middle_m_s2 = self._position_m = math.nan
         self._stamp_us = 0
         self._tested_m_s2: float | None = None
+        self._tested_us = 0
         self._before_m_s2 = math.nan  # the estimate as the test began
 
     def take(self, now_us: int, position_m: float, low_m_s2: float, middle_m_s2: float) -> None:
@@ -70,11 +72,12 @@ class AdvisedRate:
         if not self.holds(now_us, position_m):
             return self.limits.cautious
         now = self._planned(self._low_m_s2)
-        return now if self._tested_m_s2 is None else max(now, self._tested_m_s2)
+        found = self._found_m_s2(now_us)
+        return now if found is None else max(now, found)
 
     def tests(self, now_us: int, position_m: float) -> bool:
         """Return whether a test may find more than is known: begin one, or brake for the mark."""
-        if self._tested_m_s2 is not None or not self.holds(now_us, position_m):
+        if self._found_m_s2(now_us) is not None or not self.holds(now_us, position_m):
             return False
         if self._planned(self._low_m_s2) >= self.limits.dry:
             return False
@@ -83,7 +86,12 @@ class AdvisedRate:
 
     def tested(self, now_us: int, position_m: float) -> None:
         """End a test: what the advice says now is what it has found."""
+        self._tested_us = now_us
         self._tested_m_s2 = self._planned(self._low_m_s2) if self.holds(now_us, position_m) else self.limits.cautious
+
+    def _found_m_s2(self, now_us: int) -> float | None:
+        """What the last test has found; None where it does not hold any more."""
+        return self._tested_m_s2 if now_us - self._tested_us <= self.limits.found_s * 1e6 else None
 
     def _planned(self, low_m_s2: float) -> float:
         return min(max(self.limits.kept * low_m_s2, self.limits.least), self.limits.dry)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from sim_ecu.loop.control.braking_rate import RATES
 from sim_ecu.loop.mark.lines import AS_TRAINED, MARK_WORLDS, UNSEEN
 from sim_ecu.loop.mark.policies import DRY, KNOWS, POLICIES, SLIPPERY, TESTS, TOLD, WRCD, DrivenStop
-from sim_ecu.loop.mark.stops import Outcome
+from sim_ecu.loop.mark.stops import StopOutcome
 from sim_ecu.reporting.values import Figure
 from sim_ecu.reporting.verdicts import Goal
 from sim_ecu.score.metrics import bootstrap
@@ -181,7 +181,7 @@ def _record(d: DrivenStop) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _outcome(o: Outcome) -> dict[str, float | bool]:
+def _outcome(o: StopOutcome) -> dict[str, float | bool]:
     return {
         "rate_m_s2": round(o.rate_m_s2, 3), "past_m": round(o.past_m, 2), "seconds": round(o.seconds, 2),
         "slid": o.slid, "slip_energy_kJ": round(o.slip_energy_kJ, 2), "tested": o.tested,

@@ -7,7 +7,7 @@ from sim_ecu.loop.control.braking_rate import RATES
 from sim_ecu.loop.driver import Advised, BrakeTesting, MarkDriver, Rule
 from sim_ecu.loop.mark.approach import TRAINS, Advices, advised_configuration, approach
 from sim_ecu.loop.mark.lines import FULL_SERVICE, MARK_WORLDS, Stop, braking_m, stops
-from sim_ecu.loop.mark.stops import G, Outcome, known_rate, stands
+from sim_ecu.loop.mark.stops import G, StopOutcome, known_rate, stands
 from wrcd.core.configuration import Config
 
 DRY, SLIPPERY = f"always {RATES.dry:g} m/s²", f"always {RATES.cautious:g} m/s²"
@@ -27,7 +27,7 @@ class DrivenStop:
     station: int
     rail: str
     late: bool
-    outcomes: Mapping[str, Outcome]
+    outcomes: Mapping[str, StopOutcome]
 
 
 class SlideMemory:
@@ -36,7 +36,7 @@ class SlideMemory:
     def __init__(self, stops: int) -> None:
         self._stops, self._left = stops, 0
 
-    def stop(self, outcomes: Mapping[str, Outcome]) -> Outcome:
+    def stop(self, outcomes: Mapping[str, StopOutcome]) -> StopOutcome:
         """Return what it makes of the next stop, from what both rates make of it."""
         outcome = outcomes[SLIPPERY if self._left else DRY]
         self._left = self._stops if outcome.slid else max(self._left - 1, 0)
@@ -58,13 +58,13 @@ def drive_line(world: int, line: int, first_seed: int) -> list[DrivenStop]:
     return driven
 
 
-def _drive(stop: Stop, advices: Advices, config: Config) -> tuple[float, dict[str, Outcome]]:
+def _drive(stop: Stop, advices: Advices, config: Config) -> tuple[float, dict[str, StopOutcome]]:
     """The rate of who knows the rail, and what every policy makes of the stop but those that remember."""
     rate = known_rate(stop)
     constant = {DRY: RATES.dry, SLIPPERY: RATES.cautious, KNOWS: rate}
     constant |= {name: told_rate(pct) for name, pct in TOLD.items()}
-    made: dict[float, Outcome] = {}
-    outcomes: dict[str, Outcome] = {}
+    made: dict[float, StopOutcome] = {}
+    outcomes: dict[str, StopOutcome] = {}
     for name, planned in constant.items():
         if planned not in made:
             made[planned] = _stands(stop, Rule(planned))
@@ -75,7 +75,7 @@ def _drive(stop: Stop, advices: Advices, config: Config) -> tuple[float, dict[st
     return rate, outcomes
 
 
-def _stands(stop: Stop, rule: Rule, advices: Advices = ()) -> Outcome:
+def _stands(stop: Stop, rule: Rule, advices: Advices = ()) -> StopOutcome:
     return stands(MarkDriver(rule, FULL_SERVICE), stop, advices)
 
 

@@ -32,7 +32,7 @@ PLACES = 60  # on the way at which the rail is looked at
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class StopOutcome:
     """What became of a stop. rate_m_s2: planned with; past_m: the mark, at standstill; seconds: until then, from the
     approach's begin; slip_energy_kJ: of a wheel; tested: whether a brake test came before."""
 
@@ -44,7 +44,7 @@ class Outcome:
     tested: bool
 
 
-def stands(who: MarkDriver, stop: Stop, heard: Advices = ()) -> Outcome:
+def stands(who: MarkDriver, stop: Stop, heard: Advices = ()) -> StopOutcome:
     """Return what a driver makes of a stop. heard: what wrcd advises on the approach, for one who listens to it."""
     _coast(stop, who, heard)
     advised = isinstance(who.rule, Advised) and who.begun_us is None
@@ -85,7 +85,7 @@ class _Moving:
     slip_energy_kJ: float = 0.0  # of a wheel
 
 
-def _simulated(stop: Stop, who: MarkDriver, config: Config | None) -> Outcome:
+def _simulated(stop: Stop, who: MarkDriver, config: Config | None) -> StopOutcome:
     """The rest of a stop on the rig, with slide protection. config: of a daemon, until the brake is decided on for
     good; it starts some seconds before the test. What cannot slide from then on is rolled."""
     before_us = SETTLES_US if config is None else WARM_UP_US
@@ -104,7 +104,7 @@ def _simulated(stop: Stop, who: MarkDriver, config: Config | None) -> Outcome:
                 return _rolled(
                     stop, who, _Moving(step.due_us, step.distance_m, step.speed_m_s, brakes, slid, energy)
                 )  # fmt: skip
-    return Outcome(
+    return StopOutcome(
         who.rate_m_s2, step.distance_m - stop.mark_m, step.due_us * 1e-6, slid, energy, who.tested_us is not None,
     )  # fmt: skip
 
@@ -114,7 +114,7 @@ def _rolls(stop: Stop, most_m_s2: float, planned_m_s2: float) -> bool:
     return most_m_s2 < ROLLS * G * least_adhesion(stop, planned_m_s2)
 
 
-def _rolled(stop: Stop, who: MarkDriver, at: _Moving) -> Outcome:
+def _rolled(stop: Stop, who: MarkDriver, at: _Moving) -> StopOutcome:
     """The rest of a stop whose wheels do not slide: a mass, its brake, its resistance, and the creep curve."""
     position, speed, brakes, now_us, demand = at.position_m, at.speed_m_s, at.brakes_m_s2, at.now_us, at.brakes_m_s2
     free_us, dt, energy = _decided_us(who) + REACTION_S * 1e6, SAMPLE_US * 1e-6, 0.0
@@ -130,7 +130,7 @@ def _rolled(stop: Stop, who: MarkDriver, at: _Moving) -> Outcome:
         position += (speed - 0.5 * slower) * dt
         speed -= slower
         now_us += SAMPLE_US
-    return Outcome(
+    return StopOutcome(
         who.rate_m_s2, position - stop.mark_m, now_us * 1e-6, at.slid, at.slip_energy_kJ + energy,
         who.tested_us is not None,
     )  # fmt: skip

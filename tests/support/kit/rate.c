@@ -1,4 +1,4 @@
-/* braking_rate.c's answers. First it says the default limits, and takes a line of ten numbers, those to try.
+/* braking_rate.c's answers. First it says the default limits, and takes a line of eleven numbers, those to try.
  * Then lines "OP NOW_US POSITION_MM A B": OP is init, take (lower end, estimate), silent (the same, not Valid), tests,
  * tested or needed (speed, rest). */
 #include "braking_rate.c"
@@ -9,8 +9,8 @@
 
 static void show(const braking_rate_limits_t *l)
 {
-    printf("%u %u %u %u %u %u %u %u %u %u\n", l->dry, l->cautious, l->least, l->kept_pct, l->falls_to_pct, l->holds_us,
-           l->stands_us, l->same_mm, l->tests, l->test_us);
+    printf("%u %u %u %u %u %u %u %u %u %u %u\n", l->dry, l->cautious, l->least, l->kept_pct, l->falls_to_pct, l->holds_us,
+           l->stands_us, l->same_mm, l->tests, l->test_us, l->found_us);
 }
 
 int main(void)
@@ -20,9 +20,9 @@ int main(void)
     show(&rate.limits);
     braking_rate_limits_t given;
     if (scanf("%" SCNu32 " %" SCNu32 " %" SCNu32 " %" SCNu8 " %" SCNu8 " %" SCNu32 " %" SCNu32 " %" SCNu32 " %" SCNu32
-              " %" SCNu32,
+              " %" SCNu32 " %" SCNu32,
               &given.dry, &given.cautious, &given.least, &given.kept_pct, &given.falls_to_pct, &given.holds_us,
-              &given.stands_us, &given.same_mm, &given.tests, &given.test_us) != 10) {
+              &given.stands_us, &given.same_mm, &given.tests, &given.test_us, &given.found_us) != 11) {
         return 2;
     }
     braking_rate_init(&rate, &given);

@@ -18,7 +18,7 @@ pytestmark = needs_compiler
 # Of the limits in C, in their order: name in Python, and the unit.
 UNITS = {
     "dry": 10_000, "cautious": 10_000, "least": 10_000, "kept": 100, "falls_to": 100, "holds_s": 1_000_000,
-    "stands_s": 1_000_000, "same_m": 1000, "tests": 10_000, "test_s": 1_000_000,
+    "stands_s": 1_000_000, "same_m": 1000, "tests": 10_000, "test_s": 1_000_000, "found_s": 1_000_000,
 }  # fmt: skip
 INFINITE = (1 << 32) - 1
 OTHER = replace(RATES, dry=1.1, cautious=0.5, least=0.1, kept=0.7, falls_to=0.8, holds_s=1.0, stands_s=60.0, same_m=5.0)

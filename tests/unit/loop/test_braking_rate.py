@@ -102,3 +102,15 @@ def test_needed_deceleration_is_infinite_at_the_mark() -> None:
     assert needed_m_s2(20.0, 100.0) == pytest.approx(2.0)
     assert needed_m_s2(1.0, 0.0) == math.inf
     assert needed_m_s2(1.0, -5.0) == math.inf
+
+
+def test_what_a_test_found_holds_for_a_minute_and_not_for_the_next_mark() -> None:
+    rate = AdvisedRate()
+    rate.take(0, 0.0, 0.4, 1.5)
+    assert rate.tests(0, 0.0)
+    rate.take(2_000_000, 30.0, 1.2, 1.4)
+    rate.tested(2_000_000, 30.0)
+    for now_us, planned in ((62_000_000, RATES.dry), (62_000_001, RATES.kept * 0.4)):
+        rate.take(now_us, 900.0, 0.4, 1.5)
+        assert rate.rate_m_s2(now_us, 900.0) == pytest.approx(planned)
+        assert rate.tests(now_us, 900.0) is (planned != RATES.dry)

@@ -16,7 +16,7 @@ from sim_ecu.loop.mark.mark_figures import ALL, GROUPS, LATE, TIED, judge_all, p
 from sim_ecu.loop.mark.mark_page import page, text
 from sim_ecu.loop.mark.policies import DRY, KNOWS, LAST, POLICIES, SLIPPERY, TESTS, TOLD, WRCD, DrivenStop, SlideMemory
 from sim_ecu.loop.mark.policies import told_rate as rate_of
-from sim_ecu.loop.mark.stops import Outcome, known_rate, least_adhesion, stands
+from sim_ecu.loop.mark.stops import StopOutcome, known_rate, least_adhesion, stands
 from sim_ecu.play.play import LOG_START_US
 from sim_ecu.play.player import LARGE_CHUNK, Player
 from sim_ecu.reporting.values import CHANCE, MET, MET_CHANCE, MISSED
@@ -78,7 +78,7 @@ def test_untied_slopes_leave_the_friction_as_it_is() -> None:
 # --- how they are driven
 
 
-def driven(stop: Stop, rate: float) -> Outcome:
+def driven(stop: Stop, rate: float) -> StopOutcome:
     return stands(MarkDriver(Rule(rate), FULL), stop)
 
 
@@ -125,8 +125,8 @@ def test_each_train_is_advised_as_by_a_daemon_of_its_own() -> None:
 
 
 def test_a_slide_is_remembered_for_so_many_stops() -> None:
-    slid, not_slid = Outcome(0.9, 50.0, 60.0, True, 9.0, False), Outcome(0.9, 0.0, 60.0, False, 0.0, False)
-    slow = Outcome(0.35, 0.0, 80.0, False, 0.0, False)
+    slid, not_slid = StopOutcome(0.9, 50.0, 60.0, True, 9.0, False), StopOutcome(0.9, 0.0, 60.0, False, 0.0, False)
+    slow = StopOutcome(0.35, 0.0, 80.0, False, 0.0, False)
     memory = SlideMemory(2)
     found = [memory.stop({DRY: dry, SLIPPERY: slow}) for dry in (not_slid, slid, slid, slid, not_slid)]
     assert found == [not_slid, slid, slow, slow, not_slid]
@@ -142,17 +142,17 @@ def test_a_liar_plans_with_what_he_says() -> None:
 # --- figures
 
 
-def outcome(past_m: float = 0.0, seconds: float = 50.0, rate: float = 0.9) -> Outcome:
-    return Outcome(rate, past_m, seconds, past_m > 2.0, 1.0 + past_m, False)
+def outcome(past_m: float = 0.0, seconds: float = 50.0, rate: float = 0.9) -> StopOutcome:
+    return StopOutcome(rate, past_m, seconds, past_m > 2.0, 1.0 + past_m, False)
 
 
-def made(number: int, station: int = 0, late: bool = False, **policies: Outcome) -> DrivenStop:
+def made(number: int, station: int = 0, late: bool = False, **policies: StopOutcome) -> DrivenStop:
     """A stop of which most policies make the same as who knows the rail."""
     usual = dict.fromkeys(POLICIES, outcome())
     return DrivenStop(MARK_WORLDS[0].name, number, station, "low", late, usual | policies)
 
 
-def many(**policies: Outcome) -> list[DrivenStop]:
+def many(**policies: StopOutcome) -> list[DrivenStop]:
     return [made(n, s, **policies) for n in range(8) for s in range(STATIONS)]
 
 
