@@ -134,7 +134,7 @@ def test_a_slide_is_remembered_for_so_many_stops() -> None:
 
 
 def test_a_liar_plans_with_what_he_says() -> None:
-    assert rate_of(3) == pytest.approx(RATES.kept * 9.80665 * 0.03, abs=1e-9)
+    assert rate_of(8) == pytest.approx(RATES.kept * 9.80665 * 0.08, abs=1e-9)
     assert rate_of(1) == RATES.least
     assert rate_of(40) == RATES.dry
 
