@@ -19,7 +19,7 @@ def _writer() -> Writer:
 def advice_frame(due_us: int, low_m_s2: float, middle_m_s2: float, validity: str = "Valid") -> Sent:
     """The frame of a slot: lower end and deceleration of the train (m/s²)."""
     writer = _writer()
-    values = {
+    values: dict[str, float | str | None] = {
         "Validity": validity, "Deceleration": middle_m_s2, "DecelerationLow": low_m_s2, "Distance": 40.0,
         "Category": "Dry", "Age": 0.0, "Ahead": "None",
     }  # fmt: skip

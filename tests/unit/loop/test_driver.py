@@ -1,6 +1,7 @@
 """Drivers who stop at a mark: when they begin to brake, what they go by, and how it ends."""
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -146,6 +147,11 @@ def test_lever_on_the_bus_is_passed_on_and_its_silence_brakes() -> None:
     assert rig_end.demand(550_000, 0.0, SPEED, MARK_M) == -RATES.cautious / FULL
 
 
+def share_of(lever: Sent) -> float:
+    values: Any = rig_message("DriverLever").decode(lever.data)
+    return float(values["Share"])
+
+
 def test_driver_on_the_bus_moves_the_lever_by_position_and_speed() -> None:
     end = DriverOnBus(MarkDriver(Rule(0.9), FULL), FULL)
     train, speed = Channel(rig_message("TrainPosition")), Channel(databases()[0].get_message_by_name("VehicleSpeed"))
@@ -159,11 +165,11 @@ def test_driver_on_the_bus_moves_the_lever_by_position_and_speed() -> None:
         if now_us % 20_000 == 0:
             f = speed.encode(now_us, {"Speed": SPEED})
             end.hear(f.can_id, f.data, now_us)
-        shares += [rig_message("DriverLever").decode(f.data)["Share"] for f in end.tick(now_us)]  # type: ignore[call-overload]
+        shares += [share_of(f) for f in end.tick(now_us)]
     assert shares[0] == 0.0
     assert shares[-1] < -0.7
     late = end.tick(5_000_000)
-    assert rig_message("DriverLever").decode(late[0].data)["Share"] == pytest.approx(-RATES.cautious / FULL, abs=1e-3)  # type: ignore[call-overload]
+    assert share_of(late[0]) == pytest.approx(-RATES.cautious / FULL, abs=1e-3)
     assert end.look(5_000_000) == ["train silent: brakes with 0.35 m/s²"]
 
 

@@ -1,6 +1,7 @@
 """Stops at the mark: how they are drawn and driven, and the figures that are made of them."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any
@@ -10,8 +11,8 @@ import pytest
 from sim_ecu.loop.control.braking_rate import RATES
 from sim_ecu.loop.driver import MarkDriver, Rule
 from sim_ecu.loop.mark import stops as at_mark
-from sim_ecu.loop.mark.approach import AXLES, approach
-from sim_ecu.loop.mark.lines import MARK_WORLDS, MIX, STATIONS, Stop, braking_m, stops
+from sim_ecu.loop.mark.approach import approach
+from sim_ecu.loop.mark.lines import AXLES, MARK_WORLDS, MIX, STATIONS, Stop, braking_m, stops
 from sim_ecu.loop.mark.mark_figures import ALL, GROUPS, LATE, TIED, judge_all, policy_figures
 from sim_ecu.loop.mark.mark_page import page, text
 from sim_ecu.loop.mark.policies import DRY, KNOWS, LAST, POLICIES, SLIPPERY, TESTS, TOLD, WRCD, DrivenStop, SlideMemory
@@ -146,31 +147,31 @@ def outcome(past_m: float = 0.0, seconds: float = 50.0, rate: float = 0.9) -> St
     return StopOutcome(rate, past_m, seconds, past_m > 2.0, 1.0 + past_m, False)
 
 
-def made(number: int, station: int = 0, late: bool = False, **policies: StopOutcome) -> DrivenStop:
+def made(number: int, policies: Mapping[str, StopOutcome], station: int = 0, late: bool = False) -> DrivenStop:
     """A stop of which most policies make the same as who knows the rail."""
     usual = dict.fromkeys(POLICIES, outcome())
-    return DrivenStop(MARK_WORLDS[0].name, number, station, "low", late, usual | policies)
+    return DrivenStop(MARK_WORLDS[0].name, number, station, "low", late, {**usual, **policies})
 
 
-def many(**policies: StopOutcome) -> list[DrivenStop]:
-    return [made(n, s, **policies) for n in range(8) for s in range(STATIONS)]
+def many(policies: Mapping[str, StopOutcome] | None = None) -> list[DrivenStop]:
+    return [made(n, policies or {}, s) for n in range(8) for s in range(STATIONS)]
 
 
 def test_seconds_are_of_stops_that_neither_overran() -> None:
-    stops = [made(n, **{WRCD: outcome(seconds=54.0)}) for n in range(6)]
-    stops += [made(n, 1, **{WRCD: outcome(past_m=30.0, seconds=90.0)}) for n in range(6)]
+    stops = [made(n, {WRCD: outcome(seconds=54.0)}) for n in range(6)]
+    stops += [made(n, {WRCD: outcome(past_m=30.0, seconds=90.0)}, 1) for n in range(6)]
     p = policy_figures(stops, WRCD)
     assert p.lost_s.value == pytest.approx(4.0)
     assert p.overruns.value == 0.5
     assert p.past_m.value == pytest.approx(15.0)
     assert p.median_m == p.worst_m == 30.0
     assert p.false.value == 0.0
-    assert policy_figures([made(0, **{WRCD: outcome(seconds=56.0)})], WRCD).false.value == 1.0
+    assert policy_figures([made(0, {WRCD: outcome(seconds=56.0)})], WRCD).false.value == 1.0
 
 
 def test_nothing_past_two_metres_is_an_overrun() -> None:
-    assert policy_figures(many(**{WRCD: outcome(past_m=1.9)}), WRCD).overruns.value == 0.0
-    assert policy_figures(many(**{WRCD: outcome(past_m=2.1)}), WRCD).overruns.value == 1.0
+    assert policy_figures(many({WRCD: outcome(past_m=1.9)}), WRCD).overruns.value == 0.0
+    assert policy_figures(many({WRCD: outcome(past_m=2.1)}), WRCD).overruns.value == 1.0
 
 
 def goals(stops: list[DrivenStop]) -> dict[str, dict[str, Any]]:
@@ -180,7 +181,7 @@ def goals(stops: list[DrivenStop]) -> dict[str, dict[str, Any]]:
 def test_goals_are_met_by_who_knows_and_missed_by_who_does_not() -> None:
     good = goals(
         many(
-            **{
+            {
                 DRY: outcome(past_m=40.0),
                 SLIPPERY: outcome(seconds=70.0),
                 "told 15 %": outcome(past_m=40.0),
@@ -189,21 +190,21 @@ def test_goals_are_met_by_who_knows_and_missed_by_who_does_not() -> None:
         )
     )
     assert {good[w]["verdict"] for w in good if TIED in w or "over those" in w} <= {MET, MET_CHANCE}
-    bad = goals(many(**{WRCD: outcome(past_m=40.0), DRY: outcome(past_m=40.0)}))
+    bad = goals(many({WRCD: outcome(past_m=40.0), DRY: outcome(past_m=40.0)}))
     assert bad[f"{TIED}: share of overruns, wrcd"]["verdict"] == MISSED
     assert bad[f"{ALL}: overruns of wrcd over those of {DRY}"]["verdict"] == MISSED
-    slow = goals(many(**{WRCD: outcome(seconds=60.0), SLIPPERY: outcome(seconds=62.0)}))
+    slow = goals(many({WRCD: outcome(seconds=60.0), SLIPPERY: outcome(seconds=62.0)}))
     assert slow[f"{TIED}: seconds lost a stop, wrcd"]["verdict"] == MISSED
     assert slow[f"{ALL}: liars that are better in overruns and seconds"]["figure"].value == len(TOLD)
 
 
 def test_one_overrun_in_eighty_stops_is_within_chance() -> None:
-    stops = many()[:-1] + [made(7, STATIONS - 1, **{WRCD: outcome(past_m=40.0)})]
+    stops = many()[:-1] + [made(7, {WRCD: outcome(past_m=40.0)}, STATIONS - 1)]
     assert goals(stops)[f"{TIED}: share of overruns, wrcd"]["verdict"] == CHANCE
 
 
 def test_late_films_are_a_group_of_their_own() -> None:
-    stops = [*many(), made(0, late=True, **{WRCD: outcome(past_m=100.0)})]
+    stops = [*many(), made(0, {WRCD: outcome(past_m=100.0)}, late=True)]
     groups = judge_all(stops)["groups"]
     assert groups[TIED][WRCD].overruns.value == 0.0
     assert groups[LATE][WRCD].overruns.value == 1.0
@@ -212,7 +213,7 @@ def test_late_films_are_a_group_of_their_own() -> None:
 
 
 def test_page_begins_with_two_pictures_and_the_text_has_every_policy() -> None:
-    result = {"run": {"quick": True, "left_out": {}}} | judge_all(many(**{DRY: outcome(past_m=40.0)}))
+    result = {"run": {"quick": True, "left_out": {}}} | judge_all(many({DRY: outcome(past_m=40.0)}))
     html = page(result)
     planes, lines, tables = (
         html.index(w) for w in ("Metres past the mark against", "A line of ten stations", "<table")
