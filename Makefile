@@ -150,9 +150,9 @@ loop: $(READY)
 fronts: $(READY)
 	$(BIN)/sim-ecu fronts --json build/fronts.json --html build/fronts.html
 
-# the tables of docs/reference/mark.md, and the README's second picture; twenty minutes on two cores
+# the tables of docs/reference/mark.md, and docs/mark.png; half an hour on two cores
 mark: $(READY)
-	$(BIN)/sim-ecu mark --json build/mark.json --html build/mark.html --png docs/mark.png
+	$(BIN)/python -m tests.support.mark_picture
 
 # what stands between the markers of the pages, the configuration's JSON schema, completion and manual pages, and the site of
 # the pages in build/site: a warning or a dead link fails. docs-check changes nothing
