@@ -173,14 +173,12 @@ class MarkDriver:
         return self._share
 
     def _decide(self, now_us: int, position_m: float, speed_m_s: float, rest_m: float, reaction_s: float) -> None:
-        """Begin to brake, or a test, if it is time; a test so early that there is room for one that finds nothing.
-        reaction_s: until the brake is applied."""
-        rate, tests = self.rule.rate_m_s2(now_us, position_m), self.rule.tests(now_us, position_m)
-        ahead_s = REACTION_S + 1e-6 * self._test_us * tests
-        if needed_m_s2(speed_m_s, rest_m - ahead_s * speed_m_s) < rate:
+        """Begin to brake, or a test, if it is time. reaction_s: until the brake is applied."""
+        rate = self.rule.rate_m_s2(now_us, position_m)
+        if needed_m_s2(speed_m_s, rest_m - REACTION_S * speed_m_s) < rate:
             return
         self._applies_us = now_us + round(1e6 * reaction_s)
-        if tests:
+        if self.rule.tests(now_us, position_m):
             self.tested_us, self._testing = now_us, True
         else:
             self.begun_us, self.rate_m_s2 = now_us, rate

@@ -8,9 +8,9 @@ For the engineer of a train, to be read and copied; `wrcd kit` has the same in C
    cautious rate is planned with. For a train that has not moved since, it holds for minutes: the rail is the same.
 4. Brake as soon as the mark needs the deceleration that is planned with. From then on the mark alone decides.
 5. A coasting wheel tells little of its rail. Where rule 4 would begin at less than the dry rate by what a coasting
-   train's advice says, brake for a moment first, so early that nothing is lost if that finds nothing, and as hard as a
-   rail may have to bear. Plan with what the advice says at its end. If that is enough for later, coast on. It holds for
-   a minute, or until the advice falls to a fraction of what it was before.
+   train's advice says, brake for a moment first, as hard as a rail may have to bear, and plan with what the advice says
+   at its end. If that is enough for later, coast on. It holds for a minute, or until the advice falls to a fraction of
+   what it was before.
 
 What was planned with is no promise: a film that begins behind the place where the train begins to brake is unknown to
 everybody, and wheel-slide protection stays what it is.
@@ -27,14 +27,14 @@ class RateLimits:
     dry: float = 0.9  # what a train brakes with for a station where it thinks of nothing
     cautious: float = 0.35  # what it brakes with where it knows nothing, and the rail may be slippery
     least: float = 0.25  # less is not planned with: a train has to arrive
-    kept: float = 0.75  # of the lower end: slip control does not use all that there is
+    kept: float = 0.85  # of the lower end: slip control does not use all that there is
     holds_s: float = 2.0  # how long the last Valid advice holds on the way,
     stands_s: float = 300.0  # and for a train within `same_m` of where it was given
     same_m: float = 30.0
     tests: float = 0.7  # the brake of a moment,
     test_s: float = 1.6  # which lasts so long, of which the advice needs a second
     found_s: float = 60.0  # how long what it has found holds: for this mark, not for the next
-    falls_to: float = 0.75  # of the estimate before the test: what is less is another rail
+    falls_to: float = 0.6  # of the estimate before the test: what is less is another rail
 
 
 RATES = RateLimits()

@@ -42,7 +42,7 @@ PATCH_M, SCATTER, ALIKE = (
 )  # friction varies along the rail: patch, scatter of its logarithm, correlation
 LINE_M_S = (14.0, 19.0)  # of a line: its trains coast at this speed
 FULL_SERVICE = 1.2  # m/s2
-COASTS_S = 5.0  # before the first place where anybody may begin to brake: the estimate needs some seconds
+COASTS_S = 4.0  # before the first place where anybody may begin to brake: the estimate needs some seconds
 MOST_S = 400.0
 ROUGHNESS = (0.9, 4.0)  # range of the default design's training
 
