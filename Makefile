@@ -48,7 +48,7 @@ unit: $(READY)
 
 # vcan of this kernel where it has one, else of a throw-away guest kernel
 hil: $(READY)
-	GUEST_TIMEOUT=900 tests/hil/guest/run --native-ok -- $(BIN)/python -m pytest $(HIL) \
+	GUEST_TIMEOUT=1200 tests/hil/guest/run --native-ok -- $(BIN)/python -m pytest $(HIL) \
 	    tests/hil/test_vcan.py tests/hil/test_own_dbc.py tests/hil/test_link_*.py tests/hil/test_load.py \
 	    tests/hil/test_docs_commands.py tests/hil/test_monitor.py tests/hil/test_contract.py tests/hil/test_kit.py \
 	    tests/hil/test_loop.py tests/hil/test_mark.py
