@@ -175,10 +175,11 @@ class MarkDriver:
     def _decide(self, now_us: int, position_m: float, speed_m_s: float, rest_m: float, reaction_s: float) -> None:
         """Begin to brake, or a test, if it is time. reaction_s: until the brake is applied."""
         rate = self.rule.rate_m_s2(now_us, position_m)
-        if needed_m_s2(speed_m_s, rest_m - REACTION_S * speed_m_s) < rate:
+        needed = needed_m_s2(speed_m_s, rest_m - REACTION_S * speed_m_s)
+        if needed < rate:
             return
         self._applies_us = now_us + round(1e6 * reaction_s)
-        if self.rule.tests(now_us, position_m):
+        if needed <= self.rule.test_m_s2 and self.rule.tests(now_us, position_m):  # later there is no time for a test
             self.tested_us, self._testing = now_us, True
         else:
             self.begun_us, self.rate_m_s2 = now_us, rate

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim_ecu.loop.control.adhesion_consumer import Facts
-from sim_ecu.loop.control.braking_rate import RATES
+from sim_ecu.loop.control.braking_rate import RATES, needed_m_s2
 from sim_ecu.loop.control.slip_controller import make_controller
 from sim_ecu.loop.driver import LEVER_US, REACTION_S, STANDS_M_S, Advised, MarkDriver
 from sim_ecu.loop.lockstep import Lockstep
@@ -48,10 +48,12 @@ def stands(who: MarkDriver, stop: Stop, heard: Advices = ()) -> StopOutcome:
     """Return what a driver makes of a stop. heard: what wrcd advises on the approach, for one who listens to it."""
     _coast(stop, who, heard)
     advised = isinstance(who.rule, Advised) and who.begun_us is None
-    most, way = (who.rate_m_s2,) * 2 if who.begun_us is not None else (RATES.dry, RATES.least)
+    decided_us = _decided_us(who)
+    at_m = stop.speed_m_s * decided_us * 1e-6
+    needed = needed_m_s2(stop.speed_m_s, stop.mark_m - at_m - REACTION_S * stop.speed_m_s)
+    most, way = (needed, who.rate_m_s2) if who.begun_us is not None else (RATES.dry, RATES.least)
     if not advised and _rolls(stop, most, way):
-        decided_us = _decided_us(who)
-        return _rolled(stop, who, _Moving(decided_us, stop.speed_m_s * decided_us * 1e-6, stop.speed_m_s))
+        return _rolled(stop, who, _Moving(decided_us, at_m, stop.speed_m_s))
     return _simulated(stop, who, advised_configuration() if advised else None)
 
 
@@ -99,7 +101,8 @@ def _simulated(stop: Stop, who: MarkDriver, config: Config | None) -> StopOutcom
         slid = slid or (step.speed_m_s >= SLIDES_FROM_M_S and slip > bound)
         if run.core is not None and who.begun_us is not None:
             run.end_daemon()
-            if _rolls(stop, who.rate_m_s2, who.rate_m_s2) and slip < ADHERES_M_S:
+            needed = needed_m_s2(step.speed_m_s, stop.mark_m - step.distance_m)
+            if _rolls(stop, max(needed, -FULL_SERVICE * step.share), who.rate_m_s2) and slip < ADHERES_M_S:
                 brakes = -FULL_SERVICE * step.share
                 return _rolled(
                     stop, who, _Moving(step.due_us, step.distance_m, step.speed_m_s, brakes, slid, energy)
