@@ -146,7 +146,7 @@ class Bench:
     ) -> None:  # fmt: skip
         self.scenario = what if isinstance(what, DriveScenario) else load_drive_scenario(what)
         self.steps: list[Step] = []  # so far
-        config = _configuration(daemon, len(self.scenario.axles), advice=driver == "wrcd")
+        config = _configuration(daemon, len(self.scenario.axles), advice=driver is not None)
         if with_adhesion and config is None:
             raise InputError("with_adhesion needs a daemon", hint="daemon=True")
         if isinstance(controller, str):
@@ -179,6 +179,8 @@ class Bench:
             raise InputError("the scenario has no mark_m to stop at", key="driver", hint="scenario(…, mark_m=600.0)")
         if not isinstance(driver, str):
             return driver
+        if driver == "wrcd" and config is None:
+            raise InputError("a driver who listens to wrcd needs a daemon", key="driver", hint="daemon=True")
         if driver not in POLICIES:
             hint = suggest(driver, POLICIES) or f"there are {', '.join(POLICIES)}"
             raise InputError(f"there is no driver {driver!r}", hint=hint)

@@ -41,7 +41,7 @@ COMMAND = Subcommand(
     "what wrcd is worth to who stops at a mark: every policy on lines of ten stations",
     (
         ("sim-ecu mark --html mark.html", "all worlds, as a page"),
-        ('sim-ecu mark --world "tied slopes" --lines 2', "some of it"),
+        ("sim-ecu mark --lines 2 --jobs 1", "two lines of every world, in one process"),
     ),
     _add,
     _run,

@@ -122,12 +122,13 @@ class DriveSession:
 
     def _listen(self) -> None:
         for stamp_us, f in self.end.receive():
-            if self._driver is not None:
+            if self._driver is not None and self.rig.carries(stamp_us):
                 self._driver.hear(f.can_id, f.data, stamp_us)
+            heard = self._driver is not None and f.can_id in self._driver.ids
             if f.can_id in self.rig.ids:
                 self._came.append((stamp_us, f.can_id, f.data))
-                if self._logger is not None:
-                    self._logger.on_message_received(message(Sent(0, f.can_id, f.data), f.stamp_us, self._channel))
+            if self._logger is not None and (heard or f.can_id in self.rig.ids):
+                self._logger.on_message_received(message(Sent(0, f.can_id, f.data), f.stamp_us, self._channel))
 
     def _send(self, frames: list[Sent]) -> None:
         wall_us = self.end.wall_us()

@@ -57,7 +57,6 @@ SECTIONS: dict[str, tuple[str, ...]] = {
     "sim-ecu faults": (),
     "sim-ecu loop": ("goals",),
     "sim-ecu fronts": ("fronts", "told"),
-    "sim-ecu sand": ("very low", "low", "false sand", "goals"),
     "sim-ecu mark": ("tied slopes", "untied slopes", "all stops", "late films", "unseen worlds", "rails", "goals"),
     "sim-ecu score --suite worlds --beside was=lone-wheelset": ("worlds", "goals"),
     "sim-ecu score --design lone-wheelset": ("grid", "goals"),

@@ -3,7 +3,7 @@
 For the engineer of a train, to be read and copied; `wrcd kit` has the same in C. The rules:
 
 1. Plan with KEPT of the lower end of the deceleration that the rail bears, as the newest Valid advice states it.
-2. Never plan with more than the dry rate. Nothing that wrcd says lets a train brake later than without it.
+2. Never plan with more than the dry rate: advice lets no train brake later than one that thinks of dry rail.
 3. Advice that is Degraded, not available or silent says nothing. The last Valid one holds for some seconds, then the
    cautious rate is planned with. For a train that has not moved since, it holds for minutes: the rail is the same.
 4. Brake as soon as the mark needs the deceleration that is planned with. From then on the mark alone decides.

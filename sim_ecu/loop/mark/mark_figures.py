@@ -104,7 +104,6 @@ def judge_all(every: Stops) -> dict[str, Any]:
             rails[rail] = {p: policy_figures(part, p) for p in POLICIES}
     return {
         "groups": groups, "rails": rails, "goals": goals(every, groups),
-        "lines": sum(w.lines for w in MARK_WORLDS),
         "stops": [_record(d) for d in every],
     }  # fmt: skip
 
@@ -114,7 +113,8 @@ def goals(every: Stops, groups: Mapping[str, Mapping[str, PolicyFigures]]) -> li
     out: list[dict[str, Any]] = []
 
     def add(what: str, figure: Figure, bound: float, beside: Figure | None = None, never: bool = False) -> None:
-        out.append(Goal(what, figure, bound, min_runs=1, never=never).record() | {"beside": beside})
+        least = 1 if never else bootstrap.FEWEST  # lines
+        out.append(Goal(what, figure, bound, min_runs=least, never=never).record() | {"beside": beside})
 
     for name, most, seconds in ((TIED, 0.005, 3.0), (UNTIED, 0.01, 6.0)):
         if name in groups and groups[name][WRCD].stops >= MIN_STOPS:
@@ -161,14 +161,14 @@ def _energy(d: DrivenStop, policy: str) -> float:
 
 
 def _lost(d: DrivenStop, policy: str) -> float:
-    """Seconds after who knows the rail; of a stop that overran, none are counted."""
-    if _overran(d, policy) or _overran(d, KNOWS):
-        return 0.0
+    """Seconds after who knows the rail."""
     return d.outcomes[policy].seconds - d.outcomes[KNOWS].seconds
 
 
 def _ratio(part: Stops, of: Callable[[DrivenStop, str], float], other: str) -> Figure:
-    """wrcd's over another policy's, of whole lines."""
+    """wrcd's over another policy's, of whole lines; seconds of stops that neither of them nor who knows overran."""
+    if of is _lost:
+        part = [d for d in part if not any(_overran(d, p) for p in (WRCD, other, KNOWS))]
     runs = np.array([_run(d) for d in part], np.int64)
     ours, theirs = (np.array([of(d, p) for d in part], np.float64) for p in (WRCD, other))
     return bootstrap.ratio(ours, runs, theirs, runs) if theirs.sum() > 0.0 else bootstrap.NOTHING

@@ -32,7 +32,7 @@ WHO = {
     REPORT: f"the same for {REPORT_STOPS} stops: a slide is reported, and the report holds for a while",
     "told 3 to 40 %": f"believes one adhesion everywhere: {RATES.kept:g} of it, {RATES.least:g} to {RATES.dry:g} m/s²",
     TESTS: f"brakes with {RATES.dry:g} m/s² for {RATES.test_s:g} s before every stop, where the slippery rate would "
-    "begin; a wheel slides: the slippery rate, else the dry one",
+    "begin; a wheel slides: the slippery rate, else the dry one; it never plans with less",
     UNTESTED: "the lower end that AdhesionAdvice states, on the approach",
     WRCD: f"the same, and where that is not enough for the dry rate, a test: {RATES.tests:g} m/s² for "
     f"{RATES.test_s:g} s",
