@@ -79,8 +79,8 @@ def test_call_of_the_readme_compiles(program: Path) -> None:
         f'#include "braking_rate.h"\n#include <stddef.h>\nstatic adhesion_receiver_t receiver;\n{declared}\n'
         "uint64_t now_us(void);\nvoid begin_to_brake(void);\n"
         "void step(adhesion_verdict_t, uint32_t, uint8_t, int64_t, int64_t, int64_t, uint32_t);\n"
-        "void step(adhesion_verdict_t verdict, uint32_t id, uint8_t flags, int64_t mark_mm, int64_t position_mm, int64_t reaction_mm,\n"
-        f"          uint32_t speed_mm_s)\n{{\n{call}}}\n"
+        "void step(adhesion_verdict_t verdict, uint32_t id, uint8_t flags, int64_t mark_mm, int64_t position_mm,\n"
+        f"          int64_t reaction_mm, uint32_t speed_mm_s)\n{{\n{call}}}\n"
     )
     command = [COMPILERS[0], *WARNINGS, "-fsyntax-only", program.parent / "call.c"]
     subprocess.run([str(word) for word in command], timeout=60, check=True)
