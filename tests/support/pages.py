@@ -57,7 +57,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
     "sim-ecu faults": (),
     "sim-ecu loop": ("goals",),
     "sim-ecu fronts": ("fronts", "told"),
-    "sim-ecu mark": ("tied slopes", "untied slopes", "all stops", "late films", "unseen worlds", "rails", "goals"),
+    "sim-ecu mark": ("tied slopes", "untied slopes", "all stops", "late films", "rails", "goals"),
     "sim-ecu score --suite worlds --beside was=lone-wheelset": ("worlds", "goals"),
     "sim-ecu score --design lone-wheelset": ("grid", "goals"),
     "sim-ecu score --suite fusion": ("fusion",),

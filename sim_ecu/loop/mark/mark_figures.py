@@ -142,9 +142,6 @@ def goals(every: Stops, groups: Mapping[str, Mapping[str, PolicyFigures]]) -> li
             never=True,
         )
         add(f"{ALL}: seconds lost of wrcd over those of {TESTS}", _ratio(part, _lost, TESTS), 1.5)
-    if OTHER in groups and groups[OTHER][WRCD].stops >= MIN_STOPS:
-        add(f"{OTHER}: share of overruns, wrcd", groups[OTHER][WRCD].overruns, 0.02, groups[OTHER][DRY].overruns)
-        add(f"{OTHER}: seconds lost a stop, wrcd", groups[OTHER][WRCD].lost_s, 6.0, groups[OTHER][SLIPPERY].lost_s)
     return out
 
 
