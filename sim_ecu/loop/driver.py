@@ -113,7 +113,8 @@ class BrakeTesting(Rule):
         self._speed_m_s = speed_m_s
 
     def tests(self, now_us: int, position_m: float) -> bool:
-        """Return whether it has not tested yet."""
+        """Return whether it has not tested yet. What slid before counts no more: a speed that was silent is stale."""
+        self._slid = False
         return not self._over
 
     def tested(self, now_us: int, position_m: float) -> None:

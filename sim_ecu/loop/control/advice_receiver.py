@@ -35,6 +35,7 @@ class AdviceReceiver(ProtectedFrames):
         self.stamp_us = stamp_us
         values = self._reader.read(data)
         low, middle = values.get("DecelerationLow"), values.get("Deceleration")
-        is_valid = values.get("Validity") == "Valid" and isinstance(low, float) and isinstance(middle, float)
-        self.valid = (low, middle) if is_valid else None  # type: ignore[assignment]
+        self.valid = None
+        if values.get("Validity") == "Valid" and isinstance(low, float) and isinstance(middle, float):
+            self.valid = low, middle
         return True

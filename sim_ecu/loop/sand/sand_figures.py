@@ -46,8 +46,11 @@ def saved_again(every: Stops, who: str) -> Figure:
 
 
 def _most(slippery: Stops, bears: Stops) -> float:
-    """The share that a rail would save again that bears the demand: the most that any sand can."""
+    """The share that a rail would save again that bears the demand: the most that any sand can; NaN where sand at the
+    slide saves nothing."""
     bare, at_slide = (float(_metres(slippery, who).mean()) for who in (NONE, AT_SLIDE))
+    if bare == at_slide:
+        return math.nan
     return (at_slide - float(_metres(bears, NONE).mean())) / (bare - at_slide)
 
 

@@ -7,9 +7,10 @@ import pytest
 
 from sim_ecu import bench
 from sim_ecu.bench import Bench, InputError
+from sim_ecu.cli import driver as cli_driver
 from sim_ecu.loop.control.adhesion_consumer import Facts
 from sim_ecu.loop.control.braking_rate import RATES, needed_m_s2
-from sim_ecu.loop.driver import LEVER_US, REACTION_S, Advised, BrakeTesting, MarkDriver, Rule, make_driver
+from sim_ecu.loop.driver import LEVER_US, POLICIES, REACTION_S, Advised, BrakeTesting, MarkDriver, Rule, make_driver
 from sim_ecu.loop.driver_on_bus import DriverOnBus, LeverOnBus
 from sim_ecu.loop.rig_messages import rig_message
 from sim_ecu.play.encoder import Channel, Sent, databases
@@ -175,6 +176,10 @@ def test_who_listens_to_wrcd_stands_at_the_mark_in_lockstep() -> None:
     run.run()
     assert abs(run.steps[-1].distance_m - 400.0) <= NEAR_M
     assert run.steps[-1].speed_m_s < 0.02
+
+
+def test_commands_know_the_drivers_that_there_are() -> None:
+    assert cli_driver.POLICIES == POLICIES
 
 
 def test_driver_needs_a_mark_and_a_configuration_with_advice(tmp_path: Path) -> None:
