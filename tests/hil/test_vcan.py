@@ -1,6 +1,7 @@
 """Rig, daemon and can-utils on a real kernel's vcan."""
 
 import csv
+import os
 import re
 import signal
 import subprocess
@@ -48,8 +49,8 @@ from wrcd.logs.reader import read_log
 
 YAW_RATE_TIMEOUT_US = 15_000  # as the DBC says
 # a train's sensors do not wait for the daemon's processor: in the guest they share the only one
-SENSORS = ("chrt", "-f", "10")
-CANPLAYER = (*SENSORS, "canplayer")
+PRIORITY = 10
+CANPLAYER = ("chrt", "-f", str(PRIORITY), "canplayer")
 
 
 @dataclass
@@ -81,13 +82,17 @@ def sizes(path: Path) -> int:
     return path.stat().st_size if path.exists() else 0
 
 
+def end_of(path: Path) -> bytes:
+    with path.open("rb") as f:
+        f.seek(max(0, sizes(path) - 20_000))
+        return f.read()
+
+
 def wait_for_adhesion(log: Path, since_us: int) -> None:
     """Until there is a frame of half a second later: a daemon that was held up has taken what came before it."""
 
     def there() -> bool:
-        with log.open("rb") as f:
-            f.seek(max(0, sizes(log) - 20_000))
-            lines = [line for line in f.read().splitlines()[1:] if b" 091#" in line]
+        lines = [line for line in end_of(log).splitlines()[1:] if b" 091#" in line]
         return bool(lines) and float(lines[-1][1:18]) * 1e6 > since_us + 500_000
 
     wait_for("an Adhesion frame after the play", 60, there)
@@ -110,17 +115,20 @@ def record(folder: Path, play: Callable[[], str]) -> Recorded:
 
 @pytest.fixture(scope="module")
 def one_axle(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
-    """The real rig plays a dry rail."""
+    """The real rig plays a dry rail. It starts beside the daemon: with the sensors' priority its start would take the
+    only processor for seconds, and the daemon would have to catch up with them while the play has begun."""
     folder = tmp_path_factory.mktemp("one")
     scenario = folder / "dry.toml"
     scenario.write_text(held("A", 8.0, 0.5))
 
     def play() -> str:
-        done = subprocess.run(
-            [*SENSORS, BIN / "sim-ecu", "play", scenario, "-c", "vcan0"],
-            timeout=240, check=True, capture_output=True, text=True,
-        )  # fmt: skip
-        return done.stderr
+        with running(BIN / "sim-ecu", "play", scenario, "-c", "vcan0") as rig:
+            first = f" {YAW_RATE_A1:03X}#".encode()
+            wait_for("the rig's first frame", 60, lambda: first in end_of(folder / "candump.log"))
+            os.sched_setscheduler(rig.pid, os.SCHED_FIFO, os.sched_param(PRIORITY))
+            assert rig.wait(240) == 0
+            assert rig.stderr is not None
+            return rig.stderr.read().decode()
 
     return record(folder, play)
 
