@@ -1,15 +1,14 @@
 """From a window to the estimate: residual RMS -> rules -> memory -> adhesion, its interval, and what speaks against
 it."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
 from wrcd.estimator.design import MODELS, Design, FloatArray, IntArray
 from wrcd.estimator.paper.fuzzy import LOW_FIRING, Fuzzy, Inference
 from wrcd.estimator.paper.rule_inputs import SWING, Past, RuleInputs
-from wrcd.estimator.paper.window import Lengths, Statistics, Window, mean_ratio, quiet, statistics
+from wrcd.estimator.paper.window import Lengths, Statistics, Window, mean_ratio, statistics
 from wrcd.estimator.records import Estimate, EstimateDoubt
 from wrcd.estimator.trust.changes import decades
 from wrcd.estimator.trust.interval import regime, widening
@@ -36,10 +35,7 @@ BEYOND_WIDER = 2.0  # the half-width grows by this factor for each range that an
 
 @dataclass(frozen=True, slots=True)
 class Draft:
-    """What an estimate is made from, as it is at one moment: of the axles' windows nothing else is needed.
-
-    Of several moments, one after another (`joined`), n is that of all of them.
-    """
+    """What an estimate is made from, as it is at one moment: of the axles' windows nothing else is needed."""
 
     blocks: IntArray  # (k, n) the windows' lengths: the usual one, the newest part; in the paper's form one
     sums: FloatArray  # (COLUMNS, k, n) over those windows
@@ -51,26 +47,9 @@ class Draft:
     before: FloatArray
     noise_factor: FloatArray  # (2, n)
     floor: FloatArray  # (n, 4) mean square residual that sensors so noisy leave
-    speed_m_s: FloatArray  # (n,)
-    grid_speed_m_s: FloatArray  # (n,) held within the design's grid
+    speed_m_s: float
+    grid_speed_m_s: float  # held within the design's grid
     memory: FloatArray  # (6, n) what is Remembered
-
-
-def joined(drafts: Sequence[Draft]) -> Draft:
-    """Drafts of several moments as one."""
-    return Draft(
-        *(np.concatenate([getattr(d, f.name) for d in drafts], axis=_AXIS.get(f.name, -1)) for f in fields(Draft))
-    )
-
-
-_AXIS = {"floor": 0}  # where the axles are not last
-
-
-def split(estimate: Estimate, parts: int) -> list[Estimate]:
-    """An estimate of several moments as one for each."""
-    n = len(estimate.fuzzy) // parts
-    names = [f.name for f in fields(Estimate)]
-    return [Estimate(*(getattr(estimate, name)[k * n : (k + 1) * n] for name in names)) for k in range(parts)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,17 +114,13 @@ class Answers:
             before=window.kept(k.recent, k.recent + half),
             noise_factor=noise_factor,
             floor=self._rule_inputs.floor(noise_factor, grid_speed_m_s),
-            speed_m_s=np.full(self._axles, speed_m_s),
-            grid_speed_m_s=np.full(self._axles, grid_speed_m_s),
+            speed_m_s=speed_m_s,
+            grid_speed_m_s=grid_speed_m_s,
             memory=memory,
         )
 
     def estimate(self, draft: Draft) -> Estimate:
-        """The adhesion that the windows' residuals and torque speak for."""
-        with quiet():
-            return self._estimate(draft)
-
-    def _estimate(self, draft: Draft) -> Estimate:
+        """The adhesion that the windows' residuals and torque speak for. Within quiet()."""
         d, n = self._d, len(draft.now)
         now = draft.now
         used = 100.0 * now
@@ -174,7 +149,7 @@ class Answers:
             spread = np.where(reach > spread * mu, reach / mu, spread)
             goes_on = regime(best.inputs[:, SWING], used / mu, cut, used >= d.saturated_share * mu)
             if d.interval is not None:
-                spread = spread * widening(d.interval, goes_on, draft.speed_m_s)
+                spread = spread * widening(d.interval, goes_on, np.full(n, draft.speed_m_s))
             past_s = chosen.ticks * d.tick_s
             past_s = np.where(share < 1.0, np.maximum(past_s, np.minimum(memory.age_s, d.window_s + MEMORY_S)), past_s)
             past_s = np.where(carried > from_rules, np.maximum(past_s, memory.peak_age_s), past_s)
@@ -253,7 +228,7 @@ class Answers:
         best: Answer,
         inference: Inference,
         s: Statistics,
-        speed_m_s: FloatArray,
+        speed_m_s: float,
     ) -> tuple[FloatArray, IntArray]:
         """The spread, wider where few rules fire or the inputs are unusual; and what is too much of it, a doubt."""
         d, residuals = self._d, best.inputs[:, :MODELS]

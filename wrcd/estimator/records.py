@@ -9,17 +9,32 @@ from wrcd.estimator.paper.bank import BoolArray
 
 
 @dataclass(frozen=True, slots=True)
+class Tick:
+    """One tick of n axles. What is not present, or unknown, is NaN or anything."""
+
+    number: int
+    z: FloatArray  # (2, n) yaw rate in rad/s, lateral acceleration in m/s2
+    present: BoolArray  # (2, n)
+    torque_ratio: FloatArray  # (n,) |torque| / (2 N r0)
+    speed_m_s: float
+
+
+@dataclass(frozen=True, slots=True)
 class Ticks:
-    """m ticks on end. What is not present, or unknown, is NaN or anything."""
+    """Columns of m ticks on end."""
 
     number: int  # of the first
-    z: FloatArray  # (m, 2, n) yaw rate in rad/s, lateral acceleration in m/s2
+    z: FloatArray  # (m, 2, n)
     present: BoolArray  # (m, 2, n)
-    torque_ratio: FloatArray  # (m, n) |torque| / (2 N r0)
+    torque_ratio: FloatArray  # (m, n)
     speeds_m_s: Sequence[float]  # m
 
     def __len__(self) -> int:
         return len(self.speeds_m_s)
+
+    def tick(self, k: int) -> Tick:
+        """The k-th of them."""
+        return Tick(self.number + k, self.z[k], self.present[k], self.torque_ratio[k], self.speeds_m_s[k])
 
     def part(self, first: int, end: int) -> "Ticks":
         """Ticks first … end - 1 of them."""
@@ -29,16 +44,11 @@ class Ticks:
         )  # fmt: skip
 
 
-def one_tick(number: int, z: FloatArray, present: BoolArray, torque_ratio: FloatArray, speed_m_s: float) -> Ticks:
-    """One tick: z and present (2, n), torque ratio (n,)."""
-    return Ticks(number, z[None], present[None], torque_ratio[None], (speed_m_s,))
-
-
 @dataclass(frozen=True, slots=True)
 class StepResult:
-    """What the newest m ticks brought; masks are (m, n)."""
+    """What one tick brought; masks are (n,)."""
 
-    innovations: FloatArray  # (m, 4, 2, n)
+    innovations: FloatArray  # (4, 2, n)
     whitened: FloatArray  # the same in units of their expected size
     accepted: BoolArray  # both measurements were used
     outliers: BoolArray  # a measurement was left out by the gate
@@ -46,10 +56,7 @@ class StepResult:
     in_window: BoolArray  # can go into the window
     live: BoolArray  # the window was given the innovation of HOLD_TICKS before
     calm: BoolArray  # and that one is far from any pulse
-    needs_reset: BoolArray  # (n,) after the last tick: outliers go on, or a filter is not finite
-
-    def __len__(self) -> int:
-        return len(self.accepted)
+    needs_reset: BoolArray  # outliers go on, or a filter is not finite
 
 
 class EstimateDoubt(IntEnum):

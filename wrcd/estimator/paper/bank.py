@@ -2,7 +2,6 @@
 
 import math
 from bisect import bisect_left
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,14 +29,6 @@ class SpeedFilter:
         self._alpha = 1.0 - math.exp(-tick_s / MEMORY_S)
         self._beta = 0.5 * self._alpha**2
         self._max_ticks = max(RATE_AFTER_TICKS + 1, math.ceil(1.0 / self._alpha))
-
-    def checkpoint(self) -> tuple[float, float, int]:
-        """The state, for rollback()."""
-        return self._speed, self._rate, self._ticks
-
-    def rollback(self, to: tuple[float, float, int]) -> None:
-        """Undo everything since a checkpoint."""
-        self._speed, self._rate, self._ticks = to
 
     def reset(self) -> None:
         """Start with the next signal."""
@@ -108,7 +99,6 @@ class Bank:
         self._fused: dict[int, FloatArray] = {}
         self._between: dict[int, tuple[FloatArray, FloatArray]] = {}
         self.x = np.zeros((MODELS, self._states, axles))
-        self._in: FloatArray = np.zeros((MODELS, self._states + CHANNELS, axles))
 
     def reset(self, axle: int) -> None:
         """Forget what an axle's filters know."""
@@ -130,19 +120,6 @@ class Bank:
         if not present.all():
             e = np.where(present, e, 0.0)
         return e, w
-
-    def step_all(self, z: FloatArray, speeds_m_s: Sequence[float]) -> tuple[FloatArray, FloatArray]:
-        """m ticks z (m, 2, n) with all measurements. Returns e and w, both (m, 4, 2, n)."""
-        m, n, states = len(z), z.shape[2], self._states
-        out = np.empty((m, MODELS, states + 2 * CHANNELS, n))
-        both = self._in
-        both[:, :states] = self.x
-        for k in range(m):
-            both[:, states:] = z[k]
-            np.matmul(self._matrices(speeds_m_s[k]), both, out=out[k])
-            both[:, :states] = out[k, :, :states]
-        self.x = both[:, :states].copy()
-        return out[:, :, states : states + CHANNELS], out[:, :, states + CHANNELS :]
 
     def _matrices(self, speed: float) -> FloatArray:
         """(4, s + 4, s + 2) at a speed, held within the grid."""

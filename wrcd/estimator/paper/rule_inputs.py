@@ -73,11 +73,10 @@ class RuleInputs:
 
     def columns(
         self, s: Statistics, window_ratio: FloatArray, past: Past, noise_factor: FloatArray, floor: FloatArray,
-        speed_m_s: FloatArray,
+        speed_m_s: float,
     ) -> FloatArray:  # fmt: skip
         """(m, COLUMNS) for the statistics of m windows and their torque ratios (m,): all axles (n,) with one length
-        after all with another. past, noise_factor (2, n), the floor (n, 4) that it leaves and the speed (n,) are the
-        axles'."""
+        after all with another. past, noise_factor (2, n) and the floor (n, 4) that it leaves are the axles'."""
         m, n = len(window_ratio), noise_factor.shape[1]
         out = np.empty((m, COLUMNS))
         of_axle = out.reshape(-1, n, COLUMNS)

@@ -168,47 +168,31 @@ class Window:
         self._first = np.zeros(axles, dtype=np.int64)
         self._last = np.full(axles, -2, dtype=np.int64)
         self._past = np.zeros((LAG, _W, axles))
-        self._new: FloatArray = np.zeros((BLOCK_TICKS, COLUMNS, axles))
 
     def put(
         self, tick: int, w: FloatArray, raw: FloatArray, running: BoolArray, heard: BoolArray, live: BoolArray,
         calm: BoolArray, ratio: FloatArray,
     ) -> None:  # fmt: skip
-        """Add m ticks of one block, the first numbered `tick`: whitened innovations (m, 4, 2, n) filtered and
-        unfiltered, which axles run (n,); which of them had data, which of those are not about a pulse, and which are
-        far from any (m, n); torque ratios (m, n)."""
+        """Add a tick by its number: whitened innovations (4, 2, n) filtered and unfiltered, which axles run (n,); which
+        of them had data, which of those are not about a pulse, and which are far from any; torque ratios (n,)."""
         block, t = divmod(tick, BLOCK_TICKS)
         if block != self._newest:
             self._move_to(block)
-            self._note_running(block, running)
-        elif not (self._last == block).all():  # an axle may begin within a block
-            self._note_running(block, running)
-        m, n = len(w), len(self._axle)
+        # an axle may begin within a block
+        self._first = np.where(running & (self._last < block - 1), block, self._first)
+        self._last = np.where(running, block, self._last)
         t += BLOCK_TICKS * (block % self._blocks)
-        times = np.arange(t, t + m, dtype=np.float64)[:, None]
-        flat, plain = w.reshape(m, _W, n), raw.reshape(m, _W, n)
+        flat, plain = w.reshape(_W, -1), np.where(calm, raw.reshape(_W, -1), 0.0)
         known = np.isfinite(ratio)
-        if not running.all():
-            flat, known = np.where(running, flat, 0.0), known & running
-            heard, live, calm = heard & running, live & running, calm & running
-        new = self._new[:m]
-        new[:, N] = running
-        new[:, HEARD] = heard
-        new[:, LIVE] = live
-        np.multiply(times, running, out=new[:, T])
-        np.multiply(times, new[:, T], out=new[:, TT])
-        new[:, SUM_W] = flat
-        np.multiply(flat, times[:, None], out=new[:, SUM_TW])
-        np.multiply(flat, flat, out=new[:, SUM_WW])
-        np.multiply(flat, self._past[:m], out=new[:, SUM_LAG])
-        np.multiply(flat[:, ::2], flat[:, 1::2], out=new[:, SUM_CROSS])
-        new[:, RATIO] = ratio if known.all() else np.where(known, ratio, 0.0)
-        new[:, RATIO_N] = known
-        new[:, RAW_N] = calm
-        new[:, SUM_RAW] = plain if calm.all() else np.where(calm[:, None], plain, 0.0)
-        np.multiply(new[:, SUM_RAW], new[:, SUM_RAW], out=new[:, SUM_RAW2])
-        self._rows[self._end] += np.add.reduce(new, axis=0)
-        self._past = flat.copy() if m == LAG else np.concatenate((self._past[m:], flat))
+        new = np.ones((COLUMNS, len(running)))
+        new[HEARD], new[LIVE] = heard, live
+        new[T], new[TT] = t, t * t
+        new[SUM_W], new[SUM_TW], new[SUM_WW] = flat, t * flat, flat * flat
+        new[SUM_LAG], new[SUM_CROSS] = flat * self._past[0], flat[::2] * flat[1::2]
+        new[RATIO], new[RATIO_N], new[RAW_N] = np.where(known, ratio, 0.0), known, calm
+        new[SUM_RAW], new[SUM_RAW2] = plain, plain * plain
+        self._rows[self._end] += np.where(running, new, 0.0)
+        self._past = np.concatenate((self._past[1:], flat[None]))
 
     def _move_to(self, block: int) -> None:
         """Begin a block: its row is what the one before it came to."""
@@ -221,11 +205,6 @@ class Window:
             at = self._blocks + passed % self._blocks
             self._rows[at] = self._rows[at - 1]
         self._newest = block
-
-    def _note_running(self, block: int, running: BoolArray) -> None:
-        """Remember which axles (n,) have ticks in a block, and whether they had some in the one before."""
-        self._first = np.where(running & (self._last < block - 1), block, self._first)
-        self._last = np.where(running, block, self._last)
 
     def _next_generation(self) -> None:
         """A generation is over: count from its end, in time as well."""

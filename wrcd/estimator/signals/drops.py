@@ -85,19 +85,15 @@ class DropWatch:
         self, number: int, w: FloatArray, usable: BoolArray, ratio: FloatArray, way_m: float, block_m: float,
         behind: Sequence[Sequence[int]],
     ) -> None:  # fmt: skip
-        """m ticks of one block, the first with a number: whitened innovations (m, 4, 2, n), where they can be used
-        (m, n), torque ratios (m, n). The train has come way_m far, block_m in each block; behind: by axle, those that
-        run behind it."""
+        """A tick by its number: whitened innovations (4, 2, n), where they can be used (n,), torque ratios (n,). The
+        train has come way_m far, block_m in each block; behind: by axle, those that run behind it."""
         self._open(number // BLOCK_TICKS)
-        m, n = usable.shape
-        new = self._blocks[-1]
-        powers = np.square(w.reshape(m, -1, n)[:, CHANNELS])
-        new[:_POWERS] += np.where(usable[:, None], powers, 0.0).sum(axis=0)
-        new[_COUNT] += usable.sum(axis=0)
-        known = np.isfinite(ratio)
-        new[_TORQUE] += np.where(known, ratio, 0.0).sum(axis=0)
-        new[_TORQUE_COUNT] += known.sum(axis=0)
-        if (number + m) % BLOCK_TICKS == 0:
+        new, known = self._blocks[-1], np.isfinite(ratio)
+        new[:_POWERS] += np.where(usable, np.square(w.reshape(-1, len(ratio))[CHANNELS, :]), 0.0)
+        new[_COUNT] += usable
+        new[_TORQUE] += np.where(known, ratio, 0.0)
+        new[_TORQUE_COUNT] += known
+        if (number + 1) % BLOCK_TICKS == 0:
             with quiet():
                 self._look(way_m, block_m, behind)
 

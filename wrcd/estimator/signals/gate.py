@@ -8,7 +8,6 @@ import numpy as np
 
 from wrcd.estimator.design import CHANNELS, MODELS, FloatArray
 from wrcd.estimator.paper.bank import BoolArray
-from wrcd.estimator.recursion import exponential, smoothed
 
 # An innovation is an outlier if it is this many times its usual size for every model: yaw rate, lateral acceleration.
 # On 384 tracks of lone wheelsets, other worlds and changes of rail included, yaw rates stay below 3.2 (with joints and
@@ -56,7 +55,6 @@ class Gate:
         self._net_outliers = np.zeros((CHANNELS, axles))
         self._last = np.zeros(axles)
         self._age = np.full(axles, math.inf)
-        self._block = exponential(1.0 / MEMORY_TICKS)
 
     def reset(self, axle: int) -> None:
         """Start an axle anew."""
@@ -101,30 +99,3 @@ class Gate:
             alone = np.all(self._peak > MAX_PEAK_SHARE * MIN_TICKS * self._power, axis=0)
             out |= np.any(alone & (self._count == MIN_TICKS) & used, axis=0)
         return out
-
-    @property
-    def settled(self) -> BoolArray:
-        """(n,): which axles' usual size is of the last ticks only, without an outlier."""
-        return np.asarray(((self._count == MEMORY_TICKS) & (self._net_outliers == 0.0)).all(axis=0))
-
-    def step_settled(self, e: FloatArray, yaw_rate: FloatArray, exempt: BoolArray | None) -> bool:
-        """Judge and learn m ticks of settled axles: e (m, 4, 2, n), yaw rate (m, n). Exempt axles (n,) are neither
-        judged nor learnt from. Return False, with nothing learnt, where a sample is an outlier or may be one."""
-        square = e * e
-        power = smoothed(self._block, self._power, square)
-        usual = np.logical_or.reduce(square <= _SQUARES * power[:-1], axis=1)
-        last = np.concatenate((self._last[None], yaw_rate))
-        steady = np.abs(last[1:] - last[:-1]) <= MAX_JUMP
-        steady[0] &= self._age == 1.0
-        if exempt is not None:
-            usual |= exempt
-            steady |= exempt
-        if not (usual.all() and steady.all()):
-            return False
-        if exempt is None:
-            self._power, self._last = power[-1].copy(), last[-1]
-        else:
-            self._power = np.where(exempt, self._power, power[-1])
-            self._last = np.where(exempt, self._last, last[-1])
-            self._age = np.where(exempt, self._age + len(e), 1.0)
-        return True

@@ -6,7 +6,7 @@ import numpy as np
 
 from wrcd.estimator.design import FloatArray
 from wrcd.estimator.paper.bank import BoolArray
-from wrcd.estimator.recursion import Sections, exponential, smoothed
+from wrcd.estimator.recursion import Sections
 
 # A pulse is so many times the running rms of the accelerometer above the band; the rms is never taken as less than
 # FLOOR of the design's sensor noise, and forgets within 1 / GAIN ticks. A square counts as no more than CLIP of it.
@@ -49,16 +49,6 @@ class Joints:
         # differences to the first sample, and the newest again where there is none.
         self._first = np.zeros(axles)
         self._newest = np.zeros(axles)
-        self._block = exponential(GAIN)
-
-    def checkpoint(self) -> tuple[FloatArray, ...]:
-        """The state of settled axles, for rollback()."""
-        return self._highpass.checkpoint(), self._power, self._since, self._newest
-
-    def rollback(self, to: tuple[FloatArray, ...]) -> None:
-        """Undo everything since a checkpoint, of settled axles."""
-        highpass, self._power, self._since, self._newest = to
-        self._highpass.rollback(highpass)
 
     def reset(self, axle: int) -> None:
         """Start an axle anew."""
@@ -72,7 +62,7 @@ class Joints:
         """One tick's lateral accelerations (n,). Returns where it is a pulse, and where it is one or just after."""
         self._first = np.where(present & (self._ticks == 0.0), lat_accel, self._first)
         self._newest = np.where(present, lat_accel - self._first, self._newest)
-        high = self._highpass.step(self._newest[None, None])[0, 0]
+        high = self._highpass.step(self._newest[None])[0]
         square = high * high
         usual = np.maximum(self._power, self._floor)
         large: BoolArray = present & (square > PULSE_SIGMA**2 * usual)
@@ -87,38 +77,6 @@ class Joints:
         self._power = self._power + gain * (np.minimum(square, CLIP * usual) - self._power)
         self._since = np.where(pulse, 0.0, np.minimum(self._since + 1.0, LONG_AGO))
         return pulse, near
-
-    def step_settled(self, lat_accel: FloatArray) -> bool:
-        """m ticks (m, n), all present, of axles that are settled. Returns whether they are without a pulse; if not,
-        roll back and take them one by one."""
-        m = len(lat_accel)
-        newest = lat_accel - self._first
-        square = self._highpass.step(newest[:, None])[:, 0]
-        square *= square
-        power = smoothed(self._block, self._power, square)
-        usual = np.maximum(power[:-1], self._floor)
-        if (square > CLIP * usual).any():
-            power = self._power
-            for k in range(m):
-                usual[k] = np.maximum(power, self._floor)
-                power = power + GAIN * (np.minimum(square[k], CLIP * usual[k]) - power)
-            self._power = power
-            if (square > PULSE_SIGMA**2 * usual).any():
-                return False
-        else:
-            self._power = power[-1].copy()
-        self._newest = newest[-1]
-        self._since = np.minimum(self._since + float(m), LONG_AGO)
-        return True
-
-    @property
-    def settled(self) -> BoolArray:
-        """(n,): which axles are far from any pulse, their level known."""
-        return np.asarray((self._left == 0.0) & (self._length == 0.0) & (self._ticks == MEMORY_TICKS))
-
-    def recovering_after(self, ticks: int) -> BoolArray:
-        """(n,): where the filters will still swing after so many more ticks without a pulse."""
-        return np.asarray(self._since + float(ticks) <= RECOVERY_TICKS)
 
     @property
     def recovering(self) -> BoolArray:

@@ -1,15 +1,11 @@
 """The sensors' offset, which a running mean takes off, and their noise, which fourth differences measure."""
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from wrcd.estimator.design import CHANNELS, FloatArray
 from wrcd.estimator.paper.bank import BoolArray
-from wrcd.estimator.recursion import MAX_TICKS, exponential, smoothed
-
-Checkpoint = tuple[FloatArray, FloatArray]
 
 
 @dataclass(init=False, repr=False, eq=False)
@@ -28,26 +24,11 @@ class Offset:
         self._ticks = float(ticks)
         self._mean = np.zeros((CHANNELS, axles))
         self._count = np.zeros((CHANNELS, axles))
-        self._block = exponential(1.0 / self._ticks)
-        self.newest_share = 1.0 - 1.0 / self._ticks  # what is left of a settled axle's deviation after its own tick
-
-    def checkpoint(self) -> Checkpoint:
-        """What has been learnt, for rollback()."""
-        return self._mean, self._count
-
-    def rollback(self, to: Checkpoint) -> None:
-        """Undo everything since a checkpoint."""
-        self._mean, self._count = to
 
     def reset(self, axle: int) -> None:
         """Start an axle anew."""
         self._mean[:, axle] = 0.0
         self._count[:, axle] = 0.0
-
-    @property
-    def settled(self) -> BoolArray:
-        """(n,): which axles' mean is of the last ticks only."""
-        return np.asarray((self._count >= self._ticks).all(axis=0))
 
     def deviation(self, z: FloatArray) -> FloatArray:
         """z (2, n) less its offset as known so far."""
@@ -59,12 +40,6 @@ class Offset:
         gain = np.where(present, 1.0 / np.maximum(self._count, 1.0), 0.0)
         self._mean = self._mean + gain * np.where(present, z - self._mean, 0.0)
         return z - self._mean
-
-    def step_settled(self, z: FloatArray) -> FloatArray:
-        """The same for m ticks z (m, 2, n) that are all present, of axles that are settled."""
-        mean = smoothed(self._block, self._mean, z)
-        self._mean = mean[-1].copy()
-        return z - mean[1:]
 
 
 # Fourth differences: what the track does is slow against a tick and leaves next to nothing (1e-4 of its power at
@@ -94,14 +69,6 @@ class NoiseLevel:
         self._run = np.zeros(axles)
         self._power = np.ones((CHANNELS, axles))
         self._count = np.full((CHANNELS, axles), FIRST_TICKS)
-        self._block = exponential(1.0 / MEMORY_TICKS)
-        # rows: the differences of m ticks; columns: the past, then the ticks
-        past = len(WEIGHTS) - 1
-        self._differences = tuple(
-            np.array([[*np.zeros(k), *WEIGHTS[::-1], *np.zeros(m - 1 - k)] for k in range(m)]).reshape(m, m + past)
-            / math.sqrt(GAIN)
-            for m in range(MAX_TICKS + 1)
-        )
 
     def reset(self, axle: int) -> None:
         """Start an axle anew."""
@@ -120,26 +87,6 @@ class NoiseLevel:
         self._power = self._power + np.where(known, (power - self._power) / self._count, 0.0)
         self._past = past[1:]
         self._run = np.where(used, np.minimum(self._run + 1.0, len(self._past)), 0.0)
-
-    @property
-    def settled(self) -> BoolArray:
-        """(n,): which axles' power is of the last ticks only, without a gap just before."""
-        return np.asarray((self._count == MEMORY_TICKS).all(axis=0) & (self._run == len(self._past)))
-
-    def step_settled(self, z: FloatArray) -> None:
-        """m ticks (m, 2, n), all used, of axles that are settled."""
-        m = len(z)
-        past = np.concatenate((self._past, z * self._scale))
-        square = (self._differences[m] @ past.reshape(len(past), -1)).reshape(z.shape)
-        square *= square
-        power = smoothed(self._block, self._power, square)
-        if (square > MAX_POWER_RATIO * power[:-1]).any():
-            for k in range(m):
-                most = MAX_POWER_RATIO * self._power
-                self._power = self._power + (np.minimum(square[k], most) - self._power) / MEMORY_TICKS
-        else:
-            self._power = power[-1].copy()
-        self._past = past[m:]
 
     @property
     def factor(self) -> FloatArray:

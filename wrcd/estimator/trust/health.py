@@ -176,11 +176,6 @@ class PairHealth:
         held = (self._held >= 0.0) & (self._held <= SPANS[-1])
         return bool((np.abs(self.log_odds) <= CERTAIN).all() and np.isfinite(self._rows).all() and held.all())
 
-    @property
-    def settled(self) -> BoolArray:
-        """(n,): of which axles a whole block can be summed up."""
-        return self.pairs.settled if self.judges else np.ones(len(self.log_odds), dtype=bool)
-
     def reset(self, axle: int) -> None:
         """Start an axle's filters and its span anew, after a gap; what was found out before stays."""
         self.pairs.reset(axle)

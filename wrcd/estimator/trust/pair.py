@@ -7,7 +7,6 @@ import numpy as np
 
 from wrcd.estimator.design import CHANNELS, FloatArray
 from wrcd.estimator.paper.bank import BoolArray
-from wrcd.estimator.recursion import MAX_TICKS, exponential, smoothed, unrolled
 
 BANDS_HZ = ((0.0, 1.5), (3.0, 10.0), (10.0, 25.0))
 BANDS = len(BANDS_HZ)
@@ -44,7 +43,7 @@ class Filters:
         difference = np.array(FOURTH_DIFFERENCE)
         M[BANDS, [0, *delayed]] = difference / np.linalg.norm(difference)
         M[to + delayed, [0, *delayed[:-1]]] = 1.0
-        self._steps = unrolled(M, self.OUTPUTS)
+        self._M = M
         self._state = np.zeros((M.shape[1] - 1, CHANNELS * axles))
 
     @property
@@ -57,13 +56,11 @@ class Filters:
         n = self._state.shape[1] // CHANNELS
         self._state[:, axle::n] = 0.0
 
-    def step(self, x: FloatArray, used: BoolArray | None = None) -> FloatArray:
-        """m ticks of x (m, 2, n); used (n,) where not all axles have data. Returns (m, OUTPUTS, 2, n)."""
-        m = len(x)
-        out = self._steps[m] @ np.concatenate((x.reshape(m, -1), self._state))
-        state = out[m * self.OUTPUTS :]
-        self._state = state if used is None else np.where(np.tile(used, CHANNELS), state, self._state)
-        y: FloatArray = out[: m * self.OUTPUTS].reshape(m, self.OUTPUTS, *x.shape[1:])
+    def step(self, x: FloatArray, used: BoolArray) -> FloatArray:
+        """One tick x (2, n), of the axles (n,) that have data. Returns (OUTPUTS, 2, n)."""
+        out = self._M @ np.concatenate((x.reshape(1, -1), self._state))
+        self._state = np.where(np.tile(used, CHANNELS), out[self.OUTPUTS :], self._state)
+        y: FloatArray = out[: self.OUTPUTS].reshape(self.OUTPUTS, *x.shape)
         return y
 
 
@@ -118,11 +115,10 @@ class PairSums:
     def __init__(self, noise_rms: FloatArray, tick_s: float, axles: int, wheelbase_m: float) -> None:
         self._wheelbase_ticks = wheelbase_m / tick_s  # at 1 m/s
         self._longest = round(self._wheelbase_ticks / SLOWEST_M_S)
-        self._past = np.zeros((self._longest + MAX_TICKS, BANDS, (axles + 1) // 2, 2 * CHANNELS))
+        self._past = np.zeros((self._longest + 1, BANDS, (axles + 1) // 2, 2 * CHANNELS))
         self._at, self._later = 0, self._longest
         self._unit: FloatArray = noise_rms[:, None]
         self._max_offset_ticks = OFFSET_S / tick_s
-        self._smoothing = exponential(1.0 / self._max_offset_ticks)
         self._filters = Filters(tick_s, axles)
         self._mean = np.zeros((CHANNELS, axles))
         self._offset_ticks = np.zeros(axles)
@@ -155,42 +151,21 @@ class PairSums:
         if not self._offset_ticks.any():  # the ring is empty: it begins anew
             self._at, self._later = 0, self._longest
 
-    @property
-    def settled(self) -> BoolArray:
-        """(n,): which axles' mean is of the last seconds only."""
-        return np.asarray(self._offset_ticks >= self._max_offset_ticks)
-
     def step(self, z: FloatArray, used: BoolArray) -> None:
         """One tick z (2, n), of the axles (n,) whose measurements are used."""
         x = np.where(used, np.clip(z / self._unit, -MAX_NOISE_RATIO, MAX_NOISE_RATIO), 0.0)
         self._offset_ticks = np.minimum(self._offset_ticks + used, self._max_offset_ticks)
         self._mean = self._mean + np.where(used, (x - self._mean) / np.maximum(self._offset_ticks, 1.0), 0.0)
-        mask = None if used.all() else used
-        x = x - self._mean
-        self._add(x[None], self._filters.step(x[None], mask), mask)
-
-    def step_settled(self, z: FloatArray, used: BoolArray | None) -> None:
-        """m ticks z (m, 2, n) of axles that are settled; used (n,) where not all of them have data."""
-        x = np.minimum(np.maximum(z / self._unit, -MAX_NOISE_RATIO), MAX_NOISE_RATIO)
-        mean = smoothed(self._smoothing, self._mean, x)
-        self._mean = mean[-1].copy()
-        x -= mean[1:]
-        self._add(x, self._filters.step(x), used)
-
-    def _add(self, x: FloatArray, y: FloatArray, used: BoolArray | None) -> None:
-        m = len(x)
-        self._goes_on = np.ones(len(self._ticks), dtype=bool) if used is None else used.copy()
-        if used is not None:
-            x, y = x * used, y * used
-        now = self._at + np.arange(m)
-        bands = _by_bogie(y[:, :BANDS]).reshape(m, BANDS, -1, 2 * CHANNELS)
-        self._past[now % len(self._past)] = bands
-        both = np.array((bands, self._past[(now - self._later) % len(self._past)])).transpose(0, 2, 3, 1, 4)
-        self._products = self._products + both[0].swapaxes(2, 3) @ both
-        self._at = (self._at + m) % len(self._past)
-        fine = y[:, BANDS]
-        self._plain = self._plain + np.array([np.add.reduce(a, axis=0) for a in (fine * fine, x, x * x)])
-        self._ticks = self._ticks + (float(m) if used is None else float(m) * used)
+        x = (x - self._mean) * used
+        y = self._filters.step(x, used) * used
+        bands, fine = _by_bogie(y[:BANDS]).reshape(BANDS, -1, 2 * CHANNELS), y[BANDS]
+        self._past[self._at] = bands
+        both = np.array((bands, self._past[(self._at - self._later) % len(self._past)]))
+        self._products = self._products + bands[..., :, None] * both[..., None, :]
+        self._at = (self._at + 1) % len(self._past)
+        self._plain = self._plain + np.array((fine * fine, x, x * x))
+        self._ticks = self._ticks + used
+        self._goes_on = used.copy()
 
     def take(self, speed_m_s: float) -> Span:
         """What came since the last time. Means of an axle without data are 0. speed_m_s: of what comes next."""

@@ -120,7 +120,7 @@ PAST = Past(now=np.array([0.1]), lowest=np.array([0.05]), highest=np.array([0.2]
 def columns(design: Design, s: Statistics, factor: FloatArray, past: Past = PAST) -> FloatArray:
     """(COLUMNS,): what the rules are given of one window."""
     rules = RuleInputs(design)
-    return np.asarray(rules.columns(s, np.array([0.1]), past, factor, rules.floor(factor, SPEED), np.array([SPEED]))[0])
+    return np.asarray(rules.columns(s, np.array([0.1]), past, factor, rules.floor(factor, SPEED), SPEED)[0])
 
 
 def test_sensor_noise_is_subtracted_from_the_residual(design: Design) -> None:
