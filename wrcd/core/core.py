@@ -22,7 +22,6 @@ from wrcd.bus.frame import Frame
 from wrcd.bus.reasons import Reason
 from wrcd.core.advice import NO_ADVICE, Adviser
 from wrcd.core.ahead import Ahead
-from wrcd.core.block import Block
 from wrcd.core.causes import Cause
 from wrcd.core.configuration import Config
 from wrcd.core.counts import Counts, Health
@@ -30,17 +29,16 @@ from wrcd.core.details import Details
 from wrcd.core.events import Events
 from wrcd.core.front import Front
 from wrcd.core.input_buffers import NEVER
-from wrcd.core.inputs import YAW, Inputs
+from wrcd.core.inputs import YAW, Inputs, TickInputs
 from wrcd.core.messages import NAMES, Outbox, Outgoing, Report
 from wrcd.core.slot import Slot, SlotReports, frames, reports
 from wrcd.core.validity import Backoff, ValidityMonitor, tick_causes
-from wrcd.estimator.design import FloatArray
+from wrcd.estimator.design import CHANNELS
 from wrcd.estimator.estimator import Estimator
-from wrcd.estimator.records import Estimate, StepResult, Ticks
+from wrcd.estimator.records import Estimate, StepResult, Tick
 
 FORWARD_STEP_US = 1_000_000  # a stamp, or the clock, further ahead of the open tick than this is a step of time
 BACKWARD_STEP_US = 10_000  # out of order by less than this is jitter between queues, by more a step of the clock
-MAX_HELD_SLOTS = 16  # of which the frames are made at once
 SILENCE_US = 1_000_000  # without a mapped frame: longer, and nothing that was known before holds
 
 
@@ -62,8 +60,8 @@ class Observer:
     def accepted(self, samples: Sequence[Sample], stamp_us: int) -> None:
         """A frame was accepted."""
 
-    def stepped(self, ticks: Ticks, first: int, result: StepResult) -> None:
-        """The estimator has taken len(result) of the ticks, from `first` on."""
+    def stepped(self, tick: Tick, result: StepResult) -> None:
+        """The estimator has taken a tick."""
 
     def was_reset(self, axle: int) -> None:
         """An axle's estimator starts anew."""
@@ -87,7 +85,6 @@ class Core:
     _outbox: Outbox
     _outlier_us: list[int]
     _backoff: Backoff
-    _block: Block
     events: Events
     _front: Front | None
     _ahead: Ahead | None
@@ -108,7 +105,6 @@ class Core:
         self._begin_us = self._end_us = NEVER  # of the open tick
         self._inputs = Inputs(config, self.receiver.ends)
         self._tick = self._inputs.close_tick(0)  # the newest that was closed
-        self._block = Block(n)
         self._validity = ValidityMonitor(config.design.window_ticks, n)
         self._is_reset = [True] * n
         self._outbox = Outbox(config)
@@ -124,7 +120,6 @@ class Core:
         self._ahead = None if positions_m is None else Ahead([a.number for a in config.axles])
         self._adviser = None if config.advice is None else Adviser(n, config.advice)
         self.muted = False  # make no frames: nobody would send them
-        self._held: list[Slot] | None = None  # slots whose frames are held back
 
     @property
     def speed_m_s(self) -> float:
@@ -241,7 +236,6 @@ class Core:
     def _step_to(self, tick: int) -> None:
         """A step of time: go on at a tick, with nothing from before."""
         self.counts.time_steps += 1
-        self._run_block()
         self._open = tick
         self._reset_all()
 
@@ -283,113 +277,70 @@ class Core:
         return out
 
     def _close_tick(self, number: int) -> Dues:
-        """Take down what a tick brought; the bank runs on it when its block ends. Returns what is due at its end."""
+        """Run the bank on what a tick brought. Returns what is due at its end."""
         self.counts.ticks += 1
         end_us = (number + 1) * self._period_us
         if self._stamp_us != NEVER and end_us - self._stamp_us > SILENCE_US:
-            self._run_block()
             self._reset_all()
         tick = self._tick = self._inputs.close_tick(end_us)
         if self._front is not None:
             self._front.move(tick, self._inputs.reverse)
-        fast = abs(tick.speed_m_s) >= self.config.min_speed_m_s
         causes = tick_causes(self._inputs, tick, end_us)
         if causes != self.events.tick_causes:
             self.events.tick(causes, self._inputs, tick, end_us)
-        self._block.add(number, tick, causes, fast)
-        due = self._dues(end_us)
-        if due or self.estimator.block_end(number):
-            self._run_block()
-        return due
+        self._run_tick(number, tick, causes)
+        return self._dues(end_us)
 
     def _dues(self, end_us: int) -> Dues:
         """Whose slots begin within the tick that ends, or with its end."""
         period_us = self._period_us
         return tuple([cycle_us for cycle_us in self._outbox.cycles_us if end_us % cycle_us < period_us])
 
-    def _run_block(self) -> None:
-        """Run the bank on the ticks taken down, on as many at once as the estimator takes."""
-        block, at = self._block, 0
-        if not block:
+    def _run_tick(self, number: int, inputs: TickInputs, causes: Sequence[Cause]) -> None:
+        """Run the bank on a tick: the axles that have what they need, and need not wait."""
+        may_run = abs(inputs.speed_m_s) >= self.config.min_speed_m_s and not inputs.speed_jumped
+        waits, silent = self._backoff.waiting, inputs.unavailable
+        running = [may_run and axle not in silent and not waits(axle, number) for axle in range(self._n)]
+        for axle in range(self._n):
+            self._begin_tick(axle, number, inputs, causes[axle], running[axle])
+        if not any(running):
             return
-        ticks = block.ticks()
-        if block.is_sound and not self._backoff.any_waits(block.number):  # everybody runs
-            result = self._step(ticks, 0)
-            at = len(result)
-            self._begin_sound_ticks(at)
-            self._note_outliers(block.number, result, ticks.z[0, YAW])
-        while at < len(block):
-            # as far as is known: a reset on the way may make an axle wait
-            running = [self._running(k) for k in range(at, len(block))]
-            self._begin_tick(at, running[0])
-            for present, run in zip(ticks.present[at:], running, strict=True):
-                if not all(run):
-                    present &= run
-            if not any(running[0]):
-                at += 1
-                continue
-            result = self._step(ticks, at)
-            for k in range(1, len(result)):
-                self._begin_tick(at + k, running[k])
-            self._note_outliers(block.number + at, result, ticks.z[at, YAW])
-            at += len(result)
-        block.clear()
-
-    def _step(self, ticks: Ticks, at: int) -> StepResult:
-        """Run the bank from a tick of the block on, as far as it goes at once."""
-        result = self.estimator.step(ticks, at)
+        z, ratio = np.reshape(inputs.z, (CHANNELS, -1)), np.array(inputs.torque_ratio)
+        there = np.ones(z.shape, dtype=bool) if inputs.present is None else np.reshape(inputs.present, z.shape)
+        tick = Tick(number, z, there & running, ratio, abs(inputs.speed_m_s))
+        result = self.estimator.step(tick)
         if self._front is not None:
-            self._front.step(ticks, at, result)
+            self._front.step(tick, result)
         if self._observer is not None:
-            self._observer.stepped(ticks, at, result)
-        return result
+            self._observer.stepped(tick, result)
+        self._note_outliers(tick, result)
 
-    def _running(self, k: int) -> list[bool]:
-        """Which axles run in a tick of the block: they have what they need, and need not wait."""
-        number, running = self._block.number + k, self._block.running(k)
-        if self._backoff.any_waits(number):
-            running = [run and not self._backoff.waiting(axle, number) for axle, run in enumerate(running)]
-        return running
-
-    def _begin_tick(self, k: int, running: Sequence[bool]) -> None:
-        """Tell each axle's Validity of a tick; reset the axles that do not run in it."""
-        block = self._block
-        number, jumped, causes = block.number + k, block.speed_jumped[k], block.causes[k]
-        for axle in range(self._n):
-            # a confirmed speed jump means another signal source: reset every axle
-            if jumped and not self._is_reset[axle]:
-                self._count_reset(axle, number)
-                self.events.restarted(axle, self.events.describe.jumped(axle, block.speeds_m_s[k]))
-            if running[axle]:
-                self._is_reset[axle] = False
-                self._validity.update(axle, causes[axle])
-                if self._validity.window_full[axle]:
-                    self._backoff.recovered(axle)
-            elif block.unavailable[k][axle]:
-                self._reset_axle(axle, Cause.INPUT_SILENT)
-            else:
-                again = jumped or self._backoff.waiting(axle, number)
-                self._reset_axle(axle, Cause.RESTARTED if again else Cause.STANDSTILL)
-
-    def _begin_sound_ticks(self, ticks: int) -> None:
-        """The same of the block's first ticks, in which everybody runs and against which nothing speaks."""
-        for axle in range(self._n):
+    def _begin_tick(self, axle: int, number: int, inputs: TickInputs, cause: Cause, runs: bool) -> None:
+        """Tell an axle's Validity of a tick and what speaks against it; reset the axle if it does not run in it."""
+        jumped = inputs.speed_jumped
+        # a confirmed speed jump means another signal source: reset every axle
+        if jumped and not self._is_reset[axle]:
+            self._count_reset(axle, number)
+            self.events.restarted(axle, self.events.describe.jumped(axle, abs(inputs.speed_m_s)))
+        if runs:
             self._is_reset[axle] = False
-            self._validity.update(axle, Cause.NONE, ticks)
+            self._validity.update(axle, cause)
             if self._validity.window_full[axle]:
                 self._backoff.recovered(axle)
+        elif axle in inputs.unavailable:
+            self._reset_axle(axle, Cause.INPUT_SILENT)
+        else:
+            again = jumped or self._backoff.waiting(axle, number)
+            self._reset_axle(axle, Cause.RESTARTED if again else Cause.STANDSTILL)
 
-    def _note_outliers(self, number: int, result: StepResult, yaw_rate: FloatArray) -> None:
-        """Remember whose measurements were left out in a tick, and reset the axles that need it. In ticks that were
-        stepped at once there are none."""
-        if len(result) > 1:
-            return
-        for axle in np.flatnonzero(result.outliers[0]).tolist():
-            self._outlier_us[axle] = (number + 1) * self._period_us
+    def _note_outliers(self, tick: Tick, result: StepResult) -> None:
+        """Remember whose measurements were left out in a tick, and reset the axles that need it."""
+        for axle in np.flatnonzero(result.outliers).tolist():
+            self._outlier_us[axle] = (tick.number + 1) * self._period_us
         for axle in np.flatnonzero(result.needs_reset).tolist():
-            self._count_reset(axle, number)
-            why = self.estimator.why_reset(result, yaw_rate, axle)
-            wait_s = self._backoff.wait_s(axle, number)
+            self._count_reset(axle, tick.number)
+            why = self.estimator.why_reset(result, tick.z[YAW], axle)
+            wait_s = self._backoff.wait_s(axle, tick.number)
             self.events.restarted(axle, self.events.describe.outliers(axle, why, wait_s))
             self._reset_axle(axle, Cause.RESTARTED)
 
@@ -398,45 +349,24 @@ class Core:
         self._backoff.was_reset(axle, number)
 
     def _due(self, end_us: int, due: Dues) -> list[Outgoing]:
-        """The frames whose slot begins with this tick's end; while they are held back, none."""
+        """The frames whose slot begins with this tick's end."""
         slot = self._slot(end_us, due)
-        if self._held is None:
-            estimate = None if slot.draft is None else self.estimator.estimates([slot.draft])[0]
-            return self._frames(slot, estimate)
-        self._held.append(slot)
-        return self._release() if len(self._held) >= MAX_HELD_SLOTS else []
-
-    def hold(self) -> None:
-        """Hold the frames back, and make those of many slots at once: for one who does not wait for them."""
-        self._held = []
-
-    def release(self) -> list[Outgoing]:
-        """Make the frames that are held back; from now on they come in their time again."""
-        out = self._release()
-        self._held = None
-        return out
-
-    def _release(self) -> list[Outgoing]:
-        slots, self._held = self._held or [], []
-        estimates = iter(self.estimator.estimates(drafts) if (drafts := [s.draft for s in slots if s.draft]) else ())
-        return [o for slot in slots for o in self._frames(slot, next(estimates) if slot.draft else None)]
-
-    def _frames(self, slot: Slot, estimate: Estimate | None) -> list[Outgoing]:
+        estimate = slot.estimate
         if estimate is not None and self._observer is not None:
-            self._observer.estimated(slot.end_us // self._period_us - 1, estimate)
+            self._observer.estimated(end_us // self._period_us - 1, estimate)
         if slot.adhesion or slot.detail or slot.advice or slot.view is not None:
-            self.reports = reports(slot, estimate, self.events.confidences)
+            self.reports = reports(slot, self.events.confidences)
             if self._slot_reports is not None:
                 self._slot_reports.append(SlotReports(self.reports, slot.adhesion, slot.below_min_speed))
-            self.events.slot(slot.end_us, self.reports, slot.details, estimate)
+            self.events.slot(end_us, self.reports, slot.details, estimate)
         rail_ahead = None
         if self._ahead is not None and slot.view is not None:
-            rail_ahead = self._ahead.update(slot.end_us, slot.view, self.reports, estimate)
+            rail_ahead = self._ahead.update(end_us, slot.view, self.reports, estimate)
         advice = None
         if self._adviser is not None and slot.advice:
             speed_m_s, below = slot.speed_m_s, slot.below_min_speed
-            advice = self._adviser.update(slot.end_us, speed_m_s, below, self.reports, estimate, rail_ahead)
-        return frames(slot, self.reports, estimate, self._outbox, rail_ahead, advice)
+            advice = self._adviser.update(end_us, speed_m_s, below, self.reports, estimate, rail_ahead)
+        return frames(slot, self.reports, self._outbox, rail_ahead, advice)
 
     def _slot(self, end_us: int, due: Dues) -> Slot:
         """Take down what the frames of a slot are made from."""
@@ -453,7 +383,7 @@ class Core:
             front.forget_news()
         return Slot(
             end_us=end_us,
-            draft=self.estimator.draft() if known else None,
+            estimate=self.estimator.estimate() if known else None,
             due=due,
             adhesion=adhesion,
             detail=detail,

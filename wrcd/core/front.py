@@ -11,7 +11,7 @@ from wrcd.core.inputs import BACKWARDS_M_S, TickInputs
 from wrcd.estimator.design import FloatArray
 from wrcd.estimator.paper.bank import BoolArray
 from wrcd.estimator.paper.window import BLOCK_TICKS
-from wrcd.estimator.records import StepResult, Ticks
+from wrcd.estimator.records import StepResult, Tick
 from wrcd.estimator.signals.drops import DropWatch
 
 
@@ -55,14 +55,12 @@ class Front:
         self._speed_m_s = max(tick.speed_m_s, 0.0) if known else 0.0
         self._way_m += self._speed_m_s * self._tick_s
 
-    def step(self, ticks: Ticks, first: int, result: StepResult) -> None:
-        """The estimator has taken len(result) ticks, from `first` on."""
-        if not self._known:
-            return
-        usable = result.in_window & ~result.near_pulse
-        ratio = ticks.torque_ratio[first : first + len(result)]
-        block_m = self._speed_m_s * self._tick_s * BLOCK_TICKS
-        self._watch.add(ticks.number + first, result.whitened, usable, ratio, self._way_m, block_m, self._behind)
+    def step(self, tick: Tick, result: StepResult) -> None:
+        """The estimator has taken a tick."""
+        if self._known:
+            usable = result.in_window & ~result.near_pulse
+            block_m = self._speed_m_s * self._tick_s * BLOCK_TICKS
+            self._watch.add(tick.number, result.whitened, usable, tick.torque_ratio, self._way_m, block_m, self._behind)
 
     def reset(self, axle: int, lost: bool) -> None:
         """An axle starts anew; lost: since its sensors or its estimator broke."""

@@ -1,5 +1,4 @@
-"""What a slot's frames are made from, taken down at its begin: the estimates of several slots can then be made at once
-where nobody waits for them, as in a replay."""
+"""What a slot's frames are made from, taken down at its begin."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -22,16 +21,15 @@ from wrcd.core.messages import (
 )
 from wrcd.core.validity import Standing, verdict
 from wrcd.core.vocabulary import DROP_AHEAD
-from wrcd.estimator.answer import Draft
 from wrcd.estimator.records import Estimate, EstimateDoubt
 
 
 @dataclass(frozen=True, slots=True)
 class Slot:
-    """Lists by axle. draft is None where no axle has an estimate."""
+    """Lists by axle. estimate is None where no axle has an estimate."""
 
     end_us: int
-    draft: Draft | None
+    estimate: Estimate | None
     due: Sequence[int]  # cycles of the frames that are due
     adhesion: Sequence[int]  # axles (places) whose adhesion is due
     detail: bool  # whether a frame that explains it is
@@ -56,20 +54,20 @@ class SlotReports(NamedTuple):
     below_min_speed: bool  # whether the train is known to be slower than an estimate needs
 
 
-def reports(slot: Slot, estimate: Estimate | None, before: Sequence[str]) -> list[Report]:
+def reports(slot: Slot, before: Sequence[str]) -> list[Report]:
     """The reports of every axle. before: their Confidence at the slot before."""
-    return [_report(slot, axle, estimate, level) for axle, level in enumerate(before)]
+    return [_report(slot, axle, level) for axle, level in enumerate(before)]
 
 
 def frames(
     slot: Slot,
     reported: Sequence[Report],
-    estimate: Estimate | None,
     outbox: Outbox,
     rail_ahead: Sequence[RailAhead] | None,
     advice: Advice | None,
 ) -> list[Outgoing]:
     """The frames of the slot; rail_ahead: of each axle, with fusion; advice: of the train, where it is due."""
+    estimate = slot.estimate
     out: list[Outgoing] = []
     if slot.adhesion:
         out += outbox.adhesion(slot.end_us, slot.due, reported, estimate)
@@ -99,7 +97,8 @@ def _cause(reported: Sequence[Report], rail_ahead: Sequence[RailAhead] | None, a
     return DROP_AHEAD if warns and report.cause is Cause.NONE else report.cause.label
 
 
-def _report(slot: Slot, axle: int, estimate: Estimate | None, before: str) -> Report:
+def _report(slot: Slot, axle: int, before: str) -> Report:
+    estimate = slot.estimate
     age_ms, used = slot.age_ms[axle], nan_to_none(min(100.0 * slot.torque_ratio[axle], 100.0))
     validity, cause = verdict(slot.standing[axle], axle, estimate)
     if validity is Validity.NOT_AVAILABLE or estimate is None:

@@ -124,13 +124,12 @@ class ValidityMonitor:
         self._begun[axle] = why
         self._newest[axle] = self._unsound[axle] = Cause.NONE
 
-    def update(self, axle: int, cause: Cause, ticks: int = 1) -> None:
-        """Ticks with all that an estimate needs, and what speaks against them. More than one only where nothing
-        does."""
+    def update(self, axle: int, cause: Cause) -> None:
+        """A tick with all that an estimate needs, and what speaks against it."""
         if not cause:
             self._stale_ticks[axle] = 0
-            self._fresh_ticks[axle] += ticks
-            self._sound_ticks[axle] += ticks
+            self._fresh_ticks[axle] += 1
+            self._sound_ticks[axle] += 1
             if self._fresh_ticks[axle] >= self._window:
                 self._window_full[axle] = True
             self._newest[axle] = cause
@@ -219,10 +218,6 @@ class Backoff:
     def wait_s(self, axle: int, tick: int) -> float:
         """For how long the axle is left alone from a tick on."""
         return max(self._until[axle] - tick - 1, 0) * self._tick_s
-
-    def any_waits(self, tick: int) -> bool:
-        """Whether any axle is left alone in a tick."""
-        return tick < max(self._until)
 
     def reset(self) -> None:
         """A step of time, or a silence: a tick's number tells nothing of what came before."""

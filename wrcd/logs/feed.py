@@ -60,13 +60,10 @@ def outgoing_of_stretches(core: Core, items: Iterable[Item]) -> Iterator[tuple[O
         elif not _goes_on(core, item):
             yield from outgoing(core, ((frame, item.channel) for frame in item.frames()), None)
         else:
-            core.hold()
             for place, stamp_us, reader, samples, checked in columns.read(item):
                 whole = Decoded(stamp_us, reader, samples, checked) if samples is not None else item.frame(place)
                 for o in core.feed(whole):
                     yield o, item.channel
-            for o in core.release():
-                yield o, item.channel
 
 
 def _goes_on(core: Core, s: Stretch) -> bool:
